@@ -1,0 +1,123 @@
+# tumble: 'make help' lists the targets. Everything is built in build/ (SANITIZE=1: build-asan/).
+#   OPT="-O2 -g"  optimisation      V=1        show the commands       SANITIZE=1  address and undefined-behaviour sanitizers
+#   PETSC_DIR= PETSC_ARCH=          a PETSc that pkg-config does not know
+#   MPIEXEC=  CC=  PYTHON=          other programs                     SETUP=true  never install missing packages
+VERSION := 0.1.0
+PREFIX  ?= /usr/local
+OPT     ?= -O3 -march=native -fno-math-errno
+SETUP   ?= tools/setup
+PYTHON  ?= $(firstword $(wildcard /usr/bin/python3) python3)
+ifeq ($(origin CC),default)
+  CC := mpicc
+endif
+ifdef SANITIZE
+  BUILD := build-asan
+  OPT   := -O1 -fno-omit-frame-pointer -fsanitize=address,undefined
+else
+  BUILD := build
+endif
+V ?= 0
+Q := $(if $(filter-out 0,$(V)),,@)
+MAKEFLAGS += --no-print-directory
+
+export OMPI_ALLOW_RUN_AS_ROOT := 1
+export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
+export OMP_NUM_THREADS ?= 1
+export ASAN_OPTIONS ?= detect_leaks=0:verify_asan_link_order=0
+
+# Questions to other programs are asked when first needed and once (so that 'make deps' works without pkg-config and MPI).
+once        = $(eval $1 := $(shell $2))$($1)
+PKG         = PKG_CONFIG_PATH=$(if $(PETSC_DIR),$(PETSC_DIR)/$(PETSC_ARCH)/lib/pkgconfig:$(PETSC_DIR)/lib/pkgconfig:)$$PKG_CONFIG_PATH pkg-config
+HAVE_PETSC  = $(or $(call once,PETSC_VERSION,$(PKG) --modversion petsc),$(error pkg-config finds no PETSc: run 'make deps', or give PETSC_DIR and PETSC_ARCH))
+PETSC_FLAGS = $(if $(HAVE_PETSC),$(call once,PETSC_FLAGS,$(PKG) --cflags petsc; $(PKG) --cflags hdf5-openmpi 2> /dev/null))
+PETSC_LIBS  = $(call once,PETSC_LIBS,$(PKG) --libs petsc; $(PKG) --libs hdf5-openmpi 2> /dev/null)
+PETSC_RPATH = $(if $(PETSC_DIR),$(call once,PETSC_RPATH,echo -Wl$(,)-rpath$(,)$$($(PKG) --variable=libdir petsc)))
+CMOCKA      = $(call once,CMOCKA,$(PKG) --cflags --libs cmocka)
+MPIEXEC    ?= $(call once,MPIEXEC,mpiexec --version | grep -qE 'Open MPI|OpenRTE' && echo mpiexec --oversubscribe --bind-to none || echo mpiexec)
+, := ,
+
+COMPILE = $(CC) -std=gnu11 -g $(OPT) -Wall -Wextra -fPIC -MMD -MP -Iinclude -I$(BUILD) -DTB_SHAPE_PATH='"$(abspath $(BUILD)/shapes)"' $(PETSC_FLAGS) $(CFLAGS)
+LIBS    = $(PETSC_LIBS) $(PETSC_RPATH) -lmetis -lyaml -ldl -lm $(LDFLAGS)
+TUMBLE  = -L$(BUILD) -ltumble -Wl,-rpath,'$$ORIGIN/..'
+ENTER   = $(Q)$(if $(Q),printf '  %-5s %s\n' $1 $@; )mkdir -p $(@D) &&
+
+OBJECTS := $(patsubst src/%.c,$(BUILD)/obj/%.o,$(filter-out src/main.c,$(wildcard src/*.c)))
+SHAPES  := $(patsubst shapes/%.c,$(BUILD)/shapes/%.so,$(wildcard shapes/*.c))
+TESTS   := $(patsubst tests/%.c,$(BUILD)/tests/%,$(wildcard tests/*.c)) $(patsubst tests/%.c,$(BUILD)/tests/%.so,$(wildcard tests/badshapes/*.c))
+SOURCES := $(wildcard src/*.c include/*.h shapes/*.c tests/*.c tests/*.h tests/badshapes/*.c)
+SCRIPTS  = $(shell grep -lE '^\#!.*python3' tools/*) $(wildcard tests/*.py)
+
+.DEFAULT_GOAL := all
+.DELETE_ON_ERROR:
+.PHONY: all tests shapes demo check check-unit check-e2e demo-now check-now check-unit-now check-e2e-now style validate bench format test-shape install deps clean help FORCE
+
+all: $(BUILD)/tumble shapes ## build the program and the shapes (default)
+shapes: $(SHAPES)           ## build the shape plugins only
+tests: all $(TESTS)
+
+# Files that are rewritten only when their content changes: what they hold decides what is built anew.
+rewrite = $(Q)mkdir -p $(@D) && { $1; } > $@.new && if cmp -s $@ $@.new; then rm $@.new; else mv $@.new $@; fi
+COMMIT  = $$(git rev-parse --short=12 HEAD 2> /dev/null || echo unknown)$$(git status --porcelain -uno 2> /dev/null | grep -q . && echo -dirty)
+$(BUILD)/version.h: FORCE
+	$(call rewrite,printf '#define TUMBLE_COMMIT "%s"\n#define TUMBLE_VERSION "$(VERSION)"\n' "$(COMMIT)")
+$(BUILD)/flags: FORCE
+	$(call rewrite,echo $(call quote,$(COMPILE) $(LIBS)))
+quote = '$(subst ','\'',$1)'
+
+$(BUILD)/obj/%.o: src/%.c $(BUILD)/flags | $(BUILD)/version.h
+	$(call ENTER,CC) $(COMPILE) -c -o $@ $<
+$(BUILD)/libtumble.so: $(OBJECTS)
+	$(call ENTER,LINK) $(CC) $(OPT) -shared -Wl,-soname,libtumble.so -o $@ $^ $(LIBS)
+$(BUILD)/tumble: $(BUILD)/obj/main.o $(BUILD)/libtumble.so
+	$(call ENTER,LINK) $(CC) $(OPT) -o $@ $< -L$(BUILD) -ltumble -Wl,-rpath,'$$ORIGIN',-rpath,'$$ORIGIN/../lib/tumble' $(LIBS)
+PLUGIN = $(call ENTER,SHAPE) $(COMPILE) -MF $(@:.so=.d) -shared -o $@ $< $(TUMBLE) $(LIBS)
+$(BUILD)/shapes/%.so: shapes/%.c $(BUILD)/flags | $(BUILD)/libtumble.so
+	$(PLUGIN)
+$(BUILD)/tests/badshapes/%.so: tests/badshapes/%.c $(BUILD)/flags | $(BUILD)/libtumble.so
+	$(PLUGIN)
+$(BUILD)/tests/%: tests/%.c $(BUILD)/flags | $(BUILD)/libtumble.so $(BUILD)/version.h
+	$(call ENTER,TEST) $(COMPILE) -MF $@.d -o $@ $< $(TUMBLE) $(CMOCKA) $(LIBS)
+-include $(wildcard $(BUILD)/*/*.d $(BUILD)/*/*/*.d)
+
+# Installing comes before a fresh make, which then finds what was installed.
+demo:       ## run a settling disc and draw pictures (installs what is missing; ARGS= for the program)
+check:      ## build and run all tests (installs what is missing; ARGS= for tools/run-tests, such as ARGS="-k mesh")
+check-unit: ## unit tests only
+check-e2e:  ## end-to-end tests only
+demo check check-unit check-e2e:
+	@$(SETUP)
+	@$(MAKE) $@-now
+demo-now: all
+	$(MPIEXEC) -n 2 $(BUILD)/tumble runs/sedimentation.yaml -output_overwrite $(ARGS)
+	$(PYTHON) tools/plot out/sedimentation
+	@echo "Pictures:" && ls -1 out/sedimentation/*.png
+check-now check-unit-now check-e2e-now: tests
+	@MPIEXEC="$(MPIEXEC)" tools/run-tests --build $(BUILD) $(patsubst check-%-now,--%,$(filter-out check-now,$@)) $(ARGS)
+test-shape: all $(BUILD)/tests/conformance ## conformance suite on one plugin: SHAPE=path/to/x.so
+	$(if $(SHAPE),,$(error give the plugin: make test-shape SHAPE=path/to/x.so))
+	$(BUILD)/tests/conformance $(SHAPE) $(ARGS)
+validate: all ## compare with published results (ARGS= for tools/validate)
+	tools/validate $(ARGS)
+bench: all ## measure and append to runs/bench/results.csv (ARGS= for tools/bench)
+	tools/bench $(ARGS)
+style: ## layers, text, formatting, scripts that compile
+	tools/check-layers
+	tools/check-text
+	PYTHONPYCACHEPREFIX=$(BUILD)/pycache $(PYTHON) -m py_compile $(SCRIPTS)
+	@if command -v clang-format > /dev/null; then clang-format --dry-run -Werror $(SOURCES); else echo "clang-format is not installed: formatting is not checked"; fi
+format: ## apply clang-format to all C files
+	clang-format -i $(SOURCES)
+install: all ## install into PREFIX (default /usr/local; DESTDIR= for packages)
+	install -d $(foreach d,bin lib/tumble/shapes include/tumble share/tumble/runs,$(DESTDIR)$(PREFIX)/$d)
+	install $(BUILD)/tumble $(DESTDIR)$(PREFIX)/bin
+	install -m 644 $(BUILD)/libtumble.so $(DESTDIR)$(PREFIX)/lib/tumble
+	install -m 644 $(SHAPES) $(DESTDIR)$(PREFIX)/lib/tumble/shapes
+	install -m 644 include/*.h $(DESTDIR)$(PREFIX)/include/tumble
+	cp -R runs/. $(DESTDIR)$(PREFIX)/share/tumble/runs
+deps: ## install missing Debian packages
+	tools/setup
+clean: ## remove what was built
+	rm -rf build build-asan
+help: ## this list
+	@sed -nE 's/^([a-z0-9-]+):.*## (.*)/  \1|\2/p' Makefile | awk -F'|' '{printf "%-14s %s\n", $$1, $$2}'
+	@sed -n '2,4s/^# *//p' Makefile

@@ -1,0 +1,79 @@
+/* Bodies: rigid bodies in groups, their state and their motion. Knows nothing of the flow. Layer 2.
+
+   State is a structure of arrays. Vectors always have 3 components (2D: third zero; angular velocity along z), rotations are
+   unit quaternions with the plane angle kept beside them (2D, not wrapped to 2 pi). Units: any consistent system.
+   Equations of motion (design section 1): M dU/dt = (M - M_f) g + F + F',  I dw/dt + w x (I w) = T + T'.
+
+   Options of group <g>: -particle_<g>_shape, _density (needed unless the group is fixed), _position x,y[,z] (one body: place single),
+   _angle (about z), _velocity u,v[,w], _angular_velocity (one number in 2D, three in 3D),
+   _count, _place single|lattice|random|table, _lower/_upper (box for lattice and random; bodies lie inside it as a whole; default the domain),
+   _margin (smallest gap for lattice and random, default 0), _seed, _table file.csv (columns x,y[,z][,angle][,u,v[,w]][,omega]; what has no column
+   is taken from the options above; see place.h), _free [x, y, z, rotation] or all or none (default all; z means nothing in 2D),
+   and the shape's own options. Random groups are placed after all others and keep clear of them.
+
+   The centre of a body is the centroid of its shape: point in the body frame = R^T (x - X) + centroid. */
+#pragma once
+#include "shape.h"
+
+typedef enum {
+  BODY_FREE_X        = 1,
+  BODY_FREE_Y        = 2,
+  BODY_FREE_Z        = 4,
+  BODY_FREE_ROTATION = 8
+} BodyFree; /* bit mask of moving degrees of freedom */
+
+typedef struct {
+  char      name[64];
+  Shape     shape;
+  PetscReal density;     /* rho_s */
+  PetscInt  free;        /* BodyFree bits; 0 = fixed (or prescribed) */
+  PetscInt  first, count; /* bodies [first, first + count) */
+  ShapeMass mass;        /* for unit density */
+  PetscReal radius;      /* bounding radius about the centroid */
+  PetscReal disc;        /* radius if the shape is a disc/sphere, else 0 */
+} BodyGroup;
+
+/* The state; arrays are owned by Bodies, writable by the coupling. n = number of bodies; replicated on all ranks. */
+typedef struct {
+  PetscInt   n, ngroups, dim;
+  BodyGroup *group;          /* [ngroups] */
+  PetscInt  *body_group;     /* [n] */
+  PetscReal (*x)[3];         /* [n] centre of mass */
+  PetscReal (*q)[4];         /* [n] orientation */
+  PetscReal *angle;          /* [n] 2D angle, rad (3D: integral of w_z, for reports only) */
+  PetscReal (*u)[3];         /* [n] velocity of the centre of mass */
+  PetscReal (*w)[3];         /* [n] angular velocity, rad/s, space axes */
+  PetscReal (*u_old)[3];     /* [n] one step earlier */
+  PetscReal (*w_old)[3];
+  PetscReal (*force)[3];     /* [n] hydrodynamic force, buoyancy excluded */
+  PetscReal (*torque)[3];    /* [n] hydrodynamic torque about the centre of mass */
+  PetscReal (*contact_force)[3];  /* [n] */
+  PetscReal (*contact_torque)[3]; /* [n] */
+  PetscReal *gap;            /* [n] smallest gap to a wall or another body (set by contact; PETSC_MAX_REAL if far) */
+} BodyState;
+
+typedef struct _p_Bodies *Bodies;
+
+/* Read -particle_groups and all group options, load shapes, place bodies. A scene without groups gives n = 0. Collective.
+   Errors: unknown place, bad table (file:line), random placement that does not fit, overlapping random bodies impossible to avoid. */
+PetscErrorCode BodiesCreate(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], Bodies *);
+PetscErrorCode BodiesDestroy(Bodies *);
+PetscErrorCode BodiesView(Bodies, PetscViewer); /* one line a group */
+PetscErrorCode BodiesGetState(Bodies, BodyState **);
+
+/* Volume (area) of body k, and its inertia tensor in space axes at the present orientation (xx yy zz xy xz yz; 2D: zz only), times density if `per_density` is false. */
+PetscErrorCode BodiesGetVolume(Bodies, PetscInt k, PetscReal *volume);
+PetscErrorCode BodiesGetInertia(Bodies, PetscInt k, PetscBool per_density, PetscReal inertia[6]);
+
+/* Signed distance of n points x [n][dim] in space to body k drawn at centre X[3], orientation q[4] (NULL: the current ones).
+   Not collective, allocates nothing. */
+PetscErrorCode BodiesDistance(Bodies, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt n, const PetscReal x[], PetscReal d[]);
+
+/* Explicit coupling: u_old, w_old <- u, w, then advance u, w by dt under force + contact + (M - M_f) g with fluid density rho_f. Euler step
+   (semi-implicit together with BodiesAdvancePosition, theta = 1); the gyroscopic term of 3D by the implicit midpoint rule. Frozen degrees of
+   freedom keep their velocity. Does not move the bodies. Implicit coupling writes u, w and u_old, w_old itself. */
+PetscErrorCode BodiesAdvanceVelocity(Bodies, PetscReal dt, PetscReal rho_f, const PetscReal gravity[3]);
+/* Move: x += dt U, orientation alike, with U = `theta` u + (1 - theta) u_old (be: theta = 1; bdf2, cn: 1/2). Wraps nothing. Error: not finite. */
+PetscErrorCode BodiesAdvancePosition(Bodies, PetscReal dt, PetscReal theta);
+/* Where body k is predicted to be at the next step: X + dt u (order 1) or X + dt (3u - u_old)/2 (order 2); likewise orientation. */
+PetscErrorCode BodiesPredict(Bodies, PetscInt k, PetscReal dt, PetscInt order, PetscReal X[3], PetscReal q[4], PetscReal *angle);

@@ -1,0 +1,35 @@
+/* Contact: forces between bodies, and between bodies and the walls of the domain. Knows bodies and shapes, not the flow. Layer 3.
+
+   Law `repulsive` (Glowinski, Pan, Hesla, Joseph 1999; Wan & Turek 2006): zero beyond a range r, quadratic in the gap within it, linear in the overlap:
+     F(gap) = K ((r - gap)/r)^2 for 0 <= gap < r,   F = K (1 + overlap/(s r)) for overlap > 0,
+   along the line of contact, s = 1/2. K is a force; see contact.c for its default, which scales with the energy of arrival at terminal speed, for damping,
+   and for bodies that are no discs. Bodies that cannot move exert forces and receive them, two such bodies ignore each other.
+   Options: -contact_law repulsive|none, -contact_range [length], -contact_stiffness (multiple of the default K), -contact_substeps (0: chosen). */
+#pragma once
+#include "bodies.h"
+
+typedef struct _p_Contact *Contact;
+
+/* h: cell size near the bodies (default range h/2). walls: bit mask of solid domain faces, bit 2*axis for lower, 2*axis + 1 for upper. Collective. */
+PetscErrorCode ContactCreate(Bodies, PetscReal h, PetscReal rho_f, const PetscReal gravity[3], const PetscReal lower[3], const PetscReal upper[3], PetscInt walls, Contact *);
+PetscErrorCode ContactDestroy(Contact *);
+PetscErrorCode ContactView(Contact, PetscViewer);
+
+/* Gaps and forces for bodies placed at x [n][3], q [n][4]: fills force, torque [n][3] (added up over all contacts of a body) and gap [n].
+   The law alone, without damping; K from the present speeds in the state. Gaps beyond the range may be reported as PETSC_MAX_REAL.
+   Momentum of every pair is conserved to round-off. Not collective. -contact_law none: no forces, no gaps. */
+PetscErrorCode ContactEvaluate(Contact, PetscReal (*x)[3], PetscReal (*q)[4], PetscReal (*force)[3], PetscReal (*torque)[3], PetscReal *gap);
+
+/* Contact force to use for the step [t, t + dt]: sub-steps the bodies from their present state under the frozen remaining acceleration
+   a, alpha [n][3] (their motion without contact: a = (U^n - U^{n-1})/dt - contact_force of the last step / ContactGetMass), with effective mass
+   ContactGetMass, and stores force and torque in contact_force, contact_torque of the state and the smallest gap met in gap (PETSC_MAX_REAL: far).
+   The force of a pair is its mean over the step, or over a look-ahead of two steps where that is larger (contact.c says why).
+   The state itself does not move. Bodies out of range of everything cost nothing but the search. Not collective, same result on all ranks.
+   Safe while a body moves at most h in a step.
+   Error when -contact_substeps is given and too small for the stiffness: names option, value and the needed number. */
+PetscErrorCode ContactStep(Contact, PetscReal dt, PetscReal (*a)[3], PetscReal (*alpha)[3]);
+
+/* Effective mass of body k: (rho_s + rho_f) Vol in 2D, (rho_s + rho_f/2) Vol in 3D (added mass of a disc, a sphere). */
+PetscErrorCode ContactGetMass(Contact, PetscInt k, PetscReal *mass);
+/* Work of the last ContactEvaluate or ContactStep: pairs of bodies tested by their bounding circles, pairs and walls kept, sub-steps of the step. Each may be NULL. */
+PetscErrorCode ContactGetWork(Contact, PetscInt *tests, PetscInt *pairs, PetscInt *substeps);

@@ -1,0 +1,39 @@
+/* Couple: where flow and bodies meet. Layer 3.
+
+   Marks the nodes that bodies cover, fills the projection P, solves the step for flow and free bodies together (implicit, monolithic) or with the bodies' known velocity
+   (explicit, the classical algorithm of the method), reads the hydrodynamic forces, and moves the bodies. Boundary rung `nodal`: nodes inside a body take its velocity, the cells
+   inside stay part of the fluid ("fictitious fluid"), so the rigid rows carry c_t (rho_s - rho_f) (Vol; I) with exact Vol and I of the shape.
+   References: Glowinski, Pan, Hesla, Joseph 1999; Turek, Wan, Rivkind 2003; Wan, Turek 2006; for the monolithic form design section 3.
+
+   Options: -couple_type implicit|explicit, -couple_boundary nodal, -couple_force residual|volume. */
+#pragma once
+#include "bodies.h"
+#include "flow.h"
+#include "flowsolve.h"
+
+typedef struct _p_Couple *Couple;
+
+/* Creates the constraint and the solver. Collective. */
+PetscErrorCode CoupleCreate(Flow, Bodies, Couple *);
+PetscErrorCode CoupleDestroy(Couple *);
+PetscErrorCode CoupleView(Couple, PetscViewer);
+PetscErrorCode CoupleGetSolver(Couple, FlowSolver *);
+/* Body index of every local node in this step, or -1: [nnode_all]. */
+PetscErrorCode CoupleGetNodeBody(Couple, const PetscInt *node_body[]);
+
+/* The four parts of a step, in this order after FlowBeginStep. Collective.
+   Draw: bodies at their predicted place, marks, constraint.
+   Solve: assembly and the linear system; *reason < 0 reports failure without raising an error. The solution is not yet accepted.
+   Force: hydrodynamic forces of all bodies, from the solution.
+   Advance: velocities and positions of the bodies; accepts the flow. Error when explicit coupling blows up (added mass): names -couple_type implicit. */
+PetscErrorCode CoupleDraw(Couple);
+PetscErrorCode CoupleSolve(Couple, PetscInt *its, KSPConvergedReason *reason);
+PetscErrorCode CoupleForce(Couple);
+PetscErrorCode CoupleAdvance(Couple);
+
+/* Solution of the step before CoupleAdvance: u [nnode_all][dim], p [own cells][dim + 1]. */
+PetscErrorCode CoupleGetSolution(Couple, const PetscReal *u[], const PetscReal *p[]);
+/* Both forms of force and torque on body k, whatever -couple_force says. Collective. */
+PetscErrorCode CoupleForceForms(Couple, PetscInt k, PetscReal residual[6], PetscReal volume[6]);
+/* Momentum of the fluid (momentum_rate of FlowDiagnose) against what walls and bodies supply: relative error. Collective. */
+PetscErrorCode CoupleMomentumError(Couple, const PetscReal momentum_rate[3], PetscReal *error);

@@ -1,0 +1,93 @@
+/* Flow: the incompressible Navier-Stokes equations on the mesh, without bodies and without solvers. Layer 2.
+
+   Q2 velocity, P1 discontinuous pressure (unmapped, centred on the cell: 1, (x - xc)/hc, (y - yc)/hc, with hc = volume^(1/dim)), gradient form of the viscous term,
+   3-point Gauss quadrature an axis. One step n -> n+1 is linear, convection with the extrapolated velocity w:
+
+     rho (c_t u - d, v) + rho (w.grad u_theta, v) + mu (grad u_theta, grad v) - (p, div v) = (f, v),   (q, div u) = 0,   u_theta = theta u + (1 - theta) u^n
+
+   be:   c_t = 1/dt,     d = u^n/dt,                      theta = 1,   w = u^n
+   cn:   c_t = 1/dt,     d = u^n/dt,                      theta = 1/2, w = (3u^n - u^{n-1})/2, p at the middle of the step
+   bdf2: c_t = 3/(2dt),  d = (2u^n - u^{n-1}/2)/dt,       theta = 1,   w = 2u^n - u^{n-1}   (variable step: the usual generalisation)
+   The first step of cn and bdf2 extrapolates from one field (bdf2: one step of be).
+
+   The velocity operator is the same scalar matrix S = rho c_t M + theta (rho C(w) + mu K) for every component. Nodal arrays are [nnode_all][dim], velocity in length/time;
+   pressure arrays [own cells][dim + 1].
+
+   Options: -flow_density, -flow_viscosity (dynamic), -flow_gravity, -flow_force (per volume), -flow_time be|cn|bdf2, -flow_convection,
+   -flow_bc_<boundary>_type no_slip|moving_wall|inflow|outflow|slip (default no_slip), _velocity, _profile uniform|parabolic, _factor a,b,T (velocity times a + b sin(2 pi t/T)), _ramp T. */
+#pragma once
+#include "mesh.h"
+
+typedef struct _p_Flow *Flow;
+
+typedef struct {
+  PetscReal density, viscosity; /* rho_f, mu (dynamic) */
+  PetscReal gravity[3];         /* acts on bodies through M - M_f; the fluid's share is absorbed in the pressure */
+  PetscReal force[3];           /* body force per volume on the fluid */
+  PetscBool convection;
+} FlowParameters;
+
+typedef struct {
+  PetscReal time, dt;   /* end of the step; its length */
+  PetscReal ct, d0, d1; /* du/dt is c_t u - d with d(y) = d0 y^n + d1 y^{n-1} */
+  PetscReal theta;
+  PetscInt  order;      /* of the scheme in this step: 1 or 2 */
+} FlowStep;
+
+/* Read options, tabulate elements, allocate matrices and fields (at rest). Collective. Errors: unknown boundary names in options, slip on a boundary that is not
+   a plane along an axis, inflow without velocity. */
+PetscErrorCode FlowCreate(Mesh, Flow *);
+PetscErrorCode FlowDestroy(Flow *);
+PetscErrorCode FlowView(Flow, PetscViewer);
+PetscErrorCode FlowGetParameters(Flow, const FlowParameters **);
+PetscErrorCode FlowGetMesh(Flow, Mesh *);
+
+/* Begin the step that ends at time and has length dt: sets the coefficients. */
+PetscErrorCode FlowBeginStep(Flow, PetscReal time, PetscReal dt);
+PetscErrorCode FlowGetStep(Flow, const FlowStep **);
+
+/* Prescribed velocity components at the time of the step: fixed [nnode_all] bit mask, value [nnode_all][dim]; owned by Flow. */
+PetscErrorCode FlowGetBoundaryValues(Flow, const PetscInt *fixed[], const PetscReal *value[]);
+/* Is the pressure determined up to a constant only (no outflow boundary)? */
+PetscErrorCode FlowPressureIsFloating(Flow, PetscBool *floating);
+/* Bit mask of solid faces of the box (no_slip or moving_wall): bit 2 axis for lower, 2 axis + 1 for upper. Boundaries of mesh files do not count. */
+PetscErrorCode FlowGetSolidFaces(Flow, PetscInt *faces);
+
+/* Assemble S for the step. Constant parts are kept; a Stokes flow with an unchanged step costs nothing. Collective. */
+PetscErrorCode FlowAssemble(Flow);
+PetscErrorCode FlowGetMatrix(Flow, Mat *S); /* borrowed; rows: own nodes */
+/* r = right-hand side (rho d, v) + (f, v) - (1 - theta) (...)^n for all nodes, complete on own nodes. r [nnode_all][dim]. Collective. */
+PetscErrorCode FlowRhs(Flow, PetscReal r[]);
+
+/* y = B u (own cells), u synced [nnode_all][dim]. Local. */
+PetscErrorCode FlowDivergence(Flow, const PetscReal u[], PetscReal y[]);
+/* r = scale B^T p, complete on own nodes. Collective. */
+PetscErrorCode FlowGradient(Flow, PetscReal scale, const PetscReal p[], PetscReal r[]);
+/* Cell matrices of B, [ncell_all][dim + 1][nb*dim], for operators built from B. */
+PetscErrorCode FlowGetCellDivergence(Flow, const PetscReal *b[]);
+/* Lumped mass (row sums of M, no density) [nnode_all]. */
+PetscErrorCode FlowGetLumpedMass(Flow, const PetscReal *m[]);
+
+/* Fields: u^n, u^{n-1} [nnode_all][dim] synced, p [own cells][dim + 1]. Writable for initial states. */
+PetscErrorCode FlowGetFields(Flow, PetscReal *u[], PetscReal *u_old[], PetscReal *p[]);
+/* Pressure as value and gradient: out [own cells][dim + 1] with p(x) = out_0 + out_1.. . (x - centre node). */
+PetscErrorCode FlowGetPressureGradient(Flow, const PetscReal p[], PetscReal out[]);
+/* Start value for the next step by extrapolation in time: u [nnode_all][dim], p. */
+PetscErrorCode FlowExtrapolate(Flow, PetscReal u[], PetscReal p[]);
+/* Accept the solution of the step: shifts the history. u synced. */
+PetscErrorCode FlowAcceptStep(Flow, const PetscReal u[], const PetscReal p[]);
+
+/* Momentum residual of cell c with the step's solution u, p: r [nb][dim] (what the cell adds to the momentum rows). Not collective. */
+PetscErrorCode FlowCellResidual(Flow, PetscInt c, const PetscReal u[], const PetscReal p[], PetscReal r[]);
+/* Integral over cell c of -sigma_sym . grad(alpha) and of its moment about X, alpha [nb] nodal: adds to force [3], torque [3]. Not collective. */
+PetscErrorCode FlowCellStressForce(Flow, PetscInt c, const PetscReal u[], const PetscReal p[], const PetscReal alpha[], const PetscReal X[3], PetscReal force[3], PetscReal torque[3]);
+
+typedef struct {
+  PetscReal cfl;             /* largest |u| dt / h over cells */
+  PetscReal divergence;      /* L2 norm of the cell means of div u */
+  PetscReal kinetic_energy;  /* 1/2 rho int |u|^2 */
+  PetscReal momentum_rate[3]; /* rho int (c_t u - d) + rho int w.grad u_theta - int f: what walls and bodies must supply */
+  PetscReal speed_max;
+} FlowDiagnostics;
+/* Of the solution u (synced) of the step, before FlowAcceptStep. Collective. */
+PetscErrorCode FlowDiagnose(Flow, const PetscReal u[], FlowDiagnostics *);

@@ -1,0 +1,37 @@
+/* FlowSolver: the coupled linear system of one step for free velocities, rigid velocities and pressure. Layer 2.
+
+     [ P^T A P + D   -P^T B^T ] [u_r]   [ P^T (r - A c) + g ]
+     [ B P               0    ] [ p ] = [ -B c              ]       A = S (x) identity of components
+
+   FGMRES around a preconditioner in three steps: PCFIELDSPLIT (Schur, lower: velocity solve, then pressure solve with the projected operator), then the
+   projection u_r += M_r^{-1} P^T B^T p, or, when viscosity dominates, the least-squares commutator in place of the projection. M_r is the projected lumped mass.
+   The pressure operator is S_p = B_r M_r^{-1} B_r^T + eps B_c M_c^{-1} B_c^T (Turek 1999, ch. 2; Elman, Silvester, Wathen 2014, ch. 9; the softness eps keeps cut cells well
+   conditioned and is in the preconditioner only).
+
+   Everything is reachable with PETSc options under prefix -flow_ (outer), -flow_fieldsplit_velocity_, -flow_fieldsplit_pressure_. Products with the projected operators are
+   matrix-free; matrices are assembled only when a chosen preconditioner needs them (hypre, gamg, lu, ... of the velocity; any -flow_pc_type other than the default).
+   Options: -flow_recipe fast|balanced|accurate|direct, -flow_schur auto|projection|commutator, -flow_pressure_softness eps. */
+#pragma once
+#include "constraint.h"
+#include "flow.h"
+
+typedef struct _p_FlowSolver *FlowSolver;
+
+/* Collective. Reads the recipe and sets the defaults of all solvers. */
+PetscErrorCode FlowSolverCreate(Flow, Constraint, FlowSolver *);
+PetscErrorCode FlowSolverDestroy(FlowSolver *);
+PetscErrorCode FlowSolverView(FlowSolver, PetscViewer);
+
+/* D: the bodies' own inertia (design: c_t (rho_s - rho_f) (Vol; I)), D [nbodies][nr][nr]; used for unknown rigid velocities only. Copied. */
+PetscErrorCode FlowSolverSetRigid(FlowSolver, const PetscReal D[]);
+
+/* After FlowAssemble and after every change of the constraint: update operators and preconditioners. Collective. */
+PetscErrorCode FlowSolverSetUp(FlowSolver);
+
+/* Solve. r [nnode_all][dim] right-hand side of the momentum rows (complete on own nodes), g [nbodies][nr] on the rigid rows.
+   u [nnode_all][dim], p [own cells][dim + 1], U [nbodies][nr]: start values on entry, solution on exit (known entries of U untouched, u synced).
+   A failed solve is reported through *reason (< 0), with u, p, U as far as they got. Collective. */
+PetscErrorCode FlowSolverSolve(FlowSolver, const PetscReal r[], const PetscReal g[], PetscReal u[], PetscReal p[], PetscReal U[], PetscInt *its, KSPConvergedReason *reason);
+
+/* Number of unknowns: free or not, velocity + pressure + rigid slots (global). */
+PetscErrorCode FlowSolverGetUnknowns(FlowSolver, PetscInt *n);

@@ -1,0 +1,60 @@
+/* Mesh: a fixed, distributed DMPlex mesh of quadrilaterals or hexahedra with its Q2 nodes. Layer 1.
+
+   The mesh knows nothing of bodies or equations. Every vertex, edge, face and cell of the DMPlex carries exactly one Q2 node, so a
+   cell has nb = 3^dim nodes; node j of a cell sits at lattice position (j % 3, (j/3) % 3, j/9) of the reference cell [-1,1]^dim.
+   Each rank holds its own cells first, then one layer of ghost cells (all cells that share a node with an own cell);
+   own nodes first, then ghost nodes. Local indices everywhere; global = node_start + local for own nodes.
+
+   Options: -mesh_kind box|file, -mesh_cells nx,ny[,nz], -mesh_lower, -mesh_upper, -mesh_grade, -mesh_periodic x,y,z, -mesh_file file.msh,
+   -mesh_order rcm|natural, -dm_refine n, -petscpartitioner_type metis|ptscotch|simple. */
+#pragma once
+#include <petscdmplex.h>
+#include <petscsf.h>
+
+#define MESH_MAX_NB 27
+
+/* Read-only view of the local mesh. */
+typedef struct {
+  PetscInt         dim, nb;              /* nb = 3^dim nodes a cell */
+  PetscInt         ncell, ncell_all;     /* own cells; with ghosts */
+  PetscInt         nnode, nnode_all;     /* own Q2 nodes; with ghosts */
+  PetscInt         cell_start, node_start; /* global index of the first own cell, node */
+  PetscInt         ncell_global, nnode_global;
+  const PetscInt  *cell_node;            /* [ncell_all][nb] local node */
+  const PetscInt  *cell_global;          /* [ncell_all] global cell index */
+  const PetscInt  *node_global;          /* [nnode_all] global node index */
+  const PetscInt  *node_cell_ptr;        /* [nnode_all + 1] into node_cell: the cells around a node */
+  const PetscInt  *node_cell;
+  const PetscReal *x;                    /* [nnode_all][dim] node coordinates, second-order geometry */
+  PetscReal        period[3];            /* length of the period along an axis, 0 = not periodic */
+  PetscReal        lower[3], upper[3];   /* bounding box of the whole mesh */
+  PetscReal        h;                    /* smallest cell size of the whole mesh (volume^(1/dim)) */
+} MeshLocal;
+
+typedef struct _p_Mesh *Mesh;
+
+/* Build from options, distribute, number. Collective. Errors: unreadable file, cells that are not quadrilaterals/hexahedra,
+   inverted cells (named by their centre), fewer than 3 cells along a periodic axis. */
+PetscErrorCode MeshCreate(MPI_Comm, Mesh *);
+PetscErrorCode MeshDestroy(Mesh *);
+PetscErrorCode MeshView(Mesh, PetscViewer);
+PetscErrorCode MeshGetLocal(Mesh, const MeshLocal **);
+PetscErrorCode MeshGetDM(Mesh, DM *);
+
+/* Boundaries: names such as left right bottom top back front (box) or the physical names of a Gmsh file. */
+PetscErrorCode MeshGetBoundaryCount(Mesh, PetscInt *n);
+PetscErrorCode MeshGetBoundaryName(Mesh, PetscInt b, const char **name);
+/* Local nodes (own and ghost) on boundary b. */
+PetscErrorCode MeshGetBoundaryNodes(Mesh, PetscInt b, PetscInt *n, const PetscInt *nodes[]);
+
+/* Coordinates of the nodes of local cell c, xc [nb][dim], unwrapped across periodic boundaries. Not collective. */
+PetscErrorCode MeshCellCoordinates(Mesh, PetscInt c, PetscReal xc[]);
+
+/* Nodes (own and ghost) whose coordinates lie in the box [lo, hi] (candidates: superset). On entry *n is the room in list;
+   cost is proportional to the answer, by a background grid. Periodic images are the caller's business. Not collective. */
+PetscErrorCode MeshNodesInBox(Mesh, const PetscReal lo[], const PetscReal hi[], PetscInt *n, const PetscInt *list[]);
+
+/* Nodal fields with bs values a node, [nnode_all][bs]: copy own values to ghosts; add ghost contributions to the owner (ghosts unchanged). Collective. */
+PetscErrorCode MeshSyncNodes(Mesh, PetscInt bs, PetscReal v[]);
+PetscErrorCode MeshSumNodes(Mesh, PetscInt bs, PetscReal v[]);
+PetscErrorCode MeshSyncNodesInt(Mesh, PetscInt v[]);

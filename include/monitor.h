@@ -1,0 +1,56 @@
+/* Monitor: what a run says about itself while it goes on and at its end. Layer 4.
+
+   Files of the output directory: options.txt (versions and every option, written before the first step), series.csv (one line a reported step),
+   bodies.csv (one line a body and reported step) and summary.json (at the end). Standard output: progress lines with the estimated time left,
+   and a one-page summary. The files grow line by line and are flushed, so that a running or killed job can be read.
+   Units are those of the scene; the columns' suffixes _s and _rad are time and angle.
+
+   Columns: step,time_s,dt_s,cfl,outer_iterations,divergence,kinetic_energy,momentum_error,seconds   (series.csv; seconds: wall clock of the step)
+            step,time_s,body,group,x,y,z,angle_rad,u,v,w,omega_x,omega_y,omega_z,force_x,force_y,force_z,torque_x,torque_y,torque_z,gap,radius
+            (bodies.csv; force and torque of the fluid, gap inf if nothing is near, radius 0 if the body is no disc or sphere;
+            angle not wrapped in 2D, of the rotation out of the initial position in 3D)
+   Options: -output_series, -output_progress, -output_bodies first,last. */
+#pragma once
+#include "bodies.h"
+
+typedef struct _p_Monitor *Monitor;
+
+typedef struct {
+  PetscInt  step;
+  PetscReal time, dt; /* time at the end of the step */
+  PetscReal cfl;
+  PetscInt  outer_iterations;
+  PetscReal divergence, kinetic_energy, momentum_error;
+  PetscReal seconds; /* wall clock of this step */
+} MonitorStep;
+
+typedef enum {
+  MONITOR_SETUP,    /* everything before the first step */
+  MONITOR_NSE,      /* the flow equations */
+  MONITOR_FORCE,    /* marking of nodes, forces on bodies */
+  MONITOR_PARTICLE, /* motion and contact of bodies */
+  MONITOR_OUTPUT,
+  MONITOR_NPHASES
+} MonitorPhase;
+
+/* Open the files in the existing directory `dir` (old ones are replaced) and write options.txt: call it after everything else is set up.
+   The bodies are not owned and must live as long as the monitor. Collective on PETSC_COMM_WORLD.
+   Errors: directory not writable, -output_bodies outside of the bodies there are. */
+PetscErrorCode MonitorCreate(const char dir[], Bodies, Monitor *);
+PetscErrorCode MonitorDestroy(Monitor *);
+
+/* After every step (and, if wanted, once before the first with step 0 and dt 0): tracks iterations and, from the state of the bodies, the quantities
+     fall_speed_max (largest -v) and speed_max (largest |u|) of bodies that are free to move, and overlap_max (largest -gap in diameters of the bounding circle, at least 0);
+   every -output_series steps (1) it appends to the files, every -output_progress steps (0: so that some 20 to 50 lines are printed) it prints.
+   The last step before time_end is always reported. Collective. Errors: files that cannot be written (disk full). */
+PetscErrorCode MonitorWrite(Monitor, const MonitorStep *, PetscReal time_end);
+
+/* Add wall clock seconds of this rank to a phase; the summary shows the largest over all ranks. Not collective. */
+PetscErrorCode MonitorPhaseSeconds(Monitor, MonitorPhase, PetscReal seconds);
+
+/* Set a quantity of summary.json (again: the new value holds); values that are not finite become null. Same calls on all ranks. */
+PetscErrorCode MonitorQuantity(Monitor, const char name[], PetscReal value);
+
+/* Write summary.json and print the summary. seconds.total is the set-up plus the wall clock from the beginning of the first step until now;
+   memory_mb is the sum of the peak memory of all ranks (getrusage), in 2^20 bytes. cells and unknowns are those of the whole mesh. Collective. */
+PetscErrorCode MonitorFinish(Monitor, const char scene[], PetscInt cells, PetscInt unknowns, PetscInt steps, PetscReal time_end);

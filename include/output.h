@@ -1,0 +1,21 @@
+/* Output: fields as HDF5 + XDMF. Layer 4.
+
+   Velocity is written with all its Q2 nodes (XDMF Quadrilateral_9 / Hexahedron_27, nothing thrown away). The discontinuous pressure is
+   written as cell mean and cell gradient (exact) and, for pictures, as nodal average. */
+#pragma once
+#include "mesh.h"
+#include "bodies.h"
+
+typedef struct _p_Output *Output;
+
+/* Create directory -output_dir (default out/<scene>); an existing directory that already holds a series.csv is refused with a message
+   naming -output_overwrite unless that is given. every: -output_every (0 = none). Writes mesh.h5 only when the first field is written. Collective. */
+PetscErrorCode OutputCreate(Mesh, const char scene[], Output *);
+PetscErrorCode OutputDestroy(Output *);
+PetscErrorCode OutputGetDirectory(Output, const char **dir);
+PetscErrorCode OutputGetEvery(Output, PetscInt *every);
+
+/* Write one snapshot: u [own nodes][dim], p [own cells][dim + 1] (value at the cell centre, then gradient: p(x) = p0 + g.(x - xc)), body [nnode_all] index of the
+   body that a node lies in or -1 (may be NULL). Files fields_<step>.h5 and a temporal collection fields.xmf, rewritten
+   after every snapshot so that a running or killed job can be opened. Collective. */
+PetscErrorCode OutputFields(Output, PetscInt step, PetscReal time, Vec u, Vec p, const PetscInt body[]);

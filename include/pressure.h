@@ -1,0 +1,30 @@
+/* Pressure: the projected pressure operator S_p = B_r M_r^{-1} B_r^T + eps B_c M_c^{-1} B_c^T and its two-level preconditioner. Layer 2.
+
+   The part of the nodes has a fixed pattern (cells that share a node) and is a matrix; rows of cells away from any change of the constraint are kept. The part of bodies with
+   unknown rigid velocities, B R_k M_k^{-1} (B R_k)^T, is of rank 3 (6 in 3D) a body and is applied, not stored; preconditioners see the matrix alone.
+   Default preconditioner (options under -flow_fieldsplit_pressure_): PCMG with two levels, discontinuous P1 -> continuous Q1 on the vertices, Galerkin coarse operator,
+   Chebyshev with 3x3 (4x4) block Jacobi on the fine level, BoomerAMG (GAMG where hypre is missing) on the coarse one. */
+#pragma once
+#include "constraint.h"
+#include "flow.h"
+
+typedef struct _p_Pressure *Pressure;
+
+/* Options for the default preconditioner; the command line wins. */
+PetscErrorCode PressureSetDefaults(void);
+PetscErrorCode PressureCreate(Flow, Constraint, Pressure *);
+PetscErrorCode PressureDestroy(Pressure *);
+
+/* eps of the design's section 4: share of their inverse mass that constrained body nodes keep. */
+PetscReal PressureGetSoftness(Pressure);
+
+/* weight [nnode_all][dim]: inverse mass of every nodal slot (zero at walls); mass_inverse [nbodies][nr][nr]: inverse of the bodies' blocks of M_r, zero for known
+   degrees of freedom. Collective. */
+PetscErrorCode PressureUpdate(Pressure, const PetscReal weight[], const PetscReal mass_inverse[]);
+
+/* The operator and the matrix for preconditioners (the same object when no body is unknown). Borrowed. */
+PetscErrorCode PressureGetMats(Pressure, Mat *operator, Mat * matrix);
+/* Its diagonal. */
+PetscErrorCode PressureGetDiagonal(Pressure, Vec);
+/* Give the two-level interpolation to the solver's preconditioner if that is PCMG with two levels. */
+PetscErrorCode PressureSetUpPC(Pressure, KSP);

@@ -1,0 +1,32 @@
+/* Sim: the time loop. Layer 4.
+
+   Options: -sim_dt, -sim_time (end), -sim_steps (at most; whichever comes first). */
+#pragma once
+#include "contact.h"
+#include "couple.h"
+#include "flow.h"
+#include "monitor.h"
+#include "output.h"
+
+/* The parts of a simulation, built by the scene; contact and bodies may be inactive but exist. Not owned. */
+typedef struct {
+  const char *scene;
+  Mesh        mesh;
+  Flow        flow;
+  Bodies      bodies;
+  Couple      couple;
+  Contact     contact;
+  Output      output;
+  Monitor     monitor;
+} SimParts;
+
+typedef struct _p_Sim *Sim;
+
+/* Reads the -sim_ options. Collective. Errors: neither end time nor steps given. */
+PetscErrorCode SimCreate(const SimParts *, Sim *);
+PetscErrorCode SimDestroy(Sim *);
+PetscErrorCode SimView(Sim, PetscViewer);
+/* Set up every solver on the initial state, so that all options are read before the first step. Collective. */
+PetscErrorCode SimSetUp(Sim);
+/* Run to the end. A failed solve stops with an error after the last good state has been written. Collective. */
+PetscErrorCode SimRun(Sim);

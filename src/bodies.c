@@ -1,0 +1,569 @@
+/* Bodies: rigid bodies in groups, their state and their motion, see bodies.h.
+
+   Method: Newton-Euler equations. Velocity: Euler step under the force of the step; rotation in 3D by the implicit midpoint rule for
+   the gyroscopic term w x (I w), which keeps the energy of a torque-free body (Newton's method on 3 unknowns). Position: explicit with a
+   weighted mean of old and new velocity, orientation by the exponential map. Units: any consistent system, angles in rad.
+   The state is replicated: every rank holds and advances all bodies, bit for bit the same, without communication.
+   Does not know the flow (forces are written into the state by others), walls or contact. */
+#include "compat.h"
+#include "bodies.h"
+#include "opt.h"
+#include "place.h"
+#include "rotation.h"
+
+#define MAX_GROUPS 256
+#define CHUNK      256 /* points handled at a time on the stack */
+
+struct _p_Bodies {
+  BodyState state;
+  PetscReal lower[3], upper[3]; /* domain */
+};
+
+/* What the options of a group say about the start of its bodies. */
+typedef struct {
+  PetscInt   place, count, seed;
+  PetscReal  lower[3], upper[3], margin;
+  Placement  base; /* position, angle and velocities given for all bodies */
+  PetscBool  has_position, has_count;
+  char       table[PETSC_MAX_PATH_LEN];
+  Placement *body; /* [count of the group] */
+} Start;
+
+enum {
+  PLACE_SINGLE,
+  PLACE_LATTICE,
+  PLACE_RANDOM,
+  PLACE_TABLE
+};
+static const char *const place_names[] = {"single", "lattice", "random", "table", NULL};
+
+/* ---- small vector tools; a tensor is xx yy zz xy xz yz ---- */
+
+static void cross(const PetscReal a[3], const PetscReal b[3], PetscReal c[3])
+{
+  c[0] = a[1] * b[2] - a[2] * b[1];
+  c[1] = a[2] * b[0] - a[0] * b[2];
+  c[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+static void apply_tensor(const PetscReal t[6], const PetscReal v[3], PetscReal tv[3])
+{
+  tv[0] = t[0] * v[0] + t[3] * v[1] + t[4] * v[2];
+  tv[1] = t[3] * v[0] + t[1] * v[1] + t[5] * v[2];
+  tv[2] = t[4] * v[0] + t[5] * v[1] + t[2] * v[2];
+}
+
+/* Cramer's rule; A row-major, not singular (the caller's matrices are an inertia tensor plus a skew part) */
+static void solve3(const PetscReal A[9], const PetscReal b[3], PetscReal x[3])
+{
+  PetscReal c0[3], c1[3], c2[3], det;
+
+  cross(A + 3, A + 6, c0);
+  cross(A + 6, A, c1);
+  cross(A, A + 3, c2);
+  det = A[0] * c0[0] + A[1] * c0[1] + A[2] * c0[2];
+  for (PetscInt i = 0; i < 3; i++) x[i] = (c0[i] * b[0] + c1[i] * b[1] + c2[i] * b[2]) / det;
+}
+
+/* R t R^T */
+static void rotate_tensor(const PetscReal q[4], const PetscReal t[6], PetscReal out[6])
+{
+  const PetscInt  row[6] = {0, 1, 2, 0, 0, 1}, col[6] = {0, 1, 2, 1, 2, 2};
+  PetscReal       R[9];
+
+  RotationMatrix(q, R);
+  for (PetscInt k = 0; k < 6; k++) {
+    PetscReal tr[3];
+
+    apply_tensor(t, R + 3 * col[k], tr); /* t times column col of R^T */
+    out[k] = R[3 * row[k]] * tr[0] + R[3 * row[k] + 1] * tr[1] + R[3 * row[k] + 2] * tr[2];
+  }
+}
+
+/* ---- options of a group ---- */
+
+static void option_name(const char group[], const char what[], char name[128])
+{
+  (void)snprintf(name, 128, "-particle_%s_%s", group, what);
+}
+
+static PetscErrorCode read_free(const char group[], PetscInt dim, PetscInt *bits)
+{
+  const char *const word[] = {"x", "y", "z", "rotation", "none", "all"};
+  const PetscInt    mask[] = {BODY_FREE_X, BODY_FREE_Y, BODY_FREE_Z, BODY_FREE_ROTATION, 0, BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z | BODY_FREE_ROTATION};
+  char              name[128], *list[16];
+  PetscInt          n = 16;
+
+  PetscFunctionBeginUser;
+  option_name(group, "free", name);
+  *bits = mask[5];
+  PetscCall(OptStringArray(name, "Degrees of freedom that move: any of x, y, z, rotation, or all, or none", &n, list));
+  if (n) *bits = 0;
+  for (PetscInt i = 0; i < n; i++) {
+    PetscInt k = 0;
+
+    while (k < 6 && strcmp(list[i], word[k])) k++;
+    PetscCheck(k < 6, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s: '%s' is not known (known: x, y, z, rotation, all, none)", name, list[i]);
+    PetscCheck(k < 4 || n == 1, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s: '%s' stands alone, remove the other %" PetscInt_FMT " entries", name, list[i], n - 1);
+    *bits |= mask[k];
+    PetscCall(PetscFree(list[i]));
+  }
+  if (dim == 2) *bits &= ~BODY_FREE_Z;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim)
+{
+  char      name[128], type[64] = "", prefix[128];
+  PetscBool has_density;
+
+  PetscFunctionBeginUser;
+  option_name(g->name, "shape", name);
+  PetscCall(OptString(name, "Type of the shape: the name of a plugin in -shape_path", type, sizeof(type)));
+  PetscCheck(type[0], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "Group '%s' has no shape: give %s", g->name, name);
+  (void)snprintf(prefix, sizeof(prefix), "particle_%s_", g->name);
+  PetscCall(ShapeCreate(type, prefix, dim, &g->shape));
+  PetscCall(ShapeGetMass(g->shape, &g->mass));
+  PetscCall(ShapeGetRadius(g->shape, &g->radius));
+  PetscCall(ShapeGetDisc(g->shape, &g->disc));
+  PetscCall(read_free(g->name, dim, &g->free));
+  option_name(g->name, "density", name);
+  PetscCall(OptHas(name, "Density of the bodies", &has_density));
+  g->density = 1;
+  PetscCall(OptReal(name, "Density of the bodies", "kg/m^3", OPT_POSITIVE, PETSC_MAX_REAL, &g->density));
+  PetscCheck(has_density || !g->free, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "Group '%s' moves but has no density: give %s, or -particle_%s_free none", g->name, name, g->name);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_velocities(const char group[], PetscInt dim, Start *s)
+{
+  char name[128];
+
+  PetscFunctionBeginUser;
+  option_name(group, "angle", name);
+  PetscCall(OptReal(name, "Angle at the start, about z", "rad", PETSC_MIN_REAL, PETSC_MAX_REAL, &s->base.angle));
+  option_name(group, "velocity", name);
+  PetscCall(OptRealArray(name, "Velocity at the start (kept where not free)", "m/s", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, s->base.u, NULL));
+  option_name(group, "angular_velocity", name);
+  PetscCall(OptRealArray(name, "Angular velocity at the start (kept where not free)", "rad/s", PETSC_MIN_REAL, PETSC_MAX_REAL, dim == 2 ? 1 : 3, dim == 2 ? s->base.omega + 2 : s->base.omega, NULL));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_place(const char group[], PetscInt dim, Start *s)
+{
+  char name[128];
+
+  PetscFunctionBeginUser;
+  option_name(group, "place", name);
+  PetscCall(OptChoice(name, "Where the bodies start", place_names, &s->place));
+  option_name(group, "position", name);
+  PetscCall(OptRealArray(name, "Centre of mass at the start, for place single", "m", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, s->base.x, &s->has_position));
+  option_name(group, "count", name);
+  PetscCall(OptHas(name, "Number of bodies", &s->has_count));
+  PetscCall(OptInt(name, "Number of bodies, for place lattice and random", "", 0, PETSC_MAX_INT, &s->count));
+  option_name(group, "lower", name);
+  PetscCall(OptRealArray(name, "Lower corner of the box for lattice and random (default: domain)", "m", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, s->lower, NULL));
+  option_name(group, "upper", name);
+  PetscCall(OptRealArray(name, "Upper corner of the box for lattice and random (default: domain)", "m", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, s->upper, NULL));
+  option_name(group, "margin", name);
+  PetscCall(OptReal(name, "Smallest gap between bounding circles for lattice and random", "m", 0, PETSC_MAX_REAL, &s->margin));
+  option_name(group, "seed", name);
+  PetscCall(OptInt(name, "Seed of the random positions", "", 0, PETSC_MAX_INT, &s->seed));
+  option_name(group, "table", name);
+  PetscCall(OptString(name, "CSV file with one line a body", s->table, sizeof(s->table)));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode check_place(const char group[], const Start *s)
+{
+  const char *place = place_names[s->place];
+
+  PetscFunctionBeginUser;
+  PetscCheck(s->place != PLACE_SINGLE || s->has_position, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "Group '%s' has no position: give -particle_%s_position, or another -particle_%s_place", group, group, group);
+  PetscCheck(s->place != PLACE_SINGLE || !s->has_count || s->count == 1, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_%s_count %" PetscInt_FMT " needs -particle_%s_place lattice, random or table", group,
+             s->count, group);
+  PetscCheck(s->place == PLACE_SINGLE || !s->has_position, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_%s_position has no meaning with -particle_%s_place %s: remove one of them", group, group, place);
+  PetscCheck((s->place != PLACE_LATTICE && s->place != PLACE_RANDOM) || s->has_count, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_%s_place %s needs -particle_%s_count", group, place, group);
+  PetscCheck(s->place != PLACE_TABLE || s->table[0], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_%s_place table needs -particle_%s_table file.csv", group, group);
+  PetscCheck(s->place == PLACE_TABLE || !s->table[0], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_%s_table needs -particle_%s_place table", group, group);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Everything but random positions, which need to know where the other bodies are. */
+static PetscErrorCode start_group(BodyGroup *g, PetscInt dim, Start *s)
+{
+  PetscFunctionBeginUser;
+  if (s->place == PLACE_TABLE) {
+    PetscCall(PlaceTable(s->table, dim, &s->base, &g->count, &s->body));
+    PetscCheck(!s->has_count || s->count == g->count, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_%s_count is %" PetscInt_FMT ", the table %s has %" PetscInt_FMT " bodies: remove the option", g->name,
+               s->count, s->table, g->count);
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  g->count = s->place == PLACE_SINGLE ? 1 : s->count;
+  PetscCall(PetscMalloc1(g->count + 1, &s->body));
+  for (PetscInt i = 0; i < g->count; i++) s->body[i] = s->base;
+  if (s->place == PLACE_LATTICE) PetscCall(PlaceLattice(g->name, dim, s->lower, s->upper, g->radius, s->margin, g->count, s->body));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- creation ---- */
+
+static PetscErrorCode create_state(BodyState *s)
+{
+  const PetscInt n = s->n;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc1(n, &s->body_group));
+  PetscCall(PetscCalloc1(n, &s->x));
+  PetscCall(PetscCalloc1(n, &s->q));
+  PetscCall(PetscCalloc1(n, &s->angle));
+  PetscCall(PetscCalloc1(n, &s->u));
+  PetscCall(PetscCalloc1(n, &s->w));
+  PetscCall(PetscCalloc1(n, &s->u_old));
+  PetscCall(PetscCalloc1(n, &s->w_old));
+  PetscCall(PetscCalloc1(n, &s->force));
+  PetscCall(PetscCalloc1(n, &s->torque));
+  PetscCall(PetscCalloc1(n, &s->contact_force));
+  PetscCall(PetscCalloc1(n, &s->contact_torque));
+  PetscCall(PetscCalloc1(n, &s->gap));
+  for (PetscInt k = 0; k < n; k++) s->gap[k] = PETSC_MAX_REAL;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static void store_start(BodyState *s, PetscInt group, const Placement p[])
+{
+  const BodyGroup *g = &s->group[group];
+
+  for (PetscInt i = 0; i < g->count; i++) {
+    const PetscInt k = g->first + i;
+
+    s->body_group[k] = group;
+    s->angle[k]      = p[i].angle;
+    RotationFromAngle(p[i].angle, s->q[k]);
+    for (PetscInt a = 0; a < 3; a++) {
+      s->x[k][a] = p[i].x[a];
+      s->u[k][a] = s->u_old[k][a] = p[i].u[a];
+      s->w[k][a] = s->w_old[k][a] = p[i].omega[a];
+    }
+  }
+}
+
+/* Random groups come last, one after the other, and keep clear of everything placed before. */
+static PetscErrorCode start_random(BodyState *s, Start start[])
+{
+  PetscReal(*x)[3], *radius;
+  PetscInt n = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(s->n, &x));
+  PetscCall(PetscMalloc1(s->n, &radius));
+  for (PetscInt pass = 0; pass < 2; pass++)
+    for (PetscInt g = 0; g < s->ngroups; g++) {
+      const BodyGroup *group = &s->group[g];
+      const Start     *t     = &start[g];
+
+      if ((t->place == PLACE_RANDOM) != (pass == 1)) continue;
+      if (pass) PetscCall(PlaceRandom(group->name, s->dim, t->lower, t->upper, group->radius, t->margin, t->seed, n, x, radius, group->count, t->body));
+      for (PetscInt i = 0; i < group->count; i++, n++) {
+        PetscCall(PetscArraycpy(x[n], t->body[i].x, 3));
+        radius[n] = group->radius;
+      }
+    }
+  PetscCall(PetscFree(x));
+  PetscCall(PetscFree(radius));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode check_domain(Bodies b)
+{
+  const BodyState *s = &b->state;
+
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < s->n; k++)
+    for (PetscInt a = 0; a < s->dim; a++)
+      PetscCheck(s->x[k][a] >= b->lower[a] && s->x[k][a] <= b->upper[a], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+                 "Body %" PetscInt_FMT " of group '%s' starts outside the domain: coordinate %" PetscInt_FMT " is %g, the domain is %g .. %g. Move the body (-particle_%s_*) or widen the mesh",
+                 k - s->group[s->body_group[k]].first, s->group[s->body_group[k]].name, a, (double)s->x[k][a], (double)b->lower[a], (double)b->upper[a], s->group[s->body_group[k]].name);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode name_groups(BodyState *s)
+{
+  char    *list[MAX_GROUPS + 1];
+  PetscInt n = MAX_GROUPS + 1;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptStringArray("-particle_groups", "Names of the groups of bodies", &n, list));
+  PetscCheck(n <= MAX_GROUPS, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_groups has more than %d names: join bodies of one shape in one group with -particle_<group>_place table", MAX_GROUPS);
+  s->ngroups = n;
+  PetscCall(PetscCalloc1(n, &s->group));
+  for (PetscInt g = 0; g < n; g++) {
+    PetscCheck(list[g][0] && strlen(list[g]) < sizeof(s->group[g].name), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_groups: '%s' must have 1 to %d characters", list[g], (int)sizeof(s->group[g].name) - 1);
+    PetscCall(PetscStrncpy(s->group[g].name, list[g], sizeof(s->group[g].name)));
+    for (PetscInt f = 0; f < g; f++) PetscCheck(strcmp(s->group[f].name, s->group[g].name), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_groups names '%s' twice: remove one", list[g]);
+    PetscCall(PetscFree(list[g]));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodiesCreate(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], Bodies *bodies)
+{
+  Bodies     b;
+  BodyState *s;
+  Start     *start;
+
+  PetscFunctionBeginUser;
+  PetscCheck(dim == 2 || dim == 3, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Bodies of dimension %" PetscInt_FMT ": use 2 or 3", dim);
+  PetscCall(PetscNew(&b));
+  s      = &b->state;
+  s->dim = dim;
+  for (PetscInt a = 0; a < dim; a++) {
+    b->lower[a] = lower[a];
+    b->upper[a] = upper[a];
+  }
+  PetscCall(name_groups(s));
+  PetscCall(PetscCalloc1(s->ngroups, &start));
+  for (PetscInt g = 0; g < s->ngroups; g++) {
+    PetscCall(read_shape(&s->group[g], dim));
+    start[g].count = 1;
+    PetscCall(PetscArraycpy(start[g].lower, b->lower, 3));
+    PetscCall(PetscArraycpy(start[g].upper, b->upper, 3));
+    PetscCall(read_velocities(s->group[g].name, dim, &start[g]));
+    PetscCall(read_place(s->group[g].name, dim, &start[g]));
+    PetscCall(check_place(s->group[g].name, &start[g]));
+    PetscCall(start_group(&s->group[g], dim, &start[g]));
+    s->group[g].first = s->n;
+    s->n += s->group[g].count;
+  }
+  PetscCall(start_random(s, start));
+  PetscCall(create_state(s));
+  for (PetscInt g = 0; g < s->ngroups; g++) {
+    store_start(s, g, start[g].body);
+    PetscCall(PetscFree(start[g].body));
+  }
+  PetscCall(PetscFree(start));
+  PetscCall(check_domain(b));
+  *bodies = b;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodiesDestroy(Bodies *bodies)
+{
+  BodyState *s;
+
+  PetscFunctionBeginUser;
+  if (!*bodies) PetscFunctionReturn(PETSC_SUCCESS);
+  s = &(*bodies)->state;
+  for (PetscInt g = 0; g < s->ngroups; g++) PetscCall(ShapeDestroy(&s->group[g].shape));
+  PetscCall(PetscFree(s->group));
+  PetscCall(PetscFree(s->body_group));
+  PetscCall(PetscFree(s->x));
+  PetscCall(PetscFree(s->q));
+  PetscCall(PetscFree(s->angle));
+  PetscCall(PetscFree(s->u));
+  PetscCall(PetscFree(s->w));
+  PetscCall(PetscFree(s->u_old));
+  PetscCall(PetscFree(s->w_old));
+  PetscCall(PetscFree(s->force));
+  PetscCall(PetscFree(s->torque));
+  PetscCall(PetscFree(s->contact_force));
+  PetscCall(PetscFree(s->contact_torque));
+  PetscCall(PetscFree(s->gap));
+  PetscCall(PetscFree(*bodies));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodiesView(Bodies b, PetscViewer viewer)
+{
+  const BodyState *s = &b->state;
+
+  PetscFunctionBeginUser;
+  for (PetscInt g = 0; g < s->ngroups; g++) {
+    const BodyGroup *group = &s->group[g];
+    const char      *type;
+
+    PetscCall(ShapeGetType(group->shape, &type));
+    PetscCall(PetscViewerASCIIPrintf(viewer, "group %s: %" PetscInt_FMT " x %s, density %g, %s %g, bounding radius %g, free:%s%s%s%s%s\n", group->name, group->count, type, (double)group->density,
+                                     s->dim == 2 ? "area" : "volume", (double)group->mass.volume, (double)group->radius, group->free & BODY_FREE_X ? " x" : "", group->free & BODY_FREE_Y ? " y" : "",
+                                     group->free & BODY_FREE_Z ? " z" : "", group->free & BODY_FREE_ROTATION ? " rotation" : "", group->free ? "" : " none"));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- questions ---- */
+
+static PetscErrorCode check_body(Bodies b, PetscInt k)
+{
+  PetscFunctionBeginUser;
+  PetscCheck(k >= 0 && k < b->state.n, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Body %" PetscInt_FMT " does not exist: there are %" PetscInt_FMT, k, b->state.n);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodiesGetState(Bodies b, BodyState **state)
+{
+  PetscFunctionBeginUser;
+  *state = &b->state;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodiesGetVolume(Bodies b, PetscInt k, PetscReal *volume)
+{
+  PetscFunctionBeginUser;
+  PetscCall(check_body(b, k));
+  *volume = b->state.group[b->state.body_group[k]].mass.volume;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodiesGetInertia(Bodies b, PetscInt k, PetscBool per_density, PetscReal inertia[6])
+{
+  const BodyGroup *g;
+  PetscReal        scale;
+
+  PetscFunctionBeginUser;
+  PetscCall(check_body(b, k));
+  g     = &b->state.group[b->state.body_group[k]];
+  scale = per_density ? 1 : g->density;
+  PetscCall(PetscArrayzero(inertia, 6));
+  if (b->state.dim == 2) inertia[2] = g->mass.inertia[2];
+  else rotate_tensor(b->state.q[k], g->mass.inertia, inertia);
+  for (PetscInt i = 0; i < 6; i++) inertia[i] *= scale;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodiesDistance(Bodies b, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt n, const PetscReal x[], PetscReal d[])
+{
+  const PetscInt   dim = b->state.dim;
+  const BodyGroup *g;
+  PetscReal        R[9], y[CHUNK * 3];
+
+  PetscFunctionBeginUser;
+  PetscCall(check_body(b, k));
+  g = &b->state.group[b->state.body_group[k]];
+  if (!X) X = b->state.x[k];
+  RotationMatrix(q ? q : b->state.q[k], R);
+  for (PetscInt start = 0; start < n; start += CHUNK) {
+    const PetscInt m = PetscMin(CHUNK, n - start);
+
+    for (PetscInt p = 0; p < m; p++) {
+      const PetscReal *xp = x + (start + p) * dim;
+      PetscReal        r[3] = {xp[0] - X[0], xp[1] - X[1], dim == 3 ? xp[2] - X[2] : 0};
+
+      for (PetscInt a = 0; a < dim; a++) y[p * dim + a] = R[a] * r[0] + R[3 + a] * r[1] + R[6 + a] * r[2] + g->mass.centroid[a];
+    }
+    PetscCall(ShapeDistance(g->shape, m, y, d + start));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- motion ---- */
+
+/* I (w' - w)/dt + m x (I m) = T with m = (w + w')/2, for w'. Newton's method; starts from w, converges in 3 to 5 steps. */
+static void advance_spin(PetscReal dt, const PetscReal inertia[6], const PetscReal T[3], PetscReal w[3])
+{
+  const PetscReal w0[3] = {w[0], w[1], w[2]};
+
+  for (PetscInt it = 0; it < 20; it++) {
+    PetscReal m[3], Im[3], gyro[3], dw[3], Idw[3], r[3], J[9], e[3], size = 0, change = 0;
+
+    for (PetscInt a = 0; a < 3; a++) {
+      m[a]  = 0.5 * (w0[a] + w[a]);
+      dw[a] = w[a] - w0[a];
+    }
+    apply_tensor(inertia, m, Im);
+    apply_tensor(inertia, dw, Idw);
+    cross(m, Im, gyro);
+    for (PetscInt a = 0; a < 3; a++) r[a] = dt * T[a] - Idw[a] - dt * gyro[a];
+    /* column c of the derivative: inertia e + dt/2 (e x inertia m + m x inertia e) */
+    for (PetscInt c = 0; c < 3; c++) {
+      const PetscReal unit[3] = {c == 0, c == 1, c == 2};
+      PetscReal       Ie[3], a1[3], a2[3];
+
+      apply_tensor(inertia, unit, Ie);
+      cross(unit, Im, a1);
+      cross(m, Ie, a2);
+      for (PetscInt a = 0; a < 3; a++) J[3 * a + c] = Ie[a] + 0.5 * dt * (a1[a] + a2[a]);
+    }
+    solve3(J, r, e);
+    for (PetscInt a = 0; a < 3; a++) {
+      w[a] += e[a];
+      size   = PetscMax(size, PetscAbsReal(w[a]));
+      change = PetscMax(change, PetscAbsReal(e[a]));
+    }
+    if (change <= 4 * PETSC_MACHINE_EPSILON * size) break;
+  }
+}
+
+static PetscErrorCode advance_rotation(Bodies b, PetscInt k, PetscReal dt)
+{
+  BodyState *s = &b->state;
+  PetscReal  inertia[6], T[3];
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetInertia(b, k, PETSC_FALSE, inertia));
+  for (PetscInt a = 0; a < 3; a++) T[a] = s->torque[k][a] + s->contact_torque[k][a];
+  if (s->dim == 2) s->w[k][2] += dt * T[2] / inertia[2];
+  else advance_spin(dt, inertia, T, s->w[k]);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodiesAdvanceVelocity(Bodies b, PetscReal dt, PetscReal rho_f, const PetscReal gravity[3])
+{
+  BodyState *s = &b->state;
+
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < s->n; k++) {
+    const BodyGroup *g    = &s->group[s->body_group[k]];
+    const PetscReal  mass = g->density * g->mass.volume, buoyant = (g->density - rho_f) * g->mass.volume;
+
+    PetscCall(PetscArraycpy(s->u_old[k], s->u[k], 3));
+    PetscCall(PetscArraycpy(s->w_old[k], s->w[k], 3));
+    for (PetscInt a = 0; a < s->dim; a++)
+      if (g->free & (BODY_FREE_X << a)) s->u[k][a] += dt * (s->force[k][a] + s->contact_force[k][a] + buoyant * gravity[a]) / mass;
+    if (g->free & BODY_FREE_ROTATION) PetscCall(advance_rotation(b, k, dt));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodiesAdvancePosition(Bodies b, PetscReal dt, PetscReal theta)
+{
+  BodyState *s = &b->state;
+
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < s->n; k++) {
+    PetscReal w[3];
+
+    for (PetscInt a = 0; a < 3; a++) {
+      if (a < s->dim) s->x[k][a] += dt * (theta * s->u[k][a] + (1 - theta) * s->u_old[k][a]);
+      w[a] = theta * s->w[k][a] + (1 - theta) * s->w_old[k][a];
+    }
+    s->angle[k] += dt * w[2];
+    if (s->dim == 2) RotationFromAngle(s->angle[k], s->q[k]);
+    else RotationAdvance(dt, w, s->q[k]);
+    for (PetscInt a = 0; a < s->dim; a++)
+      PetscCheck(!PetscIsInfOrNanReal(s->x[k][a]) && !PetscIsInfOrNanReal(s->angle[k]), PETSC_COMM_SELF, PETSC_ERR_FP, "Body %" PetscInt_FMT " of group '%s' has left all bounds (velocity %g): lower -sim_dt",
+                 k - s->group[s->body_group[k]].first, s->group[s->body_group[k]].name, (double)s->u[k][a]);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodiesPredict(Bodies b, PetscInt k, PetscReal dt, PetscInt order, PetscReal X[3], PetscReal q[4], PetscReal *angle)
+{
+  const BodyState *s = &b->state;
+  PetscReal        w[3];
+  PetscReal        now, old;
+
+  PetscFunctionBeginUser;
+  PetscCall(check_body(b, k));
+  PetscCheck(order == 1 || order == 2, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Prediction of order %" PetscInt_FMT ": use 1 or 2", order);
+  now = order == 1 ? 1 : 1.5;
+  old = order == 1 ? 0 : -0.5;
+  for (PetscInt a = 0; a < 3; a++) {
+    X[a] = s->x[k][a] + dt * (now * s->u[k][a] + old * s->u_old[k][a]);
+    w[a] = now * s->w[k][a] + old * s->w_old[k][a];
+  }
+  *angle = s->angle[k] + dt * w[2];
+  PetscCall(PetscArraycpy(q, s->q[k], 4));
+  if (s->dim == 2) RotationFromAngle(*angle, q);
+  else RotationAdvance(dt, w, q);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,433 @@
+/* Constraint: the projection P as a list of its non-trivial rows (see constraint.h).
+
+   A free slot is its own image, so only the inert slots (walls, body nodes) are stored: for each its number, its body and its row of the rigid
+   map U + w x (x - X). Rigid velocities travel between the rank that holds their slots and the ranks whose nodes follow them through a PetscSF. */
+#include "compat.h"
+#include "constraint.h"
+
+struct _p_Constraint {
+  Mesh             mesh;
+  const MeshLocal *loc;
+  PetscInt         nbodies, nr, first, count; /* bodies; rigid slots each; own range */
+  PetscInt        *fixed, *node_body, *unknown;
+  PetscReal       *value, *known, (*X)[3], *U;
+  PetscBool        have_bodies;
+  /* rows of P at inert slots */
+  PetscInt   ninert, *slot, *body, *local_body;
+  PetscReal *coef;
+  /* bodies that own nodes of this rank follow, and the way to their slots */
+  PetscInt   nlocal, *local_index; /* [nbodies] body -> local or -1 */
+  PetscInt  *local_list;
+  PetscReal *local_rigid;
+  PetscSF      rigid_sf;
+  MPI_Datatype rigid_type; /* the nr slots of one body */
+};
+
+static PetscInt bit_count(PetscInt bits)
+{
+  PetscInt n = 0;
+
+  for (; bits; bits &= bits - 1) n++;
+  return n;
+}
+
+/* Row a of the rigid map at node i about centre X: velocity component a for unit rigid velocities, without regard to what is unknown */
+static void rigid_row(const MeshLocal *l, PetscInt i, PetscInt a, const PetscReal X[3], PetscReal row[])
+{
+  PetscReal r[3] = {0, 0, 0};
+
+  for (PetscInt d = 0; d < l->dim; d++) {
+    r[d] = l->x[i * l->dim + d] - X[d];
+    if (l->period[d] > 0) r[d] -= l->period[d] * PetscFloorReal(r[d] / l->period[d] + 0.5);
+  }
+  for (PetscInt d = 0; d < l->dim; d++) row[d] = d == a;
+  if (l->dim == 2) row[2] = a == 0 ? -r[1] : r[0];
+  else {
+    const PetscReal spin[3][3] = {{0, r[2], -r[1]}, {-r[2], 0, r[0]}, {r[1], -r[0], 0}}; /* (w x r)_a = sum_b spin[a][b] w_b */
+
+    for (PetscInt b = 0; b < 3; b++) row[3 + b] = spin[a][b];
+  }
+}
+
+static PetscErrorCode collect_rows(Constraint c)
+{
+  const MeshLocal *l = c->loc;
+  PetscInt         n = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < l->nnode; i++) n += c->node_body[i] >= 0 ? l->dim : bit_count(c->fixed[i]);
+  if (n > c->ninert || !c->slot) {
+    PetscCall(PetscFree4(c->slot, c->body, c->local_body, c->coef));
+    PetscCall(PetscMalloc4(n, &c->slot, n, &c->body, n, &c->local_body, n * c->nr, &c->coef));
+  }
+  c->ninert = 0;
+  for (PetscInt i = 0; i < l->nnode; i++) {
+    const PetscInt k = c->node_body[i];
+
+    if (k < 0 && !c->fixed[i]) continue;
+    for (PetscInt a = 0; a < l->dim; a++) {
+      PetscReal *row = c->coef + c->ninert * c->nr;
+
+      if (k < 0 && !((c->fixed[i] >> a) & 1)) continue;
+      for (PetscInt s = 0; s < c->nr; s++) row[s] = 0;
+      if (k >= 0) {
+        rigid_row(l, i, a, c->X[k], row);
+        for (PetscInt s = 0; s < c->nr; s++)
+          if (!((c->unknown[k] >> s) & 1)) row[s] = 0;
+      }
+      c->slot[c->ninert]         = i * l->dim + a;
+      c->body[c->ninert]         = k >= 0 && c->unknown[k] ? k : -1;
+      c->local_body[c->ninert++] = -1;
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* List the bodies followed here and connect them to their slots. */
+static PetscErrorCode connect_rigid_slots(Constraint c)
+{
+  PetscLayout layout;
+
+  PetscFunctionBeginUser;
+  c->nlocal = 0;
+  for (PetscInt k = 0; k < c->nbodies; k++) c->local_index[k] = -1;
+  for (PetscInt j = 0; j < c->ninert; j++) {
+    const PetscInt k = c->body[j];
+
+    if (k < 0) continue;
+    if (c->local_index[k] < 0) {
+      c->local_index[k]          = c->nlocal;
+      c->local_list[c->nlocal++] = k;
+    }
+    c->local_body[j] = c->local_index[k];
+  }
+  PetscCall(PetscSFDestroy(&c->rigid_sf));
+  PetscCall(PetscLayoutCreateFromSizes(PETSC_COMM_WORLD, c->count, PETSC_DETERMINE, 1, &layout));
+  PetscCall(PetscSFCreate(PETSC_COMM_WORLD, &c->rigid_sf));
+  PetscCall(PetscSFSetGraphLayout(c->rigid_sf, layout, c->nlocal, NULL, PETSC_OWN_POINTER, c->local_list));
+  PetscCall(PetscLayoutDestroy(&layout));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode set_known(Constraint c)
+{
+  const MeshLocal *l = c->loc;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < l->nnode_all; i++) {
+    const PetscInt k = c->node_body[i];
+
+    for (PetscInt a = 0; a < l->dim; a++) {
+      PetscReal v = 0;
+
+      if (k >= 0) {
+        PetscReal row[6];
+
+        rigid_row(l, i, a, c->X[k], row);
+        for (PetscInt s = 0; s < c->nr; s++)
+          if (!((c->unknown[k] >> s) & 1)) v += row[s] * c->U[k * c->nr + s];
+      } else if ((c->fixed[i] >> a) & 1) v = c->value[i * l->dim + a];
+      c->known[i * l->dim + a] = v;
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintCreate(Mesh mesh, PetscInt nbodies, Constraint *constraint)
+{
+  Constraint  c;
+  PetscMPIInt size, rank;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&c));
+  c->mesh    = mesh;
+  c->nbodies = nbodies;
+  PetscCall(MeshGetLocal(mesh, &c->loc));
+  c->nr = c->loc->dim == 2 ? 3 : 6;
+  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
+  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
+  c->first = nbodies / size * rank + PetscMin(rank, nbodies % size);
+  c->count = nbodies / size + (rank < nbodies % size);
+  PetscCall(PetscCalloc4(c->loc->nnode_all, &c->fixed, c->loc->nnode_all, &c->node_body, c->loc->nnode_all * c->loc->dim, &c->value, c->loc->nnode_all * c->loc->dim, &c->known));
+  PetscCall(PetscCalloc6(nbodies, &c->unknown, nbodies, &c->X, nbodies * c->nr, &c->U, nbodies, &c->local_index, nbodies, &c->local_list, nbodies * c->nr, &c->local_rigid));
+  for (PetscInt i = 0; i < c->loc->nnode_all; i++) c->node_body[i] = -1;
+  PetscCallMPI(MPI_Type_contiguous((int)c->nr, MPIU_REAL, &c->rigid_type));
+  PetscCallMPI(MPI_Type_commit(&c->rigid_type));
+  PetscCall(collect_rows(c));
+  PetscCall(connect_rigid_slots(c));
+  *constraint = c;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintDestroy(Constraint *constraint)
+{
+  Constraint c = *constraint;
+
+  PetscFunctionBeginUser;
+  if (!c) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree4(c->slot, c->body, c->local_body, c->coef));
+  PetscCall(PetscFree4(c->fixed, c->node_body, c->value, c->known));
+  PetscCall(PetscFree6(c->unknown, c->X, c->U, c->local_index, c->local_list, c->local_rigid));
+  PetscCall(PetscSFDestroy(&c->rigid_sf));
+  PetscCallMPI(MPI_Type_free(&c->rigid_type));
+  PetscCall(PetscFree(*constraint));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintSetBoundary(Constraint c, const PetscInt fixed[], const PetscReal value[])
+{
+  const MeshLocal *l = c->loc;
+  PetscBool        same;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArraycmp(c->fixed, fixed, l->nnode_all, &same));
+  PetscCall(PetscArraycpy(c->fixed, fixed, l->nnode_all));
+  PetscCall(PetscArraycpy(c->value, value, l->nnode_all * l->dim));
+  if (!same) {
+    PetscCall(collect_rows(c));
+    for (PetscInt j = 0; j < c->ninert; j++)
+      if (c->body[j] >= 0) c->local_body[j] = c->local_index[c->body[j]];
+  }
+  PetscCall(set_known(c));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintSetBodies(Constraint c, const PetscInt node_body[], PetscReal (*X)[3], const PetscInt unknown[], const PetscReal U[], PetscBool *changed)
+{
+  const MeshLocal *l = c->loc;
+  PetscBool        same[3] = {PETSC_TRUE, PETSC_TRUE, PETSC_TRUE}, moved;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < l->nnode_all; i++) {
+    const PetscInt k = c->fixed[i] ? -1 : node_body[i]; /* walls win */
+
+    if (k != c->node_body[i]) same[0] = PETSC_FALSE;
+    c->node_body[i] = k;
+  }
+  PetscCall(PetscArraycmp((PetscReal *)c->X, (PetscReal *)X, 3 * c->nbodies, &same[1]));
+  PetscCall(PetscArraycmp(c->unknown, unknown, c->nbodies, &same[2]));
+  moved = (PetscBool)(!c->have_bodies || !same[0] || !same[1] || !same[2]);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &moved, 1, MPIU_BOOL, MPI_LOR, PETSC_COMM_WORLD));
+  c->have_bodies = PETSC_TRUE;
+  PetscCall(PetscArraycpy((PetscReal *)c->X, (PetscReal *)X, 3 * c->nbodies));
+  PetscCall(PetscArraycpy(c->unknown, unknown, c->nbodies));
+  PetscCall(PetscArraycpy(c->U, U, c->nbodies * c->nr));
+  if (moved) {
+    PetscCall(collect_rows(c));
+    PetscCall(connect_rigid_slots(c));
+  }
+  PetscCall(set_known(c));
+  if (changed) *changed = moved;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintGetRigidSize(Constraint c, PetscInt *nr)
+{
+  PetscFunctionBeginUser;
+  *nr = c->nr;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintGetSizes(Constraint c, PetscInt *nodal, PetscInt *total)
+{
+  PetscFunctionBeginUser;
+  if (nodal) *nodal = c->loc->nnode * c->loc->dim;
+  if (total) *total = c->loc->nnode * c->loc->dim + c->count * c->nr;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintCreateVec(Constraint c, Vec *ur)
+{
+  PetscInt n;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetSizes(c, NULL, &n));
+  PetscCall(VecCreateMPI(PETSC_COMM_WORLD, n, PETSC_DETERMINE, ur));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintGetNodeBody(Constraint c, const PetscInt *node_body[])
+{
+  PetscFunctionBeginUser;
+  *node_body = c->node_body;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintGetInert(Constraint c, PetscInt *n, const PetscInt *slot[])
+{
+  PetscFunctionBeginUser;
+  *n = c->ninert;
+  if (slot) *slot = c->slot;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintGetRows(Constraint c, const PetscInt *body[], const PetscReal *coef[])
+{
+  PetscFunctionBeginUser;
+  *body = c->body;
+  *coef = c->coef;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintRigidMap(Constraint c, PetscInt i, PetscInt k, PetscReal R[])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt a = 0; a < c->loc->dim; a++) rigid_row(c->loc, i, a, c->X[k], R + a * c->nr);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintGetUnknown(Constraint c, const PetscInt *unknown[])
+{
+  PetscFunctionBeginUser;
+  *unknown = c->unknown;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintGetOwnBodies(Constraint c, PetscInt *first, PetscInt *count)
+{
+  PetscFunctionBeginUser;
+  *first = c->first;
+  *count = c->count;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintGetKnown(Constraint c, const PetscReal *known[])
+{
+  PetscFunctionBeginUser;
+  *known = c->known;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintExpandInPlace(Constraint c, const PetscReal rigid[], PetscReal v[], PetscReal saved[])
+{
+  const PetscInt nr = c->nr;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscSFBcastBegin(c->rigid_sf, c->rigid_type, rigid, c->local_rigid, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(c->rigid_sf, c->rigid_type, rigid, c->local_rigid, MPI_REPLACE));
+  for (PetscInt j = 0; j < c->ninert; j++) {
+    PetscReal value = 0;
+
+    if (c->body[j] >= 0)
+      for (PetscInt s = 0; s < nr; s++) value += c->coef[j * nr + s] * c->local_rigid[c->local_body[j] * nr + s];
+    if (saved) saved[j] = v[c->slot[j]];
+    v[c->slot[j]] = value;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintPutBack(Constraint c, const PetscReal saved[], PetscReal v[])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt j = 0; j < c->ninert; j++) v[c->slot[j]] = saved[j];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintReduceInPlace(Constraint c, PetscReal r[], PetscReal rigid[])
+{
+  const PetscInt nr = c->nr;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(c->local_rigid, c->nlocal * nr));
+  for (PetscInt j = 0; j < c->ninert; j++) {
+    const PetscReal value = r[c->slot[j]];
+
+    r[c->slot[j]] = 0;
+    if (c->body[j] < 0) continue;
+    for (PetscInt s = 0; s < nr; s++) c->local_rigid[c->local_body[j] * nr + s] += c->coef[j * nr + s] * value;
+  }
+  PetscCall(PetscSFReduceBegin(c->rigid_sf, c->rigid_type, c->local_rigid, rigid, MPIU_SUM));
+  PetscCall(PetscSFReduceEnd(c->rigid_sf, c->rigid_type, c->local_rigid, rigid, MPIU_SUM));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintExpand(Constraint c, Vec ur, PetscReal u[])
+{
+  const MeshLocal *l = c->loc;
+  const PetscInt   n = l->nnode * l->dim;
+  const PetscReal *x;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecGetArrayRead(ur, &x));
+  PetscCall(PetscArraycpy(u, x, n));
+  PetscCall(ConstraintExpandInPlace(c, x + n, u, NULL));
+  PetscCall(VecRestoreArrayRead(ur, &x));
+  for (PetscInt j = 0; j < c->ninert; j++) u[c->slot[j]] += c->known[c->slot[j]];
+  PetscCall(MeshSyncNodes(c->mesh, l->dim, u));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintRestrict(Constraint c, const PetscReal u[], const PetscReal U[], Vec ur)
+{
+  const PetscInt n = c->loc->nnode * c->loc->dim;
+  PetscReal     *x;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecGetArray(ur, &x));
+  PetscCall(PetscArraycpy(x, u, n));
+  for (PetscInt j = 0; j < c->ninert; j++) x[c->slot[j]] = 0;
+  for (PetscInt i = 0; i < c->count * c->nr; i++) x[n + i] = (c->unknown[c->first + i / c->nr] >> (i % c->nr)) & 1 ? U[c->first * c->nr + i] : 0;
+  PetscCall(VecRestoreArray(ur, &x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintGatherRigid(Constraint c, Vec ur, PetscReal U[])
+{
+  const PetscInt   n = c->loc->nnode * c->loc->dim, own = c->count * c->nr;
+  const PetscReal *x;
+  PetscReal       *all;
+  PetscMPIInt      size, mine, *counts, *starts;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
+  PetscCall(PetscMPIIntCast(own, &mine));
+  PetscCall(PetscMalloc3(c->nbodies * c->nr, &all, size, &counts, size, &starts));
+  PetscCallMPI(MPI_Allgather(&mine, 1, MPI_INT, counts, 1, MPI_INT, PETSC_COMM_WORLD));
+  for (PetscMPIInt r = 0; r < size; r++) starts[r] = r ? starts[r - 1] + counts[r - 1] : 0;
+  PetscCall(VecGetArrayRead(ur, &x));
+  PetscCallMPI(MPI_Allgatherv(x + n, mine, MPIU_REAL, all, counts, starts, MPIU_REAL, PETSC_COMM_WORLD));
+  PetscCall(VecRestoreArrayRead(ur, &x));
+  for (PetscInt i = 0; i < c->nbodies * c->nr; i++)
+    if ((c->unknown[i / c->nr] >> (i % c->nr)) & 1) U[i] = all[i];
+  PetscCall(PetscFree3(all, counts, starts));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Global column of the first rigid slot of body k: every rank stores its bodies' slots behind its nodal ones. */
+static PetscErrorCode find_rigid_columns(Constraint c, PetscInt column[])
+{
+  PetscInt nodal, total, start = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetSizes(c, &nodal, &total));
+  PetscCallMPI(MPI_Exscan(&total, &start, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+  PetscCall(PetscArrayzero(column, c->nbodies));
+  for (PetscInt k = 0; k < c->count; k++) column[c->first + k] = start + nodal + k * c->nr;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, column, (PetscMPIInt)c->nbodies, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintCreateMat(Constraint c, Mat *P)
+{
+  PetscInt nodal, total, row0, col0, *column, j = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetSizes(c, &nodal, &total));
+  PetscCall(PetscMalloc1(c->nbodies, &column));
+  PetscCall(find_rigid_columns(c, column));
+  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, nodal, total, PETSC_DETERMINE, PETSC_DETERMINE, c->nr, NULL, c->nr, NULL, P));
+  PetscCall(MatGetOwnershipRange(*P, &row0, NULL));
+  PetscCall(MatGetOwnershipRangeColumn(*P, &col0, NULL));
+  for (PetscInt i = 0; i < nodal; i++) {
+    if (j < c->ninert && c->slot[j] == i) {
+      if (c->body[j] >= 0)
+        for (PetscInt s = 0; s < c->nr; s++)
+          if (c->coef[j * c->nr + s] != 0) PetscCall(MatSetValue(*P, row0 + i, column[c->body[j]] + s, c->coef[j * c->nr + s], INSERT_VALUES));
+      j++;
+    } else PetscCall(MatSetValue(*P, row0 + i, col0 + i, 1, INSERT_VALUES));
+  }
+  PetscCall(MatAssemblyBegin(*P, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(*P, MAT_FINAL_ASSEMBLY));
+  PetscCall(PetscFree(column));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

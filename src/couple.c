@@ -1,0 +1,582 @@
+/* Couple: see couple.h for the method.
+
+   The step with implicit coupling, in the order of the calls: bodies drawn at X* (CoupleDraw); one linear system for flow and rigid velocities (CoupleSolve); force from the
+   bodies' own equation, F = rho_s Vol (c_t U - d(U)) - G, without an integral (CoupleForce); positions (CoupleAdvance). With explicit coupling, and for degrees of freedom that
+   are frozen, the velocity is known, and the force is minus the momentum residual summed over the body's nodes, plus the inertia of the fictitious fluid inside.
+   The work a body causes is proportional to the cells it touches. */
+#include "compat.h"
+#include "couple.h"
+#include "log.h"
+#include "opt.h"
+
+#define CHUNK 256
+
+struct _p_Couple {
+  Flow             flow;
+  Bodies           bodies;
+  BodyState       *s;
+  Mesh             mesh;
+  const MeshLocal *loc;
+  Constraint       constraint;
+  FlowSolver       solver;
+  PetscInt         implicit, use_volume, nr;
+  PetscInt        *node_body, *marked, nmarked; /* marked: local nodes with node_body >= 0 */
+  PetscInt        *touched, ntouched, *stamp, stamp_now; /* own cells with a marked node */
+  PetscReal (*X)[3], (*q)[4];                   /* where the bodies are drawn */
+  PetscInt  *unknown;
+  PetscReal *U, *D, *g;                         /* [n][nr]: rigid velocities, [n][nr][nr] inertia, right-hand side */
+  PetscReal *residual;                          /* [n][nr]: -sum of the momentum residual over the body's nodes */
+  PetscReal *u, *p, *rhs;
+  PetscReal *du_old;                            /* [n] explicit coupling: size of the last velocity change, for the detection of blow-up */
+  PetscInt  *growth;
+};
+
+static const char *const TYPES[]      = {"implicit", "explicit", NULL};
+static const char *const BOUNDARIES[] = {"nodal", NULL};
+static const char *const FORCES[]     = {"residual", "volume", NULL};
+
+/* Component s (0 .. nr - 1) of a rigid velocity as element of 3-vectors: translation s < dim, otherwise rotation */
+static PetscReal *rigid_component(Couple c, PetscReal (*u)[3], PetscReal (*w)[3], PetscInt k, PetscInt s)
+{
+  const PetscInt dim = c->loc->dim;
+
+  return s < dim ? &u[k][s] : dim == 2 ? &w[k][2] : &w[k][s - dim];
+}
+
+static PetscBool is_free(Couple c, PetscInt k, PetscInt s)
+{
+  const PetscInt free = c->s->group[c->s->body_group[k]].free;
+
+  return s < c->loc->dim ? (PetscBool)((free >> s) & 1) : (PetscBool)((free & BODY_FREE_ROTATION) != 0);
+}
+
+/* Space inertia of body k as a full 3 x 3 matrix per unit density */
+static PetscErrorCode get_inertia(Couple c, PetscInt k, PetscReal J[3][3])
+{
+  PetscReal t[6];
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetInertia(c->bodies, k, PETSC_TRUE, t));
+  if (c->loc->dim == 2) {
+    PetscCall(PetscMemzero(J, 9 * sizeof(PetscReal)));
+    J[2][2] = t[0];
+  } else {
+    J[0][0] = t[0];
+    J[1][1] = t[1];
+    J[2][2] = t[2];
+    J[0][1] = J[1][0] = t[3];
+    J[0][2] = J[2][0] = t[4];
+    J[1][2] = J[2][1] = t[5];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Volume and inertia of body k per unit density as a matrix on its rigid slots, M [nr][nr] */
+static PetscErrorCode get_rigid_mass(Couple c, PetscInt k, PetscReal M[])
+{
+  const PetscInt nr = c->nr, dim = c->loc->dim;
+  PetscReal      volume, J[3][3];
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetVolume(c->bodies, k, &volume));
+  PetscCall(get_inertia(c, k, J));
+  for (PetscInt i = 0; i < nr * nr; i++) M[i] = 0;
+  for (PetscInt a = 0; a < dim; a++) M[a * (nr + 1)] = volume;
+  if (dim == 2) M[8] = J[2][2];
+  else
+    for (PetscInt a = 0; a < 9; a++) M[(3 + a / 3) * nr + 3 + a % 3] = J[a / 3][a % 3];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- drawing ---- */
+
+static PetscErrorCode place_bodies(Couple c)
+{
+  const FlowStep *step;
+  PetscReal       angle;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetStep(c->flow, &step));
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    const PetscBool predict = (PetscBool)(c->implicit && c->s->group[c->s->body_group[k]].free);
+
+    PetscCall(BodiesPredict(c->bodies, k, predict ? step->dt : 0, step->order, c->X[k], c->q[k], &angle));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Nodes of body k drawn at X (one periodic image) are marked; a node that two bodies claim stays with the first. */
+static PetscErrorCode mark_image(Couple c, PetscInt k, const PetscReal X[3])
+{
+  const PetscInt   dim = c->loc->dim;
+  const PetscReal  radius = c->s->group[c->s->body_group[k]].radius;
+  PetscReal        lo[3], hi[3], x[CHUNK * 3], d[CHUNK];
+  const PetscInt  *list;
+  PetscInt         n;
+
+  PetscFunctionBeginUser;
+  for (PetscInt a = 0; a < dim; a++) {
+    lo[a] = X[a] - radius * (1 + 1e-12);
+    hi[a] = X[a] + radius * (1 + 1e-12);
+  }
+  PetscCall(MeshNodesInBox(c->mesh, lo, hi, &n, &list));
+  for (PetscInt begin = 0; begin < n; begin += CHUNK) {
+    const PetscInt m = PetscMin(CHUNK, n - begin);
+
+    for (PetscInt i = 0; i < m; i++)
+      for (PetscInt a = 0; a < dim; a++) x[i * dim + a] = c->loc->x[list[begin + i] * dim + a];
+    PetscCall(BodiesDistance(c->bodies, k, X, c->q[k], m, x, d));
+    for (PetscInt i = 0; i < m; i++) {
+      if (d[i] > 0 || c->node_body[list[begin + i]] >= 0) continue;
+      c->node_body[list[begin + i]] = k;
+      c->marked[c->nmarked++]       = list[begin + i];
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode mark_bodies(Couple c)
+{
+  const MeshLocal *l = c->loc;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < c->nmarked; i++) c->node_body[c->marked[i]] = -1;
+  c->nmarked = 0;
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    const PetscReal radius = c->s->group[c->s->body_group[k]].radius;
+
+    for (PetscInt image = 0; image < (l->dim == 2 ? 9 : 27); image++) { /* 13 (4) is the body itself */
+      const PetscInt shift[3] = {image % 3 - 1, (image / 3) % 3 - 1, l->dim == 2 ? 0 : image / 9 - 1};
+      PetscReal      X[3];
+      PetscBool      reaches = PETSC_TRUE;
+
+      for (PetscInt a = 0; a < 3; a++) {
+        X[a] = c->X[k][a] + shift[a] * l->period[a];
+        if (shift[a] && (l->period[a] == 0 || X[a] + radius < l->lower[a] || X[a] - radius > l->upper[a])) reaches = PETSC_FALSE;
+      }
+      if (reaches) PetscCall(mark_image(c, k, X));
+    }
+  }
+  c->stamp_now++;
+  c->ntouched = 0;
+  for (PetscInt i = 0; i < c->nmarked; i++) {
+    for (PetscInt q = l->node_cell_ptr[c->marked[i]]; q < l->node_cell_ptr[c->marked[i] + 1]; q++) {
+      const PetscInt cell = l->node_cell[q];
+
+      if (cell >= l->ncell || c->stamp[cell] == c->stamp_now) continue;
+      c->stamp[cell]            = c->stamp_now;
+      c->touched[c->ntouched++] = cell;
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Inertia D = c_t (rho_s - rho_f) (Vol; I) and right-hand side (rho_s - rho_f) (Vol; I) d(U) + (rho_s - rho_f) Vol g + contact of the rigid rows */
+static PetscErrorCode fill_rigid_rows(Couple c)
+{
+  const FlowStep       *step;
+  const FlowParameters *par;
+  const PetscInt        nr = c->nr, dim = c->loc->dim;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetStep(c->flow, &step));
+  PetscCall(FlowGetParameters(c->flow, &par));
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    const PetscReal excess = c->s->group[c->s->body_group[k]].density - par->density;
+    PetscReal       M[36], *g = c->g + k * nr, L[3], J[3][3];
+
+    PetscCall(get_rigid_mass(c, k, M));
+    for (PetscInt i = 0; i < nr; i++) {
+      g[i] = *rigid_component(c, c->s->contact_force, c->s->contact_torque, k, i);
+      if (i < dim) g[i] += excess * M[0] * par->gravity[i];
+      for (PetscInt j = 0; j < nr; j++) {
+        c->D[(k * nr + i) * nr + j] = step->ct * excess * M[i * nr + j];
+        g[i] += excess * M[i * nr + j] * (step->d0 * *rigid_component(c, c->s->u, c->s->w, k, j) + step->d1 * *rigid_component(c, c->s->u_old, c->s->w_old, k, j));
+      }
+    }
+    if (dim == 3) { /* gyroscopic torque - w x (J w), at the beginning of the step */
+      PetscCall(get_inertia(c, k, J));
+      for (PetscInt a = 0; a < 3; a++) L[a] = J[a][0] * c->s->w[k][0] + J[a][1] * c->s->w[k][1] + J[a][2] * c->s->w[k][2];
+      for (PetscInt a = 0; a < 3; a++) g[3 + a] -= excess * (c->s->w[k][(a + 1) % 3] * L[(a + 2) % 3] - c->s->w[k][(a + 2) % 3] * L[(a + 1) % 3]);
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleDraw(Couple c)
+{
+  const FlowStep  *step;
+  const PetscInt  *fixed;
+  const PetscReal *value;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscLogEventBegin(TB_MARK, 0, 0, 0, 0));
+  PetscCall(FlowGetStep(c->flow, &step));
+  PetscCall(FlowGetBoundaryValues(c->flow, &fixed, &value));
+  PetscCall(place_bodies(c));
+  PetscCall(mark_bodies(c));
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    c->unknown[k] = 0;
+    for (PetscInt i = 0; i < c->nr; i++) {
+      const PetscReal u = *rigid_component(c, c->s->u, c->s->w, k, i), u_old = *rigid_component(c, c->s->u_old, c->s->w_old, k, i);
+
+      if (c->implicit && is_free(c, k, i)) c->unknown[k] |= 1 << i;
+      c->U[k * c->nr + i] = (c->unknown[k] >> i) & 1 && step->order == 2 ? 2 * u - u_old : u;
+    }
+  }
+  PetscCall(ConstraintSetBoundary(c->constraint, fixed, value));
+  if (c->s->n) {
+    PetscCall(ConstraintSetBodies(c->constraint, c->node_body, c->X, c->unknown, c->U, NULL));
+    PetscCall(fill_rigid_rows(c));
+    PetscCall(FlowSolverSetRigid(c->solver, c->D));
+  }
+  PetscCall(PetscLogEventEnd(TB_MARK, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleSolve(Couple c, PetscInt *its, KSPConvergedReason *reason)
+{
+  PetscFunctionBeginUser;
+  PetscCall(FlowAssemble(c->flow));
+  PetscCall(FlowSolverSetUp(c->solver));
+  PetscCall(FlowRhs(c->flow, c->rhs));
+  PetscCall(FlowExtrapolate(c->flow, c->u, c->p));
+  PetscCall(FlowSolverSolve(c->solver, c->rhs, c->g, c->u, c->p, c->U, its, reason));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- forces ---- */
+
+/* -sum over the body's nodes of R^T (momentum residual), for all bodies: out [n][nr] */
+static PetscErrorCode sum_residuals(Couple c, PetscReal out[])
+{
+  const MeshLocal *l  = c->loc;
+  const PetscInt  *body, nr = c->nr, dim = l->dim;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetNodeBody(c->constraint, &body));
+  PetscCall(PetscArrayzero(out, c->s->n * nr));
+  for (PetscInt t = 0; t < c->ntouched; t++) {
+    const PetscInt *node = l->cell_node + c->touched[t] * l->nb;
+    PetscReal       r[MESH_MAX_NB * 3], R[18];
+
+    PetscCall(FlowCellResidual(c->flow, c->touched[t], c->u, c->p, r));
+    for (PetscInt j = 0; j < l->nb; j++) {
+      const PetscInt k = body[node[j]];
+
+      if (k < 0) continue;
+      PetscCall(ConstraintRigidMap(c->constraint, node[j], k, R));
+      for (PetscInt s = 0; s < nr; s++)
+        for (PetscInt a = 0; a < dim; a++) out[k * nr + s] -= R[a * nr + s] * r[j * dim + a];
+    }
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, out, (PetscMPIInt)(c->s->n * nr), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The volume integral -int sigma . grad(alpha_k) of all bodies (only = -1) or of one: force and torque [n][3] */
+static PetscErrorCode integrate_stress(Couple c, PetscInt only, PetscReal (*force)[3], PetscReal (*torque)[3])
+{
+  const MeshLocal *l = c->loc;
+  const PetscInt  *body;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetNodeBody(c->constraint, &body));
+  PetscCall(PetscMemzero(force, c->s->n * sizeof(*force)));
+  PetscCall(PetscMemzero(torque, c->s->n * sizeof(*torque)));
+  for (PetscInt t = 0; t < c->ntouched; t++) {
+    const PetscInt *node = l->cell_node + c->touched[t] * l->nb;
+
+    for (PetscInt j = 0; j < l->nb; j++) {
+      const PetscInt k = body[node[j]];
+      PetscReal      alpha[MESH_MAX_NB];
+      PetscBool      first = PETSC_TRUE, whole = PETSC_TRUE;
+
+      if (k < 0 || (only >= 0 && k != only)) continue;
+      for (PetscInt m = 0; m < l->nb; m++) {
+        alpha[m] = body[node[m]] == k;
+        if (m < j && alpha[m] > 0) first = PETSC_FALSE;
+        if (alpha[m] == 0) whole = PETSC_FALSE;
+      }
+      if (first && !whole) PetscCall(FlowCellStressForce(c->flow, c->touched[t], c->u, c->p, alpha, c->X[k], force[k], torque[k]));
+    }
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, force, (PetscMPIInt)(3 * c->s->n), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, torque, (PetscMPIInt)(3 * c->s->n), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Residual-form force of body k on its rigid slots: own equation where the velocity was unknown, nodal residual plus inertia of the fictitious fluid otherwise */
+static PetscErrorCode residual_force(Couple c, PetscInt k, PetscReal out[])
+{
+  const FlowStep       *step;
+  const FlowParameters *par;
+  const PetscInt        nr = c->nr;
+  const PetscReal       rho_s = c->s->group[c->s->body_group[k]].density;
+  PetscReal             M[36], a[6], d[6];
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetStep(c->flow, &step));
+  PetscCall(FlowGetParameters(c->flow, &par));
+  PetscCall(get_rigid_mass(c, k, M));
+  for (PetscInt i = 0; i < nr; i++) {
+    d[i] = step->d0 * *rigid_component(c, c->s->u, c->s->w, k, i) + step->d1 * *rigid_component(c, c->s->u_old, c->s->w_old, k, i);
+    a[i] = step->ct * c->U[k * nr + i] - d[i];
+  }
+  for (PetscInt i = 0; i < nr; i++) {
+    PetscReal inertia = 0, excess = 0;
+
+    for (PetscInt j = 0; j < nr; j++) {
+      inertia += par->density * M[i * nr + j] * a[j];
+      excess += (rho_s - par->density) * M[i * nr + j] * (a[j] + d[j]);
+    }
+    /* rows of the solved system: R^T residual = g - D U = g - excess */
+    out[i] = inertia + ((c->unknown[k] >> i) & 1 ? excess - c->g[k * nr + i] : c->residual[k * nr + i]);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleForce(Couple c)
+{
+  PetscBool known = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  if (!c->s->n) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscLogEventBegin(TB_FORCE, 0, 0, 0, 0));
+  for (PetscInt k = 0; k < c->s->n; k++) known = (PetscBool)(known || c->unknown[k] != (1 << c->nr) - 1);
+  if (c->use_volume) {
+    PetscCall(integrate_stress(c, -1, c->s->force, c->s->torque));
+  } else {
+    if (known) PetscCall(sum_residuals(c, c->residual));
+    for (PetscInt k = 0; k < c->s->n; k++) {
+      PetscReal f[6];
+
+      PetscCall(residual_force(c, k, f));
+      for (PetscInt i = 0; i < c->nr; i++) *rigid_component(c, c->s->force, c->s->torque, k, i) = f[i];
+    }
+  }
+  PetscCall(PetscLogEventEnd(TB_FORCE, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleForceForms(Couple c, PetscInt k, PetscReal residual[6], PetscReal volume[6])
+{
+  PetscReal (*force)[3], (*torque)[3], f[6];
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc2(c->s->n, &force, c->s->n, &torque));
+  PetscCall(integrate_stress(c, k, force, torque));
+  for (PetscInt a = 0; a < 3; a++) {
+    volume[a]     = force[k][a];
+    volume[3 + a] = torque[k][a];
+  }
+  PetscCall(sum_residuals(c, c->residual));
+  PetscCall(residual_force(c, k, f));
+  for (PetscInt i = 0; i < c->nr; i++) *rigid_component(c, force, torque, k, i) = f[i];
+  for (PetscInt a = 0; a < 3; a++) {
+    residual[a]     = force[k][a];
+    residual[3 + a] = torque[k][a];
+  }
+  if (c->loc->dim == 2) residual[2] = residual[3] = residual[4] = 0;
+  PetscCall(PetscFree2(force, torque));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What the prescribed boundary components supply: sum of the momentum residual over them */
+static PetscErrorCode sum_wall_residual(Couple c, PetscReal wall[3])
+{
+  const MeshLocal *l = c->loc;
+  const PetscInt  *fixed;
+  const PetscReal *value;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetBoundaryValues(c->flow, &fixed, &value));
+  wall[0] = wall[1] = wall[2] = 0;
+  for (PetscInt cell = 0; cell < l->ncell; cell++) {
+    const PetscInt *node = l->cell_node + cell * l->nb;
+    PetscReal       r[MESH_MAX_NB * 3];
+    PetscInt        any = 0;
+
+    for (PetscInt j = 0; j < l->nb; j++) any |= fixed[node[j]];
+    if (!any) continue;
+    PetscCall(FlowCellResidual(c->flow, cell, c->u, c->p, r));
+    for (PetscInt j = 0; j < l->nb; j++)
+      for (PetscInt a = 0; a < l->dim; a++)
+        if ((fixed[node[j]] >> a) & 1) wall[a] += r[j * l->dim + a];
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, wall, 3, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleMomentumError(Couple c, const PetscReal rate[3], PetscReal *error)
+{
+  const FlowParameters *par;
+  const FlowStep       *step;
+  PetscReal             supply[3], scale = 0, diff = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetParameters(c->flow, &par));
+  PetscCall(FlowGetStep(c->flow, &step));
+  PetscCall(sum_wall_residual(c, supply));
+  for (PetscInt a = 0; a < 3; a++) scale += PetscAbsReal(supply[a]) + PetscAbsReal(rate[a]);
+  for (PetscInt k = 0; k < c->s->n; k++) { /* body on fluid = -F + inertia of the fictitious fluid inside */
+    PetscReal volume;
+
+    PetscCall(BodiesGetVolume(c->bodies, k, &volume));
+    for (PetscInt a = 0; a < c->loc->dim; a++) {
+      const PetscReal accel = step->ct * c->U[k * c->nr + a] - step->d0 * c->s->u[k][a] - step->d1 * c->s->u_old[k][a];
+
+      supply[a] += par->density * volume * accel - c->s->force[k][a];
+      scale += PetscAbsReal(c->s->force[k][a]);
+    }
+  }
+  for (PetscInt a = 0; a < 3; a++) diff = PetscMax(diff, PetscAbsReal(rate[a] - supply[a]));
+  *error = scale > 0 ? diff / scale : 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- advancing ---- */
+
+/* Explicit coupling of a light body: the velocity change alternates in sign and grows from step to step (the added mass acts one step late). */
+static PetscErrorCode detect_blow_up(Couple c)
+{
+  const FlowStep       *step;
+  const FlowParameters *par;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetStep(c->flow, &step));
+  PetscCall(FlowGetParameters(c->flow, &par));
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    const BodyGroup *group = c->s->group + c->s->body_group[k];
+    PetscReal        du[3], size = 0, dot = 0;
+
+    if (!group->free) continue;
+    for (PetscInt a = 0; a < 3; a++) {
+      du[a] = c->s->u[k][a] - c->s->u_old[k][a];
+      size += du[a] * du[a];
+      dot += du[a] * c->du_old[3 * k + a];
+      size = PetscIsInfOrNanReal(du[a]) ? PETSC_INFINITY : size;
+    }
+    {
+      const PetscReal *o        = c->du_old + 3 * k;
+      const PetscReal  old_size = o[0] * o[0] + o[1] * o[1] + o[2] * o[2];
+
+      c->growth[k] = dot < 0 && size > 1.1 * old_size ? c->growth[k] + 1 : 0;
+    }
+    PetscCheck(size < PETSC_INFINITY && c->growth[k] < 4 && PetscSqrtReal(size) * step->dt < 2 * group->radius, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "Body %" PetscInt_FMT " (group '%s', density ratio %g) oscillates with growing velocity, |dU| = %g in one step: explicit coupling is unstable for light bodies because the added mass acts one step late, "
+               "and a smaller -sim_dt makes it worse. Use -couple_type implicit",
+               k, group->name, (double)(group->density / par->density), (double)PetscSqrtReal(size));
+    for (PetscInt a = 0; a < 3; a++) c->du_old[3 * k + a] = du[a];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleAdvance(Couple c)
+{
+  const FlowStep       *step;
+  const FlowParameters *par;
+  BodyState            *s = c->s;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscLogEventBegin(TB_ADVANCE, 0, 0, 0, 0));
+  PetscCall(FlowGetStep(c->flow, &step));
+  PetscCall(FlowGetParameters(c->flow, &par));
+  if (s->n && c->implicit) {
+    for (PetscInt k = 0; k < s->n; k++) {
+      for (PetscInt i = 0; i < c->nr; i++) {
+        *rigid_component(c, s->u_old, s->w_old, k, i) = *rigid_component(c, s->u, s->w, k, i);
+        *rigid_component(c, s->u, s->w, k, i)         = c->U[k * c->nr + i];
+      }
+    }
+    PetscCall(BodiesAdvancePosition(c->bodies, step->dt, step->order == 2 ? 0.5 : 1));
+  } else if (s->n) {
+    PetscCall(BodiesAdvanceVelocity(c->bodies, step->dt, par->density, par->gravity));
+    PetscCall(detect_blow_up(c));
+    PetscCall(BodiesAdvancePosition(c->bodies, step->dt, 1));
+  }
+  PetscCall(FlowAcceptStep(c->flow, c->u, c->p));
+  PetscCall(PetscLogEventEnd(TB_ADVANCE, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- life cycle ---- */
+
+PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
+{
+  Couple   c;
+  PetscInt n, nn, boundary = 0, type = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&c));
+  c->flow   = flow;
+  c->bodies = bodies;
+  PetscCall(BodiesGetState(bodies, &c->s));
+  PetscCall(FlowGetMesh(flow, &c->mesh));
+  PetscCall(MeshGetLocal(c->mesh, &c->loc));
+  n = c->s->n;
+  if (n) {
+    PetscCall(OptChoice("-couple_type", "bodies and flow in one system, or the bodies' velocity known from the last step", TYPES, &type));
+    PetscCall(OptChoice("-couple_boundary", "how the flow sees the surface of a body", BOUNDARIES, &boundary));
+    PetscCall(OptChoice("-couple_force", "form of the hydrodynamic force", FORCES, &c->use_volume));
+  }
+  c->implicit = type == 0;
+  PetscCall(ConstraintCreate(c->mesh, n, &c->constraint));
+  PetscCall(ConstraintGetRigidSize(c->constraint, &c->nr));
+  PetscCall(FlowSolverCreate(flow, c->constraint, &c->solver));
+  nn = n * c->nr;
+  PetscCall(PetscMalloc4(c->loc->nnode_all, &c->node_body, c->loc->nnode_all, &c->marked, c->loc->ncell, &c->touched, c->loc->ncell, &c->stamp));
+  for (PetscInt i = 0; i < c->loc->nnode_all; i++) c->node_body[i] = -1;
+  PetscCall(PetscArrayzero(c->stamp, c->loc->ncell));
+  PetscCall(PetscCalloc5(n, &c->X, n, &c->q, n, &c->unknown, 3 * n, &c->du_old, n, &c->growth));
+  PetscCall(PetscCalloc4(nn, &c->U, nn * c->nr, &c->D, nn, &c->g, nn, &c->residual));
+  PetscCall(PetscCalloc3(c->loc->nnode_all * c->loc->dim, &c->u, c->loc->ncell * (c->loc->dim + 1), &c->p, c->loc->nnode_all * c->loc->dim, &c->rhs));
+  *couple = c;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleDestroy(Couple *couple)
+{
+  Couple c = *couple;
+
+  PetscFunctionBeginUser;
+  if (!c) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(FlowSolverDestroy(&c->solver));
+  PetscCall(ConstraintDestroy(&c->constraint));
+  PetscCall(PetscFree4(c->node_body, c->marked, c->touched, c->stamp));
+  PetscCall(PetscFree5(c->X, c->q, c->unknown, c->du_old, c->growth));
+  PetscCall(PetscFree4(c->U, c->D, c->g, c->residual));
+  PetscCall(PetscFree3(c->u, c->p, c->rhs));
+  PetscCall(PetscFree(*couple));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleView(Couple c, PetscViewer viewer)
+{
+  PetscFunctionBeginUser;
+  if (c->s->n) PetscCall(PetscViewerASCIIPrintf(viewer, "coupling: %s, boundary nodal, force in %s form\n", TYPES[!c->implicit], FORCES[c->use_volume]));
+  else PetscCall(PetscViewerASCIIPrintf(viewer, "coupling: none (no bodies)\n"));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleGetSolver(Couple c, FlowSolver *solver)
+{
+  PetscFunctionBeginUser;
+  *solver = c->solver;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleGetNodeBody(Couple c, const PetscInt *node_body[])
+{
+  PetscFunctionBeginUser;
+  *node_body = c->node_body;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleGetSolution(Couple c, const PetscReal *u[], const PetscReal *p[])
+{
+  PetscFunctionBeginUser;
+  *u = c->u;
+  *p = c->p;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,933 @@
+/* FlowSolver: see flowsolve.h for the system and the method.
+
+   Layout of all vectors of the system: on every rank the reduced velocity (own nodes x dim, then the rigid slots of own bodies), then the pressure of own cells.
+   The velocity operator, its SOR sweep and B are applied from the scalar matrix and from cell matrices, for all components in one pass. */
+#include "compat.h"
+#include "flowsolve.h"
+#include "log.h"
+#include "opt.h"
+#include "pressure.h"
+
+typedef enum {
+  SCHUR_AUTO,
+  SCHUR_PROJECTION,
+  SCHUR_COMMUTATOR
+} SchurType;
+
+struct _p_FlowSolver {
+  Flow             flow;
+  Constraint       constraint;
+  Mesh             mesh;
+  const MeshLocal *loc;
+  PetscInt         nodal, nur, np, nbodies, nr; /* local sizes: nodal slots, u_r, p */
+  PetscInt         schur;
+  PetscBool        commute; /* in this step */
+  Mat              S, A;    /* scalar matrix; the same for all components */
+  Mat              Ar, G, B, nest, Ar_assembled, whole; /* shells P^T A P + D, -P^T B^T, B P; block operator; assembled forms when needed */
+  PetscBool        need_Ar, need_whole;
+  Vec              xn, yn; /* nodal views of parts of reduced vectors */
+  PetscReal       *D;      /* [nbodies][nr][nr] */
+  PetscReal       *body_inverse; /* [own bodies][nr][nr] inverse of the body's diagonal block of Ar */
+  PetscReal       *mass_inverse; /* [nbodies][nr][nr] of its block of M_r, on every rank; zero for known degrees of freedom */
+  PetscReal       *diagonal_inverse; /* [nodal] of A, zero at inert slots */
+  PetscReal       *weight;       /* [nnode_all][dim] inverse of M_r on free slots, eps times that on body nodes, zero at walls */
+  PetscReal       *saved, *local; /* work: values at inert slots; nodal array with ghosts */
+  PetscInt         nsaved;
+  PetscInt        *ghost_of_column; /* off-diagonal columns of S -> local nodes */
+  Pressure         pressure;        /* the projected pressure operator */
+  KSP              ksp;
+  PC               split; /* the inner PCFIELDSPLIT */
+  KSP             *sub;
+  Vec              b, x, t_u, t_u2, t_p;
+};
+
+static const char *const RECIPES[] = {"fast", "balanced", "accurate", "direct", NULL};
+static const char *const SCHURS[]  = {"auto", "projection", "commutator", NULL};
+
+/* ---- small dense blocks ---- */
+
+/* Inverse of a symmetric positive definite n x n matrix (n <= 6); rows of unused unknowns are identity */
+static void invert_small(PetscInt n, const PetscReal M[], PetscReal inv[])
+{
+  PetscReal a[36];
+
+  for (PetscInt i = 0; i < n * n; i++) {
+    a[i]   = M[i];
+    inv[i] = i % (n + 1) == 0;
+  }
+  for (PetscInt k = 0; k < n; k++) { /* Gauss-Jordan; no pivoting for definite matrices */
+    const PetscReal pivot = 1 / a[k * n + k];
+
+    for (PetscInt j = 0; j < n; j++) {
+      a[k * n + j] *= pivot;
+      inv[k * n + j] *= pivot;
+    }
+    for (PetscInt i = 0; i < n; i++) {
+      const PetscReal factor = a[i * n + k];
+
+      if (i == k || factor == 0) continue;
+      for (PetscInt j = 0; j < n; j++) {
+        a[i * n + j] -= factor * a[k * n + j];
+        inv[i * n + j] -= factor * inv[k * n + j];
+      }
+    }
+  }
+}
+
+static void multiply_small(PetscInt n, const PetscReal M[], const PetscReal x[], PetscReal y[])
+{
+  for (PetscInt i = 0; i < n; i++) {
+    y[i] = 0;
+    for (PetscInt j = 0; j < n; j++) y[i] += M[i * n + j] * x[j];
+  }
+}
+
+/* ---- the projected velocity operator ---- */
+
+/* y = (P^T A P + D) x with identity on inert slots. x is changed for the moment of the product and put back. */
+static PetscErrorCode mult_velocity(Mat mat, Vec x, Vec y)
+{
+  FlowSolver       fs;
+  const PetscReal *xr;
+  PetscReal       *xa, *ya;
+  const PetscInt  *slot, *unknown;
+  PetscInt         ninert, first, count;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(mat, &fs));
+  PetscCall(PetscLogEventBegin(TB_VEL_MULT, 0, 0, 0, 0));
+  PetscCall(ConstraintGetInert(fs->constraint, &ninert, &slot));
+  PetscCall(ConstraintGetOwnBodies(fs->constraint, &first, &count));
+  PetscCall(ConstraintGetUnknown(fs->constraint, &unknown));
+  PetscCall(VecGetArrayRead(x, &xr));
+  PetscCall(VecGetArrayWrite(y, &ya));
+  xa = (PetscReal *)xr;
+  PetscCall(ConstraintExpandInPlace(fs->constraint, xr + fs->nodal, xa, fs->saved));
+  PetscCall(VecPlaceArray(fs->xn, xa));
+  PetscCall(VecPlaceArray(fs->yn, ya));
+  PetscCall(MatMult(fs->A, fs->xn, fs->yn));
+  PetscCall(VecResetArray(fs->xn));
+  PetscCall(VecResetArray(fs->yn));
+  PetscCall(ConstraintPutBack(fs->constraint, fs->saved, xa));
+  for (PetscInt k = 0; k < count; k++) {
+    multiply_small(fs->nr, fs->D + (first + k) * fs->nr * fs->nr, xr + fs->nodal + k * fs->nr, ya + fs->nodal + k * fs->nr);
+    for (PetscInt s = 0; s < fs->nr; s++)
+      if (!((unknown[first + k] >> s) & 1)) ya[fs->nodal + k * fs->nr + s] = xr[fs->nodal + k * fs->nr + s];
+  }
+  PetscCall(ConstraintReduceInPlace(fs->constraint, ya, ya + fs->nodal));
+  for (PetscInt j = 0; j < ninert; j++) ya[slot[j]] = xr[slot[j]];
+  PetscCall(VecRestoreArrayRead(x, &xr));
+  PetscCall(VecRestoreArrayWrite(y, &ya));
+  PetscCall(PetscLogEventEnd(TB_VEL_MULT, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode diagonal_velocity(Mat mat, Vec d)
+{
+  FlowSolver fs;
+  PetscReal *a;
+  PetscInt   first, count;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(mat, &fs));
+  PetscCall(ConstraintGetOwnBodies(fs->constraint, &first, &count));
+  PetscCall(VecGetArrayWrite(d, &a));
+  for (PetscInt i = 0; i < fs->nodal; i++) a[i] = fs->diagonal_inverse[i] > 0 ? 1 / fs->diagonal_inverse[i] : 1;
+  for (PetscInt i = 0; i < count * fs->nr; i++) a[fs->nodal + i] = 1 / fs->body_inverse[i / fs->nr * fs->nr * fs->nr + (i % fs->nr) * (fs->nr + 1)];
+  PetscCall(VecRestoreArrayWrite(d, &a));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The rank's own part of the scalar matrix as compressed rows */
+static PetscErrorCode get_rows(Mat S, Mat *diagonal_part, Mat *offdiagonal_part, const PetscInt **columns)
+{
+  PetscBool seq;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscObjectTypeCompare((PetscObject)S, MATSEQAIJ, &seq));
+  if (seq) {
+    *diagonal_part = S;
+    if (offdiagonal_part) *offdiagonal_part = NULL;
+    if (columns) *columns = NULL;
+  } else PetscCall(MatMPIAIJGetSeqAIJ(S, diagonal_part, offdiagonal_part, columns));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static inline __attribute__((always_inline)) void sweep_kernel(const int dim, PetscInt n, PetscBool forward, PetscBool lower_only, const PetscInt *restrict ai, const PetscInt *restrict aj, const PetscReal *restrict aa, const PetscReal *restrict dinv,
+                                                               const PetscReal *restrict b, PetscReal *restrict x)
+{
+  for (PetscInt k = 0; k < n; k++) {
+    const PetscInt i = forward ? k : n - 1 - k;
+    PetscReal      s[3];
+
+    for (int a = 0; a < dim; a++) s[a] = b[i * dim + a];
+    for (PetscInt q = ai[i]; q < ai[i + 1]; q++) {
+      const PetscInt j = aj[q];
+
+      if (lower_only && j >= i) break; /* columns ascend and the rest of x is still zero */
+      for (int a = 0; a < dim; a++) s[a] -= aa[q] * x[j * dim + a];
+    }
+    for (int a = 0; a < dim; a++) x[i * dim + a] += dinv[i * dim + a] * s[a];
+  }
+}
+
+/* Processor-local SOR (omega 1) for all components at once; inert slots have a zero inverse diagonal and stay as they are; the bodies' blocks are solved
+   against their right-hand side alone (block Jacobi). */
+static PetscErrorCode sor_velocity(Mat mat, Vec bv, PetscReal omega, MatSORType flag, PetscReal shift, PetscInt its, PetscInt lits, Vec xv)
+{
+  FlowSolver       fs;
+  Mat              Ad;
+  const PetscInt  *ai, *aj;
+  const PetscReal *aa, *b;
+  PetscReal       *x;
+  PetscInt         n, first, count, ninert;
+  const PetscInt  *slot;
+  PetscBool        done, zero = (PetscBool)((flag & SOR_ZERO_INITIAL_GUESS) != 0);
+
+  PetscFunctionBeginUser;
+  PetscCheck(omega == 1 && shift == 0, PetscObjectComm((PetscObject)mat), PETSC_ERR_SUP, "The velocity sweep knows no over-relaxation or shift (omega %g, shift %g): leave -flow_fieldsplit_velocity_pc_sor_omega at 1 or choose another pc_type", (double)omega, (double)shift);
+  PetscCall(MatShellGetContext(mat, &fs));
+  PetscCall(PetscLogEventBegin(TB_VEL_SWEEP, 0, 0, 0, 0));
+  PetscCall(ConstraintGetOwnBodies(fs->constraint, &first, &count));
+  PetscCall(ConstraintGetInert(fs->constraint, &ninert, &slot));
+  PetscCall(get_rows(fs->S, &Ad, NULL, NULL));
+  PetscCall(MatGetRowIJ(Ad, 0, PETSC_FALSE, PETSC_FALSE, &n, &ai, &aj, &done));
+  PetscCall(MatSeqAIJGetArrayRead(Ad, &aa));
+  PetscCall(VecGetArrayRead(bv, &b));
+  PetscCall(VecGetArray(xv, &x));
+  if (zero) PetscCall(PetscArrayzero(x, fs->nur));
+  for (PetscInt it = 0; it < its * lits; it++) {
+    if (flag & (SOR_FORWARD_SWEEP | SOR_LOCAL_FORWARD_SWEEP)) {
+      if (fs->loc->dim == 2) sweep_kernel(2, n, PETSC_TRUE, (PetscBool)(zero && it == 0), ai, aj, aa, fs->diagonal_inverse, b, x);
+      else sweep_kernel(3, n, PETSC_TRUE, (PetscBool)(zero && it == 0), ai, aj, aa, fs->diagonal_inverse, b, x);
+    }
+    if (flag & (SOR_BACKWARD_SWEEP | SOR_LOCAL_BACKWARD_SWEEP)) {
+      if (fs->loc->dim == 2) sweep_kernel(2, n, PETSC_FALSE, PETSC_FALSE, ai, aj, aa, fs->diagonal_inverse, b, x);
+      else sweep_kernel(3, n, PETSC_FALSE, PETSC_FALSE, ai, aj, aa, fs->diagonal_inverse, b, x);
+    }
+  }
+  for (PetscInt j = 0; j < ninert; j++) x[slot[j]] = b[slot[j]];
+  for (PetscInt k = 0; k < count; k++) multiply_small(fs->nr, fs->body_inverse + k * fs->nr * fs->nr, b + fs->nodal + k * fs->nr, x + fs->nodal + k * fs->nr);
+  PetscCall(VecRestoreArray(xv, &x));
+  PetscCall(VecRestoreArrayRead(bv, &b));
+  PetscCall(MatSeqAIJRestoreArrayRead(Ad, &aa));
+  PetscCall(MatRestoreRowIJ(Ad, 0, PETSC_FALSE, PETSC_FALSE, &n, &ai, &aj, &done));
+  PetscCall(PetscLogEventEnd(TB_VEL_SWEEP, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- B and its transpose, projected ---- */
+
+/* y = B P x */
+static PetscErrorCode mult_divergence(Mat mat, Vec x, Vec y)
+{
+  FlowSolver       fs;
+  const PetscReal *xr;
+  PetscReal       *ya;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(mat, &fs));
+  PetscCall(VecGetArrayRead(x, &xr));
+  PetscCall(VecGetArrayWrite(y, &ya));
+  PetscCall(PetscArraycpy(fs->local, xr, fs->nodal));
+  PetscCall(ConstraintExpandInPlace(fs->constraint, xr + fs->nodal, fs->local, NULL));
+  PetscCall(MeshSyncNodes(fs->mesh, fs->loc->dim, fs->local));
+  PetscCall(FlowDivergence(fs->flow, fs->local, ya));
+  PetscCall(VecRestoreArrayRead(x, &xr));
+  PetscCall(VecRestoreArrayWrite(y, &ya));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* y = -P^T B^T x */
+static PetscErrorCode mult_gradient(Mat mat, Vec x, Vec y)
+{
+  FlowSolver       fs;
+  const PetscReal *xr;
+  PetscReal       *ya;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(mat, &fs));
+  PetscCall(VecGetArrayRead(x, &xr));
+  PetscCall(VecGetArrayWrite(y, &ya));
+  PetscCall(FlowGradient(fs->flow, -1, xr, fs->local));
+  PetscCall(PetscArrayzero(ya + fs->nodal, fs->nur - fs->nodal));
+  PetscCall(ConstraintReduceInPlace(fs->constraint, fs->local, ya + fs->nodal));
+  PetscCall(PetscArraycpy(ya, fs->local, fs->nodal));
+  PetscCall(VecRestoreArrayRead(x, &xr));
+  PetscCall(VecRestoreArrayWrite(y, &ya));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* y = M_r^{-1} x with the projected lumped mass; inert slots give zero */
+static PetscErrorCode apply_mass_inverse(FlowSolver fs, Vec x, Vec y)
+{
+  const PetscReal *xr;
+  PetscReal       *ya;
+  const PetscInt  *slot;
+  PetscInt         first, count, ninert;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetOwnBodies(fs->constraint, &first, &count));
+  PetscCall(ConstraintGetInert(fs->constraint, &ninert, &slot));
+  PetscCall(VecGetArrayRead(x, &xr));
+  PetscCall(VecGetArray(y, &ya));
+  for (PetscInt i = 0; i < fs->nodal; i++) ya[i] = fs->weight[i] * xr[i];
+  for (PetscInt j = 0; j < ninert; j++) ya[slot[j]] = 0; /* the softness of body nodes belongs to S_p only */
+  for (PetscInt k = 0; k < count; k++) multiply_small(fs->nr, fs->mass_inverse + (first + k) * fs->nr * fs->nr, xr + fs->nodal + k * fs->nr, ya + fs->nodal + k * fs->nr);
+  PetscCall(VecRestoreArray(y, &ya));
+  PetscCall(VecRestoreArrayRead(x, &xr));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- numeric set-up ---- */
+
+/* block: P^T A P and M_r of body k, without D. Own bodies (own = index among them) keep the inverse of the first, all ranks that of the second. */
+static PetscErrorCode invert_body_blocks(FlowSolver fs, PetscInt k, PetscInt unknown, PetscInt own, PetscInt nown, PetscReal block[])
+{
+  const PetscInt nr = fs->nr, nn = nr * nr;
+
+  PetscFunctionBeginUser;
+  for (PetscInt s = 0; s < 2; s++) {
+    PetscReal *M = block + s * nn;
+
+    for (PetscInt e = 0; e < nn; e++) {
+      const PetscBool active = (PetscBool)((unknown >> (e / nr)) & 1 && (unknown >> (e % nr)) & 1);
+
+      M[e] = active ? M[e] + fs->D[k * nn + e] : (PetscReal)(e / nr == e % nr);
+    }
+    for (PetscInt a = 0; a < nr; a++)
+      PetscCheck(M[a * (nr + 1)] > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "Body %" PetscInt_FMT " has no effective inertia in the flow (%g): it covers too few nodes for its density; refine the mesh (-mesh_cells) or raise its density", k, (double)M[a * (nr + 1)]);
+  }
+  if (own >= 0 && own < nown) invert_small(nr, block, fs->body_inverse + own * nn);
+  invert_small(nr, block + nn, fs->mass_inverse + k * nn);
+  for (PetscInt a = 0; a < nr; a++)
+    if (!((unknown >> a) & 1)) fs->mass_inverse[k * nn + a * (nr + 1)] = 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* For each unknown body: blocks [nr][nr] of P^T A P and of the projected lumped mass, summed over ranks; then inverses with D added. */
+static PetscErrorCode set_up_body_blocks(FlowSolver fs)
+{
+  const MeshLocal *l  = fs->loc;
+  const PetscInt   nr = fs->nr, dim = l->dim, nn = nr * nr;
+  const PetscInt  *body, *unknown, *row_start[2] = {NULL, NULL}, *column[2] = {NULL, NULL}, *map;
+  const PetscReal *value[2] = {NULL, NULL}, *m;
+  const FlowStep  *step;
+  const FlowParameters *par;
+  PetscReal       *block;
+  PetscInt         n, first, count;
+  Mat              part[2];
+  PetscBool        done;
+
+  PetscFunctionBeginUser;
+  if (!fs->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ConstraintGetNodeBody(fs->constraint, &body));
+  PetscCall(ConstraintGetUnknown(fs->constraint, &unknown));
+  PetscCall(ConstraintGetOwnBodies(fs->constraint, &first, &count));
+  PetscCall(FlowGetLumpedMass(fs->flow, &m));
+  PetscCall(FlowGetStep(fs->flow, &step));
+  PetscCall(FlowGetParameters(fs->flow, &par));
+  PetscCall(PetscCalloc1(2 * fs->nbodies * nn, &block));
+  PetscCall(get_rows(fs->S, &part[0], &part[1], &map));
+  for (PetscInt s = 0; s < 2 && part[s]; s++) {
+    PetscCall(MatGetRowIJ(part[s], 0, PETSC_FALSE, PETSC_FALSE, &n, &row_start[s], &column[s], &done));
+    PetscCall(MatSeqAIJGetArrayRead(part[s], &value[s]));
+  }
+  for (PetscInt i = 0; i < l->nnode; i++) {
+    const PetscInt k = body[i];
+    PetscReal      Ri[18], Rj[18], *stiff, *mass;
+
+    if (k < 0 || !unknown[k]) continue;
+    stiff = block + 2 * k * nn;
+    mass  = stiff + nn;
+    PetscCall(ConstraintRigidMap(fs->constraint, i, k, Ri));
+    for (PetscInt s = 0; s < 2 && part[s]; s++) {
+      for (PetscInt q = row_start[s][i]; q < row_start[s][i + 1]; q++) {
+        const PetscInt j = s ? fs->ghost_of_column[column[s][q]] : column[s][q];
+
+        if (body[j] != k) continue;
+        PetscCall(ConstraintRigidMap(fs->constraint, j, k, Rj));
+        for (PetscInt e = 0; e < nn; e++)
+          for (PetscInt a = 0; a < dim; a++) stiff[e] += Ri[a * nr + e / nr] * value[s][q] * Rj[a * nr + e % nr];
+      }
+    }
+    for (PetscInt e = 0; e < nn; e++)
+      for (PetscInt a = 0; a < dim; a++) mass[e] += par->density * step->ct * m[i] * Ri[a * nr + e / nr] * Ri[a * nr + e % nr];
+  }
+  for (PetscInt s = 0; s < 2 && part[s]; s++) {
+    PetscCall(MatSeqAIJRestoreArrayRead(part[s], &value[s]));
+    PetscCall(MatRestoreRowIJ(part[s], 0, PETSC_FALSE, PETSC_FALSE, &n, &row_start[s], &column[s], &done));
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, block, (PetscMPIInt)(2 * fs->nbodies * nn), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  for (PetscInt k = 0; k < fs->nbodies; k++) PetscCall(invert_body_blocks(fs, k, unknown[k], k - first, count, block + 2 * k * nn));
+  PetscCall(PetscFree(block));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Inverse diagonal of A (zero at inert slots) and inverse lumped mass of M_r with softness at body nodes */
+static PetscErrorCode set_up_diagonals(FlowSolver fs)
+{
+  const MeshLocal *l = fs->loc;
+  const PetscInt   dim = l->dim, *body, *fixed, *slot;
+  const PetscReal *m, *d, *value;
+  const FlowStep  *step;
+  const FlowParameters *par;
+  PetscInt         ninert;
+  Vec              diagonal;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetNodeBody(fs->constraint, &body));
+  PetscCall(ConstraintGetInert(fs->constraint, &ninert, &slot));
+  PetscCall(FlowGetBoundaryValues(fs->flow, &fixed, &value));
+  PetscCall(FlowGetLumpedMass(fs->flow, &m));
+  PetscCall(FlowGetStep(fs->flow, &step));
+  PetscCall(FlowGetParameters(fs->flow, &par));
+  PetscCall(MatCreateVecs(fs->S, &diagonal, NULL));
+  PetscCall(MatGetDiagonal(fs->S, diagonal));
+  PetscCall(VecGetArrayRead(diagonal, &d));
+  for (PetscInt i = 0; i < fs->nodal; i++) fs->diagonal_inverse[i] = 1 / d[i / dim];
+  for (PetscInt j = 0; j < ninert; j++) fs->diagonal_inverse[slot[j]] = 0;
+  PetscCall(VecRestoreArrayRead(diagonal, &d));
+  PetscCall(VecDestroy(&diagonal));
+  for (PetscInt i = 0; i < l->nnode_all; i++) {
+    const PetscReal w = 1 / (par->density * step->ct * m[i]);
+
+    for (PetscInt a = 0; a < dim; a++) fs->weight[i * dim + a] = body[i] >= 0 ? w * PressureGetSoftness(fs->pressure) : (fixed[i] >> a) & 1 ? 0 : w;
+  }
+  if (fs->nsaved < ninert) {
+    PetscCall(PetscFree(fs->saved));
+    fs->nsaved = ninert + ninert / 4;
+    PetscCall(PetscMalloc1(fs->nsaved, &fs->saved));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* D and the identity of inert slots, as a matrix over u_r */
+static PetscErrorCode create_rigid_diagonal(FlowSolver fs, Mat *E)
+{
+  const PetscInt *slot, *unknown;
+  PetscInt        ninert, first, count, start;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetInert(fs->constraint, &ninert, &slot));
+  PetscCall(ConstraintGetOwnBodies(fs->constraint, &first, &count));
+  PetscCall(ConstraintGetUnknown(fs->constraint, &unknown));
+  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, fs->nur, fs->nur, PETSC_DETERMINE, PETSC_DETERMINE, PetscMax(fs->nr, 1), NULL, 0, NULL, E));
+  PetscCall(MatGetOwnershipRange(*E, &start, NULL));
+  for (PetscInt j = 0; j < ninert; j++) PetscCall(MatSetValue(*E, start + slot[j], start + slot[j], 1, INSERT_VALUES));
+  for (PetscInt k = 0; k < count; k++) {
+    for (PetscInt i = 0; i < fs->nr; i++) {
+      const PetscInt row = start + fs->nodal + k * fs->nr;
+
+      if (!((unknown[first + k] >> i) & 1)) PetscCall(MatSetValue(*E, row + i, row + i, 1, INSERT_VALUES));
+      else
+        for (PetscInt j = 0; j < fs->nr; j++) PetscCall(MatSetValue(*E, row + i, row + j, fs->D[((first + k) * fs->nr + i) * fs->nr + j], INSERT_VALUES));
+    }
+  }
+  PetscCall(MatAssemblyBegin(*E, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(*E, MAT_FINAL_ASSEMBLY));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* B as a matrix (own cells x own nodes) */
+static PetscErrorCode create_divergence_matrix(FlowSolver fs, Mat *B)
+{
+  const MeshLocal *l = fs->loc;
+  const PetscInt   dim = l->dim, n = l->nb * dim, nk = dim + 1;
+  const PetscReal *b;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetCellDivergence(fs->flow, &b));
+  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, fs->np, fs->nodal, PETSC_DETERMINE, PETSC_DETERMINE, n, NULL, n, NULL, B));
+  for (PetscInt c = 0; c < l->ncell; c++) {
+    PetscInt row[4], col[MESH_MAX_NB * 3];
+
+    for (PetscInt k = 0; k < nk; k++) row[k] = (l->cell_start + c) * nk + k;
+    for (PetscInt j = 0; j < n; j++) col[j] = l->node_global[l->cell_node[c * l->nb + j / dim]] * dim + j % dim;
+    PetscCall(MatSetValues(*B, nk, row, n, col, b + c * nk * n, INSERT_VALUES));
+  }
+  PetscCall(MatAssemblyBegin(*B, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(*B, MAT_FINAL_ASSEMBLY));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The assembled projected velocity matrix P^T A P + D */
+static PetscErrorCode assemble_velocity(FlowSolver fs, Mat P, Mat *out)
+{
+  Mat A, E;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatConvert(fs->A, MATAIJ, MAT_INITIAL_MATRIX, &A));
+  PetscCall(MatPtAP(A, P, MAT_INITIAL_MATRIX, 2, out));
+  PetscCall(MatDestroy(&A));
+  PetscCall(create_rigid_diagonal(fs, &E));
+  PetscCall(MatAXPY(*out, 1, E, DIFFERENT_NONZERO_PATTERN));
+  PetscCall(MatDestroy(&E));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The whole block matrix for a direct solver. A small negative definite pressure block (relative 1e-10) fixes undetermined pressures; the outer iteration removes its effect. */
+static PetscErrorCode assemble_whole(FlowSolver fs, Mat P, Mat Ar, Mat *out)
+{
+  Mat       B, Br, G, C, nest, block[4];
+  Vec       d;
+
+  PetscFunctionBeginUser;
+  PetscCall(create_divergence_matrix(fs, &B));
+  PetscCall(MatMatMult(B, P, MAT_INITIAL_MATRIX, PETSC_DEFAULT, &Br));
+  PetscCall(MatTranspose(Br, MAT_INITIAL_MATRIX, &G));
+  PetscCall(MatScale(G, -1));
+  PetscCall(PressureGetDiagonal(fs->pressure, fs->t_p));
+  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, fs->np, fs->np, PETSC_DETERMINE, PETSC_DETERMINE, 1, NULL, 0, NULL, &C));
+  PetscCall(VecDuplicate(fs->t_p, &d));
+  PetscCall(VecCopy(fs->t_p, d));
+  PetscCall(VecScale(d, 1e-10));
+  PetscCall(MatDiagonalSet(C, d, INSERT_VALUES));
+  block[0] = Ar;
+  block[1] = G;
+  block[2] = Br;
+  block[3] = C;
+  PetscCall(MatCreateNest(PETSC_COMM_WORLD, 2, NULL, 2, NULL, block, &nest));
+  PetscCall(MatConvert(nest, MATAIJ, MAT_INITIAL_MATRIX, out));
+  PetscCall(VecDestroy(&d));
+  PetscCall(MatDestroy(&nest));
+  PetscCall(MatDestroy(&C));
+  PetscCall(MatDestroy(&G));
+  PetscCall(MatDestroy(&Br));
+  PetscCall(MatDestroy(&B));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode assemble_on_demand(FlowSolver fs)
+{
+  Mat P;
+
+  PetscFunctionBeginUser;
+  if (!fs->need_Ar && !fs->need_whole) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(MatDestroy(&fs->Ar_assembled));
+  PetscCall(MatDestroy(&fs->whole));
+  PetscCall(ConstraintCreateMat(fs->constraint, &P));
+  PetscCall(assemble_velocity(fs, P, &fs->Ar_assembled));
+  if (fs->need_whole) PetscCall(assemble_whole(fs, P, fs->Ar_assembled, &fs->whole));
+  PetscCall(MatDestroy(&P));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- the preconditioner ---- */
+
+/* y = projection o fieldsplit (x), see the header */
+static PetscErrorCode apply_projection(PC pc, Vec x, Vec y)
+{
+  FlowSolver       fs;
+  const PetscReal *ya;
+  PetscReal       *yw;
+
+  PetscFunctionBeginUser;
+  PetscCall(PCShellGetContext(pc, &fs));
+  PetscCall(PCApply(fs->split, x, y));
+  PetscCall(VecGetArrayRead(y, &ya));
+  PetscCall(VecPlaceArray(fs->t_p, ya + fs->nur));
+  PetscCall(MatMult(fs->G, fs->t_p, fs->t_u)); /* -P^T B^T p */
+  PetscCall(VecResetArray(fs->t_p));
+  PetscCall(VecRestoreArrayRead(y, &ya));
+  PetscCall(apply_mass_inverse(fs, fs->t_u, fs->t_u2));
+  if (fs->commute) { /* p <- S_p^{-1} B M^{-1} A M^{-1} B^T p */
+    PetscCall(VecScale(fs->t_u2, -1));
+    PetscCall(MatMult(fs->Ar, fs->t_u2, fs->t_u));
+    PetscCall(apply_mass_inverse(fs, fs->t_u, fs->t_u2));
+    PetscCall(MatMult(fs->B, fs->t_u2, fs->t_p));
+    PetscCall(VecGetArray(y, &yw));
+    {
+      Vec p;
+
+      PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, fs->np, PETSC_DETERMINE, yw + fs->nur, &p));
+      PetscCall(KSPSolve(fs->sub[1], fs->t_p, p));
+      PetscCall(VecDestroy(&p));
+    }
+    PetscCall(VecRestoreArray(y, &yw));
+  } else {
+    PetscCall(VecGetArrayRead(fs->t_u2, &ya));
+    PetscCall(VecGetArray(y, &yw));
+    for (PetscInt i = 0; i < fs->nur; i++) yw[i] -= ya[i];
+    PetscCall(VecRestoreArray(y, &yw));
+    PetscCall(VecRestoreArrayRead(fs->t_u2, &ya));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode view_projection(PC pc, PetscViewer viewer)
+{
+  FlowSolver fs;
+
+  PetscFunctionBeginUser;
+  PetscCall(PCShellGetContext(pc, &fs));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "  fieldsplit, then %s\n", fs->commute ? "least-squares commutator" : "projection with the lumped mass"));
+  PetscCall(PetscViewerASCIIPushTab(viewer));
+  PetscCall(PCView(fs->split, viewer));
+  PetscCall(PetscViewerASCIIPopTab(viewer));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Set up the inner fieldsplit and point its pressure solver at S_p instead of the true Schur complement. */
+static PetscErrorCode set_up_projection(PC pc)
+{
+  FlowSolver fs;
+  PetscInt   n;
+  Mat        Sp, Sp_pre;
+
+  PetscFunctionBeginUser;
+  PetscCall(PCShellGetContext(pc, &fs));
+  PetscCall(PressureGetMats(fs->pressure, &Sp, &Sp_pre));
+  PetscCall(PCFieldSplitSetSchurPre(fs->split, PC_FIELDSPLIT_SCHUR_PRE_USER, Sp_pre));
+  PetscCall(PCSetUp(fs->split));
+  PetscCall(PetscFree(fs->sub));
+  PetscCall(PCFieldSplitSchurGetSubKSP(fs->split, &n, &fs->sub));
+  PetscCall(KSPSetOperators(fs->sub[1], Sp, Sp_pre));
+  PetscCall(PressureSetUpPC(fs->pressure, fs->sub[1]));
+  PetscCall(KSPSetUp(fs->sub[0]));
+  PetscCall(KSPSetUp(fs->sub[1]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- creation ---- */
+
+static PetscErrorCode set_recipe(FlowSolver fs)
+{
+  const char *outer[][2] = {{"1", "1e-10"}, {"200", "1e-6"}, {"200", "1e-9"}, {"20", "1e-10"}};
+  const char *inner[][2] = {{"1e-5", "1e-3"}, {"1e-2", "1e-2"}, {"1e-2", "1e-2"}, {"1e-2", "1e-2"}};
+  PetscInt    recipe = 1;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptChoice("-flow_recipe", "preset of the solver options; every one can be overridden", RECIPES, &recipe));
+  PetscCall(OptChoice("-flow_schur", "what follows the pressure solve (auto: by the viscous number of the step)", SCHURS, &fs->schur));
+  PetscCall(OptDefault("-flow_ksp_type", recipe == 0 ? "richardson" : "fgmres"));
+  PetscCall(OptDefault("-flow_ksp_max_it", outer[recipe][0]));
+  PetscCall(OptDefault("-flow_ksp_rtol", outer[recipe][1]));
+  if (recipe == 0) PetscCall(OptDefault("-flow_ksp_convergence_test", "skip"));
+  if (recipe > 0) PetscCall(OptDefault("-flow_ksp_gmres_restart", "60"));
+  if (recipe == 3) {
+    PetscCall(OptDefault("-flow_pc_type", "lu"));
+    PetscCall(OptDefault("-flow_pc_factor_mat_solver_type", "mumps"));
+  } else {
+    PetscCall(OptDefault("-flow_fieldsplit_velocity_ksp_type", "bcgs"));
+    PetscCall(OptDefault("-flow_fieldsplit_velocity_ksp_rtol", inner[recipe][0]));
+    PetscCall(OptDefault("-flow_fieldsplit_velocity_ksp_max_it", "200"));
+    PetscCall(OptDefault("-flow_fieldsplit_velocity_pc_type", "sor"));
+    PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_type", "cg"));
+    PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_rtol", inner[recipe][1]));
+    PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_max_it", "200"));
+    PetscCall(PressureSetDefaults());
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Which preconditioners need assembled matrices */
+static PetscErrorCode choose_assembly(FlowSolver fs)
+{
+  char      type[64];
+  PetscBool set, in;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscOptionsGetString(NULL, NULL, "-flow_pc_type", type, sizeof(type), &set));
+  fs->need_whole = set;
+  PetscCall(PetscOptionsGetString(NULL, NULL, "-flow_fieldsplit_velocity_pc_type", type, sizeof(type), &set));
+  if (fs->need_whole || !set) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscStrInList(type, "none,jacobi,sor", ',', &in));
+  fs->need_Ar = (PetscBool)!in;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode create_shell(FlowSolver fs, PetscInt m, PetscInt n, PetscErrorCode (*mult)(Mat, Vec, Vec), Mat *mat)
+{
+  PetscFunctionBeginUser;
+  PetscCall(MatCreateShell(PETSC_COMM_WORLD, m, n, PETSC_DETERMINE, PETSC_DETERMINE, fs, mat));
+  PetscCall(MatShellSetOperation(*mat, MATOP_MULT, (void (*)(void))mult));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode map_ghost_columns(FlowSolver fs)
+{
+  const MeshLocal *l = fs->loc;
+  const PetscInt  *garray;
+  PetscInt         n, nghost = l->nnode_all - l->nnode, *sorted, *where;
+  Mat              Ad, Ao;
+
+  PetscFunctionBeginUser;
+  PetscCall(get_rows(fs->S, &Ad, &Ao, &garray));
+  if (!Ao) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(MatGetLocalSize(Ao, NULL, &n));
+  PetscCall(PetscMalloc3(n, &fs->ghost_of_column, nghost, &sorted, nghost, &where));
+  for (PetscInt i = 0; i < nghost; i++) {
+    sorted[i] = l->node_global[l->nnode + i];
+    where[i]  = l->nnode + i;
+  }
+  PetscCall(PetscSortIntWithArray(nghost, sorted, where));
+  for (PetscInt j = 0; j < n; j++) {
+    PetscInt at;
+
+    PetscCall(PetscFindInt(garray[j], nghost, sorted, &at));
+    PetscCheck(at >= 0, PETSC_COMM_SELF, PETSC_ERR_PLIB, "Node %" PetscInt_FMT " is coupled to own nodes but is no ghost node", garray[j]);
+    fs->ghost_of_column[j] = where[at];
+  }
+  PetscCall(PetscFree2(sorted, where));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode create_operators(FlowSolver fs)
+{
+  Mat       block[4];
+  Vec       constant;
+  PetscBool floating;
+
+  PetscFunctionBeginUser;
+  PetscCall(create_shell(fs, fs->nur, fs->nur, mult_velocity, &fs->Ar));
+  PetscCall(MatShellSetOperation(fs->Ar, MATOP_GET_DIAGONAL, (void (*)(void))diagonal_velocity));
+  PetscCall(MatShellSetOperation(fs->Ar, MATOP_SOR, (void (*)(void))sor_velocity));
+  PetscCall(create_shell(fs, fs->nur, fs->np, mult_gradient, &fs->G));
+  PetscCall(create_shell(fs, fs->np, fs->nur, mult_divergence, &fs->B));
+  block[0] = fs->Ar;
+  block[1] = fs->G;
+  block[2] = fs->B;
+  block[3] = NULL;
+  PetscCall(MatCreateNest(PETSC_COMM_WORLD, 2, NULL, 2, NULL, block, &fs->nest));
+  PetscCall(MatCreateVecs(fs->nest, &fs->x, &fs->b));
+  PetscCall(ConstraintCreateVec(fs->constraint, &fs->t_u));
+  PetscCall(VecDuplicate(fs->t_u, &fs->t_u2));
+  PetscCall(VecCreateMPI(PETSC_COMM_WORLD, fs->np, PETSC_DETERMINE, &fs->t_p));
+  PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, fs->loc->dim, fs->nodal, PETSC_DETERMINE, NULL, &fs->xn));
+  PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, fs->loc->dim, fs->nodal, PETSC_DETERMINE, NULL, &fs->yn));
+  PetscCall(FlowPressureIsFloating(fs->flow, &floating));
+  if (floating) {
+    MatNullSpace null;
+    PetscReal   *a;
+
+    PetscCall(VecDuplicate(fs->x, &constant));
+    PetscCall(VecGetArrayWrite(constant, &a));
+    for (PetscInt i = 0; i < fs->nur; i++) a[i] = 0;
+    for (PetscInt i = 0; i < fs->np; i++) a[fs->nur + i] = i % (fs->loc->dim + 1) == 0;
+    PetscCall(VecRestoreArrayWrite(constant, &a));
+    PetscCall(VecNormalize(constant, NULL));
+    PetscCall(MatNullSpaceCreate(PETSC_COMM_WORLD, PETSC_FALSE, 1, &constant, &null));
+    PetscCall(MatSetNullSpace(fs->nest, null));
+    PetscCall(MatNullSpaceDestroy(&null));
+    PetscCall(VecDestroy(&constant));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode create_solvers(FlowSolver fs)
+{
+  PC pc;
+  IS is[2];
+
+  PetscFunctionBeginUser;
+  PetscCall(KSPCreate(PETSC_COMM_WORLD, &fs->ksp));
+  PetscCall(KSPSetOptionsPrefix(fs->ksp, "flow_"));
+  PetscCall(KSPSetInitialGuessNonzero(fs->ksp, PETSC_TRUE));
+  PetscCall(KSPGetPC(fs->ksp, &pc));
+  if (!fs->need_whole) {
+    PetscCall(PCSetType(pc, PCSHELL));
+    PetscCall(PCShellSetContext(pc, fs));
+    PetscCall(PCShellSetName(pc, "projection"));
+    PetscCall(PCShellSetSetUp(pc, set_up_projection));
+    PetscCall(PCShellSetApply(pc, apply_projection));
+    PetscCall(PCShellSetView(pc, view_projection));
+    PetscCall(PCCreate(PETSC_COMM_WORLD, &fs->split));
+    PetscCall(PCSetOptionsPrefix(fs->split, "flow_"));
+    PetscCall(PCSetType(fs->split, PCFIELDSPLIT));
+    PetscCall(MatNestGetISs(fs->nest, is, NULL));
+    PetscCall(PCFieldSplitSetIS(fs->split, "velocity", is[0]));
+    PetscCall(PCFieldSplitSetIS(fs->split, "pressure", is[1]));
+    PetscCall(PCFieldSplitSetType(fs->split, PC_COMPOSITE_SCHUR));
+    PetscCall(PCFieldSplitSetSchurFactType(fs->split, PC_FIELDSPLIT_SCHUR_FACT_LOWER));
+    PetscCall(PCSetFromOptions(fs->split));
+  }
+  PetscCall(KSPSetFromOptions(fs->ksp));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverCreate(Flow flow, Constraint constraint, FlowSolver *solver)
+{
+  FlowSolver fs;
+  PetscInt   first, count;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&fs));
+  fs->flow       = flow;
+  fs->constraint = constraint;
+  PetscCall(FlowGetMesh(flow, &fs->mesh));
+  PetscCall(MeshGetLocal(fs->mesh, &fs->loc));
+  PetscCall(ConstraintGetSizes(constraint, &fs->nodal, &fs->nur));
+  PetscCall(ConstraintGetRigidSize(constraint, &fs->nr));
+  PetscCall(ConstraintGetOwnBodies(constraint, &first, &count));
+  PetscCall(MPIU_Allreduce(&count, &fs->nbodies, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+  fs->np = fs->loc->ncell * (fs->loc->dim + 1);
+  PetscCall(set_recipe(fs));
+  PetscCall(choose_assembly(fs));
+  PetscCall(FlowGetMatrix(flow, &fs->S));
+  PetscCall(MatCreateMAIJ(fs->S, fs->loc->dim, &fs->A));
+  PetscCall(map_ghost_columns(fs));
+  PetscCall(PetscCalloc3(fs->nbodies * fs->nr * fs->nr, &fs->D, count * fs->nr * fs->nr, &fs->body_inverse, fs->nbodies * fs->nr * fs->nr, &fs->mass_inverse));
+  PetscCall(PetscCalloc3(fs->nodal, &fs->diagonal_inverse, fs->loc->nnode_all * fs->loc->dim, &fs->weight, fs->loc->nnode_all * fs->loc->dim, &fs->local));
+  PetscCall(PressureCreate(flow, constraint, &fs->pressure));
+  PetscCall(create_operators(fs));
+  PetscCall(create_solvers(fs));
+  *solver = fs;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverDestroy(FlowSolver *solver)
+{
+  FlowSolver fs = *solver;
+
+  PetscFunctionBeginUser;
+  if (!fs) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(KSPDestroy(&fs->ksp));
+  PetscCall(PetscFree(fs->sub));
+  PetscCall(PCDestroy(&fs->split));
+  PetscCall(PressureDestroy(&fs->pressure));
+  PetscCall(MatDestroy(&fs->A));
+  PetscCall(MatDestroy(&fs->Ar));
+  PetscCall(MatDestroy(&fs->G));
+  PetscCall(MatDestroy(&fs->B));
+  PetscCall(MatDestroy(&fs->nest));
+  PetscCall(MatDestroy(&fs->Ar_assembled));
+  PetscCall(MatDestroy(&fs->whole));
+  PetscCall(VecDestroy(&fs->xn));
+  PetscCall(VecDestroy(&fs->yn));
+  PetscCall(VecDestroy(&fs->b));
+  PetscCall(VecDestroy(&fs->x));
+  PetscCall(VecDestroy(&fs->t_u));
+  PetscCall(VecDestroy(&fs->t_u2));
+  PetscCall(VecDestroy(&fs->t_p));
+  PetscCall(PetscFree3(fs->D, fs->body_inverse, fs->mass_inverse));
+  PetscCall(PetscFree3(fs->diagonal_inverse, fs->weight, fs->local));
+  PetscCall(PetscFree(fs->saved));
+  PetscCall(PetscFree(fs->ghost_of_column));
+  PetscCall(PetscFree(*solver));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverView(FlowSolver fs, PetscViewer viewer)
+{
+  PetscInt n;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowSolverGetUnknowns(fs, &n));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "solver: %" PetscInt_FMT " unknowns, %s, velocity matrix %s\n", n, fs->need_whole ? "assembled saddle point system" : "fieldsplit with projected operators", fs->need_Ar || fs->need_whole ? "assembled" : "matrix-free over one scalar matrix"));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverGetUnknowns(FlowSolver fs, PetscInt *n)
+{
+  PetscFunctionBeginUser;
+  PetscCall(VecGetSize(fs->x, n));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverSetRigid(FlowSolver fs, const PetscReal D[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscArraycpy(fs->D, D, fs->nbodies * fs->nr * fs->nr));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Viscous number of the step: nu dt / h^2, with the smallest cell */
+static PetscErrorCode choose_schur(FlowSolver fs)
+{
+  const FlowParameters *par;
+  const FlowStep       *step;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetParameters(fs->flow, &par));
+  PetscCall(FlowGetStep(fs->flow, &step));
+  fs->commute = (PetscBool)(fs->schur == SCHUR_COMMUTATOR || (fs->schur == SCHUR_AUTO && par->viscosity * step->theta / (par->density * step->ct * fs->loc->h * fs->loc->h) > 2));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverSetUp(FlowSolver fs)
+{
+  PetscFunctionBeginUser;
+  PetscCall(choose_schur(fs));
+  PetscCall(set_up_diagonals(fs));
+  PetscCall(set_up_body_blocks(fs));
+  PetscCall(PressureUpdate(fs->pressure, fs->weight, fs->mass_inverse));
+  PetscCall(assemble_on_demand(fs));
+  PetscCall(MatAssemblyBegin(fs->Ar, MAT_FINAL_ASSEMBLY)); /* tell PETSc that the values behind the shells have changed */
+  PetscCall(MatAssemblyEnd(fs->Ar, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyBegin(fs->nest, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(fs->nest, MAT_FINAL_ASSEMBLY));
+  if (fs->split) PetscCall(PCSetOperators(fs->split, fs->nest, fs->nest));
+  if (fs->need_Ar) {
+    Mat block[4] = {fs->Ar_assembled, fs->G, fs->B, NULL}, pre;
+
+    PetscCall(MatCreateNest(PETSC_COMM_WORLD, 2, NULL, 2, NULL, block, &pre));
+    PetscCall(PCSetOperators(fs->split, fs->nest, pre));
+    PetscCall(MatDestroy(&pre));
+    PetscCall(PCFieldSplitSetDiagUseAmat(fs->split, PETSC_TRUE));
+    PetscCall(PCFieldSplitSetOffDiagUseAmat(fs->split, PETSC_TRUE));
+  }
+  PetscCall(KSPSetOperators(fs->ksp, fs->nest, fs->need_whole ? fs->whole : fs->nest));
+  PetscCall(KSPSetUp(fs->ksp));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* b = [P^T (r - A c) + g; -B c] */
+static PetscErrorCode build_rhs(FlowSolver fs, const PetscReal r[], const PetscReal g[])
+{
+  const PetscReal *known;
+  const PetscInt  *unknown;
+  PetscReal       *b, *c = fs->local;
+  PetscInt         first, count;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetKnown(fs->constraint, &known));
+  PetscCall(ConstraintGetUnknown(fs->constraint, &unknown));
+  PetscCall(ConstraintGetOwnBodies(fs->constraint, &first, &count));
+  PetscCall(VecGetArray(fs->b, &b));
+  PetscCall(PetscArraycpy(c, known, fs->loc->nnode_all * fs->loc->dim));
+  PetscCall(VecPlaceArray(fs->xn, c));
+  PetscCall(VecPlaceArray(fs->yn, b));
+  PetscCall(MatMult(fs->A, fs->xn, fs->yn));
+  PetscCall(VecResetArray(fs->xn));
+  PetscCall(VecResetArray(fs->yn));
+  for (PetscInt i = 0; i < fs->nodal; i++) b[i] = r[i] - b[i];
+  for (PetscInt i = 0; i < count * fs->nr; i++) b[fs->nodal + i] = (unknown[first + i / fs->nr] >> (i % fs->nr)) & 1 ? g[first * fs->nr + i] : 0;
+  PetscCall(ConstraintReduceInPlace(fs->constraint, b, b + fs->nodal));
+  PetscCall(FlowDivergence(fs->flow, c, b + fs->nur));
+  for (PetscInt i = fs->nur; i < fs->nur + fs->np; i++) b[i] = -b[i];
+  PetscCall(VecRestoreArray(fs->b, &b));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscReal g[], PetscReal u[], PetscReal p[], PetscReal U[], PetscInt *its, KSPConvergedReason *reason)
+{
+  PetscReal *x;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscLogEventBegin(TB_FLOW_SOLVE, 0, 0, 0, 0));
+  PetscCall(build_rhs(fs, r, g));
+  PetscCall(ConstraintRestrict(fs->constraint, u, U, fs->t_u));
+  PetscCall(VecGetArray(fs->x, &x));
+  {
+    const PetscReal *ur;
+
+    PetscCall(VecGetArrayRead(fs->t_u, &ur));
+    PetscCall(PetscArraycpy(x, ur, fs->nur));
+    PetscCall(VecRestoreArrayRead(fs->t_u, &ur));
+  }
+  PetscCall(PetscArraycpy(x + fs->nur, p, fs->np));
+  PetscCall(VecRestoreArray(fs->x, &x));
+  PetscCall(KSPSolve(fs->ksp, fs->b, fs->x));
+  PetscCall(KSPGetIterationNumber(fs->ksp, its));
+  PetscCall(KSPGetConvergedReason(fs->ksp, reason));
+  PetscCall(VecGetArray(fs->x, &x));
+  PetscCall(PetscArraycpy(p, x + fs->nur, fs->np));
+  PetscCall(VecPlaceArray(fs->t_u, x));
+  PetscCall(ConstraintExpand(fs->constraint, fs->t_u, u));
+  PetscCall(ConstraintGatherRigid(fs->constraint, fs->t_u, U));
+  PetscCall(VecResetArray(fs->t_u));
+  PetscCall(VecRestoreArray(fs->x, &x));
+  PetscCall(PetscLogEventEnd(TB_FLOW_SOLVE, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

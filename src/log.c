@@ -1,0 +1,36 @@
+/* Log classes, stages and events of the program, in one place.
+
+   Stages follow the phases of a step (Setup, Flow, Bodies, Output) so that the summary of -log_view splits into the
+   columns of the benchmark tables; events are the kernels within them. Times are in seconds, counted by PETSc.
+   It does not push or pop stages: the time loop does. */
+#include "compat.h"
+#include "log.h"
+
+PetscLogStage TB_STAGE_SETUP, TB_STAGE_FLOW, TB_STAGE_BODIES, TB_STAGE_OUTPUT;
+PetscLogEvent TB_FLOW_ASSEMBLE, TB_FLOW_RHS, TB_FLOW_DIV, TB_VEL_SWEEP, TB_VEL_MULT, TB_PRES_BUILD, TB_FLOW_SOLVE;
+PetscLogEvent TB_MARK, TB_FORCE, TB_ADVANCE, TB_CONTACT, TB_OUTPUT;
+
+PetscErrorCode LogInitialize(void)
+{
+  PetscClassId class;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscClassIdRegister("tumble", &class));
+  PetscCall(PetscLogStageRegister("Setup", &TB_STAGE_SETUP));
+  PetscCall(PetscLogStageRegister("Flow", &TB_STAGE_FLOW));
+  PetscCall(PetscLogStageRegister("Bodies", &TB_STAGE_BODIES));
+  PetscCall(PetscLogStageRegister("Output", &TB_STAGE_OUTPUT));
+  PetscCall(PetscLogEventRegister("FlowAssemble", class, &TB_FLOW_ASSEMBLE));
+  PetscCall(PetscLogEventRegister("FlowRhs", class, &TB_FLOW_RHS));
+  PetscCall(PetscLogEventRegister("FlowDiv", class, &TB_FLOW_DIV));
+  PetscCall(PetscLogEventRegister("VelocitySweep", class, &TB_VEL_SWEEP));
+  PetscCall(PetscLogEventRegister("VelocityMult", class, &TB_VEL_MULT));
+  PetscCall(PetscLogEventRegister("PressureBuild", class, &TB_PRES_BUILD));
+  PetscCall(PetscLogEventRegister("FlowSolve", class, &TB_FLOW_SOLVE));
+  PetscCall(PetscLogEventRegister("BodyMark", class, &TB_MARK));
+  PetscCall(PetscLogEventRegister("BodyForce", class, &TB_FORCE));
+  PetscCall(PetscLogEventRegister("BodyAdvance", class, &TB_ADVANCE));
+  PetscCall(PetscLogEventRegister("Contact", class, &TB_CONTACT));
+  PetscCall(PetscLogEventRegister("Output", class, &TB_OUTPUT));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

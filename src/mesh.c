@@ -1,0 +1,716 @@
+/* Mesh: construction, distribution and numbering of the Q2 nodes (see mesh.h).
+
+   A DMPlex of quadrilaterals or hexahedra is made or read, distributed, refined, and given one layer of ghost cells. Every mesh point then
+   gets one node, numbered in the order in which the cells (in cache-friendly order) touch them: neighbours in space are neighbours in memory.
+   Lengths are in the unit of the scene. Cells of other types and adaptive refinement are not handled. */
+#include "compat.h"
+#include "mesh.h"
+#include "opt.h"
+#include "partition.h"
+
+#define MAX_BOUNDARIES 32
+#define MAX_BLOCK      16
+
+struct _p_Mesh {
+  DM           dm;
+  MeshLocal    loc;
+  PetscInt    *cell_node, *cell_global, *node_global, *node_cell_ptr, *node_cell;
+  PetscReal   *x;
+  PetscSF      node_sf; /* ghost nodes -> owners, in local node numbers */
+  MPI_Datatype block[MAX_BLOCK];
+  PetscInt     nboundary;
+  char         boundary_name[MAX_BOUNDARIES][64];
+  PetscInt    *boundary_node[MAX_BOUNDARIES], boundary_count[MAX_BOUNDARIES];
+  /* background grid for MeshNodesInBox: nodes of bin b are bin_node[bin_ptr[b] .. bin_ptr[b + 1]) */
+  PetscInt  nbin[3], *bin_ptr, *bin_node, *found;
+  PetscReal bin_lower[3], bin_size[3];
+};
+
+/* ---- creation of the DMPlex ---- */
+
+typedef struct {
+  char      kind[16], file[PETSC_MAX_PATH_LEN];
+  PetscInt  dim, cells[3];
+  PetscReal lower[3], upper[3];
+  PetscBool periodic[3];
+} BoxOptions;
+
+static PetscErrorCode read_options(BoxOptions *o)
+{
+  const char *const kinds[] = {"box", "file", NULL};
+  PetscInt          kind = 0, n = 3;
+  char             *names[3];
+  PetscBool         given;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMemzero(o, sizeof(*o)));
+  o->dim = 2;
+  for (PetscInt d = 0; d < 3; d++) {
+    o->cells[d] = 16;
+    o->upper[d] = 1;
+  }
+  PetscCall(OptChoice("-mesh_kind", "where the mesh comes from", kinds, &kind));
+  PetscCall(PetscStrncpy(o->kind, kinds[kind], sizeof(o->kind)));
+  PetscCall(OptInt("-mesh_dimension", "space dimension of a box mesh", "", 2, 3, &o->dim));
+  PetscCall(OptIntArray("-mesh_cells", "cells along each axis", "", 1, 1000000, o->dim, o->cells, NULL));
+  PetscCall(OptRealArray("-mesh_lower", "lower corner of the box", "length", PETSC_MIN_REAL, PETSC_MAX_REAL, o->dim, o->lower, NULL));
+  PetscCall(OptRealArray("-mesh_upper", "upper corner of the box", "length", PETSC_MIN_REAL, PETSC_MAX_REAL, o->dim, o->upper, NULL));
+  PetscCall(OptStringArray("-mesh_periodic", "periodic axes, out of x, y, z", &n, names));
+  for (PetscInt i = 0; i < n; i++) {
+    const PetscInt axis = names[i][0] - 'x';
+
+    PetscCheck(axis >= 0 && axis < o->dim && !names[i][1], PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option -mesh_periodic: '%s' is not an axis of a %" PetscInt_FMT "D mesh: use x, y or z", names[i], o->dim);
+    o->periodic[axis] = PETSC_TRUE;
+    PetscCall(PetscFree(names[i]));
+  }
+  PetscCall(OptString("-mesh_file", "Gmsh file of quadrilaterals or hexahedra", o->file, sizeof(o->file)));
+  if (kind == 1) {
+    PetscCheck(o->file[0], PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "-mesh_kind file needs -mesh_file <name.msh>");
+    PetscCall(PetscTestFile(o->file, 'r', &given));
+    PetscCheck(given, PETSC_COMM_WORLD, PETSC_ERR_FILE_OPEN, "Mesh file '%s' cannot be read: check -mesh_file", o->file);
+  }
+  for (PetscInt d = 0; d < o->dim; d++) {
+    PetscCheck(o->upper[d] > o->lower[d], PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "The box is empty along axis %c: -mesh_upper %g is not above -mesh_lower %g", (char)('x' + d), (double)o->upper[d], (double)o->lower[d]);
+    PetscCheck(!o->periodic[d] || o->cells[d] >= 3, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Axis %c is periodic with %" PetscInt_FMT " cells: -mesh_cells needs at least 3 there", (char)('x' + d), o->cells[d]);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode add_boundary(Mesh m, const char name[])
+{
+  PetscFunctionBeginUser;
+  PetscCheck(m->nboundary < MAX_BOUNDARIES, PETSC_COMM_WORLD, PETSC_ERR_SUP, "The mesh has more than %d named boundaries: merge some in the mesh file", MAX_BOUNDARIES);
+  PetscCall(PetscStrncpy(m->boundary_name[m->nboundary++], name, sizeof(m->boundary_name[0])));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Label the outer faces of the (still serial) box left, right, bottom, top, back, front. */
+static PetscErrorCode label_box(Mesh m, const BoxOptions *o)
+{
+  const char *const names[] = {"left", "right", "bottom", "top", "back", "front"};
+  PetscInt          fStart, fEnd;
+
+  PetscFunctionBeginUser;
+  PetscCall(DMPlexGetHeightStratum(m->dm, 1, &fStart, &fEnd));
+  for (PetscInt d = 0; d < o->dim; d++) {
+    if (o->periodic[d]) continue;
+    for (PetscInt side = 0; side < 2; side++) {
+      const char     *name = names[2 * d + side];
+      const PetscReal at   = side ? o->upper[d] : o->lower[d];
+      DMLabel         label;
+
+      PetscCall(add_boundary(m, name));
+      PetscCall(DMCreateLabel(m->dm, name));
+      PetscCall(DMGetLabel(m->dm, name, &label));
+      for (PetscInt f = fStart; f < fEnd; f++) {
+        PetscInt  support;
+        PetscReal centroid[3];
+
+        PetscCall(DMPlexGetSupportSize(m->dm, f, &support));
+        if (support != 1) continue;
+        PetscCall(DMPlexComputeCellGeometryFVM(m->dm, f, NULL, centroid, NULL));
+        if (PetscAbsReal(centroid[d] - at) < 1e-6 * (o->upper[d] - o->lower[d]) / o->cells[d]) PetscCall(DMLabelSetValue(label, f, 1));
+      }
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Physical names of a Gmsh file that hold faces become boundaries. */
+static PetscErrorCode find_file_boundaries(Mesh m)
+{
+  PetscInt nlabel, fStart, fEnd;
+
+  PetscFunctionBeginUser;
+  PetscCall(DMGetNumLabels(m->dm, &nlabel));
+  PetscCall(DMPlexGetHeightStratum(m->dm, 1, &fStart, &fEnd));
+  for (PetscInt l = 0; l < nlabel; l++) {
+    const char *name;
+    DMLabel     label;
+    PetscBool   standard, any = PETSC_FALSE;
+
+    PetscCall(DMGetLabelName(m->dm, l, &name));
+    PetscCall(PetscStrInList(name, "depth,celltype,Cell Sets,Face Sets,Edge Sets,Vertex Sets,marker", ',', &standard));
+    if (standard) continue;
+    PetscCall(DMGetLabel(m->dm, name, &label));
+    for (PetscInt f = fStart; f < fEnd && !any; f++) {
+      PetscInt value;
+
+      PetscCall(DMLabelGetValue(label, f, &value));
+      any = (PetscBool)(value >= 0);
+    }
+    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &any, 1, MPIU_BOOL, MPI_LOR, PETSC_COMM_WORLD));
+    if (any) PetscCall(add_boundary(m, name));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode create_dm(Mesh m, MPI_Comm comm, const BoxOptions *o)
+{
+  DM        overlap;
+  PetscBool file;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscStrcmp(o->kind, "file", &file));
+  if (file) {
+    PetscCall(OptDefault("-dm_plex_gmsh_use_regions", "1"));
+    PetscCall(DMPlexCreateGmshFromFile(comm, o->file, PETSC_TRUE, &m->dm));
+    PetscCall(find_file_boundaries(m));
+  } else {
+    DMBoundaryType boundary[3];
+
+    for (PetscInt d = 0; d < 3; d++) boundary[d] = o->periodic[d] ? DM_BOUNDARY_PERIODIC : DM_BOUNDARY_NONE;
+    PetscCall(DMPlexCreateBoxMesh(comm, o->dim, PETSC_FALSE, o->cells, o->lower, o->upper, boundary, PETSC_TRUE, &m->dm));
+    PetscCall(label_box(m, o));
+  }
+  PetscCall(DMSetBasicAdjacency(m->dm, PETSC_FALSE, PETSC_TRUE)); /* ghost cells: all that share a vertex */
+  PetscCall(PartitionPrepare(m->dm));
+  PetscCall(DMSetFromOptions(m->dm));
+  PetscCall(DMPlexDistributeOverlap(m->dm, 1, NULL, &overlap));
+  if (overlap) {
+    PetscCall(DMDestroy(&m->dm));
+    m->dm = overlap;
+  }
+  PetscCall(DMViewFromOptions(m->dm, NULL, "-dm_view"));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- numbering ---- */
+
+/* Lattice corner (0 or 2 along each axis) of vertex v in the closure of a PETSc quadrilateral or hexahedron */
+static void corner_position(PetscInt dim, PetscInt v, PetscInt pos[3])
+{
+  static const PetscInt quad[4][3] = {{0, 0, 0}, {2, 0, 0}, {2, 2, 0}, {0, 2, 0}};
+  static const PetscInt hex[8][3]  = {{0, 0, 0}, {0, 2, 0}, {2, 2, 0}, {2, 0, 0}, {0, 0, 2}, {2, 0, 2}, {2, 2, 2}, {0, 2, 2}};
+
+  for (PetscInt d = 0; d < 3; d++) pos[d] = dim == 2 ? quad[v][d] : hex[v][d];
+}
+
+/* Points of the closure of cell c by lattice position: point [nb]. A point sits at the mean position of its vertices. */
+static PetscErrorCode cell_lattice(DM dm, PetscInt dim, PetscInt c, PetscInt point[])
+{
+  PetscInt *closure = NULL, n, vStart, vEnd, vertex[8], nv = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(DMPlexGetDepthStratum(dm, 0, &vStart, &vEnd));
+  PetscCall(DMPlexGetTransitiveClosure(dm, c, PETSC_TRUE, &n, &closure));
+  for (PetscInt i = 0; i < n; i++) {
+    const PetscInt p = closure[2 * i];
+
+    if (p >= vStart && p < vEnd && nv < 8) vertex[nv++] = p;
+  }
+  PetscCheck(nv == 1 << dim && n == (dim == 2 ? 9 : 27), PETSC_COMM_SELF, PETSC_ERR_SUP, "Cell %" PetscInt_FMT " has %" PetscInt_FMT " vertices: the mesh must consist of quadrilaterals (2D) or hexahedra (3D)", c, nv);
+  for (PetscInt i = 0; i < n; i++) {
+    PetscInt *sub = NULL, nsub, count = 0, pos[3] = {0, 0, 0};
+
+    PetscCall(DMPlexGetTransitiveClosure(dm, closure[2 * i], PETSC_TRUE, &nsub, &sub));
+    for (PetscInt j = 0; j < nsub; j++) {
+      for (PetscInt v = 0; v < nv; v++) {
+        PetscInt corner[3];
+
+        if (sub[2 * j] != vertex[v]) continue;
+        corner_position(dim, v, corner);
+        for (PetscInt d = 0; d < 3; d++) pos[d] += corner[d];
+        count++;
+      }
+    }
+    PetscCall(DMPlexRestoreTransitiveClosure(dm, closure[2 * i], PETSC_TRUE, &nsub, &sub));
+    point[pos[0] / count + 3 * (pos[1] / count) + 9 * (pos[2] / count)] = closure[2 * i];
+  }
+  PetscCall(DMPlexRestoreTransitiveClosure(dm, c, PETSC_TRUE, &n, &closure));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Mark the points that another rank owns: ghost [pEnd]. */
+static PetscErrorCode find_ghost_points(DM dm, PetscInt pEnd, PetscBool **ghost)
+{
+  PetscSF         sf;
+  PetscInt        nleaf;
+  const PetscInt *leaf;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc1(pEnd, ghost));
+  PetscCall(DMGetPointSF(dm, &sf));
+  PetscCall(PetscSFGetGraph(sf, NULL, &nleaf, &leaf, NULL));
+  for (PetscInt i = 0; i < nleaf; i++) (*ghost)[leaf ? leaf[i] : i] = PETSC_TRUE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Own cells first (in cache-friendly order), then ghost cells: order [ncell_all] of plex cells. */
+static PetscErrorCode order_cells(Mesh m, const PetscBool ghost[], PetscInt order[])
+{
+  const char *const choices[] = {"natural", "rcm", NULL};
+  PetscInt          choice = 0, cStart, cEnd, own = 0, other = 0, *seq;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptChoice("-mesh_order", "order of cells and nodes in memory (rcm helps meshes from files)", choices, &choice));
+  PetscCall(DMPlexGetHeightStratum(m->dm, 0, &cStart, &cEnd));
+  PetscCall(PetscMalloc1(cEnd - cStart, &seq));
+  for (PetscInt c = cStart; c < cEnd; c++) seq[c - cStart] = c;
+  if (choice == 1 && cEnd > cStart) {
+    IS              perm;
+    const PetscInt *p;
+
+    PetscCall(DMPlexGetOrdering(m->dm, MATORDERINGRCM, NULL, &perm));
+    PetscCall(ISGetIndices(perm, &p));
+    for (PetscInt c = cStart; c < cEnd; c++) seq[p[c] - cStart] = c;
+    PetscCall(ISRestoreIndices(perm, &p));
+    PetscCall(ISDestroy(&perm));
+  }
+  for (PetscInt i = 0; i < cEnd - cStart; i++) m->loc.ncell += !ghost[seq[i]];
+  for (PetscInt i = 0; i < cEnd - cStart; i++) order[ghost[seq[i]] ? m->loc.ncell + other++ : own++] = seq[i];
+  m->loc.ncell_all = cEnd - cStart;
+  PetscCall(PetscFree(seq));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Number the nodes in the order in which the cells touch them, own ones first. On exit number [pEnd] is the local node of a point. */
+static PetscErrorCode number_nodes(Mesh m, const PetscBool ghost[], PetscInt pEnd, PetscInt number[])
+{
+  MeshLocal *l = &m->loc;
+
+  PetscFunctionBeginUser;
+  for (PetscInt p = 0; p < pEnd; p++) number[p] = -1;
+  for (PetscInt pass = 0; pass < 2; pass++) {
+    for (PetscInt i = 0; i < l->ncell_all * l->nb; i++) {
+      const PetscInt p = m->cell_node[i];
+
+      if (number[p] < 0 && (PetscInt)ghost[p] == pass) number[p] = l->nnode_all++;
+    }
+    if (pass == 0) l->nnode = l->nnode_all;
+  }
+  for (PetscInt i = 0; i < l->ncell_all * l->nb; i++) m->cell_node[i] = number[m->cell_node[i]];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Global numbers of all local cells and nodes: own ones count up from the rank's start, ghosts learn theirs from the owner. */
+static PetscErrorCode number_globally(Mesh m, PetscInt pEnd, const PetscInt order[], const PetscInt number[])
+{
+  MeshLocal *l = &m->loc;
+  PetscInt   own[2] = {l->ncell, l->nnode}, start[2] = {0, 0}, total[2], *root, *leaf;
+  PetscSF    sf;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Exscan(own, start, 2, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(own, total, 2, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+  l->cell_start   = start[0];
+  l->node_start   = start[1];
+  l->ncell_global = total[0];
+  l->nnode_global = total[1];
+  PetscCall(PetscMalloc2(pEnd, &root, pEnd, &leaf));
+  PetscCall(DMGetPointSF(m->dm, &sf));
+  for (PetscInt kind = 0; kind < 2; kind++) { /* a cell point is both a cell and a node: two broadcasts */
+    for (PetscInt p = 0; p < pEnd; p++) root[p] = -1;
+    if (kind == 0) {
+      for (PetscInt c = 0; c < l->ncell; c++) root[order[c]] = l->cell_start + c;
+    } else {
+      for (PetscInt p = 0; p < pEnd; p++)
+        if (number[p] >= 0 && number[p] < l->nnode) root[p] = l->node_start + number[p];
+    }
+    PetscCall(PetscArraycpy(leaf, root, pEnd));
+    if (l->ncell_global > 0) {
+      PetscInt nroot;
+
+      PetscCall(PetscSFGetGraph(sf, &nroot, NULL, NULL, NULL));
+      if (nroot >= 0) {
+        PetscCall(PetscSFBcastBegin(sf, MPIU_INT, root, leaf, MPI_REPLACE));
+        PetscCall(PetscSFBcastEnd(sf, MPIU_INT, root, leaf, MPI_REPLACE));
+      }
+    }
+    if (kind == 0) {
+      for (PetscInt c = 0; c < l->ncell_all; c++) m->cell_global[c] = leaf[order[c]];
+    } else {
+      for (PetscInt p = 0; p < pEnd; p++)
+        if (number[p] >= 0) m->node_global[number[p]] = leaf[p];
+    }
+  }
+  PetscCall(PetscFree2(root, leaf));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode create_node_sf(Mesh m)
+{
+  const MeshLocal *l      = &m->loc;
+  const PetscInt   nghost = l->nnode_all - l->nnode;
+  PetscLayout      layout;
+  PetscInt        *ilocal;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(nghost, &ilocal));
+  for (PetscInt i = 0; i < nghost; i++) ilocal[i] = l->nnode + i;
+  PetscCall(PetscLayoutCreateFromSizes(PETSC_COMM_WORLD, l->nnode, PETSC_DETERMINE, 1, &layout));
+  PetscCall(PetscSFCreate(PETSC_COMM_WORLD, &m->node_sf));
+  PetscCall(PetscSFSetGraphLayout(m->node_sf, layout, nghost, ilocal, PETSC_OWN_POINTER, m->node_global + l->nnode));
+  PetscCall(PetscSFSetUp(m->node_sf));
+  PetscCall(PetscLayoutDestroy(&layout));
+  for (int bs = 0; bs < MAX_BLOCK; bs++) {
+    PetscCallMPI(MPI_Type_contiguous(bs + 1, MPIU_REAL, &m->block[bs]));
+    PetscCallMPI(MPI_Type_commit(&m->block[bs]));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode connect_nodes_to_cells(Mesh m)
+{
+  MeshLocal *l = &m->loc;
+  PetscInt  *fill;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc1(l->nnode_all + 1, &m->node_cell_ptr));
+  PetscCall(PetscMalloc1(l->ncell_all * l->nb, &m->node_cell));
+  for (PetscInt i = 0; i < l->ncell_all * l->nb; i++) m->node_cell_ptr[m->cell_node[i] + 1]++;
+  for (PetscInt i = 0; i < l->nnode_all; i++) m->node_cell_ptr[i + 1] += m->node_cell_ptr[i];
+  PetscCall(PetscMalloc1(l->nnode_all, &fill));
+  PetscCall(PetscArraycpy(fill, m->node_cell_ptr, l->nnode_all));
+  for (PetscInt i = 0; i < l->ncell_all * l->nb; i++) m->node_cell[fill[m->cell_node[i]]++] = i / l->nb;
+  PetscCall(PetscFree(fill));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- coordinates ---- */
+
+/* Multilinear position of lattice point j of a cell with corner coordinates xv [2^dim][dim] in closure order */
+static void interpolate_corners(PetscInt dim, const PetscReal xv[], PetscInt j, PetscReal x[])
+{
+  const PetscInt lattice[3] = {j % 3, (j / 3) % 3, j / 9};
+
+  for (PetscInt d = 0; d < dim; d++) x[d] = 0;
+  for (PetscInt v = 0; v < 1 << dim; v++) {
+    PetscInt  corner[3];
+    PetscReal weight = 1;
+
+    corner_position(dim, v, corner);
+    for (PetscInt d = 0; d < dim; d++) weight *= corner[d] == 2 ? 0.5 * lattice[d] : 1 - 0.5 * lattice[d];
+    for (PetscInt d = 0; d < dim; d++) x[d] += weight * xv[v * dim + d];
+  }
+}
+
+/* Area of a quadrilateral (exact); volume spanned by the edges at the first corner of a hexahedron (exact for parallelepipeds, a size otherwise) */
+static PetscReal corner_volume(PetscInt dim, const PetscReal xv[])
+{
+  const PetscInt end[3] = {3, 1, 4};
+  PetscReal      e[3][3];
+
+  if (dim == 2) return 0.5 * ((xv[4] - xv[0]) * (xv[7] - xv[3]) - (xv[6] - xv[2]) * (xv[5] - xv[1]));
+  for (PetscInt k = 0; k < 3; k++)
+    for (PetscInt d = 0; d < 3; d++) e[k][d] = xv[3 * end[k] + d] - xv[d];
+  return e[0][0] * (e[1][1] * e[2][2] - e[1][2] * e[2][1]) - e[0][1] * (e[1][0] * e[2][2] - e[1][2] * e[2][0]) + e[0][2] * (e[1][0] * e[2][1] - e[1][1] * e[2][0]);
+}
+
+static PetscErrorCode set_coordinates(Mesh m, const BoxOptions *o, const PetscInt order[])
+{
+  MeshLocal     *l   = &m->loc;
+  const PetscInt dim = l->dim;
+  PetscReal      hmin = PETSC_MAX_REAL, lower[3] = {PETSC_MAX_REAL, PETSC_MAX_REAL, PETSC_MAX_REAL}, upper[3] = {-PETSC_MAX_REAL, -PETSC_MAX_REAL, -PETSC_MAX_REAL};
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(l->nnode_all * dim, &m->x));
+  for (PetscInt d = 0; d < 3; d++) l->period[d] = o->periodic[d] ? o->upper[d] - o->lower[d] : 0;
+  for (PetscInt c = 0; c < l->ncell_all; c++) {
+    PetscBool          dg;
+    PetscInt           nc;
+    const PetscScalar *array;
+    PetscScalar       *xv = NULL;
+    PetscReal          volume;
+
+    PetscCall(DMPlexGetCellCoordinates(m->dm, order[c], &dg, &nc, &array, &xv));
+    PetscCheck(nc == dim << dim, PETSC_COMM_SELF, PETSC_ERR_SUP, "Cell %" PetscInt_FMT " has %" PetscInt_FMT " coordinates instead of %" PetscInt_FMT ": save the mesh with first-order elements", c, nc, dim << dim);
+    for (PetscInt j = 0; j < l->nb; j++) {
+      PetscReal *x = m->x + m->cell_node[c * l->nb + j] * dim;
+
+      interpolate_corners(dim, xv, j, x);
+      for (PetscInt d = 0; d < dim; d++) {
+        lower[d] = PetscMin(lower[d], x[d]);
+        upper[d] = PetscMax(upper[d], x[d]);
+        if (l->period[d] > 0 && x[d] > o->upper[d] - 1e-9 * l->period[d]) x[d] -= l->period[d];
+      }
+    }
+    volume = corner_volume(dim, xv);
+    PetscCheck(volume > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "Mesh cell %" PetscInt_FMT " near (%g, %g) is inverted or flat (volume %g): repair the mesh", c, (double)xv[0], (double)xv[1], (double)volume);
+    hmin = PetscMin(hmin, PetscPowReal(volume, 1.0 / dim));
+    PetscCall(DMPlexRestoreCellCoordinates(m->dm, order[c], &dg, &nc, &array, &xv));
+  }
+  PetscCall(MPIU_Allreduce(&hmin, &l->h, 1, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(lower, l->lower, 3, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(upper, l->upper, 3, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- boundaries ---- */
+
+static PetscErrorCode collect_boundary_nodes(Mesh m, const PetscInt number[])
+{
+  MeshLocal *l = &m->loc;
+  PetscInt  *bits, fStart, fEnd;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc1(l->nnode_all, &bits));
+  PetscCall(DMPlexGetHeightStratum(m->dm, 1, &fStart, &fEnd));
+  for (PetscInt b = 0; b < m->nboundary; b++) {
+    DMLabel label;
+
+    PetscCall(DMGetLabel(m->dm, m->boundary_name[b], &label));
+    for (PetscInt f = fStart; f < fEnd; f++) {
+      PetscInt value, n, *closure = NULL;
+
+      PetscCall(DMLabelGetValue(label, f, &value));
+      if (value < 0) continue;
+      PetscCall(DMPlexGetTransitiveClosure(m->dm, f, PETSC_TRUE, &n, &closure));
+      for (PetscInt i = 0; i < n; i++)
+        if (number[closure[2 * i]] >= 0) bits[number[closure[2 * i]]] |= 1 << b;
+      PetscCall(DMPlexRestoreTransitiveClosure(m->dm, f, PETSC_TRUE, &n, &closure));
+    }
+  }
+  PetscCall(MeshSyncNodesInt(m, bits)); /* a ghost node may lie on a boundary none of whose faces are here */
+  for (PetscInt b = 0; b < m->nboundary; b++) {
+    PetscInt n = 0;
+
+    for (PetscInt i = 0; i < l->nnode_all; i++) n += (bits[i] >> b) & 1;
+    PetscCall(PetscMalloc1(n, &m->boundary_node[b]));
+    for (PetscInt i = 0; i < l->nnode_all; i++)
+      if ((bits[i] >> b) & 1) m->boundary_node[b][m->boundary_count[b]++] = i;
+  }
+  PetscCall(PetscFree(bits));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- background grid ---- */
+
+static PetscInt bin_index(Mesh m, PetscInt d, PetscReal x)
+{
+  const PetscReal i = PetscFloorReal((x - m->bin_lower[d]) / m->bin_size[d]);
+
+  return (PetscInt)PetscMax(0, PetscMin(m->nbin[d] - 1, i));
+}
+
+static PetscInt bin_of_node(Mesh m, PetscInt i)
+{
+  PetscInt b = 0;
+
+  for (PetscInt d = m->loc.dim - 1; d >= 0; d--) b = b * m->nbin[d] + bin_index(m, d, m->x[i * m->loc.dim + d]);
+  return b;
+}
+
+/* Bins of about two cells a side, counted on the rank's own part of the domain */
+static PetscErrorCode create_bins(Mesh m)
+{
+  MeshLocal *l = &m->loc;
+  PetscInt   total = 1, *fill;
+  PetscReal  lo[3], hi[3], size, volume = 1;
+
+  PetscFunctionBeginUser;
+  for (PetscInt d = 0; d < 3; d++) {
+    lo[d] = PETSC_MAX_REAL;
+    hi[d] = -PETSC_MAX_REAL;
+    m->nbin[d] = 1;
+  }
+  for (PetscInt i = 0; i < l->nnode_all; i++) {
+    for (PetscInt d = 0; d < l->dim; d++) {
+      lo[d] = PetscMin(lo[d], m->x[i * l->dim + d]);
+      hi[d] = PetscMax(hi[d], m->x[i * l->dim + d]);
+    }
+  }
+  for (PetscInt d = 0; d < l->dim; d++) volume *= PetscMax(hi[d] - lo[d], 0);
+  size = 2 * PetscPowReal(volume / PetscMax(l->ncell_all, 1), 1.0 / l->dim);
+  for (PetscInt d = 0; d < l->dim; d++) {
+    m->bin_lower[d] = lo[d];
+    m->nbin[d]      = l->nnode_all ? PetscMax(1, (PetscInt)((hi[d] - lo[d]) / size)) : 1;
+    m->bin_size[d]  = l->nnode_all ? (hi[d] - lo[d]) / m->nbin[d] : 1;
+    total *= m->nbin[d];
+  }
+  PetscCall(PetscCalloc1(total + 1, &m->bin_ptr));
+  PetscCall(PetscMalloc2(l->nnode_all, &m->bin_node, l->nnode_all, &m->found));
+  PetscCall(PetscMalloc1(total, &fill));
+  for (PetscInt i = 0; i < l->nnode_all; i++) m->bin_ptr[bin_of_node(m, i) + 1]++;
+  for (PetscInt b = 0; b < total; b++) m->bin_ptr[b + 1] += m->bin_ptr[b];
+  for (PetscInt b = 0; b < total; b++) fill[b] = m->bin_ptr[b];
+  for (PetscInt i = 0; i < l->nnode_all; i++) m->bin_node[fill[bin_of_node(m, i)]++] = i;
+  PetscCall(PetscFree(fill));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshNodesInBox(Mesh m, const PetscReal lo[], const PetscReal hi[], PetscInt *n, const PetscInt *list[])
+{
+  const PetscInt dim  = m->loc.dim;
+  PetscInt       a[3] = {0, 0, 0}, b[3] = {0, 0, 0};
+
+  PetscFunctionBeginUser;
+  *n    = 0;
+  *list = m->found;
+  if (!m->loc.nnode_all) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt d = 0; d < dim; d++) {
+    if (hi[d] < m->bin_lower[d] || lo[d] > m->bin_lower[d] + m->nbin[d] * m->bin_size[d]) PetscFunctionReturn(PETSC_SUCCESS);
+    a[d] = bin_index(m, d, lo[d]);
+    b[d] = bin_index(m, d, hi[d]);
+  }
+  for (PetscInt k = a[2]; k <= b[2]; k++) {
+    for (PetscInt j = a[1]; j <= b[1]; j++) {
+      const PetscInt row = (k * m->nbin[1] + j) * m->nbin[0];
+
+      for (PetscInt q = m->bin_ptr[row + a[0]]; q < m->bin_ptr[row + b[0] + 1]; q++) {
+        const PetscInt   i = m->bin_node[q];
+        const PetscReal *x = m->x + i * dim;
+        PetscBool        in = PETSC_TRUE;
+
+        for (PetscInt d = 0; d < dim; d++) in = (PetscBool)(in && x[d] >= lo[d] && x[d] <= hi[d]);
+        if (in) m->found[(*n)++] = i;
+      }
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- public ---- */
+
+PetscErrorCode MeshCreate(MPI_Comm comm, Mesh *mesh)
+{
+  Mesh       m;
+  BoxOptions o;
+  PetscInt   pStart, pEnd, *order, *number;
+  PetscBool *ghost;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&m));
+  PetscCall(read_options(&o));
+  PetscCall(create_dm(m, comm, &o));
+  PetscCall(DMGetDimension(m->dm, &m->loc.dim));
+  m->loc.nb = m->loc.dim == 2 ? 9 : 27;
+  PetscCall(DMPlexGetChart(m->dm, &pStart, &pEnd));
+  PetscCall(find_ghost_points(m->dm, pEnd, &ghost));
+  PetscCall(PetscMalloc2(pEnd, &order, pEnd, &number));
+  PetscCall(order_cells(m, ghost, order));
+  PetscCall(PetscMalloc2(m->loc.ncell_all * m->loc.nb, &m->cell_node, m->loc.ncell_all, &m->cell_global));
+  for (PetscInt c = 0; c < m->loc.ncell_all; c++) PetscCall(cell_lattice(m->dm, m->loc.dim, order[c], m->cell_node + c * m->loc.nb));
+  PetscCall(number_nodes(m, ghost, pEnd, number));
+  PetscCall(PetscMalloc1(m->loc.nnode_all, &m->node_global));
+  PetscCall(number_globally(m, pEnd, order, number));
+  PetscCall(create_node_sf(m));
+  PetscCall(connect_nodes_to_cells(m));
+  PetscCall(set_coordinates(m, &o, order));
+  PetscCall(collect_boundary_nodes(m, number));
+  PetscCall(create_bins(m));
+  PetscCall(PetscFree2(order, number));
+  PetscCall(PetscFree(ghost));
+  m->loc.cell_node     = m->cell_node;
+  m->loc.cell_global   = m->cell_global;
+  m->loc.node_global   = m->node_global;
+  m->loc.node_cell_ptr = m->node_cell_ptr;
+  m->loc.node_cell     = m->node_cell;
+  m->loc.x             = m->x;
+  *mesh                = m;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshDestroy(Mesh *mesh)
+{
+  Mesh m = *mesh;
+
+  PetscFunctionBeginUser;
+  if (!m) PetscFunctionReturn(PETSC_SUCCESS);
+  for (int bs = 0; bs < MAX_BLOCK; bs++) PetscCallMPI(MPI_Type_free(&m->block[bs]));
+  for (PetscInt b = 0; b < m->nboundary; b++) PetscCall(PetscFree(m->boundary_node[b]));
+  PetscCall(PetscFree(m->bin_ptr));
+  PetscCall(PetscFree2(m->cell_node, m->cell_global));
+  PetscCall(PetscFree(m->node_global));
+  PetscCall(PetscFree(m->node_cell_ptr));
+  PetscCall(PetscFree(m->node_cell));
+  PetscCall(PetscFree(m->x));
+  PetscCall(PetscFree2(m->bin_node, m->found));
+  PetscCall(PetscSFDestroy(&m->node_sf));
+  PetscCall(DMDestroy(&m->dm));
+  PetscCall(PetscFree(*mesh));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshView(Mesh m, PetscViewer viewer)
+{
+  const MeshLocal *l = &m->loc;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscViewerASCIIPrintf(viewer, "mesh: %" PetscInt_FMT "D, %" PetscInt_FMT " cells, %" PetscInt_FMT " Q2 nodes, smallest cell size %g, box [%g, %g] x [%g, %g]\n", l->dim, l->ncell_global, l->nnode_global, (double)l->h,
+                                   (double)l->lower[0], (double)l->upper[0], (double)l->lower[1], (double)l->upper[1]));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "  boundaries:"));
+  for (PetscInt b = 0; b < m->nboundary; b++) PetscCall(PetscViewerASCIIPrintf(viewer, " %s", m->boundary_name[b]));
+  for (PetscInt d = 0; d < l->dim; d++)
+    if (l->period[d] > 0) PetscCall(PetscViewerASCIIPrintf(viewer, " (periodic %c)", (char)('x' + d)));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "\n"));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshGetLocal(Mesh m, const MeshLocal **loc)
+{
+  PetscFunctionBeginUser;
+  *loc = &m->loc;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshGetDM(Mesh m, DM *dm)
+{
+  PetscFunctionBeginUser;
+  *dm = m->dm;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshGetBoundaryCount(Mesh m, PetscInt *n)
+{
+  PetscFunctionBeginUser;
+  *n = m->nboundary;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshGetBoundaryName(Mesh m, PetscInt b, const char **name)
+{
+  PetscFunctionBeginUser;
+  *name = m->boundary_name[b];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshGetBoundaryNodes(Mesh m, PetscInt b, PetscInt *n, const PetscInt *nodes[])
+{
+  PetscFunctionBeginUser;
+  *n     = m->boundary_count[b];
+  *nodes = m->boundary_node[b];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshCellCoordinates(Mesh m, PetscInt c, PetscReal xc[])
+{
+  const MeshLocal *l   = &m->loc;
+  const PetscInt   dim = l->dim, *node = m->cell_node + c * l->nb;
+  const PetscReal *centre = m->x + node[l->nb / 2] * dim;
+
+  PetscFunctionBeginUser;
+  for (PetscInt j = 0; j < l->nb; j++) {
+    for (PetscInt d = 0; d < dim; d++) {
+      PetscReal x = m->x[node[j] * dim + d];
+
+      if (l->period[d] > 0) x -= l->period[d] * PetscFloorReal((x - centre[d]) / l->period[d] + 0.5);
+      xc[j * dim + d] = x;
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshSyncNodes(Mesh m, PetscInt bs, PetscReal v[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscSFBcastBegin(m->node_sf, m->block[bs - 1], v, v, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(m->node_sf, m->block[bs - 1], v, v, MPI_REPLACE));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshSumNodes(Mesh m, PetscInt bs, PetscReal v[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscSFReduceBegin(m->node_sf, m->block[bs - 1], v, v, MPIU_SUM));
+  PetscCall(PetscSFReduceEnd(m->node_sf, m->block[bs - 1], v, v, MPIU_SUM));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshSyncNodesInt(Mesh m, PetscInt v[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscSFBcastBegin(m->node_sf, MPIU_INT, v, v, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(m->node_sf, MPIU_INT, v, v, MPI_REPLACE));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

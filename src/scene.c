@@ -1,0 +1,111 @@
+/* Scene: see scene.h. */
+#include "compat.h"
+#include "scene.h"
+#include "log.h"
+#include "opt.h"
+#include "sim.h"
+
+static PetscErrorCode build(SimParts *part)
+{
+  const MeshLocal      *l;
+  const FlowParameters *par;
+  PetscInt              walls;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshCreate(PETSC_COMM_WORLD, &part->mesh));
+  PetscCall(MeshGetLocal(part->mesh, &l));
+  PetscCall(FlowCreate(part->mesh, &part->flow));
+  PetscCall(FlowGetParameters(part->flow, &par));
+  PetscCall(BodiesCreate(l->dim, l->lower, l->upper, &part->bodies));
+  PetscCall(CoupleCreate(part->flow, part->bodies, &part->couple));
+  PetscCall(FlowGetSolidFaces(part->flow, &walls));
+  PetscCall(ContactCreate(part->bodies, l->h, par->density, par->gravity, l->lower, l->upper, walls, &part->contact));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode destroy(SimParts *part)
+{
+  PetscFunctionBeginUser;
+  PetscCall(MonitorDestroy(&part->monitor));
+  PetscCall(OutputDestroy(&part->output));
+  PetscCall(ContactDestroy(&part->contact));
+  PetscCall(CoupleDestroy(&part->couple));
+  PetscCall(BodiesDestroy(&part->bodies));
+  PetscCall(FlowDestroy(&part->flow));
+  PetscCall(MeshDestroy(&part->mesh));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What the scene activates and what it leaves out */
+static PetscErrorCode describe(const SimParts *part, Sim sim)
+{
+  PetscViewer           out = PETSC_VIEWER_STDOUT_WORLD;
+  const FlowParameters *par;
+  FlowSolver            solver;
+  BodyState            *s;
+  PetscLogDouble        memory;
+  PetscInt              nfree = 0, i = 0;
+  const char           *absent[8];
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscViewerASCIIPrintf(out, "scene: %s\n", part->scene));
+  PetscCall(MeshView(part->mesh, out));
+  PetscCall(FlowView(part->flow, out));
+  PetscCall(CoupleGetSolver(part->couple, &solver));
+  PetscCall(FlowSolverView(solver, out));
+  PetscCall(BodiesView(part->bodies, out));
+  PetscCall(CoupleView(part->couple, out));
+  PetscCall(ContactView(part->contact, out));
+  PetscCall(SimView(sim, out));
+  PetscCall(FlowGetParameters(part->flow, &par));
+  PetscCall(BodiesGetState(part->bodies, &s));
+  for (PetscInt k = 0; k < s->n; k++) nfree += s->group[s->body_group[k]].free != 0;
+  if (!par->convection) absent[i++] = "convection";
+  if (!s->n) absent[i++] = "bodies, projection, contact, force integrals";
+  else if (!nfree) absent[i++] = "motion of bodies, rigid unknowns";
+  if (s->n == 1) absent[i++] = "contact between bodies";
+  PetscCall(PetscViewerASCIIPrintf(out, "not active:"));
+  for (PetscInt k = 0; k < i; k++) PetscCall(PetscViewerASCIIPrintf(out, "%s %s", k ? "," : "", absent[k]));
+  PetscCall(PetscMemoryGetCurrentUsage(&memory));
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &memory, 1, MPI_DOUBLE, MPI_SUM, PETSC_COMM_WORLD));
+  PetscCall(PetscViewerASCIIPrintf(out, "%s\nmemory after set-up: %.0f MB on all ranks\n", i ? "" : " nothing", memory / 1048576));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SceneRun(const char name[])
+{
+  SimParts       part = {0};
+  Sim            sim;
+  PetscBool      dry = PETSC_FALSE;
+  PetscLogDouble begin, now;
+  const char    *dir;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscTime(&begin));
+  PetscCall(PetscLogStagePush(TB_STAGE_SETUP));
+  part.scene = name;
+  PetscCall(OptBool("-scene_dry_run", "build everything, describe it, and stop before the first step", &dry));
+  PetscCall(build(&part));
+  PetscCall(SimCreate(&part, &sim));
+  PetscCall(SimSetUp(sim));
+  if (dry) {
+    PetscCall(OptCheckUnused());
+    PetscCall(describe(&part, sim));
+  } else {
+    PetscCall(OutputCreate(part.mesh, name, &part.output));
+    PetscCall(OutputGetDirectory(part.output, &dir));
+    PetscCall(MonitorCreate(dir, part.bodies, &part.monitor));
+    PetscCall(SimDestroy(&sim));
+    PetscCall(SimCreate(&part, &sim));
+    PetscCall(OptCheckUnused());
+    PetscCall(PetscTime(&now));
+    PetscCall(MonitorPhaseSeconds(part.monitor, MONITOR_SETUP, now - begin));
+  }
+  PetscCall(PetscLogStagePop());
+  if (!dry) {
+    PetscCall(SimRun(sim));
+  }
+  PetscCall(SimDestroy(&sim));
+  PetscCall(destroy(&part));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

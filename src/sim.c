@@ -1,0 +1,236 @@
+/* Sim: see sim.h. One pass of the loop is the algorithm of the method: contact forces, bodies drawn, flow solved, forces read, bodies moved, reports. Seconds are counted by
+   phase (NSE, Force, Particle, Output) as in the method's own cost table. */
+#include "compat.h"
+#include "sim.h"
+#include "log.h"
+#include "opt.h"
+
+struct _p_Sim {
+  SimParts   part;
+  BodyState *s;
+  PetscReal  dt, time_end, time;
+  PetscInt   steps_max, step;
+  PetscReal (*a)[3], (*alpha)[3]; /* acceleration of the bodies without contact, for the sub-steps of contact */
+  PetscBool  has_acceleration;
+  Vec        u_out, p_out;
+};
+
+PetscErrorCode SimCreate(const SimParts *part, Sim *sim)
+{
+  Sim              s;
+  const MeshLocal *l;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&s));
+  s->part      = *part;
+  s->dt        = 0.01;
+  s->time_end  = PETSC_MAX_REAL;
+  s->steps_max = PETSC_MAX_INT;
+  PetscCall(OptReal("-sim_dt", "time step", "time", OPT_POSITIVE, PETSC_MAX_REAL, &s->dt));
+  PetscCall(OptReal("-sim_time", "time at which the run ends", "time", 0, PETSC_MAX_REAL, &s->time_end));
+  PetscCall(OptInt("-sim_steps", "number of steps after which the run ends", "", 0, PETSC_MAX_INT, &s->steps_max));
+  PetscCheck(s->time_end < PETSC_MAX_REAL || s->steps_max < PETSC_MAX_INT, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "The run has no end: give -sim_time or -sim_steps");
+  PetscCall(BodiesGetState(part->bodies, &s->s));
+  PetscCall(PetscCalloc2(s->s->n, &s->a, s->s->n, &s->alpha));
+  PetscCall(MeshGetLocal(part->mesh, &l));
+  PetscCall(VecCreateMPI(PETSC_COMM_WORLD, l->nnode * l->dim, PETSC_DETERMINE, &s->u_out));
+  PetscCall(VecSetBlockSize(s->u_out, l->dim));
+  PetscCall(VecCreateMPI(PETSC_COMM_WORLD, l->ncell * (l->dim + 1), PETSC_DETERMINE, &s->p_out));
+  PetscCall(VecSetBlockSize(s->p_out, l->dim + 1));
+  *sim = s;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SimDestroy(Sim *sim)
+{
+  PetscFunctionBeginUser;
+  if (!*sim) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree2((*sim)->a, (*sim)->alpha));
+  PetscCall(VecDestroy(&(*sim)->u_out));
+  PetscCall(VecDestroy(&(*sim)->p_out));
+  PetscCall(PetscFree(*sim));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SimView(Sim s, PetscViewer viewer)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscViewerASCIIPrintf(viewer, "time: step %g", (double)s->dt));
+  if (s->time_end < PETSC_MAX_REAL) PetscCall(PetscViewerASCIIPrintf(viewer, ", to %g", (double)s->time_end));
+  if (s->steps_max < PETSC_MAX_INT) PetscCall(PetscViewerASCIIPrintf(viewer, ", at most %" PetscInt_FMT " steps", s->steps_max));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "\n"));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The bodies' acceleration without contact over the last step; at the start that of a free body with added mass */
+static PetscErrorCode estimate_acceleration(Sim s, PetscReal dt_old)
+{
+  const FlowParameters *par;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetParameters(s->part.flow, &par));
+  for (PetscInt k = 0; k < s->s->n; k++) {
+    const BodyGroup *group = s->s->group + s->s->body_group[k];
+    PetscReal        volume;
+
+    PetscCall(BodiesGetVolume(s->part.bodies, k, &volume));
+    for (PetscInt d = 0; d < 3; d++) {
+      const PetscReal inertia = (group->density + par->density) * volume;
+
+      s->a[k][d]     = s->has_acceleration ? (s->s->u[k][d] - s->s->u_old[k][d]) / dt_old - s->s->contact_force[k][d] / inertia : (group->density - par->density) / (group->density + par->density) * par->gravity[d];
+      s->alpha[k][d] = s->has_acceleration ? (s->s->w[k][d] - s->s->w_old[k][d]) / dt_old : 0;
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode write_fields(Sim s)
+{
+  const MeshLocal *l;
+  const PetscInt  *body;
+  PetscReal       *u, *p, *a;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshGetLocal(s->part.mesh, &l));
+  PetscCall(FlowGetFields(s->part.flow, &u, NULL, &p));
+  PetscCall(VecGetArrayWrite(s->u_out, &a));
+  PetscCall(PetscArraycpy(a, u, l->nnode * l->dim));
+  PetscCall(VecRestoreArrayWrite(s->u_out, &a));
+  PetscCall(VecGetArrayWrite(s->p_out, &a));
+  PetscCall(FlowGetPressureGradient(s->part.flow, p, a));
+  PetscCall(VecRestoreArrayWrite(s->p_out, &a));
+  PetscCall(CoupleGetNodeBody(s->part.couple, &body));
+  PetscCall(OutputFields(s->part.output, s->step, s->time, s->u_out, s->p_out, body));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode add_seconds(Sim s, MonitorPhase phase, PetscLogDouble *since)
+{
+  PetscLogDouble now;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscTime(&now));
+  PetscCall(MonitorPhaseSeconds(s->part.monitor, phase, now - *since));
+  *since = now;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode stop_unsolved(Sim s, KSPConvergedReason reason, PetscInt its)
+{
+  const char *dir;
+
+  PetscFunctionBeginUser;
+  PetscCall(write_fields(s));
+  PetscCall(OutputGetDirectory(s->part.output, &dir));
+  SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
+          "The flow solve of step %" PetscInt_FMT " failed (%s after %" PetscInt_FMT " iterations). The state before it, t = %g, is in %s/fields_%06" PetscInt_FMT
+          ".h5. Lower -sim_dt (now %g), raise -flow_ksp_max_it, or use -flow_recipe direct; -flow_ksp_monitor shows the iterations",
+          s->step + 1, KSPConvergedReasons[reason], its, (double)s->time, dir, s->step, (double)s->dt);
+}
+
+static PetscErrorCode report(Sim s, const FlowDiagnostics *diag, PetscReal momentum_error, PetscReal dt, PetscInt its, PetscReal seconds)
+{
+  PetscInt    every;
+  MonitorStep m;
+
+  PetscFunctionBeginUser;
+  m.step              = s->step;
+  m.time              = s->time;
+  m.dt                = dt;
+  m.cfl               = diag->cfl;
+  m.outer_iterations  = its;
+  m.divergence        = diag->divergence;
+  m.kinetic_energy    = diag->kinetic_energy;
+  m.momentum_error    = momentum_error;
+  m.seconds           = seconds;
+  PetscCall(MonitorWrite(s->part.monitor, &m, s->time_end < PETSC_MAX_REAL ? s->time_end : s->steps_max * s->dt));
+  PetscCall(OutputGetEvery(s->part.output, &every));
+  if (every > 0 && s->step % every == 0) PetscCall(write_fields(s));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode take_step(Sim s, PetscReal dt, PetscReal dt_old)
+{
+  PetscLogDouble     t, start;
+  PetscInt           its;
+  KSPConvergedReason reason;
+  FlowDiagnostics    diag;
+  const PetscReal   *u, *p;
+  PetscReal          momentum_error;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscTime(&t));
+  start = t;
+  PetscCall(FlowBeginStep(s->part.flow, s->time + dt, dt));
+  PetscCall(PetscLogStagePush(TB_STAGE_BODIES));
+  if (s->s->n) {
+    PetscCall(estimate_acceleration(s, dt_old));
+    PetscCall(ContactStep(s->part.contact, dt, s->a, s->alpha));
+  }
+  PetscCall(CoupleDraw(s->part.couple));
+  PetscCall(PetscLogStagePop());
+  PetscCall(add_seconds(s, MONITOR_PARTICLE, &t));
+  PetscCall(PetscLogStagePush(TB_STAGE_FLOW));
+  PetscCall(CoupleSolve(s->part.couple, &its, &reason));
+  PetscCall(PetscLogStagePop());
+  PetscCall(add_seconds(s, MONITOR_NSE, &t));
+  if (reason < 0) PetscCall(stop_unsolved(s, reason, its));
+  PetscCall(PetscLogStagePush(TB_STAGE_BODIES));
+  PetscCall(CoupleForce(s->part.couple));
+  PetscCall(add_seconds(s, MONITOR_FORCE, &t));
+  PetscCall(PetscLogStagePop());
+  PetscCall(PetscLogStagePush(TB_STAGE_OUTPUT));
+  PetscCall(CoupleGetSolution(s->part.couple, &u, &p));
+  PetscCall(FlowDiagnose(s->part.flow, u, &diag));
+  PetscCall(CoupleMomentumError(s->part.couple, diag.momentum_rate, &momentum_error));
+  if (PetscIsInfOrNanReal(diag.kinetic_energy)) PetscCall(stop_unsolved(s, KSP_DIVERGED_NANORINF, its));
+  PetscCall(add_seconds(s, MONITOR_OUTPUT, &t));
+  PetscCall(PetscLogStagePop());
+  PetscCall(PetscLogStagePush(TB_STAGE_BODIES));
+  PetscCall(CoupleAdvance(s->part.couple));
+  PetscCall(PetscLogStagePop());
+  PetscCall(add_seconds(s, MONITOR_PARTICLE, &t));
+  s->time += dt;
+  s->step++;
+  s->has_acceleration = PETSC_TRUE;
+  PetscCall(PetscLogStagePush(TB_STAGE_OUTPUT));
+  PetscCall(report(s, &diag, momentum_error, dt, its, t - start));
+  PetscCall(PetscLogStagePop());
+  PetscCall(add_seconds(s, MONITOR_OUTPUT, &t));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SimSetUp(Sim s)
+{
+  FlowSolver solver;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowBeginStep(s->part.flow, s->time + s->dt, s->dt));
+  PetscCall(CoupleDraw(s->part.couple));
+  PetscCall(FlowAssemble(s->part.flow));
+  PetscCall(CoupleGetSolver(s->part.couple, &solver));
+  PetscCall(FlowSolverSetUp(solver));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SimRun(Sim s)
+{
+  PetscReal        dt_old = s->dt;
+  const MeshLocal *l;
+  FlowSolver       solver;
+  PetscInt         unknowns;
+
+  PetscFunctionBeginUser;
+  while (s->step < s->steps_max && s->time < s->time_end * (1 - 1e-12) - 1e-9 * s->dt) {
+    const PetscReal left = s->time_end - s->time;
+    const PetscReal dt   = left < s->dt * (1 + 1e-6) ? left : s->dt; /* the last step ends on time */
+
+    PetscCall(take_step(s, dt, dt_old));
+    dt_old = dt;
+  }
+  PetscCall(MeshGetLocal(s->part.mesh, &l));
+  PetscCall(CoupleGetSolver(s->part.couple, &solver));
+  PetscCall(FlowSolverGetUnknowns(solver, &unknowns));
+  PetscCall(MonitorFinish(s->part.monitor, s->part.scene, l->ncell_global, unknowns, s->step, s->time));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

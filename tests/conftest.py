@@ -1,0 +1,85 @@
+"""Helpers for the end-to-end tests: run the program under mpiexec on small scenes in a temporary folder.
+
+The program is taken from the folder $TUMBLE_BUILD (default: build).
+"""
+import os
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+# A small, fast settling disc; boundaries default to no_slip walls.
+SCENE = """\
+mesh: {cells: [8, 24], lower: [0, 0], upper: [2, 6]}
+flow: {density: 1, viscosity: 0.1, gravity: [0, -981]}
+particle:
+  groups: disc
+  disc: {shape: circle, radius: 0.125, density: 1.25, position: [1, 4]}
+sim: {dt: 0.005, steps: 2}
+"""
+
+
+def edited(old, new, text=SCENE):
+    """SCENE with one place changed; the place must be there, so that a test cannot lose its subject."""
+    assert text.count(old) == 1, f"'{old}' must stand once in the scene"
+    return text.replace(old, new)
+
+
+class Result:
+    """What a run left behind: exit status, everything printed, and the command that repeats it."""
+
+    def __init__(self, command, folder, status, out, err):
+        self.command, self.folder, self.status, self.out, self.err = command, Path(folder), status, out, err
+        self.text = out + err
+
+    def __str__(self):
+        return f"in {self.folder}: {self.command}\nexit status {self.status}\n{self.text[-6000:]}"
+
+    def steps(self):
+        """Rows of all series.csv below the folder (without headings): the steps that were reported."""
+        rows = 0
+        for path in self.folder.rglob("series.csv"):
+            rows += sum(1 for line in path.read_text().splitlines() if re.match(r"\s*[-+0-9.]", line))
+        return rows
+
+
+@pytest.fixture(scope="session")
+def program():
+    path = (ROOT / os.environ.get("TUMBLE_BUILD", "build") / "tumble").resolve()
+    if not path.is_file():
+        pytest.fail(f"{path} is missing: run 'make', or name the build folder in TUMBLE_BUILD")
+    return path
+
+
+@pytest.fixture
+def run(program, tmp_path):
+    """run(args, ranks=1, timeout=120): run the program in the temporary folder of the test; see Result."""
+
+    def start(args, ranks=1, timeout=120):
+        env = dict(os.environ)
+        # the tests may run as root in a container, and on fewer cores than ranks
+        env.update(OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1", OMP_NUM_THREADS="1")
+        env.update(OMPI_MCA_rmaps_base_oversubscribe="1", PRTE_MCA_rmaps_default_mapping_policy=":oversubscribe")
+        env.pop("PETSC_OPTIONS", None)
+        command = ["mpiexec", "-n", str(ranks), str(program), *map(str, args)]
+        try:
+            done = subprocess.run(command, cwd=tmp_path, env=env, capture_output=True, text=True, errors="replace", timeout=timeout)
+        except subprocess.TimeoutExpired:
+            pytest.fail(f"no end after {timeout} s: {' '.join(command)}")
+        return Result(" ".join(command), tmp_path, done.returncode, done.stdout, done.stderr)
+
+    return start
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """scene(text=SCENE, name="disc.yaml"): write a scene file into the temporary folder of the test, return its name."""
+
+    def write(text=SCENE, name="disc.yaml"):
+        (tmp_path / name).write_text(text)
+        return name
+
+    return write
