@@ -2,9 +2,10 @@
 
    Outline (Jacobs, Ward & Pinkerton, NACA report 460) with the last thickness coefficient -0.1036, which closes the trailing edge. With z from 1
    (trailing edge) over 0 (nose) to -1 (trailing edge) and x/c = z^2, thickness is smooth through the nose: sqrt(x/c) = |z|. z = cos(phi).
-   Distance: all chords of a fine outline, each with the largest deviation (sag) of its arc, bound the answer; the arcs that can hold the closest point are
-   searched by Newton with bisection; circles around groups of arcs rule out most of them. The sign is the side of the outline at the closest point; beyond the corner at the trailing edge it is outside.
-   The body origin is at `origin` of the chord (0.25: the quarter-chord point). 2D only. Digits mpTT: camber m/100, camber_position p/10, thickness TT/100. */
+   Distance: the chords of 256 arcs, each with the largest deviation (sag) of its arc, bound the answer; circles around groups of arcs rule out most of
+   them, and the arcs that can hold the closest point are searched by Newton with bisection. The sign is the side of the outline at the closest point;
+   points closest to the corner at the trailing edge are outside. The body origin is at `origin` of the chord (0.25: the quarter-chord point). 2D only.
+   Digits mpTT: camber m/100, camber_position p/10, thickness TT/100. */
 #include "shape.h"
 
 #define NARC   256 /* arcs, each with its chord */

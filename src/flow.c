@@ -693,7 +693,11 @@ PetscErrorCode FlowCreate(Mesh mesh, Flow *flow)
   PetscCall(PetscCalloc3(f->nboundary, &f->boundary, l->nnode_all, &f->fixed, l->nnode_all * dim, &f->bc_value));
   for (PetscInt b = 0; b < f->nboundary; b++) PetscCall(read_boundary(f, b));
   PetscCall(mark_fixed(f));
-  PetscCall(PetscCalloc5(l->nnode_all * dim, &f->u, l->nnode_all * dim, &f->u_old, l->nnode_all * dim, &f->w, l->ncell * (dim + 1), &f->p, l->ncell * (dim + 1), &f->p_old));
+  PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u)); /* each on its own: accepted steps swap them */
+  PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u_old));
+  PetscCall(PetscCalloc1(l->nnode_all * dim, &f->w));
+  PetscCall(PetscCalloc1(l->ncell * (dim + 1), &f->p));
+  PetscCall(PetscCalloc1(l->ncell * (dim + 1), &f->p_old));
   PetscCall(create_matrix(f));
   *flow = f;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -712,7 +716,11 @@ PetscErrorCode FlowDestroy(Flow *flow)
   PetscCall(PetscFree3(f->phi, f->dphi, f->qweight));
   PetscCall(PetscFree5(f->affine, f->inverse, f->det, f->size, f->lumped));
   PetscCall(PetscFree3(f->boundary, f->fixed, f->bc_value));
-  PetscCall(PetscFree5(f->u, f->u_old, f->w, f->p, f->p_old));
+  PetscCall(PetscFree(f->u));
+  PetscCall(PetscFree(f->u_old));
+  PetscCall(PetscFree(f->w));
+  PetscCall(PetscFree(f->p));
+  PetscCall(PetscFree(f->p_old));
   PetscCall(PetscFree(*flow));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

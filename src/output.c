@@ -235,13 +235,9 @@ static PetscErrorCode write_mesh(Output o)
 /* d/dxi_a at lattice node j of the Q2 function with nodal values f, stride bs */
 static PetscReal lattice_derivative(PetscInt j, PetscInt a, PetscInt bs, const PetscReal f[])
 {
-  static const PetscReal D[3][3] = {
-    {-1.5, 2,  -0.5},
-    {-0.5, 0,  0.5 },
-    {0.5,  -2, 1.5 }
-  };
-  static const PetscInt stride[3] = {1, 3, 9};
-  const PetscInt        s = stride[a], i = (j / s) % 3, base = j - i * s;
+  static const PetscReal D[3][3]   = {{-1.5, 2, -0.5}, {-0.5, 0, 0.5}, {0.5, -2, 1.5}};
+  static const PetscInt  stride[3] = {1, 3, 9};
+  const PetscInt         s = stride[a], i = (j / s) % 3, base = j - i * s;
 
   return D[i][0] * f[base * bs] + D[i][1] * f[(base + s) * bs] + D[i][2] * f[(base + 2 * s) * bs];
 }

@@ -367,7 +367,6 @@ PetscErrorCode PressureSetUpPC(Pressure p, KSP ksp)
   PetscBool mg;
   PetscInt  levels;
   Mat       present;
-  KSP       smoother;
 
   PetscFunctionBeginUser;
   PetscCall(KSPGetPC(ksp, &pc));
@@ -379,8 +378,8 @@ PetscErrorCode PressureSetUpPC(Pressure p, KSP ksp)
   if (present == p->interpolation && present) PetscFunctionReturn(PETSC_SUCCESS);
   if (!p->interpolation) PetscCall(create_interpolation(p));
   PetscCall(PCMGSetInterpolation(pc, 1, p->interpolation));
-  PetscCall(PCMGGetSmoother(pc, 1, &smoother));
-  (void)smoother;
+  PetscCall(PCSetUseAmat(pc, PETSC_FALSE)); /* the matrix on both levels, not the operator with the bodies' part */
+  PetscCall(PCMGSetGalerkin(pc, PC_MG_GALERKIN_PMAT));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -392,7 +391,6 @@ PetscErrorCode PressureSetDefaults(void)
   PetscFunctionBeginUser;
   PetscCall(OptDefault(PREFIX "pc_type", "mg"));
   PetscCall(OptDefault(PREFIX "pc_mg_levels", "2"));
-  PetscCall(OptDefault(PREFIX "pc_mg_galerkin", "pmat"));
   PetscCall(OptDefault(PREFIX "mg_levels_ksp_type", "chebyshev"));
   PetscCall(OptDefault(PREFIX "mg_levels_ksp_max_it", "1"));
   PetscCall(OptDefault(PREFIX "mg_levels_pc_type", "pbjacobi"));

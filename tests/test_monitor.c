@@ -17,7 +17,8 @@
 static char root[PETSC_MAX_PATH_LEN];
 static char message[2048];
 
-static PetscErrorCode record_message(MPI_Comm comm, int line, const char *fun, const char *file, PetscErrorCode n, PetscErrorType p, const char *mess, void *ctx)
+static PetscErrorCode record_message(MPI_Comm comm, int line, const char *fun, const char *file, PetscErrorCode n, PetscErrorType p, const char *mess,
+                                     void *ctx)
 {
   (void)comm, (void)line, (void)fun, (void)file, (void)ctx;
   if (p == PETSC_ERROR_INITIAL) snprintf(message, sizeof(message), "%s", mess);
@@ -77,7 +78,15 @@ static void set_state(BodyState *b, PetscInt step)
 
 static MonitorStep make_step(PetscInt step)
 {
-  return (MonitorStep){.step = step, .time = 0.125 * step, .dt = 0.125, .cfl = 0.5, .outer_iterations = step == 7 ? 9 : 5, .divergence = 1e-9, .kinetic_energy = 2.25, .momentum_error = -1e-11, .seconds = 0.01};
+  return (MonitorStep){.step             = step,
+                       .time             = 0.125 * step,
+                       .dt               = 0.125,
+                       .cfl              = 0.5,
+                       .outer_iterations = step == 7 ? 9 : 5,
+                       .divergence       = 1e-9,
+                       .kinetic_energy   = 2.25,
+                       .momentum_error   = -1e-11,
+                       .seconds          = 0.01};
 }
 
 static Monitor start_monitor(const char name[], Bodies bodies, char dir[])
@@ -183,12 +192,15 @@ static void files_hold_every_step(void **state)
   (void)state;
   run_steps("every", "box", dir);
   text = read_text(dir, "series.csv");
-  assert_starts(text, "step,time_s,dt_s,cfl,outer_iterations,divergence,kinetic_energy,momentum_error,seconds\n1,0.125,0.125,0.5,5,1e-09,2.25,-1e-11,0.01\n");
+  assert_starts(text,
+                "step,time_s,dt_s,cfl,outer_iterations,divergence,kinetic_energy,momentum_error,seconds\n1,0.125,0.125,0.5,5,1e-09,2.25,-1e-11,0.01\n");
   assert_int_equal(count_lines(text), 1 + STEPS);
   text = read_text(dir, "bodies.csv");
-  assert_starts(text, "step,time_s,body,group,x,y,z,angle_rad,u,v,w,omega_x,omega_y,omega_z,force_x,force_y,force_z,torque_x,torque_y,torque_z,gap,radius\n");
+  assert_starts(text,
+                "step,time_s,body,group,x,y,z,angle_rad,u,v,w,omega_x,omega_y,omega_z,force_x,force_y,force_z,torque_x,torque_y,torque_z,gap,radius\n");
   assert_int_equal(count_lines(text), 1 + 2 * STEPS);
-  assert_starts(line_number(text, 1), "1,0.125,0,disc,1,2.75,0,0.5,0,0.5,0,0,0,0,0,2.5,0,0,0,-1.5,inf,0.125\n1,0.125,1,post,3,1,0,0,0,-100,0,0,0,0,0,0,0,0,0,0,0.01,0.25\n");
+  assert_starts(line_number(text, 1),
+                "1,0.125,0,disc,1,2.75,0,0.5,0,0.5,0,0,0,0,0,2.5,0,0,0,-1.5,inf,0.125\n1,0.125,1,post,3,1,0,0,0,-100,0,0,0,0,0,0,0,0,0,0,0.01,0.25\n");
   assert_starts(line_number(text, 1 + 2 * 4), "5,0.625,0,disc,1,1.75,0,2.5,0,0.5,0,0,0,0,0,2.5,0,0,0,-1.5,-0.025,0.125\n");
 }
 
@@ -237,7 +249,9 @@ static void summary_has_its_keys(void **state)
   assert_close("cd", json_number(text, "cd"), 3.25); /* set twice: the second value */
   assert_true(json_number(text, "total") >= 2.01);   /* set-up and the first step */
   assert_true(json_number(text, "memory_mb") > size);
-  for (const char **key = (const char *[]){"\"commit\": \"", "\"versions\": {\"tumble\": \"", "\"petsc\": \"3.", "\"mpi\": \"", "\"particle\": ", "\"output\": ", "\"lost\": null", NULL}; *key; key++) {
+  for (const char **key = (const char *[]){"\"commit\": \"", "\"versions\": {\"tumble\": \"", "\"petsc\": \"3.", "\"mpi\": \"",
+                                           "\"particle\": ", "\"output\": ", "\"lost\": null", NULL};
+       *key; key++) {
     if (!strstr(text, *key)) fail_msg("summary.json has no %s:\n%s", *key, text);
   }
 }
@@ -396,12 +410,9 @@ static void remove_root(void)
 int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {
-    cmocka_unit_test(files_hold_every_step),
-    cmocka_unit_test(unreported_steps_are_tracked),
-    cmocka_unit_test(summary_has_its_keys),
-    cmocka_unit_test(options_are_kept),
-    cmocka_unit_test(progress_fits_on_a_page),
-    cmocka_unit_test(many_bodies_are_written_on_request),
+    cmocka_unit_test(files_hold_every_step),         cmocka_unit_test(unreported_steps_are_tracked),
+    cmocka_unit_test(summary_has_its_keys),          cmocka_unit_test(options_are_kept),
+    cmocka_unit_test(progress_fits_on_a_page),       cmocka_unit_test(many_bodies_are_written_on_request),
     cmocka_unit_test(unwritable_directory_is_named),
   };
   int failed;

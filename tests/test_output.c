@@ -17,7 +17,8 @@ static const PetscReal TOL = 1e-11;
 static char            root[PETSC_MAX_PATH_LEN];
 static char            message[2048];
 
-static PetscErrorCode record_message(MPI_Comm comm, int line, const char *fun, const char *file, PetscErrorCode n, PetscErrorType p, const char *mess, void *ctx)
+static PetscErrorCode record_message(MPI_Comm comm, int line, const char *fun, const char *file, PetscErrorCode n, PetscErrorType p, const char *mess,
+                                     void *ctx)
 {
   (void)comm, (void)line, (void)fun, (void)file, (void)ctx;
   if (p == PETSC_ERROR_INITIAL) snprintf(message, sizeof(message), "%s", mess);
@@ -106,10 +107,10 @@ static void destroy_fields(Fields *f)
 /* The whole dataset on every rank, as reals; *n rows */
 static PetscScalar *read_dataset(const char dir[], const char file[], const char name[], PetscInt bs, PetscInt *n)
 {
-  char         path[PETSC_MAX_PATH_LEN];
-  PetscViewer  viewer;
-  Vec          v;
-  PetscScalar *a;
+  char               path[PETSC_MAX_PATH_LEN];
+  PetscViewer        viewer;
+  Vec                v;
+  PetscScalar       *a;
   const PetscScalar *b;
 
   OK(PetscSNPrintf(path, sizeof(path), "%s/%s", dir, file));
@@ -171,11 +172,13 @@ static void check_cells(PetscInt dim, const PetscScalar x[], PetscInt ncell, con
 {
   static const int quad[9][8] = {{0}, {1}, {2}, {3}, {0, 1}, {1, 2}, {2, 3}, {3, 0}, {0, 1, 2, 3}};
   static const int quad_n[9]  = {1, 1, 1, 1, 2, 2, 2, 2, 4};
-  static const int hex[27][8] = {{0}, {1}, {2}, {3}, {4}, {5}, {6}, {7}, {0, 1}, {1, 2}, {2, 3}, {3, 0}, {4, 5}, {5, 6}, {6, 7}, {7, 4},
-                                 {0, 4}, {1, 5}, {2, 6}, {3, 7}, {0, 3, 4, 7}, {1, 2, 5, 6}, {0, 1, 4, 5}, {2, 3, 6, 7}, {0, 1, 2, 3}, {4, 5, 6, 7}, {0, 1, 2, 3, 4, 5, 6, 7}};
-  static const int hex_n[27]  = {1, 1, 1, 1, 1, 1, 1, 1, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 4, 4, 4, 4, 4, 4, 8};
-  const PetscInt   nb         = dim == 2 ? 9 : 27;
-  PetscReal        volume     = 0;
+  static const int hex[27][8] =
+    {{0},    {1},    {2},          {3},          {4},          {5},          {6},          {7},          {0, 1},
+     {1, 2}, {2, 3}, {3, 0},       {4, 5},       {5, 6},       {6, 7},       {7, 4},       {0, 4},       {1, 5},
+     {2, 6}, {3, 7}, {0, 3, 4, 7}, {1, 2, 5, 6}, {0, 1, 4, 5}, {2, 3, 6, 7}, {0, 1, 2, 3}, {4, 5, 6, 7}, {0, 1, 2, 3, 4, 5, 6, 7}};
+  static const int hex_n[27] = {1, 1, 1, 1, 1, 1, 1, 1, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 4, 4, 4, 4, 4, 4, 8};
+  const PetscInt   nb        = dim == 2 ? 9 : 27;
+  PetscReal        volume    = 0;
 
   for (PetscInt c = 0; c < ncell; c++) {
     const PetscInt *node = cell + c * nb;
@@ -241,13 +244,13 @@ static void write_snapshots(const char name[], PetscInt n, PetscBool constant, P
 
 static void check_fields(PetscInt dim, const char dir[])
 {
-  PetscInt     npoint, n, ncell;
-  PetscScalar *x = read_dataset(dir, "mesh.h5", "coordinates", 3, &npoint), *u = read_dataset(dir, "fields_10.h5", "velocity", 3, &n);
-  PetscScalar *w = read_dataset(dir, "fields_10.h5", "vorticity", dim == 2 ? 1 : 3, &n), *p = read_dataset(dir, "fields_10.h5", "pressure", 1, &n);
-  PetscScalar *pm = read_dataset(dir, "fields_10.h5", "pressure_mean", 1, &n), *pg = read_dataset(dir, "fields_10.h5", "pressure_gradient", 3, &n);
-  PetscScalar *time = read_dataset(dir, "fields_10.h5", "time", 1, &n);
-  PetscInt    *body = read_integers(dir, "fields_10.h5", "body", 1, &n), *cell = read_integers(dir, "mesh.h5", "cells", dim == 2 ? 9 : 27, &ncell);
-  PetscReal    v[3];
+  PetscInt        npoint, n, ncell;
+  PetscScalar    *x = read_dataset(dir, "mesh.h5", "coordinates", 3, &npoint), *u = read_dataset(dir, "fields_10.h5", "velocity", 3, &n);
+  PetscScalar    *w = read_dataset(dir, "fields_10.h5", "vorticity", dim == 2 ? 1 : 3, &n), *p = read_dataset(dir, "fields_10.h5", "pressure", 1, &n);
+  PetscScalar    *pm = read_dataset(dir, "fields_10.h5", "pressure_mean", 1, &n), *pg = read_dataset(dir, "fields_10.h5", "pressure_gradient", 3, &n);
+  PetscScalar    *time = read_dataset(dir, "fields_10.h5", "time", 1, &n);
+  PetscInt       *body = read_integers(dir, "fields_10.h5", "body", 1, &n), *cell = read_integers(dir, "mesh.h5", "cells", dim == 2 ? 9 : 27, &ncell);
+  PetscReal       v[3];
   const PetscReal g[3] = {1, -2, dim == 3 ? 0.5 : 0};
 
   assert_int_equal(n, npoint);

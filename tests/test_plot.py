@@ -14,6 +14,11 @@ PLOT = Path(__file__).resolve().parent.parent / "tools" / "plot"
 LATTICE_TO_VTK = [0, 2, 8, 6, 1, 5, 7, 3, 4]
 RADIUS = 0.125
 STEPS = [0, 40, 160]  # snapshots
+SERIES = "step,time_s,dt_s,cfl,outer_iterations,divergence,kinetic_energy,momentum_error,seconds"
+BODIES = (
+    "step,time_s,body,group,x,y,z,angle_rad,u,v,w,omega_x,omega_y,omega_z,"
+    "force_x,force_y,force_z,torque_x,torque_y,torque_z,gap,radius"
+)
 
 
 def fall(time):
@@ -54,8 +59,8 @@ def write_index(path, steps):
 
 def write_tables(folder, radius):
     with open(folder / "series.csv", "w") as series, open(folder / "bodies.csv", "w") as bodies:
-        print("step,time_s,dt_s,cfl,outer_iterations,divergence,kinetic_energy,momentum_error,seconds", file=series)
-        print("step,time_s,body,group,x,y,z,angle_rad,u,v,w,omega_x,omega_y,omega_z,force_x,force_y,force_z,torque_x,torque_y,torque_z,gap,radius", file=bodies)
+        print(SERIES, file=series)
+        print(BODIES, file=bodies)
         for step in range(1, 181):
             time = 0.005 * step
             speed, height = fall(time)
