@@ -21,15 +21,17 @@ PetscErrorCode ContactView(Contact, PetscViewer);
 PetscErrorCode ContactEvaluate(Contact, PetscReal (*x)[3], PetscReal (*q)[4], PetscReal (*force)[3], PetscReal (*torque)[3], PetscReal *gap);
 
 /* Contact force to use for the step [t, t + dt]: sub-steps the bodies from their present state under the frozen remaining acceleration
-   a, alpha [n][3] (their motion without contact: a = (U^n - U^{n-1})/dt - contact_force of the last step / ContactGetMass), with effective mass
-   ContactGetMass, and stores force and torque in contact_force, contact_torque of the state and the smallest gap met in gap (PETSC_MAX_REAL: far).
+   a, alpha [n][3] (their motion without contact: a = (U^n - U^{n-1})/dt - contact_force of the last step / ContactGetMass, alpha alike), with the effective
+   mass and inertia of ContactGetMass, and stores force and torque in contact_force, contact_torque of the state and the smallest gap met in gap (PETSC_MAX_REAL: far).
    The force of a pair is its mean over the step, or over a look-ahead of two steps where that is larger (contact.c says why).
    The state itself does not move. Bodies out of range of everything cost nothing but the search. Not collective, same result on all ranks.
    Safe while a body moves at most h in a step.
    Error when -contact_substeps is given and too small for the stiffness: names option, value and the needed number. */
 PetscErrorCode ContactStep(Contact, PetscReal dt, PetscReal (*a)[3], PetscReal (*alpha)[3]);
 
-/* Effective mass of body k: (rho_s + rho_f) Vol in 2D, (rho_s + rho_f/2) Vol in 3D (added mass of a disc, a sphere). */
-PetscErrorCode ContactGetMass(Contact, PetscInt k, PetscReal *mass);
+/* Effective mass of body k: (rho_s + rho_f) Vol in 2D, (rho_s + rho_f/2) Vol in 3D (added mass of a disc, a sphere), and effective inertia
+   (rho_s + rho_f/10) times the inertia for unit density (space axes, as BodiesGetInertia; NULL: not wanted). The caller of ContactStep
+   must use these for a and alpha: another inertia makes the loop of flow and contact unstable. */
+PetscErrorCode ContactGetMass(Contact, PetscInt k, PetscReal *mass, PetscReal inertia[6]);
 /* Work of the last ContactEvaluate or ContactStep: pairs of bodies tested by their bounding circles, pairs and walls kept, sub-steps of the step. Each may be NULL. */
 PetscErrorCode ContactGetWork(Contact, PetscInt *tests, PetscInt *pairs, PetscInt *substeps);

@@ -21,8 +21,10 @@
      when the step exceeds their relaxation time;
    - look-ahead: two steps are integrated, and each pair takes the larger of the means over one and over two steps (divided by 1 and 2 steps).
      A second-order scheme (bdf2) gives only 2/3 of a sudden impulse in its first step; without look-ahead bodies overlap at u dt > r.
-   Bounds: safe to u dt = 2 r (that is h, CFL number 1); beyond, overlap is limited by the linear branch. Knows no friction, and lubrication only as far as
-   the mesh resolves it. Work: cell list, then pairs. Replicated on all ranks, not parallel yet. */
+   Measured for one disc, densities 0.001 to 10, be and bdf2, true added mass 1 to 1.5: smallest gap 0.37 r up to u dt = 2 r (that is h, CFL number 1). At rest
+   the position is steady to round-off in most cases; where drag rules (step beyond the relaxation time) it may wander in a bounded cycle of up to
+   0.2 r at u dt = r, 1.5 r at 2 r. Stable while the true effective mass is above 3/4 of ours. Limit: bodies without buoyancy that a very viscous flow
+   presses together (step 10 relaxation times) overlap by some r before the force has grown. Knows no friction, no sub-grid lubrication. Work: cell list, then pairs. Replicated on all ranks, not parallel yet. */
 #include "compat.h"
 #include "cells.h"
 #include "contact.h"
@@ -498,6 +500,15 @@ static void note_gap(const Pair *p, PetscReal gap, PetscReal *all)
 
 /* ---- sub-steps ---- */
 
+/* A tenth of the fluid's inertia turns with the body: keeps very light bodies from spinning up within a sub-step. */
+static PetscErrorCode effective_inertia(Contact c, PetscInt k, PetscReal inertia[6])
+{
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetInertia(c->bodies, k, PETSC_TRUE, inertia));
+  for (PetscInt i = 0; i < 6; i++) inertia[i] *= group_of(c, k)->density + 0.1 * c->rho_f;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode set_inverses(Contact c, PetscInt k)
 {
   const BodyGroup *g = group_of(c, k);
@@ -510,9 +521,7 @@ static PetscErrorCode set_inverses(Contact c, PetscInt k)
   for (PetscInt a = 0; a < c->dim; a++)
     if (g->free & (BODY_FREE_X << a)) m->inverse_mass[a] = 1 / effective_mass(c, g);
   if (!(g->free & BODY_FREE_ROTATION)) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(BodiesGetInertia(c->bodies, k, PETSC_TRUE, inertia));
-  /* a tenth of the fluid's inertia turns with the body: keeps very light bodies from spinning up within a sub-step */
-  for (PetscInt i = 0; i < 6; i++) inertia[i] *= g->density + 0.1 * c->rho_f;
+  PetscCall(effective_inertia(c, k, inertia));
   if (c->dim == 2) m->inverse_inertia[2] = 1 / inertia[2];
   else invert_tensor(inertia, m->inverse_inertia);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -725,11 +734,12 @@ PetscErrorCode ContactEvaluate(Contact c, PetscReal (*x)[3], PetscReal (*q)[4], 
 
 /* ---- questions ---- */
 
-PetscErrorCode ContactGetMass(Contact c, PetscInt k, PetscReal *mass)
+PetscErrorCode ContactGetMass(Contact c, PetscInt k, PetscReal *mass, PetscReal inertia[6])
 {
   PetscFunctionBeginUser;
   PetscCheck(k >= 0 && k < c->s->n, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Body %" PetscInt_FMT " does not exist: there are %" PetscInt_FMT, k, c->s->n);
   *mass = effective_mass(c, group_of(c, k));
+  if (inertia) PetscCall(effective_inertia(c, k, inertia));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

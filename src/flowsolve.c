@@ -656,7 +656,8 @@ static PetscErrorCode map_ghost_columns(FlowSolver fs)
   PetscCall(get_rows(fs->S, &Ad, &Ao, &garray));
   if (!Ao) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MatGetLocalSize(Ao, NULL, &n));
-  PetscCall(PetscMalloc3(n, &fs->ghost_of_column, nghost, &sorted, nghost, &where));
+  PetscCall(PetscMalloc1(n, &fs->ghost_of_column));
+  PetscCall(PetscMalloc2(nghost, &sorted, nghost, &where));
   for (PetscInt i = 0; i < nghost; i++) {
     sorted[i] = l->node_global[l->nnode + i];
     where[i]  = l->nnode + i;

@@ -56,6 +56,20 @@ static PetscErrorCode find_neighbours(Pressure p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Preallocation by coordinates makes the diagonal part of a parallel matrix without a block size, but point-block Jacobi asks the part for it. */
+static PetscErrorCode set_part_block_size(Mat mat, PetscInt bs)
+{
+  PetscBool parallel;
+  Mat       diagonal;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscObjectTypeCompare((PetscObject)mat, MATMPIAIJ, &parallel));
+  if (!parallel) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(MatMPIAIJGetSeqAIJ(mat, &diagonal, NULL, NULL));
+  PetscCall(MatSetBlockSizes(diagonal, bs, bs));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode create_matrix(Pressure p)
 {
   const MeshLocal *l  = p->loc;
@@ -79,6 +93,7 @@ static PetscErrorCode create_matrix(Pressure p)
   PetscCall(MatSetBlockSize(p->matrix, nk));
   PetscCall(MatSetType(p->matrix, MATAIJ));
   PetscCall(MatSetPreallocationCOO(p->matrix, n, row, col));
+  PetscCall(set_part_block_size(p->matrix, nk));
   PetscCall(MatSetOption(p->matrix, MAT_SYMMETRIC, PETSC_TRUE));
   PetscCall(MatSetOption(p->matrix, MAT_SYMMETRY_ETERNAL, PETSC_TRUE));
   PetscCall(PetscFree2(row, col));

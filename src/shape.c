@@ -486,47 +486,71 @@ static void SpreadDirection(PetscInt dim, PetscInt k, PetscInt n, PetscReal e[])
   }
 }
 
-/* The gradient leads nowhere (kink, medial axis): take the point at distance |d| around y that is closest to the surface. */
-static PetscErrorCode StepBySearch(Shape s, PetscReal y[], PetscReal *d)
+/* Direction k of n within an angle of about `spread` around e; all directions if spread is 0. */
+static void ConeDirection(PetscInt dim, PetscInt k, PetscInt n, const PetscReal e[], PetscReal spread, PetscReal out[])
 {
-  const PetscInt dim = s->dim;
-  PetscReal      x[4 * CHUNK * 3], dist[4 * CHUNK], e[3];
-  PetscInt       n = dim == 2 ? CHUNK : 4 * CHUNK, best = 0;
+  PetscReal u[3], len = 0;
+
+  SpreadDirection(dim, k, n, u);
+  for (PetscInt a = 0; a < dim; a++) {
+    out[a] = spread > 0 ? e[a] + spread * (PetscReal)(k % 8 + 1) / 8.0 * u[a] : u[a];
+    len += PetscSqr(out[a]);
+  }
+  for (PetscInt a = 0; a < dim; a++) out[a] /= PetscSqrtReal(len);
+}
+
+/* Where the gradient misleads (kink, medial axis): of all points at distance |d| around y0, the closest to the surface, in ever narrower cones.
+   Replaces y, d if it is better than they are. */
+static PetscErrorCode StepBySearch(Shape s, const PetscReal y0[], PetscReal d0, PetscReal y[], PetscReal *d)
+{
+  const PetscReal spread[5] = {0.0, 0.15, 0.02, 0.003, 0.0004};
+  const PetscInt  dim = s->dim, n = dim == 2 ? CHUNK : 4 * CHUNK;
+  PetscReal       x[4 * CHUNK * 3], dist[4 * CHUNK], e[3] = {0, 0, 0}, out[3], best_d = PETSC_MAX_REAL;
 
   PetscFunctionBeginUser;
-  for (PetscInt k = 0; k < n; k++) {
-    SpreadDirection(dim, k, n, e);
-    for (PetscInt a = 0; a < dim; a++) x[k * dim + a] = y[a] + PetscAbsReal(*d) * e[a];
+  for (int stage = 0; stage < 5; stage++) {
+    PetscInt best = -1;
+
+    for (PetscInt k = 0; k < n; k++) {
+      ConeDirection(dim, k, n, e, spread[stage], out);
+      for (PetscInt a = 0; a < dim; a++) x[k * dim + a] = y0[a] + PetscAbsReal(d0) * out[a];
+    }
+    PetscCall(ShapeDistance(s, n, x, dist));
+    for (PetscInt k = 0; k < n; k++) {
+      if (PetscAbsReal(dist[k]) >= PetscAbsReal(best_d)) continue;
+      best   = k;
+      best_d = dist[k];
+    }
+    if (best < 0) continue;
+    for (PetscInt a = 0; a < dim; a++) e[a] = (x[best * dim + a] - y0[a]) / PetscAbsReal(d0);
   }
-  PetscCall(ShapeDistance(s, n, x, dist));
-  for (PetscInt k = 1; k < n; k++)
-    if (PetscAbsReal(dist[k]) < PetscAbsReal(dist[best])) best = k;
-  for (PetscInt a = 0; a < dim; a++) y[a] = x[best * dim + a];
-  *d = dist[best];
+  if (PetscAbsReal(best_d) >= PetscAbsReal(*d)) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt a = 0; a < dim; a++) y[a] = y0[a] + PetscAbsReal(d0) * e[a];
+  PetscCall(ShapeDistance(s, 1, y, d));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Project up to CHUNK points in place. Because |d| never exceeds the true distance, a step of length |d| cannot cross the surface. */
+/* Project up to CHUNK points in place. Because |d| never exceeds the true distance, a step of length |d| cannot cross the surface;
+   where d is Euclidean and smooth one step is enough, so one that leaves a tenth of the way went in the wrong direction. */
 static PetscErrorCode ProjectChunk(Shape s, PetscInt n, PetscReal y[])
 {
   const PetscInt  dim = s->dim, max_iterations = 200;
   const PetscReal tolerance = 1e-12 * s->radius;
-  PetscReal       d[CHUNK], old[CHUNK], normal[CHUNK * 3];
+  PetscReal       d[CHUNK], old_d[CHUNK], old_y[CHUNK * 3], normal[CHUNK * 3];
   PetscInt        open = n;
 
   PetscFunctionBeginUser;
   PetscCall(ShapeDistance(s, n, y, d));
   for (PetscInt it = 0; it < max_iterations && open; it++) {
     PetscCall(ShapeNormal(s, n, y, normal));
-    for (PetscInt i = 0; i < n; i++) {
-      old[i] = d[i];
-      if (PetscAbsReal(d[i]) > tolerance)
-        for (PetscInt a = 0; a < dim; a++) y[i * dim + a] -= d[i] * normal[i * dim + a];
-    }
+    PetscCall(PetscArraycpy(old_y, y, n * dim));
+    PetscCall(PetscArraycpy(old_d, d, n));
+    for (PetscInt i = 0; i < n; i++)
+      for (PetscInt a = 0; a < dim; a++) y[i * dim + a] -= PetscAbsReal(d[i]) > tolerance ? d[i] * normal[i * dim + a] : 0.0;
     PetscCall(ShapeDistance(s, n, y, d));
     open = 0;
     for (PetscInt i = 0; i < n; i++) {
-      if (PetscAbsReal(d[i]) > tolerance && PetscAbsReal(d[i]) > 0.9 * PetscAbsReal(old[i])) PetscCall(StepBySearch(s, &y[i * dim], &d[i]));
+      if (PetscAbsReal(d[i]) > tolerance && PetscAbsReal(d[i]) > 0.1 * PetscAbsReal(old_d[i])) PetscCall(StepBySearch(s, &old_y[i * dim], old_d[i], &y[i * dim], &d[i]));
       if (PetscAbsReal(d[i]) > tolerance) open++;
     }
   }

@@ -123,7 +123,7 @@ static PetscErrorCode stop_unsolved(Sim s, KSPConvergedReason reason, PetscInt i
   PetscCall(write_fields(s));
   PetscCall(OutputGetDirectory(s->part.output, &dir));
   SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
-          "The flow solve of step %" PetscInt_FMT " failed (%s after %" PetscInt_FMT " iterations). The state before it, t = %g, is in %s/fields_%06" PetscInt_FMT
+          "The flow solve of step %" PetscInt_FMT " failed (%s after %" PetscInt_FMT " iterations). The state before it, t = %g, is in %s/fields_%" PetscInt_FMT
           ".h5. Lower -sim_dt (now %g), raise -flow_ksp_max_it, or use -flow_recipe direct; -flow_ksp_monitor shows the iterations",
           s->step + 1, KSPConvergedReasons[reason], its, (double)s->time, dir, s->step, (double)s->dt);
 }
