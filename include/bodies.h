@@ -25,31 +25,31 @@ typedef enum {
 typedef struct {
   char      name[64];
   Shape     shape;
-  PetscReal density;     /* rho_s */
-  PetscInt  free;        /* BodyFree bits; 0 = fixed (or prescribed) */
+  PetscReal density;      /* rho_s */
+  PetscInt  free;         /* BodyFree bits; 0 = fixed (or prescribed) */
   PetscInt  first, count; /* bodies [first, first + count) */
-  ShapeMass mass;        /* for unit density */
-  PetscReal radius;      /* bounding radius about the centroid */
-  PetscReal disc;        /* radius if the shape is a disc/sphere, else 0 */
+  ShapeMass mass;         /* for unit density */
+  PetscReal radius;       /* bounding radius about the centroid */
+  PetscReal disc;         /* radius if the shape is a disc/sphere, else 0 */
 } BodyGroup;
 
 /* The state; arrays are owned by Bodies, writable by the coupling. n = number of bodies; replicated on all ranks. */
 typedef struct {
   PetscInt   n, ngroups, dim;
-  BodyGroup *group;          /* [ngroups] */
-  PetscInt  *body_group;     /* [n] */
-  PetscReal (*x)[3];         /* [n] centre of mass */
-  PetscReal (*q)[4];         /* [n] orientation */
-  PetscReal *angle;          /* [n] 2D angle, rad (3D: integral of w_z, for reports only) */
-  PetscReal (*u)[3];         /* [n] velocity of the centre of mass */
-  PetscReal (*w)[3];         /* [n] angular velocity, rad/s, space axes */
-  PetscReal (*u_old)[3];     /* [n] one step earlier */
+  BodyGroup *group;      /* [ngroups] */
+  PetscInt  *body_group; /* [n] */
+  PetscReal (*x)[3];     /* [n] centre of mass */
+  PetscReal (*q)[4];     /* [n] orientation */
+  PetscReal *angle;      /* [n] 2D angle, rad (3D: integral of w_z, for reports only) */
+  PetscReal (*u)[3];     /* [n] velocity of the centre of mass */
+  PetscReal (*w)[3];     /* [n] angular velocity, rad/s, space axes */
+  PetscReal (*u_old)[3]; /* [n] one step earlier */
   PetscReal (*w_old)[3];
-  PetscReal (*force)[3];     /* [n] hydrodynamic force, buoyancy excluded */
-  PetscReal (*torque)[3];    /* [n] hydrodynamic torque about the centre of mass */
+  PetscReal (*force)[3];          /* [n] hydrodynamic force, buoyancy excluded */
+  PetscReal (*torque)[3];         /* [n] hydrodynamic torque about the centre of mass */
   PetscReal (*contact_force)[3];  /* [n] */
   PetscReal (*contact_torque)[3]; /* [n] */
-  PetscReal *gap;            /* [n] smallest gap to a wall or another body (set by contact; PETSC_MAX_REAL if far) */
+  PetscReal *gap;                 /* [n] smallest gap to a wall or another body (set by contact; PETSC_MAX_REAL if far) */
 } BodyState;
 
 typedef struct _p_Bodies *Bodies;

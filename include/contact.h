@@ -11,7 +11,8 @@
 typedef struct _p_Contact *Contact;
 
 /* h: cell size near the bodies (default range h/2). walls: bit mask of solid domain faces, bit 2*axis for lower, 2*axis + 1 for upper. Collective. */
-PetscErrorCode ContactCreate(Bodies, PetscReal h, PetscReal rho_f, const PetscReal gravity[3], const PetscReal lower[3], const PetscReal upper[3], PetscInt walls, Contact *);
+PetscErrorCode ContactCreate(Bodies, PetscReal h, PetscReal rho_f, const PetscReal gravity[3], const PetscReal lower[3], const PetscReal upper[3],
+                             PetscInt walls, Contact *);
 PetscErrorCode ContactDestroy(Contact *);
 PetscErrorCode ContactView(Contact, PetscViewer);
 

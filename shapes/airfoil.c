@@ -55,12 +55,12 @@ static void EvaluateCurve(const Airfoil *f, PetscReal phi, Point *p)
 
   Camber(f, z * z, y);
   Thickness(f, z, &h, &h1, &h2);
-  c = 1.0 / PetscSqrtReal(1.0 + y[1] * y[1]); /* cos and sin of the slope angle theta = atan y' */
-  s = y[1] * c;
-  thx  = y[2] * c * c; /* theta by x */
-  thxx = (y[3] - 2.0 * y[1] * thx * y[2]) * c * c;
-  th1  = thx * 2.0 * z; /* theta by z, with x = z^2 */
-  th2  = thxx * 4.0 * z * z + thx * 2.0;
+  c     = 1.0 / PetscSqrtReal(1.0 + y[1] * y[1]); /* cos and sin of the slope angle theta = atan y' */
+  s     = y[1] * c;
+  thx   = y[2] * c * c; /* theta by x */
+  thxx  = (y[3] - 2.0 * y[1] * thx * y[2]) * c * c;
+  th1   = thx * 2.0 * z; /* theta by z, with x = z^2 */
+  th2   = thxx * 4.0 * z * z + thx * 2.0;
   cz[0] = z * z - h * s;
   cz[1] = y[0] + h * c;
   tz[0] = 2.0 * z - h1 * s - h * c * th1;
@@ -247,7 +247,8 @@ static void MeasureGroup(Airfoil *f, PetscInt g)
   f->gy[g] = 0.5 * (a->c[1] + b->c[1]);
   f->gr[g] = 0;
   for (PetscInt i = g * PER; i < (g + 1) * PER; i++)
-    for (PetscInt e = i; e <= i + 1; e++) f->gr[g] = PetscMax(f->gr[g], f->sag[i] + PetscSqrtReal(PetscSqr(f->end[e].c[0] - f->gx[g]) + PetscSqr(f->end[e].c[1] - f->gy[g])));
+    for (PetscInt e = i; e <= i + 1; e++)
+      f->gr[g] = PetscMax(f->gr[g], f->sag[i] + PetscSqrtReal(PetscSqr(f->end[e].c[0] - f->gx[g]) + PetscSqr(f->end[e].c[1] - f->gy[g])));
 }
 
 static PetscErrorCode ShapeSetUp_Airfoil(Shape s)
@@ -261,7 +262,8 @@ static PetscErrorCode ShapeSetUp_Airfoil(Shape s)
   for (PetscInt g = 0; g < NGROUP; g++) MeasureGroup(f, g);
   f->radius = 0;
   for (PetscInt i = 0; i < NARC; i++)
-    for (PetscInt e = i; e <= i + 1; e++) f->radius = PetscMax(f->radius, f->sag[i] + PetscSqrtReal(PetscSqr(f->end[e].c[0]) + PetscSqr(f->end[e].c[1])));
+    for (PetscInt e = i; e <= i + 1; e++)
+      f->radius = PetscMax(f->radius, f->sag[i] + PetscSqrtReal(PetscSqr(f->end[e].c[0]) + PetscSqr(f->end[e].c[1])));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -299,9 +301,9 @@ static PetscErrorCode ShapeRadius_Airfoil(Shape s, PetscReal *r)
 /* Length of the arc from lo to hi: five-point Gauss rule, exact to round-off on a 256th of the outline. */
 static PetscReal ArcLength(const Airfoil *f, PetscReal lo, PetscReal hi)
 {
-  const PetscReal at[5] = {-0.906179845938664, -0.538469310105683, 0.0, 0.538469310105683, 0.906179845938664};
+  const PetscReal at[5]     = {-0.906179845938664, -0.538469310105683, 0.0, 0.538469310105683, 0.906179845938664};
   const PetscReal weight[5] = {0.236926885056189, 0.478628670499366, 0.568888888888889, 0.478628670499366, 0.236926885056189};
-  PetscReal       sum = 0;
+  PetscReal       sum       = 0;
   Point           p;
 
   for (int q = 0; q < 5; q++) {
@@ -349,8 +351,8 @@ static PetscErrorCode ShapeView_Airfoil(Shape s, PetscViewer viewer)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &f));
-  PetscCall(PetscViewerASCIIPrintf(viewer, "chord %g m, thickness %g, camber %g at %g of the chord, origin at %g\n", (double)f->chord, (double)f->thickness, (double)f->camber, (double)f->position,
-                                   (double)f->origin));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "chord %g m, thickness %g, camber %g at %g of the chord, origin at %g\n", (double)f->chord,
+                                   (double)f->thickness, (double)f->camber, (double)f->position, (double)f->origin));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -371,6 +373,13 @@ TUMBLE_SHAPE_REGISTER = {
   .author      = "tumble",
   .version     = "1.0",
   .dims        = 1,
-  .ops         = {.create = ShapeCreate_Airfoil, .options = ShapeOptions_Airfoil, .setup = ShapeSetUp_Airfoil, .distance = ShapeDistance_Airfoil, .radius = ShapeRadius_Airfoil,
-                  .normal = ShapeNormal_Airfoil, .surface = ShapeSurface_Airfoil, .view = ShapeView_Airfoil, .destroy = ShapeDestroy_Airfoil},
+  .ops         = {.create   = ShapeCreate_Airfoil,
+                  .options  = ShapeOptions_Airfoil,
+                  .setup    = ShapeSetUp_Airfoil,
+                  .distance = ShapeDistance_Airfoil,
+                  .radius   = ShapeRadius_Airfoil,
+                  .normal   = ShapeNormal_Airfoil,
+                  .surface  = ShapeSurface_Airfoil,
+                  .view     = ShapeView_Airfoil,
+                  .destroy  = ShapeDestroy_Airfoil},
 };

@@ -65,7 +65,8 @@ static PetscErrorCode ShapeNormal_Circle(Shape s, PetscInt n, const PetscReal x[
 
     for (PetscInt a = 0; a < c->dim; a++) len += PetscSqr(x[i * c->dim + a]);
     len = PetscSqrtReal(len);
-    for (PetscInt a = 0; a < c->dim; a++) normal[i * c->dim + a] = len > 0 ? x[i * c->dim + a] / len : (PetscReal)(a == 0); /* at the centre every direction is right */
+    for (PetscInt a = 0; a < c->dim; a++)
+      normal[i * c->dim + a] = len > 0 ? x[i * c->dim + a] / len : (PetscReal)(a == 0); /* at the centre every direction is right */
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -135,6 +136,13 @@ TUMBLE_SHAPE_REGISTER = {
   .author      = "tumble",
   .version     = "1.0",
   .dims        = 3,
-  .ops         = {.create = ShapeCreate_Circle, .options = ShapeOptions_Circle, .distance = ShapeDistance_Circle, .radius = ShapeRadius_Circle, .normal = ShapeNormal_Circle,
-                  .mass = ShapeMass_Circle, .surface = ShapeSurface_Circle, .view = ShapeView_Circle, .destroy = ShapeDestroy_Circle},
+  .ops         = {.create   = ShapeCreate_Circle,
+                  .options  = ShapeOptions_Circle,
+                  .distance = ShapeDistance_Circle,
+                  .radius   = ShapeRadius_Circle,
+                  .normal   = ShapeNormal_Circle,
+                  .mass     = ShapeMass_Circle,
+                  .surface  = ShapeSurface_Circle,
+                  .view     = ShapeView_Circle,
+                  .destroy  = ShapeDestroy_Circle},
 };

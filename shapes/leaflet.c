@@ -44,8 +44,9 @@ static PetscErrorCode ShapeSetUp_Leaflet(Shape s)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &l));
-  PetscCheck(l->thickness <= l->length, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Thickness %g of shape 'leaflet' exceeds its length %g: lower its option thickness or raise length",
-             (double)l->thickness, (double)l->length);
+  PetscCheck(l->thickness <= l->length, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "Thickness %g of shape 'leaflet' exceeds its length %g: lower its option thickness or raise length", (double)l->thickness,
+             (double)l->length);
   l->r  = 0.5 * l->thickness;
   l->x0 = -l->origin * (l->length - l->thickness);
   l->x1 = l->x0 + l->length - l->thickness;
@@ -140,7 +141,8 @@ static PetscErrorCode ShapeView_Leaflet(Shape s, PetscViewer viewer)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &l));
-  PetscCall(PetscViewerASCIIPrintf(viewer, "length %g m, thickness %g m, origin at %g of the axis\n", (double)l->length, (double)l->thickness, (double)l->origin));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "length %g m, thickness %g m, origin at %g of the axis\n", (double)l->length, (double)l->thickness,
+                                   (double)l->origin));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -161,6 +163,13 @@ TUMBLE_SHAPE_REGISTER = {
   .author      = "tumble",
   .version     = "1.0",
   .dims        = 3,
-  .ops         = {.create = ShapeCreate_Leaflet, .options = ShapeOptions_Leaflet, .setup = ShapeSetUp_Leaflet, .distance = ShapeDistance_Leaflet, .radius = ShapeRadius_Leaflet,
-                  .normal = ShapeNormal_Leaflet, .mass = ShapeMass_Leaflet, .view = ShapeView_Leaflet, .destroy = ShapeDestroy_Leaflet},
+  .ops         = {.create   = ShapeCreate_Leaflet,
+                  .options  = ShapeOptions_Leaflet,
+                  .setup    = ShapeSetUp_Leaflet,
+                  .distance = ShapeDistance_Leaflet,
+                  .radius   = ShapeRadius_Leaflet,
+                  .normal   = ShapeNormal_Leaflet,
+                  .mass     = ShapeMass_Leaflet,
+                  .view     = ShapeView_Leaflet,
+                  .destroy  = ShapeDestroy_Leaflet},
 };

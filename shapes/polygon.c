@@ -13,9 +13,9 @@
 typedef struct {
   char       file[PETSC_MAX_PATH_LEN];
   PetscReal  scale;
-  PetscInt   n;               /* corners, counter-clockwise */
-  PetscReal *x, *y;           /* [n + 1], the first repeated at the end, m */
-  PetscReal *ex, *ey, *inv2;  /* [n] edge vectors, 1/length^2 */
+  PetscInt   n;              /* corners, counter-clockwise */
+  PetscReal *x, *y;          /* [n + 1], the first repeated at the end, m */
+  PetscReal *ex, *ey, *inv2; /* [n] edge vectors, 1/length^2 */
   PetscReal  radius;
 } Polygon;
 
@@ -58,7 +58,8 @@ static PetscErrorCode ReadCorners(const char file[], PetscInt *n, PetscReal xy[]
   PetscFunctionBeginUser;
   *n = 0;
   if (!f) {
-    PetscCall(PetscSNPrintf(error, len, "Outline file '%s' of shape 'polygon' cannot be read: set its option file to a text file with one 'x y' a line", file));
+    PetscCall(PetscSNPrintf(error, len,
+                            "Outline file '%s' of shape 'polygon' cannot be read: set its option file to a text file with one 'x y' a line", file));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   for (int number = 1; fgets(line, sizeof(line), f) && !error[0]; number++) {
@@ -73,10 +74,9 @@ static PetscErrorCode ReadCorners(const char file[], PetscInt *n, PetscReal xy[]
     }
     if (k < 2 || !IsBlank(at)) PetscCall(PetscSNPrintf(error, len, "%s:%d: expected two finite numbers 'x y', found '%.60s'", file, number, line));
     else if (*n == MAX_CORNERS) PetscCall(PetscSNPrintf(error, len, "%s:%d: more than %d corners: thin out the outline", file, number, MAX_CORNERS));
-    else if (*n == 0 || v[0] != xy[2 * *n - 2] || v[1] != xy[2 * *n - 1]) { /* a repeated corner adds nothing */
-      xy[2 * *n]     = v[0];
-      xy[2 * *n + 1] = v[1];
-      line_of[(*n)++] = number;
+    else if (*n == 0 || v[0] != xy[2 * *n - 2] || v[1] != xy[2 * *n - 1]) { /* a repeated corner adds nothing */ xy[2 * *n] = v[0];
+      xy[2 * *n + 1]                                                                                                        = v[1];
+      line_of[(*n)++]                                                                                                       = number;
     }
   }
   fclose(f);
@@ -93,7 +93,8 @@ static PetscReal Turn(const PetscReal a[], const PetscReal b[], const PetscReal 
 
 static PetscBool Within(const PetscReal a[], const PetscReal b[], const PetscReal p[])
 {
-  return p[0] >= PetscMin(a[0], b[0]) && p[0] <= PetscMax(a[0], b[0]) && p[1] >= PetscMin(a[1], b[1]) && p[1] <= PetscMax(a[1], b[1]) ? PETSC_TRUE : PETSC_FALSE;
+  return p[0] >= PetscMin(a[0], b[0]) && p[0] <= PetscMax(a[0], b[0]) && p[1] >= PetscMin(a[1], b[1]) && p[1] <= PetscMax(a[1], b[1]) ? PETSC_TRUE
+                                                                                                                                      : PETSC_FALSE;
 }
 
 /* Do the closed segments a-b and c-d have a point in common? */
@@ -102,7 +103,8 @@ static PetscBool Meet(const PetscReal a[], const PetscReal b[], const PetscReal 
   const PetscReal t1 = Turn(a, b, c), t2 = Turn(a, b, d), t3 = Turn(c, d, a), t4 = Turn(c, d, b);
 
   if (((t1 > 0 && t2 < 0) || (t1 < 0 && t2 > 0)) && ((t3 > 0 && t4 < 0) || (t3 < 0 && t4 > 0))) return PETSC_TRUE;
-  return (t1 == 0 && Within(a, b, c)) || (t2 == 0 && Within(a, b, d)) || (t3 == 0 && Within(c, d, a)) || (t4 == 0 && Within(c, d, b)) ? PETSC_TRUE : PETSC_FALSE;
+  return (t1 == 0 && Within(a, b, c)) || (t2 == 0 && Within(a, b, d)) || (t3 == 0 && Within(c, d, a)) || (t4 == 0 && Within(c, d, b)) ? PETSC_TRUE
+                                                                                                                                      : PETSC_FALSE;
 }
 
 /* Neighbouring edges a-b, b-c share b; they overlap if c turns straight back. */
@@ -148,8 +150,10 @@ static PetscErrorCode CheckCrossings(const char file[], PetscInt n, const PetscR
       else if (i == 0 && j == n - 1) bad = TurnsBack(c, d, b);
       else bad = Meet(a, b, c, d);
       if (bad)
-        PetscCall(PetscSNPrintf(error, len, "%s: the edge from line %d to line %d meets the edge from line %d to line %d: an outline must not cross or touch itself", file, line_of[i],
-                                line_of[(i + 1) % n], line_of[j], line_of[(j + 1) % n]));
+        PetscCall(
+          PetscSNPrintf(error, len,
+                        "%s: the edge from line %d to line %d meets the edge from line %d to line %d: an outline must not cross or touch itself",
+                        file, line_of[i], line_of[(i + 1) % n], line_of[j], line_of[(j + 1) % n]));
     }
   PetscCall(PetscFree(e));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -165,7 +169,8 @@ static PetscErrorCode StoreOutline(Polygon *p, PetscInt n, const PetscReal xy[])
   PetscFunctionBeginUser;
   p->n = n;
   PetscCall(PetscMalloc5(n + 1, &p->x, n + 1, &p->y, n, &p->ex, n, &p->ey, n, &p->inv2));
-  for (PetscInt i = 0, j = n - 1; i < n; j = i++) area2 += (xy[2 * j] - xy[0]) * (xy[2 * i + 1] - xy[1]) - (xy[2 * i] - xy[0]) * (xy[2 * j + 1] - xy[1]);
+  for (PetscInt i = 0, j = n - 1; i < n; j = i++)
+    area2 += (xy[2 * j] - xy[0]) * (xy[2 * i + 1] - xy[1]) - (xy[2 * i] - xy[0]) * (xy[2 * j + 1] - xy[1]);
   p->radius = 0;
   for (PetscInt i = 0; i <= n; i++) {
     const PetscInt k = area2 > 0 ? i % n : (n - i) % n;
@@ -216,7 +221,7 @@ static PetscErrorCode ShapeSetUp_Polygon(Shape s)
 /* Squared distance to the outline and whether the point is inside. The ray test counts an edge for y in [low, high), so corners count once. */
 static PetscReal MeasurePoint(const Polygon *p, PetscReal px, PetscReal py, PetscInt *inside)
 {
-  PetscReal best = PETSC_MAX_REAL;
+  PetscReal best      = PETSC_MAX_REAL;
   PetscInt  crossings = 0;
 
   for (PetscInt i = 0; i < p->n; i++) {
@@ -336,6 +341,13 @@ TUMBLE_SHAPE_REGISTER = {
   .author      = "tumble",
   .version     = "1.0",
   .dims        = 1,
-  .ops         = {.create = ShapeCreate_Polygon, .options = ShapeOptions_Polygon, .setup = ShapeSetUp_Polygon, .distance = ShapeDistance_Polygon, .radius = ShapeRadius_Polygon,
-                  .mass = ShapeMass_Polygon, .surface = ShapeSurface_Polygon, .view = ShapeView_Polygon, .destroy = ShapeDestroy_Polygon},
+  .ops         = {.create   = ShapeCreate_Polygon,
+                  .options  = ShapeOptions_Polygon,
+                  .setup    = ShapeSetUp_Polygon,
+                  .distance = ShapeDistance_Polygon,
+                  .radius   = ShapeRadius_Polygon,
+                  .mass     = ShapeMass_Polygon,
+                  .surface  = ShapeSurface_Polygon,
+                  .view     = ShapeView_Polygon,
+                  .destroy  = ShapeDestroy_Polygon},
 };

@@ -50,8 +50,9 @@ static PetscErrorCode ShapeSetUp_Template(Shape s)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &t));
-  PetscCheck(t->corner <= 0.5 * t->side, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Corner radius %g exceeds half the side %g of shape 'template': lower its option corner or raise side",
-             (double)t->corner, (double)t->side);
+  PetscCheck(t->corner <= 0.5 * t->side, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "Corner radius %g exceeds half the side %g of shape 'template': lower its option corner or raise side", (double)t->corner,
+             (double)t->side);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -119,6 +120,11 @@ TUMBLE_SHAPE_REGISTER = {
   .author      = "tumble",
   .version     = "1.0",
   .dims        = 3,
-  .ops         = {.create = ShapeCreate_Template, .options = ShapeOptions_Template, .setup = ShapeSetUp_Template, .distance = ShapeDistance_Template, .radius = ShapeRadius_Template,
-                  .view = ShapeView_Template, .destroy = ShapeDestroy_Template},
+  .ops         = {.create   = ShapeCreate_Template,
+                  .options  = ShapeOptions_Template,
+                  .setup    = ShapeSetUp_Template,
+                  .distance = ShapeDistance_Template,
+                  .radius   = ShapeRadius_Template,
+                  .view     = ShapeView_Template,
+                  .destroy  = ShapeDestroy_Template},
 };

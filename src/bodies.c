@@ -68,8 +68,8 @@ static void solve3(const PetscReal A[9], const PetscReal b[3], PetscReal x[3])
 /* R t R^T */
 static void rotate_tensor(const PetscReal q[4], const PetscReal t[6], PetscReal out[6])
 {
-  const PetscInt  row[6] = {0, 1, 2, 0, 0, 1}, col[6] = {0, 1, 2, 1, 2, 2};
-  PetscReal       R[9];
+  const PetscInt row[6] = {0, 1, 2, 0, 0, 1}, col[6] = {0, 1, 2, 1, 2, 2};
+  PetscReal      R[9];
 
   RotationMatrix(q, R);
   for (PetscInt k = 0; k < 6; k++) {
@@ -90,7 +90,8 @@ static void option_name(const char group[], const char what[], char name[128])
 static PetscErrorCode read_free(const char group[], PetscInt dim, PetscInt *bits)
 {
   const char *const word[] = {"x", "y", "z", "rotation", "none", "all"};
-  const PetscInt    mask[] = {BODY_FREE_X, BODY_FREE_Y, BODY_FREE_Z, BODY_FREE_ROTATION, 0, BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z | BODY_FREE_ROTATION};
+  const PetscInt    mask[] = {BODY_FREE_X,        BODY_FREE_Y, BODY_FREE_Z,
+                              BODY_FREE_ROTATION, 0,           BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z | BODY_FREE_ROTATION};
   char              name[128], *list[16];
   PetscInt          n = 16;
 
@@ -104,7 +105,8 @@ static PetscErrorCode read_free(const char group[], PetscInt dim, PetscInt *bits
 
     while (k < 6 && strcmp(list[i], word[k])) k++;
     PetscCheck(k < 6, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s: '%s' is not known (known: x, y, z, rotation, all, none)", name, list[i]);
-    PetscCheck(k < 4 || n == 1, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s: '%s' stands alone, remove the other %" PetscInt_FMT " entries", name, list[i], n - 1);
+    PetscCheck(k < 4 || n == 1, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s: '%s' stands alone, remove the other %" PetscInt_FMT " entries", name,
+               list[i], n - 1);
     *bits |= mask[k];
     PetscCall(PetscFree(list[i]));
   }
@@ -131,7 +133,8 @@ static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim)
   PetscCall(OptHas(name, "Density of the bodies", &has_density));
   g->density = 1;
   PetscCall(OptReal(name, "Density of the bodies", "kg/m^3", OPT_POSITIVE, PETSC_MAX_REAL, &g->density));
-  PetscCheck(has_density || !g->free, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "Group '%s' moves but has no density: give %s, or -particle_%s_free none", g->name, name, g->name);
+  PetscCheck(has_density || !g->free, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "Group '%s' moves but has no density: give %s, or -particle_%s_free none", g->name, name, g->name);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -145,7 +148,8 @@ static PetscErrorCode read_velocities(const char group[], PetscInt dim, Start *s
   option_name(group, "velocity", name);
   PetscCall(OptRealArray(name, "Velocity at the start (kept where not free)", "m/s", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, s->base.u, NULL));
   option_name(group, "angular_velocity", name);
-  PetscCall(OptRealArray(name, "Angular velocity at the start (kept where not free)", "rad/s", PETSC_MIN_REAL, PETSC_MAX_REAL, dim == 2 ? 1 : 3, dim == 2 ? s->base.omega + 2 : s->base.omega, NULL));
+  PetscCall(OptRealArray(name, "Angular velocity at the start (kept where not free)", "rad/s", PETSC_MIN_REAL, PETSC_MAX_REAL, dim == 2 ? 1 : 3,
+                         dim == 2 ? s->base.omega + 2 : s->base.omega, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -157,14 +161,17 @@ static PetscErrorCode read_place(const char group[], PetscInt dim, Start *s)
   option_name(group, "place", name);
   PetscCall(OptChoice(name, "Where the bodies start", place_names, &s->place));
   option_name(group, "position", name);
-  PetscCall(OptRealArray(name, "Centre of mass at the start, for place single", "m", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, s->base.x, &s->has_position));
+  PetscCall(
+    OptRealArray(name, "Centre of mass at the start, for place single", "m", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, s->base.x, &s->has_position));
   option_name(group, "count", name);
   PetscCall(OptHas(name, "Number of bodies", &s->has_count));
   PetscCall(OptInt(name, "Number of bodies, for place lattice and random", "", 0, PETSC_MAX_INT, &s->count));
   option_name(group, "lower", name);
-  PetscCall(OptRealArray(name, "Lower corner of the box for lattice and random (default: domain)", "m", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, s->lower, NULL));
+  PetscCall(
+    OptRealArray(name, "Lower corner of the box for lattice and random (default: domain)", "m", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, s->lower, NULL));
   option_name(group, "upper", name);
-  PetscCall(OptRealArray(name, "Upper corner of the box for lattice and random (default: domain)", "m", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, s->upper, NULL));
+  PetscCall(
+    OptRealArray(name, "Upper corner of the box for lattice and random (default: domain)", "m", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, s->upper, NULL));
   option_name(group, "margin", name);
   PetscCall(OptReal(name, "Smallest gap between bounding circles for lattice and random", "m", 0, PETSC_MAX_REAL, &s->margin));
   option_name(group, "seed", name);
@@ -179,13 +186,18 @@ static PetscErrorCode check_place(const char group[], const Start *s)
   const char *place = place_names[s->place];
 
   PetscFunctionBeginUser;
-  PetscCheck(s->place != PLACE_SINGLE || s->has_position, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "Group '%s' has no position: give -particle_%s_position, or another -particle_%s_place", group, group, group);
-  PetscCheck(s->place != PLACE_SINGLE || !s->has_count || s->count == 1, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_%s_count %" PetscInt_FMT " needs -particle_%s_place lattice, random or table", group,
-             s->count, group);
-  PetscCheck(s->place == PLACE_SINGLE || !s->has_position, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_%s_position has no meaning with -particle_%s_place %s: remove one of them", group, group, place);
-  PetscCheck((s->place != PLACE_LATTICE && s->place != PLACE_RANDOM) || s->has_count, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_%s_place %s needs -particle_%s_count", group, place, group);
-  PetscCheck(s->place != PLACE_TABLE || s->table[0], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_%s_place table needs -particle_%s_table file.csv", group, group);
-  PetscCheck(s->place == PLACE_TABLE || !s->table[0], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_%s_table needs -particle_%s_place table", group, group);
+  PetscCheck(s->place != PLACE_SINGLE || s->has_position, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "Group '%s' has no position: give -particle_%s_position, or another -particle_%s_place", group, group, group);
+  PetscCheck(s->place != PLACE_SINGLE || !s->has_count || s->count == 1, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_%s_count %" PetscInt_FMT " needs -particle_%s_place lattice, random or table", group, s->count, group);
+  PetscCheck(s->place == PLACE_SINGLE || !s->has_position, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_%s_position has no meaning with -particle_%s_place %s: remove one of them", group, group, place);
+  PetscCheck((s->place != PLACE_LATTICE && s->place != PLACE_RANDOM) || s->has_count, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_%s_place %s needs -particle_%s_count", group, place, group);
+  PetscCheck(s->place != PLACE_TABLE || s->table[0], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_%s_place table needs -particle_%s_table file.csv", group, group);
+  PetscCheck(s->place == PLACE_TABLE || !s->table[0], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_%s_table needs -particle_%s_place table",
+             group, group);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -195,8 +207,9 @@ static PetscErrorCode start_group(BodyGroup *g, PetscInt dim, Start *s)
   PetscFunctionBeginUser;
   if (s->place == PLACE_TABLE) {
     PetscCall(PlaceTable(s->table, dim, &s->base, &g->count, &s->body));
-    PetscCheck(!s->has_count || s->count == g->count, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_%s_count is %" PetscInt_FMT ", the table %s has %" PetscInt_FMT " bodies: remove the option", g->name,
-               s->count, s->table, g->count);
+    PetscCheck(!s->has_count || s->count == g->count, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "-particle_%s_count is %" PetscInt_FMT ", the table %s has %" PetscInt_FMT " bodies: remove the option", g->name, s->count, s->table,
+               g->count);
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   g->count = s->place == PLACE_SINGLE ? 1 : s->count;
@@ -263,7 +276,8 @@ static PetscErrorCode start_random(BodyState *s, Start start[])
       const Start     *t     = &start[g];
 
       if ((t->place == PLACE_RANDOM) != (pass == 1)) continue;
-      if (pass) PetscCall(PlaceRandom(group->name, s->dim, t->lower, t->upper, group->radius, t->margin, t->seed, n, x, radius, group->count, t->body));
+      if (pass)
+        PetscCall(PlaceRandom(group->name, s->dim, t->lower, t->upper, group->radius, t->margin, t->seed, n, x, radius, group->count, t->body));
       for (PetscInt i = 0; i < group->count; i++, n++) {
         PetscCall(PetscArraycpy(x[n], t->body[i].x, 3));
         radius[n] = group->radius;
@@ -282,8 +296,10 @@ static PetscErrorCode check_domain(Bodies b)
   for (PetscInt k = 0; k < s->n; k++)
     for (PetscInt a = 0; a < s->dim; a++)
       PetscCheck(s->x[k][a] >= b->lower[a] && s->x[k][a] <= b->upper[a], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-                 "Body %" PetscInt_FMT " of group '%s' starts outside the domain: coordinate %" PetscInt_FMT " is %g, the domain is %g .. %g. Move the body (-particle_%s_*) or widen the mesh",
-                 k - s->group[s->body_group[k]].first, s->group[s->body_group[k]].name, a, (double)s->x[k][a], (double)b->lower[a], (double)b->upper[a], s->group[s->body_group[k]].name);
+                 "Body %" PetscInt_FMT " of group '%s' starts outside the domain: coordinate %" PetscInt_FMT
+                 " is %g, the domain is %g .. %g. Move the body (-particle_%s_*) or widen the mesh",
+                 k - s->group[s->body_group[k]].first, s->group[s->body_group[k]].name, a, (double)s->x[k][a], (double)b->lower[a],
+                 (double)b->upper[a], s->group[s->body_group[k]].name);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -294,13 +310,17 @@ static PetscErrorCode name_groups(BodyState *s)
 
   PetscFunctionBeginUser;
   PetscCall(OptStringArray("-particle_groups", "Names of the groups of bodies", &n, list));
-  PetscCheck(n <= MAX_GROUPS, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_groups has more than %d names: join bodies of one shape in one group with -particle_<group>_place table", MAX_GROUPS);
+  PetscCheck(n <= MAX_GROUPS, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_groups has more than %d names: join bodies of one shape in one group with -particle_<group>_place table", MAX_GROUPS);
   s->ngroups = n;
   PetscCall(PetscCalloc1(n, &s->group));
   for (PetscInt g = 0; g < n; g++) {
-    PetscCheck(list[g][0] && strlen(list[g]) < sizeof(s->group[g].name), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_groups: '%s' must have 1 to %d characters", list[g], (int)sizeof(s->group[g].name) - 1);
+    PetscCheck(list[g][0] && strlen(list[g]) < sizeof(s->group[g].name), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "-particle_groups: '%s' must have 1 to %d characters", list[g], (int)sizeof(s->group[g].name) - 1);
     PetscCall(PetscStrncpy(s->group[g].name, list[g], sizeof(s->group[g].name)));
-    for (PetscInt f = 0; f < g; f++) PetscCheck(strcmp(s->group[f].name, s->group[g].name), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_groups names '%s' twice: remove one", list[g]);
+    for (PetscInt f = 0; f < g; f++)
+      PetscCheck(strcmp(s->group[f].name, s->group[g].name), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_groups names '%s' twice: remove one",
+                 list[g]);
     PetscCall(PetscFree(list[g]));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -383,9 +403,11 @@ PetscErrorCode BodiesView(Bodies b, PetscViewer viewer)
     const char      *type;
 
     PetscCall(ShapeGetType(group->shape, &type));
-    PetscCall(PetscViewerASCIIPrintf(viewer, "group %s: %" PetscInt_FMT " x %s, density %g, %s %g, bounding radius %g, free:%s%s%s%s%s\n", group->name, group->count, type, (double)group->density,
-                                     s->dim == 2 ? "area" : "volume", (double)group->mass.volume, (double)group->radius, group->free & BODY_FREE_X ? " x" : "", group->free & BODY_FREE_Y ? " y" : "",
-                                     group->free & BODY_FREE_Z ? " z" : "", group->free & BODY_FREE_ROTATION ? " rotation" : "", group->free ? "" : " none"));
+    PetscCall(PetscViewerASCIIPrintf(viewer, "group %s: %" PetscInt_FMT " x %s, density %g, %s %g, bounding radius %g, free:%s%s%s%s%s\n",
+                                     group->name, group->count, type, (double)group->density, s->dim == 2 ? "area" : "volume",
+                                     (double)group->mass.volume, (double)group->radius, group->free & BODY_FREE_X ? " x" : "",
+                                     group->free & BODY_FREE_Y ? " y" : "", group->free & BODY_FREE_Z ? " z" : "",
+                                     group->free & BODY_FREE_ROTATION ? " rotation" : "", group->free ? "" : " none"));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -395,7 +417,8 @@ PetscErrorCode BodiesView(Bodies b, PetscViewer viewer)
 static PetscErrorCode check_body(Bodies b, PetscInt k)
 {
   PetscFunctionBeginUser;
-  PetscCheck(k >= 0 && k < b->state.n, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Body %" PetscInt_FMT " does not exist: there are %" PetscInt_FMT, k, b->state.n);
+  PetscCheck(k >= 0 && k < b->state.n, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Body %" PetscInt_FMT " does not exist: there are %" PetscInt_FMT,
+             k, b->state.n);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -445,7 +468,7 @@ PetscErrorCode BodiesDistance(Bodies b, PetscInt k, const PetscReal X[], const P
     const PetscInt m = PetscMin(CHUNK, n - start);
 
     for (PetscInt p = 0; p < m; p++) {
-      const PetscReal *xp = x + (start + p) * dim;
+      const PetscReal *xp   = x + (start + p) * dim;
       PetscReal        r[3] = {xp[0] - X[0], xp[1] - X[1], dim == 3 ? xp[2] - X[2] : 0};
 
       for (PetscInt a = 0; a < dim; a++) y[p * dim + a] = R[a] * r[0] + R[3 + a] * r[1] + R[6 + a] * r[2] + g->mass.centroid[a];
@@ -540,8 +563,9 @@ PetscErrorCode BodiesAdvancePosition(Bodies b, PetscReal dt, PetscReal theta)
     if (s->dim == 2) RotationFromAngle(s->angle[k], s->q[k]);
     else RotationAdvance(dt, w, s->q[k]);
     for (PetscInt a = 0; a < s->dim; a++)
-      PetscCheck(!PetscIsInfOrNanReal(s->x[k][a]) && !PetscIsInfOrNanReal(s->angle[k]), PETSC_COMM_SELF, PETSC_ERR_FP, "Body %" PetscInt_FMT " of group '%s' has left all bounds (velocity %g): lower -sim_dt",
-                 k - s->group[s->body_group[k]].first, s->group[s->body_group[k]].name, (double)s->u[k][a]);
+      PetscCheck(!PetscIsInfOrNanReal(s->x[k][a]) && !PetscIsInfOrNanReal(s->angle[k]), PETSC_COMM_SELF, PETSC_ERR_FP,
+                 "Body %" PetscInt_FMT " of group '%s' has left all bounds (velocity %g): lower -sim_dt", k - s->group[s->body_group[k]].first,
+                 s->group[s->body_group[k]].name, (double)s->u[k][a]);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -60,7 +60,7 @@ typedef struct {
 } Impulse;
 
 typedef struct {
-  PetscInt i, j;  /* j = -1 - face for a wall */
+  PetscInt i, j;   /* j = -1 - face for a wall */
   Impulse  sum[2]; /* over one step, over LOOKAHEAD steps */
 } Pair;
 
@@ -387,7 +387,7 @@ static void weigh(Contact c, PetscInt n, Touch t[], PetscReal *smallest)
 static PetscErrorCode find_touch(Contact c, PetscInt i, PetscInt j, PetscInt *n, PetscReal *gap)
 {
   const BodyGroup *gi = group_of(c, i), *gj = j >= 0 ? group_of(c, j) : NULL;
-  PetscInt         m  = 0;
+  PetscInt         m = 0;
 
   PetscFunctionBeginUser;
   *n = 0;
@@ -553,7 +553,8 @@ static PetscErrorCode start_movers(Contact c, PetscReal dt, PetscReal (*a)[3], P
     PetscCall(PetscArraycpy(m->x, s->x[k], 3));
     PetscCall(PetscArraycpy(m->q, s->q[k], 4));
     for (PetscInt b = 0; b < 3; b++) {
-      const PetscBool moves = g->free & (BODY_FREE_X << b) ? PETSC_TRUE : PETSC_FALSE, turns = (g->free & BODY_FREE_ROTATION) && (c->dim == 3 || b == 2) ? PETSC_TRUE : PETSC_FALSE;
+      const PetscBool moves = g->free & (BODY_FREE_X << b) ? PETSC_TRUE : PETSC_FALSE,
+                      turns = (g->free & BODY_FREE_ROTATION) && (c->dim == 3 || b == 2) ? PETSC_TRUE : PETSC_FALSE;
 
       m->u[b] = m->u0[b] = s->u[k][b];
       m->w[b] = m->w0[b] = s->w[k][b];
@@ -609,9 +610,11 @@ static PetscErrorCode choose_substeps(Contact c, PetscReal dt, PetscInt *n)
 
   PetscFunctionBeginUser;
   PetscCheck(c->substeps == 0 || c->substeps >= needed, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "-contact_substeps %" PetscInt_FMT " is too small: the contact force changes within %g s, a step of %g s needs at least %g (%g for accuracy). Raise or remove -contact_substeps, or lower -sim_dt or -contact_stiffness",
+             "-contact_substeps %" PetscInt_FMT
+             " is too small: the contact force changes within %g s, a step of %g s needs at least %g (%g for accuracy). Raise or remove -contact_substeps, or lower -sim_dt or -contact_stiffness",
              c->substeps, (double)time, (double)dt, (double)needed, (double)wanted);
-  PetscCheck(c->substeps || wanted < 1e7, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "The contact force would need %g sub-steps (a step is %g s, the force changes within %g s): lower -sim_dt or -contact_stiffness",
+  PetscCheck(c->substeps || wanted < 1e7, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE,
+             "The contact force would need %g sub-steps (a step is %g s, the force changes within %g s): lower -sim_dt or -contact_stiffness",
              (double)wanted, (double)dt, (double)time);
   *n = c->substeps ? c->substeps : PetscMax(1, (PetscInt)wanted);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -672,7 +675,7 @@ static PetscErrorCode advance_substep(Contact c, PetscReal h, PetscInt nactive, 
 static void store_means(Contact c, PetscReal dt)
 {
   for (PetscInt k = 0; k < c->npairs; k++) {
-    const Pair     *p = &c->pair[k];
+    const Pair     *p  = &c->pair[k];
     const PetscReal f1 = dot(p->sum[0].f, p->sum[0].f), f2 = dot(p->sum[1].f, p->sum[1].f) / PetscSqr(LOOKAHEAD);
     const PetscInt  w = f2 > f1;
 
@@ -737,7 +740,8 @@ PetscErrorCode ContactEvaluate(Contact c, PetscReal (*x)[3], PetscReal (*q)[4], 
 PetscErrorCode ContactGetMass(Contact c, PetscInt k, PetscReal *mass, PetscReal inertia[6])
 {
   PetscFunctionBeginUser;
-  PetscCheck(k >= 0 && k < c->s->n, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Body %" PetscInt_FMT " does not exist: there are %" PetscInt_FMT, k, c->s->n);
+  PetscCheck(k >= 0 && k < c->s->n, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Body %" PetscInt_FMT " does not exist: there are %" PetscInt_FMT, k,
+             c->s->n);
   *mass = effective_mass(c, group_of(c, k));
   if (inertia) PetscCall(effective_inertia(c, k, inertia));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -755,10 +759,12 @@ PetscErrorCode ContactGetWork(Contact c, PetscInt *tests, PetscInt *pairs, Petsc
 PetscErrorCode ContactView(Contact c, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscViewerASCIIPrintf(viewer, "contact: law %s, range %g, stiffness x %g, walls%s%s%s%s%s%s%s\n", law_names[c->law], (double)c->range, (double)c->multiple, c->walls & 1 ? " x-" : "",
-                                   c->walls & 2 ? " x+" : "", c->walls & 4 ? " y-" : "", c->walls & 8 ? " y+" : "", c->walls & 16 ? " z-" : "", c->walls & 32 ? " z+" : "", c->walls ? "" : " none"));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "contact: law %s, range %g, stiffness x %g, walls%s%s%s%s%s%s%s\n", law_names[c->law], (double)c->range,
+                                   (double)c->multiple, c->walls & 1 ? " x-" : "", c->walls & 2 ? " x+" : "", c->walls & 4 ? " y-" : "",
+                                   c->walls & 8 ? " y+" : "", c->walls & 16 ? " z-" : "", c->walls & 32 ? " z+" : "", c->walls ? "" : " none"));
   for (PetscInt g = 0; g < c->s->ngroups; g++)
-    PetscCall(PetscViewerASCIIPrintf(viewer, "  group %s: terminal speed scale %g, %" PetscInt_FMT " surface points\n", c->s->group[g].name, (double)c->terminal[g], c->points[g].n));
+    PetscCall(PetscViewerASCIIPrintf(viewer, "  group %s: terminal speed scale %g, %" PetscInt_FMT " surface points\n", c->s->group[g].name,
+                                     (double)c->terminal[g], c->points[g].n));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -805,18 +811,22 @@ static PetscErrorCode read_options(Contact c)
   c->range    = 0.5 * c->h;
   c->multiple = 1;
   PetscCall(OptChoice("-contact_law", "Law of the contact force", law_names, &c->law));
-  PetscCall(OptReal("-contact_range", "Gap below which bodies repel each other (default: half a cell)", "m", OPT_POSITIVE, PETSC_MAX_REAL, &c->range));
+  PetscCall(
+    OptReal("-contact_range", "Gap below which bodies repel each other (default: half a cell)", "m", OPT_POSITIVE, PETSC_MAX_REAL, &c->range));
   PetscCall(OptReal("-contact_stiffness", "Multiple of the default stiffness", "", OPT_POSITIVE, PETSC_MAX_REAL, &c->multiple));
-  PetscCall(OptInt("-contact_substeps", "Sub-steps of the contact in a time step, 0: from the stiffness", "", 0, PETSC_MAX_INT / LOOKAHEAD, &c->substeps));
+  PetscCall(
+    OptInt("-contact_substeps", "Sub-steps of the contact in a time step, 0: from the stiffness", "", 0, PETSC_MAX_INT / LOOKAHEAD, &c->substeps));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ContactCreate(Bodies bodies, PetscReal h, PetscReal rho_f, const PetscReal gravity[3], const PetscReal lower[3], const PetscReal upper[3], PetscInt walls, Contact *contact)
+PetscErrorCode ContactCreate(Bodies bodies, PetscReal h, PetscReal rho_f, const PetscReal gravity[3], const PetscReal lower[3],
+                             const PetscReal upper[3], PetscInt walls, Contact *contact)
 {
   Contact c;
 
   PetscFunctionBeginUser;
-  PetscCheck(h > 0 && rho_f > 0, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Contact needs a positive cell size and fluid density, not %g and %g", (double)h, (double)rho_f);
+  PetscCheck(h > 0 && rho_f > 0, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Contact needs a positive cell size and fluid density, not %g and %g",
+             (double)h, (double)rho_f);
   PetscCall(PetscNew(&c));
   c->bodies = bodies;
   PetscCall(BodiesGetState(bodies, &c->s));

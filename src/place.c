@@ -41,7 +41,8 @@ static void split_box(PetscInt dim, const PetscReal size[3], PetscInt count, Pet
   }
 }
 
-PetscErrorCode PlaceLattice(const char name[], PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], PetscReal radius, PetscReal margin, PetscInt count, Placement p[])
+PetscErrorCode PlaceLattice(const char name[], PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], PetscReal radius, PetscReal margin,
+                            PetscInt count, Placement p[])
 {
   PetscReal size[3] = {0, 0, 0}, side;
   PetscInt  n[3]    = {1, 1, 1};
@@ -51,8 +52,9 @@ PetscErrorCode PlaceLattice(const char name[], PetscInt dim, const PetscReal low
   for (PetscInt a = 0; a < dim; a++) size[a] = upper[a] - lower[a];
   split_box(dim, size, count, n, &side);
   PetscCheck(side > 2 * radius + margin, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "Lattice of group '%s' does not fit: %" PetscInt_FMT " bodies leave cells of width %g, a body with margin needs more than %g. Lower -particle_%s_count or widen -particle_%s_lower .. _upper", name, count,
-             (double)side, (double)(2 * radius + margin), name, name);
+             "Lattice of group '%s' does not fit: %" PetscInt_FMT
+             " bodies leave cells of width %g, a body with margin needs more than %g. Lower -particle_%s_count or widen -particle_%s_lower .. _upper",
+             name, count, (double)side, (double)(2 * radius + margin), name, name);
   for (PetscInt i = 0; i < count; i++) {
     const PetscInt row    = i / n[0];
     const PetscInt in_row = PetscMin(n[0], count - row * n[0]); /* the last row may be short */
@@ -96,8 +98,8 @@ static PetscBool is_free(Cells cells, PetscInt dim, PetscReal (*x)[3], const Pet
   return PETSC_TRUE;
 }
 
-static PetscErrorCode throw_darts(Cells cells, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], PetscReal inset, PetscReal (*x)[3], const PetscReal keep[], PetscInt64 *state,
-                                  PetscReal y[3], PetscBool *found)
+static PetscErrorCode throw_darts(Cells cells, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], PetscReal inset, PetscReal (*x)[3],
+                                  const PetscReal keep[], PetscInt64 *state, PetscReal y[3], PetscBool *found)
 {
   PetscFunctionBeginUser;
   *found = PETSC_FALSE;
@@ -108,10 +110,10 @@ static PetscErrorCode throw_darts(Cells cells, PetscInt dim, const PetscReal low
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PlaceRandom(const char name[], PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], PetscReal radius, PetscReal margin, PetscInt seed, PetscInt n, PetscReal (*other_x)[3],
-                           const PetscReal other_radius[], PetscInt count, Placement p[])
+PetscErrorCode PlaceRandom(const char name[], PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], PetscReal radius, PetscReal margin,
+                           PetscInt seed, PetscInt n, PetscReal (*other_x)[3], const PetscReal other_radius[], PetscInt count, Placement p[])
 {
-  Cells      cells;
+  Cells cells;
   PetscReal(*x)[3], *keep, box = 1;
   PetscInt64 state = seed;
   PetscBool  found = PETSC_TRUE;
@@ -119,21 +121,23 @@ PetscErrorCode PlaceRandom(const char name[], PetscInt dim, const PetscReal lowe
   PetscFunctionBeginUser;
   for (PetscInt a = 0; a < dim; a++) {
     PetscCheck(upper[a] - lower[a] >= 2 * radius, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-               "Random bodies of group '%s': the box is %g wide along axis %" PetscInt_FMT ", one body needs %g. Widen -particle_%s_lower .. _upper", name, (double)(upper[a] - lower[a]), a,
-               (double)(2 * radius), name);
+               "Random bodies of group '%s': the box is %g wide along axis %" PetscInt_FMT ", one body needs %g. Widen -particle_%s_lower .. _upper",
+               name, (double)(upper[a] - lower[a]), a, (double)(2 * radius), name);
     box *= upper[a] - lower[a];
   }
   PetscCall(PetscMalloc1(n + count, &x));
   PetscCall(PetscMalloc1(n + count, &keep));
   PetscCall(CellsCreate(dim, lower, upper, 2 * radius + margin, 4 * (n + count) + 64, &cells));
   for (PetscInt i = 0; i < n + count && found; i++) {
-    if (i < n) for (PetscInt a = 0; a < 3; a++) x[i][a] = other_x[i][a];
+    if (i < n)
+      for (PetscInt a = 0; a < 3; a++) x[i][a] = other_x[i][a];
     else {
       x[i][2] = 0;
       PetscCall(throw_darts(cells, dim, lower, upper, radius, x, keep, &state, x[i], &found));
       PetscCheck(found, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-                 "Random bodies of group '%s': only %" PetscInt_FMT " of %" PetscInt_FMT " fit, they fill %.3g of the box. Lower -particle_%s_count or -particle_%s_margin, widen the box, or use -particle_%s_place lattice", name,
-                 i - n, count, (double)((i - n) * ball_volume(dim, radius) / box), name, name, name);
+                 "Random bodies of group '%s': only %" PetscInt_FMT " of %" PetscInt_FMT
+                 " fit, they fill %.3g of the box. Lower -particle_%s_count or -particle_%s_margin, widen the box, or use -particle_%s_place lattice",
+                 name, i - n, count, (double)((i - n) * ball_volume(dim, radius) / box), name, name, name);
       PetscCall(PetscArraycpy(p[i - n].x, x[i], 3));
     }
     keep[i] = radius + margin + (i < n ? other_radius[i] : radius);
@@ -178,7 +182,8 @@ static PetscErrorCode read_text(const char file[], char **text)
   }
   PetscCallMPI(MPI_Bcast(&length, 1, MPIU_INT, 0, PETSC_COMM_WORLD));
   if (length < 0) PetscCall(PetscFree(*text));
-  PetscCheck(length >= 0, PETSC_COMM_SELF, PETSC_ERR_FILE_OPEN, "Table '%s' cannot be read: check the path and its permissions (paths are relative to the working directory)", file);
+  PetscCheck(length >= 0, PETSC_COMM_SELF, PETSC_ERR_FILE_OPEN,
+             "Table '%s' cannot be read: check the path and its permissions (paths are relative to the working directory)", file);
   if (rank) PetscCall(PetscMalloc1(length + 1, text));
   PetscCallMPI(MPI_Bcast(*text, (PetscMPIInt)length, MPI_CHAR, 0, PETSC_COMM_WORLD));
   (*text)[length] = 0;
@@ -212,25 +217,25 @@ static PetscErrorCode add_column(Table *t, const char name[])
     const char *name;
     size_t      offset;
     PetscInt    dim; /* smallest dimension in which the column means something */
-  } known[] = {
-    {"x",     offsetof(Placement, x),                         2},
-    {"y",     offsetof(Placement, x) + sizeof(PetscReal),     2},
-    {"angle", offsetof(Placement, angle),                     2},
-    {"u",     offsetof(Placement, u),                         2},
-    {"v",     offsetof(Placement, u) + sizeof(PetscReal),     2},
-    {"omega", offsetof(Placement, omega) + 2 * sizeof(PetscReal), 2},
-    {"z",     offsetof(Placement, x) + 2 * sizeof(PetscReal), 3},
-    {"w",     offsetof(Placement, u) + 2 * sizeof(PetscReal), 3}
-  };
+  } known[]  = {{"x", offsetof(Placement, x), 2},
+                {"y", offsetof(Placement, x) + sizeof(PetscReal), 2},
+                {"angle", offsetof(Placement, angle), 2},
+                {"u", offsetof(Placement, u), 2},
+                {"v", offsetof(Placement, u) + sizeof(PetscReal), 2},
+                {"omega", offsetof(Placement, omega) + 2 * sizeof(PetscReal), 2},
+                {"z", offsetof(Placement, x) + 2 * sizeof(PetscReal), 3},
+                {"w", offsetof(Placement, u) + 2 * sizeof(PetscReal), 3}};
   PetscInt k = -1;
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < (PetscInt)(sizeof(known) / sizeof(known[0])); i++)
     if (!strcmp(known[i].name, name) && known[i].dim <= t->dim) k = i;
-  PetscCheck(k >= 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": column '%s' is not known (known in %" PetscInt_FMT "D: x, y, angle, u, v, omega%s)", t->file, t->line, name, t->dim,
-             t->dim == 3 ? ", z, w" : "");
+  PetscCheck(k >= 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "%s:%" PetscInt_FMT ": column '%s' is not known (known in %" PetscInt_FMT "D: x, y, angle, u, v, omega%s)", t->file, t->line, name,
+             t->dim, t->dim == 3 ? ", z, w" : "");
   for (PetscInt i = 0; i < t->ncolumns; i++)
-    PetscCheck(strcmp(t->name[i], name), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": column '%s' appears twice: remove one", t->file, t->line, name);
+    PetscCheck(strcmp(t->name[i], name), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": column '%s' appears twice: remove one",
+               t->file, t->line, name);
   t->offset[t->ncolumns] = known[k].offset;
   PetscCall(PetscStrncpy(t->name[t->ncolumns++], name, sizeof(t->name[0])));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -247,7 +252,8 @@ static PetscErrorCode parse_header(Table *t, char *line)
 
     for (PetscInt i = 0; i < t->ncolumns; i++)
       if (!strcmp(t->name[i], axes[a])) found = PETSC_TRUE;
-    PetscCheck(found, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": the header line has no column '%s': add it", t->file, t->line, axes[a]);
+    PetscCheck(found, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": the header line has no column '%s': add it", t->file, t->line,
+               axes[a]);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -260,13 +266,15 @@ static PetscErrorCode parse_body(const Table *t, char *line, Placement *p)
   for (char *field, *rest = line, *end; (field = cut_field(&rest)); i++) {
     double value;
 
-    PetscCheck(i < t->ncolumns, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": more values than the %" PetscInt_FMT " columns of the header line", t->file, t->line, t->ncolumns);
+    PetscCheck(i < t->ncolumns, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "%s:%" PetscInt_FMT ": more values than the %" PetscInt_FMT " columns of the header line", t->file, t->line, t->ncolumns);
     value = strtod(field, &end);
-    PetscCheck(end != field && !*end && !PetscIsInfOrNanReal((PetscReal)value), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": '%s' in column '%s' is not a finite number", t->file, t->line,
-               field, t->name[i]);
+    PetscCheck(end != field && !*end && !PetscIsInfOrNanReal((PetscReal)value), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "%s:%" PetscInt_FMT ": '%s' in column '%s' is not a finite number", t->file, t->line, field, t->name[i]);
     *(PetscReal *)((char *)p + t->offset[i]) = (PetscReal)value;
   }
-  PetscCheck(i == t->ncolumns, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": %" PetscInt_FMT " values, the header line names %" PetscInt_FMT " columns", t->file, t->line, i, t->ncolumns);
+  PetscCheck(i == t->ncolumns, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "%s:%" PetscInt_FMT ": %" PetscInt_FMT " values, the header line names %" PetscInt_FMT " columns", t->file, t->line, i, t->ncolumns);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -295,7 +303,8 @@ PetscErrorCode PlaceTable(const char file[], PetscInt dim, const Placement *base
       PetscCall(parse_body(&t, line, &(*p)[(*n)++]));
     }
   }
-  PetscCheck(t.ncolumns, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": the table is empty: its first line names the columns x,y%s", file, t.line, dim == 3 ? ",z" : "");
+  PetscCheck(t.ncolumns, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": the table is empty: its first line names the columns x,y%s",
+             file, t.line, dim == 3 ? ",z" : "");
   PetscCall(PetscFree(text));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -184,13 +184,19 @@ static PetscErrorCode CheckPlugin(const ShapePlugin *p, const char type[], const
 {
   PetscFunctionBeginUser;
   if (!p) {
-    PetscCall(Complain(message, len, "%s does not register a shape (no symbol 'tumble_shape'): add TUMBLE_SHAPE_REGISTER = {...} at its end, see shapes/template.c", file));
+    PetscCall(Complain(message, len,
+                       "%s does not register a shape (no symbol 'tumble_shape'): add TUMBLE_SHAPE_REGISTER = {...} at its end, see shapes/template.c",
+                       file));
   } else if (p->interface != SHAPE_INTERFACE) {
-    PetscCall(Complain(message, len, "%s was built for shape interface %d, this program has %d: rebuild it with this program's shape.h ('make shapes')", file, p->interface, SHAPE_INTERFACE));
+    PetscCall(Complain(message, len,
+                       "%s was built for shape interface %d, this program has %d: rebuild it with this program's shape.h ('make shapes')", file,
+                       p->interface, SHAPE_INTERFACE));
   } else if (!p->type || strcmp(p->type, type)) {
-    PetscCall(Complain(message, len, "%s registers the type '%s': rename the file to %s.so or the type to '%s'", file, p->type ? p->type : "", p->type ? p->type : "<type>", type));
+    PetscCall(Complain(message, len, "%s registers the type '%s': rename the file to %s.so or the type to '%s'", file, p->type ? p->type : "",
+                       p->type ? p->type : "<type>", type));
   } else if (!p->ops.distance || !p->ops.radius) {
-    PetscCall(Complain(message, len, "%s lacks the required operation '%s': set .ops.%s in its record, see shapes/template.c", file, p->ops.distance ? "radius" : "distance", p->ops.distance ? "radius" : "distance"));
+    PetscCall(Complain(message, len, "%s lacks the required operation '%s': set .ops.%s in its record, see shapes/template.c", file,
+                       p->ops.distance ? "radius" : "distance", p->ops.distance ? "radius" : "distance"));
   } else if (!(p->dims & 3)) {
     PetscCall(Complain(message, len, "%s works in no dimension (dims = %d): set .dims in its record to 1 (2D), 2 (3D) or 3 (both)", file, p->dims));
   }
@@ -206,7 +212,8 @@ static PetscErrorCode OpenPlugin(const char path[], const char type[], Loaded *s
   PetscCall(FindFile(path, type, slot->file, sizeof(slot->file)));
   if (!slot->file[0]) {
     PetscCall(ListKnown(path, known, sizeof(known)));
-    PetscCall(Complain(message, len, "Shape '%s' is not known (known: %s). Put %s.so into a folder of -shape_path, or run 'make shapes'", type, known, type));
+    PetscCall(
+      Complain(message, len, "Shape '%s' is not known (known: %s). Put %s.so into a folder of -shape_path, or run 'make shapes'", type, known, type));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   slot->handle = dlopen(slot->file, RTLD_NOW | RTLD_LOCAL);
@@ -237,7 +244,8 @@ static PetscErrorCode GetPlugin(const char type[], const Loaded **loaded)
     *loaded = &table[i];
     if (!strcmp(table[i].type, type)) PetscFunctionReturn(PETSC_SUCCESS);
   }
-  PetscCheck(ntable < MAX_PLUGINS, PETSC_COMM_WORLD, PETSC_ERR_SUP, "More than %d different shapes are loaded: raise MAX_PLUGINS in src/shape.c", MAX_PLUGINS);
+  PetscCheck(ntable < MAX_PLUGINS, PETSC_COMM_WORLD, PETSC_ERR_SUP, "More than %d different shapes are loaded: raise MAX_PLUGINS in src/shape.c",
+             MAX_PLUGINS);
   PetscCall(PetscMemzero(&slot, sizeof(slot)));
   PetscCall(PetscMemzero(message, sizeof(message)));
   PetscCall(OpenPlugin(path, type, &slot, message, sizeof(message)));
@@ -307,7 +315,8 @@ PetscErrorCode ShapeOptionInt(Shape s, const char name[], const char help[], Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ShapeOptionRealArray(Shape s, const char name[], const char help[], const char unit[], PetscReal lower, PetscReal upper, PetscInt n, PetscReal value[])
+PetscErrorCode ShapeOptionRealArray(Shape s, const char name[], const char help[], const char unit[], PetscReal lower, PetscReal upper, PetscInt n,
+                                    PetscReal value[])
 {
   char full[256];
 
@@ -338,7 +347,8 @@ static PetscErrorCode CheckShape(Shape s)
   PetscFunctionBeginUser;
   PetscCall(s->ops.radius(s, &s->radius));
   PetscCheck(s->radius > 0 && s->radius < PETSC_MAX_REAL, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-             "Shape '%s' has bounding radius %g, which must be positive and finite: check its options -%s* and its operation radius", s->loaded->type, (double)s->radius, s->prefix);
+             "Shape '%s' has bounding radius %g, which must be positive and finite: check its options -%s* and its operation radius", s->loaded->type,
+             (double)s->radius, s->prefix);
   for (PetscInt i = 0; i < n; i++) {
     PetscInt k = i;
 
@@ -350,8 +360,9 @@ static PetscErrorCode CheckShape(Shape s)
 
     for (PetscInt a = 0; a < s->dim; a++) r2 += PetscSqr(x[i * s->dim + a]);
     PetscCheck(d[i] > 0 || r2 < PetscSqr(1.0001 * s->radius), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-               "Shape '%s' has distance %g at (%g, %g, %g), which is outside its bounding radius %g: correct its operation radius or distance ('make test-shape SHAPE=%s')", s->loaded->type,
-               (double)d[i], (double)x[i * s->dim], (double)x[i * s->dim + 1], s->dim == 3 ? (double)x[i * s->dim + 2] : 0.0, (double)s->radius, s->loaded->file);
+               "Shape '%s' has distance %g at (%g, %g, %g), which is outside its bounding radius %g: correct its operation radius or distance ('make test-shape SHAPE=%s')",
+               s->loaded->type, (double)d[i], (double)x[i * s->dim], (double)x[i * s->dim + 1], s->dim == 3 ? (double)x[i * s->dim + 2] : 0.0,
+               (double)s->radius, s->loaded->file);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -377,7 +388,8 @@ PetscErrorCode ShapeCreate(const char type[], const char prefix[], PetscInt dim,
   PetscCheck(dim == 2 || dim == 3, PETSC_COMM_WORLD, PETSC_ERR_ARG_OUTOFRANGE, "Dimension %" PetscInt_FMT " of a shape must be 2 or 3", dim);
   PetscCall(GetPlugin(type, &loaded));
   PetscCheck(loaded->plugin->dims & (dim == 2 ? 1 : 2), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-             "Shape '%s' works in %s only, the scene has dimension %" PetscInt_FMT ": choose another shape for -%sshape or another mesh", type, dim == 2 ? "3D" : "2D", dim, prefix);
+             "Shape '%s' works in %s only, the scene has dimension %" PetscInt_FMT ": choose another shape for -%sshape or another mesh", type,
+             dim == 2 ? "3D" : "2D", dim, prefix);
   PetscCall(PetscNew(&s));
   nalive++;
   s->loaded = loaded;
@@ -457,8 +469,10 @@ PetscErrorCode ShapeDistance(Shape s, PetscInt n, const PetscReal x[], PetscReal
     PetscInt i = 0;
 
     while (PetscAbsReal(d[i]) <= PETSC_MAX_REAL) i++;
-    SETERRQ(PETSC_COMM_SELF, PETSC_ERR_FP, "Shape '%s' returns the distance %g at (%g, %g, %g), which is not finite: check the plugin with 'make test-shape SHAPE=%s'", s->loaded->type,
-            (double)d[i], (double)x[i * s->dim], (double)x[i * s->dim + 1], s->dim == 3 ? (double)x[i * s->dim + 2] : 0.0, s->loaded->file);
+    SETERRQ(PETSC_COMM_SELF, PETSC_ERR_FP,
+            "Shape '%s' returns the distance %g at (%g, %g, %g), which is not finite: check the plugin with 'make test-shape SHAPE=%s'",
+            s->loaded->type, (double)d[i], (double)x[i * s->dim], (double)x[i * s->dim + 1], s->dim == 3 ? (double)x[i * s->dim + 2] : 0.0,
+            s->loaded->file);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -550,14 +564,16 @@ static PetscErrorCode ProjectChunk(Shape s, PetscInt n, PetscReal y[])
     PetscCall(ShapeDistance(s, n, y, d));
     open = 0;
     for (PetscInt i = 0; i < n; i++) {
-      if (PetscAbsReal(d[i]) > tolerance && PetscAbsReal(d[i]) > 0.1 * PetscAbsReal(old_d[i])) PetscCall(StepBySearch(s, &old_y[i * dim], old_d[i], &y[i * dim], &d[i]));
+      if (PetscAbsReal(d[i]) > tolerance && PetscAbsReal(d[i]) > 0.1 * PetscAbsReal(old_d[i]))
+        PetscCall(StepBySearch(s, &old_y[i * dim], old_d[i], &y[i * dim], &d[i]));
       if (PetscAbsReal(d[i]) > tolerance) open++;
     }
   }
   for (PetscInt i = 0; i < n; i++)
     PetscCheck(PetscAbsReal(d[i]) <= tolerance, PETSC_COMM_SELF, PETSC_ERR_NOT_CONVERGED,
                "Projection onto shape '%s' stopped at (%g, %g, %g) with distance %g instead of %g: its distance or normal is wrong there, check it with 'make test-shape SHAPE=%s'",
-               s->loaded->type, (double)y[i * dim], (double)y[i * dim + 1], dim == 3 ? (double)y[i * dim + 2] : 0.0, (double)d[i], (double)tolerance, s->loaded->file);
+               s->loaded->type, (double)y[i * dim], (double)y[i * dim + 1], dim == 3 ? (double)y[i * dim + 2] : 0.0, (double)d[i], (double)tolerance,
+               s->loaded->file);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -577,7 +593,8 @@ PetscErrorCode ShapeGetMass(Shape s, ShapeMass *m)
     if (s->ops.mass) PetscCall(s->ops.mass(s, &s->mass));
     else PetscCall(ShapeDefaultMass(s, s->radius, s->dim, &s->mass));
     PetscCheck(s->mass.volume > 0 && s->mass.volume < PETSC_MAX_REAL, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-               "Shape '%s' has volume %g, which must be positive and finite: check its options -%s* and 'make test-shape SHAPE=%s'", s->loaded->type, (double)s->mass.volume, s->prefix, s->loaded->file);
+               "Shape '%s' has volume %g, which must be positive and finite: check its options -%s* and 'make test-shape SHAPE=%s'", s->loaded->type,
+               (double)s->mass.volume, s->prefix, s->loaded->file);
     s->have_mass = PETSC_TRUE;
   }
   *m = s->mass;
@@ -646,7 +663,8 @@ PetscErrorCode ShapeGetDisc(Shape s, PetscReal *r)
 PetscErrorCode ShapeFinalize(void)
 {
   PetscFunctionBeginUser;
-  PetscCheck(nalive == 0, PETSC_COMM_SELF, PETSC_ERR_ORDER, "%" PetscInt_FMT " shapes are still in use: call ShapeDestroy on each before ShapeFinalize", nalive);
+  PetscCheck(nalive == 0, PETSC_COMM_SELF, PETSC_ERR_ORDER,
+             "%" PetscInt_FMT " shapes are still in use: call ShapeDestroy on each before ShapeFinalize", nalive);
   for (PetscInt i = 0; i < ntable; i++) dlclose(table[i].handle);
   ntable = 0;
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -29,8 +29,8 @@ typedef struct {
 } Segment;
 
 typedef struct {
-  PetscInt  n, room;
-  Segment  *seg;
+  PetscInt n, room;
+  Segment *seg;
 } Outline;
 
 static const PetscInt pair[6][2] = {{0, 0}, {1, 1}, {2, 2}, {0, 1}, {0, 2}, {1, 2}};
@@ -173,7 +173,7 @@ static PetscErrorCode RefineTree(Tree *t)
 /* ---- simplices ---- */
 
 /* Corners of the simplices of the unit cell, as bit patterns: paths from 0 to 1...1, one for each order of the axes. */
-static const int triangle[2][3] = {{0, 1, 3}, {0, 3, 2}};
+static const int triangle[2][3]    = {{0, 1, 3}, {0, 3, 2}};
 static const int tetrahedron[6][4] = {{0, 1, 3, 7}, {0, 3, 2, 7}, {0, 2, 6, 7}, {0, 6, 4, 7}, {0, 4, 5, 7}, {0, 5, 1, 7}};
 
 static PetscReal Cross(const PetscReal a[], const PetscReal b[], PetscReal c[])
@@ -407,10 +407,14 @@ PetscErrorCode ShapeDefaultMass(Shape s, PetscReal r, PetscInt dim, ShapeMass *m
     if (level < first) continue;
     m = t.full;
     PetscCall(AddCutCells(&t, &m));
-    PetscCheck(m.v > 0 || level < last, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "A shape has no inside: its distance is nowhere negative within its bounding radius %g, or it is thinner than %g", (double)r, (double)CellWidth(&t));
+    PetscCheck(m.v > 0 || level < last, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "A shape has no inside: its distance is nowhere negative within its bounding radius %g, or it is thinner than %g", (double)r,
+               (double)CellWidth(&t));
     if (m.v <= 0) continue;
     ConvertMoments(dim, &m, mass);
-    if (PetscAbsReal(mass->volume - old.volume) <= tolerance * mass->volume && PetscAbsReal(mass->inertia[2] - old.inertia[2]) <= tolerance * mass->inertia[2]) break;
+    if (PetscAbsReal(mass->volume - old.volume) <= tolerance * mass->volume &&
+        PetscAbsReal(mass->inertia[2] - old.inertia[2]) <= tolerance * mass->inertia[2])
+      break;
     old = *mass;
   }
   PetscCall(DestroyTree(&t));
@@ -422,7 +426,7 @@ PetscErrorCode ShapeDefaultMass(Shape s, PetscReal r, PetscInt dim, ShapeMass *m
 /* Keep the cells that may hold a point farther from c than *lower, raise *lower by what is known to be inside, return the upper bound. */
 static PetscErrorCode PruneFar(Tree *t, const PetscReal c[], PetscReal *lower, PetscReal *upper)
 {
-  const PetscInt  dim = t->dim;
+  const PetscInt  dim   = t->dim;
   const PetscReal reach = HalfDiagonal(t);
   PetscReal      *far;
   PetscInt        n = 0;
@@ -504,7 +508,7 @@ static PetscErrorCode CutTriangle(const Tree *t, const PetscInt cell[], PetscInt
   for (int i = 0; i < 3; i++) {
     const int       a = c[i], b = c[(i + 1) % 3], low = PetscMin(a, b), high = PetscMax(a, b);
     const PetscBool a_in = d[a] < 0 ? PETSC_TRUE : PETSC_FALSE, b_in = d[b] < 0 ? PETSC_TRUE : PETSC_FALSE;
-    PetscReal       s, *p = a_in ? seg.a : seg.b;
+    PetscReal       s, *p                                            = a_in ? seg.a : seg.b;
 
     if (a_in == b_in) continue;
     s = d[low] / (d[low] - d[high]); /* always from the lower vertex: bitwise the same point in both triangles */
@@ -562,7 +566,8 @@ static PetscErrorCode LinkOutline(Outline *o)
 
       sorted[n++] = o->seg[i];
       PetscCall(PetscFindInt(o->seg[i].to, o->n, key, &at));
-      PetscCheck(at >= 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "The outline of a shape is broken at (%g, %g): its distance is not continuous or not 1-Lipschitz there; check the plugin with 'make test-shape'",
+      PetscCheck(at >= 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+                 "The outline of a shape is broken at (%g, %g): its distance is not continuous or not 1-Lipschitz there; check the plugin with 'make test-shape'",
                  (double)o->seg[i].b[0], (double)o->seg[i].b[1]);
       i = id[at];
     }
@@ -597,11 +602,11 @@ static PetscErrorCode ProjectOutline(Shape s, Outline *o)
 static void SpreadAlong(const Outline *o, PetscInt n, PetscReal x[], PetscReal w[])
 {
   const PetscReal total = OutlineLength(o);
-  PetscReal       s = 0; /* arc length at the start of segment i */
-  PetscInt        k = 0;
+  PetscReal       s     = 0; /* arc length at the start of segment i */
+  PetscInt        k     = 0;
 
   for (PetscInt i = 0; i < o->n; i++) {
-    const Segment  *g = &o->seg[i];
+    const Segment  *g   = &o->seg[i];
     const PetscReal len = PetscSqrtReal(PetscSqr(g->b[0] - g->a[0]) + PetscSqr(g->b[1] - g->a[1]));
 
     for (; k < n; k++) {
@@ -619,7 +624,7 @@ static PetscErrorCode SpreadOnOutline(Shape s, PetscReal r, PetscInt n, PetscRea
 {
   const PetscInt first = 9, last = 12; /* keys of level 12 fit a 32-bit integer */
   Tree           t;
-  Outline        o = {0, 0, NULL};
+  Outline        o   = {0, 0, NULL};
   PetscReal      old = 0;
 
   PetscFunctionBeginUser;
@@ -634,7 +639,9 @@ static PetscErrorCode SpreadOnOutline(Shape s, PetscReal r, PetscInt n, PetscRea
     if (PetscAbsReal(len - old) <= 1e-5 * len && o.n) break;
     old = len;
   }
-  PetscCheck(o.n > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "A shape has no outline: its distance does not change sign within its bounding radius %g, or it is thinner than %g", (double)r, (double)CellWidth(&t));
+  PetscCheck(o.n > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "A shape has no outline: its distance does not change sign within its bounding radius %g, or it is thinner than %g", (double)r,
+             (double)CellWidth(&t));
   PetscCall(LinkOutline(&o));
   PetscCall(ProjectOutline(s, &o));
   SpreadAlong(&o, n, x, w);
@@ -713,7 +720,10 @@ static PetscErrorCode SpreadOnSurface(Shape s, PetscReal r, PetscInt n, PetscRea
   while (t.level < 5 || (t.level < 9 && t.n < 40 * n)) PetscCall(RefineTree(&t));
   PetscCall(PetscMalloc2(3 * t.n, &c, t.n, &area));
   PetscCall(CollectCuts(&t, &m, c, area));
-  PetscCheck(m >= n, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "A shape gave %" PetscInt_FMT " surface points within its bounding radius %g, %" PetscInt_FMT " are wanted: it is too thin for the default, give the plugin the operation surface", m, (double)r, n);
+  PetscCheck(m >= n, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "A shape gave %" PetscInt_FMT " surface points within its bounding radius %g, %" PetscInt_FMT
+             " are wanted: it is too thin for the default, give the plugin the operation surface",
+             m, (double)r, n);
   PetscCall(ShapeProject(s, m, c, c));
   PetscCall(SelectFarthest(m, c, area, n, x, w));
   PetscCall(PetscFree2(c, area));

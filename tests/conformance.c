@@ -1,7 +1,7 @@
-static char help[] =
-  "Conformance suite for shape plugins: runs every check of the shape contract (include/shape.h) on one plugin.\n"
-  "  conformance path/to/x.so [-shape_<option> value ...] [-conformance_dim 2|3] [-conformance_points n] [-conformance_grid file.csv]\n"
-  "Prints one line a property, FAIL lines with the point that breaks it, and last 'N passed, N failed'. The exit status is 1 if any failed.\n\n";
+static char help
+  [] = "Conformance suite for shape plugins: runs every check of the shape contract (include/shape.h) on one plugin.\n"
+       "  conformance path/to/x.so [-shape_<option> value ...] [-conformance_dim 2|3] [-conformance_points n] [-conformance_grid file.csv]\n"
+       "Prints one line a property, FAIL lines with the point that breaks it, and last 'N passed, N failed'. The exit status is 1 if any failed.\n\n";
 /* Each check is a function that leaves in `why` what is wrong, or nothing. An error raised inside a check fails that check.
    Random points come from a fixed sequence, so a failure repeats. Needs one rank. What it cannot see: a distance that is consistent but belongs to
    another shape than its author meant; look at the picture that tools/view-shape draws. */
@@ -23,8 +23,8 @@ typedef struct {
   PetscReal  *near;      /* [n][dim] within a tenth of the radius of the surface */
   PetscReal  *d, *dnear; /* [n] their distances */
   PetscInt    nsurface;
-  PetscReal  *xs, *ws;   /* surface points and weights */
-  PetscReal   total;     /* sum of weights */
+  PetscReal  *xs, *ws; /* surface points and weights */
+  PetscReal   total;   /* sum of weights */
   PetscInt    passed, failed;
 } Suite;
 
@@ -67,7 +67,8 @@ static PetscErrorCode Blame(const Suite *t, char why[], const PetscReal x[], con
 }
 
 /* Keeps the first message instead of printing a trace. ctx: char[WHY]. */
-static PetscErrorCode KeepMessage(MPI_Comm comm, int line, const char *func, const char *file, PetscErrorCode code, PetscErrorType type, const char *message, void *ctx)
+static PetscErrorCode KeepMessage(MPI_Comm comm, int line, const char *func, const char *file, PetscErrorCode code, PetscErrorType type,
+                                  const char *message, void *ctx)
 {
   (void)comm;
   (void)line;
@@ -110,7 +111,8 @@ static PetscErrorCode MakeClouds(Suite *t, char why[])
     const PetscInt  k = (PetscInt)Random(0, (PetscReal)t->nsurface);
     const PetscReal r = 0.1 * t->radius * Random(-1, 1) * (i % 2 ? 1.0 : 1e-2);
 
-    for (PetscInt a = 0; a < t->dim; a++) t->near[i * t->dim + a] = t->xs[k * t->dim + a] + r * normal[k * t->dim + a] + 0.3 * PetscAbsReal(r) * Random(-1, 1);
+    for (PetscInt a = 0; a < t->dim; a++)
+      t->near[i * t->dim + a] = t->xs[k * t->dim + a] + r * normal[k * t->dim + a] + 0.3 * PetscAbsReal(r) * Random(-1, 1);
   }
   PetscCall(PetscFree(normal));
   PetscCall(ShapeDistance(t->shape, t->n, t->near, t->dnear));
@@ -122,7 +124,7 @@ static PetscErrorCode MakeClouds(Suite *t, char why[])
 /* Inside by the winding of the outline (2D; loops are told apart by jumps) or by Gauss's solid angle of the surface points (3D): about 1 inside, 0 outside. */
 static PetscReal Winding2D(const Suite *t, const PetscReal x[])
 {
-  const PetscReal jump = 1.5 * t->total / (PetscReal)t->nsurface;
+  const PetscReal jump  = 1.5 * t->total / (PetscReal)t->nsurface;
   PetscInt        first = 0, winding = 0;
 
   for (PetscInt i = 0; i < t->nsurface; i++) {
@@ -145,7 +147,7 @@ static PetscReal Winding3D(const Suite *t, const PetscReal normal[], const Petsc
   PetscReal sum = 0;
 
   for (PetscInt i = 0; i < t->nsurface; i++) {
-    const PetscReal r = Separation(3, t->xs + 3 * i, x);
+    const PetscReal r    = Separation(3, t->xs + 3 * i, x);
     PetscReal       flux = 0;
 
     for (PetscInt a = 0; a < 3; a++) flux += (t->xs[3 * i + a] - x[a]) * normal[3 * i + a];
@@ -170,7 +172,9 @@ static PetscErrorCode CheckSign(Suite *t, char why[])
     if (PetscAbsReal(d) < (t->dim == 2 ? 1.0 : 3.0) * spacing) continue; /* the outline is known to about its spacing */
     tested++;
     inside = t->dim == 2 ? Winding2D(t, x) : Winding3D(t, normal, x);
-    if ((inside > 0.5) != (d < 0)) PetscCall(Blame(t, why, x, "distance %g says %s, the surface points wind around it %g times", (double)d, d < 0 ? "inside" : "outside", (double)inside));
+    if ((inside > 0.5) != (d < 0))
+      PetscCall(
+        Blame(t, why, x, "distance %g says %s, the surface points wind around it %g times", (double)d, d < 0 ? "inside" : "outside", (double)inside));
   }
   PetscCall(PetscFree(normal));
   if (!why[0] && tested < t->n / 10) PetscCall(PetscSNPrintf(why, WHY, "only %d points are far enough from the surface to be tested", (int)tested));
@@ -184,7 +188,8 @@ static PetscErrorCode CheckLipschitz(Suite *t, char why[])
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc2(t->n * t->dim, &y, t->n, &d));
   for (PetscInt round = 0; round < 8 && !why[0]; round++) { /* partners ever closer, from the cloud and from near the surface */
-    const PetscReal *x = round % 2 ? t->near : t->cloud, *dx = round % 2 ? t->dnear : t->d, reach = t->radius * PetscPowReal(10.0, -(PetscReal)(round / 2));
+    const PetscReal *x = round % 2 ? t->near : t->cloud, *dx = round % 2 ? t->dnear : t->d,
+                    reach = t->radius * PetscPowReal(10.0, -(PetscReal)(round / 2));
 
     for (PetscInt i = 0; i < t->n * t->dim; i++) y[i] = x[i] + reach * Random(-1, 1);
     PetscCall(ShapeDistance(t->shape, t->n, y, d));
@@ -192,8 +197,8 @@ static PetscErrorCode CheckLipschitz(Suite *t, char why[])
       const PetscReal r = Separation(t->dim, x + i * t->dim, y + i * t->dim);
 
       if (PetscAbsReal(d[i] - dx[i]) > r * (1.0 + 1e-8) + slack)
-        PetscCall(Blame(t, why, x + i * t->dim, "the distance changes by %g on the way to (%.8g, %.8g), which is only %g away", (double)PetscAbsReal(d[i] - dx[i]), (double)y[i * t->dim],
-                        (double)y[i * t->dim + 1], (double)r));
+        PetscCall(Blame(t, why, x + i * t->dim, "the distance changes by %g on the way to (%.8g, %.8g), which is only %g away",
+                        (double)PetscAbsReal(d[i] - dx[i]), (double)y[i * t->dim], (double)y[i * t->dim + 1], (double)r));
     }
   }
   PetscCall(PetscFree2(y, d));
@@ -238,11 +243,15 @@ static PetscErrorCode CheckEuclidean(Suite *t, char why[])
     PetscCall(Gradient(t, t->near + i * t->dim, g, &len, &kink));
     if (kink || PetscAbsReal(t->dnear[i]) > 0.1 * t->radius) continue;
     tested++;
-    if (PetscAbsReal(r - PetscAbsReal(t->dnear[i])) > 1e-6 * PetscAbsReal(t->dnear[i]) + 1e-9 * t->radius + PetscSqr(1e-5 * t->radius) / PetscAbsReal(t->dnear[i])) /* the last: differenced normals near sharp edges */
-      PetscCall(Blame(t, why, t->near + i * t->dim, "distance %.10g, but the closest surface point found is %.10g away (gradient %g)", (double)t->dnear[i], (double)r, (double)len));
+    if (PetscAbsReal(r - PetscAbsReal(t->dnear[i])) >
+        1e-6 * PetscAbsReal(t->dnear[i]) + 1e-9 * t->radius +
+          PetscSqr(1e-5 * t->radius) / PetscAbsReal(t->dnear[i])) /* the last: differenced normals near sharp edges */
+      PetscCall(Blame(t, why, t->near + i * t->dim, "distance %.10g, but the closest surface point found is %.10g away (gradient %g)",
+                      (double)t->dnear[i], (double)r, (double)len));
   }
   PetscCall(PetscFree(y));
-  if (!why[0] && tested < t->n / 3) PetscCall(PetscSNPrintf(why, WHY, "only %d of %d points near the surface are away from kinks", (int)tested, (int)t->n));
+  if (!why[0] && tested < t->n / 3)
+    PetscCall(PetscSNPrintf(why, WHY, "only %d of %d points near the surface are away from kinks", (int)tested, (int)t->n));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -265,13 +274,14 @@ static PetscErrorCode CheckNormal(Suite *t, char why[])
       PetscCall(Gradient(t, x + i * t->dim, g, &len, &kink));
       if (why[0] || kink || PetscAbsReal(len - 1.0) > 1e-5) continue; /* off unit: a distance that is not Euclidean far away */
       if (Separation(t->dim, g, normal + i * t->dim) > 1e-3)
-        PetscCall(Blame(t, why, x + i * t->dim, "the normal (%.6g, %.6g) is not the gradient of the distance (%.6g, %.6g)", (double)normal[i * t->dim], (double)normal[i * t->dim + 1], (double)g[0],
-                        (double)g[1]));
+        PetscCall(Blame(t, why, x + i * t->dim, "the normal (%.6g, %.6g) is not the gradient of the distance (%.6g, %.6g)",
+                        (double)normal[i * t->dim], (double)normal[i * t->dim + 1], (double)g[0], (double)g[1]));
     }
   }
   PetscCall(PetscFree(normal));
   PetscCall(ShapeNormal(t->shape, 1, origin, no)); /* where symmetric shapes have no direction of their own */
-  if (!why[0] && !(PetscAbsReal(Separation(t->dim, no, zero) - 1.0) <= 1e-9)) PetscCall(Blame(t, why, origin, "the normal has length %g", (double)Separation(t->dim, no, zero)));
+  if (!why[0] && !(PetscAbsReal(Separation(t->dim, no, zero) - 1.0) <= 1e-9))
+    PetscCall(Blame(t, why, origin, "the normal has length %g", (double)Separation(t->dim, no, zero)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -290,9 +300,12 @@ static PetscErrorCode CheckRadius(Suite *t, char why[])
     const PetscReal  d = j < 0 ? 0.0 : j < t->n ? t->d[j] : t->dnear[j - t->n];
 
     if (d > 0) continue;
-    if (Separation(t->dim, x, zero) > t->radius * slack) PetscCall(Blame(t, why, x, "inside or on the surface, but %.10g from the origin: the bounding radius is %.10g", (double)Separation(t->dim, x, zero), (double)t->radius));
+    if (Separation(t->dim, x, zero) > t->radius * slack)
+      PetscCall(Blame(t, why, x, "inside or on the surface, but %.10g from the origin: the bounding radius is %.10g",
+                      (double)Separation(t->dim, x, zero), (double)t->radius));
     else if (Separation(t->dim, x, m.centroid) > about_centroid * slack)
-      PetscCall(Blame(t, why, x, "inside or on the surface, but %.10g from the centroid: the bounding radius there is %.10g", (double)Separation(t->dim, x, m.centroid), (double)about_centroid));
+      PetscCall(Blame(t, why, x, "inside or on the surface, but %.10g from the centroid: the bounding radius there is %.10g",
+                      (double)Separation(t->dim, x, m.centroid), (double)about_centroid));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -305,7 +318,7 @@ static PetscErrorCode QuadratureMass(const Suite *t, PetscInt n, ShapeMass *m)
     BATCH = 128
   };
   const PetscInt  dim = t->dim;
-  const PetscReal g = dim == 2 ? 1.324717957244746 : 1.220744084605760;
+  const PetscReal g   = dim == 2 ? 1.324717957244746 : 1.220744084605760;
   PetscReal       x[BATCH * 3], d[BATCH], lo[3], hi[3], box = 1, v = 0, s[3] = {0, 0, 0}, xx[3] = {0, 0, 0};
 
   PetscFunctionBeginUser;
@@ -387,15 +400,17 @@ static PetscErrorCode CheckMass(Suite *t, char why[])
   e1 = CompareMass(t, &coarse, &m, &what);
   e2 = CompareMass(t, &fine, &m, &what);
   if (!(e2 <= limit && e1 <= 3.0 * limit))
-    PetscCall(PetscSNPrintf(why, WHY, "%s differs from quadrature of the distance by %.3g (50000 points) and %.3g (200000), relative; allowed %g. Volume %.8g, quadrature %.8g", what, (double)e1,
-                            (double)e2, (double)limit, (double)m.volume, (double)fine.volume));
+    PetscCall(
+      PetscSNPrintf(why, WHY,
+                    "%s differs from quadrature of the distance by %.3g (50000 points) and %.3g (200000), relative; allowed %g. Volume %.8g, quadrature %.8g",
+                    what, (double)e1, (double)e2, (double)limit, (double)m.volume, (double)fine.volume));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Points on the surface, positive weights, and the divergence theorem: sum of w n.x = dim * volume. In 2D counter-clockwise. */
 static PetscErrorCode CheckSurface(Suite *t, char why[])
 {
-  const PetscInt  dim = t->dim;
+  const PetscInt  dim   = t->dim;
   const PetscReal limit = dim == 2 ? 2e-3 : 3e-2, even = t->total / (PetscReal)t->nsurface;
   PetscReal      *d, *normal, flux = 0, area2 = 0, coarse = 0, *xc, *wc;
   const PetscInt  nc = t->nsurface / 8;
@@ -419,9 +434,13 @@ static PetscErrorCode CheckSurface(Suite *t, char why[])
   if (why[0]) { /* nothing to add */
   } else if (dim == 2 && !(area2 > 0)) PetscCall(PetscSNPrintf(why, WHY, "the surface points run clockwise"));
   else if (!(PetscAbsReal(coarse - t->total) <= limit * t->total))
-    PetscCall(PetscSNPrintf(why, WHY, "the weights of %d points add up to %.8g, of %d points to %.8g", (int)nc, (double)coarse, (int)t->nsurface, (double)t->total));
-  else if (!(PetscAbsReal(flux - (PetscReal)dim * m.volume) <= limit * (PetscReal)dim * m.volume + 0.25 * even * t->radius * (dim == 2 ? 1.0 : PetscSqrtReal((PetscReal)t->nsurface)))) /* the last for thin tips and rims */
-    PetscCall(PetscSNPrintf(why, WHY, "the divergence theorem gives volume %.8g from the weights, the shape says %.8g", (double)(flux / (PetscReal)dim), (double)m.volume));
+    PetscCall(PetscSNPrintf(why, WHY, "the weights of %d points add up to %.8g, of %d points to %.8g", (int)nc, (double)coarse, (int)t->nsurface,
+                            (double)t->total));
+  else if (!(PetscAbsReal(flux - (PetscReal)dim * m.volume) <=
+             limit * (PetscReal)dim * m.volume +
+               0.25 * even * t->radius * (dim == 2 ? 1.0 : PetscSqrtReal((PetscReal)t->nsurface)))) /* the last for thin tips and rims */
+    PetscCall(PetscSNPrintf(why, WHY, "the divergence theorem gives volume %.8g from the weights, the shape says %.8g",
+                            (double)(flux / (PetscReal)dim), (double)m.volume));
   PetscCall(PetscFree4(d, normal, xc, wc));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -439,15 +458,19 @@ static PetscErrorCode CheckDeterminism(Suite *t, char why[])
   for (PetscInt round = 0; round < 2 && !why[0]; round++) {
     PetscCall(ShapeDistance(round ? twin : t->shape, t->n, t->cloud, d));
     for (PetscInt i = 0; i < t->n && !why[0]; i++)
-      if (d[i] != t->d[i]) PetscCall(Blame(t, why, t->cloud + i * t->dim, "distance %.17g, %s %.17g", (double)t->d[i], round ? "of a second object" : "at the second call", (double)d[i]));
+      if (d[i] != t->d[i])
+        PetscCall(Blame(t, why, t->cloud + i * t->dim, "distance %.17g, %s %.17g", (double)t->d[i],
+                        round ? "of a second object" : "at the second call", (double)d[i]));
   }
   for (PetscInt i = 0; i < t->n && !why[0]; i++) {
     PetscCall(ShapeDistance(t->shape, 1, t->cloud + i * t->dim, d));
-    if (PetscAbsReal(d[0] - t->d[i]) > 1e-13 * t->radius) PetscCall(Blame(t, why, t->cloud + i * t->dim, "distance %.17g in a batch, %.17g alone", (double)t->d[i], (double)d[0]));
+    if (PetscAbsReal(d[0] - t->d[i]) > 1e-13 * t->radius)
+      PetscCall(Blame(t, why, t->cloud + i * t->dim, "distance %.17g in a batch, %.17g alone", (double)t->d[i], (double)d[0]));
   }
   PetscCall(ShapeGetMass(t->shape, &m));
   PetscCall(ShapeGetMass(twin, &m2));
-  if (!why[0] && (m.volume != m2.volume || m.inertia[2] != m2.inertia[2])) PetscCall(PetscSNPrintf(why, WHY, "two objects have volumes %.17g and %.17g", (double)m.volume, (double)m2.volume));
+  if (!why[0] && (m.volume != m2.volume || m.inertia[2] != m2.inertia[2]))
+    PetscCall(PetscSNPrintf(why, WHY, "two objects have volumes %.17g and %.17g", (double)m.volume, (double)m2.volume));
   PetscCall(ShapeDestroy(&twin));
   PetscCall(PetscFree3(d, xs, ws));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -504,7 +527,8 @@ static PetscErrorCode RefuseOption(Suite *t, const char name[], const char value
   if (!ierr) {
     PetscCall(PetscSNPrintf(why, WHY, "%s %s is accepted, which is out of its range", full, value));
     PetscCall(ShapeDestroy(&s));
-  } else if (!strstr(message, name)) PetscCall(PetscSNPrintf(why, WHY, "%s %s is refused, but the message does not name the option: %.400s", full, value, message));
+  } else if (!strstr(message, name))
+    PetscCall(PetscSNPrintf(why, WHY, "%s %s is refused, but the message does not name the option: %.400s", full, value, message));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -526,7 +550,9 @@ static PetscErrorCode TryEnd(Suite *t, const char name[], PetscReal end, char wh
   PetscCall(PetscPopErrorHandler());
   if (given) PetscCall(PetscOptionsSetValue(NULL, full, before));
   else PetscCall(PetscOptionsClearValue(NULL, full));
-  if (ierr && !strstr(message, name)) PetscCall(PetscSNPrintf(why, WHY, "%s %s is within its range, but fails with a message that does not name the option: %.400s", full, value, message));
+  if (ierr && !strstr(message, name))
+    PetscCall(
+      PetscSNPrintf(why, WHY, "%s %s is within its range, but fails with a message that does not name the option: %.400s", full, value, message));
   PetscCall(ShapeDestroy(&s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -544,7 +570,8 @@ static PetscErrorCode CheckOptions(Suite *t, char why[])
     if (lower > -1e9 && lower != SHAPE_POSITIVE) PetscCall(TryEnd(t, name, lower, why));
     if (!why[0] && upper < 1e9) PetscCall(TryEnd(t, name, upper, why));
     if (!why[0] && lower > -1e9) {
-      PetscCall(PetscSNPrintf(value, sizeof(value), "%g", lower == SHAPE_POSITIVE ? 0.0 : (double)PetscFloorReal(lower - 1.0 - 0.1 * PetscAbsReal(lower))));
+      PetscCall(
+        PetscSNPrintf(value, sizeof(value), "%g", lower == SHAPE_POSITIVE ? 0.0 : (double)PetscFloorReal(lower - 1.0 - 0.1 * PetscAbsReal(lower))));
       PetscCall(RefuseOption(t, name, value, why));
     }
     if (!why[0] && upper < 1e9) {
@@ -583,7 +610,8 @@ static PetscErrorCode CheckLeaks(Suite *t, char why[])
   for (int i = 0; i < 3; i++) PetscCall(LiveOnce(t));
   PetscCall(PetscMallocGetCurrentUsage(&after));
   if (before <= 0) PetscCall(PetscSNPrintf(why, WHY, "memory is not counted: run without -malloc 0"));
-  else if (after != before) PetscCall(PetscSNPrintf(why, WHY, "%g bytes are lost each time a shape is created and destroyed", (double)(after - before) / 3.0));
+  else if (after != before)
+    PetscCall(PetscSNPrintf(why, WHY, "%g bytes are lost each time a shape is created and destroyed", (double)(after - before) / 3.0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -654,7 +682,8 @@ static PetscErrorCode WriteGrid(const char type[], PetscInt dim, const char file
   fprintf(f, "kind,x,y,d,nx,ny\n");
   fprintf(f, "centroid,%.12g,%.12g,%.12g,%d,0\n", (double)mass.centroid[0], (double)mass.centroid[1], (double)r, (int)dim);
   for (PetscInt i = 0; i < n + ns; i++)
-    fprintf(f, "%s,%.12g,%.12g,%.12g,%.12g,%.12g\n", i < n ? "grid" : "surface", (double)x[i * dim], (double)x[i * dim + 1], (double)d[i], (double)normal[i * dim], (double)normal[i * dim + 1]);
+    fprintf(f, "%s,%.12g,%.12g,%.12g,%.12g,%.12g\n", i < n ? "grid" : "surface", (double)x[i * dim], (double)x[i * dim + 1], (double)d[i],
+            (double)normal[i * dim], (double)normal[i * dim + 1]);
   fclose(f);
   PetscCall(PetscFree4(x, w, d, normal));
   PetscCall(ShapeDestroy(&s));
@@ -668,7 +697,8 @@ static PetscErrorCode SplitFile(const char file[], char folder[], char type[], s
   size_t      n = strlen(base);
 
   PetscFunctionBeginUser;
-  PetscCheck(n > 3 && !strcmp(base + n - 3, ".so"), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "'%s' is not a shape plugin: give the path of its .so file as first argument", file);
+  PetscCheck(n > 3 && !strcmp(base + n - 3, ".so"), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "'%s' is not a shape plugin: give the path of its .so file as first argument", file);
   PetscCall(PetscStrncpy(type, base, len));
   type[n - 3] = 0;
   PetscCall(PetscStrncpy(folder, slash ? file : ".", PetscMin(len, slash ? (size_t)(slash - file) + 1 : 2)));
@@ -708,12 +738,14 @@ static PetscErrorCode RunSuite(const char file[], PetscInt *passed, PetscInt *fa
     PetscCall(ShapeDestroy(&s));
     (*passed)++;
     dims++;
-    PetscCall(PetscPrintf(PETSC_COMM_SELF, "ok   %" PetscInt_FMT "D load and set up: %s, %s\n", dim, plugin->type, plugin->description ? plugin->description : ""));
+    PetscCall(PetscPrintf(PETSC_COMM_SELF, "ok   %" PetscInt_FMT "D load and set up: %s, %s\n", dim, plugin->type,
+                          plugin->description ? plugin->description : ""));
     if (has_grid) PetscCall(WriteGrid(type, dim, grid));
     else PetscCall(RunDimension(type, dim, n, passed, failed));
     if (has_grid) break;
   }
-  PetscCheck(dims, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "Shape '%s' does not work in dimension %" PetscInt_FMT ": leave out -conformance_dim", type, only);
+  PetscCheck(dims, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "Shape '%s' does not work in dimension %" PetscInt_FMT ": leave out -conformance_dim", type,
+             only);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -723,7 +755,8 @@ int main(int argc, char **argv)
 
   PetscCall(PetscMallocSetDebug(PETSC_TRUE, PETSC_FALSE)); /* so that memory is counted in an optimised PETSc too */
   PetscCall(PetscInitialize(&argc, &argv, NULL, help));
-  PetscCheck(argc > 1 && argv[1][0] != '-', PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "Give the path of a shape plugin as first argument: conformance build/shapes/circle.so");
+  PetscCheck(argc > 1 && argv[1][0] != '-', PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "Give the path of a shape plugin as first argument: conformance build/shapes/circle.so");
   PetscCall(RunSuite(argv[1], &passed, &failed));
   PetscCall(PetscPrintf(PETSC_COMM_SELF, "%" PetscInt_FMT " passed, %" PetscInt_FMT " failed\n", passed, failed));
   PetscCall(ShapeFinalize());

@@ -17,7 +17,8 @@ static const PetscReal zero[3] = {0, 0, 0}, one[3] = {1, 1, 1};
 static char            raised[2100];
 static int             raised_times;
 
-static PetscErrorCode record_error(MPI_Comm comm, int line, const char *fun, const char *file, PetscErrorCode n, PetscErrorType p, const char *mess, void *ctx)
+static PetscErrorCode record_error(MPI_Comm comm, int line, const char *fun, const char *file, PetscErrorCode n, PetscErrorType p, const char *mess,
+                                   void *ctx)
 {
   (void)comm, (void)line, (void)fun, (void)file, (void)ctx;
   if (p == PETSC_ERROR_INITIAL) {
@@ -117,8 +118,9 @@ static void test_single(void **state)
   PetscReal  volume, inertia[6];
 
   (void)state;
-  create(2, "-particle_groups a,b -particle_a_shape circle -particle_a_radius 0.1 -particle_a_density 2 -particle_a_position 0.3,0.4 -particle_a_velocity 1,2 -particle_a_angular_velocity 3 -particle_a_angle 0.5 "
-            "-particle_b_shape circle -particle_b_radius 0.05 -particle_b_position 0.7,0.7 -particle_b_free none",
+  create(2,
+         "-particle_groups a,b -particle_a_shape circle -particle_a_radius 0.1 -particle_a_density 2 -particle_a_position 0.3,0.4 -particle_a_velocity 1,2 -particle_a_angular_velocity 3 -particle_a_angle 0.5 "
+         "-particle_b_shape circle -particle_b_radius 0.05 -particle_b_position 0.7,0.7 -particle_b_free none",
          &b, &s);
   assert_int_equal(s->n, 2);
   assert_int_equal(s->ngroups, 2);
@@ -145,25 +147,31 @@ static void test_lattice(void **state)
   BodyState *s;
 
   (void)state;
-  create(2, "-particle_groups a -particle_a_shape circle -particle_a_radius 0.02 -particle_a_density 2 -particle_a_place lattice -particle_a_count 43 -particle_a_lower 0,0.5", &b, &s);
+  create(2,
+         "-particle_groups a -particle_a_shape circle -particle_a_radius 0.02 -particle_a_density 2 -particle_a_place lattice -particle_a_count 43 -particle_a_lower 0,0.5",
+         &b, &s);
   assert_int_equal(s->n, 43);
   assert_true(smallest_distance(s) > 0.1 - 1e-12); /* 43 bodies on 1 x 0.5: 9 or 10 in a row, 5 rows */
   for (PetscInt k = 0; k < s->n; k++) assert_true(s->x[k][0] >= 0.02 && s->x[k][0] <= 0.98 && s->x[k][1] >= 0.52 && s->x[k][1] <= 0.98);
   OK(BodiesDestroy(&b));
   OK(PetscOptionsClear(NULL));
-  create(3, "-particle_groups a -particle_a_shape ellipse -particle_a_a 0.1 -particle_a_b 0.1 -particle_a_c 0.1 -particle_a_density 2 -particle_a_place lattice -particle_a_count 27", &b, &s);
+  create(3,
+         "-particle_groups a -particle_a_shape ellipse -particle_a_a 0.1 -particle_a_b 0.1 -particle_a_c 0.1 -particle_a_density 2 -particle_a_place lattice -particle_a_count 27",
+         &b, &s);
   near(smallest_distance(s), 1. / 3, 1e-12);
   OK(BodiesDestroy(&b));
-  refuse(2, "-particle_groups a -particle_a_shape circle -particle_a_radius 0.1 -particle_a_density 2 -particle_a_place lattice -particle_a_count 26", "does not fit");
+  refuse(2, "-particle_groups a -particle_a_shape circle -particle_a_radius 0.1 -particle_a_density 2 -particle_a_place lattice -particle_a_count 26",
+         "does not fit");
 }
 
 static void test_random(void **state)
 {
-  const char *options = "-particle_groups a,b -particle_a_shape circle -particle_a_radius 0.01 -particle_a_density 2 -particle_a_place random -particle_a_count 900 -particle_a_seed 7 -particle_a_margin 0.001 "
-                        "-particle_b_shape circle -particle_b_radius 0.2 -particle_b_position 0.5,0.5 -particle_b_density 1";
-  Bodies      b;
-  BodyState  *s;
-  PetscReal   first[2], sum = 0, low, high;
+  const char *options =
+    "-particle_groups a,b -particle_a_shape circle -particle_a_radius 0.01 -particle_a_density 2 -particle_a_place random -particle_a_count 900 -particle_a_seed 7 -particle_a_margin 0.001 "
+    "-particle_b_shape circle -particle_b_radius 0.2 -particle_b_position 0.5,0.5 -particle_b_density 1";
+  Bodies     b;
+  BodyState *s;
+  PetscReal  first[2], sum = 0, low, high;
 
   (void)state;
   create(2, options, &b, &s);
@@ -189,26 +197,27 @@ static void test_random(void **state)
   first[1] = s->x[0][0];
   assert_true(first[0] != first[1]);
   OK(BodiesDestroy(&b));
-  refuse(2, "-particle_groups a -particle_a_shape circle -particle_a_radius 0.05 -particle_a_density 2 -particle_a_place random -particle_a_count 100", "of the box");
+  refuse(2,
+         "-particle_groups a -particle_a_shape circle -particle_a_radius 0.05 -particle_a_density 2 -particle_a_place random -particle_a_count 100",
+         "of the box");
 }
 
 static void test_table(void **state)
 {
-  const char *scene = "-particle_groups a -particle_a_shape circle -particle_a_radius 0.05 -particle_a_density 2 -particle_a_place table -particle_a_table test_bodies_table.csv -particle_a_velocity 5,6";
-  const char *bad[][2] = {
-    {"x,y\n0.1,0.2\n0.3,zzz\n", "test_bodies_table.csv:3: 'zzz' in column 'y'"},
-    {"x,y\n0.1,0.2,0.3\n", "test_bodies_table.csv:2: more values"},
-    {"\nx,y,u\n# a remark\n0.1,0.2\n", "test_bodies_table.csv:4: 2 values"},
-    {"x,speed\n", "test_bodies_table.csv:1: column 'speed' is not known"},
-    {"x,u\n", "test_bodies_table.csv:1: the header line has no column 'y'"},
-    {"x,y,x\n", "test_bodies_table.csv:1: column 'x' appears twice"},
-    {"x,y\n0.1,nan\n", "test_bodies_table.csv:2: 'nan'"},
-    {"x,y,z\n0.1,0.2,0.3\n", "test_bodies_table.csv:1: column 'z' is not known"},
-    {"# nothing\n", "the table is empty"},
-    {"x,y\n0.1,1.2\n", "outside the domain"}
-  };
-  Bodies     b;
-  BodyState *s;
+  const char *scene =
+    "-particle_groups a -particle_a_shape circle -particle_a_radius 0.05 -particle_a_density 2 -particle_a_place table -particle_a_table test_bodies_table.csv -particle_a_velocity 5,6";
+  const char *bad[][2] = {{"x,y\n0.1,0.2\n0.3,zzz\n", "test_bodies_table.csv:3: 'zzz' in column 'y'"},
+                          {"x,y\n0.1,0.2,0.3\n", "test_bodies_table.csv:2: more values"},
+                          {"\nx,y,u\n# a remark\n0.1,0.2\n", "test_bodies_table.csv:4: 2 values"},
+                          {"x,speed\n", "test_bodies_table.csv:1: column 'speed' is not known"},
+                          {"x,u\n", "test_bodies_table.csv:1: the header line has no column 'y'"},
+                          {"x,y,x\n", "test_bodies_table.csv:1: column 'x' appears twice"},
+                          {"x,y\n0.1,nan\n", "test_bodies_table.csv:2: 'nan'"},
+                          {"x,y,z\n0.1,0.2,0.3\n", "test_bodies_table.csv:1: column 'z' is not known"},
+                          {"# nothing\n", "the table is empty"},
+                          {"x,y\n0.1,1.2\n", "outside the domain"}};
+  Bodies      b;
+  BodyState  *s;
 
   (void)state;
   write_table("test_bodies_table.csv", "# bodies\ny, x, v ,omega,angle\r\n\n0.2,0.1,3,4,0.5\n0.6,0.5,-3,-4,1e0");
@@ -239,7 +248,8 @@ static void test_refusals(void **state)
   refuse(2, "-particle_groups a -particle_a_shape circle -particle_a_position 0.5,0.5", "-particle_a_density");
   refuse(2, "-particle_groups a -particle_a_shape circle -particle_a_density 1", "-particle_a_position");
   refuse(2, "-particle_groups a -particle_a_shape circle -particle_a_density 1 -particle_a_position 0.5,1.5", "outside the domain");
-  refuse(2, "-particle_groups a -particle_a_shape circle -particle_a_density 1 -particle_a_position 0.5,0.5 -particle_a_free x,roll", "'roll' is not known");
+  refuse(2, "-particle_groups a -particle_a_shape circle -particle_a_density 1 -particle_a_position 0.5,0.5 -particle_a_free x,roll",
+         "'roll' is not known");
   refuse(2, "-particle_groups a -particle_a_shape circle -particle_a_density 1 -particle_a_position 0.5,0.5 -particle_a_free none,x", "stands alone");
   refuse(2, "-particle_groups a -particle_a_shape circle -particle_a_density 1 -particle_a_position 0.5,0.5 -particle_a_place heap", "heap");
   refuse(2, "-particle_groups a -particle_a_shape circle -particle_a_density 1 -particle_a_place random", "-particle_a_count");
@@ -254,8 +264,9 @@ static void test_distance(void **state)
   const PetscReal X[3] = {0.2, 0.3, 0};
 
   (void)state;
-  create(2, "-particle_groups a,b -particle_a_shape circle -particle_a_radius 0.1 -particle_a_density 2 -particle_a_position 0.3,0.4 "
-            "-particle_b_shape ellipse -particle_b_a 0.2 -particle_b_b 0.1 -particle_b_density 2 -particle_b_position 0.5,0.5",
+  create(2,
+         "-particle_groups a,b -particle_a_shape circle -particle_a_radius 0.1 -particle_a_density 2 -particle_a_position 0.3,0.4 "
+         "-particle_b_shape ellipse -particle_b_a 0.2 -particle_b_b 0.1 -particle_b_density 2 -particle_b_position 0.5,0.5",
          &b, &s);
   for (PetscInt i = 0; i < 600; i++) {
     x[2 * i]     = (i % 25) / 25.;
@@ -283,7 +294,9 @@ static void test_inertia_3d(void **state)
   PetscReal       in[6], R[9], main[3], volume;
 
   (void)state;
-  create(3, "-particle_groups a -particle_a_shape ellipse -particle_a_a 0.3 -particle_a_b 0.2 -particle_a_c 0.1 -particle_a_density 2 -particle_a_position 0.5,0.5,0.5", &b, &s);
+  create(3,
+         "-particle_groups a -particle_a_shape ellipse -particle_a_a 0.3 -particle_a_b 0.2 -particle_a_c 0.1 -particle_a_density 2 -particle_a_position 0.5,0.5,0.5",
+         &b, &s);
   OK(BodiesGetVolume(b, 0, &volume));
   near(volume, 4 * PETSC_PI / 3 * e[0] * e[1] * e[2], 1e-8);
   RotationAdvance(1, w, s->q[0]);
@@ -324,7 +337,9 @@ static void test_tumbling(void **state)
     PetscReal       e0, e1, L0[3], L1[3], turned = 0;
 
     OK(PetscOptionsClear(NULL));
-    create(3, "-particle_groups a -particle_a_shape ellipse -particle_a_a 0.3 -particle_a_b 0.2 -particle_a_c 0.1 -particle_a_density 2 -particle_a_position 0.5,0.5,0.5 -particle_a_angular_velocity 0.1,4,0.1", &b, &s);
+    create(3,
+           "-particle_groups a -particle_a_shape ellipse -particle_a_a 0.3 -particle_a_b 0.2 -particle_a_c 0.1 -particle_a_density 2 -particle_a_position 0.5,0.5,0.5 -particle_a_angular_velocity 0.1,4,0.1",
+           &b, &s);
     energy_and_spin(b, s, &e0, L0);
     for (PetscInt i = 0; i < n; i++) {
       OK(BodiesAdvanceVelocity(b, dt, 1, zero));
@@ -350,8 +365,9 @@ static void test_forces(void **state)
   BodyState      *s;
 
   (void)state;
-  create(2, "-particle_groups a,b -particle_a_shape circle -particle_a_radius 0.1 -particle_a_density 2 -particle_a_position 0.3,0.4 "
-            "-particle_b_shape circle -particle_b_radius 0.1 -particle_b_density 2 -particle_b_position 0.7,0.5 -particle_b_free y -particle_b_velocity 0.25,0 -particle_b_angular_velocity 2",
+  create(2,
+         "-particle_groups a,b -particle_a_shape circle -particle_a_radius 0.1 -particle_a_density 2 -particle_a_position 0.3,0.4 "
+         "-particle_b_shape circle -particle_b_radius 0.1 -particle_b_density 2 -particle_b_position 0.7,0.5 -particle_b_free y -particle_b_velocity 0.25,0 -particle_b_angular_velocity 2",
          &b, &s);
   for (PetscInt k = 0; k < 2; k++) {
     s->force[k][0]          = PETSC_PI * 0.01;
@@ -411,12 +427,13 @@ static void test_prediction(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {
-    cmocka_unit_test_setup(test_empty, clear),     cmocka_unit_test_setup(test_single, clear),     cmocka_unit_test_setup(test_lattice, clear),    cmocka_unit_test_setup(test_random, clear),
-    cmocka_unit_test_setup(test_table, clear),     cmocka_unit_test_setup(test_refusals, clear),   cmocka_unit_test_setup(test_distance, clear),   cmocka_unit_test_setup(test_inertia_3d, clear),
-    cmocka_unit_test_setup(test_tumbling, clear),  cmocka_unit_test_setup(test_forces, clear),     cmocka_unit_test_setup(test_prediction, clear)
-  };
-  int failed;
+  const struct CMUnitTest tests[] = {cmocka_unit_test_setup(test_empty, clear),     cmocka_unit_test_setup(test_single, clear),
+                                     cmocka_unit_test_setup(test_lattice, clear),   cmocka_unit_test_setup(test_random, clear),
+                                     cmocka_unit_test_setup(test_table, clear),     cmocka_unit_test_setup(test_refusals, clear),
+                                     cmocka_unit_test_setup(test_distance, clear),  cmocka_unit_test_setup(test_inertia_3d, clear),
+                                     cmocka_unit_test_setup(test_tumbling, clear),  cmocka_unit_test_setup(test_forces, clear),
+                                     cmocka_unit_test_setup(test_prediction, clear)};
+  int                     failed;
 
   if (PetscInitialize(&argc, &argv, NULL, NULL)) return 1;
   failed = cmocka_run_group_tests(tests, NULL, NULL);

@@ -7,7 +7,8 @@ import subprocess
 
 import pytest
 
-BUILD = os.environ.get("TUMBLE_BUILD", os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "build"))
+ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+BUILD = os.path.join(ROOT, os.environ.get("TUMBLE_BUILD", "build"))
 
 SHAPES = [
     ["circle"],
@@ -44,8 +45,10 @@ FAULTS = [  # number of the fault in faulty.c, what the suite must say
 
 
 def run(plugin, *options):
-    done = subprocess.run([os.path.join(BUILD, "tests", "conformance"), os.path.join(BUILD, plugin + ".so"), *options], capture_output=True, text=True)
-    return done.returncode, done.stdout + done.stderr
+    """Exit status, and what was printed after the command that repeats it."""
+    command = [os.path.join(BUILD, "tests", "conformance"), os.path.join(BUILD, plugin + ".so"), *options]
+    done = subprocess.run(command, capture_output=True, text=True)
+    return done.returncode, " ".join(command) + "\n" + done.stderr + done.stdout
 
 
 @pytest.mark.parametrize("case", SHAPES, ids=" ".join)

@@ -17,7 +17,8 @@
 static const PetscReal zero[3] = {0, 0, 0}, one[3] = {1, 1, 1}, down[3] = {0, -10, 0};
 static char            raised[2100];
 
-static PetscErrorCode record_error(MPI_Comm comm, int line, const char *fun, const char *file, PetscErrorCode n, PetscErrorType p, const char *mess, void *ctx)
+static PetscErrorCode record_error(MPI_Comm comm, int line, const char *fun, const char *file, PetscErrorCode n, PetscErrorType p, const char *mess,
+                                   void *ctx)
 {
   (void)comm, (void)line, (void)fun, (void)file, (void)ctx;
   if (p == PETSC_ERROR_INITIAL) snprintf(raised, sizeof(raised), "%s", mess ? mess : "");
@@ -31,7 +32,8 @@ typedef struct {
   PetscReal (*force)[3], (*torque)[3], (*a)[3], (*alpha)[3], *gap;
 } Fixture;
 
-static void create(Fixture *f, PetscInt dim, PetscReal h, const PetscReal gravity[3], const PetscReal lower[3], const PetscReal upper[3], PetscInt walls, const char options[])
+static void create(Fixture *f, PetscInt dim, PetscReal h, const PetscReal gravity[3], const PetscReal lower[3], const PetscReal upper[3],
+                   PetscInt walls, const char options[])
 {
   OK(PetscOptionsClear(NULL));
   OK(PetscOptionsInsertString(NULL, options));
@@ -83,13 +85,14 @@ static void test_law(void **state)
   Fixture         f;
 
   (void)state;
-  create(&f, 2, 2 * r, down, zero, one, 4, "-particle_groups a,b -particle_a_shape circle -particle_a_radius 0.1 -particle_a_density 1.5 -particle_a_position 0.3,0.7 "
-                                       "-particle_b_shape circle -particle_b_radius 0.1 -particle_b_density 1.5 -particle_b_position 0.5,0.7");
+  create(&f, 2, 2 * r, down, zero, one, 4,
+         "-particle_groups a,b -particle_a_shape circle -particle_a_radius 0.1 -particle_a_density 1.5 -particle_a_position 0.3,0.7 "
+         "-particle_b_shape circle -particle_b_radius 0.1 -particle_b_density 1.5 -particle_b_position 0.5,0.7");
   for (size_t i = 0; i < sizeof(gaps) / sizeof(gaps[0]); i++) {
     const PetscReal g = gaps[i], want = K * (g >= r ? 0 : g >= 0 ? PetscSqr((r - g) / r) : 1 - g / (0.5 * r));
 
     f.s->x[0][1] = f.s->x[1][1] = 0.7;
-    f.s->x[1][0] = f.s->x[0][0] + 2 * R + g; /* pair */
+    f.s->x[1][0]                = f.s->x[0][0] + 2 * R + g; /* pair */
     evaluate(&f);
     near(f.force[1][0], want, 1e-11 * K);
     near(f.force[0][0], -want, 1e-11 * K);
@@ -114,7 +117,8 @@ static void test_work(void **state)
   Fixture         f;
 
   (void)state;
-  create(&f, 2, 2 * r, down, zero, one, 4, "-particle_groups a -particle_a_shape circle -particle_a_radius 0.1 -particle_a_density 3 -particle_a_position 0.5,0.5");
+  create(&f, 2, 2 * r, down, zero, one, 4,
+         "-particle_groups a -particle_a_shape circle -particle_a_radius 0.1 -particle_a_density 3 -particle_a_position 0.5,0.5");
   for (PetscInt i = 0; i < 1000; i++) {
     f.s->x[0][1] = R + r * (i + 0.5) / 1000;
     evaluate(&f);
@@ -128,7 +132,8 @@ static void test_work(void **state)
 
 static void test_options(void **state)
 {
-  const char    *scene = "-particle_groups a -particle_a_shape circle -particle_a_radius 0.1 -particle_a_density 3 -particle_a_position 0.5,0.11 -contact_range 0.02 ";
+  const char *scene =
+    "-particle_groups a -particle_a_shape circle -particle_a_radius 0.1 -particle_a_density 3 -particle_a_position 0.5,0.11 -contact_range 0.02 ";
   char           options[512];
   PetscReal      once;
   PetscInt       substeps;
@@ -184,24 +189,27 @@ static void test_brute_force(void **state)
   const PetscReal r = 0.004;
   Fixture         f;
   PetscReal(*want)[3], *gap, top = 0;
-  PetscInt        hits = 0;
+  PetscInt hits = 0;
 
   (void)state;
-  create(&f, 2, 2 * r, zero, zero, one, 0, "-particle_groups a,b,c -particle_a_shape circle -particle_a_radius 0.008 -particle_a_density 2 -particle_a_place lattice -particle_a_count 900 "
-                                       "-particle_b_shape circle -particle_b_radius 0.02 -particle_b_density 2 -particle_b_place lattice -particle_b_count 98 "
-                                       "-particle_c_shape circle -particle_c_radius 0.2 -particle_c_density 2 -particle_c_place lattice -particle_c_count 2");
+  create(&f, 2, 2 * r, zero, zero, one, 0,
+         "-particle_groups a,b,c -particle_a_shape circle -particle_a_radius 0.008 -particle_a_density 2 -particle_a_place lattice -particle_a_count 900 "
+         "-particle_b_shape circle -particle_b_radius 0.02 -particle_b_density 2 -particle_b_place lattice -particle_b_count 98 "
+         "-particle_c_shape circle -particle_c_radius 0.2 -particle_c_density 2 -particle_c_place lattice -particle_c_count 2");
   assert_int_equal(f.s->n, 1000);
   scatter(&f, 1000, 5);
   f.s->u[0][0] = 1; /* a speed: without gravity the stiffness comes from the motion */
-  want = calloc(1000, sizeof(*want));
-  gap  = calloc(1000, sizeof(*gap));
+  want         = calloc(1000, sizeof(*want));
+  gap          = calloc(1000, sizeof(*gap));
   evaluate(&f);
   for (PetscInt i = 0; i < 1000; i++) gap[i] = PETSC_MAX_REAL;
   for (PetscInt i = 0; i < 1000; i++)
     for (PetscInt j = 0; j < i; j++) {
       const BodyGroup *gi = &f.s->group[f.s->body_group[i]], *gj = &f.s->group[f.s->body_group[j]];
-      const PetscReal  d[2] = {f.s->x[i][0] - f.s->x[j][0], f.s->x[i][1] - f.s->x[j][1]}, l = PetscSqrtReal(d[0] * d[0] + d[1] * d[1]), g = l - gi->disc - gj->disc;
-      const PetscReal  K = 1.5 * 3 * PetscMax(gi->mass.volume, gj->mass.volume) / r, F = g >= r ? 0 : K * (g >= 0 ? PetscSqr(1 - g / r) : 1 - 2 * g / r);
+      const PetscReal  d[2] = {f.s->x[i][0] - f.s->x[j][0], f.s->x[i][1] - f.s->x[j][1]}, l = PetscSqrtReal(d[0] * d[0] + d[1] * d[1]),
+                      g = l - gi->disc - gj->disc;
+      const PetscReal K = 1.5 * 3 * PetscMax(gi->mass.volume, gj->mass.volume) / r,
+                      F = g >= r ? 0 : K * (g >= 0 ? PetscSqr(1 - g / r) : 1 - 2 * g / r);
 
       if (g >= r) continue;
       hits++;
@@ -237,7 +245,8 @@ static void test_linear_cost(void **state)
       Fixture         f;
 
       n[level] = (dim == 2 ? 1000 : 500) * (1 + 3 * level);
-      snprintf(options, sizeof(options), "-particle_groups a -particle_a_shape %s -particle_a_radius 0.01 -particle_a_a 0.04 -particle_a_b 0.04 -particle_a_c 0.04 -particle_a_density 2 -particle_a_place random -particle_a_count %d",
+      snprintf(options, sizeof(options),
+               "-particle_groups a -particle_a_shape %s -particle_a_radius 0.01 -particle_a_a 0.04 -particle_a_b 0.04 -particle_a_c 0.04 -particle_a_density 2 -particle_a_place random -particle_a_count %d",
                dim == 2 ? "circle" : "ellipse", (int)n[level]);
       create(&f, dim, 0.004, down, zero, upper, 0, options);
       evaluate(&f);
@@ -257,8 +266,9 @@ static void test_only_near(void **state)
   PetscInt pairs, substeps;
 
   (void)state;
-  create(&f, 2, 0.01, down, zero, one, 15, "-particle_groups a,b -particle_a_shape circle -particle_a_radius 0.05 -particle_a_density 2 -particle_a_position 0.3,0.5 "
-                                           "-particle_b_shape circle -particle_b_radius 0.05 -particle_b_density 2 -particle_b_position 0.7,0.5");
+  create(&f, 2, 0.01, down, zero, one, 15,
+         "-particle_groups a,b -particle_a_shape circle -particle_a_radius 0.05 -particle_a_density 2 -particle_a_position 0.3,0.5 "
+         "-particle_b_shape circle -particle_b_radius 0.05 -particle_b_density 2 -particle_b_position 0.7,0.5");
   OK(ContactStep(f.c, 0.01, f.a, f.alpha));
   OK(ContactGetWork(f.c, NULL, &pairs, &substeps));
   assert_int_equal(pairs, 0);
@@ -320,10 +330,16 @@ static void check_conservation(PetscInt dim, const char options[], PetscReal spe
 static void test_conservation(void **state)
 {
   (void)state;
-  check_conservation(2, "-particle_groups a -particle_a_shape circle -particle_a_radius 0.03 -particle_a_density 2 -particle_a_place lattice -particle_a_count 200", 1);
-  check_conservation(2, "-particle_groups a,b -particle_a_shape ellipse -particle_a_a 0.08 -particle_a_b 0.03 -particle_a_density 2 -particle_a_place lattice -particle_a_count 30 "
-                        "-particle_b_shape circle -particle_b_radius 0.05 -particle_b_density 0.1 -particle_b_place lattice -particle_b_count 20", 1);
-  check_conservation(3, "-particle_groups a -particle_a_shape ellipse -particle_a_a 0.2 -particle_a_b 0.1 -particle_a_c 0.1 -particle_a_density 2 -particle_a_place lattice -particle_a_count 8", 1);
+  check_conservation(2,
+                     "-particle_groups a -particle_a_shape circle -particle_a_radius 0.03 -particle_a_density 2 -particle_a_place lattice -particle_a_count 200",
+                     1);
+  check_conservation(2,
+                     "-particle_groups a,b -particle_a_shape ellipse -particle_a_a 0.08 -particle_a_b 0.03 -particle_a_density 2 -particle_a_place lattice -particle_a_count 30 "
+                     "-particle_b_shape circle -particle_b_radius 0.05 -particle_b_density 0.1 -particle_b_place lattice -particle_b_count 20",
+                     1);
+  check_conservation(3,
+                     "-particle_groups a -particle_a_shape ellipse -particle_a_a 0.2 -particle_a_b 0.1 -particle_a_c 0.1 -particle_a_density 2 -particle_a_place lattice -particle_a_count 8",
+                     1);
 }
 
 /* Surface points against the distance give the gap of the closed form, and the force of two discs is that of two nearly round ellipses. */
@@ -344,8 +360,8 @@ static void test_points_against_discs(void **state)
     f.s->x[1][0] = 0.4 + 0.204 * PetscCosReal(0.3);
     f.s->x[1][1] = 0.8;
     evaluate(&f);
-    gap[i][0] = f.gap[0];
-    F[i][0]   = f.force[0][1];
+    gap[i][0]    = f.gap[0];
+    F[i][0]      = f.force[0][1];
     f.s->x[0][1] = 0.8 - 0.204 * PetscSinReal(0.3);
     evaluate(&f);
     gap[i][1] = f.gap[0];
@@ -366,7 +382,8 @@ static void test_tilted(void **state)
   Fixture f;
 
   (void)state;
-  create(&f, 2, 0.02, down, zero, one, 4, "-particle_groups a -particle_a_shape ellipse -particle_a_a 0.2 -particle_a_b 0.05 -particle_a_density 2 -particle_a_position 0.5,0.08 -particle_a_angle 0.3");
+  create(&f, 2, 0.02, down, zero, one, 4,
+         "-particle_groups a -particle_a_shape ellipse -particle_a_a 0.2 -particle_a_b 0.05 -particle_a_density 2 -particle_a_position 0.5,0.08 -particle_a_angle 0.3");
   evaluate(&f);
   near(f.gap[0], 0.08 - PetscSqrtReal(PetscSqr(0.2 * PetscSinReal(0.3)) + PetscSqr(0.05 * PetscCosReal(0.3))), 1e-4);
   assert_true(f.force[0][1] > 0);
@@ -401,7 +418,8 @@ static void step_flow(Fixture *f, const Flow *w, PetscBool first, const PetscRea
   for (PetscInt k = 0; k < s->n; k++) {
     const BodyGroup *g   = &s->group[s->body_group[k]];
     const PetscReal  vol = g->mass.volume, M = (g->density + w->added) * vol, W = (g->density - 1) * vol;
-    const PetscReal  drag = w->terminal > 0 ? PetscAbsReal(W * gravity[1]) / w->terminal : w->drag * vol, spin = (g->density + 0.2) * g->mass.inertia[2];
+    const PetscReal  drag = w->terminal > 0 ? PetscAbsReal(W * gravity[1]) / w->terminal : w->drag * vol,
+                    spin  = (g->density + 0.2) * g->mass.inertia[2];
 
     for (PetscInt a = 0; a < 2; a++) {
       const PetscReal old = s->u[k][a], older = s->u_old[k][a];
@@ -431,7 +449,7 @@ static void remaining_acceleration(Fixture *f, PetscReal dt)
 
 static Rest settle(Fixture *f, const Flow *w, PetscInt nsteps, const PetscReal gravity[3])
 {
-  Rest rest = {PETSC_MAX_REAL, 0};
+  Rest rest            = {PETSC_MAX_REAL, 0};
   PetscReal(*start)[3] = calloc(f->s->n, sizeof(*start));
 
   for (PetscInt i = 0; i < nsteps; i++) {
@@ -463,15 +481,16 @@ static void rest_one_disc(PetscReal rho, PetscReal slow, PetscReal travel, Petsc
   Rest            rest;
   PetscReal       gap;
 
-  snprintf(options, sizeof(options), "-particle_groups a -particle_a_shape circle -particle_a_radius %g -particle_a_density %g -particle_a_position 0.5,%g -particle_a_velocity 0,%g", (double)R, (double)rho,
-           (double)(0.5 + side * (0.5 - R - 5.3 * r)), (double)(side * u));
+  snprintf(options, sizeof(options),
+           "-particle_groups a -particle_a_shape circle -particle_a_radius %g -particle_a_density %g -particle_a_position 0.5,%g -particle_a_velocity 0,%g",
+           (double)R, (double)rho, (double)(0.5 + side * (0.5 - R - 5.3 * r)), (double)(side * u));
   create(&f, 2, 2 * r, down, zero, one, 15, options);
   rest = settle(&f, &w, nsteps, down);
   gap  = (0.5 - R - side * (f.s->x[0][1] - 0.5)) / r;
   destroy(&f);
   if (!(rest.least > 0.3 && rest.late < bound && gap > 0.3 && gap < 4))
-    fail_msg("density %g, speed %g, travel %g, order %d, added mass %g: smallest gap %g (at least 0.3), late motion %g (at most %g), gap at rest %g (0.3 to 4), in ranges", (double)rho, (double)slow, (double)travel,
-             (int)order, (double)added, (double)rest.least, (double)rest.late, (double)bound, (double)gap);
+    fail_msg("density %g, speed %g, travel %g, order %d, added mass %g: smallest gap %g (at least 0.3), late motion %g (at most %g), gap at rest %g (0.3 to 4), in ranges",
+             (double)rho, (double)slow, (double)travel, (int)order, (double)added, (double)rest.least, (double)rest.late, (double)bound, (double)gap);
 }
 
 static void test_one_disc_rests(void **state)
@@ -505,13 +524,16 @@ static void test_pile_rests(void **state)
         Fixture         f;
         Rest            rest;
 
-        snprintf(options, sizeof(options), "-particle_groups a -particle_a_shape %s -particle_a_density %g -particle_a_place random -particle_a_count %d -particle_a_angle 0.4", shape[kind], (double)rho[i], kind ? 6 : 14);
+        snprintf(options, sizeof(options),
+                 "-particle_groups a -particle_a_shape %s -particle_a_density %g -particle_a_place random -particle_a_count %d -particle_a_angle 0.4",
+                 shape[kind], (double)rho[i], kind ? 6 : 14);
         create(&f, 2, 2 * r, down, zero, upper, 15, options);
         rest = settle(&f, &w, kind ? 400 : 1000, down);
         destroy(&f);
         /* very light bodies that are no discs swing fast: they may dip into each other while they arrive */
         if (!(rest.least > (kind && i == 0 ? -2 : 0.2) && rest.late < (kind ? 2 : 0.2)))
-          fail_msg("pile of %s, density %g, order %d: smallest gap %g, late motion %g, in ranges", shape[kind], (double)rho[i], (int)order, (double)rest.least, (double)rest.late);
+          fail_msg("pile of %s, density %g, order %d: smallest gap %g, late motion %g, in ranges", shape[kind], (double)rho[i], (int)order,
+                   (double)rest.least, (double)rest.late);
       }
 }
 
@@ -527,22 +549,26 @@ static void test_squeezed(void **state)
       Fixture    f;
       Rest       rest;
 
-      create(&f, 2, 2 * r, zero, zero, one, 0, "-particle_groups a -particle_a_shape circle -particle_a_radius 0.1 -particle_a_density 1 -particle_a_place lattice -particle_a_count 4");
+      create(&f, 2, 2 * r, zero, zero, one, 0,
+             "-particle_groups a -particle_a_shape circle -particle_a_radius 0.1 -particle_a_density 1 -particle_a_place lattice -particle_a_count 4");
       f.s->x[0][0] += 0.013;
       rest = settle(&f, &w, 400, zero);
       destroy(&f);
       if (!(rest.least > (drag > 50 ? -0.5 : 0.3) && rest.late < 0.1))
-        fail_msg("squeezed, drag %g, order %d: smallest gap %g, late motion %g, in ranges", (double)drag, (int)order, (double)rest.least, (double)rest.late);
+        fail_msg("squeezed, drag %g, order %d: smallest gap %g, late motion %g, in ranges", (double)drag, (int)order, (double)rest.least,
+                 (double)rest.late);
     }
 }
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {
-    cmocka_unit_test(test_law),          cmocka_unit_test(test_work),       cmocka_unit_test(test_options),      cmocka_unit_test(test_brute_force),          cmocka_unit_test(test_linear_cost),
-    cmocka_unit_test(test_only_near),    cmocka_unit_test(test_conservation), cmocka_unit_test(test_points_against_discs), cmocka_unit_test(test_tilted), cmocka_unit_test(test_one_disc_rests), cmocka_unit_test(test_pile_rests), cmocka_unit_test(test_squeezed)
-  };
-  int failed;
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_law),          cmocka_unit_test(test_work),
+                                     cmocka_unit_test(test_options),      cmocka_unit_test(test_brute_force),
+                                     cmocka_unit_test(test_linear_cost),  cmocka_unit_test(test_only_near),
+                                     cmocka_unit_test(test_conservation), cmocka_unit_test(test_points_against_discs),
+                                     cmocka_unit_test(test_tilted),       cmocka_unit_test(test_one_disc_rests),
+                                     cmocka_unit_test(test_pile_rests),   cmocka_unit_test(test_squeezed)};
+  int                     failed;
 
   if (PetscInitialize(&argc, &argv, NULL, NULL)) return 1;
   failed = cmocka_run_group_tests(tests, NULL, NULL);

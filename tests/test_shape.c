@@ -1,5 +1,6 @@
 /* Unit tests of the shape module: loading and its errors, defaults against closed forms, projection, options. Collective: run on 1, 2, 3 ranks.
    Plugins that are wrong on purpose are expected in the folder badshapes beside this program, the real ones in ../shapes (make tests). */
+/* ranks: 1 2 3 */
 #include "compat.h"
 #include "shape.h"
 #include "opt.h"
@@ -19,7 +20,8 @@ static char folder[PETSC_MAX_PATH_LEN]; /* of this program */
 
 /* ---- helpers ---- */
 
-static PetscErrorCode KeepMessage(MPI_Comm comm, int line, const char *func, const char *file, PetscErrorCode code, PetscErrorType type, const char *message, void *ctx)
+static PetscErrorCode KeepMessage(MPI_Comm comm, int line, const char *func, const char *file, PetscErrorCode code, PetscErrorType type,
+                                  const char *message, void *ctx)
 {
   (void)comm;
   (void)line;
@@ -55,7 +57,8 @@ static void MustFail(const char type[], PetscInt dim, char message[])
 
 static void MustBeNear(PetscReal value, PetscReal expected, PetscReal tolerance, const char what[])
 {
-  if (!(PetscAbsReal(value - expected) <= tolerance)) fail_msg("%s is %.12g, expected %.12g within %g", what, (double)value, (double)expected, (double)tolerance);
+  if (!(PetscAbsReal(value - expected) <= tolerance))
+    fail_msg("%s is %.12g, expected %.12g within %g", what, (double)value, (double)expected, (double)tolerance);
 }
 
 static void SetOption(const char name[], const char value[])
@@ -108,14 +111,12 @@ static void test_type_is_not_a_path(void **state)
 
 static void test_broken_plugins_say_what_to_do(void **state)
 {
-  const char *expected[][3] = {
-    {"nosymbol",     "does not register a shape",               "TUMBLE_SHAPE_REGISTER"},
-    {"badinterface", "was built for shape interface 1001",      "rebuild"              },
-    {"nodistance",   "lacks the required operation 'distance'", ".ops.distance"        },
-    {"othername",    "registers the type 'cube'",               "rename the file"      },
-    {"undefined",    "cannot be loaded",                        "make shapes"          }
-  };
-  char message[4096];
+  const char *expected[][3] = {{"nosymbol", "does not register a shape", "TUMBLE_SHAPE_REGISTER"},
+                               {"badinterface", "was built for shape interface 1001", "rebuild"},
+                               {"nodistance", "lacks the required operation 'distance'", ".ops.distance"},
+                               {"othername", "registers the type 'cube'", "rename the file"},
+                               {"undefined", "cannot be loaded", "make shapes"}};
+  char        message[4096];
 
   (void)state;
   for (size_t i = 0; i < sizeof(expected) / sizeof(expected[0]); i++) {
@@ -223,7 +224,7 @@ static void test_found_from_any_directory(void **state)
 static void test_finalize_refuses_live_shapes(void **state)
 {
   char           message[4096] = "";
-  Shape          s = Make("circle", 2);
+  Shape          s             = Make("circle", 2);
   PetscErrorCode ierr;
 
   (void)state;
@@ -286,7 +287,8 @@ static void test_default_mass_leaflet(void **state)
     MustWork(ShapeDefaultMass(s, 0.8, dim, &m));
     MustBeNear(m.volume, exact.volume, tolerance * exact.volume, "volume of a leaflet by quadrature");
     MustBeNear(m.centroid[0], 0.3, tolerance, "centroid of a leaflet");
-    for (PetscInt a = dim == 2 ? 2 : 0; a < 3; a++) MustBeNear(m.inertia[a], exact.inertia[a], 2.0 * tolerance * exact.inertia[a], "moment of a leaflet by quadrature");
+    for (PetscInt a = dim == 2 ? 2 : 0; a < 3; a++)
+      MustBeNear(m.inertia[a], exact.inertia[a], 2.0 * tolerance * exact.inertia[a], "moment of a leaflet by quadrature");
     MustWork(ShapeDestroy(&s));
     SetOption("-t_thickness", NULL);
   }
@@ -296,7 +298,7 @@ static void test_default_mass_leaflet(void **state)
 static void test_default_mass_rounded_square(void **state)
 {
   const PetscReal area = 1.0 - (4.0 - PETSC_PI) * 0.01;
-  Shape           s = Make("template", 2);
+  Shape           s    = Make("template", 2);
   ShapeMass       m;
   PetscReal       r;
 
@@ -318,7 +320,8 @@ static void test_default_normal(void **state)
   (void)state;
   MustWork(ShapeDefaultNormal(s, 0.5, 2, 3, x, n));
   for (PetscInt i = 0; i < 2; i++)
-    for (PetscInt a = 0; a < 2; a++) MustBeNear(n[2 * i + a], x[2 * i + a] / PetscSqrtReal(PetscSqr(x[2 * i]) + PetscSqr(x[2 * i + 1])), 1e-9, "component of the normal");
+    for (PetscInt a = 0; a < 2; a++)
+      MustBeNear(n[2 * i + a], x[2 * i + a] / PetscSqrtReal(PetscSqr(x[2 * i]) + PetscSqr(x[2 * i + 1])), 1e-9, "component of the normal");
   MustBeNear(PetscSqrtReal(n[4] * n[4] + n[5] * n[5]), 1.0, 1e-12, "length of the normal at the centre");
   MustWork(ShapeDestroy(&s));
 }
@@ -406,7 +409,8 @@ static void test_project_from_kinks(void **state)
     MustWork(ShapeDistance(s, 4, y, d));
     for (PetscInt i = 0; i < 4; i++) {
       MustBeNear(d[i], 0, 1e-12, "distance after projection");
-      MustBeNear(PetscSqrtReal(PetscSqr(y[2 * i] - x[2 * i]) + PetscSqr(y[2 * i + 1] - x[2 * i + 1])), PetscAbsReal(d0[i]), 1e-6, "way of the projection");
+      MustBeNear(PetscSqrtReal(PetscSqr(y[2 * i] - x[2 * i]) + PetscSqr(y[2 * i + 1] - x[2 * i + 1])), PetscAbsReal(d0[i]), 1e-6,
+                 "way of the projection");
     }
     MustWork(ShapeDestroy(&s));
   }
@@ -528,14 +532,12 @@ static void test_polygon_properties(void **state)
 
 static void test_polygon_errors(void **state)
 {
-  const char *expected[][3] = {
-    {"0 0\n2 2\n2 0\n0 2\n",          "from line 1 to line 2 meets the edge from line 3 to line 4", "must not cross"   },
-    {"0 0\n1 0\n1 1\n0.5 0\n0 1\n",   "the edge from line 1 to line 2 meets the edge from line",    "must not cross"   },
-    {"0 0\n2 0\n1 0\n0 1\n",          "meets the edge",                                             "from line 3"      },
-    {"0 0\n1 zero\n1 1\n",            ":2: expected two finite numbers",                            "1 zero"           },
-    {"0 0\n1 0\n",                    "at least 3 different corners, found 2",                      "outline"          }
-  };
-  char file[PETSC_MAX_PATH_LEN], message[4096];
+  const char *expected[][3] = {{"0 0\n2 2\n2 0\n0 2\n", "from line 1 to line 2 meets the edge from line 3 to line 4", "must not cross"},
+                               {"0 0\n1 0\n1 1\n0.5 0\n0 1\n", "the edge from line 1 to line 2 meets the edge from line", "must not cross"},
+                               {"0 0\n2 0\n1 0\n0 1\n", "meets the edge", "from line 3"},
+                               {"0 0\n1 zero\n1 1\n", ":2: expected two finite numbers", "1 zero"},
+                               {"0 0\n1 0\n", "at least 3 different corners, found 2", "outline"}};
+  char        file[PETSC_MAX_PATH_LEN], message[4096];
 
   (void)state;
   for (size_t i = 0; i < sizeof(expected) / sizeof(expected[0]); i++) {

@@ -3,21 +3,21 @@
 
 enum {
   FAULT_NONE,
-  FAULT_NAN,        /* distance not a number left of the body */
-  FAULT_SCALED,     /* distance twice too large */
-  FAULT_SQUARED,    /* |x|^2 - r^2: right sign, not Euclidean */
-  FAULT_SHRUNK,     /* 0.9 of the distance: 1-Lipschitz but not Euclidean */
-  FAULT_NORMAL,     /* normals point inwards */
-  FAULT_LENGTH,     /* normals are not unit */
-  FAULT_RADIUS,     /* bounding radius too small for the body, not for the probe at load */
-  FAULT_MASS,       /* inertia 2 % off */
-  FAULT_CLOCKWISE,  /* surface points run the wrong way round */
-  FAULT_WEIGHTS,    /* weights are fractions of 1 instead of lengths */
-  FAULT_RANDOM,     /* distance changes from call to call */
-  FAULT_SIGN,       /* a region inside claims to be outside */
-  FAULT_LEAK,       /* data never freed */
-  FAULT_RANGE,      /* an option whose allowed values do not all work */
-  FAULT_EMPTY,      /* an empty batch is an error */
+  FAULT_NAN,       /* distance not a number left of the body */
+  FAULT_SCALED,    /* distance twice too large */
+  FAULT_SQUARED,   /* |x|^2 - r^2: right sign, not Euclidean */
+  FAULT_SHRUNK,    /* 0.9 of the distance: 1-Lipschitz but not Euclidean */
+  FAULT_NORMAL,    /* normals point inwards */
+  FAULT_LENGTH,    /* normals are not unit */
+  FAULT_RADIUS,    /* bounding radius too small for the body, not for the probe at load */
+  FAULT_MASS,      /* inertia 2 % off */
+  FAULT_CLOCKWISE, /* surface points run the wrong way round */
+  FAULT_WEIGHTS,   /* weights are fractions of 1 instead of lengths */
+  FAULT_RANDOM,    /* distance changes from call to call */
+  FAULT_SIGN,      /* a region inside claims to be outside */
+  FAULT_LEAK,      /* data never freed */
+  FAULT_RANGE,     /* an option whose allowed values do not all work */
+  FAULT_EMPTY,     /* an empty batch is an error */
   FAULT_COUNT
 };
 
@@ -115,7 +115,8 @@ static PetscErrorCode ShapeMass_Faulty(Shape s, ShapeMass *m)
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &f));
   m->volume = f->dim == 2 ? pi * f->radius * f->radius : 4.0 / 3.0 * pi * f->radius * f->radius * f->radius;
-  for (PetscInt a = f->dim == 2 ? 2 : 0; a < 3; a++) m->inertia[a] = (f->dim == 2 ? 0.5 : 0.4) * m->volume * f->radius * f->radius * (f->fault == FAULT_MASS ? 1.02 : 1.0);
+  for (PetscInt a = f->dim == 2 ? 2 : 0; a < 3; a++)
+    m->inertia[a] = (f->dim == 2 ? 0.5 : 0.4) * m->volume * f->radius * f->radius * (f->fault == FAULT_MASS ? 1.02 : 1.0);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -127,7 +128,8 @@ static PetscErrorCode ShapeSurface_Faulty(Shape s, PetscInt n, PetscReal x[], Pe
   PetscCall(ShapeGetData(s, &f));
   for (PetscInt i = 0; i < n; i++) {
     const PetscReal z = f->dim == 2 ? 0.0 : 1.0 - (2.0 * (PetscReal)i + 1.0) / (PetscReal)n, rho = f->radius * PetscSqrtReal(1.0 - z * z);
-    const PetscReal phi = (PetscReal)i * (f->dim == 2 ? 2.0 * PETSC_PI / (PetscReal)n : 2.399963229728653) * (f->fault == FAULT_CLOCKWISE ? -1.0 : 1.0);
+    const PetscReal phi = (PetscReal)i * (f->dim == 2 ? 2.0 * PETSC_PI / (PetscReal)n : 2.399963229728653) *
+                          (f->fault == FAULT_CLOCKWISE ? -1.0 : 1.0);
 
     x[i * f->dim]     = rho * PetscCosReal(phi);
     x[i * f->dim + 1] = rho * PetscSinReal(phi);
@@ -152,6 +154,12 @@ TUMBLE_SHAPE_REGISTER = {
   .interface = SHAPE_INTERFACE,
   .type      = "faulty",
   .dims      = 3,
-  .ops       = {.create = ShapeCreate_Faulty, .options = ShapeOptions_Faulty, .distance = ShapeDistance_Faulty, .radius = ShapeRadius_Faulty, .normal = ShapeNormal_Faulty,
-                .mass = ShapeMass_Faulty, .surface = ShapeSurface_Faulty, .destroy = ShapeDestroy_Faulty},
+  .ops       = {.create   = ShapeCreate_Faulty,
+                .options  = ShapeOptions_Faulty,
+                .distance = ShapeDistance_Faulty,
+                .radius   = ShapeRadius_Faulty,
+                .normal   = ShapeNormal_Faulty,
+                .mass     = ShapeMass_Faulty,
+                .surface  = ShapeSurface_Faulty,
+                .destroy  = ShapeDestroy_Faulty},
 };
