@@ -65,6 +65,8 @@ PetscErrorCode FlowDivergence(Flow, const PetscReal u[], PetscReal y[]);
 PetscErrorCode FlowGradient(Flow, PetscReal scale, const PetscReal p[], PetscReal r[]);
 /* Cell matrices of B, [ncell_all][dim + 1][nb*dim], for operators built from B. */
 PetscErrorCode FlowGetCellDivergence(Flow, const PetscReal *b[]);
+/* y += scale Mp^{-1} r with the mass matrix of the pressure (own cells). Local. */
+PetscErrorCode FlowPressureMassSolve(Flow, PetscReal scale, const PetscReal r[], PetscReal y[]);
 /* Lumped mass (row sums of M, no density) [nnode_all]. */
 PetscErrorCode FlowGetLumpedMass(Flow, const PetscReal *m[]);
 

@@ -33,10 +33,12 @@ typedef enum {
   MONITOR_NPHASES
 } MonitorPhase;
 
-/* Open the files in the existing directory `dir` (old ones are replaced) and write options.txt: call it after everything else is set up.
-   The bodies are not owned and must live as long as the monitor. Collective on PETSC_COMM_WORLD.
-   Errors: directory not writable, -output_bodies outside of the bodies there are. */
-PetscErrorCode MonitorCreate(const char dir[], Bodies, Monitor *);
+/* Reads the options; touches no file. The bodies are not owned and must live as long as the monitor. Collective on PETSC_COMM_WORLD.
+   Errors: -output_bodies outside of the bodies there are. */
+PetscErrorCode MonitorCreate(Bodies, Monitor *);
+/* Open the files in the existing directory `dir` (old ones are replaced) and write options.txt: call it after everything else is set up. Collective.
+   Errors: directory not writable. */
+PetscErrorCode MonitorOpen(Monitor, const char dir[]);
 PetscErrorCode MonitorDestroy(Monitor *);
 
 /* After every step (and, if wanted, once before the first with step 0 and dt 0): tracks iterations and, from the state of the bodies, the quantities

@@ -8,9 +8,11 @@
 
 typedef struct _p_Output *Output;
 
-/* Create directory -output_dir (default out/<scene>); an existing directory that already holds a series.csv is refused with a message
-   naming -output_overwrite unless that is given. every: -output_every (0 = none). Writes mesh.h5 only when the first field is written. Collective. */
+/* Reads -output_dir (default out/<scene>), -output_every (0 = none) and -output_overwrite; touches no file. Collective. */
 PetscErrorCode OutputCreate(Mesh, const char scene[], Output *);
+/* Create the directory, once every option is known to be right. One that already holds a series.csv is refused with a message naming
+   -output_overwrite unless that is given. mesh.h5 is written with the first snapshot. Collective. */
+PetscErrorCode OutputOpen(Output);
 PetscErrorCode OutputDestroy(Output *);
 PetscErrorCode OutputGetDirectory(Output, const char **dir);
 PetscErrorCode OutputGetEvery(Output, PetscInt *every);

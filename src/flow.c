@@ -51,7 +51,7 @@ struct _p_Flow {
   PetscReal *phi, *dphi, *qweight;
   /* geometry of the cells */
   PetscBool *affine;
-  PetscReal *inverse, *det, *size, *b, *lumped; /* [ncell_all][dim*dim], [ncell_all], [ncell_all], cell matrices of B, nodal mass */
+  PetscReal *inverse, *det, *size, *b, *lumped, *pmass; /* [ncell_all][dim*dim], [ncell_all], [ncell_all], cell matrices of B, nodal mass, inverse mass matrices of the pressure [ncell][dim+1][dim+1] */
   /* operators */
   Mat        S, S0; /* whole; constant part */
   PetscReal  s0_ct, s0_theta, *coo;
@@ -144,6 +144,29 @@ static void space_gradients(const struct _p_Flow *f, const Metric *m, PetscInt q
   }
 }
 
+/* Inverse of a symmetric positive definite n x n matrix by Gauss-Jordan, which needs no pivots then. a is destroyed. */
+static void invert_spd(PetscInt n, PetscReal a[], PetscReal inv[])
+{
+  for (PetscInt i = 0; i < n * n; i++) inv[i] = i % (n + 1) == 0;
+  for (PetscInt k = 0; k < n; k++) {
+    const PetscReal pivot = 1 / a[k * n + k];
+
+    for (PetscInt j = 0; j < n; j++) {
+      a[k * n + j] *= pivot;
+      inv[k * n + j] *= pivot;
+    }
+    for (PetscInt i = 0; i < n; i++) {
+      const PetscReal factor = a[i * n + k];
+
+      if (i == k) continue;
+      for (PetscInt j = 0; j < n; j++) {
+        a[i * n + j] -= factor * a[k * n + j];
+        inv[i * n + j] -= factor * inv[k * n + j];
+      }
+    }
+  }
+}
+
 /* Affine test, size, cell matrices of B and lumped mass of all local cells. Collective. */
 static PetscErrorCode compute_cells(Flow f)
 {
@@ -154,7 +177,7 @@ static PetscErrorCode compute_cells(Flow f)
   PetscCall(PetscArrayzero(f->lumped, l->nnode_all));
   PetscCall(PetscArrayzero(f->b, l->ncell_all * nk * nb * dim));
   for (PetscInt c = 0; c < l->ncell_all; c++) {
-    PetscReal  xc[MAX_NB * 3], first[9], volume = 0, *b = f->b + c * nk * nb * dim;
+    PetscReal  xc[MAX_NB * 3], first[9], volume = 0, mass[16] = {0}, *b = f->b + c * nk * nb * dim;
     const PetscReal *centre = xc + (nb / 2) * dim;
     Metric     m;
 
@@ -179,20 +202,22 @@ static PetscErrorCode compute_cells(Flow f)
     f->size[c] = PetscPowReal(volume, 1.0 / dim);
     for (PetscInt q = 0; q < f->nq; q++) {
       const PetscReal *phi = f->phi + q * f->nbp;
-      PetscReal        g[3][MAX_NBP], x[3] = {0, 0, 0};
+      PetscReal        g[3][MAX_NBP], x[3] = {0, 0, 0}, psi[4];
 
       space_gradients(f, &m, q, g);
       for (PetscInt j = 0; j < nb; j++) {
         f->lumped[l->cell_node[c * nb + j]] += m.weight[q] * phi[j];
         for (PetscInt a = 0; a < dim; a++) x[a] += phi[j] * xc[j * dim + a];
       }
+      psi[0] = 1;
+      for (PetscInt a = 0; a < dim; a++) psi[1 + a] = (x[a] - centre[a]) / f->size[c];
       for (PetscInt k = 0; k < nk; k++) {
-        const PetscReal psi = k == 0 ? 1 : (x[k - 1] - centre[k - 1]) / f->size[c];
-
+        for (PetscInt n = 0; n < nk; n++) mass[k * nk + n] += m.weight[q] * psi[k] * psi[n];
         for (PetscInt j = 0; j < nb; j++)
-          for (PetscInt a = 0; a < dim; a++) b[k * nb * dim + j * dim + a] += m.weight[q] * psi * g[a][j];
+          for (PetscInt a = 0; a < dim; a++) b[k * nb * dim + j * dim + a] += m.weight[q] * psi[k] * g[a][j];
       }
     }
+    if (c < l->ncell) invert_spd(nk, mass, f->pmass + c * nk * nk);
   }
   PetscCall(MeshSyncNodes(f->mesh, 1, f->lumped)); /* own nodes see all their cells (own or ghost); outer ghosts do not */
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -651,6 +676,17 @@ PetscErrorCode FlowGradient(Flow f, PetscReal scale, const PetscReal p[], PetscR
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode FlowPressureMassSolve(Flow f, PetscReal scale, const PetscReal r[], PetscReal y[])
+{
+  const PetscInt nk = f->loc->dim + 1;
+
+  PetscFunctionBeginUser;
+  for (PetscInt c = 0; c < f->loc->ncell; c++)
+    for (PetscInt k = 0; k < nk; k++)
+      for (PetscInt n = 0; n < nk; n++) y[c * nk + k] += scale * f->pmass[(c * nk + k) * nk + n] * r[c * nk + n];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* ---- life cycle ---- */
 
 static PetscErrorCode read_parameters(Flow f)
@@ -688,6 +724,7 @@ PetscErrorCode FlowCreate(Mesh mesh, Flow *flow)
   PetscCall(tabulate(f));
   PetscCall(PetscMalloc5(l->ncell_all, &f->affine, l->ncell_all * dim * dim, &f->inverse, l->ncell_all, &f->det, l->ncell_all, &f->size, l->nnode_all, &f->lumped));
   PetscCall(PetscMalloc1(l->ncell_all * (dim + 1) * l->nb * dim, &f->b));
+  PetscCall(PetscMalloc1(l->ncell * (dim + 1) * (dim + 1), &f->pmass));
   PetscCall(compute_cells(f));
   PetscCall(MeshGetBoundaryCount(mesh, &f->nboundary));
   PetscCall(PetscCalloc3(f->nboundary, &f->boundary, l->nnode_all, &f->fixed, l->nnode_all * dim, &f->bc_value));
@@ -713,6 +750,7 @@ PetscErrorCode FlowDestroy(Flow *flow)
   PetscCall(MatDestroy(&f->S0));
   PetscCall(PetscFree(f->coo));
   PetscCall(PetscFree(f->b));
+  PetscCall(PetscFree(f->pmass));
   PetscCall(PetscFree3(f->phi, f->dphi, f->qweight));
   PetscCall(PetscFree5(f->affine, f->inverse, f->det, f->size, f->lumped));
   PetscCall(PetscFree3(f->boundary, f->fixed, f->bc_value));

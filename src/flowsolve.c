@@ -515,43 +515,72 @@ static PetscErrorCode assemble_on_demand(FlowSolver fs)
 
 /* ---- the preconditioner ---- */
 
-/* y = projection o fieldsplit (x), see the header */
+/* Views of the two parts of a vector of the system, backed by its array */
+static PetscErrorCode get_parts(FlowSolver fs, PetscReal a[], Vec *u, Vec *p)
+{
+  PetscFunctionBeginUser;
+  PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, fs->nur, PETSC_DETERMINE, a, u));
+  PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, fs->np, PETSC_DETERMINE, a + fs->nur, p));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* u += M_r^{-1} P^T B^T p, then p += mu theta Mp^{-1} (x_p - B u~): the projection step with the rotational pressure update */
+static PetscErrorCode project(FlowSolver fs, Vec x, Vec u, Vec p)
+{
+  const FlowParameters *par;
+  const FlowStep       *step;
+  const PetscReal      *xa;
+  PetscReal            *pa, *r;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetParameters(fs->flow, &par));
+  PetscCall(FlowGetStep(fs->flow, &step));
+  PetscCall(MatMult(fs->B, u, fs->t_p));
+  PetscCall(MatMult(fs->G, p, fs->t_u));
+  PetscCall(apply_mass_inverse(fs, fs->t_u, fs->t_u2));
+  PetscCall(VecAXPY(u, -1, fs->t_u2));
+  PetscCall(VecGetArrayRead(x, &xa));
+  PetscCall(VecGetArray(fs->t_p, &r));
+  for (PetscInt i = 0; i < fs->np; i++) r[i] = xa[fs->nur + i] - r[i];
+  PetscCall(VecGetArray(p, &pa));
+  PetscCall(FlowPressureMassSolve(fs->flow, par->viscosity * step->theta, r, pa));
+  PetscCall(VecRestoreArray(p, &pa));
+  PetscCall(VecRestoreArray(fs->t_p, &r));
+  PetscCall(VecRestoreArrayRead(x, &xa));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* p <- S_p^{-1} B M_r^{-1} A_r M_r^{-1} P^T B^T p, the least-squares commutator */
+static PetscErrorCode commute(FlowSolver fs, Vec p)
+{
+  PetscFunctionBeginUser;
+  PetscCall(MatMult(fs->G, p, fs->t_u));
+  PetscCall(VecScale(fs->t_u, -1));
+  PetscCall(apply_mass_inverse(fs, fs->t_u, fs->t_u2));
+  PetscCall(MatMult(fs->Ar, fs->t_u2, fs->t_u));
+  PetscCall(apply_mass_inverse(fs, fs->t_u, fs->t_u2));
+  PetscCall(MatMult(fs->B, fs->t_u2, fs->t_p));
+  PetscCall(KSPSolve(fs->sub[1], fs->t_p, p));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* y = fieldsplit (x), then projection or commutator, see the header */
 static PetscErrorCode apply_projection(PC pc, Vec x, Vec y)
 {
-  FlowSolver       fs;
-  const PetscReal *ya;
-  PetscReal       *yw;
+  FlowSolver fs;
+  PetscReal *a;
+  Vec        u, p;
 
   PetscFunctionBeginUser;
   PetscCall(PCShellGetContext(pc, &fs));
   PetscCall(PCApply(fs->split, x, y));
-  PetscCall(VecGetArrayRead(y, &ya));
-  PetscCall(VecPlaceArray(fs->t_p, ya + fs->nur));
-  PetscCall(MatMult(fs->G, fs->t_p, fs->t_u)); /* -P^T B^T p */
-  PetscCall(VecResetArray(fs->t_p));
-  PetscCall(VecRestoreArrayRead(y, &ya));
-  PetscCall(apply_mass_inverse(fs, fs->t_u, fs->t_u2));
-  if (fs->commute) { /* p <- S_p^{-1} B M^{-1} A M^{-1} B^T p */
-    PetscCall(VecScale(fs->t_u2, -1));
-    PetscCall(MatMult(fs->Ar, fs->t_u2, fs->t_u));
-    PetscCall(apply_mass_inverse(fs, fs->t_u, fs->t_u2));
-    PetscCall(MatMult(fs->B, fs->t_u2, fs->t_p));
-    PetscCall(VecGetArray(y, &yw));
-    {
-      Vec p;
-
-      PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, fs->np, PETSC_DETERMINE, yw + fs->nur, &p));
-      PetscCall(KSPSolve(fs->sub[1], fs->t_p, p));
-      PetscCall(VecDestroy(&p));
-    }
-    PetscCall(VecRestoreArray(y, &yw));
-  } else {
-    PetscCall(VecGetArrayRead(fs->t_u2, &ya));
-    PetscCall(VecGetArray(y, &yw));
-    for (PetscInt i = 0; i < fs->nur; i++) yw[i] -= ya[i];
-    PetscCall(VecRestoreArray(y, &yw));
-    PetscCall(VecRestoreArrayRead(fs->t_u2, &ya));
-  }
+  PetscCall(VecGetArray(y, &a));
+  PetscCall(get_parts(fs, a, &u, &p));
+  if (fs->commute) PetscCall(commute(fs, p));
+  else PetscCall(project(fs, x, u, p));
+  PetscCall(VecDestroy(&u));
+  PetscCall(VecDestroy(&p));
+  PetscCall(VecRestoreArray(y, &a));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

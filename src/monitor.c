@@ -464,7 +464,7 @@ static PetscErrorCode read_options(Monitor m)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MonitorCreate(const char dir[], Bodies bodies, Monitor *monitor)
+PetscErrorCode MonitorCreate(Bodies bodies, Monitor *monitor)
 {
   Monitor m;
 
@@ -472,17 +472,23 @@ PetscErrorCode MonitorCreate(const char dir[], Bodies bodies, Monitor *monitor)
   PetscCall(PetscNew(&m));
   PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &m->rank));
   PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &m->size));
-  PetscCall(PetscStrncpy(m->dir, dir, sizeof(m->dir)));
   PetscCall(BodiesGetState(bodies, &m->bodies));
   m->fall_speed_max = m->speed_max = m->overlap_max = PETSC_MIN_REAL;
   PetscCall(read_options(m));
+  *monitor = m;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MonitorOpen(Monitor m, const char dir[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscStrncpy(m->dir, dir, sizeof(m->dir)));
   PetscCall(write_options(m));
   PetscCall(open_file(m, "series.csv", "step,time_s,dt_s,cfl,outer_iterations,divergence,kinetic_energy,momentum_error,seconds\n", &m->series));
   PetscCall(
     open_file(m, "bodies.csv",
               "step,time_s,body,group,x,y,z,angle_rad,u,v,w,omega_x,omega_y,omega_z,force_x,force_y,force_z,torque_x,torque_y,torque_z,gap,radius\n",
               &m->body_file));
-  *monitor = m;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -29,7 +29,7 @@ struct _p_Output {
   PetscMPIInt      rank;
   char             dir[PETSC_MAX_PATH_LEN];
   PetscInt         every;
-  PetscBool        shared, mesh_written;               /* shared: a point of the file is a node of the mesh, else a node of one cell */
+  PetscBool        overwrite, shared, mesh_written;    /* shared: a point of the file is a node of the mesh, else a node of one cell */
   PetscInt         npoint, point_start, npoint_global; /* points of the file: own, first own, all */
   PetscInt         nsnap, room;
   Snapshot        *snap;
@@ -67,27 +67,6 @@ static int make_directory(const char dir[])
   if (stat(dir, &s)) return errno;
   if (!S_ISDIR(s.st_mode)) return ENOTDIR;
   return access(dir, W_OK) ? errno : 0;
-}
-
-/* All ranks leave with the same error, whatever only rank 0 can see */
-static PetscErrorCode prepare_directory(Output o, PetscBool overwrite)
-{
-  char series[PETSC_MAX_PATH_LEN], index[PETSC_MAX_PATH_LEN];
-  int  state[2] = {0, 0}; /* errno; is there a series.csv? */
-
-  PetscFunctionBeginUser;
-  PetscCall(join_path(o, "series.csv", series, sizeof(series)));
-  PetscCall(join_path(o, "fields.xmf", index, sizeof(index)));
-  if (o->rank == 0) {
-    state[0] = make_directory(o->dir);
-    state[1] = !access(series, F_OK);
-    if (!state[0] && (!state[1] || overwrite)) remove(index); /* an index left by another run would name snapshots that are not ours */
-  }
-  PetscCallMPI(MPI_Bcast(state, 2, MPI_INT, 0, o->comm));
-  PetscCheck(!state[0], o->comm, PETSC_ERR_FILE_OPEN, "Cannot write into directory '%s': %s. Choose another -output_dir", o->dir, strerror(state[0]));
-  PetscCheck(!state[1] || overwrite, o->comm, PETSC_ERR_USER_INPUT,
-             "Directory '%s' already holds the results of a run (series.csv): choose another -output_dir or allow it with -output_overwrite", o->dir);
-  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* The generic way in: PetscViewerHDF5Open() is declared in a header that needs the headers of HDF5 itself */
@@ -485,9 +464,8 @@ static PetscErrorCode add_snapshot(Output o, PetscInt step, PetscReal time, Pets
 
 PetscErrorCode OutputCreate(Mesh mesh, const char scene[], Output *output)
 {
-  Output    o;
-  DM        dm;
-  PetscBool overwrite = PETSC_FALSE;
+  Output o;
+  DM     dm;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&o));
@@ -499,15 +477,34 @@ PetscErrorCode OutputCreate(Mesh mesh, const char scene[], Output *output)
   PetscCall(PetscSNPrintf(o->dir, sizeof(o->dir), "out/%s", scene));
   PetscCall(OptString("-output_dir", "directory of the results, created if need be", o->dir, sizeof(o->dir)));
   PetscCall(OptInt("-output_every", "steps between two snapshots of the fields, 0 for none", "steps", 0, PETSC_MAX_INT, &o->every));
-  PetscCall(OptBool("-output_overwrite", "write into a directory that holds the results of another run", &overwrite));
+  PetscCall(OptBool("-output_overwrite", "write into a directory that holds the results of another run", &o->overwrite));
   PetscCheck(o->dir[0], o->comm, PETSC_ERR_USER_INPUT, "Option -output_dir is empty: give the name of a directory ('.' for the present one)");
-  PetscCall(prepare_directory(o, overwrite));
 
   o->shared        = (PetscBool) !(o->loc->period[0] > 0 || o->loc->period[1] > 0 || o->loc->period[2] > 0);
   o->npoint        = o->shared ? o->loc->nnode : o->loc->ncell * o->loc->nb;
   o->point_start   = o->shared ? o->loc->node_start : o->loc->cell_start * o->loc->nb;
   o->npoint_global = o->shared ? o->loc->nnode_global : o->loc->ncell_global * o->loc->nb;
   *output          = o;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode OutputOpen(Output o)
+{
+  char series[PETSC_MAX_PATH_LEN], index[PETSC_MAX_PATH_LEN];
+  int  state[2] = {0, 0}; /* errno; is there a series.csv? Only rank 0 can tell, and all ranks leave with the same error. */
+
+  PetscFunctionBeginUser;
+  PetscCall(join_path(o, "series.csv", series, sizeof(series)));
+  PetscCall(join_path(o, "fields.xmf", index, sizeof(index)));
+  if (o->rank == 0) {
+    state[0] = make_directory(o->dir);
+    state[1] = !access(series, F_OK);
+    if (!state[0] && (!state[1] || o->overwrite)) remove(index); /* an index left by another run would name snapshots that are not ours */
+  }
+  PetscCallMPI(MPI_Bcast(state, 2, MPI_INT, 0, o->comm));
+  PetscCheck(!state[0], o->comm, PETSC_ERR_FILE_OPEN, "Cannot write into directory '%s': %s. Choose another -output_dir", o->dir, strerror(state[0]));
+  PetscCheck(!state[1] || o->overwrite, o->comm, PETSC_ERR_USER_INPUT,
+             "Directory '%s' already holds the results of a run (series.csv): choose another -output_dir or allow it with -output_overwrite", o->dir);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

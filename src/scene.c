@@ -20,6 +20,8 @@ static PetscErrorCode build(SimParts *part)
   PetscCall(CoupleCreate(part->flow, part->bodies, &part->couple));
   PetscCall(FlowGetSolidFaces(part->flow, &walls));
   PetscCall(ContactCreate(part->bodies, l->h, par->density, par->gravity, l->lower, l->upper, walls, &part->contact));
+  PetscCall(OutputCreate(part->mesh, part->scene, &part->output));
+  PetscCall(MonitorCreate(part->bodies, &part->monitor));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -88,23 +90,18 @@ PetscErrorCode SceneRun(const char name[])
   PetscCall(build(&part));
   PetscCall(SimCreate(&part, &sim));
   PetscCall(SimSetUp(sim));
+  PetscCall(OptCheckUnused()); /* every module has read its options, and nothing is written yet */
   if (dry) {
-    PetscCall(OptCheckUnused());
     PetscCall(describe(&part, sim));
   } else {
-    PetscCall(OutputCreate(part.mesh, name, &part.output));
+    PetscCall(OutputOpen(part.output));
     PetscCall(OutputGetDirectory(part.output, &dir));
-    PetscCall(MonitorCreate(dir, part.bodies, &part.monitor));
-    PetscCall(SimDestroy(&sim));
-    PetscCall(SimCreate(&part, &sim));
-    PetscCall(OptCheckUnused());
+    PetscCall(MonitorOpen(part.monitor, dir));
     PetscCall(PetscTime(&now));
     PetscCall(MonitorPhaseSeconds(part.monitor, MONITOR_SETUP, now - begin));
   }
   PetscCall(PetscLogStagePop());
-  if (!dry) {
-    PetscCall(SimRun(sim));
-  }
+  if (!dry) PetscCall(SimRun(sim));
   PetscCall(SimDestroy(&sim));
   PetscCall(destroy(&part));
   PetscFunctionReturn(PETSC_SUCCESS);

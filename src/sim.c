@@ -62,7 +62,7 @@ PetscErrorCode SimView(Sim s, PetscViewer viewer)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The bodies' acceleration without contact over the last step; at the start that of a free body with added mass */
+/* The bodies' acceleration without contact over the last step, with the inertia that the contact module counts with; at the start that of a free body with added mass */
 static PetscErrorCode estimate_acceleration(Sim s, PetscReal dt_old)
 {
   const FlowParameters *par;
@@ -70,15 +70,15 @@ static PetscErrorCode estimate_acceleration(Sim s, PetscReal dt_old)
   PetscFunctionBeginUser;
   PetscCall(FlowGetParameters(s->part.flow, &par));
   for (PetscInt k = 0; k < s->s->n; k++) {
-    const BodyGroup *group = s->s->group + s->s->body_group[k];
-    PetscReal        volume;
+    const PetscReal rho = s->s->group[s->s->body_group[k]].density, start = (rho - par->density) / (rho + par->density);
+    PetscReal       mass, inertia[6];
 
-    PetscCall(BodiesGetVolume(s->part.bodies, k, &volume));
+    PetscCall(ContactGetMass(s->part.contact, k, &mass, inertia));
     for (PetscInt d = 0; d < 3; d++) {
-      const PetscReal inertia = (group->density + par->density) * volume;
+      const PetscReal moment = s->s->dim == 2 ? inertia[0] : inertia[d];
 
-      s->a[k][d]     = s->has_acceleration ? (s->s->u[k][d] - s->s->u_old[k][d]) / dt_old - s->s->contact_force[k][d] / inertia : (group->density - par->density) / (group->density + par->density) * par->gravity[d];
-      s->alpha[k][d] = s->has_acceleration ? (s->s->w[k][d] - s->s->w_old[k][d]) / dt_old : 0;
+      s->a[k][d]     = s->has_acceleration ? (s->s->u[k][d] - s->s->u_old[k][d]) / dt_old - s->s->contact_force[k][d] / mass : start * par->gravity[d];
+      s->alpha[k][d] = s->has_acceleration ? (s->s->w[k][d] - s->s->w_old[k][d]) / dt_old - (moment > 0 ? s->s->contact_torque[k][d] / moment : 0) : 0;
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -1,9 +1,10 @@
 """Helpers for the end-to-end tests: run the program under mpiexec on small scenes in a temporary folder.
 
-The program is taken from the folder $TUMBLE_BUILD (default: build).
+The program is taken from the folder $TUMBLE_BUILD (default: build), the launcher from $MPIEXEC (default: mpiexec).
 """
 import os
 import re
+import shlex
 import subprocess
 from pathlib import Path
 
@@ -63,8 +64,9 @@ def run(program, tmp_path):
         # the tests may run as root in a container, and on fewer cores than ranks
         env.update(OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1", OMP_NUM_THREADS="1")
         env.update(OMPI_MCA_rmaps_base_oversubscribe="1", PRTE_MCA_rmaps_default_mapping_policy=":oversubscribe")
+        env["OMPI_MCA_odls_base_sigkill_timeout"] = "0"  # else Open MPI's launcher takes a second or two to pass a failure on
         env.pop("PETSC_OPTIONS", None)
-        command = ["mpiexec", "-n", str(ranks), str(program), *map(str, args)]
+        command = [*shlex.split(os.environ.get("MPIEXEC") or "mpiexec"), "-n", str(ranks), str(program), *map(str, args)]
         try:
             done = subprocess.run(command, cwd=tmp_path, env=env, capture_output=True, text=True, errors="replace", timeout=timeout)
         except subprocess.TimeoutExpired:

@@ -96,7 +96,8 @@ static Monitor start_monitor(const char name[], Bodies bodies, char dir[])
   OK(PetscSNPrintf(dir, PETSC_MAX_PATH_LEN, "%s/%s", root, name));
   if (my_rank() == 0) OK(PetscMkdir(dir));
   OK(PetscBarrier(NULL));
-  OK(MonitorCreate(dir, bodies, &m));
+  OK(MonitorCreate(bodies, &m));
+  OK(MonitorOpen(m, dir));
   return m;
 }
 
@@ -325,9 +326,10 @@ static PetscErrorCode try_create(const char dir[], Bodies bodies)
 
   message[0] = 0;
   OK(PetscPushErrorHandler(record_message, NULL));
-  err = MonitorCreate(dir, bodies, &m);
+  err = MonitorCreate(bodies, &m);
+  if (!err) err = MonitorOpen(m, dir);
   OK(PetscPopErrorHandler());
-  if (!err) OK(MonitorDestroy(&m));
+  if (m) OK(MonitorDestroy(&m));
   return err;
 }
 

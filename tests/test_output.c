@@ -233,6 +233,7 @@ static void write_snapshots(const char name[], PetscInt n, PetscBool constant, P
   set_option("-output_dir", dir);
   create_fields(&f, constant);
   OK(OutputCreate(f.mesh, "box", &o));
+  OK(OutputOpen(o));
   OK(OutputGetDirectory(o, &d));
   assert_string_equal(d, dir);
   for (PetscInt i = 0; i < n; i++) OK(OutputFields(o, 10 * i, 0.25 * i, f.u, f.p, with_body ? f.body : NULL));
@@ -391,6 +392,7 @@ static void solid_cells_stay_out_of_the_average(void **state)
   }
   OK(VecRestoreArray(f.p, &a));
   OK(OutputCreate(f.mesh, "box", &o));
+  OK(OutputOpen(o));
   OK(OutputFields(o, 0, 0, f.u, f.p, f.body));
   OK(OutputDestroy(&o));
   destroy_fields(&f);
@@ -413,8 +415,9 @@ static PetscErrorCode create_in(const char dir[], Mesh mesh)
   set_option("-output_dir", dir);
   OK(PetscPushErrorHandler(record_message, NULL));
   err = OutputCreate(mesh, "box", &o);
+  if (!err) err = OutputOpen(o);
   OK(PetscPopErrorHandler());
-  if (!err) OK(OutputDestroy(&o));
+  if (o) OK(OutputDestroy(&o));
   return err;
 }
 
