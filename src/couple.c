@@ -502,6 +502,18 @@ PetscErrorCode CoupleAdvance(Couple c)
 
 /* ---- life cycle ---- */
 
+PetscErrorCode CoupleSetDefaults(void)
+{
+  char      type[32] = "";
+  PetscBool is_explicit;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscOptionsGetString(NULL, NULL, "-couple_type", type, sizeof(type), NULL));
+  PetscCall(PetscStrcmp(type, "explicit", &is_explicit));
+  if (is_explicit) PetscCall(OptDefault("-flow_time", "be"));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
 {
   Couple   c;

@@ -4,6 +4,8 @@
 #include "log.h"
 #include "opt.h"
 
+#define MAX_VERTICES 125 /* vertices of the cells around a node: 9 (27) on regular meshes */
+
 struct _p_Pressure {
   Flow             flow;
   Constraint       constraint;
@@ -11,11 +13,11 @@ struct _p_Pressure {
   Mesh             mesh;
   PetscInt         nk, nr, nbodies; /* pressures a cell; rigid slots a body */
   PetscReal        eps;
-  Mat              matrix, shell, interpolation;
-  PetscInt        *neighbour_ptr, *neighbour; /* [ncell + 1]; local cells that share a node with a cell, ascending global index */
-  PetscReal       *coo;                       /* [neighbours][nk][nk] */
-  PetscReal       *weight;                    /* as of the last update */
-  PetscBool        built;
+  PetscBool        smoothers_set, two_level; /* the default preconditioner: PCMG with levels P1 discontinuous -> Q1 */
+  Mat              matrix, shell, interpolation, coarse;
+  PetscInt        *neighbour_ptr, *neighbour; /* [ncell + 1]; local cells that share a node with a cell */
+  PetscReal       *weight;                    /* as of the last update; zero before the first */
+  PetscInt        *vertex;                    /* [nnode_all] global number of the vertex at a node, or -1 */
   /* bodies: cells where B R_k is not zero */
   PetscInt   ncut, room, *cut_cell, *cut_body;
   PetscReal *cut_q; /* [ncut][nk][nr] */
@@ -56,76 +58,53 @@ static PetscErrorCode find_neighbours(Pressure p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Preallocation by coordinates makes the diagonal part of a parallel matrix without a block size, but point-block Jacobi asks the part for it. */
-static PetscErrorCode set_part_block_size(Mat mat, PetscInt bs)
+/* Blocks in own and in other ranks' columns, for every own cell */
+static PetscErrorCode count_blocks(Pressure p, PetscInt own[], PetscInt other[])
 {
-  PetscBool parallel;
-  Mat       diagonal;
+  const MeshLocal *l = p->loc;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscObjectTypeCompare((PetscObject)mat, MATMPIAIJ, &parallel));
-  if (!parallel) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MatMPIAIJGetSeqAIJ(mat, &diagonal, NULL, NULL));
-  PetscCall(MatSetBlockSizes(diagonal, bs, bs));
+  for (PetscInt c = 0; c < l->ncell; c++) {
+    own[c] = other[c] = 0;
+    for (PetscInt q = p->neighbour_ptr[c]; q < p->neighbour_ptr[c + 1]; q++) *(p->neighbour[q] < l->ncell ? &own[c] : &other[c]) += 1;
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Blocks of nk x nk: BAIJ for the default preconditioner (block SOR, less memory traffic), AIJ for those that know nothing else */
 static PetscErrorCode create_matrix(Pressure p)
 {
-  const MeshLocal *l  = p->loc;
-  const PetscInt   nk = p->nk;
-  const PetscCount n  = (PetscCount)p->neighbour_ptr[l->ncell] * nk * nk;
-  PetscInt        *row, *col;
-  PetscBool        floating;
+  const PetscInt n = p->loc->ncell;
+  PetscInt      *own, *other;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc2(n, &row, n, &col));
-  for (PetscInt c = 0; c < l->ncell; c++) {
-    for (PetscInt q = p->neighbour_ptr[c]; q < p->neighbour_ptr[c + 1]; q++) {
-      for (PetscInt e = 0; e < nk * nk; e++) {
-        row[(PetscCount)q * nk * nk + e] = (l->cell_start + c) * nk + e / nk;
-        col[(PetscCount)q * nk * nk + e] = l->cell_global[p->neighbour[q]] * nk + e % nk;
-      }
-    }
-  }
+  PetscCall(PetscMalloc2(n, &own, n, &other));
+  PetscCall(count_blocks(p, own, other));
   PetscCall(MatCreate(PETSC_COMM_WORLD, &p->matrix));
-  PetscCall(MatSetSizes(p->matrix, l->ncell * nk, l->ncell * nk, PETSC_DETERMINE, PETSC_DETERMINE));
-  PetscCall(MatSetBlockSize(p->matrix, nk));
-  PetscCall(MatSetType(p->matrix, MATAIJ));
-  PetscCall(MatSetPreallocationCOO(p->matrix, n, row, col));
-  PetscCall(set_part_block_size(p->matrix, nk));
+  PetscCall(MatSetSizes(p->matrix, n * p->nk, n * p->nk, PETSC_DETERMINE, PETSC_DETERMINE));
+  PetscCall(MatSetBlockSize(p->matrix, p->nk));
+  PetscCall(MatSetType(p->matrix, p->two_level ? MATBAIJ : MATAIJ));
+  PetscCall(MatXAIJSetPreallocation(p->matrix, p->nk, own, other, NULL, NULL));
+  PetscCall(MatSetOption(p->matrix, MAT_NO_OFF_PROC_ENTRIES, PETSC_TRUE));
   PetscCall(MatSetOption(p->matrix, MAT_SYMMETRIC, PETSC_TRUE));
   PetscCall(MatSetOption(p->matrix, MAT_SYMMETRY_ETERNAL, PETSC_TRUE));
-  PetscCall(PetscFree2(row, col));
-  PetscCall(PetscCalloc1(n, &p->coo));
-  PetscCall(FlowPressureIsFloating(p->flow, &floating));
-  if (floating) {
-    Vec          constant;
-    MatNullSpace null;
-    PetscReal   *a;
-
-    PetscCall(MatCreateVecs(p->matrix, &constant, NULL));
-    PetscCall(VecGetArrayWrite(constant, &a));
-    for (PetscInt i = 0; i < l->ncell * nk; i++) a[i] = i % nk == 0;
-    PetscCall(VecRestoreArrayWrite(constant, &a));
-    PetscCall(VecNormalize(constant, NULL));
-    PetscCall(MatNullSpaceCreate(PETSC_COMM_WORLD, PETSC_FALSE, 1, &constant, &null));
-    PetscCall(MatSetNullSpace(p->matrix, null));
-    PetscCall(MatNullSpaceDestroy(&null));
-    PetscCall(VecDestroy(&constant));
-  }
+  PetscCall(PetscFree2(own, other));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Blocks of the row of cell c: sum over shared nodes of B_c weight B_c2^T */
-static void build_row(Pressure p, const PetscReal b[], const PetscReal weight[], PetscInt c)
+/* Set the row of blocks of cell c: sum over shared nodes of B_c weight B_c2^T */
+static PetscErrorCode set_row(Pressure p, const PetscReal b[], const PetscReal weight[], PetscInt c)
 {
-  const MeshLocal *l   = p->loc;
-  const PetscInt   dim = l->dim, nb = l->nb, n = nb * dim, nk = p->nk;
-  PetscReal       *out = p->coo + (PetscCount)p->neighbour_ptr[c] * nk * nk;
-  const PetscInt   nn  = p->neighbour_ptr[c + 1] - p->neighbour_ptr[c], *neighbour = p->neighbour + p->neighbour_ptr[c];
+  const MeshLocal *l         = p->loc;
+  const PetscInt   dim       = l->dim, nb = l->nb, n = nb * dim, nk = p->nk;
+  const PetscInt   nn        = p->neighbour_ptr[c + 1] - p->neighbour_ptr[c], *neighbour = p->neighbour + p->neighbour_ptr[c], row = l->cell_start + c;
+  PetscInt        *col;
+  PetscReal       *out; /* [nk][nn][nk] */
 
-  for (PetscInt i = 0; i < nn * nk * nk; i++) out[i] = 0;
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc2(nn, &col, nn * nk * nk, &out));
+  PetscCall(PetscArrayzero(out, nn * nk * nk));
+  for (PetscInt q = 0; q < nn; q++) col[q] = l->cell_global[neighbour[q]];
   for (PetscInt j = 0; j < nb; j++) {
     const PetscInt i = l->cell_node[c * nb + j];
     PetscReal      wb[4][3];
@@ -135,51 +114,40 @@ static void build_row(Pressure p, const PetscReal b[], const PetscReal weight[],
     for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++) {
       const PetscInt c2 = l->node_cell[q];
       PetscInt       j2 = 0, at = 0;
-      PetscReal     *block;
 
       while (l->cell_node[c2 * nb + j2] != i) j2++;
       while (neighbour[at] != c2) at++;
-      block = out + at * nk * nk;
-      for (PetscInt k = 0; k < nk; k++) {
-        for (PetscInt m = 0; m < nk; m++) {
-          PetscReal sum = 0;
-
-          for (PetscInt a = 0; a < dim; a++) sum += wb[k][a] * b[c2 * nk * n + m * n + j2 * dim + a];
-          block[k * nk + m] += sum;
-        }
-      }
+      for (PetscInt k = 0; k < nk; k++)
+        for (PetscInt m = 0; m < nk; m++)
+          for (PetscInt a = 0; a < dim; a++) out[(k * nn + at) * nk + m] += wb[k][a] * b[c2 * nk * n + m * n + j2 * dim + a];
     }
   }
+  PetscCall(MatSetValuesBlocked(p->matrix, 1, &row, nn, col, out, INSERT_VALUES));
+  PetscCall(PetscFree2(col, out));
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Rebuild the rows of cells with a node whose weight has changed. *any: was there one on any rank? */
-static PetscErrorCode update_matrix(Pressure p, const PetscReal weight[], PetscBool *any)
+/* Rebuild the rows of cells with a node whose weight has changed. */
+static PetscErrorCode update_matrix(Pressure p, const PetscReal weight[])
 {
   const MeshLocal *l   = p->loc;
   const PetscInt   dim = l->dim;
   const PetscReal *b;
 
   PetscFunctionBeginUser;
-  *any = PETSC_FALSE;
   PetscCall(FlowGetCellDivergence(p->flow, &b));
   for (PetscInt c = 0; c < l->ncell; c++) {
-    PetscBool changed = (PetscBool)!p->built;
+    PetscBool changed = PETSC_FALSE;
 
     for (PetscInt j = 0; j < l->nb && !changed; j++) {
       const PetscInt i = l->cell_node[c * l->nb + j];
 
       for (PetscInt a = 0; a < dim; a++) changed = (PetscBool)(changed || weight[i * dim + a] != p->weight[i * dim + a]);
     }
-    if (!changed) continue;
-    build_row(p, b, weight, c);
-    *any = PETSC_TRUE;
+    if (changed) PetscCall(set_row(p, b, weight, c));
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, any, 1, MPIU_BOOL, MPI_LOR, PETSC_COMM_WORLD));
-  if (*any) {
-    PetscCall(PetscArraycpy(p->weight, weight, l->nnode_all * dim));
-    PetscCall(MatSetValuesCOO(p->matrix, p->coo, INSERT_VALUES));
-  }
-  p->built = PETSC_TRUE;
+  PetscCall(MatAssemblyBegin(p->matrix, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(p->matrix, MAT_FINAL_ASSEMBLY));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -261,6 +229,7 @@ static PetscErrorCode mult_shell(Mat mat, Vec x, Vec y)
   t  = p->work;
   s  = p->work + p->nbodies * nr;
   PetscCall(MatMult(p->matrix, x, y));
+  if (!p->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(VecGetArrayRead(x, &xa));
   PetscCall(VecGetArray(y, &ya));
   PetscCall(PetscArrayzero(t, p->nbodies * nr));
@@ -280,17 +249,30 @@ static PetscErrorCode mult_shell(Mat mat, Vec x, Vec y)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* The operator knows that constants are its null space; the matrix, which smoothers use, does not, to save their projections. */
 static PetscErrorCode create_shell(Pressure p)
 {
   const PetscInt n = p->loc->ncell * p->nk;
+  PetscBool      floating;
+  Vec            constant;
   MatNullSpace   null;
+  PetscReal     *a;
 
   PetscFunctionBeginUser;
   PetscCall(MatCreateShell(PETSC_COMM_WORLD, n, n, PETSC_DETERMINE, PETSC_DETERMINE, p, &p->shell));
   PetscCall(MatShellSetOperation(p->shell, MATOP_MULT, (void (*)(void))mult_shell));
   PetscCall(MatSetOption(p->shell, MAT_SYMMETRIC, PETSC_TRUE));
-  PetscCall(MatGetNullSpace(p->matrix, &null));
-  if (null) PetscCall(MatSetNullSpace(p->shell, null));
+  PetscCall(FlowPressureIsFloating(p->flow, &floating));
+  if (!floating) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(MatCreateVecs(p->matrix, &constant, NULL));
+  PetscCall(VecGetArrayWrite(constant, &a));
+  for (PetscInt i = 0; i < n; i++) a[i] = i % p->nk == 0;
+  PetscCall(VecRestoreArrayWrite(constant, &a));
+  PetscCall(VecNormalize(constant, NULL));
+  PetscCall(MatNullSpaceCreate(PETSC_COMM_WORLD, PETSC_FALSE, 1, &constant, &null));
+  PetscCall(MatSetNullSpace(p->shell, null));
+  PetscCall(MatNullSpaceDestroy(&null));
+  PetscCall(VecDestroy(&constant));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -355,24 +337,119 @@ static PetscErrorCode create_interpolation(Pressure p)
 {
   const MeshLocal *l  = p->loc;
   const PetscInt   nv = 1 << l->dim;
-  PetscInt        *vertex, nown;
+  PetscInt         nown;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(l->nnode_all, &vertex));
-  PetscCall(number_vertices(p, vertex, &nown));
+  PetscCall(PetscMalloc1(l->nnode_all, &p->vertex));
+  PetscCall(number_vertices(p, p->vertex, &nown));
   PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, l->ncell * p->nk, nown, PETSC_DETERMINE, PETSC_DETERMINE, nv, NULL, nv, NULL, &p->interpolation));
   for (PetscInt c = 0; c < l->ncell; c++) {
     PetscInt  row[4], col[8];
     PetscReal fit[4 * 8];
 
     PetscCall(fit_vertices(p, c, col, fit));
-    for (PetscInt v = 0; v < nv; v++) col[v] = vertex[col[v]];
+    for (PetscInt v = 0; v < nv; v++) col[v] = p->vertex[col[v]];
     for (PetscInt k = 0; k < p->nk; k++) row[k] = (l->cell_start + c) * p->nk + k;
     PetscCall(MatSetValues(p->interpolation, p->nk, row, nv, col, fit, INSERT_VALUES));
   }
   PetscCall(MatAssemblyBegin(p->interpolation, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(p->interpolation, MAT_FINAL_ASSEMBLY));
-  PetscCall(PetscFree(vertex));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* g = I^T b_i for component a of node i: what the node sees of the vertices around it. The Galerkin operator I^T S_p I is the sum of weight g g^T over all slots. */
+static PetscErrorCode vertex_gradient(Pressure p, const PetscReal b[], PetscInt i, PetscInt *n, PetscInt col[], PetscReal g[])
+{
+  const MeshLocal *l  = p->loc;
+  const PetscInt   nv = 1 << l->dim, dim = l->dim, nd = l->nb * dim;
+
+  PetscFunctionBeginUser;
+  *n = 0;
+  for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++) {
+    const PetscInt c = l->node_cell[q];
+    PetscInt       j = 0, node[8];
+    PetscReal      fit[4 * 8];
+
+    while (l->cell_node[c * l->nb + j] != i) j++;
+    PetscCall(fit_vertices(p, c, node, fit));
+    for (PetscInt v = 0; v < nv; v++) {
+      PetscInt at = 0;
+
+      while (at < *n && col[at] != p->vertex[node[v]]) at++;
+      if (at == *n) {
+        col[(*n)++] = p->vertex[node[v]];
+        for (PetscInt a = 0; a < dim; a++) g[at * dim + a] = 0;
+      }
+      for (PetscInt k = 0; k < p->nk; k++)
+        for (PetscInt a = 0; a < dim; a++) g[at * dim + a] += fit[k * nv + v] * b[c * p->nk * nd + k * nd + j * dim + a];
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The Galerkin coarse operator: changes of weights are added, so a moving body costs what it touches. */
+static PetscErrorCode update_coarse(Pressure p, const PetscReal weight[])
+{
+  const MeshLocal *l   = p->loc;
+  const PetscInt   dim = l->dim;
+  const PetscReal *b;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetCellDivergence(p->flow, &b));
+  for (PetscInt i = 0; i < l->nnode; i++) {
+    PetscInt  n, col[MAX_VERTICES];
+    PetscReal g[MAX_VERTICES * 3], block[MAX_VERTICES * MAX_VERTICES], change[3] = {0, 0, 0};
+    PetscBool any = PETSC_FALSE;
+
+    for (PetscInt a = 0; a < dim; a++) {
+      change[a] = weight[i * dim + a] - p->weight[i * dim + a];
+      any       = (PetscBool)(any || change[a] != 0);
+    }
+    if (!any) continue;
+    PetscCall(vertex_gradient(p, b, i, &n, col, g));
+    for (PetscInt e = 0; e < n * n; e++) {
+      block[e] = 0;
+      for (PetscInt a = 0; a < dim; a++) block[e] += change[a] * g[e / n * dim + a] * g[e % n * dim + a];
+    }
+    PetscCall(MatSetValues(p->coarse, n, col, n, col, block, ADD_VALUES));
+  }
+  PetscCall(MatAssemblyBegin(p->coarse, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(p->coarse, MAT_FINAL_ASSEMBLY));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode create_coarse(Pressure p)
+{
+  const PetscInt room = p->loc->dim == 2 ? 25 : 125; /* vertices within two cells */
+  PetscInt       n;
+
+  PetscFunctionBeginUser;
+  PetscCall(create_interpolation(p));
+  PetscCall(MatGetLocalSize(p->interpolation, NULL, &n));
+  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, n, n, PETSC_DETERMINE, PETSC_DETERMINE, room, NULL, room, NULL, &p->coarse));
+  PetscCall(MatSetOption(p->coarse, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE)); /* irregular meshes may have more */
+  PetscCall(MatSetOption(p->coarse, MAT_SYMMETRIC, PETSC_TRUE));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Down: one forward block Gauss-Seidel sweep, up: one backward sweep; together symmetric, at the cost of one and a half products with the matrix. Options win. */
+static PetscErrorCode set_smoothers(PC pc)
+{
+  const MatSORType sweep[2] = {SOR_LOCAL_FORWARD_SWEEP, SOR_LOCAL_BACKWARD_SWEEP};
+  KSP              ksp[2];
+
+  PetscFunctionBeginUser;
+  PetscCall(PCMGGetSmootherDown(pc, 1, &ksp[0]));
+  PetscCall(PCMGGetSmootherUp(pc, 1, &ksp[1]));
+  for (int i = 0; i < 2; i++) {
+    PC smoother;
+
+    PetscCall(KSPSetType(ksp[i], KSPRICHARDSON));
+    PetscCall(KSPSetTolerances(ksp[i], PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT, 1));
+    PetscCall(KSPGetPC(ksp[i], &smoother));
+    PetscCall(PCSetType(smoother, PCSOR));
+    PetscCall(PCSORSetSymmetric(smoother, sweep[i]));
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -381,20 +458,21 @@ PetscErrorCode PressureSetUpPC(Pressure p, KSP ksp)
   PC        pc;
   PetscBool mg;
   PetscInt  levels;
-  Mat       present;
+  KSP       coarse;
 
   PetscFunctionBeginUser;
   PetscCall(KSPGetPC(ksp, &pc));
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCMG, &mg));
-  if (!mg) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!mg || !p->two_level) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PCMGGetLevels(pc, &levels));
-  if (levels != 2) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PCMGGetInterpolation(pc, 1, &present));
-  if (present == p->interpolation && present) PetscFunctionReturn(PETSC_SUCCESS);
-  if (!p->interpolation) PetscCall(create_interpolation(p));
-  PetscCall(PCMGSetInterpolation(pc, 1, p->interpolation));
+  PetscCheck(levels == 2, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "-flow_fieldsplit_pressure_pc_mg_levels %" PetscInt_FMT ": the pressure has exactly 2 levels; more come from -flow_fieldsplit_pressure_mg_coarse_pc_type", levels);
   PetscCall(PCSetUseAmat(pc, PETSC_FALSE)); /* the matrix on both levels, not the operator with the bodies' part */
-  PetscCall(PCMGSetGalerkin(pc, PC_MG_GALERKIN_PMAT));
+  PetscCall(PCMGSetGalerkin(pc, PC_MG_GALERKIN_NONE));
+  PetscCall(PCMGSetInterpolation(pc, 1, p->interpolation));
+  PetscCall(PCMGGetCoarseSolve(pc, &coarse));
+  PetscCall(KSPSetOperators(coarse, p->coarse, p->coarse));
+  if (!p->smoothers_set) PetscCall(set_smoothers(pc));
+  p->smoothers_set = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -402,26 +480,33 @@ PetscErrorCode PressureSetUpPC(Pressure p, KSP ksp)
 
 PetscErrorCode PressureSetDefaults(void)
 {
-#define PREFIX "-flow_fieldsplit_pressure_"
+#define PREFIX    "-flow_fieldsplit_pressure_"
+#define BOOMERAMG PREFIX "mg_coarse_pc_hypre_boomeramg_"
   PetscFunctionBeginUser;
   PetscCall(OptDefault(PREFIX "pc_type", "mg"));
   PetscCall(OptDefault(PREFIX "pc_mg_levels", "2"));
-  PetscCall(OptDefault(PREFIX "mg_levels_ksp_type", "chebyshev"));
-  PetscCall(OptDefault(PREFIX "mg_levels_ksp_max_it", "1"));
-  PetscCall(OptDefault(PREFIX "mg_levels_pc_type", "pbjacobi"));
 #if defined(PETSC_HAVE_HYPRE)
   PetscCall(OptDefault(PREFIX "mg_coarse_pc_type", "hypre"));
+  PetscCall(OptDefault(BOOMERAMG "coarsen_type", "PMIS"));
+  PetscCall(OptDefault(BOOMERAMG "interp_type", "ext+i"));
+  PetscCall(OptDefault(BOOMERAMG "P_max", "4"));
+  PetscCall(OptDefault(BOOMERAMG "agg_nl", "1"));
+  PetscCall(OptDefault(BOOMERAMG "no_CF", "1"));
+  PetscCall(OptDefault(BOOMERAMG "relax_type_down", "l1-Gauss-Seidel"));
+  PetscCall(OptDefault(BOOMERAMG "relax_type_up", "backward-l1-Gauss-Seidel"));
 #else
   PetscCall(OptDefault(PREFIX "mg_coarse_pc_type", "gamg"));
 #endif
   PetscFunctionReturn(PETSC_SUCCESS);
 #undef PREFIX
+#undef BOOMERAMG
 }
 
 PetscErrorCode PressureCreate(Flow flow, Constraint constraint, Pressure *pressure)
 {
   Pressure p;
   PetscInt first, count;
+  char     type[64] = "";
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&p));
@@ -436,9 +521,12 @@ PetscErrorCode PressureCreate(Flow flow, Constraint constraint, Pressure *pressu
   p->eps = 1e-4;
   PetscCall(OptReal("-flow_pressure_softness", "share of their inverse mass that body nodes keep in the pressure preconditioner", "", 0, 1, &p->eps));
   PetscCall(PetscCalloc3(p->loc->nnode_all * p->loc->dim, &p->weight, p->nbodies * p->nr * p->nr, &p->mass_inverse, 2 * p->nbodies * p->nr, &p->work));
+  PetscCall(PetscOptionsGetString(NULL, NULL, "-flow_fieldsplit_pressure_pc_type", type, sizeof(type), NULL));
+  PetscCall(PetscStrcmp(type, "mg", &p->two_level));
   PetscCall(find_neighbours(p));
   PetscCall(create_matrix(p));
-  if (p->nbodies) PetscCall(create_shell(p));
+  PetscCall(create_shell(p));
+  if (p->two_level) PetscCall(create_coarse(p));
   *pressure = p;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -452,9 +540,10 @@ PetscErrorCode PressureDestroy(Pressure *pressure)
   PetscCall(MatDestroy(&p->matrix));
   PetscCall(MatDestroy(&p->shell));
   PetscCall(MatDestroy(&p->interpolation));
+  PetscCall(MatDestroy(&p->coarse));
+  PetscCall(PetscFree(p->vertex));
   PetscCall(PetscFree(p->neighbour_ptr));
   PetscCall(PetscFree(p->neighbour));
-  PetscCall(PetscFree(p->coo));
   PetscCall(PetscFree3(p->weight, p->mass_inverse, p->work));
   PetscCall(PetscFree(p->cut_cell));
   PetscCall(PetscFree(p->cut_body));
@@ -470,17 +559,23 @@ PetscReal PressureGetSoftness(Pressure p)
 
 PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscReal mass_inverse[])
 {
-  PetscBool changed;
+  PetscBool same;
 
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_PRES_BUILD, 0, 0, 0, 0));
-  PetscCall(update_matrix(p, weight, &changed));
-  if (p->shell) {
+  PetscCall(PetscArraycmp(p->weight, weight, p->loc->nnode_all * p->loc->dim, &same));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &same, 1, MPIU_BOOL, MPI_LAND, PETSC_COMM_WORLD));
+  if (!same) {
+    PetscCall(update_matrix(p, weight));
+    if (p->two_level) PetscCall(update_coarse(p, weight));
+    PetscCall(PetscArraycpy(p->weight, weight, p->loc->nnode_all * p->loc->dim));
+  }
+  if (p->nbodies) {
     PetscCall(find_cut_cells(p));
     PetscCall(PetscArraycpy(p->mass_inverse, mass_inverse, p->nbodies * p->nr * p->nr));
-    PetscCall(MatAssemblyBegin(p->shell, MAT_FINAL_ASSEMBLY)); /* its values have changed */
-    PetscCall(MatAssemblyEnd(p->shell, MAT_FINAL_ASSEMBLY));
   }
+  PetscCall(MatAssemblyBegin(p->shell, MAT_FINAL_ASSEMBLY)); /* its values have changed */
+  PetscCall(MatAssemblyEnd(p->shell, MAT_FINAL_ASSEMBLY));
   PetscCall(PetscLogEventEnd(TB_PRES_BUILD, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -488,7 +583,7 @@ PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscR
 PetscErrorCode PressureGetMats(Pressure p, Mat *operator, Mat * matrix)
 {
   PetscFunctionBeginUser;
-  *operator= p->shell ? p->shell : p->matrix;
+  *operator= p->shell;
   *matrix = p->matrix;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

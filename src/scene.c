@@ -14,6 +14,7 @@ static PetscErrorCode build(SimParts *part)
   PetscFunctionBeginUser;
   PetscCall(MeshCreate(PETSC_COMM_WORLD, &part->mesh));
   PetscCall(MeshGetLocal(part->mesh, &l));
+  PetscCall(CoupleSetDefaults());
   PetscCall(FlowCreate(part->mesh, &part->flow));
   PetscCall(FlowGetParameters(part->flow, &par));
   PetscCall(BodiesCreate(l->dim, l->lower, l->upper, &part->bodies));
