@@ -96,9 +96,10 @@ static inline PetscReal max_abs(PetscInt n, const PetscReal a[])
 
 /* ---- scenes ---- */
 
-/* These options, and nothing else */
+/* These options and nothing else: no defaults of an earlier scene either */
 static inline void give(const char options[])
 {
+  OK(OptFinalize());
   OK(PetscOptionsClear(NULL));
   OK(PetscOptionsInsertString(NULL, options));
 }

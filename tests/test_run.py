@@ -1,0 +1,261 @@
+"""Whole runs on small meshes: what the scene says is what happens, whatever the number of ranks and the solver.
+
+Bounds are those of the method on these coarse meshes (a disc of diameter d on cells of size h), not of the physics.
+"""
+import csv
+import json
+import math
+import os
+import shutil
+import subprocess
+import xml.etree.ElementTree
+
+import pytest
+
+from conftest import edited
+
+# d/h = 4
+DISC = """\
+mesh: {cells: [16, 32], lower: [0, 0], upper: [1, 2]}
+flow: {density: 1, viscosity: 0.1, gravity: [0, -981]}
+particle:
+  groups: disc
+  disc: {shape: circle, radius: 0.125, density: 1.25, position: [0.45, 1.4]}
+sim: {dt: 0.005, steps: 6}
+"""
+NINE = edited("position: [0.45, 1.4]", "place: lattice, count: 9", DISC)
+SQUARE = edited("[16, 32]", "[16, 16]", edited("[1, 2]", "[1, 1]", edited("[0.45, 1.4]", "[0.5, 0.5]", DISC)))
+STATE = ["x", "y", "angle_rad", "u", "v", "omega_z", "force_x", "force_y", "torque_z"]
+EXACT = ["-flow_ksp_rtol", "1e-10"]
+
+
+class Run:
+    """A run that went well, with its tables."""
+
+    def __init__(self, result, name):
+        assert result.status == 0, str(result)
+        folder = result.folder / "out" / name
+        self.result = result
+        self.series, self.bodies = ([{k: number(v) for k, v in row.items()} for row in read(folder / file)] for file in ("series.csv", "bodies.csv"))
+        self.summary = json.loads((folder / "summary.json").read_text())
+
+    def end(self):
+        """State of all bodies after the last step."""
+        return [row for row in self.bodies if row["step"] == self.series[-1]["step"]]
+
+    def iterations(self):
+        return [row["outer_iterations"] for row in self.series]
+
+
+def read(path):
+    with open(path) as file:
+        return list(csv.DictReader(file))
+
+
+def number(text):
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+@pytest.fixture
+def go(run, scene):
+    """go(text, *args, ranks=1): run the scene text to its end."""
+
+    def start(text, *args, ranks=1):
+        return Run(run([scene(text), "-output_overwrite", *args], ranks), "disc")
+
+    return start
+
+
+def assert_same(one, other, tolerance, what=tuple(STATE)):
+    """End states agree, relative to the largest value of each column."""
+    assert len(one.end()) == len(other.end()) > 0
+    for name in what:
+        scale = max(max(abs(row[name]) for row in one.end()), 1e-3)
+        gap = max(abs(a[name] - b[name]) for a, b in zip(one.end(), other.end()))
+        assert gap <= tolerance * scale, f"{name} differs by {gap:g}, allowed {tolerance * scale:g}\n{other.result}"
+
+
+# ---- ranks ----
+
+
+RANK_CASES = {
+    "implicit": (DISC, []),
+    "explicit": (DISC, ["-couple_type", "explicit", "-particle_disc_density", "10"]),
+    "nine": (NINE, []),
+    "nine explicit": (NINE, ["-couple_type", "explicit", "-particle_disc_density", "20"]),
+}
+
+
+@pytest.mark.parametrize("case", RANK_CASES)
+def test_ranks_agree(go, case):
+    text, args = RANK_CASES[case]
+    one = go(text, *EXACT, *args)
+    for ranks in 2, 3:
+        assert_same(one, go(text, *EXACT, *args, ranks=ranks), 1e-7)
+
+
+# ---- solvers ----
+
+# what is chosen, allowed difference to the balanced recipe. One preconditioned sweep a step (fast) is a splitting scheme with its own error.
+SOLVERS = {
+    "-flow_recipe fast": 5e-2,
+    "-flow_recipe accurate": 1e-5,
+    "-flow_recipe direct": 1e-5,
+    "-flow_schur projection": 1e-5,
+    "-flow_schur commutator": 1e-5,
+    **{f"-flow_fieldsplit_pressure_pc_type {name}": 1e-5 for name in ("gamg", "hypre", "mg")},
+    **{f"-flow_fieldsplit_velocity_pc_type {name}": 1e-5 for name in ("hypre", "jacobi", "sor", "bjacobi")},
+    "-couple_force volume": 1e-5,  # read after the solve: moves nothing with implicit coupling
+    "-couple_force residual": 1e-5,
+    "-flow_time be": 5e-2,
+    "-flow_time cn": 5e-2,
+    "-flow_time bdf2": 1e-5,
+}
+
+
+@pytest.mark.parametrize("choice", SOLVERS)
+def test_solvers_agree(go, choice):
+    assert_same(go(DISC, ranks=2), go(DISC, *choice.split(), ranks=2), SOLVERS[choice], ["x", "y", "v"])
+
+
+def test_force_forms_agree(go):
+    """Both forms of the drag, once the first steps are over; they converge to each other with the mesh."""
+    residual, volume = (go(DISC, "-couple_force", form).end()[0]["force_y"] for form in ("residual", "volume"))
+    assert abs(volume - residual) < 0.1 * abs(residual), (residual, volume)
+
+
+CELLS = ["16,48", "32,96", "64,192"]
+
+
+def count_iterations(go, place):
+    text = edited("position: [0.45, 1.4]", place, edited("upper: [1, 2]", "upper: [2, 6]", DISC))
+    return [go(text, "-mesh_cells", cells, "-sim_steps", "3", ranks=2).iterations() for cells in CELLS]
+
+
+@pytest.mark.parametrize("place", ["position: [1, 4]", "place: lattice, count: 36"])
+def test_iterations_do_not_depend_on_the_mesh(go, place):
+    largest = [max(counts) for counts in count_iterations(go, place)]
+    assert max(largest) <= 12, f"outer iterations {largest} on {CELLS}, allowed 12"
+    assert max(largest) - min(largest) <= 3, f"outer iterations {largest} on {CELLS} differ by more than 3"
+
+
+def test_momentum_balance(go):
+    error = max(row["momentum_error"] for row in go(DISC, "-sim_steps", "20", ranks=2).series)
+    assert error < 1e-4, f"momentum balance error {error:g}"
+
+
+# ---- motion ----
+
+
+@pytest.mark.parametrize("ratio, side", [(1.25, -1), (0.1, 1), (0.001, 1)])
+def test_stops_at_the_wall(go, ratio, side):
+    """Bounded, on its way without turning back, and at rest in the end: beside the wall, without touching it."""
+    done = go(SQUARE, "-particle_disc_density", str(ratio), "-sim_steps", "40", ranks=2)
+    heavy_scale = math.sqrt(2 * 981 * 0.375 * abs(ratio - 1) / (ratio + 1))  # fall without drag, added mass of an unconfined disc
+    assert max(abs(row["v"]) for row in done.bodies) < heavy_scale
+    assert all(row["gap"] > 0 for row in done.bodies), f"smallest gap {min(row['gap'] for row in done.bodies):g}"
+    last = done.end()[0]
+    assert side * (last["y"] - 0.5) > 0.3, f"y = {last['y']:g}"
+    assert abs(last["v"]) < 0.05, f"still moving: v = {last['v']:g}"
+    assert abs(last["x"] - 0.5) < 1e-3, f"left the axis: x = {last['x']:g}"
+
+
+def test_neutral_stays_at_rest(go):
+    for row in go(DISC, "-particle_disc_density", "1", ranks=2).bodies:
+        assert (row["x"], row["y"], row["angle_rad"]) == (0.45, 1.4, 0), row
+        assert (row["u"], row["v"], row["omega_z"]) == (0, 0, 0), row
+
+
+def test_explicit_light_body_is_stopped(run, scene):
+    result = run([scene(DISC), "-couple_type", "explicit", "-particle_disc_density", "0.2", "-sim_steps", "40"], 2)
+    assert result.status != 0, str(result)
+    assert result.text.count("tumble: error: ") == 1 and "Use -couple_type implicit" in result.text, str(result)
+
+
+def test_explicit_heavy_body_runs(go):
+    explicit = go(DISC, "-couple_type", "explicit", "-particle_disc_density", "1.5", "-sim_steps", "12")
+    implicit = go(DISC, "-particle_disc_density", "1.5", "-sim_steps", "12")
+    assert_same(implicit, explicit, 0.2, ["y", "v"])
+
+
+def test_first_acceleration(go):
+    """a = g (r - 1)/(r + 1) as t -> 0+, d/h = 8. The covered nodes are now more and now fewer than the disc deserves: the mean over places counts."""
+    text = edited("[16, 32]", "[64, 64]", edited("upper: [1, 2]", "upper: [2, 2]", DISC))
+    dt, ratio = 1e-5, []
+    for place in "1,1", "1.004,1.009", "1.011,0.995", "1.016,1.016":
+        done = go(text, "-flow_time", "be", "-sim_dt", str(dt), "-sim_steps", "1", "-flow_viscosity", "1e-3", "-particle_disc_position", place, ranks=2)
+        ratio.append(done.end()[0]["v"] / dt / (-981 * 0.25 / 2.25))
+    mean = sum(ratio) / len(ratio)
+    assert abs(mean - 1) < 0.05, f"mean {mean:.4f} of {[round(r, 4) for r in ratio]}"
+
+
+# ---- 3D ----
+
+CUBE = """\
+mesh: {dimension: 3, cells: [4, 4, 4], lower: [0, 0, 0], upper: [1, 1, 1]}
+flow: {density: 1, viscosity: 0.1, bc: {top: {type: moving_wall, velocity: [1, 0, 0]}}}
+sim: {dt: 0.05, steps: 3}
+"""
+BALL = """\
+mesh: {dimension: 3, cells: [6, 6, 8], lower: [0, 0, 0], upper: [1, 1, 1.5]}
+flow: {density: 1, viscosity: 0.1, gravity: [0, 0, -981]}
+particle:
+  groups: ball
+  ball: {shape: circle, radius: 0.2, density: 1.25, position: [0.5, 0.5, 1]}
+sim: {dt: 0.005, steps: 2}
+"""
+
+
+def test_cavity_in_3d(go):
+    one, two = go(CUBE, *EXACT), go(CUBE, *EXACT, ranks=2)
+    energy = [row["kinetic_energy"] for row in one.series]
+    assert 0 < energy[0] < energy[1] < energy[2] < 0.5
+    assert abs(two.series[-1]["kinetic_energy"] / energy[2] - 1) < 1e-8
+
+
+def test_ball_falls_in_3d(go):
+    done = go(BALL, ranks=2)
+    first, last = done.bodies
+    bound = 981 * 0.25 / (1.25 + 0.5) * 0.005  # unconfined, no drag
+    assert 0.5 * bound < -first["w"] < bound and first["w"] > last["w"] > 2 * first["w"], (first["w"], last["w"])
+    assert max(abs(last[name]) for name in ("u", "v", "omega_x", "omega_y", "omega_z")) < 1e-4, last
+    assert done.summary["quantities"]["fall_speed_max"] == pytest.approx(-last["w"])
+
+
+# ---- what the program leaves ----
+
+
+def test_dry_run(run, scene):
+    result = run([scene(DISC + "output: {every: 5}\n"), "-scene_dry_run"], 2)
+    assert result.status == 0, str(result)
+    for part in "2D, 512 cells", "Navier-Stokes", "unknowns", "group disc: 1 x circle", "coupling: implicit", "contact: law", "time: step 0.005", "not active: contact between bodies", "memory":
+        assert result.text.count(part) == 1, f"'{part}' should be printed once\n{result}"
+    assert not (result.folder / "out").exists(), f"a dry run wrote files\n{result}"
+
+
+def test_nothing_leaks(run, scene):
+    """PETSc lists what is left: nothing; -malloc_view shows that it has counted."""
+    result = run([scene(DISC), "-malloc_debug", "-malloc_dump", "-malloc_view", ":malloc.txt", "-objects_dump"], 2)
+    assert result.status == 0, str(result)
+    assert "Maximum memory PetscMalloc()ed" in result.text + "".join(p.read_text() for p in result.folder.glob("malloc.txt*")), f"memory was not traced\n{result}"
+    assert "Total space allocated" not in result.text and "following objects" not in result.text, str(result)
+
+
+def test_valgrind(program, scene, tmp_path):
+    if not shutil.which("valgrind") or "asan" in str(program):
+        pytest.skip("valgrind is not installed, or the build has its own sanitizer")
+    env = {**os.environ, "OMP_NUM_THREADS": "1", "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
+    command = ["valgrind", "--xml=yes", "--xml-file=valgrind.xml", "--leak-check=full", "--num-callers=40", str(program), scene(DISC), "-mesh_cells", "6,12", "-sim_steps", "2", "-output_every", "1"]
+    done = subprocess.run(command, cwd=tmp_path, env=env, capture_output=True, text=True, timeout=300, check=False)
+    if "nhandled instruction" in done.stderr + (tmp_path / "valgrind.xml").read_text():
+        pytest.skip("valgrind does not know all instructions of this processor")
+    assert done.returncode == 0, done.stdout + done.stderr
+    ours = []
+    for error in xml.etree.ElementTree.parse(tmp_path / "valgrind.xml").iter("error"):
+        frames = [(frame.findtext("obj", ""), frame.findtext("fn", "?"), frame.findtext("line", "")) for frame in error.iter("frame")]
+        if any("/libtumble.so" in obj or "/shapes/" in obj for obj, _, _ in frames):
+            ours.append(error.findtext("kind", "") + ": " + " < ".join(f"{fn}:{line}" for _, fn, line in frames[:12]))
+    assert not ours, "\n".join(ours)
