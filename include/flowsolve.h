@@ -1,7 +1,7 @@
 /* FlowSolver: the coupled linear system of one step for free velocities, rigid velocities and pressure. Layer 2.
 
      [ P^T A P + D   -P^T B^T ] [u_r]   [ P^T (r - A c) + g ]
-     [ B P               0    ] [ p ] = [ -B c              ]       A = S (x) identity of components
+     [ B P               C    ] [ p ] = [ -B c              ]       A = S (x) identity of components, C = 0 but in cells between two surfaces (pressure.h)
 
    FGMRES around a preconditioner in three steps: PCFIELDSPLIT (Schur, lower: velocity solve, then pressure solve with the projected operator), then the
    projection u_r += M_r^{-1} P^T B^T p, or, when viscosity dominates, the least-squares commutator in place of the projection. M_r is the projected lumped mass.

@@ -5,7 +5,7 @@
    Each rank holds its own cells first, then one layer of ghost cells (all cells that share a node with an own cell);
    own nodes first, then ghost nodes. Local indices everywhere; global = node_start + local for own nodes.
 
-   Options: -mesh_kind box|file, -mesh_cells nx,ny[,nz], -mesh_lower, -mesh_upper, -mesh_grade, -mesh_periodic x,y,z, -mesh_file file.msh,
+   Options: -mesh_kind box|channel|fitted|disc|annulus|file and those of each kind (meshkind.h),
    -mesh_order rcm|natural, -dm_refine n, -petscpartitioner_type metis|ptscotch|simple. */
 #pragma once
 #include <petscdmplex.h>

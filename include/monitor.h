@@ -42,7 +42,7 @@ PetscErrorCode MonitorOpen(Monitor, const char dir[]);
 PetscErrorCode MonitorDestroy(Monitor *);
 
 /* After every step (and, if wanted, once before the first with step 0 and dt 0): tracks iterations and, from the state of the bodies, the quantities
-     fall_speed_max (largest -v) and speed_max (largest |u|) of bodies that are free to move,
+     fall_speed_max (largest -v, in 3D -w) and speed_max (largest |u|) of bodies that are free to move,
      overlap_max (largest -gap in diameters of the bounding circle, at least 0);
    every -output_series steps (1) it appends to the files, every -output_progress steps (0: so that some 20 to 50 lines are printed) it prints.
    The last step before time_end is always reported. Collective. Errors: files that cannot be written (disk full). */

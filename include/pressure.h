@@ -22,6 +22,12 @@ PetscReal PressureGetSoftness(Pressure);
    degrees of freedom. Collective. */
 PetscErrorCode PressureUpdate(Pressure, const PetscReal weight[], const PetscReal mass_inverse[]);
 
+/* Compressibility C of cells between two constrained surfaces: cells [n] and blocks [n][nk][nk]. Part of the system's operator (B u + C p = 0) and of S_p. After PressureUpdate. */
+PetscErrorCode PressureGetShared(Pressure, PetscInt *n, const PetscInt *cell[], const PetscReal *block[]);
+
+/* Is the constant pressure in the null space (closed domain, no shared cells)? After PressureUpdate. */
+PetscErrorCode PressureIsSingular(Pressure, PetscBool *singular);
+
 /* The operator and the matrix for preconditioners (the same object when no body is unknown). Borrowed. */
 PetscErrorCode PressureGetMats(Pressure, Mat *operator, Mat * matrix);
 /* Its diagonal. */

@@ -27,7 +27,7 @@ struct _p_FlowSolver {
   PetscInt         schur;
   PetscBool        commute; /* in this step */
   Mat              S, A;    /* scalar matrix; the same for all components */
-  Mat              Ar, G, B, nest, Ar_assembled, whole; /* shells P^T A P + D, -P^T B^T, B P; block operator; assembled forms when needed */
+  Mat              Ar, G, B, C, nest, Ar_assembled, whole; /* shells P^T A P + D, -P^T B^T, B P, C of PressureGetShared; block operator; assembled forms when needed */
   PetscBool        need_Ar, need_whole;
   Vec              xn, yn; /* nodal views of parts of reduced vectors */
   PetscReal       *D;      /* [nbodies][nr][nr] */
@@ -39,10 +39,11 @@ struct _p_FlowSolver {
   PetscInt         nsaved;
   PetscInt        *ghost_of_column; /* off-diagonal columns of S -> local nodes */
   Pressure         pressure;        /* the projected pressure operator */
+  MatNullSpace     constant_pressure;
   KSP              ksp;
   PC               split; /* the inner PCFIELDSPLIT */
   KSP             *sub;
-  Vec              b, x, t_u, t_u2, t_p;
+  Vec              b, x, t_u, t_u2, t_p, t_p2;
 };
 
 static const char *const RECIPES[] = {"fast", "balanced", "accurate", "direct", NULL};
@@ -262,6 +263,29 @@ static PetscErrorCode mult_gradient(Mat mat, Vec x, Vec y)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* y = C x: compressibility of cells between two constrained surfaces */
+static PetscErrorCode mult_shared(Mat mat, Vec x, Vec y)
+{
+  FlowSolver       fs;
+  const PetscInt  *cell;
+  const PetscReal *xa, *block;
+  PetscReal       *ya;
+  PetscInt         n, nk;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(mat, &fs));
+  nk = fs->loc->dim + 1;
+  PetscCall(PressureGetShared(fs->pressure, &n, &cell, &block));
+  PetscCall(VecSet(y, 0));
+  PetscCall(VecGetArrayRead(x, &xa));
+  PetscCall(VecGetArray(y, &ya));
+  for (PetscInt i = 0; i < n; i++)
+    for (PetscInt e = 0; e < nk * nk; e++) ya[cell[i] * nk + e / nk] += block[i * nk * nk + e] * xa[cell[i] * nk + e % nk];
+  PetscCall(VecRestoreArray(y, &ya));
+  PetscCall(VecRestoreArrayRead(x, &xa));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* y = M_r^{-1} x with the projected lumped mass; inert slots give zero */
 static PetscErrorCode apply_mass_inverse(FlowSolver fs, Vec x, Vec y)
 {
@@ -470,30 +494,46 @@ static PetscErrorCode assemble_velocity(FlowSolver fs, Mat P, Mat *out)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The whole block matrix for a direct solver. A small negative definite pressure block (relative 1e-10) fixes undetermined pressures; the outer iteration removes its effect. */
+/* C of shared cells, plus 1e-10 of the diagonal of S_p, which fixes undetermined pressures for a direct solver */
+static PetscErrorCode create_pressure_block(FlowSolver fs, Mat *C)
+{
+  const PetscInt   nk = fs->loc->dim + 1;
+  const PetscInt  *cell;
+  const PetscReal *block, *d;
+  PetscInt         n, start;
+
+  PetscFunctionBeginUser;
+  PetscCall(PressureGetDiagonal(fs->pressure, fs->t_p));
+  PetscCall(PressureGetShared(fs->pressure, &n, &cell, &block));
+  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, fs->np, fs->np, PETSC_DETERMINE, PETSC_DETERMINE, nk, NULL, 0, NULL, C));
+  PetscCall(MatGetOwnershipRange(*C, &start, NULL));
+  PetscCall(VecGetArrayRead(fs->t_p, &d));
+  for (PetscInt i = 0; i < fs->np; i++) PetscCall(MatSetValue(*C, start + i, start + i, 1e-10 * d[i], ADD_VALUES));
+  PetscCall(VecRestoreArrayRead(fs->t_p, &d));
+  for (PetscInt i = 0; i < n; i++)
+    for (PetscInt e = 0; e < nk * nk; e++) PetscCall(MatSetValue(*C, start + cell[i] * nk + e / nk, start + cell[i] * nk + e % nk, block[i * nk * nk + e], ADD_VALUES));
+  PetscCall(MatAssemblyBegin(*C, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(*C, MAT_FINAL_ASSEMBLY));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The whole block matrix for a direct solver. The outer iteration removes the effect of the fixed pressures. */
 static PetscErrorCode assemble_whole(FlowSolver fs, Mat P, Mat Ar, Mat *out)
 {
-  Mat       B, Br, G, C, nest, block[4];
-  Vec       d;
+  Mat B, Br, G, C, nest, block[4];
 
   PetscFunctionBeginUser;
   PetscCall(create_divergence_matrix(fs, &B));
   PetscCall(MatMatMult(B, P, MAT_INITIAL_MATRIX, PETSC_DEFAULT, &Br));
   PetscCall(MatTranspose(Br, MAT_INITIAL_MATRIX, &G));
   PetscCall(MatScale(G, -1));
-  PetscCall(PressureGetDiagonal(fs->pressure, fs->t_p));
-  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, fs->np, fs->np, PETSC_DETERMINE, PETSC_DETERMINE, 1, NULL, 0, NULL, &C));
-  PetscCall(VecDuplicate(fs->t_p, &d));
-  PetscCall(VecCopy(fs->t_p, d));
-  PetscCall(VecScale(d, 1e-10));
-  PetscCall(MatDiagonalSet(C, d, INSERT_VALUES));
+  PetscCall(create_pressure_block(fs, &C));
   block[0] = Ar;
   block[1] = G;
   block[2] = Br;
   block[3] = C;
   PetscCall(MatCreateNest(PETSC_COMM_WORLD, 2, NULL, 2, NULL, block, &nest));
   PetscCall(MatConvert(nest, MATAIJ, MAT_INITIAL_MATRIX, out));
-  PetscCall(VecDestroy(&d));
   PetscCall(MatDestroy(&nest));
   PetscCall(MatDestroy(&C));
   PetscCall(MatDestroy(&G));
@@ -554,7 +594,7 @@ static PetscErrorCode project(FlowSolver fs, Vec x, Vec u, Vec p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* p <- S_p^{-1} B M_r^{-1} A_r M_r^{-1} P^T B^T p, the least-squares commutator */
+/* p <- S_p^{-1} (B M_r^{-1} A_r M_r^{-1} P^T B^T + C) p, the least-squares commutator */
 static PetscErrorCode commute(FlowSolver fs, Vec p)
 {
   PetscFunctionBeginUser;
@@ -564,6 +604,10 @@ static PetscErrorCode commute(FlowSolver fs, Vec p)
   PetscCall(MatMult(fs->Ar, fs->t_u2, fs->t_u));
   PetscCall(apply_mass_inverse(fs, fs->t_u, fs->t_u2));
   PetscCall(MatMult(fs->B, fs->t_u2, fs->t_p));
+  if (fs->C) {
+    PetscCall(MatMult(fs->C, p, fs->t_p2));
+    PetscCall(VecAXPY(fs->t_p, 1, fs->t_p2));
+  }
   PetscCall(KSPSolve(fs->sub[1], fs->t_p, p));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -710,8 +754,8 @@ static PetscErrorCode map_ghost_columns(FlowSolver fs)
 static PetscErrorCode create_operators(FlowSolver fs)
 {
   Mat       block[4];
-  Vec       constant;
-  PetscBool floating;
+  Vec        constant;
+  PetscReal *a;
 
   PetscFunctionBeginUser;
   PetscCall(create_shell(fs, fs->nur, fs->nur, mult_velocity, &fs->Ar));
@@ -723,29 +767,24 @@ static PetscErrorCode create_operators(FlowSolver fs)
   block[1] = fs->G;
   block[2] = fs->B;
   block[3] = NULL;
+  if (fs->nbodies) PetscCall(create_shell(fs, fs->np, fs->np, mult_shared, &fs->C));
+  if (fs->nbodies) block[3] = fs->C;
   PetscCall(MatCreateNest(PETSC_COMM_WORLD, 2, NULL, 2, NULL, block, &fs->nest));
   PetscCall(MatCreateVecs(fs->nest, &fs->x, &fs->b));
   PetscCall(ConstraintCreateVec(fs->constraint, &fs->t_u));
   PetscCall(VecDuplicate(fs->t_u, &fs->t_u2));
   PetscCall(VecCreateMPI(PETSC_COMM_WORLD, fs->np, PETSC_DETERMINE, &fs->t_p));
+  PetscCall(VecDuplicate(fs->t_p, &fs->t_p2));
   PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, fs->loc->dim, fs->nodal, PETSC_DETERMINE, NULL, &fs->xn));
   PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, fs->loc->dim, fs->nodal, PETSC_DETERMINE, NULL, &fs->yn));
-  PetscCall(FlowPressureIsFloating(fs->flow, &floating));
-  if (floating) {
-    MatNullSpace null;
-    PetscReal   *a;
-
-    PetscCall(VecDuplicate(fs->x, &constant));
-    PetscCall(VecGetArrayWrite(constant, &a));
-    for (PetscInt i = 0; i < fs->nur; i++) a[i] = 0;
-    for (PetscInt i = 0; i < fs->np; i++) a[fs->nur + i] = i % (fs->loc->dim + 1) == 0;
-    PetscCall(VecRestoreArrayWrite(constant, &a));
-    PetscCall(VecNormalize(constant, NULL));
-    PetscCall(MatNullSpaceCreate(PETSC_COMM_WORLD, PETSC_FALSE, 1, &constant, &null));
-    PetscCall(MatSetNullSpace(fs->nest, null));
-    PetscCall(MatNullSpaceDestroy(&null));
-    PetscCall(VecDestroy(&constant));
-  }
+  PetscCall(VecDuplicate(fs->x, &constant));
+  PetscCall(VecGetArrayWrite(constant, &a));
+  for (PetscInt i = 0; i < fs->nur; i++) a[i] = 0;
+  for (PetscInt i = 0; i < fs->np; i++) a[fs->nur + i] = i % (fs->loc->dim + 1) == 0;
+  PetscCall(VecRestoreArrayWrite(constant, &a));
+  PetscCall(VecNormalize(constant, NULL));
+  PetscCall(MatNullSpaceCreate(PETSC_COMM_WORLD, PETSC_FALSE, 1, &constant, &fs->constant_pressure));
+  PetscCall(VecDestroy(&constant));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -820,10 +859,12 @@ PetscErrorCode FlowSolverDestroy(FlowSolver *solver)
   PetscCall(PetscFree(fs->sub));
   PetscCall(PCDestroy(&fs->split));
   PetscCall(PressureDestroy(&fs->pressure));
+  PetscCall(MatNullSpaceDestroy(&fs->constant_pressure));
   PetscCall(MatDestroy(&fs->A));
   PetscCall(MatDestroy(&fs->Ar));
   PetscCall(MatDestroy(&fs->G));
   PetscCall(MatDestroy(&fs->B));
+  PetscCall(MatDestroy(&fs->C));
   PetscCall(MatDestroy(&fs->nest));
   PetscCall(MatDestroy(&fs->Ar_assembled));
   PetscCall(MatDestroy(&fs->whole));
@@ -834,6 +875,7 @@ PetscErrorCode FlowSolverDestroy(FlowSolver *solver)
   PetscCall(VecDestroy(&fs->t_u));
   PetscCall(VecDestroy(&fs->t_u2));
   PetscCall(VecDestroy(&fs->t_p));
+  PetscCall(VecDestroy(&fs->t_p2));
   PetscCall(PetscFree3(fs->D, fs->body_inverse, fs->mass_inverse));
   PetscCall(PetscFree3(fs->diagonal_inverse, fs->weight, fs->local));
   PetscCall(PetscFree(fs->saved));
@@ -881,11 +923,15 @@ static PetscErrorCode choose_schur(FlowSolver fs)
 
 PetscErrorCode FlowSolverSetUp(FlowSolver fs)
 {
+  PetscBool singular;
+
   PetscFunctionBeginUser;
   PetscCall(choose_schur(fs));
   PetscCall(set_up_diagonals(fs));
   PetscCall(set_up_body_blocks(fs));
   PetscCall(PressureUpdate(fs->pressure, fs->weight, fs->mass_inverse));
+  PetscCall(PressureIsSingular(fs->pressure, &singular));
+  PetscCall(MatSetNullSpace(fs->nest, singular ? fs->constant_pressure : NULL));
   PetscCall(assemble_on_demand(fs));
   PetscCall(MatAssemblyBegin(fs->Ar, MAT_FINAL_ASSEMBLY)); /* tell PETSc that the values behind the shells have changed */
   PetscCall(MatAssemblyEnd(fs->Ar, MAT_FINAL_ASSEMBLY));
@@ -893,7 +939,7 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
   PetscCall(MatAssemblyEnd(fs->nest, MAT_FINAL_ASSEMBLY));
   if (fs->split) PetscCall(PCSetOperators(fs->split, fs->nest, fs->nest));
   if (fs->need_Ar) {
-    Mat block[4] = {fs->Ar_assembled, fs->G, fs->B, NULL}, pre;
+    Mat block[4] = {fs->Ar_assembled, fs->G, fs->B, fs->C}, pre;
 
     PetscCall(MatCreateNest(PETSC_COMM_WORLD, 2, NULL, 2, NULL, block, &pre));
     PetscCall(PCSetOperators(fs->split, fs->nest, pre));

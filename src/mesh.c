@@ -1,177 +1,50 @@
 /* Mesh: construction, distribution and numbering of the Q2 nodes (see mesh.h).
 
-   A DMPlex of quadrilaterals or hexahedra is made or read, distributed, refined, and given one layer of ghost cells. Every mesh point then
+   A DMPlex of quadrilaterals or hexahedra (meshkind.h) is distributed, refined, and given one layer of ghost cells. Every mesh point then
    gets one node, numbered in the order in which the cells (in cache-friendly order) touch them: neighbours in space are neighbours in memory.
    Lengths are in the unit of the scene. Cells of other types and adaptive refinement are not handled. */
 #include "compat.h"
 #include "mesh.h"
+#include "meshkind.h"
 #include "opt.h"
 #include "partition.h"
 
-#define MAX_BOUNDARIES 32
-#define MAX_BLOCK      16
+#define MAX_BLOCK 16
 
 struct _p_Mesh {
   DM           dm;
+  MeshKind     kind;
   MeshLocal    loc;
   PetscInt    *cell_node, *cell_global, *node_global, *node_cell_ptr, *node_cell;
   PetscReal   *x;
   PetscSF      node_sf; /* ghost nodes -> owners, in local node numbers */
   MPI_Datatype block[MAX_BLOCK];
-  PetscInt     nboundary;
-  char         boundary_name[MAX_BOUNDARIES][64];
-  PetscInt    *boundary_node[MAX_BOUNDARIES], boundary_count[MAX_BOUNDARIES];
+  PetscInt     nboundary, **boundary_node, *boundary_count; /* [nboundary], names belong to kind */
+  const char (*boundary_name)[64];
   /* background grid for MeshNodesInBox: nodes of bin b are bin_node[bin_ptr[b] .. bin_ptr[b + 1]) */
   PetscInt  nbin[3], *bin_ptr, *bin_node, *found;
   PetscReal bin_lower[3], bin_size[3];
 };
 
-/* ---- creation of the DMPlex ---- */
+/* ---- the DMPlex ---- */
 
-typedef struct {
-  char      kind[16], file[PETSC_MAX_PATH_LEN];
-  PetscInt  dim, cells[3];
-  PetscReal lower[3], upper[3];
-  PetscBool periodic[3];
-} BoxOptions;
-
-static PetscErrorCode read_options(BoxOptions *o)
+static PetscErrorCode create_dm(Mesh m, MPI_Comm comm)
 {
-  const char *const kinds[] = {"box", "file", NULL};
-  PetscInt          kind = 0, n = 3;
-  char             *names[3];
-  PetscBool         given;
+  DM overlap;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMemzero(o, sizeof(*o)));
-  o->dim = 2;
-  for (PetscInt d = 0; d < 3; d++) {
-    o->cells[d] = 16;
-    o->upper[d] = 1;
-  }
-  PetscCall(OptChoice("-mesh_kind", "where the mesh comes from", kinds, &kind));
-  PetscCall(PetscStrncpy(o->kind, kinds[kind], sizeof(o->kind)));
-  PetscCall(OptInt("-mesh_dimension", "space dimension of a box mesh", "", 2, 3, &o->dim));
-  PetscCall(OptIntArray("-mesh_cells", "cells along each axis", "", 1, 1000000, o->dim, o->cells, NULL));
-  PetscCall(OptRealArray("-mesh_lower", "lower corner of the box", "length", PETSC_MIN_REAL, PETSC_MAX_REAL, o->dim, o->lower, NULL));
-  PetscCall(OptRealArray("-mesh_upper", "upper corner of the box", "length", PETSC_MIN_REAL, PETSC_MAX_REAL, o->dim, o->upper, NULL));
-  PetscCall(OptStringArray("-mesh_periodic", "periodic axes, out of x, y, z", &n, names));
-  for (PetscInt i = 0; i < n; i++) {
-    const PetscInt axis = names[i][0] - 'x';
-
-    PetscCheck(axis >= 0 && axis < o->dim && !names[i][1], PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option -mesh_periodic: '%s' is not an axis of a %" PetscInt_FMT "D mesh: use x, y or z", names[i], o->dim);
-    o->periodic[axis] = PETSC_TRUE;
-    PetscCall(PetscFree(names[i]));
-  }
-  PetscCall(OptString("-mesh_file", "Gmsh file of quadrilaterals or hexahedra", o->file, sizeof(o->file)));
-  if (kind == 1) {
-    PetscCheck(o->file[0], PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "-mesh_kind file needs -mesh_file <name.msh>");
-    PetscCall(PetscTestFile(o->file, 'r', &given));
-    PetscCheck(given, PETSC_COMM_WORLD, PETSC_ERR_FILE_OPEN, "Mesh file '%s' cannot be read: check -mesh_file", o->file);
-  }
-  for (PetscInt d = 0; d < o->dim; d++) {
-    PetscCheck(o->upper[d] > o->lower[d], PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "The box is empty along axis %c: -mesh_upper %g is not above -mesh_lower %g", (char)('x' + d), (double)o->upper[d], (double)o->lower[d]);
-    PetscCheck(!o->periodic[d] || o->cells[d] >= 3, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Axis %c is periodic with %" PetscInt_FMT " cells: -mesh_cells needs at least 3 there", (char)('x' + d), o->cells[d]);
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode add_boundary(Mesh m, const char name[])
-{
-  PetscFunctionBeginUser;
-  PetscCheck(m->nboundary < MAX_BOUNDARIES, PETSC_COMM_WORLD, PETSC_ERR_SUP, "The mesh has more than %d named boundaries: merge some in the mesh file", MAX_BOUNDARIES);
-  PetscCall(PetscStrncpy(m->boundary_name[m->nboundary++], name, sizeof(m->boundary_name[0])));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Label the outer faces of the (still serial) box left, right, bottom, top, back, front. */
-static PetscErrorCode label_box(Mesh m, const BoxOptions *o)
-{
-  const char *const names[] = {"left", "right", "bottom", "top", "back", "front"};
-  PetscInt          fStart, fEnd;
-
-  PetscFunctionBeginUser;
-  PetscCall(DMPlexGetHeightStratum(m->dm, 1, &fStart, &fEnd));
-  for (PetscInt d = 0; d < o->dim; d++) {
-    if (o->periodic[d]) continue;
-    for (PetscInt side = 0; side < 2; side++) {
-      const char     *name = names[2 * d + side];
-      const PetscReal at   = side ? o->upper[d] : o->lower[d];
-      DMLabel         label;
-
-      PetscCall(add_boundary(m, name));
-      PetscCall(DMCreateLabel(m->dm, name));
-      PetscCall(DMGetLabel(m->dm, name, &label));
-      for (PetscInt f = fStart; f < fEnd; f++) {
-        PetscInt  support;
-        PetscReal centroid[3];
-
-        PetscCall(DMPlexGetSupportSize(m->dm, f, &support));
-        if (support != 1) continue;
-        PetscCall(DMPlexComputeCellGeometryFVM(m->dm, f, NULL, centroid, NULL));
-        if (PetscAbsReal(centroid[d] - at) < 1e-6 * (o->upper[d] - o->lower[d]) / o->cells[d]) PetscCall(DMLabelSetValue(label, f, 1));
-      }
-    }
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Physical names of a Gmsh file that hold faces become boundaries. */
-static PetscErrorCode find_file_boundaries(Mesh m)
-{
-  PetscInt nlabel, fStart, fEnd;
-
-  PetscFunctionBeginUser;
-  PetscCall(DMGetNumLabels(m->dm, &nlabel));
-  PetscCall(DMPlexGetHeightStratum(m->dm, 1, &fStart, &fEnd));
-  for (PetscInt l = 0; l < nlabel; l++) {
-    const char *name;
-    DMLabel     label;
-    PetscBool   standard, any = PETSC_FALSE;
-
-    PetscCall(DMGetLabelName(m->dm, l, &name));
-    PetscCall(PetscStrInList(name, "depth,celltype,Cell Sets,Face Sets,Edge Sets,Vertex Sets,marker", ',', &standard));
-    if (standard) continue;
-    PetscCall(DMGetLabel(m->dm, name, &label));
-    for (PetscInt f = fStart; f < fEnd && !any; f++) {
-      PetscInt value;
-
-      PetscCall(DMLabelGetValue(label, f, &value));
-      any = (PetscBool)(value >= 0);
-    }
-    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &any, 1, MPIU_BOOL, MPI_LOR, PETSC_COMM_WORLD));
-    if (any) PetscCall(add_boundary(m, name));
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode create_dm(Mesh m, MPI_Comm comm, const BoxOptions *o)
-{
-  DM        overlap;
-  PetscBool file;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscStrcmp(o->kind, "file", &file));
-  if (file) {
-    PetscCall(OptDefault("-dm_plex_gmsh_use_regions", "1"));
-    PetscCall(DMPlexCreateGmshFromFile(comm, o->file, PETSC_TRUE, &m->dm));
-    PetscCall(find_file_boundaries(m));
-  } else {
-    DMBoundaryType boundary[3];
-
-    for (PetscInt d = 0; d < 3; d++) boundary[d] = o->periodic[d] ? DM_BOUNDARY_PERIODIC : DM_BOUNDARY_NONE;
-    PetscCall(DMPlexCreateBoxMesh(comm, o->dim, PETSC_FALSE, o->cells, o->lower, o->upper, boundary, PETSC_TRUE, &m->dm));
-    PetscCall(label_box(m, o));
-  }
+  PetscCall(MeshKindCreate(comm, &m->kind, &m->dm));
+  PetscCall(MeshKindGetBoundaries(m->kind, &m->nboundary, &m->boundary_name));
+  PetscCall(PetscCalloc2(m->nboundary, &m->boundary_node, m->nboundary, &m->boundary_count));
   PetscCall(DMSetBasicAdjacency(m->dm, PETSC_FALSE, PETSC_TRUE)); /* ghost cells: all that share a vertex */
   PetscCall(PartitionPrepare(m->dm));
   PetscCall(DMSetFromOptions(m->dm));
+  PetscCall(PartitionCheck(m->dm));
   PetscCall(DMPlexDistributeOverlap(m->dm, 1, NULL, &overlap));
   if (overlap) {
     PetscCall(DMDestroy(&m->dm));
     m->dm = overlap;
   }
-  PetscCall(DMViewFromOptions(m->dm, NULL, "-dm_view"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -369,70 +242,111 @@ static PetscErrorCode connect_nodes_to_cells(Mesh m)
 
 /* ---- coordinates ---- */
 
-/* Multilinear position of lattice point j of a cell with corner coordinates xv [2^dim][dim] in closure order */
-static void interpolate_corners(PetscInt dim, const PetscReal xv[], PetscInt j, PetscReal x[])
+/* Multilinear reference position of lattice point j of a cell with corners qv [2^dim][dim] in closure order */
+static void interpolate_corners(PetscInt dim, const PetscReal qv[], PetscInt j, PetscReal q[])
 {
   const PetscInt lattice[3] = {j % 3, (j / 3) % 3, j / 9};
 
-  for (PetscInt d = 0; d < dim; d++) x[d] = 0;
+  for (PetscInt d = 0; d < dim; d++) q[d] = 0;
   for (PetscInt v = 0; v < 1 << dim; v++) {
     PetscInt  corner[3];
     PetscReal weight = 1;
 
     corner_position(dim, v, corner);
     for (PetscInt d = 0; d < dim; d++) weight *= corner[d] == 2 ? 0.5 * lattice[d] : 1 - 0.5 * lattice[d];
-    for (PetscInt d = 0; d < dim; d++) x[d] += weight * xv[v * dim + d];
+    for (PetscInt d = 0; d < dim; d++) q[d] += weight * qv[v * dim + d];
   }
 }
 
-/* Area of a quadrilateral (exact); volume spanned by the edges at the first corner of a hexahedron (exact for parallelepipeds, a size otherwise) */
-static PetscReal corner_volume(PetscInt dim, const PetscReal xv[])
+/* Derivatives of the Q2 map of a cell at its corner (0 or 2 along each axis): determinant of the Jacobian on [0,1]^dim. xc [nb][dim] */
+static PetscReal corner_jacobian(PetscInt dim, const PetscReal xc[], const PetscInt corner[3])
 {
-  const PetscInt end[3] = {3, 1, 4};
+  const PetscInt stride[3] = {1, 3, 9};
   PetscReal      e[3][3];
+  PetscInt       at = 0;
 
-  if (dim == 2) return 0.5 * ((xv[4] - xv[0]) * (xv[7] - xv[3]) - (xv[6] - xv[2]) * (xv[5] - xv[1]));
-  for (PetscInt k = 0; k < 3; k++)
-    for (PetscInt d = 0; d < 3; d++) e[k][d] = xv[3 * end[k] + d] - xv[d];
+  for (PetscInt k = 0; k < dim; k++) at += corner[k] * stride[k];
+  for (PetscInt k = 0; k < dim; k++) {
+    const PetscInt step = corner[k] ? -stride[k] : stride[k];
+
+    for (PetscInt d = 0; d < dim; d++) e[k][d] = (corner[k] ? -1 : 1) * (4 * xc[(at + step) * dim + d] - 3 * xc[at * dim + d] - xc[(at + 2 * step) * dim + d]);
+  }
+  if (dim == 2) return e[0][0] * e[1][1] - e[0][1] * e[1][0];
   return e[0][0] * (e[1][1] * e[2][2] - e[1][2] * e[2][1]) - e[0][1] * (e[1][0] * e[2][2] - e[1][2] * e[2][0]) + e[0][2] * (e[1][0] * e[2][1] - e[1][1] * e[2][0]);
 }
 
-static PetscErrorCode set_coordinates(Mesh m, const BoxOptions *o, const PetscInt order[])
+/* Smallest Jacobian over the corners, and a size: their mean (the volume where the edges are straight in 2D or the cell a parallelepiped) */
+static void measure_cell(PetscInt dim, const PetscReal xc[], PetscReal *smallest, PetscReal *volume)
 {
-  MeshLocal     *l   = &m->loc;
-  const PetscInt dim = l->dim;
-  PetscReal      hmin = PETSC_MAX_REAL, lower[3] = {PETSC_MAX_REAL, PETSC_MAX_REAL, PETSC_MAX_REAL}, upper[3] = {-PETSC_MAX_REAL, -PETSC_MAX_REAL, -PETSC_MAX_REAL};
+  *smallest = PETSC_MAX_REAL;
+  *volume   = 0;
+  for (PetscInt v = 0; v < 1 << dim; v++) {
+    PetscInt  corner[3];
+    PetscReal J;
+
+    corner_position(dim, v, corner);
+    J         = corner_jacobian(dim, xc, corner);
+    *smallest = PetscMin(*smallest, J);
+    *volume += J / (1 << dim);
+  }
+}
+
+/* Q2 nodes of local cell c, which is `point` in the DM: xc [nb][dim], not unwrapped into the period */
+static PetscErrorCode place_cell_nodes(Mesh m, PetscInt point, PetscReal xc[])
+{
+  const PetscInt     dim = m->loc.dim;
+  PetscBool          dg;
+  PetscInt           n;
+  const PetscScalar *array;
+  PetscScalar       *qv = NULL;
+
+  PetscFunctionBeginUser;
+  PetscCall(DMPlexGetCellCoordinates(m->dm, point, &dg, &n, &array, &qv));
+  PetscCheck(n == dim << dim, PETSC_COMM_SELF, PETSC_ERR_SUP, "A mesh cell has %" PetscInt_FMT " coordinates instead of %" PetscInt_FMT ": save the mesh with first-order elements", n, dim << dim);
+  for (PetscInt j = 0; j < m->loc.nb; j++) {
+    PetscReal q[3];
+
+    interpolate_corners(dim, qv, j, q);
+    PetscCall(MeshKindEvaluate(m->kind, q, xc + j * dim));
+  }
+  PetscCall(DMPlexRestoreCellCoordinates(m->dm, point, &dg, &n, &array, &qv));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode set_coordinates(Mesh m, const PetscInt order[])
+{
+  MeshLocal       *l   = &m->loc;
+  const PetscInt   dim = l->dim;
+  const PetscReal *period, *end;
+  PetscReal        hmin = PETSC_MAX_REAL, lower[3] = {PETSC_MAX_REAL, PETSC_MAX_REAL, PETSC_MAX_REAL}, upper[3] = {-PETSC_MAX_REAL, -PETSC_MAX_REAL, -PETSC_MAX_REAL};
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(l->nnode_all * dim, &m->x));
-  for (PetscInt d = 0; d < 3; d++) l->period[d] = o->periodic[d] ? o->upper[d] - o->lower[d] : 0;
+  PetscCall(MeshKindGetPeriod(m->kind, &period, &end));
+  PetscCall(PetscArraycpy(l->period, period, 3));
   for (PetscInt c = 0; c < l->ncell_all; c++) {
-    PetscBool          dg;
-    PetscInt           nc;
-    const PetscScalar *array;
-    PetscScalar       *xv = NULL;
-    PetscReal          volume;
+    PetscReal xc[MESH_MAX_NB * 3], smallest, volume;
 
-    PetscCall(DMPlexGetCellCoordinates(m->dm, order[c], &dg, &nc, &array, &xv));
-    PetscCheck(nc == dim << dim, PETSC_COMM_SELF, PETSC_ERR_SUP, "Cell %" PetscInt_FMT " has %" PetscInt_FMT " coordinates instead of %" PetscInt_FMT ": save the mesh with first-order elements", c, nc, dim << dim);
+    PetscCall(place_cell_nodes(m, order[c], xc));
+    measure_cell(dim, xc, &smallest, &volume);
+    PetscCheck(smallest > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "Mesh cell %" PetscInt_FMT " near (%g, %g) is inverted or flat (Jacobian %g at a corner): repair the mesh", c, (double)xc[0], (double)xc[1], (double)smallest);
+    hmin = PetscMin(hmin, PetscPowReal(volume, 1.0 / dim));
     for (PetscInt j = 0; j < l->nb; j++) {
       PetscReal *x = m->x + m->cell_node[c * l->nb + j] * dim;
 
-      interpolate_corners(dim, xv, j, x);
       for (PetscInt d = 0; d < dim; d++) {
+        x[d]     = xc[j * dim + d];
         lower[d] = PetscMin(lower[d], x[d]);
         upper[d] = PetscMax(upper[d], x[d]);
-        if (l->period[d] > 0 && x[d] > o->upper[d] - 1e-9 * l->period[d]) x[d] -= l->period[d];
+        if (period[d] > 0 && x[d] > end[d] - 1e-9 * period[d]) x[d] -= period[d];
       }
     }
-    volume = corner_volume(dim, xv);
-    PetscCheck(volume > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "Mesh cell %" PetscInt_FMT " near (%g, %g) is inverted or flat (volume %g): repair the mesh", c, (double)xv[0], (double)xv[1], (double)volume);
-    hmin = PetscMin(hmin, PetscPowReal(volume, 1.0 / dim));
-    PetscCall(DMPlexRestoreCellCoordinates(m->dm, order[c], &dg, &nc, &array, &xv));
   }
-  PetscCall(MPIU_Allreduce(&hmin, &l->h, 1, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
-  PetscCall(MPIU_Allreduce(lower, l->lower, 3, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
-  PetscCall(MPIU_Allreduce(upper, l->upper, 3, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Allreduce(&hmin, &l->h, 1, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Allreduce(lower, l->lower, 3, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Allreduce(upper, l->upper, 3, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCall(MeshKindPlaceVertices(m->kind, m->dm));
+  PetscCall(DMViewFromOptions(m->dm, NULL, "-dm_view"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -565,14 +479,12 @@ PetscErrorCode MeshNodesInBox(Mesh m, const PetscReal lo[], const PetscReal hi[]
 PetscErrorCode MeshCreate(MPI_Comm comm, Mesh *mesh)
 {
   Mesh       m;
-  BoxOptions o;
   PetscInt   pStart, pEnd, *order, *number;
   PetscBool *ghost;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&m));
-  PetscCall(read_options(&o));
-  PetscCall(create_dm(m, comm, &o));
+  PetscCall(create_dm(m, comm));
   PetscCall(DMGetDimension(m->dm, &m->loc.dim));
   m->loc.nb = m->loc.dim == 2 ? 9 : 27;
   PetscCall(DMPlexGetChart(m->dm, &pStart, &pEnd));
@@ -586,7 +498,7 @@ PetscErrorCode MeshCreate(MPI_Comm comm, Mesh *mesh)
   PetscCall(number_globally(m, pEnd, order, number));
   PetscCall(create_node_sf(m));
   PetscCall(connect_nodes_to_cells(m));
-  PetscCall(set_coordinates(m, &o, order));
+  PetscCall(set_coordinates(m, order));
   PetscCall(collect_boundary_nodes(m, number));
   PetscCall(create_bins(m));
   PetscCall(PetscFree2(order, number));
@@ -609,6 +521,7 @@ PetscErrorCode MeshDestroy(Mesh *mesh)
   if (!m) PetscFunctionReturn(PETSC_SUCCESS);
   for (int bs = 0; bs < MAX_BLOCK; bs++) PetscCallMPI(MPI_Type_free(&m->block[bs]));
   for (PetscInt b = 0; b < m->nboundary; b++) PetscCall(PetscFree(m->boundary_node[b]));
+  PetscCall(PetscFree2(m->boundary_node, m->boundary_count));
   PetscCall(PetscFree(m->bin_ptr));
   PetscCall(PetscFree2(m->cell_node, m->cell_global));
   PetscCall(PetscFree(m->node_global));
@@ -618,6 +531,7 @@ PetscErrorCode MeshDestroy(Mesh *mesh)
   PetscCall(PetscFree2(m->bin_node, m->found));
   PetscCall(PetscSFDestroy(&m->node_sf));
   PetscCall(DMDestroy(&m->dm));
+  PetscCall(MeshKindDestroy(&m->kind));
   PetscCall(PetscFree(*mesh));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -22,6 +22,12 @@ struct _p_Pressure {
   PetscInt   ncut, room, *cut_cell, *cut_body;
   PetscReal *cut_q; /* [ncut][nk][nr] */
   PetscReal *mass_inverse, *work;
+  /* cells between two constrained surfaces, see find_shared_cells() */
+  PetscReal  eps_shared, *shared_block; /* [nshared][nk][nk] */
+  PetscInt   nshared, shared_room, *shared_cell;
+  PetscBool  any_shared, floating; /* on any rank; pressure determined up to a constant without C */
+  MatNullSpace constant;
+  PetscBool *is_shared, *was_shared; /* [ncell] */
 };
 
 /* ---- the matrix ---- */
@@ -137,7 +143,7 @@ static PetscErrorCode update_matrix(Pressure p, const PetscReal weight[])
   PetscFunctionBeginUser;
   PetscCall(FlowGetCellDivergence(p->flow, &b));
   for (PetscInt c = 0; c < l->ncell; c++) {
-    PetscBool changed = PETSC_FALSE;
+    PetscBool changed = (PetscBool)(p->nbodies && (p->is_shared[c] || p->was_shared[c]));
 
     for (PetscInt j = 0; j < l->nb && !changed; j++) {
       const PetscInt i = l->cell_node[c * l->nb + j];
@@ -146,8 +152,91 @@ static PetscErrorCode update_matrix(Pressure p, const PetscReal weight[])
     }
     if (changed) PetscCall(set_row(p, b, weight, c));
   }
+  PetscCall(MatAssemblyBegin(p->matrix, MAT_FLUSH_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(p->matrix, MAT_FLUSH_ASSEMBLY));
+  for (PetscInt i = 0; i < p->nshared; i++) {
+    const PetscInt row = l->cell_start + p->shared_cell[i];
+
+    PetscCall(MatSetValuesBlocked(p->matrix, 1, &row, 1, &row, p->shared_block + i * p->nk * p->nk, ADD_VALUES));
+  }
   PetscCall(MatAssemblyBegin(p->matrix, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(p->matrix, MAT_FINAL_ASSEMBLY));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- cells between two surfaces ---- */
+
+/* Block C = eps_shared B_c M_c^{-1} B_c^T of one cell over its constrained nodes */
+static PetscErrorCode shared_block(Pressure p, const PetscInt body[], const PetscInt fixed[], PetscInt c, PetscReal block[])
+{
+  const MeshLocal      *l   = p->loc;
+  const PetscInt        dim = l->dim, n = l->nb * dim, nk = p->nk;
+  const PetscReal      *b, *m;
+  const FlowStep       *step;
+  const FlowParameters *par;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetCellDivergence(p->flow, &b));
+  PetscCall(FlowGetLumpedMass(p->flow, &m));
+  PetscCall(FlowGetStep(p->flow, &step));
+  PetscCall(FlowGetParameters(p->flow, &par));
+  for (PetscInt e = 0; e < nk * nk; e++) block[e] = 0;
+  for (PetscInt j = 0; j < n; j++) {
+    const PetscInt i = l->cell_node[c * l->nb + j / dim];
+
+    if (body[i] < 0 && !((fixed[i] >> (j % dim)) & 1)) continue;
+    for (PetscInt e = 0; e < nk * nk; e++) block[e] += p->eps_shared / (par->density * step->ct * m[i]) * b[(c * nk + e / nk) * n + j] * b[(c * nk + e % nk) * n + j];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* A cell whose nodes belong to two bodies, or to a body and a wall, may have pressures that no free velocity can serve: its divergence rows are then inconsistent
+   (boundary-evidence, checked claims). Such cells get a small compressibility in the operator itself, as if their constrained nodes yielded a little to the pressure: B u + C p = 0. */
+static PetscErrorCode find_shared_cells(Pressure p)
+{
+  const MeshLocal *l = p->loc;
+  const PetscInt  *body, *fixed;
+  const PetscReal *value;
+  PetscBool       *swap = p->was_shared;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetNodeBody(p->constraint, &body));
+  PetscCall(FlowGetBoundaryValues(p->flow, &fixed, &value));
+  p->was_shared = p->is_shared;
+  p->is_shared  = swap;
+  p->nshared    = 0;
+  for (PetscInt c = 0; c < l->ncell; c++) {
+    const PetscInt *node  = l->cell_node + c * l->nb;
+    PetscInt        owner = -1; /* the first body met */
+    PetscBool       wall = PETSC_FALSE, two = PETSC_FALSE;
+
+    for (PetscInt j = 0; j < l->nb; j++) {
+      const PetscInt k = body[node[j]];
+
+      if (k >= 0 && owner >= 0 && k != owner) two = PETSC_TRUE;
+      if (k >= 0) owner = k;
+      else if (fixed[node[j]]) wall = PETSC_TRUE;
+    }
+    p->is_shared[c] = (PetscBool)(two || (owner >= 0 && wall));
+    if (!p->is_shared[c]) continue;
+    if (p->nshared == p->shared_room) {
+      p->shared_room = 2 * p->shared_room + 16;
+      PetscCall(PetscRealloc(p->shared_room * sizeof(PetscInt), &p->shared_cell));
+      PetscCall(PetscRealloc(p->shared_room * p->nk * p->nk * sizeof(PetscReal), &p->shared_block));
+    }
+    p->shared_cell[p->nshared] = c;
+    PetscCall(shared_block(p, body, fixed, c, p->shared_block + p->nshared * p->nk * p->nk));
+    p->nshared++;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PressureGetShared(Pressure p, PetscInt *n, const PetscInt *cell[], const PetscReal *block[])
+{
+  PetscFunctionBeginUser;
+  *n     = p->nshared;
+  *cell  = p->shared_cell;
+  *block = p->shared_block;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -253,25 +342,21 @@ static PetscErrorCode mult_shell(Mat mat, Vec x, Vec y)
 static PetscErrorCode create_shell(Pressure p)
 {
   const PetscInt n = p->loc->ncell * p->nk;
-  PetscBool      floating;
   Vec            constant;
-  MatNullSpace   null;
   PetscReal     *a;
 
   PetscFunctionBeginUser;
   PetscCall(MatCreateShell(PETSC_COMM_WORLD, n, n, PETSC_DETERMINE, PETSC_DETERMINE, p, &p->shell));
   PetscCall(MatShellSetOperation(p->shell, MATOP_MULT, (void (*)(void))mult_shell));
   PetscCall(MatSetOption(p->shell, MAT_SYMMETRIC, PETSC_TRUE));
-  PetscCall(FlowPressureIsFloating(p->flow, &floating));
-  if (!floating) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(FlowPressureIsFloating(p->flow, &p->floating));
+  if (!p->floating) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MatCreateVecs(p->matrix, &constant, NULL));
   PetscCall(VecGetArrayWrite(constant, &a));
   for (PetscInt i = 0; i < n; i++) a[i] = i % p->nk == 0;
   PetscCall(VecRestoreArrayWrite(constant, &a));
   PetscCall(VecNormalize(constant, NULL));
-  PetscCall(MatNullSpaceCreate(PETSC_COMM_WORLD, PETSC_FALSE, 1, &constant, &null));
-  PetscCall(MatSetNullSpace(p->shell, null));
-  PetscCall(MatNullSpaceDestroy(&null));
+  PetscCall(MatNullSpaceCreate(PETSC_COMM_WORLD, PETSC_FALSE, 1, &constant, &p->constant));
   PetscCall(VecDestroy(&constant));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -383,6 +468,25 @@ static PetscErrorCode vertex_gradient(Pressure p, const PetscReal b[], PetscInt 
       for (PetscInt k = 0; k < p->nk; k++)
         for (PetscInt a = 0; a < dim; a++) g[at * dim + a] += fit[k * nv + v] * b[c * p->nk * nd + k * nd + j * dim + a];
     }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* coarse += scale I^T C I of the shared cells */
+static PetscErrorCode add_shared_to_coarse(Pressure p, PetscReal scale)
+{
+  const PetscInt nv = 1 << p->loc->dim, nk = p->nk;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < p->nshared; i++) {
+    PetscInt  col[8];
+    PetscReal fit[4 * 8], block[64] = {0};
+
+    PetscCall(fit_vertices(p, p->shared_cell[i], col, fit));
+    for (PetscInt e = 0; e < nk * nk; e++)
+      for (PetscInt v = 0; v < nv * nv; v++) block[v] += scale * fit[e / nk * nv + v / nv] * p->shared_block[i * nk * nk + e] * fit[e % nk * nv + v % nv];
+    for (PetscInt v = 0; v < nv; v++) col[v] = p->vertex[col[v]];
+    PetscCall(MatSetValues(p->coarse, nv, col, nv, col, block, ADD_VALUES));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -521,6 +625,10 @@ PetscErrorCode PressureCreate(Flow flow, Constraint constraint, Pressure *pressu
   p->eps = 1e-4;
   PetscCall(OptReal("-flow_pressure_softness", "share of their inverse mass that body nodes keep in the pressure preconditioner", "", 0, 1, &p->eps));
   PetscCall(PetscCalloc3(p->loc->nnode_all * p->loc->dim, &p->weight, p->nbodies * p->nr * p->nr, &p->mass_inverse, 2 * p->nbodies * p->nr, &p->work));
+  PetscCall(PetscCalloc1(p->loc->ncell, &p->is_shared));
+  PetscCall(PetscCalloc1(p->loc->ncell, &p->was_shared));
+  p->eps_shared = 1e-2;
+  PetscCall(OptReal("-flow_pressure_shared", "compressibility of cells between two bodies, or body and wall, as share of their nodes' inverse mass", "", 0, 1, &p->eps_shared));
   PetscCall(PetscOptionsGetString(NULL, NULL, "-flow_fieldsplit_pressure_pc_type", type, sizeof(type), NULL));
   PetscCall(PetscStrcmp(type, "mg", &p->two_level));
   PetscCall(find_neighbours(p));
@@ -539,6 +647,7 @@ PetscErrorCode PressureDestroy(Pressure *pressure)
   if (!p) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MatDestroy(&p->matrix));
   PetscCall(MatDestroy(&p->shell));
+  PetscCall(MatNullSpaceDestroy(&p->constant));
   PetscCall(MatDestroy(&p->interpolation));
   PetscCall(MatDestroy(&p->coarse));
   PetscCall(PetscFree(p->vertex));
@@ -548,6 +657,10 @@ PetscErrorCode PressureDestroy(Pressure *pressure)
   PetscCall(PetscFree(p->cut_cell));
   PetscCall(PetscFree(p->cut_body));
   PetscCall(PetscFree(p->cut_q));
+  PetscCall(PetscFree(p->is_shared));
+  PetscCall(PetscFree(p->was_shared));
+  PetscCall(PetscFree(p->shared_cell));
+  PetscCall(PetscFree(p->shared_block));
   PetscCall(PetscFree(*pressure));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -559,17 +672,25 @@ PetscReal PressureGetSoftness(Pressure p)
 
 PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscReal mass_inverse[])
 {
-  PetscBool same;
+  PetscBool same, flags[2];
 
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_PRES_BUILD, 0, 0, 0, 0));
   PetscCall(PetscArraycmp(p->weight, weight, p->loc->nnode_all * p->loc->dim, &same));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &same, 1, MPIU_BOOL, MPI_LAND, PETSC_COMM_WORLD));
-  if (!same) {
+  flags[0] = (PetscBool)(!same || p->nshared);
+  if (p->two_level) PetscCall(add_shared_to_coarse(p, -1));
+  if (p->nbodies) PetscCall(find_shared_cells(p));
+  if (p->two_level) PetscCall(add_shared_to_coarse(p, 1));
+  flags[0] = (PetscBool)(flags[0] || p->nshared);
+  flags[1] = (PetscBool)(p->nshared > 0);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, flags, 2, MPIU_BOOL, MPI_LOR, PETSC_COMM_WORLD));
+  p->any_shared = flags[1];
+  if (flags[0]) {
     PetscCall(update_matrix(p, weight));
     if (p->two_level) PetscCall(update_coarse(p, weight));
     PetscCall(PetscArraycpy(p->weight, weight, p->loc->nnode_all * p->loc->dim));
   }
+  PetscCall(MatSetNullSpace(p->shell, p->any_shared ? NULL : p->constant)); /* C sees constants */
   if (p->nbodies) {
     PetscCall(find_cut_cells(p));
     PetscCall(PetscArraycpy(p->mass_inverse, mass_inverse, p->nbodies * p->nr * p->nr));
@@ -577,6 +698,13 @@ PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscR
   PetscCall(MatAssemblyBegin(p->shell, MAT_FINAL_ASSEMBLY)); /* its values have changed */
   PetscCall(MatAssemblyEnd(p->shell, MAT_FINAL_ASSEMBLY));
   PetscCall(PetscLogEventEnd(TB_PRES_BUILD, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PressureIsSingular(Pressure p, PetscBool *singular)
+{
+  PetscFunctionBeginUser;
+  *singular = (PetscBool)(p->floating && !p->any_shared);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

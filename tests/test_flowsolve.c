@@ -7,7 +7,7 @@
 
 #define MAX_BODIES 3
 
-/* A disc or sphere with its excess density over the fluid; bits of unknown rigid velocities */
+/* A disc or sphere; bits of its unknown rigid velocities */
 typedef struct {
   PetscReal x[3], radius, density;
   PetscInt  unknown;
@@ -29,11 +29,12 @@ typedef struct {
   KSPConvergedReason reason;
 } Answer;
 
-/* Heavy and free, light and free, known velocity */
-static const Ball BALLS[MAX_BODIES] = {
-  {{0.30, 0.33, 0.36}, 0.17, 6,   63},
-  {{0.66, 0.60, 0.60}, 0.18, 0.1, 63},
-  {{0.25, 0.78, 0.50}, 0.13, 2,   0 }
+/* Heavy and free, light and free, known velocity: no cell meets two of them or one and a wall. The last one is for 3D. */
+static const Ball BALLS[MAX_BODIES + 1] = {
+  {{0.30, 0.33, 0},    0.15, 6,   63},
+  {{0.66, 0.60, 0},    0.16, 0.1, 63},
+  {{0.25, 0.78, 0},    0.13, 2,   0 },
+  {{0.51, 0.49, 0.50}, 0.25, 0.1, 63}
 };
 
 /* Smooth, without divergence, zero at the walls of the unit square */
@@ -89,13 +90,14 @@ static void open_case(Case *c, PetscInt dim, PetscInt n, const char options[])
   OK(FlowGetStep(c->flow, &step));
   OK(PetscMemzero(c->D, sizeof(c->D)));
   for (PetscInt k = 0; k < n; k++) {
-    const PetscReal r = BALLS[k].radius, volume = dim == 2 ? PETSC_PI * r * r : 4 * PETSC_PI / 3 * r * r * r, moment = (dim == 2 ? 0.5 : 0.4) * volume * r * r;
+    const Ball     *ball = BALLS + (dim == 2 ? k : MAX_BODIES);
+    const PetscReal r = ball->radius, volume = dim == 2 ? PETSC_PI * r * r : 4 * PETSC_PI / 3 * r * r * r, moment = (dim == 2 ? 0.5 : 0.4) * volume * r * r;
 
     c->radius[k]  = r;
-    c->unknown[k] = BALLS[k].unknown & ((1 << c->nr) - 1);
-    for (PetscInt d = 0; d < 3; d++) c->X[k][d] = d < dim ? BALLS[k].x[d] : 0;
+    c->unknown[k] = ball->unknown & ((1 << c->nr) - 1);
+    for (PetscInt d = 0; d < 3; d++) c->X[k][d] = ball->x[d];
     for (PetscInt s = 0; s < c->nr; s++) {
-      c->D[(k * c->nr + s) * c->nr + s] = step->ct * (BALLS[k].density - 1.3) * (s < dim ? volume : moment);
+      c->D[(k * c->nr + s) * c->nr + s] = step->ct * (ball->density - 1.3) * (s < dim ? volume : moment);
       c->U[k * c->nr + s]               = c->unknown[k] ? 0 : 0.3 * (s + 1);
       c->g[k * c->nr + s]               = 0.2 * noise(40 + k * c->nr + s);
     }
@@ -159,8 +161,8 @@ static void momentum_residual(const Case *c, const PetscReal u[], const PetscRea
   OK(VecDestroy(&y));
 }
 
-/* Walls and bodies have their velocities, free rows and rigid rows balance, the flow has no divergence */
-static void check_solution(const Case *c, const Answer *a, PetscReal tolerance)
+/* Walls and bodies have their velocities, free rows and rigid rows balance, the flow has no divergence (or, with `shared` cells between two surfaces, no net outflow) */
+static void check_solution(const Case *c, const Answer *a, PetscBool shared, PetscReal tolerance)
 {
   const PetscInt  *fixed, *body;
   const PetscReal *value;
@@ -205,7 +207,12 @@ static void check_solution(const Case *c, const Answer *a, PetscReal tolerance)
     }
   }
   OK(FlowDivergence(c->flow, a->u, y));
-  BELOW(max_abs(c->np, y), tolerance);
+  if (shared) {
+    PetscReal net = 0;
+
+    for (PetscInt i = 0; i < c->np; i += c->dim + 1) net += y[i];
+    BELOW(total(net), tolerance);
+  } else BELOW(max_abs(c->np, y), tolerance);
   OK(PetscFree2(r, y));
 }
 
@@ -223,7 +230,7 @@ static void compare_pressure(const Case *c, const PetscReal p[], const PetscReal
 #define TIGHT "-flow_ksp_rtol 1e-12 -flow_ksp_max_it 300 "
 
 /* All ways to solve the same scene: every row holds for each, and their answers agree */
-static void compare_solvers(PetscInt dim, PetscInt n, const char scene[], PetscInt its_most)
+static void compare_solvers(PetscInt dim, PetscInt n, const char scene[], PetscBool viscous, PetscInt its_most)
 {
   const char *const way[] = {"", "-flow_schur projection", "-flow_schur commutator", "-flow_fieldsplit_velocity_pc_type bjacobi", "-flow_recipe accurate", "-flow_recipe direct"};
   Answer            first;
@@ -232,12 +239,13 @@ static void compare_solvers(PetscInt dim, PetscInt n, const char scene[], PetscI
   for (PetscInt i = 0; i < 6; i++) {
     Answer a;
 
+    if (viscous && i == 1) continue; /* the projection is not made for this */
     open_case(&c, dim, n, scene);
     OK(PetscOptionsInsertString(NULL, TIGHT));
     solve(&c, way[i], c.rhs, c.g, &a);
     assert_true(a.reason > 0);
     assert_in_range(a.its, 1, i < 5 ? its_most : 10);
-    check_solution(&c, &a, 1e-10);
+    check_solution(&c, &a, PETSC_FALSE, 1e-10);
     if (i == 0) first = a;
     else {
       BELOW(max_difference(c.own, a.u, first.u), 1e-9);
@@ -253,26 +261,26 @@ static void compare_solvers(PetscInt dim, PetscInt n, const char scene[], PetscI
 static void test_cavity(void **state)
 {
   (void)state;
-  compare_solvers(2, 0, "-mesh_cells 8,8", 40);
+  compare_solvers(2, 0, "-mesh_cells 8,8", PETSC_FALSE, 40);
 }
 
 static void test_outflow(void **state)
 {
   (void)state;
-  compare_solvers(2, 0, "-mesh_cells 8,8 -flow_bc_right_type outflow", 40);
+  compare_solvers(2, 0, "-mesh_cells 8,8 -flow_bc_right_type outflow", PETSC_FALSE, 40);
 }
 
 static void test_bodies(void **state)
 {
   (void)state;
-  compare_solvers(2, 3, "", 80);
-  compare_solvers(2, 3, "-flow_viscosity 2", 120); /* viscous: the commutator by default */
+  compare_solvers(2, 3, "", PETSC_FALSE, 60);
+  compare_solvers(2, 3, "-flow_viscosity 2", PETSC_TRUE, 60);
 }
 
 static void test_bodies_periodic(void **state)
 {
   (void)state;
-  compare_solvers(2, 2, "-mesh_periodic x", 80);
+  compare_solvers(2, 2, "-mesh_periodic x", PETSC_FALSE, 60);
 }
 
 static void test_bodies_3d(void **state)
@@ -284,7 +292,7 @@ static void test_bodies_3d(void **state)
   open_case(&c, 3, 1, "");
   solve(&c, TIGHT, c.rhs, c.g, &fine);
   assert_true(fine.reason > 0);
-  check_solution(&c, &fine, 1e-10);
+  check_solution(&c, &fine, PETSC_FALSE, 1e-10);
   close_case(&c);
   open_case(&c, 3, 1, "");
   solve(&c, TIGHT "-flow_recipe direct", c.rhs, c.g, &direct);
@@ -294,6 +302,66 @@ static void test_bodies_3d(void **state)
   free_answer(&fine);
   free_answer(&direct);
   close_case(&c);
+}
+
+/* Steady Stokes flow in one step of almost infinite length */
+static void test_steady(void **state)
+{
+  (void)state;
+  const char *const way[] = {"", "-flow_recipe direct"};
+  Answer            a[2];
+
+  for (PetscInt i = 0; i < 2; i++) {
+    Case c;
+
+    open_case(&c, 2, 3, "-flow_convection 0 -flow_time be " TIGHT);
+    OK(FlowBeginStep(c.flow, 1e6, 1e6));
+    OK(FlowAssemble(c.flow));
+    OK(FlowRhs(c.flow, c.rhs));
+    for (PetscInt k = 0; k < 27; k++) c.D[k] = 0;
+    solve(&c, way[i], c.rhs, c.g, &a[i]);
+    assert_true(a[i].reason > 0);
+    assert_in_range(a[i].its, 1, i == 0 ? 60 : 10);
+    if (i == 1) BELOW(max_difference(c.own, a[0].u, a[1].u), 1e-8);
+    close_case(&c);
+  }
+  free_answer(&a[0]);
+  free_answer(&a[1]);
+}
+
+/* A body and a wall, then two bodies in the same cells: solvers still converge, to the same answer, volume is conserved, and the level of the pressure has no effect */
+static void test_close_bodies(void **state)
+{
+  (void)state;
+  for (PetscInt i = 0; i < 2; i++) {
+    Answer a, direct;
+
+    for (PetscInt way = 0; way < 2; way++) {
+      Case   c;
+      Answer b;
+
+      open_case(&c, 2, 2, TIGHT);
+      if (i == 0) c.X[0][1] = 0.18;
+      else {
+        c.X[0][0] = c.X[1][0] - 0.31;
+        c.X[0][1] = c.X[1][1];
+      }
+      mark(&c);
+      OK(ConstraintSetBodies(c.constraint, c.node_body, c.X, c.unknown, c.U, NULL));
+      solve(&c, way ? "-flow_recipe direct" : "", c.rhs, c.g, &b);
+      assert_true(b.reason > 0);
+      assert_in_range(b.its, 1, 80);
+      check_solution(&c, &b, PETSC_TRUE, 1e-10);
+      if (way == 0) a = b;
+      else {
+        direct = b;
+        BELOW(max_difference(c.own, a.u, direct.u), 1e-8);
+        free_answer(&a);
+        free_answer(&direct);
+      }
+      close_case(&c);
+    }
+  }
 }
 
 /* Without convection and without known parts the answer to forces is symmetric: (f1, u2) + (g1, U2) = (f2, u1) + (g2, U1); and it does work: (f1, u1) + (g1, U1) > 0 */
@@ -346,8 +414,9 @@ static void test_set_up_again(void **state)
   OK(PetscArraycpy(again.U, c.U, MAX_BODIES * 6));
   OK(FlowSolverSolve(solver, c.rhs, c.g, again.u, again.p, again.U, &again.its, &again.reason));
 
-  c.X[0][0] += 0.11;
-  c.radius[1] *= 1.2;
+  c.X[0][0] -= 0.02;
+  c.X[0][1] -= 0.03;
+  c.radius[1] *= 1.1;
   mark(&c);
   OK(ConstraintSetBodies(c.constraint, c.node_body, c.X, c.unknown, c.U, NULL));
   OK(FlowBeginStep(c.flow, 0.09, 0.04));
@@ -356,7 +425,7 @@ static void test_set_up_again(void **state)
   OK(FlowSolverSetUp(solver));
   OK(FlowSolverSolve(solver, c.rhs, c.g, again.u, again.p, again.U, &again.its, &again.reason));
   assert_true(again.reason > 0);
-  check_solution(&c, &again, 1e-10);
+  check_solution(&c, &again, PETSC_FALSE, 1e-10);
   OK(FlowSolverDestroy(&solver));
   solve(&c, TIGHT, c.rhs, c.g, &fresh);
   BELOW(max_difference(c.own, again.u, fresh.u), 1e-9);
@@ -468,8 +537,8 @@ static void check_pressure_scene(PetscInt dim, PetscInt n, const char scene[], P
   choose_mass(&c, p, weight, mass_inverse);
   OK(PressureUpdate(p, weight, mass_inverse));
   check_pressure(&c, p, weight, mass_inverse, floating);
-  for (PetscInt move = 0; move < 3 && n; move++) { /* away by half a cell, far, and back: rows are kept or built anew */
-    const PetscReal by[3] = {0.04, 0.2, -0.24};
+  for (PetscInt move = 0; move < 3 && n; move++) { /* half a cell to the right, more than one to the left, and back: rows are kept or built anew */
+    const PetscReal by[3] = {0.04, -0.1, 0.06};
     Mat             a[2], b[2];
     PetscReal      *x, *ya, *yb;
 
@@ -515,7 +584,7 @@ int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {cmocka_unit_test(test_cavity),    cmocka_unit_test(test_outflow),      cmocka_unit_test(test_bodies),
                                      cmocka_unit_test(test_bodies_periodic), cmocka_unit_test(test_bodies_3d), cmocka_unit_test(test_symmetry),
-                                     cmocka_unit_test(test_set_up_again), cmocka_unit_test(test_pressure_operator)};
+                                     cmocka_unit_test(test_set_up_again), cmocka_unit_test(test_steady), cmocka_unit_test(test_close_bodies), cmocka_unit_test(test_pressure_operator)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));
