@@ -119,7 +119,8 @@ static inline void write_skewed_mesh(const char name[], PetscInt dim, const Pets
   PetscInt        nface = 0, ncell = 0;
 
   assert_non_null(f);
-  fprintf(f, "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n2\n%d 1 \"wall\"\n%d 2 \"fluid\"\n$EndPhysicalNames\n$Nodes\n%d\n", (int)dim - 1, (int)dim, (int)((n[0] + 1) * (n[1] + 1) * (n[2] + 1)));
+  fprintf(f, "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n2\n%d 1 \"wall\"\n%d 2 \"fluid\"\n$EndPhysicalNames\n$Nodes\n%d\n", (int)dim - 1,
+          (int)dim, (int)((n[0] + 1) * (n[1] + 1) * (n[2] + 1)));
   for (PetscInt v = 0; v < (n[0] + 1) * (n[1] + 1) * (n[2] + 1); v++) {
     const PetscInt at[3] = {v % (n[0] + 1), v / (n[0] + 1) % (n[1] + 1), v / ((n[0] + 1) * (n[1] + 1))};
     PetscReal      x[3]  = {0, 0, 0};
@@ -161,7 +162,8 @@ static inline void write_skewed_mesh(const char name[], PetscInt dim, const Pets
 
     fprintf(f, "%d %d 2 2 2", (int)(nface + c) + 1, dim == 2 ? 3 : 5);
     for (PetscInt up = 0; up < dim - 1; up++)
-      fprintf(f, " %d %d %d %d", (int)vertex_number(n, i, j, k + up), (int)vertex_number(n, i + 1, j, k + up), (int)vertex_number(n, i + 1, j + 1, k + up), (int)vertex_number(n, i, j + 1, k + up));
+      fprintf(f, " %d %d %d %d", (int)vertex_number(n, i, j, k + up), (int)vertex_number(n, i + 1, j, k + up),
+              (int)vertex_number(n, i + 1, j + 1, k + up), (int)vertex_number(n, i, j + 1, k + up));
     fprintf(f, "\n");
   }
   fprintf(f, "$EndElements\n");

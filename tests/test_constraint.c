@@ -5,14 +5,8 @@
 
 /* Bodies 0 and 1 are unknown as a whole, 2 in its translation only, 3 is known; 4 covers no node but has slots */
 #define NBODIES 5
-static const PetscReal CENTRES[NBODIES][3] = {
-  {0.30, 0.30, 0.35},
-  {0.75, 0.55, 0.60},
-  {0.25, 0.80, 0.70},
-  {1.10, 0.85, 0.20},
-  {9,    9,    9   }
-};
-static const PetscReal RADII[NBODIES] = {0.2, 0.25, 0.15, 0.2, 0.1};
+static const PetscReal CENTRES[NBODIES][3] = {{0.30, 0.30, 0.35}, {0.75, 0.55, 0.60}, {0.25, 0.80, 0.70}, {1.10, 0.85, 0.20}, {9, 9, 9}};
+static const PetscReal RADII[NBODIES]      = {0.2, 0.25, 0.15, 0.2, 0.1};
 
 typedef struct {
   Mesh             mesh;
@@ -177,7 +171,11 @@ static void check_expand(Case *s)
     for (PetscInt a = 0; a < s->dim; a++) {
       const PetscBool wall = (PetscBool)((s->fixed[i] >> a) & 1);
 
-      NEAR(u[i * s->dim + a], wall ? s->value[i * s->dim + a] : k >= 0 ? all[k * s->nr + a] + v[a] : noise(7 + s->l->node_global[i] * s->dim + a), 1e-14);
+      NEAR(u[i * s->dim + a],
+           wall     ? s->value[i * s->dim + a]
+           : k >= 0 ? all[k * s->nr + a] + v[a]
+                    : noise(7 + s->l->node_global[i] * s->dim + a),
+           1e-14);
       if (!wall && k < 0) BELOW(known[i * s->dim + a], 0);
       covered[wall ? 0 : k >= 0 ? 1 : 2] += i < s->l->nnode;
     }
@@ -364,7 +362,8 @@ static void check_restrict(Case *s)
   OK(ConstraintGetInert(s->c, &n, &slot));
   OK(VecGetArrayRead(back, &x));
   for (PetscInt j = 0; j < n; j++) BELOW(x[slot[j]], 0);
-  for (PetscInt i = 0; i < s->count * s->nr; i++) NEAR(x[s->nodal + i], (s->unknown[s->first + i / s->nr] >> (i % s->nr)) & 1 ? all[s->first * s->nr + i] : 0, 0);
+  for (PetscInt i = 0; i < s->count * s->nr; i++)
+    NEAR(x[s->nodal + i], (s->unknown[s->first + i / s->nr] >> (i % s->nr)) & 1 ? all[s->first * s->nr + i] : 0, 0);
   OK(VecRestoreArrayRead(back, &x));
   OK(ConstraintExpand(s->c, back, again));
   BELOW(max_difference(s->l->nnode_all * s->dim, u, again), 0);
@@ -487,10 +486,10 @@ static void test_no_bodies(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_sizes),     cmocka_unit_test(test_expand),     cmocka_unit_test(test_transpose),
-                                     cmocka_unit_test(test_reduce),    cmocka_unit_test(test_put_back),   cmocka_unit_test(test_matrix),
-                                     cmocka_unit_test(test_restrict),  cmocka_unit_test(test_walls_win),  cmocka_unit_test(test_boundary_changes_later),
-                                     cmocka_unit_test(test_changes),   cmocka_unit_test(test_no_bodies)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_sizes),    cmocka_unit_test(test_expand),    cmocka_unit_test(test_transpose),
+                                     cmocka_unit_test(test_reduce),   cmocka_unit_test(test_put_back),  cmocka_unit_test(test_matrix),
+                                     cmocka_unit_test(test_restrict), cmocka_unit_test(test_walls_win), cmocka_unit_test(test_boundary_changes_later),
+                                     cmocka_unit_test(test_changes),  cmocka_unit_test(test_no_bodies)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

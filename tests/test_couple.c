@@ -143,7 +143,8 @@ static void test_force_of_a_fixed_body(void **state)
     Case      c;
     PetscReal residual[6], volume[6], want[3], zero[3] = {0, 0, 0};
 
-    snprintf(options, sizeof(options), CHANNEL DISC TIGHT "-particle_disc_position 0.6,0.47 -particle_disc_free none -flow_force 0.3,0.1 %s", scheme[i]);
+    snprintf(options, sizeof(options), CHANNEL DISC TIGHT "-particle_disc_position 0.6,0.47 -particle_disc_free none -flow_force 0.3,0.1 %s",
+             scheme[i]);
     open_case(&c, options);
     take_steps(&c, 2, 0.05);
     solve_step(&c, 0.05);
@@ -156,7 +157,7 @@ static void test_force_of_a_fixed_body(void **state)
     NEAR(c.s->force[0][0], want[0], 1e-10);
     NEAR(c.s->force[0][1], want[1], 1e-10);
     NEAR(c.s->torque[0][2], want[2], 1e-10);
-  BELOW(momentum_error(&c), 1e-9);
+    BELOW(momentum_error(&c), 1e-9);
     close_case(&c);
   }
 }
@@ -170,7 +171,8 @@ static void test_spurious_pressure(void **state)
   const PetscReal *u, *p;
   PetscReal        before[6], after[6], volume[6], inside = 0, *q;
 
-  open_case(&c, CHANNEL DISC TIGHT "-particle_disc_position 0.6,0.47 -particle_disc_free none -flow_bc_right_type inflow -flow_bc_right_velocity 1,0 -flow_bc_right_profile parabolic");
+  open_case(&c, CHANNEL DISC TIGHT
+            "-particle_disc_position 0.6,0.47 -particle_disc_free none -flow_bc_right_type inflow -flow_bc_right_velocity 1,0 -flow_bc_right_profile parabolic");
   take_steps(&c, 1, 0.05);
   solve_step(&c, 0.05);
   OK(CoupleForceForms(c.couple, 0, before, volume));
@@ -190,7 +192,8 @@ static void test_spurious_pressure(void **state)
   for (PetscInt d = 0; d < 6; d++) NEAR(after[d], before[d], 1e-11);
   close_case(&c);
 
-  open_case(&c, CHANNEL DISC "-flow_recipe direct -flow_ksp_rtol 1e-11 -particle_disc_position 0.6,0.47 -particle_disc_free none -flow_bc_right_type inflow -flow_bc_right_velocity 1,0 -flow_bc_right_profile parabolic");
+  open_case(&c, CHANNEL DISC
+            "-flow_recipe direct -flow_ksp_rtol 1e-11 -particle_disc_position 0.6,0.47 -particle_disc_free none -flow_bc_right_type inflow -flow_bc_right_velocity 1,0 -flow_bc_right_profile parabolic");
   take_steps(&c, 1, 0.05);
   solve_step(&c, 0.05);
   OK(CoupleForceForms(c.couple, 0, after, volume));
@@ -205,7 +208,8 @@ static void test_forms_agree(void **state)
   Case      c;
   PetscReal residual[6], volume[6];
 
-  open_case(&c, DISC "-mesh_cells 40,40 -flow_viscosity 0.5 -flow_convection 0 -flow_time be " TIGHT "-particle_disc_radius 0.25 -particle_disc_position 0.47,0.52 -particle_disc_free none "
+  open_case(&c, DISC "-mesh_cells 40,40 -flow_viscosity 0.5 -flow_convection 0 -flow_time be " TIGHT
+                     "-particle_disc_radius 0.25 -particle_disc_position 0.47,0.52 -particle_disc_free none "
                      "-flow_bc_left_type moving_wall -flow_bc_left_velocity 1,0 -flow_bc_right_type moving_wall -flow_bc_right_velocity 1,0 "
                      "-flow_bc_top_type moving_wall -flow_bc_top_velocity 1,0 -flow_bc_bottom_type moving_wall -flow_bc_bottom_velocity 1,0");
   solve_step(&c, 1e6);
@@ -215,7 +219,8 @@ static void test_forms_agree(void **state)
   BELOW(volume[1] - residual[1], 0.03 * residual[0]);
   close_case(&c);
 
-  open_case(&c, DISC "-mesh_cells 40,40 -flow_viscosity 0.5 -flow_convection 0 -flow_time be " TIGHT "-particle_disc_radius 0.25 -particle_disc_position 0.5,0.5 -particle_disc_free none "
+  open_case(&c, DISC "-mesh_cells 40,40 -flow_viscosity 0.5 -flow_convection 0 -flow_time be " TIGHT
+                     "-particle_disc_radius 0.25 -particle_disc_position 0.5,0.5 -particle_disc_free none "
                      "-particle_disc_angular_velocity 2");
   solve_step(&c, 1e6);
   OK(CoupleForceForms(c.couple, 0, residual, volume));
@@ -235,7 +240,9 @@ static void check_free_motion(const char scheme[], const char more[])
   PetscReal u[2][3], w[2][3], force[3], torque[3], now[3], a[3], alpha[3], want[3], plane[3], volume, inertia[6];
   FlowStep  step;
 
-  snprintf(options, sizeof(options), CAVITY DISC TIGHT "-particle_disc_position 0.42,0.53 -flow_bc_top_type moving_wall -flow_bc_top_velocity 1,0 -flow_time %s %s", scheme, more);
+  snprintf(options, sizeof(options),
+           CAVITY DISC TIGHT "-particle_disc_position 0.42,0.53 -flow_bc_top_type moving_wall -flow_bc_top_velocity 1,0 -flow_time %s %s", scheme,
+           more);
   open_case(&c, options);
   take_steps(&c, 3, 0.02);
   for (PetscInt d = 0; d < 3; d++) {
@@ -251,7 +258,7 @@ static void check_free_motion(const char scheme[], const char more[])
     solve_step(&c, 0.015);
     OK(FlowGetStep(c.flow, &now_step));
     step = *now_step;
-  BELOW(momentum_error(&c), 1e-9);
+    BELOW(momentum_error(&c), 1e-9);
     for (PetscInt d = 0; d < 3; d++) {
       force[d]  = c.s->force[0][d];
       torque[d] = c.s->torque[0][d];
@@ -332,17 +339,19 @@ static void test_free_motion(void **state)
 static void test_momentum_balance(void **state)
 {
   (void)state;
-  const char *const variant[] = {"-couple_type implicit -flow_time bdf2", "-couple_type implicit -flow_time cn", "-couple_type explicit -flow_time be"};
+  const char *const variant[] = {"-couple_type implicit -flow_time bdf2", "-couple_type implicit -flow_time cn",
+                                 "-couple_type explicit -flow_time be"};
 
   for (PetscInt i = 0; i < 3; i++) {
     char options[2048];
     Case c;
 
     snprintf(options, sizeof(options),
-             CAVITY TIGHT "-flow_bc_top_type moving_wall -flow_bc_top_velocity 1,0 -flow_bc_right_type outflow -flow_force 0.2,-0.4 -particle_groups a,b,c "
-                          "-particle_a_shape circle -particle_a_radius 0.14 -particle_a_density 4 -particle_a_position 0.25,0.75 "
-                          "-particle_b_shape circle -particle_b_radius 0.12 -particle_b_position 0.7,0.3 -particle_b_free none -particle_b_angular_velocity 3 "
-                          "-particle_c_shape ellipse -particle_c_a 0.12 -particle_c_b 0.08 -particle_c_density 3 -particle_c_position 0.3,0.3 -particle_c_free x,rotation %s",
+             CAVITY TIGHT
+             "-flow_bc_top_type moving_wall -flow_bc_top_velocity 1,0 -flow_bc_right_type outflow -flow_force 0.2,-0.4 -particle_groups a,b,c "
+             "-particle_a_shape circle -particle_a_radius 0.14 -particle_a_density 4 -particle_a_position 0.25,0.75 "
+             "-particle_b_shape circle -particle_b_radius 0.12 -particle_b_position 0.7,0.3 -particle_b_free none -particle_b_angular_velocity 3 "
+             "-particle_c_shape ellipse -particle_c_a 0.12 -particle_c_b 0.08 -particle_c_density 3 -particle_c_position 0.3,0.3 -particle_c_free x,rotation %s",
              variant[i]);
     open_case(&c, options);
     for (PetscInt k = 0; k < 3; k++) {
@@ -377,7 +386,8 @@ static void test_momentum_balance_of_a_cavity(void **state)
 static void test_rest(void **state)
 {
   (void)state;
-  const char *const variant[] = {"-flow_time be", "-flow_time cn", "-flow_time bdf2", "-flow_time be -couple_type explicit", "-flow_time bdf2 -couple_force volume -couple_type explicit"};
+  const char *const variant[] = {"-flow_time be", "-flow_time cn", "-flow_time bdf2", "-flow_time be -couple_type explicit",
+                                 "-flow_time bdf2 -couple_force volume -couple_type explicit"};
 
   for (PetscInt i = 0; i < 5; i++) {
     char             options[1024];
@@ -410,7 +420,8 @@ static void test_periodic_images(void **state)
     char options[1024];
     Case c;
 
-    snprintf(options, sizeof(options), CAVITY DISC TIGHT "-mesh_periodic x -flow_force 2,0 -particle_disc_density 3 -particle_disc_position %g,0.53", i ? 0.02 : 0.52);
+    snprintf(options, sizeof(options), CAVITY DISC TIGHT "-mesh_periodic x -flow_force 2,0 -particle_disc_density 3 -particle_disc_position %g,0.53",
+             i ? 0.02 : 0.52);
     open_case(&c, options);
     take_steps(&c, 4, 0.03);
     for (PetscInt d = 0; d < 2; d++) {
@@ -429,8 +440,9 @@ static void test_periodic_images(void **state)
 
 /* ---- stability ---- */
 
-static char raised[2048];
-static PetscErrorCode record_error(MPI_Comm comm, int line, const char *fun, const char *file, PetscErrorCode n, PetscErrorType p, const char *mess, void *ctx)
+static char           raised[2048];
+static PetscErrorCode record_error(MPI_Comm comm, int line, const char *fun, const char *file, PetscErrorCode n, PetscErrorType p, const char *mess,
+                                   void *ctx)
 {
   (void)comm, (void)line, (void)fun, (void)file, (void)ctx;
   if (p == PETSC_ERROR_INITIAL) snprintf(raised, sizeof(raised), "%s", mess ? mess : "");
@@ -457,15 +469,22 @@ static void test_light_body(void **state)
 
   open_case(&c, CAVITY DISC "-particle_disc_position 0.5,0.4 -particle_disc_density 0.05");
   take_steps(&c, 20, 0.005);
-  assert_true(c.s->u[0][1] > 0.1 && c.s->u[0][1] < 1.2); /* rises, slower than free acceleration with added mass g (1.3 - 0.05)/(1.3 + 0.05) t = 0.83 */
+  assert_true(c.s->u[0][1] > 0.1 &&
+              c.s->u[0][1] < 1.2); /* rises, slower than free acceleration with added mass g (1.3 - 0.05)/(1.3 + 0.05) t = 0.83 */
   close_case(&c);
 }
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_force_of_a_fixed_body), cmocka_unit_test(test_spurious_pressure), cmocka_unit_test(test_forms_agree),
-                                     cmocka_unit_test(test_free_motion),           cmocka_unit_test(test_momentum_balance), cmocka_unit_test(test_momentum_balance_of_a_cavity), cmocka_unit_test(test_rest),
-                                     cmocka_unit_test(test_periodic_images),       cmocka_unit_test(test_light_body)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_force_of_a_fixed_body),
+                                     cmocka_unit_test(test_spurious_pressure),
+                                     cmocka_unit_test(test_forms_agree),
+                                     cmocka_unit_test(test_free_motion),
+                                     cmocka_unit_test(test_momentum_balance),
+                                     cmocka_unit_test(test_momentum_balance_of_a_cavity),
+                                     cmocka_unit_test(test_rest),
+                                     cmocka_unit_test(test_periodic_images),
+                                     cmocka_unit_test(test_light_body)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

@@ -155,7 +155,7 @@ static void apply_matrix(const Case *c, const PetscReal u[], PetscReal y[])
 /* Translation, rotations, and quadratics without divergence */
 static void solenoidal(PetscInt kind, PetscInt dim, const PetscReal x[], PetscReal v[])
 {
-  const PetscReal z = dim == 3 ? x[2] : 0;
+  const PetscReal z    = dim == 3 ? x[2] : 0;
   PetscReal       t[3] = {1, -2, 3};
 
   if (kind == 1) t[0] = -x[1] + 2 * z, t[1] = x[0] - 3 * z, t[2] = 3 * x[1] - 2 * x[0];
@@ -186,8 +186,8 @@ static void test_solenoidal_fields(void **state)
 /* div u = 1 for u = x: row 0 is the cell's volume, the others its first moments, and all volumes add up to the box */
 static void check_volume(Case *c)
 {
-  const PetscInt nk = c->dim + 1;
-  PetscReal     *u = new_field(c), *y = new_pressure(c), sum = 0, top = 0, sum_lumped = 0;
+  const PetscInt   nk = c->dim + 1;
+  PetscReal       *u = new_field(c), *y = new_pressure(c), sum = 0, top = 0, sum_lumped = 0;
   const PetscReal *m;
 
   for (PetscInt i = 0; i < c->l->nnode_all; i++) u[i * c->dim] = c->l->x[i * c->dim];
@@ -741,13 +741,17 @@ static PetscInt want_none(const PetscReal x[], PetscReal t, PetscReal v[3])
 static void test_boundary_values(void **state)
 {
   (void)state;
-  const char *channel = "-flow_bc_left_type inflow -flow_bc_left_velocity 2,1 -flow_bc_right_type outflow -flow_bc_top_type moving_wall -flow_bc_top_velocity 7,0";
-  const char *pulsed  = "-flow_bc_left_type inflow -flow_bc_left_velocity 2,0 -flow_bc_left_profile parabolic -flow_bc_left_factor 1,0.5,4 -flow_bc_left_ramp 3 -flow_bc_right_type outflow";
-  const char *pulsed3 = "-flow_bc_left_type inflow -flow_bc_left_velocity 2,0,0 -flow_bc_left_profile parabolic -flow_bc_left_factor 1,0.5,4 -flow_bc_left_ramp 3 -flow_bc_right_type outflow";
+  const char *channel =
+    "-flow_bc_left_type inflow -flow_bc_left_velocity 2,1 -flow_bc_right_type outflow -flow_bc_top_type moving_wall -flow_bc_top_velocity 7,0";
+  const char *pulsed =
+    "-flow_bc_left_type inflow -flow_bc_left_velocity 2,0 -flow_bc_left_profile parabolic -flow_bc_left_factor 1,0.5,4 -flow_bc_left_ramp 3 -flow_bc_right_type outflow";
+  const char *pulsed3 =
+    "-flow_bc_left_type inflow -flow_bc_left_velocity 2,0,0 -flow_bc_left_profile parabolic -flow_bc_left_factor 1,0.5,4 -flow_bc_left_ramp 3 -flow_bc_right_type outflow";
 
   check_boundary(2, channel, 1, want_channel, PETSC_FALSE, 4 + 8);
   check_boundary(2, "-flow_bc_top_type moving_wall -flow_bc_top_velocity 7,0", 1, want_cavity, PETSC_TRUE, 15);
-  check_boundary(2, "-flow_bc_left_type inflow -flow_bc_left_velocity 2,1 -flow_bc_right_type slip -flow_bc_top_type slip -flow_bc_bottom_type slip", 1, want_slip, PETSC_TRUE, 0);
+  check_boundary(2, "-flow_bc_left_type inflow -flow_bc_left_velocity 2,1 -flow_bc_right_type slip -flow_bc_top_type slip -flow_bc_bottom_type slip",
+                 1, want_slip, PETSC_TRUE, 0);
   for (PetscInt i = 0; i < 4; i++) {
     check_boundary(2, pulsed, 1.7 * i, want_pulse, PETSC_FALSE, 12);
     check_boundary(3, pulsed3, 1.7 * i, want_pulse_3d, PETSC_FALSE, 4 + 8 + 16 + 32);
@@ -756,8 +760,9 @@ static void test_boundary_values(void **state)
   check_boundary(2, "-mesh_periodic x,y", 1, want_none, PETSC_TRUE, 0);
 }
 
-static char raised[2048];
-static PetscErrorCode record_error(MPI_Comm comm, int line, const char *fun, const char *file, PetscErrorCode n, PetscErrorType p, const char *mess, void *ctx)
+static char           raised[2048];
+static PetscErrorCode record_error(MPI_Comm comm, int line, const char *fun, const char *file, PetscErrorCode n, PetscErrorType p, const char *mess,
+                                   void *ctx)
 {
   (void)comm, (void)line, (void)fun, (void)file, (void)ctx;
   if (p == PETSC_ERROR_INITIAL) snprintf(raised, sizeof(raised), "%s", mess ? mess : "");
@@ -791,12 +796,18 @@ static void test_refused_boundaries(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_solenoidal_fields),  cmocka_unit_test(test_volume),
-                                     cmocka_unit_test(test_divergence_and_gradient_are_adjoint), cmocka_unit_test(test_mass_and_stiffness),
-                                     cmocka_unit_test(test_matrix_follows_the_step), cmocka_unit_test(test_convection),
-                                     cmocka_unit_test(test_residual_is_the_system), cmocka_unit_test(test_stress_integral),
-                                     cmocka_unit_test(test_diagnose),           cmocka_unit_test(test_time_schemes),
-                                     cmocka_unit_test(test_boundary_values),    cmocka_unit_test(test_refused_boundaries)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_solenoidal_fields),
+                                     cmocka_unit_test(test_volume),
+                                     cmocka_unit_test(test_divergence_and_gradient_are_adjoint),
+                                     cmocka_unit_test(test_mass_and_stiffness),
+                                     cmocka_unit_test(test_matrix_follows_the_step),
+                                     cmocka_unit_test(test_convection),
+                                     cmocka_unit_test(test_residual_is_the_system),
+                                     cmocka_unit_test(test_stress_integral),
+                                     cmocka_unit_test(test_diagnose),
+                                     cmocka_unit_test(test_time_schemes),
+                                     cmocka_unit_test(test_boundary_values),
+                                     cmocka_unit_test(test_refused_boundaries)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

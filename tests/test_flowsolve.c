@@ -30,12 +30,10 @@ typedef struct {
 } Answer;
 
 /* Heavy and free, light and free, known velocity: no cell meets two of them or one and a wall. The last one is for 3D. */
-static const Ball BALLS[MAX_BODIES + 1] = {
-  {{0.30, 0.33, 0},    0.15, 6,   63},
-  {{0.66, 0.60, 0},    0.16, 0.1, 63},
-  {{0.25, 0.78, 0},    0.13, 2,   0 },
-  {{0.51, 0.49, 0.50}, 0.25, 0.1, 63}
-};
+static const Ball BALLS[MAX_BODIES + 1] = {{{0.30, 0.33, 0}, 0.15, 6, 63},
+                                           {{0.66, 0.60, 0}, 0.16, 0.1, 63},
+                                           {{0.25, 0.78, 0}, 0.13, 2, 0},
+                                           {{0.51, 0.49, 0.50}, 0.25, 0.1, 63}};
 
 /* Smooth, without divergence, zero at the walls of the unit square */
 static void whirl(PetscInt dim, const PetscReal x[], PetscReal v[])
@@ -91,7 +89,8 @@ static void open_case(Case *c, PetscInt dim, PetscInt n, const char options[])
   OK(PetscMemzero(c->D, sizeof(c->D)));
   for (PetscInt k = 0; k < n; k++) {
     const Ball     *ball = BALLS + (dim == 2 ? k : MAX_BODIES);
-    const PetscReal r = ball->radius, volume = dim == 2 ? PETSC_PI * r * r : 4 * PETSC_PI / 3 * r * r * r, moment = (dim == 2 ? 0.5 : 0.4) * volume * r * r;
+    const PetscReal r = ball->radius, volume = dim == 2 ? PETSC_PI * r * r : 4 * PETSC_PI / 3 * r * r * r,
+                    moment = (dim == 2 ? 0.5 : 0.4) * volume * r * r;
 
     c->radius[k]  = r;
     c->unknown[k] = ball->unknown & ((1 << c->nr) - 1);
@@ -232,7 +231,12 @@ static void compare_pressure(const Case *c, const PetscReal p[], const PetscReal
 /* All ways to solve the same scene: every row holds for each, and their answers agree */
 static void compare_solvers(PetscInt dim, PetscInt n, const char scene[], PetscBool viscous, PetscInt its_most)
 {
-  const char *const way[] = {"", "-flow_schur projection", "-flow_schur commutator", "-flow_fieldsplit_velocity_pc_type bjacobi", "-flow_recipe accurate", "-flow_recipe direct"};
+  const char *const way[] = {"",
+                             "-flow_schur projection",
+                             "-flow_schur commutator",
+                             "-flow_fieldsplit_velocity_pc_type bjacobi",
+                             "-flow_recipe accurate",
+                             "-flow_recipe direct"};
   Answer            first;
   Case              c;
 
@@ -445,14 +449,16 @@ static void choose_mass(const Case *c, Pressure p, PetscReal weight[], PetscReal
   OK(FlowGetBoundaryValues(c->flow, &fixed, &value));
   OK(ConstraintGetNodeBody(c->constraint, &body));
   for (PetscInt i = 0; i < c->l->nnode_all; i++)
-    for (PetscInt d = 0; d < c->dim; d++) weight[i * c->dim + d] = (fixed[i] >> d) & 1 ? 0 : (1.5 + noise(c->l->node_global[i])) * (body[i] >= 0 ? PressureGetSoftness(p) : 1);
+    for (PetscInt d = 0; d < c->dim; d++)
+      weight[i * c->dim + d] = (fixed[i] >> d) & 1 ? 0 : (1.5 + noise(c->l->node_global[i])) * (body[i] >= 0 ? PressureGetSoftness(p) : 1);
   for (PetscInt k = 0; k < c->n; k++)
     for (PetscInt i = 0; i < c->nr; i++)
       for (PetscInt j = 0; j < c->nr; j++) mass_inverse[(k * c->nr + i) * c->nr + j] = !c->unknown[k] ? 0 : i == j ? 2 + i : 0.1 * noise(i + j);
 }
 
 /* y = B W B^T x + sum_k (B R_k) M_k^{-1} (B R_k)^T x, step by step; the second part only if `bodies` */
-static void apply_definition(const Case *c, const PetscReal weight[], const PetscReal mass_inverse[], PetscBool bodies, const PetscReal x[], PetscReal y[])
+static void apply_definition(const Case *c, const PetscReal weight[], const PetscReal mass_inverse[], PetscBool bodies, const PetscReal x[],
+                             PetscReal y[])
 {
   const PetscInt *body;
   PetscReal      *r, pull[MAX_BODIES * 6] = {0}, push[MAX_BODIES * 6] = {0}, R[18];
@@ -582,9 +588,10 @@ static void test_pressure_operator(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_cavity),    cmocka_unit_test(test_outflow),      cmocka_unit_test(test_bodies),
-                                     cmocka_unit_test(test_bodies_periodic), cmocka_unit_test(test_bodies_3d), cmocka_unit_test(test_symmetry),
-                                     cmocka_unit_test(test_set_up_again), cmocka_unit_test(test_steady), cmocka_unit_test(test_close_bodies), cmocka_unit_test(test_pressure_operator)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_cavity),           cmocka_unit_test(test_outflow),   cmocka_unit_test(test_bodies),
+                                     cmocka_unit_test(test_bodies_periodic),  cmocka_unit_test(test_bodies_3d), cmocka_unit_test(test_symmetry),
+                                     cmocka_unit_test(test_set_up_again),     cmocka_unit_test(test_steady),    cmocka_unit_test(test_close_bodies),
+                                     cmocka_unit_test(test_pressure_operator)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));
