@@ -27,8 +27,10 @@ PetscErrorCode OptString(const char name[], const char help[], char value[], siz
 
 /* Exactly n reals ("1,2" or a YAML list [1, 2]); another number of values is an error that says how many are wanted.
    *found (may be NULL) tells whether the option was given. */
-PetscErrorCode OptRealArray(const char name[], const char help[], const char unit[], PetscReal lower, PetscReal upper, PetscInt n, PetscReal value[], PetscBool *found);
-PetscErrorCode OptIntArray(const char name[], const char help[], const char unit[], PetscInt lower, PetscInt upper, PetscInt n, PetscInt value[], PetscBool *found);
+PetscErrorCode OptRealArray(const char name[], const char help[], const char unit[], PetscReal lower, PetscReal upper, PetscInt n, PetscReal value[],
+                            PetscBool *found);
+PetscErrorCode OptIntArray(const char name[], const char help[], const char unit[], PetscInt lower, PetscInt upper, PetscInt n, PetscInt value[],
+                           PetscBool *found);
 
 /* A list of strings. On entry *n is the room in list[]; on exit the number found (0 if absent).
    Each string is allocated; free it with PetscFree. */

@@ -18,7 +18,8 @@ PetscErrorCode PressureDestroy(Pressure *);
 /* eps of the design's section 4: share of their inverse mass that constrained body nodes keep. */
 PetscReal PressureGetSoftness(Pressure);
 
-/* weight [nnode_all][dim]: inverse mass of every nodal slot (zero at walls); mass_inverse [nbodies][nr][nr]: inverse of the bodies' blocks of M_r, zero for known
+/* All masses here are divided by rho c_t: S_p belongs to continuity rows multiplied by rho c_t, and does not depend on the time step.
+   weight [nnode_all][dim]: inverse mass of every nodal slot (zero at walls); mass_inverse [nbodies][nr][nr]: inverse of the bodies' blocks of M_r, zero for known
    degrees of freedom. Collective. */
 PetscErrorCode PressureUpdate(Pressure, const PetscReal weight[], const PetscReal mass_inverse[]);
 

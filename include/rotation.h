@@ -7,7 +7,7 @@ static inline void RotationFromAngle(PetscReal angle, PetscReal q[4])
 {
   q[0] = PetscCosReal(0.5 * angle);
   q[1] = q[2] = 0;
-  q[3] = PetscSinReal(0.5 * angle);
+  q[3]        = PetscSinReal(0.5 * angle);
 }
 
 /* R [3][3], row-major: x_space = R x_body */
@@ -34,10 +34,10 @@ static inline void RotationAdvance(PetscReal dt, const PetscReal w[3], PetscReal
   const PetscReal e[3] = {s * w[0], s * w[1], s * w[2]};
   const PetscReal a = q[0], b = q[1], c = q[2], d = q[3];
 
-  q[0] = e0 * a - e[0] * b - e[1] * c - e[2] * d;
-  q[1] = e0 * b + e[0] * a + e[1] * d - e[2] * c;
-  q[2] = e0 * c - e[0] * d + e[1] * a + e[2] * b;
-  q[3] = e0 * d + e[0] * c - e[1] * b + e[2] * a;
+  q[0]              = e0 * a - e[0] * b - e[1] * c - e[2] * d;
+  q[1]              = e0 * b + e[0] * a + e[1] * d - e[2] * c;
+  q[2]              = e0 * c - e[0] * d + e[1] * a + e[2] * b;
+  q[3]              = e0 * d + e[0] * c - e[1] * b + e[2] * a;
   const PetscReal n = 1 / PetscSqrtReal(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
   for (int i = 0; i < 4; i++) q[i] *= n;
 }

@@ -30,17 +30,18 @@ typedef struct {
    create, options and setup run inside ShapeCreate on every rank of PETSC_COMM_WORLD and may communicate; all others are not collective.
    `data` memory belongs to the plugin: allocate in create, free in destroy (which also runs when options or setup failed). */
 typedef struct {
-  PetscErrorCode (*create)(Shape);      /* optional: allocate data, set defaults */
-  PetscErrorCode (*options)(Shape);     /* optional: read options with ShapeOption*() */
-  PetscErrorCode (*setup)(Shape);       /* optional: derived data, after options */
-  PetscErrorCode (*distance)(Shape, PetscInt n, const PetscReal x[], PetscReal d[]);    /* REQUIRED: x [n][dim] -> d [n] */
-  PetscErrorCode (*radius)(Shape, PetscReal *r);                                        /* REQUIRED: all surface points have |x| <= r */
-  PetscErrorCode (*normal)(Shape, PetscInt n, const PetscReal x[], PetscReal normal[]); /* optional: grad d, unit, outward [n][dim]; default central differences */
-  PetscErrorCode (*mass)(Shape, ShapeMass *m);                                          /* optional; default adaptive quadrature of the distance */
-  PetscErrorCode (*surface)(Shape, PetscInt n, PetscReal x[], PetscReal w[]);           /* optional: n points on the surface [n][dim], counter-clockwise in 2D,
+  PetscErrorCode (*create)(Shape);                                                   /* optional: allocate data, set defaults */
+  PetscErrorCode (*options)(Shape);                                                  /* optional: read options with ShapeOption*() */
+  PetscErrorCode (*setup)(Shape);                                                    /* optional: derived data, after options */
+  PetscErrorCode (*distance)(Shape, PetscInt n, const PetscReal x[], PetscReal d[]); /* REQUIRED: x [n][dim] -> d [n] */
+  PetscErrorCode (*radius)(Shape, PetscReal *r);                                     /* REQUIRED: all surface points have |x| <= r */
+  PetscErrorCode (*normal)(Shape, PetscInt n, const PetscReal x[],
+                           PetscReal normal[]); /* optional: grad d, unit, outward [n][dim]; default central differences */
+  PetscErrorCode (*mass)(Shape, ShapeMass *m);  /* optional; default adaptive quadrature of the distance */
+  PetscErrorCode (*surface)(Shape, PetscInt n, PetscReal x[], PetscReal w[]); /* optional: n points on the surface [n][dim], counter-clockwise in 2D,
                                                                                            with weights w [n] that add up to the perimeter (area in 3D); default by projection */
-  PetscErrorCode (*view)(Shape, PetscViewer);                                           /* optional: one line of parameters, ASCII */
-  PetscErrorCode (*destroy)(Shape);                                                     /* optional: free data */
+  PetscErrorCode (*view)(Shape, PetscViewer);                                 /* optional: one line of parameters, ASCII */
+  PetscErrorCode (*destroy)(Shape);                                           /* optional: free data */
 } ShapeOps;
 
 /* The record a plugin exports under the symbol `tumble_shape`. */
@@ -50,7 +51,7 @@ typedef struct {
   const char *description; /* one line */
   const char *author;
   const char *version;
-  int         dims;        /* bit mask: 1 = works in 2D, 2 = works in 3D */
+  int         dims; /* bit mask: 1 = works in 2D, 2 = works in 3D */
   ShapeOps    ops;
 } ShapePlugin;
 
@@ -60,7 +61,9 @@ typedef struct {
   #define SHAPE_EXPORT
 #endif
 /* At file scope of a plugin: TUMBLE_SHAPE_REGISTER = { SHAPE_INTERFACE, "circle", ... }; */
-#define TUMBLE_SHAPE_REGISTER extern SHAPE_EXPORT const ShapePlugin tumble_shape; SHAPE_EXPORT const ShapePlugin tumble_shape
+#define TUMBLE_SHAPE_REGISTER \
+  extern SHAPE_EXPORT const ShapePlugin tumble_shape; \
+  SHAPE_EXPORT const ShapePlugin        tumble_shape
 
 /* ---- for plugins ---- */
 PetscErrorCode ShapeGetDimension(Shape, PetscInt *dim);
@@ -69,7 +72,8 @@ PetscErrorCode ShapeGetData(Shape, void *data); /* pass the address of a pointer
 /* Options of a shape, named without prefix ("radius" becomes -particle_<group>_radius). Range as in opt.h. Not given: default stays. */
 PetscErrorCode ShapeOptionReal(Shape, const char name[], const char help[], const char unit[], PetscReal lower, PetscReal upper, PetscReal *value);
 PetscErrorCode ShapeOptionInt(Shape, const char name[], const char help[], PetscInt lower, PetscInt upper, PetscInt *value);
-PetscErrorCode ShapeOptionRealArray(Shape, const char name[], const char help[], const char unit[], PetscReal lower, PetscReal upper, PetscInt n, PetscReal value[]);
+PetscErrorCode ShapeOptionRealArray(Shape, const char name[], const char help[], const char unit[], PetscReal lower, PetscReal upper, PetscInt n,
+                                    PetscReal value[]);
 PetscErrorCode ShapeOptionString(Shape, const char name[], const char help[], char value[], size_t len);
 
 /* ---- for users of shapes ---- */
@@ -81,12 +85,13 @@ PetscErrorCode ShapeCreate(const char type[], const char prefix[], PetscInt dim,
 PetscErrorCode ShapeDestroy(Shape *);
 PetscErrorCode ShapeView(Shape, PetscViewer);
 PetscErrorCode ShapeGetType(Shape, const char *type[]);
-PetscErrorCode ShapeDistance(Shape, PetscInt n, const PetscReal x[], PetscReal d[]);     /* x [n][dim] -> d [n] */
-PetscErrorCode ShapeNormal(Shape, PetscInt n, const PetscReal x[], PetscReal normal[]);  /* -> unit outward [n][dim] */
-PetscErrorCode ShapeProject(Shape, PetscInt n, const PetscReal x[], PetscReal y[]);      /* closest surface points y [n][dim]: x - d grad d, iterated until |d(y)| <= 1e-12 r */
-PetscErrorCode ShapeGetRadius(Shape, PetscReal *r);                                      /* bounding radius about the CENTROID */
-PetscErrorCode ShapeGetMass(Shape, ShapeMass *m);                                        /* cached */
-PetscErrorCode ShapeSurface(Shape, PetscInt n, PetscReal x[], PetscReal w[]);            /* see ShapeOps.surface */
+PetscErrorCode ShapeDistance(Shape, PetscInt n, const PetscReal x[], PetscReal d[]);    /* x [n][dim] -> d [n] */
+PetscErrorCode ShapeNormal(Shape, PetscInt n, const PetscReal x[], PetscReal normal[]); /* -> unit outward [n][dim] */
+PetscErrorCode ShapeProject(Shape, PetscInt n, const PetscReal x[],
+                            PetscReal y[]);         /* closest surface points y [n][dim]: x - d grad d, iterated until |d(y)| <= 1e-12 r */
+PetscErrorCode ShapeGetRadius(Shape, PetscReal *r); /* bounding radius about the CENTROID */
+PetscErrorCode ShapeGetMass(Shape, ShapeMass *m);   /* cached */
+PetscErrorCode ShapeSurface(Shape, PetscInt n, PetscReal x[], PetscReal w[]); /* see ShapeOps.surface */
 /* Is the shape a disc/sphere about its centroid? Then *r is its radius, otherwise 0. Closed forms in contact use it. */
 PetscErrorCode ShapeGetDisc(Shape, PetscReal *r);
 /* Numeric option i = 0, 1, ... that the plugin read, without prefix, and its closed range; *name is NULL past the last one. For test suites. */

@@ -30,11 +30,12 @@ struct _p_FlowSolver {
   Mat              Ar, G, B, C, nest, Ar_assembled, whole; /* shells P^T A P + D, -P^T B^T, B P, C of PressureGetShared; block operator; assembled forms when needed */
   PetscBool        need_Ar, need_whole;
   Vec              xn, yn; /* nodal views of parts of reduced vectors */
+  PetscReal        scale;  /* rho c_t: continuity rows are multiplied by it, so that their residual counts as the force it causes */
   PetscReal       *D;      /* [nbodies][nr][nr] */
   PetscReal       *body_inverse; /* [own bodies][nr][nr] inverse of the body's diagonal block of Ar */
-  PetscReal       *mass_inverse; /* [nbodies][nr][nr] of its block of M_r, on every rank; zero for known degrees of freedom */
+  PetscReal       *mass_inverse; /* [nbodies][nr][nr] of its block of M_r / scale, on every rank; zero for known degrees of freedom */
   PetscReal       *diagonal_inverse; /* [nodal] of A, zero at inert slots */
-  PetscReal       *weight;       /* [nnode_all][dim] inverse of M_r on free slots, eps times that on body nodes, zero at walls */
+  PetscReal       *weight;       /* [nnode_all][dim] inverse of M_r / scale on free slots, eps times that on body nodes, zero at walls */
   PetscReal       *saved, *local; /* work: values at inert slots; nodal array with ghosts */
   PetscInt         nsaved;
   PetscInt        *ghost_of_column; /* off-diagonal columns of S -> local nodes */
@@ -223,7 +224,7 @@ static PetscErrorCode sor_velocity(Mat mat, Vec bv, PetscReal omega, MatSORType 
 
 /* ---- B and its transpose, projected ---- */
 
-/* y = B P x */
+/* y = scale B P x */
 static PetscErrorCode mult_divergence(Mat mat, Vec x, Vec y)
 {
   FlowSolver       fs;
@@ -238,6 +239,7 @@ static PetscErrorCode mult_divergence(Mat mat, Vec x, Vec y)
   PetscCall(ConstraintExpandInPlace(fs->constraint, xr + fs->nodal, fs->local, NULL));
   PetscCall(MeshSyncNodes(fs->mesh, fs->loc->dim, fs->local));
   PetscCall(FlowDivergence(fs->flow, fs->local, ya));
+  for (PetscInt i = 0; i < fs->np; i++) ya[i] *= fs->scale;
   PetscCall(VecRestoreArrayRead(x, &xr));
   PetscCall(VecRestoreArrayWrite(y, &ya));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -299,9 +301,10 @@ static PetscErrorCode apply_mass_inverse(FlowSolver fs, Vec x, Vec y)
   PetscCall(ConstraintGetInert(fs->constraint, &ninert, &slot));
   PetscCall(VecGetArrayRead(x, &xr));
   PetscCall(VecGetArray(y, &ya));
-  for (PetscInt i = 0; i < fs->nodal; i++) ya[i] = fs->weight[i] * xr[i];
+  for (PetscInt i = 0; i < fs->nodal; i++) ya[i] = fs->weight[i] / fs->scale * xr[i];
   for (PetscInt j = 0; j < ninert; j++) ya[slot[j]] = 0; /* the softness of body nodes belongs to S_p only */
   for (PetscInt k = 0; k < count; k++) multiply_small(fs->nr, fs->mass_inverse + (first + k) * fs->nr * fs->nr, xr + fs->nodal + k * fs->nr, ya + fs->nodal + k * fs->nr);
+  for (PetscInt i = fs->nodal; i < fs->nur; i++) ya[i] /= fs->scale;
   PetscCall(VecRestoreArray(y, &ya));
   PetscCall(VecRestoreArrayRead(x, &xr));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -309,7 +312,7 @@ static PetscErrorCode apply_mass_inverse(FlowSolver fs, Vec x, Vec y)
 
 /* ---- numeric set-up ---- */
 
-/* block: P^T A P and M_r of body k, without D. Own bodies (own = index among them) keep the inverse of the first, all ranks that of the second. */
+/* block: P^T A P and M_r / scale of body k, without D. Own bodies (own = index among them) keep the inverse of the first, all ranks that of the second. */
 static PetscErrorCode invert_body_blocks(FlowSolver fs, PetscInt k, PetscInt unknown, PetscInt own, PetscInt nown, PetscReal block[])
 {
   const PetscInt nr = fs->nr, nn = nr * nr;
@@ -321,7 +324,7 @@ static PetscErrorCode invert_body_blocks(FlowSolver fs, PetscInt k, PetscInt unk
     for (PetscInt e = 0; e < nn; e++) {
       const PetscBool active = (PetscBool)((unknown >> (e / nr)) & 1 && (unknown >> (e % nr)) & 1);
 
-      M[e] = active ? M[e] + fs->D[k * nn + e] : (PetscReal)(e / nr == e % nr);
+      M[e] = active ? M[e] + fs->D[k * nn + e] / (s ? fs->scale : 1) : (PetscReal)(e / nr == e % nr);
     }
     for (PetscInt a = 0; a < nr; a++)
       PetscCheck(M[a * (nr + 1)] > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "Body %" PetscInt_FMT " has no effective inertia in the flow (%g): it covers too few nodes for its density; refine the mesh (-mesh_cells) or raise its density", k, (double)M[a * (nr + 1)]);
@@ -380,7 +383,7 @@ static PetscErrorCode set_up_body_blocks(FlowSolver fs)
       }
     }
     for (PetscInt e = 0; e < nn; e++)
-      for (PetscInt a = 0; a < dim; a++) mass[e] += par->density * step->ct * m[i] * Ri[a * nr + e / nr] * Ri[a * nr + e % nr];
+      for (PetscInt a = 0; a < dim; a++) mass[e] += m[i] * Ri[a * nr + e / nr] * Ri[a * nr + e % nr];
   }
   for (PetscInt s = 0; s < 2 && part[s]; s++) {
     PetscCall(MatSeqAIJRestoreArrayRead(part[s], &value[s]));
@@ -418,7 +421,7 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs)
   PetscCall(VecRestoreArrayRead(diagonal, &d));
   PetscCall(VecDestroy(&diagonal));
   for (PetscInt i = 0; i < l->nnode_all; i++) {
-    const PetscReal w = 1 / (par->density * step->ct * m[i]);
+    const PetscReal w = 1 / m[i];
 
     for (PetscInt a = 0; a < dim; a++) fs->weight[i * dim + a] = body[i] >= 0 ? w * PressureGetSoftness(fs->pressure) : (fixed[i] >> a) & 1 ? 0 : w;
   }
@@ -527,6 +530,7 @@ static PetscErrorCode assemble_whole(FlowSolver fs, Mat P, Mat Ar, Mat *out)
   PetscCall(MatMatMult(B, P, MAT_INITIAL_MATRIX, PETSC_DEFAULT, &Br));
   PetscCall(MatTranspose(Br, MAT_INITIAL_MATRIX, &G));
   PetscCall(MatScale(G, -1));
+  PetscCall(MatScale(Br, fs->scale));
   PetscCall(create_pressure_block(fs, &C));
   block[0] = Ar;
   block[1] = G;
@@ -587,7 +591,7 @@ static PetscErrorCode project(FlowSolver fs, Vec x, Vec u, Vec p)
   PetscCall(VecGetArray(fs->t_p, &r));
   for (PetscInt i = 0; i < fs->np; i++) r[i] = xa[fs->nur + i] - r[i];
   PetscCall(VecGetArray(p, &pa));
-  PetscCall(FlowPressureMassSolve(fs->flow, par->viscosity * step->theta, r, pa));
+  PetscCall(FlowPressureMassSolve(fs->flow, par->viscosity * step->theta / fs->scale, r, pa));
   PetscCall(VecRestoreArray(p, &pa));
   PetscCall(VecRestoreArray(fs->t_p, &r));
   PetscCall(VecRestoreArrayRead(x, &xa));
@@ -923,9 +927,14 @@ static PetscErrorCode choose_schur(FlowSolver fs)
 
 PetscErrorCode FlowSolverSetUp(FlowSolver fs)
 {
-  PetscBool singular;
+  PetscBool             singular;
+  const FlowParameters *par;
+  const FlowStep       *step;
 
   PetscFunctionBeginUser;
+  PetscCall(FlowGetParameters(fs->flow, &par));
+  PetscCall(FlowGetStep(fs->flow, &step));
+  fs->scale = par->density * step->ct;
   PetscCall(choose_schur(fs));
   PetscCall(set_up_diagonals(fs));
   PetscCall(set_up_body_blocks(fs));
@@ -975,7 +984,7 @@ static PetscErrorCode build_rhs(FlowSolver fs, const PetscReal r[], const PetscR
   for (PetscInt i = 0; i < count * fs->nr; i++) b[fs->nodal + i] = (unknown[first + i / fs->nr] >> (i % fs->nr)) & 1 ? g[first * fs->nr + i] : 0;
   PetscCall(ConstraintReduceInPlace(fs->constraint, b, b + fs->nodal));
   PetscCall(FlowDivergence(fs->flow, c, b + fs->nur));
-  for (PetscInt i = fs->nur; i < fs->nur + fs->np; i++) b[i] = -b[i];
+  for (PetscInt i = fs->nur; i < fs->nur + fs->np; i++) b[i] *= -fs->scale;
   PetscCall(VecRestoreArray(fs->b, &b));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -41,7 +41,8 @@ static PetscBool is_user_mistake(PetscErrorCode code)
 }
 
 /* Mistakes of the user get their message alone, everything else PETSc's trace too (by one rank: on others PETSc's printer sleeps and aborts). */
-static PetscErrorCode note_error(MPI_Comm comm, int line, const char *function, const char *file, PetscErrorCode code, PetscErrorType type, const char *message, void *ctx)
+static PetscErrorCode note_error(MPI_Comm comm, int line, const char *function, const char *file, PetscErrorCode code, PetscErrorType type,
+                                 const char *message, void *ctx)
 {
   if (type == PETSC_ERROR_INITIAL) { /* the callers that pass it on report under their own rank only */
     PetscMPIInt size = 1, world = 1, rank = 0;

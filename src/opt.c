@@ -31,24 +31,129 @@ static struct {
 } table;
 
 /* Common endings of PETSc's solver options, and general options that PETSc reads on its own. */
-static const char *const petsc_names[] = {
-  "ksp_type", "ksp_rtol", "ksp_atol", "ksp_divtol", "ksp_max_it", "ksp_norm_type", "ksp_pc_side", "ksp_monitor", "ksp_monitor_true_residual", "ksp_converged_reason", "ksp_view",
-  "ksp_initial_guess_nonzero", "ksp_gmres_restart", "ksp_gmres_modifiedgramschmidt", "ksp_chebyshev_esteig", "ksp_chebyshev_eigenvalues", "ksp_richardson_scale",
-  "ksp_error_if_not_converged", "ksp_constant_null_space", "ksp_guess_type",
-  "pc_type", "pc_side", "pc_view", "pc_factor_mat_solver_type", "pc_factor_shift_type", "pc_factor_levels", "pc_fieldsplit_type", "pc_fieldsplit_schur_fact_type",
-  "pc_fieldsplit_schur_precondition", "pc_mg_levels", "pc_mg_type", "pc_mg_cycle_type", "pc_mg_galerkin", "pc_gamg_type", "pc_gamg_threshold", "pc_gamg_agg_nsmooths",
-  "pc_hypre_type", "pc_hypre_boomeramg_strong_threshold", "pc_hypre_boomeramg_coarsen_type", "pc_hypre_boomeramg_interp_type", "pc_hypre_boomeramg_agg_nl",
-  "pc_hypre_boomeramg_relax_type_all", "pc_hypre_boomeramg_max_iter", "pc_sor_omega", "pc_sor_its", "pc_sor_lits", "pc_sor_symmetric", "pc_jacobi_type", "pc_bjacobi_blocks", "pc_asm_overlap",
-  "mg_levels_ksp_type", "mg_levels_ksp_max_it", "mg_levels_pc_type", "mg_coarse_ksp_type", "mg_coarse_pc_type", "sub_ksp_type", "sub_pc_type",
-  "snes_type", "snes_rtol", "snes_atol", "snes_stol", "snes_max_it", "snes_monitor", "snes_converged_reason", "snes_linesearch_type", "snes_lag_jacobian", "snes_view",
-  "mat_type", "mat_mumps_icntl_14", "vec_type", "dm_refine", "dm_view", "petscpartitioner_type", "petscpartitioner_view",
-  "log_view", "options_left", "options_view", "malloc_debug", "malloc_dump", "memory_view", "info", "help"};
+static const char *const petsc_names[] = {"ksp_type",
+                                          "ksp_rtol",
+                                          "ksp_atol",
+                                          "ksp_divtol",
+                                          "ksp_max_it",
+                                          "ksp_norm_type",
+                                          "ksp_pc_side",
+                                          "ksp_monitor",
+                                          "ksp_monitor_true_residual",
+                                          "ksp_converged_reason",
+                                          "ksp_view",
+                                          "ksp_initial_guess_nonzero",
+                                          "ksp_gmres_restart",
+                                          "ksp_gmres_modifiedgramschmidt",
+                                          "ksp_chebyshev_esteig",
+                                          "ksp_chebyshev_eigenvalues",
+                                          "ksp_richardson_scale",
+                                          "ksp_error_if_not_converged",
+                                          "ksp_constant_null_space",
+                                          "ksp_guess_type",
+                                          "pc_type",
+                                          "pc_side",
+                                          "pc_view",
+                                          "pc_factor_mat_solver_type",
+                                          "pc_factor_shift_type",
+                                          "pc_factor_levels",
+                                          "pc_fieldsplit_type",
+                                          "pc_fieldsplit_schur_fact_type",
+                                          "pc_fieldsplit_schur_precondition",
+                                          "pc_mg_levels",
+                                          "pc_mg_type",
+                                          "pc_mg_cycle_type",
+                                          "pc_mg_galerkin",
+                                          "pc_gamg_type",
+                                          "pc_gamg_threshold",
+                                          "pc_gamg_agg_nsmooths",
+                                          "pc_hypre_type",
+                                          "pc_hypre_boomeramg_strong_threshold",
+                                          "pc_hypre_boomeramg_coarsen_type",
+                                          "pc_hypre_boomeramg_interp_type",
+                                          "pc_hypre_boomeramg_agg_nl",
+                                          "pc_hypre_boomeramg_relax_type_all",
+                                          "pc_hypre_boomeramg_max_iter",
+                                          "pc_sor_omega",
+                                          "pc_sor_its",
+                                          "pc_sor_lits",
+                                          "pc_sor_symmetric",
+                                          "pc_jacobi_type",
+                                          "pc_bjacobi_blocks",
+                                          "pc_asm_overlap",
+                                          "mg_levels_ksp_type",
+                                          "mg_levels_ksp_max_it",
+                                          "mg_levels_pc_type",
+                                          "mg_coarse_ksp_type",
+                                          "mg_coarse_pc_type",
+                                          "sub_ksp_type",
+                                          "sub_pc_type",
+                                          "snes_type",
+                                          "snes_rtol",
+                                          "snes_atol",
+                                          "snes_stol",
+                                          "snes_max_it",
+                                          "snes_monitor",
+                                          "snes_converged_reason",
+                                          "snes_linesearch_type",
+                                          "snes_lag_jacobian",
+                                          "snes_view",
+                                          "mat_type",
+                                          "mat_mumps_icntl_14",
+                                          "vec_type",
+                                          "dm_refine",
+                                          "dm_view",
+                                          "petscpartitioner_type",
+                                          "petscpartitioner_view",
+                                          "log_view",
+                                          "options_left",
+                                          "options_view",
+                                          "malloc_debug",
+                                          "malloc_dump",
+                                          "memory_view",
+                                          "info",
+                                          "help"};
 
 /* Read by PETSc only in PetscFinalize(), or on events that may never come. A trailing '*' stands for any ending. */
-static const char *const late_names[] = {"log", "log_*", "options_left", "options_view", "options_monitor*", "options_file*", "options_string_yaml", "options_suppress_deprecated_warnings",
-                                         "malloc*", "memory_view", "objects_dump", "help", "version", "skip_petscrc", "prefix_push", "prefix_pop", "info*", "on_error_*", "start_in_debugger",
-                                         "stop_for_debugger", "debugger_*", "debug_terminal", "citations", "saws*", "get_total_flops", "mpidump", "process_view", "stack_view", "viewfromoptions",
-                                         "nox", "nox_warning", "x_virtual", "petsc_ci*", "check_pointer_intensity", "checkfunctionlist", "fp_trap", "no_signal_handler", "omp_view", "blas_view"};
+static const char *const late_names[] = {"log",
+                                         "log_*",
+                                         "options_left",
+                                         "options_view",
+                                         "options_monitor*",
+                                         "options_file*",
+                                         "options_string_yaml",
+                                         "options_suppress_deprecated_warnings",
+                                         "malloc*",
+                                         "memory_view",
+                                         "objects_dump",
+                                         "help",
+                                         "version",
+                                         "skip_petscrc",
+                                         "prefix_push",
+                                         "prefix_pop",
+                                         "info*",
+                                         "on_error_*",
+                                         "start_in_debugger",
+                                         "stop_for_debugger",
+                                         "debugger_*",
+                                         "debug_terminal",
+                                         "citations",
+                                         "saws*",
+                                         "get_total_flops",
+                                         "mpidump",
+                                         "process_view",
+                                         "stack_view",
+                                         "viewfromoptions",
+                                         "nox",
+                                         "nox_warning",
+                                         "x_virtual",
+                                         "petsc_ci*",
+                                         "check_pointer_intensity",
+                                         "checkfunctionlist",
+                                         "fp_trap",
+                                         "no_signal_handler",
+                                         "omp_view",
+                                         "blas_view"};
 
 /* ---- text ---- */
 
@@ -85,7 +190,8 @@ static void format_meaning(const char help[], const char unit[], const char rang
 {
   const PetscBool has_unit = (PetscBool)(unit && unit[0]), has_range = (PetscBool)(range && range[0]);
 
-  snprintf(text, len, "%s%s%s%s%s%s%s", help, has_unit ? " [" : "", has_unit ? unit : "", has_unit ? "]" : "", has_range ? " (" : "", has_range ? range : "", has_range ? ")" : "");
+  snprintf(text, len, "%s%s%s%s%s%s%s", help, has_unit ? " [" : "", has_unit ? unit : "", has_unit ? "]" : "", has_range ? " (" : "",
+           has_range ? range : "", has_range ? ")" : "");
 }
 
 /* The next item of a comma-separated list, without blanks around it. *cursor becomes NULL after the last. */
@@ -248,8 +354,8 @@ static PetscErrorCode find_source(const char name[], const char **source)
 
 /* Option under conversion: what the messages need. */
 typedef struct {
-  const char *name;  /* may carry "(value 2 of 3)" */
-  const char *help;  /* bare meaning */
+  const char *name; /* may carry "(value 2 of 3)" */
+  const char *help; /* bare meaning */
   const char *unit;
   const char *range;
   char        meaning[OPT_LINE];
@@ -266,7 +372,8 @@ static OptSpec describe_option(const char name[], const char help[], const char 
 static PetscErrorCode check_range(const OptSpec *spec, const char text[], PetscBool inside)
 {
   PetscFunctionBeginUser;
-  PetscCheck(inside, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s is outside its range (%s)%s%s: %s", spec->name, text, spec->range, spec->unit[0] ? " " : "", spec->unit, spec->help);
+  PetscCheck(inside, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s is outside its range (%s)%s%s: %s", spec->name, text, spec->range,
+             spec->unit[0] ? " " : "", spec->unit, spec->help);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -277,9 +384,11 @@ static PetscErrorCode parse_real(const OptSpec *spec, const char text[], PetscRe
 
   PetscFunctionBeginUser;
   (void)strtod(text, &end); /* only a look, so that PETSc's conversion below cannot fail */
-  PetscCheck(end != text && !*end, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s is not a number; wanted: %s", spec->name, text, spec->meaning);
+  PetscCheck(end != text && !*end, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s is not a number; wanted: %s", spec->name, text,
+             spec->meaning);
   PetscCall(PetscOptionsStringToReal(text, &v));
-  PetscCheck(!PetscIsInfOrNanReal(v), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s is not a finite number; wanted: %s", spec->name, text, spec->meaning);
+  PetscCheck(!PetscIsInfOrNanReal(v), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s is not a finite number; wanted: %s", spec->name, text,
+             spec->meaning);
   PetscCall(check_range(spec, text, (PetscBool)((lower == OPT_POSITIVE ? v > 0 : v >= lower) && v <= upper)));
   *value = v;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -292,8 +401,10 @@ static PetscErrorCode parse_int(const OptSpec *spec, const char text[], PetscInt
 
   PetscFunctionBeginUser;
   v = strtoll(text, &end, 10); /* saturates, so that a number too long for PetscInt is out of range, not wrapped */
-  PetscCheck(end != text && !*end, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s is not a whole number (digits only); wanted: %s", spec->name, text, spec->meaning);
-  PetscCheck(v >= PETSC_MIN_INT && v <= PETSC_MAX_INT && v != LLONG_MAX, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s does not fit an integer; wanted: %s", spec->name, text, spec->meaning);
+  PetscCheck(end != text && !*end, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s is not a whole number (digits only); wanted: %s",
+             spec->name, text, spec->meaning);
+  PetscCheck(v >= PETSC_MIN_INT && v <= PETSC_MAX_INT && v != LLONG_MAX, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "Option %s = %s does not fit an integer; wanted: %s", spec->name, text, spec->meaning);
   PetscCall(check_range(spec, text, (PetscBool)(v >= lower && v <= upper)));
   *value = (PetscInt)v;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -304,8 +415,9 @@ static PetscErrorCode check_count(const OptSpec *spec, const char text[], PetscI
   const PetscInt got = count_items(text);
 
   PetscFunctionBeginUser;
-  PetscCheck(got == wanted, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s has %" PetscInt_FMT " value%s, %" PetscInt_FMT " are wanted (separated by commas, no blanks): %s", spec->name, text, got, got == 1 ? "" : "s", wanted,
-             spec->meaning);
+  PetscCheck(got == wanted, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "Option %s = %s has %" PetscInt_FMT " value%s, %" PetscInt_FMT " are wanted (separated by commas, no blanks): %s", spec->name, text, got,
+             got == 1 ? "" : "s", wanted, spec->meaning);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -432,7 +544,8 @@ static PetscErrorCode check_arguments(void)
 
     PetscCall(PetscOptionsValidKey(argv[i], &is_name));
     PetscCheck(is_name || after_name || i == 1, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-               "Argument '%s' on the command line belongs to no option: names start with a dash, the scene file is the first argument, and a value has no blanks (-mesh_cells 8,24)", argv[i]);
+               "Argument '%s' on the command line belongs to no option: names start with a dash, the scene file is the first argument, and a value has no blanks (-mesh_cells 8,24)",
+               argv[i]);
     after_name = is_name;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -486,7 +599,8 @@ PetscErrorCode OptBool(const char name[], const char help[], PetscBool *value)
   if (!given) PetscFunctionReturn(PETSC_SUCCESS);
   if (!text) text = "true"; /* the bare name switches it on */
   while (i < PETSC_STATIC_ARRAY_LENGTH(words) && !same_name(text, words[i])) i++;
-  PetscCheck(i < PETSC_STATIC_ARRAY_LENGTH(words), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s is neither true nor false (known: true, yes, on, 1, false, no, off, 0): %s", name, text, help);
+  PetscCheck(i < PETSC_STATIC_ARRAY_LENGTH(words), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "Option %s = %s is neither true nor false (known: true, yes, on, 1, false, no, off, 0): %s", name, text, help);
   *value = (PetscBool)(i % 2);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -523,12 +637,14 @@ PetscErrorCode OptString(const char name[], const char help[], char value[], siz
   PetscCall(register_option(name, help, value));
   PetscCall(find_text(name, help, &text));
   if (!text) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCheck(strlen(text) < len, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s has %zu characters, at most %zu fit: %s", name, strlen(text), len - 1, help);
+  PetscCheck(strlen(text) < len, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s has %zu characters, at most %zu fit: %s", name, strlen(text),
+             len - 1, help);
   PetscCall(PetscStrncpy(value, text, len));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode OptRealArray(const char name[], const char help[], const char unit[], PetscReal lower, PetscReal upper, PetscInt n, PetscReal value[], PetscBool *found)
+PetscErrorCode OptRealArray(const char name[], const char help[], const char unit[], PetscReal lower, PetscReal upper, PetscInt n, PetscReal value[],
+                            PetscBool *found)
 {
   char        range[64], shown[OPT_LINE] = "", item[OPT_LINE], label[OPT_LINE];
   const char *text, *cursor;
@@ -555,7 +671,8 @@ PetscErrorCode OptRealArray(const char name[], const char help[], const char uni
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode OptIntArray(const char name[], const char help[], const char unit[], PetscInt lower, PetscInt upper, PetscInt n, PetscInt value[], PetscBool *found)
+PetscErrorCode OptIntArray(const char name[], const char help[], const char unit[], PetscInt lower, PetscInt upper, PetscInt n, PetscInt value[],
+                           PetscBool *found)
 {
   char        range[64], shown[OPT_LINE] = "", item[OPT_LINE], label[OPT_LINE];
   const char *text, *cursor;
@@ -594,7 +711,8 @@ PetscErrorCode OptStringArray(const char name[], const char help[], PetscInt *n,
   PetscCall(register_option(name, help, ""));
   PetscCall(PetscOptionsFindPair(NULL, NULL, name, &text, &given));
   if (!given || !text) PetscFunctionReturn(PETSC_SUCCESS); /* absent, or the empty list */
-  PetscCheck(count_items(text) <= room, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s has %" PetscInt_FMT " values, at most %" PetscInt_FMT " fit: %s", name, count_items(text), room, help);
+  PetscCheck(count_items(text) <= room, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "Option %s has %" PetscInt_FMT " values, at most %" PetscInt_FMT " fit: %s", name, count_items(text), room, help);
   for (const char *cursor = text; next_item(&cursor, item, sizeof(item)); ++*n) {
     if (!item[0]) { /* nothing may leak when the caller goes on after the error */
       for (; *n > 0; --*n) PetscCall(PetscFree(list[*n - 1]));
@@ -627,7 +745,9 @@ PetscErrorCode OptDefault(const char name[], const char value[])
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCheck(present || PETSC_VERSION_GE(3, 20, 0) || count < OPT_TABLE_MAX, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-             "No room for option %s: scene and command line hold %" PetscInt_FMT " options, PETSC's table has 512 places; move per-body values into a table file (-particle_<group>_table bodies.csv)", name, count);
+             "No room for option %s: scene and command line hold %" PetscInt_FMT
+             " options, PETSC's table has 512 places; move per-body values into a table file (-particle_<group>_table bodies.csv)",
+             name, count);
   PetscCall(PetscOptionsSetValue(NULL, name, value));
   if (!known) PetscCall(add_known(name, "solver option of PETSc", PETSC_TRUE));
   else known->is_default = PETSC_TRUE;
@@ -656,7 +776,8 @@ PetscErrorCode OptCheckUnused(void)
   }
   PetscCall(PetscOptionsLeftRestore(NULL, &n, &name, &value));
   PetscCheck(mistakes != 1, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Unknown or unused option %s", list);
-  PetscCheck(!left_off, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Unknown or unused options (%" PetscInt_FMT "):\n  %s\n  and %" PetscInt_FMT " more", mistakes, list, left_off);
+  PetscCheck(!left_off, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Unknown or unused options (%" PetscInt_FMT "):\n  %s\n  and %" PetscInt_FMT " more",
+             mistakes, list, left_off);
   PetscCheck(!mistakes, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Unknown or unused options (%" PetscInt_FMT "):\n  %s", mistakes, list);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

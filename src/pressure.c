@@ -172,20 +172,16 @@ static PetscErrorCode shared_block(Pressure p, const PetscInt body[], const Pets
   const MeshLocal      *l   = p->loc;
   const PetscInt        dim = l->dim, n = l->nb * dim, nk = p->nk;
   const PetscReal      *b, *m;
-  const FlowStep       *step;
-  const FlowParameters *par;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetCellDivergence(p->flow, &b));
   PetscCall(FlowGetLumpedMass(p->flow, &m));
-  PetscCall(FlowGetStep(p->flow, &step));
-  PetscCall(FlowGetParameters(p->flow, &par));
   for (PetscInt e = 0; e < nk * nk; e++) block[e] = 0;
   for (PetscInt j = 0; j < n; j++) {
     const PetscInt i = l->cell_node[c * l->nb + j / dim];
 
     if (body[i] < 0 && !((fixed[i] >> (j % dim)) & 1)) continue;
-    for (PetscInt e = 0; e < nk * nk; e++) block[e] += p->eps_shared / (par->density * step->ct * m[i]) * b[(c * nk + e / nk) * n + j] * b[(c * nk + e % nk) * n + j];
+    for (PetscInt e = 0; e < nk * nk; e++) block[e] += p->eps_shared / m[i] * b[(c * nk + e / nk) * n + j] * b[(c * nk + e % nk) * n + j];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -20,7 +20,7 @@
 #define SCENE_OPTIONS_MAX 450 /* of the 512 places of PETSc 3.18; the rest is for command line and solver defaults */
 
 typedef struct {
-  char  *name;  /* flattened, without dash */
+  char  *name; /* flattened, without dash */
   size_t line;
   int    level; /* how many merges deep; 0 = written in place */
 } SceneOption;
@@ -92,9 +92,11 @@ static int read_file(SceneCheck *check, char **text, size_t *size)
   FILE       *file;
 
   *text = NULL;
-  if (stat(check->path, &info)) return errno == ENOENT || errno == ENOTDIR ? report_missing(check) : report_fault(check, 0, "cannot read the scene file: %s", strerror(errno));
+  if (stat(check->path, &info))
+    return errno == ENOENT || errno == ENOTDIR ? report_missing(check) : report_fault(check, 0, "cannot read the scene file: %s", strerror(errno));
   if (S_ISDIR(info.st_mode)) return report_fault(check, 0, "is a directory; the first argument is a scene file");
-  if (!has_ending(check->path, ".yaml") && !has_ending(check->path, ".yml")) return report_fault(check, 0, "a scene file must end in .yaml or .yml (PETSc tells the format by it)");
+  if (!has_ending(check->path, ".yaml") && !has_ending(check->path, ".yml"))
+    return report_fault(check, 0, "a scene file must end in .yaml or .yml (PETSc tells the format by it)");
   file = fopen(check->path, "r");
   if (!file) return report_fault(check, 0, "cannot read the scene file: %s", strerror(errno));
   *text = (char *)malloc((size_t)info.st_size + 1);
@@ -126,12 +128,12 @@ static const char *find_hint(const char problem[])
   static const struct {
     const char *part, *hint;
   } hints[] = {
-    {"could not find expected ':'", " (a key needs a colon and a blank after it: 'key: value')"                                         },
-    {"mapping values are not",      " (a colon missing on the line before, two 'key: value' on one line, or a line indented too far?)"  },
-    {"expected ',' or",             " (a bracket not closed, or a comma missing?)"                                                      },
-    {"did not find expected key",   " (indentation that differs from the lines above?)"                                                 },
-    {"cannot start any token",      " (put the value into quotes)"                                                                      },
-    {"found undefined alias",       " (write '&name' before '*name' is used)"                                                           },
+    {"could not find expected ':'", " (a key needs a colon and a blank after it: 'key: value')"},
+    {"mapping values are not", " (a colon missing on the line before, two 'key: value' on one line, or a line indented too far?)"},
+    {"expected ',' or", " (a bracket not closed, or a comma missing?)"},
+    {"did not find expected key", " (indentation that differs from the lines above?)"},
+    {"cannot start any token", " (put the value into quotes)"},
+    {"found undefined alias", " (write '&name' before '*name' is used)"},
   };
 
   for (size_t i = 0; i < sizeof(hints) / sizeof(hints[0]); i++) {
@@ -153,10 +155,13 @@ static int report_syntax(SceneCheck *check, const yaml_parser_t *parser, const c
   const char *problem = parser->problem ? parser->problem : "not readable";
 
   /* libyaml notices a missing colon only where the next line has one; the key itself is where the scan began */
-  if (parser->context && !strcmp(parser->context, "while scanning a simple key")) return report_fault(check, parser->context_mark.line + 1, "syntax error: %s%s", problem, find_hint(problem));
-  if (parser->error == YAML_READER_ERROR) return report_fault(check, count_lines(text, parser->problem_offset), "%s (save the file as UTF-8 text)", problem);
+  if (parser->context && !strcmp(parser->context, "while scanning a simple key"))
+    return report_fault(check, parser->context_mark.line + 1, "syntax error: %s%s", problem, find_hint(problem));
+  if (parser->error == YAML_READER_ERROR)
+    return report_fault(check, count_lines(text, parser->problem_offset), "%s (save the file as UTF-8 text)", problem);
   if (parser->context && parser->context_mark.line != parser->problem_mark.line)
-    return report_fault(check, parser->problem_mark.line + 1, "syntax error %s that starts at line %zu: %s%s", parser->context, parser->context_mark.line + 1, problem, find_hint(problem));
+    return report_fault(check, parser->problem_mark.line + 1, "syntax error %s that starts at line %zu: %s%s", parser->context,
+                        parser->context_mark.line + 1, problem, find_hint(problem));
   return report_fault(check, parser->problem_mark.line + 1, "syntax error: %s%s", problem, find_hint(problem));
 }
 
@@ -170,11 +175,15 @@ static int check_key(SceneCheck *check, const yaml_node_t *key, int nested)
   if (key->type != YAML_SCALAR_NODE) return report_fault(check, line, "a list or mapping cannot be a key: write 'name: value'");
   text = get_text(key);
   if (!text[0]) return report_fault(check, line, "empty key: write 'name: value'");
-  if (text[0] == '-') return report_fault(check, line, "key '%s' starts with a dash: write '%s' (the dash belongs to the command line)", text, text + strspn(text, "-"));
+  if (text[0] == '-')
+    return report_fault(check, line, "key '%s' starts with a dash: write '%s' (the dash belongs to the command line)", text,
+                        text + strspn(text, "-"));
   if (strchr(text, ':')) return report_fault(check, line, "key '%s' holds a colon: put a blank after the colon ('key: value')", text);
-  if (!isalpha((unsigned char)text[0]) && !(nested && isdigit((unsigned char)text[0]))) return report_fault(check, line, "key '%s' must start with a letter", text);
+  if (!isalpha((unsigned char)text[0]) && !(nested && isdigit((unsigned char)text[0])))
+    return report_fault(check, line, "key '%s' must start with a letter", text);
   for (const char *s = text; *s; s++) {
-    if (!isalnum((unsigned char)*s) && *s != '_' && *s != '-') return report_fault(check, line, "key '%s' cannot be an option name: use letters, digits and '_' only", text);
+    if (!isalnum((unsigned char)*s) && *s != '_' && *s != '-')
+      return report_fault(check, line, "key '%s' cannot be an option name: use letters, digits and '_' only", text);
   }
   return 0;
 }
@@ -198,7 +207,9 @@ static int check_duplicates(SceneCheck *check, const yaml_node_t *map)
 static int append_option(SceneCheck *check, const char name[], size_t line, int level)
 {
   if (check->n == SCENE_OPTIONS_MAX)
-    return report_fault(check, line, "more than %d options; PETSc's table holds 512 in all: move per-body values into a table file (particle: <group>: table: bodies.csv)", SCENE_OPTIONS_MAX);
+    return report_fault(check, line,
+                        "more than %d options; PETSc's table holds 512 in all: move per-body values into a table file (particle: <group>: table: bodies.csv)",
+                        SCENE_OPTIONS_MAX);
   if (check->n == check->room) {
     const size_t room   = check->room ? 2 * check->room : 64;
     SceneOption *option = (SceneOption *)realloc(check->option, room * sizeof(*option));
@@ -227,7 +238,8 @@ static int add_option(SceneCheck *check, const char name[], size_t line, int lev
       old->line  = line;
       return 0;
     }
-    if (level > old->level) return report_fault(check, old->line, "option -%s would be overridden by the merge '<<' that comes after it: put '<<' first", name);
+    if (level > old->level)
+      return report_fault(check, old->line, "option -%s would be overridden by the merge '<<' that comes after it: put '<<' first", name);
     return report_fault(check, line, "option -%s is given twice (first at line %zu): keep one of them", name, old->line);
   }
   return append_option(check, name, line, level);
@@ -239,10 +251,15 @@ static int check_list(SceneCheck *check, const char name[], const yaml_node_t *k
     const yaml_node_t *node = yaml_document_get_node(check->doc, *item);
 
     if (node->type == YAML_MAPPING_NODE)
-      return report_fault(check, find_line(node), "'%s' is a list of maps, which PETSc's options cannot hold: give each entry a name (groups: disc, ball) and its settings under that name (disc: {shape: circle})",
+      return report_fault(check, find_line(node),
+                          "'%s' is a list of maps, which PETSc's options cannot hold: give each entry a name (groups: disc, ball) and its settings under that name (disc: {shape: circle})",
                           get_text(key));
-    if (node->type == YAML_SEQUENCE_NODE) return report_fault(check, find_line(node), "'%s' is a list of lists, which PETSc's options cannot hold: write one flat list, or a table file", get_text(key));
-    if (!get_text(node)[0]) return report_fault(check, find_line(node), "empty entry in the list '%s', which PETSc would skip: give it a value or remove it", get_text(key));
+    if (node->type == YAML_SEQUENCE_NODE)
+      return report_fault(check, find_line(node), "'%s' is a list of lists, which PETSc's options cannot hold: write one flat list, or a table file",
+                          get_text(key));
+    if (!get_text(node)[0])
+      return report_fault(check, find_line(node), "empty entry in the list '%s', which PETSc would skip: give it a value or remove it",
+                          get_text(key));
   }
   return add_option(check, name, find_line(key), level);
 }
@@ -268,11 +285,13 @@ static int check_pair(SceneCheck *check, const yaml_node_t *key, const yaml_node
 
   if (key->type == YAML_SCALAR_NODE && !strcmp(get_text(key), "<<")) return check_merge(check, key, value, prefix, depth, level);
   if (key->type == YAML_SCALAR_NODE && !strncmp(get_text(key), "$$", 2)) {
-    if (has_ending((const char *)value->tag, "!include")) return report_fault(check, find_line(key), "!include is not allowed: a scene is one file (give more options with -options_file_yaml)");
+    if (has_ending((const char *)value->tag, "!include"))
+      return report_fault(check, find_line(key), "!include is not allowed: a scene is one file (give more options with -options_file_yaml)");
     return 0;
   }
   if (check_key(check, key, prefix[0] != 0)) return 1;
-  if (snprintf(name, sizeof(name), "%s%s", prefix, get_text(key)) >= (int)sizeof(name) - 2) return report_fault(check, find_line(key), "option name is longer than %d characters", SCENE_NAME_MAX - 2);
+  if (snprintf(name, sizeof(name), "%s%s", prefix, get_text(key)) >= (int)sizeof(name) - 2)
+    return report_fault(check, find_line(key), "option name is longer than %d characters", SCENE_NAME_MAX - 2);
   if (value->type == YAML_SCALAR_NODE) return add_option(check, name, find_line(key), level);
   if (value->type == YAML_SEQUENCE_NODE) return check_list(check, name, key, value, level);
   strcat(name, "_");
@@ -281,10 +300,12 @@ static int check_pair(SceneCheck *check, const yaml_node_t *key, const yaml_node
 
 static int check_map(SceneCheck *check, const yaml_node_t *map, const char prefix[], int depth, int level)
 {
-  if (depth > SCENE_DEPTH_MAX) return report_fault(check, find_line(map), "nested deeper than %d levels (an alias inside its own anchor?)", SCENE_DEPTH_MAX);
+  if (depth > SCENE_DEPTH_MAX)
+    return report_fault(check, find_line(map), "nested deeper than %d levels (an alias inside its own anchor?)", SCENE_DEPTH_MAX);
   if (check_duplicates(check, map)) return 1;
   for (const yaml_node_pair_t *pair = map->data.mapping.pairs.start; pair < map->data.mapping.pairs.top; pair++) {
-    if (check_pair(check, yaml_document_get_node(check->doc, pair->key), yaml_document_get_node(check->doc, pair->value), prefix, depth, level)) return 1;
+    if (check_pair(check, yaml_document_get_node(check->doc, pair->key), yaml_document_get_node(check->doc, pair->value), prefix, depth, level))
+      return 1;
   }
   return 0;
 }
@@ -297,7 +318,9 @@ static int check_document(SceneCheck *check, yaml_document_t *doc)
 
   check->doc = doc;
   if (!root || (root->type == YAML_SCALAR_NODE && !get_text(root)[0])) return report_fault(check, 0, "the scene file is empty: it holds no options");
-  if (root->type != YAML_MAPPING_NODE) return report_fault(check, find_line(root), "a scene is made of 'key: value' lines, not of a %s", root->type == YAML_SEQUENCE_NODE ? "list" : "single value");
+  if (root->type != YAML_MAPPING_NODE)
+    return report_fault(check, find_line(root), "a scene is made of 'key: value' lines, not of a %s",
+                        root->type == YAML_SEQUENCE_NODE ? "list" : "single value");
   return check_map(check, root, "", 0, 0);
 }
 

@@ -107,7 +107,7 @@ static void test_boundaries(void **state)
   (void)state;
   Mesh             m;
   const MeshLocal *l;
-  PetscInt         n, total[4] = {0, 0, 0, 0}, nb;
+  PetscInt         n, total[4]     = {0, 0, 0, 0}, nb;
   const PetscInt  *node, expect[4] = {2 * 9 + 1, 2 * 9 + 1, 2 * 7 + 1, 2 * 7 + 1};
 
   assert_int_equal(create_mesh("7,9", NULL, 2, &m), 0);
@@ -132,20 +132,22 @@ static void test_nodes_in_box(void **state)
   Mesh             m;
   const MeshLocal *l;
   const PetscReal  lo[2] = {0.21, 0.33}, hi[2] = {0.58, 0.9};
-  PetscInt         n, count = 0;
+  PetscInt         n, count                    = 0;
   const PetscInt  *list;
 
   assert_int_equal(create_mesh("17,13", NULL, 2, &m), 0);
   assert_int_equal(MeshGetLocal(m, &l), 0);
   assert_int_equal(MeshNodesInBox(m, lo, hi, &n, &list), 0);
-  for (PetscInt i = 0; i < l->nnode_all; i++) count += l->x[2 * i] >= lo[0] && l->x[2 * i] <= hi[0] && l->x[2 * i + 1] >= lo[1] && l->x[2 * i + 1] <= hi[1];
+  for (PetscInt i = 0; i < l->nnode_all; i++)
+    count += l->x[2 * i] >= lo[0] && l->x[2 * i] <= hi[0] && l->x[2 * i + 1] >= lo[1] && l->x[2 * i + 1] <= hi[1];
   assert_int_equal(n, count);
   assert_int_equal(MeshDestroy(&m), 0);
 }
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_box), cmocka_unit_test(test_exchange), cmocka_unit_test(test_boundaries), cmocka_unit_test(test_nodes_in_box)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_box), cmocka_unit_test(test_exchange), cmocka_unit_test(test_boundaries),
+                                     cmocka_unit_test(test_nodes_in_box)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

@@ -9,10 +9,11 @@
 #include <string.h>
 #include <cmocka.h>
 
-static char raised[2100];  /* message of the last error */
-static int  raised_times;  /* how often an error was raised (not passed on) */
+static char raised[2100]; /* message of the last error */
+static int  raised_times; /* how often an error was raised (not passed on) */
 
-static PetscErrorCode record_error(MPI_Comm comm, int line, const char *fun, const char *file, PetscErrorCode n, PetscErrorType p, const char *mess, void *ctx)
+static PetscErrorCode record_error(MPI_Comm comm, int line, const char *fun, const char *file, PetscErrorCode n, PetscErrorType p, const char *mess,
+                                   void *ctx)
 {
   (void)comm, (void)line, (void)fun, (void)file, (void)ctx;
   if (p == PETSC_ERROR_INITIAL) {
@@ -72,12 +73,12 @@ static void reads_values(void **state)
   const char *const kinds[] = {"nodal", "penalty", "snap", NULL};
   PetscReal         v = 0.1, x[2] = {0, 0};
   PetscInt          n = 3, c[2] = {1, 1}, kind = 0, room = 4;
-  PetscBool         b = PETSC_FALSE, found;
+  PetscBool         b       = PETSC_FALSE, found;
   char              dir[32] = "out", *name[4];
 
   (void)state;
   assert_int_equal(read_viscosity(&v), 0);
-  assert_true(v == 0.1); /* absent: the default stays */
+  assert_true(v == 0.1);            /* absent: the default stays */
   give("-Flow_Viscosity", "1e-20"); /* upper case is the same name; tiny is positive */
   assert_int_equal(read_viscosity(&v), 0);
   assert_true(v == 1e-20);
@@ -120,16 +121,16 @@ static void refuses_bad_reals(void **state)
   struct {
     const char *value, *text;
   } bad[] = {
-    {"-1",      "Option -flow_viscosity = -1 is outside its range (> 0) Pa s: dynamic viscosity of the fluid"},
-    {"0",       "= 0 is outside its range (> 0)"                                                             },
-    {"nan",     "= nan is not a finite number"                                                               },
-    {"inf",     "= inf is not a finite number"                                                               },
-    {"1e999",   "= 1e999 is not a finite number"                                                             },
-    {"thick",   "= thick is not a number; wanted: dynamic viscosity of the fluid [Pa s] (> 0)"               },
-    {"0.1x",    "= 0.1x is not a number"                                                                     },
-    {"1,2",     "= 1,2 is not a number"                                                                      },
-    {"default", "= default is not a number"                                                                  },
-    {NULL,      "has no value; wanted: dynamic viscosity of the fluid [Pa s] (> 0)"                          },
+    {"-1", "Option -flow_viscosity = -1 is outside its range (> 0) Pa s: dynamic viscosity of the fluid"},
+    {"0", "= 0 is outside its range (> 0)"},
+    {"nan", "= nan is not a finite number"},
+    {"inf", "= inf is not a finite number"},
+    {"1e999", "= 1e999 is not a finite number"},
+    {"thick", "= thick is not a number; wanted: dynamic viscosity of the fluid [Pa s] (> 0)"},
+    {"0.1x", "= 0.1x is not a number"},
+    {"1,2", "= 1,2 is not a number"},
+    {"default", "= default is not a number"},
+    {NULL, "has no value; wanted: dynamic viscosity of the fluid [Pa s] (> 0)"},
   };
 
   (void)state;
@@ -183,7 +184,8 @@ static void refuses_bad_words(void **state)
   (void)state;
   give("-couple_boundary", "cut");
   begin_error();
-  expect_error(OptChoice("-couple_boundary", "treatment", kinds, &kind), PETSC_ERR_USER_INPUT, "-couple_boundary = cut", "(known: nodal, penalty, snap)", NULL);
+  expect_error(OptChoice("-couple_boundary", "treatment", kinds, &kind), PETSC_ERR_USER_INPUT, "-couple_boundary = cut",
+               "(known: nodal, penalty, snap)", NULL);
   assert_int_equal(kind, 1);
   give("-b", "maybe");
   begin_error();
@@ -203,13 +205,16 @@ static void refuses_bad_arrays(void **state)
   (void)state;
   give("-flow_gravity", "1,2,3");
   begin_error();
-  expect_error(OptRealArray("-flow_gravity", "gravity", "m/s^2", PETSC_MIN_REAL, PETSC_MAX_REAL, 2, x, NULL), PETSC_ERR_USER_INPUT, "-flow_gravity = 1,2,3 has 3 values, 2 are wanted", "gravity [m/s^2]", NULL);
+  expect_error(OptRealArray("-flow_gravity", "gravity", "m/s^2", PETSC_MIN_REAL, PETSC_MAX_REAL, 2, x, NULL), PETSC_ERR_USER_INPUT,
+               "-flow_gravity = 1,2,3 has 3 values, 2 are wanted", "gravity [m/s^2]", NULL);
   give("-mesh_cells", "8,-2");
   begin_error();
-  expect_error(OptIntArray("-mesh_cells", "cells", "", 1, PETSC_MAX_INT, 2, c, NULL), PETSC_ERR_USER_INPUT, "-mesh_cells (value 2 of 2) = -2 is outside its range (>= 1)", NULL);
+  expect_error(OptIntArray("-mesh_cells", "cells", "", 1, PETSC_MAX_INT, 2, c, NULL), PETSC_ERR_USER_INPUT,
+               "-mesh_cells (value 2 of 2) = -2 is outside its range (>= 1)", NULL);
   give("-mesh_cells", "8,");
   begin_error();
-  expect_error(OptIntArray("-mesh_cells", "cells", "", 1, PETSC_MAX_INT, 2, c, NULL), PETSC_ERR_USER_INPUT, "-mesh_cells (value 2 of 2)", "not a whole number", NULL);
+  expect_error(OptIntArray("-mesh_cells", "cells", "", 1, PETSC_MAX_INT, 2, c, NULL), PETSC_ERR_USER_INPUT, "-mesh_cells (value 2 of 2)",
+               "not a whole number", NULL);
   give("-particle_groups", "a,b");
   begin_error();
   expect_error(OptStringArray("-particle_groups", "groups", &room, name), PETSC_ERR_USER_INPUT, "-particle_groups has 2 values, at most 1", NULL);
@@ -231,7 +236,8 @@ static void names_the_nearest(void **state)
   expect_error(OptCheckUnused(), PETSC_ERR_USER_INPUT, "Unknown or unused option -flow_viscosty = 0.2", "did you mean -flow_viscosity?", NULL);
   give("-flow_dnesity", "0.2"); /* a swap is one edit */
   begin_error();
-  expect_error(OptCheckUnused(), PETSC_ERR_USER_INPUT, "(2)", "-flow_viscosty", "did you mean -flow_viscosity?", "-flow_dnesity", "did you mean -flow_density?", NULL);
+  expect_error(OptCheckUnused(), PETSC_ERR_USER_INPUT, "(2)", "-flow_viscosty", "did you mean -flow_viscosity?", "-flow_dnesity",
+               "did you mean -flow_density?", NULL);
 }
 
 static void names_solver_options(void **state)
@@ -367,20 +373,13 @@ static void prints_help_once(void **state)
 int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {
-    cmocka_unit_test_setup_teardown(reads_values, start, stop),
-    cmocka_unit_test_setup_teardown(refuses_bad_reals, start, stop),
-    cmocka_unit_test_setup_teardown(names_both_bounds, start, stop),
-    cmocka_unit_test_setup_teardown(refuses_bad_integers, start, stop),
-    cmocka_unit_test_setup_teardown(refuses_bad_words, start, stop),
-    cmocka_unit_test_setup_teardown(refuses_bad_arrays, start, stop),
-    cmocka_unit_test_setup_teardown(names_the_nearest, start, stop),
-    cmocka_unit_test_setup_teardown(names_solver_options, start, stop),
-    cmocka_unit_test_setup_teardown(exempts_late_options, start, stop),
-    cmocka_unit_test_setup_teardown(shortens_long_lists, start, stop),
-    cmocka_unit_test_setup_teardown(default_yields_to_user, start, stop),
-    cmocka_unit_test_setup_teardown(says_when_table_is_full, start, stop),
-    cmocka_unit_test_setup_teardown(writes_database, start, stop),
-    cmocka_unit_test_setup_teardown(prints_help_once, start, stop),
+    cmocka_unit_test_setup_teardown(reads_values, start, stop),           cmocka_unit_test_setup_teardown(refuses_bad_reals, start, stop),
+    cmocka_unit_test_setup_teardown(names_both_bounds, start, stop),      cmocka_unit_test_setup_teardown(refuses_bad_integers, start, stop),
+    cmocka_unit_test_setup_teardown(refuses_bad_words, start, stop),      cmocka_unit_test_setup_teardown(refuses_bad_arrays, start, stop),
+    cmocka_unit_test_setup_teardown(names_the_nearest, start, stop),      cmocka_unit_test_setup_teardown(names_solver_options, start, stop),
+    cmocka_unit_test_setup_teardown(exempts_late_options, start, stop),   cmocka_unit_test_setup_teardown(shortens_long_lists, start, stop),
+    cmocka_unit_test_setup_teardown(default_yields_to_user, start, stop), cmocka_unit_test_setup_teardown(says_when_table_is_full, start, stop),
+    cmocka_unit_test_setup_teardown(writes_database, start, stop),        cmocka_unit_test_setup_teardown(prints_help_once, start, stop),
   };
   int failed;
 

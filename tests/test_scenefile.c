@@ -196,7 +196,8 @@ static void refuses_too_many(void **state)
 static void knows_merges(void **state)
 {
   (void)state;
-  refuse(3, "$$base: &b {radius: 1}\nparticle:\n  disc: {radius: 2, <<: *b}\n", "-particle_disc_radius would be overridden by the merge", "put '<<' first", NULL);
+  refuse(3, "$$base: &b {radius: 1}\nparticle:\n  disc: {radius: 2, <<: *b}\n", "-particle_disc_radius would be overridden by the merge",
+         "put '<<' first", NULL);
   refuse(1, "$$x: !include other.yaml\n", "!include", NULL);
   refuse(1, "a: &a {b: *a}\n", "nested deeper", NULL);
   refuse(1, "a: {<<: 3}\n", "'<<' takes an alias", NULL);
@@ -206,14 +207,8 @@ static void knows_merges(void **state)
 static void petsc_reads_the_same(void **state)
 {
   const char *const wanted[][2] = {
-    {"-flow_viscosity",         "0.1"   },
-    {"-flow_gravity",           "0,-981"},
-    {"-flow_ksp_monitor",       ""      },
-    {"-particle_groups",        "disc,b"},
-    {"-particle_disc_density",  "2"     },
-    {"-particle_disc_position", "1,4"   },
-    {"-particle_b_radius",      "3"     },
-    {"-particle_b_density",     "2"     },
+    {"-flow_viscosity", "0.1"},      {"-flow_gravity", "0,-981"},        {"-flow_ksp_monitor", ""},   {"-particle_groups", "disc,b"},
+    {"-particle_disc_density", "2"}, {"-particle_disc_position", "1,4"}, {"-particle_b_radius", "3"}, {"-particle_b_density", "2"},
   };
   char     value[64];
   PetscInt n = 8, left;
@@ -251,18 +246,10 @@ static int clean_up(void **state)
 int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {
-    cmocka_unit_test(finds_the_name),
-    cmocka_unit_test(cuts_the_stem),
-    cmocka_unit_test(refuses_what_is_no_file),
-    cmocka_unit_test(refuses_empty),
-    cmocka_unit_test(refuses_tabs),
-    cmocka_unit_test(refuses_bad_syntax),
-    cmocka_unit_test(refuses_duplicates),
-    cmocka_unit_test(refuses_lists_of_maps),
-    cmocka_unit_test(refuses_bad_keys),
-    cmocka_unit_test(refuses_two_documents),
-    cmocka_unit_test(refuses_too_many),
-    cmocka_unit_test(knows_merges),
+    cmocka_unit_test(finds_the_name),        cmocka_unit_test(cuts_the_stem),         cmocka_unit_test(refuses_what_is_no_file),
+    cmocka_unit_test(refuses_empty),         cmocka_unit_test(refuses_tabs),          cmocka_unit_test(refuses_bad_syntax),
+    cmocka_unit_test(refuses_duplicates),    cmocka_unit_test(refuses_lists_of_maps), cmocka_unit_test(refuses_bad_keys),
+    cmocka_unit_test(refuses_two_documents), cmocka_unit_test(refuses_too_many),      cmocka_unit_test(knows_merges),
     cmocka_unit_test(petsc_reads_the_same),
   };
   int failed;
