@@ -587,6 +587,7 @@ PetscErrorCode PressureSetDefaults(void)
   PetscCall(OptDefault(PREFIX "pc_mg_levels", "2"));
 #if defined(PETSC_HAVE_HYPRE)
   PetscCall(OptDefault(PREFIX "mg_coarse_pc_type", "hypre"));
+  PetscCall(OptDefault(BOOMERAMG "relax_type_coarse", "symmetric-SOR/Jacobi")); /* elimination would divide by round-off where the pressure is known up to a constant */
   PetscCall(OptDefault(BOOMERAMG "coarsen_type", "PMIS"));
   PetscCall(OptDefault(BOOMERAMG "interp_type", "ext+i"));
   PetscCall(OptDefault(BOOMERAMG "P_max", "4"));
@@ -623,7 +624,7 @@ PetscErrorCode PressureCreate(Flow flow, Constraint constraint, Pressure *pressu
   PetscCall(PetscCalloc3(p->loc->nnode_all * p->loc->dim, &p->weight, p->nbodies * p->nr * p->nr, &p->mass_inverse, 2 * p->nbodies * p->nr, &p->work));
   PetscCall(PetscCalloc1(p->loc->ncell, &p->is_shared));
   PetscCall(PetscCalloc1(p->loc->ncell, &p->was_shared));
-  p->eps_shared = 1e-2;
+  p->eps_shared = 1e-3;
   PetscCall(OptReal("-flow_pressure_shared", "compressibility of cells between two bodies, or body and wall, as share of their nodes' inverse mass", "", 0, 1, &p->eps_shared));
   PetscCall(PetscOptionsGetString(NULL, NULL, "-flow_fieldsplit_pressure_pc_type", type, sizeof(type), NULL));
   PetscCall(PetscStrcmp(type, "mg", &p->two_level));
