@@ -22,7 +22,8 @@ PetscErrorCode ConstraintSetBoundary(Constraint, const PetscInt fixed[], const P
 /* Bodies of this step: node_body [nnode_all] index of the body a node lies in or -1; X [nbodies][3] the centres; unknown [nbodies] bit mask of unknown
    rigid velocities in the order of the rigid slots; U [nbodies][nr] the values of the known ones (unknown entries ignored). Walls win over bodies. Collective.
    *changed (may be NULL): has the set of constrained nodes, unknowns or centres changed since the last call (on any rank)? */
-PetscErrorCode ConstraintSetBodies(Constraint, const PetscInt node_body[], PetscReal (*X)[3], const PetscInt unknown[], const PetscReal U[], PetscBool *changed);
+PetscErrorCode ConstraintSetBodies(Constraint, const PetscInt node_body[], PetscReal (*X)[3], const PetscInt unknown[], const PetscReal U[],
+                                   PetscBool *changed);
 
 /* Rigid slots of a body: 3 in 2D, 6 in 3D. */
 PetscErrorCode ConstraintGetRigidSize(Constraint, PetscInt *nr);

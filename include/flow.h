@@ -13,9 +13,9 @@
    The velocity operator is the same scalar matrix S = rho c_t M + theta (rho C(w) + mu K) for every component. Nodal arrays are [nnode_all][dim], velocity in length/time;
    pressure arrays [own cells][dim + 1].
 
-   Options: -flow_density, -flow_viscosity (dynamic), -flow_gravity, -flow_force (per volume), -flow_time be|cn|bdf2, -flow_convection,
-   -flow_bc_<boundary>_type no_slip|moving_wall|inflow|outflow|slip (default no_slip), _velocity, _profile uniform|parabolic, _factor a,b,T (velocity times a + b sin(2 pi t/T)), _ramp T. */
+   Options: -flow_density, -flow_viscosity (dynamic), -flow_gravity, -flow_force (per volume), -flow_time be|cn|bdf2, -flow_convection; boundary conditions: boundary.h. */
 #pragma once
+#include "boundary.h"
 #include "mesh.h"
 
 typedef struct _p_Flow *Flow;
@@ -31,7 +31,7 @@ typedef struct {
   PetscReal time, dt;   /* end of the step; its length */
   PetscReal ct, d0, d1; /* du/dt is c_t u - d with d(y) = d0 y^n + d1 y^{n-1} */
   PetscReal theta;
-  PetscInt  order;      /* of the scheme in this step: 1 or 2 */
+  PetscInt  order; /* of the scheme in this step: 1 or 2 */
 } FlowStep;
 
 /* Read options, tabulate elements, allocate matrices and fields (at rest). Collective. Errors: unknown boundary names in options, slip on a boundary that is not
@@ -46,12 +46,8 @@ PetscErrorCode FlowGetMesh(Flow, Mesh *);
 PetscErrorCode FlowBeginStep(Flow, PetscReal time, PetscReal dt);
 PetscErrorCode FlowGetStep(Flow, const FlowStep **);
 
-/* Prescribed velocity components at the time of the step: fixed [nnode_all] bit mask, value [nnode_all][dim]; owned by Flow. */
-PetscErrorCode FlowGetBoundaryValues(Flow, const PetscInt *fixed[], const PetscReal *value[]);
-/* Is the pressure determined up to a constant only (no outflow boundary)? */
-PetscErrorCode FlowPressureIsFloating(Flow, PetscBool *floating);
-/* Bit mask of solid faces of the box (no_slip or moving_wall): bit 2 axis for lower, 2 axis + 1 for upper. Boundaries of mesh files do not count. */
-PetscErrorCode FlowGetSolidFaces(Flow, PetscInt *faces);
+/* The boundary conditions, set to the time of the step. Borrowed. */
+Boundary FlowBoundary(Flow);
 
 /* Assemble S for the step. Constant parts are kept; a Stokes flow with an unchanged step costs nothing. Collective. */
 PetscErrorCode FlowAssemble(Flow);
@@ -82,12 +78,13 @@ PetscErrorCode FlowAcceptStep(Flow, const PetscReal u[], const PetscReal p[]);
 /* Momentum residual of cell c with the step's solution u, p: r [nb][dim] (what the cell adds to the momentum rows). Not collective. */
 PetscErrorCode FlowCellResidual(Flow, PetscInt c, const PetscReal u[], const PetscReal p[], PetscReal r[]);
 /* Integral over cell c of -sigma_sym . grad(alpha) and of its moment about X, alpha [nb] nodal: adds to force [3], torque [3]. Not collective. */
-PetscErrorCode FlowCellStressForce(Flow, PetscInt c, const PetscReal u[], const PetscReal p[], const PetscReal alpha[], const PetscReal X[3], PetscReal force[3], PetscReal torque[3]);
+PetscErrorCode FlowCellStressForce(Flow, PetscInt c, const PetscReal u[], const PetscReal p[], const PetscReal alpha[], const PetscReal X[3],
+                                   PetscReal force[3], PetscReal torque[3]);
 
 typedef struct {
-  PetscReal cfl;             /* largest |u| dt / h over cells */
-  PetscReal divergence;      /* L2 norm of the cell means of div u */
-  PetscReal kinetic_energy;  /* 1/2 rho int |u|^2 */
+  PetscReal cfl;              /* largest |u| dt / h over cells */
+  PetscReal divergence;       /* L2 norm of the cell means of div u */
+  PetscReal kinetic_energy;   /* 1/2 rho int |u|^2 */
   PetscReal momentum_rate[3]; /* rho int (c_t u - d) + rho int w.grad u_theta - int f: what walls and bodies must supply */
   PetscReal speed_max;
 } FlowDiagnostics;

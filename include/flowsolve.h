@@ -34,7 +34,8 @@ PetscErrorCode FlowSolverSetUp(FlowSolver);
 /* Solve. r [nnode_all][dim] right-hand side of the momentum rows (complete on own nodes), g [nbodies][nr] on the rigid rows.
    u [nnode_all][dim], p [own cells][dim + 1], U [nbodies][nr]: start values on entry, solution on exit (known entries of U untouched, u synced).
    A failed solve is reported through *reason (< 0), with u, p, U as far as they got. Collective. */
-PetscErrorCode FlowSolverSolve(FlowSolver, const PetscReal r[], const PetscReal g[], PetscReal u[], PetscReal p[], PetscReal U[], PetscInt *its, KSPConvergedReason *reason);
+PetscErrorCode FlowSolverSolve(FlowSolver, const PetscReal r[], const PetscReal g[], PetscReal u[], PetscReal p[], PetscReal U[], PetscInt *its,
+                               KSPConvergedReason *reason);
 
 /* Number of unknowns: free or not, velocity + pressure + rigid slots (global). */
 PetscErrorCode FlowSolverGetUnknowns(FlowSolver, PetscInt *n);

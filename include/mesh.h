@@ -15,20 +15,20 @@
 
 /* Read-only view of the local mesh. */
 typedef struct {
-  PetscInt         dim, nb;              /* nb = 3^dim nodes a cell */
-  PetscInt         ncell, ncell_all;     /* own cells; with ghosts */
-  PetscInt         nnode, nnode_all;     /* own Q2 nodes; with ghosts */
+  PetscInt         dim, nb;                /* nb = 3^dim nodes a cell */
+  PetscInt         ncell, ncell_all;       /* own cells; with ghosts */
+  PetscInt         nnode, nnode_all;       /* own Q2 nodes; with ghosts */
   PetscInt         cell_start, node_start; /* global index of the first own cell, node */
   PetscInt         ncell_global, nnode_global;
-  const PetscInt  *cell_node;            /* [ncell_all][nb] local node */
-  const PetscInt  *cell_global;          /* [ncell_all] global cell index */
-  const PetscInt  *node_global;          /* [nnode_all] global node index */
-  const PetscInt  *node_cell_ptr;        /* [nnode_all + 1] into node_cell: the cells around a node */
+  const PetscInt  *cell_node;     /* [ncell_all][nb] local node */
+  const PetscInt  *cell_global;   /* [ncell_all] global cell index */
+  const PetscInt  *node_global;   /* [nnode_all] global node index */
+  const PetscInt  *node_cell_ptr; /* [nnode_all + 1] into node_cell: the cells around a node */
   const PetscInt  *node_cell;
-  const PetscReal *x;                    /* [nnode_all][dim] node coordinates, second-order geometry */
-  PetscReal        period[3];            /* length of the period along an axis, 0 = not periodic */
-  PetscReal        lower[3], upper[3];   /* bounding box of the whole mesh */
-  PetscReal        h;                    /* smallest cell size of the whole mesh (volume^(1/dim)) */
+  const PetscReal *x;                  /* [nnode_all][dim] node coordinates, second-order geometry */
+  PetscReal        period[3];          /* length of the period along an axis, 0 = not periodic */
+  PetscReal        lower[3], upper[3]; /* bounding box of the whole mesh */
+  PetscReal        h;                  /* smallest cell size of the whole mesh (volume^(1/dim)) */
 } MeshLocal;
 
 typedef struct _p_Mesh *Mesh;

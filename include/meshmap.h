@@ -17,22 +17,22 @@ typedef enum {
 
 /* A quadrilateral of straight edges whose first edge becomes an arc */
 typedef struct {
-  PetscReal corner[4][2]; /* counter-clockwise; the first two on the circle */
+  PetscReal corner[4][2];                /* counter-clockwise; the first two on the circle */
   PetscReal centre[2], radius, angle[2]; /* angles of the first two corners, less than a turn apart */
   PetscReal lower[2], upper[2];          /* bounding box of the corners */
 } MeshMapBent;
 
 typedef struct {
-  MeshMapType type;
-  PetscInt    dim;
-  PetscReal   lower[3], upper[3]; /* range of q and x for MESHMAP_LINES */
-  PetscInt    ncell[3];           /* cells between the lines of an axis */
-  PetscReal  *line[3];            /* [ncell + 1] position of the mesh lines, increasing */
-  PetscReal   middle[2];          /* q of the centre of the rings */
-  PetscReal   inner, outer;       /* half-widths of the innermost and outermost square of the rings, in q */
-  PetscReal   centre[2];          /* of the circle or circles */
-  PetscReal   radius[2];          /* fitted, disc: radius[0]; annulus: inner, outer */
-  PetscReal   ring_ratio;         /* fitted: thickness of the outermost layer over that of the innermost, in the limit of many layers */
+  MeshMapType  type;
+  PetscInt     dim;
+  PetscReal    lower[3], upper[3]; /* range of q and x for MESHMAP_LINES */
+  PetscInt     ncell[3];           /* cells between the lines of an axis */
+  PetscReal   *line[3];            /* [ncell + 1] position of the mesh lines, increasing */
+  PetscReal    middle[2];          /* q of the centre of the rings */
+  PetscReal    inner, outer;       /* half-widths of the innermost and outermost square of the rings, in q */
+  PetscReal    centre[2];          /* of the circle or circles */
+  PetscReal    radius[2];          /* fitted, disc: radius[0]; annulus: inner, outer */
+  PetscReal    ring_ratio;         /* fitted: thickness of the outermost layer over that of the innermost, in the limit of many layers */
   PetscInt     nbent;
   MeshMapBent *bent;
 } MeshMap;
@@ -47,7 +47,8 @@ PetscReal MeshMapDistance(PetscReal count, PetscReal h, PetscReal growth, PetscR
 
 /* Lines of an axis: n[0] cells from end[0] to end[1], n[1] equal cells of about size h up to end[2], n[2] cells up to end[3]; the outer ones grow away from the
    equal ones. A part of length zero has no cells. */
-PetscErrorCode MeshMapSetLines(MeshMap *, PetscInt axis, const PetscReal end[4], const PetscInt n[3], PetscReal h, PetscReal growth, PetscReal coarsest);
+PetscErrorCode MeshMapSetLines(MeshMap *, PetscInt axis, const PetscReal end[4], const PetscInt n[3], PetscReal h, PetscReal growth,
+                               PetscReal coarsest);
 
 /* Bend the first edge of the cell with these corners to the circle through its ends; sets all but the corners. */
 void MeshMapBend(MeshMapBent *, const PetscReal centre[2], PetscReal radius);

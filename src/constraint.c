@@ -16,9 +16,9 @@ struct _p_Constraint {
   PetscInt   ninert, *slot, *body, *local_body;
   PetscReal *coef;
   /* bodies that own nodes of this rank follow, and the way to their slots */
-  PetscInt   nlocal, *local_index; /* [nbodies] body -> local or -1 */
-  PetscInt  *local_list;
-  PetscReal *local_rigid;
+  PetscInt     nlocal, *local_index; /* [nbodies] body -> local or -1 */
+  PetscInt    *local_list;
+  PetscReal   *local_rigid;
   PetscSF      rigid_sf;
   MPI_Datatype rigid_type; /* the nr slots of one body */
 };
@@ -148,8 +148,10 @@ PetscErrorCode ConstraintCreate(Mesh mesh, PetscInt nbodies, Constraint *constra
   PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
   c->first = nbodies / size * rank + PetscMin(rank, nbodies % size);
   c->count = nbodies / size + (rank < nbodies % size);
-  PetscCall(PetscCalloc4(c->loc->nnode_all, &c->fixed, c->loc->nnode_all, &c->node_body, c->loc->nnode_all * c->loc->dim, &c->value, c->loc->nnode_all * c->loc->dim, &c->known));
-  PetscCall(PetscCalloc6(nbodies, &c->unknown, nbodies, &c->X, nbodies * c->nr, &c->U, nbodies, &c->local_index, nbodies, &c->local_list, nbodies * c->nr, &c->local_rigid));
+  PetscCall(PetscCalloc4(c->loc->nnode_all, &c->fixed, c->loc->nnode_all, &c->node_body, c->loc->nnode_all * c->loc->dim, &c->value,
+                         c->loc->nnode_all * c->loc->dim, &c->known));
+  PetscCall(PetscCalloc6(nbodies, &c->unknown, nbodies, &c->X, nbodies * c->nr, &c->U, nbodies, &c->local_index, nbodies, &c->local_list,
+                         nbodies * c->nr, &c->local_rigid));
   for (PetscInt i = 0; i < c->loc->nnode_all; i++) c->node_body[i] = -1;
   PetscCallMPI(MPI_Type_contiguous((int)c->nr, MPIU_REAL, &c->rigid_type));
   PetscCallMPI(MPI_Type_commit(&c->rigid_type));
@@ -192,9 +194,10 @@ PetscErrorCode ConstraintSetBoundary(Constraint c, const PetscInt fixed[], const
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ConstraintSetBodies(Constraint c, const PetscInt node_body[], PetscReal (*X)[3], const PetscInt unknown[], const PetscReal U[], PetscBool *changed)
+PetscErrorCode ConstraintSetBodies(Constraint c, const PetscInt node_body[], PetscReal (*X)[3], const PetscInt unknown[], const PetscReal U[],
+                                   PetscBool *changed)
 {
-  const MeshLocal *l = c->loc;
+  const MeshLocal *l       = c->loc;
   PetscBool        same[3] = {PETSC_TRUE, PETSC_TRUE, PETSC_TRUE}, moved;
 
   PetscFunctionBeginUser;

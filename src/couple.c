@@ -20,17 +20,17 @@ struct _p_Couple {
   Constraint       constraint;
   FlowSolver       solver;
   PetscInt         implicit, use_volume, nr;
-  PetscInt        *node_body, *marked, nmarked; /* marked: local nodes with node_body >= 0 */
+  PetscInt        *node_body, *marked, nmarked;          /* marked: local nodes with node_body >= 0 */
   PetscInt        *touched, ntouched, *stamp, stamp_now; /* own cells with a marked node */
-  PetscReal (*X)[3], (*q)[4];                   /* where the bodies are drawn */
+  PetscReal (*X)[3], (*q)[4];                            /* where the bodies are drawn */
   PetscInt  *unknown;
-  PetscReal *U, *U_old, *U_older;               /* [n][nr]: rigid velocities that the flow sees in this step and saw in the two before */
-  PetscReal *D, *g;                             /* [n][nr][nr] inertia, [n][nr] right-hand side of the rigid rows */
-  PetscReal *residual;                          /* [n][nr]: -sum of the momentum residual over the body's nodes */
+  PetscReal *U, *U_old, *U_older; /* [n][nr]: rigid velocities that the flow sees in this step and saw in the two before */
+  PetscReal *D, *g;               /* [n][nr][nr] inertia, [n][nr] right-hand side of the rigid rows */
+  PetscReal *residual;            /* [n][nr]: -sum of the momentum residual over the body's nodes */
   PetscReal *u, *p, *rhs;
-  PetscReal *du_old;                            /* [n] explicit coupling: size of the last velocity change, for the detection of blow-up */
+  PetscReal *du_old; /* [n] explicit coupling: size of the last velocity change, for the detection of blow-up */
   PetscInt  *growth;
-  PetscReal *force_old;                         /* [n][3][2] force and torque of the last step */
+  PetscReal *force_old; /* [n][3][2] force and torque of the last step */
 };
 
 static const char *const TYPES[]      = {"implicit", "explicit", NULL};
@@ -110,11 +110,11 @@ static PetscErrorCode place_bodies(Couple c)
 /* Nodes of body k drawn at X (one periodic image) are marked; a node that two bodies claim stays with the first. */
 static PetscErrorCode mark_image(Couple c, PetscInt k, const PetscReal X[3])
 {
-  const PetscInt   dim = c->loc->dim;
-  const PetscReal  radius = c->s->group[c->s->body_group[k]].radius;
-  PetscReal        lo[3], hi[3], x[CHUNK * 3], d[CHUNK];
-  const PetscInt  *list;
-  PetscInt         n;
+  const PetscInt  dim    = c->loc->dim;
+  const PetscReal radius = c->s->group[c->s->body_group[k]].radius;
+  PetscReal       lo[3], hi[3], x[CHUNK * 3], d[CHUNK];
+  const PetscInt *list;
+  PetscInt        n;
 
   PetscFunctionBeginUser;
   for (PetscInt a = 0; a < dim; a++) {
@@ -193,7 +193,8 @@ static PetscErrorCode fill_rigid_rows(Couple c)
       if (i < dim) g[i] += excess * M[0] * par->gravity[i];
       for (PetscInt j = 0; j < nr; j++) {
         c->D[(k * nr + i) * nr + j] = step->ct * excess * M[i * nr + j];
-        g[i] += excess * M[i * nr + j] * (step->d0 * *rigid_component(c, c->s->u, c->s->w, k, j) + step->d1 * *rigid_component(c, c->s->u_old, c->s->w_old, k, j));
+        g[i] += excess * M[i * nr + j] *
+                (step->d0 * *rigid_component(c, c->s->u, c->s->w, k, j) + step->d1 * *rigid_component(c, c->s->u_old, c->s->w_old, k, j));
       }
     }
     if (dim == 3) { /* gyroscopic torque - w x (J w), at the beginning of the step */
@@ -214,7 +215,7 @@ PetscErrorCode CoupleDraw(Couple c)
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_MARK, 0, 0, 0, 0));
   PetscCall(FlowGetStep(c->flow, &step));
-  PetscCall(FlowGetBoundaryValues(c->flow, &fixed, &value));
+  PetscCall(BoundaryGetValues(FlowBoundary(c->flow), &fixed, &value));
   PetscCall(place_bodies(c));
   PetscCall(mark_bodies(c));
   for (PetscInt k = 0; k < c->s->n; k++) {
@@ -252,7 +253,7 @@ PetscErrorCode CoupleSolve(Couple c, PetscInt *its, KSPConvergedReason *reason)
 /* -sum over the body's nodes of R^T (momentum residual), for all bodies: out [n][nr] */
 static PetscErrorCode sum_residuals(Couple c, PetscReal out[])
 {
-  const MeshLocal *l  = c->loc;
+  const MeshLocal *l = c->loc;
   const PetscInt  *body, nr = c->nr, dim = l->dim;
 
   PetscFunctionBeginUser;
@@ -313,7 +314,7 @@ static PetscErrorCode residual_force(Couple c, PetscInt k, PetscReal out[])
 {
   const FlowStep       *step;
   const FlowParameters *par;
-  const PetscInt        nr = c->nr;
+  const PetscInt        nr    = c->nr;
   const PetscReal       rho_s = c->s->group[c->s->body_group[k]].density;
   PetscReal             M[36], a[6], d[6];
 
@@ -363,7 +364,7 @@ PetscErrorCode CoupleForce(Couple c)
 
 PetscErrorCode CoupleForceForms(Couple c, PetscInt k, PetscReal residual[6], PetscReal volume[6])
 {
-  PetscReal (*force)[3], (*torque)[3], f[6];
+  PetscReal(*force)[3], (*torque)[3], f[6];
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc2(c->s->n, &force, c->s->n, &torque));
@@ -393,7 +394,7 @@ static PetscErrorCode sum_wall_residual(Couple c, PetscReal wall[4])
   const PetscReal *value;
 
   PetscFunctionBeginUser;
-  PetscCall(FlowGetBoundaryValues(c->flow, &fixed, &value));
+  PetscCall(BoundaryGetValues(FlowBoundary(c->flow), &fixed, &value));
   wall[0] = wall[1] = wall[2] = wall[3] = 0;
   for (PetscInt cell = 0; cell < l->ncell; cell++) {
     const PetscInt *node = l->cell_node + cell * l->nb;
@@ -470,8 +471,10 @@ static PetscErrorCode detect_blow_up(Couple c)
 
       c->growth[k] = dot < 0 && size > 1.1 * old_size ? c->growth[k] + 1 : 0;
     }
-    PetscCheck(size < PETSC_INFINITY && c->growth[k] < 4 && PetscSqrtReal(size) * step->dt < 2 * group->radius, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-               "Body %" PetscInt_FMT " (group '%s', density ratio %g) oscillates with growing velocity, |dU| = %g in one step: explicit coupling is unstable for light bodies because the added mass acts one step late, "
+    PetscCheck(size < PETSC_INFINITY && c->growth[k] < 4 && PetscSqrtReal(size) * step->dt < 2 * group->radius, PETSC_COMM_WORLD,
+               PETSC_ERR_USER_INPUT,
+               "Body %" PetscInt_FMT
+               " (group '%s', density ratio %g) oscillates with growing velocity, |dU| = %g in one step: explicit coupling is unstable for light bodies because the added mass acts one step late, "
                "and a smaller -sim_dt makes it worse. Use -couple_type implicit",
                k, group->name, (double)(group->density / par->density), (double)PetscSqrtReal(size));
     for (PetscInt a = 0; a < 3; a++) c->du_old[3 * k + a] = du[a];
@@ -599,7 +602,8 @@ PetscErrorCode CoupleDestroy(Couple *couple)
 PetscErrorCode CoupleView(Couple c, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
-  if (c->s->n) PetscCall(PetscViewerASCIIPrintf(viewer, "coupling: %s, boundary nodal, force in %s form\n", TYPES[!c->implicit], FORCES[c->use_volume]));
+  if (c->s->n)
+    PetscCall(PetscViewerASCIIPrintf(viewer, "coupling: %s, boundary nodal, force in %s form\n", TYPES[!c->implicit], FORCES[c->use_volume]));
   else PetscCall(PetscViewerASCIIPrintf(viewer, "coupling: none (no bodies)\n"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

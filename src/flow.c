@@ -1,4 +1,4 @@
-/* Flow: element kernels, assembly and boundary values of the Navier-Stokes equations (see flow.h).
+/* Flow: element kernels and assembly of the Navier-Stokes equations (see flow.h).
 
    The kernels are written for a general dimension and inlined for quadrilaterals and hexahedra with constants, so that the compiler vectorises them: a row of the
    element matrix is a sum over quadrature points of phi_i times a vector over j, padded to a multiple of four. Cells that are parallelograms (most cells of most
@@ -13,22 +13,6 @@
 #define MAX_NBP 28 /* padded to a multiple of 4 */
 #define MAX_NQ  27
 
-typedef enum {
-  BC_NO_SLIP,
-  BC_MOVING_WALL,
-  BC_INFLOW,
-  BC_OUTFLOW,
-  BC_SLIP
-} BoundaryType;
-
-typedef struct {
-  BoundaryType type;
-  PetscBool    parabolic;
-  PetscReal    velocity[3], factor[3], ramp;
-  PetscReal    lower[3], upper[3]; /* extent, for the profile and for slip */
-  PetscInt     axis;               /* slip: the normal axis */
-} Boundary;
-
 /* Inverse Jacobian and weight x det J at the quadrature points of a cell; one set when affine */
 typedef struct {
   PetscBool affine;
@@ -42,27 +26,23 @@ struct _p_Flow {
   FlowStep         step;
   PetscInt         scheme, nsteps;
   PetscReal        dt_old;
-  Boundary        *boundary;
-  PetscInt         nboundary, *fixed;
-  PetscReal       *bc_value;
-  PetscBool        floating;
+  Boundary         boundary;
   /* element tables: phi [nq][nbp], dphi [nq][dim][nbp] (padding zero) */
   PetscInt   nq, nbp;
   PetscReal *phi, *dphi, *qweight;
   /* geometry of the cells */
   PetscBool *affine;
-  PetscReal *inverse, *det, *size, *b, *lumped, *pmass; /* [ncell_all][dim*dim], [ncell_all], [ncell_all], cell matrices of B, nodal mass, inverse mass matrices of the pressure [ncell][dim+1][dim+1] */
+  PetscReal *inverse, *det, *size, *b, *lumped,
+    *pmass; /* [ncell_all][dim*dim], [ncell_all], [ncell_all], cell matrices of B, nodal mass, inverse mass matrices of the pressure [ncell][dim+1][dim+1] */
   /* operators */
-  Mat        S, S0; /* whole; constant part */
-  PetscReal  s0_ct, s0_theta, *coo;
-  PetscBool  s_is_s0;
+  Mat       S, S0; /* whole; constant part */
+  PetscReal s0_ct, s0_theta, *coo;
+  PetscBool s_is_s0;
   /* fields */
   PetscReal *u, *u_old, *w, *p, *p_old;
 };
 
-static const char *const SCHEMES[]  = {"be", "cn", "bdf2", NULL};
-static const char *const BC_TYPES[] = {"no_slip", "moving_wall", "inflow", "outflow", "slip", NULL};
-static const char *const PROFILES[] = {"uniform", "parabolic", NULL};
+static const char *const SCHEMES[] = {"be", "cn", "bdf2", NULL};
 
 /* ---- geometry ---- */
 
@@ -96,7 +76,7 @@ static PetscReal invert_jacobian(PetscInt dim, const PetscReal J[], PetscReal in
 /* dx_a/dxi_e at quadrature point q: J [a][e]; inverse is [e][a] */
 static PetscReal jacobian_at(const struct _p_Flow *f, PetscInt q, const PetscReal xc[], PetscReal inv[])
 {
-  const PetscInt dim  = f->loc->dim, nb = f->loc->nb;
+  const PetscInt dim = f->loc->dim, nb = f->loc->nb;
   PetscReal      J[9] = {0};
 
   for (PetscInt e = 0; e < dim; e++) {
@@ -177,9 +157,9 @@ static PetscErrorCode compute_cells(Flow f)
   PetscCall(PetscArrayzero(f->lumped, l->nnode_all));
   PetscCall(PetscArrayzero(f->b, l->ncell_all * nk * nb * dim));
   for (PetscInt c = 0; c < l->ncell_all; c++) {
-    PetscReal  xc[MAX_NB * 3], first[9], volume = 0, mass[16] = {0}, *b = f->b + c * nk * nb * dim;
+    PetscReal        xc[MAX_NB * 3], first[9], volume = 0, mass[16] = {0}, *b = f->b + c * nk * nb * dim;
     const PetscReal *centre = xc + (nb / 2) * dim;
-    Metric     m;
+    Metric           m;
 
     PetscCall(MeshCellCoordinates(f->mesh, c, xc));
     f->affine[c] = PETSC_FALSE;
@@ -189,7 +169,9 @@ static PetscErrorCode compute_cells(Flow f)
     for (PetscInt q = 0; q < f->nq; q++) {
       PetscReal scale = 0, diff = 0;
 
-      PetscCheck(m.weight[q] > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "Mesh cell near (%g, %g) has a Jacobian of %g at a quadrature point: the mesh is tangled there", (double)centre[0], (double)centre[1], (double)(m.weight[q] / f->qweight[q]));
+      PetscCheck(m.weight[q] > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+                 "Mesh cell near (%g, %g) has a Jacobian of %g at a quadrature point: the mesh is tangled there", (double)centre[0],
+                 (double)centre[1], (double)(m.weight[q] / f->qweight[q]));
       volume += m.weight[q];
       for (PetscInt i = 0; i < dim * dim; i++) {
         scale = PetscMax(scale, PetscAbsReal(first[i]));
@@ -276,141 +258,13 @@ static PetscErrorCode tabulate(Flow f)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* ---- boundary conditions ---- */
-
-static PetscErrorCode find_extent(Flow f, PetscInt b, Boundary *bc)
-{
-  const MeshLocal *l = f->loc;
-  const PetscInt  *node;
-  PetscInt         n;
-
-  PetscFunctionBeginUser;
-  for (PetscInt d = 0; d < 3; d++) {
-    bc->lower[d] = PETSC_MAX_REAL;
-    bc->upper[d] = -PETSC_MAX_REAL;
-  }
-  PetscCall(MeshGetBoundaryNodes(f->mesh, b, &n, &node));
-  for (PetscInt i = 0; i < n; i++) {
-    for (PetscInt d = 0; d < l->dim; d++) {
-      bc->lower[d] = PetscMin(bc->lower[d], l->x[node[i] * l->dim + d]);
-      bc->upper[d] = PetscMax(bc->upper[d], l->x[node[i] * l->dim + d]);
-    }
-  }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, bc->lower, 3, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, bc->upper, 3, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode read_boundary(Flow f, PetscInt b)
-{
-  const PetscInt dim = f->loc->dim;
-  Boundary      *bc  = f->boundary + b;
-  const char    *name;
-  char           option[128];
-  PetscInt       type = BC_NO_SLIP, profile = 0;
-  PetscBool      has_velocity;
-
-  PetscFunctionBeginUser;
-  PetscCall(MeshGetBoundaryName(f->mesh, b, &name));
-  PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_type", name));
-  PetscCall(OptChoice(option, "condition on this boundary", BC_TYPES, &type));
-  bc->type      = (BoundaryType)type;
-  bc->factor[0] = bc->factor[2] = 1;
-  PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_velocity", name));
-  if (type == BC_INFLOW || type == BC_MOVING_WALL) {
-    PetscCall(OptRealArray(option, "prescribed velocity (largest one of a profile)", "length/time", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, bc->velocity, &has_velocity));
-    PetscCheck(has_velocity, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Boundary '%s' is of type %s: give its velocity with %s", name, BC_TYPES[type], option);
-    PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_profile", name));
-    PetscCall(OptChoice(option, "shape of the velocity profile", PROFILES, &profile));
-    PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_factor", name));
-    PetscCall(OptRealArray(option, "a, b, T: velocity is multiplied by a + b sin(2 pi t / T)", "-, -, time", PETSC_MIN_REAL, PETSC_MAX_REAL, 3, bc->factor, NULL));
-    PetscCheck(bc->factor[1] == 0 || bc->factor[2] > 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s: the period %g must be positive", option, (double)bc->factor[2]);
-    PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_ramp", name));
-    PetscCall(OptReal(option, "time over which the velocity rises smoothly from zero", "time", 0, PETSC_MAX_REAL, &bc->ramp));
-  }
-  bc->parabolic = (PetscBool)(profile == 1);
-  PetscCall(find_extent(f, b, bc));
-  if (type == BC_SLIP) {
-    bc->axis = -1;
-    for (PetscInt d = 0; d < dim; d++)
-      if (bc->upper[d] - bc->lower[d] < 1e-10 * (f->loc->upper[d] - f->loc->lower[d])) bc->axis = d;
-    PetscCheck(bc->axis >= 0, PETSC_COMM_WORLD, PETSC_ERR_SUP, "Boundary '%s' is not a plane along an axis: slip is available on such planes only, choose another -flow_bc_%s_type", name, name);
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Which components a condition prescribes. Where boundaries meet, walls win over inflow, and inflow over slip. */
-static PetscErrorCode mark_fixed(Flow f)
-{
-  const PetscInt all  = (1 << f->loc->dim) - 1;
-  PetscInt       outflow = 0;
-
-  PetscFunctionBeginUser;
-  for (PetscInt b = 0; b < f->nboundary; b++) {
-    const PetscInt *node, bits = f->boundary[b].type == BC_OUTFLOW ? 0 : f->boundary[b].type == BC_SLIP ? 1 << f->boundary[b].axis : all;
-    PetscInt        n;
-
-    outflow += f->boundary[b].type == BC_OUTFLOW;
-    PetscCall(MeshGetBoundaryNodes(f->mesh, b, &n, &node));
-    for (PetscInt i = 0; i < n; i++) f->fixed[node[i]] |= bits;
-  }
-  f->floating = (PetscBool)(outflow == 0);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscReal boundary_factor(const Boundary *bc, PetscReal t)
-{
-  PetscReal value = bc->factor[0] + (bc->factor[1] != 0 ? bc->factor[1] * PetscSinReal(2 * PETSC_PI * t / bc->factor[2]) : 0);
-
-  if (bc->ramp > 0 && t < bc->ramp) value *= 0.5 * (1 - PetscCosReal(PETSC_PI * t / bc->ramp));
-  return value;
-}
-
-static PetscReal boundary_profile(const Boundary *bc, PetscInt dim, const PetscReal x[])
-{
-  PetscReal value = 1;
-
-  if (!bc->parabolic) return 1;
-  for (PetscInt d = 0; d < dim; d++) {
-    const PetscReal length = bc->upper[d] - bc->lower[d], s = x[d] - bc->lower[d];
-
-    if (length > 1e-12) value *= 4 * s * (length - s) / (length * length);
-  }
-  return value;
-}
-
-static PetscErrorCode set_boundary_values(Flow f)
-{
-  static const BoundaryType order[] = {BC_SLIP, BC_INFLOW, BC_MOVING_WALL, BC_NO_SLIP}; /* later ones win where boundaries meet */
-  const PetscInt            dim     = f->loc->dim;
-
-  PetscFunctionBeginUser;
-  for (PetscInt pass = 0; pass < 4; pass++) {
-    for (PetscInt b = 0; b < f->nboundary; b++) {
-      const Boundary *bc = f->boundary + b;
-      const PetscInt *node;
-      PetscInt        n;
-      PetscReal       factor;
-
-      if (bc->type != order[pass]) continue;
-      factor = boundary_factor(bc, f->step.time);
-      PetscCall(MeshGetBoundaryNodes(f->mesh, b, &n, &node));
-      for (PetscInt i = 0; i < n; i++) {
-        const PetscReal s = bc->type == BC_SLIP || bc->type == BC_NO_SLIP ? 0 : factor * boundary_profile(bc, dim, f->loc->x + node[i] * dim);
-
-        for (PetscInt a = 0; a < dim; a++)
-          if (bc->type != BC_SLIP || a == bc->axis) f->bc_value[node[i] * dim + a] = s * bc->velocity[a];
-      }
-    }
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* ---- kernels ---- */
 
 /* ce [nb][nb] = rho int phi_i w.grad phi_j, wl [nb][dim] */
-static inline __attribute__((always_inline)) void convection_kernel(const int dim, const int nb, const int nbp, const int nq, const PetscReal *restrict phi, const PetscReal *restrict dphi, const Metric *restrict m, PetscReal rho,
-                                                                    const PetscReal *restrict wl, PetscReal *restrict ce)
+static inline __attribute__((always_inline)) void convection_kernel(const int dim, const int nb, const int nbp, const int nq,
+                                                                    const PetscReal *restrict phi, const PetscReal *restrict dphi,
+                                                                    const Metric *restrict m, PetscReal rho, const PetscReal *restrict wl,
+                                                                    PetscReal *restrict ce)
 {
   PetscReal g[MAX_NQ][MAX_NBP];
 
@@ -468,7 +322,8 @@ static void constant_matrix(const struct _p_Flow *f, const Metric *m, PetscReal 
 
 /* r [nb][dim] of one cell: (rho a, v) + rho (w.grad v_, v) + mu (grad v_, grad v) - (p, div v) - (force, v) from nodal acceleration a, velocity v_, convection w (may be NULL).
    bp [dim+1][nb*dim] with pressure coefficients pl, or NULL. */
-static void residual_kernel(const struct _p_Flow *f, const Metric *m, const PetscReal al[], const PetscReal vl[], const PetscReal wl[], const PetscReal b[], const PetscReal pl[], PetscReal r[])
+static void residual_kernel(const struct _p_Flow *f, const Metric *m, const PetscReal al[], const PetscReal vl[], const PetscReal wl[],
+                            const PetscReal b[], const PetscReal pl[], PetscReal r[])
 {
   const PetscInt  dim = f->loc->dim, nb = f->loc->nb;
   const PetscReal rho = f->par.density, mu = f->par.viscosity;
@@ -596,7 +451,7 @@ PetscErrorCode FlowRhs(Flow f, PetscReal r[])
 {
   const MeshLocal *l   = f->loc;
   const PetscInt   dim = l->dim, nb = l->nb;
-  const FlowStep  *s   = &f->step;
+  const FlowStep  *s = &f->step;
 
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_FLOW_RHS, 0, 0, 0, 0));
@@ -658,7 +513,7 @@ PetscErrorCode FlowGradient(Flow f, PetscReal scale, const PetscReal p[], PetscR
   PetscCall(PetscLogEventBegin(TB_FLOW_DIV, 0, 0, 0, 0));
   PetscCall(PetscArrayzero(r, l->nnode_all * dim));
   for (PetscInt c = 0; c < l->ncell; c++) {
-    const PetscReal *b  = f->b + c * nk * n;
+    const PetscReal *b = f->b + c * nk * n;
     PetscReal        rl[MAX_NB * 3];
 
     for (PetscInt i = 0; i < n; i++) rl[i] = 0;
@@ -701,7 +556,8 @@ static PetscErrorCode read_parameters(Flow f)
   f->scheme     = 2;
   PetscCall(OptReal("-flow_density", "density of the fluid", "mass/length^dim", OPT_POSITIVE, PETSC_MAX_REAL, &p->density));
   PetscCall(OptReal("-flow_viscosity", "dynamic viscosity of the fluid", "mass/(length time)", OPT_POSITIVE, PETSC_MAX_REAL, &p->viscosity));
-  PetscCall(OptRealArray("-flow_gravity", "acceleration of gravity (acts on bodies through M - M_f)", "length/time^2", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, p->gravity, NULL));
+  PetscCall(OptRealArray("-flow_gravity", "acceleration of gravity (acts on bodies through M - M_f)", "length/time^2", PETSC_MIN_REAL, PETSC_MAX_REAL,
+                         dim, p->gravity, NULL));
   PetscCall(OptRealArray("-flow_force", "body force on the fluid", "force/volume", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, p->force, NULL));
   PetscCall(OptBool("-flow_convection", "convection term; false gives the unsteady Stokes equations", &p->convection));
   PetscCall(OptChoice("-flow_time", "time scheme", SCHEMES, &f->scheme));
@@ -722,14 +578,12 @@ PetscErrorCode FlowCreate(Mesh mesh, Flow *flow)
   dim = l->dim;
   PetscCall(read_parameters(f));
   PetscCall(tabulate(f));
-  PetscCall(PetscMalloc5(l->ncell_all, &f->affine, l->ncell_all * dim * dim, &f->inverse, l->ncell_all, &f->det, l->ncell_all, &f->size, l->nnode_all, &f->lumped));
+  PetscCall(PetscMalloc5(l->ncell_all, &f->affine, l->ncell_all * dim * dim, &f->inverse, l->ncell_all, &f->det, l->ncell_all, &f->size, l->nnode_all,
+                         &f->lumped));
   PetscCall(PetscMalloc1(l->ncell_all * (dim + 1) * l->nb * dim, &f->b));
   PetscCall(PetscMalloc1(l->ncell * (dim + 1) * (dim + 1), &f->pmass));
   PetscCall(compute_cells(f));
-  PetscCall(MeshGetBoundaryCount(mesh, &f->nboundary));
-  PetscCall(PetscCalloc3(f->nboundary, &f->boundary, l->nnode_all, &f->fixed, l->nnode_all * dim, &f->bc_value));
-  for (PetscInt b = 0; b < f->nboundary; b++) PetscCall(read_boundary(f, b));
-  PetscCall(mark_fixed(f));
+  PetscCall(BoundaryCreate(mesh, &f->boundary));
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u)); /* each on its own: accepted steps swap them */
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u_old));
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->w));
@@ -753,7 +607,7 @@ PetscErrorCode FlowDestroy(Flow *flow)
   PetscCall(PetscFree(f->pmass));
   PetscCall(PetscFree3(f->phi, f->dphi, f->qweight));
   PetscCall(PetscFree5(f->affine, f->inverse, f->det, f->size, f->lumped));
-  PetscCall(PetscFree3(f->boundary, f->fixed, f->bc_value));
+  PetscCall(BoundaryDestroy(&f->boundary));
   PetscCall(PetscFree(f->u));
   PetscCall(PetscFree(f->u_old));
   PetscCall(PetscFree(f->w));
@@ -766,13 +620,10 @@ PetscErrorCode FlowDestroy(Flow *flow)
 PetscErrorCode FlowView(Flow f, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscViewerASCIIPrintf(viewer, "flow: density %g, viscosity %g, time scheme %s, %s\n", (double)f->par.density, (double)f->par.viscosity, SCHEMES[f->scheme], f->par.convection ? "Navier-Stokes (convection extrapolated)" : "Stokes (no convection assembled)"));
-  for (PetscInt b = 0; b < f->nboundary; b++) {
-    const char *name;
-
-    PetscCall(MeshGetBoundaryName(f->mesh, b, &name));
-    PetscCall(PetscViewerASCIIPrintf(viewer, "  boundary %s: %s\n", name, BC_TYPES[f->boundary[b].type]));
-  }
+  PetscCall(PetscViewerASCIIPrintf(viewer, "flow: density %g, viscosity %g, time scheme %s, %s\n", (double)f->par.density, (double)f->par.viscosity,
+                                   SCHEMES[f->scheme],
+                                   f->par.convection ? "Navier-Stokes (convection extrapolated)" : "Stokes (no convection assembled)"));
+  PetscCall(BoundaryView(f->boundary, viewer));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -818,7 +669,7 @@ PetscErrorCode FlowBeginStep(Flow f, PetscReal time, PetscReal dt)
   }
   if (f->par.convection)
     for (PetscInt i = 0; i < n; i++) f->w[i] = f->u[i] + ahead * (f->u[i] - f->u_old[i]);
-  PetscCall(set_boundary_values(f));
+  PetscCall(BoundarySetTime(f->boundary, time));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -829,40 +680,9 @@ PetscErrorCode FlowGetStep(Flow f, const FlowStep **step)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowGetBoundaryValues(Flow f, const PetscInt *fixed[], const PetscReal *value[])
+Boundary FlowBoundary(Flow f)
 {
-  PetscFunctionBeginUser;
-  *fixed = f->fixed;
-  *value = f->bc_value;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode FlowPressureIsFloating(Flow f, PetscBool *floating)
-{
-  PetscFunctionBeginUser;
-  *floating = f->floating;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode FlowGetSolidFaces(Flow f, PetscInt *faces)
-{
-  const char *const names[] = {"left", "right", "bottom", "top", "back", "front"};
-
-  PetscFunctionBeginUser;
-  *faces = 0;
-  for (PetscInt b = 0; b < f->nboundary; b++) {
-    const char *name;
-
-    if (f->boundary[b].type > BC_MOVING_WALL) continue;
-    PetscCall(MeshGetBoundaryName(f->mesh, b, &name));
-    for (PetscInt i = 0; i < 2 * f->loc->dim; i++) {
-      PetscBool match;
-
-      PetscCall(PetscStrcmp(name, names[i], &match));
-      if (match) *faces |= 1 << i;
-    }
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
+  return f->boundary;
 }
 
 PetscErrorCode FlowGetMatrix(Flow f, Mat *S)
@@ -964,7 +784,8 @@ PetscErrorCode FlowCellResidual(Flow f, PetscInt c, const PetscReal u[], const P
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowCellStressForce(Flow f, PetscInt c, const PetscReal u[], const PetscReal p[], const PetscReal alpha[], const PetscReal X[3], PetscReal force[3], PetscReal torque[3])
+PetscErrorCode FlowCellStressForce(Flow f, PetscInt c, const PetscReal u[], const PetscReal p[], const PetscReal alpha[], const PetscReal X[3],
+                                   PetscReal force[3], PetscReal torque[3])
 {
   const MeshLocal *l   = f->loc;
   const PetscInt   dim = l->dim, nb = l->nb, nk = dim + 1;
@@ -1013,9 +834,9 @@ PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], FlowDiagnostics *out)
 
   PetscFunctionBeginUser;
   for (PetscInt c = 0; c < l->ncell; c++) {
-    PetscReal al[MAX_NB * 3], vl[MAX_NB * 3], wl[MAX_NB * 3], r[MAX_NB * 3], div = 0, ul[MAX_NB * 3];
+    PetscReal        al[MAX_NB * 3], vl[MAX_NB * 3], wl[MAX_NB * 3], r[MAX_NB * 3], div = 0, ul[MAX_NB * 3];
     const PetscReal *b = f->b + c * (dim + 1) * n;
-    Metric    m;
+    Metric           m;
 
     gather(l, c, u, ul);
     gather_step(f, c, u, al, vl, wl);

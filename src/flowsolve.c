@@ -7,6 +7,7 @@
 #include "log.h"
 #include "opt.h"
 #include "pressure.h"
+#include "saddle.h"
 
 /* Viscous number nu theta/(c_t h^2) from which the commutator pays: settling disc, 0.085: 9 outer iterations with the projection, 6 with the commutator at equal cost;
    0.34: 15 and 6, at 1.2 times the cost */
@@ -27,24 +28,25 @@ struct _p_FlowSolver {
   PetscInt         schur;
   PetscBool        commute; /* in this step */
   Mat              S, A;    /* scalar matrix; the same for all components */
-  Mat              Ar, G, B, C, nest, Ar_assembled, whole; /* shells P^T A P + D, -P^T B^T, B P, C of PressureGetShared; block operator; assembled forms when needed */
-  PetscBool        need_Ar, need_whole;
-  Vec              xn, yn; /* nodal views of parts of reduced vectors */
-  PetscReal        scale;  /* rho c_t: continuity rows are multiplied by it, so that their residual counts as the force it causes */
-  PetscReal       *D;      /* [nbodies][nr][nr] */
-  PetscReal       *body_inverse; /* [own bodies][nr][nr] inverse of the body's diagonal block of Ar */
-  PetscReal       *mass_inverse; /* [nbodies][nr][nr] of its block of M_r / scale, on every rank; zero for known degrees of freedom */
-  PetscReal       *diagonal_inverse; /* [nodal] of A, zero at inert slots */
-  PetscReal       *weight;       /* [nnode_all][dim] inverse of M_r / scale on free slots, eps times that on body nodes, zero at walls */
-  PetscReal       *saved, *local; /* work: values at inert slots; nodal array with ghosts */
-  PetscInt         nsaved;
-  PetscInt        *ghost_of_column; /* off-diagonal columns of S -> local nodes */
-  Pressure         pressure;        /* the projected pressure operator */
-  MatNullSpace     constant_pressure;
-  KSP              ksp;
-  PC               split; /* the inner PCFIELDSPLIT */
-  KSP             *sub;
-  Vec              b, x, t_u, t_u2, t_p, t_p2;
+  Mat              Ar, G, B, C, nest, Ar_assembled,
+    whole; /* shells P^T A P + D, -P^T B^T, B P, C of PressureGetShared; block operator; assembled forms when needed */
+  PetscBool    need_Ar, need_whole;
+  Vec          xn, yn;           /* nodal views of parts of reduced vectors */
+  PetscReal    scale;            /* rho c_t: continuity rows are multiplied by it, so that their residual counts as the force it causes */
+  PetscReal   *D;                /* [nbodies][nr][nr] */
+  PetscReal   *body_inverse;     /* [own bodies][nr][nr] inverse of the body's diagonal block of Ar */
+  PetscReal   *mass_inverse;     /* [nbodies][nr][nr] of its block of M_r / scale, on every rank; zero for known degrees of freedom */
+  PetscReal   *diagonal_inverse; /* [nodal] of A, zero at inert slots */
+  PetscReal   *weight;           /* [nnode_all][dim] inverse of M_r / scale on free slots, eps times that on body nodes, zero at walls */
+  PetscReal   *saved, *local;    /* work: values at inert slots; nodal array with ghosts */
+  PetscInt     nsaved;
+  PetscInt    *ghost_of_column; /* off-diagonal columns of S -> local nodes */
+  Pressure     pressure;        /* the projected pressure operator */
+  MatNullSpace constant_pressure;
+  KSP          ksp;
+  PC           split; /* the inner PCFIELDSPLIT */
+  KSP         *sub;
+  Vec          b, x, t_u, t_u2, t_p, t_p2;
 };
 
 static const char *const RECIPES[] = {"fast", "balanced", "accurate", "direct", NULL};
@@ -159,8 +161,9 @@ static PetscErrorCode get_rows(Mat S, Mat *diagonal_part, Mat *offdiagonal_part,
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static inline __attribute__((always_inline)) void sweep_kernel(const int dim, PetscInt n, PetscBool forward, PetscBool lower_only, const PetscInt *restrict ai, const PetscInt *restrict aj, const PetscReal *restrict aa, const PetscReal *restrict dinv,
-                                                               const PetscReal *restrict b, PetscReal *restrict x)
+static inline __attribute__((always_inline)) void sweep_kernel(const int dim, PetscInt n, PetscBool forward, PetscBool lower_only,
+                                                               const PetscInt *restrict ai, const PetscInt *restrict aj, const PetscReal *restrict aa,
+                                                               const PetscReal *restrict dinv, const PetscReal *restrict b, PetscReal *restrict x)
 {
   for (PetscInt k = 0; k < n; k++) {
     const PetscInt i = forward ? k : n - 1 - k;
@@ -191,7 +194,9 @@ static PetscErrorCode sor_velocity(Mat mat, Vec bv, PetscReal omega, MatSORType 
   PetscBool        done, zero = (PetscBool)((flag & SOR_ZERO_INITIAL_GUESS) != 0);
 
   PetscFunctionBeginUser;
-  PetscCheck(omega == 1 && shift == 0, PetscObjectComm((PetscObject)mat), PETSC_ERR_SUP, "The velocity sweep knows no over-relaxation or shift (omega %g, shift %g): leave -flow_fieldsplit_velocity_pc_sor_omega at 1 or choose another pc_type", (double)omega, (double)shift);
+  PetscCheck(omega == 1 && shift == 0, PetscObjectComm((PetscObject)mat), PETSC_ERR_SUP,
+             "The velocity sweep knows no over-relaxation or shift (omega %g, shift %g): leave -flow_fieldsplit_velocity_pc_sor_omega at 1 or choose another pc_type",
+             (double)omega, (double)shift);
   PetscCall(MatShellGetContext(mat, &fs));
   PetscCall(PetscLogEventBegin(TB_VEL_SWEEP, 0, 0, 0, 0));
   PetscCall(ConstraintGetOwnBodies(fs->constraint, &first, &count));
@@ -213,7 +218,8 @@ static PetscErrorCode sor_velocity(Mat mat, Vec bv, PetscReal omega, MatSORType 
     }
   }
   for (PetscInt j = 0; j < ninert; j++) x[slot[j]] = b[slot[j]];
-  for (PetscInt k = 0; k < count; k++) multiply_small(fs->nr, fs->body_inverse + k * fs->nr * fs->nr, b + fs->nodal + k * fs->nr, x + fs->nodal + k * fs->nr);
+  for (PetscInt k = 0; k < count; k++)
+    multiply_small(fs->nr, fs->body_inverse + k * fs->nr * fs->nr, b + fs->nodal + k * fs->nr, x + fs->nodal + k * fs->nr);
   PetscCall(VecRestoreArray(xv, &x));
   PetscCall(VecRestoreArrayRead(bv, &b));
   PetscCall(MatSeqAIJRestoreArrayRead(Ad, &aa));
@@ -303,7 +309,8 @@ static PetscErrorCode apply_mass_inverse(FlowSolver fs, Vec x, Vec y)
   PetscCall(VecGetArray(y, &ya));
   for (PetscInt i = 0; i < fs->nodal; i++) ya[i] = fs->weight[i] / fs->scale * xr[i];
   for (PetscInt j = 0; j < ninert; j++) ya[slot[j]] = 0; /* the softness of body nodes belongs to S_p only */
-  for (PetscInt k = 0; k < count; k++) multiply_small(fs->nr, fs->mass_inverse + (first + k) * fs->nr * fs->nr, xr + fs->nodal + k * fs->nr, ya + fs->nodal + k * fs->nr);
+  for (PetscInt k = 0; k < count; k++)
+    multiply_small(fs->nr, fs->mass_inverse + (first + k) * fs->nr * fs->nr, xr + fs->nodal + k * fs->nr, ya + fs->nodal + k * fs->nr);
   for (PetscInt i = fs->nodal; i < fs->nur; i++) ya[i] /= fs->scale;
   PetscCall(VecRestoreArray(y, &ya));
   PetscCall(VecRestoreArrayRead(x, &xr));
@@ -321,7 +328,8 @@ static PetscErrorCode invert_body_blocks(FlowSolver fs, PetscInt k, PetscInt unk
   for (PetscInt s = 0; s < 2; s++) {
     PetscReal *M = block + s * nn, share = 1;
 
-    for (PetscInt a = 0; a < nr; a++) /* the excess mass of a light body may exceed the discrete mass of its nodes: the added mass of the flow around is not in the block */
+    for (PetscInt a = 0; a < nr;
+         a++) /* the excess mass of a light body may exceed the discrete mass of its nodes: the added mass of the flow around is not in the block */
       if (-fs->D[k * nn + a * (nr + 1)] > 0) share = PetscMin(share, 0.9 * M[a * (nr + 1)] * (s ? fs->scale : 1) / -fs->D[k * nn + a * (nr + 1)]);
     for (PetscInt e = 0; e < nn; e++) {
       const PetscBool active = (PetscBool)((unknown >> (e / nr)) & 1 && (unknown >> (e % nr)) & 1);
@@ -329,7 +337,8 @@ static PetscErrorCode invert_body_blocks(FlowSolver fs, PetscInt k, PetscInt unk
       M[e] = active ? M[e] + share * fs->D[k * nn + e] / (s ? fs->scale : 1) : (PetscReal)(e / nr == e % nr);
     }
     for (PetscInt a = 0; a < nr; a++)
-      PetscCheck(M[a * (nr + 1)] > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "Body %" PetscInt_FMT " covers no node of the mesh and is lighter than the fluid: refine the mesh (-mesh_cells)", k);
+      PetscCheck(M[a * (nr + 1)] > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+                 "Body %" PetscInt_FMT " covers no node of the mesh and is lighter than the fluid: refine the mesh (-mesh_cells)", k);
   }
   if (own >= 0 && own < nown) invert_small(nr, block, fs->body_inverse + own * nn);
   invert_small(nr, block + nn, fs->mass_inverse + k * nn);
@@ -341,16 +350,16 @@ static PetscErrorCode invert_body_blocks(FlowSolver fs, PetscInt k, PetscInt unk
 /* For each unknown body: blocks [nr][nr] of P^T A P and of the projected lumped mass, summed over ranks; then inverses with D added. */
 static PetscErrorCode set_up_body_blocks(FlowSolver fs)
 {
-  const MeshLocal *l  = fs->loc;
-  const PetscInt   nr = fs->nr, dim = l->dim, nn = nr * nr;
-  const PetscInt  *body, *unknown, *row_start[2] = {NULL, NULL}, *column[2] = {NULL, NULL}, *map;
-  const PetscReal *value[2] = {NULL, NULL}, *m;
-  const FlowStep  *step;
+  const MeshLocal      *l  = fs->loc;
+  const PetscInt        nr = fs->nr, dim = l->dim, nn = nr * nr;
+  const PetscInt       *body, *unknown, *row_start[2] = {NULL, NULL}, *column[2] = {NULL, NULL}, *map;
+  const PetscReal      *value[2] = {NULL, NULL}, *m;
+  const FlowStep       *step;
   const FlowParameters *par;
-  PetscReal       *block;
-  PetscInt         n, first, count;
-  Mat              part[2];
-  PetscBool        done;
+  PetscReal            *block;
+  PetscInt              n, first, count;
+  Mat                   part[2];
+  PetscBool             done;
 
   PetscFunctionBeginUser;
   if (!fs->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
@@ -400,18 +409,18 @@ static PetscErrorCode set_up_body_blocks(FlowSolver fs)
 /* Inverse diagonal of A (zero at inert slots) and inverse lumped mass of M_r with softness at body nodes */
 static PetscErrorCode set_up_diagonals(FlowSolver fs)
 {
-  const MeshLocal *l = fs->loc;
-  const PetscInt   dim = l->dim, *body, *fixed, *slot;
-  const PetscReal *m, *d, *value;
-  const FlowStep  *step;
+  const MeshLocal      *l   = fs->loc;
+  const PetscInt        dim = l->dim, *body, *fixed, *slot;
+  const PetscReal      *m, *d, *value;
+  const FlowStep       *step;
   const FlowParameters *par;
-  PetscInt         ninert;
-  Vec              diagonal;
+  PetscInt              ninert;
+  Vec                   diagonal;
 
   PetscFunctionBeginUser;
   PetscCall(ConstraintGetNodeBody(fs->constraint, &body));
   PetscCall(ConstraintGetInert(fs->constraint, &ninert, &slot));
-  PetscCall(FlowGetBoundaryValues(fs->flow, &fixed, &value));
+  PetscCall(BoundaryGetValues(FlowBoundary(fs->flow), &fixed, &value));
   PetscCall(FlowGetLumpedMass(fs->flow, &m));
   PetscCall(FlowGetStep(fs->flow, &step));
   PetscCall(FlowGetParameters(fs->flow, &par));
@@ -435,130 +444,6 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* D and the identity of inert slots, as a matrix over u_r */
-static PetscErrorCode create_rigid_diagonal(FlowSolver fs, Mat *E)
-{
-  const PetscInt *slot, *unknown;
-  PetscInt        ninert, first, count, start;
-
-  PetscFunctionBeginUser;
-  PetscCall(ConstraintGetInert(fs->constraint, &ninert, &slot));
-  PetscCall(ConstraintGetOwnBodies(fs->constraint, &first, &count));
-  PetscCall(ConstraintGetUnknown(fs->constraint, &unknown));
-  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, fs->nur, fs->nur, PETSC_DETERMINE, PETSC_DETERMINE, PetscMax(fs->nr, 1), NULL, 0, NULL, E));
-  PetscCall(MatGetOwnershipRange(*E, &start, NULL));
-  for (PetscInt j = 0; j < ninert; j++) PetscCall(MatSetValue(*E, start + slot[j], start + slot[j], 1, INSERT_VALUES));
-  for (PetscInt k = 0; k < count; k++) {
-    for (PetscInt i = 0; i < fs->nr; i++) {
-      const PetscInt row = start + fs->nodal + k * fs->nr;
-
-      if (!((unknown[first + k] >> i) & 1)) PetscCall(MatSetValue(*E, row + i, row + i, 1, INSERT_VALUES));
-      else
-        for (PetscInt j = 0; j < fs->nr; j++) PetscCall(MatSetValue(*E, row + i, row + j, fs->D[((first + k) * fs->nr + i) * fs->nr + j], INSERT_VALUES));
-    }
-  }
-  PetscCall(MatAssemblyBegin(*E, MAT_FINAL_ASSEMBLY));
-  PetscCall(MatAssemblyEnd(*E, MAT_FINAL_ASSEMBLY));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* B as a matrix (own cells x own nodes) */
-static PetscErrorCode create_divergence_matrix(FlowSolver fs, Mat *B)
-{
-  const MeshLocal *l = fs->loc;
-  const PetscInt   dim = l->dim, n = l->nb * dim, nk = dim + 1;
-  const PetscReal *b;
-
-  PetscFunctionBeginUser;
-  PetscCall(FlowGetCellDivergence(fs->flow, &b));
-  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, fs->np, fs->nodal, PETSC_DETERMINE, PETSC_DETERMINE, n, NULL, n, NULL, B));
-  for (PetscInt c = 0; c < l->ncell; c++) {
-    PetscInt row[4], col[MESH_MAX_NB * 3];
-
-    for (PetscInt k = 0; k < nk; k++) row[k] = (l->cell_start + c) * nk + k;
-    for (PetscInt j = 0; j < n; j++) col[j] = l->node_global[l->cell_node[c * l->nb + j / dim]] * dim + j % dim;
-    PetscCall(MatSetValues(*B, nk, row, n, col, b + c * nk * n, INSERT_VALUES));
-  }
-  PetscCall(MatAssemblyBegin(*B, MAT_FINAL_ASSEMBLY));
-  PetscCall(MatAssemblyEnd(*B, MAT_FINAL_ASSEMBLY));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* The assembled projected velocity matrix P^T A P + D */
-static PetscErrorCode assemble_velocity(FlowSolver fs, Mat P, Mat *out)
-{
-  Mat A, E;
-
-  PetscFunctionBeginUser;
-  PetscCall(MatConvert(fs->A, MATAIJ, MAT_INITIAL_MATRIX, &A));
-  PetscCall(MatPtAP(A, P, MAT_INITIAL_MATRIX, 2, out));
-  PetscCall(MatDestroy(&A));
-  PetscCall(create_rigid_diagonal(fs, &E));
-  PetscCall(MatAXPY(*out, 1, E, DIFFERENT_NONZERO_PATTERN));
-  PetscCall(MatDestroy(&E));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* C of shared cells, plus 1e-10 of the size of the Schur complement, (S_p^{-1} + mu theta M_p^{-1})^{-1} (Cahouet & Chabard 1988), which fixes undetermined pressures for a
-   direct solver. The diagonal of S_p alone grows with the time step without bound. */
-static PetscErrorCode create_pressure_block(FlowSolver fs, Mat *C)
-{
-  const PetscInt   nk = fs->loc->dim + 1;
-  const PetscInt  *cell;
-  const PetscReal *block;
-  PetscReal       *d, *one;
-  PetscInt         n, start;
-  const FlowParameters *par;
-  const FlowStep       *step;
-
-  PetscFunctionBeginUser;
-  PetscCall(FlowGetParameters(fs->flow, &par));
-  PetscCall(FlowGetStep(fs->flow, &step));
-  PetscCall(PressureGetDiagonal(fs->pressure, fs->t_p));
-  PetscCall(PressureGetShared(fs->pressure, &n, &cell, &block));
-  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, fs->np, fs->np, PETSC_DETERMINE, PETSC_DETERMINE, nk, NULL, 0, NULL, C));
-  PetscCall(MatGetOwnershipRange(*C, &start, NULL));
-  PetscCall(PetscMalloc1(fs->np, &one));
-  for (PetscInt i = 0; i < fs->np; i++) one[i] = 1;
-  PetscCall(VecReciprocal(fs->t_p));
-  PetscCall(VecGetArray(fs->t_p, &d));
-  PetscCall(FlowPressureMassSolve(fs->flow, par->viscosity * step->theta / fs->scale, one, d));
-  for (PetscInt i = 0; i < fs->np; i++) PetscCall(MatSetValue(*C, start + i, start + i, 1e-10 / d[i], ADD_VALUES));
-  PetscCall(VecRestoreArray(fs->t_p, &d));
-  PetscCall(PetscFree(one));
-  for (PetscInt i = 0; i < n; i++)
-    for (PetscInt e = 0; e < nk * nk; e++) PetscCall(MatSetValue(*C, start + cell[i] * nk + e / nk, start + cell[i] * nk + e % nk, block[i * nk * nk + e], ADD_VALUES));
-  PetscCall(MatAssemblyBegin(*C, MAT_FINAL_ASSEMBLY));
-  PetscCall(MatAssemblyEnd(*C, MAT_FINAL_ASSEMBLY));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* The whole block matrix for a direct solver. The outer iteration removes the effect of the fixed pressures. */
-static PetscErrorCode assemble_whole(FlowSolver fs, Mat P, Mat Ar, Mat *out)
-{
-  Mat B, Br, G, C, nest, block[4];
-
-  PetscFunctionBeginUser;
-  PetscCall(create_divergence_matrix(fs, &B));
-  PetscCall(MatMatMult(B, P, MAT_INITIAL_MATRIX, PETSC_DEFAULT, &Br));
-  PetscCall(MatTranspose(Br, MAT_INITIAL_MATRIX, &G));
-  PetscCall(MatScale(G, -1));
-  PetscCall(MatScale(Br, fs->scale));
-  PetscCall(create_pressure_block(fs, &C));
-  block[0] = Ar;
-  block[1] = G;
-  block[2] = Br;
-  block[3] = C;
-  PetscCall(MatCreateNest(PETSC_COMM_WORLD, 2, NULL, 2, NULL, block, &nest));
-  PetscCall(MatConvert(nest, MATAIJ, MAT_INITIAL_MATRIX, out));
-  PetscCall(MatDestroy(&nest));
-  PetscCall(MatDestroy(&C));
-  PetscCall(MatDestroy(&G));
-  PetscCall(MatDestroy(&Br));
-  PetscCall(MatDestroy(&B));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode assemble_on_demand(FlowSolver fs)
 {
   Mat P;
@@ -568,8 +453,8 @@ static PetscErrorCode assemble_on_demand(FlowSolver fs)
   PetscCall(MatDestroy(&fs->Ar_assembled));
   PetscCall(MatDestroy(&fs->whole));
   PetscCall(ConstraintCreateMat(fs->constraint, &P));
-  PetscCall(assemble_velocity(fs, P, &fs->Ar_assembled));
-  if (fs->need_whole) PetscCall(assemble_whole(fs, P, fs->Ar_assembled, &fs->whole));
+  PetscCall(SaddleCreateVelocity(fs->constraint, fs->A, P, fs->D, &fs->Ar_assembled));
+  if (fs->need_whole) PetscCall(SaddleCreateWhole(fs->flow, fs->pressure, P, fs->Ar_assembled, &fs->whole));
   PetscCall(MatDestroy(&P));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -689,10 +574,11 @@ static PetscErrorCode set_recipe(FlowSolver fs)
 {
   const char *outer[][2] = {{"1", "1e-10"}, {"200", "1e-5"}, {"200", "1e-9"}, {"20", "1e-10"}};
   const char *inner[][2] = {{"1e-5", "1e-3"}, {"1e-2", "1e-2"}, {"1e-2", "1e-2"}, {"1e-2", "1e-2"}};
-  PetscInt    recipe = 1;
+  PetscInt    recipe     = 1;
 
   PetscFunctionBeginUser;
   PetscCall(OptChoice("-flow_recipe", "preset of the solver options; every one can be overridden", RECIPES, &recipe));
+  if (recipe == 0) fs->schur = SCHUR_PROJECTION; /* a single sweep must end with the projection */
   PetscCall(OptChoice("-flow_schur", "what follows the pressure solve (auto: by the viscous number of the step)", SCHURS, &fs->schur));
   PetscCall(OptDefault("-flow_ksp_type", recipe == 0 ? "richardson" : "fgmres"));
   PetscCall(OptDefault("-flow_ksp_max_it", outer[recipe][0]));
@@ -770,7 +656,7 @@ static PetscErrorCode map_ghost_columns(FlowSolver fs)
 
 static PetscErrorCode create_operators(FlowSolver fs)
 {
-  Mat       block[4];
+  Mat        block[4];
   Vec        constant;
   PetscReal *a;
 
@@ -857,8 +743,10 @@ PetscErrorCode FlowSolverCreate(Flow flow, Constraint constraint, FlowSolver *so
   PetscCall(FlowGetMatrix(flow, &fs->S));
   PetscCall(MatCreateMAIJ(fs->S, fs->loc->dim, &fs->A));
   PetscCall(map_ghost_columns(fs));
-  PetscCall(PetscCalloc3(fs->nbodies * fs->nr * fs->nr, &fs->D, count * fs->nr * fs->nr, &fs->body_inverse, fs->nbodies * fs->nr * fs->nr, &fs->mass_inverse));
-  PetscCall(PetscCalloc3(fs->nodal, &fs->diagonal_inverse, fs->loc->nnode_all * fs->loc->dim, &fs->weight, fs->loc->nnode_all * fs->loc->dim, &fs->local));
+  PetscCall(PetscCalloc3(fs->nbodies * fs->nr * fs->nr, &fs->D, count * fs->nr * fs->nr, &fs->body_inverse, fs->nbodies * fs->nr * fs->nr,
+                         &fs->mass_inverse));
+  PetscCall(
+    PetscCalloc3(fs->nodal, &fs->diagonal_inverse, fs->loc->nnode_all * fs->loc->dim, &fs->weight, fs->loc->nnode_all * fs->loc->dim, &fs->local));
   PetscCall(PressureCreate(flow, constraint, &fs->pressure));
   PetscCall(create_operators(fs));
   PetscCall(create_solvers(fs));
@@ -907,7 +795,9 @@ PetscErrorCode FlowSolverView(FlowSolver fs, PetscViewer viewer)
 
   PetscFunctionBeginUser;
   PetscCall(FlowSolverGetUnknowns(fs, &n));
-  PetscCall(PetscViewerASCIIPrintf(viewer, "solver: %" PetscInt_FMT " unknowns, %s, velocity matrix %s\n", n, fs->need_whole ? "assembled saddle point system" : "fieldsplit with projected operators", fs->need_Ar || fs->need_whole ? "assembled" : "matrix-free over one scalar matrix"));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "solver: %" PetscInt_FMT " unknowns, %s, velocity matrix %s\n", n,
+                                   fs->need_whole ? "assembled saddle point system" : "fieldsplit with projected operators",
+                                   fs->need_Ar || fs->need_whole ? "assembled" : "matrix-free over one scalar matrix"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -934,7 +824,9 @@ static PetscErrorCode choose_schur(FlowSolver fs)
   PetscFunctionBeginUser;
   PetscCall(FlowGetParameters(fs->flow, &par));
   PetscCall(FlowGetStep(fs->flow, &step));
-  fs->commute = (PetscBool)(fs->schur == SCHUR_COMMUTATOR || (fs->schur == SCHUR_AUTO && par->viscosity * step->theta / (par->density * step->ct * fs->loc->h * fs->loc->h) > COMMUTATOR_FROM));
+  fs->commute = (PetscBool)(fs->schur == SCHUR_COMMUTATOR ||
+                            (fs->schur == SCHUR_AUTO &&
+                             par->viscosity * step->theta / (par->density * step->ct * fs->loc->h * fs->loc->h) > COMMUTATOR_FROM));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -1002,7 +894,8 @@ static PetscErrorCode build_rhs(FlowSolver fs, const PetscReal r[], const PetscR
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscReal g[], PetscReal u[], PetscReal p[], PetscReal U[], PetscInt *its, KSPConvergedReason *reason)
+PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscReal g[], PetscReal u[], PetscReal p[], PetscReal U[], PetscInt *its,
+                               KSPConvergedReason *reason)
 {
   PetscReal *x;
 

@@ -72,7 +72,8 @@ static PetscErrorCode cell_lattice(DM dm, PetscInt dim, PetscInt c, PetscInt poi
 
     if (p >= vStart && p < vEnd && nv < 8) vertex[nv++] = p;
   }
-  PetscCheck(nv == 1 << dim && n == (dim == 2 ? 9 : 27), PETSC_COMM_SELF, PETSC_ERR_SUP, "Cell %" PetscInt_FMT " has %" PetscInt_FMT " vertices: the mesh must consist of quadrilaterals (2D) or hexahedra (3D)", c, nv);
+  PetscCheck(nv == 1 << dim && n == (dim == 2 ? 9 : 27), PETSC_COMM_SELF, PETSC_ERR_SUP,
+             "Cell %" PetscInt_FMT " has %" PetscInt_FMT " vertices: the mesh must consist of quadrilaterals (2D) or hexahedra (3D)", c, nv);
   for (PetscInt i = 0; i < n; i++) {
     PetscInt *sub = NULL, nsub, count = 0, pos[3] = {0, 0, 0};
 
@@ -159,7 +160,7 @@ static PetscErrorCode number_nodes(Mesh m, const PetscBool ghost[], PetscInt pEn
 /* Global numbers of all local cells and nodes: own ones count up from the rank's start, ghosts learn theirs from the owner. */
 static PetscErrorCode number_globally(Mesh m, PetscInt pEnd, const PetscInt order[], const PetscInt number[])
 {
-  MeshLocal *l = &m->loc;
+  MeshLocal *l      = &m->loc;
   PetscInt   own[2] = {l->ncell, l->nnode}, start[2] = {0, 0}, total[2], *root, *leaf;
   PetscSF    sf;
 
@@ -269,10 +270,12 @@ static PetscReal corner_jacobian(PetscInt dim, const PetscReal xc[], const Petsc
   for (PetscInt k = 0; k < dim; k++) {
     const PetscInt step = corner[k] ? -stride[k] : stride[k];
 
-    for (PetscInt d = 0; d < dim; d++) e[k][d] = (corner[k] ? -1 : 1) * (4 * xc[(at + step) * dim + d] - 3 * xc[at * dim + d] - xc[(at + 2 * step) * dim + d]);
+    for (PetscInt d = 0; d < dim; d++)
+      e[k][d] = (corner[k] ? -1 : 1) * (4 * xc[(at + step) * dim + d] - 3 * xc[at * dim + d] - xc[(at + 2 * step) * dim + d]);
   }
   if (dim == 2) return e[0][0] * e[1][1] - e[0][1] * e[1][0];
-  return e[0][0] * (e[1][1] * e[2][2] - e[1][2] * e[2][1]) - e[0][1] * (e[1][0] * e[2][2] - e[1][2] * e[2][0]) + e[0][2] * (e[1][0] * e[2][1] - e[1][1] * e[2][0]);
+  return e[0][0] * (e[1][1] * e[2][2] - e[1][2] * e[2][1]) - e[0][1] * (e[1][0] * e[2][2] - e[1][2] * e[2][0]) +
+         e[0][2] * (e[1][0] * e[2][1] - e[1][1] * e[2][0]);
 }
 
 /* Smallest Jacobian over the corners, and a size: their mean (the volume where the edges are straight in 2D or the cell a parallelepiped) */
@@ -302,7 +305,8 @@ static PetscErrorCode place_cell_nodes(Mesh m, PetscInt point, PetscReal xc[])
 
   PetscFunctionBeginUser;
   PetscCall(DMPlexGetCellCoordinates(m->dm, point, &dg, &n, &array, &qv));
-  PetscCheck(n == dim << dim, PETSC_COMM_SELF, PETSC_ERR_SUP, "A mesh cell has %" PetscInt_FMT " coordinates instead of %" PetscInt_FMT ": save the mesh with first-order elements", n, dim << dim);
+  PetscCheck(n == dim << dim, PETSC_COMM_SELF, PETSC_ERR_SUP,
+             "A mesh cell has %" PetscInt_FMT " coordinates instead of %" PetscInt_FMT ": save the mesh with first-order elements", n, dim << dim);
   for (PetscInt j = 0; j < m->loc.nb; j++) {
     PetscReal q[3];
 
@@ -318,7 +322,8 @@ static PetscErrorCode set_coordinates(Mesh m, const PetscInt order[])
   MeshLocal       *l   = &m->loc;
   const PetscInt   dim = l->dim;
   const PetscReal *period, *end;
-  PetscReal        hmin = PETSC_MAX_REAL, lower[3] = {PETSC_MAX_REAL, PETSC_MAX_REAL, PETSC_MAX_REAL}, upper[3] = {-PETSC_MAX_REAL, -PETSC_MAX_REAL, -PETSC_MAX_REAL};
+  PetscReal        hmin = PETSC_MAX_REAL, lower[3] = {PETSC_MAX_REAL, PETSC_MAX_REAL, PETSC_MAX_REAL},
+            upper[3] = {-PETSC_MAX_REAL, -PETSC_MAX_REAL, -PETSC_MAX_REAL};
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(l->nnode_all * dim, &m->x));
@@ -329,7 +334,9 @@ static PetscErrorCode set_coordinates(Mesh m, const PetscInt order[])
 
     PetscCall(place_cell_nodes(m, order[c], xc));
     measure_cell(dim, xc, &smallest, &volume);
-    PetscCheck(smallest > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "Mesh cell %" PetscInt_FMT " near (%g, %g) is inverted or flat (Jacobian %g at a corner): repair the mesh", c, (double)xc[0], (double)xc[1], (double)smallest);
+    PetscCheck(smallest > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "Mesh cell %" PetscInt_FMT " near (%g, %g) is inverted or flat (Jacobian %g at a corner): repair the mesh", c, (double)xc[0],
+               (double)xc[1], (double)smallest);
     hmin = PetscMin(hmin, PetscPowReal(volume, 1.0 / dim));
     for (PetscInt j = 0; j < l->nb; j++) {
       PetscReal *x = m->x + m->cell_node[c * l->nb + j] * dim;
@@ -408,14 +415,14 @@ static PetscInt bin_of_node(Mesh m, PetscInt i)
 /* Bins of about two cells a side, counted on the rank's own part of the domain */
 static PetscErrorCode create_bins(Mesh m)
 {
-  MeshLocal *l = &m->loc;
+  MeshLocal *l     = &m->loc;
   PetscInt   total = 1, *fill;
   PetscReal  lo[3], hi[3], size, volume = 1;
 
   PetscFunctionBeginUser;
   for (PetscInt d = 0; d < 3; d++) {
-    lo[d] = PETSC_MAX_REAL;
-    hi[d] = -PETSC_MAX_REAL;
+    lo[d]      = PETSC_MAX_REAL;
+    hi[d]      = -PETSC_MAX_REAL;
     m->nbin[d] = 1;
   }
   for (PetscInt i = 0; i < l->nnode_all; i++) {
@@ -462,8 +469,8 @@ PetscErrorCode MeshNodesInBox(Mesh m, const PetscReal lo[], const PetscReal hi[]
       const PetscInt row = (k * m->nbin[1] + j) * m->nbin[0];
 
       for (PetscInt q = m->bin_ptr[row + a[0]]; q < m->bin_ptr[row + b[0] + 1]; q++) {
-        const PetscInt   i = m->bin_node[q];
-        const PetscReal *x = m->x + i * dim;
+        const PetscInt   i  = m->bin_node[q];
+        const PetscReal *x  = m->x + i * dim;
         PetscBool        in = PETSC_TRUE;
 
         for (PetscInt d = 0; d < dim; d++) in = (PetscBool)(in && x[d] >= lo[d] && x[d] <= hi[d]);
@@ -541,8 +548,11 @@ PetscErrorCode MeshView(Mesh m, PetscViewer viewer)
   const MeshLocal *l = &m->loc;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscViewerASCIIPrintf(viewer, "mesh: %" PetscInt_FMT "D, %" PetscInt_FMT " cells, %" PetscInt_FMT " Q2 nodes, smallest cell size %g, box [%g, %g] x [%g, %g]\n", l->dim, l->ncell_global, l->nnode_global, (double)l->h,
-                                   (double)l->lower[0], (double)l->upper[0], (double)l->lower[1], (double)l->upper[1]));
+  PetscCall(PetscViewerASCIIPrintf(viewer,
+                                   "mesh: %" PetscInt_FMT "D, %" PetscInt_FMT " cells, %" PetscInt_FMT
+                                   " Q2 nodes, smallest cell size %g, box [%g, %g] x [%g, %g]\n",
+                                   l->dim, l->ncell_global, l->nnode_global, (double)l->h, (double)l->lower[0], (double)l->upper[0],
+                                   (double)l->lower[1], (double)l->upper[1]));
   PetscCall(PetscViewerASCIIPrintf(viewer, "  boundaries:"));
   for (PetscInt b = 0; b < m->nboundary; b++) PetscCall(PetscViewerASCIIPrintf(viewer, " %s", m->boundary_name[b]));
   for (PetscInt d = 0; d < l->dim; d++)

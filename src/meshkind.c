@@ -111,14 +111,10 @@ static PetscInt vertex_of_square(const PetscInt vertex[], PetscInt row, PetscInt
   const PetscInt k = p % n;
 
   switch (p / n) {
-  case 0:
-    return vertex[(j0 + k) * row + i0 + n];
-  case 1:
-    return vertex[(j0 + n) * row + i0 + n - k];
-  case 2:
-    return vertex[(j0 + n - k) * row + i0];
-  default:
-    return vertex[j0 * row + i0 + k];
+  case 0: return vertex[(j0 + k) * row + i0 + n];
+  case 1: return vertex[(j0 + n) * row + i0 + n - k];
+  case 2: return vertex[(j0 + n - k) * row + i0];
+  default: return vertex[j0 * row + i0 + k];
   }
 }
 
@@ -231,7 +227,8 @@ static PetscErrorCode read_periodic(MeshKind k)
   for (PetscInt i = 0; i < n; i++) {
     const PetscInt axis = names[i][0] - 'x';
 
-    PetscCheck(axis >= 0 && axis < k->dim && !names[i][1], k->comm, PETSC_ERR_USER_INPUT, "Option -mesh_periodic: '%s' is not an axis of a %" PetscInt_FMT "D mesh: use x, y or z", names[i], k->dim);
+    PetscCheck(axis >= 0 && axis < k->dim && !names[i][1], k->comm, PETSC_ERR_USER_INPUT,
+               "Option -mesh_periodic: '%s' is not an axis of a %" PetscInt_FMT "D mesh: use x, y or z", names[i], k->dim);
     k->period[axis] = k->upper[axis] - k->lower[axis];
     PetscCall(PetscFree(names[i]));
   }
@@ -258,8 +255,10 @@ typedef struct {
 static PetscErrorCode read_growth(PetscInt dim, Grading *g)
 {
   PetscFunctionBeginUser;
-  PetscCall(OptRealArray("-mesh_growth", "growth of the cell size per distance from the fine part, one value an axis", "", 0, 10, dim, g->growth, NULL));
-  PetscCall(OptRealArray("-mesh_coarsest", "largest cell size over that of the fine part, one value an axis", "", 1, PETSC_MAX_REAL, dim, g->coarsest, NULL));
+  PetscCall(
+    OptRealArray("-mesh_growth", "growth of the cell size per distance from the fine part, one value an axis", "", 0, 10, dim, g->growth, NULL));
+  PetscCall(
+    OptRealArray("-mesh_coarsest", "largest cell size over that of the fine part, one value an axis", "", 1, PETSC_MAX_REAL, dim, g->coarsest, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -298,18 +297,20 @@ static PetscErrorCode set_lines(MeshKind k, const Grading *g, PetscReal scale, P
 static PetscErrorCode read_seed(Grading *g)
 {
   PetscFunctionBeginUser;
-  PetscCall(OptInt("-mesh_shift_seed", "moves the fine part of the mesh by a random fraction of its cell size, another for each number; 0 for none", "", 0, 1000000000, &g->seed));
+  PetscCall(OptInt("-mesh_shift_seed", "moves the fine part of the mesh by a random fraction of its cell size, another for each number; 0 for none",
+                   "", 0, 1000000000, &g->seed));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode read_focus(MeshKind k)
 {
-  Grading   g = {.growth = {0.1, 0.1, 0.1}, .coarsest = {8, 8, 8}};
-  PetscReal box[6];
+  Grading   g      = {.growth = {0.1, 0.1, 0.1}, .coarsest = {8, 8, 8}};
+  PetscReal box[6] = {0};
   PetscBool given, cells, size;
 
   PetscFunctionBeginUser;
-  PetscCall(OptRealArray("-mesh_focus", "box of fine cells: its lower, then its upper corner", "length", PETSC_MIN_REAL, PETSC_MAX_REAL, 2 * k->dim, box, &given));
+  PetscCall(OptRealArray("-mesh_focus", "box of fine cells: its lower, then its upper corner", "length", PETSC_MIN_REAL, PETSC_MAX_REAL, 2 * k->dim,
+                         box, &given));
   if (!given) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(OptHas("-mesh_cells", "cells along each axis", &cells));
   PetscCheck(!cells, k->comm, PETSC_ERR_USER_INPUT, "-mesh_focus sets the cells from -mesh_focus_h: remove -mesh_cells");
@@ -319,8 +320,9 @@ static PetscErrorCode read_focus(MeshKind k)
   for (PetscInt d = 0; d < k->dim; d++) {
     g.lower[d] = PetscMax(box[d], k->lower[d]);
     g.upper[d] = PetscMin(box[k->dim + d], k->upper[d]);
-    PetscCheck(g.upper[d] > g.lower[d], k->comm, PETSC_ERR_USER_INPUT, "-mesh_focus [%g, %g] along axis %c is empty or outside the box [%g, %g] of -mesh_lower and -mesh_upper", (double)box[d], (double)box[k->dim + d], (char)('x' + d),
-               (double)k->lower[d], (double)k->upper[d]);
+    PetscCheck(g.upper[d] > g.lower[d], k->comm, PETSC_ERR_USER_INPUT,
+               "-mesh_focus [%g, %g] along axis %c is empty or outside the box [%g, %g] of -mesh_lower and -mesh_upper", (double)box[d],
+               (double)box[k->dim + d], (char)('x' + d), (double)k->lower[d], (double)k->upper[d]);
   }
   PetscCall(read_growth(k->dim, &g));
   PetscCall(read_seed(&g));
@@ -339,13 +341,15 @@ static PetscErrorCode read_box(MeshKind k)
   PetscCall(OptRealArray("-mesh_lower", "lower corner of the box", "length", PETSC_MIN_REAL, PETSC_MAX_REAL, k->dim, k->lower, NULL));
   PetscCall(OptRealArray("-mesh_upper", "upper corner of the box", "length", PETSC_MIN_REAL, PETSC_MAX_REAL, k->dim, k->upper, NULL));
   for (PetscInt d = 0; d < k->dim; d++) {
-    PetscCheck(k->upper[d] > k->lower[d], k->comm, PETSC_ERR_USER_INPUT, "The box is empty along axis %c: -mesh_upper %g is not above -mesh_lower %g", (char)('x' + d), (double)k->upper[d], (double)k->lower[d]);
+    PetscCheck(k->upper[d] > k->lower[d], k->comm, PETSC_ERR_USER_INPUT, "The box is empty along axis %c: -mesh_upper %g is not above -mesh_lower %g",
+               (char)('x' + d), (double)k->upper[d], (double)k->lower[d]);
   }
   PetscCall(read_periodic(k));
   PetscCall(read_focus(k));
   if (k->map.type == MESHMAP_IDENTITY) PetscCall(OptIntArray("-mesh_cells", "cells along each axis", "", 1, 1000000, k->dim, k->cells, NULL));
   for (PetscInt d = 0; d < k->dim; d++) {
-    PetscCheck(k->period[d] == 0 || k->cells[d] >= 3, k->comm, PETSC_ERR_USER_INPUT, "Axis %c is periodic with %" PetscInt_FMT " cells: -mesh_cells needs at least 3 there", (char)('x' + d), k->cells[d]);
+    PetscCheck(k->period[d] == 0 || k->cells[d] >= 3, k->comm, PETSC_ERR_USER_INPUT,
+               "Axis %c is periodic with %" PetscInt_FMT " cells: -mesh_cells needs at least 3 there", (char)('x' + d), k->cells[d]);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -374,7 +378,8 @@ static PetscErrorCode read_fitted(MeshKind k)
   PetscFunctionBeginUser;
   k->map.ring_ratio = 3;
   PetscCall(OptInt("-mesh_resolution", "cells along a quarter of the cylinder", "", 2, 10000, &resolution));
-  PetscCall(OptReal("-mesh_ring_ratio", "thickness of the outermost layer of cells around the cylinder over that of the innermost", "", 0.01, 100, &k->map.ring_ratio));
+  PetscCall(OptReal("-mesh_ring_ratio", "thickness of the outermost layer of cells around the cylinder over that of the innermost", "", 0.01, 100,
+                    &k->map.ring_ratio));
   PetscCall(read_growth(2, &g));
   for (PetscInt d = 0; d < 2; d++) {
     k->upper[d]      = channel_upper[d];
@@ -423,7 +428,8 @@ static PetscErrorCode read_annulus(MeshKind k)
   k->map.type = MESHMAP_ANNULUS;
   PetscCall(OptRealArray("-mesh_centre", "centre of the circles", "length", PETSC_MIN_REAL, PETSC_MAX_REAL, 2, k->map.centre, NULL));
   PetscCall(OptRealArray("-mesh_radii", "radii of the inner and the outer circle", "length", OPT_POSITIVE, PETSC_MAX_REAL, 2, r, NULL));
-  PetscCheck(r[1] > r[0], k->comm, PETSC_ERR_USER_INPUT, "-mesh_radii %g,%g: the outer radius must be larger than the inner one", (double)r[0], (double)r[1]);
+  PetscCheck(r[1] > r[0], k->comm, PETSC_ERR_USER_INPUT, "-mesh_radii %g,%g: the outer radius must be larger than the inner one", (double)r[0],
+             (double)r[1]);
   PetscCall(OptInt("-mesh_resolution", "cells along a quarter of the circle", "", 1, 10000, &k->block[2]));
   k->nring     = round_count((r[1] - r[0]) / (0.25 * PETSC_PI * (r[0] + r[1])) * k->block[2]);
   k->map.inner = 0.5 * k->block[2];
@@ -460,7 +466,8 @@ static PetscErrorCode read_options(MeshKind k)
 static PetscErrorCode add_boundary(MeshKind k, const char name[])
 {
   PetscFunctionBeginUser;
-  PetscCheck(k->nboundary < MAX_BOUNDARIES, k->comm, PETSC_ERR_SUP, "The mesh has more than %d named boundaries: merge some in the mesh file", MAX_BOUNDARIES);
+  PetscCheck(k->nboundary < MAX_BOUNDARIES, k->comm, PETSC_ERR_SUP, "The mesh has more than %d named boundaries: merge some in the mesh file",
+             MAX_BOUNDARIES);
   PetscCall(PetscStrncpy(k->boundary[k->nboundary++], name, sizeof(k->boundary[0])));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -473,7 +480,8 @@ static const char *boundary_of_face(MeshKind k, const PetscReal q[])
   if (k->kind == KIND_DISC) return "outer";
   if (k->kind == KIND_ANNULUS) return s > 0.5 * (k->map.inner + k->map.outer) ? "outer" : "inner";
   for (PetscInt d = 0; d < k->dim; d++) {
-    const PetscReal lower = k->kind == KIND_FITTED ? 0 : k->lower[d], upper = k->kind == KIND_FITTED ? k->cells[d] : k->upper[d], tol = 1e-6 * (upper - lower) / k->cells[d];
+    const PetscReal lower = k->kind == KIND_FITTED ? 0 : k->lower[d], upper = k->kind == KIND_FITTED ? k->cells[d] : k->upper[d],
+                    tol = 1e-6 * (upper - lower) / k->cells[d];
 
     if (k->period[d] > 0) continue;
     if (PetscAbsReal(q[d] - lower) < tol) return side_names[2 * d];
@@ -553,7 +561,10 @@ static PetscErrorCode check_unique_names(MeshKind k, DM dm)
     twice += names > 1;
   }
   PetscCallMPI(MPI_Bcast(&twice, 1, MPIU_INT, 0, k->comm));
-  PetscCheck(!twice, k->comm, PETSC_ERR_USER_INPUT, "Mesh file '%s' gives %" PetscInt_FMT " boundary edges or faces two names: save it in format 4.1 (gmsh -format msh41), each with one physical name", k->file, twice);
+  PetscCheck(!twice, k->comm, PETSC_ERR_USER_INPUT,
+             "Mesh file '%s' gives %" PetscInt_FMT
+             " boundary edges or faces two names: save it in format 4.1 (gmsh -format msh41), each with one physical name",
+             k->file, twice);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -580,8 +591,10 @@ static PetscErrorCode find_file_boundaries(MeshKind k, DM dm)
   }
   PetscCallMPI(MPI_Bcast(&k->nboundary, 1, MPIU_INT, 0, k->comm));
   PetscCallMPI(MPI_Bcast(k->boundary, sizeof(k->boundary), MPI_CHAR, 0, k->comm));
-  PetscCheck(k->nboundary, k->comm, PETSC_ERR_USER_INPUT, "Mesh file '%s' names no boundary: give its outer curves (2D) or surfaces (3D) physical names", k->file);
-  PetscCheck(k->nboundary <= MAX_BOUNDARIES, k->comm, PETSC_ERR_SUP, "Mesh file '%s' has %" PetscInt_FMT " named boundaries, at most %d are possible: merge some", k->file, k->nboundary, MAX_BOUNDARIES);
+  PetscCheck(k->nboundary, k->comm, PETSC_ERR_USER_INPUT,
+             "Mesh file '%s' names no boundary: give its outer curves (2D) or surfaces (3D) physical names", k->file);
+  PetscCheck(k->nboundary <= MAX_BOUNDARIES, k->comm, PETSC_ERR_SUP,
+             "Mesh file '%s' has %" PetscInt_FMT " named boundaries, at most %d are possible: merge some", k->file, k->nboundary, MAX_BOUNDARIES);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -641,7 +654,8 @@ static PetscErrorCode bend_cells(DM dm, DMLabel label, const PetscReal circle[3]
     PetscCall(DMPlexGetCone(dm, cell[0], &edge));
     while (first < 3 && edge[first] != f) first++;
     PetscCall(DMPlexGetCellCoordinates(dm, cell[0], &dg, &ncoordinate, &array, &x));
-    PetscCheck(ncoordinate == 8, PETSC_COMM_SELF, PETSC_ERR_SUP, "A mesh cell has %" PetscInt_FMT " coordinates instead of 8: save the mesh as quadrilaterals of first order", ncoordinate);
+    PetscCheck(ncoordinate == 8, PETSC_COMM_SELF, PETSC_ERR_SUP,
+               "A mesh cell has %" PetscInt_FMT " coordinates instead of 8: save the mesh as quadrilaterals of first order", ncoordinate);
     for (PetscInt i = 0; i < 4; i++)
       for (PetscInt d = 0; d < 2; d++) bent[n].corner[i][d] = x[2 * ((first + i) % 4) + d];
     PetscCall(DMPlexRestoreCellCoordinates(dm, cell[0], &dg, &ncoordinate, &array, &x));
@@ -664,8 +678,9 @@ static PetscErrorCode make_round(MeshKind k, DM dm, const char name[], const Pet
   if (rank == 0) PetscCall(move_to_circle(dm, label, circle, &worst, &n));
   PetscCallMPI(MPI_Bcast(&worst, 1, MPIU_REAL, 0, k->comm));
   PetscCallMPI(MPI_Bcast(&n, 1, MPIU_INT, 0, k->comm));
-  PetscCheck(worst < 0.05, k->comm, PETSC_ERR_USER_INPUT, "A vertex of boundary '%s' of '%s' is %g radii off the circle with centre (%g, %g) and radius %g: correct -mesh_round_%s", name, k->file, (double)worst, (double)circle[0],
-             (double)circle[1], (double)circle[2], name);
+  PetscCheck(worst < 0.05, k->comm, PETSC_ERR_USER_INPUT,
+             "A vertex of boundary '%s' of '%s' is %g radii off the circle with centre (%g, %g) and radius %g: correct -mesh_round_%s", name, k->file,
+             (double)worst, (double)circle[0], (double)circle[1], (double)circle[2], name);
   PetscCall(PetscRealloc(sizeof(MeshMapBent) * (k->map.nbent + n), &k->map.bent));
   if (rank == 0) PetscCall(bend_cells(dm, label, circle, k->map.bent + k->map.nbent));
   PetscCall(PetscMPIIntCast(sizeof(MeshMapBent) * n, &bytes));
@@ -704,7 +719,8 @@ static PetscErrorCode create_from_file(MeshKind k, DM *dm)
   PetscCall(DMPlexCreateGmshFromFile(k->comm, k->file, PETSC_TRUE, dm));
   PetscCall(DMGetDimension(*dm, &k->dim));
   PetscCall(DMGetCoordinatesLocalized(*dm, &periodic));
-  PetscCheck(!periodic, k->comm, PETSC_ERR_USER_INPUT, "Mesh file '%s' is periodic, which works for boxes only (-mesh_periodic): remove the periodic pairs from the file", k->file);
+  PetscCheck(!periodic, k->comm, PETSC_ERR_USER_INPUT,
+             "Mesh file '%s' is periodic, which works for boxes only (-mesh_periodic): remove the periodic pairs from the file", k->file);
   k->map.dim = k->dim;
   PetscCall(find_file_boundaries(k, *dm));
   PetscCall(check_unique_names(k, *dm));

@@ -68,7 +68,8 @@ static void map_fitted(const MeshMap *m, const PetscReal q[], PetscReal x[])
 /* Bulged middle square of a disc; u in [-1,1]^2 */
 static void map_square(const MeshMap *m, const PetscReal u[2], PetscReal x[2])
 {
-  for (PetscInt d = 0; d < 2; d++) x[d] = m->centre[d] + m->radius[0] * DISC_SQUARE * u[d] * (1 - DISC_BULGE + DISC_BULGE * PetscSqrtReal(1 - 0.5 * u[1 - d] * u[1 - d]));
+  for (PetscInt d = 0; d < 2; d++)
+    x[d] = m->centre[d] + m->radius[0] * DISC_SQUARE * u[d] * (1 - DISC_BULGE + DISC_BULGE * PetscSqrtReal(1 - 0.5 * u[1 - d] * u[1 - d]));
 }
 
 static void map_disc(const MeshMap *m, const PetscReal q[], PetscReal x[])
@@ -97,7 +98,7 @@ static void map_annulus(const MeshMap *m, const PetscReal q[], PetscReal x[])
 /* Where in a convex quadrilateral is x? Newton's method for the bilinear map of [0,1]^2, s along the first edge; false if x is outside */
 static PetscBool find_in_cell(const PetscReal corner[4][2], const PetscReal x[2], PetscReal s[2])
 {
-  const PetscReal tol = 1e-9;
+  const PetscReal tol    = 1e-9;
   PetscReal       change = 1;
 
   s[0] = s[1] = 0.5;
@@ -165,21 +166,11 @@ void MeshMapEvaluate(const MeshMap *m, const PetscReal from[], PetscReal x[])
 
   for (PetscInt d = 0; d < m->dim; d++) q[d] = from[d];
   switch (m->type) {
-  case MESHMAP_LINES:
-    map_lines(m, q, x);
-    break;
-  case MESHMAP_FITTED:
-    map_fitted(m, q, x);
-    break;
-  case MESHMAP_DISC:
-    map_disc(m, q, x);
-    break;
-  case MESHMAP_ANNULUS:
-    map_annulus(m, q, x);
-    break;
-  case MESHMAP_ROUND:
-    map_round(m, q, x);
-    break;
+  case MESHMAP_LINES: map_lines(m, q, x); break;
+  case MESHMAP_FITTED: map_fitted(m, q, x); break;
+  case MESHMAP_DISC: map_disc(m, q, x); break;
+  case MESHMAP_ANNULUS: map_annulus(m, q, x); break;
+  case MESHMAP_ROUND: map_round(m, q, x); break;
   default: /* identity */
     for (PetscInt d = 0; d < m->dim; d++) x[d] = q[d];
   }
@@ -203,7 +194,8 @@ PetscReal MeshMapDistance(PetscReal count, PetscReal h, PetscReal growth, PetscR
   return (coarsest - 1) * h / growth + (count - most) * coarsest * h;
 }
 
-PetscErrorCode MeshMapSetLines(MeshMap *m, PetscInt axis, const PetscReal end[4], const PetscInt n[3], PetscReal h, PetscReal growth, PetscReal coarsest)
+PetscErrorCode MeshMapSetLines(MeshMap *m, PetscInt axis, const PetscReal end[4], const PetscInt n[3], PetscReal h, PetscReal growth,
+                               PetscReal coarsest)
 {
   const PetscInt total = n[0] + n[1] + n[2];
   PetscReal      count[2], *x;

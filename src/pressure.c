@@ -23,11 +23,11 @@ struct _p_Pressure {
   PetscReal *cut_q; /* [ncut][nk][nr] */
   PetscReal *mass_inverse, *work;
   /* cells between two constrained surfaces, see find_shared_cells() */
-  PetscReal  eps_shared, *shared_block; /* [nshared][nk][nk] */
-  PetscInt   nshared, shared_room, *shared_cell;
-  PetscBool  any_shared, floating; /* on any rank; pressure determined up to a constant without C */
+  PetscReal    eps_shared, *shared_block; /* [nshared][nk][nk] */
+  PetscInt     nshared, shared_room, *shared_cell;
+  PetscBool    any_shared, floating; /* on any rank; pressure determined up to a constant without C */
   MatNullSpace constant;
-  PetscBool *is_shared, *was_shared; /* [ncell] */
+  PetscBool   *is_shared, *was_shared; /* [ncell] */
 };
 
 /* ---- the matrix ---- */
@@ -101,9 +101,9 @@ static PetscErrorCode create_matrix(Pressure p)
 /* Set the row of blocks of cell c: sum over shared nodes of B_c weight B_c2^T */
 static PetscErrorCode set_row(Pressure p, const PetscReal b[], const PetscReal weight[], PetscInt c)
 {
-  const MeshLocal *l         = p->loc;
-  const PetscInt   dim       = l->dim, nb = l->nb, n = nb * dim, nk = p->nk;
-  const PetscInt   nn        = p->neighbour_ptr[c + 1] - p->neighbour_ptr[c], *neighbour = p->neighbour + p->neighbour_ptr[c], row = l->cell_start + c;
+  const MeshLocal *l   = p->loc;
+  const PetscInt   dim = l->dim, nb = l->nb, n = nb * dim, nk = p->nk;
+  const PetscInt   nn = p->neighbour_ptr[c + 1] - p->neighbour_ptr[c], *neighbour = p->neighbour + p->neighbour_ptr[c], row = l->cell_start + c;
   PetscInt        *col;
   PetscReal       *out; /* [nk][nn][nk] */
 
@@ -169,9 +169,9 @@ static PetscErrorCode update_matrix(Pressure p, const PetscReal weight[])
 /* Block C = eps_shared B_c M_c^{-1} B_c^T of one cell over its constrained nodes */
 static PetscErrorCode shared_block(Pressure p, const PetscInt body[], const PetscInt fixed[], PetscInt c, PetscReal block[])
 {
-  const MeshLocal      *l   = p->loc;
-  const PetscInt        dim = l->dim, n = l->nb * dim, nk = p->nk;
-  const PetscReal      *b, *m;
+  const MeshLocal *l   = p->loc;
+  const PetscInt   dim = l->dim, n = l->nb * dim, nk = p->nk;
+  const PetscReal *b, *m;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetCellDivergence(p->flow, &b));
@@ -197,7 +197,7 @@ static PetscErrorCode find_shared_cells(Pressure p)
 
   PetscFunctionBeginUser;
   PetscCall(ConstraintGetNodeBody(p->constraint, &body));
-  PetscCall(FlowGetBoundaryValues(p->flow, &fixed, &value));
+  PetscCall(BoundaryGetValues(FlowBoundary(p->flow), &fixed, &value));
   p->was_shared = p->is_shared;
   p->is_shared  = swap;
   p->nshared    = 0;
@@ -275,7 +275,7 @@ static PetscErrorCode find_cut_cells(Pressure p)
     const PetscInt *node = l->cell_node + c * l->nb;
 
     for (PetscInt j = 0; j < l->nb; j++) {
-      const PetscInt k = body[node[j]];
+      const PetscInt k     = body[node[j]];
       PetscBool      first = PETSC_TRUE, whole = PETSC_TRUE;
 
       if (k < 0 || !unknown[k]) continue;
@@ -345,7 +345,7 @@ static PetscErrorCode create_shell(Pressure p)
   PetscCall(MatCreateShell(PETSC_COMM_WORLD, n, n, PETSC_DETERMINE, PETSC_DETERMINE, p, &p->shell));
   PetscCall(MatShellSetOperation(p->shell, MATOP_MULT, (void (*)(void))mult_shell));
   PetscCall(MatSetOption(p->shell, MAT_SYMMETRIC, PETSC_TRUE));
-  PetscCall(FlowPressureIsFloating(p->flow, &p->floating));
+  PetscCall(BoundaryPressureIsFloating(FlowBoundary(p->flow), &p->floating));
   if (!p->floating) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MatCreateVecs(p->matrix, &constant, NULL));
   PetscCall(VecGetArrayWrite(constant, &a));
@@ -362,7 +362,7 @@ static PetscErrorCode create_shell(Pressure p)
 /* Numbers of the mesh vertices among all vertices: own ones count up; vertex [nnode_all] global number or -1. */
 static PetscErrorCode number_vertices(Pressure p, PetscInt vertex[], PetscInt *nown)
 {
-  const MeshLocal *l = p->loc;
+  const MeshLocal *l     = p->loc;
   PetscInt         start = 0;
 
   PetscFunctionBeginUser;
@@ -386,7 +386,7 @@ static PetscErrorCode number_vertices(Pressure p, PetscInt vertex[], PetscInt *n
 static PetscErrorCode fit_vertices(Pressure p, PetscInt c, PetscInt node[], PetscReal fit[])
 {
   const MeshLocal *l   = p->loc;
-  const PetscInt   dim = l->dim, nv = 1 << dim;
+  const PetscInt   dim = l->dim, nv             = 1 << dim;
   PetscReal        xc[MESH_MAX_NB * 3], J[3][3] = {{0}}, inv[3][3], size, det;
   PetscInt         n = 0, corner[8];
 
@@ -401,7 +401,8 @@ static PetscErrorCode fit_vertices(Pressure p, PetscInt c, PetscInt node[], Pets
   }
   if (dim == 2) J[2][2] = 1;
   for (PetscInt a = 0; a < 3; a++)
-    for (PetscInt e = 0; e < 3; e++) inv[e][a] = J[(a + 1) % 3][(e + 1) % 3] * J[(a + 2) % 3][(e + 2) % 3] - J[(a + 1) % 3][(e + 2) % 3] * J[(a + 2) % 3][(e + 1) % 3];
+    for (PetscInt e = 0; e < 3; e++)
+      inv[e][a] = J[(a + 1) % 3][(e + 1) % 3] * J[(a + 2) % 3][(e + 2) % 3] - J[(a + 1) % 3][(e + 2) % 3] * J[(a + 2) % 3][(e + 1) % 3];
   det  = J[0][0] * inv[0][0] + J[0][1] * inv[1][0] + J[0][2] * inv[2][0];
   size = PetscPowReal(PetscAbsReal(det) * nv, 1.0 / dim);
   for (PetscInt v = 0; v < nv; v++) {
@@ -480,7 +481,8 @@ static PetscErrorCode add_shared_to_coarse(Pressure p, PetscReal scale)
 
     PetscCall(fit_vertices(p, p->shared_cell[i], col, fit));
     for (PetscInt e = 0; e < nk * nk; e++)
-      for (PetscInt v = 0; v < nv * nv; v++) block[v] += scale * fit[e / nk * nv + v / nv] * p->shared_block[i * nk * nk + e] * fit[e % nk * nv + v % nv];
+      for (PetscInt v = 0; v < nv * nv; v++)
+        block[v] += scale * fit[e / nk * nv + v / nv] * p->shared_block[i * nk * nk + e] * fit[e % nk * nv + v % nv];
     for (PetscInt v = 0; v < nv; v++) col[v] = p->vertex[col[v]];
     PetscCall(MatSetValues(p->coarse, nv, col, nv, col, block, ADD_VALUES));
   }
@@ -565,7 +567,10 @@ PetscErrorCode PressureSetUpPC(Pressure p, KSP ksp)
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCMG, &mg));
   if (!mg || !p->two_level) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PCMGGetLevels(pc, &levels));
-  PetscCheck(levels == 2, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "-flow_fieldsplit_pressure_pc_mg_levels %" PetscInt_FMT ": the pressure has exactly 2 levels; more come from -flow_fieldsplit_pressure_mg_coarse_pc_type", levels);
+  PetscCheck(levels == 2, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "-flow_fieldsplit_pressure_pc_mg_levels %" PetscInt_FMT
+             ": the pressure has exactly 2 levels; more come from -flow_fieldsplit_pressure_mg_coarse_pc_type",
+             levels);
   PetscCall(PCSetUseAmat(pc, PETSC_FALSE)); /* the matrix on both levels, not the operator with the bodies' part */
   PetscCall(PCMGSetGalerkin(pc, PC_MG_GALERKIN_NONE));
   PetscCall(PCMGSetInterpolation(pc, 1, p->interpolation));
@@ -587,7 +592,8 @@ PetscErrorCode PressureSetDefaults(void)
   PetscCall(OptDefault(PREFIX "pc_mg_levels", "2"));
 #if defined(PETSC_HAVE_HYPRE)
   PetscCall(OptDefault(PREFIX "mg_coarse_pc_type", "hypre"));
-  PetscCall(OptDefault(BOOMERAMG "relax_type_coarse", "symmetric-SOR/Jacobi")); /* elimination would divide by round-off where the pressure is known up to a constant */
+  PetscCall(OptDefault(BOOMERAMG "relax_type_coarse",
+                       "symmetric-SOR/Jacobi")); /* elimination would divide by round-off where the pressure is known up to a constant */
   PetscCall(OptDefault(BOOMERAMG "coarsen_type", "PMIS"));
   PetscCall(OptDefault(BOOMERAMG "interp_type", "ext+i"));
   PetscCall(OptDefault(BOOMERAMG "P_max", "4"));
@@ -621,11 +627,13 @@ PetscErrorCode PressureCreate(Flow flow, Constraint constraint, Pressure *pressu
   p->nk  = p->loc->dim + 1;
   p->eps = 1e-4;
   PetscCall(OptReal("-flow_pressure_softness", "share of their inverse mass that body nodes keep in the pressure preconditioner", "", 0, 1, &p->eps));
-  PetscCall(PetscCalloc3(p->loc->nnode_all * p->loc->dim, &p->weight, p->nbodies * p->nr * p->nr, &p->mass_inverse, 2 * p->nbodies * p->nr, &p->work));
+  PetscCall(
+    PetscCalloc3(p->loc->nnode_all * p->loc->dim, &p->weight, p->nbodies * p->nr * p->nr, &p->mass_inverse, 2 * p->nbodies * p->nr, &p->work));
   PetscCall(PetscCalloc1(p->loc->ncell, &p->is_shared));
   PetscCall(PetscCalloc1(p->loc->ncell, &p->was_shared));
   p->eps_shared = 1e-3;
-  PetscCall(OptReal("-flow_pressure_shared", "compressibility of cells between two bodies, or body and wall, as share of their nodes' inverse mass", "", 0, 1, &p->eps_shared));
+  PetscCall(OptReal("-flow_pressure_shared", "compressibility of cells between two bodies, or body and wall, as share of their nodes' inverse mass",
+                    "", 0, 1, &p->eps_shared));
   PetscCall(PetscOptionsGetString(NULL, NULL, "-flow_fieldsplit_pressure_pc_type", type, sizeof(type), NULL));
   PetscCall(PetscStrcmp(type, "mg", &p->two_level));
   PetscCall(find_neighbours(p));
@@ -687,7 +695,8 @@ PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscR
     if (p->two_level) PetscCall(update_coarse(p, weight));
     PetscCall(PetscArraycpy(p->weight, weight, p->loc->nnode_all * p->loc->dim));
   }
-  PetscCall(MatSetNullSpace(p->shell, p->any_shared ? NULL : p->constant)); /* C sees constants */
+  PetscCall(MatSetNullSpace(p->shell, p->any_shared ? NULL : p->constant));          /* C sees constants */
+  PetscCall(MatSetTransposeNullSpace(p->shell, p->any_shared ? NULL : p->constant)); /* makes every inner right-hand side consistent */
   if (p->nbodies) {
     PetscCall(find_cut_cells(p));
     PetscCall(PetscArraycpy(p->mass_inverse, mass_inverse, p->nbodies * p->nr * p->nr));

@@ -19,7 +19,7 @@ static PetscErrorCode build(SimParts *part)
   PetscCall(FlowGetParameters(part->flow, &par));
   PetscCall(BodiesCreate(l->dim, l->lower, l->upper, &part->bodies));
   PetscCall(CoupleCreate(part->flow, part->bodies, &part->couple));
-  PetscCall(FlowGetSolidFaces(part->flow, &walls));
+  PetscCall(BoundaryGetSolidFaces(FlowBoundary(part->flow), &walls));
   PetscCall(ContactCreate(part->bodies, l->h, par->density, par->gravity, l->lower, l->upper, walls, &part->contact));
   PetscCall(OutputCreate(part->mesh, part->scene, &part->output));
   PetscCall(MonitorCreate(part->bodies, &part->monitor));

@@ -11,8 +11,8 @@ struct _p_Sim {
   PetscReal  dt, time_end, time;
   PetscInt   steps_max, step;
   PetscReal (*a)[3], (*alpha)[3]; /* acceleration of the bodies without contact, for the sub-steps of contact */
-  PetscBool  has_acceleration;
-  Vec        u_out, p_out;
+  PetscBool has_acceleration;
+  Vec       u_out, p_out;
 };
 
 PetscErrorCode SimCreate(const SimParts *part, Sim *sim)
@@ -29,7 +29,8 @@ PetscErrorCode SimCreate(const SimParts *part, Sim *sim)
   PetscCall(OptReal("-sim_dt", "time step", "time", OPT_POSITIVE, PETSC_MAX_REAL, &s->dt));
   PetscCall(OptReal("-sim_time", "time at which the run ends", "time", 0, PETSC_MAX_REAL, &s->time_end));
   PetscCall(OptInt("-sim_steps", "number of steps after which the run ends", "", 0, PETSC_MAX_INT, &s->steps_max));
-  PetscCheck(s->time_end < PETSC_MAX_REAL || s->steps_max < PETSC_MAX_INT, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "The run has no end: give -sim_time or -sim_steps");
+  PetscCheck(s->time_end < PETSC_MAX_REAL || s->steps_max < PETSC_MAX_INT, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "The run has no end: give -sim_time or -sim_steps");
   PetscCall(BodiesGetState(part->bodies, &s->s));
   PetscCall(PetscCalloc2(s->s->n, &s->a, s->s->n, &s->alpha));
   PetscCall(MeshGetLocal(part->mesh, &l));
@@ -77,8 +78,9 @@ static PetscErrorCode estimate_acceleration(Sim s, PetscReal dt_old)
     for (PetscInt d = 0; d < 3; d++) {
       const PetscReal moment = s->s->dim == 2 ? inertia[0] : inertia[d];
 
-      s->a[k][d]     = s->has_acceleration ? (s->s->u[k][d] - s->s->u_old[k][d]) / dt_old - s->s->contact_force[k][d] / mass : start * par->gravity[d];
-      s->alpha[k][d] = s->has_acceleration ? (s->s->w[k][d] - s->s->w_old[k][d]) / dt_old - (moment > 0 ? s->s->contact_torque[k][d] / moment : 0) : 0;
+      s->a[k][d] = s->has_acceleration ? (s->s->u[k][d] - s->s->u_old[k][d]) / dt_old - s->s->contact_force[k][d] / mass : start * par->gravity[d];
+      s->alpha[k][d] = s->has_acceleration ? (s->s->w[k][d] - s->s->w_old[k][d]) / dt_old - (moment > 0 ? s->s->contact_torque[k][d] / moment : 0)
+                                           : 0;
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -123,7 +125,8 @@ static PetscErrorCode stop_unsolved(Sim s, KSPConvergedReason reason, PetscInt i
   PetscCall(write_fields(s));
   PetscCall(OutputGetDirectory(s->part.output, &dir));
   SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
-          "The flow solve of step %" PetscInt_FMT " failed (%s after %" PetscInt_FMT " iterations). The state before it, t = %g, is in %s/fields_%" PetscInt_FMT
+          "The flow solve of step %" PetscInt_FMT " failed (%s after %" PetscInt_FMT
+          " iterations). The state before it, t = %g, is in %s/fields_%" PetscInt_FMT
           ".h5. Lower -sim_dt (now %g), raise -flow_ksp_max_it, or use -flow_recipe direct; -flow_ksp_monitor shows the iterations",
           s->step + 1, KSPConvergedReasons[reason], its, (double)s->time, dir, s->step, (double)s->dt);
 }
@@ -134,15 +137,15 @@ static PetscErrorCode report(Sim s, const FlowDiagnostics *diag, PetscReal momen
   MonitorStep m;
 
   PetscFunctionBeginUser;
-  m.step              = s->step;
-  m.time              = s->time;
-  m.dt                = dt;
-  m.cfl               = diag->cfl;
-  m.outer_iterations  = its;
-  m.divergence        = diag->divergence;
-  m.kinetic_energy    = diag->kinetic_energy;
-  m.momentum_error    = momentum_error;
-  m.seconds           = seconds;
+  m.step             = s->step;
+  m.time             = s->time;
+  m.dt               = dt;
+  m.cfl              = diag->cfl;
+  m.outer_iterations = its;
+  m.divergence       = diag->divergence;
+  m.kinetic_energy   = diag->kinetic_energy;
+  m.momentum_error   = momentum_error;
+  m.seconds          = seconds;
   PetscCall(MonitorWrite(s->part.monitor, &m, s->time_end < PETSC_MAX_REAL ? s->time_end : s->steps_max * s->dt));
   PetscCall(OutputGetEvery(s->part.output, &every));
   if (every > 0 && s->step % every == 0) PetscCall(write_fields(s));

@@ -646,7 +646,7 @@ static void check_boundary(PetscInt dim, const char options[], PetscReal t, Want
   open_case(&c, dim, PETSC_FALSE, options);
   OK(FlowBeginStep(c.flow, 2 * t + 1, 0.1)); /* an earlier time must leave nothing behind */
   OK(FlowBeginStep(c.flow, t, 0.1));
-  OK(FlowGetBoundaryValues(c.flow, &fixed, &value));
+  OK(BoundaryGetValues(FlowBoundary(c.flow), &fixed, &value));
   for (PetscInt i = 0; i < c.l->nnode_all; i++) {
     PetscReal v[3] = {0, 0, 0};
 
@@ -654,9 +654,9 @@ static void check_boundary(PetscInt dim, const char options[], PetscReal t, Want
     for (PetscInt a = 0; a < dim; a++)
       if ((fixed[i] >> a) & 1) NEAR(value[i * dim + a], v[a], 1e-14);
   }
-  OK(FlowPressureIsFloating(c.flow, &got_floating));
+  OK(BoundaryPressureIsFloating(FlowBoundary(c.flow), &got_floating));
   assert_int_equal(got_floating, floating);
-  OK(FlowGetSolidFaces(c.flow, &got_solid));
+  OK(BoundaryGetSolidFaces(FlowBoundary(c.flow), &got_solid));
   assert_int_equal(got_solid, solid);
   close_case(&c);
 }

@@ -241,7 +241,9 @@ static void test_focus(void **state)
   const MeshLocal *l;
   PetscInt         inside = 0;
 
-  assert_int_equal(create_mesh("-mesh_upper 4,2 -mesh_periodic x -mesh_focus 1,0,2,0.5 -mesh_focus_h 0.05 -mesh_growth 0.2,0.1 -mesh_coarsest 4,3 -dm_refine 1", &m), 0);
+  assert_int_equal(create_mesh("-mesh_upper 4,2 -mesh_periodic x -mesh_focus 1,0,2,0.5 -mesh_focus_h 0.05 -mesh_growth 0.2,0.1 -mesh_coarsest 4,3 -dm_refine 1",
+                               &m),
+                   0);
   assert_near(area_of(m), 8, 1e-12);
   assert_int_equal(MeshGetLocal(m, &l), 0);
   assert_near(l->h, 0.025, 1e-12);
@@ -258,7 +260,9 @@ static void test_focus_3d(void **state)
   (void)state;
   Mesh m;
 
-  assert_int_equal(create_mesh("-mesh_dimension 3 -mesh_focus 0.25,0.25,0,0.75,0.75,1 -mesh_focus_h 0.25 -mesh_growth 1,1,1 -mesh_coarsest 2,2,2", &m), 0);
+  assert_int_equal(create_mesh("-mesh_dimension 3 -mesh_focus 0.25,0.25,0,0.75,0.75,1 -mesh_focus_h 0.25 -mesh_growth 1,1,1 -mesh_coarsest 2,2,2",
+                               &m),
+                   0);
   assert_int_equal(cells_of(m), 4 * 4 * 4);
   assert_int_equal(boundary_nodes(m, "front", 0, 0, 0), 9 * 9);
   assert_int_equal(MeshDestroy(&m), 0);
@@ -272,7 +276,8 @@ static void test_growth(void **state)
 
   for (PetscInt i = 0; i < 4; i++)
     for (PetscInt j = 0; j < 3; j++)
-      for (PetscInt k = 0; k < 3; k++) assert_near(MeshMapDistance(MeshMapCountCells(d[i], 0.1, growth[j], coarsest[k]), 0.1, growth[j], coarsest[k]), d[i], 1e-12 * d[i]);
+      for (PetscInt k = 0; k < 3; k++)
+        assert_near(MeshMapDistance(MeshMapCountCells(d[i], 0.1, growth[j], coarsest[k]), 0.1, growth[j], coarsest[k]), d[i], 1e-12 * d[i]);
 }
 
 /* A Gmsh file: one ring of eight quadrilaterals between polygons on the circles r = 1 and 3; names "inside" and "outside", if wanted, for their edges,
@@ -293,8 +298,10 @@ static PetscErrorCode write_ring(const char path[], PetscBool named, int entity)
     PetscCall(PetscFPrintf(PETSC_COMM_WORLD, f, "%d %.16g %.16g 0\n", i + 1, (double)(r * PetscCosReal(a)), (double)(r * PetscSinReal(a))));
   }
   PetscCall(PetscFPrintf(PETSC_COMM_WORLD, f, "$EndNodes\n$Elements\n%d\n", named ? 24 : 8));
-  for (int i = 0; i < 8; i++) PetscCall(PetscFPrintf(PETSC_COMM_WORLD, f, "%d 3 2 3 10 %d %d %d %d\n", i + 1, i + 1, i + 9, (i + 1) % 8 + 9, (i + 1) % 8 + 1));
-  for (int i = 0; i < 16 && named; i++) PetscCall(PetscFPrintf(PETSC_COMM_WORLD, f, "%d 1 2 %d %d %d %d\n", i + 9, i / 8 + 1, entity, i + 1, (i + 1) % 8 + 1 + i / 8 * 8));
+  for (int i = 0; i < 8; i++)
+    PetscCall(PetscFPrintf(PETSC_COMM_WORLD, f, "%d 3 2 3 10 %d %d %d %d\n", i + 1, i + 1, i + 9, (i + 1) % 8 + 9, (i + 1) % 8 + 1));
+  for (int i = 0; i < 16 && named; i++)
+    PetscCall(PetscFPrintf(PETSC_COMM_WORLD, f, "%d 1 2 %d %d %d %d\n", i + 9, i / 8 + 1, entity, i + 1, (i + 1) % 8 + 1 + i / 8 * 8));
   PetscCall(PetscFPrintf(PETSC_COMM_WORLD, f, "$EndElements\n"));
   PetscCall(PetscFClose(PETSC_COMM_WORLD, f));
   PetscCallMPI(MPI_Barrier(PETSC_COMM_WORLD));
@@ -322,7 +329,8 @@ static void test_round_file(void **state)
 
 static char message[4096];
 
-static PetscErrorCode record_message(MPI_Comm comm, int line, const char *func, const char *file, PetscErrorCode n, PetscErrorType p, const char *mess, void *ctx)
+static PetscErrorCode record_message(MPI_Comm comm, int line, const char *func, const char *file, PetscErrorCode n, PetscErrorType p,
+                                     const char *mess, void *ctx)
 {
   (void)comm, (void)line, (void)func, (void)file, (void)ctx;
   if (p == PETSC_ERROR_INITIAL) (void)snprintf(message, sizeof(message), "%s", mess);
@@ -366,9 +374,10 @@ static void test_errors(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_growth),  cmocka_unit_test(test_areas),      cmocka_unit_test(test_disc),       cmocka_unit_test(test_annulus), cmocka_unit_test(test_fitted),
-                                     cmocka_unit_test(test_channel), cmocka_unit_test(test_shift),      cmocka_unit_test(test_focus),      cmocka_unit_test(test_focus_3d), cmocka_unit_test(test_round_file),
-                                     cmocka_unit_test(test_errors)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_growth),     cmocka_unit_test(test_areas),  cmocka_unit_test(test_disc),
+                                     cmocka_unit_test(test_annulus),    cmocka_unit_test(test_fitted), cmocka_unit_test(test_channel),
+                                     cmocka_unit_test(test_shift),      cmocka_unit_test(test_focus),  cmocka_unit_test(test_focus_3d),
+                                     cmocka_unit_test(test_round_file), cmocka_unit_test(test_errors)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

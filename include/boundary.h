@@ -1,0 +1,22 @@
+/* Boundary: conditions of the flow on the named boundaries of the mesh. Layer 2.
+
+   Options for boundary <b>: -flow_bc_<b>_type no_slip|moving_wall|inflow|outflow|slip (default no_slip), and for inflow and moving_wall _velocity u,v[,w] (largest one of a profile),
+   _profile uniform|parabolic (over the extent of the boundary), _factor a,b,T (velocity times a + b sin(2 pi t/T)), _ramp T (rises smoothly from zero over T).
+   outflow is the do-nothing condition mu du/dn - p n = 0 of the gradient form; slip fixes the normal component on planes along an axis. */
+#pragma once
+#include "mesh.h"
+
+typedef struct _p_Boundary *Boundary;
+
+/* Read the conditions. Collective. Errors: inflow or moving wall without velocity, slip on a boundary that is no plane along an axis. */
+PetscErrorCode BoundaryCreate(Mesh, Boundary *);
+PetscErrorCode BoundaryDestroy(Boundary *);
+PetscErrorCode BoundaryView(Boundary, PetscViewer);
+/* Evaluate the prescribed values at a time. Local. */
+PetscErrorCode BoundarySetTime(Boundary, PetscReal time);
+/* Prescribed components: fixed [nnode_all] bit mask, value [nnode_all][dim] (may be NULL). Borrowed. */
+PetscErrorCode BoundaryGetValues(Boundary, const PetscInt *fixed[], const PetscReal *value[]);
+/* Is the pressure determined up to a constant only (no outflow)? */
+PetscErrorCode BoundaryPressureIsFloating(Boundary, PetscBool *floating);
+/* Bit mask of solid faces of the box (no_slip or moving_wall): bit 2 axis for lower, 2 axis + 1 for upper. Boundaries of other names do not count. */
+PetscErrorCode BoundaryGetSolidFaces(Boundary, PetscInt *faces);

@@ -1,0 +1,11 @@
+/* Saddle: assembled forms of the projected operators, for preconditioners that need a matrix (direct solvers, hypre, GAMG, ILU). Layer 2. */
+#pragma once
+#include "constraint.h"
+#include "flow.h"
+#include "pressure.h"
+
+/* out = P^T A P + D with the identity on inert slots; A: velocity matrix of all components, P of ConstraintCreateMat, D [nbodies][nr][nr]. Collective; caller destroys. */
+PetscErrorCode SaddleCreateVelocity(Constraint, Mat A, Mat P, const PetscReal D[], Mat *out);
+/* out = [Ar, -P^T B^T; rho c_t B P, C'], with C' = C of shared cells plus a tiny multiple of the Schur complement's size, which gives undetermined pressures a value.
+   The outer iteration removes its effect. Collective; caller destroys. */
+PetscErrorCode SaddleCreateWhole(Flow, Pressure, Mat P, Mat Ar, Mat *out);

@@ -1,0 +1,238 @@
+/* Boundary: see boundary.h. Conditions are attached to named boundaries of the mesh; where boundaries meet, walls win over inflow, and inflow over slip. */
+#include "compat.h"
+#include "boundary.h"
+#include "opt.h"
+
+typedef enum {
+  BC_NO_SLIP,
+  BC_MOVING_WALL,
+  BC_INFLOW,
+  BC_OUTFLOW,
+  BC_SLIP
+} BoundaryType;
+
+typedef struct {
+  BoundaryType type;
+  PetscBool    parabolic;
+  PetscReal    velocity[3], factor[3], ramp;
+  PetscReal    lower[3], upper[3]; /* extent, for the profile and for slip */
+  PetscInt     axis;               /* slip: the normal axis */
+} Condition;
+
+struct _p_Boundary {
+  Mesh             mesh;
+  const MeshLocal *loc;
+  PetscInt         n, *fixed;
+  Condition       *condition;
+  PetscReal       *value;
+  PetscBool        floating;
+};
+
+static const char *const BC_TYPES[] = {"no_slip", "moving_wall", "inflow", "outflow", "slip", NULL};
+static const char *const PROFILES[] = {"uniform", "parabolic", NULL};
+
+static PetscErrorCode find_extent(Boundary f, PetscInt b, Condition *bc)
+{
+  const MeshLocal *l = f->loc;
+  const PetscInt  *node;
+  PetscInt         n;
+
+  PetscFunctionBeginUser;
+  for (PetscInt d = 0; d < 3; d++) {
+    bc->lower[d] = PETSC_MAX_REAL;
+    bc->upper[d] = -PETSC_MAX_REAL;
+  }
+  PetscCall(MeshGetBoundaryNodes(f->mesh, b, &n, &node));
+  for (PetscInt i = 0; i < n; i++) {
+    for (PetscInt d = 0; d < l->dim; d++) {
+      bc->lower[d] = PetscMin(bc->lower[d], l->x[node[i] * l->dim + d]);
+      bc->upper[d] = PetscMax(bc->upper[d], l->x[node[i] * l->dim + d]);
+    }
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, bc->lower, 3, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, bc->upper, 3, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_boundary(Boundary f, PetscInt b)
+{
+  const PetscInt dim = f->loc->dim;
+  Condition     *bc  = f->condition + b;
+  const char    *name;
+  char           option[128];
+  PetscInt       type = BC_NO_SLIP, profile = 0;
+  PetscBool      has_velocity;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshGetBoundaryName(f->mesh, b, &name));
+  PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_type", name));
+  PetscCall(OptChoice(option, "condition on this boundary", BC_TYPES, &type));
+  bc->type      = (BoundaryType)type;
+  bc->factor[0] = bc->factor[2] = 1;
+  PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_velocity", name));
+  if (type == BC_INFLOW || type == BC_MOVING_WALL) {
+    PetscCall(OptRealArray(option, "prescribed velocity (largest one of a profile)", "length/time", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, bc->velocity,
+                           &has_velocity));
+    PetscCheck(has_velocity, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Boundary '%s' is of type %s: give its velocity with %s", name, BC_TYPES[type],
+               option);
+    PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_profile", name));
+    PetscCall(OptChoice(option, "shape of the velocity profile", PROFILES, &profile));
+    PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_factor", name));
+    PetscCall(OptRealArray(option, "a, b, T: velocity is multiplied by a + b sin(2 pi t / T)", "-, -, time", PETSC_MIN_REAL, PETSC_MAX_REAL, 3,
+                           bc->factor, NULL));
+    PetscCheck(bc->factor[1] == 0 || bc->factor[2] > 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s: the period %g must be positive", option,
+               (double)bc->factor[2]);
+    PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_ramp", name));
+    PetscCall(OptReal(option, "time over which the velocity rises smoothly from zero", "time", 0, PETSC_MAX_REAL, &bc->ramp));
+  }
+  bc->parabolic = (PetscBool)(profile == 1);
+  PetscCall(find_extent(f, b, bc));
+  if (type == BC_SLIP) {
+    bc->axis = -1;
+    for (PetscInt d = 0; d < dim; d++)
+      if (bc->upper[d] - bc->lower[d] < 1e-10 * (f->loc->upper[d] - f->loc->lower[d])) bc->axis = d;
+    PetscCheck(bc->axis >= 0, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+               "Boundary '%s' is not a plane along an axis: slip is available on such planes only, choose another -flow_bc_%s_type", name, name);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Which components a condition prescribes. Where boundaries meet, walls win over inflow, and inflow over slip. */
+static PetscErrorCode mark_fixed(Boundary f)
+{
+  const PetscInt all     = (1 << f->loc->dim) - 1;
+  PetscInt       outflow = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt b = 0; b < f->n; b++) {
+    const PetscInt *node, bits = f->condition[b].type == BC_OUTFLOW ? 0 : f->condition[b].type == BC_SLIP ? 1 << f->condition[b].axis : all;
+    PetscInt        n;
+
+    outflow += f->condition[b].type == BC_OUTFLOW;
+    PetscCall(MeshGetBoundaryNodes(f->mesh, b, &n, &node));
+    for (PetscInt i = 0; i < n; i++) f->fixed[node[i]] |= bits;
+  }
+  f->floating = (PetscBool)(outflow == 0);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscReal boundary_factor(const Condition *bc, PetscReal t)
+{
+  PetscReal value = bc->factor[0] + (bc->factor[1] != 0 ? bc->factor[1] * PetscSinReal(2 * PETSC_PI * t / bc->factor[2]) : 0);
+
+  if (bc->ramp > 0 && t < bc->ramp) value *= 0.5 * (1 - PetscCosReal(PETSC_PI * t / bc->ramp));
+  return value;
+}
+
+static PetscReal boundary_profile(const Condition *bc, PetscInt dim, const PetscReal x[])
+{
+  PetscReal value = 1;
+
+  if (!bc->parabolic) return 1;
+  for (PetscInt d = 0; d < dim; d++) {
+    const PetscReal length = bc->upper[d] - bc->lower[d], s = x[d] - bc->lower[d];
+
+    if (length > 1e-12) value *= 4 * s * (length - s) / (length * length);
+  }
+  return value;
+}
+
+PetscErrorCode BoundarySetTime(Boundary f, PetscReal time)
+{
+  static const BoundaryType order[] = {BC_SLIP, BC_INFLOW, BC_MOVING_WALL, BC_NO_SLIP}; /* later ones win where boundaries meet */
+  const PetscInt            dim     = f->loc->dim;
+
+  PetscFunctionBeginUser;
+  for (PetscInt pass = 0; pass < 4; pass++) {
+    for (PetscInt b = 0; b < f->n; b++) {
+      const Condition *bc = f->condition + b;
+      const PetscInt  *node;
+      PetscInt         n;
+      PetscReal        factor;
+
+      if (bc->type != order[pass]) continue;
+      factor = boundary_factor(bc, time);
+      PetscCall(MeshGetBoundaryNodes(f->mesh, b, &n, &node));
+      for (PetscInt i = 0; i < n; i++) {
+        const PetscReal s = bc->type == BC_SLIP || bc->type == BC_NO_SLIP ? 0 : factor * boundary_profile(bc, dim, f->loc->x + node[i] * dim);
+
+        for (PetscInt a = 0; a < dim; a++)
+          if (bc->type != BC_SLIP || a == bc->axis) f->value[node[i] * dim + a] = s * bc->velocity[a];
+      }
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BoundaryCreate(Mesh mesh, Boundary *boundary)
+{
+  Boundary f;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&f));
+  f->mesh = mesh;
+  PetscCall(MeshGetLocal(mesh, &f->loc));
+  PetscCall(MeshGetBoundaryCount(mesh, &f->n));
+  PetscCall(PetscCalloc3(f->n, &f->condition, f->loc->nnode_all, &f->fixed, f->loc->nnode_all * f->loc->dim, &f->value));
+  for (PetscInt b = 0; b < f->n; b++) PetscCall(read_boundary(f, b));
+  PetscCall(mark_fixed(f));
+  *boundary = f;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BoundaryDestroy(Boundary *boundary)
+{
+  PetscFunctionBeginUser;
+  if (!*boundary) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree3((*boundary)->condition, (*boundary)->fixed, (*boundary)->value));
+  PetscCall(PetscFree(*boundary));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BoundaryView(Boundary f, PetscViewer viewer)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt b = 0; b < f->n; b++) {
+    const char *name;
+
+    PetscCall(MeshGetBoundaryName(f->mesh, b, &name));
+    PetscCall(PetscViewerASCIIPrintf(viewer, "  boundary %s: %s\n", name, BC_TYPES[f->condition[b].type]));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BoundaryGetValues(Boundary f, const PetscInt *fixed[], const PetscReal *value[])
+{
+  PetscFunctionBeginUser;
+  *fixed = f->fixed;
+  if (value) *value = f->value;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BoundaryPressureIsFloating(Boundary f, PetscBool *floating)
+{
+  PetscFunctionBeginUser;
+  *floating = f->floating;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BoundaryGetSolidFaces(Boundary f, PetscInt *faces)
+{
+  const char *const names[] = {"left", "right", "bottom", "top", "back", "front"};
+
+  PetscFunctionBeginUser;
+  *faces = 0;
+  for (PetscInt b = 0; b < f->n; b++) {
+    const char *name;
+
+    if (f->condition[b].type > BC_MOVING_WALL) continue;
+    PetscCall(MeshGetBoundaryName(f->mesh, b, &name));
+    for (PetscInt i = 0; i < 2 * f->loc->dim; i++) {
+      PetscBool match;
+
+      PetscCall(PetscStrcmp(name, names[i], &match));
+      if (match) *faces |= 1 << i;
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,138 @@
+/* Saddle: see saddle.h. Written for generality, not speed: everything is built anew when the constraint changes. */
+#include "compat.h"
+#include "saddle.h"
+
+/* D and the identity of inert slots, as a matrix over u_r */
+static PetscErrorCode create_rigid_diagonal(Constraint c, const PetscReal D[], Mat *E)
+{
+  const PetscInt *slot, *unknown;
+  PetscInt        ninert, first, count, start, nodal, total, nr;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetSizes(c, &nodal, &total));
+  PetscCall(ConstraintGetRigidSize(c, &nr));
+  PetscCall(ConstraintGetInert(c, &ninert, &slot));
+  PetscCall(ConstraintGetOwnBodies(c, &first, &count));
+  PetscCall(ConstraintGetUnknown(c, &unknown));
+  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, total, total, PETSC_DETERMINE, PETSC_DETERMINE, PetscMax(nr, 1), NULL, 0, NULL, E));
+  PetscCall(MatGetOwnershipRange(*E, &start, NULL));
+  for (PetscInt j = 0; j < ninert; j++) PetscCall(MatSetValue(*E, start + slot[j], start + slot[j], 1, INSERT_VALUES));
+  for (PetscInt k = 0; k < count; k++) {
+    for (PetscInt i = 0; i < nr; i++) {
+      const PetscInt row = start + nodal + k * nr;
+
+      if (!((unknown[first + k] >> i) & 1)) PetscCall(MatSetValue(*E, row + i, row + i, 1, INSERT_VALUES));
+      else
+        for (PetscInt j = 0; j < nr; j++) PetscCall(MatSetValue(*E, row + i, row + j, D[((first + k) * nr + i) * nr + j], INSERT_VALUES));
+    }
+  }
+  PetscCall(MatAssemblyBegin(*E, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(*E, MAT_FINAL_ASSEMBLY));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* B as a matrix (own cells x own nodes) */
+static PetscErrorCode create_divergence_matrix(Flow flow, const MeshLocal *l, Mat *B)
+{
+  const PetscInt   dim = l->dim, n = l->nb * dim, nk = dim + 1;
+  const PetscReal *b;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetCellDivergence(flow, &b));
+  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, l->ncell * nk, l->nnode * dim, PETSC_DETERMINE, PETSC_DETERMINE, n, NULL, n, NULL, B));
+  for (PetscInt c = 0; c < l->ncell; c++) {
+    PetscInt row[4], col[MESH_MAX_NB * 3];
+
+    for (PetscInt k = 0; k < nk; k++) row[k] = (l->cell_start + c) * nk + k;
+    for (PetscInt j = 0; j < n; j++) col[j] = l->node_global[l->cell_node[c * l->nb + j / dim]] * dim + j % dim;
+    PetscCall(MatSetValues(*B, nk, row, n, col, b + c * nk * n, INSERT_VALUES));
+  }
+  PetscCall(MatAssemblyBegin(*B, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(*B, MAT_FINAL_ASSEMBLY));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SaddleCreateVelocity(Constraint c, Mat A, Mat P, const PetscReal D[], Mat *out)
+{
+  Mat aij, E;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatConvert(A, MATAIJ, MAT_INITIAL_MATRIX, &aij));
+  PetscCall(MatPtAP(aij, P, MAT_INITIAL_MATRIX, 2, out));
+  PetscCall(MatDestroy(&aij));
+  PetscCall(create_rigid_diagonal(c, D, &E));
+  PetscCall(MatAXPY(*out, 1, E, DIFFERENT_NONZERO_PATTERN));
+  PetscCall(MatDestroy(&E));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* C of shared cells, plus 1e-10 of the size of the Schur complement, (S_p^{-1} + mu theta M_p^{-1})^{-1} (Cahouet & Chabard 1988), which fixes undetermined pressures for a
+   direct solver. The diagonal of S_p alone grows with the time step without bound. */
+static PetscErrorCode create_pressure_block(Flow flow, Pressure pressure, const MeshLocal *l, Mat *C)
+{
+  const PetscInt        nk = l->dim + 1, np = l->ncell * nk;
+  const PetscInt       *cell;
+  const PetscReal      *block;
+  PetscReal            *d, *one;
+  PetscInt              n, start;
+  const FlowParameters *par;
+  const FlowStep       *step;
+  Vec                   t;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecCreateMPI(PETSC_COMM_WORLD, np, PETSC_DETERMINE, &t));
+  PetscCall(FlowGetParameters(flow, &par));
+  PetscCall(FlowGetStep(flow, &step));
+  PetscCall(PressureGetDiagonal(pressure, t));
+  PetscCall(PressureGetShared(pressure, &n, &cell, &block));
+  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, np, np, PETSC_DETERMINE, PETSC_DETERMINE, nk, NULL, 0, NULL, C));
+  PetscCall(MatGetOwnershipRange(*C, &start, NULL));
+  PetscCall(PetscMalloc1(np, &one));
+  for (PetscInt i = 0; i < np; i++) one[i] = 1;
+  PetscCall(VecReciprocal(t));
+  PetscCall(VecGetArray(t, &d));
+  PetscCall(FlowPressureMassSolve(flow, par->viscosity * step->theta / (par->density * step->ct), one, d));
+  for (PetscInt i = 0; i < np; i++) PetscCall(MatSetValue(*C, start + i, start + i, 1e-10 / d[i], ADD_VALUES));
+  PetscCall(VecRestoreArray(t, &d));
+  PetscCall(PetscFree(one));
+  PetscCall(VecDestroy(&t));
+  for (PetscInt i = 0; i < n; i++)
+    for (PetscInt e = 0; e < nk * nk; e++)
+      PetscCall(MatSetValue(*C, start + cell[i] * nk + e / nk, start + cell[i] * nk + e % nk, block[i * nk * nk + e], ADD_VALUES));
+  PetscCall(MatAssemblyBegin(*C, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(*C, MAT_FINAL_ASSEMBLY));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SaddleCreateWhole(Flow flow, Pressure pressure, Mat P, Mat Ar, Mat *out)
+{
+  Mat                   B, Br, G, C, nest, block[4];
+  Mesh                  mesh;
+  const MeshLocal      *l;
+  const FlowParameters *par;
+  const FlowStep       *step;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetMesh(flow, &mesh));
+  PetscCall(MeshGetLocal(mesh, &l));
+  PetscCall(FlowGetParameters(flow, &par));
+  PetscCall(FlowGetStep(flow, &step));
+  PetscCall(create_divergence_matrix(flow, l, &B));
+  PetscCall(MatMatMult(B, P, MAT_INITIAL_MATRIX, PETSC_DEFAULT, &Br));
+  PetscCall(MatTranspose(Br, MAT_INITIAL_MATRIX, &G));
+  PetscCall(MatScale(G, -1));
+  PetscCall(MatScale(Br, par->density * step->ct));
+  PetscCall(create_pressure_block(flow, pressure, l, &C));
+  block[0] = Ar;
+  block[1] = G;
+  block[2] = Br;
+  block[3] = C;
+  PetscCall(MatCreateNest(PETSC_COMM_WORLD, 2, NULL, 2, NULL, block, &nest));
+  PetscCall(MatConvert(nest, MATAIJ, MAT_INITIAL_MATRIX, out));
+  PetscCall(MatDestroy(&nest));
+  PetscCall(MatDestroy(&C));
+  PetscCall(MatDestroy(&G));
+  PetscCall(MatDestroy(&Br));
+  PetscCall(MatDestroy(&B));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
