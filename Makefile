@@ -49,7 +49,7 @@ SCRIPTS  = $(shell grep -lE '^\#!.*python3' tools/*) $(wildcard tests/*.py)
 
 .DEFAULT_GOAL := all
 .DELETE_ON_ERROR:
-.PHONY: all tests shapes demo check check-unit check-e2e demo-now check-now check-unit-now check-e2e-now style validate bench format test-shape install deps clean help FORCE
+.PHONY: all tests shapes demo check check-unit check-e2e demo-now check-now check-unit-now check-e2e-now style format test-shape install deps clean help FORCE
 
 all: $(BUILD)/tumble shapes ## build the program and the shapes (default)
 shapes: $(SHAPES)           ## build the shape plugins only
@@ -96,10 +96,6 @@ check-now check-unit-now check-e2e-now: tests
 test-shape: all $(BUILD)/tests/conformance ## conformance suite on one plugin: SHAPE=path/to/x.so
 	$(if $(SHAPE),,$(error give the plugin: make test-shape SHAPE=path/to/x.so))
 	$(BUILD)/tests/conformance $(SHAPE) $(ARGS)
-validate: all ## compare with published results (ARGS= for tools/validate)
-	tools/validate $(ARGS)
-bench: all ## measure and append to runs/bench/results.csv (ARGS= for tools/bench)
-	tools/bench $(ARGS)
 style: ## layers, text, formatting, scripts that compile
 	tools/check-layers
 	tools/check-text
