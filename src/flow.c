@@ -5,6 +5,7 @@
    meshes) keep one inverse Jacobian. Units: any consistent system. Not here: bodies, solvers, stabilisation, turbulence. */
 #include "compat.h"
 #include "flow.h"
+#include "dense.h"
 #include "log.h"
 #include "opt.h"
 #include <petscfe.h>
@@ -124,29 +125,6 @@ static void space_gradients(const struct _p_Flow *f, const Metric *m, PetscInt q
   }
 }
 
-/* Inverse of a symmetric positive definite n x n matrix by Gauss-Jordan, which needs no pivots then. a is destroyed. */
-static void invert_spd(PetscInt n, PetscReal a[], PetscReal inv[])
-{
-  for (PetscInt i = 0; i < n * n; i++) inv[i] = i % (n + 1) == 0;
-  for (PetscInt k = 0; k < n; k++) {
-    const PetscReal pivot = 1 / a[k * n + k];
-
-    for (PetscInt j = 0; j < n; j++) {
-      a[k * n + j] *= pivot;
-      inv[k * n + j] *= pivot;
-    }
-    for (PetscInt i = 0; i < n; i++) {
-      const PetscReal factor = a[i * n + k];
-
-      if (i == k) continue;
-      for (PetscInt j = 0; j < n; j++) {
-        a[i * n + j] -= factor * a[k * n + j];
-        inv[i * n + j] -= factor * inv[k * n + j];
-      }
-    }
-  }
-}
-
 /* Affine test, size, cell matrices of B and lumped mass of all local cells. Collective. */
 static PetscErrorCode compute_cells(Flow f)
 {
@@ -199,7 +177,7 @@ static PetscErrorCode compute_cells(Flow f)
           for (PetscInt a = 0; a < dim; a++) b[k * nb * dim + j * dim + a] += m.weight[q] * psi[k] * g[a][j];
       }
     }
-    if (c < l->ncell) invert_spd(nk, mass, f->pmass + c * nk * nk);
+    if (c < l->ncell) DenseInvert(nk, mass, f->pmass + c * nk * nk);
   }
   PetscCall(MeshSyncNodes(f->mesh, 1, f->lumped)); /* own nodes see all their cells (own or ghost); outer ghosts do not */
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -4,6 +4,7 @@
    The velocity operator, its SOR sweep and B are applied from the scalar matrix and from cell matrices, for all components in one pass. */
 #include "compat.h"
 #include "flowsolve.h"
+#include "dense.h"
 #include "log.h"
 #include "opt.h"
 #include "pressure.h"
@@ -53,34 +54,6 @@ static const char *const RECIPES[] = {"fast", "balanced", "accurate", "direct", 
 static const char *const SCHURS[]  = {"auto", "projection", "commutator", NULL};
 
 /* ---- small dense blocks ---- */
-
-/* Inverse of a symmetric positive definite n x n matrix (n <= 6); rows of unused unknowns are identity */
-static void invert_small(PetscInt n, const PetscReal M[], PetscReal inv[])
-{
-  PetscReal a[36];
-
-  for (PetscInt i = 0; i < n * n; i++) {
-    a[i]   = M[i];
-    inv[i] = i % (n + 1) == 0;
-  }
-  for (PetscInt k = 0; k < n; k++) { /* Gauss-Jordan; no pivoting for definite matrices */
-    const PetscReal pivot = 1 / a[k * n + k];
-
-    for (PetscInt j = 0; j < n; j++) {
-      a[k * n + j] *= pivot;
-      inv[k * n + j] *= pivot;
-    }
-    for (PetscInt i = 0; i < n; i++) {
-      const PetscReal factor = a[i * n + k];
-
-      if (i == k || factor == 0) continue;
-      for (PetscInt j = 0; j < n; j++) {
-        a[i * n + j] -= factor * a[k * n + j];
-        inv[i * n + j] -= factor * inv[k * n + j];
-      }
-    }
-  }
-}
 
 static void multiply_small(PetscInt n, const PetscReal M[], const PetscReal x[], PetscReal y[])
 {
@@ -340,8 +313,8 @@ static PetscErrorCode invert_body_blocks(FlowSolver fs, PetscInt k, PetscInt unk
       PetscCheck(M[a * (nr + 1)] > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
                  "Body %" PetscInt_FMT " covers no node of the mesh and is lighter than the fluid: refine the mesh (-mesh_cells)", k);
   }
-  if (own >= 0 && own < nown) invert_small(nr, block, fs->body_inverse + own * nn);
-  invert_small(nr, block + nn, fs->mass_inverse + k * nn);
+  if (own >= 0 && own < nown) DenseInvert(nr, block, fs->body_inverse + own * nn);
+  DenseInvert(nr, block + nn, fs->mass_inverse + k * nn);
   for (PetscInt a = 0; a < nr; a++)
     if (!((unknown >> a) & 1)) fs->mass_inverse[k * nn + a * (nr + 1)] = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
