@@ -24,6 +24,9 @@ PetscErrorCode CoupleGetSolver(Couple, FlowSolver *);
 /* Body index of every local node in this step, or -1: [nnode_all]. */
 PetscErrorCode CoupleGetNodeBody(Couple, const PetscInt *node_body[]);
 
+/* What the bodies give this rank to do in this step: own cells with a node in a body, and bodies that cover an own node. Not collective. */
+PetscErrorCode CoupleGetLoad(Couple, PetscInt *ncells, PetscInt *nbodies);
+
 /* The four parts of a step, in this order after FlowBeginStep. Collective.
    Draw: bodies at their predicted place, marks, constraint.
    Solve: assembly and the linear system; *reason < 0 reports failure without raising an error. The solution is not yet accepted.

@@ -5,13 +5,15 @@
    and a one-page summary. The files grow line by line and are flushed, so that a running or killed job can be read.
    Units are those of the scene; the columns' suffixes _s and _rad are time and angle.
 
-   Columns: step,time_s,dt_s,cfl,outer_iterations,divergence,kinetic_energy,momentum_error,seconds   (series.csv; seconds: wall clock of the step)
+   Columns: step,time_s,dt_s,cfl,outer_iterations,divergence,kinetic_energy,momentum_error,seconds,seconds_nse,seconds_force,seconds_particle
+            (series.csv; seconds: wall clock of the step, and of its phases on rank 0)
             step,time_s,body,group,x,y,z,angle_rad,u,v,w,omega_x,omega_y,omega_z,force_x,force_y,force_z,torque_x,torque_y,torque_z,gap,radius
             (bodies.csv; force and torque of the fluid, gap inf if nothing is near, radius 0 if the body is no disc or sphere;
             angle not wrapped in 2D, of the rotation out of the initial position in 3D)
-   Options: -output_series, -output_progress, -output_bodies first,last. */
+   Options: -output_series, -output_progress, -output_bodies first,last, -output_yardstick. */
 #pragma once
 #include "bodies.h"
+#include <petscmat.h>
 
 typedef struct _p_Monitor *Monitor;
 
@@ -27,8 +29,8 @@ typedef struct {
 typedef enum {
   MONITOR_SETUP,    /* everything before the first step */
   MONITOR_NSE,      /* the flow equations */
-  MONITOR_FORCE,    /* marking of nodes, forces on bodies */
-  MONITOR_PARTICLE, /* motion and contact of bodies */
+  MONITOR_FORCE,    /* forces on bodies */
+  MONITOR_PARTICLE, /* marking of nodes, motion and contact of bodies */
   MONITOR_OUTPUT,
   MONITOR_NPHASES
 } MonitorPhase;
@@ -53,6 +55,13 @@ PetscErrorCode MonitorPhaseSeconds(Monitor, MonitorPhase, PetscReal seconds);
 
 /* Set a quantity of summary.json (again: the new value holds); values that are not finite become null. Same calls on all ranks. */
 PetscErrorCode MonitorQuantity(Monitor, const char name[], PetscReal value);
+
+/* What this rank has to do (cells, bodies, ...): summary.json holds smallest, mean and largest over the ranks under balance.<name>. Again: the new value holds. Collective. */
+PetscErrorCode MonitorBalance(Monitor, const char name[], PetscReal mine);
+
+/* With -output_yardstick: measure memory bandwidth and one product with S (yardstick.h) for summary.json; memory and wall clock of the run are taken before. Does nothing
+   without the option. Once, after the last step. Collective. */
+PetscErrorCode MonitorYardstick(Monitor, Mat S);
 
 /* Write summary.json and print the summary. seconds.total is the set-up plus the wall clock from the beginning of the first step until now;
    memory_mb is the sum of the peak memory of all ranks (getrusage), in 2^20 bytes. cells and unknowns are those of the whole mesh. Collective. */

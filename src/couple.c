@@ -622,6 +622,25 @@ PetscErrorCode CoupleGetNodeBody(Couple c, const PetscInt *node_body[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode CoupleGetLoad(Couple c, PetscInt *ncells, PetscInt *nbodies)
+{
+  PetscBool *seen;
+
+  PetscFunctionBeginUser;
+  *ncells  = c->ntouched;
+  *nbodies = 0;
+  PetscCall(PetscCalloc1(c->s->n, &seen));
+  for (PetscInt i = 0; i < c->nmarked; i++) {
+    const PetscInt node = c->marked[i], k = c->node_body[node];
+
+    if (node >= c->loc->nnode || seen[k]) continue;
+    seen[k] = PETSC_TRUE;
+    (*nbodies)++;
+  }
+  PetscCall(PetscFree(seen));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoupleGetSolution(Couple c, const PetscReal *u[], const PetscReal *p[])
 {
   PetscFunctionBeginUser;

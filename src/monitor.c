@@ -6,6 +6,7 @@
 #include "compat.h"
 #include "monitor.h"
 #include "opt.h"
+#include "yardstick.h"
 #include <errno.h>
 #include <petsctime.h>
 #include <petscpkg_version.h>
@@ -24,15 +25,27 @@
   #define TUMBLE_VERSION "unknown"
 #endif
 
+#if defined(PETSC_USE_DEBUG) || !defined(__OPTIMIZE__) || defined(__SANITIZE_ADDRESS__)
+  #define OPTIMISED 0 /* times of such a build mean nothing */
+#else
+  #define OPTIMISED 1
+#endif
+
 #define MAX_BODIES     64 /* with more, bodies.csv holds only those that are asked for */
 #define MAX_LINES      50 /* of progress, roughly */
 #define MAX_QUANTITIES 64
+#define MAX_BALANCES   8
 #define VERSION_LEN    128
 
 typedef struct {
   char      name[64];
   PetscReal value;
 } Quantity;
+
+typedef struct {
+  char      name[32];
+  PetscReal min, mean, max; /* over the ranks */
+} Balance;
 
 struct _p_Monitor {
   BodyState     *bodies;
@@ -43,12 +56,18 @@ struct _p_Monitor {
   PetscBool      started; /* MonitorWrite has been called; then the next two are set */
   PetscReal      time_start;
   PetscLogDouble wall_start;
-  PetscReal      seconds[MONITOR_NPHASES];
-  PetscReal      fall_speed_max, speed_max, overlap_max; /* PETSC_MIN_REAL: no such body */
+  PetscReal      seconds[MONITOR_NPHASES], seconds_before[MONITOR_NPHASES]; /* until now; until the last call of MonitorWrite */
+  PetscReal      fall_speed_max, speed_max, overlap_max;                    /* PETSC_MIN_REAL: no such body */
   PetscInt       nsolve, iterations_max;
   PetscReal      iterations_sum;
   PetscInt       nquantity;
   Quantity       quantity[MAX_QUANTITIES];
+  PetscInt       nbalance;
+  Balance        balance[MAX_BALANCES];
+  PetscBool      measure, measured; /* -output_yardstick; the rest is set then */
+  Yardstick      yardstick;
+  PetscReal      memory_mb;
+  PetscLogDouble wall_end;
 };
 
 static const char *const PHASE[MONITOR_NPHASES] = {"setup", "nse", "force", "particle", "output"};
@@ -211,19 +230,21 @@ static void print_body(FILE *f, const MonitorStep *s, const BodyState *b, PetscI
   fprintf(f, ",%.12g\n", (double)g->disc);
 }
 
-static void print_series(FILE *f, const MonitorStep *s)
+/* seconds: of the phases in this step */
+static void print_series(FILE *f, const MonitorStep *s, const PetscReal seconds[])
 {
   fprintf(f, "%" PetscInt_FMT ",%.12g,%.12g,%.6g,%" PetscInt_FMT, s->step, (double)s->time, (double)s->dt, (double)s->cfl, s->outer_iterations);
-  fprintf(f, ",%.6g,%.12g,%.6g,%.6g\n", (double)s->divergence, (double)s->kinetic_energy, (double)s->momentum_error, (double)s->seconds);
+  fprintf(f, ",%.6g,%.12g,%.6g,%.6g", (double)s->divergence, (double)s->kinetic_energy, (double)s->momentum_error, (double)s->seconds);
+  fprintf(f, ",%.6g,%.6g,%.6g\n", (double)seconds[MONITOR_NSE], (double)seconds[MONITOR_FORCE], (double)seconds[MONITOR_PARTICLE]);
 }
 
-static PetscErrorCode append_lines(Monitor m, const MonitorStep *s)
+static PetscErrorCode append_lines(Monitor m, const MonitorStep *s, const PetscReal seconds[])
 {
   int err[2] = {0, 0};
 
   PetscFunctionBeginUser;
   if (m->rank == 0) {
-    print_series(m->series, s);
+    print_series(m->series, s, seconds);
     for (PetscInt k = m->first_body; k <= m->last_body; k++) print_body(m->body_file, s, m->bodies, k);
     if (fflush(m->series) || ferror(m->series)) err[0] = errno ? errno : EIO;
     if (fflush(m->body_file) || ferror(m->body_file)) err[1] = errno ? errno : EIO;
@@ -324,14 +345,16 @@ static PetscErrorCode collect_summary(Monitor m, Summary *s)
   PetscReal      mine[MONITOR_NPHASES + 1], all[MONITOR_NPHASES + 1];
 
   PetscFunctionBeginUser;
-  PetscCall(PetscTime(&now));
+  if (m->measured) now = m->wall_end;
+  else PetscCall(PetscTime(&now));
   PetscCall(PetscArraycpy(mine, m->seconds, MONITOR_NPHASES));
   mine[MONITOR_NPHASES] = m->seconds[MONITOR_SETUP] + (m->started ? (PetscReal)(now - m->wall_start) : 0);
   PetscCallMPI(MPI_Allreduce(mine, all, MONITOR_NPHASES + 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
   PetscCall(PetscArraycpy(s->seconds, all, MONITOR_NPHASES));
   s->total           = all[MONITOR_NPHASES];
   s->iterations_mean = m->nsolve ? m->iterations_sum / m->nsolve : 0;
-  PetscCall(get_memory(&s->memory_mb));
+  if (m->measured) s->memory_mb = m->memory_mb;
+  else PetscCall(get_memory(&s->memory_mb));
   PetscCall(get_versions(&s->versions));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -373,6 +396,27 @@ static void print_json_seconds(FILE *f, const Summary *s)
   fprintf(f, "\"total\": %.6g},\n", (double)s->total);
 }
 
+static void print_json_balance(FILE *f, Monitor m)
+{
+  fprintf(f, "  \"balance\": {");
+  for (PetscInt i = 0; i < m->nbalance; i++) {
+    const Balance *b = m->balance + i;
+
+    fprintf(f, "%s\n    \"%s\": {\"min\": %.12g, \"mean\": %.12g, \"max\": %.12g}", i ? "," : "", b->name, (double)b->min, (double)b->mean,
+            (double)b->max);
+  }
+  fprintf(f, "%s},\n", m->nbalance ? "\n  " : "");
+}
+
+static void print_json_yardstick(FILE *f, Monitor m)
+{
+  const Yardstick *y = &m->yardstick;
+
+  if (!m->measured) return;
+  fprintf(f, "  \"yardstick\": {\"triad_one\": %.6g, \"triad_all\": %.6g, \"sweep\": %.6g, \"sweep_bytes\": %.12g},\n", (double)y->triad_one,
+          (double)y->triad_all, (double)y->sweep, (double)y->sweep_bytes);
+}
+
 static void print_json_quantities(FILE *f, Monitor m)
 {
   fprintf(f, "  \"quantities\": {");
@@ -394,15 +438,20 @@ static int write_json(Monitor m, const Summary *s, const char path[], const char
   if (!f) return errno;
   fprintf(f, "{\n  \"scene\": ");
   print_json_string(f, s->scene);
-  fprintf(f, ",\n  \"ranks\": %d,\n  \"cells\": %" PetscInt_FMT ",\n  \"unknowns\": %" PetscInt_FMT ",\n  \"steps\": %" PetscInt_FMT, (int)m->size,
-          s->cells, s->unknowns, s->steps);
+  fprintf(f,
+          ",\n  \"ranks\": %d,\n  \"cells\": %" PetscInt_FMT ",\n  \"unknowns\": %" PetscInt_FMT ",\n  \"bodies\": %" PetscInt_FMT
+          ",\n  \"steps\": %" PetscInt_FMT,
+          (int)m->size, s->cells, s->unknowns, m->bodies->n, s->steps);
   fprintf(f, ",\n  \"time_end\": ");
   print_json_real(f, s->time_end);
   fprintf(f, ",\n");
   print_json_versions(f, &s->versions);
+  fprintf(f, "  \"optimised\": %s,\n", OPTIMISED ? "true" : "false");
   print_json_seconds(f, s);
   fprintf(f, "  \"outer_iterations\": {\"mean\": %.6g, \"max\": %" PetscInt_FMT "},\n", (double)s->iterations_mean, m->iterations_max);
   fprintf(f, "  \"memory_mb\": %.6g,\n", (double)s->memory_mb);
+  print_json_balance(f, m);
+  print_json_yardstick(f, m);
   print_json_quantities(f, m);
   fprintf(f, "}\n");
   err = close_file(&f);
@@ -450,6 +499,7 @@ static PetscErrorCode read_options(Monitor m)
   PetscFunctionBeginUser;
   m->series_every = 1;
   PetscCall(OptInt("-output_series", "steps between two lines of series.csv and bodies.csv", "steps", 1, PETSC_MAX_INT, &m->series_every));
+  PetscCall(OptBool("-output_yardstick", "measure memory bandwidth and one product with the velocity matrix after the last step", &m->measure));
   PetscCall(OptInt("-output_progress", "steps between two lines of progress, 0 for some 20 to 50 lines in a run", "steps", 0, PETSC_MAX_INT,
                    &m->progress_every));
   PetscCall(OptIntArray("-output_bodies", "first and last body in bodies.csv; default all if there are at most 64, else none", "", 0, PETSC_MAX_INT,
@@ -484,7 +534,10 @@ PetscErrorCode MonitorOpen(Monitor m, const char dir[])
   PetscFunctionBeginUser;
   PetscCall(PetscStrncpy(m->dir, dir, sizeof(m->dir)));
   PetscCall(write_options(m));
-  PetscCall(open_file(m, "series.csv", "step,time_s,dt_s,cfl,outer_iterations,divergence,kinetic_energy,momentum_error,seconds\n", &m->series));
+  PetscCall(
+    open_file(m, "series.csv",
+              "step,time_s,dt_s,cfl,outer_iterations,divergence,kinetic_energy,momentum_error,seconds,seconds_nse,seconds_force,seconds_particle\n",
+              &m->series));
   PetscCall(
     open_file(m, "bodies.csv",
               "step,time_s,body,group,x,y,z,angle_rad,u,v,w,omega_x,omega_y,omega_z,force_x,force_y,force_z,torque_x,torque_y,torque_z,gap,radius\n",
@@ -495,13 +548,18 @@ PetscErrorCode MonitorOpen(Monitor m, const char dir[])
 PetscErrorCode MonitorWrite(Monitor m, const MonitorStep *s, PetscReal time_end)
 {
   const PetscBool first = (PetscBool)!m->started, last = (PetscBool)(s->time >= time_end - 0.5 * s->dt);
+  PetscReal       seconds[MONITOR_NPHASES];
 
   PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < MONITOR_NPHASES; i++) {
+    seconds[i]           = m->seconds[i] - m->seconds_before[i];
+    m->seconds_before[i] = m->seconds[i];
+  }
   if (first) PetscCall(start_run(m, s));
   if (!m->progress_every) m->progress_every = s->dt > 0 ? choose_progress(s, time_end) : 0;
   track_bodies(m);
   track_iterations(m, s);
-  if (last || s->step % m->series_every == 0) PetscCall(append_lines(m, s));
+  if (last || s->step % m->series_every == 0) PetscCall(append_lines(m, s, seconds));
   if (first || last || (m->progress_every && s->step % m->progress_every == 0)) PetscCall(print_progress(m, s, time_end));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -528,6 +586,38 @@ PetscErrorCode MonitorQuantity(Monitor m, const char name[], PetscReal value)
   PetscCall(PetscStrncpy(m->quantity[i].name, name, sizeof(m->quantity[i].name)));
   m->quantity[i].value = value;
   if (i == m->nquantity) m->nquantity++;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MonitorBalance(Monitor m, const char name[], PetscReal mine)
+{
+  PetscReal extreme[2] = {mine, -mine}, sum = mine;
+  PetscInt  i = 0;
+  Balance  *b;
+
+  PetscFunctionBeginUser;
+  while (i < m->nbalance && strcmp(m->balance[i].name, name)) i++;
+  PetscCheck(i < MAX_BALANCES && strlen(name) < sizeof(b->name), PETSC_COMM_WORLD, PETSC_ERR_ARG_OUTOFRANGE,
+             "Balance '%s' is one too many or its name too long: a run holds at most %d", name, MAX_BALANCES);
+  b = m->balance + i;
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, extreme, 2, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(PetscStrncpy(b->name, name, sizeof(b->name)));
+  b->min  = -extreme[1];
+  b->mean = sum / m->size;
+  b->max  = extreme[0];
+  if (i == m->nbalance) m->nbalance++;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MonitorYardstick(Monitor m, Mat S)
+{
+  PetscFunctionBeginUser;
+  if (!m->measure) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(get_memory(&m->memory_mb));
+  PetscCall(PetscTime(&m->wall_end));
+  PetscCall(YardstickMeasure(S, &m->yardstick));
+  m->measured = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

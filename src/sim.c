@@ -221,7 +221,8 @@ PetscErrorCode SimRun(Sim s)
   PetscReal        dt_old = s->dt;
   const MeshLocal *l;
   FlowSolver       solver;
-  PetscInt         unknowns;
+  PetscInt         unknowns, ncut, nbodies;
+  Mat              S;
 
   PetscFunctionBeginUser;
   while (s->step < s->steps_max && s->time < s->time_end * (1 - 1e-12) - 1e-9 * s->dt) {
@@ -234,6 +235,14 @@ PetscErrorCode SimRun(Sim s)
   PetscCall(MeshGetLocal(s->part.mesh, &l));
   PetscCall(CoupleGetSolver(s->part.couple, &solver));
   PetscCall(FlowSolverGetUnknowns(solver, &unknowns));
+  PetscCall(CoupleGetLoad(s->part.couple, &ncut, &nbodies));
+  PetscCall(MonitorBalance(s->part.monitor, "cells", l->ncell));
+  PetscCall(MonitorBalance(s->part.monitor, "nodes", l->nnode));
+  PetscCall(MonitorBalance(s->part.monitor, "ghost_nodes", l->nnode_all - l->nnode));
+  PetscCall(MonitorBalance(s->part.monitor, "body_cells", ncut));
+  PetscCall(MonitorBalance(s->part.monitor, "bodies", nbodies));
+  PetscCall(FlowGetMatrix(s->part.flow, &S));
+  PetscCall(MonitorYardstick(s->part.monitor, S));
   PetscCall(MonitorFinish(s->part.monitor, s->part.scene, l->ncell_global, unknowns, s->step, s->time));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -107,16 +107,23 @@ static void run_steps(const char name[], const char scene[], char dir[])
   Bodies     bodies = create_bodies();
   BodyState *state;
   Monitor    m = start_monitor(name, bodies, dir);
+  Mat        S;
 
+  OK(MatCreateConstantDiagonal(PETSC_COMM_WORLD, 100, 100, PETSC_DETERMINE, PETSC_DETERMINE, 2, &S));
   OK(BodiesGetState(bodies, &state));
   for (PetscInt step = 1; step <= STEPS; step++) {
     MonitorStep s = make_step(step);
 
     set_state(state, step);
-    OK(MonitorWrite(m, &s, 0.125 * STEPS));
     OK(MonitorPhaseSeconds(m, MONITOR_NSE, 0.25));
+    OK(MonitorPhaseSeconds(m, MONITOR_PARTICLE, 0.125 * step));
+    OK(MonitorWrite(m, &s, 0.125 * STEPS));
   }
   OK(MonitorPhaseSeconds(m, MONITOR_SETUP, 2));
+  OK(MonitorBalance(m, "cells", 100));
+  OK(MonitorBalance(m, "cells", 10. * (1 + my_rank())));
+  OK(MonitorYardstick(m, S));
+  OK(MatDestroy(&S));
   OK(MonitorQuantity(m, "cd", 1));
   OK(MonitorQuantity(m, "cd", 3.25));
   OK(MonitorQuantity(m, "lost", 1 / (PetscReal)0));
@@ -194,7 +201,8 @@ static void files_hold_every_step(void **state)
   run_steps("every", "box", dir);
   text = read_text(dir, "series.csv");
   assert_starts(text,
-                "step,time_s,dt_s,cfl,outer_iterations,divergence,kinetic_energy,momentum_error,seconds\n1,0.125,0.125,0.5,5,1e-09,2.25,-1e-11,0.01\n");
+                "step,time_s,dt_s,cfl,outer_iterations,divergence,kinetic_energy,momentum_error,seconds,seconds_nse,seconds_force,seconds_particle\n"
+                "1,0.125,0.125,0.5,5,1e-09,2.25,-1e-11,0.01,0.25,0,0.125\n2,0.25,0.125,0.5,5,1e-09,2.25,-1e-11,0.01,0.25,0,0.25\n");
   assert_int_equal(count_lines(text), 1 + STEPS);
   text = read_text(dir, "bodies.csv");
   assert_starts(text,
@@ -217,7 +225,7 @@ static void unreported_steps_are_tracked(void **state)
   set_option("-output_series", NULL);
   text = read_text(dir, "series.csv");
   assert_int_equal(count_lines(text), 1 + 4);
-  assert_starts(line_number(text, 1), "3,");
+  assert_starts(line_number(text, 1), "3,0.375,0.125,0.5,5,1e-09,2.25,-1e-11,0.01,0.25,0,0.375\n"); /* seconds of that step alone */
   assert_starts(line_number(text, 3), "9,");
   assert_starts(line_number(text, 4), "10,1.25,");
   text = read_text(dir, "summary.json");
@@ -255,6 +263,40 @@ static void summary_has_its_keys(void **state)
        *key; key++) {
     if (!strstr(text, *key)) fail_msg("summary.json has no %s:\n%s", *key, text);
   }
+}
+
+static void balance_is_over_the_ranks(void **state)
+{
+  char        dir[PETSC_MAX_PATH_LEN];
+  const char *text;
+  PetscMPIInt size;
+
+  (void)state;
+  OK(MPI_Comm_size(PETSC_COMM_WORLD, &size));
+  run_steps("balance", "box", dir);
+  text = strstr(read_text(dir, "summary.json"), "\"balance\"");
+  assert_non_null(text);
+  assert_close("min", json_number(text, "min"), 10);
+  assert_close("mean", json_number(text, "mean"), 5. * (1 + size));
+  assert_close("max", json_number(text, "max"), 10. * size);
+}
+
+/* Only on request; between a slow memory and the registers of a core */
+static void yardstick_on_request(void **state)
+{
+  char        dir[PETSC_MAX_PATH_LEN];
+  const char *text;
+
+  (void)state;
+  run_steps("without", "box", dir);
+  assert_null(strstr(read_text(dir, "summary.json"), "yardstick"));
+  set_option("-output_yardstick", "true");
+  run_steps("with", "box", dir);
+  set_option("-output_yardstick", NULL);
+  text = read_text(dir, "summary.json");
+  assert_true(json_number(text, "triad_one") > 1e8 && json_number(text, "triad_one") < 1e12);
+  assert_true(json_number(text, "triad_all") > 1e8 && json_number(text, "triad_all") < 1e13);
+  assert_true(json_number(text, "sweep") > 1e-9 && json_number(text, "sweep") < 1);
 }
 
 static void options_are_kept(void **state)
@@ -412,10 +454,9 @@ static void remove_root(void)
 int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {
-    cmocka_unit_test(files_hold_every_step),         cmocka_unit_test(unreported_steps_are_tracked),
-    cmocka_unit_test(summary_has_its_keys),          cmocka_unit_test(options_are_kept),
-    cmocka_unit_test(progress_fits_on_a_page),       cmocka_unit_test(many_bodies_are_written_on_request),
-    cmocka_unit_test(unwritable_directory_is_named),
+    cmocka_unit_test(files_hold_every_step),     cmocka_unit_test(unreported_steps_are_tracked), cmocka_unit_test(summary_has_its_keys),
+    cmocka_unit_test(options_are_kept),          cmocka_unit_test(progress_fits_on_a_page),      cmocka_unit_test(many_bodies_are_written_on_request),
+    cmocka_unit_test(balance_is_over_the_ranks), cmocka_unit_test(yardstick_on_request),         cmocka_unit_test(unwritable_directory_is_named),
   };
   int failed;
 
