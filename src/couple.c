@@ -61,7 +61,7 @@ static PetscErrorCode get_inertia(Couple c, PetscInt k, PetscReal J[3][3])
   PetscCall(BodiesGetInertia(c->bodies, k, PETSC_TRUE, t));
   if (c->loc->dim == 2) {
     PetscCall(PetscMemzero(J, 9 * sizeof(PetscReal)));
-    J[2][2] = t[0];
+    J[2][2] = t[2];
   } else {
     J[0][0] = t[0];
     J[1][1] = t[1];

@@ -76,7 +76,7 @@ static PetscErrorCode estimate_acceleration(Sim s, PetscReal dt_old)
 
     PetscCall(ContactGetMass(s->part.contact, k, &mass, inertia));
     for (PetscInt d = 0; d < 3; d++) {
-      const PetscReal moment = s->s->dim == 2 ? inertia[0] : inertia[d];
+      const PetscReal moment = inertia[d];
 
       s->a[k][d] = s->has_acceleration ? (s->s->u[k][d] - s->s->u_old[k][d]) / dt_old - s->s->contact_force[k][d] / mass : start * par->gravity[d];
       s->alpha[k][d] = s->has_acceleration ? (s->s->w[k][d] - s->s->w_old[k][d]) / dt_old - (moment > 0 ? s->s->contact_torque[k][d] / moment : 0)

@@ -120,7 +120,7 @@ static void assembled_force(Case *c, PetscInt k, const PetscReal accel[3], Petsc
   }
   OK(BodiesGetVolume(c->bodies, k, &volume));
   OK(BodiesGetInertia(c->bodies, k, PETSC_TRUE, inertia));
-  for (PetscInt d = 0; d < 3; d++) force[d] = total(force[d]) + par->density * (d < 2 ? volume : inertia[0]) * accel[d];
+  for (PetscInt d = 0; d < 3; d++) force[d] = total(force[d]) + par->density * (d < 2 ? volume : inertia[2]) * accel[d];
   OK(PetscFree(r));
   OK(PetscFree(a));
 }
@@ -319,7 +319,7 @@ static void check_free_motion(const char scheme[], const char more[])
     const PetscReal gravity[3] = {0.5, -9, 0}, rho = c.s->group[0].density;
 
     if (d < 2) NEAR(rho * volume * a[d], force[d] + (rho - 1.3) * volume * gravity[d], 1e-9);
-    else NEAR(rho * inertia[0] * alpha[2], torque[2], 1e-9);
+    else NEAR(rho * inertia[2] * alpha[2], torque[2], 1e-9);
   }
   assert_true(PetscAbsReal(c.s->u[0][1]) > 0.01);
   close_case(&c);
