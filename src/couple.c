@@ -7,9 +7,17 @@
 #include "compat.h"
 #include "couple.h"
 #include "log.h"
+#include "mark.h"
 #include "opt.h"
 
-#define CHUNK 256
+/* A boundary rung: how the flow sees the surface of a body. Operations may be NULL. */
+typedef struct {
+  const char *name;
+  PetscBool   dead;                    /* cells inside are no part of the fluid; otherwise fictitious fluid fills them */
+  PetscErrorCode (*draw)(Couple);      /* bodies are at c->X, c->q: claim the nodes that move rigidly in c->mark, prepare the rung's own terms */
+  PetscErrorCode (*add_rigid)(Couple); /* add to the rigid rows c->D, c->g */
+  PetscErrorCode (*add_force)(Couple, PetscReal out[]); /* add to [n][nr] what the rung's own terms exert on the bodies */
+} Rung;
 
 struct _p_Couple {
   Flow             flow;
@@ -20,9 +28,9 @@ struct _p_Couple {
   Constraint       constraint;
   FlowSolver       solver;
   PetscInt         implicit, use_volume, nr;
-  PetscInt        *node_body, *marked, nmarked;          /* marked: local nodes with node_body >= 0 */
-  PetscInt        *touched, ntouched, *stamp, stamp_now; /* own cells with a marked node */
-  PetscReal (*X)[3], (*q)[4];                            /* where the bodies are drawn */
+  Rung             rung;
+  Mark             mark;      /* nodes that move rigidly */
+  PetscReal (*X)[3], (*q)[4]; /* where the bodies are drawn */
   PetscInt  *unknown;
   PetscReal *U, *U_old, *U_older; /* [n][nr]: rigid velocities that the flow sees in this step and saw in the two before */
   PetscReal *D, *g;               /* [n][nr][nr] inertia, [n][nr] right-hand side of the rigid rows */
@@ -33,9 +41,8 @@ struct _p_Couple {
   PetscReal *force_old; /* [n][3][2] force and torque of the last step */
 };
 
-static const char *const TYPES[]      = {"implicit", "explicit", NULL};
-static const char *const BOUNDARIES[] = {"nodal", NULL};
-static const char *const FORCES[]     = {"residual", "volume", NULL};
+static const char *const TYPES[]  = {"implicit", "explicit", NULL};
+static const char *const FORCES[] = {"residual", "volume", NULL};
 
 /* Component s (0 .. nr - 1) of a rigid velocity as element of 3-vectors: translation s < dim, otherwise rotation */
 static PetscReal *rigid_component(Couple c, PetscReal (*u)[3], PetscReal (*w)[3], PetscInt k, PetscInt s)
@@ -107,73 +114,21 @@ static PetscErrorCode place_bodies(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Nodes of body k drawn at X (one periodic image) are marked; a node that two bodies claim stays with the first. */
-static PetscErrorCode mark_image(Couple c, PetscInt k, const PetscReal X[3])
+/* rung nodal: every node inside moves with the body */
+static PetscErrorCode draw_nodal(Couple c)
 {
-  const PetscInt  dim    = c->loc->dim;
-  const PetscReal radius = c->s->group[c->s->body_group[k]].radius;
-  PetscReal       lo[3], hi[3], x[CHUNK * 3], d[CHUNK];
-  const PetscInt *list;
-  PetscInt        n;
-
   PetscFunctionBeginUser;
-  for (PetscInt a = 0; a < dim; a++) {
-    lo[a] = X[a] - radius * (1 + 1e-12);
-    hi[a] = X[a] + radius * (1 + 1e-12);
-  }
-  PetscCall(MeshNodesInBox(c->mesh, lo, hi, &n, &list));
-  for (PetscInt begin = 0; begin < n; begin += CHUNK) {
-    const PetscInt m = PetscMin(CHUNK, n - begin);
-
-    for (PetscInt i = 0; i < m; i++)
-      for (PetscInt a = 0; a < dim; a++) x[i * dim + a] = c->loc->x[list[begin + i] * dim + a];
-    PetscCall(BodiesDistance(c->bodies, k, X, c->q[k], m, x, d));
-    for (PetscInt i = 0; i < m; i++) {
-      if (d[i] > 0 || c->node_body[list[begin + i]] >= 0) continue;
-      c->node_body[list[begin + i]] = k;
-      c->marked[c->nmarked++]       = list[begin + i];
-    }
-  }
+  PetscCall(MarkInside(c->mark, c->X, c->q));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode mark_bodies(Couple c)
+/* The fluid's density inside the bodies */
+static PetscReal inner_density(Couple c, const FlowParameters *par)
 {
-  const MeshLocal *l = c->loc;
-
-  PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < c->nmarked; i++) c->node_body[c->marked[i]] = -1;
-  c->nmarked = 0;
-  for (PetscInt k = 0; k < c->s->n; k++) {
-    const PetscReal radius = c->s->group[c->s->body_group[k]].radius;
-
-    for (PetscInt image = 0; image < (l->dim == 2 ? 9 : 27); image++) { /* 13 (4) is the body itself */
-      const PetscInt shift[3] = {image % 3 - 1, (image / 3) % 3 - 1, l->dim == 2 ? 0 : image / 9 - 1};
-      PetscReal      X[3];
-      PetscBool      reaches = PETSC_TRUE;
-
-      for (PetscInt a = 0; a < 3; a++) {
-        X[a] = c->X[k][a] + shift[a] * l->period[a];
-        if (shift[a] && (l->period[a] == 0 || X[a] + radius < l->lower[a] || X[a] - radius > l->upper[a])) reaches = PETSC_FALSE;
-      }
-      if (reaches) PetscCall(mark_image(c, k, X));
-    }
-  }
-  c->stamp_now++;
-  c->ntouched = 0;
-  for (PetscInt i = 0; i < c->nmarked; i++) {
-    for (PetscInt q = l->node_cell_ptr[c->marked[i]]; q < l->node_cell_ptr[c->marked[i] + 1]; q++) {
-      const PetscInt cell = l->node_cell[q];
-
-      if (cell >= l->ncell || c->stamp[cell] == c->stamp_now) continue;
-      c->stamp[cell]            = c->stamp_now;
-      c->touched[c->ntouched++] = cell;
-    }
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
+  return c->rung.dead ? 0 : par->density;
 }
 
-/* Inertia D = c_t (rho_s - rho_f) (Vol; I) and right-hand side (rho_s - rho_f) (Vol; I) d(U) + (rho_s - rho_f) Vol g + contact of the rigid rows */
+/* Inertia D = c_t (rho_s - rho_i) (Vol; I) and right-hand side (rho_s - rho_i) (Vol; I) d(U) + (rho_s - rho_f) Vol g + contact of the rigid rows, rho_i: fluid inside */
 static PetscErrorCode fill_rigid_rows(Couple c)
 {
   const FlowStep       *step;
@@ -184,13 +139,13 @@ static PetscErrorCode fill_rigid_rows(Couple c)
   PetscCall(FlowGetStep(c->flow, &step));
   PetscCall(FlowGetParameters(c->flow, &par));
   for (PetscInt k = 0; k < c->s->n; k++) {
-    const PetscReal excess = c->s->group[c->s->body_group[k]].density - par->density;
-    PetscReal       M[36], *g = c->g + k * nr, L[3], J[3][3];
+    const PetscReal rho_s = c->s->group[c->s->body_group[k]].density, excess = rho_s - inner_density(c, par);
+    PetscReal       M[36], *g                                                = c->g + k * nr, L[3], J[3][3];
 
     PetscCall(get_rigid_mass(c, k, M));
     for (PetscInt i = 0; i < nr; i++) {
       g[i] = *rigid_component(c, c->s->contact_force, c->s->contact_torque, k, i);
-      if (i < dim) g[i] += excess * M[0] * par->gravity[i];
+      if (i < dim) g[i] += (rho_s - par->density) * M[0] * par->gravity[i];
       for (PetscInt j = 0; j < nr; j++) {
         c->D[(k * nr + i) * nr + j] = step->ct * excess * M[i * nr + j];
         g[i] += excess * M[i * nr + j] *
@@ -203,13 +158,14 @@ static PetscErrorCode fill_rigid_rows(Couple c)
       for (PetscInt a = 0; a < 3; a++) g[3 + a] -= excess * (c->s->w[k][(a + 1) % 3] * L[(a + 2) % 3] - c->s->w[k][(a + 2) % 3] * L[(a + 1) % 3]);
     }
   }
+  if (c->rung.add_rigid) PetscCall((*c->rung.add_rigid)(c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode CoupleDraw(Couple c)
 {
   const FlowStep  *step;
-  const PetscInt  *fixed;
+  const PetscInt  *fixed, *node_body;
   const PetscReal *value;
 
   PetscFunctionBeginUser;
@@ -217,7 +173,10 @@ PetscErrorCode CoupleDraw(Couple c)
   PetscCall(FlowGetStep(c->flow, &step));
   PetscCall(BoundaryGetValues(FlowBoundary(c->flow), &fixed, &value));
   PetscCall(place_bodies(c));
-  PetscCall(mark_bodies(c));
+  PetscCall(MarkClear(c->mark));
+  PetscCall((*c->rung.draw)(c));
+  PetscCall(MarkFinish(c->mark));
+  PetscCall(MarkGetNodes(c->mark, &node_body, NULL, NULL));
   for (PetscInt k = 0; k < c->s->n; k++) {
     c->unknown[k] = 0;
     for (PetscInt i = 0; i < c->nr; i++) {
@@ -229,7 +188,7 @@ PetscErrorCode CoupleDraw(Couple c)
   }
   PetscCall(ConstraintSetBoundary(c->constraint, fixed, value));
   if (c->s->n) {
-    PetscCall(ConstraintSetBodies(c->constraint, c->node_body, c->X, c->unknown, c->U, NULL));
+    PetscCall(ConstraintSetBodies(c->constraint, node_body, c->X, c->unknown, c->U, NULL));
     PetscCall(fill_rigid_rows(c));
     PetscCall(FlowSolverSetRigid(c->solver, c->D));
   }
@@ -250,20 +209,22 @@ PetscErrorCode CoupleSolve(Couple c, PetscInt *its, KSPConvergedReason *reason)
 
 /* ---- forces ---- */
 
-/* -sum over the body's nodes of R^T (momentum residual), for all bodies: out [n][nr] */
+/* -sum over the body's nodes of R^T (momentum residual), and the rung's own terms, for all bodies: out [n][nr] */
 static PetscErrorCode sum_residuals(Couple c, PetscReal out[])
 {
   const MeshLocal *l = c->loc;
-  const PetscInt  *body, nr = c->nr, dim = l->dim;
+  const PetscInt  *body, *touched, nr = c->nr, dim = l->dim;
+  PetscInt         ntouched;
 
   PetscFunctionBeginUser;
   PetscCall(ConstraintGetNodeBody(c->constraint, &body));
+  PetscCall(MarkGetCells(c->mark, &ntouched, &touched));
   PetscCall(PetscArrayzero(out, c->s->n * nr));
-  for (PetscInt t = 0; t < c->ntouched; t++) {
-    const PetscInt *node = l->cell_node + c->touched[t] * l->nb;
+  for (PetscInt t = 0; t < ntouched; t++) {
+    const PetscInt *node = l->cell_node + touched[t] * l->nb;
     PetscReal       r[MESH_MAX_NB * 3], R[18];
 
-    PetscCall(FlowCellResidual(c->flow, c->touched[t], c->u, c->p, r));
+    PetscCall(FlowCellResidual(c->flow, touched[t], c->u, c->p, r));
     for (PetscInt j = 0; j < l->nb; j++) {
       const PetscInt k = body[node[j]];
 
@@ -273,6 +234,7 @@ static PetscErrorCode sum_residuals(Couple c, PetscReal out[])
         for (PetscInt a = 0; a < dim; a++) out[k * nr + s] -= R[a * nr + s] * r[j * dim + a];
     }
   }
+  if (c->rung.add_force) PetscCall((*c->rung.add_force)(c, out));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, out, (PetscMPIInt)(c->s->n * nr), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -281,14 +243,16 @@ static PetscErrorCode sum_residuals(Couple c, PetscReal out[])
 static PetscErrorCode integrate_stress(Couple c, PetscInt only, PetscReal (*force)[3], PetscReal (*torque)[3])
 {
   const MeshLocal *l = c->loc;
-  const PetscInt  *body;
+  const PetscInt  *body, *touched;
+  PetscInt         ntouched;
 
   PetscFunctionBeginUser;
   PetscCall(ConstraintGetNodeBody(c->constraint, &body));
+  PetscCall(MarkGetCells(c->mark, &ntouched, &touched));
   PetscCall(PetscMemzero(force, c->s->n * sizeof(*force)));
   PetscCall(PetscMemzero(torque, c->s->n * sizeof(*torque)));
-  for (PetscInt t = 0; t < c->ntouched; t++) {
-    const PetscInt *node = l->cell_node + c->touched[t] * l->nb;
+  for (PetscInt t = 0; t < ntouched; t++) {
+    const PetscInt *node = l->cell_node + touched[t] * l->nb;
 
     for (PetscInt j = 0; j < l->nb; j++) {
       const PetscInt k = body[node[j]];
@@ -301,7 +265,7 @@ static PetscErrorCode integrate_stress(Couple c, PetscInt only, PetscReal (*forc
         if (m < j && alpha[m] > 0) first = PETSC_FALSE;
         if (alpha[m] == 0) whole = PETSC_FALSE;
       }
-      if (first && !whole) PetscCall(FlowCellStressForce(c->flow, c->touched[t], c->u, c->p, alpha, c->X[k], force[k], torque[k]));
+      if (first && !whole) PetscCall(FlowCellStressForce(c->flow, touched[t], c->u, c->p, alpha, c->X[k], force[k], torque[k]));
     }
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, force, (PetscMPIInt)(3 * c->s->n), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
@@ -309,19 +273,20 @@ static PetscErrorCode integrate_stress(Couple c, PetscInt only, PetscReal (*forc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Residual-form force of body k on its rigid slots: own equation where the velocity was unknown, nodal residual plus inertia of the fictitious fluid otherwise */
+/* Residual-form force of body k on its rigid slots: own equation where the velocity was unknown, nodal residual plus inertia of the fluid inside otherwise */
 static PetscErrorCode residual_force(Couple c, PetscInt k, PetscReal out[])
 {
   const FlowStep       *step;
   const FlowParameters *par;
   const PetscInt        nr    = c->nr;
   const PetscReal       rho_s = c->s->group[c->s->body_group[k]].density;
-  PetscReal             M[36], a[6], d[6];
+  PetscReal             M[36], a[6], d[6], rho_i;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetStep(c->flow, &step));
   PetscCall(FlowGetParameters(c->flow, &par));
   PetscCall(get_rigid_mass(c, k, M));
+  rho_i = inner_density(c, par);
   for (PetscInt i = 0; i < nr; i++) {
     d[i] = step->d0 * c->U_old[k * nr + i] + step->d1 * c->U_older[k * nr + i];
     a[i] = step->ct * c->U[k * nr + i] - d[i];
@@ -330,8 +295,8 @@ static PetscErrorCode residual_force(Couple c, PetscInt k, PetscReal out[])
     PetscReal inertia = 0, excess = 0;
 
     for (PetscInt j = 0; j < nr; j++) {
-      inertia += par->density * M[i * nr + j] * a[j];
-      excess += (rho_s - par->density) * M[i * nr + j] * (a[j] + d[j]);
+      inertia += rho_i * M[i * nr + j] * a[j];
+      excess += (rho_s - rho_i) * M[i * nr + j] * (a[j] + d[j]);
     }
     /* rows of the solved system: R^T residual = g - D U = g - excess */
     out[i] = inertia + ((c->unknown[k] >> i) & 1 ? excess - c->g[k * nr + i] : c->residual[k * nr + i]);
@@ -427,14 +392,14 @@ PetscErrorCode CoupleMomentumError(Couple c, const PetscReal rate[3], PetscReal 
   PetscCall(sum_wall_residual(c, supply));
   scale = supply[3];
   for (PetscInt a = 0; a < 3; a++) scale += PetscAbsReal(rate[a]);
-  for (PetscInt k = 0; k < c->s->n; k++) { /* body on fluid = -F + inertia of the fictitious fluid inside */
+  for (PetscInt k = 0; k < c->s->n; k++) { /* body on fluid = -F + inertia of the fluid inside */
     PetscReal volume;
 
     PetscCall(BodiesGetVolume(c->bodies, k, &volume));
     for (PetscInt a = 0; a < c->loc->dim; a++) {
       const PetscReal accel = step->ct * c->U[k * c->nr + a] - step->d0 * c->U_old[k * c->nr + a] - step->d1 * c->U_older[k * c->nr + a];
 
-      supply[a] += par->density * volume * accel - c->s->force[k][a];
+      supply[a] += inner_density(c, par) * volume * accel - c->s->force[k][a];
       scale += PetscAbsReal(c->s->force[k][a]);
     }
   }
@@ -549,10 +514,29 @@ PetscErrorCode CoupleSetDefaults(void)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static const Rung RUNGS[] = {
+  {"nodal", PETSC_FALSE, draw_nodal, NULL, NULL},
+};
+
+/* -couple_boundary */
+static PetscErrorCode choose_rung(Couple c)
+{
+  const PetscInt n = PETSC_STATIC_ARRAY_LENGTH(RUNGS);
+  const char    *name[PETSC_STATIC_ARRAY_LENGTH(RUNGS) + 1];
+  PetscInt       choice = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < n; i++) name[i] = RUNGS[i].name;
+  name[n] = NULL;
+  if (c->s->n) PetscCall(OptChoice("-couple_boundary", "how the flow sees the surface of a body", name, &choice));
+  c->rung = RUNGS[choice];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
 {
   Couple   c;
-  PetscInt n, nn, boundary = 0, type = 0;
+  PetscInt n, nn, type = 0;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&c));
@@ -564,17 +548,15 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   n = c->s->n;
   if (n) {
     PetscCall(OptChoice("-couple_type", "bodies and flow in one system, or the bodies' velocity known from the last step", TYPES, &type));
-    PetscCall(OptChoice("-couple_boundary", "how the flow sees the surface of a body", BOUNDARIES, &boundary));
     PetscCall(OptChoice("-couple_force", "form of the hydrodynamic force", FORCES, &c->use_volume));
   }
+  PetscCall(choose_rung(c));
   c->implicit = type == 0;
   PetscCall(ConstraintCreate(c->mesh, n, &c->constraint));
   PetscCall(ConstraintGetRigidSize(c->constraint, &c->nr));
   PetscCall(FlowSolverCreate(flow, c->constraint, &c->solver));
   nn = n * c->nr;
-  PetscCall(PetscMalloc4(c->loc->nnode_all, &c->node_body, c->loc->nnode_all, &c->marked, c->loc->ncell, &c->touched, c->loc->ncell, &c->stamp));
-  for (PetscInt i = 0; i < c->loc->nnode_all; i++) c->node_body[i] = -1;
-  PetscCall(PetscArrayzero(c->stamp, c->loc->ncell));
+  PetscCall(MarkCreate(c->mesh, bodies, &c->mark));
   PetscCall(PetscCalloc6(n, &c->X, n, &c->q, n, &c->unknown, 3 * n, &c->du_old, n, &c->growth, 6 * n, &c->force_old));
   PetscCall(PetscCalloc6(nn, &c->U, nn, &c->U_old, nn, &c->U_older, nn * c->nr, &c->D, nn, &c->g, nn, &c->residual));
   for (PetscInt i = 0; i < nn; i++) c->U_old[i] = c->U_older[i] = *rigid_component(c, c->s->u, c->s->w, i / c->nr, i % c->nr);
@@ -591,7 +573,7 @@ PetscErrorCode CoupleDestroy(Couple *couple)
   if (!c) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowSolverDestroy(&c->solver));
   PetscCall(ConstraintDestroy(&c->constraint));
-  PetscCall(PetscFree4(c->node_body, c->marked, c->touched, c->stamp));
+  PetscCall(MarkDestroy(&c->mark));
   PetscCall(PetscFree6(c->X, c->q, c->unknown, c->du_old, c->growth, c->force_old));
   PetscCall(PetscFree6(c->U, c->U_old, c->U_older, c->D, c->g, c->residual));
   PetscCall(PetscFree3(c->u, c->p, c->rhs));
@@ -603,7 +585,8 @@ PetscErrorCode CoupleView(Couple c, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
   if (c->s->n)
-    PetscCall(PetscViewerASCIIPrintf(viewer, "coupling: %s, boundary nodal, force in %s form\n", TYPES[!c->implicit], FORCES[c->use_volume]));
+    PetscCall(
+      PetscViewerASCIIPrintf(viewer, "coupling: %s, boundary %s, force in %s form\n", TYPES[!c->implicit], c->rung.name, FORCES[c->use_volume]));
   else PetscCall(PetscViewerASCIIPrintf(viewer, "coupling: none (no bodies)\n"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -618,22 +601,25 @@ PetscErrorCode CoupleGetSolver(Couple c, FlowSolver *solver)
 PetscErrorCode CoupleGetNodeBody(Couple c, const PetscInt *node_body[])
 {
   PetscFunctionBeginUser;
-  *node_body = c->node_body;
+  PetscCall(MarkGetNodes(c->mark, node_body, NULL, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode CoupleGetLoad(Couple c, PetscInt *ncells, PetscInt *nbodies)
 {
-  PetscBool *seen;
+  const PetscInt *node_body, *node;
+  PetscInt        n;
+  PetscBool      *seen;
 
   PetscFunctionBeginUser;
-  *ncells  = c->ntouched;
+  PetscCall(MarkGetCells(c->mark, ncells, NULL));
+  PetscCall(MarkGetNodes(c->mark, &node_body, &n, &node));
   *nbodies = 0;
   PetscCall(PetscCalloc1(c->s->n, &seen));
-  for (PetscInt i = 0; i < c->nmarked; i++) {
-    const PetscInt node = c->marked[i], k = c->node_body[node];
+  for (PetscInt i = 0; i < n; i++) {
+    const PetscInt k = node_body[node[i]];
 
-    if (node >= c->loc->nnode || seen[k]) continue;
+    if (node[i] >= c->loc->nnode || seen[k]) continue;
     seen[k] = PETSC_TRUE;
     (*nbodies)++;
   }

@@ -1,0 +1,25 @@
+/* Mark: which nodes lie in which body, and which cells they belong to. Layer 2.
+
+   A step begins with MarkClear; then nodes are claimed, all at once by the sign of the distance (MarkInside) or one by one (MarkClaim); MarkFinish lists the cells around them.
+   A node that two bodies claim stays with the first. Bodies near a periodic boundary are seen from all sides. The cost follows what the bodies touch. */
+#pragma once
+#include "bodies.h"
+#include "mesh.h"
+
+typedef struct _p_Mark *Mark;
+
+PetscErrorCode MarkCreate(Mesh, Bodies, Mark *);
+PetscErrorCode MarkDestroy(Mark *);
+
+PetscErrorCode MarkClear(Mark);
+/* Claim every local node (own or ghost) inside a body, bodies drawn at X, q. Not collective. */
+PetscErrorCode MarkInside(Mark, PetscReal (*X)[3], PetscReal (*q)[4]);
+PetscErrorCode MarkClaim(Mark, PetscInt node, PetscInt body);
+PetscErrorCode MarkFinish(Mark);
+
+/* node_body [nnode_all] body of a node or -1; the n claimed nodes; own cells with a claimed node. Borrowed; any may be NULL. */
+PetscErrorCode MarkGetNodes(Mark, const PetscInt *node_body[], PetscInt *n, const PetscInt *node[]);
+PetscErrorCode MarkGetCells(Mark, PetscInt *n, const PetscInt *cell[]);
+
+/* Periodic images of a body: place number image (0 .. 3^dim - 1) of centre X; does a body of this radius drawn there reach the domain? */
+PetscBool MarkImage(const MeshLocal *, const PetscReal X[3], PetscReal radius, PetscInt image, PetscReal Xi[3]);

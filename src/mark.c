@@ -1,0 +1,142 @@
+/* Mark: see mark.h. */
+#include "compat.h"
+#include "mark.h"
+
+#define CHUNK 256
+
+struct _p_Mark {
+  Mesh             mesh;
+  Bodies           bodies;
+  BodyState       *s;
+  const MeshLocal *loc;
+  PetscInt        *node_body, *node, nnode; /* the claimed nodes */
+  PetscInt        *cell, ncell, *stamp, now;
+};
+
+PetscErrorCode MarkCreate(Mesh mesh, Bodies bodies, Mark *mark)
+{
+  Mark m;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&m));
+  m->mesh   = mesh;
+  m->bodies = bodies;
+  PetscCall(BodiesGetState(bodies, &m->s));
+  PetscCall(MeshGetLocal(mesh, &m->loc));
+  PetscCall(PetscMalloc4(m->loc->nnode_all, &m->node_body, m->loc->nnode_all, &m->node, m->loc->ncell, &m->cell, m->loc->ncell, &m->stamp));
+  for (PetscInt i = 0; i < m->loc->nnode_all; i++) m->node_body[i] = -1;
+  PetscCall(PetscArrayzero(m->stamp, m->loc->ncell));
+  *mark = m;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MarkDestroy(Mark *mark)
+{
+  PetscFunctionBeginUser;
+  if (!*mark) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree4((*mark)->node_body, (*mark)->node, (*mark)->cell, (*mark)->stamp));
+  PetscCall(PetscFree(*mark));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MarkClear(Mark m)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < m->nnode; i++) m->node_body[m->node[i]] = -1;
+  m->nnode = m->ncell = 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MarkClaim(Mark m, PetscInt node, PetscInt body)
+{
+  PetscFunctionBeginUser;
+  if (m->node_body[node] >= 0) PetscFunctionReturn(PETSC_SUCCESS);
+  m->node_body[node]  = body;
+  m->node[m->nnode++] = node;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscBool MarkImage(const MeshLocal *l, const PetscReal X[3], PetscReal radius, PetscInt image, PetscReal Xi[3])
+{
+  const PetscInt shift[3] = {image % 3 - 1, (image / 3) % 3 - 1, l->dim == 2 ? 0 : image / 9 - 1};
+
+  for (PetscInt a = 0; a < 3; a++) {
+    Xi[a] = X[a] + shift[a] * l->period[a];
+    if (shift[a] && (l->period[a] == 0 || Xi[a] + radius < l->lower[a] || Xi[a] - radius > l->upper[a])) return PETSC_FALSE;
+  }
+  return PETSC_TRUE;
+}
+
+static PetscErrorCode claim_inside(Mark m, PetscInt k, const PetscReal X[3], const PetscReal q[4])
+{
+  const PetscInt  dim    = m->loc->dim;
+  const PetscReal radius = m->s->group[m->s->body_group[k]].radius;
+  PetscReal       lo[3], hi[3], x[CHUNK * 3], d[CHUNK];
+  const PetscInt *list;
+  PetscInt        n;
+
+  PetscFunctionBeginUser;
+  for (PetscInt a = 0; a < dim; a++) {
+    lo[a] = X[a] - radius * (1 + 1e-12);
+    hi[a] = X[a] + radius * (1 + 1e-12);
+  }
+  PetscCall(MeshNodesInBox(m->mesh, lo, hi, &n, &list));
+  for (PetscInt begin = 0; begin < n; begin += CHUNK) {
+    const PetscInt size = PetscMin(CHUNK, n - begin);
+
+    for (PetscInt i = 0; i < size; i++)
+      for (PetscInt a = 0; a < dim; a++) x[i * dim + a] = m->loc->x[list[begin + i] * dim + a];
+    PetscCall(BodiesDistance(m->bodies, k, X, q, size, x, d));
+    for (PetscInt i = 0; i < size; i++)
+      if (d[i] <= 0) PetscCall(MarkClaim(m, list[begin + i], k));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MarkInside(Mark m, PetscReal (*X)[3], PetscReal (*q)[4])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < m->s->n; k++) {
+    for (PetscInt image = 0; image < (m->loc->dim == 2 ? 9 : 27); image++) {
+      PetscReal Xi[3];
+
+      if (MarkImage(m->loc, X[k], m->s->group[m->s->body_group[k]].radius, image, Xi)) PetscCall(claim_inside(m, k, Xi, q[k]));
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MarkFinish(Mark m)
+{
+  const MeshLocal *l = m->loc;
+
+  PetscFunctionBeginUser;
+  m->now++;
+  for (PetscInt i = 0; i < m->nnode; i++) {
+    for (PetscInt q = l->node_cell_ptr[m->node[i]]; q < l->node_cell_ptr[m->node[i] + 1]; q++) {
+      const PetscInt cell = l->node_cell[q];
+
+      if (cell >= l->ncell || m->stamp[cell] == m->now) continue;
+      m->stamp[cell]      = m->now;
+      m->cell[m->ncell++] = cell;
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MarkGetNodes(Mark m, const PetscInt *node_body[], PetscInt *n, const PetscInt *node[])
+{
+  PetscFunctionBeginUser;
+  if (node_body) *node_body = m->node_body;
+  if (n) *n = m->nnode;
+  if (node) *node = m->node;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MarkGetCells(Mark m, PetscInt *n, const PetscInt *cell[])
+{
+  PetscFunctionBeginUser;
+  if (n) *n = m->ncell;
+  if (cell) *cell = m->cell;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
