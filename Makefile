@@ -45,11 +45,11 @@ OBJECTS := $(patsubst src/%.c,$(BUILD)/obj/%.o,$(filter-out src/main.c,$(wildcar
 SHAPES  := $(patsubst shapes/%.c,$(BUILD)/shapes/%.so,$(wildcard shapes/*.c))
 TESTS   := $(patsubst tests/%.c,$(BUILD)/tests/%,$(wildcard tests/*.c)) $(patsubst tests/%.c,$(BUILD)/tests/%.so,$(wildcard tests/badshapes/*.c))
 SOURCES := $(wildcard src/*.c include/*.h shapes/*.c tests/*.c tests/*.h tests/badshapes/*.c)
-SCRIPTS  = $(shell grep -lE '^\#!.*python3' tools/*) $(wildcard tests/*.py)
+SCRIPTS  = $(shell grep -lE '^\#!.*python3' tools/*) $(wildcard tools/*.py tests/*.py)
 
 .DEFAULT_GOAL := all
 .DELETE_ON_ERROR:
-.PHONY: all tests shapes demo check check-unit check-e2e demo-now check-now check-unit-now check-e2e-now style format test-shape install deps clean help FORCE
+.PHONY: all tests shapes demo bench check check-unit check-e2e demo-now check-now check-unit-now check-e2e-now style format test-shape install deps clean help FORCE
 
 all: $(BUILD)/tumble shapes ## build the program and the shapes (default)
 shapes: $(SHAPES)           ## build the shape plugins only
@@ -96,6 +96,8 @@ check-now check-unit-now check-e2e-now: tests
 test-shape: all $(BUILD)/tests/conformance ## conformance suite on one plugin: SHAPE=path/to/x.so
 	$(if $(SHAPE),,$(error give the plugin: make test-shape SHAPE=path/to/x.so))
 	$(BUILD)/tests/conformance $(SHAPE) $(ARGS)
+bench: all ## benchmarks, appended to runs/bench/results.csv (ARGS="--quick", ARGS="--only cavity --cells 55225 --ranks 1"; 'tools/bench --help')
+	$(PYTHON) tools/bench $(ARGS)
 style: ## layers, text, formatting, scripts that compile
 	tools/check-layers
 	tools/check-text

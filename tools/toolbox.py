@@ -1,0 +1,175 @@
+"""What the tools that run the program share: the launcher, one run with a time limit, and what a run left behind."""
+
+import csv
+import functools
+import json
+import os
+import re
+import shlex
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def count_cores():
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@functools.cache
+def has_open_mpi():
+    try:
+        version = subprocess.run(["mpiexec", "--version"], capture_output=True, text=True, check=False).stdout
+    except OSError:
+        return False
+    return "Open MPI" in version or "OpenRTE" in version
+
+
+def can_pin(ranks):
+    """Can launcher() give every rank a core of its own?"""
+    return not os.environ.get("MPIEXEC") and has_open_mpi() and ranks <= count_cores() == os.cpu_count()
+
+
+def launcher(ranks, pinned=False):
+    """Words before the program: $MPIEXEC if set; else mpiexec, if wanted and possible with one core a rank."""
+    if os.environ.get("MPIEXEC"):
+        return [*shlex.split(os.environ["MPIEXEC"]), "-n", str(ranks)]
+    if not has_open_mpi():
+        return ["mpiexec", "-n", str(ranks)]
+    return ["mpiexec", *(["--bind-to", "core", "--map-by", "core"] if pinned and can_pin(ranks) else ["--oversubscribe", "--bind-to", "none"]), "-n", str(ranks)]
+
+
+def environment():
+    env = {**os.environ, "OMP_NUM_THREADS": os.environ.get("OMP_NUM_THREADS", "1")}
+    if hasattr(os, "geteuid") and os.geteuid() == 0:
+        env.update(OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1")
+    env["OMPI_MCA_odls_base_sigkill_timeout"] = "0"  # else Open MPI's launcher takes a second or two to pass a failure on
+    env.pop("PETSC_OPTIONS", None)
+    return env
+
+
+def option_words(options):
+    """{'sim_dt': '0.1', 'x': None} -> ['-sim_dt', '0.1', '-x']"""
+    return [word for name, value in options.items() for word in ([f"-{name}"] if value is None else [f"-{name}", str(value)])]
+
+
+def read_numbers(path):
+    """Rows of a CSV file as dictionaries, numbers where possible; a last line cut short is left out; [] without the file."""
+    try:
+        with open(path, newline="") as file:
+            rows = list(csv.DictReader(file))
+    except OSError:
+        return []
+    out = []
+    for row in rows:
+        if None in row.values() or None in row:
+            continue
+        for name, value in row.items():
+            try:
+                row[name] = float(value)
+            except ValueError:
+                pass
+        out.append(row)
+    return out
+
+
+class Run:
+    """What a run left behind. `ended` is 'ok', 'stopped' (message), 'crashed' (message: what the launcher said) or 'hung'."""
+
+    def __init__(self, command, folder, status, out, err, seconds):
+        self.command, self.folder, self.status, self.out, self.err, self.seconds = command, Path(folder), status, out, err, seconds
+        found = re.search(r"^tumble: error: (.*)", err, re.M)
+        self.message = found[1] if found else ""
+        self.ended = "hung" if status is None else "ok" if status == 0 else "stopped" if found else "crashed"
+        if self.ended == "crashed":
+            self.message = " / ".join(line.strip() for line in err.strip().splitlines()[:6]) or f"exit status {status}"
+        try:
+            self.summary = json.loads((self.folder / "summary.json").read_text()) if status == 0 else None
+        except (OSError, ValueError):
+            self.summary = None
+
+    def series(self):
+        return read_numbers(self.folder / "series.csv")
+
+    def bodies(self):
+        return read_numbers(self.folder / "bodies.csv")
+
+
+def end_group(process):
+    """End a launcher and everything it started."""
+    for number in (signal.SIGTERM, signal.SIGKILL):
+        try:
+            os.killpg(process.pid, number)
+        except ProcessLookupError:
+            return
+        try:
+            process.wait(3)
+        except subprocess.TimeoutExpired:
+            pass
+
+
+def run_scene(scene, options, ranks, folder, build="build", limit=None, launch=None, cwd=None):
+    """Run the program on a scene with options {name: value}, its results in folder; at most limit seconds."""
+    folder = Path(folder).resolve()
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "summary.json").unlink(missing_ok=True)
+    command = [*(launch or launcher(ranks)), str((ROOT / build / "tumble").resolve()), str(scene), *option_words(options), "-output_dir", str(folder), "-output_overwrite"]
+    began = time.monotonic()
+    process = subprocess.Popen(command, env=environment(), cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, errors="replace", start_new_session=True)
+    try:
+        out, err = process.communicate(timeout=limit)
+        status = process.returncode
+    except subprocess.TimeoutExpired:
+        end_group(process)
+        out, err = process.communicate()
+        status = None
+    except BaseException:
+        end_group(process)
+        raise
+    return Run(command, folder, status, out, err, time.monotonic() - began)
+
+
+def printable(command):
+    """The command as typed from the top of the tree."""
+    words = [word.removeprefix(str(ROOT) + "/") for word in command]
+    return " ".join(shlex.quote(word) for word in words)
+
+
+def machine_name():
+    """Model of the processor and number of cores."""
+    try:
+        text = Path("/proc/cpuinfo").read_text()
+        model = re.search(r"^model name\s*:\s*(.*)", text, re.M)[1].strip()
+    except (OSError, TypeError):
+        model = os.uname().machine
+    return f"{model} x {os.cpu_count()}"
+
+
+def check_columns(path, columns):
+    """Refuse a table with other columns."""
+    if Path(path).exists() and Path(path).stat().st_size:
+        with open(path) as file:
+            found = file.readline().rstrip("\n")
+        if found != ",".join(columns):
+            raise SystemExit(f"{path} has other columns than this version writes: move it away\n  there: {found}\n  here:  {','.join(columns)}")
+
+
+def append_row(path, columns, row):
+    """Append one line to a table that is never rewritten."""
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with open(path, "a", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        if not file.tell():
+            writer.writerow(columns)
+        writer.writerow([row.get(name, "") for name in columns])
+
+
+def print_table(heading, rows, file=None):
+    print("| " + " | ".join(heading) + " |", file=file)
+    print("|" + " --- |" * len(heading), file=file)
+    for row in rows:
+        print("| " + " | ".join(str(cell) for cell in row) + " |", file=file)
