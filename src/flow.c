@@ -1,24 +1,15 @@
-/* Flow: element kernels and assembly of the Navier-Stokes equations (see flow.h).
+/* Flow: assembly of the Navier-Stokes equations and their time schemes (see flow.h).
 
-   The kernels are written for a general dimension and inlined for quadrilaterals and hexahedra with constants, so that the compiler vectorises them: a row of the
-   element matrix is a sum over quadrature points of phi_i times a vector over j, padded to a multiple of four. Cells that are parallelograms (most cells of most
-   meshes) keep one inverse Jacobian. Units: any consistent system. Not here: bodies, solvers, stabilisation, turbulence. */
+   The velocity matrix is assembled in one pass over the cells, own and ghost, straight into the rows of own nodes: no communication, and no second matrix for the constant part,
+   which costs less to compute (element.h) than to load. Units: any consistent system. Not here: bodies, solvers, stabilisation, turbulence. */
 #include "compat.h"
 #include "flow.h"
 #include "dense.h"
+#include "element.h"
 #include "log.h"
 #include "opt.h"
-#include <petscfe.h>
 
-#define MAX_NB  27
-#define MAX_NBP 28 /* padded to a multiple of 4 */
-#define MAX_NQ  27
-
-/* Inverse Jacobian and weight x det J at the quadrature points of a cell; one set when affine */
-typedef struct {
-  PetscBool affine;
-  PetscReal inverse[MAX_NQ][9], weight[MAX_NQ];
-} Metric;
+#define MAX_NB MESH_MAX_NB
 
 struct _p_Flow {
   Mesh             mesh;
@@ -28,17 +19,16 @@ struct _p_Flow {
   PetscInt         scheme, nsteps;
   PetscReal        dt_old;
   Boundary         boundary;
-  /* element tables: phi [nq][nbp], dphi [nq][dim][nbp] (padding zero) */
-  PetscInt   nq, nbp;
-  PetscReal *phi, *dphi, *qweight;
+  ElementTables    element;
   /* geometry of the cells */
   PetscBool *affine;
   PetscReal *inverse, *det, *size, *b, *lumped,
     *pmass; /* [ncell_all][dim*dim], [ncell_all], [ncell_all], cell matrices of B, nodal mass, inverse mass matrices of the pressure [ncell][dim+1][dim+1] */
-  /* operators */
-  Mat       S, S0; /* whole; constant part */
-  PetscReal s0_ct, s0_theta, *coo;
-  PetscBool s_is_s0;
+  /* velocity matrix of the step */
+  Mat       S;
+  PetscReal s_ct, s_theta; /* of the assembled one; 0: none yet */
+  PetscInt *
+    entry; /* [ncell_all][nb][nb] place of an entry of a cell: >= 0 in the values of own columns, <= -2: -2 - place in those of other columns, -1: not our row */
   /* fields */
   PetscReal *u, *u_old, *w, *p, *p_old;
 };
@@ -47,82 +37,20 @@ static const char *const SCHEMES[] = {"be", "cn", "bdf2", NULL};
 
 /* ---- geometry ---- */
 
-static PetscReal invert_jacobian(PetscInt dim, const PetscReal J[], PetscReal inv[])
-{
-  if (dim == 2) {
-    const PetscReal det = J[0] * J[3] - J[1] * J[2];
-
-    inv[0] = J[3] / det;
-    inv[1] = -J[1] / det;
-    inv[2] = -J[2] / det;
-    inv[3] = J[0] / det;
-    return det;
-  } else {
-    const PetscReal c0 = J[4] * J[8] - J[5] * J[7], c1 = J[5] * J[6] - J[3] * J[8], c2 = J[3] * J[7] - J[4] * J[6];
-    const PetscReal det = J[0] * c0 + J[1] * c1 + J[2] * c2;
-
-    inv[0] = c0 / det;
-    inv[3] = c1 / det;
-    inv[6] = c2 / det;
-    inv[1] = (J[2] * J[7] - J[1] * J[8]) / det;
-    inv[4] = (J[0] * J[8] - J[2] * J[6]) / det;
-    inv[7] = (J[1] * J[6] - J[0] * J[7]) / det;
-    inv[2] = (J[1] * J[5] - J[2] * J[4]) / det;
-    inv[5] = (J[2] * J[3] - J[0] * J[5]) / det;
-    inv[8] = (J[0] * J[4] - J[1] * J[3]) / det;
-    return det;
-  }
-}
-
-/* dx_a/dxi_e at quadrature point q: J [a][e]; inverse is [e][a] */
-static PetscReal jacobian_at(const struct _p_Flow *f, PetscInt q, const PetscReal xc[], PetscReal inv[])
-{
-  const PetscInt dim = f->loc->dim, nb = f->loc->nb;
-  PetscReal      J[9] = {0};
-
-  for (PetscInt e = 0; e < dim; e++) {
-    const PetscReal *d = f->dphi + (q * dim + e) * f->nbp;
-
-    for (PetscInt j = 0; j < nb; j++)
-      for (PetscInt a = 0; a < dim; a++) J[a * dim + e] += xc[j * dim + a] * d[j];
-  }
-  return invert_jacobian(dim, J, inv);
-}
-
-static PetscErrorCode compute_metric(Flow f, PetscInt c, Metric *m)
+static PetscErrorCode compute_metric(Flow f, PetscInt c, ElementMetric *m)
 {
   const PetscInt dim = f->loc->dim;
 
   PetscFunctionBeginUser;
-  m->affine = f->affine[c];
-  if (m->affine) {
-    for (PetscInt q = 0; q < f->nq; q++) {
-      for (PetscInt i = 0; i < dim * dim; i++) m->inverse[q][i] = f->inverse[c * dim * dim + i];
-      m->weight[q] = f->qweight[q] * f->det[c];
-    }
+  if (f->affine[c]) {
+    ElementSetAffine(&f->element, f->inverse + c * dim * dim, f->det[c], m);
   } else {
     PetscReal xc[MAX_NB * 3];
 
     PetscCall(MeshCellCoordinates(f->mesh, c, xc));
-    for (PetscInt q = 0; q < f->nq; q++) m->weight[q] = f->qweight[q] * jacobian_at(f, q, xc, m->inverse[q]);
+    ElementSetMetric(&f->element, xc, m);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Gradients of the basis at quadrature point q in space: g [dim][nbp] */
-static void space_gradients(const struct _p_Flow *f, const Metric *m, PetscInt q, PetscReal g[3][MAX_NBP])
-{
-  const PetscInt dim = f->loc->dim, nb = f->loc->nb;
-
-  for (PetscInt a = 0; a < dim; a++) {
-    for (PetscInt j = 0; j < nb; j++) g[a][j] = 0;
-    for (PetscInt e = 0; e < dim; e++) {
-      const PetscReal  inv = m->inverse[q][e * dim + a];
-      const PetscReal *d   = f->dphi + (q * dim + e) * f->nbp;
-
-      for (PetscInt j = 0; j < nb; j++) g[a][j] += inv * d[j];
-    }
-  }
 }
 
 /* Affine test, size, cell matrices of B and lumped mass of all local cells. Collective. */
@@ -137,19 +65,19 @@ static PetscErrorCode compute_cells(Flow f)
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     PetscReal        xc[MAX_NB * 3], first[9], volume = 0, mass[16] = {0}, *b = f->b + c * nk * nb * dim;
     const PetscReal *centre = xc + (nb / 2) * dim;
-    Metric           m;
+    ElementMetric    m;
 
     PetscCall(MeshCellCoordinates(f->mesh, c, xc));
     f->affine[c] = PETSC_FALSE;
     PetscCall(compute_metric(f, c, &m));
     PetscCall(PetscArraycpy(first, m.inverse[0], dim * dim));
     f->affine[c] = PETSC_TRUE;
-    for (PetscInt q = 0; q < f->nq; q++) {
+    for (PetscInt q = 0; q < f->element.nq; q++) {
       PetscReal scale = 0, diff = 0;
 
       PetscCheck(m.weight[q] > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
                  "Mesh cell near (%g, %g) has a Jacobian of %g at a quadrature point: the mesh is tangled there", (double)centre[0],
-                 (double)centre[1], (double)(m.weight[q] / f->qweight[q]));
+                 (double)centre[1], (double)(m.weight[q] / f->element.weight[q]));
       volume += m.weight[q];
       for (PetscInt i = 0; i < dim * dim; i++) {
         scale = PetscMax(scale, PetscAbsReal(first[i]));
@@ -158,13 +86,13 @@ static PetscErrorCode compute_cells(Flow f)
       if (diff > 1e-10 * scale) f->affine[c] = PETSC_FALSE;
     }
     PetscCall(PetscArraycpy(f->inverse + c * dim * dim, first, dim * dim));
-    f->det[c]  = m.weight[0] / f->qweight[0];
+    f->det[c]  = m.weight[0] / f->element.weight[0];
     f->size[c] = PetscPowReal(volume, 1.0 / dim);
-    for (PetscInt q = 0; q < f->nq; q++) {
-      const PetscReal *phi = f->phi + q * f->nbp;
-      PetscReal        g[3][MAX_NBP], x[3] = {0, 0, 0}, psi[4];
+    for (PetscInt q = 0; q < f->element.nq; q++) {
+      const PetscReal *phi = f->element.phi + q * f->element.nbp;
+      PetscReal        g[3][ELEMENT_MAX_NBP], x[3] = {0, 0, 0}, psi[4];
 
-      space_gradients(f, &m, q, g);
+      ElementGradients(&f->element, &m, q, g);
       for (PetscInt j = 0; j < nb; j++) {
         f->lumped[l->cell_node[c * nb + j]] += m.weight[q] * phi[j];
         for (PetscInt a = 0; a < dim; a++) x[a] += phi[j] * xc[j * dim + a];
@@ -183,160 +111,6 @@ static PetscErrorCode compute_cells(Flow f)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* ---- element tables ---- */
-
-/* Which PETSc basis function belongs to lattice position j: the one that is 1 there */
-static PetscErrorCode match_basis(PetscFE fe, PetscInt dim, PetscInt nb, PetscInt basis_of_lattice[])
-{
-  PetscReal       points[MAX_NB * 3];
-  PetscTabulation T;
-
-  PetscFunctionBeginUser;
-  for (PetscInt j = 0; j < nb; j++) {
-    const PetscInt lattice[3] = {j % 3, (j / 3) % 3, j / 9};
-
-    for (PetscInt d = 0; d < dim; d++) points[j * dim + d] = lattice[d] - 1.0;
-  }
-  PetscCall(PetscFECreateTabulation(fe, 1, nb, points, 0, &T));
-  PetscCheck(T->Nb == nb, PETSC_COMM_SELF, PETSC_ERR_PLIB, "PetscFE has %" PetscInt_FMT " basis functions, expected %" PetscInt_FMT, T->Nb, nb);
-  for (PetscInt j = 0; j < nb; j++)
-    for (PetscInt i = 0; i < nb; i++)
-      if (T->T[0][j * nb + i] > 0.5) basis_of_lattice[j] = i;
-  PetscCall(PetscTabulationDestroy(&T));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode tabulate(Flow f)
-{
-  const PetscInt   dim = f->loc->dim, nb = f->loc->nb;
-  PetscInt         order[MAX_NB];
-  PetscFE          fe;
-  PetscQuadrature  quad;
-  PetscTabulation  T;
-  const PetscReal *points, *weights;
-
-  PetscFunctionBeginUser;
-  f->nbp = 4 * ((nb + 3) / 4);
-  PetscCall(PetscFECreateLagrange(PETSC_COMM_SELF, dim, 1, PETSC_FALSE, 2, PETSC_DETERMINE, &fe));
-  PetscCall(match_basis(fe, dim, nb, order));
-  PetscCall(PetscDTGaussTensorQuadrature(dim, 1, 3, -1, 1, &quad));
-  PetscCall(PetscQuadratureGetData(quad, NULL, NULL, &f->nq, &points, &weights));
-  PetscCall(PetscFECreateTabulation(fe, 1, f->nq, points, 1, &T));
-  PetscCall(PetscCalloc3(f->nq * f->nbp, &f->phi, f->nq * dim * f->nbp, &f->dphi, f->nq, &f->qweight));
-  for (PetscInt q = 0; q < f->nq; q++) {
-    f->qweight[q] = weights[q];
-    for (PetscInt j = 0; j < nb; j++) {
-      f->phi[q * f->nbp + j] = T->T[0][q * nb + order[j]];
-      for (PetscInt e = 0; e < dim; e++) f->dphi[(q * dim + e) * f->nbp + j] = T->T[1][(q * nb + order[j]) * dim + e];
-    }
-  }
-  PetscCall(PetscTabulationDestroy(&T));
-  PetscCall(PetscQuadratureDestroy(&quad));
-  PetscCall(PetscFEDestroy(&fe));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* ---- kernels ---- */
-
-/* ce [nb][nb] = rho int phi_i w.grad phi_j, wl [nb][dim] */
-static inline __attribute__((always_inline)) void convection_kernel(const int dim, const int nb, const int nbp, const int nq,
-                                                                    const PetscReal *restrict phi, const PetscReal *restrict dphi,
-                                                                    const Metric *restrict m, PetscReal rho, const PetscReal *restrict wl,
-                                                                    PetscReal *restrict ce)
-{
-  PetscReal g[MAX_NQ][MAX_NBP];
-
-  for (int q = 0; q < nq; q++) {
-    PetscReal w[3] = {0, 0, 0}, s[3];
-
-    for (int j = 0; j < nb; j++)
-      for (int a = 0; a < dim; a++) w[a] += phi[q * nbp + j] * wl[j * dim + a];
-    for (int e = 0; e < dim; e++) {
-      s[e] = 0;
-      for (int a = 0; a < dim; a++) s[e] += m->inverse[q][e * dim + a] * w[a];
-      s[e] *= rho * m->weight[q];
-    }
-    for (int j = 0; j < nbp; j++) g[q][j] = s[0] * dphi[(q * dim) * nbp + j];
-    for (int e = 1; e < dim; e++)
-      for (int j = 0; j < nbp; j++) g[q][j] += s[e] * dphi[(q * dim + e) * nbp + j];
-  }
-  for (int i = 0; i < nb; i++) {
-    PetscReal row[MAX_NBP];
-
-    for (int j = 0; j < nbp; j++) row[j] = 0;
-    for (int q = 0; q < nq; q++)
-      for (int j = 0; j < nbp; j++) row[j] += phi[q * nbp + i] * g[q][j];
-    for (int j = 0; j < nb; j++) ce[i * nb + j] = row[j];
-  }
-}
-
-static void convection_matrix(const struct _p_Flow *f, const Metric *m, const PetscReal wl[], PetscReal ce[])
-{
-  if (f->loc->dim == 2) convection_kernel(2, 9, 12, 9, f->phi, f->dphi, m, f->par.density, wl, ce);
-  else convection_kernel(3, 27, 28, 27, f->phi, f->dphi, m, f->par.density, wl, ce);
-}
-
-/* ke [nb][nb] = a int phi_i phi_j + b int grad phi_i . grad phi_j */
-static void constant_matrix(const struct _p_Flow *f, const Metric *m, PetscReal a, PetscReal b, PetscReal ke[])
-{
-  const PetscInt dim = f->loc->dim, nb = f->loc->nb;
-
-  for (PetscInt i = 0; i < nb * nb; i++) ke[i] = 0;
-  for (PetscInt q = 0; q < f->nq; q++) {
-    const PetscReal *phi = f->phi + q * f->nbp;
-    PetscReal        g[3][MAX_NBP];
-
-    space_gradients(f, m, q, g);
-    for (PetscInt i = 0; i < nb; i++) {
-      for (PetscInt j = 0; j < nb; j++) {
-        PetscReal dot = 0;
-
-        for (PetscInt d = 0; d < dim; d++) dot += g[d][i] * g[d][j];
-        ke[i * nb + j] += m->weight[q] * (a * phi[i] * phi[j] + b * dot);
-      }
-    }
-  }
-}
-
-/* r [nb][dim] of one cell: (rho a, v) + rho (w.grad v_, v) + mu (grad v_, grad v) - (p, div v) - (force, v) from nodal acceleration a, velocity v_, convection w (may be NULL).
-   bp [dim+1][nb*dim] with pressure coefficients pl, or NULL. */
-static void residual_kernel(const struct _p_Flow *f, const Metric *m, const PetscReal al[], const PetscReal vl[], const PetscReal wl[],
-                            const PetscReal b[], const PetscReal pl[], PetscReal r[])
-{
-  const PetscInt  dim = f->loc->dim, nb = f->loc->nb;
-  const PetscReal rho = f->par.density, mu = f->par.viscosity;
-
-  for (PetscInt i = 0; i < nb * dim; i++) r[i] = 0;
-  for (PetscInt q = 0; q < f->nq; q++) {
-    const PetscReal *phi = f->phi + q * f->nbp;
-    PetscReal        g[3][MAX_NBP], a[3] = {0, 0, 0}, w[3] = {0, 0, 0}, grad[3][3] = {{0}};
-
-    space_gradients(f, m, q, g);
-    for (PetscInt j = 0; j < nb; j++) {
-      for (PetscInt d = 0; d < dim; d++) {
-        a[d] += phi[j] * al[j * dim + d];
-        if (wl) w[d] += phi[j] * wl[j * dim + d];
-        for (PetscInt e = 0; e < dim; e++) grad[d][e] += g[e][j] * vl[j * dim + d];
-      }
-    }
-    for (PetscInt d = 0; d < dim; d++) {
-      PetscReal s = rho * a[d] - f->par.force[d];
-
-      for (PetscInt e = 0; e < dim; e++) s += rho * w[e] * grad[d][e];
-      s *= m->weight[q];
-      for (PetscInt j = 0; j < nb; j++) {
-        PetscReal t = s * phi[j];
-
-        for (PetscInt e = 0; e < dim; e++) t += m->weight[q] * mu * grad[d][e] * g[e][j];
-        r[j * dim + d] += t;
-      }
-    }
-  }
-  if (pl)
-    for (PetscInt k = 0; k <= dim; k++)
-      for (PetscInt i = 0; i < nb * dim; i++) r[i] -= pl[k] * b[k * nb * dim + i];
-}
-
 static void gather(const MeshLocal *l, PetscInt c, const PetscReal v[], PetscReal vl[])
 {
   for (PetscInt j = 0; j < l->nb; j++)
@@ -345,73 +119,147 @@ static void gather(const MeshLocal *l, PetscInt c, const PetscReal v[], PetscRea
 
 /* ---- assembly ---- */
 
-static PetscErrorCode create_matrix(Flow f)
+/* Rows of own nodes as compressed rows with global columns in ascending order; the caller frees both. */
+static PetscErrorCode find_pattern(Flow f, PetscInt **row_start, PetscInt **column)
 {
-  const MeshLocal *l  = f->loc;
-  const PetscInt   nb = l->nb;
-  const PetscCount n  = (PetscCount)l->ncell * nb * nb;
-  PetscInt        *row, *col;
+  const MeshLocal *l    = f->loc;
+  PetscInt         room = 18 * l->nnode + 125, n = 0, *start, *col;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc2(n, &row, n, &col));
-  for (PetscInt c = 0; c < l->ncell; c++) {
-    const PetscInt *node = l->cell_node + c * nb;
+  PetscCall(PetscMalloc1(l->nnode + 1, &start));
+  PetscCall(PetscMalloc1(room, &col));
+  start[0] = 0;
+  for (PetscInt i = 0; i < l->nnode; i++) {
+    const PetscInt first = l->node_cell_ptr[i], last = l->node_cell_ptr[i + 1];
+    PetscInt       m = (last - first) * l->nb;
 
-    for (PetscInt i = 0; i < nb; i++) {
-      for (PetscInt j = 0; j < nb; j++) {
-        row[(PetscCount)c * nb * nb + i * nb + j] = l->node_global[node[i]];
-        col[(PetscCount)c * nb * nb + i * nb + j] = l->node_global[node[j]];
-      }
+    if (n + m > room) {
+      room = 2 * room + m;
+      PetscCall(PetscRealloc(room * sizeof(PetscInt), &col));
+    }
+    for (PetscInt q = 0; q < m; q++) col[n + q] = l->node_global[l->cell_node[l->node_cell[first + q / l->nb] * l->nb + q % l->nb]];
+    PetscCall(PetscSortRemoveDupsInt(&m, col + n));
+    n += m;
+    start[i + 1] = n;
+  }
+  *row_start = start;
+  *column    = col;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The rank's values of S: own columns, other columns (NULL on one rank), and the global numbers of the latter */
+static PetscErrorCode get_parts(Flow f, Mat *own, Mat *other, const PetscInt **columns)
+{
+  PetscBool seq;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscObjectTypeCompare((PetscObject)f->S, MATSEQAIJ, &seq));
+  *own   = f->S;
+  *other = NULL;
+  if (!seq) PetscCall(MatMPIAIJGetSeqAIJ(f->S, own, other, columns));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode find_entries(Flow f)
+{
+  const MeshLocal *l  = f->loc;
+  const PetscInt   nb = l->nb, *start[2] = {NULL, NULL}, *col[2] = {NULL, NULL}, *global = NULL;
+  PetscInt         n[2] = {0, 0}, nother = 0, at;
+  Mat              part[2];
+  PetscBool        done;
+
+  PetscFunctionBeginUser;
+  PetscCall(get_parts(f, &part[0], &part[1], &global));
+  for (PetscInt s = 0; s < 2 && part[s]; s++) PetscCall(MatGetRowIJ(part[s], 0, PETSC_FALSE, PETSC_FALSE, &n[s], &start[s], &col[s], &done));
+  if (part[1]) PetscCall(MatGetSize(part[1], NULL, &nother));
+  for (PetscInt c = 0; c < l->ncell_all; c++) {
+    const PetscInt *node = l->cell_node + c * nb;
+    PetscInt        column[MAX_NB];
+
+    for (PetscInt j = 0; j < nb; j++) {
+      column[j] = node[j];
+      if (node[j] >= l->nnode && nother) PetscCall(PetscFindInt(l->node_global[node[j]], nother, global, &column[j]));
+    }
+    for (PetscInt e = 0; e < nb * nb; e++) {
+      const PetscInt i = node[e / nb], s = node[e % nb] >= l->nnode;
+
+      f->entry[c * nb * nb + e] = -1;
+      if (i >= l->nnode) continue;
+      PetscCall(PetscFindInt(column[e % nb], start[s][i + 1] - start[s][i], col[s] + start[s][i], &at));
+      PetscCheck(at >= 0, PETSC_COMM_SELF, PETSC_ERR_PLIB, "The velocity matrix has no entry for nodes %" PetscInt_FMT " and %" PetscInt_FMT, i,
+                 node[e % nb]);
+      f->entry[c * nb * nb + e] = s ? -2 - (start[s][i] + at) : start[s][i] + at;
     }
   }
+  for (PetscInt s = 0; s < 2 && part[s]; s++) PetscCall(MatRestoreRowIJ(part[s], 0, PETSC_FALSE, PETSC_FALSE, &n[s], &start[s], &col[s], &done));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode create_matrix(Flow f)
+{
+  const MeshLocal *l         = f->loc;
+  PetscInt        *row_start = NULL, *column = NULL;
+
+  PetscFunctionBeginUser;
+  PetscCall(find_pattern(f, &row_start, &column));
   PetscCall(MatCreate(PETSC_COMM_WORLD, &f->S));
   PetscCall(MatSetSizes(f->S, l->nnode, l->nnode, PETSC_DETERMINE, PETSC_DETERMINE));
   PetscCall(MatSetType(f->S, MATAIJ));
-  PetscCall(MatSetPreallocationCOO(f->S, n, row, col));
-  PetscCall(PetscFree2(row, col));
-  PetscCall(PetscMalloc1(n, &f->coo));
+  PetscCall(MatSeqAIJSetPreallocationCSR(f->S, row_start, column, NULL));
+  PetscCall(MatMPIAIJSetPreallocationCSR(f->S, row_start, column, NULL));
+  PetscCall(PetscFree(row_start));
+  PetscCall(PetscFree(column));
+  PetscCall(PetscMalloc1(l->ncell_all * l->nb * l->nb, &f->entry));
+  PetscCall(find_entries(f));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode assemble_constant(Flow f)
+/* own, other += the matrix ce [nb][nbp] of cell c */
+static void add_cell(const struct _p_Flow *f, PetscInt c, const PetscReal *restrict ce, PetscReal *restrict own, PetscReal *restrict other)
 {
-  const PetscInt nb = f->loc->nb;
+  const PetscInt nb = f->loc->nb, nbp = f->element.nbp, *entry = f->entry + c * nb * nb;
 
-  PetscFunctionBeginUser;
-  for (PetscInt c = 0; c < f->loc->ncell; c++) {
-    Metric m;
+  for (PetscInt i = 0; i < nb; i++) {
+    for (PetscInt j = 0; j < nb; j++) {
+      const PetscInt at = entry[i * nb + j];
 
-    PetscCall(compute_metric(f, c, &m));
-    constant_matrix(f, &m, f->par.density * f->step.ct, f->step.theta * f->par.viscosity, f->coo + (PetscCount)c * nb * nb);
+      if (at >= 0) own[at] += ce[i * nbp + j];
+      else if (at < -1) other[-2 - at] += ce[i * nbp + j];
+    }
   }
-  PetscCall(MatSetValuesCOO(f->S, f->coo, INSERT_VALUES));
-  if (f->par.convection) {
-    if (!f->S0) PetscCall(MatDuplicate(f->S, MAT_DO_NOT_COPY_VALUES, &f->S0));
-    PetscCall(MatCopy(f->S, f->S0, SAME_NONZERO_PATTERN));
-  }
-  f->s0_ct    = f->step.ct;
-  f->s0_theta = f->step.theta;
-  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode assemble_convection(Flow f)
+static PetscErrorCode assemble_matrix(Flow f)
 {
-  const MeshLocal *l  = f->loc;
-  const PetscInt   nb = l->nb;
+  const MeshLocal *l        = f->loc;
+  const PetscInt   size     = l->nb * l->dim;
+  const FlowStep  *s        = &f->step;
+  PetscReal       *value[2] = {NULL, NULL};
+  Mat              part[2];
+  const PetscInt  *columns;
 
   PetscFunctionBeginUser;
-  for (PetscInt c = 0; c < l->ncell; c++) {
-    Metric    m;
-    PetscReal wl[MAX_NB * 3];
+  PetscCall(get_parts(f, &part[0], &part[1], &columns));
+  PetscCall(MatZeroEntries(f->S));
+  for (PetscInt k = 0; k < 2 && part[k]; k++) PetscCall(MatSeqAIJGetArray(part[k], &value[k]));
+  for (PetscInt c = 0; c < l->ncell_all; c++) {
+    ElementMetric m;
+    PetscReal     wl[MAX_NB * 3], ce[MAX_NB * ELEMENT_MAX_NBP];
 
     PetscCall(compute_metric(f, c, &m));
-    gather(l, c, f->w, wl);
-    for (PetscInt i = 0; i < nb * l->dim; i++) wl[i] *= f->step.theta;
-    convection_matrix(f, &m, wl, f->coo + (PetscCount)c * nb * nb);
+    if (f->par.convection) {
+      gather(l, c, f->w, wl);
+      for (PetscInt i = 0; i < size; i++) wl[i] *= f->par.density * s->theta;
+    }
+    ElementOperator(&f->element, &m, f->par.density * s->ct, f->par.viscosity * s->theta, f->par.convection ? wl : NULL, ce);
+    add_cell(f, c, ce, value[0], value[1]);
   }
-  PetscCall(MatCopy(f->S0, f->S, SAME_NONZERO_PATTERN));
-  PetscCall(MatSetValuesCOO(f->S, f->coo, ADD_VALUES));
-  PetscCall(PetscLogFlops(2.0 * l->ncell * f->nq * nb * (nb + 3 * l->dim)));
+  for (PetscInt k = 0; k < 2 && part[k]; k++) PetscCall(MatSeqAIJRestoreArray(part[k], &value[k]));
+  PetscCall(MatAssemblyBegin(f->S, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(f->S, MAT_FINAL_ASSEMBLY));
+  f->s_ct    = s->ct;
+  f->s_theta = s->theta;
+  PetscCall(PetscLogFlops(2.0 * l->ncell_all * f->element.nq * l->nb * (l->nb + 3 * l->dim)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -419,8 +267,7 @@ PetscErrorCode FlowAssemble(Flow f)
 {
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_FLOW_ASSEMBLE, 0, 0, 0, 0));
-  if (f->s0_ct != f->step.ct || f->s0_theta != f->step.theta) PetscCall(assemble_constant(f));
-  if (f->par.convection) PetscCall(assemble_convection(f));
+  if (f->par.convection || f->s_ct != f->step.ct || f->s_theta != f->step.theta) PetscCall(assemble_matrix(f));
   PetscCall(PetscLogEventEnd(TB_FLOW_ASSEMBLE, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -437,7 +284,7 @@ PetscErrorCode FlowRhs(Flow f, PetscReal r[])
   for (PetscInt c = 0; c < l->ncell; c++) {
     const PetscInt *node = l->cell_node + c * nb;
     PetscReal       al[MAX_NB * 3], vl[MAX_NB * 3], wl[MAX_NB * 3], rl[MAX_NB * 3];
-    Metric          m;
+    ElementMetric   m;
 
     for (PetscInt j = 0; j < nb; j++) {
       for (PetscInt a = 0; a < dim; a++) {
@@ -449,7 +296,7 @@ PetscErrorCode FlowRhs(Flow f, PetscReal r[])
       }
     }
     PetscCall(compute_metric(f, c, &m));
-    residual_kernel(f, &m, al, vl, f->par.convection && s->theta < 1 ? wl : NULL, NULL, NULL, rl);
+    ElementResidual(&f->element, &m, f->par.density, f->par.viscosity, f->par.force, al, s->theta < 1 ? vl : NULL, f->par.convection ? wl : NULL, rl);
     for (PetscInt j = 0; j < nb; j++)
       for (PetscInt a = 0; a < dim; a++) r[node[j] * dim + a] -= rl[j * dim + a];
   }
@@ -555,7 +402,7 @@ PetscErrorCode FlowCreate(Mesh mesh, Flow *flow)
   l   = f->loc;
   dim = l->dim;
   PetscCall(read_parameters(f));
-  PetscCall(tabulate(f));
+  PetscCall(ElementCreate(dim, &f->element));
   PetscCall(PetscMalloc5(l->ncell_all, &f->affine, l->ncell_all * dim * dim, &f->inverse, l->ncell_all, &f->det, l->ncell_all, &f->size, l->nnode_all,
                          &f->lumped));
   PetscCall(PetscMalloc1(l->ncell_all * (dim + 1) * l->nb * dim, &f->b));
@@ -579,11 +426,10 @@ PetscErrorCode FlowDestroy(Flow *flow)
   PetscFunctionBeginUser;
   if (!f) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MatDestroy(&f->S));
-  PetscCall(MatDestroy(&f->S0));
-  PetscCall(PetscFree(f->coo));
+  PetscCall(PetscFree(f->entry));
   PetscCall(PetscFree(f->b));
   PetscCall(PetscFree(f->pmass));
-  PetscCall(PetscFree3(f->phi, f->dphi, f->qweight));
+  PetscCall(ElementDestroy(&f->element));
   PetscCall(PetscFree5(f->affine, f->inverse, f->det, f->size, f->lumped));
   PetscCall(BoundaryDestroy(&f->boundary));
   PetscCall(PetscFree(f->u));
@@ -753,12 +599,14 @@ PetscErrorCode FlowCellResidual(Flow f, PetscInt c, const PetscReal u[], const P
 {
   const PetscInt nk = f->loc->dim + 1, n = f->loc->nb * f->loc->dim;
   PetscReal      al[MAX_NB * 3], vl[MAX_NB * 3], wl[MAX_NB * 3];
-  Metric         m;
+  ElementMetric  m;
 
   PetscFunctionBeginUser;
   gather_step(f, c, u, al, vl, wl);
   PetscCall(compute_metric(f, c, &m));
-  residual_kernel(f, &m, al, vl, f->par.convection ? wl : NULL, f->b + c * nk * n, p + c * nk, r);
+  ElementResidual(&f->element, &m, f->par.density, f->par.viscosity, f->par.force, al, vl, f->par.convection ? wl : NULL, r);
+  for (PetscInt k = 0; k < nk; k++)
+    for (PetscInt i = 0; i < n; i++) r[i] -= p[c * nk + k] * f->b[(c * nk + k) * n + i];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -768,17 +616,18 @@ PetscErrorCode FlowCellStressForce(Flow f, PetscInt c, const PetscReal u[], cons
   const MeshLocal *l   = f->loc;
   const PetscInt   dim = l->dim, nb = l->nb, nk = dim + 1;
   PetscReal        ul[MAX_NB * 3], xc[MAX_NB * 3];
-  Metric           m;
+  ElementMetric    m;
 
   PetscFunctionBeginUser;
   gather(l, c, u, ul);
   PetscCall(MeshCellCoordinates(f->mesh, c, xc));
   PetscCall(compute_metric(f, c, &m));
-  for (PetscInt q = 0; q < f->nq; q++) {
-    const PetscReal *phi = f->phi + q * f->nbp, *centre = xc + (nb / 2) * dim;
-    PetscReal        g[3][MAX_NBP], grad[3][3] = {{0}}, ga[3] = {0, 0, 0}, x[3] = {0, 0, 0}, t[3] = {0, 0, 0}, r[3] = {0, 0, 0}, pressure = p[c * nk];
+  for (PetscInt q = 0; q < f->element.nq; q++) {
+    const PetscReal *phi = f->element.phi + q * f->element.nbp, *centre = xc + (nb / 2) * dim;
+    PetscReal        g[3][ELEMENT_MAX_NBP], grad[3][3] = {{0}}, ga[3] = {0, 0, 0}, x[3] = {0, 0, 0}, t[3] = {0, 0, 0}, r[3] = {0, 0, 0},
+                                     pressure = p[c * nk];
 
-    space_gradients(f, &m, q, g);
+    ElementGradients(&f->element, &m, q, g);
     for (PetscInt j = 0; j < nb; j++) {
       for (PetscInt d = 0; d < dim; d++) {
         x[d] += phi[j] * xc[j * dim + d];
@@ -814,22 +663,22 @@ PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], FlowDiagnostics *out)
   for (PetscInt c = 0; c < l->ncell; c++) {
     PetscReal        al[MAX_NB * 3], vl[MAX_NB * 3], wl[MAX_NB * 3], r[MAX_NB * 3], div = 0, ul[MAX_NB * 3];
     const PetscReal *b = f->b + c * (dim + 1) * n;
-    Metric           m;
+    ElementMetric    m;
 
     gather(l, c, u, ul);
     gather_step(f, c, u, al, vl, wl);
     PetscCall(compute_metric(f, c, &m));
-    residual_kernel(f, &m, al, vl, f->par.convection ? wl : NULL, NULL, NULL, r);
+    ElementResidual(&f->element, &m, f->par.density, f->par.viscosity, f->par.force, al, vl, f->par.convection ? wl : NULL, r);
     for (PetscInt i = 0; i < n; i++) {
       sum[2 + i % dim] += r[i]; /* viscous parts add up to zero over a cell */
       div += b[i] * ul[i];
     }
     sum[1] += div * div / PetscPowReal(f->size[c], dim);
-    for (PetscInt q = 0; q < f->nq; q++) {
+    for (PetscInt q = 0; q < f->element.nq; q++) {
       PetscReal v[3] = {0, 0, 0};
 
       for (PetscInt j = 0; j < nb; j++)
-        for (PetscInt a = 0; a < dim; a++) v[a] += f->phi[q * f->nbp + j] * ul[j * dim + a];
+        for (PetscInt a = 0; a < dim; a++) v[a] += f->element.phi[q * f->element.nbp + j] * ul[j * dim + a];
       sum[0] += 0.5 * f->par.density * m.weight[q] * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
     }
     for (PetscInt j = 0; j < nb; j++) {

@@ -1,0 +1,328 @@
+/* Element: see element.h. The basis comes from PetscFE, put into lattice order. */
+#include "compat.h"
+#include "element.h"
+#include <petscfe.h>
+
+/* ---- tables ---- */
+
+/* Which PETSc basis function belongs to lattice position j: the one that is 1 there */
+static PetscErrorCode match_basis(PetscFE fe, PetscInt dim, PetscInt nb, PetscInt basis_of_lattice[])
+{
+  PetscReal       points[MESH_MAX_NB * 3];
+  PetscTabulation T;
+
+  PetscFunctionBeginUser;
+  for (PetscInt j = 0; j < nb; j++) {
+    const PetscInt lattice[3] = {j % 3, (j / 3) % 3, j / 9};
+
+    for (PetscInt d = 0; d < dim; d++) points[j * dim + d] = lattice[d] - 1.0;
+  }
+  PetscCall(PetscFECreateTabulation(fe, 1, nb, points, 0, &T));
+  PetscCheck(T->Nb == nb, PETSC_COMM_SELF, PETSC_ERR_PLIB, "PetscFE has %" PetscInt_FMT " basis functions, expected %" PetscInt_FMT, T->Nb, nb);
+  for (PetscInt j = 0; j < nb; j++)
+    for (PetscInt i = 0; i < nb; i++)
+      if (T->T[0][j * nb + i] > 0.5) basis_of_lattice[j] = i;
+  PetscCall(PetscTabulationDestroy(&T));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static void fill_reference_matrices(ElementTables *t)
+{
+  const PetscInt dim = t->dim, nbp = t->nbp, size = t->nb * nbp;
+
+  for (PetscInt q = 0; q < t->nq; q++) {
+    const PetscReal *phi = t->phi + q * nbp, *dphi = t->dphi + q * dim * nbp;
+
+    for (PetscInt i = 0; i < t->nb; i++) {
+      for (PetscInt j = 0; j < t->nb; j++) {
+        t->mass[i * nbp + j] += t->weight[q] * phi[i] * phi[j];
+        for (PetscInt e = 0; e < dim; e++)
+          for (PetscInt f = 0; f < dim; f++)
+            t->stiffness[(e * dim + f) * size + i * nbp + j] += 0.5 * t->weight[q] *
+                                                                (dphi[e * nbp + i] * dphi[f * nbp + j] + dphi[f * nbp + i] * dphi[e * nbp + j]);
+      }
+    }
+  }
+}
+
+PetscErrorCode ElementCreate(PetscInt dim, ElementTables *t)
+{
+  const PetscInt   nb = dim == 2 ? 9 : 27;
+  PetscInt         order[MESH_MAX_NB];
+  PetscFE          fe;
+  PetscQuadrature  quad;
+  PetscTabulation  T;
+  const PetscReal *points, *weights;
+
+  PetscFunctionBeginUser;
+  t->dim = dim;
+  t->nb  = nb;
+  t->nbp = 4 * ((nb + 3) / 4);
+  PetscCall(PetscFECreateLagrange(PETSC_COMM_SELF, dim, 1, PETSC_FALSE, 2, PETSC_DETERMINE, &fe));
+  PetscCall(match_basis(fe, dim, nb, order));
+  PetscCall(PetscDTGaussTensorQuadrature(dim, 1, 3, -1, 1, &quad));
+  PetscCall(PetscQuadratureGetData(quad, NULL, NULL, &t->nq, &points, &weights));
+  t->nqp = 4 * ((t->nq + 3) / 4);
+  PetscCall(PetscFECreateTabulation(fe, 1, t->nq, points, 1, &T));
+  PetscCall(
+    PetscCalloc5(t->nq * t->nbp, &t->phi, t->nq * dim * t->nbp, &t->dphi, nb * t->nqp, &t->phi_t, nb * dim * t->nqp, &t->dphi_t, t->nqp, &t->weight));
+  PetscCall(PetscCalloc2(nb * t->nbp, &t->mass, dim * dim * nb * t->nbp, &t->stiffness));
+  for (PetscInt q = 0; q < t->nq; q++) {
+    t->weight[q] = weights[q];
+    for (PetscInt j = 0; j < nb; j++) {
+      t->phi[q * t->nbp + j] = t->phi_t[j * t->nqp + q] = T->T[0][q * nb + order[j]];
+      for (PetscInt e = 0; e < dim; e++)
+        t->dphi[(q * dim + e) * t->nbp + j] = t->dphi_t[(j * dim + e) * t->nqp + q] = T->T[1][(q * nb + order[j]) * dim + e];
+    }
+  }
+  fill_reference_matrices(t);
+  PetscCall(PetscTabulationDestroy(&T));
+  PetscCall(PetscQuadratureDestroy(&quad));
+  PetscCall(PetscFEDestroy(&fe));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ElementDestroy(ElementTables *t)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscFree5(t->phi, t->dphi, t->phi_t, t->dphi_t, t->weight));
+  PetscCall(PetscFree2(t->mass, t->stiffness));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- metric ---- */
+
+static PetscReal invert_jacobian(PetscInt dim, const PetscReal J[], PetscReal inv[])
+{
+  if (dim == 2) {
+    const PetscReal det = J[0] * J[3] - J[1] * J[2];
+
+    inv[0] = J[3] / det;
+    inv[1] = -J[1] / det;
+    inv[2] = -J[2] / det;
+    inv[3] = J[0] / det;
+    return det;
+  } else {
+    const PetscReal c0 = J[4] * J[8] - J[5] * J[7], c1 = J[5] * J[6] - J[3] * J[8], c2 = J[3] * J[7] - J[4] * J[6];
+    const PetscReal det = J[0] * c0 + J[1] * c1 + J[2] * c2;
+
+    inv[0] = c0 / det;
+    inv[3] = c1 / det;
+    inv[6] = c2 / det;
+    inv[1] = (J[2] * J[7] - J[1] * J[8]) / det;
+    inv[4] = (J[0] * J[8] - J[2] * J[6]) / det;
+    inv[7] = (J[1] * J[6] - J[0] * J[7]) / det;
+    inv[2] = (J[1] * J[5] - J[2] * J[4]) / det;
+    inv[5] = (J[2] * J[3] - J[0] * J[5]) / det;
+    inv[8] = (J[0] * J[4] - J[1] * J[3]) / det;
+    return det;
+  }
+}
+
+void ElementSetMetric(const ElementTables *t, const PetscReal xc[], ElementMetric *m)
+{
+  const PetscInt dim = t->dim;
+
+  m->affine = PETSC_FALSE;
+  for (PetscInt q = 0; q < t->nq; q++) {
+    PetscReal J[9] = {0}; /* dx_a/dxi_e: [a][e] */
+
+    for (PetscInt e = 0; e < dim; e++) {
+      const PetscReal *d = t->dphi + (q * dim + e) * t->nbp;
+
+      for (PetscInt j = 0; j < t->nb; j++)
+        for (PetscInt a = 0; a < dim; a++) J[a * dim + e] += xc[j * dim + a] * d[j];
+    }
+    m->weight[q] = t->weight[q] * invert_jacobian(dim, J, m->inverse[q]);
+  }
+}
+
+void ElementSetAffine(const ElementTables *t, const PetscReal inverse[], PetscReal det, ElementMetric *m)
+{
+  m->affine = PETSC_TRUE;
+  m->det    = det;
+  for (PetscInt i = 0; i < t->dim * t->dim; i++) m->inverse[0][i] = inverse[i];
+  for (PetscInt q = 0; q < t->nq; q++) m->weight[q] = t->weight[q] * det;
+}
+
+void ElementGradients(const ElementTables *t, const ElementMetric *m, PetscInt q, PetscReal g[3][ELEMENT_MAX_NBP])
+{
+  const PetscReal *inverse = ElementInverse(m, q);
+
+  for (PetscInt a = 0; a < t->dim; a++) {
+    for (PetscInt j = 0; j < t->nbp; j++) g[a][j] = 0;
+    for (PetscInt e = 0; e < t->dim; e++) {
+      const PetscReal  inv = inverse[e * t->dim + a];
+      const PetscReal *d   = t->dphi + (q * t->dim + e) * t->nbp;
+
+      for (PetscInt j = 0; j < t->nbp; j++) g[a][j] += inv * d[j];
+    }
+  }
+}
+
+/* ---- operator ---- */
+
+#define INLINE static inline __attribute__((always_inline))
+
+/* g [nq][nbp] += weight w . grad phi_j */
+INLINE void add_convection(const int dim, const int nb, const int nbp, const int nq, const ElementTables *restrict t, const ElementMetric *restrict m,
+                           PetscBool affine, const PetscReal *restrict wl, PetscReal g[restrict][ELEMENT_MAX_NBP])
+{
+  for (int q = 0; q < nq; q++) {
+    const PetscReal *phi = t->phi + q * nbp, *dphi = t->dphi + q * dim * nbp, *inverse = m->inverse[affine ? 0 : q];
+    PetscReal        w[3] = {0, 0, 0}, s[3];
+
+    for (int j = 0; j < nb; j++)
+      for (int a = 0; a < dim; a++) w[a] += phi[j] * wl[j * dim + a];
+    for (int e = 0; e < dim; e++) {
+      s[e] = 0;
+      for (int a = 0; a < dim; a++) s[e] += inverse[e * dim + a] * w[a];
+      s[e] *= m->weight[q];
+    }
+    for (int e = 0; e < dim; e++)
+      for (int j = 0; j < nbp; j++) g[q][j] += s[e] * dphi[e * nbp + j];
+  }
+}
+
+/* ce [nb][nbp] += sum_q phi_i g_j */
+INLINE void add_products(const int nb, const int nbp, const int nq, const PetscReal *restrict phi, PetscReal g[restrict][ELEMENT_MAX_NBP],
+                         PetscReal *restrict ce)
+{
+  for (int i = 0; i < nb; i++) {
+    PetscReal row[ELEMENT_MAX_NBP];
+
+    for (int j = 0; j < nbp; j++) row[j] = ce[i * nbp + j];
+    for (int q = 0; q < nq; q++)
+      for (int j = 0; j < nbp; j++) row[j] += phi[q * nbp + i] * g[q][j];
+    for (int j = 0; j < nbp; j++) ce[i * nbp + j] = row[j];
+  }
+}
+
+INLINE void affine_operator(const int dim, const int nb, const int nbp, const int nq, const ElementTables *restrict t,
+                            const ElementMetric *restrict m, PetscReal a, PetscReal b, const PetscReal *restrict wl, PetscReal *restrict ce)
+{
+  const PetscReal am = a * m->det;
+  PetscReal       g[ELEMENT_MAX_NQ][ELEMENT_MAX_NBP], bk[9];
+
+  for (int e = 0; e < dim; e++) {
+    for (int f = 0; f < dim; f++) {
+      bk[e * dim + f] = 0;
+      for (int d = 0; d < dim; d++) bk[e * dim + f] += b * m->det * m->inverse[0][e * dim + d] * m->inverse[0][f * dim + d];
+    }
+  }
+  for (int i = 0; i < nb * nbp; i++) ce[i] = am * t->mass[i];
+  for (int e = 0; e < dim; e++) { /* the reference matrices are symmetric in e and f */
+    for (int f = e; f < dim; f++) {
+      const PetscReal  s = e == f ? bk[e * dim + e] : 2 * bk[e * dim + f];
+      const PetscReal *k = t->stiffness + (e * dim + f) * nb * nbp;
+
+      if (s == 0) continue; /* rectangles have no mixed part */
+      for (int i = 0; i < nb * nbp; i++) ce[i] += s * k[i];
+    }
+  }
+  if (!wl) return;
+  for (int q = 0; q < nq; q++)
+    for (int j = 0; j < nbp; j++) g[q][j] = 0;
+  add_convection(dim, nb, nbp, nq, t, m, PETSC_TRUE, wl, g);
+  add_products(nb, nbp, nq, t->phi, g, ce);
+}
+
+INLINE void curved_operator(const int dim, const int nb, const int nbp, const int nq, const ElementTables *restrict t,
+                            const ElementMetric *restrict m, PetscReal a, PetscReal b, const PetscReal *restrict wl, PetscReal *restrict ce)
+{
+  PetscReal g[ELEMENT_MAX_NQ][ELEMENT_MAX_NBP];
+
+  for (int i = 0; i < nb * nbp; i++) ce[i] = 0;
+  for (int q = 0; q < nq; q++)
+    for (int j = 0; j < nbp; j++) g[q][j] = a * m->weight[q] * t->phi[q * nbp + j];
+  if (wl) add_convection(dim, nb, nbp, nq, t, m, PETSC_FALSE, wl, g);
+  add_products(nb, nbp, nq, t->phi, g, ce);
+  for (int q = 0; q < nq; q++) {
+    PetscReal grad[3][ELEMENT_MAX_NBP];
+
+    ElementGradients(t, m, q, grad);
+    for (int i = 0; i < nb; i++) {
+      for (int d = 0; d < dim; d++) {
+        const PetscReal s = b * m->weight[q] * grad[d][i];
+
+        for (int j = 0; j < nbp; j++) ce[i * nbp + j] += s * grad[d][j];
+      }
+    }
+  }
+}
+
+void ElementOperator(const ElementTables *t, const ElementMetric *m, PetscReal a, PetscReal b, const PetscReal w[], PetscReal ce[])
+{
+  if (t->dim == 2 && m->affine) affine_operator(2, 9, 12, 9, t, m, a, b, w, ce);
+  else if (t->dim == 2) curved_operator(2, 9, 12, 9, t, m, a, b, w, ce);
+  else if (m->affine) affine_operator(3, 27, 28, 27, t, m, a, b, w, ce);
+  else curved_operator(3, 27, 28, 27, t, m, a, b, w, ce);
+}
+
+/* ---- residual ---- */
+
+/* v [dim][nqp] = values of a nodal field [nb][dim] at the quadrature points */
+INLINE void evaluate(const int dim, const int nb, const int nqp, const PetscReal *restrict table, const int stride, const PetscReal *restrict nodal,
+                     PetscReal v[restrict][ELEMENT_MAX_NQ])
+{
+  for (int d = 0; d < dim; d++)
+    for (int q = 0; q < nqp; q++) v[d][q] = 0;
+  for (int j = 0; j < nb; j++)
+    for (int d = 0; d < dim; d++)
+      for (int q = 0; q < nqp; q++) v[d][q] += nodal[j * dim + d] * table[j * stride + q];
+}
+
+INLINE void residual(const int dim, const int nb, const int nbp, const int nq, const int nqp, const ElementTables *restrict t,
+                     const ElementMetric *restrict m, PetscReal rho, PetscReal mu, const PetscReal *restrict force, const PetscReal *restrict sl,
+                     const PetscReal *restrict ul, const PetscReal *restrict wl, PetscReal *restrict r)
+{
+  PetscReal source[3][ELEMENT_MAX_NQ], w[3][ELEMENT_MAX_NQ],
+    grad[3][3][ELEMENT_MAX_NQ]; /* grad [e][d]: in reference coordinates, then the viscous flux */
+  PetscReal out[3][ELEMENT_MAX_NBP];
+
+  evaluate(dim, nb, nqp, t->phi_t, nqp, sl, source);
+  if (ul)
+    for (int e = 0; e < dim; e++) evaluate(dim, nb, nqp, t->dphi_t + e * nqp, dim * nqp, ul, grad[e]);
+  if (ul && wl) evaluate(dim, nb, nqp, t->phi_t, nqp, wl, w);
+  for (int q = 0; q < nq; q++) {
+    const PetscReal *inverse = m->inverse[m->affine ? 0 : q];
+
+    for (int d = 0; d < dim; d++) {
+      source[d][q] = rho * source[d][q] - force[d];
+      if (ul) {
+        PetscReal space[3];
+
+        for (int a = 0; a < dim; a++) {
+          space[a] = 0;
+          for (int e = 0; e < dim; e++) space[a] += inverse[e * dim + a] * grad[e][d][q];
+          if (wl) source[d][q] += rho * w[a][q] * space[a];
+        }
+        for (int e = 0; e < dim; e++) {
+          PetscReal flux = 0;
+
+          for (int a = 0; a < dim; a++) flux += inverse[e * dim + a] * space[a];
+          grad[e][d][q] = mu * m->weight[q] * flux;
+        }
+      }
+      source[d][q] *= m->weight[q];
+    }
+  }
+  for (int d = 0; d < dim; d++) {
+    for (int j = 0; j < nbp; j++) out[d][j] = 0;
+    for (int q = 0; q < nq; q++) {
+      for (int j = 0; j < nbp; j++) out[d][j] += source[d][q] * t->phi[q * nbp + j];
+      if (ul)
+        for (int e = 0; e < dim; e++)
+          for (int j = 0; j < nbp; j++) out[d][j] += grad[e][d][q] * t->dphi[(q * dim + e) * nbp + j];
+    }
+  }
+  for (int j = 0; j < nb; j++)
+    for (int d = 0; d < dim; d++) r[j * dim + d] = out[d][j];
+}
+
+void ElementResidual(const ElementTables *t, const ElementMetric *m, PetscReal rho, PetscReal mu, const PetscReal force[], const PetscReal s[],
+                     const PetscReal u[], const PetscReal w[], PetscReal r[])
+{
+  if (t->dim == 2) residual(2, 9, 12, 9, 12, t, m, rho, mu, force, s, u, w, r);
+  else residual(3, 27, 28, 27, 28, t, m, rho, mu, force, s, u, w, r);
+}
