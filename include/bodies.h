@@ -68,6 +68,8 @@ PetscErrorCode BodiesGetInertia(Bodies, PetscInt k, PetscBool per_density, Petsc
 /* Signed distance of n points x [n][dim] in space to body k drawn at centre X[3], orientation q[4] (NULL: the current ones).
    Not collective, allocates nothing. */
 PetscErrorCode BodiesDistance(Bodies, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt n, const PetscReal x[], PetscReal d[]);
+/* Closest points y [n][dim] on the surface, likewise (ShapeProject in space). */
+PetscErrorCode BodiesProject(Bodies, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt n, const PetscReal x[], PetscReal y[]);
 
 /* Explicit coupling: u_old, w_old <- u, w, then advance u, w by dt under force + contact + (M - M_f) g with fluid density rho_f. Euler step
    (semi-implicit together with BodiesAdvancePosition, theta = 1); the gyroscopic term of 3D by the implicit midpoint rule. Frozen degrees of

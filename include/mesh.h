@@ -26,6 +26,8 @@ typedef struct {
   const PetscInt  *node_cell_ptr; /* [nnode_all + 1] into node_cell: the cells around a node */
   const PetscInt  *node_cell;
   const PetscReal *x;                  /* [nnode_all][dim] node coordinates, second-order geometry */
+  const PetscReal *x_start;            /* [nnode_all][dim] the same before any MeshMoveNodes */
+  PetscInt         moves;              /* calls of MeshMoveNodes so far */
   PetscReal        period[3];          /* length of the period along an axis, 0 = not periodic */
   PetscReal        lower[3], upper[3]; /* bounding box of the whole mesh */
   PetscReal        h;                  /* smallest cell size of the whole mesh (volume^(1/dim)) */
@@ -50,9 +52,13 @@ PetscErrorCode MeshGetBoundaryNodes(Mesh, PetscInt b, PetscInt *n, const PetscIn
 /* Coordinates of the nodes of local cell c, xc [nb][dim], unwrapped across periodic boundaries. Not collective. */
 PetscErrorCode MeshCellCoordinates(Mesh, PetscInt c, PetscReal xc[]);
 
-/* Nodes (own and ghost) whose coordinates lie in the box [lo, hi] (candidates: superset). On entry *n is the room in list;
-   cost is proportional to the answer, by a background grid. Periodic images are the caller's business. Not collective. */
+/* Nodes (own and ghost) whose coordinates, as they were before any MeshMoveNodes, lie in the box [lo, hi]; cost is proportional to the answer, by a
+   background grid. The list is valid until the next call. Periodic images are the caller's business. Not collective. */
 PetscErrorCode MeshNodesInBox(Mesh, const PetscReal lo[], const PetscReal hi[], PetscInt *n, const PetscInt *list[]);
+
+/* Give the n local nodes (own and ghost) new places x [n][dim]; topology, numbering and MeshNodesInBox stay as they are. Every rank must give a node it shares the same place;
+   the caller answers for valid cells. Collective in the sense that all ranks must call it, possibly with n = 0. */
+PetscErrorCode MeshMoveNodes(Mesh, PetscInt n, const PetscInt nodes[], const PetscReal x[]);
 
 /* Nodal fields with bs values a node, [nnode_all][bs]: copy own values to ghosts; add ghost contributions to the owner (ghosts unchanged). Collective. */
 PetscErrorCode MeshSyncNodes(Mesh, PetscInt bs, PetscReal v[]);

@@ -478,6 +478,37 @@ PetscErrorCode BodiesDistance(Bodies b, PetscInt k, const PetscReal X[], const P
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode BodiesProject(Bodies b, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt n, const PetscReal x[], PetscReal y[])
+{
+  const PetscInt   dim = b->state.dim;
+  const BodyGroup *g;
+  PetscReal        R[9], local[CHUNK * 3], wall[CHUNK * 3];
+
+  PetscFunctionBeginUser;
+  PetscCall(check_body(b, k));
+  g = &b->state.group[b->state.body_group[k]];
+  if (!X) X = b->state.x[k];
+  RotationMatrix(q ? q : b->state.q[k], R);
+  for (PetscInt start = 0; start < n; start += CHUNK) {
+    const PetscInt m = PetscMin(CHUNK, n - start);
+
+    for (PetscInt p = 0; p < m; p++) {
+      const PetscReal *xp   = x + (start + p) * dim;
+      PetscReal        r[3] = {xp[0] - X[0], xp[1] - X[1], dim == 3 ? xp[2] - X[2] : 0};
+
+      for (PetscInt a = 0; a < dim; a++) local[p * dim + a] = R[a] * r[0] + R[3 + a] * r[1] + R[6 + a] * r[2] + g->mass.centroid[a];
+    }
+    PetscCall(ShapeProject(g->shape, m, local, wall));
+    for (PetscInt p = 0; p < m; p++) {
+      PetscReal r[3] = {0, 0, 0};
+
+      for (PetscInt a = 0; a < dim; a++) r[a] = wall[p * dim + a] - g->mass.centroid[a];
+      for (PetscInt a = 0; a < dim; a++) y[(start + p) * dim + a] = X[a] + R[3 * a] * r[0] + R[3 * a + 1] * r[1] + R[3 * a + 2] * r[2];
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* ---- motion ---- */
 
 /* I (w' - w)/dt + m x (I m) = T with m = (w + w')/2, for w'. Newton's method; starts from w, converges in 3 to 5 steps. */

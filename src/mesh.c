@@ -16,7 +16,7 @@ struct _p_Mesh {
   MeshKind     kind;
   MeshLocal    loc;
   PetscInt    *cell_node, *cell_global, *node_global, *node_cell_ptr, *node_cell;
-  PetscReal   *x;
+  PetscReal   *x, *x_start; /* x_start is an array of its own once nodes have moved */
   PetscSF      node_sf; /* ghost nodes -> owners, in local node numbers */
   MPI_Datatype block[MAX_BLOCK];
   PetscInt     nboundary, **boundary_node, *boundary_count; /* [nboundary], names belong to kind */
@@ -408,7 +408,7 @@ static PetscInt bin_of_node(Mesh m, PetscInt i)
 {
   PetscInt b = 0;
 
-  for (PetscInt d = m->loc.dim - 1; d >= 0; d--) b = b * m->nbin[d] + bin_index(m, d, m->x[i * m->loc.dim + d]);
+  for (PetscInt d = m->loc.dim - 1; d >= 0; d--) b = b * m->nbin[d] + bin_index(m, d, m->x_start[i * m->loc.dim + d]);
   return b;
 }
 
@@ -470,7 +470,7 @@ PetscErrorCode MeshNodesInBox(Mesh m, const PetscReal lo[], const PetscReal hi[]
 
       for (PetscInt q = m->bin_ptr[row + a[0]]; q < m->bin_ptr[row + b[0] + 1]; q++) {
         const PetscInt   i  = m->bin_node[q];
-        const PetscReal *x  = m->x + i * dim;
+        const PetscReal *x  = m->x_start + i * dim;
         PetscBool        in = PETSC_TRUE;
 
         for (PetscInt d = 0; d < dim; d++) in = (PetscBool)(in && x[d] >= lo[d] && x[d] <= hi[d]);
@@ -506,6 +506,7 @@ PetscErrorCode MeshCreate(MPI_Comm comm, Mesh *mesh)
   PetscCall(create_node_sf(m));
   PetscCall(connect_nodes_to_cells(m));
   PetscCall(set_coordinates(m, order));
+  m->x_start = m->x;
   PetscCall(collect_boundary_nodes(m, number));
   PetscCall(create_bins(m));
   PetscCall(PetscFree2(order, number));
@@ -516,6 +517,7 @@ PetscErrorCode MeshCreate(MPI_Comm comm, Mesh *mesh)
   m->loc.node_cell_ptr = m->node_cell_ptr;
   m->loc.node_cell     = m->node_cell;
   m->loc.x             = m->x;
+  m->loc.x_start       = m->x_start;
   *mesh                = m;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -534,6 +536,7 @@ PetscErrorCode MeshDestroy(Mesh *mesh)
   PetscCall(PetscFree(m->node_global));
   PetscCall(PetscFree(m->node_cell_ptr));
   PetscCall(PetscFree(m->node_cell));
+  if (m->x_start != m->x) PetscCall(PetscFree(m->x_start));
   PetscCall(PetscFree(m->x));
   PetscCall(PetscFree2(m->bin_node, m->found));
   PetscCall(PetscSFDestroy(&m->node_sf));
@@ -612,6 +615,22 @@ PetscErrorCode MeshCellCoordinates(Mesh m, PetscInt c, PetscReal xc[])
       xc[j * dim + d] = x;
     }
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshMoveNodes(Mesh m, PetscInt n, const PetscInt nodes[], const PetscReal x[])
+{
+  const PetscInt dim = m->loc.dim, size = m->loc.nnode_all * dim;
+
+  PetscFunctionBeginUser;
+  if (m->x_start == m->x) {
+    PetscCall(PetscMalloc1(size, &m->x_start));
+    PetscCall(PetscArraycpy(m->x_start, m->x, size));
+    m->loc.x_start = m->x_start;
+  }
+  for (PetscInt i = 0; i < n; i++)
+    for (PetscInt d = 0; d < dim; d++) m->x[nodes[i] * dim + d] = x[i * dim + d];
+  m->loc.moves++;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -1,0 +1,38 @@
+/* Snap: lines a mesh up with the surfaces of bodies, without changing its topology. Layer 3. Plane meshes only.
+
+   Cells whose centre lies inside a body are its own ("dead"). The vertices of the staircase between them and the fluid go to the closest point of the wall, the
+   vertices of three rings around follow (Jacobi sweeps on the displacement, which leave a graded or shifted mesh graded), the mid-edge nodes of the staircase go onto the wall too
+   (isoparametric Q2), all other nodes follow by transfinite interpolation of the displacement. Vertices on the boundary of the domain stay.
+   Dead cells that meet a dead cell of another body or the boundary are given back to the fluid, until at least one layer of fluid cells is left between two walls.
+   A body is left alone when no cell is its own, or when a cell around it would get a Jacobian that is not positive (4 x 4 and 3 x 3 Gauss points).
+
+   Pure geometry: nothing here knows the flow, and nothing is moved; the caller moves the nodes (MeshMoveNodes) after he has read what he needs at the old places.
+   The result does not depend on the number of ranks. Method and tests: design section 6; snapping of vertices to surfaces is old (snapper of cfMesh, snappyHexMesh). */
+#pragma once
+#include "bodies.h"
+#include "mesh.h"
+
+typedef struct _p_Snap *Snap;
+
+/* What the last SnapFit found; arrays are borrowed, valid until the next one. */
+typedef struct {
+  PetscInt         nmarked;
+  const PetscInt  *marked;    /* [nmarked] local nodes on a wall or inside a body */
+  const PetscInt  *node_body; /* [nnode_all] the body they belong to, -1 elsewhere */
+  const PetscBool *on_wall;   /* [nnode_all] node on the staircase */
+  const PetscInt  *cell_body; /* [ncell_all] owner of a dead cell, -1: fluid */
+  PetscInt         nnode;
+  const PetscInt  *node; /* [nnode] local nodes (own and ghost) that are elsewhere than now */
+  const PetscReal *x;    /* [nnode][dim] their new places */
+  PetscInt         ncell;
+  const PetscInt  *cell;    /* [ncell] local cells with such a node, or dead only before or only now */
+  PetscReal        quality; /* smallest over largest Jacobian of a cell, smallest over all cells that were touched */
+} SnapResult;
+
+/* Error: three-dimensional mesh. Collective. */
+PetscErrorCode SnapCreate(Mesh, Bodies, Snap *);
+PetscErrorCode SnapDestroy(Snap *);
+
+/* Fit the mesh to the bodies k with wanted[k], drawn at X [nbodies][3], q [nbodies][4]; fitted [nbodies] tells which were. Compares with the present places of the nodes and with
+   the dead cells of the last call. Collective. */
+PetscErrorCode SnapFit(Snap, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool wanted[], PetscBool fitted[], SnapResult *);

@@ -1,0 +1,156 @@
+/* Snap: valid cells around circles and ellipses wherever they lie, walls met exactly, gaps, wall, period, fallback, and the same mesh on any number of ranks. */
+#include "core.h"
+#include "bodies.h"
+#include "snap.h"
+
+typedef struct {
+  Mesh             mesh;
+  const MeshLocal *l;
+  Bodies           bodies;
+  BodyState       *state;
+  Snap             snap;
+  SnapResult       r;
+  PetscBool        wanted[8], fitted[8];
+} Case;
+
+static void open_case(Case *c, const char options[])
+{
+  give(options);
+  OK(MeshCreate(PETSC_COMM_WORLD, &c->mesh));
+  OK(MeshGetLocal(c->mesh, &c->l));
+  OK(BodiesCreate(2, c->l->lower, c->l->upper, &c->bodies));
+  OK(BodiesGetState(c->bodies, &c->state));
+  OK(SnapCreate(c->mesh, c->bodies, &c->snap));
+  for (int k = 0; k < 8; k++) c->wanted[k] = PETSC_TRUE;
+}
+
+static void fit(Case *c)
+{
+  OK(SnapFit(c->snap, c->state->x, c->state->q, c->wanted, c->fitted, &c->r));
+  OK(MeshMoveNodes(c->mesh, c->r.nnode, c->r.node, c->r.x));
+}
+
+static void close_case(Case *c)
+{
+  OK(SnapDestroy(&c->snap));
+  OK(BodiesDestroy(&c->bodies));
+  OK(MeshDestroy(&c->mesh));
+}
+
+static void turn(Case *c, PetscInt k, PetscReal angle)
+{
+  c->state->q[k][0] = PetscCosReal(angle / 2);
+  c->state->q[k][1] = c->state->q[k][2] = 0;
+  c->state->q[k][3] = PetscSinReal(angle / 2);
+}
+
+/* Largest distance of a wall node from its wall */
+static PetscReal miss(Case *c)
+{
+  PetscReal top = 0;
+
+  for (PetscInt e = 0; e < c->r.nmarked; e++) {
+    const PetscInt i = c->r.marked[e], k = c->r.node_body[i];
+    PetscReal      d, x[2];
+
+    if (!c->r.on_wall[i]) continue;
+    for (PetscInt a = 0; a < 2; a++) {
+      const PetscReal r = c->l->x[2 * i + a] - c->state->x[k][a], T = c->l->period[a];
+
+      x[a] = c->state->x[k][a] + (T > 0 ? r - T * PetscFloorReal(r / T + 0.5) : r);
+    }
+    OK(BodiesDistance(c->bodies, k, c->state->x[k], c->state->q[k], 1, x, &d));
+    top = PetscMax(top, PetscAbsReal(d));
+  }
+  return largest(top);
+}
+
+static PetscReal area(Case *c, PetscBool dead)
+{
+  const PetscReal g[3] = {-PetscSqrtReal(0.6), 0, PetscSqrtReal(0.6)}, w[3] = {5 / 9.0, 8 / 9.0, 5 / 9.0};
+  PetscReal       sum = 0;
+
+  for (PetscInt cell = 0; cell < c->l->ncell; cell++) {
+    PetscReal xc[18];
+
+    if ((c->r.cell_body[cell] >= 0) != dead) continue;
+    OK(MeshCellCoordinates(c->mesh, cell, xc));
+    for (PetscInt q = 0; q < 9; q++) {
+      const PetscReal s = g[q % 3], t = g[q / 3], a[3] = {0.5 * s * (s - 1), 1 - s * s, 0.5 * s * (s + 1)}, b[3] = {0.5 * t * (t - 1), 1 - t * t, 0.5 * t * (t + 1)};
+      const PetscReal da[3] = {s - 0.5, -2 * s, s + 0.5}, db[3] = {t - 0.5, -2 * t, t + 0.5};
+      PetscReal       J[4] = {0};
+
+      for (PetscInt j = 0; j < 9; j++)
+        for (PetscInt e = 0; e < 4; e++) J[e] += (e % 2 ? a[j % 3] * db[j / 3] : da[j % 3] * b[j / 3]) * xc[2 * j + e / 2];
+      sum += w[q % 3] * w[q / 3] * (J[0] * J[3] - J[1] * J[2]);
+    }
+  }
+  return total(sum);
+}
+
+static void test_circles(void **state)
+{
+  const PetscReal size[] = {0.75, 1, 1.5, 2, 3, 4.5, 6, 9, 14};
+  PetscReal       worst  = 1;
+
+  (void)state;
+  for (PetscInt n = 0; n < 9; n++) {
+    Case c;
+    char options[256];
+
+    snprintf(options, sizeof(options), "-mesh_cells 40,40 -mesh_upper 1,1 -particle_groups a -particle_a_shape circle -particle_a_radius %g -particle_a_free none -particle_a_position 0.5,0.5",
+             (double)(size[n] / 40));
+    open_case(&c, options);
+    for (PetscInt trial = 0; trial < 40; trial++) {
+      for (PetscInt a = 0; a < 2; a++) c.state->x[0][a] = 0.5 + 0.025 * noise(1000 * n + 2 * trial + a);
+      fit(&c);
+      assert_true(c.fitted[0]);
+      worst = PetscMin(worst, c.r.quality);
+      BELOW(miss(&c), 1e-13);
+    }
+    NEAR(area(&c, PETSC_FALSE), 1 - PETSC_PI * PetscSqr(size[n] / 40), (size[n] < 2 ? 3e-2 : 1e-3) * PetscSqr(size[n] / 40));
+    c.wanted[0] = PETSC_FALSE; /* the mesh goes back to what it was */
+    fit(&c);
+    for (PetscInt i = 0; i < 2 * c.l->nnode_all; i++) assert_true(c.l->x[i] == c.l->x_start[i]);
+    assert_int_equal(c.r.nmarked, 0);
+    close_case(&c);
+  }
+  assert_true(worst > 0.015);
+}
+
+static void test_ellipses(void **state)
+{
+  PetscReal worst = 1;
+
+  (void)state;
+  for (PetscInt n = 0; n < 4; n++) {
+    Case c;
+    char options[256];
+
+    snprintf(options, sizeof(options), "-mesh_cells 48,48 -mesh_upper 1,1 -particle_groups a -particle_a_shape ellipse -particle_a_a %g -particle_a_b %g -particle_a_free none -particle_a_position 0.5,0.5",
+             (double)((n + 2) * 2.0 / 48), (double)(2.0 / 48));
+    open_case(&c, options);
+    for (PetscInt trial = 0; trial < 40; trial++) {
+      for (PetscInt a = 0; a < 2; a++) c.state->x[0][a] = 0.5 + 0.02 * noise(3000 * n + 3 * trial + a);
+      turn(&c, 0, PETSC_PI * noise(3000 * n + 3 * trial + 2));
+      fit(&c);
+      assert_true(c.fitted[0]);
+      worst = PetscMin(worst, c.r.quality);
+      BELOW(miss(&c), 1e-12);
+    }
+    close_case(&c);
+  }
+  print_message("worst %g\n", (double)worst);
+  assert_true(worst > 0.005);
+}
+
+int main(int argc, char **argv)
+{
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_circles), cmocka_unit_test(test_ellipses)};
+  int                     failed;
+
+  if (PetscInitialize(&argc, &argv, NULL, NULL)) return 1;
+  failed = cmocka_run_group_tests(tests, NULL, NULL);
+  if (OptFinalize() || ShapeFinalize() || PetscFinalize()) return 1;
+  return failed;
+}
