@@ -42,6 +42,11 @@ PetscErrorCode FlowView(Flow, PetscViewer);
 PetscErrorCode FlowGetParameters(Flow, const FlowParameters **);
 PetscErrorCode FlowGetMesh(Flow, Mesh *);
 
+/* Nodes of the n listed local cells (own and ghost) have moved, or cells became part of the fluid or left it: cell_body [ncell_all] is >= 0 for cells that are none (no mass, no
+   viscosity, no convection, no rows of B). Computes anew what depends on their shape; the fields in use must already hold their values at the new places. Collective.
+   Error: a cell of the fluid with a Jacobian that is not positive. */
+PetscErrorCode FlowUpdateCells(Flow, PetscInt n, const PetscInt cells[], const PetscInt cell_body[]);
+
 /* Begin the step that ends at time and has length dt: sets the coefficients. */
 PetscErrorCode FlowBeginStep(Flow, PetscReal time, PetscReal dt);
 PetscErrorCode FlowGetStep(Flow, const FlowStep **);

@@ -17,11 +17,12 @@ struct _p_Flow {
   FlowParameters   par;
   FlowStep         step;
   PetscInt         scheme, nsteps;
-  PetscReal        dt_old;
+  PetscReal        dt_old, ahead; /* extrapolation of w in units of the old step */
   Boundary         boundary;
   ElementTables    element;
   /* geometry of the cells */
   PetscBool *affine;
+  PetscInt  *open, *visited, now; /* [nnode_all], [ncell_all] stamps: nodes whose mass is being computed, cells done */
   PetscReal *inverse, *det, *size, *b, *lumped,
     *pmass; /* [ncell_all][dim*dim], [ncell_all], [ncell_all], cell matrices of B, nodal mass, inverse mass matrices of the pressure [ncell][dim+1][dim+1] */
   /* velocity matrix of the step */
@@ -53,59 +54,92 @@ static PetscErrorCode compute_metric(Flow f, PetscInt c, ElementMetric *m)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Affine test, size, cell matrices of B and lumped mass of all local cells. Collective. */
-static PetscErrorCode compute_cells(Flow f)
+/* A cell that is no part of the fluid has zero weights: every kernel then gives zero. Its size stays as it was. */
+static PetscErrorCode empty_cell(Flow f, PetscInt c)
 {
-  const MeshLocal *l   = f->loc;
-  const PetscInt   dim = l->dim, nb = l->nb, nk = dim + 1;
+  const PetscInt dim = f->loc->dim, nk = dim + 1;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscArrayzero(f->lumped, l->nnode_all));
-  PetscCall(PetscArrayzero(f->b, l->ncell_all * nk * nb * dim));
-  for (PetscInt c = 0; c < l->ncell_all; c++) {
-    PetscReal        xc[MAX_NB * 3], first[9], volume = 0, mass[16] = {0}, *b = f->b + c * nk * nb * dim;
-    const PetscReal *centre = xc + (nb / 2) * dim;
-    ElementMetric    m;
+  f->affine[c] = PETSC_TRUE;
+  f->det[c]    = 0;
+  PetscCall(PetscArrayzero(f->b + c * nk * f->loc->nb * dim, nk * f->loc->nb * dim));
+  if (c < f->loc->ncell) PetscCall(PetscArrayzero(f->pmass + c * nk * nk, nk * nk));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
 
-    PetscCall(MeshCellCoordinates(f->mesh, c, xc));
-    f->affine[c] = PETSC_FALSE;
-    PetscCall(compute_metric(f, c, &m));
-    PetscCall(PetscArraycpy(first, m.inverse[0], dim * dim));
-    f->affine[c] = PETSC_TRUE;
-    for (PetscInt q = 0; q < f->element.nq; q++) {
-      PetscReal scale = 0, diff = 0;
+/* Affine test, size, cell matrices of B and inverse pressure mass of a cell */
+static PetscErrorCode compute_cell(Flow f, PetscInt c)
+{
+  const MeshLocal *l   = f->loc;
+  const PetscInt   dim = l->dim, nb = l->nb, nk     = dim + 1;
+  PetscReal        xc[MAX_NB * 3], first[9], volume = 0, mass[16] = {0}, *b = f->b + c * nk * nb * dim;
+  const PetscReal *centre = xc + (nb / 2) * dim;
+  ElementMetric    m;
 
-      PetscCheck(m.weight[q] > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-                 "Mesh cell near (%g, %g) has a Jacobian of %g at a quadrature point: the mesh is tangled there", (double)centre[0],
-                 (double)centre[1], (double)(m.weight[q] / f->element.weight[q]));
-      volume += m.weight[q];
-      for (PetscInt i = 0; i < dim * dim; i++) {
-        scale = PetscMax(scale, PetscAbsReal(first[i]));
-        diff  = PetscMax(diff, PetscAbsReal(first[i] - m.inverse[q][i]));
-      }
-      if (diff > 1e-10 * scale) f->affine[c] = PETSC_FALSE;
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(b, nk * nb * dim));
+  PetscCall(MeshCellCoordinates(f->mesh, c, xc));
+  f->affine[c] = PETSC_FALSE;
+  PetscCall(compute_metric(f, c, &m));
+  PetscCall(PetscArraycpy(first, m.inverse[0], dim * dim));
+  f->affine[c] = PETSC_TRUE;
+  for (PetscInt q = 0; q < f->element.nq; q++) {
+    PetscReal scale = 0, diff = 0;
+
+    PetscCheck(m.weight[q] > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "Mesh cell near (%g, %g) has a Jacobian of %g at a quadrature point: the mesh is tangled there", (double)centre[0], (double)centre[1],
+               (double)(m.weight[q] / f->element.weight[q]));
+    volume += m.weight[q];
+    for (PetscInt i = 0; i < dim * dim; i++) {
+      scale = PetscMax(scale, PetscAbsReal(first[i]));
+      diff  = PetscMax(diff, PetscAbsReal(first[i] - m.inverse[q][i]));
     }
-    PetscCall(PetscArraycpy(f->inverse + c * dim * dim, first, dim * dim));
-    f->det[c]  = m.weight[0] / f->element.weight[0];
-    f->size[c] = PetscPowReal(volume, 1.0 / dim);
-    for (PetscInt q = 0; q < f->element.nq; q++) {
-      const PetscReal *phi = f->element.phi + q * f->element.nbp;
-      PetscReal        g[3][ELEMENT_MAX_NBP], x[3] = {0, 0, 0}, psi[4];
+    if (diff > 1e-10 * scale) f->affine[c] = PETSC_FALSE;
+  }
+  PetscCall(PetscArraycpy(f->inverse + c * dim * dim, first, dim * dim));
+  f->det[c]  = m.weight[0] / f->element.weight[0];
+  f->size[c] = PetscPowReal(volume, 1.0 / dim);
+  for (PetscInt q = 0; q < f->element.nq; q++) {
+    const PetscReal *phi = f->element.phi + q * f->element.nbp;
+    PetscReal        g[3][ELEMENT_MAX_NBP], x[3] = {0, 0, 0}, psi[4];
 
-      ElementGradients(&f->element, &m, q, g);
-      for (PetscInt j = 0; j < nb; j++) {
-        f->lumped[l->cell_node[c * nb + j]] += m.weight[q] * phi[j];
-        for (PetscInt a = 0; a < dim; a++) x[a] += phi[j] * xc[j * dim + a];
-      }
-      psi[0] = 1;
-      for (PetscInt a = 0; a < dim; a++) psi[1 + a] = (x[a] - centre[a]) / f->size[c];
-      for (PetscInt k = 0; k < nk; k++) {
-        for (PetscInt n = 0; n < nk; n++) mass[k * nk + n] += m.weight[q] * psi[k] * psi[n];
-        for (PetscInt j = 0; j < nb; j++)
-          for (PetscInt a = 0; a < dim; a++) b[k * nb * dim + j * dim + a] += m.weight[q] * psi[k] * g[a][j];
-      }
+    ElementGradients(&f->element, &m, q, g);
+    for (PetscInt j = 0; j < nb; j++)
+      for (PetscInt a = 0; a < dim; a++) x[a] += phi[j] * xc[j * dim + a];
+    psi[0] = 1;
+    for (PetscInt a = 0; a < dim; a++) psi[1 + a] = (x[a] - centre[a]) / f->size[c];
+    for (PetscInt k = 0; k < nk; k++) {
+      for (PetscInt n = 0; n < nk; n++) mass[k * nk + n] += m.weight[q] * psi[k] * psi[n];
+      for (PetscInt j = 0; j < nb; j++)
+        for (PetscInt a = 0; a < dim; a++) b[k * nb * dim + j * dim + a] += m.weight[q] * psi[k] * g[a][j];
     }
-    if (c < l->ncell) DenseInvert(nk, mass, f->pmass + c * nk * nk);
+  }
+  if (c < l->ncell) DenseInvert(nk, mass, f->pmass + c * nk * nk);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Add the lumped mass of cell c to those of its nodes whose mass is being computed */
+static PetscErrorCode lump_cell(Flow f, PetscInt c)
+{
+  const PetscInt *node = f->loc->cell_node + c * f->loc->nb;
+  ElementMetric   m;
+
+  PetscFunctionBeginUser;
+  PetscCall(compute_metric(f, c, &m));
+  for (PetscInt j = 0; j < f->loc->nb; j++)
+    for (PetscInt q = 0; q < f->element.nq && f->open[node[j]] == f->now; q++)
+      f->lumped[node[j]] += m.weight[q] * f->element.phi[q * f->element.nbp + j];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* All local cells. Collective. */
+static PetscErrorCode compute_cells(Flow f)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(f->lumped, f->loc->nnode_all));
+  for (PetscInt c = 0; c < f->loc->ncell_all; c++) {
+    PetscCall(compute_cell(f, c));
+    PetscCall(lump_cell(f, c));
   }
   PetscCall(MeshSyncNodes(f->mesh, 1, f->lumped)); /* own nodes see all their cells (own or ghost); outer ghosts do not */
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -367,6 +401,11 @@ PetscErrorCode FlowPressureMassSolve(Flow f, PetscReal scale, const PetscReal r[
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static void extrapolate_convection(Flow f)
+{
+  for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->par.convection; i++) f->w[i] = f->u[i] + f->ahead * (f->u[i] - f->u_old[i]);
+}
+
 /* ---- life cycle ---- */
 
 static PetscErrorCode read_parameters(Flow f)
@@ -407,6 +446,7 @@ PetscErrorCode FlowCreate(Mesh mesh, Flow *flow)
                          &f->lumped));
   PetscCall(PetscMalloc1(l->ncell_all * (dim + 1) * l->nb * dim, &f->b));
   PetscCall(PetscMalloc1(l->ncell * (dim + 1) * (dim + 1), &f->pmass));
+  PetscCall(PetscCalloc2(l->nnode_all, &f->open, l->ncell_all, &f->visited));
   PetscCall(compute_cells(f));
   PetscCall(BoundaryCreate(mesh, &f->boundary));
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u)); /* each on its own: accepted steps swap them */
@@ -416,6 +456,35 @@ PetscErrorCode FlowCreate(Mesh mesh, Flow *flow)
   PetscCall(PetscCalloc1(l->ncell * (dim + 1), &f->p_old));
   PetscCall(create_matrix(f));
   *flow = f;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowUpdateCells(Flow f, PetscInt n, const PetscInt cells[], const PetscInt cell_body[])
+{
+  const MeshLocal *l = f->loc;
+
+  PetscFunctionBeginUser;
+  f->now++;
+  for (PetscInt e = 0; e < n; e++) {
+    if (cell_body[cells[e]] >= 0) PetscCall(empty_cell(f, cells[e]));
+    else PetscCall(compute_cell(f, cells[e]));
+    for (PetscInt j = 0; j < l->nb; j++) {
+      f->open[l->cell_node[cells[e] * l->nb + j]]   = f->now;
+      f->lumped[l->cell_node[cells[e] * l->nb + j]] = 0;
+    }
+  }
+  for (PetscInt e = 0; e < n * l->nb; e++) { /* cells around changed cells, each once, by the node that brings them */
+    const PetscInt i = l->cell_node[cells[e / l->nb] * l->nb + e % l->nb];
+
+    for (PetscInt t = l->node_cell_ptr[i]; t < l->node_cell_ptr[i + 1]; t++) {
+      if (f->visited[l->node_cell[t]] == f->now) continue;
+      f->visited[l->node_cell[t]] = f->now;
+      PetscCall(lump_cell(f, l->node_cell[t]));
+    }
+  }
+  PetscCall(MeshSyncNodes(f->mesh, 1, f->lumped));
+  f->s_ct = 0;
+  extrapolate_convection(f);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -430,6 +499,7 @@ PetscErrorCode FlowDestroy(Flow *flow)
   PetscCall(PetscFree(f->b));
   PetscCall(PetscFree(f->pmass));
   PetscCall(ElementDestroy(&f->element));
+  PetscCall(PetscFree2(f->open, f->visited));
   PetscCall(PetscFree5(f->affine, f->inverse, f->det, f->size, f->lumped));
   PetscCall(BoundaryDestroy(&f->boundary));
   PetscCall(PetscFree(f->u));
@@ -468,10 +538,8 @@ PetscErrorCode FlowGetMesh(Flow f, Mesh *mesh)
 PetscErrorCode FlowBeginStep(Flow f, PetscReal time, PetscReal dt)
 {
   FlowStep       *s     = &f->step;
-  const PetscInt  n     = f->loc->nnode_all * f->loc->dim;
   const PetscBool first = (PetscBool)(f->nsteps == 0);
   const PetscReal r     = first ? 0 : dt / f->dt_old; /* ratio of steps */
-  PetscReal       ahead = 0;                          /* extrapolation of w in units of the old step */
 
   PetscFunctionBeginUser;
   s->time  = time;
@@ -481,18 +549,18 @@ PetscErrorCode FlowBeginStep(Flow f, PetscReal time, PetscReal dt)
   s->d1    = 0;
   s->theta = f->scheme == 1 ? 0.5 : 1;
   s->order = 1;
+  f->ahead = 0;
   if (f->scheme == 2 && !first) {
     s->ct    = (1 + 2 * r) / ((1 + r) * dt);
     s->d0    = (1 + r) / dt;
     s->d1    = -r * r / ((1 + r) * dt);
-    ahead    = r;
+    f->ahead = r;
     s->order = 2;
   } else if (f->scheme == 1) {
-    ahead    = 0.5 * r;
+    f->ahead = 0.5 * r;
     s->order = first ? 1 : 2;
   }
-  if (f->par.convection)
-    for (PetscInt i = 0; i < n; i++) f->w[i] = f->u[i] + ahead * (f->u[i] - f->u_old[i]);
+  extrapolate_convection(f);
   PetscCall(BoundarySetTime(f->boundary, time));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

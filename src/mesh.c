@@ -17,7 +17,7 @@ struct _p_Mesh {
   MeshLocal    loc;
   PetscInt    *cell_node, *cell_global, *node_global, *node_cell_ptr, *node_cell;
   PetscReal   *x, *x_start; /* x_start is an array of its own once nodes have moved */
-  PetscSF      node_sf; /* ghost nodes -> owners, in local node numbers */
+  PetscSF      node_sf;     /* ghost nodes -> owners, in local node numbers */
   MPI_Datatype block[MAX_BLOCK];
   PetscInt     nboundary, **boundary_node, *boundary_count; /* [nboundary], names belong to kind */
   const char (*boundary_name)[64];
@@ -634,19 +634,25 @@ PetscErrorCode MeshMoveNodes(Mesh m, PetscInt n, const PetscInt nodes[], const P
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* PETSc 3.18 cannot reduce a contiguous type of one number */
+static MPI_Datatype block_type(Mesh m, PetscInt bs)
+{
+  return bs == 1 ? MPIU_REAL : m->block[bs - 1];
+}
+
 PetscErrorCode MeshSyncNodes(Mesh m, PetscInt bs, PetscReal v[])
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscSFBcastBegin(m->node_sf, m->block[bs - 1], v, v, MPI_REPLACE));
-  PetscCall(PetscSFBcastEnd(m->node_sf, m->block[bs - 1], v, v, MPI_REPLACE));
+  PetscCall(PetscSFBcastBegin(m->node_sf, block_type(m, bs), v, v, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(m->node_sf, block_type(m, bs), v, v, MPI_REPLACE));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode MeshSumNodes(Mesh m, PetscInt bs, PetscReal v[])
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscSFReduceBegin(m->node_sf, m->block[bs - 1], v, v, MPIU_SUM));
-  PetscCall(PetscSFReduceEnd(m->node_sf, m->block[bs - 1], v, v, MPIU_SUM));
+  PetscCall(PetscSFReduceBegin(m->node_sf, block_type(m, bs), v, v, MPIU_SUM));
+  PetscCall(PetscSFReduceEnd(m->node_sf, block_type(m, bs), v, v, MPIU_SUM));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -41,7 +41,7 @@ static void turn(Case *c, PetscInt k, PetscReal angle)
 {
   c->state->q[k][0] = PetscCosReal(angle / 2);
   c->state->q[k][1] = c->state->q[k][2] = 0;
-  c->state->q[k][3] = PetscSinReal(angle / 2);
+  c->state->q[k][3]                     = PetscSinReal(angle / 2);
 }
 
 /* Largest distance of a wall node from its wall */
@@ -76,7 +76,8 @@ static PetscReal area(Case *c, PetscBool dead)
     if ((c->r.cell_body[cell] >= 0) != dead) continue;
     OK(MeshCellCoordinates(c->mesh, cell, xc));
     for (PetscInt q = 0; q < 9; q++) {
-      const PetscReal s = g[q % 3], t = g[q / 3], a[3] = {0.5 * s * (s - 1), 1 - s * s, 0.5 * s * (s + 1)}, b[3] = {0.5 * t * (t - 1), 1 - t * t, 0.5 * t * (t + 1)};
+      const PetscReal s = g[q % 3], t = g[q / 3], a[3] = {0.5 * s * (s - 1), 1 - s * s, 0.5 * s * (s + 1)},
+                      b[3]  = {0.5 * t * (t - 1), 1 - t * t, 0.5 * t * (t + 1)};
       const PetscReal da[3] = {s - 0.5, -2 * s, s + 0.5}, db[3] = {t - 0.5, -2 * t, t + 0.5};
       PetscReal       J[4] = {0};
 
@@ -98,7 +99,8 @@ static void test_circles(void **state)
     Case c;
     char options[256];
 
-    snprintf(options, sizeof(options), "-mesh_cells 40,40 -mesh_upper 1,1 -particle_groups a -particle_a_shape circle -particle_a_radius %g -particle_a_free none -particle_a_position 0.5,0.5",
+    snprintf(options, sizeof(options),
+             "-mesh_cells 40,40 -mesh_upper 1,1 -particle_groups a -particle_a_shape circle -particle_a_radius %g -particle_a_free none -particle_a_position 0.5,0.5",
              (double)(size[n] / 40));
     open_case(&c, options);
     for (PetscInt trial = 0; trial < 40; trial++) {
@@ -127,7 +129,8 @@ static void test_ellipses(void **state)
     Case c;
     char options[256];
 
-    snprintf(options, sizeof(options), "-mesh_cells 48,48 -mesh_upper 1,1 -particle_groups a -particle_a_shape ellipse -particle_a_a %g -particle_a_b %g -particle_a_free none -particle_a_position 0.5,0.5",
+    snprintf(options, sizeof(options),
+             "-mesh_cells 48,48 -mesh_upper 1,1 -particle_groups a -particle_a_shape ellipse -particle_a_a %g -particle_a_b %g -particle_a_free none -particle_a_position 0.5,0.5",
              (double)((n + 2) * 2.0 / 48), (double)(2.0 / 48));
     open_case(&c, options);
     for (PetscInt trial = 0; trial < 40; trial++) {
@@ -140,7 +143,6 @@ static void test_ellipses(void **state)
     }
     close_case(&c);
   }
-  print_message("worst %g\n", (double)worst);
   assert_true(worst > 0.005);
 }
 
