@@ -31,6 +31,7 @@ typedef struct {
   ShapeMass mass;         /* for unit density */
   PetscReal radius;       /* bounding radius about the centroid */
   PetscReal disc;         /* radius if the shape is a disc/sphere, else 0 */
+  PetscBool hole;         /* the body is a hole of the mesh (hole.h): nothing is drawn */
 } BodyGroup;
 
 /* The state; arrays are owned by Bodies, writable by the coupling. n = number of bodies; replicated on all ranks. */

@@ -12,7 +12,7 @@ PetscErrorCode MarkCreate(Mesh, Bodies, Mark *);
 PetscErrorCode MarkDestroy(Mark *);
 
 PetscErrorCode MarkClear(Mark);
-/* Claim every local node (own or ghost) inside a body, bodies drawn at X, q. Not collective. */
+/* Claim every local node (own or ghost) inside a body that is no hole of the mesh, bodies drawn at X, q. Not collective. */
 PetscErrorCode MarkInside(Mark, PetscReal (*X)[3], PetscReal (*q)[4]);
 PetscErrorCode MarkClaim(Mark, PetscInt node, PetscInt body);
 PetscErrorCode MarkFinish(Mark);

@@ -6,6 +6,7 @@
    The work a body causes is proportional to the cells it touches. */
 #include "compat.h"
 #include "couple.h"
+#include "hole.h"
 #include "log.h"
 #include "mark.h"
 #include "opt.h"
@@ -27,6 +28,7 @@ struct _p_Couple {
   const MeshLocal *loc;
   Constraint       constraint;
   FlowSolver       solver;
+  Hole             hole; /* bodies that are holes of the mesh: nothing is marked, forces are read at the boundary */
   PetscInt         implicit, use_volume, nr;
   Rung             rung;
   Mark             mark;      /* nodes that move rigidly */
@@ -172,6 +174,7 @@ PetscErrorCode CoupleDraw(Couple c)
   PetscCall(PetscLogEventBegin(TB_MARK, 0, 0, 0, 0));
   PetscCall(FlowGetStep(c->flow, &step));
   PetscCall(BoundaryGetValues(FlowBoundary(c->flow), &fixed, &value));
+  PetscCall(HoleSetMotion(c->hole));
   PetscCall(place_bodies(c));
   PetscCall(MarkClear(c->mark));
   PetscCall((*c->rung.draw)(c));
@@ -314,6 +317,7 @@ PetscErrorCode CoupleForce(Couple c)
   for (PetscInt k = 0; k < c->s->n; k++) known = (PetscBool)(known || c->unknown[k] != (1 << c->nr) - 1);
   if (c->use_volume) {
     PetscCall(integrate_stress(c, -1, c->s->force, c->s->torque));
+    PetscCall(HoleForce(c->hole, c->u, c->p, NULL, NULL, c->s->force, c->s->torque));
   } else {
     if (known) PetscCall(sum_residuals(c, c->residual));
     for (PetscInt k = 0; k < c->s->n; k++) {
@@ -322,6 +326,7 @@ PetscErrorCode CoupleForce(Couple c)
       PetscCall(residual_force(c, k, f));
       for (PetscInt i = 0; i < c->nr; i++) *rigid_component(c, c->s->force, c->s->torque, k, i) = f[i];
     }
+    PetscCall(HoleForce(c->hole, c->u, c->p, c->s->force, c->s->torque, NULL, NULL));
   }
   PetscCall(PetscLogEventEnd(TB_FORCE, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -334,6 +339,7 @@ PetscErrorCode CoupleForceForms(Couple c, PetscInt k, PetscReal residual[6], Pet
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc2(c->s->n, &force, c->s->n, &torque));
   PetscCall(integrate_stress(c, k, force, torque));
+  PetscCall(HoleForce(c->hole, c->u, c->p, NULL, NULL, force, torque));
   for (PetscInt a = 0; a < 3; a++) {
     volume[a]     = force[k][a];
     volume[3 + a] = torque[k][a];
@@ -341,6 +347,7 @@ PetscErrorCode CoupleForceForms(Couple c, PetscInt k, PetscReal residual[6], Pet
   PetscCall(sum_residuals(c, c->residual));
   PetscCall(residual_force(c, k, f));
   for (PetscInt i = 0; i < c->nr; i++) *rigid_component(c, force, torque, k, i) = f[i];
+  PetscCall(HoleForce(c->hole, c->u, c->p, force, torque, NULL, NULL));
   for (PetscInt a = 0; a < 3; a++) {
     residual[a]     = force[k][a];
     residual[3 + a] = torque[k][a];
@@ -552,6 +559,7 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   }
   PetscCall(choose_rung(c));
   c->implicit = type == 0;
+  PetscCall(HoleCreate(flow, bodies, &c->hole));
   PetscCall(ConstraintCreate(c->mesh, n, &c->constraint));
   PetscCall(ConstraintGetRigidSize(c->constraint, &c->nr));
   PetscCall(FlowSolverCreate(flow, c->constraint, &c->solver));
@@ -572,6 +580,7 @@ PetscErrorCode CoupleDestroy(Couple *couple)
   PetscFunctionBeginUser;
   if (!c) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowSolverDestroy(&c->solver));
+  PetscCall(HoleDestroy(&c->hole));
   PetscCall(ConstraintDestroy(&c->constraint));
   PetscCall(MarkDestroy(&c->mark));
   PetscCall(PetscFree6(c->X, c->q, c->unknown, c->du_old, c->growth, c->force_old));
