@@ -16,6 +16,8 @@ PetscErrorCode BoundaryView(Boundary, PetscViewer);
 PetscErrorCode BoundarySetTime(Boundary, PetscReal time);
 /* Prescribed components: fixed [nnode_all] bit mask, value [nnode_all][dim] (may be NULL). Borrowed. */
 PetscErrorCode BoundaryGetValues(Boundary, const PetscInt *fixed[], const PetscReal *value[]);
+/* The prescribed components that belong to walls (no_slip, moving_wall, slip) and not to an inflow: [nnode_all] bit mask. Borrowed. */
+PetscErrorCode BoundaryGetWalls(Boundary, const PetscInt *wall[]);
 /* Is the pressure determined up to a constant only (no outflow)? */
 PetscErrorCode BoundaryPressureIsFloating(Boundary, PetscBool *floating);
 /* Bit mask of solid faces of the box (no_slip or moving_wall): bit 2 axis for lower, 2 axis + 1 for upper. Boundaries of other names do not count. */

@@ -41,5 +41,18 @@ PetscErrorCode CoupleAdvance(Couple);
 PetscErrorCode CoupleGetSolution(Couple, const PetscReal *u[], const PetscReal *p[]);
 /* Both forms of force and torque on body k, whatever -couple_force says. Collective. */
 PetscErrorCode CoupleForceForms(Couple, PetscInt k, PetscReal residual[6], PetscReal volume[6]);
-/* Momentum of the fluid (momentum_rate of FlowDiagnose) against what walls and bodies supply: relative error. Collective. */
+/* Balance of momentum over the step: fluid = bodies + walls + openings + volume. Each [3], force units. Where the force of a body comes from its own equation or from the residual,
+   the balance closes up to the solver's tolerance; with -couple_force volume the error is that of the volume form. */
+typedef struct {
+  PetscReal fluid[3]; /* rate of change of the momentum in the domain, rho int (c_t u - d); fluid inside bodies counts where it is part of the flow */
+  PetscReal bodies[3];   /* force of the bodies on it */
+  PetscReal walls[3];    /* force of walls (no_slip, moving_wall, slip) */
+  PetscReal openings[3]; /* traction where an inflow prescribes the velocity, less the momentum that flows out, rho int w.grad u */
+  PetscReal volume[3];   /* -flow_force over the domain */
+  PetscReal error;       /* largest component of fluid - the rest, over the sum of the sizes of all forces */
+} CoupleBalance;
+
+/* rate: momentum_rate of FlowDiagnose. Collective. */
+PetscErrorCode CoupleMomentum(Couple, const PetscReal rate[3], CoupleBalance *);
+/* Its error alone. */
 PetscErrorCode CoupleMomentumError(Couple, const PetscReal momentum_rate[3], PetscReal *error);

@@ -16,6 +16,8 @@ typedef struct _p_Hole *Hole;
    (nodes further from it than a tenth of its radius). */
 PetscErrorCode HoleCreate(Flow, Bodies, Hole *);
 PetscErrorCode HoleDestroy(Hole *);
+/* [nnode_all] the body on whose surface a node lies, or -1. Borrowed. */
+PetscErrorCode HoleGetNodeBody(Hole, const PetscInt *node_body[]);
 /* Angular velocities of the holes' bodies from the boundary condition of the present step (best fit of a rigid motion). Collective. */
 PetscErrorCode HoleSetMotion(Hole);
 /* Force and torque about the centre of mass in residual and in volume form of all bodies that are holes, from the solution u [nnode_all][dim], p [own cells][dim + 1] of the step:

@@ -22,7 +22,7 @@ typedef struct {
 struct _p_Boundary {
   Mesh             mesh;
   const MeshLocal *loc;
-  PetscInt         n, *fixed;
+  PetscInt         n, *fixed, *wall; /* bit masks of components: prescribed; prescribed by a wall */
   Condition       *condition;
   PetscReal       *value;
   PetscBool        floating;
@@ -110,7 +110,10 @@ static PetscErrorCode mark_fixed(Boundary f)
 
     outflow += f->condition[b].type == BC_OUTFLOW;
     PetscCall(MeshGetBoundaryNodes(f->mesh, b, &n, &node));
-    for (PetscInt i = 0; i < n; i++) f->fixed[node[i]] |= bits;
+    for (PetscInt i = 0; i < n; i++) {
+      f->fixed[node[i]] |= bits;
+      if (f->condition[b].type != BC_INFLOW) f->wall[node[i]] |= bits;
+    }
   }
   f->floating = (PetscBool)(outflow == 0);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -173,7 +176,7 @@ PetscErrorCode BoundaryCreate(Mesh mesh, Boundary *boundary)
   f->mesh = mesh;
   PetscCall(MeshGetLocal(mesh, &f->loc));
   PetscCall(MeshGetBoundaryCount(mesh, &f->n));
-  PetscCall(PetscCalloc3(f->n, &f->condition, f->loc->nnode_all, &f->fixed, f->loc->nnode_all * f->loc->dim, &f->value));
+  PetscCall(PetscCalloc4(f->n, &f->condition, f->loc->nnode_all, &f->fixed, f->loc->nnode_all, &f->wall, f->loc->nnode_all * f->loc->dim, &f->value));
   for (PetscInt b = 0; b < f->n; b++) PetscCall(read_boundary(f, b));
   PetscCall(mark_fixed(f));
   *boundary = f;
@@ -184,7 +187,7 @@ PetscErrorCode BoundaryDestroy(Boundary *boundary)
 {
   PetscFunctionBeginUser;
   if (!*boundary) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscFree3((*boundary)->condition, (*boundary)->fixed, (*boundary)->value));
+  PetscCall(PetscFree4((*boundary)->condition, (*boundary)->fixed, (*boundary)->wall, (*boundary)->value));
   PetscCall(PetscFree(*boundary));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -206,6 +209,13 @@ PetscErrorCode BoundaryGetValues(Boundary f, const PetscInt *fixed[], const Pets
   PetscFunctionBeginUser;
   *fixed = f->fixed;
   if (value) *value = f->value;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BoundaryGetWalls(Boundary f, const PetscInt *wall[])
+{
+  PetscFunctionBeginUser;
+  *wall = f->wall;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -28,7 +28,8 @@ struct _p_Couple {
   const MeshLocal *loc;
   Constraint       constraint;
   FlowSolver       solver;
-  Hole             hole; /* bodies that are holes of the mesh: nothing is marked, forces are read at the boundary */
+  Hole             hole;                     /* bodies that are holes of the mesh: nothing is marked, forces are read at the boundary */
+  PetscInt         nprescribed, *prescribed; /* own cells with nodes of prescribed velocity */
   PetscInt         implicit, use_volume, nr;
   Rung             rung;
   Mark             mark;      /* nodes that move rigidly */
@@ -357,61 +358,139 @@ PetscErrorCode CoupleForceForms(Couple c, PetscInt k, PetscReal residual[6], Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* What the prescribed boundary components supply: sum of the momentum residual over them; and wall[3], the sum of its sizes, by which errors are measured (in a closed box the
-   forces of the walls cancel) */
-static PetscErrorCode sum_wall_residual(Couple c, PetscReal wall[4])
+/* ---- momentum ---- */
+
+/* Own cells with prescribed nodes; these do not change */
+static PetscErrorCode list_prescribed_cells(Couple c)
 {
   const MeshLocal *l = c->loc;
   const PetscInt  *fixed;
-  const PetscReal *value;
 
   PetscFunctionBeginUser;
-  PetscCall(BoundaryGetValues(FlowBoundary(c->flow), &fixed, &value));
-  wall[0] = wall[1] = wall[2] = wall[3] = 0;
+  PetscCall(BoundaryGetValues(FlowBoundary(c->flow), &fixed, NULL));
+  PetscCall(PetscMalloc1(l->ncell, &c->prescribed));
   for (PetscInt cell = 0; cell < l->ncell; cell++) {
-    const PetscInt *node = l->cell_node + cell * l->nb;
-    PetscReal       r[MESH_MAX_NB * 3];
-    PetscInt        any = 0;
+    PetscInt any = 0;
 
-    for (PetscInt j = 0; j < l->nb; j++) any |= fixed[node[j]];
-    if (!any) continue;
-    PetscCall(FlowCellResidual(c->flow, cell, c->u, c->p, r));
-    for (PetscInt j = 0; j < l->nb; j++)
-      for (PetscInt a = 0; a < l->dim; a++)
-        if ((fixed[node[j]] >> a) & 1) {
-          wall[a] += r[j * l->dim + a];
-          wall[3] += PetscAbsReal(r[j * l->dim + a]);
-        }
+    for (PetscInt j = 0; j < l->nb; j++) any |= fixed[l->cell_node[cell * l->nb + j]];
+    if (any) c->prescribed[c->nprescribed++] = cell;
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, wall, 4, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What prescribed components supply: sums of the momentum residual over walls and over openings (holes are bodies and left out), and *size, the sum of the sizes, by which
+   errors are measured (in a closed box the forces of the walls cancel) */
+static PetscErrorCode sum_prescribed(Couple c, PetscReal walls[3], PetscReal openings[3], PetscReal *size)
+{
+  const MeshLocal *l = c->loc;
+  const PetscInt  *fixed, *wall, *hole;
+  PetscReal        sum[7] = {0};
+
+  PetscFunctionBeginUser;
+  PetscCall(BoundaryGetValues(FlowBoundary(c->flow), &fixed, NULL));
+  PetscCall(BoundaryGetWalls(FlowBoundary(c->flow), &wall));
+  PetscCall(HoleGetNodeBody(c->hole, &hole));
+  for (PetscInt i = 0; i < c->nprescribed; i++) {
+    const PetscInt *node = l->cell_node + c->prescribed[i] * l->nb;
+    PetscReal       r[MESH_MAX_NB * 3];
+
+    PetscCall(FlowCellResidual(c->flow, c->prescribed[i], c->u, c->p, r));
+    for (PetscInt j = 0; j < l->nb; j++) {
+      for (PetscInt a = 0; a < l->dim; a++) {
+        if (!((fixed[node[j]] >> a) & 1) || hole[node[j]] >= 0) continue;
+        sum[((wall[node[j]] >> a) & 1 ? 0 : 3) + a] += r[j * l->dim + a];
+        sum[6] += PetscAbsReal(r[j * l->dim + a]);
+      }
+    }
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 7, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(PetscArraycpy(walls, sum, 3));
+  PetscCall(PetscArraycpy(openings, sum + 3, 3));
+  *size = sum[6];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Forces of the bodies on the fluid: -F + inertia of the fluid inside; adds their sizes to *size */
+static PetscErrorCode sum_bodies(Couple c, PetscReal out[3], PetscReal *size)
+{
+  const FlowParameters *par;
+  const FlowStep       *step;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetParameters(c->flow, &par));
+  PetscCall(FlowGetStep(c->flow, &step));
+  out[0] = out[1] = out[2] = 0;
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    PetscReal volume;
+
+    PetscCall(BodiesGetVolume(c->bodies, k, &volume));
+    if (c->s->group[c->s->body_group[k]].hole) volume = 0;
+    for (PetscInt a = 0; a < c->loc->dim; a++) {
+      const PetscReal accel = step->ct * c->U[k * c->nr + a] - step->d0 * c->U_old[k * c->nr + a] - step->d1 * c->U_older[k * c->nr + a];
+
+      out[a] += inner_density(c, par) * volume * accel - c->s->force[k][a];
+      *size += PetscAbsReal(c->s->force[k][a]);
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* rho int (c_t u - d) and int f over the fluid; the row sums of the mass matrix integrate Q2 functions exactly */
+static PetscErrorCode sum_fluid(Couple c, PetscReal change[3], PetscReal volume[3])
+{
+  const FlowParameters *par;
+  const FlowStep       *step;
+  const PetscReal      *m;
+  const PetscInt        dim = c->loc->dim;
+  PetscReal            *u, *u_old, sum[4] = {0};
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetParameters(c->flow, &par));
+  PetscCall(FlowGetStep(c->flow, &step));
+  PetscCall(FlowGetLumpedMass(c->flow, &m));
+  PetscCall(FlowGetFields(c->flow, &u, &u_old, NULL));
+  for (PetscInt i = 0; i < c->loc->nnode; i++) {
+    for (PetscInt a = 0; a < dim; a++) {
+      const PetscInt j = i * dim + a;
+
+      sum[a] += m[i] * (step->ct * c->u[j] - step->d0 * u[j] - step->d1 * u_old[j]);
+    }
+    sum[3] += m[i];
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 4, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  for (PetscInt a = 0; a < 3; a++) {
+    change[a] = par->density * sum[a];
+    volume[a] = par->force[a] * sum[3];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleMomentum(Couple c, const PetscReal rate[3], CoupleBalance *b)
+{
+  PetscReal size = 0, diff = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(sum_prescribed(c, b->walls, b->openings, &size));
+  PetscCall(sum_bodies(c, b->bodies, &size));
+  PetscCall(sum_fluid(c, b->fluid, b->volume));
+  for (PetscInt a = 0; a < 3; a++) {
+    const PetscReal flux = rate[a] - b->fluid[a] + b->volume[a]; /* rho int w.grad u: what leaves through the openings */
+
+    size += PetscAbsReal(rate[a]);
+    diff = PetscMax(diff, PetscAbsReal(rate[a] - b->walls[a] - b->openings[a] - b->bodies[a]));
+    b->openings[a] -= flux;
+  }
+  b->error = size > 0 ? diff / size : 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode CoupleMomentumError(Couple c, const PetscReal rate[3], PetscReal *error)
 {
-  const FlowParameters *par;
-  const FlowStep       *step;
-  PetscReal             supply[4], scale, diff = 0;
+  CoupleBalance b;
 
   PetscFunctionBeginUser;
-  PetscCall(FlowGetParameters(c->flow, &par));
-  PetscCall(FlowGetStep(c->flow, &step));
-  PetscCall(sum_wall_residual(c, supply));
-  scale = supply[3];
-  for (PetscInt a = 0; a < 3; a++) scale += PetscAbsReal(rate[a]);
-  for (PetscInt k = 0; k < c->s->n; k++) { /* body on fluid = -F + inertia of the fluid inside */
-    PetscReal volume;
-
-    PetscCall(BodiesGetVolume(c->bodies, k, &volume));
-    for (PetscInt a = 0; a < c->loc->dim; a++) {
-      const PetscReal accel = step->ct * c->U[k * c->nr + a] - step->d0 * c->U_old[k * c->nr + a] - step->d1 * c->U_older[k * c->nr + a];
-
-      supply[a] += inner_density(c, par) * volume * accel - c->s->force[k][a];
-      scale += PetscAbsReal(c->s->force[k][a]);
-    }
-  }
-  for (PetscInt a = 0; a < 3; a++) diff = PetscMax(diff, PetscAbsReal(rate[a] - supply[a]));
-  *error = scale > 0 ? diff / scale : 0;
+  PetscCall(CoupleMomentum(c, rate, &b));
+  *error = b.error;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -560,6 +639,7 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   PetscCall(choose_rung(c));
   c->implicit = type == 0;
   PetscCall(HoleCreate(flow, bodies, &c->hole));
+  PetscCall(list_prescribed_cells(c));
   PetscCall(ConstraintCreate(c->mesh, n, &c->constraint));
   PetscCall(ConstraintGetRigidSize(c->constraint, &c->nr));
   PetscCall(FlowSolverCreate(flow, c->constraint, &c->solver));
@@ -581,6 +661,7 @@ PetscErrorCode CoupleDestroy(Couple *couple)
   if (!c) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowSolverDestroy(&c->solver));
   PetscCall(HoleDestroy(&c->hole));
+  PetscCall(PetscFree(c->prescribed));
   PetscCall(ConstraintDestroy(&c->constraint));
   PetscCall(MarkDestroy(&c->mark));
   PetscCall(PetscFree6(c->X, c->q, c->unknown, c->du_old, c->growth, c->force_old));

@@ -17,7 +17,7 @@ struct _p_Hole {
   const MeshLocal *loc;
   PetscInt         n;
   Surface         *surface;
-  PetscBool       *on; /* [nnode_all] on a surface */
+  PetscInt        *on; /* [nnode_all] body on whose surface the node lies, or -1 */
 };
 
 /* ---- set-up ---- */
@@ -65,16 +65,15 @@ static PetscErrorCode list_cells(Hole h, Surface *s)
   const MeshLocal *l = h->loc;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < s->nnode; i++) h->on[s->node[i]] = PETSC_TRUE;
+  for (PetscInt i = 0; i < s->nnode; i++) h->on[s->node[i]] = s->body;
   PetscCall(PetscMalloc1(l->ncell, &s->cell));
   for (PetscInt c = 0; c < l->ncell; c++) {
     PetscBool touches = PETSC_FALSE;
 
-    for (PetscInt j = 0; j < l->nb; j++) touches = (PetscBool)(touches || h->on[l->cell_node[c * l->nb + j]]);
+    for (PetscInt j = 0; j < l->nb; j++) touches = (PetscBool)(touches || h->on[l->cell_node[c * l->nb + j]] == s->body);
     if (touches) s->cell[s->ncell++] = c;
   }
   PetscCall(PetscRealloc(PetscMax(1, s->ncell) * sizeof(PetscInt), &s->cell));
-  for (PetscInt i = 0; i < s->nnode; i++) h->on[s->node[i]] = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -108,6 +107,7 @@ PetscErrorCode HoleCreate(Flow flow, Bodies bodies, Hole *hole)
   PetscCall(MeshGetLocal(h->mesh, &h->loc));
   PetscCall(BodiesGetState(bodies, &h->s));
   PetscCall(PetscCalloc2(h->s->ngroups, &h->surface, h->loc->nnode_all, &h->on));
+  for (PetscInt i = 0; i < h->loc->nnode_all; i++) h->on[i] = -1;
   for (PetscInt g = 0; g < h->s->ngroups; g++) {
     PetscInt boundary;
 
@@ -127,6 +127,13 @@ PetscErrorCode HoleDestroy(Hole *hole)
   for (PetscInt i = 0; i < h->n; i++) PetscCall(PetscFree(h->surface[i].cell));
   PetscCall(PetscFree2(h->surface, h->on));
   PetscCall(PetscFree(*hole));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode HoleGetNodeBody(Hole h, const PetscInt *node_body[])
+{
+  PetscFunctionBeginUser;
+  *node_body = h->on;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -204,8 +211,8 @@ static PetscErrorCode add_cell(Hole h, const Surface *s, PetscInt cell, const Pe
   for (PetscInt j = 0; j < l->nb; j++) {
     PetscReal arm[3] = {0, 0, 0}, pull[3] = {0, 0, 0};
 
-    alpha[j] = h->on[node[j]];
-    if (!h->on[node[j]]) continue;
+    alpha[j] = h->on[node[j]] == s->body;
+    if (h->on[node[j]] != s->body) continue;
     for (PetscInt d = 0; d < dim; d++) {
       arm[d]  = l->x[node[j] * dim + d] - X[d];
       pull[d] = -r[j * dim + d];
@@ -218,8 +225,8 @@ static PetscErrorCode add_cell(Hole h, const Surface *s, PetscInt cell, const Pe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode HoleForce(Hole h, const PetscReal u[], const PetscReal p[], PetscReal (*force)[3], PetscReal (*torque)[3], PetscReal (*volume_force)[3],
-                         PetscReal (*volume_torque)[3])
+PetscErrorCode HoleForce(Hole h, const PetscReal u[], const PetscReal p[], PetscReal (*force)[3], PetscReal (*torque)[3],
+                         PetscReal (*volume_force)[3], PetscReal (*volume_torque)[3])
 {
   const FlowParameters *par;
 
@@ -229,9 +236,7 @@ PetscErrorCode HoleForce(Hole h, const PetscReal u[], const PetscReal p[], Petsc
     const Surface *s       = h->surface + i;
     PetscReal      f[4][3] = {{0}}, volume;
 
-    for (PetscInt j = 0; j < s->nnode; j++) h->on[s->node[j]] = PETSC_TRUE;
     for (PetscInt c = 0; c < s->ncell; c++) PetscCall(add_cell(h, s, s->cell[c], u, p, f));
-    for (PetscInt j = 0; j < s->nnode; j++) h->on[s->node[j]] = PETSC_FALSE;
     PetscCall(MPIU_Allreduce(MPI_IN_PLACE, f, 12, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
     PetscCall(BodiesGetVolume(h->bodies, s->body, &volume));
     for (PetscInt d = 0; d < 3; d++) {
