@@ -51,6 +51,7 @@ typedef struct {
   PetscReal (*contact_force)[3];  /* [n] */
   PetscReal (*contact_torque)[3]; /* [n] */
   PetscReal *gap;                 /* [n] smallest gap to a wall or another body (set by contact; PETSC_MAX_REAL if far) */
+  PetscBool *gone;                /* [n] has left the domain and takes part in nothing any more */
 } BodyState;
 
 typedef struct _p_Bodies *Bodies;

@@ -239,6 +239,7 @@ static PetscErrorCode create_state(BodyState *s)
   PetscCall(PetscCalloc1(n, &s->contact_force));
   PetscCall(PetscCalloc1(n, &s->contact_torque));
   PetscCall(PetscCalloc1(n, &s->gap));
+  PetscCall(PetscCalloc1(n, &s->gone));
   for (PetscInt k = 0; k < n; k++) s->gap[k] = PETSC_MAX_REAL;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -389,6 +390,7 @@ PetscErrorCode BodiesDestroy(Bodies *bodies)
   PetscCall(PetscFree(s->contact_force));
   PetscCall(PetscFree(s->contact_torque));
   PetscCall(PetscFree(s->gap));
+  PetscCall(PetscFree(s->gone));
   PetscCall(PetscFree(*bodies));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
