@@ -113,7 +113,7 @@ static PetscReal spring_force(Contact c, const Meeting *m)
 
   if (m->gap >= c->range) return 0;
   if (m->h <= 0 || m->inverse_mass <= 0) return value;
-  return (value + rate * m->approach) / (1 + m->h * rate * m->inverse_mass);
+  return (value + rate * m->approach) / (1 + 0.5 * m->h * rate * m->inverse_mass); /* damped by the mean speed of the sub-step: second order */
 }
 
 static PetscReal spring_energy(Contact c, const Meeting *m)
@@ -124,7 +124,7 @@ static PetscReal spring_energy(Contact c, const Meeting *m)
 static PetscReal spring_time(Contact c, PetscReal stiffness, PetscReal mass)
 {
   (void)c;
-  return PetscSqrtReal(mass / stiffness);
+  return PetscSqrtReal(0.5 * mass / stiffness); /* two equal bodies */
 }
 
 /* ---- the registry ---- */
@@ -235,30 +235,36 @@ static void average_touch(PetscInt n, const Touch t[], const PetscReal share[], 
   }
 }
 
-/* Tangential spring with sliding; normal is the force pressing the bodies together. */
+/* Tangential spring with sliding; normal is the force pressing the bodies together. Spring and damper act at the end of the sub-step (implicit), so that a body at rest
+   on a slope does not creep. */
 static void add_friction(Contact c, const Pair *p, const Touch *t, PetscReal normal, PetscReal stiffness, PetscReal h, PetscReal slip[3],
                          Impulse *sum)
 {
   const PetscReal k = c->tangential * stiffness;
-  PetscReal       v[3], f[3], along, size, rate, inverse, unit[3];
+  PetscReal       v[3], f[3], unit[3], along, size, rate, inverse;
 
   relative_velocity(c, p->i, p->j, t, v);
   along = dot3(v, t->normal);
   for (PetscInt a = 0; a < 3; a++) v[a] -= along * t->normal[a];
   along = dot3(slip, t->normal); /* the plane of contact has turned */
-  for (PetscInt a = 0; a < 3; a++) slip[a] += h * v[a] - along * t->normal[a];
-  size = PetscSqrtReal(dot3(v, v));
-  for (PetscInt a = 0; a < 3; a++) unit[a] = size > 0 ? v[a] / size : 0;
-  inverse = size > 0 ? pair_inverse_mass(c, p->i, p->j, t, unit) : 0;
-  rate    = inverse > 0 ? 2 * c->damping_ratio * PetscSqrtReal(k / inverse) : 0;
-  for (PetscInt a = 0; a < 3; a++) f[a] = -k * slip[a] - rate * v[a];
+  for (PetscInt a = 0; a < 3; a++) {
+    slip[a] -= along * t->normal[a];
+    f[a] = slip[a] + h * v[a];
+  }
+  size = PetscSqrtReal(dot3(f, f));
+  for (PetscInt a = 0; a < 3; a++) unit[a] = size > 0 ? f[a] / size : 0;
+  inverse = pair_inverse_mass(c, p->i, p->j, t, unit);
+  if (inverse <= 0) return;
+  rate = 2 * c->damping_ratio * PetscSqrtReal(k / inverse);
+  for (PetscInt a = 0; a < 3; a++) f[a] = -(k * slip[a] + (k * h + rate) * v[a]) / (1 + h * inverse * (k * h + rate));
   size = PetscSqrtReal(dot3(f, f));
   if (size > c->friction * normal) {
     for (PetscInt a = 0; a < 3; a++) {
       f[a] *= c->friction * normal / size;
       slip[a] = -f[a] / k; /* it slides: the spring keeps what it can hold */
     }
-  }
+  } else
+    for (PetscInt a = 0; a < 3; a++) slip[a] += h * (v[a] + h * inverse * f[a]);
   add_force(sum, f, t->ri, t->rj);
 }
 

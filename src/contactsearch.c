@@ -14,8 +14,18 @@ typedef struct {
   Contact   c;
   PetscInt  n, nimages, room; /* items: n bodies, then images */
   PetscInt *body;             /* [nimages] of image n + m */
+  PetscReal widest;           /* half-width: how far boxes stick out of the domain, to meet images there */
   PetscReal (*shift)[3];      /* [nimages] */
 } Items;
+
+/* Centre of body k, moved into the domain where that is periodic */
+static void place_body(Contact c, PetscInt k, PetscReal x[3])
+{
+  for (PetscInt a = 0; a < 3; a++) {
+    x[a] = c->x[k][a];
+    if (c->period[a] > 0) x[a] -= c->period[a] * PetscFloorReal((x[a] - c->lower[a]) / c->period[a]);
+  }
+}
 
 static PetscReal reach_of(Contact c, PetscInt k)
 {
@@ -56,13 +66,15 @@ static PetscErrorCode test_pair(Contact c, PetscInt i, PetscInt j, const PetscRe
 {
   const Kind     *ki = ContactKind(c, i), *kj = ContactKind(c, j);
   const PetscReal reach = ki->radius + kj->radius + c->horizon + c->listed[i].reach + c->listed[j].reach;
-  PetscReal       d2    = 0;
+  PetscReal       d2    = 0, xi[3], xj[3];
 
   PetscFunctionBeginUser;
   c->tests++;
   if ((!ki->moves && !kj->moves) || c->s->gone[i] || c->s->gone[j]) PetscFunctionReturn(PETSC_SUCCESS);
+  place_body(c, i, xi);
+  place_body(c, j, xj);
   for (PetscInt a = 0; a < c->dim; a++) {
-    const PetscReal d = c->x[i][a] - c->x[j][a] - shift[a];
+    const PetscReal d = xi[a] - xj[a] - shift[a];
 
     if (c->period[a] > 0 && (d >= 0.5 * c->period[a] || d < -0.5 * c->period[a])) PetscFunctionReturn(PETSC_SUCCESS);
     d2 += d * d;
@@ -124,8 +136,10 @@ static PetscErrorCode add_images(Items *it, Cells cells, PetscInt k)
 {
   Contact         c    = it->c;
   const PetscReal half = half_width(c, k);
+  PetscReal       x[3];
 
   PetscFunctionBeginUser;
+  place_body(c, k, x);
   for (PetscInt image = 0; image < (c->dim == 2 ? 9 : 27); image++) {
     const PetscInt step[3] = {image % 3 - 1, (image / 3) % 3 - 1, c->dim == 2 ? 0 : image / 9 - 1};
     PetscBool      reaches = (PetscBool)(step[0] || step[1] || step[2]);
@@ -133,8 +147,8 @@ static PetscErrorCode add_images(Items *it, Cells cells, PetscInt k)
 
     for (PetscInt a = 0; a < 3; a++) {
       shift[a] = step[a] * c->period[a];
-      y[a]     = c->x[k][a] + shift[a];
-      if (step[a] && (c->period[a] == 0 || y[a] + half < c->lower[a] || y[a] - half > c->upper[a])) reaches = PETSC_FALSE;
+      y[a]     = x[a] + shift[a];
+      if (step[a] && (c->period[a] == 0 || y[a] + half + it->widest < c->lower[a] || y[a] - half - it->widest > c->upper[a])) reaches = PETSC_FALSE;
     }
     if (!reaches) continue;
     if (it->nimages == it->room) {
@@ -154,12 +168,16 @@ static PetscErrorCode search_cells(Contact c)
   const PetscInt  n        = c->s->n;
   const PetscBool periodic = (PetscBool)(c->period[0] > 0 || c->period[1] > 0 || c->period[2] > 0);
   Items           it       = {.c = c, .n = n};
+  PetscReal       x[3];
   Cells           cells;
 
   PetscFunctionBeginUser;
   PetscCall(CellsCreate(c->dim, c->lower, c->upper, choose_cell_size(c), 4 * n + 64, &cells));
-  for (PetscInt k = 0; k < n; k++)
-    if (!c->s->gone[k]) PetscCall(CellsInsert(cells, k, c->x[k], half_width(c, k)));
+  for (PetscInt k = 0; k < n; k++) {
+    place_body(c, k, x);
+    it.widest = PetscMax(it.widest, half_width(c, k));
+    if (!c->s->gone[k]) PetscCall(CellsInsert(cells, k, x, half_width(c, k)));
+  }
   for (PetscInt k = 0; k < n && periodic; k++)
     if (!c->s->gone[k]) PetscCall(add_images(&it, cells, k));
   PetscCall(CellsForPairs(cells, visit_items, &it));
@@ -174,9 +192,11 @@ static PetscErrorCode search_all(Contact c)
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < c->s->n; i++)
     for (PetscInt j = i + 1; j < c->s->n; j++) {
-      PetscReal d[3] = {0, 0, 0}, shift[3] = {0, 0, 0};
+      PetscReal d[3] = {0, 0, 0}, shift[3] = {0, 0, 0}, xi[3], xj[3];
 
-      for (PetscInt a = 0; a < c->dim; a++) d[a] = shift[a] = c->x[i][a] - c->x[j][a];
+      place_body(c, i, xi);
+      place_body(c, j, xj);
+      for (PetscInt a = 0; a < c->dim; a++) d[a] = shift[a] = xi[a] - xj[a];
       ContactWrap(c, d);
       for (PetscInt a = 0; a < c->dim; a++) shift[a] -= d[a];
       PetscCall(test_pair(c, i, j, shift));

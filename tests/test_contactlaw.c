@@ -1,0 +1,395 @@
+/* Contact: restitution, friction, lubrication, shapes of all kinds, search methods, energy; bodies alone. */
+/* ranks: 1 2 */
+#include "contactcore.h"
+#include <stdio.h>
+#include <unistd.h>
+
+#define DISCS(n) \
+  "-particle_groups a -particle_a_shape circle -particle_a_radius 0.1 -particle_a_density 1 -particle_a_place lattice -particle_a_count " #n " "
+
+static void create_dry(Fixture *f, PetscInt dim, PetscReal h, const PetscReal gravity[3], const PetscReal upper[3], PetscInt walls,
+                       const char options[])
+{
+  OK(PetscOptionsClear(NULL));
+  OK(PetscOptionsInsertString(NULL, options));
+  OK(BodiesCreate(dim, zero, upper, &f->b));
+  OK(BodiesGetState(f->b, &f->s));
+  OK(ContactCreate(f->b, h, 0, gravity, zero, upper, walls, &f->c));
+  allocate(f);
+}
+
+/* ---- spring ---- */
+
+/* Head-on: speed of separation in that of approach, for pairs of unequal masses and for a wall */
+static PetscReal collide(PetscReal e, PetscReal density, PetscBool wall)
+{
+  char      options[512];
+  Fixture   f;
+  PetscReal m[2], before, after;
+
+  snprintf(options, sizeof(options),
+           "-particle_groups a,b -particle_a_shape circle -particle_a_radius 0.1 -particle_a_density 1 -particle_a_position 0.3,0.5 -particle_a_velocity 1,0 "
+           "-particle_b_shape circle -particle_b_radius 0.15 -particle_b_density %g -particle_b_position 0.6,%g -contact_law spring -contact_range 0.02 "
+           "-contact_restitution %g",
+           (double)density, wall ? 0.2 : 0.5, (double)e);
+  create_dry(&f, 2, 1, zero, (const PetscReal[3]){1, 1, 1}, wall ? 2 : 0, options);
+  if (wall) f.s->x[1][1] = 0.8;
+  for (PetscInt k = 0; k < 2; k++) OK(ContactGetMass(f.c, k, &m[k], NULL));
+  before = f.s->u[0][0] - f.s->u[1][0];
+  for (PetscInt i = 0; i < 700; i++) OK(ContactAdvanceAlone(f.c, 1e-3));
+  after = f.s->u[1][0] - f.s->u[0][0];
+  if (!wall) near((m[0] * f.s->u[0][0] + m[1] * f.s->u[1][0]) / m[0], 1, 1e-13);
+  near(f.s->u[0][1], 0, 0);
+  destroy(&f);
+  return after / before;
+}
+
+static void test_restitution(void **state)
+{
+  const PetscReal e[] = {1, 0.8, 0.5, 0.2};
+
+  (void)state;
+  for (size_t i = 0; i < 4; i++) {
+    near(collide(e[i], 1, PETSC_FALSE), e[i], 0.02);
+    near(collide(e[i], 30, PETSC_FALSE), e[i], 0.02);
+    near(collide(e[i], 1, PETSC_TRUE), e[i], 0.02);
+  }
+}
+
+/* A disc slides on the floor: it slows down by mu g until it rolls at 2/3 of its first speed. Without friction it slides on. */
+static void test_sliding(void **state)
+{
+  const PetscReal mu[] = {0.3, 0}, upper[3] = {9, 1, 1}, early = 0.2, dt = 1e-3;
+
+  (void)state;
+  for (PetscInt i = 0; i < 2; i++) {
+    char    options[512];
+    Fixture f;
+
+    snprintf(options, sizeof(options),
+             "-particle_groups a -particle_a_shape circle -particle_a_radius 0.1 -particle_a_density 1 -particle_a_position 0.5,0.1098 -particle_a_velocity 3,0 "
+             "-contact_law spring -contact_range 0.01 -contact_spring_stiffness 2000 -contact_friction %g",
+             (double)mu[i]);
+    create_dry(&f, 2, 1, down, upper, 4, options);
+    for (PetscInt s = 0; s < early / dt; s++) OK(ContactAdvanceAlone(f.c, dt));
+    near(f.s->u[0][0], 3 - mu[i] * 10 * early, 0.01);
+    near(f.s->w[0][2], -mu[i] * 10 * early * 2 / 0.1, 0.3);
+    for (PetscInt s = 0; s < 0.5 / dt; s++) OK(ContactAdvanceAlone(f.c, dt));
+    near(f.s->u[0][0], mu[i] > 0 ? 2 : 3, 0.02);
+    near(f.s->w[0][2], mu[i] > 0 ? -20 : 0, 0.2);
+    destroy(&f);
+  }
+}
+
+/* On a slope, without rotation: below the angle of friction it stays, above it slides with g_x - mu g_y. */
+static void test_slope(void **state)
+{
+  const PetscReal upper[3] = {9, 1, 1}, dt = 1e-3;
+
+  (void)state;
+  for (PetscInt steep = 0; steep < 2; steep++) {
+    const PetscReal g[3] = {steep ? 5 : 2, -10, 0};
+    Fixture         f;
+
+    create_dry(&f, 2, 1, g, upper, 4,
+               "-particle_groups a -particle_a_shape circle -particle_a_radius 0.1 -particle_a_density 1 -particle_a_position 0.5,0.1098 -particle_a_free x,y "
+               "-contact_law spring -contact_range 0.01 -contact_spring_stiffness 2000 -contact_friction 0.3 -contact_restitution 0.2");
+    for (PetscInt s = 0; s < 1000; s++) OK(ContactAdvanceAlone(f.c, dt));
+    near(f.s->u[0][0], steep ? 2 : 0, steep ? 0.05 : 1e-4);
+    near(f.s->x[0][0] - 0.5, steep ? 1 : 0, steep ? 0.05 : 0.001);
+    destroy(&f);
+  }
+}
+
+/* ---- lubrication ---- */
+
+static PetscReal film(PetscInt dim, PetscReal R, PetscReal gap)
+{
+  return dim == 2 ? 3 * PetscSqrtReal(2) * PETSC_PI * PetscPowReal(R / gap, 1.5) : 6 * PETSC_PI * R * R / gap;
+}
+
+static PetscReal film_force(PetscInt dim, const char shape[], PetscReal apart, PetscReal angle)
+{
+  char      options[512];
+  Fixture   f;
+  PetscReal force;
+
+  snprintf(options, sizeof(options),
+           "-particle_groups a -particle_a_shape %s -particle_a_density 1 -particle_a_place lattice -particle_a_count 2 -particle_a_angle %g "
+           "-contact_lubrication -contact_range 1e-6 -contact_lubrication_range 0.04 -contact_roughness 1e-4 -contact_stiffness 1e-9",
+           shape, (double)angle);
+  create(&f, dim, 0.04, zero, zero, (const PetscReal[3]){2, 2, 2}, 0, options);
+  OK(ContactSetViscosity(f.c, 0.7));
+  for (PetscInt k = 0; k < 2; k++)
+    for (PetscInt a = 0; a < dim; a++) {
+      f.s->x[k][a] = 1 + (a == 0) * (k - 0.5) * apart;
+      f.s->u[k][a] = (a == 0) * (k ? -1 : 1) * 0.25;
+    }
+  evaluate(&f);
+  force = f.force[1][0] / (0.7 * 0.5);
+  near(f.force[0][0], -f.force[1][0], 0);
+  for (PetscInt k = 0; k < 2; k++) f.s->u[k][0] *= -1; /* drawn apart: the film holds them */
+  evaluate(&f);
+  near(f.force[1][0], -force * 0.7 * 0.5, 1e-12 * PetscAbsReal(force));
+  destroy(&f);
+  return force;
+}
+
+static void test_film(void **state)
+{
+  const PetscReal gaps[] = {0.03, 0.01, 0.001};
+
+  (void)state;
+  for (size_t i = 0; i < 3; i++) {
+    const PetscReal g = gaps[i];
+
+    near(film_force(2, "circle -particle_a_radius 0.2", 0.4 + g, 0) / (film(2, 0.1, g) - film(2, 0.1, 0.04)), 1, 1e-12);
+    near(film_force(3, "circle -particle_a_radius 0.2", 0.4 + g, 0) / (film(3, 0.1, g) - film(3, 0.1, 0.04)), 1, 1e-12);
+  }
+  near(film_force(2, "circle -particle_a_radius 0.2", 0.441, 0), 0, 0);
+  near(film_force(2, "circle -particle_a_radius 0.2", 0.40001, 0), film(2, 0.1, 1e-4) - film(2, 0.1, 0.04), 1e-9); /* not below the roughness */
+  /* the flat sides of two ellipses: radius of curvature a^2/b each */
+  near(film_force(2, "ellipse -particle_a_a 0.24 -particle_a_b 0.16", 0.33, 0.5 * PETSC_PI) / (film(2, 0.18, 0.01) - film(2, 0.18, 0.04)), 1, 0.04);
+}
+
+/* A disc thrown at a wall through a film comes to rest before it touches; without it, it bounces. */
+static void test_film_stops(void **state)
+{
+  (void)state;
+  for (PetscInt wet = 0; wet < 2; wet++) {
+    char    options[512];
+    Fixture f;
+
+    snprintf(options, sizeof(options), DISCS(1) "-contact_law spring -contact_range 0.001 -contact_restitution 0.9 -contact_spring_stiffness 1e4 %s",
+             wet ? "-contact_lubrication -contact_lubrication_range 0.05 -contact_roughness 1e-4" : "");
+    create_dry(&f, 2, 0.05, zero, one, 2, options);
+    OK(ContactSetViscosity(f.c, 0.1));
+    f.s->u[0][0] = 1;
+    for (PetscInt i = 0; i < 1000; i++) OK(ContactAdvanceAlone(f.c, 1e-3));
+    near(f.s->u[0][0], wet ? 0 : -0.9, 0.02);
+    if (wet) assert_true(f.s->x[0][0] < 0.9 && f.s->x[0][0] > 0.85);
+    destroy(&f);
+  }
+}
+
+/* ---- all kinds of shapes ---- */
+
+static const char ZOO[] =
+  "-particle_groups e,l,p,c -particle_e_shape ellipse -particle_e_a 0.12 -particle_e_b 0.05 -particle_e_density 2 -particle_e_place random -particle_e_count 6 "
+  "-particle_l_shape leaflet -particle_l_length 0.3 -particle_l_thickness 0.05 -particle_l_density 1 -particle_l_place random -particle_l_count 5 -particle_l_angle 1 "
+  "-particle_p_shape polygon -particle_p_file %s -particle_p_density 1.5 -particle_p_place random -particle_p_count 6 -particle_p_angle 0.3 "
+  "-particle_c_shape circle -particle_c_radius 0.07 -particle_c_density 3 -particle_c_place random -particle_c_count 5 %s";
+
+static void write_square(char path[], size_t len)
+{
+  PetscMPIInt rank;
+  FILE       *file;
+
+  OK(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
+  snprintf(path, len, "/tmp/test_contactlaw.%d.%d.csv", (int)getpid(), (int)rank);
+  OK(MPI_Bcast(path, (int)len, MPI_CHAR, 0, PETSC_COMM_WORLD));
+  if (rank == 0) {
+    file = fopen(path, "w");
+    assert_non_null(file);
+    fprintf(file, "-0.09,-0.09\n0.09,-0.09\n0.09,0.09\n-0.09,0.09\n");
+    assert_int_equal(fclose(file), 0);
+  }
+  OK(MPI_Barrier(PETSC_COMM_WORLD));
+}
+
+/* Bodies of four shapes fly about in a closed box: momentum of the bodies changes only by what the walls give, and nothing overlaps by more than 2 % of its size. */
+static void test_zoo(void **state)
+{
+  const PetscReal upper[3] = {2, 2, 1};
+  char            options[1600], path[256];
+
+  (void)state;
+  write_square(path, sizeof(path));
+  for (PetscInt law = 0; law < 2; law++)
+    for (PetscInt walls = 0; walls < 16; walls += 15) {
+      Fixture   f;
+      PetscReal least = PETSC_MAX_REAL, sum[2] = {0, 0}, push = 0;
+      PetscInt  met = 0;
+
+      snprintf(options, sizeof(options), ZOO, path,
+               law ? "-contact_law spring -contact_friction 0.3 -contact_range 0.02 -particle_c_velocity 1,0" : "-contact_range 0.02");
+      create_dry(&f, 2, 0.04, zero, upper, walls, options);
+      for (PetscInt k = 0; k < f.s->n; k++)
+        for (PetscInt a = 0; a < 2; a++) f.s->u[k][a] = 1 - f.s->x[k][a] + (a ? 0.4 : -0.4) * (k % 3 - 1);
+      OK(ContactDestroy(&f.c)); /* the spring takes its scale from the first speeds */
+      OK(ContactCreate(f.b, 0.04, 0, zero, zero, upper, walls, &f.c));
+      for (PetscInt i = 0; i < (walls ? 150 : 60); i++) {
+        PetscReal total[2] = {0, 0};
+
+        OK(ContactAdvanceAlone(f.c, 0.01));
+        least = PetscMin(least, smallest(&f, f.s->gap));
+        met += smallest(&f, f.s->gap) < 0.02;
+        for (PetscInt k = 0; k < f.s->n; k++)
+          for (PetscInt a = 0; a < 2; a++) {
+            total[a] += f.s->contact_force[k][a];
+            push = PetscMax(push, PetscAbsReal(f.s->contact_force[k][a]));
+          }
+        for (PetscInt a = 0; a < 2; a++) sum[a] = PetscMax(sum[a], PetscAbsReal(total[a]));
+      }
+      assert_true(met > 20);
+      if (!walls && !(sum[0] < 1e-12 * push && sum[1] < 1e-12 * push))
+        fail_msg("momentum is lost: %g, %g of %g", (double)sum[0], (double)sum[1], (double)push);
+      if (!(least > -0.02 * 0.14)) fail_msg("law %d, walls %d: bodies overlap by %g", (int)law, (int)walls, (double)-least);
+      for (PetscInt k = 0; k < f.s->n && walls; k++)
+        for (PetscInt a = 0; a < 2; a++) assert_true(f.s->x[k][a] > 0 && f.s->x[k][a] < 2);
+      destroy(&f);
+    }
+  OK(MPI_Barrier(PETSC_COMM_WORLD));
+  (void)remove(path);
+}
+
+/* ---- search ---- */
+
+/* The same motion, bit for bit, whether neighbours are found by cells with a skin or by comparing all pairs, also across periodic faces */
+static void test_search(void **state)
+{
+  (void)state;
+  for (PetscInt periodic = 0; periodic < 2; periodic++) {
+    Fixture  f[2];
+    PetscInt searches = 0, tests[2], steps = 200;
+
+    for (PetscInt brute = 0; brute < 2; brute++) {
+      char options[512];
+
+      snprintf(options, sizeof(options),
+               "-particle_groups b,a -particle_a_shape circle -particle_a_radius 0.015 -particle_a_density 2 -particle_a_place random -particle_a_count 200 "
+               "-particle_b_shape circle -particle_b_radius 0.1 -particle_b_density 2 -particle_b_place random -particle_b_count 3 -contact_range 0.004 -couple_search %s",
+               brute ? "brute" : "cells");
+      create_dry(&f[brute], 2, 0.008, down, one, periodic ? 12 : 15, options);
+      if (periodic) OK(ContactSetPeriod(f[brute].c, (const PetscReal[3]){1, 0, 0}));
+      for (PetscInt k = 0; k < f[brute].s->n; k++) f[brute].s->u[k][0] = 1 - 2 * f[brute].s->x[k][1];
+    }
+    for (PetscInt i = 0; i < steps; i++) {
+      for (PetscInt brute = 0; brute < 2; brute++) {
+        OK(ContactAdvanceAlone(f[brute].c, 1e-3));
+        OK(ContactGetWork(f[brute].c, &tests[brute], NULL, NULL));
+      }
+      searches += tests[0] > 0;
+      for (PetscInt k = 0; k < f[0].s->n; k++)
+        for (PetscInt a = 0; a < 2; a++) {
+          near(f[0].s->x[k][a], f[1].s->x[k][a], 0);
+          near(f[0].s->contact_force[k][a], f[1].s->contact_force[k][a], 0);
+        }
+    }
+    assert_true(searches < steps);
+    if (periodic) { /* two discs meet across the face */
+      f[0].s->x[0][0] = 0.05, f[0].s->x[1][0] = 0.852;
+      f[0].s->x[0][1] = f[0].s->x[1][1] = 0.5;
+      evaluate(&f[0]);
+      near(f[0].gap[1], PetscMin(f[0].gap[1], -0.002 + 1e-12), 1e-12);
+    }
+    destroy(&f[0]);
+    destroy(&f[1]);
+  }
+}
+
+/* ---- energy ---- */
+
+static PetscReal kinetic(const Fixture *f, PetscReal height)
+{
+  PetscReal sum = 0;
+
+  for (PetscInt k = 0; k < f->s->n; k++) {
+    PetscReal m, in[6];
+
+    OK(ContactGetMass(f->c, k, &m, in));
+    sum += 0.5 * m * (PetscSqr(f->s->u[k][0]) + PetscSqr(f->s->u[k][1])) + 0.5 * in[2] * PetscSqr(f->s->w[k][2]) + 10 * m * (f->s->x[k][1] - height);
+  }
+  return sum;
+}
+
+/* Kinetic, potential and stored energy add up: constant without losses; with damping and friction they fall, and the work of contact says by how much. */
+static void test_energy(void **state)
+{
+  const char *laws[] = {"-contact_restitution 1", "-contact_restitution 0.5 -contact_friction 0.4"};
+
+  (void)state;
+  for (PetscInt lossy = 0; lossy < 2; lossy++) {
+    char      options[512];
+    Fixture   f;
+    PetscReal first, last, stored, work, before = PETSC_MAX_REAL;
+
+    snprintf(options, sizeof(options),
+             "-particle_groups a -particle_a_shape circle -particle_a_radius 0.05 -particle_a_density 2 -particle_a_place random -particle_a_margin 0.011 -particle_a_lower 0.011,0.011 -particle_a_upper 0.989,0.989 -particle_a_count 30 "
+             "-contact_law spring -contact_range 0.01 -contact_spring_stiffness 5000 %s",
+             laws[lossy]);
+    create_dry(&f, 2, 0.02, down, one, 15, options);
+    first = kinetic(&f, 0);
+    for (PetscInt i = 0; i < 400; i++) {
+      OK(ContactAdvanceAlone(f.c, 2e-3));
+      OK(ContactGetEnergy(f.c, &stored, &work));
+      if (lossy) assert_true(stored + work < before + 0.005 * first);
+      before = stored + work;
+    }
+    last = kinetic(&f, 0);
+    near((last - first - work) / first, 0, 1e-9);
+    if (lossy) assert_true(last + stored < 0.6 * first);
+    else near((last + stored) / first, 1, 0.02);
+    destroy(&f);
+  }
+}
+
+/* ---- mistakes ---- */
+
+static void refused(const char options[], const char what[])
+{
+  Fixture        f;
+  PetscErrorCode got;
+
+  OK(PetscOptionsClear(NULL));
+  OK(PetscOptionsInsertString(NULL, options));
+  OK(BodiesCreate(2, zero, one, &f.b));
+  OK(PetscPushErrorHandler(record_error, NULL));
+  got = ContactCreate(f.b, 0.1, 1, zero, zero, one, 0, &f.c);
+  OK(PetscPopErrorHandler());
+  if (!got || !strstr(raised, what)) fail_msg("%s: got %d, '%s'", options, (int)got, raised);
+  OK(BodiesDestroy(&f.b));
+}
+
+static void test_mistakes(void **state)
+{
+  (void)state;
+  refused(DISCS(2) "-contact_law spring", "-contact_spring_stiffness");
+  refused(DISCS(2) "-contact_law spring -contact_restitution 1.2", "-contact_restitution");
+  refused(DISCS(2) "-contact_eps_overlap 1", "needs -contact_eps");
+  refused(DISCS(2) "-contact_law none -contact_lubrication", "-contact_law");
+  refused(DISCS(2) "-contact_law hard", "repulsive, spring, none");
+}
+
+/* The literal parameters of the method: force (Ri + Rj) (r - gap)^2/eps, overlap (Ri + Rj)/eps' */
+static void test_eps(void **state)
+{
+  Fixture f;
+
+  (void)state;
+  create(&f, 2, 0.02, zero, zero, one, 1, DISCS(2) "-contact_range 0.02 -contact_eps 1e-3 -contact_eps_overlap 4e-3 -contact_wall_factor 2");
+  f.s->x[0][0] = 0.105;
+  f.s->x[1][0] = 0.105 + 0.2 + 0.01;
+  f.s->x[0][1] = f.s->x[1][1] = 0.5;
+  evaluate(&f);
+  near(f.force[1][0], 0.2 * 1e-4 / 1e-3, 1e-12);
+  near(f.force[0][0], 2 * 0.2 * PetscSqr(0.015) / 1e-3 - 0.2 * 1e-4 / 1e-3, 1e-12);
+  f.s->x[1][0] = 0.105 + 0.2 - 0.01;
+  evaluate(&f);
+  near(f.force[1][0], 0.2 * 4e-4 / 1e-3 + 0.2 * 0.01 / 4e-3, 1e-12);
+  destroy(&f);
+}
+
+int main(int argc, char **argv)
+{
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_restitution), cmocka_unit_test(test_sliding),    cmocka_unit_test(test_slope),
+                                     cmocka_unit_test(test_film),        cmocka_unit_test(test_film_stops), cmocka_unit_test(test_zoo),
+                                     cmocka_unit_test(test_search),      cmocka_unit_test(test_energy),     cmocka_unit_test(test_mistakes),
+                                     cmocka_unit_test(test_eps)};
+  int                     failed;
+
+  if (PetscInitialize(&argc, &argv, NULL, NULL)) return 1;
+  failed = cmocka_run_group_tests(tests, NULL, NULL);
+  if (ShapeFinalize() || OptFinalize() || PetscFinalize()) return 1;
+  return failed;
+}
