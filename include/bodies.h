@@ -67,6 +67,9 @@ PetscErrorCode BodiesGetState(Bodies, BodyState **);
 PetscErrorCode BodiesGetVolume(Bodies, PetscInt k, PetscReal *volume);
 PetscErrorCode BodiesGetInertia(Bodies, PetscInt k, PetscBool per_density, PetscReal inertia[6]);
 
+/* Kinetic energy of all bodies, translation and rotation. */
+PetscErrorCode BodiesGetEnergy(Bodies, PetscReal *energy);
+
 /* Signed distance of n points x [n][dim] in space to body k drawn at centre X[3], orientation q[4] (NULL: the current ones).
    Not collective, allocates nothing. */
 PetscErrorCode BodiesDistance(Bodies, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt n, const PetscReal x[], PetscReal d[]);

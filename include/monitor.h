@@ -5,7 +5,8 @@
    and a one-page summary. The files grow line by line and are flushed, so that a running or killed job can be read.
    Units are those of the scene; the columns' suffixes _s and _rad are time and angle.
 
-   Columns: step,time_s,dt_s,cfl,outer_iterations,divergence,kinetic_energy,momentum_error,seconds,seconds_nse,seconds_force,seconds_particle
+   Columns: step,time_s,dt_s,cfl,outer_iterations,divergence,kinetic_energy,momentum_error,seconds,seconds_nse,seconds_force,seconds_particle,
+            bodies_energy,contact_energy,contact_work
             (series.csv; seconds: wall clock of the step, and of its phases on rank 0)
             step,time_s,body,group,x,y,z,angle_rad,u,v,w,omega_x,omega_y,omega_z,force_x,force_y,force_z,torque_x,torque_y,torque_z,gap,radius
             (bodies.csv; force and torque of the fluid, gap inf if nothing is near, radius 0 if the body is no disc or sphere;
@@ -23,6 +24,8 @@ typedef struct {
   PetscReal cfl;
   PetscInt  outer_iterations;
   PetscReal divergence, kinetic_energy, momentum_error;
+  PetscReal bodies_energy, contact_energy,
+    contact_work;    /* kinetic energy of the bodies; energy stored in contacts; work of contact on the bodies since the beginning */
   PetscReal seconds; /* wall clock of this step */
 } MonitorStep;
 

@@ -455,6 +455,24 @@ PetscErrorCode BodiesGetInertia(Bodies b, PetscInt k, PetscBool per_density, Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode BodiesGetEnergy(Bodies b, PetscReal *energy)
+{
+  const BodyState *s = &b->state;
+
+  PetscFunctionBeginUser;
+  *energy = 0;
+  for (PetscInt k = 0; k < s->n; k++) {
+    const BodyGroup *g = &s->group[s->body_group[k]];
+    PetscReal        inertia[6], L[3];
+
+    if (s->gone[k]) continue;
+    PetscCall(BodiesGetInertia(b, k, PETSC_FALSE, inertia));
+    apply_tensor(inertia, s->w[k], L);
+    for (PetscInt a = 0; a < 3; a++) *energy += 0.5 * (g->density * g->mass.volume * PetscSqr(s->u[k][a]) + s->w[k][a] * L[a]);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode BodiesDistance(Bodies b, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt n, const PetscReal x[], PetscReal d[])
 {
   const PetscInt   dim = b->state.dim;

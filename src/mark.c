@@ -97,7 +97,7 @@ PetscErrorCode MarkInside(Mark m, PetscReal (*X)[3], PetscReal (*q)[4])
 {
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < m->s->n; k++) {
-    if (m->s->group[m->s->body_group[k]].hole) continue;
+    if (m->s->gone[k] || m->s->group[m->s->body_group[k]].hole) continue;
     for (PetscInt image = 0; image < (m->loc->dim == 2 ? 9 : 27); image++) {
       PetscReal Xi[3];
 

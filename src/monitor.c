@@ -235,7 +235,8 @@ static void print_series(FILE *f, const MonitorStep *s, const PetscReal seconds[
 {
   fprintf(f, "%" PetscInt_FMT ",%.12g,%.12g,%.6g,%" PetscInt_FMT, s->step, (double)s->time, (double)s->dt, (double)s->cfl, s->outer_iterations);
   fprintf(f, ",%.6g,%.12g,%.6g,%.6g", (double)s->divergence, (double)s->kinetic_energy, (double)s->momentum_error, (double)s->seconds);
-  fprintf(f, ",%.6g,%.6g,%.6g\n", (double)seconds[MONITOR_NSE], (double)seconds[MONITOR_FORCE], (double)seconds[MONITOR_PARTICLE]);
+  fprintf(f, ",%.6g,%.6g,%.6g", (double)seconds[MONITOR_NSE], (double)seconds[MONITOR_FORCE], (double)seconds[MONITOR_PARTICLE]);
+  fprintf(f, ",%.9g,%.9g,%.9g\n", (double)s->bodies_energy, (double)s->contact_energy, (double)s->contact_work);
 }
 
 static PetscErrorCode append_lines(Monitor m, const MonitorStep *s, const PetscReal seconds[])
@@ -536,7 +537,7 @@ PetscErrorCode MonitorOpen(Monitor m, const char dir[])
   PetscCall(write_options(m));
   PetscCall(
     open_file(m, "series.csv",
-              "step,time_s,dt_s,cfl,outer_iterations,divergence,kinetic_energy,momentum_error,seconds,seconds_nse,seconds_force,seconds_particle\n",
+              "step,time_s,dt_s,cfl,outer_iterations,divergence,kinetic_energy,momentum_error,seconds,seconds_nse,seconds_force,seconds_particle,bodies_energy,contact_energy,contact_work\n",
               &m->series));
   PetscCall(
     open_file(m, "bodies.csv",

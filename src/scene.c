@@ -21,6 +21,8 @@ static PetscErrorCode build(SimParts *part)
   PetscCall(CoupleCreate(part->flow, part->bodies, &part->couple));
   PetscCall(BoundaryGetSolidFaces(FlowBoundary(part->flow), &walls));
   PetscCall(ContactCreate(part->bodies, l->h, par->density, par->gravity, l->lower, l->upper, walls, &part->contact));
+  PetscCall(ContactSetPeriod(part->contact, l->period));
+  PetscCall(ContactSetViscosity(part->contact, par->viscosity));
   PetscCall(OutputCreate(part->mesh, part->scene, &part->output));
   PetscCall(MonitorCreate(part->bodies, &part->monitor));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -146,6 +146,8 @@ static PetscErrorCode report(Sim s, const FlowDiagnostics *diag, PetscReal momen
   m.kinetic_energy   = diag->kinetic_energy;
   m.momentum_error   = momentum_error;
   m.seconds          = seconds;
+  PetscCall(BodiesGetEnergy(s->part.bodies, &m.bodies_energy));
+  PetscCall(ContactGetEnergy(s->part.contact, &m.contact_energy, &m.contact_work));
   PetscCall(MonitorWrite(s->part.monitor, &m, s->time_end < PETSC_MAX_REAL ? s->time_end : s->steps_max * s->dt));
   PetscCall(OutputGetEvery(s->part.output, &every));
   if (every > 0 && s->step % every == 0) PetscCall(write_fields(s));
@@ -191,6 +193,7 @@ static PetscErrorCode take_step(Sim s, PetscReal dt, PetscReal dt_old)
   PetscCall(PetscLogStagePop());
   PetscCall(PetscLogStagePush(TB_STAGE_BODIES));
   PetscCall(CoupleAdvance(s->part.couple));
+  PetscCall(ContactCountWork(s->part.contact, dt));
   PetscCall(PetscLogStagePop());
   PetscCall(add_seconds(s, MONITOR_PARTICLE, &t));
   s->time += dt;

@@ -184,7 +184,7 @@ CHOICES = {
     "-couple_boundary": ["nodal"],
     "-flow_time": ["be", "cn", "bdf2"],
     "-flow_recipe": ["fast", "balanced", "accurate", "direct"],
-    "-contact_law": ["repulsive", "none"],
+    "-contact_law": ["repulsive", "spring", "none"],
     "-particle_disc_place": ["single", "lattice", "random", "table"],
 }
 

@@ -201,8 +201,9 @@ static void files_hold_every_step(void **state)
   run_steps("every", "box", dir);
   text = read_text(dir, "series.csv");
   assert_starts(text,
-                "step,time_s,dt_s,cfl,outer_iterations,divergence,kinetic_energy,momentum_error,seconds,seconds_nse,seconds_force,seconds_particle\n"
-                "1,0.125,0.125,0.5,5,1e-09,2.25,-1e-11,0.01,0.25,0,0.125\n2,0.25,0.125,0.5,5,1e-09,2.25,-1e-11,0.01,0.25,0,0.25\n");
+                "step,time_s,dt_s,cfl,outer_iterations,divergence,kinetic_energy,momentum_error,seconds,seconds_nse,seconds_force,seconds_particle,"
+                "bodies_energy,contact_energy,contact_work\n"
+                "1,0.125,0.125,0.5,5,1e-09,2.25,-1e-11,0.01,0.25,0,0.125,0,0,0\n2,0.25,0.125,0.5,5,1e-09,2.25,-1e-11,0.01,0.25,0,0.25,0,0,0\n");
   assert_int_equal(count_lines(text), 1 + STEPS);
   text = read_text(dir, "bodies.csv");
   assert_starts(text,
@@ -225,7 +226,7 @@ static void unreported_steps_are_tracked(void **state)
   set_option("-output_series", NULL);
   text = read_text(dir, "series.csv");
   assert_int_equal(count_lines(text), 1 + 4);
-  assert_starts(line_number(text, 1), "3,0.375,0.125,0.5,5,1e-09,2.25,-1e-11,0.01,0.25,0,0.375\n"); /* seconds of that step alone */
+  assert_starts(line_number(text, 1), "3,0.375,0.125,0.5,5,1e-09,2.25,-1e-11,0.01,0.25,0,0.375,0,0,0\n"); /* seconds of that step alone */
   assert_starts(line_number(text, 3), "9,");
   assert_starts(line_number(text, 4), "10,1.25,");
   text = read_text(dir, "summary.json");
