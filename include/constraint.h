@@ -32,6 +32,8 @@ PetscErrorCode ConstraintGetSizes(Constraint, PetscInt *nodal, PetscInt *total);
 PetscErrorCode ConstraintCreateVec(Constraint, Vec *ur);
 /* Which body does a local node belong to (-1: none)? [nnode_all] */
 PetscErrorCode ConstraintGetNodeBody(Constraint, const PetscInt *node_body[]);
+/* The local nodes (ghosts too) that belong to a body, ascending. */
+PetscErrorCode ConstraintGetBodyNodes(Constraint, PetscInt *n, const PetscInt *node[]);
 /* Inert slots among the own nodal ones, ascending. */
 PetscErrorCode ConstraintGetInert(Constraint, PetscInt *n, const PetscInt *slot[]);
 /* The constrained (body) slots of this rank as rows of P: slot[i] = sum_s coef[i*nr + s] * rigid velocity s of body[i]; walls have body -1. Same order as ConstraintGetInert. */

@@ -12,6 +12,7 @@ struct _p_Constraint {
   PetscInt        *fixed, *node_body, *unknown;
   PetscReal       *value, *known, (*X)[3], *U;
   PetscBool        have_bodies;
+  PetscInt         nbody_nodes, body_node_room, *body_node; /* local nodes with node_body >= 0 */
   /* rows of P at inert slots */
   PetscInt   ninert, *slot, *body, *local_body;
   PetscReal *coef;
@@ -80,6 +81,22 @@ static PetscErrorCode collect_rows(Constraint c)
       c->local_body[c->ninert++] = -1;
     }
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode list_body_nodes(Constraint c)
+{
+  PetscInt n = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < c->loc->nnode_all; i++) n += c->node_body[i] >= 0;
+  if (n > c->body_node_room) {
+    c->body_node_room = n + n / 4;
+    PetscCall(PetscRealloc(c->body_node_room * sizeof(PetscInt), &c->body_node));
+  }
+  c->nbody_nodes = 0;
+  for (PetscInt i = 0; i < c->loc->nnode_all; i++)
+    if (c->node_body[i] >= 0) c->body_node[c->nbody_nodes++] = i;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -170,6 +187,7 @@ PetscErrorCode ConstraintDestroy(Constraint *constraint)
   PetscCall(PetscFree4(c->slot, c->body, c->local_body, c->coef));
   PetscCall(PetscFree4(c->fixed, c->node_body, c->value, c->known));
   PetscCall(PetscFree6(c->unknown, c->X, c->U, c->local_index, c->local_list, c->local_rigid));
+  PetscCall(PetscFree(c->body_node));
   PetscCall(PetscSFDestroy(&c->rigid_sf));
   PetscCallMPI(MPI_Type_free(&c->rigid_type));
   PetscCall(PetscFree(*constraint));
@@ -218,6 +236,7 @@ PetscErrorCode ConstraintSetBodies(Constraint c, const PetscInt node_body[], Pet
   if (moved) {
     PetscCall(collect_rows(c));
     PetscCall(connect_rigid_slots(c));
+    PetscCall(list_body_nodes(c));
   }
   PetscCall(set_known(c));
   if (changed) *changed = moved;
@@ -253,6 +272,14 @@ PetscErrorCode ConstraintGetNodeBody(Constraint c, const PetscInt *node_body[])
 {
   PetscFunctionBeginUser;
   *node_body = c->node_body;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintGetBodyNodes(Constraint c, PetscInt *n, const PetscInt *node[])
+{
+  PetscFunctionBeginUser;
+  *n    = c->nbody_nodes;
+  *node = c->body_node;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -27,7 +27,9 @@ struct _p_Pressure {
   PetscInt     nshared, shared_room, *shared_cell;
   PetscBool    any_shared, floating; /* on any rank; pressure determined up to a constant without C */
   MatNullSpace constant;
-  PetscBool   *is_shared, *was_shared; /* [ncell] */
+  /* own cells near something that changes, each once */
+  PetscInt *stamp, stamp_now, ntouched, *touched; /* [ncell]; touched: with a body node, ascending */
+  PetscInt  nlisted, *listed;                     /* scratch [ncell] */
 };
 
 /* ---- the matrix ---- */
@@ -133,8 +135,26 @@ static PetscErrorCode set_row(Pressure p, const PetscReal b[], const PetscReal w
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Rebuild the rows of cells with a node whose weight has changed. */
-static PetscErrorCode update_matrix(Pressure p, const PetscReal weight[])
+static void list_cell(Pressure p, PetscInt c)
+{
+  if (c >= p->loc->ncell || p->stamp[c] == p->stamp_now) return;
+  p->stamp[c]             = p->stamp_now;
+  p->listed[p->nlisted++] = c;
+}
+
+static void list_cells_of_node(Pressure p, PetscInt i)
+{
+  for (PetscInt q = p->loc->node_cell_ptr[i]; q < p->loc->node_cell_ptr[i + 1]; q++) list_cell(p, p->loc->node_cell[q]);
+}
+
+static void start_list(Pressure p)
+{
+  p->stamp_now++;
+  p->nlisted = 0;
+}
+
+/* Rebuild the rows of cells with a node whose weight has changed, and of those that are or were (old) shared. */
+static PetscErrorCode update_matrix(Pressure p, const PetscReal weight[], PetscInt nold, const PetscInt old[])
 {
   const MeshLocal *l   = p->loc;
   const PetscInt   dim = l->dim;
@@ -142,16 +162,16 @@ static PetscErrorCode update_matrix(Pressure p, const PetscReal weight[])
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetCellDivergence(p->flow, &b));
-  for (PetscInt c = 0; c < l->ncell; c++) {
-    PetscBool changed = (PetscBool)(p->nbodies && (p->is_shared[c] || p->was_shared[c]));
+  start_list(p);
+  for (PetscInt i = 0; i < l->nnode_all; i++) {
+    PetscBool changed = PETSC_FALSE;
 
-    for (PetscInt j = 0; j < l->nb && !changed; j++) {
-      const PetscInt i = l->cell_node[c * l->nb + j];
-
-      for (PetscInt a = 0; a < dim; a++) changed = (PetscBool)(changed || weight[i * dim + a] != p->weight[i * dim + a]);
-    }
-    if (changed) PetscCall(set_row(p, b, weight, c));
+    for (PetscInt a = 0; a < dim; a++) changed = (PetscBool)(changed || weight[i * dim + a] != p->weight[i * dim + a]);
+    if (changed) list_cells_of_node(p, i);
   }
+  for (PetscInt i = 0; i < nold; i++) list_cell(p, old[i]);
+  for (PetscInt i = 0; i < p->nshared; i++) list_cell(p, p->shared_cell[i]);
+  for (PetscInt i = 0; i < p->nlisted; i++) PetscCall(set_row(p, b, weight, p->listed[i]));
   PetscCall(MatAssemblyBegin(p->matrix, MAT_FLUSH_ASSEMBLY));
   PetscCall(MatAssemblyEnd(p->matrix, MAT_FLUSH_ASSEMBLY));
   for (PetscInt i = 0; i < p->nshared; i++) {
@@ -186,6 +206,22 @@ static PetscErrorCode shared_block(Pressure p, const PetscInt body[], const Pets
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Own cells with a node of a body: nothing else can be cut or shared. */
+static PetscErrorCode find_touched_cells(Pressure p)
+{
+  const PetscInt *node;
+  PetscInt        n;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetBodyNodes(p->constraint, &n, &node));
+  start_list(p);
+  for (PetscInt i = 0; i < n; i++) list_cells_of_node(p, node[i]);
+  p->ntouched = p->nlisted;
+  PetscCall(PetscArraycpy(p->touched, p->listed, p->ntouched));
+  PetscCall(PetscSortInt(p->ntouched, p->touched));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* A cell whose nodes belong to two bodies, or to a body and a wall, may have pressures that no free velocity can serve: its divergence rows are then inconsistent
    (boundary-evidence, checked claims). Such cells get a small compressibility in the operator itself, as if their constrained nodes yielded a little to the pressure: B u + C p = 0. */
 static PetscErrorCode find_shared_cells(Pressure p)
@@ -193,18 +229,15 @@ static PetscErrorCode find_shared_cells(Pressure p)
   const MeshLocal *l = p->loc;
   const PetscInt  *body, *fixed;
   const PetscReal *value;
-  PetscBool       *swap = p->was_shared;
 
   PetscFunctionBeginUser;
   PetscCall(ConstraintGetNodeBody(p->constraint, &body));
   PetscCall(BoundaryGetValues(FlowBoundary(p->flow), &fixed, &value));
-  p->was_shared = p->is_shared;
-  p->is_shared  = swap;
-  p->nshared    = 0;
-  for (PetscInt c = 0; c < l->ncell; c++) {
-    const PetscInt *node  = l->cell_node + c * l->nb;
-    PetscInt        owner = -1; /* the first body met */
-    PetscBool       wall = PETSC_FALSE, two = PETSC_FALSE;
+  p->nshared = 0;
+  for (PetscInt t = 0; t < p->ntouched; t++) {
+    const PetscInt c = p->touched[t], *node = l->cell_node + c * l->nb;
+    PetscInt       owner = -1; /* the first body met */
+    PetscBool      wall = PETSC_FALSE, two = PETSC_FALSE;
 
     for (PetscInt j = 0; j < l->nb; j++) {
       const PetscInt k = body[node[j]];
@@ -213,8 +246,7 @@ static PetscErrorCode find_shared_cells(Pressure p)
       if (k >= 0) owner = k;
       else if (fixed[node[j]]) wall = PETSC_TRUE;
     }
-    p->is_shared[c] = (PetscBool)(two || (owner >= 0 && wall));
-    if (!p->is_shared[c]) continue;
+    if (!two && (owner < 0 || !wall)) continue;
     if (p->nshared == p->shared_room) {
       p->shared_room = 2 * p->shared_room + 16;
       PetscCall(PetscRealloc(p->shared_room * sizeof(PetscInt), &p->shared_cell));
@@ -271,8 +303,8 @@ static PetscErrorCode find_cut_cells(Pressure p)
   PetscCall(ConstraintGetUnknown(p->constraint, &unknown));
   PetscCall(FlowGetCellDivergence(p->flow, &b));
   p->ncut = 0;
-  for (PetscInt c = 0; c < l->ncell; c++) {
-    const PetscInt *node = l->cell_node + c * l->nb;
+  for (PetscInt t = 0; t < p->ntouched; t++) {
+    const PetscInt c = p->touched[t], *node = l->cell_node + c * l->nb;
 
     for (PetscInt j = 0; j < l->nb; j++) {
       const PetscInt k     = body[node[j]];
@@ -629,8 +661,7 @@ PetscErrorCode PressureCreate(Flow flow, Constraint constraint, Pressure *pressu
   PetscCall(OptReal("-flow_pressure_softness", "share of their inverse mass that body nodes keep in the pressure preconditioner", "", 0, 1, &p->eps));
   PetscCall(
     PetscCalloc3(p->loc->nnode_all * p->loc->dim, &p->weight, p->nbodies * p->nr * p->nr, &p->mass_inverse, 2 * p->nbodies * p->nr, &p->work));
-  PetscCall(PetscCalloc1(p->loc->ncell, &p->is_shared));
-  PetscCall(PetscCalloc1(p->loc->ncell, &p->was_shared));
+  PetscCall(PetscCalloc3(p->loc->ncell, &p->stamp, p->loc->ncell, &p->touched, p->loc->ncell, &p->listed));
   p->eps_shared = 1e-3;
   PetscCall(OptReal("-flow_pressure_shared", "compressibility of cells between two bodies, or body and wall, as share of their nodes' inverse mass",
                     "", 0, 1, &p->eps_shared));
@@ -662,8 +693,7 @@ PetscErrorCode PressureDestroy(Pressure *pressure)
   PetscCall(PetscFree(p->cut_cell));
   PetscCall(PetscFree(p->cut_body));
   PetscCall(PetscFree(p->cut_q));
-  PetscCall(PetscFree(p->is_shared));
-  PetscCall(PetscFree(p->was_shared));
+  PetscCall(PetscFree3(p->stamp, p->touched, p->listed));
   PetscCall(PetscFree(p->shared_cell));
   PetscCall(PetscFree(p->shared_block));
   PetscCall(PetscFree(*pressure));
@@ -678,23 +708,30 @@ PetscReal PressureGetSoftness(Pressure p)
 PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscReal mass_inverse[])
 {
   PetscBool same, flags[2];
+  PetscInt  nold = p->nshared, *old;
 
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_PRES_BUILD, 0, 0, 0, 0));
+  PetscCall(PetscMalloc1(nold, &old));
+  PetscCall(PetscArraycpy(old, p->shared_cell, nold));
   PetscCall(PetscArraycmp(p->weight, weight, p->loc->nnode_all * p->loc->dim, &same));
   flags[0] = (PetscBool)(!same || p->nshared);
   if (p->two_level) PetscCall(add_shared_to_coarse(p, -1));
-  if (p->nbodies) PetscCall(find_shared_cells(p));
+  if (p->nbodies) {
+    PetscCall(find_touched_cells(p));
+    PetscCall(find_shared_cells(p));
+  }
   if (p->two_level) PetscCall(add_shared_to_coarse(p, 1));
   flags[0] = (PetscBool)(flags[0] || p->nshared);
   flags[1] = (PetscBool)(p->nshared > 0);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, flags, 2, MPIU_BOOL, MPI_LOR, PETSC_COMM_WORLD));
   p->any_shared = flags[1];
   if (flags[0]) {
-    PetscCall(update_matrix(p, weight));
+    PetscCall(update_matrix(p, weight, nold, old));
     if (p->two_level) PetscCall(update_coarse(p, weight));
     PetscCall(PetscArraycpy(p->weight, weight, p->loc->nnode_all * p->loc->dim));
   }
+  PetscCall(PetscFree(old));
   PetscCall(MatSetNullSpace(p->shell, p->any_shared ? NULL : p->constant));          /* C sees constants */
   PetscCall(MatSetTransposeNullSpace(p->shell, p->any_shared ? NULL : p->constant)); /* makes every inner right-hand side consistent */
   if (p->nbodies) {
