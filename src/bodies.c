@@ -2,21 +2,22 @@
 
    Method: Newton-Euler equations. Velocity: Euler step under the force of the step; rotation in 3D by the implicit midpoint rule for
    the gyroscopic term w x (I w), which keeps the energy of a torque-free body (Newton's method on 3 unknowns). Position: explicit with a
-   weighted mean of old and new velocity, orientation by the exponential map. Units: any consistent system, angles in rad.
+   weighted mean of old and new velocity, orientation by the exponential map. A pivot reduces the body to its rotation about that point: inertia of the parallel axis,
+   centre of mass from the angle. Units: any consistent system, angles in rad.
    The state is replicated: every rank holds and advances all bodies, bit for bit the same, without communication.
    Does not know the flow (forces are written into the state by others), walls or contact. */
 #include "compat.h"
 #include "bodies.h"
 #include "opt.h"
-#include "place.h"
 #include "rotation.h"
 
 #define MAX_GROUPS 256
 #define CHUNK      256 /* points handled at a time on the stack */
 
 struct _p_Bodies {
-  BodyState state;
-  PetscReal lower[3], upper[3]; /* domain */
+  BodyState  state;
+  PetscReal  lower[3], upper[3]; /* domain */
+  Placement *start;              /* [n] what prescribed motion starts from */
 };
 
 /* What the options of a group say about the start of its bodies. */
@@ -87,7 +88,7 @@ static void option_name(const char group[], const char what[], char name[128])
   (void)snprintf(name, 128, "-particle_%s_%s", group, what);
 }
 
-static PetscErrorCode read_free(const char group[], PetscInt dim, PetscInt *bits)
+static PetscErrorCode read_free(const char group[], PetscInt dim, const Motion *m, PetscInt *bits)
 {
   const char *const word[] = {"x", "y", "z", "rotation", "none", "all"};
   const PetscInt    mask[] = {BODY_FREE_X,        BODY_FREE_Y, BODY_FREE_Z,
@@ -97,7 +98,8 @@ static PetscErrorCode read_free(const char group[], PetscInt dim, PetscInt *bits
 
   PetscFunctionBeginUser;
   option_name(group, "free", name);
-  *bits = mask[5];
+  *bits = m->has_pivot ? BODY_FREE_ROTATION : mask[5];
+  if (m->given) *bits = 0;
   PetscCall(OptStringArray(name, "Degrees of freedom that move: any of x, y, z, rotation, or all, or none", &n, list));
   if (n) *bits = 0;
   for (PetscInt i = 0; i < n; i++) {
@@ -111,6 +113,26 @@ static PetscErrorCode read_free(const char group[], PetscInt dim, PetscInt *bits
     PetscCall(PetscFree(list[i]));
   }
   if (dim == 2) *bits &= ~BODY_FREE_Z;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What is free is not prescribed, a pivot is not free, and stops need an axis that is held. */
+static PetscErrorCode check_motion(const BodyGroup *g)
+{
+  const Motion     *m      = &g->motion;
+  const char *const word[] = {"x", "y", "z", "rotation"};
+  const PetscInt    moves  = g->free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z);
+
+  PetscFunctionBeginUser;
+  for (PetscInt a = 0; a < 4; a++)
+    PetscCheck(!(g->free >> a & 1) || !MotionOscillates(m, a), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "Group '%s': -particle_%s_motion prescribes %s, and -particle_%s_free sets it free: remove it from one of them", g->name, g->name,
+               word[a], g->name);
+  PetscCheck(!m->has_pivot || !moves, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "Group '%s' turns about -particle_%s_pivot, which does not move freely: give -particle_%s_free rotation or none", g->name, g->name,
+             g->name);
+  PetscCheck(!m->has_stops || (!moves && g->free), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_%s_stops needs a body that turns freely about a point: give -particle_%s_free rotation", g->name, g->name);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -128,7 +150,10 @@ static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim)
   PetscCall(ShapeGetMass(g->shape, &g->mass));
   PetscCall(ShapeGetRadius(g->shape, &g->radius));
   PetscCall(ShapeGetDisc(g->shape, &g->disc));
-  PetscCall(read_free(g->name, dim, &g->free));
+  PetscCall(MotionRead(g->name, dim, &g->motion));
+  PetscCall(read_free(g->name, dim, &g->motion, &g->free));
+  PetscCall(check_motion(g));
+  for (PetscInt a = 0; a < dim && g->motion.has_pivot; a++) g->arm[a] = g->mass.centroid[a] - g->motion.pivot[a];
   option_name(g->name, "density", name);
   PetscCall(OptHas(name, "Density of the bodies", &has_density));
   g->density = 1;
@@ -181,9 +206,9 @@ static PetscErrorCode read_place(const char group[], PetscInt dim, Start *s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode check_place(const char group[], const Start *s)
+static PetscErrorCode check_place(const BodyGroup *g, const Start *s)
 {
-  const char *place = place_names[s->place];
+  const char *place = place_names[s->place], *group = g->name;
 
   PetscFunctionBeginUser;
   PetscCheck(s->place != PLACE_SINGLE || s->has_position, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
@@ -194,6 +219,8 @@ static PetscErrorCode check_place(const char group[], const Start *s)
              "-particle_%s_position has no meaning with -particle_%s_place %s: remove one of them", group, group, place);
   PetscCheck((s->place != PLACE_LATTICE && s->place != PLACE_RANDOM) || s->has_count, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-particle_%s_place %s needs -particle_%s_count", group, place, group);
+  PetscCheck((s->place != PLACE_LATTICE && s->place != PLACE_RANDOM) || !g->motion.has_pivot, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_%s_pivot needs -particle_%s_place single or table, which place the pivot", group, group);
   PetscCheck(s->place != PLACE_TABLE || s->table[0], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-particle_%s_place table needs -particle_%s_table file.csv", group, group);
   PetscCheck(s->place == PLACE_TABLE || !s->table[0], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_%s_table needs -particle_%s_place table",
@@ -219,6 +246,99 @@ static PetscErrorCode start_group(BodyGroup *g, PetscInt dim, Start *s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* ---- what is not free ---- */
+
+PetscBool BodiesIsFree(Bodies b, PetscInt k, PetscInt d)
+{
+  const PetscInt bit = d < 3 ? BODY_FREE_X << d : BODY_FREE_ROTATION;
+
+  return (PetscBool)((b->state.group[b->state.body_group[k]].free & bit) && !(d == 3 && b->state.stopped[k]));
+}
+
+/* Nothing prescribed: the common case, which must cost nothing. The motion of a hole of the mesh is that of its boundary, which writes the state. */
+static PetscBool nothing_known(Bodies b, PetscInt k)
+{
+  const PetscInt   all = BODY_FREE_X | BODY_FREE_Y | BODY_FREE_ROTATION | (b->state.dim == 3 ? BODY_FREE_Z : 0);
+  const BodyGroup *g   = &b->state.group[b->state.body_group[k]];
+
+  return (PetscBool)((g->free == all && !b->state.stopped[k]) || g->hole);
+}
+
+PetscErrorCode BodiesGetArm(Bodies b, PetscInt k, const PetscReal q[], PetscReal arm[3])
+{
+  const BodyGroup *g = &b->state.group[b->state.body_group[k]];
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(arm, 3));
+  if (g->motion.has_pivot) {
+    PetscReal R[9];
+
+    RotationMatrix(q ? q : b->state.q[k], R);
+    for (PetscInt a = 0; a < 3; a++) arm[a] = R[3 * a] * g->arm[0] + R[3 * a + 1] * g->arm[1] + R[3 * a + 2] * g->arm[2];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Orientation that is `turn` away from the start */
+static void turn_from_start(Bodies b, PetscInt k, const PetscReal turn[3], PetscReal q[4], PetscReal *angle)
+{
+  *angle = b->start[k].angle + turn[2];
+  RotationFromAngle(b->state.dim == 2 ? *angle : b->start[k].angle, q);
+  if (b->state.dim == 3) RotationAdvance(1, turn, q);
+}
+
+PetscErrorCode BodiesGetKnownVelocity(Bodies b, PetscInt k, PetscReal time, PetscReal u[3], PetscReal w[3])
+{
+  const BodyState *s = &b->state;
+  const BodyGroup *g = &s->group[s->body_group[k]];
+  PetscReal        x[3], turn[3], uk[3], wk[3];
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArraycpy(u, s->u[k], 3));
+  PetscCall(PetscArraycpy(w, s->w[k], 3));
+  if (nothing_known(b, k)) PetscFunctionReturn(PETSC_SUCCESS);
+  MotionEvaluate(&g->motion, &b->start[k], time, x, uk, turn, wk);
+  for (PetscInt a = 0; a < 3; a++) {
+    if (!BodiesIsFree(b, k, a)) u[a] = uk[a];
+    if (!(g->free & BODY_FREE_ROTATION)) w[a] = wk[a];
+    else if (s->stopped[k]) w[a] = 0;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Replace what is not free by its prescribed value at `time`, in x, q, angle and, if wanted, in u, w of the centre. Free translation is taken as it is. */
+static PetscErrorCode place_known(Bodies b, PetscInt k, PetscReal time, PetscReal X[3], PetscReal q[4], PetscReal *angle, PetscReal u[],
+                                  PetscReal w[])
+{
+  const BodyGroup *g = &b->state.group[b->state.body_group[k]];
+  PetscReal        x[3], uk[3], turn[3], wk[3], arm[3], spin[3];
+
+  PetscFunctionBeginUser;
+  if (nothing_known(b, k)) PetscFunctionReturn(PETSC_SUCCESS);
+  MotionEvaluate(&g->motion, &b->start[k], time, x, uk, turn, wk);
+  if (!(g->free & BODY_FREE_ROTATION)) {
+    turn_from_start(b, k, turn, q, angle);
+    if (w) PetscCall(PetscArraycpy(w, wk, 3));
+  }
+  PetscCall(BodiesGetArm(b, k, q, arm));
+  if (u) cross(w, arm, spin);
+  for (PetscInt a = 0; a < b->state.dim; a++) {
+    if (BodiesIsFree(b, k, a)) continue;
+    X[a] = x[a] + arm[a];
+    if (u) u[a] = uk[a] + spin[a];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode apply_known(Bodies b, PetscInt k, PetscReal time)
+{
+  BodyState *s = &b->state;
+
+  PetscFunctionBeginUser;
+  PetscCall(place_known(b, k, time, s->x[k], s->q[k], &s->angle[k], s->u[k], s->w[k]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* ---- creation ---- */
 
 static PetscErrorCode create_state(BodyState *s)
@@ -238,28 +358,40 @@ static PetscErrorCode create_state(BodyState *s)
   PetscCall(PetscCalloc1(n, &s->torque));
   PetscCall(PetscCalloc1(n, &s->contact_force));
   PetscCall(PetscCalloc1(n, &s->contact_torque));
+  PetscCall(PetscCalloc1(n, &s->stopped));
   PetscCall(PetscCalloc1(n, &s->gap));
   PetscCall(PetscCalloc1(n, &s->gone));
   for (PetscInt k = 0; k < n; k++) s->gap[k] = PETSC_MAX_REAL;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static void store_start(BodyState *s, PetscInt group, const Placement p[])
+/* First state: what is prescribed has the value of its motion at time 0. */
+static PetscErrorCode store_start(Bodies b, PetscInt group, const Placement p[])
 {
+  BodyState       *s = &b->state;
   const BodyGroup *g = &s->group[group];
 
+  PetscFunctionBeginUser;
   for (PetscInt i = 0; i < g->count; i++) {
     const PetscInt k = g->first + i;
 
+    b->start[k]      = p[i];
     s->body_group[k] = group;
     s->angle[k]      = p[i].angle;
     RotationFromAngle(p[i].angle, s->q[k]);
     for (PetscInt a = 0; a < 3; a++) {
       s->x[k][a] = p[i].x[a];
-      s->u[k][a] = s->u_old[k][a] = p[i].u[a];
-      s->w[k][a] = s->w_old[k][a] = p[i].omega[a];
+      s->u[k][a] = p[i].u[a];
+      s->w[k][a] = p[i].omega[a];
     }
+    PetscCheck(!g->motion.has_stops || (p[i].angle >= g->motion.stops[0] && p[i].angle <= g->motion.stops[1]), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "Body %" PetscInt_FMT " of group '%s' starts at the angle %g, beyond -particle_%s_stops %g,%g", i, g->name, (double)p[i].angle,
+               g->name, (double)g->motion.stops[0], (double)g->motion.stops[1]);
+    PetscCall(apply_known(b, k, 0));
+    PetscCall(PetscArraycpy(s->u_old[k], s->u[k], 3));
+    PetscCall(PetscArraycpy(s->w_old[k], s->w[k], 3));
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Random groups come last, one after the other, and keep clear of everything placed before. */
@@ -351,15 +483,16 @@ PetscErrorCode BodiesCreate(PetscInt dim, const PetscReal lower[3], const PetscR
     PetscCall(PetscArraycpy(start[g].upper, b->upper, 3));
     PetscCall(read_velocities(s->group[g].name, dim, &start[g]));
     PetscCall(read_place(s->group[g].name, dim, &start[g]));
-    PetscCall(check_place(s->group[g].name, &start[g]));
+    PetscCall(check_place(&s->group[g], &start[g]));
     PetscCall(start_group(&s->group[g], dim, &start[g]));
     s->group[g].first = s->n;
     s->n += s->group[g].count;
   }
   PetscCall(start_random(s, start));
   PetscCall(create_state(s));
+  PetscCall(PetscCalloc1(s->n, &b->start));
   for (PetscInt g = 0; g < s->ngroups; g++) {
-    store_start(s, g, start[g].body);
+    PetscCall(store_start(b, g, start[g].body));
     PetscCall(PetscFree(start[g].body));
   }
   PetscCall(PetscFree(start));
@@ -389,8 +522,10 @@ PetscErrorCode BodiesDestroy(Bodies *bodies)
   PetscCall(PetscFree(s->torque));
   PetscCall(PetscFree(s->contact_force));
   PetscCall(PetscFree(s->contact_torque));
+  PetscCall(PetscFree(s->stopped));
   PetscCall(PetscFree(s->gap));
   PetscCall(PetscFree(s->gone));
+  PetscCall(PetscFree((*bodies)->start));
   PetscCall(PetscFree(*bodies));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -410,6 +545,20 @@ PetscErrorCode BodiesView(Bodies b, PetscViewer viewer)
                                      (double)group->mass.volume, (double)group->radius, group->free & BODY_FREE_X ? " x" : "",
                                      group->free & BODY_FREE_Y ? " y" : "", group->free & BODY_FREE_Z ? " z" : "",
                                      group->free & BODY_FREE_ROTATION ? " rotation" : "", group->free ? "" : " none"));
+    if (group->motion.has_pivot)
+      PetscCall(PetscViewerASCIIPrintf(viewer, "  turns about a pivot at distance %g from its centre of mass\n",
+                                       (double)PetscSqrtReal(PetscSqr(group->arm[0]) + PetscSqr(group->arm[1]) + PetscSqr(group->arm[2]))));
+    if (group->motion.has_stops)
+      PetscCall(PetscViewerASCIIPrintf(viewer, "  stops at the angles %g and %g, restitution %g\n", (double)group->motion.stops[0],
+                                       (double)group->motion.stops[1], (double)group->motion.restitution));
+    if (group->motion.given)
+      PetscCall(PetscViewerASCIIPrintf(viewer, "  prescribed motion:%s%s%s, ramp %g\n", group->motion.constant ? " constant" : "",
+                                       group->motion.rotate ? " rotate" : "",
+                                       MotionOscillates(&group->motion, 0) || MotionOscillates(&group->motion, 1) ||
+                                           MotionOscillates(&group->motion, 2) || MotionOscillates(&group->motion, 3)
+                                         ? " oscillate"
+                                         : "",
+                                       (double)group->motion.ramp));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -567,14 +716,79 @@ static void advance_spin(PetscReal dt, const PetscReal inertia[6], const PetscRe
   }
 }
 
-static PetscErrorCode advance_rotation(Bodies b, PetscInt k, PetscReal dt)
+PetscErrorCode BodiesGetLoad(Bodies b, PetscInt k, PetscReal rho_f, const PetscReal gravity[3], PetscReal force[3], PetscReal torque[3])
 {
-  BodyState *s = &b->state;
-  PetscReal  inertia[6], T[3];
+  const BodyGroup *g;
+
+  PetscFunctionBeginUser;
+  PetscCall(check_body(b, k));
+  g = &b->state.group[b->state.body_group[k]];
+  for (PetscInt a = 0; a < 3; a++) {
+    force[a]  = g->motion.force[a] + (g->density - rho_f) * g->mass.volume * (a < b->state.dim ? gravity[a] : 0);
+    torque[a] = g->motion.torque[a];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodiesGetTorque(Bodies b, PetscInt k, PetscReal rho_f, const PetscReal gravity[3], PetscReal torque[3])
+{
+  const BodyState *s = &b->state;
+  PetscReal        force[3], arm[3], moment[3];
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetLoad(b, k, rho_f, gravity, force, torque));
+  PetscCall(BodiesGetArm(b, k, NULL, arm));
+  for (PetscInt a = 0; a < 3; a++) force[a] += s->force[k][a] + s->contact_force[k][a];
+  cross(arm, force, moment);
+  for (PetscInt a = 0; a < 3; a++) torque[a] += s->torque[k][a] + s->contact_torque[k][a] + moment[a];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodiesRelease(Bodies b, PetscInt k, PetscReal rho_f, const PetscReal gravity[3])
+{
+  PetscReal T[3];
+
+  PetscFunctionBeginUser;
+  PetscCall(check_body(b, k));
+  if (!b->state.stopped[k]) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(BodiesGetTorque(b, k, rho_f, gravity, T));
+  if (T[2] * b->state.stopped[k] < 0) b->state.stopped[k] = 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Inertia about the reference point: I + M (arm^2 1 - arm arm^T) */
+static PetscErrorCode reference_inertia(Bodies b, PetscInt k, PetscReal inertia[6])
+{
+  const PetscInt   row[6] = {0, 1, 2, 0, 0, 1}, col[6] = {0, 1, 2, 1, 2, 2};
+  const BodyGroup *g = &b->state.group[b->state.body_group[k]];
+  PetscReal        arm[3], square;
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetInertia(b, k, PETSC_FALSE, inertia));
-  for (PetscInt a = 0; a < 3; a++) T[a] = s->torque[k][a] + s->contact_torque[k][a];
+  PetscCall(BodiesGetArm(b, k, NULL, arm));
+  square = arm[0] * arm[0] + arm[1] * arm[1] + arm[2] * arm[2];
+  for (PetscInt i = 0; i < 6; i++) inertia[i] += g->density * g->mass.volume * ((row[i] == col[i] ? square : 0) - arm[row[i]] * arm[col[i]]);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The reference point is the centre or moves with constant velocity; the inertial force of a pivot that is accelerated, -M a, acts at the centre. */
+static PetscErrorCode advance_rotation(Bodies b, PetscInt k, PetscReal dt, PetscReal rho_f, const PetscReal gravity[3])
+{
+  BodyState       *s = &b->state;
+  const BodyGroup *g = &s->group[s->body_group[k]];
+  PetscReal        inertia[6], T[3], arm[3], u[2][3], w[3], a[3], moment[3];
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetTorque(b, k, rho_f, gravity, T));
+  PetscCall(reference_inertia(b, k, inertia));
+  if (g->motion.has_pivot) {
+    PetscCall(BodiesGetArm(b, k, NULL, arm));
+    PetscCall(BodiesGetKnownVelocity(b, k, s->time, u[0], w));
+    PetscCall(BodiesGetKnownVelocity(b, k, s->time + dt, u[1], w));
+    for (PetscInt d = 0; d < 3; d++) a[d] = -g->density * g->mass.volume * (u[1][d] - u[0][d]) / dt;
+    cross(arm, a, moment);
+    for (PetscInt d = 0; d < 3; d++) T[d] += moment[d];
+  }
   if (s->dim == 2) s->w[k][2] += dt * T[2] / inertia[2];
   else advance_spin(dt, inertia, T, s->w[k]);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -587,15 +801,49 @@ PetscErrorCode BodiesAdvanceVelocity(Bodies b, PetscReal dt, PetscReal rho_f, co
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < s->n; k++) {
     const BodyGroup *g    = &s->group[s->body_group[k]];
-    const PetscReal  mass = g->density * g->mass.volume, buoyant = (g->density - rho_f) * g->mass.volume;
+    const PetscReal  mass = g->density * g->mass.volume;
+    PetscReal        force[3], torque[3], u[3], w[3], spin[3], arm[3];
 
     PetscCall(PetscArraycpy(s->u_old[k], s->u[k], 3));
     PetscCall(PetscArraycpy(s->w_old[k], s->w[k], 3));
+    PetscCall(BodiesGetLoad(b, k, rho_f, gravity, force, torque));
     for (PetscInt a = 0; a < s->dim; a++)
-      if (g->free & (BODY_FREE_X << a)) s->u[k][a] += dt * (s->force[k][a] + s->contact_force[k][a] + buoyant * gravity[a]) / mass;
-    if (g->free & BODY_FREE_ROTATION) PetscCall(advance_rotation(b, k, dt));
+      if (BodiesIsFree(b, k, a)) s->u[k][a] += dt * (s->force[k][a] + s->contact_force[k][a] + force[a]) / mass;
+    PetscCall(BodiesRelease(b, k, rho_f, gravity));
+    if (BodiesIsFree(b, k, 3)) PetscCall(advance_rotation(b, k, dt, rho_f, gravity));
+    PetscCall(BodiesGetKnownVelocity(b, k, s->time + dt, u, w));
+    PetscCall(BodiesGetArm(b, k, NULL, arm));
+    cross(w, arm, spin);
+    for (PetscInt a = 0; a < 3; a++) {
+      if (a < s->dim && !BodiesIsFree(b, k, a)) s->u[k][a] = u[a] + spin[a];
+      s->w[k][a] = w[a];
+    }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The rebound of a body that has passed a stop (see bodies.h) */
+static void keep_stops(BodyState *s, PetscInt k, PetscReal dt)
+{
+  const Motion   *m = &s->group[s->body_group[k]].motion;
+  PetscReal      *w = &s->w[k][2], *w_old = &s->w_old[k][2];
+  const PetscInt  side = s->angle[k] >= m->stops[1] ? 1 : s->angle[k] <= m->stops[0] ? -1 : 0;
+  const PetscReal stop = m->stops[side > 0], speed = side * *w, gain = side * (*w - *w_old);
+
+  if (!m->has_stops || !side) return;
+  if (speed <= 0) { /* has turned round by itself within the step */
+    s->angle[k] = stop;
+  } else if (m->restitution * speed <= 2 * PetscAbsReal(gain) || m->restitution == 0) {
+    s->angle[k]   = stop;
+    s->stopped[k] = side;
+    *w = *w_old = 0;
+  } else {
+    const PetscReal jump = (1 + m->restitution) * *w;
+
+    s->angle[k] = stop - PetscMin(m->restitution * PetscAbsReal(s->angle[k] - stop), dt * speed) * side;
+    *w -= jump;
+    *w_old -= jump;
+  }
 }
 
 PetscErrorCode BodiesAdvancePosition(Bodies b, PetscReal dt, PetscReal theta)
@@ -611,34 +859,40 @@ PetscErrorCode BodiesAdvancePosition(Bodies b, PetscReal dt, PetscReal theta)
       w[a] = theta * s->w[k][a] + (1 - theta) * s->w_old[k][a];
     }
     s->angle[k] += dt * w[2];
+    keep_stops(s, k, dt);
     if (s->dim == 2) RotationFromAngle(s->angle[k], s->q[k]);
     else RotationAdvance(dt, w, s->q[k]);
+    PetscCall(apply_known(b, k, s->time + dt));
     for (PetscInt a = 0; a < s->dim; a++)
       PetscCheck(!PetscIsInfOrNanReal(s->x[k][a]) && !PetscIsInfOrNanReal(s->angle[k]), PETSC_COMM_SELF, PETSC_ERR_FP,
                  "Body %" PetscInt_FMT " of group '%s' has left all bounds (velocity %g): lower -sim_dt", k - s->group[s->body_group[k]].first,
                  s->group[s->body_group[k]].name, (double)s->u[k][a]);
   }
+  s->time += dt;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode BodiesPredict(Bodies b, PetscInt k, PetscReal dt, PetscInt order, PetscReal X[3], PetscReal q[4], PetscReal *angle)
 {
   const BodyState *s = &b->state;
-  PetscReal        w[3];
-  PetscReal        now, old;
+  const Motion    *m;
+  PetscReal        w[3], now, old;
 
   PetscFunctionBeginUser;
   PetscCall(check_body(b, k));
-  PetscCheck(order == 1 || order == 2, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Prediction of order %" PetscInt_FMT ": use 1 or 2", order);
-  now = order == 1 ? 1 : 1.5;
-  old = order == 1 ? 0 : -0.5;
+  PetscCheck(order >= 0 && order <= 2, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Prediction of order %" PetscInt_FMT ": use 0, 1 or 2", order);
+  m   = &s->group[s->body_group[k]].motion;
+  now = order == 2 ? 1.5 : order;
+  old = order == 2 ? -0.5 : 0;
   for (PetscInt a = 0; a < 3; a++) {
     X[a] = s->x[k][a] + dt * (now * s->u[k][a] + old * s->u_old[k][a]);
     w[a] = now * s->w[k][a] + old * s->w_old[k][a];
   }
   *angle = s->angle[k] + dt * w[2];
+  if (m->has_stops) *angle = PetscMin(PetscMax(*angle, m->stops[0]), m->stops[1]);
   PetscCall(PetscArraycpy(q, s->q[k], 4));
   if (s->dim == 2) RotationFromAngle(*angle, q);
   else RotationAdvance(dt, w, q);
+  PetscCall(place_known(b, k, s->time + dt, X, q, angle, NULL, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

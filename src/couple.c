@@ -32,8 +32,8 @@ struct _p_Couple {
   PetscInt         nprescribed, *prescribed; /* own cells with nodes of prescribed velocity */
   PetscInt         implicit, use_volume, nr;
   Rung             rung;
-  Mark             mark;      /* nodes that move rigidly */
-  PetscReal (*X)[3], (*q)[4]; /* where the bodies are drawn */
+  Mark             mark;               /* nodes that move rigidly */
+  PetscReal (*X)[3], (*q)[4], (*P)[3]; /* where the bodies are drawn: centre, orientation, reference point (of the rigid velocities) */
   PetscInt  *unknown;
   PetscReal *U, *U_old, *U_older; /* [n][nr]: rigid velocities that the flow sees in this step and saw in the two before */
   PetscReal *D, *g;               /* [n][nr][nr] inertia, [n][nr] right-hand side of the rigid rows */
@@ -57,9 +57,7 @@ static PetscReal *rigid_component(Couple c, PetscReal (*u)[3], PetscReal (*w)[3]
 
 static PetscBool is_free(Couple c, PetscInt k, PetscInt s)
 {
-  const PetscInt free = c->s->group[c->s->body_group[k]].free;
-
-  return s < c->loc->dim ? (PetscBool)((free >> s) & 1) : (PetscBool)((free & BODY_FREE_ROTATION) != 0);
+  return BodiesIsFree(c->bodies, k, s < c->loc->dim ? s : 3);
 }
 
 /* Space inertia of body k as a full 3 x 3 matrix per unit density */
@@ -83,11 +81,20 @@ static PetscErrorCode get_inertia(Couple c, PetscInt k, PetscReal J[3][3])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Volume and inertia of body k per unit density as a matrix on its rigid slots, M [nr][nr] */
+/* S [dim][nr - dim]: w x arm = S w; the velocity of the centre is that of the reference point plus S w */
+static void get_spin(Couple c, const PetscReal arm[3], PetscReal S[3][3])
+{
+  const PetscReal full[3][3] = {{0, arm[2], -arm[1]}, {-arm[2], 0, arm[0]}, {arm[1], -arm[0], 0}};
+
+  for (PetscInt a = 0; a < 3; a++)
+    for (PetscInt b = 0; b < 3; b++) S[a][b] = c->loc->dim == 2 ? (b ? 0 : full[a][2]) : full[a][b];
+}
+
+/* Volume and inertia of body k as it is drawn, per unit density, as a matrix on its rigid slots: M [nr][nr] = T^T diag(Vol, I) T with the centre's velocity T (U, w) */
 static PetscErrorCode get_rigid_mass(Couple c, PetscInt k, PetscReal M[])
 {
   const PetscInt nr = c->nr, dim = c->loc->dim;
-  PetscReal      volume, J[3][3];
+  PetscReal      volume, J[3][3], arm[3], S[3][3];
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetVolume(c->bodies, k, &volume));
@@ -97,22 +104,97 @@ static PetscErrorCode get_rigid_mass(Couple c, PetscInt k, PetscReal M[])
   if (dim == 2) M[8] = J[2][2];
   else
     for (PetscInt a = 0; a < 9; a++) M[(3 + a / 3) * nr + 3 + a % 3] = J[a / 3][a % 3];
+  if (c->s->group[c->s->body_group[k]].motion.has_pivot) {
+    PetscCall(BodiesGetArm(c->bodies, k, c->q[k], arm));
+    get_spin(c, arm, S);
+    for (PetscInt b = 0; b < nr - dim; b++) {
+      for (PetscInt a = 0; a < dim; a++) M[a * nr + dim + b] = M[(dim + b) * nr + a] = volume * S[a][b];
+      for (PetscInt e = 0; e < nr - dim; e++)
+        for (PetscInt a = 0; a < dim; a++) M[(dim + b) * nr + dim + e] += volume * S[a][b] * S[a][e];
+    }
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Generalised force on the rigid slots of body k as it is drawn, of a force at the centre and a torque about it */
+static PetscErrorCode reduce_force(Couple c, PetscInt k, const PetscReal force[3], const PetscReal torque[3], PetscReal out[])
+{
+  const PetscInt dim = c->loc->dim;
+  PetscReal      arm[3], S[3][3];
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetArm(c->bodies, k, c->q[k], arm));
+  get_spin(c, arm, S);
+  for (PetscInt a = 0; a < dim; a++) out[a] = force[a];
+  for (PetscInt b = 0; b < c->nr - dim; b++) {
+    out[dim + b] = dim == 2 ? torque[2] : torque[b];
+    for (PetscInt a = 0; a < dim; a++) out[dim + b] += S[a][b] * force[a];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Acceleration of the centre relative to its reference point that is not in c_t U - d(U): w x (w x arm) */
+static PetscErrorCode centripetal(Couple c, PetscInt k, PetscReal out[3])
+{
+  const PetscInt  dim  = c->loc->dim;
+  const PetscReal w[3] = {dim == 2 ? 0 : c->U[k * c->nr + 3], dim == 2 ? 0 : c->U[k * c->nr + 4], c->U[k * c->nr + c->nr - 1]};
+  PetscReal       arm[3], along, square;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetArm(c->bodies, k, c->q[k], arm));
+  along  = w[0] * arm[0] + w[1] * arm[1] + w[2] * arm[2];
+  square = w[0] * w[0] + w[1] * w[1] + w[2] * w[2];
+  for (PetscInt a = 0; a < 3; a++) out[a] = along * w[a] - square * arm[a];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Rigid velocity of slot i of body k at the last two times. A pivot's translation is prescribed, and is kept here, not in the state of the body. */
+static void get_history(Couple c, PetscInt k, PetscInt i, PetscReal *now, PetscReal *old)
+{
+  const PetscBool kept = (PetscBool)(i < c->loc->dim && c->s->group[c->s->body_group[k]].motion.has_pivot);
+
+  *now = kept ? c->U_old[k * c->nr + i] : *rigid_component(c, c->s->u, c->s->w, k, i);
+  *old = kept ? c->U_older[k * c->nr + i] : *rigid_component(c, c->s->u_old, c->s->w_old, k, i);
 }
 
 /* ---- drawing ---- */
 
+/* With explicit coupling, what is free is drawn where it is, and the prescribed part where it will be: prescribed bodies are the same under both couplings. */
 static PetscErrorCode place_bodies(Couple c)
 {
   const FlowStep *step;
-  PetscReal       angle;
+  PetscReal       angle, arm[3];
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetStep(c->flow, &step));
+  c->s->time = step->time - step->dt;
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    PetscCall(BodiesPredict(c->bodies, k, step->dt, c->implicit ? step->order : 0, c->X[k], c->q[k], &angle));
+    PetscCall(BodiesGetArm(c->bodies, k, c->q[k], arm));
+    for (PetscInt a = 0; a < 3; a++) c->P[k][a] = c->X[k][a] - arm[a];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Which rigid velocities are unknown; values of the others, and first guesses */
+static PetscErrorCode set_rigid_velocities(Couple c)
+{
+  const FlowStep *step;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetStep(c->flow, &step));
   for (PetscInt k = 0; k < c->s->n; k++) {
-    const PetscBool predict = (PetscBool)(c->implicit && c->s->group[c->s->body_group[k]].free);
+    PetscReal u[1][3], w[1][3];
 
-    PetscCall(BodiesPredict(c->bodies, k, predict ? step->dt : 0, step->order, c->X[k], c->q[k], &angle));
+    PetscCall(BodiesGetKnownVelocity(c->bodies, k, step->time, u[0], w[0]));
+    c->unknown[k] = 0;
+    for (PetscInt i = 0; i < c->nr; i++) {
+      PetscReal now, old;
+
+      get_history(c, k, i, &now, &old);
+      if (c->implicit && is_free(c, k, i)) c->unknown[k] |= 1 << i;
+      c->U[k * c->nr + i] = (c->unknown[k] >> i) & 1 ? (step->order == 2 ? 2 * now - old : now) : *rigid_component(c, u, w, 0, i);
+    }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -131,7 +213,8 @@ static PetscReal inner_density(Couple c, const FlowParameters *par)
   return c->rung.dead ? 0 : par->density;
 }
 
-/* Inertia D = c_t (rho_s - rho_i) (Vol; I) and right-hand side (rho_s - rho_i) (Vol; I) d(U) + (rho_s - rho_f) Vol g + contact of the rigid rows, rho_i: fluid inside */
+/* Inertia D = c_t (rho_s - rho_i) (Vol; I) and right-hand side (rho_s - rho_i) (Vol; I) d(U) + (rho_s - rho_f) Vol g + contact + load of the rigid rows, rho_i: density of
+   the fluid inside. Known velocities that share an inertia with unknown ones (a pivot that moves) count on the right. */
 static PetscErrorCode fill_rigid_rows(Couple c)
 {
   const FlowStep       *step;
@@ -142,22 +225,29 @@ static PetscErrorCode fill_rigid_rows(Couple c)
   PetscCall(FlowGetStep(c->flow, &step));
   PetscCall(FlowGetParameters(c->flow, &par));
   for (PetscInt k = 0; k < c->s->n; k++) {
-    const PetscReal rho_s = c->s->group[c->s->body_group[k]].density, excess = rho_s - inner_density(c, par);
-    PetscReal       M[36], *g                                                = c->g + k * nr, L[3], J[3][3];
+    const PetscReal excess = c->s->group[c->s->body_group[k]].density - inner_density(c, par);
+    PetscReal       M[36], *g = c->g + k * nr, L[3], force[3], torque[3];
 
     PetscCall(get_rigid_mass(c, k, M));
+    PetscCall(BodiesGetLoad(c->bodies, k, par->density, par->gravity, force, torque));
+    for (PetscInt a = 0; a < 3; a++) {
+      force[a] += c->s->contact_force[k][a];
+      torque[a] += c->s->contact_torque[k][a];
+    }
+    PetscCall(reduce_force(c, k, force, torque, g));
     for (PetscInt i = 0; i < nr; i++) {
-      g[i] = *rigid_component(c, c->s->contact_force, c->s->contact_torque, k, i);
-      if (i < dim) g[i] += (rho_s - par->density) * M[0] * par->gravity[i];
       for (PetscInt j = 0; j < nr; j++) {
+        PetscReal now, old;
+
+        get_history(c, k, j, &now, &old);
         c->D[(k * nr + i) * nr + j] = step->ct * excess * M[i * nr + j];
-        g[i] += excess * M[i * nr + j] *
-                (step->d0 * *rigid_component(c, c->s->u, c->s->w, k, j) + step->d1 * *rigid_component(c, c->s->u_old, c->s->w_old, k, j));
+        g[i] += excess * M[i * nr + j] * (step->d0 * now + step->d1 * old);
+        if (!((c->unknown[k] >> j) & 1)) g[i] -= c->D[(k * nr + i) * nr + j] * c->U[k * nr + j];
       }
     }
     if (dim == 3) { /* gyroscopic torque - w x (J w), at the beginning of the step */
-      PetscCall(get_inertia(c, k, J));
-      for (PetscInt a = 0; a < 3; a++) L[a] = J[a][0] * c->s->w[k][0] + J[a][1] * c->s->w[k][1] + J[a][2] * c->s->w[k][2];
+      for (PetscInt a = 0; a < 3; a++)
+        L[a] = M[(3 + a) * nr + 3] * c->s->w[k][0] + M[(3 + a) * nr + 4] * c->s->w[k][1] + M[(3 + a) * nr + 5] * c->s->w[k][2];
       for (PetscInt a = 0; a < 3; a++) g[3 + a] -= excess * (c->s->w[k][(a + 1) % 3] * L[(a + 2) % 3] - c->s->w[k][(a + 2) % 3] * L[(a + 1) % 3]);
     }
   }
@@ -167,13 +257,11 @@ static PetscErrorCode fill_rigid_rows(Couple c)
 
 PetscErrorCode CoupleDraw(Couple c)
 {
-  const FlowStep  *step;
   const PetscInt  *fixed, *node_body;
   const PetscReal *value;
 
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_MARK, 0, 0, 0, 0));
-  PetscCall(FlowGetStep(c->flow, &step));
   PetscCall(BoundaryGetValues(FlowBoundary(c->flow), &fixed, &value));
   PetscCall(HoleSetMotion(c->hole));
   PetscCall(place_bodies(c));
@@ -181,18 +269,10 @@ PetscErrorCode CoupleDraw(Couple c)
   PetscCall((*c->rung.draw)(c));
   PetscCall(MarkFinish(c->mark));
   PetscCall(MarkGetNodes(c->mark, &node_body, NULL, NULL));
-  for (PetscInt k = 0; k < c->s->n; k++) {
-    c->unknown[k] = 0;
-    for (PetscInt i = 0; i < c->nr; i++) {
-      const PetscReal u = *rigid_component(c, c->s->u, c->s->w, k, i), u_old = *rigid_component(c, c->s->u_old, c->s->w_old, k, i);
-
-      if (c->implicit && is_free(c, k, i)) c->unknown[k] |= 1 << i;
-      c->U[k * c->nr + i] = (c->unknown[k] >> i) & 1 && step->order == 2 ? 2 * u - u_old : u;
-    }
-  }
+  PetscCall(set_rigid_velocities(c));
   PetscCall(ConstraintSetBoundary(c->constraint, fixed, value));
   if (c->s->n) {
-    PetscCall(ConstraintSetBodies(c->constraint, node_body, c->X, c->unknown, c->U, NULL));
+    PetscCall(ConstraintSetBodies(c->constraint, node_body, c->P, c->unknown, c->U, NULL));
     PetscCall(fill_rigid_rows(c));
     PetscCall(FlowSolverSetRigid(c->solver, c->D));
   }
@@ -277,34 +357,44 @@ static PetscErrorCode integrate_stress(Couple c, PetscInt only, PetscReal (*forc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Residual-form force of body k on its rigid slots: own equation where the velocity was unknown, nodal residual plus inertia of the fluid inside otherwise */
+/* Residual-form force of body k on its rigid slots (torque about its reference point): own equation where the velocity was unknown, nodal residual plus inertia of the fluid inside otherwise */
 static PetscErrorCode residual_force(Couple c, PetscInt k, PetscReal out[])
 {
   const FlowStep       *step;
   const FlowParameters *par;
   const PetscInt        nr    = c->nr;
   const PetscReal       rho_s = c->s->group[c->s->body_group[k]].density;
-  PetscReal             M[36], a[6], d[6], rho_i;
+  PetscReal             M[36], a[6], extra[3], rho_i;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetStep(c->flow, &step));
   PetscCall(FlowGetParameters(c->flow, &par));
   PetscCall(get_rigid_mass(c, k, M));
   rho_i = inner_density(c, par);
+  PetscCall(centripetal(c, k, extra));
+  for (PetscInt i = 0; i < nr; i++) a[i] = step->ct * c->U[k * nr + i] - step->d0 * c->U_old[k * nr + i] - step->d1 * c->U_older[k * nr + i];
   for (PetscInt i = 0; i < nr; i++) {
-    d[i] = step->d0 * c->U_old[k * nr + i] + step->d1 * c->U_older[k * nr + i];
-    a[i] = step->ct * c->U[k * nr + i] - d[i];
-  }
-  for (PetscInt i = 0; i < nr; i++) {
-    PetscReal inertia = 0, excess = 0;
+    PetscReal inertia = i < c->loc->dim ? rho_i * M[0] * extra[i] : 0, excess = 0;
 
     for (PetscInt j = 0; j < nr; j++) {
       inertia += rho_i * M[i * nr + j] * a[j];
-      excess += (rho_s - rho_i) * M[i * nr + j] * (a[j] + d[j]);
+      if ((c->unknown[k] >> j) & 1) excess += step->ct * (rho_s - rho_i) * M[i * nr + j] * c->U[k * nr + j];
     }
     /* rows of the solved system: R^T residual = g - D U = g - excess */
     out[i] = inertia + ((c->unknown[k] >> i) & 1 ? excess - c->g[k * nr + i] : c->residual[k * nr + i]);
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Force and torque about the centre, of generalised forces on the rigid slots */
+static PetscErrorCode store_force(Couple c, PetscInt k, const PetscReal f[], PetscReal (*force)[3], PetscReal (*torque)[3])
+{
+  PetscReal arm[3];
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < c->nr; i++) *rigid_component(c, force, torque, k, i) = f[i];
+  PetscCall(BodiesGetArm(c->bodies, k, c->q[k], arm));
+  for (PetscInt a = 0; a < 3; a++) torque[k][a] -= arm[(a + 1) % 3] * force[k][(a + 2) % 3] - arm[(a + 2) % 3] * force[k][(a + 1) % 3];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -325,7 +415,7 @@ PetscErrorCode CoupleForce(Couple c)
       PetscReal f[6];
 
       PetscCall(residual_force(c, k, f));
-      for (PetscInt i = 0; i < c->nr; i++) *rigid_component(c, c->s->force, c->s->torque, k, i) = f[i];
+      PetscCall(store_force(c, k, f, c->s->force, c->s->torque));
     }
     PetscCall(HoleForce(c->hole, c->u, c->p, c->s->force, c->s->torque, NULL, NULL));
   }
@@ -347,7 +437,7 @@ PetscErrorCode CoupleForceForms(Couple c, PetscInt k, PetscReal residual[6], Pet
   }
   PetscCall(sum_residuals(c, c->residual));
   PetscCall(residual_force(c, k, f));
-  for (PetscInt i = 0; i < c->nr; i++) *rigid_component(c, force, torque, k, i) = f[i];
+  PetscCall(store_force(c, k, f, force, torque));
   PetscCall(HoleForce(c->hole, c->u, c->p, force, torque, NULL, NULL));
   for (PetscInt a = 0; a < 3; a++) {
     residual[a]     = force[k][a];
@@ -421,14 +511,17 @@ static PetscErrorCode sum_bodies(Couple c, PetscReal out[3], PetscReal *size)
   PetscCall(FlowGetStep(c->flow, &step));
   out[0] = out[1] = out[2] = 0;
   for (PetscInt k = 0; k < c->s->n; k++) {
-    PetscReal volume;
+    const PetscReal inside = c->s->group[c->s->body_group[k]].hole ? 0 : inner_density(c, par);
+    PetscReal       M[36], extra[3];
 
-    PetscCall(BodiesGetVolume(c->bodies, k, &volume));
-    if (c->s->group[c->s->body_group[k]].hole) volume = 0;
+    PetscCall(get_rigid_mass(c, k, M));
+    PetscCall(centripetal(c, k, extra));
     for (PetscInt a = 0; a < c->loc->dim; a++) {
-      const PetscReal accel = step->ct * c->U[k * c->nr + a] - step->d0 * c->U_old[k * c->nr + a] - step->d1 * c->U_older[k * c->nr + a];
+      PetscReal inertia = M[0] * extra[a];
 
-      out[a] += inner_density(c, par) * volume * accel - c->s->force[k][a];
+      for (PetscInt j = 0; j < c->nr; j++)
+        inertia += M[a * c->nr + j] * (step->ct * c->U[k * c->nr + j] - step->d0 * c->U_old[k * c->nr + j] - step->d1 * c->U_older[k * c->nr + j]);
+      out[a] += inside * inertia - c->s->force[k][a];
       *size += PetscAbsReal(c->s->force[k][a]);
     }
   }
@@ -578,6 +671,7 @@ PetscErrorCode CoupleAdvance(Couple c)
       }
     }
     PetscCall(BodiesAdvancePosition(c->bodies, step->dt, step->order == 2 ? 0.5 : 1));
+    for (PetscInt k = 0; k < s->n; k++) PetscCall(BodiesRelease(c->bodies, k, par->density, par->gravity));
   } else if (s->n) PetscCall(advance_explicitly(c, step, par));
   PetscCall(PetscArraycpy(c->U_older, c->U_old, s->n * c->nr));
   PetscCall(PetscArraycpy(c->U_old, c->U, s->n * c->nr));
@@ -645,9 +739,14 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   PetscCall(FlowSolverCreate(flow, c->constraint, &c->solver));
   nn = n * c->nr;
   PetscCall(MarkCreate(c->mesh, bodies, &c->mark));
-  PetscCall(PetscCalloc6(n, &c->X, n, &c->q, n, &c->unknown, 3 * n, &c->du_old, n, &c->growth, 6 * n, &c->force_old));
+  PetscCall(PetscCalloc7(n, &c->X, n, &c->q, n, &c->P, n, &c->unknown, 3 * n, &c->du_old, n, &c->growth, 6 * n, &c->force_old));
   PetscCall(PetscCalloc6(nn, &c->U, nn, &c->U_old, nn, &c->U_older, nn * c->nr, &c->D, nn, &c->g, nn, &c->residual));
-  for (PetscInt i = 0; i < nn; i++) c->U_old[i] = c->U_older[i] = *rigid_component(c, c->s->u, c->s->w, i / c->nr, i % c->nr);
+  for (PetscInt k = 0; k < n; k++) {
+    PetscReal u[1][3], w[1][3];
+
+    PetscCall(BodiesGetKnownVelocity(bodies, k, 0, u[0], w[0]));
+    for (PetscInt i = 0; i < c->nr; i++) c->U_old[k * c->nr + i] = c->U_older[k * c->nr + i] = *rigid_component(c, u, w, 0, i);
+  }
   PetscCall(PetscCalloc3(c->loc->nnode_all * c->loc->dim, &c->u, c->loc->ncell * (c->loc->dim + 1), &c->p, c->loc->nnode_all * c->loc->dim, &c->rhs));
   *couple = c;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -664,7 +763,7 @@ PetscErrorCode CoupleDestroy(Couple *couple)
   PetscCall(PetscFree(c->prescribed));
   PetscCall(ConstraintDestroy(&c->constraint));
   PetscCall(MarkDestroy(&c->mark));
-  PetscCall(PetscFree6(c->X, c->q, c->unknown, c->du_old, c->growth, c->force_old));
+  PetscCall(PetscFree7(c->X, c->q, c->P, c->unknown, c->du_old, c->growth, c->force_old));
   PetscCall(PetscFree6(c->U, c->U_old, c->U_older, c->D, c->g, c->residual));
   PetscCall(PetscFree3(c->u, c->p, c->rhs));
   PetscCall(PetscFree(*couple));

@@ -303,7 +303,8 @@ static PetscErrorCode invert_body_blocks(FlowSolver fs, PetscInt k, PetscInt unk
 
     for (PetscInt a = 0; a < nr;
          a++) /* the excess mass of a light body may exceed the discrete mass of its nodes: the added mass of the flow around is not in the block */
-      if (-fs->D[k * nn + a * (nr + 1)] > 0) share = PetscMin(share, 0.9 * M[a * (nr + 1)] * (s ? fs->scale : 1) / -fs->D[k * nn + a * (nr + 1)]);
+      if ((unknown >> a) & 1 && -fs->D[k * nn + a * (nr + 1)] > 0)
+        share = PetscMin(share, 0.9 * M[a * (nr + 1)] * (s ? fs->scale : 1) / -fs->D[k * nn + a * (nr + 1)]);
     for (PetscInt e = 0; e < nn; e++) {
       const PetscBool active = (PetscBool)((unknown >> (e / nr)) & 1 && (unknown >> (e % nr)) & 1);
 

@@ -1,4 +1,4 @@
-/* Couple: forces against a global assembly, both forms against each other, equation of motion, momentum balance, rest, periodic images, blow-up of explicit coupling. */
+/* Couple: forces against a global assembly, both forms against each other, equation of motion, momentum balance, rest, periodic images, prescribed motion, pivot, stops, blow-up of explicit coupling. */
 /* ranks: 1 2 3 */
 #include "core.h"
 #include "couple.h"
@@ -438,6 +438,203 @@ static void test_periodic_images(void **state)
   for (PetscInt j = 0; j < 9; j++) NEAR(got[1][j], got[0][j], 1e-8 * (1 + PetscAbsReal(got[0][j])));
 }
 
+/* ---- prescribed motion, pivot, stops ---- */
+
+/* A prescribed body is drawn where it is at the end of the step and with its velocity there; the coupling does not matter */
+static void test_prescribed_motion(void **state)
+{
+  (void)state;
+  const char *const motion[] =
+    {"-particle_disc_motion oscillate -particle_disc_motion_amplitude 0.1,0.05 -particle_disc_motion_period 1,0.7 -particle_disc_motion_swing 1,0.5,0",
+     "-particle_disc_free none -particle_disc_velocity 0.7,0.3 -particle_disc_angular_velocity 2"};
+
+  for (PetscInt i = 0; i < 2; i++) {
+    PetscReal force[2][3];
+
+    for (PetscInt j = 0; j < 2; j++) {
+      char             options[1024];
+      Case             c;
+      const PetscInt  *body;
+      const PetscReal *u, *p;
+
+      snprintf(options, sizeof(options), CAVITY DISC TIGHT "-particle_disc_position 0.42,0.53 -flow_time be -couple_type %s %s",
+               j ? "explicit" : "implicit", motion[i]);
+      open_case(&c, options);
+      take_steps(&c, 2, 0.05);
+      solve_step(&c, 0.04);
+      BELOW(momentum_error(&c), 1e-8);
+      OK(CoupleGetNodeBody(c.couple, &body));
+      OK(CoupleGetSolution(c.couple, &u, &p));
+      for (PetscInt d = 0; d < 3; d++) force[j][d] = d < 2 ? c.s->force[0][d] : c.s->torque[0][2];
+      OK(CoupleAdvance(c.couple));
+      for (PetscInt n = 0; n < c.l->nnode; n++) {
+        const PetscReal r[2] = {c.l->x[2 * n] - c.s->x[0][0], c.l->x[2 * n + 1] - c.s->x[0][1]};
+
+        assert_int_equal(body[n] == 0, r[0] * r[0] + r[1] * r[1] <= 0.04);
+        if (body[n] < 0) continue;
+        NEAR(u[2 * n], c.s->u[0][0] - c.s->w[0][2] * r[1], 1e-12);
+        NEAR(u[2 * n + 1], c.s->u[0][1] + c.s->w[0][2] * r[0], 1e-12);
+      }
+      if (i == 0) {
+        NEAR(c.s->x[0][0], 0.42 + 0.1 * PetscSinReal(2 * PETSC_PI * 0.14), 1e-14);
+        NEAR(c.s->w[0][2], 4 * PETSC_PI * PetscCosReal(4 * PETSC_PI * 0.14), 1e-13);
+      } else NEAR(c.s->x[0][1], 0.53 + 0.3 * 0.14, 1e-14);
+      close_case(&c);
+    }
+    for (PetscInt d = 0; d < 3; d++) NEAR(force[1][d], force[0][d], 1e-8);
+  }
+}
+
+#define FLAP \
+  "-particle_groups flap -particle_flap_shape ellipse -particle_flap_a 0.25 -particle_flap_b 0.1 -particle_flap_position 0.45,0.6 -particle_flap_pivot -0.15,0 "
+
+/* Angular velocity about a point with velocity v, from the nodes inside body 0 */
+static PetscReal turning_rate(Case *c, const PetscReal point[], const PetscReal v[])
+{
+  const PetscReal *u, *p;
+  const PetscInt  *body;
+  PetscReal        sum = 0, square = 0;
+
+  OK(CoupleGetSolution(c->couple, &u, &p));
+  OK(CoupleGetNodeBody(c->couple, &body));
+  for (PetscInt i = 0; i < c->l->nnode; i++) {
+    const PetscReal r[2] = {c->l->x[2 * i] - point[0], c->l->x[2 * i + 1] - point[1]};
+
+    if (body[i] != 0) continue;
+    sum += r[0] * (u[2 * i + 1] - v[1]) - r[1] * (u[2 * i] - v[0]);
+    square += r[0] * r[0] + r[1] * r[1];
+  }
+  return total(sum) / total(square);
+}
+
+/* A body on a pivot, at rest or moving: its centre goes round, the reported force is that of the assembled system and of the momentum balance, and with it the body obeys its equation of
+   motion about the pivot */
+static void test_pivot(void **state)
+{
+  (void)state;
+  const char *const variant[] = {"-flow_time bdf2 -particle_flap_density 3", "-flow_time be -particle_flap_density 0.3",
+                                 "-flow_time bdf2 -particle_flap_density 3 -particle_flap_free rotation -particle_flap_motion oscillate "
+                                 "-particle_flap_motion_amplitude 0.1,0.2 -particle_flap_motion_period 0.8,0.6 -particle_flap_torque 0.2"};
+
+  for (PetscInt i = 0; i < 3; i++) {
+    char            options[1024];
+    Case            c;
+    FlowStep        step;
+    const FlowStep *now_step;
+    PetscReal       w[2], ur[3][3], pivot[3], keep[3], q[4], angle, arm[3], accel[3], force[3], torque, want[3], volume, inertia[6], alpha, wn, ap[2],
+      spare[3];
+    const PetscReal rho = i == 1 ? 0.3 : 3;
+
+    snprintf(options, sizeof(options), CAVITY FLAP TIGHT "-flow_bc_top_type moving_wall -flow_bc_top_velocity 1,0 -particle_flap_angle 0.3 %s",
+             variant[i]);
+    open_case(&c, options);
+    take_steps(&c, 3, 0.02);
+    for (PetscInt d = 0; d < 3; d++) keep[d] = c.s->x[0][d];
+    w[0] = c.s->w[0][2];
+    w[1] = c.s->w_old[0][2];
+    for (PetscInt n = 0; n < 3; n++) OK(BodiesGetKnownVelocity(c.bodies, 0, 0.08 - 0.02 * n, ur[n], spare));
+    OK(BodiesPredict(c.bodies, 0, 0.02, i == 1 ? 1 : 2, pivot, q, &angle));
+    for (PetscInt d = 0; d < 3; d++) c.s->x[0][d] = pivot[d]; /* the centre, for assembled_force */
+    OK(BodiesGetArm(c.bodies, 0, q, arm));
+    for (PetscInt d = 0; d < 2; d++) pivot[d] -= arm[d];
+    for (PetscInt d = 0; d < 3; d++) c.s->x[0][d] = keep[d];
+    solve_step(&c, 0.02);
+    BELOW(momentum_error(&c), 1e-8);
+    OK(FlowGetStep(c.flow, &now_step));
+    step = *now_step;
+    for (PetscInt d = 0; d < 3; d++) force[d] = c.s->force[0][d];
+    torque = c.s->torque[0][2];
+    wn     = turning_rate(&c, pivot, ur[0]);
+    alpha  = step.ct * wn - step.d0 * w[0] - step.d1 * w[1];
+    for (PetscInt d = 0; d < 2; d++) ap[d] = step.ct * ur[0][d] - step.d0 * ur[1][d] - step.d1 * ur[2][d];
+    accel[0] = ap[0] - alpha * arm[1] - wn * wn * arm[0];
+    accel[1] = ap[1] + alpha * arm[0] - wn * wn * arm[1];
+    accel[2] = alpha;
+    for (PetscInt d = 0; d < 3; d++) { c.s->x[0][d] = d < 2 ? pivot[d] + arm[d] : 0; }
+    assembled_force(&c, 0, accel, want);
+    for (PetscInt d = 0; d < 3; d++) c.s->x[0][d] = keep[d];
+    NEAR(force[0], want[0], 1e-8);
+    NEAR(force[1], want[1], 1e-8);
+    NEAR(torque, want[2], 1e-8);
+    OK(CoupleAdvance(c.couple));
+    NEAR(c.s->w[0][2], wn, 1e-11);
+    /* about the pivot: (I + M L^2) alpha = T + arm x (F + (M - M_f) g - M a_p) */
+    OK(BodiesGetVolume(c.bodies, 0, &volume));
+    OK(BodiesGetInertia(c.bodies, 0, PETSC_FALSE, inertia));
+    NEAR((inertia[2] + rho * volume * (arm[0] * arm[0] + arm[1] * arm[1])) * alpha,
+         torque + (i == 2 ? 0.2 : 0) + arm[0] * (force[1] - (rho - 1.3) * volume * 9 - rho * volume * ap[1]) -
+           arm[1] * (force[0] + (rho - 1.3) * volume * 0.5 - rho * volume * ap[0]),
+         1e-8);
+    assert_true(PetscAbsReal(c.s->w[0][2]) > 0.01);
+    OK(BodiesGetKnownVelocity(c.bodies, 0, 0.08, ur[0], spare));
+    NEAR(c.s->u[0][0], ur[0][0] - c.s->w[0][2] * (c.s->x[0][1] - 0.6 - (i == 2 ? 0.2 * PetscSinReal(2 * PETSC_PI * 0.08 / 0.6) : 0)), 1e-12);
+    close_case(&c);
+  }
+}
+
+/* A pendulum so heavy that the fluid is air to it: period of the physical pendulum, with the inertia of the parallel axis */
+static void test_heavy_pendulum(void **state)
+{
+  (void)state;
+  const PetscReal L = 0.15, period = 2 * PETSC_PI * PetscSqrtReal((0.25 * (0.0625 + 0.01) + L * L) / (10 * L)), dt = period / 64;
+  Case            c;
+  PetscReal       old = 0.1, crossing[2];
+  PetscInt        n   = 0;
+
+  open_case(&c, "-mesh_cells 12,12 -flow_density 1 -flow_viscosity 0.01 -flow_gravity 0,-10 " FLAP
+                "-particle_flap_density 1e5 -particle_flap_angle -1.4707963267948966 -flow_convection 0");
+  while (n < 2) {
+    PetscReal now;
+
+    take_steps(&c, 1, dt);
+    now = c.s->angle[0] + PETSC_PI / 2;
+    if (now * old < 0) crossing[n++] = c.time - dt * now / (now - old);
+    old = now;
+  }
+  NEAR(2 * (crossing[1] - crossing[0]), period * (1 + 0.01 / 16), 5e-3 * period); /* bdf2: 64 steps a period */
+  close_case(&c);
+}
+
+/* The flap falls onto its stop, rests there to the last bit, its force is then that of a fixed body, and it leaves when it is pulled away. It never passes. */
+static void test_stops(void **state)
+{
+  (void)state;
+  const char *const type[] = {"implicit", "explicit"};
+
+  for (PetscInt i = 0; i < 2; i++) {
+    char     options[1024];
+    Case     c;
+    PetscInt rested = 0;
+
+    snprintf(options, sizeof(options), CAVITY FLAP "-particle_flap_density 8 -particle_flap_angle -0.2 -particle_flap_stops -0.5,0 -couple_type %s",
+             type[i]);
+    open_case(&c, options);
+    for (PetscInt n = 0; n < 30; n++) {
+      const PetscReal *u, *p;
+      const PetscInt  *body;
+
+      solve_step(&c, 0.02);
+      BELOW(momentum_error(&c), 1e-4);
+      if (rested > 1) {
+        OK(CoupleGetSolution(c.couple, &u, &p));
+        OK(CoupleGetNodeBody(c.couple, &body));
+        for (PetscInt k = 0; k < c.l->nnode; k++)
+          if (body[k] == 0) BELOW(PetscAbsReal(u[2 * k]) + PetscAbsReal(u[2 * k + 1]), 0);
+      }
+      OK(CoupleAdvance(c.couple));
+      assert_true(c.s->angle[0] >= -0.5 && c.s->angle[0] <= 0);
+      rested += c.s->stopped[0] != 0;
+    }
+    assert_true(rested > 3);
+    NEAR(c.s->angle[0], -0.5, 0);
+    c.s->group[0].motion.torque[2] = 3; /* weight about the pivot is 0.7 */
+    take_steps(&c, 4, 0.02);
+    assert_true(c.s->angle[0] > -0.499);
+    assert_int_equal(c.s->stopped[0], 0);
+    close_case(&c);
+  }
+}
+
 /* ---- stability ---- */
 
 static char           raised[2048];
@@ -484,6 +681,10 @@ int main(int argc, char **argv)
                                      cmocka_unit_test(test_momentum_balance_of_a_cavity),
                                      cmocka_unit_test(test_rest),
                                      cmocka_unit_test(test_periodic_images),
+                                     cmocka_unit_test(test_prescribed_motion),
+                                     cmocka_unit_test(test_pivot),
+                                     cmocka_unit_test(test_heavy_pendulum),
+                                     cmocka_unit_test(test_stops),
                                      cmocka_unit_test(test_light_body)};
   int                     failed;
 
