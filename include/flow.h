@@ -75,7 +75,8 @@ PetscErrorCode FlowGetLumpedMass(Flow, const PetscReal *m[]);
 PetscErrorCode FlowGetFields(Flow, PetscReal *u[], PetscReal *u_old[], PetscReal *p[]);
 /* Pressure as value and gradient: out [own cells][dim + 1] with p(x) = out_0 + out_1.. . (x - centre node). */
 PetscErrorCode FlowGetPressureGradient(Flow, const PetscReal p[], PetscReal out[]);
-/* Start value for the next step by extrapolation in time: u [nnode_all][dim], p. */
+/* Start value for the next step: u [nnode_all][dim] extrapolated in time, p of the last step. An extrapolated pressure makes the single sweep of recipe fast unstable
+   (pressure correction of second order: Guermond, Minev, Shen 2006), and the coupled recipes less accurate at equal tolerance. */
 PetscErrorCode FlowExtrapolate(Flow, PetscReal u[], PetscReal p[]);
 /* Accept the solution of the step: shifts the history. u synced. */
 PetscErrorCode FlowAcceptStep(Flow, const PetscReal u[], const PetscReal p[]);

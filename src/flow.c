@@ -31,7 +31,7 @@ struct _p_Flow {
   PetscInt *
     entry; /* [ncell_all][nb][nb] place of an entry of a cell: >= 0 in the values of own columns, <= -2: -2 - place in those of other columns, -1: not our row */
   /* fields */
-  PetscReal *u, *u_old, *w, *p, *p_old;
+  PetscReal *u, *u_old, *w, *p;
 };
 
 static const char *const SCHEMES[] = {"be", "cn", "bdf2", NULL};
@@ -453,7 +453,6 @@ PetscErrorCode FlowCreate(Mesh mesh, Flow *flow)
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u_old));
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->w));
   PetscCall(PetscCalloc1(l->ncell * (dim + 1), &f->p));
-  PetscCall(PetscCalloc1(l->ncell * (dim + 1), &f->p_old));
   PetscCall(create_matrix(f));
   *flow = f;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -506,7 +505,6 @@ PetscErrorCode FlowDestroy(Flow *flow)
   PetscCall(PetscFree(f->u_old));
   PetscCall(PetscFree(f->w));
   PetscCall(PetscFree(f->p));
-  PetscCall(PetscFree(f->p_old));
   PetscCall(PetscFree(*flow));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -622,7 +620,7 @@ PetscErrorCode FlowExtrapolate(Flow f, PetscReal u[], PetscReal p[])
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim; i++) u[i] = f->u[i] + r * (f->u[i] - f->u_old[i]);
-  for (PetscInt i = 0; i < f->loc->ncell * (f->loc->dim + 1); i++) p[i] = f->p[i] + (f->nsteps > 2 ? r : 0) * (f->p[i] - f->p_old[i]);
+  PetscCall(PetscArraycpy(p, f->p, f->loc->ncell * (f->loc->dim + 1)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -634,9 +632,6 @@ PetscErrorCode FlowAcceptStep(Flow f, const PetscReal u[], const PetscReal p[])
   swap     = f->u_old;
   f->u_old = f->u;
   f->u     = swap;
-  swap     = f->p_old;
-  f->p_old = f->p;
-  f->p     = swap;
   PetscCall(PetscArraycpy(f->u, u, f->loc->nnode_all * f->loc->dim));
   PetscCall(PetscArraycpy(f->p, p, f->loc->ncell * (f->loc->dim + 1)));
   f->dt_old = f->step.dt;

@@ -546,8 +546,8 @@ static PetscErrorCode set_up_projection(PC pc)
 
 static PetscErrorCode set_recipe(FlowSolver fs)
 {
-  const char *outer[][2] = {{"1", "1e-10"}, {"200", "1e-5"}, {"200", "1e-9"}, {"20", "1e-10"}};
-  const char *inner[][2] = {{"1e-5", "1e-3"}, {"1e-2", "1e-2"}, {"1e-2", "1e-2"}, {"1e-2", "1e-2"}};
+  const char *outer[][2] = {{"1", "1e-10"}, {"200", "1e-6"}, {"200", "1e-9"}, {"20", "1e-10"}};
+  const char *inner[][2] = {{"1e-2", "1e-1"}, {"1e-2", "1e-2"}, {"1e-2", "1e-2"}, {"1e-2", "1e-2"}};
   PetscInt    recipe     = 1;
 
   PetscFunctionBeginUser;
@@ -558,6 +558,7 @@ static PetscErrorCode set_recipe(FlowSolver fs)
   PetscCall(OptDefault("-flow_ksp_max_it", outer[recipe][0]));
   PetscCall(OptDefault("-flow_ksp_rtol", outer[recipe][1]));
   if (recipe == 0) PetscCall(OptDefault("-flow_ksp_convergence_test", "skip"));
+  if (recipe == 0) PetscCall(OptDefault("-flow_ksp_norm_type", "none")); /* or the sweep would run a second time for the norm */
   if (recipe > 0) PetscCall(OptDefault("-flow_ksp_gmres_restart", "60"));
   if (recipe == 3) {
     PetscCall(OptDefault("-flow_pc_type", "lu"));

@@ -607,12 +607,12 @@ static void check_scheme(const char scheme[], PetscInt degree, PetscReal where)
     NEAR(s->ct - s->d0 - s->d1, 0, 1e-12);
     NEAR(s->ct * q[0] - s->d0 * q[1] - s->d1 * q[2], 1, 1e-13);
     if (degree == 2 && (k > 1 || where < 1)) NEAR(s->ct * q[0] * q[0] - s->d0 * q[1] * q[1] - s->d1 * q[2] * q[2], 2 * at, 1e-13);
-    /* the start value is exact for fields that are linear in time, as soon as two (for p three) are known */
+    /* the start value is exact for fields that are linear in time, as soon as two are known; the pressure is that of the last step */
     OK(FlowExtrapolate(c.flow, guess, guess_p));
     for (PetscInt i = 0; i < c.l->nnode_all * 2; i++) u[i] = (2 + 3 * times[k]) * noise(i);
+    if (k > 1) BELOW(max_difference(c.l->ncell * 3, p, guess_p), 1e-13);
     for (PetscInt i = 0; i < c.l->ncell * 3; i++) p[i] = (2 + 3 * times[k]) * noise(i);
     if (k > 2) BELOW(max_difference(c.l->nnode_all * 2, u, guess), 1e-13);
-    if (k > 3) BELOW(max_difference(c.l->ncell * 3, p, guess_p), 1e-13);
     OK(FlowAcceptStep(c.flow, u, p));
   }
   OK(PetscFree(u));
