@@ -12,7 +12,8 @@ typedef struct _p_Boundary *Boundary;
 PetscErrorCode BoundaryCreate(Mesh, Boundary *);
 PetscErrorCode BoundaryDestroy(Boundary *);
 PetscErrorCode BoundaryView(Boundary, PetscViewer);
-/* Evaluate the prescribed values at a time. Local. */
+/* Evaluate the prescribed values at a time; PETSC_MAX_REAL: those of the steady state, after all ramps. Local.
+   Error: a steady state is wanted and a boundary never stops changing (_factor). */
 PetscErrorCode BoundarySetTime(Boundary, PetscReal time);
 /* Prescribed components: fixed [nnode_all] bit mask, value [nnode_all][dim] (may be NULL). Borrowed. */
 PetscErrorCode BoundaryGetValues(Boundary, const PetscInt *fixed[], const PetscReal *value[]);

@@ -33,12 +33,16 @@ PetscErrorCode CoupleGetLoad(Couple, PetscInt *ncells, PetscInt *nbodies);
    Force: hydrodynamic forces of all bodies, from the solution.
    Advance: velocities and positions of the bodies; accepts the flow. Error when explicit coupling blows up (added mass): names -couple_type implicit. */
 PetscErrorCode CoupleDraw(Couple);
+/* The first part of CoupleSolve, which nonlinear solvers repeat for other convecting velocities: matrix and right-hand side. Collective. */
+PetscErrorCode CoupleAssemble(Couple);
 PetscErrorCode CoupleSolve(Couple, PetscInt *its, KSPConvergedReason *reason);
 PetscErrorCode CoupleForce(Couple);
 PetscErrorCode CoupleAdvance(Couple);
 
 /* Solution of the step before CoupleAdvance: u [nnode_all][dim], p [own cells][dim + 1]. */
 PetscErrorCode CoupleGetSolution(Couple, const PetscReal *u[], const PetscReal *p[]);
+/* The same, writable, with the rigid velocities U [n][nr] and the right-hand sides rhs [nnode_all][dim], g [n][nr] of the step, for solvers of their own. Any may be NULL. */
+PetscErrorCode CoupleGetSystem(Couple, PetscReal *u[], PetscReal *p[], PetscReal *U[], PetscReal *rhs[], PetscReal *g[]);
 /* Both forms of force and torque on body k, whatever -couple_force says. Collective. */
 PetscErrorCode CoupleForceForms(Couple, PetscInt k, PetscReal residual[6], PetscReal volume[6]);
 /* Balance of momentum over the step: fluid = bodies + walls + openings + volume. Each [3], force units. Where the force of a body comes from its own equation or from the residual,

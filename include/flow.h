@@ -50,6 +50,10 @@ PetscErrorCode FlowUpdateCells(Flow, PetscInt n, const PetscInt cells[], const P
 /* Begin the step that ends at time and has length dt: sets the coefficients. */
 PetscErrorCode FlowBeginStep(Flow, PetscReal time, PetscReal dt);
 PetscErrorCode FlowGetStep(Flow, const FlowStep **);
+/* Steady problem in place of a step: theta = 1, dt = 0, convection with u^n until FlowSetConvection, c_t = rate of a pseudo-time that starts from u^n (0: none). */
+PetscErrorCode FlowBeginSteady(Flow, PetscReal rate);
+/* Convecting velocity w of the next FlowAssemble, [nnode_all][dim] synced. Local. */
+PetscErrorCode FlowSetConvection(Flow, const PetscReal w[]);
 
 /* The boundary conditions, set to the time of the step. Borrowed. */
 Boundary FlowBoundary(Flow);
@@ -83,6 +87,8 @@ PetscErrorCode FlowAcceptStep(Flow, const PetscReal u[], const PetscReal p[]);
 
 /* Momentum residual of cell c with the step's solution u, p: r [nb][dim] (what the cell adds to the momentum rows). Not collective. */
 PetscErrorCode FlowCellResidual(Flow, PetscInt c, const PetscReal u[], const PetscReal p[], PetscReal r[]);
+/* What Newton's method adds to S: n [nb*dim][nb*dim] = rho theta int phi_i phi_j du_a/dx_b, row (i, a), column (j, b), of cell c. Zero without convection. Not collective. */
+PetscErrorCode FlowCellNewton(Flow, PetscInt c, const PetscReal u[], PetscReal n[]);
 /* Integral over cell c of -sigma_sym . grad(alpha) and of its moment about X, alpha [nb] nodal: adds to force [3], torque [3]. Not collective. */
 PetscErrorCode FlowCellStressForce(Flow, PetscInt c, const PetscReal u[], const PetscReal p[], const PetscReal alpha[], const PetscReal X[3],
                                    PetscReal force[3], PetscReal torque[3]);

@@ -37,5 +37,17 @@ PetscErrorCode FlowSolverSetUp(FlowSolver);
 PetscErrorCode FlowSolverSolve(FlowSolver, const PetscReal r[], const PetscReal g[], PetscReal u[], PetscReal p[], PetscReal U[], PetscInt *its,
                                KSPConvergedReason *reason);
 
+/* For nonlinear problems, whose solver repeats these. x holds on every rank the reduced velocity (own nodes x dim, rigid slots of own bodies), then the pressure of own cells.
+   SetVelocity: velocity matrix of all components (own nodes x dim) to use in place of S from the next SetUp on, NULL: S again; S stays the preconditioner of the matrix-free solvers. Borrowed.
+   Pack, Unpack: between x and nodal arrays as in FlowSolverSolve. Residual: f = K x - b with the system's K and right-hand side b. Correct: solve K y = f from y = 0. Collective. */
+PetscErrorCode FlowSolverCreateVec(FlowSolver, Vec *x);
+PetscErrorCode FlowSolverSetVelocity(FlowSolver, Mat A);
+PetscErrorCode FlowSolverPack(FlowSolver, const PetscReal u[], const PetscReal p[], const PetscReal U[], Vec x);
+PetscErrorCode FlowSolverUnpack(FlowSolver, Vec x, PetscReal u[], PetscReal p[], PetscReal U[]);
+PetscErrorCode FlowSolverResidual(FlowSolver, const PetscReal r[], const PetscReal g[], Vec x, Vec f);
+PetscErrorCode FlowSolverCorrect(FlowSolver, Vec f, Vec y, PetscInt *its, KSPConvergedReason *reason);
+/* The block operator K for products. Borrowed. */
+PetscErrorCode FlowSolverGetOperator(FlowSolver, Mat *K);
+
 /* Number of unknowns: free or not, velocity + pressure + rigid slots (global). */
 PetscErrorCode FlowSolverGetUnknowns(FlowSolver, PetscInt *n);

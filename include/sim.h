@@ -1,12 +1,15 @@
 /* Sim: the time loop. Layer 4.
 
-   Options: -sim_dt, -sim_time (end), -sim_steps (at most; whichever comes first). */
+   A steady scene solves once, without time: it is reported as one step of length 0.
+
+   Options: -sim_steady (read by the scene), or -sim_dt, -sim_time (end), -sim_steps (at most; whichever comes first). */
 #pragma once
 #include "contact.h"
 #include "couple.h"
 #include "flow.h"
 #include "monitor.h"
 #include "output.h"
+#include "steady.h"
 
 /* The parts of a simulation, built by the scene; contact and bodies may be inactive but exist. Not owned. */
 typedef struct {
@@ -18,6 +21,7 @@ typedef struct {
   Contact     contact;
   Output      output;
   Monitor     monitor;
+  Steady      steady; /* NULL: time steps */
 } SimParts;
 
 typedef struct _p_Sim *Sim;

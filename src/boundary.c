@@ -140,6 +140,19 @@ static PetscReal boundary_profile(const Condition *bc, PetscInt dim, const Petsc
   return value;
 }
 
+static PetscErrorCode check_steady(Boundary f, PetscInt b, PetscReal time)
+{
+  const PetscReal *factor = f->condition[b].factor;
+  const char      *name;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshGetBoundaryName(f->mesh, b, &name));
+  PetscCheck(time < PETSC_MAX_REAL || factor[1] == 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "Boundary '%s' changes in time (-flow_bc_%s_factor %g,%g,%g) and has no steady state: set the second number to 0, or run in time without -sim_steady",
+             name, name, (double)factor[0], (double)factor[1], (double)factor[2]);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode BoundarySetTime(Boundary f, PetscReal time)
 {
   static const BoundaryType order[] = {BC_SLIP, BC_INFLOW, BC_MOVING_WALL, BC_NO_SLIP}; /* later ones win where boundaries meet */
@@ -154,6 +167,7 @@ PetscErrorCode BoundarySetTime(Boundary f, PetscReal time)
       PetscReal        factor;
 
       if (bc->type != order[pass]) continue;
+      PetscCall(check_steady(f, b, time));
       factor = boundary_factor(bc, time);
       PetscCall(MeshGetBoundaryNodes(f->mesh, b, &n, &node));
       for (PetscInt i = 0; i < n; i++) {

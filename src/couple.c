@@ -280,12 +280,19 @@ PetscErrorCode CoupleDraw(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CoupleSolve(Couple c, PetscInt *its, KSPConvergedReason *reason)
+PetscErrorCode CoupleAssemble(Couple c)
 {
   PetscFunctionBeginUser;
   PetscCall(FlowAssemble(c->flow));
-  PetscCall(FlowSolverSetUp(c->solver));
   PetscCall(FlowRhs(c->flow, c->rhs));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleSolve(Couple c, PetscInt *its, KSPConvergedReason *reason)
+{
+  PetscFunctionBeginUser;
+  PetscCall(CoupleAssemble(c));
+  PetscCall(FlowSolverSetUp(c->solver));
   PetscCall(FlowExtrapolate(c->flow, c->u, c->p));
   PetscCall(FlowSolverSolve(c->solver, c->rhs, c->g, c->u, c->p, c->U, its, reason));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -821,5 +828,16 @@ PetscErrorCode CoupleGetSolution(Couple c, const PetscReal *u[], const PetscReal
   PetscFunctionBeginUser;
   *u = c->u;
   *p = c->p;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleGetSystem(Couple c, PetscReal *u[], PetscReal *p[], PetscReal *U[], PetscReal *rhs[], PetscReal *g[])
+{
+  PetscFunctionBeginUser;
+  if (u) *u = c->u;
+  if (p) *p = c->p;
+  if (U) *U = c->U;
+  if (rhs) *rhs = c->rhs;
+  if (g) *g = c->g;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

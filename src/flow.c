@@ -563,6 +563,30 @@ PetscErrorCode FlowBeginStep(Flow f, PetscReal time, PetscReal dt)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode FlowBeginSteady(Flow f, PetscReal rate)
+{
+  FlowStep *s = &f->step;
+
+  PetscFunctionBeginUser;
+  s->time  = 0;
+  s->dt    = 0;
+  s->ct    = rate;
+  s->d0    = rate;
+  s->d1    = 0;
+  s->theta = 1;
+  s->order = 1;
+  PetscCall(FlowSetConvection(f, f->u));
+  PetscCall(BoundarySetTime(f->boundary, PETSC_MAX_REAL));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSetConvection(Flow f, const PetscReal w[])
+{
+  PetscFunctionBeginUser;
+  if (f->par.convection) PetscCall(PetscArraycpy(f->w, w, f->loc->nnode_all * f->loc->dim));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowGetStep(Flow f, const FlowStep **step)
 {
   PetscFunctionBeginUser;
@@ -670,6 +694,32 @@ PetscErrorCode FlowCellResidual(Flow f, PetscInt c, const PetscReal u[], const P
   ElementResidual(&f->element, &m, f->par.density, f->par.viscosity, f->par.force, al, vl, f->par.convection ? wl : NULL, r);
   for (PetscInt k = 0; k < nk; k++)
     for (PetscInt i = 0; i < n; i++) r[i] -= p[c * nk + k] * f->b[(c * nk + k) * n + i];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowCellNewton(Flow f, PetscInt c, const PetscReal u[], PetscReal n[])
+{
+  const MeshLocal *l   = f->loc;
+  const PetscInt   dim = l->dim, nb = l->nb, rows = nb * dim;
+  PetscReal        ul[MAX_NB * 3];
+  Metric           m;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(n, rows * rows));
+  if (!f->par.convection) PetscFunctionReturn(PETSC_SUCCESS);
+  gather(l, c, u, ul);
+  PetscCall(compute_metric(f, c, &m));
+  for (PetscInt q = 0; q < f->nq; q++) {
+    const PetscReal *phi = f->phi + q * f->nbp, scale = f->par.density * f->step.theta * m.weight[q];
+    PetscReal        g[3][MAX_NBP], grad[3][3]        = {{0}};
+
+    space_gradients(f, &m, q, g);
+    for (PetscInt j = 0; j < nb; j++)
+      for (PetscInt a = 0; a < dim; a++)
+        for (PetscInt b = 0; b < dim; b++) grad[a][b] += scale * g[b][j] * ul[j * dim + a];
+    for (PetscInt i = 0; i < rows; i++)
+      for (PetscInt j = 0; j < rows; j++) n[i * rows + j] += phi[i / dim] * phi[j / dim] * grad[i % dim][j % dim];
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -27,14 +27,14 @@ struct _p_FlowSolver {
   const MeshLocal *loc;
   PetscInt         nodal, nur, np, nbodies, nr; /* local sizes: nodal slots, u_r, p */
   PetscInt         schur;
-  PetscBool        commute; /* in this step */
-  Mat              S, A;    /* scalar matrix; the same for all components */
+  PetscBool        commute;     /* in this step */
+  Mat              S, S_all, A; /* scalar matrix; the same for all components; the one in use: that, or of FlowSolverSetVelocity */
   Mat              Ar, G, B, C, nest, Ar_assembled,
     whole; /* shells P^T A P + D, -P^T B^T, B P, C of PressureGetShared; block operator; assembled forms when needed */
   PetscBool    need_Ar, need_whole;
-  Vec          xn, yn;           /* nodal views of parts of reduced vectors */
-  PetscReal    scale;            /* rho c_t: continuity rows are multiplied by it, so that their residual counts as the force it causes */
-  PetscReal   *D;                /* [nbodies][nr][nr] */
+  Vec          xn, yn; /* nodal views of parts of reduced vectors */
+  PetscReal    scale;  /* rho c_t (steady: mu/h^2): continuity rows are multiplied by it, so that their residual counts as the force it causes */
+  PetscReal   *D;      /* [nbodies][nr][nr] */
   PetscReal   *body_inverse;     /* [own bodies][nr][nr] inverse of the body's diagonal block of Ar */
   PetscReal   *mass_inverse;     /* [nbodies][nr][nr] of its block of M_r / scale, on every rank; zero for known degrees of freedom */
   PetscReal   *diagonal_inverse; /* [nodal] of A, zero at inert slots */
@@ -428,7 +428,7 @@ static PetscErrorCode assemble_on_demand(FlowSolver fs)
   PetscCall(MatDestroy(&fs->whole));
   PetscCall(ConstraintCreateMat(fs->constraint, &P));
   PetscCall(SaddleCreateVelocity(fs->constraint, fs->A, P, fs->D, &fs->Ar_assembled));
-  if (fs->need_whole) PetscCall(SaddleCreateWhole(fs->flow, fs->pressure, P, fs->Ar_assembled, &fs->whole));
+  if (fs->need_whole) PetscCall(SaddleCreateWhole(fs->flow, fs->pressure, fs->scale, P, fs->Ar_assembled, &fs->whole));
   PetscCall(MatDestroy(&P));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -716,7 +716,8 @@ PetscErrorCode FlowSolverCreate(Flow flow, Constraint constraint, FlowSolver *so
   PetscCall(set_recipe(fs));
   PetscCall(choose_assembly(fs));
   PetscCall(FlowGetMatrix(flow, &fs->S));
-  PetscCall(MatCreateMAIJ(fs->S, fs->loc->dim, &fs->A));
+  PetscCall(MatCreateMAIJ(fs->S, fs->loc->dim, &fs->S_all));
+  fs->A = fs->S_all;
   PetscCall(map_ghost_columns(fs));
   PetscCall(PetscCalloc3(fs->nbodies * fs->nr * fs->nr, &fs->D, count * fs->nr * fs->nr, &fs->body_inverse, fs->nbodies * fs->nr * fs->nr,
                          &fs->mass_inverse));
@@ -740,7 +741,7 @@ PetscErrorCode FlowSolverDestroy(FlowSolver *solver)
   PetscCall(PCDestroy(&fs->split));
   PetscCall(PressureDestroy(&fs->pressure));
   PetscCall(MatNullSpaceDestroy(&fs->constant_pressure));
-  PetscCall(MatDestroy(&fs->A));
+  PetscCall(MatDestroy(&fs->S_all));
   PetscCall(MatDestroy(&fs->Ar));
   PetscCall(MatDestroy(&fs->G));
   PetscCall(MatDestroy(&fs->B));
@@ -790,7 +791,7 @@ PetscErrorCode FlowSolverSetRigid(FlowSolver fs, const PetscReal D[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Viscous number of the step: nu dt / h^2, with the smallest cell */
+/* By the viscous number of the step: nu dt / h^2, with the smallest cell. The projection is for time steps only. */
 static PetscErrorCode choose_schur(FlowSolver fs)
 {
   const FlowParameters *par;
@@ -799,7 +800,7 @@ static PetscErrorCode choose_schur(FlowSolver fs)
   PetscFunctionBeginUser;
   PetscCall(FlowGetParameters(fs->flow, &par));
   PetscCall(FlowGetStep(fs->flow, &step));
-  fs->commute = (PetscBool)(fs->schur == SCHUR_COMMUTATOR ||
+  fs->commute = (PetscBool)(fs->schur == SCHUR_COMMUTATOR || step->dt == 0 ||
                             (fs->schur == SCHUR_AUTO &&
                              par->viscosity * step->theta / (par->density * step->ct * fs->loc->h * fs->loc->h) > COMMUTATOR_FROM));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -814,7 +815,7 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
   PetscFunctionBeginUser;
   PetscCall(FlowGetParameters(fs->flow, &par));
   PetscCall(FlowGetStep(fs->flow, &step));
-  fs->scale = par->density * step->ct;
+  fs->scale = step->dt > 0 ? par->density * step->ct : par->viscosity / (fs->loc->h * fs->loc->h);
   PetscCall(choose_schur(fs));
   PetscCall(set_up_diagonals(fs));
   PetscCall(set_up_body_blocks(fs));
@@ -869,35 +870,93 @@ static PetscErrorCode build_rhs(FlowSolver fs, const PetscReal r[], const PetscR
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscReal g[], PetscReal u[], PetscReal p[], PetscReal U[], PetscInt *its,
-                               KSPConvergedReason *reason)
+PetscErrorCode FlowSolverCreateVec(FlowSolver fs, Vec *x)
+{
+  PetscFunctionBeginUser;
+  PetscCall(VecDuplicate(fs->x, x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverGetOperator(FlowSolver fs, Mat *K)
+{
+  PetscFunctionBeginUser;
+  *K = fs->nest;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverSetVelocity(FlowSolver fs, Mat A)
+{
+  PetscFunctionBeginUser;
+  fs->A = A ? A : fs->S_all;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverPack(FlowSolver fs, const PetscReal u[], const PetscReal p[], const PetscReal U[], Vec xv)
 {
   PetscReal *x;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscLogEventBegin(TB_FLOW_SOLVE, 0, 0, 0, 0));
-  PetscCall(build_rhs(fs, r, g));
+  PetscCall(VecGetArray(xv, &x));
+  PetscCall(VecPlaceArray(fs->t_u, x));
   PetscCall(ConstraintRestrict(fs->constraint, u, U, fs->t_u));
-  PetscCall(VecGetArray(fs->x, &x));
-  {
-    const PetscReal *ur;
-
-    PetscCall(VecGetArrayRead(fs->t_u, &ur));
-    PetscCall(PetscArraycpy(x, ur, fs->nur));
-    PetscCall(VecRestoreArrayRead(fs->t_u, &ur));
-  }
+  PetscCall(VecResetArray(fs->t_u));
   PetscCall(PetscArraycpy(x + fs->nur, p, fs->np));
-  PetscCall(VecRestoreArray(fs->x, &x));
-  PetscCall(KSPSolve(fs->ksp, fs->b, fs->x));
-  PetscCall(KSPGetIterationNumber(fs->ksp, its));
-  PetscCall(KSPGetConvergedReason(fs->ksp, reason));
-  PetscCall(VecGetArray(fs->x, &x));
+  PetscCall(VecRestoreArray(xv, &x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverUnpack(FlowSolver fs, Vec xv, PetscReal u[], PetscReal p[], PetscReal U[])
+{
+  const PetscReal *x;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecGetArrayRead(xv, &x));
   PetscCall(PetscArraycpy(p, x + fs->nur, fs->np));
   PetscCall(VecPlaceArray(fs->t_u, x));
   PetscCall(ConstraintExpand(fs->constraint, fs->t_u, u));
   PetscCall(ConstraintGatherRigid(fs->constraint, fs->t_u, U));
   PetscCall(VecResetArray(fs->t_u));
-  PetscCall(VecRestoreArray(fs->x, &x));
+  PetscCall(VecRestoreArrayRead(xv, &x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverResidual(FlowSolver fs, const PetscReal r[], const PetscReal g[], Vec x, Vec f)
+{
+  PetscFunctionBeginUser;
+  PetscCall(build_rhs(fs, r, g));
+  PetscCall(MatMult(fs->nest, x, f));
+  PetscCall(VecAXPY(f, -1, fs->b));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverCorrect(FlowSolver fs, Vec f, Vec y, PetscInt *its, KSPConvergedReason *reason)
+{
+  MatNullSpace constant;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscLogEventBegin(TB_FLOW_SOLVE, 0, 0, 0, 0));
+  PetscCall(VecCopy(f, fs->b));
+  PetscCall(MatGetNullSpace(fs->nest, &constant));
+  if (constant) PetscCall(MatNullSpaceRemove(constant, fs->b)); /* the round-off of a small residual would dominate */
+  PetscCall(VecSet(y, 0));
+  PetscCall(KSPSolve(fs->ksp, fs->b, y));
+  PetscCall(KSPGetIterationNumber(fs->ksp, its));
+  PetscCall(KSPGetConvergedReason(fs->ksp, reason));
+  PetscCall(PetscLogEventEnd(TB_FLOW_SOLVE, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscReal g[], PetscReal u[], PetscReal p[], PetscReal U[], PetscInt *its,
+                               KSPConvergedReason *reason)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscLogEventBegin(TB_FLOW_SOLVE, 0, 0, 0, 0));
+  PetscCall(build_rhs(fs, r, g));
+  PetscCall(FlowSolverPack(fs, u, p, U, fs->x));
+  PetscCall(KSPSolve(fs->ksp, fs->b, fs->x));
+  PetscCall(KSPGetIterationNumber(fs->ksp, its));
+  PetscCall(KSPGetConvergedReason(fs->ksp, reason));
+  PetscCall(FlowSolverUnpack(fs, fs->x, u, p, U));
   PetscCall(PetscLogEventEnd(TB_FLOW_SOLVE, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

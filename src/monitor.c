@@ -186,7 +186,7 @@ static void track_bodies(Monitor m)
 
 static void track_iterations(Monitor m, const MonitorStep *s)
 {
-  if (s->dt <= 0) return; /* the state before the first step: nothing was solved */
+  if (s->step == 0) return; /* the state before the first step: nothing was solved */
   m->nsolve++;
   m->iterations_sum += s->outer_iterations;
   m->iterations_max = PetscMax(m->iterations_max, s->outer_iterations);

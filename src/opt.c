@@ -495,7 +495,8 @@ static PetscBool is_read_late(const char name[])
     const char  *late = late_names[i];
     const size_t n    = strlen(late);
 
-    if (strstr(name, "ksp_view") || strstr(name, "ksp_converged_")) return PETSC_TRUE; /* read after a solve */
+    if (strstr(name, "ksp_view") || strstr(name, "ksp_converged_") || strstr(name, "snes_view") || strstr(name, "snes_converged_"))
+      return PETSC_TRUE; /* read after a solve */
     if (late[n - 1] == '*' ? !strncmp(name, late, n - 1) : !strcmp(name, late)) return PETSC_TRUE;
   }
   return PETSC_FALSE;

@@ -66,9 +66,9 @@ PetscErrorCode SaddleCreateVelocity(Constraint c, Mat A, Mat P, const PetscReal 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* C of shared cells, plus 1e-10 of the size of the Schur complement, (S_p^{-1} + mu theta M_p^{-1})^{-1} (Cahouet & Chabard 1988), which fixes undetermined pressures for a
-   direct solver. The diagonal of S_p alone grows with the time step without bound. */
-static PetscErrorCode create_pressure_block(Flow flow, Pressure pressure, const MeshLocal *l, Mat *C)
+/* C of shared cells, plus 1e-10 of the size of the Schur complement, scale (rho c_t S_p^{-1} + mu theta M_p^{-1})^{-1} (Cahouet & Chabard 1988), which fixes undetermined
+   pressures for a direct solver. The diagonal of S_p alone grows with the time step without bound. */
+static PetscErrorCode create_pressure_block(Flow flow, Pressure pressure, PetscReal scale, const MeshLocal *l, Mat *C)
 {
   const PetscInt        nk = l->dim + 1, np = l->ncell * nk;
   const PetscInt       *cell;
@@ -90,8 +90,9 @@ static PetscErrorCode create_pressure_block(Flow flow, Pressure pressure, const 
   PetscCall(PetscMalloc1(np, &one));
   for (PetscInt i = 0; i < np; i++) one[i] = 1;
   PetscCall(VecReciprocal(t));
+  PetscCall(VecScale(t, par->density * step->ct / scale));
   PetscCall(VecGetArray(t, &d));
-  PetscCall(FlowPressureMassSolve(flow, par->viscosity * step->theta / (par->density * step->ct), one, d));
+  PetscCall(FlowPressureMassSolve(flow, par->viscosity * step->theta / scale, one, d));
   for (PetscInt i = 0; i < np; i++) PetscCall(MatSetValue(*C, start + i, start + i, 1e-10 / d[i], ADD_VALUES));
   PetscCall(VecRestoreArray(t, &d));
   PetscCall(PetscFree(one));
@@ -104,25 +105,21 @@ static PetscErrorCode create_pressure_block(Flow flow, Pressure pressure, const 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SaddleCreateWhole(Flow flow, Pressure pressure, Mat P, Mat Ar, Mat *out)
+PetscErrorCode SaddleCreateWhole(Flow flow, Pressure pressure, PetscReal scale, Mat P, Mat Ar, Mat *out)
 {
-  Mat                   B, Br, G, C, nest, block[4];
-  Mesh                  mesh;
-  const MeshLocal      *l;
-  const FlowParameters *par;
-  const FlowStep       *step;
+  Mat              B, Br, G, C, nest, block[4];
+  Mesh             mesh;
+  const MeshLocal *l;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetMesh(flow, &mesh));
   PetscCall(MeshGetLocal(mesh, &l));
-  PetscCall(FlowGetParameters(flow, &par));
-  PetscCall(FlowGetStep(flow, &step));
   PetscCall(create_divergence_matrix(flow, l, &B));
   PetscCall(MatMatMult(B, P, MAT_INITIAL_MATRIX, PETSC_DEFAULT, &Br));
   PetscCall(MatTranspose(Br, MAT_INITIAL_MATRIX, &G));
   PetscCall(MatScale(G, -1));
-  PetscCall(MatScale(Br, par->density * step->ct));
-  PetscCall(create_pressure_block(flow, pressure, l, &C));
+  PetscCall(MatScale(Br, scale));
+  PetscCall(create_pressure_block(flow, pressure, scale, l, &C));
   block[0] = Ar;
   block[1] = G;
   block[2] = Br;

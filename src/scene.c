@@ -10,15 +10,19 @@ static PetscErrorCode build(SimParts *part)
   const MeshLocal      *l;
   const FlowParameters *par;
   PetscInt              walls;
+  PetscBool             steady = PETSC_FALSE;
 
   PetscFunctionBeginUser;
+  PetscCall(OptBool("-sim_steady", "solve for the steady state, without time steps", &steady));
   PetscCall(MeshCreate(PETSC_COMM_WORLD, &part->mesh));
   PetscCall(MeshGetLocal(part->mesh, &l));
   PetscCall(CoupleSetDefaults());
+  if (steady) PetscCall(SteadySetDefaults(part->mesh));
   PetscCall(FlowCreate(part->mesh, &part->flow));
   PetscCall(FlowGetParameters(part->flow, &par));
   PetscCall(BodiesCreate(l->dim, l->lower, l->upper, &part->bodies));
   PetscCall(CoupleCreate(part->flow, part->bodies, &part->couple));
+  if (steady) PetscCall(SteadyCreate(part->flow, part->couple, &part->steady));
   PetscCall(BoundaryGetSolidFaces(FlowBoundary(part->flow), &walls));
   PetscCall(ContactCreate(part->bodies, l->h, par->density, par->gravity, l->lower, l->upper, walls, &part->contact));
   PetscCall(ContactSetPeriod(part->contact, l->period));
@@ -33,6 +37,7 @@ static PetscErrorCode destroy(SimParts *part)
   PetscFunctionBeginUser;
   PetscCall(MonitorDestroy(&part->monitor));
   PetscCall(OutputDestroy(&part->output));
+  PetscCall(SteadyDestroy(&part->steady));
   PetscCall(ContactDestroy(&part->contact));
   PetscCall(CoupleDestroy(&part->couple));
   PetscCall(BodiesDestroy(&part->bodies));

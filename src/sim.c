@@ -15,6 +15,20 @@ struct _p_Sim {
   Vec       u_out, p_out;
 };
 
+static PetscErrorCode refuse_time_options(void)
+{
+  const char *const names[] = {"-sim_dt", "-sim_time", "-sim_steps"};
+  PetscBool         found;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < 3; i++) {
+    PetscCall(OptHas(names[i], "time steps", &found));
+    PetscCheck(!found, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "%s is given, but a steady scene takes no time steps: remove it, or set -sim_steady false", names[i]);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode SimCreate(const SimParts *part, Sim *sim)
 {
   Sim              s;
@@ -26,9 +40,11 @@ PetscErrorCode SimCreate(const SimParts *part, Sim *sim)
   s->dt        = 0.01;
   s->time_end  = PETSC_MAX_REAL;
   s->steps_max = PETSC_MAX_INT;
+  if (part->steady) PetscCall(refuse_time_options());
   PetscCall(OptReal("-sim_dt", "time step", "time", OPT_POSITIVE, PETSC_MAX_REAL, &s->dt));
   PetscCall(OptReal("-sim_time", "time at which the run ends", "time", 0, PETSC_MAX_REAL, &s->time_end));
   PetscCall(OptInt("-sim_steps", "number of steps after which the run ends", "", 0, PETSC_MAX_INT, &s->steps_max));
+  if (part->steady) s->dt = s->time_end = 0;
   PetscCheck(s->time_end < PETSC_MAX_REAL || s->steps_max < PETSC_MAX_INT, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "The run has no end: give -sim_time or -sim_steps");
   PetscCall(BodiesGetState(part->bodies, &s->s));
@@ -56,6 +72,10 @@ PetscErrorCode SimDestroy(Sim *sim)
 PetscErrorCode SimView(Sim s, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
+  if (s->part.steady) {
+    PetscCall(SteadyView(s->part.steady, viewer));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCall(PetscViewerASCIIPrintf(viewer, "time: step %g", (double)s->dt));
   if (s->time_end < PETSC_MAX_REAL) PetscCall(PetscViewerASCIIPrintf(viewer, ", to %g", (double)s->time_end));
   if (s->steps_max < PETSC_MAX_INT) PetscCall(PetscViewerASCIIPrintf(viewer, ", at most %" PetscInt_FMT " steps", s->steps_max));
@@ -150,36 +170,20 @@ static PetscErrorCode report(Sim s, const FlowDiagnostics *diag, PetscReal momen
   PetscCall(ContactGetEnergy(s->part.contact, &m.contact_energy, &m.contact_work));
   PetscCall(MonitorWrite(s->part.monitor, &m, s->time_end < PETSC_MAX_REAL ? s->time_end : s->steps_max * s->dt));
   PetscCall(OutputGetEvery(s->part.output, &every));
-  if (every > 0 && s->step % every == 0) PetscCall(write_fields(s));
+  if (every > 0 && (s->part.steady || s->step % every == 0)) PetscCall(write_fields(s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode take_step(Sim s, PetscReal dt, PetscReal dt_old)
+/* What follows a solve of `its` iterations: forces, bodies moved, reports. start: clock at the beginning of the step */
+static PetscErrorCode finish_step(Sim s, PetscReal dt, PetscInt its, PetscLogDouble start)
 {
-  PetscLogDouble     t, start;
-  PetscInt           its;
-  KSPConvergedReason reason;
-  FlowDiagnostics    diag;
-  const PetscReal   *u, *p;
-  PetscReal          momentum_error;
+  PetscLogDouble   t;
+  FlowDiagnostics  diag;
+  const PetscReal *u, *p;
+  PetscReal        momentum_error;
 
   PetscFunctionBeginUser;
   PetscCall(PetscTime(&t));
-  start = t;
-  PetscCall(FlowBeginStep(s->part.flow, s->time + dt, dt));
-  PetscCall(PetscLogStagePush(TB_STAGE_BODIES));
-  if (s->s->n) {
-    PetscCall(estimate_acceleration(s, dt_old));
-    PetscCall(ContactStep(s->part.contact, dt, s->a, s->alpha));
-  }
-  PetscCall(CoupleDraw(s->part.couple));
-  PetscCall(PetscLogStagePop());
-  PetscCall(add_seconds(s, MONITOR_PARTICLE, &t));
-  PetscCall(PetscLogStagePush(TB_STAGE_FLOW));
-  PetscCall(CoupleSolve(s->part.couple, &its, &reason));
-  PetscCall(PetscLogStagePop());
-  PetscCall(add_seconds(s, MONITOR_NSE, &t));
-  if (reason < 0) PetscCall(stop_unsolved(s, reason, its));
   PetscCall(PetscLogStagePush(TB_STAGE_BODIES));
   PetscCall(CoupleForce(s->part.couple));
   PetscCall(add_seconds(s, MONITOR_FORCE, &t));
@@ -206,11 +210,59 @@ static PetscErrorCode take_step(Sim s, PetscReal dt, PetscReal dt_old)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode take_step(Sim s, PetscReal dt, PetscReal dt_old)
+{
+  PetscLogDouble     t, start;
+  PetscInt           its;
+  KSPConvergedReason reason;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscTime(&t));
+  start = t;
+  PetscCall(FlowBeginStep(s->part.flow, s->time + dt, dt));
+  PetscCall(PetscLogStagePush(TB_STAGE_BODIES));
+  if (s->s->n) {
+    PetscCall(estimate_acceleration(s, dt_old));
+    PetscCall(ContactStep(s->part.contact, dt, s->a, s->alpha));
+  }
+  PetscCall(CoupleDraw(s->part.couple));
+  PetscCall(PetscLogStagePop());
+  PetscCall(add_seconds(s, MONITOR_PARTICLE, &t));
+  PetscCall(PetscLogStagePush(TB_STAGE_FLOW));
+  PetscCall(CoupleSolve(s->part.couple, &its, &reason));
+  PetscCall(PetscLogStagePop());
+  PetscCall(add_seconds(s, MONITOR_NSE, &t));
+  if (reason < 0) PetscCall(stop_unsolved(s, reason, its));
+  PetscCall(finish_step(s, dt, its, start));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode solve_steady(Sim s)
+{
+  PetscLogDouble t, start;
+  PetscInt       its, linear;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscTime(&t));
+  start = t;
+  PetscCall(PetscLogStagePush(TB_STAGE_FLOW));
+  PetscCall(SteadySolve(s->part.steady, &its, &linear));
+  PetscCall(PetscLogStagePop());
+  PetscCall(add_seconds(s, MONITOR_NSE, &t));
+  PetscCall(MonitorQuantity(s->part.monitor, "nonlinear_iterations", its));
+  PetscCall(finish_step(s, 0, linear, start));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode SimSetUp(Sim s)
 {
   FlowSolver solver;
 
   PetscFunctionBeginUser;
+  if (s->part.steady) {
+    PetscCall(SteadySetUp(s->part.steady));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCall(FlowBeginStep(s->part.flow, s->time + s->dt, s->dt));
   PetscCall(CoupleDraw(s->part.couple));
   PetscCall(FlowAssemble(s->part.flow));
@@ -228,6 +280,7 @@ PetscErrorCode SimRun(Sim s)
   Mat              S;
 
   PetscFunctionBeginUser;
+  if (s->part.steady) PetscCall(solve_steady(s));
   while (s->step < s->steps_max && s->time < s->time_end * (1 - 1e-12) - 1e-9 * s->dt) {
     const PetscReal left = s->time_end - s->time;
     const PetscReal dt   = left < s->dt * (1 + 1e-6) ? left : s->dt; /* the last step ends on time */
