@@ -702,18 +702,18 @@ PetscErrorCode FlowCellNewton(Flow f, PetscInt c, const PetscReal u[], PetscReal
   const MeshLocal *l   = f->loc;
   const PetscInt   dim = l->dim, nb = l->nb, rows = nb * dim;
   PetscReal        ul[MAX_NB * 3];
-  Metric           m;
+  ElementMetric    m;
 
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(n, rows * rows));
   if (!f->par.convection) PetscFunctionReturn(PETSC_SUCCESS);
   gather(l, c, u, ul);
   PetscCall(compute_metric(f, c, &m));
-  for (PetscInt q = 0; q < f->nq; q++) {
-    const PetscReal *phi = f->phi + q * f->nbp, scale = f->par.density * f->step.theta * m.weight[q];
-    PetscReal        g[3][MAX_NBP], grad[3][3]        = {{0}};
+  for (PetscInt q = 0; q < f->element.nq; q++) {
+    const PetscReal *phi = f->element.phi + q * f->element.nbp, scale = f->par.density * f->step.theta * m.weight[q];
+    PetscReal        g[3][ELEMENT_MAX_NBP], grad[3][3]                = {{0}};
 
-    space_gradients(f, &m, q, g);
+    ElementGradients(&f->element, &m, q, g);
     for (PetscInt j = 0; j < nb; j++)
       for (PetscInt a = 0; a < dim; a++)
         for (PetscInt b = 0; b < dim; b++) grad[a][b] += scale * g[b][j] * ul[j * dim + a];
