@@ -17,6 +17,7 @@
 #pragma once
 #include "motion.h"
 #include "shape.h"
+#include "state.h"
 
 typedef enum {
   BODY_FREE_X        = 1,
@@ -108,3 +109,6 @@ PetscErrorCode BodiesRelease(Bodies, PetscInt k, PetscReal rho_f, const PetscRea
 /* Where body k is predicted to be at the next step: X + dt u (order 1), X + dt (3u - u_old)/2 (order 2) or X (order 0); likewise orientation. What is not free is where its prescribed
    motion puts it at time + dt, whatever the order. Stops are kept. */
 PetscErrorCode BodiesPredict(Bodies, PetscInt k, PetscReal dt, PetscInt order, PetscReal X[3], PetscReal q[4], PetscReal *angle);
+
+/* StateVisit of Bodies: motion and forces of all bodies. Error of loading: other groups (names, numbers, volumes). */
+PetscErrorCode BodiesVisitState(void *bodies, State);

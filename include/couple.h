@@ -45,6 +45,10 @@ PetscErrorCode CoupleGetSolution(Couple, const PetscReal *u[], const PetscReal *
 PetscErrorCode CoupleGetSystem(Couple, PetscReal *u[], PetscReal *p[], PetscReal *U[], PetscReal *rhs[], PetscReal *g[]);
 /* Both forms of force and torque on body k, whatever -couple_force says. Collective. */
 PetscErrorCode CoupleForceForms(Couple, PetscInt k, PetscReal residual[6], PetscReal volume[6]);
+/* Forget everything that the solver carries from step to step, as a restart does: what follows depends on the state alone. Collective. */
+PetscErrorCode CoupleRenewSolver(Couple);
+/* StateVisit of a Couple: velocities that the flow saw in the last steps, history of explicit coupling. */
+PetscErrorCode CoupleVisitState(void *couple, State);
 /* Balance of momentum over the step: fluid = bodies + walls + openings + volume. Each [3], force units. Where the force of a body comes from its own equation or from the residual,
    the balance closes up to the solver's tolerance; with -couple_force volume the error is that of the volume form. */
 typedef struct {

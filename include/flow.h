@@ -17,6 +17,7 @@
 #pragma once
 #include "boundary.h"
 #include "mesh.h"
+#include "state.h"
 
 typedef struct _p_Flow *Flow;
 
@@ -84,6 +85,9 @@ PetscErrorCode FlowGetPressureGradient(Flow, const PetscReal p[], PetscReal out[
 PetscErrorCode FlowExtrapolate(Flow, PetscReal u[], PetscReal p[]);
 /* Accept the solution of the step: shifts the history. u synced. */
 PetscErrorCode FlowAcceptStep(Flow, const PetscReal u[], const PetscReal p[]);
+
+/* StateVisit of a Flow: fields and the history of the time scheme. */
+PetscErrorCode FlowVisitState(void *flow, State);
 
 /* Momentum residual of cell c with the step's solution u, p: r [nb][dim] (what the cell adds to the momentum rows). Not collective. */
 PetscErrorCode FlowCellResidual(Flow, PetscInt c, const PetscReal u[], const PetscReal p[], PetscReal r[]);

@@ -16,6 +16,7 @@ extern PetscLogEvent TB_FORCE;         /* BodyForce */
 extern PetscLogEvent TB_ADVANCE;       /* BodyAdvance */
 extern PetscLogEvent TB_CONTACT;       /* Contact */
 extern PetscLogEvent TB_OUTPUT;        /* Output */
+extern PetscLogEvent TB_CHECKPOINT;    /* Checkpoint: written or loaded */
 
 /* Register everything; called once after PetscInitialize. Not collective. */
 PetscErrorCode LogInitialize(void);

@@ -14,6 +14,7 @@
    Options: -output_series, -output_progress, -output_bodies first,last, -output_yardstick. */
 #pragma once
 #include "bodies.h"
+#include "state.h"
 #include <petscmat.h>
 
 typedef struct _p_Monitor *Monitor;
@@ -41,8 +42,10 @@ typedef enum {
 /* Reads the options; touches no file. The bodies are not owned and must live as long as the monitor. Collective on PETSC_COMM_WORLD.
    Errors: -output_bodies outside of the bodies there are. */
 PetscErrorCode MonitorCreate(Bodies, Monitor *);
-/* Open the files in the existing directory `dir` (old ones are replaced) and write options.txt: call it after everything else is set up. Collective.
-   Errors: directory not writable. */
+/* StateVisit of a Monitor: what it has tracked, and how long its files are. */
+PetscErrorCode MonitorVisitState(void *monitor, State);
+/* Open the files in the existing directory `dir` (old ones are replaced) and write options.txt: call it after everything else is set up. Once a state has been loaded, files that
+   are there are cut at the loaded length and continued, options.txt is appended to. Collective. Errors: directory not writable, files that are not those of the run. */
 PetscErrorCode MonitorOpen(Monitor, const char dir[]);
 PetscErrorCode MonitorDestroy(Monitor *);
 

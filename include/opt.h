@@ -51,5 +51,8 @@ PetscErrorCode OptCheckUnused(void);
 /* Write all options of the database, one "-name value" per line, to an open file (rank 0 writes; collective). */
 PetscErrorCode OptWrite(FILE *file);
 
+/* The same as text, in *text on every rank; free it with PetscFree. Not collective. */
+PetscErrorCode OptGetAll(char **text);
+
 /* Forget the table of known names (called before PetscFinalize). */
 PetscErrorCode OptFinalize(void);

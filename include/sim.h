@@ -4,6 +4,7 @@
 
    Options: -sim_steady (read by the scene), or -sim_dt, -sim_time (end), -sim_steps (at most; whichever comes first). */
 #pragma once
+#include "checkpoint.h"
 #include "contact.h"
 #include "couple.h"
 #include "flow.h"
@@ -22,15 +23,16 @@ typedef struct {
   Output      output;
   Monitor     monitor;
   Steady      steady; /* NULL: time steps */
+  Checkpoint  checkpoint;
 } SimParts;
 
 typedef struct _p_Sim *Sim;
 
-/* Reads the -sim_ options. Collective. Errors: neither end time nor steps given. */
+/* Reads the -sim_ options and adds the states of all parts to the checkpoint. Collective. Errors: neither end time nor steps given. */
 PetscErrorCode SimCreate(const SimParts *, Sim *);
 PetscErrorCode SimDestroy(Sim *);
 PetscErrorCode SimView(Sim, PetscViewer);
 /* Set up every solver on the initial state, so that all options are read before the first step. Collective. */
 PetscErrorCode SimSetUp(Sim);
-/* Run to the end. A failed solve stops with an error after the last good state has been written. Collective. */
+/* Run to the end, or until SIGTERM. A failed solve stops with an error after the last good state has been written. Collective. */
 PetscErrorCode SimRun(Sim);

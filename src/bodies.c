@@ -896,3 +896,67 @@ PetscErrorCode BodiesPredict(Bodies b, PetscInt k, PetscReal dt, PetscInt order,
   PetscCall(place_known(b, k, s->time + dt, X, q, angle, NULL, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
+
+/* ---- state ---- */
+
+/* The bodies of the file must be those of the scene: name, number, volume and inertia of every group */
+static PetscErrorCode visit_groups(const BodyState *s, State state)
+{
+  PetscInt   count[MAX_GROUPS];
+  PetscReal  measure[MAX_GROUPS][2];
+  char       list[MAX_GROUPS * (sizeof(s->group->name) + 1)] = "", *names = list;
+  PetscReal *flat = &measure[0][0];
+
+  PetscFunctionBeginUser;
+  for (PetscInt g = 0; g < s->ngroups; g++) {
+    PetscCall(PetscStrlcat(list, g ? " " : "", sizeof(list)));
+    PetscCall(PetscStrlcat(list, s->group[g].name, sizeof(list)));
+    count[g]      = s->group[g].count;
+    measure[g][0] = s->group[g].mass.volume;
+    measure[g][1] = s->group[g].mass.inertia[2];
+  }
+  PetscCall(StateText(state, "groups", &names));
+  if (StateIsLoading(state)) {
+    PetscCheck(!strcmp(names, list), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "The checkpoint has the groups of bodies '%s', this scene '%s': restart with the same -particle_groups", names, list);
+    PetscCall(PetscFree(names));
+  }
+  PetscCall(StateInts(state, "count", s->ngroups, count));
+  PetscCall(StateReals(state, "measure", 2 * s->ngroups, flat));
+  for (PetscInt g = 0; g < s->ngroups; g++) {
+    const BodyGroup *group   = s->group + g;
+    const PetscReal  mine[2] = {group->mass.volume, group->mass.inertia[2]};
+
+    PetscCheck(count[g] == group->count, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "The checkpoint has %" PetscInt_FMT " bodies of group '%s', this scene %" PetscInt_FMT
+               ": restart with the options of the run that wrote it",
+               count[g], group->name, group->count);
+    for (PetscInt i = 0; i < 2; i++)
+      PetscCheck(PetscAbsReal(mine[i] - measure[g][i]) <= 1e-9 * PetscAbsReal(measure[g][i]), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+                 "The bodies of group '%s' have another shape than in the checkpoint (%s %g, there %g): restart with the options -particle_%s_* of the run that "
+                 "wrote it",
+                 group->name, i ? "second moment" : "volume", (double)mine[i], (double)measure[g][i], group->name);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodiesVisitState(void *bodies, State state)
+{
+  BodyState *s = &((Bodies)bodies)->state;
+
+  PetscFunctionBeginUser;
+  PetscCall(visit_groups(s, state));
+  PetscCall(StateReals(state, "x", 3 * s->n, (PetscReal *)s->x));
+  PetscCall(StateReals(state, "q", 4 * s->n, (PetscReal *)s->q));
+  PetscCall(StateReals(state, "angle", s->n, s->angle));
+  PetscCall(StateReals(state, "u", 3 * s->n, (PetscReal *)s->u));
+  PetscCall(StateReals(state, "w", 3 * s->n, (PetscReal *)s->w));
+  PetscCall(StateReals(state, "u_old", 3 * s->n, (PetscReal *)s->u_old));
+  PetscCall(StateReals(state, "w_old", 3 * s->n, (PetscReal *)s->w_old));
+  PetscCall(StateReals(state, "force", 3 * s->n, (PetscReal *)s->force));
+  PetscCall(StateReals(state, "torque", 3 * s->n, (PetscReal *)s->torque));
+  PetscCall(StateReals(state, "contact_force", 3 * s->n, (PetscReal *)s->contact_force));
+  PetscCall(StateReals(state, "contact_torque", 3 * s->n, (PetscReal *)s->contact_torque));
+  PetscCall(StateReals(state, "gap", s->n, s->gap));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -841,3 +841,25 @@ PetscErrorCode CoupleGetSystem(Couple c, PetscReal *u[], PetscReal *p[], PetscRe
   if (g) *g = c->g;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
+
+PetscErrorCode CoupleRenewSolver(Couple c)
+{
+  PetscFunctionBeginUser;
+  PetscCall(FlowSolverDestroy(&c->solver));
+  PetscCall(FlowSolverCreate(c->flow, c->constraint, &c->solver));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleVisitState(void *couple, State state)
+{
+  Couple         c  = couple;
+  const PetscInt nn = c->s->n * c->nr;
+
+  PetscFunctionBeginUser;
+  PetscCall(StateReals(state, "U_old", nn, c->U_old));
+  PetscCall(StateReals(state, "U_older", nn, c->U_older));
+  PetscCall(StateReals(state, "du_old", 3 * c->s->n, c->du_old));
+  PetscCall(StateInts(state, "growth", c->s->n, c->growth));
+  PetscCall(StateReals(state, "force_old", 6 * c->s->n, c->force_old));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

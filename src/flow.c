@@ -663,6 +663,21 @@ PetscErrorCode FlowAcceptStep(Flow f, const PetscReal u[], const PetscReal p[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode FlowVisitState(void *flow, State state)
+{
+  Flow           f   = flow;
+  const PetscInt dim = f->loc->dim;
+
+  PetscFunctionBeginUser;
+  PetscCall(StateNodes(state, "velocity", dim, f->u));
+  PetscCall(StateNodes(state, "velocity_old", dim, f->u_old));
+  PetscCall(StateCells(state, "pressure", dim + 1, f->p));
+  PetscCall(StateCells(state, "pressure_old", dim + 1, f->p_old));
+  PetscCall(StateReals(state, "dt_old", 1, &f->dt_old));
+  PetscCall(StateInts(state, "steps", 1, &f->nsteps));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* ---- evaluation ---- */
 
 /* Nodal acceleration, theta-velocity and convecting velocity of a cell for the step's solution u */

@@ -4,6 +4,7 @@
 
    Checks the scene file, hands it to PETSc (the command line wins over it), and runs it. */
 #include "compat.h"
+#include "checkpoint.h"
 #include "log.h"
 #include "opt.h"
 #include "scene.h"
@@ -65,6 +66,12 @@ static void tell_error(const char message[])
   fflush(stderr);
 }
 
+static void tell_checkpoint(void)
+{
+  if (CheckpointGetLast()[0]) fprintf(stderr, "The last checkpoint is %s: continue from it with -sim_restart\n", CheckpointGetLast());
+  fflush(stderr);
+}
+
 /* All ranks are here: rank 0 tells what happened, each message once. */
 static void tell_errors(void)
 {
@@ -82,6 +89,7 @@ static void tell_errors(void)
     while (j < i && strcmp(all + j * len, all + i * len)) j++;
     if (j == i) tell_error(all + i * len);
   }
+  if (rank == 0) tell_checkpoint();
   free(all);
 }
 
@@ -100,6 +108,7 @@ static int leave_after_error(void)
   }
   if (!done) {
     tell_error(failure.message);
+    tell_checkpoint();
     MPI_Abort(MPI_COMM_WORLD, 1);
   }
   tell_errors();

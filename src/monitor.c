@@ -13,6 +13,7 @@
 #include <stdio.h>
 #include <string.h>
 #include <sys/resource.h>
+#include <unistd.h>
 #if defined(__has_include)
   #if __has_include("version.h")
     #include "version.h"
@@ -52,6 +53,9 @@ struct _p_Monitor {
   PetscMPIInt    rank, size;
   char           dir[PETSC_MAX_PATH_LEN];
   FILE          *series, *body_file; /* rank 0 */
+  PetscBool      restarted;          /* a state has been loaded; then the next two count */
+  PetscReal      length[2];          /* of series.csv and bodies.csv then, bytes */
+  PetscReal      wall_before;
   PetscInt       series_every, progress_every, first_body, last_body;
   PetscBool      started; /* MonitorWrite has been called; then the next two are set */
   PetscReal      time_start;
@@ -70,6 +74,11 @@ struct _p_Monitor {
   PetscLogDouble wall_end;
 };
 
+#define SERIES_HEADING \
+  "step,time_s,dt_s,cfl,outer_iterations,divergence,kinetic_energy,momentum_error,seconds,seconds_nse,seconds_force,seconds_particle,bodies_energy,contact_energy,contact_work\n"
+#define BODIES_HEADING \
+  "step,time_s,body,group,x,y,z,angle_rad,u,v,w,omega_x,omega_y,omega_z,force_x,force_y,force_z,torque_x,torque_y,torque_z,gap,radius\n"
+
 static const char *const PHASE[MONITOR_NPHASES] = {"setup", "nse", "force", "particle", "output"};
 
 /* ---- files ---- */
@@ -87,17 +96,53 @@ static PetscErrorCode check_file(Monitor m, int err, const char name[])
 /* On rank 0 *file is open afterwards, on the others NULL */
 static PetscErrorCode open_file(Monitor m, const char name[], const char heading[], FILE **file)
 {
-  char path[PETSC_MAX_PATH_LEN];
-  int  err = 0;
+  const PetscBool append = (PetscBool)(m->restarted && !strcmp(name, "options.txt"));
+  char            path[PETSC_MAX_PATH_LEN];
+  int             err = 0;
 
   PetscFunctionBeginUser;
   *file = NULL;
   PetscCall(PetscSNPrintf(path, sizeof(path), "%s/%s", m->dir, name));
   if (m->rank == 0) {
-    *file = fopen(path, "w");
+    *file = fopen(path, append ? "a" : "w");
     if (!*file || fputs(heading, *file) < 0 || fflush(*file)) err = errno ? errno : EIO;
   }
   PetscCall(check_file(m, err, name));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Rank 0: open a file of the run, cut it at `length` bytes and go on there. 0, errno (ENOENT: no such file), or -1 with the reason why it is not a file of this run. */
+static int cut_file(const char path[], const char heading[], PetscReal length, FILE **file, const char **reason)
+{
+  char first[1024] = "";
+
+  *file = fopen(path, "r+");
+  if (!*file) return errno;
+  if (!fgets(first, sizeof(first), *file) || strcmp(first, heading)) *reason = "its columns are others";
+  else if (fseek(*file, 0, SEEK_END) || (PetscReal)ftell(*file) < length) *reason = "it is shorter than when the checkpoint was written";
+  else if (ftruncate(fileno(*file), (off_t)length) || fseek(*file, 0, SEEK_END)) return errno;
+  return *reason ? -1 : 0;
+}
+
+/* After a restart: continue the file; a directory without it gets a new one */
+static PetscErrorCode continue_file(Monitor m, const char name[], const char heading[], PetscReal length, FILE **file)
+{
+  char        path[PETSC_MAX_PATH_LEN], why[128] = "";
+  const char *reason = NULL;
+  int         err    = 0;
+
+  PetscFunctionBeginUser;
+  *file = NULL;
+  PetscCall(PetscSNPrintf(path, sizeof(path), "%s/%s", m->dir, name));
+  if (m->rank == 0) err = cut_file(path, heading, length, file, &reason);
+  if (reason) PetscCall(PetscStrncpy(why, reason, sizeof(why)));
+  PetscCallMPI(MPI_Bcast(&err, 1, MPI_INT, 0, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Bcast(why, sizeof(why), MPI_CHAR, 0, PETSC_COMM_WORLD));
+  PetscCheck(err >= 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "'%s' does not belong to the run that is restarted: %s. Choose another -output_dir; it begins with the first step after the checkpoint",
+             path, why);
+  if (err == ENOENT) PetscCall(open_file(m, name, heading, file));
+  else PetscCall(check_file(m, err, name));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -308,9 +353,9 @@ static PetscErrorCode start_run(Monitor m, const MonitorStep *s)
 {
   PetscFunctionBeginUser;
   PetscCall(PetscTime(&m->wall_start));
-  m->wall_start -= s->seconds;
-  m->time_start = s->time - s->dt;
-  m->started    = PETSC_TRUE;
+  m->wall_start -= s->seconds + m->wall_before;
+  if (!m->restarted) m->time_start = s->time - s->dt;
+  m->started = PETSC_TRUE;
   PetscCall(print_heading());
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -535,14 +580,77 @@ PetscErrorCode MonitorOpen(Monitor m, const char dir[])
   PetscFunctionBeginUser;
   PetscCall(PetscStrncpy(m->dir, dir, sizeof(m->dir)));
   PetscCall(write_options(m));
-  PetscCall(
-    open_file(m, "series.csv",
-              "step,time_s,dt_s,cfl,outer_iterations,divergence,kinetic_energy,momentum_error,seconds,seconds_nse,seconds_force,seconds_particle,bodies_energy,contact_energy,contact_work\n",
-              &m->series));
-  PetscCall(
-    open_file(m, "bodies.csv",
-              "step,time_s,body,group,x,y,z,angle_rad,u,v,w,omega_x,omega_y,omega_z,force_x,force_y,force_z,torque_x,torque_y,torque_z,gap,radius\n",
-              &m->body_file));
+  if (m->restarted) {
+    PetscCall(continue_file(m, "series.csv", SERIES_HEADING, m->length[0], &m->series));
+    PetscCall(continue_file(m, "bodies.csv", BODIES_HEADING, m->length[1], &m->body_file));
+  } else {
+    PetscCall(open_file(m, "series.csv", SERIES_HEADING, &m->series));
+    PetscCall(open_file(m, "bodies.csv", BODIES_HEADING, &m->body_file));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Names and values of the quantities set so far */
+static PetscErrorCode visit_quantities(Monitor m, State state)
+{
+  char       names[MAX_QUANTITIES * (sizeof(m->quantity->name) + 1)] = "", *text = names, *next;
+  PetscReal *value;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < m->nquantity; i++) {
+    PetscCall(PetscStrlcat(names, m->quantity[i].name, sizeof(names)));
+    PetscCall(PetscStrlcat(names, "\n", sizeof(names)));
+  }
+  PetscCall(StateInts(state, "quantities", 1, &m->nquantity));
+  PetscCall(StateText(state, "quantity_names", &text));
+  PetscCheck(m->nquantity >= 0 && m->nquantity <= MAX_QUANTITIES, PETSC_COMM_WORLD, PETSC_ERR_FILE_UNEXPECTED,
+             "The checkpoint has %" PetscInt_FMT " quantities, this program at most %d: restart with the version that wrote it", m->nquantity,
+             MAX_QUANTITIES);
+  PetscCall(PetscMalloc1(m->nquantity, &value));
+  for (PetscInt i = 0; i < m->nquantity; i++) value[i] = m->quantity[i].value;
+  PetscCall(StateReals(state, "quantity", m->nquantity, value));
+  next = text;
+  for (PetscInt i = 0; i < m->nquantity && StateIsLoading(state); i++) {
+    const size_t n = strcspn(next, "\n");
+
+    PetscCall(PetscStrncpy(m->quantity[i].name, next, PetscMin(n + 1, sizeof(m->quantity[i].name))));
+    m->quantity[i].value = value[i];
+    next += n + (next[n] != 0);
+  }
+  if (StateIsLoading(state)) PetscCall(PetscFree(text));
+  PetscCall(PetscFree(value));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MonitorVisitState(void *monitor, State state)
+{
+  Monitor        m      = monitor;
+  PetscReal      max[3] = {m->fall_speed_max, m->speed_max, m->overlap_max};
+  PetscLogDouble now;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscTime(&now));
+  if (!StateIsLoading(state)) {
+    m->length[0] = m->series ? (PetscReal)ftell(m->series) : 0;
+    m->length[1] = m->body_file ? (PetscReal)ftell(m->body_file) : 0;
+    if (m->started) m->wall_before = (PetscReal)(now - m->wall_start);
+  }
+  PetscCall(StateReals(state, "file_length", 2, m->length));
+  PetscCall(StateReals(state, "time_start", 1, &m->time_start));
+  PetscCall(StateReals(state, "wall", 1, &m->wall_before));
+  PetscCall(StateReals(state, "seconds", MONITOR_NPHASES, m->seconds));
+  PetscCall(StateReals(state, "max", 3, max));
+  PetscCall(StateInts(state, "solves", 1, &m->nsolve));
+  PetscCall(StateReals(state, "iterations_sum", 1, &m->iterations_sum));
+  PetscCall(StateInts(state, "iterations_max", 1, &m->iterations_max));
+  PetscCall(visit_quantities(m, state));
+  if (StateIsLoading(state)) {
+    m->fall_speed_max = max[0];
+    m->speed_max      = max[1];
+    m->overlap_max    = max[2];
+    m->restarted      = PETSC_TRUE;
+    PetscCall(PetscArraycpy(m->seconds_before, m->seconds, MONITOR_NPHASES));
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -798,6 +798,23 @@ PetscErrorCode OptWrite(FILE *file)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode OptGetAll(char **text)
+{
+  char  *list, *cursor, *line;
+  size_t len;
+
+  PetscFunctionBeginUser;
+  PetscCall(list_database(&list));
+  len = strlen(list) + 2;
+  PetscCall(PetscCalloc1(len, text));
+  for (cursor = list; (line = next_option(&cursor));) {
+    PetscCall(PetscStrlcat(*text, line, len));
+    PetscCall(PetscStrlcat(*text, "\n", len));
+  }
+  free(list);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode OptFinalize(void)
 {
   PetscFunctionBeginUser;

@@ -17,7 +17,7 @@
 #include <unistd.h>
 
 typedef struct {
-  PetscInt  step;
+  PetscInt  step, mesh; /* mesh: see mesh_step below */
   PetscReal time;
   PetscBool body;
 } Snapshot;
@@ -29,8 +29,9 @@ struct _p_Output {
   PetscMPIInt      rank;
   char             dir[PETSC_MAX_PATH_LEN];
   PetscInt         every;
-  PetscBool        overwrite, shared, mesh_written;    /* shared: a point of the file is a node of the mesh, else a node of one cell */
-  PetscInt         npoint, point_start, npoint_global; /* points of the file: own, first own, all */
+  PetscBool        overwrite, restarted, shared, mesh_written; /* shared: a point of the file is a node of the mesh, else a node of one cell */
+  PetscInt         mesh_step;                                  /* snapshots refer to mesh.h5 (0) or mesh_<mesh_step>.h5 */
+  PetscInt         npoint, point_start, npoint_global;         /* points of the file: own, first own, all */
   PetscInt         nsnap, room;
   Snapshot        *snap;
 };
@@ -196,12 +197,20 @@ static PetscErrorCode write_cells(Output o, PetscViewer viewer)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static void name_mesh(PetscInt step, char name[], size_t len)
+{
+  if (step) (void)snprintf(name, len, "mesh_%" PetscInt_FMT ".h5", step);
+  else (void)snprintf(name, len, "mesh.h5");
+}
+
 static PetscErrorCode write_mesh(Output o)
 {
   PetscViewer viewer;
+  char        name[64];
 
   PetscFunctionBeginUser;
-  PetscCall(open_hdf5(o, "mesh.h5", &viewer));
+  name_mesh(o->mesh_step, name, sizeof(name));
+  PetscCall(open_hdf5(o, name, &viewer));
   PetscCall(write_points(o, viewer));
   PetscCall(write_cells(o, viewer));
   PetscCall(PetscViewerDestroy(&viewer));
@@ -405,15 +414,16 @@ static void print_attribute(FILE *f, const char type[], PetscInt n, PetscInt bs,
 static void print_snapshot(FILE *f, const Output o, const Snapshot *s)
 {
   const MeshLocal *m = o->loc;
-  char             file[64];
+  char             file[64], mesh[64];
 
+  name_mesh(s->mesh, mesh, sizeof(mesh));
   snprintf(file, sizeof(file), "fields_%" PetscInt_FMT ".h5", s->step);
   fprintf(f, "      <Grid Name=\"step %" PetscInt_FMT "\" GridType=\"Uniform\">\n        <Time Value=\"%.15g\"/>\n", s->step, (double)s->time);
   fprintf(f, "        <Topology TopologyType=\"%s\" NumberOfElements=\"%" PetscInt_FMT "\">", m->dim == 2 ? "Quadrilateral_9" : "Hexahedron_27",
           m->ncell_global);
-  print_item(f, "Int", sizeof(PetscInt), m->ncell_global, m->nb, "mesh.h5", "cells");
+  print_item(f, "Int", sizeof(PetscInt), m->ncell_global, m->nb, mesh, "cells");
   fprintf(f, "</Topology>\n        <Geometry GeometryType=\"XYZ\">");
-  print_item(f, "Float", sizeof(PetscReal), o->npoint_global, 3, "mesh.h5", "coordinates");
+  print_item(f, "Float", sizeof(PetscReal), o->npoint_global, 3, mesh, "coordinates");
   fprintf(f, "</Geometry>\n");
   print_attribute(f, "Float", o->npoint_global, 3, "Node", file, "velocity");
   print_attribute(f, "Float", o->npoint_global, m->dim == 2 ? 1 : 3, "Node", file, "vorticity");
@@ -451,7 +461,7 @@ static PetscErrorCode add_snapshot(Output o, PetscInt step, PetscReal time, Pets
     o->room = 2 * o->room + 16;
     PetscCall(PetscRealloc(o->room * sizeof(Snapshot), &o->snap));
   }
-  o->snap[o->nsnap++] = (Snapshot){step, time, body};
+  o->snap[o->nsnap++] = (Snapshot){step, o->mesh_step, time, body};
   PetscCall(join_path(o, "fields.xmf", path, sizeof(path)));
   PetscCall(join_path(o, "fields.xmf.part", scratch, sizeof(scratch)));
   if (o->rank == 0) err = write_index(o, path, scratch);
@@ -491,7 +501,7 @@ PetscErrorCode OutputCreate(Mesh mesh, const char scene[], Output *output)
 PetscErrorCode OutputOpen(Output o)
 {
   char series[PETSC_MAX_PATH_LEN], index[PETSC_MAX_PATH_LEN];
-  int  state[2] = {0, 0}; /* errno; is there a series.csv? Only rank 0 can tell, and all ranks leave with the same error. */
+  int  state[3] = {0, 0, 0}; /* errno; is there a series.csv, a fields.xmf? Only rank 0 can tell, and all ranks leave with the same error. */
 
   PetscFunctionBeginUser;
   PetscCall(join_path(o, "series.csv", series, sizeof(series)));
@@ -499,11 +509,14 @@ PetscErrorCode OutputOpen(Output o)
   if (o->rank == 0) {
     state[0] = make_directory(o->dir);
     state[1] = !access(series, F_OK);
-    if (!state[0] && (!state[1] || o->overwrite)) remove(index); /* an index left by another run would name snapshots that are not ours */
+    state[2] = !access(index, F_OK);
+    if (!state[0] && !o->restarted && (!state[1] || o->overwrite))
+      remove(index); /* an index left by another run would name snapshots that are not ours */
   }
-  PetscCallMPI(MPI_Bcast(state, 2, MPI_INT, 0, o->comm));
+  PetscCallMPI(MPI_Bcast(state, 3, MPI_INT, 0, o->comm));
+  if (!state[2]) o->nsnap = o->mesh_step = 0; /* restarted in another directory: earlier snapshots are elsewhere */
   PetscCheck(!state[0], o->comm, PETSC_ERR_FILE_OPEN, "Cannot write into directory '%s': %s. Choose another -output_dir", o->dir, strerror(state[0]));
-  PetscCheck(!state[1] || o->overwrite, o->comm, PETSC_ERR_USER_INPUT,
+  PetscCheck(!state[1] || o->overwrite || o->restarted, o->comm, PETSC_ERR_USER_INPUT,
              "Directory '%s' already holds the results of a run (series.csv): choose another -output_dir or allow it with -output_overwrite", o->dir);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -519,6 +532,42 @@ PetscErrorCode OutputGetEvery(Output o, PetscInt *every)
 {
   PetscFunctionBeginUser;
   *every = o->every;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode OutputGetOverwrite(Output o, PetscBool *overwrite)
+{
+  PetscFunctionBeginUser;
+  *overwrite = o->overwrite;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode OutputVisitState(void *output, State state)
+{
+  Output     o = output;
+  PetscInt   n = o->nsnap, *number;
+  PetscReal *time;
+
+  PetscFunctionBeginUser;
+  if (StateIsLoading(state)) PetscCall(StateGetSize(state, "snapshot_time", &n));
+  PetscCall(PetscMalloc2(3 * n, &number, n, &time));
+  for (PetscInt i = 0; i < o->nsnap; i++) {
+    number[3 * i]     = o->snap[i].step;
+    number[3 * i + 1] = o->snap[i].mesh;
+    number[3 * i + 2] = o->snap[i].body;
+    time[i]           = o->snap[i].time;
+  }
+  PetscCall(StateInts(state, "snapshot", 3 * n, number));
+  PetscCall(StateReals(state, "snapshot_time", n, time));
+  PetscCall(StateInts(state, "mesh_step", 1, &o->mesh_step));
+  if (StateIsLoading(state)) {
+    o->restarted = PETSC_TRUE;
+    o->nsnap = o->room = n;
+    PetscCall(PetscRealloc(n * sizeof(Snapshot), &o->snap));
+    for (PetscInt i = 0; i < n; i++) o->snap[i] = (Snapshot){number[3 * i], number[3 * i + 1], time[i], (PetscBool)number[3 * i + 2]};
+    if (!StateIsSamePartition(state) && n) o->mesh_step = o->snap[n - 1].step + 1; /* a name that no earlier part of the run has used */
+  }
+  PetscCall(PetscFree2(number, time));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -29,12 +29,14 @@ static PetscErrorCode build(SimParts *part)
   PetscCall(ContactSetViscosity(part->contact, par->viscosity));
   PetscCall(OutputCreate(part->mesh, part->scene, &part->output));
   PetscCall(MonitorCreate(part->bodies, &part->monitor));
+  PetscCall(CheckpointCreate(part->mesh, part->output, &part->checkpoint));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode destroy(SimParts *part)
 {
   PetscFunctionBeginUser;
+  PetscCall(CheckpointDestroy(&part->checkpoint));
   PetscCall(MonitorDestroy(&part->monitor));
   PetscCall(OutputDestroy(&part->output));
   PetscCall(SteadyDestroy(&part->steady));
@@ -67,6 +69,7 @@ static PetscErrorCode describe(const SimParts *part, Sim sim)
   PetscCall(CoupleView(part->couple, out));
   PetscCall(ContactView(part->contact, out));
   PetscCall(SimView(sim, out));
+  PetscCall(CheckpointView(part->checkpoint, out));
   PetscCall(FlowGetParameters(part->flow, &par));
   PetscCall(BodiesGetState(part->bodies, &s));
   for (PetscInt k = 0; k < s->n; k++) nfree += s->group[s->body_group[k]].free != 0;
@@ -86,7 +89,7 @@ PetscErrorCode SceneRun(const char name[])
 {
   SimParts       part = {0};
   Sim            sim;
-  PetscBool      dry = PETSC_FALSE;
+  PetscBool      dry = PETSC_FALSE, restarted;
   PetscLogDouble begin, now;
   const char    *dir;
 
@@ -97,12 +100,14 @@ PetscErrorCode SceneRun(const char name[])
   PetscCall(OptBool("-scene_dry_run", "build everything, describe it, and stop before the first step", &dry));
   PetscCall(build(&part));
   PetscCall(SimCreate(&part, &sim));
+  PetscCall(CheckpointLoad(part.checkpoint, &restarted));
   PetscCall(SimSetUp(sim));
   PetscCall(OptCheckUnused()); /* every module has read its options, and nothing is written yet */
   if (dry) {
     PetscCall(describe(&part, sim));
   } else {
     PetscCall(OutputOpen(part.output));
+    PetscCall(CheckpointOpen(part.checkpoint));
     PetscCall(OutputGetDirectory(part.output, &dir));
     PetscCall(MonitorOpen(part.monitor, dir));
     PetscCall(PetscTime(&now));

@@ -8,10 +8,10 @@
 struct _p_Sim {
   SimParts   part;
   BodyState *s;
-  PetscReal  dt, time_end, time;
+  PetscReal  dt, dt_old, time_end, time;
   PetscInt   steps_max, step;
   PetscReal (*a)[3], (*alpha)[3]; /* acceleration of the bodies without contact, for the sub-steps of contact */
-  PetscBool has_acceleration;
+  PetscBool has_acceleration, renew;
   Vec       u_out, p_out;
 };
 
@@ -26,6 +26,35 @@ static PetscErrorCode refuse_time_options(void)
     PetscCheck(!found, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
                "%s is given, but a steady scene takes no time steps: remove it, or set -sim_steady false", names[i]);
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode visit_state(void *sim, State state)
+{
+  Sim      s   = sim;
+  PetscInt has = s->has_acceleration;
+
+  PetscFunctionBeginUser;
+  PetscCall(StateInts(state, "step", 1, &s->step));
+  PetscCall(StateReals(state, "time", 1, &s->time));
+  PetscCall(StateReals(state, "dt_old", 1, &s->dt_old));
+  PetscCall(StateInts(state, "has_acceleration", 1, &has));
+  s->has_acceleration = (PetscBool)has;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The order is that of loading: what others depend on comes first */
+static PetscErrorCode add_states(Sim s)
+{
+  const SimParts *p = &s->part;
+
+  PetscFunctionBeginUser;
+  PetscCall(CheckpointAdd(p->checkpoint, "sim", s, visit_state));
+  PetscCall(CheckpointAdd(p->checkpoint, "bodies", p->bodies, BodiesVisitState));
+  PetscCall(CheckpointAdd(p->checkpoint, "flow", p->flow, FlowVisitState));
+  PetscCall(CheckpointAdd(p->checkpoint, "couple", p->couple, CoupleVisitState));
+  PetscCall(CheckpointAdd(p->checkpoint, "output", p->output, OutputVisitState));
+  PetscCall(CheckpointAdd(p->checkpoint, "monitor", p->monitor, MonitorVisitState));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -54,6 +83,8 @@ PetscErrorCode SimCreate(const SimParts *part, Sim *sim)
   PetscCall(VecSetBlockSize(s->u_out, l->dim));
   PetscCall(VecCreateMPI(PETSC_COMM_WORLD, l->ncell * (l->dim + 1), PETSC_DETERMINE, &s->p_out));
   PetscCall(VecSetBlockSize(s->p_out, l->dim + 1));
+  s->dt_old = s->dt;
+  PetscCall(add_states(s));
   *sim = s;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -84,7 +115,7 @@ PetscErrorCode SimView(Sim s, PetscViewer viewer)
 }
 
 /* The bodies' acceleration without contact over the last step, with the inertia that the contact module counts with; at the start that of a free body with added mass */
-static PetscErrorCode estimate_acceleration(Sim s, PetscReal dt_old)
+static PetscErrorCode estimate_acceleration(Sim s)
 {
   const FlowParameters *par;
 
@@ -98,8 +129,8 @@ static PetscErrorCode estimate_acceleration(Sim s, PetscReal dt_old)
     for (PetscInt d = 0; d < 3; d++) {
       const PetscReal moment = inertia[d];
 
-      s->a[k][d] = s->has_acceleration ? (s->s->u[k][d] - s->s->u_old[k][d]) / dt_old - s->s->contact_force[k][d] / mass : start * par->gravity[d];
-      s->alpha[k][d] = s->has_acceleration ? (s->s->w[k][d] - s->s->w_old[k][d]) / dt_old - (moment > 0 ? s->s->contact_torque[k][d] / moment : 0)
+      s->a[k][d] = s->has_acceleration ? (s->s->u[k][d] - s->s->u_old[k][d]) / s->dt_old - s->s->contact_force[k][d] / mass : start * par->gravity[d];
+      s->alpha[k][d] = s->has_acceleration ? (s->s->w[k][d] - s->s->w_old[k][d]) / s->dt_old - (moment > 0 ? s->s->contact_torque[k][d] / moment : 0)
                                            : 0;
     }
   }
@@ -201,6 +232,7 @@ static PetscErrorCode finish_step(Sim s, PetscReal dt, PetscInt its, PetscLogDou
   PetscCall(PetscLogStagePop());
   PetscCall(add_seconds(s, MONITOR_PARTICLE, &t));
   s->time += dt;
+  s->dt_old = dt;
   s->step++;
   s->has_acceleration = PETSC_TRUE;
   PetscCall(PetscLogStagePush(TB_STAGE_OUTPUT));
@@ -210,7 +242,7 @@ static PetscErrorCode finish_step(Sim s, PetscReal dt, PetscInt its, PetscLogDou
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode take_step(Sim s, PetscReal dt, PetscReal dt_old)
+static PetscErrorCode take_step(Sim s, PetscReal dt)
 {
   PetscLogDouble     t, start;
   PetscInt           its;
@@ -222,7 +254,7 @@ static PetscErrorCode take_step(Sim s, PetscReal dt, PetscReal dt_old)
   PetscCall(FlowBeginStep(s->part.flow, s->time + dt, dt));
   PetscCall(PetscLogStagePush(TB_STAGE_BODIES));
   if (s->s->n) {
-    PetscCall(estimate_acceleration(s, dt_old));
+    PetscCall(estimate_acceleration(s));
     PetscCall(ContactStep(s->part.contact, dt, s->a, s->alpha));
   }
   PetscCall(CoupleDraw(s->part.couple));
@@ -271,9 +303,41 @@ PetscErrorCode SimSetUp(Sim s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Write the state if it is time */
+static PetscErrorCode save_state(Sim s, PetscBool *stop)
+{
+  PetscBool      due;
+  PetscLogDouble t;
+
+  PetscFunctionBeginUser;
+  PetscCall(CheckpointPoll(s->part.checkpoint, s->step, &due, stop));
+  if (!due) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscTime(&t));
+  PetscCall(PetscLogStagePush(TB_STAGE_OUTPUT));
+  PetscCall(CheckpointWrite(s->part.checkpoint, s->step, s->time));
+  PetscCall(PetscLogStagePop());
+  PetscCall(add_seconds(s, MONITOR_OUTPUT, &t));
+  s->renew = PETSC_TRUE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* After a checkpoint: go on as a restarted run would, see checkpoint.h */
+static PetscErrorCode renew_solvers(Sim s)
+{
+  PetscLogDouble t;
+
+  PetscFunctionBeginUser;
+  s->renew = PETSC_FALSE;
+  PetscCall(PetscTime(&t));
+  PetscCall(CoupleRenewSolver(s->part.couple));
+  PetscCall(SimSetUp(s));
+  PetscCall(add_seconds(s, MONITOR_OUTPUT, &t));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode SimRun(Sim s)
 {
-  PetscReal        dt_old = s->dt;
+  PetscBool        stop = PETSC_FALSE;
   const MeshLocal *l;
   FlowSolver       solver;
   PetscInt         unknowns, ncut, nbodies;
@@ -281,12 +345,13 @@ PetscErrorCode SimRun(Sim s)
 
   PetscFunctionBeginUser;
   if (s->part.steady) PetscCall(solve_steady(s));
-  while (s->step < s->steps_max && s->time < s->time_end * (1 - 1e-12) - 1e-9 * s->dt) {
+  while (!stop && s->step < s->steps_max && s->time < s->time_end * (1 - 1e-12) - 1e-9 * s->dt) {
     const PetscReal left = s->time_end - s->time;
     const PetscReal dt   = left < s->dt * (1 + 1e-6) ? left : s->dt; /* the last step ends on time */
 
-    PetscCall(take_step(s, dt, dt_old));
-    dt_old = dt;
+    if (s->renew) PetscCall(renew_solvers(s));
+    PetscCall(take_step(s, dt));
+    PetscCall(save_state(s, &stop));
   }
   PetscCall(MeshGetLocal(s->part.mesh, &l));
   PetscCall(CoupleGetSolver(s->part.couple, &solver));
@@ -300,5 +365,6 @@ PetscErrorCode SimRun(Sim s)
   PetscCall(FlowGetMatrix(s->part.flow, &S));
   PetscCall(MonitorYardstick(s->part.monitor, S));
   PetscCall(MonitorFinish(s->part.monitor, s->part.scene, l->ncell_global, unknowns, s->step, s->time));
+  PetscCall(CheckpointFinish(s->part.checkpoint, s->step, s->time));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
