@@ -55,24 +55,34 @@ def program():
     return path
 
 
+def environment():
+    """For the program: the tests may run as root in a container, and on fewer cores than ranks."""
+    env = dict(os.environ)
+    env.update(OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1", OMP_NUM_THREADS="1")
+    env.update(OMPI_MCA_rmaps_base_oversubscribe="1", PRTE_MCA_rmaps_default_mapping_policy=":oversubscribe")
+    env["OMPI_MCA_mpi_yield_when_idle"] = "1"  # ranks that wait leave the core to those that work
+    env["OMPI_MCA_odls_base_sigkill_timeout"] = "0"  # else Open MPI's launcher takes a second or two to pass a failure on
+    env.pop("PETSC_OPTIONS", None)
+    return env
+
+
 @pytest.fixture
-def run(program, tmp_path):
+def command(program):
+    """command(args, ranks=1): what to execute."""
+    return lambda args, ranks=1: [*shlex.split(os.environ.get("MPIEXEC") or "mpiexec"), "-n", str(ranks), str(program), *map(str, args)]
+
+
+@pytest.fixture
+def run(command, tmp_path):
     """run(args, ranks=1, timeout=120): run the program in the temporary folder of the test; see Result."""
 
     def start(args, ranks=1, timeout=120):
-        env = dict(os.environ)
-        # the tests may run as root in a container, and on fewer cores than ranks
-        env.update(OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1", OMP_NUM_THREADS="1")
-        env.update(OMPI_MCA_rmaps_base_oversubscribe="1", PRTE_MCA_rmaps_default_mapping_policy=":oversubscribe")
-        env["OMPI_MCA_mpi_yield_when_idle"] = "1"  # ranks that wait leave the core to those that work
-        env["OMPI_MCA_odls_base_sigkill_timeout"] = "0"  # else Open MPI's launcher takes a second or two to pass a failure on
-        env.pop("PETSC_OPTIONS", None)
-        command = [*shlex.split(os.environ.get("MPIEXEC") or "mpiexec"), "-n", str(ranks), str(program), *map(str, args)]
+        words = command(args, ranks)
         try:
-            done = subprocess.run(command, cwd=tmp_path, env=env, capture_output=True, text=True, errors="replace", timeout=timeout)
+            done = subprocess.run(words, cwd=tmp_path, env=environment(), capture_output=True, text=True, errors="replace", timeout=timeout)
         except subprocess.TimeoutExpired:
-            pytest.fail(f"no end after {timeout} s: {' '.join(command)}")
-        return Result(" ".join(command), tmp_path, done.returncode, done.stdout, done.stderr)
+            pytest.fail(f"no end after {timeout} s: {' '.join(words)}")
+        return Result(" ".join(words), tmp_path, done.returncode, done.stdout, done.stderr)
 
     return start
 

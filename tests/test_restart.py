@@ -1,0 +1,300 @@
+"""Checkpoints and restarts: a run that goes on from a checkpoint is the run that was never interrupted.
+
+On the same number of ranks every number is the same to the last digit, in series.csv, bodies.csv and in the arrays of the checkpoints; on another
+number within what the solvers leave. Runs that are killed lose the steps since the last checkpoint and nothing else. TUMBLE_KILLS=20 kills more often.
+"""
+import csv
+import os
+import random
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import h5py
+import numpy
+import pytest
+
+from conftest import environment
+
+DISC = """\
+mesh: {cells: [16, 32], lower: [0, 0], upper: [1, 2]}
+flow: {density: 1, viscosity: 0.1, gravity: [0, -981]}
+particle:
+  groups: disc
+  disc: {shape: circle, radius: 0.125, density: 1.25, position: [0.45, 1.4]}
+sim: {dt: 0.005, steps: 10}
+"""
+# discs that meet, a wall and a fixed body; ellipses turn
+CROWD = """\
+mesh: {cells: [16, 24], lower: [0, 0], upper: [1, 1.5]}
+flow: {density: 1, viscosity: 0.1, gravity: [0, -981]}
+particle:
+  groups: [disc, ellipse, post]
+  disc: {shape: circle, radius: 0.1, density: 2, place: lattice, count: 4, lower: [0.1, 0.7], upper: [0.9, 1.2]}
+  ellipse: {shape: ellipse, a: 0.15, b: 0.1, density: 1.5, angle: 0.5, position: [0.5, 0.35]}
+  post: {shape: circle, radius: 0.1, position: [0.2, 0.2], free: none}
+sim: {dt: 0.004, steps: 10}
+"""
+CASES = {
+    "one disc": (DISC, []),
+    "crowd": (CROWD, []),
+    "explicit": (DISC, ["-couple_type", "explicit", "-particle_disc_density", "10"]),
+    "crank nicolson": (DISC, ["-flow_time", "cn"]),
+    "no bodies": ("mesh: {cells: [12, 12]}\nflow: {viscosity: 0.01, bc: {top: {type: moving_wall, velocity: [1, 0], factor: [1, 0.5, 0.3]}}}\nsim: {dt: 0.05, steps: 10}\n", []),
+}
+
+
+def rows(folder, name):
+    with open(folder / name) as file:
+        return [{k: v for k, v in row.items() if not k.startswith("seconds")} for row in csv.DictReader(file)]
+
+
+def assert_identical(one, other):
+    """Tables to the last digit; arrays of the last checkpoints bit for bit."""
+    for name in "series.csv", "bodies.csv":
+        for a, b in zip(rows(one, name), rows(other, name), strict=True):
+            assert a == b, f"{name} of {one} and {other}"
+    last = max(one.glob("checkpoint_*.h5"), key=lambda path: int(path.stem.split("_")[1])).name
+    with h5py.File(one / last) as a, h5py.File(other / last) as b:
+        seen = 0
+        for module in "bodies", "couple", "flow", "sim":
+            assert set(a[module]) == set(b[module])
+            for array in a[module]:
+                assert numpy.array_equal(a[module][array], b[module][array]), f"{module}/{array} of {last}"
+                seen += 1
+        assert seen > 15
+
+
+@pytest.fixture
+def good(run):
+    """good(args, ranks=1): a run that must succeed."""
+
+    def start(args, ranks=1):
+        result = run(args, ranks)
+        assert result.status == 0, str(result)
+        return result
+
+    return start
+
+
+# ---- the same run ----
+
+
+@pytest.mark.parametrize("case, ranks", [("one disc", 2), ("crowd", 1), ("crowd", 2), ("explicit", 1), ("crank nicolson", 1), ("no bodies", 2)])
+def test_restart_is_identical(good, scene, tmp_path, case, ranks):
+    text, args = CASES[case]
+    name = scene(text)
+    args = [name, "-checkpoint_every", "4", *args]
+    good([*args, "-output_dir", "whole"], ranks)
+    good([*args, "-output_dir", "parts", "-sim_steps", "4"], ranks)
+    result = good([*args, "-output_dir", "parts", "-sim_restart", "latest"], ranks)
+    assert "Restarted from parts/checkpoint_4.h5" in result.out and "differ" not in result.out, str(result)
+    assert_identical(tmp_path / "whole", tmp_path / "parts")
+
+
+def test_other_number_of_ranks(good, scene, tmp_path):
+    name = scene(CROWD)
+    args = [name, "-flow_ksp_rtol", "1e-10"]
+    good([*args, "-output_dir", "whole", "-sim_steps", "12"], 2)
+    for steps, ranks in (4, 2), (8, 1), (12, 2):
+        more = ["-sim_restart", "latest"] if steps > 4 else []
+        good([*args, "-output_dir", "parts", "-checkpoint_every", "4", "-output_every", "4", "-sim_steps", steps, *more], ranks)
+    for name in "series.csv", "bodies.csv":
+        for a, b in zip(rows(tmp_path / "whole", name), rows(tmp_path / "parts", name), strict=True):
+            for column in {"kinetic_energy", "x", "y", "angle_rad", "u", "v", "omega_z"} & set(a):
+                assert float(b[column]) == pytest.approx(float(a[column]), rel=1e-6, abs=1e-6), f"{column} of step {a['step']}"
+    index = (tmp_path / "parts" / "fields.xmf").read_text()
+    for step, mesh in (4, "mesh.h5"), (8, "mesh_5.h5"), (12, "mesh_9.h5"):  # other ranks number the nodes in another way
+        assert index.count(f"fields_{step}.h5:/velocity") == 1 and f"{mesh}:/coordinates" in index
+        with h5py.File(tmp_path / "parts" / mesh) as grid, h5py.File(tmp_path / "parts" / f"fields_{step}.h5") as fields:
+            wall = numpy.abs(grid["coordinates"][:, 1]) < 1e-12
+            assert wall.sum() == 33 and numpy.abs(fields["velocity"][wall]).max() == 0
+
+
+def test_elsewhere(good, scene, tmp_path):
+    """Another output directory: a series of its own, from the step after the checkpoint."""
+    name = scene(DISC)
+    good([name, "-output_dir", "first", "-checkpoint_every", "4"])
+    good([name, "-output_dir", "second", "-sim_restart", "first/checkpoint_8.h5"])
+    assert rows(tmp_path / "second", "series.csv") == rows(tmp_path / "first", "series.csv")[8:]
+
+
+def test_branch(good, scene, tmp_path):
+    """From an older checkpoint: later steps of the abandoned branch leave the tables, its checkpoints do not displace new ones."""
+    name = scene(DISC)
+    args = [name, "-output_dir", "run", "-checkpoint_every", "2"]
+    good([*args, "-output_overwrite"])
+    assert sorted(path.name for path in (tmp_path / "run").glob("checkpoint*")) == ["checkpoint_10.h5", "checkpoint_8.h5"]
+    good([*args, "-sim_restart", "run/checkpoint_8.h5", "-sim_steps", "9", "-flow_viscosity", "0.2"])
+    assert [int(row["step"]) for row in rows(tmp_path / "run", "series.csv")] == list(range(1, 10))
+    result = good([*args, "-sim_restart", "latest"])
+    assert "Restarted from run/checkpoint_9.h5" in result.out, str(result)
+    assert "-flow_viscosity 0.1 (was 0.2)" in result.out, str(result)
+
+
+# ---- refusals ----
+
+
+def test_refusals(run, good, scene, tmp_path):
+    name = scene(DISC)
+    good([name, "-output_dir", "run", "-checkpoint_every", "5"])
+    file = tmp_path / "run" / "checkpoint_10.h5"
+
+    def refused(text, *args, ranks=1):
+        result = run([name, "-output_dir", "other", "-sim_restart", "run/checkpoint_10.h5", *args], ranks)
+        assert result.status != 0 and text in result.err, str(result)
+
+    refused("another mesh", "-mesh_cells", "16,30")
+    refused("groups of bodies 'disc'", "-particle_groups", "disc,two", "-particle_two_shape", "circle", "-particle_two_position", "0.5,0.5",
+            "-particle_two_radius", "0.1", "-particle_two_free", "none")  # fmt: skip
+    refused("another shape", "-particle_disc_radius", "0.12")
+    refused("No such file", "-sim_restart", "run/checkpoint_3.h5")
+    refused("no HDF5 file", "-sim_restart", name)
+    refused("holds no whole checkpoint", "-sim_restart", "latest")
+    with open(file, "r+b") as handle:
+        handle.truncate(file.stat().st_size // 2)
+    refused("truncated", ranks=2)
+    # the newest is broken: the one before serves
+    result = good([name, "-output_dir", "run", "-sim_restart", "latest"])
+    assert "checkpoint_10.h5 is passed over: it is truncated" in result.out and "Restarted from run/checkpoint_5.h5" in result.out, str(result)
+    # a fresh start does not mix with what is there
+    os.remove(tmp_path / "run" / "series.csv")
+    result = run([name, "-output_dir", "run"])
+    assert result.status != 0 and "-sim_restart latest" in result.err, str(result)
+    good([name, "-output_dir", "run", "-output_overwrite", "-sim_steps", "1"])
+    assert not list((tmp_path / "run").glob("checkpoint*"))
+
+
+def test_error_names_checkpoint(run, scene):
+    result = run([scene(DISC), "-output_dir", "run", "-checkpoint_every", "1", "-couple_type", "explicit", "-particle_disc_density", "0.2"])
+    assert result.status != 0 and "-couple_type implicit" in result.err, str(result)
+    assert "The last checkpoint is run/checkpoint_" in result.err, str(result)
+
+
+# ---- signals ----
+
+
+class Live:
+    """A run that goes on while the test looks at it."""
+
+    def __init__(self, words, folder):
+        self.process = subprocess.Popen(words, cwd=folder, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True)
+        self.folder, self.words = Path(folder), words
+
+    def steps(self):
+        """Complete lines of series.csv."""
+        path = self.folder / "run" / "series.csv"
+        return path.read_text().count("\n") - 1 if path.exists() else 0
+
+    def wait_for_steps(self, n):
+        end = time.monotonic() + 60
+        while self.steps() < n:
+            assert time.monotonic() < end and self.process.poll() is None, self.finish()
+            time.sleep(0.01)
+
+    def ranks(self):
+        """Process ids of the ranks, not of the launcher."""
+        program = str(next(word for word in self.words if word.endswith("/tumble")))
+        found = []
+        for entry in Path("/proc").glob("[0-9]*"):
+            try:
+                words = (entry / "cmdline").read_bytes().split(b"\0")
+                if words[0].decode() == program and os.getsid(int(entry.name)) in (self.process.pid, int(entry.name)) and (entry / "cwd").resolve() == self.folder:
+                    found.append(int(entry.name))
+            except OSError:  # ended meanwhile
+                pass
+        return found
+
+    def finish(self):
+        out, _ = self.process.communicate(timeout=60)
+        return f"exit status {self.process.returncode}\n{out}"
+
+    def kill(self):
+        """Everything at once and for good."""
+        for pid in [*self.ranks(), self.process.pid]:
+            try:
+                os.kill(pid, signal.SIGKILL)
+            except ProcessLookupError:
+                pass
+        self.process.communicate(timeout=60)
+        while self.ranks():
+            time.sleep(0.01)
+
+
+@pytest.fixture
+def live(command, tmp_path):
+    runs = []
+
+    def start(args, ranks=1):
+        runs.append(Live(command(args, ranks), tmp_path))
+        return runs[-1]
+
+    yield start
+    for one in runs:
+        if one.process.poll() is None:
+            one.kill()
+
+
+def test_sigusr1(live, good, scene, tmp_path):
+    """Write and go on; the run itself is not disturbed beyond round-off."""
+    name = scene(DISC)
+    one = live([name, "-output_dir", "run", "-sim_steps", "60", "-sim_dt", "0.001"], 2)
+    one.wait_for_steps(5)
+    os.kill(one.ranks()[-1], signal.SIGUSR1)
+    text = one.finish()
+    assert one.process.returncode == 0 and one.steps() == 60, text
+    (file,) = (tmp_path / "run").glob("checkpoint*")
+    step = int(file.stem.split("_")[1])
+    assert 5 <= step < 60
+    whole = rows(tmp_path / "run", "series.csv")
+    good([name, "-output_dir", "run", "-sim_steps", "60", "-sim_dt", "0.001", "-sim_restart", "latest"], 2)
+    assert rows(tmp_path / "run", "series.csv") == whole
+
+
+def test_sigterm(live, good, scene, tmp_path):
+    """Write and stop in order, status 0; what follows is the rest of the run."""
+    name = scene(DISC)
+    args = [name, "-output_dir", "run", "-sim_steps", "60", "-sim_dt", "0.001", "-flow_ksp_rtol", "1e-10"]
+    one = live(args, 2)
+    one.wait_for_steps(5)
+    os.kill(one.ranks()[-1], signal.SIGTERM)
+    text = one.finish()
+    done = one.steps()
+    assert one.process.returncode == 0 and 5 <= done < 60, text
+    assert f"Stopped by SIGTERM after step {done}" in text and f"run/checkpoint_{done}.h5" in text, text
+    assert (tmp_path / "run" / "summary.json").exists()
+    good([*args, "-sim_restart", "latest"], 2)
+    good([name, "-output_dir", "whole", *args[3:]], 2)
+    for a, b in zip(rows(tmp_path / "whole", "bodies.csv"), rows(tmp_path / "run", "bodies.csv"), strict=True):
+        assert a["step"] == b["step"]
+        for column in "x", "y", "u", "v":
+            assert float(b[column]) == pytest.approx(float(a[column]), rel=1e-7, abs=1e-7)
+
+
+def test_minutes(good, scene, tmp_path):
+    good([scene(DISC), "-output_dir", "run", "-checkpoint_minutes", "1e-9"])
+    assert sorted(path.name for path in (tmp_path / "run").glob("checkpoint*")) == ["checkpoint_10.h5", "checkpoint_9.h5"]
+
+
+def test_kill(live, good, scene, tmp_path):
+    """Killed again and again at random moments, in set-up, steps and writing, it arrives at the same end."""
+    every, steps = 3, 40
+    name = scene(DISC)
+    args = [name, "-checkpoint_every", every, "-sim_steps", steps, "-sim_dt", "0.001"]
+    start = time.monotonic()
+    good([*args, "-output_dir", "whole"])
+    length = time.monotonic() - start
+    chance = random.Random(7)
+    lost = []
+    for _ in range(int(os.environ.get("TUMBLE_KILLS", "3"))):
+        files = list((tmp_path / "run").glob("checkpoint_*.h5"))
+        one = live([*args, "-output_dir", "run", *(["-sim_restart", "latest"] if files else ["-output_overwrite"])])
+        time.sleep(chance.uniform(0, 0.8 * length))
+        one.kill()
+        assert one.process.returncode in (-signal.SIGKILL, 0)
+        saved = max([int(path.stem.split("_")[1]) for path in (tmp_path / "run").glob("checkpoint_*.h5")], default=0)
+        lost.append(one.steps() - saved)
+        assert lost[-1] <= every, f"{one.steps()} steps done, the last checkpoint is of step {saved}"
+    good([*args, "-output_dir", "run", *(["-sim_restart", "latest"] if saved else ["-output_overwrite"])])
+    assert_identical(tmp_path / "whole", tmp_path / "run")
