@@ -11,6 +11,7 @@
    _wall_factor, _damping; spring: -contact_spring_stiffness, _restitution, _friction, _tangential; lubrication: -contact_lubrication_range, _roughness. */
 #pragma once
 #include "bodies.h"
+#include "state.h"
 
 typedef struct _p_Contact *Contact;
 
@@ -53,3 +54,5 @@ PetscErrorCode ContactGetEnergy(Contact, PetscReal *stored, PetscReal *work);
 PetscErrorCode ContactGetMass(Contact, PetscInt k, PetscReal *mass, PetscReal inertia[6]);
 /* Work of the last call: pairs of bodies tested by their bounding circles (0: the list of pairs was still good), pairs and walls within reach, sub-steps of the step. Each may be NULL. */
 PetscErrorCode ContactGetWork(Contact, PetscInt *tests, PetscInt *pairs, PetscInt *substeps);
+/* StateVisit of a Contact: the list of pairs with their tangential springs, the work done. */
+PetscErrorCode ContactVisitState(void *contact, State);

@@ -943,6 +943,7 @@ static PetscErrorCode visit_groups(const BodyState *s, State state)
 PetscErrorCode BodiesVisitState(void *bodies, State state)
 {
   BodyState *s = &((Bodies)bodies)->state;
+  PetscInt  *gone;
 
   PetscFunctionBeginUser;
   PetscCall(visit_groups(s, state));
@@ -958,5 +959,12 @@ PetscErrorCode BodiesVisitState(void *bodies, State state)
   PetscCall(StateReals(state, "contact_force", 3 * s->n, (PetscReal *)s->contact_force));
   PetscCall(StateReals(state, "contact_torque", 3 * s->n, (PetscReal *)s->contact_torque));
   PetscCall(StateReals(state, "gap", s->n, s->gap));
+  PetscCall(StateReals(state, "time", 1, &s->time));
+  PetscCall(StateInts(state, "stopped", s->n, s->stopped));
+  PetscCall(PetscMalloc1(s->n, &gone));
+  for (PetscInt k = 0; k < s->n; k++) gone[k] = s->gone[k];
+  PetscCall(StateInts(state, "gone", s->n, gone));
+  for (PetscInt k = 0; k < s->n; k++) s->gone[k] = (PetscBool)gone[k];
+  PetscCall(PetscFree(gone));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -281,3 +281,34 @@ PetscErrorCode ContactFindPairs(Contact c)
   c->builds++;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
+
+/* ---- state ---- */
+
+PetscErrorCode ContactVisitState(void *contact, State state)
+{
+  Contact         c       = contact;
+  const PetscBool loading = StateIsLoading(state);
+  PetscInt        n = c->s->n, have = c->have_list, nslip;
+
+  PetscFunctionBeginUser;
+  PetscCall(StateReals(state, "work", 1, &c->work));
+  PetscCall(StateInts(state, "have_list", 1, &have));
+  c->have_list = (PetscBool)have;
+  if (!have) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(StateInts(state, "pairs", 1, &c->npairs));
+  nslip = c->slip ? c->npairs : 0;
+  if (loading) {
+    c->pair_room = c->npairs;
+    PetscCall(PetscRealloc(c->npairs * sizeof(Pair), &c->pair));
+    if (!c->listed) PetscCall(PetscMalloc1(n, &c->listed));
+    PetscCall(StateGetSize(state, "slip", &nslip));
+    if (c->friction > 0) { /* also when the run before knew no friction */
+      PetscCall(PetscFree(c->slip));
+      PetscCall(PetscCalloc1(c->npairs + 1, &c->slip));
+    } else nslip = 0;
+  }
+  PetscCall(StateInts(state, "pair", 2 * c->npairs, (PetscInt *)c->pair));
+  PetscCall(StateReals(state, "listed", 4 * n, (PetscReal *)c->listed));
+  if (!loading || nslip > 0) PetscCall(StateReals(state, "slip", 3 * nslip, (PetscReal *)c->slip));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -53,6 +53,7 @@ static PetscErrorCode add_states(Sim s)
   PetscCall(CheckpointAdd(p->checkpoint, "bodies", p->bodies, BodiesVisitState));
   PetscCall(CheckpointAdd(p->checkpoint, "flow", p->flow, FlowVisitState));
   PetscCall(CheckpointAdd(p->checkpoint, "couple", p->couple, CoupleVisitState));
+  PetscCall(CheckpointAdd(p->checkpoint, "contact", p->contact, ContactVisitState));
   PetscCall(CheckpointAdd(p->checkpoint, "output", p->output, OutputVisitState));
   PetscCall(CheckpointAdd(p->checkpoint, "monitor", p->monitor, MonitorVisitState));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -39,6 +39,7 @@ sim: {dt: 0.004, steps: 10}
 CASES = {
     "one disc": (DISC, []),
     "crowd": (CROWD, []),
+    "friction": (CROWD, ["-contact_law", "spring", "-contact_friction", "0.3"]),
     "explicit": (DISC, ["-couple_type", "explicit", "-particle_disc_density", "10"]),
     "crank nicolson": (DISC, ["-flow_time", "cn"]),
     "no bodies": ("mesh: {cells: [12, 12]}\nflow: {viscosity: 0.01, bc: {top: {type: moving_wall, velocity: [1, 0], factor: [1, 0.5, 0.3]}}}\nsim: {dt: 0.05, steps: 10}\n", []),
@@ -58,7 +59,7 @@ def assert_identical(one, other):
     last = max(one.glob("checkpoint_*.h5"), key=lambda path: int(path.stem.split("_")[1])).name
     with h5py.File(one / last) as a, h5py.File(other / last) as b:
         seen = 0
-        for module in "bodies", "couple", "flow", "sim":
+        for module in "bodies", "contact", "couple", "flow", "sim":
             assert set(a[module]) == set(b[module])
             for array in a[module]:
                 assert numpy.array_equal(a[module][array], b[module][array]), f"{module}/{array} of {last}"
@@ -81,7 +82,7 @@ def good(run):
 # ---- the same run ----
 
 
-@pytest.mark.parametrize("case, ranks", [("one disc", 2), ("crowd", 1), ("crowd", 2), ("explicit", 1), ("crank nicolson", 1), ("no bodies", 2)])
+@pytest.mark.parametrize("case, ranks", [("one disc", 2), ("crowd", 1), ("crowd", 2), ("friction", 1), ("explicit", 1), ("crank nicolson", 1), ("no bodies", 2)])
 def test_restart_is_identical(good, scene, tmp_path, case, ranks):
     text, args = CASES[case]
     name = scene(text)
