@@ -305,6 +305,7 @@ PetscErrorCode ContactVisitState(void *contact, State state)
     if (c->friction > 0) { /* also when the run before knew no friction */
       PetscCall(PetscFree(c->slip));
       PetscCall(PetscCalloc1(c->npairs + 1, &c->slip));
+      nslip = nslip > 0 ? c->npairs : 0;
     } else nslip = 0;
   }
   PetscCall(StateInts(state, "pair", 2 * c->npairs, (PetscInt *)c->pair));

@@ -672,7 +672,6 @@ PetscErrorCode FlowVisitState(void *flow, State state)
   PetscCall(StateNodes(state, "velocity", dim, f->u));
   PetscCall(StateNodes(state, "velocity_old", dim, f->u_old));
   PetscCall(StateCells(state, "pressure", dim + 1, f->p));
-  PetscCall(StateCells(state, "pressure_old", dim + 1, f->p_old));
   PetscCall(StateReals(state, "dt_old", 1, &f->dt_old));
   PetscCall(StateInts(state, "steps", 1, &f->nsteps));
   PetscFunctionReturn(PETSC_SUCCESS);
