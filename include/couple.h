@@ -5,7 +5,10 @@
    inside stay part of the fluid ("fictitious fluid"), so the rigid rows carry c_t (rho_s - rho_f) (Vol; I) with exact Vol and I of the shape.
    References: Glowinski, Pan, Hesla, Joseph 1999; Turek, Wan, Rivkind 2003; Wan, Turek 2006; for the monolithic form design section 3.
 
-   Options: -couple_type implicit|explicit, -couple_boundary nodal, -couple_force residual|volume. */
+   Rung `penalty` (penalty.h): the body's part of cut cells is held at its velocity by a force, fictitious fluid inside and exact Vol and I as with nodal; force = that of the
+   penalty plus the residual of the nodes that move rigidly. The volume form of the force is taken around all held nodes, one or two cells out, and misses what flows through there.
+
+   Options: -couple_type implicit|explicit, -couple_boundary nodal|penalty, -couple_force residual|volume. */
 #pragma once
 #include "bodies.h"
 #include "flow.h"

@@ -61,6 +61,9 @@ Boundary FlowBoundary(Flow);
 
 /* Assemble S for the step. Constant parts are kept; a Stokes flow with an unchanged step costs nothing. Collective. */
 PetscErrorCode FlowAssemble(Flow);
+/* Further terms of S, as matrices [n][nb][nb] of local cells, own and ghost (a cell may appear twice), until the next call. Borrowed: they must stay valid. A boundary rung of the bodies adds its
+   penalty here; residuals, forces and diagnostics of this module do not contain it. */
+PetscErrorCode FlowSetCellTerms(Flow, PetscInt n, const PetscInt cell[], const PetscReal matrix[]);
 PetscErrorCode FlowGetMatrix(Flow, Mat *S); /* borrowed; rows: own nodes */
 /* r = right-hand side (rho d, v) + (f, v) - (1 - theta) (...)^n for all nodes, complete on own nodes. r [nnode_all][dim]. Collective. */
 PetscErrorCode FlowRhs(Flow, PetscReal r[]);
@@ -73,6 +76,8 @@ PetscErrorCode FlowGradient(Flow, PetscReal scale, const PetscReal p[], PetscRea
 PetscErrorCode FlowGetCellDivergence(Flow, const PetscReal *b[]);
 /* y += scale Mp^{-1} r with the mass matrix of the pressure (own cells). Local. */
 PetscErrorCode FlowPressureMassSolve(Flow, PetscReal scale, const PetscReal r[], PetscReal y[]);
+/* Size h = volume^(1/dim) of the local cells [ncell_all]. */
+PetscErrorCode FlowGetCellSize(Flow, const PetscReal *h[]);
 /* Lumped mass (row sums of M, no density) [nnode_all]. */
 PetscErrorCode FlowGetLumpedMass(Flow, const PetscReal *m[]);
 

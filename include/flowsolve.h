@@ -17,6 +17,7 @@
 #pragma once
 #include "constraint.h"
 #include "flow.h"
+#include "soft.h"
 
 typedef struct _p_FlowSolver *FlowSolver;
 
@@ -27,6 +28,9 @@ PetscErrorCode FlowSolverView(FlowSolver, PetscViewer);
 
 /* D: the bodies' own inertia (design: c_t (rho_s - rho_f) (Vol; I)), D [nbodies][nr][nr]; used for unknown rigid velocities only. Copied. */
 PetscErrorCode FlowSolverSetRigid(FlowSolver, const PetscReal D[]);
+
+/* Penalty of the bodies, whose scalar part is in the flow's matrix; NULL: none. Borrowed; what it points to may change between steps. */
+PetscErrorCode FlowSolverSetSoft(FlowSolver, const Soft *);
 
 /* After FlowAssemble and after every change of the constraint: update operators and preconditioners. Collective. */
 PetscErrorCode FlowSolverSetUp(FlowSolver);

@@ -15,9 +15,11 @@ PetscErrorCode MarkClear(Mark);
 /* Claim every local node (own or ghost) inside a body that is no hole of the mesh, bodies drawn at X, q. Not collective. */
 PetscErrorCode MarkInside(Mark, PetscReal (*X)[3], PetscReal (*q)[4]);
 PetscErrorCode MarkClaim(Mark, PetscInt node, PetscInt body);
+/* List the cells of this node as well, without claiming it. */
+PetscErrorCode MarkTouch(Mark, PetscInt node);
 PetscErrorCode MarkFinish(Mark);
 
-/* node_body [nnode_all] body of a node or -1; the n claimed nodes; own cells with a claimed node. Borrowed; any may be NULL. */
+/* node_body [nnode_all] body of a node or -1; the n claimed nodes; own cells with a claimed or touched node. Borrowed; any may be NULL. */
 PetscErrorCode MarkGetNodes(Mark, const PetscInt *node_body[], PetscInt *n, const PetscInt *node[]);
 PetscErrorCode MarkGetCells(Mark, PetscInt *n, const PetscInt *cell[]);
 

@@ -19,9 +19,10 @@ PetscErrorCode PressureDestroy(Pressure *);
 PetscReal PressureGetSoftness(Pressure);
 
 /* All masses here are divided by rho c_t: S_p belongs to continuity rows multiplied by rho c_t, and does not depend on the time step.
-   weight [nnode_all][dim]: inverse mass of every nodal slot (zero at walls); mass_inverse [nbodies][nr][nr]: inverse of the bodies' blocks of M_r, zero for known
+   weight [nnode_all][dim]: inverse mass of every nodal slot (zero at walls), with the penalty where a body holds the node softly; share [nnode_all]: what part of the motion of its
+   body such a node takes up at once (1: lies in the body, 0: free), NULL if only nodes inside matter; mass_inverse [nbodies][nr][nr]: inverse of the bodies' blocks of M_r, zero for known
    degrees of freedom. Collective. */
-PetscErrorCode PressureUpdate(Pressure, const PetscReal weight[], const PetscReal mass_inverse[]);
+PetscErrorCode PressureUpdate(Pressure, const PetscReal weight[], const PetscReal share[], const PetscReal mass_inverse[]);
 
 /* Compressibility C of cells between two constrained surfaces: cells [n] and blocks [n][nk][nk]. Part of the system's operator (B u + C p = 0) and of S_p. After PressureUpdate. */
 PetscErrorCode PressureGetShared(Pressure, PetscInt *n, const PetscInt *cell[], const PetscReal *block[]);

@@ -3,9 +3,11 @@
 #include "constraint.h"
 #include "flow.h"
 #include "pressure.h"
+#include "soft.h"
 
-/* out = P^T A P + D with the identity on inert slots; A: velocity matrix of all components, P of ConstraintCreateMat, D [nbodies][nr][nr]. Collective; caller destroys. */
-PetscErrorCode SaddleCreateVelocity(Constraint, Mat A, Mat P, const PetscReal D[], Mat *out);
+/* out = P^T A P + D with the identity on inert slots, and the soft part of a penalty (may be NULL); A: velocity matrix of all components, P of ConstraintCreateMat,
+   D [nbodies][nr][nr]. Collective; caller destroys. */
+PetscErrorCode SaddleCreateVelocity(Constraint, Mat A, Mat P, const PetscReal D[], const Soft *, Mat *out);
 /* out = [Ar, -P^T B^T; scale B P, C'], with C' = C of shared cells plus a tiny multiple of the Schur complement's size, which gives undetermined pressures a value.
    The outer iteration removes its effect. Collective; caller destroys. */
 PetscErrorCode SaddleCreateWhole(Flow, Pressure, PetscReal scale, Mat P, Mat Ar, Mat *out);

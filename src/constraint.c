@@ -9,14 +9,19 @@ struct _p_Constraint {
   Mesh             mesh;
   const MeshLocal *loc;
   PetscInt         nbodies, nr, first, count; /* bodies; rigid slots each; own range */
-  PetscInt        *fixed, *node_body, *unknown;
+  PetscInt        *fixed, *node_body, *follow, *unknown;
   PetscReal       *value, *known, (*X)[3], *U;
   PetscBool        have_bodies;
   PetscInt         nbody_nodes, body_node_room, *body_node; /* local nodes with node_body >= 0 */
   /* rows of P at inert slots */
   PetscInt   ninert, *slot, *body, *local_body;
   PetscReal *coef;
-  /* bodies that own nodes of this rank follow, and the way to their slots */
+  /* the same for slots that follow a body */
+  PetscInt   nfollow, follow_room, *follow_slot, *follow_body;
+  PetscReal *follow_coef;
+  PetscInt   nmore, more_room, *more;
+  PetscBool  followers_changed;
+  /* bodies that own nodes of this rank belong to or follow, and more; the way to their slots */
   PetscInt     nlocal, *local_index; /* [nbodies] body -> local or -1 */
   PetscInt    *local_list;
   PetscReal   *local_rigid;
@@ -89,18 +94,55 @@ static PetscErrorCode list_body_nodes(Constraint c)
   PetscInt n = 0;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < c->loc->nnode_all; i++) n += c->node_body[i] >= 0;
+  for (PetscInt i = 0; i < c->loc->nnode_all; i++) n += c->node_body[i] >= 0 || c->follow[i] >= 0;
   if (n > c->body_node_room) {
     c->body_node_room = n + n / 4;
     PetscCall(PetscRealloc(c->body_node_room * sizeof(PetscInt), &c->body_node));
   }
   c->nbody_nodes = 0;
   for (PetscInt i = 0; i < c->loc->nnode_all; i++)
-    if (c->node_body[i] >= 0) c->body_node[c->nbody_nodes++] = i;
+    if (c->node_body[i] >= 0 || c->follow[i] >= 0) c->body_node[c->nbody_nodes++] = i;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* List the bodies followed here and connect them to their slots. */
+static PetscErrorCode collect_followers(Constraint c)
+{
+  const MeshLocal *l = c->loc;
+
+  PetscFunctionBeginUser;
+  c->nfollow = 0;
+  for (PetscInt i = 0; i < l->nnode; i++) {
+    const PetscInt k = c->follow[i];
+
+    if (k < 0 || c->node_body[i] >= 0 || !c->unknown[k]) continue;
+    if (c->nfollow + l->dim > c->follow_room) {
+      c->follow_room = 2 * c->follow_room + 64;
+      PetscCall(PetscRealloc(c->follow_room * sizeof(PetscInt), &c->follow_slot));
+      PetscCall(PetscRealloc(c->follow_room * sizeof(PetscInt), &c->follow_body));
+      PetscCall(PetscRealloc(c->follow_room * c->nr * sizeof(PetscReal), &c->follow_coef));
+    }
+    for (PetscInt a = 0; a < l->dim; a++) {
+      PetscReal *row = c->follow_coef + c->nfollow * c->nr;
+
+      if ((c->fixed[i] >> a) & 1) continue;
+      rigid_row(l, i, a, c->X[k], row);
+      for (PetscInt s = 0; s < c->nr; s++)
+        if (!((c->unknown[k] >> s) & 1)) row[s] = 0;
+      c->follow_slot[c->nfollow]   = i * l->dim + a;
+      c->follow_body[c->nfollow++] = k;
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static void know_body(Constraint c, PetscInt k)
+{
+  if (c->local_index[k] >= 0) return;
+  c->local_index[k]          = c->nlocal;
+  c->local_list[c->nlocal++] = k;
+}
+
+/* List the bodies known here and connect them to their slots. */
 static PetscErrorCode connect_rigid_slots(Constraint c)
 {
   PetscLayout layout;
@@ -112,12 +154,11 @@ static PetscErrorCode connect_rigid_slots(Constraint c)
     const PetscInt k = c->body[j];
 
     if (k < 0) continue;
-    if (c->local_index[k] < 0) {
-      c->local_index[k]          = c->nlocal;
-      c->local_list[c->nlocal++] = k;
-    }
+    know_body(c, k);
     c->local_body[j] = c->local_index[k];
   }
+  for (PetscInt j = 0; j < c->nfollow; j++) know_body(c, c->follow_body[j]);
+  for (PetscInt j = 0; j < c->nmore; j++) know_body(c, c->more[j]);
   PetscCall(PetscSFDestroy(&c->rigid_sf));
   PetscCall(PetscLayoutCreateFromSizes(PETSC_COMM_WORLD, c->count, PETSC_DETERMINE, 1, &layout));
   PetscCall(PetscSFCreate(PETSC_COMM_WORLD, &c->rigid_sf));
@@ -132,10 +173,10 @@ static PetscErrorCode set_known(Constraint c)
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < l->nnode_all; i++) {
-    const PetscInt k = c->node_body[i];
-
     for (PetscInt a = 0; a < l->dim; a++) {
-      PetscReal v = 0;
+      const PetscBool fixed = (PetscBool)((c->fixed[i] >> a) & 1);
+      const PetscInt  k     = c->node_body[i] >= 0 ? c->node_body[i] : fixed || c->follow[i] < 0 || !c->unknown[c->follow[i]] ? -1 : c->follow[i];
+      PetscReal       v     = 0;
 
       if (k >= 0) {
         PetscReal row[6];
@@ -143,7 +184,7 @@ static PetscErrorCode set_known(Constraint c)
         rigid_row(l, i, a, c->X[k], row);
         for (PetscInt s = 0; s < c->nr; s++)
           if (!((c->unknown[k] >> s) & 1)) v += row[s] * c->U[k * c->nr + s];
-      } else if ((c->fixed[i] >> a) & 1) v = c->value[i * l->dim + a];
+      } else if (fixed) v = c->value[i * l->dim + a];
       c->known[i * l->dim + a] = v;
     }
   }
@@ -165,11 +206,11 @@ PetscErrorCode ConstraintCreate(Mesh mesh, PetscInt nbodies, Constraint *constra
   PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
   c->first = nbodies / size * rank + PetscMin(rank, nbodies % size);
   c->count = nbodies / size + (rank < nbodies % size);
-  PetscCall(PetscCalloc4(c->loc->nnode_all, &c->fixed, c->loc->nnode_all, &c->node_body, c->loc->nnode_all * c->loc->dim, &c->value,
-                         c->loc->nnode_all * c->loc->dim, &c->known));
+  PetscCall(PetscCalloc5(c->loc->nnode_all, &c->fixed, c->loc->nnode_all, &c->node_body, c->loc->nnode_all, &c->follow,
+                         c->loc->nnode_all * c->loc->dim, &c->value, c->loc->nnode_all * c->loc->dim, &c->known));
   PetscCall(PetscCalloc6(nbodies, &c->unknown, nbodies, &c->X, nbodies * c->nr, &c->U, nbodies, &c->local_index, nbodies, &c->local_list,
                          nbodies * c->nr, &c->local_rigid));
-  for (PetscInt i = 0; i < c->loc->nnode_all; i++) c->node_body[i] = -1;
+  for (PetscInt i = 0; i < c->loc->nnode_all; i++) c->node_body[i] = c->follow[i] = -1;
   PetscCallMPI(MPI_Type_contiguous((int)c->nr, MPIU_REAL, &c->rigid_type));
   PetscCallMPI(MPI_Type_commit(&c->rigid_type));
   PetscCall(collect_rows(c));
@@ -185,7 +226,11 @@ PetscErrorCode ConstraintDestroy(Constraint *constraint)
   PetscFunctionBeginUser;
   if (!c) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscFree4(c->slot, c->body, c->local_body, c->coef));
-  PetscCall(PetscFree4(c->fixed, c->node_body, c->value, c->known));
+  PetscCall(PetscFree5(c->fixed, c->node_body, c->follow, c->value, c->known));
+  PetscCall(PetscFree(c->follow_slot));
+  PetscCall(PetscFree(c->follow_body));
+  PetscCall(PetscFree(c->follow_coef));
+  PetscCall(PetscFree(c->more));
   PetscCall(PetscFree6(c->unknown, c->X, c->U, c->local_index, c->local_list, c->local_rigid));
   PetscCall(PetscFree(c->body_node));
   PetscCall(PetscSFDestroy(&c->rigid_sf));
@@ -205,10 +250,33 @@ PetscErrorCode ConstraintSetBoundary(Constraint c, const PetscInt fixed[], const
   PetscCall(PetscArraycpy(c->value, value, l->nnode_all * l->dim));
   if (!same) {
     PetscCall(collect_rows(c));
+    c->followers_changed = PETSC_TRUE;
     for (PetscInt j = 0; j < c->ninert; j++)
       if (c->body[j] >= 0) c->local_body[j] = c->local_index[c->body[j]];
   }
   PetscCall(set_known(c));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintSetFollowers(Constraint c, const PetscInt follow[], PetscInt nmore, const PetscInt more[])
+{
+  PetscBool same = (PetscBool)(nmore == c->nmore);
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < c->loc->nnode_all; i++) {
+    const PetscInt k = follow ? follow[i] : -1;
+
+    if (k != c->follow[i]) same = PETSC_FALSE;
+    c->follow[i] = k;
+  }
+  for (PetscInt j = 0; j < nmore && same; j++) same = (PetscBool)(more[j] == c->more[j]);
+  if (!same) c->followers_changed = PETSC_TRUE;
+  if (nmore > c->more_room) {
+    c->more_room = 2 * nmore;
+    PetscCall(PetscRealloc(c->more_room * sizeof(PetscInt), &c->more));
+  }
+  PetscCall(PetscArraycpy(c->more, more, nmore));
+  c->nmore = nmore;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -227,14 +295,16 @@ PetscErrorCode ConstraintSetBodies(Constraint c, const PetscInt node_body[], Pet
   }
   PetscCall(PetscArraycmp((PetscReal *)c->X, (PetscReal *)X, 3 * c->nbodies, &same[1]));
   PetscCall(PetscArraycmp(c->unknown, unknown, c->nbodies, &same[2]));
-  moved = (PetscBool)(!c->have_bodies || !same[0] || !same[1] || !same[2]);
+  moved = (PetscBool)(!c->have_bodies || c->followers_changed || !same[0] || !same[1] || !same[2]);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &moved, 1, MPIU_BOOL, MPI_LOR, PETSC_COMM_WORLD));
   c->have_bodies = PETSC_TRUE;
   PetscCall(PetscArraycpy((PetscReal *)c->X, (PetscReal *)X, 3 * c->nbodies));
   PetscCall(PetscArraycpy(c->unknown, unknown, c->nbodies));
   PetscCall(PetscArraycpy(c->U, U, c->nbodies * c->nr));
+  c->followers_changed = PETSC_FALSE;
   if (moved) {
     PetscCall(collect_rows(c));
+    PetscCall(collect_followers(c));
     PetscCall(connect_rigid_slots(c));
     PetscCall(list_body_nodes(c));
   }
@@ -283,6 +353,13 @@ PetscErrorCode ConstraintGetBodyNodes(Constraint c, PetscInt *n, const PetscInt 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode ConstraintGetFollow(Constraint c, const PetscInt *follow[])
+{
+  PetscFunctionBeginUser;
+  *follow = c->follow;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ConstraintGetInert(Constraint c, PetscInt *n, const PetscInt *slot[])
 {
   PetscFunctionBeginUser;
@@ -299,6 +376,16 @@ PetscErrorCode ConstraintGetRows(Constraint c, const PetscInt *body[], const Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode ConstraintGetFollowers(Constraint c, PetscInt *n, const PetscInt *slot[], const PetscInt *body[], const PetscReal *coef[])
+{
+  PetscFunctionBeginUser;
+  *n = c->nfollow;
+  if (slot) *slot = c->follow_slot;
+  if (body) *body = c->follow_body;
+  if (coef) *coef = c->follow_coef;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ConstraintRigidMap(Constraint c, PetscInt i, PetscInt k, PetscReal R[])
 {
   PetscFunctionBeginUser;
@@ -306,10 +393,22 @@ PetscErrorCode ConstraintRigidMap(Constraint c, PetscInt i, PetscInt k, PetscRea
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+void ConstraintRigidAt(const MeshLocal *l, PetscInt i, const PetscReal X[3], PetscReal R[])
+{
+  for (PetscInt a = 0; a < l->dim; a++) rigid_row(l, i, a, X, R + a * (l->dim == 2 ? 3 : 6));
+}
+
 PetscErrorCode ConstraintGetUnknown(Constraint c, const PetscInt *unknown[])
 {
   PetscFunctionBeginUser;
   *unknown = c->unknown;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintGetRigid(Constraint c, const PetscReal *U[])
+{
+  PetscFunctionBeginUser;
+  *U = c->U;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -328,13 +427,37 @@ PetscErrorCode ConstraintGetKnown(Constraint c, const PetscReal *known[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode ConstraintGetLocalRigid(Constraint c, PetscInt *n, const PetscInt *index[], const PetscReal *local[])
+{
+  PetscFunctionBeginUser;
+  if (n) *n = c->nlocal;
+  if (index) *index = c->local_index;
+  if (local) *local = c->local_rigid;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintFetchRigid(Constraint c, const PetscReal rigid[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscSFBcastBegin(c->rigid_sf, c->rigid_type, rigid, c->local_rigid, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(c->rigid_sf, c->rigid_type, rigid, c->local_rigid, MPI_REPLACE));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintDeliverRigid(Constraint c, const PetscReal local[], PetscReal rigid[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscSFReduceBegin(c->rigid_sf, c->rigid_type, local, rigid, MPIU_SUM));
+  PetscCall(PetscSFReduceEnd(c->rigid_sf, c->rigid_type, local, rigid, MPIU_SUM));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ConstraintExpandInPlace(Constraint c, const PetscReal rigid[], PetscReal v[], PetscReal saved[])
 {
   const PetscInt nr = c->nr;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscSFBcastBegin(c->rigid_sf, c->rigid_type, rigid, c->local_rigid, MPI_REPLACE));
-  PetscCall(PetscSFBcastEnd(c->rigid_sf, c->rigid_type, rigid, c->local_rigid, MPI_REPLACE));
+  PetscCall(ConstraintFetchRigid(c, rigid));
   for (PetscInt j = 0; j < c->ninert; j++) {
     PetscReal value = 0;
 
@@ -343,6 +466,12 @@ PetscErrorCode ConstraintExpandInPlace(Constraint c, const PetscReal rigid[], Pe
     if (saved) saved[j] = v[c->slot[j]];
     v[c->slot[j]] = value;
   }
+  for (PetscInt j = 0; j < c->nfollow; j++) {
+    const PetscReal *U = c->local_rigid + c->local_index[c->follow_body[j]] * nr;
+
+    if (saved) saved[c->ninert + j] = v[c->follow_slot[j]];
+    for (PetscInt s = 0; s < nr; s++) v[c->follow_slot[j]] += c->follow_coef[j * nr + s] * U[s];
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -350,6 +479,7 @@ PetscErrorCode ConstraintPutBack(Constraint c, const PetscReal saved[], PetscRea
 {
   PetscFunctionBeginUser;
   for (PetscInt j = 0; j < c->ninert; j++) v[c->slot[j]] = saved[j];
+  for (PetscInt j = 0; j < c->nfollow; j++) v[c->follow_slot[j]] = saved[c->ninert + j];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -366,8 +496,9 @@ PetscErrorCode ConstraintReduceInPlace(Constraint c, PetscReal r[], PetscReal ri
     if (c->body[j] < 0) continue;
     for (PetscInt s = 0; s < nr; s++) c->local_rigid[c->local_body[j] * nr + s] += c->coef[j * nr + s] * value;
   }
-  PetscCall(PetscSFReduceBegin(c->rigid_sf, c->rigid_type, c->local_rigid, rigid, MPIU_SUM));
-  PetscCall(PetscSFReduceEnd(c->rigid_sf, c->rigid_type, c->local_rigid, rigid, MPIU_SUM));
+  for (PetscInt j = 0; j < c->nfollow; j++)
+    for (PetscInt s = 0; s < nr; s++) c->local_rigid[c->local_index[c->follow_body[j]] * nr + s] += c->follow_coef[j * nr + s] * r[c->follow_slot[j]];
+  PetscCall(ConstraintDeliverRigid(c, c->local_rigid, rigid));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -383,6 +514,7 @@ PetscErrorCode ConstraintExpand(Constraint c, Vec ur, PetscReal u[])
   PetscCall(ConstraintExpandInPlace(c, x + n, u, NULL));
   PetscCall(VecRestoreArrayRead(ur, &x));
   for (PetscInt j = 0; j < c->ninert; j++) u[c->slot[j]] += c->known[c->slot[j]];
+  for (PetscInt j = 0; j < c->nfollow; j++) u[c->follow_slot[j]] += c->known[c->follow_slot[j]];
   PetscCall(MeshSyncNodes(c->mesh, l->dim, u));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -396,6 +528,10 @@ PetscErrorCode ConstraintRestrict(Constraint c, const PetscReal u[], const Petsc
   PetscCall(VecGetArray(ur, &x));
   PetscCall(PetscArraycpy(x, u, n));
   for (PetscInt j = 0; j < c->ninert; j++) x[c->slot[j]] = 0;
+  for (PetscInt j = 0; j < c->nfollow; j++) {
+    x[c->follow_slot[j]] -= c->known[c->follow_slot[j]];
+    for (PetscInt s = 0; s < c->nr; s++) x[c->follow_slot[j]] -= c->follow_coef[j * c->nr + s] * U[c->follow_body[j] * c->nr + s];
+  }
   for (PetscInt i = 0; i < c->count * c->nr; i++) x[n + i] = (c->unknown[c->first + i / c->nr] >> (i % c->nr)) & 1 ? U[c->first * c->nr + i] : 0;
   PetscCall(VecRestoreArray(ur, &x));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -423,8 +559,8 @@ PetscErrorCode ConstraintGatherRigid(Constraint c, Vec ur, PetscReal U[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Global column of the first rigid slot of body k: every rank stores its bodies' slots behind its nodal ones. */
-static PetscErrorCode find_rigid_columns(Constraint c, PetscInt column[])
+/* Every rank stores its bodies' slots behind its nodal ones. */
+PetscErrorCode ConstraintGetRigidColumns(Constraint c, PetscInt column[])
 {
   PetscInt nodal, total, start = 0;
 
@@ -439,13 +575,13 @@ static PetscErrorCode find_rigid_columns(Constraint c, PetscInt column[])
 
 PetscErrorCode ConstraintCreateMat(Constraint c, Mat *P)
 {
-  PetscInt nodal, total, row0, col0, *column, j = 0;
+  PetscInt nodal, total, row0, col0, *column, j = 0, f = 0;
 
   PetscFunctionBeginUser;
   PetscCall(ConstraintGetSizes(c, &nodal, &total));
   PetscCall(PetscMalloc1(c->nbodies, &column));
-  PetscCall(find_rigid_columns(c, column));
-  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, nodal, total, PETSC_DETERMINE, PETSC_DETERMINE, c->nr, NULL, c->nr, NULL, P));
+  PetscCall(ConstraintGetRigidColumns(c, column));
+  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, nodal, total, PETSC_DETERMINE, PETSC_DETERMINE, c->nr + 1, NULL, c->nr, NULL, P));
   PetscCall(MatGetOwnershipRange(*P, &row0, NULL));
   PetscCall(MatGetOwnershipRangeColumn(*P, &col0, NULL));
   for (PetscInt i = 0; i < nodal; i++) {
@@ -455,6 +591,12 @@ PetscErrorCode ConstraintCreateMat(Constraint c, Mat *P)
           if (c->coef[j * c->nr + s] != 0) PetscCall(MatSetValue(*P, row0 + i, column[c->body[j]] + s, c->coef[j * c->nr + s], INSERT_VALUES));
       j++;
     } else PetscCall(MatSetValue(*P, row0 + i, col0 + i, 1, INSERT_VALUES));
+    if (f < c->nfollow && c->follow_slot[f] == i) {
+      for (PetscInt s = 0; s < c->nr; s++)
+        if (c->follow_coef[f * c->nr + s] != 0)
+          PetscCall(MatSetValue(*P, row0 + i, column[c->follow_body[f]] + s, c->follow_coef[f * c->nr + s], INSERT_VALUES));
+      f++;
+    }
   }
   PetscCall(MatAssemblyBegin(*P, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(*P, MAT_FINAL_ASSEMBLY));

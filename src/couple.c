@@ -10,6 +10,7 @@
 #include "log.h"
 #include "mark.h"
 #include "opt.h"
+#include "penalty.h"
 
 /* A boundary rung: how the flow sees the surface of a body. Operations may be NULL. */
 typedef struct {
@@ -34,6 +35,7 @@ struct _p_Couple {
   Rung             rung;
   Mark             mark;               /* nodes that move rigidly */
   PetscReal (*X)[3], (*q)[4], (*P)[3]; /* where the bodies are drawn: centre, orientation, reference point (of the rigid velocities) */
+  Penalty    penalty;                  /* NULL unless the rung needs it */
   PetscInt  *unknown;
   PetscReal *U, *U_old, *U_older; /* [n][nr]: rigid velocities that the flow sees in this step and saw in the two before */
   PetscReal *D, *g;               /* [n][nr][nr] inertia, [n][nr] right-hand side of the rigid rows */
@@ -204,6 +206,28 @@ static PetscErrorCode draw_nodal(Couple c)
 {
   PetscFunctionBeginUser;
   PetscCall(MarkInside(c->mark, c->X, c->q));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode draw_penalty(Couple c)
+{
+  const Soft *soft;
+
+  PetscFunctionBeginUser;
+  PetscCall(PenaltyDraw(c->penalty, c->X, c->q, c->P, c->mark));
+  PetscCall(PenaltyGetSoft(c->penalty, &soft));
+  PetscCall(ConstraintSetFollowers(c->constraint, soft->follow, soft->nmore, soft->more));
+  PetscCall(FlowSolverSetSoft(c->solver, soft));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode add_penalty_force(Couple c, PetscReal out[])
+{
+  const Soft *soft;
+
+  PetscFunctionBeginUser;
+  PetscCall(PenaltyGetSoft(c->penalty, &soft));
+  PetscCall(SoftAddForce(soft, c->constraint, c->u, c->U, out));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -500,6 +524,7 @@ static PetscErrorCode sum_prescribed(Couple c, PetscReal walls[3], PetscReal ope
       }
     }
   }
+  if (c->penalty) PetscCall(PenaltyAddPrescribed(c->penalty, fixed, c->u, c->U, sum));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 7, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   PetscCall(PetscArraycpy(walls, sum, 3));
   PetscCall(PetscArraycpy(openings, sum + 3, 3));
@@ -703,6 +728,7 @@ PetscErrorCode CoupleSetDefaults(void)
 
 static const Rung RUNGS[] = {
   {"nodal", PETSC_FALSE, draw_nodal, NULL, NULL},
+  {"penalty", PETSC_FALSE, draw_penalty, NULL, add_penalty_force},
 };
 
 /* -couple_boundary */
@@ -717,6 +743,7 @@ static PetscErrorCode choose_rung(Couple c)
   name[n] = NULL;
   if (c->s->n) PetscCall(OptChoice("-couple_boundary", "how the flow sees the surface of a body", name, &choice));
   c->rung = RUNGS[choice];
+  if (c->rung.draw == draw_penalty) PetscCall(PenaltyCreate(c->flow, c->bodies, &c->penalty));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -771,6 +798,7 @@ PetscErrorCode CoupleDestroy(Couple *couple)
   PetscCall(ConstraintDestroy(&c->constraint));
   PetscCall(MarkDestroy(&c->mark));
   PetscCall(PetscFree7(c->X, c->q, c->P, c->unknown, c->du_old, c->growth, c->force_old));
+  PetscCall(PenaltyDestroy(&c->penalty));
   PetscCall(PetscFree6(c->U, c->U_old, c->U_older, c->D, c->g, c->residual));
   PetscCall(PetscFree3(c->u, c->p, c->rhs));
   PetscCall(PetscFree(*couple));
@@ -784,6 +812,7 @@ PetscErrorCode CoupleView(Couple c, PetscViewer viewer)
     PetscCall(
       PetscViewerASCIIPrintf(viewer, "coupling: %s, boundary %s, force in %s form\n", TYPES[!c->implicit], c->rung.name, FORCES[c->use_volume]));
   else PetscCall(PetscViewerASCIIPrintf(viewer, "coupling: none (no bodies)\n"));
+  if (c->penalty) PetscCall(PenaltyView(c->penalty, viewer));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

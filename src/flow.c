@@ -28,8 +28,11 @@ struct _p_Flow {
   /* velocity matrix of the step */
   Mat       S;
   PetscReal s_ct, s_theta; /* of the assembled one; 0: none yet */
-  PetscInt *
+  PetscInt                *
     entry; /* [ncell_all][nb][nb] place of an entry of a cell: >= 0 in the values of own columns, <= -2: -2 - place in those of other columns, -1: not our row */
+  PetscInt         nterm; /* further terms of S */
+  const PetscInt  *term_cell;
+  const PetscReal *term;
   /* fields */
   PetscReal *u, *u_old, *w, *p;
 };
@@ -248,25 +251,26 @@ static PetscErrorCode create_matrix(Flow f)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* own, other += the matrix ce [nb][nbp] of cell c */
-static void add_cell(const struct _p_Flow *f, PetscInt c, const PetscReal *restrict ce, PetscReal *restrict own, PetscReal *restrict other)
+/* own, other += the matrix ce [nb][stride] of cell c */
+static void add_cell(const struct _p_Flow *f, PetscInt c, PetscInt stride, const PetscReal *restrict ce, PetscReal *restrict own,
+                     PetscReal *restrict other)
 {
-  const PetscInt nb = f->loc->nb, nbp = f->element.nbp, *entry = f->entry + c * nb * nb;
+  const PetscInt nb = f->loc->nb, *entry = f->entry + c * nb * nb;
 
   for (PetscInt i = 0; i < nb; i++) {
     for (PetscInt j = 0; j < nb; j++) {
       const PetscInt at = entry[i * nb + j];
 
-      if (at >= 0) own[at] += ce[i * nbp + j];
-      else if (at < -1) other[-2 - at] += ce[i * nbp + j];
+      if (at >= 0) own[at] += ce[i * stride + j];
+      else if (at < -1) other[-2 - at] += ce[i * stride + j];
     }
   }
 }
 
 static PetscErrorCode assemble_matrix(Flow f)
 {
-  const MeshLocal *l        = f->loc;
-  const PetscInt   size     = l->nb * l->dim;
+  const MeshLocal *l    = f->loc;
+  const PetscInt   size = l->nb * l->dim, nbp = f->element.nbp;
   const FlowStep  *s        = &f->step;
   PetscReal       *value[2] = {NULL, NULL};
   Mat              part[2];
@@ -286,8 +290,9 @@ static PetscErrorCode assemble_matrix(Flow f)
       for (PetscInt i = 0; i < size; i++) wl[i] *= f->par.density * s->theta;
     }
     ElementOperator(&f->element, &m, f->par.density * s->ct, f->par.viscosity * s->theta, f->par.convection ? wl : NULL, ce);
-    add_cell(f, c, ce, value[0], value[1]);
+    add_cell(f, c, nbp, ce, value[0], value[1]);
   }
+  for (PetscInt t = 0; t < f->nterm; t++) add_cell(f, f->term_cell[t], l->nb, f->term + t * l->nb * l->nb, value[0], value[1]);
   for (PetscInt k = 0; k < 2 && part[k]; k++) PetscCall(MatSeqAIJRestoreArray(part[k], &value[k]));
   PetscCall(MatAssemblyBegin(f->S, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(f->S, MAT_FINAL_ASSEMBLY));
@@ -303,6 +308,16 @@ PetscErrorCode FlowAssemble(Flow f)
   PetscCall(PetscLogEventBegin(TB_FLOW_ASSEMBLE, 0, 0, 0, 0));
   if (f->par.convection || f->s_ct != f->step.ct || f->s_theta != f->step.theta) PetscCall(assemble_matrix(f));
   PetscCall(PetscLogEventEnd(TB_FLOW_ASSEMBLE, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSetCellTerms(Flow f, PetscInt n, const PetscInt cell[], const PetscReal matrix[])
+{
+  PetscFunctionBeginUser;
+  f->nterm     = n;
+  f->term_cell = cell;
+  f->term      = matrix;
+  f->s_ct      = 0; /* assemble anew, also without convection */
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -610,6 +625,13 @@ PetscErrorCode FlowGetCellDivergence(Flow f, const PetscReal *b[])
 {
   PetscFunctionBeginUser;
   *b = f->b;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowGetCellSize(Flow f, const PetscReal *h[])
+{
+  PetscFunctionBeginUser;
+  *h = f->size;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -39,6 +39,9 @@ struct _p_FlowSolver {
   PetscReal   *mass_inverse;     /* [nbodies][nr][nr] of its block of M_r / scale, on every rank; zero for known degrees of freedom */
   PetscReal   *diagonal_inverse; /* [nodal] of A, zero at inert slots */
   PetscReal   *weight;           /* [nnode_all][dim] inverse of M_r / scale on free slots, eps times that on body nodes, zero at walls */
+  const Soft  *soft;             /* or NULL */
+  PetscReal   *share;            /* [nnode_all] see PressureUpdate */
+  PetscReal   *rigid_work;       /* [2][nbodies][nr] by local numbers of the constraint */
   PetscReal   *saved, *local;    /* work: values at inert slots; nodal array with ghosts */
   PetscInt     nsaved;
   PetscInt    *ghost_of_column; /* off-diagonal columns of S -> local nodes */
@@ -63,7 +66,30 @@ static void multiply_small(PetscInt n, const PetscReal M[], const PetscReal x[],
   }
 }
 
+static void add_small(PetscInt n, const PetscReal M[], const PetscReal x[], PetscReal y[])
+{
+  for (PetscInt i = 0; i < n * n; i++) y[i / n] += M[i] * x[i % n];
+}
+
 /* ---- the projected velocity operator ---- */
+
+static PetscBool is_soft(FlowSolver fs)
+{
+  return (PetscBool)(fs->soft && fs->soft->any);
+}
+
+/* The penalty's part outside the scalar matrix: y -= G U, rigid_work = -G^T x, with x and the rigid velocities as ConstraintExpandInPlace left them */
+static PetscErrorCode mult_soft(FlowSolver fs, const PetscReal x[], PetscReal y[])
+{
+  const PetscReal *U;
+  PetscInt         n;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetLocalRigid(fs->constraint, &n, NULL, &U));
+  PetscCall(PetscArrayzero(fs->rigid_work, n * fs->nr));
+  PetscCall(SoftMultAdd(fs->soft, fs->constraint, PETSC_TRUE, U, x, y, fs->rigid_work));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
 
 /* y = (P^T A P + D) x with identity on inert slots. x is changed for the moment of the product and put back. */
 static PetscErrorCode mult_velocity(Mat mat, Vec x, Vec y)
@@ -89,12 +115,15 @@ static PetscErrorCode mult_velocity(Mat mat, Vec x, Vec y)
   PetscCall(MatMult(fs->A, fs->xn, fs->yn));
   PetscCall(VecResetArray(fs->xn));
   PetscCall(VecResetArray(fs->yn));
+  if (is_soft(fs)) PetscCall(mult_soft(fs, xa, ya));
   PetscCall(ConstraintPutBack(fs->constraint, fs->saved, xa));
   for (PetscInt k = 0; k < count; k++) {
     multiply_small(fs->nr, fs->D + (first + k) * fs->nr * fs->nr, xr + fs->nodal + k * fs->nr, ya + fs->nodal + k * fs->nr);
+    if (is_soft(fs)) add_small(fs->nr, fs->soft->H + (first + k) * fs->nr * fs->nr, xr + fs->nodal + k * fs->nr, ya + fs->nodal + k * fs->nr);
     for (PetscInt s = 0; s < fs->nr; s++)
       if (!((unknown[first + k] >> s) & 1)) ya[fs->nodal + k * fs->nr + s] = xr[fs->nodal + k * fs->nr + s];
   }
+  if (is_soft(fs)) PetscCall(ConstraintDeliverRigid(fs->constraint, fs->rigid_work, ya + fs->nodal));
   PetscCall(ConstraintReduceInPlace(fs->constraint, ya, ya + fs->nodal));
   for (PetscInt j = 0; j < ninert; j++) ya[slot[j]] = xr[slot[j]];
   PetscCall(VecRestoreArrayRead(x, &xr));
@@ -267,11 +296,36 @@ static PetscErrorCode mult_shared(Mat mat, Vec x, Vec y)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* What following slots add to M_r^{-1}: with F = 1 - share, M_r^{-1} = diag(weight) + [-F R; 1] M^{-1} [-F R; 1]^T for node and body (see set_up_body_blocks).
+   Before: rigid -= R^T F x; after: y -= F R U. */
+static PetscErrorCode lead_followers(FlowSolver fs, PetscBool before, const PetscReal x[], PetscReal y[], PetscReal rigid[])
+{
+  const PetscInt  *slot, *body, *index, nr = fs->nr;
+  const PetscReal *coef, *U;
+  PetscInt         n, nlocal;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetFollowers(fs->constraint, &n, &slot, &body, &coef));
+  if (!before) PetscCall(ConstraintFetchRigid(fs->constraint, rigid));
+  PetscCall(ConstraintGetLocalRigid(fs->constraint, &nlocal, &index, &U));
+  PetscCall(PetscArrayzero(fs->rigid_work, nlocal * nr));
+  for (PetscInt j = 0; j < n; j++) {
+    const PetscReal rest = 1 - fs->share[slot[j] / fs->loc->dim];
+
+    for (PetscInt s = 0; s < nr; s++) {
+      if (before) fs->rigid_work[index[body[j]] * nr + s] -= rest * coef[j * nr + s] * x[slot[j]];
+      else y[slot[j]] -= rest * coef[j * nr + s] * U[index[body[j]] * nr + s];
+    }
+  }
+  if (before) PetscCall(ConstraintDeliverRigid(fs->constraint, fs->rigid_work, rigid));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* y = M_r^{-1} x with the projected lumped mass; inert slots give zero */
 static PetscErrorCode apply_mass_inverse(FlowSolver fs, Vec x, Vec y)
 {
   const PetscReal *xr;
-  PetscReal       *ya;
+  PetscReal       *ya, *t = fs->rigid_work + fs->nbodies * fs->nr;
   const PetscInt  *slot;
   PetscInt         first, count, ninert;
 
@@ -282,9 +336,12 @@ static PetscErrorCode apply_mass_inverse(FlowSolver fs, Vec x, Vec y)
   PetscCall(VecGetArray(y, &ya));
   for (PetscInt i = 0; i < fs->nodal; i++) ya[i] = fs->weight[i] / fs->scale * xr[i];
   for (PetscInt j = 0; j < ninert; j++) ya[slot[j]] = 0; /* the softness of body nodes belongs to S_p only */
+  PetscCall(PetscArraycpy(t, xr + fs->nodal, count * fs->nr));
+  if (is_soft(fs)) PetscCall(lead_followers(fs, PETSC_TRUE, xr, NULL, t));
   for (PetscInt k = 0; k < count; k++)
-    multiply_small(fs->nr, fs->mass_inverse + (first + k) * fs->nr * fs->nr, xr + fs->nodal + k * fs->nr, ya + fs->nodal + k * fs->nr);
+    multiply_small(fs->nr, fs->mass_inverse + (first + k) * fs->nr * fs->nr, t + k * fs->nr, ya + fs->nodal + k * fs->nr);
   for (PetscInt i = fs->nodal; i < fs->nur; i++) ya[i] /= fs->scale;
+  if (is_soft(fs)) PetscCall(lead_followers(fs, PETSC_FALSE, NULL, ya, ya + fs->nodal));
   PetscCall(VecRestoreArray(y, &ya));
   PetscCall(VecRestoreArrayRead(x, &xr));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -321,12 +378,39 @@ static PetscErrorCode invert_body_blocks(FlowSolver fs, PetscInt k, PetscInt unk
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* For each unknown body: blocks [nr][nr] of P^T A P and of the projected lumped mass, summed over ranks; then inverses with D added. */
+/* Sum over the entries of the penalty: block of body k -= R^T G + G^T R (of nodes that follow it); with H it is what the penalty adds to the diagonal block of the body */
+static PetscErrorCode add_soft_blocks(FlowSolver fs, const PetscInt body[], const PetscInt follow[], const PetscInt unknown[], PetscReal block[])
+{
+  const Soft    *s  = fs->soft;
+  const PetscInt nr = fs->nr, nn = nr * nr;
+  PetscInt       first, count;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetOwnBodies(fs->constraint, &first, &count));
+  for (PetscInt e = 0; e < s->n; e++) {
+    const PetscInt i = s->node[e], k = s->body[e];
+    PetscReal      G[18], R[18];
+
+    if (!unknown[k] || body[i] >= 0 || follow[i] != k) continue;
+    SoftGetBlock(s, e, G);
+    PetscCall(ConstraintRigidMap(fs->constraint, i, k, R));
+    for (PetscInt m = 0; m < nn; m++)
+      for (PetscInt a = 0; a < fs->loc->dim; a++)
+        block[2 * k * nn + m] -= R[a * nr + m / nr] * G[a * nr + m % nr] + G[a * nr + m / nr] * R[a * nr + m % nr];
+  }
+  for (PetscInt k = first; k < first + count; k++)
+    for (PetscInt m = 0; m < nn; m++) block[2 * k * nn + m] += s->H[k * nn + m];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* For each unknown body: blocks [nr][nr] of P^T A P and of the projected lumped mass, summed over ranks; then inverses with D added.
+   A node of lumped mass m that follows the body by a penalty W has the mass matrix [m + W, m R; R^T m, R^T m R] with it; eliminating the node leaves the body R^T (share m) R
+   with share = W/(m + W). */
 static PetscErrorCode set_up_body_blocks(FlowSolver fs)
 {
   const MeshLocal      *l  = fs->loc;
   const PetscInt        nr = fs->nr, dim = l->dim, nn = nr * nr;
-  const PetscInt       *body, *unknown, *row_start[2] = {NULL, NULL}, *column[2] = {NULL, NULL}, *map;
+  const PetscInt       *body, *follow, *unknown, *row_start[2] = {NULL, NULL}, *column[2] = {NULL, NULL}, *map;
   const PetscReal      *value[2] = {NULL, NULL}, *m;
   const FlowStep       *step;
   const FlowParameters *par;
@@ -338,6 +422,7 @@ static PetscErrorCode set_up_body_blocks(FlowSolver fs)
   PetscFunctionBeginUser;
   if (!fs->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ConstraintGetNodeBody(fs->constraint, &body));
+  PetscCall(ConstraintGetFollow(fs->constraint, &follow));
   PetscCall(ConstraintGetUnknown(fs->constraint, &unknown));
   PetscCall(ConstraintGetOwnBodies(fs->constraint, &first, &count));
   PetscCall(FlowGetLumpedMass(fs->flow, &m));
@@ -350,7 +435,7 @@ static PetscErrorCode set_up_body_blocks(FlowSolver fs)
     PetscCall(MatSeqAIJGetArrayRead(part[s], &value[s]));
   }
   for (PetscInt i = 0; i < l->nnode; i++) {
-    const PetscInt k = body[i];
+    const PetscInt k = body[i] >= 0 ? body[i] : follow[i];
     PetscReal      Ri[18], Rj[18], *stiff, *mass;
 
     if (k < 0 || !unknown[k]) continue;
@@ -361,19 +446,20 @@ static PetscErrorCode set_up_body_blocks(FlowSolver fs)
       for (PetscInt q = row_start[s][i]; q < row_start[s][i + 1]; q++) {
         const PetscInt j = s ? fs->ghost_of_column[column[s][q]] : column[s][q];
 
-        if (body[j] != k) continue;
+        if ((body[j] >= 0 ? body[j] : follow[j]) != k) continue;
         PetscCall(ConstraintRigidMap(fs->constraint, j, k, Rj));
         for (PetscInt e = 0; e < nn; e++)
           for (PetscInt a = 0; a < dim; a++) stiff[e] += Ri[a * nr + e / nr] * value[s][q] * Rj[a * nr + e % nr];
       }
     }
     for (PetscInt e = 0; e < nn; e++)
-      for (PetscInt a = 0; a < dim; a++) mass[e] += m[i] * Ri[a * nr + e / nr] * Ri[a * nr + e % nr];
+      for (PetscInt a = 0; a < dim; a++) mass[e] += fs->share[i] * m[i] * Ri[a * nr + e / nr] * Ri[a * nr + e % nr];
   }
   for (PetscInt s = 0; s < 2 && part[s]; s++) {
     PetscCall(MatSeqAIJRestoreArrayRead(part[s], &value[s]));
     PetscCall(MatRestoreRowIJ(part[s], 0, PETSC_FALSE, PETSC_FALSE, &n, &row_start[s], &column[s], &done));
   }
+  if (is_soft(fs)) PetscCall(add_soft_blocks(fs, body, follow, unknown, block));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, block, (PetscMPIInt)(2 * fs->nbodies * nn), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   for (PetscInt k = 0; k < fs->nbodies; k++) PetscCall(invert_body_blocks(fs, k, unknown[k], k - first, count, block + 2 * k * nn));
   PetscCall(PetscFree(block));
@@ -388,12 +474,13 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs)
   const PetscReal      *m, *d, *value;
   const FlowStep       *step;
   const FlowParameters *par;
-  PetscInt              ninert;
+  PetscInt              ninert, nfollow;
   Vec                   diagonal;
 
   PetscFunctionBeginUser;
   PetscCall(ConstraintGetNodeBody(fs->constraint, &body));
   PetscCall(ConstraintGetInert(fs->constraint, &ninert, &slot));
+  PetscCall(ConstraintGetFollowers(fs->constraint, &nfollow, NULL, NULL, NULL));
   PetscCall(BoundaryGetValues(FlowBoundary(fs->flow), &fixed, &value));
   PetscCall(FlowGetLumpedMass(fs->flow, &m));
   PetscCall(FlowGetStep(fs->flow, &step));
@@ -406,13 +493,14 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs)
   PetscCall(VecRestoreArrayRead(diagonal, &d));
   PetscCall(VecDestroy(&diagonal));
   for (PetscInt i = 0; i < l->nnode_all; i++) {
-    const PetscReal w = 1 / m[i];
+    const PetscReal soft = is_soft(fs) ? fs->soft->weight[i] / fs->scale : 0, w = 1 / (body[i] >= 0 ? m[i] : m[i] + soft);
 
+    fs->share[i] = body[i] >= 0 ? 1 : soft * w;
     for (PetscInt a = 0; a < dim; a++) fs->weight[i * dim + a] = body[i] >= 0 ? w * PressureGetSoftness(fs->pressure) : (fixed[i] >> a) & 1 ? 0 : w;
   }
-  if (fs->nsaved < ninert) {
+  if (fs->nsaved < ninert + nfollow) {
     PetscCall(PetscFree(fs->saved));
-    fs->nsaved = ninert + ninert / 4;
+    fs->nsaved = ninert + nfollow + (ninert + nfollow) / 4;
     PetscCall(PetscMalloc1(fs->nsaved, &fs->saved));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -427,7 +515,7 @@ static PetscErrorCode assemble_on_demand(FlowSolver fs)
   PetscCall(MatDestroy(&fs->Ar_assembled));
   PetscCall(MatDestroy(&fs->whole));
   PetscCall(ConstraintCreateMat(fs->constraint, &P));
-  PetscCall(SaddleCreateVelocity(fs->constraint, fs->A, P, fs->D, &fs->Ar_assembled));
+  PetscCall(SaddleCreateVelocity(fs->constraint, fs->A, P, fs->D, is_soft(fs) ? fs->soft : NULL, &fs->Ar_assembled));
   if (fs->need_whole) PetscCall(SaddleCreateWhole(fs->flow, fs->pressure, fs->scale, P, fs->Ar_assembled, &fs->whole));
   PetscCall(MatDestroy(&P));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -723,6 +811,7 @@ PetscErrorCode FlowSolverCreate(Flow flow, Constraint constraint, FlowSolver *so
                          &fs->mass_inverse));
   PetscCall(
     PetscCalloc3(fs->nodal, &fs->diagonal_inverse, fs->loc->nnode_all * fs->loc->dim, &fs->weight, fs->loc->nnode_all * fs->loc->dim, &fs->local));
+  PetscCall(PetscCalloc2(fs->loc->nnode_all, &fs->share, 2 * fs->nbodies * fs->nr, &fs->rigid_work));
   PetscCall(PressureCreate(flow, constraint, &fs->pressure));
   PetscCall(create_operators(fs));
   PetscCall(create_solvers(fs));
@@ -759,6 +848,7 @@ PetscErrorCode FlowSolverDestroy(FlowSolver *solver)
   PetscCall(VecDestroy(&fs->t_p2));
   PetscCall(PetscFree3(fs->D, fs->body_inverse, fs->mass_inverse));
   PetscCall(PetscFree3(fs->diagonal_inverse, fs->weight, fs->local));
+  PetscCall(PetscFree2(fs->share, fs->rigid_work));
   PetscCall(PetscFree(fs->saved));
   PetscCall(PetscFree(fs->ghost_of_column));
   PetscCall(PetscFree(*solver));
@@ -781,6 +871,13 @@ PetscErrorCode FlowSolverGetUnknowns(FlowSolver fs, PetscInt *n)
 {
   PetscFunctionBeginUser;
   PetscCall(VecGetSize(fs->x, n));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverSetSoft(FlowSolver fs, const Soft *soft)
+{
+  PetscFunctionBeginUser;
+  fs->soft = soft;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -819,7 +916,7 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
   PetscCall(choose_schur(fs));
   PetscCall(set_up_diagonals(fs));
   PetscCall(set_up_body_blocks(fs));
-  PetscCall(PressureUpdate(fs->pressure, fs->weight, fs->mass_inverse));
+  PetscCall(PressureUpdate(fs->pressure, fs->weight, is_soft(fs) ? fs->share : NULL, fs->mass_inverse));
   PetscCall(PressureIsSingular(fs->pressure, &singular));
   PetscCall(MatSetNullSpace(fs->nest, singular ? fs->constant_pressure : NULL));
   PetscCall(assemble_on_demand(fs));
@@ -842,6 +939,34 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* The penalty's share in the right-hand side of known velocities U and known nodal values c: y -= G U, rigid -= H U - G^T c (own bodies) */
+static PetscErrorCode add_known_soft(FlowSolver fs, const PetscReal c[], PetscReal y[], PetscReal rigid[])
+{
+  const PetscInt  *unknown, *index, nr = fs->nr, nn = nr * nr;
+  const PetscReal *U;
+  PetscReal       *local = fs->rigid_work, *U_local = fs->rigid_work + fs->nbodies * nr;
+  PetscInt         n, first, count;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetUnknown(fs->constraint, &unknown));
+  PetscCall(ConstraintGetRigid(fs->constraint, &U));
+  PetscCall(ConstraintGetOwnBodies(fs->constraint, &first, &count));
+  PetscCall(ConstraintGetLocalRigid(fs->constraint, &n, &index, NULL));
+  for (PetscInt k = 0; k < fs->nbodies; k++)
+    for (PetscInt s = 0; s < nr && index[k] >= 0; s++) {
+      U_local[index[k] * nr + s] = U[k * nr + s];
+      local[index[k] * nr + s]   = 0;
+    }
+  PetscCall(SoftMultAdd(fs->soft, fs->constraint, PETSC_FALSE, U_local, c, y, local));
+  for (PetscInt i = 0; i < n * nr; i++) local[i] = -local[i];
+  PetscCall(ConstraintDeliverRigid(fs->constraint, local, rigid));
+  for (PetscInt k = 0; k < count; k++)
+    for (PetscInt m = 0; m < nn; m++)
+      if ((unknown[first + k] >> (m / nr)) & 1 && !((unknown[first + k] >> (m % nr)) & 1))
+        rigid[k * nr + m / nr] -= fs->soft->H[(first + k) * nn + m] * U[(first + k) * nr + m % nr];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* b = [P^T (r - A c) + g; -B c] */
 static PetscErrorCode build_rhs(FlowSolver fs, const PetscReal r[], const PetscReal g[])
 {
@@ -861,8 +986,9 @@ static PetscErrorCode build_rhs(FlowSolver fs, const PetscReal r[], const PetscR
   PetscCall(MatMult(fs->A, fs->xn, fs->yn));
   PetscCall(VecResetArray(fs->xn));
   PetscCall(VecResetArray(fs->yn));
-  for (PetscInt i = 0; i < fs->nodal; i++) b[i] = r[i] - b[i];
   for (PetscInt i = 0; i < count * fs->nr; i++) b[fs->nodal + i] = (unknown[first + i / fs->nr] >> (i % fs->nr)) & 1 ? g[first * fs->nr + i] : 0;
+  if (is_soft(fs)) PetscCall(add_known_soft(fs, c, b, b + fs->nodal));
+  for (PetscInt i = 0; i < fs->nodal; i++) b[i] = r[i] - b[i];
   PetscCall(ConstraintReduceInPlace(fs->constraint, b, b + fs->nodal));
   PetscCall(FlowDivergence(fs->flow, c, b + fs->nur));
   for (PetscInt i = fs->nur; i < fs->nur + fs->np; i++) b[i] *= -fs->scale;

@@ -9,8 +9,8 @@ struct _p_Mark {
   Bodies           bodies;
   BodyState       *s;
   const MeshLocal *loc;
-  PetscInt        *node_body, *node, nnode; /* the claimed nodes */
-  PetscInt        *cell, ncell, *stamp, now;
+  PetscInt        *node_body, *node, nnode;  /* the claimed nodes */
+  PetscInt        *cell, ncell, *stamp, now; /* stamp: number of the step that listed a cell */
 };
 
 PetscErrorCode MarkCreate(Mesh mesh, Bodies bodies, Mark *mark)
@@ -44,6 +44,7 @@ PetscErrorCode MarkClear(Mark m)
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < m->nnode; i++) m->node_body[m->node[i]] = -1;
   m->nnode = m->ncell = 0;
+  m->now++;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -107,21 +108,25 @@ PetscErrorCode MarkInside(Mark m, PetscReal (*X)[3], PetscReal (*q)[4])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MarkFinish(Mark m)
+PetscErrorCode MarkTouch(Mark m, PetscInt node)
 {
   const MeshLocal *l = m->loc;
 
   PetscFunctionBeginUser;
-  m->now++;
-  for (PetscInt i = 0; i < m->nnode; i++) {
-    for (PetscInt q = l->node_cell_ptr[m->node[i]]; q < l->node_cell_ptr[m->node[i] + 1]; q++) {
-      const PetscInt cell = l->node_cell[q];
+  for (PetscInt q = l->node_cell_ptr[node]; q < l->node_cell_ptr[node + 1]; q++) {
+    const PetscInt cell = l->node_cell[q];
 
-      if (cell >= l->ncell || m->stamp[cell] == m->now) continue;
-      m->stamp[cell]      = m->now;
-      m->cell[m->ncell++] = cell;
-    }
+    if (cell >= l->ncell || m->stamp[cell] == m->now) continue;
+    m->stamp[cell]      = m->now;
+    m->cell[m->ncell++] = cell;
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MarkFinish(Mark m)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < m->nnode; i++) PetscCall(MarkTouch(m, m->node[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -270,8 +270,18 @@ PetscErrorCode PressureGetShared(Pressure p, PetscInt *n, const PetscInt *cell[]
 
 /* ---- the bodies' part ---- */
 
-/* q [nk][nr] = B_c R_k over the nodes of cell c that lie in body k */
-static PetscErrorCode cut_rows(Pressure p, const PetscInt body[], const PetscReal b[], PetscInt c, PetscInt k, PetscReal q[])
+/* The body that node i moves with, if it is unknown, and its share in the motion */
+static PetscInt holder(const PetscInt body[], const PetscInt follow[], const PetscReal share[], PetscInt i, PetscReal *part)
+{
+  const PetscInt k = body[i] >= 0 || !share ? body[i] : follow[i];
+
+  *part = !share ? 1 : share[i];
+  return k;
+}
+
+/* q [nk][nr] = B_c R_k over the nodes of cell c that move with body k, times their share */
+static PetscErrorCode cut_rows(Pressure p, const PetscInt body[], const PetscInt follow[], const PetscReal share[], const PetscReal b[], PetscInt c,
+                               PetscInt k, PetscReal q[])
 {
   const MeshLocal *l   = p->loc;
   const PetscInt   dim = l->dim, n = l->nb * dim;
@@ -280,26 +290,27 @@ static PetscErrorCode cut_rows(Pressure p, const PetscInt body[], const PetscRea
   for (PetscInt e = 0; e < p->nk * p->nr; e++) q[e] = 0;
   for (PetscInt j = 0; j < l->nb; j++) {
     const PetscInt i = l->cell_node[c * l->nb + j];
-    PetscReal      R[18];
+    PetscReal      R[18], part;
 
-    if (body[i] != k) continue;
+    if (holder(body, follow, share, i, &part) != k) continue;
     PetscCall(ConstraintRigidMap(p->constraint, i, k, R));
     for (PetscInt m = 0; m < p->nk; m++)
       for (PetscInt s = 0; s < p->nr; s++)
-        for (PetscInt a = 0; a < dim; a++) q[m * p->nr + s] += b[c * p->nk * n + m * n + j * dim + a] * R[a * p->nr + s];
+        for (PetscInt a = 0; a < dim; a++) q[m * p->nr + s] += part * b[c * p->nk * n + m * n + j * dim + a] * R[a * p->nr + s];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* List (cell, body) pairs where the body covers some but not all nodes. A cell may meet two bodies. */
-static PetscErrorCode find_cut_cells(Pressure p)
+/* List (cell, body) pairs where the body moves some nodes, but not all of them rigidly. A cell may meet two bodies. */
+static PetscErrorCode find_cut_cells(Pressure p, const PetscReal share[])
 {
   const MeshLocal *l = p->loc;
-  const PetscInt  *body, *unknown;
+  const PetscInt  *body, *follow, *unknown;
   const PetscReal *b;
 
   PetscFunctionBeginUser;
   PetscCall(ConstraintGetNodeBody(p->constraint, &body));
+  PetscCall(ConstraintGetFollow(p->constraint, &follow));
   PetscCall(ConstraintGetUnknown(p->constraint, &unknown));
   PetscCall(FlowGetCellDivergence(p->flow, &b));
   p->ncut = 0;
@@ -307,12 +318,13 @@ static PetscErrorCode find_cut_cells(Pressure p)
     const PetscInt c = p->touched[t], *node = l->cell_node + c * l->nb;
 
     for (PetscInt j = 0; j < l->nb; j++) {
-      const PetscInt k     = body[node[j]];
+      PetscReal      part;
+      const PetscInt k     = holder(body, follow, share, node[j], &part);
       PetscBool      first = PETSC_TRUE, whole = PETSC_TRUE;
 
       if (k < 0 || !unknown[k]) continue;
       for (PetscInt m = 0; m < l->nb; m++) {
-        if (m < j && body[node[m]] == k) first = PETSC_FALSE;
+        if (m < j && holder(body, follow, share, node[m], &part) == k) first = PETSC_FALSE;
         if (body[node[m]] != k) whole = PETSC_FALSE;
       }
       if (!first || whole) continue;
@@ -324,7 +336,7 @@ static PetscErrorCode find_cut_cells(Pressure p)
       }
       p->cut_cell[p->ncut] = c;
       p->cut_body[p->ncut] = k;
-      PetscCall(cut_rows(p, body, b, c, k, p->cut_q + p->ncut * p->nk * p->nr));
+      PetscCall(cut_rows(p, body, follow, share, b, c, k, p->cut_q + p->ncut * p->nk * p->nr));
       p->ncut++;
     }
   }
@@ -705,7 +717,7 @@ PetscReal PressureGetSoftness(Pressure p)
   return p->eps;
 }
 
-PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscReal mass_inverse[])
+PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscReal share[], const PetscReal mass_inverse[])
 {
   PetscBool same, flags[2];
   PetscInt  nold = p->nshared, *old;
@@ -735,7 +747,7 @@ PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscR
   PetscCall(MatSetNullSpace(p->shell, p->any_shared ? NULL : p->constant));          /* C sees constants */
   PetscCall(MatSetTransposeNullSpace(p->shell, p->any_shared ? NULL : p->constant)); /* makes every inner right-hand side consistent */
   if (p->nbodies) {
-    PetscCall(find_cut_cells(p));
+    PetscCall(find_cut_cells(p, share));
     PetscCall(PetscArraycpy(p->mass_inverse, mass_inverse, p->nbodies * p->nr * p->nr));
   }
   PetscCall(MatAssemblyBegin(p->shell, MAT_FINAL_ASSEMBLY)); /* its values have changed */

@@ -2,8 +2,8 @@
 #include "compat.h"
 #include "saddle.h"
 
-/* D and the identity of inert slots, as a matrix over u_r */
-static PetscErrorCode create_rigid_diagonal(Constraint c, const PetscReal D[], Mat *E)
+/* D + H (may be NULL) and the identity of inert slots, as a matrix over u_r */
+static PetscErrorCode create_rigid_diagonal(Constraint c, const PetscReal D[], const PetscReal H[], Mat *E)
 {
   const PetscInt *slot, *unknown;
   PetscInt        ninert, first, count, start, nodal, total, nr;
@@ -23,7 +23,11 @@ static PetscErrorCode create_rigid_diagonal(Constraint c, const PetscReal D[], M
 
       if (!((unknown[first + k] >> i) & 1)) PetscCall(MatSetValue(*E, row + i, row + i, 1, INSERT_VALUES));
       else
-        for (PetscInt j = 0; j < nr; j++) PetscCall(MatSetValue(*E, row + i, row + j, D[((first + k) * nr + i) * nr + j], INSERT_VALUES));
+        for (PetscInt j = 0; j < nr; j++) {
+          const PetscInt at = ((first + k) * nr + i) * nr + j;
+
+          if ((unknown[first + k] >> j) & 1) PetscCall(MatSetValue(*E, row + i, row + j, D[at] + (H ? H[at] : 0), INSERT_VALUES));
+        }
     }
   }
   PetscCall(MatAssemblyBegin(*E, MAT_FINAL_ASSEMBLY));
@@ -52,7 +56,54 @@ static PetscErrorCode create_divergence_matrix(Flow flow, const MeshLocal *l, Ma
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SaddleCreateVelocity(Constraint c, Mat A, Mat P, const PetscReal D[], Mat *out)
+/* G of a penalty as a matrix, rows: own nodes x dim, columns: u_r (unknown rigid velocities) */
+static PetscErrorCode create_soft_matrix(Constraint c, const Soft *s, Mat *G)
+{
+  const PetscInt *unknown, nr = s->nr, dim = s->dim;
+  PetscInt        nodal, total, row, *column;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetSizes(c, &nodal, &total));
+  PetscCall(ConstraintGetUnknown(c, &unknown));
+  PetscCall(PetscMalloc1(s->nbodies, &column));
+  PetscCall(ConstraintGetRigidColumns(c, column));
+  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, nodal, total, PETSC_DETERMINE, PETSC_DETERMINE, 2 * nr, NULL, 2 * nr, NULL,
+                         G)); /* rarely more than two bodies at a node */
+  PetscCall(MatSetOption(*G, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
+  PetscCall(MatGetOwnershipRange(*G, &row, NULL));
+  for (PetscInt e = 0; e < s->n; e++) {
+    PetscReal block[18];
+
+    SoftGetBlock(s, e, block);
+    for (PetscInt a = 0; a < dim; a++)
+      for (PetscInt m = 0; m < nr; m++)
+        if ((unknown[s->body[e]] >> m) & 1)
+          PetscCall(MatSetValue(*G, row + s->node[e] * dim + a, column[s->body[e]] + m, block[a * nr + m], INSERT_VALUES));
+  }
+  PetscCall(MatAssemblyBegin(*G, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(*G, MAT_FINAL_ASSEMBLY));
+  PetscCall(PetscFree(column));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* out -= P^T G + G^T P */
+static PetscErrorCode subtract_soft_coupling(Constraint c, Mat P, const Soft *soft, Mat out)
+{
+  Mat G, PtG, GtP;
+
+  PetscFunctionBeginUser;
+  PetscCall(create_soft_matrix(c, soft, &G));
+  PetscCall(MatTransposeMatMult(P, G, MAT_INITIAL_MATRIX, PETSC_DEFAULT, &PtG));
+  PetscCall(MatTranspose(PtG, MAT_INITIAL_MATRIX, &GtP));
+  PetscCall(MatAXPY(out, -1, PtG, DIFFERENT_NONZERO_PATTERN));
+  PetscCall(MatAXPY(out, -1, GtP, DIFFERENT_NONZERO_PATTERN));
+  PetscCall(MatDestroy(&G));
+  PetscCall(MatDestroy(&PtG));
+  PetscCall(MatDestroy(&GtP));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SaddleCreateVelocity(Constraint c, Mat A, Mat P, const PetscReal D[], const Soft *soft, Mat *out)
 {
   Mat aij, E;
 
@@ -60,8 +111,9 @@ PetscErrorCode SaddleCreateVelocity(Constraint c, Mat A, Mat P, const PetscReal 
   PetscCall(MatConvert(A, MATAIJ, MAT_INITIAL_MATRIX, &aij));
   PetscCall(MatPtAP(aij, P, MAT_INITIAL_MATRIX, 2, out));
   PetscCall(MatDestroy(&aij));
-  PetscCall(create_rigid_diagonal(c, D, &E));
+  PetscCall(create_rigid_diagonal(c, D, soft ? soft->H : NULL, &E));
   PetscCall(MatAXPY(*out, 1, E, DIFFERENT_NONZERO_PATTERN));
+  if (soft) PetscCall(subtract_soft_coupling(c, P, soft, *out));
   PetscCall(MatDestroy(&E));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

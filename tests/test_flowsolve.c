@@ -541,7 +541,7 @@ static void check_pressure_scene(PetscInt dim, PetscInt n, const char scene[], P
   OK(PetscMalloc1(c.l->nnode_all * dim, &weight));
   OK(PressureCreate(c.flow, c.constraint, &p));
   choose_mass(&c, p, weight, mass_inverse);
-  OK(PressureUpdate(p, weight, mass_inverse));
+  OK(PressureUpdate(p, weight, NULL, mass_inverse));
   check_pressure(&c, p, weight, mass_inverse, floating);
   for (PetscInt move = 0; move < 3 && n; move++) { /* half a cell to the right, more than one to the left, and back: rows are kept or built anew */
     const PetscReal by[3] = {0.04, -0.1, 0.06};
@@ -553,10 +553,10 @@ static void check_pressure_scene(PetscInt dim, PetscInt n, const char scene[], P
     OK(ConstraintSetBodies(c.constraint, c.node_body, c.X, c.unknown, c.U, NULL));
     choose_mass(&c, p, weight, mass_inverse);
     mass_inverse[0] += move;
-    OK(PressureUpdate(p, weight, mass_inverse));
+    OK(PressureUpdate(p, weight, NULL, mass_inverse));
     check_pressure(&c, p, weight, mass_inverse, floating);
     OK(PressureCreate(c.flow, c.constraint, &fresh));
-    OK(PressureUpdate(fresh, weight, mass_inverse));
+    OK(PressureUpdate(fresh, weight, NULL, mass_inverse));
     OK(PressureGetMats(p, &a[0], &a[1]));
     OK(PressureGetMats(fresh, &b[0], &b[1]));
     OK(PetscMalloc3(c.np, &x, c.np, &ya, c.np, &yb));
