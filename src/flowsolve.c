@@ -4,7 +4,7 @@
    The velocity operator, its SOR sweep and B are applied from the scalar matrix and from cell matrices, for all components in one pass. */
 #include "compat.h"
 #include "flowsolve.h"
-#include "dense.h"
+#include "bodyblocks.h"
 #include "log.h"
 #include "opt.h"
 #include "pressure.h"
@@ -44,8 +44,8 @@ struct _p_FlowSolver {
   PetscReal   *rigid_work;       /* [2][nbodies][nr] by local numbers of the constraint */
   PetscReal   *saved, *local;    /* work: values at inert slots; nodal array with ghosts */
   PetscInt     nsaved;
-  PetscInt    *ghost_of_column; /* off-diagonal columns of S -> local nodes */
-  Pressure     pressure;        /* the projected pressure operator */
+  BodyBlocks   blocks;
+  Pressure     pressure; /* the projected pressure operator */
   MatNullSpace constant_pressure;
   KSP          ksp;
   PC           split; /* the inner PCFIELDSPLIT */
@@ -148,21 +148,6 @@ static PetscErrorCode diagonal_velocity(Mat mat, Vec d)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The rank's own part of the scalar matrix as compressed rows */
-static PetscErrorCode get_rows(Mat S, Mat *diagonal_part, Mat *offdiagonal_part, const PetscInt **columns)
-{
-  PetscBool seq;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscObjectTypeCompare((PetscObject)S, MATSEQAIJ, &seq));
-  if (seq) {
-    *diagonal_part = S;
-    if (offdiagonal_part) *offdiagonal_part = NULL;
-    if (columns) *columns = NULL;
-  } else PetscCall(MatMPIAIJGetSeqAIJ(S, diagonal_part, offdiagonal_part, columns));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static inline __attribute__((always_inline)) void sweep_kernel(const int dim, PetscInt n, PetscBool forward, PetscBool lower_only,
                                                                const PetscInt *restrict ai, const PetscInt *restrict aj, const PetscReal *restrict aa,
                                                                const PetscReal *restrict dinv, const PetscReal *restrict b, PetscReal *restrict x)
@@ -203,7 +188,7 @@ static PetscErrorCode sor_velocity(Mat mat, Vec bv, PetscReal omega, MatSORType 
   PetscCall(PetscLogEventBegin(TB_VEL_SWEEP, 0, 0, 0, 0));
   PetscCall(ConstraintGetOwnBodies(fs->constraint, &first, &count));
   PetscCall(ConstraintGetInert(fs->constraint, &ninert, &slot));
-  PetscCall(get_rows(fs->S, &Ad, NULL, NULL));
+  PetscCall(MatGetDiagonalBlock(fs->S, &Ad));
   PetscCall(MatGetRowIJ(Ad, 0, PETSC_FALSE, PETSC_FALSE, &n, &ai, &aj, &done));
   PetscCall(MatSeqAIJGetArrayRead(Ad, &aa));
   PetscCall(VecGetArrayRead(bv, &b));
@@ -296,7 +281,7 @@ static PetscErrorCode mult_shared(Mat mat, Vec x, Vec y)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* What following slots add to M_r^{-1}: with F = 1 - share, M_r^{-1} = diag(weight) + [-F R; 1] M^{-1} [-F R; 1]^T for node and body (see set_up_body_blocks).
+/* What following slots add to M_r^{-1}: with F = 1 - share, M_r^{-1} = diag(weight) + [-F R; 1] M^{-1} [-F R; 1]^T for node and body (see bodyblocks.h).
    Before: rigid -= R^T F x; after: y -= F R U. */
 static PetscErrorCode lead_followers(FlowSolver fs, PetscBool before, const PetscReal x[], PetscReal y[], PetscReal rigid[])
 {
@@ -348,123 +333,6 @@ static PetscErrorCode apply_mass_inverse(FlowSolver fs, Vec x, Vec y)
 }
 
 /* ---- numeric set-up ---- */
-
-/* block: P^T A P and M_r / scale of body k, without D. Own bodies (own = index among them) keep the inverse of the first, all ranks that of the second. */
-static PetscErrorCode invert_body_blocks(FlowSolver fs, PetscInt k, PetscInt unknown, PetscInt own, PetscInt nown, PetscReal block[])
-{
-  const PetscInt nr = fs->nr, nn = nr * nr;
-
-  PetscFunctionBeginUser;
-  for (PetscInt s = 0; s < 2; s++) {
-    PetscReal *M = block + s * nn, share = 1;
-
-    for (PetscInt a = 0; a < nr;
-         a++) /* the excess mass of a light body may exceed the discrete mass of its nodes: the added mass of the flow around is not in the block */
-      if ((unknown >> a) & 1 && -fs->D[k * nn + a * (nr + 1)] > 0)
-        share = PetscMin(share, 0.9 * M[a * (nr + 1)] * (s ? fs->scale : 1) / -fs->D[k * nn + a * (nr + 1)]);
-    for (PetscInt e = 0; e < nn; e++) {
-      const PetscBool active = (PetscBool)((unknown >> (e / nr)) & 1 && (unknown >> (e % nr)) & 1);
-
-      M[e] = active ? M[e] + share * fs->D[k * nn + e] / (s ? fs->scale : 1) : (PetscReal)(e / nr == e % nr);
-    }
-    for (PetscInt a = 0; a < nr; a++)
-      PetscCheck(M[a * (nr + 1)] > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-                 "Body %" PetscInt_FMT " covers no node of the mesh and is lighter than the fluid: refine the mesh (-mesh_cells)", k);
-  }
-  if (own >= 0 && own < nown) DenseInvert(nr, block, fs->body_inverse + own * nn);
-  DenseInvert(nr, block + nn, fs->mass_inverse + k * nn);
-  for (PetscInt a = 0; a < nr; a++)
-    if (!((unknown >> a) & 1)) fs->mass_inverse[k * nn + a * (nr + 1)] = 0;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Sum over the entries of the penalty: block of body k -= R^T G + G^T R (of nodes that follow it); with H it is what the penalty adds to the diagonal block of the body */
-static PetscErrorCode add_soft_blocks(FlowSolver fs, const PetscInt body[], const PetscInt follow[], const PetscInt unknown[], PetscReal block[])
-{
-  const Soft    *s  = fs->soft;
-  const PetscInt nr = fs->nr, nn = nr * nr;
-  PetscInt       first, count;
-
-  PetscFunctionBeginUser;
-  PetscCall(ConstraintGetOwnBodies(fs->constraint, &first, &count));
-  for (PetscInt e = 0; e < s->n; e++) {
-    const PetscInt i = s->node[e], k = s->body[e];
-    PetscReal      G[18], R[18];
-
-    if (!unknown[k] || body[i] >= 0 || follow[i] != k) continue;
-    SoftGetBlock(s, e, G);
-    PetscCall(ConstraintRigidMap(fs->constraint, i, k, R));
-    for (PetscInt m = 0; m < nn; m++)
-      for (PetscInt a = 0; a < fs->loc->dim; a++)
-        block[2 * k * nn + m] -= R[a * nr + m / nr] * G[a * nr + m % nr] + G[a * nr + m / nr] * R[a * nr + m % nr];
-  }
-  for (PetscInt k = first; k < first + count; k++)
-    for (PetscInt m = 0; m < nn; m++) block[2 * k * nn + m] += s->H[k * nn + m];
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* For each unknown body: blocks [nr][nr] of P^T A P and of the projected lumped mass, summed over ranks; then inverses with D added.
-   A node of lumped mass m that follows the body by a penalty W has the mass matrix [m + W, m R; R^T m, R^T m R] with it; eliminating the node leaves the body R^T (share m) R
-   with share = W/(m + W). */
-static PetscErrorCode set_up_body_blocks(FlowSolver fs)
-{
-  const MeshLocal      *l  = fs->loc;
-  const PetscInt        nr = fs->nr, dim = l->dim, nn = nr * nr;
-  const PetscInt       *body, *follow, *unknown, *row_start[2] = {NULL, NULL}, *column[2] = {NULL, NULL}, *map;
-  const PetscReal      *value[2] = {NULL, NULL}, *m;
-  const FlowStep       *step;
-  const FlowParameters *par;
-  PetscReal            *block;
-  PetscInt              n, first, count;
-  Mat                   part[2];
-  PetscBool             done;
-
-  PetscFunctionBeginUser;
-  if (!fs->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(ConstraintGetNodeBody(fs->constraint, &body));
-  PetscCall(ConstraintGetFollow(fs->constraint, &follow));
-  PetscCall(ConstraintGetUnknown(fs->constraint, &unknown));
-  PetscCall(ConstraintGetOwnBodies(fs->constraint, &first, &count));
-  PetscCall(FlowGetLumpedMass(fs->flow, &m));
-  PetscCall(FlowGetStep(fs->flow, &step));
-  PetscCall(FlowGetParameters(fs->flow, &par));
-  PetscCall(PetscCalloc1(2 * fs->nbodies * nn, &block));
-  PetscCall(get_rows(fs->S, &part[0], &part[1], &map));
-  for (PetscInt s = 0; s < 2 && part[s]; s++) {
-    PetscCall(MatGetRowIJ(part[s], 0, PETSC_FALSE, PETSC_FALSE, &n, &row_start[s], &column[s], &done));
-    PetscCall(MatSeqAIJGetArrayRead(part[s], &value[s]));
-  }
-  for (PetscInt i = 0; i < l->nnode; i++) {
-    const PetscInt k = body[i] >= 0 ? body[i] : follow[i];
-    PetscReal      Ri[18], Rj[18], *stiff, *mass;
-
-    if (k < 0 || !unknown[k]) continue;
-    stiff = block + 2 * k * nn;
-    mass  = stiff + nn;
-    PetscCall(ConstraintRigidMap(fs->constraint, i, k, Ri));
-    for (PetscInt s = 0; s < 2 && part[s]; s++) {
-      for (PetscInt q = row_start[s][i]; q < row_start[s][i + 1]; q++) {
-        const PetscInt j = s ? fs->ghost_of_column[column[s][q]] : column[s][q];
-
-        if ((body[j] >= 0 ? body[j] : follow[j]) != k) continue;
-        PetscCall(ConstraintRigidMap(fs->constraint, j, k, Rj));
-        for (PetscInt e = 0; e < nn; e++)
-          for (PetscInt a = 0; a < dim; a++) stiff[e] += Ri[a * nr + e / nr] * value[s][q] * Rj[a * nr + e % nr];
-      }
-    }
-    for (PetscInt e = 0; e < nn; e++)
-      for (PetscInt a = 0; a < dim; a++) mass[e] += fs->share[i] * m[i] * Ri[a * nr + e / nr] * Ri[a * nr + e % nr];
-  }
-  for (PetscInt s = 0; s < 2 && part[s]; s++) {
-    PetscCall(MatSeqAIJRestoreArrayRead(part[s], &value[s]));
-    PetscCall(MatRestoreRowIJ(part[s], 0, PETSC_FALSE, PETSC_FALSE, &n, &row_start[s], &column[s], &done));
-  }
-  if (is_soft(fs)) PetscCall(add_soft_blocks(fs, body, follow, unknown, block));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, block, (PetscMPIInt)(2 * fs->nbodies * nn), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
-  for (PetscInt k = 0; k < fs->nbodies; k++) PetscCall(invert_body_blocks(fs, k, unknown[k], k - first, count, block + 2 * k * nn));
-  PetscCall(PetscFree(block));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
 
 /* Inverse diagonal of A (zero at inert slots) and inverse lumped mass of M_r with softness at body nodes */
 static PetscErrorCode set_up_diagonals(FlowSolver fs)
@@ -688,35 +556,6 @@ static PetscErrorCode create_shell(FlowSolver fs, PetscInt m, PetscInt n, PetscE
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode map_ghost_columns(FlowSolver fs)
-{
-  const MeshLocal *l = fs->loc;
-  const PetscInt  *garray;
-  PetscInt         n, nghost = l->nnode_all - l->nnode, *sorted, *where;
-  Mat              Ad, Ao;
-
-  PetscFunctionBeginUser;
-  PetscCall(get_rows(fs->S, &Ad, &Ao, &garray));
-  if (!Ao) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MatGetLocalSize(Ao, NULL, &n));
-  PetscCall(PetscMalloc1(n, &fs->ghost_of_column));
-  PetscCall(PetscMalloc2(nghost, &sorted, nghost, &where));
-  for (PetscInt i = 0; i < nghost; i++) {
-    sorted[i] = l->node_global[l->nnode + i];
-    where[i]  = l->nnode + i;
-  }
-  PetscCall(PetscSortIntWithArray(nghost, sorted, where));
-  for (PetscInt j = 0; j < n; j++) {
-    PetscInt at;
-
-    PetscCall(PetscFindInt(garray[j], nghost, sorted, &at));
-    PetscCheck(at >= 0, PETSC_COMM_SELF, PETSC_ERR_PLIB, "Node %" PetscInt_FMT " is coupled to own nodes but is no ghost node", garray[j]);
-    fs->ghost_of_column[j] = where[at];
-  }
-  PetscCall(PetscFree2(sorted, where));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode create_operators(FlowSolver fs)
 {
   Mat        block[4];
@@ -806,7 +645,7 @@ PetscErrorCode FlowSolverCreate(Flow flow, Constraint constraint, FlowSolver *so
   PetscCall(FlowGetMatrix(flow, &fs->S));
   PetscCall(MatCreateMAIJ(fs->S, fs->loc->dim, &fs->S_all));
   fs->A = fs->S_all;
-  PetscCall(map_ghost_columns(fs));
+  PetscCall(BodyBlocksCreate(flow, constraint, &fs->blocks));
   PetscCall(PetscCalloc3(fs->nbodies * fs->nr * fs->nr, &fs->D, count * fs->nr * fs->nr, &fs->body_inverse, fs->nbodies * fs->nr * fs->nr,
                          &fs->mass_inverse));
   PetscCall(
@@ -850,7 +689,7 @@ PetscErrorCode FlowSolverDestroy(FlowSolver *solver)
   PetscCall(PetscFree3(fs->diagonal_inverse, fs->weight, fs->local));
   PetscCall(PetscFree2(fs->share, fs->rigid_work));
   PetscCall(PetscFree(fs->saved));
-  PetscCall(PetscFree(fs->ghost_of_column));
+  PetscCall(BodyBlocksDestroy(&fs->blocks));
   PetscCall(PetscFree(*solver));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -915,7 +754,8 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
   fs->scale = step->dt > 0 ? par->density * step->ct : par->viscosity / (fs->loc->h * fs->loc->h);
   PetscCall(choose_schur(fs));
   PetscCall(set_up_diagonals(fs));
-  PetscCall(set_up_body_blocks(fs));
+  if (fs->nbodies)
+    PetscCall(BodyBlocksUpdate(fs->blocks, fs->share, is_soft(fs) ? fs->soft : NULL, fs->D, fs->scale, fs->body_inverse, fs->mass_inverse));
   PetscCall(PressureUpdate(fs->pressure, fs->weight, is_soft(fs) ? fs->share : NULL, fs->mass_inverse));
   PetscCall(PressureIsSingular(fs->pressure, &singular));
   PetscCall(MatSetNullSpace(fs->nest, singular ? fs->constant_pressure : NULL));
