@@ -6,6 +6,7 @@
 typedef enum {
   BC_NO_SLIP,
   BC_MOVING_WALL,
+  BC_ROTATING_WALL,
   BC_INFLOW,
   BC_OUTFLOW,
   BC_SLIP
@@ -15,8 +16,9 @@ typedef struct {
   BoundaryType type;
   PetscBool    parabolic;
   PetscReal    velocity[3], factor[3], ramp;
-  PetscReal    lower[3], upper[3]; /* extent, for the profile and for slip */
-  PetscInt     axis;               /* slip: the normal axis */
+  PetscReal    omega[3], centre[3]; /* of a rotating wall */
+  PetscReal    lower[3], upper[3];  /* extent, for the profile and for slip */
+  PetscInt     axis;                /* slip: the normal axis */
 } Condition;
 
 struct _p_Boundary {
@@ -28,7 +30,7 @@ struct _p_Boundary {
   PetscBool        floating;
 };
 
-static const char *const BC_TYPES[] = {"no_slip", "moving_wall", "inflow", "outflow", "slip", NULL};
+static const char *const BC_TYPES[] = {"no_slip", "moving_wall", "rotating_wall", "inflow", "outflow", "slip", NULL};
 static const char *const PROFILES[] = {"uniform", "parabolic", NULL};
 
 static PetscErrorCode find_extent(Boundary f, PetscInt b, Condition *bc)
@@ -51,6 +53,23 @@ static PetscErrorCode find_extent(Boundary f, PetscInt b, Condition *bc)
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, bc->lower, 3, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, bc->upper, 3, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_rotation(const char name[], PetscInt dim, Condition *bc)
+{
+  char      option[128];
+  PetscBool has_omega;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_omega", name));
+  PetscCall(OptRealArray(option, "angular velocity of the wall", "1/time", PETSC_MIN_REAL, PETSC_MAX_REAL, dim == 2 ? 1 : 3,
+                         dim == 2 ? bc->omega + 2 : bc->omega, &has_omega));
+  PetscCheck(has_omega, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Boundary '%s' is of type rotating_wall: give its angular velocity with %s", name,
+             option);
+  PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_centre", name));
+  PetscCall(
+    OptRealArray(option, "point about which the wall turns (default: origin)", "length", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, bc->centre, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -77,6 +96,9 @@ static PetscErrorCode read_boundary(Boundary f, PetscInt b)
                option);
     PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_profile", name));
     PetscCall(OptChoice(option, "shape of the velocity profile", PROFILES, &profile));
+  }
+  if (type == BC_ROTATING_WALL) PetscCall(read_rotation(name, dim, bc));
+  if (type == BC_INFLOW || type == BC_MOVING_WALL || type == BC_ROTATING_WALL) {
     PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_factor", name));
     PetscCall(OptRealArray(option, "a, b, T: velocity is multiplied by a + b sin(2 pi t / T)", "-, -, time", PETSC_MIN_REAL, PETSC_MAX_REAL, 3,
                            bc->factor, NULL));
@@ -153,13 +175,29 @@ static PetscErrorCode check_steady(Boundary f, PetscInt b, PetscReal time)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Prescribed velocity at x, without the factor of time */
+static void wall_velocity(const Condition *bc, PetscInt dim, const PetscReal x[], PetscReal v[3])
+{
+  if (bc->type == BC_SLIP || bc->type == BC_NO_SLIP) return;
+  if (bc->type == BC_ROTATING_WALL) {
+    const PetscReal *w    = bc->omega;
+    const PetscReal  r[3] = {x[0] - bc->centre[0], x[1] - bc->centre[1], dim == 3 ? x[2] - bc->centre[2] : 0};
+
+    for (PetscInt a = 0; a < dim; a++) v[a] = w[(a + 1) % 3] * r[(a + 2) % 3] - w[(a + 2) % 3] * r[(a + 1) % 3];
+  } else {
+    const PetscReal s = boundary_profile(bc, dim, x);
+
+    for (PetscInt a = 0; a < dim; a++) v[a] = s * bc->velocity[a];
+  }
+}
+
 PetscErrorCode BoundarySetTime(Boundary f, PetscReal time)
 {
-  static const BoundaryType order[] = {BC_SLIP, BC_INFLOW, BC_MOVING_WALL, BC_NO_SLIP}; /* later ones win where boundaries meet */
+  static const BoundaryType order[] = {BC_SLIP, BC_INFLOW, BC_ROTATING_WALL, BC_MOVING_WALL, BC_NO_SLIP}; /* later ones win where boundaries meet */
   const PetscInt            dim     = f->loc->dim;
 
   PetscFunctionBeginUser;
-  for (PetscInt pass = 0; pass < 4; pass++) {
+  for (PetscInt pass = 0; pass < 5; pass++) {
     for (PetscInt b = 0; b < f->n; b++) {
       const Condition *bc = f->condition + b;
       const PetscInt  *node;
@@ -171,10 +209,11 @@ PetscErrorCode BoundarySetTime(Boundary f, PetscReal time)
       factor = boundary_factor(bc, time);
       PetscCall(MeshGetBoundaryNodes(f->mesh, b, &n, &node));
       for (PetscInt i = 0; i < n; i++) {
-        const PetscReal s = bc->type == BC_SLIP || bc->type == BC_NO_SLIP ? 0 : factor * boundary_profile(bc, dim, f->loc->x + node[i] * dim);
+        PetscReal v[3] = {0, 0, 0};
 
+        wall_velocity(bc, dim, f->loc->x + node[i] * dim, v);
         for (PetscInt a = 0; a < dim; a++)
-          if (bc->type != BC_SLIP || a == bc->axis) f->value[node[i] * dim + a] = s * bc->velocity[a];
+          if (bc->type != BC_SLIP || a == bc->axis) f->value[node[i] * dim + a] = factor * v[a];
       }
     }
   }
@@ -249,7 +288,7 @@ PetscErrorCode BoundaryGetSolidFaces(Boundary f, PetscInt *faces)
   for (PetscInt b = 0; b < f->n; b++) {
     const char *name;
 
-    if (f->condition[b].type > BC_MOVING_WALL) continue;
+    if (f->condition[b].type > BC_ROTATING_WALL) continue;
     PetscCall(MeshGetBoundaryName(f->mesh, b, &name));
     for (PetscInt i = 0; i < 2 * f->loc->dim; i++) {
       PetscBool match;
