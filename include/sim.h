@@ -9,6 +9,7 @@
 #include "flow.h"
 #include "monitor.h"
 #include "output.h"
+#include "probe.h"
 #include "steady.h"
 
 /* The parts of a simulation, built by the scene; contact and bodies may be inactive but exist. Not owned. */
@@ -21,6 +22,7 @@ typedef struct {
   Contact     contact;
   Output      output;
   Monitor     monitor;
+  Probe       probe;
   Steady      steady; /* NULL: time steps */
 } SimParts;
 

@@ -61,6 +61,13 @@ PetscErrorCode HistoryAdd(History h, PetscReal time, const PetscReal value[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode HistoryGetEnd(History h, PetscReal *time)
+{
+  PetscFunctionBeginUser;
+  *time = h->n ? h->time[h->n - 1] : -PETSC_MAX_REAL;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Vertex of the parabola through the samples i - 1, i, i + 1 (Newton's form); the sample i where they lie on a line */
 static void find_vertex(History h, PetscInt i, PetscInt column, PetscReal *time, PetscReal *value)
 {

@@ -29,12 +29,14 @@ static PetscErrorCode build(SimParts *part)
   PetscCall(ContactSetViscosity(part->contact, par->viscosity));
   PetscCall(OutputCreate(part->mesh, part->scene, &part->output));
   PetscCall(MonitorCreate(part->bodies, &part->monitor));
+  PetscCall(ProbeCreate(part->flow, part->bodies, part->couple, part->monitor, &part->probe));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode destroy(SimParts *part)
 {
   PetscFunctionBeginUser;
+  PetscCall(ProbeDestroy(&part->probe));
   PetscCall(MonitorDestroy(&part->monitor));
   PetscCall(OutputDestroy(&part->output));
   PetscCall(SteadyDestroy(&part->steady));
