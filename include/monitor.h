@@ -62,6 +62,8 @@ PetscErrorCode MonitorPhaseSeconds(Monitor, MonitorPhase, PetscReal seconds);
 
 /* Set a quantity of summary.json (again: the new value holds); values that are not finite become null. Same calls on all ranks. */
 PetscErrorCode MonitorQuantity(Monitor, const char name[], PetscReal value);
+/* Value of a quantity that has been set; *found (may be NULL): has it? Not collective. */
+PetscErrorCode MonitorGetQuantity(Monitor, const char name[], PetscReal *value, PetscBool *found);
 
 /* What this rank has to do (cells, bodies, ...): summary.json holds smallest, mean and largest over the ranks under balance.<name>. Again: the new value holds. Collective. */
 PetscErrorCode MonitorBalance(Monitor, const char name[], PetscReal mine);

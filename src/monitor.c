@@ -626,6 +626,17 @@ PetscErrorCode MonitorQuantity(Monitor m, const char name[], PetscReal value)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode MonitorGetQuantity(Monitor m, const char name[], PetscReal *value, PetscBool *found)
+{
+  PetscInt i = 0;
+
+  PetscFunctionBeginUser;
+  while (i < m->nquantity && strcmp(m->quantity[i].name, name)) i++;
+  if (found) *found = (PetscBool)(i < m->nquantity);
+  if (i < m->nquantity) *value = m->quantity[i].value;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode MonitorBalance(Monitor m, const char name[], PetscReal mine)
 {
   PetscReal extreme[2] = {mine, -mine}, sum = mine;
