@@ -491,9 +491,16 @@ static void remove_root(void)
 int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {
-    cmocka_unit_test(files_hold_every_step), cmocka_unit_test(columns_are_added),     cmocka_unit_test(unreported_steps_are_tracked), cmocka_unit_test(summary_has_its_keys),
-    cmocka_unit_test(options_are_kept),          cmocka_unit_test(progress_fits_on_a_page),      cmocka_unit_test(many_bodies_are_written_on_request),
-    cmocka_unit_test(balance_is_over_the_ranks), cmocka_unit_test(yardstick_on_request),         cmocka_unit_test(unwritable_directory_is_named),
+    cmocka_unit_test(files_hold_every_step),
+    cmocka_unit_test(columns_are_added),
+    cmocka_unit_test(unreported_steps_are_tracked),
+    cmocka_unit_test(summary_has_its_keys),
+    cmocka_unit_test(options_are_kept),
+    cmocka_unit_test(progress_fits_on_a_page),
+    cmocka_unit_test(many_bodies_are_written_on_request),
+    cmocka_unit_test(balance_is_over_the_ranks),
+    cmocka_unit_test(yardstick_on_request),
+    cmocka_unit_test(unwritable_directory_is_named),
   };
   int failed;
 

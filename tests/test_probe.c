@@ -15,8 +15,8 @@ typedef struct {
 } Case;
 
 #define FITTED "-mesh_kind fitted -mesh_resolution 4 "
-#define FLOW                                                                                                                           \
-  "-flow_density 1.5 -flow_viscosity 0.01 -flow_bc_left_type inflow -flow_bc_left_velocity 0.3,0 -flow_bc_left_profile parabolic "     \
+#define FLOW \
+  "-flow_density 1.5 -flow_viscosity 0.01 -flow_bc_left_type inflow -flow_bc_left_velocity 0.3,0 -flow_bc_left_profile parabolic " \
   "-flow_bc_right_type outflow -flow_recipe direct -particle_groups cylinder -particle_cylinder_shape circle -particle_cylinder_radius 0.05 " \
   "-particle_cylinder_position 0.2,0.2 -particle_cylinder_free none "
 
@@ -116,7 +116,8 @@ static void test_coefficients(void **state)
     CoupleBalance balance = {{0}, {0}, {0}, {0}, {0}, 0};
 
     snprintf(options, sizeof(options),
-             FITTED FLOW "-flow_time %s -particle_cylinder_reference_speed 0.2 -particle_cylinder_reference_length 0.08 -monitor_momentum -monitor_from 0.1",
+             FITTED FLOW
+             "-flow_time %s -particle_cylinder_reference_speed 0.2 -particle_cylinder_reference_length 0.08 -monitor_momentum -monitor_from 0.1",
              scheme[i]);
     build_case(&c, options);
     OK(ProbeCreate(c.flow, c.bodies, c.couple, c.monitor, &c.probe));
@@ -129,11 +130,10 @@ static void test_coefficients(void **state)
     OK(ProbeFinish(c.probe));
     NEAR(quantity(&c, "cd"), force[4][0] * 2 / (1.5 * 0.04 * 0.08), 1e-12);
     NEAR(quantity(&c, "cl"), force[4][1] * 2 / (1.5 * 0.04 * 0.08), 1e-12);
-    assert_true(force[1][0] > force[2][0] && force[2][0] > force[3][0]); /* drag falls from the start on: the first step of all is the largest */
-    /* the first force that counts: be holds at 0.1, 0.15, ..., cn in the middle of steps, at 0.125, 0.175 */
-    NEAR(quantity(&c, "cd_max_time"), i ? 0.125 : 0.1, 0.05);
-    assert_true(quantity(&c, "cd_max") >= (1 - 1e-12) * force[i ? 3 : 2][0] * 2 / (1.5 * 0.04 * 0.08));
-    assert_true(quantity(&c, "cd_max") < force[i ? 2 : 1][0] * 2 / (1.5 * 0.04 * 0.08));
+    assert_true(force[1][0] > force[2][0]); /* the start, left out by -monitor_from, has the largest drag of all */
+    /* what counts: be at 0.1 (then drag falls), 0.15, ...; cn, where forces hold in the middle of steps, at 0.125, 0.175 (the last is larger) */
+    NEAR(quantity(&c, "cd_max_time"), i ? 0.175 : 0.1, 1e-9);
+    NEAR(quantity(&c, "cd_max"), force[i ? 4 : 2][0] * 2 / (1.5 * 0.04 * 0.08), 1e-12);
     BELOW(quantity(&c, "force_difference"), 0.2);
     assert_true(quantity(&c, "force_difference") > 0);
     OK(ProbeDestroy(&c.probe));
@@ -155,12 +155,13 @@ static PetscErrorCode record_error(MPI_Comm comm, int line, const char *fun, con
 static void test_mistakes(void **state)
 {
   (void)state;
-  const char *const wrong[][2] = {{FITTED FLOW "-monitor_dp 0.2,0.2,1,0.2", "(0.2, 0.2, 0) lies in no cell"},
-                                  {FITTED FLOW "-monitor_dp 1,0.2,1,0.5", "(1, 0.5, 0) lies in no cell"},
-                                  {FITTED FLOW "-particle_cylinder_reference_speed 0", "-particle_cylinder_reference_speed"},
-                                  {"-mesh_cells 4,4 -particle_groups dot -particle_dot_shape circle -particle_dot_radius 0.05 -particle_dot_free none "
-                                   "-particle_dot_place lattice -particle_dot_count 4 -particle_dot_reference_speed 1",
-                                   "'dot' has 4 bodies"}};
+  const char *const wrong[][2] =
+    {{FITTED FLOW "-monitor_dp 0.2,0.2,1,0.2", "(0.2, 0.2, 0.) lies in no cell"},
+     {FITTED FLOW "-monitor_dp 1,0.2,1,0.5", "(1., 0.5, 0.) lies in no cell"},
+     {FITTED FLOW "-particle_cylinder_reference_speed 0", "-particle_cylinder_reference_speed"},
+     {"-mesh_cells 4,4 -particle_groups dot -particle_dot_shape circle -particle_dot_radius 0.05 -particle_dot_free none "
+      "-particle_dot_place lattice -particle_dot_count 4 -particle_dot_reference_speed 1",
+      "'dot' has 4 bodies"}};
 
   for (PetscInt i = 0; i < 4; i++) {
     Case           c;
