@@ -36,6 +36,10 @@ static inline const PetscReal *ElementInverse(const ElementMetric *m, PetscInt q
   return m->inverse[m->affine ? 0 : q];
 }
 
+/* Reference coordinates xi [dim] of the point x [dim] in the cell with nodes xc [nb][dim] by Newton's method; false if it does not converge (the map need not have an inverse far
+   outside of the cell). The point may lie outside: |xi| > 1. */
+PetscBool ElementLocate(PetscInt dim, const PetscReal xc[], const PetscReal x[], PetscReal xi[]);
+
 /* Gradients of the basis at quadrature point q in space: g [dim][ELEMENT_MAX_NBP] */
 void ElementGradients(const ElementTables *, const ElementMetric *, PetscInt q, PetscReal g[3][ELEMENT_MAX_NBP]);
 

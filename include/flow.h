@@ -94,6 +94,9 @@ PetscErrorCode FlowAcceptStep(Flow, const PetscReal u[], const PetscReal p[]);
 /* StateVisit of a Flow: fields and the history of the time scheme. */
 PetscErrorCode FlowVisitState(void *flow, State);
 
+/* Pressure of cell c at the point x [dim], evaluated there also when it lies outside of the cell. Not collective. */
+PetscErrorCode FlowCellPressure(Flow, PetscInt c, const PetscReal p[], const PetscReal x[], PetscReal *value);
+
 /* Momentum residual of cell c with the step's solution u, p: r [nb][dim] (what the cell adds to the momentum rows). Not collective. */
 PetscErrorCode FlowCellResidual(Flow, PetscInt c, const PetscReal u[], const PetscReal p[], PetscReal r[]);
 /* What Newton's method adds to S: n [nb*dim][nb*dim] = rho theta int phi_i phi_j du_a/dx_b, row (i, a), column (j, b), of cell c. Zero without convection. Not collective. */

@@ -7,7 +7,7 @@
 
    Columns: step,time_s,dt_s,cfl,outer_iterations,divergence,kinetic_energy,momentum_error,seconds,seconds_nse,seconds_force,seconds_particle,
             bodies_energy,contact_energy,contact_work
-            (series.csv; seconds: wall clock of the step, and of its phases on rank 0)
+            (series.csv; seconds: wall clock of the step, and of its phases on rank 0; then the columns of MonitorAddColumn, see probe.h)
             step,time_s,body,group,x,y,z,angle_rad,u,v,w,omega_x,omega_y,omega_z,force_x,force_y,force_z,torque_x,torque_y,torque_z,gap,radius
             (bodies.csv; force and torque of the fluid, gap inf if nothing is near, radius 0 if the body is no disc or sphere;
             angle not wrapped in 2D, of the rotation out of the initial position in 3D)
@@ -42,6 +42,10 @@ typedef enum {
 /* Reads the options; touches no file. The bodies are not owned and must live as long as the monitor. Collective on PETSC_COMM_WORLD.
    Errors: -output_bodies outside of the bodies there are. */
 PetscErrorCode MonitorCreate(Bodies, Monitor *);
+/* A further column of series.csv, after those above; columns are numbered from 0. Before MonitorOpen, same calls on all ranks. Its value is 0 until it is set; the value of
+   the last MonitorSetColumn is printed. Not collective. */
+PetscErrorCode MonitorAddColumn(Monitor, const char name[], PetscInt *column);
+PetscErrorCode MonitorSetColumn(Monitor, PetscInt column, PetscReal value);
 /* StateVisit of a Monitor: what it has tracked, and how long its files are. */
 PetscErrorCode MonitorVisitState(void *monitor, State);
 /* Open the files in the existing directory `dir` (old ones are replaced) and write options.txt: call it after everything else is set up. Once a state has been loaded, files that
@@ -61,6 +65,8 @@ PetscErrorCode MonitorPhaseSeconds(Monitor, MonitorPhase, PetscReal seconds);
 
 /* Set a quantity of summary.json (again: the new value holds); values that are not finite become null. Same calls on all ranks. */
 PetscErrorCode MonitorQuantity(Monitor, const char name[], PetscReal value);
+/* Value of a quantity that has been set; *found (may be NULL): has it? Not collective. */
+PetscErrorCode MonitorGetQuantity(Monitor, const char name[], PetscReal *value, PetscBool *found);
 
 /* What this rank has to do (cells, bodies, ...): summary.json holds smallest, mean and largest over the ranks under balance.<name>. Again: the new value holds. Collective. */
 PetscErrorCode MonitorBalance(Monitor, const char name[], PetscReal mine);

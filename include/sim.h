@@ -10,6 +10,7 @@
 #include "flow.h"
 #include "monitor.h"
 #include "output.h"
+#include "probe.h"
 #include "steady.h"
 
 /* The parts of a simulation, built by the scene; contact and bodies may be inactive but exist. Not owned. */
@@ -22,6 +23,7 @@ typedef struct {
   Contact     contact;
   Output      output;
   Monitor     monitor;
+  Probe       probe;
   Steady      steady; /* NULL: time steps */
   Checkpoint  checkpoint;
 } SimParts;

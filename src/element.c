@@ -326,3 +326,59 @@ void ElementResidual(const ElementTables *t, const ElementMetric *m, PetscReal r
   if (t->dim == 2) residual(2, 9, 12, 9, 12, t, m, rho, mu, force, s, u, w, r);
   else residual(3, 27, 28, 27, 28, t, m, rho, mu, force, s, u, w, r);
 }
+
+/* ---- inverse map ---- */
+
+/* Quadratic basis on [-1, 1] and its derivative */
+static void evaluate_line(PetscReal s, PetscReal v[3], PetscReal dv[3])
+{
+  v[0]  = 0.5 * s * (s - 1);
+  v[1]  = 1 - s * s;
+  v[2]  = 0.5 * s * (s + 1);
+  dv[0] = s - 0.5;
+  dv[1] = -2 * s;
+  dv[2] = s + 0.5;
+}
+
+/* x(xi) and its Jacobian J [a][e] = dx_a/dxi_e */
+static void evaluate_map(PetscInt dim, const PetscReal xc[], const PetscReal xi[], PetscReal x[3], PetscReal J[9])
+{
+  PetscReal v[3][3], dv[3][3];
+
+  for (PetscInt d = 0; d < dim; d++) evaluate_line(xi[d], v[d], dv[d]);
+  for (PetscInt i = 0; i < 3; i++) x[i] = 0;
+  for (PetscInt i = 0; i < 9; i++) J[i] = 0;
+  for (PetscInt j = 0; j < (dim == 2 ? 9 : 27); j++) {
+    const PetscInt at[3] = {j % 3, j / 3 % 3, j / 9};
+
+    for (PetscInt e = -1; e < dim; e++) { /* -1: the basis function itself */
+      PetscReal product = 1;
+
+      for (PetscInt d = 0; d < dim; d++) product *= d == e ? dv[d][at[d]] : v[d][at[d]];
+      for (PetscInt a = 0; a < dim; a++) *(e < 0 ? &x[a] : &J[a * dim + e]) += product * xc[j * dim + a];
+    }
+  }
+}
+
+PetscBool ElementLocate(PetscInt dim, const PetscReal xc[], const PetscReal x[], PetscReal xi[])
+{
+  PetscReal step = 1;
+
+  for (PetscInt d = 0; d < dim; d++) xi[d] = 0;
+  for (PetscInt it = 0; it < 30 && step > 1e-13; it++) {
+    PetscReal at[3], J[9], inverse[9];
+
+    evaluate_map(dim, xc, xi, at, J);
+    if (!(PetscAbsReal(invert_jacobian(dim, J, inverse)) > 0)) return PETSC_FALSE;
+    step = 0;
+    for (PetscInt e = 0; e < dim; e++) {
+      PetscReal change = 0;
+
+      for (PetscInt a = 0; a < dim; a++) change += inverse[e * dim + a] * (x[a] - at[a]);
+      xi[e] += change;
+      step = PetscMax(step, PetscAbsReal(change));
+    }
+    if (!(step < 1e3)) return PETSC_FALSE;
+  }
+  return (PetscBool)(step <= 1e-8);
+}

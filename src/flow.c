@@ -759,6 +759,22 @@ PetscErrorCode FlowCellNewton(Flow f, PetscInt c, const PetscReal u[], PetscReal
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode FlowCellPressure(Flow f, PetscInt c, const PetscReal p[], const PetscReal x[], PetscReal *value)
+{
+  const MeshLocal *l      = f->loc;
+  const PetscReal *centre = l->x + l->cell_node[c * l->nb + l->nb / 2] * l->dim, *pc = p + c * (l->dim + 1);
+
+  PetscFunctionBeginUser;
+  *value = pc[0];
+  for (PetscInt d = 0; d < l->dim; d++) {
+    PetscReal r = x[d] - centre[d];
+
+    if (l->period[d] > 0) r -= l->period[d] * PetscFloorReal(r / l->period[d] + 0.5);
+    *value += pc[1 + d] * r / f->size[c];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowCellStressForce(Flow f, PetscInt c, const PetscReal u[], const PetscReal p[], const PetscReal alpha[], const PetscReal X[3],
                                    PetscReal force[3], PetscReal torque[3])
 {

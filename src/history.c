@@ -61,7 +61,14 @@ PetscErrorCode HistoryAdd(History h, PetscReal time, const PetscReal value[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Vertex of the parabola through the samples i - 1, i, i + 1 (Newton's form); the sample i where they lie on a line */
+PetscErrorCode HistoryGetEnd(History h, PetscReal *time)
+{
+  PetscFunctionBeginUser;
+  *time = h->n ? h->time[h->n - 1] : -PETSC_MAX_REAL;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Vertex of the parabola through the samples i - 1, i, i + 1 (Newton's form); the sample i where it is no extremum among them */
 static void find_vertex(History h, PetscInt i, PetscInt column, PetscReal *time, PetscReal *value)
 {
   const PetscReal t0 = h->time[i - 1], t1 = h->time[i], t2 = h->time[i + 1], y0 = sample(h, i - 1, column), y1 = sample(h, i, column),
@@ -70,8 +77,8 @@ static void find_vertex(History h, PetscInt i, PetscInt column, PetscReal *time,
 
   *time  = t1;
   *value = y1;
-  if (PetscIsInfOrNanReal(a) || PetscIsInfOrNanReal(b) || b == 0) return;
-  *time  = PetscMin(t2, PetscMax(t0, 0.5 * (t0 + t1) - 0.5 * a / b));
+  if (PetscIsInfOrNanReal(a) || PetscIsInfOrNanReal(b) || b == 0 || (y1 - y0) * (y1 - y2) < 0) return; /* on a flank at the end of the range */
+  *time  = 0.5 * (t0 + t1) - 0.5 * a / b;
   *value = y0 + a * (*time - t0) + b * (*time - t0) * (*time - t1);
 }
 

@@ -35,6 +35,7 @@
 #define MAX_BODIES     64 /* with more, bodies.csv holds only those that are asked for */
 #define MAX_LINES      50 /* of progress, roughly */
 #define MAX_QUANTITIES 64
+#define MAX_COLUMNS    64
 #define MAX_BALANCES   8
 #define VERSION_LEN    128
 
@@ -64,7 +65,8 @@ struct _p_Monitor {
   PetscReal      fall_speed_max, speed_max, overlap_max;                    /* PETSC_MIN_REAL: no such body */
   PetscInt       nsolve, iterations_max;
   PetscReal      iterations_sum;
-  PetscInt       nquantity;
+  PetscInt       nquantity, ncolumn;
+  Quantity       column[MAX_COLUMNS]; /* further ones of series.csv */
   Quantity       quantity[MAX_QUANTITIES];
   PetscInt       nbalance;
   Balance        balance[MAX_BALANCES];
@@ -75,7 +77,7 @@ struct _p_Monitor {
 };
 
 #define SERIES_HEADING \
-  "step,time_s,dt_s,cfl,outer_iterations,divergence,kinetic_energy,momentum_error,seconds,seconds_nse,seconds_force,seconds_particle,bodies_energy,contact_energy,contact_work\n"
+  "step,time_s,dt_s,cfl,outer_iterations,divergence,kinetic_energy,momentum_error,seconds,seconds_nse,seconds_force,seconds_particle,bodies_energy,contact_energy,contact_work" /* and the added columns */
 #define BODIES_HEADING \
   "step,time_s,body,group,x,y,z,angle_rad,u,v,w,omega_x,omega_y,omega_z,force_x,force_y,force_z,torque_x,torque_y,torque_z,gap,radius\n"
 
@@ -276,12 +278,16 @@ static void print_body(FILE *f, const MonitorStep *s, const BodyState *b, PetscI
 }
 
 /* seconds: of the phases in this step */
-static void print_series(FILE *f, const MonitorStep *s, const PetscReal seconds[])
+static void print_series(Monitor m, const MonitorStep *s, const PetscReal seconds[])
 {
+  FILE *f = m->series;
+
   fprintf(f, "%" PetscInt_FMT ",%.12g,%.12g,%.6g,%" PetscInt_FMT, s->step, (double)s->time, (double)s->dt, (double)s->cfl, s->outer_iterations);
   fprintf(f, ",%.6g,%.12g,%.6g,%.6g", (double)s->divergence, (double)s->kinetic_energy, (double)s->momentum_error, (double)s->seconds);
   fprintf(f, ",%.6g,%.6g,%.6g", (double)seconds[MONITOR_NSE], (double)seconds[MONITOR_FORCE], (double)seconds[MONITOR_PARTICLE]);
-  fprintf(f, ",%.9g,%.9g,%.9g\n", (double)s->bodies_energy, (double)s->contact_energy, (double)s->contact_work);
+  fprintf(f, ",%.9g,%.9g,%.9g", (double)s->bodies_energy, (double)s->contact_energy, (double)s->contact_work);
+  for (PetscInt i = 0; i < m->ncolumn; i++) fprintf(f, ",%.12g", (double)m->column[i].value);
+  fprintf(f, "\n");
 }
 
 static PetscErrorCode append_lines(Monitor m, const MonitorStep *s, const PetscReal seconds[])
@@ -290,7 +296,7 @@ static PetscErrorCode append_lines(Monitor m, const MonitorStep *s, const PetscR
 
   PetscFunctionBeginUser;
   if (m->rank == 0) {
-    print_series(m->series, s, seconds);
+    print_series(m, s, seconds);
     for (PetscInt k = m->first_body; k <= m->last_body; k++) print_body(m->body_file, s, m->bodies, k);
     if (fflush(m->series) || ferror(m->series)) err[0] = errno ? errno : EIO;
     if (fflush(m->body_file) || ferror(m->body_file)) err[1] = errno ? errno : EIO;
@@ -575,18 +581,47 @@ PetscErrorCode MonitorCreate(Bodies bodies, Monitor *monitor)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode MonitorAddColumn(Monitor m, const char name[], PetscInt *column)
+{
+  PetscFunctionBeginUser;
+  PetscCheck(m->ncolumn < MAX_COLUMNS, PETSC_COMM_SELF, PETSC_ERR_SUP, "Column '%s': series.csv has room for %d further columns", name, MAX_COLUMNS);
+  PetscCall(PetscStrncpy(m->column[m->ncolumn].name, name, sizeof(m->column->name)));
+  *column = m->ncolumn++;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MonitorSetColumn(Monitor m, PetscInt column, PetscReal value)
+{
+  PetscFunctionBeginUser;
+  PetscCheck(column >= 0 && column < m->ncolumn, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Column %" PetscInt_FMT " of %" PetscInt_FMT, column,
+             m->ncolumn);
+  m->column[column].value = value;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode open_series(Monitor m)
+{
+  char heading[256 + MAX_COLUMNS * sizeof(m->column->name)] = SERIES_HEADING;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < m->ncolumn; i++) {
+    PetscCall(PetscStrlcat(heading, ",", sizeof(heading)));
+    PetscCall(PetscStrlcat(heading, m->column[i].name, sizeof(heading)));
+  }
+  PetscCall(PetscStrlcat(heading, "\n", sizeof(heading)));
+  if (m->restarted) PetscCall(continue_file(m, "series.csv", heading, m->length[0], &m->series));
+  else PetscCall(open_file(m, "series.csv", heading, &m->series));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode MonitorOpen(Monitor m, const char dir[])
 {
   PetscFunctionBeginUser;
   PetscCall(PetscStrncpy(m->dir, dir, sizeof(m->dir)));
   PetscCall(write_options(m));
-  if (m->restarted) {
-    PetscCall(continue_file(m, "series.csv", SERIES_HEADING, m->length[0], &m->series));
-    PetscCall(continue_file(m, "bodies.csv", BODIES_HEADING, m->length[1], &m->body_file));
-  } else {
-    PetscCall(open_file(m, "series.csv", SERIES_HEADING, &m->series));
-    PetscCall(open_file(m, "bodies.csv", BODIES_HEADING, &m->body_file));
-  }
+  PetscCall(open_series(m));
+  if (m->restarted) PetscCall(continue_file(m, "bodies.csv", BODIES_HEADING, m->length[1], &m->body_file));
+  else PetscCall(open_file(m, "bodies.csv", BODIES_HEADING, &m->body_file));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -695,6 +730,17 @@ PetscErrorCode MonitorQuantity(Monitor m, const char name[], PetscReal value)
   PetscCall(PetscStrncpy(m->quantity[i].name, name, sizeof(m->quantity[i].name)));
   m->quantity[i].value = value;
   if (i == m->nquantity) m->nquantity++;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MonitorGetQuantity(Monitor m, const char name[], PetscReal *value, PetscBool *found)
+{
+  PetscInt i = 0;
+
+  PetscFunctionBeginUser;
+  while (i < m->nquantity && strcmp(m->quantity[i].name, name)) i++;
+  if (found) *found = (PetscBool)(i < m->nquantity);
+  if (i < m->nquantity) *value = m->quantity[i].value;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -30,12 +30,14 @@ static PetscErrorCode build(SimParts *part)
   PetscCall(OutputCreate(part->mesh, part->scene, &part->output));
   PetscCall(MonitorCreate(part->bodies, &part->monitor));
   PetscCall(CheckpointCreate(part->mesh, part->output, &part->checkpoint));
+  PetscCall(ProbeCreate(part->flow, part->bodies, part->couple, part->monitor, &part->probe));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode destroy(SimParts *part)
 {
   PetscFunctionBeginUser;
+  PetscCall(ProbeDestroy(&part->probe));
   PetscCall(CheckpointDestroy(&part->checkpoint));
   PetscCall(MonitorDestroy(&part->monitor));
   PetscCall(OutputDestroy(&part->output));

@@ -212,7 +212,7 @@ static PetscErrorCode finish_step(Sim s, PetscReal dt, PetscInt its, PetscLogDou
   PetscLogDouble   t;
   FlowDiagnostics  diag;
   const PetscReal *u, *p;
-  PetscReal        momentum_error;
+  CoupleBalance    balance;
 
   PetscFunctionBeginUser;
   PetscCall(PetscTime(&t));
@@ -223,7 +223,8 @@ static PetscErrorCode finish_step(Sim s, PetscReal dt, PetscInt its, PetscLogDou
   PetscCall(PetscLogStagePush(TB_STAGE_OUTPUT));
   PetscCall(CoupleGetSolution(s->part.couple, &u, &p));
   PetscCall(FlowDiagnose(s->part.flow, u, &diag));
-  PetscCall(CoupleMomentumError(s->part.couple, diag.momentum_rate, &momentum_error));
+  PetscCall(CoupleMomentum(s->part.couple, diag.momentum_rate, &balance));
+  PetscCall(ProbeStep(s->part.probe, &balance));
   if (PetscIsInfOrNanReal(diag.kinetic_energy)) PetscCall(stop_unsolved(s, KSP_DIVERGED_NANORINF, its));
   PetscCall(add_seconds(s, MONITOR_OUTPUT, &t));
   PetscCall(PetscLogStagePop());
@@ -237,7 +238,7 @@ static PetscErrorCode finish_step(Sim s, PetscReal dt, PetscInt its, PetscLogDou
   s->step++;
   s->has_acceleration = PETSC_TRUE;
   PetscCall(PetscLogStagePush(TB_STAGE_OUTPUT));
-  PetscCall(report(s, &diag, momentum_error, dt, its, t - start));
+  PetscCall(report(s, &diag, balance.error, dt, its, t - start));
   PetscCall(PetscLogStagePop());
   PetscCall(add_seconds(s, MONITOR_OUTPUT, &t));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -363,6 +364,7 @@ PetscErrorCode SimRun(Sim s)
   PetscCall(MonitorBalance(s->part.monitor, "ghost_nodes", l->nnode_all - l->nnode));
   PetscCall(MonitorBalance(s->part.monitor, "body_cells", ncut));
   PetscCall(MonitorBalance(s->part.monitor, "bodies", nbodies));
+  PetscCall(ProbeFinish(s->part.probe));
   PetscCall(FlowGetMatrix(s->part.flow, &S));
   PetscCall(MonitorYardstick(s->part.monitor, S));
   PetscCall(MonitorFinish(s->part.monitor, s->part.scene, l->ncell_global, unknowns, s->step, s->time));

@@ -39,6 +39,9 @@ static void test_extremum(void **state)
   OK(HistoryGetExtremum(h, 0, -1, 0, 0.2, &time, &value, &found)); /* on the rising flank the extreme sample is at the end, and is the answer */
   NEAR(time, 0, 0);
   NEAR(value, 0.3, 0);
+  OK(HistoryGetExtremum(h, 0, -1, 0.1, 0.2, &time, &value, &found)); /* so it is when the range begins inside */
+  NEAR(value, 0.3 + PetscSinReal(2 * PETSC_PI * time) + 0.2 * time, 1e-14);
+  assert_true(time >= 0.1);
   OK(HistoryGetExtremum(h, 1, 1, 1, 3, &time, &value, &found));
   assert_true(found && value == -time && time >= 1);
   OK(HistoryGetExtremum(h, 0, 1, 100, 200, &time, &value, &found));

@@ -192,6 +192,42 @@ static void assert_starts(const char text[], const char wanted[])
 
 /* ---- cases ---- */
 
+/* Columns of other modules follow the monitor's own, and hold the last value that was set */
+static void columns_are_added(void **state)
+{
+  Bodies      bodies = create_bodies();
+  Monitor     m;
+  char        dir[PETSC_MAX_PATH_LEN];
+  const char *text;
+  PetscInt    drag, lift;
+
+  (void)state;
+  OK(PetscSNPrintf(dir, PETSC_MAX_PATH_LEN, "%s/columns", root));
+  if (my_rank() == 0) OK(PetscMkdir(dir));
+  OK(PetscBarrier(NULL));
+  OK(MonitorCreate(bodies, &m));
+  OK(MonitorAddColumn(m, "drag", &drag));
+  OK(MonitorAddColumn(m, "lift", &lift));
+  OK(MonitorOpen(m, dir));
+  for (PetscInt step = 1; step <= 2; step++) {
+    MonitorStep s = make_step(step);
+
+    if (step == 1) OK(MonitorSetColumn(m, lift, 0.1));
+    OK(MonitorSetColumn(m, drag, 1.0 / step));
+    OK(MonitorWrite(m, &s, 0.25));
+  }
+  OK(MonitorDestroy(&m));
+  OK(BodiesDestroy(&bodies));
+  text = read_text(dir, "series.csv");
+  if (my_rank() == 0) {
+    for (PetscInt line = 0; line < 3; line++) {
+      const char *const want[] = {",drag,lift\n", ",1,0.1\n", ",0.5,0.1\n"}, *at = line_number(text, line), *end = strchr(at, '\n') + 1;
+
+      assert_memory_equal(end - strlen(want[line]), want[line], strlen(want[line]));
+    }
+  }
+}
+
 static void files_hold_every_step(void **state)
 {
   char        dir[PETSC_MAX_PATH_LEN];
@@ -455,9 +491,16 @@ static void remove_root(void)
 int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {
-    cmocka_unit_test(files_hold_every_step),     cmocka_unit_test(unreported_steps_are_tracked), cmocka_unit_test(summary_has_its_keys),
-    cmocka_unit_test(options_are_kept),          cmocka_unit_test(progress_fits_on_a_page),      cmocka_unit_test(many_bodies_are_written_on_request),
-    cmocka_unit_test(balance_is_over_the_ranks), cmocka_unit_test(yardstick_on_request),         cmocka_unit_test(unwritable_directory_is_named),
+    cmocka_unit_test(files_hold_every_step),
+    cmocka_unit_test(columns_are_added),
+    cmocka_unit_test(unreported_steps_are_tracked),
+    cmocka_unit_test(summary_has_its_keys),
+    cmocka_unit_test(options_are_kept),
+    cmocka_unit_test(progress_fits_on_a_page),
+    cmocka_unit_test(many_bodies_are_written_on_request),
+    cmocka_unit_test(balance_is_over_the_ranks),
+    cmocka_unit_test(yardstick_on_request),
+    cmocka_unit_test(unwritable_directory_is_named),
   };
   int failed;
 
