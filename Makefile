@@ -36,7 +36,7 @@ CMOCKA      = $(call once,CMOCKA,$(PKG) --cflags --libs cmocka)
 MPIEXEC    ?= $(call once,MPIEXEC,mpiexec --version | grep -qE 'Open MPI|OpenRTE' && echo mpiexec --oversubscribe --bind-to none || echo mpiexec)
 , := ,
 
-COMPILE = $(CC) -std=gnu11 -g $(OPT) -Wall -Wextra -fPIC -MMD -MP -Iinclude -I$(BUILD) -DTB_SHAPE_PATH='"$(abspath $(BUILD)/shapes)"' $(PETSC_FLAGS) $(CFLAGS)
+COMPILE = $(CC) -std=gnu11 -g $(OPT) -Wall -Wextra -fPIC -MMD -MP -Iinclude -I$(BUILD) $(PETSC_FLAGS) $(CFLAGS)
 LIBS    = $(PETSC_LIBS) $(PETSC_RPATH) -lmetis -lyaml -ldl -lm $(LDFLAGS)
 TUMBLE  = -L$(BUILD) -ltumble -Wl,-rpath,'$$ORIGIN/..'
 ENTER   = $(Q)$(if $(Q),printf '  %-5s %s\n' $1 $@; )mkdir -p $(@D) &&

@@ -17,10 +17,6 @@
 #include <stdlib.h>
 #include <unistd.h>
 
-#if !defined(TB_SHAPE_PATH)
-  #define TB_SHAPE_PATH "build/shapes"
-#endif
-
 #define MAX_PLUGINS 64
 #define MAX_OPTIONS 32
 #define MAX_PATHS   4096
@@ -100,7 +96,7 @@ static PetscErrorCode FindOwnFolder(char folder[], size_t len)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* All folders to search, joined by colons: -shape_path, the compiled-in folder, the one beside the library. */
+/* All folders to search, joined by colons: -shape_path, then the one beside the library. */
 static PetscErrorCode GetPath(char path[], size_t len)
 {
   char user[MAX_PATHS] = "", own[PETSC_MAX_PATH_LEN];
@@ -108,7 +104,7 @@ static PetscErrorCode GetPath(char path[], size_t len)
   PetscFunctionBeginUser;
   PetscCall(OptString("-shape_path", "Folders to search for shape plugins, separated by colons, before the program's own", user, sizeof(user)));
   PetscCall(FindOwnFolder(own, sizeof(own)));
-  PetscCall(PetscSNPrintf(path, len, "%s%s%s:%s", user, user[0] ? ":" : "", TB_SHAPE_PATH, own));
+  PetscCall(PetscSNPrintf(path, len, "%s%s%s", user, user[0] ? ":" : "", own));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -44,7 +44,7 @@ static PetscErrorCode DifferenceChunk(Shape s, PetscReal h, PetscInt dim, PetscI
   PetscInt  m = 0;
 
   PetscFunctionBeginUser;
-  if (n < 1) PetscFunctionReturn(PETSC_SUCCESS);
+  if (n < 1 || dim < 1) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt i = 0; i < n; i++)
     for (PetscInt a = 0; a < 2 * dim; a++, m++) {
       for (PetscInt b = 0; b < dim; b++) p[m * dim + b] = x[i * dim + b] + shift[b];
