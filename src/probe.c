@@ -166,7 +166,7 @@ static PetscErrorCode read_pressure(Probe b, const Point *point, const PetscReal
 
 static PetscErrorCode read_points(Probe b)
 {
-  const PetscInt dim = b->loc->dim;
+  const PetscInt dim  = b->loc->dim;
   PetscReal      x[6] = {0}, *zero, unused;
   PetscInt       n;
 
