@@ -8,6 +8,9 @@
 
 typedef struct _p_Boundary *Boundary;
 
+/* A vector field: v [dim] at point x [dim] and a time (0 in steady problems). Not collective. */
+typedef PetscErrorCode (*VectorField)(void *ctx, PetscReal time, const PetscReal x[], PetscReal v[]);
+
 /* Read the conditions. Collective. Errors: inflow or moving wall without velocity, slip on a boundary that is no plane along an axis. */
 PetscErrorCode BoundaryCreate(Mesh, Boundary *);
 PetscErrorCode BoundaryDestroy(Boundary *);
@@ -15,6 +18,8 @@ PetscErrorCode BoundaryView(Boundary, PetscViewer);
 /* Evaluate the prescribed values at a time; PETSC_MAX_REAL: those of the steady state, after all ramps. Local.
    Error: a steady state is wanted and a boundary never stops changing (_factor). */
 PetscErrorCode BoundarySetTime(Boundary, PetscReal time);
+/* Prescribed components everywhere follow a field in place of the conditions' own values, from the next BoundarySetTime on; for verification. NULL: back. */
+PetscErrorCode BoundarySetField(Boundary, VectorField, void *ctx);
 /* Prescribed components: fixed [nnode_all] bit mask, value [nnode_all][dim] (may be NULL). Borrowed. */
 PetscErrorCode BoundaryGetValues(Boundary, const PetscInt *fixed[], const PetscReal *value[]);
 /* The prescribed components that belong to walls (no_slip, moving_wall, slip) and not to an inflow: [nnode_all] bit mask. Borrowed. */

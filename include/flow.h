@@ -8,12 +8,15 @@
    be:   c_t = 1/dt,     d = u^n/dt,                      theta = 1,   w = u^n
    cn:   c_t = 1/dt,     d = u^n/dt,                      theta = 1/2, w = (3u^n - u^{n-1})/2, p at the middle of the step
    bdf2: c_t = 3/(2dt),  d = (2u^n - u^{n-1}/2)/dt,       theta = 1,   w = 2u^n - u^{n-1}   (variable step: the usual generalisation)
-   The first step of cn and bdf2 extrapolates from one field (bdf2: one step of be).
+   fstheta: three substeps of lengths a dt, (1 - 2a) dt, a dt with a = 1 - sqrt(1/2), each with its own pressure, c_t = 1/length, d = u^n/length, theta = (1 - 2a)/(1 - a) in the first and
+           the last and a/(1 - a) in the middle one (Bristeau, Glowinski, Periaux 1987; Turek 1999, section 3.2), w extrapolated to the point theta of the substep. Here n is the
+           beginning of the substep. c_t/theta is the same in all three.
+   The first step of cn, bdf2 and fstheta extrapolates from one field (bdf2: one step of be).
 
    The velocity operator is the same scalar matrix S = rho c_t M + theta (rho C(w) + mu K) for every component. Nodal arrays are [nnode_all][dim], velocity in length/time;
    pressure arrays [own cells][dim + 1].
 
-   Options: -flow_density, -flow_viscosity (dynamic), -flow_gravity, -flow_force (per volume), -flow_time be|cn|bdf2, -flow_convection; boundary conditions: boundary.h. */
+   Options: -flow_density, -flow_viscosity (dynamic), -flow_gravity, -flow_force (per volume), -flow_time be|cn|bdf2|fstheta, -flow_convection; boundary conditions: boundary.h. */
 #pragma once
 #include "boundary.h"
 #include "mesh.h"
@@ -48,13 +51,18 @@ PetscErrorCode FlowGetMesh(Flow, Mesh *);
    Error: a cell of the fluid with a Jacobian that is not positive. */
 PetscErrorCode FlowUpdateCells(Flow, PetscInt n, const PetscInt cells[], const PetscInt cell_body[]);
 
-/* Begin the step that ends at time and has length dt: sets the coefficients. */
+/* Parts into which the scheme divides a time step, to be taken one after another: fraction [n], sum 1. */
+PetscErrorCode FlowGetSubsteps(Flow, PetscInt *n, const PetscReal *fraction[]);
+/* Begin the step (or substep) that ends at time and has length dt: sets the coefficients. */
 PetscErrorCode FlowBeginStep(Flow, PetscReal time, PetscReal dt);
 PetscErrorCode FlowGetStep(Flow, const FlowStep **);
 /* Steady problem in place of a step: theta = 1, dt = 0, convection with u^n until FlowSetConvection, c_t = rate of a pseudo-time that starts from u^n (0: none). */
 PetscErrorCode FlowBeginSteady(Flow, PetscReal rate);
 /* Convecting velocity w of the next FlowAssemble, [nnode_all][dim] synced. Local. */
 PetscErrorCode FlowSetConvection(Flow, const PetscReal w[]);
+
+/* Body force per volume that varies, in addition to -flow_force, taken at the nodes and interpolated; for verification. NULL: none. From the next BeginStep on. */
+PetscErrorCode FlowSetSource(Flow, VectorField, void *ctx);
 
 /* The boundary conditions, set to the time of the step. Borrowed. */
 Boundary FlowBoundary(Flow);

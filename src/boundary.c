@@ -28,6 +28,8 @@ struct _p_Boundary {
   Condition       *condition;
   PetscReal       *value;
   PetscBool        floating;
+  VectorField      field; /* in place of the conditions' values */
+  void            *field_ctx;
 };
 
 static const char *const BC_TYPES[] = {"no_slip", "moving_wall", "rotating_wall", "inflow", "outflow", "slip", NULL};
@@ -162,6 +164,22 @@ static PetscReal boundary_profile(const Condition *bc, PetscInt dim, const Petsc
   return value;
 }
 
+static PetscErrorCode evaluate_field(Boundary f, PetscReal time)
+{
+  const PetscInt dim = f->loc->dim;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < f->loc->nnode_all; i++) {
+    PetscReal v[3];
+
+    if (!f->fixed[i]) continue;
+    PetscCall(f->field(f->field_ctx, time, f->loc->x + i * dim, v));
+    for (PetscInt a = 0; a < dim; a++)
+      if ((f->fixed[i] >> a) & 1) f->value[i * dim + a] = v[a];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode check_steady(Boundary f, PetscInt b, PetscReal time)
 {
   const PetscReal *factor = f->condition[b].factor;
@@ -197,7 +215,8 @@ PetscErrorCode BoundarySetTime(Boundary f, PetscReal time)
   const PetscInt            dim     = f->loc->dim;
 
   PetscFunctionBeginUser;
-  for (PetscInt pass = 0; pass < 5; pass++) {
+  if (f->field) PetscCall(evaluate_field(f, time < PETSC_MAX_REAL ? time : 0));
+  for (PetscInt pass = 0; pass < 5 && !f->field; pass++) {
     for (PetscInt b = 0; b < f->n; b++) {
       const Condition *bc = f->condition + b;
       const PetscInt  *node;
@@ -269,6 +288,14 @@ PetscErrorCode BoundaryGetWalls(Boundary f, const PetscInt *wall[])
 {
   PetscFunctionBeginUser;
   *wall = f->wall;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BoundarySetField(Boundary f, VectorField field, void *ctx)
+{
+  PetscFunctionBeginUser;
+  f->field     = field;
+  f->field_ctx = ctx;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

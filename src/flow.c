@@ -16,8 +16,8 @@ struct _p_Flow {
   const MeshLocal *loc;
   FlowParameters   par;
   FlowStep         step;
-  PetscInt         scheme, nsteps;
-  PetscReal        dt_old, ahead; /* extrapolation of w in units of the old step */
+  PetscInt         scheme, nsteps, substep; /* steps taken; part of the time step that comes next */
+  PetscReal        dt_old, ahead;           /* extrapolation of w in units of the old step */
   Boundary         boundary;
   ElementTables    element;
   /* geometry of the cells */
@@ -35,9 +35,23 @@ struct _p_Flow {
   const PetscReal *term;
   /* fields */
   PetscReal *u, *u_old, *w, *p;
+  /* body force of FlowSetSource: its weighted mean over the step [nnode_all][dim] (NULL: none) */
+  VectorField source_field;
+  void       *source_ctx;
+  PetscReal  *source;
 };
 
-static const char *const SCHEMES[] = {"be", "cn", "bdf2", NULL};
+/* Orders of the names below */
+enum {
+  SCHEME_BE,
+  SCHEME_CN,
+  SCHEME_BDF2,
+  SCHEME_FSTHETA
+};
+
+#define FSTHETA 0.29289321881345247560 /* 1 - sqrt(1/2) */
+
+static const char *const SCHEMES[] = {"be", "cn", "bdf2", "fstheta", NULL};
 
 /* ---- geometry ---- */
 
@@ -339,7 +353,7 @@ PetscErrorCode FlowRhs(Flow f, PetscReal r[])
       for (PetscInt a = 0; a < dim; a++) {
         const PetscInt i = node[j] * dim + a;
 
-        al[j * dim + a] = -(s->d0 * f->u[i] + s->d1 * f->u_old[i]);
+        al[j * dim + a] = -(s->d0 * f->u[i] + s->d1 * f->u_old[i]) - (f->source ? f->source[i] / f->par.density : 0);
         vl[j * dim + a] = (1 - s->theta) * f->u[i];
         wl[j * dim + a] = f->w[i];
       }
@@ -432,7 +446,7 @@ static PetscErrorCode read_parameters(Flow f)
   p->density    = 1;
   p->viscosity  = 0.01;
   p->convection = PETSC_TRUE;
-  f->scheme     = 2;
+  f->scheme     = SCHEME_BDF2;
   PetscCall(OptReal("-flow_density", "density of the fluid", "mass/length^dim", OPT_POSITIVE, PETSC_MAX_REAL, &p->density));
   PetscCall(OptReal("-flow_viscosity", "dynamic viscosity of the fluid", "mass/(length time)", OPT_POSITIVE, PETSC_MAX_REAL, &p->viscosity));
   PetscCall(OptRealArray("-flow_gravity", "acceleration of gravity (acts on bodies through M - M_f)", "length/time^2", PETSC_MIN_REAL, PETSC_MAX_REAL,
@@ -519,6 +533,7 @@ PetscErrorCode FlowDestroy(Flow *flow)
   PetscCall(PetscFree(f->u));
   PetscCall(PetscFree(f->u_old));
   PetscCall(PetscFree(f->w));
+  PetscCall(PetscFree(f->source));
   PetscCall(PetscFree(f->p));
   PetscCall(PetscFree(*flow));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -548,6 +563,43 @@ PetscErrorCode FlowGetMesh(Flow f, Mesh *mesh)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode FlowGetSubsteps(Flow f, PetscInt *n, const PetscReal *fraction[])
+{
+  static const PetscReal whole[1] = {1}, parts[3] = {FSTHETA, 1 - 2 * FSTHETA, FSTHETA};
+
+  PetscFunctionBeginUser;
+  *n        = f->scheme == SCHEME_FSTHETA ? 3 : 1;
+  *fraction = f->scheme == SCHEME_FSTHETA ? parts : whole;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSetSource(Flow f, VectorField field, void *ctx)
+{
+  PetscFunctionBeginUser;
+  f->source_field = field;
+  f->source_ctx   = ctx;
+  PetscCall(PetscFree(f->source));
+  if (field) PetscCall(PetscCalloc1(f->loc->nnode_all * f->loc->dim, &f->source));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* theta times the source at the end of the step + (1 - theta) times that at its beginning */
+static PetscErrorCode evaluate_source(Flow f)
+{
+  const PetscInt  dim = f->loc->dim;
+  const FlowStep *s   = &f->step;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < f->loc->nnode_all && f->source; i++) {
+    PetscReal end[3], begin[3] = {0, 0, 0};
+
+    PetscCall(f->source_field(f->source_ctx, s->time, f->loc->x + i * dim, end));
+    if (s->theta < 1) PetscCall(f->source_field(f->source_ctx, s->time - s->dt, f->loc->x + i * dim, begin));
+    for (PetscInt a = 0; a < dim; a++) f->source[i * dim + a] = s->theta * end[a] + (1 - s->theta) * begin[a];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowBeginStep(Flow f, PetscReal time, PetscReal dt)
 {
   FlowStep       *s     = &f->step;
@@ -560,20 +612,22 @@ PetscErrorCode FlowBeginStep(Flow f, PetscReal time, PetscReal dt)
   s->ct    = 1 / dt;
   s->d0    = 1 / dt;
   s->d1    = 0;
-  s->theta = f->scheme == 1 ? 0.5 : 1;
+  s->theta = 1;
   s->order = 1;
   f->ahead = 0;
-  if (f->scheme == 2 && !first) {
+  if (f->scheme == SCHEME_BDF2 && !first) {
     s->ct    = (1 + 2 * r) / ((1 + r) * dt);
     s->d0    = (1 + r) / dt;
     s->d1    = -r * r / ((1 + r) * dt);
     f->ahead = r;
     s->order = 2;
-  } else if (f->scheme == 1) {
-    f->ahead = 0.5 * r;
+  } else if (f->scheme == SCHEME_CN || f->scheme == SCHEME_FSTHETA) {
+    s->theta = f->scheme == SCHEME_CN ? 0.5 : (f->substep == 1 ? FSTHETA : 1 - 2 * FSTHETA) / (1 - FSTHETA);
+    f->ahead = s->theta * r;
     s->order = first ? 1 : 2;
   }
   extrapolate_convection(f);
+  PetscCall(evaluate_source(f));
   PetscCall(BoundarySetTime(f->boundary, time));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -590,7 +644,9 @@ PetscErrorCode FlowBeginSteady(Flow f, PetscReal rate)
   s->d1    = 0;
   s->theta = 1;
   s->order = 1;
+  f->ahead = 0;
   PetscCall(FlowSetConvection(f, f->u));
+  PetscCall(evaluate_source(f));
   PetscCall(BoundarySetTime(f->boundary, PETSC_MAX_REAL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -682,6 +738,7 @@ PetscErrorCode FlowAcceptStep(Flow f, const PetscReal u[], const PetscReal p[])
   PetscCall(PetscArraycpy(f->p, p, f->loc->ncell * (f->loc->dim + 1)));
   f->dt_old = f->step.dt;
   f->nsteps++;
+  f->substep = f->scheme == SCHEME_FSTHETA ? (f->substep + 1) % 3 : 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -696,6 +753,7 @@ PetscErrorCode FlowVisitState(void *flow, State state)
   PetscCall(StateCells(state, "pressure", dim + 1, f->p));
   PetscCall(StateReals(state, "dt_old", 1, &f->dt_old));
   PetscCall(StateInts(state, "steps", 1, &f->nsteps));
+  PetscCall(StateInts(state, "substep", 1, &f->substep));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -711,7 +769,7 @@ static void gather_step(const struct _p_Flow *f, PetscInt c, const PetscReal u[]
     for (PetscInt a = 0; a < l->dim; a++) {
       const PetscInt i = l->cell_node[c * l->nb + j] * l->dim + a, k = j * l->dim + a;
 
-      al[k] = s->ct * u[i] - s->d0 * f->u[i] - s->d1 * f->u_old[i];
+      al[k] = s->ct * u[i] - s->d0 * f->u[i] - s->d1 * f->u_old[i] - (f->source ? f->source[i] / f->par.density : 0);
       vl[k] = s->theta * u[i] + (1 - s->theta) * f->u[i];
       wl[k] = f->w[i];
     }

@@ -807,6 +807,32 @@ static PetscErrorCode add_known_soft(FlowSolver fs, const PetscReal c[], PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Where the pressure has an undetermined constant, the flux of the prescribed velocity c through the boundary must vanish. What interpolation and round-off leave of it is spread
+   over all cells. */
+static PetscErrorCode spread_net_flux(FlowSolver fs, const PetscReal c[])
+{
+  const MeshLocal *l    = fs->loc;
+  PetscReal        flux = 0, speed = 0, length = 0;
+  const PetscReal *b;
+  MatNullSpace     constant;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatGetNullSpace(fs->nest, &constant));
+  if (!constant) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(VecGetArrayRead(fs->b, &b));
+  for (PetscInt i = fs->nur; i < fs->nur + fs->np; i += l->dim + 1) flux += b[i] / fs->scale;
+  PetscCall(VecRestoreArrayRead(fs->b, &b));
+  for (PetscInt i = 0; i < fs->nodal; i++) speed = PetscMax(speed, PetscAbsReal(c[i]));
+  for (PetscInt d = 0; d < l->dim; d++) length = PetscMax(length, l->upper[d] - l->lower[d]);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &flux, 1, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &speed, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCheck(PetscAbsReal(flux) <= 1e-3 * speed * PetscPowRealInt(length, l->dim - 1), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "The prescribed velocities let a net volume of %g per time into a domain without outflow: give a boundary -flow_bc_<boundary>_type outflow, or velocities that balance",
+             (double)flux);
+  PetscCall(MatNullSpaceRemove(constant, fs->b));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* b = [P^T (r - A c) + g; -B c] */
 static PetscErrorCode build_rhs(FlowSolver fs, const PetscReal r[], const PetscReal g[])
 {
@@ -833,6 +859,7 @@ static PetscErrorCode build_rhs(FlowSolver fs, const PetscReal r[], const PetscR
   PetscCall(FlowDivergence(fs->flow, c, b + fs->nur));
   for (PetscInt i = fs->nur; i < fs->nur + fs->np; i++) b[i] *= -fs->scale;
   PetscCall(VecRestoreArray(fs->b, &b));
+  PetscCall(spread_net_flux(fs, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

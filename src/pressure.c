@@ -15,6 +15,7 @@ struct _p_Pressure {
   PetscReal        eps;
   PetscBool        smoothers_set, two_level; /* the default preconditioner: PCMG with levels P1 discontinuous -> Q1 */
   Mat              matrix, shell, interpolation, coarse;
+  PetscBool        definite;                  /* the coarse operator has got its share of the diagonal */
   PetscInt        *neighbour_ptr, *neighbour; /* [ncell + 1]; local cells that share a node with a cell */
   PetscReal       *weight;                    /* as of the last update; zero before the first */
   PetscInt        *vertex;                    /* [nnode_all] global number of the vertex at a node, or -1 */
@@ -564,6 +565,23 @@ static PetscErrorCode update_coarse(Pressure p, const PetscReal weight[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Where the pressure is known up to a constant, the coarse operator is singular but for round-off, and a solver that reduces it to a single unknown divides by that. A small share
+   of the diagonal, put in once, keeps it definite; what it does to the constant is projected out. */
+static PetscErrorCode make_coarse_definite(Pressure p)
+{
+  Vec diagonal;
+
+  PetscFunctionBeginUser;
+  if (!p->floating || p->definite) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(MatCreateVecs(p->coarse, &diagonal, NULL));
+  PetscCall(MatGetDiagonal(p->coarse, diagonal));
+  PetscCall(VecScale(diagonal, 1e-7));
+  PetscCall(MatDiagonalSet(p->coarse, diagonal, ADD_VALUES));
+  PetscCall(VecDestroy(&diagonal));
+  p->definite = PETSC_TRUE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode create_coarse(Pressure p)
 {
   const PetscInt room = p->loc->dim == 2 ? 25 : 125; /* vertices within two cells */
@@ -741,6 +759,7 @@ PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscR
   if (flags[0]) {
     PetscCall(update_matrix(p, weight, nold, old));
     if (p->two_level) PetscCall(update_coarse(p, weight));
+    if (p->two_level) PetscCall(make_coarse_definite(p));
     PetscCall(PetscArraycpy(p->weight, weight, p->loc->nnode_all * p->loc->dim));
   }
   PetscCall(PetscFree(old));

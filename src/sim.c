@@ -6,10 +6,13 @@
 #include "opt.h"
 
 struct _p_Sim {
-  SimParts   part;
-  BodyState *s;
-  PetscReal  dt, dt_old, time_end, time;
-  PetscInt   steps_max, step;
+  SimParts        part;
+  BodyState      *s;
+  PetscReal       dt, dt_old, time_end, time; /* dt_old: the step before, with sub-steps the part before */
+  PetscInt        steps_max, step;
+  PetscInt        its; /* outer iterations of the time step so far */
+  FlowDiagnostics diag;
+  CoupleBalance   balance;
   PetscReal (*a)[3], (*alpha)[3]; /* acceleration of the bodies without contact, for the sub-steps of contact */
   PetscBool has_acceleration, renew;
   Vec       u_out, p_out;
@@ -206,13 +209,11 @@ static PetscErrorCode report(Sim s, const FlowDiagnostics *diag, PetscReal momen
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* What follows a solve of `its` iterations: forces, bodies moved, reports. start: clock at the beginning of the step */
-static PetscErrorCode finish_step(Sim s, PetscReal dt, PetscInt its, PetscLogDouble start)
+/* What follows a solve of `its` iterations over dt, a time step or a part of one: forces, diagnostics, bodies moved */
+static PetscErrorCode finish_part(Sim s, PetscReal dt, PetscInt its)
 {
   PetscLogDouble   t;
-  FlowDiagnostics  diag;
   const PetscReal *u, *p;
-  CoupleBalance    balance;
 
   PetscFunctionBeginUser;
   PetscCall(PetscTime(&t));
@@ -222,10 +223,10 @@ static PetscErrorCode finish_step(Sim s, PetscReal dt, PetscInt its, PetscLogDou
   PetscCall(PetscLogStagePop());
   PetscCall(PetscLogStagePush(TB_STAGE_OUTPUT));
   PetscCall(CoupleGetSolution(s->part.couple, &u, &p));
-  PetscCall(FlowDiagnose(s->part.flow, u, &diag));
-  PetscCall(CoupleMomentum(s->part.couple, diag.momentum_rate, &balance));
-  PetscCall(ProbeStep(s->part.probe, &balance));
-  if (PetscIsInfOrNanReal(diag.kinetic_energy)) PetscCall(stop_unsolved(s, KSP_DIVERGED_NANORINF, its));
+  PetscCall(FlowDiagnose(s->part.flow, u, &s->diag));
+  PetscCall(CoupleMomentum(s->part.couple, s->diag.momentum_rate, &s->balance));
+  PetscCall(ProbeStep(s->part.probe, &s->balance));
+  if (PetscIsInfOrNanReal(s->diag.kinetic_energy)) PetscCall(stop_unsolved(s, KSP_DIVERGED_NANORINF, its));
   PetscCall(add_seconds(s, MONITOR_OUTPUT, &t));
   PetscCall(PetscLogStagePop());
   PetscCall(PetscLogStagePush(TB_STAGE_BODIES));
@@ -235,24 +236,35 @@ static PetscErrorCode finish_step(Sim s, PetscReal dt, PetscInt its, PetscLogDou
   PetscCall(add_seconds(s, MONITOR_PARTICLE, &t));
   s->time += dt;
   s->dt_old = dt;
-  s->step++;
+  s->its += its;
   s->has_acceleration = PETSC_TRUE;
-  PetscCall(PetscLogStagePush(TB_STAGE_OUTPUT));
-  PetscCall(report(s, &diag, balance.error, dt, its, t - start));
-  PetscCall(PetscLogStagePop());
-  PetscCall(add_seconds(s, MONITOR_OUTPUT, &t));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode take_step(Sim s, PetscReal dt)
+/* Count and report the time step dt that began at the clock `start` */
+static PetscErrorCode finish_step(Sim s, PetscReal dt, PetscLogDouble start)
 {
-  PetscLogDouble     t, start;
+  PetscLogDouble t;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscTime(&t));
+  s->step++;
+  PetscCall(PetscLogStagePush(TB_STAGE_OUTPUT));
+  PetscCall(report(s, &s->diag, s->balance.error, dt, s->its, t - start));
+  PetscCall(PetscLogStagePop());
+  PetscCall(add_seconds(s, MONITOR_OUTPUT, &t));
+  s->its = 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode take_part(Sim s, PetscReal dt)
+{
+  PetscLogDouble     t;
   PetscInt           its;
   KSPConvergedReason reason;
 
   PetscFunctionBeginUser;
   PetscCall(PetscTime(&t));
-  start = t;
   PetscCall(FlowBeginStep(s->part.flow, s->time + dt, dt));
   PetscCall(PetscLogStagePush(TB_STAGE_BODIES));
   if (s->s->n) {
@@ -267,7 +279,23 @@ static PetscErrorCode take_step(Sim s, PetscReal dt)
   PetscCall(PetscLogStagePop());
   PetscCall(add_seconds(s, MONITOR_NSE, &t));
   if (reason < 0) PetscCall(stop_unsolved(s, reason, its));
-  PetscCall(finish_step(s, dt, its, start));
+  PetscCall(finish_part(s, dt, its));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* One time step in the parts that the scheme wants */
+static PetscErrorCode take_step(Sim s, PetscReal dt)
+{
+  PetscLogDouble   start;
+  PetscInt         n;
+  const PetscReal *fraction;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscTime(&start));
+  PetscCall(FlowGetSubsteps(s->part.flow, &n, &fraction));
+  for (PetscInt i = 0; i < n; i++) PetscCall(take_part(s, fraction[i] * dt));
+  s->diag.cfl /= fraction[n - 1]; /* that of the whole step */
+  PetscCall(finish_step(s, dt, start));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -284,20 +312,24 @@ static PetscErrorCode solve_steady(Sim s)
   PetscCall(PetscLogStagePop());
   PetscCall(add_seconds(s, MONITOR_NSE, &t));
   PetscCall(MonitorQuantity(s->part.monitor, "nonlinear_iterations", its));
-  PetscCall(finish_step(s, 0, linear, start));
+  PetscCall(finish_part(s, 0, linear));
+  PetscCall(finish_step(s, 0, start));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode SimSetUp(Sim s)
 {
-  FlowSolver solver;
+  FlowSolver       solver;
+  PetscInt         n;
+  const PetscReal *fraction;
 
   PetscFunctionBeginUser;
   if (s->part.steady) {
     PetscCall(SteadySetUp(s->part.steady));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  PetscCall(FlowBeginStep(s->part.flow, s->time + s->dt, s->dt));
+  PetscCall(FlowGetSubsteps(s->part.flow, &n, &fraction));
+  PetscCall(FlowBeginStep(s->part.flow, s->time + fraction[0] * s->dt, fraction[0] * s->dt));
   PetscCall(CoupleDraw(s->part.couple));
   PetscCall(FlowAssemble(s->part.flow));
   PetscCall(CoupleGetSolver(s->part.couple, &solver));
