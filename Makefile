@@ -49,7 +49,7 @@ SCRIPTS  = $(shell grep -lE '^\#!.*python3' tools/*) $(wildcard tools/*.py tests
 
 .DEFAULT_GOAL := all
 .DELETE_ON_ERROR:
-.PHONY: all tests shapes demo bench check check-unit check-e2e demo-now check-now check-unit-now check-e2e-now style format test-shape install deps clean help FORCE
+.PHONY: all tests shapes demo bench validate check check-unit check-e2e demo-now check-now check-unit-now check-e2e-now style format test-shape install deps clean help FORCE
 
 all: $(BUILD)/tumble shapes ## build the program and the shapes (default)
 shapes: $(SHAPES)           ## build the shape plugins only
@@ -98,6 +98,8 @@ test-shape: all $(BUILD)/tests/conformance ## conformance suite on one plugin: S
 	$(BUILD)/tests/conformance $(SHAPE) $(ARGS)
 bench: all ## benchmarks, appended to runs/bench/results.csv (ARGS="--quick", ARGS="--only cavity --cells 55225 --ranks 1"; 'tools/bench --help')
 	$(PYTHON) tools/bench $(ARGS)
+validate: all ## long comparisons of the scenes with their references, one table (ARGS="cylinder-2d1", ARGS="--longest 2"; 'tools/validate --help')
+	$(PYTHON) tools/validate $(ARGS)
 style: ## layers, text, formatting, scripts that compile
 	tools/check-layers
 	tools/check-text

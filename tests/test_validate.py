@@ -1,0 +1,68 @@
+"""tools/validate: values are taken from the run, judged, and mistakes in a declaration are told."""
+import csv
+import subprocess
+import sys
+
+from conftest import ROOT, SCENE, environment
+
+CASE = """\
+[disc]
+scene = "{scene}"
+options = "-sim_steps 3"
+minutes = 0.1
+source = "book"
+quantities = [
+  {{ value = "steps", reference = 3, tolerance = 0 }},
+  {{ name = "fall", value = "-body(0).last('v') / body(0).smallest('v')", reference = -1, relative = 1e-9, source = "paper" }},
+  {{ value = "at('time_s', 0.0125) + first('time_s') + mean('time_s', 0.007)", reference = 0.03, relative = 1e-6 }},
+  {{ value = "unknowns", at_most = 10 }},
+  {{ value = "unknowns", at_least = 10 }},
+  {{ value = "nothing", reference = 1, tolerance = 1 }},
+]
+"""
+
+
+def validate(folder, program, *args):
+    words = ["--cases", str(folder), "--results", str(folder / "results"), "--build", str(program.parent)]
+    return subprocess.run([sys.executable, str(ROOT / "tools" / "validate"), *words, *args], cwd=folder, env=environment(), capture_output=True, text=True, timeout=120, check=False)
+
+
+def declare(folder, text=CASE):
+    (folder / "disc.yaml").write_text(SCENE)
+    (folder / "case.toml").write_text(text.format(scene=folder / "disc.yaml"))
+
+
+def test_verdicts(program, tmp_path):
+    declare(tmp_path)
+    done = validate(tmp_path, program)
+    assert done.returncode == 1, done.stdout + done.stderr
+    with open(tmp_path / "results" / "table.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["verdict"].split(" (")[0].split(":")[0] for row in rows] == ["within", "within", "within", "NOT within", "within", "not"], rows
+    assert rows[0]["ours"] == "3" and rows[1]["quantity"] == "fall" and [row["source"] for row in rows[:2]] == ["book", "paper"]
+    assert "1 cases, about 0 minutes" in done.stdout and done.stdout.endswith("4 within tolerance, 2 not\n")
+    shown = validate(tmp_path, program, "--show")
+    assert shown.returncode == 1 and shown.stdout.splitlines()[-7:] == done.stdout.splitlines()[-7:]
+
+
+def test_stopped_run(program, tmp_path):
+    declare(tmp_path, CASE.replace("-sim_steps 3", "-flow_viscosity -1"))
+    done = validate(tmp_path, program)
+    assert done.returncode == 1 and "0 within tolerance, 6 not" in done.stdout and "not: stopped: Option -flow_viscosity = -1" in done.stdout, done.stdout
+
+
+def test_mistakes(program, tmp_path):
+    cases = [
+        (CASE.replace("minutes", "hours"), (), "unknown key 'hours'"),
+        (CASE.replace("minutes = 0.1\n", ""), (), "key 'minutes' is missing"),
+        (CASE.replace("reference = 3, tolerance = 0", "reference = 3"), (), "'steps' needs tolerance (absolute) or relative"),
+        (CASE.replace("at_most = 10", "at_most = 10, at_least = 1"), (), "one of reference, at_most, at_least"),
+        (CASE, ("box",), "no case 'box' (there are: disc)"),
+        (CASE, ("--longest", "0.05"), "no case is left"),
+    ]
+    for text, args, phrase in cases:
+        declare(tmp_path, text)
+        done = validate(tmp_path, program, *args)
+        assert done.returncode == 2 and phrase in done.stderr, done.stderr
+    declare(tmp_path)
+    assert "-sim_steps 3" in validate(tmp_path, program, "--list").stdout
