@@ -48,6 +48,9 @@ PetscErrorCode ContactAdvanceAlone(Contact, PetscReal dt);
 PetscErrorCode ContactCountWork(Contact, PetscReal dt);
 PetscErrorCode ContactGetEnergy(Contact, PetscReal *stored, PetscReal *work);
 
+/* Refuse bodies that overlap a wall or another body in their present place, of which one at least can move away: names both and the overlap. Not collective. */
+PetscErrorCode ContactCheckStart(Contact);
+
 /* Effective mass of body k: (rho_s + rho_f) Vol in 2D, (rho_s + rho_f/2) Vol in 3D (added mass of a disc, a sphere), and effective inertia
    (rho_s + rho_f/10) times the inertia for unit density (space axes, as BodiesGetInertia; NULL: not wanted). The caller of ContactStep
    must use these for a and alpha: another inertia makes the loop of flow and contact unstable. */

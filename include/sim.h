@@ -4,6 +4,7 @@
 
    Options: -sim_steady (read by the scene), or -sim_dt, -sim_time (end), -sim_steps (at most; whichever comes first). */
 #pragma once
+#include "border.h"
 #include "checkpoint.h"
 #include "contact.h"
 #include "couple.h"
@@ -13,7 +14,7 @@
 #include "probe.h"
 #include "steady.h"
 
-/* The parts of a simulation, built by the scene; contact and bodies may be inactive but exist. Not owned. */
+/* The parts of a simulation, built by the scene; contact and bodies may be inactive but exist. Without a flow: flow and couple are NULL. Not owned. */
 typedef struct {
   const char *scene;
   Mesh        mesh;
@@ -21,6 +22,7 @@ typedef struct {
   Bodies      bodies;
   Couple      couple;
   Contact     contact;
+  Border      border;
   Output      output;
   Monitor     monitor;
   Probe       probe;

@@ -15,9 +15,9 @@
 #define CHUNK      256 /* points handled at a time on the stack */
 
 struct _p_Bodies {
-  BodyState  state;
-  PetscReal  lower[3], upper[3]; /* domain */
-  Placement *start;              /* [n] what prescribed motion starts from */
+  BodyState   state;
+  PetscReal   lower[3], upper[3]; /* domain */
+  Placement **start;              /* [ngroups][count] what prescribed motion starts from; NULL for groups that have none */
 };
 
 /* What the options of a group say about the start of its bodies. */
@@ -252,7 +252,7 @@ PetscBool BodiesIsFree(Bodies b, PetscInt k, PetscInt d)
 {
   const PetscInt bit = d < 3 ? BODY_FREE_X << d : BODY_FREE_ROTATION;
 
-  return (PetscBool)((b->state.group[b->state.body_group[k]].free & bit) && !(d == 3 && b->state.stopped[k]));
+  return (PetscBool)((b->state.group[b->state.body_group[k]].free & bit) && !(d == 3 && b->state.stopped[k]) && !b->state.gone[k]);
 }
 
 /* Nothing prescribed: the common case, which must cost nothing. The motion of a hole of the mesh is that of its boundary, which writes the state. */
@@ -261,7 +261,7 @@ static PetscBool nothing_known(Bodies b, PetscInt k)
   const PetscInt   all = BODY_FREE_X | BODY_FREE_Y | BODY_FREE_ROTATION | (b->state.dim == 3 ? BODY_FREE_Z : 0);
   const BodyGroup *g   = &b->state.group[b->state.body_group[k]];
 
-  return (PetscBool)((g->free == all && !b->state.stopped[k]) || g->hole);
+  return (PetscBool)((g->free == all && !b->state.stopped[k]) || g->hole || b->state.gone[k]);
 }
 
 PetscErrorCode BodiesGetArm(Bodies b, PetscInt k, const PetscReal q[], PetscReal arm[3])
@@ -279,11 +279,18 @@ PetscErrorCode BodiesGetArm(Bodies b, PetscInt k, const PetscReal q[], PetscReal
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static const Placement *start_of(Bodies b, PetscInt k)
+{
+  const PetscInt g = b->state.body_group[k];
+
+  return &b->start[g][k - b->state.group[g].first];
+}
+
 /* Orientation that is `turn` away from the start */
 static void turn_from_start(Bodies b, PetscInt k, const PetscReal turn[3], PetscReal q[4], PetscReal *angle)
 {
-  *angle = b->start[k].angle + turn[2];
-  RotationFromAngle(b->state.dim == 2 ? *angle : b->start[k].angle, q);
+  *angle = start_of(b, k)->angle + turn[2];
+  RotationFromAngle(b->state.dim == 2 ? *angle : start_of(b, k)->angle, q);
   if (b->state.dim == 3) RotationAdvance(1, turn, q);
 }
 
@@ -297,7 +304,7 @@ PetscErrorCode BodiesGetKnownVelocity(Bodies b, PetscInt k, PetscReal time, Pets
   PetscCall(PetscArraycpy(u, s->u[k], 3));
   PetscCall(PetscArraycpy(w, s->w[k], 3));
   if (nothing_known(b, k)) PetscFunctionReturn(PETSC_SUCCESS);
-  MotionEvaluate(&g->motion, &b->start[k], time, x, uk, turn, wk);
+  MotionEvaluate(&g->motion, start_of(b, k), time, x, uk, turn, wk);
   for (PetscInt a = 0; a < 3; a++) {
     if (!BodiesIsFree(b, k, a)) u[a] = uk[a];
     if (!(g->free & BODY_FREE_ROTATION)) w[a] = wk[a];
@@ -315,7 +322,7 @@ static PetscErrorCode place_known(Bodies b, PetscInt k, PetscReal time, PetscRea
 
   PetscFunctionBeginUser;
   if (nothing_known(b, k)) PetscFunctionReturn(PETSC_SUCCESS);
-  MotionEvaluate(&g->motion, &b->start[k], time, x, uk, turn, wk);
+  MotionEvaluate(&g->motion, start_of(b, k), time, x, uk, turn, wk);
   if (!(g->free & BODY_FREE_ROTATION)) {
     turn_from_start(b, k, turn, q, angle);
     if (w) PetscCall(PetscArraycpy(w, wk, 3));
@@ -375,7 +382,6 @@ static PetscErrorCode store_start(Bodies b, PetscInt group, const Placement p[])
   for (PetscInt i = 0; i < g->count; i++) {
     const PetscInt k = g->first + i;
 
-    b->start[k]      = p[i];
     s->body_group[k] = group;
     s->angle[k]      = p[i].angle;
     RotationFromAngle(p[i].angle, s->q[k]);
@@ -459,6 +465,13 @@ static PetscErrorCode name_groups(BodyState *s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscBool is_all_free(const BodyGroup *g, PetscInt dim)
+{
+  const PetscInt all = BODY_FREE_X | BODY_FREE_Y | (dim == 3 ? BODY_FREE_Z : 0) | BODY_FREE_ROTATION;
+
+  return (PetscBool)((g->free & all) == all && !g->motion.has_stops && !g->motion.has_pivot);
+}
+
 PetscErrorCode BodiesCreate(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], Bodies *bodies)
 {
   Bodies     b;
@@ -490,10 +503,11 @@ PetscErrorCode BodiesCreate(PetscInt dim, const PetscReal lower[3], const PetscR
   }
   PetscCall(start_random(s, start));
   PetscCall(create_state(s));
-  PetscCall(PetscCalloc1(s->n, &b->start));
+  PetscCall(PetscCalloc1(s->ngroups, &b->start));
   for (PetscInt g = 0; g < s->ngroups; g++) {
+    b->start[g] = start[g].body;
     PetscCall(store_start(b, g, start[g].body));
-    PetscCall(PetscFree(start[g].body));
+    if (is_all_free(&s->group[g], dim)) PetscCall(PetscFree(b->start[g])); /* a million of them would count */
   }
   PetscCall(PetscFree(start));
   PetscCall(check_domain(b));
@@ -525,6 +539,7 @@ PetscErrorCode BodiesDestroy(Bodies *bodies)
   PetscCall(PetscFree(s->stopped));
   PetscCall(PetscFree(s->gap));
   PetscCall(PetscFree(s->gone));
+  for (PetscInt g = 0; g < s->ngroups; g++) PetscCall(PetscFree((*bodies)->start[g]));
   PetscCall(PetscFree((*bodies)->start));
   PetscCall(PetscFree(*bodies));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -519,6 +519,47 @@ PetscErrorCode ContactAdvanceAlone(Contact c, PetscReal dt)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* ---- the start ---- */
+
+static PetscBool can_travel(Contact c, PetscInt k)
+{
+  return (PetscBool)(k >= 0 && (ContactGroup(c, k)->free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z)) != 0);
+}
+
+static PetscErrorCode complain(Contact c, const Pair *p, PetscReal overlap)
+{
+  static const char *const FACES[] = {"left", "right", "bottom", "top", "back", "front"};
+  const BodyGroup         *i = ContactGroup(c, p->i), *j = p->j >= 0 ? ContactGroup(c, p->j) : NULL;
+  char                     partner[128];
+
+  PetscFunctionBeginUser;
+  if (j) (void)snprintf(partner, sizeof(partner), "body %" PetscInt_FMT " of group '%s'", p->j - j->first, j->name);
+  else (void)snprintf(partner, sizeof(partner), "wall '%s'", FACES[-1 - p->j]);
+  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+          "Body %" PetscInt_FMT
+          " of group '%s' overlaps %s by %g at the start: move one of them (-particle_%s_position, _lower, _upper, _margin, _table)",
+          p->i - i->first, i->name, partner, (double)overlap, i->name);
+}
+
+PetscErrorCode ContactCheckStart(Contact c)
+{
+  PetscFunctionBeginUser;
+  c->x = c->s->x;
+  c->q = c->s->q;
+  PetscCall(PetscFree(c->reach));
+  PetscCall(ContactFindPairs(c));
+  for (PetscInt k = 0; k < c->npairs; k++) {
+    const Pair *p = &c->pair[k];
+    PetscInt    n;
+    PetscReal   gap;
+
+    if (!can_travel(c, p->i) && !can_travel(c, p->j)) continue;
+    PetscCall(ContactFindTouch(c, p->i, p->j, &n, &gap));
+    if (gap < -1e-6 * ContactKind(c, p->i)->radius) PetscCall(complain(c, p, -gap));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* ---- energy ---- */
 
 PetscErrorCode ContactCountWork(Contact c, PetscReal dt)

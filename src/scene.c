@@ -5,32 +5,59 @@
 #include "opt.h"
 #include "sim.h"
 
+/* What contact needs to know of a scene without a flow: all faces that are not periodic are walls, and the range goes by the size of the bodies. */
+static PetscErrorCode create_contact_alone(SimParts *part, const MeshLocal *l)
+{
+  PetscReal  density = 0, gravity[3] = {0, 0, 0}, h = PETSC_MAX_REAL;
+  PetscInt   walls = 0;
+  BodyState *s;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptReal("-flow_density", "density of the fluid (without a flow: for buoyancy and added mass)", "kg/m^3", 0, PETSC_MAX_REAL, &density));
+  PetscCall(OptRealArray("-flow_gravity", "gravity", "m/s^2", PETSC_MIN_REAL, PETSC_MAX_REAL, l->dim, gravity, NULL));
+  PetscCall(BodiesGetState(part->bodies, &s));
+  PetscCheck(s->n, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "A scene without flow and without bodies has nothing to do: give -particle_groups, or remove -flow_active");
+  for (PetscInt g = 0; g < s->ngroups; g++) h = PetscMin(h, 0.2 * s->group[g].radius);
+  for (PetscInt f = 0; f < 2 * l->dim; f++) walls |= (l->period[f / 2] == 0) << f;
+  PetscCall(ContactCreate(part->bodies, h, density, gravity, l->lower, l->upper, walls, &part->contact));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode build(SimParts *part)
 {
   const MeshLocal      *l;
   const FlowParameters *par;
   PetscInt              walls;
-  PetscBool             steady = PETSC_FALSE;
+  PetscBool             active = PETSC_TRUE, steady = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  PetscCall(OptBool("-sim_steady", "solve for the steady state, without time steps", &steady));
+  PetscCall(
+    OptBool("-flow_active", "solve for the flow; without it bodies move under gravity and contact alone, and the mesh gives the box", &active));
+  if (active) PetscCall(OptBool("-sim_steady", "solve for the steady state, without time steps", &steady));
   PetscCall(MeshCreate(PETSC_COMM_WORLD, &part->mesh));
   PetscCall(MeshGetLocal(part->mesh, &l));
-  PetscCall(CoupleSetDefaults());
-  if (steady) PetscCall(SteadySetDefaults(part->mesh));
-  PetscCall(FlowCreate(part->mesh, &part->flow));
-  PetscCall(FlowGetParameters(part->flow, &par));
+  if (active) {
+    PetscCall(CoupleSetDefaults());
+    if (steady) PetscCall(SteadySetDefaults(part->mesh));
+    PetscCall(FlowCreate(part->mesh, &part->flow));
+    PetscCall(FlowGetParameters(part->flow, &par));
+  }
   PetscCall(BodiesCreate(l->dim, l->lower, l->upper, &part->bodies));
-  PetscCall(CoupleCreate(part->flow, part->bodies, &part->couple));
-  if (steady) PetscCall(SteadyCreate(part->flow, part->couple, &part->steady));
-  PetscCall(BoundaryGetSolidFaces(FlowBoundary(part->flow), &walls));
-  PetscCall(ContactCreate(part->bodies, l->h, par->density, par->gravity, l->lower, l->upper, walls, &part->contact));
+  if (active) {
+    PetscCall(CoupleCreate(part->flow, part->bodies, &part->couple));
+    if (steady) PetscCall(SteadyCreate(part->flow, part->couple, &part->steady));
+    PetscCall(BoundaryGetSolidFaces(FlowBoundary(part->flow), &walls));
+    PetscCall(ContactCreate(part->bodies, l->h, par->density, par->gravity, l->lower, l->upper, walls, &part->contact));
+    PetscCall(ContactSetViscosity(part->contact, par->viscosity));
+  } else PetscCall(create_contact_alone(part, l));
   PetscCall(ContactSetPeriod(part->contact, l->period));
-  PetscCall(ContactSetViscosity(part->contact, par->viscosity));
+  PetscCall(ContactCheckStart(part->contact));
+  PetscCall(BorderCreate(part->bodies, l->lower, l->upper, l->period, &part->border));
   PetscCall(OutputCreate(part->mesh, part->scene, &part->output));
   PetscCall(MonitorCreate(part->bodies, &part->monitor));
   PetscCall(CheckpointCreate(part->mesh, part->output, &part->checkpoint));
-  PetscCall(ProbeCreate(part->flow, part->bodies, part->couple, part->monitor, &part->probe));
+  if (active) PetscCall(ProbeCreate(part->flow, part->bodies, part->couple, part->monitor, &part->probe));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -42,6 +69,7 @@ static PetscErrorCode destroy(SimParts *part)
   PetscCall(MonitorDestroy(&part->monitor));
   PetscCall(OutputDestroy(&part->output));
   PetscCall(SteadyDestroy(&part->steady));
+  PetscCall(BorderDestroy(&part->border));
   PetscCall(ContactDestroy(&part->contact));
   PetscCall(CoupleDestroy(&part->couple));
   PetscCall(BodiesDestroy(&part->bodies));
@@ -64,18 +92,22 @@ static PetscErrorCode describe(const SimParts *part, Sim sim)
   PetscFunctionBeginUser;
   PetscCall(PetscViewerASCIIPrintf(out, "scene: %s\n", part->scene));
   PetscCall(MeshView(part->mesh, out));
-  PetscCall(FlowView(part->flow, out));
-  PetscCall(CoupleGetSolver(part->couple, &solver));
-  PetscCall(FlowSolverView(solver, out));
+  if (part->flow) {
+    PetscCall(FlowView(part->flow, out));
+    PetscCall(CoupleGetSolver(part->couple, &solver));
+    PetscCall(FlowSolverView(solver, out));
+  }
   PetscCall(BodiesView(part->bodies, out));
-  PetscCall(CoupleView(part->couple, out));
+  if (part->flow) PetscCall(CoupleView(part->couple, out));
   PetscCall(ContactView(part->contact, out));
   PetscCall(SimView(sim, out));
   PetscCall(CheckpointView(part->checkpoint, out));
-  PetscCall(FlowGetParameters(part->flow, &par));
+  if (part->flow) {
+    PetscCall(FlowGetParameters(part->flow, &par));
+    if (!par->convection) absent[i++] = "convection";
+  } else absent[i++] = "flow";
   PetscCall(BodiesGetState(part->bodies, &s));
   for (PetscInt k = 0; k < s->n; k++) nfree += s->group[s->body_group[k]].free != 0;
-  if (!par->convection) absent[i++] = "convection";
   if (!s->n) absent[i++] = "bodies, projection, contact, force integrals";
   else if (!nfree) absent[i++] = "motion of bodies, rigid unknowns";
   if (s->n == 1) absent[i++] = "contact between bodies";

@@ -9,8 +9,8 @@ struct _p_Sim {
   SimParts        part;
   BodyState      *s;
   PetscReal       dt, dt_old, time_end, time; /* dt_old: the step before, with sub-steps the part before */
-  PetscInt        steps_max, step;
-  PetscInt        its; /* outer iterations of the time step so far */
+  PetscInt        steps_max, step, substeps;  /* substeps: of bodies alone, altogether */
+  PetscInt        its;                        /* outer iterations of the time step so far */
   FlowDiagnostics diag;
   CoupleBalance   balance;
   PetscReal (*a)[3], (*alpha)[3]; /* acceleration of the bodies without contact, for the sub-steps of contact */
@@ -39,6 +39,7 @@ static PetscErrorCode visit_state(void *sim, State state)
 
   PetscFunctionBeginUser;
   PetscCall(StateInts(state, "step", 1, &s->step));
+  PetscCall(StateInts(state, "substeps", 1, &s->substeps));
   PetscCall(StateReals(state, "time", 1, &s->time));
   PetscCall(StateReals(state, "dt_old", 1, &s->dt_old));
   PetscCall(StateInts(state, "has_acceleration", 1, &has));
@@ -54,8 +55,8 @@ static PetscErrorCode add_states(Sim s)
   PetscFunctionBeginUser;
   PetscCall(CheckpointAdd(p->checkpoint, "sim", s, visit_state));
   PetscCall(CheckpointAdd(p->checkpoint, "bodies", p->bodies, BodiesVisitState));
-  PetscCall(CheckpointAdd(p->checkpoint, "flow", p->flow, FlowVisitState));
-  PetscCall(CheckpointAdd(p->checkpoint, "couple", p->couple, CoupleVisitState));
+  if (p->flow) PetscCall(CheckpointAdd(p->checkpoint, "flow", p->flow, FlowVisitState));
+  if (p->flow) PetscCall(CheckpointAdd(p->checkpoint, "couple", p->couple, CoupleVisitState));
   PetscCall(CheckpointAdd(p->checkpoint, "contact", p->contact, ContactVisitState));
   PetscCall(CheckpointAdd(p->checkpoint, "output", p->output, OutputVisitState));
   PetscCall(CheckpointAdd(p->checkpoint, "monitor", p->monitor, MonitorVisitState));
@@ -81,15 +82,16 @@ PetscErrorCode SimCreate(const SimParts *part, Sim *sim)
   PetscCheck(s->time_end < PETSC_MAX_REAL || s->steps_max < PETSC_MAX_INT, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "The run has no end: give -sim_time or -sim_steps");
   PetscCall(BodiesGetState(part->bodies, &s->s));
+  s->dt_old = s->dt;
+  *sim      = s;
+  PetscCall(add_states(s));
+  if (!part->flow) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscCalloc2(s->s->n, &s->a, s->s->n, &s->alpha));
   PetscCall(MeshGetLocal(part->mesh, &l));
   PetscCall(VecCreateMPI(PETSC_COMM_WORLD, l->nnode * l->dim, PETSC_DETERMINE, &s->u_out));
   PetscCall(VecSetBlockSize(s->u_out, l->dim));
   PetscCall(VecCreateMPI(PETSC_COMM_WORLD, l->ncell * (l->dim + 1), PETSC_DETERMINE, &s->p_out));
   PetscCall(VecSetBlockSize(s->p_out, l->dim + 1));
-  s->dt_old = s->dt;
-  PetscCall(add_states(s));
-  *sim = s;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -148,6 +150,7 @@ static PetscErrorCode write_fields(Sim s)
   PetscReal       *u, *p, *a;
 
   PetscFunctionBeginUser;
+  if (!s->part.flow) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MeshGetLocal(s->part.mesh, &l));
   PetscCall(FlowGetFields(s->part.flow, &u, NULL, &p));
   PetscCall(VecGetArrayWrite(s->u_out, &a));
@@ -232,6 +235,7 @@ static PetscErrorCode finish_part(Sim s, PetscReal dt, PetscInt its)
   PetscCall(PetscLogStagePush(TB_STAGE_BODIES));
   PetscCall(CoupleAdvance(s->part.couple));
   PetscCall(ContactCountWork(s->part.contact, dt));
+  PetscCall(BorderApply(s->part.border));
   PetscCall(PetscLogStagePop());
   PetscCall(add_seconds(s, MONITOR_PARTICLE, &t));
   s->time += dt;
@@ -317,6 +321,33 @@ static PetscErrorCode solve_steady(Sim s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* A step of the bodies without a flow */
+static PetscErrorCode take_step_alone(Sim s, PetscReal dt)
+{
+  const FlowDiagnostics none = {0};
+  PetscLogDouble        t, start;
+  PetscInt              substeps;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscTime(&t));
+  start = t;
+  PetscCall(PetscLogStagePush(TB_STAGE_BODIES));
+  PetscCall(ContactAdvanceAlone(s->part.contact, dt));
+  PetscCall(BorderApply(s->part.border));
+  PetscCall(PetscLogStagePop());
+  PetscCall(add_seconds(s, MONITOR_PARTICLE, &t));
+  PetscCall(ContactGetWork(s->part.contact, NULL, NULL, &substeps));
+  s->time += dt;
+  s->s->time = s->time;
+  s->step++;
+  s->substeps += substeps;
+  PetscCall(PetscLogStagePush(TB_STAGE_OUTPUT));
+  PetscCall(report(s, &none, 0, dt, 0, t - start));
+  PetscCall(PetscLogStagePop());
+  PetscCall(add_seconds(s, MONITOR_OUTPUT, &t));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode SimSetUp(Sim s)
 {
   FlowSolver       solver;
@@ -324,6 +355,7 @@ PetscErrorCode SimSetUp(Sim s)
   const PetscReal *fraction;
 
   PetscFunctionBeginUser;
+  if (!s->part.flow) PetscFunctionReturn(PETSC_SUCCESS);
   if (s->part.steady) {
     PetscCall(SteadySetUp(s->part.steady));
     PetscFunctionReturn(PETSC_SUCCESS);
@@ -351,7 +383,7 @@ static PetscErrorCode save_state(Sim s, PetscBool *stop)
   PetscCall(CheckpointWrite(s->part.checkpoint, s->step, s->time));
   PetscCall(PetscLogStagePop());
   PetscCall(add_seconds(s, MONITOR_OUTPUT, &t));
-  s->renew = PETSC_TRUE;
+  s->renew = s->part.flow ? PETSC_TRUE : PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -369,27 +401,18 @@ static PetscErrorCode renew_solvers(Sim s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SimRun(Sim s)
+/* What only a run with a flow has to tell at its end */
+static PetscErrorCode finish_flow(Sim s, PetscInt *cells, PetscInt *unknowns)
 {
-  PetscBool        stop = PETSC_FALSE;
   const MeshLocal *l;
   FlowSolver       solver;
-  PetscInt         unknowns, ncut, nbodies;
+  PetscInt         ncut, nbodies;
   Mat              S;
 
   PetscFunctionBeginUser;
-  if (s->part.steady) PetscCall(solve_steady(s));
-  while (!stop && s->step < s->steps_max && s->time < s->time_end * (1 - 1e-12) - 1e-9 * s->dt) {
-    const PetscReal left = s->time_end - s->time;
-    const PetscReal dt   = left < s->dt * (1 + 1e-6) ? left : s->dt; /* the last step ends on time */
-
-    if (s->renew) PetscCall(renew_solvers(s));
-    PetscCall(take_step(s, dt));
-    PetscCall(save_state(s, &stop));
-  }
   PetscCall(MeshGetLocal(s->part.mesh, &l));
   PetscCall(CoupleGetSolver(s->part.couple, &solver));
-  PetscCall(FlowSolverGetUnknowns(solver, &unknowns));
+  PetscCall(FlowSolverGetUnknowns(solver, unknowns));
   PetscCall(CoupleGetLoad(s->part.couple, &ncut, &nbodies));
   PetscCall(MonitorBalance(s->part.monitor, "cells", l->ncell));
   PetscCall(MonitorBalance(s->part.monitor, "nodes", l->nnode));
@@ -399,7 +422,31 @@ PetscErrorCode SimRun(Sim s)
   PetscCall(ProbeFinish(s->part.probe));
   PetscCall(FlowGetMatrix(s->part.flow, &S));
   PetscCall(MonitorYardstick(s->part.monitor, S));
-  PetscCall(MonitorFinish(s->part.monitor, s->part.scene, l->ncell_global, unknowns, s->step, s->time));
+  *cells = l->ncell_global;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SimRun(Sim s)
+{
+  PetscBool stop  = PETSC_FALSE;
+  PetscInt  cells = 0, unknowns = 0, removed;
+
+  PetscFunctionBeginUser;
+  if (s->part.steady) PetscCall(solve_steady(s));
+  while (!stop && s->step < s->steps_max && s->time < s->time_end * (1 - 1e-12) - 1e-9 * s->dt) {
+    const PetscReal left = s->time_end - s->time;
+    const PetscReal dt   = left < s->dt * (1 + 1e-6) ? left : s->dt; /* the last step ends on time */
+
+    if (s->renew) PetscCall(renew_solvers(s));
+    if (s->part.flow) PetscCall(take_step(s, dt));
+    else PetscCall(take_step_alone(s, dt));
+    PetscCall(save_state(s, &stop));
+  }
+  PetscCall(BorderGetRemoved(s->part.border, &removed));
+  if (removed) PetscCall(MonitorQuantity(s->part.monitor, "bodies_removed", removed));
+  if (s->part.flow) PetscCall(finish_flow(s, &cells, &unknowns));
+  else PetscCall(MonitorQuantity(s->part.monitor, "contact_substeps", s->substeps));
+  PetscCall(MonitorFinish(s->part.monitor, s->part.scene, cells, unknowns, s->step, s->time));
   PetscCall(CheckpointFinish(s->part.checkpoint, s->step, s->time));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

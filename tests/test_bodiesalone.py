@@ -1,0 +1,91 @@
+"""Bodies without a flow: the bed, what happens at the faces of the domain, and starts that are refused."""
+import csv
+import json
+
+import pytest
+
+from conftest import ROOT
+
+BOX = """mesh: {cells: [4, 4], lower: [0, 0], upper: [1, 1]%s}
+flow: {active: false, gravity: [0, %g]}
+particle:
+  groups: a, b
+  a: {shape: circle, radius: 0.05, density: 1, position: [%g, 0.5], velocity: [%g, 0]}
+  b: {shape: circle, radius: 0.05, density: 1, position: [0.5, 0.2]}
+sim: {dt: 0.01, steps: 60}
+"""
+
+
+def box(periodic="", gravity=0, x=0.5, speed=0):
+    return BOX % (periodic, gravity, x, speed)
+
+
+def summary(folder):
+    return json.loads((folder / "summary.json").read_text())["quantities"]
+
+
+def rows(folder, body):
+    with open(folder / "bodies.csv") as file:
+        return [row for row in csv.DictReader(file) if row["body"] == str(body)]
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_body_falls_and_rests(run, scene, ranks, tmp_path):
+    result = run([scene(box(gravity=-10)), "-output_dir", "fall", "-sim_steps", "400"], ranks)
+    assert result.status == 0, str(result)
+    quantities = summary(tmp_path / "fall")
+    last = rows(tmp_path / "fall", 1)[-1]
+    assert quantities["overlap_max"] < 0.01, quantities
+    assert 0.05 < float(last["y"]) < 0.06 and abs(float(last["v"])) < 0.01, last
+
+
+def test_bed_brute_and_cells_agree(run, tmp_path):
+    for search in "cells", "brute":
+        result = run([ROOT / "runs/bench/bodies-only.yaml", "-particle_bed_count", "400", "-particle_bed_radius", "0.0218", "-contact_range", "0.0065", "-sim_dt", "1e-3",
+                      "-output_bodies", "0,399", "-couple_search", search, "-output_dir", search], 1)
+        assert result.status == 0, str(result)
+    assert (tmp_path / "cells" / "bodies.csv").read_bytes() == (tmp_path / "brute" / "bodies.csv").read_bytes()
+
+
+@pytest.mark.parametrize("ranks", [2])
+def test_faces_of_the_domain(run, scene, ranks, tmp_path):
+    out = [scene(box(x=0.9, speed=1)), "-contact_law", "none"]
+    stopped = run([*out, "-output_dir", "stop"], ranks)
+    assert stopped.status != 0 and stopped.text.count("Body 0 of group 'a' has left the domain through boundary 'right'") == 1, str(stopped)
+    assert "-particle_remove right" in stopped.text, str(stopped)
+    removed = run([*out, "-particle_remove", "right", "-output_dir", "gone"], ranks)
+    assert removed.status == 0, str(removed)
+    assert summary(tmp_path / "gone")["bodies_removed"] == 1
+    around = run([scene(box(periodic=", periodic: x", x=0.9, speed=1)), "-output_dir", "around"], ranks)
+    assert around.status == 0, str(around)
+    assert abs(float(rows(tmp_path / "around", 0)[-1]["x"]) - 0.5) < 1e-9
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_overlap_at_the_start_is_refused(run, scene, ranks):
+    wall = run([scene(box(x=0.04))], ranks)
+    assert wall.status != 0 and wall.text.count("Body 0 of group 'a' overlaps wall 'left' by 0.01 at the start") == 1, str(wall)
+    pair = run([scene(box()), "-particle_b_position", "0.5,0.41"], ranks)
+    assert pair.status != 0 and pair.text.count("Body 0 of group 'a' overlaps body 0 of group 'b' by 0.01 at the start") == 1, str(pair)
+
+
+@pytest.mark.parametrize("coupling", ["implicit", "explicit"])
+def test_a_body_leaves_a_flow(run, scene, coupling, tmp_path):
+    """Swept out through an outflow; neutrally buoyant, so that what is left behind has no inertia in the coupled system either."""
+    text = """mesh: {cells: [16, 8], lower: [0, 0], upper: [2, 1]}
+flow:
+  density: 1
+  viscosity: 0.01
+  bc_left: {type: inflow, velocity: [1, 0]}
+  bc_right: {type: outflow}
+particle:
+  groups: disc
+  remove: right
+  disc: {shape: circle, radius: 0.2, density: %g, position: [1.6, 0.5], velocity: [1, 0]}
+sim: {dt: 0.05, steps: 14}
+""" % (1 if coupling == "implicit" else 1.5)
+    result = run([scene(text), "-couple_type", coupling, "-output_dir", "out"], 2)
+    assert result.status == 0, str(result)
+    assert summary(tmp_path / "out")["bodies_removed"] == 1
+    last = rows(tmp_path / "out", 0)[-1]
+    assert float(last["x"]) > 2 and float(last["u"]) == 0, last
