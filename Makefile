@@ -49,7 +49,7 @@ SCRIPTS  = $(shell grep -lE '^\#!.*python3' tools/*) $(wildcard tools/*.py tests
 
 .DEFAULT_GOAL := all
 .DELETE_ON_ERROR:
-.PHONY: all tests shapes demo bench validate check check-unit check-e2e demo-now check-now check-unit-now check-e2e-now style format test-shape install deps clean help FORCE
+.PHONY: all tests shapes demo bench scaling extremes validate check check-unit check-e2e demo-now check-now check-unit-now check-e2e-now style format test-shape install deps clean help FORCE
 
 all: $(BUILD)/tumble shapes ## build the program and the shapes (default)
 shapes: $(SHAPES)           ## build the shape plugins only
@@ -100,6 +100,10 @@ bench: all ## benchmarks, appended to runs/bench/results.csv (ARGS="--quick", AR
 	$(PYTHON) tools/bench $(ARGS)
 validate: all ## long comparisons of the scenes with their references, one table (ARGS="cylinder-2d1", ARGS="--longest 2"; 'tools/validate --help')
 	$(PYTHON) tools/validate $(ARGS)
+scaling: all ## strong and weak scaling on 1 and 2 ranks: tables, plots, model (ARGS="--ranks 1,2,4"; runs/bench/scaling.slurm for clusters)
+	$(PYTHON) tools/scaling $(ARGS)
+extremes: all ## the stability map: runs/extremes/map.csv, map.png (ARGS=--quick)
+	$(PYTHON) tools/extremes $(ARGS)
 style: ## layers, text, formatting, scripts that compile
 	tools/check-layers
 	tools/check-text

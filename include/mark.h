@@ -18,6 +18,8 @@ PetscErrorCode MarkClaim(Mark, PetscInt node, PetscInt body);
 /* List the cells of this node as well, without claiming it. */
 PetscErrorCode MarkTouch(Mark, PetscInt node);
 PetscErrorCode MarkFinish(Mark);
+/* Error when a body that is in the domain and no hole of the mesh has claimed no node on any rank: thinner than the nodes' spacing, or outside of the mesh. Collective. */
+PetscErrorCode MarkCheckSeen(Mark);
 
 /* node_body [nnode_all] body of a node or -1; the n claimed nodes; own cells with a claimed or touched node. Borrowed; any may be NULL. */
 PetscErrorCode MarkGetNodes(Mark, const PetscInt *node_body[], PetscInt *n, const PetscInt *node[]);

@@ -206,6 +206,7 @@ static PetscErrorCode draw_nodal(Couple c)
 {
   PetscFunctionBeginUser;
   PetscCall(MarkInside(c->mark, c->X, c->q));
+  PetscCall(MarkCheckSeen(c->mark));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

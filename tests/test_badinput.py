@@ -224,3 +224,9 @@ def test_existing_output_is_kept(run, scene, ranks, tmp_path):
     forced = run([scene(), "-output_dir", "kept", "-sim_steps", "1", "-output_overwrite"], ranks)
     assert forced.status == 0, str(forced)
     assert series.read_bytes() != before, "-output_overwrite left the old series.csv"
+
+
+@RANKS
+def test_body_that_the_mesh_does_not_see(run, scene, ranks):
+    """Smaller than the distance of the nodes: it would fall as in a vacuum."""
+    refused(run([scene(), "-particle_disc_radius", "0.02", "-particle_disc_position", "1.06,4.06"], ranks), "covers no node of the mesh", "group 'disc'", "-mesh_cells")

@@ -1,0 +1,53 @@
+"""tools/scaling: rows for every number of ranks, weak series grow, a report that tells measured from predicted."""
+import csv
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from conftest import ROOT
+
+PYTHON = "/usr/bin/python3" if Path("/usr/bin/python3").exists() else sys.executable
+
+
+def scaling(folder, program, *args):
+    env = {**os.environ, "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
+    command = [PYTHON, str(ROOT / "tools" / "scaling"), "--output", "result", "--build", str(program.parent), *args]
+    return subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, timeout=120, check=False)
+
+
+def rows(folder, name):
+    with open(folder / "result" / name, newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_weak_series(program, tmp_path):
+    args = ["runs/bench/cavity.yaml", "--ranks", "1,2", "--steps", "5", "-mesh_cells", "12,{12 * n}", "-mesh_upper", "1,{n}"]
+    done = scaling(tmp_path, program, *args)
+    assert done.returncode == 0, done.stdout + done.stderr
+    one, two = rows(tmp_path, "cavity-weak.csv")
+    assert (one["ranks"], one["cells"], two["ranks"], two["cells"]) == ("1", "144", "2", "288")
+    assert one["efficiency"] == "1.000" and float(two["efficiency"]) > 0 and float(two["balance_cells"]) >= 1
+    assert float(one["messages_per_step"]) == 0 and float(two["messages_per_step"]) > 10 and float(two["kbytes_per_step"]) > 1 and float(two["reductions_per_step"]) > 10
+    report = (tmp_path / "result" / "cavity-weak.md").read_text()
+    assert "weak scaling" in report and "PREDICTED by a model, not measured" in report
+    assert (tmp_path / "result" / "cavity-weak.png").stat().st_size > 10000
+    before = (tmp_path / "result" / "cavity-weak.csv").read_bytes()
+    again = scaling(tmp_path, program, *args, "--read", "--latency", "1e-3")
+    assert again.returncode == 0 and (tmp_path / "result" / "cavity-weak.csv").read_bytes() == before
+    assert "1e+03 us" in again.stdout, again.stdout
+
+
+def test_bodies_are_balanced_in_the_table(program, tmp_path):
+    done = scaling(tmp_path, program, "runs/extremes/packing.yaml", "--ranks", "2", "--steps", "5", "-mesh_cells", "24,24", "-particle_disc_count", "4")
+    assert done.returncode == 0, done.stdout + done.stderr
+    row = rows(tmp_path, "packing-strong.csv")[0]
+    assert row["bodies"] == "4" and 1 <= float(row["balance_body_cells"]) <= 2 and 1 <= float(row["balance_bodies"]) <= 2
+
+
+def test_mistakes(program, tmp_path):
+    for args, phrase in [(["-mesh_cells", "8,8"], "need a SCENE"), (["--only", "x"], "no series 'x'")]:
+        done = scaling(tmp_path, program, *args)
+        assert done.returncode == 2 and phrase in done.stderr, done.stderr
+    done = scaling(tmp_path, program, "runs/bench/cavity.yaml", "-mesh_cells", "8,8", "-nonsense", "1")
+    assert done.returncode == 1 and "-nonsense" in done.stderr, done.stderr
