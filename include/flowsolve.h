@@ -32,6 +32,10 @@ PetscErrorCode FlowSolverSetRigid(FlowSolver, const PetscReal D[]);
 /* Penalty of the bodies, whose scalar part is in the flow's matrix; NULL: none. Borrowed; what it points to may change between steps. */
 PetscErrorCode FlowSolverSetSoft(FlowSolver, const Soft *);
 
+/* Around a FlowUpdateCells: which cells are about to change, and afterwards which ones are no part of the fluid (PressureForgetCells, PressureSetDead). Collective. */
+PetscErrorCode FlowSolverForgetCells(FlowSolver, PetscInt n, const PetscInt cells[]);
+PetscErrorCode FlowSolverSetDead(FlowSolver, const PetscInt cell_body[], const PetscBool resolved[]);
+
 /* After FlowAssemble and after every change of the constraint: update operators and preconditioners. Collective. */
 PetscErrorCode FlowSolverSetUp(FlowSolver);
 

@@ -14,6 +14,8 @@ PetscErrorCode MarkDestroy(Mark *);
 PetscErrorCode MarkClear(Mark);
 /* Claim every local node (own or ghost) inside a body that is no hole of the mesh, bodies drawn at X, q. Not collective. */
 PetscErrorCode MarkInside(Mark, PetscReal (*X)[3], PetscReal (*q)[4]);
+/* The same for body k alone. */
+PetscErrorCode MarkInsideBody(Mark, PetscInt k, const PetscReal X[3], const PetscReal q[4]);
 PetscErrorCode MarkClaim(Mark, PetscInt node, PetscInt body);
 /* List the cells of this node as well, without claiming it. */
 PetscErrorCode MarkTouch(Mark, PetscInt node);

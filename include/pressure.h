@@ -24,7 +24,14 @@ PetscReal PressureGetSoftness(Pressure);
    degrees of freedom. Collective. */
 PetscErrorCode PressureUpdate(Pressure, const PetscReal weight[], const PetscReal share[], const PetscReal mass_inverse[]);
 
-/* Compressibility C of cells between two constrained surfaces: cells [n] and blocks [n][nk][nk]. Part of the system's operator (B u + C p = 0) and of S_p. After PressureUpdate. */
+/* Cells of the flow that are about to change (FlowUpdateCells): the parts of all operators that depend on the n listed local cells are taken out, with the shapes they still have.
+   Collective. */
+PetscErrorCode PressureForgetCells(Pressure, PetscInt n, const PetscInt cells[]);
+/* After the change: cell_body [ncell_all] >= 0 for cells that are no part of the fluid (kept as a pointer), resolved [nbodies]: the mesh lines up with this body. Their pressures get
+   the identity as block. Collective. */
+PetscErrorCode PressureSetDead(Pressure, const PetscInt cell_body[], const PetscBool resolved[]);
+
+/* Compressibility C of cells between two constrained surfaces, and the identity in dead cells: cells [n] and blocks [n][nk][nk]. Part of the system's operator (B u + C p = 0) and of S_p. After PressureUpdate. */
 PetscErrorCode PressureGetShared(Pressure, PetscInt *n, const PetscInt *cell[], const PetscReal *block[]);
 
 /* Is the constant pressure in the null space (closed domain, no shared cells)? After PressureUpdate. */

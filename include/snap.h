@@ -17,10 +17,11 @@ typedef struct _p_Snap *Snap;
 /* What the last SnapFit found; arrays are borrowed, valid until the next one. */
 typedef struct {
   PetscInt         nmarked;
-  const PetscInt  *marked;    /* [nmarked] local nodes on a wall or inside a body */
-  const PetscInt  *node_body; /* [nnode_all] the body they belong to, -1 elsewhere */
-  const PetscBool *on_wall;   /* [nnode_all] node on the staircase */
-  const PetscInt  *cell_body; /* [ncell_all] owner of a dead cell, -1: fluid */
+  const PetscInt  *marked;      /* [nmarked] local nodes on a wall or inside a body */
+  const PetscInt  *node_body;   /* [nnode_all] the body they belong to, -1 elsewhere */
+  const PetscBool *on_wall;     /* [nnode_all] node on the staircase */
+  const PetscInt  *cell_body;   /* [ncell_all] owner of a dead cell, -1: fluid */
+  const PetscInt  *cell_before; /* [ncell_all] the same of the fit before */
   PetscInt         nnode;
   const PetscInt  *node; /* [nnode] local nodes (own and ghost) that are elsewhere than now */
   const PetscReal *x;    /* [nnode][dim] their new places */

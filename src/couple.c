@@ -6,6 +6,7 @@
    The work a body causes is proportional to the cells it touches. */
 #include "compat.h"
 #include "couple.h"
+#include "fit.h"
 #include "hole.h"
 #include "log.h"
 #include "mark.h"
@@ -33,6 +34,8 @@ struct _p_Couple {
   PetscInt         nprescribed, *prescribed; /* own cells with nodes of prescribed velocity */
   PetscInt         implicit, use_volume, nr;
   Rung             rung;
+  Fit              fit;                /* rung snap */
+  const PetscBool *fitted;             /* [n] the mesh lines up with the body, whose inside is no part of the fluid; NULL: none */
   Mark             mark;               /* nodes that move rigidly */
   PetscReal (*X)[3], (*q)[4], (*P)[3]; /* where the bodies are drawn: centre, orientation, reference point (of the rigid velocities) */
   Penalty    penalty;                  /* NULL unless the rung needs it */
@@ -232,10 +235,35 @@ static PetscErrorCode add_penalty_force(Couple c, PetscReal out[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The fluid's density inside the bodies */
-static PetscReal inner_density(Couple c, const FlowParameters *par)
+/* rung snap: the mesh lines up with the bodies; those it cannot follow are nodal in this step */
+static PetscErrorCode draw_snap(Couple c)
 {
-  return c->rung.dead ? 0 : par->density;
+  const SnapResult *r;
+
+  PetscFunctionBeginUser;
+  PetscCall(FitUpdate(c->fit, c->solver, c->X, c->q, &c->fitted, &r, NULL));
+  for (PetscInt e = 0; e < r->nmarked; e++) PetscCall(MarkClaim(c->mark, r->marked[e], r->node_body[r->marked[e]]));
+  for (PetscInt k = 0; k < c->s->n; k++)
+    if (!c->fitted[k]) PetscCall(MarkInsideBody(c->mark, k, c->X[k], c->q[k]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The density of the fluid inside body k */
+static PetscReal inner_density(Couple c, PetscInt k, const FlowParameters *par)
+{
+  return c->fitted && c->fitted[k] ? 0 : par->density;
+}
+
+/* In gradient form a rotating wall seems to feel 2 mu w Vol more than the true torque, which the gradient form inside would take away again; where the inside is no part of the
+   fluid, this coefficient of w does (plane bodies; design section 2) */
+static PetscErrorCode get_spin_stress(Couple c, PetscInt k, const FlowParameters *par, PetscReal *coefficient)
+{
+  PetscFunctionBeginUser;
+  *coefficient = 0;
+  if (!c->fitted || !c->fitted[k]) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(BodiesGetVolume(c->bodies, k, coefficient));
+  *coefficient *= 2 * par->viscosity;
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Inertia D = c_t (rho_s - rho_i) (Vol; I) and right-hand side (rho_s - rho_i) (Vol; I) d(U) + (rho_s - rho_f) Vol g + contact + load of the rigid rows, rho_i: density of
@@ -250,8 +278,8 @@ static PetscErrorCode fill_rigid_rows(Couple c)
   PetscCall(FlowGetStep(c->flow, &step));
   PetscCall(FlowGetParameters(c->flow, &par));
   for (PetscInt k = 0; k < c->s->n; k++) {
-    const PetscReal excess = c->s->group[c->s->body_group[k]].density - inner_density(c, par);
-    PetscReal       M[36], *g = c->g + k * nr, L[3], force[3], torque[3];
+    const PetscReal excess = c->s->group[c->s->body_group[k]].density - inner_density(c, k, par);
+    PetscReal       M[36], *g = c->g + k * nr, spin, L[3], force[3], torque[3];
 
     PetscCall(get_rigid_mass(c, k, M));
     PetscCall(BodiesGetLoad(c->bodies, k, par->density, par->gravity, force, torque));
@@ -269,6 +297,11 @@ static PetscErrorCode fill_rigid_rows(Couple c)
         g[i] += excess * M[i * nr + j] * (step->d0 * now + step->d1 * old);
         if (!((c->unknown[k] >> j) & 1)) g[i] -= c->D[(k * nr + i) * nr + j] * c->U[k * nr + j];
       }
+    }
+    PetscCall(get_spin_stress(c, k, par, &spin));
+    if (spin > 0) {
+      c->D[(k * nr + dim) * nr + dim] += step->theta * spin;
+      g[dim] -= (1 - step->theta) * spin * c->U_old[k * nr + dim];
     }
     if (dim == 3) { /* gyroscopic torque - w x (J w), at the beginning of the step */
       for (PetscInt a = 0; a < 3; a++)
@@ -396,13 +429,14 @@ static PetscErrorCode residual_force(Couple c, PetscInt k, PetscReal out[])
   const FlowParameters *par;
   const PetscInt        nr    = c->nr;
   const PetscReal       rho_s = c->s->group[c->s->body_group[k]].density;
-  PetscReal             M[36], a[6], extra[3], rho_i;
+  PetscReal             M[36], a[6], extra[3], rho_i, spin;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetStep(c->flow, &step));
   PetscCall(FlowGetParameters(c->flow, &par));
   PetscCall(get_rigid_mass(c, k, M));
-  rho_i = inner_density(c, par);
+  rho_i = inner_density(c, k, par);
+  PetscCall(get_spin_stress(c, k, par, &spin));
   PetscCall(centripetal(c, k, extra));
   for (PetscInt i = 0; i < nr; i++) a[i] = step->ct * c->U[k * nr + i] - step->d0 * c->U_old[k * nr + i] - step->d1 * c->U_older[k * nr + i];
   for (PetscInt i = 0; i < nr; i++) {
@@ -414,6 +448,9 @@ static PetscErrorCode residual_force(Couple c, PetscInt k, PetscReal out[])
     }
     /* rows of the solved system: R^T residual = g - D U = g - excess */
     out[i] = inertia + ((c->unknown[k] >> i) & 1 ? excess - c->g[k * nr + i] : c->residual[k * nr + i]);
+    if (i == c->loc->dim && spin > 0)
+      out[i] -= spin * ((c->unknown[k] >> i) & 1 ? (1 - step->theta) * c->U_old[k * nr + i]
+                                                 : step->theta * c->U[k * nr + i] + (1 - step->theta) * c->U_old[k * nr + i]);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -544,7 +581,7 @@ static PetscErrorCode sum_bodies(Couple c, PetscReal out[3], PetscReal *size)
   PetscCall(FlowGetStep(c->flow, &step));
   out[0] = out[1] = out[2] = 0;
   for (PetscInt k = 0; k < c->s->n; k++) {
-    const PetscReal inside = c->s->group[c->s->body_group[k]].hole ? 0 : inner_density(c, par);
+    const PetscReal inside = c->s->group[c->s->body_group[k]].hole ? 0 : inner_density(c, k, par);
     PetscReal       M[36], extra[3];
 
     PetscCall(get_rigid_mass(c, k, M));
@@ -730,6 +767,7 @@ PetscErrorCode CoupleSetDefaults(void)
 static const Rung RUNGS[] = {
   {"nodal", PETSC_FALSE, draw_nodal, NULL, NULL},
   {"penalty", PETSC_FALSE, draw_penalty, NULL, add_penalty_force},
+  {"snap", PETSC_TRUE, draw_snap, NULL, NULL},
 };
 
 /* -couple_boundary */
@@ -774,6 +812,7 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   PetscCall(FlowSolverCreate(flow, c->constraint, &c->solver));
   nn = n * c->nr;
   PetscCall(MarkCreate(c->mesh, bodies, &c->mark));
+  if (c->rung.dead) PetscCall(FitCreate(flow, bodies, &c->fit));
   PetscCall(PetscCalloc7(n, &c->X, n, &c->q, n, &c->P, n, &c->unknown, 3 * n, &c->du_old, n, &c->growth, 6 * n, &c->force_old));
   PetscCall(PetscCalloc6(nn, &c->U, nn, &c->U_old, nn, &c->U_older, nn * c->nr, &c->D, nn, &c->g, nn, &c->residual));
   for (PetscInt k = 0; k < n; k++) {
@@ -798,6 +837,7 @@ PetscErrorCode CoupleDestroy(Couple *couple)
   PetscCall(PetscFree(c->prescribed));
   PetscCall(ConstraintDestroy(&c->constraint));
   PetscCall(MarkDestroy(&c->mark));
+  PetscCall(FitDestroy(&c->fit));
   PetscCall(PetscFree7(c->X, c->q, c->P, c->unknown, c->du_old, c->growth, c->force_old));
   PetscCall(PenaltyDestroy(&c->penalty));
   PetscCall(PetscFree6(c->U, c->U_old, c->U_older, c->D, c->g, c->residual));

@@ -23,6 +23,7 @@ struct _p_Flow {
   /* geometry of the cells */
   PetscBool *affine;
   PetscInt  *open, *visited, now; /* [nnode_all], [ncell_all] stamps: nodes whose mass is being computed, cells done */
+  PetscReal *centre;              /* [ncell_all][dim] where the pressures of a cell are centred */
   PetscReal *inverse, *det, *size, *b, *lumped,
     *pmass; /* [ncell_all][dim*dim], [ncell_all], [ncell_all], cell matrices of B, nodal mass, inverse mass matrices of the pressure [ncell][dim+1][dim+1] */
   /* velocity matrix of the step */
@@ -97,6 +98,7 @@ static PetscErrorCode compute_cell(Flow f, PetscInt c)
   PetscCall(PetscArrayzero(b, nk * nb * dim));
   PetscCall(MeshCellCoordinates(f->mesh, c, xc));
   f->affine[c] = PETSC_FALSE;
+  PetscCall(PetscArraycpy(f->centre + c * dim, centre, dim));
   PetscCall(compute_metric(f, c, &m));
   PetscCall(PetscArraycpy(first, m.inverse[0], dim * dim));
   f->affine[c] = PETSC_TRUE;
@@ -475,7 +477,7 @@ PetscErrorCode FlowCreate(Mesh mesh, Flow *flow)
                          &f->lumped));
   PetscCall(PetscMalloc1(l->ncell_all * (dim + 1) * l->nb * dim, &f->b));
   PetscCall(PetscMalloc1(l->ncell * (dim + 1) * (dim + 1), &f->pmass));
-  PetscCall(PetscCalloc2(l->nnode_all, &f->open, l->ncell_all, &f->visited));
+  PetscCall(PetscCalloc3(l->nnode_all, &f->open, l->ncell_all, &f->visited, l->ncell_all * dim, &f->centre));
   PetscCall(compute_cells(f));
   PetscCall(BoundaryCreate(mesh, &f->boundary));
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u)); /* each on its own: accepted steps swap them */
@@ -487,6 +489,50 @@ PetscErrorCode FlowCreate(Mesh mesh, Flow *flow)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* The pressures p of own cell c, given about `centre` with cell size `size`, as the same polynomial about its present centre and size */
+static void carry_pressure(const struct _p_Flow *f, PetscInt c, const PetscReal centre[], PetscReal size, PetscReal p[])
+{
+  const PetscInt dim = f->loc->dim;
+
+  for (PetscInt a = 0; a < dim; a++) {
+    PetscReal r = f->centre[c * dim + a] - centre[a];
+
+    if (f->loc->period[a] > 0) r -= f->loc->period[a] * PetscFloorReal(r / f->loc->period[a] + 0.5);
+    p[c * (dim + 1)] += p[c * (dim + 1) + 1 + a] * r / size;
+    p[c * (dim + 1) + 1 + a] *= f->size[c] / size;
+  }
+}
+
+/* Pressures of an own cell that has joined the fluid: the mean of what the own cells around it that were fluid before, visited == before, say about its centre */
+static void adopt_pressure(const struct _p_Flow *f, PetscInt c, PetscInt before, PetscReal p[])
+{
+  const MeshLocal *l  = f->loc;
+  const PetscInt   nk = l->dim + 1;
+  PetscReal       *pc = p + c * nk, n = 0;
+
+  for (PetscInt k = 0; k < nk; k++) pc[k] = 0;
+  for (PetscInt j = 0; j < l->nb; j++) {
+    const PetscInt i = l->cell_node[c * l->nb + j];
+
+    for (PetscInt t = l->node_cell_ptr[i]; t < l->node_cell_ptr[i + 1]; t++) {
+      const PetscInt  from = l->node_cell[t];
+      const PetscReal s    = f->size[c] / f->size[from];
+
+      if (from >= l->ncell || f->det[from] == 0 || f->visited[from] == before) continue;
+      pc[0] += p[from * nk];
+      for (PetscInt a = 0; a < l->dim; a++) {
+        PetscReal r = f->centre[c * l->dim + a] - f->centre[from * l->dim + a];
+
+        if (l->period[a] > 0) r -= l->period[a] * PetscFloorReal(r / l->period[a] + 0.5);
+        pc[0] += p[from * nk + 1 + a] * r / f->size[from];
+        pc[1 + a] += p[from * nk + 1 + a] * s;
+      }
+      n++;
+    }
+  }
+  for (PetscInt k = 0; k < nk && n > 0; k++) pc[k] /= n;
+}
+
 PetscErrorCode FlowUpdateCells(Flow f, PetscInt n, const PetscInt cells[], const PetscInt cell_body[])
 {
   const MeshLocal *l = f->loc;
@@ -494,13 +540,25 @@ PetscErrorCode FlowUpdateCells(Flow f, PetscInt n, const PetscInt cells[], const
   PetscFunctionBeginUser;
   f->now++;
   for (PetscInt e = 0; e < n; e++) {
-    if (cell_body[cells[e]] >= 0) PetscCall(empty_cell(f, cells[e]));
-    else PetscCall(compute_cell(f, cells[e]));
+    const PetscInt  c = cells[e], dim = l->dim;
+    const PetscReal size = f->size[c], centre[3] = {f->centre[c * dim], f->centre[c * dim + 1], dim == 3 ? f->centre[c * dim + 2] : 0};
+    const PetscBool dead = (PetscBool)(f->det[c] == 0);
+
+    if (cell_body[c] >= 0) PetscCall(empty_cell(f, c));
+    else PetscCall(compute_cell(f, c));
+    if (dead) f->visited[c] = f->now;
+    if (c < l->ncell && cell_body[c] >= 0) PetscCall(PetscArrayzero(f->p + c * (dim + 1), dim + 1));
+    else if (c < l->ncell && !dead) carry_pressure(f, c, centre, size, f->p);
     for (PetscInt j = 0; j < l->nb; j++) {
-      f->open[l->cell_node[cells[e] * l->nb + j]]   = f->now;
+      f->open[l->cell_node[cells[e] * l->nb + j]]   = f->now + 1;
       f->lumped[l->cell_node[cells[e] * l->nb + j]] = 0;
     }
   }
+  for (PetscInt e = 0; e < n; e++) {
+    if (cells[e] >= l->ncell || f->visited[cells[e]] != f->now || cell_body[cells[e]] >= 0) continue;
+    adopt_pressure(f, cells[e], f->now, f->p);
+  }
+  f->now++;
   for (PetscInt e = 0; e < n * l->nb; e++) { /* cells around changed cells, each once, by the node that brings them */
     const PetscInt i = l->cell_node[cells[e / l->nb] * l->nb + e % l->nb];
 
@@ -527,7 +585,7 @@ PetscErrorCode FlowDestroy(Flow *flow)
   PetscCall(PetscFree(f->b));
   PetscCall(PetscFree(f->pmass));
   PetscCall(ElementDestroy(&f->element));
-  PetscCall(PetscFree2(f->open, f->visited));
+  PetscCall(PetscFree3(f->open, f->visited, f->centre));
   PetscCall(PetscFree5(f->affine, f->inverse, f->det, f->size, f->lumped));
   PetscCall(BoundaryDestroy(&f->boundary));
   PetscCall(PetscFree(f->u));

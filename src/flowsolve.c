@@ -356,12 +356,13 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs)
   PetscCall(MatCreateVecs(fs->S, &diagonal, NULL));
   PetscCall(MatGetDiagonal(fs->S, diagonal));
   PetscCall(VecGetArrayRead(diagonal, &d));
-  for (PetscInt i = 0; i < fs->nodal; i++) fs->diagonal_inverse[i] = 1 / d[i / dim];
+  for (PetscInt i = 0; i < fs->nodal; i++) fs->diagonal_inverse[i] = d[i / dim] != 0 ? 1 / d[i / dim] : 0;
   for (PetscInt j = 0; j < ninert; j++) fs->diagonal_inverse[slot[j]] = 0;
   PetscCall(VecRestoreArrayRead(diagonal, &d));
   PetscCall(VecDestroy(&diagonal));
   for (PetscInt i = 0; i < l->nnode_all; i++) {
-    const PetscReal soft = is_soft(fs) ? fs->soft->weight[i] / fs->scale : 0, w = 1 / (body[i] >= 0 ? m[i] : m[i] + soft);
+    const PetscReal soft = is_soft(fs) ? fs->soft->weight[i] / fs->scale : 0, mass = body[i] >= 0 ? m[i] : m[i] + soft;
+    const PetscReal w = mass > 0 ? 1 / mass : 0; /* no mass: buried in a dead cell */
 
     fs->share[i] = body[i] >= 0 ? 1 : soft * w;
     for (PetscInt a = 0; a < dim; a++) fs->weight[i * dim + a] = body[i] >= 0 ? w * PressureGetSoftness(fs->pressure) : (fixed[i] >> a) & 1 ? 0 : w;
@@ -556,11 +557,29 @@ static PetscErrorCode create_shell(FlowSolver fs, PetscInt m, PetscInt n, PetscE
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* The pressure that is constant in the fluid and zero in dead cells */
+static PetscErrorCode find_constant_pressure(FlowSolver fs, const PetscInt cell_body[])
+{
+  const PetscInt nk = fs->loc->dim + 1;
+  Vec            constant;
+  PetscReal     *a;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatNullSpaceDestroy(&fs->constant_pressure));
+  PetscCall(VecDuplicate(fs->x, &constant));
+  PetscCall(VecGetArrayWrite(constant, &a));
+  for (PetscInt i = 0; i < fs->nur; i++) a[i] = 0;
+  for (PetscInt i = 0; i < fs->np; i++) a[fs->nur + i] = i % nk == 0 && !(cell_body && cell_body[i / nk] >= 0);
+  PetscCall(VecRestoreArrayWrite(constant, &a));
+  PetscCall(VecNormalize(constant, NULL));
+  PetscCall(MatNullSpaceCreate(PETSC_COMM_WORLD, PETSC_FALSE, 1, &constant, &fs->constant_pressure));
+  PetscCall(VecDestroy(&constant));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode create_operators(FlowSolver fs)
 {
-  Mat        block[4];
-  Vec        constant;
-  PetscReal *a;
+  Mat block[4];
 
   PetscFunctionBeginUser;
   PetscCall(create_shell(fs, fs->nur, fs->nur, mult_velocity, &fs->Ar));
@@ -582,14 +601,7 @@ static PetscErrorCode create_operators(FlowSolver fs)
   PetscCall(VecDuplicate(fs->t_p, &fs->t_p2));
   PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, fs->loc->dim, fs->nodal, PETSC_DETERMINE, NULL, &fs->xn));
   PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, fs->loc->dim, fs->nodal, PETSC_DETERMINE, NULL, &fs->yn));
-  PetscCall(VecDuplicate(fs->x, &constant));
-  PetscCall(VecGetArrayWrite(constant, &a));
-  for (PetscInt i = 0; i < fs->nur; i++) a[i] = 0;
-  for (PetscInt i = 0; i < fs->np; i++) a[fs->nur + i] = i % (fs->loc->dim + 1) == 0;
-  PetscCall(VecRestoreArrayWrite(constant, &a));
-  PetscCall(VecNormalize(constant, NULL));
-  PetscCall(MatNullSpaceCreate(PETSC_COMM_WORLD, PETSC_FALSE, 1, &constant, &fs->constant_pressure));
-  PetscCall(VecDestroy(&constant));
+  PetscCall(find_constant_pressure(fs, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -724,6 +736,21 @@ PetscErrorCode FlowSolverSetRigid(FlowSolver fs, const PetscReal D[])
 {
   PetscFunctionBeginUser;
   PetscCall(PetscArraycpy(fs->D, D, fs->nbodies * fs->nr * fs->nr));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverForgetCells(FlowSolver fs, PetscInt n, const PetscInt cells[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PressureForgetCells(fs->pressure, n, cells));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverSetDead(FlowSolver fs, const PetscInt cell_body[], const PetscBool resolved[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PressureSetDead(fs->pressure, cell_body, resolved));
+  PetscCall(find_constant_pressure(fs, cell_body));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -71,7 +71,8 @@ PetscBool MarkImage(const MeshLocal *l, const PetscReal X[3], PetscReal radius, 
 static PetscErrorCode claim_inside(Mark m, PetscInt k, const PetscReal X[3], const PetscReal q[4])
 {
   const PetscInt  dim    = m->loc->dim;
-  const PetscReal radius = m->s->group[m->s->body_group[k]].radius;
+  const PetscReal radius = m->s->group[m->s->body_group[k]].radius +
+                           (m->loc->moves ? 2 * m->loc->h : 0); /* the search knows where nodes were before any move */
   PetscReal       lo[3], hi[3], x[CHUNK * 3], d[CHUNK];
   const PetscInt *list;
   PetscInt        n;
@@ -94,17 +95,22 @@ static PetscErrorCode claim_inside(Mark m, PetscInt k, const PetscReal X[3], con
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode MarkInsideBody(Mark m, PetscInt k, const PetscReal X[3], const PetscReal q[4])
+{
+  PetscFunctionBeginUser;
+  if (m->s->gone[k] || m->s->group[m->s->body_group[k]].hole) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt image = 0; image < (m->loc->dim == 2 ? 9 : 27); image++) {
+    PetscReal Xi[3];
+
+    if (MarkImage(m->loc, X, m->s->group[m->s->body_group[k]].radius, image, Xi)) PetscCall(claim_inside(m, k, Xi, q));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode MarkInside(Mark m, PetscReal (*X)[3], PetscReal (*q)[4])
 {
   PetscFunctionBeginUser;
-  for (PetscInt k = 0; k < m->s->n; k++) {
-    if (m->s->gone[k] || m->s->group[m->s->body_group[k]].hole) continue;
-    for (PetscInt image = 0; image < (m->loc->dim == 2 ? 9 : 27); image++) {
-      PetscReal Xi[3];
-
-      if (MarkImage(m->loc, X[k], m->s->group[m->s->body_group[k]].radius, image, Xi)) PetscCall(claim_inside(m, k, Xi, q[k]));
-    }
-  }
+  for (PetscInt k = 0; k < m->s->n; k++) PetscCall(MarkInsideBody(m, k, X[k], q[k]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

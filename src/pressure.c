@@ -31,7 +31,16 @@ struct _p_Pressure {
   /* own cells near something that changes, each once */
   PetscInt *stamp, stamp_now, ntouched, *touched; /* [ncell]; touched: with a body node, ascending */
   PetscInt  nlisted, *listed;                     /* scratch [ncell] */
+  /* cells that are no part of the fluid */
+  PetscInt        nsoft; /* the first of the shared cells; the others are dead */
+  const PetscInt *cell_body;
+  PetscBool      *resolved; /* [nbodies] the mesh lines up with the body */
+  PetscBool      *buried;   /* [nnode_all] vertex without fluid around */
+  PetscInt       *changed, nchanged, changed_room;
+  PetscBool       refresh; /* cells have changed on some rank since the last update */
 };
+
+#define UNKNOWN -1 /* weight of a node whose cells have changed */
 
 /* ---- the matrix ---- */
 
@@ -223,6 +232,33 @@ static PetscErrorCode find_touched_cells(Pressure p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode reserve_shared(Pressure p)
+{
+  PetscFunctionBeginUser;
+  if (p->nshared == p->shared_room) {
+    p->shared_room = 2 * p->shared_room + 16;
+    PetscCall(PetscRealloc(p->shared_room * sizeof(PetscInt), &p->shared_cell));
+    PetscCall(PetscRealloc(p->shared_room * p->nk * p->nk * sizeof(PetscReal), &p->shared_block));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The pressure of a dead cell stands alone with the identity as its block, of the size that other blocks have */
+static PetscErrorCode add_dead_cells(Pressure p)
+{
+  const PetscReal scale = PetscPowReal(p->loc->h, p->loc->dim - 2);
+
+  PetscFunctionBeginUser;
+  for (PetscInt t = 0; t < p->ntouched && p->cell_body; t++) {
+    if (p->cell_body[p->touched[t]] < 0) continue;
+    PetscCall(reserve_shared(p));
+    p->shared_cell[p->nshared] = p->touched[t];
+    for (PetscInt e = 0; e < p->nk * p->nk; e++) p->shared_block[p->nshared * p->nk * p->nk + e] = e % (p->nk + 1) ? 0 : scale;
+    p->nshared++;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* A cell whose nodes belong to two bodies, or to a body and a wall, may have pressures that no free velocity can serve: its divergence rows are then inconsistent
    (boundary-evidence, checked claims). Such cells get a small compressibility in the operator itself, as if their constrained nodes yielded a little to the pressure: B u + C p = 0. */
 static PetscErrorCode find_shared_cells(Pressure p)
@@ -238,7 +274,7 @@ static PetscErrorCode find_shared_cells(Pressure p)
   for (PetscInt t = 0; t < p->ntouched; t++) {
     const PetscInt c = p->touched[t], *node = l->cell_node + c * l->nb;
     PetscInt       owner = -1; /* the first body met */
-    PetscBool      wall = PETSC_FALSE, two = PETSC_FALSE;
+    PetscBool      wall = PETSC_FALSE, two = PETSC_FALSE, cut = PETSC_FALSE;
 
     for (PetscInt j = 0; j < l->nb; j++) {
       const PetscInt k = body[node[j]];
@@ -246,17 +282,16 @@ static PetscErrorCode find_shared_cells(Pressure p)
       if (k >= 0 && owner >= 0 && k != owner) two = PETSC_TRUE;
       if (k >= 0) owner = k;
       else if (fixed[node[j]]) wall = PETSC_TRUE;
+      cut = (PetscBool)(cut || (k >= 0 && !p->resolved[k])); /* between resolved walls every pressure meets a free velocity */
     }
-    if (!two && (owner < 0 || !wall)) continue;
-    if (p->nshared == p->shared_room) {
-      p->shared_room = 2 * p->shared_room + 16;
-      PetscCall(PetscRealloc(p->shared_room * sizeof(PetscInt), &p->shared_cell));
-      PetscCall(PetscRealloc(p->shared_room * p->nk * p->nk * sizeof(PetscReal), &p->shared_block));
-    }
+    if (!cut || (!two && !wall)) continue;
+    PetscCall(reserve_shared(p));
     p->shared_cell[p->nshared] = c;
     PetscCall(shared_block(p, body, fixed, c, p->shared_block + p->nshared * p->nk * p->nk));
     p->nshared++;
   }
+  p->nsoft = p->nshared;
+  PetscCall(add_dead_cells(p));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -379,26 +414,35 @@ static PetscErrorCode mult_shell(Mat mat, Vec x, Vec y)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* The null space: constant in the fluid, zero in dead cells */
+static PetscErrorCode find_constant(Pressure p)
+{
+  Vec        constant;
+  PetscReal *a;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatNullSpaceDestroy(&p->constant));
+  PetscCall(MatCreateVecs(p->matrix, &constant, NULL));
+  PetscCall(VecGetArrayWrite(constant, &a));
+  for (PetscInt i = 0; i < p->loc->ncell * p->nk; i++) a[i] = i % p->nk == 0 && !(p->cell_body && p->cell_body[i / p->nk] >= 0);
+  PetscCall(VecRestoreArrayWrite(constant, &a));
+  PetscCall(VecNormalize(constant, NULL));
+  PetscCall(MatNullSpaceCreate(PETSC_COMM_WORLD, PETSC_FALSE, 1, &constant, &p->constant));
+  PetscCall(VecDestroy(&constant));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* The operator knows that constants are its null space; the matrix, which smoothers use, does not, to save their projections. */
 static PetscErrorCode create_shell(Pressure p)
 {
   const PetscInt n = p->loc->ncell * p->nk;
-  Vec            constant;
-  PetscReal     *a;
 
   PetscFunctionBeginUser;
   PetscCall(MatCreateShell(PETSC_COMM_WORLD, n, n, PETSC_DETERMINE, PETSC_DETERMINE, p, &p->shell));
   PetscCall(MatShellSetOperation(p->shell, MATOP_MULT, (void (*)(void))mult_shell));
   PetscCall(MatSetOption(p->shell, MAT_SYMMETRIC, PETSC_TRUE));
   PetscCall(BoundaryPressureIsFloating(FlowBoundary(p->flow), &p->floating));
-  if (!p->floating) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MatCreateVecs(p->matrix, &constant, NULL));
-  PetscCall(VecGetArrayWrite(constant, &a));
-  for (PetscInt i = 0; i < n; i++) a[i] = i % p->nk == 0;
-  PetscCall(VecRestoreArrayWrite(constant, &a));
-  PetscCall(VecNormalize(constant, NULL));
-  PetscCall(MatNullSpaceCreate(PETSC_COMM_WORLD, PETSC_FALSE, 1, &constant, &p->constant));
-  PetscCall(VecDestroy(&constant));
+  if (p->floating) PetscCall(find_constant(p));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -460,6 +504,22 @@ static PetscErrorCode fit_vertices(Pressure p, PetscInt c, PetscInt node[], Pets
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Rows of an own cell; none for a dead one, so that its pressure stays zero */
+static PetscErrorCode set_interpolation(Pressure p, PetscInt c)
+{
+  const PetscInt nv = 1 << p->loc->dim;
+  PetscInt       row[4], col[8];
+  PetscReal      fit[4 * 8];
+
+  PetscFunctionBeginUser;
+  PetscCall(fit_vertices(p, c, col, fit));
+  for (PetscInt v = 0; v < nv; v++) col[v] = p->vertex[col[v]];
+  for (PetscInt k = 0; k < p->nk; k++) row[k] = (p->loc->cell_start + c) * p->nk + k;
+  for (PetscInt e = 0; e < p->nk * nv && p->cell_body && p->cell_body[c] >= 0; e++) fit[e] = 0;
+  PetscCall(MatSetValues(p->interpolation, p->nk, row, nv, col, fit, INSERT_VALUES));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode create_interpolation(Pressure p)
 {
   const MeshLocal *l  = p->loc;
@@ -470,15 +530,7 @@ static PetscErrorCode create_interpolation(Pressure p)
   PetscCall(PetscMalloc1(l->nnode_all, &p->vertex));
   PetscCall(number_vertices(p, p->vertex, &nown));
   PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, l->ncell * p->nk, nown, PETSC_DETERMINE, PETSC_DETERMINE, nv, NULL, nv, NULL, &p->interpolation));
-  for (PetscInt c = 0; c < l->ncell; c++) {
-    PetscInt  row[4], col[8];
-    PetscReal fit[4 * 8];
-
-    PetscCall(fit_vertices(p, c, col, fit));
-    for (PetscInt v = 0; v < nv; v++) col[v] = p->vertex[col[v]];
-    for (PetscInt k = 0; k < p->nk; k++) row[k] = (l->cell_start + c) * p->nk + k;
-    PetscCall(MatSetValues(p->interpolation, p->nk, row, nv, col, fit, INSERT_VALUES));
-  }
+  for (PetscInt c = 0; c < l->ncell; c++) PetscCall(set_interpolation(p, c));
   PetscCall(MatAssemblyBegin(p->interpolation, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(p->interpolation, MAT_FINAL_ASSEMBLY));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -520,7 +572,7 @@ static PetscErrorCode add_shared_to_coarse(Pressure p, PetscReal scale)
   const PetscInt nv = 1 << p->loc->dim, nk = p->nk;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < p->nshared; i++) {
+  for (PetscInt i = 0; i < p->nsoft; i++) {
     PetscInt  col[8];
     PetscReal fit[4 * 8], block[64] = {0};
 
@@ -534,6 +586,23 @@ static PetscErrorCode add_shared_to_coarse(Pressure p, PetscReal scale)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* coarse += sum over the components of own node i of change g g^T */
+static PetscErrorCode add_node_to_coarse(Pressure p, const PetscReal b[], PetscInt i, const PetscReal change[])
+{
+  const PetscInt dim = p->loc->dim;
+  PetscInt       n, col[MAX_VERTICES];
+  PetscReal      g[MAX_VERTICES * 3], block[MAX_VERTICES * MAX_VERTICES];
+
+  PetscFunctionBeginUser;
+  PetscCall(vertex_gradient(p, b, i, &n, col, g));
+  for (PetscInt e = 0; e < n * n; e++) {
+    block[e] = 0;
+    for (PetscInt a = 0; a < dim; a++) block[e] += change[a] * g[e / n * dim + a] * g[e % n * dim + a];
+  }
+  PetscCall(MatSetValues(p->coarse, n, col, n, col, block, ADD_VALUES));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* The Galerkin coarse operator: changes of weights are added, so a moving body costs what it touches. */
 static PetscErrorCode update_coarse(Pressure p, const PetscReal weight[])
 {
@@ -544,21 +613,14 @@ static PetscErrorCode update_coarse(Pressure p, const PetscReal weight[])
   PetscFunctionBeginUser;
   PetscCall(FlowGetCellDivergence(p->flow, &b));
   for (PetscInt i = 0; i < l->nnode; i++) {
-    PetscInt  n, col[MAX_VERTICES];
-    PetscReal g[MAX_VERTICES * 3], block[MAX_VERTICES * MAX_VERTICES], change[3] = {0, 0, 0};
-    PetscBool any = PETSC_FALSE;
+    PetscReal change[3] = {0, 0, 0};
+    PetscBool any       = PETSC_FALSE;
 
     for (PetscInt a = 0; a < dim; a++) {
-      change[a] = weight[i * dim + a] - p->weight[i * dim + a];
+      change[a] = weight[i * dim + a] - (p->weight[i * dim + a] == UNKNOWN ? 0 : p->weight[i * dim + a]);
       any       = (PetscBool)(any || change[a] != 0);
     }
-    if (!any) continue;
-    PetscCall(vertex_gradient(p, b, i, &n, col, g));
-    for (PetscInt e = 0; e < n * n; e++) {
-      block[e] = 0;
-      for (PetscInt a = 0; a < dim; a++) block[e] += change[a] * g[e / n * dim + a] * g[e % n * dim + a];
-    }
-    PetscCall(MatSetValues(p->coarse, n, col, n, col, block, ADD_VALUES));
+    if (any) PetscCall(add_node_to_coarse(p, b, i, change));
   }
   PetscCall(MatAssemblyBegin(p->coarse, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(p->coarse, MAT_FINAL_ASSEMBLY));
@@ -579,6 +641,34 @@ static PetscErrorCode make_coarse_definite(Pressure p)
   PetscCall(MatDiagonalSet(p->coarse, diagonal, ADD_VALUES));
   PetscCall(VecDestroy(&diagonal));
   p->definite = PETSC_TRUE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Own vertices all of whose cells are dead have an empty row in the coarse operator: they get the identity */
+static PetscErrorCode update_buried(Pressure p)
+{
+  const MeshLocal *l = p->loc;
+
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e < p->nchanged * l->nb; e++) {
+    const PetscInt i    = l->cell_node[p->changed[e / l->nb] * l->nb + e % l->nb];
+    PetscBool      dead = PETSC_TRUE;
+
+    if (i >= l->nnode || p->vertex[i] < 0) continue;
+    for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++) dead = (PetscBool)(dead && p->cell_body[l->node_cell[q]] >= 0);
+    if (dead != p->buried[i]) PetscCall(MatSetValue(p->coarse, p->vertex[i], p->vertex[i], dead ? 1 : -1, ADD_VALUES));
+    p->buried[i] = dead;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode update_interpolation(Pressure p)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e < p->nchanged; e++)
+    if (p->changed[e] < p->loc->ncell) PetscCall(set_interpolation(p, p->changed[e]));
+  PetscCall(MatAssemblyBegin(p->interpolation, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(p->interpolation, MAT_FINAL_ASSEMBLY));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -692,6 +782,7 @@ PetscErrorCode PressureCreate(Flow flow, Constraint constraint, Pressure *pressu
   PetscCall(
     PetscCalloc3(p->loc->nnode_all * p->loc->dim, &p->weight, p->nbodies * p->nr * p->nr, &p->mass_inverse, 2 * p->nbodies * p->nr, &p->work));
   PetscCall(PetscCalloc3(p->loc->ncell, &p->stamp, p->loc->ncell, &p->touched, p->loc->ncell, &p->listed));
+  PetscCall(PetscCalloc2(p->nbodies, &p->resolved, p->loc->nnode_all, &p->buried));
   p->eps_shared = 1e-3;
   PetscCall(OptReal("-flow_pressure_shared", "compressibility of cells between two bodies, or body and wall, as share of their nodes' inverse mass",
                     "", 0, 1, &p->eps_shared));
@@ -724,6 +815,8 @@ PetscErrorCode PressureDestroy(Pressure *pressure)
   PetscCall(PetscFree(p->cut_body));
   PetscCall(PetscFree(p->cut_q));
   PetscCall(PetscFree3(p->stamp, p->touched, p->listed));
+  PetscCall(PetscFree2(p->resolved, p->buried));
+  PetscCall(PetscFree(p->changed));
   PetscCall(PetscFree(p->shared_cell));
   PetscCall(PetscFree(p->shared_block));
   PetscCall(PetscFree(*pressure));
@@ -735,6 +828,47 @@ PetscReal PressureGetSoftness(Pressure p)
   return p->eps;
 }
 
+PetscErrorCode PressureForgetCells(Pressure p, PetscInt n, const PetscInt cells[])
+{
+  const MeshLocal *l   = p->loc;
+  const PetscInt   dim = l->dim;
+  const PetscReal *b;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetCellDivergence(p->flow, &b));
+  if (p->two_level) PetscCall(add_shared_to_coarse(p, -1));
+  p->nsoft = 0; /* the list stays: rows of these cells are to be built anew */
+  for (PetscInt e = 0; e < n * l->nb; e++) {
+    const PetscInt i      = l->cell_node[cells[e / l->nb] * l->nb + e % l->nb];
+    PetscReal     *weight = p->weight + i * dim, change[3];
+    PetscBool      any    = PETSC_FALSE;
+
+    if (weight[0] == UNKNOWN) continue;
+    for (PetscInt a = 0; a < dim; a++) {
+      any       = (PetscBool)(any || weight[a] != 0);
+      change[a] = -weight[a];
+      weight[a] = UNKNOWN;
+    }
+    if (any && i < l->nnode && p->two_level) PetscCall(add_node_to_coarse(p, b, i, change));
+  }
+  if (p->nchanged + n > p->changed_room) {
+    p->changed_room = 2 * (p->nchanged + n);
+    PetscCall(PetscRealloc(p->changed_room * sizeof(PetscInt), &p->changed));
+  }
+  for (PetscInt e = 0; e < n; e++) p->changed[p->nchanged++] = cells[e];
+  p->refresh = PETSC_TRUE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PressureSetDead(Pressure p, const PetscInt cell_body[], const PetscBool resolved[])
+{
+  PetscFunctionBeginUser;
+  p->cell_body = cell_body;
+  PetscCall(PetscArraycpy(p->resolved, resolved, p->nbodies));
+  if (p->floating) PetscCall(find_constant(p));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscReal share[], const PetscReal mass_inverse[])
 {
   PetscBool same, flags[2];
@@ -744,6 +878,12 @@ PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscR
   PetscCall(PetscLogEventBegin(TB_PRES_BUILD, 0, 0, 0, 0));
   PetscCall(PetscMalloc1(nold, &old));
   PetscCall(PetscArraycpy(old, p->shared_cell, nold));
+  if (p->refresh && p->two_level) {
+    PetscCall(update_interpolation(p));
+    PetscCall(update_buried(p));
+  }
+  p->refresh  = PETSC_FALSE;
+  p->nchanged = 0;
   PetscCall(PetscArraycmp(p->weight, weight, p->loc->nnode_all * p->loc->dim, &same));
   flags[0] = (PetscBool)(!same || p->nshared);
   if (p->two_level) PetscCall(add_shared_to_coarse(p, -1));
@@ -753,7 +893,7 @@ PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscR
   }
   if (p->two_level) PetscCall(add_shared_to_coarse(p, 1));
   flags[0] = (PetscBool)(flags[0] || p->nshared);
-  flags[1] = (PetscBool)(p->nshared > 0);
+  flags[1] = (PetscBool)(p->nsoft > 0);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, flags, 2, MPIU_BOOL, MPI_LOR, PETSC_COMM_WORLD));
   p->any_shared = flags[1];
   if (flags[0]) {

@@ -39,9 +39,9 @@ struct _p_Snap {
   List       dead, marked, ring, touched, placed;
   PetscInt  *flags; /* [2 nbodies] */
   /* the last result */
-  PetscInt  *node_body, *cell_body;
+  PetscInt  *node_body, *cell_body, *cell_before;
   PetscBool *on_wall;
-  List       old_dead, old_placed, node, cell;
+  List       old_dead, older_dead, old_placed, node, cell;
   PetscReal *x;
   PetscInt   x_room;
 };
@@ -554,22 +554,27 @@ static PetscErrorCode publish(Snap s, const PetscInt old_marked[], PetscInt nold
     s->node_body[old_marked[e]] = -1;
     s->on_wall[old_marked[e]]   = PETSC_FALSE;
   }
-  for (PetscInt e = 0; e < s->old_dead.n; e++) s->cell_body[s->old_dead.i[e]] = -1;
+  for (PetscInt e = 0; e < s->older_dead.n; e++) s->cell_before[s->older_dead.i[e]] = -1;
+  for (PetscInt e = 0; e < s->old_dead.n; e++) {
+    s->cell_before[s->old_dead.i[e]] = s->cell_body[s->old_dead.i[e]];
+    s->cell_body[s->old_dead.i[e]]   = -1;
+  }
   for (PetscInt e = 0; e < s->marked.n; e++) {
     s->node_body[s->marked.i[e]] = (s->code[s->marked.i[e]] - 1) / 2;
     s->on_wall[s->marked.i[e]]   = is_on_wall(s, s->marked.i[e]);
   }
   for (PetscInt e = 0; e < s->dead.n; e++) s->cell_body[s->dead.i[e]] = s->cover[s->dead.i[e]] - 1;
-  r->nmarked   = s->marked.n;
-  r->marked    = s->marked.i;
-  r->node_body = s->node_body;
-  r->on_wall   = s->on_wall;
-  r->cell_body = s->cell_body;
-  r->nnode     = s->node.n;
-  r->node      = s->node.i;
-  r->x         = s->x;
-  r->ncell     = s->cell.n;
-  r->cell      = s->cell.i;
+  r->nmarked     = s->marked.n;
+  r->marked      = s->marked.i;
+  r->node_body   = s->node_body;
+  r->on_wall     = s->on_wall;
+  r->cell_body   = s->cell_body;
+  r->cell_before = s->cell_before;
+  r->nnode       = s->node.n;
+  r->node        = s->node.i;
+  r->x           = s->x;
+  r->ncell       = s->cell.n;
+  r->cell        = s->cell.i;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -643,9 +648,10 @@ PetscErrorCode SnapCreate(Mesh mesh, Bodies bodies, Snap *snap)
   n          = s->loc->nnode_all;
   PetscCall(PetscCalloc6(n, &s->kind, n, &s->centre_of, n, &s->boundary, n, &s->code, n, &s->level, 2 * n, &s->d));
   PetscCall(PetscCalloc5(n, &s->depth, n, &s->work, n, &s->stamp[0], n, &s->node_body, n, &s->on_wall));
-  PetscCall(PetscCalloc4(s->loc->ncell_all, &s->cover, s->loc->ncell_all, &s->stamp[1], s->loc->ncell_all, &s->cell_body, 2 * s->nbodies, &s->flags));
+  PetscCall(PetscCalloc5(s->loc->ncell_all, &s->cover, s->loc->ncell_all, &s->stamp[1], s->loc->ncell_all, &s->cell_body, s->loc->ncell_all,
+                         &s->cell_before, 2 * s->nbodies, &s->flags));
   for (PetscInt i = 0; i < n; i++) s->node_body[i] = -1;
-  for (PetscInt c = 0; c < s->loc->ncell_all; c++) s->cell_body[c] = -1;
+  for (PetscInt c = 0; c < s->loc->ncell_all; c++) s->cell_body[c] = s->cell_before[c] = -1;
   PetscCall(know_nodes(s));
   tabulate(s);
   *snap = s;
@@ -660,13 +666,14 @@ PetscErrorCode SnapDestroy(Snap *snap)
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscFree6(s->kind, s->centre_of, s->boundary, s->code, s->level, s->d));
   PetscCall(PetscFree5(s->depth, s->work, s->stamp[0], s->node_body, s->on_wall));
-  PetscCall(PetscFree4(s->cover, s->stamp[1], s->cell_body, s->flags));
+  PetscCall(PetscFree5(s->cover, s->stamp[1], s->cell_body, s->cell_before, s->flags));
   PetscCall(PetscFree(s->dead.i));
   PetscCall(PetscFree(s->marked.i));
   PetscCall(PetscFree(s->ring.i));
   PetscCall(PetscFree(s->touched.i));
   PetscCall(PetscFree(s->placed.i));
   PetscCall(PetscFree(s->old_dead.i));
+  PetscCall(PetscFree(s->older_dead.i));
   PetscCall(PetscFree(s->old_placed.i));
   PetscCall(PetscFree(s->node.i));
   PetscCall(PetscFree(s->cell.i));
@@ -706,6 +713,7 @@ PetscErrorCode SnapFit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const Petsc
   PetscCall(publish(s, old_marked.i, old_marked.n, result));
   PetscCall(PetscFree(old_marked.i));
   clear_entries(s);
+  swap_lists(&s->older_dead, &s->old_dead);
   swap_lists(&s->dead, &s->old_dead);
   swap_lists(&s->placed, &s->old_placed);
   s->dead.n = s->placed.n = 0;

@@ -1,0 +1,20 @@
+/* Fit: keeps mesh, flow and solver lined up with moving bodies, for the boundary rung snap. Layer 3. Plane meshes only.
+
+   In every step: the mesh is fitted to the bodies (snap.h); u^n and u^{n-1} are evaluated where nodes will be (remap.h); nodes move; cells near bodies are computed anew; cells inside
+   leave the fluid. The pressure of a cell stays the same polynomial in space. Everything else is as on a fixed mesh: pattern, numbering, symmetry. */
+#pragma once
+#include "bodies.h"
+#include "flow.h"
+#include "flowsolve.h"
+#include "remap.h"
+#include "snap.h"
+
+typedef struct _p_Fit *Fit;
+
+/* Error: three-dimensional mesh. Collective. */
+PetscErrorCode FitCreate(Flow, Bodies, Fit *);
+PetscErrorCode FitDestroy(Fit *);
+
+/* Fit to the bodies drawn at X, q (SnapFit), between FlowBeginStep and FlowAssemble. fitted [nbodies], *result and *count (may be NULL) are borrowed. Collective. */
+PetscErrorCode FitUpdate(Fit, FlowSolver, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *fitted[], const SnapResult **result,
+                         const RemapCount **count);

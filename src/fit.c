@@ -1,0 +1,137 @@
+/* Fit: see fit.h. */
+#include "compat.h"
+#include "fit.h"
+
+struct _p_Fit {
+  Flow             flow;
+  Bodies           bodies;
+  Mesh             mesh;
+  const MeshLocal *loc;
+  Snap             snap;
+  Remap            remap;
+  PetscBool       *wanted, *fitted; /* [nbodies] */
+  SnapResult       result;
+  RemapCount       count;
+  PetscInt        *stamp, now; /* [nnode_all] */
+  /* own nodes that need values: where they will be, and what they get */
+  PetscInt   ntarget, room, *target;
+  PetscReal *x, *value;
+};
+
+/* Are all cells around node i dead? */
+static PetscBool is_buried(const MeshLocal *l, PetscInt i, const PetscInt cell_body[])
+{
+  for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++)
+    if (cell_body[l->node_cell[q]] < 0) return PETSC_FALSE;
+  return PETSC_TRUE;
+}
+
+static PetscErrorCode add_target(Fit f, PetscInt i, const PetscReal x[])
+{
+  PetscFunctionBeginUser;
+  if (f->stamp[i] == f->now) PetscFunctionReturn(PETSC_SUCCESS);
+  f->stamp[i] = f->now;
+  if (i >= f->loc->nnode || is_buried(f->loc, i, f->result.cell_body)) PetscFunctionReturn(PETSC_SUCCESS);
+  if (f->ntarget == f->room) {
+    f->room = 2 * f->room + 64;
+    PetscCall(PetscRealloc(f->room * sizeof(PetscInt), &f->target));
+    PetscCall(PetscRealloc(2 * f->room * sizeof(PetscReal), &f->x));
+    PetscCall(PetscRealloc(4 * f->room * sizeof(PetscReal), &f->value));
+  }
+  f->target[f->ntarget]    = i;
+  f->x[2 * f->ntarget]     = x[0];
+  f->x[2 * f->ntarget + 1] = x[1];
+  f->ntarget++;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Own fluid nodes that move, or were inside a body until now */
+static PetscErrorCode find_targets(Fit f)
+{
+  const MeshLocal  *l = f->loc;
+  const SnapResult *r = &f->result;
+
+  PetscFunctionBeginUser;
+  f->now++;
+  f->ntarget = 0;
+  for (PetscInt e = 0; e < r->nnode; e++) PetscCall(add_target(f, r->node[e], r->x + 2 * e));
+  for (PetscInt e = 0; e < r->ncell * l->nb; e++) {
+    const PetscInt i = l->cell_node[r->cell[e / l->nb] * l->nb + e % l->nb];
+
+    if (f->stamp[i] != f->now && i < l->nnode && is_buried(l, i, r->cell_before)) PetscCall(add_target(f, i, l->x + 2 * i));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode carry_over(Fit f, FlowSolver solver)
+{
+  const SnapResult *r = &f->result;
+  PetscReal        *u[2];
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetFields(f->flow, &u[0], &u[1], NULL));
+  PetscCall(find_targets(f));
+  PetscCall(RemapEvaluate(f->remap, f->ntarget, f->target, f->x, r->cell_before, 2, (const PetscReal *const *)u, f->value, &f->count));
+  PetscCall(FlowSolverForgetCells(solver, r->ncell, r->cell));
+  PetscCall(MeshMoveNodes(f->mesh, r->nnode, r->node, r->x));
+  for (PetscInt e = 0; e < 4 * f->ntarget; e++) u[e / 2 % 2][2 * f->target[e / 4] + e % 2] = f->value[e];
+  for (PetscInt k = 0; k < 2; k++) PetscCall(MeshSyncNodes(f->mesh, 2, u[k]));
+  PetscCall(FlowUpdateCells(f->flow, r->ncell, r->cell, r->cell_body));
+  PetscCall(FlowSolverSetDead(solver, r->cell_body, f->fitted));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FitCreate(Flow flow, Bodies bodies, Fit *fit)
+{
+  Fit        f;
+  BodyState *state;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&f));
+  f->flow   = flow;
+  f->bodies = bodies;
+  PetscCall(FlowGetMesh(flow, &f->mesh));
+  PetscCall(MeshGetLocal(f->mesh, &f->loc));
+  PetscCall(BodiesGetState(bodies, &state));
+  PetscCall(SnapCreate(f->mesh, bodies, &f->snap));
+  PetscCall(RemapCreate(f->mesh, &f->remap));
+  PetscCall(PetscCalloc3(state->n, &f->wanted, state->n, &f->fitted, f->loc->nnode_all, &f->stamp));
+  *fit = f;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FitDestroy(Fit *fit)
+{
+  Fit f = *fit;
+
+  PetscFunctionBeginUser;
+  if (!f) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(SnapDestroy(&f->snap));
+  PetscCall(RemapDestroy(&f->remap));
+  PetscCall(PetscFree3(f->wanted, f->fitted, f->stamp));
+  PetscCall(PetscFree(f->target));
+  PetscCall(PetscFree(f->x));
+  PetscCall(PetscFree(f->value));
+  PetscCall(PetscFree(*fit));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FitUpdate(Fit f, FlowSolver solver, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *fitted[], const SnapResult **result,
+                         const RemapCount **count)
+{
+  BodyState *state;
+  PetscBool  any;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetState(f->bodies, &state));
+  for (PetscInt k = 0; k < state->n; k++) f->wanted[k] = (PetscBool)(!state->gone[k] && !state->group[state->body_group[k]].hole);
+  PetscCall(SnapFit(f->snap, X, q, f->wanted, f->fitted, &f->result));
+  any      = (PetscBool)(f->result.ncell > 0);
+  f->count = (RemapCount){0, 0, 0, 0};
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &any, 1, MPIU_BOOL, MPI_LOR, PETSC_COMM_WORLD));
+  if (any) PetscCall(carry_over(f, solver));
+  *fitted = f->fitted;
+  *result = &f->result;
+  if (count) *count = &f->count;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
