@@ -24,21 +24,27 @@ REFERENCE = {"u_min": -0.3885698, "u_min_y": 0.1717, "v_max": 0.3769447, "v_max_
 ERRORS = ["u_min", "v_max", "v_min", "psi_min"]
 
 
-def solve(cells, build, ranks, folder):
-    """Velocities [i][j] -> (u, v) at the nodes of the elements, counted from the lower left corner, and the summary."""
-    command = [str(ROOT / build / "tumble"), str(ROOT / "runs/cavity-re1000.yaml"), "-mesh_cells", f"{cells},{cells}", "-output_dir", str(folder)]
-    if ranks > 1:
-        command = ["mpiexec", "--oversubscribe", "-n", str(ranks), *command]
-    done = subprocess.run(command, capture_output=True, text=True)
-    if done.returncode:
-        raise SystemExit(f"{' '.join(command)}\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
+def read_velocity(folder, cells):
+    """(u, v) [i][j] at the nodes of the elements, counted from the lower left corner."""
     (file,) = folder.glob("fields_*.h5")
     with h5py.File(folder / "mesh.h5") as mesh, h5py.File(file) as fields:
         index = numpy.rint(mesh["coordinates"][:, :2] * 2 * cells).astype(int)
         velocity = numpy.full((2 * cells + 1, 2 * cells + 1, 2), numpy.nan)
         velocity[index[:, 0], index[:, 1]] = fields["velocity"][:, :2]
     assert not numpy.isnan(velocity).any(), "nodes are missing"
-    return velocity, json.loads((folder / "summary.json").read_text())
+    return velocity
+
+
+def solve(cells, build, ranks, folder):
+    """One mesh: a row of the table."""
+    command = [str(ROOT / build / "tumble"), str(ROOT / "runs/cavity-re1000.yaml"), "-mesh_cells", f"{cells},{cells}", "-output_dir", str(folder)]
+    if ranks > 1:
+        command = ["mpiexec", "--oversubscribe", "-n", str(ranks), *command]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise SystemExit(f"{' '.join(command)}\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
+    summary = json.loads((folder / "summary.json").read_text())
+    return {"cells": cells, "unknowns": summary["unknowns"], "newton": summary["quantities"]["nonlinear_iterations"], **measure(read_velocity(folder, cells))}
 
 
 def extremum(values, sign):
@@ -102,8 +108,7 @@ def main():
     rows = []
     for cells in arguments.cells:
         with tempfile.TemporaryDirectory() as folder:
-            velocity, summary = solve(cells, arguments.build, arguments.ranks, Path(folder) / "run")
-        rows.append({"cells": cells, "unknowns": summary["unknowns"], "newton": summary["quantities"]["nonlinear_iterations"], **measure(velocity)})
+            rows.append(solve(cells, arguments.build, arguments.ranks, Path(folder) / "run"))
     with open(HERE / "cavity.csv", "w", newline="") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(rows[0])

@@ -1,0 +1,34 @@
+"""Steady lid-driven cavity at Re 1000 against the spectral values of Botella & Peyret 1998, read by the script of the study runs/studies/flow-solver.
+
+Observed there: errors of the extrema 1.0 to 1.6 % at 32 x 32 and 0.1 % at 64 x 64 cells, rates 3.7 to 3.9."""
+import importlib.util
+import math
+
+from conftest import ROOT
+
+RATE = 3
+
+
+def load_study():
+    spec = importlib.util.spec_from_file_location("cavity", ROOT / "runs/studies/flow-solver/cavity.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_cavity(run):
+    study = load_study()
+    error = {}
+    for cells, ranks, bound in (32, 2, 0.02), (64, 1, 0.002):
+        folder = f"cavity_{cells}"
+        result = run([ROOT / "runs/cavity-re1000.yaml", "-mesh_cells", f"{cells},{cells}", "-output_dir", folder], ranks)
+        assert result.status == 0, str(result)
+        found = study.measure(study.read_velocity(result.folder / folder, cells))
+        for name in study.ERRORS:
+            error[name, cells] = abs(found[name] / study.REFERENCE[name] - 1)
+            assert error[name, cells] < bound, f"{name} at {cells} x {cells} cells: {found[name]}, expected {study.REFERENCE[name]}"
+        for name in "u_min_y", "v_max_x", "v_min_x", "psi_x", "psi_y":
+            assert abs(found[name] - study.REFERENCE[name]) < 0.2 / cells, f"{name} at {cells} x {cells} cells: {found[name]}, expected {study.REFERENCE[name]}"
+    for name in study.ERRORS:
+        rate = math.log2(error[name, 32] / error[name, 64])
+        assert rate > RATE, f"{name}: errors {error[name, 32]:g} and {error[name, 64]:g} give rate {rate:.2f}, expected more than {RATE}"
