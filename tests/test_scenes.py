@@ -1,0 +1,59 @@
+"""Scenes of single bodies (all of their references: make validate) at reduced size, against what is known exactly."""
+import csv
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+RUNS = Path(__file__).resolve().parent.parent / "runs"
+
+
+@pytest.fixture
+def bodies(run):
+    """bodies(scene, group, *args): run a scene of runs/, return the rows of one group and the summary."""
+
+    def start(scene, group, *args):
+        result = run([RUNS / f"{scene}.yaml", "-output_dir", "out", "-output_every", "0", *args])
+        assert result.status == 0, str(result)
+        with open(result.folder / "out" / "bodies.csv") as file:
+            rows = [row for row in csv.DictReader(file) if row["group"] == group]
+        return rows, json.loads((result.folder / "out" / "summary.json").read_text())
+
+    return start
+
+
+def nearest(rows, time, name):
+    return float(min(rows, key=lambda row: abs(float(row["time_s"]) - time))[name])
+
+
+# density ratio: square of the first wave number (R = 2, r = 1), and the times between which the first mode decays alone
+DECAY = {0.01: (5.1542, 0.8, 1.6), 1: (3.882688, 1, 2), 10: (0.94027, 2, 4)}
+CONTAINER, IMMERSED = "rotating-container", "rotating-container-immersed"
+
+
+@pytest.mark.parametrize("scene, density", [(CONTAINER, 0.01), (CONTAINER, 1), (CONTAINER, 10), (IMMERSED, 0.01)])
+def test_rotating_container(bodies, scene, density):
+    wave, begin, end = DECAY[density]
+    rows, _ = bodies(scene, "disc", "-particle_disc_density", str(density), "-sim_time", str(end))
+    lag = [1 - nearest(rows, t, "omega_z") / 0.01 for t in (begin, end)]
+    rate = math.log(lag[0] / lag[1]) / (end - begin)
+    assert abs(rate / wave - 1) < 0.01, f"decay rate {rate:g}, exact {wave:g}"
+    assert max(abs(float(row[axis])) for row in rows for axis in "xy") < 1e-6
+
+
+@pytest.mark.parametrize("scene, viscosity, step", [(CONTAINER, 0.001, 20), (CONTAINER, 0.01, 10), (CONTAINER, 1, 0.1), (IMMERSED, 0.1, 1)])
+def test_rotating_container_ends_as_a_rigid_body(bodies, scene, viscosity, step):
+    """Any step will do to get there, as long as the container turns by little in it (a neutral disc is at home everywhere, and strays)."""
+    end = 4 / viscosity
+    rows, _ = bodies(scene, "disc", "-flow_viscosity", str(viscosity), "-sim_dt", str(step), "-sim_time", str(end))
+    assert abs(nearest(rows, end, "omega_z") / 0.01 - 1) < 1e-4
+
+
+def test_oscillating_cylinder(bodies):
+    """Half a period on a coarse mesh: the cylinder is where it should be; the mean force over an interval is that of the published curve."""
+    rows, _ = bodies("oscillating-cylinder", "cylinder", "-mesh_focus_h", "0.0125", "-sim_dt", "0.02", "-sim_time", "1.2")
+    for row in rows:
+        assert abs(float(row["x"]) - 1.1 - 0.25 * math.sin(math.pi / 2 * float(row["time_s"]))) < 1e-9
+    drag = [129.69 * float(row["force_x"]) for row in rows if 0.9 < float(row["time_s"]) < 1.1]
+    assert abs(sum(drag) / len(drag) - 1.3537) < 0.25  # D/h = 8
