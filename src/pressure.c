@@ -1,6 +1,7 @@
 /* Pressure: see pressure.h. All entries of a row belong to cells that share a node with the row's cell, and ghost cells are known, so every rank builds its rows alone. */
 #include "compat.h"
 #include "pressure.h"
+#include "blockgs.h"
 #include "log.h"
 #include "opt.h"
 
@@ -13,6 +14,7 @@ struct _p_Pressure {
   Mesh             mesh;
   PetscInt         nk, nr, nbodies; /* pressures a cell; rigid slots a body */
   PetscReal        eps;
+  Mat              sweeps;                   /* single-precision smoother of the matrix, or NULL: another one was asked for */
   PetscBool        smoothers_set, two_level; /* the default preconditioner: PCMG with levels P1 discontinuous -> Q1 */
   Mat              matrix, shell, interpolation, coarse;
   PetscBool        definite;                  /* the coarse operator has got its share of the diagonal */
@@ -163,6 +165,26 @@ static void start_list(Pressure p)
   p->nlisted = 0;
 }
 
+/* The single-precision copy of the listed rows; the first call creates it (the matrix has its pattern then). */
+static PetscErrorCode update_sweeps(Pressure p)
+{
+  char      type[64];
+  PetscBool set, sor = PETSC_TRUE;
+
+  PetscFunctionBeginUser;
+  if (!p->two_level) PetscFunctionReturn(PETSC_SUCCESS);
+  if (p->sweeps) {
+    PetscCall(BlockGSUpdate(p->sweeps, p->nlisted, p->listed));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCall(PetscOptionsGetString(NULL, NULL, "-flow_fieldsplit_pressure_mg_levels_pc_type", type, sizeof(type), &set));
+  if (set) PetscCall(PetscStrcmp(type, "sor", &sor));
+  if (!sor) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(BlockGSCreate(p->matrix, &p->sweeps));
+  PetscCall(BlockGSUpdate(p->sweeps, 0, NULL));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Rebuild the rows of cells with a node whose weight has changed, and of those that are or were (old) shared. */
 static PetscErrorCode update_matrix(Pressure p, const PetscReal weight[], PetscInt nold, const PetscInt old[])
 {
@@ -191,6 +213,7 @@ static PetscErrorCode update_matrix(Pressure p, const PetscReal weight[], PetscI
   }
   PetscCall(MatAssemblyBegin(p->matrix, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(p->matrix, MAT_FINAL_ASSEMBLY));
+  PetscCall(update_sweeps(p));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -687,7 +710,7 @@ static PetscErrorCode create_coarse(Pressure p)
 }
 
 /* Down: one forward block Gauss-Seidel sweep, up: one backward sweep; together symmetric, at the cost of one and a half products with the matrix. Options win. */
-static PetscErrorCode set_smoothers(PC pc)
+static PetscErrorCode set_smoothers(PC pc, Mat sweeps)
 {
   const MatSORType sweep[2] = {SOR_LOCAL_FORWARD_SWEEP, SOR_LOCAL_BACKWARD_SWEEP};
   KSP              ksp[2];
@@ -698,6 +721,7 @@ static PetscErrorCode set_smoothers(PC pc)
   for (int i = 0; i < 2; i++) {
     PC smoother;
 
+    if (sweeps) PetscCall(KSPSetOperators(ksp[i], sweeps, sweeps));
     PetscCall(KSPSetType(ksp[i], KSPRICHARDSON));
     PetscCall(KSPSetTolerances(ksp[i], PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT, 1));
     PetscCall(KSPGetPC(ksp[i], &smoother));
@@ -728,7 +752,7 @@ PetscErrorCode PressureSetUpPC(Pressure p, KSP ksp)
   PetscCall(PCMGSetInterpolation(pc, 1, p->interpolation));
   PetscCall(PCMGGetCoarseSolve(pc, &coarse));
   PetscCall(KSPSetOperators(coarse, p->coarse, p->coarse));
-  if (!p->smoothers_set) PetscCall(set_smoothers(pc));
+  if (!p->smoothers_set) PetscCall(set_smoothers(pc, p->sweeps));
   p->smoothers_set = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -804,6 +828,7 @@ PetscErrorCode PressureDestroy(Pressure *pressure)
   if (!p) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MatDestroy(&p->matrix));
   PetscCall(MatDestroy(&p->shell));
+  PetscCall(MatDestroy(&p->sweeps));
   PetscCall(MatNullSpaceDestroy(&p->constant));
   PetscCall(MatDestroy(&p->interpolation));
   PetscCall(MatDestroy(&p->coarse));

@@ -1,0 +1,12 @@
+/* BlockGS: smoother of a sparse matrix of small dense blocks with its entries in single precision. Layer 0.
+
+   A matrix shell over a BAIJ matrix with blocks of 3 or 4: product (so that multigrid forms its residual with it) and processor-local Gauss-Seidel sweeps by blocks.
+   A smoother is limited by the memory it reads, and the blocks and the inverses of those on the diagonal are stored as floats; vectors and sums are double, so that
+   it is a linear operator, symmetric if A is, close to A by the round-off of its entries. For preconditioners only. */
+#pragma once
+#include <petscmat.h>
+
+/* The shell keeps a reference to A and starts without values: call BlockGSUpdate. Collective. Errors: another matrix type or block size. */
+PetscErrorCode BlockGSCreate(Mat A, Mat *shell);
+/* Copy anew what changed in A: n local block rows, or all with rows = NULL. Not collective. */
+PetscErrorCode BlockGSUpdate(Mat shell, PetscInt n, const PetscInt rows[]);

@@ -1,0 +1,232 @@
+/* BlockGS: see blockgs.h. Rows are sums over their blocks, column by column as PETSc stores them: one column is one vector of four numbers, of which the fourth is
+   read for nothing when blocks have three rows. */
+#include "compat.h"
+#include "blockgs.h"
+#include "dense.h"
+
+#define MAX_NK 4
+#define SLACK  4 /* numbers behind the end of an array that a vector may read */
+
+typedef double wide __attribute__((vector_size(32)));
+typedef float  narrow __attribute__((vector_size(16), aligned(4)));
+
+typedef struct {
+  Mat             A, part[2]; /* whole matrix; own and other columns (NULL on one rank) */
+  PetscInt        nk, n;      /* block size, own block rows */
+  const PetscInt *start[2], *column[2];
+  float          *value[2], *inverse; /* [blocks][nk][nk] column by column; [n][nk][nk] likewise */
+  PetscInt        nghost;
+  PetscReal      *ghost; /* [nghost][nk] */
+  PetscSF         sf;
+  MPI_Datatype    unit; /* nk reals */
+} BlockGS;
+
+#define INLINE static inline __attribute__((always_inline))
+
+INLINE wide load_column(const float *v)
+{
+  return __builtin_convertvector(*(const narrow *)v, wide);
+}
+
+/* Sum of the blocks [begin, end) times x; one sum a column, so that additions do not wait for each other */
+INLINE wide sum_row(const int nk, PetscInt begin, PetscInt end, const PetscInt *restrict column, const float *restrict value, const PetscReal *x)
+{
+  wide s[MAX_NK] = {{0}};
+
+  for (PetscInt q = begin; q < end; q++)
+    for (int m = 0; m < nk; m++) s[m] += load_column(value + (q * nk + m) * nk) * x[column[q] * nk + m];
+  return nk == 3 ? s[0] + s[1] + s[2] : s[0] + s[1] + (s[2] + s[3]);
+}
+
+/* Only blocks before the diagonal while the rest of x is zero (lower) */
+INLINE void sweep(const int nk, const BlockGS *restrict g, PetscBool forward, PetscBool lower, const PetscReal *b, PetscReal *x)
+{
+  for (PetscInt r = 0; r < g->n; r++) {
+    const PetscInt i   = forward ? r : g->n - 1 - r;
+    PetscInt       end = g->start[0][i + 1];
+    wide           s, d = {0};
+
+    if (lower)
+      for (end = g->start[0][i]; g->column[0][end] < i;) end++;
+    s = sum_row(nk, g->start[0][i], end, g->column[0], g->value[0], x);
+    for (int m = 0; m < nk; m++) d += load_column(g->inverse + (i * nk + m) * nk) * (b[i * nk + m] - s[m]);
+    for (int k = 0; k < nk; k++) x[i * nk + k] += d[k];
+  }
+}
+
+INLINE void multiply(const int nk, const BlockGS *restrict g, const PetscReal *restrict x, PetscReal *restrict y)
+{
+  for (PetscInt i = 0; i < g->n; i++) {
+    const wide s = sum_row(nk, g->start[0][i], g->start[0][i + 1], g->column[0], g->value[0], x);
+
+    for (int k = 0; k < nk; k++) y[i * nk + k] = s[k];
+  }
+}
+
+/* y += the part of other ranks' columns */
+static void add_ghosts(const BlockGS *g, PetscReal y[])
+{
+  const PetscInt nk = g->nk;
+
+  for (PetscInt i = 0; i < g->n; i++)
+    for (PetscInt q = g->start[1][i]; q < g->start[1][i + 1]; q++)
+      for (PetscInt m = 0; m < nk; m++)
+        for (PetscInt k = 0; k < nk; k++) y[i * nk + k] += g->value[1][(q * nk + m) * nk + k] * g->ghost[g->column[1][q] * nk + m];
+}
+
+static PetscErrorCode mult_blocks(Mat shell, Vec x, Vec y)
+{
+  BlockGS         *g;
+  const PetscReal *xa;
+  PetscReal       *ya;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(shell, &g));
+  PetscCall(VecGetArrayRead(x, &xa));
+  PetscCall(VecGetArrayWrite(y, &ya));
+  if (g->sf) PetscCall(PetscSFBcastBegin(g->sf, g->unit, xa, g->ghost, MPI_REPLACE));
+  if (g->nk == 3) multiply(3, g, xa, ya);
+  else multiply(4, g, xa, ya);
+  if (g->sf) {
+    PetscCall(PetscSFBcastEnd(g->sf, g->unit, xa, g->ghost, MPI_REPLACE));
+    add_ghosts(g, ya);
+  }
+  PetscCall(VecRestoreArrayRead(x, &xa));
+  PetscCall(VecRestoreArrayWrite(y, &ya));
+  PetscCall(PetscLogFlops(2.0 * g->nk * g->nk * g->start[0][g->n]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode sweep_blocks(Mat shell, Vec bv, PetscReal omega, MatSORType flag, PetscReal shift, PetscInt its, PetscInt lits, Vec xv)
+{
+  BlockGS         *g;
+  const PetscReal *b;
+  PetscReal       *x;
+  PetscBool        zero         = (PetscBool)((flag & SOR_ZERO_INITIAL_GUESS) != 0);
+  const PetscBool  direction[2] = {(PetscBool)((flag & (SOR_FORWARD_SWEEP | SOR_LOCAL_FORWARD_SWEEP)) != 0),
+                                   (PetscBool)((flag & (SOR_BACKWARD_SWEEP | SOR_LOCAL_BACKWARD_SWEEP)) != 0)};
+
+  PetscFunctionBeginUser;
+  PetscCheck(omega == 1 && shift == 0, PetscObjectComm((PetscObject)shell), PETSC_ERR_SUP,
+             "The pressure sweep knows no over-relaxation or shift (omega %g, shift %g): leave ..._pc_sor_omega at 1 or choose another smoother",
+             (double)omega, (double)shift);
+  PetscCall(MatShellGetContext(shell, &g));
+  PetscCall(VecGetArrayRead(bv, &b));
+  PetscCall(VecGetArray(xv, &x));
+  if (zero) PetscCall(PetscArrayzero(x, g->n * g->nk));
+  for (PetscInt it = 0; it < its * lits; it++) {
+    for (int back = 0; back < 2; back++) {
+      if (!direction[back]) continue;
+      if (g->nk == 3) sweep(3, g, (PetscBool)!back, (PetscBool)(zero && !back), b, x);
+      else sweep(4, g, (PetscBool)!back, (PetscBool)(zero && !back), b, x);
+      zero = PETSC_FALSE;
+    }
+  }
+  PetscCall(VecRestoreArray(xv, &x));
+  PetscCall(VecRestoreArrayRead(bv, &b));
+  PetscCall(PetscLogFlops(2.0 * its * lits * g->nk * g->nk * g->start[0][g->n]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* One row of both parts, and the inverse of its diagonal block */
+static PetscErrorCode copy_row(BlockGS *g, PetscInt i, PetscReal *const value[2])
+{
+  const PetscInt nn = g->nk * g->nk;
+  PetscReal      inverse[MAX_NK * MAX_NK];
+
+  PetscFunctionBeginUser;
+  for (PetscInt s = 0; s < 2 && g->part[s]; s++)
+    for (PetscInt e = g->start[s][i] * nn; e < g->start[s][i + 1] * nn; e++) g->value[s][e] = (float)value[s][e];
+  for (PetscInt q = g->start[0][i]; q < g->start[0][i + 1]; q++)
+    if (g->column[0][q] == i) DenseInvert(g->nk, value[0] + q * nn, inverse); /* the transpose of the inverse is the inverse of the transpose */
+  for (PetscInt e = 0; e < nn; e++) g->inverse[i * nn + e] = (float)inverse[e];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BlockGSUpdate(Mat shell, PetscInt n, const PetscInt rows[])
+{
+  BlockGS   *g;
+  PetscReal *value[2] = {NULL, NULL};
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(shell, &g));
+  for (PetscInt s = 0; s < 2 && g->part[s]; s++) PetscCall(MatSeqBAIJGetArray(g->part[s], &value[s]));
+  for (PetscInt r = 0; r < (rows ? n : g->n); r++) PetscCall(copy_row(g, rows ? rows[r] : r, value));
+  for (PetscInt s = 0; s < 2 && g->part[s]; s++) PetscCall(MatSeqBAIJRestoreArray(g->part[s], &value[s]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode destroy_blocks(Mat shell)
+{
+  BlockGS  *g;
+  PetscInt  n;
+  PetscBool done;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(shell, &g));
+  for (PetscInt s = 0; s < 2 && g->part[s]; s++)
+    PetscCall(MatRestoreRowIJ(g->part[s], 0, PETSC_FALSE, PETSC_TRUE, &n, &g->start[s], &g->column[s], &done));
+  PetscCall(PetscFree(g->value[0]));
+  PetscCall(PetscFree(g->value[1]));
+  PetscCall(PetscFree(g->inverse));
+  PetscCall(PetscFree(g->ghost));
+  PetscCall(PetscSFDestroy(&g->sf));
+  PetscCallMPI(MPI_Type_free(&g->unit));
+  PetscCall(MatDestroy(&g->A));
+  PetscCall(PetscFree(g));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode create_exchange(BlockGS *g, const PetscInt global[])
+{
+  PetscLayout rows;
+  PetscInt    n;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatGetSize(g->part[1], NULL, &n));
+  g->nghost = n / g->nk;
+  PetscCall(PetscMalloc1(n, &g->ghost));
+  PetscCall(PetscLayoutCreate(PetscObjectComm((PetscObject)g->A), &rows));
+  PetscCall(PetscLayoutSetLocalSize(rows, g->n));
+  PetscCall(PetscLayoutSetUp(rows));
+  PetscCall(PetscSFCreate(PetscObjectComm((PetscObject)g->A), &g->sf));
+  PetscCall(PetscSFSetGraphLayout(g->sf, rows, g->nghost, NULL, PETSC_OWN_POINTER, global));
+  PetscCall(PetscSFSetUp(g->sf));
+  PetscCall(PetscLayoutDestroy(&rows));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BlockGSCreate(Mat A, Mat *shell)
+{
+  BlockGS        *g;
+  const PetscInt *global = NULL;
+  PetscInt        m, n;
+  PetscBool       seq, mpi, done;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscObjectTypeCompare((PetscObject)A, MATSEQBAIJ, &seq));
+  PetscCall(PetscObjectTypeCompare((PetscObject)A, MATMPIBAIJ, &mpi));
+  PetscCall(PetscNew(&g));
+  PetscCall(MatGetBlockSize(A, &g->nk));
+  PetscCheck((seq || mpi) && (g->nk == 3 || g->nk == 4), PetscObjectComm((PetscObject)A), PETSC_ERR_ARG_WRONG,
+             "Block Gauss-Seidel needs a BAIJ matrix with blocks of 3 or 4, not of %" PetscInt_FMT, g->nk);
+  PetscCall(PetscObjectReference((PetscObject)A));
+  g->A       = A;
+  g->part[0] = A;
+  if (mpi) PetscCall(MatMPIBAIJGetSeqBAIJ(A, &g->part[0], &g->part[1], &global));
+  for (PetscInt s = 0; s < 2 && g->part[s]; s++) {
+    PetscCall(MatGetRowIJ(g->part[s], 0, PETSC_FALSE, PETSC_TRUE, &g->n, &g->start[s], &g->column[s], &done));
+    PetscCheck(done, PETSC_COMM_SELF, PETSC_ERR_SUP, "The rows of a block matrix are not accessible");
+    PetscCall(PetscCalloc1(g->start[s][g->n] * g->nk * g->nk + SLACK, &g->value[s]));
+  }
+  PetscCall(PetscCalloc1(g->n * g->nk * g->nk + SLACK, &g->inverse));
+  PetscCallMPI(MPI_Type_contiguous((PetscMPIInt)g->nk, MPIU_REAL, &g->unit));
+  PetscCallMPI(MPI_Type_commit(&g->unit));
+  if (mpi) PetscCall(create_exchange(g, global));
+  PetscCall(MatGetLocalSize(A, &m, &n));
+  PetscCall(MatCreateShell(PetscObjectComm((PetscObject)A), m, n, PETSC_DETERMINE, PETSC_DETERMINE, g, shell));
+  PetscCall(MatShellSetOperation(*shell, MATOP_MULT, (void (*)(void))mult_blocks));
+  PetscCall(MatShellSetOperation(*shell, MATOP_SOR, (void (*)(void))sweep_blocks));
+  PetscCall(MatShellSetOperation(*shell, MATOP_DESTROY, (void (*)(void))destroy_blocks));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
