@@ -296,7 +296,7 @@ PetscErrorCode ConstraintSetBodies(Constraint c, const PetscInt node_body[], Pet
   PetscCall(PetscArraycmp((PetscReal *)c->X, (PetscReal *)X, 3 * c->nbodies, &same[1]));
   PetscCall(PetscArraycmp(c->unknown, unknown, c->nbodies, &same[2]));
   moved = (PetscBool)(!c->have_bodies || c->followers_changed || !same[0] || !same[1] || !same[2]);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &moved, 1, MPIU_BOOL, MPI_LOR, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &moved, 1, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
   c->have_bodies = PETSC_TRUE;
   PetscCall(PetscArraycpy((PetscReal *)c->X, (PetscReal *)X, 3 * c->nbodies));
   PetscCall(PetscArraycpy(c->unknown, unknown, c->nbodies));

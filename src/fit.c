@@ -128,7 +128,7 @@ PetscErrorCode FitUpdate(Fit f, FlowSolver solver, PetscReal (*X)[3], PetscReal 
   PetscCall(SnapFit(f->snap, X, q, f->wanted, f->fitted, &f->result));
   any      = (PetscBool)(f->result.ncell > 0);
   f->count = (RemapCount){0, 0, 0, 0};
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &any, 1, MPIU_BOOL, MPI_LOR, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &any, 1, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
   if (any) PetscCall(carry_over(f, solver));
   *fitted = f->fitted;
   *result = &f->result;

@@ -734,7 +734,7 @@ static PetscErrorCode create_box(MeshKind k, DM *dm)
 
   PetscFunctionBeginUser;
   for (PetscInt d = 0; d < 3; d++) boundary[d] = k->period[d] > 0 ? DM_BOUNDARY_PERIODIC : DM_BOUNDARY_NONE;
-  PetscCall(DMPlexCreateBoxMesh(k->comm, k->dim, PETSC_FALSE, k->cells, k->lower, k->upper, boundary, PETSC_TRUE, dm));
+  PetscCall(CompatCreateBoxMesh(k->comm, k->dim, k->cells, k->lower, k->upper, boundary, dm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -456,7 +456,7 @@ static PetscErrorCode finish_soft(Penalty p, PetscReal (*P)[3])
     if (!s->nmore || s->more[s->nmore - 1] != k) s->more[s->nmore++] = k;
   }
   s->any = (PetscBool)(s->n > 0);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &s->any, 1, MPIU_BOOL, MPI_LOR, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &s->any, 1, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, s->H, (PetscMPIInt)(s->nbodies * nr * nr), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   PetscCall(MeshSyncNodes(p->mesh, 1, s->weight));
   PetscCall(MeshSyncNodesInt(p->mesh, s->follow));

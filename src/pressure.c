@@ -919,7 +919,7 @@ PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscR
   if (p->two_level) PetscCall(add_shared_to_coarse(p, 1));
   flags[0] = (PetscBool)(flags[0] || p->nshared);
   flags[1] = (PetscBool)(p->nsoft > 0);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, flags, 2, MPIU_BOOL, MPI_LOR, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, flags, 2, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
   p->any_shared = flags[1];
   if (flags[0]) {
     PetscCall(update_matrix(p, weight, nold, old));

@@ -204,7 +204,7 @@ static PetscErrorCode open_gaps(Snap s)
       s->work[centre] = 0;
     }
     s->dead.n = left;
-    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &any, 1, MPIU_BOOL, MPI_LOR, PETSC_COMM_WORLD));
+    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &any, 1, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
   } while (any);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

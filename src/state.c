@@ -91,7 +91,7 @@ static PetscErrorCode compute_checksum(State s, Type t, Rows rows, PetscInt bs, 
 static PetscErrorCode agree(State s, PetscBool *good)
 {
   PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, good, 1, MPIU_BOOL, MPI_LAND, s->comm));
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, good, 1, COMPAT_MPI_BOOL, MPI_LAND, s->comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

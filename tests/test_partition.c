@@ -27,7 +27,7 @@ static void create_box(PetscInt dim, const PetscInt cells[], DMBoundaryType boun
   const PetscReal      lower[3] = {0, 0, 0}, upper[3] = {cells[0], cells[1], dim > 2 ? cells[2] : 1};
   const DMBoundaryType bc[3] = {boundary, boundary, boundary};
 
-  ok(DMPlexCreateBoxMesh(PETSC_COMM_WORLD, dim, PETSC_FALSE, cells, lower, upper, bc, PETSC_TRUE, dm));
+  ok(CompatCreateBoxMesh(PETSC_COMM_WORLD, dim, cells, lower, upper, bc, dm));
 }
 
 static PetscInt sum(PetscInt v)
