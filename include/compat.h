@@ -16,8 +16,8 @@
 #endif
 
 /* DMPlexCreateBoxMesh() of quadrilaterals or hexahedra with their edges and faces; periodic cells keep coordinates of their own */
-static inline PetscErrorCode CompatCreateBoxMesh(MPI_Comm comm, PetscInt dim, const PetscInt cells[], const PetscReal lower[], const PetscReal upper[],
-                                                 const DMBoundaryType periodicity[], DM *dm)
+static inline PetscErrorCode CompatCreateBoxMesh(MPI_Comm comm, PetscInt dim, const PetscInt cells[], const PetscReal lower[],
+                                                 const PetscReal upper[], const DMBoundaryType periodicity[], DM *dm)
 {
   PetscFunctionBeginUser;
 #if PETSC_VERSION_LT(3, 22, 0)
