@@ -139,6 +139,8 @@ static inline void ContactSpin(Contact c, PetscInt k, const PetscReal torque[3],
 
 /* Make the list of all pairs that can come within the horizon, from x and reach; kept while it is still good. */
 PetscErrorCode ContactFindPairs(Contact);
+/* Gap between two discs (spheres), j >= 0, or of a disc to a wall; the unit normal points at i. */
+void ContactDiscGap(Contact, PetscInt i, PetscReal radius_i, PetscInt j, PetscReal radius_j, PetscReal normal[3], PetscReal *gap);
 /* All touching points of a pair in c->touch, weights adding up to one, and its smallest gap (PETSC_MAX_REAL: none found). */
 PetscErrorCode ContactFindTouch(Contact, PetscInt i, PetscInt j, PetscInt *n, PetscReal *gap);
 /* Sum of the curvatures of both surfaces at a touch (mean curvature in 3D), at least that of the larger bounding circle. */
@@ -148,5 +150,8 @@ PetscErrorCode ContactCreatePoints(Contact);
 PetscErrorCode ContactReadLaws(Contact);
 /* Force and torques of pair number p where its bodies are now; the tangential spring moves on by h. */
 PetscErrorCode ContactPairForce(Contact, PetscInt p, PetscReal h, Impulse *, PetscReal *gap);
+/* Discs (spheres) and walls without friction or film: force f on body i along the line of centres (zero beyond the range), no torques. PETSC_FALSE: not such a pair. The common case
+   of many bodies, in closed form. */
+PetscBool ContactDiscForce(Contact, const Pair *, PetscReal h, PetscReal f[3], PetscReal *gap);
 /* Energy stored in pair p. */
 PetscErrorCode ContactPairEnergy(Contact, PetscInt p, PetscReal *energy);

@@ -630,6 +630,10 @@ PetscErrorCode BodiesGetEnergy(Bodies b, PetscReal *energy)
     PetscReal        inertia[6], L[3];
 
     if (s->gone[k]) continue;
+    if (s->dim == 2) {
+      *energy += 0.5 * g->density * (g->mass.volume * (PetscSqr(s->u[k][0]) + PetscSqr(s->u[k][1])) + g->mass.inertia[2] * PetscSqr(s->w[k][2]));
+      continue;
+    }
     PetscCall(BodiesGetInertia(b, k, PETSC_FALSE, inertia));
     apply_tensor(inertia, s->w[k], L);
     for (PetscInt a = 0; a < 3; a++) *energy += 0.5 * (g->density * g->mass.volume * PetscSqr(s->u[k][a]) + s->w[k][a] * L[a]);

@@ -442,13 +442,32 @@ static void drop_bodies(Contact c, PetscReal h)
   }
 }
 
+/* Discs that are pushed along the line of centres: no torques */
+static void push_discs(Contact c, const Pair *p, PetscReal h, PetscReal share, const PetscReal f[3])
+{
+  const Kind *ki = ContactKind(c, p->i), *kj = p->j >= 0 ? ContactKind(c, p->j) : NULL;
+
+  for (PetscInt a = 0; a < 3; a++) {
+    c->u[p->i][a] += h * f[a] * ki->inverse_mass[a];
+    c->s->contact_force[p->i][a] += share * f[a];
+    if (!kj) continue;
+    c->u[p->j][a] -= h * f[a] * kj->inverse_mass[a];
+    c->s->contact_force[p->j][a] -= share * f[a];
+  }
+}
+
 static PetscErrorCode push_pairs(Contact c, PetscReal h, PetscReal share)
 {
   PetscFunctionBeginUser;
   for (PetscInt p = 0; p < c->npairs; p++) {
     Impulse   now;
-    PetscReal gap;
+    PetscReal gap, f[3];
 
+    if (ContactDiscForce(c, &c->pair[p], h, f, &gap)) {
+      note_gap(&c->pair[p], gap, c->s->gap);
+      if (gap < c->range) push_discs(c, &c->pair[p], h, share, f);
+      continue;
+    }
     PetscCall(ContactPairForce(c, p, h, &now, &gap));
     note_gap(&c->pair[p], gap, c->s->gap);
     if (gap >= c->horizon) continue;

@@ -299,6 +299,30 @@ static void fill_meeting(Contact c, const Pair *p, PetscReal h, Meeting *m)
   m->h         = h;
 }
 
+PetscBool ContactDiscForce(Contact c, const Pair *p, PetscReal h, PetscReal f[3], PetscReal *gap)
+{
+  const Kind *ki = ContactKind(c, p->i), *kj = p->j >= 0 ? ContactKind(c, p->j) : NULL;
+  PetscReal   n[3], approach = 0, inverse = 0, value;
+  Meeting     m;
+
+  if (ki->disc <= 0 || (kj && kj->disc <= 0) || c->slip || c->lubricate) return PETSC_FALSE;
+  f[0] = f[1] = f[2] = 0;
+  ContactDiscGap(c, p->i, ki->disc, p->j, kj ? kj->disc : 0, n, gap);
+  if (*gap >= c->range) return PETSC_TRUE;
+  for (PetscInt a = 0; a < 3; a++) {
+    approach -= (c->u[p->i][a] - (kj ? c->u[p->j][a] : 0)) * n[a];
+    inverse += (ki->inverse_mass[a] + (kj ? kj->inverse_mass[a] : 0)) * n[a] * n[a];
+  }
+  fill_meeting(c, p, h, &m);
+  m.gap          = *gap;
+  m.weight       = 1;
+  m.approach     = approach;
+  m.inverse_mass = inverse;
+  value          = c->law->force(c, &m);
+  for (PetscInt a = 0; a < 3; a++) f[a] = value * n[a];
+  return PETSC_TRUE;
+}
+
 PetscErrorCode ContactPairForce(Contact c, PetscInt number, PetscReal h, Impulse *sum, PetscReal *gap)
 {
   const Pair *p = &c->pair[number];
@@ -309,6 +333,7 @@ PetscErrorCode ContactPairForce(Contact c, PetscInt number, PetscReal h, Impulse
 
   PetscFunctionBeginUser;
   *sum = (Impulse){{0}, {0}, {0}};
+  if (ContactDiscForce(c, p, h, sum->f, gap)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ContactFindTouch(c, p->i, p->j, &n, gap));
   if (*gap >= c->range && c->slip) c->slip[number][0] = c->slip[number][1] = c->slip[number][2] = 0;
   if (*gap >= c->horizon) PetscFunctionReturn(PETSC_SUCCESS);

@@ -10,34 +10,36 @@
 
 #define POINT_DECAY 0.25 /* in r */
 
-static PetscInt touch_discs(Contact c, PetscInt i, PetscReal radius_i, PetscInt j, PetscReal radius_j, Touch *t)
+void ContactDiscGap(Contact c, PetscInt i, PetscReal radius_i, PetscInt j, PetscReal radius_j, PetscReal normal[3], PetscReal *gap)
 {
-  PetscReal d[3] = {0, 0, 0}, length;
+  if (j < 0) {
+    const PetscInt  face = -1 - j, a = face / 2;
+    const PetscReal sign = face % 2 ? -1 : 1, wall = face % 2 ? c->upper[a] : c->lower[a];
 
-  for (PetscInt a = 0; a < c->dim; a++) d[a] = c->x[i][a] - c->x[j][a];
-  ContactWrap(c, d);
-  length = PetscSqrtReal(dot3(d, d));
-  t->gap = length - radius_i - radius_j;
-  for (PetscInt a = 0; a < 3; a++) {
-    t->normal[a] = length > 0 ? d[a] / length : (a == 0); /* same centre: any direction */
-    t->ri[a]     = -(radius_i + 0.5 * t->gap) * t->normal[a];
-    t->rj[a]     = (radius_j + 0.5 * t->gap) * t->normal[a];
+    for (PetscInt b = 0; b < 3; b++) normal[b] = b == a ? sign : 0;
+    *gap = sign * (c->x[i][a] - wall) - radius_i;
+  } else {
+    PetscReal d[3] = {c->x[i][0] - c->x[j][0], c->x[i][1] - c->x[j][1], c->x[i][2] - c->x[j][2]}, length, scale;
+
+    ContactWrap(c, d);
+    length = PetscSqrtReal(dot3(d, d));
+    scale  = length > 0 ? 1 / length : 0;
+    for (PetscInt b = 0; b < 3; b++) normal[b] = scale * d[b];
+    if (length <= 0) normal[0] = 1; /* same centre: any direction */
+    *gap = length - radius_i - radius_j;
   }
-  return 1;
 }
 
-static PetscInt touch_disc_wall(Contact c, PetscInt i, PetscReal radius, PetscInt face, Touch *t)
+static void touch_discs(Contact c, PetscInt i, PetscReal radius_i, PetscInt j, PetscReal radius_j, Touch *t)
 {
-  const PetscInt  a    = face / 2;
-  const PetscReal sign = face % 2 ? -1 : 1, wall = face % 2 ? c->upper[a] : c->lower[a];
+  PetscReal half;
 
-  t->gap = sign * (c->x[i][a] - wall) - radius;
-  for (PetscInt b = 0; b < 3; b++) {
-    t->normal[b] = b == a ? sign : 0;
-    t->ri[b]     = -radius * t->normal[b];
-    t->rj[b]     = 0;
+  ContactDiscGap(c, i, radius_i, j, radius_j, t->normal, &t->gap);
+  half = j < 0 ? 0 : 0.5 * t->gap;
+  for (PetscInt a = 0; a < 3; a++) {
+    t->ri[a] = -(radius_i + half) * t->normal[a];
+    t->rj[a] = j < 0 ? 0 : (radius_j + half) * t->normal[a];
   }
-  return 1;
 }
 
 /* Surface point p of a body, from its centre, space axes. */
@@ -136,7 +138,8 @@ PetscErrorCode ContactFindTouch(Contact c, PetscInt i, PetscInt j, PetscInt *n, 
   PetscFunctionBeginUser;
   *n = 0;
   if (ki->disc > 0 && (!kj || kj->disc > 0)) {
-    *n                 = kj ? touch_discs(c, i, ki->disc, j, kj->disc, c->touch) : touch_disc_wall(c, i, ki->disc, -1 - j, c->touch);
+    touch_discs(c, i, ki->disc, j, kj ? kj->disc : 0, c->touch);
+    *n                 = 1;
     *gap               = c->touch[0].gap;
     c->touch[0].weight = 1;
     PetscFunctionReturn(PETSC_SUCCESS);
