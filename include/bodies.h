@@ -44,6 +44,7 @@ typedef struct {
 typedef struct {
   PetscInt   n, ngroups, dim;
   PetscReal  time;       /* of this state; set by the coupling at the beginning of a step, advanced by BodiesAdvancePosition */
+  PetscReal  dt_old;     /* length of the last step, 0: none */
   BodyGroup *group;      /* [ngroups] */
   PetscInt  *body_group; /* [n] */
   PetscReal (*x)[3];     /* [n] centre of mass */
@@ -106,7 +107,7 @@ PetscErrorCode BodiesAdvanceVelocity(Bodies, PetscReal dt, PetscReal rho_f, cons
 PetscErrorCode BodiesAdvancePosition(Bodies, PetscReal dt, PetscReal theta);
 /* Release body k from a stop if the torque on it now points away. */
 PetscErrorCode BodiesRelease(Bodies, PetscInt k, PetscReal rho_f, const PetscReal gravity[3]);
-/* Where body k is predicted to be at the next step: X + dt u (order 1), X + dt (3u - u_old)/2 (order 2) or X (order 0); likewise orientation. What is not free is where its prescribed
+/* Where body k is predicted to be at the next step: X + dt u (order 1), X + dt (u + r/2 (u - u_old)) with r = dt/dt_old (order 2; r = 1 at the start) or X (order 0); likewise orientation. What is not free is where its prescribed
    motion puts it at time + dt, whatever the order. Stops are kept. */
 PetscErrorCode BodiesPredict(Bodies, PetscInt k, PetscReal dt, PetscInt order, PetscReal X[3], PetscReal q[4], PetscReal *angle);
 

@@ -39,6 +39,11 @@ PetscErrorCode ContactEvaluate(Contact, PetscReal (*x)[3], PetscReal (*q)[4], Pe
    Safe while a body moves at most h in a step.
    Error when -contact_substeps is given and too small for the stiffness: names option, value and the needed number. */
 PetscErrorCode ContactStep(Contact, PetscReal dt, PetscReal (*a)[3], PetscReal (*alpha)[3]);
+/* Take steps back: Keep before ContactStep, Revert after it; contact_force, contact_torque, gap and the tangential springs are what they were. Not collective. */
+PetscErrorCode ContactKeep(Contact);
+PetscErrorCode ContactRevert(Contact);
+/* Range of the contact law: gaps beyond it are free. */
+PetscErrorCode ContactGetRange(Contact, PetscReal *range);
 /* Move the bodies of the state by dt under contact, gravity and buoyancy alone, without a flow: symplectic Euler in as many sub-steps as the stiffness asks for. Fills u_old,
    w_old (the velocities before), contact_force, contact_torque (means over the step), gap (smallest). Memory besides the state: some 100 bytes a body. Errors as ContactStep. */
 PetscErrorCode ContactAdvanceAlone(Contact, PetscReal dt);

@@ -88,7 +88,12 @@ struct _p_Contact {
   PetscBool  have_list;
   PetscInt   tests, builds, steps_done, nnear;
   PetscReal  work; /* done by contact on the bodies since the beginning */
-  Touch      touch[2 * CONTACT_MAX_POINTS];
+  /* what ContactKeep keeps */
+  PetscReal (*kept)[7]; /* [n] force, torque, gap */
+  Pair *kept_pair;      /* [kept_npairs] with friction */
+  PetscReal (*kept_slip)[3];
+  PetscInt kept_npairs;
+  Touch    touch[2 * CONTACT_MAX_POINTS];
 };
 
 static inline const BodyGroup *ContactGroup(Contact c, PetscInt k)

@@ -7,7 +7,7 @@
 
    be:   c_t = 1/dt,     d = u^n/dt,                      theta = 1,   w = u^n
    cn:   c_t = 1/dt,     d = u^n/dt,                      theta = 1/2, w = (3u^n - u^{n-1})/2, p at the middle of the step
-   bdf2: c_t = 3/(2dt),  d = (2u^n - u^{n-1}/2)/dt,       theta = 1,   w = 2u^n - u^{n-1}   (variable step: the usual generalisation)
+   bdf2: c_t = 3/(2dt),  d = (2u^n - u^{n-1}/2)/dt,       theta = 1,   w = 2u^n - u^{n-1}   (as in cn, variable steps: interpolation through the unequal times)
    fstheta: three substeps of lengths a dt, (1 - 2a) dt, a dt with a = 1 - sqrt(1/2), each with its own pressure, c_t = 1/length, d = u^n/length, theta = (1 - 2a)/(1 - a) in the first and
            the last and a/(1 - a) in the middle one (Bristeau, Glowinski, Periaux 1987; Turek 1999, section 3.2), w extrapolated to the point theta of the substep. Here n is the
            beginning of the substep. c_t/theta is the same in all three.
@@ -33,9 +33,12 @@ typedef struct {
 
 typedef struct {
   PetscReal time, dt;   /* end of the step; its length */
+  PetscReal dt_old;     /* length of the step before, 0: none */
   PetscReal ct, d0, d1; /* du/dt is c_t u - d with d(y) = d0 y^n + d1 y^{n-1} */
   PetscReal theta;
   PetscInt  order; /* of the scheme in this step: 1 or 2 */
+  PetscReal
+    error; /* the scheme's local error is this times dt^(order + 1) times the derivative of that order (convection extrapolated: leading part; fstheta: 0, not known) */
 } FlowStep;
 
 /* Read options, tabulate elements, allocate matrices and fields (at rest). Collective. Errors: unknown boundary names in options, slip on a boundary that is not
@@ -51,7 +54,7 @@ PetscErrorCode FlowGetMesh(Flow, Mesh *);
    Error: a cell of the fluid with a Jacobian that is not positive. */
 PetscErrorCode FlowUpdateCells(Flow, PetscInt n, const PetscInt cells[], const PetscInt cell_body[]);
 
-/* Parts into which the scheme divides a time step, to be taken one after another: fraction [n], sum 1. */
+/* Parts into which the scheme divides a time step, to be taken one after another: fraction [n], sum 1 (may be NULL). */
 PetscErrorCode FlowGetSubsteps(Flow, PetscInt *n, const PetscReal *fraction[]);
 /* Begin the step (or substep) that ends at time and has length dt: sets the coefficients. */
 PetscErrorCode FlowBeginStep(Flow, PetscReal time, PetscReal dt);

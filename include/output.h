@@ -9,7 +9,7 @@
 
 typedef struct _p_Output *Output;
 
-/* Reads -output_dir (default out/<scene>), -output_every (0 = none) and -output_overwrite; touches no file. Collective. */
+/* Reads -output_dir (default out/<scene>), -output_every (0 = none), -output_interval (0 = none) and -output_overwrite; touches no file. Collective. */
 PetscErrorCode OutputCreate(Mesh, const char scene[], Output *);
 /* Create the directory, once every option is known to be right. One that already holds a series.csv is refused with a message naming
    -output_overwrite unless that is given or the run is a restart. mesh.h5 is written with the first snapshot; mesh_<step>.h5 with the first after a restart
@@ -18,6 +18,7 @@ PetscErrorCode OutputOpen(Output);
 PetscErrorCode OutputDestroy(Output *);
 PetscErrorCode OutputGetDirectory(Output, const char **dir);
 PetscErrorCode OutputGetEvery(Output, PetscInt *every);
+PetscErrorCode OutputGetInterval(Output, PetscReal *interval);
 PetscErrorCode OutputGetOverwrite(Output, PetscBool *overwrite);
 /* StateVisit of an Output: the snapshots so far. Once loaded, OutputOpen goes on with the results in the directory. */
 PetscErrorCode OutputVisitState(void *output, State);

@@ -2,7 +2,7 @@
 
    A steady scene solves once, without time: it is reported as one step of length 0.
 
-   Options: -sim_steady (read by the scene), or -sim_dt, -sim_time (end), -sim_steps (at most; whichever comes first). */
+   Options: -sim_steady (read by the scene), or -sim_dt, -sim_time (end), -sim_steps (at most; whichever comes first); for steps of varying length adapt.h. */
 #pragma once
 #include "border.h"
 #include "checkpoint.h"

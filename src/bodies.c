@@ -888,6 +888,7 @@ PetscErrorCode BodiesAdvancePosition(Bodies b, PetscReal dt, PetscReal theta)
                  s->group[s->body_group[k]].name, (double)s->u[k][a]);
   }
   s->time += dt;
+  s->dt_old = dt;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -901,8 +902,8 @@ PetscErrorCode BodiesPredict(Bodies b, PetscInt k, PetscReal dt, PetscInt order,
   PetscCall(check_body(b, k));
   PetscCheck(order >= 0 && order <= 2, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Prediction of order %" PetscInt_FMT ": use 0, 1 or 2", order);
   m   = &s->group[s->body_group[k]].motion;
-  now = order == 2 ? 1.5 : order;
-  old = order == 2 ? -0.5 : 0;
+  old = order == 2 ? -0.5 * (s->dt_old > 0 ? dt / s->dt_old : 1) : 0;
+  now = PetscMin(order, 1) - old;
   for (PetscInt a = 0; a < 3; a++) {
     X[a] = s->x[k][a] + dt * (now * s->u[k][a] + old * s->u_old[k][a]);
     w[a] = now * s->w[k][a] + old * s->w_old[k][a];
@@ -966,6 +967,7 @@ PetscErrorCode BodiesVisitState(void *bodies, State state)
 
   PetscFunctionBeginUser;
   PetscCall(visit_groups(s, state));
+  PetscCall(StateReals(state, "dt_old", 1, &s->dt_old));
   PetscCall(StateReals(state, "x", 3 * s->n, (PetscReal *)s->x));
   PetscCall(StateReals(state, "q", 4 * s->n, (PetscReal *)s->q));
   PetscCall(StateReals(state, "angle", s->n, s->angle));

@@ -621,6 +621,13 @@ PetscErrorCode ContactGetMass(Contact c, PetscInt k, PetscReal *mass, PetscReal 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode ContactGetRange(Contact c, PetscReal *range)
+{
+  PetscFunctionBeginUser;
+  *range = c->range;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ContactGetWork(Contact c, PetscInt *tests, PetscInt *pairs, PetscInt *substeps)
 {
   PetscFunctionBeginUser;
@@ -742,6 +749,9 @@ PetscErrorCode ContactDestroy(Contact *contact)
   PetscCall(PetscFree(c->inverse_inertia));
   PetscCall(PetscFree(c->pair));
   PetscCall(PetscFree(c->slip));
+  PetscCall(PetscFree(c->kept));
+  PetscCall(PetscFree(c->kept_pair));
+  PetscCall(PetscFree(c->kept_slip));
   PetscCall(PetscFree(c->listed));
   PetscCall(PetscFree(c->reach));
   PetscCall(PetscFree(*contact));

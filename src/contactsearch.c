@@ -282,6 +282,50 @@ PetscErrorCode ContactFindPairs(Contact c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* ---- taking steps back ---- */
+
+PetscErrorCode ContactKeep(Contact c)
+{
+  const BodyState *s = c->s;
+
+  PetscFunctionBeginUser;
+  if (!c->kept) PetscCall(PetscMalloc1(s->n, &c->kept));
+  for (PetscInt k = 0; k < s->n; k++) {
+    for (PetscInt a = 0; a < 3; a++) {
+      c->kept[k][a]     = s->contact_force[k][a];
+      c->kept[k][3 + a] = s->contact_torque[k][a];
+    }
+    c->kept[k][6] = s->gap[k];
+  }
+  c->kept_npairs = c->slip ? c->npairs : 0;
+  if (!c->slip) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscRealloc((c->npairs + 1) * sizeof(Pair), &c->kept_pair));
+  PetscCall(PetscRealloc((c->npairs + 1) * sizeof(*c->kept_slip), &c->kept_slip));
+  PetscCall(PetscArraycpy(c->kept_pair, c->pair, c->npairs));
+  PetscCall(PetscArraycpy((PetscReal *)c->kept_slip, (PetscReal *)c->slip, 3 * c->npairs));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ContactRevert(Contact c)
+{
+  BodyState *s = c->s;
+
+  PetscFunctionBeginUser;
+  PetscCheck(c->kept || !s->n, PETSC_COMM_SELF, PETSC_ERR_ORDER, "Nothing has been kept: call ContactKeep before the step");
+  for (PetscInt k = 0; k < s->n; k++) {
+    for (PetscInt a = 0; a < 3; a++) {
+      s->contact_force[k][a]  = c->kept[k][a];
+      s->contact_torque[k][a] = c->kept[k][3 + a];
+    }
+    s->gap[k] = c->kept[k][6];
+  }
+  if (!c->slip) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscRealloc((c->kept_npairs + 1) * sizeof(*c->slip), &c->slip));
+  PetscCall(PetscArraycpy((PetscReal *)c->slip, (PetscReal *)c->kept_slip, 3 * c->kept_npairs));
+  PetscCall(move_slip(c, c->kept_npairs, c->kept_pair)); /* the list of pairs may be another one now */
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* ---- state ---- */
 
 PetscErrorCode ContactVisitState(void *contact, State state)

@@ -185,9 +185,11 @@ static PetscErrorCode place_bodies(Couple c)
 static PetscErrorCode set_rigid_velocities(Couple c)
 {
   const FlowStep *step;
+  PetscReal       ratio;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetStep(c->flow, &step));
+  ratio = step->dt_old > 0 ? step->dt / step->dt_old : 0;
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscReal u[1][3], w[1][3];
 
@@ -198,7 +200,7 @@ static PetscErrorCode set_rigid_velocities(Couple c)
 
       get_history(c, k, i, &now, &old);
       if (c->implicit && is_free(c, k, i)) c->unknown[k] |= 1 << i;
-      c->U[k * c->nr + i] = (c->unknown[k] >> i) & 1 ? (step->order == 2 ? 2 * now - old : now) : *rigid_component(c, u, w, 0, i);
+      c->U[k * c->nr + i] = (c->unknown[k] >> i) & 1 ? (step->order == 2 ? now + ratio * (now - old) : now) : *rigid_component(c, u, w, 0, i);
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -626,8 +626,8 @@ PetscErrorCode FlowGetSubsteps(Flow f, PetscInt *n, const PetscReal *fraction[])
   static const PetscReal whole[1] = {1}, parts[3] = {FSTHETA, 1 - 2 * FSTHETA, FSTHETA};
 
   PetscFunctionBeginUser;
-  *n        = f->scheme == SCHEME_FSTHETA ? 3 : 1;
-  *fraction = f->scheme == SCHEME_FSTHETA ? parts : whole;
+  *n = f->scheme == SCHEME_FSTHETA ? 3 : 1;
+  if (fraction) *fraction = f->scheme == SCHEME_FSTHETA ? parts : whole;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -665,24 +665,28 @@ PetscErrorCode FlowBeginStep(Flow f, PetscReal time, PetscReal dt)
   const PetscReal r     = first ? 0 : dt / f->dt_old; /* ratio of steps */
 
   PetscFunctionBeginUser;
-  s->time  = time;
-  s->dt    = dt;
-  s->ct    = 1 / dt;
-  s->d0    = 1 / dt;
-  s->d1    = 0;
-  s->theta = 1;
-  s->order = 1;
-  f->ahead = 0;
+  s->time   = time;
+  s->dt     = dt;
+  s->dt_old = first ? 0 : f->dt_old;
+  s->error  = 0.5;
+  s->ct     = 1 / dt;
+  s->d0     = 1 / dt;
+  s->d1     = 0;
+  s->theta  = 1;
+  s->order  = 1;
+  f->ahead  = 0;
   if (f->scheme == SCHEME_BDF2 && !first) {
     s->ct    = (1 + 2 * r) / ((1 + r) * dt);
     s->d0    = (1 + r) / dt;
     s->d1    = -r * r / ((1 + r) * dt);
     f->ahead = r;
     s->order = 2;
+    s->error = PetscSqr(1 + 1 / r) / (6 * (2 + 1 / r));
   } else if (f->scheme == SCHEME_CN || f->scheme == SCHEME_FSTHETA) {
     s->theta = f->scheme == SCHEME_CN ? 0.5 : (f->substep == 1 ? FSTHETA : 1 - 2 * FSTHETA) / (1 - FSTHETA);
     f->ahead = s->theta * r;
     s->order = first ? 1 : 2;
+    s->error = f->scheme == SCHEME_CN ? 1. / 12 : 0;
   }
   extrapolate_convection(f);
   PetscCall(evaluate_source(f));

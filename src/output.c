@@ -29,6 +29,7 @@ struct _p_Output {
   PetscMPIInt      rank;
   char             dir[PETSC_MAX_PATH_LEN];
   PetscInt         every;
+  PetscReal        interval;
   PetscBool        overwrite, restarted, shared, mesh_written; /* shared: a point of the file is a node of the mesh, else a node of one cell */
   PetscInt         mesh_step;                                  /* snapshots refer to mesh.h5 (0) or mesh_<mesh_step>.h5 */
   PetscInt         npoint, point_start, npoint_global;         /* points of the file: own, first own, all */
@@ -486,6 +487,7 @@ PetscErrorCode OutputCreate(Mesh mesh, const char scene[], Output *output)
   PetscCallMPI(MPI_Comm_rank(o->comm, &o->rank));
   PetscCall(PetscSNPrintf(o->dir, sizeof(o->dir), "out/%s", scene));
   PetscCall(OptString("-output_dir", "directory of the results, created if need be", o->dir, sizeof(o->dir)));
+  PetscCall(OptReal("-output_interval", "time between two snapshots, at which time steps end, 0 for none", "time", 0, PETSC_MAX_REAL, &o->interval));
   PetscCall(OptInt("-output_every", "steps between two snapshots of the fields, 0 for none", "steps", 0, PETSC_MAX_INT, &o->every));
   PetscCall(OptBool("-output_overwrite", "write into a directory that holds the results of another run", &o->overwrite));
   PetscCheck(o->dir[0], o->comm, PETSC_ERR_USER_INPUT, "Option -output_dir is empty: give the name of a directory ('.' for the present one)");
@@ -525,6 +527,13 @@ PetscErrorCode OutputGetDirectory(Output o, const char **dir)
 {
   PetscFunctionBeginUser;
   *dir = o->dir;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode OutputGetInterval(Output o, PetscReal *interval)
+{
+  PetscFunctionBeginUser;
+  *interval = o->interval;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

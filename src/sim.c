@@ -2,6 +2,7 @@
    phase (NSE, Force, Particle, Output) as in the method's own cost table. */
 #include "compat.h"
 #include "sim.h"
+#include "adapt.h"
 #include "log.h"
 #include "opt.h"
 
@@ -10,6 +11,9 @@ struct _p_Sim {
   BodyState      *s;
   PetscReal       dt, dt_old, time_end, time; /* dt_old: the step before, with sub-steps the part before */
   PetscInt        steps_max, step, substeps;  /* substeps: of bodies alone, altogether */
+  Adapt           adapt;                      /* NULL: fixed steps */
+  PetscReal       interval, until;            /* -output_interval; the time that steps must not pass */
+  PetscBool       hits, snapshot;             /* the step ends there; fields are written there */
   PetscInt        its;                        /* outer iterations of the time step so far */
   FlowDiagnostics diag;
   CoupleBalance   balance;
@@ -59,6 +63,7 @@ static PetscErrorCode add_states(Sim s)
   if (p->flow) PetscCall(CheckpointAdd(p->checkpoint, "couple", p->couple, CoupleVisitState));
   PetscCall(CheckpointAdd(p->checkpoint, "contact", p->contact, ContactVisitState));
   PetscCall(CheckpointAdd(p->checkpoint, "output", p->output, OutputVisitState));
+  if (s->adapt) PetscCall(CheckpointAdd(p->checkpoint, "adapt", s->adapt, AdaptVisitState));
   PetscCall(CheckpointAdd(p->checkpoint, "monitor", p->monitor, MonitorVisitState));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -84,6 +89,8 @@ PetscErrorCode SimCreate(const SimParts *part, Sim *sim)
   PetscCall(BodiesGetState(part->bodies, &s->s));
   s->dt_old = s->dt;
   *sim      = s;
+  PetscCall(OutputGetInterval(part->output, &s->interval));
+  if (part->flow && !part->steady) PetscCall(AdaptCreate(part->flow, part->bodies, part->couple, part->contact, part->monitor, s->dt, &s->adapt));
   PetscCall(add_states(s));
   if (!part->flow) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscCalloc2(s->s->n, &s->a, s->s->n, &s->alpha));
@@ -99,6 +106,7 @@ PetscErrorCode SimDestroy(Sim *sim)
 {
   PetscFunctionBeginUser;
   if (!*sim) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(AdaptDestroy(&(*sim)->adapt));
   PetscCall(PetscFree2((*sim)->a, (*sim)->alpha));
   PetscCall(VecDestroy(&(*sim)->u_out));
   PetscCall(VecDestroy(&(*sim)->p_out));
@@ -117,6 +125,7 @@ PetscErrorCode SimView(Sim s, PetscViewer viewer)
   if (s->time_end < PETSC_MAX_REAL) PetscCall(PetscViewerASCIIPrintf(viewer, ", to %g", (double)s->time_end));
   if (s->steps_max < PETSC_MAX_INT) PetscCall(PetscViewerASCIIPrintf(viewer, ", at most %" PetscInt_FMT " steps", s->steps_max));
   PetscCall(PetscViewerASCIIPrintf(viewer, "\n"));
+  PetscCall(AdaptView(s->adapt, viewer));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -175,7 +184,7 @@ static PetscErrorCode add_seconds(Sim s, MonitorPhase phase, PetscLogDouble *sin
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode stop_unsolved(Sim s, KSPConvergedReason reason, PetscInt its)
+static PetscErrorCode stop_unsolved(Sim s, KSPConvergedReason reason, PetscInt its, PetscReal dt)
 {
   const char *dir;
 
@@ -185,8 +194,8 @@ static PetscErrorCode stop_unsolved(Sim s, KSPConvergedReason reason, PetscInt i
   SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
           "The flow solve of step %" PetscInt_FMT " failed (%s after %" PetscInt_FMT
           " iterations). The state before it, t = %g, is in %s/fields_%" PetscInt_FMT
-          ".h5. Lower -sim_dt (now %g), raise -flow_ksp_max_it, or use -flow_recipe direct; -flow_ksp_monitor shows the iterations",
-          s->step + 1, KSPConvergedReasons[reason], its, (double)s->time, dir, s->step, (double)s->dt);
+          ".h5. Lower %s (the step was %g), raise -flow_ksp_max_it, or use -flow_recipe direct; -flow_ksp_monitor shows the iterations",
+          s->step + 1, KSPConvergedReasons[reason], its, (double)s->time, dir, s->step, s->adapt ? "-sim_adapt_min" : "-sim_dt", (double)dt);
 }
 
 static PetscErrorCode report(Sim s, const FlowDiagnostics *diag, PetscReal momentum_error, PetscReal dt, PetscInt its, PetscReal seconds)
@@ -208,7 +217,7 @@ static PetscErrorCode report(Sim s, const FlowDiagnostics *diag, PetscReal momen
   PetscCall(ContactGetEnergy(s->part.contact, &m.contact_energy, &m.contact_work));
   PetscCall(MonitorWrite(s->part.monitor, &m, s->time_end < PETSC_MAX_REAL ? s->time_end : s->steps_max * s->dt));
   PetscCall(OutputGetEvery(s->part.output, &every));
-  if (every > 0 && (s->part.steady || s->step % every == 0)) PetscCall(write_fields(s));
+  if ((every > 0 && (s->part.steady || s->step % every == 0)) || (s->hits && s->snapshot)) PetscCall(write_fields(s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -229,16 +238,17 @@ static PetscErrorCode finish_part(Sim s, PetscReal dt, PetscInt its)
   PetscCall(FlowDiagnose(s->part.flow, u, &s->diag));
   PetscCall(CoupleMomentum(s->part.couple, s->diag.momentum_rate, &s->balance));
   PetscCall(ProbeStep(s->part.probe, &s->balance));
-  if (PetscIsInfOrNanReal(s->diag.kinetic_energy)) PetscCall(stop_unsolved(s, KSP_DIVERGED_NANORINF, its));
+  if (PetscIsInfOrNanReal(s->diag.kinetic_energy)) PetscCall(stop_unsolved(s, KSP_DIVERGED_NANORINF, its, dt));
   PetscCall(add_seconds(s, MONITOR_OUTPUT, &t));
   PetscCall(PetscLogStagePop());
   PetscCall(PetscLogStagePush(TB_STAGE_BODIES));
+  if (s->adapt) PetscCall(AdaptAccept(s->adapt, s->diag.cfl));
   PetscCall(CoupleAdvance(s->part.couple));
   PetscCall(ContactCountWork(s->part.contact, dt));
   PetscCall(BorderApply(s->part.border));
   PetscCall(PetscLogStagePop());
   PetscCall(add_seconds(s, MONITOR_PARTICLE, &t));
-  s->time += dt;
+  s->time   = s->hits ? s->until : s->time + dt;
   s->dt_old = dt;
   s->its += its;
   s->has_acceleration = PETSC_TRUE;
@@ -261,11 +271,10 @@ static PetscErrorCode finish_step(Sim s, PetscReal dt, PetscLogDouble start)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode take_part(Sim s, PetscReal dt)
+/* Solve for the step dt or a part of one; what is known of the time before it stays */
+static PetscErrorCode solve_part(Sim s, PetscReal dt, PetscInt *its, KSPConvergedReason *reason)
 {
-  PetscLogDouble     t;
-  PetscInt           its;
-  KSPConvergedReason reason;
+  PetscLogDouble t;
 
   PetscFunctionBeginUser;
   PetscCall(PetscTime(&t));
@@ -279,26 +288,89 @@ static PetscErrorCode take_part(Sim s, PetscReal dt)
   PetscCall(PetscLogStagePop());
   PetscCall(add_seconds(s, MONITOR_PARTICLE, &t));
   PetscCall(PetscLogStagePush(TB_STAGE_FLOW));
-  PetscCall(CoupleSolve(s->part.couple, &its, &reason));
+  PetscCall(CoupleSolve(s->part.couple, its, reason));
   PetscCall(PetscLogStagePop());
   PetscCall(add_seconds(s, MONITOR_NSE, &t));
-  if (reason < 0) PetscCall(stop_unsolved(s, reason, its));
-  PetscCall(finish_part(s, dt, its));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* One time step in the parts that the scheme wants */
-static PetscErrorCode take_step(Sim s, PetscReal dt)
+static PetscErrorCode take_parts(Sim s, PetscReal dt)
 {
-  PetscLogDouble   start;
-  PetscInt         n;
-  const PetscReal *fraction;
+  PetscInt           n, its;
+  const PetscReal   *fraction;
+  const PetscBool    hits = s->hits;
+  KSPConvergedReason reason;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetSubsteps(s->part.flow, &n, &fraction));
+  for (PetscInt i = 0; i < n; i++) {
+    s->hits = (PetscBool)(hits && i == n - 1);
+    PetscCall(solve_part(s, fraction[i] * dt, &its, &reason));
+    if (reason < 0) PetscCall(stop_unsolved(s, reason, its, dt));
+    PetscCall(finish_part(s, fraction[i] * dt, its));
+  }
+  s->diag.cfl /= fraction[n - 1]; /* that of the whole step */
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Length of the next step, and whether it ends at the time s->until: the end of the run, or that of a snapshot */
+static PetscErrorCode choose_step(Sim s, PetscReal *dt)
+{
+  PetscReal left;
+
+  PetscFunctionBeginUser;
+  s->until    = s->time_end;
+  s->snapshot = PETSC_FALSE;
+  if (s->interval > 0) {
+    const PetscReal next = (PetscFloorReal(s->time / s->interval + 1e-9) + 1) * s->interval;
+
+    s->snapshot = (PetscBool)(next <= s->time_end * (1 + 1e-12));
+    s->until    = PetscMin(next, s->time_end);
+  }
+  left = s->until - s->time;
+  if (s->adapt) PetscCall(AdaptGetStep(s->adapt, s->time, s->until, dt, &s->hits));
+  else {
+    s->hits = (PetscBool)(left < s->dt * (1 + 1e-6));
+    *dt = s->hits ? left : s->snapshot && left < s->dt * (2 - 1e-6) ? 0.5 * left : s->dt; /* no step so short that the next one is long beside it */
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Solve, and solve again with a shorter step, until the error is small enough */
+static PetscErrorCode take_adapted(Sim s, PetscReal *dt)
+{
+  PetscInt           its;
+  PetscBool          accept;
+  KSPConvergedReason reason;
+
+  PetscFunctionBeginUser;
+  PetscCall(ContactKeep(s->part.contact));
+  while (PETSC_TRUE) {
+    PetscCall(choose_step(s, dt));
+    PetscCall(solve_part(s, *dt, &its, &reason));
+    PetscCall(AdaptJudge(s->adapt, reason, &accept));
+    if (accept) break;
+    s->its += its;
+    PetscCall(ContactRevert(s->part.contact));
+  }
+  if (reason < 0) PetscCall(stop_unsolved(s, reason, its, *dt));
+  PetscCall(finish_part(s, *dt, its));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode take_step(Sim s)
+{
+  PetscLogDouble start;
+  PetscReal      dt;
 
   PetscFunctionBeginUser;
   PetscCall(PetscTime(&start));
-  PetscCall(FlowGetSubsteps(s->part.flow, &n, &fraction));
-  for (PetscInt i = 0; i < n; i++) PetscCall(take_part(s, fraction[i] * dt));
-  s->diag.cfl /= fraction[n - 1]; /* that of the whole step */
+  if (s->adapt) PetscCall(take_adapted(s, &dt));
+  else {
+    PetscCall(choose_step(s, &dt));
+    PetscCall(take_parts(s, dt));
+  }
   PetscCall(finish_step(s, dt, start));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -322,22 +394,24 @@ static PetscErrorCode solve_steady(Sim s)
 }
 
 /* A step of the bodies without a flow */
-static PetscErrorCode take_step_alone(Sim s, PetscReal dt)
+static PetscErrorCode take_step_alone(Sim s)
 {
   const FlowDiagnostics none = {0};
   PetscLogDouble        t, start;
   PetscInt              substeps;
+  PetscReal             dt;
 
   PetscFunctionBeginUser;
   PetscCall(PetscTime(&t));
   start = t;
+  PetscCall(choose_step(s, &dt));
   PetscCall(PetscLogStagePush(TB_STAGE_BODIES));
   PetscCall(ContactAdvanceAlone(s->part.contact, dt));
   PetscCall(BorderApply(s->part.border));
   PetscCall(PetscLogStagePop());
   PetscCall(add_seconds(s, MONITOR_PARTICLE, &t));
   PetscCall(ContactGetWork(s->part.contact, NULL, NULL, &substeps));
-  s->time += dt;
+  s->time    = s->hits ? s->until : s->time + dt;
   s->s->time = s->time;
   s->step++;
   s->substeps += substeps;
@@ -420,6 +494,7 @@ static PetscErrorCode finish_flow(Sim s, PetscInt *cells, PetscInt *unknowns)
   PetscCall(MonitorBalance(s->part.monitor, "body_cells", ncut));
   PetscCall(MonitorBalance(s->part.monitor, "bodies", nbodies));
   PetscCall(ProbeFinish(s->part.probe));
+  if (s->adapt) PetscCall(AdaptFinish(s->adapt));
   PetscCall(FlowGetMatrix(s->part.flow, &S));
   PetscCall(MonitorYardstick(s->part.monitor, S));
   *cells = l->ncell_global;
@@ -434,12 +509,9 @@ PetscErrorCode SimRun(Sim s)
   PetscFunctionBeginUser;
   if (s->part.steady) PetscCall(solve_steady(s));
   while (!stop && s->step < s->steps_max && s->time < s->time_end * (1 - 1e-12) - 1e-9 * s->dt) {
-    const PetscReal left = s->time_end - s->time;
-    const PetscReal dt   = left < s->dt * (1 + 1e-6) ? left : s->dt; /* the last step ends on time */
-
     if (s->renew) PetscCall(renew_solvers(s));
-    if (s->part.flow) PetscCall(take_step(s, dt));
-    else PetscCall(take_step_alone(s, dt));
+    if (s->part.flow) PetscCall(take_step(s));
+    else PetscCall(take_step_alone(s));
     PetscCall(save_state(s, &stop));
   }
   PetscCall(BorderGetRemoved(s->part.border, &removed));

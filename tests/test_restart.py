@@ -41,6 +41,8 @@ CASES = {
     "crowd": (CROWD, []),
     "friction": (CROWD, ["-contact_law", "spring", "-contact_friction", "0.3"]),
     "explicit": (DISC, ["-couple_type", "explicit", "-particle_disc_density", "10"]),
+    "adaptive": (DISC, ["-sim_adapt", "-sim_adapt_tolerance", "2e-3", "-couple_boundary", "penalty", "-sim_steps", "14"]),
+    "adaptive friction": (CROWD, ["-sim_adapt", "-sim_adapt_tolerance", "1e-3", "-contact_law", "spring", "-contact_friction", "0.3"]),
     "crank nicolson": (DISC, ["-flow_time", "cn"]),
     "fractional step": (DISC, ["-flow_time", "fstheta"]),
     "no bodies": ("mesh: {cells: [12, 12]}\nflow: {viscosity: 0.01, bc: {top: {type: moving_wall, velocity: [1, 0], factor: [1, 0.5, 0.3]}}}\nsim: {dt: 0.05, steps: 10}\n", []),
@@ -83,7 +85,7 @@ def good(run):
 # ---- the same run ----
 
 
-@pytest.mark.parametrize("case, ranks", [("one disc", 2), ("crowd", 1), ("crowd", 2), ("friction", 1), ("explicit", 1), ("crank nicolson", 1), ("fractional step", 1), ("no bodies", 2)])
+@pytest.mark.parametrize("case, ranks", [("one disc", 2), ("crowd", 1), ("crowd", 2), ("friction", 1), ("explicit", 1), ("crank nicolson", 1), ("fractional step", 1), ("adaptive", 2), ("adaptive friction", 1), ("no bodies", 2)])
 def test_restart_is_identical(good, scene, tmp_path, case, ranks):
     text, args = CASES[case]
     name = scene(text)
