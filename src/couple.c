@@ -788,6 +788,21 @@ static PetscErrorCode choose_rung(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode check_extrapolation(Couple c)
+{
+  const FlowParameters *par;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetParameters(c->flow, &par));
+  for (PetscInt i = 0; i < c->s->ngroups && par->quadratic; i++) {
+    const BodyGroup *g = c->s->group + i;
+
+    PetscCheck(!g->free && !g->motion.given, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "Option -flow_extrapolation quadratic: group '%s' moves, and a parabola in time does not hold where bodies pass: use linear", g->name);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
 {
   Couple   c;
@@ -805,6 +820,7 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
     PetscCall(OptChoice("-couple_type", "bodies and flow in one system, or the bodies' velocity known from the last step", TYPES, &type));
     PetscCall(OptChoice("-couple_force", "form of the hydrodynamic force", FORCES, &c->use_volume));
   }
+  PetscCall(check_extrapolation(c));
   PetscCall(choose_rung(c));
   c->implicit = type == 0;
   PetscCall(HoleCreate(flow, bodies, &c->hole));

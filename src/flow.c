@@ -16,10 +16,10 @@ struct _p_Flow {
   const MeshLocal *loc;
   FlowParameters   par;
   FlowStep         step;
-  PetscInt         scheme, nsteps, substep; /* steps taken; part of the time step that comes next */
-  PetscReal        dt_old, ahead;           /* extrapolation of w in units of the old step */
-  Boundary         boundary;
-  ElementTables    element;
+  PetscInt         scheme, nsteps, substep;    /* steps taken; part of the time step that comes next */
+  PetscReal     dt_old, dt_older, ahead, bend; /* last steps (0: none); extrapolation of w in units of the old step, and the factor of its parabola */
+  Boundary      boundary;
+  ElementTables element;
   /* geometry of the cells */
   PetscBool *affine;
   PetscInt  *open, *visited, now; /* [nnode_all], [ncell_all] stamps: nodes whose mass is being computed, cells done */
@@ -35,7 +35,7 @@ struct _p_Flow {
   const PetscInt  *term_cell;
   const PetscReal *term;
   /* fields */
-  PetscReal *u, *u_old, *w, *p;
+  PetscReal *u, *u_old, *u_older, *w, *p; /* u_older: NULL but for quadratic extrapolation */
   /* body force of FlowSetSource: its weighted mean over the step [nnode_all][dim] (NULL: none) */
   VectorField source_field;
   void       *source_ctx;
@@ -52,7 +52,8 @@ enum {
 
 #define FSTHETA 0.29289321881345247560 /* 1 - sqrt(1/2) */
 
-static const char *const SCHEMES[] = {"be", "cn", "bdf2", "fstheta", NULL};
+static const char *const SCHEMES[]        = {"be", "cn", "bdf2", "fstheta", NULL};
+static const char *const EXTRAPOLATIONS[] = {"linear", "quadratic", NULL};
 
 /* ---- geometry ---- */
 
@@ -434,7 +435,11 @@ PetscErrorCode FlowPressureMassSolve(Flow f, PetscReal scale, const PetscReal r[
 
 static void extrapolate_convection(Flow f)
 {
-  for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->par.convection; i++) f->w[i] = f->u[i] + f->ahead * (f->u[i] - f->u_old[i]);
+  const PetscInt n = f->par.convection ? f->loc->nnode_all * f->loc->dim : 0;
+
+  for (PetscInt i = 0; i < n; i++) f->w[i] = f->u[i] + f->ahead * (f->u[i] - f->u_old[i]);
+  for (PetscInt i = 0; i < n && f->bend > 0; i++)
+    f->w[i] += f->bend * ((f->u[i] - f->u_old[i]) / f->dt_old - (f->u_old[i] - f->u_older[i]) / f->dt_older);
 }
 
 /* ---- life cycle ---- */
@@ -456,6 +461,7 @@ static PetscErrorCode read_parameters(Flow f)
   PetscCall(OptRealArray("-flow_force", "body force on the fluid", "force/volume", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, p->force, NULL));
   PetscCall(OptBool("-flow_convection", "convection term; false gives the unsteady Stokes equations", &p->convection));
   PetscCall(OptChoice("-flow_time", "time scheme", SCHEMES, &f->scheme));
+  PetscCall(OptChoice("-flow_extrapolation", "convecting velocity from two or (bodies that stay) three steps", EXTRAPOLATIONS, &p->quadratic));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -482,6 +488,7 @@ PetscErrorCode FlowCreate(Mesh mesh, Flow *flow)
   PetscCall(BoundaryCreate(mesh, &f->boundary));
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u)); /* each on its own: accepted steps swap them */
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u_old));
+  if (f->par.quadratic) PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u_older));
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->w));
   PetscCall(PetscCalloc1(l->ncell * (dim + 1), &f->p));
   PetscCall(create_matrix(f));
@@ -590,6 +597,7 @@ PetscErrorCode FlowDestroy(Flow *flow)
   PetscCall(BoundaryDestroy(&f->boundary));
   PetscCall(PetscFree(f->u));
   PetscCall(PetscFree(f->u_old));
+  PetscCall(PetscFree(f->u_older));
   PetscCall(PetscFree(f->w));
   PetscCall(PetscFree(f->source));
   PetscCall(PetscFree(f->p));
@@ -688,6 +696,7 @@ PetscErrorCode FlowBeginStep(Flow f, PetscReal time, PetscReal dt)
     s->order = first ? 1 : 2;
     s->error = f->scheme == SCHEME_CN ? 1. / 12 : 0;
   }
+  f->bend = f->dt_older > 0 ? f->ahead * (f->ahead + 1) * f->dt_old * f->dt_old / (f->dt_old + f->dt_older) : 0; /* Newton's interpolation */
   extrapolate_convection(f);
   PetscCall(evaluate_source(f));
   PetscCall(BoundarySetTime(f->boundary, time));
@@ -793,9 +802,11 @@ PetscErrorCode FlowAcceptStep(Flow f, const PetscReal u[], const PetscReal p[])
   PetscReal *swap;
 
   PetscFunctionBeginUser;
-  swap     = f->u_old;
-  f->u_old = f->u;
-  f->u     = swap;
+  swap        = f->u_older ? f->u_older : f->u_old;
+  f->u_older  = f->u_older ? f->u_old : NULL;
+  f->dt_older = f->u_older && f->nsteps ? f->dt_old : 0;
+  f->u_old    = f->u;
+  f->u        = swap;
   PetscCall(PetscArraycpy(f->u, u, f->loc->nnode_all * f->loc->dim));
   PetscCall(PetscArraycpy(f->p, p, f->loc->ncell * (f->loc->dim + 1)));
   f->dt_old = f->step.dt;
@@ -806,14 +817,18 @@ PetscErrorCode FlowAcceptStep(Flow f, const PetscReal u[], const PetscReal p[])
 
 PetscErrorCode FlowVisitState(void *flow, State state)
 {
-  Flow           f   = flow;
-  const PetscInt dim = f->loc->dim;
+  Flow           f     = flow;
+  const PetscInt dim   = f->loc->dim;
+  PetscInt       older = f->u_older ? 1 : -1; /* as loaded: -1 if the run had linear extrapolation; then the first step is linear too */
 
   PetscFunctionBeginUser;
   PetscCall(StateNodes(state, "velocity", dim, f->u));
   PetscCall(StateNodes(state, "velocity_old", dim, f->u_old));
   PetscCall(StateCells(state, "pressure", dim + 1, f->p));
   PetscCall(StateReals(state, "dt_old", 1, &f->dt_old));
+  if (f->u_older && StateIsLoading(state)) PetscCall(StateGetSize(state, "velocity_older", &older));
+  if (older >= 0) PetscCall(StateNodes(state, "velocity_older", dim, f->u_older));
+  if (older >= 0) PetscCall(StateReals(state, "dt_older", 1, &f->dt_older));
   PetscCall(StateInts(state, "steps", 1, &f->nsteps));
   PetscCall(StateInts(state, "substep", 1, &f->substep));
   PetscFunctionReturn(PETSC_SUCCESS);

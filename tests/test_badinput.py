@@ -153,6 +153,11 @@ def test_out_of_range(run, scene, ranks, option, value, limits, unit):
     assert not unit or found[2].strip(), f"no unit in the message\n{result}"
 
 
+@TWO
+def test_parabola_in_time_with_moving_body(run, scene, ranks):
+    refused(run([scene(), "-flow_extrapolation", "quadratic"], ranks), "Option -flow_extrapolation quadratic: group 'disc' moves", "use linear")
+
+
 @RANKS
 def test_out_of_range_in_the_file(run, scene, ranks):
     refused(run([scene(edited("viscosity: 0.1", "viscosity: -0.1"))], ranks), "Option -flow_viscosity = -0.1 is outside its range (> 0)")

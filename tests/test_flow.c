@@ -353,26 +353,35 @@ static PetscReal conv_tested(const Case *c, const PetscReal x[])
 }
 
 /* The difference between S with and without convection, applied to quadratic u for quadratic w: its sum and its product with linear v are exact integrals.
-   theta and the time to which w is extrapolated come with the scheme; w grows as 1 + 2 t. */
+   theta and the time to which w is extrapolated come with the scheme; w grows as 1 + 2 t, with quadratic extrapolation as 1 + 2 t + 5 t^2. */
+static PetscReal growth(PetscReal t)
+{
+  char      name[16];
+  PetscBool given;
+
+  OK(PetscOptionsGetString(NULL, NULL, "-flow_extrapolation", name, sizeof(name), &given));
+  return 1 + 2 * t + (given && !strcmp(name, "quadratic") ? 5 * t * t : 0);
+}
+
 static void check_convection(Case *c)
 {
   PetscReal      *u = new_field(c), *w = new_field(c), *v = new_field(c), *p = new_pressure(c), *y = new_field(c), *z = new_field(c), ahead, sum = 0;
-  const PetscReal times[4] = {0, 0.1, 0.25, 0.3}, *fields;
+  const PetscReal times[5] = {0, 0.1, 0.25, 0.3, 0.42}, *fields;
   const FlowStep *step;
   const char     *scheme;
   char            name[8];
 
   OK(PetscOptionsGetString(NULL, NULL, "-flow_time", name, sizeof(name), NULL));
   scheme = name;
-  for (PetscInt k = 1; k < 3; k++) {
+  for (PetscInt k = 1; k < 4; k++) {
     OK(FlowBeginStep(c->flow, times[k], times[k] - times[k - 1]));
-    fill_polynomial(c, 2, 2, 1 + 2 * times[k], w);
+    fill_polynomial(c, 2, 2, growth(times[k]), w);
     OK(FlowAcceptStep(c->flow, w, p));
   }
-  OK(FlowBeginStep(c->flow, times[3], times[3] - times[2]));
+  OK(FlowBeginStep(c->flow, times[4], times[4] - times[3]));
   OK(FlowAssemble(c->flow));
   OK(FlowGetStep(c->flow, &step));
-  ahead = !strcmp(scheme, "be") ? times[2] : !strcmp(scheme, "cn") ? 0.5 * (times[2] + times[3]) : times[3];
+  ahead = !strcmp(scheme, "be") ? times[3] : !strcmp(scheme, "cn") ? 0.5 * (times[3] + times[4]) : times[4];
   fill_polynomial(c, 3, 2, 1, u);
   fill_polynomial(c, 4, 1, 1, v);
   apply_matrix(c, u, y);
@@ -381,9 +390,9 @@ static void check_convection(Case *c)
 
     OK(PetscOptionsSetValue(NULL, "-flow_convection", "0"));
     OK(FlowCreate(c->mesh, &c->flow));
-    for (PetscInt k = 1; k < 4; k++) {
+    for (PetscInt k = 1; k < 5; k++) {
       OK(FlowBeginStep(c->flow, times[k], times[k] - times[k - 1]));
-      if (k < 3) OK(FlowAcceptStep(c->flow, w, p));
+      if (k < 4) OK(FlowAcceptStep(c->flow, w, p));
     }
     OK(FlowAssemble(c->flow));
     apply_matrix(c, u, z);
@@ -396,8 +405,8 @@ static void check_convection(Case *c)
     sum += y[i];
   }
   fields = y;
-  NEAR(total(sum), 3 * step->theta * (1 + 2 * ahead) * integrate(c, conv_total), 1e-11);
-  if (!c->skewed) NEAR(dot(c->own, v, fields), 3 * step->theta * (1 + 2 * ahead) * integrate(c, conv_tested), 1e-11);
+  NEAR(total(sum), 3 * step->theta * growth(ahead) * integrate(c, conv_total), 1e-11);
+  if (!c->skewed) NEAR(dot(c->own, v, fields), 3 * step->theta * growth(ahead) * integrate(c, conv_tested), 1e-11);
   OK(PetscFree(u));
   OK(PetscFree(w));
   OK(PetscFree(v));
@@ -412,6 +421,8 @@ static void test_convection(void **state)
   for_all(check_convection, "-flow_density 3 -flow_time be");
   for_all(check_convection, "-flow_density 3 -flow_time cn");
   for_all(check_convection, "-flow_density 3 -flow_time bdf2");
+  for_all(check_convection, "-flow_density 3 -flow_time cn -flow_extrapolation quadratic");
+  for_all(check_convection, "-flow_density 3 -flow_time bdf2 -flow_extrapolation quadratic");
 }
 
 /* ---- right-hand side, residual, integrals ---- */

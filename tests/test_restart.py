@@ -36,6 +36,7 @@ particle:
   post: {shape: circle, radius: 0.1, position: [0.2, 0.2], free: none}
 sim: {dt: 0.004, steps: 10}
 """
+BOX = "mesh: {cells: [12, 12]}\nflow: {viscosity: 0.01, bc: {top: {type: moving_wall, velocity: [1, 0], factor: [1, 0.5, 0.3]}}}\nsim: {dt: 0.05, steps: 10}\n"
 CASES = {
     "one disc": (DISC, []),
     "crowd": (CROWD, []),
@@ -45,7 +46,8 @@ CASES = {
     "adaptive friction": (CROWD, ["-sim_adapt", "-sim_adapt_tolerance", "1e-3", "-contact_law", "spring", "-contact_friction", "0.3"]),
     "crank nicolson": (DISC, ["-flow_time", "cn"]),
     "fractional step": (DISC, ["-flow_time", "fstheta"]),
-    "no bodies": ("mesh: {cells: [12, 12]}\nflow: {viscosity: 0.01, bc: {top: {type: moving_wall, velocity: [1, 0], factor: [1, 0.5, 0.3]}}}\nsim: {dt: 0.05, steps: 10}\n", []),
+    "no bodies": (BOX, []),
+    "three velocities": (BOX, ["-flow_extrapolation", "quadratic"]),
 }
 
 
@@ -85,7 +87,7 @@ def good(run):
 # ---- the same run ----
 
 
-@pytest.mark.parametrize("case, ranks", [("one disc", 2), ("crowd", 1), ("crowd", 2), ("friction", 1), ("explicit", 1), ("crank nicolson", 1), ("fractional step", 1), ("adaptive", 2), ("adaptive friction", 1), ("no bodies", 2)])
+@pytest.mark.parametrize("case, ranks", [("one disc", 2), ("crowd", 1), ("crowd", 2), ("friction", 1), ("explicit", 1), ("crank nicolson", 1), ("fractional step", 1), ("adaptive", 2), ("adaptive friction", 1), ("no bodies", 2), ("three velocities", 2)])
 def test_restart_is_identical(good, scene, tmp_path, case, ranks):
     text, args = CASES[case]
     name = scene(text)
@@ -122,6 +124,16 @@ def test_elsewhere(good, scene, tmp_path):
     good([name, "-output_dir", "first", "-checkpoint_every", "4"])
     good([name, "-output_dir", "second", "-sim_restart", "first/checkpoint_8.h5"])
     assert rows(tmp_path / "second", "series.csv") == rows(tmp_path / "first", "series.csv")[8:]
+
+
+def test_changed_extrapolation(good, scene, tmp_path):
+    """A state of two velocities serves a run that wants three, and the other way round."""
+    name = scene(BOX)
+    for first, second in (("linear", "quadratic"), ("quadratic", "linear")):
+        good([name, "-output_dir", first, "-flow_extrapolation", first, "-checkpoint_every", "4", "-sim_steps", "4"])
+        good([name, "-output_dir", f"{first}-{second}", "-flow_extrapolation", second, "-sim_restart", f"{first}/checkpoint_4.h5"])
+        assert len(rows(tmp_path / f"{first}-{second}", "series.csv")) == 6
+    assert rows(tmp_path / "linear-quadratic", "series.csv")[-1]["kinetic_energy"] != rows(tmp_path / "quadratic-linear", "series.csv")[-1]["kinetic_energy"]
 
 
 def test_branch(good, scene, tmp_path):
