@@ -435,10 +435,8 @@ PetscErrorCode FlowPressureMassSolve(Flow f, PetscReal scale, const PetscReal r[
 
 static void extrapolate_convection(Flow f)
 {
-  const PetscInt n = f->par.convection ? f->loc->nnode_all * f->loc->dim : 0;
-
-  for (PetscInt i = 0; i < n; i++) f->w[i] = f->u[i] + f->ahead * (f->u[i] - f->u_old[i]);
-  for (PetscInt i = 0; i < n && f->bend > 0; i++)
+  for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->par.convection; i++) f->w[i] = f->u[i] + f->ahead * (f->u[i] - f->u_old[i]);
+  for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->bend > 0; i++)
     f->w[i] += f->bend * ((f->u[i] - f->u_old[i]) / f->dt_old - (f->u_old[i] - f->u_older[i]) / f->dt_older);
 }
 
