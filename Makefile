@@ -111,13 +111,22 @@ style: ## layers, text, formatting, scripts that compile
 	@if command -v clang-format > /dev/null; then clang-format --dry-run -Werror $(SOURCES); else echo "clang-format is not installed: formatting is not checked"; fi
 format: ## apply clang-format to all C files
 	clang-format -i $(SOURCES)
-install: all ## install into PREFIX (default /usr/local; DESTDIR= for packages)
-	install -d $(foreach d,bin lib/tumble/shapes include/tumble share/tumble/runs,$(DESTDIR)$(PREFIX)/$d)
+install: all $(BUILD)/tests/conformance $(BUILD)/tumble.pc ## install program, library, headers, shapes, pkg-config file into PREFIX (default /usr/local; DESTDIR= for packages)
+	install -d $(addprefix $(DESTDIR)$(PREFIX)/,bin lib/pkgconfig lib/tumble/shapes lib/tumble/tests include/tumble share/tumble/runs)
 	install $(BUILD)/tumble $(DESTDIR)$(PREFIX)/bin
 	install -m 644 $(BUILD)/libtumble.so $(DESTDIR)$(PREFIX)/lib/tumble
 	install -m 644 $(SHAPES) $(DESTDIR)$(PREFIX)/lib/tumble/shapes
+	install $(BUILD)/tests/conformance $(DESTDIR)$(PREFIX)/lib/tumble/tests
+	ln -sf ../lib/tumble/tests/conformance $(DESTDIR)$(PREFIX)/bin/tumble-test-shape
 	install -m 644 include/*.h $(DESTDIR)$(PREFIX)/include/tumble
+	install -m 644 $(BUILD)/tumble.pc $(DESTDIR)$(PREFIX)/lib/pkgconfig
 	cp -R runs/. $(DESTDIR)$(PREFIX)/share/tumble/runs
+# A plugin must see the PETSc and MPI that the library was built with: their flags are written out.
+MPI_FLAGS = $(call once,MPI_FLAGS,$(CC) --showme:compile 2> /dev/null || $(CC) -compile_info 2> /dev/null | tr ' ' '\n' | grep '^-I' | tr '\n' ' ')
+$(BUILD)/tumble.pc: FORCE
+	$(call rewrite,printf '%s\n' 'prefix=$(PREFIX)' 'libdir=$${prefix}/lib/tumble' 'includedir=$${prefix}/include/tumble' 'shapesdir=$${libdir}/shapes' \
+	  'scenesdir=$${prefix}/share/tumble/runs' '' 'Name: tumble' 'Description: Rigid bodies in a viscous fluid: shape plugins and the solver library' 'Version: $(VERSION)' \
+	  'Cflags: -I$${includedir} $(strip $(filter -I%,$(PETSC_FLAGS)) $(filter-out $(PETSC_FLAGS),$(MPI_FLAGS)))' 'Libs: -L$${libdir} -ltumble -Wl$(,)-rpath$(,)$${libdir} $(strip $(PETSC_LIBS) $(PETSC_RPATH))')
 deps: ## install missing Debian packages
 	tools/setup
 clean: ## remove what was built

@@ -1,7 +1,7 @@
 /* Template of a shape: a square (cube in 3D) with rounded edges.
 
    To make your own shape:
-     1. copy this file to shapes/<name>.c, replace "Template" and "template" by your name;
+     1. tools/new-shape <name> makes shapes/<name>.c from this file, with a test and a scene;
      2. write distance and radius, which are required; everything else may be left out of the record at the end of the file:
         normal, mass properties and surface points then come from the distance (write them when you have a formula: it is faster and exact);
      3. make shapes && make test-shape SHAPE=build/shapes/<name>.so
