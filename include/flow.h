@@ -30,6 +30,7 @@ typedef struct {
   PetscReal density, viscosity; /* rho_f, mu (dynamic) */
   PetscReal gravity[3];         /* acts on bodies through M - M_f; the fluid's share is absorbed in the pressure */
   PetscReal force[3];           /* body force per volume on the fluid */
+  PetscReal velocity[3];        /* of the whole fluid at the start */
   PetscBool convection;
   PetscInt  quadratic; /* extrapolation of the convecting velocity: 0 linear, 1 quadratic */
 } FlowParameters;

@@ -454,9 +454,9 @@ static PetscErrorCode read_parameters(Flow f)
   f->scheme     = SCHEME_BDF2;
   PetscCall(OptReal("-flow_density", "density of the fluid", "mass/length^dim", OPT_POSITIVE, PETSC_MAX_REAL, &p->density));
   PetscCall(OptReal("-flow_viscosity", "dynamic viscosity of the fluid", "mass/(length time)", OPT_POSITIVE, PETSC_MAX_REAL, &p->viscosity));
-  PetscCall(OptRealArray("-flow_gravity", "acceleration of gravity (acts on bodies through M - M_f)", "length/time^2", PETSC_MIN_REAL, PETSC_MAX_REAL,
-                         dim, p->gravity, NULL));
+  PetscCall(OptRealArray("-flow_gravity", "gravity (acts through M - M_f)", "length/time^2", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, p->gravity, NULL));
   PetscCall(OptRealArray("-flow_force", "body force on the fluid", "force/volume", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, p->force, NULL));
+  PetscCall(OptRealArray("-flow_velocity", "uniform velocity at the start", "length/time", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, p->velocity, NULL));
   PetscCall(OptBool("-flow_convection", "convection term; false gives the unsteady Stokes equations", &p->convection));
   PetscCall(OptChoice("-flow_time", "time scheme", SCHEMES, &f->scheme));
   PetscCall(OptChoice("-flow_extrapolation", "convecting velocity from two or (bodies that stay) three steps", EXTRAPOLATIONS, &p->quadratic));
@@ -487,6 +487,7 @@ PetscErrorCode FlowCreate(Mesh mesh, Flow *flow)
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u)); /* each on its own: accepted steps swap them */
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u_old));
   if (f->par.quadratic) PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u_older));
+  for (PetscInt i = 0; i < l->nnode_all * dim; i++) f->u[i] = f->u_old[i] = f->par.velocity[i % dim];
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->w));
   PetscCall(PetscCalloc1(l->ncell * (dim + 1), &f->p));
   PetscCall(create_matrix(f));

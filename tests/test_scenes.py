@@ -57,3 +57,10 @@ def test_oscillating_cylinder(bodies):
         assert abs(float(row["x"]) - 1.1 - 0.25 * math.sin(math.pi / 2 * float(row["time_s"]))) < 1e-9
     drag = [129.69 * float(row["force_x"]) for row in rows if 0.9 < float(row["time_s"]) < 1.1]
     assert abs(sum(drag) / len(drag) - 1.3537) < 0.25  # D/h = 8
+
+
+def test_scene_in_a_moving_frame(bodies):
+    """Walls, fluid and disc that start with one velocity keep it, whatever the mesh and the rung."""
+    rows, _ = bodies("poiseuille-migration", "disc", "-flow_force", "0,0", "-mesh_cells", "12,12", "-sim_time", "4")
+    for row in rows:
+        assert abs(float(row["u"]) + 0.044) < 1e-8 and abs(float(row["v"])) < 1e-8, row
