@@ -8,6 +8,7 @@
 #include "flowsolve.h"
 #include "remap.h"
 #include "snap.h"
+#include "state.h"
 
 typedef struct _p_Fit *Fit;
 
@@ -18,3 +19,10 @@ PetscErrorCode FitDestroy(Fit *);
 /* Fit to the bodies drawn at X, q (SnapFit), between FlowBeginStep and FlowAssemble. fitted [nbodies], *result and *count (may be NULL) are borrowed. Collective. */
 PetscErrorCode FitUpdate(Fit, FlowSolver, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *fitted[], const SnapResult **result,
                          const RemapCount **count);
+
+/* A new solver of the same flow learns which cells are no part of the fluid. Collective. */
+PetscErrorCode FitAttach(Fit, FlowSolver);
+
+/* Part of the state of the coupling, visited after that of the flow. Loading lines the mesh up as it was; fields that were loaded before belong to that mesh. The flow's solver
+   must then be made anew (FitAttach). Collective. */
+PetscErrorCode FitVisitState(Fit, State);

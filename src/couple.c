@@ -935,6 +935,7 @@ PetscErrorCode CoupleRenewSolver(Couple c)
   PetscFunctionBeginUser;
   PetscCall(FlowSolverDestroy(&c->solver));
   PetscCall(FlowSolverCreate(c->flow, c->constraint, &c->solver));
+  if (c->fit) PetscCall(FitAttach(c->fit, c->solver));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -949,5 +950,9 @@ PetscErrorCode CoupleVisitState(void *couple, State state)
   PetscCall(StateReals(state, "du_old", 3 * c->s->n, c->du_old));
   PetscCall(StateInts(state, "growth", c->s->n, c->growth));
   PetscCall(StateReals(state, "force_old", 6 * c->s->n, c->force_old));
+  if (c->fit) {
+    PetscCall(FitVisitState(c->fit, state));
+    if (StateIsLoading(state)) PetscCall(CoupleRenewSolver(c));
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

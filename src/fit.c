@@ -9,10 +9,13 @@ struct _p_Fit {
   const MeshLocal *loc;
   Snap             snap;
   Remap            remap;
-  PetscBool       *wanted, *fitted; /* [nbodies] */
-  SnapResult       result;
-  RemapCount       count;
-  PetscInt        *stamp, now; /* [nnode_all] */
+  PetscInt         n;               /* bodies */
+  PetscBool       *wanted, *fitted; /* [n] */
+  PetscReal (*X)[3], (*q)[4];       /* [n] where they were in the last fit */
+  PetscInt   done;                  /* has there been one? */
+  SnapResult result;
+  RemapCount count;
+  PetscInt  *stamp, now; /* [nnode_all] */
   /* own nodes that need values: where they will be, and what they get */
   PetscInt   ntarget, room, *target;
   PetscReal *x, *value;
@@ -95,7 +98,8 @@ PetscErrorCode FitCreate(Flow flow, Bodies bodies, Fit *fit)
   PetscCall(BodiesGetState(bodies, &state));
   PetscCall(SnapCreate(f->mesh, bodies, &f->snap));
   PetscCall(RemapCreate(f->mesh, &f->remap));
-  PetscCall(PetscCalloc3(state->n, &f->wanted, state->n, &f->fitted, f->loc->nnode_all, &f->stamp));
+  f->n = state->n;
+  PetscCall(PetscCalloc5(f->n, &f->wanted, f->n, &f->fitted, f->n, &f->X, f->n, &f->q, f->loc->nnode_all, &f->stamp));
   *fit = f;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -108,7 +112,7 @@ PetscErrorCode FitDestroy(Fit *fit)
   if (!f) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(SnapDestroy(&f->snap));
   PetscCall(RemapDestroy(&f->remap));
-  PetscCall(PetscFree3(f->wanted, f->fitted, f->stamp));
+  PetscCall(PetscFree5(f->wanted, f->fitted, f->X, f->q, f->stamp));
   PetscCall(PetscFree(f->target));
   PetscCall(PetscFree(f->x));
   PetscCall(PetscFree(f->value));
@@ -124,8 +128,11 @@ PetscErrorCode FitUpdate(Fit f, FlowSolver solver, PetscReal (*X)[3], PetscReal 
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(f->bodies, &state));
-  for (PetscInt k = 0; k < state->n; k++) f->wanted[k] = (PetscBool)(!state->gone[k] && !state->group[state->body_group[k]].hole);
+  for (PetscInt k = 0; k < f->n; k++) f->wanted[k] = (PetscBool)(!state->gone[k] && !state->group[state->body_group[k]].hole);
   PetscCall(SnapFit(f->snap, X, q, f->wanted, f->fitted, &f->result));
+  PetscCall(PetscArraycpy((PetscReal *)f->X, (PetscReal *)X, 3 * f->n));
+  PetscCall(PetscArraycpy((PetscReal *)f->q, (PetscReal *)q, 4 * f->n));
+  f->done  = 1;
   any      = (PetscBool)(f->result.ncell > 0);
   f->count = (RemapCount){0, 0, 0, 0};
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &any, 1, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
@@ -133,5 +140,57 @@ PetscErrorCode FitUpdate(Fit f, FlowSolver solver, PetscReal (*X)[3], PetscReal 
   *fitted = f->fitted;
   *result = &f->result;
   if (count) *count = &f->count;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FitAttach(Fit f, FlowSolver solver)
+{
+  const MeshLocal *l = f->loc;
+  PetscInt         n = 0, *dead;
+
+  PetscFunctionBeginUser;
+  if (!f->done) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscMalloc1(l->ncell_all, &dead));
+  for (PetscInt c = 0; c < l->ncell_all; c++)
+    if (f->result.cell_body[c] >= 0) dead[n++] = c;
+  PetscCall(FlowSolverForgetCells(solver, n, dead));
+  PetscCall(FlowSolverSetDead(solver, f->result.cell_body, f->fitted));
+  PetscCall(PetscFree(dead));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The mesh of the fields that are there */
+static PetscErrorCode restore_mesh(Fit f)
+{
+  const SnapResult *r  = &f->result;
+  const PetscInt    np = f->loc->ncell * (f->loc->dim + 1);
+  PetscReal        *p, *keep;
+
+  PetscFunctionBeginUser;
+  PetscCall(SnapFit(f->snap, f->X, f->q, f->wanted, f->fitted, &f->result));
+  PetscCall(MeshMoveNodes(f->mesh, r->nnode, r->node, r->x));
+  PetscCall(FlowGetFields(f->flow, NULL, NULL, &p));
+  PetscCall(PetscMalloc1(np, &keep));
+  PetscCall(PetscArraycpy(keep, p, np));
+  PetscCall(FlowUpdateCells(f->flow, r->ncell, r->cell, r->cell_body));
+  PetscCall(PetscArraycpy(p, keep, np));
+  PetscCall(PetscFree(keep));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FitVisitState(Fit f, State state)
+{
+  PetscInt *fitted;
+
+  PetscFunctionBeginUser;
+  PetscCall(StateInts(state, "fit_done", 1, &f->done));
+  PetscCall(StateReals(state, "fit_X", 3 * f->n, (PetscReal *)f->X));
+  PetscCall(StateReals(state, "fit_q", 4 * f->n, (PetscReal *)f->q));
+  PetscCall(PetscMalloc1(f->n, &fitted));
+  for (PetscInt k = 0; k < f->n; k++) fitted[k] = f->fitted[k];
+  PetscCall(StateInts(state, "fitted", f->n, fitted));
+  for (PetscInt k = 0; k < f->n; k++) f->wanted[k] = (PetscBool)fitted[k];
+  PetscCall(PetscFree(fitted));
+  if (StateIsLoading(state) && f->done) PetscCall(restore_mesh(f));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

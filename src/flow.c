@@ -22,8 +22,8 @@ struct _p_Flow {
   ElementTables element;
   /* geometry of the cells */
   PetscBool *affine;
-  PetscInt  *open, *visited, now; /* [nnode_all], [ncell_all] stamps: nodes whose mass is being computed, cells done */
-  PetscReal *centre;              /* [ncell_all][dim] where the pressures of a cell are centred */
+  PetscInt  *open, *visited, *around, now; /* [nnode_all], [ncell_all] stamps: nodes whose mass is being computed, cells done; [ncell_all] scratch */
+  PetscReal *centre;                       /* [ncell_all][dim] where the pressures of a cell are centred */
   PetscReal *inverse, *det, *size, *b, *lumped,
     *pmass; /* [ncell_all][dim*dim], [ncell_all], [ncell_all], cell matrices of B, nodal mass, inverse mass matrices of the pressure [ncell][dim+1][dim+1] */
   /* velocity matrix of the step */
@@ -481,7 +481,7 @@ PetscErrorCode FlowCreate(Mesh mesh, Flow *flow)
                          &f->lumped));
   PetscCall(PetscMalloc1(l->ncell_all * (dim + 1) * l->nb * dim, &f->b));
   PetscCall(PetscMalloc1(l->ncell * (dim + 1) * (dim + 1), &f->pmass));
-  PetscCall(PetscCalloc3(l->nnode_all, &f->open, l->ncell_all, &f->visited, l->ncell_all * dim, &f->centre));
+  PetscCall(PetscCalloc4(l->nnode_all, &f->open, l->ncell_all, &f->visited, l->ncell_all, &f->around, l->ncell_all * dim, &f->centre));
   PetscCall(compute_cells(f));
   PetscCall(BoundaryCreate(mesh, &f->boundary));
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u)); /* each on its own: accepted steps swap them */
@@ -541,7 +541,8 @@ static void adopt_pressure(const struct _p_Flow *f, PetscInt c, PetscInt before,
 
 PetscErrorCode FlowUpdateCells(Flow f, PetscInt n, const PetscInt cells[], const PetscInt cell_body[])
 {
-  const MeshLocal *l = f->loc;
+  const MeshLocal *l       = f->loc;
+  PetscInt         naround = 0;
 
   PetscFunctionBeginUser;
   f->now++;
@@ -565,15 +566,18 @@ PetscErrorCode FlowUpdateCells(Flow f, PetscInt n, const PetscInt cells[], const
     adopt_pressure(f, cells[e], f->now, f->p);
   }
   f->now++;
-  for (PetscInt e = 0; e < n * l->nb; e++) { /* cells around changed cells, each once, by the node that brings them */
+  for (PetscInt e = 0; e < n * l->nb;
+       e++) { /* cells around changed cells, each once, in the order of compute_cells: sums do not depend on what changed before */
     const PetscInt i = l->cell_node[cells[e / l->nb] * l->nb + e % l->nb];
 
     for (PetscInt t = l->node_cell_ptr[i]; t < l->node_cell_ptr[i + 1]; t++) {
       if (f->visited[l->node_cell[t]] == f->now) continue;
       f->visited[l->node_cell[t]] = f->now;
-      PetscCall(lump_cell(f, l->node_cell[t]));
+      f->around[naround++]        = l->node_cell[t];
     }
   }
+  PetscCall(PetscSortInt(naround, f->around));
+  for (PetscInt e = 0; e < naround; e++) PetscCall(lump_cell(f, f->around[e]));
   PetscCall(MeshSyncNodes(f->mesh, 1, f->lumped));
   f->s_ct = 0;
   extrapolate_convection(f);
@@ -591,7 +595,7 @@ PetscErrorCode FlowDestroy(Flow *flow)
   PetscCall(PetscFree(f->b));
   PetscCall(PetscFree(f->pmass));
   PetscCall(ElementDestroy(&f->element));
-  PetscCall(PetscFree3(f->open, f->visited, f->centre));
+  PetscCall(PetscFree4(f->open, f->visited, f->around, f->centre));
   PetscCall(PetscFree5(f->affine, f->inverse, f->det, f->size, f->lumped));
   PetscCall(BoundaryDestroy(&f->boundary));
   PetscCall(PetscFree(f->u));
@@ -986,7 +990,7 @@ PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], FlowDiagnostics *out)
       for (PetscInt a = 0; a < dim; a++) speed += ul[j * dim + a] * ul[j * dim + a];
       speed  = PetscSqrtReal(speed);
       top[1] = PetscMax(top[1], speed);
-      top[0] = PetscMax(top[0], speed * f->step.dt / f->size[c]);
+      if (f->det[c] != 0) top[0] = PetscMax(top[0], speed * f->step.dt / f->size[c]); /* cells of the fluid */
     }
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 5, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));

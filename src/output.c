@@ -32,6 +32,7 @@ struct _p_Output {
   PetscReal        interval;
   PetscBool        overwrite, restarted, shared, mesh_written; /* shared: a point of the file is a node of the mesh, else a node of one cell */
   PetscInt         mesh_step;                                  /* snapshots refer to mesh.h5 (0) or mesh_<mesh_step>.h5 */
+  PetscInt         moves;                                      /* MeshLocal.moves when it was written */
   PetscInt         npoint, point_start, npoint_global;         /* points of the file: own, first own, all */
   PetscInt         nsnap, room;
   Snapshot        *snap;
@@ -216,6 +217,7 @@ static PetscErrorCode write_mesh(Output o)
   PetscCall(write_cells(o, viewer));
   PetscCall(PetscViewerDestroy(&viewer));
   o->mesh_written = PETSC_TRUE;
+  o->moves        = o->loc->moves;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -594,6 +596,10 @@ PetscErrorCode OutputFields(Output o, PetscInt step, PetscReal time, Vec u, Vec 
   PetscCheck(np == o->loc->ncell * (o->loc->dim + 1), PETSC_COMM_SELF, PETSC_ERR_ARG_SIZ,
              "Pressure has %" PetscInt_FMT " local values, the mesh needs %" PetscInt_FMT, np, o->loc->ncell * (o->loc->dim + 1));
   PetscCall(PetscLogEventBegin(TB_OUTPUT, 0, 0, 0, 0));
+  if (o->loc->moves != o->moves) {
+    o->mesh_written = PETSC_FALSE;
+    o->mesh_step    = step;
+  }
   if (!o->mesh_written) PetscCall(write_mesh(o));
   PetscCall(PetscSNPrintf(name, sizeof(name), "fields_%" PetscInt_FMT ".h5", step));
   PetscCall(open_hdf5(o, name, &viewer));

@@ -48,6 +48,7 @@ CASES = {
     "fractional step": (DISC, ["-flow_time", "fstheta"]),
     "no bodies": (BOX, []),
     "three velocities": (BOX, ["-flow_extrapolation", "quadratic"]),
+    "snap": (CROWD, ["-couple_boundary", "snap", "-output_every", "4"]),
 }
 
 
@@ -87,7 +88,7 @@ def good(run):
 # ---- the same run ----
 
 
-@pytest.mark.parametrize("case, ranks", [("one disc", 2), ("crowd", 1), ("crowd", 2), ("friction", 1), ("explicit", 1), ("crank nicolson", 1), ("fractional step", 1), ("adaptive", 2), ("adaptive friction", 1), ("no bodies", 2), ("three velocities", 2)])
+@pytest.mark.parametrize("case, ranks", [("one disc", 2), ("crowd", 1), ("crowd", 2), ("snap", 2), ("friction", 1), ("explicit", 1), ("crank nicolson", 1), ("fractional step", 1), ("adaptive", 2), ("adaptive friction", 1), ("no bodies", 2), ("three velocities", 2)])
 def test_restart_is_identical(good, scene, tmp_path, case, ranks):
     text, args = CASES[case]
     name = scene(text)
