@@ -25,6 +25,14 @@ PetscErrorCode CoupleDestroy(Couple *);
 PetscErrorCode CoupleView(Couple, PetscViewer);
 PetscErrorCode CoupleGetSolver(Couple, FlowSolver *);
 /* Body index of every local node in this step, or -1: [nnode_all]. */
+/* Rung snap, last step: bodies that the mesh could not follow and that were held by the penalty instead; nodes whose old values came from Taylor's formula, and for which there was
+   none (remap.h). present: is this the rung? Not collective. */
+typedef struct {
+  PetscBool present;
+  PetscInt  fallback, taylor, kept;
+} CoupleSnapCount;
+PetscErrorCode CoupleGetSnapCount(Couple, CoupleSnapCount *);
+
 PetscErrorCode CoupleGetNodeBody(Couple, const PetscInt *node_body[]);
 
 /* What the bodies give this rank to do in this step: own cells with a node in a body, and bodies that cover an own node. Not collective. */

@@ -19,8 +19,9 @@ PetscErrorCode PenaltyCreate(Flow, Bodies, Penalty *);
 PetscErrorCode PenaltyDestroy(Penalty *);
 PetscErrorCode PenaltyView(Penalty, PetscViewer);
 
-/* Bodies drawn at X, q in the step that FlowBeginStep began, rigid velocities about the points P: claims the strong nodes, computes the penalty and hands its scalar part to the flow. Collective. */
-PetscErrorCode PenaltyDraw(Penalty, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*P)[3], Mark);
+/* Bodies drawn at X, q in the step that FlowBeginStep began, rigid velocities about the points P: claims the strong nodes, computes the penalty and hands its scalar part to the flow.
+   Bodies k with omit[k] (NULL: none) are no concern of the penalty. Collective. */
+PetscErrorCode PenaltyDraw(Penalty, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*P)[3], const PetscBool omit[], Mark);
 /* The rest of the penalty of the last PenaltyDraw. Borrowed. */
 PetscErrorCode PenaltyGetSoft(Penalty, const Soft **);
 

@@ -4,7 +4,8 @@
    vertices of three rings around follow (Jacobi sweeps on the displacement, which leave a graded or shifted mesh graded), the mid-edge nodes of the staircase go onto the wall too
    (isoparametric Q2), all other nodes follow by transfinite interpolation of the displacement. Vertices on the boundary of the domain stay.
    Dead cells that meet a dead cell of another body or the boundary are given back to the fluid, until at least one layer of fluid cells is left between two walls.
-   A body is left alone when no cell is its own, or when a cell around it would get a Jacobian that is not positive (4 x 4 and 3 x 3 Gauss points).
+   A body is left alone when no cell is its own, when a cell around it would get a Jacobian that is not positive (4 x 4 and 3 x 3 Gauss points), or when its cells would not have its
+   size (parts thinner than a cell). For a body that was left alone before the limits are stricter, so that it does not change sides in every step.
 
    Pure geometry: nothing here knows the flow, and nothing is moved; the caller moves the nodes (MeshMoveNodes) after he has read what he needs at the old places.
    The result does not depend on the number of ranks. Method and tests: design section 6; snapping of vertices to surfaces is old (snapper of cfMesh, snappyHexMesh). */
@@ -34,6 +35,7 @@ typedef struct {
 PetscErrorCode SnapCreate(Mesh, Bodies, Snap *);
 PetscErrorCode SnapDestroy(Snap *);
 
-/* Fit the mesh to the bodies k with wanted[k], drawn at X [nbodies][3], q [nbodies][4]; fitted [nbodies] tells which were. Compares with the present places of the nodes and with
-   the dead cells of the last call. Collective. */
-PetscErrorCode SnapFit(Snap, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool wanted[], PetscBool fitted[], SnapResult *);
+/* Fit the mesh to the bodies k with wanted[k], drawn at X [nbodies][3], q [nbodies][4]; fitted [nbodies] tells which were. before [nbodies]: were they in the last step (NULL: all)?
+   Compares with the present places of the nodes and with the dead cells of the last call. Collective. */
+PetscErrorCode SnapFit(Snap, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool wanted[], const PetscBool before[], PetscBool fitted[],
+                       SnapResult *);

@@ -34,7 +34,8 @@ struct _p_Couple {
   PetscInt         nprescribed, *prescribed; /* own cells with nodes of prescribed velocity */
   PetscInt         implicit, use_volume, nr;
   Rung             rung;
-  Fit              fit;                /* rung snap */
+  Fit              fit; /* rung snap */
+  CoupleSnapCount  snap;
   const PetscBool *fitted;             /* [n] the mesh lines up with the body, whose inside is no part of the fluid; NULL: none */
   Mark             mark;               /* nodes that move rigidly */
   PetscReal (*X)[3], (*q)[4], (*P)[3]; /* where the bodies are drawn: centre, orientation, reference point (of the rigid velocities) */
@@ -220,7 +221,7 @@ static PetscErrorCode draw_penalty(Couple c)
   const Soft *soft;
 
   PetscFunctionBeginUser;
-  PetscCall(PenaltyDraw(c->penalty, c->X, c->q, c->P, c->mark));
+  PetscCall(PenaltyDraw(c->penalty, c->X, c->q, c->P, c->fitted, c->mark));
   PetscCall(PenaltyGetSoft(c->penalty, &soft));
   PetscCall(ConstraintSetFollowers(c->constraint, soft->follow, soft->nmore, soft->more));
   PetscCall(FlowSolverSetSoft(c->solver, soft));
@@ -237,16 +238,20 @@ static PetscErrorCode add_penalty_force(Couple c, PetscReal out[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* rung snap: the mesh lines up with the bodies; those it cannot follow are nodal in this step */
+/* rung snap: the mesh lines up with the bodies; those it cannot follow are held by the penalty in this step */
 static PetscErrorCode draw_snap(Couple c)
 {
   const SnapResult *r;
+  const PetscInt    before = c->snap.fallback;
+  const RemapCount *count;
 
   PetscFunctionBeginUser;
-  PetscCall(FitUpdate(c->fit, c->solver, c->X, c->q, &c->fitted, &r, NULL));
+  PetscCall(FitUpdate(c->fit, c->solver, c->X, c->q, &c->fitted, &r, &count));
   for (PetscInt e = 0; e < r->nmarked; e++) PetscCall(MarkClaim(c->mark, r->marked[e], r->node_body[r->marked[e]]));
+  c->snap = (CoupleSnapCount){PETSC_TRUE, 0, c->snap.taylor + count->taylor, c->snap.kept + count->kept};
   for (PetscInt k = 0; k < c->s->n; k++)
-    if (!c->fitted[k]) PetscCall(MarkInsideBody(c->mark, k, c->X[k], c->q[k]));
+    if (!c->fitted[k] && !c->s->gone[k] && !c->s->group[c->s->body_group[k]].hole) c->snap.fallback++;
+  if (c->snap.fallback || before) PetscCall(draw_penalty(c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -748,6 +753,7 @@ PetscErrorCode CoupleAdvance(Couple c)
   PetscCall(PetscArraycpy(c->U_older, c->U_old, s->n * c->nr));
   PetscCall(PetscArraycpy(c->U_old, c->U, s->n * c->nr));
   PetscCall(FlowAcceptStep(c->flow, c->u, c->p));
+  c->snap.taylor = c->snap.kept = 0;
   PetscCall(PetscLogEventEnd(TB_ADVANCE, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -769,7 +775,7 @@ PetscErrorCode CoupleSetDefaults(void)
 static const Rung RUNGS[] = {
   {"nodal", PETSC_FALSE, draw_nodal, NULL, NULL},
   {"penalty", PETSC_FALSE, draw_penalty, NULL, add_penalty_force},
-  {"snap", PETSC_TRUE, draw_snap, NULL, NULL},
+  {"snap", PETSC_TRUE, draw_snap, NULL, add_penalty_force},
 };
 
 /* -couple_boundary */
@@ -784,7 +790,7 @@ static PetscErrorCode choose_rung(Couple c)
   name[n] = NULL;
   if (c->s->n) PetscCall(OptChoice("-couple_boundary", "how the flow sees the surface of a body", name, &choice));
   c->rung = RUNGS[choice];
-  if (c->rung.draw == draw_penalty) PetscCall(PenaltyCreate(c->flow, c->bodies, &c->penalty));
+  if (c->rung.draw == draw_penalty || c->rung.draw == draw_snap) PetscCall(PenaltyCreate(c->flow, c->bodies, &c->penalty));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -879,6 +885,14 @@ PetscErrorCode CoupleGetSolver(Couple c, FlowSolver *solver)
 {
   PetscFunctionBeginUser;
   *solver = c->solver;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleGetSnapCount(Couple c, CoupleSnapCount *count)
+{
+  PetscFunctionBeginUser;
+  *count         = c->snap;
+  count->present = (PetscBool)(c->fit != NULL);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

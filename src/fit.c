@@ -9,10 +9,10 @@ struct _p_Fit {
   const MeshLocal *loc;
   Snap             snap;
   Remap            remap;
-  PetscInt         n;               /* bodies */
-  PetscBool       *wanted, *fitted; /* [n] */
-  PetscReal (*X)[3], (*q)[4];       /* [n] where they were in the last fit */
-  PetscInt   done;                  /* has there been one? */
+  PetscInt         n;                        /* bodies */
+  PetscBool       *wanted, *fitted, *before; /* [n] */
+  PetscReal (*X)[3], (*q)[4];                /* [n] where they were in the last fit */
+  PetscInt   done;                           /* has there been one? */
   SnapResult result;
   RemapCount count;
   PetscInt  *stamp, now; /* [nnode_all] */
@@ -48,7 +48,7 @@ static PetscErrorCode add_target(Fit f, PetscInt i, const PetscReal x[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Own fluid nodes that move, or were inside a body until now */
+/* Own fluid nodes that move, or were inside a body until now. Inside a body that the mesh no longer follows the fluid begins with the velocity of the body. */
 static PetscErrorCode find_targets(Fit f)
 {
   const MeshLocal  *l = f->loc;
@@ -61,7 +61,8 @@ static PetscErrorCode find_targets(Fit f)
   for (PetscInt e = 0; e < r->ncell * l->nb; e++) {
     const PetscInt i = l->cell_node[r->cell[e / l->nb] * l->nb + e % l->nb];
 
-    if (f->stamp[i] != f->now && i < l->nnode && is_buried(l, i, r->cell_before)) PetscCall(add_target(f, i, l->x + 2 * i));
+    if (f->stamp[i] == f->now || i >= l->nnode || !is_buried(l, i, r->cell_before)) continue;
+    if (f->fitted[r->cell_before[l->node_cell[l->node_cell_ptr[i]]]]) PetscCall(add_target(f, i, l->x + 2 * i));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -99,7 +100,7 @@ PetscErrorCode FitCreate(Flow flow, Bodies bodies, Fit *fit)
   PetscCall(SnapCreate(f->mesh, bodies, &f->snap));
   PetscCall(RemapCreate(f->mesh, &f->remap));
   f->n = state->n;
-  PetscCall(PetscCalloc5(f->n, &f->wanted, f->n, &f->fitted, f->n, &f->X, f->n, &f->q, f->loc->nnode_all, &f->stamp));
+  PetscCall(PetscCalloc6(f->n, &f->wanted, f->n, &f->fitted, f->n, &f->before, f->n, &f->X, f->n, &f->q, f->loc->nnode_all, &f->stamp));
   *fit = f;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -112,7 +113,7 @@ PetscErrorCode FitDestroy(Fit *fit)
   if (!f) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(SnapDestroy(&f->snap));
   PetscCall(RemapDestroy(&f->remap));
-  PetscCall(PetscFree5(f->wanted, f->fitted, f->X, f->q, f->stamp));
+  PetscCall(PetscFree6(f->wanted, f->fitted, f->before, f->X, f->q, f->stamp));
   PetscCall(PetscFree(f->target));
   PetscCall(PetscFree(f->x));
   PetscCall(PetscFree(f->value));
@@ -129,7 +130,8 @@ PetscErrorCode FitUpdate(Fit f, FlowSolver solver, PetscReal (*X)[3], PetscReal 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(f->bodies, &state));
   for (PetscInt k = 0; k < f->n; k++) f->wanted[k] = (PetscBool)(!state->gone[k] && !state->group[state->body_group[k]].hole);
-  PetscCall(SnapFit(f->snap, X, q, f->wanted, f->fitted, &f->result));
+  PetscCall(PetscArraycpy(f->before, f->fitted, f->n));
+  PetscCall(SnapFit(f->snap, X, q, f->wanted, f->done ? f->before : NULL, f->fitted, &f->result));
   PetscCall(PetscArraycpy((PetscReal *)f->X, (PetscReal *)X, 3 * f->n));
   PetscCall(PetscArraycpy((PetscReal *)f->q, (PetscReal *)q, 4 * f->n));
   f->done  = 1;
@@ -167,7 +169,7 @@ static PetscErrorCode restore_mesh(Fit f)
   PetscReal        *p, *keep;
 
   PetscFunctionBeginUser;
-  PetscCall(SnapFit(f->snap, f->X, f->q, f->wanted, f->fitted, &f->result));
+  PetscCall(SnapFit(f->snap, f->X, f->q, f->wanted, NULL, f->fitted, &f->result));
   PetscCall(MeshMoveNodes(f->mesh, r->nnode, r->node, r->x));
   PetscCall(FlowGetFields(f->flow, NULL, NULL, &p));
   PetscCall(PetscMalloc1(np, &keep));

@@ -269,12 +269,12 @@ static PetscErrorCode cut_image(Penalty p, PetscInt k, const PetscReal X[3], con
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode cut_cells(Penalty p, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*P)[3])
+static PetscErrorCode cut_cells(Penalty p, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*P)[3], const PetscBool omit[])
 {
   PetscFunctionBeginUser;
   p->npart = p->nmoments = p->nown = 0;
   for (PetscInt k = 0; k < p->s->n; k++) {
-    for (PetscInt image = 0; image < (p->loc->dim == 2 ? 9 : 27); image++) {
+    for (PetscInt image = 0; image < (p->loc->dim == 2 ? 9 : 27) && !(omit && omit[k]); image++) {
       PetscReal Xi[3], Pi[3];
 
       if (!MarkImage(p->loc, X[k], p->s->group[p->s->body_group[k]].radius, image, Xi)) continue;
@@ -463,13 +463,13 @@ static PetscErrorCode finish_soft(Penalty p, PetscReal (*P)[3])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PenaltyDraw(Penalty p, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*P)[3], Mark mark)
+PetscErrorCode PenaltyDraw(Penalty p, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*P)[3], const PetscBool omit[], Mark mark)
 {
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < p->soft.n; e++) p->first[p->soft.node[e]] = -1;
   p->soft.n = p->nterm = 0;
   PetscCall(PetscArraycpy((PetscReal *)p->P, (PetscReal *)P, 3 * p->s->n));
-  PetscCall(cut_cells(p, X, q, P));
+  PetscCall(cut_cells(p, X, q, P, omit));
   PetscCall(claim_strong_nodes(p, mark));
   for (PetscInt t = 0; t < p->npart; t++) PetscCall(add_part_penalty(p, p->part + t));
   for (PetscInt e = 0; e < p->soft.n; e++) PetscCall(MarkTouch(mark, p->soft.node[e]));

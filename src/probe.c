@@ -18,6 +18,7 @@ enum {
 };
 static const char *const COEFFICIENTS[NCOEFFICIENTS] = {"cd", "cl", "cd_residual", "cl_residual", "cd_volume", "cl_volume"};
 static const char *const PARTS[]                     = {"fluid", "bodies", "walls", "openings", "volume"};
+static const char *const SNAP[]                      = {"snap_fallback", "snap_taylor", "snap_kept"};
 
 typedef struct {
   PetscInt  body, column; /* first of its columns */
@@ -40,10 +41,10 @@ struct _p_Probe {
   const MeshLocal *loc;
   PetscInt         ncoefficient;
   Coefficient     *coefficient;
-  PetscBool        dp, momentum;
+  PetscBool        dp, momentum, snap;
   Point            point[2];
   PetscReal        from;
-  PetscInt         dp_column, momentum_column, ncolumn;
+  PetscInt         dp_column, momentum_column, snap_column, ncolumn;
   PetscReal       *value; /* [ncolumn] of this step */
   History          history;
 };
@@ -200,6 +201,17 @@ static PetscErrorCode read_momentum(Probe b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode add_snap(Probe b)
+{
+  CoupleSnapCount count;
+
+  PetscFunctionBeginUser;
+  PetscCall(CoupleGetSnapCount(b->couple, &count));
+  b->snap = count.present;
+  for (PetscInt i = 0; i < 3 && b->snap; i++) PetscCall(add_column(b, SNAP[i], i ? NULL : &b->snap_column));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ProbeCreate(Flow flow, Bodies bodies, Couple couple, Monitor monitor, Probe *probe)
 {
   Probe b;
@@ -217,6 +229,7 @@ PetscErrorCode ProbeCreate(Flow flow, Bodies bodies, Couple couple, Monitor moni
   PetscCall(name_coefficients(b));
   PetscCall(read_points(b));
   PetscCall(read_momentum(b));
+  PetscCall(add_snap(b));
   PetscCall(OptReal("-monitor_from", "extrema and periods count from this time on", "time", PETSC_MIN_REAL, PETSC_MAX_REAL, &b->from));
   PetscCall(PetscCalloc1(b->ncolumn, &b->value));
   PetscCall(HistoryCreate(b->ncolumn, &b->history));
@@ -286,6 +299,14 @@ PetscErrorCode ProbeStep(Probe b, const CoupleBalance *balance)
     const PetscReal *part[5] = {balance->fluid, balance->bodies, balance->walls, balance->openings, balance->volume};
 
     for (PetscInt i = 0; i < 5 * b->loc->dim; i++) b->value[b->momentum_column + i] = part[i / b->loc->dim][i % b->loc->dim];
+  }
+  if (b->snap) {
+    CoupleSnapCount count;
+
+    PetscCall(CoupleGetSnapCount(b->couple, &count));
+    b->value[b->snap_column]     = (PetscReal)count.fallback;
+    b->value[b->snap_column + 1] = (PetscReal)count.taylor;
+    b->value[b->snap_column + 2] = (PetscReal)count.kept;
   }
   for (PetscInt i = 0; i < b->ncolumn; i++) PetscCall(MonitorSetColumn(b->monitor, i, b->value[i]));
   if (b->ncolumn) PetscCall(HistoryAdd(b->history, step->time - (1 - step->theta) * step->dt, b->value));

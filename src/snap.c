@@ -7,6 +7,8 @@
 #define NSWEEP   20
 #define NPOINT   25    /* 4 x 4 and 3 x 3 Gauss points */
 #define FLATTEST 0.002 /* Jacobians below this share of the largest one in the cell count as not positive */
+#define MISSING  0.1   /* largest difference between the area of the dead cells and that of the body, as its share */
+#define STRICT   4     /* factor on both limits for bodies that were left alone before */
 
 typedef struct {
   PetscInt n, room, *i;
@@ -38,6 +40,7 @@ struct _p_Snap {
   PetscInt   now;
   List       dead, marked, ring, touched, placed;
   PetscInt  *flags; /* [2 nbodies] */
+  PetscReal *area;  /* [nbodies] of the dead cells */
   /* the last result */
   PetscInt  *node_body, *cell_body, *cell_before;
   PetscBool *on_wall;
@@ -427,12 +430,15 @@ static PetscErrorCode place_other_nodes(Snap s, PetscReal (*X)[3], PetscReal (*q
 
 /* ---- is it a mesh? ---- */
 
-/* Smallest Jacobian of cell c at the Gauss points over the largest one, with the displacements added */
-static PetscReal cell_quality(Snap s, PetscInt c)
+/* Smallest Jacobian of cell c at the Gauss points over the largest one, with the displacements added, and its area by the 3 x 3 points */
+static PetscReal cell_quality(Snap s, PetscInt c, PetscReal *area)
 {
-  const MeshLocal *l    = s->loc;
-  const PetscInt  *node = cell_nodes(s, c);
+  const MeshLocal *l         = s->loc;
+  const PetscInt  *node      = cell_nodes(s, c);
+  const PetscReal  weight[3] = {5 / 9.0, 8 / 9.0, 5 / 9.0};
   PetscReal        x[18], low = PETSC_MAX_REAL, high = 0;
+
+  *area = 0;
 
   for (PetscInt j = 0; j < 9; j++) {
     for (PetscInt a = 0; a < 2; a++) {
@@ -449,12 +455,13 @@ static PetscReal cell_quality(Snap s, PetscInt c)
     det  = J[0] * J[3] - J[1] * J[2];
     low  = PetscMin(low, det);
     high = PetscMax(high, det);
+    if (p >= 16) *area += weight[(p - 16) % 3] * weight[(p - 16) / 3] * det;
   }
   return high > 0 ? low / high : -1;
 }
 
 /* Bodies with a cell around them that cannot be used: those whose wall the cell has a vertex on, or, where there is none, those whose rings it is in.
-   flags [nbodies]: bad cells; [nbodies] dead cells; summed over ranks */
+   flags [nbodies]: bad cells; [nbodies] those that are bad only for bodies that were left alone before; area [nbodies]: of the dead cells; summed over ranks */
 static PetscErrorCode check_cells(Snap s, PetscReal *quality)
 {
   const MeshLocal *l = s->loc;
@@ -462,26 +469,45 @@ static PetscErrorCode check_cells(Snap s, PetscReal *quality)
   PetscFunctionBeginUser;
   *quality = 1;
   PetscCall(PetscArrayzero(s->flags, 2 * s->nbodies));
-  for (PetscInt e = 0; e < s->dead.n; e++)
-    if (s->dead.i[e] < l->ncell) s->flags[s->nbodies + s->cover[s->dead.i[e]] - 1]++;
+  PetscCall(PetscArrayzero(s->area, s->nbodies));
+  for (PetscInt e = 0; e < s->dead.n; e++) {
+    PetscReal area;
+
+    if (s->dead.i[e] >= l->ncell) continue;
+    (void)cell_quality(s, s->dead.i[e], &area);
+    s->area[s->cover[s->dead.i[e]] - 1] += area;
+  }
   for (PetscInt e = 0; e < s->touched.n; e++) {
     const PetscInt c = s->touched.i[e];
-    PetscReal      share;
+    PetscReal      share, area;
     PetscBool      at_wall = PETSC_FALSE;
 
     if (c >= l->ncell || s->cover[c]) continue;
-    share    = cell_quality(s, c);
+    share    = cell_quality(s, c, &area);
     *quality = PetscMin(*quality, share);
-    if (share > FLATTEST) continue;
+    if (share > STRICT * FLATTEST) continue;
     for (PetscInt v = 0; v < 4; v++) at_wall = (PetscBool)(at_wall || s->level[cell_nodes(s, c)[CORNER[v]]] % 8 == 1);
     for (PetscInt v = 0; v < 4; v++) {
       const PetscInt t = s->level[cell_nodes(s, c)[CORNER[v]]];
 
-      if (t && (!at_wall || t % 8 == 1)) s->flags[t / 8]++;
+      if (t && (!at_wall || t % 8 == 1)) s->flags[t / 8 + (share > FLATTEST ? s->nbodies : 0)]++;
     }
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, s->flags, (PetscMPIInt)(2 * s->nbodies), MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, s->area, (PetscMPIInt)s->nbodies, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, quality, 1, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Does the mesh follow body k, after check_cells? */
+static PetscErrorCode judge_body(Snap s, PetscInt k, PetscBool strict, PetscBool *good)
+{
+  PetscReal volume;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetVolume(s->bodies, k, &volume));
+  *good = (PetscBool)(!s->flags[k] && !(strict && s->flags[s->nbodies + k]) &&
+                      PetscAbsReal(s->area[k] - volume) <= MISSING / (strict ? STRICT : 1) * volume);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -650,6 +676,7 @@ PetscErrorCode SnapCreate(Mesh mesh, Bodies bodies, Snap *snap)
   PetscCall(PetscCalloc5(n, &s->depth, n, &s->work, n, &s->stamp[0], n, &s->node_body, n, &s->on_wall));
   PetscCall(PetscCalloc5(s->loc->ncell_all, &s->cover, s->loc->ncell_all, &s->stamp[1], s->loc->ncell_all, &s->cell_body, s->loc->ncell_all,
                          &s->cell_before, 2 * s->nbodies, &s->flags));
+  PetscCall(PetscCalloc1(s->nbodies, &s->area));
   for (PetscInt i = 0; i < n; i++) s->node_body[i] = -1;
   for (PetscInt c = 0; c < s->loc->ncell_all; c++) s->cell_body[c] = s->cell_before[c] = -1;
   PetscCall(know_nodes(s));
@@ -667,6 +694,7 @@ PetscErrorCode SnapDestroy(Snap *snap)
   PetscCall(PetscFree6(s->kind, s->centre_of, s->boundary, s->code, s->level, s->d));
   PetscCall(PetscFree5(s->depth, s->work, s->stamp[0], s->node_body, s->on_wall));
   PetscCall(PetscFree5(s->cover, s->stamp[1], s->cell_body, s->cell_before, s->flags));
+  PetscCall(PetscFree(s->area));
   PetscCall(PetscFree(s->dead.i));
   PetscCall(PetscFree(s->marked.i));
   PetscCall(PetscFree(s->ring.i));
@@ -682,7 +710,8 @@ PetscErrorCode SnapDestroy(Snap *snap)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapFit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool wanted[], PetscBool fitted[], SnapResult *result)
+PetscErrorCode SnapFit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool wanted[], const PetscBool before[], PetscBool fitted[],
+                       SnapResult *result)
 {
   List      old_marked = {0, 0, NULL};
   PetscBool again      = PETSC_TRUE;
@@ -701,8 +730,12 @@ PetscErrorCode SnapFit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const Petsc
     PetscCall(check_cells(s, &result->quality));
     again = PETSC_FALSE;
     for (PetscInt k = 0; k < s->nbodies; k++) {
-      again     = (PetscBool)(again || (fitted[k] && s->flags[k]));
-      fitted[k] = (PetscBool)(fitted[k] && !s->flags[k] && s->flags[s->nbodies + k]);
+      PetscBool good = PETSC_FALSE;
+
+      if (!fitted[k]) continue;
+      PetscCall(judge_body(s, k, (PetscBool)(before && !before[k]), &good));
+      again     = (PetscBool)(again || (!good && s->area[k] != 0));
+      fitted[k] = good;
     }
     if (!again) break;
     clear_entries(s);

@@ -1,4 +1,5 @@
-/* Rung snap: a disc turning in Couette flow (exact), fixed and carried along by a uniform stream, free with three densities; values at moved nodes; forces in both forms. */
+/* Rung snap: a disc turning in Couette flow (exact), fixed and carried along by a uniform stream, free with three densities; values at moved nodes; forces in both
+   forms; bodies that the mesh cannot follow. */
 /* ranks: 1 2 */
 #include "core.h"
 #include "couple.h"
@@ -159,6 +160,40 @@ static void test_carried(void **state)
   }
 }
 
+/* A free disc between the centres of the cells, sinking across the stream */
+static void run_small(const char rung[], PetscReal out[3], PetscBool *fallback)
+{
+  Case            c;
+  char            options[256];
+  CoupleSnapCount count;
+
+  snprintf(options, sizeof(options),
+           "-particle_disc_radius 0.07 -particle_disc_position 0,0 -particle_disc_density 2 -flow_gravity 0,-10 -couple_boundary %s", rung);
+  open_case(&c, 24, options);
+  for (PetscInt step = 0; step < 3; step++) take_step(&c, 0.02, PETSC_TRUE);
+  OK(CoupleGetSnapCount(c.couple, &count));
+  *fallback = (PetscBool)(count.fallback == 1);
+  out[0]    = c.s->u[0][0];
+  out[1]    = c.s->u[0][1];
+  out[2]    = c.s->w[0][2];
+  close_case(&c);
+}
+
+/* A body without a cell of its own is held by the penalty, as under that rung */
+static void test_fallback(void **state)
+{
+  PetscReal snap[3], penalty[3];
+  PetscBool fallback;
+
+  (void)state;
+  run_small("penalty", penalty, &fallback);
+  assert_false(fallback);
+  run_small("snap", snap, &fallback);
+  assert_true(fallback);
+  for (PetscInt i = 0; i < 3; i++) NEAR(snap[i], penalty[i], 1e-8);
+  assert_true(penalty[1] < -0.01);
+}
+
 static void quadratic(const PetscReal x[], PetscReal v[])
 {
   v[0] = 1 + x[0] - 2 * x[1] + 3 * x[0] * x[0] - x[0] * x[1];
@@ -218,7 +253,8 @@ static void test_remap(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_remap), cmocka_unit_test(test_turning), cmocka_unit_test(test_carried)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_remap), cmocka_unit_test(test_turning), cmocka_unit_test(test_carried),
+                                     cmocka_unit_test(test_fallback)};
   int                     failed;
 
   if (PetscInitialize(&argc, &argv, NULL, NULL)) return 1;

@@ -52,7 +52,7 @@ static void draw(Case *c, Penalty *p, Mark *mark)
   OK(PenaltyCreate(c->flow, c->bodies, p));
   OK(MarkCreate(c->mesh, c->bodies, mark));
   OK(FlowBeginStep(c->flow, 0.01, 0.01));
-  OK(PenaltyDraw(*p, c->s->x, c->s->q, c->s->x, *mark));
+  OK(PenaltyDraw(*p, c->s->x, c->s->q, c->s->x, NULL, *mark));
   OK(MarkFinish(*mark));
 }
 
@@ -143,7 +143,7 @@ static void test_rigid_motion_is_free(void **state)
 
       OK(PetscMalloc1(c.l->nnode, &x));
       for (PetscInt i = 0; i < c.l->nnode; i++) x[i] = u[2 * i + a];
-      if (a == 1) OK(PenaltyDraw(p, c.s->x, c.s->q, c.s->x, mark)); /* the terms were taken off */
+      if (a == 1) OK(PenaltyDraw(p, c.s->x, c.s->q, c.s->x, NULL, mark)); /* the terms were taken off */
       multiply_penalty(&c, x, y);
       for (PetscInt e = 0; e < soft->n; e++) {
         PetscReal G[6];

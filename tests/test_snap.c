@@ -26,7 +26,7 @@ static void open_case(Case *c, const char options[])
 
 static void fit(Case *c)
 {
-  OK(SnapFit(c->snap, c->state->x, c->state->q, c->wanted, c->fitted, &c->r));
+  OK(SnapFit(c->snap, c->state->x, c->state->q, c->wanted, NULL, c->fitted, &c->r));
   OK(MeshMoveNodes(c->mesh, c->r.nnode, c->r.node, c->r.x));
 }
 
