@@ -1,0 +1,258 @@
+#!/usr/bin/env python3
+"""Study of the boundary rungs: runs what is missing in --work and writes ladder.csv, couette.csv, stream.csv, free.csv, oscillating.csv, settling.csv and boundary.png.
+
+  runs/studies/boundary/study.py --work out/boundary [ladder couette stream free oscillating settling figure]
+"""
+
+import argparse
+import csv
+import json
+import math
+import random
+import shlex
+import statistics
+import subprocess
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parent.parent.parent
+sys.path.insert(0, str(ROOT / "tools"))
+from toolbox import environment, launcher, machine_name, read_numbers, run_scene  # noqa: E402
+
+RUNGS = ["nodal", "penalty", "snap"]
+TORQUE = 16 * math.pi * 0.1 / 3  # of the Couette disc
+REFERENCE = {"cd": 5.57953523384, "cl": 0.010618948146, "dp": 0.11752016697}  # 2D-1
+
+
+def scene(work, name, yaml, options):
+    """Summary of a run, which is made unless it is there."""
+    folder = work / name
+    if not (folder / "summary.json").exists():
+        run = run_scene(ROOT / "runs" / yaml, {"output_every": 0, **options}, 1, folder, launch=[])
+        if run.ended != "ok":
+            print(f"{name}: {run.message}")
+            return None
+    return json.loads((folder / "summary.json").read_text())
+
+
+def write(name, rows):
+    if not rows:
+        return
+    with open(HERE / f"{name}.csv", "w", newline="") as file:
+        writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def error(value, exact):
+    return f"{100 * (value / exact - 1):.5f}"
+
+
+def ladder(work):
+    """2D-1 on the mesh without hole, random shifts."""
+    rows = []
+    for resolution, seeds in (10, 10), (20, 10), (40, 3):
+        for rung in RUNGS:
+            for seed in range(1, seeds + 1):
+                options = {"mesh_kind": "channel", "mesh_resolution": resolution, "couple_boundary": rung, "mesh_shift_seed": seed}
+                s = scene(work, f"ladder/{resolution}-{rung}-{seed}", "cylinder-2d1.yaml", options)
+                if not s:
+                    continue
+                q = s["quantities"]
+                row = {"rung": rung, "cells_per_diameter": resolution, "seed": seed, "unknowns": s["unknowns"]}
+                row.update({f"{name}_error_percent": error(q[name], exact) for name, exact in REFERENCE.items()})
+                row.update(force_difference=q["force_difference"], nonlinear=int(q["nonlinear_iterations"]), seconds=round(s["seconds"]["total"], 1))
+                rows.append(row)
+    write("ladder", rows)
+
+
+def build_couette(work):
+    program = work / "couette"
+    if not program.exists():
+        flags = subprocess.run(["pkg-config", "--cflags", "--libs", "PETSc"], capture_output=True, text=True, check=True).stdout.split()
+        build = ROOT / "build"
+        subprocess.run(["mpicc", "-O2", f"-I{ROOT / 'include'}", f"-I{build}", str(HERE / "couette.c"), "-o", str(program), f"-L{build}", "-ltumble", f"-Wl,-rpath,{build}", *flags, "-lm"], check=True)
+    return program
+
+
+def couette_rows(work, name, cells, rung, options):
+    path = work / "couette" / f"{name}.csv"
+    if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        words = f"""-mesh_lower -2,-2 -mesh_upper 2,2 -mesh_cells {cells},{cells} -flow_viscosity 0.1 -flow_ksp_rtol 1e-9 -flow_ksp_max_it 300
+          -particle_groups disc -particle_disc_shape circle -particle_disc_radius 1 -particle_disc_angular_velocity 1 -couple_boundary {rung} {options}"""
+        run = subprocess.run([*launcher(1), str(build_couette(work)), *shlex.split(words)], capture_output=True, text=True, env=environment(), check=False)
+        path.write_text(run.stdout)
+    return read_numbers(path)
+
+
+def couette(work):
+    """The disc turns at rest, steady, at four random places of the mesh."""
+    rows = []
+    for rung in RUNGS:
+        for cells, seeds in (24, 4), (48, 4), (96, 2):
+            for seed in range(1, seeds + 1):
+                r = random.Random(seed)
+                place = ",".join(f"{(r.random() - 0.5) * 4 / cells:.5f}" for _ in range(2))
+                steps = couette_rows(work, f"fixed-{rung}-{cells}-{seed}", cells, rung, f"-particle_disc_free none -particle_disc_position {place} -flow_time be -flow_recipe direct -study_dt 1e4 -study_steps 6")
+                if len(steps) < 6:
+                    continue
+                s = steps[-1]
+                rows.append({"rung": rung, "cells_per_radius": cells // 4, "seed": seed, "velocity_error": s["error"], "torque_error_percent": error(-s["torque"], TORQUE),
+                             "torque_volume_error_percent": error(-s["torque_volume"], TORQUE), "net_force": f"{math.hypot(s['fx'], s['fy']) / TORQUE:.3e}"})
+    write("couette", rows)
+
+
+def detrend(y):
+    """Root mean square after a parabola is taken off (normal equations with orthogonal polynomials)."""
+    n = len(y)
+    x = [2 * i / (n - 1) - 1 for i in range(n)]
+    rest, basis = list(y), []
+    for power in range(3):
+        p = [v**power for v in x]
+        for b in basis:
+            c = sum(u * v for u, v in zip(p, b)) / sum(v * v for v in b)
+            p = [u - c * v for u, v in zip(p, b)]
+        basis.append(p)
+        c = sum(u * v for u, v in zip(rest, p)) / sum(v * v for v in p)
+        rest = [u - c * v for u, v in zip(rest, p)]
+    return math.sqrt(sum(v * v for v in rest) / n)
+
+
+def stream(work):
+    """The turning disc is carried along by the stream (0.5, 0.2): bias and noise of the torque, noise of the force in units of torque / radius."""
+    rows = []
+    for rung in RUNGS:
+        for dt, steps in (0.02, 25), (0.005, 35):
+            for scheme in "be", "bdf2":
+                if rung != "snap" and (dt < 0.02 or scheme == "bdf2"):
+                    continue
+                options = f"-particle_disc_free none -particle_disc_position 0.013,-0.0047 -particle_disc_velocity 0.5,0.2 -study_stream 0.5,0.2 -flow_time {scheme} -study_dt {dt} -study_steps {steps}"
+                s = couette_rows(work, f"move-{rung}-48-{dt}-{scheme}", 48, rung, options)[8:]
+                if len(s) < 10:
+                    continue
+                torque = [100 * row["torque"] / -TORQUE for row in s]
+                noise = math.hypot(*(detrend([100 * row[f] / TORQUE for row in s]) for f in ("fx", "fy")))
+                rows.append({"rung": rung, "cells_per_radius": 12, "dt": dt, "scheme": scheme, "torque_bias_percent": f"{statistics.mean(torque) - 100:.4f}", "torque_noise_percent": f"{detrend(torque):.4f}",
+                             "force_noise_percent": f"{noise:.4f}", "iterations": max(int(row["iterations"]) for row in s)})
+    write("stream", rows)
+
+
+def free(work):
+    """The same with a free disc: errors of its velocities after 30 steps."""
+    rows = []
+    for rung, densities in ("nodal", [1]), ("penalty", [1]), ("snap", [0.01, 1, 10]):
+        for density in densities:
+            for scheme in ("bdf2",) if rung != "snap" else ("be", "bdf2"):
+                options = f"-particle_disc_position 0.013,-0.0047 -particle_disc_density {density} -study_held -particle_disc_velocity 0.5,0.2 -study_stream 0.5,0.2 -flow_time {scheme} -study_dt 0.02 -study_steps 30"
+                s = couette_rows(work, f"free-{rung}-24-0.02-{scheme}-{density}", 24, rung, options)
+                if len(s) < 30:
+                    continue
+                s = s[-1]
+                rows.append({"rung": rung, "cells_per_radius": 6, "density_ratio": density, "scheme": scheme, "du": f"{s['u'] - 0.5:.2e}", "dv": f"{s['v'] - 0.2:.2e}", "dw_percent": f"{100 * (s['w'] - 1):.5f}"})
+    write("free", rows)
+
+
+def interpolate(rows, time, column):
+    for a, b in zip(rows, rows[1:]):
+        if a["time_s"] - 1e-9 <= time <= b["time_s"] + 1e-9:
+            w = (time - a["time_s"]) / (b["time_s"] - a["time_s"])
+            return (1 - w) * a[column] + w * b[column]
+    return None
+
+
+def oscillating(work):
+    """Drag of the oscillating cylinder at the times of the reference; noise: fourth difference of the series over sqrt(70), without the first ten steps."""
+    reference = [(r["time_s"], r["value"]) for r in csv_rows(ROOT / "runs/reference/oscillating-cylinder.csv")]
+    rows = []
+    for cells, h, rungs, end in (10, 0.01, RUNGS, 8), (20, 0.005, ["snap"], 4.2):
+        for rung in rungs:
+            name = f"oscillating/{cells}-{rung}"
+            if not scene(work, name, "oscillating-cylinder.yaml", {"mesh_focus_h": h, "couple_boundary": rung, "particle_cylinder_reference_speed": 0.3927, "sim_time": end}):
+                continue
+            series = read_numbers(work / name / "series.csv")
+            for column in "cd_residual", "cd_volume":
+                e = [v - r for v, r in ((interpolate(series, t, column), r) for t, r in reference) if v is not None]
+                c = [row[column] for row in series[10:]]
+                n = [(c[i - 2] - 4 * c[i - 1] + 6 * c[i] - 4 * c[i + 1] + c[i + 2]) / math.sqrt(70) for i in range(2, len(c) - 2)]
+                rows.append({"rung": rung, "cells_per_diameter": cells, "form": column[3:], "points": len(e), "rms": f"{math.sqrt(sum(v * v for v in e) / len(e)):.4f}",
+                             "noise": f"{math.sqrt(sum(v * v for v in n) / len(n)):.5f}"})
+    write("oscillating", rows)
+
+
+def csv_rows(path):
+    with open(path) as file:
+        return [{k: float(v) for k, v in row.items() if k in ("time_s", "value")} for row in csv.DictReader(line for line in file if not line.startswith("#"))]
+
+
+def settling(work):
+    """The disc of runs/sedimentation.yaml up to 0.2 s: fall speed, and noise of the acceleration (rms after local cubic fits over 9 steps) in % of the buoyant weight."""
+    rows = []
+    for rung in RUNGS:
+        name = f"settling/8-{rung}"
+        if not scene(work, name, "sedimentation.yaml", {"mesh_cells": "64,192", "sim_dt": 0.005, "sim_time": 0.2, "couple_boundary": rung}):
+            continue
+        v = [0.0] + [row["v"] for row in read_numbers(work / name / "bodies.csv") if row["step"] > 0]
+        a = [(v[i + 1] - v[i]) / 0.005 for i in range(len(v) - 1)][8:]
+        weight = 981 * 0.25 / 1.25  # buoyant weight over mass
+        noise = [a[i] - (59 * a[i] + 54 * (a[i - 1] + a[i + 1]) + 39 * (a[i - 2] + a[i + 2]) + 14 * (a[i - 3] + a[i + 3]) - 21 * (a[i - 4] + a[i + 4])) / 231 for i in range(4, len(a) - 4)]
+        rows.append({"rung": rung, "cells_per_diameter": 8, "dt": 0.005, "v_0.1": f"{-v[20]:.4f}", "v_0.2": f"{-v[40]:.4f}",
+                     "acceleration_noise_percent": f"{100 * math.sqrt(sum(x * x for x in noise) / len(noise)) / weight:.4f}"})
+    write("settling", rows)
+
+
+def figure(work):
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    colours = {"nodal": "tab:red", "penalty": "tab:orange", "snap": "tab:blue"}
+    fig, axes = plt.subplots(1, 3, figsize=(14, 4.2))
+    rows = read_numbers(HERE / "ladder.csv")
+    for rung in RUNGS:
+        worst = {}
+        for row in rows:
+            if row["rung"] == rung:
+                worst[row["unknowns"]] = max(worst.get(row["unknowns"], 0), abs(row["cd_error_percent"]))
+                axes[0].plot(row["unknowns"], abs(row["cd_error_percent"]), ".", color=colours[rung], alpha=0.4)
+        axes[0].plot(list(worst), list(worst.values()), "o-", color=colours[rung], label=rung)
+    axes[0].set(xscale="log", yscale="log", xlabel="unknowns", ylabel="|error of Cd| [%]", title="2D-1, mesh without hole: shifts, worst")
+    rows = read_numbers(HERE / "couette.csv")
+    for rung in RUNGS:
+        mean = {}
+        for row in rows:
+            if row["rung"] == rung:
+                mean.setdefault(row["cells_per_radius"], []).append(row["velocity_error"] ** 2)
+        axes[1].plot(list(mean), [math.sqrt(sum(v) / len(v)) for v in mean.values()], "o-", color=colours[rung], label=rung)
+    h = [6, 24]
+    axes[1].plot(h, [4e-4 * (6 / n) ** 3 for n in h], "k:", label="third order")
+    axes[1].set(xscale="log", yscale="log", xlabel="cells a radius", ylabel="velocity error, L2", title="Couette disc, rms over shifts")
+    reference = csv_rows(ROOT / "runs/reference/oscillating-cylinder.csv")
+    for rung in RUNGS:
+        series = read_numbers(work / f"oscillating/10-{rung}" / "series.csv")
+        axes[2].plot([r["time_s"] for r in series[10:]], [r["cd_residual"] for r in series[10:]], color=colours[rung], lw=0.8, label=rung)
+    axes[2].plot([r["time_s"] for r in reference], [r["value"] for r in reference], "k+", label="published")
+    axes[2].set(xlabel="t [s]", ylabel="Cd", title="oscillating cylinder, 10 cells a diameter", ylim=(-4.2, 4.2))
+    for axis in axes:
+        axis.legend()
+        axis.grid(alpha=0.3)
+    fig.tight_layout()
+    fig.savefig(HERE / "boundary.png", dpi=110)
+
+
+def main():
+    parts = {f.__name__: f for f in (ladder, couette, stream, free, oscillating, settling, figure)}
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--work", type=Path, default=Path("out/boundary"))
+    parser.add_argument("parts", nargs="*", choices=[*parts, []], default=list(parts))
+    args = parser.parse_args()
+    args.work.mkdir(parents=True, exist_ok=True)
+    print(machine_name())
+    for name in args.parts:
+        parts[name](args.work.resolve())
+
+
+if __name__ == "__main__":
+    main()
