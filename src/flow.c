@@ -495,7 +495,7 @@ PetscErrorCode FlowCreate(Mesh mesh, Flow *flow)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The pressures p of own cell c, given about `centre` with cell size `size`, as the same polynomial about its present centre and size */
+/* Pressures given about `centre` with cell size `size`, as the same polynomial about the present centre and size of cell c */
 static void carry_pressure(const struct _p_Flow *f, PetscInt c, const PetscReal centre[], PetscReal size, PetscReal p[])
 {
   const PetscInt dim = f->loc->dim;
@@ -504,8 +504,8 @@ static void carry_pressure(const struct _p_Flow *f, PetscInt c, const PetscReal 
     PetscReal r = f->centre[c * dim + a] - centre[a];
 
     if (f->loc->period[a] > 0) r -= f->loc->period[a] * PetscFloorReal(r / f->loc->period[a] + 0.5);
-    p[c * (dim + 1)] += p[c * (dim + 1) + 1 + a] * r / size;
-    p[c * (dim + 1) + 1 + a] *= f->size[c] / size;
+    p[0] += p[1 + a] * r / size;
+    p[1 + a] *= f->size[c] / size;
   }
 }
 
@@ -521,18 +521,13 @@ static void adopt_pressure(const struct _p_Flow *f, PetscInt c, PetscInt before,
     const PetscInt i = l->cell_node[c * l->nb + j];
 
     for (PetscInt t = l->node_cell_ptr[i]; t < l->node_cell_ptr[i + 1]; t++) {
-      const PetscInt  from = l->node_cell[t];
-      const PetscReal s    = f->size[c] / f->size[from];
+      const PetscInt from = l->node_cell[t];
+      PetscReal      q[4];
 
       if (from >= l->ncell || f->det[from] == 0 || f->visited[from] == before) continue;
-      pc[0] += p[from * nk];
-      for (PetscInt a = 0; a < l->dim; a++) {
-        PetscReal r = f->centre[c * l->dim + a] - f->centre[from * l->dim + a];
-
-        if (l->period[a] > 0) r -= l->period[a] * PetscFloorReal(r / l->period[a] + 0.5);
-        pc[0] += p[from * nk + 1 + a] * r / f->size[from];
-        pc[1 + a] += p[from * nk + 1 + a] * s;
-      }
+      for (PetscInt k = 0; k < nk; k++) q[k] = p[from * nk + k];
+      carry_pressure(f, c, f->centre + from * l->dim, f->size[from], q);
+      for (PetscInt k = 0; k < nk; k++) pc[k] += q[k];
       n++;
     }
   }
@@ -555,7 +550,7 @@ PetscErrorCode FlowUpdateCells(Flow f, PetscInt n, const PetscInt cells[], const
     else PetscCall(compute_cell(f, c));
     if (dead) f->visited[c] = f->now;
     if (c < l->ncell && cell_body[c] >= 0) PetscCall(PetscArrayzero(f->p + c * (dim + 1), dim + 1));
-    else if (c < l->ncell && !dead) carry_pressure(f, c, centre, size, f->p);
+    else if (c < l->ncell && !dead) carry_pressure(f, c, centre, size, f->p + c * (dim + 1));
     for (PetscInt j = 0; j < l->nb; j++) {
       f->open[l->cell_node[cells[e] * l->nb + j]]   = f->now + 1;
       f->lumped[l->cell_node[cells[e] * l->nb + j]] = 0;
