@@ -634,6 +634,30 @@ PetscErrorCode MeshMoveNodes(Mesh m, PetscInt n, const PetscInt nodes[], const P
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode MeshRebase(Mesh m)
+{
+  MeshLocal *l    = &m->loc;
+  PetscReal  hmin = PETSC_MAX_REAL;
+
+  PetscFunctionBeginUser;
+  if (m->x_start != m->x) PetscCall(PetscFree(m->x_start));
+  m->x_start = m->x;
+  l->x_start = m->x_start;
+  l->moves   = 0;
+  for (PetscInt c = 0; c < l->ncell_all; c++) {
+    PetscReal xc[MESH_MAX_NB * 3], smallest, volume;
+
+    PetscCall(MeshCellCoordinates(m, c, xc));
+    measure_cell(l->dim, xc, &smallest, &volume);
+    hmin = PetscMin(hmin, PetscPowReal(volume, 1.0 / l->dim));
+  }
+  PetscCallMPI(MPI_Allreduce(&hmin, &l->h, 1, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
+  PetscCall(PetscFree(m->bin_ptr));
+  PetscCall(PetscFree2(m->bin_node, m->found));
+  PetscCall(create_bins(m));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* PETSc 3.18 cannot reduce a contiguous type of one number */
 static MPI_Datatype block_type(Mesh m, PetscInt bs)
 {

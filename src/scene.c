@@ -1,6 +1,7 @@
 /* Scene: see scene.h. */
 #include "compat.h"
 #include "scene.h"
+#include "deform.h"
 #include "log.h"
 #include "opt.h"
 #include "sim.h"
@@ -24,12 +25,26 @@ static PetscErrorCode create_contact_alone(SimParts *part, const MeshLocal *l)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode report_deformation(Monitor monitor, const DeformResult *r)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscPrintf(PETSC_COMM_WORLD,
+                        "mesh deformed in %" PetscInt_FMT
+                        " steps: sizes of cells %.3f to %.3f of the wanted ones, smallest Jacobian %.3f of its cell's mean\n",
+                        r->steps, (double)r->area[0], (double)r->area[1], (double)r->jacobian));
+  PetscCall(MonitorQuantity(monitor, "deform_area_min", r->area[0]));
+  PetscCall(MonitorQuantity(monitor, "deform_area_max", r->area[1]));
+  PetscCall(MonitorQuantity(monitor, "deform_jacobian", r->jacobian));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode build(SimParts *part)
 {
   const MeshLocal      *l;
   const FlowParameters *par;
   PetscInt              walls;
-  PetscBool             active = PETSC_TRUE, steady = PETSC_FALSE;
+  PetscBool             active = PETSC_TRUE, steady = PETSC_FALSE, deformed = PETSC_FALSE;
+  DeformResult          deformation;
 
   PetscFunctionBeginUser;
   PetscCall(
@@ -37,13 +52,14 @@ static PetscErrorCode build(SimParts *part)
   if (active) PetscCall(OptBool("-sim_steady", "solve for the steady state, without time steps", &steady));
   PetscCall(MeshCreate(PETSC_COMM_WORLD, &part->mesh));
   PetscCall(MeshGetLocal(part->mesh, &l));
+  PetscCall(BodiesCreate(l->dim, l->lower, l->upper, &part->bodies));
   if (active) {
+    PetscCall(DeformMesh(part->mesh, part->bodies, &deformed, &deformation));
     PetscCall(CoupleSetDefaults());
     if (steady) PetscCall(SteadySetDefaults(part->mesh));
     PetscCall(FlowCreate(part->mesh, &part->flow));
     PetscCall(FlowGetParameters(part->flow, &par));
   }
-  PetscCall(BodiesCreate(l->dim, l->lower, l->upper, &part->bodies));
   if (active) {
     PetscCall(CoupleCreate(part->flow, part->bodies, &part->couple));
     if (steady) PetscCall(SteadyCreate(part->flow, part->couple, &part->steady));
@@ -56,6 +72,7 @@ static PetscErrorCode build(SimParts *part)
   PetscCall(BorderCreate(part->bodies, l->lower, l->upper, l->period, &part->border));
   PetscCall(OutputCreate(part->mesh, part->scene, &part->output));
   PetscCall(MonitorCreate(part->bodies, &part->monitor));
+  if (deformed) PetscCall(report_deformation(part->monitor, &deformation));
   PetscCall(CheckpointCreate(part->mesh, part->output, &part->checkpoint));
   if (active) PetscCall(ProbeCreate(part->flow, part->bodies, part->couple, part->monitor, &part->probe));
   PetscFunctionReturn(PETSC_SUCCESS);
