@@ -11,6 +11,8 @@
 
 #define MAX_NB MESH_MAX_NB
 
+#define INLINE static inline __attribute__((always_inline))
+
 struct _p_Flow {
   Mesh             mesh;
   const MeshLocal *loc;
@@ -371,53 +373,67 @@ PetscErrorCode FlowRhs(Flow f, PetscReal r[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* y = B u and r += scale B^T p of the own cells; sums in four parts, so that a compiler may use vectors of four */
+INLINE void divergence(const int dim, const int nb, const MeshLocal *l, const PetscReal *restrict b, const PetscReal *restrict u,
+                       PetscReal *restrict y)
+{
+  const int n = nb * dim, whole = n / 4 * 4;
+
+  for (PetscInt c = 0; c < l->ncell; c++) {
+    PetscReal ul[MAX_NB * 3];
+
+    for (int j = 0; j < nb; j++)
+      for (int a = 0; a < dim; a++) ul[j * dim + a] = u[l->cell_node[c * nb + j] * dim + a];
+    for (int k = 0; k < dim + 1; k++, b += n) {
+      PetscReal s[4] = {0, 0, 0, 0};
+
+      for (int i = 0; i < whole; i += 4)
+        for (int q = 0; q < 4; q++) s[q] += b[i + q] * ul[i + q];
+      for (int i = whole; i < n; i++) s[i - whole] += b[i] * ul[i];
+      y[c * (dim + 1) + k] = (s[0] + s[1]) + (s[2] + s[3]);
+    }
+  }
+}
+
+INLINE void gradient(const int dim, const int nb, const MeshLocal *l, const PetscReal *restrict b, PetscReal scale, const PetscReal *restrict p,
+                     PetscReal *restrict r)
+{
+  const int n = nb * dim;
+
+  for (PetscInt c = 0; c < l->ncell; c++) {
+    PetscReal rl[MAX_NB * 3] = {0};
+
+    for (int k = 0; k < dim + 1; k++, b += n)
+      for (int i = 0; i < n; i++) rl[i] += scale * p[c * (dim + 1) + k] * b[i];
+    for (int j = 0; j < nb; j++)
+      for (int a = 0; a < dim; a++) r[l->cell_node[c * nb + j] * dim + a] += rl[j * dim + a];
+  }
+}
+
 PetscErrorCode FlowDivergence(Flow f, const PetscReal u[], PetscReal y[])
 {
   const MeshLocal *l = f->loc;
-  const PetscInt   n = l->nb * l->dim, nk = l->dim + 1;
 
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_FLOW_DIV, 0, 0, 0, 0));
-  for (PetscInt c = 0; c < l->ncell; c++) {
-    const PetscReal *b = f->b + c * nk * n;
-    PetscReal        ul[MAX_NB * 3];
-
-    gather(l, c, u, ul);
-    for (PetscInt k = 0; k < nk; k++) {
-      PetscReal sum = 0;
-
-      for (PetscInt i = 0; i < n; i++) sum += b[k * n + i] * ul[i];
-      y[c * nk + k] = sum;
-    }
-  }
-  PetscCall(PetscLogFlops(2.0 * l->ncell * nk * n));
+  if (l->dim == 2) divergence(2, 9, l, f->b, u, y);
+  else divergence(3, 27, l, f->b, u, y);
+  PetscCall(PetscLogFlops(2.0 * l->ncell * (l->dim + 1) * l->nb * l->dim));
   PetscCall(PetscLogEventEnd(TB_FLOW_DIV, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode FlowGradient(Flow f, PetscReal scale, const PetscReal p[], PetscReal r[])
 {
-  const MeshLocal *l   = f->loc;
-  const PetscInt   dim = l->dim, nb = l->nb, n = nb * dim, nk = dim + 1;
+  const MeshLocal *l = f->loc;
 
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_FLOW_DIV, 0, 0, 0, 0));
-  PetscCall(PetscArrayzero(r, l->nnode_all * dim));
-  for (PetscInt c = 0; c < l->ncell; c++) {
-    const PetscReal *b = f->b + c * nk * n;
-    PetscReal        rl[MAX_NB * 3];
-
-    for (PetscInt i = 0; i < n; i++) rl[i] = 0;
-    for (PetscInt k = 0; k < nk; k++) {
-      const PetscReal pk = scale * p[c * nk + k];
-
-      for (PetscInt i = 0; i < n; i++) rl[i] += pk * b[k * n + i];
-    }
-    for (PetscInt j = 0; j < nb; j++)
-      for (PetscInt a = 0; a < dim; a++) r[l->cell_node[c * nb + j] * dim + a] += rl[j * dim + a];
-  }
-  PetscCall(MeshSumNodes(f->mesh, dim, r));
-  PetscCall(PetscLogFlops(2.0 * l->ncell * nk * n));
+  PetscCall(PetscArrayzero(r, l->nnode_all * l->dim));
+  if (l->dim == 2) gradient(2, 9, l, f->b, scale, p, r);
+  else gradient(3, 27, l, f->b, scale, p, r);
+  PetscCall(MeshSumNodes(f->mesh, l->dim, r));
+  PetscCall(PetscLogFlops(2.0 * l->ncell * (l->dim + 1) * l->nb * l->dim));
   PetscCall(PetscLogEventEnd(TB_FLOW_DIV, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
