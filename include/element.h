@@ -50,3 +50,7 @@ void ElementOperator(const ElementTables *, const ElementMetric *, PetscReal a, 
    force [dim]. */
 void ElementResidual(const ElementTables *, const ElementMetric *, PetscReal rho, PetscReal mu, const PetscReal force[], const PetscReal s[],
                      const PetscReal u[], const PetscReal w[], PetscReal r[]);
+/* y = B u and r += scale B^T p with the cells' matrices b [ncell][dim + 1][nb * dim] and nodes [ncell][nb]; u, r [nodes][dim], y, p [ncell][dim + 1]. Local. */
+void ElementDivergence(PetscInt dim, PetscInt ncell, const PetscInt cell_node[], const PetscReal b[], const PetscReal u[], PetscReal y[]);
+void ElementGradient(PetscInt dim, PetscInt ncell, const PetscInt cell_node[], const PetscReal b[], PetscReal scale, const PetscReal p[],
+                     PetscReal r[]);

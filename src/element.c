@@ -382,3 +382,55 @@ PetscBool ElementLocate(PetscInt dim, const PetscReal xc[], const PetscReal x[],
   }
   return (PetscBool)(step <= 1e-8);
 }
+
+/* ---- divergence ---- */
+
+/* Sums in four parts, so that a compiler may use vectors of four */
+INLINE void divergence(const int dim, const int nb, PetscInt ncell, const PetscInt *restrict cell_node, const PetscReal *restrict b,
+                       const PetscReal *restrict u, PetscReal *restrict y)
+{
+  const int n = nb * dim, whole = n / 4 * 4;
+
+  for (PetscInt c = 0; c < ncell; c++) {
+    PetscReal ul[ELEMENT_MAX_NBP * 3];
+
+    for (int j = 0; j < nb; j++)
+      for (int a = 0; a < dim; a++) ul[j * dim + a] = u[cell_node[c * nb + j] * dim + a];
+    for (int k = 0; k < dim + 1; k++, b += n) {
+      PetscReal s[4] = {0, 0, 0, 0};
+
+      for (int i = 0; i < whole; i += 4)
+        for (int q = 0; q < 4; q++) s[q] += b[i + q] * ul[i + q];
+      for (int i = whole; i < n; i++) s[i - whole] += b[i] * ul[i];
+      y[c * (dim + 1) + k] = (s[0] + s[1]) + (s[2] + s[3]);
+    }
+  }
+}
+
+INLINE void gradient(const int dim, const int nb, PetscInt ncell, const PetscInt *restrict cell_node, const PetscReal *restrict b, PetscReal scale,
+                     const PetscReal *restrict p, PetscReal *restrict r)
+{
+  const int n = nb * dim;
+
+  for (PetscInt c = 0; c < ncell; c++) {
+    PetscReal rl[ELEMENT_MAX_NBP * 3] = {0};
+
+    for (int k = 0; k < dim + 1; k++, b += n)
+      for (int i = 0; i < n; i++) rl[i] += scale * p[c * (dim + 1) + k] * b[i];
+    for (int j = 0; j < nb; j++)
+      for (int a = 0; a < dim; a++) r[cell_node[c * nb + j] * dim + a] += rl[j * dim + a];
+  }
+}
+
+void ElementDivergence(PetscInt dim, PetscInt ncell, const PetscInt cell_node[], const PetscReal b[], const PetscReal u[], PetscReal y[])
+{
+  if (dim == 2) divergence(2, 9, ncell, cell_node, b, u, y);
+  else divergence(3, 27, ncell, cell_node, b, u, y);
+}
+
+void ElementGradient(PetscInt dim, PetscInt ncell, const PetscInt cell_node[], const PetscReal b[], PetscReal scale, const PetscReal p[],
+                     PetscReal r[])
+{
+  if (dim == 2) gradient(2, 9, ncell, cell_node, b, scale, p, r);
+  else gradient(3, 27, ncell, cell_node, b, scale, p, r);
+}

@@ -11,8 +11,6 @@
 
 #define MAX_NB MESH_MAX_NB
 
-#define INLINE static inline __attribute__((always_inline))
-
 struct _p_Flow {
   Mesh             mesh;
   const MeshLocal *loc;
@@ -373,51 +371,13 @@ PetscErrorCode FlowRhs(Flow f, PetscReal r[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* y = B u and r += scale B^T p of the own cells; sums in four parts, so that a compiler may use vectors of four */
-INLINE void divergence(const int dim, const int nb, const MeshLocal *l, const PetscReal *restrict b, const PetscReal *restrict u,
-                       PetscReal *restrict y)
-{
-  const int n = nb * dim, whole = n / 4 * 4;
-
-  for (PetscInt c = 0; c < l->ncell; c++) {
-    PetscReal ul[MAX_NB * 3];
-
-    for (int j = 0; j < nb; j++)
-      for (int a = 0; a < dim; a++) ul[j * dim + a] = u[l->cell_node[c * nb + j] * dim + a];
-    for (int k = 0; k < dim + 1; k++, b += n) {
-      PetscReal s[4] = {0, 0, 0, 0};
-
-      for (int i = 0; i < whole; i += 4)
-        for (int q = 0; q < 4; q++) s[q] += b[i + q] * ul[i + q];
-      for (int i = whole; i < n; i++) s[i - whole] += b[i] * ul[i];
-      y[c * (dim + 1) + k] = (s[0] + s[1]) + (s[2] + s[3]);
-    }
-  }
-}
-
-INLINE void gradient(const int dim, const int nb, const MeshLocal *l, const PetscReal *restrict b, PetscReal scale, const PetscReal *restrict p,
-                     PetscReal *restrict r)
-{
-  const int n = nb * dim;
-
-  for (PetscInt c = 0; c < l->ncell; c++) {
-    PetscReal rl[MAX_NB * 3] = {0};
-
-    for (int k = 0; k < dim + 1; k++, b += n)
-      for (int i = 0; i < n; i++) rl[i] += scale * p[c * (dim + 1) + k] * b[i];
-    for (int j = 0; j < nb; j++)
-      for (int a = 0; a < dim; a++) r[l->cell_node[c * nb + j] * dim + a] += rl[j * dim + a];
-  }
-}
-
 PetscErrorCode FlowDivergence(Flow f, const PetscReal u[], PetscReal y[])
 {
   const MeshLocal *l = f->loc;
 
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_FLOW_DIV, 0, 0, 0, 0));
-  if (l->dim == 2) divergence(2, 9, l, f->b, u, y);
-  else divergence(3, 27, l, f->b, u, y);
+  ElementDivergence(l->dim, l->ncell, l->cell_node, f->b, u, y);
   PetscCall(PetscLogFlops(2.0 * l->ncell * (l->dim + 1) * l->nb * l->dim));
   PetscCall(PetscLogEventEnd(TB_FLOW_DIV, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -430,8 +390,7 @@ PetscErrorCode FlowGradient(Flow f, PetscReal scale, const PetscReal p[], PetscR
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_FLOW_DIV, 0, 0, 0, 0));
   PetscCall(PetscArrayzero(r, l->nnode_all * l->dim));
-  if (l->dim == 2) gradient(2, 9, l, f->b, scale, p, r);
-  else gradient(3, 27, l, f->b, scale, p, r);
+  ElementGradient(l->dim, l->ncell, l->cell_node, f->b, scale, p, r);
   PetscCall(MeshSumNodes(f->mesh, l->dim, r));
   PetscCall(PetscLogFlops(2.0 * l->ncell * (l->dim + 1) * l->nb * l->dim));
   PetscCall(PetscLogEventEnd(TB_FLOW_DIV, 0, 0, 0, 0));
