@@ -4,6 +4,7 @@
 
    Options: -sim_steady (read by the scene), or -sim_dt, -sim_time (end), -sim_steps (at most; whichever comes first); for steps of varying length adapt.h. */
 #pragma once
+#include "bodyfile.h"
 #include "border.h"
 #include "checkpoint.h"
 #include "contact.h"
@@ -24,6 +25,7 @@ typedef struct {
   Contact     contact;
   Border      border;
   Output      output;
+  Bodyfile    bodyfile;
   Monitor     monitor;
   Probe       probe;
   Steady      steady; /* NULL: time steps */

@@ -71,6 +71,7 @@ static PetscErrorCode build(SimParts *part)
   PetscCall(ContactCheckStart(part->contact));
   PetscCall(BorderCreate(part->bodies, l->lower, l->upper, l->period, &part->border));
   PetscCall(OutputCreate(part->mesh, part->scene, &part->output));
+  PetscCall(BodyfileCreate(part->bodies, &part->bodyfile));
   PetscCall(MonitorCreate(part->bodies, &part->monitor));
   if (deformed) PetscCall(report_deformation(part->monitor, &deformation));
   PetscCall(CheckpointCreate(part->mesh, part->output, &part->checkpoint));
@@ -84,6 +85,7 @@ static PetscErrorCode destroy(SimParts *part)
   PetscCall(ProbeDestroy(&part->probe));
   PetscCall(CheckpointDestroy(&part->checkpoint));
   PetscCall(MonitorDestroy(&part->monitor));
+  PetscCall(BodyfileDestroy(&part->bodyfile));
   PetscCall(OutputDestroy(&part->output));
   PetscCall(SteadyDestroy(&part->steady));
   PetscCall(BorderDestroy(&part->border));

@@ -64,6 +64,7 @@ static PetscErrorCode add_states(Sim s)
   PetscCall(CheckpointAdd(p->checkpoint, "contact", p->contact, ContactVisitState));
   PetscCall(CheckpointAdd(p->checkpoint, "output", p->output, OutputVisitState));
   if (s->adapt) PetscCall(CheckpointAdd(p->checkpoint, "adapt", s->adapt, AdaptVisitState));
+  PetscCall(CheckpointAdd(p->checkpoint, "bodyfile", p->bodyfile, BodyfileVisitState));
   PetscCall(CheckpointAdd(p->checkpoint, "monitor", p->monitor, MonitorVisitState));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -198,6 +199,17 @@ static PetscErrorCode stop_unsolved(Sim s, KSPConvergedReason reason, PetscInt i
           s->step + 1, KSPConvergedReasons[reason], its, (double)s->time, dir, s->step, s->adapt ? "-sim_adapt_min" : "-sim_dt", (double)dt);
 }
 
+static PetscErrorCode write_snapshot(Sim s)
+{
+  const char *dir;
+
+  PetscFunctionBeginUser;
+  PetscCall(write_fields(s));
+  PetscCall(OutputGetDirectory(s->part.output, &dir));
+  PetscCall(BodyfileWrite(s->part.bodyfile, dir, s->step, s->time));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode report(Sim s, const FlowDiagnostics *diag, PetscReal momentum_error, PetscReal dt, PetscInt its, PetscReal seconds)
 {
   PetscInt    every;
@@ -217,7 +229,7 @@ static PetscErrorCode report(Sim s, const FlowDiagnostics *diag, PetscReal momen
   PetscCall(ContactGetEnergy(s->part.contact, &m.contact_energy, &m.contact_work));
   PetscCall(MonitorWrite(s->part.monitor, &m, s->time_end < PETSC_MAX_REAL ? s->time_end : s->steps_max * s->dt));
   PetscCall(OutputGetEvery(s->part.output, &every));
-  if ((every > 0 && (s->part.steady || s->step % every == 0)) || (s->hits && s->snapshot)) PetscCall(write_fields(s));
+  if ((every > 0 && (s->part.steady || s->step % every == 0)) || (s->hits && s->snapshot)) PetscCall(write_snapshot(s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
