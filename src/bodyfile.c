@@ -14,11 +14,11 @@ struct _p_Bodyfile {
   Bodies      bodies;
   BodyState  *s;
   PetscMPIInt rank;
-  PetscInt    npoint;          /* of an outline; 0 in 3D */
-  PetscReal **shape;           /* [ngroups][npoint][2] about the centre, body axes */
+  PetscInt    npoint; /* of an outline; 0 in 3D */
+  PetscReal **shape;  /* [ngroups][npoint][2] about the centre, body axes */
   PetscInt    nsnap, room;
-  PetscInt   *step;            /* [nsnap] */
-  PetscReal  *time;            /* [nsnap] */
+  PetscInt   *step; /* [nsnap] */
+  PetscReal  *time; /* [nsnap] */
 };
 
 /* ---- datasets ---- */
@@ -154,9 +154,11 @@ static void print_snapshot(FILE *f, Bodyfile b, PetscInt step, PetscReal time)
 {
   const PetscInt n = b->s->n, m = b->npoint;
 
-  fprintf(f, "      <Grid Name=\"step %" PetscInt_FMT "\" GridType=\"Collection\" CollectionType=\"Spatial\">\n        <Time Value=\"%.15g\"/>\n", step,
-          (double)time);
-  fprintf(f, "        <Grid Name=\"centres\" GridType=\"Uniform\">\n          <Topology TopologyType=\"Polyvertex\" NumberOfElements=\"%" PetscInt_FMT "\"/>\n",
+  fprintf(f, "      <Grid Name=\"step %" PetscInt_FMT "\" GridType=\"Collection\" CollectionType=\"Spatial\">\n        <Time Value=\"%.15g\"/>\n",
+          step, (double)time);
+  fprintf(f,
+          "        <Grid Name=\"centres\" GridType=\"Uniform\">\n          <Topology TopologyType=\"Polyvertex\" NumberOfElements=\"%" PetscInt_FMT
+          "\"/>\n",
           n);
   fprintf(f, "          <Geometry GeometryType=\"XYZ\">");
   print_item(f, PETSC_FALSE, n, 3, step, "position");
@@ -164,8 +166,9 @@ static void print_snapshot(FILE *f, Bodyfile b, PetscInt step, PetscReal time)
   print_attributes(f, n, step, "Node");
   fprintf(f, "        </Grid>\n");
   if (m) {
-    fprintf(f, "        <Grid Name=\"outlines\" GridType=\"Uniform\">\n          <Topology TopologyType=\"Polyline\" NumberOfElements=\"%" PetscInt_FMT
-               "\" NodesPerElement=\"%" PetscInt_FMT "\">",
+    fprintf(f,
+            "        <Grid Name=\"outlines\" GridType=\"Uniform\">\n          <Topology TopologyType=\"Polyline\" NumberOfElements=\"%" PetscInt_FMT
+            "\" NodesPerElement=\"%" PetscInt_FMT "\">",
             n, m + 1);
     print_item(f, PETSC_TRUE, n, m + 1, step, "line");
     fprintf(f, "</Topology>\n          <Geometry GeometryType=\"XYZ\">");

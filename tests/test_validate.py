@@ -27,6 +27,27 @@ def validate(folder, program, *args):
     return subprocess.run([sys.executable, str(ROOT / "tools" / "validate"), *words, *args], cwd=folder, env=environment(), capture_output=True, text=True, timeout=120, check=False)
 
 
+KISS = """\
+[kiss]
+scene = "{scene}"
+minutes = 0.1
+source = "exact"
+quantities = [
+  {{ value = "kiss_time()", reference = 0.3, tolerance = 1e-6 }},
+  {{ value = "kiss_time(1, 0, 1.5)", reference = 0.255, tolerance = 1e-6 }},
+]
+"""
+MEET = """mesh: {cells: [4, 4], lower: [0, 0], upper: [1, 1]}
+flow: {active: false}
+particle:
+  groups: a, b
+  a: {shape: circle, radius: 0.05, density: 1, position: [0.245, 0.5], velocity: [0.5, 0]}
+  b: {shape: circle, radius: 0.05, density: 1, position: [0.65, 0.5], velocity: [-0.5, 0]}
+contact: {law: none}
+sim: {dt: 0.02, steps: 16}
+"""
+
+
 def declare(folder, text=CASE):
     (folder / "disc.yaml").write_text(SCENE)
     (folder / "case.toml").write_text(text.format(scene=folder / "disc.yaml"))
@@ -43,6 +64,14 @@ def test_verdicts(program, tmp_path):
     assert "1 cases, about 0 minutes" in done.stdout and done.stdout.endswith("4 within tolerance, 2 not\n")
     shown = validate(tmp_path, program, "--show")
     assert shown.returncode == 1 and shown.stdout.splitlines()[-7:] == done.stdout.splitlines()[-7:]
+
+
+def test_kiss_time(program, tmp_path):
+    """Two discs 0.405 apart approach with speed 1: 1.05 diameters after 0.3, 1.5 after 0.255."""
+    declare(tmp_path, KISS)
+    (tmp_path / "disc.yaml").write_text(MEET)
+    done = validate(tmp_path, program)
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_stopped_run(program, tmp_path):
