@@ -8,6 +8,7 @@
 
 typedef struct _p_Mark *Mark;
 
+/* Reads -couple_search cells|brute: nodes inside a body are looked for near it, or, for comparison, among all. */
 PetscErrorCode MarkCreate(Mesh, Bodies, Mark *);
 PetscErrorCode MarkDestroy(Mark *);
 

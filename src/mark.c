@@ -1,6 +1,7 @@
 /* Mark: see mark.h. */
 #include "compat.h"
 #include "mark.h"
+#include "opt.h"
 
 #define CHUNK 256
 
@@ -11,7 +12,21 @@ struct _p_Mark {
   const MeshLocal *loc;
   PetscInt        *node_body, *node, nnode;  /* the claimed nodes */
   PetscInt        *cell, ncell, *stamp, now; /* stamp: number of the step that listed a cell */
+  PetscInt         brute, *all;              /* all: every node, for -couple_search brute */
 };
+
+static PetscErrorCode read_search(Mark m)
+{
+  static const char *const SEARCHES[] = {"cells", "brute", NULL};
+
+  PetscFunctionBeginUser;
+  if (!m->s->n) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(OptChoice("-couple_search", "how nodes and neighbours of bodies are found: with search grids, or all against all", SEARCHES, &m->brute));
+  if (!m->brute) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscMalloc1(m->loc->nnode_all, &m->all));
+  for (PetscInt i = 0; i < m->loc->nnode_all; i++) m->all[i] = i;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
 
 PetscErrorCode MarkCreate(Mesh mesh, Bodies bodies, Mark *mark)
 {
@@ -26,6 +41,7 @@ PetscErrorCode MarkCreate(Mesh mesh, Bodies bodies, Mark *mark)
   PetscCall(PetscMalloc4(m->loc->nnode_all, &m->node_body, m->loc->nnode_all, &m->node, m->loc->ncell, &m->cell, m->loc->ncell, &m->stamp));
   for (PetscInt i = 0; i < m->loc->nnode_all; i++) m->node_body[i] = -1;
   PetscCall(PetscArrayzero(m->stamp, m->loc->ncell));
+  PetscCall(read_search(m));
   *mark = m;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -34,6 +50,7 @@ PetscErrorCode MarkDestroy(Mark *mark)
 {
   PetscFunctionBeginUser;
   if (!*mark) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree((*mark)->all));
   PetscCall(PetscFree4((*mark)->node_body, (*mark)->node, (*mark)->cell, (*mark)->stamp));
   PetscCall(PetscFree(*mark));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -82,7 +99,10 @@ static PetscErrorCode claim_inside(Mark m, PetscInt k, const PetscReal X[3], con
     lo[a] = X[a] - radius * (1 + 1e-12);
     hi[a] = X[a] + radius * (1 + 1e-12);
   }
-  PetscCall(MeshNodesInBox(m->mesh, lo, hi, &n, &list));
+  if (m->brute) {
+    n    = m->loc->nnode_all;
+    list = m->all;
+  } else PetscCall(MeshNodesInBox(m->mesh, lo, hi, &n, &list));
   for (PetscInt begin = 0; begin < n; begin += CHUNK) {
     const PetscInt size = PetscMin(CHUNK, n - begin);
 

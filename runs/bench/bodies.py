@@ -61,7 +61,7 @@ def measure(case, scene, options, steps, args, search):
     """One row."""
     load = os.getloadavg()[0]
     with tempfile.TemporaryDirectory(prefix="tumble-bodies-") as folder:
-        common = {**options, "couple_search": search, "output_every": "0"}
+        common = {**options, **({"couple_search": search} if options["particle_bed_count"] else {}), "output_every": "0"}
         short, cpu_short = run_timed(scene, {**common, "sim_steps": SKIP}, args.build, folder)
         run, cpu = run_timed(scene, {**common, "sim_steps": steps}, args.build, folder)
         rows = run.series()[SKIP:]
