@@ -4,7 +4,8 @@
      [ B P               C    ] [ p ] = [ -B c              ]       A = S (x) identity of components, C = 0 but in cells between two surfaces (pressure.h)
 
    FGMRES around a preconditioner in three steps: PCFIELDSPLIT (Schur, lower: velocity solve, then pressure solve with the projected operator), then the
-   projection u_r += M_r^{-1} P^T B^T p, or, when viscosity dominates, the least-squares commutator in place of the projection. M_r is the projected lumped mass.
+   projection u_r += M_r^{-1} P^T B^T p, or, when viscosity or convection dominates, the least-squares commutator in place of the projection. M_r is the projected lumped mass.
+   Without bodies, and where viscosity dominates convection too, p += mu theta Mp^{-1} takes its place (Cahouet & Chabard 1988).
    The pressure operator is S_p = B_r M_r^{-1} B_r^T + eps B_c M_c^{-1} B_c^T (Turek 1999, ch. 2; Elman, Silvester, Wathen 2014, ch. 9; the softness eps keeps cut cells well
    conditioned and is in the preconditioner only).
 

@@ -10,9 +10,13 @@
 #include "pressure.h"
 #include "saddle.h"
 
-/* Viscous number nu theta/(c_t h^2) from which the commutator pays: settling disc, 0.085: 9 outer iterations with the projection, 6 with the commutator at equal cost;
-   0.34: 15 and 6, at 1.2 times the cost */
+/* Viscous number nu theta/(c_t h^2) from which the commutator pays: settling disc, 0.085: 9 outer iterations, 6 with it, at equal cost; 0.34: 15 and 6, at 1.2 times the cost */
 #define COMMUTATOR_FROM 0.05
+/* Convective number |u| theta/(c_t h) alike: cavity at nu 1e-6 and CFL 1 (number 0.67), 32 x 32 cells: 15 and 7 */
+#define COMMUTATOR_FROM_CFL 0.5
+/* Viscous number from which, without bodies and where a time step's diffusion outruns convection, p += mu theta Mp^{-1} follows in place of the commutator (Cahouet & Chabard 1988):
+   the commutator fails at walls, the more the finer the mesh: 10, 19, 41 iterations on 8 x 8, 32 x 32, 64 x 64 cells, 12, 13, 12 with it; with bodies Mp^{-1} fails in cut cells */
+#define VISCOUS_FROM 20
 
 typedef enum {
   SCHUR_AUTO,
@@ -27,14 +31,15 @@ struct _p_FlowSolver {
   const MeshLocal *loc;
   PetscInt         nodal, nur, np, nbodies, nr; /* local sizes: nodal slots, u_r, p */
   PetscInt         schur;
-  PetscBool        commute;     /* in this step */
-  Mat              S, S_all, A; /* scalar matrix; the same for all components; the one in use: that, or of FlowSolverSetVelocity */
+  PetscBool        commute, viscous_only; /* in this step */
+  Mat              S, S_all, A;           /* scalar matrix; the same for all components; the one in use: that, or of FlowSolverSetVelocity */
   Mat              Ar, G, B, C, nest, Ar_assembled,
     whole; /* shells P^T A P + D, -P^T B^T, B P, C of PressureGetShared; block operator; assembled forms when needed */
   PetscBool    need_Ar, need_whole;
-  Vec          xn, yn; /* nodal views of parts of reduced vectors */
-  PetscReal    scale;  /* rho c_t (steady: mu/h^2): continuity rows are multiplied by it, so that their residual counts as the force it causes */
-  PetscReal   *D;      /* [nbodies][nr][nr] */
+  Vec          xn, yn;  /* nodal views of parts of reduced vectors */
+  PetscReal    viscous; /* mu theta / scale */
+  PetscReal    scale;   /* rho c_t (steady: mu/h^2): continuity rows are multiplied by it, so that their residual counts as the force it causes */
+  PetscReal   *D;       /* [nbodies][nr][nr] */
   PetscReal   *body_inverse;     /* [own bodies][nr][nr] inverse of the body's diagonal block of Ar */
   PetscReal   *mass_inverse;     /* [nbodies][nr][nr] of its block of M_r / scale, on every rank; zero for known degrees of freedom */
   PetscReal   *diagonal_inverse; /* [nodal] of A, zero at inert slots */
@@ -55,8 +60,6 @@ struct _p_FlowSolver {
 
 static const char *const RECIPES[] = {"fast", "balanced", "accurate", "direct", NULL};
 static const char *const SCHURS[]  = {"auto", "projection", "commutator", NULL};
-
-/* ---- small dense blocks ---- */
 
 static void multiply_small(PetscInt n, const PetscReal M[], const PetscReal x[], PetscReal y[])
 {
@@ -337,22 +340,18 @@ static PetscErrorCode apply_mass_inverse(FlowSolver fs, Vec x, Vec y)
 /* Inverse diagonal of A (zero at inert slots) and inverse lumped mass of M_r with softness at body nodes */
 static PetscErrorCode set_up_diagonals(FlowSolver fs)
 {
-  const MeshLocal      *l   = fs->loc;
-  const PetscInt        dim = l->dim, *body, *fixed, *slot;
-  const PetscReal      *m, *d, *value;
-  const FlowStep       *step;
-  const FlowParameters *par;
-  PetscInt              ninert, nfollow;
-  Vec                   diagonal;
+  const MeshLocal *l   = fs->loc;
+  const PetscInt   dim = l->dim, *body, *fixed, *slot;
+  const PetscReal *m, *d;
+  PetscInt         ninert, nfollow;
+  Vec              diagonal;
 
   PetscFunctionBeginUser;
   PetscCall(ConstraintGetNodeBody(fs->constraint, &body));
   PetscCall(ConstraintGetInert(fs->constraint, &ninert, &slot));
   PetscCall(ConstraintGetFollowers(fs->constraint, &nfollow, NULL, NULL, NULL));
-  PetscCall(BoundaryGetValues(FlowBoundary(fs->flow), &fixed, &value));
+  PetscCall(BoundaryGetValues(FlowBoundary(fs->flow), &fixed, NULL));
   PetscCall(FlowGetLumpedMass(fs->flow, &m));
-  PetscCall(FlowGetStep(fs->flow, &step));
-  PetscCall(FlowGetParameters(fs->flow, &par));
   PetscCall(MatCreateVecs(fs->S, &diagonal, NULL));
   PetscCall(MatGetDiagonal(fs->S, diagonal));
   PetscCall(VecGetArrayRead(diagonal, &d));
@@ -392,38 +391,33 @@ static PetscErrorCode assemble_on_demand(FlowSolver fs)
 
 /* ---- the preconditioner ---- */
 
-/* Views of the two parts of a vector of the system, backed by its array */
-static PetscErrorCode get_parts(FlowSolver fs, PetscReal a[], Vec *u, Vec *p)
+/* p += mu theta Mp^{-1} (x_p - B u) */
+static PetscErrorCode add_viscous(FlowSolver fs, Vec x, Vec u, Vec p)
 {
-  PetscFunctionBeginUser;
-  PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, fs->nur, PETSC_DETERMINE, a, u));
-  PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, fs->np, PETSC_DETERMINE, a + fs->nur, p));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* u += M_r^{-1} P^T B^T p, then p += mu theta Mp^{-1} (x_p - B u~): the projection step with the rotational pressure update */
-static PetscErrorCode project(FlowSolver fs, Vec x, Vec u, Vec p)
-{
-  const FlowParameters *par;
-  const FlowStep       *step;
-  const PetscReal      *xa;
-  PetscReal            *pa, *r;
+  const PetscReal *xa;
+  PetscReal       *pa, *r;
 
   PetscFunctionBeginUser;
-  PetscCall(FlowGetParameters(fs->flow, &par));
-  PetscCall(FlowGetStep(fs->flow, &step));
   PetscCall(MatMult(fs->B, u, fs->t_p));
-  PetscCall(MatMult(fs->G, p, fs->t_u));
-  PetscCall(apply_mass_inverse(fs, fs->t_u, fs->t_u2));
-  PetscCall(VecAXPY(u, -1, fs->t_u2));
   PetscCall(VecGetArrayRead(x, &xa));
+  PetscCall(VecGetArray(p, &pa));
   PetscCall(VecGetArray(fs->t_p, &r));
   for (PetscInt i = 0; i < fs->np; i++) r[i] = xa[fs->nur + i] - r[i];
-  PetscCall(VecGetArray(p, &pa));
-  PetscCall(FlowPressureMassSolve(fs->flow, par->viscosity * step->theta / fs->scale, r, pa));
+  PetscCall(FlowPressureMassSolve(fs->flow, fs->viscous, r, pa));
   PetscCall(VecRestoreArray(p, &pa));
   PetscCall(VecRestoreArray(fs->t_p, &r));
   PetscCall(VecRestoreArrayRead(x, &xa));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* u += M_r^{-1} P^T B^T p, and the viscous part with the u before: the projection step with the rotational pressure update */
+static PetscErrorCode project(FlowSolver fs, Vec x, Vec u, Vec p)
+{
+  PetscFunctionBeginUser;
+  PetscCall(MatMult(fs->G, p, fs->t_u));
+  PetscCall(apply_mass_inverse(fs, fs->t_u, fs->t_u2));
+  PetscCall(add_viscous(fs, x, u, p));
+  PetscCall(VecAXPY(u, -1, fs->t_u2));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -456,8 +450,10 @@ static PetscErrorCode apply_projection(PC pc, Vec x, Vec y)
   PetscCall(PCShellGetContext(pc, &fs));
   PetscCall(PCApply(fs->split, x, y));
   PetscCall(VecGetArray(y, &a));
-  PetscCall(get_parts(fs, a, &u, &p));
-  if (fs->commute) PetscCall(commute(fs, p));
+  PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, fs->nur, PETSC_DETERMINE, a, &u));
+  PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, fs->np, PETSC_DETERMINE, a + fs->nur, &p));
+  if (fs->commute && fs->viscous_only) PetscCall(add_viscous(fs, x, u, p));
+  else if (fs->commute) PetscCall(commute(fs, p));
   else PetscCall(project(fs, x, u, p));
   PetscCall(VecDestroy(&u));
   PetscCall(VecDestroy(&p));
@@ -755,18 +751,25 @@ PetscErrorCode FlowSolverSetDead(FlowSolver fs, const PetscInt cell_body[], cons
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* By the viscous number of the step: nu dt / h^2, with the smallest cell. The projection is for time steps only. */
+/* By the viscous number nu theta/(c_t h^2) and the convective number |u| theta/(c_t h) of the step, with the smallest cell. The projection is for time steps only. */
 static PetscErrorCode choose_schur(FlowSolver fs)
 {
   const FlowParameters *par;
   const FlowStep       *step;
+  PetscReal            *u, speed = 0, t;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetParameters(fs->flow, &par));
   PetscCall(FlowGetStep(fs->flow, &step));
-  fs->commute = (PetscBool)(fs->schur == SCHUR_COMMUTATOR || step->dt == 0 ||
+  PetscCall(FlowGetFields(fs->flow, &u, NULL, NULL));
+  for (PetscInt i = 0; i < fs->nodal; i++) speed = PetscMax(speed, PetscAbsReal(u[i]));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &speed, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  t                = step->dt > 0 ? step->theta / (step->ct * fs->loc->h) : 0;
+  fs->viscous_only = (PetscBool)(fs->schur == SCHUR_AUTO && fs->nbodies == 0 && par->viscosity * t > VISCOUS_FROM * par->density * fs->loc->h &&
+                                 speed * speed * par->density * t * fs->loc->h < 10 * par->viscosity);
+  fs->commute      = (PetscBool)(fs->schur == SCHUR_COMMUTATOR || step->dt == 0 ||
                             (fs->schur == SCHUR_AUTO &&
-                             par->viscosity * step->theta / (par->density * step->ct * fs->loc->h * fs->loc->h) > COMMUTATOR_FROM));
+                             (par->viscosity * t / (par->density * fs->loc->h) > COMMUTATOR_FROM || speed * t > COMMUTATOR_FROM_CFL)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -779,7 +782,8 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
   PetscFunctionBeginUser;
   PetscCall(FlowGetParameters(fs->flow, &par));
   PetscCall(FlowGetStep(fs->flow, &step));
-  fs->scale = step->dt > 0 ? par->density * step->ct : par->viscosity / (fs->loc->h * fs->loc->h);
+  fs->scale   = step->dt > 0 ? par->density * step->ct : par->viscosity / (fs->loc->h * fs->loc->h);
+  fs->viscous = par->viscosity * step->theta / fs->scale;
   PetscCall(choose_schur(fs));
   PetscCall(set_up_diagonals(fs));
   if (fs->nbodies)

@@ -1,6 +1,7 @@
 """Steady lid-driven cavity at Re 1000 against the spectral values of Botella & Peyret 1998, read by the script of the study runs/studies/flow-solver.
 
 Observed there: errors of the extrema 1.0 to 1.6 % at 32 x 32 and 0.1 % at 64 x 64 cells, rates 3.7 to 3.9."""
+import csv
 import importlib.util
 import math
 
@@ -32,3 +33,14 @@ def test_cavity(run):
     for name in study.ERRORS:
         rate = math.log2(error[name, 32] / error[name, 64])
         assert rate > RATE, f"{name}: errors {error[name, 32]:g} and {error[name, 64]:g} give rate {rate:.2f}, expected more than {RATE}"
+
+
+def test_outer_iterations(run):
+    """With large viscosity the iterations do not grow with the mesh (13, 13, 12 from 8 to 64 cells); with large time steps convection costs no more."""
+    for cells, options, most in (8, ["-flow_viscosity", "100", "-sim_dt", "0.1"], 14), (32, ["-flow_viscosity", "100", "-sim_dt", "0.1"], 15), (16, ["-flow_viscosity", "1e-6", "-sim_dt", "0.0625"], 9):
+        folder = f"iterations_{cells}"
+        result = run([ROOT / "runs/bench/cavity.yaml", "-mesh_cells", f"{cells},{cells}", "-sim_steps", "3", "-output_dir", folder, *options], 2)
+        assert result.status == 0, str(result)
+        with open(result.folder / folder / "series.csv") as file:
+            steps = [int(row["outer_iterations"]) for row in csv.DictReader(file)]
+        assert max(steps[1:]) <= most and steps[0] <= 15, f"{cells} x {cells} cells, {' '.join(options)}: {steps} outer iterations, at most {most} expected"
