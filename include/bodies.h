@@ -107,6 +107,8 @@ PetscErrorCode BodiesAdvanceVelocity(Bodies, PetscReal dt, PetscReal rho_f, cons
 PetscErrorCode BodiesAdvancePosition(Bodies, PetscReal dt, PetscReal theta);
 /* Release body k from a stop if the torque on it now points away. */
 PetscErrorCode BodiesRelease(Bodies, PetscInt k, PetscReal rho_f, const PetscReal gravity[3]);
+/* Is no degree of freedom of any body free, none moved by _motion, and no velocity other than 0? Then positions need no update. */
+PetscErrorCode BodiesAreStill(Bodies, PetscBool *still);
 /* Where body k is predicted to be at the next step: X + dt u (order 1), X + dt (u + r/2 (u - u_old)) with r = dt/dt_old (order 2; r = 1 at the start) or X (order 0); likewise orientation. What is not free is where its prescribed
    motion puts it at time + dt, whatever the order. Stops are kept. */
 PetscErrorCode BodiesPredict(Bodies, PetscInt k, PetscReal dt, PetscInt order, PetscReal X[3], PetscReal q[4], PetscReal *angle);

@@ -12,6 +12,11 @@ typedef struct _p_Mark *Mark;
 PetscErrorCode MarkCreate(Mesh, Bodies, Mark *);
 PetscErrorCode MarkDestroy(Mark *);
 
+/* Do the marks stand for bodies at X [n][3] with orientation q [n][4], none gone since, and for this key (anything else that they depend on)? From then on they are taken to:
+   a caller who gets `false` draws. Without bodies: true. Not collective, but the same on every rank. */
+PetscErrorCode MarkIsCurrent(Mark, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal key, PetscBool *current);
+/* The next MarkIsCurrent() says no. */
+PetscErrorCode MarkForget(Mark);
 PetscErrorCode MarkClear(Mark);
 /* Claim every local node (own or ghost) inside a body that is no hole of the mesh, bodies drawn at X, q. Not collective. */
 PetscErrorCode MarkInside(Mark, PetscReal (*X)[3], PetscReal (*q)[4]);

@@ -1,5 +1,6 @@
 /* Scene: reads the options of a scene and builds everything it asks for. Layer 5.
-   Options: -scene_dry_run (build everything, say what is active and what is not, stop before the first step). */
+   Options: -preset fast|balanced|accurate (defaults for solver, boundary rung and time scheme together),
+   -scene_dry_run (build everything, say what is active and what is not, stop before the first step). */
 #pragma once
 #include <petscsys.h>
 

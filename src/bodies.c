@@ -892,6 +892,15 @@ PetscErrorCode BodiesAdvancePosition(Bodies b, PetscReal dt, PetscReal theta)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode BodiesAreStill(Bodies b, PetscBool *still)
+{
+  PetscFunctionBeginUser;
+  *still = PETSC_TRUE;
+  for (PetscInt g = 0; g < b->state.ngroups; g++) *still = (PetscBool)(*still && !b->state.group[g].free && !b->state.group[g].motion.given);
+  for (PetscInt i = 0; i < 3 * b->state.n && *still; i++) *still = (PetscBool)(b->state.u[i / 3][i % 3] == 0 && b->state.w[i / 3][i % 3] == 0);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode BodiesPredict(Bodies b, PetscInt k, PetscReal dt, PetscInt order, PetscReal X[3], PetscReal q[4], PetscReal *angle)
 {
   const BodyState *s = &b->state;

@@ -4,6 +4,7 @@
    map U + w x (x - X). Rigid velocities travel between the rank that holds their slots and the ranks whose nodes follow them through a PetscSF. */
 #include "compat.h"
 #include "constraint.h"
+#include "log.h"
 
 struct _p_Constraint {
   Mesh             mesh;
@@ -303,10 +304,12 @@ PetscErrorCode ConstraintSetBodies(Constraint c, const PetscInt node_body[], Pet
   PetscCall(PetscArraycpy(c->U, U, c->nbodies * c->nr));
   c->followers_changed = PETSC_FALSE;
   if (moved) {
+    PetscCall(PetscLogEventBegin(TB_PROJECT, 0, 0, 0, 0));
     PetscCall(collect_rows(c));
     PetscCall(collect_followers(c));
     PetscCall(connect_rigid_slots(c));
     PetscCall(list_body_nodes(c));
+    PetscCall(PetscLogEventEnd(TB_PROJECT, 0, 0, 0, 0));
   }
   PetscCall(set_known(c));
   if (changed) *changed = moved;

@@ -7,6 +7,7 @@
 #include "compat.h"
 #include "cells.h"
 #include "contactimpl.h"
+#include "log.h"
 
 #define SKIN 0.1 /* in radii */
 
@@ -249,6 +250,21 @@ static PetscErrorCode move_slip(Contact c, PetscInt nold, const Pair old[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Pairs of bodies: two bodies at least, and one that moves */
+static PetscErrorCode search_bodies(Contact c)
+{
+  PetscBool moves = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  for (PetscInt g = 0; g < c->s->ngroups; g++) moves = (PetscBool)(moves || c->kind[g].moves);
+  if (c->s->n < 2 || !moves) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscLogEventBegin(TB_SEARCH, 0, 0, 0, 0));
+  if (c->brute) PetscCall(search_all(c));
+  else PetscCall(search_cells(c));
+  PetscCall(PetscLogEventEnd(TB_SEARCH, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ContactFindPairs(Contact c)
 {
   const PetscInt n    = c->s->n;
@@ -271,8 +287,7 @@ PetscErrorCode ContactFindPairs(Contact c)
     c->listed[k].reach = reach_of(c, k) + SKIN * ContactKind(c, k)->radius;
   }
   c->npairs = 0;
-  if (c->brute) PetscCall(search_all(c));
-  else PetscCall(search_cells(c));
+  PetscCall(search_bodies(c));
   for (PetscInt k = 0; k < n; k++) PetscCall(find_walls(c, k));
   PetscCall(sort_pairs(c));
   if (c->friction > 0) PetscCall(move_slip(c, nold, old));

@@ -166,7 +166,7 @@ static void get_history(Couple c, PetscInt k, PetscInt i, PetscReal *now, PetscR
 /* ---- drawing ---- */
 
 /* With explicit coupling, what is free is drawn where it is, and the prescribed part where it will be: prescribed bodies are the same under both couplings. */
-static PetscErrorCode place_bodies(Couple c)
+static PetscErrorCode place_bodies(Couple c, PetscBool *drawn)
 {
   const FlowStep *step;
   PetscReal       angle, arm[3];
@@ -179,6 +179,7 @@ static PetscErrorCode place_bodies(Couple c)
     PetscCall(BodiesGetArm(c->bodies, k, c->q[k], arm));
     for (PetscInt a = 0; a < 3; a++) c->P[k][a] = c->X[k][a] - arm[a];
   }
+  PetscCall(MarkIsCurrent(c->mark, c->X, c->q, step->ct, drawn)); /* the strength of a penalty goes by c_t */
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -320,19 +321,31 @@ static PetscErrorCode fill_rigid_rows(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Nodes and cells of bodies that have moved since they were drawn; what stands still is drawn once */
+static PetscErrorCode draw_bodies(Couple c)
+{
+  PetscBool drawn = PETSC_TRUE;
+
+  PetscFunctionBeginUser;
+  PetscCall(place_bodies(c, &drawn));
+  if (drawn) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscLogEventBegin(TB_MARK, 0, 0, 0, 0));
+  PetscCall(MarkClear(c->mark));
+  PetscCall((*c->rung.draw)(c));
+  PetscCall(MarkFinish(c->mark));
+  PetscCall(PetscLogEventEnd(TB_MARK, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoupleDraw(Couple c)
 {
   const PetscInt  *fixed, *node_body;
   const PetscReal *value;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscLogEventBegin(TB_MARK, 0, 0, 0, 0));
   PetscCall(BoundaryGetValues(FlowBoundary(c->flow), &fixed, &value));
   PetscCall(HoleSetMotion(c->hole));
-  PetscCall(place_bodies(c));
-  PetscCall(MarkClear(c->mark));
-  PetscCall((*c->rung.draw)(c));
-  PetscCall(MarkFinish(c->mark));
+  PetscCall(draw_bodies(c));
   PetscCall(MarkGetNodes(c->mark, &node_body, NULL, NULL));
   PetscCall(set_rigid_velocities(c));
   PetscCall(ConstraintSetBoundary(c->constraint, fixed, value));
@@ -341,7 +354,6 @@ PetscErrorCode CoupleDraw(Couple c)
     PetscCall(fill_rigid_rows(c));
     PetscCall(FlowSolverSetRigid(c->solver, c->D));
   }
-  PetscCall(PetscLogEventEnd(TB_MARK, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -730,17 +742,24 @@ static PetscErrorCode advance_explicitly(Couple c, const FlowStep *step, const F
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CoupleAdvance(Couple c)
+/* Velocities and positions of the bodies at the end of the step; bodies that stand still are left alone */
+static PetscErrorCode advance_bodies(Couple c)
 {
   const FlowStep       *step;
   const FlowParameters *par;
   BodyState            *s = c->s;
+  PetscBool             still;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscLogEventBegin(TB_ADVANCE, 0, 0, 0, 0));
   PetscCall(FlowGetStep(c->flow, &step));
   PetscCall(FlowGetParameters(c->flow, &par));
-  if (s->n && c->implicit) {
+  PetscCall(BodiesAreStill(c->bodies, &still));
+  if (still) {
+    s->time = step->time;
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCall(PetscLogEventBegin(TB_ADVANCE, 0, 0, 0, 0));
+  if (c->implicit) {
     for (PetscInt k = 0; k < s->n; k++) {
       for (PetscInt i = 0; i < c->nr; i++) {
         *rigid_component(c, s->u_old, s->w_old, k, i) = *rigid_component(c, s->u, s->w, k, i);
@@ -749,12 +768,19 @@ PetscErrorCode CoupleAdvance(Couple c)
     }
     PetscCall(BodiesAdvancePosition(c->bodies, step->dt, step->order == 2 ? 0.5 : 1));
     for (PetscInt k = 0; k < s->n; k++) PetscCall(BodiesRelease(c->bodies, k, par->density, par->gravity));
-  } else if (s->n) PetscCall(advance_explicitly(c, step, par));
-  PetscCall(PetscArraycpy(c->U_older, c->U_old, s->n * c->nr));
-  PetscCall(PetscArraycpy(c->U_old, c->U, s->n * c->nr));
+  } else PetscCall(advance_explicitly(c, step, par));
+  PetscCall(PetscLogEventEnd(TB_ADVANCE, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleAdvance(Couple c)
+{
+  PetscFunctionBeginUser;
+  PetscCall(advance_bodies(c));
+  PetscCall(PetscArraycpy(c->U_older, c->U_old, c->s->n * c->nr));
+  PetscCall(PetscArraycpy(c->U_old, c->U, c->s->n * c->nr));
   PetscCall(FlowAcceptStep(c->flow, c->u, c->p));
   c->snap.taylor = c->snap.kept = 0;
-  PetscCall(PetscLogEventEnd(TB_ADVANCE, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -950,6 +976,7 @@ PetscErrorCode CoupleRenewSolver(Couple c)
   PetscCall(FlowSolverDestroy(&c->solver));
   PetscCall(FlowSolverCreate(c->flow, c->constraint, &c->solver));
   if (c->fit) PetscCall(FitAttach(c->fit, c->solver));
+  PetscCall(MarkForget(c->mark)); /* the rungs tell the solver of what they draw */
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -322,9 +322,10 @@ static PetscErrorCode assemble_matrix(Flow f)
 PetscErrorCode FlowAssemble(Flow f)
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscLogEventBegin(TB_FLOW_ASSEMBLE, 0, 0, 0, 0));
-  if (f->par.convection || f->s_ct != f->step.ct || f->s_theta != f->step.theta) PetscCall(assemble_matrix(f));
-  PetscCall(PetscLogEventEnd(TB_FLOW_ASSEMBLE, 0, 0, 0, 0));
+  if (!f->par.convection && f->s_ct == f->step.ct && f->s_theta == f->step.theta) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscLogEventBegin(f->par.convection ? TB_FLOW_CONVECT : TB_FLOW_ASSEMBLE, 0, 0, 0, 0));
+  PetscCall(assemble_matrix(f));
+  PetscCall(PetscLogEventEnd(f->par.convection ? TB_FLOW_CONVECT : TB_FLOW_ASSEMBLE, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

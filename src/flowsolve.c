@@ -981,6 +981,12 @@ PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscRe
   PetscCall(KSPSolve(fs->ksp, fs->b, fs->x));
   PetscCall(KSPGetIterationNumber(fs->ksp, its));
   PetscCall(KSPGetConvergedReason(fs->ksp, reason));
+  if (*reason == KSP_DIVERGED_DTOL && *its == 0) { /* the guess is far worse than zero, such as when all comes to rest within a step */
+    PetscCall(VecZeroEntries(fs->x));
+    PetscCall(KSPSolve(fs->ksp, fs->b, fs->x));
+    PetscCall(KSPGetIterationNumber(fs->ksp, its));
+    PetscCall(KSPGetConvergedReason(fs->ksp, reason));
+  }
   PetscCall(FlowSolverUnpack(fs, fs->x, u, p, U));
   PetscCall(PetscLogEventEnd(TB_FLOW_SOLVE, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);

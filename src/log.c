@@ -7,8 +7,8 @@
 #include "log.h"
 
 PetscLogStage TB_STAGE_SETUP, TB_STAGE_FLOW, TB_STAGE_BODIES, TB_STAGE_OUTPUT;
-PetscLogEvent TB_FLOW_ASSEMBLE, TB_FLOW_RHS, TB_FLOW_DIV, TB_VEL_SWEEP, TB_VEL_MULT, TB_PRES_BUILD, TB_FLOW_SOLVE;
-PetscLogEvent TB_MARK, TB_FORCE, TB_ADVANCE, TB_CONTACT, TB_OUTPUT, TB_CHECKPOINT;
+PetscLogEvent TB_FLOW_ASSEMBLE, TB_FLOW_CONVECT, TB_FLOW_RHS, TB_FLOW_DIV, TB_VEL_SWEEP, TB_VEL_MULT, TB_PRES_BUILD, TB_FLOW_SOLVE;
+PetscLogEvent TB_MARK, TB_PROJECT, TB_FORCE, TB_ADVANCE, TB_CONTACT, TB_SEARCH, TB_OUTPUT, TB_CHECKPOINT;
 
 PetscErrorCode LogInitialize(void)
 {
@@ -21,6 +21,7 @@ PetscErrorCode LogInitialize(void)
   PetscCall(PetscLogStageRegister("Bodies", &TB_STAGE_BODIES));
   PetscCall(PetscLogStageRegister("Output", &TB_STAGE_OUTPUT));
   PetscCall(PetscLogEventRegister("FlowAssemble", class, &TB_FLOW_ASSEMBLE));
+  PetscCall(PetscLogEventRegister("FlowConvect", class, &TB_FLOW_CONVECT));
   PetscCall(PetscLogEventRegister("FlowRhs", class, &TB_FLOW_RHS));
   PetscCall(PetscLogEventRegister("FlowDiv", class, &TB_FLOW_DIV));
   PetscCall(PetscLogEventRegister("VelocitySweep", class, &TB_VEL_SWEEP));
@@ -28,9 +29,11 @@ PetscErrorCode LogInitialize(void)
   PetscCall(PetscLogEventRegister("PressureBuild", class, &TB_PRES_BUILD));
   PetscCall(PetscLogEventRegister("FlowSolve", class, &TB_FLOW_SOLVE));
   PetscCall(PetscLogEventRegister("BodyMark", class, &TB_MARK));
+  PetscCall(PetscLogEventRegister("Projection", class, &TB_PROJECT));
   PetscCall(PetscLogEventRegister("BodyForce", class, &TB_FORCE));
   PetscCall(PetscLogEventRegister("BodyAdvance", class, &TB_ADVANCE));
   PetscCall(PetscLogEventRegister("Contact", class, &TB_CONTACT));
+  PetscCall(PetscLogEventRegister("ContactSearch", class, &TB_SEARCH));
   PetscCall(PetscLogEventRegister("Output", class, &TB_OUTPUT));
   PetscCall(PetscLogEventRegister("Checkpoint", class, &TB_CHECKPOINT));
   PetscFunctionReturn(PETSC_SUCCESS);

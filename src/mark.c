@@ -13,6 +13,7 @@ struct _p_Mark {
   PetscInt        *node_body, *node, nnode;  /* the claimed nodes */
   PetscInt        *cell, ncell, *stamp, now; /* stamp: number of the step that listed a cell */
   PetscInt         brute, *all;              /* all: every node, for -couple_search brute */
+  PetscReal       *seen, key; /* [nbodies][8]: place, orientation, gone, for which the marks stand; key, NaN when they stand for nothing */
 };
 
 static PetscErrorCode read_search(Mark m)
@@ -42,6 +43,8 @@ PetscErrorCode MarkCreate(Mesh mesh, Bodies bodies, Mark *mark)
   for (PetscInt i = 0; i < m->loc->nnode_all; i++) m->node_body[i] = -1;
   PetscCall(PetscArrayzero(m->stamp, m->loc->ncell));
   PetscCall(read_search(m));
+  PetscCall(PetscCalloc1(8 * m->s->n, &m->seen));
+  PetscCall(MarkForget(m));
   *mark = m;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -52,7 +55,30 @@ PetscErrorCode MarkDestroy(Mark *mark)
   if (!*mark) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscFree((*mark)->all));
   PetscCall(PetscFree4((*mark)->node_body, (*mark)->node, (*mark)->cell, (*mark)->stamp));
+  PetscCall(PetscFree((*mark)->seen));
   PetscCall(PetscFree(*mark));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MarkForget(Mark m)
+{
+  PetscFunctionBeginUser;
+  m->key = (PetscReal)NAN;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MarkIsCurrent(Mark m, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal key, PetscBool *current)
+{
+  PetscFunctionBeginUser;
+  *current = (PetscBool)(m->key == key || !m->s->n);
+  for (PetscInt i = 0; i < 8 * m->s->n; i++) {
+    const PetscInt  k = i / 8, a = i % 8;
+    const PetscReal now = a < 3 ? X[k][a] : a < 7 ? q[k][a - 3] : m->s->gone[k];
+
+    if (m->seen[i] != now) *current = PETSC_FALSE;
+    m->seen[i] = now;
+  }
+  m->key = key;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -38,6 +38,24 @@ static PetscErrorCode report_deformation(Monitor monitor, const DeformResult *r)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* -preset: defaults for what trades accuracy for time, see runs/studies/tradeoff. Every option that a user gives wins. A steady scene chooses its solver itself. */
+static PetscErrorCode apply_preset(PetscInt dim, PetscBool steady)
+{
+  static const char *const NAMES[] = {"fast", "balanced", "accurate", NULL}, *const RUNGS[] = {"nodal", "penalty", "snap"};
+  PetscInt preset = -1; /* none */
+
+  PetscFunctionBeginUser;
+  PetscCall(
+    OptChoice("-preset",
+              "what a run should be: sets -flow_recipe, -couple_boundary and -flow_time unless they are given; without it every one keeps its own default",
+              NAMES, &preset));
+  if (preset < 0) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!steady) PetscCall(OptDefault("-flow_recipe", NAMES[preset]));
+  PetscCall(OptDefault("-couple_boundary", dim == 3 && preset == 2 ? RUNGS[1] : RUNGS[preset])); /* snap: plane meshes only */
+  if (!steady) PetscCall(OptDefault("-flow_time", "bdf2"));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode build(SimParts *part)
 {
   const MeshLocal      *l;
@@ -55,6 +73,7 @@ static PetscErrorCode build(SimParts *part)
   PetscCall(BodiesCreate(l->dim, l->lower, l->upper, &part->bodies));
   if (active) {
     PetscCall(DeformMesh(part->mesh, part->bodies, &deformed, &deformation));
+    PetscCall(apply_preset(l->dim, steady));
     PetscCall(CoupleSetDefaults());
     if (steady) PetscCall(SteadySetDefaults(part->mesh));
     PetscCall(FlowCreate(part->mesh, &part->flow));
@@ -105,7 +124,8 @@ static PetscErrorCode describe(const SimParts *part, Sim sim)
   FlowSolver            solver;
   BodyState            *s;
   PetscLogDouble        memory;
-  PetscInt              nfree = 0, i = 0;
+  PetscInt              i = 0;
+  PetscBool             still;
   const char           *absent[8];
 
   PetscFunctionBeginUser;
@@ -126,10 +146,11 @@ static PetscErrorCode describe(const SimParts *part, Sim sim)
     if (!par->convection) absent[i++] = "convection";
   } else absent[i++] = "flow";
   PetscCall(BodiesGetState(part->bodies, &s));
-  for (PetscInt k = 0; k < s->n; k++) nfree += s->group[s->body_group[k]].free != 0;
+  PetscCall(BodiesAreStill(part->bodies, &still));
   if (!s->n) absent[i++] = "bodies, projection, contact, force integrals";
-  else if (!nfree) absent[i++] = "motion of bodies, rigid unknowns";
+  else if (still) absent[i++] = "motion of bodies (marked once, not integrated), rigid unknowns, pair search";
   if (s->n == 1) absent[i++] = "contact between bodies";
+  if (s->n == 1 && !still) absent[i++] = "pair search";
   PetscCall(PetscViewerASCIIPrintf(out, "not active:"));
   for (PetscInt k = 0; k < i; k++) PetscCall(PetscViewerASCIIPrintf(out, "%s %s", k ? "," : "", absent[k]));
   PetscCall(PetscMemoryGetCurrentUsage(&memory));

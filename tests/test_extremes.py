@@ -65,6 +65,8 @@ def test_map(program, tmp_path):
     assert (tmp_path / "result" / "map.png").stat().st_size > 10000
     command = rows["density", "10"]["command"]
     assert command.endswith("-output_overwrite") and "-particle_disc_density 10 " in command and "-couple_type explicit" in command
+    again = extremes(tmp_path, program.parent, "--only", "cavity")
+    assert again.returncode == 0 and "4 points" in again.stdout, again.stdout + again.stderr
     one = extremes(tmp_path, program.parent, "--point", "density/0.001/explicit/nodal")
     assert one.returncode == 0 and "stopped" in one.stdout, one.stdout + one.stderr
 

@@ -333,6 +333,31 @@ static void test_steady(void **state)
   free_answer(&a[1]);
 }
 
+/* A pressure of order 1 as guess of one of order 1e-9, as when all comes to rest within a step: no divergence, and the answer from the guess zero */
+static void test_bad_guess(void **state)
+{
+  (void)state;
+  Case       c;
+  Answer     zero, bad;
+  FlowSolver solver;
+
+  open_case(&c, 2, 0, "-flow_bc_top_velocity 0,0");
+  for (PetscInt i = 0; i < c.own; i++) c.rhs[i] *= 1e-9;
+  solve(&c, TIGHT, c.rhs, c.g, &zero);
+  OK(PetscCalloc2(c.l->nnode_all * c.dim, &bad.u, c.np, &bad.p));
+  for (PetscInt i = 0; i < c.np; i++) bad.p[i] = i % 13;
+  OK(FlowSolverCreate(c.flow, c.constraint, &solver));
+  OK(FlowSolverSetUp(solver));
+  OK(FlowSolverSolve(solver, c.rhs, c.g, bad.u, bad.p, bad.U, &bad.its, &bad.reason));
+  assert_true(zero.reason > 0 && bad.reason > 0);
+  assert_int_equal(bad.its, zero.its);
+  BELOW(max_difference(c.own, zero.u, bad.u), 1e-18);
+  OK(FlowSolverDestroy(&solver));
+  free_answer(&zero);
+  free_answer(&bad);
+  close_case(&c);
+}
+
 /* A body and a wall, then two bodies in the same cells: solvers still converge, to the same answer, volume is conserved, and the level of the pressure has no effect */
 static void test_close_bodies(void **state)
 {
@@ -588,10 +613,12 @@ static void test_pressure_operator(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_cavity),           cmocka_unit_test(test_outflow),   cmocka_unit_test(test_bodies),
-                                     cmocka_unit_test(test_bodies_periodic),  cmocka_unit_test(test_bodies_3d), cmocka_unit_test(test_symmetry),
-                                     cmocka_unit_test(test_set_up_again),     cmocka_unit_test(test_steady),    cmocka_unit_test(test_close_bodies),
-                                     cmocka_unit_test(test_pressure_operator)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_cavity),       cmocka_unit_test(test_outflow),
+                                     cmocka_unit_test(test_bodies),       cmocka_unit_test(test_bodies_periodic),
+                                     cmocka_unit_test(test_bodies_3d),    cmocka_unit_test(test_symmetry),
+                                     cmocka_unit_test(test_set_up_again), cmocka_unit_test(test_steady),
+                                     cmocka_unit_test(test_close_bodies), cmocka_unit_test(test_pressure_operator),
+                                     cmocka_unit_test(test_bad_guess)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

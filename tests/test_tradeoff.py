@@ -1,0 +1,105 @@
+"""tools/tradeoff: ladder, errors, front and recommendation; -preset of the program."""
+import csv
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from conftest import ROOT, SCENE
+
+PYTHON = "/usr/bin/python3" if Path("/usr/bin/python3").exists() else sys.executable
+LADDERS = """\
+[presets]
+fast = { flow_recipe = "fast", couple_boundary = "nodal" }
+
+[disc]
+quantity = "-body(0).last('v')"
+finest = "-mesh_cells 12,36 -sim_dt 0.0025 -sim_steps 4"
+shift = "-mesh_shift_seed {n}"
+
+[disc.axes.recipe]
+fast = "-flow_recipe fast -couple_boundary nodal"
+direct = "-flow_recipe direct"
+
+[disc.axes.step]
+"dt" = ""
+"dt/2" = "-sim_dt {dt/2} -sim_steps 4"
+"wrong" = "-sim_dt 0"
+"""
+
+
+@pytest.fixture
+def tradeoff(program, tmp_path):
+    (tmp_path / "disc.yaml").write_text(SCENE)
+    (tmp_path / "ladders.toml").write_text(LADDERS)
+
+    def start(*args):
+        env = {**os.environ, "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
+        command = [PYTHON, str(ROOT / "tools" / "tradeoff"), "disc.yaml", "--ladders", "ladders.toml", "--output", "result", "--build", str(program.parent), *args]
+        return subprocess.run(command, cwd=tmp_path, env=env, capture_output=True, text=True, timeout=120, check=False)
+
+    return start
+
+
+def test_ladder(tradeoff, tmp_path):
+    done = tradeoff()
+    assert done.returncode == 0, done.stdout + done.stderr
+    with open(tmp_path / "result" / "disc.csv", newline="") as file:
+        rows = {row["point"]: row for row in csv.DictReader(file)}
+    assert list(rows) == ["finest", "fast dt", "fast dt/2", "fast wrong", "direct dt", "direct dt/2", "direct wrong"]
+    assert rows["finest"]["front"] == "reference" and float(rows["finest"]["error"]) == 0
+    assert rows["fast wrong"]["ended"].startswith("stopped: ") and not rows["fast wrong"]["error"]
+    points = {name: (float(row["error"]), float(row["cpu_s"])) for name, row in rows.items() if row["error"] and name != "finest"}
+    right = float(rows["finest"]["value"])
+    for name, (error, cpu) in points.items():
+        assert error == pytest.approx(abs(float(rows[name]["value"]) / right - 1), rel=0.01) and cpu > 0
+        beaten = any(e <= error and c <= cpu and (e, c) != (error, cpu) for e, c in points.values())
+        assert (rows[name]["front"] == "yes") != beaten, rows[name]
+    report = (tmp_path / "result" / "disc.md").read_text()
+    assert re.search(r"\| fast dt \|.*\| fast \|", report) and "direct wrong: stopped" in report
+    assert (tmp_path / "result" / "disc.png").stat().st_size > 10000
+    least = min(points, key=lambda name: points[name])
+    best = tradeoff("--read", "--target", f"{100 * points[least][0]:.6f}%")
+    assert best.returncode == 0 and best.stdout.startswith(least), best.stdout + best.stderr
+    none = tradeoff("--read", "--target", "1e-12")
+    assert none.returncode == 1 and "the best is '" in none.stdout
+
+
+def test_mistakes(tradeoff, tmp_path):
+    assert "give --quantity" in tradeoff("--ladders", str(ROOT / "runs" / "studies" / "tradeoff" / "ladders.toml")).stderr
+    assert "run without --read" in tradeoff("--read").stderr
+    (tmp_path / "ladders.toml").write_text(LADDERS.replace("finest =", "finst ="))
+    assert "unknown key 'finst'" in tradeoff().stderr
+
+
+def test_committed_ladders():
+    with open(ROOT / "runs" / "studies" / "tradeoff" / "ladders.toml", "rb") as file:
+        ladders = tomllib.load(file)
+    assert list(ladders.pop("presets")) == ["fast", "balanced", "accurate"]
+    for name, ladder in ladders.items():
+        assert (ROOT / "runs" / f"{name}.yaml").is_file() and ladder["axes"] and ladder["quantity"], name
+
+
+@pytest.mark.parametrize("preset, rung", [("fast", "nodal"), ("balanced", "penalty"), ("accurate", "snap")])
+def test_preset(run, scene, tmp_path, preset, rung):
+    done = run([scene(), "-mesh_cells", "16,48", "-sim_steps", "1", "-preset", preset, "-output_dir", "o"])
+    assert done.status == 0, done
+    options = (tmp_path / "o" / "options.txt").read_text()
+    for line in f"flow_recipe {preset}", f"couple_boundary {rung}", "flow_time bdf2":
+        assert re.search(rf"^-?{line}\b", options, re.M), options
+
+
+def test_preset_yields(run, scene, tmp_path):
+    """Options that are given win; explicit coupling keeps its time scheme; a scene without bodies takes a preset too."""
+    done = run([scene(), "-preset", "accurate", "-couple_boundary", "nodal", "-couple_type", "explicit", "-sim_steps", "1", "-output_dir", "o"])
+    assert done.status == 0, done
+    options = (tmp_path / "o" / "options.txt").read_text()
+    assert re.search(r"^-?couple_boundary nodal", options, re.M) and re.search(r"^-?flow_time be", options, re.M), options
+    bare = SCENE[: SCENE.index("particle:")] + SCENE[SCENE.index("sim:") :]
+    assert run([scene(bare), "-preset", "fast", "-sim_steps", "1", "-output_overwrite"]).status == 0
+    wrong = run([scene(), "-preset", "fastest", "-output_overwrite"])
+    assert wrong.status != 0 and "known: fast, balanced, accurate" in wrong.text
