@@ -28,7 +28,6 @@ typedef struct {
   PetscReal       *carried; /* [ncell_all] size of the cell at the start */
   PetscReal       *rest;    /* [nnode_all] integral of the vertex functions over 1/m, then the right-hand side */
   PetscReal       *load;    /* [nnode_all] of rho */
-  PetscReal       *mass;    /* [nnode_all] of 1 */
   PetscReal       *w, *v;   /* [nnode_all] potential, [nnode_all][dim] velocity */
   PetscReal       *trial;   /* [nnode_all][dim] places */
   PetscReal        scale;   /* k */
@@ -149,7 +148,7 @@ static PetscErrorCode list_bodies(Deform *d)
 
 /* ---- one step ---- */
 
-/* Integrals of the vertex functions over 1/m, rho and 1, and over the domain the scale k. Collective. */
+/* Integrals of the vertex functions over 1/m and rho, and over the domain the scale k. Collective. */
 static PetscErrorCode measure(Deform *d)
 {
   const MeshLocal *l      = d->l;
@@ -158,7 +157,6 @@ static PetscErrorCode measure(Deform *d)
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(d->rest, l->nnode_all));
   PetscCall(PetscArrayzero(d->load, l->nnode_all));
-  PetscCall(PetscArrayzero(d->mass, l->nnode_all));
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     PetscReal xv[MAX_NV][3], share[MAX_NV] = {0}, size = 0, number = 0;
 
@@ -178,10 +176,7 @@ static PetscErrorCode measure(Deform *d)
         d->rest[vertex(d, c, j)] += weight * d->phi[q][j] / m;
       }
     }
-    for (PetscInt j = 0; j < d->nv; j++) {
-      d->mass[vertex(d, c, j)] += share[j];
-      d->load[vertex(d, c, j)] += share[j] * d->carried[c] / size;
-    }
+    for (PetscInt j = 0; j < d->nv; j++) { d->load[vertex(d, c, j)] += share[j] * d->carried[c] / size; }
     if (c < l->ncell) {
       sum[0] += number;
       sum[1] += d->carried[c];
@@ -551,8 +546,8 @@ PetscErrorCode DeformMesh(Mesh mesh, Bodies bodies, PetscBool *done, DeformResul
   PetscCall(read_options(&d));
   tabulate(&d);
   PetscCall(PetscMalloc3(d.l->nnode_all, &d.number, d.l->nnode_all, &d.held, d.l->ncell_all, &d.carried));
-  PetscCall(PetscMalloc6(d.l->nnode_all, &d.rest, d.l->nnode_all, &d.load, d.l->nnode_all, &d.mass, d.l->nnode_all, &d.w, d.l->nnode_all * d.dim,
-                         &d.v, d.l->nnode_all * d.dim, &d.trial));
+  PetscCall(PetscMalloc5(d.l->nnode_all, &d.rest, d.l->nnode_all, &d.load, d.l->nnode_all, &d.w, d.l->nnode_all * d.dim, &d.v, d.l->nnode_all * d.dim,
+                         &d.trial));
   PetscCall(number_vertices(&d));
   PetscCall(hold_boundaries(&d));
   PetscCall(measure_start(&d));
@@ -566,6 +561,6 @@ PetscErrorCode DeformMesh(Mesh mesh, Bodies bodies, PetscBool *done, DeformResul
   PetscCall(VecDestroy(&d.x));
   PetscCall(VecDestroy(&d.b));
   PetscCall(PetscFree3(d.number, d.held, d.carried));
-  PetscCall(PetscFree6(d.rest, d.load, d.mass, d.w, d.v, d.trial));
+  PetscCall(PetscFree5(d.rest, d.load, d.w, d.v, d.trial));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -1,4 +1,4 @@
-"""What is installed is enough to write a shape outside of this tree; tools/new-shape begins one. The plugin is the one printed in README."""
+"""What is installed is enough to write a shape outside of this tree; tools/new-shape begins one. The plugin is the one printed in shapes/README.md."""
 import csv
 import math
 import os
@@ -105,7 +105,7 @@ def test_installed_program_finds_its_shapes(prefix, tmp_path):
 
 
 def test_plugin_of_readme(prefix, tmp_path):
-    readme = (ROOT / "README.md").read_text()
+    readme = (ROOT / "shapes" / "README.md").read_text()
     code = readme.split("```c\n", 1)[1].split("```", 1)[0]
     (tmp_path / "rounded_star.c").write_text(code)
     build_plugin(tmp_path, "rounded_star")
