@@ -40,7 +40,7 @@ def tradeoff(program, tmp_path):
     def start(*args):
         env = {**os.environ, "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
         command = [PYTHON, str(ROOT / "tools" / "tradeoff"), "disc.yaml", "--ladders", "ladders.toml", "--output", "result", "--build", str(program.parent), *args]
-        return subprocess.run(command, cwd=tmp_path, env=env, capture_output=True, text=True, timeout=120, check=False)
+        return subprocess.run(command, cwd=tmp_path, env=env, capture_output=True, text=True, timeout=300, check=False)
 
     return start
 
@@ -65,6 +65,10 @@ def test_ladder(tradeoff, tmp_path):
     least = min(points, key=lambda name: points[name])
     best = tradeoff("--read", "--target", f"{100 * points[least][0]:.6f}%")
     assert best.returncode == 0 and best.stdout.startswith(least), best.stdout + best.stderr
+    shifted = (tmp_path / "result" / "disc.csv").read_text().replace(rows[least]["error"], "0.9")
+    (tmp_path / "result" / "disc-shift1.csv").write_text(shifted)
+    other = tradeoff("--read", "--target", "89%")  # what another shift spoils is not recommended
+    assert other.returncode == 0 and not other.stdout.startswith(least), other.stdout + other.stderr
     none = tradeoff("--read", "--target", "1e-12")
     assert none.returncode == 1 and "the best is '" in none.stdout
 
