@@ -10,10 +10,13 @@
 #include "pressure.h"
 #include "saddle.h"
 
-/* Viscous number nu theta/(c_t h^2) from which the commutator pays: settling disc, 0.085: 9 outer iterations, 6 with it, at equal cost; 0.34: 15 and 6, at 1.2 times the cost */
+/* Viscous number nu theta/(c_t h^2) from which the commutator pays where nodes are rigid: settling disc, 0.085: 9 outer iterations, 6 with it, at equal cost; 0.34: 15 and 6,
+   at 1.2 times the cost. Without bodies it does not, being half as dear again: cavity, 64 x 64 cells, CFL 0.9, 0.23 / 0.9 / 3.7: 3.6 / 4.2 / 4.7 and 4.7 / 5.2 / 5.6 */
 #define COMMUTATOR_FROM 0.05
-/* Convective number |u| theta/(c_t h) alike: cavity at nu 1e-6 and CFL 1 (number 0.67), 32 x 32 cells: 15 and 7 */
-#define COMMUTATOR_FROM_CFL 0.5
+/* Convective number |u| theta/(c_t h) alike, in under-resolved flows (cell Reynolds number above 50) and in all: cavity, nu 1e-6, 32 x 32 cells, 0.67: 15 and 7;
+   nu 1e-2, 16 x 16 cells, 6.7: 22 and 8 */
+#define COMMUTATOR_FROM_UNRESOLVED 0.5
+#define COMMUTATOR_FROM_CONVECTION 2
 /* Viscous number from which, without bodies and where a time step's diffusion outruns convection, p += mu theta Mp^{-1} follows in place of the commutator (Cahouet & Chabard 1988):
    the commutator fails at walls, the more the finer the mesh: 10, 19, 41 iterations on 8 x 8, 32 x 32, 64 x 64 cells, 12, 13, 12 with it; with bodies Mp^{-1} fails in cut cells */
 #define VISCOUS_FROM 20
@@ -452,7 +455,7 @@ static PetscErrorCode apply_projection(PC pc, Vec x, Vec y)
   PetscCall(VecGetArray(y, &a));
   PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, fs->nur, PETSC_DETERMINE, a, &u));
   PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, fs->np, PETSC_DETERMINE, a + fs->nur, &p));
-  if (fs->commute && fs->viscous_only) PetscCall(add_viscous(fs, x, u, p));
+  if (fs->viscous_only) PetscCall(add_viscous(fs, x, u, p));
   else if (fs->commute) PetscCall(commute(fs, p));
   else PetscCall(project(fs, x, u, p));
   PetscCall(VecDestroy(&u));
@@ -751,25 +754,28 @@ PetscErrorCode FlowSolverSetDead(FlowSolver fs, const PetscInt cell_body[], cons
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* By the viscous number nu theta/(c_t h^2) and the convective number |u| theta/(c_t h) of the step, with the smallest cell. The projection is for time steps only. */
+/* By the viscous and the convective number of the step, with the smallest cell. The projection is for time steps only. */
 static PetscErrorCode choose_schur(FlowSolver fs)
 {
   const FlowParameters *par;
   const FlowStep       *step;
-  PetscReal            *u, speed = 0, t;
+  PetscReal            *u, speed = 0, t, viscous, convective;
 
   PetscFunctionBeginUser;
+  fs->viscous_only = PETSC_FALSE;
   PetscCall(FlowGetParameters(fs->flow, &par));
   PetscCall(FlowGetStep(fs->flow, &step));
+  fs->commute = (PetscBool)(fs->schur == SCHUR_COMMUTATOR || step->dt == 0);
+  if (fs->commute || fs->schur == SCHUR_PROJECTION) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowGetFields(fs->flow, &u, NULL, NULL));
   for (PetscInt i = 0; i < fs->nodal; i++) speed = PetscMax(speed, PetscAbsReal(u[i]));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &speed, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
-  t                = step->dt > 0 ? step->theta / (step->ct * fs->loc->h) : 0;
-  fs->viscous_only = (PetscBool)(fs->schur == SCHUR_AUTO && fs->nbodies == 0 && par->viscosity * t > VISCOUS_FROM * par->density * fs->loc->h &&
-                                 speed * speed * par->density * t * fs->loc->h < 10 * par->viscosity);
-  fs->commute      = (PetscBool)(fs->schur == SCHUR_COMMUTATOR || step->dt == 0 ||
-                            (fs->schur == SCHUR_AUTO &&
-                             (par->viscosity * t / (par->density * fs->loc->h) > COMMUTATOR_FROM || speed * t > COMMUTATOR_FROM_CFL)));
+  t                = step->theta / (step->ct * fs->loc->h);
+  viscous          = par->viscosity * t / (par->density * fs->loc->h);
+  convective       = speed * t;
+  fs->viscous_only = (PetscBool)(fs->nbodies == 0 && viscous > VISCOUS_FROM && convective * convective < 10 * viscous);
+  fs->commute      = (PetscBool)((fs->nbodies > 0 && viscous > COMMUTATOR_FROM) || convective > COMMUTATOR_FROM_CONVECTION ||
+                            (convective > COMMUTATOR_FROM_UNRESOLVED && convective > 50 * viscous));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
