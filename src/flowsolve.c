@@ -10,8 +10,8 @@
 #include "pressure.h"
 #include "saddle.h"
 
-/* Viscous number nu theta/(c_t h^2) from which the commutator pays where nodes are rigid: settling disc, 0.085: 9 outer iterations, 6 with it, at equal cost; 0.34: 15 and 6,
-   at 1.2 times the cost. Without bodies it does not, being half as dear again: cavity, 64 x 64 cells, CFL 0.9, 0.23 / 0.9 / 3.7: 3.6 / 4.2 / 4.7 and 4.7 / 5.2 / 5.6 */
+/* Viscous number nu theta/(c_t h^2) from which the commutator pays where rigid nodes form a staircase: settling disc, 0.085: 9 outer iterations, 6 with it, at equal cost; 0.34: 15 and 6,
+   at 1.2 times the cost. Otherwise it does not, being half as dear again: cavity, 64 x 64 cells, CFL 0.9, 0.23 / 0.9 / 3.7: 3.6 / 4.2 / 4.7 and 4.7 / 5.2 / 5.6; settling disc under penalty: 10 and 12 */
 #define COMMUTATOR_FROM 0.05
 /* Convective number |u| theta/(c_t h) alike, in under-resolved flows (cell Reynolds number above 50) and in all: cavity, nu 1e-6, 32 x 32 cells, 0.67: 15 and 7;
    nu 1e-2, 16 x 16 cells, 6.7: 22 and 8 */
@@ -34,8 +34,8 @@ struct _p_FlowSolver {
   const MeshLocal *loc;
   PetscInt         nodal, nur, np, nbodies, nr; /* local sizes: nodal slots, u_r, p */
   PetscInt         schur;
-  PetscBool        commute, viscous_only; /* in this step */
-  Mat              S, S_all, A;           /* scalar matrix; the same for all components; the one in use: that, or of FlowSolverSetVelocity */
+  PetscBool        fitted, commute, viscous_only; /* no staircase of rigid nodes; in this step */
+  Mat              S, S_all, A;                   /* scalar matrix; the same for all components; the one in use: that, or of FlowSolverSetVelocity */
   Mat              Ar, G, B, C, nest, Ar_assembled,
     whole; /* shells P^T A P + D, -P^T B^T, B P, C of PressureGetShared; block operator; assembled forms when needed */
   PetscBool    need_Ar, need_whole;
@@ -749,6 +749,7 @@ PetscErrorCode FlowSolverForgetCells(FlowSolver fs, PetscInt n, const PetscInt c
 PetscErrorCode FlowSolverSetDead(FlowSolver fs, const PetscInt cell_body[], const PetscBool resolved[])
 {
   PetscFunctionBeginUser;
+  fs->fitted = PETSC_TRUE;
   PetscCall(PressureSetDead(fs->pressure, cell_body, resolved));
   PetscCall(find_constant_pressure(fs, cell_body));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -774,8 +775,8 @@ static PetscErrorCode choose_schur(FlowSolver fs)
   viscous          = par->viscosity * t / (par->density * fs->loc->h);
   convective       = speed * t;
   fs->viscous_only = (PetscBool)(fs->nbodies == 0 && viscous > VISCOUS_FROM && convective * convective < 10 * viscous);
-  fs->commute      = (PetscBool)((fs->nbodies > 0 && viscous > COMMUTATOR_FROM) || convective > COMMUTATOR_FROM_CONVECTION ||
-                            (convective > COMMUTATOR_FROM_UNRESOLVED && convective > 50 * viscous));
+  fs->commute      = (PetscBool)((fs->nbodies > 0 && !fs->fitted && !is_soft(fs) && viscous > COMMUTATOR_FROM) ||
+                            convective > COMMUTATOR_FROM_CONVECTION || (convective > COMMUTATOR_FROM_UNRESOLVED && convective > 50 * viscous));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
