@@ -16,7 +16,7 @@ typedef struct {
   const PetscInt *start[2], *column[2];
   float          *value[2], *inverse; /* [blocks][nk][nk] column by column; [n][nk][nk] likewise */
   PetscInt        nghost;
-  PetscReal      *ghost; /* [nghost][nk] */
+  PetscReal      *ghost, *rest; /* [nghost][nk]; [n][nk] right-hand side less what other ranks' unknowns do */
   PetscSF         sf;
   MPI_Datatype    unit; /* nk reals */
 } BlockGS;
@@ -63,15 +63,15 @@ INLINE void multiply(const int nk, const BlockGS *restrict g, const PetscReal *r
   }
 }
 
-/* y += the part of other ranks' columns */
-static void add_ghosts(const BlockGS *g, PetscReal y[])
+/* y += scale times the part of other ranks' columns */
+static void add_ghosts(const BlockGS *g, PetscReal scale, PetscReal y[])
 {
   const PetscInt nk = g->nk;
 
   for (PetscInt i = 0; i < g->n; i++)
     for (PetscInt q = g->start[1][i]; q < g->start[1][i + 1]; q++)
       for (PetscInt m = 0; m < nk; m++)
-        for (PetscInt k = 0; k < nk; k++) y[i * nk + k] += g->value[1][(q * nk + m) * nk + k] * g->ghost[g->column[1][q] * nk + m];
+        for (PetscInt k = 0; k < nk; k++) y[i * nk + k] += scale * g->value[1][(q * nk + m) * nk + k] * g->ghost[g->column[1][q] * nk + m];
 }
 
 static PetscErrorCode mult_blocks(Mat shell, Vec x, Vec y)
@@ -89,7 +89,7 @@ static PetscErrorCode mult_blocks(Mat shell, Vec x, Vec y)
   else multiply(4, g, xa, ya);
   if (g->sf) {
     PetscCall(PetscSFBcastEnd(g->sf, g->unit, xa, g->ghost, MPI_REPLACE));
-    add_ghosts(g, ya);
+    add_ghosts(g, 1, ya);
   }
   PetscCall(VecRestoreArrayRead(x, &xa));
   PetscCall(VecRestoreArrayWrite(y, &ya));
@@ -97,10 +97,22 @@ static PetscErrorCode mult_blocks(Mat shell, Vec x, Vec y)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Other ranks' unknowns stay as they are in a sweep: their part goes to the right-hand side. Collective. */
+static PetscErrorCode subtract_ghosts(BlockGS *g, const PetscReal x[], const PetscReal *b[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscSFBcastBegin(g->sf, g->unit, x, g->ghost, MPI_REPLACE));
+  PetscCall(PetscArraycpy(g->rest, *b, g->n * g->nk));
+  PetscCall(PetscSFBcastEnd(g->sf, g->unit, x, g->ghost, MPI_REPLACE));
+  add_ghosts(g, -1, g->rest);
+  *b = g->rest;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode sweep_blocks(Mat shell, Vec bv, PetscReal omega, MatSORType flag, PetscReal shift, PetscInt its, PetscInt lits, Vec xv)
 {
   BlockGS         *g;
-  const PetscReal *b;
+  const PetscReal *b, *bb;
   PetscReal       *x;
   PetscBool        zero         = (PetscBool)((flag & SOR_ZERO_INITIAL_GUESS) != 0);
   const PetscBool  direction[2] = {(PetscBool)((flag & (SOR_FORWARD_SWEEP | SOR_LOCAL_FORWARD_SWEEP)) != 0),
@@ -113,12 +125,16 @@ static PetscErrorCode sweep_blocks(Mat shell, Vec bv, PetscReal omega, MatSORTyp
   PetscCall(MatShellGetContext(shell, &g));
   PetscCall(VecGetArrayRead(bv, &b));
   PetscCall(VecGetArray(xv, &x));
+  bb = b;
+  PetscCheck(its == 1 || !g->sf, PetscObjectComm((PetscObject)shell), PETSC_ERR_SUP,
+             "The pressure sweep is done once a call on several ranks: leave ..._pc_sor_its at 1");
   if (zero) PetscCall(PetscArrayzero(x, g->n * g->nk));
+  else if (g->sf) PetscCall(subtract_ghosts(g, x, &bb));
   for (PetscInt it = 0; it < its * lits; it++) {
     for (int back = 0; back < 2; back++) {
       if (!direction[back]) continue;
-      if (g->nk == 3) sweep(3, g, (PetscBool)!back, (PetscBool)(zero && !back), b, x);
-      else sweep(4, g, (PetscBool)!back, (PetscBool)(zero && !back), b, x);
+      if (g->nk == 3) sweep(3, g, (PetscBool)!back, (PetscBool)(zero && !back), bb, x);
+      else sweep(4, g, (PetscBool)!back, (PetscBool)(zero && !back), bb, x);
       zero = PETSC_FALSE;
     }
   }
@@ -169,7 +185,7 @@ static PetscErrorCode destroy_blocks(Mat shell)
   PetscCall(PetscFree(g->value[0]));
   PetscCall(PetscFree(g->value[1]));
   PetscCall(PetscFree(g->inverse));
-  PetscCall(PetscFree(g->ghost));
+  PetscCall(PetscFree2(g->ghost, g->rest));
   PetscCall(PetscSFDestroy(&g->sf));
   PetscCallMPI(MPI_Type_free(&g->unit));
   PetscCall(MatDestroy(&g->A));
@@ -185,7 +201,7 @@ static PetscErrorCode create_exchange(BlockGS *g, const PetscInt global[])
   PetscFunctionBeginUser;
   PetscCall(MatGetSize(g->part[1], NULL, &n));
   g->nghost = n / g->nk;
-  PetscCall(PetscMalloc1(n, &g->ghost));
+  PetscCall(PetscMalloc2(n, &g->ghost, g->n * g->nk, &g->rest));
   PetscCall(PetscLayoutCreate(PetscObjectComm((PetscObject)g->A), &rows));
   PetscCall(PetscLayoutSetLocalSize(rows, g->n));
   PetscCall(PetscLayoutSetUp(rows));
