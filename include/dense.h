@@ -1,4 +1,4 @@
-/* Dense: inverse of tiny symmetric positive definite matrices (blocks of bodies and cells). Layer 0. */
+/* Dense: inverse of tiny symmetric positive definite matrices (blocks of bodies and cells) and of Jacobians. Layer 0. */
 #pragma once
 #include <petscsys.h>
 
@@ -30,4 +30,35 @@ static inline void DenseInvert(PetscInt n, const PetscReal M[], PetscReal inv[])
       }
     }
   }
+}
+
+/* Determinant of the Jacobian J [dim][dim] of a map in 2 or 3 dimensions */
+static inline PetscReal DenseDeterminant(PetscInt dim, const PetscReal J[])
+{
+  if (dim == 2) return J[0] * J[3] - J[1] * J[2];
+  return J[0] * (J[4] * J[8] - J[5] * J[7]) + J[1] * (J[5] * J[6] - J[3] * J[8]) + J[2] * (J[3] * J[7] - J[4] * J[6]);
+}
+
+/* Its inverse inv [dim][dim] by cofactors; returns the determinant (if that is zero, inv is not finite) */
+static inline PetscReal DenseInvertMap(PetscInt dim, const PetscReal J[], PetscReal inv[])
+{
+  const PetscReal det = DenseDeterminant(dim, J);
+
+  if (dim == 2) {
+    inv[0] = J[3] / det;
+    inv[1] = -J[1] / det;
+    inv[2] = -J[2] / det;
+    inv[3] = J[0] / det;
+  } else {
+    inv[0] = (J[4] * J[8] - J[5] * J[7]) / det;
+    inv[3] = (J[5] * J[6] - J[3] * J[8]) / det;
+    inv[6] = (J[3] * J[7] - J[4] * J[6]) / det;
+    inv[1] = (J[2] * J[7] - J[1] * J[8]) / det;
+    inv[4] = (J[0] * J[8] - J[2] * J[6]) / det;
+    inv[7] = (J[1] * J[6] - J[0] * J[7]) / det;
+    inv[2] = (J[1] * J[5] - J[2] * J[4]) / det;
+    inv[5] = (J[2] * J[3] - J[0] * J[5]) / det;
+    inv[8] = (J[0] * J[4] - J[1] * J[3]) / det;
+  }
+  return det;
 }

@@ -36,6 +36,22 @@ static inline const PetscReal *ElementInverse(const ElementMetric *m, PetscInt q
   return m->inverse[m->affine ? 0 : q];
 }
 
+/* Quadratic basis of the nodes -1, 0, 1 on [-1, 1] and its derivative at s: a factor of the basis of a cell. */
+static inline void ElementLine(PetscReal s, PetscReal v[3], PetscReal dv[3])
+{
+  v[0]  = 0.5 * s * (s - 1);
+  v[1]  = 1 - s * s;
+  v[2]  = 0.5 * s * (s + 1);
+  dv[0] = s - 0.5;
+  dv[1] = -2 * s;
+  dv[2] = s + 0.5;
+}
+
+/* Basis phi [nb] and its derivatives dphi [dim][nb] at xi [dim]. */
+void ElementBasis(PetscInt dim, const PetscReal xi[], PetscReal phi[], PetscReal dphi[]);
+/* Place x [dim] of xi [dim] in the cell with nodes xc [nb][dim], and the Jacobian J [a][e] = dx_a/dxi_e [dim][dim]. */
+void ElementMap(PetscInt dim, const PetscReal xc[], const PetscReal xi[], PetscReal x[], PetscReal J[]);
+
 /* Reference coordinates xi [dim] of the point x [dim] in the cell with nodes xc [nb][dim] by Newton's method; false if it does not converge (the map need not have an inverse far
    outside of the cell). The point may lie outside: |xi| > 1. */
 PetscBool ElementLocate(PetscInt dim, const PetscReal xc[], const PetscReal x[], PetscReal xi[]);

@@ -66,3 +66,5 @@ PetscErrorCode MeshRebase(Mesh);
 PetscErrorCode MeshSyncNodes(Mesh, PetscInt bs, PetscReal v[]);
 PetscErrorCode MeshSumNodes(Mesh, PetscInt bs, PetscReal v[]);
 PetscErrorCode MeshSyncNodesInt(Mesh, PetscInt v[]);
+/* Global numbers of the vertices (corners of cells) among themselves: own ones count up; vertex [nnode_all] number or -1, nown how many are own. Collective. */
+PetscErrorCode MeshNumberVertices(Mesh, PetscInt vertex[], PetscInt *nown);

@@ -34,6 +34,8 @@ PetscErrorCode PressureSetDead(Pressure, const PetscInt cell_body[], const Petsc
 /* Compressibility C of cells between two constrained surfaces, and the identity in dead cells: cells [n] and blocks [n][nk][nk]. Part of the system's operator (B u + C p = 0) and of S_p. After PressureUpdate. */
 PetscErrorCode PressureGetShared(Pressure, PetscInt *n, const PetscInt *cell[], const PetscReal *block[]);
 
+/* The pressure a [own cells][dim + 1] that is 1 in the fluid and 0 in dead cells: the null space of closed domains. Not collective. */
+PetscErrorCode PressureGetConstant(Pressure, PetscReal a[]);
 /* Is the constant pressure in the null space (closed domain, no shared cells)? After PressureUpdate. */
 PetscErrorCode PressureIsSingular(Pressure, PetscBool *singular);
 

@@ -112,7 +112,7 @@ static PetscErrorCode subtract_ghosts(BlockGS *g, const PetscReal x[], const Pet
 static PetscErrorCode sweep_blocks(Mat shell, Vec bv, PetscReal omega, MatSORType flag, PetscReal shift, PetscInt its, PetscInt lits, Vec xv)
 {
   BlockGS         *g;
-  const PetscReal *b, *bb;
+  const PetscReal *b, *rhs;
   PetscReal       *x;
   PetscBool        zero         = (PetscBool)((flag & SOR_ZERO_INITIAL_GUESS) != 0);
   const PetscBool  direction[2] = {(PetscBool)((flag & (SOR_FORWARD_SWEEP | SOR_LOCAL_FORWARD_SWEEP)) != 0),
@@ -125,16 +125,16 @@ static PetscErrorCode sweep_blocks(Mat shell, Vec bv, PetscReal omega, MatSORTyp
   PetscCall(MatShellGetContext(shell, &g));
   PetscCall(VecGetArrayRead(bv, &b));
   PetscCall(VecGetArray(xv, &x));
-  bb = b;
+  rhs = b;
   PetscCheck(its == 1 || !g->sf, PetscObjectComm((PetscObject)shell), PETSC_ERR_SUP,
              "The pressure sweep is done once a call on several ranks: leave ..._pc_sor_its at 1");
   if (zero) PetscCall(PetscArrayzero(x, g->n * g->nk));
-  else if (g->sf) PetscCall(subtract_ghosts(g, x, &bb));
+  else if (g->sf) PetscCall(subtract_ghosts(g, x, &rhs));
   for (PetscInt it = 0; it < its * lits; it++) {
     for (int back = 0; back < 2; back++) {
       if (!direction[back]) continue;
-      if (g->nk == 3) sweep(3, g, (PetscBool)!back, (PetscBool)(zero && !back), bb, x);
-      else sweep(4, g, (PetscBool)!back, (PetscBool)(zero && !back), bb, x);
+      if (g->nk == 3) sweep(3, g, (PetscBool)!back, (PetscBool)(zero && !back), rhs, x);
+      else sweep(4, g, (PetscBool)!back, (PetscBool)(zero && !back), rhs, x);
       zero = PETSC_FALSE;
     }
   }
@@ -216,16 +216,17 @@ PetscErrorCode BlockGSCreate(Mat A, Mat *shell)
 {
   BlockGS        *g;
   const PetscInt *global = NULL;
-  PetscInt        m, n;
+  PetscInt        m, n, nk;
   PetscBool       seq, mpi, done;
 
   PetscFunctionBeginUser;
   PetscCall(PetscObjectTypeCompare((PetscObject)A, MATSEQBAIJ, &seq));
   PetscCall(PetscObjectTypeCompare((PetscObject)A, MATMPIBAIJ, &mpi));
+  PetscCall(MatGetBlockSize(A, &nk));
+  PetscCheck((seq || mpi) && (nk == 3 || nk == 4), PetscObjectComm((PetscObject)A), PETSC_ERR_ARG_WRONG,
+             "Block Gauss-Seidel needs a BAIJ matrix with blocks of 3 or 4, not of %" PetscInt_FMT, nk);
   PetscCall(PetscNew(&g));
-  PetscCall(MatGetBlockSize(A, &g->nk));
-  PetscCheck((seq || mpi) && (g->nk == 3 || g->nk == 4), PetscObjectComm((PetscObject)A), PETSC_ERR_ARG_WRONG,
-             "Block Gauss-Seidel needs a BAIJ matrix with blocks of 3 or 4, not of %" PetscInt_FMT, g->nk);
+  g->nk = nk;
   PetscCall(PetscObjectReference((PetscObject)A));
   g->A       = A;
   g->part[0] = A;

@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "deform.h"
 #include "cells.h"
+#include "dense.h"
 #include "opt.h"
 #include <petscksp.h>
 
@@ -68,34 +69,13 @@ static void tabulate(Deform *d)
   }
 }
 
-/* Determinant of a; inv (may be NULL) its inverse */
-static PetscReal invert(PetscInt dim, PetscReal a[3][3], PetscReal inv[3][3])
-{
-  PetscReal cof[3][3] = {{0}}, det = 0;
-
-  if (dim == 2) {
-    cof[0][0] = a[1][1];
-    cof[0][1] = -a[1][0];
-    cof[1][0] = -a[0][1];
-    cof[1][1] = a[0][0];
-  } else {
-    for (PetscInt i = 0; i < 3; i++)
-      for (PetscInt j = 0; j < 3; j++)
-        cof[i][j] = a[(i + 1) % 3][(j + 1) % 3] * a[(i + 2) % 3][(j + 2) % 3] - a[(i + 1) % 3][(j + 2) % 3] * a[(i + 2) % 3][(j + 1) % 3];
-  }
-  for (PetscInt j = 0; j < dim; j++) det += a[0][j] * cof[0][j];
-  for (PetscInt i = 0; i < dim && inv; i++)
-    for (PetscInt j = 0; j < dim; j++) inv[i][j] = cof[j][i] / det;
-  return det;
-}
-
 /* Jacobian matrix dx_a/dxi_b of vertices xv with gradients g of the vertex functions */
-static void map_gradient(const Deform *d, PetscReal xv[][3], const PetscReal g[][3], PetscReal jac[3][3])
+static void map_gradient(const Deform *d, PetscReal xv[][3], const PetscReal g[][3], PetscReal jac[])
 {
   for (PetscInt a = 0; a < d->dim; a++)
     for (PetscInt b = 0; b < d->dim; b++) {
-      jac[a][b] = 0;
-      for (PetscInt j = 0; j < d->nv; j++) jac[a][b] += xv[j][a] * g[j][b];
+      jac[a * d->dim + b] = 0;
+      for (PetscInt j = 0; j < d->nv; j++) jac[a * d->dim + b] += xv[j][a] * g[j][b];
     }
 }
 
@@ -162,10 +142,10 @@ static PetscErrorCode measure(Deform *d)
 
     PetscCall(get_vertices(d, c, xv));
     for (PetscInt q = 0; q < d->nq; q++) {
-      PetscReal jac[3][3], x[3] = {0, 0, 0}, weight, m;
+      PetscReal jac[9], x[3] = {0, 0, 0}, weight, m;
 
       map_gradient(d, xv, d->dphi[q], jac);
-      weight = d->weight[q] * invert(d->dim, jac, NULL);
+      weight = d->weight[q] * DenseDeterminant(d->dim, jac);
       for (PetscInt j = 0; j < d->nv; j++)
         for (PetscInt a = 0; a < d->dim; a++) x[a] += d->phi[q][j] * xv[j][a];
       PetscCall(evaluate_monitor(d, x, &m));
@@ -176,7 +156,7 @@ static PetscErrorCode measure(Deform *d)
         d->rest[vertex(d, c, j)] += weight * d->phi[q][j] / m;
       }
     }
-    for (PetscInt j = 0; j < d->nv; j++) { d->load[vertex(d, c, j)] += share[j] * d->carried[c] / size; }
+    for (PetscInt j = 0; j < d->nv; j++) d->load[vertex(d, c, j)] += share[j] * d->carried[c] / size;
     if (c < l->ncell) {
       sum[0] += number;
       sum[1] += d->carried[c];
@@ -199,10 +179,10 @@ static PetscErrorCode judge(Deform *d, DeformResult *r, PetscReal where[3])
 
     PetscCall(get_vertices(d, c, xv));
     for (PetscInt q = 0; q < d->nq; q++) {
-      PetscReal jac[3][3], x[3] = {0, 0, 0}, det, m;
+      PetscReal jac[9], x[3] = {0, 0, 0}, det, m;
 
       map_gradient(d, xv, d->dphi[q], jac);
-      det   = invert(d->dim, jac, NULL);
+      det   = DenseDeterminant(d->dim, jac);
       least = PetscMin(least, det);
       for (PetscInt j = 0; j < d->nv; j++)
         for (PetscInt a = 0; a < d->dim; a++) x[a] += d->phi[q][j] * xv[j][a];
@@ -211,11 +191,11 @@ static PetscErrorCode judge(Deform *d, DeformResult *r, PetscReal where[3])
       number += d->weight[q] * det / m;
     }
     for (PetscInt k = 0; k < d->nv; k++) { /* corners: differences along the edges that meet there */
-      PetscReal jac[3][3];
+      PetscReal jac[9];
 
       for (PetscInt b = 0; b < d->dim; b++)
-        for (PetscInt a = 0; a < d->dim; a++) jac[a][b] = 0.5 * (xv[k | 1 << b][a] - xv[k & ~(1 << b)][a]);
-      least = PetscMin(least, invert(d->dim, jac, NULL));
+        for (PetscInt a = 0; a < d->dim; a++) jac[a * d->dim + b] = 0.5 * (xv[k | 1 << b][a] - xv[k & ~(1 << b)][a]);
+      least = PetscMin(least, DenseDeterminant(d->dim, jac));
     }
     mean   = size / (1 << d->dim);
     number = number / d->scale / d->carried[c];
@@ -250,14 +230,14 @@ static PetscErrorCode assemble(Deform *d)
 
     PetscCall(get_vertices(d, c, xv));
     for (PetscInt q = 0; q < d->nq; q++) {
-      PetscReal jac[3][3], inv[3][3], g[MAX_NV][3], weight;
+      PetscReal jac[9], inv[9], g[MAX_NV][3], weight;
 
       map_gradient(d, xv, d->dphi[q], jac);
-      weight = d->weight[q] * invert(d->dim, jac, inv);
+      weight = d->weight[q] * DenseInvertMap(d->dim, jac, inv);
       for (PetscInt j = 0; j < d->nv; j++)
         for (PetscInt a = 0; a < d->dim; a++) {
           g[j][a] = 0;
-          for (PetscInt b = 0; b < d->dim; b++) g[j][a] += inv[b][a] * d->dphi[q][j][b];
+          for (PetscInt b = 0; b < d->dim; b++) g[j][a] += inv[b * d->dim + a] * d->dphi[q][j][b];
         }
       for (PetscInt i = 0; i < d->nv; i++)
         for (PetscInt j = 0; j < d->nv; j++) {
@@ -318,13 +298,13 @@ static PetscErrorCode find_velocity(Deform *d)
 
     PetscCall(get_vertices(d, c, xv));
     for (PetscInt q = 0; q < d->nq; q++) {
-      PetscReal jac[3][3], inv[3][3], grad[3] = {0, 0, 0}, weight;
+      PetscReal jac[9], inv[9], grad[3] = {0, 0, 0}, weight;
 
       map_gradient(d, xv, d->dphi[q], jac);
-      weight = d->weight[q] * invert(d->dim, jac, inv);
+      weight = d->weight[q] * DenseInvertMap(d->dim, jac, inv);
       for (PetscInt j = 0; j < d->nv; j++)
         for (PetscInt a = 0; a < d->dim; a++)
-          for (PetscInt b = 0; b < d->dim; b++) grad[a] += d->w[vertex(d, c, j)] * inv[b][a] * d->dphi[q][j][b];
+          for (PetscInt b = 0; b < d->dim; b++) grad[a] += d->w[vertex(d, c, j)] * inv[b * d->dim + a] * d->dphi[q][j][b];
       for (PetscInt j = 0; j < d->nv; j++)
         for (PetscInt a = 0; a < d->dim; a++) d->v[vertex(d, c, j) * d->dim + a] += weight * d->phi[q][j] * grad[a];
     }
@@ -420,26 +400,6 @@ static PetscErrorCode deform(Deform *d, DeformResult *r)
 
 /* ---- preparation ---- */
 
-static PetscErrorCode number_vertices(Deform *d)
-{
-  const MeshLocal *l     = d->l;
-  PetscInt         start = 0;
-  PetscMPIInt      rank;
-
-  PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < l->nnode_all; i++) d->number[i] = -1;
-  for (PetscInt c = 0; c < l->ncell_all; c++)
-    for (PetscInt j = 0; j < d->nv; j++) d->number[vertex(d, c, j)] = 0;
-  for (PetscInt i = 0; i < l->nnode; i++) d->nvertex += d->number[i] >= 0;
-  PetscCallMPI(MPI_Exscan(&d->nvertex, &start, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
-  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
-  if (rank == 0) start = 0;
-  for (PetscInt i = 0; i < l->nnode; i++)
-    if (d->number[i] >= 0) d->number[i] = start++;
-  PetscCall(MeshSyncNodesInt(d->mesh, d->number));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* Nodes on a face of the box stay on it; every named boundary must be part of one. Sizes of the cells, which must have straight sides. */
 static PetscErrorCode hold_boundaries(Deform *d)
 {
@@ -480,10 +440,10 @@ static PetscErrorCode measure_start(Deform *d)
     PetscCall(get_vertices(d, c, xv));
     d->carried[c] = 0;
     for (PetscInt q = 0; q < d->nq; q++) {
-      PetscReal jac[3][3];
+      PetscReal jac[9];
 
       map_gradient(d, xv, d->dphi[q], jac);
-      d->carried[c] += d->weight[q] * invert(d->dim, jac, NULL);
+      d->carried[c] += d->weight[q] * DenseDeterminant(d->dim, jac);
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -548,7 +508,7 @@ PetscErrorCode DeformMesh(Mesh mesh, Bodies bodies, PetscBool *done, DeformResul
   PetscCall(PetscMalloc3(d.l->nnode_all, &d.number, d.l->nnode_all, &d.held, d.l->ncell_all, &d.carried));
   PetscCall(PetscMalloc5(d.l->nnode_all, &d.rest, d.l->nnode_all, &d.load, d.l->nnode_all, &d.w, d.l->nnode_all * d.dim, &d.v, d.l->nnode_all * d.dim,
                          &d.trial));
-  PetscCall(number_vertices(&d));
+  PetscCall(MeshNumberVertices(mesh, d.number, &d.nvertex));
   PetscCall(hold_boundaries(&d));
   PetscCall(measure_start(&d));
   PetscCall(list_bodies(&d));

@@ -1,6 +1,7 @@
 /* Element: see element.h. The basis comes from PetscFE, put into lattice order. */
 #include "compat.h"
 #include "element.h"
+#include "dense.h"
 #include <petscfe.h>
 
 /* ---- tables ---- */
@@ -92,33 +93,6 @@ PetscErrorCode ElementDestroy(ElementTables *t)
 
 /* ---- metric ---- */
 
-static PetscReal invert_jacobian(PetscInt dim, const PetscReal J[], PetscReal inv[])
-{
-  if (dim == 2) {
-    const PetscReal det = J[0] * J[3] - J[1] * J[2];
-
-    inv[0] = J[3] / det;
-    inv[1] = -J[1] / det;
-    inv[2] = -J[2] / det;
-    inv[3] = J[0] / det;
-    return det;
-  } else {
-    const PetscReal c0 = J[4] * J[8] - J[5] * J[7], c1 = J[5] * J[6] - J[3] * J[8], c2 = J[3] * J[7] - J[4] * J[6];
-    const PetscReal det = J[0] * c0 + J[1] * c1 + J[2] * c2;
-
-    inv[0] = c0 / det;
-    inv[3] = c1 / det;
-    inv[6] = c2 / det;
-    inv[1] = (J[2] * J[7] - J[1] * J[8]) / det;
-    inv[4] = (J[0] * J[8] - J[2] * J[6]) / det;
-    inv[7] = (J[1] * J[6] - J[0] * J[7]) / det;
-    inv[2] = (J[1] * J[5] - J[2] * J[4]) / det;
-    inv[5] = (J[2] * J[3] - J[0] * J[5]) / det;
-    inv[8] = (J[0] * J[4] - J[1] * J[3]) / det;
-    return det;
-  }
-}
-
 void ElementSetMetric(const ElementTables *t, const PetscReal xc[], ElementMetric *m)
 {
   const PetscInt dim = t->dim;
@@ -133,7 +107,7 @@ void ElementSetMetric(const ElementTables *t, const PetscReal xc[], ElementMetri
       for (PetscInt j = 0; j < t->nb; j++)
         for (PetscInt a = 0; a < dim; a++) J[a * dim + e] += xc[j * dim + a] * d[j];
     }
-    m->weight[q] = t->weight[q] * invert_jacobian(dim, J, m->inverse[q]);
+    m->weight[q] = t->weight[q] * DenseInvertMap(dim, J, m->inverse[q]);
   }
 }
 
@@ -327,37 +301,39 @@ void ElementResidual(const ElementTables *t, const ElementMetric *m, PetscReal r
   else residual(3, 27, 28, 27, 28, t, m, rho, mu, force, s, u, w, r);
 }
 
-/* ---- inverse map ---- */
+/* ---- the map of a cell and its inverse ---- */
 
-/* Quadratic basis on [-1, 1] and its derivative */
-static void evaluate_line(PetscReal s, PetscReal v[3], PetscReal dv[3])
+void ElementBasis(PetscInt dim, const PetscReal xi[], PetscReal phi[], PetscReal dphi[])
 {
-  v[0]  = 0.5 * s * (s - 1);
-  v[1]  = 1 - s * s;
-  v[2]  = 0.5 * s * (s + 1);
-  dv[0] = s - 0.5;
-  dv[1] = -2 * s;
-  dv[2] = s + 0.5;
-}
+  const PetscInt nb = dim == 2 ? 9 : 27;
+  PetscReal      v[3][3], dv[3][3];
 
-/* x(xi) and its Jacobian J [a][e] = dx_a/dxi_e */
-static void evaluate_map(PetscInt dim, const PetscReal xc[], const PetscReal xi[], PetscReal x[3], PetscReal J[9])
-{
-  PetscReal v[3][3], dv[3][3];
-
-  for (PetscInt d = 0; d < dim; d++) evaluate_line(xi[d], v[d], dv[d]);
-  for (PetscInt i = 0; i < 3; i++) x[i] = 0;
-  for (PetscInt i = 0; i < 9; i++) J[i] = 0;
-  for (PetscInt j = 0; j < (dim == 2 ? 9 : 27); j++) {
+  for (PetscInt d = 0; d < dim; d++) ElementLine(xi[d], v[d], dv[d]);
+  for (PetscInt j = 0; j < nb; j++) {
     const PetscInt at[3] = {j % 3, j / 3 % 3, j / 9};
 
-    for (PetscInt e = -1; e < dim; e++) { /* -1: the basis function itself */
-      PetscReal product = 1;
-
-      for (PetscInt d = 0; d < dim; d++) product *= d == e ? dv[d][at[d]] : v[d][at[d]];
-      for (PetscInt a = 0; a < dim; a++) *(e < 0 ? &x[a] : &J[a * dim + e]) += product * xc[j * dim + a];
+    phi[j] = 1;
+    for (PetscInt d = 0; d < dim; d++) phi[j] *= v[d][at[d]];
+    for (PetscInt e = 0; e < dim; e++) {
+      dphi[e * nb + j] = 1;
+      for (PetscInt d = 0; d < dim; d++) dphi[e * nb + j] *= d == e ? dv[d][at[d]] : v[d][at[d]];
     }
   }
+}
+
+void ElementMap(PetscInt dim, const PetscReal xc[], const PetscReal xi[], PetscReal x[], PetscReal J[])
+{
+  const PetscInt nb = dim == 2 ? 9 : 27;
+  PetscReal      phi[27], dphi[3 * 27];
+
+  ElementBasis(dim, xi, phi, dphi);
+  for (PetscInt a = 0; a < dim; a++) x[a] = 0;
+  for (PetscInt i = 0; i < dim * dim; i++) J[i] = 0;
+  for (PetscInt j = 0; j < nb; j++)
+    for (PetscInt a = 0; a < dim; a++) {
+      x[a] += phi[j] * xc[j * dim + a];
+      for (PetscInt e = 0; e < dim; e++) J[a * dim + e] += dphi[e * nb + j] * xc[j * dim + a];
+    }
 }
 
 PetscBool ElementLocate(PetscInt dim, const PetscReal xc[], const PetscReal x[], PetscReal xi[])
@@ -368,8 +344,8 @@ PetscBool ElementLocate(PetscInt dim, const PetscReal xc[], const PetscReal x[],
   for (PetscInt it = 0; it < 30 && step > 1e-13; it++) {
     PetscReal at[3], J[9], inverse[9];
 
-    evaluate_map(dim, xc, xi, at, J);
-    if (!(PetscAbsReal(invert_jacobian(dim, J, inverse)) > 0)) return PETSC_FALSE;
+    ElementMap(dim, xc, xi, at, J);
+    if (!(PetscAbsReal(DenseInvertMap(dim, J, inverse)) > 0)) return PETSC_FALSE;
     step = 0;
     for (PetscInt e = 0; e < dim; e++) {
       PetscReal change = 0;

@@ -558,18 +558,17 @@ static PetscErrorCode create_shell(FlowSolver fs, PetscInt m, PetscInt n, PetscE
 }
 
 /* The pressure that is constant in the fluid and zero in dead cells */
-static PetscErrorCode find_constant_pressure(FlowSolver fs, const PetscInt cell_body[])
+static PetscErrorCode find_constant_pressure(FlowSolver fs)
 {
-  const PetscInt nk = fs->loc->dim + 1;
-  Vec            constant;
-  PetscReal     *a;
+  Vec        constant;
+  PetscReal *a;
 
   PetscFunctionBeginUser;
   PetscCall(MatNullSpaceDestroy(&fs->constant_pressure));
   PetscCall(VecDuplicate(fs->x, &constant));
   PetscCall(VecGetArrayWrite(constant, &a));
-  for (PetscInt i = 0; i < fs->nur; i++) a[i] = 0;
-  for (PetscInt i = 0; i < fs->np; i++) a[fs->nur + i] = i % nk == 0 && !(cell_body && cell_body[i / nk] >= 0);
+  PetscCall(PetscArrayzero(a, fs->nur));
+  PetscCall(PressureGetConstant(fs->pressure, a + fs->nur));
   PetscCall(VecRestoreArrayWrite(constant, &a));
   PetscCall(VecNormalize(constant, NULL));
   PetscCall(MatNullSpaceCreate(PETSC_COMM_WORLD, PETSC_FALSE, 1, &constant, &fs->constant_pressure));
@@ -601,7 +600,7 @@ static PetscErrorCode create_operators(FlowSolver fs)
   PetscCall(VecDuplicate(fs->t_p, &fs->t_p2));
   PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, fs->loc->dim, fs->nodal, PETSC_DETERMINE, NULL, &fs->xn));
   PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, fs->loc->dim, fs->nodal, PETSC_DETERMINE, NULL, &fs->yn));
-  PetscCall(find_constant_pressure(fs, NULL));
+  PetscCall(find_constant_pressure(fs));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -751,7 +750,7 @@ PetscErrorCode FlowSolverSetDead(FlowSolver fs, const PetscInt cell_body[], cons
   PetscFunctionBeginUser;
   fs->fitted = PETSC_TRUE;
   PetscCall(PressureSetDead(fs->pressure, cell_body, resolved));
-  PetscCall(find_constant_pressure(fs, cell_body));
+  PetscCall(find_constant_pressure(fs));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

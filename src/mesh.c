@@ -687,3 +687,26 @@ PetscErrorCode MeshSyncNodesInt(Mesh m, PetscInt v[])
   PetscCall(PetscSFBcastEnd(m->node_sf, MPIU_INT, v, v, MPI_REPLACE));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
+
+PetscErrorCode MeshNumberVertices(Mesh m, PetscInt vertex[], PetscInt *nown)
+{
+  const MeshLocal *l     = &m->loc;
+  PetscInt         start = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < l->nnode_all; i++) vertex[i] = -1;
+  for (PetscInt i = 0; i < l->ncell_all * l->nb; i++) {
+    const PetscInt j = i % l->nb;
+
+    if (j % 3 != 1 && (j / 3) % 3 != 1 && (l->dim == 2 || j / 9 != 1)) vertex[l->cell_node[i]] = 0;
+  }
+  *nown = 0;
+  for (PetscInt i = 0; i < l->nnode; i++)
+    if (vertex[i] == 0) vertex[i] = (*nown)++;
+  PetscCallMPI(MPI_Scan(nown, &start, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+  start -= *nown;
+  for (PetscInt i = 0; i < l->nnode; i++)
+    if (vertex[i] >= 0) vertex[i] += start;
+  PetscCall(MeshSyncNodesInt(m, vertex));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

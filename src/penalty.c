@@ -4,6 +4,8 @@
    six products of the one-dimensional functions. */
 #include "compat.h"
 #include "penalty.h"
+#include "dense.h"
+#include "element.h"
 #include "opt.h"
 
 #define MAX_SAMPLES 20
@@ -54,14 +56,6 @@ static PetscInt sample_count(Penalty p)
   return p->loc->dim == 2 ? p->nsample * p->nsample : p->nsample * p->nsample * p->nsample;
 }
 
-/* Determinant of the matrix J[a][e] */
-static PetscReal determinant(PetscInt dim, PetscReal J[3][3])
-{
-  if (dim == 2) return J[0][0] * J[1][1] - J[0][1] * J[1][0];
-  return J[0][0] * (J[1][1] * J[2][2] - J[1][2] * J[2][1]) + J[0][1] * (J[1][2] * J[2][0] - J[1][0] * J[2][2]) +
-         J[0][2] * (J[1][0] * J[2][1] - J[1][1] * J[2][0]);
-}
-
 /* Places x [samples][dim] and volumes w [samples] of the samples of a cell with node coordinates xc */
 static void place_samples(Penalty p, const PetscReal xc[], PetscReal x[], PetscReal w[])
 {
@@ -69,8 +63,8 @@ static void place_samples(Penalty p, const PetscReal xc[], PetscReal x[], PetscR
   const PetscReal part = PetscPowRealInt(2.0 / n, (int)dim);
 
   for (PetscInt q = 0; q < total; q++) {
-    const PetscInt s[3]    = {q % n, (q / n) % n, q / (n * n)};
-    PetscReal      J[3][3] = {{0}};
+    const PetscInt s[3] = {q % n, (q / n) % n, q / (n * n)};
+    PetscReal      J[9] = {0};
 
     for (PetscInt a = 0; a < dim; a++) x[q * dim + a] = 0;
     for (PetscInt j = 0; j < nb; j++) {
@@ -83,10 +77,10 @@ static void place_samples(Penalty p, const PetscReal xc[], PetscReal x[], PetscR
         PetscReal slope = 1;
 
         for (PetscInt o = 0; o < dim; o++) slope *= o == e ? p->dphi[s[o]][l[o]] : p->phi[s[o]][l[o]];
-        for (PetscInt a = 0; a < dim; a++) J[a][e] += slope * xc[j * dim + a];
+        for (PetscInt a = 0; a < dim; a++) J[a * dim + e] += slope * xc[j * dim + a];
       }
     }
-    w[q] = part * determinant(dim, J);
+    w[q] = part * DenseDeterminant(dim, J);
   }
 }
 
@@ -531,14 +525,7 @@ PetscErrorCode PenaltyGetParts(Penalty p, PetscInt *n, const PetscInt *cell[], c
 static void tabulate_samples(Penalty p)
 {
   for (PetscInt s = 0; s < p->nsample; s++) {
-    const PetscReal x = (2 * s + 1.0) / p->nsample - 1;
-
-    p->phi[s][0]  = 0.5 * x * (x - 1);
-    p->phi[s][1]  = 1 - x * x;
-    p->phi[s][2]  = 0.5 * x * (x + 1);
-    p->dphi[s][0] = x - 0.5;
-    p->dphi[s][1] = -2 * x;
-    p->dphi[s][2] = x + 0.5;
+    ElementLine((2 * s + 1.0) / p->nsample - 1, p->phi[s], p->dphi[s]);
     for (PetscInt a = 0; a < 3; a++)
       for (PetscInt b = a; b < 3; b++) p->pair[s][PAIR[a][b]] = p->phi[s][a] * p->phi[s][b];
   }

@@ -447,7 +447,7 @@ static PetscErrorCode find_constant(Pressure p)
   PetscCall(MatNullSpaceDestroy(&p->constant));
   PetscCall(MatCreateVecs(p->matrix, &constant, NULL));
   PetscCall(VecGetArrayWrite(constant, &a));
-  for (PetscInt i = 0; i < p->loc->ncell * p->nk; i++) a[i] = i % p->nk == 0 && !(p->cell_body && p->cell_body[i / p->nk] >= 0);
+  PetscCall(PressureGetConstant(p, a));
   PetscCall(VecRestoreArrayWrite(constant, &a));
   PetscCall(VecNormalize(constant, NULL));
   PetscCall(MatNullSpaceCreate(PETSC_COMM_WORLD, PETSC_FALSE, 1, &constant, &p->constant));
@@ -470,29 +470,6 @@ static PetscErrorCode create_shell(Pressure p)
 }
 
 /* ---- two levels ---- */
-
-/* Numbers of the mesh vertices among all vertices: own ones count up; vertex [nnode_all] global number or -1. */
-static PetscErrorCode number_vertices(Pressure p, PetscInt vertex[], PetscInt *nown)
-{
-  const MeshLocal *l     = p->loc;
-  PetscInt         start = 0;
-
-  PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < l->nnode_all; i++) vertex[i] = -1;
-  for (PetscInt i = 0; i < l->ncell_all * l->nb; i++) {
-    const PetscInt j = i % l->nb;
-
-    if (j % 3 != 1 && (j / 3) % 3 != 1 && (l->dim == 2 || j / 9 != 1)) vertex[l->cell_node[i]] = 0;
-  }
-  *nown = 0;
-  for (PetscInt i = 0; i < l->nnode; i++)
-    if (vertex[i] == 0) vertex[i] = (*nown)++;
-  PetscCallMPI(MPI_Exscan(nown, &start, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
-  for (PetscInt i = 0; i < l->nnode; i++)
-    if (vertex[i] >= 0) vertex[i] += start;
-  PetscCall(MeshSyncNodesInt(p->mesh, vertex));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
 
 /* Linear function on a cell (value and scaled slopes at the centre) that fits the vertex values: for a parallelogram the multilinear interpolant at its centre */
 static PetscErrorCode fit_vertices(Pressure p, PetscInt c, PetscInt node[], PetscReal fit[])
@@ -551,7 +528,7 @@ static PetscErrorCode create_interpolation(Pressure p)
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(l->nnode_all, &p->vertex));
-  PetscCall(number_vertices(p, p->vertex, &nown));
+  PetscCall(MeshNumberVertices(p->mesh, p->vertex, &nown));
   PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, l->ncell * p->nk, nown, PETSC_DETERMINE, PETSC_DETERMINE, nv, NULL, nv, NULL, &p->interpolation));
   for (PetscInt c = 0; c < l->ncell; c++) PetscCall(set_interpolation(p, c));
   PetscCall(MatAssemblyBegin(p->interpolation, MAT_FINAL_ASSEMBLY));
@@ -937,6 +914,13 @@ PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscR
   PetscCall(MatAssemblyBegin(p->shell, MAT_FINAL_ASSEMBLY)); /* its values have changed */
   PetscCall(MatAssemblyEnd(p->shell, MAT_FINAL_ASSEMBLY));
   PetscCall(PetscLogEventEnd(TB_PRES_BUILD, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PressureGetConstant(Pressure p, PetscReal a[])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < p->loc->ncell * p->nk; i++) a[i] = i % p->nk == 0 && !(p->cell_body && p->cell_body[i / p->nk] >= 0);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

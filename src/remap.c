@@ -1,6 +1,8 @@
 /* Remap: see remap.h. Candidates are the cells of a patch of 5 x 5 around the place, found by their centre nodes in the background grid of the mesh. */
 #include "compat.h"
 #include "remap.h"
+#include "dense.h"
+#include "element.h"
 
 #define MAX_PATCH 64
 #define REACH     1.8  /* of (b), reference coordinates */
@@ -22,39 +24,11 @@ struct _p_Remap {
 
 /* ---- one cell ---- */
 
-static void basis(const PetscReal xi[2], PetscReal phi[9], PetscReal dphi[2][9])
-{
-  PetscReal v[2][3], dv[2][3];
-
-  for (PetscInt e = 0; e < 2; e++) {
-    v[e][0]  = 0.5 * xi[e] * (xi[e] - 1);
-    v[e][1]  = 1 - xi[e] * xi[e];
-    v[e][2]  = 0.5 * xi[e] * (xi[e] + 1);
-    dv[e][0] = xi[e] - 0.5;
-    dv[e][1] = -2 * xi[e];
-    dv[e][2] = xi[e] + 0.5;
-  }
-  for (PetscInt j = 0; j < 9; j++) {
-    phi[j]     = v[0][j % 3] * v[1][j / 3];
-    dphi[0][j] = dv[0][j % 3] * v[1][j / 3];
-    dphi[1][j] = v[0][j % 3] * dv[1][j / 3];
-  }
-}
-
 /* Place y and Jacobian J[a][e] = dx_a/dxi_e of a cell with nodes xc; returns det J */
 static PetscReal map_cell(const PetscReal xc[], const PetscReal xi[2], PetscReal y[2], PetscReal J[4])
 {
-  PetscReal phi[9], dphi[2][9];
-
-  basis(xi, phi, dphi);
-  y[0] = y[1] = J[0] = J[1] = J[2] = J[3] = 0;
-  for (PetscInt j = 0; j < 9; j++) {
-    for (PetscInt a = 0; a < 2; a++) {
-      y[a] += phi[j] * xc[2 * j + a];
-      for (PetscInt e = 0; e < 2; e++) J[2 * a + e] += dphi[e][j] * xc[2 * j + a];
-    }
-  }
-  return J[0] * J[3] - J[1] * J[2];
+  ElementMap(2, xc, xi, y, J);
+  return DenseDeterminant(2, J);
 }
 
 /* Newton's method for x(xi) = x from the middle of the cell; false if it leaves the reach or meets a Jacobian that is not positive */
@@ -172,7 +146,7 @@ static PetscErrorCode evaluate(Remap r, const Answer *answer, PetscInt nfield, c
   det    = map_cell(xc, answer->xi, y, J);
   dxi[0] = (J[3] * answer->offset[0] - J[1] * answer->offset[1]) / det;
   dxi[1] = (J[0] * answer->offset[1] - J[2] * answer->offset[0]) / det;
-  basis(answer->xi, phi, dphi);
+  ElementBasis(2, answer->xi, phi, &dphi[0][0]);
   for (PetscInt f = 0; f < nfield; f++) {
     for (PetscInt a = 0; a < 2; a++) {
       v[2 * f + a] = 0;

@@ -1,6 +1,7 @@
 /* Snap: see snap.h. All decisions about a node are made by its owner, who sees all cells around it, and are then sent to the ghosts; all work is on lists of what bodies touch. */
 #include "compat.h"
 #include "snap.h"
+#include "element.h"
 
 #define CHUNK    256
 #define NRING    3
@@ -614,20 +615,9 @@ static void tabulate(Snap s)
 
   for (PetscInt p = 0; p < NPOINT; p++) {
     const PetscReal xi[2] = {p < 16 ? four[p % 4] : three[(p - 16) % 3], p < 16 ? four[p / 4] : three[(p - 16) / 3]};
-    PetscReal       v[2][3], dv[2][3];
+    PetscReal       phi[9];
 
-    for (PetscInt e = 0; e < 2; e++) {
-      v[e][0]  = 0.5 * xi[e] * (xi[e] - 1);
-      v[e][1]  = 1 - xi[e] * xi[e];
-      v[e][2]  = 0.5 * xi[e] * (xi[e] + 1);
-      dv[e][0] = xi[e] - 0.5;
-      dv[e][1] = -2 * xi[e];
-      dv[e][2] = xi[e] + 0.5;
-    }
-    for (PetscInt j = 0; j < 9; j++) {
-      s->dphi[p][0][j] = dv[0][j % 3] * v[1][j / 3];
-      s->dphi[p][1][j] = v[0][j % 3] * dv[1][j / 3];
-    }
+    ElementBasis(2, xi, phi, &s->dphi[p][0][0]);
   }
 }
 
