@@ -12,6 +12,7 @@
 #include "mark.h"
 #include "opt.h"
 #include "penalty.h"
+#include "rigid.h"
 
 /* A boundary rung: how the flow sees the surface of a body. Operations may be NULL. */
 typedef struct {
@@ -64,94 +65,6 @@ static PetscReal *rigid_component(Couple c, PetscReal (*u)[3], PetscReal (*w)[3]
 static PetscBool is_free(Couple c, PetscInt k, PetscInt s)
 {
   return BodiesIsFree(c->bodies, k, s < c->loc->dim ? s : 3);
-}
-
-/* Space inertia of body k as a full 3 x 3 matrix per unit density */
-static PetscErrorCode get_inertia(Couple c, PetscInt k, PetscReal J[3][3])
-{
-  PetscReal t[6];
-
-  PetscFunctionBeginUser;
-  PetscCall(BodiesGetInertia(c->bodies, k, PETSC_TRUE, t));
-  if (c->loc->dim == 2) {
-    PetscCall(PetscMemzero(J, 9 * sizeof(PetscReal)));
-    J[2][2] = t[2];
-  } else {
-    J[0][0] = t[0];
-    J[1][1] = t[1];
-    J[2][2] = t[2];
-    J[0][1] = J[1][0] = t[3];
-    J[0][2] = J[2][0] = t[4];
-    J[1][2] = J[2][1] = t[5];
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* S [dim][nr - dim]: w x arm = S w; the velocity of the centre is that of the reference point plus S w */
-static void get_spin(Couple c, const PetscReal arm[3], PetscReal S[3][3])
-{
-  const PetscReal full[3][3] = {{0, arm[2], -arm[1]}, {-arm[2], 0, arm[0]}, {arm[1], -arm[0], 0}};
-
-  for (PetscInt a = 0; a < 3; a++)
-    for (PetscInt b = 0; b < 3; b++) S[a][b] = c->loc->dim == 2 ? (b ? 0 : full[a][2]) : full[a][b];
-}
-
-/* Volume and inertia of body k as it is drawn, per unit density, as a matrix on its rigid slots: M [nr][nr] = T^T diag(Vol, I) T with the centre's velocity T (U, w) */
-static PetscErrorCode get_rigid_mass(Couple c, PetscInt k, PetscReal M[])
-{
-  const PetscInt nr = c->nr, dim = c->loc->dim;
-  PetscReal      volume, J[3][3], arm[3], S[3][3];
-
-  PetscFunctionBeginUser;
-  PetscCall(BodiesGetVolume(c->bodies, k, &volume));
-  PetscCall(get_inertia(c, k, J));
-  for (PetscInt i = 0; i < nr * nr; i++) M[i] = 0;
-  for (PetscInt a = 0; a < dim; a++) M[a * (nr + 1)] = volume;
-  if (dim == 2) M[8] = J[2][2];
-  else
-    for (PetscInt a = 0; a < 9; a++) M[(3 + a / 3) * nr + 3 + a % 3] = J[a / 3][a % 3];
-  if (c->s->group[c->s->body_group[k]].motion.has_pivot) {
-    PetscCall(BodiesGetArm(c->bodies, k, c->q[k], arm));
-    get_spin(c, arm, S);
-    for (PetscInt b = 0; b < nr - dim; b++) {
-      for (PetscInt a = 0; a < dim; a++) M[a * nr + dim + b] = M[(dim + b) * nr + a] = volume * S[a][b];
-      for (PetscInt e = 0; e < nr - dim; e++)
-        for (PetscInt a = 0; a < dim; a++) M[(dim + b) * nr + dim + e] += volume * S[a][b] * S[a][e];
-    }
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Generalised force on the rigid slots of body k as it is drawn, of a force at the centre and a torque about it */
-static PetscErrorCode reduce_force(Couple c, PetscInt k, const PetscReal force[3], const PetscReal torque[3], PetscReal out[])
-{
-  const PetscInt dim = c->loc->dim;
-  PetscReal      arm[3], S[3][3];
-
-  PetscFunctionBeginUser;
-  PetscCall(BodiesGetArm(c->bodies, k, c->q[k], arm));
-  get_spin(c, arm, S);
-  for (PetscInt a = 0; a < dim; a++) out[a] = force[a];
-  for (PetscInt b = 0; b < c->nr - dim; b++) {
-    out[dim + b] = dim == 2 ? torque[2] : torque[b];
-    for (PetscInt a = 0; a < dim; a++) out[dim + b] += S[a][b] * force[a];
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Acceleration of the centre relative to its reference point that is not in c_t U - d(U): w x (w x arm) */
-static PetscErrorCode centripetal(Couple c, PetscInt k, PetscReal out[3])
-{
-  const PetscInt  dim  = c->loc->dim;
-  const PetscReal w[3] = {dim == 2 ? 0 : c->U[k * c->nr + 3], dim == 2 ? 0 : c->U[k * c->nr + 4], c->U[k * c->nr + c->nr - 1]};
-  PetscReal       arm[3], along, square;
-
-  PetscFunctionBeginUser;
-  PetscCall(BodiesGetArm(c->bodies, k, c->q[k], arm));
-  along  = w[0] * arm[0] + w[1] * arm[1] + w[2] * arm[2];
-  square = w[0] * w[0] + w[1] * w[1] + w[2] * w[2];
-  for (PetscInt a = 0; a < 3; a++) out[a] = along * w[a] - square * arm[a];
-  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Rigid velocity of slot i of body k at the last two times. A pivot's translation is prescribed, and is kept here, not in the state of the body. */
@@ -289,13 +202,13 @@ static PetscErrorCode fill_rigid_rows(Couple c)
     const PetscReal excess = c->s->group[c->s->body_group[k]].density - inner_density(c, k, par);
     PetscReal       M[36], *g = c->g + k * nr, spin, L[3], force[3], torque[3];
 
-    PetscCall(get_rigid_mass(c, k, M));
+    PetscCall(RigidGetMass(c->bodies, k, c->q[k], M));
     PetscCall(BodiesGetLoad(c->bodies, k, par->density, par->gravity, force, torque));
     for (PetscInt a = 0; a < 3; a++) {
       force[a] += c->s->contact_force[k][a];
       torque[a] += c->s->contact_torque[k][a];
     }
-    PetscCall(reduce_force(c, k, force, torque, g));
+    PetscCall(RigidReduceForce(c->bodies, k, c->q[k], force, torque, g));
     for (PetscInt i = 0; i < nr; i++) {
       for (PetscInt j = 0; j < nr; j++) {
         PetscReal now, old;
@@ -453,10 +366,10 @@ static PetscErrorCode residual_force(Couple c, PetscInt k, PetscReal out[])
   PetscFunctionBeginUser;
   PetscCall(FlowGetStep(c->flow, &step));
   PetscCall(FlowGetParameters(c->flow, &par));
-  PetscCall(get_rigid_mass(c, k, M));
+  PetscCall(RigidGetMass(c->bodies, k, c->q[k], M));
   rho_i = inner_density(c, k, par);
   PetscCall(get_spin_stress(c, k, par, &spin));
-  PetscCall(centripetal(c, k, extra));
+  PetscCall(RigidCentripetal(c->bodies, k, c->q[k], c->U + k * c->nr + c->loc->dim, extra));
   for (PetscInt i = 0; i < nr; i++) a[i] = step->ct * c->U[k * nr + i] - step->d0 * c->U_old[k * nr + i] - step->d1 * c->U_older[k * nr + i];
   for (PetscInt i = 0; i < nr; i++) {
     PetscReal inertia = i < c->loc->dim ? rho_i * M[0] * extra[i] : 0, excess = 0;
@@ -603,8 +516,8 @@ static PetscErrorCode sum_bodies(Couple c, PetscReal out[3], PetscReal *size)
     const PetscReal inside = c->s->group[c->s->body_group[k]].hole ? 0 : inner_density(c, k, par);
     PetscReal       M[36], extra[3];
 
-    PetscCall(get_rigid_mass(c, k, M));
-    PetscCall(centripetal(c, k, extra));
+    PetscCall(RigidGetMass(c->bodies, k, c->q[k], M));
+    PetscCall(RigidCentripetal(c->bodies, k, c->q[k], c->U + k * c->nr + c->loc->dim, extra));
     for (PetscInt a = 0; a < c->loc->dim; a++) {
       PetscReal inertia = M[0] * extra[a];
 
