@@ -5,10 +5,12 @@ import functools
 import json
 import os
 import re
+import resource
 import shlex
 import signal
 import subprocess
 import time
+import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -130,6 +132,23 @@ def run_scene(scene, options, ranks, folder, build="build", limit=None, launch=N
         end_group(process)
         raise
     return Run(command, folder, status, out, err, time.monotonic() - began)
+
+
+def children_seconds():
+    """Processor seconds of all programs that this one ran so far and that have ended."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def find_snapshots(folder, kind, unlisted=False):
+    """{step: file} of the snapshots <kind>_<step>.h5 that <kind>.xmf names: other files may come from an earlier run. Without that list none, or all if unlisted is true."""
+    index = folder / f"{kind}.xmf"
+    if index.exists():
+        names = {item.text.split(":")[0].strip() for item in ElementTree.parse(index).iter("DataItem")}
+    else:
+        names = {path.name for path in folder.glob(f"{kind}_*.h5")} if unlisted else set()
+    found = {int(match[1]): folder / match[0] for match in (re.fullmatch(kind + r"_(\d+)\.h5", name) for name in names) if match}
+    return dict(sorted(found.items()))
 
 
 def printable(command):

@@ -13,7 +13,6 @@ length, output included, which other programs on the machine disturb less; empty
 import argparse
 import csv
 import os
-import resource
 import statistics
 import sys
 import tempfile
@@ -21,7 +20,7 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parents[1] / "tools"))
-from toolbox import append_row, check_columns, machine_name, print_table, run_scene  # noqa: E402
+from toolbox import append_row, check_columns, children_seconds, machine_name, print_table, run_scene  # noqa: E402
 
 RESULTS = HERE / "bodies.csv"
 COLUMNS = "case,commit,machine,load,cells,unknowns,bodies,search,steps,nse_s,force_s,particle_s,total_s,cpu_s,outer_mean,memory_mb,bytes_per_body".split(",")
@@ -49,12 +48,11 @@ def numbers(text, default):
 
 def run_timed(scene, options, build, folder):
     """The run, and the processor seconds of its processes."""
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    before = children_seconds()
     run = run_scene(scene, options, 1, folder, build)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
     if not run.summary:
         sys.exit(f"bodies.py: {run.ended}: {run.message}")
-    return run, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return run, children_seconds() - before
 
 
 def measure(case, scene, options, steps, args, search):
