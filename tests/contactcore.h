@@ -3,6 +3,7 @@
 #include "compat.h"
 #include "contact.h"
 #include "opt.h"
+#include "raised.h"
 #include "rotation.h"
 #include <stdarg.h>
 #include <stddef.h>
@@ -15,15 +16,6 @@
 #define OK(call) assert_int_equal(call, 0)
 
 static const PetscReal zero[3] = {0, 0, 0}, one[3] = {1, 1, 1}, down[3] = {0, -10, 0};
-static char            raised[2100];
-
-static inline PetscErrorCode record_error(MPI_Comm comm, int line, const char *fun, const char *file, PetscErrorCode n, PetscErrorType p,
-                                          const char *mess, void *ctx)
-{
-  (void)comm, (void)line, (void)fun, (void)file, (void)ctx;
-  if (p == PETSC_ERROR_INITIAL) snprintf(raised, sizeof(raised), "%s", mess ? mess : "");
-  return n;
-}
 
 typedef struct {
   Bodies     b;

@@ -25,6 +25,15 @@ static inline void near_at(PetscReal got, PetscReal want, PetscReal tolerance, c
   _fail(file, line);
 }
 
+/* Errors on two meshes (or with two steps), each half the one before, must fall with this rate */
+static inline void expect_rate(const char what[], PetscReal coarse, PetscReal fine, PetscReal rate)
+{
+  const PetscReal got = PetscLog2Real(coarse / fine);
+
+  if (got < rate - 0.25 || got > rate + 1)
+    fail_msg("%s: errors %g and %g give rate %.2f, expected %g (-0.25, +1)", what, (double)coarse, (double)fine, (double)got, (double)rate);
+}
+
 /* ---- numbers ---- */
 
 static inline PetscReal total(PetscReal x)

@@ -60,11 +60,10 @@ static void test_options(void **state)
 {
   const char *scene =
     "-particle_groups a -particle_a_shape circle -particle_a_radius 0.1 -particle_a_density 3 -particle_a_position 0.5,0.11 -contact_range 0.02 ";
-  char           options[512];
-  PetscReal      once;
-  PetscInt       substeps;
-  PetscErrorCode got;
-  Fixture        f;
+  char      options[512];
+  PetscReal once;
+  PetscInt  substeps;
+  Fixture   f;
 
   (void)state;
   create(&f, 2, 1, down, zero, one, 4, scene);
@@ -88,11 +87,8 @@ static void test_options(void **state)
   destroy(&f);
   snprintf(options, sizeof(options), "%s -contact_substeps 1", scene);
   create(&f, 2, 1, down, zero, one, 4, options);
-  OK(PetscPushErrorHandler(record_error, NULL));
-  got = ContactStep(f.c, 0.01, f.a, f.alpha);
-  OK(PetscPopErrorHandler());
-  assert_int_equal(got, PETSC_ERR_USER_INPUT);
-  assert_non_null(strstr(raised, "-contact_substeps 1 is too small"));
+  begin_error();
+  expect_error(ContactStep(f.c, 0.01, f.a, f.alpha), PETSC_ERR_USER_INPUT, "-contact_substeps 1 is too small", NULL);
   destroy(&f);
   snprintf(options, sizeof(options), "%s -contact_substeps %d", scene, (int)(substeps / 3));
   create(&f, 2, 1, down, zero, one, 4, options);

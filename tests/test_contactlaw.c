@@ -344,9 +344,9 @@ static void refused(const char options[], const char what[])
   OK(PetscOptionsClear(NULL));
   OK(PetscOptionsInsertString(NULL, options));
   OK(BodiesCreate(2, zero, one, &f.b));
-  OK(PetscPushErrorHandler(record_error, NULL));
+  begin_error();
   got = ContactCreate(f.b, 0.1, 1, zero, zero, one, 0, &f.c);
-  OK(PetscPopErrorHandler());
+  end_error();
   if (!got || !strstr(raised, what)) fail_msg("%s: got %d, '%s'", options, (int)got, raised);
   OK(BodiesDestroy(&f.b));
 }

@@ -1,9 +1,10 @@
 /* Hole: force and torque on a body that is a hole of the mesh against exact Stokes solutions between circles, with the order of convergence; balance of momentum of a channel with a
    hole; what is no surface is refused. */
 /* ranks: 1 2 3 */
-#include "core.h"
 #include "couple.h"
+#include "flowcase.h"
 #include "hole.h"
+#include "raised.h"
 
 #define MU 0.7
 #define A  0.5 /* radii */
@@ -11,31 +12,6 @@
 #define ANNULUS \
   "-mesh_kind annulus -mesh_centre 0.3,-0.2 -mesh_radii 0.5,1.2 -flow_density 1.3 -flow_viscosity 0.7 -flow_time be -flow_convection false " \
   "-particle_groups inner -particle_inner_shape circle -particle_inner_radius 0.5 -particle_inner_position 0.3,-0.2 -particle_inner_free none "
-
-typedef struct {
-  Mesh             mesh;
-  Flow             flow;
-  Bodies           bodies;
-  BodyState       *s;
-  const MeshLocal *l;
-} Case;
-
-static void open_case(Case *c, const char options[])
-{
-  give(options);
-  OK(MeshCreate(PETSC_COMM_WORLD, &c->mesh));
-  OK(MeshGetLocal(c->mesh, &c->l));
-  OK(FlowCreate(c->mesh, &c->flow));
-  OK(BodiesCreate(c->l->dim, c->l->lower, c->l->upper, &c->bodies));
-  OK(BodiesGetState(c->bodies, &c->s));
-}
-
-static void close_case(Case *c)
-{
-  OK(BodiesDestroy(&c->bodies));
-  OK(FlowDestroy(&c->flow));
-  OK(MeshDestroy(&c->mesh));
-}
 
 /* ---- exact solutions ---- */
 
@@ -171,15 +147,6 @@ static void test_momentum(void **state)
 
 /* ---- mistakes ---- */
 
-static char           raised[2048];
-static PetscErrorCode record_error(MPI_Comm comm, int line, const char *fun, const char *file, PetscErrorCode n, PetscErrorType p, const char *mess,
-                                   void *ctx)
-{
-  (void)comm, (void)line, (void)fun, (void)file, (void)ctx;
-  if (p == PETSC_ERROR_INITIAL) snprintf(raised, sizeof(raised), "%s", mess ? mess : "");
-  return n;
-}
-
 static void test_mistakes(void **state)
 {
   (void)state;
@@ -188,18 +155,14 @@ static void test_mistakes(void **state)
                                   {"-particle_inner_free rotation -particle_inner_density 1", "-particle_inner_free none"}};
 
   for (PetscInt i = 0; i < 3; i++) {
-    char           options[1024];
-    Case           c;
-    Hole           hole;
-    PetscErrorCode got;
+    char options[1024];
+    Case c;
+    Hole hole;
 
     snprintf(options, sizeof(options), ANNULUS "%s", wrong[i][0]);
     open_case(&c, options);
-    OK(PetscPushErrorHandler(record_error, NULL));
-    got = HoleCreate(c.flow, c.bodies, &hole);
-    OK(PetscPopErrorHandler());
-    assert_int_equal(got, PETSC_ERR_USER_INPUT);
-    if (!strstr(raised, wrong[i][1])) fail_msg("the message '%s' does not say '%s'", raised, wrong[i][1]);
+    begin_error();
+    expect_error(HoleCreate(c.flow, c.bodies, &hole), PETSC_ERR_USER_INPUT, wrong[i][1], NULL);
     close_case(&c);
   }
 }

@@ -168,14 +168,6 @@ static void measure(const Case *c, Exact exact, PetscReal t, PetscReal *error_u,
   OK(ElementDestroy(&table));
 }
 
-static void expect_rate(const char what[], PetscReal coarse, PetscReal fine, PetscReal rate)
-{
-  const PetscReal got = PetscLog2Real(coarse / fine);
-
-  if (got < rate - 0.25 || got > rate + 1)
-    fail_msg("%s: errors %g and %g give rate %.2f, expected %g (-0.25, +1)", what, (double)coarse, (double)fine, (double)got, (double)rate);
-}
-
 /* ---- space ---- */
 
 static void check_steady_rates(const char mesh[])

@@ -2,49 +2,13 @@
 /* ranks: 1 2 */
 #include "compat.h"
 #include "opt.h"
+#include "raised.h"
 #include <stdarg.h>
 #include <stddef.h>
 #include <setjmp.h>
 #include <stdint.h>
 #include <string.h>
 #include <cmocka.h>
-
-static char raised[2100]; /* message of the last error */
-static int  raised_times; /* how often an error was raised (not passed on) */
-
-static PetscErrorCode record_error(MPI_Comm comm, int line, const char *fun, const char *file, PetscErrorCode n, PetscErrorType p, const char *mess,
-                                   void *ctx)
-{
-  (void)comm, (void)line, (void)fun, (void)file, (void)ctx;
-  if (p == PETSC_ERROR_INITIAL) {
-    raised_times++;
-    snprintf(raised, sizeof(raised), "%s", mess ? mess : "");
-  }
-  return n;
-}
-
-static void begin_error(void)
-{
-  raised[0]    = 0;
-  raised_times = 0;
-  assert_int_equal(PetscPushErrorHandler(record_error, NULL), 0);
-}
-
-/* The call between begin_error() and this one must have raised `code` once with all of the given texts in its message. */
-static void expect_error(PetscErrorCode got, PetscErrorCode code, ...)
-{
-  va_list     texts;
-  const char *text;
-
-  assert_int_equal(PetscPopErrorHandler(), 0);
-  assert_int_equal(got, code);
-  assert_int_equal(raised_times, 1);
-  va_start(texts, code);
-  while ((text = va_arg(texts, const char *))) {
-    if (!strstr(raised, text)) fail_msg("'%s' is not in the message '%s'", text, raised);
-  }
-  va_end(texts);
-}
 
 static void give(const char name[], const char value[])
 {

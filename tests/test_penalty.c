@@ -1,37 +1,12 @@
 /* Penalty: the parts of cells add up to the body, a rigid motion meets no penalty, momentum is balanced for fixed and free bodies, at walls and in shared cells; 3D. */
 /* ranks: 1 2 3 */
-#include "core.h"
 #include "couple.h"
+#include "flowcase.h"
 #include "penalty.h"
 
 #define BOX  "-mesh_cells 20,20 -flow_density 1.3 -flow_viscosity 0.05 -flow_gravity 0.5,-9 "
 #define RUNG "-couple_boundary penalty -flow_ksp_rtol 1e-11 -flow_ksp_max_it 300 "
 #define DISC "-particle_groups disc -particle_disc_shape circle "
-
-typedef struct {
-  Mesh             mesh;
-  Flow             flow;
-  Bodies           bodies;
-  BodyState       *s;
-  const MeshLocal *l;
-} Case;
-
-static void open_case(Case *c, const char options[])
-{
-  give(options);
-  OK(MeshCreate(PETSC_COMM_WORLD, &c->mesh));
-  OK(MeshGetLocal(c->mesh, &c->l));
-  OK(FlowCreate(c->mesh, &c->flow));
-  OK(BodiesCreate(c->l->dim, c->l->lower, c->l->upper, &c->bodies));
-  OK(BodiesGetState(c->bodies, &c->s));
-}
-
-static void close_case(Case *c)
-{
-  OK(BodiesDestroy(&c->bodies));
-  OK(FlowDestroy(&c->flow));
-  OK(MeshDestroy(&c->mesh));
-}
 
 /* ---- the term itself ---- */
 

@@ -2,6 +2,7 @@
 /* ranks: 1 2 3 */
 #include "core.h"
 #include "probe.h"
+#include "raised.h"
 
 typedef struct {
   Mesh             mesh;
@@ -143,15 +144,6 @@ static void test_coefficients(void **state)
 
 /* ---- mistakes ---- */
 
-static char           raised[2048];
-static PetscErrorCode record_error(MPI_Comm comm, int line, const char *fun, const char *file, PetscErrorCode n, PetscErrorType p, const char *mess,
-                                   void *ctx)
-{
-  (void)comm, (void)line, (void)fun, (void)file, (void)ctx;
-  if (p == PETSC_ERROR_INITIAL) snprintf(raised, sizeof(raised), "%s", mess ? mess : "");
-  return n;
-}
-
 static void test_mistakes(void **state)
 {
   (void)state;
@@ -164,15 +156,11 @@ static void test_mistakes(void **state)
       "'dot' has 4 bodies"}};
 
   for (PetscInt i = 0; i < 4; i++) {
-    Case           c;
-    PetscErrorCode got;
+    Case c;
 
     build_case(&c, wrong[i][0]);
-    OK(PetscPushErrorHandler(record_error, NULL));
-    got = ProbeCreate(c.flow, c.bodies, c.couple, c.monitor, &c.probe);
-    OK(PetscPopErrorHandler());
-    assert_int_equal(got, PETSC_ERR_USER_INPUT);
-    if (!strstr(raised, wrong[i][1])) fail_msg("the message '%s' does not say '%s'", raised, wrong[i][1]);
+    begin_error();
+    expect_error(ProbeCreate(c.flow, c.bodies, c.couple, c.monitor, &c.probe), PETSC_ERR_USER_INPUT, wrong[i][1], NULL);
     destroy_case(&c);
   }
 }
