@@ -187,6 +187,22 @@ static PetscErrorCode get_spin_stress(Couple c, PetscInt k, const FlowParameters
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* -flow_force on the fluid that body k displaces, on its rigid slots: it stands for a pressure gradient, which acts on bodies too. Fluid inside receives it; where there is none, the
+   body does. */
+static PetscErrorCode get_dead_force(Couple c, PetscInt k, const FlowParameters *par, PetscReal out[])
+{
+  const PetscReal none[3] = {0, 0, 0};
+  PetscReal       volume, force[3];
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(out, c->nr));
+  if (!c->fitted || !c->fitted[k]) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(BodiesGetVolume(c->bodies, k, &volume));
+  for (PetscInt a = 0; a < 3; a++) force[a] = volume * par->force[a];
+  PetscCall(RigidReduceForce(c->bodies, k, c->q[k], force, none, out));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Inertia D = c_t (rho_s - rho_i) (Vol; I) and right-hand side (rho_s - rho_i) (Vol; I) d(U) + (rho_s - rho_f) Vol g + contact + load of the rigid rows, rho_i: density of
    the fluid inside. Known velocities that share an inertia with unknown ones (a pivot that moves) count on the right. */
 static PetscErrorCode fill_rigid_rows(Couple c)
@@ -200,7 +216,7 @@ static PetscErrorCode fill_rigid_rows(Couple c)
   PetscCall(FlowGetParameters(c->flow, &par));
   for (PetscInt k = 0; k < c->s->n; k++) {
     const PetscReal excess = c->s->group[c->s->body_group[k]].density - inner_density(c, k, par);
-    PetscReal       M[36], *g = c->g + k * nr, spin, L[3], force[3], torque[3];
+    PetscReal       M[36], *g = c->g + k * nr, spin, L[3], force[3], torque[3], dead[6];
 
     PetscCall(RigidGetMass(c->bodies, k, c->q[k], M));
     PetscCall(BodiesGetLoad(c->bodies, k, par->density, par->gravity, force, torque));
@@ -209,7 +225,9 @@ static PetscErrorCode fill_rigid_rows(Couple c)
       torque[a] += c->s->contact_torque[k][a];
     }
     PetscCall(RigidReduceForce(c->bodies, k, c->q[k], force, torque, g));
+    PetscCall(get_dead_force(c, k, par, dead));
     for (PetscInt i = 0; i < nr; i++) {
+      g[i] += dead[i];
       for (PetscInt j = 0; j < nr; j++) {
         PetscReal now, old;
 
@@ -320,14 +338,41 @@ static PetscErrorCode sum_residuals(Couple c, PetscReal out[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The volume integral -int sigma . grad(alpha_k) of all bodies (only = -1) or of one: force and torque [n][3] */
-static PetscErrorCode integrate_stress(Couple c, PetscInt only, PetscReal (*force)[3], PetscReal (*torque)[3])
+/* int alpha_k f over the fluid, added to force and torque [n][3] before they are summed over ranks */
+static PetscErrorCode add_volume_force(Couple c, PetscInt only, const FlowParameters *par, PetscReal (*force)[3], PetscReal (*torque)[3])
 {
-  const MeshLocal *l = c->loc;
-  const PetscInt  *body, *touched;
-  PetscInt         ntouched;
+  const PetscReal *m;
+  const PetscInt  *body, *node, dim = c->loc->dim;
+  PetscInt         n;
 
   PetscFunctionBeginUser;
+  PetscCall(FlowGetLumpedMass(c->flow, &m));
+  PetscCall(ConstraintGetNodeBody(c->constraint, &body));
+  PetscCall(MarkGetNodes(c->mark, NULL, &n, &node));
+  for (PetscInt e = 0; e < n; e++) {
+    const PetscInt k = body[node[e]];
+    PetscReal      R[18];
+
+    if (k < 0 || node[e] >= c->loc->nnode || (only >= 0 && k != only)) continue;
+    ConstraintRigidAt(c->loc, node[e], c->X[k], R);
+    for (PetscInt a = 0; a < dim; a++) {
+      force[k][a] += m[node[e]] * par->force[a];
+      for (PetscInt i = dim; i < c->nr; i++) *rigid_component(c, force, torque, k, i) += R[a * c->nr + i] * m[node[e]] * par->force[a];
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The volume integral -int (sigma . grad alpha_k - alpha_k f) of all bodies (only = -1) or of one, with f on dead insides: force and torque [n][3] */
+static PetscErrorCode integrate_stress(Couple c, PetscInt only, PetscReal (*force)[3], PetscReal (*torque)[3])
+{
+  const MeshLocal      *l = c->loc;
+  const FlowParameters *par;
+  const PetscInt       *body, *touched;
+  PetscInt              ntouched;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetParameters(c->flow, &par));
   PetscCall(ConstraintGetNodeBody(c->constraint, &body));
   PetscCall(MarkGetCells(c->mark, &ntouched, &touched));
   PetscCall(PetscMemzero(force, c->s->n * sizeof(*force)));
@@ -349,8 +394,15 @@ static PetscErrorCode integrate_stress(Couple c, PetscInt only, PetscReal (*forc
       if (first && !whole) PetscCall(FlowCellStressForce(c->flow, touched[t], c->u, c->p, alpha, c->X[k], force[k], torque[k]));
     }
   }
+  PetscCall(add_volume_force(c, only, par, force, torque));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, force, (PetscMPIInt)(3 * c->s->n), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, torque, (PetscMPIInt)(3 * c->s->n), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    PetscReal dead[6];
+
+    PetscCall(get_dead_force(c, k, par, dead));
+    for (PetscInt a = 0; a < l->dim && (only < 0 || k == only); a++) force[k][a] += dead[a];
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -361,18 +413,19 @@ static PetscErrorCode residual_force(Couple c, PetscInt k, PetscReal out[])
   const FlowParameters *par;
   const PetscInt        nr    = c->nr;
   const PetscReal       rho_s = c->s->group[c->s->body_group[k]].density;
-  PetscReal             M[36], a[6], extra[3], rho_i, spin;
+  PetscReal             M[36], a[6], extra[3], dead[6], rho_i, spin;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetStep(c->flow, &step));
   PetscCall(FlowGetParameters(c->flow, &par));
   PetscCall(RigidGetMass(c->bodies, k, c->q[k], M));
   rho_i = inner_density(c, k, par);
+  PetscCall(get_dead_force(c, k, par, dead));
   PetscCall(get_spin_stress(c, k, par, &spin));
   PetscCall(RigidCentripetal(c->bodies, k, c->q[k], c->U + k * c->nr + c->loc->dim, extra));
   for (PetscInt i = 0; i < nr; i++) a[i] = step->ct * c->U[k * nr + i] - step->d0 * c->U_old[k * nr + i] - step->d1 * c->U_older[k * nr + i];
   for (PetscInt i = 0; i < nr; i++) {
-    PetscReal inertia = i < c->loc->dim ? rho_i * M[0] * extra[i] : 0, excess = 0;
+    PetscReal inertia = dead[i] + (i < c->loc->dim ? rho_i * M[0] * extra[i] : 0), excess = 0;
 
     for (PetscInt j = 0; j < nr; j++) {
       inertia += rho_i * M[i * nr + j] * a[j];
@@ -514,16 +567,17 @@ static PetscErrorCode sum_bodies(Couple c, PetscReal out[3], PetscReal *size)
   out[0] = out[1] = out[2] = 0;
   for (PetscInt k = 0; k < c->s->n; k++) {
     const PetscReal inside = c->s->group[c->s->body_group[k]].hole ? 0 : inner_density(c, k, par);
-    PetscReal       M[36], extra[3];
+    PetscReal       M[36], extra[3], dead[6];
 
+    PetscCall(get_dead_force(c, k, par, dead));
     PetscCall(RigidGetMass(c->bodies, k, c->q[k], M));
     PetscCall(RigidCentripetal(c->bodies, k, c->q[k], c->U + k * c->nr + c->loc->dim, extra));
     for (PetscInt a = 0; a < c->loc->dim; a++) {
-      PetscReal inertia = M[0] * extra[a];
+      PetscReal inertia = M[0] * extra[a]; /* of what moves with the body */
 
       for (PetscInt j = 0; j < c->nr; j++)
         inertia += M[a * c->nr + j] * (step->ct * c->U[k * c->nr + j] - step->d0 * c->U_old[k * c->nr + j] - step->d1 * c->U_older[k * c->nr + j]);
-      out[a] += inside * inertia - c->s->force[k][a];
+      out[a] += inside * inertia + dead[a] - c->s->force[k][a];
       *size += PetscAbsReal(c->s->force[k][a]);
     }
   }
