@@ -130,6 +130,21 @@ def test_outline_from_indicator(tmp_path):
     assert white[1] > 0.3 * white[0] > 10
 
 
+def test_outline_from_file(tmp_path):
+    """A body that is no disc is drawn as the outline that bodies_<step>.h5 holds; one that has left the domain is not."""
+    changed = []
+    for name, radius in (("gone", 0), ("there", RADIUS)):
+        folder = write_run(tmp_path / name, 0)
+        with h5py.File(folder / "fields_40.h5", "a") as file:
+            file["body"][:] = -1
+        with h5py.File(folder / "bodies_40.h5", "w") as file:
+            file["radius"] = [radius]
+            file["outline"] = [[0.9, 3, 0], [1.6, 3, 0], [1.6, 4, 0], [0.9, 4, 0]]
+        assert plot(folder, "--step", 40).returncode == 0
+        changed.append(assert_picture(folder / "field_40.png"))
+    assert np.count_nonzero(np.any(changed[0] != changed[1], axis=2)) > 500
+
+
 def test_running_job(run_dir):
     """No summary yet; a snapshot that the index does not name is not ours."""
     (run_dir / "summary.json").unlink()

@@ -59,6 +59,18 @@ def test_oscillating_cylinder(bodies):
     assert abs(sum(drag) / len(drag) - 1.3537) < 0.25  # D/h = 8
 
 
+def test_heart_valve(bodies):
+    """Between its stops, fully open in the first half of the period; in the second half the stronger back-flow swings it further."""
+    swing = []
+    for inlet in (0.925, 1.25):
+        rows, _ = bodies("heart-valve", "flap", "-mesh_cells", "32,8", "-sim_dt", "0.02", "-sim_time", "0.9", "-flow_bc_left_factor", f"{inlet},1,1", "-output_overwrite")
+        angle = {round(float(row["time_s"]), 3): float(row["angle_rad"]) for row in rows}
+        assert 0.3 <= min(angle.values()) and max(angle.values()) <= math.pi / 2
+        assert max(a for t, a in angle.items() if 0.2 < t < 0.5) < 0.3 + 1e-6
+        swing.append(max(a for t, a in angle.items() if t > 0.5))
+    assert swing[0] > swing[1] + 0.1 > 0.41, swing
+
+
 def test_scene_in_a_moving_frame(bodies):
     """Walls, fluid and disc that start with one velocity keep it, whatever the mesh and the rung."""
     rows, _ = bodies("poiseuille-migration", "disc", "-flow_force", "0,0", "-mesh_cells", "12,12", "-sim_time", "4")
