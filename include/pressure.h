@@ -15,8 +15,9 @@ PetscErrorCode PressureSetDefaults(void);
 PetscErrorCode PressureCreate(Flow, Constraint, Pressure *);
 PetscErrorCode PressureDestroy(Pressure *);
 
-/* eps of the design's section 4: share of their inverse mass that constrained body nodes keep. */
-PetscReal PressureGetSoftness(Pressure);
+/* eps of the design's section 4: share of their inverse mass that the nodes of body k keep. None at resolved walls: no cell is cut there, and fluid on one side only would make a
+   wall that yields take constant pressures out of the null space. */
+PetscReal PressureGetSoftness(Pressure, PetscInt k);
 
 /* All masses here are divided by rho c_t: S_p belongs to continuity rows multiplied by rho c_t, and does not depend on the time step.
    weight [nnode_all][dim]: inverse mass of every nodal slot (zero at walls), with the penalty where a body holds the node softly; share [nnode_all]: what part of the motion of its

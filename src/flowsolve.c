@@ -367,7 +367,8 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs)
     const PetscReal w = mass > 0 ? 1 / mass : 0; /* no mass: buried in a dead cell */
 
     fs->share[i] = body[i] >= 0 ? 1 : soft * w;
-    for (PetscInt a = 0; a < dim; a++) fs->weight[i * dim + a] = body[i] >= 0 ? w * PressureGetSoftness(fs->pressure) : (fixed[i] >> a) & 1 ? 0 : w;
+    for (PetscInt a = 0; a < dim; a++)
+      fs->weight[i * dim + a] = body[i] >= 0 ? w * PressureGetSoftness(fs->pressure, body[i]) : (fixed[i] >> a) & 1 ? 0 : w;
   }
   if (fs->nsaved < ninert + nfollow) {
     PetscCall(PetscFree(fs->saved));

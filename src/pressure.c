@@ -825,9 +825,9 @@ PetscErrorCode PressureDestroy(Pressure *pressure)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscReal PressureGetSoftness(Pressure p)
+PetscReal PressureGetSoftness(Pressure p, PetscInt k)
 {
-  return p->eps;
+  return p->resolved[k] ? 0 : p->eps;
 }
 
 PetscErrorCode PressureForgetCells(Pressure p, PetscInt n, const PetscInt cells[])
