@@ -338,14 +338,16 @@ static PetscInt holder(const PetscInt body[], const PetscInt follow[], const Pet
   return k;
 }
 
-/* q [nk][nr] = B_c R_k over the nodes of cell c that move with body k, times their share */
+/* q [nk][nr] = B_c R_k over the nodes of cell c that move with body k, times their share; fixed components do not move, whatever share of a wall's node the body covers */
 static PetscErrorCode cut_rows(Pressure p, const PetscInt body[], const PetscInt follow[], const PetscReal share[], const PetscReal b[], PetscInt c,
                                PetscInt k, PetscReal q[])
 {
   const MeshLocal *l   = p->loc;
-  const PetscInt   dim = l->dim, n = l->nb * dim;
+  const PetscInt   dim = l->dim, n = l->nb * dim, *fixed;
+  const PetscReal *value;
 
   PetscFunctionBeginUser;
+  PetscCall(BoundaryGetValues(FlowBoundary(p->flow), &fixed, &value));
   for (PetscInt e = 0; e < p->nk * p->nr; e++) q[e] = 0;
   for (PetscInt j = 0; j < l->nb; j++) {
     const PetscInt i = l->cell_node[c * l->nb + j];
@@ -355,7 +357,8 @@ static PetscErrorCode cut_rows(Pressure p, const PetscInt body[], const PetscInt
     PetscCall(ConstraintRigidMap(p->constraint, i, k, R));
     for (PetscInt m = 0; m < p->nk; m++)
       for (PetscInt s = 0; s < p->nr; s++)
-        for (PetscInt a = 0; a < dim; a++) q[m * p->nr + s] += part * b[c * p->nk * n + m * n + j * dim + a] * R[a * p->nr + s];
+        for (PetscInt a = 0; a < dim; a++)
+          if (!((fixed[i] >> a) & 1)) q[m * p->nr + s] += part * b[c * p->nk * n + m * n + j * dim + a] * R[a * p->nr + s];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -779,7 +782,8 @@ PetscErrorCode PressureCreate(Flow flow, Constraint constraint, Pressure *pressu
   PetscCall(MPIU_Allreduce(&count, &p->nbodies, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
   p->nk  = p->loc->dim + 1;
   p->eps = 1e-4;
-  PetscCall(OptReal("-flow_pressure_softness", "share of their inverse mass that body nodes keep in the pressure preconditioner", "", 0, 1, &p->eps));
+  PetscCall(OptReal("-flow_pressure_softness", "share of their inverse mass that body nodes keep in the pressure preconditioner", "", OPT_POSITIVE, 1,
+                    &p->eps));
   PetscCall(
     PetscCalloc3(p->loc->nnode_all * p->loc->dim, &p->weight, p->nbodies * p->nr * p->nr, &p->mass_inverse, 2 * p->nbodies * p->nr, &p->work));
   PetscCall(PetscCalloc3(p->loc->ncell, &p->stamp, p->loc->ncell, &p->touched, p->loc->ncell, &p->listed));

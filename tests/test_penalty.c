@@ -187,6 +187,8 @@ static void test_balance(void **state)
      "-particle_disc_radius 0.15 -particle_disc_free y -particle_disc_density 2 -particle_disc_position 0.42,0.53 -particle_disc_velocity 0.4,0",
      DISC BOX RUNG "-particle_disc_radius 0.15 -particle_disc_density 2 -particle_disc_position 0.156,0.53 -flow_convection 0", /* at the wall */
      DISC BOX RUNG
+     "-particle_disc_radius 0.15 -particle_disc_density 1.6 -particle_disc_position 0.42,0.16 -flow_schur projection", /* covers parts of cells at the floor */
+     DISC BOX RUNG
      "-particle_disc_radius 0.1 -particle_disc_density 2 -particle_disc_count 2 -particle_disc_place lattice -particle_disc_lower 0.3,0.4 "
      "-particle_disc_upper 0.73,0.64", /* a gap of a third of a cell */
      "-mesh_dimension 3 -mesh_cells 4,4,4 -flow_gravity 0.5,-9,1 " DISC RUNG
