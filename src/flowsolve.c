@@ -1,13 +1,10 @@
 /* FlowSolver: see flowsolve.h for the system and the method.
 
-   Layout of all vectors of the system: on every rank the reduced velocity (own nodes x dim, then the rigid slots of own bodies), then the pressure of own cells.
-   The velocity operator, its SOR sweep and B are applied from the scalar matrix and from cell matrices, for all components in one pass. */
+   Layout of all vectors of the system: on every rank the reduced velocity (own nodes x dim, then the rigid slots of own bodies), then the pressure of own cells. */
 #include "compat.h"
-#include "flowsolve.h"
-#include "bodyblocks.h"
+#include "flowsolveimpl.h"
 #include "log.h"
 #include "opt.h"
-#include "pressure.h"
 #include "saddle.h"
 
 /* Viscous number nu theta/(c_t h^2) from which the commutator pays where rigid nodes form a staircase: settling disc, 0.085: 9 outer iterations, 6 with it, at equal cost; 0.34: 15 and 6,
@@ -27,316 +24,8 @@ typedef enum {
   SCHUR_COMMUTATOR
 } SchurType;
 
-struct _p_FlowSolver {
-  Flow             flow;
-  Constraint       constraint;
-  Mesh             mesh;
-  const MeshLocal *loc;
-  PetscInt         nodal, nur, np, nbodies, nr; /* local sizes: nodal slots, u_r, p */
-  PetscInt         schur;
-  PetscBool        fitted, commute, viscous_only; /* no staircase of rigid nodes; in this step */
-  Mat              S, S_all, A;                   /* scalar matrix; the same for all components; the one in use: that, or of FlowSolverSetVelocity */
-  Mat              Ar, G, B, C, nest, Ar_assembled,
-    whole; /* shells P^T A P + D, -P^T B^T, B P, C of PressureGetShared; block operator; assembled forms when needed */
-  PetscBool    need_Ar, need_whole;
-  Vec          xn, yn;  /* nodal views of parts of reduced vectors */
-  PetscReal    viscous; /* mu theta / scale */
-  PetscReal    scale;   /* rho c_t (steady: mu/h^2): continuity rows are multiplied by it, so that their residual counts as the force it causes */
-  PetscReal   *D;       /* [nbodies][nr][nr] */
-  PetscReal   *body_inverse;     /* [own bodies][nr][nr] inverse of the body's diagonal block of Ar */
-  PetscReal   *mass_inverse;     /* [nbodies][nr][nr] of its block of M_r / scale, on every rank; zero for known degrees of freedom */
-  PetscReal   *diagonal_inverse; /* [nodal] of A, zero at inert slots */
-  PetscReal   *weight;           /* [nnode_all][dim] inverse of M_r / scale on free slots, eps times that on body nodes, zero at walls */
-  const Soft  *soft;             /* or NULL */
-  PetscReal   *share;            /* [nnode_all] see PressureUpdate */
-  PetscReal   *rigid_work;       /* [2][nbodies][nr] by local numbers of the constraint */
-  PetscReal   *saved, *local;    /* work: values at inert slots; nodal array with ghosts */
-  PetscInt     nsaved;
-  BodyBlocks   blocks;
-  Pressure     pressure; /* the projected pressure operator */
-  MatNullSpace constant_pressure;
-  KSP          ksp;
-  PC           split; /* the inner PCFIELDSPLIT */
-  KSP         *sub;
-  Vec          b, x, t_u, t_u2, t_p, t_p2;
-};
-
 static const char *const RECIPES[] = {"fast", "balanced", "accurate", "direct", NULL};
 static const char *const SCHURS[]  = {"auto", "projection", "commutator", NULL};
-
-static void multiply_small(PetscInt n, const PetscReal M[], const PetscReal x[], PetscReal y[])
-{
-  for (PetscInt i = 0; i < n; i++) {
-    y[i] = 0;
-    for (PetscInt j = 0; j < n; j++) y[i] += M[i * n + j] * x[j];
-  }
-}
-
-static void add_small(PetscInt n, const PetscReal M[], const PetscReal x[], PetscReal y[])
-{
-  for (PetscInt i = 0; i < n * n; i++) y[i / n] += M[i] * x[i % n];
-}
-
-/* ---- the projected velocity operator ---- */
-
-static PetscBool is_soft(FlowSolver fs)
-{
-  return (PetscBool)(fs->soft && fs->soft->any);
-}
-
-/* The penalty's part outside the scalar matrix: y -= G U, rigid_work = -G^T x, with x and the rigid velocities as ConstraintExpandInPlace left them */
-static PetscErrorCode mult_soft(FlowSolver fs, const PetscReal x[], PetscReal y[])
-{
-  const PetscReal *U;
-  PetscInt         n;
-
-  PetscFunctionBeginUser;
-  PetscCall(ConstraintGetLocalRigid(fs->constraint, &n, NULL, &U));
-  PetscCall(PetscArrayzero(fs->rigid_work, n * fs->nr));
-  PetscCall(SoftMultAdd(fs->soft, fs->constraint, PETSC_TRUE, U, x, y, fs->rigid_work));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* y = (P^T A P + D) x with identity on inert slots. x is changed for the moment of the product and put back. */
-static PetscErrorCode mult_velocity(Mat mat, Vec x, Vec y)
-{
-  FlowSolver       fs;
-  const PetscReal *xr;
-  PetscReal       *xa, *ya;
-  const PetscInt  *slot, *unknown;
-  PetscInt         ninert, first, count;
-
-  PetscFunctionBeginUser;
-  PetscCall(MatShellGetContext(mat, &fs));
-  PetscCall(PetscLogEventBegin(TB_VEL_MULT, 0, 0, 0, 0));
-  PetscCall(ConstraintGetInert(fs->constraint, &ninert, &slot));
-  PetscCall(ConstraintGetOwnBodies(fs->constraint, &first, &count));
-  PetscCall(ConstraintGetUnknown(fs->constraint, &unknown));
-  PetscCall(VecGetArrayRead(x, &xr));
-  PetscCall(VecGetArrayWrite(y, &ya));
-  xa = (PetscReal *)xr;
-  PetscCall(ConstraintExpandInPlace(fs->constraint, xr + fs->nodal, xa, fs->saved));
-  PetscCall(VecPlaceArray(fs->xn, xa));
-  PetscCall(VecPlaceArray(fs->yn, ya));
-  PetscCall(MatMult(fs->A, fs->xn, fs->yn));
-  PetscCall(VecResetArray(fs->xn));
-  PetscCall(VecResetArray(fs->yn));
-  if (is_soft(fs)) PetscCall(mult_soft(fs, xa, ya));
-  PetscCall(ConstraintPutBack(fs->constraint, fs->saved, xa));
-  for (PetscInt k = 0; k < count; k++) {
-    multiply_small(fs->nr, fs->D + (first + k) * fs->nr * fs->nr, xr + fs->nodal + k * fs->nr, ya + fs->nodal + k * fs->nr);
-    if (is_soft(fs)) add_small(fs->nr, fs->soft->H + (first + k) * fs->nr * fs->nr, xr + fs->nodal + k * fs->nr, ya + fs->nodal + k * fs->nr);
-    for (PetscInt s = 0; s < fs->nr; s++)
-      if (!((unknown[first + k] >> s) & 1)) ya[fs->nodal + k * fs->nr + s] = xr[fs->nodal + k * fs->nr + s];
-  }
-  if (is_soft(fs)) PetscCall(ConstraintDeliverRigid(fs->constraint, fs->rigid_work, ya + fs->nodal));
-  PetscCall(ConstraintReduceInPlace(fs->constraint, ya, ya + fs->nodal));
-  for (PetscInt j = 0; j < ninert; j++) ya[slot[j]] = xr[slot[j]];
-  PetscCall(VecRestoreArrayRead(x, &xr));
-  PetscCall(VecRestoreArrayWrite(y, &ya));
-  PetscCall(PetscLogEventEnd(TB_VEL_MULT, 0, 0, 0, 0));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode diagonal_velocity(Mat mat, Vec d)
-{
-  FlowSolver fs;
-  PetscReal *a;
-  PetscInt   first, count;
-
-  PetscFunctionBeginUser;
-  PetscCall(MatShellGetContext(mat, &fs));
-  PetscCall(ConstraintGetOwnBodies(fs->constraint, &first, &count));
-  PetscCall(VecGetArrayWrite(d, &a));
-  for (PetscInt i = 0; i < fs->nodal; i++) a[i] = fs->diagonal_inverse[i] > 0 ? 1 / fs->diagonal_inverse[i] : 1;
-  for (PetscInt i = 0; i < count * fs->nr; i++) a[fs->nodal + i] = 1 / fs->body_inverse[i / fs->nr * fs->nr * fs->nr + (i % fs->nr) * (fs->nr + 1)];
-  PetscCall(VecRestoreArrayWrite(d, &a));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static inline __attribute__((always_inline)) void sweep_kernel(const int dim, PetscInt n, PetscBool forward, PetscBool lower_only,
-                                                               const PetscInt *restrict ai, const PetscInt *restrict aj, const PetscReal *restrict aa,
-                                                               const PetscReal *restrict dinv, const PetscReal *restrict b, PetscReal *restrict x)
-{
-  for (PetscInt k = 0; k < n; k++) {
-    const PetscInt i = forward ? k : n - 1 - k;
-    PetscReal      s[3];
-
-    for (int a = 0; a < dim; a++) s[a] = b[i * dim + a];
-    for (PetscInt q = ai[i]; q < ai[i + 1]; q++) {
-      const PetscInt j = aj[q];
-
-      if (lower_only && j >= i) break; /* columns ascend and the rest of x is still zero */
-      for (int a = 0; a < dim; a++) s[a] -= aa[q] * x[j * dim + a];
-    }
-    for (int a = 0; a < dim; a++) x[i * dim + a] += dinv[i * dim + a] * s[a];
-  }
-}
-
-/* Processor-local SOR (omega 1) for all components at once; inert slots have a zero inverse diagonal and stay as they are; the bodies' blocks are solved
-   against their right-hand side alone (block Jacobi). */
-static PetscErrorCode sor_velocity(Mat mat, Vec bv, PetscReal omega, MatSORType flag, PetscReal shift, PetscInt its, PetscInt lits, Vec xv)
-{
-  FlowSolver       fs;
-  Mat              Ad;
-  const PetscInt  *ai, *aj;
-  const PetscReal *aa, *b;
-  PetscReal       *x;
-  PetscInt         n, first, count, ninert;
-  const PetscInt  *slot;
-  PetscBool        done, zero = (PetscBool)((flag & SOR_ZERO_INITIAL_GUESS) != 0);
-
-  PetscFunctionBeginUser;
-  PetscCheck(omega == 1 && shift == 0, PetscObjectComm((PetscObject)mat), PETSC_ERR_SUP,
-             "The velocity sweep knows no over-relaxation or shift (omega %g, shift %g): leave -flow_fieldsplit_velocity_pc_sor_omega at 1 or choose another pc_type",
-             (double)omega, (double)shift);
-  PetscCall(MatShellGetContext(mat, &fs));
-  PetscCall(PetscLogEventBegin(TB_VEL_SWEEP, 0, 0, 0, 0));
-  PetscCall(ConstraintGetOwnBodies(fs->constraint, &first, &count));
-  PetscCall(ConstraintGetInert(fs->constraint, &ninert, &slot));
-  PetscCall(MatGetDiagonalBlock(fs->S, &Ad));
-  PetscCall(MatGetRowIJ(Ad, 0, PETSC_FALSE, PETSC_FALSE, &n, &ai, &aj, &done));
-  PetscCall(MatSeqAIJGetArrayRead(Ad, &aa));
-  PetscCall(VecGetArrayRead(bv, &b));
-  PetscCall(VecGetArray(xv, &x));
-  if (zero) PetscCall(PetscArrayzero(x, fs->nur));
-  for (PetscInt it = 0; it < its * lits; it++) {
-    if (flag & (SOR_FORWARD_SWEEP | SOR_LOCAL_FORWARD_SWEEP)) {
-      if (fs->loc->dim == 2) sweep_kernel(2, n, PETSC_TRUE, (PetscBool)(zero && it == 0), ai, aj, aa, fs->diagonal_inverse, b, x);
-      else sweep_kernel(3, n, PETSC_TRUE, (PetscBool)(zero && it == 0), ai, aj, aa, fs->diagonal_inverse, b, x);
-    }
-    if (flag & (SOR_BACKWARD_SWEEP | SOR_LOCAL_BACKWARD_SWEEP)) {
-      if (fs->loc->dim == 2) sweep_kernel(2, n, PETSC_FALSE, PETSC_FALSE, ai, aj, aa, fs->diagonal_inverse, b, x);
-      else sweep_kernel(3, n, PETSC_FALSE, PETSC_FALSE, ai, aj, aa, fs->diagonal_inverse, b, x);
-    }
-  }
-  for (PetscInt j = 0; j < ninert; j++) x[slot[j]] = b[slot[j]];
-  for (PetscInt k = 0; k < count; k++)
-    multiply_small(fs->nr, fs->body_inverse + k * fs->nr * fs->nr, b + fs->nodal + k * fs->nr, x + fs->nodal + k * fs->nr);
-  PetscCall(VecRestoreArray(xv, &x));
-  PetscCall(VecRestoreArrayRead(bv, &b));
-  PetscCall(MatSeqAIJRestoreArrayRead(Ad, &aa));
-  PetscCall(MatRestoreRowIJ(Ad, 0, PETSC_FALSE, PETSC_FALSE, &n, &ai, &aj, &done));
-  PetscCall(PetscLogEventEnd(TB_VEL_SWEEP, 0, 0, 0, 0));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* ---- B and its transpose, projected ---- */
-
-/* y = scale B P x */
-static PetscErrorCode mult_divergence(Mat mat, Vec x, Vec y)
-{
-  FlowSolver       fs;
-  const PetscReal *xr;
-  PetscReal       *ya;
-
-  PetscFunctionBeginUser;
-  PetscCall(MatShellGetContext(mat, &fs));
-  PetscCall(VecGetArrayRead(x, &xr));
-  PetscCall(VecGetArrayWrite(y, &ya));
-  PetscCall(PetscArraycpy(fs->local, xr, fs->nodal));
-  PetscCall(ConstraintExpandInPlace(fs->constraint, xr + fs->nodal, fs->local, NULL));
-  PetscCall(MeshSyncNodes(fs->mesh, fs->loc->dim, fs->local));
-  PetscCall(FlowDivergence(fs->flow, fs->local, ya));
-  for (PetscInt i = 0; i < fs->np; i++) ya[i] *= fs->scale;
-  PetscCall(VecRestoreArrayRead(x, &xr));
-  PetscCall(VecRestoreArrayWrite(y, &ya));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* y = -P^T B^T x */
-static PetscErrorCode mult_gradient(Mat mat, Vec x, Vec y)
-{
-  FlowSolver       fs;
-  const PetscReal *xr;
-  PetscReal       *ya;
-
-  PetscFunctionBeginUser;
-  PetscCall(MatShellGetContext(mat, &fs));
-  PetscCall(VecGetArrayRead(x, &xr));
-  PetscCall(VecGetArrayWrite(y, &ya));
-  PetscCall(FlowGradient(fs->flow, -1, xr, fs->local));
-  PetscCall(PetscArrayzero(ya + fs->nodal, fs->nur - fs->nodal));
-  PetscCall(ConstraintReduceInPlace(fs->constraint, fs->local, ya + fs->nodal));
-  PetscCall(PetscArraycpy(ya, fs->local, fs->nodal));
-  PetscCall(VecRestoreArrayRead(x, &xr));
-  PetscCall(VecRestoreArrayWrite(y, &ya));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* y = C x: compressibility of cells between two constrained surfaces */
-static PetscErrorCode mult_shared(Mat mat, Vec x, Vec y)
-{
-  FlowSolver       fs;
-  const PetscInt  *cell;
-  const PetscReal *xa, *block;
-  PetscReal       *ya;
-  PetscInt         n, nk;
-
-  PetscFunctionBeginUser;
-  PetscCall(MatShellGetContext(mat, &fs));
-  nk = fs->loc->dim + 1;
-  PetscCall(PressureGetShared(fs->pressure, &n, &cell, &block));
-  PetscCall(VecSet(y, 0));
-  PetscCall(VecGetArrayRead(x, &xa));
-  PetscCall(VecGetArray(y, &ya));
-  for (PetscInt i = 0; i < n; i++)
-    for (PetscInt e = 0; e < nk * nk; e++) ya[cell[i] * nk + e / nk] += block[i * nk * nk + e] * xa[cell[i] * nk + e % nk];
-  PetscCall(VecRestoreArray(y, &ya));
-  PetscCall(VecRestoreArrayRead(x, &xa));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* What following slots add to M_r^{-1}: with F = 1 - share, M_r^{-1} = diag(weight) + [-F R; 1] M^{-1} [-F R; 1]^T for node and body (see bodyblocks.h).
-   Before: rigid -= R^T F x; after: y -= F R U. */
-static PetscErrorCode lead_followers(FlowSolver fs, PetscBool before, const PetscReal x[], PetscReal y[], PetscReal rigid[])
-{
-  const PetscInt  *slot, *body, *index, nr = fs->nr;
-  const PetscReal *coef, *U;
-  PetscInt         n, nlocal;
-
-  PetscFunctionBeginUser;
-  PetscCall(ConstraintGetFollowers(fs->constraint, &n, &slot, &body, &coef));
-  if (!before) PetscCall(ConstraintFetchRigid(fs->constraint, rigid));
-  PetscCall(ConstraintGetLocalRigid(fs->constraint, &nlocal, &index, &U));
-  PetscCall(PetscArrayzero(fs->rigid_work, nlocal * nr));
-  for (PetscInt j = 0; j < n; j++) {
-    const PetscReal rest = 1 - fs->share[slot[j] / fs->loc->dim];
-
-    for (PetscInt s = 0; s < nr; s++) {
-      if (before) fs->rigid_work[index[body[j]] * nr + s] -= rest * coef[j * nr + s] * x[slot[j]];
-      else y[slot[j]] -= rest * coef[j * nr + s] * U[index[body[j]] * nr + s];
-    }
-  }
-  if (before) PetscCall(ConstraintDeliverRigid(fs->constraint, fs->rigid_work, rigid));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* y = M_r^{-1} x with the projected lumped mass; inert slots give zero */
-static PetscErrorCode apply_mass_inverse(FlowSolver fs, Vec x, Vec y)
-{
-  const PetscReal *xr;
-  PetscReal       *ya, *t = fs->rigid_work + fs->nbodies * fs->nr;
-  const PetscInt  *slot;
-  PetscInt         first, count, ninert;
-
-  PetscFunctionBeginUser;
-  PetscCall(ConstraintGetOwnBodies(fs->constraint, &first, &count));
-  PetscCall(ConstraintGetInert(fs->constraint, &ninert, &slot));
-  PetscCall(VecGetArrayRead(x, &xr));
-  PetscCall(VecGetArray(y, &ya));
-  for (PetscInt i = 0; i < fs->nodal; i++) ya[i] = fs->weight[i] / fs->scale * xr[i];
-  for (PetscInt j = 0; j < ninert; j++) ya[slot[j]] = 0; /* the softness of body nodes belongs to S_p only */
-  PetscCall(PetscArraycpy(t, xr + fs->nodal, count * fs->nr));
-  if (is_soft(fs)) PetscCall(lead_followers(fs, PETSC_TRUE, xr, NULL, t));
-  for (PetscInt k = 0; k < count; k++)
-    multiply_small(fs->nr, fs->mass_inverse + (first + k) * fs->nr * fs->nr, t + k * fs->nr, ya + fs->nodal + k * fs->nr);
-  for (PetscInt i = fs->nodal; i < fs->nur; i++) ya[i] /= fs->scale;
-  if (is_soft(fs)) PetscCall(lead_followers(fs, PETSC_FALSE, NULL, ya, ya + fs->nodal));
-  PetscCall(VecRestoreArray(y, &ya));
-  PetscCall(VecRestoreArrayRead(x, &xr));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
 
 /* ---- numeric set-up ---- */
 
@@ -363,7 +52,7 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs)
   PetscCall(VecRestoreArrayRead(diagonal, &d));
   PetscCall(VecDestroy(&diagonal));
   for (PetscInt i = 0; i < l->nnode_all; i++) {
-    const PetscReal soft = is_soft(fs) ? fs->soft->weight[i] / fs->scale : 0, mass = body[i] >= 0 ? m[i] : m[i] + soft;
+    const PetscReal soft = FlowSolverIsSoft(fs) ? fs->soft->weight[i] / fs->scale : 0, mass = body[i] >= 0 ? m[i] : m[i] + soft;
     const PetscReal w = mass > 0 ? 1 / mass : 0; /* no mass: buried in a dead cell */
 
     fs->share[i] = body[i] >= 0 ? 1 : soft * w;
@@ -387,7 +76,7 @@ static PetscErrorCode assemble_on_demand(FlowSolver fs)
   PetscCall(MatDestroy(&fs->Ar_assembled));
   PetscCall(MatDestroy(&fs->whole));
   PetscCall(ConstraintCreateMat(fs->constraint, &P));
-  PetscCall(SaddleCreateVelocity(fs->constraint, fs->A, P, fs->D, is_soft(fs) ? fs->soft : NULL, &fs->Ar_assembled));
+  PetscCall(SaddleCreateVelocity(fs->constraint, fs->A, P, fs->D, FlowSolverIsSoft(fs) ? fs->soft : NULL, &fs->Ar_assembled));
   if (fs->need_whole) PetscCall(SaddleCreateWhole(fs->flow, fs->pressure, fs->scale, P, fs->Ar_assembled, &fs->whole));
   PetscCall(MatDestroy(&P));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -419,7 +108,7 @@ static PetscErrorCode project(FlowSolver fs, Vec x, Vec u, Vec p)
 {
   PetscFunctionBeginUser;
   PetscCall(MatMult(fs->G, p, fs->t_u));
-  PetscCall(apply_mass_inverse(fs, fs->t_u, fs->t_u2));
+  PetscCall(FlowSolverApplyMassInverse(fs, fs->t_u, fs->t_u2));
   PetscCall(add_viscous(fs, x, u, p));
   PetscCall(VecAXPY(u, -1, fs->t_u2));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -431,9 +120,9 @@ static PetscErrorCode commute(FlowSolver fs, Vec p)
   PetscFunctionBeginUser;
   PetscCall(MatMult(fs->G, p, fs->t_u));
   PetscCall(VecScale(fs->t_u, -1));
-  PetscCall(apply_mass_inverse(fs, fs->t_u, fs->t_u2));
+  PetscCall(FlowSolverApplyMassInverse(fs, fs->t_u, fs->t_u2));
   PetscCall(MatMult(fs->Ar, fs->t_u2, fs->t_u));
-  PetscCall(apply_mass_inverse(fs, fs->t_u, fs->t_u2));
+  PetscCall(FlowSolverApplyMassInverse(fs, fs->t_u, fs->t_u2));
   PetscCall(MatMult(fs->B, fs->t_u2, fs->t_p));
   if (fs->C) {
     PetscCall(MatMult(fs->C, p, fs->t_p2));
@@ -550,14 +239,6 @@ static PetscErrorCode choose_assembly(FlowSolver fs)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode create_shell(FlowSolver fs, PetscInt m, PetscInt n, PetscErrorCode (*mult)(Mat, Vec, Vec), Mat *mat)
-{
-  PetscFunctionBeginUser;
-  PetscCall(MatCreateShell(PETSC_COMM_WORLD, m, n, PETSC_DETERMINE, PETSC_DETERMINE, fs, mat));
-  PetscCall(MatShellSetOperation(*mat, MATOP_MULT, (void (*)(void))mult));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* The pressure that is constant in the fluid and zero in dead cells */
 static PetscErrorCode find_constant_pressure(FlowSolver fs)
 {
@@ -582,16 +263,11 @@ static PetscErrorCode create_operators(FlowSolver fs)
   Mat block[4];
 
   PetscFunctionBeginUser;
-  PetscCall(create_shell(fs, fs->nur, fs->nur, mult_velocity, &fs->Ar));
-  PetscCall(MatShellSetOperation(fs->Ar, MATOP_GET_DIAGONAL, (void (*)(void))diagonal_velocity));
-  PetscCall(MatShellSetOperation(fs->Ar, MATOP_SOR, (void (*)(void))sor_velocity));
-  PetscCall(create_shell(fs, fs->nur, fs->np, mult_gradient, &fs->G));
-  PetscCall(create_shell(fs, fs->np, fs->nur, mult_divergence, &fs->B));
+  PetscCall(FlowSolverCreateShells(fs));
   block[0] = fs->Ar;
   block[1] = fs->G;
   block[2] = fs->B;
   block[3] = NULL;
-  if (fs->nbodies) PetscCall(create_shell(fs, fs->np, fs->np, mult_shared, &fs->C));
   if (fs->nbodies) block[3] = fs->C;
   PetscCall(MatCreateNest(PETSC_COMM_WORLD, 2, NULL, 2, NULL, block, &fs->nest));
   PetscCall(MatCreateVecs(fs->nest, &fs->x, &fs->b));
@@ -775,7 +451,7 @@ static PetscErrorCode choose_schur(FlowSolver fs)
   viscous          = par->viscosity * t / (par->density * fs->loc->h);
   convective       = speed * t;
   fs->viscous_only = (PetscBool)(fs->nbodies == 0 && viscous > VISCOUS_FROM && convective * convective < 10 * viscous);
-  fs->commute      = (PetscBool)((fs->nbodies > 0 && !fs->fitted && !is_soft(fs) && viscous > COMMUTATOR_FROM) ||
+  fs->commute      = (PetscBool)((fs->nbodies > 0 && !fs->fitted && !FlowSolverIsSoft(fs) && viscous > COMMUTATOR_FROM) ||
                             convective > COMMUTATOR_FROM_CONVECTION || (convective > COMMUTATOR_FROM_UNRESOLVED && convective > 50 * viscous));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -794,8 +470,8 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
   PetscCall(choose_schur(fs));
   PetscCall(set_up_diagonals(fs));
   if (fs->nbodies)
-    PetscCall(BodyBlocksUpdate(fs->blocks, fs->share, is_soft(fs) ? fs->soft : NULL, fs->D, fs->scale, fs->body_inverse, fs->mass_inverse));
-  PetscCall(PressureUpdate(fs->pressure, fs->weight, is_soft(fs) ? fs->share : NULL, fs->mass_inverse));
+    PetscCall(BodyBlocksUpdate(fs->blocks, fs->share, FlowSolverIsSoft(fs) ? fs->soft : NULL, fs->D, fs->scale, fs->body_inverse, fs->mass_inverse));
+  PetscCall(PressureUpdate(fs->pressure, fs->weight, FlowSolverIsSoft(fs) ? fs->share : NULL, fs->mass_inverse));
   PetscCall(PressureIsSingular(fs->pressure, &singular));
   PetscCall(MatSetNullSpace(fs->nest, singular ? fs->constant_pressure : NULL));
   PetscCall(assemble_on_demand(fs));
@@ -892,7 +568,7 @@ static PetscErrorCode build_rhs(FlowSolver fs, const PetscReal r[], const PetscR
   PetscCall(VecResetArray(fs->xn));
   PetscCall(VecResetArray(fs->yn));
   for (PetscInt i = 0; i < count * fs->nr; i++) b[fs->nodal + i] = (unknown[first + i / fs->nr] >> (i % fs->nr)) & 1 ? g[first * fs->nr + i] : 0;
-  if (is_soft(fs)) PetscCall(add_known_soft(fs, c, b, b + fs->nodal));
+  if (FlowSolverIsSoft(fs)) PetscCall(add_known_soft(fs, c, b, b + fs->nodal));
   for (PetscInt i = 0; i < fs->nodal; i++) b[i] = r[i] - b[i];
   PetscCall(ConstraintReduceInPlace(fs->constraint, b, b + fs->nodal));
   PetscCall(FlowDivergence(fs->flow, c, b + fs->nur));
