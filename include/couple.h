@@ -30,11 +30,11 @@ PetscErrorCode CoupleDestroy(Couple *);
 PetscErrorCode CoupleView(Couple, PetscViewer);
 PetscErrorCode CoupleGetSolver(Couple, FlowSolver *);
 /* Body index of every local node in this step, or -1: [nnode_all]. */
-/* Rung snap, last step: bodies that the mesh could not follow and that were held by the penalty instead; nodes whose old values came from Taylor's formula, and for which there was
+/* Rung snap, last step: bodies that the mesh could not follow and that were held by the penalty instead; bodies whose walls are drawn back in narrow gaps (snap.h); nodes whose old values came from Taylor's formula, and for which there was
    none (remap.h). present: is this the rung? Not collective. */
 typedef struct {
   PetscBool present;
-  PetscInt  fallback, taylor, kept;
+  PetscInt  fallback, narrow, taylor, kept;
 } CoupleSnapCount;
 PetscErrorCode CoupleGetSnapCount(Couple, CoupleSnapCount *);
 

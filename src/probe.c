@@ -18,7 +18,7 @@ enum {
 };
 static const char *const COEFFICIENTS[NCOEFFICIENTS] = {"cd", "cl", "cd_residual", "cl_residual", "cd_volume", "cl_volume"};
 static const char *const PARTS[]                     = {"fluid", "bodies", "walls", "openings", "volume"};
-static const char *const SNAP[]                      = {"snap_fallback", "snap_taylor", "snap_kept"};
+static const char *const SNAP[]                      = {"snap_fallback", "snap_narrow", "snap_taylor", "snap_kept"};
 
 typedef struct {
   PetscInt  body, column; /* first of its columns */
@@ -208,7 +208,7 @@ static PetscErrorCode add_snap(Probe b)
   PetscFunctionBeginUser;
   PetscCall(CoupleGetSnapCount(b->couple, &count));
   b->snap = count.present;
-  for (PetscInt i = 0; i < 3 && b->snap; i++) PetscCall(add_column(b, SNAP[i], i ? NULL : &b->snap_column));
+  for (PetscInt i = 0; i < 4 && b->snap; i++) PetscCall(add_column(b, SNAP[i], i ? NULL : &b->snap_column));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -305,8 +305,9 @@ PetscErrorCode ProbeStep(Probe b, const CoupleBalance *balance)
 
     PetscCall(CoupleGetSnapCount(b->couple, &count));
     b->value[b->snap_column]     = (PetscReal)count.fallback;
-    b->value[b->snap_column + 1] = (PetscReal)count.taylor;
-    b->value[b->snap_column + 2] = (PetscReal)count.kept;
+    b->value[b->snap_column + 1] = (PetscReal)count.narrow;
+    b->value[b->snap_column + 2] = (PetscReal)count.taylor;
+    b->value[b->snap_column + 3] = (PetscReal)count.kept;
   }
   for (PetscInt i = 0; i < b->ncolumn; i++) PetscCall(MonitorSetColumn(b->monitor, i, b->value[i]));
   if (b->ncolumn) PetscCall(HistoryAdd(b->history, step->time - (1 - step->theta) * step->dt, b->value));

@@ -1,6 +1,7 @@
 /* Snap: see snap.h. All decisions about a node are made by its owner, who sees all cells around it, and are then sent to the ghosts; all work is on lists of what bodies touch. */
 #include "compat.h"
 #include "snap.h"
+#include "clearance.h"
 #include "element.h"
 
 #define CHUNK    256
@@ -10,6 +11,8 @@
 #define FLATTEST 0.002 /* Jacobians below this share of the largest one in the cell count as not positive */
 #define MISSING  0.1   /* largest difference between the area of the dead cells and that of the body, as its share */
 #define STRICT   4     /* factor on both limits for bodies that were left alone before */
+#define NTRY     6     /* times that dead cells beside a bad one are given back */
+#define CLEAR    0.25  /* smallest width of a gap in the mesh, cell sizes */
 
 typedef struct {
   PetscInt n, room, *i;
@@ -31,17 +34,21 @@ struct _p_Snap {
   PetscBool       *boundary;  /* [nnode_all] on the boundary of the domain */
   PetscReal        dphi[NPOINT][2][9];
   /* the fit in work; entries that are not listed are zero */
-  PetscInt  *cover;    /* [ncell_all] body + 1 */
-  PetscInt  *code;     /* [nnode_all] 2 body + 1: on its wall, 2 body + 2: inside */
-  PetscInt  *level;    /* [nnode_all] vertices: 8 body + ring + 1, ring 0 = wall */
-  PetscReal *d;        /* [nnode_all][2] displacement */
-  PetscReal *depth;    /* [nnode_all] distance at centre nodes of covered cells */
-  PetscReal *work;     /* [nnode_all] zero between uses */
-  PetscInt  *stamp[2]; /* [nnode_all], [ncell_all] */
-  PetscInt   now;
-  List       dead, marked, ring, touched, placed;
-  PetscInt  *flags; /* [2 nbodies] */
-  PetscReal *area;  /* [nbodies] of the dead cells */
+  PetscInt        *cover;    /* [ncell_all] body + 1 */
+  PetscInt        *code;     /* [nnode_all] 2 body + 1: on its wall, 2 body + 2: inside */
+  PetscInt        *level;    /* [nnode_all] vertices: 8 body + ring + 1, ring 0 = wall */
+  PetscReal       *d;        /* [nnode_all][2] displacement */
+  PetscReal       *depth;    /* [nnode_all] distance at centre nodes of covered cells */
+  PetscReal       *work;     /* [nnode_all] zero between uses */
+  PetscInt        *stamp[2]; /* [nnode_all], [ncell_all] */
+  PetscInt         now;
+  List             dead, marked, ring, touched, placed, bad;
+  PetscInt        *flags; /* [3 nbodies] */
+  PetscReal       *area;  /* [nbodies] of the dead cells and of what the walls were drawn back */
+  Clearance        clearance;
+  PetscReal       *lost;   /* [nbodies] area that their walls were drawn back */
+  PetscReal       *size;   /* [nnode_all] node_size() */
+  const PetscBool *fitted; /* [nbodies] in the fit in work */
   /* the last result */
   PetscInt  *node_body, *cell_body, *cell_before;
   PetscBool *on_wall;
@@ -179,6 +186,29 @@ static void choose_open(Snap s, PetscInt i)
   if (two) s->work[cell_nodes(s, last)[4]] = 1;
 }
 
+/* Give back the cells that are marked in work[] on some rank; *any: are there any? */
+static PetscErrorCode open_marked_cells(Snap s, PetscBool *any)
+{
+  PetscInt left = 0;
+
+  PetscFunctionBeginUser;
+  *any = PETSC_FALSE;
+  PetscCall(MeshSumNodes(s->mesh, 1, s->work));
+  PetscCall(MeshSyncNodes(s->mesh, 1, s->work));
+  for (PetscInt e = 0; e < s->dead.n; e++) {
+    const PetscInt c = s->dead.i[e], centre = cell_nodes(s, c)[4];
+
+    if (s->work[centre] > 0) {
+      s->cover[c] = 0;
+      *any        = PETSC_TRUE;
+    } else s->dead.i[left++] = c;
+    s->work[centre] = 0;
+  }
+  s->dead.n = left;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, any, 1, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Give dead cells back until no vertex touches two bodies, or a body and the boundary */
 static PetscErrorCode open_gaps(Snap s)
 {
@@ -187,28 +217,13 @@ static PetscErrorCode open_gaps(Snap s)
 
   PetscFunctionBeginUser;
   do {
-    PetscInt left = 0;
-
-    any = PETSC_FALSE;
     for (PetscInt e = 0; e < s->dead.n; e++)
       for (PetscInt v = 0; v < 4; v++) {
         const PetscInt i = cell_nodes(s, s->dead.i[e])[CORNER[v]];
 
         if (i < l->nnode) choose_open(s, i);
       }
-    PetscCall(MeshSumNodes(s->mesh, 1, s->work));
-    PetscCall(MeshSyncNodes(s->mesh, 1, s->work));
-    for (PetscInt e = 0; e < s->dead.n; e++) {
-      const PetscInt c = s->dead.i[e], centre = cell_nodes(s, c)[4];
-
-      if (s->work[centre] > 0) {
-        s->cover[c] = 0;
-        any         = PETSC_TRUE;
-      } else s->dead.i[left++] = c;
-      s->work[centre] = 0;
-    }
-    s->dead.n = left;
-    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &any, 1, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
+    PetscCall(open_marked_cells(s, &any));
   } while (any);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -241,9 +256,91 @@ static PetscBool is_on_wall(Snap s, PetscInt i)
   return (PetscBool)(s->code[i] % 2);
 }
 
+/* ---- narrow gaps ---- */
+
+/* Size of the cells around own node i before they move: square root of their mean area */
+static PetscReal node_size(Snap s, PetscInt i)
+{
+  const MeshLocal *l   = s->loc;
+  PetscReal        sum = 0;
+
+  for (PetscInt e = l->node_cell_ptr[i]; e < l->node_cell_ptr[i + 1]; e++) {
+    const PetscInt *node = cell_nodes(s, l->node_cell[e]);
+    PetscReal       axis[2][2];
+
+    for (PetscInt a = 0; a < 2; a++) {
+      for (PetscInt b = 0; b < 2; b++) {
+        axis[b][a] = l->x_start[2 * node[b ? 7 : 5] + a] - l->x_start[2 * node[b ? 1 : 3] + a];
+        if (l->period[a] > 0) axis[b][a] -= l->period[a] * PetscFloorReal(axis[b][a] / l->period[a] + 0.5);
+      }
+    }
+    sum += PetscAbsReal(axis[0][0] * axis[1][1] - axis[0][1] * axis[1][0]);
+  }
+  return PetscSqrtReal(sum / PetscMax(1, l->node_cell_ptr[i + 1] - l->node_cell_ptr[i]));
+}
+
+/* Outward normal at wall point y of body k, from differences of the distance */
+static PetscErrorCode wall_normal(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt k, const PetscReal y[2], PetscReal step, PetscReal normal[2])
+{
+  const PetscReal x[8] = {y[0] + step, y[1], y[0] - step, y[1], y[0], y[1] + step, y[0], y[1] - step};
+  PetscReal       d[4], size;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesDistance(s->bodies, k, X[k], q[k], 4, x, d));
+  size      = PetscMax(PetscSqrtReal(PetscSqr(d[0] - d[1]) + PetscSqr(d[2] - d[3])), 0.1 * step); /* a sharp tip has none */
+  normal[0] = (d[0] - d[1]) / size;
+  normal[1] = (d[2] - d[3]) / size;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Length of the wall edge with mid-edge node i */
+static PetscReal edge_length(Snap s, PetscInt i)
+{
+  const MeshLocal *l    = s->loc;
+  const PetscInt  *node = cell_nodes(s, l->node_cell[l->node_cell_ptr[i]]);
+  PetscInt         j    = 0;
+  PetscReal        r[2];
+
+  while (node[EDGE[j]] != i) j++;
+  for (PetscInt a = 0; a < 2; a++) {
+    const PetscInt from = node[EDGE_END[j][0]], to = node[EDGE_END[j][1]];
+
+    r[a] = l->x_start[2 * to + a] - l->x_start[2 * from + a];
+    if (l->period[a] > 0) r[a] -= l->period[a] * PetscFloorReal(r[a] / l->period[a] + 0.5);
+    r[a] += s->d[2 * to + a] - s->d[2 * from + a];
+  }
+  return PetscSqrtReal(r[0] * r[0] + r[1] * r[1]);
+}
+
+/* How much wider a gap is in the mesh than it is, see snap.h */
+static PetscReal widening(PetscReal gap, PetscReal width)
+{
+  if (gap >= 2 * width) return 0;
+  return gap > 0 ? PetscSqr(2 * width - gap) / (4 * width) : width - gap;
+}
+
+/* Draw walls back in narrow gaps, half of the way each between two bodies: y [n] are the wall points of body k for the listed nodes */
+static PetscErrorCode draw_back(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt k, PetscInt n, const PetscInt list[], PetscReal y[])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e < n; e++) {
+    const PetscInt  i      = list[e];
+    const PetscReal h      = s->size[i];
+    PetscReal       gap[2] = {0, 0}, back, normal[2] = {0, 0};
+
+    PetscCall(ClearanceMeasure(s->clearance, X, q, s->fitted, k, y + 2 * e, gap));
+    back = PetscMax(0.5 * widening(gap[0], CLEAR * h), widening(gap[1], CLEAR * h));
+    if (back == 0) continue;
+    PetscCall(wall_normal(s, X, q, k, y + 2 * e, 0.01 * h, normal));
+    for (PetscInt a = 0; a < 2; a++) y[2 * e + a] -= back * normal[a];
+    if (s->kind[i] == NODE_EDGE && i < s->loc->nnode) s->lost[k] += back * edge_length(s, i);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* ---- where the nodes go ---- */
 
-/* Displacements of the n listed nodes: from where they are now to the closest point of their wall */
+/* Displacements of the n listed nodes: from where they are now to the closest point of their wall, or behind it in narrow gaps */
 static PetscErrorCode project_nodes(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt n, const PetscInt list[])
 {
   const MeshLocal *l = s->loc;
@@ -265,6 +362,7 @@ static PetscErrorCode project_nodes(Snap s, PetscReal (*X)[3], PetscReal (*q)[4]
       }
     }
     PetscCall(BodiesProject(s->bodies, k, X[k], q[k], m, x, y));
+    PetscCall(draw_back(s, X, q, k, m, list + begin, y));
     for (PetscInt e = 0; e < 2 * m; e++) s->d[2 * list[begin + e / 2] + e % 2] += y[e] - x[e];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -462,14 +560,16 @@ static PetscReal cell_quality(Snap s, PetscInt c, PetscReal *area)
 }
 
 /* Bodies with a cell around them that cannot be used: those whose wall the cell has a vertex on, or, where there is none, those whose rings it is in.
-   flags [nbodies]: bad cells; [nbodies] those that are bad only for bodies that were left alone before; area [nbodies]: of the dead cells; summed over ranks */
+   flags [nbodies]: bad cells; [nbodies] those that are bad only for bodies that were left alone before;
+   [2 nbodies]: is its wall drawn back?; area [nbodies]: of the dead cells; summed over ranks */
 static PetscErrorCode check_cells(Snap s, PetscReal *quality)
 {
   const MeshLocal *l = s->loc;
 
   PetscFunctionBeginUser;
   *quality = 1;
-  PetscCall(PetscArrayzero(s->flags, 2 * s->nbodies));
+  s->bad.n = 0;
+  PetscCall(PetscArrayzero(s->flags, 3 * s->nbodies));
   PetscCall(PetscArrayzero(s->area, s->nbodies));
   for (PetscInt e = 0; e < s->dead.n; e++) {
     PetscReal area;
@@ -487,6 +587,7 @@ static PetscErrorCode check_cells(Snap s, PetscReal *quality)
     share    = cell_quality(s, c, &area);
     *quality = PetscMin(*quality, share);
     if (share > STRICT * FLATTEST) continue;
+    if (share <= FLATTEST) PetscCall(add(&s->bad, c));
     for (PetscInt v = 0; v < 4; v++) at_wall = (PetscBool)(at_wall || s->level[cell_nodes(s, c)[CORNER[v]]] % 8 == 1);
     for (PetscInt v = 0; v < 4; v++) {
       const PetscInt t = s->level[cell_nodes(s, c)[CORNER[v]]];
@@ -494,9 +595,43 @@ static PetscErrorCode check_cells(Snap s, PetscReal *quality)
       if (t && (!at_wall || t % 8 == 1)) s->flags[t / 8 + (share > FLATTEST ? s->nbodies : 0)]++;
     }
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, s->flags, (PetscMPIInt)(2 * s->nbodies), MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+  for (PetscInt k = 0; k < s->nbodies; k++) {
+    s->area[k] += s->lost[k];
+    s->flags[2 * s->nbodies + k] = s->lost[k] > 0;
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, s->flags, (PetscMPIInt)(3 * s->nbodies), MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, s->area, (PetscMPIInt)s->nbodies, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, quality, 1, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* A fluid cell that cannot be used has mostly two dead neighbours round a corner and its fourth vertex on another wall. Give back the least covered neighbour of every such cell;
+   *any: was there one? */
+static PetscErrorCode open_bad_corners(Snap s, PetscBool *any)
+{
+  const MeshLocal *l = s->loc;
+
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e < s->bad.n; e++) {
+    const PetscInt *node = cell_nodes(s, s->bad.i[e]);
+    PetscInt        best = -1;
+
+    for (PetscInt v = 0; v < 4; v++) {
+      for (PetscInt m = l->node_cell_ptr[node[EDGE[v]]]; m < l->node_cell_ptr[node[EDGE[v]] + 1]; m++) {
+        const PetscInt c = l->node_cell[m];
+
+        if (!s->cover[c]) continue;
+        if (best >= 0) {
+          const PetscReal gain = s->depth[cell_nodes(s, c)[4]] - s->depth[cell_nodes(s, best)[4]];
+
+          if (gain < 0 || (gain == 0 && l->cell_global[c] < l->cell_global[best])) continue;
+        }
+        best = c;
+      }
+    }
+    if (best >= 0) s->work[cell_nodes(s, best)[4]] = 1;
+  }
+  PetscCall(open_marked_cells(s, any));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -514,13 +649,45 @@ static PetscErrorCode judge_body(Snap s, PetscInt k, PetscBool strict, PetscBool
 
 /* ---- the result ---- */
 
-static void clear_entries(Snap s)
+/* What was made of the dead cells */
+static void clear_places(Snap s)
 {
-  for (PetscInt e = 0; e < s->dead.n; e++) s->cover[s->dead.i[e]] = 0;
   for (PetscInt e = 0; e < s->marked.n; e++) s->code[s->marked.i[e]] = 0;
   for (PetscInt e = 0; e < s->ring.n; e++) s->level[s->ring.i[e]] = 0;
   for (PetscInt e = 0; e < s->placed.n; e++) s->d[2 * s->placed.i[e]] = s->d[2 * s->placed.i[e] + 1] = 0;
   s->ring.n = s->touched.n = 0;
+}
+
+static void clear_entries(Snap s)
+{
+  for (PetscInt e = 0; e < s->dead.n; e++) s->cover[s->dead.i[e]] = 0;
+  clear_places(s);
+}
+
+/* Cells of the fitted bodies and the mesh around them */
+static PetscErrorCode try_fit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool fitted[], PetscReal *quality)
+{
+  PetscBool any;
+
+  PetscFunctionBeginUser;
+  s->fitted = fitted;
+  PetscCall(cover_cells(s, X, q, fitted));
+  for (PetscInt i = 0; i <= NTRY; i++) {
+    PetscCall(open_gaps(s));
+    PetscCall(classify_nodes(s));
+    PetscCall(PetscArrayzero(s->lost, s->nbodies));
+    PetscCall(place_wall_vertices(s, X, q));
+    PetscCall(find_rings(s));
+    PetscCall(smooth_rings(s));
+    PetscCall(place_other_nodes(s, X, q));
+    PetscCall(check_cells(s, quality));
+    if (i == NTRY) break;
+    PetscCall(open_bad_corners(s, &any));
+    if (!any) break;
+    clear_places(s);
+    s->marked.n = s->placed.n = 0;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Nodes (of the last fit and of this one) whose place changes */
@@ -625,6 +792,7 @@ static PetscErrorCode know_nodes(Snap s)
 {
   const MeshLocal *l = s->loc;
   PetscInt         nboundary;
+  PetscReal        reach = 0;
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < l->nnode_all; i++) s->centre_of[i] = -1;
@@ -642,6 +810,13 @@ static PetscErrorCode know_nodes(Snap s)
     PetscCall(MeshGetBoundaryNodes(s->mesh, b, &n, &node));
     for (PetscInt i = 0; i < n; i++) s->boundary[node[i]] = PETSC_TRUE;
   }
+  for (PetscInt i = 0; i < l->nnode; i++) {
+    s->size[i] = node_size(s, i);
+    reach      = PetscMax(reach, 2 * CLEAR * s->size[i]);
+  }
+  PetscCall(MeshSyncNodes(s->mesh, 1, s->size));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &reach, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCall(ClearanceCreate(s->mesh, s->bodies, reach, &s->clearance));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -663,10 +838,10 @@ PetscErrorCode SnapCreate(Mesh mesh, Bodies bodies, Snap *snap)
   s->nbodies = state->n;
   n          = s->loc->nnode_all;
   PetscCall(PetscCalloc6(n, &s->kind, n, &s->centre_of, n, &s->boundary, n, &s->code, n, &s->level, 2 * n, &s->d));
-  PetscCall(PetscCalloc5(n, &s->depth, n, &s->work, n, &s->stamp[0], n, &s->node_body, n, &s->on_wall));
+  PetscCall(PetscCalloc6(n, &s->depth, n, &s->work, n, &s->stamp[0], n, &s->node_body, n, &s->on_wall, n, &s->size));
   PetscCall(PetscCalloc5(s->loc->ncell_all, &s->cover, s->loc->ncell_all, &s->stamp[1], s->loc->ncell_all, &s->cell_body, s->loc->ncell_all,
-                         &s->cell_before, 2 * s->nbodies, &s->flags));
-  PetscCall(PetscCalloc1(s->nbodies, &s->area));
+                         &s->cell_before, 3 * s->nbodies, &s->flags));
+  PetscCall(PetscCalloc2(s->nbodies, &s->area, s->nbodies, &s->lost));
   for (PetscInt i = 0; i < n; i++) s->node_body[i] = -1;
   for (PetscInt c = 0; c < s->loc->ncell_all; c++) s->cell_body[c] = s->cell_before[c] = -1;
   PetscCall(know_nodes(s));
@@ -682,13 +857,15 @@ PetscErrorCode SnapDestroy(Snap *snap)
   PetscFunctionBeginUser;
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscFree6(s->kind, s->centre_of, s->boundary, s->code, s->level, s->d));
-  PetscCall(PetscFree5(s->depth, s->work, s->stamp[0], s->node_body, s->on_wall));
+  PetscCall(PetscFree6(s->depth, s->work, s->stamp[0], s->node_body, s->on_wall, s->size));
   PetscCall(PetscFree5(s->cover, s->stamp[1], s->cell_body, s->cell_before, s->flags));
-  PetscCall(PetscFree(s->area));
+  PetscCall(PetscFree2(s->area, s->lost));
+  PetscCall(ClearanceDestroy(&s->clearance));
   PetscCall(PetscFree(s->dead.i));
   PetscCall(PetscFree(s->marked.i));
   PetscCall(PetscFree(s->ring.i));
   PetscCall(PetscFree(s->touched.i));
+  PetscCall(PetscFree(s->bad.i));
   PetscCall(PetscFree(s->placed.i));
   PetscCall(PetscFree(s->old_dead.i));
   PetscCall(PetscFree(s->older_dead.i));
@@ -709,15 +886,9 @@ PetscErrorCode SnapFit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const Petsc
   PetscFunctionBeginUser;
   PetscCall(PetscArraycpy(fitted, wanted, s->nbodies));
   swap_lists(&s->marked, &old_marked);
+  PetscCall(ClearanceUpdate(s->clearance, X));
   while (again) {
-    PetscCall(cover_cells(s, X, q, fitted));
-    PetscCall(open_gaps(s));
-    PetscCall(classify_nodes(s));
-    PetscCall(place_wall_vertices(s, X, q));
-    PetscCall(find_rings(s));
-    PetscCall(smooth_rings(s));
-    PetscCall(place_other_nodes(s, X, q));
-    PetscCall(check_cells(s, &result->quality));
+    PetscCall(try_fit(s, X, q, fitted, &result->quality));
     again = PETSC_FALSE;
     for (PetscInt k = 0; k < s->nbodies; k++) {
       PetscBool good = PETSC_FALSE;
@@ -731,6 +902,8 @@ PetscErrorCode SnapFit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const Petsc
     clear_entries(s);
     s->dead.n = s->marked.n = s->placed.n = 0;
   }
+  result->nnarrow = 0;
+  for (PetscInt k = 0; k < s->nbodies; k++) result->nnarrow += fitted[k] && s->flags[2 * s->nbodies + k];
   PetscCall(collect_nodes(s));
   PetscCall(collect_cells(s));
   PetscCall(publish(s, old_marked.i, old_marked.n, result));

@@ -146,9 +146,59 @@ static void test_ellipses(void **state)
   assert_true(worst > 0.005);
 }
 
+#define PAIR \
+  "-mesh_cells 40,40 -mesh_upper 1,1 -particle_groups a,b -particle_a_shape circle -particle_a_radius 0.1 -particle_a_free none -particle_a_position 0.3,0.5 " \
+  "-particle_b_shape circle -particle_b_radius 0.1 -particle_b_free none -particle_b_position 0.7,0.5 "
+
+/* Two discs close together, in the middle or across a periodic boundary: both walls are met exactly down to half a cell, and drawn back by an eighth of a cell at most below */
+static void test_gaps(void **state)
+{
+  const PetscReal gap[] = {1, 0.5, 0.3, 0.2};
+  Case            c;
+
+  (void)state;
+  for (PetscInt periodic = 0; periodic < 2; periodic++) {
+    open_case(&c, periodic ? PAIR "-mesh_periodic x,y" : PAIR);
+    for (PetscInt t = 0; t < 120; t++) {
+      const PetscReal angle = PETSC_PI * noise(3 * t + 1), D = 0.2 + gap[t % 4] / 40;
+
+      for (PetscInt k = 0; k < 2; k++) {
+        c.state->x[k][0] = (periodic ? 0.95 : 0.5) + 0.0125 * noise(3 * t + 2) + (k ? 0.5 : -0.5) * D * PetscCosReal(angle);
+        c.state->x[k][1] = (periodic ? 0.02 : 0.5) + 0.0125 * noise(3 * t + 3) + (k ? 0.5 : -0.5) * D * PetscSinReal(angle);
+      }
+      fit(&c);
+      assert_true(c.fitted[0] && c.fitted[1]);
+      assert_int_equal(c.r.nnarrow, t % 4 < 2 ? 0 : 2);
+      BELOW(miss(&c), t % 4 < 2 ? 1e-13 : 0.125 / 40);
+    }
+    NEAR(area(&c, PETSC_FALSE), 1 - 2 * PETSC_PI * 0.01, 5e-4);
+    close_case(&c);
+  }
+}
+
+/* A disc that comes to a side of the domain, and touches it at last */
+static void test_side(void **state)
+{
+  Case c;
+
+  (void)state;
+  open_case(&c, PAIR);
+  c.wanted[1] = PETSC_FALSE;
+  for (PetscInt t = 0; t < 60; t++) {
+    c.state->x[0][0] = 0.1 + (60 - t) / 60.0 * 0.05;
+    c.state->x[0][1] = 0.4 + 0.025 * noise(t);
+    fit(&c);
+    assert_true(c.fitted[0]);
+    BELOW(miss(&c), 0.25 / 40);
+  }
+  assert_int_equal(c.r.nnarrow, 1);
+  close_case(&c);
+}
+
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_circles), cmocka_unit_test(test_ellipses)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_circles), cmocka_unit_test(test_ellipses), cmocka_unit_test(test_gaps),
+                                     cmocka_unit_test(test_side)};
   int                     failed;
 
   if (PetscInitialize(&argc, &argv, NULL, NULL)) return 1;

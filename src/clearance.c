@@ -1,0 +1,128 @@
+/* Clearance: see clearance.h. */
+#include "compat.h"
+#include "clearance.h"
+
+struct _p_Clearance {
+  const MeshLocal *loc;
+  Bodies           bodies;
+  BodyState       *state;
+  PetscReal        reach;
+  PetscInt        *ptr, *near, room; /* [nbodies + 1]; near bodies of each */
+  PetscInt        *order;            /* [nbodies] by their left ends */
+  PetscReal       *left;             /* [nbodies] */
+};
+
+static PetscReal near_radius(Clearance c, PetscInt k)
+{
+  return c->state->group[c->state->body_group[k]].radius + 0.5 * c->reach;
+}
+
+/* Are bodies k and j, or images of them, so close that their walls may come within reach of each other? */
+static PetscBool is_near(Clearance c, PetscReal (*X)[3], PetscInt k, PetscInt j)
+{
+  PetscReal d2 = 0;
+
+  for (PetscInt a = 0; a < 2; a++) {
+    PetscReal r = X[j][a] - X[k][a];
+
+    if (c->loc->period[a] > 0) r -= c->loc->period[a] * PetscFloorReal(r / c->loc->period[a] + 0.5);
+    d2 += r * r;
+  }
+  return (PetscBool)(d2 < PetscSqr(near_radius(c, k) + near_radius(c, j)));
+}
+
+/* Pairs of near bodies, by a sweep over the left ends of the bodies, round the period if there is one: counted, or listed from behind */
+static void sweep_pairs(Clearance c, PetscReal (*X)[3], PetscBool list)
+{
+  const PetscReal period = c->loc->period[0];
+  const PetscInt  n      = c->state->n;
+
+  for (PetscInt e = 0; e < n; e++) {
+    const PetscInt k = c->order[e];
+
+    for (PetscInt f = e + 1; f < (period > 0 ? e + n : n); f++) {
+      const PetscInt j = c->order[f % n];
+
+      if (c->left[f % n] + (f >= n ? period : 0) > c->left[e] + 2 * near_radius(c, k)) break;
+      if (!is_near(c, X, k, j)) continue;
+      if (list) {
+        c->near[--c->ptr[k]] = j;
+        c->near[--c->ptr[j]] = k;
+      } else {
+        c->ptr[k]++;
+        c->ptr[j]++;
+      }
+    }
+  }
+}
+
+PetscErrorCode ClearanceCreate(Mesh mesh, Bodies bodies, PetscReal reach, Clearance *clearance)
+{
+  Clearance c;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&c));
+  c->bodies = bodies;
+  c->reach  = reach;
+  PetscCall(MeshGetLocal(mesh, &c->loc));
+  PetscCall(BodiesGetState(bodies, &c->state));
+  PetscCall(PetscCalloc3(c->state->n + 1, &c->ptr, c->state->n, &c->order, c->state->n, &c->left));
+  *clearance = c;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ClearanceDestroy(Clearance *clearance)
+{
+  PetscFunctionBeginUser;
+  if (!*clearance) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree3((*clearance)->ptr, (*clearance)->order, (*clearance)->left));
+  PetscCall(PetscFree((*clearance)->near));
+  PetscCall(PetscFree(*clearance));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ClearanceUpdate(Clearance c, PetscReal (*X)[3])
+{
+  const PetscInt n = c->state->n;
+
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < n; k++) {
+    c->order[k] = k;
+    c->left[k]  = X[k][0] - near_radius(c, k);
+    if (c->loc->period[0] > 0) c->left[k] -= c->loc->period[0] * PetscFloorReal((c->left[k] - c->loc->lower[0]) / c->loc->period[0]);
+  }
+  PetscCall(PetscSortRealWithArrayInt(n, c->left, c->order));
+  PetscCall(PetscArrayzero(c->ptr, n + 1));
+  sweep_pairs(c, X, PETSC_FALSE);
+  for (PetscInt k = 0; k < n; k++) c->ptr[k + 1] += c->ptr[k];
+  if (c->ptr[n] > c->room) {
+    c->room = 2 * c->ptr[n];
+    PetscCall(PetscRealloc(c->room * sizeof(PetscInt), &c->near));
+  }
+  sweep_pairs(c, X, PETSC_TRUE);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ClearanceMeasure(Clearance c, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool counts[], PetscInt k, const PetscReal y[2],
+                                PetscReal gap[2])
+{
+  const MeshLocal *l = c->loc;
+
+  PetscFunctionBeginUser;
+  gap[0] = gap[1] = PETSC_MAX_REAL;
+  for (PetscInt a = 0; a < 2; a++)
+    if (l->period[a] == 0) gap[1] = PetscMin(gap[1], PetscMin(y[a] - l->lower[a], l->upper[a] - y[a]));
+  for (PetscInt e = c->ptr[k]; e < c->ptr[k + 1]; e++) {
+    const PetscInt j = c->near[e];
+    PetscReal      at[3], d;
+
+    if (!counts[j]) continue;
+    for (PetscInt a = 0; a < 3; a++) {
+      at[a] = X[j][a];
+      if (a < 2 && l->period[a] > 0) at[a] += l->period[a] * PetscFloorReal((y[a] - at[a]) / l->period[a] + 0.5);
+    }
+    PetscCall(BodiesDistance(c->bodies, j, at, q[j], 1, y, &d));
+    gap[0] = PetscMin(gap[0], d);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
