@@ -59,13 +59,13 @@ PetscBool ElementLocate(PetscInt dim, const PetscReal xc[], const PetscReal x[],
 /* Gradients of the basis at quadrature point q in space: g [dim][ELEMENT_MAX_NBP] */
 void ElementGradients(const ElementTables *, const ElementMetric *, PetscInt q, PetscReal g[3][ELEMENT_MAX_NBP]);
 
-/* ce [nb][nbp] = a int phi_i phi_j + b int grad phi_i . grad phi_j + int phi_i w . grad phi_j with nodal w [nb][dim], or NULL */
-void ElementOperator(const ElementTables *, const ElementMetric *, PetscReal a, PetscReal b, const PetscReal w[], PetscReal ce[]);
+/* ce [nb][nbp] = a int phi_i phi_j + b int grad phi_i . grad phi_j + int phi_i (w . grad phi_j + skew div w phi_j) with nodal w [nb][dim], or NULL */
+void ElementOperator(const ElementTables *, const ElementMetric *, PetscReal a, PetscReal b, const PetscReal w[], PetscReal skew, PetscReal ce[]);
 
-/* r [nb][dim] = rho (s, v) + rho (w . grad u, v) + mu (grad u, grad v) - (force, v) with nodal acceleration s, velocity u (NULL: zero), convection w (NULL: none), all [nb][dim];
+/* r [nb][dim] = rho (s, v) + rho (w . grad u + skew div w u, v) + mu (grad u, grad v) - (force, v) with nodal acceleration s, velocity u (NULL: zero), convection w (NULL: none), all [nb][dim];
    force [dim]. */
 void ElementResidual(const ElementTables *, const ElementMetric *, PetscReal rho, PetscReal mu, const PetscReal force[], const PetscReal s[],
-                     const PetscReal u[], const PetscReal w[], PetscReal r[]);
+                     const PetscReal u[], const PetscReal w[], PetscReal skew, PetscReal r[]);
 /* y = B u and r += scale B^T p with the cells' matrices b [ncell][dim + 1][nb * dim] and nodes [ncell][nb]; u, r [nodes][dim], y, p [ncell][dim + 1]. Local. */
 void ElementDivergence(PetscInt dim, PetscInt ncell, const PetscInt cell_node[], const PetscReal b[], const PetscReal u[], PetscReal y[]);
 void ElementGradient(PetscInt dim, PetscInt ncell, const PetscInt cell_node[], const PetscReal b[], PetscReal scale, const PetscReal p[],

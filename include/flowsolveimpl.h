@@ -3,14 +3,15 @@
 #include "bodyblocks.h"
 #include "flowsolve.h"
 #include "pressure.h"
+#include "sweep.h"
 
 struct _p_FlowSolver {
   Flow             flow;
   Constraint       constraint;
   Mesh             mesh;
   const MeshLocal *loc;
-  PetscInt         nodal, nur, np, nbodies, nr; /* local sizes: nodal slots, u_r, p */
-  PetscInt         schur;
+  PetscInt         nodal, nur, np, nbodies, nr;   /* local sizes: nodal slots, u_r, p */
+  PetscInt         schur, sweep_type;             /* what the user wants */
   PetscBool        fitted, commute, viscous_only; /* no staircase of rigid nodes; in this step */
   Mat              S, S_all, A;                   /* scalar matrix; the same for all components; the one in use: that, or of FlowSolverSetVelocity */
   Mat              Ar, G, B, C, nest, Ar_assembled,
@@ -29,6 +30,8 @@ struct _p_FlowSolver {
   PetscReal   *rigid_work;       /* [2][nbodies][nr] by local numbers of the constraint */
   PetscReal   *saved, *local;    /* work: values at inert slots; nodal array with ghosts */
   PetscInt     nsaved;
+  Sweep        sweep;
+  PetscBool    factorise; /* in this step */
   BodyBlocks   blocks;
   Pressure     pressure; /* the projected pressure operator */
   MatNullSpace constant_pressure;

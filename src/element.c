@@ -138,9 +138,9 @@ void ElementGradients(const ElementTables *t, const ElementMetric *m, PetscInt q
 
 #define INLINE static inline __attribute__((always_inline))
 
-/* g [nq][nbp] += weight w . grad phi_j */
+/* g [nq][nbp] += weight (w . grad phi_j + skew div w phi_j) */
 INLINE void add_convection(const int dim, const int nb, const int nbp, const int nq, const ElementTables *restrict t, const ElementMetric *restrict m,
-                           PetscBool affine, const PetscReal *restrict wl, PetscReal g[restrict][ELEMENT_MAX_NBP])
+                           PetscBool affine, const PetscReal *restrict wl, PetscReal skew, PetscReal g[restrict][ELEMENT_MAX_NBP])
 {
   for (int q = 0; q < nq; q++) {
     const PetscReal *phi = t->phi + q * nbp, *dphi = t->dphi + q * dim * nbp, *inverse = m->inverse[affine ? 0 : q];
@@ -155,6 +155,18 @@ INLINE void add_convection(const int dim, const int nb, const int nbp, const int
     }
     for (int e = 0; e < dim; e++)
       for (int j = 0; j < nbp; j++) g[q][j] += s[e] * dphi[e * nbp + j];
+    if (skew != 0) {
+      PetscReal div = 0;
+
+      for (int e = 0; e < dim; e++)
+        for (int a = 0; a < dim; a++) {
+          PetscReal slope = 0;
+
+          for (int j = 0; j < nb; j++) slope += dphi[e * nbp + j] * wl[j * dim + a];
+          div += inverse[e * dim + a] * slope;
+        }
+      for (int j = 0; j < nbp; j++) g[q][j] += skew * m->weight[q] * div * phi[j];
+    }
   }
 }
 
@@ -173,7 +185,8 @@ INLINE void add_products(const int nb, const int nbp, const int nq, const PetscR
 }
 
 INLINE void affine_operator(const int dim, const int nb, const int nbp, const int nq, const ElementTables *restrict t,
-                            const ElementMetric *restrict m, PetscReal a, PetscReal b, const PetscReal *restrict wl, PetscReal *restrict ce)
+                            const ElementMetric *restrict m, PetscReal a, PetscReal b, const PetscReal *restrict wl, PetscReal skew,
+                            PetscReal *restrict ce)
 {
   const PetscReal am = a * m->det;
   PetscReal       g[ELEMENT_MAX_NQ][ELEMENT_MAX_NBP], bk[9];
@@ -197,19 +210,20 @@ INLINE void affine_operator(const int dim, const int nb, const int nbp, const in
   if (!wl) return;
   for (int q = 0; q < nq; q++)
     for (int j = 0; j < nbp; j++) g[q][j] = 0;
-  add_convection(dim, nb, nbp, nq, t, m, PETSC_TRUE, wl, g);
+  add_convection(dim, nb, nbp, nq, t, m, PETSC_TRUE, wl, skew, g);
   add_products(nb, nbp, nq, t->phi, g, ce);
 }
 
 INLINE void curved_operator(const int dim, const int nb, const int nbp, const int nq, const ElementTables *restrict t,
-                            const ElementMetric *restrict m, PetscReal a, PetscReal b, const PetscReal *restrict wl, PetscReal *restrict ce)
+                            const ElementMetric *restrict m, PetscReal a, PetscReal b, const PetscReal *restrict wl, PetscReal skew,
+                            PetscReal *restrict ce)
 {
   PetscReal g[ELEMENT_MAX_NQ][ELEMENT_MAX_NBP];
 
   for (int i = 0; i < nb * nbp; i++) ce[i] = 0;
   for (int q = 0; q < nq; q++)
     for (int j = 0; j < nbp; j++) g[q][j] = a * m->weight[q] * t->phi[q * nbp + j];
-  if (wl) add_convection(dim, nb, nbp, nq, t, m, PETSC_FALSE, wl, g);
+  if (wl) add_convection(dim, nb, nbp, nq, t, m, PETSC_FALSE, wl, skew, g);
   add_products(nb, nbp, nq, t->phi, g, ce);
   for (int q = 0; q < nq; q++) {
     PetscReal grad[3][ELEMENT_MAX_NBP];
@@ -225,12 +239,12 @@ INLINE void curved_operator(const int dim, const int nb, const int nbp, const in
   }
 }
 
-void ElementOperator(const ElementTables *t, const ElementMetric *m, PetscReal a, PetscReal b, const PetscReal w[], PetscReal ce[])
+void ElementOperator(const ElementTables *t, const ElementMetric *m, PetscReal a, PetscReal b, const PetscReal w[], PetscReal skew, PetscReal ce[])
 {
-  if (t->dim == 2 && m->affine) affine_operator(2, 9, 12, 9, t, m, a, b, w, ce);
-  else if (t->dim == 2) curved_operator(2, 9, 12, 9, t, m, a, b, w, ce);
-  else if (m->affine) affine_operator(3, 27, 28, 27, t, m, a, b, w, ce);
-  else curved_operator(3, 27, 28, 27, t, m, a, b, w, ce);
+  if (t->dim == 2 && m->affine) affine_operator(2, 9, 12, 9, t, m, a, b, w, skew, ce);
+  else if (t->dim == 2) curved_operator(2, 9, 12, 9, t, m, a, b, w, skew, ce);
+  else if (m->affine) affine_operator(3, 27, 28, 27, t, m, a, b, w, skew, ce);
+  else curved_operator(3, 27, 28, 27, t, m, a, b, w, skew, ce);
 }
 
 /* ---- residual ---- */
@@ -248,21 +262,29 @@ INLINE void evaluate(const int dim, const int nb, const int nqp, const PetscReal
 
 INLINE void residual(const int dim, const int nb, const int nbp, const int nq, const int nqp, const ElementTables *restrict t,
                      const ElementMetric *restrict m, PetscReal rho, PetscReal mu, const PetscReal *restrict force, const PetscReal *restrict sl,
-                     const PetscReal *restrict ul, const PetscReal *restrict wl, PetscReal *restrict r)
+                     const PetscReal *restrict ul, const PetscReal *restrict wl, PetscReal skew, PetscReal *restrict r)
 {
-  PetscReal source[3][ELEMENT_MAX_NQ], w[3][ELEMENT_MAX_NQ],
-    grad[3][3][ELEMENT_MAX_NQ]; /* grad [e][d]: in reference coordinates, then the viscous flux */
+  PetscReal source[3][ELEMENT_MAX_NQ], w[3][ELEMENT_MAX_NQ], u[3][ELEMENT_MAX_NQ], grad[3][3][ELEMENT_MAX_NQ],
+    slope[3][3][ELEMENT_MAX_NQ]; /* [e][d]: in reference coordinates, then the viscous flux; that of w */
   PetscReal out[3][ELEMENT_MAX_NBP];
 
   evaluate(dim, nb, nqp, t->phi_t, nqp, sl, source);
   if (ul)
     for (int e = 0; e < dim; e++) evaluate(dim, nb, nqp, t->dphi_t + e * nqp, dim * nqp, ul, grad[e]);
   if (ul && wl) evaluate(dim, nb, nqp, t->phi_t, nqp, wl, w);
+  if (ul && wl && skew != 0) {
+    evaluate(dim, nb, nqp, t->phi_t, nqp, ul, u);
+    for (int e = 0; e < dim; e++) evaluate(dim, nb, nqp, t->dphi_t + e * nqp, dim * nqp, wl, slope[e]);
+  }
   for (int q = 0; q < nq; q++) {
     const PetscReal *inverse = m->inverse[m->affine ? 0 : q];
+    PetscReal        div     = 0;
 
+    for (int e = 0; e < dim && ul && wl && skew != 0; e++)
+      for (int a = 0; a < dim; a++) div += inverse[e * dim + a] * slope[e][a][q];
     for (int d = 0; d < dim; d++) {
       source[d][q] = rho * source[d][q] - force[d];
+      if (div != 0) source[d][q] += rho * skew * div * u[d][q];
       if (ul) {
         PetscReal space[3];
 
@@ -295,10 +317,10 @@ INLINE void residual(const int dim, const int nb, const int nbp, const int nq, c
 }
 
 void ElementResidual(const ElementTables *t, const ElementMetric *m, PetscReal rho, PetscReal mu, const PetscReal force[], const PetscReal s[],
-                     const PetscReal u[], const PetscReal w[], PetscReal r[])
+                     const PetscReal u[], const PetscReal w[], PetscReal skew, PetscReal r[])
 {
-  if (t->dim == 2) residual(2, 9, 12, 9, 12, t, m, rho, mu, force, s, u, w, r);
-  else residual(3, 27, 28, 27, 28, t, m, rho, mu, force, s, u, w, r);
+  if (t->dim == 2) residual(2, 9, 12, 9, 12, t, m, rho, mu, force, s, u, w, skew, r);
+  else residual(3, 27, 28, 27, 28, t, m, rho, mu, force, s, u, w, skew, r);
 }
 
 /* ---- the map of a cell and its inverse ---- */

@@ -54,6 +54,7 @@ enum {
 
 static const char *const SCHEMES[]        = {"be", "cn", "bdf2", "fstheta", NULL};
 static const char *const EXTRAPOLATIONS[] = {"linear", "quadratic", NULL};
+static const char *const FORMS[]          = {"convective", "skew", NULL};
 
 /* ---- geometry ---- */
 
@@ -306,7 +307,7 @@ static PetscErrorCode assemble_matrix(Flow f)
       gather(l, c, f->w, wl);
       for (PetscInt i = 0; i < size; i++) wl[i] *= f->par.density * s->theta;
     }
-    ElementOperator(&f->element, &m, f->par.density * s->ct, f->par.viscosity * s->theta, f->par.convection ? wl : NULL, ce);
+    ElementOperator(&f->element, &m, f->par.density * s->ct, f->par.viscosity * s->theta, f->par.convection ? wl : NULL, f->par.skew, ce);
     add_cell(f, c, nbp, ce, value[0], value[1]);
   }
   for (PetscInt t = 0; t < f->nterm; t++) add_cell(f, f->term_cell[t], l->nb, f->term + t * l->nb * l->nb, value[0], value[1]);
@@ -363,7 +364,8 @@ PetscErrorCode FlowRhs(Flow f, PetscReal r[])
       }
     }
     PetscCall(compute_metric(f, c, &m));
-    ElementResidual(&f->element, &m, f->par.density, f->par.viscosity, f->par.force, al, s->theta < 1 ? vl : NULL, f->par.convection ? wl : NULL, rl);
+    ElementResidual(&f->element, &m, f->par.density, f->par.viscosity, f->par.force, al, s->theta < 1 ? vl : NULL, f->par.convection ? wl : NULL,
+                    f->par.skew, rl);
     for (PetscInt j = 0; j < nb; j++)
       for (PetscInt a = 0; a < dim; a++) r[node[j] * dim + a] -= rl[j * dim + a];
   }
@@ -420,8 +422,9 @@ static void extrapolate_convection(Flow f)
 
 static PetscErrorCode read_parameters(Flow f)
 {
-  FlowParameters *p   = &f->par;
-  const PetscInt  dim = f->loc->dim;
+  FlowParameters *p    = &f->par;
+  const PetscInt  dim  = f->loc->dim;
+  PetscInt        form = 1;
 
   PetscFunctionBeginUser;
   p->density    = 1;
@@ -434,6 +437,9 @@ static PetscErrorCode read_parameters(Flow f)
   PetscCall(OptRealArray("-flow_force", "body force on the fluid", "force/volume", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, p->force, NULL));
   PetscCall(OptRealArray("-flow_velocity", "uniform velocity at the start", "length/time", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, p->velocity, NULL));
   PetscCall(OptBool("-flow_convection", "convection term; false gives the unsteady Stokes equations", &p->convection));
+  PetscCall(
+    OptChoice("-flow_convection_form", "w.grad u, or with half of (div w) u, which keeps the energy whatever the divergence of w", FORMS, &form));
+  p->skew = form == 1 ? 0.5 : 0;
   PetscCall(OptChoice("-flow_time", "time scheme", SCHEMES, &f->scheme));
   PetscCall(OptChoice("-flow_extrapolation", "convecting velocity from two or (bodies that stay) three steps", EXTRAPOLATIONS, &p->quadratic));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -836,7 +842,7 @@ PetscErrorCode FlowCellResidual(Flow f, PetscInt c, const PetscReal u[], const P
   PetscFunctionBeginUser;
   gather_step(f, c, u, al, vl, wl);
   PetscCall(compute_metric(f, c, &m));
-  ElementResidual(&f->element, &m, f->par.density, f->par.viscosity, f->par.force, al, vl, f->par.convection ? wl : NULL, r);
+  ElementResidual(&f->element, &m, f->par.density, f->par.viscosity, f->par.force, al, vl, f->par.convection ? wl : NULL, f->par.skew, r);
   for (PetscInt k = 0; k < nk; k++)
     for (PetscInt i = 0; i < n; i++) r[i] -= p[c * nk + k] * f->b[(c * nk + k) * n + i];
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -856,14 +862,17 @@ PetscErrorCode FlowCellNewton(Flow f, PetscInt c, const PetscReal u[], PetscReal
   PetscCall(compute_metric(f, c, &m));
   for (PetscInt q = 0; q < f->element.nq; q++) {
     const PetscReal *phi = f->element.phi + q * f->element.nbp, scale = f->par.density * f->step.theta * m.weight[q];
-    PetscReal        g[3][ELEMENT_MAX_NBP], grad[3][3]                = {{0}};
+    PetscReal        g[3][ELEMENT_MAX_NBP], grad[3][3] = {{0}}, v[3] = {0, 0, 0};
 
     ElementGradients(&f->element, &m, q, g);
+    for (PetscInt j = 0; j < nb; j++)
+      for (PetscInt a = 0; a < dim; a++) v[a] += phi[j] * ul[j * dim + a];
     for (PetscInt j = 0; j < nb; j++)
       for (PetscInt a = 0; a < dim; a++)
         for (PetscInt b = 0; b < dim; b++) grad[a][b] += scale * g[b][j] * ul[j * dim + a];
     for (PetscInt i = 0; i < rows; i++)
-      for (PetscInt j = 0; j < rows; j++) n[i * rows + j] += phi[i / dim] * phi[j / dim] * grad[i % dim][j % dim];
+      for (PetscInt j = 0; j < rows; j++)
+        n[i * rows + j] += phi[i / dim] * (phi[j / dim] * grad[i % dim][j % dim] + f->par.skew * scale * g[j % dim][j / dim] * v[i % dim]);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -942,7 +951,7 @@ PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], FlowDiagnostics *out)
     gather(l, c, u, ul);
     gather_step(f, c, u, al, vl, wl);
     PetscCall(compute_metric(f, c, &m));
-    ElementResidual(&f->element, &m, f->par.density, f->par.viscosity, f->par.force, al, vl, f->par.convection ? wl : NULL, r);
+    ElementResidual(&f->element, &m, f->par.density, f->par.viscosity, f->par.force, al, vl, f->par.convection ? wl : NULL, f->par.skew, r);
     for (PetscInt i = 0; i < n; i++) {
       sum[2 + i % dim] += r[i]; /* viscous parts add up to zero over a cell */
       div += b[i] * ul[i];

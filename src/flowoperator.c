@@ -90,37 +90,14 @@ static PetscErrorCode diagonal_velocity(Mat mat, Vec d)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static inline __attribute__((always_inline)) void sweep_kernel(const int dim, PetscInt n, PetscBool forward, PetscBool lower_only,
-                                                               const PetscInt *restrict ai, const PetscInt *restrict aj, const PetscReal *restrict aa,
-                                                               const PetscReal *restrict dinv, const PetscReal *restrict b, PetscReal *restrict x)
-{
-  for (PetscInt k = 0; k < n; k++) {
-    const PetscInt i = forward ? k : n - 1 - k;
-    PetscReal      s[3];
-
-    for (int a = 0; a < dim; a++) s[a] = b[i * dim + a];
-    for (PetscInt q = ai[i]; q < ai[i + 1]; q++) {
-      const PetscInt j = aj[q];
-
-      if (lower_only && j >= i) break; /* columns ascend and the rest of x is still zero */
-      for (int a = 0; a < dim; a++) s[a] -= aa[q] * x[j * dim + a];
-    }
-    for (int a = 0; a < dim; a++) x[i * dim + a] += dinv[i * dim + a] * s[a];
-  }
-}
-
-/* Processor-local SOR (omega 1) for all components at once; inert slots have a zero inverse diagonal and stay as they are; the bodies' blocks are solved
-   against their right-hand side alone (block Jacobi). */
+/* Sweeps or the factorisation for all components at once; inert slots stay as they are; the bodies' blocks are solved against their right-hand side alone (block Jacobi). */
 static PetscErrorCode sor_velocity(Mat mat, Vec bv, PetscReal omega, MatSORType flag, PetscReal shift, PetscInt its, PetscInt lits, Vec xv)
 {
   FlowSolver       fs;
-  Mat              Ad;
-  const PetscInt  *ai, *aj;
-  const PetscReal *aa, *b;
+  const PetscReal *b;
   PetscReal       *x;
-  PetscInt         n, first, count, ninert;
+  PetscInt         first, count, ninert;
   const PetscInt  *slot;
-  PetscBool        done, zero = (PetscBool)((flag & SOR_ZERO_INITIAL_GUESS) != 0);
 
   PetscFunctionBeginUser;
   PetscCheck(omega == 1 && shift == 0, PetscObjectComm((PetscObject)mat), PETSC_ERR_SUP,
@@ -130,29 +107,14 @@ static PetscErrorCode sor_velocity(Mat mat, Vec bv, PetscReal omega, MatSORType 
   PetscCall(PetscLogEventBegin(TB_VEL_SWEEP, 0, 0, 0, 0));
   PetscCall(ConstraintGetOwnBodies(fs->constraint, &first, &count));
   PetscCall(ConstraintGetInert(fs->constraint, &ninert, &slot));
-  PetscCall(MatGetDiagonalBlock(fs->S, &Ad));
-  PetscCall(MatGetRowIJ(Ad, 0, PETSC_FALSE, PETSC_FALSE, &n, &ai, &aj, &done));
-  PetscCall(MatSeqAIJGetArrayRead(Ad, &aa));
   PetscCall(VecGetArrayRead(bv, &b));
   PetscCall(VecGetArray(xv, &x));
-  if (zero) PetscCall(PetscArrayzero(x, fs->nur));
-  for (PetscInt it = 0; it < its * lits; it++) {
-    if (flag & (SOR_FORWARD_SWEEP | SOR_LOCAL_FORWARD_SWEEP)) {
-      if (fs->loc->dim == 2) sweep_kernel(2, n, PETSC_TRUE, (PetscBool)(zero && it == 0), ai, aj, aa, fs->diagonal_inverse, b, x);
-      else sweep_kernel(3, n, PETSC_TRUE, (PetscBool)(zero && it == 0), ai, aj, aa, fs->diagonal_inverse, b, x);
-    }
-    if (flag & (SOR_BACKWARD_SWEEP | SOR_LOCAL_BACKWARD_SWEEP)) {
-      if (fs->loc->dim == 2) sweep_kernel(2, n, PETSC_FALSE, PETSC_FALSE, ai, aj, aa, fs->diagonal_inverse, b, x);
-      else sweep_kernel(3, n, PETSC_FALSE, PETSC_FALSE, ai, aj, aa, fs->diagonal_inverse, b, x);
-    }
-  }
+  PetscCall(SweepApply(fs->sweep, flag, its * lits, b, x));
   for (PetscInt j = 0; j < ninert; j++) x[slot[j]] = b[slot[j]];
   for (PetscInt k = 0; k < count; k++)
     multiply_small(fs->nr, fs->body_inverse + k * fs->nr * fs->nr, b + fs->nodal + k * fs->nr, x + fs->nodal + k * fs->nr);
   PetscCall(VecRestoreArray(xv, &x));
   PetscCall(VecRestoreArrayRead(bv, &b));
-  PetscCall(MatSeqAIJRestoreArrayRead(Ad, &aa));
-  PetscCall(MatRestoreRowIJ(Ad, 0, PETSC_FALSE, PETSC_FALSE, &n, &ai, &aj, &done));
   PetscCall(PetscLogEventEnd(TB_VEL_SWEEP, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
