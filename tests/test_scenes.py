@@ -71,6 +71,17 @@ def test_heart_valve(bodies):
     assert swing[0] > swing[1] + 0.1 > 0.41, swing
 
 
+@pytest.mark.parametrize("scene, group", [("lift-off-circle", "disc"), ("lift-off-ellipse", "ellipse")])
+def test_lift_off(bodies, scene, group):
+    """In its first moments the body rises and rolls with the shear; a heavier one rises less."""
+    height = []
+    for density in ("1.01", "1.05"):
+        rows, _ = bodies(scene, group, "-sim_time", "0.75", "-sim_dt", "0.05", f"-particle_{group}_density", density, "-output_overwrite")
+        assert float(rows[-1]["omega_z"]) < -0.5, rows[-1]
+        height.append(float(rows[-1]["y"]) - float(rows[0]["y"]))
+    assert height[0] > height[1] + 0.02 and height[0] > 0.03, height
+
+
 def test_scene_in_a_moving_frame(bodies):
     """Walls, fluid and disc that start with one velocity keep it, whatever the mesh and the rung."""
     rows, _ = bodies("poiseuille-migration", "disc", "-flow_force", "0,0", "-mesh_cells", "12,12", "-sim_time", "4")
