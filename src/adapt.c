@@ -212,9 +212,9 @@ PetscErrorCode AdaptJudge(Adapt a, KSPConvergedReason reason, PetscBool *accept)
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetStep(a->flow, &step));
-  if (reason < 0) a->error = PETSC_INFINITY;
-  else PetscCall(estimate_error(a, step, &known));
-  if (PetscIsInfOrNanReal(a->error)) {
+  a->error = 0;
+  if (reason >= 0) PetscCall(estimate_error(a, step, &known));
+  if (reason < 0 || PetscIsInfOrNanReal(a->error)) {
     *accept = (PetscBool)(step->dt <= a->min * (1 + 1e-6));
     a->dt   = PetscMax(a->min, FAILED * step->dt);
   } else if (a->first_error > 0 && a->error > JUMP * a->first_error) {
