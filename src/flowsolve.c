@@ -223,6 +223,7 @@ static PetscErrorCode set_recipe(FlowSolver fs)
   if (recipe == 3) {
     PetscCall(OptDefault("-flow_pc_type", "lu"));
     PetscCall(OptDefault("-flow_pc_factor_mat_solver_type", "mumps"));
+    PetscCall(OptDefault("-flow_mat_mumps_icntl_24", "1")); /* leave null pivots out: pressures of cut cells without a free velocity */
   } else {
     PetscCall(OptDefault("-flow_fieldsplit_velocity_ksp_type", "gcr")); /* 3 sweeps where bcgs does 5 (viscous number 0.4), 43 for 61 (70) */
     PetscCall(OptDefault("-flow_fieldsplit_velocity_ksp_gcr_restart", "10"));
