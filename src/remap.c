@@ -135,6 +135,44 @@ static PetscErrorCode find_answer(Remap r, const PetscReal x[2], PetscReal size,
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* May a cell with these nodes contain x? Edges are parabolas through their nodes, which hardly leave the box of the nodes. */
+static PetscBool is_in_box(const PetscReal xc[], const PetscReal x[2])
+{
+  for (PetscInt a = 0; a < 2; a++) {
+    PetscReal lo = xc[a], hi = xc[a];
+
+    for (PetscInt j = 1; j < 9; j++) {
+      lo = PetscMin(lo, xc[2 * j + a]);
+      hi = PetscMax(hi, xc[2 * j + a]);
+    }
+    if (x[a] < lo - 0.1 * (hi - lo) || x[a] > hi + 0.1 * (hi - lo)) return PETSC_FALSE;
+  }
+  return PETSC_TRUE;
+}
+
+/* Most nodes move within the cells around them: is x in one of those of own node i? */
+static PetscErrorCode try_around(Remap r, PetscInt i, const PetscReal at[2], const PetscInt dead[], Answer *best)
+{
+  const MeshLocal *l = r->loc;
+
+  PetscFunctionBeginUser;
+  best->key = 3000;
+  for (PetscInt e = l->node_cell_ptr[i]; e < l->node_cell_ptr[i + 1] && best->key > 0; e++) {
+    const PetscInt c = l->node_cell[e];
+    PetscReal      xc[18], x[2], xi[2];
+
+    if (dead[c] >= 0) continue;
+    PetscCall(MeshCellCoordinates(r->mesh, c, xc));
+    for (PetscInt a = 0; a < 2; a++) {
+      x[a] = at[a];
+      if (l->period[a] > 0) x[a] -= l->period[a] * PetscFloorReal((x[a] - xc[8 + a]) / l->period[a] + 0.5);
+    }
+    if (is_in_box(xc, x) && invert_map(xc, x, xi) && PetscMax(PetscAbsReal(xi[0]), PetscAbsReal(xi[1])) < 1 + 1e-10)
+      *best = (Answer){0, c, {xi[0], xi[1]}, {0, 0}};
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Values of the fields: v [nfield][2] */
 static PetscErrorCode evaluate(Remap r, const Answer *answer, PetscInt nfield, const PetscReal *const field[], PetscReal v[])
 {
@@ -277,7 +315,8 @@ PetscErrorCode RemapEvaluate(Remap r, PetscInt n, const PetscInt nodes[], const 
 
     for (PetscInt f = 0; f < nfield; f++)
       for (PetscInt a = 0; a < 2; a++) out[(e * nfield + f) * 2 + a] = field[f][2 * nodes[e] + a];
-    PetscCall(find_answer(r, x + 2 * e, cell_size(r, nodes[e]), dead, PETSC_FALSE, &best));
+    PetscCall(try_around(r, nodes[e], x + 2 * e, dead, &best));
+    if (best.key > 0) PetscCall(find_answer(r, x + 2 * e, cell_size(r, nodes[e]), dead, PETSC_FALSE, &best));
     if (best.key == 0) PetscCall(evaluate(r, &best, nfield, field, out + 2 * e * nfield));
     else open[nopen++] = e;
   }
