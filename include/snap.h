@@ -7,7 +7,7 @@
    that leaves a fluid cell no room as well.
    Walls closer than half a cell to another wall are drawn back, so that the gap g in the mesh is w + g^2/(4w) with w = 1/4 cell (w where they overlap). The resistance of a closing gap
    then grows to that of w without a jump, and the cells in the gap stay valid; what is missing below about a quarter of a cell belongs to the contact forces. Falling back to the
-   penalty in a gap costs a factor of 1.3 at half a cell and 3.5 at a fifth (study runs/studies/boundary).
+   penalty in a gap instead loses resistance at once, a fifth at half a cell and more below (study runs/studies/boundary).
    A body is left alone when no cell is its own, when a cell around it would get a Jacobian that is not positive (4 x 4 and 3 x 3 Gauss points), or when its cells would not have its
    size (parts thinner than a cell). For a body that was left alone before the limits are stricter, so that it does not change sides in every step.
 

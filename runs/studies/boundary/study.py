@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
-"""Study of the boundary rungs: runs what is missing in --work and writes ladder.csv, couette.csv, stream.csv, free.csv, oscillating.csv, settling.csv and boundary.png.
+"""Study of the boundary rungs: runs what is missing in --work and writes ladder.csv, couette.csv, stream.csv, free.csv, oscillating.csv, settling.csv, approach.csv,
+boundary.png and motion.png.
 
-  runs/studies/boundary/study.py --work out/boundary [ladder couette stream free oscillating settling figure]
+  runs/studies/boundary/study.py --work out/boundary [ladder couette stream free oscillating settling approach figure motion]
 """
 
 import argparse
@@ -21,6 +22,7 @@ sys.path.insert(0, str(ROOT / "tools"))
 from toolbox import environment, launcher, machine_name, read_numbers, run_scene  # noqa: E402
 
 RUNGS = ["nodal", "penalty", "snap"]
+COLOURS = {"nodal": "tab:red", "penalty": "tab:orange", "snap": "tab:blue"}
 TORQUE = 16 * math.pi * 0.1 / 3  # of the Couette disc
 REFERENCE = {"cd": 5.57953523384, "cl": 0.010618948146, "dp": 0.11752016697}  # 2D-1
 
@@ -45,17 +47,26 @@ def write(name, rows):
         writer.writerows(rows)
 
 
+def table(name):
+    """Rows of a table that an earlier run wrote."""
+    path = HERE / f"{name}.csv"
+    return list(csv.DictReader(path.open())) if path.exists() else []
+
+
 def error(value, exact):
     return f"{100 * (value / exact - 1):.5f}"
 
 
 def ladder(work):
-    """2D-1 on the mesh without hole, random shifts."""
-    rows = []
+    """2D-1 on the mesh without hole, random shifts. Rows that the table has already are kept."""
+    rows = table("ladder")
+    known = {(row["rung"], int(row["cells_per_diameter"]), int(row["seed"])) for row in rows}
     for resolution, seeds in (10, 10), (20, 10), (40, 3):
         for rung in RUNGS:
             for seed in range(1, seeds + 1):
                 options = {"mesh_kind": "channel", "mesh_resolution": resolution, "couple_boundary": rung, "mesh_shift_seed": seed}
+                if (rung, resolution, seed) in known:
+                    continue
                 s = scene(work, f"ladder/{resolution}-{rung}-{seed}", "cylinder-2d1.yaml", options)
                 if not s:
                     continue
@@ -64,7 +75,7 @@ def ladder(work):
                 row.update({f"{name}_error_percent": error(q[name], exact) for name, exact in REFERENCE.items()})
                 row.update(force_difference=q["force_difference"], nonlinear=int(q["nonlinear_iterations"]), seconds=round(s["seconds"]["total"], 1))
                 rows.append(row)
-    write("ladder", rows)
+    write("ladder", sorted(rows, key=lambda row: (int(row["cells_per_diameter"]), RUNGS.index(row["rung"]), int(row["seed"]))))
 
 
 def build_couette(work):
@@ -163,12 +174,16 @@ def interpolate(rows, time, column):
 
 
 def oscillating(work):
-    """Drag of the oscillating cylinder at the times of the reference; noise: fourth difference of the series over sqrt(70), without the first ten steps."""
+    """Drag of the oscillating cylinder at the times of the reference; noise: fourth difference of the series over sqrt(70), without the first ten steps. Rows without a run in --work are kept."""
     reference = [(r["time_s"], r["value"]) for r in csv_rows(ROOT / "runs/reference/oscillating-cylinder.csv")]
     rows = []
     for cells, h, rungs, end in (10, 0.01, RUNGS, 8), (20, 0.005, ["snap"], 4.2):
         for rung in rungs:
             name = f"oscillating/{cells}-{rung}"
+            old = [row for row in table("oscillating") if (row["rung"], int(row["cells_per_diameter"])) == (rung, cells)]
+            if old and not (work / name / "summary.json").exists():
+                rows += old
+                continue
             if not scene(work, name, "oscillating-cylinder.yaml", {"mesh_focus_h": h, "couple_boundary": rung, "particle_cylinder_reference_speed": 0.3927, "sim_time": end}):
                 continue
             series = read_numbers(work / name / "series.csv")
@@ -186,20 +201,79 @@ def csv_rows(path):
         return [{k: float(v) for k, v in row.items() if k in ("time_s", "value")} for row in csv.DictReader(line for line in file if not line.startswith("#"))]
 
 
+def smooth(a):
+    """Local cubic fit over 9 values (Savitzky, Golay 1964), without the first and last four."""
+    return [(59 * a[i] + 54 * (a[i - 1] + a[i + 1]) + 39 * (a[i - 2] + a[i + 2]) + 14 * (a[i - 3] + a[i + 3]) - 21 * (a[i - 4] + a[i + 4])) / 231 for i in range(4, len(a) - 4)]
+
+
+def accelerations(folder, dt):
+    v = [0.0] + [-row["v"] for row in read_numbers(folder / "bodies.csv") if row["step"] > 0]
+    return v, [(b - a) / dt for a, b in zip(v, v[1:])]
+
+
 def settling(work):
-    """The disc of runs/sedimentation.yaml up to 0.2 s: fall speed, and noise of the acceleration (rms after local cubic fits over 9 steps) in % of the buoyant weight."""
-    rows = []
-    for rung in RUNGS:
-        name = f"settling/8-{rung}"
-        if not scene(work, name, "sedimentation.yaml", {"mesh_cells": "64,192", "sim_dt": 0.005, "sim_time": 0.2, "couple_boundary": rung}):
+    """The falling disc: fall speeds, and noise of the acceleration (rms after local cubic fits over 9 steps, without the first 8 steps) in % of the buoyant weight over the mass."""
+    rows, dt, weight = [], 0.005, 981 * 0.25 / 1.25
+    runs = [(8, rung, 0.2) for rung in RUNGS] + [(16, "snap", 0.2), (8, "snap", 0.6), (16, "snap", 0.6)]
+    for cells, rung, end in runs:
+        name = f"settling/{'long-' if end > 0.2 else ''}{cells}" + (f"-{rung}" if end < 0.6 else "")
+        focus = "0.8,1.0,1.2,4.2" if end > 0.2 else "0.8,3.1,1.2,4.2" if cells == 16 else "0.75,2.5,1.25,4.25"
+        options = {"mesh_focus_h": 0.25 / cells, "mesh_focus": focus, "sim_dt": dt, "sim_time": end, "couple_boundary": rung}
+        s = scene(work, name, "studies/boundary/settling.yaml", options)
+        if not s:
             continue
-        v = [0.0] + [row["v"] for row in read_numbers(work / name / "bodies.csv") if row["step"] > 0]
-        a = [(v[i + 1] - v[i]) / 0.005 for i in range(len(v) - 1)][8:]
-        weight = 981 * 0.25 / 1.25  # buoyant weight over mass
-        noise = [a[i] - (59 * a[i] + 54 * (a[i - 1] + a[i + 1]) + 39 * (a[i - 2] + a[i + 2]) + 14 * (a[i - 3] + a[i + 3]) - 21 * (a[i - 4] + a[i + 4])) / 231 for i in range(4, len(a) - 4)]
-        rows.append({"rung": rung, "cells_per_diameter": 8, "dt": 0.005, "v_0.1": f"{-v[20]:.4f}", "v_0.2": f"{-v[40]:.4f}",
-                     "acceleration_noise_percent": f"{100 * math.sqrt(sum(x * x for x in noise) / len(noise)) / weight:.4f}"})
+        v, a = accelerations(work / name, dt)
+        noise = [x - y for x, y in zip(a[12:-4], smooth(a[8:]))]
+        rows.append({"rung": rung, "cells_per_diameter": cells, "dt": dt, "until": end, "v_0.1": f"{v[20]:.4f}", "v_0.2": f"{v[40]:.4f}", "v_largest": f"{max(v):.4f}",
+                     "acceleration_noise_percent": f"{100 * math.sqrt(sum(x * x for x in noise) / len(noise)) / weight:.4f}",
+                     "outer_iterations": f"{s['outer_iterations']['mean']:.1f}", "fallbacks": int(sum(row.get("snap_fallback", 0) for row in read_numbers(work / name / "series.csv")))})
     write("settling", rows)
+
+
+def approach_options(gap, cells, seed, force):
+    """Two discs, the gap in cells of 1/32, on a line at 0.35 rad, anywhere within a cell."""
+    r = random.Random(seed)
+    centre = [1 + (r.random() - 0.5) / 32 for _ in range(2)] if seed else [1.003, 1.002]
+    half, line = 0.125 + gap / 64, (math.cos(0.35), math.sin(0.35))
+    options = {"mesh_focus_h": 0.25 / cells, **({} if force > 1 else {"flow_recipe": "direct"})}
+    for group, sign in ("one", -1), ("two", 1):
+        options[f"particle_{group}_position"] = ",".join(f"{c + sign * half * e:.8f}" for c, e in zip(centre, line))
+        options[f"particle_{group}_force"] = ",".join(f"{-sign * force * e}" for e in line)
+    return options
+
+
+def closing(folder):
+    """(step, gap in cells of 1/32, speed of approach) of every step"""
+    steps = {}
+    for row in read_numbers(folder / "bodies.csv"):
+        steps.setdefault(row["step"], []).append(row)
+    for number, (a, b) in steps.items():
+        dx, dy = b["x"] - a["x"], b["y"] - a["y"]
+        distance = math.hypot(dx, dy)
+        yield number, (distance - 0.25) * 32, ((a["u"] - b["u"]) * dx + (a["v"] - b["v"]) * dy) / distance
+
+
+def approach(work):
+    """Quasi-steady speed of approach at gaps of 2 to 0.2 cells, four places of the mesh, against the same on a mesh four times as fine; and one approach in time for each rung."""
+    rows = []
+    for gap in 2, 1, 0.5, 0.3, 0.2:
+        name = f"approach/fine-{gap}"
+        if not scene(work, name, "studies/boundary/approach.yaml", approach_options(gap, 32, 0, 4e-8)):
+            continue
+        reference = list(closing(work / name))[-1][2]
+        for rung in RUNGS:
+            ratio, fallbacks = [], 0
+            for seed in 1, 2, 3, 4:
+                name = f"approach/{rung}-{gap}-{seed}"
+                if scene(work, name, "studies/boundary/approach.yaml", {"couple_boundary": rung, **approach_options(gap, 8, seed, 4e-8)}):
+                    ratio.append(list(closing(work / name))[-1][2] / reference)
+                    fallbacks += int(read_numbers(work / name / "series.csv")[-1].get("snap_fallback", 0))
+            rows.append({"gap_in_cells": gap, "reference_speed_per_force": f"{reference / 4e-8:.5f}", "rung": rung, "places": len(ratio), "speed_ratio_lowest": f"{min(ratio):.4f}",
+                         "speed_ratio_highest": f"{max(ratio):.4f}", "fallbacks": fallbacks})
+    write("approach", rows)
+    for rung in RUNGS:
+        options = {"couple_boundary": rung, "flow_convection": "true", "sim_dt": 0.0025, "sim_steps": 80, **approach_options(1.6, 8, 0, 4)}
+        scene(work, f"approach/time-{rung}", "studies/boundary/approach.yaml", options)
 
 
 def figure(work):
@@ -208,7 +282,6 @@ def figure(work):
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    colours = {"nodal": "tab:red", "penalty": "tab:orange", "snap": "tab:blue"}
     fig, axes = plt.subplots(1, 3, figsize=(14, 4.2))
     rows = read_numbers(HERE / "ladder.csv")
     for rung in RUNGS:
@@ -216,8 +289,8 @@ def figure(work):
         for row in rows:
             if row["rung"] == rung:
                 worst[row["unknowns"]] = max(worst.get(row["unknowns"], 0), abs(row["cd_error_percent"]))
-                axes[0].plot(row["unknowns"], abs(row["cd_error_percent"]), ".", color=colours[rung], alpha=0.4)
-        axes[0].plot(list(worst), list(worst.values()), "o-", color=colours[rung], label=rung)
+                axes[0].plot(row["unknowns"], abs(row["cd_error_percent"]), ".", color=COLOURS[rung], alpha=0.4)
+        axes[0].plot(list(worst), list(worst.values()), "o-", color=COLOURS[rung], label=rung)
     axes[0].set(xscale="log", yscale="log", xlabel="unknowns", ylabel="|error of Cd| [%]", title="2D-1, mesh without hole: shifts, worst")
     rows = read_numbers(HERE / "couette.csv")
     for rung in RUNGS:
@@ -225,25 +298,56 @@ def figure(work):
         for row in rows:
             if row["rung"] == rung:
                 mean.setdefault(row["cells_per_radius"], []).append(row["velocity_error"] ** 2)
-        axes[1].plot(list(mean), [math.sqrt(sum(v) / len(v)) for v in mean.values()], "o-", color=colours[rung], label=rung)
+        axes[1].plot(list(mean), [math.sqrt(sum(v) / len(v)) for v in mean.values()], "o-", color=COLOURS[rung], label=rung)
     h = [6, 24]
     axes[1].plot(h, [4e-4 * (6 / n) ** 3 for n in h], "k:", label="third order")
     axes[1].set(xscale="log", yscale="log", xlabel="cells a radius", ylabel="velocity error, L2", title="Couette disc, rms over shifts")
     reference = csv_rows(ROOT / "runs/reference/oscillating-cylinder.csv")
     for rung in RUNGS:
         series = read_numbers(work / f"oscillating/10-{rung}" / "series.csv")
-        axes[2].plot([r["time_s"] for r in series[10:]], [r["cd_residual"] for r in series[10:]], color=colours[rung], lw=0.8, label=rung)
+        if series:
+            axes[2].plot([r["time_s"] for r in series[10:]], [r["cd_residual"] for r in series[10:]], color=COLOURS[rung], lw=0.8, label=rung)
     axes[2].plot([r["time_s"] for r in reference], [r["value"] for r in reference], "k+", label="published")
     axes[2].set(xlabel="t [s]", ylabel="Cd", title="oscillating cylinder, 10 cells a diameter", ylim=(-4.2, 4.2))
+    finish(fig, axes, "boundary.png")
+
+
+def finish(fig, axes, name):
+    import matplotlib.pyplot as plt
+
     for axis in axes:
         axis.legend()
         axis.grid(alpha=0.3)
     fig.tight_layout()
-    fig.savefig(HERE / "boundary.png", dpi=110)
+    fig.savefig(HERE / name, dpi=110)
+    plt.close(fig)
+
+
+def motion(work):
+    """Figure of the falling disc and of the two discs."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    fig, axes = plt.subplots(1, 3, figsize=(14, 4.2))
+    for rung, colour in COLOURS.items():
+        _, a = accelerations(work / f"settling/8-{rung}", 0.005)
+        axes[0].plot([0.005 * (i + 0.5) for i in range(len(a))], a, color=colour, lw=1, label=rung)
+    axes[0].set(xlabel="t [s]", ylabel="acceleration [cm/s$^2$]", title="falling disc, 8 cells a diameter")
+    for cells, style in (8, "-"), (16, "--"):
+        _, a = accelerations(work / f"settling/long-{cells}", 0.005)
+        axes[1].plot([0.005 * (i + 0.5) for i in range(40, len(a))], a[40:], style, lw=1, label=f"snap, {cells} cells a diameter")
+    axes[1].set(xlabel="t [s]", ylabel="acceleration [cm/s$^2$]", title="the same, later")
+    for rung, colour in COLOURS.items():
+        path = list(closing(work / f"approach/time-{rung}"))[1:]
+        axes[2].plot([p[1] for p in path], [p[2] for p in path], ".-", ms=3, lw=0.8, color=colour, label=rung)
+    axes[2].set(xlabel="gap / cell size", ylabel="speed of approach", title="two discs pushed together, 8 cells a diameter", xlim=(1.7, -0.3))
+    finish(fig, axes, "motion.png")
 
 
 def main():
-    parts = {f.__name__: f for f in (ladder, couette, stream, free, oscillating, settling, figure)}
+    parts = {f.__name__: f for f in (ladder, couette, stream, free, oscillating, settling, approach, figure, motion)}
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--work", type=Path, default=Path("out/boundary"))
     parser.add_argument("parts", nargs="*", choices=[*parts, []], default=list(parts))
