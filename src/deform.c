@@ -198,11 +198,12 @@ static PetscErrorCode judge(Deform *d, DeformResult *r, PetscReal where[3])
       least = PetscMin(least, DenseDeterminant(d->dim, jac));
     }
     mean   = size / (1 << d->dim);
+    least  = mean > 0 ? least / mean : -1; /* a cell turned inside out has a ratio of 1 too */
     number = number / d->scale / d->carried[c];
     top[0] = PetscMax(top[0], 1 / number);
     top[1] = PetscMax(top[1], number);
-    if (-least / mean > top[2]) {
-      top[2] = -least / mean;
+    if (-least > top[2]) {
+      top[2] = -least;
       for (PetscInt a = 0; a < 3; a++) where[a] = a < d->dim ? xv[0][a] : 0;
     }
   }

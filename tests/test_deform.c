@@ -115,6 +115,20 @@ static void test_placements(void **state)
   if (low < 0.9 || high > 1.1) fail_msg("sizes %g to %g of the wanted ones", (double)low, (double)high);
 }
 
+/* Steps so long that cells would turn inside out are shortened */
+static void test_long_steps(void **state)
+{
+  Case c;
+
+  (void)state;
+  OK(
+    create(&c,
+           "-mesh_cells 24,24 -mesh_deform -mesh_deform_size 0.15 -mesh_deform_width 0.1 -mesh_deform_steps 2 -particle_groups a -particle_a_shape circle "
+           "-particle_a_radius 0.12 -particle_a_position 0.5,0.5 -particle_a_free none"));
+  assert_true(c.result.jacobian > 0.1 && c.result.area[0] > 0);
+  destroy(&c);
+}
+
 static void expect_refusal(const char options[])
 {
   Case c = {0};
@@ -136,7 +150,8 @@ static void test_refusals(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_sizes), cmocka_unit_test(test_placements), cmocka_unit_test(test_refusals)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_sizes), cmocka_unit_test(test_placements), cmocka_unit_test(test_long_steps),
+                                     cmocka_unit_test(test_refusals)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));
