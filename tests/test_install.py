@@ -27,14 +27,8 @@ int main(int argc, char **argv)
 }
 """
 
-SCENE = """\
-mesh: {cells: [16, 32], lower: [0, 0], upper: [1, 2]}
-flow: {density: 1, viscosity: 0.1, gravity: [0, -981]}
-particle:
-  groups: star
-  star: {shape: rounded_star, outer: 0.25, tips: 6, density: 1.25, position: [0.5, 1.5]}
-sim: {dt: 0.005, steps: 3}
-"""
+SHAPES = (ROOT / "shapes" / "README.md").read_text()
+CODE, SCENE = (SHAPES.split(f"```{kind}\n", 1)[1].split("```", 1)[0] for kind in ("c", "yaml"))
 
 
 def execute(words, cwd, fail=False):
@@ -105,9 +99,7 @@ def test_installed_program_finds_its_shapes(prefix, tmp_path):
 
 
 def test_plugin_of_readme(prefix, tmp_path):
-    readme = (ROOT / "shapes" / "README.md").read_text()
-    code = readme.split("```c\n", 1)[1].split("```", 1)[0]
-    (tmp_path / "rounded_star.c").write_text(code)
+    (tmp_path / "rounded_star.c").write_text(CODE)
     build_plugin(tmp_path, "rounded_star")
     out = execute([prefix / "bin" / "tumble-test-shape", "./rounded_star.so"], tmp_path)
     assert out.rstrip().endswith(" 0 failed"), out
