@@ -82,6 +82,13 @@ def test_lift_off(bodies, scene, group):
     assert height[0] > height[1] + 0.02 and height[0] > 0.03, height
 
 
+def test_airfoil_rotating(bodies):
+    """The airfoil turns away from the stream about its mass centre, which stays where it is."""
+    rows, _ = bodies("airfoil-rotating", "airfoil", "-mesh_focus_h", "0.1", "-mesh_growth", "0.3,0.3", "-sim_dt", "0.1", "-sim_time", "2")
+    assert float(rows[-1]["angle_rad"]) > 0.2 and float(rows[-1]["omega_z"]) > 0.1, rows[-1]
+    assert all(abs(float(row["x"]) - 0.42) + abs(float(row["y"])) < 1e-9 for row in rows)
+
+
 def test_scene_in_a_moving_frame(bodies):
     """Walls, fluid and disc that start with one velocity keep it, whatever the mesh and the rung."""
     rows, _ = bodies("poiseuille-migration", "disc", "-flow_force", "0,0", "-mesh_cells", "12,12", "-sim_time", "4")

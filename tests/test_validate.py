@@ -74,6 +74,27 @@ def test_kiss_time(program, tmp_path):
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+POINTS = """\
+[points]
+scene = "{scene}"
+minutes = 0.1
+source = "book"
+quantities = [
+  {{ value = "rms([3, -4, 0, 0])", reference = 2.5, tolerance = 1e-12 }},
+  {{ value = "rms([body(0).at('v', 0.1) - v for t, v in published('sedimentation', 'fall_speed') if t < 0.1])", reference = 2.96, tolerance = 1e-9 }},
+  {{ value = "rms([v for t, v in published('nothing', 'fall_speed')])", at_least = 0 }},
+]
+"""
+
+
+def test_published_points(program, tmp_path):
+    """Points of runs/reference, one of them before t = 0.1, against a body that does not fall; a scene without points is told."""
+    declare(tmp_path, POINTS)
+    (tmp_path / "disc.yaml").write_text(MEET)
+    done = validate(tmp_path, program)
+    assert done.returncode == 1 and "2 within tolerance, 1 not" in done.stdout and "nothing.csv" in done.stdout, done.stdout + done.stderr
+
+
 def test_stopped_run(program, tmp_path):
     declare(tmp_path, CASE.replace("-sim_steps 3", "-flow_viscosity -1"))
     done = validate(tmp_path, program)
