@@ -118,6 +118,8 @@ SOLVERS = {
     "-flow_recipe direct": 1e-5,
     "-flow_schur projection": 1e-5,
     "-flow_schur commutator": 1e-5,
+    "-flow_velocity_sweep sor": 1e-5,
+    "-flow_velocity_sweep ilu": 1e-5,
     **{f"-flow_fieldsplit_pressure_pc_type {name}": 1e-5 for name in ("gamg", "hypre", "mg")},
     **{f"-flow_fieldsplit_velocity_pc_type {name}": 1e-5 for name in ("hypre", "jacobi", "sor", "bjacobi")},
     "-couple_force volume": 1e-5,  # read after the solve: moves nothing with implicit coupling
