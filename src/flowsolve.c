@@ -215,7 +215,9 @@ static PetscErrorCode set_recipe(FlowSolver fs)
   PetscCall(OptChoice("-flow_schur", "what follows the pressure solve (auto: by the viscous number of the step)", SCHURS, &fs->schur));
   PetscCall(
     OptChoice("-flow_velocity_sweep", "preconditioner of the velocity (auto: by the convective number of the step)", SWEEPS, &fs->sweep_type));
-  sweep_only = (PetscBool)(recipe == 0 && fs->nbodies == 0); /* with bodies the sweep must not add to the residual: two falling discs blow up within 20 steps otherwise */
+  sweep_only = (PetscBool)(recipe == 0 &&
+                           fs->nbodies ==
+                             0); /* with bodies the sweep must not add to the residual: two falling discs blow up within 20 steps otherwise */
   PetscCall(OptDefault("-flow_ksp_type", sweep_only ? "richardson" : "fgmres"));
   PetscCall(OptDefault("-flow_ksp_max_it", outer[recipe][0]));
   PetscCall(OptDefault("-flow_ksp_rtol", outer[recipe][1]));
