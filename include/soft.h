@@ -17,6 +17,7 @@ typedef struct {
   PetscInt  *node, *body; /* [n] */
   PetscReal *g;           /* [n][dim + 1] */
   PetscReal *H;           /* [nbodies][nr][nr], summed over ranks */
+  PetscReal  strength;    /* largest sigma, on any rank */
   PetscReal *weight;      /* [nnode_all] lumped penalty of a node, over all bodies, synced; zero elsewhere */
   PetscInt  *follow;      /* [nnode_all] the body that holds a node most, synced; -1 elsewhere */
   PetscInt   nmore;       /* bodies of entries that are not the one their node follows, repetitions allowed */

@@ -395,6 +395,7 @@ static PetscErrorCode add_part_penalty(Penalty p, const Part *part)
   if (!weak) PetscFunctionReturn(PETSC_SUCCESS);
   if (part->moments < 0) PetscCall(take_whole_cell(p, part->cell, whole));
   PetscCall(get_strength(p, part->cell, &sigma));
+  p->soft.strength = PetscMax(p->soft.strength, sigma);
   spread_moments(p, part->moments < 0 ? whole : p->moments + part->moments, sigma, pen);
   for (PetscInt i = 0; i < nb * nb; i++) {
     sum += pen[i];
@@ -451,6 +452,7 @@ static PetscErrorCode finish_soft(Penalty p, PetscReal (*P)[3])
   }
   s->any = (PetscBool)(s->n > 0);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &s->any, 1, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &s->strength, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, s->H, (PetscMPIInt)(s->nbodies * nr * nr), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   PetscCall(MeshSyncNodes(p->mesh, 1, s->weight));
   PetscCall(MeshSyncNodesInt(p->mesh, s->follow));
@@ -462,6 +464,7 @@ PetscErrorCode PenaltyDraw(Penalty p, PetscReal (*X)[3], PetscReal (*q)[4], Pets
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < p->soft.n; e++) p->first[p->soft.node[e]] = -1;
   p->soft.n = p->nterm = 0;
+  p->soft.strength     = 0;
   PetscCall(PetscArraycpy((PetscReal *)p->P, (PetscReal *)P, 3 * p->s->n));
   PetscCall(cut_cells(p, X, q, P, omit));
   PetscCall(claim_strong_nodes(p, mark));
