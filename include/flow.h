@@ -102,11 +102,13 @@ PetscErrorCode FlowGetLumpedMass(Flow, const PetscReal *m[]);
 
 /* Fields: u^n, u^{n-1} [nnode_all][dim] synced, p [own cells][dim + 1]. Writable for initial states. */
 PetscErrorCode FlowGetFields(Flow, PetscReal *u[], PetscReal *u_old[], PetscReal *p[]);
+/* Pressure of the step before. */
+PetscErrorCode FlowGetOldPressure(Flow, PetscReal *p_old[]);
 /* Pressure as value and gradient: out [own cells][dim + 1] with p(x) = out_0 + out_1.. . (x - centre node). */
 PetscErrorCode FlowGetPressureGradient(Flow, const PetscReal p[], PetscReal out[]);
-/* Start value for the next step: u [nnode_all][dim] extrapolated in time, p of the last step. An extrapolated pressure makes the single sweep of recipe fast unstable
-   (pressure correction of second order: Guermond, Minev, Shen 2006), and the coupled recipes less accurate at equal tolerance. */
-PetscErrorCode FlowExtrapolate(Flow, PetscReal u[], PetscReal p[]);
+/* Start value for the next step: u [nnode_all][dim] extrapolated in time, p of the last step, and dp, what the pressure changed by in the last step (zero in the first two; NULL: not
+   wanted), for FlowSolverSolve. */
+PetscErrorCode FlowExtrapolate(Flow, PetscReal u[], PetscReal p[], PetscReal dp[]);
 /* Accept the solution of the step: shifts the history. u synced. */
 PetscErrorCode FlowAcceptStep(Flow, const PetscReal u[], const PetscReal p[]);
 

@@ -12,9 +12,16 @@
    The continuity rows are multiplied by rho c_t: their residual then counts as the pressure force it causes, and one relative tolerance serves both (without it, rtol 1e-4 slows the
    settling disc by 2 %).
 
+   Start value x0: velocity extrapolated, pressure of the last step, shifted along its last change by what makes the residual r0 smallest (recipe fast: not shifted, which would make the
+   single sweep unstable: Guermond, Minev, Shen 2006). The correction of x0 is solved for until |r| <= -flow_ksp_rtol |b|, or |r| <= min(-flow_rtol_start |r0|, -flow_rtol_most |b|).
+   r0 is what the step adds that could not be foreseen, of second order in dt like the error of the scheme, so that a share of it is the right tolerance at every step size, where a
+   share of |b| is too loose for small steps (errors add up) and too tight for large ones (runs/studies/flow-solver). Recipe balanced: 1e-8, 1e-2, 1e-5 (with bodies 1e-6); if -flow_ksp_rtol is
+   given, that alone holds. Recipe accurate: 1e-9, 0.
+
    Everything is reachable with PETSc options under prefix -flow_ (outer), -flow_fieldsplit_velocity_, -flow_fieldsplit_pressure_. Products with the projected operators are
    matrix-free; matrices are assembled only when a chosen preconditioner needs them (hypre, gamg, lu, ... of the velocity; any -flow_pc_type other than the default).
-   Options: -flow_recipe fast|balanced|accurate|direct, -flow_schur auto|projection|commutator, -flow_velocity_sweep auto|sor|ilu (sweep.h), -flow_pressure_softness eps. */
+   Options: -flow_recipe fast|balanced|accurate|direct, -flow_schur auto|projection|commutator, -flow_velocity_sweep auto|sor|ilu (sweep.h), -flow_rtol_start, -flow_rtol_most,
+   -flow_pressure_softness eps. */
 #pragma once
 #include "constraint.h"
 #include "flow.h"
@@ -41,10 +48,11 @@ PetscErrorCode FlowSolverSetDead(FlowSolver, const PetscInt cell_body[], const P
 PetscErrorCode FlowSolverSetUp(FlowSolver);
 
 /* Solve. r [nnode_all][dim] right-hand side of the momentum rows (complete on own nodes), g [nbodies][nr] on the rigid rows.
-   u [nnode_all][dim], p [own cells][dim + 1], U [nbodies][nr]: start values on entry, solution on exit (known entries of U untouched, u synced).
+   u [nnode_all][dim], p [own cells][dim + 1], U [nbodies][nr]: start values on entry, solution on exit (known entries of U untouched, u synced). dp, as p: direction along which
+   the start value of p may be shifted, such as its last change; NULL: none.
    A failed solve is reported through *reason (< 0), with u, p, U as far as they got. Collective. */
-PetscErrorCode FlowSolverSolve(FlowSolver, const PetscReal r[], const PetscReal g[], PetscReal u[], PetscReal p[], PetscReal U[], PetscInt *its,
-                               KSPConvergedReason *reason);
+PetscErrorCode FlowSolverSolve(FlowSolver, const PetscReal r[], const PetscReal g[], PetscReal u[], PetscReal p[], const PetscReal dp[],
+                               PetscReal U[], PetscInt *its, KSPConvergedReason *reason);
 
 /* For nonlinear problems, whose solver repeats these. x holds on every rank the reduced velocity (own nodes x dim, rigid slots of own bodies), then the pressure of own cells.
    SetVelocity: velocity matrix of all components (own nodes x dim) to use in place of S from the next SetUp on, NULL: S again; S stays the preconditioner of the matrix-free solvers. Borrowed.

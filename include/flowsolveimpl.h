@@ -38,7 +38,9 @@ struct _p_FlowSolver {
   KSP          ksp;
   PC           split; /* the inner PCFIELDSPLIT */
   KSP         *sub;
-  Vec          b, x, t_u, t_u2, t_p, t_p2;
+  PetscBool    fixed;                       /* recipe fast: a fixed number of iterations, without norms */
+  PetscReal    rtol, rtol_start, rtol_most; /* see the header */
+  Vec          b, x, r, y, t_u, t_u2, t_p, t_p2;
 };
 
 /* Is there a penalty in this step? */

@@ -45,7 +45,7 @@ struct _p_Couple {
   PetscReal *U, *U_old, *U_older; /* [n][nr]: rigid velocities that the flow sees in this step and saw in the two before */
   PetscReal *D, *g;               /* [n][nr][nr] inertia, [n][nr] right-hand side of the rigid rows */
   PetscReal *residual;            /* [n][nr]: -sum of the momentum residual over the body's nodes */
-  PetscReal *u, *p, *rhs;
+  PetscReal *u, *p, *dp, *rhs;
   PetscReal *du_old; /* [n] explicit coupling: size of the last velocity change, for the detection of blow-up */
   PetscInt  *growth;
   PetscReal *force_old; /* [n][3][2] force and torque of the last step */
@@ -301,8 +301,8 @@ PetscErrorCode CoupleSolve(Couple c, PetscInt *its, KSPConvergedReason *reason)
   PetscFunctionBeginUser;
   PetscCall(CoupleAssemble(c));
   PetscCall(FlowSolverSetUp(c->solver));
-  PetscCall(FlowExtrapolate(c->flow, c->u, c->p));
-  PetscCall(FlowSolverSolve(c->solver, c->rhs, c->g, c->u, c->p, c->U, its, reason));
+  PetscCall(FlowExtrapolate(c->flow, c->u, c->p, c->dp));
+  PetscCall(FlowSolverSolve(c->solver, c->rhs, c->g, c->u, c->p, c->dp, c->U, its, reason));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -838,7 +838,8 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
     PetscCall(BodiesGetKnownVelocity(bodies, k, 0, u[0], w[0]));
     for (PetscInt i = 0; i < c->nr; i++) c->U_old[k * c->nr + i] = c->U_older[k * c->nr + i] = *rigid_component(c, u, w, 0, i);
   }
-  PetscCall(PetscCalloc3(c->loc->nnode_all * c->loc->dim, &c->u, c->loc->ncell * (c->loc->dim + 1), &c->p, c->loc->nnode_all * c->loc->dim, &c->rhs));
+  PetscCall(PetscCalloc4(c->loc->nnode_all * c->loc->dim, &c->u, c->loc->ncell * (c->loc->dim + 1), &c->p, c->loc->ncell * (c->loc->dim + 1), &c->dp,
+                         c->loc->nnode_all * c->loc->dim, &c->rhs));
   *couple = c;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -858,7 +859,7 @@ PetscErrorCode CoupleDestroy(Couple *couple)
   PetscCall(PetscFree7(c->X, c->q, c->P, c->unknown, c->du_old, c->growth, c->force_old));
   PetscCall(PenaltyDestroy(&c->penalty));
   PetscCall(PetscFree6(c->U, c->U_old, c->U_older, c->D, c->g, c->residual));
-  PetscCall(PetscFree3(c->u, c->p, c->rhs));
+  PetscCall(PetscFree4(c->u, c->p, c->dp, c->rhs));
   PetscCall(PetscFree(*couple));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

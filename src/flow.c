@@ -35,7 +35,7 @@ struct _p_Flow {
   const PetscInt  *term_cell;
   const PetscReal *term;
   /* fields */
-  PetscReal *u, *u_old, *u_older, *w, *p; /* u_older: NULL but for quadratic extrapolation */
+  PetscReal *u, *u_old, *u_older, *w, *p, *p_old; /* u_older: NULL but for quadratic extrapolation */
   /* body force of FlowSetSource: its weighted mean over the step [nnode_all][dim] (NULL: none) */
   VectorField source_field;
   void       *source_ctx;
@@ -471,7 +471,7 @@ PetscErrorCode FlowCreate(Mesh mesh, Flow *flow)
   if (f->par.quadratic) PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u_older));
   for (PetscInt i = 0; i < l->nnode_all * dim; i++) f->u[i] = f->u_old[i] = f->par.velocity[i % dim];
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->w));
-  PetscCall(PetscCalloc1(l->ncell * (dim + 1), &f->p));
+  PetscCall(PetscCalloc2(l->ncell * (dim + 1), &f->p, l->ncell * (dim + 1), &f->p_old));
   PetscCall(create_matrix(f));
   *flow = f;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -531,8 +531,12 @@ PetscErrorCode FlowUpdateCells(Flow f, PetscInt n, const PetscInt cells[], const
     if (cell_body[c] >= 0) PetscCall(empty_cell(f, c));
     else PetscCall(compute_cell(f, c));
     if (dead) f->visited[c] = f->now;
-    if (c < l->ncell && cell_body[c] >= 0) PetscCall(PetscArrayzero(f->p + c * (dim + 1), dim + 1));
-    else if (c < l->ncell && !dead) carry_pressure(f, c, centre, size, f->p + c * (dim + 1));
+    for (PetscInt s = 0; s < 2 && c < l->ncell; s++) {
+      PetscReal *pc = (s ? f->p_old : f->p) + c * (dim + 1);
+
+      if (cell_body[c] >= 0) PetscCall(PetscArrayzero(pc, dim + 1));
+      else if (!dead) carry_pressure(f, c, centre, size, pc);
+    }
     for (PetscInt j = 0; j < l->nb; j++) {
       f->open[l->cell_node[cells[e] * l->nb + j]]   = f->now + 1;
       f->lumped[l->cell_node[cells[e] * l->nb + j]] = 0;
@@ -541,6 +545,7 @@ PetscErrorCode FlowUpdateCells(Flow f, PetscInt n, const PetscInt cells[], const
   for (PetscInt e = 0; e < n; e++) {
     if (cells[e] >= l->ncell || f->visited[cells[e]] != f->now || cell_body[cells[e]] >= 0) continue;
     adopt_pressure(f, cells[e], f->now, f->p);
+    adopt_pressure(f, cells[e], f->now, f->p_old);
   }
   f->now++;
   for (PetscInt e = 0; e < n * l->nb;
@@ -580,7 +585,7 @@ PetscErrorCode FlowDestroy(Flow *flow)
   PetscCall(PetscFree(f->u_older));
   PetscCall(PetscFree(f->w));
   PetscCall(PetscFree(f->source));
-  PetscCall(PetscFree(f->p));
+  PetscCall(PetscFree2(f->p, f->p_old));
   PetscCall(PetscFree(*flow));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -758,6 +763,13 @@ PetscErrorCode FlowGetFields(Flow f, PetscReal *u[], PetscReal *u_old[], PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode FlowGetOldPressure(Flow f, PetscReal *p_old[])
+{
+  PetscFunctionBeginUser;
+  *p_old = f->p_old;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowGetPressureGradient(Flow f, const PetscReal p[], PetscReal out[])
 {
   const PetscInt nk = f->loc->dim + 1;
@@ -767,13 +779,14 @@ PetscErrorCode FlowGetPressureGradient(Flow f, const PetscReal p[], PetscReal ou
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowExtrapolate(Flow f, PetscReal u[], PetscReal p[])
+PetscErrorCode FlowExtrapolate(Flow f, PetscReal u[], PetscReal p[], PetscReal dp[])
 {
   const PetscReal r = f->nsteps > 1 ? f->step.dt / f->dt_old : 0;
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim; i++) u[i] = f->u[i] + r * (f->u[i] - f->u_old[i]);
   PetscCall(PetscArraycpy(p, f->p, f->loc->ncell * (f->loc->dim + 1)));
+  for (PetscInt i = 0; i < f->loc->ncell * (f->loc->dim + 1) && dp; i++) dp[i] = f->nsteps > 1 ? f->p[i] - f->p_old[i] : 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -788,6 +801,7 @@ PetscErrorCode FlowAcceptStep(Flow f, const PetscReal u[], const PetscReal p[])
   f->u_old    = f->u;
   f->u        = swap;
   PetscCall(PetscArraycpy(f->u, u, f->loc->nnode_all * f->loc->dim));
+  PetscCall(PetscArraycpy(f->p_old, f->p, f->loc->ncell * (f->loc->dim + 1)));
   PetscCall(PetscArraycpy(f->p, p, f->loc->ncell * (f->loc->dim + 1)));
   f->dt_old = f->step.dt;
   f->nsteps++;
@@ -805,6 +819,7 @@ PetscErrorCode FlowVisitState(void *flow, State state)
   PetscCall(StateNodes(state, "velocity", dim, f->u));
   PetscCall(StateNodes(state, "velocity_old", dim, f->u_old));
   PetscCall(StateCells(state, "pressure", dim + 1, f->p));
+  PetscCall(StateCells(state, "pressure_old", dim + 1, f->p_old));
   PetscCall(StateReals(state, "dt_old", 1, &f->dt_old));
   if (f->u_older && StateIsLoading(state)) PetscCall(StateGetSize(state, "velocity_older", &older));
   if (older >= 0) PetscCall(StateNodes(state, "velocity_older", dim, f->u_older));

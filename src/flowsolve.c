@@ -207,17 +207,24 @@ static PetscErrorCode set_up_projection(PC pc)
 
 static PetscErrorCode set_recipe(FlowSolver fs)
 {
-  const char *outer[][2] = {{"1", "1e-10"}, {"200", "1e-6"}, {"200", "1e-9"}, {"20", "1e-10"}};
+  const char *outer[][2] = {{"1", "1e-10"}, {"200", "1e-8"}, {"200", "1e-9"}, {"20", "1e-10"}};
   const char *inner[][2] = {{"1e-2", "1e-1"}, {"1e-2", "1e-2"}, {"1e-2", "1e-2"}, {"1e-2", "1e-2"}};
   PetscInt    recipe     = 1;
-  PetscBool   sweep_only;
+  PetscBool   sweep_only, given;
 
   PetscFunctionBeginUser;
   PetscCall(OptChoice("-flow_recipe", "preset of the solver options; every one can be overridden", RECIPES, &recipe));
+  fs->fixed = (PetscBool)(recipe == 0);
   if (recipe == 0) fs->schur = SCHUR_PROJECTION; /* a single sweep must end with the projection */
   PetscCall(OptChoice("-flow_schur", "what follows the pressure solve (auto: by the viscous number of the step)", SCHURS, &fs->schur));
   PetscCall(
     OptChoice("-flow_velocity_sweep", "preconditioner of the velocity (auto: by the convective number of the step)", SWEEPS, &fs->sweep_type));
+  PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_ksp_rtol", &given));
+  if (recipe == 1 && !given) PetscCall(OptDefault("-flow_rtol_start", "1e-2")); /* as an option: a restart finds both in its checkpoint */
+  fs->rtol_most = fs->nbodies ? 1e-6 : 1e-5;                                    /* the momentum of a heavy body is most of the right-hand side */
+  PetscCall(OptReal("-flow_rtol_start", "residual that a solve leaves as share of its start value's (0: only -flow_ksp_rtol counts)", "", 0, 1,
+                    &fs->rtol_start));
+  PetscCall(OptReal("-flow_rtol_most", "bound for -flow_rtol_start, as share of the right-hand side", "", 0, 1, &fs->rtol_most));
   sweep_only = (PetscBool)(recipe == 0 &&
                            fs->nbodies ==
                              0); /* with bodies the sweep must not add to the residual: two falling discs blow up within 20 steps otherwise */
@@ -293,6 +300,8 @@ static PetscErrorCode create_operators(FlowSolver fs)
   if (fs->nbodies) block[3] = fs->C;
   PetscCall(MatCreateNest(PETSC_COMM_WORLD, 2, NULL, 2, NULL, block, &fs->nest));
   PetscCall(MatCreateVecs(fs->nest, &fs->x, &fs->b));
+  PetscCall(VecDuplicate(fs->x, &fs->r));
+  PetscCall(VecDuplicate(fs->x, &fs->y));
   PetscCall(ConstraintCreateVec(fs->constraint, &fs->t_u));
   PetscCall(VecDuplicate(fs->t_u, &fs->t_u2));
   PetscCall(VecCreateMPI(PETSC_COMM_WORLD, fs->np, PETSC_DETERMINE, &fs->t_p));
@@ -311,7 +320,6 @@ static PetscErrorCode create_solvers(FlowSolver fs)
   PetscFunctionBeginUser;
   PetscCall(KSPCreate(PETSC_COMM_WORLD, &fs->ksp));
   PetscCall(KSPSetOptionsPrefix(fs->ksp, "flow_"));
-  PetscCall(KSPSetInitialGuessNonzero(fs->ksp, PETSC_TRUE));
   PetscCall(KSPGetPC(fs->ksp, &pc));
   if (!fs->need_whole) {
     PetscCall(PCSetType(pc, PCSHELL));
@@ -331,6 +339,7 @@ static PetscErrorCode create_solvers(FlowSolver fs)
     PetscCall(PCSetFromOptions(fs->split));
   }
   PetscCall(KSPSetFromOptions(fs->ksp));
+  PetscCall(KSPGetTolerances(fs->ksp, &fs->rtol, NULL, NULL, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -392,6 +401,8 @@ PetscErrorCode FlowSolverDestroy(FlowSolver *solver)
   PetscCall(VecDestroy(&fs->yn));
   PetscCall(VecDestroy(&fs->b));
   PetscCall(VecDestroy(&fs->x));
+  PetscCall(VecDestroy(&fs->r));
+  PetscCall(VecDestroy(&fs->y));
   PetscCall(VecDestroy(&fs->t_u));
   PetscCall(VecDestroy(&fs->t_u2));
   PetscCall(VecDestroy(&fs->t_p));
@@ -676,7 +687,8 @@ PetscErrorCode FlowSolverCorrect(FlowSolver fs, Vec f, Vec y, PetscInt *its, KSP
   PetscCall(VecCopy(f, fs->b));
   PetscCall(MatGetNullSpace(fs->nest, &constant));
   if (constant) PetscCall(MatNullSpaceRemove(constant, fs->b)); /* the round-off of a small residual would dominate */
-  PetscCall(VecSet(y, 0));
+  PetscCall(VecZeroEntries(y));
+  PetscCall(KSPSetTolerances(fs->ksp, fs->rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
   PetscCall(KSPSolve(fs->ksp, fs->b, y));
   PetscCall(KSPGetIterationNumber(fs->ksp, its));
   PetscCall(KSPGetConvergedReason(fs->ksp, reason));
@@ -684,21 +696,100 @@ PetscErrorCode FlowSolverCorrect(FlowSolver fs, Vec f, Vec y, PetscInt *its, KSP
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscReal g[], PetscReal u[], PetscReal p[], PetscReal U[], PetscInt *its,
-                               KSPConvergedReason *reason)
+/* Go along dp from the start value's pressure to where its residual r is smallest. Where the flow changes smoothly that is a whole step (a second one would follow from the first by
+   solving for it); where bodies move, the pressure jumps and the step is short. */
+static PetscErrorCode shift_pressure(FlowSolver fs, const PetscReal dp[])
 {
+  PetscReal       *x, *r, *q, sum[2] = {0, 0}; /* q: what a whole step takes from r */
+  const PetscReal *g, *c = NULL;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecGetArrayWrite(fs->t_p, &q));
+  PetscCall(PetscArraycpy(q, dp, fs->np));
+  PetscCall(VecRestoreArrayWrite(fs->t_p, &q));
+  PetscCall(MatMult(fs->G, fs->t_p, fs->t_u));
+  if (fs->C) PetscCall(MatMult(fs->C, fs->t_p, fs->t_p2));
+  PetscCall(VecGetArray(fs->x, &x));
+  PetscCall(VecGetArray(fs->r, &r));
+  PetscCall(VecGetArrayRead(fs->t_u, &g));
+  if (fs->C) PetscCall(VecGetArrayRead(fs->t_p2, &c));
+  for (PetscInt i = 0; i < fs->nur; i++) {
+    sum[0] += g[i] * r[i];
+    sum[1] += g[i] * g[i];
+  }
+  for (PetscInt i = 0; i < fs->np && c; i++) {
+    sum[0] += c[i] * r[fs->nur + i];
+    sum[1] += c[i] * c[i];
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  if (sum[1] > 0) {
+    const PetscReal step = sum[0] / sum[1];
+
+    for (PetscInt i = 0; i < fs->nur; i++) r[i] -= step * g[i];
+    for (PetscInt i = 0; i < fs->np && c; i++) r[fs->nur + i] -= step * c[i];
+    for (PetscInt i = 0; i < fs->np; i++) x[fs->nur + i] += step * dp[i];
+  }
+  if (fs->C) PetscCall(VecRestoreArrayRead(fs->t_p2, &c));
+  PetscCall(VecRestoreArrayRead(fs->t_u, &g));
+  PetscCall(VecRestoreArray(fs->r, &r));
+  PetscCall(VecRestoreArray(fs->x, &x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* r = b - K x with the start value x, its pressure improved */
+static PetscErrorCode start_from(FlowSolver fs, const PetscReal dp[])
+{
+  MatNullSpace constant;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatMult(fs->nest, fs->x, fs->r));
+  PetscCall(VecAYPX(fs->r, -1, fs->b));
+  if (dp && !fs->fixed && !fs->need_whole) PetscCall(shift_pressure(fs, dp));
+  PetscCall(MatGetNullSpace(fs->nest, &constant));
+  if (constant) PetscCall(MatNullSpaceRemove(constant, fs->r)); /* the round-off of a small residual would dominate */
+  PetscCall(VecZeroEntries(fs->y));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The tolerance of the correction y; enough: the start value (or zero, if that is better) meets it. */
+static PetscErrorCode set_tolerance(FlowSolver fs, PetscBool *enough)
+{
+  PetscReal start, rhs, target;
+
+  PetscFunctionBeginUser;
+  *enough = PETSC_FALSE;
+  if (fs->fixed) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(VecNorm(fs->r, NORM_2, &start));
+  PetscCall(VecNorm(fs->b, NORM_2, &rhs));
+  if (start > rhs) { /* such as when all comes to rest within a step */
+    PetscCall(VecZeroEntries(fs->x));
+    PetscCall(VecCopy(fs->b, fs->r));
+    start = rhs;
+  }
+  target  = PetscMax(fs->rtol * rhs, PetscMin(fs->rtol_start * start, fs->rtol_most * rhs));
+  *enough = (PetscBool)(start <= target);
+  if (!*enough && start < PETSC_MAX_REAL) PetscCall(KSPSetTolerances(fs->ksp, target / start, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscReal g[], PetscReal u[], PetscReal p[], const PetscReal dp[],
+                               PetscReal U[], PetscInt *its, KSPConvergedReason *reason)
+{
+  PetscBool enough;
+
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_FLOW_SOLVE, 0, 0, 0, 0));
   PetscCall(build_rhs(fs, r, g));
   PetscCall(FlowSolverPack(fs, u, p, U, fs->x));
-  PetscCall(KSPSolve(fs->ksp, fs->b, fs->x));
-  PetscCall(KSPGetIterationNumber(fs->ksp, its));
-  PetscCall(KSPGetConvergedReason(fs->ksp, reason));
-  if (*reason == KSP_DIVERGED_DTOL && *its == 0) { /* the guess is far worse than zero, such as when all comes to rest within a step */
-    PetscCall(VecZeroEntries(fs->x));
-    PetscCall(KSPSolve(fs->ksp, fs->b, fs->x));
+  PetscCall(start_from(fs, dp));
+  PetscCall(set_tolerance(fs, &enough));
+  *its    = 0;
+  *reason = KSP_CONVERGED_RTOL;
+  if (!enough) {
+    PetscCall(KSPSolve(fs->ksp, fs->r, fs->y));
     PetscCall(KSPGetIterationNumber(fs->ksp, its));
     PetscCall(KSPGetConvergedReason(fs->ksp, reason));
+    PetscCall(VecAXPY(fs->x, 1, fs->y));
   }
   PetscCall(FlowSolverUnpack(fs, fs->x, u, p, U));
   PetscCall(PetscLogEventEnd(TB_FLOW_SOLVE, 0, 0, 0, 0));

@@ -127,7 +127,7 @@ static void solve(const Case *c, const char options[], const PetscReal rhs[], co
   OK(FlowSolverSetUp(solver));
   OK(PetscCalloc2(c->l->nnode_all * c->dim, &a->u, c->np, &a->p));
   OK(PetscArraycpy(a->U, c->U, MAX_BODIES * 6));
-  OK(FlowSolverSolve(solver, rhs, g, a->u, a->p, a->U, &a->its, &a->reason));
+  OK(FlowSolverSolve(solver, rhs, g, a->u, a->p, NULL, a->U, &a->its, &a->reason));
   OK(FlowSolverDestroy(&solver));
 }
 
@@ -348,7 +348,7 @@ static void test_bad_guess(void **state)
   for (PetscInt i = 0; i < c.np; i++) bad.p[i] = i % 13;
   OK(FlowSolverCreate(c.flow, c.constraint, &solver));
   OK(FlowSolverSetUp(solver));
-  OK(FlowSolverSolve(solver, c.rhs, c.g, bad.u, bad.p, bad.U, &bad.its, &bad.reason));
+  OK(FlowSolverSolve(solver, c.rhs, c.g, bad.u, bad.p, NULL, bad.U, &bad.its, &bad.reason));
   assert_true(zero.reason > 0 && bad.reason > 0);
   assert_int_equal(bad.its, zero.its);
   BELOW(max_difference(c.own, zero.u, bad.u), 1e-18);
@@ -441,7 +441,7 @@ static void test_set_up_again(void **state)
   OK(FlowSolverSetUp(solver));
   OK(PetscCalloc2(c.l->nnode_all * 2, &again.u, c.np, &again.p));
   OK(PetscArraycpy(again.U, c.U, MAX_BODIES * 6));
-  OK(FlowSolverSolve(solver, c.rhs, c.g, again.u, again.p, again.U, &again.its, &again.reason));
+  OK(FlowSolverSolve(solver, c.rhs, c.g, again.u, again.p, NULL, again.U, &again.its, &again.reason));
 
   c.X[0][0] -= 0.02;
   c.X[0][1] -= 0.03;
@@ -452,7 +452,7 @@ static void test_set_up_again(void **state)
   OK(FlowAssemble(c.flow));
   OK(FlowRhs(c.flow, c.rhs));
   OK(FlowSolverSetUp(solver));
-  OK(FlowSolverSolve(solver, c.rhs, c.g, again.u, again.p, again.U, &again.its, &again.reason));
+  OK(FlowSolverSolve(solver, c.rhs, c.g, again.u, again.p, NULL, again.U, &again.its, &again.reason));
   assert_true(again.reason > 0);
   check_solution(&c, &again, PETSC_FALSE, 1e-10);
   OK(FlowSolverDestroy(&solver));
@@ -461,6 +461,94 @@ static void test_set_up_again(void **state)
   free_answer(&fresh);
   free_answer(&again);
   close_case(&c);
+}
+
+/* A start value whose pressure lacks a multiple of the direction dp is shifted onto the solution, and nothing is left to solve for; without dp there is */
+static void test_start_value(void **state)
+{
+  (void)state;
+  for (PetscInt n = 0; n <= 2; n += 2) {
+    Case       c;
+    Answer     a, b;
+    FlowSolver solver;
+    PetscReal *dp;
+
+    open_case(&c, 2, n, "");
+    solve(&c, TIGHT, c.rhs, c.g, &a);
+    OK(PetscOptionsInsertString(NULL, "-flow_ksp_rtol 1e-8"));
+    OK(FlowSolverCreate(c.flow, c.constraint, &solver));
+    if (n) OK(FlowSolverSetRigid(solver, c.D));
+    OK(FlowSolverSetUp(solver));
+    OK(PetscMalloc3(c.l->nnode_all * 2, &b.u, c.np, &b.p, c.np, &dp));
+    for (PetscInt i = 0; i < c.np; i++) dp[i] = noise(i + 7);
+    for (PetscInt with = 1; with >= 0; with--) {
+      OK(PetscArraycpy(b.u, a.u, c.l->nnode_all * 2));
+      OK(PetscArraycpy(b.U, a.U, MAX_BODIES * 6));
+      for (PetscInt i = 0; i < c.np; i++) b.p[i] = a.p[i] - 0.7 * dp[i];
+      OK(FlowSolverSolve(solver, c.rhs, c.g, b.u, b.p, with ? dp : NULL, b.U, &b.its, &b.reason));
+      assert_true(b.reason > 0);
+      if (with) assert_int_equal(b.its, 0);
+      else assert_true(b.its > 2);
+      BELOW(max_difference(c.own, a.u, b.u), 1e-6);
+    }
+    OK(FlowSolverDestroy(&solver));
+    OK(PetscFree3(b.u, b.p, dp));
+    free_answer(&a);
+    close_case(&c);
+  }
+}
+
+/* Recipe balanced ends at a share of the start value's residual, or of the right-hand side; a given tolerance holds alone */
+static void test_tolerance(void **state)
+{
+  static const struct {
+    const char *options;
+    PetscReal   start, rhs; /* bounds of the residual left: at most, as shares */
+  } cases[] = {{"", 1e-2, 1e-6},
+               {"-flow_rtol_most 1", 1e-2, 1},
+               {"-flow_rtol_start 1e-3 -flow_rtol_most 1", 1e-3, 1},
+               {"-flow_ksp_rtol 1e-9", 1, 1e-9}};
+  PetscInt its[4];
+
+  (void)state;
+  for (PetscInt k = 0; k < 4; k++) {
+    Case       c;
+    FlowSolver solver;
+    Answer     a;
+    Vec        x, f;
+    PetscReal  b, r0, r;
+
+    open_case(&c, 2, 2, "");
+    solve(&c, TIGHT, c.rhs, c.g, &a);
+    OK(PetscOptionsClearValue(NULL, "-flow_ksp_rtol"));
+    OK(PetscOptionsInsertString(NULL, cases[k].options));
+    OK(FlowSolverCreate(c.flow, c.constraint, &solver));
+    OK(FlowSolverSetRigid(solver, c.D));
+    OK(FlowSolverSetUp(solver));
+    OK(FlowSolverCreateVec(solver, &x));
+    OK(VecDuplicate(x, &f));
+    OK(FlowSolverResidual(solver, c.rhs, c.g, x, f)); /* of x = 0 */
+    OK(VecNorm(f, NORM_2, &b));
+    for (PetscInt i = 0; i < c.l->nnode_all * 2; i++) a.u[i] *= 1.1;
+    OK(FlowSolverPack(solver, a.u, a.p, a.U, x));
+    OK(FlowSolverResidual(solver, c.rhs, c.g, x, f));
+    OK(VecNorm(f, NORM_2, &r0));
+    assert_true(r0 < b);
+    OK(FlowSolverSolve(solver, c.rhs, c.g, a.u, a.p, NULL, a.U, &a.its, &a.reason));
+    assert_true(a.reason > 0);
+    its[k] = a.its;
+    OK(FlowSolverPack(solver, a.u, a.p, a.U, x));
+    OK(FlowSolverResidual(solver, c.rhs, c.g, x, f));
+    OK(VecNorm(f, NORM_2, &r));
+    BELOW(r, 1.001 * cases[k].start * r0);
+    BELOW(r, 1.001 * cases[k].rhs * b);
+    OK(VecDestroy(&x));
+    OK(VecDestroy(&f));
+    OK(FlowSolverDestroy(&solver));
+    free_answer(&a);
+    close_case(&c);
+  }
+  assert_true(its[1] < its[0] && its[1] <= its[2] && its[0] < its[3]);
 }
 
 /* ---- the pressure operator ---- */
@@ -616,7 +704,8 @@ int main(int argc, char **argv)
   const struct CMUnitTest tests[] = {cmocka_unit_test(test_cavity),       cmocka_unit_test(test_outflow),
                                      cmocka_unit_test(test_bodies),       cmocka_unit_test(test_bodies_periodic),
                                      cmocka_unit_test(test_bodies_3d),    cmocka_unit_test(test_symmetry),
-                                     cmocka_unit_test(test_set_up_again), cmocka_unit_test(test_steady),
+                                     cmocka_unit_test(test_set_up_again), cmocka_unit_test(test_start_value),
+                                     cmocka_unit_test(test_tolerance),    cmocka_unit_test(test_steady),
                                      cmocka_unit_test(test_close_bodies), cmocka_unit_test(test_pressure_operator),
                                      cmocka_unit_test(test_bad_guess)};
   int                     failed;
