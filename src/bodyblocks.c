@@ -59,7 +59,8 @@ static PetscErrorCode map_ghost_columns(BodyBlocks b)
 static PetscErrorCode invert_blocks(PetscInt nr, PetscInt k, PetscInt unknown, const PetscReal D[], PetscReal scale, PetscReal block[],
                                     PetscReal stiff_inverse[], PetscReal mass_inverse[])
 {
-  const PetscInt nn = nr * nr;
+  const PetscInt nn       = nr * nr;
+  PetscBool      positive = PETSC_TRUE;
 
   PetscFunctionBeginUser;
   for (PetscInt s = 0; s < 2; s++) {
@@ -73,10 +74,13 @@ static PetscErrorCode invert_blocks(PetscInt nr, PetscInt k, PetscInt unknown, c
 
       M[e] = active ? M[e] + share * D[e] / (s ? scale : 1) : (PetscReal)(e / nr == e % nr);
     }
-    for (PetscInt a = 0; a < nr; a++)
-      PetscCheck(M[a * (nr + 1)] > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+    for (PetscInt a = 0; a < nr; a++) {
+      PetscCheck(!s || M[a * (nr + 1)] > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
                  "Body %" PetscInt_FMT " covers no node of the mesh and is lighter than the fluid: refine the mesh (-mesh_cells)", k);
+      positive = (PetscBool)(positive && M[a * (nr + 1)] > 0);
+    }
   }
+  for (PetscInt e = 0; e < nn && !positive; e++) block[e] = scale * block[nn + e]; /* convection in long steps outweighs the mass: the mass alone */
   if (stiff_inverse) DenseInvert(nr, block, stiff_inverse);
   DenseInvert(nr, block + nn, mass_inverse);
   for (PetscInt a = 0; a < nr; a++)

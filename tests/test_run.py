@@ -14,7 +14,7 @@ import xml.etree.ElementTree
 
 import pytest
 
-from conftest import edited
+from conftest import ROOT, edited
 
 # d/h = 4
 DISC = """\
@@ -292,3 +292,11 @@ def test_valgrind(program, scene, tmp_path):
         if any("/libtumble.so" in obj or "/shapes/" in obj for obj, _, _ in frames):
             ours.append(error.findtext("kind", "") + ": " + " < ".join(f"{fn}:{line}" for _, fn, line in frames[:12]))
     assert not ours, "\n".join(ours)
+
+
+def test_convection_outweighs_a_body(run):
+    """Two discs at four cells a diameter and CFL 3 to 5: in step 12 the convective part of a body's block in the preconditioner is larger than its mass, and negative."""
+    args = ["-mesh_cells", "32,64", "-mesh_upper", "2,4", "-couple_boundary", "snap", "-flow_viscosity", 0.05, "-sim_dt", 0.01, "-sim_time", 0.12]
+    places = ["-particle_leader_position", "0.999,3", "-particle_trailer_position", "1.001,3.35"]
+    result = run([ROOT / "runs" / "dkt.yaml", *args, *places, "-output_every", 0, "-output_dir", "out"])
+    assert result.status == 0, str(result)
