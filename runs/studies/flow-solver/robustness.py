@@ -2,10 +2,10 @@
 """Outer iterations of the coupled solve (rtol 1e-6) over time steps, viscosities, aspect ratios of the cells and levels of refinement.
 
 A closed cavity [0, A] x [0, 1] of N x N cells (aspect ratio A), lid velocity 1 from rest; dt = CFL h with h = 1/N, the short edge of the cells.
-A few steps each; the largest number of iterations counts, or the message of the failure. Writes robustness.csv and prints
+A few steps each; the largest number of iterations counts, or the message of the failure. Prints, and writes with --save,
   nu x CFL at every aspect ratio (32 x 32 cells), and nu x CFL at every level (2 x 2 cells refined).
 
-  runs/studies/flow-solver/robustness.py [--build build] [--part aspect|level] [--bar 12] [-flow_option value ...]
+  runs/studies/flow-solver/robustness.py [--build build] [--part aspect|level] [--ratios 1 5 20] [--levels 1 2 3 4 5 6 7] [--bar 12] [--save FILE] [-flow_option value ...]
 """
 
 import argparse
@@ -34,7 +34,7 @@ def run(build, level, aspect, nu, cfl, options):
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "cavity.yaml").write_text(SCENE)
-        words = {"mesh_upper": f"{aspect},1", "dm_refine": level, "flow_viscosity": nu, "sim_dt": cfl / 2 ** (level + 1), "sim_steps": STEPS, "output_dir": "run"}
+        words = {"mesh_upper": f"{aspect},1", "dm_refine": level, "flow_viscosity": nu, "sim_dt": cfl / 2 ** (level + 1), "flow_ksp_rtol": 1e-6, "sim_steps": STEPS, "output_dir": "run"}
         command = [str(ROOT / build / "tumble"), "cavity.yaml", *(w for k, v in words.items() for w in (f"-{k}", str(v))), *options]
         done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
         its = []
@@ -58,11 +58,13 @@ def print_block(title, rows):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False)
     parser.add_argument("--build", default="build")
-    parser.add_argument("--part", choices=["aspect", "level"], help="only this part (no CSV is written)")
+    parser.add_argument("--part", choices=["aspect", "level"], help="only this part")
+    parser.add_argument("--save", metavar="FILE", help="write the rows there")
+    parser.add_argument("--ratios", type=int, nargs="+", default=ASPECT)
     parser.add_argument("--levels", type=int, nargs="+", default=LEVEL)
     parser.add_argument("--bar", type=int, default=12)
     known, options = parser.parse_known_args()
-    blocks = [("aspect", 4, a) for a in ASPECT if known.part != "level"] + [("level", level, 1) for level in known.levels if known.part != "aspect"]
+    blocks = [("aspect", 4, a) for a in known.ratios if known.part != "level"] + [("level", level, 1) for level in known.levels if known.part != "aspect"]
     rows = []
     for part, level, aspect in blocks:
         block = []
@@ -71,8 +73,8 @@ def main():
             block.append({"part": part, "cells": 2 ** (level + 1), "aspect": aspect, "nu": nu, "cfl": cfl, "largest": max(its, default=-1), "its": " ".join(map(str, its)), "message": message})
         print_block(f"{2 ** (level + 1)} x {2 ** (level + 1)} cells, aspect ratio {aspect}", block)
         rows += block
-    if not known.part and not options:
-        with open(HERE / "robustness.csv", "w", newline="") as file:
+    if known.save:
+        with open(known.save, "w", newline="") as file:
             table = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
             table.writeheader()
             table.writerows(rows)
