@@ -39,6 +39,7 @@ struct _p_FlowSolver {
   PC           split; /* the inner PCFIELDSPLIT */
   KSP         *sub;
   PetscBool    fixed;                       /* recipe fast: a fixed number of iterations, without norms */
+  PetscReal    share_of_pressure;           /* see WHOLE_FROM */
   PetscReal    rtol, rtol_start, rtol_most; /* see the header */
   Vec          b, x, r, y, t_u, t_u2, t_p, t_p2;
 };
