@@ -16,7 +16,7 @@
    (runs/studies/cylinder); w only convects, so that neither form limits the step. For bodies that stay where they are.
 
    With (div w) u/2 (Temam 1968) convection neither adds nor takes energy inside, though div w is zero on the average over a cell only; without it (-flow_convection_form convective)
-   under-resolved flows blow up at large steps. 2D-1 with 24,400 unknowns: cD off by 2e-6 with it, by 9e-6 without.
+   under-resolved flows blow up at large steps. 2D-1 with 24,400 unknowns: cD off by 2e-6 with it, by 9e-6 without. It is the default but for rung snap (couple.h).
 
    The velocity operator is the same scalar matrix S = rho c_t M + theta (rho C(w) + mu K) for every component. Nodal arrays are [nnode_all][dim], velocity in length/time;
    pressure arrays [own cells][dim + 1].

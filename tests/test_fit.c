@@ -18,6 +18,7 @@ typedef struct {
   PetscReal        U[2], time;
 } Case;
 
+/* Convective form: the default of this rung (CoupleSetDefaults) */
 static void open_case(Case *c, PetscInt n, const char options[])
 {
   char all[2048];
