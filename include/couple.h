@@ -22,8 +22,7 @@
 typedef struct _p_Couple *Couple;
 
 /* Defaults of other modules' options that the coupling implies; call before FlowCreate. Explicit coupling: -flow_time be, because the added mass, one step late, counts
-   3/2 times in bdf2 (stable for added mass / body mass < 1 with be, about 1/2 with bdf2). Rung snap: -flow_convection_form convective, because fields carried to moved nodes have
-   a divergence, which the skew-symmetric form feels (disc carried through Couette flow, large steps: 3 % off, 0.4 % without). Collective. */
+   3/2 times in bdf2 (stable for added mass / body mass < 1 with be, about 1/2 with bdf2). Collective. */
 PetscErrorCode CoupleSetDefaults(void);
 /* Creates the constraint and the solver. Collective. */
 PetscErrorCode CoupleCreate(Flow, Bodies, Couple *);

@@ -3,7 +3,7 @@
    Q2 velocity, P1 discontinuous pressure (unmapped, centred on the cell: 1, (x - xc)/hc, (y - yc)/hc, with hc = volume^(1/dim)), gradient form of the viscous term,
    3-point Gauss quadrature an axis. One step n -> n+1 is linear, convection with the extrapolated velocity w:
 
-     rho (c_t u - d, v) + rho (w.grad u_theta + (div w) u_theta/2, v) + mu (grad u_theta, grad v) - (p, div v) = (f, v),   (q, div u) = 0,   u_theta = theta u + (1 - theta) u^n
+     rho (c_t u - d, v) + rho (w.grad u_theta, v) + mu (grad u_theta, grad v) - (p, div v) = (f, v),   (q, div u) = 0,   u_theta = theta u + (1 - theta) u^n
 
    be:   c_t = 1/dt,     d = u^n/dt,                      theta = 1,   w = u^n
    cn:   c_t = 1/dt,     d = u^n/dt,                      theta = 1/2, w = (3u^n - u^{n-1})/2, p at the middle of the step
@@ -15,8 +15,9 @@
    -flow_extrapolation quadratic: w is the parabola through u^n, u^{n-1}, u^{n-2} instead. Linear extrapolation makes most of the error in time of cn and bdf2
    (runs/studies/cylinder); w only convects, so that neither form limits the step. For bodies that stay where they are.
 
-   With (div w) u/2 (Temam 1968) convection neither adds nor takes energy inside, though div w is zero on the average over a cell only; without it (-flow_convection_form convective)
-   under-resolved flows blow up at large steps. 2D-1 with 24,400 unknowns: cD off by 2e-6 with it, by 9e-6 without. It is the default but for rung snap (couple.h).
+   -flow_convection_form skew adds (div w) u_theta/2 (Temam 1968): convection then neither adds nor takes energy inside, though div w is zero on the average over a cell only, which
+   helps where the flow is under-resolved (the discs of runs/dkt.yaml). Not the default: 2D-1 on 6,200 / 24,400 unknowns cD off by 1.7e-4 / 2e-6 with it, 1e-6 / 9e-6 without, cL
+   0.74 / 0.041 and 0.31 / 0.022 %; and where rung snap carries fields to moved nodes, their divergence counts (disc carried by Couette flow, large steps: 3 and 0.4 % off).
 
    The velocity operator is the same scalar matrix S = rho c_t M + theta (rho C(w) + mu K) for every component. Nodal arrays are [nnode_all][dim], velocity in length/time;
    pressure arrays [own cells][dim + 1].

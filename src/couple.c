@@ -755,16 +755,13 @@ PetscErrorCode CoupleAdvance(Couple c)
 
 PetscErrorCode CoupleSetDefaults(void)
 {
-  char      type[32] = "", boundary[32] = "";
-  PetscBool is_explicit, is_snap;
+  char      type[32] = "";
+  PetscBool is_explicit;
 
   PetscFunctionBeginUser;
   PetscCall(PetscOptionsGetString(NULL, NULL, "-couple_type", type, sizeof(type), NULL));
-  PetscCall(PetscOptionsGetString(NULL, NULL, "-couple_boundary", boundary, sizeof(boundary), NULL));
   PetscCall(PetscStrcmp(type, "explicit", &is_explicit));
-  PetscCall(PetscStrcmp(boundary, "snap", &is_snap));
   if (is_explicit) PetscCall(OptDefault("-flow_time", "be"));
-  if (is_snap) PetscCall(OptDefault("-flow_convection_form", "convective"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

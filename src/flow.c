@@ -424,7 +424,7 @@ static PetscErrorCode read_parameters(Flow f)
 {
   FlowParameters *p    = &f->par;
   const PetscInt  dim  = f->loc->dim;
-  PetscInt        form = 1;
+  PetscInt        form = 0;
 
   PetscFunctionBeginUser;
   p->density    = 1;

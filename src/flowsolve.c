@@ -703,22 +703,42 @@ PetscErrorCode FlowSolverCorrect(FlowSolver fs, Vec f, Vec y, PetscInt *its, KSP
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Go along dp from the start value's pressure to where its residual r is smallest. Where the flow changes smoothly that is a whole step (a second one would follow from the first by
-   solving for it); where bodies move, the pressure jumps and the step is short. */
-static PetscErrorCode shift_pressure(FlowSolver fs, const PetscReal dp[])
+/* q = dp without the pressures of cells that lie in bodies: no equation knows them, and what is added once would be added in every step */
+static PetscErrorCode take_known_pressures(FlowSolver fs, const PetscReal dp[], PetscReal q[])
 {
-  PetscReal       *x, *r, *q, sum[2] = {0, 0}; /* q: what a whole step takes from r */
-  const PetscReal *g, *c = NULL;
+  const MeshLocal *l = fs->loc;
+  const PetscInt  *body, nk = l->dim + 1;
 
   PetscFunctionBeginUser;
-  PetscCall(VecGetArrayWrite(fs->t_p, &q));
+  PetscCall(ConstraintGetNodeBody(fs->constraint, &body));
   PetscCall(PetscArraycpy(q, dp, fs->np));
-  PetscCall(VecRestoreArrayWrite(fs->t_p, &q));
+  for (PetscInt c = 0; c < l->ncell && fs->nbodies; c++) {
+    PetscInt j = 0;
+
+    while (j < l->nb && body[l->cell_node[c * l->nb + j]] >= 0) j++;
+    for (PetscInt k = 0; k < nk && j == l->nb; k++) q[c * nk + k] = 0;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Go along dp from the start value's pressure to where its residual r is smallest, at most a whole step and never back: longer ones follow the noise of a pressure that hardly changes,
+   and grow from step to step. Where the flow changes smoothly it is a whole step (a second one would follow from the first by solving for it); where bodies move, the pressure jumps and
+   the step is short. */
+static PetscErrorCode shift_pressure(FlowSolver fs, const PetscReal dp[])
+{
+  PetscReal       *x, *r, *known, sum[2] = {0, 0};
+  const PetscReal *q, *g, *c = NULL; /* a whole step adds q to the pressure and takes g, c from r */
+
+  PetscFunctionBeginUser;
+  PetscCall(VecGetArrayWrite(fs->t_p, &known));
+  PetscCall(take_known_pressures(fs, dp, known));
+  PetscCall(VecRestoreArrayWrite(fs->t_p, &known));
   PetscCall(MatMult(fs->G, fs->t_p, fs->t_u));
   if (fs->C) PetscCall(MatMult(fs->C, fs->t_p, fs->t_p2));
   PetscCall(VecGetArray(fs->x, &x));
   PetscCall(VecGetArray(fs->r, &r));
   PetscCall(VecGetArrayRead(fs->t_u, &g));
+  PetscCall(VecGetArrayRead(fs->t_p, &q));
   if (fs->C) PetscCall(VecGetArrayRead(fs->t_p2, &c));
   for (PetscInt i = 0; i < fs->nur; i++) {
     sum[0] += g[i] * r[i];
@@ -730,13 +750,14 @@ static PetscErrorCode shift_pressure(FlowSolver fs, const PetscReal dp[])
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   if (sum[1] > 0) {
-    const PetscReal step = sum[0] / sum[1];
+    const PetscReal step = PetscMin(1, PetscMax(0, sum[0] / sum[1]));
 
     for (PetscInt i = 0; i < fs->nur; i++) r[i] -= step * g[i];
     for (PetscInt i = 0; i < fs->np && c; i++) r[fs->nur + i] -= step * c[i];
-    for (PetscInt i = 0; i < fs->np; i++) x[fs->nur + i] += step * dp[i];
+    for (PetscInt i = 0; i < fs->np; i++) x[fs->nur + i] += step * q[i];
   }
   if (fs->C) PetscCall(VecRestoreArrayRead(fs->t_p2, &c));
+  PetscCall(VecRestoreArrayRead(fs->t_p, &q));
   PetscCall(VecRestoreArrayRead(fs->t_u, &g));
   PetscCall(VecRestoreArray(fs->r, &r));
   PetscCall(VecRestoreArray(fs->x, &x));

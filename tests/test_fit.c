@@ -18,13 +18,12 @@ typedef struct {
   PetscReal        U[2], time;
 } Case;
 
-/* Convective form: the default of this rung (CoupleSetDefaults) */
 static void open_case(Case *c, PetscInt n, const char options[])
 {
   char all[2048];
 
   snprintf(all, sizeof(all),
-           "-mesh_cells %d,%d -mesh_lower -2,-2 -mesh_upper 2,2 -flow_viscosity 0.1 -flow_convection_form convective -flow_ksp_rtol 1e-9 -flow_ksp_max_it 300 -couple_boundary snap "
+           "-mesh_cells %d,%d -mesh_lower -2,-2 -mesh_upper 2,2 -flow_viscosity 0.1 -flow_ksp_rtol 1e-9 -flow_ksp_max_it 300 -couple_boundary snap "
            "-particle_groups disc -particle_disc_shape circle -particle_disc_radius 1 -particle_disc_position 0.013,-0.0047 -particle_disc_angular_velocity 1 %s",
            (int)n, (int)n, options);
   give(all);

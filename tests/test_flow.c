@@ -449,12 +449,12 @@ static void check_energy(Case *c)
 static void test_convection(void **state)
 {
   (void)state;
-  for_all(check_convection, "-flow_density 3 -flow_convection_form convective -flow_time be");
-  for_all(check_convection, "-flow_density 3 -flow_convection_form convective -flow_time cn");
-  for_all(check_convection, "-flow_density 3 -flow_convection_form convective -flow_time bdf2");
-  for_all(check_convection, "-flow_density 3 -flow_convection_form convective -flow_time cn -flow_extrapolation quadratic");
-  for_all(check_convection, "-flow_density 3 -flow_convection_form convective -flow_time bdf2 -flow_extrapolation quadratic");
-  for_all(check_energy, "-flow_density 3 -flow_time be");
+  for_all(check_convection, "-flow_density 3 -flow_time be");
+  for_all(check_convection, "-flow_density 3 -flow_time cn");
+  for_all(check_convection, "-flow_density 3 -flow_time bdf2");
+  for_all(check_convection, "-flow_density 3 -flow_time cn -flow_extrapolation quadratic");
+  for_all(check_convection, "-flow_density 3 -flow_time bdf2 -flow_extrapolation quadratic");
+  for_all(check_energy, "-flow_density 3 -flow_convection_form skew -flow_time be");
 }
 
 /* ---- right-hand side, residual, integrals ---- */

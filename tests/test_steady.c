@@ -38,7 +38,7 @@ static void close_case(Case *c)
 #define CAVITY "-flow_viscosity 0.002 -mesh_cells 12,12 -flow_bc_top_type moving_wall -flow_bc_top_velocity 1,0 "
 
 /* The residual is quadratic in u, so that central differences of it are exact. */
-static void check_newton_matrix(PetscInt dim)
+static void check_newton_matrix(PetscInt dim, const char options[])
 {
   const PetscInt n[3] = {3, 2, 2};
   Mesh           mesh;
@@ -47,7 +47,7 @@ static void check_newton_matrix(PetscInt dim)
 
   const MeshLocal *l;
 
-  give("-flow_density 1.3 -flow_viscosity 0.1");
+  give(options);
   create_skewed_mesh(dim, n, &mesh);
   OK(MeshGetLocal(mesh, &l));
   OK(FlowCreate(mesh, &flow));
@@ -88,8 +88,10 @@ static void check_newton_matrix(PetscInt dim)
 static void test_newton_matrix(void **state)
 {
   (void)state;
-  check_newton_matrix(2);
-  check_newton_matrix(3);
+  for (PetscInt dim = 2; dim <= 3; dim++) {
+    check_newton_matrix(dim, "-flow_density 1.3 -flow_viscosity 0.1");
+    check_newton_matrix(dim, "-flow_density 1.3 -flow_viscosity 0.1 -flow_convection_form skew");
+  }
 }
 
 /* Poiseuille flow lies in the space of the elements: the solution is exact at the nodes, pressure included. */
