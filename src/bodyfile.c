@@ -1,5 +1,6 @@
 /* Bodyfile: see bodyfile.h. The state is replicated, so rank 0 hands all rows to PETSc's parallel HDF5 viewer and the others none. */
 #include "compat.h"
+#include "dataset.h"
 #include "bodyfile.h"
 #include "rotation.h"
 #include <errno.h>
@@ -23,36 +24,18 @@ struct _p_Bodyfile {
 
 /* ---- datasets ---- */
 
+/* v [n][bs] of rank 0 */
 static PetscErrorCode write_reals(Bodyfile b, PetscViewer viewer, const char name[], PetscInt n, PetscInt bs, const PetscReal v[])
 {
-  const PetscInt own = b->rank ? 0 : n * bs;
-  Vec            vec;
-  PetscScalar   *a;
-
   PetscFunctionBeginUser;
-  PetscCall(VecCreate(PETSC_COMM_WORLD, &vec));
-  PetscCall(VecSetSizes(vec, own, PETSC_DETERMINE));
-  PetscCall(VecSetBlockSize(vec, bs));
-  PetscCall(VecSetType(vec, VECSTANDARD));
-  PetscCall(PetscObjectSetName((PetscObject)vec, name));
-  PetscCall(VecGetArrayWrite(vec, &a));
-  for (PetscInt i = 0; i < own; i++) a[i] = v[i];
-  PetscCall(VecRestoreArrayWrite(vec, &a));
-  PetscCall(VecView(vec, viewer));
-  PetscCall(VecDestroy(&vec));
+  PetscCall(DatasetWriteReals(PETSC_COMM_WORLD, viewer, name, b->rank ? 0 : n, bs, v));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode write_integers(Bodyfile b, PetscViewer viewer, const char name[], PetscInt n, PetscInt bs, const PetscInt v[])
 {
-  IS is;
-
   PetscFunctionBeginUser;
-  PetscCall(ISCreateGeneral(PETSC_COMM_WORLD, b->rank ? 0 : n * bs, v, PETSC_USE_POINTER, &is));
-  PetscCall(ISSetBlockSize(is, bs));
-  PetscCall(PetscObjectSetName((PetscObject)is, name));
-  PetscCall(ISView(is, viewer));
-  PetscCall(ISDestroy(&is));
+  PetscCall(DatasetWriteInts(PETSC_COMM_WORLD, viewer, name, b->rank ? 0 : n, bs, v));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

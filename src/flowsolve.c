@@ -231,9 +231,8 @@ static PetscErrorCode set_recipe(FlowSolver fs)
   PetscCall(OptReal("-flow_rtol_start", "residual that a solve leaves as share of its start value's (0: only -flow_ksp_rtol counts)", "", 0, 1,
                     &fs->rtol_start));
   PetscCall(OptReal("-flow_rtol_most", "bound for -flow_rtol_start, as share of the right-hand side", "", 0, 1, &fs->rtol_most));
-  sweep_only = (PetscBool)(recipe == 0 &&
-                           fs->nbodies ==
-                             0); /* with bodies the sweep must not add to the residual: two falling discs blow up within 20 steps otherwise */
+  /* with bodies the sweep must not add to the residual: two falling discs blow up within 20 steps otherwise */
+  sweep_only = (PetscBool)(recipe == 0 && fs->nbodies == 0);
   PetscCall(OptDefault("-flow_ksp_type", sweep_only ? "richardson" : "fgmres"));
   PetscCall(OptDefault("-flow_ksp_max_it", outer[recipe][0]));
   PetscCall(OptDefault("-flow_ksp_rtol", outer[recipe][1]));
@@ -485,14 +484,15 @@ static PetscErrorCode choose_methods(FlowSolver fs)
   PetscCall(FlowGetFields(fs->flow, &u, NULL, NULL));
   for (PetscInt i = 0; i < fs->nodal; i++) speed = PetscMax(speed, PetscAbsReal(u[i]));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &speed, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
-  t                = step->ct > 0 ? step->theta / (step->ct * fs->loc->h) : PETSC_MAX_REAL;
-  viscous          = par->viscosity * t / (par->density * fs->loc->h);
-  convective       = speed * t;
-  fs->factorise    = (PetscBool)(fs->sweep_type == SWEEP_ILU ||
+  t                     = step->ct > 0 ? step->theta / (step->ct * fs->loc->h) : PETSC_MAX_REAL;
+  viscous               = par->viscosity * t / (par->density * fs->loc->h);
+  convective            = speed * t;
+  fs->factorise         = (PetscBool)(fs->sweep_type == SWEEP_ILU ||
                               (fs->sweep_type == SWEEP_AUTO && (convective > FACTORISE_FROM || viscous > FACTORISE_FROM ||
                                                                 convective > PetscMax(FACTORISE_FROM_UNRESOLVED, 5 * viscous))));
-  fs->commute      = (PetscBool)(fs->schur == SCHUR_COMMUTATOR || step->dt == 0); /* the projection is for time steps only */
-  fs->viscous_only = PETSC_FALSE;
+  fs->commute           = (PetscBool)(fs->schur == SCHUR_COMMUTATOR || step->dt == 0); /* the projection is for time steps only */
+  fs->viscous_only      = PETSC_FALSE;
+  fs->share_of_pressure = fs->fixed && fs->nbodies == 0 && viscous < WHOLE_FROM ? SHARE_BELOW : 1;
   if (fs->commute || fs->schur == SCHUR_PROJECTION) PetscFunctionReturn(PETSC_SUCCESS);
   fs->viscous_only = (PetscBool)(fs->nbodies == 0 && viscous > VISCOUS_FROM && convective * convective < 10 * viscous);
   fs->commute      = (PetscBool)((fs->nbodies > 0 && !fs->fitted && !FlowSolverIsSoft(fs) && viscous > COMMUTATOR_FROM) ||
@@ -509,9 +509,8 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
   PetscFunctionBeginUser;
   PetscCall(FlowGetParameters(fs->flow, &par));
   PetscCall(FlowGetStep(fs->flow, &step));
-  fs->scale             = step->dt > 0 ? par->density * step->ct : par->viscosity / (fs->loc->h * fs->loc->h);
-  fs->viscous           = par->viscosity * step->theta / fs->scale;
-  fs->share_of_pressure = fs->fixed && fs->nbodies == 0 && fs->viscous < WHOLE_FROM * fs->loc->h * fs->loc->h ? SHARE_BELOW : 1;
+  fs->scale   = step->dt > 0 ? par->density * step->ct : par->viscosity / (fs->loc->h * fs->loc->h);
+  fs->viscous = par->viscosity * step->theta / fs->scale;
   PetscCall(choose_methods(fs));
   PetscCall(set_up_diagonals(fs));
   PetscCall(PetscLogEventBegin(TB_VEL_FACTOR, 0, 0, 0, 0));

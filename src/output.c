@@ -7,6 +7,7 @@
    the nodal pressure is the average of the cells around a node, leaving out cells that lie wholly inside a body (their pressure means nothing).
    The file is not made for restarts and holds no history of the bodies: see checkpoint and monitor. */
 #include "compat.h"
+#include "dataset.h"
 #include "output.h"
 #include "log.h"
 #include "opt.h"
@@ -88,39 +89,6 @@ static PetscErrorCode open_hdf5(Output o, const char name[], PetscViewer *viewer
 
 /* ---- datasets ---- */
 
-/* v [n][bs] of every rank -> dataset [sum of n][bs] */
-static PetscErrorCode write_reals(Output o, PetscViewer viewer, const char name[], PetscInt n, PetscInt bs, const PetscReal v[])
-{
-  Vec          vec;
-  PetscScalar *a;
-
-  PetscFunctionBeginUser;
-  PetscCall(VecCreate(o->comm, &vec));
-  PetscCall(VecSetSizes(vec, n * bs, PETSC_DETERMINE));
-  PetscCall(VecSetBlockSize(vec, bs));
-  PetscCall(VecSetType(vec, VECSTANDARD));
-  PetscCall(PetscObjectSetName((PetscObject)vec, name));
-  PetscCall(VecGetArrayWrite(vec, &a));
-  for (PetscInt i = 0; i < n * bs; i++) a[i] = v[i];
-  PetscCall(VecRestoreArrayWrite(vec, &a));
-  PetscCall(VecView(vec, viewer));
-  PetscCall(VecDestroy(&vec));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode write_integers(Output o, PetscViewer viewer, const char name[], PetscInt n, PetscInt bs, const PetscInt v[])
-{
-  IS is;
-
-  PetscFunctionBeginUser;
-  PetscCall(ISCreateGeneral(o->comm, n * bs, v, PETSC_USE_POINTER, &is));
-  PetscCall(ISSetBlockSize(is, bs));
-  PetscCall(PetscObjectSetName((PetscObject)is, name));
-  PetscCall(ISView(is, viewer));
-  PetscCall(ISDestroy(&is));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* Nodal values v [nnode_all][bs], ghosts up to date -> values at the points of the file */
 static PetscErrorCode write_nodal(Output o, PetscViewer viewer, const char name[], PetscInt bs, const PetscReal v[])
 {
@@ -129,14 +97,14 @@ static PetscErrorCode write_nodal(Output o, PetscViewer viewer, const char name[
 
   PetscFunctionBeginUser;
   if (o->shared) {
-    PetscCall(write_reals(o, viewer, name, m->nnode, bs, v));
+    PetscCall(DatasetWriteReals(o->comm, viewer, name, m->nnode, bs, v));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(PetscMalloc1(o->npoint * bs, &w));
   for (PetscInt i = 0; i < o->npoint; i++) {
     for (PetscInt b = 0; b < bs; b++) w[i * bs + b] = v[m->cell_node[i] * bs + b];
   }
-  PetscCall(write_reals(o, viewer, name, o->npoint, bs, w));
+  PetscCall(DatasetWriteReals(o->comm, viewer, name, o->npoint, bs, w));
   PetscCall(PetscFree(w));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -148,7 +116,7 @@ static PetscErrorCode write_nodal_integers(Output o, PetscViewer viewer, const c
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(o->npoint, &w));
   for (PetscInt i = 0; i < o->npoint; i++) w[i] = v[o->shared ? i : o->loc->cell_node[i]];
-  PetscCall(write_integers(o, viewer, name, o->npoint, 1, w));
+  PetscCall(DatasetWriteInts(o->comm, viewer, name, o->npoint, 1, w));
   PetscCall(PetscFree(w));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -174,7 +142,7 @@ static PetscErrorCode write_points(Output o, PetscViewer viewer)
       }
     }
   }
-  PetscCall(write_reals(o, viewer, "coordinates", o->npoint, 3, x));
+  PetscCall(DatasetWriteReals(o->comm, viewer, "coordinates", o->npoint, 3, x));
   PetscCall(PetscFree(x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -194,7 +162,7 @@ static PetscErrorCode write_cells(Output o, PetscViewer viewer)
       cell[c * m->nb + k] = o->shared ? m->node_global[m->cell_node[j]] : o->point_start + j;
     }
   }
-  PetscCall(write_integers(o, viewer, "cells", m->ncell, m->nb, cell));
+  PetscCall(DatasetWriteInts(o->comm, viewer, "cells", m->ncell, m->nb, cell));
   PetscCall(PetscFree(cell));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -387,9 +355,9 @@ static PetscErrorCode write_pressure(Output o, PetscViewer viewer, Vec p, const 
   for (PetscInt i = 0; i < m->ncell * bs; i++) pc[i] = PetscRealPart(a[i]);
   PetscCall(VecRestoreArrayRead(p, &a));
   for (PetscInt c = 0; c < m->ncell; c++) w[c] = pc[c * bs];
-  PetscCall(write_reals(o, viewer, "pressure_mean", m->ncell, 1, w));
+  PetscCall(DatasetWriteReals(o->comm, viewer, "pressure_mean", m->ncell, 1, w));
   PetscCall(pad_vectors(m->ncell, m->dim, bs, pc + 1, w));
-  PetscCall(write_reals(o, viewer, "pressure_gradient", m->ncell, 3, w));
+  PetscCall(DatasetWriteReals(o->comm, viewer, "pressure_gradient", m->ncell, 3, w));
   PetscCall(average_pressure(o, pc, body, q));
   PetscCall(write_nodal(o, viewer, "pressure", 1, q));
   PetscCall(PetscFree3(pc, w, q));
@@ -603,7 +571,7 @@ PetscErrorCode OutputFields(Output o, PetscInt step, PetscReal time, Vec u, Vec 
   if (!o->mesh_written) PetscCall(write_mesh(o));
   PetscCall(PetscSNPrintf(name, sizeof(name), "fields_%" PetscInt_FMT ".h5", step));
   PetscCall(open_hdf5(o, name, &viewer));
-  PetscCall(write_reals(o, viewer, "time", o->rank == 0, 1, &time));
+  PetscCall(DatasetWriteReals(o->comm, viewer, "time", o->rank == 0, 1, &time));
   PetscCall(write_velocity(o, viewer, u));
   PetscCall(write_pressure(o, viewer, p, body));
   if (body) PetscCall(write_nodal_integers(o, viewer, "body", body));

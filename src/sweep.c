@@ -4,6 +4,14 @@
 
 #define INLINE static inline __attribute__((always_inline))
 
+/* The rank's own part of the matrix as compressed rows */
+typedef struct {
+  Mat              own;
+  PetscInt         n;
+  const PetscInt  *start, *column;
+  const PetscReal *value;
+} Rows;
+
 struct _p_Sweep {
   Mat              S;
   PetscInt         dim, n;
@@ -14,6 +22,27 @@ struct _p_Sweep {
   float    *pivot_inverse;    /* [n][dim], zero at inert slots */
   PetscInt *diagonal, *where; /* [n] entry of the diagonal; scratch, -1 */
 };
+
+static PetscErrorCode get_rows(Sweep s, Rows *r)
+{
+  PetscBool done;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatGetDiagonalBlock(s->S, &r->own));
+  PetscCall(MatGetRowIJ(r->own, 0, PETSC_FALSE, PETSC_FALSE, &r->n, &r->start, &r->column, &done));
+  PetscCall(MatSeqAIJGetArrayRead(r->own, &r->value));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode restore_rows(Rows *r)
+{
+  PetscBool done;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatSeqAIJRestoreArrayRead(r->own, &r->value));
+  PetscCall(MatRestoreRowIJ(r->own, 0, PETSC_FALSE, PETSC_FALSE, &r->n, &r->start, &r->column, &done));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
 
 /* ---- SOR ---- */
 
@@ -35,11 +64,10 @@ INLINE void sor_kernel(const int dim, PetscInt n, PetscBool forward, PetscBool l
   }
 }
 
-static void sor(Sweep s, PetscBool forward, PetscBool lower_only, const PetscInt ai[], const PetscInt aj[], const PetscReal aa[], const PetscReal b[],
-                PetscReal x[])
+static void sor(Sweep s, PetscBool forward, PetscBool lower_only, const Rows *r, const PetscReal b[], PetscReal x[])
 {
-  if (s->dim == 2) sor_kernel(2, s->n, forward, lower_only, ai, aj, aa, s->diagonal_inverse, b, x);
-  else sor_kernel(3, s->n, forward, lower_only, ai, aj, aa, s->diagonal_inverse, b, x);
+  if (s->dim == 2) sor_kernel(2, s->n, forward, lower_only, r->start, r->column, r->value, s->diagonal_inverse, b, x);
+  else sor_kernel(3, s->n, forward, lower_only, r->start, r->column, r->value, s->diagonal_inverse, b, x);
 }
 
 /* ---- ILU(0) ---- */
@@ -73,10 +101,12 @@ static void factorise_row(Sweep s, PetscInt i, const PetscInt ai[], const PetscI
 }
 
 /* pivot [n]: inverse pivots, nonzero for all but inert nodes from the beginning. A pivot that elimination has nearly used up is replaced by the diagonal entry. */
-static PetscErrorCode factorise(Sweep s, const PetscInt ai[], const PetscInt aj[], const PetscReal aa[])
+static PetscErrorCode factorise(Sweep s, const Rows *r)
 {
-  PetscReal *pivot, *row;
-  PetscInt   longest = 0;
+  const PetscInt  *ai = r->start, *aj = r->column;
+  const PetscReal *aa = r->value;
+  PetscReal       *pivot, *row;
+  PetscInt         longest = 0;
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < s->n; i++) longest = PetscMax(longest, ai[i + 1] - ai[i]);
@@ -124,62 +154,48 @@ INLINE void solve_kernel(const int dim, PetscInt n, const PetscInt *restrict ai,
 
 PetscErrorCode SweepUpdate(Sweep s, const PetscReal diagonal_inverse[], PetscBool wanted)
 {
-  const PetscInt  *ai, *aj;
-  const PetscReal *aa;
-  PetscInt         n;
-  PetscBool        done;
-  Mat              own;
+  Rows r;
 
   PetscFunctionBeginUser;
   s->diagonal_inverse = diagonal_inverse;
   s->factorised       = wanted;
   if (!wanted) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MatGetDiagonalBlock(s->S, &own));
-  PetscCall(MatGetRowIJ(own, 0, PETSC_FALSE, PETSC_FALSE, &n, &ai, &aj, &done));
-  PetscCall(MatSeqAIJGetArrayRead(own, &aa));
+  PetscCall(get_rows(s, &r));
   if (!s->lu) {
-    PetscCall(PetscMalloc4(ai[n], &s->lu, n * s->dim, &s->pivot_inverse, n, &s->diagonal, n, &s->where));
-    for (PetscInt i = 0; i < n; i++) {
+    PetscCall(PetscMalloc4(r.start[r.n], &s->lu, r.n * s->dim, &s->pivot_inverse, r.n, &s->diagonal, r.n, &s->where));
+    for (PetscInt i = 0; i < r.n; i++) {
       s->where[i] = -1;
-      for (PetscInt q = ai[i]; q < ai[i + 1]; q++)
-        if (aj[q] == i) s->diagonal[i] = q;
+      for (PetscInt q = r.start[i]; q < r.start[i + 1]; q++)
+        if (r.column[q] == i) s->diagonal[i] = q;
     }
   }
-  PetscCall(factorise(s, ai, aj, aa));
-  PetscCall(MatSeqAIJRestoreArrayRead(own, &aa));
-  PetscCall(MatRestoreRowIJ(own, 0, PETSC_FALSE, PETSC_FALSE, &n, &ai, &aj, &done));
+  PetscCall(factorise(s, &r));
+  PetscCall(restore_rows(&r));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode SweepApply(Sweep s, MatSORType flag, PetscInt its, const PetscReal b[], PetscReal x[])
 {
-  const PetscBool  zero = (PetscBool)((flag & SOR_ZERO_INITIAL_GUESS) != 0);
-  const PetscInt  *ai, *aj;
-  const PetscReal *aa;
-  PetscInt         n;
-  PetscBool        done;
-  Mat              own;
+  const PetscBool zero = (PetscBool)((flag & SOR_ZERO_INITIAL_GUESS) != 0);
+  Rows            r;
 
   PetscFunctionBeginUser;
   PetscCheck(!s->factorised || (zero && its == 1), PETSC_COMM_SELF, PETSC_ERR_SUP,
              "The incomplete factorisation of the velocity starts from zero and is applied once, not %" PetscInt_FMT
              " times: leave -flow_fieldsplit_velocity_pc_sor_its at 1 or give -flow_velocity_sweep sor",
              its);
-  PetscCall(MatGetDiagonalBlock(s->S, &own));
-  PetscCall(MatGetRowIJ(own, 0, PETSC_FALSE, PETSC_FALSE, &n, &ai, &aj, &done));
-  PetscCall(MatSeqAIJGetArrayRead(own, &aa));
+  PetscCall(get_rows(s, &r));
   if (s->factorised) {
-    if (s->dim == 2) solve_kernel(2, n, ai, aj, s->diagonal, s->lu, s->pivot_inverse, b, x);
-    else solve_kernel(3, n, ai, aj, s->diagonal, s->lu, s->pivot_inverse, b, x);
+    if (s->dim == 2) solve_kernel(2, r.n, r.start, r.column, s->diagonal, s->lu, s->pivot_inverse, b, x);
+    else solve_kernel(3, r.n, r.start, r.column, s->diagonal, s->lu, s->pivot_inverse, b, x);
   } else {
-    if (zero) PetscCall(PetscArrayzero(x, n * s->dim));
+    if (zero) PetscCall(PetscArrayzero(x, r.n * s->dim));
     for (PetscInt it = 0; it < its; it++) {
-      if (flag & (SOR_FORWARD_SWEEP | SOR_LOCAL_FORWARD_SWEEP)) sor(s, PETSC_TRUE, (PetscBool)(zero && it == 0), ai, aj, aa, b, x);
-      if (flag & (SOR_BACKWARD_SWEEP | SOR_LOCAL_BACKWARD_SWEEP)) sor(s, PETSC_FALSE, PETSC_FALSE, ai, aj, aa, b, x);
+      if (flag & (SOR_FORWARD_SWEEP | SOR_LOCAL_FORWARD_SWEEP)) sor(s, PETSC_TRUE, (PetscBool)(zero && it == 0), &r, b, x);
+      if (flag & (SOR_BACKWARD_SWEEP | SOR_LOCAL_BACKWARD_SWEEP)) sor(s, PETSC_FALSE, PETSC_FALSE, &r, b, x);
     }
   }
-  PetscCall(MatSeqAIJRestoreArrayRead(own, &aa));
-  PetscCall(MatRestoreRowIJ(own, 0, PETSC_FALSE, PETSC_FALSE, &n, &ai, &aj, &done));
+  PetscCall(restore_rows(&r));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

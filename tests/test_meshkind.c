@@ -1,6 +1,8 @@
 /* Meshkind: cell counts, areas, Jacobians, boundaries and circles of the meshes by name, refined, on any number of ranks. */
 /* ranks: 1 2 3 */
 #include "compat.h"
+#include "dense.h"
+#include "element.h"
 #include "mesh.h"
 #include "meshmap.h"
 #include "opt.h"
@@ -21,30 +23,13 @@ static PetscErrorCode create_mesh(const char options[], Mesh *mesh)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Values and derivatives of the 1D quadratic shape functions on the nodes -1, 0, 1 */
-static void quadratics(PetscReal s, PetscReal f[3], PetscReal df[3])
-{
-  f[0]  = 0.5 * s * (s - 1);
-  f[1]  = 1 - s * s;
-  f[2]  = 0.5 * s * (s + 1);
-  df[0] = s - 0.5;
-  df[1] = -2 * s;
-  df[2] = s + 0.5;
-}
-
 static PetscReal jacobian_2d(const PetscReal xc[], PetscReal s, PetscReal t)
 {
-  PetscReal f[2][3], df[2][3], J[2][2] = {{0, 0}, {0, 0}};
+  const PetscReal xi[2] = {s, t};
+  PetscReal       x[2], J[4];
 
-  quadratics(s, f[0], df[0]);
-  quadratics(t, f[1], df[1]);
-  for (PetscInt j = 0; j < 9; j++) {
-    for (PetscInt d = 0; d < 2; d++) {
-      J[d][0] += xc[2 * j + d] * df[0][j % 3] * f[1][j / 3];
-      J[d][1] += xc[2 * j + d] * f[0][j % 3] * df[1][j / 3];
-    }
-  }
-  return J[0][0] * J[1][1] - J[0][1] * J[1][0];
+  ElementMap(2, xc, xi, x, J);
+  return DenseDeterminant(2, J);
 }
 
 /* Area of the mesh of quadratic cells; every Jacobian at the 3 x 3 Gauss points must be positive */
