@@ -2,7 +2,8 @@
 
    A matrix shell over a BAIJ matrix with blocks of 3 or 4: product (so that multigrid forms its residual with it) and processor-local Gauss-Seidel sweeps by blocks.
    A smoother is limited by the memory it reads, and the blocks and the inverses of those on the diagonal are stored as floats; vectors and sums are double, so that
-   it is a linear operator, symmetric if A is, close to A by the round-off of its entries. For preconditioners only. */
+   it is a linear operator, symmetric if A is, close to A by the round-off of its entries. For preconditioners only.
+   A part W W^T of low rank may be added, which would fill A. */
 #pragma once
 #include <petscmat.h>
 
@@ -10,3 +11,7 @@
 PetscErrorCode BlockGSCreate(Mat A, Mat *shell);
 /* Copy anew what changed in A: n local block rows, or all with rows = NULL. Not collective. */
 PetscErrorCode BlockGSUpdate(Mat shell, PetscInt n, const PetscInt rows[]);
+/* From now on the shell stands for A + W W^T, W given by n blocks value [n][nk][nr] at own block rows row [n] (ascending) and block columns column [n] < ncolumn (all ranks count the same
+   columns; one column may be on several ranks). Nothing is filled in: W^T x follows the sweep. Copied; after every BlockGSUpdate. Not collective. */
+PetscErrorCode BlockGSSetLowRank(Mat shell, PetscInt ncolumn, PetscInt nr, PetscInt n, const PetscInt row[], const PetscInt column[],
+                                 const PetscReal w[]);

@@ -1,4 +1,4 @@
-/* Dense: inverse of tiny symmetric positive definite matrices (blocks of bodies and cells) and of Jacobians. Layer 0. */
+/* Dense: inverse and factor of tiny symmetric positive definite matrices (blocks of bodies and cells) and of Jacobians. Layer 0. */
 #pragma once
 #include <petscsys.h>
 
@@ -28,6 +28,21 @@ static inline void DenseInvert(PetscInt n, const PetscReal M[], PetscReal inv[])
         a[i * n + j] -= factor * a[k * n + j];
         inv[i * n + j] -= factor * inv[k * n + j];
       }
+    }
+  }
+}
+
+/* L [n][n] lower triangular with L L^T = M, M symmetric and positive semidefinite; rows of M that are zero (fixed degrees of freedom) stay zero */
+static inline void DenseFactor(PetscInt n, const PetscReal M[], PetscReal L[])
+{
+  for (PetscInt j = 0; j < n; j++) {
+    for (PetscInt i = 0; i < n; i++) {
+      PetscReal sum = M[i * n + j];
+
+      for (PetscInt k = 0; k < j; k++) sum -= L[i * n + k] * L[j * n + k];
+      if (i < j) L[i * n + j] = 0;
+      else if (i == j) L[i * n + j] = sum > 0 ? PetscSqrtReal(sum) : 0;
+      else L[i * n + j] = L[j * n + j] > 0 ? sum / L[j * n + j] : 0;
     }
   }
 }

@@ -1,9 +1,9 @@
 /* Pressure: the projected pressure operator S_p = B_r M_r^{-1} B_r^T + eps B_c M_c^{-1} B_c^T and its two-level preconditioner. Layer 2.
 
    The part of the nodes has a fixed pattern (cells that share a node) and is a matrix; rows of cells away from any change of the constraint are kept. The part of bodies with
-   unknown rigid velocities, B R_k M_k^{-1} (B R_k)^T, is of rank 3 (6 in 3D) a body and is applied, not stored; preconditioners see the matrix alone.
+   unknown rigid velocities, W W^T = sum of B R_k M_k^{-1} (B R_k)^T, is of rank 3 (6 in 3D) a body and is applied, not stored; preconditioners other than the default see the matrix alone.
    Default preconditioner (options under -flow_fieldsplit_pressure_): PCMG with two levels, discontinuous P1 -> continuous Q1 on the vertices, Galerkin coarse operator,
-   Chebyshev with 3x3 (4x4) block Jacobi on the fine level, BoomerAMG (GAMG where hypre is missing) on the coarse one. */
+   block Gauss-Seidel on the fine level, BoomerAMG (GAMG where hypre is missing) on the coarse one. */
 #pragma once
 #include "constraint.h"
 #include "flow.h"

@@ -19,6 +19,9 @@ typedef struct {
   PetscReal      *ghost, *rest; /* [nghost][nk]; [n][nk] right-hand side less what other ranks' unknowns do */
   PetscSF         sf;
   MPI_Datatype    unit; /* nk reals */
+  /* W, see BlockGSSetLowRank */
+  PetscInt   nr, ncolumn, nw, *w_row, *w_column;
+  PetscReal *w, *t; /* [nw][nk][nr]; [ncolumn][nr] W^T x */
 } BlockGS;
 
 #define INLINE static inline __attribute__((always_inline))
@@ -38,19 +41,45 @@ INLINE wide sum_row(const int nk, PetscInt begin, PetscInt end, const PetscInt *
   return nk == 3 ? s[0] + s[1] + s[2] : s[0] + s[1] + (s[2] + s[3]);
 }
 
-/* Only blocks before the diagonal while the rest of x is zero (lower) */
+/* r -= w t, what the low-rank part has in a row */
+static void subtract_low_rank(const BlockGS *g, PetscInt e, PetscReal r[])
+{
+  const PetscReal *t = g->t + g->w_column[e] * g->nr;
+
+  for (PetscInt k = 0; k < g->nk; k++)
+    for (PetscInt m = 0; m < g->nr; m++) r[k] -= g->w[(e * g->nk + k) * g->nr + m] * t[m];
+}
+
+/* t += w^T d */
+static void add_to_low_rank(const BlockGS *g, PetscInt e, const PetscReal d[])
+{
+  PetscReal *t = g->t + g->w_column[e] * g->nr;
+
+  for (PetscInt k = 0; k < g->nk; k++)
+    for (PetscInt m = 0; m < g->nr; m++) t[m] += g->w[(e * g->nk + k) * g->nr + m] * d[k];
+}
+
+/* Only blocks before the diagonal while the rest of x is zero (lower). Entries of W are met in the order of the rows; t follows x. */
 INLINE void sweep(const int nk, const BlockGS *restrict g, PetscBool forward, PetscBool lower, const PetscReal *b, PetscReal *x)
 {
+  const PetscInt step = forward ? 1 : -1;
+  PetscInt       at   = forward ? 0 : g->nw - 1;
+
   for (PetscInt r = 0; r < g->n; r++) {
-    const PetscInt i   = forward ? r : g->n - 1 - r;
+    const PetscInt i = forward ? r : g->n - 1 - r, first = at;
     PetscInt       end = g->start[0][i + 1];
+    PetscReal      rest[MAX_NK];
     wide           s, d = {0};
 
     if (lower)
       for (end = g->start[0][i]; g->column[0][end] < i;) end++;
     s = sum_row(nk, g->start[0][i], end, g->column[0], g->value[0], x);
-    for (int m = 0; m < nk; m++) d += load_column(g->inverse + (i * nk + m) * nk) * (b[i * nk + m] - s[m]);
-    for (int k = 0; k < nk; k++) x[i * nk + k] += d[k];
+    for (int k = 0; k < nk; k++) rest[k] = b[i * nk + k] - s[k];
+    for (; at >= 0 && at < g->nw && g->w_row[at] == i; at += step) subtract_low_rank(g, at, rest);
+    for (int m = 0; m < nk; m++) d += load_column(g->inverse + (i * nk + m) * nk) * rest[m];
+    for (int k = 0; k < nk; k++) rest[k] = d[k];
+    for (int k = 0; k < nk; k++) x[i * nk + k] += rest[k];
+    for (PetscInt e = first; e != at; e += step) add_to_low_rank(g, e, rest);
   }
 }
 
@@ -74,6 +103,17 @@ static void add_ghosts(const BlockGS *g, PetscReal scale, PetscReal y[])
         for (PetscInt k = 0; k < nk; k++) y[i * nk + k] += scale * g->value[1][(q * nk + m) * nk + k] * g->ghost[g->column[1][q] * nk + m];
 }
 
+/* t = W^T x over all ranks. Collective. */
+static PetscErrorCode gather_low_rank(BlockGS *g, const PetscReal x[])
+{
+  PetscFunctionBeginUser;
+  if (!g->ncolumn) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscArrayzero(g->t, g->ncolumn * g->nr));
+  for (PetscInt e = 0; e < g->nw; e++) add_to_low_rank(g, e, x + g->w_row[e] * g->nk);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, g->t, (PetscMPIInt)(g->ncolumn * g->nr), MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)g->A)));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode mult_blocks(Mat shell, Vec x, Vec y)
 {
   BlockGS         *g;
@@ -91,6 +131,9 @@ static PetscErrorCode mult_blocks(Mat shell, Vec x, Vec y)
     PetscCall(PetscSFBcastEnd(g->sf, g->unit, xa, g->ghost, MPI_REPLACE));
     add_ghosts(g, 1, ya);
   }
+  PetscCall(gather_low_rank(g, xa));
+  for (PetscInt i = 0; i < g->ncolumn * g->nr; i++) g->t[i] = -g->t[i];
+  for (PetscInt e = 0; e < g->nw; e++) subtract_low_rank(g, e, ya + g->w_row[e] * g->nk);
   PetscCall(VecRestoreArrayRead(x, &xa));
   PetscCall(VecRestoreArrayWrite(y, &ya));
   PetscCall(PetscLogFlops(2.0 * g->nk * g->nk * g->start[0][g->n]));
@@ -128,8 +171,13 @@ static PetscErrorCode sweep_blocks(Mat shell, Vec bv, PetscReal omega, MatSORTyp
   rhs = b;
   PetscCheck(its == 1 || !g->sf, PetscObjectComm((PetscObject)shell), PETSC_ERR_SUP,
              "The pressure sweep is done once a call on several ranks: leave ..._pc_sor_its at 1");
-  if (zero) PetscCall(PetscArrayzero(x, g->n * g->nk));
-  else if (g->sf) PetscCall(subtract_ghosts(g, x, &rhs));
+  if (zero) {
+    PetscCall(PetscArrayzero(x, g->n * g->nk));
+    PetscCall(PetscArrayzero(g->t, g->ncolumn * g->nr));
+  } else {
+    if (g->sf) PetscCall(subtract_ghosts(g, x, &rhs));
+    PetscCall(gather_low_rank(g, x));
+  }
   for (PetscInt it = 0; it < its * lits; it++) {
     for (int back = 0; back < 2; back++) {
       if (!direction[back]) continue;
@@ -144,19 +192,30 @@ static PetscErrorCode sweep_blocks(Mat shell, Vec bv, PetscReal omega, MatSORTyp
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* The inverse of the diagonal block of row i and of the entries [begin, end) of W in this row */
+static void invert_diagonal(BlockGS *g, PetscInt i, const PetscReal value[], PetscInt begin, PetscInt end)
+{
+  const PetscInt nk = g->nk, nn = nk * nk;
+  PetscReal      block[MAX_NK * MAX_NK], inverse[MAX_NK * MAX_NK];
+  PetscInt       q = g->start[0][i];
+
+  while (g->column[0][q] != i) q++;
+  for (PetscInt e = 0; e < nn; e++) block[e] = value[q * nn + e];
+  for (PetscInt e = begin; e < end; e++)
+    for (PetscInt k = 0; k < nn; k++)
+      for (PetscInt m = 0; m < g->nr; m++) block[k] += g->w[(e * nk + k / nk) * g->nr + m] * g->w[(e * nk + k % nk) * g->nr + m];
+  DenseInvert(nk, block, inverse); /* the transpose of the inverse is the inverse of the transpose */
+  for (PetscInt e = 0; e < nn; e++) g->inverse[i * nn + e] = (float)inverse[e];
+}
+
 /* One row of both parts, and the inverse of its diagonal block */
-static PetscErrorCode copy_row(BlockGS *g, PetscInt i, PetscReal *const value[2])
+static void copy_row(BlockGS *g, PetscInt i, PetscReal *const value[2])
 {
   const PetscInt nn = g->nk * g->nk;
-  PetscReal      inverse[MAX_NK * MAX_NK];
 
-  PetscFunctionBeginUser;
   for (PetscInt s = 0; s < 2 && g->part[s]; s++)
     for (PetscInt e = g->start[s][i] * nn; e < g->start[s][i + 1] * nn; e++) g->value[s][e] = (float)value[s][e];
-  for (PetscInt q = g->start[0][i]; q < g->start[0][i + 1]; q++)
-    if (g->column[0][q] == i) DenseInvert(g->nk, value[0] + q * nn, inverse); /* the transpose of the inverse is the inverse of the transpose */
-  for (PetscInt e = 0; e < nn; e++) g->inverse[i * nn + e] = (float)inverse[e];
-  PetscFunctionReturn(PETSC_SUCCESS);
+  invert_diagonal(g, i, value[0], 0, 0);
 }
 
 PetscErrorCode BlockGSUpdate(Mat shell, PetscInt n, const PetscInt rows[])
@@ -167,8 +226,48 @@ PetscErrorCode BlockGSUpdate(Mat shell, PetscInt n, const PetscInt rows[])
   PetscFunctionBeginUser;
   PetscCall(MatShellGetContext(shell, &g));
   for (PetscInt s = 0; s < 2 && g->part[s]; s++) PetscCall(MatSeqBAIJGetArray(g->part[s], &value[s]));
-  for (PetscInt r = 0; r < (rows ? n : g->n); r++) PetscCall(copy_row(g, rows ? rows[r] : r, value));
+  for (PetscInt r = 0; r < (rows ? n : g->n); r++) copy_row(g, rows ? rows[r] : r, value);
   for (PetscInt s = 0; s < 2 && g->part[s]; s++) PetscCall(MatSeqBAIJRestoreArray(g->part[s], &value[s]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Give up W; rows that had a part of it get the inverses of their own blocks. */
+static PetscErrorCode drop_low_rank(BlockGS *g)
+{
+  PetscReal *value;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatSeqBAIJGetArray(g->part[0], &value));
+  for (PetscInt e = 0; e < g->nw; e++) invert_diagonal(g, g->w_row[e], value, 0, 0);
+  PetscCall(MatSeqBAIJRestoreArray(g->part[0], &value));
+  PetscCall(PetscFree4(g->w_row, g->w_column, g->w, g->t));
+  g->nw      = 0;
+  g->ncolumn = 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BlockGSSetLowRank(Mat shell, PetscInt ncolumn, PetscInt nr, PetscInt n, const PetscInt row[], const PetscInt column[],
+                                 const PetscReal w[])
+{
+  BlockGS   *g;
+  PetscReal *value;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(shell, &g));
+  PetscCall(drop_low_rank(g));
+  g->nr      = nr;
+  g->ncolumn = ncolumn;
+  g->nw      = n;
+  PetscCall(PetscMalloc4(n, &g->w_row, n, &g->w_column, n * g->nk * nr, &g->w, ncolumn * nr, &g->t));
+  PetscCall(PetscArraycpy(g->w_row, row, n));
+  PetscCall(PetscArraycpy(g->w_column, column, n));
+  PetscCall(PetscArraycpy(g->w, w, n * g->nk * nr));
+  PetscCall(MatSeqBAIJGetArray(g->part[0], &value));
+  for (PetscInt begin = 0, end = 0; begin < n; begin = end) {
+    while (end < n && row[end] == row[begin]) end++;
+    invert_diagonal(g, row[begin], value, begin, end);
+  }
+  PetscCall(MatSeqBAIJRestoreArray(g->part[0], &value));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -186,6 +285,7 @@ static PetscErrorCode destroy_blocks(Mat shell)
   PetscCall(PetscFree(g->value[1]));
   PetscCall(PetscFree(g->inverse));
   PetscCall(PetscFree2(g->ghost, g->rest));
+  PetscCall(PetscFree4(g->w_row, g->w_column, g->w, g->t));
   PetscCall(PetscSFDestroy(&g->sf));
   PetscCallMPI(MPI_Type_free(&g->unit));
   PetscCall(MatDestroy(&g->A));

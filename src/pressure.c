@@ -2,10 +2,10 @@
 #include "compat.h"
 #include "pressure.h"
 #include "blockgs.h"
+#include "coarse.h"
+#include "dense.h"
 #include "log.h"
 #include "opt.h"
-
-#define MAX_VERTICES 125 /* vertices of the cells around a node: 9 (27) on regular meshes */
 
 struct _p_Pressure {
   Flow             flow;
@@ -14,17 +14,16 @@ struct _p_Pressure {
   Mesh             mesh;
   PetscInt         nk, nr, nbodies; /* pressures a cell; rigid slots a body */
   PetscReal        eps;
-  Mat              sweeps;                   /* single-precision smoother of the matrix, or NULL: another one was asked for */
-  PetscBool        smoothers_set, two_level; /* the default preconditioner: PCMG with levels P1 discontinuous -> Q1 */
-  Mat              matrix, shell, interpolation, coarse;
-  PetscBool        definite;                  /* the coarse operator has got its share of the diagonal */
+  Mat              sweeps; /* single-precision smoother of the matrix, or NULL: another one was asked for */
+  PetscBool        smoothers_set;
+  Coarse           coarse; /* of the default preconditioner, PCMG with levels P1 discontinuous -> Q1; or NULL */
+  Mat              matrix, shell;
   PetscInt        *neighbour_ptr, *neighbour; /* [ncell + 1]; local cells that share a node with a cell */
   PetscReal       *weight;                    /* as of the last update; zero before the first */
-  PetscInt        *vertex;                    /* [nnode_all] global number of the vertex at a node, or -1 */
   /* bodies: cells where B R_k is not zero */
   PetscInt   ncut, room, *cut_cell, *cut_body;
-  PetscReal *cut_q; /* [ncut][nk][nr] */
-  PetscReal *mass_inverse, *work;
+  PetscReal *cut_w; /* [ncut][nk][nr] B R_k L_k with L_k L_k^T = M_k^{-1} */
+  PetscReal *work;  /* [nbodies][nr] */
   /* cells between two constrained surfaces, see find_shared_cells() */
   PetscReal    eps_shared, *shared_block; /* [nshared][nk][nk] */
   PetscInt     nshared, shared_room, *shared_cell;
@@ -37,7 +36,6 @@ struct _p_Pressure {
   PetscInt        nsoft; /* the first of the shared cells; the others are dead */
   const PetscInt *cell_body;
   PetscBool      *resolved; /* [nbodies] the mesh lines up with the body */
-  PetscBool      *buried;   /* [nnode_all] vertex without fluid around */
   PetscInt       *changed, nchanged, changed_room;
   PetscBool       refresh; /* cells have changed on some rank since the last update */
 };
@@ -103,7 +101,7 @@ static PetscErrorCode create_matrix(Pressure p)
   PetscCall(MatCreate(PETSC_COMM_WORLD, &p->matrix));
   PetscCall(MatSetSizes(p->matrix, n * p->nk, n * p->nk, PETSC_DETERMINE, PETSC_DETERMINE));
   PetscCall(MatSetBlockSize(p->matrix, p->nk));
-  PetscCall(MatSetType(p->matrix, p->two_level ? MATBAIJ : MATAIJ));
+  PetscCall(MatSetType(p->matrix, p->coarse ? MATBAIJ : MATAIJ));
   PetscCall(MatXAIJSetPreallocation(p->matrix, p->nk, own, other, NULL, NULL));
   PetscCall(MatSetOption(p->matrix, MAT_NO_OFF_PROC_ENTRIES, PETSC_TRUE));
   PetscCall(MatSetOption(p->matrix, MAT_SYMMETRIC, PETSC_TRUE));
@@ -172,7 +170,7 @@ static PetscErrorCode update_sweeps(Pressure p)
   PetscBool set, sor = PETSC_TRUE;
 
   PetscFunctionBeginUser;
-  if (!p->two_level) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!p->coarse) PetscFunctionReturn(PETSC_SUCCESS);
   if (p->sweeps) {
     PetscCall(BlockGSUpdate(p->sweeps, p->nlisted, p->listed));
     PetscFunctionReturn(PETSC_SUCCESS);
@@ -338,17 +336,18 @@ static PetscInt holder(const PetscInt body[], const PetscInt follow[], const Pet
   return k;
 }
 
-/* q [nk][nr] = B_c R_k over the nodes of cell c that move with body k, times their share; fixed components do not move, whatever share of a wall's node the body covers */
+/* w [nk][nr] = B_c R_k L over the nodes of cell c that move with body k, times their share; fixed components do not move, whatever share of a wall's node the body covers */
 static PetscErrorCode cut_rows(Pressure p, const PetscInt body[], const PetscInt follow[], const PetscReal share[], const PetscReal b[], PetscInt c,
-                               PetscInt k, PetscReal q[])
+                               PetscInt k, const PetscReal L[], PetscReal w[])
 {
   const MeshLocal *l   = p->loc;
   const PetscInt   dim = l->dim, n = l->nb * dim, *fixed;
   const PetscReal *value;
+  PetscReal        q[4 * 6];
 
   PetscFunctionBeginUser;
   PetscCall(BoundaryGetValues(FlowBoundary(p->flow), &fixed, &value));
-  for (PetscInt e = 0; e < p->nk * p->nr; e++) q[e] = 0;
+  for (PetscInt e = 0; e < p->nk * p->nr; e++) q[e] = w[e] = 0;
   for (PetscInt j = 0; j < l->nb; j++) {
     const PetscInt i = l->cell_node[c * l->nb + j];
     PetscReal      R[18], part;
@@ -360,11 +359,13 @@ static PetscErrorCode cut_rows(Pressure p, const PetscInt body[], const PetscInt
         for (PetscInt a = 0; a < dim; a++)
           if (!((fixed[i] >> a) & 1)) q[m * p->nr + s] += part * b[c * p->nk * n + m * n + j * dim + a] * R[a * p->nr + s];
   }
+  for (PetscInt e = 0; e < p->nk * p->nr; e++)
+    for (PetscInt s = 0; s < p->nr; s++) w[e] += q[e / p->nr * p->nr + s] * L[s * p->nr + e % p->nr];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* List (cell, body) pairs where the body moves some nodes, but not all of them rigidly. A cell may meet two bodies. */
-static PetscErrorCode find_cut_cells(Pressure p, const PetscReal share[])
+static PetscErrorCode find_cut_cells(Pressure p, const PetscReal share[], const PetscReal mass_inverse[])
 {
   const MeshLocal *l = p->loc;
   const PetscInt  *body, *follow, *unknown;
@@ -383,6 +384,7 @@ static PetscErrorCode find_cut_cells(Pressure p, const PetscReal share[])
       PetscReal      part;
       const PetscInt k     = holder(body, follow, share, node[j], &part);
       PetscBool      first = PETSC_TRUE, whole = PETSC_TRUE;
+      PetscReal      L[36];
 
       if (k < 0 || !unknown[k]) continue;
       for (PetscInt m = 0; m < l->nb; m++) {
@@ -394,23 +396,24 @@ static PetscErrorCode find_cut_cells(Pressure p, const PetscReal share[])
         p->room = 2 * p->room + 64;
         PetscCall(PetscRealloc(p->room * sizeof(PetscInt), &p->cut_cell));
         PetscCall(PetscRealloc(p->room * sizeof(PetscInt), &p->cut_body));
-        PetscCall(PetscRealloc(p->room * p->nk * p->nr * sizeof(PetscReal), &p->cut_q));
+        PetscCall(PetscRealloc(p->room * p->nk * p->nr * sizeof(PetscReal), &p->cut_w));
       }
       p->cut_cell[p->ncut] = c;
       p->cut_body[p->ncut] = k;
-      PetscCall(cut_rows(p, body, follow, share, b, c, k, p->cut_q + p->ncut * p->nk * p->nr));
+      DenseFactor(p->nr, mass_inverse + k * p->nr * p->nr, L);
+      PetscCall(cut_rows(p, body, follow, share, b, c, k, L, p->cut_w + p->ncut * p->nk * p->nr));
       p->ncut++;
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* y = matrix x + sum_k (B R_k) M_k^{-1} (B R_k)^T x */
+/* y = matrix x + W W^T x = matrix x + sum_k (B R_k) M_k^{-1} (B R_k)^T x */
 static PetscErrorCode mult_shell(Mat mat, Vec x, Vec y)
 {
   Pressure         p;
   const PetscReal *xa;
-  PetscReal       *ya, *t, *s;
+  PetscReal       *ya, *t;
   PetscInt         nr, nk;
 
   PetscFunctionBeginUser;
@@ -418,23 +421,16 @@ static PetscErrorCode mult_shell(Mat mat, Vec x, Vec y)
   nr = p->nr;
   nk = p->nk;
   t  = p->work;
-  s  = p->work + p->nbodies * nr;
   PetscCall(MatMult(p->matrix, x, y));
   if (!p->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(VecGetArrayRead(x, &xa));
   PetscCall(VecGetArray(y, &ya));
   PetscCall(PetscArrayzero(t, p->nbodies * nr));
   for (PetscInt i = 0; i < p->ncut; i++)
-    for (PetscInt e = 0; e < nk * nr; e++) t[p->cut_body[i] * nr + e % nr] += p->cut_q[i * nk * nr + e] * xa[p->cut_cell[i] * nk + e / nr];
+    for (PetscInt e = 0; e < nk * nr; e++) t[p->cut_body[i] * nr + e % nr] += p->cut_w[i * nk * nr + e] * xa[p->cut_cell[i] * nk + e / nr];
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, t, (PetscMPIInt)(p->nbodies * nr), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
-  for (PetscInt k = 0; k < p->nbodies; k++) {
-    for (PetscInt a = 0; a < nr; a++) {
-      s[k * nr + a] = 0;
-      for (PetscInt e = 0; e < nr; e++) s[k * nr + a] += p->mass_inverse[(k * nr + a) * nr + e] * t[k * nr + e];
-    }
-  }
   for (PetscInt i = 0; i < p->ncut; i++)
-    for (PetscInt e = 0; e < nk * nr; e++) ya[p->cut_cell[i] * nk + e / nr] += p->cut_q[i * nk * nr + e] * s[p->cut_body[i] * nr + e % nr];
+    for (PetscInt e = 0; e < nk * nr; e++) ya[p->cut_cell[i] * nk + e / nr] += p->cut_w[i * nk * nr + e] * t[p->cut_body[i] * nr + e % nr];
   PetscCall(VecRestoreArrayRead(x, &xa));
   PetscCall(VecRestoreArray(y, &ya));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -467,146 +463,13 @@ static PetscErrorCode create_shell(Pressure p)
   PetscCall(MatCreateShell(PETSC_COMM_WORLD, n, n, PETSC_DETERMINE, PETSC_DETERMINE, p, &p->shell));
   PetscCall(MatShellSetOperation(p->shell, MATOP_MULT, (void (*)(void))mult_shell));
   PetscCall(MatSetOption(p->shell, MAT_SYMMETRIC, PETSC_TRUE));
-  PetscCall(BoundaryPressureIsFloating(FlowBoundary(p->flow), &p->floating));
   if (p->floating) PetscCall(find_constant(p));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- two levels ---- */
 
-/* Linear function on a cell (value and scaled slopes at the centre) that fits the vertex values: for a parallelogram the multilinear interpolant at its centre */
-static PetscErrorCode fit_vertices(Pressure p, PetscInt c, PetscInt node[], PetscReal fit[])
-{
-  const MeshLocal *l   = p->loc;
-  const PetscInt   dim = l->dim, nv             = 1 << dim;
-  PetscReal        xc[MESH_MAX_NB * 3], J[3][3] = {{0}}, inv[3][3], size, det;
-  PetscInt         n = 0, corner[8];
-
-  PetscFunctionBeginUser;
-  PetscCall(MeshCellCoordinates(p->mesh, c, xc));
-  for (PetscInt j = 0; j < l->nb; j++)
-    if (j % 3 != 1 && (j / 3) % 3 != 1 && (dim == 2 || j / 9 != 1)) corner[n++] = j;
-  for (PetscInt v = 0; v < nv; v++) {
-    node[v] = l->cell_node[c * l->nb + corner[v]];
-    for (PetscInt e = 0; e < dim; e++)
-      for (PetscInt a = 0; a < dim; a++) J[a][e] += ((v >> e) & 1 ? 1.0 : -1.0) / nv * xc[corner[v] * dim + a];
-  }
-  if (dim == 2) J[2][2] = 1;
-  for (PetscInt a = 0; a < 3; a++)
-    for (PetscInt e = 0; e < 3; e++)
-      inv[e][a] = J[(a + 1) % 3][(e + 1) % 3] * J[(a + 2) % 3][(e + 2) % 3] - J[(a + 1) % 3][(e + 2) % 3] * J[(a + 2) % 3][(e + 1) % 3];
-  det  = J[0][0] * inv[0][0] + J[0][1] * inv[1][0] + J[0][2] * inv[2][0];
-  size = PetscPowReal(PetscAbsReal(det) * nv, 1.0 / dim);
-  for (PetscInt v = 0; v < nv; v++) {
-    fit[v] = 1.0 / nv;
-    for (PetscInt a = 0; a < dim; a++) {
-      fit[(1 + a) * nv + v] = 0;
-      for (PetscInt e = 0; e < dim; e++) fit[(1 + a) * nv + v] += size * inv[e][a] / det * ((v >> e) & 1 ? 1.0 : -1.0) / nv;
-    }
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Rows of an own cell; none for a dead one, so that its pressure stays zero */
-static PetscErrorCode set_interpolation(Pressure p, PetscInt c)
-{
-  const PetscInt nv = 1 << p->loc->dim;
-  PetscInt       row[4], col[8];
-  PetscReal      fit[4 * 8];
-
-  PetscFunctionBeginUser;
-  PetscCall(fit_vertices(p, c, col, fit));
-  for (PetscInt v = 0; v < nv; v++) col[v] = p->vertex[col[v]];
-  for (PetscInt k = 0; k < p->nk; k++) row[k] = (p->loc->cell_start + c) * p->nk + k;
-  for (PetscInt e = 0; e < p->nk * nv && p->cell_body && p->cell_body[c] >= 0; e++) fit[e] = 0;
-  PetscCall(MatSetValues(p->interpolation, p->nk, row, nv, col, fit, INSERT_VALUES));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode create_interpolation(Pressure p)
-{
-  const MeshLocal *l  = p->loc;
-  const PetscInt   nv = 1 << l->dim;
-  PetscInt         nown;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(l->nnode_all, &p->vertex));
-  PetscCall(MeshNumberVertices(p->mesh, p->vertex, &nown));
-  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, l->ncell * p->nk, nown, PETSC_DETERMINE, PETSC_DETERMINE, nv, NULL, nv, NULL, &p->interpolation));
-  for (PetscInt c = 0; c < l->ncell; c++) PetscCall(set_interpolation(p, c));
-  PetscCall(MatAssemblyBegin(p->interpolation, MAT_FINAL_ASSEMBLY));
-  PetscCall(MatAssemblyEnd(p->interpolation, MAT_FINAL_ASSEMBLY));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* g = I^T b_i for component a of node i: what the node sees of the vertices around it. The Galerkin operator I^T S_p I is the sum of weight g g^T over all slots. */
-static PetscErrorCode vertex_gradient(Pressure p, const PetscReal b[], PetscInt i, PetscInt *n, PetscInt col[], PetscReal g[])
-{
-  const MeshLocal *l  = p->loc;
-  const PetscInt   nv = 1 << l->dim, dim = l->dim, nd = l->nb * dim;
-
-  PetscFunctionBeginUser;
-  *n = 0;
-  for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++) {
-    const PetscInt c = l->node_cell[q];
-    PetscInt       j = 0, node[8];
-    PetscReal      fit[4 * 8];
-
-    while (l->cell_node[c * l->nb + j] != i) j++;
-    PetscCall(fit_vertices(p, c, node, fit));
-    for (PetscInt v = 0; v < nv; v++) {
-      PetscInt at = 0;
-
-      while (at < *n && col[at] != p->vertex[node[v]]) at++;
-      if (at == *n) {
-        col[(*n)++] = p->vertex[node[v]];
-        for (PetscInt a = 0; a < dim; a++) g[at * dim + a] = 0;
-      }
-      for (PetscInt k = 0; k < p->nk; k++)
-        for (PetscInt a = 0; a < dim; a++) g[at * dim + a] += fit[k * nv + v] * b[c * p->nk * nd + k * nd + j * dim + a];
-    }
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* coarse += scale I^T C I of the shared cells */
-static PetscErrorCode add_shared_to_coarse(Pressure p, PetscReal scale)
-{
-  const PetscInt nv = 1 << p->loc->dim, nk = p->nk;
-
-  PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < p->nsoft; i++) {
-    PetscInt  col[8];
-    PetscReal fit[4 * 8], block[64] = {0};
-
-    PetscCall(fit_vertices(p, p->shared_cell[i], col, fit));
-    for (PetscInt e = 0; e < nk * nk; e++)
-      for (PetscInt v = 0; v < nv * nv; v++)
-        block[v] += scale * fit[e / nk * nv + v / nv] * p->shared_block[i * nk * nk + e] * fit[e % nk * nv + v % nv];
-    for (PetscInt v = 0; v < nv; v++) col[v] = p->vertex[col[v]];
-    PetscCall(MatSetValues(p->coarse, nv, col, nv, col, block, ADD_VALUES));
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* coarse += sum over the components of own node i of change g g^T */
-static PetscErrorCode add_node_to_coarse(Pressure p, const PetscReal b[], PetscInt i, const PetscReal change[])
-{
-  const PetscInt dim = p->loc->dim;
-  PetscInt       n, col[MAX_VERTICES];
-  PetscReal      g[MAX_VERTICES * 3], block[MAX_VERTICES * MAX_VERTICES];
-
-  PetscFunctionBeginUser;
-  PetscCall(vertex_gradient(p, b, i, &n, col, g));
-  for (PetscInt e = 0; e < n * n; e++) {
-    block[e] = 0;
-    for (PetscInt a = 0; a < dim; a++) block[e] += change[a] * g[e / n * dim + a] * g[e % n * dim + a];
-  }
-  PetscCall(MatSetValues(p->coarse, n, col, n, col, block, ADD_VALUES));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* The Galerkin coarse operator: changes of weights are added, so a moving body costs what it touches. */
+/* Changes of weights are added, so a moving body costs what it touches. */
 static PetscErrorCode update_coarse(Pressure p, const PetscReal weight[])
 {
   const MeshLocal *l   = p->loc;
@@ -623,69 +486,9 @@ static PetscErrorCode update_coarse(Pressure p, const PetscReal weight[])
       change[a] = weight[i * dim + a] - (p->weight[i * dim + a] == UNKNOWN ? 0 : p->weight[i * dim + a]);
       any       = (PetscBool)(any || change[a] != 0);
     }
-    if (any) PetscCall(add_node_to_coarse(p, b, i, change));
+    if (any) PetscCall(CoarseAddNode(p->coarse, b, i, change));
   }
-  PetscCall(MatAssemblyBegin(p->coarse, MAT_FINAL_ASSEMBLY));
-  PetscCall(MatAssemblyEnd(p->coarse, MAT_FINAL_ASSEMBLY));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Where the pressure is known up to a constant, the coarse operator is singular but for round-off, and a solver that reduces it to a single unknown divides by that. A small share
-   of the diagonal, put in once, keeps it definite; what it does to the constant is projected out. */
-static PetscErrorCode make_coarse_definite(Pressure p)
-{
-  Vec diagonal;
-
-  PetscFunctionBeginUser;
-  if (!p->floating || p->definite) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MatCreateVecs(p->coarse, &diagonal, NULL));
-  PetscCall(MatGetDiagonal(p->coarse, diagonal));
-  PetscCall(VecScale(diagonal, 1e-7));
-  PetscCall(MatDiagonalSet(p->coarse, diagonal, ADD_VALUES));
-  PetscCall(VecDestroy(&diagonal));
-  p->definite = PETSC_TRUE;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Own vertices all of whose cells are dead have an empty row in the coarse operator: they get the identity */
-static PetscErrorCode update_buried(Pressure p)
-{
-  const MeshLocal *l = p->loc;
-
-  PetscFunctionBeginUser;
-  for (PetscInt e = 0; e < p->nchanged * l->nb; e++) {
-    const PetscInt i    = l->cell_node[p->changed[e / l->nb] * l->nb + e % l->nb];
-    PetscBool      dead = PETSC_TRUE;
-
-    if (i >= l->nnode || p->vertex[i] < 0) continue;
-    for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++) dead = (PetscBool)(dead && p->cell_body[l->node_cell[q]] >= 0);
-    if (dead != p->buried[i]) PetscCall(MatSetValue(p->coarse, p->vertex[i], p->vertex[i], dead ? 1 : -1, ADD_VALUES));
-    p->buried[i] = dead;
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode update_interpolation(Pressure p)
-{
-  PetscFunctionBeginUser;
-  for (PetscInt e = 0; e < p->nchanged; e++)
-    if (p->changed[e] < p->loc->ncell) PetscCall(set_interpolation(p, p->changed[e]));
-  PetscCall(MatAssemblyBegin(p->interpolation, MAT_FINAL_ASSEMBLY));
-  PetscCall(MatAssemblyEnd(p->interpolation, MAT_FINAL_ASSEMBLY));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode create_coarse(Pressure p)
-{
-  const PetscInt room = p->loc->dim == 2 ? 25 : 125; /* vertices within two cells */
-  PetscInt       n;
-
-  PetscFunctionBeginUser;
-  PetscCall(create_interpolation(p));
-  PetscCall(MatGetLocalSize(p->interpolation, NULL, &n));
-  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, n, n, PETSC_DETERMINE, PETSC_DETERMINE, room, NULL, room, NULL, &p->coarse));
-  PetscCall(MatSetOption(p->coarse, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE)); /* irregular meshes may have more */
-  PetscCall(MatSetOption(p->coarse, MAT_SYMMETRIC, PETSC_TRUE));
+  PetscCall(CoarseAssemble(p->coarse));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -716,22 +519,18 @@ PetscErrorCode PressureSetUpPC(Pressure p, KSP ksp)
   PC        pc;
   PetscBool mg;
   PetscInt  levels;
-  KSP       coarse;
 
   PetscFunctionBeginUser;
   PetscCall(KSPGetPC(ksp, &pc));
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCMG, &mg));
-  if (!mg || !p->two_level) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!mg || !p->coarse) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PCMGGetLevels(pc, &levels));
   PetscCheck(levels == 2, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "-flow_fieldsplit_pressure_pc_mg_levels %" PetscInt_FMT
              ": the pressure has exactly 2 levels; more come from -flow_fieldsplit_pressure_mg_coarse_pc_type",
              levels);
   PetscCall(PCSetUseAmat(pc, PETSC_FALSE)); /* the matrix on both levels, not the operator with the bodies' part */
-  PetscCall(PCMGSetGalerkin(pc, PC_MG_GALERKIN_NONE));
-  PetscCall(PCMGSetInterpolation(pc, 1, p->interpolation));
-  PetscCall(PCMGGetCoarseSolve(pc, &coarse));
-  PetscCall(KSPSetOperators(coarse, p->coarse, p->coarse));
+  PetscCall(CoarseSetUp(p->coarse, ksp));
   if (!p->smoothers_set) PetscCall(set_smoothers(pc, p->sweeps));
   p->smoothers_set = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -767,9 +566,10 @@ PetscErrorCode PressureSetDefaults(void)
 
 PetscErrorCode PressureCreate(Flow flow, Constraint constraint, Pressure *pressure)
 {
-  Pressure p;
-  PetscInt first, count;
-  char     type[64] = "";
+  Pressure  p;
+  PetscInt  first, count;
+  char      type[64] = "";
+  PetscBool two_level;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&p));
@@ -784,19 +584,19 @@ PetscErrorCode PressureCreate(Flow flow, Constraint constraint, Pressure *pressu
   p->eps = 1e-4;
   PetscCall(OptReal("-flow_pressure_softness", "share of their inverse mass that body nodes keep in the pressure preconditioner", "", OPT_POSITIVE, 1,
                     &p->eps));
-  PetscCall(
-    PetscCalloc3(p->loc->nnode_all * p->loc->dim, &p->weight, p->nbodies * p->nr * p->nr, &p->mass_inverse, 2 * p->nbodies * p->nr, &p->work));
+  PetscCall(PetscCalloc2(p->loc->nnode_all * p->loc->dim, &p->weight, p->nbodies * p->nr, &p->work));
   PetscCall(PetscCalloc3(p->loc->ncell, &p->stamp, p->loc->ncell, &p->touched, p->loc->ncell, &p->listed));
-  PetscCall(PetscCalloc2(p->nbodies, &p->resolved, p->loc->nnode_all, &p->buried));
+  PetscCall(PetscCalloc1(p->nbodies, &p->resolved));
   p->eps_shared = 1e-3;
   PetscCall(OptReal("-flow_pressure_shared", "compressibility of cells between two bodies, or body and wall, as share of their nodes' inverse mass",
                     "", 0, 1, &p->eps_shared));
   PetscCall(PetscOptionsGetString(NULL, NULL, "-flow_fieldsplit_pressure_pc_type", type, sizeof(type), NULL));
-  PetscCall(PetscStrcmp(type, "mg", &p->two_level));
+  PetscCall(PetscStrcmp(type, "mg", &two_level));
+  PetscCall(BoundaryPressureIsFloating(FlowBoundary(flow), &p->floating));
+  if (two_level) PetscCall(CoarseCreate(p->mesh, p->nk, p->floating, &p->coarse));
   PetscCall(find_neighbours(p));
   PetscCall(create_matrix(p));
   PetscCall(create_shell(p));
-  if (p->two_level) PetscCall(create_coarse(p));
   *pressure = p;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -811,17 +611,15 @@ PetscErrorCode PressureDestroy(Pressure *pressure)
   PetscCall(MatDestroy(&p->shell));
   PetscCall(MatDestroy(&p->sweeps));
   PetscCall(MatNullSpaceDestroy(&p->constant));
-  PetscCall(MatDestroy(&p->interpolation));
-  PetscCall(MatDestroy(&p->coarse));
-  PetscCall(PetscFree(p->vertex));
+  PetscCall(CoarseDestroy(&p->coarse));
   PetscCall(PetscFree(p->neighbour_ptr));
   PetscCall(PetscFree(p->neighbour));
-  PetscCall(PetscFree3(p->weight, p->mass_inverse, p->work));
+  PetscCall(PetscFree2(p->weight, p->work));
   PetscCall(PetscFree(p->cut_cell));
   PetscCall(PetscFree(p->cut_body));
-  PetscCall(PetscFree(p->cut_q));
+  PetscCall(PetscFree(p->cut_w));
   PetscCall(PetscFree3(p->stamp, p->touched, p->listed));
-  PetscCall(PetscFree2(p->resolved, p->buried));
+  PetscCall(PetscFree(p->resolved));
   PetscCall(PetscFree(p->changed));
   PetscCall(PetscFree(p->shared_cell));
   PetscCall(PetscFree(p->shared_block));
@@ -842,7 +640,7 @@ PetscErrorCode PressureForgetCells(Pressure p, PetscInt n, const PetscInt cells[
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetCellDivergence(p->flow, &b));
-  if (p->two_level) PetscCall(add_shared_to_coarse(p, -1));
+  if (p->coarse) PetscCall(CoarseAddCells(p->coarse, -1, p->nsoft, p->shared_cell, p->shared_block));
   p->nsoft = 0; /* the list stays: rows of these cells are to be built anew */
   for (PetscInt e = 0; e < n * l->nb; e++) {
     const PetscInt i      = l->cell_node[cells[e / l->nb] * l->nb + e % l->nb];
@@ -855,7 +653,7 @@ PetscErrorCode PressureForgetCells(Pressure p, PetscInt n, const PetscInt cells[
       change[a] = -weight[a];
       weight[a] = UNKNOWN;
     }
-    if (any && i < l->nnode && p->two_level) PetscCall(add_node_to_coarse(p, b, i, change));
+    if (any && i < l->nnode && p->coarse) PetscCall(CoarseAddNode(p->coarse, b, i, change));
   }
   if (p->nchanged + n > p->changed_room) {
     p->changed_room = 2 * (p->nchanged + n);
@@ -884,36 +682,33 @@ PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscR
   PetscCall(PetscLogEventBegin(TB_PRES_BUILD, 0, 0, 0, 0));
   PetscCall(PetscMalloc1(nold, &old));
   PetscCall(PetscArraycpy(old, p->shared_cell, nold));
-  if (p->refresh && p->two_level) {
-    PetscCall(update_interpolation(p));
-    PetscCall(update_buried(p));
-  }
+  if (p->refresh && p->coarse) PetscCall(CoarseUpdateCells(p->coarse, p->nchanged, p->changed, p->cell_body));
   p->refresh  = PETSC_FALSE;
   p->nchanged = 0;
   PetscCall(PetscArraycmp(p->weight, weight, p->loc->nnode_all * p->loc->dim, &same));
   flags[0] = (PetscBool)(!same || p->nshared);
-  if (p->two_level) PetscCall(add_shared_to_coarse(p, -1));
+  if (p->coarse) PetscCall(CoarseAddCells(p->coarse, -1, p->nsoft, p->shared_cell, p->shared_block));
   if (p->nbodies) {
     PetscCall(find_touched_cells(p));
     PetscCall(find_shared_cells(p));
   }
-  if (p->two_level) PetscCall(add_shared_to_coarse(p, 1));
+  if (p->coarse) PetscCall(CoarseAddCells(p->coarse, 1, p->nsoft, p->shared_cell, p->shared_block));
   flags[0] = (PetscBool)(flags[0] || p->nshared);
   flags[1] = (PetscBool)(p->nsoft > 0);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, flags, 2, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
   p->any_shared = flags[1];
   if (flags[0]) {
     PetscCall(update_matrix(p, weight, nold, old));
-    if (p->two_level) PetscCall(update_coarse(p, weight));
-    if (p->two_level) PetscCall(make_coarse_definite(p));
+    if (p->coarse) PetscCall(update_coarse(p, weight));
     PetscCall(PetscArraycpy(p->weight, weight, p->loc->nnode_all * p->loc->dim));
   }
   PetscCall(PetscFree(old));
   PetscCall(MatSetNullSpace(p->shell, p->any_shared ? NULL : p->constant));          /* C sees constants */
   PetscCall(MatSetTransposeNullSpace(p->shell, p->any_shared ? NULL : p->constant)); /* makes every inner right-hand side consistent */
   if (p->nbodies) {
-    PetscCall(find_cut_cells(p, share));
-    PetscCall(PetscArraycpy(p->mass_inverse, mass_inverse, p->nbodies * p->nr * p->nr));
+    PetscCall(find_cut_cells(p, share, mass_inverse));
+    if (p->sweeps) PetscCall(BlockGSSetLowRank(p->sweeps, p->nbodies, p->nr, p->ncut, p->cut_cell, p->cut_body, p->cut_w));
+    if (p->coarse) PetscCall(CoarseSetBodies(p->coarse, p->nbodies, p->nr, p->ncut, p->cut_cell, p->cut_body, p->cut_w));
   }
   PetscCall(MatAssemblyBegin(p->shell, MAT_FINAL_ASSEMBLY)); /* its values have changed */
   PetscCall(MatAssemblyEnd(p->shell, MAT_FINAL_ASSEMBLY));

@@ -1,0 +1,30 @@
+/* Coarse: the level of continuous Q1 pressures on the vertices below the cells' discontinuous P1 pressures, for the preconditioner of S_p (pressure.h). Layer 2.
+
+   Interpolation I: on every cell the linear function that fits its vertex values. Galerkin operator I^T S_p I: the nodes' part is kept up to date by what changes, a sum over velocity
+   slots of inverse mass times g g^T with g what the slot sees of the vertices around it; the bodies' part is added when the solver of this level is set up. That solver (an algebraic
+   multigrid) outlives changes of the operator until its age has cost more iterations than a new one. No units of its own. */
+#pragma once
+#include "mesh.h"
+#include <petscksp.h>
+
+typedef struct _p_Coarse *Coarse;
+
+/* nk pressures a cell; floating: known up to a constant. Collective. */
+PetscErrorCode CoarseCreate(Mesh, PetscInt nk, PetscBool floating, Coarse *);
+PetscErrorCode CoarseDestroy(Coarse *);
+
+/* operator += sum over the components a of own node i of change[a] g_a g_a^T; b [ncell_all][nk][nb dim]: the cells' divergence. Not collective. */
+PetscErrorCode CoarseAddNode(Coarse, const PetscReal b[], PetscInt i, const PetscReal change[]);
+/* operator += scale times sum of I^T block I over n own cells; block [n][nk][nk]. Not collective. */
+PetscErrorCode CoarseAddCells(Coarse, PetscReal scale, PetscInt n, const PetscInt cell[], const PetscReal block[]);
+/* The n listed local cells have changed their shape or died: cell_body [ncell_all] >= 0 for dead ones, or NULL. Their rows of I anew; vertices among dead cells only get the identity.
+   Collective. */
+PetscErrorCode CoarseUpdateCells(Coarse, PetscInt n, const PetscInt cell[], const PetscInt cell_body[]);
+/* After additions. Collective. */
+PetscErrorCode CoarseAssemble(Coarse);
+
+/* The bodies' part W W^T of S_p: n blocks w [n][nk][nr] of own cells cell [n] and bodies body [n] < nbodies. Borrowed until the next call. Not collective. */
+PetscErrorCode CoarseSetBodies(Coarse, PetscInt nbodies, PetscInt nr, PetscInt n, const PetscInt cell[], const PetscInt body[], const PetscReal w[]);
+
+/* Give interpolation and operator to a solver with a PCMG of two levels, whose iterations are counted. Collective. */
+PetscErrorCode CoarseSetUp(Coarse, KSP);
