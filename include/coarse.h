@@ -2,7 +2,7 @@
 
    Interpolation I: on every cell the linear function that fits its vertex values. Galerkin operator I^T S_p I: the nodes' part is kept up to date by what changes, a sum over velocity
    slots of inverse mass times g g^T with g what the slot sees of the vertices around it; the bodies' part is added when the solver of this level is set up. That solver (an algebraic
-   multigrid) outlives changes of the operator until its age has cost more iterations than a new one. No units of its own. */
+   multigrid) may outlive changes of the operator (-flow_pressure_keep). No units of its own. */
 #pragma once
 #include "mesh.h"
 #include <petscksp.h>

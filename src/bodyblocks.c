@@ -113,6 +113,37 @@ static PetscErrorCode add_soft_blocks(BodyBlocks b, const Soft *s, const PetscIn
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* moment [1 + dim] += value times (1, x_j - x_i) */
+static inline void add_moment(const MeshLocal *l, PetscInt i, PetscInt j, PetscReal value, PetscReal moment[])
+{
+  moment[0] += value;
+  for (PetscInt d = 0; d < l->dim; d++) {
+    PetscReal r = l->x[j * l->dim + d] - l->x[i * l->dim + d];
+
+    if (l->period[d] > 0) r -= l->period[d] * PetscFloorReal(r / l->period[d] + 0.5);
+    moment[1 + d] += value * r;
+  }
+}
+
+/* AR [dim][nr] = sum_j a_ij R_j from the moments of row i: R_j = R_i + spin (x_j - x_i) */
+static void multiply_map(PetscInt dim, PetscInt nr, const PetscReal Ri[], const PetscReal moment[], PetscReal AR[])
+{
+  const PetscReal *r = moment + 1;
+
+  for (PetscInt e = 0; e < dim * nr; e++) AR[e] = moment[0] * Ri[e];
+  if (dim == 2) {
+    AR[2] -= r[1];
+    AR[5] += r[0];
+  } else {
+    for (PetscInt a = 0; a < 3; a++) {
+      const PetscInt b = (a + 1) % 3, c = (a + 2) % 3;
+
+      AR[a * nr + 3 + b] += r[c];
+      AR[a * nr + 3 + c] -= r[b];
+    }
+  }
+}
+
 PetscErrorCode BodyBlocksUpdate(BodyBlocks b, const PetscReal share[], const Soft *soft, const PetscReal D[], PetscReal scale,
                                 PetscReal stiff_inverse[], PetscReal mass_inverse[])
 {
@@ -139,7 +170,7 @@ PetscErrorCode BodyBlocksUpdate(BodyBlocks b, const PetscReal share[], const Sof
   }
   for (PetscInt i = 0; i < l->nnode; i++) {
     const PetscInt k = body[i] >= 0 ? body[i] : follow[i];
-    PetscReal      Ri[18], Rj[18], *stiff, *mass;
+    PetscReal      Ri[18], AR[18], moment[4] = {0}, *stiff, *mass;
 
     if (k < 0 || !unknown[k]) continue;
     stiff = block + 2 * k * nn;
@@ -149,14 +180,16 @@ PetscErrorCode BodyBlocksUpdate(BodyBlocks b, const PetscReal share[], const Sof
       for (PetscInt q = row_start[s][i]; q < row_start[s][i + 1]; q++) {
         const PetscInt j = s ? b->ghost_of_column[column[s][q]] : column[s][q];
 
-        if ((body[j] >= 0 ? body[j] : follow[j]) != k) continue;
-        PetscCall(ConstraintRigidMap(b->constraint, j, k, Rj));
-        for (PetscInt e = 0; e < nn; e++)
-          for (PetscInt a = 0; a < dim; a++) stiff[e] += Ri[a * nr + e / nr] * value[s][q] * Rj[a * nr + e % nr];
+        if ((body[j] >= 0 ? body[j] : follow[j]) == k) add_moment(l, i, j, value[s][q], moment);
       }
     }
-    for (PetscInt e = 0; e < nn; e++)
-      for (PetscInt a = 0; a < dim; a++) mass[e] += share[i] * m[i] * Ri[a * nr + e / nr] * Ri[a * nr + e % nr];
+    multiply_map(dim, nr, Ri, moment, AR);
+    for (PetscInt e = 0; e < nn; e++) {
+      for (PetscInt a = 0; a < dim; a++) {
+        stiff[e] += Ri[a * nr + e / nr] * AR[a * nr + e % nr];
+        mass[e] += share[i] * m[i] * Ri[a * nr + e / nr] * Ri[a * nr + e % nr];
+      }
+    }
   }
   for (PetscInt s = 0; s < 2 && part[s]; s++) {
     PetscCall(MatSeqAIJRestoreArrayRead(part[s], &value[s]));

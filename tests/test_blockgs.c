@@ -109,6 +109,73 @@ static void test_against_petsc(void **state)
   }
 }
 
+/* W by its rule: block column k has blocks in rows that noise chooses, so a column is on several ranks */
+static PetscReal low_rank(PetscInt nk, PetscInt nr, PetscInt r, PetscInt k, PetscInt e)
+{
+  return noise(977 * r + k) > 0.3 ? noise(((r * 7 + k) * nk * nr + e) * 31) : 0;
+}
+
+/* A + W W^T, assembled */
+static void fill_low_rank(PetscInt nk, PetscInt ncolumn, PetscInt nr, Mat A, Mat *whole)
+{
+  PetscInt first, last;
+
+  OK(MatCreateBAIJ(PETSC_COMM_WORLD, nk, PETSC_DECIDE, PETSC_DECIDE, NROW * nk, NROW * nk, NROW, NULL, NROW, NULL, whole));
+  OK(MatGetOwnershipRange(A, &first, &last));
+  for (PetscInt r = first / nk; r < last / nk; r++) set_row(*whole, nk, r, 1);
+  OK(MatAssemblyBegin(*whole, MAT_FLUSH_ASSEMBLY));
+  OK(MatAssemblyEnd(*whole, MAT_FLUSH_ASSEMBLY));
+  for (PetscInt r = first / nk; r < last / nk; r++) {
+    for (PetscInt col = 0; col < NROW; col++) {
+      PetscReal block[16] = {0};
+
+      for (PetscInt e = 0; e < nk * nk; e++)
+        for (PetscInt k = 0; k < ncolumn; k++)
+          for (PetscInt m = 0; m < nr; m++) block[e] += low_rank(nk, nr, r, k, e / nk * nr + m) * low_rank(nk, nr, col, k, e % nk * nr + m);
+      OK(MatSetValuesBlocked(*whole, 1, &r, 1, &col, block, ADD_VALUES));
+    }
+  }
+  OK(MatAssemblyBegin(*whole, MAT_FINAL_ASSEMBLY));
+  OK(MatAssemblyEnd(*whole, MAT_FINAL_ASSEMBLY));
+}
+
+/* A part of low rank acts as if it were filled in, and is gone when taken back */
+static void test_low_rank(void **state)
+{
+  const PetscInt ncolumn = 4;
+
+  (void)state;
+  for (PetscInt nk = 3; nk <= 4; nk++) {
+    const PetscInt nr = nk == 3 ? 3 : 6;
+    PetscInt       first, last, n = 0, row[NROW * 4], column[NROW * 4];
+    PetscReal     *w;
+    Mat            A, whole, shell;
+
+    create(nk, &A);
+    fill_low_rank(nk, ncolumn, nr, A, &whole);
+    OK(BlockGSCreate(A, &shell));
+    OK(BlockGSUpdate(shell, 0, NULL));
+    OK(MatGetOwnershipRange(A, &first, &last));
+    OK(PetscMalloc1(NROW * ncolumn * nk * nr, &w));
+    for (PetscInt r = first / nk; r < last / nk; r++) {
+      for (PetscInt k = 0; k < ncolumn; k++) {
+        if (low_rank(nk, nr, r, k, 0) == 0) continue;
+        for (PetscInt e = 0; e < nk * nr; e++) w[n * nk * nr + e] = low_rank(nk, nr, r, k, e);
+        row[n]      = r - first / nk;
+        column[n++] = k;
+      }
+    }
+    OK(BlockGSSetLowRank(shell, ncolumn, nr, n, row, column, w));
+    compare(whole, shell);
+    OK(BlockGSSetLowRank(shell, 0, 0, 0, NULL, NULL, NULL));
+    compare(A, shell);
+    OK(PetscFree(w));
+    OK(MatDestroy(&shell));
+    OK(MatDestroy(&whole));
+    OK(MatDestroy(&A));
+  }
+}
+
 static void test_mistakes(void **state)
 {
   (void)state;
@@ -125,7 +192,7 @@ static void test_mistakes(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_against_petsc), cmocka_unit_test(test_mistakes)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_against_petsc), cmocka_unit_test(test_low_rank), cmocka_unit_test(test_mistakes)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

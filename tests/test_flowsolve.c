@@ -699,15 +699,100 @@ static void test_pressure_operator(void **state)
   check_pressure_scene(3, 1, "", PETSC_TRUE);
 }
 
+/* Both levels of the preconditioner stand for the whole operator, bodies included: the fine one to the round-off of floats, the coarse one as I^T S I */
+static void check_levels(const Case *c, Pressure p, KSP ksp)
+{
+  PetscReal *x, *sx, *fx, *v;
+  Mat        form[2], fine, coarse, interpolation;
+  Vec        small, product, large, image;
+  KSP        level;
+  PC         pc;
+  PetscReal  size, error;
+  PetscInt   n;
+
+  OK(PressureGetMats(p, &form[0], &form[1]));
+  OK(KSPSetOperators(ksp, form[0], form[1]));
+  OK(PressureSetUpPC(p, ksp));
+  OK(KSPSetUp(ksp));
+  OK(KSPGetPC(ksp, &pc));
+  OK(PCMGGetSmootherDown(pc, 1, &level));
+  OK(KSPGetOperators(level, &fine, NULL));
+  OK(PetscMalloc3(c->np, &x, c->np, &sx, c->np, &fx));
+  fill_noise_pressure(c->l, 11, x);
+  apply(c, form[0], x, sx);
+  apply(c, fine, x, fx);
+  BELOW(max_difference(c->np, sx, fx), 1e-6 * max_abs(c->np, sx));
+  OK(PCMGGetCoarseSolve(pc, &level));
+  OK(KSPGetOperators(level, &coarse, NULL));
+  OK(PCMGGetInterpolation(pc, 1, &interpolation));
+  OK(MatCreateVecs(interpolation, &small, &large));
+  OK(VecDuplicate(small, &product));
+  OK(VecDuplicate(large, &image));
+  OK(VecGetLocalSize(small, &n));
+  OK(VecGetArray(small, &v));
+  for (PetscInt i = 0; i < n; i++) v[i] = noise(17 * i + 3);
+  OK(VecRestoreArray(small, &v));
+  OK(MatMult(interpolation, small, large));
+  OK(MatMult(form[0], large, image));
+  OK(MatMultTranspose(interpolation, image, product));
+  OK(VecNorm(product, NORM_INFINITY, &size));
+  OK(VecScale(product, -1));
+  OK(MatMultAdd(coarse, small, product, product));
+  OK(VecNorm(product, NORM_INFINITY, &error));
+  BELOW(error, 1e-6 * size); /* where it is singular, a share of 1e-7 of its diagonal is added */
+  OK(VecDestroy(&small));
+  OK(VecDestroy(&product));
+  OK(VecDestroy(&large));
+  OK(VecDestroy(&image));
+  OK(PetscFree3(x, sx, fx));
+}
+
+static void check_levels_scene(PetscInt dim, PetscInt n, const char scene[])
+{
+  Case       c;
+  Pressure   p;
+  KSP        ksp;
+  PetscReal *weight, mass_inverse[MAX_BODIES * 36];
+
+  open_case(&c, dim, n, scene);
+  OK(PressureSetDefaults());
+  OK(PetscMalloc1(c.l->nnode_all * dim, &weight));
+  OK(PressureCreate(c.flow, c.constraint, &p));
+  OK(KSPCreate(PETSC_COMM_WORLD, &ksp));
+  OK(KSPSetOptionsPrefix(ksp, "flow_fieldsplit_pressure_"));
+  OK(KSPSetFromOptions(ksp));
+  for (PetscInt move = 0; move < 3; move++) {
+    choose_mass(&c, p, weight, mass_inverse);
+    OK(PressureUpdate(p, weight, NULL, mass_inverse));
+    check_levels(&c, p, ksp);
+    c.X[0][0] += move ? -0.1 : 0.04;
+    mark(&c);
+    OK(ConstraintSetBodies(c.constraint, c.node_body, c.X, c.unknown, c.U, NULL));
+  }
+  OK(KSPDestroy(&ksp));
+  OK(PressureDestroy(&p));
+  OK(PetscFree(weight));
+  close_case(&c);
+}
+
+static void test_pressure_levels(void **state)
+{
+  (void)state;
+  check_levels_scene(2, 3, "-flow_pressure_keep 0");
+  check_levels_scene(2, 3, "-flow_pressure_keep 0 -flow_bc_right_type outflow");
+  check_levels_scene(2, 2, "-flow_pressure_keep 0 -mesh_periodic x");
+  check_levels_scene(3, 1, "-flow_pressure_keep 0");
+}
+
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_cavity),       cmocka_unit_test(test_outflow),
-                                     cmocka_unit_test(test_bodies),       cmocka_unit_test(test_bodies_periodic),
-                                     cmocka_unit_test(test_bodies_3d),    cmocka_unit_test(test_symmetry),
-                                     cmocka_unit_test(test_set_up_again), cmocka_unit_test(test_start_value),
-                                     cmocka_unit_test(test_tolerance),    cmocka_unit_test(test_steady),
-                                     cmocka_unit_test(test_close_bodies), cmocka_unit_test(test_pressure_operator),
-                                     cmocka_unit_test(test_bad_guess)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_cavity),          cmocka_unit_test(test_outflow),
+                                     cmocka_unit_test(test_bodies),          cmocka_unit_test(test_bodies_periodic),
+                                     cmocka_unit_test(test_bodies_3d),       cmocka_unit_test(test_symmetry),
+                                     cmocka_unit_test(test_set_up_again),    cmocka_unit_test(test_start_value),
+                                     cmocka_unit_test(test_tolerance),       cmocka_unit_test(test_steady),
+                                     cmocka_unit_test(test_close_bodies),    cmocka_unit_test(test_pressure_operator),
+                                     cmocka_unit_test(test_pressure_levels), cmocka_unit_test(test_bad_guess)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));
