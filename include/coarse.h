@@ -1,8 +1,7 @@
 /* Coarse: the level of continuous Q1 pressures on the vertices below the cells' discontinuous P1 pressures, for the preconditioner of S_p (pressure.h). Layer 2.
 
    Interpolation I: on every cell the linear function that fits its vertex values. Galerkin operator I^T S_p I: the nodes' part is kept up to date by what changes, a sum over velocity
-   slots of inverse mass times g g^T with g what the slot sees of the vertices around it; the bodies' part is added when the solver of this level is set up. That solver (an algebraic
-   multigrid) may outlive changes of the operator (-flow_pressure_keep). No units of its own. */
+   slots of inverse mass times g g^T with g what the slot sees of the vertices around it; the bodies' part is added when the solver of this level is set up. No units of its own. */
 #pragma once
 #include "mesh.h"
 #include <petscksp.h>
@@ -26,5 +25,5 @@ PetscErrorCode CoarseAssemble(Coarse);
 /* The bodies' part W W^T of S_p: n blocks w [n][nk][nr] of own cells cell [n] and bodies body [n] < nbodies. Borrowed until the next call. Not collective. */
 PetscErrorCode CoarseSetBodies(Coarse, PetscInt nbodies, PetscInt nr, PetscInt n, const PetscInt cell[], const PetscInt body[], const PetscReal w[]);
 
-/* Give interpolation and operator to a solver with a PCMG of two levels, whose iterations are counted. Collective. */
-PetscErrorCode CoarseSetUp(Coarse, KSP);
+/* Give interpolation and operator to a PCMG of two levels. Collective. */
+PetscErrorCode CoarseSetUpPC(Coarse, PC);

@@ -1,7 +1,6 @@
 /* Coarse: see coarse.h. Ghost cells are known, so every rank builds the rows of its cells and the part of its nodes alone. */
 #include "compat.h"
 #include "coarse.h"
-#include "opt.h"
 
 #define MAX_VERTICES 125 /* vertices of the cells around a node: 9 (27) on regular meshes */
 
@@ -18,10 +17,6 @@ struct _p_Coarse {
   PetscInt         nbodies, nr, ncut;
   const PetscInt  *cell, *body;
   const PetscReal *w;
-  /* age of the solver's set-up */
-  PetscBool is_set;
-  PetscInt  iterations, solves; /* since the last look */
-  PetscReal keep, fresh, lost;  /* iterations lost before a new set-up; a solve in its first step (negative: not known yet); lost so far */
 };
 
 /* ---- interpolation ---- */
@@ -160,7 +155,7 @@ static PetscErrorCode bury(Coarse s, PetscInt i, const PetscInt cell_body[])
 static PetscErrorCode add_bodies(Coarse s)
 {
   const PetscInt nv = 1 << s->loc->dim, most = s->loc->dim == 2 ? 24 : 120;
-  PetscInt      *count, n                    = 0, nown, *row, *col;
+  PetscInt      *count, n                    = 0, total, nown, *row, *col;
   PetscReal     *value;
   Mat            WtI;
 
@@ -185,6 +180,11 @@ static PetscErrorCode add_bodies(Coarse s)
     }
   }
   PetscCall(PetscFree(count));
+  PetscCall(MPIU_Allreduce(&n, &total, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+  if (!total) {
+    PetscCall(PetscFree3(row, col, value));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCall(MatGetLocalSize(s->matrix, &nown, NULL));
   PetscCall(MatCreate(PETSC_COMM_WORLD, &WtI));
   PetscCall(MatSetSizes(WtI, PETSC_DECIDE, nown, s->nbodies * s->nr, PETSC_DETERMINE));
@@ -199,40 +199,6 @@ static PetscErrorCode add_bodies(Coarse s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* ---- age ---- */
-
-static PetscErrorCode count_iterations(KSP ksp, Vec b, Vec x, void *context)
-{
-  Coarse   s = (Coarse)context;
-  PetscInt n;
-
-  PetscFunctionBeginUser;
-  (void)b;
-  (void)x;
-  PetscCall(KSPGetIterationNumber(ksp, &n));
-  s->iterations += n;
-  s->solves++;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Has the solver of this level lost as many iterations, against its first step, as a new set-up costs? The first one is due in any case. */
-static PetscBool is_old(Coarse s)
-{
-  const PetscReal mean = s->solves ? (PetscReal)s->iterations / s->solves : 0;
-  PetscBool       old;
-
-  if (s->solves && s->fresh < 0) s->fresh = mean;
-  else s->lost += s->solves * PetscMax(0, mean - s->fresh);
-  old = (PetscBool)(!s->is_set || s->lost >= s->keep);
-  if (old) {
-    s->fresh = -1;
-    s->lost  = 0;
-  }
-  s->is_set     = PETSC_TRUE;
-  s->iterations = s->solves = 0;
-  return old;
-}
-
 /* ---- public ---- */
 
 PetscErrorCode CoarseCreate(Mesh mesh, PetscInt nk, PetscBool floating, Coarse *coarse)
@@ -245,9 +211,6 @@ PetscErrorCode CoarseCreate(Mesh mesh, PetscInt nk, PetscBool floating, Coarse *
   s->mesh     = mesh;
   s->nk       = nk;
   s->floating = floating;
-  s->fresh    = -1;
-  PetscCall(OptReal("-flow_pressure_keep", "keep the algebraic multigrid of the pressure until it has cost this many iterations more than a new one",
-                    "", 0, PETSC_MAX_REAL, &s->keep));
   PetscCall(MeshGetLocal(mesh, &s->loc));
   PetscCall(PetscCalloc1(s->loc->nnode_all, &s->buried));
   PetscCall(create_interpolation(s));
@@ -344,21 +307,15 @@ PetscErrorCode CoarseSetBodies(Coarse s, PetscInt nbodies, PetscInt nr, PetscInt
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CoarseSetUp(Coarse s, KSP ksp)
+PetscErrorCode CoarseSetUpPC(Coarse s, PC pc)
 {
-  PC        pc;
-  KSP       coarse;
-  PetscBool old;
+  KSP coarse;
 
   PetscFunctionBeginUser;
-  PetscCall(KSPGetPC(ksp, &pc));
   PetscCall(PCMGSetGalerkin(pc, PC_MG_GALERKIN_NONE));
   PetscCall(PCMGSetInterpolation(pc, 1, s->interpolation));
   PetscCall(PCMGGetCoarseSolve(pc, &coarse));
-  PetscCall(KSPSetPostSolve(ksp, count_iterations, s));
-  old = is_old(s);
-  if (old) PetscCall(add_bodies(s));
+  PetscCall(add_bodies(s));
   PetscCall(KSPSetOperators(coarse, s->whole ? s->whole : s->matrix, s->whole ? s->whole : s->matrix));
-  PetscCall(KSPSetReusePreconditioner(coarse, (PetscBool)!old));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

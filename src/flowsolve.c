@@ -236,12 +236,7 @@ static PetscErrorCode set_recipe(FlowSolver fs)
   PetscCall(OptDefault("-flow_ksp_type", sweep_only ? "richardson" : "fgmres"));
   PetscCall(OptDefault("-flow_ksp_max_it", outer[recipe][0]));
   PetscCall(OptDefault("-flow_ksp_rtol", outer[recipe][1]));
-  if (recipe == 0) {
-    PetscCall(OptDefault("-flow_ksp_convergence_test", "skip"));
-    /* A single pressure solve costs little more with an old coarse level, less than a new one: settling disc, 60 steps: 3.9 + 0.7 s for 2.8 + 3.4 s (1000 discs on 220,900 cells: 0.3 + 0.1
-       for 0.2 + 0.3 s a step). Not so the many solves of the other recipes, which may even stall: 47 + 2.9 s for 32 + 3.1 s. */
-    PetscCall(OptDefault("-flow_pressure_keep", "6"));
-  }
+  if (recipe == 0) PetscCall(OptDefault("-flow_ksp_convergence_test", "skip"));
   if (sweep_only) PetscCall(OptDefault("-flow_ksp_norm_type", "none")); /* or the sweep would run a second time for the norm */
   if (recipe > 0) PetscCall(OptDefault("-flow_ksp_gmres_restart", "60"));
   if (recipe == 3) {

@@ -530,7 +530,7 @@ PetscErrorCode PressureSetUpPC(Pressure p, KSP ksp)
              ": the pressure has exactly 2 levels; more come from -flow_fieldsplit_pressure_mg_coarse_pc_type",
              levels);
   PetscCall(PCSetUseAmat(pc, PETSC_FALSE)); /* the matrix on both levels, not the operator with the bodies' part */
-  PetscCall(CoarseSetUp(p->coarse, ksp));
+  PetscCall(CoarseSetUpPC(p->coarse, pc));
   if (!p->smoothers_set) PetscCall(set_smoothers(pc, p->sweeps));
   p->smoothers_set = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
