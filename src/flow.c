@@ -1,46 +1,14 @@
-/* Flow: assembly of the Navier-Stokes equations and their time schemes (see flow.h).
+/* Flow: assembly of the Navier-Stokes equations and their time schemes (see flow.h); what is evaluated cell by cell from a solution is in flowevaluate.c.
 
    The velocity matrix is assembled in one pass over the cells, own and ghost, straight into the rows of own nodes: no communication, and no second matrix for the constant part,
    which costs less to compute (element.h) than to load. Units: any consistent system. Not here: bodies, solvers, stabilisation, turbulence. */
 #include "compat.h"
-#include "flow.h"
+#include "flowimpl.h"
 #include "dense.h"
-#include "element.h"
 #include "log.h"
 #include "opt.h"
 
 #define MAX_NB MESH_MAX_NB
-
-struct _p_Flow {
-  Mesh             mesh;
-  const MeshLocal *loc;
-  FlowParameters   par;
-  FlowStep         step;
-  PetscInt         scheme, nsteps, substep;    /* steps taken; part of the time step that comes next */
-  PetscReal     dt_old, dt_older, ahead, bend; /* last steps (0: none); extrapolation of w in units of the old step, and the factor of its parabola */
-  Boundary      boundary;
-  ElementTables element;
-  /* geometry of the cells */
-  PetscBool *affine;
-  PetscInt  *open, *visited, *around, now; /* [nnode_all], [ncell_all] stamps: nodes whose mass is being computed, cells done; [ncell_all] scratch */
-  PetscReal *centre;                       /* [ncell_all][dim] where the pressures of a cell are centred */
-  PetscReal *inverse, *det, *size, *b, *lumped,
-    *pmass; /* [ncell_all][dim*dim], [ncell_all], [ncell_all], cell matrices of B, nodal mass, inverse mass matrices of the pressure [ncell][dim+1][dim+1] */
-  /* velocity matrix of the step */
-  Mat       S;
-  PetscReal s_ct, s_theta; /* of the assembled one; 0: none yet */
-  PetscInt                *
-    entry; /* [ncell_all][nb][nb] place of an entry of a cell: >= 0 in the values of own columns, <= -2: -2 - place in those of other columns, -1: not our row */
-  PetscInt         nterm; /* further terms of S */
-  const PetscInt  *term_cell;
-  const PetscReal *term;
-  /* fields */
-  PetscReal *u, *u_old, *u_older, *w, *p, *p_old; /* u_older: NULL but for quadratic extrapolation */
-  /* body force of FlowSetSource: its weighted mean over the step [nnode_all][dim] (NULL: none) */
-  VectorField source_field;
-  void       *source_ctx;
-  PetscReal  *source;
-};
 
 /* Orders of the names below */
 enum {
@@ -57,22 +25,6 @@ static const char *const EXTRAPOLATIONS[] = {"linear", "quadratic", NULL};
 static const char *const FORMS[]          = {"convective", "skew", NULL};
 
 /* ---- geometry ---- */
-
-static PetscErrorCode compute_metric(Flow f, PetscInt c, ElementMetric *m)
-{
-  const PetscInt dim = f->loc->dim;
-
-  PetscFunctionBeginUser;
-  if (f->affine[c]) {
-    ElementSetAffine(&f->element, f->inverse + c * dim * dim, f->det[c], m);
-  } else {
-    PetscReal xc[MAX_NB * 3];
-
-    PetscCall(MeshCellCoordinates(f->mesh, c, xc));
-    ElementSetMetric(&f->element, xc, m);
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
 
 /* A cell that is no part of the fluid has zero weights: every kernel then gives zero. Its size stays as it was. */
 static PetscErrorCode empty_cell(Flow f, PetscInt c)
@@ -101,7 +53,7 @@ static PetscErrorCode compute_cell(Flow f, PetscInt c)
   PetscCall(MeshCellCoordinates(f->mesh, c, xc));
   f->affine[c] = PETSC_FALSE;
   PetscCall(PetscArraycpy(f->centre + c * dim, centre, dim));
-  PetscCall(compute_metric(f, c, &m));
+  PetscCall(FlowCellMetric(f, c, &m));
   PetscCall(PetscArraycpy(first, m.inverse[0], dim * dim));
   f->affine[c] = PETSC_TRUE;
   for (PetscInt q = 0; q < f->element.nq; q++) {
@@ -146,7 +98,7 @@ static PetscErrorCode lump_cell(Flow f, PetscInt c)
   ElementMetric   m;
 
   PetscFunctionBeginUser;
-  PetscCall(compute_metric(f, c, &m));
+  PetscCall(FlowCellMetric(f, c, &m));
   for (PetscInt j = 0; j < f->loc->nb; j++)
     for (PetscInt q = 0; q < f->element.nq && f->open[node[j]] == f->now; q++)
       f->lumped[node[j]] += m.weight[q] * f->element.phi[q * f->element.nbp + j];
@@ -164,12 +116,6 @@ static PetscErrorCode compute_cells(Flow f)
   }
   PetscCall(MeshSyncNodes(f->mesh, 1, f->lumped)); /* own nodes see all their cells (own or ghost); outer ghosts do not */
   PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static void gather(const MeshLocal *l, PetscInt c, const PetscReal v[], PetscReal vl[])
-{
-  for (PetscInt j = 0; j < l->nb; j++)
-    for (PetscInt a = 0; a < l->dim; a++) vl[j * l->dim + a] = v[l->cell_node[c * l->nb + j] * l->dim + a];
 }
 
 /* ---- assembly ---- */
@@ -302,9 +248,9 @@ static PetscErrorCode assemble_matrix(Flow f)
     ElementMetric m;
     PetscReal     wl[MAX_NB * 3], ce[MAX_NB * ELEMENT_MAX_NBP];
 
-    PetscCall(compute_metric(f, c, &m));
+    PetscCall(FlowCellMetric(f, c, &m));
     if (f->par.convection) {
-      gather(l, c, f->w, wl);
+      FlowCellGather(l, c, f->w, wl);
       for (PetscInt i = 0; i < size; i++) wl[i] *= f->par.density * s->theta;
     }
     ElementOperator(&f->element, &m, f->par.density * s->ct, f->par.viscosity * s->theta, f->par.convection ? wl : NULL, f->par.skew, ce);
@@ -363,7 +309,7 @@ PetscErrorCode FlowRhs(Flow f, PetscReal r[])
         wl[j * dim + a] = f->w[i];
       }
     }
-    PetscCall(compute_metric(f, c, &m));
+    PetscCall(FlowCellMetric(f, c, &m));
     ElementResidual(&f->element, &m, f->par.density, f->par.viscosity, f->par.force, al, s->theta < 1 ? vl : NULL, f->par.convection ? wl : NULL,
                     f->par.skew, rl);
     for (PetscInt j = 0; j < nb; j++)
@@ -826,174 +772,5 @@ PetscErrorCode FlowVisitState(void *flow, State state)
   if (older >= 0) PetscCall(StateReals(state, "dt_older", 1, &f->dt_older));
   PetscCall(StateInts(state, "steps", 1, &f->nsteps));
   PetscCall(StateInts(state, "substep", 1, &f->substep));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* ---- evaluation ---- */
-
-/* Nodal acceleration, theta-velocity and convecting velocity of a cell for the step's solution u */
-static void gather_step(const struct _p_Flow *f, PetscInt c, const PetscReal u[], PetscReal al[], PetscReal vl[], PetscReal wl[])
-{
-  const MeshLocal *l = f->loc;
-  const FlowStep  *s = &f->step;
-
-  for (PetscInt j = 0; j < l->nb; j++) {
-    for (PetscInt a = 0; a < l->dim; a++) {
-      const PetscInt i = l->cell_node[c * l->nb + j] * l->dim + a, k = j * l->dim + a;
-
-      al[k] = s->ct * u[i] - s->d0 * f->u[i] - s->d1 * f->u_old[i] - (f->source ? f->source[i] / f->par.density : 0);
-      vl[k] = s->theta * u[i] + (1 - s->theta) * f->u[i];
-      wl[k] = f->w[i];
-    }
-  }
-}
-
-PetscErrorCode FlowCellResidual(Flow f, PetscInt c, const PetscReal u[], const PetscReal p[], PetscReal r[])
-{
-  const PetscInt nk = f->loc->dim + 1, n = f->loc->nb * f->loc->dim;
-  PetscReal      al[MAX_NB * 3], vl[MAX_NB * 3], wl[MAX_NB * 3];
-  ElementMetric  m;
-
-  PetscFunctionBeginUser;
-  gather_step(f, c, u, al, vl, wl);
-  PetscCall(compute_metric(f, c, &m));
-  ElementResidual(&f->element, &m, f->par.density, f->par.viscosity, f->par.force, al, vl, f->par.convection ? wl : NULL, f->par.skew, r);
-  for (PetscInt k = 0; k < nk; k++)
-    for (PetscInt i = 0; i < n; i++) r[i] -= p[c * nk + k] * f->b[(c * nk + k) * n + i];
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode FlowCellNewton(Flow f, PetscInt c, const PetscReal u[], PetscReal n[])
-{
-  const MeshLocal *l   = f->loc;
-  const PetscInt   dim = l->dim, nb = l->nb, rows = nb * dim;
-  PetscReal        ul[MAX_NB * 3];
-  ElementMetric    m;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscArrayzero(n, rows * rows));
-  if (!f->par.convection) PetscFunctionReturn(PETSC_SUCCESS);
-  gather(l, c, u, ul);
-  PetscCall(compute_metric(f, c, &m));
-  for (PetscInt q = 0; q < f->element.nq; q++) {
-    const PetscReal *phi = f->element.phi + q * f->element.nbp, scale = f->par.density * f->step.theta * m.weight[q];
-    PetscReal        g[3][ELEMENT_MAX_NBP], grad[3][3] = {{0}}, v[3] = {0, 0, 0};
-
-    ElementGradients(&f->element, &m, q, g);
-    for (PetscInt j = 0; j < nb; j++)
-      for (PetscInt a = 0; a < dim; a++) v[a] += phi[j] * ul[j * dim + a];
-    for (PetscInt j = 0; j < nb; j++)
-      for (PetscInt a = 0; a < dim; a++)
-        for (PetscInt b = 0; b < dim; b++) grad[a][b] += scale * g[b][j] * ul[j * dim + a];
-    for (PetscInt i = 0; i < rows; i++)
-      for (PetscInt j = 0; j < rows; j++)
-        n[i * rows + j] += phi[i / dim] * (phi[j / dim] * grad[i % dim][j % dim] + f->par.skew * scale * g[j % dim][j / dim] * v[i % dim]);
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode FlowCellPressure(Flow f, PetscInt c, const PetscReal p[], const PetscReal x[], PetscReal *value)
-{
-  const MeshLocal *l      = f->loc;
-  const PetscReal *centre = l->x + l->cell_node[c * l->nb + l->nb / 2] * l->dim, *pc = p + c * (l->dim + 1);
-
-  PetscFunctionBeginUser;
-  *value = pc[0];
-  for (PetscInt d = 0; d < l->dim; d++) {
-    PetscReal r = x[d] - centre[d];
-
-    if (l->period[d] > 0) r -= l->period[d] * PetscFloorReal(r / l->period[d] + 0.5);
-    *value += pc[1 + d] * r / f->size[c];
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode FlowCellStressForce(Flow f, PetscInt c, const PetscReal u[], const PetscReal p[], const PetscReal alpha[], const PetscReal X[3],
-                                   PetscReal force[3], PetscReal torque[3])
-{
-  const MeshLocal *l   = f->loc;
-  const PetscInt   dim = l->dim, nb = l->nb, nk = dim + 1;
-  PetscReal        ul[MAX_NB * 3], xc[MAX_NB * 3];
-  ElementMetric    m;
-
-  PetscFunctionBeginUser;
-  gather(l, c, u, ul);
-  PetscCall(MeshCellCoordinates(f->mesh, c, xc));
-  PetscCall(compute_metric(f, c, &m));
-  for (PetscInt q = 0; q < f->element.nq; q++) {
-    const PetscReal *phi = f->element.phi + q * f->element.nbp, *centre = xc + (nb / 2) * dim;
-    PetscReal        g[3][ELEMENT_MAX_NBP], grad[3][3] = {{0}}, ga[3] = {0, 0, 0}, x[3] = {0, 0, 0}, t[3] = {0, 0, 0}, r[3] = {0, 0, 0},
-                                     pressure = p[c * nk];
-
-    ElementGradients(&f->element, &m, q, g);
-    for (PetscInt j = 0; j < nb; j++) {
-      for (PetscInt d = 0; d < dim; d++) {
-        x[d] += phi[j] * xc[j * dim + d];
-        ga[d] += alpha[j] * g[d][j];
-        for (PetscInt e = 0; e < dim; e++) grad[d][e] += g[e][j] * ul[j * dim + d];
-      }
-    }
-    for (PetscInt d = 0; d < dim; d++) {
-      pressure += p[c * nk + 1 + d] * (x[d] - centre[d]) / f->size[c];
-      r[d] = x[d] - X[d];
-      if (l->period[d] > 0) r[d] -= l->period[d] * PetscFloorReal(r[d] / l->period[d] + 0.5);
-    }
-    for (PetscInt d = 0; d < dim; d++) {
-      t[d] = pressure * ga[d];
-      for (PetscInt e = 0; e < dim; e++) t[d] -= f->par.viscosity * (grad[d][e] + grad[e][d]) * ga[e];
-      t[d] *= m.weight[q];
-    }
-    for (PetscInt d = 0; d < 3; d++) {
-      force[d] += t[d];
-      torque[d] += r[(d + 1) % 3] * t[(d + 2) % 3] - r[(d + 2) % 3] * t[(d + 1) % 3];
-    }
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], FlowDiagnostics *out)
-{
-  const MeshLocal *l   = f->loc;
-  const PetscInt   dim = l->dim, nb = l->nb, n = nb * dim;
-  PetscReal        sum[5] = {0, 0, 0, 0, 0}, top[2] = {0, 0}; /* energy, divergence^2, momentum; cfl, speed */
-
-  PetscFunctionBeginUser;
-  for (PetscInt c = 0; c < l->ncell; c++) {
-    PetscReal        al[MAX_NB * 3], vl[MAX_NB * 3], wl[MAX_NB * 3], r[MAX_NB * 3], div = 0, ul[MAX_NB * 3];
-    const PetscReal *b = f->b + c * (dim + 1) * n;
-    ElementMetric    m;
-
-    gather(l, c, u, ul);
-    gather_step(f, c, u, al, vl, wl);
-    PetscCall(compute_metric(f, c, &m));
-    ElementResidual(&f->element, &m, f->par.density, f->par.viscosity, f->par.force, al, vl, f->par.convection ? wl : NULL, f->par.skew, r);
-    for (PetscInt i = 0; i < n; i++) {
-      sum[2 + i % dim] += r[i]; /* viscous parts add up to zero over a cell */
-      div += b[i] * ul[i];
-    }
-    sum[1] += div * div / PetscPowReal(f->size[c], dim);
-    for (PetscInt q = 0; q < f->element.nq; q++) {
-      PetscReal v[3] = {0, 0, 0};
-
-      for (PetscInt j = 0; j < nb; j++)
-        for (PetscInt a = 0; a < dim; a++) v[a] += f->element.phi[q * f->element.nbp + j] * ul[j * dim + a];
-      sum[0] += 0.5 * f->par.density * m.weight[q] * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
-    }
-    for (PetscInt j = 0; j < nb; j++) {
-      PetscReal speed = 0;
-
-      for (PetscInt a = 0; a < dim; a++) speed += ul[j * dim + a] * ul[j * dim + a];
-      speed  = PetscSqrtReal(speed);
-      top[1] = PetscMax(top[1], speed);
-      if (f->det[c] != 0) top[0] = PetscMax(top[0], speed * f->step.dt / f->size[c]); /* cells of the fluid */
-    }
-  }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 5, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, top, 2, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
-  out->kinetic_energy = sum[0];
-  out->divergence     = PetscSqrtReal(sum[1]);
-  for (PetscInt d = 0; d < 3; d++) out->momentum_rate[d] = sum[2 + d];
-  out->cfl       = top[0];
-  out->speed_max = top[1];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
