@@ -12,6 +12,6 @@ PetscErrorCode BlockGSCreate(Mat A, Mat *shell);
 /* Copy anew what changed in A: n local block rows, or all with rows = NULL. Not collective. */
 PetscErrorCode BlockGSUpdate(Mat shell, PetscInt n, const PetscInt rows[]);
 /* From now on the shell stands for A + W W^T, W given by n blocks value [n][nk][nr] at own block rows row [n] (ascending) and block columns column [n] < ncolumn (all ranks count the same
-   columns; one column may be on several ranks). Nothing is filled in: W^T x follows the sweep. Copied; after every BlockGSUpdate. Not collective. */
-PetscErrorCode BlockGSSetLowRank(Mat shell, PetscInt ncolumn, PetscInt nr, PetscInt n, const PetscInt row[], const PetscInt column[],
-                                 const PetscReal w[]);
+   columns; one column may be on several ranks); nr is 3 for blocks of 3 and 6 for blocks of 4, as rigid motions have. Nothing is filled in: W^T x follows the sweep. Copied; after every
+   BlockGSUpdate. Not collective. */
+PetscErrorCode BlockGSSetLowRank(Mat shell, PetscInt ncolumn, PetscInt n, const PetscInt row[], const PetscInt column[], const PetscReal w[]);

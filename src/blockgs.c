@@ -4,8 +4,9 @@
 #include "blockgs.h"
 #include "dense.h"
 
-#define MAX_NK 4
-#define SLACK  4 /* numbers behind the end of an array that a vector may read */
+#define MAX_NK   4
+#define RANK(nk) ((nk) == 3 ? 3 : 6) /* columns of a block of the low-rank part: rigid motions in 2 and 3 dimensions */
+#define SLACK    4                   /* numbers behind the end of an array that a vector may read */
 
 typedef double wide __attribute__((vector_size(32)));
 typedef float  narrow __attribute__((vector_size(16), aligned(4)));
@@ -20,8 +21,8 @@ typedef struct {
   PetscSF         sf;
   MPI_Datatype    unit; /* nk reals */
   /* W, see BlockGSSetLowRank */
-  PetscInt   nr, ncolumn, nw, *w_row, *w_column;
-  PetscReal *w, *t; /* [nw][nk][nr]; [ncolumn][nr] W^T x */
+  PetscInt   nt, nw, *w_row, *w_column;
+  PetscReal *w, *t; /* [nw][nk][nr]; [nt] W^T x, nr numbers for every block column */
 } BlockGS;
 
 #define INLINE static inline __attribute__((always_inline))
@@ -42,21 +43,24 @@ INLINE wide sum_row(const int nk, PetscInt begin, PetscInt end, const PetscInt *
 }
 
 /* r -= w t, what the low-rank part has in a row */
-static void subtract_low_rank(const BlockGS *g, PetscInt e, PetscReal r[])
+INLINE void subtract_low_rank(const int nk, const BlockGS *restrict g, PetscInt e, PetscReal *restrict r)
 {
-  const PetscReal *t = g->t + g->w_column[e] * g->nr;
+  const int        nr = RANK(nk);
+  const PetscReal *t = g->t + g->w_column[e] * nr, *w = g->w + e * nk * nr;
 
-  for (PetscInt k = 0; k < g->nk; k++)
-    for (PetscInt m = 0; m < g->nr; m++) r[k] -= g->w[(e * g->nk + k) * g->nr + m] * t[m];
+  for (int k = 0; k < nk; k++)
+    for (int m = 0; m < nr; m++) r[k] -= w[k * nr + m] * t[m];
 }
 
 /* t += w^T d */
-static void add_to_low_rank(const BlockGS *g, PetscInt e, const PetscReal d[])
+INLINE void add_to_low_rank(const int nk, const BlockGS *restrict g, PetscInt e, const PetscReal *restrict d)
 {
-  PetscReal *t = g->t + g->w_column[e] * g->nr;
+  const int        nr = RANK(nk);
+  PetscReal       *t  = g->t + g->w_column[e] * nr;
+  const PetscReal *w  = g->w + e * nk * nr;
 
-  for (PetscInt k = 0; k < g->nk; k++)
-    for (PetscInt m = 0; m < g->nr; m++) t[m] += g->w[(e * g->nk + k) * g->nr + m] * d[k];
+  for (int k = 0; k < nk; k++)
+    for (int m = 0; m < nr; m++) t[m] += w[k * nr + m] * d[k];
 }
 
 /* Only blocks before the diagonal while the rest of x is zero (lower). Entries of W are met in the order of the rows; t follows x. */
@@ -75,11 +79,11 @@ INLINE void sweep(const int nk, const BlockGS *restrict g, PetscBool forward, Pe
       for (end = g->start[0][i]; g->column[0][end] < i;) end++;
     s = sum_row(nk, g->start[0][i], end, g->column[0], g->value[0], x);
     for (int k = 0; k < nk; k++) rest[k] = b[i * nk + k] - s[k];
-    for (; at >= 0 && at < g->nw && g->w_row[at] == i; at += step) subtract_low_rank(g, at, rest);
+    for (; at >= 0 && at < g->nw && g->w_row[at] == i; at += step) subtract_low_rank(nk, g, at, rest);
     for (int m = 0; m < nk; m++) d += load_column(g->inverse + (i * nk + m) * nk) * rest[m];
     for (int k = 0; k < nk; k++) rest[k] = d[k];
     for (int k = 0; k < nk; k++) x[i * nk + k] += rest[k];
-    for (PetscInt e = first; e != at; e += step) add_to_low_rank(g, e, rest);
+    for (PetscInt e = first; e != at; e += step) add_to_low_rank(nk, g, e, rest);
   }
 }
 
@@ -107,10 +111,13 @@ static void add_ghosts(const BlockGS *g, PetscReal scale, PetscReal y[])
 static PetscErrorCode gather_low_rank(BlockGS *g, const PetscReal x[])
 {
   PetscFunctionBeginUser;
-  if (!g->ncolumn) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscArrayzero(g->t, g->ncolumn * g->nr));
-  for (PetscInt e = 0; e < g->nw; e++) add_to_low_rank(g, e, x + g->w_row[e] * g->nk);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, g->t, (PetscMPIInt)(g->ncolumn * g->nr), MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)g->A)));
+  if (!g->nt) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscArrayzero(g->t, g->nt));
+  for (PetscInt e = 0; e < g->nw; e++) {
+    if (g->nk == 3) add_to_low_rank(3, g, e, x + g->w_row[e] * 3);
+    else add_to_low_rank(4, g, e, x + g->w_row[e] * 4);
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, g->t, (PetscMPIInt)(g->nt), MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)g->A)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -132,8 +139,11 @@ static PetscErrorCode mult_blocks(Mat shell, Vec x, Vec y)
     add_ghosts(g, 1, ya);
   }
   PetscCall(gather_low_rank(g, xa));
-  for (PetscInt i = 0; i < g->ncolumn * g->nr; i++) g->t[i] = -g->t[i];
-  for (PetscInt e = 0; e < g->nw; e++) subtract_low_rank(g, e, ya + g->w_row[e] * g->nk);
+  for (PetscInt i = 0; i < g->nt; i++) g->t[i] = -g->t[i];
+  for (PetscInt e = 0; e < g->nw; e++) {
+    if (g->nk == 3) subtract_low_rank(3, g, e, ya + g->w_row[e] * 3);
+    else subtract_low_rank(4, g, e, ya + g->w_row[e] * 4);
+  }
   PetscCall(VecRestoreArrayRead(x, &xa));
   PetscCall(VecRestoreArrayWrite(y, &ya));
   PetscCall(PetscLogFlops(2.0 * g->nk * g->nk * g->start[0][g->n]));
@@ -173,7 +183,7 @@ static PetscErrorCode sweep_blocks(Mat shell, Vec bv, PetscReal omega, MatSORTyp
              "The pressure sweep is done once a call on several ranks: leave ..._pc_sor_its at 1");
   if (zero) {
     PetscCall(PetscArrayzero(x, g->n * g->nk));
-    PetscCall(PetscArrayzero(g->t, g->ncolumn * g->nr));
+    PetscCall(PetscArrayzero(g->t, g->nt));
   } else {
     if (g->sf) PetscCall(subtract_ghosts(g, x, &rhs));
     PetscCall(gather_low_rank(g, x));
@@ -195,7 +205,7 @@ static PetscErrorCode sweep_blocks(Mat shell, Vec bv, PetscReal omega, MatSORTyp
 /* The inverse of the diagonal block of row i and of the entries [begin, end) of W in this row */
 static void invert_diagonal(BlockGS *g, PetscInt i, const PetscReal value[], PetscInt begin, PetscInt end)
 {
-  const PetscInt nk = g->nk, nn = nk * nk;
+  const PetscInt nk = g->nk, nn = nk * nk, nr = RANK(nk);
   PetscReal      block[MAX_NK * MAX_NK], inverse[MAX_NK * MAX_NK];
   PetscInt       q = g->start[0][i];
 
@@ -203,7 +213,7 @@ static void invert_diagonal(BlockGS *g, PetscInt i, const PetscReal value[], Pet
   for (PetscInt e = 0; e < nn; e++) block[e] = value[q * nn + e];
   for (PetscInt e = begin; e < end; e++)
     for (PetscInt k = 0; k < nn; k++)
-      for (PetscInt m = 0; m < g->nr; m++) block[k] += g->w[(e * nk + k / nk) * g->nr + m] * g->w[(e * nk + k % nk) * g->nr + m];
+      for (PetscInt m = 0; m < nr; m++) block[k] += g->w[(e * nk + k / nk) * nr + m] * g->w[(e * nk + k % nk) * nr + m];
   DenseInvert(nk, block, inverse); /* the transpose of the inverse is the inverse of the transpose */
   for (PetscInt e = 0; e < nn; e++) g->inverse[i * nn + e] = (float)inverse[e];
 }
@@ -241,24 +251,23 @@ static PetscErrorCode drop_low_rank(BlockGS *g)
   for (PetscInt e = 0; e < g->nw; e++) invert_diagonal(g, g->w_row[e], value, 0, 0);
   PetscCall(MatSeqBAIJRestoreArray(g->part[0], &value));
   PetscCall(PetscFree4(g->w_row, g->w_column, g->w, g->t));
-  g->nw      = 0;
-  g->ncolumn = 0;
+  g->nw = g->nt = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BlockGSSetLowRank(Mat shell, PetscInt ncolumn, PetscInt nr, PetscInt n, const PetscInt row[], const PetscInt column[],
-                                 const PetscReal w[])
+PetscErrorCode BlockGSSetLowRank(Mat shell, PetscInt ncolumn, PetscInt n, const PetscInt row[], const PetscInt column[], const PetscReal w[])
 {
   BlockGS   *g;
   PetscReal *value;
+  PetscInt   nr;
 
   PetscFunctionBeginUser;
   PetscCall(MatShellGetContext(shell, &g));
   PetscCall(drop_low_rank(g));
-  g->nr      = nr;
-  g->ncolumn = ncolumn;
-  g->nw      = n;
-  PetscCall(PetscMalloc4(n, &g->w_row, n, &g->w_column, n * g->nk * nr, &g->w, ncolumn * nr, &g->t));
+  nr    = RANK(g->nk);
+  g->nt = ncolumn * nr;
+  g->nw = n;
+  PetscCall(PetscMalloc4(n, &g->w_row, n, &g->w_column, n * g->nk * nr, &g->w, g->nt, &g->t));
   PetscCall(PetscArraycpy(g->w_row, row, n));
   PetscCall(PetscArraycpy(g->w_column, column, n));
   PetscCall(PetscArraycpy(g->w, w, n * g->nk * nr));

@@ -707,7 +707,7 @@ PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscR
   PetscCall(MatSetTransposeNullSpace(p->shell, p->any_shared ? NULL : p->constant)); /* makes every inner right-hand side consistent */
   if (p->nbodies) {
     PetscCall(find_cut_cells(p, share, mass_inverse));
-    if (p->sweeps) PetscCall(BlockGSSetLowRank(p->sweeps, p->nbodies, p->nr, p->ncut, p->cut_cell, p->cut_body, p->cut_w));
+    if (p->sweeps) PetscCall(BlockGSSetLowRank(p->sweeps, p->nbodies, p->ncut, p->cut_cell, p->cut_body, p->cut_w));
     if (p->coarse) PetscCall(CoarseSetBodies(p->coarse, p->nbodies, p->nr, p->ncut, p->cut_cell, p->cut_body, p->cut_w));
   }
   PetscCall(MatAssemblyBegin(p->shell, MAT_FINAL_ASSEMBLY)); /* its values have changed */

@@ -165,9 +165,9 @@ static void test_low_rank(void **state)
         column[n++] = k;
       }
     }
-    OK(BlockGSSetLowRank(shell, ncolumn, nr, n, row, column, w));
+    OK(BlockGSSetLowRank(shell, ncolumn, n, row, column, w));
     compare(whole, shell);
-    OK(BlockGSSetLowRank(shell, 0, 0, 0, NULL, NULL, NULL));
+    OK(BlockGSSetLowRank(shell, 0, 0, NULL, NULL, NULL));
     compare(A, shell);
     OK(PetscFree(w));
     OK(MatDestroy(&shell));
