@@ -11,7 +11,10 @@
 PetscErrorCode BlockGSCreate(Mat A, Mat *shell);
 /* Copy anew what changed in A: n local block rows, or all with rows = NULL. Not collective. */
 PetscErrorCode BlockGSUpdate(Mat shell, PetscInt n, const PetscInt rows[]);
+/* Sweeps (not products) add extra [own block rows][nk][nk], symmetric, to the blocks on the diagonal: what keeps a sweep there and back definite although ranks sweep at the same time. NULL: none.
+   Borrowed, read by BlockGSUpdate. Not collective. */
+PetscErrorCode BlockGSSetExtra(Mat shell, const PetscReal extra[]);
 /* From now on the shell stands for A + W W^T, W given by n blocks value [n][nk][nr] at own block rows row [n] (ascending) and block columns column [n] < ncolumn (all ranks count the same
-   columns; one column may be on several ranks); nr is 3 for blocks of 3 and 6 for blocks of 4, as rigid motions have. Nothing is filled in: W^T x follows the sweep. Copied; after every
-   BlockGSUpdate. Not collective. */
+   columns; one column may be on several ranks); nr is 3 for blocks of 3 and 6 for blocks of 4, as rigid motions have. Nothing is filled in: W^T x follows the sweep. A sweep takes the part of
+   a column that p ranks share p times (W W^T is at most p times the ranks' own parts, so that the error cannot grow). Copied; after every BlockGSUpdate. Collective. */
 PetscErrorCode BlockGSSetLowRank(Mat shell, PetscInt ncolumn, PetscInt n, const PetscInt row[], const PetscInt column[], const PetscReal w[]);

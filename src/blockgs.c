@@ -12,17 +12,19 @@ typedef double wide __attribute__((vector_size(32)));
 typedef float  narrow __attribute__((vector_size(16), aligned(4)));
 
 typedef struct {
-  Mat             A, part[2]; /* whole matrix; own and other columns (NULL on one rank) */
-  PetscInt        nk, n;      /* block size, own block rows */
-  const PetscInt *start[2], *column[2];
-  float          *value[2], *inverse; /* [blocks][nk][nk] column by column; [n][nk][nk] likewise */
-  PetscInt        nghost;
-  PetscReal      *ghost, *rest; /* [nghost][nk]; [n][nk] right-hand side less what other ranks' unknowns do */
-  PetscSF         sf;
-  MPI_Datatype    unit; /* nk reals */
+  Mat              A, part[2]; /* whole matrix; own and other columns (NULL on one rank) */
+  PetscInt         nk, n;      /* block size, own block rows */
+  const PetscInt  *start[2], *column[2];
+  float           *value[2], *inverse; /* [blocks][nk][nk] column by column; [n][nk][nk] likewise */
+  PetscInt         nghost;
+  PetscReal       *ghost, *rest; /* [nghost][nk]; [n][nk] right-hand side less what other ranks' unknowns do */
+  PetscSF          sf;
+  MPI_Datatype     unit;  /* nk reals */
+  const PetscReal *extra; /* [n][nk][nk] or NULL, see BlockGSSetExtra */
   /* W, see BlockGSSetLowRank */
   PetscInt   nt, nw, *w_row, *w_column;
-  PetscReal *w, *t; /* [nw][nk][nr]; [nt] W^T x, nr numbers for every block column */
+  PetscReal *w, *t;  /* [nw][nk][nr]; [nt] W^T x, nr numbers for every block column */
+  PetscReal *factor; /* [ncolumn] what a sweep multiplies the column's part by: ranks that sweep it at the same time */
 } BlockGS;
 
 #define INLINE static inline __attribute__((always_inline))
@@ -52,15 +54,15 @@ INLINE void subtract_low_rank(const int nk, const BlockGS *restrict g, PetscInt 
     for (int m = 0; m < nr; m++) r[k] -= w[k * nr + m] * t[m];
 }
 
-/* t += w^T d */
-INLINE void add_to_low_rank(const int nk, const BlockGS *restrict g, PetscInt e, const PetscReal *restrict d)
+/* t += factor w^T d */
+INLINE void add_to_low_rank(const int nk, const BlockGS *restrict g, PetscInt e, PetscReal factor, const PetscReal *restrict d)
 {
   const int        nr = RANK(nk);
   PetscReal       *t  = g->t + g->w_column[e] * nr;
   const PetscReal *w  = g->w + e * nk * nr;
 
   for (int k = 0; k < nk; k++)
-    for (int m = 0; m < nr; m++) t[m] += w[k * nr + m] * d[k];
+    for (int m = 0; m < nr; m++) t[m] += factor * w[k * nr + m] * d[k];
 }
 
 /* Only blocks before the diagonal while the rest of x is zero (lower). Entries of W are met in the order of the rows; t follows x. */
@@ -83,7 +85,7 @@ INLINE void sweep(const int nk, const BlockGS *restrict g, PetscBool forward, Pe
     for (int m = 0; m < nk; m++) d += load_column(g->inverse + (i * nk + m) * nk) * rest[m];
     for (int k = 0; k < nk; k++) rest[k] = d[k];
     for (int k = 0; k < nk; k++) x[i * nk + k] += rest[k];
-    for (PetscInt e = first; e != at; e += step) add_to_low_rank(nk, g, e, rest);
+    for (PetscInt e = first; e != at; e += step) add_to_low_rank(nk, g, e, g->factor[g->w_column[e]], rest);
   }
 }
 
@@ -114,8 +116,8 @@ static PetscErrorCode gather_low_rank(BlockGS *g, const PetscReal x[])
   if (!g->nt) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscArrayzero(g->t, g->nt));
   for (PetscInt e = 0; e < g->nw; e++) {
-    if (g->nk == 3) add_to_low_rank(3, g, e, x + g->w_row[e] * 3);
-    else add_to_low_rank(4, g, e, x + g->w_row[e] * 4);
+    if (g->nk == 3) add_to_low_rank(3, g, e, 1, x + g->w_row[e] * 3);
+    else add_to_low_rank(4, g, e, 1, x + g->w_row[e] * 4);
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, g->t, (PetscMPIInt)(g->nt), MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)g->A)));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -202,7 +204,7 @@ static PetscErrorCode sweep_blocks(Mat shell, Vec bv, PetscReal omega, MatSORTyp
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The inverse of the diagonal block of row i and of the entries [begin, end) of W in this row */
+/* The inverse of the diagonal block of row i, with the entries [begin, end) of W in this row and the extra part */
 static void invert_diagonal(BlockGS *g, PetscInt i, const PetscReal value[], PetscInt begin, PetscInt end)
 {
   const PetscInt nk = g->nk, nn = nk * nk, nr = RANK(nk);
@@ -213,7 +215,8 @@ static void invert_diagonal(BlockGS *g, PetscInt i, const PetscReal value[], Pet
   for (PetscInt e = 0; e < nn; e++) block[e] = value[q * nn + e];
   for (PetscInt e = begin; e < end; e++)
     for (PetscInt k = 0; k < nn; k++)
-      for (PetscInt m = 0; m < nr; m++) block[k] += g->w[(e * nk + k / nk) * nr + m] * g->w[(e * nk + k % nk) * nr + m];
+      for (PetscInt m = 0; m < nr; m++) block[k] += g->factor[g->w_column[e]] * g->w[(e * nk + k / nk) * nr + m] * g->w[(e * nk + k % nk) * nr + m];
+  for (PetscInt e = 0; e < nn && g->extra; e++) block[e] += g->extra[i * nn + e];
   DenseInvert(nk, block, inverse); /* the transpose of the inverse is the inverse of the transpose */
   for (PetscInt e = 0; e < nn; e++) g->inverse[i * nn + e] = (float)inverse[e];
 }
@@ -241,6 +244,16 @@ PetscErrorCode BlockGSUpdate(Mat shell, PetscInt n, const PetscInt rows[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode BlockGSSetExtra(Mat shell, const PetscReal extra[])
+{
+  BlockGS *g;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(shell, &g));
+  g->extra = extra;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Give up W; rows that had a part of it get the inverses of their own blocks. */
 static PetscErrorCode drop_low_rank(BlockGS *g)
 {
@@ -250,7 +263,7 @@ static PetscErrorCode drop_low_rank(BlockGS *g)
   PetscCall(MatSeqBAIJGetArray(g->part[0], &value));
   for (PetscInt e = 0; e < g->nw; e++) invert_diagonal(g, g->w_row[e], value, 0, 0);
   PetscCall(MatSeqBAIJRestoreArray(g->part[0], &value));
-  PetscCall(PetscFree4(g->w_row, g->w_column, g->w, g->t));
+  PetscCall(PetscFree5(g->w_row, g->w_column, g->w, g->t, g->factor));
   g->nw = g->nt = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -267,10 +280,13 @@ PetscErrorCode BlockGSSetLowRank(Mat shell, PetscInt ncolumn, PetscInt n, const 
   nr    = RANK(g->nk);
   g->nt = ncolumn * nr;
   g->nw = n;
-  PetscCall(PetscMalloc4(n, &g->w_row, n, &g->w_column, n * g->nk * nr, &g->w, g->nt, &g->t));
+  PetscCall(PetscMalloc5(n, &g->w_row, n, &g->w_column, n * g->nk * nr, &g->w, g->nt, &g->t, ncolumn, &g->factor));
   PetscCall(PetscArraycpy(g->w_row, row, n));
   PetscCall(PetscArraycpy(g->w_column, column, n));
   PetscCall(PetscArraycpy(g->w, w, n * g->nk * nr));
+  PetscCall(PetscArrayzero(g->factor, ncolumn));
+  for (PetscInt e = 0; e < n; e++) g->factor[column[e]] = 1;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, g->factor, (PetscMPIInt)ncolumn, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)g->A)));
   PetscCall(MatSeqBAIJGetArray(g->part[0], &value));
   for (PetscInt begin = 0, end = 0; begin < n; begin = end) {
     while (end < n && row[end] == row[begin]) end++;
@@ -294,7 +310,7 @@ static PetscErrorCode destroy_blocks(Mat shell)
   PetscCall(PetscFree(g->value[1]));
   PetscCall(PetscFree(g->inverse));
   PetscCall(PetscFree2(g->ghost, g->rest));
-  PetscCall(PetscFree4(g->w_row, g->w_column, g->w, g->t));
+  PetscCall(PetscFree5(g->w_row, g->w_column, g->w, g->t, g->factor));
   PetscCall(PetscSFDestroy(&g->sf));
   PetscCallMPI(MPI_Type_free(&g->unit));
   PetscCall(MatDestroy(&g->A));

@@ -52,17 +52,27 @@ static PetscReal difference(Vec x, Vec y)
   return d / size;
 }
 
-/* Product and one sweep of each kind, from zero and from a start value: within the round-off of floats, and not without it */
-static void compare(Mat A, Mat shell)
+/* x += M^{-1} (b - A x), M^{-1} one sweep of PETSc's over the ranks' own parts of `sweep` */
+static void refer(Mat A, Mat sweep, MatSORType direction, Vec b, Vec x)
 {
-  const int flags[] = {SOR_LOCAL_FORWARD_SWEEP | SOR_ZERO_INITIAL_GUESS,
-                       SOR_LOCAL_BACKWARD_SWEEP | SOR_ZERO_INITIAL_GUESS,
-                       SOR_LOCAL_SYMMETRIC_SWEEP | SOR_ZERO_INITIAL_GUESS,
-                       SOR_LOCAL_FORWARD_SWEEP,
-                       SOR_LOCAL_BACKWARD_SWEEP,
-                       SOR_LOCAL_SYMMETRIC_SWEEP};
-  PetscReal d;
-  Vec       b, x, y;
+  Vec r, dx;
+
+  OK(VecDuplicate(b, &r));
+  OK(VecDuplicate(x, &dx));
+  OK(MatMult(A, x, r));
+  OK(VecAYPX(r, -1, b));
+  OK(MatSOR(sweep, r, 1, (MatSORType)(direction | SOR_ZERO_INITIAL_GUESS), 0, 1, 1, dx));
+  OK(VecAXPY(x, 1, dx));
+  OK(VecDestroy(&r));
+  OK(VecDestroy(&dx));
+}
+
+/* Product and one sweep of each kind, from zero and from a start value: within the round-off of floats, and not without it. `sweep`: A as its sweeps see it. */
+static void compare(Mat A, Mat sweep, Mat shell)
+{
+  const MatSORType directions[] = {SOR_LOCAL_FORWARD_SWEEP, SOR_LOCAL_BACKWARD_SWEEP, SOR_LOCAL_SYMMETRIC_SWEEP};
+  PetscReal        d;
+  Vec              b, x, y;
 
   OK(MatCreateVecs(A, &x, &b));
   OK(VecDuplicate(x, &y));
@@ -72,12 +82,16 @@ static void compare(Mat A, Mat shell)
   d = difference(x, y);
   assert_true(d > 0);
   BELOW(d, 1e-6);
-  for (size_t k = 0; k < PETSC_STATIC_ARRAY_LENGTH(flags); k++) {
-    fill(x, 2);
-    fill(y, 2);
-    OK(MatSOR(shell, b, 1, (MatSORType)flags[k], 0, 1, 1, x));
-    OK(MatSOR(A, b, 1, (MatSORType)flags[k], 0, 1, 1, y));
-    BELOW(difference(x, y), 1e-6);
+  for (PetscInt zero = 0; zero < 2; zero++) {
+    for (size_t k = 0; k < PETSC_STATIC_ARRAY_LENGTH(directions); k++) {
+      if (directions[k] == SOR_LOCAL_SYMMETRIC_SWEEP && sweep != A) continue; /* the way back sees A */
+      fill(x, 2);
+      OK(VecCopy(x, y));
+      if (zero) OK(VecZeroEntries(y));
+      OK(MatSOR(shell, b, 1, (MatSORType)(directions[k] | (zero ? SOR_ZERO_INITIAL_GUESS : 0)), 0, 1, 1, x));
+      refer(A, sweep, directions[k], b, y);
+      BELOW(difference(x, y), 1e-6);
+    }
   }
   OK(VecDestroy(&b));
   OK(VecDestroy(&x));
@@ -94,7 +108,7 @@ static void test_against_petsc(void **state)
     create(nk, &A);
     OK(BlockGSCreate(A, &shell));
     OK(BlockGSUpdate(shell, 0, NULL));
-    compare(A, shell);
+    compare(A, A, shell);
     OK(MatGetOwnershipRange(A, &first, &last));
     for (PetscInt r = first / nk; r < last / nk; r += 3) {
       set_row(A, nk, r, 2);
@@ -103,7 +117,7 @@ static void test_against_petsc(void **state)
     OK(MatAssemblyBegin(A, MAT_FINAL_ASSEMBLY));
     OK(MatAssemblyEnd(A, MAT_FINAL_ASSEMBLY));
     OK(BlockGSUpdate(shell, n, rows));
-    compare(A, shell);
+    compare(A, A, shell);
     OK(MatDestroy(&shell));
     OK(MatDestroy(&A));
   }
@@ -115,13 +129,27 @@ static PetscReal low_rank(PetscInt nk, PetscInt nr, PetscInt r, PetscInt k, Pets
   return noise(977 * r + k) > 0.3 ? noise(((r * 7 + k) * nk * nr + e) * 31) : 0;
 }
 
-/* A + W W^T, assembled */
-static void fill_low_rank(PetscInt nk, PetscInt ncolumn, PetscInt nr, Mat A, Mat *whole)
+/* Ranks that have a part of block column k */
+static PetscReal sharers(PetscInt nk, PetscInt nr, PetscInt first, PetscInt last, PetscInt k)
 {
-  PetscInt first, last;
+  PetscReal has = 0;
+
+  for (PetscInt r = first; r < last; r++) has = low_rank(nk, nr, r, k, 0) != 0 ? 1 : has;
+  return total(has);
+}
+
+/* A + W W^T, assembled; or as the sweeps see it: the part of a column times its sharers, and `extra` on the diagonal */
+static void fill_low_rank(PetscInt nk, PetscInt ncolumn, PetscInt nr, Mat A, PetscBool sweep, const PetscReal extra[], Mat *whole)
+{
+  PetscInt  first, last;
+  PetscReal factor[8];
 
   OK(MatCreateBAIJ(PETSC_COMM_WORLD, nk, PETSC_DECIDE, PETSC_DECIDE, NROW * nk, NROW * nk, NROW, NULL, NROW, NULL, whole));
   OK(MatGetOwnershipRange(A, &first, &last));
+  for (PetscInt k = 0; k < ncolumn; k++) {
+    factor[k] = sharers(nk, nr, first / nk, last / nk, k);
+    if (!sweep) factor[k] = 1;
+  }
   for (PetscInt r = first / nk; r < last / nk; r++) set_row(*whole, nk, r, 1);
   OK(MatAssemblyBegin(*whole, MAT_FLUSH_ASSEMBLY));
   OK(MatAssemblyEnd(*whole, MAT_FLUSH_ASSEMBLY));
@@ -131,7 +159,9 @@ static void fill_low_rank(PetscInt nk, PetscInt ncolumn, PetscInt nr, Mat A, Mat
 
       for (PetscInt e = 0; e < nk * nk; e++)
         for (PetscInt k = 0; k < ncolumn; k++)
-          for (PetscInt m = 0; m < nr; m++) block[e] += low_rank(nk, nr, r, k, e / nk * nr + m) * low_rank(nk, nr, col, k, e % nk * nr + m);
+          for (PetscInt m = 0; m < nr; m++)
+            block[e] += factor[k] * low_rank(nk, nr, r, k, e / nk * nr + m) * low_rank(nk, nr, col, k, e % nk * nr + m);
+      for (PetscInt e = 0; e < nk * nk && sweep && col == r; e++) block[e] += extra[(r - first / nk) * nk * nk + e];
       OK(MatSetValuesBlocked(*whole, 1, &r, 1, &col, block, ADD_VALUES));
     }
   }
@@ -139,7 +169,7 @@ static void fill_low_rank(PetscInt nk, PetscInt ncolumn, PetscInt nr, Mat A, Mat
   OK(MatAssemblyEnd(*whole, MAT_FINAL_ASSEMBLY));
 }
 
-/* A part of low rank acts as if it were filled in, and is gone when taken back */
+/* A part of low rank acts as if it were filled in, and is gone when taken back; what is extra is in the sweeps only */
 static void test_low_rank(void **state)
 {
   const PetscInt ncolumn = 4;
@@ -148,12 +178,15 @@ static void test_low_rank(void **state)
   for (PetscInt nk = 3; nk <= 4; nk++) {
     const PetscInt nr = nk == 3 ? 3 : 6;
     PetscInt       first, last, n = 0, row[NROW * 4], column[NROW * 4];
-    PetscReal     *w;
-    Mat            A, whole, shell;
+    PetscReal     *w, extra[NROW * 16];
+    Mat            A, whole, sweep, shell;
 
     create(nk, &A);
-    fill_low_rank(nk, ncolumn, nr, A, &whole);
+    for (PetscInt e = 0; e < NROW * nk * nk; e++) extra[e] = e % (nk * nk) % (nk + 1) == 0 ? 1 + noise(e) : 0.1;
+    fill_low_rank(nk, ncolumn, nr, A, PETSC_FALSE, NULL, &whole);
+    fill_low_rank(nk, ncolumn, nr, A, PETSC_TRUE, extra, &sweep);
     OK(BlockGSCreate(A, &shell));
+    OK(BlockGSSetExtra(shell, extra));
     OK(BlockGSUpdate(shell, 0, NULL));
     OK(MatGetOwnershipRange(A, &first, &last));
     OK(PetscMalloc1(NROW * ncolumn * nk * nr, &w));
@@ -166,12 +199,15 @@ static void test_low_rank(void **state)
       }
     }
     OK(BlockGSSetLowRank(shell, ncolumn, n, row, column, w));
-    compare(whole, shell);
+    compare(whole, sweep, shell);
+    OK(BlockGSSetExtra(shell, NULL));
     OK(BlockGSSetLowRank(shell, 0, 0, NULL, NULL, NULL));
-    compare(A, shell);
+    OK(BlockGSUpdate(shell, 0, NULL));
+    compare(A, A, shell);
     OK(PetscFree(w));
     OK(MatDestroy(&shell));
     OK(MatDestroy(&whole));
+    OK(MatDestroy(&sweep));
     OK(MatDestroy(&A));
   }
 }
