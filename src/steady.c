@@ -320,7 +320,7 @@ static PetscErrorCode solve_nonlinear(Steady s, PetscBool *ok)
 /* Pseudo-time steps from x; whenever the residual has fallen a hundredfold, the nonlinear solver tries again. */
 static PetscErrorCode march(Steady s, PetscBool *ok)
 {
-  PetscReal rate, norm, last = 0, next_try = 0;
+  PetscReal rate = 0, norm, last = 0, next_try = 0;
 
   PetscFunctionBeginUser;
   *ok = PETSC_FALSE;

@@ -133,7 +133,7 @@ static void expect_refusal(const char options[])
 {
   Case c = {0};
 
-  OK(PetscPushErrorHandler(PetscIgnoreErrorHandler, NULL));
+  OK(PetscPushErrorHandler(PetscReturnErrorHandler, NULL));
   assert_int_not_equal(create(&c, options), 0);
   OK(PetscPopErrorHandler());
   destroy(&c);
