@@ -1,6 +1,7 @@
 /* Coarse: see coarse.h. Ghost cells are known, so every rank builds the rows of its cells and the part of its nodes alone. */
 #include "compat.h"
 #include "coarse.h"
+#include "dense.h"
 
 #define MAX_VERTICES 125 /* vertices of the cells around a node: 9 (27) on regular meshes */
 
@@ -25,10 +26,9 @@ struct _p_Coarse {
 static PetscErrorCode fit_vertices(Coarse s, PetscInt c, PetscInt node[], PetscReal fit[])
 {
   const MeshLocal *l   = s->loc;
-  const PetscInt   dim = l->dim, nv = 1 << dim;
-  PetscReal        xc[MESH_MAX_NB * 3], inv[3][3], size, det;
-  PetscReal        J[3][3] = {{0}};
-  PetscInt         n       = 0, corner[8];
+  const PetscInt   dim = l->dim, nv          = 1 << dim;
+  PetscReal        xc[MESH_MAX_NB * 3], J[9] = {0}, inv[9], size, det;
+  PetscInt         n = 0, corner[8];
 
   PetscFunctionBeginUser;
   PetscCall(MeshCellCoordinates(s->mesh, c, xc));
@@ -37,19 +37,15 @@ static PetscErrorCode fit_vertices(Coarse s, PetscInt c, PetscInt node[], PetscR
   for (PetscInt v = 0; v < nv; v++) {
     node[v] = l->cell_node[c * l->nb + corner[v]];
     for (PetscInt e = 0; e < dim; e++)
-      for (PetscInt a = 0; a < dim; a++) J[a][e] += ((v >> e) & 1 ? 1.0 : -1.0) / nv * xc[corner[v] * dim + a];
+      for (PetscInt a = 0; a < dim; a++) J[a * dim + e] += ((v >> e) & 1 ? 1.0 : -1.0) / nv * xc[corner[v] * dim + a];
   }
-  if (dim == 2) J[2][2] = 1;
-  for (PetscInt a = 0; a < 3; a++)
-    for (PetscInt e = 0; e < 3; e++)
-      inv[e][a] = J[(a + 1) % 3][(e + 1) % 3] * J[(a + 2) % 3][(e + 2) % 3] - J[(a + 1) % 3][(e + 2) % 3] * J[(a + 2) % 3][(e + 1) % 3];
-  det  = J[0][0] * inv[0][0] + J[0][1] * inv[1][0] + J[0][2] * inv[2][0];
+  det  = DenseInvertMap(dim, J, inv);
   size = PetscPowReal(PetscAbsReal(det) * nv, 1.0 / dim);
   for (PetscInt v = 0; v < nv; v++) {
     fit[v] = 1.0 / nv;
     for (PetscInt a = 0; a < dim; a++) {
       fit[(1 + a) * nv + v] = 0;
-      for (PetscInt e = 0; e < dim; e++) fit[(1 + a) * nv + v] += size * inv[e][a] / det * ((v >> e) & 1 ? 1.0 : -1.0) / nv;
+      for (PetscInt e = 0; e < dim; e++) fit[(1 + a) * nv + v] += size * inv[e * dim + a] * ((v >> e) & 1 ? 1.0 : -1.0) / nv;
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
