@@ -7,7 +7,7 @@
      none
    and, in addition to either, -contact_lubrication: the resistance of films thinner than the mesh resolves. Defaults of all stiffnesses scale with the cell size and the
    energy of arrival at terminal speed; see contactlaw.c for the formulas. Bodies that cannot move exert forces and receive them, two such bodies ignore each other.
-   Options: -contact_range [length], -contact_substeps (0: chosen), -couple_search cells|brute; repulsive: -contact_stiffness (multiple of the default K), _eps, _eps_overlap,
+   Options: -contact_range [length], -contact_substeps (0: chosen), -contact_separate (bodies that overlap after a step are moved apart), -couple_search cells|brute; repulsive: -contact_stiffness (multiple of the default K), _eps, _eps_overlap,
    _wall_factor, _damping; spring: -contact_spring_stiffness, _restitution, _friction, _tangential; lubrication: -contact_lubrication_range, _roughness. */
 #pragma once
 #include "bodies.h"
@@ -33,12 +33,15 @@ PetscErrorCode ContactEvaluate(Contact, PetscReal (*x)[3], PetscReal (*q)[4], Pe
 
 /* Contact force to use for the step [t, t + dt]: sub-steps the bodies from their present state under the frozen remaining acceleration
    a, alpha [n][3] (their motion without contact: a = (U^n - U^{n-1})/dt - contact_force of the last step / ContactGetMass, alpha alike), with the effective
-   mass and inertia of ContactGetMass, and stores force and torque in contact_force, contact_torque of the state and the smallest gap met in gap (PETSC_MAX_REAL: far).
+   mass and inertia of ContactGetMass, and stores force and torque in contact_force, contact_torque of the state.
    Repulsive law: the force of a pair is its mean over the step, or over a look-ahead of two steps where that is larger (contact.c says why).
    The state itself does not move. Bodies out of range of everything cost nothing but the search. Not collective, same result on all ranks.
    Safe while a body moves at most h in a step.
    Error when -contact_substeps is given and too small for the stiffness: names option, value and the needed number. */
 PetscErrorCode ContactStep(Contact, PetscReal dt, PetscReal (*a)[3], PetscReal (*alpha)[3]);
+/* After the bodies have moved in the flow: fills gap of the state (PETSC_MAX_REAL: far) and, with -contact_separate, moves bodies that overlap apart (contactseparate.c says why
+   and how) until 1e-3 radii are left; velocities stay. Not collective, same result on all ranks. */
+PetscErrorCode ContactFinishStep(Contact);
 /* Take steps back: Keep before ContactStep, Revert after it; contact_force, contact_torque, gap and the tangential springs are what they were. Not collective. */
 PetscErrorCode ContactKeep(Contact);
 PetscErrorCode ContactRevert(Contact);
@@ -62,5 +65,7 @@ PetscErrorCode ContactCheckStart(Contact);
 PetscErrorCode ContactGetMass(Contact, PetscInt k, PetscReal *mass, PetscReal inertia[6]);
 /* Work of the last call: pairs of bodies tested by their bounding circles (0: the list of pairs was still good), pairs and walls within reach, sub-steps of the step. Each may be NULL. */
 PetscErrorCode ContactGetWork(Contact, PetscInt *tests, PetscInt *pairs, PetscInt *substeps);
+/* Largest overlap, in diameters of the smaller body, that ContactFinishStep has found since the beginning. */
+PetscErrorCode ContactGetSeparation(Contact, PetscReal *overlap);
 /* StateVisit of a Contact: the list of pairs with their tangential springs, the work done. */
 PetscErrorCode ContactVisitState(void *contact, State);

@@ -1,5 +1,5 @@
 /* Inside of the contact module; for its files only. contact.c: steps and sub-steps. contactsearch.c: who is near whom. contacttouch.c: where two bodies touch.
-   contactlaw.c: the forces. Vectors have 3 components, 2D ones a zero; a tensor is xx yy zz xy xz yz. */
+   contactlaw.c: the forces. contactseparate.c: gaps and overlaps after a step. Vectors have 3 components, 2D ones a zero; a tensor is xx yy zz xy xz yz. */
 #pragma once
 #include "contact.h"
 
@@ -87,7 +87,9 @@ struct _p_Contact {
   PetscReal *reach;  /* [n] way a body may go before the next search; NULL: none */
   PetscBool  have_list;
   PetscInt   tests, builds, steps_done, nnear;
-  PetscReal  work; /* done by contact on the bodies since the beginning */
+  PetscBool  separate;
+  PetscReal  separation; /* largest overlap that separation has found, in diameters */
+  PetscReal  work;       /* done by contact on the bodies since the beginning */
   /* what ContactKeep keeps */
   PetscReal (*kept)[7]; /* [n] force, torque, gap */
   Pair *kept_pair;      /* [kept_npairs] with friction */
@@ -130,6 +132,12 @@ static inline void ContactWrap(Contact c, PetscReal d[3])
 {
   for (PetscInt a = 0; a < c->dim; a++)
     if (c->period[a] > 0) d[a] -= c->period[a] * PetscFloorReal(d[a] / c->period[a] + 0.5);
+}
+
+static inline void ContactNoteGap(const Pair *p, PetscReal gap, PetscReal all[])
+{
+  all[p->i] = PetscMin(all[p->i], gap);
+  if (p->j >= 0) all[p->j] = PetscMin(all[p->j], gap);
 }
 
 /* Change of angular velocity under an angular impulse. */

@@ -122,12 +122,6 @@ static void scatter_impulse(const Pair *p, const Impulse *s, PetscReal scale, Pe
   }
 }
 
-static void note_gap(const Pair *p, PetscReal gap, PetscReal *all)
-{
-  all[p->i] = PetscMin(all[p->i], gap);
-  if (p->j >= 0) all[p->j] = PetscMin(all[p->j], gap);
-}
-
 static void kick(Contact c, PetscInt k, PetscReal h, const PetscReal f[3], const PetscReal torque[3])
 {
   const Kind *kind = ContactKind(c, k);
@@ -321,7 +315,6 @@ static PetscErrorCode advance_crowd(Contact c, PetscReal h, Crowd *w, PetscBool 
     PetscReal   gap;
 
     PetscCall(ContactPairForce(c, near->pair, h, &now, &gap));
-    if (in_step) note_gap(p, gap, c->s->gap);
     if (gap >= c->horizon) continue;
     for (PetscInt a = 0; a < 3; a++)
       for (PetscInt s = in_step ? 0 : 1; s < 2; s++) {
@@ -406,7 +399,7 @@ PetscErrorCode ContactEvaluate(Contact c, PetscReal (*x)[3], PetscReal (*q)[4], 
     PetscReal g;
 
     PetscCall(ContactPairForce(c, p, 0, &now, &g));
-    note_gap(&c->pair[p], g, gap);
+    ContactNoteGap(&c->pair[p], g, gap);
     scatter_impulse(&c->pair[p], &now, 1, force, torque);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -464,12 +457,12 @@ static PetscErrorCode push_pairs(Contact c, PetscReal h, PetscReal share)
     PetscReal gap, f[3];
 
     if (ContactDiscForce(c, &c->pair[p], h, f, &gap)) {
-      note_gap(&c->pair[p], gap, c->s->gap);
+      ContactNoteGap(&c->pair[p], gap, c->s->gap);
       if (gap < c->range) push_discs(c, &c->pair[p], h, share, f);
       continue;
     }
     PetscCall(ContactPairForce(c, p, h, &now, &gap));
-    note_gap(&c->pair[p], gap, c->s->gap);
+    ContactNoteGap(&c->pair[p], gap, c->s->gap);
     if (gap >= c->horizon) continue;
     scatter_impulse(&c->pair[p], &now, share, c->s->contact_force, c->s->contact_torque);
     kick_pair(c, &c->pair[p], h, &now);
@@ -637,6 +630,13 @@ PetscErrorCode ContactGetWork(Contact c, PetscInt *tests, PetscInt *pairs, Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode ContactGetSeparation(Contact c, PetscReal *overlap)
+{
+  PetscFunctionBeginUser;
+  *overlap = c->separation;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ContactView(Contact c, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
@@ -711,6 +711,8 @@ PetscErrorCode ContactCreate(Bodies bodies, PetscReal h, PetscReal rho_f, const 
   }
   PetscCall(ContactReadLaws(c));
   PetscCall(OptInt("-contact_substeps", "Sub-steps of the contact in a time step, 0: from the stiffness", "", 0, PETSC_MAX_INT / 2, &c->substeps));
+  c->separate = PETSC_TRUE;
+  if (c->s->n) PetscCall(OptBool("-contact_separate", "bodies that overlap after a step of the flow are moved apart", &c->separate));
   if (c->s->n)
     PetscCall(
       OptChoice("-couple_search", "how nodes and neighbours of bodies are found: with search grids, or all against all", SEARCHES, &c->brute));

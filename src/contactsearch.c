@@ -351,6 +351,7 @@ PetscErrorCode ContactVisitState(void *contact, State state)
 
   PetscFunctionBeginUser;
   PetscCall(StateReals(state, "work", 1, &c->work));
+  PetscCall(StateReals(state, "separation", 1, &c->separation));
   PetscCall(StateInts(state, "have_list", 1, &have));
   c->have_list = (PetscBool)have;
   if (!have) PetscFunctionReturn(PETSC_SUCCESS);

@@ -256,6 +256,7 @@ static PetscErrorCode finish_part(Sim s, PetscReal dt, PetscInt its)
   PetscCall(PetscLogStagePush(TB_STAGE_BODIES));
   if (s->adapt) PetscCall(AdaptAccept(s->adapt, s->diag.cfl));
   PetscCall(CoupleAdvance(s->part.couple));
+  PetscCall(ContactFinishStep(s->part.contact));
   PetscCall(ContactCountWork(s->part.contact, dt));
   PetscCall(BorderApply(s->part.border));
   PetscCall(PetscLogStagePop());
@@ -493,6 +494,7 @@ static PetscErrorCode finish_flow(Sim s, PetscInt *cells, PetscInt *unknowns)
   const MeshLocal *l;
   FlowSolver       solver;
   PetscInt         ncut, nbodies;
+  PetscReal        separation;
   Mat              S;
 
   PetscFunctionBeginUser;
@@ -506,6 +508,8 @@ static PetscErrorCode finish_flow(Sim s, PetscInt *cells, PetscInt *unknowns)
   PetscCall(MonitorBalance(s->part.monitor, "body_cells", ncut));
   PetscCall(MonitorBalance(s->part.monitor, "bodies", nbodies));
   PetscCall(ProbeFinish(s->part.probe));
+  PetscCall(ContactGetSeparation(s->part.contact, &separation));
+  if (separation > 0) PetscCall(MonitorQuantity(s->part.monitor, "separation_max", separation));
   if (s->adapt) PetscCall(AdaptFinish(s->adapt));
   PetscCall(FlowGetMatrix(s->part.flow, &S));
   PetscCall(MonitorYardstick(s->part.monitor, S));

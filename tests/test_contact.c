@@ -195,7 +195,6 @@ static void test_only_near(void **state)
   OK(ContactGetWork(f.c, NULL, &pairs, &substeps));
   assert_int_equal(pairs, 0);
   assert_int_equal(substeps, 0);
-  assert_true(f.s->gap[0] == PETSC_MAX_REAL);
   f.s->u[0][0] = 10; /* 0.1 a step, gap 0.3 */
   OK(ContactStep(f.c, 0.02, f.a, f.alpha));
   assert_true(f.s->contact_force[0][0] < 0);
@@ -482,6 +481,80 @@ static void test_squeezed(void **state)
     }
 }
 
+/* ---- separation ---- */
+
+static PetscReal deepest_overlap(const Fixture *f, PetscReal radius)
+{
+  PetscReal most = 0;
+
+  for (PetscInt i = 0; i < f->s->n; i++)
+    for (PetscInt j = 0; j < i && f->s->body_group[i] == 0; j++)
+      if (f->s->body_group[j] == 0)
+        most = PetscMax(most, 2 * radius - PetscSqrtReal(PetscSqr(f->s->x[i][0] - f->s->x[j][0]) + PetscSqr(f->s->x[i][1] - f->s->x[j][1])));
+  return most;
+}
+
+static void centre_of_mass(const Fixture *f, PetscReal centre[2])
+{
+  PetscReal mass, total = 0;
+
+  centre[0] = centre[1] = 0;
+  for (PetscInt k = 0; k < f->s->n; k++) {
+    OK(ContactGetMass(f->c, k, &mass, NULL));
+    total += mass;
+    for (PetscInt a = 0; a < 2; a++) centre[a] += mass * f->s->x[k][a];
+  }
+  for (PetscInt a = 0; a < 2; a++) centre[a] /= total;
+}
+
+/* Discs, a heavy one and an ellipse thrown into each other and into the walls: nothing overlaps afterwards, and only walls move the centre of mass. */
+static void test_separation(void **state)
+{
+  const PetscReal R = 0.07;
+
+  (void)state;
+  for (PetscInt walls = 0; walls < 16; walls += 15)
+    for (PetscInt on = 0; on < 2; on++) {
+      char      options[512];
+      Fixture   f;
+      PetscReal before[2], after[2], least, found, at = 0.3;
+
+      snprintf(options, sizeof(options),
+               "-particle_groups a,b,e -particle_a_shape circle -particle_a_radius 0.07 -particle_a_density 1.1 -particle_a_place lattice "
+               "-particle_a_count 25 -particle_b_shape circle -particle_b_radius 0.1 -particle_b_density 20 -particle_b_position 0.6,0.3 "
+               "-particle_e_shape ellipse -particle_e_a 0.12 -particle_e_b 0.06 -particle_e_density 2 -particle_e_position 0.4,0.5 "
+               "-contact_separate %s",
+               on ? "true" : "false");
+      create(&f, 2, 0.02, down, zero, one, walls, options);
+      for (PetscInt k = 0; k < f.s->n; k++)
+        for (PetscInt a = 0; a < 2; a++) {
+          at = at * 7919.1 + 0.37;
+          at -= PetscFloorReal(at);
+          f.s->x[k][a] += 0.12 * (at - 0.5);
+          f.s->u[k][a] = at;
+        }
+      centre_of_mass(&f, before);
+      OK(ContactStep(f.c, 1e-9, f.a, f.alpha));
+      assert_true(deepest_overlap(&f, R) > 0.1 * R);
+      OK(ContactFinishStep(f.c));
+      OK(ContactGetSeparation(f.c, &found));
+      assert_true(found > 0.05);
+      centre_of_mass(&f, after);
+      least = smallest(&f, f.s->gap);
+      if (on) {
+        assert_true(deepest_overlap(&f, R) <= 1e-3 * R && least >= -1e-3 * R);
+        for (PetscInt a = 0; a < 2 && !walls; a++) near(after[a], before[a], 1e-14);
+        evaluate(&f);
+        near(smallest(&f, f.gap), least, 1e-14);
+      } else {
+        near(after[0], before[0], 0);
+        assert_true(least < -0.1 * R);
+      }
+      near(f.s->u[f.s->n - 1][1], at, 0); /* velocities stay */
+      destroy(&f);
+    }
+}
+
 int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {cmocka_unit_test(test_law),          cmocka_unit_test(test_work),
@@ -489,7 +562,8 @@ int main(int argc, char **argv)
                                      cmocka_unit_test(test_linear_cost),  cmocka_unit_test(test_only_near),
                                      cmocka_unit_test(test_conservation), cmocka_unit_test(test_points_against_discs),
                                      cmocka_unit_test(test_tilted),       cmocka_unit_test(test_one_disc_rests),
-                                     cmocka_unit_test(test_pile_rests),   cmocka_unit_test(test_squeezed)};
+                                     cmocka_unit_test(test_pile_rests),   cmocka_unit_test(test_squeezed),
+                                     cmocka_unit_test(test_separation)};
   int                     failed;
 
   if (PetscInitialize(&argc, &argv, NULL, NULL)) return 1;
