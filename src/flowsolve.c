@@ -10,6 +10,9 @@
 /* Viscous number nu theta/(c_t h^2) from which the commutator pays where rigid nodes form a staircase: settling disc, 0.085: 9 outer iterations, 6 with it, at equal cost; 0.34: 15 and 6,
    at 1.2 times the cost. Otherwise it does not, being half as dear again: cavity, 64 x 64 cells, CFL 0.9, 0.23 / 0.9 / 3.7: 3.6 / 4.2 / 4.7 and 4.7 / 5.2 / 5.6; settling disc under penalty: 10 and 12 */
 #define COMMUTATOR_FROM 0.05
+/* Alike with bodies that do not move or whose motion is given. Cylinder in a channel, nodal, 3.4 / 66 / 660: outer iterations of the sixth step 27 / 37 / 57 and 23 / 26 / 19, six steps at 0.75 / 0.9 /
+   1.6 of the commutator's cost; 610,030 unknowns, 0.15: 6 and 6 at half its cost */
+#define COMMUTATOR_FROM_KNOWN 100
 /* Convective number |u| theta/(c_t h) alike, in under-resolved flows (cell Reynolds number above 50) and in all: cavity, nu 1e-6, 32 x 32 cells, 0.67: 15 and 7;
    nu 1e-2, 16 x 16 cells, 6.7: 22 and 8 */
 #define COMMUTATOR_FROM_UNRESOLVED 0.5
@@ -471,14 +474,28 @@ PetscErrorCode FlowSolverSetDead(FlowSolver fs, const PetscInt cell_body[], cons
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Sets *has if the velocity of some body is unknown */
+static PetscErrorCode find_free_bodies(FlowSolver fs, PetscBool *has)
+{
+  const PetscInt *unknown;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetUnknown(fs->constraint, &unknown));
+  for (PetscInt k = 0; k < fs->nbodies; k++)
+    if (unknown[k]) *has = PETSC_TRUE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* What follows the pressure solve, and the preconditioner of the velocity, by the viscous and the convective number of the step with the smallest cell */
 static PetscErrorCode choose_methods(FlowSolver fs)
 {
   const FlowParameters *par;
   const FlowStep       *step;
   PetscReal            *u, speed = 0, t, viscous, convective;
+  PetscBool             moves = PETSC_FALSE;
 
   PetscFunctionBeginUser;
+  PetscCall(find_free_bodies(fs, &moves));
   PetscCall(FlowGetParameters(fs->flow, &par));
   PetscCall(FlowGetStep(fs->flow, &step));
   PetscCall(FlowGetFields(fs->flow, &u, NULL, NULL));
@@ -495,7 +512,8 @@ static PetscErrorCode choose_methods(FlowSolver fs)
   fs->share_of_pressure = fs->fixed && fs->nbodies == 0 && viscous < WHOLE_FROM ? SHARE_BELOW : 1;
   if (fs->commute || fs->schur == SCHUR_PROJECTION) PetscFunctionReturn(PETSC_SUCCESS);
   fs->viscous_only = (PetscBool)(fs->nbodies == 0 && viscous > VISCOUS_FROM && convective * convective < 10 * viscous);
-  fs->commute      = (PetscBool)((fs->nbodies > 0 && !fs->fitted && !FlowSolverIsSoft(fs) && viscous > COMMUTATOR_FROM) ||
+  fs->commute      = (PetscBool)((fs->nbodies > 0 && !fs->fitted && !FlowSolverIsSoft(fs) &&
+                             viscous > (moves ? COMMUTATOR_FROM : COMMUTATOR_FROM_KNOWN)) ||
                             convective > COMMUTATOR_FROM_CONVECTION || (convective > COMMUTATOR_FROM_UNRESOLVED && convective > 50 * viscous));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
