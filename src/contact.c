@@ -190,7 +190,7 @@ static PetscErrorCode choose_substeps(Contact c, PetscReal dt, PetscReal time, P
 static void move_body(Contact c, PetscInt k, PetscReal h)
 {
   for (PetscInt a = 0; a < c->dim; a++) c->x[k][a] += h * c->u[k][a];
-  RotationAdvance(h, c->w[k], c->q[k]);
+  if (ContactKind(c, k)->disc <= 0) RotationAdvance(h, c->w[k], c->q[k]); /* discs look the same from all sides */
 }
 
 /* ---- a step of bodies in a flow ---- */
@@ -304,6 +304,18 @@ static void drift_velocity(Contact c, PetscInt k, const Drift *d, PetscReal h)
   }
 }
 
+/* Two discs out of reach of each other: most of a crowd in most sub-steps */
+static PetscBool discs_apart(Contact c, const Pair *p)
+{
+  PetscReal d[3] = {0, 0, 0}, reach = c->horizon;
+
+  if (p->j < 0 || ContactKind(c, p->i)->disc <= 0 || ContactKind(c, p->j)->disc <= 0) return PETSC_FALSE;
+  reach += ContactKind(c, p->i)->disc + ContactKind(c, p->j)->disc;
+  for (PetscInt a = 0; a < c->dim; a++) d[a] = c->x[p->i][a] - c->x[p->j][a];
+  ContactWrap(c, d);
+  return (PetscBool)(dot3(d, d) >= reach * reach);
+}
+
 static PetscErrorCode advance_crowd(Contact c, PetscReal h, Crowd *w, PetscBool in_step)
 {
   PetscFunctionBeginUser;
@@ -314,6 +326,7 @@ static PetscErrorCode advance_crowd(Contact c, PetscReal h, Crowd *w, PetscBool 
     Impulse     now;
     PetscReal   gap;
 
+    if (!c->slip && discs_apart(c, p)) continue; /* a tangential spring ends where the bodies part */
     PetscCall(ContactPairForce(c, near->pair, h, &now, &gap));
     if (gap >= c->horizon) continue;
     for (PetscInt a = 0; a < 3; a++)
