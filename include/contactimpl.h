@@ -29,7 +29,7 @@ typedef struct {
   PetscReal  inverse_spin;    /* 2D */
   PetscReal  radius, disc;
   PetscReal  terminal;         /* speed scale from gravity */
-  PetscReal  stiffness, speed; /* of this step: see the law; and u_ref */
+  PetscReal  stiffness, speed; /* of this step: see the law; and u_ref of bodies at rest */
   PetscInt   npoints;
   PetscReal *point; /* [npoints][dim] surface points about the centroid, body frame */
 } Kind;
@@ -48,8 +48,8 @@ typedef struct {
   const char *name;
   PetscInt    lookahead; /* steps that ContactStep integrates, see contact.c; 0: the law has no forces */
   PetscErrorCode (*options)(Contact);
-  PetscReal (*stiffness)(Contact, const Kind *);               /* of a body, from its speed u_ref */
-  PetscReal (*combine)(Contact, const Kind *i, const Kind *j); /* stiffness of a pair; j NULL: a wall */
+  PetscReal (*stiffness)(Contact, const Kind *);                                /* of a body, from its speed u_ref */
+  PetscReal (*combine)(Contact, const Kind *i, const Kind *j, PetscReal speed); /* stiffness of a pair that moves with speed; j NULL: a wall */
   PetscReal (*force)(Contact, const Meeting *);
   PetscReal (*energy)(Contact, const Meeting *);                   /* stored */
   PetscReal (*time)(Contact, PetscReal stiffness, PetscReal mass); /* in which the force changes: sqrt(mass/slope) */
@@ -69,12 +69,13 @@ struct _p_Contact {
   PetscReal         h, range, horizon; /* horizon >= range: no force of any kind beyond */
   PetscReal         rho_f, viscosity, g[3], lower[3], upper[3], period[3];
   /* parameters of the laws */
-  PetscReal multiple, eps, eps_overlap, wall_factor, damping_speed;                 /* repulsive */
-  PetscReal spring, restitution, friction, tangential, damping_ratio, spring_speed; /* spring */
-  PetscBool lubricate;
-  PetscReal lubrication_range, roughness;
-  Kind     *kind;         /* [ngroups] */
-  PetscReal extra, floor; /* u_ref from the present motion: for all bodies, for bodies without buoyancy */
+  PetscReal  multiple, eps, eps_overlap, wall_factor, damping_speed;                 /* repulsive */
+  PetscReal  spring, restitution, friction, tangential, damping_ratio, spring_speed; /* spring */
+  PetscBool  lubricate;
+  PetscReal  lubrication_range, roughness;
+  Kind      *kind;    /* [ngroups] */
+  PetscReal  floor;   /* u_ref of bodies without buoyancy */
+  PetscReal *present; /* [n] speed of a body's fastest point when the scales were set */
   /* where the bodies are: the state's own arrays or copies */
   PetscReal (*x)[3], (*q)[4], (*u)[3], (*w)[3];
   PetscReal (*copy_x)[3], (*copy_q)[4], (*copy_u)[3], (*copy_w)[3]; /* [n], allocated when first needed */
@@ -132,6 +133,12 @@ static inline void ContactWrap(Contact c, PetscReal d[3])
 {
   for (PetscInt a = 0; a < c->dim; a++)
     if (c->period[a] > 0) d[a] -= c->period[a] * PetscFloorReal(d[a] / c->period[a] + 0.5);
+}
+
+/* The larger present speed of a pair */
+static inline PetscReal ContactPairSpeed(Contact c, const Pair *p)
+{
+  return p->j >= 0 ? PetscMax(c->present[p->i], c->present[p->j]) : c->present[p->i];
 }
 
 static inline void ContactNoteGap(const Pair *p, PetscReal gap, PetscReal all[])

@@ -42,10 +42,16 @@ static PetscReal repulsive_stiffness(Contact c, const Kind *k)
   return k->moves ? c->multiple * 1.5 * k->mass * PetscSqr(k->speed) / c->range : 0;
 }
 
-static PetscReal repulsive_combine(Contact c, const Kind *i, const Kind *j)
+/* The stiffness of a body that is faster than its scale grows with the square of its speed, as the energy does that is to be stored */
+static PetscReal stiffen(const Kind *k, PetscReal speed)
 {
-  if (!j) return c->wall_factor * (c->eps > 0 ? 2 : 1) * i->stiffness;
-  return c->eps > 0 ? i->stiffness + j->stiffness : PetscMax(i->stiffness, j->stiffness);
+  return speed > k->speed && k->speed > 0 ? k->stiffness * PetscSqr(speed / k->speed) : k->stiffness;
+}
+
+static PetscReal repulsive_combine(Contact c, const Kind *i, const Kind *j, PetscReal speed)
+{
+  if (c->eps > 0) return j ? i->stiffness + j->stiffness : 2 * c->wall_factor * i->stiffness;
+  return j ? PetscMax(stiffen(i, speed), stiffen(j, speed)) : c->wall_factor * stiffen(i, speed);
 }
 
 /* Overlap in which the force doubles, s r */
@@ -100,9 +106,10 @@ static PetscReal spring_stiffness(Contact c, const Kind *k)
   return k->moves ? 4 * k->mass * PetscSqr(PetscMax(k->terminal, c->spring_speed) / c->range) : 0;
 }
 
-static PetscReal spring_combine(Contact c, const Kind *i, const Kind *j)
+static PetscReal spring_combine(Contact c, const Kind *i, const Kind *j, PetscReal speed)
 {
   (void)c;
+  (void)speed;
   return j ? PetscMax(i->stiffness, j->stiffness) : i->stiffness;
 }
 
@@ -292,10 +299,11 @@ static PetscErrorCode add_lubrication(Contact c, const Pair *p, const Touch *t, 
 
 static void fill_meeting(Contact c, const Pair *p, PetscReal h, Meeting *m)
 {
-  const Kind *ki = ContactKind(c, p->i), *kj = p->j >= 0 ? ContactKind(c, p->j) : NULL;
+  const Kind     *ki = ContactKind(c, p->i), *kj = p->j >= 0 ? ContactKind(c, p->j) : NULL;
+  const PetscReal speed = ContactPairSpeed(c, p);
 
-  m->stiffness = c->law->combine(c, ki, kj);
-  m->speed     = kj && kj->stiffness > ki->stiffness ? kj->speed : ki->speed;
+  m->stiffness = c->law->combine(c, ki, kj, speed);
+  m->speed     = PetscMax(speed, kj && kj->stiffness > ki->stiffness ? kj->speed : ki->speed);
   m->h         = h;
 }
 
