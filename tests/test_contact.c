@@ -481,6 +481,30 @@ static void test_squeezed(void **state)
     }
 }
 
+/* A disc that is flung out stiffens its own contacts, not those of bodies at rest elsewhere. */
+static void test_local_stiffness(void **state)
+{
+  Fixture   f;
+  PetscReal rest, calm;
+
+  (void)state;
+  create(&f, 2, 0.02, down, zero, one, 0,
+         "-particle_groups a -particle_a_shape circle -particle_a_radius 0.05 -particle_a_density 2 -particle_a_place lattice -particle_a_count 4");
+  f.s->x[1][0] = f.s->x[0][0] + 0.105; /* two pairs, with gaps of half the range */
+  f.s->x[1][1] = f.s->x[0][1];
+  f.s->x[3][0] = f.s->x[2][0] + 0.105;
+  f.s->x[3][1] = f.s->x[2][1];
+  evaluate(&f);
+  rest = f.force[1][0];
+  calm = f.force[3][0];
+  near(rest / calm, 1, 1e-12);
+  f.s->u[3][1] = 100;
+  evaluate(&f);
+  near(f.force[1][0], rest, 1e-12 * rest);
+  assert_true(f.force[3][0] > 100 * calm);
+  destroy(&f);
+}
+
 /* ---- separation ---- */
 
 static PetscReal deepest_overlap(const Fixture *f, PetscReal radius)
@@ -557,12 +581,19 @@ static void test_separation(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_law),          cmocka_unit_test(test_work),
-                                     cmocka_unit_test(test_options),      cmocka_unit_test(test_brute_force),
-                                     cmocka_unit_test(test_linear_cost),  cmocka_unit_test(test_only_near),
-                                     cmocka_unit_test(test_conservation), cmocka_unit_test(test_points_against_discs),
-                                     cmocka_unit_test(test_tilted),       cmocka_unit_test(test_one_disc_rests),
-                                     cmocka_unit_test(test_pile_rests),   cmocka_unit_test(test_squeezed),
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_law),
+                                     cmocka_unit_test(test_work),
+                                     cmocka_unit_test(test_options),
+                                     cmocka_unit_test(test_brute_force),
+                                     cmocka_unit_test(test_linear_cost),
+                                     cmocka_unit_test(test_only_near),
+                                     cmocka_unit_test(test_conservation),
+                                     cmocka_unit_test(test_points_against_discs),
+                                     cmocka_unit_test(test_tilted),
+                                     cmocka_unit_test(test_one_disc_rests),
+                                     cmocka_unit_test(test_pile_rests),
+                                     cmocka_unit_test(test_squeezed),
+                                     cmocka_unit_test(test_local_stiffness),
                                      cmocka_unit_test(test_separation)};
   int                     failed;
 
