@@ -135,6 +135,16 @@ static inline void ContactWrap(Contact c, PetscReal d[3])
     if (c->period[a] > 0) d[a] -= c->period[a] * PetscFloorReal(d[a] / c->period[a] + 0.5);
 }
 
+/* Are the centres of two bodies, or of the nearest image of one, closer than reach? */
+static inline PetscBool ContactWithin(Contact c, PetscInt i, PetscInt j, PetscReal reach)
+{
+  PetscReal d[3] = {0, 0, 0};
+
+  for (PetscInt a = 0; a < c->dim; a++) d[a] = c->x[i][a] - c->x[j][a];
+  ContactWrap(c, d);
+  return (PetscBool)(dot3(d, d) < reach * reach);
+}
+
 /* The larger present speed of a pair */
 static inline PetscReal ContactPairSpeed(Contact c, const Pair *p)
 {

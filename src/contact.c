@@ -260,17 +260,14 @@ static PetscErrorCode start_drift(Contact c, PetscReal dt, PetscReal (*a)[3], Pe
 /* Can the pair meet during the step? The list holds also those that its skin brought in. */
 static PetscBool can_meet(Contact c, const Pair *p)
 {
-  PetscReal reach = c->horizon + ContactKind(c, p->i)->radius + c->reach[p->i], d[3] = {0, 0, 0};
+  PetscReal reach = c->horizon + ContactKind(c, p->i)->radius + c->reach[p->i];
 
   if (p->j < 0) {
     const PetscInt face = -1 - p->j, a = face / 2;
 
     return (PetscBool)((face % 2 ? c->upper[a] - c->x[p->i][a] : c->x[p->i][a] - c->lower[a]) < reach);
   }
-  reach += ContactKind(c, p->j)->radius + c->reach[p->j];
-  for (PetscInt a = 0; a < c->dim; a++) d[a] = c->x[p->i][a] - c->x[p->j][a];
-  ContactWrap(c, d);
-  return (PetscBool)(dot3(d, d) < reach * reach);
+  return ContactWithin(c, p->i, p->j, reach + ContactKind(c, p->j)->radius + c->reach[p->j]);
 }
 
 static PetscErrorCode gather_crowd(Contact c, Crowd *w)
@@ -314,13 +311,9 @@ static void drift_velocity(Contact c, PetscInt k, const Drift *d, PetscReal h)
 /* Two discs out of reach of each other: most of a crowd in most sub-steps */
 static PetscBool discs_apart(Contact c, const Pair *p)
 {
-  PetscReal d[3] = {0, 0, 0}, reach = c->horizon;
+  const PetscReal ri = ContactKind(c, p->i)->disc, rj = p->j >= 0 ? ContactKind(c, p->j)->disc : 0;
 
-  if (p->j < 0 || ContactKind(c, p->i)->disc <= 0 || ContactKind(c, p->j)->disc <= 0) return PETSC_FALSE;
-  reach += ContactKind(c, p->i)->disc + ContactKind(c, p->j)->disc;
-  for (PetscInt a = 0; a < c->dim; a++) d[a] = c->x[p->i][a] - c->x[p->j][a];
-  ContactWrap(c, d);
-  return (PetscBool)(dot3(d, d) >= reach * reach);
+  return (PetscBool)(ri > 0 && rj > 0 && !ContactWithin(c, p->i, p->j, c->horizon + (ri + rj)));
 }
 
 static PetscErrorCode advance_crowd(Contact c, PetscReal h, Crowd *w, PetscBool in_step)
@@ -733,10 +726,11 @@ PetscErrorCode ContactCreate(Bodies bodies, PetscReal h, PetscReal rho_f, const 
   PetscCall(ContactReadLaws(c));
   PetscCall(OptInt("-contact_substeps", "Sub-steps of the contact in a time step, 0: from the stiffness", "", 0, PETSC_MAX_INT / 2, &c->substeps));
   c->separate = PETSC_TRUE;
-  if (c->s->n) PetscCall(OptBool("-contact_separate", "bodies that overlap after a step of the flow are moved apart", &c->separate));
-  if (c->s->n)
+  if (c->s->n) {
+    PetscCall(OptBool("-contact_separate", "bodies that overlap after a step of the flow are moved apart", &c->separate));
     PetscCall(
       OptChoice("-couple_search", "how nodes and neighbours of bodies are found: with search grids, or all against all", SEARCHES, &c->brute));
+  }
   PetscCall(PetscCalloc1(c->s->ngroups, &c->kind));
   PetscCall(PetscCalloc1(c->s->n, &c->present));
   for (PetscInt g = 0; g < c->s->ngroups; g++) create_kind(c, &c->s->group[g], &c->kind[g]);

@@ -23,14 +23,9 @@ static PetscReal smaller_radius(Contact c, const Pair *p)
 /* Gap of a pair and the direction from its partner to body i, that of the deepest point */
 static PetscErrorCode find_gap(Contact c, const Pair *p, PetscReal normal[3], PetscReal *gap)
 {
-  const Kind *ki = ContactKind(c, p->i), *kj = p->j >= 0 ? ContactKind(c, p->j) : NULL;
-  PetscInt    n;
+  PetscInt n;
 
   PetscFunctionBeginUser;
-  if (ki->disc > 0 && (!kj || kj->disc > 0)) {
-    ContactDiscGap(c, p->i, ki->disc, p->j, kj ? kj->disc : 0, normal, gap);
-    PetscFunctionReturn(PETSC_SUCCESS);
-  }
   PetscCall(ContactFindTouch(c, p->i, p->j, &n, gap));
   for (PetscInt k = 0; k < n; k++)
     if (c->touch[k].gap <= *gap) PetscCall(PetscArraycpy(normal, c->touch[k].normal, 3));

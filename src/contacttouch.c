@@ -145,16 +145,10 @@ PetscErrorCode ContactFindTouch(Contact c, PetscInt i, PetscInt j, PetscInt *n, 
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   if (!kj) *n = touch_wall(c, i, -1 - j, c->touch);
-  else {
-    PetscReal d[3] = {0, 0, 0};
-
-    for (PetscInt a = 0; a < c->dim; a++) d[a] = c->x[i][a] - c->x[j][a];
-    ContactWrap(c, d);
-    if (dot3(d, d) < PetscSqr(ki->radius + kj->radius + c->horizon)) {
-      PetscCall(touch_points(c, i, j, PETSC_FALSE, c->touch, n));
-      PetscCall(touch_points(c, j, i, PETSC_TRUE, c->touch + *n, &m));
-      *n += m;
-    }
+  else if (ContactWithin(c, i, j, ki->radius + kj->radius + c->horizon)) {
+    PetscCall(touch_points(c, i, j, PETSC_FALSE, c->touch, n));
+    PetscCall(touch_points(c, j, i, PETSC_TRUE, c->touch + *n, &m));
+    *n += m;
   }
   weigh(c, *n, c->touch, gap);
   PetscFunctionReturn(PETSC_SUCCESS);
