@@ -8,7 +8,8 @@
    Rung `penalty` (penalty.h): the body's part of cut cells is held at its velocity by a force, fictitious fluid inside and exact Vol and I as with nodal; force = that of the
    penalty plus the residual of the nodes that move rigidly. The volume form of the force is taken around all held nodes, one or two cells out, and misses what flows through there.
 
-   Rung `snap` (snap.h): the mesh lines up with the bodies, whose inside is no part of the fluid; a body that it cannot follow is held by the penalty.
+   Rung `snap` (snap.h): the mesh lines up with the bodies, whose inside is no part of the fluid; a body that it cannot follow is held by the penalty. A body thinner than a cell is a path of
+   edges: the fluid that it displaces is there and moves with it, so that its rigid rows are those of nodal.
 
    -flow_force (the gradient of a mean pressure) acts on the fluid and on the bodies in it alike: their force and the balance of momentum contain its share, force per volume times Vol.
    Bodies that are holes of the mesh report the force on their surface alone.

@@ -30,7 +30,7 @@ struct _p_Couple {
   Rung             rung;
   Fit              fit; /* rung snap */
   CoupleSnapCount  snap;
-  const PetscBool *fitted;             /* [n] the mesh lines up with the body, whose inside is no part of the fluid; NULL: none */
+  const PetscBool *fitted, *hollow;    /* [n] the mesh lines up with the body; its inside is no part of the fluid; NULL: none */
   Mark             mark;               /* nodes that move rigidly */
   PetscReal (*X)[3], (*q)[4], (*P)[3]; /* where the bodies are drawn: centre, orientation, reference point (of the rigid velocities) */
   Penalty    penalty;                  /* NULL unless the rung needs it */
@@ -55,7 +55,7 @@ static inline PetscReal *CoupleRigidComponent(Couple c, PetscReal (*u)[3], Petsc
 /* The density of the fluid inside body k */
 static inline PetscReal CoupleInnerDensity(Couple c, PetscInt k, const FlowParameters *par)
 {
-  return c->fitted && c->fitted[k] ? 0 : par->density;
+  return c->hollow && c->hollow[k] ? 0 : par->density;
 }
 
 /* In gradient form a rotating wall seems to feel 2 mu w Vol more than the true torque, which the gradient form inside would take away again; where the inside is no part of the

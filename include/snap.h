@@ -8,6 +8,9 @@
    Walls closer than half a cell to another wall are drawn back, so that the gap g in the mesh is w + g^2/(4w) with w = 1/4 cell (w where they overlap). The resistance of a closing gap
    then grows to that of w without a jump, and the cells in the gap stay valid; what is missing below about a quarter of a cell belongs to the contact forces. Falling back to the
    penalty in a gap instead loses resistance at once, a fifth at half a cell and more below (study runs/studies/boundary).
+   A body that is nowhere thicker than the cells around it, and longer than three of them, is taken for its mid-line (midline.h): a path of edges goes from tip to tip, its vertices and
+   mid-edge nodes onto the mid-line, its ends onto the tips. All cells stay fluid; the pressure, which is discontinuous between cells, has its jump across the path. What the body
+   displaces is carried along by the fluid on both sides. In narrow gaps the path is drawn aside as walls are drawn back.
    A body is left alone when no cell is its own, when a cell around it would get a Jacobian that is not positive (4 x 4 and 3 x 3 Gauss points), or when its cells would not have its
    size (parts thinner than a cell). For a body that was left alone before the limits are stricter, so that it does not change sides in every step.
 
@@ -27,6 +30,7 @@ typedef struct {
   const PetscBool *on_wall;     /* [nnode_all] node on the staircase */
   const PetscInt  *cell_body;   /* [ncell_all] owner of a dead cell, -1: fluid */
   const PetscInt  *cell_before; /* [ncell_all] the same of the fit before */
+  const PetscBool *hollow;      /* [nbodies] fitted, and its inside is no part of the fluid: not so a body that is a path of edges */
   PetscInt         nnode;
   const PetscInt  *node; /* [nnode] local nodes (own and ghost) that are elsewhere than now */
   const PetscReal *x;    /* [nnode][dim] their new places */

@@ -112,6 +112,7 @@ static PetscErrorCode draw_snap(Couple c)
 
   PetscFunctionBeginUser;
   PetscCall(FitUpdate(c->fit, c->solver, c->X, c->q, &c->fitted, &r, &count));
+  c->hollow = r->hollow;
   for (PetscInt e = 0; e < r->nmarked; e++) PetscCall(MarkClaim(c->mark, r->marked[e], r->node_body[r->marked[e]]));
   c->snap = (CoupleSnapCount){PETSC_TRUE, 0, r->nnarrow, c->snap.taylor + count->taylor, c->snap.kept + count->kept};
   for (PetscInt k = 0; k < c->s->n; k++)

@@ -8,7 +8,7 @@ PetscErrorCode CoupleSpinStress(Couple c, PetscInt k, const FlowParameters *par,
 {
   PetscFunctionBeginUser;
   *coefficient = 0;
-  if (!c->fitted || !c->fitted[k]) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!c->hollow || !c->hollow[k]) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(BodiesGetVolume(c->bodies, k, coefficient));
   *coefficient *= 2 * par->viscosity;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -21,7 +21,7 @@ PetscErrorCode CoupleDeadForce(Couple c, PetscInt k, const FlowParameters *par, 
 
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(out, c->nr));
-  if (!c->fitted || !c->fitted[k]) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!c->hollow || !c->hollow[k]) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(BodiesGetVolume(c->bodies, k, &volume));
   for (PetscInt a = 0; a < 3; a++) force[a] = volume * par->force[a];
   PetscCall(RigidReduceForce(c->bodies, k, c->q[k], force, none, out));

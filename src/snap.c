@@ -1,72 +1,13 @@
 /* Snap: see snap.h. All decisions about a node are made by its owner, who sees all cells around it, and are then sent to the ghosts; all work is on lists of what bodies touch. */
 #include "compat.h"
-#include "snap.h"
-#include "clearance.h"
-#include "element.h"
+#include "snapimpl.h"
 
-#define CHUNK    256
 #define NRING    3
 #define NSWEEP   20
-#define NPOINT   25    /* 4 x 4 and 3 x 3 Gauss points */
 #define FLATTEST 0.002 /* Jacobians below this share of the largest one in the cell count as not positive */
 #define MISSING  0.1   /* largest difference between the area of the dead cells and that of the body, as its share */
 #define STRICT   4     /* factor on both limits for bodies that were left alone before */
 #define NTRY     6     /* times that dead cells beside a bad one are given back */
-#define CLEAR    0.25  /* smallest width of a gap in the mesh, cell sizes */
-
-typedef struct {
-  PetscInt n, room, *i;
-} List;
-
-typedef enum {
-  NODE_VERTEX,
-  NODE_EDGE,
-  NODE_CENTRE
-} NodeKind;
-
-struct _p_Snap {
-  Mesh             mesh;
-  const MeshLocal *loc;
-  Bodies           bodies;
-  PetscInt         nbodies;
-  NodeKind        *kind;      /* [nnode_all] */
-  PetscInt        *centre_of; /* [nnode_all] cell whose centre node this is, or -1 */
-  PetscBool       *boundary;  /* [nnode_all] on the boundary of the domain */
-  PetscReal        dphi[NPOINT][2][9];
-  /* the fit in work; entries that are not listed are zero */
-  PetscInt        *cover;    /* [ncell_all] body + 1 */
-  PetscInt        *code;     /* [nnode_all] 2 body + 1: on its wall, 2 body + 2: inside */
-  PetscInt        *level;    /* [nnode_all] vertices: 8 body + ring + 1, ring 0 = wall */
-  PetscReal       *d;        /* [nnode_all][2] displacement */
-  PetscReal       *depth;    /* [nnode_all] distance at centre nodes of covered cells */
-  PetscReal       *work;     /* [nnode_all] zero between uses */
-  PetscInt        *stamp[2]; /* [nnode_all], [ncell_all] */
-  PetscInt         now;
-  List             dead, marked, ring, touched, placed, bad;
-  PetscInt        *flags; /* [3 nbodies] */
-  PetscReal       *area;  /* [nbodies] of the dead cells and of what the walls were drawn back */
-  Clearance        clearance;
-  PetscReal       *lost;   /* [nbodies] area that their walls were drawn back */
-  PetscReal       *size;   /* [nnode_all] node_size() */
-  const PetscBool *fitted; /* [nbodies] in the fit in work */
-  /* the last result */
-  PetscInt  *node_body, *cell_body, *cell_before;
-  PetscBool *on_wall;
-  List       old_dead, older_dead, old_placed, node, cell;
-  PetscReal *x;
-  PetscInt   x_room;
-};
-
-static PetscErrorCode add(List *l, PetscInt i)
-{
-  PetscFunctionBeginUser;
-  if (l->n == l->room) {
-    l->room = 2 * l->room + 64;
-    PetscCall(PetscRealloc(l->room * sizeof(PetscInt), &l->i));
-  }
-  l->i[l->n++] = i;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
 
 static void swap_lists(List *a, List *b)
 {
@@ -74,14 +15,6 @@ static void swap_lists(List *a, List *b)
 
   *a = *b;
   *b = t;
-}
-
-static const PetscInt CORNER[4] = {0, 2, 6, 8};
-static const PetscInt EDGE[4] = {1, 3, 5, 7}, EDGE_END[4][2] = {{0, 2}, {0, 6}, {2, 8}, {6, 8}};
-
-static const PetscInt *cell_nodes(Snap s, PetscInt c)
-{
-  return s->loc->cell_node + c * s->loc->nb;
 }
 
 /* ---- which cells ---- */
@@ -109,7 +42,7 @@ static PetscErrorCode cover_image(Snap s, PetscInt k, const PetscReal X[3], cons
       const PetscInt c = s->centre_of[node[i]];
 
       if (dist[i] >= 0 || (s->cover[c] && dist[i] >= s->depth[node[i]])) continue;
-      if (!s->cover[c]) PetscCall(add(&s->dead, c));
+      if (!s->cover[c]) PetscCall(SnapListAdd(&s->dead, c));
       s->cover[c]       = k + 1;
       s->depth[node[i]] = dist[i];
     }
@@ -124,14 +57,14 @@ static PetscErrorCode share_cover(Snap s)
   const MeshLocal *l = s->loc;
 
   PetscFunctionBeginUser;
-  for (PetscInt e = 0; e < s->dead.n; e++) s->code[cell_nodes(s, s->dead.i[e])[4]] = s->cover[s->dead.i[e]];
+  for (PetscInt e = 0; e < s->dead.n; e++) s->code[SnapCellNodes(s, s->dead.i[e])[4]] = s->cover[s->dead.i[e]];
   PetscCall(MeshSyncNodesInt(s->mesh, s->code));
   PetscCall(MeshSyncNodes(s->mesh, 1, s->depth));
-  for (PetscInt e = 0; e < s->dead.n; e++) s->code[cell_nodes(s, s->dead.i[e])[4]] = 0;
+  for (PetscInt e = 0; e < s->dead.n; e++) s->code[SnapCellNodes(s, s->dead.i[e])[4]] = 0;
   for (PetscInt i = l->nnode; i < l->nnode_all; i++) {
     if (s->code[i]) {
       s->cover[s->centre_of[i]] = s->code[i];
-      PetscCall(add(&s->dead, s->centre_of[i]));
+      PetscCall(SnapListAdd(&s->dead, s->centre_of[i]));
     }
     s->code[i] = 0;
   }
@@ -148,7 +81,7 @@ static PetscErrorCode cover_cells(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], 
   for (PetscInt k = 0; k < s->nbodies; k++) {
     const PetscReal radius = state->group[state->body_group[k]].radius * (1 + 1e-12);
 
-    for (PetscInt image = 0; image < 9 && fitted[k]; image++) { /* 4 is the body itself */
+    for (PetscInt image = 0; image < 9 && fitted[k] && !s->is_path[k]; image++) { /* 4 is the body itself */
       const PetscInt  shift[2] = {image % 3 - 1, image / 3 - 1};
       const PetscReal at[3]    = {X[k][0] + shift[0] * l->period[0], X[k][1] + shift[1] * l->period[1], 0};
       PetscBool       reaches  = PETSC_TRUE;
@@ -170,20 +103,20 @@ static void choose_open(Snap s, PetscInt i)
   PetscBool        two = PETSC_FALSE;
 
   for (PetscInt e = l->node_cell_ptr[i]; e < l->node_cell_ptr[i + 1]; e++) {
-    const PetscInt c = l->node_cell[e], centre = cell_nodes(s, c)[4];
+    const PetscInt c = l->node_cell[e], centre = SnapCellNodes(s, c)[4];
 
     if (!s->cover[c]) continue;
     if (s->boundary[i]) s->work[centre] = 1;
     if (first && s->cover[c] != first) two = PETSC_TRUE;
     first = s->cover[c];
     if (last >= 0) {
-      const PetscReal gain = s->depth[centre] - s->depth[cell_nodes(s, last)[4]];
+      const PetscReal gain = s->depth[centre] - s->depth[SnapCellNodes(s, last)[4]];
 
       if (gain < 0 || (gain == 0 && l->cell_global[c] < l->cell_global[last])) continue;
     }
     last = c;
   }
-  if (two) s->work[cell_nodes(s, last)[4]] = 1;
+  if (two) s->work[SnapCellNodes(s, last)[4]] = 1;
 }
 
 /* Give back the cells that are marked in work[] on some rank; *any: are there any? */
@@ -196,7 +129,7 @@ static PetscErrorCode open_marked_cells(Snap s, PetscBool *any)
   PetscCall(MeshSumNodes(s->mesh, 1, s->work));
   PetscCall(MeshSyncNodes(s->mesh, 1, s->work));
   for (PetscInt e = 0; e < s->dead.n; e++) {
-    const PetscInt c = s->dead.i[e], centre = cell_nodes(s, c)[4];
+    const PetscInt c = s->dead.i[e], centre = SnapCellNodes(s, c)[4];
 
     if (s->work[centre] > 0) {
       s->cover[c] = 0;
@@ -219,7 +152,7 @@ static PetscErrorCode open_gaps(Snap s)
   do {
     for (PetscInt e = 0; e < s->dead.n; e++)
       for (PetscInt v = 0; v < 4; v++) {
-        const PetscInt i = cell_nodes(s, s->dead.i[e])[CORNER[v]];
+        const PetscInt i = SnapCellNodes(s, s->dead.i[e])[CORNER[v]];
 
         if (i < l->nnode) choose_open(s, i);
       }
@@ -236,18 +169,18 @@ static PetscErrorCode classify_nodes(Snap s)
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < s->dead.n; e++) {
     for (PetscInt j = 0; j < l->nb; j++) {
-      const PetscInt i    = cell_nodes(s, s->dead.i[e])[j];
+      const PetscInt i    = SnapCellNodes(s, s->dead.i[e])[j];
       PetscBool      wall = PETSC_FALSE;
 
       if (i >= l->nnode || s->code[i]) continue;
       for (PetscInt n = l->node_cell_ptr[i]; n < l->node_cell_ptr[i + 1]; n++) wall = (PetscBool)(wall || !s->cover[l->node_cell[n]]);
       s->code[i] = 2 * s->cover[s->dead.i[e]] - (wall ? 1 : 0);
-      PetscCall(add(&s->marked, i));
+      PetscCall(SnapListAdd(&s->marked, i));
     }
   }
   PetscCall(MeshSyncNodesInt(s->mesh, s->code));
   for (PetscInt i = l->nnode; i < l->nnode_all; i++)
-    if (s->code[i]) PetscCall(add(&s->marked, i));
+    if (s->code[i]) PetscCall(SnapListAdd(&s->marked, i));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -265,7 +198,7 @@ static PetscReal node_size(Snap s, PetscInt i)
   PetscReal        sum = 0;
 
   for (PetscInt e = l->node_cell_ptr[i]; e < l->node_cell_ptr[i + 1]; e++) {
-    const PetscInt *node = cell_nodes(s, l->node_cell[e]);
+    const PetscInt *node = SnapCellNodes(s, l->node_cell[e]);
     PetscReal       axis[2][2];
 
     for (PetscInt a = 0; a < 2; a++) {
@@ -297,7 +230,7 @@ static PetscErrorCode wall_normal(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], 
 static PetscReal edge_length(Snap s, PetscInt i)
 {
   const MeshLocal *l    = s->loc;
-  const PetscInt  *node = cell_nodes(s, l->node_cell[l->node_cell_ptr[i]]);
+  const PetscInt  *node = SnapCellNodes(s, l->node_cell[l->node_cell_ptr[i]]);
   PetscInt         j    = 0;
   PetscReal        r[2];
 
@@ -312,8 +245,7 @@ static PetscReal edge_length(Snap s, PetscInt i)
   return PetscSqrtReal(r[0] * r[0] + r[1] * r[1]);
 }
 
-/* How much wider a gap is in the mesh than it is, see snap.h */
-static PetscReal widening(PetscReal gap, PetscReal width)
+PetscReal SnapWidening(PetscReal gap, PetscReal width)
 {
   if (gap >= 2 * width) return 0;
   return gap > 0 ? PetscSqr(2 * width - gap) / (4 * width) : width - gap;
@@ -329,7 +261,7 @@ static PetscErrorCode draw_back(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], Pe
     PetscReal       gap[2] = {0, 0}, back, normal[2] = {0, 0};
 
     PetscCall(ClearanceMeasure(s->clearance, X, q, s->fitted, k, y + 2 * e, gap));
-    back = PetscMax(0.5 * widening(gap[0], CLEAR * h), widening(gap[1], CLEAR * h));
+    back = PetscMax(0.5 * SnapWidening(gap[0], CLEAR * h), SnapWidening(gap[1], CLEAR * h));
     if (back == 0) continue;
     PetscCall(wall_normal(s, X, q, k, y + 2 * e, 0.01 * h, normal));
     for (PetscInt a = 0; a < 2; a++) y[2 * e + a] -= back * normal[a];
@@ -380,8 +312,8 @@ static PetscErrorCode place_wall_vertices(Snap s, PetscReal (*X)[3], PetscReal (
 
     if (s->kind[i] != NODE_VERTEX || !is_on_wall(s, i)) continue;
     s->level[i] = 8 * ((s->code[i] - 1) / 2) + 1;
-    PetscCall(add(&s->ring, i));
-    if (i < l->nnode) PetscCall(add(&own, i));
+    PetscCall(SnapListAdd(&s->ring, i));
+    if (i < l->nnode) PetscCall(SnapListAdd(&own, i));
   }
   PetscCall(project_nodes(s, X, q, own.n, own.i));
   PetscCall(PetscFree(own.i));
@@ -397,7 +329,7 @@ static PetscInt ring_around(Snap s, PetscInt i, PetscInt ring)
 
   for (PetscInt e = l->node_cell_ptr[i]; e < l->node_cell_ptr[i + 1]; e++) {
     for (PetscInt v = 0; v < 4; v++) {
-      const PetscInt t = s->level[cell_nodes(s, l->node_cell[e])[CORNER[v]]];
+      const PetscInt t = s->level[SnapCellNodes(s, l->node_cell[e])[CORNER[v]]];
 
       if (t % 8 == ring + 1 && (!best || t < best)) best = t;
     }
@@ -420,17 +352,17 @@ static PetscErrorCode find_rings(Snap s)
 
       for (PetscInt e = l->node_cell_ptr[at]; e < l->node_cell_ptr[at + 1]; e++) {
         for (PetscInt v = 0; v < 4; v++) {
-          const PetscInt i = cell_nodes(s, l->node_cell[e])[CORNER[v]];
+          const PetscInt i = SnapCellNodes(s, l->node_cell[e])[CORNER[v]];
 
           if (i >= l->nnode || s->level[i] || s->code[i] || s->boundary[i]) continue;
           s->level[i] = ring_around(s, i, ring - 1);
-          PetscCall(add(&s->ring, i));
+          PetscCall(SnapListAdd(&s->ring, i));
         }
       }
     }
     PetscCall(MeshSyncNodesInt(s->mesh, s->level));
     for (PetscInt i = l->nnode; i < l->nnode_all; i++)
-      if (s->level[i] % 8 == ring + 1) PetscCall(add(&s->ring, i));
+      if (s->level[i] % 8 == ring + 1) PetscCall(SnapListAdd(&s->ring, i));
     begin = end;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -459,7 +391,7 @@ static PetscErrorCode smooth_rings(Snap s)
     PetscInt at = start[e];
 
     for (PetscInt m = l->node_cell_ptr[vertex[e]]; m < l->node_cell_ptr[vertex[e] + 1]; m++) {
-      const PetscInt *node = cell_nodes(s, l->node_cell[m]);
+      const PetscInt *node = SnapCellNodes(s, l->node_cell[m]);
       PetscInt        v    = 0;
 
       while (node[CORNER[v]] != vertex[e]) v++;
@@ -493,16 +425,16 @@ static PetscErrorCode place_other_nodes(Snap s, PetscReal (*X)[3], PetscReal (*q
     for (PetscInt m = l->node_cell_ptr[s->ring.i[e]]; m < l->node_cell_ptr[s->ring.i[e] + 1]; m++) {
       if (s->stamp[1][l->node_cell[m]] == s->now) continue;
       s->stamp[1][l->node_cell[m]] = s->now;
-      PetscCall(add(&s->touched, l->node_cell[m]));
+      PetscCall(SnapListAdd(&s->touched, l->node_cell[m]));
     }
   }
   for (PetscInt e = 0; e < s->touched.n; e++) {
-    const PetscInt *node = cell_nodes(s, s->touched.i[e]);
+    const PetscInt *node = SnapCellNodes(s, s->touched.i[e]);
 
     for (PetscInt j = 0; j < l->nb; j++) {
       if (s->stamp[0][node[j]] == s->now) continue;
       s->stamp[0][node[j]] = s->now;
-      PetscCall(add(&s->placed, node[j]));
+      PetscCall(SnapListAdd(&s->placed, node[j]));
     }
     for (PetscInt j = 0; j < 4; j++) {
       const PetscInt i = node[EDGE[j]];
@@ -511,11 +443,13 @@ static PetscErrorCode place_other_nodes(Snap s, PetscReal (*X)[3], PetscReal (*q
     }
   }
   for (PetscInt e = 0; e < s->placed.n; e++)
-    if (s->kind[s->placed.i[e]] == NODE_EDGE && is_on_wall(s, s->placed.i[e])) PetscCall(add(&wall, s->placed.i[e]));
+    if (s->kind[s->placed.i[e]] == NODE_EDGE && is_on_wall(s, s->placed.i[e]) && !s->path[(s->code[s->placed.i[e]] - 1) / 2].n)
+      PetscCall(SnapListAdd(&wall, s->placed.i[e]));
   PetscCall(project_nodes(s, X, q, wall.n, wall.i));
+  PetscCall(SnapPathPlaceEdges(s, X, q));
   PetscCall(PetscFree(wall.i));
   for (PetscInt e = 0; e < s->touched.n; e++) {
-    const PetscInt *node = cell_nodes(s, s->touched.i[e]);
+    const PetscInt *node = SnapCellNodes(s, s->touched.i[e]);
 
     for (PetscInt a = 0; a < 2; a++) {
       PetscReal sum = 0;
@@ -533,7 +467,7 @@ static PetscErrorCode place_other_nodes(Snap s, PetscReal (*X)[3], PetscReal (*q
 static PetscReal cell_quality(Snap s, PetscInt c, PetscReal *area)
 {
   const MeshLocal *l         = s->loc;
-  const PetscInt  *node      = cell_nodes(s, c);
+  const PetscInt  *node      = SnapCellNodes(s, c);
   const PetscReal  weight[3] = {5 / 9.0, 8 / 9.0, 5 / 9.0};
   PetscReal        x[18], low = PETSC_MAX_REAL, high = 0;
 
@@ -587,10 +521,10 @@ static PetscErrorCode check_cells(Snap s, PetscReal *quality)
     share    = cell_quality(s, c, &area);
     *quality = PetscMin(*quality, share);
     if (share > STRICT * FLATTEST) continue;
-    if (share <= FLATTEST) PetscCall(add(&s->bad, c));
-    for (PetscInt v = 0; v < 4; v++) at_wall = (PetscBool)(at_wall || s->level[cell_nodes(s, c)[CORNER[v]]] % 8 == 1);
+    if (share <= FLATTEST) PetscCall(SnapListAdd(&s->bad, c));
+    for (PetscInt v = 0; v < 4; v++) at_wall = (PetscBool)(at_wall || s->level[SnapCellNodes(s, c)[CORNER[v]]] % 8 == 1);
     for (PetscInt v = 0; v < 4; v++) {
-      const PetscInt t = s->level[cell_nodes(s, c)[CORNER[v]]];
+      const PetscInt t = s->level[SnapCellNodes(s, c)[CORNER[v]]];
 
       if (t && (!at_wall || t % 8 == 1)) s->flags[t / 8 + (share > FLATTEST ? s->nbodies : 0)]++;
     }
@@ -602,6 +536,8 @@ static PetscErrorCode check_cells(Snap s, PetscReal *quality)
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, s->flags, (PetscMPIInt)(3 * s->nbodies), MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, s->area, (PetscMPIInt)s->nbodies, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, quality, 1, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
+  for (PetscInt k = 0; k < s->nbodies; k++)
+    if (s->path[k].n) PetscCall(BodiesGetVolume(s->bodies, k, &s->area[k])); /* a path has none to compare */
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -613,7 +549,7 @@ static PetscErrorCode open_bad_corners(Snap s, PetscBool *any)
 
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < s->bad.n; e++) {
-    const PetscInt *node = cell_nodes(s, s->bad.i[e]);
+    const PetscInt *node = SnapCellNodes(s, s->bad.i[e]);
     PetscInt        best = -1;
 
     for (PetscInt v = 0; v < 4; v++) {
@@ -622,14 +558,14 @@ static PetscErrorCode open_bad_corners(Snap s, PetscBool *any)
 
         if (!s->cover[c]) continue;
         if (best >= 0) {
-          const PetscReal gain = s->depth[cell_nodes(s, c)[4]] - s->depth[cell_nodes(s, best)[4]];
+          const PetscReal gain = s->depth[SnapCellNodes(s, c)[4]] - s->depth[SnapCellNodes(s, best)[4]];
 
           if (gain < 0 || (gain == 0 && l->cell_global[c] < l->cell_global[best])) continue;
         }
         best = c;
       }
     }
-    if (best >= 0) s->work[cell_nodes(s, best)[4]] = 1;
+    if (best >= 0) s->work[SnapCellNodes(s, best)[4]] = 1;
   }
   PetscCall(open_marked_cells(s, any));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -677,6 +613,7 @@ static PetscErrorCode try_fit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], cons
     PetscCall(classify_nodes(s));
     PetscCall(PetscArrayzero(s->lost, s->nbodies));
     PetscCall(place_wall_vertices(s, X, q));
+    PetscCall(SnapPathPlaceVertices(s, X, q));
     PetscCall(find_rings(s));
     PetscCall(smooth_rings(s));
     PetscCall(place_other_nodes(s, X, q));
@@ -710,7 +647,7 @@ static PetscErrorCode collect_nodes(Snap s)
     s->stamp[0][i]          = s->now;
     s->x[2 * s->node.n]     = x[0];
     s->x[2 * s->node.n + 1] = x[1];
-    PetscCall(add(&s->node, i));
+    PetscCall(SnapListAdd(&s->node, i));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -720,7 +657,7 @@ static PetscErrorCode collect_cell(Snap s, PetscInt c)
   PetscFunctionBeginUser;
   if (s->stamp[1][c] == s->now) PetscFunctionReturn(PETSC_SUCCESS);
   s->stamp[1][c] = s->now;
-  PetscCall(add(&s->cell, c));
+  PetscCall(SnapListAdd(&s->cell, c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -764,6 +701,7 @@ static PetscErrorCode publish(Snap s, const PetscInt old_marked[], PetscInt nold
   r->on_wall     = s->on_wall;
   r->cell_body   = s->cell_body;
   r->cell_before = s->cell_before;
+  r->hollow      = s->hollow;
   r->nnode       = s->node.n;
   r->node        = s->node.i;
   r->x           = s->x;
@@ -817,6 +755,7 @@ static PetscErrorCode know_nodes(Snap s)
   PetscCall(MeshSyncNodes(s->mesh, 1, s->size));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &reach, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
   PetscCall(ClearanceCreate(s->mesh, s->bodies, reach, &s->clearance));
+  PetscCall(SnapPathSetUp(s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -841,7 +780,7 @@ PetscErrorCode SnapCreate(Mesh mesh, Bodies bodies, Snap *snap)
   PetscCall(PetscCalloc6(n, &s->depth, n, &s->work, n, &s->stamp[0], n, &s->node_body, n, &s->on_wall, n, &s->size));
   PetscCall(PetscCalloc5(s->loc->ncell_all, &s->cover, s->loc->ncell_all, &s->stamp[1], s->loc->ncell_all, &s->cell_body, s->loc->ncell_all,
                          &s->cell_before, 3 * s->nbodies, &s->flags));
-  PetscCall(PetscCalloc2(s->nbodies, &s->area, s->nbodies, &s->lost));
+  PetscCall(PetscCalloc3(s->nbodies, &s->area, s->nbodies, &s->lost, s->nbodies, &s->hollow));
   for (PetscInt i = 0; i < n; i++) s->node_body[i] = -1;
   for (PetscInt c = 0; c < s->loc->ncell_all; c++) s->cell_body[c] = s->cell_before[c] = -1;
   PetscCall(know_nodes(s));
@@ -859,7 +798,8 @@ PetscErrorCode SnapDestroy(Snap *snap)
   PetscCall(PetscFree6(s->kind, s->centre_of, s->boundary, s->code, s->level, s->d));
   PetscCall(PetscFree6(s->depth, s->work, s->stamp[0], s->node_body, s->on_wall, s->size));
   PetscCall(PetscFree5(s->cover, s->stamp[1], s->cell_body, s->cell_before, s->flags));
-  PetscCall(PetscFree2(s->area, s->lost));
+  PetscCall(PetscFree3(s->area, s->lost, s->hollow));
+  PetscCall(SnapPathTearDown(s));
   PetscCall(ClearanceDestroy(&s->clearance));
   PetscCall(PetscFree(s->dead.i));
   PetscCall(PetscFree(s->marked.i));
@@ -887,6 +827,7 @@ PetscErrorCode SnapFit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const Petsc
   PetscCall(PetscArraycpy(fitted, wanted, s->nbodies));
   swap_lists(&s->marked, &old_marked);
   PetscCall(ClearanceUpdate(s->clearance, X));
+  PetscCall(SnapPathChoose(s, X, q, wanted));
   while (again) {
     PetscCall(try_fit(s, X, q, fitted, &result->quality));
     again = PETSC_FALSE;
@@ -903,7 +844,10 @@ PetscErrorCode SnapFit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const Petsc
     s->dead.n = s->marked.n = s->placed.n = 0;
   }
   result->nnarrow = 0;
-  for (PetscInt k = 0; k < s->nbodies; k++) result->nnarrow += fitted[k] && s->flags[2 * s->nbodies + k];
+  for (PetscInt k = 0; k < s->nbodies; k++) {
+    result->nnarrow += fitted[k] && s->flags[2 * s->nbodies + k];
+    s->hollow[k] = (PetscBool)(fitted[k] && !s->is_path[k]);
+  }
   PetscCall(collect_nodes(s));
   PetscCall(collect_cells(s));
   PetscCall(publish(s, old_marked.i, old_marked.n, result));

@@ -1,4 +1,5 @@
 /* Snap: valid cells around circles and ellipses wherever they lie, walls met exactly, gaps, wall, period, fallback, and the same mesh on any number of ranks. */
+/* ranks: 1 2 */
 #include "core.h"
 #include "bodies.h"
 #include "snap.h"
@@ -195,10 +196,92 @@ static void test_side(void **state)
   close_case(&c);
 }
 
+/* ---- bodies thinner than a cell ---- */
+
+/* Own path nodes by kind, how far they are from the mid-line of a straight leaflet (along x in its frame, a long on both sides of its middle), and the smallest distances to its tips */
+typedef struct {
+  PetscReal vertices, edges, off, tip[2], moment;
+} Plate;
+
+static void measure_plate(Case *c, PetscInt k, PetscReal angle, PetscReal a, Plate *p)
+{
+  const MeshLocal *l = c->l;
+
+  *p = (Plate){0, 0, 0, {1, 1}, 0};
+  for (PetscInt e = 0; e < c->r.nmarked; e++) {
+    const PetscInt i = c->r.marked[e], cell = l->node_cell[l->node_cell_ptr[i]];
+    PetscReal      r[2], along, across;
+    PetscInt       j = 0;
+
+    if (c->r.node_body[i] != k) continue;
+    assert_true(c->r.on_wall[i]);
+    for (PetscInt b = 0; b < 2; b++) {
+      r[b] = l->x[2 * i + b] - c->state->x[k][b];
+      if (l->period[b] > 0) r[b] -= l->period[b] * PetscFloorReal(r[b] / l->period[b] + 0.5);
+    }
+    along  = r[0] * PetscCosReal(angle) + r[1] * PetscSinReal(angle);
+    across = r[1] * PetscCosReal(angle) - r[0] * PetscSinReal(angle);
+    p->off = PetscMax(p->off, PetscAbsReal(across));
+    for (PetscInt b = 0; b < 2; b++) p->tip[b] = PetscMin(p->tip[b], PetscAbsReal(along + (b ? a : -a)));
+    if (i >= l->nnode) continue;
+    while (l->cell_node[9 * cell + j] != i) j++;
+    if (j % 2) p->edges++;
+    else p->vertices++;
+    p->moment += along * along;
+  }
+  p->vertices = total(p->vertices);
+  p->edges    = total(p->edges);
+  p->moment   = total(p->moment);
+  p->off      = largest(p->off);
+  for (PetscInt b = 0; b < 2; b++) p->tip[b] = -largest(-p->tip[b]);
+}
+
+#define PLATE \
+  "-particle_a_shape leaflet -particle_a_origin 0.5 -particle_a_free none -particle_a_position 0.5,0.5 -mesh_upper 1,1 -particle_groups a "
+
+/* A plate anywhere, also across a periodic boundary: one connected path of edges on its mid-line with ends on its tips, no dead cell, all cells valid */
+static void test_plates(void **state)
+{
+  const char     *options[] = {PLATE "-mesh_cells 40,40 -particle_a_length 0.5 -particle_a_thickness 0.01",
+                               PLATE "-mesh_cells 40,40 -mesh_periodic x,y -particle_a_length 0.35 -particle_a_thickness 0.02",
+                               PLATE "-mesh_cells 32,48 -particle_a_length 0.2 -particle_a_thickness 1e-4"};
+  const PetscReal length[3] = {0.5, 0.35, 0.2};
+  PetscReal       worst     = 1;
+
+  (void)state;
+  for (PetscInt n = 0; n < 3; n++) {
+    Case c;
+
+    open_case(&c, options[n]);
+    for (PetscInt trial = 0; trial < 120; trial++) {
+      const PetscReal angle = trial < 60 ? PETSC_PI * noise(500 * n + 3 * trial) : 0.003 * (trial - 60);
+      Plate           p;
+
+      for (PetscInt b = 0; b < 2; b++) c.state->x[0][b] = (n == 1 ? 0.98 : 0.5) + 0.05 * noise(500 * n + 3 * trial + 1 + b);
+      turn(&c, 0, angle);
+      fit(&c);
+      assert_true(c.fitted[0]);
+      assert_false(c.r.hollow[0]);
+      measure_plate(&c, 0, angle, length[n] / 2, &p);
+      NEAR(p.edges, p.vertices - 1, 0);
+      BELOW(p.off, 1e-13);
+      BELOW(p.tip[0], 1e-13);
+      BELOW(p.tip[1], 1e-13);
+      worst = PetscMin(worst, c.r.quality);
+    }
+    NEAR(area(&c, PETSC_FALSE), 1, 1e-12);
+    c.wanted[0] = PETSC_FALSE;
+    fit(&c);
+    for (PetscInt i = 0; i < 2 * c.l->nnode_all; i++) assert_true(c.l->x[i] == c.l->x_start[i]);
+    close_case(&c);
+  }
+  assert_true(worst > 0.008);
+}
+
 int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {cmocka_unit_test(test_circles), cmocka_unit_test(test_ellipses), cmocka_unit_test(test_gaps),
-                                     cmocka_unit_test(test_side)};
+                                     cmocka_unit_test(test_side), cmocka_unit_test(test_plates)};
   int                     failed;
 
   if (PetscInitialize(&argc, &argv, NULL, NULL)) return 1;

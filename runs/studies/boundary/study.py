@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Study of the boundary rungs: runs what is missing in --work and writes ladder.csv, couette.csv, stream.csv, free.csv, oscillating.csv, settling.csv, approach.csv,
+"""Study of the boundary rungs: runs what is missing in --work and writes ladder.csv, couette.csv, stream.csv, free.csv, oscillating.csv, settling.csv, approach.csv, plate.csv,
 boundary.png and motion.png.
 
-  runs/studies/boundary/study.py --work out/boundary [ladder couette stream free oscillating settling approach figure motion]
+  runs/studies/boundary/study.py --work out/boundary [ladder couette stream free oscillating settling approach plate figure motion]
 """
 
 import argparse
@@ -276,6 +276,20 @@ def approach(work):
         scene(work, f"approach/time-{rung}", "studies/boundary/approach.yaml", options)
 
 
+def plate(work):
+    """Forces on a plate of a hundredth of its length, on shifted meshes (seed 0: not shifted), and on thicker ones, whose limit they are."""
+    rows = []
+    runs = [("snap", 0.001, 10, range(1, 11)), ("snap", 0.001, 20, range(1, 5)), ("snap", 0.001, 40, [0]), ("penalty", 0.001, 10, range(1, 5)), ("penalty", 0.001, 20, range(1, 3))]
+    runs += [("snap", thickness, cells, [0]) for thickness, cells in ((0.02, 20), (0.015, 20), (0.01, 20), (0.0075, 40), (0.005, 40))]
+    for rung, thickness, cells, seeds in runs:
+        for seed in seeds:
+            options = {"mesh_resolution": cells, "couple_boundary": rung, "particle_plate_thickness": thickness, **({"mesh_shift_seed": seed} if seed else {})}
+            s = scene(work, f"plate/{cells}-{rung}-{thickness}-{seed}", "studies/boundary/plate.yaml", options)
+            if s:
+                rows.append({"rung": rung, "thickness": thickness, "cells_per_length": cells, "seed": seed, "cd": f"{s['quantities']['cd']:.5f}", "cl": f"{s['quantities']['cl']:.5f}"})
+    write("plate", rows)
+
+
 def figure(work):
     import matplotlib
 
@@ -347,7 +361,7 @@ def motion(work):
 
 
 def main():
-    parts = {f.__name__: f for f in (ladder, couette, stream, free, oscillating, settling, approach, figure, motion)}
+    parts = {f.__name__: f for f in (ladder, couette, stream, free, oscillating, settling, approach, plate, figure, motion)}
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--work", type=Path, default=Path("out/boundary"))
     parser.add_argument("parts", nargs="*", choices=[*parts, []], default=list(parts))

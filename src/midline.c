@@ -1,0 +1,254 @@
+/* Midline: see midline.h. */
+#include "compat.h"
+#include "midline.h"
+
+#define STEPS   100  /* in a bounding radius */
+#define MOST    1000 /* of one march */
+#define SLENDER 3    /* smallest length over thickness */
+#define MISSING 0.05 /* largest difference between the area along the line and that of the shape, as its share */
+
+struct _p_Midline {
+  PetscInt n, room;
+  PetscReal (*x)[2]; /* [n] from tip to tip */
+  PetscReal *s;      /* [n] length along the line */
+  PetscReal  thickness, area;
+};
+
+/* ---- the march ---- */
+
+typedef struct {
+  PetscReal x[2], t[2]; /* place and direction */
+  PetscReal width;
+} Front;
+
+/* Distance u > 0 from the inner point x along the unit vector e to the surface: steps of the distance never pass it, and the last bit is found by bisection */
+static PetscErrorCode find_side(Shape shape, const PetscReal x[2], const PetscReal e[2], PetscReal r, PetscReal *u)
+{
+  PetscReal low = 0, high = 0, d;
+
+  PetscFunctionBeginUser;
+  while (high < 3 * r) {
+    const PetscReal y[2] = {x[0] + high * e[0], x[1] + high * e[1]};
+
+    PetscCall(ShapeDistance(shape, 1, y, &d));
+    if (d >= 0) break;
+    low = high;
+    high += PetscMax(-d, 1e-5 * r);
+  }
+  while (high - low > 1e-15 * r) {
+    const PetscReal mid = 0.5 * (low + high), y[2] = {x[0] + mid * e[0], x[1] + mid * e[1]};
+
+    if (mid <= low || mid >= high) break;
+    PetscCall(ShapeDistance(shape, 1, y, &d));
+    if (d >= 0) high = mid;
+    else low = mid;
+  }
+  *u = 0.5 * (low + high);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* To the middle between the two sides; x is inside */
+static PetscErrorCode centre_front(Shape shape, PetscReal r, Front *f)
+{
+  const PetscReal left[2] = {-f->t[1], f->t[0]}, right[2] = {f->t[1], -f->t[0]};
+  PetscReal       u, v;
+
+  PetscFunctionBeginUser;
+  PetscCall(find_side(shape, f->x, left, r, &u));
+  PetscCall(find_side(shape, f->x, right, r, &v));
+  for (PetscInt a = 0; a < 2; a++) f->x[a] += 0.5 * (u - v) * left[a];
+  f->width = u + v;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static void turn_front(Front *f, const PetscReal from[2])
+{
+  const PetscReal r[2] = {f->x[0] - from[0], f->x[1] - from[1]}, size = PetscSqrtReal(r[0] * r[0] + r[1] * r[1]);
+
+  for (PetscInt a = 0; a < 2 && size > 0; a++) f->t[a] = r[a] / size;
+}
+
+/* In the middle of the body, as far as it has one: across from the surface point that is closest to the centroid (or to a point beside it, which is not on the ridge of the distance) */
+static PetscErrorCode find_start(Shape shape, PetscReal r, Front *f)
+{
+  ShapeMass mass;
+  PetscReal beside[2], y[2], n[2];
+
+  PetscFunctionBeginUser;
+  PetscCall(ShapeGetMass(shape, &mass));
+  beside[0] = mass.centroid[0] + 1e-4 * r;
+  beside[1] = mass.centroid[1] + 1.3e-4 * r;
+  PetscCall(ShapeProject(shape, 1, beside, y));
+  PetscCall(ShapeNormal(shape, 1, y, n));
+  for (PetscInt a = 0; a < 2; a++) f->x[a] = y[a] - 1e-7 * r * n[a];
+  f->t[0] = -n[1];
+  f->t[1] = n[0];
+  PetscCall(centre_front(shape, r, f));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode add_point(Midline m, const PetscReal x[2])
+{
+  PetscFunctionBeginUser;
+  if (m->n == m->room) {
+    m->room = 2 * m->room + 256;
+    PetscCall(PetscRealloc(m->room * sizeof(*m->x), &m->x));
+  }
+  m->x[m->n][0]   = x[0];
+  m->x[m->n++][1] = x[1];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Points from front f (left out) to the tip ahead; *whole: is there a tip? */
+static PetscErrorCode march(Midline m, Shape shape, PetscReal r, Front f, PetscBool *whole)
+{
+  const PetscReal step    = r / STEPS;
+  PetscReal       bend[2] = {0, 0};
+
+  PetscFunctionBeginUser;
+  *whole = PETSC_FALSE;
+  for (PetscInt i = 0; i < MOST; i++) {
+    const Front old  = f;
+    PetscReal   t[2] = {f.t[0] + bend[0], f.t[1] + bend[1]}, size = PetscSqrtReal(t[0] * t[0] + t[1] * t[1]), ahead;
+
+    for (PetscInt a = 0; a < 2; a++) f.t[a] = t[a] / size;
+    PetscCall(find_side(shape, f.x, f.t, r, &ahead));
+    if (ahead <= 1.3 * step) {
+      for (PetscInt a = 0; a < 2; a++) f.x[a] += ahead * f.t[a];
+      PetscCall(add_point(m, f.x));
+      m->area += 0.5 * ahead * old.width;
+      *whole = PETSC_TRUE;
+      break;
+    }
+    for (PetscInt a = 0; a < 2; a++) f.x[a] += step * f.t[a];
+    PetscCall(centre_front(shape, r, &f));
+    turn_front(&f, old.x);
+    for (PetscInt a = 0; a < 2; a++) bend[a] = i ? f.t[a] - old.t[a] : 0; /* the first direction is a guess */
+    PetscCall(add_point(m, f.x));
+    m->thickness = PetscMax(m->thickness, f.width);
+    m->area += 0.5 * (f.width + old.width) * PetscSqrtReal(PetscSqr(f.x[0] - old.x[0]) + PetscSqr(f.x[1] - old.x[1]));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode reverse_points(Midline m)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < m->n / 2; i++) {
+    for (PetscInt a = 0; a < 2; a++) {
+      const PetscReal t = m->x[i][a];
+
+      m->x[i][a]            = m->x[m->n - 1 - i][a];
+      m->x[m->n - 1 - i][a] = t;
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Lengths of the chords between the points, added up */
+static PetscErrorCode measure_line(Midline m)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(m->n, &m->s));
+  m->s[0] = 0;
+  for (PetscInt i = 1; i < m->n; i++)
+    m->s[i] = m->s[i - 1] + PetscSqrtReal(PetscSqr(m->x[i][0] - m->x[i - 1][0]) + PetscSqr(m->x[i][1] - m->x[i - 1][1]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- public ---- */
+
+PetscErrorCode MidlineCreate(Shape shape, Midline *line)
+{
+  Midline   m;
+  Front     f;
+  PetscReal disc, r;
+  PetscBool whole[2] = {PETSC_FALSE, PETSC_FALSE};
+
+  PetscFunctionBeginUser;
+  *line = NULL;
+  PetscCall(ShapeGetDisc(shape, &disc));
+  if (disc > 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ShapeGetRadius(shape, &r));
+  PetscCall(PetscNew(&m));
+  PetscCall(find_start(shape, r, &f));
+  m->thickness = f.width;
+  PetscCall(march(m, shape, r, f, &whole[0]));
+  PetscCall(reverse_points(m));
+  PetscCall(add_point(m, f.x));
+  for (PetscInt a = 0; a < 2; a++) f.t[a] = -f.t[a];
+  PetscCall(march(m, shape, r, f, &whole[1]));
+  PetscCall(measure_line(m));
+  if (whole[0] && whole[1] && m->n >= 4 && m->s[m->n - 1] >= SLENDER * m->thickness) {
+    ShapeMass mass;
+
+    PetscCall(ShapeGetMass(shape, &mass));
+    if (PetscAbsReal(m->area - mass.volume) <= MISSING * mass.volume) *line = m;
+  }
+  if (!*line) PetscCall(MidlineDestroy(&m));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MidlineDestroy(Midline *line)
+{
+  PetscFunctionBeginUser;
+  if (!*line) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree((*line)->x));
+  PetscCall(PetscFree((*line)->s));
+  PetscCall(PetscFree(*line));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MidlineGetSize(Midline m, PetscReal *length, PetscReal *thickness)
+{
+  PetscFunctionBeginUser;
+  if (length) *length = m->s[m->n - 1];
+  if (thickness) *thickness = m->thickness;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MidlinePoint(Midline m, PetscInt n, const PetscReal s[], PetscReal y[])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e < n; e++) {
+    PetscInt low = 0, high = m->n - 1, first;
+
+    while (high - low > 1) {
+      const PetscInt mid = (low + high) / 2;
+
+      if (m->s[mid] <= s[e]) low = mid;
+      else high = mid;
+    }
+    first    = PetscMax(0, PetscMin(low - 1, m->n - 4)); /* Lagrange's polynomial of four points */
+    y[2 * e] = y[2 * e + 1] = 0;
+    for (PetscInt i = first; i < first + 4; i++) {
+      PetscReal weight = 1;
+
+      for (PetscInt j = first; j < first + 4; j++)
+        if (j != i) weight *= (s[e] - m->s[j]) / (m->s[i] - m->s[j]);
+      for (PetscInt a = 0; a < 2; a++) y[2 * e + a] += weight * m->x[i][a];
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MidlineProject(Midline m, PetscInt n, const PetscReal x[], PetscReal s[], PetscReal d[])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e < n; e++) {
+    PetscReal best = PETSC_MAX_REAL, side = 1;
+
+    for (PetscInt i = 0; i + 1 < m->n; i++) {
+      const PetscReal t[2] = {m->x[i + 1][0] - m->x[i][0], m->x[i + 1][1] - m->x[i][1]}, r[2] = {x[2 * e] - m->x[i][0], x[2 * e + 1] - m->x[i][1]};
+      const PetscReal length = m->s[i + 1] - m->s[i], along = PetscMin(1, PetscMax(0, (t[0] * r[0] + t[1] * r[1]) / PetscSqr(length)));
+      const PetscReal d2 = PetscSqr(r[0] - along * t[0]) + PetscSqr(r[1] - along * t[1]);
+
+      if (d2 >= best) continue;
+      best = d2;
+      side = t[0] * r[1] - t[1] * r[0] >= 0 ? 1 : -1;
+      s[e] = m->s[i] + along * length;
+    }
+    d[e] = side * PetscSqrtReal(best);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
