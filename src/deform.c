@@ -12,7 +12,9 @@
 #define CORRECT 12   /* further steps at most, until */
 #define GOOD    0.02 /* sizes are so close to the wanted ones */
 #define REGULARISE \
-  1e-2 /* of the mass matrix, over the square of the domain: makes the Neumann problem definite; what it does to the velocity the next steps correct */
+  1e-2 /* of the mass, over the square of the domain: makes the Neumann problem definite; what it does to the displacement the next steps correct */
+#define PASSES 2    /* of smoothing of the displacements on the way */
+#define SMOOTH 0.05 /* of the Laplacian, against potentials that alternate from cell to cell, which move next to nothing */
 
 typedef struct {
   Mesh             mesh;
@@ -21,17 +23,20 @@ typedef struct {
   const MeshLocal *l;
   Cells            near; /* bodies with their widths around them */
   PetscReal        size, width;
-  PetscInt         steps, dim, nv, nq, nvertex; /* vertices of a cell, Gauss points, own vertices */
-  PetscInt         corner[MAX_NV];              /* lattice place of vertex j of a cell */
+  PetscInt         steps, dim, nv, nq; /* vertices of a cell, Gauss points */
+  PetscInt         corner[MAX_NV];     /* lattice place of vertex j of a cell */
   PetscReal        phi[MAX_NQ][MAX_NV], dphi[MAX_NQ][MAX_NV][3], weight[MAX_NQ];
-  PetscInt        *number;  /* [nnode_all] global number of a vertex, -1: other nodes */
-  PetscInt        *held;    /* [nnode_all] bit mask of components that do not move */
-  PetscReal       *carried; /* [ncell_all] size of the cell at the start */
-  PetscReal       *rest;    /* [nnode_all] integral of the vertex functions over 1/m, then the right-hand side */
-  PetscReal       *load;    /* [nnode_all] of rho */
-  PetscReal       *w, *v;   /* [nnode_all] potential, [nnode_all][dim] velocity */
-  PetscReal       *trial;   /* [nnode_all][dim] places */
-  PetscReal        scale;   /* k */
+  PetscBool       *vertex;      /* [nnode_all] */
+  PetscInt        *held;        /* [nnode_all] bit mask of components that do not move */
+  PetscReal       *carried;     /* [ncell_all] size of the cell at the start */
+  PetscReal       *now, *count; /* [ncell_all] present size; integral of 1/m */
+  PetscReal       *slope;       /* [ncell_all][nv][dim] derivative of count/k by the places of the vertices */
+  PetscReal       *inverse;     /* [nnode_all] 1/m at vertices */
+  PetscReal       *ease;        /* [nnode_all] 1/(rho^2 mass): how willingly a vertex moves */
+  PetscReal       *damp;        /* [nnode_all] SMOOTH */
+  PetscReal       *v;           /* [nnode_all][dim] displacement */
+  PetscReal       *trial;       /* [nnode_all][dim] places */
+  PetscReal        scale;       /* k */
   Mat              K;
   KSP              ksp;
   Vec              x, b;
@@ -90,7 +95,7 @@ static PetscErrorCode get_vertices(const Deform *d, PetscInt c, PetscReal xv[][3
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static inline PetscInt vertex(const Deform *d, PetscInt c, PetscInt j)
+static inline PetscInt vertex_of(const Deform *d, PetscInt c, PetscInt j)
 {
   return d->l->cell_node[c * d->l->nb + d->corner[j]];
 }
@@ -128,19 +133,36 @@ static PetscErrorCode list_bodies(Deform *d)
 
 /* ---- one step ---- */
 
-/* Integrals of the vertex functions over 1/m and rho, and over the domain the scale k. Collective. */
+/* Smallest Jacobian of a cell at Gauss points and corners over its mean; a cell turned inside out gives -1 */
+static PetscReal find_least_jacobian(const Deform *d, PetscReal xv[][3], PetscReal size)
+{
+  const PetscReal mean  = size / (1 << d->dim);
+  PetscReal       least = PETSC_MAX_REAL, jac[9];
+
+  for (PetscInt q = 0; q < d->nq; q++) {
+    map_gradient(d, xv, d->dphi[q], jac);
+    least = PetscMin(least, DenseDeterminant(d->dim, jac));
+  }
+  for (PetscInt k = 0; k < d->nv; k++) { /* corners: differences along the edges that meet there */
+    for (PetscInt b = 0; b < d->dim; b++)
+      for (PetscInt a = 0; a < d->dim; a++) jac[a * d->dim + b] = 0.5 * (xv[k | 1 << b][a] - xv[k & ~(1 << b)][a]);
+    least = PetscMin(least, DenseDeterminant(d->dim, jac));
+  }
+  return mean > 0 ? least / mean : -1;
+}
+
+/* Sizes and integrals of 1/m of all local cells, and over the domain the scale k. Collective. */
 static PetscErrorCode measure(Deform *d)
 {
   const MeshLocal *l      = d->l;
   PetscReal        sum[2] = {0, 0};
 
   PetscFunctionBeginUser;
-  PetscCall(PetscArrayzero(d->rest, l->nnode_all));
-  PetscCall(PetscArrayzero(d->load, l->nnode_all));
   for (PetscInt c = 0; c < l->ncell_all; c++) {
-    PetscReal xv[MAX_NV][3], share[MAX_NV] = {0}, size = 0, number = 0;
+    PetscReal xv[MAX_NV][3];
 
     PetscCall(get_vertices(d, c, xv));
+    d->now[c] = d->count[c] = 0;
     for (PetscInt q = 0; q < d->nq; q++) {
       PetscReal jac[9], x[3] = {0, 0, 0}, weight, m;
 
@@ -149,16 +171,11 @@ static PetscErrorCode measure(Deform *d)
       for (PetscInt j = 0; j < d->nv; j++)
         for (PetscInt a = 0; a < d->dim; a++) x[a] += d->phi[q][j] * xv[j][a];
       PetscCall(evaluate_monitor(d, x, &m));
-      size += weight;
-      number += weight / m;
-      for (PetscInt j = 0; j < d->nv; j++) {
-        share[j] += weight * d->phi[q][j];
-        d->rest[vertex(d, c, j)] += weight * d->phi[q][j] / m;
-      }
+      d->now[c] += weight;
+      d->count[c] += weight / m;
     }
-    for (PetscInt j = 0; j < d->nv; j++) d->load[vertex(d, c, j)] += share[j] * d->carried[c] / size;
     if (c < l->ncell) {
-      sum[0] += number;
+      sum[0] += d->count[c];
       sum[1] += d->carried[c];
     }
   }
@@ -167,7 +184,7 @@ static PetscErrorCode measure(Deform *d)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Sizes achieved over wanted, and the smallest Jacobian over its cell's mean, with its place. Collective. */
+/* After measure: sizes achieved over wanted, and the smallest Jacobian over its cell's mean, with its place. Collective. */
 static PetscErrorCode judge(Deform *d, DeformResult *r, PetscReal where[3])
 {
   const MeshLocal *l      = d->l;
@@ -175,37 +192,16 @@ static PetscErrorCode judge(Deform *d, DeformResult *r, PetscReal where[3])
 
   PetscFunctionBeginUser;
   for (PetscInt c = 0; c < l->ncell; c++) {
-    PetscReal xv[MAX_NV][3], size = 0, number = 0, least = PETSC_MAX_REAL, mean;
+    const PetscReal ratio = d->count[c] / d->scale / d->carried[c];
+    PetscReal       xv[MAX_NV][3], least;
 
     PetscCall(get_vertices(d, c, xv));
-    for (PetscInt q = 0; q < d->nq; q++) {
-      PetscReal jac[9], x[3] = {0, 0, 0}, det, m;
-
-      map_gradient(d, xv, d->dphi[q], jac);
-      det   = DenseDeterminant(d->dim, jac);
-      least = PetscMin(least, det);
-      for (PetscInt j = 0; j < d->nv; j++)
-        for (PetscInt a = 0; a < d->dim; a++) x[a] += d->phi[q][j] * xv[j][a];
-      PetscCall(evaluate_monitor(d, x, &m));
-      size += d->weight[q] * det;
-      number += d->weight[q] * det / m;
-    }
-    for (PetscInt k = 0; k < d->nv; k++) { /* corners: differences along the edges that meet there */
-      PetscReal jac[9];
-
-      for (PetscInt b = 0; b < d->dim; b++)
-        for (PetscInt a = 0; a < d->dim; a++) jac[a * d->dim + b] = 0.5 * (xv[k | 1 << b][a] - xv[k & ~(1 << b)][a]);
-      least = PetscMin(least, DenseDeterminant(d->dim, jac));
-    }
-    mean   = size / (1 << d->dim);
-    least  = mean > 0 ? least / mean : -1; /* a cell turned inside out has a ratio of 1 too */
-    number = number / d->scale / d->carried[c];
-    top[0] = PetscMax(top[0], 1 / number);
-    top[1] = PetscMax(top[1], number);
-    if (-least > top[2]) {
-      top[2] = -least;
-      for (PetscInt a = 0; a < 3; a++) where[a] = a < d->dim ? xv[0][a] : 0;
-    }
+    least  = find_least_jacobian(d, xv, d->now[c]);
+    top[0] = PetscMax(top[0], 1 / ratio);
+    top[1] = PetscMax(top[1], ratio);
+    if (-least <= top[2]) continue;
+    top[2] = -least;
+    for (PetscInt a = 0; a < 3; a++) where[a] = a < d->dim ? xv[0][a] : 0;
   }
   mine = top[2];
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, top, 3, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
@@ -217,6 +213,91 @@ static PetscErrorCode judge(Deform *d, DeformResult *r, PetscReal where[3])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* 1/m at the vertices; mass and 1/m there, for how willingly they move */
+static PetscErrorCode weigh_vertices(Deform *d)
+{
+  const MeshLocal *l = d->l;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(d->ease, l->nnode_all));
+  for (PetscInt i = 0; i < l->nnode_all; i++) {
+    PetscReal m;
+
+    if (!d->vertex[i]) continue;
+    PetscCall(evaluate_monitor(d, l->x + i * d->dim, &m));
+    d->inverse[i] = 1 / m;
+  }
+  for (PetscInt c = 0; c < l->ncell_all; c++)
+    for (PetscInt j = 0; j < d->nv; j++) d->ease[vertex_of(d, c, j)] += d->now[c] / d->nv;
+  for (PetscInt i = 0; i < l->nnode_all; i++)
+    if (d->vertex[i]) d->ease[i] = PetscSqr(d->scale / d->inverse[i]) / d->ease[i];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Derivatives of the cells' integrals by the places of their vertices: int div(phi_j e_a/m), with 1/m interpolated between the vertices, so that what one cell gains its neighbours
+   lose */
+static PetscErrorCode differentiate(Deform *d)
+{
+  const PetscInt dim = d->dim;
+
+  PetscFunctionBeginUser;
+  PetscCall(weigh_vertices(d));
+  PetscCall(PetscArrayzero(d->slope, d->l->ncell_all * d->nv * dim));
+  for (PetscInt c = 0; c < d->l->ncell_all; c++) {
+    PetscReal xv[MAX_NV][3], *slope = d->slope + c * d->nv * dim;
+
+    PetscCall(get_vertices(d, c, xv));
+    for (PetscInt q = 0; q < d->nq; q++) {
+      PetscReal jac[9], inv[9], g[MAX_NV][3], f = 0, df[3] = {0, 0, 0}, weight;
+
+      map_gradient(d, xv, d->dphi[q], jac);
+      weight = d->weight[q] * DenseInvertMap(dim, jac, inv) / d->scale;
+      for (PetscInt j = 0; j < d->nv; j++) {
+        const PetscReal fj = d->inverse[vertex_of(d, c, j)];
+
+        f += d->phi[q][j] * fj;
+        for (PetscInt a = 0; a < dim; a++) {
+          g[j][a] = 0;
+          for (PetscInt b = 0; b < dim; b++) g[j][a] += inv[b * dim + a] * d->dphi[q][j][b];
+          df[a] += fj * g[j][a];
+        }
+      }
+      for (PetscInt j = 0; j < d->nv; j++)
+        for (PetscInt a = 0; a < dim; a++) slope[j * dim + a] += weight * (f * g[j][a] + d->phi[q][j] * df[a]);
+    }
+    for (PetscInt i = 0; i < d->nv * dim; i++)
+      if (d->held[vertex_of(d, c, i / dim)] >> i % dim & 1) slope[i] = 0;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The derivatives of cell c by the place of node i, one of its vertices */
+static const PetscReal *slope_at(const Deform *d, PetscInt c, PetscInt i)
+{
+  PetscInt j = 0;
+
+  while (vertex_of(d, c, j) != i) j++;
+  return d->slope + (c * d->nv + j) * d->dim;
+}
+
+/* Strength of SMOOTH at the vertices of own cells: that of the Laplacian there, in the mean over the cells around */
+static void find_damping(Deform *d)
+{
+  const MeshLocal *l = d->l;
+
+  for (PetscInt i = 0; i < l->nnode_all; i++) {
+    const PetscInt first = l->node_cell_ptr[i], last = l->node_cell_ptr[i + 1];
+
+    d->damp[i] = 0;
+    for (PetscInt e = first; e < last && d->vertex[i]; e++) {
+      const PetscReal *s = slope_at(d, l->node_cell[e], i);
+
+      for (PetscInt a = 0; a < d->dim; a++) d->damp[i] += SMOOTH * d->ease[i] * s[a] * s[a] / (last - first);
+    }
+  }
+}
+
+/* Rows of own cells of slope ease slope^T, the Laplacian of a potential in the cells */
 static PetscErrorCode assemble(Deform *d)
 {
   const MeshLocal *l        = d->l;
@@ -224,98 +305,92 @@ static PetscErrorCode assemble(Deform *d)
 
   PetscFunctionBeginUser;
   for (PetscInt a = 0; a < d->dim; a++) diameter = PetscMax(diameter, l->upper[a] - l->lower[a]);
+  find_damping(d);
   PetscCall(MatZeroEntries(d->K));
   for (PetscInt c = 0; c < l->ncell; c++) {
-    PetscReal xv[MAX_NV][3], ke[MAX_NV * MAX_NV] = {0};
-    PetscInt  row[MAX_NV];
+    const PetscInt row = l->cell_global[c];
 
-    PetscCall(get_vertices(d, c, xv));
-    for (PetscInt q = 0; q < d->nq; q++) {
-      PetscReal jac[9], inv[9], g[MAX_NV][3], weight;
+    PetscCall(MatSetValue(d->K, row, row, REGULARISE / (diameter * diameter) * d->now[c], ADD_VALUES));
+    for (PetscInt j = 0; j < d->nv; j++) {
+      const PetscInt   i = vertex_of(d, c, j), first = l->node_cell_ptr[i], last = l->node_cell_ptr[i + 1];
+      const PetscReal *mine = d->slope + (c * d->nv + j) * d->dim;
 
-      map_gradient(d, xv, d->dphi[q], jac);
-      weight = d->weight[q] * DenseInvertMap(d->dim, jac, inv);
-      for (PetscInt j = 0; j < d->nv; j++)
-        for (PetscInt a = 0; a < d->dim; a++) {
-          g[j][a] = 0;
-          for (PetscInt b = 0; b < d->dim; b++) g[j][a] += inv[b * d->dim + a] * d->dphi[q][j][b];
-        }
-      for (PetscInt i = 0; i < d->nv; i++)
-        for (PetscInt j = 0; j < d->nv; j++) {
-          PetscReal sum = REGULARISE / (diameter * diameter) * d->phi[q][i] * d->phi[q][j];
+      for (PetscInt e = first; e < last; e++) {
+        const PetscReal *other = slope_at(d, l->node_cell[e], i);
+        PetscReal        value = d->damp[i] * ((l->node_cell[e] == c) - 1. / (last - first));
 
-          for (PetscInt a = 0; a < d->dim; a++) sum += g[i][a] * g[j][a];
-          ke[i * d->nv + j] += weight * sum;
-        }
+        for (PetscInt a = 0; a < d->dim; a++) value += d->ease[i] * mine[a] * other[a];
+        PetscCall(MatSetValue(d->K, row, l->cell_global[l->node_cell[e]], value, ADD_VALUES));
+      }
     }
-    for (PetscInt j = 0; j < d->nv; j++) row[j] = d->number[vertex(d, c, j)];
-    PetscCall(MatSetValues(d->K, d->nv, row, d->nv, row, ke, ADD_VALUES));
   }
   PetscCall(MatAssemblyBegin(d->K, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(d->K, MAT_FINAL_ASSEMBLY));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The potential at all local nodes */
+/* The potential, in d->x */
 static PetscErrorCode solve_potential(Deform *d)
 {
-  const MeshLocal   *l = d->l;
   PetscScalar       *b;
-  const PetscScalar *x;
-  PetscReal          mean;
-  PetscInt           n = 0;
   KSPConvergedReason reason;
 
   PetscFunctionBeginUser;
+  PetscCall(differentiate(d));
   PetscCall(assemble(d));
   PetscCall(VecGetArrayWrite(d->b, &b));
-  for (PetscInt i = 0; i < l->nnode; i++)
-    if (d->number[i] >= 0) b[n++] = d->rest[i] / d->scale - d->load[i];
+  for (PetscInt c = 0; c < d->l->ncell; c++) b[c] = d->carried[c] - d->count[c] / d->scale;
   PetscCall(VecRestoreArrayWrite(d->b, &b));
-  PetscCall(VecMean(d->b, &mean));
-  PetscCall(VecShift(d->b, -mean)); /* round-off */
   PetscCall(KSPSolve(d->ksp, d->b, d->x));
   PetscCall(KSPGetConvergedReason(d->ksp, &reason));
   PetscCheck(reason > 0, PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
              "The potential of -mesh_deform was not found (%s): raise -deform_ksp_max_it, or choose another -deform_pc_type",
              KSPConvergedReasons[reason]);
-  PetscCall(VecGetArrayRead(d->x, &x));
-  n = 0;
-  for (PetscInt i = 0; i < l->nnode; i++) d->w[i] = d->number[i] >= 0 ? x[n++] : 0;
-  PetscCall(VecRestoreArrayRead(d->x, &x));
-  PetscCall(MeshSyncNodes(d->mesh, 1, d->w));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* grad w / rho at the vertices: the gradient is the mean of that of the cells around, as is rho */
-static PetscErrorCode find_velocity(Deform *d)
+/* The displacement ease slope^T w, at all local nodes */
+static PetscErrorCode find_displacement(Deform *d)
 {
-  const MeshLocal *l = d->l;
+  const MeshLocal   *l = d->l;
+  const PetscScalar *w;
 
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(d->v, l->nnode_all * d->dim));
+  PetscCall(VecGetArrayRead(d->x, &w));
+  for (PetscInt i = 0; i < l->ncell * d->nv * d->dim; i++) {
+    const PetscInt c = i / (d->nv * d->dim);
+
+    d->v[vertex_of(d, c, i / d->dim % d->nv) * d->dim + i % d->dim] += d->slope[i] * PetscRealPart(w[c]);
+  }
+  PetscCall(VecRestoreArrayRead(d->x, &w));
+  PetscCall(MeshSumNodes(d->mesh, d->dim, d->v));
+  for (PetscInt i = 0; i < l->nnode * d->dim; i++) d->v[i] *= d->vertex[i / d->dim] ? d->ease[i / d->dim] : 0;
+  PetscCall(MeshSyncNodes(d->mesh, d->dim, d->v));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Replace the displacement of a vertex by the mean over the cells around of their mean displacements */
+static PetscErrorCode smooth_displacement(Deform *d)
+{
+  const MeshLocal *l = d->l;
+  PetscReal       *sum, *mass;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc2(l->nnode_all * d->dim, &sum, l->nnode_all, &mass));
   for (PetscInt c = 0; c < l->ncell_all; c++) {
-    PetscReal xv[MAX_NV][3];
+    PetscReal mean[3] = {0, 0, 0};
 
-    PetscCall(get_vertices(d, c, xv));
-    for (PetscInt q = 0; q < d->nq; q++) {
-      PetscReal jac[9], inv[9], grad[3] = {0, 0, 0}, weight;
-
-      map_gradient(d, xv, d->dphi[q], jac);
-      weight = d->weight[q] * DenseInvertMap(d->dim, jac, inv);
-      for (PetscInt j = 0; j < d->nv; j++)
-        for (PetscInt a = 0; a < d->dim; a++)
-          for (PetscInt b = 0; b < d->dim; b++) grad[a] += d->w[vertex(d, c, j)] * inv[b * d->dim + a] * d->dphi[q][j][b];
-      for (PetscInt j = 0; j < d->nv; j++)
-        for (PetscInt a = 0; a < d->dim; a++) d->v[vertex(d, c, j) * d->dim + a] += weight * d->phi[q][j] * grad[a];
+    for (PetscInt j = 0; j < d->nv * d->dim; j++) mean[j % d->dim] += d->v[vertex_of(d, c, j / d->dim) * d->dim + j % d->dim] / d->nv;
+    for (PetscInt j = 0; j < d->nv; j++) {
+      mass[vertex_of(d, c, j)] += d->carried[c];
+      for (PetscInt a = 0; a < d->dim; a++) sum[vertex_of(d, c, j) * d->dim + a] += d->carried[c] * mean[a];
     }
   }
-  for (PetscInt i = 0; i < l->nnode; i++)
-    for (PetscInt a = 0; a < d->dim; a++) {
-      if (d->number[i] < 0 || (d->held[i] >> a & 1)) d->v[i * d->dim + a] = 0;
-      else d->v[i * d->dim + a] /= d->load[i]; /* both are integrals of the vertex function: their ratio is that of the means */
-    }
+  for (PetscInt i = 0; i < l->nnode * d->dim; i++)
+    d->v[i] = d->vertex[i / d->dim] && !(d->held[i / d->dim] >> i % d->dim & 1) ? sum[i] / mass[i / d->dim] : 0;
   PetscCall(MeshSyncNodes(d->mesh, d->dim, d->v));
+  PetscCall(PetscFree2(sum, mass));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -338,7 +413,7 @@ static PetscErrorCode move_nodes(Deform *d, const PetscReal from[], PetscReal t)
       const PetscInt at[3] = {i % 3, i / 3 % 3, i / 9};
       PetscReal      x[3] = {0, 0, 0}, *y = d->trial + l->cell_node[c * l->nb + i] * d->dim;
 
-      if (d->number[l->cell_node[c * l->nb + i]] >= 0) continue;
+      if (d->vertex[l->cell_node[c * l->nb + i]]) continue;
       for (PetscInt j = 0; j < d->nv; j++) {
         PetscReal weight = 1;
 
@@ -354,15 +429,16 @@ static PetscErrorCode move_nodes(Deform *d, const PetscReal from[], PetscReal t)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* A part of the way from the present to the wanted sizes; shorter if cells would become too slender. *taken: what it was. */
-static PetscErrorCode take_step(Deform *d, PetscReal part, PetscReal *taken, DeformResult *r)
+/* A part of the way from the present to the wanted sizes; shorter if cells would become too slender. exact: as the sizes want it, else smoothed. *taken: what it was. */
+static PetscErrorCode take_step(Deform *d, PetscBool exact, PetscReal part, PetscReal *taken, DeformResult *r)
 {
   const PetscInt size = d->l->nnode_all * d->dim;
   PetscReal     *from, where[3] = {0, 0, 0};
 
   PetscFunctionBeginUser;
   PetscCall(solve_potential(d));
-  PetscCall(find_velocity(d));
+  PetscCall(find_displacement(d));
+  for (PetscInt i = 0; i < PASSES && !exact; i++) PetscCall(smooth_displacement(d));
   PetscCall(PetscMalloc1(size, &from));
   PetscCall(PetscArraycpy(from, d->l->x, size));
   for (*taken = part;; *taken *= 0.5) {
@@ -388,13 +464,13 @@ static PetscErrorCode deform(Deform *d, DeformResult *r)
   PetscFunctionBeginUser;
   r->steps = 0;
   PetscCall(measure(d));
-  for (PetscInt k = 0; k < d->steps; k++) PetscCall(take_step(d, 1. / (d->steps - k), &taken, r));
+  for (PetscInt k = 0; k < d->steps; k++) PetscCall(take_step(d, PETSC_FALSE, 1. / (d->steps - k), &taken, r));
   for (PetscInt k = 0; k < CORRECT; k++) {
     const PetscReal last = error;
 
     error = PetscMax(1 - r->area[0], r->area[1] - 1);
     if (error < GOOD || error > 0.95 * last) break;
-    PetscCall(take_step(d, 1, &taken, r));
+    PetscCall(take_step(d, PETSC_TRUE, 1, &taken, r));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -440,6 +516,7 @@ static PetscErrorCode measure_start(Deform *d)
 
     PetscCall(get_vertices(d, c, xv));
     d->carried[c] = 0;
+    for (PetscInt j = 0; j < d->nv; j++) d->vertex[vertex_of(d, c, j)] = PETSC_TRUE;
     for (PetscInt q = 0; q < d->nq; q++) {
       PetscReal jac[9];
 
@@ -456,7 +533,7 @@ static PetscErrorCode create_solver(Deform *d)
   PC             pc;
 
   PetscFunctionBeginUser;
-  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, d->nvertex, d->nvertex, PETSC_DETERMINE, PETSC_DETERMINE, most, NULL, most, NULL, &d->K));
+  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, d->l->ncell, d->l->ncell, PETSC_DETERMINE, PETSC_DETERMINE, most, NULL, most, NULL, &d->K));
   PetscCall(MatSetOption(d->K, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE)); /* meshes of files may have more cells around a vertex */
   PetscCall(MatCreateVecs(d->K, &d->x, &d->b));
   PetscCall(KSPCreate(PETSC_COMM_WORLD, &d->ksp));
@@ -495,7 +572,8 @@ static PetscErrorCode read_options(Deform *d)
 
 PetscErrorCode DeformMesh(Mesh mesh, Bodies bodies, PetscBool *done, DeformResult *r)
 {
-  Deform d = {.mesh = mesh, .bodies = bodies};
+  Deform   d = {.mesh = mesh, .bodies = bodies};
+  PetscInt n, m;
 
   PetscFunctionBeginUser;
   *done = PETSC_FALSE;
@@ -506,10 +584,10 @@ PetscErrorCode DeformMesh(Mesh mesh, Bodies bodies, PetscBool *done, DeformResul
   d.dim = d.l->dim;
   PetscCall(read_options(&d));
   tabulate(&d);
-  PetscCall(PetscMalloc3(d.l->nnode_all, &d.number, d.l->nnode_all, &d.held, d.l->ncell_all, &d.carried));
-  PetscCall(PetscMalloc5(d.l->nnode_all, &d.rest, d.l->nnode_all, &d.load, d.l->nnode_all, &d.w, d.l->nnode_all * d.dim, &d.v, d.l->nnode_all * d.dim,
-                         &d.trial));
-  PetscCall(MeshNumberVertices(mesh, d.number, &d.nvertex));
+  n = d.l->nnode_all;
+  m = d.l->ncell_all;
+  PetscCall(PetscCalloc5(n, &d.vertex, n, &d.held, m, &d.carried, m, &d.now, m, &d.count));
+  PetscCall(PetscMalloc6(m * d.nv * d.dim, &d.slope, n, &d.inverse, n, &d.ease, n, &d.damp, n * d.dim, &d.v, n * d.dim, &d.trial));
   PetscCall(hold_boundaries(&d));
   PetscCall(measure_start(&d));
   PetscCall(list_bodies(&d));
@@ -521,7 +599,7 @@ PetscErrorCode DeformMesh(Mesh mesh, Bodies bodies, PetscBool *done, DeformResul
   PetscCall(MatDestroy(&d.K));
   PetscCall(VecDestroy(&d.x));
   PetscCall(VecDestroy(&d.b));
-  PetscCall(PetscFree3(d.number, d.held, d.carried));
-  PetscCall(PetscFree5(d.rest, d.load, d.w, d.v, d.trial));
+  PetscCall(PetscFree5(d.vertex, d.held, d.carried, d.now, d.count));
+  PetscCall(PetscFree6(d.slope, d.inverse, d.ease, d.damp, d.v, d.trial));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -65,7 +65,7 @@ static void test_sizes(void **state)
   (void)state;
   OK(create(&c, "-mesh_cells 24,24 -mesh_deform -mesh_deform_size 0.5 -mesh_deform_width 0.25 -particle_groups a -particle_a_shape circle "
                 "-particle_a_radius 0.12 -particle_a_position 0.5,0.5 -particle_a_free none"));
-  if (c.result.area[0] < 0.9 || c.result.area[1] > 1.1)
+  if (c.result.area[0] < 0.97 || c.result.area[1] > 1.03)
     fail_msg("sizes %g to %g of the wanted ones", (double)c.result.area[0], (double)c.result.area[1]);
   for (PetscInt cell = 0; cell < c.l->ncell; cell++) {
     PetscReal xc[MESH_MAX_NB * 3];
@@ -112,7 +112,7 @@ static void test_placements(void **state)
     OK(PetscPrintf(PETSC_COMM_WORLD, "%" PetscInt_FMT " placements: smallest Jacobian %g of the mean, sizes %g to %g of the wanted ones\n", n,
                    (double)least, (double)low, (double)high));
   if (least <= 0.1) fail_msg("smallest Jacobian %g", (double)least);
-  if (low < 0.9 || high > 1.1) fail_msg("sizes %g to %g of the wanted ones", (double)low, (double)high);
+  if (low < 0.95 || high > 1.05) fail_msg("sizes %g to %g of the wanted ones", (double)low, (double)high);
 }
 
 /* Steps so long that cells would turn inside out are shortened */
