@@ -6,6 +6,7 @@
      (c) where no map can be inverted (flat corner cells of a staircase): first-order Taylor from the nearest of the points (0, +-0.77)^2 of old fluid cells, up to 1.5 cells away;
      (d) the value the node has now; counted.
    Taking the rigid velocity at uncovered places instead makes the torque of a translating disc 1.8 % wrong, whatever the time step (design section 6).
+   Where a thin body has swept over a place, the cell that contains it was on the other side: cells that must not answer for a place are told by their sides.
    A place that is not in a cell of this rank is offered to all ranks, and the best answer is taken, so that the result does not depend on the partition. */
 #pragma once
 #include "mesh.h"
@@ -19,7 +20,12 @@ typedef struct {
 PetscErrorCode RemapCreate(Mesh, Remap *);
 PetscErrorCode RemapDestroy(Remap *);
 
-/* nodes [n]: own nodes, x [n][dim] their new places; dead [ncell_all] >= 0: cell is no part of the fluid now. field [nfield]: arrays [nnode_all][dim], synced.
-   out [n][nfield][dim]. Collective. */
-PetscErrorCode RemapEvaluate(Remap, PetscInt n, const PetscInt nodes[], const PetscReal x[], const PetscInt dead[], PetscInt nfield,
+/* What each cell is now, [ncell_all] */
+typedef struct {
+  const PetscInt *dead; /* >= 0: no part of the fluid */
+  const PetscInt *side; /* a cell of side s is not asked for places of side -s; 0: for all */
+} RemapCells;
+
+/* nodes [n]: own nodes, x [n][dim] their new places and side [n] of these (RemapCells). field [nfield]: arrays [nnode_all][dim], synced. out [n][nfield][dim]. Collective. */
+PetscErrorCode RemapEvaluate(Remap, PetscInt n, const PetscInt nodes[], const PetscReal x[], const PetscInt side[], RemapCells, PetscInt nfield,
                              const PetscReal *const field[], PetscReal out[], RemapCount *);

@@ -58,11 +58,13 @@ struct _p_Snap {
   PetscInt   x_room;
   PetscBool *hollow; /* [nbodies] */
   /* bodies thinner than a cell */
-  Midline   *line;      /* [ngroups] NULL: shapes that are never that thin */
-  PetscReal  coarsest;  /* largest cell of the mesh */
-  PetscBool *is_path;   /* [nbodies] */
-  PetscReal *smallest;  /* [nbodies] cell along a body */
-  SnapPath  *path;      /* [nbodies] */
+  Midline   *line;                     /* [ngroups] NULL: shapes that are never that thin */
+  PetscReal  coarsest;                 /* largest cell of the mesh */
+  PetscBool *is_path;                  /* [nbodies] */
+  PetscReal *smallest;                 /* [nbodies] cell along a body */
+  SnapPath  *path;                     /* [nbodies] */
+  PetscInt  *node_side, *cell_side[2]; /* see SnapResult; of this fit and of the one before */
+  List       side_node, side_cell[2];
   List       path_edge; /* local mid-edge nodes on paths */
 };
 
@@ -96,5 +98,7 @@ PetscErrorCode SnapPathChoose(Snap, PetscReal (*X)[3], PetscReal (*q)[4], const 
 /* Paths of those of them that s->fitted has: their nodes are marked, their vertices displaced and ring 0. After the nodes of all other bodies are marked; takes back the paths of the last
    call. A body for which there is no path gets none. Collective. */
 PetscErrorCode SnapPathPlaceVertices(Snap, PetscReal (*X)[3], PetscReal (*q)[4]);
+/* On which side of a path are nodes and cells in their new places? Also forgets those of the fit before the last one. Not collective. */
+PetscErrorCode SnapPathFindSides(Snap, PetscReal (*X)[3], PetscReal (*q)[4]);
 /* Displacements of the mid-edge nodes on paths. Not collective. */
 PetscErrorCode SnapPathPlaceEdges(Snap, PetscReal (*X)[3], PetscReal (*q)[4]);

@@ -17,7 +17,7 @@ struct _p_Fit {
   RemapCount count;
   PetscInt  *stamp, now; /* [nnode_all] */
   /* own nodes that need values: where they will be, and what they get */
-  PetscInt   ntarget, room, *target;
+  PetscInt   ntarget, room, *target, *side;
   PetscReal *x, *value;
 };
 
@@ -29,23 +29,50 @@ static PetscBool is_buried(const MeshLocal *l, PetscInt i, const PetscInt cell_b
   return PETSC_TRUE;
 }
 
-static PetscErrorCode add_target(Fit f, PetscInt i, const PetscReal x[])
+static PetscErrorCode append_target(Fit f, PetscInt i, const PetscReal x[], PetscInt side)
 {
   PetscFunctionBeginUser;
-  if (f->stamp[i] == f->now) PetscFunctionReturn(PETSC_SUCCESS);
-  f->stamp[i] = f->now;
-  if (i >= f->loc->nnode || is_buried(f->loc, i, f->result.cell_body)) PetscFunctionReturn(PETSC_SUCCESS);
   if (f->ntarget == f->room) {
     f->room = 2 * f->room + 64;
     PetscCall(PetscRealloc(f->room * sizeof(PetscInt), &f->target));
+    PetscCall(PetscRealloc(f->room * sizeof(PetscInt), &f->side));
     PetscCall(PetscRealloc(2 * f->room * sizeof(PetscReal), &f->x));
     PetscCall(PetscRealloc(4 * f->room * sizeof(PetscReal), &f->value));
   }
   f->target[f->ntarget]    = i;
+  f->side[f->ntarget]      = side;
   f->x[2 * f->ntarget]     = x[0];
   f->x[2 * f->ntarget + 1] = x[1];
   f->ntarget++;
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Nodes on a path have fluid on both sides, which had two velocities where the path is now: they get the mean */
+static PetscErrorCode add_target(Fit f, PetscInt i, const PetscReal x[])
+{
+  const PetscInt k = f->result.node_body[i];
+
+  PetscFunctionBeginUser;
+  if (f->stamp[i] == f->now) PetscFunctionReturn(PETSC_SUCCESS);
+  f->stamp[i] = f->now;
+  if (i >= f->loc->nnode || is_buried(f->loc, i, f->result.cell_body)) PetscFunctionReturn(PETSC_SUCCESS);
+  if (k < 0 || f->result.hollow[k]) PetscCall(append_target(f, i, x, f->result.node_side[i]));
+  else {
+    PetscCall(append_target(f, i, x, k + 1));
+    PetscCall(append_target(f, i, x, -(k + 1)));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The values of the targets, into both fields; the two of a node on a path come one after the other */
+static void take_values(Fit f, PetscReal *const u[2])
+{
+  for (PetscInt e = 0; e < 4 * f->ntarget; e++) {
+    const PetscInt t = e / 4, pair = t + 1 < f->ntarget && f->target[t + 1] == f->target[t] ? t + 1 : t;
+
+    if (t && f->target[t - 1] == f->target[t]) continue;
+    u[e / 2 % 2][2 * f->target[t] + e % 2] = pair == t ? f->value[e] : 0.5 * (f->value[e] + f->value[e + 4]);
+  }
 }
 
 /* Own fluid nodes that move, or were inside a body until now. Inside a body that the mesh no longer follows the fluid begins with the velocity of the body. */
@@ -75,10 +102,11 @@ static PetscErrorCode carry_over(Fit f, FlowSolver solver)
   PetscFunctionBeginUser;
   PetscCall(FlowGetFields(f->flow, &u[0], &u[1], NULL));
   PetscCall(find_targets(f));
-  PetscCall(RemapEvaluate(f->remap, f->ntarget, f->target, f->x, r->cell_before, 2, (const PetscReal *const *)u, f->value, &f->count));
+  PetscCall(RemapEvaluate(f->remap, f->ntarget, f->target, f->x, f->side, (RemapCells){r->cell_before, r->side_before}, 2,
+                          (const PetscReal *const *)u, f->value, &f->count));
   PetscCall(FlowSolverForgetCells(solver, r->ncell, r->cell));
   PetscCall(MeshMoveNodes(f->mesh, r->nnode, r->node, r->x));
-  for (PetscInt e = 0; e < 4 * f->ntarget; e++) u[e / 2 % 2][2 * f->target[e / 4] + e % 2] = f->value[e];
+  take_values(f, u);
   for (PetscInt k = 0; k < 2; k++) PetscCall(MeshSyncNodes(f->mesh, 2, u[k]));
   PetscCall(FlowUpdateCells(f->flow, r->ncell, r->cell, r->cell_body));
   PetscCall(FlowSolverSetDead(solver, r->cell_body, f->fitted));
@@ -115,6 +143,7 @@ PetscErrorCode FitDestroy(Fit *fit)
   PetscCall(RemapDestroy(&f->remap));
   PetscCall(PetscFree6(f->wanted, f->fitted, f->before, f->X, f->q, f->stamp));
   PetscCall(PetscFree(f->target));
+  PetscCall(PetscFree(f->side));
   PetscCall(PetscFree(f->x));
   PetscCall(PetscFree(f->value));
   PetscCall(PetscFree(*fit));

@@ -8,6 +8,7 @@
 #define REACH     1.8  /* of (b), reference coordinates */
 #define TAYLOR    1.5  /* of (c), cell sizes */
 #define POINT     0.77 /* of (c) */
+#define PLACE     4    /* numbers that describe a place to other ranks: itself, cell size, side */
 
 /* How good an answer is: kind 0 (a) .. 3 (d), then a measure, the smaller the better */
 typedef struct {
@@ -82,8 +83,14 @@ static PetscErrorCode try_cell(Remap r, PetscInt c, const PetscReal at[2], Petsc
 
 /* ---- the patch ---- */
 
+static PetscBool may_answer(RemapCells cells, PetscInt c, PetscInt side)
+{
+  return (PetscBool)(cells.dead[c] < 0 && (!side || cells.side[c] != -side));
+}
+
 /* Fluid cells of the patch around x, nearest first as far as the list is long: cell [MAX_PATCH]. own: only cells of this rank */
-static PetscErrorCode find_patch(Remap r, const PetscReal x[2], PetscReal size, const PetscInt dead[], PetscBool own, PetscInt *n, PetscInt cell[])
+static PetscErrorCode find_patch(Remap r, const PetscReal x[2], PetscReal size, PetscInt side, RemapCells cells, PetscBool own, PetscInt *n,
+                                 PetscInt cell[])
 {
   const MeshLocal *l = r->loc;
   PetscReal        distance[MAX_PATCH];
@@ -109,7 +116,7 @@ static PetscErrorCode find_patch(Remap r, const PetscReal x[2], PetscReal size, 
       PetscReal      d = 0;
       PetscInt       at;
 
-      if (c < 0 || dead[c] >= 0 || (own && c >= l->ncell)) continue;
+      if (c < 0 || !may_answer(cells, c, side) || (own && c >= l->ncell)) continue;
       for (PetscInt a = 0; a < 2; a++) d += PetscSqr(l->x[2 * list[e] + a] - 0.5 * (lo[a] + hi[a]));
       if (*n == MAX_PATCH && d >= distance[MAX_PATCH - 1]) continue;
       for (at = *n == MAX_PATCH ? MAX_PATCH - 1 : *n; at > 0 && distance[at - 1] > d; at--) {
@@ -124,13 +131,13 @@ static PetscErrorCode find_patch(Remap r, const PetscReal x[2], PetscReal size, 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode find_answer(Remap r, const PetscReal x[2], PetscReal size, const PetscInt dead[], PetscBool own, Answer *best)
+static PetscErrorCode find_answer(Remap r, const PetscReal x[2], PetscReal size, PetscInt side, RemapCells cells, PetscBool own, Answer *best)
 {
   PetscInt n, cell[MAX_PATCH];
 
   PetscFunctionBeginUser;
   *best = (Answer){3000, -1, {0, 0}, {0, 0}};
-  PetscCall(find_patch(r, x, size, dead, own, &n, cell));
+  PetscCall(find_patch(r, x, size, side, cells, own, &n, cell));
   for (PetscInt e = 0; e < n && best->key > 0; e++) PetscCall(try_cell(r, cell[e], x, size, best));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -151,7 +158,7 @@ static PetscBool is_in_box(const PetscReal xc[], const PetscReal x[2])
 }
 
 /* Most nodes move within the cells around them: is x in one of those of own node i? */
-static PetscErrorCode try_around(Remap r, PetscInt i, const PetscReal at[2], const PetscInt dead[], Answer *best)
+static PetscErrorCode try_around(Remap r, PetscInt i, const PetscReal at[2], PetscInt side, RemapCells cells, Answer *best)
 {
   const MeshLocal *l = r->loc;
 
@@ -161,7 +168,7 @@ static PetscErrorCode try_around(Remap r, PetscInt i, const PetscReal at[2], con
     const PetscInt c = l->node_cell[e];
     PetscReal      xc[18], x[2], xi[2];
 
-    if (dead[c] >= 0) continue;
+    if (!may_answer(cells, c, side)) continue;
     PetscCall(MeshCellCoordinates(r->mesh, c, xc));
     for (PetscInt a = 0; a < 2; a++) {
       x[a] = at[a];
@@ -223,11 +230,11 @@ typedef struct {
 } KeyRank;
 
 /* Places that no local cell contains, on every rank: open [nopen] indices into nodes; the answers of all ranks compete. counts of (b), (c), (d) are added. */
-static PetscErrorCode ask_all(Remap r, PetscInt nopen, const PetscInt open[], const PetscInt nodes[], const PetscReal x[], const PetscInt dead[],
-                              PetscInt nfield, const PetscReal *const field[], PetscReal out[], RemapCount *count)
+static PetscErrorCode ask_all(Remap r, PetscInt nopen, const PetscInt open[], const PetscInt nodes[], const PetscReal x[], const PetscInt side[],
+                              RemapCells cells, PetscInt nfield, const PetscReal *const field[], PetscReal out[], RemapCount *count)
 {
   const PetscInt bs = 2 * nfield;
-  PetscMPIInt    size, rank, mine = (PetscMPIInt)(3 * nopen), *n, *start, total = 0;
+  PetscMPIInt    size, rank, mine = (PetscMPIInt)(PLACE * nopen), *n, *start, total = 0;
   PetscReal     *send, *place, *value;
   Answer        *answer;
   KeyRank       *key;
@@ -235,22 +242,23 @@ static PetscErrorCode ask_all(Remap r, PetscInt nopen, const PetscInt open[], co
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
   PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
-  PetscCall(PetscMalloc3(size, &n, size, &start, 3 * nopen, &send));
+  PetscCall(PetscMalloc3(size, &n, size, &start, PLACE * nopen, &send));
   for (PetscInt e = 0; e < nopen; e++) {
-    send[3 * e]     = x[2 * open[e]];
-    send[3 * e + 1] = x[2 * open[e] + 1];
-    send[3 * e + 2] = cell_size(r, nodes[open[e]]);
+    send[PLACE * e]     = x[2 * open[e]];
+    send[PLACE * e + 1] = x[2 * open[e] + 1];
+    send[PLACE * e + 2] = cell_size(r, nodes[open[e]]);
+    send[PLACE * e + 3] = (PetscReal)side[open[e]];
   }
   PetscCallMPI(MPI_Allgather(&mine, 1, MPI_INT, n, 1, MPI_INT, PETSC_COMM_WORLD));
   for (PetscMPIInt i = 0; i < size; i++) {
     start[i] = total;
     total += n[i];
   }
-  PetscCall(PetscMalloc4(total, &place, total / 3, &answer, total / 3, &key, total / 3 * bs, &value));
+  PetscCall(PetscMalloc4(total, &place, total / PLACE, &answer, total / PLACE, &key, total / PLACE * bs, &value));
   PetscCallMPI(MPI_Allgatherv(send, mine, MPIU_REAL, place, n, start, MPIU_REAL, PETSC_COMM_WORLD));
-  total /= 3;
+  total /= PLACE;
   for (PetscInt i = 0; i < total; i++) {
-    PetscCall(find_answer(r, place + 3 * i, place[3 * i + 2], dead, PETSC_TRUE, &answer[i]));
+    PetscCall(find_answer(r, place + PLACE * i, place[PLACE * i + 2], (PetscInt)place[PLACE * i + 3], cells, PETSC_TRUE, &answer[i]));
     key[i] = (KeyRank){answer[i].key, rank};
   }
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, key, total, MPI_DOUBLE_INT, MPI_MINLOC, PETSC_COMM_WORLD));
@@ -259,7 +267,7 @@ static PetscErrorCode ask_all(Remap r, PetscInt nopen, const PetscInt open[], co
     if (key[i].rank == rank && key[i].key < 3000) PetscCall(evaluate(r, &answer[i], nfield, field, value + i * bs));
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, value, total * (int)bs, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   for (PetscInt i = 0; i < total; i++) {
-    const PetscInt e = i - start[rank] / 3;
+    const PetscInt e = i - start[rank] / PLACE;
 
     if (key[i].key >= 3000) count->kept++;
     else if (key[i].key >= 2000) count->taylor++;
@@ -302,8 +310,8 @@ PetscErrorCode RemapDestroy(Remap *remap)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode RemapEvaluate(Remap r, PetscInt n, const PetscInt nodes[], const PetscReal x[], const PetscInt dead[], PetscInt nfield,
-                             const PetscReal *const field[], PetscReal out[], RemapCount *count)
+PetscErrorCode RemapEvaluate(Remap r, PetscInt n, const PetscInt nodes[], const PetscReal x[], const PetscInt side[], RemapCells cells,
+                             PetscInt nfield, const PetscReal *const field[], PetscReal out[], RemapCount *count)
 {
   PetscInt *open, nopen = 0, inside;
 
@@ -315,14 +323,14 @@ PetscErrorCode RemapEvaluate(Remap r, PetscInt n, const PetscInt nodes[], const 
 
     for (PetscInt f = 0; f < nfield; f++)
       for (PetscInt a = 0; a < 2; a++) out[(e * nfield + f) * 2 + a] = field[f][2 * nodes[e] + a];
-    PetscCall(try_around(r, nodes[e], x + 2 * e, dead, &best));
-    if (best.key > 0) PetscCall(find_answer(r, x + 2 * e, cell_size(r, nodes[e]), dead, PETSC_FALSE, &best));
+    PetscCall(try_around(r, nodes[e], x + 2 * e, side[e], cells, &best));
+    if (best.key > 0) PetscCall(find_answer(r, x + 2 * e, cell_size(r, nodes[e]), side[e], cells, PETSC_FALSE, &best));
     if (best.key == 0) PetscCall(evaluate(r, &best, nfield, field, out + 2 * e * nfield));
     else open[nopen++] = e;
   }
   inside = n - nopen;
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &inside, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
-  PetscCall(ask_all(r, nopen, open, nodes, x, dead, nfield, field, out, count));
+  PetscCall(ask_all(r, nopen, open, nodes, x, side, cells, nfield, field, out, count));
   count->inside += inside;
   PetscCall(PetscFree(open));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -702,6 +702,8 @@ static PetscErrorCode publish(Snap s, const PetscInt old_marked[], PetscInt nold
   r->cell_body   = s->cell_body;
   r->cell_before = s->cell_before;
   r->hollow      = s->hollow;
+  r->node_side   = s->node_side;
+  r->side_before = s->cell_side[1];
   r->nnode       = s->node.n;
   r->node        = s->node.i;
   r->x           = s->x;
@@ -850,6 +852,7 @@ PetscErrorCode SnapFit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const Petsc
   }
   PetscCall(collect_nodes(s));
   PetscCall(collect_cells(s));
+  PetscCall(SnapPathFindSides(s, X, q));
   PetscCall(publish(s, old_marked.i, old_marked.n, result));
   PetscCall(PetscFree(old_marked.i));
   clear_entries(s);

@@ -15,6 +15,7 @@
 #define BAND    1.3 /* cells with their centre that close to the body are searched, cell sizes */
 #define NEAR    1.2 /* a path ends that close to the tip, cell sizes */
 #define NSPREAD 8   /* averages along the path */
+#define BESIDE  3   /* as far as that from the body, cells have a side */
 #define RECORD  18  /* numbers that describe a cell to other ranks: body, cell size, four times global vertex, place, is it taken? */
 
 /* A corner of the cells around a body */
@@ -602,6 +603,74 @@ PetscErrorCode SnapPathPlaceEdges(Snap s, PetscReal (*X)[3], PetscReal (*q)[4])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* ---- sides ---- */
+
+static PetscErrorCode find_sides(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal length)
+{
+  const MeshLocal *l = s->loc;
+  BodyState       *state;
+  PetscReal        R[9];
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetState(s->bodies, &state));
+  RotationMatrix(q[k], R);
+  for (PetscInt image = 0; image < 9; image++) {
+    const PetscReal radius = state->group[state->body_group[k]].radius + (BESIDE + 1) * s->coarsest;
+    PetscReal       at[3], lo[2], hi[2];
+    const PetscInt *list;
+    PetscInt        n;
+
+    if (!MarkImage(l, X[k], radius, image, at)) continue;
+    for (PetscInt a = 0; a < 2; a++) {
+      lo[a] = at[a] - radius;
+      hi[a] = at[a] + radius;
+    }
+    PetscCall(MeshNodesInBox(s->mesh, lo, hi, &n, &list));
+    for (PetscInt e = 0; e < n; e++) {
+      const PetscInt  i    = list[e];
+      const PetscReal x[2] = {l->x_start[2 * i] + s->d[2 * i], l->x_start[2 * i + 1] + s->d[2 * i + 1]};
+      PetscReal       y[2], t, d;
+
+      PetscCall(BodiesDistance(s->bodies, k, at, q[k], 1, x, &d));
+      if (d > BESIDE * s->size[i] || s->node_side[i] || (s->code[i] && (s->code[i] - 1) / 2 == k)) continue;
+      PetscCall(into_body(s, k, X, q, i, y));
+      for (PetscInt a = 0; a < 2; a++) y[a] += R[a] * s->d[2 * i] + R[3 + a] * s->d[2 * i + 1];
+      PetscCall(MidlineProject(line_of(s, k), 1, y, &t, &d));
+      if (t <= 0 || t >= length) continue;
+      s->node_side[i] = d > 0 ? k + 1 : -(k + 1);
+      PetscCall(SnapListAdd(&s->side_node, i));
+      if (s->centre_of[i] < 0) continue;
+      s->cell_side[0][s->centre_of[i]] = s->node_side[i];
+      PetscCall(SnapListAdd(&s->side_cell[0], s->centre_of[i]));
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SnapPathFindSides(Snap s, PetscReal (*X)[3], PetscReal (*q)[4])
+{
+  const List older = s->side_cell[1];
+  PetscInt  *side  = s->cell_side[1];
+
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e < older.n; e++) side[older.i[e]] = 0;
+  s->cell_side[1]   = s->cell_side[0];
+  s->side_cell[1]   = s->side_cell[0];
+  s->cell_side[0]   = side;
+  s->side_cell[0]   = older;
+  s->side_cell[0].n = 0;
+  for (PetscInt e = 0; e < s->side_node.n; e++) s->node_side[s->side_node.i[e]] = 0;
+  s->side_node.n = 0;
+  for (PetscInt k = 0; k < s->nbodies; k++) {
+    PetscReal length;
+
+    if (!s->fitted[k] || !s->path[k].n) continue;
+    PetscCall(MidlineGetSize(line_of(s, k), &length, NULL));
+    PetscCall(find_sides(s, k, X, q, length));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* ---- life cycle ---- */
 
 PetscErrorCode SnapPathSetUp(Snap s)
@@ -614,6 +683,8 @@ PetscErrorCode SnapPathSetUp(Snap s)
   for (PetscInt i = 0; i < s->loc->nnode; i++) s->coarsest = PetscMax(s->coarsest, s->size[i]);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &s->coarsest, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
   PetscCall(PetscCalloc4(state->ngroups, &s->line, s->nbodies, &s->is_path, s->nbodies, &s->path, s->nbodies, &s->smallest));
+  PetscCall(PetscCalloc1(s->loc->nnode_all, &s->node_side));
+  for (PetscInt j = 0; j < 2; j++) PetscCall(PetscCalloc1(s->loc->ncell_all, &s->cell_side[j]));
   for (PetscInt g = 0; g < state->ngroups; g++) {
     PetscReal thickness;
 
@@ -636,5 +707,11 @@ PetscErrorCode SnapPathTearDown(Snap s)
   for (PetscInt g = 0; g < state->ngroups; g++) PetscCall(MidlineDestroy(&s->line[g]));
   PetscCall(PetscFree4(s->line, s->is_path, s->path, s->smallest));
   PetscCall(PetscFree(s->path_edge.i));
+  PetscCall(PetscFree(s->node_side));
+  PetscCall(PetscFree(s->side_node.i));
+  for (PetscInt j = 0; j < 2; j++) {
+    PetscCall(PetscFree(s->cell_side[j]));
+    PetscCall(PetscFree(s->side_cell[j].i));
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -219,7 +219,7 @@ static void test_remap(void **state)
   const MeshLocal *l;
   Remap            remap;
   PetscReal       *u, *x, *out;
-  PetscInt        *dead, *node, n = 0;
+  PetscInt        *side, *dead, *node, n = 0;
   RemapCount       count;
 
   (void)state;
@@ -228,6 +228,7 @@ static void test_remap(void **state)
   OK(MeshGetLocal(mesh, &l));
   OK(RemapCreate(mesh, &remap));
   OK(PetscMalloc5(2 * l->nnode_all, &u, 2 * l->nnode, &x, 2 * l->nnode, &out, l->ncell_all, &dead, l->nnode, &node));
+  OK(PetscCalloc1(PetscMax(l->ncell_all, l->nnode), &side));
   fill_field(l, quadratic, u);
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     const PetscReal *at = l->x + 2 * l->cell_node[9 * c + 4];
@@ -243,7 +244,7 @@ static void test_remap(void **state)
     x[2 * n + 1] = at[1];
     node[n++]    = i;
   }
-  OK(RemapEvaluate(remap, n, node, x, dead, 1, (const PetscReal *const *)&u, out, &count));
+  OK(RemapEvaluate(remap, n, node, x, side, (RemapCells){dead, side}, 1, (const PetscReal *const *)&u, out, &count));
   assert_int_equal((PetscInt)total(n), count.inside + count.extended + count.taylor + count.kept);
   assert_true(count.extended > 0 && count.taylor > 0 && count.inside > 10 * count.extended);
   assert_int_equal(count.kept, 0);
@@ -255,18 +256,74 @@ static void test_remap(void **state)
       NEAR(out[2 * e + a], want[a], PetscSqr(x[2 * e] - 0.5) + PetscSqr(x[2 * e + 1] - 0.5) < PetscSqr(0.08) ? 0.05 : 1e-12);
   }
   for (PetscInt c = 0; c < l->ncell_all; c++) dead[c] = 0; /* no fluid at all */
-  OK(RemapEvaluate(remap, n, node, x, dead, 1, (const PetscReal *const *)&u, out, &count));
+  OK(RemapEvaluate(remap, n, node, x, side, (RemapCells){dead, side}, 1, (const PetscReal *const *)&u, out, &count));
   assert_int_equal((PetscInt)total(n), count.kept);
   for (PetscInt e = 0; e < 2 * n; e++) assert_true(out[e] == u[2 * node[e / 2] + e % 2]);
   OK(PetscFree5(u, x, out, dead, node));
+  OK(PetscFree(side));
+  OK(RemapDestroy(&remap));
+  OK(MeshDestroy(&mesh));
+}
+
+/* Zero on the line y = 1/2, with another polynomial above (side > 0) than below */
+static void kinked(const PetscReal x[], PetscInt side, PetscReal v[])
+{
+  v[0] = (x[1] - 0.5) * (side > 0 ? 1 + x[0] : 3 - x[1]);
+  v[1] = (x[1] - 0.5) * (side > 0 ? -2 : x[0]);
+}
+
+/* Places beside a path get the polynomial of their side, also where that side was not */
+static void test_remap_sides(void **state)
+{
+  Mesh             mesh;
+  const MeshLocal *l;
+  Remap            remap;
+  PetscReal       *u, *x, *out;
+  PetscInt        *side, *cell_side, *dead, *node, n = 0, across = 0;
+  RemapCount       count;
+
+  (void)state;
+  give("-mesh_cells 12,12");
+  OK(MeshCreate(PETSC_COMM_WORLD, &mesh));
+  OK(MeshGetLocal(mesh, &l));
+  OK(RemapCreate(mesh, &remap));
+  OK(PetscMalloc7(2 * l->nnode_all, &u, 2 * l->nnode, &x, 2 * l->nnode, &out, l->ncell_all, &dead, l->ncell_all, &cell_side, l->nnode, &node,
+                  l->nnode, &side));
+  for (PetscInt i = 0; i < l->nnode_all; i++) kinked(l->x + 2 * i, l->x[2 * i + 1] > 0.5 ? 1 : -1, u + 2 * i);
+  for (PetscInt c = 0; c < l->ncell_all; c++) {
+    dead[c]      = -1;
+    cell_side[c] = l->x[2 * l->cell_node[9 * c + 4] + 1] > 0.5 ? 3 : -3;
+  }
+  for (PetscInt i = 0; i < l->nnode; i++) {
+    const PetscReal *at = l->x + 2 * i;
+
+    if (PetscAbsReal(at[1] - 0.5) > 0.1 || PetscAbsReal(at[0] - 0.5) > 0.4) continue;
+    x[2 * n]     = at[0] + 0.03 * noise(2 * l->node_global[i]);
+    x[2 * n + 1] = at[1] + 0.03 * noise(2 * l->node_global[i] + 1);
+    side[n]      = l->node_global[i] % 2 ? 3 : -3;
+    if (PetscAbsReal(x[2 * n + 1] - 0.5) > 0.03) side[n] = x[2 * n + 1] > 0.5 ? 3 : -3;
+    across += (x[2 * n + 1] > 0.5) != (side[n] > 0);
+    node[n++] = i;
+  }
+  OK(RemapEvaluate(remap, n, node, x, side, (RemapCells){dead, cell_side}, 1, (const PetscReal *const *)&u, out, &count));
+  assert_true(total(across) > 10);
+  assert_int_equal(count.extended, (PetscInt)total(across));
+  assert_int_equal(count.taylor + count.kept, 0);
+  for (PetscInt e = 0; e < n; e++) {
+    PetscReal want[2];
+
+    kinked(x + 2 * e, side[e], want);
+    for (PetscInt a = 0; a < 2; a++) NEAR(out[2 * e + a], want[a], 1e-12);
+  }
+  OK(PetscFree7(u, x, out, dead, cell_side, node, side));
   OK(RemapDestroy(&remap));
   OK(MeshDestroy(&mesh));
 }
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_remap), cmocka_unit_test(test_turning), cmocka_unit_test(test_carried),
-                                     cmocka_unit_test(test_fallback), cmocka_unit_test(test_closed_box)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_remap),   cmocka_unit_test(test_remap_sides), cmocka_unit_test(test_turning),
+                                     cmocka_unit_test(test_carried), cmocka_unit_test(test_fallback),    cmocka_unit_test(test_closed_box)};
   int                     failed;
 
   if (PetscInitialize(&argc, &argv, NULL, NULL)) return 1;

@@ -15,7 +15,7 @@ import h5py
 import numpy
 import pytest
 
-from conftest import environment
+from conftest import edited, environment
 
 DISC = """\
 mesh: {cells: [16, 32], lower: [0, 0], upper: [1, 2]}
@@ -48,6 +48,7 @@ CASES = {
     "fractional step": (DISC, ["-flow_time", "fstheta"]),
     "no bodies": (BOX, []),
     "three velocities": (BOX, ["-flow_extrapolation", "quadratic"]),
+    "plate": (edited("shape: circle, radius: 0.125, density: 1.25", "shape: leaflet, length: 0.4, thickness: 0.03, origin: 0.5, density: 4, angle: 0.4", DISC), ["-couple_boundary", "snap"]),
     "snap": (CROWD, ["-couple_boundary", "snap", "-output_every", "4"]),
 }
 
@@ -88,7 +89,7 @@ def good(run):
 # ---- the same run ----
 
 
-@pytest.mark.parametrize("case, ranks", [("one disc", 2), ("crowd", 1), ("crowd", 2), ("snap", 2), ("friction", 1), ("explicit", 1), ("crank nicolson", 1), ("fractional step", 1), ("adaptive", 2), ("adaptive friction", 1), ("no bodies", 2), ("three velocities", 2)])
+@pytest.mark.parametrize("case, ranks", [("one disc", 2), ("crowd", 1), ("crowd", 2), ("snap", 2), ("plate", 1), ("friction", 1), ("explicit", 1), ("crank nicolson", 1), ("fractional step", 1), ("adaptive", 2), ("adaptive friction", 1), ("no bodies", 2), ("three velocities", 2)])
 def test_restart_is_identical(good, scene, tmp_path, case, ranks):
     text, args = CASES[case]
     name = scene(text)

@@ -28,6 +28,7 @@ sim: {dt: 0.005, steps: 6}
 NINE = edited("position: [0.45, 1.4]", "place: lattice, count: 9", DISC)
 SQUARE = edited("[16, 32]", "[16, 16]", edited("[1, 2]", "[1, 1]", edited("[0.45, 1.4]", "[0.5, 0.5]", DISC)))
 STATE = ["x", "y", "angle_rad", "u", "v", "omega_z", "force_x", "force_y", "torque_z"]
+PLATE = edited("shape: circle, radius: 0.125, density: 1.25", "shape: leaflet, length: 0.4, thickness: 0.03, origin: 0.5, density: 4, angle: 0.4", DISC)  # half a cell thick
 EXACT = ["-flow_ksp_rtol", "1e-10"]
 
 
@@ -96,6 +97,7 @@ RANK_CASES = {
     "implicit": (DISC, []),
     "explicit": (DISC, ["-couple_type", "explicit", "-particle_disc_density", "10"]),
     "nine": (NINE, []),
+    "plate": (PLATE, ["-couple_boundary", "snap"]),
     "nine explicit": (NINE, ["-couple_type", "explicit", "-particle_disc_density", "20", "-sim_dt", "0.001"]),
 }
 

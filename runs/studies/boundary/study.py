@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
 """Study of the boundary rungs: runs what is missing in --work and writes ladder.csv, couette.csv, stream.csv, free.csv, oscillating.csv, settling.csv, approach.csv, plate.csv,
+plate-moving.csv, plate-falling.csv, valve.csv,
 boundary.png and motion.png.
 
   runs/studies/boundary/study.py --work out/boundary [ladder couette stream free oscillating settling approach plate figure motion]
@@ -288,6 +289,63 @@ def plate(work):
             if s:
                 rows.append({"rung": rung, "thickness": thickness, "cells_per_length": cells, "seed": seed, "cd": f"{s['quantities']['cd']:.5f}", "cl": f"{s['quantities']['cl']:.5f}"})
     write("plate", rows)
+    plate_moving(work)
+    plate_falling(work)
+    valve(work)
+
+
+def fourth_difference(v):
+    """Root mean square of the noise in a smooth series."""
+    e = [(v[i - 2] - 4 * v[i - 1] + 6 * v[i] - 4 * v[i + 1] + v[i + 2]) / math.sqrt(70) for i in range(2, len(v) - 2)]
+    return math.sqrt(sum(x * x for x in e) / len(e))
+
+
+def plate_moving(work):
+    """Means and noise, in % of them, of the force on a plate that is carried through fluid at rest, after t = 0.3."""
+    rows = []
+    for cells, dt, rungs in ("64,48", 0.02, ["penalty", "snap"]), ("64,48", 0.005, ["snap"]), ("128,96", 0.01, ["penalty", "snap"]):
+        for rung in rungs:
+            name = f"plate/moving-{cells.split(',')[0]}-{dt}-{rung}"
+            if not scene(work, name, "studies/boundary/plate-moving.yaml", {"mesh_cells": cells, "sim_dt": dt, "couple_boundary": rung}):
+                continue
+            row = {"rung": rung, "cells_per_length": int(cells.split(",")[0]) // 4, "dt": dt}
+            for column in "force_x", "force_y", "torque_z":
+                v = [r[column] for r in read_numbers(work / name / "bodies.csv") if r["time_s"] > 0.3]
+                row.update({column: f"{statistics.mean(v):.4f}", f"{column}_noise_percent": f"{100 * fourth_difference(v) / abs(statistics.mean(v)):.2f}"})
+            rows.append(row)
+    write("plate-moving", rows)
+
+
+def plate_falling(work):
+    """Where the falling plate is at the end, and noise of its acceleration in % of buoyant weight over mass."""
+    rows = []
+    for cells, dt in ("32,64", 0.01), ("64,128", 0.005):
+        for rung in "penalty", "snap":
+            name = f"plate/falling-{cells.split(',')[0]}-{rung}"
+            if not scene(work, name, "studies/boundary/plate-falling.yaml", {"mesh_cells": cells, "sim_dt": dt, "couple_boundary": rung}):
+                continue
+            b = read_numbers(work / name / "bodies.csv")
+            v = [r["v"] for r in b if r["time_s"] > 0.1]
+            noise = fourth_difference([(after - before) / dt for before, after in zip(v, v[1:])])
+            rows.append({"rung": rung, "cells": cells.replace(",", "x"), "dt": dt, **{c: f"{b[-1][c]:.4f}" for c in ("x", "y", "angle_rad")}, "noise_percent": f"{100 * noise / (10 * 2 / 3):.2f}"})
+    write("plate-falling", rows)
+
+
+def valve(work):
+    """Largest angle of a heart-valve flap of half a cell's thickness in the second period."""
+    rows = []
+    for inlet in 0.925, 1.25:
+        for cells, dt in ("64,16", 0.01), ("64,16", 0.005), ("128,32", 0.005):
+            for rung in "penalty", "snap":
+                name = f"plate/valve-{inlet}-{cells.split(',')[0]}-{dt}-{rung}"
+                options = {"mesh_cells": cells, "sim_dt": dt, "couple_boundary": rung, "particle_flap_thickness": 0.03, "flow_bc_left_factor": f"{inlet},1,1"}
+                if (inlet == 1.25 and dt < 0.01) or not scene(work, name, "heart-valve.yaml", options):
+                    continue
+                angle, time = max((r["angle_rad"], r["time_s"]) for r in read_numbers(work / name / "bodies.csv") if r["time_s"] > 1)
+                series = read_numbers(work / name / "series.csv")
+                rows.append({"rung": rung, "inlet": inlet, "cells": cells.replace(",", "x"), "dt": dt, "largest_angle": f"{angle:.4f}", "at": f"{time:.3f}",
+                             "outer_iterations": f"{statistics.mean(r['outer_iterations'] for r in series):.1f}", "fallbacks": int(sum(r.get("snap_fallback", 0) for r in series))})
+    write("valve", rows)
 
 
 def figure(work):
