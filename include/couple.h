@@ -11,12 +11,15 @@
    Rung `snap` (snap.h): the mesh lines up with the bodies, whose inside is no part of the fluid; a body that it cannot follow is held by the penalty. A body thinner than a cell is a path of
    edges: the fluid that it displaces is there and moves with it, so that its rigid rows are those of nodal.
 
+   -mesh_deform with bodies that move: the mesh follows them in every step, its velocity is part of the convection (follow.h). Rungs nodal and penalty.
+
    -flow_force (the gradient of a mean pressure) acts on the fluid and on the bodies in it alike: their force and the balance of momentum contain its share, force per volume times Vol.
    Bodies that are holes of the mesh report the force on their surface alone.
 
    Options: -couple_type implicit|explicit, -couple_boundary nodal|penalty|snap, -couple_force residual|volume. */
 #pragma once
 #include "bodies.h"
+#include "deform.h"
 #include "flow.h"
 #include "flowsolve.h"
 
@@ -30,7 +33,10 @@ PetscErrorCode CoupleCreate(Flow, Bodies, Couple *);
 PetscErrorCode CoupleDestroy(Couple *);
 PetscErrorCode CoupleView(Couple, PetscViewer);
 PetscErrorCode CoupleGetSolver(Couple, FlowSolver *);
-/* Body index of every local node in this step, or -1: [nnode_all]. */
+/* From now on the mesh, deformed for the bodies where they are, follows them (follow.h). Error: rung snap, which moves nodes itself. Borrowed. Collective. */
+PetscErrorCode CoupleSetDeform(Couple, Deform);
+/* What the mesh of the last step was like, NULL: it does not move. Borrowed. */
+PetscErrorCode CoupleGetDeform(Couple, const DeformResult **);
 /* Rung snap, last step: bodies that the mesh could not follow and that were held by the penalty instead; bodies whose walls are drawn back in narrow gaps (snap.h); nodes whose old values came from Taylor's formula, and for which there was
    none (remap.h). present: is this the rung? Not collective. */
 typedef struct {
@@ -39,6 +45,7 @@ typedef struct {
 } CoupleSnapCount;
 PetscErrorCode CoupleGetSnapCount(Couple, CoupleSnapCount *);
 
+/* Body index of every local node in this step, or -1: [nnode_all]. */
 PetscErrorCode CoupleGetNodeBody(Couple, const PetscInt *node_body[]);
 
 /* What the bodies give this rank to do in this step: own cells with a node in a body, and bodies that cover an own node. Not collective. */

@@ -3,6 +3,7 @@
 #pragma once
 #include "couple.h"
 #include "fit.h"
+#include "follow.h"
 #include "hole.h"
 #include "mark.h"
 #include "penalty.h"
@@ -28,7 +29,8 @@ struct _p_Couple {
   PetscInt         nprescribed, *prescribed; /* own cells with nodes of prescribed velocity */
   PetscInt         implicit, use_volume, nr;
   Rung             rung;
-  Fit              fit; /* rung snap */
+  Fit              fit;    /* rung snap */
+  Follow           follow; /* -mesh_deform with bodies that move */
   CoupleSnapCount  snap;
   const PetscBool *fitted, *hollow;    /* [n] the mesh lines up with the body; its inside is no part of the fluid; NULL: none */
   Mark             mark;               /* nodes that move rigidly */

@@ -1,4 +1,4 @@
-/* Deform: concentrates the cells of a mesh near bodies that stand still, without changing its topology. Layer 2.
+/* Deform: concentrates the cells of a mesh near bodies, without changing its topology. Layer 2.
 
    Wanted: cell c, of size |c| on the mesh as it was, gets the size k |c| m, where the monitor m(x) is s^dim on the surface of a body, rises with the distance to 1 at -mesh_deform_width
    and k makes the sizes fill the domain: N_c = int_c 1/(k m) = |c|. Deformation method (Moser 1965; Liao & Anderson 1992; Grajewski, Koester & Turek 2009): a potential w gives the
@@ -24,6 +24,16 @@ typedef struct {
   PetscInt  steps;    /* of pseudo-time, corrections included */
 } DeformResult;
 
-/* Deform the mesh for the bodies where they are, if -mesh_deform asks for it; *done: it did. Before anything else looks at places of nodes. Collective.
-   Errors: no bodies, bodies that move, curved cells or boundaries that are no planes along axes, a mesh that would tangle. */
-PetscErrorCode DeformMesh(Mesh, Bodies, PetscBool *done, DeformResult *);
+typedef struct _p_Deform *Deform;
+
+/* For the mesh as it is, whose sizes count as those at the start; NULL if -mesh_deform does not ask for it. Collective.
+   Errors: no bodies, curved cells or boundaries that are no planes along axes. */
+PetscErrorCode DeformCreate(Mesh, Bodies, Deform *);
+PetscErrorCode DeformDestroy(Deform *);
+
+/* Deform the mesh for the bodies where they are. Before anything else looks at places of nodes. Collective. Error: a mesh that would tangle. */
+PetscErrorCode DeformMesh(Deform, DeformResult *);
+/* From the mesh as it is now to one for bodies that have moved by less than their widths, drawn at X [nbodies][3], q [nbodies][4] (borrowed until the next call): as many of the last
+   steps as bring sizes within 5 % of the wanted ones, one to four. The first relaxes the mesh too: it adds, in proportion to the way of the bodies, what smoothing would change in the
+   displacements from the mesh at the start, and w is taken for the sizes after that. Of the meshes with these sizes one of little shear is approached so, and bodies that travel leave no trail. Ends with a MeshRebase. Collective. Error: a mesh that would tangle. */
+PetscErrorCode DeformFollow(Deform, PetscReal (*X)[3], PetscReal (*q)[4], DeformResult *);

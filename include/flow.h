@@ -70,6 +70,12 @@ PetscErrorCode FlowBeginStep(Flow, PetscReal time, PetscReal dt);
 PetscErrorCode FlowGetStep(Flow, const FlowStep **);
 /* Steady problem in place of a step: theta = 1, dt = 0, convection with u^n until FlowSetConvection, c_t = rate of a pseudo-time that starts from u^n (0: none). */
 PetscErrorCode FlowBeginSteady(Flow, PetscReal rate);
+/* The nodes have come to their places x^{n+1} at the end of the step with the velocity drift = c_t x^{n+1} - d(x), [nnode_all][dim], as the scheme differentiates (borrowed until the
+   next call): u^n and u^{n-1} count as values of these nodes, and w.grad u becomes (w - drift).grad u (arbitrary Lagrangian-Eulerian form, convective: Hirt, Amsden & Cook 1974). Velocities linear in
+   space that do not change in time are then kept exactly; a geometric conservation law is not needed, since nothing is integrated over the moving cells of two times. Boundary values
+   and the source are taken at the new places. After FlowBeginStep, in every step once it was called. Errors: schemes other than be and bdf2, no convection, skew form, quadratic
+   extrapolation. Local. */
+PetscErrorCode FlowSetDrift(Flow, const PetscReal drift[]);
 /* Convecting velocity w of the next FlowAssemble, [nnode_all][dim] synced. Local. */
 PetscErrorCode FlowSetConvection(Flow, const PetscReal w[]);
 

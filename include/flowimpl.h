@@ -29,7 +29,8 @@ struct _p_Flow {
   const PetscInt  *term_cell;
   const PetscReal *term;
   /* fields */
-  PetscReal *u, *u_old, *u_older, *w, *p, *p_old; /* u_older: NULL but for quadratic extrapolation */
+  PetscReal       *u, *u_old, *u_older, *w, *p, *p_old; /* u_older: NULL but for quadratic extrapolation */
+  const PetscReal *drift;                               /* [nnode_all][dim] velocity of the nodes, NULL: they stand still */
   /* body force of FlowSetSource: its weighted mean over the step [nnode_all][dim] (NULL: none) */
   VectorField source_field;
   void       *source_ctx;

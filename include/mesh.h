@@ -59,7 +59,7 @@ PetscErrorCode MeshNodesInBox(Mesh, const PetscReal lo[], const PetscReal hi[], 
 /* Give the n local nodes (own and ghost) new places x [n][dim]; topology, numbering and MeshNodesInBox stay as they are. Every rank must give a node it shares the same place;
    the caller answers for valid cells. Collective in the sense that all ranks must call it, possibly with n = 0. */
 PetscErrorCode MeshMoveNodes(Mesh, PetscInt n, const PetscInt nodes[], const PetscReal x[]);
-/* What places of nodes are now counts as the places before any MeshMoveNodes: for meshes that are given another form once, before anything uses them. Collective. */
+/* What places of nodes are now counts as the places before any MeshMoveNodes: for meshes that are given another form as a whole. h is measured anew. Collective. */
 PetscErrorCode MeshRebase(Mesh);
 
 /* Nodal fields with bs values a node, [nnode_all][bs]: copy own values to ghosts; add ghost contributions to the owner (ghosts unchanged). Collective. */

@@ -19,6 +19,9 @@ PetscErrorCode PenaltyCreate(Flow, Bodies, Penalty *);
 PetscErrorCode PenaltyDestroy(Penalty *);
 PetscErrorCode PenaltyView(Penalty, PetscViewer);
 
+/* All cells have changed (MeshRebase). Local. */
+PetscErrorCode PenaltyMeasureCells(Penalty);
+
 /* Bodies drawn at X, q in the step that FlowBeginStep began, rigid velocities about the points P: claims the strong nodes, computes the penalty and hands its scalar part to the flow.
    Bodies k with omit[k] (NULL: none) are no concern of the penalty. Collective. */
 PetscErrorCode PenaltyDraw(Penalty, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*P)[3], const PetscBool omit[], Mark);

@@ -9,6 +9,7 @@
 #include "checkpoint.h"
 #include "contact.h"
 #include "couple.h"
+#include "deform.h"
 #include "flow.h"
 #include "monitor.h"
 #include "output.h"
@@ -19,6 +20,7 @@
 typedef struct {
   const char *scene;
   Mesh        mesh;
+  Deform      deform; /* NULL: the mesh stays */
   Flow        flow;
   Bodies      bodies;
   Couple      couple;

@@ -170,6 +170,15 @@ static PetscErrorCode fill_rigid_rows(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* The mesh comes along with the bodies */
+static PetscErrorCode follow_bodies(Couple c, PetscBool drawn)
+{
+  PetscFunctionBeginUser;
+  PetscCall(FollowUpdate(c->follow, c->solver, drawn ? NULL : c->X, c->q));
+  if (c->penalty && !drawn) PetscCall(PenaltyMeasureCells(c->penalty));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Nodes and cells of bodies that have moved since they were drawn; what stands still is drawn once */
 static PetscErrorCode draw_bodies(Couple c)
 {
@@ -177,6 +186,7 @@ static PetscErrorCode draw_bodies(Couple c)
 
   PetscFunctionBeginUser;
   PetscCall(place_bodies(c, &drawn));
+  if (c->follow) PetscCall(follow_bodies(c, drawn));
   if (drawn) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogEventBegin(TB_MARK, 0, 0, 0, 0));
   PetscCall(MarkClear(c->mark));
@@ -328,6 +338,7 @@ PetscErrorCode CoupleAdvance(Couple c)
   PetscCall(PetscArraycpy(c->U_older, c->U_old, c->s->n * c->nr));
   PetscCall(PetscArraycpy(c->U_old, c->U, c->s->n * c->nr));
   PetscCall(FlowAcceptStep(c->flow, c->u, c->p));
+  if (c->follow) PetscCall(FollowAccept(c->follow));
   c->snap.taylor = c->snap.kept = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -425,6 +436,24 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode CoupleSetDeform(Couple c, Deform deform)
+{
+  PetscFunctionBeginUser;
+  PetscCheck(!c->fit, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+             "-couple_boundary snap moves the nodes around bodies itself, and -mesh_deform would have to follow bodies that move with the same nodes: use -couple_boundary penalty or "
+             "nodal, or remove -mesh_deform");
+  PetscCall(FollowCreate(c->flow, deform, &c->follow));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleGetDeform(Couple c, const DeformResult **result)
+{
+  PetscFunctionBeginUser;
+  *result = NULL;
+  if (c->follow) PetscCall(FollowGetResult(c->follow, result));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoupleDestroy(Couple *couple)
 {
   Couple c = *couple;
@@ -437,6 +466,7 @@ PetscErrorCode CoupleDestroy(Couple *couple)
   PetscCall(ConstraintDestroy(&c->constraint));
   PetscCall(MarkDestroy(&c->mark));
   PetscCall(FitDestroy(&c->fit));
+  PetscCall(FollowDestroy(&c->follow));
   PetscCall(PetscFree7(c->X, c->q, c->P, c->unknown, c->du_old, c->growth, c->force_old));
   PetscCall(PenaltyDestroy(&c->penalty));
   PetscCall(PetscFree6(c->U, c->U_old, c->U_older, c->D, c->g, c->residual));
@@ -453,6 +483,7 @@ PetscErrorCode CoupleView(Couple c, PetscViewer viewer)
       PetscViewerASCIIPrintf(viewer, "coupling: %s, boundary %s, force in %s form\n", TYPES[!c->implicit], c->rung.name, FORCES[c->use_volume]));
   else PetscCall(PetscViewerASCIIPrintf(viewer, "coupling: none (no bodies)\n"));
   if (c->penalty) PetscCall(PenaltyView(c->penalty, viewer));
+  if (c->follow) PetscCall(PetscViewerASCIIPrintf(viewer, "  the mesh follows the bodies (-mesh_deform), its velocity is part of the convection\n"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -542,6 +573,10 @@ PetscErrorCode CoupleVisitState(void *couple, State state)
   PetscCall(StateReals(state, "force_old", 6 * c->s->n, c->force_old));
   if (c->fit) {
     PetscCall(FitVisitState(c->fit, state));
+    if (StateIsLoading(state)) PetscCall(CoupleRenewSolver(c));
+  }
+  if (c->follow) {
+    PetscCall(FollowVisitState(c->follow, state));
     if (StateIsLoading(state)) PetscCall(CoupleRenewSolver(c));
   }
   PetscFunctionReturn(PETSC_SUCCESS);

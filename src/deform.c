@@ -11,40 +11,55 @@
 #define SAFE    0.1  /* smallest Jacobian over the mean of its cell */
 #define CORRECT 12   /* further steps at most, until */
 #define GOOD    0.02 /* sizes are so close to the wanted ones */
+#define FOLLOW  4    /* steps at most behind bodies that moved, until */
+#define CLOSE   0.05 /* sizes are so close */
+#define RELAX   2    /* relaxation by the change of sizes that the way of the bodies makes: in proportion to that way, however long the step */
 #define REGULARISE \
   1e-2 /* of the mass, over the square of the domain: makes the Neumann problem definite; what it does to the displacement the next steps correct */
 #define PASSES 2    /* of smoothing of the displacements on the way */
 #define SMOOTH 0.05 /* of the Laplacian, against potentials that alternate from cell to cell, which move next to nothing */
 
-typedef struct {
+struct _p_Deform {
   Mesh             mesh;
   Bodies           bodies;
   BodyState       *s;
   const MeshLocal *l;
-  Cells            near; /* bodies with their widths around them */
-  PetscReal        size, width;
-  PetscInt         steps, dim, nv, nq; /* vertices of a cell, Gauss points */
-  PetscInt         corner[MAX_NV];     /* lattice place of vertex j of a cell */
-  PetscReal        phi[MAX_NQ][MAX_NV], dphi[MAX_NQ][MAX_NV][3], weight[MAX_NQ];
-  PetscBool       *vertex;      /* [nnode_all] */
-  PetscInt        *held;        /* [nnode_all] bit mask of components that do not move */
-  PetscReal       *carried;     /* [ncell_all] size of the cell at the start */
-  PetscReal       *now, *count; /* [ncell_all] present size; integral of 1/m */
-  PetscReal       *slope;       /* [ncell_all][nv][dim] derivative of count/k by the places of the vertices */
-  PetscReal       *inverse;     /* [nnode_all] 1/m at vertices */
-  PetscReal       *ease;        /* [nnode_all] 1/(rho^2 mass): how willingly a vertex moves */
-  PetscReal       *damp;        /* [nnode_all] SMOOTH */
-  PetscReal       *v;           /* [nnode_all][dim] displacement */
-  PetscReal       *trial;       /* [nnode_all][dim] places */
-  PetscReal        scale;       /* k */
-  Mat              K;
-  KSP              ksp;
-  Vec              x, b;
-} Deform;
+  Cells            near;        /* entries of the list, with their widths around them */
+  PetscInt         nnear, room; /* the list: bodies and their periodic images, where they are drawn */
+  PetscInt        *body;
+  PetscReal (*X)[3], (*q)[4]; /* [nnear], [bodies] */
+  PetscReal  size, width;
+  PetscInt   steps, dim, nv, nq; /* vertices of a cell, Gauss points */
+  PetscInt   corner[MAX_NV];     /* lattice place of vertex j of a cell */
+  PetscReal  phi[MAX_NQ][MAX_NV], dphi[MAX_NQ][MAX_NV][3], weight[MAX_NQ];
+  PetscBool *vertex;       /* [nnode_all] */
+  PetscInt  *held;         /* [nnode_all] bit mask of components that do not move */
+  PetscReal *carried;      /* [ncell_all] size of the cell at the start */
+  PetscReal *now, *count;  /* [ncell_all] present size; integral of 1/m */
+  PetscReal *slope;        /* [ncell_all][nv][dim] derivative of count/k by the places of the vertices */
+  PetscReal *inverse;      /* [nnode_all] 1/m at vertices */
+  PetscReal *ease;         /* [nnode_all] 1/(rho^2 mass): how willingly a vertex moves */
+  PetscReal *damp;         /* [nnode_all] SMOOTH */
+  PetscReal *v;            /* [nnode_all][dim] displacement */
+  PetscReal *start;        /* [nnode_all][dim] places at the start */
+  PetscReal *relax, share; /* [nnode_all][dim] a share of what smoothing would change in the displacements from there */
+  PetscReal *trial;        /* [nnode_all][dim] places */
+  PetscReal  scale;        /* k */
+  Mat        K;
+  KSP        ksp;
+  Vec        x, b;
+};
+
+/* Displacements of a step: those that the sizes want; these smoothed; the relaxation with what the sizes then want */
+typedef enum {
+  EXACT,
+  SMOOTHED,
+  RELAXED
+} Kind;
 
 /* ---- elements ---- */
 
-static void tabulate(Deform *d)
+static void tabulate(Deform d)
 {
   static const PetscReal point[3] = {-0.77459666924148340, 0, 0.77459666924148340}, weight[3] = {5. / 9, 8. / 9, 5. / 9};
 
@@ -75,7 +90,7 @@ static void tabulate(Deform *d)
 }
 
 /* Jacobian matrix dx_a/dxi_b of vertices xv with gradients g of the vertex functions */
-static void map_gradient(const Deform *d, PetscReal xv[][3], const PetscReal g[][3], PetscReal jac[])
+static void map_gradient(const struct _p_Deform *d, PetscReal xv[][3], const PetscReal g[][3], PetscReal jac[])
 {
   for (PetscInt a = 0; a < d->dim; a++)
     for (PetscInt b = 0; b < d->dim; b++) {
@@ -84,7 +99,7 @@ static void map_gradient(const Deform *d, PetscReal xv[][3], const PetscReal g[]
     }
 }
 
-static PetscErrorCode get_vertices(const Deform *d, PetscInt c, PetscReal xv[][3])
+static PetscErrorCode get_vertices(const struct _p_Deform *d, PetscInt c, PetscReal xv[][3])
 {
   PetscReal xc[MESH_MAX_NB * 3];
 
@@ -95,7 +110,7 @@ static PetscErrorCode get_vertices(const Deform *d, PetscInt c, PetscReal xv[][3
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static inline PetscInt vertex_of(const Deform *d, PetscInt c, PetscInt j)
+static inline PetscInt vertex_of(const struct _p_Deform *d, PetscInt c, PetscInt j)
 {
   return d->l->cell_node[c * d->l->nb + d->corner[j]];
 }
@@ -103,7 +118,7 @@ static inline PetscInt vertex_of(const Deform *d, PetscInt c, PetscInt j)
 /* ---- monitor ---- */
 
 /* Wanted size over k times the size at the start, at x [dim]. A product over the bodies is smooth also where two of them are equally far. */
-static PetscErrorCode evaluate_monitor(const Deform *d, const PetscReal x[], PetscReal *m)
+static PetscErrorCode evaluate_monitor(const struct _p_Deform *d, const PetscReal x[], PetscReal *m)
 {
   const PetscReal X[3] = {x[0], x[1], d->dim == 3 ? x[2] : 0};
   PetscReal       rise = 1, h;
@@ -112,7 +127,7 @@ static PetscErrorCode evaluate_monitor(const Deform *d, const PetscReal x[], Pet
   for (PetscInt e = CellsFirst(d->near, X); e >= 0; e = CellsNext(d->near, e)) {
     PetscReal t;
 
-    PetscCall(BodiesDistance(d->bodies, CellsItem(d->near, e), NULL, NULL, 1, x, &t));
+    PetscCall(BodiesDistance(d->bodies, d->body[CellsItem(d->near, e)], d->X[CellsItem(d->near, e)], d->q[d->body[CellsItem(d->near, e)]], 1, x, &t));
     t = PetscMin(1, PetscAbsReal(t) / d->width);
     rise *= t * t * (3 - 2 * t);
   }
@@ -121,20 +136,55 @@ static PetscErrorCode evaluate_monitor(const Deform *d, const PetscReal x[], Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode list_bodies(Deform *d)
+/* Body k drawn at X, with all its images whose surroundings reach the domain */
+static PetscErrorCode list_body(Deform d, PetscInt k, const PetscReal X[3])
+{
+  const MeshLocal *l     = d->l;
+  const PetscReal  reach = d->s->group[d->s->body_group[k]].radius + d->width;
+
+  PetscFunctionBeginUser;
+  for (PetscInt image = 0; image < (d->dim == 2 ? 9 : 27); image++) {
+    const PetscInt shift[3] = {image % 3 - 1, image / 3 % 3 - 1, d->dim == 3 ? image / 9 - 1 : 0};
+    PetscReal      at[3];
+    PetscBool      reaches = PETSC_TRUE;
+
+    for (PetscInt a = 0; a < 3; a++) {
+      at[a] = X[a] + (a < d->dim ? shift[a] * l->period[a] : 0);
+      if (a < d->dim && shift[a] && (l->period[a] <= 0 || at[a] + reach < l->lower[a] - d->width || at[a] - reach > l->upper[a] + d->width))
+        reaches = PETSC_FALSE;
+    }
+    if (!reaches) continue;
+    if (d->nnear == d->room) {
+      d->room = 2 * d->room + 16;
+      PetscCall(PetscRealloc(d->room * sizeof(*d->body), &d->body));
+      PetscCall(PetscRealloc(d->room * sizeof(*d->X), &d->X));
+    }
+    d->body[d->nnear] = k;
+    PetscCall(PetscArraycpy(d->X[d->nnear], at, 3));
+    PetscCall(CellsInsert(d->near, d->nnear++, at, reach));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Bodies drawn at X, q, which are borrowed until the next call */
+static PetscErrorCode list_bodies(Deform d, PetscReal (*X)[3], PetscReal (*q)[4])
 {
   const MeshLocal *l = d->l;
 
   PetscFunctionBeginUser;
+  PetscCall(CellsDestroy(&d->near));
   PetscCall(CellsCreate(d->dim, l->lower, l->upper, d->width, 1 << 20, &d->near));
-  for (PetscInt k = 0; k < d->s->n; k++) PetscCall(CellsInsert(d->near, k, d->s->x[k], d->s->group[d->s->body_group[k]].radius + d->width));
+  d->nnear = 0;
+  d->q     = q;
+  for (PetscInt k = 0; k < d->s->n; k++)
+    if (!d->s->gone[k]) PetscCall(list_body(d, k, X[k]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- one step ---- */
 
 /* Smallest Jacobian of a cell at Gauss points and corners over its mean; a cell turned inside out gives -1 */
-static PetscReal find_least_jacobian(const Deform *d, PetscReal xv[][3], PetscReal size)
+static PetscReal find_least_jacobian(const struct _p_Deform *d, PetscReal xv[][3], PetscReal size)
 {
   const PetscReal mean  = size / (1 << d->dim);
   PetscReal       least = PETSC_MAX_REAL, jac[9];
@@ -152,7 +202,7 @@ static PetscReal find_least_jacobian(const Deform *d, PetscReal xv[][3], PetscRe
 }
 
 /* Sizes and integrals of 1/m of all local cells, and over the domain the scale k. Collective. */
-static PetscErrorCode measure(Deform *d)
+static PetscErrorCode measure(Deform d)
 {
   const MeshLocal *l      = d->l;
   PetscReal        sum[2] = {0, 0};
@@ -185,7 +235,7 @@ static PetscErrorCode measure(Deform *d)
 }
 
 /* After measure: sizes achieved over wanted, and the smallest Jacobian over its cell's mean, with its place. Collective. */
-static PetscErrorCode judge(Deform *d, DeformResult *r, PetscReal where[3])
+static PetscErrorCode judge(Deform d, DeformResult *r, PetscReal where[3])
 {
   const MeshLocal *l      = d->l;
   PetscReal        top[3] = {0, 0, -PETSC_MAX_REAL}, mine; /* wanted over achieved, achieved over wanted, -Jacobian */
@@ -214,7 +264,7 @@ static PetscErrorCode judge(Deform *d, DeformResult *r, PetscReal where[3])
 }
 
 /* 1/m at the vertices; mass and 1/m there, for how willingly they move */
-static PetscErrorCode weigh_vertices(Deform *d)
+static PetscErrorCode weigh_vertices(Deform d)
 {
   const MeshLocal *l = d->l;
 
@@ -236,7 +286,7 @@ static PetscErrorCode weigh_vertices(Deform *d)
 
 /* Derivatives of the cells' integrals by the places of their vertices: int div(phi_j e_a/m), with 1/m interpolated between the vertices, so that what one cell gains its neighbours
    lose */
-static PetscErrorCode differentiate(Deform *d)
+static PetscErrorCode differentiate(Deform d)
 {
   const PetscInt dim = d->dim;
 
@@ -272,7 +322,7 @@ static PetscErrorCode differentiate(Deform *d)
 }
 
 /* The derivatives of cell c by the place of node i, one of its vertices */
-static const PetscReal *slope_at(const Deform *d, PetscInt c, PetscInt i)
+static const PetscReal *slope_at(const struct _p_Deform *d, PetscInt c, PetscInt i)
 {
   PetscInt j = 0;
 
@@ -281,7 +331,7 @@ static const PetscReal *slope_at(const Deform *d, PetscInt c, PetscInt i)
 }
 
 /* Strength of SMOOTH at the vertices of own cells: that of the Laplacian there, in the mean over the cells around */
-static void find_damping(Deform *d)
+static void find_damping(Deform d)
 {
   const MeshLocal *l = d->l;
 
@@ -298,7 +348,7 @@ static void find_damping(Deform *d)
 }
 
 /* Rows of own cells of slope ease slope^T, the Laplacian of a potential in the cells */
-static PetscErrorCode assemble(Deform *d)
+static PetscErrorCode assemble(Deform d)
 {
   const MeshLocal *l        = d->l;
   PetscReal        diameter = 0;
@@ -329,9 +379,46 @@ static PetscErrorCode assemble(Deform *d)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The potential, in d->x */
-static PetscErrorCode solve_potential(Deform *d)
+/* Replace the displacements v [nnode_all][dim] of vertices by the means over the cells around of the cells' means */
+static PetscErrorCode smooth_displacement(Deform d, PetscReal v[])
 {
+  const MeshLocal *l = d->l;
+  PetscReal       *sum, *mass;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc2(l->nnode_all * d->dim, &sum, l->nnode_all, &mass));
+  for (PetscInt c = 0; c < l->ncell_all; c++) {
+    PetscReal mean[3] = {0, 0, 0};
+
+    for (PetscInt i = 0; i < d->nv * d->dim; i++) mean[i % d->dim] += v[vertex_of(d, c, i / d->dim) * d->dim + i % d->dim] / d->nv;
+    for (PetscInt j = 0; j < d->nv; j++) {
+      mass[vertex_of(d, c, j)] += d->carried[c];
+      for (PetscInt a = 0; a < d->dim; a++) sum[vertex_of(d, c, j) * d->dim + a] += d->carried[c] * mean[a];
+    }
+  }
+  for (PetscInt i = 0; i < l->nnode * d->dim; i++)
+    v[i] = d->vertex[i / d->dim] && !(d->held[i / d->dim] >> i % d->dim & 1) ? sum[i] / mass[i / d->dim] : 0;
+  PetscCall(MeshSyncNodes(d->mesh, d->dim, v));
+  PetscCall(PetscFree2(sum, mass));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* A share of what smoothing would change in the displacements from the start */
+static PetscErrorCode find_relaxation(Deform d, PetscReal share)
+{
+  const PetscInt size = d->l->nnode_all * d->dim;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < size; i++) d->relax[i] = d->l->x[i] - d->start[i];
+  for (PetscInt i = 0; i < PASSES; i++) PetscCall(smooth_displacement(d, d->relax));
+  for (PetscInt i = 0; i < size; i++) d->relax[i] = d->vertex[i / d->dim] ? share * (d->relax[i] - (d->l->x[i] - d->start[i])) : 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The potential, in d->x, for sizes as wanted after a displacement by the relaxation too */
+static PetscErrorCode solve_potential(Deform d)
+{
+  const PetscInt     bs = d->nv * d->dim;
   PetscScalar       *b;
   KSPConvergedReason reason;
 
@@ -340,6 +427,7 @@ static PetscErrorCode solve_potential(Deform *d)
   PetscCall(assemble(d));
   PetscCall(VecGetArrayWrite(d->b, &b));
   for (PetscInt c = 0; c < d->l->ncell; c++) b[c] = d->carried[c] - d->count[c] / d->scale;
+  for (PetscInt i = 0; i < d->l->ncell * bs; i++) b[i / bs] -= d->slope[i] * d->relax[vertex_of(d, i / bs, i / d->dim % d->nv) * d->dim + i % d->dim];
   PetscCall(VecRestoreArrayWrite(d->b, &b));
   PetscCall(KSPSolve(d->ksp, d->b, d->x));
   PetscCall(KSPGetConvergedReason(d->ksp, &reason));
@@ -349,8 +437,8 @@ static PetscErrorCode solve_potential(Deform *d)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The displacement ease slope^T w, at all local nodes */
-static PetscErrorCode find_displacement(Deform *d)
+/* The displacement ease slope^T w and the relaxation, at all local nodes */
+static PetscErrorCode find_displacement(Deform d)
 {
   const MeshLocal   *l = d->l;
   const PetscScalar *w;
@@ -365,37 +453,13 @@ static PetscErrorCode find_displacement(Deform *d)
   }
   PetscCall(VecRestoreArrayRead(d->x, &w));
   PetscCall(MeshSumNodes(d->mesh, d->dim, d->v));
-  for (PetscInt i = 0; i < l->nnode * d->dim; i++) d->v[i] *= d->vertex[i / d->dim] ? d->ease[i / d->dim] : 0;
+  for (PetscInt i = 0; i < l->nnode * d->dim; i++) d->v[i] = d->vertex[i / d->dim] ? d->ease[i / d->dim] * d->v[i] + d->relax[i] : 0;
   PetscCall(MeshSyncNodes(d->mesh, d->dim, d->v));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Replace the displacement of a vertex by the mean over the cells around of their mean displacements */
-static PetscErrorCode smooth_displacement(Deform *d)
-{
-  const MeshLocal *l = d->l;
-  PetscReal       *sum, *mass;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscCalloc2(l->nnode_all * d->dim, &sum, l->nnode_all, &mass));
-  for (PetscInt c = 0; c < l->ncell_all; c++) {
-    PetscReal mean[3] = {0, 0, 0};
-
-    for (PetscInt j = 0; j < d->nv * d->dim; j++) mean[j % d->dim] += d->v[vertex_of(d, c, j / d->dim) * d->dim + j % d->dim] / d->nv;
-    for (PetscInt j = 0; j < d->nv; j++) {
-      mass[vertex_of(d, c, j)] += d->carried[c];
-      for (PetscInt a = 0; a < d->dim; a++) sum[vertex_of(d, c, j) * d->dim + a] += d->carried[c] * mean[a];
-    }
-  }
-  for (PetscInt i = 0; i < l->nnode * d->dim; i++)
-    d->v[i] = d->vertex[i / d->dim] && !(d->held[i / d->dim] >> i % d->dim & 1) ? sum[i] / mass[i / d->dim] : 0;
-  PetscCall(MeshSyncNodes(d->mesh, d->dim, d->v));
-  PetscCall(PetscFree2(sum, mass));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Put every node between the vertices of its cell, with the vertices at `from` + t v */
-static PetscErrorCode move_nodes(Deform *d, const PetscReal from[], PetscReal t)
+static PetscErrorCode move_nodes(Deform d, const PetscReal from[], PetscReal t)
 {
   const MeshLocal *l = d->l;
   PetscInt        *node;
@@ -429,16 +493,18 @@ static PetscErrorCode move_nodes(Deform *d, const PetscReal from[], PetscReal t)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* A part of the way from the present to the wanted sizes; shorter if cells would become too slender. exact: as the sizes want it, else smoothed. *taken: what it was. */
-static PetscErrorCode take_step(Deform *d, PetscBool exact, PetscReal part, PetscReal *taken, DeformResult *r)
+/* A part of the way from the present to the wanted sizes; shorter if cells would become too slender. *taken: what it was. */
+static PetscErrorCode take_step(Deform d, Kind kind, PetscReal part, PetscReal *taken, DeformResult *r)
 {
   const PetscInt size = d->l->nnode_all * d->dim;
   PetscReal     *from, where[3] = {0, 0, 0};
 
   PetscFunctionBeginUser;
+  if (kind == RELAXED) PetscCall(find_relaxation(d, d->share));
+  else PetscCall(PetscArrayzero(d->relax, size));
   PetscCall(solve_potential(d));
   PetscCall(find_displacement(d));
-  for (PetscInt i = 0; i < PASSES && !exact; i++) PetscCall(smooth_displacement(d));
+  for (PetscInt i = 0; i < PASSES && kind == SMOOTHED; i++) PetscCall(smooth_displacement(d, d->v));
   PetscCall(PetscMalloc1(size, &from));
   PetscCall(PetscArraycpy(from, d->l->x, size));
   for (*taken = part;; *taken *= 0.5) {
@@ -456,29 +522,10 @@ static PetscErrorCode take_step(Deform *d, PetscBool exact, PetscReal part, Pets
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* From the mesh as it is to the wanted one; then corrections until they no longer help */
-static PetscErrorCode deform(Deform *d, DeformResult *r)
-{
-  PetscReal taken, error = PETSC_MAX_REAL;
-
-  PetscFunctionBeginUser;
-  r->steps = 0;
-  PetscCall(measure(d));
-  for (PetscInt k = 0; k < d->steps; k++) PetscCall(take_step(d, PETSC_FALSE, 1. / (d->steps - k), &taken, r));
-  for (PetscInt k = 0; k < CORRECT; k++) {
-    const PetscReal last = error;
-
-    error = PetscMax(1 - r->area[0], r->area[1] - 1);
-    if (error < GOOD || error > 0.95 * last) break;
-    PetscCall(take_step(d, PETSC_TRUE, 1, &taken, r));
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* ---- preparation ---- */
 
 /* Nodes on a face of the box stay on it; every named boundary must be part of one. Sizes of the cells, which must have straight sides. */
-static PetscErrorCode hold_boundaries(Deform *d)
+static PetscErrorCode hold_boundaries(Deform d)
 {
   const MeshLocal *l = d->l;
   PetscInt         n;
@@ -508,7 +555,7 @@ static PetscErrorCode hold_boundaries(Deform *d)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode measure_start(Deform *d)
+static PetscErrorCode measure_start(Deform d)
 {
   PetscFunctionBeginUser;
   for (PetscInt c = 0; c < d->l->ncell_all; c++) {
@@ -527,7 +574,7 @@ static PetscErrorCode measure_start(Deform *d)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode create_solver(Deform *d)
+static PetscErrorCode create_solver(Deform d)
 {
   const PetscInt most = d->dim == 2 ? 9 : 27;
   PC             pc;
@@ -548,7 +595,7 @@ static PetscErrorCode create_solver(Deform *d)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode read_options(Deform *d)
+static PetscErrorCode read_options(Deform d)
 {
   PetscReal radius = 0;
 
@@ -563,43 +610,94 @@ static PetscErrorCode read_options(Deform *d)
   PetscCall(OptInt("-mesh_deform_steps", "steps of pseudo-time of the deformation", "", 1, 1000, &d->steps));
   PetscCheck(d->s->n, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "-mesh_deform has no bodies to concentrate cells at: add a group, or remove the option");
-  for (PetscInt g = 0; g < d->s->ngroups; g++)
-    PetscCheck(!d->s->group[g].free && !d->s->group[g].motion.given, PETSC_COMM_WORLD, PETSC_ERR_SUP,
-               "-mesh_deform follows no moving bodies, and group '%s' moves: fix it (-particle_%s_free none), or use -mesh_focus where it will be",
-               d->s->group[g].name, d->s->group[g].name);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode DeformMesh(Mesh mesh, Bodies bodies, PetscBool *done, DeformResult *r)
+/* ---- public ---- */
+
+PetscErrorCode DeformCreate(Mesh mesh, Bodies bodies, Deform *deform)
 {
-  Deform   d = {.mesh = mesh, .bodies = bodies};
-  PetscInt n, m;
+  Deform    d;
+  PetscInt  n, m;
+  PetscBool wanted = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  *done = PETSC_FALSE;
-  PetscCall(OptBool("-mesh_deform", "concentrate cells near bodies that stand still", done));
-  if (!*done) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(BodiesGetState(bodies, &d.s));
-  PetscCall(MeshGetLocal(mesh, &d.l));
-  d.dim = d.l->dim;
-  PetscCall(read_options(&d));
-  tabulate(&d);
-  n = d.l->nnode_all;
-  m = d.l->ncell_all;
-  PetscCall(PetscCalloc5(n, &d.vertex, n, &d.held, m, &d.carried, m, &d.now, m, &d.count));
-  PetscCall(PetscMalloc6(m * d.nv * d.dim, &d.slope, n, &d.inverse, n, &d.ease, n, &d.damp, n * d.dim, &d.v, n * d.dim, &d.trial));
-  PetscCall(hold_boundaries(&d));
-  PetscCall(measure_start(&d));
-  PetscCall(list_bodies(&d));
-  PetscCall(create_solver(&d));
-  PetscCall(deform(&d, r));
-  PetscCall(MeshRebase(mesh));
-  PetscCall(CellsDestroy(&d.near));
-  PetscCall(KSPDestroy(&d.ksp));
-  PetscCall(MatDestroy(&d.K));
-  PetscCall(VecDestroy(&d.x));
-  PetscCall(VecDestroy(&d.b));
-  PetscCall(PetscFree5(d.vertex, d.held, d.carried, d.now, d.count));
-  PetscCall(PetscFree6(d.slope, d.inverse, d.ease, d.damp, d.v, d.trial));
+  *deform = NULL;
+  PetscCall(OptBool("-mesh_deform", "concentrate cells near bodies, and follow those that move", &wanted));
+  if (!wanted) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscNew(&d));
+  *deform   = d;
+  d->mesh   = mesh;
+  d->bodies = bodies;
+  PetscCall(BodiesGetState(bodies, &d->s));
+  PetscCall(MeshGetLocal(mesh, &d->l));
+  d->dim = d->l->dim;
+  PetscCall(read_options(d));
+  tabulate(d);
+  n = d->l->nnode_all;
+  m = d->l->ncell_all;
+  PetscCall(PetscCalloc5(n, &d->vertex, n, &d->held, m, &d->carried, m, &d->now, m, &d->count));
+  PetscCall(PetscMalloc6(m * d->nv * d->dim, &d->slope, n, &d->inverse, n, &d->ease, n, &d->damp, n * d->dim, &d->v, n * d->dim, &d->trial));
+  PetscCall(PetscMalloc2(n * d->dim, &d->start, n * d->dim, &d->relax));
+  PetscCall(PetscArraycpy(d->start, d->l->x, n * d->dim));
+  PetscCall(hold_boundaries(d));
+  PetscCall(measure_start(d));
+  PetscCall(create_solver(d));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DeformDestroy(Deform *deform)
+{
+  Deform d = *deform;
+
+  PetscFunctionBeginUser;
+  if (!d) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(CellsDestroy(&d->near));
+  PetscCall(KSPDestroy(&d->ksp));
+  PetscCall(MatDestroy(&d->K));
+  PetscCall(VecDestroy(&d->x));
+  PetscCall(VecDestroy(&d->b));
+  PetscCall(PetscFree5(d->vertex, d->held, d->carried, d->now, d->count));
+  PetscCall(PetscFree6(d->slope, d->inverse, d->ease, d->damp, d->v, d->trial));
+  PetscCall(PetscFree2(d->start, d->relax));
+  PetscCall(PetscFree(d->body));
+  PetscCall(PetscFree(d->X));
+  PetscCall(PetscFree(*deform));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DeformMesh(Deform d, DeformResult *r)
+{
+  PetscReal taken, error = PETSC_MAX_REAL;
+
+  PetscFunctionBeginUser;
+  PetscCall(list_bodies(d, d->s->x, d->s->q));
+  r->steps = 0;
+  PetscCall(measure(d));
+  for (PetscInt k = 0; k < d->steps; k++) PetscCall(take_step(d, SMOOTHED, 1. / (d->steps - k), &taken, r));
+  for (PetscInt k = 0; k < CORRECT; k++) {
+    const PetscReal last = error;
+
+    error = PetscMax(1 - r->area[0], r->area[1] - 1);
+    if (error < GOOD || error > 0.95 * last) break;
+    PetscCall(take_step(d, EXACT, 1, &taken, r));
+  }
+  PetscCall(MeshRebase(d->mesh));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DeformFollow(Deform d, PetscReal (*X)[3], PetscReal (*q)[4], DeformResult *r)
+{
+  PetscReal taken, where[3] = {0, 0, 0};
+
+  PetscFunctionBeginUser;
+  PetscCall(list_bodies(d, X, q));
+  r->steps = 0;
+  PetscCall(measure(d));
+  PetscCall(judge(d, r, where));
+  d->share = PetscMin(1, RELAX * PetscMax(1 - r->area[0], r->area[1] - 1));
+  do PetscCall(take_step(d, r->steps ? EXACT : RELAXED, 1, &taken, r));
+  while (r->steps < FOLLOW && (r->area[0] < 1 - CLOSE || r->area[1] > 1 + CLOSE));
+  PetscCall(MeshRebase(d->mesh));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

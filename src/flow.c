@@ -362,6 +362,7 @@ static void extrapolate_convection(Flow f)
   for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->par.convection; i++) f->w[i] = f->u[i] + f->ahead * (f->u[i] - f->u_old[i]);
   for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->bend > 0; i++)
     f->w[i] += f->bend * ((f->u[i] - f->u_old[i]) / f->dt_old - (f->u_old[i] - f->u_older[i]) / f->dt_older);
+  for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->drift; i++) f->w[i] -= f->drift[i];
 }
 
 /* ---- life cycle ---- */
@@ -650,6 +651,19 @@ PetscErrorCode FlowBeginSteady(Flow f, PetscReal rate)
   PetscCall(FlowSetConvection(f, f->u));
   PetscCall(evaluate_source(f));
   PetscCall(BoundarySetTime(f->boundary, PETSC_MAX_REAL));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSetDrift(Flow f, const PetscReal drift[])
+{
+  PetscFunctionBeginUser;
+  PetscCheck(f->step.theta == 1 && f->par.convection && f->par.skew == 0 && !f->par.quadratic, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+             "A mesh that follows bodies (-mesh_deform) carries its velocity in the convection at the end of a step: use -flow_time bdf2 or be, -flow_convection true, "
+             "-flow_convection_form convective and -flow_extrapolation linear, or remove -mesh_deform");
+  f->drift = drift;
+  extrapolate_convection(f);
+  PetscCall(evaluate_source(f));
+  PetscCall(BoundarySetTime(f->boundary, f->step.time));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -115,7 +115,7 @@ static PetscErrorCode claim_inside(Mark m, PetscInt k, const PetscReal X[3], con
 {
   const PetscInt  dim    = m->loc->dim;
   const PetscReal radius = m->s->group[m->s->body_group[k]].radius +
-                           (m->loc->moves ? 2 * m->loc->h : 0); /* the search knows where nodes were before any move */
+                           (m->loc->x != m->loc->x_start ? 2 * m->loc->h : 0); /* the search knows where nodes were before any move */
   PetscReal       lo[3], hi[3], x[CHUNK * 3], d[CHUNK];
   const PetscInt *list;
   PetscInt        n;

@@ -643,7 +643,6 @@ PetscErrorCode MeshRebase(Mesh m)
   if (m->x_start != m->x) PetscCall(PetscFree(m->x_start));
   m->x_start = m->x;
   l->x_start = m->x_start;
-  l->moves   = 0;
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     PetscReal xc[MESH_MAX_NB * 3], smallest, volume;
 

@@ -466,6 +466,7 @@ PetscErrorCode OutputCreate(Mesh mesh, const char scene[], Output *output)
   o->npoint        = o->shared ? o->loc->nnode : o->loc->ncell * o->loc->nb;
   o->point_start   = o->shared ? o->loc->node_start : o->loc->cell_start * o->loc->nb;
   o->npoint_global = o->shared ? o->loc->nnode_global : o->loc->ncell_global * o->loc->nb;
+  o->moves         = o->loc->moves;
   *output          = o;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -534,11 +534,12 @@ static void tabulate_samples(Penalty p)
   }
 }
 
-static PetscErrorCode measure_cells(Penalty p)
+PetscErrorCode PenaltyMeasureCells(Penalty p)
 {
   const MeshLocal *l = p->loc;
 
   PetscFunctionBeginUser;
+  p->reach = 0;
   for (PetscInt i = 0; i < l->nnode_all; i++) p->cell_of_centre[i] = -1;
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     PetscReal radius;
@@ -582,7 +583,7 @@ PetscErrorCode PenaltyCreate(Flow flow, Bodies bodies, Penalty *penalty)
   PetscCall(PetscCalloc4(s->nbodies, &p->P, s->nbodies * s->nr * s->nr, &s->H, n, &s->weight, n, &s->follow));
   PetscCall(PetscMalloc2(sample_count(p) * s->dim, &p->x, 2 * sample_count(p), &p->d));
   for (PetscInt i = 0; i < n; i++) p->first[i] = s->follow[i] = -1;
-  PetscCall(measure_cells(p));
+  PetscCall(PenaltyMeasureCells(p));
   *penalty = p;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -18,6 +18,7 @@ enum {
 };
 static const char *const COEFFICIENTS[NCOEFFICIENTS] = {"cd", "cl", "cd_residual", "cl_residual", "cd_volume", "cl_volume"};
 static const char *const PARTS[]                     = {"fluid", "bodies", "walls", "openings", "volume"};
+static const char *const DEFORM[]                    = {"deform_area_min", "deform_area_max", "deform_jacobian"};
 static const char *const SNAP[]                      = {"snap_fallback", "snap_narrow", "snap_taylor", "snap_kept"};
 
 typedef struct {
@@ -33,20 +34,21 @@ typedef struct {
 } Point;
 
 struct _p_Probe {
-  Flow             flow;
-  Mesh             mesh;
-  Couple           couple;
-  Monitor          monitor;
-  BodyState       *s;
-  const MeshLocal *loc;
-  PetscInt         ncoefficient;
-  Coefficient     *coefficient;
-  PetscBool        dp, momentum, snap;
-  Point            point[2];
-  PetscReal        from;
-  PetscInt         dp_column, momentum_column, snap_column, ncolumn;
-  PetscReal       *value; /* [ncolumn] of this step */
-  History          history;
+  Flow                flow;
+  Mesh                mesh;
+  Couple              couple;
+  Monitor             monitor;
+  BodyState          *s;
+  const MeshLocal    *loc;
+  PetscInt            ncoefficient;
+  Coefficient        *coefficient;
+  PetscBool           dp, momentum, snap;
+  Point               point[2];
+  PetscReal           from;
+  PetscInt            dp_column, momentum_column, snap_column, deform_column, ncolumn;
+  const DeformResult *deform; /* NULL: the mesh does not follow bodies */
+  PetscReal          *value;  /* [ncolumn] of this step */
+  History             history;
 };
 
 /* ---- set-up ---- */
@@ -106,12 +108,14 @@ static PetscErrorCode name_coefficients(Probe b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Own cells that may hold the point, also when their nodes move by half of their size */
+/* Own cells that may hold the point, also when their nodes move by half of their size; where the mesh follows bodies, those of this step */
 static PetscErrorCode find_candidates(Probe b, Point *p)
 {
   const MeshLocal *l = b->loc;
 
   PetscFunctionBeginUser;
+  p->n = 0;
+  PetscCall(PetscFree(p->cell));
   PetscCall(PetscMalloc1(l->ncell, &p->cell));
   for (PetscInt c = 0; c < l->ncell; c++) {
     PetscReal xc[MESH_MAX_NB * 3];
@@ -201,7 +205,7 @@ static PetscErrorCode read_momentum(Probe b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode add_snap(Probe b)
+static PetscErrorCode add_mesh_columns(Probe b)
 {
   CoupleSnapCount count;
 
@@ -209,6 +213,8 @@ static PetscErrorCode add_snap(Probe b)
   PetscCall(CoupleGetSnapCount(b->couple, &count));
   b->snap = count.present;
   for (PetscInt i = 0; i < 4 && b->snap; i++) PetscCall(add_column(b, SNAP[i], i ? NULL : &b->snap_column));
+  PetscCall(CoupleGetDeform(b->couple, &b->deform));
+  for (PetscInt i = 0; i < 3 && b->deform; i++) PetscCall(add_column(b, DEFORM[i], i ? NULL : &b->deform_column));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -229,7 +235,7 @@ PetscErrorCode ProbeCreate(Flow flow, Bodies bodies, Couple couple, Monitor moni
   PetscCall(name_coefficients(b));
   PetscCall(read_points(b));
   PetscCall(read_momentum(b));
-  PetscCall(add_snap(b));
+  PetscCall(add_mesh_columns(b));
   PetscCall(OptReal("-monitor_from", "extrema and periods count from this time on", "time", PETSC_MIN_REAL, PETSC_MAX_REAL, &b->from));
   PetscCall(PetscCalloc1(b->ncolumn, &b->value));
   PetscCall(HistoryCreate(b->ncolumn, &b->history));
@@ -282,7 +288,10 @@ static PetscErrorCode measure_dp(Probe b)
 
   PetscFunctionBeginUser;
   PetscCall(CoupleGetSolution(b->couple, &u, &p));
-  for (PetscInt i = 0; i < 2; i++) PetscCall(read_pressure(b, b->point + i, p, at + i, &n));
+  for (PetscInt i = 0; i < 2; i++) {
+    if (b->deform) PetscCall(find_candidates(b, b->point + i));
+    PetscCall(read_pressure(b, b->point + i, p, at + i, &n));
+  }
   b->value[b->dp_column] = at[0] - at[1];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -309,6 +318,7 @@ PetscErrorCode ProbeStep(Probe b, const CoupleBalance *balance)
     b->value[b->snap_column + 2] = (PetscReal)count.taylor;
     b->value[b->snap_column + 3] = (PetscReal)count.kept;
   }
+  for (PetscInt i = 0; b->deform && i < 3; i++) b->value[b->deform_column + i] = i < 2 ? b->deform->area[i] : b->deform->jacobian;
   for (PetscInt i = 0; i < b->ncolumn; i++) PetscCall(MonitorSetColumn(b->monitor, i, b->value[i]));
   if (b->ncolumn) PetscCall(HistoryAdd(b->history, step->time - (1 - step->theta) * step->dt, b->value));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -25,6 +25,17 @@ static PetscErrorCode create_contact_alone(SimParts *part, const MeshLocal *l)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* What the mesh needs no longer, because bodies stand still */
+static PetscErrorCode drop_deform(SimParts *part, PetscBool steady)
+{
+  PetscBool still;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesAreStill(part->bodies, &still));
+  if (still || steady) PetscCall(DeformDestroy(&part->deform));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode report_deformation(Monitor monitor, const DeformResult *r)
 {
   PetscFunctionBeginUser;
@@ -72,7 +83,10 @@ static PetscErrorCode build(SimParts *part)
   PetscCall(MeshGetLocal(part->mesh, &l));
   PetscCall(BodiesCreate(l->dim, l->lower, l->upper, &part->bodies));
   if (active) {
-    PetscCall(DeformMesh(part->mesh, part->bodies, &deformed, &deformation));
+    PetscCall(DeformCreate(part->mesh, part->bodies, &part->deform));
+    deformed = (PetscBool)(part->deform != NULL);
+    if (deformed) PetscCall(DeformMesh(part->deform, &deformation));
+    if (deformed) PetscCall(drop_deform(part, steady));
     PetscCall(apply_preset(l->dim, steady));
     PetscCall(CoupleSetDefaults());
     if (steady) PetscCall(SteadySetDefaults(part->mesh));
@@ -81,6 +95,7 @@ static PetscErrorCode build(SimParts *part)
   }
   if (active) {
     PetscCall(CoupleCreate(part->flow, part->bodies, &part->couple));
+    if (part->deform) PetscCall(CoupleSetDeform(part->couple, part->deform));
     if (steady) PetscCall(SteadyCreate(part->flow, part->couple, &part->steady));
     PetscCall(BoundaryGetSolidFaces(FlowBoundary(part->flow), &walls));
     PetscCall(ContactCreate(part->bodies, l->h, par->density, par->gravity, l->lower, l->upper, walls, &part->contact));
@@ -112,6 +127,7 @@ static PetscErrorCode destroy(SimParts *part)
   PetscCall(CoupleDestroy(&part->couple));
   PetscCall(BodiesDestroy(&part->bodies));
   PetscCall(FlowDestroy(&part->flow));
+  PetscCall(DeformDestroy(&part->deform));
   PetscCall(MeshDestroy(&part->mesh));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

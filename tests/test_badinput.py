@@ -235,3 +235,9 @@ def test_existing_output_is_kept(run, scene, ranks, tmp_path):
 def test_body_that_the_mesh_does_not_see(run, scene, ranks):
     """Smaller than the distance of the nodes: it would fall as in a vacuum."""
     refused(run([scene(), "-particle_disc_radius", "0.02", "-particle_disc_position", "1.06,4.06"], ranks), "covers no node of the mesh", "group 'disc'", "-mesh_cells")
+
+
+@TWO
+def test_mesh_that_cannot_follow(run, scene, ranks):
+    refused(run([scene(), "-mesh_deform", "-couple_boundary", "snap"], ranks), "snap moves the nodes around bodies itself", "use -couple_boundary penalty or nodal")
+    refused(run([scene(), "-mesh_deform", "-flow_time", "cn"], ranks), "carries its velocity in the convection", "use -flow_time bdf2")

@@ -96,6 +96,7 @@ def assert_same(one, other, tolerance, what=tuple(STATE)):
 RANK_CASES = {
     "implicit": (DISC, []),
     "explicit": (DISC, ["-couple_type", "explicit", "-particle_disc_density", "10"]),
+    "mesh follows": (DISC, ["-mesh_deform", "-deform_ksp_rtol", "1e-8"]),
     "nine": (NINE, []),
     "plate": (PLATE, ["-couple_boundary", "snap"]),
     "nine explicit": (NINE, ["-couple_type", "explicit", "-particle_disc_density", "20", "-sim_dt", "0.001"]),
