@@ -8,8 +8,8 @@
 
 typedef struct _p_Coarse *Coarse;
 
-/* nk pressures a cell; floating: known up to a constant. Collective. */
-PetscErrorCode CoarseCreate(Mesh, PetscInt nk, PetscBool floating, Coarse *);
+/* nk pressures a cell; floating: known up to a constant; keep: share of the vertices that may change before the solver of this level is set up anew (lagged.h). Collective. */
+PetscErrorCode CoarseCreate(Mesh, PetscInt nk, PetscBool floating, PetscReal keep, Coarse *);
 PetscErrorCode CoarseDestroy(Coarse *);
 
 /* operator += sum over the components a of own node i of change[a] g_a g_a^T; b [ncell_all][nk][nb dim]: the cells' divergence. Not collective. */
@@ -25,5 +25,5 @@ PetscErrorCode CoarseAssemble(Coarse);
 /* The bodies' part W W^T of S_p: n blocks w [n][nk][nr] of own cells cell [n] and bodies body [n] < nbodies. Borrowed until the next call. Not collective. */
 PetscErrorCode CoarseSetBodies(Coarse, PetscInt nbodies, PetscInt nr, PetscInt n, const PetscInt cell[], const PetscInt body[], const PetscReal w[]);
 
-/* Give interpolation and operator to a PCMG of two levels. Collective. */
+/* Give interpolation and operator to a PCMG of two levels, always the same one. Its solver on this level is set up where too much has changed. Collective. */
 PetscErrorCode CoarseSetUpPC(Coarse, PC);

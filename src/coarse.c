@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "coarse.h"
 #include "dense.h"
+#include "lagged.h"
 
 #define MAX_VERTICES 125 /* vertices of the cells around a node: 9 (27) on regular meshes */
 
@@ -10,6 +11,9 @@ struct _p_Coarse {
   const MeshLocal *loc;
   PetscInt         nk;                 /* pressures a cell */
   PetscBool        floating, definite; /* known up to a constant; the operator has got its share of the diagonal */
+  PetscReal        keep;               /* of the solver on this level, see lagged.h */
+  PC               solver;             /* borrowed, of the PCMG that CoarseSetUpPC saw */
+  PetscBool        changed;            /* the matrix, since then */
   Mat              interpolation, matrix;
   PetscInt        *vertex; /* [nnode_all] global number of the vertex at a node, or -1 */
   PetscBool       *buried; /* [nnode_all] vertex without fluid around */
@@ -187,6 +191,7 @@ static PetscErrorCode add_bodies(Coarse s)
   Mat            WtI;
 
   PetscFunctionBeginUser;
+  if (s->whole) s->changed = PETSC_TRUE;
   PetscCall(MatDestroy(&s->whole));
   if (!s->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscMalloc3(room, &row, room, &col, room, &value));
@@ -203,6 +208,7 @@ static PetscErrorCode add_bodies(Coarse s)
     PetscCall(MatDestroy(&WtI));
     PetscCall(MatAXPY(s->whole, 1, s->matrix, DIFFERENT_NONZERO_PATTERN));
     PetscCall(MatSetOption(s->whole, MAT_SYMMETRIC, PETSC_TRUE));
+    s->changed = PETSC_TRUE;
   }
   PetscCall(PetscFree3(row, col, value));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -210,7 +216,7 @@ static PetscErrorCode add_bodies(Coarse s)
 
 /* ---- public ---- */
 
-PetscErrorCode CoarseCreate(Mesh mesh, PetscInt nk, PetscBool floating, Coarse *coarse)
+PetscErrorCode CoarseCreate(Mesh mesh, PetscInt nk, PetscBool floating, PetscReal keep, Coarse *coarse)
 {
   Coarse   s;
   PetscInt n, room;
@@ -220,6 +226,7 @@ PetscErrorCode CoarseCreate(Mesh mesh, PetscInt nk, PetscBool floating, Coarse *
   s->mesh     = mesh;
   s->nk       = nk;
   s->floating = floating;
+  s->keep     = keep;
   PetscCall(MeshGetLocal(mesh, &s->loc));
   PetscCall(PetscCalloc1(s->loc->nnode_all, &s->buried));
   PetscCall(create_interpolation(s));
@@ -301,6 +308,7 @@ PetscErrorCode CoarseAssemble(Coarse s)
   PetscCall(MatAssemblyBegin(s->matrix, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(s->matrix, MAT_FINAL_ASSEMBLY));
   PetscCall(make_definite(s));
+  s->changed = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -328,5 +336,11 @@ PetscErrorCode CoarseSetUpPC(Coarse s, PC pc)
   PetscCall(add_bodies(s));
   A = s->whole ? s->whole : s->matrix;
   PetscCall(KSPSetOperators(coarse, A, A));
+  if (!s->solver) {
+    PetscCall(KSPGetPC(coarse, &s->solver));
+    PetscCall(LaggedCreate(s->solver, s->keep));
+  }
+  if (s->changed) PetscCall(LaggedUpdate(s->solver, A));
+  s->changed = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

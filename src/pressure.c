@@ -625,6 +625,7 @@ PetscErrorCode PressureCreate(Flow flow, Constraint constraint, Pressure *pressu
   PetscInt  first, count;
   char      type[64] = "";
   PetscBool two_level;
+  PetscReal keep = 0.03;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&p));
@@ -648,7 +649,11 @@ PetscErrorCode PressureCreate(Flow flow, Constraint constraint, Pressure *pressu
   PetscCall(PetscOptionsGetString(NULL, NULL, "-flow_fieldsplit_pressure_pc_type", type, sizeof(type), NULL));
   PetscCall(PetscStrcmp(type, "mg", &two_level));
   PetscCall(BoundaryPressureIsFloating(FlowBoundary(flow), &p->floating));
-  if (two_level) PetscCall(CoarseCreate(p->mesh, p->nk, p->floating, &p->coarse));
+  if (two_level) {
+    PetscCall(OptReal("-flow_pressure_keep", "share of the vertices that may change before the multigrid hierarchy of the pressure is built anew", "",
+                      0, 1, &keep));
+    PetscCall(CoarseCreate(p->mesh, p->nk, p->floating, keep, &p->coarse));
+  }
   PetscCall(find_neighbours(p));
   PetscCall(create_matrix(p));
   PetscCall(create_shell(p));
