@@ -33,7 +33,7 @@ PetscErrorCode DeformDestroy(Deform *);
 
 /* Deform the mesh for the bodies where they are. Before anything else looks at places of nodes. Collective. Error: a mesh that would tangle. */
 PetscErrorCode DeformMesh(Deform, DeformResult *);
-/* From the mesh as it is now to one for bodies that have moved by less than their widths, drawn at X [nbodies][3], q [nbodies][4] (borrowed until the next call): as many of the last
+/* From the mesh as it is now to one for bodies that have moved by about a small cell, drawn at X [nbodies][3], q [nbodies][4] (borrowed until the next call): as many of the last
    steps as bring sizes within 5 % of the wanted ones, one to four. The first relaxes the mesh too: it adds, in proportion to the way of the bodies, what smoothing would change in the
-   displacements from the mesh at the start, and w is taken for the sizes after that. Of the meshes with these sizes one of little shear is approached so, and bodies that travel leave no trail. Ends with a MeshRebase. Collective. Error: a mesh that would tangle. */
+   displacements from the mesh at the start, and w is taken for the sizes after that. Of the meshes with these sizes one of little shear is approached so, and bodies that travel leave no trail. The caller sees to MeshRebase. Collective. Error: a mesh that would tangle. */
 PetscErrorCode DeformFollow(Deform, PetscReal (*X)[3], PetscReal (*q)[4], DeformResult *);

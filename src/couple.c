@@ -442,7 +442,7 @@ PetscErrorCode CoupleSetDeform(Couple c, Deform deform)
   PetscCheck(!c->fit, PETSC_COMM_WORLD, PETSC_ERR_SUP,
              "-couple_boundary snap moves the nodes around bodies itself, and -mesh_deform would have to follow bodies that move with the same nodes: use -couple_boundary penalty or "
              "nodal, or remove -mesh_deform");
-  PetscCall(FollowCreate(c->flow, deform, &c->follow));
+  PetscCall(FollowCreate(c->flow, c->bodies, deform, &c->follow));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -698,6 +698,5 @@ PetscErrorCode DeformFollow(Deform d, PetscReal (*X)[3], PetscReal (*q)[4], Defo
   d->share = PetscMin(1, RELAX * PetscMax(1 - r->area[0], r->area[1] - 1));
   do PetscCall(take_step(d, r->steps ? EXACT : RELAXED, 1, &taken, r));
   while (r->steps < FOLLOW && (r->area[0] < 1 - CLOSE || r->area[1] > 1 + CLOSE));
-  PetscCall(MeshRebase(d->mesh));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -76,7 +76,7 @@ static PetscErrorCode open_case(Case *c, const char options[], Exact exact, void
   if (ctx) PetscCall(FlowSetSource(c->flow, linear_force, ctx));
   if (ctx) PetscCall(BoundarySetField(FlowBoundary(c->flow), exact, ctx));
   PetscCall(CoupleCreate(c->flow, c->none, &c->couple));
-  PetscCall(FollowCreate(c->flow, c->deform, &c->follow));
+  PetscCall(FollowCreate(c->flow, c->phantom, c->deform, &c->follow));
   PetscCall(FlowGetFields(c->flow, &u, NULL, NULL));
   for (PetscInt i = 0; i < c->l->nnode_all; i++) PetscCall(exact(ctx, 0, c->l->x + 2 * i, u + 2 * i));
   PetscFunctionReturn(PETSC_SUCCESS);
