@@ -134,7 +134,7 @@ PetscErrorCode LaggedCreate(PC pc, PetscReal keep)
 PetscErrorCode LaggedUpdate(PC pc, Mat A)
 {
   Lagged   *s;
-  PetscReal share;
+  PetscReal share = 1;
   PetscBool anew;
 
   PetscFunctionBeginUser;
