@@ -62,6 +62,8 @@ PetscErrorCode FlowGetMesh(Flow, Mesh *);
    viscosity, no convection, no rows of B). Computes anew what depends on their shape; the fields in use must already hold their values at the new places. Collective.
    Error: a cell of the fluid with a Jacobian that is not positive. */
 PetscErrorCode FlowUpdateCells(Flow, PetscInt n, const PetscInt cells[], const PetscInt cell_body[]);
+/* The same where the pressures already belong to the cells as they are now, as those of a checkpoint do. Collective. */
+PetscErrorCode FlowRestoreCells(Flow, PetscInt n, const PetscInt cells[], const PetscInt cell_body[]);
 
 /* Parts into which the scheme divides a time step, to be taken one after another: fraction [n], sum 1 (may be NULL). */
 PetscErrorCode FlowGetSubsteps(Flow, PetscInt *n, const PetscReal *fraction[]);
@@ -109,8 +111,6 @@ PetscErrorCode FlowGetLumpedMass(Flow, const PetscReal *m[]);
 
 /* Fields: u^n, u^{n-1} [nnode_all][dim] synced, p [own cells][dim + 1]. Writable for initial states. */
 PetscErrorCode FlowGetFields(Flow, PetscReal *u[], PetscReal *u_old[], PetscReal *p[]);
-/* Pressure of the step before. */
-PetscErrorCode FlowGetOldPressure(Flow, PetscReal *p_old[]);
 /* Pressure as value and gradient: out [own cells][dim + 1] with p(x) = out_0 + out_1.. . (x - centre node). */
 PetscErrorCode FlowGetPressureGradient(Flow, const PetscReal p[], PetscReal out[]);
 /* Start value for the next step: u [nnode_all][dim] extrapolated in time, p of the last step, and dp, what the pressure changed by in the last step (zero in the first two; NULL: not

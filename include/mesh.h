@@ -49,6 +49,12 @@ PetscErrorCode MeshGetBoundaryName(Mesh, PetscInt b, const char **name);
 /* Local nodes (own and ghost) on boundary b. */
 PetscErrorCode MeshGetBoundaryNodes(Mesh, PetscInt b, PetscInt *n, const PetscInt *nodes[]);
 
+/* A difference of coordinates along axis a, to the nearest image where that axis is periodic */
+static inline PetscReal MeshNearest(const MeshLocal *l, PetscInt a, PetscReal r)
+{
+  return l->period[a] > 0 ? r - l->period[a] * PetscFloorReal(r / l->period[a] + 0.5) : r;
+}
+
 /* Coordinates of the nodes of local cell c, xc [nb][dim], unwrapped across periodic boundaries. Not collective. */
 PetscErrorCode MeshCellCoordinates(Mesh, PetscInt c, PetscReal xc[]);
 

@@ -117,12 +117,7 @@ static PetscErrorCode add_soft_blocks(BodyBlocks b, const Soft *s, const PetscIn
 static inline void add_moment(const MeshLocal *l, PetscInt i, PetscInt j, PetscReal value, PetscReal moment[])
 {
   moment[0] += value;
-  for (PetscInt d = 0; d < l->dim; d++) {
-    PetscReal r = l->x[j * l->dim + d] - l->x[i * l->dim + d];
-
-    if (l->period[d] > 0) r -= l->period[d] * PetscFloorReal(r / l->period[d] + 0.5);
-    moment[1 + d] += value * r;
-  }
+  for (PetscInt d = 0; d < l->dim; d++) { moment[1 + d] += value * MeshNearest(l, d, l->x[j * l->dim + d] - l->x[i * l->dim + d]); }
 }
 
 /* AR [dim][nr] = sum_j a_ij R_j from the moments of row i: R_j = R_i + spin (x_j - x_i) */

@@ -23,9 +23,8 @@ static PetscBool is_near(Clearance c, PetscReal (*X)[3], PetscInt k, PetscInt j)
   PetscReal d2 = 0;
 
   for (PetscInt a = 0; a < 2; a++) {
-    PetscReal r = X[j][a] - X[k][a];
+    const PetscReal r = MeshNearest(c->loc, a, X[j][a] - X[k][a]);
 
-    if (c->loc->period[a] > 0) r -= c->loc->period[a] * PetscFloorReal(r / c->loc->period[a] + 0.5);
     d2 += r * r;
   }
   return (PetscBool)(d2 < PetscSqr(near_radius(c, k) + near_radius(c, j)));

@@ -191,7 +191,6 @@ static PetscErrorCode add_bodies(Coarse s)
   Mat            WtI;
 
   PetscFunctionBeginUser;
-  if (s->whole) s->changed = PETSC_TRUE;
   PetscCall(MatDestroy(&s->whole));
   if (!s->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscMalloc3(room, &row, room, &col, room, &value));
@@ -208,7 +207,6 @@ static PetscErrorCode add_bodies(Coarse s)
     PetscCall(MatDestroy(&WtI));
     PetscCall(MatAXPY(s->whole, 1, s->matrix, DIFFERENT_NONZERO_PATTERN));
     PetscCall(MatSetOption(s->whole, MAT_SYMMETRIC, PETSC_TRUE));
-    s->changed = PETSC_TRUE;
   }
   PetscCall(PetscFree3(row, col, value));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -333,8 +331,10 @@ PetscErrorCode CoarseSetUpPC(Coarse s, PC pc)
   PetscCall(PCMGSetGalerkin(pc, PC_MG_GALERKIN_NONE));
   PetscCall(PCMGSetInterpolation(pc, 1, s->interpolation));
   PetscCall(PCMGGetCoarseSolve(pc, &coarse));
+  s->changed = (PetscBool)(s->changed || s->whole);
   PetscCall(add_bodies(s));
-  A = s->whole ? s->whole : s->matrix;
+  s->changed = (PetscBool)(s->changed || s->whole); /* the bodies' part is another one every time */
+  A          = s->whole ? s->whole : s->matrix;
   PetscCall(KSPSetOperators(coarse, A, A));
   if (!s->solver) {
     PetscCall(KSPGetPC(coarse, &s->solver));

@@ -43,10 +43,7 @@ static void rigid_row(const MeshLocal *l, PetscInt i, PetscInt a, const PetscRea
 {
   PetscReal r[3] = {0, 0, 0};
 
-  for (PetscInt d = 0; d < l->dim; d++) {
-    r[d] = l->x[i * l->dim + d] - X[d];
-    if (l->period[d] > 0) r[d] -= l->period[d] * PetscFloorReal(r[d] / l->period[d] + 0.5);
-  }
+  for (PetscInt d = 0; d < l->dim; d++) { r[d] = MeshNearest(l, d, l->x[i * l->dim + d] - X[d]); }
   for (PetscInt d = 0; d < l->dim; d++) row[d] = d == a;
   if (l->dim == 2) row[2] = a == 0 ? -r[1] : r[0];
   else {

@@ -571,13 +571,8 @@ PetscErrorCode CoupleVisitState(void *couple, State state)
   PetscCall(StateReals(state, "du_old", 3 * c->s->n, c->du_old));
   PetscCall(StateInts(state, "growth", c->s->n, c->growth));
   PetscCall(StateReals(state, "force_old", 6 * c->s->n, c->force_old));
-  if (c->fit) {
-    PetscCall(FitVisitState(c->fit, state));
-    if (StateIsLoading(state)) PetscCall(CoupleRenewSolver(c));
-  }
-  if (c->follow) {
-    PetscCall(FollowVisitState(c->follow, state));
-    if (StateIsLoading(state)) PetscCall(CoupleRenewSolver(c));
-  }
+  if (c->fit) PetscCall(FitVisitState(c->fit, state));
+  if (c->follow) PetscCall(FollowVisitState(c->follow, state));
+  if ((c->fit || c->follow) && StateIsLoading(state)) PetscCall(CoupleRenewSolver(c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

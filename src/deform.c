@@ -3,6 +3,7 @@
 #include "deform.h"
 #include "cells.h"
 #include "dense.h"
+#include "mark.h"
 #include "opt.h"
 #include <petscksp.h>
 
@@ -139,21 +140,13 @@ static PetscErrorCode evaluate_monitor(const struct _p_Deform *d, const PetscRea
 /* Body k drawn at X, with all its images whose surroundings reach the domain */
 static PetscErrorCode list_body(Deform d, PetscInt k, const PetscReal X[3])
 {
-  const MeshLocal *l     = d->l;
-  const PetscReal  reach = d->s->group[d->s->body_group[k]].radius + d->width;
+  const PetscReal reach = d->s->group[d->s->body_group[k]].radius + d->width;
 
   PetscFunctionBeginUser;
   for (PetscInt image = 0; image < (d->dim == 2 ? 9 : 27); image++) {
-    const PetscInt shift[3] = {image % 3 - 1, image / 3 % 3 - 1, d->dim == 3 ? image / 9 - 1 : 0};
-    PetscReal      at[3];
-    PetscBool      reaches = PETSC_TRUE;
+    PetscReal at[3];
 
-    for (PetscInt a = 0; a < 3; a++) {
-      at[a] = X[a] + (a < d->dim ? shift[a] * l->period[a] : 0);
-      if (a < d->dim && shift[a] && (l->period[a] <= 0 || at[a] + reach < l->lower[a] - d->width || at[a] - reach > l->upper[a] + d->width))
-        reaches = PETSC_FALSE;
-    }
-    if (!reaches) continue;
+    if (!MarkImage(d->l, X, reach + d->width, image, at)) continue;
     if (d->nnear == d->room) {
       d->room = 2 * d->room + 16;
       PetscCall(PetscRealloc(d->room * sizeof(*d->body), &d->body));

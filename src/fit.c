@@ -193,20 +193,12 @@ PetscErrorCode FitAttach(Fit f, FlowSolver solver)
 /* The mesh of the fields that are there */
 static PetscErrorCode restore_mesh(Fit f)
 {
-  const SnapResult *r  = &f->result;
-  const PetscInt    np = f->loc->ncell * (f->loc->dim + 1);
-  PetscReal        *p[2], *keep;
+  const SnapResult *r = &f->result;
 
   PetscFunctionBeginUser;
   PetscCall(SnapFit(f->snap, f->X, f->q, f->wanted, NULL, f->fitted, &f->result));
   PetscCall(MeshMoveNodes(f->mesh, r->nnode, r->node, r->x));
-  PetscCall(FlowGetFields(f->flow, NULL, NULL, &p[0]));
-  PetscCall(FlowGetOldPressure(f->flow, &p[1]));
-  PetscCall(PetscMalloc1(2 * np, &keep));
-  for (PetscInt s = 0; s < 2; s++) PetscCall(PetscArraycpy(keep + s * np, p[s], np));
-  PetscCall(FlowUpdateCells(f->flow, r->ncell, r->cell, r->cell_body));
-  for (PetscInt s = 0; s < 2; s++) PetscCall(PetscArraycpy(p[s], keep + s * np, np));
-  PetscCall(PetscFree(keep));
+  PetscCall(FlowRestoreCells(f->flow, r->ncell, r->cell, r->cell_body));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

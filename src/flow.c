@@ -430,10 +430,7 @@ static void carry_pressure(const struct _p_Flow *f, PetscInt c, const PetscReal 
   const PetscInt dim = f->loc->dim;
 
   for (PetscInt a = 0; a < dim; a++) {
-    PetscReal r = f->centre[c * dim + a] - centre[a];
-
-    if (f->loc->period[a] > 0) r -= f->loc->period[a] * PetscFloorReal(r / f->loc->period[a] + 0.5);
-    p[0] += p[1 + a] * r / size;
+    p[0] += p[1 + a] * MeshNearest(f->loc, a, f->centre[c * dim + a] - centre[a]) / size;
     p[1 + a] *= f->size[c] / size;
   }
 }
@@ -510,6 +507,22 @@ PetscErrorCode FlowUpdateCells(Flow f, PetscInt n, const PetscInt cells[], const
   PetscCall(MeshSyncNodes(f->mesh, 1, f->lumped));
   f->s_ct = 0;
   extrapolate_convection(f);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowRestoreCells(Flow f, PetscInt n, const PetscInt cells[], const PetscInt cell_body[])
+{
+  const PetscInt np = f->loc->ncell * (f->loc->dim + 1);
+  PetscReal     *keep;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(2 * np, &keep));
+  PetscCall(PetscArraycpy(keep, f->p, np));
+  PetscCall(PetscArraycpy(keep + np, f->p_old, np));
+  PetscCall(FlowUpdateCells(f, n, cells, cell_body));
+  PetscCall(PetscArraycpy(f->p, keep, np));
+  PetscCall(PetscArraycpy(f->p_old, keep + np, np));
+  PetscCall(PetscFree(keep));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -720,13 +733,6 @@ PetscErrorCode FlowGetFields(Flow f, PetscReal *u[], PetscReal *u_old[], PetscRe
   if (u) *u = f->u;
   if (u_old) *u_old = f->u_old;
   if (p) *p = f->p;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode FlowGetOldPressure(Flow f, PetscReal *p_old[])
-{
-  PetscFunctionBeginUser;
-  *p_old = f->p_old;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -73,12 +73,7 @@ PetscErrorCode FlowCellPressure(Flow f, PetscInt c, const PetscReal p[], const P
 
   PetscFunctionBeginUser;
   *value = pc[0];
-  for (PetscInt d = 0; d < l->dim; d++) {
-    PetscReal r = x[d] - centre[d];
-
-    if (l->period[d] > 0) r -= l->period[d] * PetscFloorReal(r / l->period[d] + 0.5);
-    *value += pc[1 + d] * r / f->size[c];
-  }
+  for (PetscInt d = 0; d < l->dim; d++) { *value += pc[1 + d] * MeshNearest(l, d, x[d] - centre[d]) / f->size[c]; }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -109,8 +104,7 @@ PetscErrorCode FlowCellStressForce(Flow f, PetscInt c, const PetscReal u[], cons
     }
     for (PetscInt d = 0; d < dim; d++) {
       pressure += p[c * nk + 1 + d] * (x[d] - centre[d]) / f->size[c];
-      r[d] = x[d] - X[d];
-      if (l->period[d] > 0) r[d] -= l->period[d] * PetscFloorReal(r[d] / l->period[d] + 0.5);
+      r[d] = MeshNearest(l, d, x[d] - X[d]);
     }
     for (PetscInt d = 0; d < dim; d++) {
       t[d] = pressure * ga[d];

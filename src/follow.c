@@ -22,12 +22,7 @@ struct _p_Follow {
 /* From where body k was to X, by the shortest way in a periodic domain */
 static void find_way(const struct _p_Follow *f, PetscInt k, PetscReal (*X)[3], PetscReal way[3])
 {
-  for (PetscInt a = 0; a < 3; a++) {
-    const PetscReal period = a < f->loc->dim ? f->loc->period[a] : 0;
-
-    way[a] = X[k][a] - f->X[k][a];
-    if (period > 0) way[a] -= period * PetscFloorReal(way[a] / period + 0.5);
-  }
+  for (PetscInt a = 0; a < 3; a++) way[a] = MeshNearest(f->loc, a, X[k][a] - f->X[k][a]);
 }
 
 /* Parts of the way of all bodies, by the point that goes farthest, each about as long as the smallest cell */
@@ -159,21 +154,13 @@ PetscErrorCode FollowGetResult(Follow f, const DeformResult **result)
 /* The mesh of the fields that are there, whose pressures already belong to it */
 static PetscErrorCode restore_mesh(Follow f)
 {
-  const MeshLocal *l  = f->loc;
-  const PetscInt   np = l->ncell * (l->dim + 1);
-  PetscReal       *p[2], *keep;
+  const MeshLocal *l = f->loc;
 
   PetscFunctionBeginUser;
   PetscCall(MeshMoveNodes(f->mesh, l->nnode_all, f->all, f->now));
   PetscCall(MeshRebase(f->mesh));
   f->h = f->loc->h;
-  PetscCall(FlowGetFields(f->flow, NULL, NULL, &p[0]));
-  PetscCall(FlowGetOldPressure(f->flow, &p[1]));
-  PetscCall(PetscMalloc1(2 * np, &keep));
-  for (PetscInt s = 0; s < 2; s++) PetscCall(PetscArraycpy(keep + s * np, p[s], np));
-  PetscCall(FlowUpdateCells(f->flow, l->ncell_all, f->all, f->fluid));
-  for (PetscInt s = 0; s < 2; s++) PetscCall(PetscArraycpy(p[s], keep + s * np, np));
-  PetscCall(PetscFree(keep));
+  PetscCall(FlowRestoreCells(f->flow, l->ncell_all, f->all, f->fluid));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -214,9 +214,8 @@ static PetscErrorCode add_cell(Hole h, const Surface *s, PetscInt cell, const Pe
     alpha[j] = h->on[node[j]] == s->body;
     if (h->on[node[j]] != s->body) continue;
     for (PetscInt d = 0; d < dim; d++) {
-      arm[d]  = l->x[node[j] * dim + d] - X[d];
+      arm[d]  = MeshNearest(l, d, l->x[node[j] * dim + d] - X[d]);
       pull[d] = -r[j * dim + d];
-      if (l->period[d] > 0) arm[d] -= l->period[d] * PetscFloorReal(arm[d] / l->period[d] + 0.5);
       f[0][d] += pull[d];
     }
     add_moment(arm, pull, f[1]);

@@ -202,10 +202,7 @@ static PetscReal node_size(Snap s, PetscInt i)
     PetscReal       axis[2][2];
 
     for (PetscInt a = 0; a < 2; a++) {
-      for (PetscInt b = 0; b < 2; b++) {
-        axis[b][a] = l->x_start[2 * node[b ? 7 : 5] + a] - l->x_start[2 * node[b ? 1 : 3] + a];
-        if (l->period[a] > 0) axis[b][a] -= l->period[a] * PetscFloorReal(axis[b][a] / l->period[a] + 0.5);
-      }
+      for (PetscInt b = 0; b < 2; b++) { axis[b][a] = MeshNearest(l, a, l->x_start[2 * node[b ? 7 : 5] + a] - l->x_start[2 * node[b ? 1 : 3] + a]); }
     }
     sum += PetscAbsReal(axis[0][0] * axis[1][1] - axis[0][1] * axis[1][0]);
   }
@@ -238,9 +235,7 @@ static PetscReal edge_length(Snap s, PetscInt i)
   for (PetscInt a = 0; a < 2; a++) {
     const PetscInt from = node[EDGE_END[j][0]], to = node[EDGE_END[j][1]];
 
-    r[a] = l->x_start[2 * to + a] - l->x_start[2 * from + a];
-    if (l->period[a] > 0) r[a] -= l->period[a] * PetscFloorReal(r[a] / l->period[a] + 0.5);
-    r[a] += s->d[2 * to + a] - s->d[2 * from + a];
+    r[a] = MeshNearest(l, a, l->x_start[2 * to + a] - l->x_start[2 * from + a]) + s->d[2 * to + a] - s->d[2 * from + a];
   }
   return PetscSqrtReal(r[0] * r[0] + r[1] * r[1]);
 }
@@ -286,12 +281,7 @@ static PetscErrorCode project_nodes(Snap s, PetscReal (*X)[3], PetscReal (*q)[4]
       const PetscInt i = list[begin + m];
 
       if ((s->code[i] - 1) / 2 != k) break;
-      for (PetscInt a = 0; a < 2; a++) {
-        PetscReal r = l->x_start[2 * i + a] + s->d[2 * i + a] - X[k][a];
-
-        if (l->period[a] > 0) r -= l->period[a] * PetscFloorReal(r / l->period[a] + 0.5);
-        x[2 * m + a] = X[k][a] + r;
-      }
+      for (PetscInt a = 0; a < 2; a++) { x[2 * m + a] = X[k][a] + MeshNearest(l, a, l->x_start[2 * i + a] + s->d[2 * i + a] - X[k][a]); }
     }
     PetscCall(BodiesProject(s->bodies, k, X[k], q[k], m, x, y));
     PetscCall(draw_back(s, X, q, k, m, list + begin, y));

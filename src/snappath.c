@@ -55,10 +55,7 @@ static PetscErrorCode into_body(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(s->bodies, &state));
   RotationMatrix(q[k], R);
-  for (PetscInt a = 0; a < 2; a++) {
-    r[a] = l->x_start[2 * i + a] - X[k][a];
-    if (l->period[a] > 0) r[a] -= l->period[a] * PetscFloorReal(r[a] / l->period[a] + 0.5);
-  }
+  for (PetscInt a = 0; a < 2; a++) r[a] = MeshNearest(l, a, l->x_start[2 * i + a] - X[k][a]);
   for (PetscInt a = 0; a < 2; a++) y[a] = R[a] * r[0] + R[3 + a] * r[1] + state->group[state->body_group[k]].mass.centroid[a];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -83,28 +80,41 @@ static PetscErrorCode way_to_line(Snap s, PetscInt k, PetscReal (*X)[3], PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Local nodes in the box around body k, drawn as its image number `image` (place at [3]), that leaves `margin` around it: a list that the next call replaces; none where the image does
+   not reach the domain */
+static PetscErrorCode list_nodes(Snap s, PetscInt k, PetscReal (*X)[3], PetscInt image, PetscReal margin, PetscReal at[3], PetscInt *n,
+                                 const PetscInt *list[])
+{
+  BodyState *state;
+  PetscReal  radius, lo[2], hi[2];
+
+  PetscFunctionBeginUser;
+  *n = 0;
+  PetscCall(BodiesGetState(s->bodies, &state));
+  radius = state->group[state->body_group[k]].radius + margin;
+  if (!MarkImage(s->loc, X[k], radius, image, at)) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt a = 0; a < 2; a++) {
+    lo[a] = at[a] - radius;
+    hi[a] = at[a] + radius;
+  }
+  PetscCall(MeshNodesInBox(s->mesh, lo, hi, n, list));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* ---- which bodies ---- */
 
 /* Smallest cell along body k as far as this rank knows it */
 static PetscErrorCode smallest_cell(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal *size)
 {
   const MeshLocal *l = s->loc;
-  BodyState       *state;
 
   PetscFunctionBeginUser;
-  PetscCall(BodiesGetState(s->bodies, &state));
   for (PetscInt image = 0; image < 9; image++) {
-    const PetscReal radius = state->group[state->body_group[k]].radius + s->coarsest;
-    PetscReal       at[3], lo[2], hi[2];
+    PetscReal       at[3];
     const PetscInt *list;
     PetscInt        n;
 
-    if (!MarkImage(l, X[k], radius, image, at)) continue;
-    for (PetscInt a = 0; a < 2; a++) {
-      lo[a] = at[a] - radius;
-      hi[a] = at[a] + radius;
-    }
-    PetscCall(MeshNodesInBox(s->mesh, lo, hi, &n, &list));
+    PetscCall(list_nodes(s, k, X, image, s->coarsest, at, &n, &list));
     for (PetscInt e = 0; e < n; e++) {
       PetscReal d;
 
@@ -171,27 +181,19 @@ static PetscErrorCode add_record(Snap s, PetscInt k, PetscReal (*X)[3], PetscRea
 /* Own cells around the bodies that are to be paths */
 static PetscErrorCode collect_records(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt *count, PetscReal **record)
 {
-  const MeshLocal *l = s->loc;
-  BodyState       *state;
+  const MeshLocal *l    = s->loc;
   PetscInt         room = 0;
 
   PetscFunctionBeginUser;
   *count  = 0;
   *record = NULL;
-  PetscCall(BodiesGetState(s->bodies, &state));
   for (PetscInt k = 0; k < s->nbodies; k++) {
     for (PetscInt image = 0; image < 9 && s->fitted[k] && s->is_path[k]; image++) {
-      const PetscReal radius = state->group[state->body_group[k]].radius + BAND * s->coarsest;
-      PetscReal       at[3], lo[2], hi[2];
+      PetscReal       at[3];
       const PetscInt *list;
       PetscInt        n;
 
-      if (!MarkImage(l, X[k], radius, image, at)) continue;
-      for (PetscInt a = 0; a < 2; a++) {
-        lo[a] = at[a] - radius;
-        hi[a] = at[a] + radius;
-      }
-      PetscCall(MeshNodesInBox(s->mesh, lo, hi, &n, &list));
+      PetscCall(list_nodes(s, k, X, image, BAND * s->coarsest, at, &n, &list));
       for (PetscInt e = 0; e < n; e++) {
         PetscReal d;
 
@@ -400,9 +402,8 @@ static PetscErrorCode block_paths(Snap s, PetscInt k, PetscReal (*X)[3], Graph *
 
     if (!p->n) continue;
     for (PetscInt a = 0; a < 2; a++) {
-      PetscReal r = X[j][a] - X[k][a];
+      const PetscReal r = MeshNearest(s->loc, a, X[j][a] - X[k][a]);
 
-      if (s->loc->period[a] > 0) r -= s->loc->period[a] * PetscFloorReal(r / s->loc->period[a] + 0.5);
       d2 += r * r;
     }
     for (PetscInt i = 0; i < g->ncorner && d2 < reach * reach; i++) {
@@ -526,23 +527,13 @@ static PetscErrorCode draw_aside(Snap s, PetscInt k, PetscReal (*X)[3], PetscRea
 /* Nodes of the path of body k, which belong to it from now on; its vertices are ring 0 and get their displacement */
 static PetscErrorCode mark_path(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4])
 {
-  const MeshLocal *l = s->loc;
-  BodyState       *state;
-
   PetscFunctionBeginUser;
-  PetscCall(BodiesGetState(s->bodies, &state));
   for (PetscInt image = 0; image < 9; image++) {
-    const PetscReal radius = state->group[state->body_group[k]].radius + 2 * NEAR * s->coarsest;
-    PetscReal       at[3], lo[2], hi[2];
+    PetscReal       at[3];
     const PetscInt *list;
     PetscInt        n;
 
-    if (!MarkImage(l, X[k], radius, image, at)) continue;
-    for (PetscInt a = 0; a < 2; a++) {
-      lo[a] = at[a] - radius;
-      hi[a] = at[a] + radius;
-    }
-    PetscCall(MeshNodesInBox(s->mesh, lo, hi, &n, &list));
+    PetscCall(list_nodes(s, k, X, image, 2 * NEAR * s->coarsest, at, &n, &list));
     for (PetscInt e = 0; e < n; e++) {
       const PetscInt i = list[e];
       PetscReal      t, x[2];
@@ -608,24 +599,16 @@ PetscErrorCode SnapPathPlaceEdges(Snap s, PetscReal (*X)[3], PetscReal (*q)[4])
 static PetscErrorCode find_sides(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal length)
 {
   const MeshLocal *l = s->loc;
-  BodyState       *state;
   PetscReal        R[9];
 
   PetscFunctionBeginUser;
-  PetscCall(BodiesGetState(s->bodies, &state));
   RotationMatrix(q[k], R);
   for (PetscInt image = 0; image < 9; image++) {
-    const PetscReal radius = state->group[state->body_group[k]].radius + (BESIDE + 1) * s->coarsest;
-    PetscReal       at[3], lo[2], hi[2];
+    PetscReal       at[3];
     const PetscInt *list;
     PetscInt        n;
 
-    if (!MarkImage(l, X[k], radius, image, at)) continue;
-    for (PetscInt a = 0; a < 2; a++) {
-      lo[a] = at[a] - radius;
-      hi[a] = at[a] + radius;
-    }
-    PetscCall(MeshNodesInBox(s->mesh, lo, hi, &n, &list));
+    PetscCall(list_nodes(s, k, X, image, (BESIDE + 1) * s->coarsest, at, &n, &list));
     for (PetscInt e = 0; e < n; e++) {
       const PetscInt  i    = list[e];
       const PetscReal x[2] = {l->x_start[2 * i] + s->d[2 * i], l->x_start[2 * i + 1] + s->d[2 * i + 1]};

@@ -58,6 +58,18 @@ static inline PetscReal noise(PetscInt key)
   return (PetscReal)((z ^ (z >> 31)) >> 11) / 4503599627370496.0 - 1;
 }
 
+/* Noise that does not depend on the number of ranks */
+static inline void fill_noise_vec(PetscInt seed, Vec v)
+{
+  PetscInt   first, last;
+  PetscReal *a;
+
+  OK(VecGetOwnershipRange(v, &first, &last));
+  OK(VecGetArray(v, &a));
+  for (PetscInt i = first; i < last; i++) a[i - first] = noise(seed * 10007 + i);
+  OK(VecRestoreArray(v, &a));
+}
+
 /* Noise on nodes [nnode_all][dim] (ghosts agree with their owners) and on pressures [own cells][dim + 1] */
 static inline void fill_noise(const MeshLocal *l, PetscInt seed, PetscReal v[])
 {

@@ -31,17 +31,6 @@ static void create(PetscInt nk, Mat *A)
   OK(MatAssemblyEnd(*A, MAT_FINAL_ASSEMBLY));
 }
 
-static void fill(Vec v, PetscInt seed)
-{
-  PetscInt   first, last;
-  PetscReal *a;
-
-  OK(VecGetOwnershipRange(v, &first, &last));
-  OK(VecGetArray(v, &a));
-  for (PetscInt i = first; i < last; i++) a[i - first] = noise(seed * 10007 + i);
-  OK(VecRestoreArray(v, &a));
-}
-
 static PetscReal difference(Vec x, Vec y)
 {
   PetscReal d, size;
@@ -76,7 +65,7 @@ static void compare(Mat A, Mat sweep, Mat shell)
 
   OK(MatCreateVecs(A, &x, &b));
   OK(VecDuplicate(x, &y));
-  fill(b, 1);
+  fill_noise_vec(1, b);
   OK(MatMult(shell, b, x));
   OK(MatMult(A, b, y));
   d = difference(x, y);
@@ -85,7 +74,7 @@ static void compare(Mat A, Mat sweep, Mat shell)
   for (PetscInt zero = 0; zero < 2; zero++) {
     for (size_t k = 0; k < PETSC_STATIC_ARRAY_LENGTH(directions); k++) {
       if (directions[k] == SOR_LOCAL_SYMMETRIC_SWEEP && sweep != A) continue; /* the way back sees A */
-      fill(x, 2);
+      fill_noise_vec(2, x);
       OK(VecCopy(x, y));
       if (zero) OK(VecZeroEntries(y));
       OK(MatSOR(shell, b, 1, (MatSORType)(directions[k] | (zero ? SOR_ZERO_INITIAL_GUESS : 0)), 0, 1, 1, x));

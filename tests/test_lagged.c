@@ -60,15 +60,10 @@ static void create(Mat *A, PC *pc, PetscReal keep)
 
 static Vec filled(Mat A, PetscInt seed)
 {
-  Vec        v;
-  PetscInt   first, last;
-  PetscReal *a;
+  Vec v;
 
   OK(MatCreateVecs(A, &v, NULL));
-  OK(VecGetOwnershipRange(v, &first, &last));
-  OK(VecGetArray(v, &a));
-  for (PetscInt i = first; i < last; i++) a[i - first] = noise(seed * 10007 + i);
-  OK(VecRestoreArray(v, &a));
+  fill_noise_vec(seed, v);
   return v;
 }
 
