@@ -15,7 +15,7 @@
    Start value x0: velocity extrapolated, pressure of the last step, shifted along its last change by what makes the residual r0 smallest (recipe fast: not shifted, which would make the
    single sweep unstable: Guermond, Minev, Shen 2006). The correction of x0 is solved for until |r| <= -flow_ksp_rtol |b|, or |r| <= min(-flow_rtol_start |r0|, -flow_rtol_most |b|).
    r0 is what the step adds that could not be foreseen, of second order in dt like the error of the scheme, so that a share of it is the right tolerance at every step size, where a
-   share of |b| is too loose for small steps (errors add up) and too tight for large ones (runs/studies/flow-solver). Recipe balanced: 1e-8, 1e-2, 1e-5 (with bodies 1e-6); if -flow_ksp_rtol is
+   share of |b| is too loose for small steps (errors add up) and too tight for large ones (runs/studies/flow-solver). Recipe balanced: 1e-8, 1e-2, 1e-5 (with bodies that move 1e-6); if -flow_ksp_rtol is
    given, that alone holds. Recipe accurate: 1e-9, 0.
 
    Everything is reachable with PETSc options under prefix -flow_ (outer), -flow_fieldsplit_velocity_, -flow_fieldsplit_pressure_. Products with the projected operators are

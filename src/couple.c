@@ -396,8 +396,9 @@ static PetscErrorCode check_extrapolation(Couple c)
 
 PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
 {
-  Couple   c;
-  PetscInt n, nn, type = 0;
+  Couple    c;
+  PetscInt  n, nn, type = 0;
+  PetscBool still;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&c));
@@ -418,6 +419,8 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   PetscCall(CoupleListPrescribedCells(c));
   PetscCall(ConstraintCreate(c->mesh, n, &c->constraint));
   PetscCall(ConstraintGetRigidSize(c->constraint, &c->nr));
+  PetscCall(BodiesAreStill(bodies, &still));
+  if (!still) PetscCall(OptDefault("-flow_rtol_most", "1e-6")); /* the momentum of a heavy body is most of the right-hand side */
   PetscCall(FlowSolverCreate(flow, c->constraint, &c->solver));
   nn = n * c->nr;
   PetscCall(MarkCreate(c->mesh, bodies, &c->mark));

@@ -230,7 +230,7 @@ static PetscErrorCode set_recipe(FlowSolver fs)
     OptChoice("-flow_velocity_sweep", "preconditioner of the velocity (auto: by the convective number of the step)", SWEEPS, &fs->sweep_type));
   PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_ksp_rtol", &given));
   if (recipe == 1 && !given) PetscCall(OptDefault("-flow_rtol_start", "1e-2")); /* as an option: a restart finds both in its checkpoint */
-  fs->rtol_most = fs->nbodies ? 1e-6 : 1e-5;                                    /* the momentum of a heavy body is most of the right-hand side */
+  fs->rtol_most = 1e-5;
   PetscCall(OptReal("-flow_rtol_start", "residual that a solve leaves as share of its start value's (0: only -flow_ksp_rtol counts)", "", 0, 1,
                     &fs->rtol_start));
   PetscCall(OptReal("-flow_rtol_most", "bound for -flow_rtol_start, as share of the right-hand side", "", 0, 1, &fs->rtol_most));
