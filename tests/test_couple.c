@@ -163,6 +163,28 @@ static void test_force_of_a_fixed_body(void **state)
   }
 }
 
+/* Bodies that move tighten the bound of a solve; one that is given stays */
+static void test_bound_of_a_solve(void **state)
+{
+  static const struct {
+    const char *options;
+    PetscReal   bound; /* -1: the solver's own */
+  } cases[] = {{"-particle_disc_free none", -1}, {"", 1e-6}, {"-flow_rtol_most 1e-4", 1e-4}};
+
+  (void)state;
+  for (size_t k = 0; k < PETSC_STATIC_ARRAY_LENGTH(cases); k++) {
+    char      options[1024];
+    Case      c;
+    PetscReal bound = -1;
+
+    snprintf(options, sizeof(options), CHANNEL DISC "-particle_disc_position 0.6,0.47 -particle_disc_density 2 %s", cases[k].options);
+    open_case(&c, options);
+    OK(PetscOptionsGetReal(NULL, NULL, "-flow_rtol_most", &bound, NULL));
+    assert_true(bound == cases[k].bound);
+    close_case(&c);
+  }
+}
+
 /* Pressures that no velocity feels, inside the body and constant everywhere, leave the residual form as it is. So does another solver, which leaves other pressures in cut cells. */
 static void test_spurious_pressure(void **state)
 {
@@ -693,7 +715,8 @@ static void test_light_body(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_force_of_a_fixed_body),
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_bound_of_a_solve),
+                                     cmocka_unit_test(test_force_of_a_fixed_body),
                                      cmocka_unit_test(test_spurious_pressure),
                                      cmocka_unit_test(test_forms_agree),
                                      cmocka_unit_test(test_free_motion),
