@@ -214,18 +214,20 @@ def accelerations(folder, dt):
 
 def settling(work):
     """The falling disc: fall speeds, and noise of the acceleration (rms after local cubic fits over 9 steps, without the first 8 steps) in % of the buoyant weight over the mass."""
-    rows, dt, weight = [], 0.005, 981 * 0.25 / 1.25
-    runs = [(8, rung, 0.2) for rung in RUNGS] + [(16, "snap", 0.2), (8, "snap", 0.6), (16, "snap", 0.6)]
-    for cells, rung, end in runs:
-        name = f"settling/{'long-' if end > 0.2 else ''}{cells}" + (f"-{rung}" if end < 0.6 else "")
+    rows, weight = [], 981 * 0.25 / 1.25
+    runs = [(8, rung, 0.2, 0.005) for rung in RUNGS] + [(16, "snap", 0.2, 0.005)]
+    runs += [(cells, "snap", 0.6, dt) for dt, sizes in ((0.005, (8, 16, 32)), (0.0025, (8, 16, 32)), (0.00125, (16,))) for cells in sizes]
+    for cells, rung, end, dt in runs:
+        name = f"settling/{'long-' if end > 0.2 else ''}{cells}" + (f"-{rung}" if end < 0.6 else "") + (f"-{dt}" if dt < 0.005 else "")
         focus = "0.8,1.0,1.2,4.2" if end > 0.2 else "0.8,3.1,1.2,4.2" if cells == 16 else "0.75,2.5,1.25,4.25"
+        at = round(0.1 / dt)
         options = {"mesh_focus_h": 0.25 / cells, "mesh_focus": focus, "sim_dt": dt, "sim_time": end, "couple_boundary": rung}
         s = scene(work, name, "studies/boundary/settling.yaml", options)
         if not s:
             continue
         v, a = accelerations(work / name, dt)
         noise = [x - y for x, y in zip(a[12:-4], smooth(a[8:]))]
-        rows.append({"rung": rung, "cells_per_diameter": cells, "dt": dt, "until": end, "v_0.1": f"{v[20]:.4f}", "v_0.2": f"{v[40]:.4f}", "v_largest": f"{max(v):.4f}",
+        rows.append({"rung": rung, "cells_per_diameter": cells, "dt": dt, "until": end, "v_0.1": f"{v[at]:.4f}", "v_0.2": f"{v[2 * at]:.4f}", "v_largest": f"{max(v):.4f}",
                      "acceleration_noise_percent": f"{100 * math.sqrt(sum(x * x for x in noise) / len(noise)) / weight:.4f}",
                      "outer_iterations": f"{s['outer_iterations']['mean']:.1f}", "fallbacks": int(sum(row.get("snap_fallback", 0) for row in read_numbers(work / name / "series.csv")))})
     write("settling", rows)
