@@ -597,9 +597,14 @@ PetscErrorCode PressureSetDefaults(void)
 {
 #define PREFIX    "-flow_fieldsplit_pressure_"
 #define BOOMERAMG PREFIX "mg_coarse_pc_hypre_boomeramg_"
+  char      type[64];
+  PetscBool two_level;
+
   PetscFunctionBeginUser;
   PetscCall(OptDefault(PREFIX "pc_type", "mg"));
-  PetscCall(OptDefault(PREFIX "pc_mg_levels", "2"));
+  PetscCall(PetscOptionsGetString(NULL, NULL, PREFIX "pc_type", type, sizeof(type), NULL));
+  PetscCall(PetscStrcmp(type, "mg", &two_level));
+  if (two_level) PetscCall(OptDefault(PREFIX "pc_mg_levels", "2")); /* GAMG chooses its levels, and later releases of PETSc refuse a number */
 #if defined(PETSC_HAVE_HYPRE)
   PetscCall(OptDefault(PREFIX "mg_coarse_pc_type", "hypre"));
   PetscCall(OptDefault(BOOMERAMG "relax_type_coarse",

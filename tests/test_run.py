@@ -273,7 +273,7 @@ def test_no_objects_are_lost(run, scene, ranks):
     left = collections.Counter()
     for name, created, destroyed in re.findall(r"^ +(\S.*?) +(\d+) +(\d+)$", (result.folder / "log.txt").read_text().split("Object Type")[1], re.M):
         left[name] += int(created) - int(destroyed)
-    left["Viewer"] -= 1  # the log's own
+    left["Viewer"] = max(left["Viewer"] - 1, 0)  # the log's own, which later releases of PETSc close before they count
     assert len(left) > 10, "no table of objects in the log"
     assert not any(left.values()), {name: n for name, n in left.items() if n}
 
