@@ -92,8 +92,11 @@ static PetscErrorCode compare(Lagged *s, PetscReal *share)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* M on a matrix of its own: some types, such as GAMG, read theirs in every application, and new values would not fit what they estimated of the old ones */
 static PetscErrorCode build(Lagged *s)
 {
+  Mat A;
+
   PetscFunctionBeginUser;
   if (!s->before) {
     PetscCall(MatCreateVecs(s->A, &s->before, &s->scale));
@@ -101,7 +104,13 @@ static PetscErrorCode build(Lagged *s)
   }
   PetscCall(MatGetDiagonal(s->A, s->before));
   PetscCall(PCSetReusePreconditioner(s->M, PETSC_FALSE));
-  PetscCall(PCSetOperators(s->M, s->A, s->A));
+  if (s->keep > 0) PetscCall(MatDuplicate(s->A, MAT_COPY_VALUES, &A));
+  else {
+    A = s->A;
+    PetscCall(PetscObjectReference((PetscObject)A));
+  }
+  PetscCall(PCSetOperators(s->M, A, A));
+  PetscCall(MatDestroy(&A));
   PetscCall(PCSetUp(s->M));
   PetscCall(PCSetReusePreconditioner(s->M, PETSC_TRUE));
   PetscFunctionReturn(PETSC_SUCCESS);
