@@ -104,11 +104,7 @@ static PetscErrorCode build(Lagged *s)
   }
   PetscCall(MatGetDiagonal(s->A, s->before));
   PetscCall(PCSetReusePreconditioner(s->M, PETSC_FALSE));
-  if (s->keep > 0) PetscCall(MatDuplicate(s->A, MAT_COPY_VALUES, &A));
-  else {
-    A = s->A;
-    PetscCall(PetscObjectReference((PetscObject)A));
-  }
+  PetscCall(MatDuplicate(s->A, MAT_COPY_VALUES, &A));
   PetscCall(PCSetOperators(s->M, A, A));
   PetscCall(MatDestroy(&A));
   PetscCall(PCSetUp(s->M));

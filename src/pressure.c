@@ -591,19 +591,28 @@ PetscErrorCode PressureSetUpPC(Pressure p, KSP ksp)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Is the preconditioner that the options name the one of this module? */
+static PetscErrorCode find_two_level(PetscBool *two_level)
+{
+  char type[64] = "";
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscOptionsGetString(NULL, NULL, "-flow_fieldsplit_pressure_pc_type", type, sizeof(type), NULL));
+  PetscCall(PetscStrcmp(type, "mg", two_level));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* ---- public ---- */
 
 PetscErrorCode PressureSetDefaults(void)
 {
 #define PREFIX    "-flow_fieldsplit_pressure_"
 #define BOOMERAMG PREFIX "mg_coarse_pc_hypre_boomeramg_"
-  char      type[64];
   PetscBool two_level;
 
   PetscFunctionBeginUser;
   PetscCall(OptDefault(PREFIX "pc_type", "mg"));
-  PetscCall(PetscOptionsGetString(NULL, NULL, PREFIX "pc_type", type, sizeof(type), NULL));
-  PetscCall(PetscStrcmp(type, "mg", &two_level));
+  PetscCall(find_two_level(&two_level));
   if (two_level) PetscCall(OptDefault(PREFIX "pc_mg_levels", "2")); /* GAMG chooses its levels, and later releases of PETSc refuse a number */
 #if defined(PETSC_HAVE_HYPRE)
   PetscCall(OptDefault(PREFIX "mg_coarse_pc_type", "hypre"));
@@ -628,7 +637,6 @@ PetscErrorCode PressureCreate(Flow flow, Constraint constraint, Pressure *pressu
 {
   Pressure  p;
   PetscInt  first, count;
-  char      type[64] = "";
   PetscBool two_level;
   PetscReal keep = 0.03;
 
@@ -651,8 +659,7 @@ PetscErrorCode PressureCreate(Flow flow, Constraint constraint, Pressure *pressu
   p->eps_shared = 1e-3;
   PetscCall(OptReal("-flow_pressure_shared", "compressibility of cells between two bodies, or body and wall, as share of their nodes' inverse mass",
                     "", 0, 1, &p->eps_shared));
-  PetscCall(PetscOptionsGetString(NULL, NULL, "-flow_fieldsplit_pressure_pc_type", type, sizeof(type), NULL));
-  PetscCall(PetscStrcmp(type, "mg", &two_level));
+  PetscCall(find_two_level(&two_level));
   PetscCall(BoundaryPressureIsFloating(FlowBoundary(flow), &p->floating));
   if (two_level) {
     PetscCall(OptReal("-flow_pressure_keep", "share of the vertices that may change before the multigrid hierarchy of the pressure is built anew", "",
