@@ -29,8 +29,9 @@ struct _p_Couple {
   PetscInt         nprescribed, *prescribed; /* own cells with nodes of prescribed velocity */
   PetscInt         implicit, use_volume, nr;
   Rung             rung;
-  Fit              fit;    /* rung snap */
-  Follow           follow; /* -mesh_deform with bodies that move */
+  Fit              fit;      /* rung snap */
+  PetscBool        remarked; /* that a body goes too far in a step */
+  Follow           follow;   /* -mesh_deform with bodies that move */
   CoupleSnapCount  snap;
   const PetscBool *fitted, *hollow;    /* [n] the mesh lines up with the body; its inside is no part of the fluid; NULL: none */
   Mark             mark;               /* nodes that move rigidly */

@@ -331,10 +331,41 @@ static PetscErrorCode advance_bodies(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Rung snap carries the fields to the nodes that it moves; where a body goes more than a cell in a step that costs accuracy, which the run should not keep to itself (once) */
+static PetscErrorCode remark_long_way(Couple c)
+{
+  const BodyState *s = c->s;
+  const FlowStep  *step;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetStep(c->flow, &step));
+  for (PetscInt k = 0; k < s->n && !c->remarked; k++) {
+    const BodyGroup *g = s->group + s->body_group[k];
+    PetscReal        u = 0, w = 0, way;
+
+    if (s->gone[k]) continue;
+    for (PetscInt a = 0; a < 3; a++) {
+      u += PetscSqr(s->u[k][a]);
+      w += PetscSqr(s->w[k][a]);
+    }
+    way = (PetscSqrtReal(u) + (g->disc > 0 ? 0 : g->radius * PetscSqrtReal(w))) * step->dt / c->loc->h;
+    if (way <= 1) continue;
+    c->remarked = PETSC_TRUE;
+    PetscCall(
+      PetscPrintf(PETSC_COMM_WORLD,
+                  "remark: body %" PetscInt_FMT
+                  " (group '%s') goes %.2g of the smallest cells in the step to t = %g; -couple_boundary snap loses accuracy beyond 1: lower -sim_dt (%g), or "
+                  "use -sim_adapt\n",
+                  k, g->name, (double)way, (double)step->time, (double)step->dt));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoupleAdvance(Couple c)
 {
   PetscFunctionBeginUser;
   PetscCall(advance_bodies(c));
+  if (c->fit && !c->remarked) PetscCall(remark_long_way(c));
   PetscCall(PetscArraycpy(c->U_older, c->U_old, c->s->n * c->nr));
   PetscCall(PetscArraycpy(c->U_old, c->U, c->s->n * c->nr));
   PetscCall(FlowAcceptStep(c->flow, c->u, c->p));
@@ -394,6 +425,27 @@ static PetscErrorCode check_extrapolation(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Bodies that the mesh hardly sees: runs/extremes, axis diameter */
+static PetscErrorCode remark_small_bodies(Couple c)
+{
+  const BodyState *s        = c->s;
+  PetscInt         smallest = -1;
+
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < s->n; k++) {
+    const PetscReal r = s->group[s->body_group[k]].radius;
+
+    if (r < 0.999 * c->loc->h && (smallest < 0 || r < s->group[s->body_group[smallest]].radius)) smallest = k;
+  }
+  if (smallest < 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(
+    PetscPrintf(PETSC_COMM_WORLD,
+                "remark: body %" PetscInt_FMT
+                " (group '%s') is %.2g of the smallest cells long; below 2 its force is off by 20 %% and more: refine the mesh, such as by -mesh_cells\n",
+                smallest, s->group[s->body_group[smallest]].name, (double)(2 * s->group[s->body_group[smallest]].radius / c->loc->h)));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
 {
   Couple    c;
@@ -414,6 +466,7 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   }
   PetscCall(check_extrapolation(c));
   PetscCall(choose_rung(c));
+  PetscCall(remark_small_bodies(c));
   c->implicit = type == 0;
   PetscCall(HoleCreate(flow, bodies, &c->hole));
   PetscCall(CoupleListPrescribedCells(c));

@@ -7,9 +7,10 @@
 #include "opt.h"
 #include "saddle.h"
 
-/* Viscous number nu theta/(c_t h^2) from which the commutator pays where rigid nodes form a staircase: settling disc, 0.085: 9 outer iterations, 6 with it, at equal cost; 0.34: 15 and 6,
-   at 1.2 times the cost. Otherwise it does not, being half as dear again: cavity, 64 x 64 cells, CFL 0.9, 0.23 / 0.9 / 3.7: 3.6 / 4.2 / 4.7 and 4.7 / 5.2 / 5.6; settling disc under penalty: 10 and 12 */
-#define COMMUTATOR_FROM 0.05
+/* Viscous number nu theta/(c_t h^2) from which the commutator pays where rigid nodes form a staircase: one settling disc, seconds a step without and with it, 0.034: .31 and .34, 0.068: .70 and .54
+   (24 and 11 outer iterations), 0.68: .61 and .39 (22 and 9). Not for 250 discs, whose pressures are dearer: fluidization, 0.053: .26 and .67 (7 and 6), 0.27: .56 and .79, 2.7: 1.70 and 2.11. Otherwise
+   it does not, being half as dear again: cavity, 64 x 64 cells, CFL 0.9, 0.23 / 0.9 / 3.7: 3.6 / 4.2 / 4.7 and 4.7 / 5.2 / 5.6; settling disc under penalty: 10 and 12 */
+#define COMMUTATOR_FROM 0.1
 /* Alike with bodies that do not move or whose motion is given. Cylinder in a channel, nodal, 3.4 / 66 / 660: outer iterations of the sixth step 27 / 37 / 57 and 23 / 26 / 19, six steps at 0.75 / 0.9 /
    1.6 of the commutator's cost; 610,030 unknowns, 0.15: 6 and 6 at half its cost */
 #define COMMUTATOR_FROM_KNOWN 100

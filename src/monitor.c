@@ -526,8 +526,9 @@ static PetscErrorCode print_summary(Monitor m, const Summary *s)
 {
   PetscFunctionBeginUser;
   PetscCall(PetscPrintf(PETSC_COMM_WORLD, "\nSummary of %s: %" PetscInt_FMT " steps to t = %.6g s\n", s->scene, s->steps, (double)s->time_end));
-  PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  %" PetscInt_FMT " cells, %" PetscInt_FMT " unknowns, %" PetscInt_FMT " bodies, %d rank%s, %.0f MB\n",
-                        s->cells, s->unknowns, m->bodies->n, (int)m->size, m->size > 1 ? "s" : "", (double)s->memory_mb));
+  PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  %" PetscInt_FMT " cells, %" PetscInt_FMT " unknowns, %" PetscInt_FMT " bod%s, %d rank%s, %.0f MB\n",
+                        s->cells, s->unknowns, m->bodies->n, m->bodies->n == 1 ? "y" : "ies", (int)m->size, m->size > 1 ? "s" : "",
+                        (double)s->memory_mb));
   PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  outer iterations a step: mean %.3g, largest %" PetscInt_FMT "\n", (double)s->iterations_mean,
                         m->iterations_max));
   PetscCall(PetscPrintf(PETSC_COMM_WORLD, "\n  %-16s %12s %8s %14s\n", "phase", "wall [s]", "[%]", "a step [s]"));

@@ -650,7 +650,7 @@ PetscErrorCode PressureCreate(Flow flow, Constraint constraint, Pressure *pressu
   PetscCall(ConstraintGetOwnBodies(constraint, &first, &count));
   PetscCall(MPIU_Allreduce(&count, &p->nbodies, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
   p->nk  = p->loc->dim + 1;
-  p->eps = 1e-4;
+  p->eps = 1e-6;
   PetscCall(OptReal("-flow_pressure_softness", "share of their inverse mass that body nodes keep in the pressure preconditioner", "", OPT_POSITIVE, 1,
                     &p->eps));
   PetscCall(PetscCalloc2(p->loc->nnode_all * p->loc->dim, &p->weight, p->nbodies * p->nr, &p->work));

@@ -303,3 +303,19 @@ def test_convection_outweighs_a_body(run):
     places = ["-particle_leader_position", "0.999,3", "-particle_trailer_position", "1.001,3.35"]
     result = run([ROOT / "runs" / "dkt.yaml", *args, *places, "-output_every", 0, "-output_dir", "out"])
     assert result.status == 0, str(result)
+
+
+@pytest.mark.parametrize(
+    "options, remark",
+    [
+        (["-mesh_cells", "6,18", "-sim_steps", 1], "body 0 (group 'disc') is 0.75 of the smallest cells long"),
+        (["-mesh_cells", "16,48", "-sim_steps", 1], None),
+        (["-couple_boundary", "snap", "-mesh_cells", "32,96", "-sim_dt", 0.02, "-sim_steps", 6], "goes 1.1 of the smallest cells in the step to t = 0.08"),
+        (["-couple_boundary", "nodal", "-mesh_cells", "32,96", "-sim_dt", 0.02, "-sim_steps", 6], None),
+    ],
+)
+def test_remarks(run, options, remark):
+    """What the mesh or the step cannot hold is said once, by all ranks together, and the run goes on."""
+    result = run([ROOT / "runs" / "sedimentation.yaml", "-particle_disc_radius", 0.125, "-output_every", 0, "-output_dir", "out", *options], 2)
+    assert result.status == 0, str(result)
+    assert result.out.count("remark:") == (remark is not None) and (remark or "") in result.out, str(result)
