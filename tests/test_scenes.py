@@ -121,3 +121,14 @@ def test_dense_bed_on_many_ranks(run):
         with open(result.folder / "out" / "series.csv") as file:
             energy.append(float(list(csv.DictReader(file))[-1]["kinetic_energy"]))
     assert max(energy) < (1 + 1e-4) * min(energy), energy
+
+
+def test_bed_that_loosens(run):
+    """Discs whose gaps open one by one: where body nodes were too soft in the pressure's preconditioner, iterations grew with the gaps."""
+    result = run([RUNS / "fluidization.yaml", "-sim_steps", "40", "-output_every", "0", "-output_dir", "out"])
+    assert result.status == 0, str(result)
+    with open(result.folder / "out" / "series.csv") as file:
+        series = list(csv.DictReader(file))
+    assert max(int(row["outer_iterations"]) for row in series) <= 8, str(result)
+    assert max(float(row["momentum_error"]) for row in series) < 1e-4
+    assert json.loads((result.folder / "out" / "summary.json").read_text())["quantities"]["overlap_max"] < 0.01
