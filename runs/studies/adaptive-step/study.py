@@ -57,6 +57,18 @@ SCENES = {
         "adaptive": {"sim_dt": 0.00125},
         "tolerances": [1e-2, 3e-3, 1e-3, 3e-4],
     },
+    "drafting": {
+        "scene": "runs/dkt.yaml",
+        "options": {"sim_time": 0.17, "couple_boundary": "snap"},
+        "table": "bodies",
+        "columns": {"x": 0.25, "y": 0.25},
+        "since": 0,
+        "reference": 0.00025,
+        "fixed": [0.004, 0.002, 0.001, 0.0005],
+        "adaptive": {"sim_dt": 1e-4},
+        "tolerances": [3e-3, 1e-3, 3e-4, 1e-4],
+        "move": [1, 1, 0.5, 0.5],
+    },
 }
 COLUMNS = "scene,kind,dt_or_tolerance,steps,rejected,dt_min,dt_max,outer_iterations,cpu_s,error".split(",")
 
@@ -102,8 +114,9 @@ def study(name, args):
     case, results, rows = SCENES[name], {}, []
     reference = run(case, args.work / f"{name}-reference", args.build, {"sim_dt": case["reference"]})
     points = [("fixed", dt, {"sim_dt": dt}) for dt in case["fixed"]]
-    for tolerance, cfl in zip(case["tolerances"], case.get("cfl", [5] * 4)):
-        points.append(("adaptive", tolerance, {**case["adaptive"], "sim_adapt": "true", "sim_adapt_tolerance": tolerance, "sim_adapt_cfl": cfl}))
+    for tolerance, cfl, move in zip(case["tolerances"], case.get("cfl", [5] * 4), case.get("move", [0.5] * 4)):
+        limits = {"sim_adapt_tolerance": tolerance, "sim_adapt_cfl": cfl, "sim_adapt_move": move}
+        points.append(("adaptive", tolerance, {**case["adaptive"], "sim_adapt": "true", **limits}))
     for kind, value, more in points:
         result = results[kind, value] = run(case, args.work / f"{name}-{kind}-{value:g}", args.build, more)
         if not result:
