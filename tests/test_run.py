@@ -305,6 +305,13 @@ def test_convection_outweighs_a_body(run):
     assert result.status == 0, str(result)
 
 
+def test_convection_outweighs_the_diagonal(run):
+    """Two discs at CFL 4 to 5 with four cells a diameter: an entry of the velocity matrix's diagonal is negative, and the sweeps' factors overflowed in step 15."""
+    args = ["-mesh_cells", "32,96", "-couple_boundary", "snap", "-sim_dt", 6e-3, "-sim_steps", 18]
+    result = run([ROOT / "runs" / "dkt.yaml", *args, "-output_every", 0, "-output_dir", "out"])
+    assert result.status == 0, str(result)
+
+
 @pytest.mark.parametrize(
     "options, remark",
     [

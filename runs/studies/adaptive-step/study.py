@@ -66,8 +66,8 @@ SCENES = {
         "reference": 0.00025,
         "fixed": [0.004, 0.002, 0.001, 0.0005],
         "adaptive": {"sim_dt": 1e-4},
-        "tolerances": [3e-3, 1e-3, 3e-4, 1e-4],
-        "move": [1, 1, 0.5, 0.5],
+        "tolerances": [1e-3, 3e-4, 1e-4, 3e-5],
+        "move": [1, 0.5, 0.5, 0.35],
     },
 }
 COLUMNS = "scene,kind,dt_or_tolerance,steps,rejected,dt_min,dt_max,outer_iterations,cpu_s,error".split(",")
