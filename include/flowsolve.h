@@ -29,8 +29,9 @@
 
 typedef struct _p_FlowSolver *FlowSolver;
 
-/* Collective. Reads the recipe and sets the defaults of all solvers. */
-PetscErrorCode FlowSolverCreate(Flow, Constraint, FlowSolver *);
+/* Collective. Reads the recipe and sets the defaults of all solvers. moving: there are bodies that do not stand still; the single sweep of recipe fast is then scaled so as not to add to
+   the residual. */
+PetscErrorCode FlowSolverCreate(Flow, Constraint, PetscBool moving, FlowSolver *);
 PetscErrorCode FlowSolverDestroy(FlowSolver *);
 PetscErrorCode FlowSolverView(FlowSolver, PetscViewer);
 

@@ -19,6 +19,7 @@ struct _p_FlowSolver {
   PetscBool    need_Ar, need_whole;
   Vec          xn, yn;  /* nodal views of parts of reduced vectors */
   PetscReal    viscous; /* mu theta / scale */
+  PetscReal    h_max;   /* largest cell of the whole mesh */
   PetscReal    scale;   /* rho c_t (steady: mu/h^2): continuity rows are multiplied by it, so that their residual counts as the force it causes */
   PetscReal   *D;       /* [nbodies][nr][nr] */
   PetscReal   *body_inverse;     /* [own bodies][nr][nr] inverse of the body's diagonal block of Ar */

@@ -474,7 +474,7 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   PetscCall(ConstraintGetRigidSize(c->constraint, &c->nr));
   PetscCall(BodiesAreStill(bodies, &still));
   if (!still) PetscCall(OptDefault("-flow_rtol_most", "1e-6")); /* the momentum of a heavy body is most of the right-hand side */
-  PetscCall(FlowSolverCreate(flow, c->constraint, &c->solver));
+  PetscCall(FlowSolverCreate(flow, c->constraint, (PetscBool)!still, &c->solver));
   nn = n * c->nr;
   PetscCall(MarkCreate(c->mesh, bodies, &c->mark));
   if (c->rung.dead) PetscCall(FitCreate(flow, bodies, &c->fit));
@@ -608,9 +608,12 @@ PetscErrorCode CoupleGetSystem(Couple c, PetscReal *u[], PetscReal *p[], PetscRe
 
 PetscErrorCode CoupleRenewSolver(Couple c)
 {
+  PetscBool still;
+
   PetscFunctionBeginUser;
+  PetscCall(BodiesAreStill(c->bodies, &still));
   PetscCall(FlowSolverDestroy(&c->solver));
-  PetscCall(FlowSolverCreate(c->flow, c->constraint, &c->solver));
+  PetscCall(FlowSolverCreate(c->flow, c->constraint, (PetscBool)!still, &c->solver));
   if (c->fit) PetscCall(FitAttach(c->fit, c->solver));
   PetscCall(MarkForget(c->mark)); /* the rungs tell the solver of what they draw */
   PetscFunctionReturn(PETSC_SUCCESS);

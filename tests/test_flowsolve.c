@@ -122,7 +122,7 @@ static void solve(const Case *c, const char options[], const PetscReal rhs[], co
   FlowSolver solver;
 
   OK(PetscOptionsInsertString(NULL, options));
-  OK(FlowSolverCreate(c->flow, c->constraint, &solver));
+  OK(FlowSolverCreate(c->flow, c->constraint, PETSC_TRUE, &solver));
   if (c->n) OK(FlowSolverSetRigid(solver, c->D));
   OK(FlowSolverSetUp(solver));
   OK(PetscCalloc2(c->l->nnode_all * c->dim, &a->u, c->np, &a->p));
@@ -346,7 +346,7 @@ static void test_bad_guess(void **state)
   solve(&c, TIGHT, c.rhs, c.g, &zero);
   OK(PetscCalloc2(c.l->nnode_all * c.dim, &bad.u, c.np, &bad.p));
   for (PetscInt i = 0; i < c.np; i++) bad.p[i] = i % 13;
-  OK(FlowSolverCreate(c.flow, c.constraint, &solver));
+  OK(FlowSolverCreate(c.flow, c.constraint, PETSC_TRUE, &solver));
   OK(FlowSolverSetUp(solver));
   OK(FlowSolverSolve(solver, c.rhs, c.g, bad.u, bad.p, NULL, bad.U, &bad.its, &bad.reason));
   assert_true(zero.reason > 0 && bad.reason > 0);
@@ -436,7 +436,7 @@ static void test_set_up_again(void **state)
 
   open_case(&c, 2, 2, "");
   OK(PetscOptionsInsertString(NULL, TIGHT));
-  OK(FlowSolverCreate(c.flow, c.constraint, &solver));
+  OK(FlowSolverCreate(c.flow, c.constraint, PETSC_TRUE, &solver));
   OK(FlowSolverSetRigid(solver, c.D));
   OK(FlowSolverSetUp(solver));
   OK(PetscCalloc2(c.l->nnode_all * 2, &again.u, c.np, &again.p));
@@ -476,7 +476,7 @@ static void test_start_value(void **state)
     open_case(&c, 2, n, "");
     solve(&c, TIGHT, c.rhs, c.g, &a);
     OK(PetscOptionsInsertString(NULL, "-flow_ksp_rtol 1e-8"));
-    OK(FlowSolverCreate(c.flow, c.constraint, &solver));
+    OK(FlowSolverCreate(c.flow, c.constraint, PETSC_TRUE, &solver));
     if (n) OK(FlowSolverSetRigid(solver, c.D));
     OK(FlowSolverSetUp(solver));
     OK(PetscMalloc3(c.l->nnode_all * 2, &b.u, c.np, &b.p, c.np, &dp));
@@ -523,7 +523,7 @@ static void test_tolerance(void **state)
     solve(&c, TIGHT, c.rhs, c.g, &a);
     OK(PetscOptionsClearValue(NULL, "-flow_ksp_rtol"));
     OK(PetscOptionsInsertString(NULL, cases[k].options));
-    OK(FlowSolverCreate(c.flow, c.constraint, &solver));
+    OK(FlowSolverCreate(c.flow, c.constraint, PETSC_TRUE, &solver));
     OK(FlowSolverSetRigid(solver, c.D));
     OK(FlowSolverSetUp(solver));
     OK(FlowSolverCreateVec(solver, &x));
