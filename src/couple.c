@@ -331,7 +331,7 @@ static PetscErrorCode advance_bodies(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Rung snap carries the fields to the nodes that it moves; where a body goes more than a cell in a step that costs accuracy, which the run should not keep to itself (once) */
+/* Rung snap carries the fields to the nodes that it moves; where a body goes more than half a cell in a step that costs accuracy (runs/studies/tradeoff), which the run should not keep to itself (once) */
 static PetscErrorCode remark_long_way(Couple c)
 {
   const BodyState *s = c->s;
@@ -349,12 +349,12 @@ static PetscErrorCode remark_long_way(Couple c)
       w += PetscSqr(s->w[k][a]);
     }
     way = (PetscSqrtReal(u) + (g->disc > 0 ? 0 : g->radius * PetscSqrtReal(w))) * step->dt / c->loc->h;
-    if (way <= 1) continue;
+    if (way <= 0.5) continue;
     c->remarked = PETSC_TRUE;
     PetscCall(
       PetscPrintf(PETSC_COMM_WORLD,
                   "remark: body %" PetscInt_FMT
-                  " (group '%s') goes %.2g of the smallest cells in the step to t = %g; -couple_boundary snap loses accuracy beyond 1: lower -sim_dt (%g), or "
+                  " (group '%s') goes %.2g of the smallest cells in the step to t = %g; -couple_boundary snap loses accuracy beyond 0.5: lower -sim_dt (%g), or "
                   "use -sim_adapt\n",
                   k, g->name, (double)way, (double)step->time, (double)step->dt));
   }
