@@ -16,6 +16,8 @@
    -flow_force (the gradient of a mean pressure) acts on the fluid and on the bodies in it alike: their force and the balance of momentum contain its share, force per volume times Vol.
    Bodies that are holes of the mesh report the force on their surface alone.
 
+   Two remarks are printed, each once: a body of less than two of the smallest cells; under snap, a body that goes more than half of one in a step.
+
    Options: -couple_type implicit|explicit, -couple_boundary nodal|penalty|snap, -couple_force residual|volume. */
 #pragma once
 #include "bodies.h"
