@@ -52,7 +52,7 @@ static PetscErrorCode report_deformation(Monitor monitor, const DeformResult *r)
 /* -preset: defaults for what trades accuracy for time, see runs/studies/tradeoff. Every option that a user gives wins. A steady scene chooses its solver itself. */
 static PetscErrorCode apply_preset(PetscInt dim, PetscBool steady)
 {
-  static const char *const NAMES[] = {"fast", "balanced", "accurate", NULL}, *const RUNGS[] = {"nodal", "penalty", "snap"};
+  static const char *const NAMES[] = {"fast", "balanced", "accurate", NULL}, *const RUNGS[] = {"penalty", "penalty", "snap"};
   PetscInt preset = -1; /* none */
 
   PetscFunctionBeginUser;
