@@ -24,11 +24,14 @@ PetscErrorCode DatasetWriteReals(MPI_Comm comm, PetscViewer viewer, const char n
 
 PetscErrorCode DatasetWriteInts(MPI_Comm comm, PetscViewer viewer, const char name[], PetscInt n, PetscInt bs, const PetscInt v[])
 {
-  IS is;
+  IS          is;
+  PetscLayout layout;
 
   PetscFunctionBeginUser;
   PetscCall(ISCreateGeneral(comm, n * bs, v, PETSC_USE_POINTER, &is));
-  PetscCall(ISSetBlockSize(is, bs));
+  PetscCall(
+    ISGetLayout(is, &layout)); /* the block size makes rows of the file, not blocks of consecutive indices, which ISSetBlockSize would insist on */
+  PetscCall(PetscLayoutSetBlockSize(layout, bs));
   PetscCall(PetscObjectSetName((PetscObject)is, name));
   PetscCall(ISView(is, viewer));
   PetscCall(ISDestroy(&is));
