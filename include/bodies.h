@@ -109,6 +109,8 @@ PetscErrorCode BodiesAdvancePosition(Bodies, PetscReal dt, PetscReal theta);
 PetscErrorCode BodiesRelease(Bodies, PetscInt k, PetscReal rho_f, const PetscReal gravity[3]);
 /* Is no degree of freedom of any body free, none moved by _motion, and no velocity other than 0? Then positions need no update. */
 PetscErrorCode BodiesAreStill(Bodies, PetscBool *still);
+/* Speed of the fastest point of body k (of a disc: its centre), under the velocities extrapolated by r of their last change; r = 0: the present ones. Not collective. */
+PetscReal BodiesFastestPoint(const BodyState *, PetscInt k, PetscReal r);
 /* Where body k is predicted to be at the next step: X + dt u (order 1), X + dt (u + r/2 (u - u_old)) with r = dt/dt_old (order 2; r = 1 at the start) or X (order 0); likewise orientation. What is not free is where its prescribed
    motion puts it at time + dt, whatever the order. Stops are kept. */
 PetscErrorCode BodiesPredict(Bodies, PetscInt k, PetscReal dt, PetscInt order, PetscReal X[3], PetscReal q[4], PetscReal *angle);

@@ -146,17 +146,9 @@ static PetscReal limit_motion(Adapt a)
   PetscReal        least = PETSC_MAX_REAL;
 
   for (PetscInt k = 0; k < s->n; k++) {
-    const BodyGroup *g = &s->group[s->body_group[k]];
-    const PetscReal  r = s->dt_old > 0 ? 0.5 * a->dt / s->dt_old : 0;
-    PetscReal        u = 0, w = 0;
+    const PetscReal u = BodiesFastestPoint(s, k, s->dt_old > 0 ? 0.5 * a->dt / s->dt_old : 0);
 
-    if (s->gone[k]) continue;
-    for (PetscInt d = 0; d < 3; d++) {
-      u += PetscSqr(s->u[k][d] + r * (s->u[k][d] - s->u_old[k][d]));
-      w += PetscSqr(s->w[k][d] + r * (s->w[k][d] - s->w_old[k][d]));
-    }
-    u = PetscSqrtReal(u) + (g->disc > 0 ? 0 : g->radius * PetscSqrtReal(w));
-    if (u > 0) least = PetscMin(least, a->move * a->l->h / u);
+    if (!s->gone[k] && u > 0) least = PetscMin(least, a->move * a->l->h / u);
   }
   return least;
 }

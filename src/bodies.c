@@ -648,6 +648,18 @@ PetscErrorCode BodiesAreStill(Bodies b, PetscBool *still)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscReal BodiesFastestPoint(const BodyState *s, PetscInt k, PetscReal r)
+{
+  const BodyGroup *g = &s->group[s->body_group[k]];
+  PetscReal        u = 0, w = 0;
+
+  for (PetscInt d = 0; d < 3; d++) {
+    u += PetscSqr(s->u[k][d] + r * (s->u[k][d] - s->u_old[k][d]));
+    w += PetscSqr(s->w[k][d] + r * (s->w[k][d] - s->w_old[k][d]));
+  }
+  return PetscSqrtReal(u) + (g->disc > 0 ? 0 : g->radius * PetscSqrtReal(w));
+}
+
 PetscErrorCode BodiesPredict(Bodies b, PetscInt k, PetscReal dt, PetscInt order, PetscReal X[3], PetscReal q[4], PetscReal *angle)
 {
   const BodyState *s = &b->state;

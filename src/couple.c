@@ -331,7 +331,8 @@ static PetscErrorCode advance_bodies(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Rung snap carries the fields to the nodes that it moves; where a body goes more than half a cell in a step that costs accuracy (runs/studies/tradeoff), which the run should not keep to itself (once) */
+/* Rung snap carries the fields to the nodes that it moves; where a body goes more than half a cell in a step that costs accuracy (runs/studies/tradeoff), which the run should not keep
+   to itself (once) */
 static PetscErrorCode remark_long_way(Couple c)
 {
   const BodyState *s = c->s;
@@ -340,23 +341,16 @@ static PetscErrorCode remark_long_way(Couple c)
   PetscFunctionBeginUser;
   PetscCall(FlowGetStep(c->flow, &step));
   for (PetscInt k = 0; k < s->n && !c->remarked; k++) {
-    const BodyGroup *g = s->group + s->body_group[k];
-    PetscReal        u = 0, w = 0, way;
+    const PetscReal way = BodiesFastestPoint(s, k, 0) * step->dt / c->loc->h;
 
-    if (s->gone[k]) continue;
-    for (PetscInt a = 0; a < 3; a++) {
-      u += PetscSqr(s->u[k][a]);
-      w += PetscSqr(s->w[k][a]);
-    }
-    way = (PetscSqrtReal(u) + (g->disc > 0 ? 0 : g->radius * PetscSqrtReal(w))) * step->dt / c->loc->h;
-    if (way <= 0.5) continue;
+    if (s->gone[k] || way <= 0.5) continue;
     c->remarked = PETSC_TRUE;
     PetscCall(
       PetscPrintf(PETSC_COMM_WORLD,
                   "remark: body %" PetscInt_FMT
                   " (group '%s') goes %.2g of the smallest cells in the step to t = %g; -couple_boundary snap loses accuracy beyond 0.5: lower -sim_dt (%g), or "
                   "use -sim_adapt\n",
-                  k, g->name, (double)way, (double)step->time, (double)step->dt));
+                  k, s->group[s->body_group[k]].name, (double)way, (double)step->time, (double)step->dt));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -446,11 +440,21 @@ static PetscErrorCode remark_small_bodies(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode create_solver(Couple c)
+{
+  PetscBool still;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesAreStill(c->bodies, &still));
+  if (!still) PetscCall(OptDefault("-flow_rtol_most", "1e-6")); /* the momentum of a heavy body is most of the right-hand side */
+  PetscCall(FlowSolverCreate(c->flow, c->constraint, (PetscBool)!still, &c->solver));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
 {
-  Couple    c;
-  PetscInt  n, nn, type = 0;
-  PetscBool still;
+  Couple   c;
+  PetscInt n, nn, type = 0;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&c));
@@ -472,9 +476,7 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   PetscCall(CoupleListPrescribedCells(c));
   PetscCall(ConstraintCreate(c->mesh, n, &c->constraint));
   PetscCall(ConstraintGetRigidSize(c->constraint, &c->nr));
-  PetscCall(BodiesAreStill(bodies, &still));
-  if (!still) PetscCall(OptDefault("-flow_rtol_most", "1e-6")); /* the momentum of a heavy body is most of the right-hand side */
-  PetscCall(FlowSolverCreate(flow, c->constraint, (PetscBool)!still, &c->solver));
+  PetscCall(create_solver(c));
   nn = n * c->nr;
   PetscCall(MarkCreate(c->mesh, bodies, &c->mark));
   if (c->rung.dead) PetscCall(FitCreate(flow, bodies, &c->fit));
@@ -608,12 +610,9 @@ PetscErrorCode CoupleGetSystem(Couple c, PetscReal *u[], PetscReal *p[], PetscRe
 
 PetscErrorCode CoupleRenewSolver(Couple c)
 {
-  PetscBool still;
-
   PetscFunctionBeginUser;
-  PetscCall(BodiesAreStill(c->bodies, &still));
   PetscCall(FlowSolverDestroy(&c->solver));
-  PetscCall(FlowSolverCreate(c->flow, c->constraint, (PetscBool)!still, &c->solver));
+  PetscCall(create_solver(c));
   if (c->fit) PetscCall(FitAttach(c->fit, c->solver));
   PetscCall(MarkForget(c->mark)); /* the rungs tell the solver of what they draw */
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -29,8 +29,8 @@ PetscErrorCode DatasetWriteInts(MPI_Comm comm, PetscViewer viewer, const char na
 
   PetscFunctionBeginUser;
   PetscCall(ISCreateGeneral(comm, n * bs, v, PETSC_USE_POINTER, &is));
-  PetscCall(
-    ISGetLayout(is, &layout)); /* the block size makes rows of the file, not blocks of consecutive indices, which ISSetBlockSize would insist on */
+  /* the block size makes rows of the file, not blocks of consecutive indices, which ISSetBlockSize would insist on */
+  PetscCall(ISGetLayout(is, &layout));
   PetscCall(PetscLayoutSetBlockSize(layout, bs));
   PetscCall(PetscObjectSetName((PetscObject)is, name));
   PetscCall(ISView(is, viewer));
