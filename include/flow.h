@@ -139,6 +139,7 @@ typedef struct {
   PetscReal kinetic_energy;   /* 1/2 rho int |u|^2 */
   PetscReal momentum_rate[3]; /* rho int (c_t u - d) + rho int w.grad u_theta - int f: what walls and bodies must supply */
   PetscReal speed_max;
+  PetscReal cell_reynolds; /* largest of |u| h/nu, infinite without viscosity */
 } FlowDiagnostics;
 /* Of the solution u (synced) of the step, before FlowAcceptStep. Collective. */
 PetscErrorCode FlowDiagnose(Flow, const PetscReal u[], FlowDiagnostics *);

@@ -6,7 +6,7 @@
    about the surface. Nodes all of whose cells lie inside the body move rigidly (strong nodes), which keeps light bodies and the operator well conditioned.
    Angot, Bruneau, Fabrie 1999 (volume penalisation); Glowinski, Pan, Hesla, Joseph 1999 (fictitious fluid inside).
 
-   Options: -couple_penalty_viscous a, -couple_penalty_inertial b, -couple_penalty_samples n. */
+   Options: -couple_penalty_viscous a, -couple_penalty_inertial b, -couple_penalty_samples n (10; 20 where all bodies stand still, for which the cells are sampled once). */
 #pragma once
 #include "bodies.h"
 #include "flow.h"

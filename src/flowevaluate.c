@@ -123,7 +123,7 @@ PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], FlowDiagnostics *out)
 {
   const MeshLocal *l   = f->loc;
   const PetscInt   dim = l->dim, nb = l->nb, n = nb * dim;
-  PetscReal        sum[5] = {0, 0, 0, 0, 0}, top[2] = {0, 0}; /* energy, divergence^2, momentum; cfl, speed */
+  PetscReal        sum[5] = {0, 0, 0, 0, 0}, top[3] = {0, 0, 0}; /* energy, divergence^2, momentum; cfl, speed, speed times size */
 
   PetscFunctionBeginUser;
   for (PetscInt c = 0; c < l->ncell; c++) {
@@ -153,15 +153,18 @@ PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], FlowDiagnostics *out)
       for (PetscInt a = 0; a < dim; a++) speed += ul[j * dim + a] * ul[j * dim + a];
       speed  = PetscSqrtReal(speed);
       top[1] = PetscMax(top[1], speed);
-      if (f->det[c] != 0) top[0] = PetscMax(top[0], speed * f->step.dt / f->size[c]); /* cells of the fluid */
+      if (f->det[c] == 0) continue; /* no cell of the fluid */
+      top[0] = PetscMax(top[0], speed * f->step.dt / f->size[c]);
+      top[2] = PetscMax(top[2], speed * f->size[c]);
     }
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 5, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, top, 2, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, top, 3, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
   out->kinetic_energy = sum[0];
   out->divergence     = PetscSqrtReal(sum[1]);
   for (PetscInt d = 0; d < 3; d++) out->momentum_rate[d] = sum[2 + d];
-  out->cfl       = top[0];
-  out->speed_max = top[1];
+  out->cfl           = top[0];
+  out->speed_max     = top[1];
+  out->cell_reynolds = f->par.density * top[2] / f->par.viscosity;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -553,9 +553,10 @@ PetscErrorCode PenaltyMeasureCells(Penalty p)
 
 PetscErrorCode PenaltyCreate(Flow flow, Bodies bodies, Penalty *penalty)
 {
-  Penalty  p;
-  Soft    *s;
-  PetscInt n;
+  Penalty   p;
+  Soft     *s;
+  PetscInt  n;
+  PetscBool still;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&p));
@@ -567,7 +568,8 @@ PetscErrorCode PenaltyCreate(Flow flow, Bodies bodies, Penalty *penalty)
   PetscCall(MeshGetLocal(p->mesh, &p->loc));
   p->viscous  = 200;
   p->inertial = 12;
-  p->nsample  = 10;
+  PetscCall(BodiesAreStill(bodies, &still));
+  p->nsample = still ? 20 : 10; /* drawn once, or in every step */
   PetscCall(OptReal("-couple_penalty_viscous", "penalty of rung penalty in multiples of viscosity/h^2", "", 0, PETSC_MAX_REAL, &p->viscous));
   PetscCall(
     OptReal("-couple_penalty_inertial", "penalty of rung penalty in multiples of fluid density/time step", "", 0, PETSC_MAX_REAL, &p->inertial));

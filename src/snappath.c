@@ -3,6 +3,9 @@
    The vertices and edges of the cells around such a body are few; every rank gets all of them and finds the same path (Dijkstra 1959), so that the path does not depend on the
    partition: ties are broken by places, never by numbers. An edge costs its length times (1 + 4 (distance from the mid-line / length)^2); a path begins and ends at any vertices near the
    tips, which cost twice their squared distance over the cell size.
+   The path of a tip that is beyond a side of the domain or close to it, as that of a flap hinged at a wall, ends at a vertex of that side, which stays where it is and belongs to the wall (the
+   distance costs nothing: a path that steps sideways at its foot leaves flatter cells). Its last edge goes there from the mid-line, and nothing leaks. With the cell between tip and wall
+   squeezed in place of that, two flaps fell back at distances of 0.26 to 0.34 cells, not at 0.38 and more.
    Then the vertices are spread along the mid-line. A step of the path across the line would have next to no length there, so the places between the tips are averaged some times over
    neighbours, which gives such an edge about half of the length of the others. All of this happens in the frame of the body. */
 #include "compat.h"
@@ -14,14 +17,22 @@
 #define LONG    3   /* smallest length, cell sizes */
 #define BAND    1.3 /* cells with their centre that close to the body are searched, cell sizes */
 #define NEAR    1.2 /* a path ends that close to the tip, cell sizes */
+#define AT_SIDE 0.4 /* that close to a side of the domain it ends there, cell sizes */
 #define NSPREAD 8   /* averages along the path */
 #define BESIDE  3   /* as far as that from the body, cells have a side */
-#define RECORD  18  /* numbers that describe a cell to other ranks: body, cell size, four times global vertex, place, is it taken? */
+#define RECORD  18  /* numbers that describe a cell to other ranks: body, cell size, four times global vertex, place, CornerKind */
+
+typedef enum {
+  CORNER_FREE,
+  CORNER_TAKEN, /* by another body */
+  CORNER_SIDE   /* on a side of the domain: for the ends of a path only */
+} CornerKind;
 
 /* A corner of the cells around a body */
 typedef struct {
-  PetscReal x[2], s, d; /* place in the body frame; along and from the mid-line */
-  PetscInt  id, taken;
+  PetscReal  x[2], s, d; /* place in the body frame; along and from the mid-line */
+  PetscInt   id;
+  CornerKind kind;
 } Corner;
 
 typedef struct {
@@ -60,23 +71,34 @@ static PetscErrorCode into_body(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Displacement of node i to the point at length t of the mid-line of body k; *x (may be NULL) that place beside the body as it is drawn */
-static PetscErrorCode way_to_line(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt i, PetscReal t, PetscReal d[2], PetscReal x[2])
+/* From the frame of body k to the place beside the body as it is drawn */
+static PetscErrorCode out_of_body(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], const PetscReal y[2], PetscReal x[2])
 {
   BodyState *state;
-  PetscReal  R[9], to[2], from[2];
+  PetscReal  R[9];
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(s->bodies, &state));
-  PetscCall(MidlinePoint(line_of(s, k), 1, &t, to));
-  PetscCall(into_body(s, k, X, q, i, from));
   RotationMatrix(q[k], R);
   for (PetscInt a = 0; a < 2; a++) {
     const PetscReal *c = state->group[state->body_group[k]].mass.centroid;
 
-    d[a] = R[3 * a] * (to[0] - from[0]) + R[3 * a + 1] * (to[1] - from[1]);
-    if (x) x[a] = X[k][a] + R[3 * a] * (to[0] - c[0]) + R[3 * a + 1] * (to[1] - c[1]);
+    x[a] = X[k][a] + R[3 * a] * (y[0] - c[0]) + R[3 * a + 1] * (y[1] - c[1]);
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Displacement of node i to the point at length t of the mid-line of body k; x that place beside the body as it is drawn */
+static PetscErrorCode way_to_line(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt i, PetscReal t, PetscReal d[2], PetscReal x[2])
+{
+  PetscReal R[9], to[2], from[2];
+
+  PetscFunctionBeginUser;
+  PetscCall(MidlinePoint(line_of(s, k), 1, &t, to));
+  PetscCall(into_body(s, k, X, q, i, from));
+  RotationMatrix(q[k], R);
+  for (PetscInt a = 0; a < 2; a++) d[a] = R[3 * a] * (to[0] - from[0]) + R[3 * a + 1] * (to[1] - from[1]);
+  PetscCall(out_of_body(s, k, X, q, to, x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -173,7 +195,7 @@ static PetscErrorCode add_record(Snap s, PetscInt k, PetscReal (*X)[3], PetscRea
 
     r[2 + 4 * v] = (PetscReal)s->loc->node_global[i];
     PetscCall(into_body(s, k, X, q, i, r + 3 + 4 * v));
-    r[5 + 4 * v] = s->boundary[i] || s->code[i] ? 1 : 0;
+    r[5 + 4 * v] = s->code[i] ? CORNER_TAKEN : s->boundary[i] ? CORNER_SIDE : CORNER_FREE;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -276,7 +298,7 @@ static PetscErrorCode list_corners(Midline line, PetscInt k, PetscInt count, con
     if ((PetscInt)r[0] != k) continue;
     g->size = PetscMin(g->size, r[1]);
     for (PetscInt v = 0; v < 4; v++)
-      g->corner[n++] = (Corner){.x = {r[3 + 4 * v], r[4 + 4 * v]}, .id = (PetscInt)r[2 + 4 * v], .taken = (PetscInt)r[5 + 4 * v]};
+      g->corner[n++] = (Corner){.x = {r[3 + 4 * v], r[4 + 4 * v]}, .id = (PetscInt)r[2 + 4 * v], .kind = (CornerKind)r[5 + 4 * v]};
   }
   qsort(g->corner, (size_t)n, sizeof(Corner), compare_corners);
   for (PetscInt i = 0; i < n; i++) {
@@ -287,7 +309,7 @@ static PetscErrorCode list_corners(Midline line, PetscInt k, PetscInt count, con
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Edges between free corners, each in both directions, by the corner they leave */
+/* Edges that a path may take, each in both directions, by the corner they leave */
 static PetscErrorCode list_edges(PetscInt k, PetscInt count, const PetscReal record[], Graph *g)
 {
   const PetscInt END[4][2] = {{0, 1}, {0, 2}, {1, 3}, {2, 3}};
@@ -300,7 +322,8 @@ static PetscErrorCode list_edges(PetscInt k, PetscInt count, const PetscReal rec
     for (PetscInt v = 0; v < 4 && (PetscInt)r[0] == k; v++) {
       const PetscInt a = find_corner(g, r + 3 + 4 * END[v][0]), b = find_corner(g, r + 3 + 4 * END[v][1]);
 
-      if (g->corner[a].taken || g->corner[b].taken) continue;
+      if (g->corner[a].kind == CORNER_TAKEN || g->corner[b].kind == CORNER_TAKEN) continue;
+      if (g->corner[a].kind == CORNER_SIDE && g->corner[b].kind == CORNER_SIDE) continue;
       g->edge[n++] = (Edge){a, b, 0};
       g->edge[n++] = (Edge){b, a, 0};
     }
@@ -319,22 +342,25 @@ static PetscErrorCode list_edges(PetscInt k, PetscInt count, const PetscReal rec
 }
 
 /* What it costs to begin or end a path at a corner, tip at x */
-static PetscReal tip_cost(const Graph *g, const Corner *c, const PetscReal x[2])
+static PetscReal tip_cost(const Graph *g, const Corner *c, const PetscReal x[2], CornerKind kind)
 {
   const PetscReal d = PetscSqrtReal(PetscSqr(c->x[0] - x[0]) + PetscSqr(c->x[1] - x[1]));
 
-  return !c->taken && d < NEAR * g->size ? 2 * d * d / g->size : PETSC_MAX_REAL;
+  if (c->kind != kind || d >= NEAR * g->size) return PETSC_MAX_REAL;
+  return kind == CORNER_SIDE ? 0 : 2 * d * d / g->size;
 }
 
-/* Dijkstra's algorithm without a heap: from [ncorner] the corner before, *last the end of the cheapest path, -1: there is none */
-static PetscErrorCode find_path(const Graph *g, const PetscReal tip[4], PetscInt from[], PetscReal cost[], PetscBool done[], PetscInt *last)
+/* Dijkstra's algorithm without a heap, from tip to tip [4], which end at corners of the given kinds [2]: from [ncorner] the corner before, *last the end of the cheapest path, -1: there is
+   none */
+static PetscErrorCode find_path(const Graph *g, const PetscReal tip[], const CornerKind kind[], PetscInt from[], PetscReal cost[], PetscBool done[],
+                                PetscInt *last)
 {
   PetscReal best = PETSC_MAX_REAL;
 
   PetscFunctionBeginUser;
   *last = -1;
   for (PetscInt i = 0; i < g->ncorner; i++) {
-    cost[i] = tip_cost(g, g->corner + i, tip);
+    cost[i] = tip_cost(g, g->corner + i, tip, kind[0]);
     from[i] = -1;
     done[i] = PETSC_FALSE;
   }
@@ -346,11 +372,12 @@ static PetscErrorCode find_path(const Graph *g, const PetscReal tip[4], PetscInt
       if (!done[i] && cost[i] < PETSC_MAX_REAL && (at < 0 || cost[i] < cost[at])) at = i;
     if (at < 0) break;
     done[at] = PETSC_TRUE;
-    end      = tip_cost(g, g->corner + at, tip + 2);
+    end      = tip_cost(g, g->corner + at, tip + 2, kind[1]);
     if (end < PETSC_MAX_REAL && cost[at] + end < best) {
       best  = cost[at] + end;
       *last = at;
     }
+    if (g->corner[at].kind == CORNER_SIDE && from[at] >= 0) continue; /* an end */
     while (low < high) {
       const PetscInt mid = (low + high) / 2;
 
@@ -410,19 +437,32 @@ static PetscErrorCode block_paths(Snap s, PetscInt k, PetscReal (*X)[3], Graph *
       PetscInt at;
 
       PetscCall(PetscFindInt(g->corner[i].id, p->n, p->id, &at));
-      if (at >= 0) g->corner[i].taken = 1;
+      if (at >= 0) g->corner[i].kind = CORNER_TAKEN;
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* On what corners the path of body k ends, one tip at y in the body frame */
+static PetscErrorCode choose_end(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], const PetscReal y[2], PetscReal size, CornerKind *kind)
+{
+  PetscReal x[2], gap[2];
+
+  PetscFunctionBeginUser;
+  PetscCall(out_of_body(s, k, X, q, y, x));
+  PetscCall(ClearanceMeasure(s->clearance, X, q, s->fitted, k, x, gap));
+  *kind = gap[1] < AT_SIDE * size ? CORNER_SIDE : CORNER_FREE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* The path of body k from the records of all ranks, or none */
-static PetscErrorCode choose_path(Snap s, PetscInt k, PetscReal (*X)[3], PetscInt count, const PetscReal record[], Graph *g)
+static PetscErrorCode choose_path(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt count, const PetscReal record[], Graph *g)
 {
   SnapPath  *p = s->path + k;
   PetscInt  *from, last, n = 0;
   PetscReal *cost, length, end[2], tip[4];
   PetscBool *done;
+  CornerKind kind[2];
 
   PetscFunctionBeginUser;
   PetscCall(MidlineGetSize(line_of(s, k), &length, NULL));
@@ -433,7 +473,8 @@ static PetscErrorCode choose_path(Snap s, PetscInt k, PetscReal (*X)[3], PetscIn
   PetscCall(block_paths(s, k, X, g));
   PetscCall(list_edges(k, count, record, g));
   PetscCall(PetscMalloc3(g->ncorner, &from, g->ncorner, &cost, g->ncorner, &done));
-  PetscCall(find_path(g, tip, from, cost, done, &last));
+  for (PetscInt e = 0; e < 2; e++) PetscCall(choose_end(s, k, X, q, tip + 2 * e, g->size, &kind[e]));
+  PetscCall(find_path(g, tip, kind, from, cost, done, &last));
   for (PetscInt i = last; i >= 0; i = from[i]) n++;
   if (n >= LONG) {
     PetscReal *t;
@@ -524,7 +565,17 @@ static PetscErrorCode draw_aside(Snap s, PetscInt k, PetscReal (*X)[3], PetscRea
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Nodes of the path of body k, which belong to it from now on; its vertices are ring 0 and get their displacement */
+/* Does the edge of mid-edge node i end on a side of the domain? */
+static PetscBool ends_on_side(Snap s, PetscInt i)
+{
+  const PetscInt *node = SnapCellNodes(s, s->loc->node_cell[s->loc->node_cell_ptr[i]]);
+  PetscInt        j    = 0;
+
+  while (node[EDGE[j]] != i) j++;
+  return (PetscBool)(s->boundary[node[EDGE_END[j][0]]] || s->boundary[node[EDGE_END[j][1]]]);
+}
+
+/* Nodes of the path of body k, which belong to it from now on; its vertices are ring 0 and get their displacement. Those on a side of the domain belong to that. */
 static PetscErrorCode mark_path(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4])
 {
   PetscFunctionBeginUser;
@@ -538,13 +589,13 @@ static PetscErrorCode mark_path(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal
       const PetscInt i = list[e];
       PetscReal      t, x[2];
 
-      if (s->code[i]) continue;
+      if (s->code[i] || s->boundary[i]) continue;
       PetscCall(place_on_path(s, s->path + k, i, &t));
       if (t < 0) continue;
       s->code[i] = 2 * k + 1;
       PetscCall(SnapListAdd(&s->marked, i));
       if (s->kind[i] != NODE_VERTEX) {
-        PetscCall(SnapListAdd(&s->path_edge, i));
+        if (!ends_on_side(s, i)) PetscCall(SnapListAdd(&s->path_edge, i));
         continue;
       }
       s->level[i] = 8 * k + 1;
@@ -572,7 +623,7 @@ PetscErrorCode SnapPathPlaceVertices(Snap s, PetscReal (*X)[3], PetscReal (*q)[4
   PetscCall(PetscMalloc2(4 * count, &g.corner, 8 * count, &g.edge));
   for (PetscInt k = 0; k < s->nbodies; k++) {
     if (!s->fitted[k] || !s->is_path[k]) continue;
-    PetscCall(choose_path(s, k, X, count, record, &g));
+    PetscCall(choose_path(s, k, X, q, count, record, &g));
     if (s->path[k].n) PetscCall(mark_path(s, k, X, q));
   }
   PetscCall(PetscFree2(g.corner, g.edge));

@@ -278,10 +278,40 @@ static void test_plates(void **state)
   assert_true(worst > 0.05);
 }
 
+/* A plate hinged at the floor, its foot in it or close to it: the path ends at a vertex of the floor, which stays in its place, so that one edge more than vertices are the plate's own */
+static void test_hinged_plates(void **state)
+{
+  const PetscReal h = 1.0 / 40, a = 0.25;
+  PetscReal       worst = 1;
+  Case            c;
+
+  (void)state;
+  open_case(&c, PLATE "-mesh_cells 40,40 -particle_a_length 0.5 -particle_a_thickness 0.001");
+  for (PetscInt trial = 0; trial < 200; trial++) {
+    const PetscReal angle = 0.5 * PETSC_PI + 1.2 * noise(3 * trial), foot = h * (0.05 + 0.33 * noise(3 * trial + 1));
+    Plate           p;
+
+    c.state->x[0][0] = 0.5 + 0.05 * noise(3 * trial + 2);
+    c.state->x[0][1] = foot + a * PetscSinReal(angle);
+    turn(&c, 0, angle);
+    fit(&c);
+    assert_true(c.fitted[0]);
+    measure_plate(&c, 0, angle, a, &p);
+    NEAR(p.edges, p.vertices, 0);
+    BELOW(p.off, 0.5 * h);
+    BELOW(p.tip[0], 1e-13);
+    worst = PetscMin(worst, c.r.quality);
+  }
+  assert_true(worst > 0.04);
+  for (PetscInt i = 0; i < c.l->nnode_all; i++)
+    if (c.l->x_start[2 * i + 1] == 0) assert_true(c.l->x[2 * i] == c.l->x_start[2 * i] && c.l->x[2 * i + 1] == 0);
+  close_case(&c);
+}
+
 int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {cmocka_unit_test(test_circles), cmocka_unit_test(test_ellipses), cmocka_unit_test(test_gaps),
-                                     cmocka_unit_test(test_side), cmocka_unit_test(test_plates)};
+                                     cmocka_unit_test(test_side),    cmocka_unit_test(test_plates),   cmocka_unit_test(test_hinged_plates)};
   int                     failed;
 
   if (PetscInitialize(&argc, &argv, NULL, NULL)) return 1;

@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
-"""Study of the boundary rungs: runs what is missing in --work and writes ladder.csv, couette.csv, stream.csv, free.csv, oscillating.csv, settling.csv, approach.csv, plate.csv,
-plate-moving.csv, plate-falling.csv, valve.csv,
+"""Study of the boundary rungs: runs what is missing in --work and writes ladder.csv, couette.csv, stream.csv, free.csv, oscillating.csv, inline.csv, inline-small.csv, settling.csv, approach.csv, plate.csv,
+plate-moving.csv, plate-falling.csv, valve.csv, flaps.csv,
 boundary.png and motion.png.
 
-  runs/studies/boundary/study.py --work out/boundary [ladder couette stream free oscillating settling approach plate figure motion]
+  runs/studies/boundary/study.py --work out/boundary [ladder couette stream free oscillating inline settling approach plate flaps figure motion]
 """
 
 import argparse
+import cmath
 import csv
 import json
 import math
@@ -62,7 +63,7 @@ def ladder(work):
     """2D-1 on the mesh without hole, random shifts. Rows that the table has already are kept."""
     rows = table("ladder")
     known = {(row["rung"], int(row["cells_per_diameter"]), int(row["seed"])) for row in rows}
-    for resolution, seeds in (10, 10), (20, 10), (40, 4):
+    for resolution, seeds in (10, 10), (20, 10), (40, 10):
         for rung in RUNGS:
             for seed in range(1, seeds + 1):
                 options = {"mesh_kind": "channel", "mesh_resolution": resolution, "couple_boundary": rung, "mesh_shift_seed": seed}
@@ -195,6 +196,55 @@ def oscillating(work):
                 rows.append({"rung": rung, "cells_per_diameter": cells, "form": column[3:], "points": len(e), "rms": f"{math.sqrt(sum(v * v for v in e) / len(e)):.4f}",
                              "noise": f"{math.sqrt(sum(v * v for v in n) / len(n)):.5f}"})
     write("oscillating", rows)
+
+
+def stokes():
+    """Added mass and drag, over rho pi a^2 (times acceleration, times angular frequency and velocity), of the cylinder of inline.yaml in small oscillations: Stokes 1851, 1 + 4 K1(z)/(z K0(z)) with
+    z = a sqrt(i omega/nu); K_n(z) = int_0^oo exp(-z cosh t) cosh(n t) dt"""
+    z = 0.5 * cmath.sqrt(2j * math.pi / 5 / 0.01)
+    k = [sum(cmath.exp(-z * math.cosh(0.001 * i)) * math.cosh(n * 0.001 * i) * (0.5 if i == 0 else 1) for i in range(8000)) for n in (0, 1)]
+    g = 1 + 4 * k[1] / (z * k[0])
+    return g.real, -g.imag
+
+
+def inline_parts(folder, speed):
+    """Force on the cylinder over the fourth period, its velocity and acceleration"""
+    rate = 2 * math.pi / 5
+    rows = [row for row in read_numbers(folder / "bodies.csv") if row["time_s"] > 15 + 1e-9]
+    return [row["force_x"] for row in rows], [-speed * math.cos(rate * row["time_s"]) for row in rows], [speed * rate * math.sin(rate * row["time_s"]) for row in rows]
+
+
+def inline(work):
+    """The cylinder that oscillates in a wide closed box. Small oscillations: added mass and drag against Stokes' solution. KC = 5: Morison's coefficients, F = -rho D cd |u| u/2 - rho pi D^2 ci a/4, from
+    the parts of F along u and a (Fourier), cd also from the least squares of the whole."""
+    dot = lambda x, y: sum(a * b for a, b in zip(x, y))  # noqa: E731
+    runs = (10, 0.025), (10, 0.0125), (20, 0.0125)
+    rows, exact = [], stokes()
+    for rung in RUNGS:
+        for cells, dt in runs:
+            name = f"inline/small-{cells}-{rung}-{dt}"
+            options = {"mesh_focus_h": 1 / cells, "mesh_lower": "-60,-60", "mesh_upper": "60,60", "particle_cylinder_motion_amplitude": "-0.02,0", "couple_boundary": rung, "sim_dt": dt}
+            if (rung != "snap" and dt < 0.025) or not scene(work, name, "studies/boundary/inline.yaml", options):
+                continue
+            f, u, a = inline_parts(work / name, 0.04 * math.pi / 5)
+            mass, drag = -dot(f, a) / dot(a, a) / (math.pi / 4), -dot(f, u) / dot(u, u) / (math.pi / 4 * 2 * math.pi / 5)
+            rows.append({"rung": rung, "cells_per_diameter": cells, "dt": dt, "added_mass": f"{mass:.5f}", "added_mass_error_percent": error(mass, exact[0]), "drag": f"{drag:.5f}",
+                         "drag_error_percent": error(drag, exact[1])})
+    write("inline-small", rows)
+    rows = []
+    for rung in RUNGS:
+        for cells, dt in runs:
+            name = f"inline/{cells}-{rung}-{dt}"
+            if rung != "snap" and dt < 0.025:
+                continue
+            s = scene(work, name, "studies/boundary/inline.yaml", {"mesh_focus_h": 1 / cells, "couple_boundary": rung, "sim_dt": dt})
+            if not s:
+                continue
+            f, u, a = inline_parts(work / name, 1)
+            drag, inertia = [-abs(x) * x / 2 for x in u], [-math.pi / 4 * x for x in a]
+            rows.append({"rung": rung, "cells_per_diameter": cells, "dt": dt, "unknowns": s["unknowns"], "cd": f"{dot(f, u) / dot(drag, u):.4f}", "cd_least_squares": f"{dot(f, drag) / dot(drag, drag):.4f}",
+                         "ci": f"{dot(f, a) / dot(inertia, a):.4f}", "cd_largest": f"{2 * max(map(abs, f)):.4f}", "noise": f"{2 * fourth_difference(f):.5f}"})
+    write("inline", rows)
 
 
 def csv_rows(path):
@@ -350,6 +400,24 @@ def valve(work):
     write("valve", rows)
 
 
+def flaps(work):
+    """Angle of two flaps hinged in the walls that a jet blows open."""
+    rows = []
+    for rung, cells, dt in ("snap", "64,32", 0.01), ("snap", "128,64", 0.01), ("snap", "256,128", 0.01), ("snap", "128,64", 0.005), ("snap", "128,64", 0.0025), ("penalty", "64,32", 0.01), ("penalty", "128,64", 0.01), ("penalty", "256,128", 0.01):
+        name = f"flaps/{cells.split(',')[0]}-{rung}-{dt}"
+        s = scene(work, name, "studies/boundary/flaps.yaml", {"mesh_cells": cells, "sim_dt": dt, "sim_time": 0.2, "couple_boundary": rung})
+        if not s:
+            continue
+        b = read_numbers(work / name / "bodies.csv")
+        lower, upper = ([r for r in b if r["body"] == body] for body in (0, 1))
+        angle = {round(r["time_s"], 6): r["angle_rad"] for r in lower}
+        series = read_numbers(work / name / "series.csv")
+        rows.append({"rung": rung, "cells": cells.replace(",", "x"), "dt": dt, "angle_0.1": f"{angle[0.1]:.4f}", "angle_0.15": f"{angle[0.15]:.4f}",
+                     "asymmetry": f"{max(abs(x['angle_rad'] + y['angle_rad']) for x, y in zip(lower, upper)):.1e}", "outer_iterations": f"{statistics.mean(r['outer_iterations'] for r in series):.1f}",
+                     "most": int(max(r["outer_iterations"] for r in series)), "fallbacks": int(sum(r.get("snap_fallback", 0) for r in series))})
+    write("flaps", rows)
+
+
 def figure(work):
     import matplotlib
 
@@ -421,7 +489,7 @@ def motion(work):
 
 
 def main():
-    parts = {f.__name__: f for f in (ladder, couette, stream, free, oscillating, settling, approach, plate, figure, motion)}
+    parts = {f.__name__: f for f in (ladder, couette, stream, free, oscillating, inline, settling, approach, plate, flaps, figure, motion)}
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--work", type=Path, default=Path("out/boundary"))
     parser.add_argument("parts", nargs="*", choices=[*parts, []], default=list(parts))
