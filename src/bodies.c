@@ -388,6 +388,17 @@ PetscErrorCode BodiesGetEnergy(Bodies b, PetscReal *energy)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Points x [n][dim] in the frame of a body of group g at X, turned by R */
+static void into_frame(const BodyGroup *g, PetscInt dim, const PetscReal X[], const PetscReal R[9], PetscInt n, const PetscReal x[], PetscReal y[])
+{
+  for (PetscInt p = 0; p < n; p++) {
+    const PetscReal *xp   = x + p * dim;
+    const PetscReal  r[3] = {xp[0] - X[0], xp[1] - X[1], dim == 3 ? xp[2] - X[2] : 0};
+
+    for (PetscInt a = 0; a < dim; a++) y[p * dim + a] = R[a] * r[0] + R[3 + a] * r[1] + R[6 + a] * r[2] + g->mass.centroid[a];
+  }
+}
+
 PetscErrorCode BodiesDistance(Bodies b, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt n, const PetscReal x[], PetscReal d[])
 {
   const PetscInt   dim = b->state.dim;
@@ -402,12 +413,7 @@ PetscErrorCode BodiesDistance(Bodies b, PetscInt k, const PetscReal X[], const P
   for (PetscInt start = 0; start < n; start += CHUNK) {
     const PetscInt m = PetscMin(CHUNK, n - start);
 
-    for (PetscInt p = 0; p < m; p++) {
-      const PetscReal *xp   = x + (start + p) * dim;
-      PetscReal        r[3] = {xp[0] - X[0], xp[1] - X[1], dim == 3 ? xp[2] - X[2] : 0};
-
-      for (PetscInt a = 0; a < dim; a++) y[p * dim + a] = R[a] * r[0] + R[3 + a] * r[1] + R[6 + a] * r[2] + g->mass.centroid[a];
-    }
+    into_frame(g, dim, X, R, m, x + start * dim, y);
     PetscCall(ShapeDistance(g->shape, m, y, d + start));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -427,12 +433,7 @@ PetscErrorCode BodiesProject(Bodies b, PetscInt k, const PetscReal X[], const Pe
   for (PetscInt start = 0; start < n; start += CHUNK) {
     const PetscInt m = PetscMin(CHUNK, n - start);
 
-    for (PetscInt p = 0; p < m; p++) {
-      const PetscReal *xp   = x + (start + p) * dim;
-      PetscReal        r[3] = {xp[0] - X[0], xp[1] - X[1], dim == 3 ? xp[2] - X[2] : 0};
-
-      for (PetscInt a = 0; a < dim; a++) local[p * dim + a] = R[a] * r[0] + R[3 + a] * r[1] + R[6 + a] * r[2] + g->mass.centroid[a];
-    }
+    into_frame(g, dim, X, R, m, x + start * dim, local);
     PetscCall(ShapeProject(g->shape, m, local, wall));
     for (PetscInt p = 0; p < m; p++) {
       PetscReal r[3] = {0, 0, 0};
