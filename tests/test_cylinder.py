@@ -35,3 +35,12 @@ def test_pivots_of_cut_cells(run):
     done = run([ROOT / "runs" / "cylinder-2d1.yaml", *shape, "-couple_boundary", "nodal", "-output_every", 0, "-output_dir", "out"], 1)
     assert done.status == 0, done
     assert json.loads((done.folder / "out" / "summary.json").read_text())["quantities"]["cd"] == pytest.approx(REFERENCE["cd"], rel=0.03)
+
+
+def test_unstable_extrapolation_is_named(run):
+    """With linear extrapolation the run reaches its end; with the scene's quadratic one it blows up, and the message says what to do."""
+    coarse = [ROOT / "runs" / "cylinder-2d3.yaml", "-mesh_resolution", 6, "-sim_dt", 0.05, "-sim_time", 5, "-flow_ksp_rtol", 1e-5, "-flow_ksp_max_it", 60, "-output_every", 0]
+    done = run([*coarse, "-output_dir", "quadratic"], 1)
+    assert done.status != 0 and "use -flow_extrapolation linear" in done.text, done
+    done = run([*coarse, "-flow_extrapolation", "linear", "-output_dir", "linear"], 1)
+    assert done.status == 0, done
