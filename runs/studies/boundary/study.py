@@ -218,10 +218,9 @@ def inline(work):
     """The cylinder that oscillates in a wide closed box. Small oscillations: added mass and drag against Stokes' solution. KC = 5: Morison's coefficients, F = -rho D cd |u| u/2 - rho pi D^2 ci a/4, from
     the parts of F along u and a (Fourier), cd also from the least squares of the whole."""
     dot = lambda x, y: sum(a * b for a, b in zip(x, y))  # noqa: E731
-    runs = (10, 0.025), (10, 0.0125), (20, 0.0125)
     rows, exact = [], stokes()
     for rung in RUNGS:
-        for cells, dt in runs:
+        for cells, dt in (5, 0.025), (10, 0.025), (10, 0.0125):
             name = f"inline/small-{cells}-{rung}-{dt}"
             options = {"mesh_focus_h": 1 / cells, "mesh_lower": "-60,-60", "mesh_upper": "60,60", "particle_cylinder_motion_amplitude": "-0.02,0", "couple_boundary": rung, "sim_dt": dt}
             if (rung != "snap" and dt < 0.025) or not scene(work, name, "studies/boundary/inline.yaml", options):
@@ -233,7 +232,7 @@ def inline(work):
     write("inline-small", rows)
     rows = []
     for rung in RUNGS:
-        for cells, dt in runs:
+        for cells, dt in (10, 0.025), (10, 0.0125), (20, 0.0125):
             name = f"inline/{cells}-{rung}-{dt}"
             if rung != "snap" and dt < 0.025:
                 continue
