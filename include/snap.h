@@ -10,7 +10,8 @@
    penalty in a gap instead loses resistance at once, a fifth at half a cell and more below (study runs/studies/boundary).
    A body that is nowhere thicker than the cells around it, and longer than three of them, is taken for its mid-line (midline.h): a path of edges goes from tip to tip, its vertices and
    mid-edge nodes onto the mid-line, its ends onto the tips. All cells stay fluid; the pressure, which is discontinuous between cells, has its jump across the path. What the body
-   displaces is carried along by the fluid on both sides. In narrow gaps the path is drawn aside as walls are drawn back.
+   displaces is carried along by the fluid on both sides. In narrow gaps the path is drawn aside as walls are drawn back; a tip within 0.4 cells of a side of the domain closes the gap, its
+   path ends at a vertex of the side.
    A body is left alone when no cell is its own, when a cell around it would get a Jacobian that is not positive (4 x 4 and 3 x 3 Gauss points), or when its cells would not have its
    size (parts thinner than a cell). For a body that was left alone before the limits are stricter, so that it does not change sides in every step.
 
