@@ -87,6 +87,16 @@ static inline const PetscInt *SnapCellNodes(Snap s, PetscInt c)
   return s->loc->cell_node + c * s->loc->nb;
 }
 
+/* Vertices at the ends of the edge whose middle is local node i */
+static inline void SnapEdgeEnds(Snap s, PetscInt i, PetscInt end[2])
+{
+  const PetscInt *node = SnapCellNodes(s, s->loc->node_cell[s->loc->node_cell_ptr[i]]);
+  PetscInt        j    = 0;
+
+  while (node[EDGE[j]] != i) j++;
+  for (PetscInt v = 0; v < 2; v++) end[v] = node[EDGE_END[j][v]];
+}
+
 /* How much wider a gap is in the mesh than it is, see snap.h */
 PetscReal SnapWidening(PetscReal gap, PetscReal width);
 

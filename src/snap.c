@@ -226,17 +226,13 @@ static PetscErrorCode wall_normal(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], 
 /* Length of the wall edge with mid-edge node i */
 static PetscReal edge_length(Snap s, PetscInt i)
 {
-  const MeshLocal *l    = s->loc;
-  const PetscInt  *node = SnapCellNodes(s, l->node_cell[l->node_cell_ptr[i]]);
-  PetscInt         j    = 0;
+  const MeshLocal *l = s->loc;
+  PetscInt         end[2];
   PetscReal        r[2];
 
-  while (node[EDGE[j]] != i) j++;
-  for (PetscInt a = 0; a < 2; a++) {
-    const PetscInt from = node[EDGE_END[j][0]], to = node[EDGE_END[j][1]];
-
-    r[a] = MeshNearest(l, a, l->x_start[2 * to + a] - l->x_start[2 * from + a]) + s->d[2 * to + a] - s->d[2 * from + a];
-  }
+  SnapEdgeEnds(s, i, end);
+  for (PetscInt a = 0; a < 2; a++)
+    r[a] = MeshNearest(l, a, l->x_start[2 * end[1] + a] - l->x_start[2 * end[0] + a]) + s->d[2 * end[1] + a] - s->d[2 * end[0] + a];
   return PetscSqrtReal(r[0] * r[0] + r[1] * r[1]);
 }
 

@@ -519,8 +519,7 @@ static PetscErrorCode find_on_path(Snap s, const SnapPath *p, PetscInt i, PetscI
 /* Length along the mid-line where local node i belongs on path p, -1: it is not on it */
 static PetscErrorCode place_on_path(Snap s, const SnapPath *p, PetscInt i, PetscReal *t)
 {
-  const PetscInt *node = SnapCellNodes(s, s->loc->node_cell[s->loc->node_cell_ptr[i]]);
-  PetscInt        at[2], j = 0;
+  PetscInt end[2], at[2];
 
   PetscFunctionBeginUser;
   *t = -1;
@@ -530,8 +529,8 @@ static PetscErrorCode place_on_path(Snap s, const SnapPath *p, PetscInt i, Petsc
     if (at[0] >= 0) *t = p->t[at[0]];
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  while (node[EDGE[j]] != i) j++;
-  for (PetscInt v = 0; v < 2; v++) PetscCall(find_on_path(s, p, node[EDGE_END[j][v]], &at[v]));
+  SnapEdgeEnds(s, i, end);
+  for (PetscInt v = 0; v < 2; v++) PetscCall(find_on_path(s, p, end[v], &at[v]));
   if (at[0] >= 0 && at[1] >= 0 && PetscAbsInt(at[0] - at[1]) == 1) *t = 0.5 * (p->t[at[0]] + p->t[at[1]]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -568,11 +567,10 @@ static PetscErrorCode draw_aside(Snap s, PetscInt k, PetscReal (*X)[3], PetscRea
 /* Does the edge of mid-edge node i end on a side of the domain? */
 static PetscBool ends_on_side(Snap s, PetscInt i)
 {
-  const PetscInt *node = SnapCellNodes(s, s->loc->node_cell[s->loc->node_cell_ptr[i]]);
-  PetscInt        j    = 0;
+  PetscInt end[2];
 
-  while (node[EDGE[j]] != i) j++;
-  return (PetscBool)(s->boundary[node[EDGE_END[j][0]]] || s->boundary[node[EDGE_END[j][1]]]);
+  SnapEdgeEnds(s, i, end);
+  return (PetscBool)(s->boundary[end[0]] || s->boundary[end[1]]);
 }
 
 /* Nodes of the path of body k, which belong to it from now on; its vertices are ring 0 and get their displacement. Those on a side of the domain belong to that. */

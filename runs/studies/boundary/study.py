@@ -207,6 +207,10 @@ def stokes():
     return g.real, -g.imag
 
 
+def dot(x, y):
+    return sum(a * b for a, b in zip(x, y))
+
+
 def inline_parts(folder, speed):
     """Force on the cylinder over the fourth period, its velocity and acceleration"""
     rate = 2 * math.pi / 5
@@ -217,7 +221,6 @@ def inline_parts(folder, speed):
 def inline(work):
     """The cylinder that oscillates in a wide closed box. Small oscillations: added mass and drag against Stokes' solution. KC = 5: Morison's coefficients, F = -rho D cd |u| u/2 - rho pi D^2 ci a/4, from
     the parts of F along u and a (Fourier), cd also from the least squares of the whole."""
-    dot = lambda x, y: sum(a * b for a, b in zip(x, y))  # noqa: E731
     rows, exact = [], stokes()
     for rung in RUNGS:
         for cells, dt in (5, 0.025), (10, 0.025), (10, 0.0125):
