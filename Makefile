@@ -38,14 +38,14 @@ MPIEXEC    ?= $(call once,MPIEXEC,mpiexec --version | grep -qE 'Open MPI|OpenRTE
 
 COMPILE = $(CC) -std=gnu11 -g $(OPT) -Wall -Wextra -fPIC -MMD -MP -Iinclude -I$(BUILD) $(PETSC_FLAGS) $(CFLAGS)
 LIBS    = $(PETSC_LIBS) $(PETSC_RPATH) -lmetis -lyaml -ldl -lm $(LDFLAGS)
-TUMBLE  = -L$(BUILD) -ltumble -Wl,-rpath,'$$ORIGIN/..'
+TUMBLE  = -L$(BUILD) -ltumble -Wl,-rpath,'$$ORIGIN/..:$$ORIGIN/../..:$$ORIGIN/../../..'
 ENTER   = $(Q)$(if $(Q),printf '  %-5s %s\n' $1 $@; )mkdir -p $(@D) &&
 
-OBJECTS := $(patsubst src/%.c,$(BUILD)/obj/%.o,$(filter-out src/main.c,$(wildcard src/*.c)))
+OBJECTS := $(patsubst src/%.c,$(BUILD)/obj/%.o,$(filter-out src/run/main.c,$(wildcard src/*/*.c src/*/*/*.c)))
 SHAPES  := $(patsubst shapes/%.c,$(BUILD)/shapes/%.so,$(wildcard shapes/*.c))
-TESTS   := $(patsubst tests/%.c,$(BUILD)/tests/%,$(wildcard tests/*.c)) $(patsubst tests/%.c,$(BUILD)/tests/%.so,$(wildcard tests/badshapes/*.c))
-SOURCES := $(wildcard src/*.c include/*.h shapes/*.c tests/*.c tests/*.h tests/badshapes/*.c)
-SCRIPTS  = $(shell grep -lE '^\#!.*python3' tools/*) $(wildcard tools/*.py tests/*.py)
+TESTS   := $(patsubst tests/%.c,$(BUILD)/tests/%,$(wildcard tests/*/*.c)) $(patsubst tests/%.c,$(BUILD)/tests/%.so,$(wildcard tests/shape/badshapes/*.c))
+SOURCES := $(wildcard src/*/*.[ch] src/*/*/*.[ch] include/*.h include/*/*.h shapes/*.c tests/*.h tests/*/*.[ch] tests/shape/badshapes/*.c)
+SCRIPTS  = $(shell grep -lE '^\#!.*python3' tools/*) $(wildcard tools/*.py tests/*.py tests/runs/*.py)
 
 .DEFAULT_GOAL := all
 .DELETE_ON_ERROR:
@@ -68,16 +68,16 @@ $(BUILD)/obj/%.o: src/%.c $(BUILD)/flags | $(BUILD)/version.h
 	$(call ENTER,CC) $(COMPILE) -c -o $@ $<
 $(BUILD)/libtumble.so: $(OBJECTS)
 	$(call ENTER,LINK) $(CC) $(OPT) -shared -Wl,-soname,libtumble.so -o $@ $^ $(LIBS)
-$(BUILD)/tumble: $(BUILD)/obj/main.o $(BUILD)/libtumble.so
+$(BUILD)/tumble: $(BUILD)/obj/run/main.o $(BUILD)/libtumble.so
 	$(call ENTER,LINK) $(CC) $(OPT) -o $@ $< -L$(BUILD) -ltumble -Wl,-rpath,'$$ORIGIN',-rpath,'$$ORIGIN/../lib/tumble' $(LIBS)
 PLUGIN = $(call ENTER,SHAPE) $(COMPILE) -MF $(@:.so=.d) -shared -o $@ $< $(TUMBLE) $(LIBS)
 $(BUILD)/shapes/%.so: shapes/%.c $(BUILD)/flags | $(BUILD)/libtumble.so
 	$(PLUGIN)
-$(BUILD)/tests/badshapes/%.so: tests/badshapes/%.c $(BUILD)/flags | $(BUILD)/libtumble.so
+$(BUILD)/tests/shape/badshapes/%.so: tests/shape/badshapes/%.c $(BUILD)/flags | $(BUILD)/libtumble.so
 	$(PLUGIN)
 $(BUILD)/tests/%: tests/%.c $(BUILD)/flags | $(BUILD)/libtumble.so $(BUILD)/version.h
-	$(call ENTER,TEST) $(COMPILE) -MF $@.d -o $@ $< $(TUMBLE) $(CMOCKA) $(LIBS)
--include $(wildcard $(BUILD)/*/*.d $(BUILD)/*/*/*.d)
+	$(call ENTER,TEST) $(COMPILE) -Itests -Isrc/$(*D) -MF $@.d -o $@ $< $(TUMBLE) $(CMOCKA) $(LIBS)
+-include $(wildcard $(BUILD)/*/*.d $(BUILD)/*/*/*.d $(BUILD)/*/*/*/*.d)
 
 # Installing comes before a fresh make, which then finds what was installed.
 demo:       ## run a settling disc and draw pictures (installs what is missing; ARGS= for the program)
@@ -93,9 +93,9 @@ demo-now: all
 	@echo "Pictures:" && ls -1 out/sedimentation/*.png
 check-now check-unit-now check-e2e-now: tests
 	@MPIEXEC="$(MPIEXEC)" tools/run-tests --build $(BUILD) $(patsubst check-%-now,--%,$(filter-out check-now,$@)) $(ARGS)
-test-shape: all $(BUILD)/tests/conformance ## conformance suite on one plugin: SHAPE=path/to/x.so
+test-shape: all $(BUILD)/tests/shape/conformance ## conformance suite on one plugin: SHAPE=path/to/x.so
 	$(if $(SHAPE),,$(error give the plugin: make test-shape SHAPE=path/to/x.so))
-	$(BUILD)/tests/conformance $(SHAPE) $(ARGS)
+	$(BUILD)/tests/shape/conformance $(SHAPE) $(ARGS)
 bench: all ## benchmarks, appended to runs/bench/results.csv (ARGS="--quick", ARGS="--only cavity --cells 55225 --ranks 1"; 'tools/bench --help')
 	$(PYTHON) tools/bench $(ARGS)
 validate: all ## long comparisons of the scenes with their references, one table (ARGS="cylinder-2d1", ARGS="--longest 2"; 'tools/validate --help')
@@ -104,21 +104,21 @@ scaling: all ## strong and weak scaling on 1 and 2 ranks: tables, plots, model (
 	$(PYTHON) tools/scaling $(ARGS)
 extremes: all ## the stability map: runs/extremes/map.csv, map.png (ARGS=--quick)
 	$(PYTHON) tools/extremes $(ARGS)
-style: ## layers, text, formatting, scripts that compile
+style: ## rooms, text, formatting, scripts that compile
 	tools/check-layers
 	tools/check-text
 	PYTHONPYCACHEPREFIX=$(BUILD)/pycache $(PYTHON) -m py_compile $(SCRIPTS)
 	@if command -v clang-format > /dev/null; then clang-format --dry-run -Werror $(SOURCES); else echo "clang-format is not installed: formatting is not checked"; fi
 format: ## apply clang-format to all C files
 	clang-format -i $(SOURCES)
-install: all $(BUILD)/tests/conformance $(BUILD)/tumble.pc ## install program, library, headers, shapes, pkg-config file into PREFIX (default /usr/local; DESTDIR= for packages)
+install: all $(BUILD)/tests/shape/conformance $(BUILD)/tumble.pc ## install program, library, header of shapes, shapes, pkg-config file into PREFIX (default /usr/local; DESTDIR= for packages)
 	install -d $(addprefix $(DESTDIR)$(PREFIX)/,bin lib/pkgconfig lib/tumble/shapes lib/tumble/tests include/tumble share/tumble/runs)
 	install $(BUILD)/tumble $(DESTDIR)$(PREFIX)/bin
 	install -m 644 $(BUILD)/libtumble.so $(DESTDIR)$(PREFIX)/lib/tumble
 	install -m 644 $(SHAPES) $(DESTDIR)$(PREFIX)/lib/tumble/shapes
-	install $(BUILD)/tests/conformance $(DESTDIR)$(PREFIX)/lib/tumble/tests
+	install $(BUILD)/tests/shape/conformance $(DESTDIR)$(PREFIX)/lib/tumble/tests
 	ln -sf ../lib/tumble/tests/conformance $(DESTDIR)$(PREFIX)/bin/tumble-test-shape
-	install -m 644 include/*.h $(DESTDIR)$(PREFIX)/include/tumble
+	install -m 644 include/shape.h include/compat.h $(DESTDIR)$(PREFIX)/include/tumble
 	install -m 644 $(BUILD)/tumble.pc $(DESTDIR)$(PREFIX)/lib/pkgconfig
 	cp -R runs/. $(DESTDIR)$(PREFIX)/share/tumble/runs
 # A plugin must see the PETSc and MPI that the library was built with: their flags are written out.

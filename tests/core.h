@@ -1,8 +1,8 @@
 /* Helpers of the tests of the numerical core: options, meshes, numbers that do not depend on the number of ranks, comparisons that print. */
 #pragma once
 #include "compat.h"
-#include "mesh.h"
-#include "opt.h"
+#include "mesh/mesh.h"
+#include "base/opt.h"
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

@@ -1,8 +1,8 @@
 /* Mesh, flow and bodies from options, for tests of what stands between flow and bodies. */
 #pragma once
-#include "bodies.h"
+#include "bodies/bodies.h"
 #include "core.h"
-#include "flow.h"
+#include "flow/flow.h"
 
 typedef struct {
   Mesh             mesh;

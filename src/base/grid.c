@@ -1,0 +1,142 @@
+/* Cells: search grid with linked lists, see cells.h.
+
+   Method: every box is registered in all cells it touches (entries form one linked list a cell). A pair that shares several cells is
+   reported in one of them only, the cell at the lower corner of the overlap of their cell ranges, so no list of seen pairs is needed.
+   Cost is proportional to the number of entries plus the pairs that share a cell. Does not handle periodic directions. */
+#include "compat.h"
+#include "base/grid.h"
+
+struct _p_Cells {
+  PetscInt  dim, n[3], nentries, entry_room, item_room;
+  PetscReal lower[3], inverse[3]; /* inverse: cells per unit length */
+  PetscInt *head;                 /* [cells] first entry, -1 = none */
+  PetscInt *next, *item;          /* [nentries] */
+  PetscInt (*corner)[3];          /* [items] lowest cell of each item */
+};
+
+static PetscInt locate_axis(Cells c, PetscInt a, PetscReal x)
+{
+  const PetscReal s = PetscFloorReal((x - c->lower[a]) * c->inverse[a]);
+
+  return s > 0 ? (s < c->n[a] - 1 ? (PetscInt)s : c->n[a] - 1) : 0;
+}
+
+static PetscInt flat_index(Cells c, const PetscInt i[3])
+{
+  return (i[2] * c->n[1] + i[1]) * c->n[0] + i[0];
+}
+
+static PetscErrorCode add_entry(Cells c, PetscInt cell, PetscInt item)
+{
+  PetscFunctionBeginUser;
+  if (c->nentries == c->entry_room) {
+    c->entry_room = 2 * c->entry_room + 64;
+    PetscCall(PetscRealloc(c->entry_room * sizeof(PetscInt), &c->next));
+    PetscCall(PetscRealloc(c->entry_room * sizeof(PetscInt), &c->item));
+  }
+  c->item[c->nentries] = item;
+  c->next[c->nentries] = c->head[cell];
+  c->head[cell]        = c->nentries++;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CellsCreate(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], PetscReal size, PetscInt max_cells, Cells *cells)
+{
+  Cells     c;
+  PetscReal total = 1, n[3] = {1, 1, 1};
+
+  PetscFunctionBeginUser;
+  PetscCheck(dim == 2 || dim == 3, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Search grid of dimension %" PetscInt_FMT ": use 2 or 3", dim);
+  PetscCheck(size > 0, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Search grid with cells of width %g: use a positive width", (double)size);
+  PetscCall(PetscNew(&c));
+  c->dim = dim;
+  for (PetscInt a = 0; a < dim; a++) {
+    n[a] = PetscMax(1, PetscFloorReal((upper[a] - lower[a]) / size));
+    total *= n[a];
+  }
+  for (; total > PetscMax(1, max_cells);) {
+    total = 1;
+    for (PetscInt a = 0; a < dim; a++) {
+      n[a] = PetscMax(1, PetscFloorReal(n[a] / 2));
+      total *= n[a];
+    }
+  }
+  for (PetscInt a = 0; a < 3; a++) {
+    c->n[a]       = (PetscInt)n[a];
+    c->lower[a]   = a < dim ? lower[a] : 0;
+    c->inverse[a] = a < dim && upper[a] > lower[a] ? n[a] / (upper[a] - lower[a]) : 0;
+  }
+  PetscCall(PetscMalloc1((PetscInt)total, &c->head));
+  for (PetscInt i = 0; i < (PetscInt)total; i++) c->head[i] = -1;
+  *cells = c;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CellsDestroy(Cells *cells)
+{
+  Cells c = *cells;
+
+  PetscFunctionBeginUser;
+  if (!c) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree(c->head));
+  PetscCall(PetscFree(c->next));
+  PetscCall(PetscFree(c->item));
+  PetscCall(PetscFree(c->corner));
+  PetscCall(PetscFree(*cells));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CellsInsert(Cells c, PetscInt item, const PetscReal x[3], PetscReal half)
+{
+  PetscInt lo[3] = {0, 0, 0}, hi[3] = {0, 0, 0}, i[3];
+
+  PetscFunctionBeginUser;
+  if (item >= c->item_room) {
+    c->item_room = 2 * item + 64;
+    PetscCall(PetscRealloc(c->item_room * sizeof(*c->corner), &c->corner));
+  }
+  for (PetscInt a = 0; a < c->dim; a++) {
+    lo[a] = locate_axis(c, a, x[a] - half);
+    hi[a] = locate_axis(c, a, x[a] + half);
+  }
+  PetscCall(PetscArraycpy(c->corner[item], lo, 3));
+  for (i[2] = lo[2]; i[2] <= hi[2]; i[2]++)
+    for (i[1] = lo[1]; i[1] <= hi[1]; i[1]++)
+      for (i[0] = lo[0]; i[0] <= hi[0]; i[0]++) PetscCall(add_entry(c, flat_index(c, i), item));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscInt CellsFirst(Cells c, const PetscReal x[3])
+{
+  PetscInt i[3] = {0, 0, 0};
+
+  for (PetscInt a = 0; a < c->dim; a++) i[a] = locate_axis(c, a, x[a]);
+  return c->head[flat_index(c, i)];
+}
+
+PetscInt CellsNext(Cells c, PetscInt entry)
+{
+  return c->next[entry];
+}
+
+PetscInt CellsItem(Cells c, PetscInt entry)
+{
+  return c->item[entry];
+}
+
+PetscErrorCode CellsForPairs(Cells c, CellsVisit visit, void *ctx)
+{
+  const PetscInt ncells = c->n[0] * c->n[1] * c->n[2];
+  PetscInt       meet[3];
+
+  PetscFunctionBeginUser;
+  for (PetscInt cell = 0; cell < ncells; cell++)
+    for (PetscInt e = c->head[cell]; e >= 0; e = c->next[e])
+      for (PetscInt f = c->next[e]; f >= 0; f = c->next[f]) {
+        const PetscInt i = PetscMin(c->item[e], c->item[f]), j = PetscMax(c->item[e], c->item[f]);
+
+        for (PetscInt a = 0; a < 3; a++) meet[a] = PetscMax(c->corner[i][a], c->corner[j][a]);
+        if (flat_index(c, meet) == cell) PetscCall(visit(ctx, i, j));
+      }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

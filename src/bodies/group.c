@@ -1,0 +1,276 @@
+/* Bodies: the options of the groups, see bodies.h; where the bodies of a group start.
+
+   Every group is read by itself, and its bodies are placed singly, in rows or from a table (place.h). Random groups come last, because they keep clear of all others.
+   The same on every rank; only tables are read by one rank. Does not know the state of the bodies, which is made from this in bodies.c. */
+#include "compat.h"
+#include "group.h"
+#include "base/opt.h"
+
+/* What the options of a group say about the start of its bodies. */
+typedef struct {
+  PetscInt   place, count, seed;
+  PetscReal  lower[3], upper[3], margin;
+  Placement  base; /* position, angle and velocities given for all bodies */
+  PetscBool  has_position, has_count;
+  char       table[PETSC_MAX_PATH_LEN];
+  Placement *body; /* [count of the group] */
+} Start;
+
+enum {
+  PLACE_SINGLE,
+  PLACE_LATTICE,
+  PLACE_RANDOM,
+  PLACE_TABLE
+};
+static const char *const place_names[] = {"single", "lattice", "random", "table", NULL};
+
+/* ---- options of one group ---- */
+
+static void option_name(const char group[], const char what[], char name[128])
+{
+  (void)snprintf(name, 128, "-particle_%s_%s", group, what);
+}
+
+static PetscErrorCode read_free(const char group[], PetscInt dim, const Motion *m, PetscInt *bits)
+{
+  const char *const word[] = {"x", "y", "z", "rotation", "none", "all"};
+  const PetscInt    mask[] = {BODY_FREE_X,        BODY_FREE_Y, BODY_FREE_Z,
+                              BODY_FREE_ROTATION, 0,           BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z | BODY_FREE_ROTATION};
+  char              name[128], *list[16];
+  PetscInt          n = 16;
+
+  PetscFunctionBeginUser;
+  option_name(group, "free", name);
+  *bits = m->has_pivot ? BODY_FREE_ROTATION : mask[5];
+  if (m->given) *bits = 0;
+  PetscCall(OptStringArray(name, "Degrees of freedom that move: any of x, y, z, rotation, or all, or none", &n, list));
+  if (n) *bits = 0;
+  for (PetscInt i = 0; i < n; i++) {
+    PetscInt k = 0;
+
+    while (k < 6 && strcmp(list[i], word[k])) k++;
+    PetscCheck(k < 6, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s: '%s' is not known (known: x, y, z, rotation, all, none)", name, list[i]);
+    PetscCheck(k < 4 || n == 1, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s: '%s' stands alone, remove the other %" PetscInt_FMT " entries", name,
+               list[i], n - 1);
+    *bits |= mask[k];
+    PetscCall(PetscFree(list[i]));
+  }
+  if (dim == 2) *bits &= ~BODY_FREE_Z;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What is free is not prescribed, a pivot is not free, and stops need an axis that is held. */
+static PetscErrorCode check_motion(const BodyGroup *g)
+{
+  const Motion     *m      = &g->motion;
+  const char *const word[] = {"x", "y", "z", "rotation"};
+  const PetscInt    moves  = g->free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z);
+
+  PetscFunctionBeginUser;
+  for (PetscInt a = 0; a < 4; a++)
+    PetscCheck(!(g->free >> a & 1) || !MotionOscillates(m, a), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "Group '%s': -particle_%s_motion prescribes %s, and -particle_%s_free sets it free: remove it from one of them", g->name, g->name,
+               word[a], g->name);
+  PetscCheck(!m->has_pivot || !moves, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "Group '%s' turns about -particle_%s_pivot, which does not move freely: give -particle_%s_free rotation or none", g->name, g->name,
+             g->name);
+  PetscCheck(!m->has_stops || (!moves && g->free), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_%s_stops needs a body that turns freely about a point: give -particle_%s_free rotation", g->name, g->name);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim)
+{
+  char      name[128], type[64] = "", prefix[128];
+  PetscBool has_density;
+
+  PetscFunctionBeginUser;
+  option_name(g->name, "shape", name);
+  PetscCall(OptString(name, "Type of the shape: the name of a plugin in -shape_path", type, sizeof(type)));
+  PetscCheck(type[0], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "Group '%s' has no shape: give %s", g->name, name);
+  (void)snprintf(prefix, sizeof(prefix), "particle_%s_", g->name);
+  PetscCall(ShapeCreate(type, prefix, dim, &g->shape));
+  PetscCall(ShapeGetMass(g->shape, &g->mass));
+  PetscCall(ShapeGetRadius(g->shape, &g->radius));
+  PetscCall(ShapeGetDisc(g->shape, &g->disc));
+  PetscCall(MotionRead(g->name, dim, &g->motion));
+  PetscCall(read_free(g->name, dim, &g->motion, &g->free));
+  PetscCall(check_motion(g));
+  for (PetscInt a = 0; a < dim && g->motion.has_pivot; a++) g->arm[a] = g->mass.centroid[a] - g->motion.pivot[a];
+  option_name(g->name, "density", name);
+  PetscCall(OptHas(name, "Density of the bodies", &has_density));
+  g->density = 1;
+  PetscCall(OptReal(name, "Density of the bodies", "kg/m^3", OPT_POSITIVE, PETSC_MAX_REAL, &g->density));
+  PetscCheck(has_density || !g->free, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "Group '%s' moves but has no density: give %s, or -particle_%s_free none", g->name, name, g->name);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_velocities(const char group[], PetscInt dim, Start *s)
+{
+  char name[128];
+
+  PetscFunctionBeginUser;
+  option_name(group, "angle", name);
+  PetscCall(OptReal(name, "Angle at the start, about z", "rad", PETSC_MIN_REAL, PETSC_MAX_REAL, &s->base.angle));
+  option_name(group, "velocity", name);
+  PetscCall(OptRealArray(name, "Velocity at the start (kept where not free)", "m/s", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, s->base.u, NULL));
+  option_name(group, "angular_velocity", name);
+  PetscCall(OptRealArray(name, "Angular velocity at the start (kept where not free)", "rad/s", PETSC_MIN_REAL, PETSC_MAX_REAL, dim == 2 ? 1 : 3,
+                         dim == 2 ? s->base.omega + 2 : s->base.omega, NULL));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_place(const char group[], PetscInt dim, Start *s)
+{
+  char name[128];
+
+  PetscFunctionBeginUser;
+  option_name(group, "place", name);
+  PetscCall(OptChoice(name, "Where the bodies start", place_names, &s->place));
+  option_name(group, "position", name);
+  PetscCall(
+    OptRealArray(name, "Centre of mass at the start, for place single", "m", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, s->base.x, &s->has_position));
+  option_name(group, "count", name);
+  PetscCall(OptHas(name, "Number of bodies", &s->has_count));
+  PetscCall(OptInt(name, "Number of bodies, for place lattice and random", "", 0, PETSC_MAX_INT, &s->count));
+  option_name(group, "lower", name);
+  PetscCall(
+    OptRealArray(name, "Lower corner of the box for lattice and random (default: domain)", "m", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, s->lower, NULL));
+  option_name(group, "upper", name);
+  PetscCall(
+    OptRealArray(name, "Upper corner of the box for lattice and random (default: domain)", "m", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, s->upper, NULL));
+  option_name(group, "margin", name);
+  PetscCall(OptReal(name, "Smallest gap between bounding circles for lattice and random", "m", 0, PETSC_MAX_REAL, &s->margin));
+  option_name(group, "seed", name);
+  PetscCall(OptInt(name, "Seed of the random positions", "", 0, PETSC_MAX_INT, &s->seed));
+  option_name(group, "table", name);
+  PetscCall(OptString(name, "CSV file with one line a body", s->table, sizeof(s->table)));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode check_place(const BodyGroup *g, const Start *s)
+{
+  const char *place = place_names[s->place], *group = g->name;
+
+  PetscFunctionBeginUser;
+  PetscCheck(s->place != PLACE_SINGLE || s->has_position, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "Group '%s' has no position: give -particle_%s_position, or another -particle_%s_place", group, group, group);
+  PetscCheck(s->place != PLACE_SINGLE || !s->has_count || s->count == 1, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_%s_count %" PetscInt_FMT " needs -particle_%s_place lattice, random or table", group, s->count, group);
+  PetscCheck(s->place == PLACE_SINGLE || !s->has_position, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_%s_position has no meaning with -particle_%s_place %s: remove one of them", group, group, place);
+  PetscCheck((s->place != PLACE_LATTICE && s->place != PLACE_RANDOM) || s->has_count, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_%s_place %s needs -particle_%s_count", group, place, group);
+  PetscCheck((s->place != PLACE_LATTICE && s->place != PLACE_RANDOM) || !g->motion.has_pivot, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_%s_pivot needs -particle_%s_place single or table, which place the pivot", group, group);
+  PetscCheck(s->place != PLACE_TABLE || s->table[0], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_%s_place table needs -particle_%s_table file.csv", group, group);
+  PetscCheck(s->place == PLACE_TABLE || !s->table[0], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_%s_table needs -particle_%s_place table",
+             group, group);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Everything but random positions, which need to know where the other bodies are. */
+static PetscErrorCode start_group(BodyGroup *g, PetscInt dim, Start *s)
+{
+  PetscFunctionBeginUser;
+  if (s->place == PLACE_TABLE) {
+    PetscCall(PlaceTable(s->table, dim, &s->base, &g->count, &s->body));
+    PetscCheck(!s->has_count || s->count == g->count, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "-particle_%s_count is %" PetscInt_FMT ", the table %s has %" PetscInt_FMT " bodies: remove the option", g->name, s->count, s->table,
+               g->count);
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  g->count = s->place == PLACE_SINGLE ? 1 : s->count;
+  PetscCall(PetscMalloc1(g->count + 1, &s->body));
+  for (PetscInt i = 0; i < g->count; i++) s->body[i] = s->base;
+  if (s->place == PLACE_LATTICE) PetscCall(PlaceLattice(g->name, dim, s->lower, s->upper, g->radius, s->margin, g->count, s->body));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* All about one group but its place among the others. */
+static PetscErrorCode read_group(BodyGroup *g, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], Start *s)
+{
+  PetscFunctionBeginUser;
+  PetscCall(read_shape(g, dim));
+  s->count = 1;
+  PetscCall(PetscArraycpy(s->lower, lower, 3));
+  PetscCall(PetscArraycpy(s->upper, upper, 3));
+  PetscCall(read_velocities(g->name, dim, s));
+  PetscCall(read_place(g->name, dim, s));
+  PetscCall(check_place(g, s));
+  PetscCall(start_group(g, dim, s));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- all groups ---- */
+
+static PetscErrorCode name_groups(BodyState *s)
+{
+  char    *list[BODIES_MAX_GROUPS + 1];
+  PetscInt n = BODIES_MAX_GROUPS + 1;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptStringArray("-particle_groups", "Names of the groups of bodies", &n, list));
+  PetscCheck(n <= BODIES_MAX_GROUPS, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_groups has more than %d names: join bodies of one shape in one group with -particle_<group>_place table", BODIES_MAX_GROUPS);
+  s->ngroups = n;
+  PetscCall(PetscCalloc1(n, &s->group));
+  for (PetscInt g = 0; g < n; g++) {
+    PetscCheck(list[g][0] && strlen(list[g]) < sizeof(s->group[g].name), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "-particle_groups: '%s' must have 1 to %d characters", list[g], (int)sizeof(s->group[g].name) - 1);
+    PetscCall(PetscStrncpy(s->group[g].name, list[g], sizeof(s->group[g].name)));
+    for (PetscInt f = 0; f < g; f++)
+      PetscCheck(strcmp(s->group[f].name, s->group[g].name), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_groups names '%s' twice: remove one",
+                 list[g]);
+    PetscCall(PetscFree(list[g]));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Random groups come last, one after the other, and keep clear of everything placed before. */
+static PetscErrorCode start_random(BodyState *s, Start start[])
+{
+  PetscReal(*x)[3], *radius;
+  PetscInt n = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(s->n, &x));
+  PetscCall(PetscMalloc1(s->n, &radius));
+  for (PetscInt pass = 0; pass < 2; pass++)
+    for (PetscInt g = 0; g < s->ngroups; g++) {
+      const BodyGroup *group = &s->group[g];
+      const Start     *t     = &start[g];
+
+      if ((t->place == PLACE_RANDOM) != (pass == 1)) continue;
+      if (pass)
+        PetscCall(PlaceRandom(group->name, s->dim, t->lower, t->upper, group->radius, t->margin, t->seed, n, x, radius, group->count, t->body));
+      for (PetscInt i = 0; i < group->count; i++, n++) {
+        PetscCall(PetscArraycpy(x[n], t->body[i].x, 3));
+        radius[n] = group->radius;
+      }
+    }
+  PetscCall(PetscFree(x));
+  PetscCall(PetscFree(radius));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodyGroupsRead(BodyState *s, const PetscReal lower[3], const PetscReal upper[3], Placement ***body)
+{
+  Start *start;
+
+  PetscFunctionBeginUser;
+  PetscCall(name_groups(s));
+  PetscCall(PetscCalloc1(s->ngroups, &start));
+  for (PetscInt g = 0; g < s->ngroups; g++) {
+    PetscCall(read_group(&s->group[g], s->dim, lower, upper, &start[g]));
+    s->group[g].first = s->n;
+    s->n += s->group[g].count;
+  }
+  PetscCall(start_random(s, start));
+  PetscCall(PetscCalloc1(s->ngroups, body));
+  for (PetscInt g = 0; g < s->ngroups; g++) (*body)[g] = start[g].body;
+  PetscCall(PetscFree(start));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,139 @@
+/* Motion: see motion.h. Everything is evaluated from the time and the start, nothing is integrated, so that a prescribed body is where it should be at any time and step size. */
+#include "compat.h"
+#include "bodies/motion.h"
+#include "base/opt.h"
+
+static void option_name(const char group[], const char what[], char name[128])
+{
+  (void)snprintf(name, 128, "-particle_%s_%s", group, what);
+}
+
+static PetscErrorCode read_parts(const char group[], Motion *m, PetscBool *oscillate)
+{
+  const char *const word[] = {"constant", "oscillate", "rotate"};
+  PetscBool         has[3] = {PETSC_FALSE, PETSC_FALSE, PETSC_FALSE};
+  char              name[128], *list[8];
+  PetscInt          n = 8;
+
+  PetscFunctionBeginUser;
+  option_name(group, "motion", name);
+  PetscCall(OptStringArray(name, "Prescribed motion, parts that are added up: any of constant, oscillate, rotate", &n, list));
+  for (PetscInt i = 0; i < n; i++) {
+    PetscInt k = 0;
+
+    while (k < 3 && strcmp(list[i], word[k])) k++;
+    PetscCheck(k < 3, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s: '%s' is not known (known: constant, oscillate, rotate)", name, list[i]);
+    has[k] = PETSC_TRUE;
+    PetscCall(PetscFree(list[i]));
+  }
+  m->given    = (PetscBool)(n > 0);
+  m->constant = (PetscBool)(n == 0 || has[0]);
+  m->rotate   = (PetscBool)(n == 0 || has[2]);
+  *oscillate  = has[1];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_oscillation(const char group[], PetscInt dim, Motion *m)
+{
+  char      name[128];
+  PetscBool has_amplitude, has_swing;
+
+  PetscFunctionBeginUser;
+  option_name(group, "motion_amplitude", name);
+  PetscCall(
+    OptRealArray(name, "Amplitude of the oscillation along each axis", "m", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, m->amplitude, &has_amplitude));
+  if (has_amplitude) {
+    PetscBool has_period;
+
+    option_name(group, "motion_period", name);
+    PetscCall(OptRealArray(name, "Period of the oscillation along each axis", "s", OPT_POSITIVE, PETSC_MAX_REAL, dim, m->period, &has_period));
+    PetscCheck(has_period, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_%s_motion_amplitude needs %s, one value an axis", group, name);
+    option_name(group, "motion_phase", name);
+    PetscCall(OptRealArray(name, "Phase of the oscillation along each axis", "rad", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, m->phase, NULL));
+  }
+  option_name(group, "motion_swing", name);
+  PetscCall(
+    OptRealArray(name, "Amplitude, period and phase of the angle about z", "rad, s, rad", PETSC_MIN_REAL, PETSC_MAX_REAL, 3, m->swing, &has_swing));
+  PetscCheck(!has_swing || m->swing[1] > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s: the period %g must be positive", name, (double)m->swing[1]);
+  PetscCheck(has_amplitude || has_swing, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_%s_motion oscillate needs -particle_%s_motion_amplitude or -particle_%s_motion_swing", group, group, group);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_stops(const char group[], PetscInt dim, Motion *m)
+{
+  char name[128];
+
+  PetscFunctionBeginUser;
+  option_name(group, "stops", name);
+  PetscCall(OptRealArray(name, "Lower and upper stop of the angle", "rad", PETSC_MIN_REAL, PETSC_MAX_REAL, 2, m->stops, &m->has_stops));
+  if (!m->has_stops) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCheck(dim == 2, PETSC_COMM_SELF, PETSC_ERR_SUP, "%s: stops of an angle are for 2D scenes, remove the option", name);
+  PetscCheck(m->stops[0] < m->stops[1], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s: the lower stop %g must be below the upper one %g", name,
+             (double)m->stops[0], (double)m->stops[1]);
+  option_name(group, "stops_restitution", name);
+  PetscCall(OptReal(name, "Rebound speed over impact speed at a stop", "", 0, 1, &m->restitution));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MotionRead(const char group[], PetscInt dim, Motion *m)
+{
+  char      name[128];
+  PetscBool oscillate = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMemzero(m, sizeof(*m)));
+  for (PetscInt a = 0; a < 3; a++) m->period[a] = 1;
+  m->swing[1] = 1;
+  PetscCall(read_parts(group, m, &oscillate));
+  if (oscillate) PetscCall(read_oscillation(group, dim, m));
+  if (m->given) {
+    option_name(group, "motion_ramp", name);
+    PetscCall(OptReal(name, "Time over which the prescribed motion gathers speed", "s", 0, PETSC_MAX_REAL, &m->ramp));
+  }
+  option_name(group, "pivot", name);
+  PetscCall(OptRealArray(name, "Point of the shape about which the body turns, in the shape's frame", "m", PETSC_MIN_REAL, PETSC_MAX_REAL, dim,
+                         m->pivot, &m->has_pivot));
+  PetscCall(read_stops(group, dim, m));
+  option_name(group, "force", name);
+  PetscCall(OptRealArray(name, "External force on each body, at its centre of mass", "N", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, m->force, NULL));
+  option_name(group, "torque", name);
+  PetscCall(OptRealArray(name, "External torque on each body", "N m", PETSC_MIN_REAL, PETSC_MAX_REAL, dim == 2 ? 1 : 3,
+                         dim == 2 ? m->torque + 2 : m->torque, NULL));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscBool MotionOscillates(const Motion *m, PetscInt a)
+{
+  return a < 3 ? (PetscBool)(m->amplitude[a] != 0) : (PetscBool)(m->swing[0] != 0);
+}
+
+void MotionEvaluate(const Motion *m, const Placement *start, PetscReal time, PetscReal x[3], PetscReal u[3], PetscReal turn[3], PetscReal w[3])
+{
+  PetscReal s = time < PETSC_MAX_REAL ? time : 0, rate = 1; /* a steady problem has no time: velocities act, and nothing leaves its place */
+
+  if (m->ramp > 0 && time < PETSC_MAX_REAL) {
+    const PetscReal part = PetscMin(PetscMax(time / m->ramp, 0), 1);
+
+    rate = 0.5 * (1 - PetscCosReal(PETSC_PI * part));
+    s    = 0.5 * m->ramp * (part - PetscSinReal(PETSC_PI * part) / PETSC_PI) + PetscMax(time - m->ramp, 0);
+  }
+  for (PetscInt a = 0; a < 3; a++) {
+    const PetscReal c = 2 * PETSC_PI / m->period[a], angle = c * s + m->phase[a];
+
+    u[a]    = (m->constant ? start->u[a] : 0) + m->amplitude[a] * c * PetscCosReal(angle);
+    x[a]    = start->x[a] + (m->constant ? start->u[a] * s : 0) + m->amplitude[a] * PetscSinReal(angle);
+    w[a]    = m->rotate ? start->omega[a] : 0;
+    turn[a] = w[a] * s;
+  }
+  {
+    const PetscReal c = 2 * PETSC_PI / m->swing[1], angle = c * s + m->swing[2];
+
+    w[2] += m->swing[0] * c * PetscCosReal(angle);
+    turn[2] += m->swing[0] * PetscSinReal(angle);
+  }
+  for (PetscInt a = 0; a < 3; a++) {
+    u[a] *= rate;
+    w[a] *= rate;
+  }
+}

@@ -1,0 +1,187 @@
+/* Inside of the contact module; for its files only. contact.c: steps and sub-steps. contactsearch.c: who is near whom. contacttouch.c: where two bodies touch.
+   contactlaw.c: the forces. contactseparate.c: gaps and overlaps after a step. Vectors have 3 components, 2D ones a zero; a tensor is xx yy zz xy xz yz. */
+#pragma once
+#include "contact/contact.h"
+
+#define CONTACT_MAX_POINTS 1024 /* surface points of a shape */
+
+typedef struct {
+  PetscInt i, j; /* j = -1 - face for a wall */
+} Pair;
+
+/* A point where two bodies (or a body and a wall) meet. */
+typedef struct {
+  PetscReal gap, weight;
+  PetscReal ri[3], rj[3]; /* from the centres of i and j to the point (rj zero for a wall) */
+  PetscReal normal[3];    /* from the partner towards body i */
+} Touch;
+
+/* Force on body i over some time, its torque on i, and the torque on j; the force on j is the opposite. */
+typedef struct {
+  PetscReal f[3], ti[3], tj[3];
+} Impulse;
+
+/* What the contact knows of the bodies of one group. */
+typedef struct {
+  PetscBool  moves;
+  PetscReal  mass;            /* effective: with added mass */
+  PetscReal  inverse_mass[3]; /* zero where not free */
+  PetscReal  inverse_spin;    /* 2D */
+  PetscReal  radius, disc;
+  PetscReal  terminal;         /* speed scale from gravity */
+  PetscReal  stiffness, speed; /* of this step: see the law; and u_ref of bodies at rest */
+  PetscInt   npoints;
+  PetscReal *point; /* [npoints][dim] surface points about the centroid, body frame */
+} Kind;
+
+/* What a law is asked at one touch. */
+typedef struct {
+  PetscReal gap, weight;
+  PetscReal approach;     /* closing speed along the normal */
+  PetscReal inverse_mass; /* of the pair along the normal */
+  PetscReal stiffness, speed;
+  PetscReal h; /* sub-step: damping acts on the speed after it (implicit, stable). 0: the law alone, without damping */
+} Meeting;
+
+/* A law of contact. Forces act along the normal, positive apart. */
+typedef struct {
+  const char *name;
+  PetscInt    lookahead; /* steps that ContactStep integrates, see contact.c; 0: the law has no forces */
+  PetscErrorCode (*options)(Contact);
+  PetscReal (*stiffness)(Contact, const Kind *);                                /* of a body, from its speed u_ref */
+  PetscReal (*combine)(Contact, const Kind *i, const Kind *j, PetscReal speed); /* stiffness of a pair that moves with speed; j NULL: a wall */
+  PetscReal (*force)(Contact, const Meeting *);
+  PetscReal (*energy)(Contact, const Meeting *);                   /* stored */
+  PetscReal (*time)(Contact, PetscReal stiffness, PetscReal mass); /* in which the force changes: sqrt(mass/slope) */
+} ContactLaw;
+
+extern const ContactLaw *const contact_laws[]; /* NULL-terminated */
+
+typedef struct {
+  PetscReal x[3], reach;
+} Listed;
+
+struct _p_Contact {
+  Bodies            bodies;
+  BodyState        *s;
+  const ContactLaw *law;
+  PetscInt          substeps, walls, dim, brute;
+  PetscReal         h, range, horizon; /* horizon >= range: no force of any kind beyond */
+  PetscReal         rho_f, viscosity, g[3], lower[3], upper[3], period[3];
+  /* parameters of the laws */
+  PetscReal  multiple, eps, eps_overlap, wall_factor, damping_speed;                 /* repulsive */
+  PetscReal  spring, restitution, friction, tangential, damping_ratio, spring_speed; /* spring */
+  PetscBool  lubricate;
+  PetscReal  lubrication_range, roughness;
+  Kind      *kind;    /* [ngroups] */
+  PetscReal  floor;   /* u_ref of bodies without buoyancy */
+  PetscReal *present; /* [n] speed of a body's fastest point when the scales were set */
+  /* where the bodies are: the state's own arrays or copies */
+  PetscReal (*x)[3], (*q)[4], (*u)[3], (*w)[3];
+  PetscReal (*copy_x)[3], (*copy_q)[4], (*copy_u)[3], (*copy_w)[3]; /* [n], allocated when first needed */
+  PetscReal (*inverse_inertia)[6];                                  /* [n] 3D only, space axes */
+  /* the list of pairs, ascending in i, then j */
+  Pair *pair;
+  PetscReal (*slip)[3]; /* [npairs] elongation of the tangential spring; NULL without friction */
+  PetscInt   npairs, pair_room;
+  Listed    *listed; /* [n] place and reach when the list was made */
+  PetscReal *reach;  /* [n] way a body may go before the next search; NULL: none */
+  PetscBool  have_list;
+  PetscInt   tests, builds, steps_done, nnear;
+  PetscBool  separate;
+  PetscReal  separation; /* largest overlap that separation has found, in diameters */
+  PetscReal  work;       /* done by contact on the bodies since the beginning */
+  /* what ContactKeep keeps */
+  PetscReal (*kept)[7]; /* [n] force, torque, gap */
+  Pair *kept_pair;      /* [kept_npairs] with friction */
+  PetscReal (*kept_slip)[3];
+  PetscInt kept_npairs;
+  Touch    touch[2 * CONTACT_MAX_POINTS];
+};
+
+static inline const BodyGroup *ContactGroup(Contact c, PetscInt k)
+{
+  return &c->s->group[c->s->body_group[k]];
+}
+
+static inline Kind *ContactKind(Contact c, PetscInt k)
+{
+  return &c->kind[c->s->body_group[k]];
+}
+
+static inline PetscReal dot3(const PetscReal a[3], const PetscReal b[3])
+{
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+static inline void cross3(const PetscReal a[3], const PetscReal b[3], PetscReal c[3])
+{
+  c[0] = a[1] * b[2] - a[2] * b[1];
+  c[1] = a[2] * b[0] - a[0] * b[2];
+  c[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+static inline void apply_tensor(const PetscReal t[6], const PetscReal v[3], PetscReal tv[3])
+{
+  tv[0] = t[0] * v[0] + t[3] * v[1] + t[4] * v[2];
+  tv[1] = t[3] * v[0] + t[1] * v[1] + t[5] * v[2];
+  tv[2] = t[4] * v[0] + t[5] * v[1] + t[2] * v[2];
+}
+
+/* d <- the nearest of its periodic images */
+static inline void ContactWrap(Contact c, PetscReal d[3])
+{
+  for (PetscInt a = 0; a < c->dim; a++)
+    if (c->period[a] > 0) d[a] -= c->period[a] * PetscFloorReal(d[a] / c->period[a] + 0.5);
+}
+
+/* Are the centres of two bodies, or of the nearest image of one, closer than reach? */
+static inline PetscBool ContactWithin(Contact c, PetscInt i, PetscInt j, PetscReal reach)
+{
+  PetscReal d[3] = {0, 0, 0};
+
+  for (PetscInt a = 0; a < c->dim; a++) d[a] = c->x[i][a] - c->x[j][a];
+  ContactWrap(c, d);
+  return (PetscBool)(dot3(d, d) < reach * reach);
+}
+
+/* The larger present speed of a pair */
+static inline PetscReal ContactPairSpeed(Contact c, const Pair *p)
+{
+  return p->j >= 0 ? PetscMax(c->present[p->i], c->present[p->j]) : c->present[p->i];
+}
+
+static inline void ContactNoteGap(const Pair *p, PetscReal gap, PetscReal all[])
+{
+  all[p->i] = PetscMin(all[p->i], gap);
+  if (p->j >= 0) all[p->j] = PetscMin(all[p->j], gap);
+}
+
+/* Change of angular velocity under an angular impulse. */
+static inline void ContactSpin(Contact c, PetscInt k, const PetscReal torque[3], PetscReal dw[3])
+{
+  if (c->dim == 3) apply_tensor(c->inverse_inertia[k], torque, dw);
+  else {
+    dw[0] = dw[1] = 0;
+    dw[2]         = ContactKind(c, k)->inverse_spin * torque[2];
+  }
+}
+
+/* Make the list of all pairs that can come within the horizon, from x and reach; kept while it is still good. */
+PetscErrorCode ContactFindPairs(Contact);
+/* Gap between two discs (spheres), j >= 0, or of a disc to a wall; the unit normal points at i. */
+void ContactDiscGap(Contact, PetscInt i, PetscReal radius_i, PetscInt j, PetscReal radius_j, PetscReal normal[3], PetscReal *gap);
+/* All touching points of a pair in c->touch, weights adding up to one, and its smallest gap (PETSC_MAX_REAL: none found). */
+PetscErrorCode ContactFindTouch(Contact, PetscInt i, PetscInt j, PetscInt *n, PetscReal *gap);
+/* Sum of the curvatures of both surfaces at a touch (mean curvature in 3D), at least that of the larger bounding circle. */
+PetscErrorCode ContactCurvature(Contact, PetscInt i, PetscInt j, const Touch *, PetscReal *curvature);
+PetscErrorCode ContactCreatePoints(Contact);
+/* Options of all laws; the unused laws' ones count as unknown. */
+PetscErrorCode ContactReadLaws(Contact);
+/* Force and torques of pair number p where its bodies are now; the tangential spring moves on by h. */
+PetscErrorCode ContactPairForce(Contact, PetscInt p, PetscReal h, Impulse *, PetscReal *gap);
+/* Discs (spheres) and walls without friction or film: force f on body i along the line of centres (zero beyond the range), no torques. PETSC_FALSE: not such a pair. The common case
+   of many bodies, in closed form. */
+PetscBool ContactDiscForce(Contact, const Pair *, PetscReal h, PetscReal f[3], PetscReal *gap);
+/* Energy stored in pair p. */
+PetscErrorCode ContactPairEnergy(Contact, PetscInt p, PetscReal *energy);

@@ -1,0 +1,375 @@
+/* Contact, search: which bodies can touch before the list of pairs is made again.
+
+   A body is entered in a grid of cells (cells.h) with half-width radius + half the horizon + its reach; pairs that share a cell are compared by their bounding
+   circles. The reach holds the way of the coming step and a skin of a tenth of the radius, so that a list lasts until some body has used its share up; then
+   all is made anew. Periodic directions: bodies near a face enter again as images beyond the other one. The list is sorted, so that neither the search method nor
+   the age of the list changes the order in which forces add up. -couple_search brute compares all pairs instead, for comparison. */
+#include "compat.h"
+#include "base/grid.h"
+#include "impl.h"
+#include "base/log.h"
+
+#define SKIN 0.1 /* in radii */
+
+typedef struct {
+  Contact   c;
+  PetscInt  n, nimages, room; /* items: n bodies, then images */
+  PetscInt *body;             /* [nimages] of image n + m */
+  PetscReal widest;           /* half-width: how far boxes stick out of the domain, to meet images there */
+  PetscReal (*shift)[3];      /* [nimages] */
+} Items;
+
+/* Centre of body k, moved into the domain where that is periodic */
+static void place_body(Contact c, PetscInt k, PetscReal x[3])
+{
+  for (PetscInt a = 0; a < 3; a++) {
+    x[a] = c->x[k][a];
+    if (c->period[a] > 0) x[a] -= c->period[a] * PetscFloorReal((x[a] - c->lower[a]) / c->period[a]);
+  }
+}
+
+static PetscReal reach_of(Contact c, PetscInt k)
+{
+  return c->reach ? c->reach[k] : 0;
+}
+
+static PetscReal half_width(Contact c, PetscInt k)
+{
+  return ContactKind(c, k)->radius + 0.5 * c->horizon + c->listed[k].reach;
+}
+
+static PetscBool list_is_good(Contact c)
+{
+  if (!c->have_list) return PETSC_FALSE;
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    const PetscReal d[3] = {c->x[k][0] - c->listed[k].x[0], c->x[k][1] - c->listed[k].x[1], c->x[k][2] - c->listed[k].x[2]};
+    const PetscReal left = c->listed[k].reach - reach_of(c, k);
+
+    if (left < 0 || dot3(d, d) > left * left) return PETSC_FALSE;
+  }
+  return PETSC_TRUE;
+}
+
+static PetscErrorCode add_pair(Contact c, PetscInt i, PetscInt j)
+{
+  PetscFunctionBeginUser;
+  if (c->npairs == c->pair_room) {
+    c->pair_room = c->pair_room + c->pair_room / 2 + c->s->n / 2 + 64;
+    PetscCall(PetscRealloc(c->pair_room * sizeof(Pair), &c->pair));
+  }
+  c->pair[c->npairs].i   = i;
+  c->pair[c->npairs++].j = j;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* shift: where the image of j that is meant lies. In a small periodic box the same two bodies may meet several times: only the nearest image counts. */
+static PetscErrorCode test_pair(Contact c, PetscInt i, PetscInt j, const PetscReal shift[3])
+{
+  const Kind     *ki = ContactKind(c, i), *kj = ContactKind(c, j);
+  const PetscReal reach = ki->radius + kj->radius + c->horizon + c->listed[i].reach + c->listed[j].reach;
+  PetscReal       d2    = 0, xi[3], xj[3];
+
+  PetscFunctionBeginUser;
+  c->tests++;
+  if ((!ki->moves && !kj->moves) || c->s->gone[i] || c->s->gone[j]) PetscFunctionReturn(PETSC_SUCCESS);
+  place_body(c, i, xi);
+  place_body(c, j, xj);
+  for (PetscInt a = 0; a < c->dim; a++) {
+    const PetscReal d = xi[a] - xj[a] - shift[a];
+
+    if (c->period[a] > 0 && (d >= 0.5 * c->period[a] || d < -0.5 * c->period[a])) PetscFunctionReturn(PETSC_SUCCESS);
+    d2 += d * d;
+  }
+  if (d2 < reach * reach) PetscCall(add_pair(c, i, j));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* An image meets only bodies, and of the two ways in which a pair can meet across a face only the one that shifts the larger number counts. */
+static PetscErrorCode visit_items(void *ctx, PetscInt a, PetscInt b)
+{
+  Items          *it      = (Items *)ctx;
+  const PetscReal zero[3] = {0, 0, 0};
+
+  PetscFunctionBeginUser;
+  if (b < it->n) PetscCall(test_pair(it->c, a, b, zero));
+  else if (a < it->n && a < it->body[b - it->n]) PetscCall(test_pair(it->c, a, it->body[b - it->n], it->shift[b - it->n]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode find_walls(Contact c, PetscInt k)
+{
+  const Kind     *kind  = ContactKind(c, k);
+  const PetscReal reach = kind->radius + c->horizon + c->listed[k].reach;
+
+  PetscFunctionBeginUser;
+  if (!kind->moves || c->s->gone[k]) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt face = 0; face < 2 * c->dim; face++) {
+    const PetscInt  a = face / 2;
+    const PetscReal d = face % 2 ? c->upper[a] - c->x[k][a] : c->x[k][a] - c->lower[a];
+
+    if ((c->walls >> face & 1) && d < reach) PetscCall(add_pair(c, k, -1 - face));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- cells ---- */
+
+static PetscReal count_entries(Contact c, PetscReal size)
+{
+  PetscReal sum = 0;
+
+  for (PetscInt k = 0; k < c->s->n; k++) sum += PetscPowRealInt(1 + 2 * half_width(c, k) / size, c->dim);
+  return sum;
+}
+
+/* Cells twice as wide as the smallest box, unless large bodies would then fill too many of them. */
+static PetscReal choose_cell_size(Contact c)
+{
+  const PetscReal room = (c->dim == 2 ? 8. : 20.) * c->s->n;
+  PetscReal       size = PETSC_MAX_REAL;
+
+  for (PetscInt k = 0; k < c->s->n; k++) size = PetscMin(size, 4 * half_width(c, k));
+  while (count_entries(c, size) > room) size *= 2;
+  return size;
+}
+
+static PetscErrorCode add_images(Items *it, Cells cells, PetscInt k)
+{
+  Contact         c    = it->c;
+  const PetscReal half = half_width(c, k);
+  PetscReal       x[3];
+
+  PetscFunctionBeginUser;
+  place_body(c, k, x);
+  for (PetscInt image = 0; image < (c->dim == 2 ? 9 : 27); image++) {
+    const PetscInt step[3] = {image % 3 - 1, (image / 3) % 3 - 1, c->dim == 2 ? 0 : image / 9 - 1};
+    PetscBool      reaches = (PetscBool)(step[0] || step[1] || step[2]);
+    PetscReal      shift[3], y[3];
+
+    for (PetscInt a = 0; a < 3; a++) {
+      shift[a] = step[a] * c->period[a];
+      y[a]     = x[a] + shift[a];
+      if (step[a] && (c->period[a] == 0 || y[a] + half + it->widest < c->lower[a] || y[a] - half - it->widest > c->upper[a])) reaches = PETSC_FALSE;
+    }
+    if (!reaches) continue;
+    if (it->nimages == it->room) {
+      it->room = 2 * it->room + 64;
+      PetscCall(PetscRealloc(it->room * sizeof(*it->body), &it->body));
+      PetscCall(PetscRealloc(it->room * sizeof(*it->shift), &it->shift));
+    }
+    it->body[it->nimages] = k;
+    PetscCall(PetscArraycpy(it->shift[it->nimages], shift, 3));
+    PetscCall(CellsInsert(cells, it->n + it->nimages++, y, half));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode search_cells(Contact c)
+{
+  const PetscInt  n        = c->s->n;
+  const PetscBool periodic = (PetscBool)(c->period[0] > 0 || c->period[1] > 0 || c->period[2] > 0);
+  Items           it       = {.c = c, .n = n};
+  PetscReal       x[3];
+  Cells           cells;
+
+  PetscFunctionBeginUser;
+  PetscCall(CellsCreate(c->dim, c->lower, c->upper, choose_cell_size(c), 4 * n + 64, &cells));
+  for (PetscInt k = 0; k < n; k++) {
+    place_body(c, k, x);
+    it.widest = PetscMax(it.widest, half_width(c, k));
+    if (!c->s->gone[k]) PetscCall(CellsInsert(cells, k, x, half_width(c, k)));
+  }
+  for (PetscInt k = 0; k < n && periodic; k++)
+    if (!c->s->gone[k]) PetscCall(add_images(&it, cells, k));
+  PetscCall(CellsForPairs(cells, visit_items, &it));
+  PetscCall(CellsDestroy(&cells));
+  PetscCall(PetscFree(it.body));
+  PetscCall(PetscFree(it.shift));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode search_all(Contact c)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < c->s->n; i++)
+    for (PetscInt j = i + 1; j < c->s->n; j++) {
+      PetscReal d[3] = {0, 0, 0}, shift[3] = {0, 0, 0}, xi[3], xj[3];
+
+      place_body(c, i, xi);
+      place_body(c, j, xj);
+      for (PetscInt a = 0; a < c->dim; a++) d[a] = shift[a] = xi[a] - xj[a];
+      ContactWrap(c, d);
+      for (PetscInt a = 0; a < c->dim; a++) shift[a] -= d[a];
+      PetscCall(test_pair(c, i, j, shift));
+    }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- order ---- */
+
+/* By i (counting), then by j (few each, by insertion). */
+static PetscErrorCode sort_pairs(Contact c)
+{
+  Pair     *old = c->pair, *sorted;
+  PetscInt *start;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc1(c->s->n + 1, &start));
+  PetscCall(PetscMalloc1(c->npairs, &sorted));
+  for (PetscInt p = 0; p < c->npairs; p++) start[old[p].i + 1]++;
+  for (PetscInt k = 0; k < c->s->n; k++) start[k + 1] += start[k];
+  for (PetscInt p = 0; p < c->npairs; p++) sorted[start[old[p].i]++] = old[p];
+  PetscCall(PetscFree(start));
+  for (PetscInt p = 1; p < c->npairs; p++) {
+    const Pair now = sorted[p];
+    PetscInt   at  = p;
+
+    for (; at > 0 && sorted[at - 1].i == now.i && sorted[at - 1].j > now.j; at--) sorted[at] = sorted[at - 1];
+    sorted[at] = now;
+  }
+  PetscCall(PetscFree(c->pair));
+  c->pair      = sorted;
+  c->pair_room = c->npairs;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The tangential springs of the old list move to the new one; both are sorted. */
+static PetscErrorCode move_slip(Contact c, PetscInt nold, const Pair old[])
+{
+  PetscReal(*slip)[3];
+  PetscInt o = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc1(c->npairs + 1, &slip));
+  for (PetscInt p = 0; p < c->npairs; p++) {
+    while (o < nold && (old[o].i < c->pair[p].i || (old[o].i == c->pair[p].i && old[o].j < c->pair[p].j))) o++;
+    if (o < nold && old[o].i == c->pair[p].i && old[o].j == c->pair[p].j) PetscCall(PetscArraycpy(slip[p], c->slip[o], 3));
+  }
+  PetscCall(PetscFree(c->slip));
+  c->slip = slip;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Pairs of bodies: two bodies at least, and one that moves */
+static PetscErrorCode search_bodies(Contact c)
+{
+  PetscBool moves = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  for (PetscInt g = 0; g < c->s->ngroups; g++) moves = (PetscBool)(moves || c->kind[g].moves);
+  if (c->s->n < 2 || !moves) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscLogEventBegin(TB_SEARCH, 0, 0, 0, 0));
+  if (c->brute) PetscCall(search_all(c));
+  else PetscCall(search_cells(c));
+  PetscCall(PetscLogEventEnd(TB_SEARCH, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ContactFindPairs(Contact c)
+{
+  const PetscInt n    = c->s->n;
+  Pair          *old  = NULL;
+  PetscInt       nold = 0;
+
+  PetscFunctionBeginUser;
+  if (!n || !c->law->lookahead) PetscFunctionReturn(PETSC_SUCCESS);
+  c->tests = 0;
+  if (list_is_good(c)) PetscFunctionReturn(PETSC_SUCCESS);
+  if (c->friction > 0) {
+    old          = c->pair;
+    nold         = c->npairs;
+    c->pair      = NULL;
+    c->pair_room = 0;
+  }
+  if (!c->listed) PetscCall(PetscMalloc1(n, &c->listed));
+  for (PetscInt k = 0; k < n; k++) {
+    PetscCall(PetscArraycpy(c->listed[k].x, c->x[k], 3));
+    c->listed[k].reach = reach_of(c, k) + SKIN * ContactKind(c, k)->radius;
+  }
+  c->npairs = 0;
+  PetscCall(search_bodies(c));
+  for (PetscInt k = 0; k < n; k++) PetscCall(find_walls(c, k));
+  PetscCall(sort_pairs(c));
+  if (c->friction > 0) PetscCall(move_slip(c, nold, old));
+  PetscCall(PetscFree(old));
+  c->have_list = PETSC_TRUE;
+  c->builds++;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- taking steps back ---- */
+
+PetscErrorCode ContactKeep(Contact c)
+{
+  const BodyState *s = c->s;
+
+  PetscFunctionBeginUser;
+  if (!c->kept) PetscCall(PetscMalloc1(s->n, &c->kept));
+  for (PetscInt k = 0; k < s->n; k++) {
+    for (PetscInt a = 0; a < 3; a++) {
+      c->kept[k][a]     = s->contact_force[k][a];
+      c->kept[k][3 + a] = s->contact_torque[k][a];
+    }
+    c->kept[k][6] = s->gap[k];
+  }
+  c->kept_npairs = c->slip ? c->npairs : 0;
+  if (!c->slip) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscRealloc((c->npairs + 1) * sizeof(Pair), &c->kept_pair));
+  PetscCall(PetscRealloc((c->npairs + 1) * sizeof(*c->kept_slip), &c->kept_slip));
+  PetscCall(PetscArraycpy(c->kept_pair, c->pair, c->npairs));
+  PetscCall(PetscArraycpy((PetscReal *)c->kept_slip, (PetscReal *)c->slip, 3 * c->npairs));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ContactRevert(Contact c)
+{
+  BodyState *s = c->s;
+
+  PetscFunctionBeginUser;
+  PetscCheck(c->kept || !s->n, PETSC_COMM_SELF, PETSC_ERR_ORDER, "Nothing has been kept: call ContactKeep before the step");
+  for (PetscInt k = 0; k < s->n; k++) {
+    for (PetscInt a = 0; a < 3; a++) {
+      s->contact_force[k][a]  = c->kept[k][a];
+      s->contact_torque[k][a] = c->kept[k][3 + a];
+    }
+    s->gap[k] = c->kept[k][6];
+  }
+  if (!c->slip) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscRealloc((c->kept_npairs + 1) * sizeof(*c->slip), &c->slip));
+  PetscCall(PetscArraycpy((PetscReal *)c->slip, (PetscReal *)c->kept_slip, 3 * c->kept_npairs));
+  PetscCall(move_slip(c, c->kept_npairs, c->kept_pair)); /* the list of pairs may be another one now */
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- state ---- */
+
+PetscErrorCode ContactVisitState(void *contact, State state)
+{
+  Contact         c       = contact;
+  const PetscBool loading = StateIsLoading(state);
+  PetscInt        n = c->s->n, have = c->have_list, nslip;
+
+  PetscFunctionBeginUser;
+  PetscCall(StateReals(state, "work", 1, &c->work));
+  PetscCall(StateReals(state, "separation", 1, &c->separation));
+  PetscCall(StateInts(state, "have_list", 1, &have));
+  c->have_list = (PetscBool)have;
+  if (!have) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(StateInts(state, "pairs", 1, &c->npairs));
+  nslip = c->slip ? c->npairs : 0;
+  if (loading) {
+    c->pair_room = c->npairs;
+    PetscCall(PetscRealloc(c->npairs * sizeof(Pair), &c->pair));
+    if (!c->listed) PetscCall(PetscMalloc1(n, &c->listed));
+    PetscCall(StateGetSize(state, "slip", &nslip));
+    if (c->friction > 0) { /* also when the run before knew no friction */
+      PetscCall(PetscFree(c->slip));
+      PetscCall(PetscCalloc1(c->npairs + 1, &c->slip));
+      nslip = nslip > 0 ? c->npairs : 0;
+    } else nslip = 0;
+  }
+  PetscCall(StateInts(state, "pair", 2 * c->npairs, (PetscInt *)c->pair));
+  PetscCall(StateReals(state, "listed", 4 * n, (PetscReal *)c->listed));
+  if (!loading || nslip > 0) PetscCall(StateReals(state, "slip", 3 * nslip, (PetscReal *)c->slip));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

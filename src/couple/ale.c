@@ -1,0 +1,178 @@
+/* Follow: see follow.h. */
+#include "compat.h"
+#include "ale.h"
+
+#define MOST 100 /* parts of a way at most */
+
+struct _p_Follow {
+  Flow             flow;
+  Mesh             mesh;
+  const MeshLocal *loc;
+  Deform           deform;
+  BodyState       *s;
+  PetscReal (*X)[3], (*q)[4];           /* [nbodies] where the bodies were drawn for the mesh at the time n, */
+  PetscReal (*X_next)[3], (*q_next)[4]; /* for the present mesh, */
+  PetscReal (*X_part)[3], (*q_part)[4]; /* and on the way */
+  PetscReal   *now, *old, *drift;       /* [nnode_all][dim] places at the last two times; velocity of the nodes */
+  PetscInt    *all, *fluid;             /* [nnode_all] 0, 1, ...; [ncell_all] -1 */
+  PetscReal    h;                       /* smallest cell at the time n */
+  DeformResult result;
+};
+
+/* From where body k was to X, by the shortest way in a periodic domain */
+static void find_way(const struct _p_Follow *f, PetscInt k, PetscReal (*X)[3], PetscReal way[3])
+{
+  for (PetscInt a = 0; a < 3; a++) way[a] = MeshNearest(f->loc, a, X[k][a] - f->X[k][a]);
+}
+
+/* Parts of the way of all bodies, by the point that goes farthest, each about as long as the smallest cell */
+static PetscInt count_parts(const struct _p_Follow *f, PetscReal (*X)[3], PetscReal (*q)[4])
+{
+  PetscReal longest = 0;
+
+  for (PetscInt k = 0; k < f->s->n; k++) {
+    const BodyGroup *g = &f->s->group[f->s->body_group[k]];
+    PetscReal        way[3], dot = 0, turn;
+
+    if (f->s->gone[k]) continue;
+    find_way(f, k, X, way);
+    for (PetscInt a = 0; a < 4; a++) dot += q[k][a] * f->q[k][a];
+    turn    = g->disc > 0 ? 0 : 2 * PetscAcosReal(PetscMin(1, PetscAbsReal(dot)));
+    longest = PetscMax(longest, PetscSqrtReal(way[0] * way[0] + way[1] * way[1] + way[2] * way[2]) + g->radius * turn);
+  }
+  return PetscMax(1, PetscMin(MOST, (PetscInt)PetscCeilReal(longest / f->h)));
+}
+
+/* Bodies at the given share of their way */
+static void place_bodies(Follow f, PetscReal share, PetscReal (*X)[3], PetscReal (*q)[4])
+{
+  for (PetscInt k = 0; k < f->s->n; k++) {
+    PetscReal way[3], dot = 0, size = 0;
+
+    find_way(f, k, X, way);
+    for (PetscInt a = 0; a < 3; a++) f->X_part[k][a] = X[k][a] - (1 - share) * way[a];
+    for (PetscInt a = 0; a < 4; a++) dot += q[k][a] * f->q[k][a];
+    for (PetscInt a = 0; a < 4; a++) {
+      f->q_part[k][a] = share * q[k][a] + (1 - share) * (dot < 0 ? -1 : 1) * f->q[k][a];
+      size += PetscSqr(f->q_part[k][a]);
+    }
+    for (PetscInt a = 0; a < 4; a++) f->q_part[k][a] /= PetscSqrtReal(size);
+  }
+}
+
+/* Places and orientations of the bodies */
+static PetscErrorCode copy_bodies(const struct _p_Follow *f, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*X_to)[3], PetscReal (*q_to)[4])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscArraycpy((PetscReal *)X_to, (PetscReal *)X, 3 * f->s->n));
+  PetscCall(PetscArraycpy((PetscReal *)q_to, (PetscReal *)q, 4 * f->s->n));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FollowCreate(Flow flow, Bodies bodies, Deform deform, Follow *follow)
+{
+  Follow   f;
+  PetscInt n, size;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&f));
+  f->flow   = flow;
+  f->deform = deform;
+  PetscCall(FlowGetMesh(flow, &f->mesh));
+  PetscCall(MeshGetLocal(f->mesh, &f->loc));
+  n    = f->loc->nnode_all;
+  size = n * f->loc->dim;
+  PetscCall(PetscMalloc5(size, &f->now, size, &f->old, size, &f->drift, n, &f->all, f->loc->ncell_all, &f->fluid));
+  PetscCall(PetscArraycpy(f->now, f->loc->x, size));
+  PetscCall(PetscArraycpy(f->old, f->loc->x, size));
+  PetscCall(BodiesGetState(bodies, &f->s));
+  PetscCall(PetscMalloc6(f->s->n, &f->X, f->s->n, &f->q, f->s->n, &f->X_next, f->s->n, &f->q_next, f->s->n, &f->X_part, f->s->n, &f->q_part));
+  PetscCall(copy_bodies(f, f->s->x, f->s->q, f->X, f->q));
+  PetscCall(copy_bodies(f, f->s->x, f->s->q, f->X_next, f->q_next));
+  for (PetscInt i = 0; i < n; i++) f->all[i] = i;
+  for (PetscInt c = 0; c < f->loc->ncell_all; c++) f->fluid[c] = -1;
+  f->h      = f->loc->h;
+  f->result = (DeformResult){{1, 1}, 1, 0};
+  *follow   = f;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FollowDestroy(Follow *follow)
+{
+  PetscFunctionBeginUser;
+  if (!*follow) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree5((*follow)->now, (*follow)->old, (*follow)->drift, (*follow)->all, (*follow)->fluid));
+  PetscCall(PetscFree6((*follow)->X, (*follow)->q, (*follow)->X_next, (*follow)->q_next, (*follow)->X_part, (*follow)->q_part));
+  PetscCall(PetscFree(*follow));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FollowUpdate(Follow f, FlowSolver solver, PetscReal (*X)[3], PetscReal (*q)[4])
+{
+  const MeshLocal *l = f->loc;
+  const FlowStep  *s;
+  PetscInt         nparts;
+
+  PetscFunctionBeginUser;
+  if (X) {
+    PetscCall(FlowSolverForgetCells(solver, l->ncell_all, f->all));
+    PetscCall(MeshMoveNodes(f->mesh, l->nnode_all, f->all, f->now));
+    nparts = count_parts(f, X, q);
+    for (PetscInt i = 1; i <= nparts; i++) {
+      place_bodies(f, (PetscReal)i / nparts, X, q);
+      PetscCall(DeformFollow(f->deform, f->X_part, f->q_part, &f->result));
+    }
+    PetscCall(copy_bodies(f, X, q, f->X_next, f->q_next));
+    PetscCall(MeshRebase(f->mesh));
+    PetscCall(FlowUpdateCells(f->flow, l->ncell_all, f->all, f->fluid));
+  }
+  PetscCall(FlowGetStep(f->flow, &s));
+  for (PetscInt i = 0; i < l->nnode_all * l->dim; i++) f->drift[i] = s->ct * l->x[i] - s->d0 * f->now[i] - s->d1 * f->old[i];
+  PetscCall(FlowSetDrift(f->flow, f->drift));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FollowAccept(Follow f)
+{
+  const PetscInt size = f->loc->nnode_all * f->loc->dim;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArraycpy(f->old, f->now, size));
+  PetscCall(PetscArraycpy(f->now, f->loc->x, size));
+  PetscCall(copy_bodies(f, f->X_next, f->q_next, f->X, f->q));
+  f->h = f->loc->h;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FollowGetResult(Follow f, const DeformResult **result)
+{
+  PetscFunctionBeginUser;
+  *result = &f->result;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The mesh of the fields that are there, whose pressures already belong to it */
+static PetscErrorCode restore_mesh(Follow f)
+{
+  const MeshLocal *l = f->loc;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshMoveNodes(f->mesh, l->nnode_all, f->all, f->now));
+  PetscCall(MeshRebase(f->mesh));
+  f->h = f->loc->h;
+  PetscCall(FlowRestoreCells(f->flow, l->ncell_all, f->all, f->fluid));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FollowVisitState(Follow f, State state)
+{
+  PetscFunctionBeginUser;
+  PetscCall(StateNodes(state, "place", f->loc->dim, f->now));
+  PetscCall(StateNodes(state, "place_old", f->loc->dim, f->old));
+  PetscCall(StateReals(state, "follow_X", 3 * f->s->n, (PetscReal *)f->X));
+  PetscCall(StateReals(state, "follow_q", 4 * f->s->n, (PetscReal *)f->q));
+  if (!StateIsLoading(state)) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(copy_bodies(f, f->X, f->q, f->X_next, f->q_next));
+  PetscCall(restore_mesh(f));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

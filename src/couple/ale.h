@@ -1,0 +1,31 @@
+/* Follow: takes the mesh along with bodies that move (deform.h), in arbitrary Lagrangian-Eulerian form. Layer 3.
+
+   In every step, bodies drawn at their predicted places: from the places x^n the mesh is deformed to x^{n+1}, in as
+   many parts as the bodies go smallest cells; cells are computed anew; the drift c_t x^{n+1} - d(x), as the time scheme
+   differentiates, goes into the convection (FlowSetDrift). u^n and u^{n-1} stay with their nodes: nothing is interpolated, no node is looked up. The pressure of a cell stays the same
+   polynomial in space. Everything of the step is solved on the mesh x^{n+1}; topology, numbering and pattern are those of any other mesh. The result depends on x^n, x^{n-1} (which a checkpoint
+   holds) and the bodies alone, however often a step is begun. Bodies that rest: the mesh rests too.
+
+   Costs: one or two linear systems of the size of the cells, and all operators anew (runs/studies/deformation). Not here: rung snap, schemes other than be and bdf2. */
+#pragma once
+#include "bodies/bodies.h"
+#include "couple/deform.h"
+#include "flow/flow.h"
+#include "solve/system.h"
+#include "mesh/state.h"
+
+typedef struct _p_Follow *Follow;
+
+/* The Deform is borrowed. Collective. */
+PetscErrorCode FollowCreate(Flow, Bodies, Deform, Follow *);
+PetscErrorCode FollowDestroy(Follow *);
+
+/* Between FlowBeginStep and FlowAssemble: bodies are drawn at X, q; X NULL: where they were drawn last. Collective. Errors: those of DeformFollow and FlowSetDrift. */
+PetscErrorCode FollowUpdate(Follow, FlowSolver, PetscReal (*X)[3], PetscReal (*q)[4]);
+/* The step is accepted. */
+PetscErrorCode FollowAccept(Follow);
+/* Borrowed. */
+PetscErrorCode FollowGetResult(Follow, const DeformResult **);
+
+/* Part of the state of the coupling, visited after that of the flow. Loading moves the mesh to where it was; the flow's solver must then be made anew. Collective. */
+PetscErrorCode FollowVisitState(Follow, State);

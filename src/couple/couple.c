@@ -1,0 +1,636 @@
+/* Couple: see couple.h for the method.
+
+   The step with implicit coupling, in the order of the calls: bodies drawn at X* (CoupleDraw); one linear system for flow and rigid velocities (CoupleSolve); force from the
+   bodies' own equation, F = rho_s Vol (c_t U - d(U)) - G, without an integral (CoupleForce); positions (CoupleAdvance). With explicit coupling, and for degrees of freedom that
+   are frozen, the velocity is known, and the force is minus the momentum residual summed over the body's nodes, plus the inertia of the fictitious fluid inside.
+   The work a body causes is proportional to the cells it touches. */
+#include "compat.h"
+#include "impl.h"
+#include "base/log.h"
+#include "base/opt.h"
+#include "bodies/mass.h"
+
+static const char *const TYPES[]  = {"implicit", "explicit", NULL};
+static const char *const FORCES[] = {"residual", "volume", NULL};
+
+static PetscBool is_free(Couple c, PetscInt k, PetscInt s)
+{
+  return BodiesIsFree(c->bodies, k, s < c->loc->dim ? s : 3);
+}
+
+/* Rigid velocity of slot i of body k at the last two times. A pivot's translation is prescribed, and is kept here, not in the state of the body. */
+static void get_history(Couple c, PetscInt k, PetscInt i, PetscReal *now, PetscReal *old)
+{
+  const PetscBool kept = (PetscBool)(i < c->loc->dim && c->s->group[c->s->body_group[k]].motion.has_pivot);
+
+  *now = kept ? c->U_old[k * c->nr + i] : *CoupleRigidComponent(c, c->s->u, c->s->w, k, i);
+  *old = kept ? c->U_older[k * c->nr + i] : *CoupleRigidComponent(c, c->s->u_old, c->s->w_old, k, i);
+}
+
+/* ---- drawing ---- */
+
+/* With explicit coupling, what is free is drawn where it is, and the prescribed part where it will be: prescribed bodies are the same under both couplings. */
+static PetscErrorCode place_bodies(Couple c, PetscBool *drawn)
+{
+  const FlowStep *step;
+  PetscReal       angle, arm[3];
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetStep(c->flow, &step));
+  c->s->time = step->time - step->dt;
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    PetscCall(BodiesPredict(c->bodies, k, step->dt, c->implicit ? step->order : 0, c->X[k], c->q[k], &angle));
+    PetscCall(BodiesGetArm(c->bodies, k, c->q[k], arm));
+    for (PetscInt a = 0; a < 3; a++) c->P[k][a] = c->X[k][a] - arm[a];
+  }
+  PetscCall(MarkIsCurrent(c->mark, c->X, c->q, step->ct, drawn)); /* the strength of a penalty goes by c_t */
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Which rigid velocities are unknown; values of the others, and first guesses */
+static PetscErrorCode set_rigid_velocities(Couple c)
+{
+  const FlowStep *step;
+  PetscReal       ratio;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetStep(c->flow, &step));
+  ratio = step->dt_old > 0 ? step->dt / step->dt_old : 0;
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    PetscReal u[1][3], w[1][3];
+
+    PetscCall(BodiesGetKnownVelocity(c->bodies, k, step->time, u[0], w[0]));
+    c->unknown[k] = 0;
+    for (PetscInt i = 0; i < c->nr; i++) {
+      PetscReal now, old;
+
+      get_history(c, k, i, &now, &old);
+      if (c->implicit && is_free(c, k, i)) c->unknown[k] |= 1 << i;
+      c->U[k * c->nr + i] = (c->unknown[k] >> i) & 1 ? (step->order == 2 ? now + ratio * (now - old) : now) : *CoupleRigidComponent(c, u, w, 0, i);
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* rung nodal: every node inside moves with the body */
+static PetscErrorCode draw_nodal(Couple c)
+{
+  PetscFunctionBeginUser;
+  PetscCall(MarkInside(c->mark, c->X, c->q));
+  PetscCall(MarkCheckSeen(c->mark));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode draw_penalty(Couple c)
+{
+  const Soft *soft;
+
+  PetscFunctionBeginUser;
+  PetscCall(PenaltyDraw(c->penalty, c->X, c->q, c->P, c->fitted, c->mark));
+  PetscCall(PenaltyGetSoft(c->penalty, &soft));
+  PetscCall(ConstraintSetFollowers(c->constraint, soft->follow, soft->nmore, soft->more));
+  PetscCall(FlowSolverSetSoft(c->solver, soft));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode add_penalty_force(Couple c, PetscReal out[])
+{
+  const Soft *soft;
+
+  PetscFunctionBeginUser;
+  PetscCall(PenaltyGetSoft(c->penalty, &soft));
+  PetscCall(SoftAddForce(soft, c->constraint, c->u, c->U, out));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* rung snap: the mesh lines up with the bodies; those it cannot follow are held by the penalty in this step */
+static PetscErrorCode draw_snap(Couple c)
+{
+  const SnapResult *r;
+  const PetscInt    before = c->snap.fallback;
+  const RemapCount *count;
+
+  PetscFunctionBeginUser;
+  PetscCall(FitUpdate(c->fit, c->solver, c->X, c->q, &c->fitted, &r, &count));
+  c->hollow = r->hollow;
+  for (PetscInt e = 0; e < r->nmarked; e++) PetscCall(MarkClaim(c->mark, r->marked[e], r->node_body[r->marked[e]]));
+  c->snap = (CoupleSnapCount){PETSC_TRUE, 0, r->nnarrow, c->snap.taylor + count->taylor, c->snap.kept + count->kept};
+  for (PetscInt k = 0; k < c->s->n; k++)
+    if (!c->fitted[k] && !c->s->gone[k] && !c->s->group[c->s->body_group[k]].hole) c->snap.fallback++;
+  if (c->snap.fallback || before) PetscCall(draw_penalty(c));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Inertia D = c_t (rho_s - rho_i) (Vol; I) and right-hand side (rho_s - rho_i) (Vol; I) d(U) + (rho_s - rho_f) Vol g + contact + load of the rigid rows, rho_i: density of
+   the fluid inside. Known velocities that share an inertia with unknown ones (a pivot that moves) count on the right. */
+static PetscErrorCode fill_rigid_rows(Couple c)
+{
+  const FlowStep       *step;
+  const FlowParameters *par;
+  const PetscInt        nr = c->nr, dim = c->loc->dim;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetStep(c->flow, &step));
+  PetscCall(FlowGetParameters(c->flow, &par));
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    const PetscReal excess = c->s->group[c->s->body_group[k]].density - CoupleInnerDensity(c, k, par);
+    PetscReal       M[36], *g = c->g + k * nr, spin, L[3], force[3], torque[3], dead[6];
+
+    PetscCall(RigidGetMass(c->bodies, k, c->q[k], M));
+    PetscCall(BodiesGetLoad(c->bodies, k, par->density, par->gravity, force, torque));
+    for (PetscInt a = 0; a < 3; a++) {
+      force[a] += c->s->contact_force[k][a];
+      torque[a] += c->s->contact_torque[k][a];
+    }
+    PetscCall(RigidReduceForce(c->bodies, k, c->q[k], force, torque, g));
+    PetscCall(CoupleDeadForce(c, k, par, dead));
+    for (PetscInt i = 0; i < nr; i++) {
+      g[i] += dead[i];
+      for (PetscInt j = 0; j < nr; j++) {
+        PetscReal now, old;
+
+        get_history(c, k, j, &now, &old);
+        c->D[(k * nr + i) * nr + j] = step->ct * excess * M[i * nr + j];
+        g[i] += excess * M[i * nr + j] * (step->d0 * now + step->d1 * old);
+        if (!((c->unknown[k] >> j) & 1)) g[i] -= c->D[(k * nr + i) * nr + j] * c->U[k * nr + j];
+      }
+    }
+    PetscCall(CoupleSpinStress(c, k, par, &spin));
+    if (spin > 0) {
+      c->D[(k * nr + dim) * nr + dim] += step->theta * spin;
+      g[dim] -= (1 - step->theta) * spin * c->U_old[k * nr + dim];
+    }
+    if (dim == 3) { /* gyroscopic torque - w x (J w), at the beginning of the step */
+      for (PetscInt a = 0; a < 3; a++)
+        L[a] = M[(3 + a) * nr + 3] * c->s->w[k][0] + M[(3 + a) * nr + 4] * c->s->w[k][1] + M[(3 + a) * nr + 5] * c->s->w[k][2];
+      for (PetscInt a = 0; a < 3; a++) g[3 + a] -= excess * (c->s->w[k][(a + 1) % 3] * L[(a + 2) % 3] - c->s->w[k][(a + 2) % 3] * L[(a + 1) % 3]);
+    }
+  }
+  if (c->rung.add_rigid) PetscCall((*c->rung.add_rigid)(c));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The mesh comes along with the bodies */
+static PetscErrorCode follow_bodies(Couple c, PetscBool drawn)
+{
+  PetscFunctionBeginUser;
+  PetscCall(FollowUpdate(c->follow, c->solver, drawn ? NULL : c->X, c->q));
+  if (c->penalty && !drawn) PetscCall(PenaltyMeasureCells(c->penalty));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Nodes and cells of bodies that have moved since they were drawn; what stands still is drawn once */
+static PetscErrorCode draw_bodies(Couple c)
+{
+  PetscBool drawn = PETSC_TRUE;
+
+  PetscFunctionBeginUser;
+  PetscCall(place_bodies(c, &drawn));
+  if (c->follow) PetscCall(follow_bodies(c, drawn));
+  if (drawn) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscLogEventBegin(TB_MARK, 0, 0, 0, 0));
+  PetscCall(MarkClear(c->mark));
+  PetscCall((*c->rung.draw)(c));
+  PetscCall(MarkFinish(c->mark));
+  PetscCall(PetscLogEventEnd(TB_MARK, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleDraw(Couple c)
+{
+  const PetscInt  *fixed, *node_body;
+  const PetscReal *value;
+
+  PetscFunctionBeginUser;
+  PetscCall(BoundaryGetValues(FlowBoundary(c->flow), &fixed, &value));
+  PetscCall(HoleSetMotion(c->hole));
+  PetscCall(draw_bodies(c));
+  PetscCall(MarkGetNodes(c->mark, &node_body, NULL, NULL));
+  PetscCall(set_rigid_velocities(c));
+  PetscCall(ConstraintSetBoundary(c->constraint, fixed, value));
+  if (c->s->n) {
+    PetscCall(ConstraintSetBodies(c->constraint, node_body, c->P, c->unknown, c->U, NULL));
+    PetscCall(fill_rigid_rows(c));
+    PetscCall(FlowSolverSetRigid(c->solver, c->D));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleAssemble(Couple c)
+{
+  PetscFunctionBeginUser;
+  PetscCall(FlowAssemble(c->flow));
+  PetscCall(FlowRhs(c->flow, c->rhs));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleSolve(Couple c, PetscInt *its, KSPConvergedReason *reason)
+{
+  PetscFunctionBeginUser;
+  PetscCall(CoupleAssemble(c));
+  PetscCall(FlowSolverSetUp(c->solver));
+  PetscCall(FlowExtrapolate(c->flow, c->u, c->p, c->dp));
+  PetscCall(FlowSolverSolve(c->solver, c->rhs, c->g, c->u, c->p, c->dp, c->U, its, reason));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- advancing ---- */
+
+/* Explicit coupling of a light body: the velocity change alternates in sign and grows from step to step (the added mass acts one step late). */
+static PetscErrorCode detect_blow_up(Couple c)
+{
+  const FlowStep       *step;
+  const FlowParameters *par;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetStep(c->flow, &step));
+  PetscCall(FlowGetParameters(c->flow, &par));
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    const BodyGroup *group = c->s->group + c->s->body_group[k];
+    PetscReal        du[3], size = 0, dot = 0;
+
+    if (!group->free) continue;
+    for (PetscInt a = 0; a < 3; a++) {
+      du[a] = c->s->u[k][a] - c->s->u_old[k][a];
+      size += du[a] * du[a];
+      dot += du[a] * c->du_old[3 * k + a];
+      size = PetscIsInfOrNanReal(du[a]) ? PETSC_INFINITY : size;
+    }
+    {
+      const PetscReal *o        = c->du_old + 3 * k;
+      const PetscReal  old_size = o[0] * o[0] + o[1] * o[1] + o[2] * o[2];
+
+      c->growth[k] = dot < 0 && size > 1.1 * old_size ? c->growth[k] + 1 : 0;
+    }
+    PetscCheck(size < PETSC_INFINITY && c->growth[k] < 4 && PetscSqrtReal(size) * step->dt < 2 * group->radius, PETSC_COMM_WORLD,
+               PETSC_ERR_USER_INPUT,
+               "Body %" PetscInt_FMT
+               " (group '%s', density ratio %g) oscillates with growing velocity, |dU| = %g in one step: explicit coupling is unstable for light bodies because the added mass acts one step late, "
+               "and a smaller -sim_dt makes it worse. Use -couple_type implicit",
+               k, group->name, (double)(group->density / par->density), (double)PetscSqrtReal(size));
+    for (PetscInt a = 0; a < 3; a++) c->du_old[3 * k + a] = du[a];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Explicit coupling moves the bodies under the mean of the present and the last hydrodynamic force, as Wan & Turek (2006) do. Force and torque act one step late; with their
+   added inertia m (added mass and what the boundary layer gains in a step) the mean is stable for m < 2 M, the present force alone only for m < M. */
+static PetscErrorCode advance_explicitly(Couple c, const FlowStep *step, const FlowParameters *par)
+{
+  BodyState *s = c->s;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < 3 * s->n; i++) {
+    PetscReal *f[2] = {&s->force[i / 3][i % 3], &s->torque[i / 3][i % 3]}, *old[2] = {&c->force_old[2 * i], &c->force_old[2 * i + 1]};
+
+    for (PetscInt j = 0; j < 2; j++) {
+      const PetscReal now = *f[j];
+
+      *f[j]   = 0.5 * (now + *old[j]);
+      *old[j] = now;
+    }
+  }
+  PetscCall(BodiesAdvanceVelocity(c->bodies, step->dt, par->density, par->gravity));
+  for (PetscInt i = 0; i < 3 * s->n; i++) {
+    s->force[i / 3][i % 3]  = c->force_old[2 * i];
+    s->torque[i / 3][i % 3] = c->force_old[2 * i + 1];
+  }
+  PetscCall(detect_blow_up(c));
+  PetscCall(BodiesAdvancePosition(c->bodies, step->dt, 1));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Velocities and positions of the bodies at the end of the step; bodies that stand still are left alone */
+static PetscErrorCode advance_bodies(Couple c)
+{
+  const FlowStep       *step;
+  const FlowParameters *par;
+  BodyState            *s = c->s;
+  PetscBool             still;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetStep(c->flow, &step));
+  PetscCall(FlowGetParameters(c->flow, &par));
+  PetscCall(BodiesAreStill(c->bodies, &still));
+  if (still) {
+    s->time = step->time;
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCall(PetscLogEventBegin(TB_ADVANCE, 0, 0, 0, 0));
+  if (c->implicit) {
+    for (PetscInt k = 0; k < s->n; k++) {
+      for (PetscInt i = 0; i < c->nr; i++) {
+        *CoupleRigidComponent(c, s->u_old, s->w_old, k, i) = *CoupleRigidComponent(c, s->u, s->w, k, i);
+        *CoupleRigidComponent(c, s->u, s->w, k, i)         = c->U[k * c->nr + i];
+      }
+    }
+    PetscCall(BodiesAdvancePosition(c->bodies, step->dt, step->order == 2 ? 0.5 : 1));
+    for (PetscInt k = 0; k < s->n; k++) PetscCall(BodiesRelease(c->bodies, k, par->density, par->gravity));
+  } else PetscCall(advance_explicitly(c, step, par));
+  PetscCall(PetscLogEventEnd(TB_ADVANCE, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Rung snap carries the fields to the nodes that it moves; where a body goes more than half a cell in a step that costs accuracy (runs/studies/tradeoff), which the run should not keep
+   to itself (once) */
+static PetscErrorCode remark_long_way(Couple c)
+{
+  const BodyState *s = c->s;
+  const FlowStep  *step;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetStep(c->flow, &step));
+  for (PetscInt k = 0; k < s->n && !c->remarked; k++) {
+    const PetscReal way = BodiesFastestPoint(s, k, 0) * step->dt / c->loc->h;
+
+    if (s->gone[k] || way <= 0.5) continue;
+    c->remarked = PETSC_TRUE;
+    PetscCall(
+      PetscPrintf(PETSC_COMM_WORLD,
+                  "remark: body %" PetscInt_FMT
+                  " (group '%s') goes %.2g of the smallest cells in the step to t = %g; -couple_boundary snap loses accuracy beyond 0.5: lower -sim_dt (%g), or "
+                  "use -sim_adapt\n",
+                  k, s->group[s->body_group[k]].name, (double)way, (double)step->time, (double)step->dt));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleAdvance(Couple c)
+{
+  PetscFunctionBeginUser;
+  PetscCall(advance_bodies(c));
+  if (c->fit && !c->remarked) PetscCall(remark_long_way(c));
+  PetscCall(PetscArraycpy(c->U_older, c->U_old, c->s->n * c->nr));
+  PetscCall(PetscArraycpy(c->U_old, c->U, c->s->n * c->nr));
+  PetscCall(FlowAcceptStep(c->flow, c->u, c->p));
+  if (c->follow) PetscCall(FollowAccept(c->follow));
+  c->snap.taylor = c->snap.kept = 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- life cycle ---- */
+
+PetscErrorCode CoupleSetDefaults(void)
+{
+  char      type[32] = "";
+  PetscBool is_explicit;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscOptionsGetString(NULL, NULL, "-couple_type", type, sizeof(type), NULL));
+  PetscCall(PetscStrcmp(type, "explicit", &is_explicit));
+  if (is_explicit) PetscCall(OptDefault("-flow_time", "be"));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static const Rung RUNGS[] = {
+  {"nodal", PETSC_FALSE, draw_nodal, NULL, NULL},
+  {"penalty", PETSC_FALSE, draw_penalty, NULL, add_penalty_force},
+  {"snap", PETSC_TRUE, draw_snap, NULL, add_penalty_force},
+};
+
+/* -couple_boundary */
+static PetscErrorCode choose_rung(Couple c)
+{
+  const PetscInt n = PETSC_STATIC_ARRAY_LENGTH(RUNGS);
+  const char    *name[PETSC_STATIC_ARRAY_LENGTH(RUNGS) + 1];
+  PetscInt       choice = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < n; i++) name[i] = RUNGS[i].name;
+  name[n] = NULL;
+  if (c->s->n) PetscCall(OptChoice("-couple_boundary", "how the flow sees the surface of a body", name, &choice));
+  c->rung = RUNGS[choice];
+  if (c->rung.draw == draw_penalty || c->rung.draw == draw_snap) PetscCall(PenaltyCreate(c->flow, c->bodies, &c->penalty));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode check_extrapolation(Couple c)
+{
+  const FlowParameters *par;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetParameters(c->flow, &par));
+  for (PetscInt i = 0; i < c->s->ngroups && par->quadratic; i++) {
+    const BodyGroup *g = c->s->group + i;
+
+    PetscCheck(!g->free && !g->motion.given, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "Option -flow_extrapolation quadratic: group '%s' moves, and a parabola in time does not hold where bodies pass: use linear", g->name);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Bodies that the mesh hardly sees: runs/extremes, axis diameter */
+static PetscErrorCode remark_small_bodies(Couple c)
+{
+  const BodyState *s        = c->s;
+  PetscInt         smallest = -1;
+
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < s->n; k++) {
+    const PetscReal r = s->group[s->body_group[k]].radius;
+
+    if (r < 0.999 * c->loc->h && (smallest < 0 || r < s->group[s->body_group[smallest]].radius)) smallest = k;
+  }
+  if (smallest < 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(
+    PetscPrintf(PETSC_COMM_WORLD,
+                "remark: body %" PetscInt_FMT
+                " (group '%s') is %.2g of the smallest cells long; below 2 its force is off by 20 %% and more: refine the mesh, such as by -mesh_cells\n",
+                smallest, s->group[s->body_group[smallest]].name, (double)(2 * s->group[s->body_group[smallest]].radius / c->loc->h)));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode create_solver(Couple c)
+{
+  PetscBool still;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesAreStill(c->bodies, &still));
+  if (!still) PetscCall(OptDefault("-flow_rtol_most", "1e-6")); /* the momentum of a heavy body is most of the right-hand side */
+  PetscCall(FlowSolverCreate(c->flow, c->constraint, (PetscBool)!still, &c->solver));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
+{
+  Couple   c;
+  PetscInt n, nn, type = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&c));
+  c->flow   = flow;
+  c->bodies = bodies;
+  PetscCall(BodiesGetState(bodies, &c->s));
+  PetscCall(FlowGetMesh(flow, &c->mesh));
+  PetscCall(MeshGetLocal(c->mesh, &c->loc));
+  n = c->s->n;
+  if (n) {
+    PetscCall(OptChoice("-couple_type", "bodies and flow in one system, or the bodies' velocity known from the last step", TYPES, &type));
+    PetscCall(OptChoice("-couple_force", "form of the hydrodynamic force", FORCES, &c->use_volume));
+  }
+  PetscCall(check_extrapolation(c));
+  PetscCall(choose_rung(c));
+  PetscCall(remark_small_bodies(c));
+  c->implicit = type == 0;
+  PetscCall(HoleCreate(flow, bodies, &c->hole));
+  PetscCall(CoupleListPrescribedCells(c));
+  PetscCall(ConstraintCreate(c->mesh, n, &c->constraint));
+  PetscCall(ConstraintGetRigidSize(c->constraint, &c->nr));
+  PetscCall(create_solver(c));
+  nn = n * c->nr;
+  PetscCall(MarkCreate(c->mesh, bodies, &c->mark));
+  if (c->rung.dead) PetscCall(FitCreate(flow, bodies, &c->fit));
+  PetscCall(PetscCalloc7(n, &c->X, n, &c->q, n, &c->P, n, &c->unknown, 3 * n, &c->du_old, n, &c->growth, 6 * n, &c->force_old));
+  PetscCall(PetscCalloc6(nn, &c->U, nn, &c->U_old, nn, &c->U_older, nn * c->nr, &c->D, nn, &c->g, nn, &c->residual));
+  for (PetscInt k = 0; k < n; k++) {
+    PetscReal u[1][3], w[1][3];
+
+    PetscCall(BodiesGetKnownVelocity(bodies, k, 0, u[0], w[0]));
+    for (PetscInt i = 0; i < c->nr; i++) c->U_old[k * c->nr + i] = c->U_older[k * c->nr + i] = *CoupleRigidComponent(c, u, w, 0, i);
+  }
+  PetscCall(PetscCalloc4(c->loc->nnode_all * c->loc->dim, &c->u, c->loc->ncell * (c->loc->dim + 1), &c->p, c->loc->ncell * (c->loc->dim + 1), &c->dp,
+                         c->loc->nnode_all * c->loc->dim, &c->rhs));
+  *couple = c;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleSetDeform(Couple c, Deform deform)
+{
+  PetscFunctionBeginUser;
+  PetscCheck(!c->fit, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+             "-couple_boundary snap moves the nodes around bodies itself, and -mesh_deform would have to follow bodies that move with the same nodes: use -couple_boundary penalty or "
+             "nodal, or remove -mesh_deform");
+  PetscCall(FollowCreate(c->flow, c->bodies, deform, &c->follow));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleGetDeform(Couple c, const DeformResult **result)
+{
+  PetscFunctionBeginUser;
+  *result = NULL;
+  if (c->follow) PetscCall(FollowGetResult(c->follow, result));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleDestroy(Couple *couple)
+{
+  Couple c = *couple;
+
+  PetscFunctionBeginUser;
+  if (!c) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(FlowSolverDestroy(&c->solver));
+  PetscCall(HoleDestroy(&c->hole));
+  PetscCall(PetscFree(c->prescribed));
+  PetscCall(ConstraintDestroy(&c->constraint));
+  PetscCall(MarkDestroy(&c->mark));
+  PetscCall(FitDestroy(&c->fit));
+  PetscCall(FollowDestroy(&c->follow));
+  PetscCall(PetscFree7(c->X, c->q, c->P, c->unknown, c->du_old, c->growth, c->force_old));
+  PetscCall(PenaltyDestroy(&c->penalty));
+  PetscCall(PetscFree6(c->U, c->U_old, c->U_older, c->D, c->g, c->residual));
+  PetscCall(PetscFree4(c->u, c->p, c->dp, c->rhs));
+  PetscCall(PetscFree(*couple));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleView(Couple c, PetscViewer viewer)
+{
+  PetscFunctionBeginUser;
+  if (c->s->n)
+    PetscCall(
+      PetscViewerASCIIPrintf(viewer, "coupling: %s, boundary %s, force in %s form\n", TYPES[!c->implicit], c->rung.name, FORCES[c->use_volume]));
+  else PetscCall(PetscViewerASCIIPrintf(viewer, "coupling: none (no bodies)\n"));
+  if (c->penalty) PetscCall(PenaltyView(c->penalty, viewer));
+  if (c->follow) PetscCall(PetscViewerASCIIPrintf(viewer, "  the mesh follows the bodies (-mesh_deform), its velocity is part of the convection\n"));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleGetSolver(Couple c, FlowSolver *solver)
+{
+  PetscFunctionBeginUser;
+  *solver = c->solver;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleGetSnapCount(Couple c, CoupleSnapCount *count)
+{
+  PetscFunctionBeginUser;
+  *count         = c->snap;
+  count->present = (PetscBool)(c->fit != NULL);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleGetNodeBody(Couple c, const PetscInt *node_body[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(MarkGetNodes(c->mark, node_body, NULL, NULL));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleGetLoad(Couple c, PetscInt *ncells, PetscInt *nbodies)
+{
+  const PetscInt *node_body, *node;
+  PetscInt        n;
+  PetscBool      *seen;
+
+  PetscFunctionBeginUser;
+  PetscCall(MarkGetCells(c->mark, ncells, NULL));
+  PetscCall(MarkGetNodes(c->mark, &node_body, &n, &node));
+  *nbodies = 0;
+  PetscCall(PetscCalloc1(c->s->n, &seen));
+  for (PetscInt i = 0; i < n; i++) {
+    const PetscInt k = node_body[node[i]];
+
+    if (node[i] >= c->loc->nnode || seen[k]) continue;
+    seen[k] = PETSC_TRUE;
+    (*nbodies)++;
+  }
+  PetscCall(PetscFree(seen));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleGetSolution(Couple c, const PetscReal *u[], const PetscReal *p[])
+{
+  PetscFunctionBeginUser;
+  *u = c->u;
+  *p = c->p;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleGetSystem(Couple c, PetscReal *u[], PetscReal *p[], PetscReal *U[], PetscReal *rhs[], PetscReal *g[])
+{
+  PetscFunctionBeginUser;
+  if (u) *u = c->u;
+  if (p) *p = c->p;
+  if (U) *U = c->U;
+  if (rhs) *rhs = c->rhs;
+  if (g) *g = c->g;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleRenewSolver(Couple c)
+{
+  PetscFunctionBeginUser;
+  PetscCall(FlowSolverDestroy(&c->solver));
+  PetscCall(create_solver(c));
+  if (c->fit) PetscCall(FitAttach(c->fit, c->solver));
+  PetscCall(MarkForget(c->mark)); /* the rungs tell the solver of what they draw */
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleVisitState(void *couple, State state)
+{
+  Couple         c  = couple;
+  const PetscInt nn = c->s->n * c->nr;
+
+  PetscFunctionBeginUser;
+  PetscCall(StateReals(state, "U_old", nn, c->U_old));
+  PetscCall(StateReals(state, "U_older", nn, c->U_older));
+  PetscCall(StateReals(state, "du_old", 3 * c->s->n, c->du_old));
+  PetscCall(StateInts(state, "growth", c->s->n, c->growth));
+  PetscCall(StateReals(state, "force_old", 6 * c->s->n, c->force_old));
+  if (c->fit) PetscCall(FitVisitState(c->fit, state));
+  if (c->follow) PetscCall(FollowVisitState(c->follow, state));
+  if ((c->fit || c->follow) && StateIsLoading(state)) PetscCall(CoupleRenewSolver(c));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

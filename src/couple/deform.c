@@ -1,0 +1,695 @@
+/* Deform: see deform.h. Numbers of a cell are computed on own and ghost cells alike, so that own vertices see all their cells. */
+#include "compat.h"
+#include "couple/deform.h"
+#include "base/grid.h"
+#include "base/dense.h"
+#include "indicator.h"
+#include "base/opt.h"
+#include <petscksp.h>
+
+#define MAX_NV  8    /* vertices of a cell */
+#define MAX_NQ  27   /* Gauss points */
+#define SAFE    0.1  /* smallest Jacobian over the mean of its cell */
+#define CORRECT 12   /* further steps at most, until */
+#define GOOD    0.02 /* sizes are so close to the wanted ones */
+#define FOLLOW  4    /* steps at most behind bodies that moved, until */
+#define CLOSE   0.05 /* sizes are so close */
+#define RELAX   2    /* relaxation by the change of sizes that the way of the bodies makes: in proportion to that way, however long the step */
+#define REGULARISE \
+  1e-2 /* of the mass, over the square of the domain: makes the Neumann problem definite; what it does to the displacement the next steps correct */
+#define PASSES 2    /* of smoothing of the displacements on the way */
+#define SMOOTH 0.05 /* of the Laplacian, against potentials that alternate from cell to cell, which move next to nothing */
+
+struct _p_Deform {
+  Mesh             mesh;
+  Bodies           bodies;
+  BodyState       *s;
+  const MeshLocal *l;
+  Cells            near;        /* entries of the list, with their widths around them */
+  PetscInt         nnear, room; /* the list: bodies and their periodic images, where they are drawn */
+  PetscInt        *body;
+  PetscReal (*X)[3], (*q)[4]; /* [nnear], [bodies] */
+  PetscReal  size, width;
+  PetscInt   steps, dim, nv, nq; /* vertices of a cell, Gauss points */
+  PetscInt   corner[MAX_NV];     /* lattice place of vertex j of a cell */
+  PetscReal  phi[MAX_NQ][MAX_NV], dphi[MAX_NQ][MAX_NV][3], weight[MAX_NQ];
+  PetscBool *vertex;       /* [nnode_all] */
+  PetscInt  *held;         /* [nnode_all] bit mask of components that do not move */
+  PetscReal *carried;      /* [ncell_all] size of the cell at the start */
+  PetscReal *now, *count;  /* [ncell_all] present size; integral of 1/m */
+  PetscReal *slope;        /* [ncell_all][nv][dim] derivative of count/k by the places of the vertices */
+  PetscReal *inverse;      /* [nnode_all] 1/m at vertices */
+  PetscReal *ease;         /* [nnode_all] 1/(rho^2 mass): how willingly a vertex moves */
+  PetscReal *damp;         /* [nnode_all] SMOOTH */
+  PetscReal *v;            /* [nnode_all][dim] displacement */
+  PetscReal *start;        /* [nnode_all][dim] places at the start */
+  PetscReal *relax, share; /* [nnode_all][dim] a share of what smoothing would change in the displacements from there */
+  PetscReal *trial;        /* [nnode_all][dim] places */
+  PetscReal  scale;        /* k */
+  Mat        K;
+  KSP        ksp;
+  Vec        x, b;
+};
+
+/* Displacements of a step: those that the sizes want; these smoothed; the relaxation with what the sizes then want */
+typedef enum {
+  EXACT,
+  SMOOTHED,
+  RELAXED
+} Kind;
+
+/* ---- elements ---- */
+
+static void tabulate(Deform d)
+{
+  static const PetscReal point[3] = {-0.77459666924148340, 0, 0.77459666924148340}, weight[3] = {5. / 9, 8. / 9, 5. / 9};
+
+  d->nv = 1 << d->dim;
+  d->nq = d->dim == 2 ? 9 : 27;
+  for (PetscInt j = 0; j < d->nv; j++) d->corner[j] = 2 * (j & 1) + 6 * (j >> 1 & 1) + 18 * (j >> 2);
+  for (PetscInt q = 0; q < d->nq; q++) {
+    const PetscInt at[3] = {q % 3, q / 3 % 3, q / 9};
+
+    d->weight[q] = 1;
+    for (PetscInt a = 0; a < d->dim; a++) d->weight[q] *= weight[at[a]];
+    for (PetscInt j = 0; j < d->nv; j++) {
+      PetscReal f[3], g[3];
+
+      for (PetscInt a = 0; a < d->dim; a++) {
+        g[a] = (j >> a & 1) ? 0.5 : -0.5;
+        f[a] = 0.5 + g[a] * point[at[a]];
+      }
+      d->phi[q][j] = 1;
+      for (PetscInt a = 0; a < d->dim; a++) d->phi[q][j] *= f[a];
+      for (PetscInt a = 0; a < d->dim; a++) {
+        d->dphi[q][j][a] = g[a];
+        for (PetscInt e = 0; e < d->dim; e++)
+          if (e != a) d->dphi[q][j][a] *= f[e];
+      }
+    }
+  }
+}
+
+/* Jacobian matrix dx_a/dxi_b of vertices xv with gradients g of the vertex functions */
+static void map_gradient(const struct _p_Deform *d, PetscReal xv[][3], const PetscReal g[][3], PetscReal jac[])
+{
+  for (PetscInt a = 0; a < d->dim; a++)
+    for (PetscInt b = 0; b < d->dim; b++) {
+      jac[a * d->dim + b] = 0;
+      for (PetscInt j = 0; j < d->nv; j++) jac[a * d->dim + b] += xv[j][a] * g[j][b];
+    }
+}
+
+static PetscErrorCode get_vertices(const struct _p_Deform *d, PetscInt c, PetscReal xv[][3])
+{
+  PetscReal xc[MESH_MAX_NB * 3];
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshCellCoordinates(d->mesh, c, xc));
+  for (PetscInt j = 0; j < d->nv; j++)
+    for (PetscInt a = 0; a < d->dim; a++) xv[j][a] = xc[d->corner[j] * d->dim + a];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static inline PetscInt vertex_of(const struct _p_Deform *d, PetscInt c, PetscInt j)
+{
+  return d->l->cell_node[c * d->l->nb + d->corner[j]];
+}
+
+/* ---- monitor ---- */
+
+/* Wanted size over k times the size at the start, at x [dim]. A product over the bodies is smooth also where two of them are equally far. */
+static PetscErrorCode evaluate_monitor(const struct _p_Deform *d, const PetscReal x[], PetscReal *m)
+{
+  const PetscReal X[3] = {x[0], x[1], d->dim == 3 ? x[2] : 0};
+  PetscReal       rise = 1, h;
+
+  PetscFunctionBeginUser;
+  for (PetscInt e = CellsFirst(d->near, X); e >= 0; e = CellsNext(d->near, e)) {
+    PetscReal t;
+
+    PetscCall(BodiesDistance(d->bodies, d->body[CellsItem(d->near, e)], d->X[CellsItem(d->near, e)], d->q[d->body[CellsItem(d->near, e)]], 1, x, &t));
+    t = PetscMin(1, PetscAbsReal(t) / d->width);
+    rise *= t * t * (3 - 2 * t);
+  }
+  h  = d->size + (1 - d->size) * rise;
+  *m = d->dim == 2 ? h * h : h * h * h;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Body k drawn at X, with all its images whose surroundings reach the domain */
+static PetscErrorCode list_body(Deform d, PetscInt k, const PetscReal X[3])
+{
+  const PetscReal reach = d->s->group[d->s->body_group[k]].radius + d->width;
+
+  PetscFunctionBeginUser;
+  for (PetscInt image = 0; image < (d->dim == 2 ? 9 : 27); image++) {
+    PetscReal at[3];
+
+    if (!MarkImage(d->l, X, reach + d->width, image, at)) continue;
+    if (d->nnear == d->room) {
+      d->room = 2 * d->room + 16;
+      PetscCall(PetscRealloc(d->room * sizeof(*d->body), &d->body));
+      PetscCall(PetscRealloc(d->room * sizeof(*d->X), &d->X));
+    }
+    d->body[d->nnear] = k;
+    PetscCall(PetscArraycpy(d->X[d->nnear], at, 3));
+    PetscCall(CellsInsert(d->near, d->nnear++, at, reach));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Bodies drawn at X, q, which are borrowed until the next call */
+static PetscErrorCode list_bodies(Deform d, PetscReal (*X)[3], PetscReal (*q)[4])
+{
+  const MeshLocal *l = d->l;
+
+  PetscFunctionBeginUser;
+  PetscCall(CellsDestroy(&d->near));
+  PetscCall(CellsCreate(d->dim, l->lower, l->upper, d->width, 1 << 20, &d->near));
+  d->nnear = 0;
+  d->q     = q;
+  for (PetscInt k = 0; k < d->s->n; k++)
+    if (!d->s->gone[k]) PetscCall(list_body(d, k, X[k]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- one step ---- */
+
+/* Smallest Jacobian of a cell at Gauss points and corners over its mean; a cell turned inside out gives -1 */
+static PetscReal find_least_jacobian(const struct _p_Deform *d, PetscReal xv[][3], PetscReal size)
+{
+  const PetscReal mean  = size / (1 << d->dim);
+  PetscReal       least = PETSC_MAX_REAL, jac[9];
+
+  for (PetscInt q = 0; q < d->nq; q++) {
+    map_gradient(d, xv, d->dphi[q], jac);
+    least = PetscMin(least, DenseDeterminant(d->dim, jac));
+  }
+  for (PetscInt k = 0; k < d->nv; k++) { /* corners: differences along the edges that meet there */
+    for (PetscInt b = 0; b < d->dim; b++)
+      for (PetscInt a = 0; a < d->dim; a++) jac[a * d->dim + b] = 0.5 * (xv[k | 1 << b][a] - xv[k & ~(1 << b)][a]);
+    least = PetscMin(least, DenseDeterminant(d->dim, jac));
+  }
+  return mean > 0 ? least / mean : -1;
+}
+
+/* Sizes and integrals of 1/m of all local cells, and over the domain the scale k. Collective. */
+static PetscErrorCode measure(Deform d)
+{
+  const MeshLocal *l      = d->l;
+  PetscReal        sum[2] = {0, 0};
+
+  PetscFunctionBeginUser;
+  for (PetscInt c = 0; c < l->ncell_all; c++) {
+    PetscReal xv[MAX_NV][3];
+
+    PetscCall(get_vertices(d, c, xv));
+    d->now[c] = d->count[c] = 0;
+    for (PetscInt q = 0; q < d->nq; q++) {
+      PetscReal jac[9], x[3] = {0, 0, 0}, weight, m;
+
+      map_gradient(d, xv, d->dphi[q], jac);
+      weight = d->weight[q] * DenseDeterminant(d->dim, jac);
+      for (PetscInt j = 0; j < d->nv; j++)
+        for (PetscInt a = 0; a < d->dim; a++) x[a] += d->phi[q][j] * xv[j][a];
+      PetscCall(evaluate_monitor(d, x, &m));
+      d->now[c] += weight;
+      d->count[c] += weight / m;
+    }
+    if (c < l->ncell) {
+      sum[0] += d->count[c];
+      sum[1] += d->carried[c];
+    }
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  d->scale = sum[0] / sum[1];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* After measure: sizes achieved over wanted, and the smallest Jacobian over its cell's mean, with its place. Collective. */
+static PetscErrorCode judge(Deform d, DeformResult *r, PetscReal where[3])
+{
+  const MeshLocal *l      = d->l;
+  PetscReal        top[3] = {0, 0, -PETSC_MAX_REAL}, mine; /* wanted over achieved, achieved over wanted, -Jacobian */
+
+  PetscFunctionBeginUser;
+  for (PetscInt c = 0; c < l->ncell; c++) {
+    const PetscReal ratio = d->count[c] / d->scale / d->carried[c];
+    PetscReal       xv[MAX_NV][3], least;
+
+    PetscCall(get_vertices(d, c, xv));
+    least  = find_least_jacobian(d, xv, d->now[c]);
+    top[0] = PetscMax(top[0], 1 / ratio);
+    top[1] = PetscMax(top[1], ratio);
+    if (-least <= top[2]) continue;
+    top[2] = -least;
+    for (PetscInt a = 0; a < 3; a++) where[a] = a < d->dim ? xv[0][a] : 0;
+  }
+  mine = top[2];
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, top, 3, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  if (mine < top[2]) where[0] = where[1] = where[2] = -PETSC_MAX_REAL;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, where, 3, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  r->area[0]  = 1 / top[0];
+  r->area[1]  = top[1];
+  r->jacobian = -top[2];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* 1/m at the vertices; mass and 1/m there, for how willingly they move */
+static PetscErrorCode weigh_vertices(Deform d)
+{
+  const MeshLocal *l = d->l;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(d->ease, l->nnode_all));
+  for (PetscInt i = 0; i < l->nnode_all; i++) {
+    PetscReal m;
+
+    if (!d->vertex[i]) continue;
+    PetscCall(evaluate_monitor(d, l->x + i * d->dim, &m));
+    d->inverse[i] = 1 / m;
+  }
+  for (PetscInt c = 0; c < l->ncell_all; c++)
+    for (PetscInt j = 0; j < d->nv; j++) d->ease[vertex_of(d, c, j)] += d->now[c] / d->nv;
+  for (PetscInt i = 0; i < l->nnode_all; i++)
+    if (d->vertex[i]) d->ease[i] = PetscSqr(d->scale / d->inverse[i]) / d->ease[i];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Derivatives of the cells' integrals by the places of their vertices: int div(phi_j e_a/m), with 1/m interpolated between the vertices, so that what one cell gains its neighbours
+   lose */
+static PetscErrorCode differentiate(Deform d)
+{
+  const PetscInt dim = d->dim;
+
+  PetscFunctionBeginUser;
+  PetscCall(weigh_vertices(d));
+  PetscCall(PetscArrayzero(d->slope, d->l->ncell_all * d->nv * dim));
+  for (PetscInt c = 0; c < d->l->ncell_all; c++) {
+    PetscReal xv[MAX_NV][3], *slope = d->slope + c * d->nv * dim;
+
+    PetscCall(get_vertices(d, c, xv));
+    for (PetscInt q = 0; q < d->nq; q++) {
+      PetscReal jac[9], inv[9], g[MAX_NV][3], f = 0, df[3] = {0, 0, 0}, weight;
+
+      map_gradient(d, xv, d->dphi[q], jac);
+      weight = d->weight[q] * DenseInvertMap(dim, jac, inv) / d->scale;
+      for (PetscInt j = 0; j < d->nv; j++) {
+        const PetscReal fj = d->inverse[vertex_of(d, c, j)];
+
+        f += d->phi[q][j] * fj;
+        for (PetscInt a = 0; a < dim; a++) {
+          g[j][a] = 0;
+          for (PetscInt b = 0; b < dim; b++) g[j][a] += inv[b * dim + a] * d->dphi[q][j][b];
+          df[a] += fj * g[j][a];
+        }
+      }
+      for (PetscInt j = 0; j < d->nv; j++)
+        for (PetscInt a = 0; a < dim; a++) slope[j * dim + a] += weight * (f * g[j][a] + d->phi[q][j] * df[a]);
+    }
+    for (PetscInt i = 0; i < d->nv * dim; i++)
+      if (d->held[vertex_of(d, c, i / dim)] >> i % dim & 1) slope[i] = 0;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The derivatives of cell c by the place of node i, one of its vertices */
+static const PetscReal *slope_at(const struct _p_Deform *d, PetscInt c, PetscInt i)
+{
+  PetscInt j = 0;
+
+  while (vertex_of(d, c, j) != i) j++;
+  return d->slope + (c * d->nv + j) * d->dim;
+}
+
+/* Strength of SMOOTH at the vertices of own cells: that of the Laplacian there, in the mean over the cells around */
+static void find_damping(Deform d)
+{
+  const MeshLocal *l = d->l;
+
+  for (PetscInt i = 0; i < l->nnode_all; i++) {
+    const PetscInt first = l->node_cell_ptr[i], last = l->node_cell_ptr[i + 1];
+
+    d->damp[i] = 0;
+    for (PetscInt e = first; e < last && d->vertex[i]; e++) {
+      const PetscReal *s = slope_at(d, l->node_cell[e], i);
+
+      for (PetscInt a = 0; a < d->dim; a++) d->damp[i] += SMOOTH * d->ease[i] * s[a] * s[a] / (last - first);
+    }
+  }
+}
+
+/* Rows of own cells of slope ease slope^T, the Laplacian of a potential in the cells */
+static PetscErrorCode assemble(Deform d)
+{
+  const MeshLocal *l        = d->l;
+  PetscReal        diameter = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt a = 0; a < d->dim; a++) diameter = PetscMax(diameter, l->upper[a] - l->lower[a]);
+  find_damping(d);
+  PetscCall(MatZeroEntries(d->K));
+  for (PetscInt c = 0; c < l->ncell; c++) {
+    const PetscInt row = l->cell_global[c];
+
+    PetscCall(MatSetValue(d->K, row, row, REGULARISE / (diameter * diameter) * d->now[c], ADD_VALUES));
+    for (PetscInt j = 0; j < d->nv; j++) {
+      const PetscInt   i = vertex_of(d, c, j), first = l->node_cell_ptr[i], last = l->node_cell_ptr[i + 1];
+      const PetscReal *mine = d->slope + (c * d->nv + j) * d->dim;
+
+      for (PetscInt e = first; e < last; e++) {
+        const PetscReal *other = slope_at(d, l->node_cell[e], i);
+        PetscReal        value = d->damp[i] * ((l->node_cell[e] == c) - 1. / (last - first));
+
+        for (PetscInt a = 0; a < d->dim; a++) value += d->ease[i] * mine[a] * other[a];
+        PetscCall(MatSetValue(d->K, row, l->cell_global[l->node_cell[e]], value, ADD_VALUES));
+      }
+    }
+  }
+  PetscCall(MatAssemblyBegin(d->K, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(d->K, MAT_FINAL_ASSEMBLY));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Replace the displacements v [nnode_all][dim] of vertices by the means over the cells around of the cells' means */
+static PetscErrorCode smooth_displacement(Deform d, PetscReal v[])
+{
+  const MeshLocal *l = d->l;
+  PetscReal       *sum, *mass;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc2(l->nnode_all * d->dim, &sum, l->nnode_all, &mass));
+  for (PetscInt c = 0; c < l->ncell_all; c++) {
+    PetscReal mean[3] = {0, 0, 0};
+
+    for (PetscInt i = 0; i < d->nv * d->dim; i++) mean[i % d->dim] += v[vertex_of(d, c, i / d->dim) * d->dim + i % d->dim] / d->nv;
+    for (PetscInt j = 0; j < d->nv; j++) {
+      mass[vertex_of(d, c, j)] += d->carried[c];
+      for (PetscInt a = 0; a < d->dim; a++) sum[vertex_of(d, c, j) * d->dim + a] += d->carried[c] * mean[a];
+    }
+  }
+  for (PetscInt i = 0; i < l->nnode * d->dim; i++)
+    v[i] = d->vertex[i / d->dim] && !(d->held[i / d->dim] >> i % d->dim & 1) ? sum[i] / mass[i / d->dim] : 0;
+  PetscCall(MeshSyncNodes(d->mesh, d->dim, v));
+  PetscCall(PetscFree2(sum, mass));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* A share of what smoothing would change in the displacements from the start */
+static PetscErrorCode find_relaxation(Deform d, PetscReal share)
+{
+  const PetscInt size = d->l->nnode_all * d->dim;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < size; i++) d->relax[i] = d->l->x[i] - d->start[i];
+  for (PetscInt i = 0; i < PASSES; i++) PetscCall(smooth_displacement(d, d->relax));
+  for (PetscInt i = 0; i < size; i++) d->relax[i] = d->vertex[i / d->dim] ? share * (d->relax[i] - (d->l->x[i] - d->start[i])) : 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The potential, in d->x, for sizes as wanted after a displacement by the relaxation too */
+static PetscErrorCode solve_potential(Deform d)
+{
+  const PetscInt     bs = d->nv * d->dim;
+  PetscScalar       *b;
+  KSPConvergedReason reason;
+
+  PetscFunctionBeginUser;
+  PetscCall(differentiate(d));
+  PetscCall(assemble(d));
+  PetscCall(VecGetArrayWrite(d->b, &b));
+  for (PetscInt c = 0; c < d->l->ncell; c++) b[c] = d->carried[c] - d->count[c] / d->scale;
+  for (PetscInt i = 0; i < d->l->ncell * bs; i++) b[i / bs] -= d->slope[i] * d->relax[vertex_of(d, i / bs, i / d->dim % d->nv) * d->dim + i % d->dim];
+  PetscCall(VecRestoreArrayWrite(d->b, &b));
+  PetscCall(KSPSolve(d->ksp, d->b, d->x));
+  PetscCall(KSPGetConvergedReason(d->ksp, &reason));
+  PetscCheck(reason > 0, PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
+             "The potential of -mesh_deform was not found (%s): raise -deform_ksp_max_it, or choose another -deform_pc_type",
+             KSPConvergedReasons[reason]);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The displacement ease slope^T w and the relaxation, at all local nodes */
+static PetscErrorCode find_displacement(Deform d)
+{
+  const MeshLocal   *l = d->l;
+  const PetscScalar *w;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(d->v, l->nnode_all * d->dim));
+  PetscCall(VecGetArrayRead(d->x, &w));
+  for (PetscInt i = 0; i < l->ncell * d->nv * d->dim; i++) {
+    const PetscInt c = i / (d->nv * d->dim);
+
+    d->v[vertex_of(d, c, i / d->dim % d->nv) * d->dim + i % d->dim] += d->slope[i] * PetscRealPart(w[c]);
+  }
+  PetscCall(VecRestoreArrayRead(d->x, &w));
+  PetscCall(MeshSumNodes(d->mesh, d->dim, d->v));
+  for (PetscInt i = 0; i < l->nnode * d->dim; i++) d->v[i] = d->vertex[i / d->dim] ? d->ease[i / d->dim] * d->v[i] + d->relax[i] : 0;
+  PetscCall(MeshSyncNodes(d->mesh, d->dim, d->v));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Put every node between the vertices of its cell, with the vertices at `from` + t v */
+static PetscErrorCode move_nodes(Deform d, const PetscReal from[], PetscReal t)
+{
+  const MeshLocal *l = d->l;
+  PetscInt        *node;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(l->nnode_all, &node));
+  for (PetscInt i = 0; i < l->nnode_all; i++) node[i] = i;
+  for (PetscInt i = 0; i < l->nnode_all * d->dim; i++) d->trial[i] = from[i] + t * d->v[i];
+  PetscCall(MeshMoveNodes(d->mesh, l->nnode_all, node, d->trial));
+  for (PetscInt c = 0; c < l->ncell_all; c++) {
+    PetscReal xv[MAX_NV][3];
+
+    PetscCall(get_vertices(d, c, xv));
+    for (PetscInt i = 0; i < l->nb; i++) {
+      const PetscInt at[3] = {i % 3, i / 3 % 3, i / 9};
+      PetscReal      x[3] = {0, 0, 0}, *y = d->trial + l->cell_node[c * l->nb + i] * d->dim;
+
+      if (d->vertex[l->cell_node[c * l->nb + i]]) continue;
+      for (PetscInt j = 0; j < d->nv; j++) {
+        PetscReal weight = 1;
+
+        for (PetscInt a = 0; a < d->dim; a++) weight *= (j >> a & 1) ? 0.5 * at[a] : 1 - 0.5 * at[a];
+        for (PetscInt a = 0; a < d->dim; a++) x[a] += weight * xv[j][a];
+      }
+      for (PetscInt a = 0; a < d->dim; a++) y[a] = x[a];
+    }
+  }
+  PetscCall(MeshSyncNodes(d->mesh, d->dim, d->trial));
+  PetscCall(MeshMoveNodes(d->mesh, l->nnode_all, node, d->trial));
+  PetscCall(PetscFree(node));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* A part of the way from the present to the wanted sizes; shorter if cells would become too slender. *taken: what it was. */
+static PetscErrorCode take_step(Deform d, Kind kind, PetscReal part, PetscReal *taken, DeformResult *r)
+{
+  const PetscInt size = d->l->nnode_all * d->dim;
+  PetscReal     *from, where[3] = {0, 0, 0};
+
+  PetscFunctionBeginUser;
+  if (kind == RELAXED) PetscCall(find_relaxation(d, d->share));
+  else PetscCall(PetscArrayzero(d->relax, size));
+  PetscCall(solve_potential(d));
+  PetscCall(find_displacement(d));
+  for (PetscInt i = 0; i < PASSES && kind == SMOOTHED; i++) PetscCall(smooth_displacement(d, d->v));
+  PetscCall(PetscMalloc1(size, &from));
+  PetscCall(PetscArraycpy(from, d->l->x, size));
+  for (*taken = part;; *taken *= 0.5) {
+    PetscCall(move_nodes(d, from, *taken));
+    PetscCall(measure(d));
+    PetscCall(judge(d, r, where));
+    if (r->jacobian > SAFE) break;
+    PetscCheck(*taken > 1e-3 * part, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "-mesh_deform would tangle the mesh: near (%g, %g) a cell is left with a Jacobian of %g of its mean. Raise -mesh_deform_size (now %g), -mesh_deform_width "
+               "(now %g) or the number of cells between the bodies",
+               (double)where[0], (double)where[1], (double)r->jacobian, (double)d->size, (double)d->width);
+  }
+  PetscCall(PetscFree(from));
+  r->steps++;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- preparation ---- */
+
+/* Nodes on a face of the box stay on it; every named boundary must be part of one. Sizes of the cells, which must have straight sides. */
+static PetscErrorCode hold_boundaries(Deform d)
+{
+  const MeshLocal *l = d->l;
+  PetscInt         n;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(d->held, l->nnode_all));
+  for (PetscInt i = 0; i < l->nnode_all * d->dim; i++) {
+    const PetscInt  a   = i % d->dim;
+    const PetscReal eps = 1e-8 * (l->upper[a] - l->lower[a]);
+
+    if (l->period[a] <= 0 && (l->x[i] < l->lower[a] + eps || l->x[i] > l->upper[a] - eps)) d->held[i / d->dim] |= 1 << a;
+  }
+  PetscCall(MeshGetBoundaryCount(d->mesh, &n));
+  for (PetscInt b = 0; b < n; b++) {
+    PetscInt        count, free = 0;
+    const PetscInt *node;
+    const char     *name;
+
+    PetscCall(MeshGetBoundaryNodes(d->mesh, b, &count, &node));
+    PetscCall(MeshGetBoundaryName(d->mesh, b, &name));
+    for (PetscInt i = 0; i < count; i++) free |= !d->held[node[i]];
+    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &free, 1, MPIU_INT, MPI_MAX, PETSC_COMM_WORLD));
+    PetscCheck(!free, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+               "-mesh_deform needs a box: boundary '%s' is not on its faces, and nodes could not slide along it. Use -mesh_kind box or channel",
+               name);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode measure_start(Deform d)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt c = 0; c < d->l->ncell_all; c++) {
+    PetscReal xv[MAX_NV][3];
+
+    PetscCall(get_vertices(d, c, xv));
+    d->carried[c] = 0;
+    for (PetscInt j = 0; j < d->nv; j++) d->vertex[vertex_of(d, c, j)] = PETSC_TRUE;
+    for (PetscInt q = 0; q < d->nq; q++) {
+      PetscReal jac[9];
+
+      map_gradient(d, xv, d->dphi[q], jac);
+      d->carried[c] += d->weight[q] * DenseDeterminant(d->dim, jac);
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode create_solver(Deform d)
+{
+  const PetscInt most = d->dim == 2 ? 9 : 27;
+  PC             pc;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, d->l->ncell, d->l->ncell, PETSC_DETERMINE, PETSC_DETERMINE, most, NULL, most, NULL, &d->K));
+  PetscCall(MatSetOption(d->K, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE)); /* meshes of files may have more cells around a vertex */
+  PetscCall(MatCreateVecs(d->K, &d->x, &d->b));
+  PetscCall(KSPCreate(PETSC_COMM_WORLD, &d->ksp));
+  PetscCall(KSPSetOptionsPrefix(d->ksp, "deform_"));
+  PetscCall(KSPSetType(d->ksp, KSPCG));
+  PetscCall(KSPSetOperators(d->ksp, d->K, d->K));
+  PetscCall(KSPSetTolerances(d->ksp, 1e-8, PETSC_DEFAULT, PETSC_DEFAULT, 1000));
+  PetscCall(KSPGetPC(d->ksp, &pc));
+  PetscCall(PCSetType(pc, PCGAMG));
+  PetscCall(OptDefault("-deform_pc_gamg_reuse_interpolation", "false")); /* cells change too much between solves */
+  PetscCall(KSPSetFromOptions(d->ksp));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_options(Deform d)
+{
+  PetscReal radius = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt g = 0; g < d->s->ngroups; g++) radius = PetscMax(radius, d->s->group[g].radius);
+  d->size  = 0.4;
+  d->width = radius;
+  d->steps = 30;
+  PetscCall(OptReal("-mesh_deform_size", "size of cells at the surface of a body over that far away", "", 0.1, 1, &d->size));
+  PetscCall(OptReal("-mesh_deform_width", "distance from the surface at which cells keep their size (default: radius of the largest body)", "length",
+                    OPT_POSITIVE, PETSC_MAX_REAL, &d->width));
+  PetscCall(OptInt("-mesh_deform_steps", "steps of pseudo-time of the deformation", "", 1, 1000, &d->steps));
+  PetscCheck(d->s->n, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "-mesh_deform has no bodies to concentrate cells at: add a group, or remove the option");
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- public ---- */
+
+PetscErrorCode DeformCreate(Mesh mesh, Bodies bodies, Deform *deform)
+{
+  Deform    d;
+  PetscInt  n, m;
+  PetscBool wanted = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  *deform = NULL;
+  PetscCall(OptBool("-mesh_deform", "concentrate cells near bodies, and follow those that move", &wanted));
+  if (!wanted) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscNew(&d));
+  *deform   = d;
+  d->mesh   = mesh;
+  d->bodies = bodies;
+  PetscCall(BodiesGetState(bodies, &d->s));
+  PetscCall(MeshGetLocal(mesh, &d->l));
+  d->dim = d->l->dim;
+  PetscCall(read_options(d));
+  tabulate(d);
+  n = d->l->nnode_all;
+  m = d->l->ncell_all;
+  PetscCall(PetscCalloc5(n, &d->vertex, n, &d->held, m, &d->carried, m, &d->now, m, &d->count));
+  PetscCall(PetscMalloc6(m * d->nv * d->dim, &d->slope, n, &d->inverse, n, &d->ease, n, &d->damp, n * d->dim, &d->v, n * d->dim, &d->trial));
+  PetscCall(PetscMalloc2(n * d->dim, &d->start, n * d->dim, &d->relax));
+  PetscCall(PetscArraycpy(d->start, d->l->x, n * d->dim));
+  PetscCall(hold_boundaries(d));
+  PetscCall(measure_start(d));
+  PetscCall(create_solver(d));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DeformDestroy(Deform *deform)
+{
+  Deform d = *deform;
+
+  PetscFunctionBeginUser;
+  if (!d) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(CellsDestroy(&d->near));
+  PetscCall(KSPDestroy(&d->ksp));
+  PetscCall(MatDestroy(&d->K));
+  PetscCall(VecDestroy(&d->x));
+  PetscCall(VecDestroy(&d->b));
+  PetscCall(PetscFree5(d->vertex, d->held, d->carried, d->now, d->count));
+  PetscCall(PetscFree6(d->slope, d->inverse, d->ease, d->damp, d->v, d->trial));
+  PetscCall(PetscFree2(d->start, d->relax));
+  PetscCall(PetscFree(d->body));
+  PetscCall(PetscFree(d->X));
+  PetscCall(PetscFree(*deform));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DeformMesh(Deform d, DeformResult *r)
+{
+  PetscReal taken, error = PETSC_MAX_REAL;
+
+  PetscFunctionBeginUser;
+  PetscCall(list_bodies(d, d->s->x, d->s->q));
+  r->steps = 0;
+  PetscCall(measure(d));
+  for (PetscInt k = 0; k < d->steps; k++) PetscCall(take_step(d, SMOOTHED, 1. / (d->steps - k), &taken, r));
+  for (PetscInt k = 0; k < CORRECT; k++) {
+    const PetscReal last = error;
+
+    error = PetscMax(1 - r->area[0], r->area[1] - 1);
+    if (error < GOOD || error > 0.95 * last) break;
+    PetscCall(take_step(d, EXACT, 1, &taken, r));
+  }
+  PetscCall(MeshRebase(d->mesh));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DeformFollow(Deform d, PetscReal (*X)[3], PetscReal (*q)[4], DeformResult *r)
+{
+  PetscReal taken, where[3] = {0, 0, 0};
+
+  PetscFunctionBeginUser;
+  PetscCall(list_bodies(d, X, q));
+  r->steps = 0;
+  PetscCall(measure(d));
+  PetscCall(judge(d, r, where));
+  d->share = PetscMin(1, RELAX * PetscMax(1 - r->area[0], r->area[1] - 1));
+  do PetscCall(take_step(d, r->steps ? EXACT : RELAXED, 1, &taken, r));
+  while (r->steps < FOLLOW && (r->area[0] < 1 - CLOSE || r->area[1] > 1 + CLOSE));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,365 @@
+/* Couple, forces: what the flow exerts on the bodies in both forms, and the balance of momentum; see couple.h for the definitions. */
+#include "compat.h"
+#include "impl.h"
+#include "base/log.h"
+#include "bodies/mass.h"
+
+PetscErrorCode CoupleSpinStress(Couple c, PetscInt k, const FlowParameters *par, PetscReal *coefficient)
+{
+  PetscFunctionBeginUser;
+  *coefficient = 0;
+  if (!c->hollow || !c->hollow[k]) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(BodiesGetVolume(c->bodies, k, coefficient));
+  *coefficient *= 2 * par->viscosity;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleDeadForce(Couple c, PetscInt k, const FlowParameters *par, PetscReal out[])
+{
+  const PetscReal none[3] = {0, 0, 0};
+  PetscReal       volume, force[3];
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(out, c->nr));
+  if (!c->hollow || !c->hollow[k]) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(BodiesGetVolume(c->bodies, k, &volume));
+  for (PetscInt a = 0; a < 3; a++) force[a] = volume * par->force[a];
+  PetscCall(RigidReduceForce(c->bodies, k, c->q[k], force, none, out));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- forces ---- */
+
+/* -sum over the body's nodes of R^T (momentum residual), and the rung's own terms, for all bodies: out [n][nr] */
+static PetscErrorCode sum_residuals(Couple c, PetscReal out[])
+{
+  const MeshLocal *l = c->loc;
+  const PetscInt  *body, *touched, nr = c->nr, dim = l->dim;
+  PetscInt         ntouched;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetNodeBody(c->constraint, &body));
+  PetscCall(MarkGetCells(c->mark, &ntouched, &touched));
+  PetscCall(PetscArrayzero(out, c->s->n * nr));
+  for (PetscInt t = 0; t < ntouched; t++) {
+    const PetscInt *node = l->cell_node + touched[t] * l->nb;
+    PetscReal       r[MESH_MAX_NB * 3], R[18];
+
+    PetscCall(FlowCellResidual(c->flow, touched[t], c->u, c->p, r));
+    for (PetscInt j = 0; j < l->nb; j++) {
+      const PetscInt k = body[node[j]];
+
+      if (k < 0) continue;
+      PetscCall(ConstraintRigidMap(c->constraint, node[j], k, R));
+      for (PetscInt s = 0; s < nr; s++)
+        for (PetscInt a = 0; a < dim; a++) out[k * nr + s] -= R[a * nr + s] * r[j * dim + a];
+    }
+  }
+  if (c->rung.add_force) PetscCall((*c->rung.add_force)(c, out));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, out, (PetscMPIInt)(c->s->n * nr), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* int alpha_k f over the fluid, added to force and torque [n][3] before they are summed over ranks */
+static PetscErrorCode add_volume_force(Couple c, PetscInt only, const FlowParameters *par, PetscReal (*force)[3], PetscReal (*torque)[3])
+{
+  const PetscReal *m;
+  const PetscInt  *body, *node, dim = c->loc->dim;
+  PetscInt         n;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetLumpedMass(c->flow, &m));
+  PetscCall(ConstraintGetNodeBody(c->constraint, &body));
+  PetscCall(MarkGetNodes(c->mark, NULL, &n, &node));
+  for (PetscInt e = 0; e < n; e++) {
+    const PetscInt k = body[node[e]];
+    PetscReal      R[18];
+
+    if (k < 0 || node[e] >= c->loc->nnode || (only >= 0 && k != only)) continue;
+    ConstraintRigidAt(c->loc, node[e], c->X[k], R);
+    for (PetscInt a = 0; a < dim; a++) {
+      force[k][a] += m[node[e]] * par->force[a];
+      for (PetscInt i = dim; i < c->nr; i++) *CoupleRigidComponent(c, force, torque, k, i) += R[a * c->nr + i] * m[node[e]] * par->force[a];
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The volume integral -int (sigma . grad alpha_k - alpha_k f) of all bodies (only = -1) or of one, with f on dead insides: force and torque [n][3] */
+static PetscErrorCode integrate_stress(Couple c, PetscInt only, PetscReal (*force)[3], PetscReal (*torque)[3])
+{
+  const MeshLocal      *l = c->loc;
+  const FlowParameters *par;
+  const PetscInt       *body, *touched;
+  PetscInt              ntouched;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetParameters(c->flow, &par));
+  PetscCall(ConstraintGetNodeBody(c->constraint, &body));
+  PetscCall(MarkGetCells(c->mark, &ntouched, &touched));
+  PetscCall(PetscMemzero(force, c->s->n * sizeof(*force)));
+  PetscCall(PetscMemzero(torque, c->s->n * sizeof(*torque)));
+  for (PetscInt t = 0; t < ntouched; t++) {
+    const PetscInt *node = l->cell_node + touched[t] * l->nb;
+
+    for (PetscInt j = 0; j < l->nb; j++) {
+      const PetscInt k = body[node[j]];
+      PetscReal      alpha[MESH_MAX_NB];
+      PetscBool      first = PETSC_TRUE, whole = PETSC_TRUE;
+
+      if (k < 0 || (only >= 0 && k != only)) continue;
+      for (PetscInt m = 0; m < l->nb; m++) {
+        alpha[m] = body[node[m]] == k;
+        if (m < j && alpha[m] > 0) first = PETSC_FALSE;
+        if (alpha[m] == 0) whole = PETSC_FALSE;
+      }
+      if (first && !whole) PetscCall(FlowCellStressForce(c->flow, touched[t], c->u, c->p, alpha, c->X[k], force[k], torque[k]));
+    }
+  }
+  PetscCall(add_volume_force(c, only, par, force, torque));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, force, (PetscMPIInt)(3 * c->s->n), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, torque, (PetscMPIInt)(3 * c->s->n), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    PetscReal dead[6];
+
+    PetscCall(CoupleDeadForce(c, k, par, dead));
+    for (PetscInt a = 0; a < l->dim && (only < 0 || k == only); a++) force[k][a] += dead[a];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Residual-form force of body k on its rigid slots (torque about its reference point): own equation where the velocity was unknown, nodal residual plus inertia of the fluid inside otherwise */
+static PetscErrorCode residual_force(Couple c, PetscInt k, PetscReal out[])
+{
+  const FlowStep       *step;
+  const FlowParameters *par;
+  const PetscInt        nr    = c->nr;
+  const PetscReal       rho_s = c->s->group[c->s->body_group[k]].density;
+  PetscReal             M[36], a[6], extra[3], dead[6], rho_i, spin;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetStep(c->flow, &step));
+  PetscCall(FlowGetParameters(c->flow, &par));
+  PetscCall(RigidGetMass(c->bodies, k, c->q[k], M));
+  rho_i = CoupleInnerDensity(c, k, par);
+  PetscCall(CoupleDeadForce(c, k, par, dead));
+  PetscCall(CoupleSpinStress(c, k, par, &spin));
+  PetscCall(RigidCentripetal(c->bodies, k, c->q[k], c->U + k * c->nr + c->loc->dim, extra));
+  for (PetscInt i = 0; i < nr; i++) a[i] = step->ct * c->U[k * nr + i] - step->d0 * c->U_old[k * nr + i] - step->d1 * c->U_older[k * nr + i];
+  for (PetscInt i = 0; i < nr; i++) {
+    PetscReal inertia = dead[i] + (i < c->loc->dim ? rho_i * M[0] * extra[i] : 0), excess = 0;
+
+    for (PetscInt j = 0; j < nr; j++) {
+      inertia += rho_i * M[i * nr + j] * a[j];
+      if ((c->unknown[k] >> j) & 1) excess += step->ct * (rho_s - rho_i) * M[i * nr + j] * c->U[k * nr + j];
+    }
+    /* rows of the solved system: R^T residual = g - D U = g - excess */
+    out[i] = inertia + ((c->unknown[k] >> i) & 1 ? excess - c->g[k * nr + i] : c->residual[k * nr + i]);
+    if (i == c->loc->dim && spin > 0)
+      out[i] -= spin * ((c->unknown[k] >> i) & 1 ? (1 - step->theta) * c->U_old[k * nr + i]
+                                                 : step->theta * c->U[k * nr + i] + (1 - step->theta) * c->U_old[k * nr + i]);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Force and torque about the centre, of generalised forces on the rigid slots */
+static PetscErrorCode store_force(Couple c, PetscInt k, const PetscReal f[], PetscReal (*force)[3], PetscReal (*torque)[3])
+{
+  PetscReal arm[3];
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < c->nr; i++) *CoupleRigidComponent(c, force, torque, k, i) = f[i];
+  PetscCall(BodiesGetArm(c->bodies, k, c->q[k], arm));
+  for (PetscInt a = 0; a < 3; a++) torque[k][a] -= arm[(a + 1) % 3] * force[k][(a + 2) % 3] - arm[(a + 2) % 3] * force[k][(a + 1) % 3];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleForce(Couple c)
+{
+  PetscBool known = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  if (!c->s->n) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscLogEventBegin(TB_FORCE, 0, 0, 0, 0));
+  for (PetscInt k = 0; k < c->s->n; k++) known = (PetscBool)(known || c->unknown[k] != (1 << c->nr) - 1);
+  if (c->use_volume) {
+    PetscCall(integrate_stress(c, -1, c->s->force, c->s->torque));
+    PetscCall(HoleForce(c->hole, c->u, c->p, NULL, NULL, c->s->force, c->s->torque));
+  } else {
+    if (known) PetscCall(sum_residuals(c, c->residual));
+    for (PetscInt k = 0; k < c->s->n; k++) {
+      PetscReal f[6];
+
+      PetscCall(residual_force(c, k, f));
+      PetscCall(store_force(c, k, f, c->s->force, c->s->torque));
+    }
+    PetscCall(HoleForce(c->hole, c->u, c->p, c->s->force, c->s->torque, NULL, NULL));
+  }
+  PetscCall(PetscLogEventEnd(TB_FORCE, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleForceForms(Couple c, PetscInt k, PetscReal residual[6], PetscReal volume[6])
+{
+  PetscReal(*force)[3], (*torque)[3], f[6];
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc2(c->s->n, &force, c->s->n, &torque));
+  PetscCall(integrate_stress(c, k, force, torque));
+  PetscCall(HoleForce(c->hole, c->u, c->p, NULL, NULL, force, torque));
+  for (PetscInt a = 0; a < 3; a++) {
+    volume[a]     = force[k][a];
+    volume[3 + a] = torque[k][a];
+  }
+  PetscCall(sum_residuals(c, c->residual));
+  PetscCall(residual_force(c, k, f));
+  PetscCall(store_force(c, k, f, force, torque));
+  PetscCall(HoleForce(c->hole, c->u, c->p, force, torque, NULL, NULL));
+  for (PetscInt a = 0; a < 3; a++) {
+    residual[a]     = force[k][a];
+    residual[3 + a] = torque[k][a];
+  }
+  if (c->loc->dim == 2) residual[2] = residual[3] = residual[4] = 0;
+  PetscCall(PetscFree2(force, torque));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- momentum ---- */
+
+PetscErrorCode CoupleListPrescribedCells(Couple c)
+{
+  const MeshLocal *l = c->loc;
+  const PetscInt  *fixed;
+
+  PetscFunctionBeginUser;
+  PetscCall(BoundaryGetValues(FlowBoundary(c->flow), &fixed, NULL));
+  PetscCall(PetscMalloc1(l->ncell, &c->prescribed));
+  for (PetscInt cell = 0; cell < l->ncell; cell++) {
+    PetscInt any = 0;
+
+    for (PetscInt j = 0; j < l->nb; j++) any |= fixed[l->cell_node[cell * l->nb + j]];
+    if (any) c->prescribed[c->nprescribed++] = cell;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What prescribed components supply: sums of the momentum residual over walls and over openings (holes are bodies and left out), and *size, the sum of the sizes, by which
+   errors are measured (in a closed box the forces of the walls cancel) */
+static PetscErrorCode sum_prescribed(Couple c, PetscReal walls[3], PetscReal openings[3], PetscReal *size)
+{
+  const MeshLocal *l = c->loc;
+  const PetscInt  *fixed, *wall, *hole;
+  PetscReal        sum[7] = {0};
+
+  PetscFunctionBeginUser;
+  PetscCall(BoundaryGetValues(FlowBoundary(c->flow), &fixed, NULL));
+  PetscCall(BoundaryGetWalls(FlowBoundary(c->flow), &wall));
+  PetscCall(HoleGetNodeBody(c->hole, &hole));
+  for (PetscInt i = 0; i < c->nprescribed; i++) {
+    const PetscInt *node = l->cell_node + c->prescribed[i] * l->nb;
+    PetscReal       r[MESH_MAX_NB * 3];
+
+    PetscCall(FlowCellResidual(c->flow, c->prescribed[i], c->u, c->p, r));
+    for (PetscInt j = 0; j < l->nb; j++) {
+      for (PetscInt a = 0; a < l->dim; a++) {
+        if (!((fixed[node[j]] >> a) & 1) || hole[node[j]] >= 0) continue;
+        sum[((wall[node[j]] >> a) & 1 ? 0 : 3) + a] += r[j * l->dim + a];
+        sum[6] += PetscAbsReal(r[j * l->dim + a]);
+      }
+    }
+  }
+  if (c->penalty) PetscCall(PenaltyAddPrescribed(c->penalty, fixed, c->u, c->U, sum));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 7, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(PetscArraycpy(walls, sum, 3));
+  PetscCall(PetscArraycpy(openings, sum + 3, 3));
+  *size = sum[6];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Forces of the bodies on the fluid: -F + inertia of the fluid inside; adds their sizes to *size */
+static PetscErrorCode sum_bodies(Couple c, PetscReal out[3], PetscReal *size)
+{
+  const FlowParameters *par;
+  const FlowStep       *step;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetParameters(c->flow, &par));
+  PetscCall(FlowGetStep(c->flow, &step));
+  out[0] = out[1] = out[2] = 0;
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    const PetscReal inside = c->s->group[c->s->body_group[k]].hole ? 0 : CoupleInnerDensity(c, k, par);
+    PetscReal       M[36], extra[3], dead[6];
+
+    PetscCall(CoupleDeadForce(c, k, par, dead));
+    PetscCall(RigidGetMass(c->bodies, k, c->q[k], M));
+    PetscCall(RigidCentripetal(c->bodies, k, c->q[k], c->U + k * c->nr + c->loc->dim, extra));
+    for (PetscInt a = 0; a < c->loc->dim; a++) {
+      PetscReal inertia = M[0] * extra[a]; /* of what moves with the body */
+
+      for (PetscInt j = 0; j < c->nr; j++)
+        inertia += M[a * c->nr + j] * (step->ct * c->U[k * c->nr + j] - step->d0 * c->U_old[k * c->nr + j] - step->d1 * c->U_older[k * c->nr + j]);
+      out[a] += inside * inertia + dead[a] - c->s->force[k][a];
+      *size += PetscAbsReal(c->s->force[k][a]);
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* rho int (c_t u - d) and int f over the fluid; the row sums of the mass matrix integrate Q2 functions exactly */
+static PetscErrorCode sum_fluid(Couple c, PetscReal change[3], PetscReal volume[3])
+{
+  const FlowParameters *par;
+  const FlowStep       *step;
+  const PetscReal      *m;
+  const PetscInt        dim = c->loc->dim;
+  PetscReal            *u, *u_old, sum[4] = {0};
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetParameters(c->flow, &par));
+  PetscCall(FlowGetStep(c->flow, &step));
+  PetscCall(FlowGetLumpedMass(c->flow, &m));
+  PetscCall(FlowGetFields(c->flow, &u, &u_old, NULL));
+  for (PetscInt i = 0; i < c->loc->nnode; i++) {
+    for (PetscInt a = 0; a < dim; a++) {
+      const PetscInt j = i * dim + a;
+
+      sum[a] += m[i] * (step->ct * c->u[j] - step->d0 * u[j] - step->d1 * u_old[j]);
+    }
+    sum[3] += m[i];
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 4, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  for (PetscInt a = 0; a < 3; a++) {
+    change[a] = par->density * sum[a];
+    volume[a] = par->force[a] * sum[3];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleMomentum(Couple c, const PetscReal rate[3], CoupleBalance *b)
+{
+  PetscReal size = 0, diff = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(sum_prescribed(c, b->walls, b->openings, &size));
+  PetscCall(sum_bodies(c, b->bodies, &size));
+  PetscCall(sum_fluid(c, b->fluid, b->volume));
+  for (PetscInt a = 0; a < 3; a++) {
+    const PetscReal flux = rate[a] - b->fluid[a] + b->volume[a]; /* rho int w.grad u: what leaves through the openings */
+
+    size += PetscAbsReal(rate[a]);
+    diff = PetscMax(diff, PetscAbsReal(rate[a] - b->walls[a] - b->openings[a] - b->bodies[a]));
+    b->openings[a] -= flux;
+  }
+  b->error = size > 0 ? diff / size : 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleMomentumError(Couple c, const PetscReal rate[3], PetscReal *error)
+{
+  CoupleBalance b;
+
+  PetscFunctionBeginUser;
+  PetscCall(CoupleMomentum(c, rate, &b));
+  *error = b.error;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

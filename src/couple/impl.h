@@ -1,0 +1,71 @@
+/* Inside of the couple module; for its files only. couple.c: bodies drawn, one system for flow and bodies, bodies moved. coupleforce.c: what the flow exerts on bodies, and the balance of
+   momentum. Layer 3. Only couple.c changes the struct. */
+#pragma once
+#include "couple/couple.h"
+#include "snap/driver.h"
+#include "ale.h"
+#include "fitted.h"
+#include "indicator.h"
+#include "penalty.h"
+
+/* A boundary rung: how the flow sees the surface of a body. Operations may be NULL. */
+typedef struct {
+  const char *name;
+  PetscBool   dead;                    /* cells inside are no part of the fluid; otherwise fictitious fluid fills them */
+  PetscErrorCode (*draw)(Couple);      /* bodies are at c->X, c->q: claim the nodes that move rigidly in c->mark, prepare the rung's own terms */
+  PetscErrorCode (*add_rigid)(Couple); /* add to the rigid rows c->D, c->g */
+  PetscErrorCode (*add_force)(Couple, PetscReal out[]); /* add to [n][nr] what the rung's own terms exert on the bodies */
+} Rung;
+
+struct _p_Couple {
+  Flow             flow;
+  Bodies           bodies;
+  BodyState       *s;
+  Mesh             mesh;
+  const MeshLocal *loc;
+  Constraint       constraint;
+  FlowSolver       solver;
+  Hole             hole;                     /* bodies that are holes of the mesh: nothing is marked, forces are read at the boundary */
+  PetscInt         nprescribed, *prescribed; /* own cells with nodes of prescribed velocity */
+  PetscInt         implicit, use_volume, nr;
+  Rung             rung;
+  Fit              fit;      /* rung snap */
+  PetscBool        remarked; /* that a body goes too far in a step */
+  Follow           follow;   /* -mesh_deform with bodies that move */
+  CoupleSnapCount  snap;
+  const PetscBool *fitted, *hollow;    /* [n] the mesh lines up with the body; its inside is no part of the fluid; NULL: none */
+  Mark             mark;               /* nodes that move rigidly */
+  PetscReal (*X)[3], (*q)[4], (*P)[3]; /* where the bodies are drawn: centre, orientation, reference point (of the rigid velocities) */
+  Penalty    penalty;                  /* NULL unless the rung needs it */
+  PetscInt  *unknown;
+  PetscReal *U, *U_old, *U_older; /* [n][nr]: rigid velocities that the flow sees in this step and saw in the two before */
+  PetscReal *D, *g;               /* [n][nr][nr] inertia, [n][nr] right-hand side of the rigid rows */
+  PetscReal *residual;            /* [n][nr]: -sum of the momentum residual over the body's nodes */
+  PetscReal *u, *p, *dp, *rhs;
+  PetscReal *du_old; /* [n] explicit coupling: size of the last velocity change, for the detection of blow-up */
+  PetscInt  *growth;
+  PetscReal *force_old; /* [n][3][2] force and torque of the last step */
+};
+
+/* Component s (0 .. nr - 1) of a rigid velocity as element of 3-vectors: translation s < dim, otherwise rotation */
+static inline PetscReal *CoupleRigidComponent(Couple c, PetscReal (*u)[3], PetscReal (*w)[3], PetscInt k, PetscInt s)
+{
+  const PetscInt dim = c->loc->dim;
+
+  return s < dim ? &u[k][s] : dim == 2 ? &w[k][2] : &w[k][s - dim];
+}
+
+/* The density of the fluid inside body k */
+static inline PetscReal CoupleInnerDensity(Couple c, PetscInt k, const FlowParameters *par)
+{
+  return c->hollow && c->hollow[k] ? 0 : par->density;
+}
+
+/* In gradient form a rotating wall seems to feel 2 mu w Vol more than the true torque, which the gradient form inside would take away again; where the inside is no part of the
+   fluid, this coefficient of w does (plane bodies; design section 2) */
+PetscErrorCode CoupleSpinStress(Couple, PetscInt k, const FlowParameters *, PetscReal *coefficient);
+/* -flow_force on the fluid that body k displaces, on its rigid slots: it stands for a pressure gradient, which acts on bodies too. Fluid inside receives it; where there is none, the
+   body does. */
+PetscErrorCode CoupleDeadForce(Couple, PetscInt k, const FlowParameters *, PetscReal out[]);
+/* Own cells with prescribed nodes; these do not change */
+PetscErrorCode CoupleListPrescribedCells(Couple);

@@ -1,0 +1,222 @@
+/* Mark: see mark.h. */
+#include "compat.h"
+#include "indicator.h"
+#include "base/opt.h"
+
+#define CHUNK 256
+
+struct _p_Mark {
+  Mesh             mesh;
+  Bodies           bodies;
+  BodyState       *s;
+  const MeshLocal *loc;
+  PetscInt        *node_body, *node, nnode;  /* the claimed nodes */
+  PetscInt        *cell, ncell, *stamp, now; /* stamp: number of the step that listed a cell */
+  PetscInt         brute, *all;              /* all: every node, for -couple_search brute */
+  PetscReal       *seen, key; /* [nbodies][8]: place, orientation, gone, for which the marks stand; key, NaN when they stand for nothing */
+};
+
+static PetscErrorCode read_search(Mark m)
+{
+  static const char *const SEARCHES[] = {"cells", "brute", NULL};
+
+  PetscFunctionBeginUser;
+  if (!m->s->n) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(OptChoice("-couple_search", "how nodes and neighbours of bodies are found: with search grids, or all against all", SEARCHES, &m->brute));
+  if (!m->brute) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscMalloc1(m->loc->nnode_all, &m->all));
+  for (PetscInt i = 0; i < m->loc->nnode_all; i++) m->all[i] = i;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MarkCreate(Mesh mesh, Bodies bodies, Mark *mark)
+{
+  Mark m;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&m));
+  m->mesh   = mesh;
+  m->bodies = bodies;
+  PetscCall(BodiesGetState(bodies, &m->s));
+  PetscCall(MeshGetLocal(mesh, &m->loc));
+  PetscCall(PetscMalloc4(m->loc->nnode_all, &m->node_body, m->loc->nnode_all, &m->node, m->loc->ncell, &m->cell, m->loc->ncell, &m->stamp));
+  for (PetscInt i = 0; i < m->loc->nnode_all; i++) m->node_body[i] = -1;
+  PetscCall(PetscArrayzero(m->stamp, m->loc->ncell));
+  PetscCall(read_search(m));
+  PetscCall(PetscCalloc1(8 * m->s->n, &m->seen));
+  PetscCall(MarkForget(m));
+  *mark = m;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MarkDestroy(Mark *mark)
+{
+  PetscFunctionBeginUser;
+  if (!*mark) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree((*mark)->all));
+  PetscCall(PetscFree4((*mark)->node_body, (*mark)->node, (*mark)->cell, (*mark)->stamp));
+  PetscCall(PetscFree((*mark)->seen));
+  PetscCall(PetscFree(*mark));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MarkForget(Mark m)
+{
+  PetscFunctionBeginUser;
+  m->key = (PetscReal)NAN;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MarkIsCurrent(Mark m, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal key, PetscBool *current)
+{
+  PetscFunctionBeginUser;
+  *current = (PetscBool)(m->key == key || !m->s->n);
+  for (PetscInt i = 0; i < 8 * m->s->n; i++) {
+    const PetscInt  k = i / 8, a = i % 8;
+    const PetscReal now = a < 3 ? X[k][a] : a < 7 ? q[k][a - 3] : m->s->gone[k];
+
+    if (m->seen[i] != now) *current = PETSC_FALSE;
+    m->seen[i] = now;
+  }
+  m->key = key;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MarkClear(Mark m)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < m->nnode; i++) m->node_body[m->node[i]] = -1;
+  m->nnode = m->ncell = 0;
+  m->now++;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MarkClaim(Mark m, PetscInt node, PetscInt body)
+{
+  PetscFunctionBeginUser;
+  if (m->node_body[node] >= 0) PetscFunctionReturn(PETSC_SUCCESS);
+  m->node_body[node]  = body;
+  m->node[m->nnode++] = node;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscBool MarkImage(const MeshLocal *l, const PetscReal X[3], PetscReal radius, PetscInt image, PetscReal Xi[3])
+{
+  const PetscInt shift[3] = {image % 3 - 1, (image / 3) % 3 - 1, l->dim == 2 ? 0 : image / 9 - 1};
+
+  for (PetscInt a = 0; a < 3; a++) {
+    Xi[a] = X[a] + shift[a] * l->period[a];
+    if (shift[a] && (l->period[a] == 0 || Xi[a] + radius < l->lower[a] || Xi[a] - radius > l->upper[a])) return PETSC_FALSE;
+  }
+  return PETSC_TRUE;
+}
+
+static PetscErrorCode claim_inside(Mark m, PetscInt k, const PetscReal X[3], const PetscReal q[4])
+{
+  const PetscInt  dim    = m->loc->dim;
+  const PetscReal radius = m->s->group[m->s->body_group[k]].radius +
+                           (m->loc->x != m->loc->x_start ? 2 * m->loc->h : 0); /* the search knows where nodes were before any move */
+  PetscReal       lo[3], hi[3], x[CHUNK * 3], d[CHUNK];
+  const PetscInt *list;
+  PetscInt        n;
+
+  PetscFunctionBeginUser;
+  for (PetscInt a = 0; a < dim; a++) {
+    lo[a] = X[a] - radius * (1 + 1e-12);
+    hi[a] = X[a] + radius * (1 + 1e-12);
+  }
+  if (m->brute) {
+    n    = m->loc->nnode_all;
+    list = m->all;
+  } else PetscCall(MeshNodesInBox(m->mesh, lo, hi, &n, &list));
+  for (PetscInt begin = 0; begin < n; begin += CHUNK) {
+    const PetscInt size = PetscMin(CHUNK, n - begin);
+
+    for (PetscInt i = 0; i < size; i++)
+      for (PetscInt a = 0; a < dim; a++) x[i * dim + a] = m->loc->x[list[begin + i] * dim + a];
+    PetscCall(BodiesDistance(m->bodies, k, X, q, size, x, d));
+    for (PetscInt i = 0; i < size; i++)
+      if (d[i] <= 0) PetscCall(MarkClaim(m, list[begin + i], k));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MarkInsideBody(Mark m, PetscInt k, const PetscReal X[3], const PetscReal q[4])
+{
+  PetscFunctionBeginUser;
+  if (m->s->gone[k] || m->s->group[m->s->body_group[k]].hole) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt image = 0; image < (m->loc->dim == 2 ? 9 : 27); image++) {
+    PetscReal Xi[3];
+
+    if (MarkImage(m->loc, X, m->s->group[m->s->body_group[k]].radius, image, Xi)) PetscCall(claim_inside(m, k, Xi, q));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MarkInside(Mark m, PetscReal (*X)[3], PetscReal (*q)[4])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < m->s->n; k++) PetscCall(MarkInsideBody(m, k, X[k], q[k]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MarkCheckSeen(Mark m)
+{
+  const MeshLocal *l = m->loc;
+  char            *seen;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc1(m->s->n, &seen));
+  for (PetscInt i = 0; i < m->nnode; i++) seen[m->node_body[m->node[i]]] = 1;
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, seen, (PetscMPIInt)m->s->n, MPI_CHAR, MPI_MAX, PETSC_COMM_WORLD));
+  for (PetscInt k = 0; k < m->s->n; k++) {
+    const BodyGroup *g = &m->s->group[m->s->body_group[k]];
+
+    PetscCheck(seen[k] || m->s->gone[k] || g->hole, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "Body %" PetscInt_FMT
+               " (group '%s', at %g,%g) covers no node of the mesh, so the flow does not see it; nodes are half a cell apart, the smallest cell is %g: "
+               "refine the mesh (-mesh_cells, -dm_refine), make the body thicker, or use another -couple_boundary than nodal",
+               k, g->name, (double)m->s->x[k][0], (double)m->s->x[k][1], (double)l->h);
+  }
+  PetscCall(PetscFree(seen));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MarkTouch(Mark m, PetscInt node)
+{
+  const MeshLocal *l = m->loc;
+
+  PetscFunctionBeginUser;
+  for (PetscInt q = l->node_cell_ptr[node]; q < l->node_cell_ptr[node + 1]; q++) {
+    const PetscInt cell = l->node_cell[q];
+
+    if (cell >= l->ncell || m->stamp[cell] == m->now) continue;
+    m->stamp[cell]      = m->now;
+    m->cell[m->ncell++] = cell;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MarkFinish(Mark m)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < m->nnode; i++) PetscCall(MarkTouch(m, m->node[i]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MarkGetNodes(Mark m, const PetscInt *node_body[], PetscInt *n, const PetscInt *node[])
+{
+  PetscFunctionBeginUser;
+  if (node_body) *node_body = m->node_body;
+  if (n) *n = m->nnode;
+  if (node) *node = m->node;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MarkGetCells(Mark m, PetscInt *n, const PetscInt *cell[])
+{
+  PetscFunctionBeginUser;
+  if (n) *n = m->ncell;
+  if (cell) *cell = m->cell;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,220 @@
+/* Fit: see fit.h. */
+#include "compat.h"
+#include "driver.h"
+
+struct _p_Fit {
+  Flow             flow;
+  Bodies           bodies;
+  Mesh             mesh;
+  const MeshLocal *loc;
+  Snap             snap;
+  Remap            remap;
+  PetscInt         n;                        /* bodies */
+  PetscBool       *wanted, *fitted, *before; /* [n] */
+  PetscReal (*X)[3], (*q)[4];                /* [n] where they were in the last fit */
+  PetscInt   done;                           /* has there been one? */
+  SnapResult result;
+  RemapCount count;
+  PetscInt  *stamp, now; /* [nnode_all] */
+  /* own nodes that need values: where they will be, and what they get */
+  PetscInt   ntarget, room, *target, *side;
+  PetscReal *x, *value;
+};
+
+/* Are all cells around node i dead? */
+static PetscBool is_buried(const MeshLocal *l, PetscInt i, const PetscInt cell_body[])
+{
+  for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++)
+    if (cell_body[l->node_cell[q]] < 0) return PETSC_FALSE;
+  return PETSC_TRUE;
+}
+
+static PetscErrorCode append_target(Fit f, PetscInt i, const PetscReal x[], PetscInt side)
+{
+  PetscFunctionBeginUser;
+  if (f->ntarget == f->room) {
+    f->room = 2 * f->room + 64;
+    PetscCall(PetscRealloc(f->room * sizeof(PetscInt), &f->target));
+    PetscCall(PetscRealloc(f->room * sizeof(PetscInt), &f->side));
+    PetscCall(PetscRealloc(2 * f->room * sizeof(PetscReal), &f->x));
+    PetscCall(PetscRealloc(4 * f->room * sizeof(PetscReal), &f->value));
+  }
+  f->target[f->ntarget]    = i;
+  f->side[f->ntarget]      = side;
+  f->x[2 * f->ntarget]     = x[0];
+  f->x[2 * f->ntarget + 1] = x[1];
+  f->ntarget++;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Nodes on a path have fluid on both sides, which had two velocities where the path is now: they get the mean */
+static PetscErrorCode add_target(Fit f, PetscInt i, const PetscReal x[])
+{
+  const PetscInt k = f->result.node_body[i];
+
+  PetscFunctionBeginUser;
+  if (f->stamp[i] == f->now) PetscFunctionReturn(PETSC_SUCCESS);
+  f->stamp[i] = f->now;
+  if (i >= f->loc->nnode || is_buried(f->loc, i, f->result.cell_body)) PetscFunctionReturn(PETSC_SUCCESS);
+  if (k < 0 || f->result.hollow[k]) PetscCall(append_target(f, i, x, f->result.node_side[i]));
+  else {
+    PetscCall(append_target(f, i, x, k + 1));
+    PetscCall(append_target(f, i, x, -(k + 1)));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The values of the targets, into both fields; the two of a node on a path come one after the other */
+static void take_values(Fit f, PetscReal *const u[2])
+{
+  for (PetscInt e = 0; e < 4 * f->ntarget; e++) {
+    const PetscInt t = e / 4, pair = t + 1 < f->ntarget && f->target[t + 1] == f->target[t] ? t + 1 : t;
+
+    if (t && f->target[t - 1] == f->target[t]) continue;
+    u[e / 2 % 2][2 * f->target[t] + e % 2] = pair == t ? f->value[e] : 0.5 * (f->value[e] + f->value[e + 4]);
+  }
+}
+
+/* Own fluid nodes that move, or were inside a body until now. Inside a body that the mesh no longer follows the fluid begins with the velocity of the body. */
+static PetscErrorCode find_targets(Fit f)
+{
+  const MeshLocal  *l = f->loc;
+  const SnapResult *r = &f->result;
+
+  PetscFunctionBeginUser;
+  f->now++;
+  f->ntarget = 0;
+  for (PetscInt e = 0; e < r->nnode; e++) PetscCall(add_target(f, r->node[e], r->x + 2 * e));
+  for (PetscInt e = 0; e < r->ncell * l->nb; e++) {
+    const PetscInt i = l->cell_node[r->cell[e / l->nb] * l->nb + e % l->nb];
+
+    if (f->stamp[i] == f->now || i >= l->nnode || !is_buried(l, i, r->cell_before)) continue;
+    if (f->fitted[r->cell_before[l->node_cell[l->node_cell_ptr[i]]]]) PetscCall(add_target(f, i, l->x + 2 * i));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode carry_over(Fit f, FlowSolver solver)
+{
+  const SnapResult *r = &f->result;
+  PetscReal        *u[2];
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetFields(f->flow, &u[0], &u[1], NULL));
+  PetscCall(find_targets(f));
+  PetscCall(RemapEvaluate(f->remap, f->ntarget, f->target, f->x, f->side, (RemapCells){r->cell_before, r->side_before}, 2,
+                          (const PetscReal *const *)u, f->value, &f->count));
+  PetscCall(FlowSolverForgetCells(solver, r->ncell, r->cell));
+  PetscCall(MeshMoveNodes(f->mesh, r->nnode, r->node, r->x));
+  take_values(f, u);
+  for (PetscInt k = 0; k < 2; k++) PetscCall(MeshSyncNodes(f->mesh, 2, u[k]));
+  PetscCall(FlowUpdateCells(f->flow, r->ncell, r->cell, r->cell_body));
+  PetscCall(FlowSolverSetDead(solver, r->cell_body, f->fitted));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FitCreate(Flow flow, Bodies bodies, Fit *fit)
+{
+  Fit        f;
+  BodyState *state;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&f));
+  f->flow   = flow;
+  f->bodies = bodies;
+  PetscCall(FlowGetMesh(flow, &f->mesh));
+  PetscCall(MeshGetLocal(f->mesh, &f->loc));
+  PetscCall(BodiesGetState(bodies, &state));
+  PetscCall(SnapCreate(f->mesh, bodies, &f->snap));
+  PetscCall(RemapCreate(f->mesh, &f->remap));
+  f->n = state->n;
+  PetscCall(PetscCalloc6(f->n, &f->wanted, f->n, &f->fitted, f->n, &f->before, f->n, &f->X, f->n, &f->q, f->loc->nnode_all, &f->stamp));
+  *fit = f;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FitDestroy(Fit *fit)
+{
+  Fit f = *fit;
+
+  PetscFunctionBeginUser;
+  if (!f) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(SnapDestroy(&f->snap));
+  PetscCall(RemapDestroy(&f->remap));
+  PetscCall(PetscFree6(f->wanted, f->fitted, f->before, f->X, f->q, f->stamp));
+  PetscCall(PetscFree(f->target));
+  PetscCall(PetscFree(f->side));
+  PetscCall(PetscFree(f->x));
+  PetscCall(PetscFree(f->value));
+  PetscCall(PetscFree(*fit));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FitUpdate(Fit f, FlowSolver solver, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *fitted[], const SnapResult **result,
+                         const RemapCount **count)
+{
+  BodyState *state;
+  PetscBool  any;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetState(f->bodies, &state));
+  for (PetscInt k = 0; k < f->n; k++) f->wanted[k] = (PetscBool)(!state->gone[k] && !state->group[state->body_group[k]].hole);
+  PetscCall(PetscArraycpy(f->before, f->fitted, f->n));
+  PetscCall(SnapFit(f->snap, X, q, f->wanted, f->done ? f->before : NULL, f->fitted, &f->result));
+  PetscCall(PetscArraycpy((PetscReal *)f->X, (PetscReal *)X, 3 * f->n));
+  PetscCall(PetscArraycpy((PetscReal *)f->q, (PetscReal *)q, 4 * f->n));
+  f->done  = 1;
+  any      = (PetscBool)(f->result.ncell > 0);
+  f->count = (RemapCount){0, 0, 0, 0};
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &any, 1, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
+  if (any) PetscCall(carry_over(f, solver));
+  *fitted = f->fitted;
+  *result = &f->result;
+  if (count) *count = &f->count;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FitAttach(Fit f, FlowSolver solver)
+{
+  const MeshLocal *l = f->loc;
+  PetscInt         n = 0, *dead;
+
+  PetscFunctionBeginUser;
+  if (!f->done) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscMalloc1(l->ncell_all, &dead));
+  for (PetscInt c = 0; c < l->ncell_all; c++)
+    if (f->result.cell_body[c] >= 0) dead[n++] = c;
+  PetscCall(FlowSolverForgetCells(solver, n, dead));
+  PetscCall(FlowSolverSetDead(solver, f->result.cell_body, f->fitted));
+  PetscCall(PetscFree(dead));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The mesh of the fields that are there */
+static PetscErrorCode restore_mesh(Fit f)
+{
+  const SnapResult *r = &f->result;
+
+  PetscFunctionBeginUser;
+  PetscCall(SnapFit(f->snap, f->X, f->q, f->wanted, NULL, f->fitted, &f->result));
+  PetscCall(MeshMoveNodes(f->mesh, r->nnode, r->node, r->x));
+  PetscCall(FlowRestoreCells(f->flow, r->ncell, r->cell, r->cell_body));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FitVisitState(Fit f, State state)
+{
+  PetscInt *fitted;
+
+  PetscFunctionBeginUser;
+  PetscCall(StateInts(state, "fit_done", 1, &f->done));
+  PetscCall(StateReals(state, "fit_X", 3 * f->n, (PetscReal *)f->X));
+  PetscCall(StateReals(state, "fit_q", 4 * f->n, (PetscReal *)f->q));
+  PetscCall(PetscMalloc1(f->n, &fitted));
+  for (PetscInt k = 0; k < f->n; k++) fitted[k] = f->fitted[k];
+  PetscCall(StateInts(state, "fitted", f->n, fitted));
+  for (PetscInt k = 0; k < f->n; k++) f->wanted[k] = (PetscBool)fitted[k];
+  PetscCall(PetscFree(fitted));
+  if (StateIsLoading(state) && f->done) PetscCall(restore_mesh(f));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

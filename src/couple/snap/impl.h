@@ -1,0 +1,114 @@
+/* Inside of the snap module; for its files only. snap.c: the cells of thick bodies, rings, checks, the result. snappath.c: bodies thinner than a cell. Layer 3. */
+#pragma once
+#include "clearance.h"
+#include "mesh/element.h"
+#include "midline.h"
+#include "snap.h"
+
+#define CHUNK  256
+#define CLEAR  0.25 /* smallest width of a gap in the mesh, cell sizes */
+#define NPOINT 25   /* 4 x 4 and 3 x 3 Gauss points */
+
+typedef struct {
+  PetscInt n, room, *i;
+} List;
+
+typedef enum {
+  NODE_VERTEX,
+  NODE_EDGE,
+  NODE_CENTRE
+} NodeKind;
+
+/* Vertices on the mid-line of a body, the same on all ranks */
+typedef struct {
+  PetscInt   n, *id, *place; /* global vertices, ascending, and their places along the path; n = 0: there is none */
+  PetscReal *t;              /* [n] in the order of the path: length along the mid-line */
+} SnapPath;
+
+struct _p_Snap {
+  Mesh             mesh;
+  const MeshLocal *loc;
+  Bodies           bodies;
+  PetscInt         nbodies;
+  NodeKind        *kind;      /* [nnode_all] */
+  PetscInt        *centre_of; /* [nnode_all] cell whose centre node this is, or -1 */
+  PetscBool       *boundary;  /* [nnode_all] on the boundary of the domain */
+  PetscReal        dphi[NPOINT][2][9];
+  /* the fit in work; entries that are not listed are zero */
+  PetscInt        *cover;    /* [ncell_all] body + 1 */
+  PetscInt        *code;     /* [nnode_all] 2 body + 1: on its wall, 2 body + 2: inside */
+  PetscInt        *level;    /* [nnode_all] vertices: 8 body + ring + 1, ring 0 = wall */
+  PetscReal       *d;        /* [nnode_all][2] displacement */
+  PetscReal       *depth;    /* [nnode_all] distance at centre nodes of covered cells */
+  PetscReal       *work;     /* [nnode_all] zero between uses */
+  PetscInt        *stamp[2]; /* [nnode_all], [ncell_all] */
+  PetscInt         now;
+  List             dead, marked, ring, touched, placed, bad;
+  PetscInt        *flags; /* [3 nbodies] */
+  PetscReal       *area;  /* [nbodies] of the dead cells and of what the walls were drawn back */
+  Clearance        clearance;
+  PetscReal       *lost;   /* [nbodies] area that their walls were drawn back */
+  PetscReal       *size;   /* [nnode_all] node_size() */
+  const PetscBool *fitted; /* [nbodies] in the fit in work */
+  /* the last result */
+  PetscInt  *node_body, *cell_body, *cell_before;
+  PetscBool *on_wall;
+  List       old_dead, older_dead, old_placed, node, cell;
+  PetscReal *x;
+  PetscInt   x_room;
+  PetscBool *hollow; /* [nbodies] */
+  /* bodies thinner than a cell */
+  Midline   *line;                     /* [ngroups] NULL: shapes that are never that thin */
+  PetscReal  coarsest;                 /* largest cell of the mesh */
+  PetscBool *is_path;                  /* [nbodies] */
+  PetscReal *smallest;                 /* [nbodies] cell along a body */
+  SnapPath  *path;                     /* [nbodies] */
+  PetscInt  *node_side, *cell_side[2]; /* see SnapResult; of this fit and of the one before */
+  List       side_node, side_cell[2];
+  List       path_edge; /* local mid-edge nodes on paths */
+};
+
+static inline PetscErrorCode SnapListAdd(List *l, PetscInt i)
+{
+  PetscFunctionBeginUser;
+  if (l->n == l->room) {
+    l->room = 2 * l->room + 64;
+    PetscCall(PetscRealloc(l->room * sizeof(PetscInt), &l->i));
+  }
+  l->i[l->n++] = i;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static const PetscInt CORNER[4] = {0, 2, 6, 8};
+static const PetscInt EDGE[4] = {1, 3, 5, 7}, EDGE_END[4][2] = {{0, 2}, {0, 6}, {2, 8}, {6, 8}};
+
+static inline const PetscInt *SnapCellNodes(Snap s, PetscInt c)
+{
+  return s->loc->cell_node + c * s->loc->nb;
+}
+
+/* Vertices at the ends of the edge whose middle is local node i */
+static inline void SnapEdgeEnds(Snap s, PetscInt i, PetscInt end[2])
+{
+  const PetscInt *node = SnapCellNodes(s, s->loc->node_cell[s->loc->node_cell_ptr[i]]);
+  PetscInt        j    = 0;
+
+  while (node[EDGE[j]] != i) j++;
+  for (PetscInt v = 0; v < 2; v++) end[v] = node[EDGE_END[j][v]];
+}
+
+/* How much wider a gap is in the mesh than it is, see snap.h */
+PetscReal SnapWidening(PetscReal gap, PetscReal width);
+
+/* Around the life of s: mid-lines of all groups. After the node sizes are known. Collective. */
+PetscErrorCode SnapPathSetUp(Snap);
+PetscErrorCode SnapPathTearDown(Snap);
+/* Which of the wanted bodies are paths rather than cells: s->is_path. Collective. */
+PetscErrorCode SnapPathChoose(Snap, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool wanted[]);
+/* Paths of those of them that s->fitted has: their nodes are marked, their vertices displaced and ring 0. After the nodes of all other bodies are marked; takes back the paths of the last
+   call. A body for which there is no path gets none. Collective. */
+PetscErrorCode SnapPathPlaceVertices(Snap, PetscReal (*X)[3], PetscReal (*q)[4]);
+/* On which side of a path are nodes and cells in their new places? Also forgets those of the fit before the last one. Not collective. */
+PetscErrorCode SnapPathFindSides(Snap, PetscReal (*X)[3], PetscReal (*q)[4]);
+/* Displacements of the mid-edge nodes on paths. Not collective. */
+PetscErrorCode SnapPathPlaceEdges(Snap, PetscReal (*X)[3], PetscReal (*q)[4]);

@@ -1,0 +1,749 @@
+/* Snap, bodies thinner than a cell: their mid-line (midline.h) becomes a path of edges, see snap.h.
+
+   The vertices and edges of the cells around such a body are few; every rank gets all of them and finds the same path (Dijkstra 1959), so that the path does not depend on the
+   partition: ties are broken by places, never by numbers. An edge costs its length times (1 + 4 (distance from the mid-line / length)^2); a path begins and ends at any vertices near the
+   tips, which cost twice their squared distance over the cell size.
+   The path of a tip that is beyond a side of the domain or close to it, as that of a flap hinged at a wall, ends at a vertex of that side, which stays where it is and belongs to the wall (the
+   distance costs nothing: a path that steps sideways at its foot leaves flatter cells). Its last edge goes there from the mid-line, and nothing leaks. With the cell between tip and wall
+   squeezed in place of that, two flaps fell back at distances of 0.26 to 0.34 cells, not at 0.38 and more.
+   Then the vertices are spread along the mid-line. A step of the path across the line would have next to no length there, so the places between the tips are averaged some times over
+   neighbours, which gives such an edge about half of the length of the others. All of this happens in the frame of the body. */
+#include "compat.h"
+#include "impl.h"
+#include "../indicator.h"
+#include "base/rotation.h"
+
+#define THIN    1.0 /* thickness below which a body is a path, smallest cell size along it */
+#define LONG    3   /* smallest length, cell sizes */
+#define BAND    1.3 /* cells with their centre that close to the body are searched, cell sizes */
+#define NEAR    1.2 /* a path ends that close to the tip, cell sizes */
+#define AT_SIDE 0.4 /* that close to a side of the domain it ends there, cell sizes */
+#define NSPREAD 8   /* averages along the path */
+#define BESIDE  3   /* as far as that from the body, cells have a side */
+#define RECORD  18  /* numbers that describe a cell to other ranks: body, cell size, four times global vertex, place, CornerKind */
+
+typedef enum {
+  CORNER_FREE,
+  CORNER_TAKEN, /* by another body */
+  CORNER_SIDE   /* on a side of the domain: for the ends of a path only */
+} CornerKind;
+
+/* A corner of the cells around a body */
+typedef struct {
+  PetscReal  x[2], s, d; /* place in the body frame; along and from the mid-line */
+  PetscInt   id;
+  CornerKind kind;
+} Corner;
+
+typedef struct {
+  PetscInt  a, b;
+  PetscReal cost;
+} Edge;
+
+typedef struct {
+  PetscInt  ncorner, nedge;
+  Corner   *corner;
+  Edge     *edge;
+  PetscReal size; /* smallest cell */
+} Graph;
+
+static Midline line_of(Snap s, PetscInt k)
+{
+  BodyState *state;
+
+  return BodiesGetState(s->bodies, &state) ? NULL : s->line[state->body_group[k]];
+}
+
+/* ---- frames ---- */
+
+/* From the place of local node i, as the image that is nearest to the body, into the frame of body k */
+static PetscErrorCode into_body(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt i, PetscReal y[2])
+{
+  const MeshLocal *l = s->loc;
+  BodyState       *state;
+  PetscReal        R[9], r[2];
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetState(s->bodies, &state));
+  RotationMatrix(q[k], R);
+  for (PetscInt a = 0; a < 2; a++) r[a] = MeshNearest(l, a, l->x_start[2 * i + a] - X[k][a]);
+  for (PetscInt a = 0; a < 2; a++) y[a] = R[a] * r[0] + R[3 + a] * r[1] + state->group[state->body_group[k]].mass.centroid[a];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* From the frame of body k to the place beside the body as it is drawn */
+static PetscErrorCode out_of_body(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], const PetscReal y[2], PetscReal x[2])
+{
+  BodyState *state;
+  PetscReal  R[9];
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetState(s->bodies, &state));
+  RotationMatrix(q[k], R);
+  for (PetscInt a = 0; a < 2; a++) {
+    const PetscReal *c = state->group[state->body_group[k]].mass.centroid;
+
+    x[a] = X[k][a] + R[3 * a] * (y[0] - c[0]) + R[3 * a + 1] * (y[1] - c[1]);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Displacement of node i to the point at length t of the mid-line of body k; x that place beside the body as it is drawn */
+static PetscErrorCode way_to_line(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt i, PetscReal t, PetscReal d[2], PetscReal x[2])
+{
+  PetscReal R[9], to[2], from[2];
+
+  PetscFunctionBeginUser;
+  PetscCall(MidlinePoint(line_of(s, k), 1, &t, to));
+  PetscCall(into_body(s, k, X, q, i, from));
+  RotationMatrix(q[k], R);
+  for (PetscInt a = 0; a < 2; a++) d[a] = R[3 * a] * (to[0] - from[0]) + R[3 * a + 1] * (to[1] - from[1]);
+  PetscCall(out_of_body(s, k, X, q, to, x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Local nodes in the box around body k, drawn as its image number `image` (place at [3]), that leaves `margin` around it: a list that the next call replaces; none where the image does
+   not reach the domain */
+static PetscErrorCode list_nodes(Snap s, PetscInt k, PetscReal (*X)[3], PetscInt image, PetscReal margin, PetscReal at[3], PetscInt *n,
+                                 const PetscInt *list[])
+{
+  BodyState *state;
+  PetscReal  radius, lo[2], hi[2];
+
+  PetscFunctionBeginUser;
+  *n = 0;
+  PetscCall(BodiesGetState(s->bodies, &state));
+  radius = state->group[state->body_group[k]].radius + margin;
+  if (!MarkImage(s->loc, X[k], radius, image, at)) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt a = 0; a < 2; a++) {
+    lo[a] = at[a] - radius;
+    hi[a] = at[a] + radius;
+  }
+  PetscCall(MeshNodesInBox(s->mesh, lo, hi, n, list));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- which bodies ---- */
+
+/* Smallest cell along body k as far as this rank knows it */
+static PetscErrorCode smallest_cell(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal *size)
+{
+  const MeshLocal *l = s->loc;
+
+  PetscFunctionBeginUser;
+  for (PetscInt image = 0; image < 9; image++) {
+    PetscReal       at[3];
+    const PetscInt *list;
+    PetscInt        n;
+
+    PetscCall(list_nodes(s, k, X, image, s->coarsest, at, &n, &list));
+    for (PetscInt e = 0; e < n; e++) {
+      PetscReal d;
+
+      if (s->kind[list[e]] != NODE_CENTRE || list[e] >= l->nnode || s->size[list[e]] >= *size) continue;
+      PetscCall(BodiesDistance(s->bodies, k, at, q[k], 1, l->x_start + 2 * list[e], &d));
+      if (d < 0.5 * s->size[list[e]]) *size = s->size[list[e]];
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SnapPathChoose(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool wanted[])
+{
+  PetscBool any = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < s->nbodies; k++) {
+    s->is_path[k] = PETSC_FALSE;
+    if (!wanted[k] || !line_of(s, k)) continue;
+    if (!any) {
+      for (PetscInt j = 0; j < s->nbodies; j++) s->smallest[j] = PETSC_MAX_REAL;
+    }
+    any = PETSC_TRUE;
+    PetscCall(smallest_cell(s, k, X, q, &s->smallest[k]));
+  }
+  if (!any) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, s->smallest, (PetscMPIInt)s->nbodies, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
+  for (PetscInt k = 0; k < s->nbodies; k++) {
+    PetscReal length, thickness;
+
+    if (!wanted[k] || !line_of(s, k) || s->smallest[k] == PETSC_MAX_REAL) continue;
+    PetscCall(MidlineGetSize(line_of(s, k), &length, &thickness));
+    s->is_path[k] = (PetscBool)(thickness < THIN * s->smallest[k] && length > LONG * s->smallest[k]);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- the cells around a body, on all ranks ---- */
+
+static PetscErrorCode add_record(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt c, PetscInt *n, PetscInt *room,
+                                 PetscReal **record)
+{
+  const PetscInt *node = SnapCellNodes(s, c);
+  PetscReal      *r;
+
+  PetscFunctionBeginUser;
+  if (*n == *room) {
+    *room = 2 * *room + 64;
+    PetscCall(PetscRealloc(*room * RECORD * sizeof(PetscReal), record));
+  }
+  r    = *record + RECORD * (*n)++;
+  r[0] = (PetscReal)k;
+  r[1] = s->size[node[4]];
+  for (PetscInt v = 0; v < 4; v++) {
+    const PetscInt i = node[CORNER[v]];
+
+    r[2 + 4 * v] = (PetscReal)s->loc->node_global[i];
+    PetscCall(into_body(s, k, X, q, i, r + 3 + 4 * v));
+    r[5 + 4 * v] = s->code[i] ? CORNER_TAKEN : s->boundary[i] ? CORNER_SIDE : CORNER_FREE;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Own cells around the bodies that are to be paths */
+static PetscErrorCode collect_records(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt *count, PetscReal **record)
+{
+  const MeshLocal *l    = s->loc;
+  PetscInt         room = 0;
+
+  PetscFunctionBeginUser;
+  *count  = 0;
+  *record = NULL;
+  for (PetscInt k = 0; k < s->nbodies; k++) {
+    for (PetscInt image = 0; image < 9 && s->fitted[k] && s->is_path[k]; image++) {
+      PetscReal       at[3];
+      const PetscInt *list;
+      PetscInt        n;
+
+      PetscCall(list_nodes(s, k, X, image, BAND * s->coarsest, at, &n, &list));
+      for (PetscInt e = 0; e < n; e++) {
+        PetscReal d;
+
+        if (s->kind[list[e]] != NODE_CENTRE || list[e] >= l->nnode) continue;
+        PetscCall(BodiesDistance(s->bodies, k, at, q[k], 1, l->x_start + 2 * list[e], &d));
+        if (d < BAND * s->size[list[e]]) PetscCall(add_record(s, k, X, q, s->centre_of[list[e]], count, &room, record));
+      }
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Replace the records of this rank by those of all ranks */
+static PetscErrorCode share_records(PetscInt *count, PetscReal **record)
+{
+  PetscMPIInt size, mine, *n, *start, total = 0;
+  PetscReal  *all;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
+  PetscCall(PetscMPIIntCast(RECORD * *count, &mine));
+  PetscCall(PetscMalloc2(size, &n, size, &start));
+  PetscCallMPI(MPI_Allgather(&mine, 1, MPI_INT, n, 1, MPI_INT, PETSC_COMM_WORLD));
+  for (PetscMPIInt i = 0; i < size; i++) {
+    start[i] = total;
+    total += n[i];
+  }
+  PetscCall(PetscMalloc1(total, &all));
+  PetscCallMPI(MPI_Allgatherv(*record, mine, MPIU_REAL, all, n, start, MPIU_REAL, PETSC_COMM_WORLD));
+  PetscCall(PetscFree2(n, start));
+  PetscCall(PetscFree(*record));
+  *record = all;
+  *count  = total / RECORD;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- the graph of a body ---- */
+
+static int compare_corners(const void *a, const void *b)
+{
+  const Corner *p = (const Corner *)a, *r = (const Corner *)b;
+
+  for (PetscInt i = 0; i < 2; i++)
+    if (p->x[i] != r->x[i]) return p->x[i] < r->x[i] ? -1 : 1;
+  return 0;
+}
+
+static int compare_edges(const void *a, const void *b)
+{
+  const Edge *p = (const Edge *)a, *r = (const Edge *)b;
+
+  if (p->a != r->a) return p->a < r->a ? -1 : 1;
+  return p->b < r->b ? -1 : p->b > r->b;
+}
+
+static PetscInt find_corner(const Graph *g, const PetscReal x[2])
+{
+  Corner        key = {.x = {x[0], x[1]}};
+  const Corner *at  = (const Corner *)bsearch(&key, g->corner, (size_t)g->ncorner, sizeof(Corner), compare_corners);
+
+  return (PetscInt)(at - g->corner);
+}
+
+static PetscReal corner_distance(const Corner *a, const Corner *b)
+{
+  return PetscSqrtReal(PetscSqr(a->x[0] - b->x[0]) + PetscSqr(a->x[1] - b->x[1]));
+}
+
+/* Corners of all records of body k, each once, by their places */
+static PetscErrorCode list_corners(Midline line, PetscInt k, PetscInt count, const PetscReal record[], Graph *g)
+{
+  PetscInt n = 0;
+
+  PetscFunctionBeginUser;
+  g->ncorner = 0;
+  g->size    = PETSC_MAX_REAL;
+  for (PetscInt e = 0; e < count; e++) {
+    const PetscReal *r = record + RECORD * e;
+
+    if ((PetscInt)r[0] != k) continue;
+    g->size = PetscMin(g->size, r[1]);
+    for (PetscInt v = 0; v < 4; v++)
+      g->corner[n++] = (Corner){.x = {r[3 + 4 * v], r[4 + 4 * v]}, .id = (PetscInt)r[2 + 4 * v], .kind = (CornerKind)r[5 + 4 * v]};
+  }
+  qsort(g->corner, (size_t)n, sizeof(Corner), compare_corners);
+  for (PetscInt i = 0; i < n; i++) {
+    if (g->ncorner && !compare_corners(&g->corner[g->ncorner - 1], &g->corner[i])) continue;
+    g->corner[g->ncorner++] = g->corner[i];
+  }
+  for (PetscInt i = 0; i < g->ncorner; i++) PetscCall(MidlineProject(line, 1, g->corner[i].x, &g->corner[i].s, &g->corner[i].d));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Edges that a path may take, each in both directions, by the corner they leave */
+static PetscErrorCode list_edges(PetscInt k, PetscInt count, const PetscReal record[], Graph *g)
+{
+  const PetscInt END[4][2] = {{0, 1}, {0, 2}, {1, 3}, {2, 3}};
+  PetscInt       n = 0, unique = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e < count; e++) {
+    const PetscReal *r = record + RECORD * e;
+
+    for (PetscInt v = 0; v < 4 && (PetscInt)r[0] == k; v++) {
+      const PetscInt a = find_corner(g, r + 3 + 4 * END[v][0]), b = find_corner(g, r + 3 + 4 * END[v][1]);
+
+      if (g->corner[a].kind == CORNER_TAKEN || g->corner[b].kind == CORNER_TAKEN) continue;
+      if (g->corner[a].kind == CORNER_SIDE && g->corner[b].kind == CORNER_SIDE) continue;
+      g->edge[n++] = (Edge){a, b, 0};
+      g->edge[n++] = (Edge){b, a, 0};
+    }
+  }
+  qsort(g->edge, (size_t)n, sizeof(Edge), compare_edges);
+  for (PetscInt i = 0; i < n; i++)
+    if (!unique || compare_edges(&g->edge[unique - 1], &g->edge[i])) g->edge[unique++] = g->edge[i];
+  g->nedge = unique;
+  for (PetscInt i = 0; i < unique; i++) {
+    const Corner   *a = g->corner + g->edge[i].a, *b = g->corner + g->edge[i].b;
+    const PetscReal length = corner_distance(a, b);
+
+    g->edge[i].cost = length + 2 * (PetscSqr(a->d) + PetscSqr(b->d)) / length;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What it costs to begin or end a path at a corner, tip at x */
+static PetscReal tip_cost(const Graph *g, const Corner *c, const PetscReal x[2], CornerKind kind)
+{
+  const PetscReal d = PetscSqrtReal(PetscSqr(c->x[0] - x[0]) + PetscSqr(c->x[1] - x[1]));
+
+  if (c->kind != kind || d >= NEAR * g->size) return PETSC_MAX_REAL;
+  return kind == CORNER_SIDE ? 0 : 2 * d * d / g->size;
+}
+
+/* Dijkstra's algorithm without a heap, from tip to tip [4], which end at corners of the given kinds [2]: from [ncorner] the corner before, *last the end of the cheapest path, -1: there is
+   none */
+static PetscErrorCode find_path(const Graph *g, const PetscReal tip[], const CornerKind kind[], PetscInt from[], PetscReal cost[], PetscBool done[],
+                                PetscInt *last)
+{
+  PetscReal best = PETSC_MAX_REAL;
+
+  PetscFunctionBeginUser;
+  *last = -1;
+  for (PetscInt i = 0; i < g->ncorner; i++) {
+    cost[i] = tip_cost(g, g->corner + i, tip, kind[0]);
+    from[i] = -1;
+    done[i] = PETSC_FALSE;
+  }
+  while (1) {
+    PetscInt  at = -1, low = 0, high = g->nedge;
+    PetscReal end;
+
+    for (PetscInt i = 0; i < g->ncorner; i++)
+      if (!done[i] && cost[i] < PETSC_MAX_REAL && (at < 0 || cost[i] < cost[at])) at = i;
+    if (at < 0) break;
+    done[at] = PETSC_TRUE;
+    end      = tip_cost(g, g->corner + at, tip + 2, kind[1]);
+    if (end < PETSC_MAX_REAL && cost[at] + end < best) {
+      best  = cost[at] + end;
+      *last = at;
+    }
+    if (g->corner[at].kind == CORNER_SIDE && from[at] >= 0) continue; /* an end */
+    while (low < high) {
+      const PetscInt mid = (low + high) / 2;
+
+      if (g->edge[mid].a < at) low = mid + 1;
+      else high = mid;
+    }
+    for (PetscInt e = low; e < g->nedge && g->edge[e].a == at; e++) {
+      const PetscInt b = g->edge[e].b;
+
+      if (done[b] || cost[at] + g->edge[e].cost >= cost[b]) continue;
+      cost[b] = cost[at] + g->edge[e].cost;
+      from[b] = at;
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Places t [n] along a line of the given length for the vertices of a path, from their closest points: tips at the ends, the others averaged */
+static PetscErrorCode spread_vertices(PetscInt n, PetscReal length, PetscReal t[])
+{
+  PetscFunctionBeginUser;
+  t[0]     = 0;
+  t[n - 1] = length;
+  for (PetscInt i = 1; i < n - 1; i++) t[i] = PetscMin(length, PetscMax(t[i - 1], t[i]));
+  for (PetscInt sweep = 0; sweep < NSPREAD; sweep++) {
+    PetscReal before = t[0];
+
+    for (PetscInt i = 1; i < n - 1; i++) {
+      const PetscReal now = t[i];
+
+      t[i]   = 0.25 * before + 0.5 * now + 0.25 * t[i + 1];
+      before = now;
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Corners that the path of another body has taken */
+static PetscErrorCode block_paths(Snap s, PetscInt k, PetscReal (*X)[3], Graph *g)
+{
+  BodyState *state;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetState(s->bodies, &state));
+  for (PetscInt j = 0; j < k; j++) {
+    const SnapPath *p     = s->path + j;
+    const PetscReal reach = state->group[state->body_group[j]].radius + state->group[state->body_group[k]].radius + 2 * NEAR * s->coarsest;
+    PetscReal       d2    = 0;
+
+    if (!p->n) continue;
+    for (PetscInt a = 0; a < 2; a++) {
+      const PetscReal r = MeshNearest(s->loc, a, X[j][a] - X[k][a]);
+
+      d2 += r * r;
+    }
+    for (PetscInt i = 0; i < g->ncorner && d2 < reach * reach; i++) {
+      PetscInt at;
+
+      PetscCall(PetscFindInt(g->corner[i].id, p->n, p->id, &at));
+      if (at >= 0) g->corner[i].kind = CORNER_TAKEN;
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* On what corners the path of body k ends, one tip at y in the body frame */
+static PetscErrorCode choose_end(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], const PetscReal y[2], PetscReal size, CornerKind *kind)
+{
+  PetscReal x[2], gap[2];
+
+  PetscFunctionBeginUser;
+  PetscCall(out_of_body(s, k, X, q, y, x));
+  PetscCall(ClearanceMeasure(s->clearance, X, q, s->fitted, k, x, gap));
+  *kind = gap[1] < AT_SIDE * size ? CORNER_SIDE : CORNER_FREE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The path of body k from the records of all ranks, or none */
+static PetscErrorCode choose_path(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt count, const PetscReal record[], Graph *g)
+{
+  SnapPath  *p = s->path + k;
+  PetscInt  *from, last, n = 0;
+  PetscReal *cost, length, end[2], tip[4];
+  PetscBool *done;
+  CornerKind kind[2];
+
+  PetscFunctionBeginUser;
+  PetscCall(MidlineGetSize(line_of(s, k), &length, NULL));
+  end[0] = 0;
+  end[1] = length;
+  PetscCall(MidlinePoint(line_of(s, k), 2, end, tip));
+  PetscCall(list_corners(line_of(s, k), k, count, record, g));
+  PetscCall(block_paths(s, k, X, g));
+  PetscCall(list_edges(k, count, record, g));
+  PetscCall(PetscMalloc3(g->ncorner, &from, g->ncorner, &cost, g->ncorner, &done));
+  for (PetscInt e = 0; e < 2; e++) PetscCall(choose_end(s, k, X, q, tip + 2 * e, g->size, &kind[e]));
+  PetscCall(find_path(g, tip, kind, from, cost, done, &last));
+  for (PetscInt i = last; i >= 0; i = from[i]) n++;
+  if (n >= LONG) {
+    PetscReal *t;
+
+    PetscCall(PetscMalloc3(n, &p->id, n, &p->place, n, &t));
+    p->t = t;
+    p->n = n;
+    for (PetscInt i = last, j = n - 1; i >= 0; i = from[i], j--) {
+      p->id[j]    = g->corner[i].id;
+      p->place[j] = j;
+      t[j]        = g->corner[i].s;
+    }
+    PetscCall(spread_vertices(n, length, t));
+    PetscCall(PetscSortIntWithArray(n, p->id, p->place));
+  }
+  PetscCall(PetscFree3(from, cost, done));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SnapPathClear(Snap s)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < s->nbodies; k++) {
+    if (s->path[k].n) PetscCall(PetscFree3(s->path[k].id, s->path[k].place, s->path[k].t));
+    s->path[k].n = 0;
+  }
+  s->path_edge.n = 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- local nodes of the paths ---- */
+
+/* Number of local vertex i along path p, or -1 */
+static PetscErrorCode find_on_path(Snap s, const SnapPath *p, PetscInt i, PetscInt *at)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscFindInt(s->loc->node_global[i], p->n, p->id, at));
+  *at = *at >= 0 ? p->place[*at] : -1;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Length along the mid-line where local node i belongs on path p, -1: it is not on it */
+static PetscErrorCode place_on_path(Snap s, const SnapPath *p, PetscInt i, PetscReal *t)
+{
+  PetscInt end[2], at[2];
+
+  PetscFunctionBeginUser;
+  *t = -1;
+  if (s->kind[i] == NODE_CENTRE) PetscFunctionReturn(PETSC_SUCCESS);
+  if (s->kind[i] == NODE_VERTEX) {
+    PetscCall(find_on_path(s, p, i, at));
+    if (at[0] >= 0) *t = p->t[at[0]];
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  SnapEdgeEnds(s, i, end);
+  for (PetscInt v = 0; v < 2; v++) PetscCall(find_on_path(s, p, end[v], &at[v]));
+  if (at[0] >= 0 && at[1] >= 0 && PetscAbsInt(at[0] - at[1]) == 1) *t = 0.5 * (p->t[at[0]] + p->t[at[1]]);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Away from other walls in narrow gaps, as draw_back() does with walls: d is changed for node i at place x of the line */
+static PetscErrorCode draw_aside(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt i, const PetscReal x[2], PetscReal d[2])
+{
+  const PetscReal h = s->size[i], step = 0.01 * h;
+  PetscReal       gap[2];
+
+  PetscFunctionBeginUser;
+  PetscCall(ClearanceMeasure(s->clearance, X, q, s->fitted, k, x, gap));
+  for (PetscInt w = 0; w < 2; w++) {
+    const PetscReal back = (w ? 1 : 0.5) * SnapWidening(gap[w], CLEAR * h);
+    PetscReal       slope[2], size;
+
+    if (back == 0) continue;
+    for (PetscInt a = 0; a < 2; a++) {
+      PetscReal y[2] = {x[0], x[1]}, g[2][2];
+
+      for (PetscInt e = 0; e < 2; e++) {
+        y[a] = x[a] + (e ? step : -step);
+        PetscCall(ClearanceMeasure(s->clearance, X, q, s->fitted, k, y, g[e]));
+      }
+      slope[a] = g[1][w] - g[0][w];
+    }
+    size = PetscMax(PetscSqrtReal(PetscSqr(slope[0]) + PetscSqr(slope[1])), 0.1 * step);
+    for (PetscInt a = 0; a < 2; a++) d[a] += back * slope[a] / size;
+    if (i < s->loc->nnode) s->lost[k] += back * h;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Does the edge of mid-edge node i end on a side of the domain? */
+static PetscBool ends_on_side(Snap s, PetscInt i)
+{
+  PetscInt end[2];
+
+  SnapEdgeEnds(s, i, end);
+  return (PetscBool)(s->boundary[end[0]] || s->boundary[end[1]]);
+}
+
+/* Nodes of the path of body k, which belong to it from now on; its vertices are ring 0 and get their displacement. Those on a side of the domain belong to that. */
+static PetscErrorCode mark_path(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt image = 0; image < 9; image++) {
+    PetscReal       at[3];
+    const PetscInt *list;
+    PetscInt        n;
+
+    PetscCall(list_nodes(s, k, X, image, 2 * NEAR * s->coarsest, at, &n, &list));
+    for (PetscInt e = 0; e < n; e++) {
+      const PetscInt i = list[e];
+      PetscReal      t, x[2];
+
+      if (s->code[i] || s->boundary[i]) continue;
+      PetscCall(place_on_path(s, s->path + k, i, &t));
+      if (t < 0) continue;
+      s->code[i] = 2 * k + 1;
+      PetscCall(SnapListAdd(&s->marked, i));
+      if (s->kind[i] != NODE_VERTEX) {
+        if (!ends_on_side(s, i)) PetscCall(SnapListAdd(&s->path_edge, i));
+        continue;
+      }
+      s->level[i] = 8 * k + 1;
+      PetscCall(SnapListAdd(&s->ring, i));
+      PetscCall(way_to_line(s, k, X, q, i, t, s->d + 2 * i, x));
+      PetscCall(draw_aside(s, k, X, q, i, x, s->d + 2 * i));
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SnapPathPlaceVertices(Snap s, PetscReal (*X)[3], PetscReal (*q)[4])
+{
+  PetscReal *record;
+  PetscInt   count;
+  PetscBool  any = PETSC_FALSE;
+  Graph      g;
+
+  PetscFunctionBeginUser;
+  PetscCall(SnapPathClear(s));
+  for (PetscInt k = 0; k < s->nbodies; k++) any = (PetscBool)(any || (s->fitted[k] && s->is_path[k]));
+  if (!any) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(collect_records(s, X, q, &count, &record));
+  PetscCall(share_records(&count, &record));
+  PetscCall(PetscMalloc2(4 * count, &g.corner, 8 * count, &g.edge));
+  for (PetscInt k = 0; k < s->nbodies; k++) {
+    if (!s->fitted[k] || !s->is_path[k]) continue;
+    PetscCall(choose_path(s, k, X, q, count, record, &g));
+    if (s->path[k].n) PetscCall(mark_path(s, k, X, q));
+  }
+  PetscCall(PetscFree2(g.corner, g.edge));
+  PetscCall(PetscFree(record));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SnapPathPlaceEdges(Snap s, PetscReal (*X)[3], PetscReal (*q)[4])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e < s->path_edge.n; e++) {
+    const PetscInt i = s->path_edge.i[e], k = (s->code[i] - 1) / 2;
+    PetscReal      t = 0, x[2];
+
+    PetscCall(place_on_path(s, s->path + k, i, &t));
+    PetscCall(way_to_line(s, k, X, q, i, t, s->d + 2 * i, x));
+    PetscCall(draw_aside(s, k, X, q, i, x, s->d + 2 * i));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- sides ---- */
+
+static PetscErrorCode find_sides(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal length)
+{
+  const MeshLocal *l = s->loc;
+  PetscReal        R[9];
+
+  PetscFunctionBeginUser;
+  RotationMatrix(q[k], R);
+  for (PetscInt image = 0; image < 9; image++) {
+    PetscReal       at[3];
+    const PetscInt *list;
+    PetscInt        n;
+
+    PetscCall(list_nodes(s, k, X, image, (BESIDE + 1) * s->coarsest, at, &n, &list));
+    for (PetscInt e = 0; e < n; e++) {
+      const PetscInt  i    = list[e];
+      const PetscReal x[2] = {l->x_start[2 * i] + s->d[2 * i], l->x_start[2 * i + 1] + s->d[2 * i + 1]};
+      PetscReal       y[2], t, d;
+
+      PetscCall(BodiesDistance(s->bodies, k, at, q[k], 1, x, &d));
+      if (d > BESIDE * s->size[i] || s->node_side[i] || (s->code[i] && (s->code[i] - 1) / 2 == k)) continue;
+      PetscCall(into_body(s, k, X, q, i, y));
+      for (PetscInt a = 0; a < 2; a++) y[a] += R[a] * s->d[2 * i] + R[3 + a] * s->d[2 * i + 1];
+      PetscCall(MidlineProject(line_of(s, k), 1, y, &t, &d));
+      if (t <= 0 || t >= length) continue;
+      s->node_side[i] = d > 0 ? k + 1 : -(k + 1);
+      PetscCall(SnapListAdd(&s->side_node, i));
+      if (s->centre_of[i] < 0) continue;
+      s->cell_side[0][s->centre_of[i]] = s->node_side[i];
+      PetscCall(SnapListAdd(&s->side_cell[0], s->centre_of[i]));
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SnapPathFindSides(Snap s, PetscReal (*X)[3], PetscReal (*q)[4])
+{
+  const List older = s->side_cell[1];
+  PetscInt  *side  = s->cell_side[1];
+
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e < older.n; e++) side[older.i[e]] = 0;
+  s->cell_side[1]   = s->cell_side[0];
+  s->side_cell[1]   = s->side_cell[0];
+  s->cell_side[0]   = side;
+  s->side_cell[0]   = older;
+  s->side_cell[0].n = 0;
+  for (PetscInt e = 0; e < s->side_node.n; e++) s->node_side[s->side_node.i[e]] = 0;
+  s->side_node.n = 0;
+  for (PetscInt k = 0; k < s->nbodies; k++) {
+    PetscReal length;
+
+    if (!s->fitted[k] || !s->path[k].n) continue;
+    PetscCall(MidlineGetSize(line_of(s, k), &length, NULL));
+    PetscCall(find_sides(s, k, X, q, length));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- life cycle ---- */
+
+PetscErrorCode SnapPathSetUp(Snap s)
+{
+  BodyState *state;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetState(s->bodies, &state));
+  s->coarsest = 0;
+  for (PetscInt i = 0; i < s->loc->nnode; i++) s->coarsest = PetscMax(s->coarsest, s->size[i]);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &s->coarsest, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCall(PetscCalloc4(state->ngroups, &s->line, s->nbodies, &s->is_path, s->nbodies, &s->path, s->nbodies, &s->smallest));
+  PetscCall(PetscCalloc1(s->loc->nnode_all, &s->node_side));
+  for (PetscInt j = 0; j < 2; j++) PetscCall(PetscCalloc1(s->loc->ncell_all, &s->cell_side[j]));
+  for (PetscInt g = 0; g < state->ngroups; g++) {
+    PetscReal thickness;
+
+    if (state->group[g].hole) continue;
+    PetscCall(MidlineCreate(state->group[g].shape, &s->line[g]));
+    if (!s->line[g]) continue;
+    PetscCall(MidlineGetSize(s->line[g], NULL, &thickness));
+    if (thickness >= THIN * s->coarsest) PetscCall(MidlineDestroy(&s->line[g])); /* thick everywhere */
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SnapPathTearDown(Snap s)
+{
+  BodyState *state;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetState(s->bodies, &state));
+  PetscCall(SnapPathClear(s));
+  for (PetscInt g = 0; g < state->ngroups; g++) PetscCall(MidlineDestroy(&s->line[g]));
+  PetscCall(PetscFree4(s->line, s->is_path, s->path, s->smallest));
+  PetscCall(PetscFree(s->path_edge.i));
+  PetscCall(PetscFree(s->node_side));
+  PetscCall(PetscFree(s->side_node.i));
+  for (PetscInt j = 0; j < 2; j++) {
+    PetscCall(PetscFree(s->cell_side[j]));
+    PetscCall(PetscFree(s->side_cell[j].i));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

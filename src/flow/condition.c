@@ -1,0 +1,328 @@
+/* Boundary: see boundary.h. Conditions are attached to named boundaries of the mesh; where boundaries meet, walls win over inflow, and inflow over slip. */
+#include "compat.h"
+#include "flow/condition.h"
+#include "base/opt.h"
+
+typedef enum {
+  BC_NO_SLIP,
+  BC_MOVING_WALL,
+  BC_ROTATING_WALL,
+  BC_INFLOW,
+  BC_OUTFLOW,
+  BC_SLIP
+} BoundaryType;
+
+typedef struct {
+  BoundaryType type;
+  PetscBool    parabolic;
+  PetscReal    velocity[3], factor[3], ramp;
+  PetscReal    omega[3], centre[3]; /* of a rotating wall */
+  PetscReal    lower[3], upper[3];  /* extent, for the profile and for slip */
+  PetscInt     axis;                /* slip: the normal axis */
+} Condition;
+
+struct _p_Boundary {
+  Mesh             mesh;
+  const MeshLocal *loc;
+  PetscInt         n, *fixed, *wall; /* bit masks of components: prescribed; prescribed by a wall */
+  Condition       *condition;
+  PetscReal       *value;
+  PetscBool        floating;
+  VectorField      field; /* in place of the conditions' values */
+  void            *field_ctx;
+};
+
+static const char *const BC_TYPES[] = {"no_slip", "moving_wall", "rotating_wall", "inflow", "outflow", "slip", NULL};
+static const char *const PROFILES[] = {"uniform", "parabolic", NULL};
+
+static PetscErrorCode find_extent(Boundary f, PetscInt b, Condition *bc)
+{
+  const MeshLocal *l = f->loc;
+  const PetscInt  *node;
+  PetscInt         n;
+
+  PetscFunctionBeginUser;
+  for (PetscInt d = 0; d < 3; d++) {
+    bc->lower[d] = PETSC_MAX_REAL;
+    bc->upper[d] = -PETSC_MAX_REAL;
+  }
+  PetscCall(MeshGetBoundaryNodes(f->mesh, b, &n, &node));
+  for (PetscInt i = 0; i < n; i++) {
+    for (PetscInt d = 0; d < l->dim; d++) {
+      bc->lower[d] = PetscMin(bc->lower[d], l->x[node[i] * l->dim + d]);
+      bc->upper[d] = PetscMax(bc->upper[d], l->x[node[i] * l->dim + d]);
+    }
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, bc->lower, 3, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, bc->upper, 3, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_rotation(const char name[], PetscInt dim, Condition *bc)
+{
+  char      option[128];
+  PetscBool has_omega;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_omega", name));
+  PetscCall(OptRealArray(option, "angular velocity of the wall", "1/time", PETSC_MIN_REAL, PETSC_MAX_REAL, dim == 2 ? 1 : 3,
+                         dim == 2 ? bc->omega + 2 : bc->omega, &has_omega));
+  PetscCheck(has_omega, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Boundary '%s' is of type rotating_wall: give its angular velocity with %s", name,
+             option);
+  PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_centre", name));
+  PetscCall(
+    OptRealArray(option, "point about which the wall turns (default: origin)", "length", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, bc->centre, NULL));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_boundary(Boundary f, PetscInt b)
+{
+  const PetscInt dim = f->loc->dim;
+  Condition     *bc  = f->condition + b;
+  const char    *name;
+  char           option[128];
+  PetscInt       type = BC_NO_SLIP, profile = 0;
+  PetscBool      has_velocity;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshGetBoundaryName(f->mesh, b, &name));
+  PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_type", name));
+  PetscCall(OptChoice(option, "condition on this boundary", BC_TYPES, &type));
+  bc->type      = (BoundaryType)type;
+  bc->factor[0] = bc->factor[2] = 1;
+  PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_velocity", name));
+  if (type == BC_INFLOW || type == BC_MOVING_WALL) {
+    PetscCall(OptRealArray(option, "prescribed velocity (largest one of a profile)", "length/time", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, bc->velocity,
+                           &has_velocity));
+    PetscCheck(has_velocity, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Boundary '%s' is of type %s: give its velocity with %s", name, BC_TYPES[type],
+               option);
+    PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_profile", name));
+    PetscCall(OptChoice(option, "shape of the velocity profile", PROFILES, &profile));
+  }
+  if (type == BC_ROTATING_WALL) PetscCall(read_rotation(name, dim, bc));
+  if (type == BC_INFLOW || type == BC_MOVING_WALL || type == BC_ROTATING_WALL) {
+    PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_factor", name));
+    PetscCall(OptRealArray(option, "a, b, T: velocity is multiplied by a + b sin(2 pi t / T)", "-, -, time", PETSC_MIN_REAL, PETSC_MAX_REAL, 3,
+                           bc->factor, NULL));
+    PetscCheck(bc->factor[1] == 0 || bc->factor[2] > 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s: the period %g must be positive", option,
+               (double)bc->factor[2]);
+    PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_ramp", name));
+    PetscCall(OptReal(option, "time over which the velocity rises smoothly from zero", "time", 0, PETSC_MAX_REAL, &bc->ramp));
+  }
+  bc->parabolic = (PetscBool)(profile == 1);
+  PetscCall(find_extent(f, b, bc));
+  if (type == BC_SLIP) {
+    bc->axis = -1;
+    for (PetscInt d = 0; d < dim; d++)
+      if (bc->upper[d] - bc->lower[d] < 1e-10 * (f->loc->upper[d] - f->loc->lower[d])) bc->axis = d;
+    PetscCheck(bc->axis >= 0, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+               "Boundary '%s' is not a plane along an axis: slip is available on such planes only, choose another -flow_bc_%s_type", name, name);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Which components a condition prescribes. Where boundaries meet, walls win over inflow, and inflow over slip. */
+static PetscErrorCode mark_fixed(Boundary f)
+{
+  const PetscInt all     = (1 << f->loc->dim) - 1;
+  PetscInt       outflow = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt b = 0; b < f->n; b++) {
+    const PetscInt *node, bits = f->condition[b].type == BC_OUTFLOW ? 0 : f->condition[b].type == BC_SLIP ? 1 << f->condition[b].axis : all;
+    PetscInt        n;
+
+    outflow += f->condition[b].type == BC_OUTFLOW;
+    PetscCall(MeshGetBoundaryNodes(f->mesh, b, &n, &node));
+    for (PetscInt i = 0; i < n; i++) {
+      f->fixed[node[i]] |= bits;
+      if (f->condition[b].type != BC_INFLOW) f->wall[node[i]] |= bits;
+    }
+  }
+  f->floating = (PetscBool)(outflow == 0);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscReal boundary_factor(const Condition *bc, PetscReal t)
+{
+  PetscReal value = bc->factor[0] + (bc->factor[1] != 0 ? bc->factor[1] * PetscSinReal(2 * PETSC_PI * t / bc->factor[2]) : 0);
+
+  if (bc->ramp > 0 && t < bc->ramp) value *= 0.5 * (1 - PetscCosReal(PETSC_PI * t / bc->ramp));
+  return value;
+}
+
+static PetscReal boundary_profile(const Condition *bc, PetscInt dim, const PetscReal x[])
+{
+  PetscReal value = 1;
+
+  if (!bc->parabolic) return 1;
+  for (PetscInt d = 0; d < dim; d++) {
+    const PetscReal length = bc->upper[d] - bc->lower[d], s = x[d] - bc->lower[d];
+
+    if (length > 1e-12) value *= 4 * s * (length - s) / (length * length);
+  }
+  return value;
+}
+
+static PetscErrorCode evaluate_field(Boundary f, PetscReal time)
+{
+  const PetscInt dim = f->loc->dim;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < f->loc->nnode_all; i++) {
+    PetscReal v[3];
+
+    if (!f->fixed[i]) continue;
+    PetscCall(f->field(f->field_ctx, time, f->loc->x + i * dim, v));
+    for (PetscInt a = 0; a < dim; a++)
+      if ((f->fixed[i] >> a) & 1) f->value[i * dim + a] = v[a];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode check_steady(Boundary f, PetscInt b, PetscReal time)
+{
+  const PetscReal *factor = f->condition[b].factor;
+  const char      *name;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshGetBoundaryName(f->mesh, b, &name));
+  PetscCheck(time < PETSC_MAX_REAL || factor[1] == 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "Boundary '%s' changes in time (-flow_bc_%s_factor %g,%g,%g) and has no steady state: set the second number to 0, or run in time without -sim_steady",
+             name, name, (double)factor[0], (double)factor[1], (double)factor[2]);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Prescribed velocity at x, without the factor of time */
+static void wall_velocity(const Condition *bc, PetscInt dim, const PetscReal x[], PetscReal v[3])
+{
+  if (bc->type == BC_SLIP || bc->type == BC_NO_SLIP) return;
+  if (bc->type == BC_ROTATING_WALL) {
+    const PetscReal *w    = bc->omega;
+    const PetscReal  r[3] = {x[0] - bc->centre[0], x[1] - bc->centre[1], dim == 3 ? x[2] - bc->centre[2] : 0};
+
+    for (PetscInt a = 0; a < dim; a++) v[a] = w[(a + 1) % 3] * r[(a + 2) % 3] - w[(a + 2) % 3] * r[(a + 1) % 3];
+  } else {
+    const PetscReal s = boundary_profile(bc, dim, x);
+
+    for (PetscInt a = 0; a < dim; a++) v[a] = s * bc->velocity[a];
+  }
+}
+
+PetscErrorCode BoundarySetTime(Boundary f, PetscReal time)
+{
+  static const BoundaryType order[] = {BC_SLIP, BC_INFLOW, BC_ROTATING_WALL, BC_MOVING_WALL, BC_NO_SLIP}; /* later ones win where boundaries meet */
+  const PetscInt            dim     = f->loc->dim;
+
+  PetscFunctionBeginUser;
+  if (f->field) PetscCall(evaluate_field(f, time < PETSC_MAX_REAL ? time : 0));
+  for (PetscInt pass = 0; pass < 5 && !f->field; pass++) {
+    for (PetscInt b = 0; b < f->n; b++) {
+      const Condition *bc = f->condition + b;
+      const PetscInt  *node;
+      PetscInt         n;
+      PetscReal        factor;
+
+      if (bc->type != order[pass]) continue;
+      PetscCall(check_steady(f, b, time));
+      factor = boundary_factor(bc, time);
+      PetscCall(MeshGetBoundaryNodes(f->mesh, b, &n, &node));
+      for (PetscInt i = 0; i < n; i++) {
+        PetscReal v[3] = {0, 0, 0};
+
+        wall_velocity(bc, dim, f->loc->x + node[i] * dim, v);
+        for (PetscInt a = 0; a < dim; a++)
+          if (bc->type != BC_SLIP || a == bc->axis) f->value[node[i] * dim + a] = factor * v[a];
+      }
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BoundaryCreate(Mesh mesh, Boundary *boundary)
+{
+  Boundary f;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&f));
+  f->mesh = mesh;
+  PetscCall(MeshGetLocal(mesh, &f->loc));
+  PetscCall(MeshGetBoundaryCount(mesh, &f->n));
+  PetscCall(PetscCalloc4(f->n, &f->condition, f->loc->nnode_all, &f->fixed, f->loc->nnode_all, &f->wall, f->loc->nnode_all * f->loc->dim, &f->value));
+  for (PetscInt b = 0; b < f->n; b++) PetscCall(read_boundary(f, b));
+  PetscCall(mark_fixed(f));
+  *boundary = f;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BoundaryDestroy(Boundary *boundary)
+{
+  PetscFunctionBeginUser;
+  if (!*boundary) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree4((*boundary)->condition, (*boundary)->fixed, (*boundary)->wall, (*boundary)->value));
+  PetscCall(PetscFree(*boundary));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BoundaryView(Boundary f, PetscViewer viewer)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt b = 0; b < f->n; b++) {
+    const char *name;
+
+    PetscCall(MeshGetBoundaryName(f->mesh, b, &name));
+    PetscCall(PetscViewerASCIIPrintf(viewer, "  boundary %s: %s\n", name, BC_TYPES[f->condition[b].type]));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BoundaryGetValues(Boundary f, const PetscInt *fixed[], const PetscReal *value[])
+{
+  PetscFunctionBeginUser;
+  *fixed = f->fixed;
+  if (value) *value = f->value;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BoundaryGetWalls(Boundary f, const PetscInt *wall[])
+{
+  PetscFunctionBeginUser;
+  *wall = f->wall;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BoundarySetField(Boundary f, VectorField field, void *ctx)
+{
+  PetscFunctionBeginUser;
+  f->field     = field;
+  f->field_ctx = ctx;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BoundaryPressureIsFloating(Boundary f, PetscBool *floating)
+{
+  PetscFunctionBeginUser;
+  *floating = f->floating;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BoundaryGetSolidFaces(Boundary f, PetscInt *faces)
+{
+  const char *const names[] = {"left", "right", "bottom", "top", "back", "front"};
+
+  PetscFunctionBeginUser;
+  *faces = 0;
+  for (PetscInt b = 0; b < f->n; b++) {
+    const char *name;
+
+    if (f->condition[b].type > BC_ROTATING_WALL) continue;
+    PetscCall(MeshGetBoundaryName(f->mesh, b, &name));
+    for (PetscInt i = 0; i < 2 * f->loc->dim; i++) {
+      PetscBool match;
+
+      PetscCall(PetscStrcmp(name, names[i], &match));
+      if (match) *faces |= 1 << i;
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,170 @@
+/* Flow: what the solution of a step amounts to: residual, derivative, pressure and stress of single cells, diagnostics of the whole (see flow.h).
+
+   Quadrature, form of the convection and coefficients of the step are those of the assembly; the terms of FlowSetCellTerms are not part of it. Changes nothing in the Flow.
+   Only FlowDiagnose is collective. */
+#include "compat.h"
+#include "impl.h"
+
+/* Nodal acceleration, theta-velocity and convecting velocity of a cell for the step's solution u */
+static void gather_step(const struct _p_Flow *f, PetscInt c, const PetscReal u[], PetscReal al[], PetscReal vl[], PetscReal wl[])
+{
+  const MeshLocal *l = f->loc;
+  const FlowStep  *s = &f->step;
+
+  for (PetscInt j = 0; j < l->nb; j++) {
+    for (PetscInt a = 0; a < l->dim; a++) {
+      const PetscInt i = l->cell_node[c * l->nb + j] * l->dim + a, k = j * l->dim + a;
+
+      al[k] = s->ct * u[i] - s->d0 * f->u[i] - s->d1 * f->u_old[i] - (f->source ? f->source[i] / f->par.density : 0);
+      vl[k] = s->theta * u[i] + (1 - s->theta) * f->u[i];
+      wl[k] = f->w[i];
+    }
+  }
+}
+
+PetscErrorCode FlowCellResidual(Flow f, PetscInt c, const PetscReal u[], const PetscReal p[], PetscReal r[])
+{
+  const PetscInt nk = f->loc->dim + 1, n = f->loc->nb * f->loc->dim;
+  PetscReal      al[MESH_MAX_NB * 3], vl[MESH_MAX_NB * 3], wl[MESH_MAX_NB * 3];
+  ElementMetric  m;
+
+  PetscFunctionBeginUser;
+  gather_step(f, c, u, al, vl, wl);
+  PetscCall(FlowCellMetric(f, c, &m));
+  ElementResidual(&f->element, &m, f->par.density, f->par.viscosity, f->par.force, al, vl, f->par.convection ? wl : NULL, f->par.skew, r);
+  for (PetscInt k = 0; k < nk; k++)
+    for (PetscInt i = 0; i < n; i++) r[i] -= p[c * nk + k] * f->b[(c * nk + k) * n + i];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowCellNewton(Flow f, PetscInt c, const PetscReal u[], PetscReal n[])
+{
+  const MeshLocal *l   = f->loc;
+  const PetscInt   dim = l->dim, nb = l->nb, rows = nb * dim;
+  PetscReal        ul[MESH_MAX_NB * 3];
+  ElementMetric    m;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(n, rows * rows));
+  if (!f->par.convection) PetscFunctionReturn(PETSC_SUCCESS);
+  FlowCellGather(l, c, u, ul);
+  PetscCall(FlowCellMetric(f, c, &m));
+  for (PetscInt q = 0; q < f->element.nq; q++) {
+    const PetscReal *phi = f->element.phi + q * f->element.nbp, scale = f->par.density * f->step.theta * m.weight[q];
+    PetscReal        g[3][ELEMENT_MAX_NBP], grad[3][3] = {{0}}, v[3] = {0, 0, 0};
+
+    ElementGradients(&f->element, &m, q, g);
+    for (PetscInt j = 0; j < nb; j++)
+      for (PetscInt a = 0; a < dim; a++) v[a] += phi[j] * ul[j * dim + a];
+    for (PetscInt j = 0; j < nb; j++)
+      for (PetscInt a = 0; a < dim; a++)
+        for (PetscInt b = 0; b < dim; b++) grad[a][b] += scale * g[b][j] * ul[j * dim + a];
+    for (PetscInt i = 0; i < rows; i++)
+      for (PetscInt j = 0; j < rows; j++)
+        n[i * rows + j] += phi[i / dim] * (phi[j / dim] * grad[i % dim][j % dim] + f->par.skew * scale * g[j % dim][j / dim] * v[i % dim]);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowCellPressure(Flow f, PetscInt c, const PetscReal p[], const PetscReal x[], PetscReal *value)
+{
+  const MeshLocal *l      = f->loc;
+  const PetscReal *centre = l->x + l->cell_node[c * l->nb + l->nb / 2] * l->dim, *pc = p + c * (l->dim + 1);
+
+  PetscFunctionBeginUser;
+  *value = pc[0];
+  for (PetscInt d = 0; d < l->dim; d++) { *value += pc[1 + d] * MeshNearest(l, d, x[d] - centre[d]) / f->size[c]; }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowCellStressForce(Flow f, PetscInt c, const PetscReal u[], const PetscReal p[], const PetscReal alpha[], const PetscReal X[3],
+                                   PetscReal force[3], PetscReal torque[3])
+{
+  const MeshLocal *l   = f->loc;
+  const PetscInt   dim = l->dim, nb = l->nb, nk = dim + 1;
+  PetscReal        ul[MESH_MAX_NB * 3], xc[MESH_MAX_NB * 3];
+  ElementMetric    m;
+
+  PetscFunctionBeginUser;
+  FlowCellGather(l, c, u, ul);
+  PetscCall(MeshCellCoordinates(f->mesh, c, xc));
+  PetscCall(FlowCellMetric(f, c, &m));
+  for (PetscInt q = 0; q < f->element.nq; q++) {
+    const PetscReal *phi = f->element.phi + q * f->element.nbp, *centre = xc + (nb / 2) * dim;
+    PetscReal        g[3][ELEMENT_MAX_NBP], grad[3][3] = {{0}}, ga[3] = {0, 0, 0}, x[3] = {0, 0, 0}, t[3] = {0, 0, 0}, r[3] = {0, 0, 0},
+                                     pressure = p[c * nk];
+
+    ElementGradients(&f->element, &m, q, g);
+    for (PetscInt j = 0; j < nb; j++) {
+      for (PetscInt d = 0; d < dim; d++) {
+        x[d] += phi[j] * xc[j * dim + d];
+        ga[d] += alpha[j] * g[d][j];
+        for (PetscInt e = 0; e < dim; e++) grad[d][e] += g[e][j] * ul[j * dim + d];
+      }
+    }
+    for (PetscInt d = 0; d < dim; d++) {
+      pressure += p[c * nk + 1 + d] * (x[d] - centre[d]) / f->size[c];
+      r[d] = MeshNearest(l, d, x[d] - X[d]);
+    }
+    for (PetscInt d = 0; d < dim; d++) {
+      t[d] = pressure * ga[d];
+      for (PetscInt e = 0; e < dim; e++) t[d] -= f->par.viscosity * (grad[d][e] + grad[e][d]) * ga[e];
+      t[d] *= m.weight[q];
+    }
+    for (PetscInt d = 0; d < 3; d++) {
+      force[d] += t[d];
+      torque[d] += r[(d + 1) % 3] * t[(d + 2) % 3] - r[(d + 2) % 3] * t[(d + 1) % 3];
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], FlowDiagnostics *out)
+{
+  const MeshLocal *l   = f->loc;
+  const PetscInt   dim = l->dim, nb = l->nb, n = nb * dim;
+  PetscReal        sum[5] = {0, 0, 0, 0, 0}, top[3] = {0, 0, 0}; /* energy, divergence^2, momentum; cfl, speed, speed times size */
+
+  PetscFunctionBeginUser;
+  for (PetscInt c = 0; c < l->ncell; c++) {
+    PetscReal        al[MESH_MAX_NB * 3], vl[MESH_MAX_NB * 3], wl[MESH_MAX_NB * 3], r[MESH_MAX_NB * 3], div = 0, ul[MESH_MAX_NB * 3];
+    const PetscReal *b = f->b + c * (dim + 1) * n;
+    ElementMetric    m;
+
+    FlowCellGather(l, c, u, ul);
+    gather_step(f, c, u, al, vl, wl);
+    PetscCall(FlowCellMetric(f, c, &m));
+    ElementResidual(&f->element, &m, f->par.density, f->par.viscosity, f->par.force, al, vl, f->par.convection ? wl : NULL, f->par.skew, r);
+    for (PetscInt i = 0; i < n; i++) {
+      sum[2 + i % dim] += r[i]; /* viscous parts add up to zero over a cell */
+      div += b[i] * ul[i];
+    }
+    sum[1] += div * div / PetscPowReal(f->size[c], dim);
+    for (PetscInt q = 0; q < f->element.nq; q++) {
+      PetscReal v[3] = {0, 0, 0};
+
+      for (PetscInt j = 0; j < nb; j++)
+        for (PetscInt a = 0; a < dim; a++) v[a] += f->element.phi[q * f->element.nbp + j] * ul[j * dim + a];
+      sum[0] += 0.5 * f->par.density * m.weight[q] * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+    }
+    for (PetscInt j = 0; j < nb; j++) {
+      PetscReal speed = 0;
+
+      for (PetscInt a = 0; a < dim; a++) speed += ul[j * dim + a] * ul[j * dim + a];
+      speed  = PetscSqrtReal(speed);
+      top[1] = PetscMax(top[1], speed);
+      if (f->det[c] == 0) continue; /* no cell of the fluid */
+      top[0] = PetscMax(top[0], speed * f->step.dt / f->size[c]);
+      top[2] = PetscMax(top[2], speed * f->size[c]);
+    }
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 5, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, top, 3, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  out->kinetic_energy = sum[0];
+  out->divergence     = PetscSqrtReal(sum[1]);
+  for (PetscInt d = 0; d < 3; d++) out->momentum_rate[d] = sum[2 + d];
+  out->cfl           = top[0];
+  out->speed_max     = top[1];
+  out->cell_reynolds = f->par.density * top[2] / f->par.viscosity;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

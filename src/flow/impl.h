@@ -1,0 +1,62 @@
+/* Inside of Flow; for its files only. flow.c: geometry, assembly, time schemes, fields. flowevaluate.c: what a solution amounts to, cell by cell. Layer 2.
+
+   Only flow.c changes the struct. The functions below are called once a cell and are therefore inlined. */
+#pragma once
+#include "mesh/element.h"
+#include "flow/flow.h"
+
+struct _p_Flow {
+  Mesh             mesh;
+  const MeshLocal *loc;
+  FlowParameters   par;
+  FlowStep         step;
+  PetscInt         scheme, nsteps, substep;    /* steps taken; part of the time step that comes next */
+  PetscReal     dt_old, dt_older, ahead, bend; /* last steps (0: none); extrapolation of w in units of the old step, and the factor of its parabola */
+  Boundary      boundary;
+  ElementTables element;
+  /* geometry of the cells */
+  PetscBool *affine;
+  PetscInt  *open, *visited, *around, now; /* [nnode_all], [ncell_all] stamps: nodes whose mass is being computed, cells done; [ncell_all] scratch */
+  PetscReal *centre;                       /* [ncell_all][dim] where the pressures of a cell are centred */
+  PetscReal *inverse, *det, *size, *b, *lumped,
+    *pmass; /* [ncell_all][dim*dim], [ncell_all], [ncell_all], cell matrices of B, nodal mass, inverse mass matrices of the pressure [ncell][dim+1][dim+1] */
+  /* velocity matrix of the step */
+  Mat       S;
+  PetscReal s_ct, s_theta; /* of the assembled one; 0: none yet */
+  PetscInt                *
+    entry; /* [ncell_all][nb][nb] place of an entry of a cell: >= 0 in the values of own columns, <= -2: -2 - place in those of other columns, -1: not our row */
+  PetscInt         nterm; /* further terms of S */
+  const PetscInt  *term_cell;
+  const PetscReal *term;
+  /* fields */
+  PetscReal       *u, *u_old, *u_older, *w, *p, *p_old; /* u_older: NULL but for quadratic extrapolation */
+  const PetscReal *drift;                               /* [nnode_all][dim] velocity of the nodes, NULL: they stand still */
+  /* body force of FlowSetSource: its weighted mean over the step [nnode_all][dim] (NULL: none) */
+  VectorField source_field;
+  void       *source_ctx;
+  PetscReal  *source;
+};
+
+/* Metric of local cell c at its quadrature points: of an affine cell as stored, else from the coordinates. A cell that is no part of the fluid has zero weights. */
+static inline PetscErrorCode FlowCellMetric(Flow f, PetscInt c, ElementMetric *m)
+{
+  const PetscInt dim = f->loc->dim;
+
+  PetscFunctionBeginUser;
+  if (f->affine[c]) {
+    ElementSetAffine(&f->element, f->inverse + c * dim * dim, f->det[c], m);
+  } else {
+    PetscReal xc[MESH_MAX_NB * 3];
+
+    PetscCall(MeshCellCoordinates(f->mesh, c, xc));
+    ElementSetMetric(&f->element, xc, m);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Values vl [nb][dim] of a nodal array v [nnode_all][dim] at the nodes of cell c. */
+static inline void FlowCellGather(const MeshLocal *l, PetscInt c, const PetscReal v[], PetscReal vl[])
+{
+  for (PetscInt j = 0; j < l->nb; j++)
+    for (PetscInt a = 0; a < l->dim; a++) vl[j * l->dim + a] = v[l->cell_node[c * l->nb + j] * l->dim + a];
+}

@@ -1,0 +1,823 @@
+/* Meshkind: serial meshes built from options (see meshkind.h).
+
+   Boxes come from PETSc; blocks of quadrilaterals with a hole or rings are listed cell by cell in index coordinates, where every cell is a unit square or a trapezoid.
+   Sizes of the graded channel meshes are fixed by a basic resolution and its cell counts, and other resolutions multiply the counts, so that meshes of twice the
+   resolution contain the lines of the coarser ones. Lengths in the unit of the scene. Does not refine or distribute. */
+#include "compat.h"
+#include "kind.h"
+#include "map.h"
+#include "base/opt.h"
+
+#define MAX_BOUNDARIES 32
+
+enum {
+  KIND_BOX,
+  KIND_CHANNEL,
+  KIND_FITTED,
+  KIND_DISC,
+  KIND_ANNULUS,
+  KIND_FILE
+};
+static const char *const kind_names[] = {"box", "channel", "fitted", "disc", "annulus", "file", NULL};
+static const char *const side_names[] = {"left", "right", "bottom", "top", "back", "front"};
+
+struct _p_MeshKind {
+  MPI_Comm  comm;
+  PetscInt  kind, dim;
+  PetscInt  cells[3];
+  PetscReal lower[3], upper[3], period[3];
+  PetscInt  block[3]; /* fitted: first line of the O-grid block along x, y; cells along its side. disc: cells along the middle square */
+  PetscInt  nring;
+  char      file[PETSC_MAX_PATH_LEN];
+  MeshMap   map;
+  PetscInt  nboundary;
+  char      boundary[MAX_BOUNDARIES][64];
+};
+
+/* Channel of Schaefer & Turek, and the sizes on which its meshes are based */
+static const PetscReal channel_upper[2] = {2.2, 0.41}, cylinder_centre[2] = {0.2, 0.2}, cylinder_radius = 0.05;
+
+/* ---- lists of cells ---- */
+
+/* A mesh of quadrilaterals in the making; cells counter-clockwise */
+typedef struct {
+  PetscInt   nvertex, ncell, room_vertex, room_cell;
+  PetscReal *x;    /* [nvertex][2] */
+  PetscInt  *cell; /* [ncell][4] */
+} CellList;
+
+static PetscErrorCode create_list(PetscInt room_vertex, PetscInt room_cell, CellList *l)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscMemzero(l, sizeof(*l)));
+  l->room_vertex = room_vertex;
+  l->room_cell   = room_cell;
+  PetscCall(PetscMalloc2(2 * room_vertex, &l->x, 4 * room_cell, &l->cell));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode add_vertex(CellList *l, PetscReal x, PetscReal y, PetscInt *id)
+{
+  PetscFunctionBeginUser;
+  PetscCheck(l->nvertex < l->room_vertex, PETSC_COMM_SELF, PETSC_ERR_PLIB, "More than %" PetscInt_FMT " vertices", l->room_vertex);
+  l->x[2 * l->nvertex]     = x;
+  l->x[2 * l->nvertex + 1] = y;
+  *id                      = l->nvertex++;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode add_cell(CellList *l, PetscInt a, PetscInt b, PetscInt c, PetscInt d)
+{
+  PetscInt *cell = l->cell + 4 * l->ncell;
+
+  PetscFunctionBeginUser;
+  PetscCheck(l->ncell < l->room_cell, PETSC_COMM_SELF, PETSC_ERR_PLIB, "More than %" PetscInt_FMT " cells", l->room_cell);
+  cell[0] = a;
+  cell[1] = b;
+  cell[2] = c;
+  cell[3] = d;
+  l->ncell++;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Unit squares with corners (i, j) + origin, but for the n x n cells of a hole from line hole[0], hole[1] on (n = 0: none). vertex [(nx + 1)(ny + 1)], -1 in the hole */
+static PetscErrorCode add_squares(CellList *l, PetscInt nx, PetscInt ny, PetscReal origin, const PetscInt hole[2], PetscInt n, PetscInt vertex[])
+{
+  const PetscInt row = nx + 1;
+
+  PetscFunctionBeginUser;
+  for (PetscInt j = 0; j <= ny; j++) {
+    for (PetscInt i = 0; i <= nx; i++) {
+      const PetscBool out = (PetscBool)(i > hole[0] && i < hole[0] + n && j > hole[1] && j < hole[1] + n);
+
+      vertex[j * row + i] = -1;
+      if (!out) PetscCall(add_vertex(l, origin + i, origin + j, &vertex[j * row + i]));
+    }
+  }
+  for (PetscInt j = 0; j < ny; j++) {
+    for (PetscInt i = 0; i < nx; i++) {
+      const PetscInt *v = vertex + j * row + i;
+
+      if (i >= hole[0] && i < hole[0] + n && j >= hole[1] && j < hole[1] + n) continue;
+      PetscCall(add_cell(l, v[0], v[1], v[row + 1], v[row]));
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Number of vertex p = 0..4n-1 of the boundary of an n x n block of squares, counter-clockwise from the lower right corner */
+static PetscInt vertex_of_square(const PetscInt vertex[], PetscInt row, PetscInt i0, PetscInt j0, PetscInt n, PetscInt p)
+{
+  const PetscInt k = p % n;
+
+  switch (p / n) {
+  case 0: return vertex[(j0 + k) * row + i0 + n];
+  case 1: return vertex[(j0 + n) * row + i0 + n - k];
+  case 2: return vertex[(j0 + n - k) * row + i0];
+  default: return vertex[j0 * row + i0 + k];
+  }
+}
+
+/* The vertices of a square ring of half-width s, in the order of vertex_of_square */
+static PetscErrorCode add_ring(CellList *l, const PetscReal middle[2], PetscReal s, PetscInt n, PetscInt ring[])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt p = 0; p < 4 * n; p++) {
+    const PetscReal t       = -1 + 2.0 * (p % n) / n;
+    const PetscReal q[4][2] = {{1, t}, {-t, 1}, {-1, -t}, {t, -1}};
+
+    PetscCall(add_vertex(l, middle[0] + s * q[p / n][0], middle[1] + s * q[p / n][1], &ring[p]));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode join_rings(CellList *l, PetscInt n, const PetscInt in[], const PetscInt out[])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt p = 0; p < 4 * n; p++) PetscCall(add_cell(l, in[p], out[p], out[(p + 1) % (4 * n)], in[(p + 1) % (4 * n)]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* nring layers of cells from half-width map.inner to map.outer. first and last [4n] are the vertices there; NULL: new ones */
+static PetscErrorCode add_rings(CellList *l, const MeshMap *map, PetscInt n, PetscInt nring, const PetscInt first[], const PetscInt last[])
+{
+  PetscInt *in, *out;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc2(4 * n, &in, 4 * n, &out));
+  if (first) PetscCall(PetscArraycpy(in, first, 4 * n));
+  else PetscCall(add_ring(l, map->middle, map->inner, n, in));
+  for (PetscInt k = 1; k <= nring; k++) {
+    if (k == nring && last) PetscCall(PetscArraycpy(out, last, 4 * n));
+    else PetscCall(add_ring(l, map->middle, map->inner + (map->outer - map->inner) * k / nring, n, out));
+    PetscCall(join_rings(l, n, in, out));
+    PetscCall(PetscArraycpy(in, out, 4 * n));
+  }
+  PetscCall(PetscFree2(in, out));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode list_fitted(MeshKind k, CellList *l)
+{
+  const PetscInt nx = k->map.ncell[0], ny = k->map.ncell[1], n = k->block[2];
+  PetscInt      *vertex, *rim;
+
+  PetscFunctionBeginUser;
+  PetscCall(create_list((nx + 1) * (ny + 1) + 4 * n * k->nring, nx * ny + 4 * n * k->nring, l));
+  PetscCall(PetscMalloc2((nx + 1) * (ny + 1), &vertex, 4 * n, &rim));
+  PetscCall(add_squares(l, nx, ny, 0, k->block, n, vertex));
+  for (PetscInt p = 0; p < 4 * n; p++) rim[p] = vertex_of_square(vertex, nx + 1, k->block[0], k->block[1], n, p);
+  PetscCall(add_rings(l, &k->map, n, k->nring, NULL, rim));
+  PetscCall(PetscFree2(vertex, rim));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode list_disc(MeshKind k, CellList *l)
+{
+  const PetscInt n = k->block[2], hole[2] = {0, 0};
+  PetscInt      *vertex, *rim;
+
+  PetscFunctionBeginUser;
+  PetscCall(create_list((n + 1) * (n + 1) + 4 * n * k->nring, n * n + 4 * n * k->nring, l));
+  PetscCall(PetscMalloc2((n + 1) * (n + 1), &vertex, 4 * n, &rim));
+  PetscCall(add_squares(l, n, n, -0.5 * n, hole, 0, vertex));
+  for (PetscInt p = 0; p < 4 * n; p++) rim[p] = vertex_of_square(vertex, n + 1, 0, 0, n, p);
+  PetscCall(add_rings(l, &k->map, n, k->nring, rim, NULL));
+  PetscCall(PetscFree2(vertex, rim));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode list_annulus(MeshKind k, CellList *l)
+{
+  const PetscInt n = k->block[2];
+
+  PetscFunctionBeginUser;
+  PetscCall(create_list(4 * n * (k->nring + 1), 4 * n * k->nring, l));
+  PetscCall(add_rings(l, &k->map, n, k->nring, NULL, NULL));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The DM from a list of cells on rank 0 */
+static PetscErrorCode create_from_list(MeshKind k, DM *dm)
+{
+  CellList    l = {0};
+  PetscMPIInt rank;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_rank(k->comm, &rank));
+  if (rank == 0) {
+    if (k->kind == KIND_FITTED) PetscCall(list_fitted(k, &l));
+    else if (k->kind == KIND_DISC) PetscCall(list_disc(k, &l));
+    else PetscCall(list_annulus(k, &l));
+  }
+  PetscCall(DMPlexCreateFromCellListPetsc(k->comm, 2, l.ncell, l.nvertex, 4, PETSC_TRUE, l.cell, 2, l.x, dm));
+  PetscCall(PetscFree2(l.x, l.cell));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- options ---- */
+
+static PetscErrorCode read_periodic(MeshKind k)
+{
+  PetscInt n = 3;
+  char    *names[3];
+
+  PetscFunctionBeginUser;
+  PetscCall(OptStringArray("-mesh_periodic", "periodic axes, out of x, y, z", &n, names));
+  for (PetscInt i = 0; i < n; i++) {
+    const PetscInt axis = names[i][0] - 'x';
+
+    PetscCheck(axis >= 0 && axis < k->dim && !names[i][1], k->comm, PETSC_ERR_USER_INPUT,
+               "Option -mesh_periodic: '%s' is not an axis of a %" PetscInt_FMT "D mesh: use x, y or z", names[i], k->dim);
+    k->period[axis] = k->upper[axis] - k->lower[axis];
+    PetscCall(PetscFree(names[i]));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* A fraction from -1/2 to 1/2 that depends on seed and axis, the same on every machine (mixing steps of splitmix64: Steele, Lea & Flood, OOPSLA 2014) */
+static PetscReal random_fraction(PetscInt seed, PetscInt axis)
+{
+  uint64_t z = 0x9E3779B97F4A7C15u * (uint64_t)(3 * seed + axis + 1);
+
+  z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9u;
+  z = (z ^ (z >> 27)) * 0x94D049BB133111EBu;
+  z ^= z >> 31;
+  return (PetscReal)(z >> 11) / 9007199254740992.0 - 0.5;
+}
+
+typedef struct {
+  PetscReal h, growth[3], coarsest[3]; /* size in the fine part; how it grows outside, an axis each */
+  PetscReal lower[3], upper[3];        /* the fine part */
+  PetscInt  seed;
+} Grading;
+
+static PetscErrorCode read_growth(PetscInt dim, Grading *g)
+{
+  PetscFunctionBeginUser;
+  PetscCall(
+    OptRealArray("-mesh_growth", "growth of the cell size per distance from the fine part, one value an axis", "", 0, 10, dim, g->growth, NULL));
+  PetscCall(
+    OptRealArray("-mesh_coarsest", "largest cell size over that of the fine part, one value an axis", "", 1, PETSC_MAX_REAL, dim, g->coarsest, NULL));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscInt round_count(PetscReal n)
+{
+  return PetscMax(1, (PetscInt)PetscFloorReal(n + 0.5));
+}
+
+/* Mesh lines of all axes; cell counts are those of the grading times scale. n, if not NULL, returns the counts before, in and behind the fine part of each axis */
+static PetscErrorCode set_lines(MeshKind k, const Grading *g, PetscReal scale, PetscInt (*n)[3])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt d = 0; d < k->dim; d++) {
+    PetscReal end[4] = {k->lower[d], g->lower[d], g->upper[d], k->upper[d]}, shift = 0, room = PETSC_MAX_REAL;
+    PetscInt  count[3] = {0, 0, 0};
+
+    for (PetscInt part = 0; part < 3; part += 2) {
+      const PetscReal length = end[part + 1] - end[part];
+
+      if (length <= 0) continue;
+      count[part] = round_count(scale * round_count(MeshMapCountCells(length, g->h, g->growth[d], g->coarsest[d])));
+      room        = PetscMin(room, length);
+    }
+    count[1] = round_count(scale * round_count((end[2] - end[1]) / g->h));
+    if (g->seed && count[0] && count[2]) shift = random_fraction(g->seed, d) * PetscMin((end[2] - end[1]) / count[1], room);
+    end[1] += shift;
+    end[2] += shift;
+    PetscCall(MeshMapSetLines(&k->map, d, end, count, g->h, g->growth[d], g->coarsest[d]));
+    for (PetscInt i = 0; i < 3 && n; i++) n[d][i] = count[i];
+    k->cells[d] = k->map.ncell[d];
+  }
+  k->map.type = MESHMAP_LINES;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_seed(Grading *g)
+{
+  PetscFunctionBeginUser;
+  PetscCall(OptInt("-mesh_shift_seed", "moves the fine part of the mesh by a random fraction of its cell size, another for each number; 0 for none",
+                   "", 0, 1000000000, &g->seed));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_focus(MeshKind k)
+{
+  Grading   g      = {.growth = {0.1, 0.1, 0.1}, .coarsest = {8, 8, 8}};
+  PetscReal box[6] = {0};
+  PetscBool given, cells, size;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptRealArray("-mesh_focus", "box of fine cells: its lower, then its upper corner", "length", PETSC_MIN_REAL, PETSC_MAX_REAL, 2 * k->dim,
+                         box, &given));
+  if (!given) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(OptHas("-mesh_cells", "cells along each axis", &cells));
+  PetscCheck(!cells, k->comm, PETSC_ERR_USER_INPUT, "-mesh_focus sets the cells from -mesh_focus_h: remove -mesh_cells");
+  PetscCall(OptHas("-mesh_focus_h", "size of the cells in the focus box", &size));
+  PetscCheck(size, k->comm, PETSC_ERR_USER_INPUT, "-mesh_focus needs the size of its cells: give -mesh_focus_h");
+  PetscCall(OptReal("-mesh_focus_h", "size of the cells in the focus box", "length", OPT_POSITIVE, PETSC_MAX_REAL, &g.h));
+  for (PetscInt d = 0; d < k->dim; d++) {
+    g.lower[d] = PetscMax(box[d], k->lower[d]);
+    g.upper[d] = PetscMin(box[k->dim + d], k->upper[d]);
+    PetscCheck(g.upper[d] > g.lower[d], k->comm, PETSC_ERR_USER_INPUT,
+               "-mesh_focus [%g, %g] along axis %c is empty or outside the box [%g, %g] of -mesh_lower and -mesh_upper", (double)box[d],
+               (double)box[k->dim + d], (char)('x' + d), (double)k->lower[d], (double)k->upper[d]);
+  }
+  PetscCall(read_growth(k->dim, &g));
+  PetscCall(read_seed(&g));
+  PetscCall(set_lines(k, &g, 1, NULL));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_box(MeshKind k)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt d = 0; d < 3; d++) {
+    k->cells[d] = 16;
+    k->upper[d] = 1;
+  }
+  PetscCall(OptInt("-mesh_dimension", "space dimension of a box mesh", "", 2, 3, &k->dim));
+  PetscCall(OptRealArray("-mesh_lower", "lower corner of the box", "length", PETSC_MIN_REAL, PETSC_MAX_REAL, k->dim, k->lower, NULL));
+  PetscCall(OptRealArray("-mesh_upper", "upper corner of the box", "length", PETSC_MIN_REAL, PETSC_MAX_REAL, k->dim, k->upper, NULL));
+  for (PetscInt d = 0; d < k->dim; d++) {
+    PetscCheck(k->upper[d] > k->lower[d], k->comm, PETSC_ERR_USER_INPUT, "The box is empty along axis %c: -mesh_upper %g is not above -mesh_lower %g",
+               (char)('x' + d), (double)k->upper[d], (double)k->lower[d]);
+  }
+  PetscCall(read_periodic(k));
+  PetscCall(read_focus(k));
+  if (k->map.type == MESHMAP_IDENTITY) PetscCall(OptIntArray("-mesh_cells", "cells along each axis", "", 1, 1000000, k->dim, k->cells, NULL));
+  for (PetscInt d = 0; d < k->dim; d++) {
+    PetscCheck(k->period[d] == 0 || k->cells[d] >= 3, k->comm, PETSC_ERR_USER_INPUT,
+               "Axis %c is periodic with %" PetscInt_FMT " cells: -mesh_cells needs at least 3 there", (char)('x' + d), k->cells[d]);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* 2,211 cells at 10 cells a diameter, 8,844 at 20: the mesh on which the boundary treatments were compared */
+static PetscErrorCode read_channel(MeshKind k)
+{
+  Grading  g          = {.h = 0.01, .growth = {0.08, 0.12}, .coarsest = {8, 2}, .lower = {0.11, 0.11}, .upper = {0.31, 0.29}};
+  PetscInt resolution = 10;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptInt("-mesh_resolution", "cells along the diameter of the cylinder", "", 2, 10000, &resolution));
+  PetscCall(read_growth(2, &g));
+  PetscCall(read_seed(&g));
+  for (PetscInt d = 0; d < 2; d++) k->upper[d] = channel_upper[d];
+  PetscCall(set_lines(k, &g, resolution / 10.0, NULL));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* An O-grid between the cylinder and a square of twice its diameter; 136 cells at 4 cells a quarter of the circle, 2,176 at 16 */
+static PetscErrorCode read_fitted(MeshKind k)
+{
+  Grading  g          = {.h = 0.05, .growth = {0.3, 0.3}, .coarsest = {8, 8}};
+  PetscInt resolution = 16, n[2][3];
+
+  PetscFunctionBeginUser;
+  k->map.ring_ratio = 3;
+  PetscCall(OptInt("-mesh_resolution", "cells along a quarter of the cylinder", "", 2, 10000, &resolution));
+  PetscCall(OptReal("-mesh_ring_ratio", "thickness of the outermost layer of cells around the cylinder over that of the innermost", "", 0.01, 100,
+                    &k->map.ring_ratio));
+  PetscCall(read_growth(2, &g));
+  for (PetscInt d = 0; d < 2; d++) {
+    k->upper[d]      = channel_upper[d];
+    g.lower[d]       = cylinder_centre[d] - 2 * cylinder_radius;
+    g.upper[d]       = cylinder_centre[d] + 2 * cylinder_radius;
+    k->map.centre[d] = cylinder_centre[d];
+  }
+  PetscCall(set_lines(k, &g, resolution / 4.0, n));
+  for (PetscInt d = 0; d < 2; d++) {
+    k->block[d]      = n[d][0];
+    k->map.middle[d] = n[d][0] + 0.5 * resolution;
+  }
+  k->block[2]      = resolution;
+  k->nring         = round_count(0.5 * resolution);
+  k->map.type      = MESHMAP_FITTED;
+  k->map.radius[0] = cylinder_radius;
+  k->map.outer     = 0.5 * resolution;
+  k->map.inner     = 0.5 * k->map.outer;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Rings of cells that are about as thick as long */
+static PetscErrorCode read_disc(MeshKind k)
+{
+  k->block[2]      = 4;
+  k->map.radius[0] = 1;
+  k->map.type      = MESHMAP_DISC;
+  PetscFunctionBeginUser;
+  PetscCall(OptRealArray("-mesh_centre", "centre of the disc", "length", PETSC_MIN_REAL, PETSC_MAX_REAL, 2, k->map.centre, NULL));
+  PetscCall(OptReal("-mesh_radius", "radius of the disc", "length", OPT_POSITIVE, PETSC_MAX_REAL, &k->map.radius[0]));
+  PetscCall(OptInt("-mesh_resolution", "cells along a quarter of the circle", "", 1, 10000, &k->block[2]));
+  k->nring     = round_count(0.3 * k->block[2]);
+  k->map.inner = 0.5 * k->block[2];
+  k->map.outer = k->map.inner + k->nring;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_annulus(MeshKind k)
+{
+  PetscReal *r = k->map.radius;
+
+  PetscFunctionBeginUser;
+  k->block[2] = 4;
+  r[0]        = 1;
+  r[1]        = 2;
+  k->map.type = MESHMAP_ANNULUS;
+  PetscCall(OptRealArray("-mesh_centre", "centre of the circles", "length", PETSC_MIN_REAL, PETSC_MAX_REAL, 2, k->map.centre, NULL));
+  PetscCall(OptRealArray("-mesh_radii", "radii of the inner and the outer circle", "length", OPT_POSITIVE, PETSC_MAX_REAL, 2, r, NULL));
+  PetscCheck(r[1] > r[0], k->comm, PETSC_ERR_USER_INPUT, "-mesh_radii %g,%g: the outer radius must be larger than the inner one", (double)r[0],
+             (double)r[1]);
+  PetscCall(OptInt("-mesh_resolution", "cells along a quarter of the circle", "", 1, 10000, &k->block[2]));
+  k->nring     = round_count((r[1] - r[0]) / (0.25 * PETSC_PI * (r[0] + r[1])) * k->block[2]);
+  k->map.inner = 0.5 * k->block[2];
+  k->map.outer = k->map.inner + k->nring;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_file(MeshKind k)
+{
+  PetscBool given;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptString("-mesh_file", "Gmsh file of quadrilaterals or hexahedra", k->file, sizeof(k->file)));
+  PetscCheck(k->file[0], k->comm, PETSC_ERR_USER_INPUT, "-mesh_kind file needs -mesh_file <name.msh>");
+  PetscCall(PetscTestFile(k->file, 'r', &given));
+  PetscCheck(given, k->comm, PETSC_ERR_FILE_OPEN, "Mesh file '%s' cannot be read: check -mesh_file", k->file);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_options(MeshKind k)
+{
+  PetscErrorCode (*const read[])(MeshKind) = {read_box, read_channel, read_fitted, read_disc, read_annulus, read_file};
+
+  PetscFunctionBeginUser;
+  k->dim = 2;
+  PetscCall(OptChoice("-mesh_kind", "where the mesh comes from", kind_names, &k->kind));
+  PetscCall(read[k->kind](k));
+  k->map.dim = k->dim;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- boundaries ---- */
+
+static PetscErrorCode add_boundary(MeshKind k, const char name[])
+{
+  PetscFunctionBeginUser;
+  PetscCheck(k->nboundary < MAX_BOUNDARIES, k->comm, PETSC_ERR_SUP, "The mesh has more than %d named boundaries: merge some in the mesh file",
+             MAX_BOUNDARIES);
+  PetscCall(PetscStrncpy(k->boundary[k->nboundary++], name, sizeof(k->boundary[0])));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Boundary of a mesh we made that holds the outer face at q; NULL: the face is inside a periodic axis */
+static const char *boundary_of_face(MeshKind k, const PetscReal q[])
+{
+  const PetscReal s = PetscMax(PetscAbsReal(q[0]), PetscAbsReal(q[1]));
+
+  if (k->kind == KIND_DISC) return "outer";
+  if (k->kind == KIND_ANNULUS) return s > 0.5 * (k->map.inner + k->map.outer) ? "outer" : "inner";
+  for (PetscInt d = 0; d < k->dim; d++) {
+    const PetscReal lower = k->kind == KIND_FITTED ? 0 : k->lower[d], upper = k->kind == KIND_FITTED ? k->cells[d] : k->upper[d],
+                    tol = 1e-6 * (upper - lower) / k->cells[d];
+
+    if (k->period[d] > 0) continue;
+    if (PetscAbsReal(q[d] - lower) < tol) return side_names[2 * d];
+    if (PetscAbsReal(q[d] - upper) < tol) return side_names[2 * d + 1];
+  }
+  return k->kind == KIND_FITTED ? "cylinder" : NULL;
+}
+
+static PetscErrorCode label_faces(MeshKind k, DM dm)
+{
+  PetscInt fStart, fEnd;
+
+  PetscFunctionBeginUser;
+  for (PetscInt b = 0; b < k->nboundary; b++) PetscCall(DMCreateLabel(dm, k->boundary[b]));
+  PetscCall(DMPlexGetHeightStratum(dm, 1, &fStart, &fEnd));
+  for (PetscInt f = fStart; f < fEnd; f++) {
+    PetscInt    support;
+    PetscReal   q[3];
+    const char *name;
+
+    PetscCall(DMPlexGetSupportSize(dm, f, &support));
+    if (support != 1) continue;
+    PetscCall(DMPlexComputeCellGeometryFVM(dm, f, NULL, q, NULL));
+    name = boundary_of_face(k, q);
+    if (name) PetscCall(DMSetLabelValue(dm, name, f, 1));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode name_boundaries(MeshKind k)
+{
+  PetscFunctionBeginUser;
+  if (k->kind == KIND_ANNULUS) PetscCall(add_boundary(k, "inner"));
+  if (k->kind == KIND_ANNULUS || k->kind == KIND_DISC) {
+    PetscCall(add_boundary(k, "outer"));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  for (PetscInt i = 0; i < 2 * k->dim; i++)
+    if (k->period[i / 2] == 0) PetscCall(add_boundary(k, side_names[i]));
+  if (k->kind == KIND_FITTED) PetscCall(add_boundary(k, "cylinder"));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Does a label hold faces? (The mesh is on rank 0.) */
+static PetscErrorCode label_has_faces(DM dm, DMLabel label, PetscBool *any)
+{
+  PetscInt fStart, fEnd;
+
+  PetscFunctionBeginUser;
+  *any = PETSC_FALSE;
+  PetscCall(DMPlexGetHeightStratum(dm, 1, &fStart, &fEnd));
+  for (PetscInt f = fStart; f < fEnd && !*any; f++) {
+    PetscInt value;
+
+    PetscCall(DMLabelGetValue(label, f, &value));
+    *any = (PetscBool)(value >= 0);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* PETSc takes the entity numbers of a file of Gmsh format 2 for physical ones, so that faces may get names which are not theirs */
+static PetscErrorCode check_unique_names(MeshKind k, DM dm)
+{
+  PetscInt fStart, fEnd, twice = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(DMPlexGetHeightStratum(dm, 1, &fStart, &fEnd));
+  for (PetscInt f = fStart; f < fEnd; f++) {
+    PetscInt names = 0;
+
+    for (PetscInt b = 0; b < k->nboundary; b++) {
+      PetscInt value;
+
+      PetscCall(DMGetLabelValue(dm, k->boundary[b], f, &value));
+      names += value >= 0;
+    }
+    twice += names > 1;
+  }
+  PetscCallMPI(MPI_Bcast(&twice, 1, MPIU_INT, 0, k->comm));
+  PetscCheck(!twice, k->comm, PETSC_ERR_USER_INPUT,
+             "Mesh file '%s' gives %" PetscInt_FMT
+             " boundary edges or faces two names: save it in format 4.1 (gmsh -format msh41), each with one physical name",
+             k->file, twice);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Physical names of a Gmsh file that hold faces become boundaries. Rank 0 knows them all. */
+static PetscErrorCode find_file_boundaries(MeshKind k, DM dm)
+{
+  PetscInt    nlabel;
+  PetscMPIInt rank;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_rank(k->comm, &rank));
+  PetscCall(DMGetNumLabels(dm, &nlabel));
+  for (PetscInt l = 0; l < nlabel && rank == 0; l++) {
+    const char *name;
+    DMLabel     label;
+    PetscBool   skip, any;
+
+    PetscCall(DMGetLabelName(dm, l, &name));
+    PetscCall(PetscStrInList(name, "depth,celltype,Cell Sets,Face Sets,Edge Sets,Vertex Sets,marker", ',', &skip));
+    if (skip) continue;
+    PetscCall(DMGetLabel(dm, name, &label));
+    PetscCall(label_has_faces(dm, label, &any));
+    if (any && k->nboundary++ < MAX_BOUNDARIES) PetscCall(PetscStrncpy(k->boundary[k->nboundary - 1], name, sizeof(k->boundary[0])));
+  }
+  PetscCallMPI(MPI_Bcast(&k->nboundary, 1, MPIU_INT, 0, k->comm));
+  PetscCallMPI(MPI_Bcast(k->boundary, sizeof(k->boundary), MPI_CHAR, 0, k->comm));
+  PetscCheck(k->nboundary, k->comm, PETSC_ERR_USER_INPUT,
+             "Mesh file '%s' names no boundary: give its outer curves (2D) or surfaces (3D) physical names", k->file);
+  PetscCheck(k->nboundary <= MAX_BOUNDARIES, k->comm, PETSC_ERR_SUP,
+             "Mesh file '%s' has %" PetscInt_FMT " named boundaries, at most %d are possible: merge some", k->file, k->nboundary, MAX_BOUNDARIES);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- round boundaries of mesh files ---- */
+
+/* Move the vertices of the faces of a label onto the circle; worst: largest distance from it before, over its radius; n: number of faces */
+static PetscErrorCode move_to_circle(DM dm, DMLabel label, const PetscReal circle[3], PetscReal *worst, PetscInt *n)
+{
+  PetscInt     fStart, fEnd;
+  PetscSection section;
+  Vec          coordinates;
+  PetscScalar *x;
+
+  PetscFunctionBeginUser;
+  PetscCall(DMPlexGetHeightStratum(dm, 1, &fStart, &fEnd));
+  PetscCall(DMGetCoordinateSection(dm, &section));
+  PetscCall(DMGetCoordinatesLocal(dm, &coordinates));
+  PetscCall(VecGetArray(coordinates, &x));
+  for (PetscInt f = fStart; f < fEnd; f++) {
+    const PetscInt *vertex;
+    PetscInt        value, offset;
+
+    PetscCall(DMLabelGetValue(label, f, &value));
+    if (value < 0) continue;
+    (*n)++;
+    PetscCall(DMPlexGetCone(dm, f, &vertex));
+    for (PetscInt i = 0; i < 2; i++) {
+      PetscReal r;
+
+      PetscCall(PetscSectionGetOffset(section, vertex[i], &offset));
+      r      = PetscSqrtReal(PetscSqr(x[offset] - circle[0]) + PetscSqr(x[offset + 1] - circle[1]));
+      *worst = PetscMax(*worst, PetscAbsReal(r / circle[2] - 1));
+      for (PetscInt d = 0; d < 2 && r > 0; d++) x[offset + d] = circle[d] + (x[offset + d] - circle[d]) * circle[2] / r;
+    }
+  }
+  PetscCall(VecRestoreArray(coordinates, &x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The cells at the faces of a label, each turned so that its first edge is the face: appended to bent */
+static PetscErrorCode bend_cells(DM dm, DMLabel label, const PetscReal circle[3], MeshMapBent bent[])
+{
+  PetscInt fStart, fEnd, n = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(DMPlexGetHeightStratum(dm, 1, &fStart, &fEnd));
+  for (PetscInt f = fStart; f < fEnd; f++) {
+    const PetscInt    *cell, *edge;
+    PetscInt           value, ncoordinate, first = 0;
+    PetscBool          dg;
+    const PetscScalar *array;
+    PetscScalar       *x = NULL;
+
+    PetscCall(DMLabelGetValue(label, f, &value));
+    if (value < 0) continue;
+    PetscCall(DMPlexGetSupport(dm, f, &cell));
+    PetscCall(DMPlexGetCone(dm, cell[0], &edge));
+    while (first < 3 && edge[first] != f) first++;
+    PetscCall(DMPlexGetCellCoordinates(dm, cell[0], &dg, &ncoordinate, &array, &x));
+    PetscCheck(ncoordinate == 8, PETSC_COMM_SELF, PETSC_ERR_SUP,
+               "A mesh cell has %" PetscInt_FMT " coordinates instead of 8: save the mesh as quadrilaterals of first order", ncoordinate);
+    for (PetscInt i = 0; i < 4; i++)
+      for (PetscInt d = 0; d < 2; d++) bent[n].corner[i][d] = x[2 * ((first + i) % 4) + d];
+    PetscCall(DMPlexRestoreCellCoordinates(dm, cell[0], &dg, &ncoordinate, &array, &x));
+    MeshMapBend(&bent[n++], circle, circle[2]);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Boundary b of the file is this circle. Rank 0 has the mesh, all ranks get the bent cells. */
+static PetscErrorCode make_round(MeshKind k, DM dm, const char name[], const PetscReal circle[3])
+{
+  PetscReal   worst = 0;
+  PetscInt    n     = 0;
+  DMLabel     label;
+  PetscMPIInt rank, bytes;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_rank(k->comm, &rank));
+  PetscCall(DMGetLabel(dm, name, &label));
+  if (rank == 0) PetscCall(move_to_circle(dm, label, circle, &worst, &n));
+  PetscCallMPI(MPI_Bcast(&worst, 1, MPIU_REAL, 0, k->comm));
+  PetscCallMPI(MPI_Bcast(&n, 1, MPIU_INT, 0, k->comm));
+  PetscCheck(worst < 0.05, k->comm, PETSC_ERR_USER_INPUT,
+             "A vertex of boundary '%s' of '%s' is %g radii off the circle with centre (%g, %g) and radius %g: correct -mesh_round_%s", name, k->file,
+             (double)worst, (double)circle[0], (double)circle[1], (double)circle[2], name);
+  PetscCall(PetscRealloc(sizeof(MeshMapBent) * (k->map.nbent + n), &k->map.bent));
+  if (rank == 0) PetscCall(bend_cells(dm, label, circle, k->map.bent + k->map.nbent));
+  PetscCall(PetscMPIIntCast(sizeof(MeshMapBent) * n, &bytes));
+  PetscCallMPI(MPI_Bcast(k->map.bent + k->map.nbent, bytes, MPI_BYTE, 0, k->comm));
+  k->map.nbent += n;
+  k->map.type = MESHMAP_ROUND;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_round(MeshKind k, DM dm)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt b = 0; b < k->nboundary; b++) {
+    char      name[128];
+    PetscBool given;
+    PetscReal circle[3];
+
+    PetscCall(PetscSNPrintf(name, sizeof(name), "-mesh_round_%s", k->boundary[b]));
+    PetscCall(OptRealArray(name, "the boundary is this circle: centre x, y and radius", "length", PETSC_MIN_REAL, PETSC_MAX_REAL, 3, circle, &given));
+    if (!given) continue;
+    PetscCheck(circle[2] > 0, k->comm, PETSC_ERR_USER_INPUT, "%s: radius %g must be positive", name, (double)circle[2]);
+    PetscCheck(k->dim == 2, k->comm, PETSC_ERR_SUP, "%s: round boundaries are for 2D meshes; '%s' is 3D: remove the option", name, k->file);
+    PetscCall(make_round(k, dm, k->boundary[b], circle));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- creation ---- */
+
+static PetscErrorCode create_from_file(MeshKind k, DM *dm)
+{
+  PetscBool periodic;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptDefault("-dm_plex_gmsh_use_regions", "1"));
+  PetscCall(DMPlexCreateGmshFromFile(k->comm, k->file, PETSC_TRUE, dm));
+  PetscCall(DMGetDimension(*dm, &k->dim));
+  PetscCall(DMGetCoordinatesLocalized(*dm, &periodic));
+  PetscCheck(!periodic, k->comm, PETSC_ERR_USER_INPUT,
+             "Mesh file '%s' is periodic, which works for boxes only (-mesh_periodic): remove the periodic pairs from the file", k->file);
+  k->map.dim = k->dim;
+  PetscCall(find_file_boundaries(k, *dm));
+  PetscCall(check_unique_names(k, *dm));
+  PetscCall(read_round(k, *dm));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode create_box(MeshKind k, DM *dm)
+{
+  DMBoundaryType boundary[3];
+
+  PetscFunctionBeginUser;
+  for (PetscInt d = 0; d < 3; d++) boundary[d] = k->period[d] > 0 ? DM_BOUNDARY_PERIODIC : DM_BOUNDARY_NONE;
+  PetscCall(CompatCreateBoxMesh(k->comm, k->dim, k->cells, k->lower, k->upper, boundary, dm));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshKindCreate(MPI_Comm comm, MeshKind *kind, DM *dm)
+{
+  MeshKind k;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&k));
+  k->comm = comm;
+  PetscCall(read_options(k));
+  if (k->kind == KIND_FILE) {
+    PetscCall(create_from_file(k, dm));
+  } else {
+    if (k->kind == KIND_BOX || k->kind == KIND_CHANNEL) PetscCall(create_box(k, dm));
+    else PetscCall(create_from_list(k, dm));
+    PetscCall(name_boundaries(k));
+    PetscCall(label_faces(k, *dm));
+  }
+  *kind = k;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshKindDestroy(MeshKind *kind)
+{
+  PetscFunctionBeginUser;
+  if (!*kind) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(MeshMapClear(&(*kind)->map));
+  PetscCall(PetscFree(*kind));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshKindGetBoundaries(MeshKind k, PetscInt *n, const char (**names)[64])
+{
+  PetscFunctionBeginUser;
+  *n     = k->nboundary;
+  *names = (const char(*)[64])k->boundary;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshKindGetPeriod(MeshKind k, const PetscReal *period[], const PetscReal *upper[])
+{
+  PetscFunctionBeginUser;
+  *period = k->period;
+  *upper  = k->upper;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshKindEvaluate(MeshKind k, const PetscReal q[], PetscReal x[])
+{
+  PetscFunctionBeginUser;
+  MeshMapEvaluate(&k->map, q, x);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode map_points(const MeshMap *map, Vec points)
+{
+  PetscInt     n;
+  PetscScalar *x;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecGetLocalSize(points, &n));
+  PetscCall(VecGetArray(points, &x));
+  for (PetscInt i = 0; i < n; i += map->dim) MeshMapEvaluate(map, x + i, x + i);
+  PetscCall(VecRestoreArray(points, &x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshKindPlaceVertices(MeshKind k, DM dm)
+{
+  Vec       x;
+  PetscBool localized;
+
+  PetscFunctionBeginUser;
+  if (k->map.type == MESHMAP_IDENTITY) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(DMGetCoordinatesLocal(dm, &x));
+  PetscCall(map_points(&k->map, x));
+  PetscCall(DMSetCoordinatesLocal(dm, x)); /* drops the global vector */
+  PetscCall(DMGetCoordinatesLocalized(dm, &localized));
+  if (localized) { /* a periodic box: cells at the seam have coordinates of their own */
+    PetscCall(DMGetCellCoordinatesLocal(dm, &x));
+    PetscCall(map_points(&k->map, x));
+    PetscCall(DMSetCellCoordinatesLocal(dm, x));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,403 @@
+/* Checkpoint: see checkpoint.h. The order of files is that of their time of change: a run restarted from an old checkpoint leaves newer steps of the abandoned
+   branch behind, which are not its past. Rank 0 looks at the directory, all ranks learn the result. */
+#include "compat.h"
+#include "report/checkpoint.h"
+#include "base/log.h"
+#include "base/opt.h"
+#include <dirent.h>
+#include <errno.h>
+#include <petsctime.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#define MAX_MODULES 32
+#define KEEP        2
+
+typedef struct {
+  char       name[64];
+  void      *module;
+  StateVisit visit;
+} Module;
+
+struct _p_Checkpoint {
+  Output           output;
+  State            state;
+  PetscMPIInt      rank;
+  PetscInt         every, nmodule, last_step; /* last_step: in the newest file, -1 if there is none */
+  PetscReal        minutes;
+  PetscLogDouble   written; /* wall clock of the last checkpoint */
+  char             from[PETSC_MAX_PATH_LEN];
+  PetscBool        restarted, stopped;
+  Module           module[MAX_MODULES];
+  struct sigaction usual[2];
+};
+
+static volatile sig_atomic_t wants_write, wants_stop;
+static char                  last_path[PETSC_MAX_PATH_LEN]; /* for CheckpointGetLast */
+
+static const int SIGNALS[2] = {SIGUSR1, SIGTERM};
+
+/* Options that have no bearing on the state: by beginning, by end */
+static const char *const FREE_BEGIN[] = {"-output_", "-checkpoint_", "-sim_time", "-sim_steps", "-sim_restart", "-scene_dry_run",
+                                         "-log_",    "-options_",    "-malloc",   "-info",      "-shape_path",  NULL};
+static const char *const FREE_END[]   = {"_monitor", "_view", "_converged_reason", NULL};
+
+/* ---- signals ---- */
+
+static void note_signal(int number)
+{
+  if (number == SIGTERM) wants_stop = 1;
+  else wants_write = 1;
+}
+
+static void take_signals(Checkpoint c)
+{
+  struct sigaction action;
+
+  memset(&action, 0, sizeof(action));
+  action.sa_handler = note_signal;
+  action.sa_flags   = SA_RESTART;
+  sigemptyset(&action.sa_mask);
+  wants_write = wants_stop = 0;
+  for (int i = 0; i < 2; i++) (void)sigaction(SIGNALS[i], &action, &c->usual[i]);
+}
+
+/* ---- files in the directory (rank 0) ---- */
+
+typedef struct {
+  char            name[64];
+  PetscInt        step;
+  struct timespec changed;
+} File;
+
+static int newest_first(const void *a, const void *b)
+{
+  const File *x = a, *y = b;
+
+  if (x->changed.tv_sec != y->changed.tv_sec) return x->changed.tv_sec > y->changed.tv_sec ? -1 : 1;
+  if (x->changed.tv_nsec != y->changed.tv_nsec) return x->changed.tv_nsec > y->changed.tv_nsec ? -1 : 1;
+  return x->step > y->step ? -1 : x->step < y->step;
+}
+
+/* Checkpoints in dir, newest first; *file is allocated. suffix ".h5", or ".h5.part" for what a killed run left. */
+static PetscErrorCode list_files(const char dir[], const char suffix[], PetscInt *n, File **file)
+{
+  DIR           *d    = opendir(dir);
+  PetscInt       room = 0;
+  struct dirent *entry;
+
+  PetscFunctionBeginUser;
+  *n    = 0;
+  *file = NULL;
+  while (d && (entry = readdir(d))) {
+    char        path[PETSC_MAX_PATH_LEN];
+    long        step;
+    int         end = 0;
+    struct stat st;
+
+    if (sscanf(entry->d_name, "checkpoint_%ld%n", &step, &end) != 1 || strcmp(entry->d_name + end, suffix) ||
+        strlen(entry->d_name) >= sizeof((*file)->name))
+      continue;
+    PetscCall(PetscSNPrintf(path, sizeof(path), "%s/%s", dir, entry->d_name));
+    if (stat(path, &st)) continue;
+    if (*n == room) {
+      room = 2 * room + 16;
+      PetscCall(PetscRealloc((size_t)room * sizeof(**file), file));
+    }
+    (*file)[*n].step    = (PetscInt)step;
+    (*file)[*n].changed = st.st_mtim;
+    PetscCall(PetscStrncpy((*file)[*n].name, entry->d_name, sizeof((*file)->name)));
+    (*n)++;
+  }
+  if (d) (void)closedir(d);
+  if (*n) qsort(*file, (size_t)*n, sizeof(**file), newest_first);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Remove all but the first `keep` files of the list */
+static PetscErrorCode remove_files(const char dir[], const char suffix[], PetscInt keep)
+{
+  File    *file;
+  PetscInt n;
+
+  PetscFunctionBeginUser;
+  PetscCall(list_files(dir, suffix, &n, &file));
+  for (PetscInt i = keep; i < n; i++) {
+    char path[PETSC_MAX_PATH_LEN];
+
+    PetscCall(PetscSNPrintf(path, sizeof(path), "%s/%s", dir, file[i].name));
+    (void)remove(path);
+  }
+  PetscCall(PetscFree(file));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The newest whole checkpoint in dir: path, "" if there is none; says which newer ones it passes over */
+static PetscErrorCode find_latest(const char dir[], char path[], size_t len)
+{
+  File    *file;
+  PetscInt n;
+
+  PetscFunctionBeginUser;
+  path[0] = 0;
+  PetscCall(list_files(dir, ".h5", &n, &file));
+  for (PetscInt i = 0; i < n; i++) {
+    char        reason[256];
+    const char *bad;
+
+    PetscCall(PetscSNPrintf(path, len, "%s/%s", dir, file[i].name));
+    bad = StateCheckFile(path, reason, sizeof(reason));
+    if (!bad) break;
+    PetscCall(PetscPrintf(PETSC_COMM_SELF, "Checkpoint %s is passed over: %s\n", path, bad));
+    path[0] = 0;
+  }
+  PetscCall(PetscFree(file));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- options ---- */
+
+static PetscBool is_free(const char line[])
+{
+  const size_t n = strcspn(line, " \n");
+
+  for (int i = 0; FREE_BEGIN[i]; i++)
+    if (!strncmp(line, FREE_BEGIN[i], strlen(FREE_BEGIN[i]))) return PETSC_TRUE;
+  for (int i = 0; FREE_END[i]; i++)
+    if (n >= strlen(FREE_END[i]) && !strncmp(line + n - strlen(FREE_END[i]), FREE_END[i], strlen(FREE_END[i]))) return PETSC_TRUE;
+  return PETSC_FALSE;
+}
+
+/* The line of text that gives the option that `line` gives, or NULL */
+static const char *find_line(const char text[], const char line[])
+{
+  const size_t n = strcspn(line, " \n");
+
+  for (const char *at = text; *at; at += strcspn(at, "\n"), at += *at == '\n')
+    if (strcspn(at, " \n") == n && !strncmp(at, line, n)) return at;
+  return NULL;
+}
+
+static int same_line(const char a[], const char b[])
+{
+  const size_t n = strcspn(a, "\n");
+
+  return n == strcspn(b, "\n") && !strncmp(a, b, n);
+}
+
+/* Say which options differ between then and now, one `-name value` a line */
+static PetscErrorCode tell_changes(const char then[], const char now[])
+{
+  PetscInt n = 0;
+
+  PetscFunctionBeginUser;
+  for (int pass = 0; pass < 2; pass++) { /* what is new or other, then what is gone */
+    const char *text = pass ? then : now, *other = pass ? now : then;
+
+    for (const char *at = text; *at; at += strcspn(at, "\n"), at += *at == '\n') {
+      const char *match = find_line(other, at), *value;
+
+      if (is_free(at) || (match && (pass || same_line(at, match)))) continue;
+      if (!n++)
+        PetscCall(PetscPrintf(PETSC_COMM_WORLD, "Options that differ from those of the checkpoint (options of the initial state have no effect):\n"));
+      value = match ? match + strcspn(match, " \n") : "";
+      PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  %.*s (%s%.*s)\n", (int)strcspn(at, "\n"), at,
+                            pass    ? "no longer given"
+                            : match ? "was"
+                                    : "was not given",
+                            (int)strcspn(value, "\n"), value));
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode visit_options(Checkpoint c)
+{
+  char *now, *then;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptGetAll(&now));
+  then = now;
+  PetscCall(StateModule(c->state, NULL));
+  PetscCall(StateText(c->state, "options", &then));
+  if (StateIsLoading(c->state)) {
+    PetscCall(tell_changes(then, now));
+    PetscCall(PetscFree(then));
+  }
+  PetscCall(PetscFree(now));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode visit_modules(Checkpoint c)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < c->nmodule; i++) {
+    PetscCall(StateModule(c->state, c->module[i].name));
+    PetscCall(c->module[i].visit(c->module[i].module, c->state));
+  }
+  PetscCall(visit_options(c));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- public ---- */
+
+PetscErrorCode CheckpointCreate(Mesh mesh, Output output, Checkpoint *checkpoint)
+{
+  Checkpoint c;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&c));
+  c->output    = output;
+  c->last_step = -1;
+  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &c->rank));
+  PetscCall(OptInt("-checkpoint_every", "steps between two checkpoints, 0 for none", "steps", 0, PETSC_MAX_INT, &c->every));
+  PetscCall(OptReal("-checkpoint_minutes", "wall clock between two checkpoints, 0 for none", "min", 0, PETSC_MAX_REAL, &c->minutes));
+  PetscCall(OptString("-sim_restart", "checkpoint to continue from, or latest for the newest in -output_dir", c->from, sizeof(c->from)));
+  PetscCall(StateCreate(mesh, &c->state));
+  PetscCall(PetscTime(&c->written));
+  last_path[0] = 0;
+  take_signals(c);
+  *checkpoint = c;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CheckpointDestroy(Checkpoint *checkpoint)
+{
+  Checkpoint c = *checkpoint;
+
+  PetscFunctionBeginUser;
+  if (!c) PetscFunctionReturn(PETSC_SUCCESS);
+  for (int i = 0; i < 2; i++) (void)sigaction(SIGNALS[i], &c->usual[i], NULL);
+  PetscCall(StateDestroy(&c->state));
+  PetscCall(PetscFree(*checkpoint));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CheckpointView(Checkpoint c, PetscViewer viewer)
+{
+  PetscFunctionBeginUser;
+  if (c->every || c->minutes > 0) {
+    PetscCall(PetscViewerASCIIPrintf(viewer, "checkpoints:"));
+    if (c->every) PetscCall(PetscViewerASCIIPrintf(viewer, " every %" PetscInt_FMT " steps", c->every));
+    if (c->minutes > 0) PetscCall(PetscViewerASCIIPrintf(viewer, " every %g minutes", (double)c->minutes));
+    PetscCall(PetscViewerASCIIPrintf(viewer, ", the last %d kept\n", KEEP));
+  } else PetscCall(PetscViewerASCIIPrintf(viewer, "checkpoints: on SIGUSR1 and SIGTERM only\n"));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CheckpointAdd(Checkpoint c, const char name[], void *module, StateVisit visit)
+{
+  PetscFunctionBeginUser;
+  PetscCheck(c->nmodule < MAX_MODULES, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Module '%s' is one too many: a checkpoint has room for %d", name,
+             MAX_MODULES);
+  PetscCall(PetscStrncpy(c->module[c->nmodule].name, name, sizeof(c->module[0].name)));
+  c->module[c->nmodule].module  = module;
+  c->module[c->nmodule++].visit = visit;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CheckpointLoad(Checkpoint c, PetscBool *restarted)
+{
+  const char *dir;
+
+  PetscFunctionBeginUser;
+  *restarted = PETSC_FALSE;
+  if (!c->from[0]) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscLogEventBegin(TB_CHECKPOINT, 0, 0, 0, 0));
+  if (!strcmp(c->from, "latest")) {
+    PetscCall(OutputGetDirectory(c->output, &dir));
+    if (c->rank == 0) PetscCall(find_latest(dir, c->from, sizeof(c->from)));
+    PetscCallMPI(MPI_Bcast(c->from, sizeof(c->from), MPI_CHAR, 0, PETSC_COMM_WORLD));
+    PetscCheck(c->from[0], PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "-sim_restart latest: '%s' holds no whole checkpoint. Give a file, another -output_dir, or start without -sim_restart", dir);
+  }
+  PetscCall(StateBeginLoad(c->state, c->from));
+  PetscCall(visit_modules(c));
+  PetscCall(StateEnd(c->state));
+  PetscCall(PetscStrncpy(last_path, c->from, sizeof(last_path)));
+  *restarted = c->restarted = PETSC_TRUE;
+  PetscCall(PetscLogEventEnd(TB_CHECKPOINT, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CheckpointOpen(Checkpoint c)
+{
+  const char *dir;
+  PetscBool   overwrite;
+  PetscInt    n = 0;
+  File       *file;
+
+  PetscFunctionBeginUser;
+  PetscCall(OutputGetDirectory(c->output, &dir));
+  PetscCall(OutputGetOverwrite(c->output, &overwrite));
+  if (c->rank == 0) {
+    PetscCall(remove_files(dir, ".h5.part", 0));
+    if (!c->restarted && overwrite) PetscCall(remove_files(dir, ".h5", 0));
+    PetscCall(list_files(dir, ".h5", &n, &file));
+    PetscCall(PetscFree(file));
+  }
+  PetscCallMPI(MPI_Bcast(&n, 1, MPIU_INT, 0, PETSC_COMM_WORLD));
+  PetscCheck(!n || c->restarted, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "Directory '%s' already holds checkpoints of a run: continue it with -sim_restart latest, choose another -output_dir, or allow to remove them with "
+             "-output_overwrite",
+             dir);
+  if (c->restarted) PetscCall(PetscPrintf(PETSC_COMM_WORLD, "Restarted from %s\n", c->from));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CheckpointPoll(Checkpoint c, PetscInt step, PetscBool *due, PetscBool *stop)
+{
+  int            wants[2] = {wants_write, wants_stop};
+  PetscLogDouble now;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscTime(&now));
+  if (c->minutes > 0 && now - c->written > 60 * c->minutes) wants[0] = 1;
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, wants, 2, MPI_INT, MPI_MAX, PETSC_COMM_WORLD));
+  wants_write = 0;
+  *stop = c->stopped = (PetscBool)wants[1];
+  *due               = (PetscBool)(wants[0] || wants[1] || (c->every && step % c->every == 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CheckpointWrite(Checkpoint c, PetscInt step, PetscReal time)
+{
+  char        path[PETSC_MAX_PATH_LEN];
+  const char *dir;
+
+  PetscFunctionBeginUser;
+  if (c->last_step == step) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscLogEventBegin(TB_CHECKPOINT, 0, 0, 0, 0));
+  PetscCall(OutputGetDirectory(c->output, &dir));
+  PetscCall(PetscSNPrintf(path, sizeof(path), "%s/checkpoint_%" PetscInt_FMT ".h5", dir, step));
+  PetscCall(StateBeginSave(c->state, path));
+  PetscCall(visit_modules(c));
+  PetscCall(StateEnd(c->state));
+  if (c->rank == 0) PetscCall(remove_files(dir, ".h5", KEEP));
+  PetscCall(PetscStrncpy(last_path, path, sizeof(last_path)));
+  PetscCall(PetscTime(&c->written));
+  c->last_step = step;
+  PetscCall(PetscInfo(NULL, "Checkpoint %s at time %g\n", path, (double)time));
+  PetscCall(PetscLogEventEnd(TB_CHECKPOINT, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CheckpointFinish(Checkpoint c, PetscInt step, PetscReal time)
+{
+  PetscFunctionBeginUser;
+  if (c->every || c->minutes > 0) PetscCall(CheckpointWrite(c, step, time));
+  if (c->stopped)
+    PetscCall(PetscPrintf(PETSC_COMM_WORLD,
+                          "Stopped by SIGTERM after step %" PetscInt_FMT ", t = %g. The state is in %s: continue with -sim_restart latest\n", step,
+                          (double)time, last_path));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+const char *CheckpointGetLast(void)
+{
+  return last_path;
+}

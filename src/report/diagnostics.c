@@ -1,0 +1,383 @@
+/* Probe: see probe.h. */
+#include "compat.h"
+#include "report/diagnostics.h"
+#include "mesh/element.h"
+#include "history.h"
+#include "base/opt.h"
+
+#define NEAR_CELL 1e-3 /* beyond the cell in its reference coordinates */
+
+enum {
+  CD,
+  CL,
+  CD_RESIDUAL,
+  CL_RESIDUAL,
+  CD_VOLUME,
+  CL_VOLUME,
+  NCOEFFICIENTS
+};
+static const char *const COEFFICIENTS[NCOEFFICIENTS] = {"cd", "cl", "cd_residual", "cl_residual", "cd_volume", "cl_volume"};
+static const char *const PARTS[]                     = {"fluid", "bodies", "walls", "openings", "volume"};
+static const char *const DEFORM[]                    = {"deform_area_min", "deform_area_max", "deform_jacobian"};
+static const char *const SNAP[]                      = {"snap_fallback", "snap_narrow", "snap_taylor", "snap_kept"};
+
+typedef struct {
+  PetscInt  body, column; /* first of its columns */
+  PetscReal speed, length, scale;
+  PetscReal difference, largest; /* of the two forms of the force, over the run */
+  char      suffix[72];          /* of the names: "" or _<group> */
+} Coefficient;
+
+typedef struct {
+  PetscReal x[3];
+  PetscInt  n, *cell; /* own cells whose bounding box comes near */
+} Point;
+
+struct _p_Probe {
+  Flow                flow;
+  Mesh                mesh;
+  Couple              couple;
+  Monitor             monitor;
+  BodyState          *s;
+  const MeshLocal    *loc;
+  PetscInt            ncoefficient;
+  Coefficient        *coefficient;
+  PetscBool           dp, momentum, snap;
+  Point               point[2];
+  PetscReal           from;
+  PetscInt            dp_column, momentum_column, snap_column, deform_column, ncolumn;
+  const DeformResult *deform; /* NULL: the mesh does not follow bodies */
+  PetscReal          *value;  /* [ncolumn] of this step */
+  History             history;
+};
+
+/* ---- set-up ---- */
+
+static PetscErrorCode add_column(Probe b, const char name[], PetscInt *first)
+{
+  PetscInt column;
+
+  PetscFunctionBeginUser;
+  PetscCall(MonitorAddColumn(b->monitor, name, &column));
+  if (first) *first = b->ncolumn;
+  b->ncolumn++;
+  PetscCheck(column == b->ncolumn - 1, PETSC_COMM_SELF, PETSC_ERR_PLIB, "Another module has added columns before");
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_coefficient(Probe b, const BodyGroup *g)
+{
+  const FlowParameters *par;
+  Coefficient          *c = b->coefficient + b->ncoefficient;
+  char                  speed[128], length[128];
+  PetscBool             given;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscSNPrintf(speed, sizeof(speed), "-particle_%s_reference_speed", g->name));
+  PetscCall(PetscSNPrintf(length, sizeof(length), "-particle_%s_reference_length", g->name));
+  PetscCall(OptHas(speed, "speed U of the coefficients 2 F / (rho U^2 L), asks for them", &given));
+  if (!given) PetscFunctionReturn(PETSC_SUCCESS);
+  c->length = 2 * g->radius;
+  PetscCall(OptReal(speed, "speed U of the coefficients 2 F / (rho U^2 L), asks for them", "length/time", OPT_POSITIVE, PETSC_MAX_REAL, &c->speed));
+  PetscCall(OptReal(length, "length L of the coefficients", "length", OPT_POSITIVE, PETSC_MAX_REAL, &c->length));
+  PetscCheck(g->count == 1, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "Option %s: group '%s' has %" PetscInt_FMT " bodies, coefficients are those of one: give it a group of its own", speed, g->name,
+             g->count);
+  PetscCall(FlowGetParameters(b->flow, &par));
+  c->body  = g->first;
+  c->scale = 2 / (par->density * c->speed * c->speed * (b->loc->dim == 3 ? c->length * c->length : c->length));
+  PetscCall(PetscStrncpy(c->suffix, g->name, sizeof(c->suffix)));
+  b->ncoefficient++;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode name_coefficients(Probe b)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < b->ncoefficient; i++) {
+    Coefficient *c = b->coefficient + i;
+    char         group[72], name[128];
+
+    PetscCall(PetscStrncpy(group, c->suffix, sizeof(group)));
+    PetscCall(PetscSNPrintf(c->suffix, sizeof(c->suffix), b->ncoefficient > 1 ? "_%s" : "", group));
+    for (PetscInt k = 0; k < NCOEFFICIENTS; k++) {
+      PetscCall(PetscSNPrintf(name, sizeof(name), "%s%s", COEFFICIENTS[k], c->suffix));
+      PetscCall(add_column(b, name, k ? NULL : &c->column));
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Own cells that may hold the point, also when their nodes move by half of their size; where the mesh follows bodies, those of this step */
+static PetscErrorCode find_candidates(Probe b, Point *p)
+{
+  const MeshLocal *l = b->loc;
+
+  PetscFunctionBeginUser;
+  p->n = 0;
+  PetscCall(PetscFree(p->cell));
+  PetscCall(PetscMalloc1(l->ncell, &p->cell));
+  for (PetscInt c = 0; c < l->ncell; c++) {
+    PetscReal xc[MESH_MAX_NB * 3];
+    PetscBool near = PETSC_TRUE;
+
+    PetscCall(MeshCellCoordinates(b->mesh, c, xc));
+    for (PetscInt d = 0; d < l->dim; d++) {
+      PetscReal lo = PETSC_MAX_REAL, hi = -PETSC_MAX_REAL;
+
+      for (PetscInt j = 0; j < l->nb; j++) {
+        lo = PetscMin(lo, xc[j * l->dim + d]);
+        hi = PetscMax(hi, xc[j * l->dim + d]);
+      }
+      if (p->x[d] < lo - 0.5 * (hi - lo) || p->x[d] > hi + 0.5 * (hi - lo)) near = PETSC_FALSE;
+    }
+    if (near) p->cell[p->n++] = c;
+  }
+  PetscCall(PetscRealloc(PetscMax(1, p->n) * sizeof(PetscInt), &p->cell));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Mean of the pressure over the cells that hold the point, those with their centre outside of bodies first; *n their number on all ranks */
+static PetscErrorCode read_pressure(Probe b, const Point *point, const PetscReal p[], PetscReal *value, PetscInt *n)
+{
+  const MeshLocal *l = b->loc;
+  const PetscInt  *body;
+  PetscReal        sum[4] = {0, 0, 0, 0}; /* values and number outside bodies, inside */
+
+  PetscFunctionBeginUser;
+  PetscCall(CoupleGetNodeBody(b->couple, &body));
+  for (PetscInt i = 0; i < point->n; i++) {
+    const PetscInt c = point->cell[i];
+    PetscReal      xc[MESH_MAX_NB * 3], xi[3], at;
+    PetscBool      holds;
+
+    PetscCall(MeshCellCoordinates(b->mesh, c, xc));
+    holds = ElementLocate(l->dim, xc, point->x, xi);
+    for (PetscInt d = 0; d < l->dim && holds; d++) holds = (PetscBool)(PetscAbsReal(xi[d]) <= 1 + 2 * NEAR_CELL);
+    if (!holds) continue;
+    PetscCall(FlowCellPressure(b->flow, c, p, point->x, &at));
+    {
+      const PetscInt inside = body[l->cell_node[c * l->nb + l->nb / 2]] >= 0 ? 2 : 0;
+
+      sum[inside] += at;
+      sum[inside + 1]++;
+    }
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 4, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  *n     = (PetscInt)(sum[1] + sum[3]);
+  *value = sum[1] > 0 ? sum[0] / sum[1] : sum[2] / sum[3];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_points(Probe b)
+{
+  const PetscInt dim  = b->loc->dim;
+  PetscReal      x[6] = {0}, *zero, unused;
+  PetscInt       n;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptRealArray("-monitor_dp", "two points between which the pressure difference is taken", "length", PETSC_MIN_REAL, PETSC_MAX_REAL,
+                         2 * dim, x, &b->dp));
+  if (!b->dp) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscCalloc1(b->loc->ncell * (dim + 1), &zero));
+  for (PetscInt i = 0; i < 2; i++) {
+    for (PetscInt d = 0; d < dim; d++) b->point[i].x[d] = x[i * dim + d];
+    PetscCall(find_candidates(b, b->point + i));
+    PetscCall(read_pressure(b, b->point + i, zero, &unused, &n));
+    PetscCheck(n > 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option -monitor_dp: point (%g, %g, %g) lies in no cell of the mesh, move it inside",
+               (double)b->point[i].x[0], (double)b->point[i].x[1], (double)b->point[i].x[2]);
+  }
+  PetscCall(PetscFree(zero));
+  PetscCall(add_column(b, "dp", &b->dp_column));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_momentum(Probe b)
+{
+  PetscFunctionBeginUser;
+  PetscCall(OptBool("-monitor_momentum", "balance of momentum of the flow by its parts in series.csv", &b->momentum));
+  for (PetscInt i = 0; b->momentum && i < 5 * b->loc->dim; i++) {
+    char name[64];
+
+    PetscCall(PetscSNPrintf(name, sizeof(name), "momentum_%s_%c", PARTS[i / b->loc->dim], (char)('x' + i % b->loc->dim)));
+    PetscCall(add_column(b, name, i ? NULL : &b->momentum_column));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode add_mesh_columns(Probe b)
+{
+  CoupleSnapCount count;
+
+  PetscFunctionBeginUser;
+  PetscCall(CoupleGetSnapCount(b->couple, &count));
+  b->snap = count.present;
+  for (PetscInt i = 0; i < 4 && b->snap; i++) PetscCall(add_column(b, SNAP[i], i ? NULL : &b->snap_column));
+  PetscCall(CoupleGetDeform(b->couple, &b->deform));
+  for (PetscInt i = 0; i < 3 && b->deform; i++) PetscCall(add_column(b, DEFORM[i], i ? NULL : &b->deform_column));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ProbeCreate(Flow flow, Bodies bodies, Couple couple, Monitor monitor, Probe *probe)
+{
+  Probe b;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&b));
+  b->flow    = flow;
+  b->couple  = couple;
+  b->monitor = monitor;
+  PetscCall(BodiesGetState(bodies, &b->s));
+  PetscCall(FlowGetMesh(flow, &b->mesh));
+  PetscCall(MeshGetLocal(b->mesh, &b->loc));
+  PetscCall(PetscCalloc1(b->s->ngroups, &b->coefficient));
+  for (PetscInt g = 0; g < b->s->ngroups; g++) PetscCall(read_coefficient(b, b->s->group + g));
+  PetscCall(name_coefficients(b));
+  PetscCall(read_points(b));
+  PetscCall(read_momentum(b));
+  PetscCall(add_mesh_columns(b));
+  PetscCall(OptReal("-monitor_from", "extrema and periods count from this time on", "time", PETSC_MIN_REAL, PETSC_MAX_REAL, &b->from));
+  PetscCall(PetscCalloc1(b->ncolumn, &b->value));
+  PetscCall(HistoryCreate(b->ncolumn, &b->history));
+  *probe = b;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ProbeDestroy(Probe *probe)
+{
+  Probe b = *probe;
+
+  PetscFunctionBeginUser;
+  if (!b) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt i = 0; i < 2; i++) PetscCall(PetscFree(b->point[i].cell));
+  PetscCall(HistoryDestroy(&b->history));
+  PetscCall(PetscFree(b->value));
+  PetscCall(PetscFree(b->coefficient));
+  PetscCall(PetscFree(*probe));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- steps ---- */
+
+static PetscErrorCode measure_coefficient(Probe b, Coefficient *c)
+{
+  const PetscReal *force = b->s->force[c->body];
+  PetscReal        residual[6], volume[6], size = 0, difference = 0, *v = b->value + c->column;
+
+  PetscFunctionBeginUser;
+  PetscCall(CoupleForceForms(b->couple, c->body, residual, volume));
+  for (PetscInt d = 0; d < 2; d++) {
+    v[CD + d]          = c->scale * force[d];
+    v[CD_RESIDUAL + d] = c->scale * residual[d];
+    v[CD_VOLUME + d]   = c->scale * volume[d];
+  }
+  for (PetscInt d = 0; d < 3; d++) {
+    size += residual[d] * residual[d];
+    difference += (volume[d] - residual[d]) * (volume[d] - residual[d]);
+  }
+  c->largest    = PetscMax(c->largest, PetscSqrtReal(size));
+  c->difference = PetscMax(c->difference, PetscSqrtReal(difference));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode measure_dp(Probe b)
+{
+  const PetscReal *u, *p;
+  PetscReal        at[2];
+  PetscInt         n;
+
+  PetscFunctionBeginUser;
+  PetscCall(CoupleGetSolution(b->couple, &u, &p));
+  for (PetscInt i = 0; i < 2; i++) {
+    if (b->deform) PetscCall(find_candidates(b, b->point + i));
+    PetscCall(read_pressure(b, b->point + i, p, at + i, &n));
+  }
+  b->value[b->dp_column] = at[0] - at[1];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ProbeStep(Probe b, const CoupleBalance *balance)
+{
+  const FlowStep *step;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetStep(b->flow, &step));
+  for (PetscInt i = 0; i < b->ncoefficient; i++) PetscCall(measure_coefficient(b, b->coefficient + i));
+  if (b->dp) PetscCall(measure_dp(b));
+  if (b->momentum) {
+    const PetscReal *part[5] = {balance->fluid, balance->bodies, balance->walls, balance->openings, balance->volume};
+
+    for (PetscInt i = 0; i < 5 * b->loc->dim; i++) b->value[b->momentum_column + i] = part[i / b->loc->dim][i % b->loc->dim];
+  }
+  if (b->snap) {
+    CoupleSnapCount count;
+
+    PetscCall(CoupleGetSnapCount(b->couple, &count));
+    b->value[b->snap_column]     = (PetscReal)count.fallback;
+    b->value[b->snap_column + 1] = (PetscReal)count.narrow;
+    b->value[b->snap_column + 2] = (PetscReal)count.taylor;
+    b->value[b->snap_column + 3] = (PetscReal)count.kept;
+  }
+  for (PetscInt i = 0; b->deform && i < 3; i++) b->value[b->deform_column + i] = i < 2 ? b->deform->area[i] : b->deform->jacobian;
+  for (PetscInt i = 0; i < b->ncolumn; i++) PetscCall(MonitorSetColumn(b->monitor, i, b->value[i]));
+  if (b->ncolumn) PetscCall(HistoryAdd(b->history, step->time - (1 - step->theta) * step->dt, b->value));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- end ---- */
+
+static PetscErrorCode tell(Probe b, const char name[], const char suffix[], PetscReal value)
+{
+  char full[128];
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscSNPrintf(full, sizeof(full), "%s%s", name, suffix));
+  PetscCall(MonitorQuantity(b->monitor, full, value));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* dp half a period after the largest cl; if the run ends before, after the largest cl half a period before its end */
+static PetscErrorCode tell_half_period(Probe b, const Coefficient *c, PetscReal period)
+{
+  PetscReal time, cl, dp, end;
+  PetscBool found;
+
+  PetscFunctionBeginUser;
+  PetscCall(HistoryGetEnd(b->history, &end));
+  PetscCall(HistoryGetExtremum(b->history, c->column + CL, 1, b->from, end - 0.5 * period, &time, &cl, &found));
+  if (found) PetscCall(HistoryGetValue(b->history, b->dp_column, time + 0.5 * period, &dp, &found));
+  if (found) PetscCall(tell(b, "dp_half_period", c->suffix, dp));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode tell_coefficient(Probe b, const Coefficient *c)
+{
+  PetscReal time, value, period;
+  PetscInt  n;
+  PetscBool found;
+
+  PetscFunctionBeginUser;
+  for (PetscInt d = 0; d < 2; d++) {
+    PetscCall(tell(b, COEFFICIENTS[d], c->suffix, b->value[c->column + d]));
+    PetscCall(HistoryGetExtremum(b->history, c->column + d, 1, b->from, PETSC_MAX_REAL, &time, &value, &found));
+    if (!found) continue;
+    PetscCall(tell(b, d ? "cl_max" : "cd_max", c->suffix, value));
+    PetscCall(tell(b, d ? "cl_max_time" : "cd_max_time", c->suffix, time));
+  }
+  PetscCall(HistoryGetExtremum(b->history, c->column + CL, -1, b->from, PETSC_MAX_REAL, &time, &value, &found));
+  if (found) PetscCall(tell(b, "cl_min", c->suffix, value));
+  PetscCall(tell(b, "force_difference", c->suffix, c->largest > 0 ? c->difference / c->largest : 0));
+  PetscCall(HistoryGetPeriod(b->history, c->column + CL, b->from, &period, &n));
+  if (!n) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(tell(b, "strouhal", c->suffix, c->length / (c->speed * period)));
+  if (b->dp) PetscCall(tell_half_period(b, c, period));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ProbeFinish(Probe b)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < b->ncoefficient; i++) PetscCall(tell_coefficient(b, b->coefficient + i));
+  if (b->dp) PetscCall(tell(b, "dp", "", b->value[b->dp_column]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

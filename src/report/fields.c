@@ -1,0 +1,592 @@
+/* Output: snapshots of the fields as HDF5 (written in parallel by PETSc's viewer) described by one XDMF file for ParaView (see output.h).
+
+   mesh.h5 holds the points [n][3] and the cells [n][3^dim] in the node order of VTK; fields_<step>.h5 holds the fields. Vectors have three
+   components also in 2D (third zero), because glyphs and stream tracers of ParaView ask for them. On a periodic mesh no two cells share a point,
+   so that a cell across the period is drawn where it is and not across the whole picture.
+   Derived fields: vorticity is the average of the cells around a node, weighted with the Jacobian there, so that a degenerate cell counts for nothing;
+   the nodal pressure is the average of the cells around a node, leaving out cells that lie wholly inside a body (their pressure means nothing).
+   The file is not made for restarts and holds no history of the bodies: see checkpoint and monitor. */
+#include "compat.h"
+#include "base/hdf5.h"
+#include "report/fields.h"
+#include "base/log.h"
+#include "base/opt.h"
+#include <errno.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+typedef struct {
+  PetscInt  step, mesh; /* mesh: see mesh_step below */
+  PetscReal time;
+  PetscBool body;
+} Snapshot;
+
+struct _p_Output {
+  Mesh             mesh;
+  const MeshLocal *loc;
+  MPI_Comm         comm;
+  PetscMPIInt      rank;
+  char             dir[PETSC_MAX_PATH_LEN];
+  PetscInt         every;
+  PetscReal        interval;
+  PetscBool        overwrite, restarted, shared, mesh_written; /* shared: a point of the file is a node of the mesh, else a node of one cell */
+  PetscInt         mesh_step;                                  /* snapshots refer to mesh.h5 (0) or mesh_<mesh_step>.h5 */
+  PetscInt         moves;                                      /* MeshLocal.moves when it was written */
+  PetscInt         npoint, point_start, npoint_global;         /* points of the file: own, first own, all */
+  PetscInt         nsnap, room;
+  Snapshot        *snap;
+};
+
+/* Position in the cell's lattice (ix + 3 iy + 9 iz) of VTK's k-th node: corners, edges, (3D: faces,) centre */
+static const PetscInt VTK_QUAD[9] = {0, 2, 8, 6, 1, 5, 7, 3, 4};
+static const PetscInt VTK_HEX[27] = {0, 2, 8, 6, 18, 20, 26, 24, 1, 5, 7, 3, 19, 23, 25, 21, 9, 11, 17, 15, 12, 14, 10, 16, 4, 22, 13};
+
+/* ---- files and directories ---- */
+
+static PetscErrorCode join_path(const Output o, const char name[], char path[], size_t len)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscSNPrintf(path, len, "%s/%s", o->dir, name));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Returns 0 or errno; an existing directory is fine */
+static int make_directory(const char dir[])
+{
+  char        part[PETSC_MAX_PATH_LEN];
+  struct stat s;
+
+  snprintf(part, sizeof(part), "%s", dir);
+  for (char *c = part + 1;; c++) {
+    const char end = *c;
+
+    if (end && end != '/') continue;
+    *c = 0;
+    if (mkdir(part, 0777) && errno != EEXIST) return errno;
+    if (!end) break;
+    *c = end;
+  }
+  if (stat(dir, &s)) return errno;
+  if (!S_ISDIR(s.st_mode)) return ENOTDIR;
+  return access(dir, W_OK) ? errno : 0;
+}
+
+/* The generic way in: PetscViewerHDF5Open() is declared in a header that needs the headers of HDF5 itself */
+static PetscErrorCode open_hdf5(Output o, const char name[], PetscViewer *viewer)
+{
+  char path[PETSC_MAX_PATH_LEN];
+
+  PetscFunctionBeginUser;
+  PetscCall(join_path(o, name, path, sizeof(path)));
+  PetscCall(PetscViewerCreate(o->comm, viewer));
+  PetscCall(PetscViewerSetType(*viewer, PETSCVIEWERHDF5));
+  PetscCall(PetscViewerFileSetMode(*viewer, FILE_MODE_WRITE));
+  PetscCall(PetscViewerFileSetName(*viewer, path));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- datasets ---- */
+
+/* Nodal values v [nnode_all][bs], ghosts up to date -> values at the points of the file */
+static PetscErrorCode write_nodal(Output o, PetscViewer viewer, const char name[], PetscInt bs, const PetscReal v[])
+{
+  const MeshLocal *m = o->loc;
+  PetscReal       *w;
+
+  PetscFunctionBeginUser;
+  if (o->shared) {
+    PetscCall(DatasetWriteReals(o->comm, viewer, name, m->nnode, bs, v));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCall(PetscMalloc1(o->npoint * bs, &w));
+  for (PetscInt i = 0; i < o->npoint; i++) {
+    for (PetscInt b = 0; b < bs; b++) w[i * bs + b] = v[m->cell_node[i] * bs + b];
+  }
+  PetscCall(DatasetWriteReals(o->comm, viewer, name, o->npoint, bs, w));
+  PetscCall(PetscFree(w));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode write_nodal_integers(Output o, PetscViewer viewer, const char name[], const PetscInt v[])
+{
+  PetscInt *w;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(o->npoint, &w));
+  for (PetscInt i = 0; i < o->npoint; i++) w[i] = v[o->shared ? i : o->loc->cell_node[i]];
+  PetscCall(DatasetWriteInts(o->comm, viewer, name, o->npoint, 1, w));
+  PetscCall(PetscFree(w));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- the mesh ---- */
+
+static PetscErrorCode write_points(Output o, PetscViewer viewer)
+{
+  const MeshLocal *m = o->loc;
+  PetscReal       *x, xc[MESH_MAX_NB * 3];
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc1(3 * o->npoint, &x));
+  if (o->shared) {
+    for (PetscInt i = 0; i < m->nnode; i++) {
+      for (PetscInt d = 0; d < m->dim; d++) x[3 * i + d] = m->x[i * m->dim + d];
+    }
+  } else {
+    for (PetscInt c = 0; c < m->ncell; c++) {
+      PetscCall(MeshCellCoordinates(o->mesh, c, xc));
+      for (PetscInt j = 0; j < m->nb; j++) {
+        for (PetscInt d = 0; d < m->dim; d++) x[3 * (c * m->nb + j) + d] = xc[j * m->dim + d];
+      }
+    }
+  }
+  PetscCall(DatasetWriteReals(o->comm, viewer, "coordinates", o->npoint, 3, x));
+  PetscCall(PetscFree(x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode write_cells(Output o, PetscViewer viewer)
+{
+  const MeshLocal *m     = o->loc;
+  const PetscInt  *order = m->dim == 2 ? VTK_QUAD : VTK_HEX;
+  PetscInt        *cell;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(m->ncell * m->nb, &cell));
+  for (PetscInt c = 0; c < m->ncell; c++) {
+    for (PetscInt k = 0; k < m->nb; k++) {
+      const PetscInt j = c * m->nb + order[k];
+
+      cell[c * m->nb + k] = o->shared ? m->node_global[m->cell_node[j]] : o->point_start + j;
+    }
+  }
+  PetscCall(DatasetWriteInts(o->comm, viewer, "cells", m->ncell, m->nb, cell));
+  PetscCall(PetscFree(cell));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static void name_mesh(PetscInt step, char name[], size_t len)
+{
+  if (step) (void)snprintf(name, len, "mesh_%" PetscInt_FMT ".h5", step);
+  else (void)snprintf(name, len, "mesh.h5");
+}
+
+static PetscErrorCode write_mesh(Output o)
+{
+  PetscViewer viewer;
+  char        name[64];
+
+  PetscFunctionBeginUser;
+  name_mesh(o->mesh_step, name, sizeof(name));
+  PetscCall(open_hdf5(o, name, &viewer));
+  PetscCall(write_points(o, viewer));
+  PetscCall(write_cells(o, viewer));
+  PetscCall(PetscViewerDestroy(&viewer));
+  o->mesh_written = PETSC_TRUE;
+  o->moves        = o->loc->moves;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- derived fields ---- */
+
+/* d/dxi_a at lattice node j of the Q2 function with nodal values f, stride bs */
+static PetscReal lattice_derivative(PetscInt j, PetscInt a, PetscInt bs, const PetscReal f[])
+{
+  static const PetscReal D[3][3]   = {{-1.5, 2, -0.5}, {-0.5, 0, 0.5}, {0.5, -2, 1.5}};
+  static const PetscInt  stride[3] = {1, 3, 9};
+  const PetscInt         s = stride[a], i = (j / s) % 3, base = j - i * s;
+
+  return D[i][0] * f[base * bs] + D[i][1] * f[(base + s) * bs] + D[i][2] * f[(base + 2 * s) * bs];
+}
+
+static void cross(const PetscReal a[3], const PetscReal b[3], PetscReal c[3])
+{
+  c[0] = a[1] * b[2] - a[2] * b[1];
+  c[1] = a[2] * b[0] - a[0] * b[2];
+  c[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+/* r = (det J curl u, det J) at node j of a cell; no division, so a flat corner is harmless. 2D is the 3D formula with x_zeta = e_z, u_z = 0. */
+static void curl_at_node(PetscInt dim, PetscInt j, const PetscReal xc[], const PetscReal uc[], PetscReal r[4])
+{
+  PetscReal J[3][3] = {{0}}, G[3][3] = {{0}}, C[3][3], grad[3][3]; /* J[a] = dx/dxi_a, G[a] = du/dxi_a, C[a] = det J grad xi_a */
+
+  J[2][2] = 1;
+  for (PetscInt a = 0; a < dim; a++) {
+    for (PetscInt d = 0; d < dim; d++) {
+      J[a][d] = lattice_derivative(j, a, dim, xc + d);
+      G[a][d] = lattice_derivative(j, a, dim, uc + d);
+    }
+  }
+  for (PetscInt a = 0; a < 3; a++) cross(J[(a + 1) % 3], J[(a + 2) % 3], C[a]);
+  for (PetscInt d = 0; d < 3; d++) {
+    for (PetscInt c = 0; c < 3; c++) grad[d][c] = C[0][d] * G[0][c] + C[1][d] * G[1][c] + C[2][d] * G[2][c]; /* det J du_c/dx_d */
+  }
+  for (PetscInt d = 0; d < 3; d++) {
+    const PetscInt e = (d + 1) % 3, f = (d + 2) % 3;
+
+    r[d] = grad[e][f] - grad[f][e];
+  }
+  r[3] = J[0][0] * C[0][0] + J[0][1] * C[0][1] + J[0][2] * C[0][2];
+}
+
+/* sum [nnode_all][n + 1] of weighted values and weights over own cells -> v [nnode_all][n] averages, ghosts up to date */
+static PetscErrorCode finish_average(Output o, PetscInt n, PetscReal sum[], PetscReal v[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(MeshSumNodes(o->mesh, n + 1, sum));
+  for (PetscInt i = 0; i < o->loc->nnode; i++) {
+    const PetscReal weight = sum[i * (n + 1) + n];
+
+    for (PetscInt k = 0; k < n; k++) v[i * n + k] = weight > 0 ? sum[i * (n + 1) + k] / weight : 0;
+  }
+  PetscCall(MeshSyncNodes(o->mesh, n, v));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* u [nnode_all][dim] -> w [nnode_all][3] */
+static PetscErrorCode compute_vorticity(Output o, const PetscReal u[], PetscReal w[])
+{
+  const MeshLocal *m = o->loc;
+  PetscReal       *sum, xc[MESH_MAX_NB * 3], uc[MESH_MAX_NB * 3], r[4];
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc1(4 * m->nnode_all, &sum));
+  for (PetscInt c = 0; c < m->ncell; c++) {
+    const PetscInt *node = m->cell_node + c * m->nb;
+
+    PetscCall(MeshCellCoordinates(o->mesh, c, xc));
+    for (PetscInt j = 0; j < m->nb; j++) {
+      for (PetscInt d = 0; d < m->dim; d++) uc[j * m->dim + d] = u[node[j] * m->dim + d];
+    }
+    for (PetscInt j = 0; j < m->nb; j++) {
+      curl_at_node(m->dim, j, xc, uc, r);
+      for (PetscInt k = 0; k < 4 && r[3] > 0; k++) sum[4 * node[j] + k] += r[k];
+    }
+  }
+  PetscCall(finish_average(o, 3, sum, w));
+  PetscCall(PetscFree(sum));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscBool cell_is_solid(const MeshLocal *m, PetscInt c, const PetscInt body[])
+{
+  if (!body) return PETSC_FALSE;
+  for (PetscInt j = 0; j < m->nb; j++) {
+    if (body[m->cell_node[c * m->nb + j]] < 0) return PETSC_FALSE;
+  }
+  return PETSC_TRUE;
+}
+
+/* p [ncell][dim + 1] -> q [nnode_all]. Solid cells get a weight that matters only where there is no fluid cell. */
+static PetscErrorCode average_pressure(Output o, const PetscReal p[], const PetscInt body[], PetscReal q[])
+{
+  const MeshLocal *m = o->loc;
+  PetscReal       *sum, x[MESH_MAX_NB * 3];
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc1(2 * m->nnode_all, &sum));
+  for (PetscInt c = 0; c < m->ncell; c++) {
+    const PetscReal *pc = p + c * (m->dim + 1), *centre = x + (m->nb / 2) * m->dim;
+    const PetscReal  weight = cell_is_solid(m, c, body) ? 1e-12 : 1;
+
+    PetscCall(MeshCellCoordinates(o->mesh, c, x));
+    for (PetscInt j = 0; j < m->nb; j++) {
+      const PetscInt i     = m->cell_node[c * m->nb + j];
+      PetscReal      value = pc[0];
+
+      for (PetscInt d = 0; d < m->dim; d++) value += pc[1 + d] * (x[j * m->dim + d] - centre[d]);
+      sum[2 * i] += weight * value;
+      sum[2 * i + 1] += weight;
+    }
+  }
+  PetscCall(finish_average(o, 1, sum, q));
+  PetscCall(PetscFree(sum));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- the fields of a snapshot ---- */
+
+/* Dataset of vectors with three components from v [n][stride], of which the first dim count */
+static PetscErrorCode pad_vectors(PetscInt n, PetscInt dim, PetscInt stride, const PetscReal v[], PetscReal w[])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < n; i++) {
+    for (PetscInt d = 0; d < 3; d++) w[3 * i + d] = d < dim ? v[i * stride + d] : 0;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode write_velocity(Output o, PetscViewer viewer, Vec u)
+{
+  const MeshLocal   *m = o->loc;
+  const PetscScalar *a;
+  PetscReal         *v, *w;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc2(m->nnode_all * m->dim, &v, m->nnode_all * 3, &w));
+  PetscCall(VecGetArrayRead(u, &a));
+  for (PetscInt i = 0; i < m->nnode * m->dim; i++) v[i] = PetscRealPart(a[i]);
+  PetscCall(VecRestoreArrayRead(u, &a));
+  PetscCall(MeshSyncNodes(o->mesh, m->dim, v));
+  PetscCall(pad_vectors(m->nnode_all, m->dim, m->dim, v, w));
+  PetscCall(write_nodal(o, viewer, "velocity", 3, w));
+  PetscCall(compute_vorticity(o, v, w));
+  if (m->dim == 2) {
+    for (PetscInt i = 0; i < m->nnode_all; i++) v[i] = w[3 * i + 2];
+    PetscCall(write_nodal(o, viewer, "vorticity", 1, v));
+  } else PetscCall(write_nodal(o, viewer, "vorticity", 3, w));
+  PetscCall(PetscFree2(v, w));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode write_pressure(Output o, PetscViewer viewer, Vec p, const PetscInt body[])
+{
+  const MeshLocal   *m  = o->loc;
+  const PetscInt     bs = m->dim + 1;
+  const PetscScalar *a;
+  PetscReal         *pc, *w, *q;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc3(m->ncell * bs, &pc, m->ncell * 3, &w, m->nnode_all, &q));
+  PetscCall(VecGetArrayRead(p, &a));
+  for (PetscInt i = 0; i < m->ncell * bs; i++) pc[i] = PetscRealPart(a[i]);
+  PetscCall(VecRestoreArrayRead(p, &a));
+  for (PetscInt c = 0; c < m->ncell; c++) w[c] = pc[c * bs];
+  PetscCall(DatasetWriteReals(o->comm, viewer, "pressure_mean", m->ncell, 1, w));
+  PetscCall(pad_vectors(m->ncell, m->dim, bs, pc + 1, w));
+  PetscCall(DatasetWriteReals(o->comm, viewer, "pressure_gradient", m->ncell, 3, w));
+  PetscCall(average_pressure(o, pc, body, q));
+  PetscCall(write_nodal(o, viewer, "pressure", 1, q));
+  PetscCall(PetscFree3(pc, w, q));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- XDMF ---- */
+
+static void print_item(FILE *f, const char type[], size_t precision, PetscInt n, PetscInt bs, const char file[], const char name[])
+{
+  fprintf(f, "<DataItem Format=\"HDF\" NumberType=\"%s\" Precision=\"%d\" Dimensions=\"%" PetscInt_FMT, type, (int)precision, n);
+  if (bs > 1) fprintf(f, " %" PetscInt_FMT, bs);
+  fprintf(f, "\">%s:/%s</DataItem>", file, name);
+}
+
+static void print_attribute(FILE *f, const char type[], PetscInt n, PetscInt bs, const char centre[], const char file[], const char name[])
+{
+  const PetscBool integer = strcmp(type, "Int") ? PETSC_FALSE : PETSC_TRUE;
+
+  fprintf(f, "        <Attribute Name=\"%s\" AttributeType=\"%s\" Center=\"%s\">", name, bs > 1 ? "Vector" : "Scalar", centre);
+  print_item(f, type, integer ? sizeof(PetscInt) : sizeof(PetscReal), n, bs, file, name);
+  fprintf(f, "</Attribute>\n");
+}
+
+static void print_snapshot(FILE *f, const Output o, const Snapshot *s)
+{
+  const MeshLocal *m = o->loc;
+  char             file[64], mesh[64];
+
+  name_mesh(s->mesh, mesh, sizeof(mesh));
+  snprintf(file, sizeof(file), "fields_%" PetscInt_FMT ".h5", s->step);
+  fprintf(f, "      <Grid Name=\"step %" PetscInt_FMT "\" GridType=\"Uniform\">\n        <Time Value=\"%.15g\"/>\n", s->step, (double)s->time);
+  fprintf(f, "        <Topology TopologyType=\"%s\" NumberOfElements=\"%" PetscInt_FMT "\">", m->dim == 2 ? "Quadrilateral_9" : "Hexahedron_27",
+          m->ncell_global);
+  print_item(f, "Int", sizeof(PetscInt), m->ncell_global, m->nb, mesh, "cells");
+  fprintf(f, "</Topology>\n        <Geometry GeometryType=\"XYZ\">");
+  print_item(f, "Float", sizeof(PetscReal), o->npoint_global, 3, mesh, "coordinates");
+  fprintf(f, "</Geometry>\n");
+  print_attribute(f, "Float", o->npoint_global, 3, "Node", file, "velocity");
+  print_attribute(f, "Float", o->npoint_global, m->dim == 2 ? 1 : 3, "Node", file, "vorticity");
+  print_attribute(f, "Float", o->npoint_global, 1, "Node", file, "pressure");
+  if (s->body) print_attribute(f, "Int", o->npoint_global, 1, "Node", file, "body");
+  print_attribute(f, "Float", m->ncell_global, 1, "Cell", file, "pressure_mean");
+  print_attribute(f, "Float", m->ncell_global, 3, "Cell", file, "pressure_gradient");
+  fprintf(f, "      </Grid>\n");
+}
+
+/* Rank 0; returns 0 or errno. Written beside and renamed: a reader never meets half a file. */
+static int write_index(const Output o, const char path[], const char scratch[])
+{
+  FILE *f = fopen(scratch, "w");
+
+  if (!f) return errno;
+  fprintf(f, "<?xml version=\"1.0\" ?>\n<!DOCTYPE Xdmf SYSTEM \"Xdmf.dtd\" []>\n<Xdmf Version=\"2.0\">\n  <Domain>\n");
+  fprintf(f, "    <Grid Name=\"tumble\" GridType=\"Collection\" CollectionType=\"Temporal\">\n");
+  for (PetscInt i = 0; i < o->nsnap; i++) print_snapshot(f, o, &o->snap[i]);
+  fprintf(f, "    </Grid>\n  </Domain>\n</Xdmf>\n");
+  const PetscBool bad = (PetscBool)(ferror(f) != 0);
+  if (fclose(f) || bad) return errno ? errno : EIO;
+  return rename(scratch, path) ? errno : 0;
+}
+
+/* A step written twice takes the place of its first version */
+static PetscErrorCode add_snapshot(Output o, PetscInt step, PetscReal time, PetscBool body)
+{
+  char path[PETSC_MAX_PATH_LEN], scratch[PETSC_MAX_PATH_LEN];
+  int  err = 0;
+
+  PetscFunctionBeginUser;
+  while (o->nsnap && o->snap[o->nsnap - 1].step >= step) o->nsnap--;
+  if (o->nsnap == o->room) {
+    o->room = 2 * o->room + 16;
+    PetscCall(PetscRealloc(o->room * sizeof(Snapshot), &o->snap));
+  }
+  o->snap[o->nsnap++] = (Snapshot){step, o->mesh_step, time, body};
+  PetscCall(join_path(o, "fields.xmf", path, sizeof(path)));
+  PetscCall(join_path(o, "fields.xmf.part", scratch, sizeof(scratch)));
+  if (o->rank == 0) err = write_index(o, path, scratch);
+  PetscCallMPI(MPI_Bcast(&err, 1, MPI_INT, 0, o->comm));
+  PetscCheck(!err, o->comm, PETSC_ERR_FILE_WRITE, "Cannot write '%s': %s. Check the disk or choose another -output_dir", path, strerror(err));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- public ---- */
+
+PetscErrorCode OutputCreate(Mesh mesh, const char scene[], Output *output)
+{
+  Output o;
+  DM     dm;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&o));
+  o->mesh = mesh;
+  PetscCall(MeshGetLocal(mesh, &o->loc));
+  PetscCall(MeshGetDM(mesh, &dm));
+  PetscCall(PetscObjectGetComm((PetscObject)dm, &o->comm));
+  PetscCallMPI(MPI_Comm_rank(o->comm, &o->rank));
+  PetscCall(PetscSNPrintf(o->dir, sizeof(o->dir), "out/%s", scene));
+  PetscCall(OptString("-output_dir", "directory of the results, created if need be", o->dir, sizeof(o->dir)));
+  PetscCall(OptReal("-output_interval", "time between two snapshots, at which time steps end, 0 for none", "time", 0, PETSC_MAX_REAL, &o->interval));
+  PetscCall(OptInt("-output_every", "steps between two snapshots of the fields, 0 for none", "steps", 0, PETSC_MAX_INT, &o->every));
+  PetscCall(OptBool("-output_overwrite", "write into a directory that holds the results of another run", &o->overwrite));
+  PetscCheck(o->dir[0], o->comm, PETSC_ERR_USER_INPUT, "Option -output_dir is empty: give the name of a directory ('.' for the present one)");
+
+  o->shared        = (PetscBool) !(o->loc->period[0] > 0 || o->loc->period[1] > 0 || o->loc->period[2] > 0);
+  o->npoint        = o->shared ? o->loc->nnode : o->loc->ncell * o->loc->nb;
+  o->point_start   = o->shared ? o->loc->node_start : o->loc->cell_start * o->loc->nb;
+  o->npoint_global = o->shared ? o->loc->nnode_global : o->loc->ncell_global * o->loc->nb;
+  o->moves         = o->loc->moves;
+  *output          = o;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode OutputOpen(Output o)
+{
+  char series[PETSC_MAX_PATH_LEN], index[PETSC_MAX_PATH_LEN];
+  int  state[3] = {0, 0, 0}; /* errno; is there a series.csv, a fields.xmf? Only rank 0 can tell, and all ranks leave with the same error. */
+
+  PetscFunctionBeginUser;
+  PetscCall(join_path(o, "series.csv", series, sizeof(series)));
+  PetscCall(join_path(o, "fields.xmf", index, sizeof(index)));
+  if (o->rank == 0) {
+    state[0] = make_directory(o->dir);
+    state[1] = !access(series, F_OK);
+    state[2] = !access(index, F_OK);
+    if (!state[0] && !o->restarted && (!state[1] || o->overwrite))
+      remove(index); /* an index left by another run would name snapshots that are not ours */
+  }
+  PetscCallMPI(MPI_Bcast(state, 3, MPI_INT, 0, o->comm));
+  if (!state[2]) o->nsnap = o->mesh_step = 0; /* restarted in another directory: earlier snapshots are elsewhere */
+  PetscCheck(!state[0], o->comm, PETSC_ERR_FILE_OPEN, "Cannot write into directory '%s': %s. Choose another -output_dir", o->dir, strerror(state[0]));
+  PetscCheck(!state[1] || o->overwrite || o->restarted, o->comm, PETSC_ERR_USER_INPUT,
+             "Directory '%s' already holds the results of a run (series.csv): choose another -output_dir or allow it with -output_overwrite", o->dir);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode OutputGetDirectory(Output o, const char **dir)
+{
+  PetscFunctionBeginUser;
+  *dir = o->dir;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode OutputGetInterval(Output o, PetscReal *interval)
+{
+  PetscFunctionBeginUser;
+  *interval = o->interval;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode OutputGetEvery(Output o, PetscInt *every)
+{
+  PetscFunctionBeginUser;
+  *every = o->every;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode OutputGetOverwrite(Output o, PetscBool *overwrite)
+{
+  PetscFunctionBeginUser;
+  *overwrite = o->overwrite;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode OutputVisitState(void *output, State state)
+{
+  Output     o = output;
+  PetscInt   n = o->nsnap, *number;
+  PetscReal *time;
+
+  PetscFunctionBeginUser;
+  if (StateIsLoading(state)) PetscCall(StateGetSize(state, "snapshot_time", &n));
+  PetscCall(PetscMalloc2(3 * n, &number, n, &time));
+  for (PetscInt i = 0; i < o->nsnap; i++) {
+    number[3 * i]     = o->snap[i].step;
+    number[3 * i + 1] = o->snap[i].mesh;
+    number[3 * i + 2] = o->snap[i].body;
+    time[i]           = o->snap[i].time;
+  }
+  PetscCall(StateInts(state, "snapshot", 3 * n, number));
+  PetscCall(StateReals(state, "snapshot_time", n, time));
+  PetscCall(StateInts(state, "mesh_step", 1, &o->mesh_step));
+  if (StateIsLoading(state)) {
+    o->restarted = PETSC_TRUE;
+    o->nsnap = o->room = n;
+    PetscCall(PetscRealloc(n * sizeof(Snapshot), &o->snap));
+    for (PetscInt i = 0; i < n; i++) o->snap[i] = (Snapshot){number[3 * i], number[3 * i + 1], time[i], (PetscBool)number[3 * i + 2]};
+    if (!StateIsSamePartition(state) && n) o->mesh_step = o->snap[n - 1].step + 1; /* a name that no earlier part of the run has used */
+  }
+  PetscCall(PetscFree2(number, time));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode OutputFields(Output o, PetscInt step, PetscReal time, Vec u, Vec p, const PetscInt body[])
+{
+  PetscViewer viewer;
+  PetscInt    nu, np;
+  char        name[64];
+
+  PetscFunctionBeginUser;
+  PetscCall(VecGetLocalSize(u, &nu));
+  PetscCall(VecGetLocalSize(p, &np));
+  PetscCheck(nu == o->loc->nnode * o->loc->dim, PETSC_COMM_SELF, PETSC_ERR_ARG_SIZ,
+             "Velocity has %" PetscInt_FMT " local values, the mesh needs %" PetscInt_FMT, nu, o->loc->nnode * o->loc->dim);
+  PetscCheck(np == o->loc->ncell * (o->loc->dim + 1), PETSC_COMM_SELF, PETSC_ERR_ARG_SIZ,
+             "Pressure has %" PetscInt_FMT " local values, the mesh needs %" PetscInt_FMT, np, o->loc->ncell * (o->loc->dim + 1));
+  PetscCall(PetscLogEventBegin(TB_OUTPUT, 0, 0, 0, 0));
+  if (o->loc->moves != o->moves) {
+    o->mesh_written = PETSC_FALSE;
+    o->mesh_step    = step;
+  }
+  if (!o->mesh_written) PetscCall(write_mesh(o));
+  PetscCall(PetscSNPrintf(name, sizeof(name), "fields_%" PetscInt_FMT ".h5", step));
+  PetscCall(open_hdf5(o, name, &viewer));
+  PetscCall(DatasetWriteReals(o->comm, viewer, "time", o->rank == 0, 1, &time));
+  PetscCall(write_velocity(o, viewer, u));
+  PetscCall(write_pressure(o, viewer, p, body));
+  if (body) PetscCall(write_nodal_integers(o, viewer, "body", body));
+  PetscCall(PetscViewerDestroy(&viewer));
+  PetscCall(add_snapshot(o, step, time, body ? PETSC_TRUE : PETSC_FALSE));
+  PetscCall(PetscLogEventEnd(TB_OUTPUT, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode OutputDestroy(Output *output)
+{
+  PetscFunctionBeginUser;
+  if (!*output) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree((*output)->snap));
+  PetscCall(PetscFree(*output));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,403 @@
+/* Adapt: see adapt.h. Every decision comes from numbers that are the same on all ranks. */
+#include "compat.h"
+#include "adapt.h"
+#include "base/opt.h"
+
+#define SAFETY 0.9
+#define REJECT 2.0 /* error of a rejected step in tolerances */
+#define SHRINK 0.2 /* of a rejected step, at most */
+#define FAILED 0.25
+#define RESUME 2.0 /* largest ratio of a step to the one before where that was shortened by a limit */
+#define REST   3   /* steps after which a disturbed node or body counts again */
+#define JUMP   0.5 /* an error that a shorter step leaves larger than this part is no error in time */
+
+struct _p_Adapt {
+  Flow             flow;
+  Bodies           bodies;
+  Couple           couple;
+  Contact          contact;
+  Monitor          monitor;
+  BodyState       *s;
+  const MeshLocal *l;
+  PetscReal        tolerance, speed, cfl_max, move, gap, min, max, growth, hysteresis;
+  PetscReal        dt;                       /* next step, but for times to hit */
+  PetscReal        limit;                    /* from the last accepted step: CFL, approach */
+  PetscReal        error;                    /* of the last step; 0: no estimate */
+  PetscReal        speed_max;                /* so far */
+  PetscReal        dt_older, last;           /* length of the step before the last; of the last; 0: none */
+  PetscReal        shortest, longest;        /* taken so far */
+  PetscInt         accepted, rejected;       /* steps */
+  PetscInt         smooth;                   /* accepted steps since the last jump */
+  PetscReal        first_dt, first_error;    /* of the first attempt at this step, 0: this is it */
+  PetscReal       *u_older, *age;            /* [nnode_all][dim] u^{n-2}; [nnode_all] steps since a node was disturbed */
+  PetscReal (*U_older)[6], *calm, *gap_last; /* [n] velocities at n-2; steps since contact; gap in the last step */
+  PetscInt column_error, column_rejected;
+};
+
+/* ---- error ---- */
+
+/* Values at n + 1 by extrapolation are weights[0] u^n + weights[1] u^{n-1} + weights[2] u^{n-2}; *share: of the difference to the solution that is the scheme's. False: the history
+   is too short. */
+static PetscBool get_predictor(Adapt a, const FlowStep *step, PetscReal weight[3], PetscReal *share)
+{
+  const PetscReal h = step->dt, k = step->dt_old, l = a->dt_older;
+  PetscReal       predictor;
+
+  if (k <= 0 || (step->order == 2 && l <= 0)) return PETSC_FALSE;
+  if (step->order == 1) {
+    weight[0] = 1 + h / k;
+    weight[1] = -h / k;
+    weight[2] = 0;
+    predictor = 0.5 * (1 + k / h);
+  } else {
+    weight[0] = (h + k) * (h + k + l) / (k * (k + l));
+    weight[1] = -h * (h + k + l) / (k * l);
+    weight[2] = h * (h + k) / (l * (k + l));
+    predictor = (1 + k / h) * (1 + (k + l) / h) / 6;
+  }
+  *share = step->error / (step->error + predictor);
+  return PETSC_TRUE;
+}
+
+/* Mean square difference between solution and extrapolation over the fluid; tells the largest speed too. Collective. */
+static PetscErrorCode measure_flow(Adapt a, const PetscReal weight[3], PetscReal *square, PetscReal *speed)
+{
+  const MeshLocal *l   = a->l;
+  const PetscInt   dim = l->dim, *body;
+  const PetscReal *m;
+  PetscReal       *u, *now, *old, sum[2] = {0, 0}, top = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(CoupleGetSystem(a->couple, &u, NULL, NULL, NULL, NULL));
+  PetscCall(CoupleGetNodeBody(a->couple, &body));
+  PetscCall(FlowGetFields(a->flow, &now, &old, NULL));
+  PetscCall(FlowGetLumpedMass(a->flow, &m));
+  for (PetscInt i = 0; i < l->nnode; i++) {
+    PetscReal diff = 0, size = 0;
+    PetscBool still = PETSC_TRUE;
+
+    for (PetscInt d = 0; d < dim; d++) {
+      const PetscInt j = i * dim + d;
+
+      diff += PetscSqr(u[j] - weight[0] * now[j] - weight[1] * old[j] - weight[2] * a->u_older[j]);
+      size += PetscSqr(u[j]);
+      if (l->x[j] != l->x_start[j]) still = PETSC_FALSE;
+    }
+    top = PetscMax(top, size);
+    if (body[i] >= 0 || !still || a->age[i] < REST) continue;
+    sum[0] += m[i] * diff;
+    sum[1] += m[i];
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &top, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  *square = sum[1] > 0 ? sum[0] / sum[1] : 0;
+  *speed  = PetscSqrtReal(top);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Mean square of dt times that difference in radii, over free bodies out of contact */
+static PetscErrorCode measure_bodies(Adapt a, PetscReal dt, const PetscReal weight[3], PetscReal *square)
+{
+  const BodyState *s   = a->s;
+  const PetscInt   dim = a->l->dim;
+  PetscReal       *U, sum = 0;
+  PetscInt         nr = dim == 2 ? 3 : 6, n = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(CoupleGetSystem(a->couple, NULL, NULL, &U, NULL, NULL));
+  for (PetscInt k = 0; k < s->n; k++) {
+    const BodyGroup *g = &s->group[s->body_group[k]];
+
+    if (!g->free || g->motion.has_pivot || a->calm[k] < REST) continue;
+    for (PetscInt i = 0; i < nr; i++) {
+      const PetscInt  d   = i < dim ? i : dim == 2 ? 5 : i;
+      const PetscReal now = d < 3 ? s->u[k][d] : s->w[k][d - 3], old = d < 3 ? s->u_old[k][d] : s->w_old[k][d - 3];
+
+      if (BodiesIsFree(a->bodies, k, d < 3 ? d : 3))
+        sum += PetscSqr(dt * (d < 3 ? 1 / g->radius : 1) * (U[k * nr + i] - weight[0] * now - weight[1] * old - weight[2] * a->U_older[k][d]));
+    }
+    n++;
+  }
+  *square = n ? sum / n : 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode estimate_error(Adapt a, const FlowStep *step, PetscBool *known)
+{
+  PetscReal weight[3] = {1, 0, 0}, share = 0, flow = 0, bodies = 0, speed = 0;
+
+  PetscFunctionBeginUser;
+  *known = (PetscBool)(a->smooth >= step->order && get_predictor(a, step, weight, &share));
+  PetscCall(measure_flow(a, weight, &flow, &speed));
+  a->speed_max = PetscMax(a->speed_max, speed);
+  a->error     = 0;
+  if (!*known || a->speed_max <= 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(measure_bodies(a, step->dt, weight, &bodies));
+  a->error = share * PetscMax(PetscSqrtReal(flow) / (a->speed > 0 ? a->speed : a->speed_max), PetscSqrtReal(bodies));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- limits ---- */
+
+/* Time in which the fastest point of a free body goes `move` cells, under its velocity extrapolated to the middle of the step */
+static PetscReal limit_motion(Adapt a)
+{
+  const BodyState *s     = a->s;
+  PetscReal        least = PETSC_MAX_REAL;
+
+  for (PetscInt k = 0; k < s->n; k++) {
+    const PetscReal u = BodiesFastestPoint(s, k, s->dt_old > 0 ? 0.5 * a->dt / s->dt_old : 0);
+
+    if (!s->gone[k] && u > 0) least = PetscMin(least, a->move * a->l->h / u);
+  }
+  return least;
+}
+
+/* Time in which a body closes `gap` of its gap at the rate of the last step; where it met no gap before, at twice its speed */
+static PetscErrorCode limit_approach(Adapt a, PetscReal dt, PetscReal *least)
+{
+  const BodyState *s = a->s;
+  PetscReal        range;
+
+  PetscFunctionBeginUser;
+  PetscCall(ContactGetRange(a->contact, &range));
+  for (PetscInt k = 0; k < s->n; k++) {
+    PetscReal closing;
+
+    if (s->gone[k] || s->gap[k] >= PETSC_MAX_REAL) continue;
+    closing = a->gap_last[k] < PETSC_MAX_REAL ? (a->gap_last[k] - s->gap[k]) / dt
+                                              : 2 * PetscSqrtReal(PetscSqr(s->u[k][0]) + PetscSqr(s->u[k][1]) + PetscSqr(s->u[k][2]));
+    if (closing > 0) *least = PetscMin(*least, a->gap * PetscMax(s->gap[k], range) / closing);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- control ---- */
+
+PetscErrorCode AdaptGetStep(Adapt a, PetscReal time, PetscReal until, PetscReal *dt, PetscBool *hits)
+{
+  const PetscReal left = until - time;
+
+  PetscFunctionBeginUser;
+  *dt = PetscMax(a->min, PetscMin(PetscMin(a->dt, a->max), PetscMin(a->limit, limit_motion(a))));
+  if (a->last > 0) *dt = PetscMin(*dt, RESUME * a->last);
+  *hits = (PetscBool)(left <= *dt * (1 + 1e-6));
+  if (*hits) *dt = left;
+  else if (left < 2 * *dt) *dt = 0.5 * left;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Length of the next step after one of length dt with the error of a */
+static PetscReal control(const struct _p_Adapt *a, const FlowStep *step)
+{
+  const PetscReal factor = SAFETY * PetscPowReal(a->tolerance / PetscMax(a->error, 1e-30), 1. / (step->order + 1));
+
+  if (a->error > a->tolerance) return step->dt * PetscMax(SHRINK, factor);
+  if (step->dt < a->dt && step->dt * factor >= a->dt) return a->dt; /* it was shortened for a limit or a time to hit, and need not have been */
+  return factor < a->hysteresis ? step->dt : step->dt * PetscMin(factor, a->growth);
+}
+
+PetscErrorCode AdaptJudge(Adapt a, KSPConvergedReason reason, PetscBool *accept)
+{
+  const FlowStep *step;
+  PetscBool       known = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetStep(a->flow, &step));
+  a->error = 0;
+  if (reason >= 0) PetscCall(estimate_error(a, step, &known));
+  if (reason < 0 || PetscIsInfOrNanReal(a->error)) {
+    *accept = (PetscBool)(step->dt <= a->min * (1 + 1e-6));
+    a->dt   = PetscMax(a->min, FAILED * step->dt);
+  } else if (a->first_error > 0 && a->error > JUMP * a->first_error) {
+    *accept   = PETSC_TRUE;
+    a->dt     = a->first_dt;
+    a->smooth = -1;
+  } else {
+    *accept = (PetscBool)(a->error <= REJECT * a->tolerance || step->dt <= a->min * (1 + 1e-6));
+    if (!*accept && a->first_error == 0) {
+      a->first_dt    = step->dt;
+      a->first_error = a->error;
+    }
+    if (known) a->dt = PetscMin(a->max, PetscMax(a->min, control(a, step)));
+  }
+  if (!*accept) a->rejected++;
+  PetscCall(MonitorSetColumn(a->monitor, a->column_error, a->error));
+  PetscCall(MonitorSetColumn(a->monitor, a->column_rejected, a->rejected));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode remember_nodes(Adapt a)
+{
+  const MeshLocal *l   = a->l;
+  const PetscInt   dim = l->dim, *body;
+  PetscReal       *old;
+
+  PetscFunctionBeginUser;
+  PetscCall(CoupleGetNodeBody(a->couple, &body));
+  PetscCall(FlowGetFields(a->flow, NULL, &old, NULL));
+  PetscCall(PetscArraycpy(a->u_older, old, l->nnode_all * dim));
+  for (PetscInt i = 0; i < l->nnode_all; i++) {
+    PetscBool disturbed = (PetscBool)(body[i] >= 0);
+
+    for (PetscInt d = 0; d < dim; d++) disturbed = (PetscBool)(disturbed || l->x[i * dim + d] != l->x_start[i * dim + d]);
+    a->age[i] = disturbed ? 0 : PetscMin(REST, a->age[i] + 1);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode AdaptAccept(Adapt a, PetscReal cfl)
+{
+  const FlowStep  *step;
+  const BodyState *s = a->s;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetStep(a->flow, &step));
+  a->limit = a->cfl_max > 0 && cfl > 0 ? step->dt * a->cfl_max / cfl : PETSC_MAX_REAL;
+  if (a->gap > 0) PetscCall(limit_approach(a, step->dt, &a->limit));
+  PetscCall(remember_nodes(a));
+  for (PetscInt k = 0; k < s->n; k++) {
+    PetscReal contact = 0;
+
+    for (PetscInt d = 0; d < 3; d++) {
+      a->U_older[k][d]     = s->u_old[k][d];
+      a->U_older[k][3 + d] = s->w_old[k][d];
+      contact += PetscAbsReal(s->contact_force[k][d]);
+    }
+    a->calm[k]     = contact > 0 ? 0 : PetscMin(REST, a->calm[k] + 1);
+    a->gap_last[k] = s->gap[k];
+  }
+  a->dt_older = step->dt_old;
+  a->last     = step->dt;
+  a->shortest = a->accepted ? PetscMin(a->shortest, step->dt) : step->dt;
+  a->longest  = PetscMax(a->longest, step->dt);
+  a->accepted++;
+  a->smooth++;
+  a->first_error = 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode AdaptFinish(Adapt a)
+{
+  PetscFunctionBeginUser;
+  PetscCall(MonitorQuantity(a->monitor, "rejected_steps", a->rejected));
+  PetscCall(MonitorQuantity(a->monitor, "dt_min", a->shortest));
+  PetscCall(MonitorQuantity(a->monitor, "dt_max", a->longest));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- life cycle ---- */
+
+static PetscErrorCode read_options(Adapt a)
+{
+  PetscFunctionBeginUser;
+  a->tolerance  = 1e-4;
+  a->cfl_max    = 5;
+  a->move       = 0.5;
+  a->gap        = 0.5;
+  a->min        = 1e-2 * a->dt;
+  a->max        = PETSC_MAX_REAL;
+  a->growth     = 1.5;
+  a->hysteresis = 1.2;
+  PetscCall(OptReal("-sim_adapt_tolerance", "local error of a step, relative to the largest speed", "", OPT_POSITIVE, 1, &a->tolerance));
+  PetscCall(OptReal("-sim_adapt_speed", "speed that errors refer to, 0: the largest so far", "length/time", 0, PETSC_MAX_REAL, &a->speed));
+  PetscCall(OptReal("-sim_adapt_cfl", "largest CFL number of a step, 0: any", "", 0, PETSC_MAX_REAL, &a->cfl_max));
+  PetscCall(OptReal("-sim_adapt_move", "largest way of a body in a step", "cells", OPT_POSITIVE, 1, &a->move));
+  PetscCall(OptReal("-sim_adapt_gap", "largest part of its gap that a body closes in a step, 0: any", "", 0, 1, &a->gap));
+  PetscCall(OptReal("-sim_adapt_min", "smallest step (default: -sim_dt/100)", "time", OPT_POSITIVE, PETSC_MAX_REAL, &a->min));
+  PetscCall(OptReal("-sim_adapt_max", "largest step", "time", OPT_POSITIVE, PETSC_MAX_REAL, &a->max));
+  PetscCall(OptReal("-sim_adapt_growth", "largest ratio of a step to the one before (bdf2 is stable below 2.41)", "", 1.01, 2.4, &a->growth));
+  PetscCall(OptReal("-sim_adapt_hysteresis", "smallest ratio by which a step grows", "", 1, 2.4, &a->hysteresis));
+  PetscCheck(a->min <= a->dt && a->dt <= a->max, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "The first step, -sim_dt %g, is not between -sim_adapt_min %g and -sim_adapt_max %g: change one of them", (double)a->dt, (double)a->min,
+             (double)a->max);
+  PetscCheck(a->hysteresis <= a->growth, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "-sim_adapt_hysteresis %g exceeds -sim_adapt_growth %g: no step could ever grow. Lower the first or raise the second",
+             (double)a->hysteresis, (double)a->growth);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode AdaptCreate(Flow flow, Bodies bodies, Couple couple, Contact contact, Monitor monitor, PetscReal dt, Adapt *adapt)
+{
+  Adapt     a;
+  PetscBool on = PETSC_FALSE;
+  Mesh      mesh;
+  PetscInt  n, parts;
+
+  PetscFunctionBeginUser;
+  *adapt = NULL;
+  PetscCall(OptBool("-sim_adapt", "choose the time step by its error, the CFL number, and the way and the gaps of bodies", &on));
+  if (!on) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(FlowGetSubsteps(flow, &parts, NULL));
+  PetscCheck(parts == 1, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "-sim_adapt takes steps again, which -flow_time fstheta with its parts of a step cannot: use bdf2, cn or be");
+  PetscCall(PetscNew(&a));
+  a->flow    = flow;
+  a->bodies  = bodies;
+  a->couple  = couple;
+  a->contact = contact;
+  a->monitor = monitor;
+  a->dt      = dt;
+  a->limit   = PETSC_MAX_REAL;
+  PetscCall(read_options(a));
+  PetscCall(BodiesGetState(bodies, &a->s));
+  PetscCall(FlowGetMesh(flow, &mesh));
+  PetscCall(MeshGetLocal(mesh, &a->l));
+  n = a->s->n;
+  PetscCall(PetscCalloc2(a->l->nnode_all * a->l->dim, &a->u_older, a->l->nnode_all, &a->age));
+  PetscCall(PetscCalloc3(n, &a->U_older, n, &a->calm, n, &a->gap_last));
+  for (PetscInt i = 0; i < a->l->nnode_all; i++) a->age[i] = REST;
+  for (PetscInt k = 0; k < n; k++) {
+    a->calm[k]     = REST;
+    a->gap_last[k] = PETSC_MAX_REAL;
+  }
+  PetscCall(MonitorAddColumn(monitor, "step_error", &a->column_error));
+  PetscCall(MonitorAddColumn(monitor, "rejected_steps", &a->column_rejected));
+  *adapt = a;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode AdaptDestroy(Adapt *adapt)
+{
+  PetscFunctionBeginUser;
+  if (!*adapt) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree2((*adapt)->u_older, (*adapt)->age));
+  PetscCall(PetscFree3((*adapt)->U_older, (*adapt)->calm, (*adapt)->gap_last));
+  PetscCall(PetscFree(*adapt));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode AdaptView(Adapt a, PetscViewer viewer)
+{
+  PetscFunctionBeginUser;
+  if (!a) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(
+    PetscViewerASCIIPrintf(viewer,
+                           "  adaptive: local error %g, CFL number at most %g, bodies move at most %g cells and %g of their gap, steps from %g",
+                           (double)a->tolerance, (double)a->cfl_max, (double)a->move, (double)a->gap, (double)a->min));
+  if (a->max < PETSC_MAX_REAL) PetscCall(PetscViewerASCIIPrintf(viewer, " to %g", (double)a->max));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "\n"));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode AdaptVisitState(void *adapt, State state)
+{
+  Adapt      a         = adapt;
+  PetscInt   count[3]  = {a->accepted, a->rejected, a->smooth};
+  PetscReal *number[7] = {&a->dt, &a->limit, &a->speed_max, &a->dt_older, &a->shortest, &a->longest, &a->last}, value[7];
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < 7; i++) value[i] = *number[i];
+  PetscCall(StateReals(state, "numbers", 7, value));
+  PetscCall(StateInts(state, "steps", 3, count));
+  for (PetscInt i = 0; i < 7; i++) *number[i] = value[i];
+  a->accepted = count[0];
+  a->rejected = count[1];
+  a->smooth   = count[2];
+  PetscCall(StateNodes(state, "velocity_older", a->l->dim, a->u_older));
+  PetscCall(StateNodes(state, "age", 1, a->age));
+  PetscCall(StateReals(state, "U_older", 6 * a->s->n, (PetscReal *)a->U_older));
+  PetscCall(StateReals(state, "calm", a->s->n, a->calm));
+  PetscCall(StateReals(state, "gap_last", a->s->n, a->gap_last));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,165 @@
+/* tumble: rigid bodies of any shape moving in a viscous incompressible fluid.
+
+     mpiexec -n N build/tumble runs/scene.yaml -any_petsc_option
+
+   Checks the scene file, hands it to PETSc (the command line wins over it), and runs it. */
+#include "compat.h"
+#include "report/checkpoint.h"
+#include "base/log.h"
+#include "base/opt.h"
+#include "run/scene.h"
+#include "run/scenefile.h"
+#include "shape.h"
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const char help[] = "tumble: particulate flow by the finite element fictitious boundary method.\n"
+                           "usage: mpiexec -n N build/tumble runs/scene.yaml [-option value ...]\n"
+                           "-scene_dry_run describes the scene without running it; README.md and runs/README.md list the scenes.\n\n";
+
+/* The error this rank stops with; told by rank 0 when all ranks have come to the end, so that it is told once. */
+static struct {
+  char      message[2048]; /* PETSc cuts messages there */
+  PetscBool alone;         /* raised by fewer than all ranks */
+  PetscBool traced;        /* PETSc's trace was wanted, and this rank is the one to print it */
+} failure;
+
+static PetscBool is_user_mistake(PetscErrorCode code)
+{
+  switch ((int)code) {
+  case PETSC_ERR_USER_INPUT:
+  case PETSC_ERR_FILE_OPEN:
+  case PETSC_ERR_FILE_READ:
+  case PETSC_ERR_FILE_WRITE:
+  case PETSC_ERR_FILE_UNEXPECTED:
+  case PETSC_ERR_ARG_OUTOFRANGE:
+  case PETSC_ERR_ARG_UNKNOWN_TYPE:
+  case PETSC_ERR_NOT_CONVERGED:
+  case PETSC_ERR_SUP: return PETSC_TRUE;
+  default: return PETSC_FALSE;
+  }
+}
+
+/* Mistakes of the user get their message alone, everything else PETSc's trace too (by one rank: on others PETSc's printer sleeps and aborts). */
+static PetscErrorCode note_error(MPI_Comm comm, int line, const char *function, const char *file, PetscErrorCode code, PetscErrorType type,
+                                 const char *message, void *ctx)
+{
+  if (type == PETSC_ERROR_INITIAL) { /* the callers that pass it on report under their own rank only */
+    PetscMPIInt size = 1, world = 1, rank = 0;
+
+    MPI_Comm_size(comm, &size);
+    MPI_Comm_size(MPI_COMM_WORLD, &world);
+    MPI_Comm_rank(comm, &rank);
+    snprintf(failure.message, sizeof(failure.message), "%s", message && message[0] ? message : "PETSc gives no reason");
+    failure.alone  = (PetscBool)(size < world);
+    failure.traced = (PetscBool)(!is_user_mistake(code) && rank == 0);
+  }
+  if (failure.traced) (void)PetscTraceBackErrorHandler(comm, line, function, file, code, type, message, ctx);
+  return code;
+}
+
+static void tell_error(const char message[])
+{
+  fflush(stdout);
+  fprintf(stderr, "tumble: error: %s\n", message);
+  fflush(stderr);
+}
+
+static void tell_checkpoint(void)
+{
+  if (CheckpointGetLast()[0]) fprintf(stderr, "The last checkpoint is %s: continue from it with -sim_restart\n", CheckpointGetLast());
+  fflush(stderr);
+}
+
+/* All ranks are here: rank 0 tells what happened, each message once. */
+static void tell_errors(void)
+{
+  const size_t len = sizeof(failure.message);
+  char        *all = NULL;
+  int          size, rank;
+
+  MPI_Comm_size(MPI_COMM_WORLD, &size);
+  MPI_Comm_rank(MPI_COMM_WORLD, &rank);
+  if (rank == 0) all = malloc(size * len);
+  (void)MPI_Gather(failure.message, (int)len, MPI_CHAR, all, (int)len, MPI_CHAR, 0, MPI_COMM_WORLD);
+  for (int i = 0; rank == 0 && i < size; i++) {
+    int j = 0;
+
+    while (j < i && strcmp(all + j * len, all + i * len)) j++;
+    if (j == i) tell_error(all + i * len);
+  }
+  if (rank == 0) tell_checkpoint();
+  free(all);
+}
+
+/* Leave together. A rank that is missing after some seconds (or soon, when the error was this rank's own) waits for us elsewhere and is not coming. */
+static int leave_after_error(void)
+{
+  const int   patience = failure.alone ? 50 : 500; /* hundredths of a second */
+  MPI_Request request;
+  int         done = 0;
+
+  MPI_Ibarrier(MPI_COMM_WORLD, &request);
+  MPI_Test(&request, &done, MPI_STATUS_IGNORE);
+  for (int wait = 0; wait < patience && !done; wait++) {
+    PetscSleep(0.01);
+    MPI_Test(&request, &done, MPI_STATUS_IGNORE);
+  }
+  if (!done) {
+    tell_error(failure.message);
+    tell_checkpoint();
+    MPI_Abort(MPI_COMM_WORLD, 1);
+  }
+  tell_errors();
+  MPI_Finalize();
+  return 1;
+}
+
+/* Rank 0 checks the file, all learn the verdict. */
+static int check_scene(const char path[])
+{
+  char message[1024] = "";
+  int  rank, bad = 0;
+
+  MPI_Comm_rank(MPI_COMM_WORLD, &rank);
+  if (rank == 0) bad = SceneFileCheck(path, message, sizeof(message));
+  (void)MPI_Bcast(&bad, 1, MPI_INT, 0, MPI_COMM_WORLD);
+  if (bad && rank == 0) fprintf(stderr, "tumble: error: %s\n", message);
+  return bad;
+}
+
+int main(int argc, char **argv)
+{
+  char           path[PETSC_MAX_PATH_LEN] = "", name[256] = "scene";
+  PetscErrorCode ierr;
+  PetscBool      wants_help = PETSC_FALSE;
+
+  MPI_Init(&argc, &argv);
+  for (int i = 1; i < argc; i++) wants_help = (PetscBool)(wants_help || !strcmp(argv[i], "-help") || !strcmp(argv[i], "--help"));
+  if (SceneFileName(argc, argv, path, sizeof(path)) && !wants_help) {
+    int rank;
+
+    MPI_Comm_rank(MPI_COMM_WORLD, &rank);
+    if (rank == 0) fprintf(stderr, "tumble: error: no scene file given\n%s", help);
+    MPI_Finalize();
+    return 1;
+  }
+  if (path[0] && (check_scene(path) || SceneFileStem(path, name, sizeof(name)))) {
+    MPI_Finalize();
+    return 1;
+  }
+  ierr = PetscInitialize(&argc, &argv, path[0] ? path : NULL, help);
+  if (ierr) return 1;
+  PetscCall(PetscPushErrorHandler(note_error, NULL));
+  if (wants_help && !path[0]) PetscCall(PetscOptionsSetValue(NULL, "-scene_dry_run", "1"));
+  ierr = LogInitialize();
+  if (!ierr) ierr = SceneRun(name);
+  if (ierr) return leave_after_error();
+  PetscCall(ShapeFinalize());
+  PetscCall(OptFinalize());
+  PetscCall(PetscPopErrorHandler());
+  ierr = PetscFinalize();
+  MPI_Finalize();
+  return (int)ierr;
+}

@@ -1,0 +1,211 @@
+/* Scene: see scene.h. */
+#include "compat.h"
+#include "run/scene.h"
+#include "couple/deform.h"
+#include "base/log.h"
+#include "base/opt.h"
+#include "sim.h"
+
+/* What contact needs to know of a scene without a flow: all faces that are not periodic are walls, and the range goes by the size of the bodies. */
+static PetscErrorCode create_contact_alone(SimParts *part, const MeshLocal *l)
+{
+  PetscReal  density = 0, gravity[3] = {0, 0, 0}, h = PETSC_MAX_REAL;
+  PetscInt   walls = 0;
+  BodyState *s;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptReal("-flow_density", "density of the fluid (without a flow: for buoyancy and added mass)", "kg/m^3", 0, PETSC_MAX_REAL, &density));
+  PetscCall(OptRealArray("-flow_gravity", "gravity", "m/s^2", PETSC_MIN_REAL, PETSC_MAX_REAL, l->dim, gravity, NULL));
+  PetscCall(BodiesGetState(part->bodies, &s));
+  PetscCheck(s->n, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "A scene without flow and without bodies has nothing to do: give -particle_groups, or remove -flow_active");
+  for (PetscInt g = 0; g < s->ngroups; g++) h = PetscMin(h, 0.2 * s->group[g].radius);
+  for (PetscInt f = 0; f < 2 * l->dim; f++) walls |= (l->period[f / 2] == 0) << f;
+  PetscCall(ContactCreate(part->bodies, h, density, gravity, l->lower, l->upper, walls, &part->contact));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What the mesh needs no longer, because bodies stand still */
+static PetscErrorCode drop_deform(SimParts *part, PetscBool steady)
+{
+  PetscBool still;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesAreStill(part->bodies, &still));
+  if (still || steady) PetscCall(DeformDestroy(&part->deform));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode report_deformation(Monitor monitor, const DeformResult *r)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscPrintf(PETSC_COMM_WORLD,
+                        "mesh deformed in %" PetscInt_FMT
+                        " steps: sizes of cells %.3f to %.3f of the wanted ones, smallest Jacobian %.3f of its cell's mean\n",
+                        r->steps, (double)r->area[0], (double)r->area[1], (double)r->jacobian));
+  PetscCall(MonitorQuantity(monitor, "deform_area_min", r->area[0]));
+  PetscCall(MonitorQuantity(monitor, "deform_area_max", r->area[1]));
+  PetscCall(MonitorQuantity(monitor, "deform_jacobian", r->jacobian));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* -preset: defaults for what trades accuracy for time, see runs/studies/tradeoff. Every option that a user gives wins. A steady scene chooses its solver itself. */
+static PetscErrorCode apply_preset(PetscInt dim, PetscBool steady)
+{
+  static const char *const NAMES[] = {"fast", "balanced", "accurate", NULL}, *const RUNGS[] = {"penalty", "penalty", "snap"};
+  PetscInt preset = -1; /* none */
+
+  PetscFunctionBeginUser;
+  PetscCall(
+    OptChoice("-preset",
+              "what a run should be: sets -flow_recipe, -couple_boundary and -flow_time unless they are given; without it every one keeps its own default",
+              NAMES, &preset));
+  if (preset < 0) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!steady) PetscCall(OptDefault("-flow_recipe", NAMES[preset]));
+  PetscCall(OptDefault("-couple_boundary", dim == 3 && preset == 2 ? RUNGS[1] : RUNGS[preset])); /* snap: plane meshes only */
+  if (!steady) PetscCall(OptDefault("-flow_time", "bdf2"));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode build(SimParts *part)
+{
+  const MeshLocal      *l;
+  const FlowParameters *par;
+  PetscInt              walls;
+  PetscBool             active = PETSC_TRUE, steady = PETSC_FALSE, deformed = PETSC_FALSE;
+  DeformResult          deformation;
+
+  PetscFunctionBeginUser;
+  PetscCall(
+    OptBool("-flow_active", "solve for the flow; without it bodies move under gravity and contact alone, and the mesh gives the box", &active));
+  if (active) PetscCall(OptBool("-sim_steady", "solve for the steady state, without time steps", &steady));
+  PetscCall(MeshCreate(PETSC_COMM_WORLD, &part->mesh));
+  PetscCall(MeshGetLocal(part->mesh, &l));
+  PetscCall(BodiesCreate(l->dim, l->lower, l->upper, &part->bodies));
+  if (active) {
+    PetscCall(DeformCreate(part->mesh, part->bodies, &part->deform));
+    deformed = (PetscBool)(part->deform != NULL);
+    if (deformed) PetscCall(DeformMesh(part->deform, &deformation));
+    if (deformed) PetscCall(drop_deform(part, steady));
+    PetscCall(apply_preset(l->dim, steady));
+    PetscCall(CoupleSetDefaults());
+    if (steady) PetscCall(SteadySetDefaults(part->mesh));
+    PetscCall(FlowCreate(part->mesh, &part->flow));
+    PetscCall(FlowGetParameters(part->flow, &par));
+  }
+  if (active) {
+    PetscCall(CoupleCreate(part->flow, part->bodies, &part->couple));
+    if (part->deform) PetscCall(CoupleSetDeform(part->couple, part->deform));
+    if (steady) PetscCall(SteadyCreate(part->flow, part->couple, &part->steady));
+    PetscCall(BoundaryGetSolidFaces(FlowBoundary(part->flow), &walls));
+    PetscCall(ContactCreate(part->bodies, l->h, par->density, par->gravity, l->lower, l->upper, walls, &part->contact));
+    PetscCall(ContactSetViscosity(part->contact, par->viscosity));
+  } else PetscCall(create_contact_alone(part, l));
+  PetscCall(ContactSetPeriod(part->contact, l->period));
+  PetscCall(ContactCheckStart(part->contact));
+  PetscCall(BorderCreate(part->bodies, l->lower, l->upper, l->period, &part->border));
+  PetscCall(OutputCreate(part->mesh, part->scene, &part->output));
+  PetscCall(BodyfileCreate(part->bodies, &part->bodyfile));
+  PetscCall(MonitorCreate(part->bodies, &part->monitor));
+  if (deformed) PetscCall(report_deformation(part->monitor, &deformation));
+  PetscCall(CheckpointCreate(part->mesh, part->output, &part->checkpoint));
+  if (active) PetscCall(ProbeCreate(part->flow, part->bodies, part->couple, part->monitor, &part->probe));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode destroy(SimParts *part)
+{
+  PetscFunctionBeginUser;
+  PetscCall(ProbeDestroy(&part->probe));
+  PetscCall(CheckpointDestroy(&part->checkpoint));
+  PetscCall(MonitorDestroy(&part->monitor));
+  PetscCall(BodyfileDestroy(&part->bodyfile));
+  PetscCall(OutputDestroy(&part->output));
+  PetscCall(SteadyDestroy(&part->steady));
+  PetscCall(BorderDestroy(&part->border));
+  PetscCall(ContactDestroy(&part->contact));
+  PetscCall(CoupleDestroy(&part->couple));
+  PetscCall(BodiesDestroy(&part->bodies));
+  PetscCall(FlowDestroy(&part->flow));
+  PetscCall(DeformDestroy(&part->deform));
+  PetscCall(MeshDestroy(&part->mesh));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What the scene activates and what it leaves out */
+static PetscErrorCode describe(const SimParts *part, Sim sim)
+{
+  PetscViewer           out = PETSC_VIEWER_STDOUT_WORLD;
+  const FlowParameters *par;
+  FlowSolver            solver;
+  BodyState            *s;
+  PetscLogDouble        memory;
+  PetscInt              i = 0;
+  PetscBool             still;
+  const char           *absent[8];
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscViewerASCIIPrintf(out, "scene: %s\n", part->scene));
+  PetscCall(MeshView(part->mesh, out));
+  if (part->flow) {
+    PetscCall(FlowView(part->flow, out));
+    PetscCall(CoupleGetSolver(part->couple, &solver));
+    PetscCall(FlowSolverView(solver, out));
+  }
+  PetscCall(BodiesView(part->bodies, out));
+  if (part->flow) PetscCall(CoupleView(part->couple, out));
+  PetscCall(ContactView(part->contact, out));
+  PetscCall(SimView(sim, out));
+  PetscCall(CheckpointView(part->checkpoint, out));
+  if (part->flow) {
+    PetscCall(FlowGetParameters(part->flow, &par));
+    if (!par->convection) absent[i++] = "convection";
+  } else absent[i++] = "flow";
+  PetscCall(BodiesGetState(part->bodies, &s));
+  PetscCall(BodiesAreStill(part->bodies, &still));
+  if (!s->n) absent[i++] = "bodies, projection, contact, force integrals";
+  else if (still) absent[i++] = "motion of bodies (marked once, not integrated), rigid unknowns, pair search";
+  if (s->n == 1) absent[i++] = "contact between bodies";
+  if (s->n == 1 && !still) absent[i++] = "pair search";
+  PetscCall(PetscViewerASCIIPrintf(out, "not active:"));
+  for (PetscInt k = 0; k < i; k++) PetscCall(PetscViewerASCIIPrintf(out, "%s %s", k ? "," : "", absent[k]));
+  PetscCall(PetscMemoryGetCurrentUsage(&memory));
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &memory, 1, MPI_DOUBLE, MPI_SUM, PETSC_COMM_WORLD));
+  PetscCall(PetscViewerASCIIPrintf(out, "%s\nmemory after set-up: %.0f MB on all ranks\n", i ? "" : " nothing", memory / 1048576));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SceneRun(const char name[])
+{
+  SimParts       part = {0};
+  Sim            sim;
+  PetscBool      dry = PETSC_FALSE, restarted;
+  PetscLogDouble begin, now;
+  const char    *dir;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscTime(&begin));
+  PetscCall(PetscLogStagePush(TB_STAGE_SETUP));
+  part.scene = name;
+  PetscCall(OptBool("-scene_dry_run", "build everything, describe it, and stop before the first step", &dry));
+  PetscCall(build(&part));
+  PetscCall(SimCreate(&part, &sim));
+  PetscCall(CheckpointLoad(part.checkpoint, &restarted));
+  PetscCall(SimSetUp(sim));
+  PetscCall(OptCheckUnused()); /* every module has read its options, and nothing is written yet */
+  if (dry) {
+    PetscCall(describe(&part, sim));
+  } else {
+    PetscCall(OutputOpen(part.output));
+    PetscCall(CheckpointOpen(part.checkpoint));
+    PetscCall(OutputGetDirectory(part.output, &dir));
+    PetscCall(MonitorOpen(part.monitor, dir));
+    PetscCall(PetscTime(&now));
+    PetscCall(MonitorPhaseSeconds(part.monitor, MONITOR_SETUP, now - begin));
+  }
+  PetscCall(PetscLogStagePop());
+  if (!dry) PetscCall(SimRun(sim));
+  PetscCall(SimDestroy(&sim));
+  PetscCall(destroy(&part));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,396 @@
+/* Scene file: find it among the arguments and check it before PETSc reads it.
+
+   The checks follow PETSc's own reader (src/sys/objects/optionsyaml.c, 3.18 to current): nested keys are joined by '_' into one option
+   name, upper case counts as lower case, lists of scalars become "a,b,c", "<<" merges a mapping in place (whatever comes later
+   wins), and keys that start with "$$" only hold anchors. A key that would lose its value on that way is refused, with its line.
+   It does not interpret values and does not know which options exist. */
+#include "run/scenefile.h"
+#include <ctype.h>
+#include <errno.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+#include <sys/stat.h>
+#include <yaml.h>
+
+#define SCENE_NAME_MAX    512 /* PETSc's limit for an option name */
+#define SCENE_DEPTH_MAX   20  /* PETSc 3.18 allows 25 nested prefixes */
+#define SCENE_OPTIONS_MAX 450 /* of the 512 places of PETSc 3.18; the rest is for command line and solver defaults */
+
+typedef struct {
+  char  *name; /* flattened, without dash */
+  size_t line;
+  int    level; /* how many merges deep; 0 = written in place */
+} SceneOption;
+
+typedef struct {
+  const char      *path;
+  char            *message;
+  size_t           len;
+  yaml_document_t *doc;
+  SceneOption     *option;
+  size_t           n, room;
+} SceneCheck;
+
+/* Puts "path:line: ..." (line 0: "path: ...") into the message and returns 1. */
+__attribute__((format(printf, 3, 4))) static int report_fault(SceneCheck *check, size_t line, const char format[], ...)
+{
+  va_list args;
+  int     n;
+
+  if (line) n = snprintf(check->message, check->len, "%s:%zu: ", check->path, line);
+  else n = snprintf(check->message, check->len, "%s: ", check->path);
+  if (n >= 0 && (size_t)n < check->len) {
+    va_start(args, format);
+    vsnprintf(check->message + n, check->len - (size_t)n, format, args);
+    va_end(args);
+  }
+  return 1;
+}
+
+static size_t find_line(const yaml_node_t *node)
+{
+  return node->start_mark.line + 1;
+}
+
+static const char *get_text(const yaml_node_t *node)
+{
+  return (const char *)node->data.scalar.value;
+}
+
+/* ---- the file ---- */
+
+/* A file that is not there: is it in runs/, or was only the ending forgotten? */
+static int report_missing(SceneCheck *check)
+{
+  const char *slash = strrchr(check->path, '/'), *base = slash ? slash + 1 : check->path;
+  char        guess[3][4096];
+  struct stat info;
+
+  snprintf(guess[0], sizeof(guess[0]), "%s.yaml", check->path);
+  snprintf(guess[1], sizeof(guess[1]), "runs/%s", base);
+  snprintf(guess[2], sizeof(guess[2]), "runs/%s.yaml", base);
+  for (int i = 0; i < 3; i++) {
+    if (!stat(guess[i], &info) && S_ISREG(info.st_mode)) return report_fault(check, 0, "no such scene file; did you mean %s?", guess[i]);
+  }
+  return report_fault(check, 0, "no such scene file");
+}
+
+static int has_ending(const char text[], const char ending[])
+{
+  const size_t n = strlen(text), m = strlen(ending);
+
+  return n >= m && !strcmp(text + n - m, ending);
+}
+
+/* Whole file in *text, also when it fails (free it); *size without the closing zero. */
+static int read_file(SceneCheck *check, char **text, size_t *size)
+{
+  struct stat info;
+  FILE       *file;
+
+  *text = NULL;
+  if (stat(check->path, &info))
+    return errno == ENOENT || errno == ENOTDIR ? report_missing(check) : report_fault(check, 0, "cannot read the scene file: %s", strerror(errno));
+  if (S_ISDIR(info.st_mode)) return report_fault(check, 0, "is a directory; the first argument is a scene file");
+  if (!has_ending(check->path, ".yaml") && !has_ending(check->path, ".yml"))
+    return report_fault(check, 0, "a scene file must end in .yaml or .yml (PETSc tells the format by it)");
+  file = fopen(check->path, "r");
+  if (!file) return report_fault(check, 0, "cannot read the scene file: %s", strerror(errno));
+  *text = (char *)malloc((size_t)info.st_size + 1);
+  *size = *text ? fread(*text, 1, (size_t)info.st_size, file) : 0;
+  fclose(file);
+  if (!*text || *size != (size_t)info.st_size) return report_fault(check, 0, "cannot read the scene file to its end");
+  (*text)[*size] = 0;
+  if (strlen(*text) != *size) return report_fault(check, 0, "holds zero bytes: not a text file (save it as UTF-8)");
+  return 0;
+}
+
+/* Also on blank lines and before comments, where libyaml takes them in some places and not in others. */
+static int check_tabs(SceneCheck *check, const char text[])
+{
+  size_t line = 1;
+
+  for (const char *s = text; *s; line++) {
+    if (memchr(s, '\t', strspn(s, " \t"))) return report_fault(check, line, "tab character in the indentation: use blanks");
+    s += strcspn(s, "\n");
+    if (*s) s++;
+  }
+  return 0;
+}
+
+/* ---- syntax ---- */
+
+static const char *find_hint(const char problem[])
+{
+  static const struct {
+    const char *part, *hint;
+  } hints[] = {
+    {"could not find expected ':'", " (a key needs a colon and a blank after it: 'key: value')"},
+    {"mapping values are not", " (a colon missing on the line before, two 'key: value' on one line, or a line indented too far?)"},
+    {"expected ',' or", " (a bracket not closed, or a comma missing?)"},
+    {"did not find expected key", " (indentation that differs from the lines above?)"},
+    {"cannot start any token", " (put the value into quotes)"},
+    {"found undefined alias", " (write '&name' before '*name' is used)"},
+  };
+
+  for (size_t i = 0; i < sizeof(hints) / sizeof(hints[0]); i++) {
+    if (strstr(problem, hints[i].part)) return hints[i].hint;
+  }
+  return "";
+}
+
+static size_t count_lines(const char text[], size_t offset)
+{
+  size_t line = 1;
+
+  for (size_t i = 0; i < offset && text[i]; i++) line += text[i] == '\n';
+  return line;
+}
+
+static int report_syntax(SceneCheck *check, const yaml_parser_t *parser, const char text[])
+{
+  const char *problem = parser->problem ? parser->problem : "not readable";
+
+  /* libyaml notices a missing colon only where the next line has one; the key itself is where the scan began */
+  if (parser->context && !strcmp(parser->context, "while scanning a simple key"))
+    return report_fault(check, parser->context_mark.line + 1, "syntax error: %s%s", problem, find_hint(problem));
+  if (parser->error == YAML_READER_ERROR)
+    return report_fault(check, count_lines(text, parser->problem_offset), "%s (save the file as UTF-8 text)", problem);
+  if (parser->context && parser->context_mark.line != parser->problem_mark.line)
+    return report_fault(check, parser->problem_mark.line + 1, "syntax error %s that starts at line %zu: %s%s", parser->context,
+                        parser->context_mark.line + 1, problem, find_hint(problem));
+  return report_fault(check, parser->problem_mark.line + 1, "syntax error: %s%s", problem, find_hint(problem));
+}
+
+/* ---- keys and options ---- */
+
+static int check_key(SceneCheck *check, const yaml_node_t *key, int nested)
+{
+  const char  *text;
+  const size_t line = find_line(key);
+
+  if (key->type != YAML_SCALAR_NODE) return report_fault(check, line, "a list or mapping cannot be a key: write 'name: value'");
+  text = get_text(key);
+  if (!text[0]) return report_fault(check, line, "empty key: write 'name: value'");
+  if (text[0] == '-')
+    return report_fault(check, line, "key '%s' starts with a dash: write '%s' (the dash belongs to the command line)", text,
+                        text + strspn(text, "-"));
+  if (strchr(text, ':')) return report_fault(check, line, "key '%s' holds a colon: put a blank after the colon ('key: value')", text);
+  if (!isalpha((unsigned char)text[0]) && !(nested && isdigit((unsigned char)text[0])))
+    return report_fault(check, line, "key '%s' must start with a letter", text);
+  for (const char *s = text; *s; s++) {
+    if (!isalnum((unsigned char)*s) && *s != '_' && *s != '-')
+      return report_fault(check, line, "key '%s' cannot be an option name: use letters, digits and '_' only", text);
+  }
+  return 0;
+}
+
+/* A mapping must not hold a key twice. */
+static int check_duplicates(SceneCheck *check, const yaml_node_t *map)
+{
+  for (const yaml_node_pair_t *pair = map->data.mapping.pairs.start; pair < map->data.mapping.pairs.top; pair++) {
+    const yaml_node_t *key = yaml_document_get_node(check->doc, pair->key);
+
+    for (const yaml_node_pair_t *before = map->data.mapping.pairs.start; before < pair && key->type == YAML_SCALAR_NODE; before++) {
+      const yaml_node_t *other = yaml_document_get_node(check->doc, before->key);
+
+      if (other->type == YAML_SCALAR_NODE && !strcasecmp(get_text(key), get_text(other)))
+        return report_fault(check, find_line(key), "duplicate key '%s' (first at line %zu): keep one of them", get_text(key), find_line(other));
+    }
+  }
+  return 0;
+}
+
+static int append_option(SceneCheck *check, const char name[], size_t line, int level)
+{
+  if (check->n == SCENE_OPTIONS_MAX)
+    return report_fault(check, line,
+                        "more than %d options; PETSc's table holds 512 in all: move per-body values into a table file (particle: <group>: table: bodies.csv)",
+                        SCENE_OPTIONS_MAX);
+  if (check->n == check->room) {
+    const size_t room   = check->room ? 2 * check->room : 64;
+    SceneOption *option = (SceneOption *)realloc(check->option, room * sizeof(*option));
+
+    if (!option) return report_fault(check, 0, "no memory");
+    check->option = option;
+    check->room   = room;
+  }
+  check->option[check->n].name  = strdup(name);
+  check->option[check->n].line  = line;
+  check->option[check->n].level = level;
+  if (!check->option[check->n].name) return report_fault(check, 0, "no memory");
+  check->n++;
+  return 0;
+}
+
+/* One flattened option. The same name again is fine only where it overrides a merged value, as YAML means it. */
+static int add_option(SceneCheck *check, const char name[], size_t line, int level)
+{
+  for (size_t i = 0; i < check->n; i++) {
+    SceneOption *old = &check->option[i];
+
+    if (strcasecmp(old->name, name)) continue;
+    if (level < old->level) {
+      old->level = level;
+      old->line  = line;
+      return 0;
+    }
+    if (level > old->level)
+      return report_fault(check, old->line, "option -%s would be overridden by the merge '<<' that comes after it: put '<<' first", name);
+    return report_fault(check, line, "option -%s is given twice (first at line %zu): keep one of them", name, old->line);
+  }
+  return append_option(check, name, line, level);
+}
+
+static int check_list(SceneCheck *check, const char name[], const yaml_node_t *key, const yaml_node_t *list, int level)
+{
+  for (const yaml_node_item_t *item = list->data.sequence.items.start; item < list->data.sequence.items.top; item++) {
+    const yaml_node_t *node = yaml_document_get_node(check->doc, *item);
+
+    if (node->type == YAML_MAPPING_NODE)
+      return report_fault(check, find_line(node),
+                          "'%s' is a list of maps, which PETSc's options cannot hold: give each entry a name (groups: disc, ball) and its settings under that name (disc: {shape: circle})",
+                          get_text(key));
+    if (node->type == YAML_SEQUENCE_NODE)
+      return report_fault(check, find_line(node), "'%s' is a list of lists, which PETSc's options cannot hold: write one flat list, or a table file",
+                          get_text(key));
+    if (!get_text(node)[0])
+      return report_fault(check, find_line(node), "empty entry in the list '%s', which PETSc would skip: give it a value or remove it",
+                          get_text(key));
+  }
+  return add_option(check, name, find_line(key), level);
+}
+
+static int check_map(SceneCheck *check, const yaml_node_t *map, const char prefix[], int depth, int level);
+
+static int check_merge(SceneCheck *check, const yaml_node_t *key, const yaml_node_t *value, const char prefix[], int depth, int level)
+{
+  if (value->type == YAML_MAPPING_NODE) return check_map(check, value, prefix, depth + 1, level + 1);
+  if (value->type != YAML_SEQUENCE_NODE) return report_fault(check, find_line(key), "'<<' takes an alias of a mapping: <<: *name");
+  for (const yaml_node_item_t *item = value->data.sequence.items.start; item < value->data.sequence.items.top; item++) {
+    const yaml_node_t *node = yaml_document_get_node(check->doc, *item);
+
+    if (node->type != YAML_MAPPING_NODE) return report_fault(check, find_line(key), "'<<' takes aliases of mappings: <<: [*one, *two]");
+    if (check_map(check, node, prefix, depth + 1, level + 1)) return 1;
+  }
+  return 0;
+}
+
+static int check_pair(SceneCheck *check, const yaml_node_t *key, const yaml_node_t *value, const char prefix[], int depth, int level)
+{
+  char name[SCENE_NAME_MAX];
+
+  if (key->type == YAML_SCALAR_NODE && !strcmp(get_text(key), "<<")) return check_merge(check, key, value, prefix, depth, level);
+  if (key->type == YAML_SCALAR_NODE && !strncmp(get_text(key), "$$", 2)) {
+    if (has_ending((const char *)value->tag, "!include"))
+      return report_fault(check, find_line(key), "!include is not allowed: a scene is one file (give more options with -options_file_yaml)");
+    return 0;
+  }
+  if (check_key(check, key, prefix[0] != 0)) return 1;
+  if (snprintf(name, sizeof(name), "%s%s", prefix, get_text(key)) >= (int)sizeof(name) - 2)
+    return report_fault(check, find_line(key), "option name is longer than %d characters", SCENE_NAME_MAX - 2);
+  if (value->type == YAML_SCALAR_NODE) return add_option(check, name, find_line(key), level);
+  if (value->type == YAML_SEQUENCE_NODE) return check_list(check, name, key, value, level);
+  strcat(name, "_");
+  return check_map(check, value, name, depth + 1, level);
+}
+
+static int check_map(SceneCheck *check, const yaml_node_t *map, const char prefix[], int depth, int level)
+{
+  if (depth > SCENE_DEPTH_MAX)
+    return report_fault(check, find_line(map), "nested deeper than %d levels (an alias inside its own anchor?)", SCENE_DEPTH_MAX);
+  if (check_duplicates(check, map)) return 1;
+  for (const yaml_node_pair_t *pair = map->data.mapping.pairs.start; pair < map->data.mapping.pairs.top; pair++) {
+    if (check_pair(check, yaml_document_get_node(check->doc, pair->key), yaml_document_get_node(check->doc, pair->value), prefix, depth, level))
+      return 1;
+  }
+  return 0;
+}
+
+/* ---- documents ---- */
+
+static int check_document(SceneCheck *check, yaml_document_t *doc)
+{
+  const yaml_node_t *root = yaml_document_get_root_node(doc);
+
+  check->doc = doc;
+  if (!root || (root->type == YAML_SCALAR_NODE && !get_text(root)[0])) return report_fault(check, 0, "the scene file is empty: it holds no options");
+  if (root->type != YAML_MAPPING_NODE)
+    return report_fault(check, find_line(root), "a scene is made of 'key: value' lines, not of a %s",
+                        root->type == YAML_SEQUENCE_NODE ? "list" : "single value");
+  return check_map(check, root, "", 0, 0);
+}
+
+/* PETSc would read several documents into one set of options, the last value winning. */
+static int check_end(SceneCheck *check, yaml_parser_t *parser, const char text[])
+{
+  yaml_document_t    doc;
+  const yaml_node_t *root;
+  int                fault = 0;
+
+  if (!yaml_parser_load(parser, &doc)) return report_syntax(check, parser, text);
+  root = yaml_document_get_root_node(&doc);
+  if (root) fault = report_fault(check, doc.start_mark.line + 1, "a second document ('---') starts here: a scene is one document");
+  yaml_document_delete(&doc);
+  return fault;
+}
+
+static int check_text(SceneCheck *check, const char text[], size_t size)
+{
+  yaml_parser_t   parser;
+  yaml_document_t doc;
+  int             fault;
+
+  if (!yaml_parser_initialize(&parser)) return report_fault(check, 0, "no memory");
+  yaml_parser_set_input_string(&parser, (const unsigned char *)text, size);
+  if (!yaml_parser_load(&parser, &doc)) fault = report_syntax(check, &parser, text);
+  else {
+    fault = check_document(check, &doc);
+    yaml_document_delete(&doc);
+    if (!fault) fault = check_end(check, &parser, text);
+  }
+  yaml_parser_delete(&parser);
+  return fault;
+}
+
+/* ---- public ---- */
+
+int SceneFileName(int argc, char **argv, char path[], size_t len)
+{
+  if (argc < 2 || argv[1][0] == '-' || !argv[1][0] || strlen(argv[1]) >= len) return 1;
+  strcpy(path, argv[1]);
+  return 0;
+}
+
+int SceneFileStem(const char path[], char stem[], size_t len)
+{
+  const char  *slash = strrchr(path, '/'), *base = slash ? slash + 1 : path, *dot = strrchr(base, '.');
+  const size_t n = dot && dot > base ? (size_t)(dot - base) : strlen(base);
+
+  if (!len) return 1;
+  stem[0] = 0;
+  if (!n || n >= len) return 1;
+  memcpy(stem, base, n);
+  stem[n] = 0;
+  return 0;
+}
+
+int SceneFileCheck(const char path[], char message[], size_t len)
+{
+  SceneCheck check = {.path = path, .message = message, .len = len};
+  char      *text;
+  size_t     size = 0;
+  int        fault;
+
+  if (len) message[0] = 0;
+  fault = read_file(&check, &text, &size);
+  if (!fault) fault = check_tabs(&check, text);
+  if (!fault) fault = check_text(&check, text, size);
+  for (size_t i = 0; i < check.n; i++) free(check.option[i].name);
+  free(check.option);
+  free(text);
+  return fault;
+}

@@ -1,0 +1,567 @@
+/* Sim: see sim.h. One pass of the loop is the algorithm of the method: contact forces, bodies drawn, flow solved, forces read, bodies moved, reports. Seconds are counted by
+   phase (NSE, Force, Particle, Output) as in the method's own cost table. */
+#include "compat.h"
+#include "sim.h"
+#include "adapt.h"
+#include "base/log.h"
+#include "base/opt.h"
+
+struct _p_Sim {
+  SimParts        part;
+  BodyState      *s;
+  PetscReal       dt, dt_old, time_end, time; /* dt_old: the step before, with sub-steps the part before */
+  PetscInt        steps_max, step, substeps;  /* substeps: of bodies alone, altogether */
+  Adapt           adapt;                      /* NULL: fixed steps */
+  PetscReal       interval, until;            /* -output_interval; the time that steps must not pass */
+  PetscBool       hits, snapshot;             /* the step ends there; fields are written there */
+  PetscInt        its;                        /* outer iterations of the time step so far */
+  FlowDiagnostics diag;
+  CoupleBalance   balance;
+  PetscReal (*a)[3], (*alpha)[3]; /* acceleration of the bodies without contact, for the sub-steps of contact */
+  PetscBool has_acceleration, renew;
+  Vec       u_out, p_out;
+};
+
+static PetscErrorCode refuse_time_options(void)
+{
+  const char *const names[] = {"-sim_dt", "-sim_time", "-sim_steps"};
+  PetscBool         found;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < 3; i++) {
+    PetscCall(OptHas(names[i], "time steps", &found));
+    PetscCheck(!found, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "%s is given, but a steady scene takes no time steps: remove it, or set -sim_steady false", names[i]);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode visit_state(void *sim, State state)
+{
+  Sim      s   = sim;
+  PetscInt has = s->has_acceleration;
+
+  PetscFunctionBeginUser;
+  PetscCall(StateInts(state, "step", 1, &s->step));
+  PetscCall(StateInts(state, "substeps", 1, &s->substeps));
+  PetscCall(StateReals(state, "time", 1, &s->time));
+  PetscCall(StateReals(state, "dt_old", 1, &s->dt_old));
+  PetscCall(StateInts(state, "has_acceleration", 1, &has));
+  s->has_acceleration = (PetscBool)has;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The order is that of loading: what others depend on comes first */
+static PetscErrorCode add_states(Sim s)
+{
+  const SimParts *p = &s->part;
+
+  PetscFunctionBeginUser;
+  PetscCall(CheckpointAdd(p->checkpoint, "sim", s, visit_state));
+  PetscCall(CheckpointAdd(p->checkpoint, "bodies", p->bodies, BodiesVisitState));
+  if (p->flow) PetscCall(CheckpointAdd(p->checkpoint, "flow", p->flow, FlowVisitState));
+  if (p->flow) PetscCall(CheckpointAdd(p->checkpoint, "couple", p->couple, CoupleVisitState));
+  PetscCall(CheckpointAdd(p->checkpoint, "contact", p->contact, ContactVisitState));
+  PetscCall(CheckpointAdd(p->checkpoint, "output", p->output, OutputVisitState));
+  if (s->adapt) PetscCall(CheckpointAdd(p->checkpoint, "adapt", s->adapt, AdaptVisitState));
+  PetscCall(CheckpointAdd(p->checkpoint, "bodyfile", p->bodyfile, BodyfileVisitState));
+  PetscCall(CheckpointAdd(p->checkpoint, "monitor", p->monitor, MonitorVisitState));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SimCreate(const SimParts *part, Sim *sim)
+{
+  Sim              s;
+  const MeshLocal *l;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&s));
+  s->part      = *part;
+  s->dt        = 0.01;
+  s->time_end  = PETSC_MAX_REAL;
+  s->steps_max = PETSC_MAX_INT;
+  if (part->steady) PetscCall(refuse_time_options());
+  PetscCall(OptReal("-sim_dt", "time step", "time", OPT_POSITIVE, PETSC_MAX_REAL, &s->dt));
+  PetscCall(OptReal("-sim_time", "time at which the run ends", "time", 0, PETSC_MAX_REAL, &s->time_end));
+  PetscCall(OptInt("-sim_steps", "number of steps after which the run ends", "", 0, PETSC_MAX_INT, &s->steps_max));
+  if (part->steady) s->dt = s->time_end = 0;
+  PetscCheck(s->time_end < PETSC_MAX_REAL || s->steps_max < PETSC_MAX_INT, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "The run has no end: give -sim_time or -sim_steps");
+  PetscCall(BodiesGetState(part->bodies, &s->s));
+  s->dt_old = s->dt;
+  *sim      = s;
+  PetscCall(OutputGetInterval(part->output, &s->interval));
+  if (part->flow && !part->steady) PetscCall(AdaptCreate(part->flow, part->bodies, part->couple, part->contact, part->monitor, s->dt, &s->adapt));
+  PetscCall(add_states(s));
+  if (!part->flow) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscCalloc2(s->s->n, &s->a, s->s->n, &s->alpha));
+  PetscCall(MeshGetLocal(part->mesh, &l));
+  PetscCall(VecCreateMPI(PETSC_COMM_WORLD, l->nnode * l->dim, PETSC_DETERMINE, &s->u_out));
+  PetscCall(VecSetBlockSize(s->u_out, l->dim));
+  PetscCall(VecCreateMPI(PETSC_COMM_WORLD, l->ncell * (l->dim + 1), PETSC_DETERMINE, &s->p_out));
+  PetscCall(VecSetBlockSize(s->p_out, l->dim + 1));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SimDestroy(Sim *sim)
+{
+  PetscFunctionBeginUser;
+  if (!*sim) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(AdaptDestroy(&(*sim)->adapt));
+  PetscCall(PetscFree2((*sim)->a, (*sim)->alpha));
+  PetscCall(VecDestroy(&(*sim)->u_out));
+  PetscCall(VecDestroy(&(*sim)->p_out));
+  PetscCall(PetscFree(*sim));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SimView(Sim s, PetscViewer viewer)
+{
+  PetscFunctionBeginUser;
+  if (s->part.steady) {
+    PetscCall(SteadyView(s->part.steady, viewer));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCall(PetscViewerASCIIPrintf(viewer, "time: step %g", (double)s->dt));
+  if (s->time_end < PETSC_MAX_REAL) PetscCall(PetscViewerASCIIPrintf(viewer, ", to %g", (double)s->time_end));
+  if (s->steps_max < PETSC_MAX_INT) PetscCall(PetscViewerASCIIPrintf(viewer, ", at most %" PetscInt_FMT " steps", s->steps_max));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "\n"));
+  PetscCall(AdaptView(s->adapt, viewer));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The bodies' acceleration without contact over the last step, with the inertia that the contact module counts with; at the start that of a free body with added mass */
+static PetscErrorCode estimate_acceleration(Sim s)
+{
+  const FlowParameters *par;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetParameters(s->part.flow, &par));
+  for (PetscInt k = 0; k < s->s->n; k++) {
+    const PetscReal rho = s->s->group[s->s->body_group[k]].density, start = (rho - par->density) / (rho + par->density);
+    PetscReal       mass, inertia[6];
+
+    PetscCall(ContactGetMass(s->part.contact, k, &mass, inertia));
+    for (PetscInt d = 0; d < 3; d++) {
+      const PetscReal moment = inertia[d];
+
+      s->a[k][d] = s->has_acceleration ? (s->s->u[k][d] - s->s->u_old[k][d]) / s->dt_old - s->s->contact_force[k][d] / mass : start * par->gravity[d];
+      s->alpha[k][d] = s->has_acceleration ? (s->s->w[k][d] - s->s->w_old[k][d]) / s->dt_old - (moment > 0 ? s->s->contact_torque[k][d] / moment : 0)
+                                           : 0;
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode write_fields(Sim s)
+{
+  const MeshLocal *l;
+  const PetscInt  *body;
+  PetscReal       *u, *p, *a;
+
+  PetscFunctionBeginUser;
+  if (!s->part.flow) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(MeshGetLocal(s->part.mesh, &l));
+  PetscCall(FlowGetFields(s->part.flow, &u, NULL, &p));
+  PetscCall(VecGetArrayWrite(s->u_out, &a));
+  PetscCall(PetscArraycpy(a, u, l->nnode * l->dim));
+  PetscCall(VecRestoreArrayWrite(s->u_out, &a));
+  PetscCall(VecGetArrayWrite(s->p_out, &a));
+  PetscCall(FlowGetPressureGradient(s->part.flow, p, a));
+  PetscCall(VecRestoreArrayWrite(s->p_out, &a));
+  PetscCall(CoupleGetNodeBody(s->part.couple, &body));
+  PetscCall(OutputFields(s->part.output, s->step, s->time, s->u_out, s->p_out, body));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode add_seconds(Sim s, MonitorPhase phase, PetscLogDouble *since)
+{
+  PetscLogDouble now;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscTime(&now));
+  PetscCall(MonitorPhaseSeconds(s->part.monitor, phase, now - *since));
+  *since = now;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Cell Reynolds number from which the convective form may feed on convection that the mesh does not resolve. Two flaps that let a jet through (runs/studies/boundary/flaps.yaml): 19 runs; 35 blows
+   up, under the direct solve as well, and runs in the skew form and on a mesh twice as fine */
+#define UNRESOLVED 20
+/* CFL number from which quadratic extrapolation of the convecting velocity may blow up: 2D-3 under rung snap, dt 0.005 runs, 0.01 does not, nor does the direct solve */
+#define QUADRATIC_UP_TO 2
+
+/* What the last step tells of why the solve of the next one fails, as further sentences of the message */
+static PetscErrorCode explain_failure(Sim s, char why[], size_t size)
+{
+  const FlowParameters *par;
+
+  PetscFunctionBeginUser;
+  why[0] = 0;
+  PetscCall(FlowGetParameters(s->part.flow, &par));
+  if (!par->convection) PetscFunctionReturn(PETSC_SUCCESS);
+  if (par->quadratic && s->diag.cfl > QUADRATIC_UP_TO)
+    PetscCall(PetscSNPrintf(why, size, ". Quadratic extrapolation may be unstable at the CFL number %.2g: use -flow_extrapolation linear",
+                            (double)s->diag.cfl));
+  else if (par->skew == 0 && s->diag.cell_reynolds > UNRESOLVED)
+    PetscCall(PetscSNPrintf(why, size,
+                            ". Convection may be unresolved (cell Reynolds number %.0f): refine the mesh, or use -flow_convection_form skew",
+                            (double)s->diag.cell_reynolds));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode stop_unsolved(Sim s, KSPConvergedReason reason, PetscInt its, PetscReal dt)
+{
+  const char *dir;
+  char        why[256];
+
+  PetscFunctionBeginUser;
+  PetscCall(explain_failure(s, why, sizeof(why)));
+  PetscCall(write_fields(s));
+  PetscCall(OutputGetDirectory(s->part.output, &dir));
+  SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
+          "The flow solve of step %" PetscInt_FMT " failed (%s after %" PetscInt_FMT
+          " iterations). The state before it, t = %g, is in %s/fields_%" PetscInt_FMT
+          ".h5. Lower %s (the step was %g), raise -flow_ksp_max_it, or use -flow_recipe direct; -flow_ksp_monitor shows the iterations%s",
+          s->step + 1, KSPConvergedReasons[reason], its, (double)s->time, dir, s->step, s->adapt ? "-sim_adapt_min" : "-sim_dt", (double)dt, why);
+}
+
+static PetscErrorCode write_snapshot(Sim s)
+{
+  const char *dir;
+
+  PetscFunctionBeginUser;
+  PetscCall(write_fields(s));
+  PetscCall(OutputGetDirectory(s->part.output, &dir));
+  PetscCall(BodyfileWrite(s->part.bodyfile, dir, s->step, s->time));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode report(Sim s, const FlowDiagnostics *diag, PetscReal momentum_error, PetscReal dt, PetscInt its, PetscReal seconds)
+{
+  PetscInt    every;
+  MonitorStep m;
+
+  PetscFunctionBeginUser;
+  m.step             = s->step;
+  m.time             = s->time;
+  m.dt               = dt;
+  m.cfl              = diag->cfl;
+  m.outer_iterations = its;
+  m.divergence       = diag->divergence;
+  m.kinetic_energy   = diag->kinetic_energy;
+  m.momentum_error   = momentum_error;
+  m.seconds          = seconds;
+  PetscCall(BodiesGetEnergy(s->part.bodies, &m.bodies_energy));
+  PetscCall(ContactGetEnergy(s->part.contact, &m.contact_energy, &m.contact_work));
+  PetscCall(MonitorWrite(s->part.monitor, &m, s->time_end < PETSC_MAX_REAL ? s->time_end : s->steps_max * s->dt));
+  PetscCall(OutputGetEvery(s->part.output, &every));
+  if ((every > 0 && (s->part.steady || s->step % every == 0)) || (s->hits && s->snapshot)) PetscCall(write_snapshot(s));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What follows a solve of `its` iterations over dt, a time step or a part of one: forces, diagnostics, bodies moved */
+static PetscErrorCode finish_part(Sim s, PetscReal dt, PetscInt its)
+{
+  PetscLogDouble   t;
+  const PetscReal *u, *p;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscTime(&t));
+  PetscCall(PetscLogStagePush(TB_STAGE_BODIES));
+  PetscCall(CoupleForce(s->part.couple));
+  PetscCall(add_seconds(s, MONITOR_FORCE, &t));
+  PetscCall(PetscLogStagePop());
+  PetscCall(PetscLogStagePush(TB_STAGE_OUTPUT));
+  PetscCall(CoupleGetSolution(s->part.couple, &u, &p));
+  PetscCall(FlowDiagnose(s->part.flow, u, &s->diag));
+  PetscCall(CoupleMomentum(s->part.couple, s->diag.momentum_rate, &s->balance));
+  PetscCall(ProbeStep(s->part.probe, &s->balance));
+  if (PetscIsInfOrNanReal(s->diag.kinetic_energy)) PetscCall(stop_unsolved(s, KSP_DIVERGED_NANORINF, its, dt));
+  PetscCall(add_seconds(s, MONITOR_OUTPUT, &t));
+  PetscCall(PetscLogStagePop());
+  PetscCall(PetscLogStagePush(TB_STAGE_BODIES));
+  if (s->adapt) PetscCall(AdaptAccept(s->adapt, s->diag.cfl));
+  PetscCall(CoupleAdvance(s->part.couple));
+  PetscCall(ContactFinishStep(s->part.contact));
+  PetscCall(ContactCountWork(s->part.contact, dt));
+  PetscCall(BorderApply(s->part.border));
+  PetscCall(PetscLogStagePop());
+  PetscCall(add_seconds(s, MONITOR_PARTICLE, &t));
+  s->time   = s->hits ? s->until : s->time + dt;
+  s->dt_old = dt;
+  s->its += its;
+  s->has_acceleration = PETSC_TRUE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Count and report the time step dt that began at the clock `start` */
+static PetscErrorCode finish_step(Sim s, PetscReal dt, PetscLogDouble start)
+{
+  PetscLogDouble t;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscTime(&t));
+  s->step++;
+  PetscCall(PetscLogStagePush(TB_STAGE_OUTPUT));
+  PetscCall(report(s, &s->diag, s->balance.error, dt, s->its, t - start));
+  PetscCall(PetscLogStagePop());
+  PetscCall(add_seconds(s, MONITOR_OUTPUT, &t));
+  s->its = 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Solve for the step dt or a part of one; what is known of the time before it stays */
+static PetscErrorCode solve_part(Sim s, PetscReal dt, PetscInt *its, KSPConvergedReason *reason)
+{
+  PetscLogDouble t;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscTime(&t));
+  PetscCall(FlowBeginStep(s->part.flow, s->time + dt, dt));
+  PetscCall(PetscLogStagePush(TB_STAGE_BODIES));
+  if (s->s->n) {
+    PetscCall(estimate_acceleration(s));
+    PetscCall(ContactStep(s->part.contact, dt, s->a, s->alpha));
+  }
+  PetscCall(CoupleDraw(s->part.couple));
+  PetscCall(PetscLogStagePop());
+  PetscCall(add_seconds(s, MONITOR_PARTICLE, &t));
+  PetscCall(PetscLogStagePush(TB_STAGE_FLOW));
+  PetscCall(CoupleSolve(s->part.couple, its, reason));
+  PetscCall(PetscLogStagePop());
+  PetscCall(add_seconds(s, MONITOR_NSE, &t));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* One time step in the parts that the scheme wants */
+static PetscErrorCode take_parts(Sim s, PetscReal dt)
+{
+  PetscInt           n, its;
+  const PetscReal   *fraction;
+  const PetscBool    hits = s->hits;
+  KSPConvergedReason reason;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetSubsteps(s->part.flow, &n, &fraction));
+  for (PetscInt i = 0; i < n; i++) {
+    s->hits = (PetscBool)(hits && i == n - 1);
+    PetscCall(solve_part(s, fraction[i] * dt, &its, &reason));
+    if (reason < 0) PetscCall(stop_unsolved(s, reason, its, dt));
+    PetscCall(finish_part(s, fraction[i] * dt, its));
+  }
+  s->diag.cfl /= fraction[n - 1]; /* that of the whole step */
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Length of the next step, and whether it ends at the time s->until: the end of the run, or that of a snapshot */
+static PetscErrorCode choose_step(Sim s, PetscReal *dt)
+{
+  PetscReal left;
+
+  PetscFunctionBeginUser;
+  s->until    = s->time_end;
+  s->snapshot = PETSC_FALSE;
+  if (s->interval > 0) {
+    const PetscReal next = (PetscFloorReal(s->time / s->interval + 1e-9) + 1) * s->interval;
+
+    s->snapshot = (PetscBool)(next <= s->time_end * (1 + 1e-12));
+    s->until    = PetscMin(next, s->time_end);
+  }
+  left = s->until - s->time;
+  if (s->adapt) PetscCall(AdaptGetStep(s->adapt, s->time, s->until, dt, &s->hits));
+  else {
+    s->hits = (PetscBool)(left < s->dt * (1 + 1e-6));
+    *dt = s->hits ? left : s->snapshot && left < s->dt * (2 - 1e-6) ? 0.5 * left : s->dt; /* no step so short that the next one is long beside it */
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Solve, and solve again with a shorter step, until the error is small enough */
+static PetscErrorCode take_adapted(Sim s, PetscReal *dt)
+{
+  PetscInt           its;
+  PetscBool          accept;
+  KSPConvergedReason reason;
+
+  PetscFunctionBeginUser;
+  PetscCall(ContactKeep(s->part.contact));
+  while (PETSC_TRUE) {
+    PetscCall(choose_step(s, dt));
+    PetscCall(solve_part(s, *dt, &its, &reason));
+    PetscCall(AdaptJudge(s->adapt, reason, &accept));
+    if (accept) break;
+    s->its += its;
+    PetscCall(ContactRevert(s->part.contact));
+  }
+  if (reason < 0) PetscCall(stop_unsolved(s, reason, its, *dt));
+  PetscCall(finish_part(s, *dt, its));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode take_step(Sim s)
+{
+  PetscLogDouble start;
+  PetscReal      dt;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscTime(&start));
+  if (s->adapt) PetscCall(take_adapted(s, &dt));
+  else {
+    PetscCall(choose_step(s, &dt));
+    PetscCall(take_parts(s, dt));
+  }
+  PetscCall(finish_step(s, dt, start));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode solve_steady(Sim s)
+{
+  PetscLogDouble t, start;
+  PetscInt       its, linear;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscTime(&t));
+  start = t;
+  PetscCall(PetscLogStagePush(TB_STAGE_FLOW));
+  PetscCall(SteadySolve(s->part.steady, &its, &linear));
+  PetscCall(PetscLogStagePop());
+  PetscCall(add_seconds(s, MONITOR_NSE, &t));
+  PetscCall(MonitorQuantity(s->part.monitor, "nonlinear_iterations", its));
+  PetscCall(finish_part(s, 0, linear));
+  PetscCall(finish_step(s, 0, start));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* A step of the bodies without a flow */
+static PetscErrorCode take_step_alone(Sim s)
+{
+  const FlowDiagnostics none = {0};
+  PetscLogDouble        t, start;
+  PetscInt              substeps;
+  PetscReal             dt;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscTime(&t));
+  start = t;
+  PetscCall(choose_step(s, &dt));
+  PetscCall(PetscLogStagePush(TB_STAGE_BODIES));
+  PetscCall(ContactAdvanceAlone(s->part.contact, dt));
+  PetscCall(BorderApply(s->part.border));
+  PetscCall(PetscLogStagePop());
+  PetscCall(add_seconds(s, MONITOR_PARTICLE, &t));
+  PetscCall(ContactGetWork(s->part.contact, NULL, NULL, &substeps));
+  s->time    = s->hits ? s->until : s->time + dt;
+  s->s->time = s->time;
+  s->step++;
+  s->substeps += substeps;
+  PetscCall(PetscLogStagePush(TB_STAGE_OUTPUT));
+  PetscCall(report(s, &none, 0, dt, 0, t - start));
+  PetscCall(PetscLogStagePop());
+  PetscCall(add_seconds(s, MONITOR_OUTPUT, &t));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SimSetUp(Sim s)
+{
+  FlowSolver       solver;
+  PetscInt         n;
+  const PetscReal *fraction;
+
+  PetscFunctionBeginUser;
+  if (!s->part.flow) PetscFunctionReturn(PETSC_SUCCESS);
+  if (s->part.steady) {
+    PetscCall(SteadySetUp(s->part.steady));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCall(FlowGetSubsteps(s->part.flow, &n, &fraction));
+  PetscCall(FlowBeginStep(s->part.flow, s->time + fraction[0] * s->dt, fraction[0] * s->dt));
+  PetscCall(CoupleDraw(s->part.couple));
+  PetscCall(FlowAssemble(s->part.flow));
+  PetscCall(CoupleGetSolver(s->part.couple, &solver));
+  PetscCall(FlowSolverSetUp(solver));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Write the state if it is time */
+static PetscErrorCode save_state(Sim s, PetscBool *stop)
+{
+  PetscBool      due;
+  PetscLogDouble t;
+
+  PetscFunctionBeginUser;
+  PetscCall(CheckpointPoll(s->part.checkpoint, s->step, &due, stop));
+  if (!due) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscTime(&t));
+  PetscCall(PetscLogStagePush(TB_STAGE_OUTPUT));
+  PetscCall(CheckpointWrite(s->part.checkpoint, s->step, s->time));
+  PetscCall(PetscLogStagePop());
+  PetscCall(add_seconds(s, MONITOR_OUTPUT, &t));
+  s->renew = s->part.flow ? PETSC_TRUE : PETSC_FALSE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* After a checkpoint: go on as a restarted run would, see checkpoint.h */
+static PetscErrorCode renew_solvers(Sim s)
+{
+  PetscLogDouble t;
+
+  PetscFunctionBeginUser;
+  s->renew = PETSC_FALSE;
+  PetscCall(PetscTime(&t));
+  PetscCall(CoupleRenewSolver(s->part.couple));
+  PetscCall(SimSetUp(s));
+  PetscCall(add_seconds(s, MONITOR_OUTPUT, &t));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What only a run with a flow has to tell at its end */
+static PetscErrorCode finish_flow(Sim s, PetscInt *cells, PetscInt *unknowns)
+{
+  const MeshLocal *l;
+  FlowSolver       solver;
+  PetscInt         ncut, nbodies;
+  PetscReal        separation;
+  Mat              S;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshGetLocal(s->part.mesh, &l));
+  PetscCall(CoupleGetSolver(s->part.couple, &solver));
+  PetscCall(FlowSolverGetUnknowns(solver, unknowns));
+  PetscCall(CoupleGetLoad(s->part.couple, &ncut, &nbodies));
+  PetscCall(MonitorBalance(s->part.monitor, "cells", l->ncell));
+  PetscCall(MonitorBalance(s->part.monitor, "nodes", l->nnode));
+  PetscCall(MonitorBalance(s->part.monitor, "ghost_nodes", l->nnode_all - l->nnode));
+  PetscCall(MonitorBalance(s->part.monitor, "body_cells", ncut));
+  PetscCall(MonitorBalance(s->part.monitor, "bodies", nbodies));
+  PetscCall(ProbeFinish(s->part.probe));
+  PetscCall(ContactGetSeparation(s->part.contact, &separation));
+  if (separation > 0) PetscCall(MonitorQuantity(s->part.monitor, "separation_max", separation));
+  if (s->adapt) PetscCall(AdaptFinish(s->adapt));
+  PetscCall(FlowGetMatrix(s->part.flow, &S));
+  PetscCall(MonitorYardstick(s->part.monitor, S));
+  *cells = l->ncell_global;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SimRun(Sim s)
+{
+  PetscBool stop  = PETSC_FALSE;
+  PetscInt  cells = 0, unknowns = 0, removed;
+
+  PetscFunctionBeginUser;
+  if (s->part.steady) PetscCall(solve_steady(s));
+  while (!stop && s->step < s->steps_max && s->time < s->time_end * (1 - 1e-12) - 1e-9 * s->dt) {
+    if (s->renew) PetscCall(renew_solvers(s));
+    if (s->part.flow) PetscCall(take_step(s));
+    else PetscCall(take_step_alone(s));
+    PetscCall(save_state(s, &stop));
+  }
+  PetscCall(BorderGetRemoved(s->part.border, &removed));
+  if (removed) PetscCall(MonitorQuantity(s->part.monitor, "bodies_removed", removed));
+  if (s->part.flow) PetscCall(finish_flow(s, &cells, &unknowns));
+  else PetscCall(MonitorQuantity(s->part.monitor, "contact_substeps", s->substeps));
+  PetscCall(MonitorFinish(s->part.monitor, s->part.scene, cells, unknowns, s->step, s->time));
+  PetscCall(CheckpointFinish(s->part.checkpoint, s->step, s->time));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

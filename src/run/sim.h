@@ -1,0 +1,46 @@
+/* Sim: the time loop. Layer 4.
+
+   A steady scene solves once, without time: it is reported as one step of length 0.
+
+   Options: -sim_steady (read by the scene), or -sim_dt, -sim_time (end), -sim_steps (at most; whichever comes first); for steps of varying length adapt.h. */
+#pragma once
+#include "report/outlines.h"
+#include "bodies/leave.h"
+#include "report/checkpoint.h"
+#include "contact/contact.h"
+#include "couple/couple.h"
+#include "couple/deform.h"
+#include "flow/flow.h"
+#include "report/monitor.h"
+#include "report/fields.h"
+#include "report/diagnostics.h"
+#include "steady.h"
+
+/* The parts of a simulation, built by the scene; contact and bodies may be inactive but exist. Without a flow: flow and couple are NULL. Not owned. */
+typedef struct {
+  const char *scene;
+  Mesh        mesh;
+  Deform      deform; /* NULL: the mesh stays */
+  Flow        flow;
+  Bodies      bodies;
+  Couple      couple;
+  Contact     contact;
+  Border      border;
+  Output      output;
+  Bodyfile    bodyfile;
+  Monitor     monitor;
+  Probe       probe;
+  Steady      steady; /* NULL: time steps */
+  Checkpoint  checkpoint;
+} SimParts;
+
+typedef struct _p_Sim *Sim;
+
+/* Reads the -sim_ options and adds the states of all parts to the checkpoint. Collective. Errors: neither end time nor steps given. */
+PetscErrorCode SimCreate(const SimParts *, Sim *);
+PetscErrorCode SimDestroy(Sim *);
+PetscErrorCode SimView(Sim, PetscViewer);
+/* Set up every solver on the initial state, so that all options are read before the first step. Collective. */
+PetscErrorCode SimSetUp(Sim);
+/* Run to the end, or until SIGTERM. A failed solve stops with an error after the last good state has been written. Collective. */
+PetscErrorCode SimRun(Sim);

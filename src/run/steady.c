@@ -1,0 +1,494 @@
+/* Steady: see steady.h. SNES drives; its linear solver is a shell around the FlowSolver, whose operators are set up by the callback for the Jacobian. */
+#include "compat.h"
+#include "steady.h"
+#include "base/log.h"
+#include "base/opt.h"
+
+struct _p_Steady {
+  Flow             flow;
+  Couple           couple;
+  FlowSolver       solver;
+  const MeshLocal *loc;
+  SNES             snes;
+  Vec              x, f, y;
+  Mat              newton;   /* velocity matrix of all components */
+  Mat              jacobian; /* products with the system of the linear solver, all that SNES needs */
+  PetscInt         linearization, picard_steps, pseudo_steps;
+  PetscInt         its, linear, last_linear; /* iterations so far: nonlinear, linear; linear of the last solve */
+  PetscBool        fresh;                    /* the solver is set up for the first Picard iteration */
+  PetscReal        first;                    /* size of the residual at the start */
+};
+
+static const char *const LINEARIZATIONS[] = {"newton", "picard", NULL};
+
+/* ---- the velocity matrix of Newton's method ---- */
+
+/* Pattern and values of S for every component, zero between components */
+static PetscErrorCode insert_components(Mat S, PetscInt dim, Mat A)
+{
+  PetscInt  start, end, most = 0;
+  PetscInt *column;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatGetOwnershipRange(S, &start, &end));
+  for (PetscInt i = start; i < end; i++) {
+    PetscInt n;
+
+    PetscCall(MatGetRow(S, i, &n, NULL, NULL));
+    most = PetscMax(most, n);
+    PetscCall(MatRestoreRow(S, i, &n, NULL, NULL));
+  }
+  PetscReal *value;
+
+  PetscCall(PetscMalloc2(most * dim, &column, most * dim, &value));
+  for (PetscInt i = start; i < end; i++) {
+    const PetscInt    *col;
+    const PetscScalar *s;
+    PetscInt           n;
+
+    PetscCall(MatGetRow(S, i, &n, &col, &s));
+    for (PetscInt a = 0; a < dim; a++) {
+      const PetscInt row = i * dim + a;
+
+      for (PetscInt j = 0; j < n * dim; j++) {
+        column[j] = col[j / dim] * dim + j % dim;
+        value[j]  = j % dim == a ? s[j / dim] : 0;
+      }
+      PetscCall(MatSetValues(A, 1, &row, n * dim, column, value, INSERT_VALUES));
+    }
+    PetscCall(MatRestoreRow(S, i, &n, &col, &s));
+  }
+  PetscCall(PetscFree2(column, value));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode create_newton_matrix(Steady s, Mat S)
+{
+  const PetscInt dim = s->loc->dim, n = s->loc->nnode * dim;
+  PetscInt      *on, *off, start, end;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc2(n, &on, n, &off));
+  PetscCall(MatGetOwnershipRange(S, &start, &end));
+  for (PetscInt i = 0; i < s->loc->nnode; i++) {
+    const PetscInt *col;
+    PetscInt        m;
+
+    PetscCall(MatGetRow(S, start + i, &m, &col, NULL));
+    for (PetscInt j = 0; j < m; j++) {
+      if (col[j] >= start && col[j] < end) on[i * dim] += dim;
+      else off[i * dim] += dim;
+    }
+    PetscCall(MatRestoreRow(S, start + i, &m, &col, NULL));
+    for (PetscInt a = 1; a < dim; a++) {
+      on[i * dim + a]  = on[i * dim];
+      off[i * dim + a] = off[i * dim];
+    }
+  }
+  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, n, n, PETSC_DETERMINE, PETSC_DETERMINE, 0, on, 0, off, &s->newton));
+  PetscCall(PetscFree2(on, off));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* S for every component plus rho (du.grad) u, with u of all local nodes */
+static PetscErrorCode assemble_newton(Steady s, const PetscReal u[])
+{
+  const MeshLocal *l = s->loc;
+  const PetscInt   n = l->nb * l->dim;
+  PetscInt        *slot;
+  PetscReal       *value;
+  Mat              S;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetMatrix(s->flow, &S));
+  if (!s->newton) PetscCall(create_newton_matrix(s, S));
+  PetscCall(insert_components(S, l->dim, s->newton));
+  PetscCall(MatAssemblyBegin(s->newton, MAT_FLUSH_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(s->newton, MAT_FLUSH_ASSEMBLY));
+  PetscCall(PetscMalloc2(n, &slot, n * n, &value));
+  for (PetscInt c = 0; c < l->ncell; c++) {
+    PetscCall(FlowCellNewton(s->flow, c, u, value));
+    for (PetscInt i = 0; i < n; i++) slot[i] = l->node_global[l->cell_node[c * l->nb + i / l->dim]] * l->dim + i % l->dim;
+    PetscCall(MatSetValues(s->newton, n, slot, n, slot, value, ADD_VALUES));
+  }
+  PetscCall(PetscFree2(slot, value));
+  PetscCall(MatAssemblyBegin(s->newton, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(s->newton, MAT_FINAL_ASSEMBLY));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- residual and Jacobian ---- */
+
+/* Put x into the couple's fields and assemble S and the right-hand side there */
+static PetscErrorCode linearize_at(Steady s, Vec x)
+{
+  PetscReal *u, *p, *U;
+
+  PetscFunctionBeginUser;
+  PetscCall(CoupleGetSystem(s->couple, &u, &p, &U, NULL, NULL));
+  PetscCall(FlowSolverUnpack(s->solver, x, u, p, U));
+  PetscCall(FlowSetConvection(s->flow, u));
+  PetscCall(CoupleAssemble(s->couple));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode evaluate_residual(SNES snes, Vec x, Vec f, void *ctx)
+{
+  Steady     s = (Steady)ctx;
+  PetscReal *rhs, *g;
+
+  PetscFunctionBeginUser;
+  (void)snes;
+  PetscCall(linearize_at(s, x));
+  PetscCall(CoupleGetSystem(s->couple, NULL, NULL, NULL, &rhs, &g));
+  PetscCall(FlowSolverSetVelocity(s->solver, NULL));
+  PetscCall(FlowSolverResidual(s->solver, rhs, g, x, f));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Set up the linear solver with the matrix of Newton's method or of Picard's iteration at x */
+static PetscErrorCode set_up_solver(Steady s, Vec x, PetscBool newton)
+{
+  PetscReal *u;
+
+  PetscFunctionBeginUser;
+  if (s->fresh) {
+    s->fresh = PETSC_FALSE;
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCall(linearize_at(s, x));
+  if (newton) {
+    PetscCall(CoupleGetSystem(s->couple, &u, NULL, NULL, NULL, NULL));
+    PetscCall(assemble_newton(s, u));
+  }
+  PetscCall(FlowSolverSetVelocity(s->solver, newton ? s->newton : NULL));
+  PetscCall(FlowSolverSetUp(s->solver));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscBool use_newton(const struct _p_Steady *s)
+{
+  const FlowParameters *par;
+
+  PetscFunctionBeginUser;
+  PetscCallAbort(PETSC_COMM_SELF, FlowGetParameters(s->flow, &par));
+  PetscFunctionReturn((PetscBool)(par->convection && s->linearization == 0 && s->its >= s->picard_steps));
+}
+
+static PetscErrorCode set_up_jacobian(SNES snes, Vec x, Mat J, Mat pre, void *ctx)
+{
+  Steady s = (Steady)ctx;
+
+  PetscFunctionBeginUser;
+  (void)snes;
+  (void)J;
+  (void)pre;
+  PetscCall(set_up_solver(s, x, use_newton(s)));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* y = J^{-1} f by the solver of the flow */
+static PetscErrorCode solve_linear(Steady s, Vec f, Vec y, KSPConvergedReason *reason)
+{
+  PetscFunctionBeginUser;
+  PetscCall(FlowSolverCorrect(s->solver, f, y, &s->last_linear, reason));
+  s->linear += s->last_linear;
+  s->its++;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode apply_inverse(PC pc, Vec f, Vec y)
+{
+  Steady             s;
+  KSPConvergedReason reason;
+
+  PetscFunctionBeginUser;
+  PetscCall(PCShellGetContext(pc, &s));
+  PetscCall(solve_linear(s, f, y, &reason));
+  if (reason < 0) PetscCall(PCSetFailedReason(pc, PC_SUBPC_ERROR));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- what the user sees ---- */
+
+static PetscErrorCode print_residual(Steady s, const char method[], PetscReal norm)
+{
+  PetscFunctionBeginUser;
+  if (s->first == 0) s->first = norm;
+  PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  steady %3" PetscInt_FMT "  residual %10.3e  relative %9.2e", s->its, (double)norm,
+                        (double)(s->first > 0 ? norm / s->first : 0)));
+  if (s->its) PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  %-11s %3" PetscInt_FMT " linear iterations", method, s->last_linear));
+  PetscCall(PetscPrintf(PETSC_COMM_WORLD, "\n"));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode monitor(SNES snes, PetscInt it, PetscReal norm, void *ctx)
+{
+  Steady s = (Steady)ctx;
+
+  PetscFunctionBeginUser;
+  (void)snes;
+  if (it > 0 || s->its == 0) {
+    s->its--; /* that of the iteration that led here */
+    const char *method = use_newton(s) ? "newton" : "picard";
+
+    s->its++;
+    PetscCall(print_residual(s, method, norm));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode stop_unconverged(SNES snes, PetscInt its, PetscInt pseudo_steps)
+{
+  SNESConvergedReason reason;
+  PetscReal           norm;
+  PetscInt            max_it;
+
+  PetscFunctionBeginUser;
+  PetscCall(SNESGetConvergedReason(snes, &reason));
+  PetscCall(SNESGetFunctionNorm(snes, &norm));
+  PetscCall(SNESGetTolerances(snes, NULL, NULL, NULL, &max_it, NULL));
+  SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
+          "The steady problem did not converge (%s, residual %g after %" PetscInt_FMT " iterations). Raise -flow_snes_max_it (now %" PetscInt_FMT
+          ") or -flow_pseudo_steps (now %" PetscInt_FMT
+          "), use -flow_recipe direct, refine the mesh (-dm_refine), or, if the flow has no stable steady state, run in time without -sim_steady; "
+          "-flow_snes_monitor and -flow_ksp_converged_reason show more",
+          SNESConvergedReasons[reason], (double)norm, its, max_it, pseudo_steps);
+}
+
+/* ---- pseudo-time ---- */
+
+/* One linear step of pseudo-time from x with c_t = rate; norm: of the steady residual at x before it */
+static PetscErrorCode take_pseudo_step(Steady s, PetscReal rate, PetscReal *norm, PetscBool *ok)
+{
+  PetscReal         *p, *U, *u_field;
+  KSPConvergedReason reason;
+
+  PetscFunctionBeginUser;
+  PetscCall(CoupleGetSystem(s->couple, NULL, &p, &U, NULL, NULL));
+  PetscCall(FlowGetFields(s->flow, &u_field, NULL, NULL));
+  PetscCall(FlowSolverUnpack(s->solver, s->x, u_field, p, U));
+  PetscCall(FlowBeginSteady(s->flow, rate));
+  PetscCall(evaluate_residual(s->snes, s->x, s->f, s));
+  PetscCall(VecNorm(s->f, NORM_2, norm));
+  PetscCall(set_up_solver(s, s->x, PETSC_TRUE));
+  PetscCall(solve_linear(s, s->f, s->y, &reason));
+  *ok = (PetscBool)(reason > 0 && !PetscIsInfOrNanReal(*norm));
+  if (*ok) PetscCall(VecAXPY(s->x, -1, s->y));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Rate of the first pseudo-time step: ten times what convection and viscosity need to cross the domain */
+static PetscErrorCode choose_rate(Steady s, PetscReal *rate)
+{
+  const FlowParameters *par;
+  PetscReal            *u, speed = 0, length = PETSC_MAX_REAL;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetParameters(s->flow, &par));
+  PetscCall(linearize_at(s, s->x));
+  PetscCall(CoupleGetSystem(s->couple, &u, NULL, NULL, NULL, NULL));
+  for (PetscInt i = 0; i < s->loc->nnode_all * s->loc->dim; i++) speed = PetscMax(speed, PetscAbsReal(u[i]));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &speed, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  for (PetscInt d = 0; d < s->loc->dim; d++) length = PetscMin(length, s->loc->upper[d] - s->loc->lower[d]);
+  *rate = 10 * (speed / length + par->viscosity / (par->density * length * length));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The nonlinear solver from x; *ok: converged. On failure x is what it was. */
+static PetscErrorCode solve_nonlinear(Steady s, PetscBool *ok)
+{
+  SNESConvergedReason reason;
+  PetscReal           atol, rtol, stol;
+  PetscInt            max_it, max_f;
+  Vec                 before;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecDuplicate(s->x, &before));
+  PetscCall(VecCopy(s->x, before));
+  PetscCall(FlowBeginSteady(s->flow, 0));
+  PetscCall(SNESGetTolerances(s->snes, &atol, &rtol, &stol, &max_it, &max_f));
+  PetscCall(SNESSetTolerances(s->snes, PetscMax(atol, rtol * s->first), rtol, stol, max_it, max_f)); /* relative to the residual of the very start */
+  PetscCall(SNESSolve(s->snes, NULL, s->x));
+  PetscCall(SNESGetConvergedReason(s->snes, &reason));
+  *ok = (PetscBool)(reason > 0);
+  if (!*ok) PetscCall(VecCopy(before, s->x));
+  PetscCall(VecDestroy(&before));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Pseudo-time steps from x; whenever the residual has fallen a hundredfold, the nonlinear solver tries again. */
+static PetscErrorCode march(Steady s, PetscBool *ok)
+{
+  PetscReal rate = 0, norm, last = 0, next_try = 0;
+
+  PetscFunctionBeginUser;
+  *ok = PETSC_FALSE;
+  if (s->pseudo_steps) PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  steady: no convergence; pseudo-time steps from the start\n"));
+  PetscCall(choose_rate(s, &rate));
+  for (PetscInt k = 0; k < s->pseudo_steps; k++) {
+    PetscBool solved;
+
+    PetscCall(take_pseudo_step(s, rate, &norm, &solved));
+    if (!solved) PetscFunctionReturn(PETSC_SUCCESS);
+    PetscCall(print_residual(s, "pseudo-time", norm));
+    if (k > 1) rate *= PetscMin(2, PetscMax(0.2, 0.8 * norm / last)); /* the first residual is that of the jump at the boundary */
+    if (k == 1) next_try = 1e-2 * norm;
+    last = norm;
+    if (k <= 1 || norm > next_try) continue;
+    PetscCall(solve_nonlinear(s, ok));
+    if (*ok) PetscFunctionReturn(PETSC_SUCCESS);
+    next_try = 1e-2 * norm;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SteadySolve(Steady s, PetscInt *its, PetscInt *linear)
+{
+  PetscReal *u, *p, *U, *u_field, *p_field;
+  PetscBool  ok;
+
+  PetscFunctionBeginUser;
+  s->its = s->linear = 0;
+  s->first           = 0;
+  PetscCall(CoupleGetSystem(s->couple, &u, &p, &U, NULL, NULL));
+  PetscCall(FlowGetFields(s->flow, &u_field, NULL, &p_field));
+  PetscCall(FlowSolverPack(s->solver, u_field, p_field, U, s->x));
+  PetscCall(solve_nonlinear(s, &ok));
+  if (!ok) PetscCall(march(s, &ok));
+  if (!ok) PetscCall(stop_unconverged(s->snes, s->its, s->pseudo_steps));
+  PetscCall(linearize_at(s, s->x)); /* fields, matrix and right-hand side of the solution, for forces and reports */
+  *its    = s->its;
+  *linear = s->linear;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- life cycle ---- */
+
+PetscErrorCode SteadySetDefaults(Mesh mesh)
+{
+  const MeshLocal *l;
+  char             recipe[32] = "";
+  PetscBool        fast;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshGetLocal(mesh, &l));
+  PetscCall(PetscOptionsGetString(NULL, NULL, "-flow_recipe", recipe, sizeof(recipe), NULL));
+  PetscCall(PetscStrcmp(recipe, "fast", &fast));
+  PetscCheck(!fast, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "-flow_recipe fast is one projection sweep of a time step and solves no steady problem: use direct, balanced or accurate with -sim_steady");
+  if ((PetscReal)l->nnode_global * l->dim + (PetscReal)l->ncell_global * (l->dim + 1) < (l->dim == 2 ? 1.5e6 : 2e5))
+    PetscCall(OptDefault("-flow_recipe", "direct"));
+  PetscCall(OptDefault("-flow_ksp_rtol", "1e-6")); /* of a correction; the tolerance of the solution is -flow_snes_rtol */
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode mult_jacobian(Mat J, Vec x, Vec y)
+{
+  Steady s;
+  Mat    K;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(J, &s));
+  PetscCall(FlowSolverGetOperator(s->solver, &K));
+  PetscCall(MatMult(K, x, y));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode create_snes(Steady s)
+{
+  KSP      ksp;
+  PC       pc;
+  PetscInt n;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptDefault("-flow_snes_rtol", "1e-10"));
+  PetscCall(OptDefault("-flow_snes_max_it", s->linearization == 0 ? "25" : "500"));
+  PetscCall(SNESCreate(PETSC_COMM_WORLD, &s->snes));
+  PetscCall(SNESSetOptionsPrefix(s->snes, "flow_"));
+  PetscCall(SNESSetFunction(s->snes, NULL, evaluate_residual, s));
+  PetscCall(VecGetLocalSize(s->x, &n));
+  PetscCall(MatCreateShell(PETSC_COMM_WORLD, n, n, PETSC_DETERMINE, PETSC_DETERMINE, s, &s->jacobian));
+  PetscCall(MatShellSetOperation(s->jacobian, MATOP_MULT, (void (*)(void))mult_jacobian));
+  PetscCall(SNESSetJacobian(s->snes, s->jacobian, s->jacobian, set_up_jacobian, s));
+  PetscCall(SNESMonitorSet(s->snes, monitor, s, NULL));
+  PetscCall(SNESGetKSP(s->snes, &ksp));
+  PetscCall(KSPSetOptionsPrefix(ksp, "flow_correction_"));
+  PetscCall(KSPSetType(ksp, KSPPREONLY));
+  PetscCall(KSPGetPC(ksp, &pc));
+  PetscCall(PCSetType(pc, PCSHELL));
+  PetscCall(PCShellSetContext(pc, s));
+  PetscCall(PCShellSetName(pc, "flow solver"));
+  PetscCall(PCShellSetApply(pc, apply_inverse));
+  PetscCall(SNESSetFromOptions(s->snes));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SteadyCreate(Flow flow, Couple couple, Steady *steady)
+{
+  Steady s;
+  Mesh   mesh;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&s));
+  s->flow         = flow;
+  s->couple       = couple;
+  s->picard_steps = 3;
+  s->pseudo_steps = 200;
+  PetscCall(CoupleGetSolver(couple, &s->solver));
+  PetscCall(FlowGetMesh(flow, &mesh));
+  PetscCall(MeshGetLocal(mesh, &s->loc));
+  PetscCall(OptChoice("-flow_linearization", "Jacobian of steady problems", LINEARIZATIONS, &s->linearization));
+  if (s->linearization == 0)
+    PetscCall(OptInt("-flow_picard_steps", "Picard iterations before those of Newton's method", "", 0, PETSC_MAX_INT, &s->picard_steps));
+  PetscCall(
+    OptInt("-flow_pseudo_steps", "largest number of pseudo-time steps when the iteration fails (0: none)", "", 0, PETSC_MAX_INT, &s->pseudo_steps));
+  PetscCall(FlowSolverCreateVec(s->solver, &s->x));
+  PetscCall(VecDuplicate(s->x, &s->f));
+  PetscCall(VecDuplicate(s->x, &s->y));
+  PetscCall(create_snes(s));
+  *steady = s;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SteadyDestroy(Steady *steady)
+{
+  Steady s = *steady;
+
+  PetscFunctionBeginUser;
+  if (!s) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(SNESDestroy(&s->snes));
+  PetscCall(MatDestroy(&s->newton));
+  PetscCall(MatDestroy(&s->jacobian));
+  PetscCall(VecDestroy(&s->x));
+  PetscCall(VecDestroy(&s->f));
+  PetscCall(VecDestroy(&s->y));
+  PetscCall(PetscFree(*steady));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SteadyView(Steady s, PetscViewer viewer)
+{
+  PetscReal rtol;
+  PetscInt  max_it;
+
+  PetscFunctionBeginUser;
+  PetscCall(SNESGetTolerances(s->snes, NULL, &rtol, NULL, &max_it, NULL));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "steady: %s", LINEARIZATIONS[s->linearization]));
+  if (s->linearization == 0) PetscCall(PetscViewerASCIIPrintf(viewer, " after %" PetscInt_FMT " steps of picard", s->picard_steps));
+  PetscCall(PetscViewerASCIIPrintf(viewer, ", relative residual %g, at most %" PetscInt_FMT " iterations, then %" PetscInt_FMT " pseudo-time steps\n",
+                                   (double)rtol, max_it, s->pseudo_steps));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SteadySetUp(Steady s)
+{
+  PetscFunctionBeginUser;
+  PetscCall(FlowBeginSteady(s->flow, 0));
+  PetscCall(CoupleDraw(s->couple));
+  PetscCall(CoupleAssemble(s->couple));
+  PetscCall(FlowSolverSetVelocity(s->solver, NULL));
+  PetscCall(FlowSolverSetUp(s->solver));
+  s->fresh = PETSC_TRUE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

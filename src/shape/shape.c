@@ -1,0 +1,667 @@
+/* Shapes: finding, loading and checking shape plugins, and the calls every user of a shape makes.
+
+   A plugin is a shared object that exports one constant record, `tumble_shape` (shape.h). It is opened once with dlopen, kept in a
+   table until ShapeFinalize, and its record is checked before anything in it is called. Files may be missing or broken on one rank
+   only, so the outcome of loading is agreed on: all ranks raise the error of the lowest rank that failed.
+   What a plugin leaves out is filled in by shapedefault.c. Lengths are in the unit of the scene. This file knows no geometry. */
+#if !defined(_GNU_SOURCE)
+  #define _GNU_SOURCE /* dladdr */
+#endif
+#include "compat.h"
+#include "shape.h"
+#include "default.h"
+#include "base/opt.h"
+#include <dirent.h>
+#include <dlfcn.h>
+#include <stdarg.h>
+#include <stdlib.h>
+#include <unistd.h>
+
+#define MAX_PLUGINS 64
+#define MAX_OPTIONS 32
+#define MAX_PATHS   4096
+#define CHUNK       64 /* points handled at a time on the stack */
+
+typedef struct {
+  char               type[64];
+  char               file[PETSC_MAX_PATH_LEN];
+  void              *handle;
+  const ShapePlugin *plugin;
+} Loaded;
+
+typedef struct {
+  char      name[64];
+  PetscReal lower, upper;
+} OptionRange;
+
+struct _p_Shape {
+  const Loaded *loaded;
+  ShapeOps      ops;
+  PetscInt      dim;
+  char          prefix[128];
+  void         *data;
+  PetscReal     radius; /* about the body origin */
+  PetscBool     have_mass, have_centroid_radius, have_disc;
+  ShapeMass     mass;
+  PetscReal     centroid_radius, disc;
+  PetscInt      noptions;
+  OptionRange   option[MAX_OPTIONS];
+};
+
+static Loaded   table[MAX_PLUGINS];
+static PetscInt ntable = 0;
+static PetscInt nalive = 0; /* shapes not yet destroyed: their code must stay loaded */
+
+/* ---- messages and folders ---- */
+
+/* Lets a loading function describe what went wrong without raising it yet. */
+static PetscErrorCode Complain(char message[], size_t len, const char format[], ...)
+{
+  va_list args;
+
+  PetscFunctionBeginUser;
+  va_start(args, format);
+  PetscCall(PetscVSNPrintf(message, len, format, NULL, args));
+  va_end(args);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* If any rank has a message, all ranks raise that of the lowest such rank. Collective. */
+static PetscErrorCode AgreeOnMessage(char message[], size_t len)
+{
+  PetscMPIInt rank, size, mine, first;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
+  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
+  mine = message[0] ? rank : size;
+  PetscCallMPI(MPI_Allreduce(&mine, &first, 1, MPI_INT, MPI_MIN, PETSC_COMM_WORLD));
+  if (first == size) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCallMPI(MPI_Bcast(message, (int)len, MPI_CHAR, first, PETSC_COMM_WORLD));
+  SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "%s", message);
+}
+
+/* The folder `shapes` beside the library or executable this function is part of, "" if it cannot be found. */
+static PetscErrorCode FindOwnFolder(char folder[], size_t len)
+{
+  Dl_info info;
+  char    real[PETSC_MAX_PATH_LEN], *slash;
+
+  PetscFunctionBeginUser;
+  folder[0] = 0;
+  if (!dladdr((void *)(size_t)&ShapeCreate, &info) || !info.dli_fname || !realpath(info.dli_fname, real)) PetscFunctionReturn(PETSC_SUCCESS);
+  slash = strrchr(real, '/');
+  if (slash) *slash = 0;
+  PetscCall(PetscSNPrintf(folder, len, "%s/shapes", real));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* All folders to search, joined by colons: -shape_path, then the one beside the library. */
+static PetscErrorCode GetPath(char path[], size_t len)
+{
+  char user[MAX_PATHS] = "", own[PETSC_MAX_PATH_LEN];
+
+  PetscFunctionBeginUser;
+  PetscCall(OptString("-shape_path", "Folders to search for shape plugins, separated by colons, before the program's own", user, sizeof(user)));
+  PetscCall(FindOwnFolder(own, sizeof(own)));
+  PetscCall(PetscSNPrintf(path, len, "%s%s%s", user, user[0] ? ":" : "", own));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static int CompareNames(const void *a, const void *b)
+{
+  return strcmp(*(char *const *)a, *(char *const *)b);
+}
+
+/* Append the names of the plugins in one folder to names[]. A folder that cannot be read holds none. */
+static PetscErrorCode ListFolder(const char folder[], PetscInt max, PetscInt *n, char *names[])
+{
+  DIR           *dir = opendir(folder);
+  struct dirent *entry;
+
+  PetscFunctionBeginUser;
+  if (!dir) PetscFunctionReturn(PETSC_SUCCESS);
+  while ((entry = readdir(dir)) && *n < max) {
+    size_t len = strlen(entry->d_name);
+
+    if (len > 3 && !strcmp(entry->d_name + len - 3, ".so")) {
+      PetscCall(PetscStrallocpy(entry->d_name, &names[*n]));
+      names[(*n)++][len - 3] = 0;
+    }
+  }
+  closedir(dir);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* "airfoil, circle, ellipse": every plugin in the search path, sorted, each once. */
+static PetscErrorCode ListKnown(const char path[], char list[], size_t len)
+{
+  char   **folder, *names[256];
+  int      nfolder;
+  PetscInt n = 0;
+
+  PetscFunctionBeginUser;
+  list[0] = 0;
+  PetscCall(PetscStrToArray(path, ':', &nfolder, &folder));
+  for (int i = 0; i < nfolder; i++) PetscCall(ListFolder(folder[i], 256, &n, names));
+  PetscCall(PetscStrToArrayDestroy(nfolder, folder));
+  qsort(names, (size_t)n, sizeof(names[0]), CompareNames);
+  for (PetscInt i = 0; i < n; i++) {
+    if (i && !strcmp(names[i], names[i - 1])) continue;
+    if (list[0]) PetscCall(PetscStrlcat(list, ", ", len));
+    PetscCall(PetscStrlcat(list, names[i], len));
+  }
+  for (PetscInt i = 0; i < n; i++) PetscCall(PetscFree(names[i]));
+  if (!list[0]) PetscCall(PetscStrncpy(list, "none found", len));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- loading ---- */
+
+/* The first readable folder/type.so of the path; file is "" if there is none. */
+static PetscErrorCode FindFile(const char path[], const char type[], char file[], size_t len)
+{
+  char **folder;
+  int    nfolder;
+
+  PetscFunctionBeginUser;
+  file[0] = 0;
+  PetscCall(PetscStrToArray(path, ':', &nfolder, &folder));
+  for (int i = 0; i < nfolder && !file[0]; i++) {
+    PetscCall(PetscSNPrintf(file, len, "%s/%s.so", folder[i], type));
+    if (access(file, R_OK)) file[0] = 0;
+  }
+  PetscCall(PetscStrToArrayDestroy(nfolder, folder));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Everything that can be wrong with a record, before any of its functions is called. */
+static PetscErrorCode CheckPlugin(const ShapePlugin *p, const char type[], const char file[], char message[], size_t len)
+{
+  PetscFunctionBeginUser;
+  if (!p) {
+    PetscCall(Complain(message, len,
+                       "%s does not register a shape (no symbol 'tumble_shape'): add TUMBLE_SHAPE_REGISTER = {...} at its end, see shapes/template.c",
+                       file));
+  } else if (p->interface != SHAPE_INTERFACE) {
+    PetscCall(Complain(message, len,
+                       "%s was built for shape interface %d, this program has %d: rebuild it with this program's shape.h ('make shapes')", file,
+                       p->interface, SHAPE_INTERFACE));
+  } else if (!p->type || strcmp(p->type, type)) {
+    PetscCall(Complain(message, len, "%s registers the type '%s': rename the file to %s.so or the type to '%s'", file, p->type ? p->type : "",
+                       p->type ? p->type : "<type>", type));
+  } else if (!p->ops.distance || !p->ops.radius) {
+    PetscCall(Complain(message, len, "%s lacks the required operation '%s': set .ops.%s in its record, see shapes/template.c", file,
+                       p->ops.distance ? "radius" : "distance", p->ops.distance ? "radius" : "distance"));
+  } else if (!(p->dims & 3)) {
+    PetscCall(Complain(message, len, "%s works in no dimension (dims = %d): set .dims in its record to 1 (2D), 2 (3D) or 3 (both)", file, p->dims));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Not collective: what goes wrong is left in message for the ranks to agree on. */
+static PetscErrorCode OpenPlugin(const char path[], const char type[], Loaded *slot, char message[], size_t len)
+{
+  char known[2048];
+
+  PetscFunctionBeginUser;
+  PetscCall(FindFile(path, type, slot->file, sizeof(slot->file)));
+  if (!slot->file[0]) {
+    PetscCall(ListKnown(path, known, sizeof(known)));
+    PetscCall(
+      Complain(message, len, "Shape '%s' is not known (known: %s). Put %s.so into a folder of -shape_path, or run 'make shapes'", type, known, type));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  slot->handle = dlopen(slot->file, RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE); /* stays mapped: PETSc keeps pointers to names of functions in it */
+  if (!slot->handle) {
+    const char *why = dlerror();
+
+    PetscCall(Complain(message, len, "Shape file %s cannot be loaded (%s): rebuild it with 'make shapes'", slot->file, why ? why : "unknown reason"));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  slot->plugin = (const ShapePlugin *)dlsym(slot->handle, "tumble_shape");
+  PetscCall(CheckPlugin(slot->plugin, type, slot->file, message, len));
+  PetscCall(PetscStrncpy(slot->type, type, sizeof(slot->type)));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The table entry of a type, loaded now if it is not there yet. Collective. */
+static PetscErrorCode GetPlugin(const char type[], const Loaded **loaded)
+{
+  Loaded         slot;
+  char           path[MAX_PATHS + 2 * PETSC_MAX_PATH_LEN], message[4096];
+  PetscErrorCode ierr;
+
+  PetscFunctionBeginUser;
+  PetscCheck(type && type[0] && !strchr(type, '/') && strlen(type) < sizeof(slot.type), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "Shape '%s' is not a type name: give the file name without folder and .so, and name the folder in -shape_path", type ? type : "");
+  PetscCall(GetPath(path, sizeof(path))); /* read even if unused below, so that -shape_path counts as known */
+  for (PetscInt i = 0; i < ntable; i++) {
+    *loaded = &table[i];
+    if (!strcmp(table[i].type, type)) PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCheck(ntable < MAX_PLUGINS, PETSC_COMM_WORLD, PETSC_ERR_SUP, "More than %d different shapes are loaded: raise MAX_PLUGINS in src/shape/shape.c",
+             MAX_PLUGINS);
+  PetscCall(PetscMemzero(&slot, sizeof(slot)));
+  PetscCall(PetscMemzero(message, sizeof(message)));
+  PetscCall(OpenPlugin(path, type, &slot, message, sizeof(message)));
+  ierr = AgreeOnMessage(message, sizeof(message));
+  if (ierr && slot.handle) dlclose(slot.handle);
+  PetscCall(ierr);
+  table[ntable] = slot;
+  *loaded       = &table[ntable++];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- for plugins ---- */
+
+PetscErrorCode ShapeGetDimension(Shape s, PetscInt *dim)
+{
+  PetscFunctionBeginUser;
+  *dim = s->dim;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeSetData(Shape s, void *data)
+{
+  PetscFunctionBeginUser;
+  s->data = data;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeGetData(Shape s, void *data)
+{
+  PetscFunctionBeginUser;
+  *(void **)data = s->data;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Full option name from the short one; numeric ones are kept with their range for ShapeGetOption. */
+static PetscErrorCode NameOption(Shape s, const char name[], PetscReal lower, PetscReal upper, PetscBool numeric, char full[], size_t len)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscSNPrintf(full, len, "-%s%s", s->prefix, name));
+  if (numeric && s->noptions < MAX_OPTIONS) {
+    OptionRange *o = &s->option[s->noptions++];
+
+    PetscCall(PetscStrncpy(o->name, name, sizeof(o->name)));
+    o->lower = lower;
+    o->upper = upper;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeOptionReal(Shape s, const char name[], const char help[], const char unit[], PetscReal lower, PetscReal upper, PetscReal *value)
+{
+  char full[256];
+
+  PetscFunctionBeginUser;
+  PetscCall(NameOption(s, name, lower, upper, PETSC_TRUE, full, sizeof(full)));
+  PetscCall(OptReal(full, help, unit, lower, upper, value));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeOptionInt(Shape s, const char name[], const char help[], PetscInt lower, PetscInt upper, PetscInt *value)
+{
+  char full[256];
+
+  PetscFunctionBeginUser;
+  PetscCall(NameOption(s, name, (PetscReal)lower, (PetscReal)upper, PETSC_TRUE, full, sizeof(full)));
+  PetscCall(OptInt(full, help, "", lower, upper, value));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeOptionRealArray(Shape s, const char name[], const char help[], const char unit[], PetscReal lower, PetscReal upper, PetscInt n,
+                                    PetscReal value[])
+{
+  char full[256];
+
+  PetscFunctionBeginUser;
+  PetscCall(NameOption(s, name, lower, upper, PETSC_FALSE, full, sizeof(full)));
+  PetscCall(OptRealArray(full, help, unit, lower, upper, n, value, NULL));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeOptionString(Shape s, const char name[], const char help[], char value[], size_t len)
+{
+  char full[256];
+
+  PetscFunctionBeginUser;
+  PetscCall(NameOption(s, name, 0.0, 0.0, PETSC_FALSE, full, sizeof(full)));
+  PetscCall(OptString(full, help, value, len));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- create, destroy ---- */
+
+/* Probe the distance once on a grid around the body: a plugin that is wrong everywhere should stop here, not in step 500. */
+static PetscErrorCode CheckShape(Shape s)
+{
+  const PetscInt m = 9, n = s->dim == 2 ? m * m : m * m * m;
+  PetscReal      x[9 * 9 * 9 * 3], d[9 * 9 * 9];
+
+  PetscFunctionBeginUser;
+  PetscCall(s->ops.radius(s, &s->radius));
+  PetscCheck(s->radius > 0 && s->radius < PETSC_MAX_REAL, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "Shape '%s' has bounding radius %g, which must be positive and finite: check its options -%s* and its operation radius", s->loaded->type,
+             (double)s->radius, s->prefix);
+  for (PetscInt i = 0; i < n; i++) {
+    PetscInt k = i;
+
+    for (PetscInt a = 0; a < s->dim; a++, k /= m) x[i * s->dim + a] = s->radius * 1.25 * ((PetscReal)(k % m) * 2.0 / (PetscReal)(m - 1) - 1.0);
+  }
+  PetscCall(ShapeDistance(s, n, x, d));
+  for (PetscInt i = 0; i < n; i++) {
+    PetscReal r2 = 0;
+
+    for (PetscInt a = 0; a < s->dim; a++) r2 += PetscSqr(x[i * s->dim + a]);
+    PetscCheck(d[i] > 0 || r2 < PetscSqr(1.0001 * s->radius), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "Shape '%s' has distance %g at (%g, %g, %g), which is outside its bounding radius %g: correct its operation radius or distance ('make test-shape SHAPE=%s')",
+               s->loaded->type, (double)d[i], (double)x[i * s->dim], (double)x[i * s->dim + 1], s->dim == 3 ? (double)x[i * s->dim + 2] : 0.0,
+               (double)s->radius, s->loaded->file);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode SetUpShape(Shape s)
+{
+  PetscFunctionBeginUser;
+  if (s->ops.create) PetscCall(s->ops.create(s));
+  if (s->ops.options) PetscCall(s->ops.options(s));
+  if (s->ops.setup) PetscCall(s->ops.setup(s));
+  PetscCall(CheckShape(s));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeCreate(const char type[], const char prefix[], PetscInt dim, Shape *shape)
+{
+  const Loaded  *loaded = NULL;
+  Shape          s;
+  PetscErrorCode ierr;
+
+  PetscFunctionBeginUser;
+  *shape = NULL;
+  PetscCheck(dim == 2 || dim == 3, PETSC_COMM_WORLD, PETSC_ERR_ARG_OUTOFRANGE, "Dimension %" PetscInt_FMT " of a shape must be 2 or 3", dim);
+  PetscCall(GetPlugin(type, &loaded));
+  PetscCheck(loaded->plugin->dims & (dim == 2 ? 1 : 2), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "Shape '%s' works in %s only, the scene has dimension %" PetscInt_FMT ": choose another shape for -%sshape or another mesh", type,
+             dim == 2 ? "3D" : "2D", dim, prefix);
+  PetscCall(PetscNew(&s));
+  nalive++;
+  s->loaded = loaded;
+  s->ops    = loaded->plugin->ops;
+  s->dim    = dim;
+  PetscCall(PetscStrncpy(s->prefix, prefix ? prefix : "", sizeof(s->prefix)));
+  ierr = SetUpShape(s);
+  if (PetscUnlikely(ierr)) { /* free what the plugin has, so that a caller who goes on does not leak */
+    PetscCall(ShapeDestroy(&s));
+    PetscCall(ierr);
+  }
+  *shape = s;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeDestroy(Shape *shape)
+{
+  Shape s = *shape;
+
+  PetscFunctionBeginUser;
+  if (!s) PetscFunctionReturn(PETSC_SUCCESS);
+  if (s->ops.destroy) PetscCall(s->ops.destroy(s));
+  nalive--;
+  PetscCall(PetscFree(*shape));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeView(Shape s, PetscViewer viewer)
+{
+  PetscFunctionBeginUser;
+  if (!viewer) PetscCall(PetscViewerASCIIGetStdout(PETSC_COMM_WORLD, &viewer));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "Shape %s (%s): bounding radius %g, version %s, from %s\n", s->loaded->type, s->prefix, (double)s->radius,
+                                   s->loaded->plugin->version ? s->loaded->plugin->version : "unknown", s->loaded->file));
+  if (s->ops.view) {
+    PetscCall(PetscViewerASCIIPushTab(viewer));
+    PetscCall(s->ops.view(s, viewer));
+    PetscCall(PetscViewerASCIIPopTab(viewer));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeGetType(Shape s, const char *type[])
+{
+  PetscFunctionBeginUser;
+  *type = s->loaded->type;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeGetPlugin(Shape s, const ShapePlugin **plugin)
+{
+  PetscFunctionBeginUser;
+  *plugin = s->loaded->plugin;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeGetOption(Shape s, PetscInt i, const char *name[], PetscReal *lower, PetscReal *upper)
+{
+  PetscFunctionBeginUser;
+  *name = NULL;
+  if (i < 0 || i >= s->noptions) PetscFunctionReturn(PETSC_SUCCESS);
+  *name  = s->option[i].name;
+  *lower = s->option[i].lower;
+  *upper = s->option[i].upper;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- geometry ---- */
+
+PetscErrorCode ShapeDistance(Shape s, PetscInt n, const PetscReal x[], PetscReal d[])
+{
+  PetscInt bad = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(s->ops.distance(s, n, x, d));
+  for (PetscInt i = 0; i < n; i++) bad += !(PetscAbsReal(d[i]) <= PETSC_MAX_REAL);
+  if (PetscUnlikely(bad)) {
+    PetscInt i = 0;
+
+    while (PetscAbsReal(d[i]) <= PETSC_MAX_REAL) i++;
+    SETERRQ(PETSC_COMM_SELF, PETSC_ERR_FP,
+            "Shape '%s' returns the distance %g at (%g, %g, %g), which is not finite: check the plugin with 'make test-shape SHAPE=%s'",
+            s->loaded->type, (double)d[i], (double)x[i * s->dim], (double)x[i * s->dim + 1], s->dim == 3 ? (double)x[i * s->dim + 2] : 0.0,
+            s->loaded->file);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeNormal(Shape s, PetscInt n, const PetscReal x[], PetscReal normal[])
+{
+  PetscFunctionBeginUser;
+  if (s->ops.normal) PetscCall(s->ops.normal(s, n, x, normal));
+  else PetscCall(ShapeDefaultNormal(s, s->radius, s->dim, n, x, normal));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Unit direction k of n spread over the circle (sphere: Fibonacci lattice). */
+static void SpreadDirection(PetscInt dim, PetscInt k, PetscInt n, PetscReal e[])
+{
+  if (dim == 2) {
+    e[0] = PetscCosReal(2.0 * PETSC_PI * (PetscReal)k / (PetscReal)n);
+    e[1] = PetscSinReal(2.0 * PETSC_PI * (PetscReal)k / (PetscReal)n);
+  } else {
+    PetscReal z = 1.0 - (2.0 * (PetscReal)k + 1.0) / (PetscReal)n, rho = PetscSqrtReal(1.0 - z * z), phi = 2.399963229728653 * (PetscReal)k;
+
+    e[0] = rho * PetscCosReal(phi);
+    e[1] = rho * PetscSinReal(phi);
+    e[2] = z;
+  }
+}
+
+/* Direction k of n within an angle of about `spread` around e; all directions if spread is 0. */
+static void ConeDirection(PetscInt dim, PetscInt k, PetscInt n, const PetscReal e[], PetscReal spread, PetscReal out[])
+{
+  PetscReal u[3], len = 0;
+
+  SpreadDirection(dim, k, n, u);
+  for (PetscInt a = 0; a < dim; a++) {
+    out[a] = spread > 0 ? e[a] + spread * (PetscReal)(k % 8 + 1) / 8.0 * u[a] : u[a];
+    len += PetscSqr(out[a]);
+  }
+  for (PetscInt a = 0; a < dim; a++) out[a] /= PetscSqrtReal(len);
+}
+
+/* Where the gradient misleads (kink, medial axis): of all points at distance |d| around y0, the closest to the surface, in ever narrower cones.
+   Replaces y, d if it is better than they are. */
+static PetscErrorCode StepBySearch(Shape s, const PetscReal y0[], PetscReal d0, PetscReal y[], PetscReal *d)
+{
+  const PetscReal spread[5] = {0.0, 0.15, 0.02, 0.003, 0.0004};
+  const PetscInt  dim = s->dim, n = dim == 2 ? CHUNK : 4 * CHUNK;
+  PetscReal       x[4 * CHUNK * 3], dist[4 * CHUNK], e[3] = {0, 0, 0}, out[3], best_d = PETSC_MAX_REAL;
+
+  PetscFunctionBeginUser;
+  for (int stage = 0; stage < 5; stage++) {
+    PetscInt best = -1;
+
+    for (PetscInt k = 0; k < n; k++) {
+      ConeDirection(dim, k, n, e, spread[stage], out);
+      for (PetscInt a = 0; a < dim; a++) x[k * dim + a] = y0[a] + PetscAbsReal(d0) * out[a];
+    }
+    PetscCall(ShapeDistance(s, n, x, dist));
+    for (PetscInt k = 0; k < n; k++) {
+      if (PetscAbsReal(dist[k]) >= PetscAbsReal(best_d)) continue;
+      best   = k;
+      best_d = dist[k];
+    }
+    if (best < 0) continue;
+    for (PetscInt a = 0; a < dim; a++) e[a] = (x[best * dim + a] - y0[a]) / PetscAbsReal(d0);
+  }
+  if (PetscAbsReal(best_d) >= PetscAbsReal(*d)) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt a = 0; a < dim; a++) y[a] = y0[a] + PetscAbsReal(d0) * e[a];
+  PetscCall(ShapeDistance(s, 1, y, d));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Project up to CHUNK points in place. Because |d| never exceeds the true distance, a step of length |d| cannot cross the surface;
+   where d is Euclidean and smooth one step is enough, so one that leaves a tenth of the way went in the wrong direction. */
+static PetscErrorCode ProjectChunk(Shape s, PetscInt n, PetscReal y[])
+{
+  const PetscInt  dim = s->dim, max_iterations = 200;
+  const PetscReal tolerance = 1e-12 * s->radius;
+  PetscReal       d[CHUNK], old_d[CHUNK], old_y[CHUNK * 3], normal[CHUNK * 3];
+  PetscInt        open = n;
+
+  PetscFunctionBeginUser;
+  PetscCall(ShapeDistance(s, n, y, d));
+  for (PetscInt it = 0; it < max_iterations && open; it++) {
+    PetscCall(ShapeNormal(s, n, y, normal));
+    PetscCall(PetscArraycpy(old_y, y, n * dim));
+    PetscCall(PetscArraycpy(old_d, d, n));
+    for (PetscInt i = 0; i < n; i++)
+      for (PetscInt a = 0; a < dim; a++) y[i * dim + a] -= PetscAbsReal(d[i]) > tolerance ? d[i] * normal[i * dim + a] : 0.0;
+    PetscCall(ShapeDistance(s, n, y, d));
+    open = 0;
+    for (PetscInt i = 0; i < n; i++) {
+      if (PetscAbsReal(d[i]) > tolerance && PetscAbsReal(d[i]) > 0.1 * PetscAbsReal(old_d[i]))
+        PetscCall(StepBySearch(s, &old_y[i * dim], old_d[i], &y[i * dim], &d[i]));
+      if (PetscAbsReal(d[i]) > tolerance) open++;
+    }
+  }
+  for (PetscInt i = 0; i < n; i++)
+    PetscCheck(PetscAbsReal(d[i]) <= tolerance, PETSC_COMM_SELF, PETSC_ERR_NOT_CONVERGED,
+               "Projection onto shape '%s' stopped at (%g, %g, %g) with distance %g instead of %g: its distance or normal is wrong there, check it with 'make test-shape SHAPE=%s'",
+               s->loaded->type, (double)y[i * dim], (double)y[i * dim + 1], dim == 3 ? (double)y[i * dim + 2] : 0.0, (double)d[i], (double)tolerance,
+               s->loaded->file);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeProject(Shape s, PetscInt n, const PetscReal x[], PetscReal y[])
+{
+  PetscFunctionBeginUser;
+  if (y != x) PetscCall(PetscArraymove(y, x, n * s->dim));
+  for (PetscInt i = 0; i < n; i += CHUNK) PetscCall(ProjectChunk(s, PetscMin(CHUNK, n - i), y + i * s->dim));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeGetMass(Shape s, ShapeMass *m)
+{
+  PetscFunctionBeginUser;
+  if (!s->have_mass) {
+    PetscCall(PetscMemzero(&s->mass, sizeof(s->mass)));
+    if (s->ops.mass) PetscCall(s->ops.mass(s, &s->mass));
+    else PetscCall(ShapeDefaultMass(s, s->radius, s->dim, &s->mass));
+    PetscCheck(s->mass.volume > 0 && s->mass.volume < PETSC_MAX_REAL, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "Shape '%s' has volume %g, which must be positive and finite: check its options -%s* and 'make test-shape SHAPE=%s'", s->loaded->type,
+               (double)s->mass.volume, s->prefix, s->loaded->file);
+    s->have_mass = PETSC_TRUE;
+  }
+  *m = s->mass;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeGetRadius(Shape s, PetscReal *r)
+{
+  ShapeMass m;
+
+  PetscFunctionBeginUser;
+  if (!s->have_centroid_radius) {
+    PetscReal offset2 = 0;
+
+    PetscCall(ShapeGetMass(s, &m));
+    for (PetscInt a = 0; a < s->dim; a++) offset2 += PetscSqr(m.centroid[a]);
+    PetscCall(ShapeDefaultRadius(s, s->radius, s->dim, m.centroid, &s->centroid_radius));
+    s->centroid_radius      = PetscMin(s->centroid_radius, s->radius + PetscSqrtReal(offset2));
+    s->have_centroid_radius = PETSC_TRUE;
+  }
+  *r = s->centroid_radius;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeSurface(Shape s, PetscInt n, PetscReal x[], PetscReal w[])
+{
+  PetscFunctionBeginUser;
+  if (s->ops.surface) PetscCall(s->ops.surface(s, n, x, w));
+  else if (n > 0) PetscCall(ShapeDefaultSurface(s, s->radius, s->dim, n, x, w));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Project points around the body onto it and compare their radii; the volume rules out holes. 1e-6 leaves room for a centroid found by quadrature. */
+PetscErrorCode ShapeGetDisc(Shape s, PetscReal *r)
+{
+  enum {
+    N = 97
+  };
+  PetscReal x[N * 3], e[3], r0 = PETSC_MAX_REAL, r1 = 0, sum = 0, ball;
+  ShapeMass m;
+
+  PetscFunctionBeginUser;
+  if (!s->have_disc) {
+    PetscCall(ShapeGetMass(s, &m));
+    for (PetscInt k = 0; k < N; k++) {
+      SpreadDirection(s->dim, k, N, e);
+      for (PetscInt a = 0; a < s->dim; a++) x[k * s->dim + a] = m.centroid[a] + 1.5 * s->radius * e[a];
+    }
+    PetscCall(ShapeProject(s, N, x, x));
+    for (PetscInt k = 0; k < N; k++) {
+      PetscReal r2 = 0;
+
+      for (PetscInt a = 0; a < s->dim; a++) r2 += PetscSqr(x[k * s->dim + a] - m.centroid[a]);
+      r0 = PetscMin(r0, PetscSqrtReal(r2));
+      r1 = PetscMax(r1, PetscSqrtReal(r2));
+      sum += PetscSqrtReal(r2) / N;
+    }
+    ball         = s->dim == 2 ? PETSC_PI * PetscSqr(sum) : 4.0 / 3.0 * PETSC_PI * sum * PetscSqr(sum);
+    s->disc      = r1 - r0 <= 1e-6 * sum && PetscAbsReal(m.volume - ball) <= 1e-3 * ball ? sum : 0.0;
+    s->have_disc = PETSC_TRUE;
+  }
+  *r = s->disc;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeFinalize(void)
+{
+  PetscFunctionBeginUser;
+  PetscCheck(nalive == 0, PETSC_COMM_SELF, PETSC_ERR_ORDER,
+             "%" PetscInt_FMT " shapes are still in use: call ShapeDestroy on each before ShapeFinalize", nalive);
+  for (PetscInt i = 0; i < ntable; i++) dlclose(table[i].handle);
+  ntable = 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

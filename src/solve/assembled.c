@@ -1,0 +1,188 @@
+/* Saddle: see saddle.h. Written for generality, not speed: everything is built anew when the constraint changes. */
+#include "compat.h"
+#include "assembled.h"
+
+/* D + H (may be NULL) and the identity of inert slots, as a matrix over u_r */
+static PetscErrorCode create_rigid_diagonal(Constraint c, const PetscReal D[], const PetscReal H[], Mat *E)
+{
+  const PetscInt *slot, *unknown;
+  PetscInt        ninert, first, count, start, nodal, total, nr;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetSizes(c, &nodal, &total));
+  PetscCall(ConstraintGetRigidSize(c, &nr));
+  PetscCall(ConstraintGetInert(c, &ninert, &slot));
+  PetscCall(ConstraintGetOwnBodies(c, &first, &count));
+  PetscCall(ConstraintGetUnknown(c, &unknown));
+  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, total, total, PETSC_DETERMINE, PETSC_DETERMINE, PetscMax(nr, 1), NULL, 0, NULL, E));
+  PetscCall(MatGetOwnershipRange(*E, &start, NULL));
+  for (PetscInt j = 0; j < ninert; j++) PetscCall(MatSetValue(*E, start + slot[j], start + slot[j], 1, INSERT_VALUES));
+  for (PetscInt k = 0; k < count; k++) {
+    for (PetscInt i = 0; i < nr; i++) {
+      const PetscInt row = start + nodal + k * nr;
+
+      if (!((unknown[first + k] >> i) & 1)) PetscCall(MatSetValue(*E, row + i, row + i, 1, INSERT_VALUES));
+      else
+        for (PetscInt j = 0; j < nr; j++) {
+          const PetscInt at = ((first + k) * nr + i) * nr + j;
+
+          if ((unknown[first + k] >> j) & 1) PetscCall(MatSetValue(*E, row + i, row + j, D[at] + (H ? H[at] : 0), INSERT_VALUES));
+        }
+    }
+  }
+  PetscCall(MatAssemblyBegin(*E, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(*E, MAT_FINAL_ASSEMBLY));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* B as a matrix (own cells x own nodes) */
+static PetscErrorCode create_divergence_matrix(Flow flow, const MeshLocal *l, Mat *B)
+{
+  const PetscInt   dim = l->dim, n = l->nb * dim, nk = dim + 1;
+  const PetscReal *b;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetCellDivergence(flow, &b));
+  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, l->ncell * nk, l->nnode * dim, PETSC_DETERMINE, PETSC_DETERMINE, n, NULL, n, NULL, B));
+  for (PetscInt c = 0; c < l->ncell; c++) {
+    PetscInt row[4], col[MESH_MAX_NB * 3];
+
+    for (PetscInt k = 0; k < nk; k++) row[k] = (l->cell_start + c) * nk + k;
+    for (PetscInt j = 0; j < n; j++) col[j] = l->node_global[l->cell_node[c * l->nb + j / dim]] * dim + j % dim;
+    PetscCall(MatSetValues(*B, nk, row, n, col, b + c * nk * n, INSERT_VALUES));
+  }
+  PetscCall(MatAssemblyBegin(*B, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(*B, MAT_FINAL_ASSEMBLY));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* G of a penalty as a matrix, rows: own nodes x dim, columns: u_r (unknown rigid velocities) */
+static PetscErrorCode create_soft_matrix(Constraint c, const Soft *s, Mat *G)
+{
+  const PetscInt *unknown, nr = s->nr, dim = s->dim;
+  PetscInt        nodal, total, row, *column;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetSizes(c, &nodal, &total));
+  PetscCall(ConstraintGetUnknown(c, &unknown));
+  PetscCall(PetscMalloc1(s->nbodies, &column));
+  PetscCall(ConstraintGetRigidColumns(c, column));
+  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, nodal, total, PETSC_DETERMINE, PETSC_DETERMINE, 2 * nr, NULL, 2 * nr, NULL,
+                         G)); /* rarely more than two bodies at a node */
+  PetscCall(MatSetOption(*G, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
+  PetscCall(MatGetOwnershipRange(*G, &row, NULL));
+  for (PetscInt e = 0; e < s->n; e++) {
+    PetscReal block[18];
+
+    SoftGetBlock(s, e, block);
+    for (PetscInt a = 0; a < dim; a++)
+      for (PetscInt m = 0; m < nr; m++)
+        if ((unknown[s->body[e]] >> m) & 1)
+          PetscCall(MatSetValue(*G, row + s->node[e] * dim + a, column[s->body[e]] + m, block[a * nr + m], INSERT_VALUES));
+  }
+  PetscCall(MatAssemblyBegin(*G, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(*G, MAT_FINAL_ASSEMBLY));
+  PetscCall(PetscFree(column));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* out -= P^T G + G^T P */
+static PetscErrorCode subtract_soft_coupling(Constraint c, Mat P, const Soft *soft, Mat out)
+{
+  Mat G, PtG, GtP;
+
+  PetscFunctionBeginUser;
+  PetscCall(create_soft_matrix(c, soft, &G));
+  PetscCall(MatTransposeMatMult(P, G, MAT_INITIAL_MATRIX, PETSC_DEFAULT, &PtG));
+  PetscCall(MatTranspose(PtG, MAT_INITIAL_MATRIX, &GtP));
+  PetscCall(MatAXPY(out, -1, PtG, DIFFERENT_NONZERO_PATTERN));
+  PetscCall(MatAXPY(out, -1, GtP, DIFFERENT_NONZERO_PATTERN));
+  PetscCall(MatDestroy(&G));
+  PetscCall(MatDestroy(&PtG));
+  PetscCall(MatDestroy(&GtP));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SaddleCreateVelocity(Constraint c, Mat A, Mat P, const PetscReal D[], const Soft *soft, Mat *out)
+{
+  Mat aij, E;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatConvert(A, MATAIJ, MAT_INITIAL_MATRIX, &aij));
+  PetscCall(MatPtAP(aij, P, MAT_INITIAL_MATRIX, 2, out));
+  PetscCall(MatDestroy(&aij));
+  PetscCall(create_rigid_diagonal(c, D, soft ? soft->H : NULL, &E));
+  PetscCall(MatAXPY(*out, 1, E, DIFFERENT_NONZERO_PATTERN));
+  if (soft) PetscCall(subtract_soft_coupling(c, P, soft, *out));
+  PetscCall(MatDestroy(&E));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* C of shared cells, plus 1e-10 of the size of the Schur complement, scale (rho c_t S_p^{-1} + mu theta M_p^{-1})^{-1} (Cahouet & Chabard 1988), which fixes undetermined
+   pressures for a direct solver. The diagonal of S_p alone grows with the time step without bound. */
+static PetscErrorCode create_pressure_block(Flow flow, Pressure pressure, PetscReal scale, const MeshLocal *l, Mat *C)
+{
+  const PetscInt        nk = l->dim + 1, np = l->ncell * nk;
+  const PetscInt       *cell;
+  const PetscReal      *block;
+  PetscReal            *d, *one;
+  PetscInt              n, start;
+  const FlowParameters *par;
+  const FlowStep       *step;
+  Vec                   t;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecCreateMPI(PETSC_COMM_WORLD, np, PETSC_DETERMINE, &t));
+  PetscCall(FlowGetParameters(flow, &par));
+  PetscCall(FlowGetStep(flow, &step));
+  PetscCall(PressureGetDiagonal(pressure, t));
+  PetscCall(PressureGetShared(pressure, &n, &cell, &block));
+  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, np, np, PETSC_DETERMINE, PETSC_DETERMINE, nk, NULL, 0, NULL, C));
+  PetscCall(MatGetOwnershipRange(*C, &start, NULL));
+  PetscCall(PetscMalloc1(np, &one));
+  for (PetscInt i = 0; i < np; i++) one[i] = 1;
+  PetscCall(VecReciprocal(t));
+  PetscCall(VecScale(t, par->density * step->ct / scale));
+  PetscCall(VecGetArray(t, &d));
+  PetscCall(FlowPressureMassSolve(flow, par->viscosity * step->theta / scale, one, d));
+  for (PetscInt i = 0; i < np; i++) /* cells that are no part of the fluid have no mass, and a block of their own */
+    PetscCall(MatSetValue(*C, start + i, start + i, d[i] > 0 ? 1e-10 / d[i] : 0, ADD_VALUES));
+  PetscCall(VecRestoreArray(t, &d));
+  PetscCall(PetscFree(one));
+  PetscCall(VecDestroy(&t));
+  for (PetscInt i = 0; i < n; i++)
+    for (PetscInt e = 0; e < nk * nk; e++)
+      PetscCall(MatSetValue(*C, start + cell[i] * nk + e / nk, start + cell[i] * nk + e % nk, block[i * nk * nk + e], ADD_VALUES));
+  PetscCall(MatAssemblyBegin(*C, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(*C, MAT_FINAL_ASSEMBLY));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SaddleCreateWhole(Flow flow, Pressure pressure, PetscReal scale, Mat P, Mat Ar, Mat *out)
+{
+  Mat              B, Br, G, C, nest, block[4];
+  Mesh             mesh;
+  const MeshLocal *l;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetMesh(flow, &mesh));
+  PetscCall(MeshGetLocal(mesh, &l));
+  PetscCall(create_divergence_matrix(flow, l, &B));
+  PetscCall(MatMatMult(B, P, MAT_INITIAL_MATRIX, PETSC_DEFAULT, &Br));
+  PetscCall(MatTranspose(Br, MAT_INITIAL_MATRIX, &G));
+  PetscCall(MatScale(G, -1));
+  PetscCall(MatScale(Br, scale));
+  PetscCall(create_pressure_block(flow, pressure, scale, l, &C));
+  block[0] = Ar;
+  block[1] = G;
+  block[2] = Br;
+  block[3] = C;
+  PetscCall(MatCreateNest(PETSC_COMM_WORLD, 2, NULL, 2, NULL, block, &nest));
+  PetscCall(MatConvert(nest, MATAIJ, MAT_INITIAL_MATRIX, out));
+  PetscCall(MatDestroy(&nest));
+  PetscCall(MatDestroy(&C));
+  PetscCall(MatDestroy(&G));
+  PetscCall(MatDestroy(&Br));
+  PetscCall(MatDestroy(&B));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

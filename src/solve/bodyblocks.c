@@ -1,0 +1,233 @@
+/* Bodyblocks: see bodyblocks.h. */
+#include "compat.h"
+#include "bodyblocks.h"
+#include "base/dense.h"
+
+struct _p_BodyBlocks {
+  Flow             flow;
+  Constraint       constraint;
+  const MeshLocal *loc;
+  Mat              S;
+  PetscInt         nbodies, nr, *ghost_of_column; /* off-diagonal columns of S -> local nodes */
+};
+
+/* The rank's own part of the scalar matrix as compressed rows */
+static PetscErrorCode get_rows(Mat S, Mat *diagonal_part, Mat *offdiagonal_part, const PetscInt **columns)
+{
+  PetscBool seq;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscObjectTypeCompare((PetscObject)S, MATSEQAIJ, &seq));
+  if (seq) {
+    *diagonal_part = S;
+    if (offdiagonal_part) *offdiagonal_part = NULL;
+    if (columns) *columns = NULL;
+  } else PetscCall(MatMPIAIJGetSeqAIJ(S, diagonal_part, offdiagonal_part, columns));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode map_ghost_columns(BodyBlocks b)
+{
+  const MeshLocal *l = b->loc;
+  const PetscInt  *garray;
+  PetscInt         n, nghost = l->nnode_all - l->nnode, *sorted, *where;
+  Mat              Ad, Ao;
+
+  PetscFunctionBeginUser;
+  PetscCall(get_rows(b->S, &Ad, &Ao, &garray));
+  if (!Ao) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(MatGetLocalSize(Ao, NULL, &n));
+  PetscCall(PetscMalloc1(n, &b->ghost_of_column));
+  PetscCall(PetscMalloc2(nghost, &sorted, nghost, &where));
+  for (PetscInt i = 0; i < nghost; i++) {
+    sorted[i] = l->node_global[l->nnode + i];
+    where[i]  = l->nnode + i;
+  }
+  PetscCall(PetscSortIntWithArray(nghost, sorted, where));
+  for (PetscInt j = 0; j < n; j++) {
+    PetscInt at;
+
+    PetscCall(PetscFindInt(garray[j], nghost, sorted, &at));
+    PetscCheck(at >= 0, PETSC_COMM_SELF, PETSC_ERR_PLIB, "Node %" PetscInt_FMT " is coupled to own nodes but is no ghost node", garray[j]);
+    b->ghost_of_column[j] = where[at];
+  }
+  PetscCall(PetscFree2(sorted, where));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* block: P^T A P and M_r / scale of body k, without D, which is added. Inverse of the first if wanted (own bodies), and of the second */
+static PetscErrorCode invert_blocks(PetscInt nr, PetscInt k, PetscInt unknown, const PetscReal D[], PetscReal scale, PetscReal block[],
+                                    PetscReal stiff_inverse[], PetscReal mass_inverse[])
+{
+  const PetscInt nn       = nr * nr;
+  PetscBool      positive = PETSC_TRUE;
+
+  PetscFunctionBeginUser;
+  for (PetscInt s = 0; s < 2; s++) {
+    PetscReal *M = block + s * nn, share = 1;
+
+    for (PetscInt a = 0; a < nr;
+         a++) /* the excess mass of a light body may exceed the discrete mass of its nodes: the added mass of the flow around is not in the block */
+      if ((unknown >> a) & 1 && -D[a * (nr + 1)] > 0) share = PetscMin(share, 0.9 * M[a * (nr + 1)] * (s ? scale : 1) / -D[a * (nr + 1)]);
+    for (PetscInt e = 0; e < nn; e++) {
+      const PetscBool active = (PetscBool)((unknown >> (e / nr)) & 1 && (unknown >> (e % nr)) & 1);
+
+      M[e] = active ? M[e] + share * D[e] / (s ? scale : 1) : (PetscReal)(e / nr == e % nr);
+    }
+    for (PetscInt a = 0; a < nr; a++) {
+      PetscCheck(!s || M[a * (nr + 1)] > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+                 "Body %" PetscInt_FMT " covers no node of the mesh and is lighter than the fluid: refine the mesh (-mesh_cells)", k);
+      positive = (PetscBool)(positive && M[a * (nr + 1)] > 0);
+    }
+  }
+  for (PetscInt e = 0; e < nn && !positive; e++) block[e] = scale * block[nn + e]; /* convection in long steps outweighs the mass: the mass alone */
+  if (stiff_inverse) DenseInvert(nr, block, stiff_inverse);
+  DenseInvert(nr, block + nn, mass_inverse);
+  for (PetscInt a = 0; a < nr; a++)
+    if (!((unknown >> a) & 1)) mass_inverse[a * (nr + 1)] = 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Sum over the entries of the penalty: block of body k -= R^T G + G^T R (of nodes that follow it); with H it is what the penalty adds to the diagonal block of the body */
+static PetscErrorCode add_soft_blocks(BodyBlocks b, const Soft *s, const PetscInt body[], const PetscInt follow[], const PetscInt unknown[],
+                                      PetscReal block[])
+{
+  const PetscInt nr = b->nr, nn = nr * nr;
+  PetscInt       first, count;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetOwnBodies(b->constraint, &first, &count));
+  for (PetscInt e = 0; e < s->n; e++) {
+    const PetscInt i = s->node[e], k = s->body[e];
+    PetscReal      G[18], R[18];
+
+    if (!unknown[k] || body[i] >= 0 || follow[i] != k) continue;
+    SoftGetBlock(s, e, G);
+    PetscCall(ConstraintRigidMap(b->constraint, i, k, R));
+    for (PetscInt m = 0; m < nn; m++)
+      for (PetscInt a = 0; a < b->loc->dim; a++)
+        block[2 * k * nn + m] -= R[a * nr + m / nr] * G[a * nr + m % nr] + G[a * nr + m / nr] * R[a * nr + m % nr];
+  }
+  for (PetscInt k = first; k < first + count; k++)
+    for (PetscInt m = 0; m < nn; m++) block[2 * k * nn + m] += s->H[k * nn + m];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* moment [1 + dim] += value times (1, x_j - x_i) */
+static inline void add_moment(const MeshLocal *l, PetscInt i, PetscInt j, PetscReal value, PetscReal moment[])
+{
+  moment[0] += value;
+  for (PetscInt d = 0; d < l->dim; d++) { moment[1 + d] += value * MeshNearest(l, d, l->x[j * l->dim + d] - l->x[i * l->dim + d]); }
+}
+
+/* AR [dim][nr] = sum_j a_ij R_j from the moments of row i: R_j = R_i + spin (x_j - x_i) */
+static void multiply_map(PetscInt dim, PetscInt nr, const PetscReal Ri[], const PetscReal moment[], PetscReal AR[])
+{
+  const PetscReal *r = moment + 1;
+
+  for (PetscInt e = 0; e < dim * nr; e++) AR[e] = moment[0] * Ri[e];
+  if (dim == 2) {
+    AR[2] -= r[1];
+    AR[5] += r[0];
+  } else {
+    for (PetscInt a = 0; a < 3; a++) {
+      const PetscInt b = (a + 1) % 3, c = (a + 2) % 3;
+
+      AR[a * nr + 3 + b] += r[c];
+      AR[a * nr + 3 + c] -= r[b];
+    }
+  }
+}
+
+PetscErrorCode BodyBlocksUpdate(BodyBlocks b, const PetscReal share[], const Soft *soft, const PetscReal D[], PetscReal scale,
+                                PetscReal stiff_inverse[], PetscReal mass_inverse[])
+{
+  const MeshLocal *l  = b->loc;
+  const PetscInt   nr = b->nr, dim = l->dim, nn = nr * nr;
+  const PetscInt  *body, *follow, *unknown, *row_start[2] = {NULL, NULL}, *column[2] = {NULL, NULL}, *map;
+  const PetscReal *value[2] = {NULL, NULL}, *m;
+  PetscReal       *block;
+  PetscInt         n, first, count;
+  Mat              part[2];
+  PetscBool        done;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetNodeBody(b->constraint, &body));
+  PetscCall(ConstraintGetFollow(b->constraint, &follow));
+  PetscCall(ConstraintGetUnknown(b->constraint, &unknown));
+  PetscCall(ConstraintGetOwnBodies(b->constraint, &first, &count));
+  PetscCall(FlowGetLumpedMass(b->flow, &m));
+  PetscCall(PetscCalloc1(2 * b->nbodies * nn, &block));
+  PetscCall(get_rows(b->S, &part[0], &part[1], &map));
+  for (PetscInt s = 0; s < 2 && part[s]; s++) {
+    PetscCall(MatGetRowIJ(part[s], 0, PETSC_FALSE, PETSC_FALSE, &n, &row_start[s], &column[s], &done));
+    PetscCall(MatSeqAIJGetArrayRead(part[s], &value[s]));
+  }
+  for (PetscInt i = 0; i < l->nnode; i++) {
+    const PetscInt k = body[i] >= 0 ? body[i] : follow[i];
+    PetscReal      Ri[18], AR[18], moment[4] = {0}, *stiff, *mass;
+
+    if (k < 0 || !unknown[k]) continue;
+    stiff = block + 2 * k * nn;
+    mass  = stiff + nn;
+    PetscCall(ConstraintRigidMap(b->constraint, i, k, Ri));
+    for (PetscInt s = 0; s < 2 && part[s]; s++) {
+      for (PetscInt q = row_start[s][i]; q < row_start[s][i + 1]; q++) {
+        const PetscInt j = s ? b->ghost_of_column[column[s][q]] : column[s][q];
+
+        if ((body[j] >= 0 ? body[j] : follow[j]) == k) add_moment(l, i, j, value[s][q], moment);
+      }
+    }
+    multiply_map(dim, nr, Ri, moment, AR);
+    for (PetscInt e = 0; e < nn; e++) {
+      for (PetscInt a = 0; a < dim; a++) {
+        stiff[e] += Ri[a * nr + e / nr] * AR[a * nr + e % nr];
+        mass[e] += share[i] * m[i] * Ri[a * nr + e / nr] * Ri[a * nr + e % nr];
+      }
+    }
+  }
+  for (PetscInt s = 0; s < 2 && part[s]; s++) {
+    PetscCall(MatSeqAIJRestoreArrayRead(part[s], &value[s]));
+    PetscCall(MatRestoreRowIJ(part[s], 0, PETSC_FALSE, PETSC_FALSE, &n, &row_start[s], &column[s], &done));
+  }
+  if (soft) PetscCall(add_soft_blocks(b, soft, body, follow, unknown, block));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, block, (PetscMPIInt)(2 * b->nbodies * nn), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  for (PetscInt k = 0; k < b->nbodies; k++) {
+    const PetscBool own = (PetscBool)(k >= first && k < first + count);
+
+    PetscCall(
+      invert_blocks(nr, k, unknown[k], D + k * nn, scale, block + 2 * k * nn, own ? stiff_inverse + (k - first) * nn : NULL, mass_inverse + k * nn));
+  }
+  PetscCall(PetscFree(block));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodyBlocksCreate(Flow flow, Constraint constraint, BodyBlocks *blocks)
+{
+  BodyBlocks b;
+  Mesh       mesh;
+  PetscInt   first, count;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&b));
+  b->flow       = flow;
+  b->constraint = constraint;
+  PetscCall(FlowGetMesh(flow, &mesh));
+  PetscCall(MeshGetLocal(mesh, &b->loc));
+  PetscCall(FlowGetMatrix(flow, &b->S));
+  PetscCall(ConstraintGetRigidSize(constraint, &b->nr));
+  PetscCall(ConstraintGetOwnBodies(constraint, &first, &count));
+  PetscCall(MPIU_Allreduce(&count, &b->nbodies, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+  PetscCall(map_ghost_columns(b));
+  *blocks = b;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodyBlocksDestroy(BodyBlocks *blocks)
+{
+  PetscFunctionBeginUser;
+  if (!*blocks) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree((*blocks)->ghost_of_column));
+  PetscCall(PetscFree(*blocks));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,605 @@
+/* Constraint: the projection P as a list of its non-trivial rows (see constraint.h).
+
+   A free slot is its own image, so only the inert slots (walls, body nodes) are stored: for each its number, its body and its row of the rigid
+   map U + w x (x - X). Rigid velocities travel between the rank that holds their slots and the ranks whose nodes follow them through a PetscSF. */
+#include "compat.h"
+#include "solve/constraint.h"
+#include "base/log.h"
+
+struct _p_Constraint {
+  Mesh             mesh;
+  const MeshLocal *loc;
+  PetscInt         nbodies, nr, first, count; /* bodies; rigid slots each; own range */
+  PetscInt        *fixed, *node_body, *follow, *unknown;
+  PetscReal       *value, *known, (*X)[3], *U;
+  PetscBool        have_bodies;
+  PetscInt         nbody_nodes, body_node_room, *body_node; /* local nodes with node_body >= 0 */
+  /* rows of P at inert slots */
+  PetscInt   ninert, *slot, *body, *local_body;
+  PetscReal *coef;
+  /* the same for slots that follow a body */
+  PetscInt   nfollow, follow_room, *follow_slot, *follow_body;
+  PetscReal *follow_coef;
+  PetscInt   nmore, more_room, *more;
+  PetscBool  followers_changed;
+  /* bodies that own nodes of this rank belong to or follow, and more; the way to their slots */
+  PetscInt     nlocal, *local_index; /* [nbodies] body -> local or -1 */
+  PetscInt    *local_list;
+  PetscReal   *local_rigid;
+  PetscSF      rigid_sf;
+  MPI_Datatype rigid_type; /* the nr slots of one body */
+};
+
+static PetscInt bit_count(PetscInt bits)
+{
+  PetscInt n = 0;
+
+  for (; bits; bits &= bits - 1) n++;
+  return n;
+}
+
+/* Row a of the rigid map at node i about centre X: velocity component a for unit rigid velocities, without regard to what is unknown */
+static void rigid_row(const MeshLocal *l, PetscInt i, PetscInt a, const PetscReal X[3], PetscReal row[])
+{
+  PetscReal r[3] = {0, 0, 0};
+
+  for (PetscInt d = 0; d < l->dim; d++) { r[d] = MeshNearest(l, d, l->x[i * l->dim + d] - X[d]); }
+  for (PetscInt d = 0; d < l->dim; d++) row[d] = d == a;
+  if (l->dim == 2) row[2] = a == 0 ? -r[1] : r[0];
+  else {
+    const PetscReal spin[3][3] = {{0, r[2], -r[1]}, {-r[2], 0, r[0]}, {r[1], -r[0], 0}}; /* (w x r)_a = sum_b spin[a][b] w_b */
+
+    for (PetscInt b = 0; b < 3; b++) row[3 + b] = spin[a][b];
+  }
+}
+
+static PetscErrorCode collect_rows(Constraint c)
+{
+  const MeshLocal *l = c->loc;
+  PetscInt         n = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < l->nnode; i++) n += c->node_body[i] >= 0 ? l->dim : bit_count(c->fixed[i]);
+  if (n > c->ninert || !c->slot) {
+    PetscCall(PetscFree4(c->slot, c->body, c->local_body, c->coef));
+    PetscCall(PetscMalloc4(n, &c->slot, n, &c->body, n, &c->local_body, n * c->nr, &c->coef));
+  }
+  c->ninert = 0;
+  for (PetscInt i = 0; i < l->nnode; i++) {
+    const PetscInt k = c->node_body[i];
+
+    if (k < 0 && !c->fixed[i]) continue;
+    for (PetscInt a = 0; a < l->dim; a++) {
+      PetscReal *row = c->coef + c->ninert * c->nr;
+
+      if (k < 0 && !((c->fixed[i] >> a) & 1)) continue;
+      for (PetscInt s = 0; s < c->nr; s++) row[s] = 0;
+      if (k >= 0) {
+        rigid_row(l, i, a, c->X[k], row);
+        for (PetscInt s = 0; s < c->nr; s++)
+          if (!((c->unknown[k] >> s) & 1)) row[s] = 0;
+      }
+      c->slot[c->ninert]         = i * l->dim + a;
+      c->body[c->ninert]         = k >= 0 && c->unknown[k] ? k : -1;
+      c->local_body[c->ninert++] = -1;
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode list_body_nodes(Constraint c)
+{
+  PetscInt n = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < c->loc->nnode_all; i++) n += c->node_body[i] >= 0 || c->follow[i] >= 0;
+  if (n > c->body_node_room) {
+    c->body_node_room = n + n / 4;
+    PetscCall(PetscRealloc(c->body_node_room * sizeof(PetscInt), &c->body_node));
+  }
+  c->nbody_nodes = 0;
+  for (PetscInt i = 0; i < c->loc->nnode_all; i++)
+    if (c->node_body[i] >= 0 || c->follow[i] >= 0) c->body_node[c->nbody_nodes++] = i;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode collect_followers(Constraint c)
+{
+  const MeshLocal *l = c->loc;
+
+  PetscFunctionBeginUser;
+  c->nfollow = 0;
+  for (PetscInt i = 0; i < l->nnode; i++) {
+    const PetscInt k = c->follow[i];
+
+    if (k < 0 || c->node_body[i] >= 0 || !c->unknown[k]) continue;
+    if (c->nfollow + l->dim > c->follow_room) {
+      c->follow_room = 2 * c->follow_room + 64;
+      PetscCall(PetscRealloc(c->follow_room * sizeof(PetscInt), &c->follow_slot));
+      PetscCall(PetscRealloc(c->follow_room * sizeof(PetscInt), &c->follow_body));
+      PetscCall(PetscRealloc(c->follow_room * c->nr * sizeof(PetscReal), &c->follow_coef));
+    }
+    for (PetscInt a = 0; a < l->dim; a++) {
+      PetscReal *row = c->follow_coef + c->nfollow * c->nr;
+
+      if ((c->fixed[i] >> a) & 1) continue;
+      rigid_row(l, i, a, c->X[k], row);
+      for (PetscInt s = 0; s < c->nr; s++)
+        if (!((c->unknown[k] >> s) & 1)) row[s] = 0;
+      c->follow_slot[c->nfollow]   = i * l->dim + a;
+      c->follow_body[c->nfollow++] = k;
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static void know_body(Constraint c, PetscInt k)
+{
+  if (c->local_index[k] >= 0) return;
+  c->local_index[k]          = c->nlocal;
+  c->local_list[c->nlocal++] = k;
+}
+
+/* List the bodies known here and connect them to their slots. */
+static PetscErrorCode connect_rigid_slots(Constraint c)
+{
+  PetscLayout layout;
+
+  PetscFunctionBeginUser;
+  c->nlocal = 0;
+  for (PetscInt k = 0; k < c->nbodies; k++) c->local_index[k] = -1;
+  for (PetscInt j = 0; j < c->ninert; j++) {
+    const PetscInt k = c->body[j];
+
+    if (k < 0) continue;
+    know_body(c, k);
+    c->local_body[j] = c->local_index[k];
+  }
+  for (PetscInt j = 0; j < c->nfollow; j++) know_body(c, c->follow_body[j]);
+  for (PetscInt j = 0; j < c->nmore; j++) know_body(c, c->more[j]);
+  PetscCall(PetscSFDestroy(&c->rigid_sf));
+  PetscCall(PetscLayoutCreateFromSizes(PETSC_COMM_WORLD, c->count, PETSC_DETERMINE, 1, &layout));
+  PetscCall(PetscSFCreate(PETSC_COMM_WORLD, &c->rigid_sf));
+  PetscCall(PetscSFSetGraphLayout(c->rigid_sf, layout, c->nlocal, NULL, PETSC_OWN_POINTER, c->local_list));
+  PetscCall(PetscLayoutDestroy(&layout));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode set_known(Constraint c)
+{
+  const MeshLocal *l = c->loc;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < l->nnode_all; i++) {
+    for (PetscInt a = 0; a < l->dim; a++) {
+      const PetscBool fixed = (PetscBool)((c->fixed[i] >> a) & 1);
+      const PetscInt  k     = c->node_body[i] >= 0 ? c->node_body[i] : fixed || c->follow[i] < 0 || !c->unknown[c->follow[i]] ? -1 : c->follow[i];
+      PetscReal       v     = 0;
+
+      if (k >= 0) {
+        PetscReal row[6];
+
+        rigid_row(l, i, a, c->X[k], row);
+        for (PetscInt s = 0; s < c->nr; s++)
+          if (!((c->unknown[k] >> s) & 1)) v += row[s] * c->U[k * c->nr + s];
+      } else if (fixed) v = c->value[i * l->dim + a];
+      c->known[i * l->dim + a] = v;
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintCreate(Mesh mesh, PetscInt nbodies, Constraint *constraint)
+{
+  Constraint  c;
+  PetscMPIInt size, rank;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&c));
+  c->mesh    = mesh;
+  c->nbodies = nbodies;
+  PetscCall(MeshGetLocal(mesh, &c->loc));
+  c->nr = c->loc->dim == 2 ? 3 : 6;
+  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
+  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
+  c->first = nbodies / size * rank + PetscMin(rank, nbodies % size);
+  c->count = nbodies / size + (rank < nbodies % size);
+  PetscCall(PetscCalloc5(c->loc->nnode_all, &c->fixed, c->loc->nnode_all, &c->node_body, c->loc->nnode_all, &c->follow,
+                         c->loc->nnode_all * c->loc->dim, &c->value, c->loc->nnode_all * c->loc->dim, &c->known));
+  PetscCall(PetscCalloc6(nbodies, &c->unknown, nbodies, &c->X, nbodies * c->nr, &c->U, nbodies, &c->local_index, nbodies, &c->local_list,
+                         nbodies * c->nr, &c->local_rigid));
+  for (PetscInt i = 0; i < c->loc->nnode_all; i++) c->node_body[i] = c->follow[i] = -1;
+  PetscCallMPI(MPI_Type_contiguous((int)c->nr, MPIU_REAL, &c->rigid_type));
+  PetscCallMPI(MPI_Type_commit(&c->rigid_type));
+  PetscCall(collect_rows(c));
+  PetscCall(connect_rigid_slots(c));
+  *constraint = c;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintDestroy(Constraint *constraint)
+{
+  Constraint c = *constraint;
+
+  PetscFunctionBeginUser;
+  if (!c) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree4(c->slot, c->body, c->local_body, c->coef));
+  PetscCall(PetscFree5(c->fixed, c->node_body, c->follow, c->value, c->known));
+  PetscCall(PetscFree(c->follow_slot));
+  PetscCall(PetscFree(c->follow_body));
+  PetscCall(PetscFree(c->follow_coef));
+  PetscCall(PetscFree(c->more));
+  PetscCall(PetscFree6(c->unknown, c->X, c->U, c->local_index, c->local_list, c->local_rigid));
+  PetscCall(PetscFree(c->body_node));
+  PetscCall(PetscSFDestroy(&c->rigid_sf));
+  PetscCallMPI(MPI_Type_free(&c->rigid_type));
+  PetscCall(PetscFree(*constraint));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintSetBoundary(Constraint c, const PetscInt fixed[], const PetscReal value[])
+{
+  const MeshLocal *l = c->loc;
+  PetscBool        same;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArraycmp(c->fixed, fixed, l->nnode_all, &same));
+  PetscCall(PetscArraycpy(c->fixed, fixed, l->nnode_all));
+  PetscCall(PetscArraycpy(c->value, value, l->nnode_all * l->dim));
+  if (!same) {
+    PetscCall(collect_rows(c));
+    c->followers_changed = PETSC_TRUE;
+    for (PetscInt j = 0; j < c->ninert; j++)
+      if (c->body[j] >= 0) c->local_body[j] = c->local_index[c->body[j]];
+  }
+  PetscCall(set_known(c));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintSetFollowers(Constraint c, const PetscInt follow[], PetscInt nmore, const PetscInt more[])
+{
+  PetscBool same = (PetscBool)(nmore == c->nmore);
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < c->loc->nnode_all; i++) {
+    const PetscInt k = follow ? follow[i] : -1;
+
+    if (k != c->follow[i]) same = PETSC_FALSE;
+    c->follow[i] = k;
+  }
+  for (PetscInt j = 0; j < nmore && same; j++) same = (PetscBool)(more[j] == c->more[j]);
+  if (!same) c->followers_changed = PETSC_TRUE;
+  if (nmore > c->more_room) {
+    c->more_room = 2 * nmore;
+    PetscCall(PetscRealloc(c->more_room * sizeof(PetscInt), &c->more));
+  }
+  PetscCall(PetscArraycpy(c->more, more, nmore));
+  c->nmore = nmore;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintSetBodies(Constraint c, const PetscInt node_body[], PetscReal (*X)[3], const PetscInt unknown[], const PetscReal U[],
+                                   PetscBool *changed)
+{
+  const MeshLocal *l       = c->loc;
+  PetscBool        same[3] = {PETSC_TRUE, PETSC_TRUE, PETSC_TRUE}, moved;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < l->nnode_all; i++) {
+    const PetscInt k = c->fixed[i] ? -1 : node_body[i]; /* walls win */
+
+    if (k != c->node_body[i]) same[0] = PETSC_FALSE;
+    c->node_body[i] = k;
+  }
+  PetscCall(PetscArraycmp((PetscReal *)c->X, (PetscReal *)X, 3 * c->nbodies, &same[1]));
+  PetscCall(PetscArraycmp(c->unknown, unknown, c->nbodies, &same[2]));
+  moved = (PetscBool)(!c->have_bodies || c->followers_changed || !same[0] || !same[1] || !same[2]);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &moved, 1, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
+  c->have_bodies = PETSC_TRUE;
+  PetscCall(PetscArraycpy((PetscReal *)c->X, (PetscReal *)X, 3 * c->nbodies));
+  PetscCall(PetscArraycpy(c->unknown, unknown, c->nbodies));
+  PetscCall(PetscArraycpy(c->U, U, c->nbodies * c->nr));
+  c->followers_changed = PETSC_FALSE;
+  if (moved) {
+    PetscCall(PetscLogEventBegin(TB_PROJECT, 0, 0, 0, 0));
+    PetscCall(collect_rows(c));
+    PetscCall(collect_followers(c));
+    PetscCall(connect_rigid_slots(c));
+    PetscCall(list_body_nodes(c));
+    PetscCall(PetscLogEventEnd(TB_PROJECT, 0, 0, 0, 0));
+  }
+  PetscCall(set_known(c));
+  if (changed) *changed = moved;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintGetRigidSize(Constraint c, PetscInt *nr)
+{
+  PetscFunctionBeginUser;
+  *nr = c->nr;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintGetSizes(Constraint c, PetscInt *nodal, PetscInt *total)
+{
+  PetscFunctionBeginUser;
+  if (nodal) *nodal = c->loc->nnode * c->loc->dim;
+  if (total) *total = c->loc->nnode * c->loc->dim + c->count * c->nr;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintCreateVec(Constraint c, Vec *ur)
+{
+  PetscInt n;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetSizes(c, NULL, &n));
+  PetscCall(VecCreateMPI(PETSC_COMM_WORLD, n, PETSC_DETERMINE, ur));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintGetNodeBody(Constraint c, const PetscInt *node_body[])
+{
+  PetscFunctionBeginUser;
+  *node_body = c->node_body;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintGetBodyNodes(Constraint c, PetscInt *n, const PetscInt *node[])
+{
+  PetscFunctionBeginUser;
+  *n    = c->nbody_nodes;
+  *node = c->body_node;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintGetFollow(Constraint c, const PetscInt *follow[])
+{
+  PetscFunctionBeginUser;
+  *follow = c->follow;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintGetInert(Constraint c, PetscInt *n, const PetscInt *slot[])
+{
+  PetscFunctionBeginUser;
+  *n = c->ninert;
+  if (slot) *slot = c->slot;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintGetRows(Constraint c, const PetscInt *body[], const PetscReal *coef[])
+{
+  PetscFunctionBeginUser;
+  *body = c->body;
+  *coef = c->coef;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintGetFollowers(Constraint c, PetscInt *n, const PetscInt *slot[], const PetscInt *body[], const PetscReal *coef[])
+{
+  PetscFunctionBeginUser;
+  *n = c->nfollow;
+  if (slot) *slot = c->follow_slot;
+  if (body) *body = c->follow_body;
+  if (coef) *coef = c->follow_coef;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintRigidMap(Constraint c, PetscInt i, PetscInt k, PetscReal R[])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt a = 0; a < c->loc->dim; a++) rigid_row(c->loc, i, a, c->X[k], R + a * c->nr);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+void ConstraintRigidAt(const MeshLocal *l, PetscInt i, const PetscReal X[3], PetscReal R[])
+{
+  for (PetscInt a = 0; a < l->dim; a++) rigid_row(l, i, a, X, R + a * (l->dim == 2 ? 3 : 6));
+}
+
+PetscErrorCode ConstraintGetUnknown(Constraint c, const PetscInt *unknown[])
+{
+  PetscFunctionBeginUser;
+  *unknown = c->unknown;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintGetRigid(Constraint c, const PetscReal *U[])
+{
+  PetscFunctionBeginUser;
+  *U = c->U;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintGetOwnBodies(Constraint c, PetscInt *first, PetscInt *count)
+{
+  PetscFunctionBeginUser;
+  *first = c->first;
+  *count = c->count;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintGetKnown(Constraint c, const PetscReal *known[])
+{
+  PetscFunctionBeginUser;
+  *known = c->known;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintGetLocalRigid(Constraint c, PetscInt *n, const PetscInt *index[], const PetscReal *local[])
+{
+  PetscFunctionBeginUser;
+  if (n) *n = c->nlocal;
+  if (index) *index = c->local_index;
+  if (local) *local = c->local_rigid;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintFetchRigid(Constraint c, const PetscReal rigid[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscSFBcastBegin(c->rigid_sf, c->rigid_type, rigid, c->local_rigid, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(c->rigid_sf, c->rigid_type, rigid, c->local_rigid, MPI_REPLACE));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintDeliverRigid(Constraint c, const PetscReal local[], PetscReal rigid[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscSFReduceBegin(c->rigid_sf, c->rigid_type, local, rigid, MPIU_SUM));
+  PetscCall(PetscSFReduceEnd(c->rigid_sf, c->rigid_type, local, rigid, MPIU_SUM));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintExpandInPlace(Constraint c, const PetscReal rigid[], PetscReal v[], PetscReal saved[])
+{
+  const PetscInt nr = c->nr;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintFetchRigid(c, rigid));
+  for (PetscInt j = 0; j < c->ninert; j++) {
+    PetscReal value = 0;
+
+    if (c->body[j] >= 0)
+      for (PetscInt s = 0; s < nr; s++) value += c->coef[j * nr + s] * c->local_rigid[c->local_body[j] * nr + s];
+    if (saved) saved[j] = v[c->slot[j]];
+    v[c->slot[j]] = value;
+  }
+  for (PetscInt j = 0; j < c->nfollow; j++) {
+    const PetscReal *U = c->local_rigid + c->local_index[c->follow_body[j]] * nr;
+
+    if (saved) saved[c->ninert + j] = v[c->follow_slot[j]];
+    for (PetscInt s = 0; s < nr; s++) v[c->follow_slot[j]] += c->follow_coef[j * nr + s] * U[s];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintPutBack(Constraint c, const PetscReal saved[], PetscReal v[])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt j = 0; j < c->ninert; j++) v[c->slot[j]] = saved[j];
+  for (PetscInt j = 0; j < c->nfollow; j++) v[c->follow_slot[j]] = saved[c->ninert + j];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintReduceInPlace(Constraint c, PetscReal r[], PetscReal rigid[])
+{
+  const PetscInt nr = c->nr;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(c->local_rigid, c->nlocal * nr));
+  for (PetscInt j = 0; j < c->ninert; j++) {
+    const PetscReal value = r[c->slot[j]];
+
+    r[c->slot[j]] = 0;
+    if (c->body[j] < 0) continue;
+    for (PetscInt s = 0; s < nr; s++) c->local_rigid[c->local_body[j] * nr + s] += c->coef[j * nr + s] * value;
+  }
+  for (PetscInt j = 0; j < c->nfollow; j++)
+    for (PetscInt s = 0; s < nr; s++) c->local_rigid[c->local_index[c->follow_body[j]] * nr + s] += c->follow_coef[j * nr + s] * r[c->follow_slot[j]];
+  PetscCall(ConstraintDeliverRigid(c, c->local_rigid, rigid));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintExpand(Constraint c, Vec ur, PetscReal u[])
+{
+  const MeshLocal *l = c->loc;
+  const PetscInt   n = l->nnode * l->dim;
+  const PetscReal *x;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecGetArrayRead(ur, &x));
+  PetscCall(PetscArraycpy(u, x, n));
+  PetscCall(ConstraintExpandInPlace(c, x + n, u, NULL));
+  PetscCall(VecRestoreArrayRead(ur, &x));
+  for (PetscInt j = 0; j < c->ninert; j++) u[c->slot[j]] += c->known[c->slot[j]];
+  for (PetscInt j = 0; j < c->nfollow; j++) u[c->follow_slot[j]] += c->known[c->follow_slot[j]];
+  PetscCall(MeshSyncNodes(c->mesh, l->dim, u));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintRestrict(Constraint c, const PetscReal u[], const PetscReal U[], Vec ur)
+{
+  const PetscInt n = c->loc->nnode * c->loc->dim;
+  PetscReal     *x;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecGetArray(ur, &x));
+  PetscCall(PetscArraycpy(x, u, n));
+  for (PetscInt j = 0; j < c->ninert; j++) x[c->slot[j]] = 0;
+  for (PetscInt j = 0; j < c->nfollow; j++) {
+    x[c->follow_slot[j]] -= c->known[c->follow_slot[j]];
+    for (PetscInt s = 0; s < c->nr; s++) x[c->follow_slot[j]] -= c->follow_coef[j * c->nr + s] * U[c->follow_body[j] * c->nr + s];
+  }
+  for (PetscInt i = 0; i < c->count * c->nr; i++) x[n + i] = (c->unknown[c->first + i / c->nr] >> (i % c->nr)) & 1 ? U[c->first * c->nr + i] : 0;
+  PetscCall(VecRestoreArray(ur, &x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintGatherRigid(Constraint c, Vec ur, PetscReal U[])
+{
+  const PetscInt   n = c->loc->nnode * c->loc->dim, own = c->count * c->nr;
+  const PetscReal *x;
+  PetscReal       *all;
+  PetscMPIInt      size, mine, *counts, *starts;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
+  PetscCall(PetscMPIIntCast(own, &mine));
+  PetscCall(PetscMalloc3(c->nbodies * c->nr, &all, size, &counts, size, &starts));
+  PetscCallMPI(MPI_Allgather(&mine, 1, MPI_INT, counts, 1, MPI_INT, PETSC_COMM_WORLD));
+  for (PetscMPIInt r = 0; r < size; r++) starts[r] = r ? starts[r - 1] + counts[r - 1] : 0;
+  PetscCall(VecGetArrayRead(ur, &x));
+  PetscCallMPI(MPI_Allgatherv(x + n, mine, MPIU_REAL, all, counts, starts, MPIU_REAL, PETSC_COMM_WORLD));
+  PetscCall(VecRestoreArrayRead(ur, &x));
+  for (PetscInt i = 0; i < c->nbodies * c->nr; i++)
+    if ((c->unknown[i / c->nr] >> (i % c->nr)) & 1) U[i] = all[i];
+  PetscCall(PetscFree3(all, counts, starts));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Every rank stores its bodies' slots behind its nodal ones. */
+PetscErrorCode ConstraintGetRigidColumns(Constraint c, PetscInt column[])
+{
+  PetscInt nodal, total, start = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetSizes(c, &nodal, &total));
+  PetscCallMPI(MPI_Exscan(&total, &start, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+  PetscCall(PetscArrayzero(column, c->nbodies));
+  for (PetscInt k = 0; k < c->count; k++) column[c->first + k] = start + nodal + k * c->nr;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, column, (PetscMPIInt)c->nbodies, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintCreateMat(Constraint c, Mat *P)
+{
+  PetscInt nodal, total, row0, col0, *column, j = 0, f = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetSizes(c, &nodal, &total));
+  PetscCall(PetscMalloc1(c->nbodies, &column));
+  PetscCall(ConstraintGetRigidColumns(c, column));
+  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, nodal, total, PETSC_DETERMINE, PETSC_DETERMINE, c->nr + 1, NULL, c->nr, NULL, P));
+  PetscCall(MatGetOwnershipRange(*P, &row0, NULL));
+  PetscCall(MatGetOwnershipRangeColumn(*P, &col0, NULL));
+  for (PetscInt i = 0; i < nodal; i++) {
+    if (j < c->ninert && c->slot[j] == i) {
+      if (c->body[j] >= 0)
+        for (PetscInt s = 0; s < c->nr; s++)
+          if (c->coef[j * c->nr + s] != 0) PetscCall(MatSetValue(*P, row0 + i, column[c->body[j]] + s, c->coef[j * c->nr + s], INSERT_VALUES));
+      j++;
+    } else PetscCall(MatSetValue(*P, row0 + i, col0 + i, 1, INSERT_VALUES));
+    if (f < c->nfollow && c->follow_slot[f] == i) {
+      for (PetscInt s = 0; s < c->nr; s++)
+        if (c->follow_coef[f * c->nr + s] != 0)
+          PetscCall(MatSetValue(*P, row0 + i, column[c->follow_body[f]] + s, c->follow_coef[f * c->nr + s], INSERT_VALUES));
+      f++;
+    }
+  }
+  PetscCall(MatAssemblyBegin(*P, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(*P, MAT_FINAL_ASSEMBLY));
+  PetscCall(PetscFree(column));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

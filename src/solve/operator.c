@@ -1,0 +1,256 @@
+/* FlowSolver: products with the projected operators and the mass of the preconditioner (see flowsolveimpl.h). For all components in one pass, over the scalar matrix and the cells'
+   matrices of B; nothing is assembled. */
+#include "compat.h"
+#include "impl.h"
+#include "base/log.h"
+
+static void multiply_small(PetscInt n, const PetscReal M[], const PetscReal x[], PetscReal y[])
+{
+  for (PetscInt i = 0; i < n; i++) {
+    y[i] = 0;
+    for (PetscInt j = 0; j < n; j++) y[i] += M[i * n + j] * x[j];
+  }
+}
+
+static void add_small(PetscInt n, const PetscReal M[], const PetscReal x[], PetscReal y[])
+{
+  for (PetscInt i = 0; i < n * n; i++) y[i / n] += M[i] * x[i % n];
+}
+
+/* ---- the projected velocity operator ---- */
+
+/* The penalty's part outside the scalar matrix: y -= G U, rigid_work = -G^T x, with x and the rigid velocities as ConstraintExpandInPlace left them */
+static PetscErrorCode mult_soft(FlowSolver fs, const PetscReal x[], PetscReal y[])
+{
+  const PetscReal *U;
+  PetscInt         n;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetLocalRigid(fs->constraint, &n, NULL, &U));
+  PetscCall(PetscArrayzero(fs->rigid_work, n * fs->nr));
+  PetscCall(SoftMultAdd(fs->soft, fs->constraint, PETSC_TRUE, U, x, y, fs->rigid_work));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* y = (P^T A P + D) x with identity on inert slots. x is changed for the moment of the product and put back. */
+static PetscErrorCode mult_velocity(Mat mat, Vec x, Vec y)
+{
+  FlowSolver       fs;
+  const PetscReal *xr;
+  PetscReal       *xa, *ya;
+  const PetscInt  *slot, *unknown;
+  PetscInt         ninert, first, count;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(mat, &fs));
+  PetscCall(PetscLogEventBegin(TB_VEL_MULT, 0, 0, 0, 0));
+  PetscCall(ConstraintGetInert(fs->constraint, &ninert, &slot));
+  PetscCall(ConstraintGetOwnBodies(fs->constraint, &first, &count));
+  PetscCall(ConstraintGetUnknown(fs->constraint, &unknown));
+  PetscCall(VecGetArrayRead(x, &xr));
+  PetscCall(VecGetArrayWrite(y, &ya));
+  xa = (PetscReal *)xr;
+  PetscCall(ConstraintExpandInPlace(fs->constraint, xr + fs->nodal, xa, fs->saved));
+  PetscCall(VecPlaceArray(fs->xn, xa));
+  PetscCall(VecPlaceArray(fs->yn, ya));
+  PetscCall(MatMult(fs->A, fs->xn, fs->yn));
+  PetscCall(VecResetArray(fs->xn));
+  PetscCall(VecResetArray(fs->yn));
+  if (FlowSolverIsSoft(fs)) PetscCall(mult_soft(fs, xa, ya));
+  PetscCall(ConstraintPutBack(fs->constraint, fs->saved, xa));
+  for (PetscInt k = 0; k < count; k++) {
+    multiply_small(fs->nr, fs->D + (first + k) * fs->nr * fs->nr, xr + fs->nodal + k * fs->nr, ya + fs->nodal + k * fs->nr);
+    if (FlowSolverIsSoft(fs))
+      add_small(fs->nr, fs->soft->H + (first + k) * fs->nr * fs->nr, xr + fs->nodal + k * fs->nr, ya + fs->nodal + k * fs->nr);
+    for (PetscInt s = 0; s < fs->nr; s++)
+      if (!((unknown[first + k] >> s) & 1)) ya[fs->nodal + k * fs->nr + s] = xr[fs->nodal + k * fs->nr + s];
+  }
+  if (FlowSolverIsSoft(fs)) PetscCall(ConstraintDeliverRigid(fs->constraint, fs->rigid_work, ya + fs->nodal));
+  PetscCall(ConstraintReduceInPlace(fs->constraint, ya, ya + fs->nodal));
+  for (PetscInt j = 0; j < ninert; j++) ya[slot[j]] = xr[slot[j]];
+  PetscCall(VecRestoreArrayRead(x, &xr));
+  PetscCall(VecRestoreArrayWrite(y, &ya));
+  PetscCall(PetscLogEventEnd(TB_VEL_MULT, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode diagonal_velocity(Mat mat, Vec d)
+{
+  FlowSolver fs;
+  PetscReal *a;
+  PetscInt   first, count;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(mat, &fs));
+  PetscCall(ConstraintGetOwnBodies(fs->constraint, &first, &count));
+  PetscCall(VecGetArrayWrite(d, &a));
+  for (PetscInt i = 0; i < fs->nodal; i++) a[i] = fs->diagonal_inverse[i] > 0 ? 1 / fs->diagonal_inverse[i] : 1;
+  for (PetscInt i = 0; i < count * fs->nr; i++) a[fs->nodal + i] = 1 / fs->body_inverse[i / fs->nr * fs->nr * fs->nr + (i % fs->nr) * (fs->nr + 1)];
+  PetscCall(VecRestoreArrayWrite(d, &a));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Sweeps or the factorisation for all components at once; inert slots stay as they are; the bodies' blocks are solved against their right-hand side alone (block Jacobi). */
+static PetscErrorCode sor_velocity(Mat mat, Vec bv, PetscReal omega, MatSORType flag, PetscReal shift, PetscInt its, PetscInt lits, Vec xv)
+{
+  FlowSolver       fs;
+  const PetscReal *b;
+  PetscReal       *x;
+  PetscInt         first, count, ninert;
+  const PetscInt  *slot;
+
+  PetscFunctionBeginUser;
+  PetscCheck(omega == 1 && shift == 0, PetscObjectComm((PetscObject)mat), PETSC_ERR_SUP,
+             "The velocity sweep knows no over-relaxation or shift (omega %g, shift %g): leave -flow_fieldsplit_velocity_pc_sor_omega at 1 or choose another pc_type",
+             (double)omega, (double)shift);
+  PetscCall(MatShellGetContext(mat, &fs));
+  PetscCall(PetscLogEventBegin(TB_VEL_SWEEP, 0, 0, 0, 0));
+  PetscCall(ConstraintGetOwnBodies(fs->constraint, &first, &count));
+  PetscCall(ConstraintGetInert(fs->constraint, &ninert, &slot));
+  PetscCall(VecGetArrayRead(bv, &b));
+  PetscCall(VecGetArray(xv, &x));
+  PetscCall(SweepApply(fs->sweep, flag, its * lits, b, x));
+  for (PetscInt j = 0; j < ninert; j++) x[slot[j]] = b[slot[j]];
+  for (PetscInt k = 0; k < count; k++)
+    multiply_small(fs->nr, fs->body_inverse + k * fs->nr * fs->nr, b + fs->nodal + k * fs->nr, x + fs->nodal + k * fs->nr);
+  PetscCall(VecRestoreArray(xv, &x));
+  PetscCall(VecRestoreArrayRead(bv, &b));
+  PetscCall(PetscLogEventEnd(TB_VEL_SWEEP, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- B and its transpose, projected ---- */
+
+/* y = scale B P x */
+static PetscErrorCode mult_divergence(Mat mat, Vec x, Vec y)
+{
+  FlowSolver       fs;
+  const PetscReal *xr;
+  PetscReal       *ya;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(mat, &fs));
+  PetscCall(VecGetArrayRead(x, &xr));
+  PetscCall(VecGetArrayWrite(y, &ya));
+  PetscCall(PetscArraycpy(fs->local, xr, fs->nodal));
+  PetscCall(ConstraintExpandInPlace(fs->constraint, xr + fs->nodal, fs->local, NULL));
+  PetscCall(MeshSyncNodes(fs->mesh, fs->loc->dim, fs->local));
+  PetscCall(FlowDivergence(fs->flow, fs->local, ya));
+  for (PetscInt i = 0; i < fs->np; i++) ya[i] *= fs->scale;
+  PetscCall(VecRestoreArrayRead(x, &xr));
+  PetscCall(VecRestoreArrayWrite(y, &ya));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* y = -P^T B^T x */
+static PetscErrorCode mult_gradient(Mat mat, Vec x, Vec y)
+{
+  FlowSolver       fs;
+  const PetscReal *xr;
+  PetscReal       *ya;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(mat, &fs));
+  PetscCall(VecGetArrayRead(x, &xr));
+  PetscCall(VecGetArrayWrite(y, &ya));
+  PetscCall(FlowGradient(fs->flow, -1, xr, fs->local));
+  PetscCall(PetscArrayzero(ya + fs->nodal, fs->nur - fs->nodal));
+  PetscCall(ConstraintReduceInPlace(fs->constraint, fs->local, ya + fs->nodal));
+  PetscCall(PetscArraycpy(ya, fs->local, fs->nodal));
+  PetscCall(VecRestoreArrayRead(x, &xr));
+  PetscCall(VecRestoreArrayWrite(y, &ya));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* y = C x: compressibility of cells between two constrained surfaces */
+static PetscErrorCode mult_shared(Mat mat, Vec x, Vec y)
+{
+  FlowSolver       fs;
+  const PetscInt  *cell;
+  const PetscReal *xa, *block;
+  PetscReal       *ya;
+  PetscInt         n, nk;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(mat, &fs));
+  nk = fs->loc->dim + 1;
+  PetscCall(PressureGetShared(fs->pressure, &n, &cell, &block));
+  PetscCall(VecSet(y, 0));
+  PetscCall(VecGetArrayRead(x, &xa));
+  PetscCall(VecGetArray(y, &ya));
+  for (PetscInt i = 0; i < n; i++)
+    for (PetscInt e = 0; e < nk * nk; e++) ya[cell[i] * nk + e / nk] += block[i * nk * nk + e] * xa[cell[i] * nk + e % nk];
+  PetscCall(VecRestoreArray(y, &ya));
+  PetscCall(VecRestoreArrayRead(x, &xa));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What following slots add to M_r^{-1}: with F = 1 - share, M_r^{-1} = diag(weight) + [-F R; 1] M^{-1} [-F R; 1]^T for node and body (see bodyblocks.h).
+   Before: rigid -= R^T F x; after: y -= F R U. */
+static PetscErrorCode lead_followers(FlowSolver fs, PetscBool before, const PetscReal x[], PetscReal y[], PetscReal rigid[])
+{
+  const PetscInt  *slot, *body, *index, nr = fs->nr;
+  const PetscReal *coef, *U;
+  PetscInt         n, nlocal;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetFollowers(fs->constraint, &n, &slot, &body, &coef));
+  if (!before) PetscCall(ConstraintFetchRigid(fs->constraint, rigid));
+  PetscCall(ConstraintGetLocalRigid(fs->constraint, &nlocal, &index, &U));
+  PetscCall(PetscArrayzero(fs->rigid_work, nlocal * nr));
+  for (PetscInt j = 0; j < n; j++) {
+    const PetscReal rest = 1 - fs->share[slot[j] / fs->loc->dim];
+
+    for (PetscInt s = 0; s < nr; s++) {
+      if (before) fs->rigid_work[index[body[j]] * nr + s] -= rest * coef[j * nr + s] * x[slot[j]];
+      else y[slot[j]] -= rest * coef[j * nr + s] * U[index[body[j]] * nr + s];
+    }
+  }
+  if (before) PetscCall(ConstraintDeliverRigid(fs->constraint, fs->rigid_work, rigid));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverApplyMassInverse(FlowSolver fs, Vec x, Vec y)
+{
+  const PetscReal *xr;
+  PetscReal       *ya, *t = fs->rigid_work + fs->nbodies * fs->nr;
+  const PetscInt  *slot;
+  PetscInt         first, count, ninert;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetOwnBodies(fs->constraint, &first, &count));
+  PetscCall(ConstraintGetInert(fs->constraint, &ninert, &slot));
+  PetscCall(VecGetArrayRead(x, &xr));
+  PetscCall(VecGetArray(y, &ya));
+  for (PetscInt i = 0; i < fs->nodal; i++) ya[i] = fs->weight[i] / fs->scale * xr[i];
+  for (PetscInt j = 0; j < ninert; j++) ya[slot[j]] = 0; /* the softness of body nodes belongs to S_p only */
+  PetscCall(PetscArraycpy(t, xr + fs->nodal, count * fs->nr));
+  if (FlowSolverIsSoft(fs)) PetscCall(lead_followers(fs, PETSC_TRUE, xr, NULL, t));
+  for (PetscInt k = 0; k < count; k++)
+    multiply_small(fs->nr, fs->mass_inverse + (first + k) * fs->nr * fs->nr, t + k * fs->nr, ya + fs->nodal + k * fs->nr);
+  for (PetscInt i = fs->nodal; i < fs->nur; i++) ya[i] /= fs->scale;
+  if (FlowSolverIsSoft(fs)) PetscCall(lead_followers(fs, PETSC_FALSE, NULL, ya, ya + fs->nodal));
+  PetscCall(VecRestoreArray(y, &ya));
+  PetscCall(VecRestoreArrayRead(x, &xr));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode create_shell(FlowSolver fs, PetscInt m, PetscInt n, PetscErrorCode (*mult)(Mat, Vec, Vec), Mat *mat)
+{
+  PetscFunctionBeginUser;
+  PetscCall(MatCreateShell(PETSC_COMM_WORLD, m, n, PETSC_DETERMINE, PETSC_DETERMINE, fs, mat));
+  PetscCall(MatShellSetOperation(*mat, MATOP_MULT, (void (*)(void))mult));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverCreateShells(FlowSolver fs)
+{
+  PetscFunctionBeginUser;
+  PetscCall(create_shell(fs, fs->nur, fs->nur, mult_velocity, &fs->Ar));
+  PetscCall(MatShellSetOperation(fs->Ar, MATOP_GET_DIAGONAL, (void (*)(void))diagonal_velocity));
+  PetscCall(MatShellSetOperation(fs->Ar, MATOP_SOR, (void (*)(void))sor_velocity));
+  PetscCall(create_shell(fs, fs->nur, fs->np, mult_gradient, &fs->G));
+  PetscCall(create_shell(fs, fs->np, fs->nur, mult_divergence, &fs->B));
+  if (fs->nbodies) PetscCall(create_shell(fs, fs->np, fs->np, mult_shared, &fs->C));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,73 @@
+/* Helpers of the tests of contact: bodies from options, forces, comparisons that print. */
+#pragma once
+#include "compat.h"
+#include "contact/contact.h"
+#include "base/opt.h"
+#include "raised.h"
+#include "base/rotation.h"
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#include <cmocka.h>
+
+#define OK(call) assert_int_equal(call, 0)
+
+static const PetscReal zero[3] = {0, 0, 0}, one[3] = {1, 1, 1}, down[3] = {0, -10, 0};
+
+typedef struct {
+  Bodies     b;
+  BodyState *s;
+  Contact    c;
+  PetscReal (*force)[3], (*torque)[3], (*a)[3], (*alpha)[3], *gap;
+} Fixture;
+
+static inline void allocate(Fixture *f)
+{
+  f->force  = calloc(f->s->n + 1, sizeof(*f->force));
+  f->torque = calloc(f->s->n + 1, sizeof(*f->torque));
+  f->a      = calloc(f->s->n + 1, sizeof(*f->a));
+  f->alpha  = calloc(f->s->n + 1, sizeof(*f->alpha));
+  f->gap    = calloc(f->s->n + 1, sizeof(*f->gap));
+}
+
+static inline void create(Fixture *f, PetscInt dim, PetscReal h, const PetscReal gravity[3], const PetscReal lower[3], const PetscReal upper[3],
+                          PetscInt walls, const char options[])
+{
+  OK(PetscOptionsClear(NULL));
+  OK(PetscOptionsInsertString(NULL, options));
+  OK(BodiesCreate(dim, lower, upper, &f->b));
+  OK(BodiesGetState(f->b, &f->s));
+  OK(ContactCreate(f->b, h, 1, gravity, lower, upper, walls, &f->c));
+  allocate(f);
+}
+static inline void destroy(Fixture *f)
+{
+  OK(ContactDestroy(&f->c));
+  OK(BodiesDestroy(&f->b));
+  free(f->force);
+  free(f->torque);
+  free(f->a);
+  free(f->alpha);
+  free(f->gap);
+}
+
+static inline void evaluate(Fixture *f)
+{
+  OK(ContactEvaluate(f->c, f->s->x, f->s->q, f->force, f->torque, f->gap));
+}
+
+static inline PetscReal smallest(const Fixture *f, const PetscReal gap[])
+{
+  PetscReal least = PETSC_MAX_REAL;
+
+  for (PetscInt k = 0; k < f->s->n; k++) least = PetscMin(least, gap[k]);
+  return least;
+}
+
+static inline void near(PetscReal got, PetscReal want, PetscReal tolerance)
+{
+  if (!(PetscAbsReal(got - want) <= tolerance)) fail_msg("%.17g differs from %.17g by more than %g", (double)got, (double)want, (double)tolerance);
+}

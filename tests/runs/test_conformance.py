@@ -1,0 +1,78 @@
+"""The conformance suite itself: it passes every shape we ship, and finds each fault that tests/shape/badshapes/faulty.c commits.
+
+Run from the top folder after 'make tests': /usr/bin/python3 -m pytest tests/runs/test_conformance.py
+TUMBLE_BUILD names another build folder."""
+import os
+import subprocess
+
+import pytest
+
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+BUILD = os.path.join(ROOT, os.environ.get("TUMBLE_BUILD", "build"))
+
+SHAPES = [
+    ["circle"],
+    ["circle", "-shape_radius", "0.0625"],
+    ["template"],
+    ["template", "-shape_corner", "0"],
+    ["ellipse"],
+    ["ellipse", "-shape_a", "1", "-shape_b", "0.01"],
+    ["ellipse", "-shape_a", "0.001", "-shape_b", "0.02", "-shape_c", "0.003"],
+    ["airfoil"],
+    ["airfoil", "-shape_thickness", "0.02", "-shape_camber", "0.06", "-shape_camber_position", "0.3"],
+    ["airfoil", "-shape_chord", "0.01", "-shape_thickness", "0.4", "-shape_camber", "0.09", "-shape_origin", "0"],
+    ["leaflet"],
+    ["leaflet", "-shape_thickness", "0.01", "-shape_origin", "0.5"],
+]
+
+FAULTS = [  # number of the fault in faulty.c, what the suite must say
+    (1, "not finite"),
+    (2, "FAIL 2D 1-Lipschitz"),
+    (3, "FAIL 2D Euclidean near the surface"),
+    (4, "FAIL 2D Euclidean near the surface"),
+    (5, "FAIL 2D normals"),
+    (6, "FAIL 2D normals"),
+    (7, "FAIL 2D bounding radius"),
+    (8, "FAIL 2D mass properties"),
+    (9, "run clockwise"),
+    (10, "FAIL 2D surface points"),
+    (11, "FAIL 2D determinism"),
+    (12, "FAIL 2D sign"),
+    (13, "FAIL 2D leaks"),
+    (14, "FAIL 2D options at and out of range"),
+    (15, "FAIL 2D empty batch"),
+]
+
+
+def run(plugin, *options):
+    """Exit status, and what was printed after the command that repeats it."""
+    command = [os.path.join(BUILD, "tests", "shape", "conformance"), os.path.join(BUILD, plugin + ".so"), *options]
+    done = subprocess.run(command, capture_output=True, text=True)
+    return done.returncode, " ".join(command) + "\n" + done.stderr + done.stdout
+
+
+@pytest.mark.parametrize("case", SHAPES, ids=" ".join)
+def test_shape_passes(case):
+    code, out = run("shapes/" + case[0], *case[1:])
+    assert code == 0, out
+    assert out.rstrip().endswith(" 0 failed"), out
+
+
+def test_polygon_passes(tmp_path):
+    outline = tmp_path / "outline.txt"
+    outline.write_text("# not convex, clockwise\n-0.5 0.6\n0.2 1.5\n1 0.4\n2 1\n2 0\n0 0\n")
+    code, out = run("shapes/polygon", "-shape_file", str(outline))
+    assert code == 0, out
+
+
+def test_faulty_without_fault_passes():
+    code, out = run("tests/shape/badshapes/faulty", "-shape_fault", "0")
+    assert code == 0, out
+
+
+@pytest.mark.parametrize("fault,said", FAULTS)
+def test_fault_is_found(fault, said):
+    code, out = run("tests/shape/badshapes/faulty", "-shape_fault", str(fault), "-conformance_dim", "2")
+    assert code == 1, out
+    assert said in out
+    assert not out.rstrip().endswith(" 0 failed")
