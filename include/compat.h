@@ -1,4 +1,4 @@
-/* One place for differences between PETSc releases (3.18 to current). Layer 0. */
+/* One place for differences between PETSc releases (3.18 to current). */
 #pragma once
 #include <petsc.h>
 

@@ -2,7 +2,7 @@
 
    A shape answers "inside or outside, how far, which normal" for batches of points in its own body frame. One C file is
    one shape is one shared object, found by type name ("circle" -> circle.so) in the folders of -shape_path.
-   This header is all that a plugin includes. Layer 1.
+   This header is all that a plugin includes.
 
    Conventions: points are stored [n][dim] (dim = 2 or 3), lengths are in the length unit of the scene (any consistent unit),
    the body frame is fixed to the body; its origin is wherever the plugin puts it (the centroid need not be there).

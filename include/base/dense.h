@@ -1,4 +1,4 @@
-/* Dense: inverse and factor of tiny symmetric positive definite matrices (blocks of bodies and cells) and of Jacobians. Layer 0. */
+/* Dense: inverse and factor of tiny symmetric positive definite matrices (blocks of bodies and cells) and of Jacobians. */
 #pragma once
 #include <petscsys.h>
 

@@ -1,5 +1,5 @@
 /* Log classes, stages and events of the program: one place, so that -log_view reads like the algorithm.
-   Layer 0. Event names have at most 16 characters. */
+   Event names have at most 16 characters. */
 #pragma once
 #include <petscsys.h>
 

@@ -1,5 +1,5 @@
 /* Rotations: unit quaternions (w, x, y, z) in the 3D interface; a plane rotation by angle a is (cos a/2, 0, 0, sin a/2).
-   Layer 0. All functions are local and cheap (inline). */
+   All functions are local and cheap (inline). */
 #pragma once
 #include <petscsys.h>
 

@@ -1,4 +1,4 @@
-/* Bodies: rigid bodies in groups, their state and their motion. Knows nothing of the flow. Layer 2.
+/* Bodies: rigid bodies in groups, their state and their motion. Knows nothing of the flow.
 
    State is a structure of arrays. Vectors always have 3 components (2D: third zero; angular velocity along z), rotations are
    unit quaternions with the plane angle kept beside them (2D, not wrapped to 2 pi). Units: any consistent system.
@@ -37,7 +37,7 @@ typedef struct {
   ShapeMass mass;         /* for unit density */
   PetscReal radius;       /* bounding radius about the centroid */
   PetscReal disc;         /* radius if the shape is a disc/sphere, else 0 */
-  PetscBool hole;         /* the body is a hole of the mesh (hole.h): nothing is drawn */
+  PetscBool hole;         /* the body is a hole of the mesh (fitted.h): nothing is drawn */
 } BodyGroup;
 
 /* The state; arrays are owned by Bodies, writable by the coupling. n = number of bodies; replicated on all ranks. */

@@ -1,4 +1,4 @@
-/* Rigid: inertia and loads of a body on its rigid slots (translation, then rotation about its reference point: 3 numbers in 2D, 6 in 3D). Layer 2.
+/* Rigid: inertia and loads of a body on its rigid slots (translation, then rotation about its reference point: 3 numbers in 2D, 6 in 3D).
 
    The velocity of the centre is that of the reference point plus w x arm; T is that map from the slots to (velocity of the centre, w). All is per unit density and exact from
    the shape: mass of the fluid or of the body is a matter of the caller. */

@@ -1,4 +1,4 @@
-/* Motion: what a scene says about the motion of a group beyond "free": prescribed motion, pivot, angular stops, external force and torque. Used by bodies.c and bodygroup.c. Layer 2 (below bodies).
+/* Motion: what a scene says about the motion of a group beyond "free": prescribed motion, pivot, angular stops, external force and torque. Used by bodies.c and bodygroup.c. (below bodies).
 
    Every degree of freedom of a body that is not free is prescribed: position and velocity at any time are known in closed form. With s the (ramped) time,
      x(s) = start + velocity s + amplitude sin(2 pi s/period + phase)   an axis,

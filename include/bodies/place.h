@@ -1,4 +1,4 @@
-/* Place: where the bodies of a group start: in rows, at random, or from a table. Used by bodygroup.c. Layer 2 (below bodies). */
+/* Place: where the bodies of a group start: in rows, at random, or from a table. Used by bodygroup.c. (below bodies). */
 #pragma once
 #include <petscsys.h>
 

@@ -1,4 +1,4 @@
-/* Contact: forces between bodies, and between bodies and the walls of the domain. Knows bodies and shapes, not the flow. Layer 3.
+/* Contact: forces between bodies, and between bodies and the walls of the domain. Knows bodies and shapes, not the flow.
 
    Laws (-contact_law), along the line of contact:
      repulsive (default; Glowinski, Pan, Hesla, Joseph 1999; Wan & Turek 2006): zero beyond a range r, quadratic in the gap within it, linear in the overlap:
@@ -6,7 +6,7 @@
      spring (Cundall & Strack 1979): F = k (r - gap) + c v within the range, c from the coefficient of restitution, with Coulomb friction
      none
    and, in addition to either, -contact_lubrication: the resistance of films thinner than the mesh resolves. Defaults of all stiffnesses scale with the cell size and the
-   energy of arrival at terminal speed; see contactlaw.c for the formulas. Bodies that cannot move exert forces and receive them, two such bodies ignore each other.
+   energy of arrival at terminal speed; see law.c for the formulas. Bodies that cannot move exert forces and receive them, two such bodies ignore each other.
    Options: -contact_range [length], -contact_substeps (0: chosen), -contact_separate (bodies that overlap after a step are moved apart), -couple_search cells|brute; repulsive: -contact_stiffness (multiple of the default K), _eps, _eps_overlap,
    _wall_factor, _damping; spring: -contact_spring_stiffness, _restitution, _friction, _tangential; lubrication: -contact_lubrication_range, _roughness. */
 #pragma once
@@ -39,7 +39,7 @@ PetscErrorCode ContactEvaluate(Contact, PetscReal (*x)[3], PetscReal (*q)[4], Pe
    Safe while a body moves at most h in a step.
    Error when -contact_substeps is given and too small for the stiffness: names option, value and the needed number. */
 PetscErrorCode ContactStep(Contact, PetscReal dt, PetscReal (*a)[3], PetscReal (*alpha)[3]);
-/* After the bodies have moved in the flow: fills gap of the state (PETSC_MAX_REAL: far) and, with -contact_separate, moves bodies that overlap apart (contactseparate.c says why
+/* After the bodies have moved in the flow: fills gap of the state (PETSC_MAX_REAL: far) and, with -contact_separate, moves bodies that overlap apart (separate.c says why
    and how) until 1e-3 radii are left; velocities stay. Not collective, same result on all ranks. */
 PetscErrorCode ContactFinishStep(Contact);
 /* Take steps back: Keep before ContactStep, Revert after it; contact_force, contact_torque, gap and the tangential springs are what they were. Not collective. */

@@ -1,4 +1,4 @@
-/* Couple: where flow and bodies meet. Layer 3.
+/* Couple: where flow and bodies meet.
 
    Marks the nodes that bodies cover, fills the projection P, solves the step for flow and free bodies together (implicit, monolithic) or with the bodies' known velocity
    (explicit, the classical algorithm of the method), reads the hydrodynamic forces, and moves the bodies. Boundary rung `nodal`: nodes inside a body take its velocity, the cells
@@ -11,7 +11,7 @@
    Rung `snap` (snap.h): the mesh lines up with the bodies, whose inside is no part of the fluid; a body that it cannot follow is held by the penalty. A body thinner than a cell is a path of
    edges: the fluid that it displaces is there and moves with it, so that its rigid rows are those of nodal.
 
-   -mesh_deform with bodies that move: the mesh follows them in every step, its velocity is part of the convection (follow.h). Rungs nodal and penalty.
+   -mesh_deform with bodies that move: the mesh follows them in every step, its velocity is part of the convection (ale.h). Rungs nodal and penalty.
 
    -flow_force (the gradient of a mean pressure) acts on the fluid and on the bodies in it alike: their force and the balance of momentum contain its share, force per volume times Vol.
    Bodies that are holes of the mesh report the force on their surface alone.
@@ -35,7 +35,7 @@ PetscErrorCode CoupleCreate(Flow, Bodies, Couple *);
 PetscErrorCode CoupleDestroy(Couple *);
 PetscErrorCode CoupleView(Couple, PetscViewer);
 PetscErrorCode CoupleGetSolver(Couple, FlowSolver *);
-/* From now on the mesh, deformed for the bodies where they are, follows them (follow.h). Error: rung snap, which moves nodes itself. Borrowed. Collective. */
+/* From now on the mesh, deformed for the bodies where they are, follows them (ale.h). Error: rung snap, which moves nodes itself. Borrowed. Collective. */
 PetscErrorCode CoupleSetDeform(Couple, Deform);
 /* What the mesh of the last step was like, NULL: it does not move. Borrowed. */
 PetscErrorCode CoupleGetDeform(Couple, const DeformResult **);

@@ -1,4 +1,4 @@
-/* Deform: concentrates the cells of a mesh near bodies, without changing its topology. Layer 2.
+/* Deform: concentrates the cells of a mesh near bodies, without changing its topology.
 
    Wanted: cell c, of size |c| on the mesh as it was, gets the size k |c| m, where the monitor m(x) is s^dim on the surface of a body, rises with the distance to 1 at -mesh_deform_width
    and k makes the sizes fill the domain: N_c = int_c 1/(k m) = |c|. Deformation method (Moser 1965; Liao & Anderson 1992; Grajewski, Koester & Turek 2009): a potential w gives the

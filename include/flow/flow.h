@@ -1,4 +1,4 @@
-/* Flow: the incompressible Navier-Stokes equations on the mesh, without bodies and without solvers. Layer 2.
+/* Flow: the incompressible Navier-Stokes equations on the mesh, without bodies and without solvers.
 
    Q2 velocity, P1 discontinuous pressure (unmapped, centred on the cell: 1, (x - xc)/hc, (y - yc)/hc, with hc = volume^(1/dim)), gradient form of the viscous term,
    3-point Gauss quadrature an axis. One step n -> n+1 is linear, convection with the extrapolated velocity w:
@@ -22,7 +22,7 @@
    The velocity operator is the same scalar matrix S = rho c_t M + theta (rho C(w) + mu K) for every component. Nodal arrays are [nnode_all][dim], velocity in length/time;
    pressure arrays [own cells][dim + 1].
 
-   Options: -flow_density, -flow_viscosity (dynamic), -flow_gravity, -flow_force (per volume), -flow_time be|cn|bdf2|fstheta, -flow_extrapolation linear|quadratic, -flow_convection, -flow_convection_form convective|skew; boundary conditions: boundary.h. */
+   Options: -flow_density, -flow_viscosity (dynamic), -flow_gravity, -flow_force (per volume), -flow_time be|cn|bdf2|fstheta, -flow_extrapolation linear|quadratic, -flow_convection, -flow_convection_form convective|skew; boundary conditions: condition.h. */
 #pragma once
 #include "flow/condition.h"
 #include "mesh/mesh.h"
@@ -85,7 +85,7 @@ PetscErrorCode FlowSetConvection(Flow, const PetscReal w[]);
 PetscErrorCode FlowSetSource(Flow, VectorField, void *ctx);
 
 /* The boundary conditions, set to the time of the step. Borrowed. */
-Boundary FlowBoundary(Flow);
+Conditions FlowConditions(Flow);
 
 /* Assemble S for the step. Constant parts are kept; a Stokes flow with an unchanged step costs nothing. Collective. */
 PetscErrorCode FlowAssemble(Flow);

@@ -1,4 +1,4 @@
-/* Element: tables and kernels of the Q2 element on quadrilaterals and hexahedra, one cell at a time. Layer 1.
+/* Element: tables and kernels of the Q2 element on quadrilaterals and hexahedra, one cell at a time.
 
    Node j of a cell sits at lattice position (j % 3, (j/3) % 3, j/9) of [-1,1]^dim; quadrature is 3-point Gauss an axis (mesh.h, flow.h).
    The kernels are written for a general dimension and inlined with constants, so that the compiler vectorises them over nodes or over quadrature points (rows padded to a multiple

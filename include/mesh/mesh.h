@@ -1,11 +1,11 @@
-/* Mesh: a fixed, distributed DMPlex mesh of quadrilaterals or hexahedra with its Q2 nodes. Layer 1.
+/* Mesh: a fixed, distributed DMPlex mesh of quadrilaterals or hexahedra with its Q2 nodes.
 
    The mesh knows nothing of bodies or equations. Every vertex, edge, face and cell of the DMPlex carries exactly one Q2 node, so a
    cell has nb = 3^dim nodes; node j of a cell sits at lattice position (j % 3, (j/3) % 3, j/9) of the reference cell [-1,1]^dim.
    Each rank holds its own cells first, then one layer of ghost cells (all cells that share a node with an own cell);
    own nodes first, then ghost nodes. Local indices everywhere; global = node_start + local for own nodes.
 
-   Options: -mesh_kind box|channel|fitted|disc|annulus|file and those of each kind (meshkind.h),
+   Options: -mesh_kind box|channel|fitted|disc|annulus|file and those of each kind (kind.h),
    -mesh_order rcm|natural, -dm_refine n, -petscpartitioner_type metis|ptscotch|simple. */
 #pragma once
 #include <petscdmplex.h>

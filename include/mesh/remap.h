@@ -1,4 +1,4 @@
-/* Remap: nodal fields of a mesh that is about to move, evaluated where its nodes will be. Layer 2. Plane meshes only.
+/* Remap: nodal fields of a mesh that is about to move, evaluated where its nodes will be. Plane meshes only.
 
    The value at a new place is, in this order:
      (a) that of the old fluid cell that contains it;

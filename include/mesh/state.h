@@ -1,4 +1,4 @@
-/* State: what a module must remember to go on later. Layer 2.
+/* State: what a module must remember to go on later.
 
    A module has one function that visits its state, for saving and for loading alike, so that the two cannot differ:
 

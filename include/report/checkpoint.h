@@ -1,4 +1,4 @@
-/* Checkpoint: when the state of a run is written to disk, and how a run goes on from there. Layer 4.
+/* Checkpoint: when the state of a run is written to disk, and how a run goes on from there.
 
    Files checkpoint_<step>.h5 in the output directory (format: state.h), each complete or not there at all; the last two are kept. A signal to any rank asks for one too: SIGUSR1 writes and
    goes on, SIGTERM writes and ends the run in order. (Open MPI's mpiexec passes SIGUSR1 on; a SIGTERM to mpiexec itself leaves its ranks one second only, unless

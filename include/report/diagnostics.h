@@ -1,4 +1,4 @@
-/* Probe: numbers that a scene reads from the solution of a step: drag and lift coefficients, a pressure difference, the balance of momentum. Layer 4.
+/* Diagnostics: numbers that a scene reads from the solution of a step: drag and lift coefficients, a pressure difference, the balance of momentum.
 
    They become further columns of series.csv, and at the end quantities of summary.json. Nothing is computed that no option asks for.
 
@@ -19,12 +19,12 @@
 #include "couple/couple.h"
 #include "report/monitor.h"
 
-typedef struct _p_Probe *Probe;
+typedef struct _p_Diagnostics *Diagnostics;
 
 /* Reads the options and adds the columns; before MonitorOpen. Nothing is owned. Collective. Errors: a group of several bodies, points outside the mesh. */
-PetscErrorCode ProbeCreate(Flow, Bodies, Couple, Monitor, Probe *);
-PetscErrorCode ProbeDestroy(Probe *);
+PetscErrorCode DiagnosticsCreate(Flow, Bodies, Couple, Monitor, Diagnostics *);
+PetscErrorCode DiagnosticsDestroy(Diagnostics *);
 /* From the solution of the step, after CoupleForce and before CoupleAdvance. balance may be NULL without -monitor_momentum. Collective. */
-PetscErrorCode ProbeStep(Probe, const CoupleBalance *balance);
+PetscErrorCode DiagnosticsStep(Diagnostics, const CoupleBalance *balance);
 /* The quantities of the run; before MonitorFinish. */
-PetscErrorCode ProbeFinish(Probe);
+PetscErrorCode DiagnosticsFinish(Diagnostics);

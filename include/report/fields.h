@@ -1,4 +1,4 @@
-/* Output: fields as HDF5 + XDMF. Layer 4.
+/* Output: fields as HDF5 + XDMF.
 
    Velocity is written with all its Q2 nodes (XDMF Quadrilateral_9 / Hexahedron_27, nothing thrown away). The discontinuous pressure is
    written as cell mean and cell gradient (exact) and, for pictures, as nodal average. */

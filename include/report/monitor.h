@@ -1,4 +1,4 @@
-/* Monitor: what a run says about itself while it goes on and at its end. Layer 4.
+/* Monitor: what a run says about itself while it goes on and at its end.
 
    Files of the output directory: options.txt (versions and every option, written before the first step), series.csv (one line a reported step),
    bodies.csv (one line a body and reported step) and summary.json (at the end). Standard output: progress lines with the estimated time left,
@@ -7,7 +7,7 @@
 
    Columns: step,time_s,dt_s,cfl,outer_iterations,divergence,kinetic_energy,momentum_error,seconds,seconds_nse,seconds_force,seconds_particle,
             bodies_energy,contact_energy,contact_work
-            (series.csv; seconds: wall clock of the step, and of its phases on rank 0; then the columns of MonitorAddColumn, see probe.h)
+            (series.csv; seconds: wall clock of the step, and of its phases on rank 0; then the columns of MonitorAddColumn, see diagnostics.h)
             step,time_s,body,group,x,y,z,angle_rad,u,v,w,omega_x,omega_y,omega_z,force_x,force_y,force_z,torque_x,torque_y,torque_z,gap,radius
             (bodies.csv; force and torque of the fluid, gap inf if nothing is near, radius 0 if the body is no disc or sphere;
             angle not wrapped in 2D, of the rotation out of the initial position in 3D)
@@ -71,7 +71,7 @@ PetscErrorCode MonitorGetQuantity(Monitor, const char name[], PetscReal *value, 
 /* What this rank has to do (cells, bodies, ...): summary.json holds smallest, mean and largest over the ranks under balance.<name>. Again: the new value holds. Collective. */
 PetscErrorCode MonitorBalance(Monitor, const char name[], PetscReal mine);
 
-/* With -output_yardstick: measure memory bandwidth and one product with S (yardstick.h) for summary.json; memory and wall clock of the run are taken before. Does nothing
+/* With -output_yardstick: measure memory bandwidth and one product with S (bandwidth.h) for summary.json; memory and wall clock of the run are taken before. Does nothing
    without the option. Once, after the last step. Collective. */
 PetscErrorCode MonitorYardstick(Monitor, Mat S);
 

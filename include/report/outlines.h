@@ -1,4 +1,4 @@
-/* Bodyfile: all bodies as HDF5 + XDMF, at the same steps as the fields. Layer 4.
+/* Outlines: all bodies as HDF5 + XDMF, at the same steps as the fields.
 
    bodies_<step>.h5: time [1]; per body position, velocity, angular_velocity, force (of the fluid), contact_force [n][3], angle, radius (of the bounding circle) [n], group [n];
    in 2D also outline [n][points][3] (counter-clockwise; a disc starts in its own direction, so that its turning can be seen) and line [n][points + 1].
@@ -6,12 +6,12 @@
 #pragma once
 #include "bodies/bodies.h"
 
-typedef struct _p_Bodyfile *Bodyfile;
+typedef struct _p_Outlines *Outlines;
 
 /* The bodies are borrowed. Collective on PETSC_COMM_WORLD, like all others. */
-PetscErrorCode BodyfileCreate(Bodies, Bodyfile *);
-PetscErrorCode BodyfileDestroy(Bodyfile *);
+PetscErrorCode OutlinesCreate(Bodies, Outlines *);
+PetscErrorCode OutlinesDestroy(Outlines *);
 /* Write one snapshot into dir, an existing directory; does nothing without bodies. A step written twice takes the place of its first version. Error: the disk. */
-PetscErrorCode BodyfileWrite(Bodyfile, const char dir[], PetscInt step, PetscReal time);
+PetscErrorCode OutlinesWrite(Outlines, const char dir[], PetscInt step, PetscReal time);
 /* StateVisit of a Bodyfile: the snapshots so far. */
-PetscErrorCode BodyfileVisitState(void *bodyfile, State);
+PetscErrorCode OutlinesVisitState(void *bodyfile, State);

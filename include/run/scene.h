@@ -1,4 +1,4 @@
-/* Scene: reads the options of a scene and builds everything it asks for. Layer 5.
+/* Scene: reads the options of a scene and builds everything it asks for.
    Options: -preset fast|balanced|accurate (defaults for solver, boundary rung and time scheme together),
    -scene_dry_run (build everything, say what is active and what is not, stop before the first step). */
 #pragma once

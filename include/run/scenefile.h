@@ -1,4 +1,4 @@
-/* Scene file: find it among the arguments and check it before PETSc reads it. Layer 5.
+/* Scene file: find it among the arguments and check it before PETSc reads it.
 
    PETSc reads the scene itself (file argument of PetscInitialize), but it takes the last of duplicate keys in silence, cannot hold
    lists of maps, and reports syntax errors without a line. So the file is checked first, with libyaml, and every fault is said as

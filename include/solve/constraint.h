@@ -1,4 +1,4 @@
-/* Constraint: the projection u = P u_r + c of the nodal velocity onto what may move freely. Layer 1.
+/* Constraint: the projection u = P u_r + c of the nodal velocity onto what may move freely.
 
    The reduced vector u_r has one slot for every velocity component of every own node, followed by the rigid velocities
    (translation, then rotation: 3 numbers in 2D, 6 in 3D) of the bodies this rank owns. The layout never changes; what changes is the meaning of a slot:
@@ -7,7 +7,7 @@
      * node inside body k             slots inert, u_i = U_k + w_k x (x_i - X_k); degrees of freedom of the body that are unknown
                                       come from u_r, known ones (fixed, prescribed, explicit coupling) go to c
      * node that follows body k       its slot is the velocity relative to the body, u_i = slot + U_k + w_k x (x_i - X_k). A mere change of unknowns, for nodes
-                                      that something else (soft.h) ties to the body: it keeps the system well conditioned
+                                      that something else (penaltyterm.h) ties to the body: it keeps the system well conditioned
    P and P^T are applied matrix-free at a cost proportional to the number of constrained nodes; ConstraintCreateMat gives P as a matrix for solvers that need one. */
 #pragma once
 #include "mesh/mesh.h"

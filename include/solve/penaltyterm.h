@@ -1,4 +1,4 @@
-/* Soft: the part of a penalty that ties nodes to the rigid velocities of bodies. Layer 1.
+/* PenaltyTerm: the part of a penalty that ties nodes to the rigid velocities of bodies.
 
    A penalty 1/2 sum_k int_k sigma |u - R_k U_k|^2 with u in the finite element space adds to the velocity operator in the unknowns (u, U)
 
@@ -22,15 +22,15 @@ typedef struct {
   PetscInt  *follow;      /* [nnode_all] the body that holds a node most, synced; -1 elsewhere */
   PetscInt   nmore;       /* bodies of entries that are not the one their node follows, repetitions allowed */
   PetscInt  *more;
-} Soft;
+} PenaltyTerm;
 
 /* G of entry e as a matrix [dim][nr] */
-void SoftGetBlock(const Soft *, PetscInt e, PetscReal G[]);
+void PenaltyTermGetBlock(const PenaltyTerm *, PetscInt e, PetscReal G[]);
 
 /* r -= G U at own nodes, rigid -= G^T u: the operator above without Pen and H. u, r [own nodes][dim]; U, rigid [n][nr] by the local numbers of the constraint
    (ConstraintGetLocalRigid), of which the entries of U for unknown or for known degrees of freedom count, and the unknown rows of rigid are served. Local. */
-PetscErrorCode SoftMultAdd(const Soft *, Constraint, PetscBool of_unknown, const PetscReal U[], const PetscReal u[], PetscReal r[],
-                           PetscReal rigid[]);
+PetscErrorCode PenaltyTermMultAdd(const PenaltyTerm *, Constraint, PetscBool of_unknown, const PetscReal U[], const PetscReal u[], PetscReal r[],
+                                  PetscReal rigid[]);
 
 /* Force and torque of the penalty on all bodies, out [nbodies][nr] += G^T u - H U, to be summed over ranks; u [own nodes][dim], U [nbodies][nr] all rigid velocities. Local. */
-PetscErrorCode SoftAddForce(const Soft *, Constraint, const PetscReal u[], const PetscReal U[], PetscReal out[]);
+PetscErrorCode PenaltyTermAddForce(const PenaltyTerm *, Constraint, const PetscReal u[], const PetscReal U[], PetscReal out[]);

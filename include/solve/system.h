@@ -1,4 +1,4 @@
-/* FlowSolver: the coupled linear system of one step for free velocities, rigid velocities and pressure. Layer 2.
+/* FlowSolver: the coupled linear system of one step for free velocities, rigid velocities and pressure.
 
      [ P^T A P + D   -P^T B^T ] [u_r]   [ P^T (r - A c) + g ]
      [ B P               C    ] [ p ] = [ -B c              ]       A = S (x) identity of components, C = 0 but in cells between two surfaces (pressure.h)
@@ -20,7 +20,7 @@
 
    Everything is reachable with PETSc options under prefix -flow_ (outer), -flow_fieldsplit_velocity_, -flow_fieldsplit_pressure_. Products with the projected operators are
    matrix-free; matrices are assembled only when a chosen preconditioner needs them (hypre, gamg, lu, ... of the velocity; any -flow_pc_type other than the default).
-   Options: -flow_recipe fast|balanced|accurate|direct, -flow_schur auto|projection|commutator, -flow_velocity_sweep auto|sor|ilu (sweep.h), -flow_rtol_start, -flow_rtol_most,
+   Options: -flow_recipe fast|balanced|accurate|direct, -flow_schur auto|projection|commutator, -flow_velocity_sweep auto|sor|ilu (relax.h), -flow_rtol_start, -flow_rtol_most,
    -flow_pressure_softness eps. */
 #pragma once
 #include "solve/constraint.h"
@@ -39,7 +39,7 @@ PetscErrorCode FlowSolverView(FlowSolver, PetscViewer);
 PetscErrorCode FlowSolverSetRigid(FlowSolver, const PetscReal D[]);
 
 /* Penalty of the bodies, whose scalar part is in the flow's matrix; NULL: none. Borrowed; what it points to may change between steps. */
-PetscErrorCode FlowSolverSetSoft(FlowSolver, const Soft *);
+PetscErrorCode FlowSolverSetSoft(FlowSolver, const PenaltyTerm *);
 
 /* Around a FlowUpdateCells: which cells are about to change, and afterwards which ones are no part of the fluid (PressureForgetCells, PressureSetDead). Collective. */
 PetscErrorCode FlowSolverForgetCells(FlowSolver, PetscInt n, const PetscInt cells[]);

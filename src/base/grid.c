@@ -1,4 +1,4 @@
-/* Cells: search grid with linked lists, see cells.h.
+/* Cells: search grid with linked lists, see grid.h.
 
    Method: every box is registered in all cells it touches (entries form one linked list a cell). A pair that shares several cells is
    reported in one of them only, the cell at the lower corner of the overlap of their cell ranges, so no list of seen pairs is needed.
@@ -6,7 +6,7 @@
 #include "compat.h"
 #include "base/grid.h"
 
-struct _p_Cells {
+struct _p_Grid {
   PetscInt  dim, n[3], nentries, entry_room, item_room;
   PetscReal lower[3], inverse[3]; /* inverse: cells per unit length */
   PetscInt *head;                 /* [cells] first entry, -1 = none */
@@ -14,19 +14,19 @@ struct _p_Cells {
   PetscInt (*corner)[3];          /* [items] lowest cell of each item */
 };
 
-static PetscInt locate_axis(Cells c, PetscInt a, PetscReal x)
+static PetscInt locate_axis(Grid c, PetscInt a, PetscReal x)
 {
   const PetscReal s = PetscFloorReal((x - c->lower[a]) * c->inverse[a]);
 
   return s > 0 ? (s < c->n[a] - 1 ? (PetscInt)s : c->n[a] - 1) : 0;
 }
 
-static PetscInt flat_index(Cells c, const PetscInt i[3])
+static PetscInt flat_index(Grid c, const PetscInt i[3])
 {
   return (i[2] * c->n[1] + i[1]) * c->n[0] + i[0];
 }
 
-static PetscErrorCode add_entry(Cells c, PetscInt cell, PetscInt item)
+static PetscErrorCode add_entry(Grid c, PetscInt cell, PetscInt item)
 {
   PetscFunctionBeginUser;
   if (c->nentries == c->entry_room) {
@@ -40,9 +40,9 @@ static PetscErrorCode add_entry(Cells c, PetscInt cell, PetscInt item)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CellsCreate(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], PetscReal size, PetscInt max_cells, Cells *cells)
+PetscErrorCode GridCreate(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], PetscReal size, PetscInt max_cells, Grid *cells)
 {
-  Cells     c;
+  Grid      c;
   PetscReal total = 1, n[3] = {1, 1, 1};
 
   PetscFunctionBeginUser;
@@ -72,9 +72,9 @@ PetscErrorCode CellsCreate(PetscInt dim, const PetscReal lower[3], const PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CellsDestroy(Cells *cells)
+PetscErrorCode GridDestroy(Grid *cells)
 {
-  Cells c = *cells;
+  Grid c = *cells;
 
   PetscFunctionBeginUser;
   if (!c) PetscFunctionReturn(PETSC_SUCCESS);
@@ -86,7 +86,7 @@ PetscErrorCode CellsDestroy(Cells *cells)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CellsInsert(Cells c, PetscInt item, const PetscReal x[3], PetscReal half)
+PetscErrorCode GridInsert(Grid c, PetscInt item, const PetscReal x[3], PetscReal half)
 {
   PetscInt lo[3] = {0, 0, 0}, hi[3] = {0, 0, 0}, i[3];
 
@@ -106,7 +106,7 @@ PetscErrorCode CellsInsert(Cells c, PetscInt item, const PetscReal x[3], PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscInt CellsFirst(Cells c, const PetscReal x[3])
+PetscInt GridFirst(Grid c, const PetscReal x[3])
 {
   PetscInt i[3] = {0, 0, 0};
 
@@ -114,17 +114,17 @@ PetscInt CellsFirst(Cells c, const PetscReal x[3])
   return c->head[flat_index(c, i)];
 }
 
-PetscInt CellsNext(Cells c, PetscInt entry)
+PetscInt GridNext(Grid c, PetscInt entry)
 {
   return c->next[entry];
 }
 
-PetscInt CellsItem(Cells c, PetscInt entry)
+PetscInt GridItem(Grid c, PetscInt entry)
 {
   return c->item[entry];
 }
 
-PetscErrorCode CellsForPairs(Cells c, CellsVisit visit, void *ctx)
+PetscErrorCode GridForPairs(Grid c, GridVisit visit, void *ctx)
 {
   const PetscInt ncells = c->n[0] * c->n[1] * c->n[2];
   PetscInt       meet[3];

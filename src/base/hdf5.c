@@ -1,9 +1,9 @@
-/* Dataset: see dataset.h. PETSc writes vectors and index sets. */
+/* Dataset: see hdf5.h. PETSc writes vectors and index sets. */
 #include "compat.h"
 #include "base/hdf5.h"
 #include <petscvec.h>
 
-PetscErrorCode DatasetWriteReals(MPI_Comm comm, PetscViewer viewer, const char name[], PetscInt n, PetscInt bs, const PetscReal v[])
+PetscErrorCode Hdf5WriteReals(MPI_Comm comm, PetscViewer viewer, const char name[], PetscInt n, PetscInt bs, const PetscReal v[])
 {
   Vec          vec;
   PetscScalar *a;
@@ -22,7 +22,7 @@ PetscErrorCode DatasetWriteReals(MPI_Comm comm, PetscViewer viewer, const char n
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode DatasetWriteInts(MPI_Comm comm, PetscViewer viewer, const char name[], PetscInt n, PetscInt bs, const PetscInt v[])
+PetscErrorCode Hdf5WriteInts(MPI_Comm comm, PetscViewer viewer, const char name[], PetscInt n, PetscInt bs, const PetscInt v[])
 {
   IS          is;
   PetscLayout layout;

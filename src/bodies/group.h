@@ -1,4 +1,4 @@
-/* Inside of Bodies; for its files only. bodies.c: state and motion. bodygroup.c: options of the groups, where their bodies start. Layer 2.
+/* Inside of Bodies; for its files only. bodies.c: state and motion. bodygroup.c: options of the groups, where their bodies start.
 
    The options are those of bodies.h, with motion.h and place.h for the parts that have modules of their own. */
 #pragma once

@@ -1,9 +1,9 @@
-/* Border: see border.h. A removed body keeps its last place in the state, at rest, and is marked as gone. */
+/* Border: see leave.h. A removed body keeps its last place in the state, at rest, and is marked as gone. */
 #include "compat.h"
 #include "bodies/leave.h"
 #include "base/opt.h"
 
-struct _p_Border {
+struct _p_Leave {
   BodyState *s;
   PetscReal  lower[3], upper[3], period[3];
   PetscInt   remove; /* bit 2 axis for the lower face, 2 axis + 1 for the upper */
@@ -11,7 +11,7 @@ struct _p_Border {
 
 static const char *const FACES[] = {"left", "right", "bottom", "top", "back", "front"};
 
-static PetscErrorCode read_faces(Border b)
+static PetscErrorCode read_faces(Leave b)
 {
   char    *list[7];
   PetscInt n = 7;
@@ -32,9 +32,9 @@ static PetscErrorCode read_faces(Border b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BorderCreate(Bodies bodies, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3], Border *border)
+PetscErrorCode LeaveCreate(Bodies bodies, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3], Leave *border)
 {
-  Border b;
+  Leave b;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&b));
@@ -49,7 +49,7 @@ PetscErrorCode BorderCreate(Bodies bodies, const PetscReal lower[3], const Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BorderDestroy(Border *border)
+PetscErrorCode LeaveDestroy(Leave *border)
 {
   PetscFunctionBeginUser;
   PetscCall(PetscFree(*border));
@@ -57,7 +57,7 @@ PetscErrorCode BorderDestroy(Border *border)
 }
 
 /* Body k has passed face f, which is not periodic */
-static PetscErrorCode leave(Border b, PetscInt k, PetscInt f)
+static PetscErrorCode leave(Leave b, PetscInt k, PetscInt f)
 {
   const BodyGroup *g = &b->s->group[b->s->body_group[k]];
 
@@ -75,7 +75,7 @@ static PetscErrorCode leave(Border b, PetscInt k, PetscInt f)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BorderApply(Border b)
+PetscErrorCode LeaveApply(Leave b)
 {
   BodyState *s = b->s;
 
@@ -95,7 +95,7 @@ PetscErrorCode BorderApply(Border b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BorderGetRemoved(Border b, PetscInt *n)
+PetscErrorCode LeaveGetRemoved(Leave b, PetscInt *n)
 {
   PetscFunctionBeginUser;
   *n = 0;

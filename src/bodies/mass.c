@@ -1,4 +1,4 @@
-/* Rigid: see rigid.h. */
+/* Rigid: see mass.h. */
 #include "compat.h"
 #include "bodies/mass.h"
 

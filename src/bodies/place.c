@@ -86,10 +86,10 @@ static PetscReal ball_volume(PetscInt dim, PetscReal r)
 }
 
 /* keep[i]: distance a new centre has to keep from item i at x[i] */
-static PetscBool is_free(Cells cells, PetscInt dim, PetscReal (*x)[3], const PetscReal keep[], const PetscReal y[3])
+static PetscBool is_free(Grid cells, PetscInt dim, PetscReal (*x)[3], const PetscReal keep[], const PetscReal y[3])
 {
-  for (PetscInt e = CellsFirst(cells, y); e >= 0; e = CellsNext(cells, e)) {
-    const PetscInt i  = CellsItem(cells, e);
+  for (PetscInt e = GridFirst(cells, y); e >= 0; e = GridNext(cells, e)) {
+    const PetscInt i  = GridItem(cells, e);
     PetscReal      d2 = 0;
 
     for (PetscInt a = 0; a < dim; a++) d2 += PetscSqr(x[i][a] - y[a]);
@@ -98,7 +98,7 @@ static PetscBool is_free(Cells cells, PetscInt dim, PetscReal (*x)[3], const Pet
   return PETSC_TRUE;
 }
 
-static PetscErrorCode throw_darts(Cells cells, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], PetscReal inset, PetscReal (*x)[3],
+static PetscErrorCode throw_darts(Grid cells, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], PetscReal inset, PetscReal (*x)[3],
                                   const PetscReal keep[], PetscInt64 *state, PetscReal y[3], PetscBool *found)
 {
   PetscFunctionBeginUser;
@@ -113,7 +113,7 @@ static PetscErrorCode throw_darts(Cells cells, PetscInt dim, const PetscReal low
 PetscErrorCode PlaceRandom(const char name[], PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], PetscReal radius, PetscReal margin,
                            PetscInt seed, PetscInt n, PetscReal (*other_x)[3], const PetscReal other_radius[], PetscInt count, Placement p[])
 {
-  Cells cells;
+  Grid cells;
   PetscReal(*x)[3], *keep, box = 1;
   PetscInt64 state = seed;
   PetscBool  found = PETSC_TRUE;
@@ -127,7 +127,7 @@ PetscErrorCode PlaceRandom(const char name[], PetscInt dim, const PetscReal lowe
   }
   PetscCall(PetscMalloc1(n + count, &x));
   PetscCall(PetscMalloc1(n + count, &keep));
-  PetscCall(CellsCreate(dim, lower, upper, 2 * radius + margin, 4 * (n + count) + 64, &cells));
+  PetscCall(GridCreate(dim, lower, upper, 2 * radius + margin, 4 * (n + count) + 64, &cells));
   for (PetscInt i = 0; i < n + count && found; i++) {
     if (i < n)
       for (PetscInt a = 0; a < 3; a++) x[i][a] = other_x[i][a];
@@ -141,9 +141,9 @@ PetscErrorCode PlaceRandom(const char name[], PetscInt dim, const PetscReal lowe
       PetscCall(PetscArraycpy(p[i - n].x, x[i], 3));
     }
     keep[i] = radius + margin + (i < n ? other_radius[i] : radius);
-    PetscCall(CellsInsert(cells, i, x[i], keep[i]));
+    PetscCall(GridInsert(cells, i, x[i], keep[i]));
   }
-  PetscCall(CellsDestroy(&cells));
+  PetscCall(GridDestroy(&cells));
   PetscCall(PetscFree(x));
   PetscCall(PetscFree(keep));
   PetscFunctionReturn(PETSC_SUCCESS);

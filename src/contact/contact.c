@@ -1,4 +1,4 @@
-/* Contact: repulsion between bodies and from the walls of the domain box, see contact.h; laws in contactlaw.c, search in contactsearch.c, geometry in contacttouch.c.
+/* Contact: repulsion between bodies and from the walls of the domain box, see contact.h; laws in law.c, search in search.c, geometry in touch.c.
 
    Speed scale. u_ref of a pair is the terminal speed sqrt(2 Vol/A |rho_s/rho_f - 1| |g|) of the body that gives the stiffness (drag coefficient 1; disc: Vol/A = pi d/4,
    sphere 2 d/3, with d twice the bounding radius), or the present speed of either body if that is faster. (The fastest body of all, in an earlier form, stiffened every contact

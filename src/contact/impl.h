@@ -1,5 +1,5 @@
-/* Inside of the contact module; for its files only. contact.c: steps and sub-steps. contactsearch.c: who is near whom. contacttouch.c: where two bodies touch.
-   contactlaw.c: the forces. contactseparate.c: gaps and overlaps after a step. Vectors have 3 components, 2D ones a zero; a tensor is xx yy zz xy xz yz. */
+/* Inside of the contact module; for its files only. contact.c: steps and sub-steps. search.c: who is near whom. touch.c: where two bodies touch.
+   law.c: the forces. separate.c: gaps and overlaps after a step. Vectors have 3 components, 2D ones a zero; a tensor is xx yy zz xy xz yz. */
 #pragma once
 #include "contact/contact.h"
 

@@ -1,6 +1,6 @@
 /* Contact, search: which bodies can touch before the list of pairs is made again.
 
-   A body is entered in a grid of cells (cells.h) with half-width radius + half the horizon + its reach; pairs that share a cell are compared by their bounding
+   A body is entered in a grid of cells (grid.h) with half-width radius + half the horizon + its reach; pairs that share a cell are compared by their bounding
    circles. The reach holds the way of the coming step and a skin of a tenth of the radius, so that a list lasts until some body has used its share up; then
    all is made anew. Periodic directions: bodies near a face enter again as images beyond the other one. The list is sorted, so that neither the search method nor
    the age of the list changes the order in which forces add up. -couple_search brute compares all pairs instead, for comparison. */
@@ -133,7 +133,7 @@ static PetscReal choose_cell_size(Contact c)
   return size;
 }
 
-static PetscErrorCode add_images(Items *it, Cells cells, PetscInt k)
+static PetscErrorCode add_images(Items *it, Grid cells, PetscInt k)
 {
   Contact         c    = it->c;
   const PetscReal half = half_width(c, k);
@@ -159,7 +159,7 @@ static PetscErrorCode add_images(Items *it, Cells cells, PetscInt k)
     }
     it->body[it->nimages] = k;
     PetscCall(PetscArraycpy(it->shift[it->nimages], shift, 3));
-    PetscCall(CellsInsert(cells, it->n + it->nimages++, y, half));
+    PetscCall(GridInsert(cells, it->n + it->nimages++, y, half));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -170,19 +170,19 @@ static PetscErrorCode search_cells(Contact c)
   const PetscBool periodic = (PetscBool)(c->period[0] > 0 || c->period[1] > 0 || c->period[2] > 0);
   Items           it       = {.c = c, .n = n};
   PetscReal       x[3];
-  Cells           cells;
+  Grid            cells;
 
   PetscFunctionBeginUser;
-  PetscCall(CellsCreate(c->dim, c->lower, c->upper, choose_cell_size(c), 4 * n + 64, &cells));
+  PetscCall(GridCreate(c->dim, c->lower, c->upper, choose_cell_size(c), 4 * n + 64, &cells));
   for (PetscInt k = 0; k < n; k++) {
     place_body(c, k, x);
     it.widest = PetscMax(it.widest, half_width(c, k));
-    if (!c->s->gone[k]) PetscCall(CellsInsert(cells, k, x, half_width(c, k)));
+    if (!c->s->gone[k]) PetscCall(GridInsert(cells, k, x, half_width(c, k)));
   }
   for (PetscInt k = 0; k < n && periodic; k++)
     if (!c->s->gone[k]) PetscCall(add_images(&it, cells, k));
-  PetscCall(CellsForPairs(cells, visit_items, &it));
-  PetscCall(CellsDestroy(&cells));
+  PetscCall(GridForPairs(cells, visit_items, &it));
+  PetscCall(GridDestroy(&cells));
   PetscCall(PetscFree(it.body));
   PetscCall(PetscFree(it.shift));
   PetscFunctionReturn(PETSC_SUCCESS);

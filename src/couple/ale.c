@@ -1,10 +1,10 @@
-/* Follow: see follow.h. */
+/* Follow: see ale.h. */
 #include "compat.h"
 #include "ale.h"
 
 #define MOST 100 /* parts of a way at most */
 
-struct _p_Follow {
+struct _p_Ale {
   Flow             flow;
   Mesh             mesh;
   const MeshLocal *loc;
@@ -20,13 +20,13 @@ struct _p_Follow {
 };
 
 /* From where body k was to X, by the shortest way in a periodic domain */
-static void find_way(const struct _p_Follow *f, PetscInt k, PetscReal (*X)[3], PetscReal way[3])
+static void find_way(const struct _p_Ale *f, PetscInt k, PetscReal (*X)[3], PetscReal way[3])
 {
   for (PetscInt a = 0; a < 3; a++) way[a] = MeshNearest(f->loc, a, X[k][a] - f->X[k][a]);
 }
 
 /* Parts of the way of all bodies, by the point that goes farthest, each about as long as the smallest cell */
-static PetscInt count_parts(const struct _p_Follow *f, PetscReal (*X)[3], PetscReal (*q)[4])
+static PetscInt count_parts(const struct _p_Ale *f, PetscReal (*X)[3], PetscReal (*q)[4])
 {
   PetscReal longest = 0;
 
@@ -44,7 +44,7 @@ static PetscInt count_parts(const struct _p_Follow *f, PetscReal (*X)[3], PetscR
 }
 
 /* Bodies at the given share of their way */
-static void place_bodies(Follow f, PetscReal share, PetscReal (*X)[3], PetscReal (*q)[4])
+static void place_bodies(Ale f, PetscReal share, PetscReal (*X)[3], PetscReal (*q)[4])
 {
   for (PetscInt k = 0; k < f->s->n; k++) {
     PetscReal way[3], dot = 0, size = 0;
@@ -61,7 +61,7 @@ static void place_bodies(Follow f, PetscReal share, PetscReal (*X)[3], PetscReal
 }
 
 /* Places and orientations of the bodies */
-static PetscErrorCode copy_bodies(const struct _p_Follow *f, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*X_to)[3], PetscReal (*q_to)[4])
+static PetscErrorCode copy_bodies(const struct _p_Ale *f, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*X_to)[3], PetscReal (*q_to)[4])
 {
   PetscFunctionBeginUser;
   PetscCall(PetscArraycpy((PetscReal *)X_to, (PetscReal *)X, 3 * f->s->n));
@@ -69,9 +69,9 @@ static PetscErrorCode copy_bodies(const struct _p_Follow *f, PetscReal (*X)[3], 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FollowCreate(Flow flow, Bodies bodies, Deform deform, Follow *follow)
+PetscErrorCode AleCreate(Flow flow, Bodies bodies, Deform deform, Ale *follow)
 {
-  Follow   f;
+  Ale      f;
   PetscInt n, size;
 
   PetscFunctionBeginUser;
@@ -97,7 +97,7 @@ PetscErrorCode FollowCreate(Flow flow, Bodies bodies, Deform deform, Follow *fol
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FollowDestroy(Follow *follow)
+PetscErrorCode AleDestroy(Ale *follow)
 {
   PetscFunctionBeginUser;
   if (!*follow) PetscFunctionReturn(PETSC_SUCCESS);
@@ -107,7 +107,7 @@ PetscErrorCode FollowDestroy(Follow *follow)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FollowUpdate(Follow f, FlowSolver solver, PetscReal (*X)[3], PetscReal (*q)[4])
+PetscErrorCode AleUpdate(Ale f, FlowSolver solver, PetscReal (*X)[3], PetscReal (*q)[4])
 {
   const MeshLocal *l = f->loc;
   const FlowStep  *s;
@@ -132,7 +132,7 @@ PetscErrorCode FollowUpdate(Follow f, FlowSolver solver, PetscReal (*X)[3], Pets
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FollowAccept(Follow f)
+PetscErrorCode AleAccept(Ale f)
 {
   const PetscInt size = f->loc->nnode_all * f->loc->dim;
 
@@ -144,7 +144,7 @@ PetscErrorCode FollowAccept(Follow f)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FollowGetResult(Follow f, const DeformResult **result)
+PetscErrorCode AleGetResult(Ale f, const DeformResult **result)
 {
   PetscFunctionBeginUser;
   *result = &f->result;
@@ -152,7 +152,7 @@ PetscErrorCode FollowGetResult(Follow f, const DeformResult **result)
 }
 
 /* The mesh of the fields that are there, whose pressures already belong to it */
-static PetscErrorCode restore_mesh(Follow f)
+static PetscErrorCode restore_mesh(Ale f)
 {
   const MeshLocal *l = f->loc;
 
@@ -164,7 +164,7 @@ static PetscErrorCode restore_mesh(Follow f)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FollowVisitState(Follow f, State state)
+PetscErrorCode AleVisitState(Ale f, State state)
 {
   PetscFunctionBeginUser;
   PetscCall(StateNodes(state, "place", f->loc->dim, f->now));

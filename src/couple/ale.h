@@ -1,4 +1,4 @@
-/* Follow: takes the mesh along with bodies that move (deform.h), in arbitrary Lagrangian-Eulerian form. Layer 3.
+/* Ale: takes the mesh along with bodies that move (deform.h), in arbitrary Lagrangian-Eulerian form.
 
    In every step, bodies drawn at their predicted places: from the places x^n the mesh is deformed to x^{n+1}, in as
    many parts as the bodies go smallest cells; cells are computed anew; the drift c_t x^{n+1} - d(x), as the time scheme
@@ -14,18 +14,18 @@
 #include "solve/system.h"
 #include "mesh/state.h"
 
-typedef struct _p_Follow *Follow;
+typedef struct _p_Ale *Ale;
 
 /* The Deform is borrowed. Collective. */
-PetscErrorCode FollowCreate(Flow, Bodies, Deform, Follow *);
-PetscErrorCode FollowDestroy(Follow *);
+PetscErrorCode AleCreate(Flow, Bodies, Deform, Ale *);
+PetscErrorCode AleDestroy(Ale *);
 
 /* Between FlowBeginStep and FlowAssemble: bodies are drawn at X, q; X NULL: where they were drawn last. Collective. Errors: those of DeformFollow and FlowSetDrift. */
-PetscErrorCode FollowUpdate(Follow, FlowSolver, PetscReal (*X)[3], PetscReal (*q)[4]);
+PetscErrorCode AleUpdate(Ale, FlowSolver, PetscReal (*X)[3], PetscReal (*q)[4]);
 /* The step is accepted. */
-PetscErrorCode FollowAccept(Follow);
+PetscErrorCode AleAccept(Ale);
 /* Borrowed. */
-PetscErrorCode FollowGetResult(Follow, const DeformResult **);
+PetscErrorCode AleGetResult(Ale, const DeformResult **);
 
 /* Part of the state of the coupling, visited after that of the flow. Loading moves the mesh to where it was; the flow's solver must then be made anew. Collective. */
-PetscErrorCode FollowVisitState(Follow, State);
+PetscErrorCode AleVisitState(Ale, State);

@@ -43,7 +43,7 @@ static PetscErrorCode place_bodies(Couple c, PetscBool *drawn)
     PetscCall(BodiesGetArm(c->bodies, k, c->q[k], arm));
     for (PetscInt a = 0; a < 3; a++) c->P[k][a] = c->X[k][a] - arm[a];
   }
-  PetscCall(MarkIsCurrent(c->mark, c->X, c->q, step->ct, drawn)); /* the strength of a penalty goes by c_t */
+  PetscCall(IndicatorIsCurrent(c->mark, c->X, c->q, step->ct, drawn)); /* the strength of a penalty goes by c_t */
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -76,14 +76,14 @@ static PetscErrorCode set_rigid_velocities(Couple c)
 static PetscErrorCode draw_nodal(Couple c)
 {
   PetscFunctionBeginUser;
-  PetscCall(MarkInside(c->mark, c->X, c->q));
-  PetscCall(MarkCheckSeen(c->mark));
+  PetscCall(IndicatorInside(c->mark, c->X, c->q));
+  PetscCall(IndicatorCheckSeen(c->mark));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode draw_penalty(Couple c)
 {
-  const Soft *soft;
+  const PenaltyTerm *soft;
 
   PetscFunctionBeginUser;
   PetscCall(PenaltyDraw(c->penalty, c->X, c->q, c->P, c->fitted, c->mark));
@@ -95,11 +95,11 @@ static PetscErrorCode draw_penalty(Couple c)
 
 static PetscErrorCode add_penalty_force(Couple c, PetscReal out[])
 {
-  const Soft *soft;
+  const PenaltyTerm *soft;
 
   PetscFunctionBeginUser;
   PetscCall(PenaltyGetSoft(c->penalty, &soft));
-  PetscCall(SoftAddForce(soft, c->constraint, c->u, c->U, out));
+  PetscCall(PenaltyTermAddForce(soft, c->constraint, c->u, c->U, out));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -111,9 +111,9 @@ static PetscErrorCode draw_snap(Couple c)
   const RemapCount *count;
 
   PetscFunctionBeginUser;
-  PetscCall(FitUpdate(c->fit, c->solver, c->X, c->q, &c->fitted, &r, &count));
+  PetscCall(SnapDriverUpdate(c->fit, c->solver, c->X, c->q, &c->fitted, &r, &count));
   c->hollow = r->hollow;
-  for (PetscInt e = 0; e < r->nmarked; e++) PetscCall(MarkClaim(c->mark, r->marked[e], r->node_body[r->marked[e]]));
+  for (PetscInt e = 0; e < r->nmarked; e++) PetscCall(IndicatorClaim(c->mark, r->marked[e], r->node_body[r->marked[e]]));
   c->snap = (CoupleSnapCount){PETSC_TRUE, 0, r->nnarrow, c->snap.taylor + count->taylor, c->snap.kept + count->kept};
   for (PetscInt k = 0; k < c->s->n; k++)
     if (!c->fitted[k] && !c->s->gone[k] && !c->s->group[c->s->body_group[k]].hole) c->snap.fallback++;
@@ -174,7 +174,7 @@ static PetscErrorCode fill_rigid_rows(Couple c)
 static PetscErrorCode follow_bodies(Couple c, PetscBool drawn)
 {
   PetscFunctionBeginUser;
-  PetscCall(FollowUpdate(c->follow, c->solver, drawn ? NULL : c->X, c->q));
+  PetscCall(AleUpdate(c->follow, c->solver, drawn ? NULL : c->X, c->q));
   if (c->penalty && !drawn) PetscCall(PenaltyMeasureCells(c->penalty));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -189,9 +189,9 @@ static PetscErrorCode draw_bodies(Couple c)
   if (c->follow) PetscCall(follow_bodies(c, drawn));
   if (drawn) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogEventBegin(TB_MARK, 0, 0, 0, 0));
-  PetscCall(MarkClear(c->mark));
+  PetscCall(IndicatorClear(c->mark));
   PetscCall((*c->rung.draw)(c));
-  PetscCall(MarkFinish(c->mark));
+  PetscCall(IndicatorFinish(c->mark));
   PetscCall(PetscLogEventEnd(TB_MARK, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -202,10 +202,10 @@ PetscErrorCode CoupleDraw(Couple c)
   const PetscReal *value;
 
   PetscFunctionBeginUser;
-  PetscCall(BoundaryGetValues(FlowBoundary(c->flow), &fixed, &value));
-  PetscCall(HoleSetMotion(c->hole));
+  PetscCall(ConditionsGetValues(FlowConditions(c->flow), &fixed, &value));
+  PetscCall(FittedSetMotion(c->hole));
   PetscCall(draw_bodies(c));
-  PetscCall(MarkGetNodes(c->mark, &node_body, NULL, NULL));
+  PetscCall(IndicatorGetNodes(c->mark, &node_body, NULL, NULL));
   PetscCall(set_rigid_velocities(c));
   PetscCall(ConstraintSetBoundary(c->constraint, fixed, value));
   if (c->s->n) {
@@ -363,7 +363,7 @@ PetscErrorCode CoupleAdvance(Couple c)
   PetscCall(PetscArraycpy(c->U_older, c->U_old, c->s->n * c->nr));
   PetscCall(PetscArraycpy(c->U_old, c->U, c->s->n * c->nr));
   PetscCall(FlowAcceptStep(c->flow, c->u, c->p));
-  if (c->follow) PetscCall(FollowAccept(c->follow));
+  if (c->follow) PetscCall(AleAccept(c->follow));
   c->snap.taylor = c->snap.kept = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -472,14 +472,14 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   PetscCall(choose_rung(c));
   PetscCall(remark_small_bodies(c));
   c->implicit = type == 0;
-  PetscCall(HoleCreate(flow, bodies, &c->hole));
+  PetscCall(FittedCreate(flow, bodies, &c->hole));
   PetscCall(CoupleListPrescribedCells(c));
   PetscCall(ConstraintCreate(c->mesh, n, &c->constraint));
   PetscCall(ConstraintGetRigidSize(c->constraint, &c->nr));
   PetscCall(create_solver(c));
   nn = n * c->nr;
-  PetscCall(MarkCreate(c->mesh, bodies, &c->mark));
-  if (c->rung.dead) PetscCall(FitCreate(flow, bodies, &c->fit));
+  PetscCall(IndicatorCreate(c->mesh, bodies, &c->mark));
+  if (c->rung.dead) PetscCall(SnapDriverCreate(flow, bodies, &c->fit));
   PetscCall(PetscCalloc7(n, &c->X, n, &c->q, n, &c->P, n, &c->unknown, 3 * n, &c->du_old, n, &c->growth, 6 * n, &c->force_old));
   PetscCall(PetscCalloc6(nn, &c->U, nn, &c->U_old, nn, &c->U_older, nn * c->nr, &c->D, nn, &c->g, nn, &c->residual));
   for (PetscInt k = 0; k < n; k++) {
@@ -500,7 +500,7 @@ PetscErrorCode CoupleSetDeform(Couple c, Deform deform)
   PetscCheck(!c->fit, PETSC_COMM_WORLD, PETSC_ERR_SUP,
              "-couple_boundary snap moves the nodes around bodies itself, and -mesh_deform would have to follow bodies that move with the same nodes: use -couple_boundary penalty or "
              "nodal, or remove -mesh_deform");
-  PetscCall(FollowCreate(c->flow, c->bodies, deform, &c->follow));
+  PetscCall(AleCreate(c->flow, c->bodies, deform, &c->follow));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -508,7 +508,7 @@ PetscErrorCode CoupleGetDeform(Couple c, const DeformResult **result)
 {
   PetscFunctionBeginUser;
   *result = NULL;
-  if (c->follow) PetscCall(FollowGetResult(c->follow, result));
+  if (c->follow) PetscCall(AleGetResult(c->follow, result));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -519,12 +519,12 @@ PetscErrorCode CoupleDestroy(Couple *couple)
   PetscFunctionBeginUser;
   if (!c) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowSolverDestroy(&c->solver));
-  PetscCall(HoleDestroy(&c->hole));
+  PetscCall(FittedDestroy(&c->hole));
   PetscCall(PetscFree(c->prescribed));
   PetscCall(ConstraintDestroy(&c->constraint));
-  PetscCall(MarkDestroy(&c->mark));
-  PetscCall(FitDestroy(&c->fit));
-  PetscCall(FollowDestroy(&c->follow));
+  PetscCall(IndicatorDestroy(&c->mark));
+  PetscCall(SnapDriverDestroy(&c->fit));
+  PetscCall(AleDestroy(&c->follow));
   PetscCall(PetscFree7(c->X, c->q, c->P, c->unknown, c->du_old, c->growth, c->force_old));
   PetscCall(PenaltyDestroy(&c->penalty));
   PetscCall(PetscFree6(c->U, c->U_old, c->U_older, c->D, c->g, c->residual));
@@ -563,7 +563,7 @@ PetscErrorCode CoupleGetSnapCount(Couple c, CoupleSnapCount *count)
 PetscErrorCode CoupleGetNodeBody(Couple c, const PetscInt *node_body[])
 {
   PetscFunctionBeginUser;
-  PetscCall(MarkGetNodes(c->mark, node_body, NULL, NULL));
+  PetscCall(IndicatorGetNodes(c->mark, node_body, NULL, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -574,8 +574,8 @@ PetscErrorCode CoupleGetLoad(Couple c, PetscInt *ncells, PetscInt *nbodies)
   PetscBool      *seen;
 
   PetscFunctionBeginUser;
-  PetscCall(MarkGetCells(c->mark, ncells, NULL));
-  PetscCall(MarkGetNodes(c->mark, &node_body, &n, &node));
+  PetscCall(IndicatorGetCells(c->mark, ncells, NULL));
+  PetscCall(IndicatorGetNodes(c->mark, &node_body, &n, &node));
   *nbodies = 0;
   PetscCall(PetscCalloc1(c->s->n, &seen));
   for (PetscInt i = 0; i < n; i++) {
@@ -613,8 +613,8 @@ PetscErrorCode CoupleRenewSolver(Couple c)
   PetscFunctionBeginUser;
   PetscCall(FlowSolverDestroy(&c->solver));
   PetscCall(create_solver(c));
-  if (c->fit) PetscCall(FitAttach(c->fit, c->solver));
-  PetscCall(MarkForget(c->mark)); /* the rungs tell the solver of what they draw */
+  if (c->fit) PetscCall(SnapDriverAttach(c->fit, c->solver));
+  PetscCall(IndicatorForget(c->mark)); /* the rungs tell the solver of what they draw */
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -629,8 +629,8 @@ PetscErrorCode CoupleVisitState(void *couple, State state)
   PetscCall(StateReals(state, "du_old", 3 * c->s->n, c->du_old));
   PetscCall(StateInts(state, "growth", c->s->n, c->growth));
   PetscCall(StateReals(state, "force_old", 6 * c->s->n, c->force_old));
-  if (c->fit) PetscCall(FitVisitState(c->fit, state));
-  if (c->follow) PetscCall(FollowVisitState(c->follow, state));
+  if (c->fit) PetscCall(SnapDriverVisitState(c->fit, state));
+  if (c->follow) PetscCall(AleVisitState(c->follow, state));
   if ((c->fit || c->follow) && StateIsLoading(state)) PetscCall(CoupleRenewSolver(c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

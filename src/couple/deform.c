@@ -25,7 +25,7 @@ struct _p_Deform {
   Bodies           bodies;
   BodyState       *s;
   const MeshLocal *l;
-  Cells            near;        /* entries of the list, with their widths around them */
+  Grid             near;        /* entries of the list, with their widths around them */
   PetscInt         nnear, room; /* the list: bodies and their periodic images, where they are drawn */
   PetscInt        *body;
   PetscReal (*X)[3], (*q)[4]; /* [nnear], [bodies] */
@@ -125,10 +125,10 @@ static PetscErrorCode evaluate_monitor(const struct _p_Deform *d, const PetscRea
   PetscReal       rise = 1, h;
 
   PetscFunctionBeginUser;
-  for (PetscInt e = CellsFirst(d->near, X); e >= 0; e = CellsNext(d->near, e)) {
+  for (PetscInt e = GridFirst(d->near, X); e >= 0; e = GridNext(d->near, e)) {
     PetscReal t;
 
-    PetscCall(BodiesDistance(d->bodies, d->body[CellsItem(d->near, e)], d->X[CellsItem(d->near, e)], d->q[d->body[CellsItem(d->near, e)]], 1, x, &t));
+    PetscCall(BodiesDistance(d->bodies, d->body[GridItem(d->near, e)], d->X[GridItem(d->near, e)], d->q[d->body[GridItem(d->near, e)]], 1, x, &t));
     t = PetscMin(1, PetscAbsReal(t) / d->width);
     rise *= t * t * (3 - 2 * t);
   }
@@ -146,7 +146,7 @@ static PetscErrorCode list_body(Deform d, PetscInt k, const PetscReal X[3])
   for (PetscInt image = 0; image < (d->dim == 2 ? 9 : 27); image++) {
     PetscReal at[3];
 
-    if (!MarkImage(d->l, X, reach + d->width, image, at)) continue;
+    if (!IndicatorImage(d->l, X, reach + d->width, image, at)) continue;
     if (d->nnear == d->room) {
       d->room = 2 * d->room + 16;
       PetscCall(PetscRealloc(d->room * sizeof(*d->body), &d->body));
@@ -154,7 +154,7 @@ static PetscErrorCode list_body(Deform d, PetscInt k, const PetscReal X[3])
     }
     d->body[d->nnear] = k;
     PetscCall(PetscArraycpy(d->X[d->nnear], at, 3));
-    PetscCall(CellsInsert(d->near, d->nnear++, at, reach));
+    PetscCall(GridInsert(d->near, d->nnear++, at, reach));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -165,8 +165,8 @@ static PetscErrorCode list_bodies(Deform d, PetscReal (*X)[3], PetscReal (*q)[4]
   const MeshLocal *l = d->l;
 
   PetscFunctionBeginUser;
-  PetscCall(CellsDestroy(&d->near));
-  PetscCall(CellsCreate(d->dim, l->lower, l->upper, d->width, 1 << 20, &d->near));
+  PetscCall(GridDestroy(&d->near));
+  PetscCall(GridCreate(d->dim, l->lower, l->upper, d->width, 1 << 20, &d->near));
   d->nnear = 0;
   d->q     = q;
   for (PetscInt k = 0; k < d->s->n; k++)
@@ -645,7 +645,7 @@ PetscErrorCode DeformDestroy(Deform *deform)
 
   PetscFunctionBeginUser;
   if (!d) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(CellsDestroy(&d->near));
+  PetscCall(GridDestroy(&d->near));
   PetscCall(KSPDestroy(&d->ksp));
   PetscCall(MatDestroy(&d->K));
   PetscCall(VecDestroy(&d->x));

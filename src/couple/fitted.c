@@ -1,4 +1,4 @@
-/* Hole: see hole.h. The mesh does not move, so the cells at the boundary are listed once; the work of a step is proportional to their number. */
+/* Fitted: see fitted.h. The mesh does not move, so the cells at the boundary are listed once; the work of a step is proportional to their number. */
 #include "compat.h"
 #include "fitted.h"
 #include "base/dense.h"
@@ -9,7 +9,7 @@ typedef struct {
   PetscInt       *cell;
 } Surface;
 
-struct _p_Hole {
+struct _p_Fitted {
   Mesh             mesh;
   Flow             flow;
   Bodies           bodies;
@@ -40,7 +40,7 @@ static PetscErrorCode find_boundary(Mesh mesh, const char name[], PetscInt *boun
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode check_surface(Hole h, const BodyGroup *g, const Surface *s)
+static PetscErrorCode check_surface(Fitted h, const BodyGroup *g, const Surface *s)
 {
   const PetscInt dim   = h->loc->dim;
   PetscReal      worst = 0;
@@ -60,7 +60,7 @@ static PetscErrorCode check_surface(Hole h, const BodyGroup *g, const Surface *s
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode list_cells(Hole h, Surface *s)
+static PetscErrorCode list_cells(Fitted h, Surface *s)
 {
   const MeshLocal *l = h->loc;
 
@@ -77,7 +77,7 @@ static PetscErrorCode list_cells(Hole h, Surface *s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode add_surface(Hole h, BodyGroup *g, PetscInt boundary)
+static PetscErrorCode add_surface(Fitted h, BodyGroup *g, PetscInt boundary)
 {
   Surface *s = h->surface + h->n;
 
@@ -95,9 +95,9 @@ static PetscErrorCode add_surface(Hole h, BodyGroup *g, PetscInt boundary)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode HoleCreate(Flow flow, Bodies bodies, Hole *hole)
+PetscErrorCode FittedCreate(Flow flow, Bodies bodies, Fitted *hole)
 {
-  Hole h;
+  Fitted h;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&h));
@@ -118,9 +118,9 @@ PetscErrorCode HoleCreate(Flow flow, Bodies bodies, Hole *hole)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode HoleDestroy(Hole *hole)
+PetscErrorCode FittedDestroy(Fitted *hole)
 {
-  Hole h = *hole;
+  Fitted h = *hole;
 
   PetscFunctionBeginUser;
   if (!h) PetscFunctionReturn(PETSC_SUCCESS);
@@ -130,7 +130,7 @@ PetscErrorCode HoleDestroy(Hole *hole)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode HoleGetNodeBody(Hole h, const PetscInt *node_body[])
+PetscErrorCode FittedGetNodeBody(Fitted h, const PetscInt *node_body[])
 {
   PetscFunctionBeginUser;
   *node_body = h->on;
@@ -145,7 +145,7 @@ static void add_moment(const PetscReal r[3], const PetscReal f[3], PetscReal tor
 }
 
 /* Angular velocity of the rigid motion nearest to the values v on the own nodes: J w = sum of r x v, with r from the nodes' mean */
-static PetscErrorCode fit_rotation(Hole h, const Surface *s, const PetscReal v[], PetscReal w[3])
+static PetscErrorCode fit_rotation(Fitted h, const Surface *s, const PetscReal v[], PetscReal w[3])
 {
   const MeshLocal *l       = h->loc;
   PetscReal        mean[4] = {0, 0, 0, 0}, sum[9] = {0}; /* x, number of nodes; r x v, then |r|^2 - r r^T as xx yy zz xy xz yz */
@@ -185,13 +185,13 @@ static PetscErrorCode fit_rotation(Hole h, const Surface *s, const PetscReal v[]
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode HoleSetMotion(Hole h)
+PetscErrorCode FittedSetMotion(Fitted h)
 {
   const PetscInt  *fixed;
   const PetscReal *value;
 
   PetscFunctionBeginUser;
-  PetscCall(BoundaryGetValues(FlowBoundary(h->flow), &fixed, &value));
+  PetscCall(ConditionsGetValues(FlowConditions(h->flow), &fixed, &value));
   for (PetscInt i = 0; i < h->n; i++) PetscCall(fit_rotation(h, h->surface + i, value, h->s->w[h->surface[i].body]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -199,7 +199,7 @@ PetscErrorCode HoleSetMotion(Hole h)
 /* ---- force ---- */
 
 /* What one cell adds: residual to f[0], f[1] (force, torque), volume integral to f[2], f[3] */
-static PetscErrorCode add_cell(Hole h, const Surface *s, PetscInt cell, const PetscReal u[], const PetscReal p[], PetscReal (*f)[3])
+static PetscErrorCode add_cell(Fitted h, const Surface *s, PetscInt cell, const PetscReal u[], const PetscReal p[], PetscReal (*f)[3])
 {
   const MeshLocal *l    = h->loc;
   const PetscInt  *node = l->cell_node + cell * l->nb, dim = l->dim;
@@ -224,8 +224,8 @@ static PetscErrorCode add_cell(Hole h, const Surface *s, PetscInt cell, const Pe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode HoleForce(Hole h, const PetscReal u[], const PetscReal p[], PetscReal (*force)[3], PetscReal (*torque)[3],
-                         PetscReal (*volume_force)[3], PetscReal (*volume_torque)[3])
+PetscErrorCode FittedForce(Fitted h, const PetscReal u[], const PetscReal p[], PetscReal (*force)[3], PetscReal (*torque)[3],
+                           PetscReal (*volume_force)[3], PetscReal (*volume_torque)[3])
 {
   const FlowParameters *par;
 

@@ -39,7 +39,7 @@ static PetscErrorCode sum_residuals(Couple c, PetscReal out[])
 
   PetscFunctionBeginUser;
   PetscCall(ConstraintGetNodeBody(c->constraint, &body));
-  PetscCall(MarkGetCells(c->mark, &ntouched, &touched));
+  PetscCall(IndicatorGetCells(c->mark, &ntouched, &touched));
   PetscCall(PetscArrayzero(out, c->s->n * nr));
   for (PetscInt t = 0; t < ntouched; t++) {
     const PetscInt *node = l->cell_node + touched[t] * l->nb;
@@ -70,7 +70,7 @@ static PetscErrorCode add_volume_force(Couple c, PetscInt only, const FlowParame
   PetscFunctionBeginUser;
   PetscCall(FlowGetLumpedMass(c->flow, &m));
   PetscCall(ConstraintGetNodeBody(c->constraint, &body));
-  PetscCall(MarkGetNodes(c->mark, NULL, &n, &node));
+  PetscCall(IndicatorGetNodes(c->mark, NULL, &n, &node));
   for (PetscInt e = 0; e < n; e++) {
     const PetscInt k = body[node[e]];
     PetscReal      R[18];
@@ -96,7 +96,7 @@ static PetscErrorCode integrate_stress(Couple c, PetscInt only, PetscReal (*forc
   PetscFunctionBeginUser;
   PetscCall(FlowGetParameters(c->flow, &par));
   PetscCall(ConstraintGetNodeBody(c->constraint, &body));
-  PetscCall(MarkGetCells(c->mark, &ntouched, &touched));
+  PetscCall(IndicatorGetCells(c->mark, &ntouched, &touched));
   PetscCall(PetscMemzero(force, c->s->n * sizeof(*force)));
   PetscCall(PetscMemzero(torque, c->s->n * sizeof(*torque)));
   for (PetscInt t = 0; t < ntouched; t++) {
@@ -184,7 +184,7 @@ PetscErrorCode CoupleForce(Couple c)
   for (PetscInt k = 0; k < c->s->n; k++) known = (PetscBool)(known || c->unknown[k] != (1 << c->nr) - 1);
   if (c->use_volume) {
     PetscCall(integrate_stress(c, -1, c->s->force, c->s->torque));
-    PetscCall(HoleForce(c->hole, c->u, c->p, NULL, NULL, c->s->force, c->s->torque));
+    PetscCall(FittedForce(c->hole, c->u, c->p, NULL, NULL, c->s->force, c->s->torque));
   } else {
     if (known) PetscCall(sum_residuals(c, c->residual));
     for (PetscInt k = 0; k < c->s->n; k++) {
@@ -193,7 +193,7 @@ PetscErrorCode CoupleForce(Couple c)
       PetscCall(residual_force(c, k, f));
       PetscCall(store_force(c, k, f, c->s->force, c->s->torque));
     }
-    PetscCall(HoleForce(c->hole, c->u, c->p, c->s->force, c->s->torque, NULL, NULL));
+    PetscCall(FittedForce(c->hole, c->u, c->p, c->s->force, c->s->torque, NULL, NULL));
   }
   PetscCall(PetscLogEventEnd(TB_FORCE, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -206,7 +206,7 @@ PetscErrorCode CoupleForceForms(Couple c, PetscInt k, PetscReal residual[6], Pet
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc2(c->s->n, &force, c->s->n, &torque));
   PetscCall(integrate_stress(c, k, force, torque));
-  PetscCall(HoleForce(c->hole, c->u, c->p, NULL, NULL, force, torque));
+  PetscCall(FittedForce(c->hole, c->u, c->p, NULL, NULL, force, torque));
   for (PetscInt a = 0; a < 3; a++) {
     volume[a]     = force[k][a];
     volume[3 + a] = torque[k][a];
@@ -214,7 +214,7 @@ PetscErrorCode CoupleForceForms(Couple c, PetscInt k, PetscReal residual[6], Pet
   PetscCall(sum_residuals(c, c->residual));
   PetscCall(residual_force(c, k, f));
   PetscCall(store_force(c, k, f, force, torque));
-  PetscCall(HoleForce(c->hole, c->u, c->p, force, torque, NULL, NULL));
+  PetscCall(FittedForce(c->hole, c->u, c->p, force, torque, NULL, NULL));
   for (PetscInt a = 0; a < 3; a++) {
     residual[a]     = force[k][a];
     residual[3 + a] = torque[k][a];
@@ -232,7 +232,7 @@ PetscErrorCode CoupleListPrescribedCells(Couple c)
   const PetscInt  *fixed;
 
   PetscFunctionBeginUser;
-  PetscCall(BoundaryGetValues(FlowBoundary(c->flow), &fixed, NULL));
+  PetscCall(ConditionsGetValues(FlowConditions(c->flow), &fixed, NULL));
   PetscCall(PetscMalloc1(l->ncell, &c->prescribed));
   for (PetscInt cell = 0; cell < l->ncell; cell++) {
     PetscInt any = 0;
@@ -252,9 +252,9 @@ static PetscErrorCode sum_prescribed(Couple c, PetscReal walls[3], PetscReal ope
   PetscReal        sum[7] = {0};
 
   PetscFunctionBeginUser;
-  PetscCall(BoundaryGetValues(FlowBoundary(c->flow), &fixed, NULL));
-  PetscCall(BoundaryGetWalls(FlowBoundary(c->flow), &wall));
-  PetscCall(HoleGetNodeBody(c->hole, &hole));
+  PetscCall(ConditionsGetValues(FlowConditions(c->flow), &fixed, NULL));
+  PetscCall(ConditionsGetWalls(FlowConditions(c->flow), &wall));
+  PetscCall(FittedGetNodeBody(c->hole, &hole));
   for (PetscInt i = 0; i < c->nprescribed; i++) {
     const PetscInt *node = l->cell_node + c->prescribed[i] * l->nb;
     PetscReal       r[MESH_MAX_NB * 3];

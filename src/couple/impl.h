@@ -1,5 +1,5 @@
-/* Inside of the couple module; for its files only. couple.c: bodies drawn, one system for flow and bodies, bodies moved. coupleforce.c: what the flow exerts on bodies, and the balance of
-   momentum. Layer 3. Only couple.c changes the struct. */
+/* Inside of the couple module; for its files only. couple.c: bodies drawn, one system for flow and bodies, bodies moved. force.c: what the flow exerts on bodies, and the balance of
+   momentum. Only couple.c changes the struct. */
 #pragma once
 #include "couple/couple.h"
 #include "snap/driver.h"
@@ -25,16 +25,16 @@ struct _p_Couple {
   const MeshLocal *loc;
   Constraint       constraint;
   FlowSolver       solver;
-  Hole             hole;                     /* bodies that are holes of the mesh: nothing is marked, forces are read at the boundary */
+  Fitted           hole;                     /* bodies that are holes of the mesh: nothing is marked, forces are read at the boundary */
   PetscInt         nprescribed, *prescribed; /* own cells with nodes of prescribed velocity */
   PetscInt         implicit, use_volume, nr;
   Rung             rung;
-  Fit              fit;      /* rung snap */
+  SnapDriver       fit;      /* rung snap */
   PetscBool        remarked; /* that a body goes too far in a step */
-  Follow           follow;   /* -mesh_deform with bodies that move */
+  Ale              follow;   /* -mesh_deform with bodies that move */
   CoupleSnapCount  snap;
   const PetscBool *fitted, *hollow;    /* [n] the mesh lines up with the body; its inside is no part of the fluid; NULL: none */
-  Mark             mark;               /* nodes that move rigidly */
+  Indicator        mark;               /* nodes that move rigidly */
   PetscReal (*X)[3], (*q)[4], (*P)[3]; /* where the bodies are drawn: centre, orientation, reference point (of the rigid velocities) */
   Penalty    penalty;                  /* NULL unless the rung needs it */
   PetscInt  *unknown;

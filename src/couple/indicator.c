@@ -1,11 +1,11 @@
-/* Mark: see mark.h. */
+/* Indicator: see indicator.h. */
 #include "compat.h"
 #include "indicator.h"
 #include "base/opt.h"
 
 #define CHUNK 256
 
-struct _p_Mark {
+struct _p_Indicator {
   Mesh             mesh;
   Bodies           bodies;
   BodyState       *s;
@@ -16,7 +16,7 @@ struct _p_Mark {
   PetscReal       *seen, key; /* [nbodies][8]: place, orientation, gone, for which the marks stand; key, NaN when they stand for nothing */
 };
 
-static PetscErrorCode read_search(Mark m)
+static PetscErrorCode read_search(Indicator m)
 {
   static const char *const SEARCHES[] = {"cells", "brute", NULL};
 
@@ -29,9 +29,9 @@ static PetscErrorCode read_search(Mark m)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MarkCreate(Mesh mesh, Bodies bodies, Mark *mark)
+PetscErrorCode IndicatorCreate(Mesh mesh, Bodies bodies, Indicator *mark)
 {
-  Mark m;
+  Indicator m;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&m));
@@ -44,12 +44,12 @@ PetscErrorCode MarkCreate(Mesh mesh, Bodies bodies, Mark *mark)
   PetscCall(PetscArrayzero(m->stamp, m->loc->ncell));
   PetscCall(read_search(m));
   PetscCall(PetscCalloc1(8 * m->s->n, &m->seen));
-  PetscCall(MarkForget(m));
+  PetscCall(IndicatorForget(m));
   *mark = m;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MarkDestroy(Mark *mark)
+PetscErrorCode IndicatorDestroy(Indicator *mark)
 {
   PetscFunctionBeginUser;
   if (!*mark) PetscFunctionReturn(PETSC_SUCCESS);
@@ -60,14 +60,14 @@ PetscErrorCode MarkDestroy(Mark *mark)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MarkForget(Mark m)
+PetscErrorCode IndicatorForget(Indicator m)
 {
   PetscFunctionBeginUser;
   m->key = (PetscReal)NAN;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MarkIsCurrent(Mark m, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal key, PetscBool *current)
+PetscErrorCode IndicatorIsCurrent(Indicator m, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal key, PetscBool *current)
 {
   PetscFunctionBeginUser;
   *current = (PetscBool)(m->key == key || !m->s->n);
@@ -82,7 +82,7 @@ PetscErrorCode MarkIsCurrent(Mark m, PetscReal (*X)[3], PetscReal (*q)[4], Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MarkClear(Mark m)
+PetscErrorCode IndicatorClear(Indicator m)
 {
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < m->nnode; i++) m->node_body[m->node[i]] = -1;
@@ -91,7 +91,7 @@ PetscErrorCode MarkClear(Mark m)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MarkClaim(Mark m, PetscInt node, PetscInt body)
+PetscErrorCode IndicatorClaim(Indicator m, PetscInt node, PetscInt body)
 {
   PetscFunctionBeginUser;
   if (m->node_body[node] >= 0) PetscFunctionReturn(PETSC_SUCCESS);
@@ -100,7 +100,7 @@ PetscErrorCode MarkClaim(Mark m, PetscInt node, PetscInt body)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscBool MarkImage(const MeshLocal *l, const PetscReal X[3], PetscReal radius, PetscInt image, PetscReal Xi[3])
+PetscBool IndicatorImage(const MeshLocal *l, const PetscReal X[3], PetscReal radius, PetscInt image, PetscReal Xi[3])
 {
   const PetscInt shift[3] = {image % 3 - 1, (image / 3) % 3 - 1, l->dim == 2 ? 0 : image / 9 - 1};
 
@@ -111,7 +111,7 @@ PetscBool MarkImage(const MeshLocal *l, const PetscReal X[3], PetscReal radius, 
   return PETSC_TRUE;
 }
 
-static PetscErrorCode claim_inside(Mark m, PetscInt k, const PetscReal X[3], const PetscReal q[4])
+static PetscErrorCode claim_inside(Indicator m, PetscInt k, const PetscReal X[3], const PetscReal q[4])
 {
   const PetscInt  dim    = m->loc->dim;
   const PetscReal radius = m->s->group[m->s->body_group[k]].radius +
@@ -136,31 +136,31 @@ static PetscErrorCode claim_inside(Mark m, PetscInt k, const PetscReal X[3], con
       for (PetscInt a = 0; a < dim; a++) x[i * dim + a] = m->loc->x[list[begin + i] * dim + a];
     PetscCall(BodiesDistance(m->bodies, k, X, q, size, x, d));
     for (PetscInt i = 0; i < size; i++)
-      if (d[i] <= 0) PetscCall(MarkClaim(m, list[begin + i], k));
+      if (d[i] <= 0) PetscCall(IndicatorClaim(m, list[begin + i], k));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MarkInsideBody(Mark m, PetscInt k, const PetscReal X[3], const PetscReal q[4])
+PetscErrorCode IndicatorInsideBody(Indicator m, PetscInt k, const PetscReal X[3], const PetscReal q[4])
 {
   PetscFunctionBeginUser;
   if (m->s->gone[k] || m->s->group[m->s->body_group[k]].hole) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt image = 0; image < (m->loc->dim == 2 ? 9 : 27); image++) {
     PetscReal Xi[3];
 
-    if (MarkImage(m->loc, X, m->s->group[m->s->body_group[k]].radius, image, Xi)) PetscCall(claim_inside(m, k, Xi, q));
+    if (IndicatorImage(m->loc, X, m->s->group[m->s->body_group[k]].radius, image, Xi)) PetscCall(claim_inside(m, k, Xi, q));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MarkInside(Mark m, PetscReal (*X)[3], PetscReal (*q)[4])
+PetscErrorCode IndicatorInside(Indicator m, PetscReal (*X)[3], PetscReal (*q)[4])
 {
   PetscFunctionBeginUser;
-  for (PetscInt k = 0; k < m->s->n; k++) PetscCall(MarkInsideBody(m, k, X[k], q[k]));
+  for (PetscInt k = 0; k < m->s->n; k++) PetscCall(IndicatorInsideBody(m, k, X[k], q[k]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MarkCheckSeen(Mark m)
+PetscErrorCode IndicatorCheckSeen(Indicator m)
 {
   const MeshLocal *l = m->loc;
   char            *seen;
@@ -182,7 +182,7 @@ PetscErrorCode MarkCheckSeen(Mark m)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MarkTouch(Mark m, PetscInt node)
+PetscErrorCode IndicatorTouch(Indicator m, PetscInt node)
 {
   const MeshLocal *l = m->loc;
 
@@ -197,14 +197,14 @@ PetscErrorCode MarkTouch(Mark m, PetscInt node)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MarkFinish(Mark m)
+PetscErrorCode IndicatorFinish(Indicator m)
 {
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < m->nnode; i++) PetscCall(MarkTouch(m, m->node[i]));
+  for (PetscInt i = 0; i < m->nnode; i++) PetscCall(IndicatorTouch(m, m->node[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MarkGetNodes(Mark m, const PetscInt *node_body[], PetscInt *n, const PetscInt *node[])
+PetscErrorCode IndicatorGetNodes(Indicator m, const PetscInt *node_body[], PetscInt *n, const PetscInt *node[])
 {
   PetscFunctionBeginUser;
   if (node_body) *node_body = m->node_body;
@@ -213,7 +213,7 @@ PetscErrorCode MarkGetNodes(Mark m, const PetscInt *node_body[], PetscInt *n, co
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MarkGetCells(Mark m, PetscInt *n, const PetscInt *cell[])
+PetscErrorCode IndicatorGetCells(Indicator m, PetscInt *n, const PetscInt *cell[])
 {
   PetscFunctionBeginUser;
   if (n) *n = m->ncell;

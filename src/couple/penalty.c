@@ -41,9 +41,9 @@ struct _p_Penalty {
   PetscInt   nterm, term_room, *term_cell, *term_body;
   PetscReal *term; /* [nterm][nb*nb] */
   /* the rest */
-  Soft       soft;
-  PetscInt   entry_room, more_room, *first, *next; /* entries of a node: first[node], next[entry]; -1 ends */
-  PetscReal *entry_weight;
+  PenaltyTerm soft;
+  PetscInt    entry_room, more_room, *first, *next; /* entries of a node: first[node], next[entry]; -1 ends */
+  PetscReal  *entry_weight;
   PetscReal (*P)[3];         /* [nbodies] reference points of the last draw */
   PetscInt  *strong, *count; /* [nnode_all] */
   PetscReal *x, *d;          /* work: samples of a cell */
@@ -271,7 +271,7 @@ static PetscErrorCode cut_cells(Penalty p, PetscReal (*X)[3], PetscReal (*q)[4],
     for (PetscInt image = 0; image < (p->loc->dim == 2 ? 9 : 27) && !(omit && omit[k]); image++) {
       PetscReal Xi[3], Pi[3];
 
-      if (!MarkImage(p->loc, X[k], p->s->group[p->s->body_group[k]].radius, image, Xi)) continue;
+      if (!IndicatorImage(p->loc, X[k], p->s->group[p->s->body_group[k]].radius, image, Xi)) continue;
       for (PetscInt a = 0; a < 3; a++) Pi[a] = P[k][a] + (Xi[a] - X[k][a]);
       PetscCall(cut_image(p, k, Xi, q[k], Pi));
     }
@@ -282,7 +282,7 @@ static PetscErrorCode cut_cells(Penalty p, PetscReal (*X)[3], PetscReal (*q)[4],
 /* ---- strong nodes ---- */
 
 /* Nodes all of whose cells lie inside the same body. Parts are ordered by body, so counting restarts with each. */
-static PetscErrorCode claim_strong_nodes(Penalty p, Mark mark)
+static PetscErrorCode claim_strong_nodes(Penalty p, Indicator mark)
 {
   const MeshLocal *l = p->loc;
 
@@ -307,7 +307,7 @@ static PetscErrorCode claim_strong_nodes(Penalty p, Mark mark)
   }
   PetscCall(MeshSyncNodesInt(p->mesh, p->strong));
   for (PetscInt i = 0; i < l->nnode_all; i++)
-    if (p->strong[i] >= 0) PetscCall(MarkClaim(mark, i, p->strong[i]));
+    if (p->strong[i] >= 0) PetscCall(IndicatorClaim(mark, i, p->strong[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -330,8 +330,8 @@ static PetscErrorCode get_strength(Penalty p, PetscInt cell, PetscReal *sigma)
 
 static PetscErrorCode find_entry(Penalty p, PetscInt node, PetscInt body, PetscInt *entry)
 {
-  Soft    *s = &p->soft;
-  PetscInt e = p->first[node];
+  PenaltyTerm *s = &p->soft;
+  PetscInt     e = p->first[node];
 
   PetscFunctionBeginUser;
   while (e >= 0 && s->body[e] != body) e = p->next[e];
@@ -420,7 +420,7 @@ static PetscErrorCode add_part_penalty(Penalty p, const Part *part)
 static PetscErrorCode finish_soft(Penalty p, PetscReal (*P)[3])
 {
   const MeshLocal *l  = p->loc;
-  Soft            *s  = &p->soft;
+  PenaltyTerm     *s  = &p->soft;
   const PetscInt   nr = s->nr, dim = s->dim;
 
   PetscFunctionBeginUser;
@@ -436,7 +436,7 @@ static PetscErrorCode finish_soft(Penalty p, PetscReal (*P)[3])
     const PetscInt i = s->node[e], k = s->body[e];
     PetscReal      G[18], R[18];
 
-    SoftGetBlock(s, e, G);
+    PenaltyTermGetBlock(s, e, G);
     ConstraintRigidAt(l, i, P[k], R);
     for (PetscInt m = 0; m < nr * nr; m++)
       for (PetscInt a = 0; a < dim; a++) s->H[k * nr * nr + m] += R[a * nr + m / nr] * G[a * nr + m % nr];
@@ -459,7 +459,7 @@ static PetscErrorCode finish_soft(Penalty p, PetscReal (*P)[3])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PenaltyDraw(Penalty p, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*P)[3], const PetscBool omit[], Mark mark)
+PetscErrorCode PenaltyDraw(Penalty p, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*P)[3], const PetscBool omit[], Indicator mark)
 {
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < p->soft.n; e++) p->first[p->soft.node[e]] = -1;
@@ -469,13 +469,13 @@ PetscErrorCode PenaltyDraw(Penalty p, PetscReal (*X)[3], PetscReal (*q)[4], Pets
   PetscCall(cut_cells(p, X, q, P, omit));
   PetscCall(claim_strong_nodes(p, mark));
   for (PetscInt t = 0; t < p->npart; t++) PetscCall(add_part_penalty(p, p->part + t));
-  for (PetscInt e = 0; e < p->soft.n; e++) PetscCall(MarkTouch(mark, p->soft.node[e]));
+  for (PetscInt e = 0; e < p->soft.n; e++) PetscCall(IndicatorTouch(mark, p->soft.node[e]));
   PetscCall(finish_soft(p, P));
   PetscCall(FlowSetCellTerms(p->flow, p->nterm, p->term_cell, p->term));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PenaltyGetSoft(Penalty p, const Soft **soft)
+PetscErrorCode PenaltyGetSoft(Penalty p, const PenaltyTerm **soft)
 {
   PetscFunctionBeginUser;
   *soft = &p->soft;
@@ -553,10 +553,10 @@ PetscErrorCode PenaltyMeasureCells(Penalty p)
 
 PetscErrorCode PenaltyCreate(Flow flow, Bodies bodies, Penalty *penalty)
 {
-  Penalty   p;
-  Soft     *s;
-  PetscInt  n;
-  PetscBool still;
+  Penalty      p;
+  PenaltyTerm *s;
+  PetscInt     n;
+  PetscBool    still;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&p));

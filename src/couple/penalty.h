@@ -1,4 +1,4 @@
-/* Penalty: boundary rung `penalty`. Layer 3.
+/* Penalty: boundary rung `penalty`.
 
    The velocity in the body's part of a cell is held at the rigid velocity by a force per volume sigma (u - U - w x r), sigma = a mu/h^2 + b rho_f c_t with the size h of the cell.
    With a = 200, b = 12 the thin layer in which the flow adapts compensates the missing wall within the cell, so that the body keeps its true radius (study
@@ -24,9 +24,9 @@ PetscErrorCode PenaltyMeasureCells(Penalty);
 
 /* Bodies drawn at X, q in the step that FlowBeginStep began, rigid velocities about the points P: claims the strong nodes, computes the penalty and hands its scalar part to the flow.
    Bodies k with omit[k] (NULL: none) are no concern of the penalty. Collective. */
-PetscErrorCode PenaltyDraw(Penalty, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*P)[3], const PetscBool omit[], Mark);
+PetscErrorCode PenaltyDraw(Penalty, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*P)[3], const PetscBool omit[], Indicator);
 /* The rest of the penalty of the last PenaltyDraw. Borrowed. */
-PetscErrorCode PenaltyGetSoft(Penalty, const Soft **);
+PetscErrorCode PenaltyGetSoft(Penalty, const PenaltyTerm **);
 
 /* What the penalty exerts on the flow at prescribed components (fixed: bit mask [nnode_all]), where a body reaches a wall: out [3] += sum of Pen u - G U over them, to be summed
    over ranks. u [nnode_all][dim], U [nbodies][nr] all rigid velocities. Local. */

@@ -1,4 +1,4 @@
-/* Boundary: see boundary.h. Conditions are attached to named boundaries of the mesh; where boundaries meet, walls win over inflow, and inflow over slip. */
+/* Boundary: see condition.h. Conditions are attached to named boundaries of the mesh; where boundaries meet, walls win over inflow, and inflow over slip. */
 #include "compat.h"
 #include "flow/condition.h"
 #include "base/opt.h"
@@ -10,18 +10,18 @@ typedef enum {
   BC_INFLOW,
   BC_OUTFLOW,
   BC_SLIP
-} BoundaryType;
+} ConditionsType;
 
 typedef struct {
-  BoundaryType type;
-  PetscBool    parabolic;
-  PetscReal    velocity[3], factor[3], ramp;
-  PetscReal    omega[3], centre[3]; /* of a rotating wall */
-  PetscReal    lower[3], upper[3];  /* extent, for the profile and for slip */
-  PetscInt     axis;                /* slip: the normal axis */
+  ConditionsType type;
+  PetscBool      parabolic;
+  PetscReal      velocity[3], factor[3], ramp;
+  PetscReal      omega[3], centre[3]; /* of a rotating wall */
+  PetscReal      lower[3], upper[3];  /* extent, for the profile and for slip */
+  PetscInt       axis;                /* slip: the normal axis */
 } Condition;
 
-struct _p_Boundary {
+struct _p_Conditions {
   Mesh             mesh;
   const MeshLocal *loc;
   PetscInt         n, *fixed, *wall; /* bit masks of components: prescribed; prescribed by a wall */
@@ -35,7 +35,7 @@ struct _p_Boundary {
 static const char *const BC_TYPES[] = {"no_slip", "moving_wall", "rotating_wall", "inflow", "outflow", "slip", NULL};
 static const char *const PROFILES[] = {"uniform", "parabolic", NULL};
 
-static PetscErrorCode find_extent(Boundary f, PetscInt b, Condition *bc)
+static PetscErrorCode find_extent(Conditions f, PetscInt b, Condition *bc)
 {
   const MeshLocal *l = f->loc;
   const PetscInt  *node;
@@ -75,7 +75,7 @@ static PetscErrorCode read_rotation(const char name[], PetscInt dim, Condition *
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode read_boundary(Boundary f, PetscInt b)
+static PetscErrorCode read_boundary(Conditions f, PetscInt b)
 {
   const PetscInt dim = f->loc->dim;
   Condition     *bc  = f->condition + b;
@@ -88,7 +88,7 @@ static PetscErrorCode read_boundary(Boundary f, PetscInt b)
   PetscCall(MeshGetBoundaryName(f->mesh, b, &name));
   PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_type", name));
   PetscCall(OptChoice(option, "condition on this boundary", BC_TYPES, &type));
-  bc->type      = (BoundaryType)type;
+  bc->type      = (ConditionsType)type;
   bc->factor[0] = bc->factor[2] = 1;
   PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_velocity", name));
   if (type == BC_INFLOW || type == BC_MOVING_WALL) {
@@ -122,7 +122,7 @@ static PetscErrorCode read_boundary(Boundary f, PetscInt b)
 }
 
 /* Which components a condition prescribes. Where boundaries meet, walls win over inflow, and inflow over slip. */
-static PetscErrorCode mark_fixed(Boundary f)
+static PetscErrorCode mark_fixed(Conditions f)
 {
   const PetscInt all     = (1 << f->loc->dim) - 1;
   PetscInt       outflow = 0;
@@ -164,7 +164,7 @@ static PetscReal boundary_profile(const Condition *bc, PetscInt dim, const Petsc
   return value;
 }
 
-static PetscErrorCode evaluate_field(Boundary f, PetscReal time)
+static PetscErrorCode evaluate_field(Conditions f, PetscReal time)
 {
   const PetscInt dim = f->loc->dim;
 
@@ -180,7 +180,7 @@ static PetscErrorCode evaluate_field(Boundary f, PetscReal time)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode check_steady(Boundary f, PetscInt b, PetscReal time)
+static PetscErrorCode check_steady(Conditions f, PetscInt b, PetscReal time)
 {
   const PetscReal *factor = f->condition[b].factor;
   const char      *name;
@@ -209,10 +209,10 @@ static void wall_velocity(const Condition *bc, PetscInt dim, const PetscReal x[]
   }
 }
 
-PetscErrorCode BoundarySetTime(Boundary f, PetscReal time)
+PetscErrorCode ConditionsSetTime(Conditions f, PetscReal time)
 {
-  static const BoundaryType order[] = {BC_SLIP, BC_INFLOW, BC_ROTATING_WALL, BC_MOVING_WALL, BC_NO_SLIP}; /* later ones win where boundaries meet */
-  const PetscInt            dim     = f->loc->dim;
+  static const ConditionsType order[] = {BC_SLIP, BC_INFLOW, BC_ROTATING_WALL, BC_MOVING_WALL, BC_NO_SLIP}; /* later ones win where boundaries meet */
+  const PetscInt              dim     = f->loc->dim;
 
   PetscFunctionBeginUser;
   if (f->field) PetscCall(evaluate_field(f, time < PETSC_MAX_REAL ? time : 0));
@@ -239,9 +239,9 @@ PetscErrorCode BoundarySetTime(Boundary f, PetscReal time)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BoundaryCreate(Mesh mesh, Boundary *boundary)
+PetscErrorCode ConditionsCreate(Mesh mesh, Conditions *boundary)
 {
-  Boundary f;
+  Conditions f;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&f));
@@ -255,7 +255,7 @@ PetscErrorCode BoundaryCreate(Mesh mesh, Boundary *boundary)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BoundaryDestroy(Boundary *boundary)
+PetscErrorCode ConditionsDestroy(Conditions *boundary)
 {
   PetscFunctionBeginUser;
   if (!*boundary) PetscFunctionReturn(PETSC_SUCCESS);
@@ -264,7 +264,7 @@ PetscErrorCode BoundaryDestroy(Boundary *boundary)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BoundaryView(Boundary f, PetscViewer viewer)
+PetscErrorCode ConditionsView(Conditions f, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
   for (PetscInt b = 0; b < f->n; b++) {
@@ -276,7 +276,7 @@ PetscErrorCode BoundaryView(Boundary f, PetscViewer viewer)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BoundaryGetValues(Boundary f, const PetscInt *fixed[], const PetscReal *value[])
+PetscErrorCode ConditionsGetValues(Conditions f, const PetscInt *fixed[], const PetscReal *value[])
 {
   PetscFunctionBeginUser;
   *fixed = f->fixed;
@@ -284,14 +284,14 @@ PetscErrorCode BoundaryGetValues(Boundary f, const PetscInt *fixed[], const Pets
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BoundaryGetWalls(Boundary f, const PetscInt *wall[])
+PetscErrorCode ConditionsGetWalls(Conditions f, const PetscInt *wall[])
 {
   PetscFunctionBeginUser;
   *wall = f->wall;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BoundarySetField(Boundary f, VectorField field, void *ctx)
+PetscErrorCode ConditionsSetField(Conditions f, VectorField field, void *ctx)
 {
   PetscFunctionBeginUser;
   f->field     = field;
@@ -299,14 +299,14 @@ PetscErrorCode BoundarySetField(Boundary f, VectorField field, void *ctx)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BoundaryPressureIsFloating(Boundary f, PetscBool *floating)
+PetscErrorCode ConditionsPressureIsFloating(Conditions f, PetscBool *floating)
 {
   PetscFunctionBeginUser;
   *floating = f->floating;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BoundaryGetSolidFaces(Boundary f, PetscInt *faces)
+PetscErrorCode ConditionsGetSolidFaces(Conditions f, PetscInt *faces)
 {
   const char *const names[] = {"left", "right", "bottom", "top", "back", "front"};
 

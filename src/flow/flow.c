@@ -1,4 +1,4 @@
-/* Flow: assembly of the Navier-Stokes equations and their time schemes (see flow.h); what is evaluated cell by cell from a solution is in flowevaluate.c.
+/* Flow: assembly of the Navier-Stokes equations and their time schemes (see flow.h); what is evaluated cell by cell from a solution is in evaluate.c.
 
    The velocity matrix is assembled in one pass over the cells, own and ghost, straight into the rows of own nodes: no communication, and no second matrix for the constant part,
    which costs less to compute (element.h) than to load. Units: any consistent system. Not here: bodies, solvers, stabilisation, turbulence. */
@@ -412,7 +412,7 @@ PetscErrorCode FlowCreate(Mesh mesh, Flow *flow)
   PetscCall(PetscMalloc1(l->ncell * (dim + 1) * (dim + 1), &f->pmass));
   PetscCall(PetscCalloc4(l->nnode_all, &f->open, l->ncell_all, &f->visited, l->ncell_all, &f->around, l->ncell_all * dim, &f->centre));
   PetscCall(compute_cells(f));
-  PetscCall(BoundaryCreate(mesh, &f->boundary));
+  PetscCall(ConditionsCreate(mesh, &f->boundary));
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u)); /* each on its own: accepted steps swap them */
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u_old));
   if (f->par.quadratic) PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u_older));
@@ -539,7 +539,7 @@ PetscErrorCode FlowDestroy(Flow *flow)
   PetscCall(ElementDestroy(&f->element));
   PetscCall(PetscFree4(f->open, f->visited, f->around, f->centre));
   PetscCall(PetscFree5(f->affine, f->inverse, f->det, f->size, f->lumped));
-  PetscCall(BoundaryDestroy(&f->boundary));
+  PetscCall(ConditionsDestroy(&f->boundary));
   PetscCall(PetscFree(f->u));
   PetscCall(PetscFree(f->u_old));
   PetscCall(PetscFree(f->u_older));
@@ -556,7 +556,7 @@ PetscErrorCode FlowView(Flow f, PetscViewer viewer)
   PetscCall(PetscViewerASCIIPrintf(viewer, "flow: density %g, viscosity %g, time scheme %s, %s\n", (double)f->par.density, (double)f->par.viscosity,
                                    SCHEMES[f->scheme],
                                    f->par.convection ? "Navier-Stokes (convection extrapolated)" : "Stokes (no convection assembled)"));
-  PetscCall(BoundaryView(f->boundary, viewer));
+  PetscCall(ConditionsView(f->boundary, viewer));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -644,7 +644,7 @@ PetscErrorCode FlowBeginStep(Flow f, PetscReal time, PetscReal dt)
   f->bend = f->dt_older > 0 ? f->ahead * (f->ahead + 1) * f->dt_old * f->dt_old / (f->dt_old + f->dt_older) : 0; /* Newton's interpolation */
   extrapolate_convection(f);
   PetscCall(evaluate_source(f));
-  PetscCall(BoundarySetTime(f->boundary, time));
+  PetscCall(ConditionsSetTime(f->boundary, time));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -663,7 +663,7 @@ PetscErrorCode FlowBeginSteady(Flow f, PetscReal rate)
   f->ahead = 0;
   PetscCall(FlowSetConvection(f, f->u));
   PetscCall(evaluate_source(f));
-  PetscCall(BoundarySetTime(f->boundary, PETSC_MAX_REAL));
+  PetscCall(ConditionsSetTime(f->boundary, PETSC_MAX_REAL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -676,7 +676,7 @@ PetscErrorCode FlowSetDrift(Flow f, const PetscReal drift[])
   f->drift = drift;
   extrapolate_convection(f);
   PetscCall(evaluate_source(f));
-  PetscCall(BoundarySetTime(f->boundary, f->step.time));
+  PetscCall(ConditionsSetTime(f->boundary, f->step.time));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -694,7 +694,7 @@ PetscErrorCode FlowGetStep(Flow f, const FlowStep **step)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-Boundary FlowBoundary(Flow f)
+Conditions FlowConditions(Flow f)
 {
   return f->boundary;
 }

@@ -1,4 +1,4 @@
-/* Inside of Flow; for its files only. flow.c: geometry, assembly, time schemes, fields. flowevaluate.c: what a solution amounts to, cell by cell. Layer 2.
+/* Inside of Flow; for its files only. flow.c: geometry, assembly, time schemes, fields. evaluate.c: what a solution amounts to, cell by cell.
 
    Only flow.c changes the struct. The functions below are called once a cell and are therefore inlined. */
 #pragma once
@@ -12,7 +12,7 @@ struct _p_Flow {
   FlowStep         step;
   PetscInt         scheme, nsteps, substep;    /* steps taken; part of the time step that comes next */
   PetscReal     dt_old, dt_older, ahead, bend; /* last steps (0: none); extrapolation of w in units of the old step, and the factor of its parabola */
-  Boundary      boundary;
+  Conditions    boundary;
   ElementTables element;
   /* geometry of the cells */
   PetscBool *affine;

@@ -1,4 +1,4 @@
-/* Meshkind: serial meshes built from options (see meshkind.h).
+/* Meshkind: serial meshes built from options (see kind.h).
 
    Boxes come from PETSc; blocks of quadrilaterals with a hole or rings are listed cell by cell in index coordinates, where every cell is a unit square or a trapezoid.
    Sizes of the graded channel meshes are fixed by a basic resolution and its cell counts, and other resolutions multiply the counts, so that meshes of twice the

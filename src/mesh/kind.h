@@ -1,4 +1,4 @@
-/* Meshkind: the meshes a scene can ask for by name, still serial and not refined. Layer 1.
+/* Meshkind: the meshes a scene can ask for by name, still serial and not refined.
 
      box      [lower, upper] with -mesh_cells nx,ny[,nz] equal cells, -mesh_lower, -mesh_upper, -mesh_periodic x,y,z, -mesh_dimension 2|3. With -mesh_focus lo..,hi..
               cells of size -mesh_focus_h inside that box, outside h (1 + growth d/h) at distance d: -mesh_growth, up to h times -mesh_coarsest (one value an axis)
@@ -13,7 +13,7 @@
    -mesh_shift_seed n (box with focus, channel) moves the fine part by a random fraction of h, -1/2 to 1/2 along each axis; 0 does not.
 
    Boundaries are DMLabels on faces: left right bottom top back front, cylinder, inner, outer. The coordinates of the DM are reference coordinates, to be kept until
-   the mesh is refined and distributed; MeshKindEvaluate then gives true ones (meshmap.h). All functions but MeshKindEvaluate are collective. */
+   the mesh is refined and distributed; MeshKindEvaluate then gives true ones (map.h). All functions but MeshKindEvaluate are collective. */
 #pragma once
 #include <petscdmplex.h>
 

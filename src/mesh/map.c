@@ -1,4 +1,4 @@
-/* Meshmap: maps from the reference coordinates of a mesh to its true ones (see meshmap.h).
+/* Meshmap: maps from the reference coordinates of a mesh to its true ones (see map.h).
 
    Rings around a circle are square rings in reference coordinates: a point at half-width s on side k = 0..3 with -1 <= t <= 1 along the side goes to the angle
    pi/2 k + pi/4 t. Between a circle and a square the map blends linearly along straight rays (ruled surface, Gordon & Hall, Numer. Math. 21, 1973). The middle of a disc is a

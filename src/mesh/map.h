@@ -1,4 +1,4 @@
-/* Meshmap: where the points of a mesh lie. Layer 1.
+/* Meshmap: where the points of a mesh lie.
 
    A mesh is refined in reference coordinates q, in which all its edges are straight; the map x(q) then puts every vertex and every Q2 node in its place.
    The map is smooth inside each block of the mesh and known in closed form, so points on a circle lie on it to round-off on every level of refinement and on every

@@ -1,6 +1,6 @@
 /* Mesh: construction, distribution and numbering of the Q2 nodes (see mesh.h).
 
-   A DMPlex of quadrilaterals or hexahedra (meshkind.h) is distributed, refined, and given one layer of ghost cells. Every mesh point then
+   A DMPlex of quadrilaterals or hexahedra (kind.h) is distributed, refined, and given one layer of ghost cells. Every mesh point then
    gets one node, numbered in the order in which the cells (in cache-friendly order) touch them: neighbours in space are neighbours in memory.
    Lengths are in the unit of the scene. Cells of other types and adaptive refinement are not handled. */
 #include "compat.h"

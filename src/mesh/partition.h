@@ -1,4 +1,4 @@
-/* Partition: which rank gets which cell. Layer 0.
+/* Partition: which rank gets which cell.
 
    Adds "metis" to PETSc's mesh partitioners (PETSc itself reaches METIS only through ParMETIS, which Debian does not build):
    -petscpartitioner_type metis | ptscotch | simple | ... ; metis is the default of this program.

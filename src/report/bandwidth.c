@@ -1,4 +1,4 @@
-/* Yardstick: see yardstick.h.
+/* Bandwidth: see bandwidth.h.
 
    Each figure is the best of several repetitions: what the machine can do, not what it does beside other work. Times are wall clock between barriers. */
 #include "compat.h"
@@ -30,7 +30,7 @@ static PetscErrorCode time_triad(MPI_Comm comm, PetscBool takes_part, PetscReal 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode measure_triad(MPI_Comm comm, Yardstick *y)
+static PetscErrorCode measure_triad(MPI_Comm comm, Bandwidth *y)
 {
   const PetscReal bytes = 3. * sizeof(PetscReal) * TRIAD_LENGTH;
   PetscReal      *a, *b, *c, best, sum, speed[2];
@@ -57,7 +57,7 @@ static PetscErrorCode measure_triad(MPI_Comm comm, Yardstick *y)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode measure_sweep(MPI_Comm comm, Mat S, Yardstick *y)
+static PetscErrorCode measure_sweep(MPI_Comm comm, Mat S, Bandwidth *y)
 {
   Vec            x, r;
   MatInfo        info;
@@ -86,7 +86,7 @@ static PetscErrorCode measure_sweep(MPI_Comm comm, Mat S, Yardstick *y)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode YardstickMeasure(Mat S, Yardstick *y)
+PetscErrorCode BandwidthMeasure(Mat S, Bandwidth *y)
 {
   MPI_Comm comm;
 

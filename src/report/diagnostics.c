@@ -1,4 +1,4 @@
-/* Probe: see probe.h. */
+/* Probe: see diagnostics.h. */
 #include "compat.h"
 #include "report/diagnostics.h"
 #include "mesh/element.h"
@@ -33,7 +33,7 @@ typedef struct {
   PetscInt  n, *cell; /* own cells whose bounding box comes near */
 } Point;
 
-struct _p_Probe {
+struct _p_Diagnostics {
   Flow                flow;
   Mesh                mesh;
   Couple              couple;
@@ -53,7 +53,7 @@ struct _p_Probe {
 
 /* ---- set-up ---- */
 
-static PetscErrorCode add_column(Probe b, const char name[], PetscInt *first)
+static PetscErrorCode add_column(Diagnostics b, const char name[], PetscInt *first)
 {
   PetscInt column;
 
@@ -65,7 +65,7 @@ static PetscErrorCode add_column(Probe b, const char name[], PetscInt *first)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode read_coefficient(Probe b, const BodyGroup *g)
+static PetscErrorCode read_coefficient(Diagnostics b, const BodyGroup *g)
 {
   const FlowParameters *par;
   Coefficient          *c = b->coefficient + b->ncoefficient;
@@ -91,7 +91,7 @@ static PetscErrorCode read_coefficient(Probe b, const BodyGroup *g)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode name_coefficients(Probe b)
+static PetscErrorCode name_coefficients(Diagnostics b)
 {
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < b->ncoefficient; i++) {
@@ -109,7 +109,7 @@ static PetscErrorCode name_coefficients(Probe b)
 }
 
 /* Own cells that may hold the point, also when their nodes move by half of their size; where the mesh follows bodies, those of this step */
-static PetscErrorCode find_candidates(Probe b, Point *p)
+static PetscErrorCode find_candidates(Diagnostics b, Point *p)
 {
   const MeshLocal *l = b->loc;
 
@@ -138,7 +138,7 @@ static PetscErrorCode find_candidates(Probe b, Point *p)
 }
 
 /* Mean of the pressure over the cells that hold the point, those with their centre outside of bodies first; *n their number on all ranks */
-static PetscErrorCode read_pressure(Probe b, const Point *point, const PetscReal p[], PetscReal *value, PetscInt *n)
+static PetscErrorCode read_pressure(Diagnostics b, const Point *point, const PetscReal p[], PetscReal *value, PetscInt *n)
 {
   const MeshLocal *l = b->loc;
   const PetscInt  *body;
@@ -169,7 +169,7 @@ static PetscErrorCode read_pressure(Probe b, const Point *point, const PetscReal
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode read_points(Probe b)
+static PetscErrorCode read_points(Diagnostics b)
 {
   const PetscInt dim  = b->loc->dim;
   PetscReal      x[6] = {0}, *zero, unused;
@@ -192,7 +192,7 @@ static PetscErrorCode read_points(Probe b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode read_momentum(Probe b)
+static PetscErrorCode read_momentum(Diagnostics b)
 {
   PetscFunctionBeginUser;
   PetscCall(OptBool("-monitor_momentum", "balance of momentum of the flow by its parts in series.csv", &b->momentum));
@@ -205,7 +205,7 @@ static PetscErrorCode read_momentum(Probe b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode add_mesh_columns(Probe b)
+static PetscErrorCode add_mesh_columns(Diagnostics b)
 {
   CoupleSnapCount count;
 
@@ -218,9 +218,9 @@ static PetscErrorCode add_mesh_columns(Probe b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ProbeCreate(Flow flow, Bodies bodies, Couple couple, Monitor monitor, Probe *probe)
+PetscErrorCode DiagnosticsCreate(Flow flow, Bodies bodies, Couple couple, Monitor monitor, Diagnostics *probe)
 {
-  Probe b;
+  Diagnostics b;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&b));
@@ -243,9 +243,9 @@ PetscErrorCode ProbeCreate(Flow flow, Bodies bodies, Couple couple, Monitor moni
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ProbeDestroy(Probe *probe)
+PetscErrorCode DiagnosticsDestroy(Diagnostics *probe)
 {
-  Probe b = *probe;
+  Diagnostics b = *probe;
 
   PetscFunctionBeginUser;
   if (!b) PetscFunctionReturn(PETSC_SUCCESS);
@@ -259,7 +259,7 @@ PetscErrorCode ProbeDestroy(Probe *probe)
 
 /* ---- steps ---- */
 
-static PetscErrorCode measure_coefficient(Probe b, Coefficient *c)
+static PetscErrorCode measure_coefficient(Diagnostics b, Coefficient *c)
 {
   const PetscReal *force = b->s->force[c->body];
   PetscReal        residual[6], volume[6], size = 0, difference = 0, *v = b->value + c->column;
@@ -280,7 +280,7 @@ static PetscErrorCode measure_coefficient(Probe b, Coefficient *c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode measure_dp(Probe b)
+static PetscErrorCode measure_dp(Diagnostics b)
 {
   const PetscReal *u, *p;
   PetscReal        at[2];
@@ -296,7 +296,7 @@ static PetscErrorCode measure_dp(Probe b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ProbeStep(Probe b, const CoupleBalance *balance)
+PetscErrorCode DiagnosticsStep(Diagnostics b, const CoupleBalance *balance)
 {
   const FlowStep *step;
 
@@ -326,7 +326,7 @@ PetscErrorCode ProbeStep(Probe b, const CoupleBalance *balance)
 
 /* ---- end ---- */
 
-static PetscErrorCode tell(Probe b, const char name[], const char suffix[], PetscReal value)
+static PetscErrorCode tell(Diagnostics b, const char name[], const char suffix[], PetscReal value)
 {
   char full[128];
 
@@ -337,7 +337,7 @@ static PetscErrorCode tell(Probe b, const char name[], const char suffix[], Pets
 }
 
 /* dp half a period after the largest cl; if the run ends before, after the largest cl half a period before its end */
-static PetscErrorCode tell_half_period(Probe b, const Coefficient *c, PetscReal period)
+static PetscErrorCode tell_half_period(Diagnostics b, const Coefficient *c, PetscReal period)
 {
   PetscReal time, cl, dp, end;
   PetscBool found;
@@ -350,7 +350,7 @@ static PetscErrorCode tell_half_period(Probe b, const Coefficient *c, PetscReal 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode tell_coefficient(Probe b, const Coefficient *c)
+static PetscErrorCode tell_coefficient(Diagnostics b, const Coefficient *c)
 {
   PetscReal time, value, period;
   PetscInt  n;
@@ -374,7 +374,7 @@ static PetscErrorCode tell_coefficient(Probe b, const Coefficient *c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ProbeFinish(Probe b)
+PetscErrorCode DiagnosticsFinish(Diagnostics b)
 {
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < b->ncoefficient; i++) PetscCall(tell_coefficient(b, b->coefficient + i));

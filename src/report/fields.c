@@ -1,4 +1,4 @@
-/* Output: snapshots of the fields as HDF5 (written in parallel by PETSc's viewer) described by one XDMF file for ParaView (see output.h).
+/* Output: snapshots of the fields as HDF5 (written in parallel by PETSc's viewer) described by one XDMF file for ParaView (see fields.h).
 
    mesh.h5 holds the points [n][3] and the cells [n][3^dim] in the node order of VTK; fields_<step>.h5 holds the fields. Vectors have three
    components also in 2D (third zero), because glyphs and stream tracers of ParaView ask for them. On a periodic mesh no two cells share a point,
@@ -97,14 +97,14 @@ static PetscErrorCode write_nodal(Output o, PetscViewer viewer, const char name[
 
   PetscFunctionBeginUser;
   if (o->shared) {
-    PetscCall(DatasetWriteReals(o->comm, viewer, name, m->nnode, bs, v));
+    PetscCall(Hdf5WriteReals(o->comm, viewer, name, m->nnode, bs, v));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(PetscMalloc1(o->npoint * bs, &w));
   for (PetscInt i = 0; i < o->npoint; i++) {
     for (PetscInt b = 0; b < bs; b++) w[i * bs + b] = v[m->cell_node[i] * bs + b];
   }
-  PetscCall(DatasetWriteReals(o->comm, viewer, name, o->npoint, bs, w));
+  PetscCall(Hdf5WriteReals(o->comm, viewer, name, o->npoint, bs, w));
   PetscCall(PetscFree(w));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -116,7 +116,7 @@ static PetscErrorCode write_nodal_integers(Output o, PetscViewer viewer, const c
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(o->npoint, &w));
   for (PetscInt i = 0; i < o->npoint; i++) w[i] = v[o->shared ? i : o->loc->cell_node[i]];
-  PetscCall(DatasetWriteInts(o->comm, viewer, name, o->npoint, 1, w));
+  PetscCall(Hdf5WriteInts(o->comm, viewer, name, o->npoint, 1, w));
   PetscCall(PetscFree(w));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -142,7 +142,7 @@ static PetscErrorCode write_points(Output o, PetscViewer viewer)
       }
     }
   }
-  PetscCall(DatasetWriteReals(o->comm, viewer, "coordinates", o->npoint, 3, x));
+  PetscCall(Hdf5WriteReals(o->comm, viewer, "coordinates", o->npoint, 3, x));
   PetscCall(PetscFree(x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -162,7 +162,7 @@ static PetscErrorCode write_cells(Output o, PetscViewer viewer)
       cell[c * m->nb + k] = o->shared ? m->node_global[m->cell_node[j]] : o->point_start + j;
     }
   }
-  PetscCall(DatasetWriteInts(o->comm, viewer, "cells", m->ncell, m->nb, cell));
+  PetscCall(Hdf5WriteInts(o->comm, viewer, "cells", m->ncell, m->nb, cell));
   PetscCall(PetscFree(cell));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -355,9 +355,9 @@ static PetscErrorCode write_pressure(Output o, PetscViewer viewer, Vec p, const 
   for (PetscInt i = 0; i < m->ncell * bs; i++) pc[i] = PetscRealPart(a[i]);
   PetscCall(VecRestoreArrayRead(p, &a));
   for (PetscInt c = 0; c < m->ncell; c++) w[c] = pc[c * bs];
-  PetscCall(DatasetWriteReals(o->comm, viewer, "pressure_mean", m->ncell, 1, w));
+  PetscCall(Hdf5WriteReals(o->comm, viewer, "pressure_mean", m->ncell, 1, w));
   PetscCall(pad_vectors(m->ncell, m->dim, bs, pc + 1, w));
-  PetscCall(DatasetWriteReals(o->comm, viewer, "pressure_gradient", m->ncell, 3, w));
+  PetscCall(Hdf5WriteReals(o->comm, viewer, "pressure_gradient", m->ncell, 3, w));
   PetscCall(average_pressure(o, pc, body, q));
   PetscCall(write_nodal(o, viewer, "pressure", 1, q));
   PetscCall(PetscFree3(pc, w, q));
@@ -572,7 +572,7 @@ PetscErrorCode OutputFields(Output o, PetscInt step, PetscReal time, Vec u, Vec 
   if (!o->mesh_written) PetscCall(write_mesh(o));
   PetscCall(PetscSNPrintf(name, sizeof(name), "fields_%" PetscInt_FMT ".h5", step));
   PetscCall(open_hdf5(o, name, &viewer));
-  PetscCall(DatasetWriteReals(o->comm, viewer, "time", o->rank == 0, 1, &time));
+  PetscCall(Hdf5WriteReals(o->comm, viewer, "time", o->rank == 0, 1, &time));
   PetscCall(write_velocity(o, viewer, u));
   PetscCall(write_pressure(o, viewer, p, body));
   if (body) PetscCall(write_nodal_integers(o, viewer, "body", body));

@@ -71,7 +71,7 @@ struct _p_Monitor {
   PetscInt       nbalance;
   Balance        balance[MAX_BALANCES];
   PetscBool      measure, measured; /* -output_yardstick; the rest is set then */
-  Yardstick      yardstick;
+  Bandwidth      yardstick;
   PetscReal      memory_mb;
   PetscLogDouble wall_end;
 };
@@ -462,7 +462,7 @@ static void print_json_balance(FILE *f, Monitor m)
 
 static void print_json_yardstick(FILE *f, Monitor m)
 {
-  const Yardstick *y = &m->yardstick;
+  const Bandwidth *y = &m->yardstick;
 
   if (!m->measured) return;
   fprintf(f, "  \"yardstick\": {\"triad_one\": %.6g, \"triad_all\": %.6g, \"sweep\": %.6g, \"sweep_bytes\": %.12g},\n", (double)y->triad_one,
@@ -772,7 +772,7 @@ PetscErrorCode MonitorYardstick(Monitor m, Mat S)
   if (!m->measure) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(get_memory(&m->memory_mb));
   PetscCall(PetscTime(&m->wall_end));
-  PetscCall(YardstickMeasure(S, &m->yardstick));
+  PetscCall(BandwidthMeasure(S, &m->yardstick));
   m->measured = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -1,4 +1,4 @@
-/* Bodyfile: see bodyfile.h. The state is replicated, so rank 0 hands all rows to PETSc's parallel HDF5 viewer and the others none. */
+/* Bodyfile: see outlines.h. The state is replicated, so rank 0 hands all rows to PETSc's parallel HDF5 viewer and the others none. */
 #include "compat.h"
 #include "base/hdf5.h"
 #include "report/outlines.h"
@@ -11,7 +11,7 @@
 #define POINTS_MANY 16 /* beyond MANY bodies */
 #define MANY        2000
 
-struct _p_Bodyfile {
+struct _p_Outlines {
   Bodies      bodies;
   BodyState  *s;
   PetscMPIInt rank;
@@ -25,21 +25,21 @@ struct _p_Bodyfile {
 /* ---- datasets ---- */
 
 /* v [n][bs] of rank 0 */
-static PetscErrorCode write_reals(Bodyfile b, PetscViewer viewer, const char name[], PetscInt n, PetscInt bs, const PetscReal v[])
+static PetscErrorCode write_reals(Outlines b, PetscViewer viewer, const char name[], PetscInt n, PetscInt bs, const PetscReal v[])
 {
   PetscFunctionBeginUser;
-  PetscCall(DatasetWriteReals(PETSC_COMM_WORLD, viewer, name, b->rank ? 0 : n, bs, v));
+  PetscCall(Hdf5WriteReals(PETSC_COMM_WORLD, viewer, name, b->rank ? 0 : n, bs, v));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode write_integers(Bodyfile b, PetscViewer viewer, const char name[], PetscInt n, PetscInt bs, const PetscInt v[])
+static PetscErrorCode write_integers(Outlines b, PetscViewer viewer, const char name[], PetscInt n, PetscInt bs, const PetscInt v[])
 {
   PetscFunctionBeginUser;
-  PetscCall(DatasetWriteInts(PETSC_COMM_WORLD, viewer, name, b->rank ? 0 : n, bs, v));
+  PetscCall(Hdf5WriteInts(PETSC_COMM_WORLD, viewer, name, b->rank ? 0 : n, bs, v));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode write_scalars(Bodyfile b, PetscViewer viewer)
+static PetscErrorCode write_scalars(Outlines b, PetscViewer viewer)
 {
   const BodyState *s = b->s;
   PetscReal       *radius;
@@ -54,7 +54,7 @@ static PetscErrorCode write_scalars(Bodyfile b, PetscViewer viewer)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode write_vectors(Bodyfile b, PetscViewer viewer)
+static PetscErrorCode write_vectors(Outlines b, PetscViewer viewer)
 {
   const BodyState *s = b->s;
 
@@ -67,7 +67,7 @@ static PetscErrorCode write_vectors(Bodyfile b, PetscViewer viewer)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode write_outlines(Bodyfile b, PetscViewer viewer)
+static PetscErrorCode write_outlines(Outlines b, PetscViewer viewer)
 {
   const BodyState *s = b->s;
   const PetscInt   m = b->npoint;
@@ -95,7 +95,7 @@ static PetscErrorCode write_outlines(Bodyfile b, PetscViewer viewer)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode write_file(Bodyfile b, const char path[], PetscReal time)
+static PetscErrorCode write_file(Outlines b, const char path[], PetscReal time)
 {
   PetscViewer viewer;
 
@@ -133,7 +133,7 @@ static void print_attributes(FILE *f, PetscInt n, PetscInt step, const char cent
   }
 }
 
-static void print_snapshot(FILE *f, Bodyfile b, PetscInt step, PetscReal time)
+static void print_snapshot(FILE *f, Outlines b, PetscInt step, PetscReal time)
 {
   const PetscInt n = b->s->n, m = b->npoint;
 
@@ -164,7 +164,7 @@ static void print_snapshot(FILE *f, Bodyfile b, PetscInt step, PetscReal time)
 }
 
 /* Rank 0; returns 0 or errno. Written beside and renamed: a reader never meets half a file. */
-static int write_index(Bodyfile b, const char dir[])
+static int write_index(Outlines b, const char dir[])
 {
   char  path[PETSC_MAX_PATH_LEN], scratch[PETSC_MAX_PATH_LEN];
   FILE *f;
@@ -184,9 +184,9 @@ static int write_index(Bodyfile b, const char dir[])
 
 /* ---- public ---- */
 
-PetscErrorCode BodyfileCreate(Bodies bodies, Bodyfile *file)
+PetscErrorCode OutlinesCreate(Bodies bodies, Outlines *file)
 {
-  Bodyfile   b;
+  Outlines   b;
   PetscReal *weight;
 
   PetscFunctionBeginUser;
@@ -209,9 +209,9 @@ PetscErrorCode BodyfileCreate(Bodies bodies, Bodyfile *file)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodyfileDestroy(Bodyfile *file)
+PetscErrorCode OutlinesDestroy(Outlines *file)
 {
-  Bodyfile b = *file;
+  Outlines b = *file;
 
   PetscFunctionBeginUser;
   if (!b) PetscFunctionReturn(PETSC_SUCCESS);
@@ -223,7 +223,7 @@ PetscErrorCode BodyfileDestroy(Bodyfile *file)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode make_room(Bodyfile b, PetscInt n)
+static PetscErrorCode make_room(Outlines b, PetscInt n)
 {
   PetscFunctionBeginUser;
   if (n <= b->room) PetscFunctionReturn(PETSC_SUCCESS);
@@ -233,7 +233,7 @@ static PetscErrorCode make_room(Bodyfile b, PetscInt n)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodyfileWrite(Bodyfile b, const char dir[], PetscInt step, PetscReal time)
+PetscErrorCode OutlinesWrite(Outlines b, const char dir[], PetscInt step, PetscReal time)
 {
   char path[PETSC_MAX_PATH_LEN];
   int  err = 0;
@@ -253,9 +253,9 @@ PetscErrorCode BodyfileWrite(Bodyfile b, const char dir[], PetscInt step, PetscR
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodyfileVisitState(void *file, State state)
+PetscErrorCode OutlinesVisitState(void *file, State state)
 {
-  Bodyfile b = file;
+  Outlines b = file;
 
   PetscFunctionBeginUser;
   if (StateIsLoading(state)) {

@@ -1,4 +1,4 @@
-/* Adapt: how long the next time step is. Layer 4.
+/* Adapt: how long the next time step is.
 
    Error. The solution of a step is compared with the extrapolation of the fields before it (linear for be, quadratic for cn and bdf2; with the second-order difference for the
    acceleration the quadratic one is the generalised leapfrog predictor of Gresho, Lee & Sani 1980, Gresho & Sani 1998, section 3.16.4). Both differ from the exact solution by known

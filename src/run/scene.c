@@ -97,32 +97,32 @@ static PetscErrorCode build(SimParts *part)
     PetscCall(CoupleCreate(part->flow, part->bodies, &part->couple));
     if (part->deform) PetscCall(CoupleSetDeform(part->couple, part->deform));
     if (steady) PetscCall(SteadyCreate(part->flow, part->couple, &part->steady));
-    PetscCall(BoundaryGetSolidFaces(FlowBoundary(part->flow), &walls));
+    PetscCall(ConditionsGetSolidFaces(FlowConditions(part->flow), &walls));
     PetscCall(ContactCreate(part->bodies, l->h, par->density, par->gravity, l->lower, l->upper, walls, &part->contact));
     PetscCall(ContactSetViscosity(part->contact, par->viscosity));
   } else PetscCall(create_contact_alone(part, l));
   PetscCall(ContactSetPeriod(part->contact, l->period));
   PetscCall(ContactCheckStart(part->contact));
-  PetscCall(BorderCreate(part->bodies, l->lower, l->upper, l->period, &part->border));
+  PetscCall(LeaveCreate(part->bodies, l->lower, l->upper, l->period, &part->border));
   PetscCall(OutputCreate(part->mesh, part->scene, &part->output));
-  PetscCall(BodyfileCreate(part->bodies, &part->bodyfile));
+  PetscCall(OutlinesCreate(part->bodies, &part->bodyfile));
   PetscCall(MonitorCreate(part->bodies, &part->monitor));
   if (deformed) PetscCall(report_deformation(part->monitor, &deformation));
   PetscCall(CheckpointCreate(part->mesh, part->output, &part->checkpoint));
-  if (active) PetscCall(ProbeCreate(part->flow, part->bodies, part->couple, part->monitor, &part->probe));
+  if (active) PetscCall(DiagnosticsCreate(part->flow, part->bodies, part->couple, part->monitor, &part->probe));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode destroy(SimParts *part)
 {
   PetscFunctionBeginUser;
-  PetscCall(ProbeDestroy(&part->probe));
+  PetscCall(DiagnosticsDestroy(&part->probe));
   PetscCall(CheckpointDestroy(&part->checkpoint));
   PetscCall(MonitorDestroy(&part->monitor));
-  PetscCall(BodyfileDestroy(&part->bodyfile));
+  PetscCall(OutlinesDestroy(&part->bodyfile));
   PetscCall(OutputDestroy(&part->output));
   PetscCall(SteadyDestroy(&part->steady));
-  PetscCall(BorderDestroy(&part->border));
+  PetscCall(LeaveDestroy(&part->border));
   PetscCall(ContactDestroy(&part->contact));
   PetscCall(CoupleDestroy(&part->couple));
   PetscCall(BodiesDestroy(&part->bodies));

@@ -64,7 +64,7 @@ static PetscErrorCode add_states(Sim s)
   PetscCall(CheckpointAdd(p->checkpoint, "contact", p->contact, ContactVisitState));
   PetscCall(CheckpointAdd(p->checkpoint, "output", p->output, OutputVisitState));
   if (s->adapt) PetscCall(CheckpointAdd(p->checkpoint, "adapt", s->adapt, AdaptVisitState));
-  PetscCall(CheckpointAdd(p->checkpoint, "bodyfile", p->bodyfile, BodyfileVisitState));
+  PetscCall(CheckpointAdd(p->checkpoint, "bodyfile", p->bodyfile, OutlinesVisitState));
   PetscCall(CheckpointAdd(p->checkpoint, "monitor", p->monitor, MonitorVisitState));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -233,7 +233,7 @@ static PetscErrorCode write_snapshot(Sim s)
   PetscFunctionBeginUser;
   PetscCall(write_fields(s));
   PetscCall(OutputGetDirectory(s->part.output, &dir));
-  PetscCall(BodyfileWrite(s->part.bodyfile, dir, s->step, s->time));
+  PetscCall(OutlinesWrite(s->part.bodyfile, dir, s->step, s->time));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -276,7 +276,7 @@ static PetscErrorCode finish_part(Sim s, PetscReal dt, PetscInt its)
   PetscCall(CoupleGetSolution(s->part.couple, &u, &p));
   PetscCall(FlowDiagnose(s->part.flow, u, &s->diag));
   PetscCall(CoupleMomentum(s->part.couple, s->diag.momentum_rate, &s->balance));
-  PetscCall(ProbeStep(s->part.probe, &s->balance));
+  PetscCall(DiagnosticsStep(s->part.probe, &s->balance));
   if (PetscIsInfOrNanReal(s->diag.kinetic_energy)) PetscCall(stop_unsolved(s, KSP_DIVERGED_NANORINF, its, dt));
   PetscCall(add_seconds(s, MONITOR_OUTPUT, &t));
   PetscCall(PetscLogStagePop());
@@ -285,7 +285,7 @@ static PetscErrorCode finish_part(Sim s, PetscReal dt, PetscInt its)
   PetscCall(CoupleAdvance(s->part.couple));
   PetscCall(ContactFinishStep(s->part.contact));
   PetscCall(ContactCountWork(s->part.contact, dt));
-  PetscCall(BorderApply(s->part.border));
+  PetscCall(LeaveApply(s->part.border));
   PetscCall(PetscLogStagePop());
   PetscCall(add_seconds(s, MONITOR_PARTICLE, &t));
   s->time   = s->hits ? s->until : s->time + dt;
@@ -447,7 +447,7 @@ static PetscErrorCode take_step_alone(Sim s)
   PetscCall(choose_step(s, &dt));
   PetscCall(PetscLogStagePush(TB_STAGE_BODIES));
   PetscCall(ContactAdvanceAlone(s->part.contact, dt));
-  PetscCall(BorderApply(s->part.border));
+  PetscCall(LeaveApply(s->part.border));
   PetscCall(PetscLogStagePop());
   PetscCall(add_seconds(s, MONITOR_PARTICLE, &t));
   PetscCall(ContactGetWork(s->part.contact, NULL, NULL, &substeps));
@@ -534,7 +534,7 @@ static PetscErrorCode finish_flow(Sim s, PetscInt *cells, PetscInt *unknowns)
   PetscCall(MonitorBalance(s->part.monitor, "ghost_nodes", l->nnode_all - l->nnode));
   PetscCall(MonitorBalance(s->part.monitor, "body_cells", ncut));
   PetscCall(MonitorBalance(s->part.monitor, "bodies", nbodies));
-  PetscCall(ProbeFinish(s->part.probe));
+  PetscCall(DiagnosticsFinish(s->part.probe));
   PetscCall(ContactGetSeparation(s->part.contact, &separation));
   if (separation > 0) PetscCall(MonitorQuantity(s->part.monitor, "separation_max", separation));
   if (s->adapt) PetscCall(AdaptFinish(s->adapt));
@@ -557,7 +557,7 @@ PetscErrorCode SimRun(Sim s)
     else PetscCall(take_step_alone(s));
     PetscCall(save_state(s, &stop));
   }
-  PetscCall(BorderGetRemoved(s->part.border, &removed));
+  PetscCall(LeaveGetRemoved(s->part.border, &removed));
   if (removed) PetscCall(MonitorQuantity(s->part.monitor, "bodies_removed", removed));
   if (s->part.flow) PetscCall(finish_flow(s, &cells, &unknowns));
   else PetscCall(MonitorQuantity(s->part.monitor, "contact_substeps", s->substeps));

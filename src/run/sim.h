@@ -1,4 +1,4 @@
-/* Sim: the time loop. Layer 4.
+/* Sim: the time loop.
 
    A steady scene solves once, without time: it is reported as one step of length 0.
 
@@ -25,11 +25,11 @@ typedef struct {
   Bodies      bodies;
   Couple      couple;
   Contact     contact;
-  Border      border;
+  Leave       border;
   Output      output;
-  Bodyfile    bodyfile;
+  Outlines    bodyfile;
   Monitor     monitor;
-  Probe       probe;
+  Diagnostics probe;
   Steady      steady; /* NULL: time steps */
   Checkpoint  checkpoint;
 } SimParts;

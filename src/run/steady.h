@@ -1,6 +1,6 @@
-/* Steady: the steady Navier-Stokes equations with bodies held in place, by PETSc SNES. Layer 3.
+/* Steady: the steady Navier-Stokes equations with bodies held in place, by PETSc SNES.
 
-   Unknowns and constraint are those of a time step (flowsolve.h) with c_t = 0: rho (u.grad) u - div sigma = f, div u = 0. Degrees of freedom of a body that are free take the velocity at
+   Unknowns and constraint are those of a time step (system.h) with c_t = 0: rho (u.grad) u - div sigma = f, div u = 0. Degrees of freedom of a body that are free take the velocity at
    which its forces balance where it is drawn; it does not move. The Jacobian is that of Picard's iteration (the scalar matrix S with the velocity of the last iterate) or of
    Newton's method, which adds rho (du.grad) u and so couples the components: then it is assembled for all of them.
    When the iteration fails, pseudo-time steps (backward Euler, one Newton step each, whose length grows as the residual falls: switched evolution relaxation,

@@ -1,4 +1,4 @@
-/* Defaults of shape operations, computed from the signed distance alone (see shapedefault.h).
+/* Defaults of shape operations, computed from the signed distance alone (see default.h).
 
    Method: a tree of cells over [-r, r]^dim, refined level by level; a cell that the surface cannot reach (1-Lipschitz distance larger than half
    its diagonal at the centre) is full or empty, the others go on. In the last cells the distance is linear on 2 triangles (6 tetrahedra), whose

@@ -3,7 +3,7 @@
    All of them see the shape only through ShapeDistance. A tree of square (cubic) cells over the box [-r, r]^dim is refined
    where the surface cuts it (|d| at the centre is less than half the diagonal: the distance is 1-Lipschitz), and in the
    smallest cells the distance is interpolated linearly on triangles (tetrahedra). Errors fall with the square of the smallest cell
-   for smooth outlines. Internal to the shape module. Layer 1. */
+   for smooth outlines. Internal to the shape module. */
 #pragma once
 #include "shape.h"
 

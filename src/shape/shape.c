@@ -240,8 +240,8 @@ static PetscErrorCode GetPlugin(const char type[], const Loaded **loaded)
     *loaded = &table[i];
     if (!strcmp(table[i].type, type)) PetscFunctionReturn(PETSC_SUCCESS);
   }
-  PetscCheck(ntable < MAX_PLUGINS, PETSC_COMM_WORLD, PETSC_ERR_SUP, "More than %d different shapes are loaded: raise MAX_PLUGINS in src/shape/shape.c",
-             MAX_PLUGINS);
+  PetscCheck(ntable < MAX_PLUGINS, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+             "More than %d different shapes are loaded: raise MAX_PLUGINS in src/shape/shape.c", MAX_PLUGINS);
   PetscCall(PetscMemzero(&slot, sizeof(slot)));
   PetscCall(PetscMemzero(message, sizeof(message)));
   PetscCall(OpenPlugin(path, type, &slot, message, sizeof(message)));

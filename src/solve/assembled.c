@@ -1,4 +1,4 @@
-/* Saddle: see saddle.h. Written for generality, not speed: everything is built anew when the constraint changes. */
+/* Assembled: see assembled.h. Written for generality, not speed: everything is built anew when the constraint changes. */
 #include "compat.h"
 #include "assembled.h"
 
@@ -57,7 +57,7 @@ static PetscErrorCode create_divergence_matrix(Flow flow, const MeshLocal *l, Ma
 }
 
 /* G of a penalty as a matrix, rows: own nodes x dim, columns: u_r (unknown rigid velocities) */
-static PetscErrorCode create_soft_matrix(Constraint c, const Soft *s, Mat *G)
+static PetscErrorCode create_soft_matrix(Constraint c, const PenaltyTerm *s, Mat *G)
 {
   const PetscInt *unknown, nr = s->nr, dim = s->dim;
   PetscInt        nodal, total, row, *column;
@@ -74,7 +74,7 @@ static PetscErrorCode create_soft_matrix(Constraint c, const Soft *s, Mat *G)
   for (PetscInt e = 0; e < s->n; e++) {
     PetscReal block[18];
 
-    SoftGetBlock(s, e, block);
+    PenaltyTermGetBlock(s, e, block);
     for (PetscInt a = 0; a < dim; a++)
       for (PetscInt m = 0; m < nr; m++)
         if ((unknown[s->body[e]] >> m) & 1)
@@ -87,7 +87,7 @@ static PetscErrorCode create_soft_matrix(Constraint c, const Soft *s, Mat *G)
 }
 
 /* out -= P^T G + G^T P */
-static PetscErrorCode subtract_soft_coupling(Constraint c, Mat P, const Soft *soft, Mat out)
+static PetscErrorCode subtract_soft_coupling(Constraint c, Mat P, const PenaltyTerm *soft, Mat out)
 {
   Mat G, PtG, GtP;
 
@@ -103,7 +103,7 @@ static PetscErrorCode subtract_soft_coupling(Constraint c, Mat P, const Soft *so
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SaddleCreateVelocity(Constraint c, Mat A, Mat P, const PetscReal D[], const Soft *soft, Mat *out)
+PetscErrorCode AssembledCreateVelocity(Constraint c, Mat A, Mat P, const PetscReal D[], const PenaltyTerm *soft, Mat *out)
 {
   Mat aij, E;
 
@@ -158,7 +158,7 @@ static PetscErrorCode create_pressure_block(Flow flow, Pressure pressure, PetscR
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SaddleCreateWhole(Flow flow, Pressure pressure, PetscReal scale, Mat P, Mat Ar, Mat *out)
+PetscErrorCode AssembledCreateWhole(Flow flow, Pressure pressure, PetscReal scale, Mat P, Mat Ar, Mat *out)
 {
   Mat              B, Br, G, C, nest, block[4];
   Mesh             mesh;

@@ -1,4 +1,4 @@
-/* Saddle: assembled forms of the projected operators, for preconditioners that need a matrix (direct solvers, hypre, GAMG, ILU). Layer 2. */
+/* Assembled: assembled forms of the projected operators, for preconditioners that need a matrix (direct solvers, hypre, GAMG, ILU). */
 #pragma once
 #include "solve/constraint.h"
 #include "flow/flow.h"
@@ -7,7 +7,7 @@
 
 /* out = P^T A P + D with the identity on inert slots, and the soft part of a penalty (may be NULL); A: velocity matrix of all components, P of ConstraintCreateMat,
    D [nbodies][nr][nr]. Collective; caller destroys. */
-PetscErrorCode SaddleCreateVelocity(Constraint, Mat A, Mat P, const PetscReal D[], const Soft *, Mat *out);
+PetscErrorCode AssembledCreateVelocity(Constraint, Mat A, Mat P, const PetscReal D[], const PenaltyTerm *, Mat *out);
 /* out = [Ar, -P^T B^T; scale B P, C'], with C' = C of shared cells plus a tiny multiple of the Schur complement's size, which gives undetermined pressures a value.
    The outer iteration removes its effect. Collective; caller destroys. */
-PetscErrorCode SaddleCreateWhole(Flow, Pressure, PetscReal scale, Mat P, Mat Ar, Mat *out);
+PetscErrorCode AssembledCreateWhole(Flow, Pressure, PetscReal scale, Mat P, Mat Ar, Mat *out);

@@ -1,4 +1,4 @@
-/* BlockGS: smoother of a sparse matrix of small dense blocks with its entries in single precision. Layer 0.
+/* BlockGS: smoother of a sparse matrix of small dense blocks with its entries in single precision.
 
    A matrix shell over a BAIJ matrix with blocks of 3 or 4: product (so that multigrid forms its residual with it) and processor-local Gauss-Seidel sweeps by blocks.
    A smoother is limited by the memory it reads, and the blocks and the inverses of those on the diagonal are stored as floats; vectors and sums are double, so that

@@ -89,7 +89,7 @@ static PetscErrorCode invert_blocks(PetscInt nr, PetscInt k, PetscInt unknown, c
 }
 
 /* Sum over the entries of the penalty: block of body k -= R^T G + G^T R (of nodes that follow it); with H it is what the penalty adds to the diagonal block of the body */
-static PetscErrorCode add_soft_blocks(BodyBlocks b, const Soft *s, const PetscInt body[], const PetscInt follow[], const PetscInt unknown[],
+static PetscErrorCode add_soft_blocks(BodyBlocks b, const PenaltyTerm *s, const PetscInt body[], const PetscInt follow[], const PetscInt unknown[],
                                       PetscReal block[])
 {
   const PetscInt nr = b->nr, nn = nr * nr;
@@ -102,7 +102,7 @@ static PetscErrorCode add_soft_blocks(BodyBlocks b, const Soft *s, const PetscIn
     PetscReal      G[18], R[18];
 
     if (!unknown[k] || body[i] >= 0 || follow[i] != k) continue;
-    SoftGetBlock(s, e, G);
+    PenaltyTermGetBlock(s, e, G);
     PetscCall(ConstraintRigidMap(b->constraint, i, k, R));
     for (PetscInt m = 0; m < nn; m++)
       for (PetscInt a = 0; a < b->loc->dim; a++)
@@ -139,7 +139,7 @@ static void multiply_map(PetscInt dim, PetscInt nr, const PetscReal Ri[], const 
   }
 }
 
-PetscErrorCode BodyBlocksUpdate(BodyBlocks b, const PetscReal share[], const Soft *soft, const PetscReal D[], PetscReal scale,
+PetscErrorCode BodyBlocksUpdate(BodyBlocks b, const PetscReal share[], const PenaltyTerm *soft, const PetscReal D[], PetscReal scale,
                                 PetscReal stiff_inverse[], PetscReal mass_inverse[])
 {
   const MeshLocal *l  = b->loc;

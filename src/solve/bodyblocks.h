@@ -1,4 +1,4 @@
-/* Bodyblocks: the small blocks of the preconditioners that belong to one body's unknown rigid velocities. Layer 2.
+/* Bodyblocks: the small blocks of the preconditioners that belong to one body's unknown rigid velocities.
 
    For every body the blocks [nr][nr] R^T A R + D of the velocity operator and R^T (share m) R + D/scale of the projected lumped mass, and their inverses; R maps rigid velocities to
    the nodes that lie in the body or follow it. A node of lumped mass m that follows the body by a penalty W has with it the mass matrix [m + W, m R; R^T m, R^T m R];
@@ -16,5 +16,5 @@ PetscErrorCode BodyBlocksDestroy(BodyBlocks *);
 
 /* share [nnode_all]; soft (may be NULL): the penalty in the flow's matrix; D [nbodies][nr][nr] inertia; masses are divided by scale. Collective.
    stiff_inverse [own bodies][nr][nr], mass_inverse [nbodies][nr][nr] (the same on all ranks). Error: a light body covers no node. */
-PetscErrorCode BodyBlocksUpdate(BodyBlocks, const PetscReal share[], const Soft *soft, const PetscReal D[], PetscReal scale,
+PetscErrorCode BodyBlocksUpdate(BodyBlocks, const PetscReal share[], const PenaltyTerm *soft, const PetscReal D[], PetscReal scale,
                                 PetscReal stiff_inverse[], PetscReal mass_inverse[]);

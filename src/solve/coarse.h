@@ -1,4 +1,4 @@
-/* Coarse: the level of continuous Q1 pressures on the vertices below the cells' discontinuous P1 pressures, for the preconditioner of S_p (pressure.h). Layer 2.
+/* Coarse: the level of continuous Q1 pressures on the vertices below the cells' discontinuous P1 pressures, for the preconditioner of S_p (pressure.h).
 
    Interpolation I: on every cell the linear function that fits its vertex values. Galerkin operator I^T S_p I: the nodes' part is kept up to date by what changes, a sum over velocity
    slots of inverse mass times g g^T with g what the slot sees of the vertices around it; the bodies' part is added when the solver of this level is set up. No units of its own. */

@@ -1,4 +1,4 @@
-/* Inside of FlowSolver; for its files only. flowsolve.c: recipes, set-up, preconditioner, solve. flowoperator.c: products with the operators of the system. */
+/* Inside of FlowSolver; for its files only. flowsolve.c: recipes, set-up, preconditioner, solve. operator.c: products with the operators of the system. */
 #pragma once
 #include "bodyblocks.h"
 #include "solve/system.h"
@@ -16,33 +16,33 @@ struct _p_FlowSolver {
   Mat              S, S_all, A;                   /* scalar matrix; the same for all components; the one in use: that, or of FlowSolverSetVelocity */
   Mat              Ar, G, B, C, nest, Ar_assembled,
     whole; /* shells P^T A P + D, -P^T B^T, B P, C of PressureGetShared; block operator; assembled forms when needed */
-  PetscBool    need_Ar, need_whole;
-  Vec          xn, yn;  /* nodal views of parts of reduced vectors */
-  PetscReal    viscous; /* mu theta / scale */
-  PetscReal    h_max;   /* largest cell of the whole mesh */
-  PetscReal    scale;   /* rho c_t (steady: mu/h^2): continuity rows are multiplied by it, so that their residual counts as the force it causes */
-  PetscReal   *D;       /* [nbodies][nr][nr] */
-  PetscReal   *body_inverse;     /* [own bodies][nr][nr] inverse of the body's diagonal block of Ar */
-  PetscReal   *mass_inverse;     /* [nbodies][nr][nr] of its block of M_r / scale, on every rank; zero for known degrees of freedom */
-  PetscReal   *diagonal_inverse; /* [nodal] of A, zero at inert slots */
-  PetscReal   *weight;           /* [nnode_all][dim] inverse of M_r / scale on free slots, eps times that on body nodes, zero at walls */
-  const Soft  *soft;             /* or NULL */
-  PetscReal   *share;            /* [nnode_all] see PressureUpdate */
-  PetscReal   *rigid_work;       /* [2][nbodies][nr] by local numbers of the constraint */
-  PetscReal   *saved, *local;    /* work: values at inert slots; nodal array with ghosts */
-  PetscInt     nsaved;
-  Sweep        sweep;
-  PetscBool    factorise; /* in this step */
-  BodyBlocks   blocks;
-  Pressure     pressure; /* the projected pressure operator */
-  MatNullSpace constant_pressure;
-  KSP          ksp;
-  PC           split; /* the inner PCFIELDSPLIT */
-  KSP         *sub;
-  PetscBool    fixed;                       /* recipe fast: a fixed number of iterations, without norms */
-  PetscReal    share_of_pressure;           /* see WHOLE_FROM */
-  PetscReal    rtol, rtol_start, rtol_most; /* see the header */
-  Vec          b, x, r, y, t_u, t_u2, t_p, t_p2;
+  PetscBool          need_Ar, need_whole;
+  Vec                xn, yn;  /* nodal views of parts of reduced vectors */
+  PetscReal          viscous; /* mu theta / scale */
+  PetscReal          h_max;   /* largest cell of the whole mesh */
+  PetscReal          scale; /* rho c_t (steady: mu/h^2): continuity rows are multiplied by it, so that their residual counts as the force it causes */
+  PetscReal         *D;     /* [nbodies][nr][nr] */
+  PetscReal         *body_inverse;     /* [own bodies][nr][nr] inverse of the body's diagonal block of Ar */
+  PetscReal         *mass_inverse;     /* [nbodies][nr][nr] of its block of M_r / scale, on every rank; zero for known degrees of freedom */
+  PetscReal         *diagonal_inverse; /* [nodal] of A, zero at inert slots */
+  PetscReal         *weight;           /* [nnode_all][dim] inverse of M_r / scale on free slots, eps times that on body nodes, zero at walls */
+  const PenaltyTerm *soft;             /* or NULL */
+  PetscReal         *share;            /* [nnode_all] see PressureUpdate */
+  PetscReal         *rigid_work;       /* [2][nbodies][nr] by local numbers of the constraint */
+  PetscReal         *saved, *local;    /* work: values at inert slots; nodal array with ghosts */
+  PetscInt           nsaved;
+  Relax              sweep;
+  PetscBool          factorise; /* in this step */
+  BodyBlocks         blocks;
+  Pressure           pressure; /* the projected pressure operator */
+  MatNullSpace       constant_pressure;
+  KSP                ksp;
+  PC                 split; /* the inner PCFIELDSPLIT */
+  KSP               *sub;
+  PetscBool          fixed;                       /* recipe fast: a fixed number of iterations, without norms */
+  PetscReal          share_of_pressure;           /* see WHOLE_FROM */
+  PetscReal          rtol, rtol_start, rtol_most; /* see the header */
+  Vec                b, x, r, y, t_u, t_u2, t_p, t_p2;
 };
 
 /* Is there a penalty in this step? */

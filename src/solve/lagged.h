@@ -1,4 +1,4 @@
-/* Lagged: a preconditioner of a matrix that changes in a few rows at a time, without its set-up every time. Layer 0.
+/* Lagged: a preconditioner of a matrix that changes in a few rows at a time, without its set-up every time.
 
    A multigrid hierarchy M of the matrix A_0 costs several times what one application does. When bodies move, rows near their surfaces alone change, by orders of magnitude where a node
    goes from fluid to body. M is kept, and the two-level cycle

@@ -28,7 +28,7 @@ static PetscErrorCode mult_soft(FlowSolver fs, const PetscReal x[], PetscReal y[
   PetscFunctionBeginUser;
   PetscCall(ConstraintGetLocalRigid(fs->constraint, &n, NULL, &U));
   PetscCall(PetscArrayzero(fs->rigid_work, n * fs->nr));
-  PetscCall(SoftMultAdd(fs->soft, fs->constraint, PETSC_TRUE, U, x, y, fs->rigid_work));
+  PetscCall(PenaltyTermMultAdd(fs->soft, fs->constraint, PETSC_TRUE, U, x, y, fs->rigid_work));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -109,7 +109,7 @@ static PetscErrorCode sor_velocity(Mat mat, Vec bv, PetscReal omega, MatSORType 
   PetscCall(ConstraintGetInert(fs->constraint, &ninert, &slot));
   PetscCall(VecGetArrayRead(bv, &b));
   PetscCall(VecGetArray(xv, &x));
-  PetscCall(SweepApply(fs->sweep, flag, its * lits, b, x));
+  PetscCall(RelaxApply(fs->sweep, flag, its * lits, b, x));
   for (PetscInt j = 0; j < ninert; j++) x[slot[j]] = b[slot[j]];
   for (PetscInt k = 0; k < count; k++)
     multiply_small(fs->nr, fs->body_inverse + k * fs->nr * fs->nr, b + fs->nodal + k * fs->nr, x + fs->nodal + k * fs->nr);

@@ -1,8 +1,8 @@
-/* Soft: see soft.h. */
+/* Soft: see penaltyterm.h. */
 #include "compat.h"
 #include "solve/penaltyterm.h"
 
-void SoftGetBlock(const Soft *s, PetscInt e, PetscReal G[])
+void PenaltyTermGetBlock(const PenaltyTerm *s, PetscInt e, PetscReal G[])
 {
   const PetscReal *g = s->g + e * (s->dim + 1), *r = g + 1;
 
@@ -19,8 +19,8 @@ void SoftGetBlock(const Soft *s, PetscInt e, PetscReal G[])
   }
 }
 
-PetscErrorCode SoftMultAdd(const Soft *s, Constraint c, PetscBool of_unknown, const PetscReal U[], const PetscReal u[], PetscReal r[],
-                           PetscReal rigid[])
+PetscErrorCode PenaltyTermMultAdd(const PenaltyTerm *s, Constraint c, PetscBool of_unknown, const PetscReal U[], const PetscReal u[], PetscReal r[],
+                                  PetscReal rigid[])
 {
   const PetscInt *unknown, *index, nr = s->nr, dim = s->dim;
 
@@ -33,7 +33,7 @@ PetscErrorCode SoftMultAdd(const Soft *s, Constraint c, PetscBool of_unknown, co
     PetscReal       *re = r + s->node[e] * dim, G[18];
 
     if (!bits && of_unknown) continue;
-    SoftGetBlock(s, e, G);
+    PenaltyTermGetBlock(s, e, G);
     for (PetscInt m = 0; m < nr; m++) {
       const PetscBool is_unknown = (PetscBool)((bits >> m) & 1);
 
@@ -46,7 +46,7 @@ PetscErrorCode SoftMultAdd(const Soft *s, Constraint c, PetscBool of_unknown, co
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SoftAddForce(const Soft *s, Constraint c, const PetscReal u[], const PetscReal U[], PetscReal out[])
+PetscErrorCode PenaltyTermAddForce(const PenaltyTerm *s, Constraint c, const PetscReal u[], const PetscReal U[], PetscReal out[])
 {
   const PetscInt nr = s->nr, dim = s->dim;
   PetscInt       first, count;
@@ -56,7 +56,7 @@ PetscErrorCode SoftAddForce(const Soft *s, Constraint c, const PetscReal u[], co
   for (PetscInt e = 0; e < s->n; e++) {
     PetscReal G[18];
 
-    SoftGetBlock(s, e, G);
+    PenaltyTermGetBlock(s, e, G);
     for (PetscInt m = 0; m < nr; m++)
       for (PetscInt a = 0; a < dim; a++) out[s->body[e] * nr + m] += G[a * nr + m] * u[s->node[e] * dim + a];
   }

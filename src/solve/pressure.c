@@ -345,7 +345,7 @@ static PetscErrorCode find_shared_cells(Pressure p)
 
   PetscFunctionBeginUser;
   PetscCall(ConstraintGetNodeBody(p->constraint, &body));
-  PetscCall(BoundaryGetValues(FlowBoundary(p->flow), &fixed, &value));
+  PetscCall(ConditionsGetValues(FlowConditions(p->flow), &fixed, &value));
   p->nshared = 0;
   for (PetscInt t = 0; t < p->ntouched; t++) {
     const PetscInt c = p->touched[t], *node = l->cell_node + c * l->nb;
@@ -401,7 +401,7 @@ static PetscErrorCode cut_rows(Pressure p, const PetscInt body[], const PetscInt
   PetscReal        q[4 * 6];
 
   PetscFunctionBeginUser;
-  PetscCall(BoundaryGetValues(FlowBoundary(p->flow), &fixed, &value));
+  PetscCall(ConditionsGetValues(FlowConditions(p->flow), &fixed, &value));
   for (PetscInt e = 0; e < p->nk * p->nr; e++) q[e] = w[e] = 0;
   for (PetscInt j = 0; j < l->nb; j++) {
     const PetscInt i = l->cell_node[c * l->nb + j];
@@ -660,7 +660,7 @@ PetscErrorCode PressureCreate(Flow flow, Constraint constraint, Pressure *pressu
   PetscCall(OptReal("-flow_pressure_shared", "compressibility of cells between two bodies, or body and wall, as share of their nodes' inverse mass",
                     "", 0, 1, &p->eps_shared));
   PetscCall(find_two_level(&two_level));
-  PetscCall(BoundaryPressureIsFloating(FlowBoundary(flow), &p->floating));
+  PetscCall(ConditionsPressureIsFloating(FlowConditions(flow), &p->floating));
   if (two_level) {
     PetscCall(OptReal("-flow_pressure_keep", "share of the vertices that may change before the multigrid hierarchy of the pressure is built anew", "",
                       0, 1, &keep));

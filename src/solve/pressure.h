@@ -1,4 +1,4 @@
-/* Pressure: the projected pressure operator S_p = B_r M_r^{-1} B_r^T + eps B_c M_c^{-1} B_c^T and its two-level preconditioner. Layer 2.
+/* Pressure: the projected pressure operator S_p = B_r M_r^{-1} B_r^T + eps B_c M_c^{-1} B_c^T and its two-level preconditioner.
 
    The part of the nodes has a fixed pattern (cells that share a node) and is a matrix; rows of cells away from any change of the constraint are kept. The part of bodies with
    unknown rigid velocities, W W^T = sum of B R_k M_k^{-1} (B R_k)^T, is of rank 3 (6 in 3D) a body and is applied, not stored; preconditioners other than the default see the matrix alone.

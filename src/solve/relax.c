@@ -1,4 +1,4 @@
-/* Sweep: see sweep.h. The kernels take the dimension as a constant, so that the loop over components disappears. */
+/* Sweep: see relax.h. The kernels take the dimension as a constant, so that the loop over components disappears. */
 #include "compat.h"
 #include "relax.h"
 
@@ -12,7 +12,7 @@ typedef struct {
   const PetscReal *value;
 } Rows;
 
-struct _p_Sweep {
+struct _p_Relax {
   Mat              S;
   PetscInt         dim, n;
   const PetscReal *diagonal_inverse;
@@ -23,7 +23,7 @@ struct _p_Sweep {
   PetscInt *diagonal, *where; /* [n] entry of the diagonal; scratch, -1 */
 };
 
-static PetscErrorCode get_rows(Sweep s, Rows *r)
+static PetscErrorCode get_rows(Relax s, Rows *r)
 {
   PetscBool done;
 
@@ -64,7 +64,7 @@ INLINE void sor_kernel(const int dim, PetscInt n, PetscBool forward, PetscBool l
   }
 }
 
-static void sor(Sweep s, PetscBool forward, PetscBool lower_only, const Rows *r, const PetscReal b[], PetscReal x[])
+static void sor(Relax s, PetscBool forward, PetscBool lower_only, const Rows *r, const PetscReal b[], PetscReal x[])
 {
   if (s->dim == 2) sor_kernel(2, s->n, forward, lower_only, r->start, r->column, r->value, s->diagonal_inverse, b, x);
   else sor_kernel(3, s->n, forward, lower_only, r->start, r->column, r->value, s->diagonal_inverse, b, x);
@@ -73,7 +73,7 @@ static void sor(Sweep s, PetscBool forward, PetscBool lower_only, const Rows *r,
 /* ---- ILU(0) ---- */
 
 /* Inverse diagonal entry of node i; zero: inert */
-static PetscReal get_diagonal_inverse(Sweep s, PetscInt i)
+static PetscReal get_diagonal_inverse(Relax s, PetscInt i)
 {
   for (PetscInt a = 0; a < s->dim; a++)
     if (s->diagonal_inverse[i * s->dim + a] != 0) return s->diagonal_inverse[i * s->dim + a];
@@ -81,7 +81,7 @@ static PetscReal get_diagonal_inverse(Sweep s, PetscInt i)
 }
 
 /* Row i of the factors from the rows above it. Entries in columns of inert nodes (pivot inverse zero) drop out. */
-static void factorise_row(Sweep s, PetscInt i, const PetscInt ai[], const PetscInt aj[], const PetscReal aa[], const PetscReal pivot[],
+static void factorise_row(Relax s, PetscInt i, const PetscInt ai[], const PetscInt aj[], const PetscReal aa[], const PetscReal pivot[],
                           PetscReal row[])
 {
   PetscInt *where = s->where, begin = ai[i], diagonal = s->diagonal[i];
@@ -108,7 +108,7 @@ static void factorise_row(Sweep s, PetscInt i, const PetscInt ai[], const PetscI
 #define INSTEAD_OF_ROW    0.1
 
 /* pivot [n]: inverse pivots, at the beginning of the diagonal */
-static PetscErrorCode factorise(Sweep s, const Rows *r)
+static PetscErrorCode factorise(Relax s, const Rows *r)
 {
   const PetscInt  *ai = r->start, *aj = r->column;
   const PetscReal *aa = r->value;
@@ -164,7 +164,7 @@ INLINE void solve_kernel(const int dim, PetscInt n, const PetscInt *restrict ai,
 
 /* ---- public ---- */
 
-PetscErrorCode SweepUpdate(Sweep s, const PetscReal diagonal_inverse[], PetscBool wanted)
+PetscErrorCode RelaxUpdate(Relax s, const PetscReal diagonal_inverse[], PetscBool wanted)
 {
   Rows r;
 
@@ -186,7 +186,7 @@ PetscErrorCode SweepUpdate(Sweep s, const PetscReal diagonal_inverse[], PetscBoo
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SweepApply(Sweep s, MatSORType flag, PetscInt its, const PetscReal b[], PetscReal x[])
+PetscErrorCode RelaxApply(Relax s, MatSORType flag, PetscInt its, const PetscReal b[], PetscReal x[])
 {
   const PetscBool zero = (PetscBool)((flag & SOR_ZERO_INITIAL_GUESS) != 0);
   Rows            r;
@@ -211,9 +211,9 @@ PetscErrorCode SweepApply(Sweep s, MatSORType flag, PetscInt its, const PetscRea
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SweepCreate(Mat S, PetscInt dim, Sweep *sweep)
+PetscErrorCode RelaxCreate(Mat S, PetscInt dim, Relax *sweep)
 {
-  Sweep s;
+  Relax s;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&s));
@@ -224,7 +224,7 @@ PetscErrorCode SweepCreate(Mat S, PetscInt dim, Sweep *sweep)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SweepDestroy(Sweep *sweep)
+PetscErrorCode RelaxDestroy(Relax *sweep)
 {
   PetscFunctionBeginUser;
   if (!*sweep) PetscFunctionReturn(PETSC_SUCCESS);

@@ -1,4 +1,4 @@
-/* Sweep: approximate inverses of the velocity matrix, one scalar matrix for all components, in one pass over its entries for all of them. Layer 2.
+/* Relax: approximate inverses of the velocity matrix, one scalar matrix for all components, in one pass over its entries for all of them.
 
    On the rank's own part of the matrix: SOR sweeps (omega 1), or an incomplete factorisation without fill-in (ILU(0): Meijerink & van der Vorst 1977; Saad 2003, ch. 10), whose
    factors are stored in single precision. Where convection outweighs inertia and viscosity within a cell, sweeps against the flow amplify what they should damp, and the factorisation
@@ -8,14 +8,14 @@
 #pragma once
 #include <petscmat.h>
 
-typedef struct _p_Sweep *Sweep;
+typedef struct _p_Relax *Relax;
 
 /* S: scalar matrix (own nodes), borrowed. */
-PetscErrorCode SweepCreate(Mat S, PetscInt dim, Sweep *);
-PetscErrorCode SweepDestroy(Sweep *);
+PetscErrorCode RelaxCreate(Mat S, PetscInt dim, Relax *);
+PetscErrorCode RelaxDestroy(Relax *);
 
 /* New values in S: diagonal_inverse [n][dim] of it, zero at inert slots, borrowed; factorise or not. */
-PetscErrorCode SweepUpdate(Sweep, const PetscReal diagonal_inverse[], PetscBool factorise);
+PetscErrorCode RelaxUpdate(Relax, const PetscReal diagonal_inverse[], PetscBool factorise);
 
 /* its sweeps in the directions of the flag from x, or from zero as the flag says; with a factorisation x = (LU)^{-1} b. Error: more than one of these, or a start value. */
-PetscErrorCode SweepApply(Sweep, MatSORType flag, PetscInt its, const PetscReal b[], PetscReal x[]);
+PetscErrorCode RelaxApply(Relax, MatSORType flag, PetscInt its, const PetscReal b[], PetscReal x[]);

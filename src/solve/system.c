@@ -1,4 +1,4 @@
-/* FlowSolver: see flowsolve.h for the system and the method.
+/* FlowSolver: see system.h for the system and the method.
 
    Layout of all vectors of the system: on every rank the reduced velocity (own nodes x dim, then the rigid slots of own bodies), then the pressure of own cells. */
 #include "compat.h"
@@ -47,7 +47,7 @@ typedef enum {
   SWEEP_AUTO,
   SWEEP_SOR,
   SWEEP_ILU
-} SweepType;
+} RelaxType;
 
 static const char *const RECIPES[] = {"fast", "balanced", "accurate", "direct", NULL};
 static const char *const SCHURS[]  = {"auto", "projection", "commutator", NULL};
@@ -69,7 +69,7 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs)
   PetscCall(ConstraintGetNodeBody(fs->constraint, &body));
   PetscCall(ConstraintGetInert(fs->constraint, &ninert, &slot));
   PetscCall(ConstraintGetFollowers(fs->constraint, &nfollow, NULL, NULL, NULL));
-  PetscCall(BoundaryGetValues(FlowBoundary(fs->flow), &fixed, NULL));
+  PetscCall(ConditionsGetValues(FlowConditions(fs->flow), &fixed, NULL));
   PetscCall(FlowGetLumpedMass(fs->flow, &m));
   /* strong nodes among soft ones are to yield less than these (outer iterations at viscous number 1, 100, 1e5: 12, 19, 27; with eps alone 23, 79, none) */
   if (FlowSolverIsSoft(fs)) hold = 1 + fs->soft->strength / fs->scale;
@@ -109,8 +109,8 @@ static PetscErrorCode assemble_on_demand(FlowSolver fs)
   PetscCall(MatDestroy(&fs->Ar_assembled));
   PetscCall(MatDestroy(&fs->whole));
   PetscCall(ConstraintCreateMat(fs->constraint, &P));
-  PetscCall(SaddleCreateVelocity(fs->constraint, fs->A, P, fs->D, FlowSolverIsSoft(fs) ? fs->soft : NULL, &fs->Ar_assembled));
-  if (fs->need_whole) PetscCall(SaddleCreateWhole(fs->flow, fs->pressure, fs->scale, P, fs->Ar_assembled, &fs->whole));
+  PetscCall(AssembledCreateVelocity(fs->constraint, fs->A, P, fs->D, FlowSolverIsSoft(fs) ? fs->soft : NULL, &fs->Ar_assembled));
+  if (fs->need_whole) PetscCall(AssembledCreateWhole(fs->flow, fs->pressure, fs->scale, P, fs->Ar_assembled, &fs->whole));
   PetscCall(MatDestroy(&P));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -386,7 +386,7 @@ PetscErrorCode FlowSolverCreate(Flow flow, Constraint constraint, PetscBool movi
   PetscCall(FlowGetMatrix(flow, &fs->S));
   PetscCall(MatCreateMAIJ(fs->S, fs->loc->dim, &fs->S_all));
   fs->A = fs->S_all;
-  PetscCall(SweepCreate(fs->S, fs->loc->dim, &fs->sweep));
+  PetscCall(RelaxCreate(fs->S, fs->loc->dim, &fs->sweep));
   PetscCall(BodyBlocksCreate(flow, constraint, &fs->blocks));
   PetscCall(PetscCalloc3(fs->nbodies * fs->nr * fs->nr, &fs->D, count * fs->nr * fs->nr, &fs->body_inverse, fs->nbodies * fs->nr * fs->nr,
                          &fs->mass_inverse));
@@ -433,7 +433,7 @@ PetscErrorCode FlowSolverDestroy(FlowSolver *solver)
   PetscCall(PetscFree3(fs->diagonal_inverse, fs->weight, fs->local));
   PetscCall(PetscFree2(fs->share, fs->rigid_work));
   PetscCall(PetscFree(fs->saved));
-  PetscCall(SweepDestroy(&fs->sweep));
+  PetscCall(RelaxDestroy(&fs->sweep));
   PetscCall(BodyBlocksDestroy(&fs->blocks));
   PetscCall(PetscFree(*solver));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -458,7 +458,7 @@ PetscErrorCode FlowSolverGetUnknowns(FlowSolver fs, PetscInt *n)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSolverSetSoft(FlowSolver fs, const Soft *soft)
+PetscErrorCode FlowSolverSetSoft(FlowSolver fs, const PenaltyTerm *soft)
 {
   PetscFunctionBeginUser;
   fs->soft = soft;
@@ -546,7 +546,7 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
   PetscCall(choose_methods(fs));
   PetscCall(set_up_diagonals(fs));
   PetscCall(PetscLogEventBegin(TB_VEL_FACTOR, 0, 0, 0, 0));
-  PetscCall(SweepUpdate(fs->sweep, fs->diagonal_inverse, fs->factorise));
+  PetscCall(RelaxUpdate(fs->sweep, fs->diagonal_inverse, fs->factorise));
   PetscCall(PetscLogEventEnd(TB_VEL_FACTOR, 0, 0, 0, 0));
   if (fs->nbodies)
     PetscCall(BodyBlocksUpdate(fs->blocks, fs->share, FlowSolverIsSoft(fs) ? fs->soft : NULL, fs->D, fs->scale, fs->body_inverse, fs->mass_inverse));
@@ -591,7 +591,7 @@ static PetscErrorCode add_known_soft(FlowSolver fs, const PetscReal c[], PetscRe
       U_local[index[k] * nr + s] = U[k * nr + s];
       local[index[k] * nr + s]   = 0;
     }
-  PetscCall(SoftMultAdd(fs->soft, fs->constraint, PETSC_FALSE, U_local, c, y, local));
+  PetscCall(PenaltyTermMultAdd(fs->soft, fs->constraint, PETSC_FALSE, U_local, c, y, local));
   for (PetscInt i = 0; i < n * nr; i++) local[i] = -local[i];
   PetscCall(ConstraintDeliverRigid(fs->constraint, local, rigid));
   for (PetscInt k = 0; k < count; k++)

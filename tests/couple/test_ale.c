@@ -10,7 +10,7 @@ typedef struct {
   Flow             flow;
   Bodies           phantom, none;
   Deform           deform;
-  Follow           follow;
+  Ale              follow;
   Couple           couple;
   const MeshLocal *l;
   PetscReal        time, speed[2];
@@ -74,9 +74,9 @@ static PetscErrorCode open_case(Case *c, const char options[], Exact exact, void
   PetscCall(BodiesCreate(2, c->l->lower, c->l->upper, &c->none));
   PetscCall(FlowCreate(c->mesh, &c->flow));
   if (ctx) PetscCall(FlowSetSource(c->flow, linear_force, ctx));
-  if (ctx) PetscCall(BoundarySetField(FlowBoundary(c->flow), exact, ctx));
+  if (ctx) PetscCall(ConditionsSetField(FlowConditions(c->flow), exact, ctx));
   PetscCall(CoupleCreate(c->flow, c->none, &c->couple));
-  PetscCall(FollowCreate(c->flow, c->phantom, c->deform, &c->follow));
+  PetscCall(AleCreate(c->flow, c->phantom, c->deform, &c->follow));
   PetscCall(FlowGetFields(c->flow, &u, NULL, NULL));
   for (PetscInt i = 0; i < c->l->nnode_all; i++) PetscCall(exact(ctx, 0, c->l->x + 2 * i, u + 2 * i));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -84,7 +84,7 @@ static PetscErrorCode open_case(Case *c, const char options[], Exact exact, void
 
 static void close_case(Case *c)
 {
-  OK(FollowDestroy(&c->follow));
+  OK(AleDestroy(&c->follow));
   OK(CoupleDestroy(&c->couple));
   OK(FlowDestroy(&c->flow));
   OK(BodiesDestroy(&c->none));
@@ -109,13 +109,13 @@ static PetscErrorCode take_step(Case *c, PetscReal dt)
     if (c->l->period[a] > 0) X[0][a] -= PetscFloorReal(X[0][a] / c->l->period[a]) * c->l->period[a];
   PetscCall(CoupleGetSolver(c->couple, &solver));
   PetscCall(FlowBeginStep(c->flow, c->time, dt));
-  PetscCall(FollowUpdate(c->follow, solver, X, s->q));
+  PetscCall(AleUpdate(c->follow, solver, X, s->q));
   PetscCall(CoupleDraw(c->couple));
   PetscCall(CoupleSolve(c->couple, &its, &reason));
   PetscCheck(reason > 0, PETSC_COMM_SELF, PETSC_ERR_PLIB, "no solution");
   PetscCall(CoupleForce(c->couple));
   PetscCall(CoupleAdvance(c->couple));
-  PetscCall(FollowAccept(c->follow));
+  PetscCall(AleAccept(c->follow));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -138,7 +138,7 @@ static void check_mesh(const Case *c)
 {
   const DeformResult *r;
 
-  OK(FollowGetResult(c->follow, &r));
+  OK(AleGetResult(c->follow, &r));
   if (r->jacobian < 0.3 || r->area[0] < 0.9 || r->area[1] > 1.1)
     fail_msg("smallest Jacobian %g of its cell's mean, sizes %g to %g of the wanted ones", (double)r->jacobian, (double)r->area[0],
              (double)r->area[1]);

@@ -60,7 +60,7 @@ static void set_walls(Case *c)
   const PetscInt  *fixed;
   const PetscReal *value;
 
-  OK(BoundaryGetValues(FlowBoundary(c->flow), &fixed, &value));
+  OK(ConditionsGetValues(FlowConditions(c->flow), &fixed, &value));
   for (PetscInt i = 0; i < c->l->nnode_all; i++)
     if (fixed[i]) exact(c, c->time, c->l->x + 2 * i, (PetscReal *)value + 2 * i);
 }

@@ -37,17 +37,17 @@ static void test_torque_of_a_turning_disc(void **state)
 
   for (PetscInt level = 0; level < 2; level++) {
     Case       c;
-    Hole       hole;
+    Fitted     hole;
     PetscReal *u, *p, force[1][3], torque[1][3], volume_force[1][3], volume_torque[1][3];
 
     open_case(&c, level ? ANNULUS "-mesh_resolution 8" : ANNULUS "-mesh_resolution 4");
-    OK(HoleCreate(c.flow, c.bodies, &hole));
+    OK(FittedCreate(c.flow, c.bodies, &hole));
     assert_true(c.s->group[0].hole);
     OK(PetscCalloc2(c.l->nnode_all * 2, &u, c.l->ncell * 3, &p));
     fill_field(c.l, couette, u);
     c.s->w[0][2] = W_IN;
     OK(FlowBeginStep(c.flow, 1e12, 1e12));
-    OK(HoleForce(hole, u, p, force, torque, volume_force, volume_torque));
+    OK(FittedForce(hole, u, p, force, torque, volume_force, volume_torque));
     error[level][0] = PetscAbsReal(torque[0][2] / want - 1);
     error[level][1] = PetscAbsReal(volume_torque[0][2] / want - 1);
     for (PetscInt d = 0; d < 2; d++) { /* by symmetry */
@@ -56,7 +56,7 @@ static void test_torque_of_a_turning_disc(void **state)
     }
     BELOW(torque[0][0], 0);
     OK(PetscFree2(u, p));
-    OK(HoleDestroy(&hole));
+    OK(FittedDestroy(&hole));
     close_case(&c);
   }
   for (PetscInt form = 0; form < 2; form++) {
@@ -155,14 +155,14 @@ static void test_mistakes(void **state)
                                   {"-particle_inner_free rotation -particle_inner_density 1", "-particle_inner_free none"}};
 
   for (PetscInt i = 0; i < 3; i++) {
-    char options[1024];
-    Case c;
-    Hole hole;
+    char   options[1024];
+    Case   c;
+    Fitted hole;
 
     snprintf(options, sizeof(options), ANNULUS "%s", wrong[i][0]);
     open_case(&c, options);
     begin_error();
-    expect_error(HoleCreate(c.flow, c.bodies, &hole), PETSC_ERR_USER_INPUT, wrong[i][1], NULL);
+    expect_error(FittedCreate(c.flow, c.bodies, &hole), PETSC_ERR_USER_INPUT, wrong[i][1], NULL);
     close_case(&c);
   }
 }

@@ -22,13 +22,13 @@ static PetscReal volume_of_parts(Penalty p)
 }
 
 /* One step's penalty of bodies as placed by the options */
-static void draw(Case *c, Penalty *p, Mark *mark)
+static void draw(Case *c, Penalty *p, Indicator *mark)
 {
   OK(PenaltyCreate(c->flow, c->bodies, p));
-  OK(MarkCreate(c->mesh, c->bodies, mark));
+  OK(IndicatorCreate(c->mesh, c->bodies, mark));
   OK(FlowBeginStep(c->flow, 0.01, 0.01));
   OK(PenaltyDraw(*p, c->s->x, c->s->q, c->s->x, NULL, *mark));
-  OK(MarkFinish(*mark));
+  OK(IndicatorFinish(*mark));
 }
 
 static void test_volume(void **state)
@@ -46,14 +46,14 @@ static void test_volume(void **state)
                4 / 3.0 * PETSC_PI * 0.27 * 0.27 * 0.27, 2e-3}};
 
   for (PetscInt i = 0; i < (PetscInt)PETSC_STATIC_ARRAY_LENGTH(body); i++) {
-    Case    c;
-    Penalty p;
-    Mark    mark;
+    Case      c;
+    Penalty   p;
+    Indicator mark;
 
     open_case(&c, body[i].options);
     draw(&c, &p, &mark);
     NEAR(volume_of_parts(p) / body[i].volume, 1, body[i].tolerance);
-    OK(MarkDestroy(&mark));
+    OK(IndicatorDestroy(&mark));
     OK(PenaltyDestroy(&p));
     close_case(&c);
   }
@@ -90,18 +90,18 @@ static void test_rigid_motion_is_free(void **state)
 {
   (void)state;
   for (PetscInt m = 0; m < 3; m++) {
-    Case            c;
-    Penalty         p;
-    Mark            mark;
-    const Soft     *soft;
-    const PetscInt *strong;
-    PetscReal       U[3] = {m == 0, m == 1, m == 2}, out[3] = {0, 0, 0}, *u, *y, largest_term = 0;
-    Constraint      constraint;
+    Case               c;
+    Penalty            p;
+    Indicator          mark;
+    const PenaltyTerm *soft;
+    const PetscInt    *strong;
+    PetscReal          U[3] = {m == 0, m == 1, m == 2}, out[3] = {0, 0, 0}, *u, *y, largest_term = 0;
+    Constraint         constraint;
 
     open_case(&c, BOX "-mesh_periodic x " DISC "-particle_disc_radius 0.2 -particle_disc_free none -particle_disc_position 0.91,0.521");
     draw(&c, &p, &mark);
     OK(PenaltyGetSoft(p, &soft));
-    OK(MarkGetNodes(mark, &strong, NULL, NULL));
+    OK(IndicatorGetNodes(mark, &strong, NULL, NULL));
     OK(ConstraintCreate(c.mesh, 1, &constraint));
     OK(PetscCalloc2(c.l->nnode * 2, &u, c.l->nnode, &y));
     for (PetscInt i = 0; i < c.l->nnode; i++) {
@@ -123,7 +123,7 @@ static void test_rigid_motion_is_free(void **state)
       for (PetscInt e = 0; e < soft->n; e++) {
         PetscReal G[6];
 
-        SoftGetBlock(soft, e, G);
+        PenaltyTermGetBlock(soft, e, G);
         largest_term = PetscMax(largest_term, PetscAbsReal(G[3 * a + m]));
         y[soft->node[e]] -= G[3 * a + m];
       }
@@ -131,11 +131,11 @@ static void test_rigid_motion_is_free(void **state)
       OK(PetscFree(x));
     }
     assert_true(largest(largest_term) > 1e-2);
-    OK(SoftAddForce(soft, constraint, u, U, out));
+    OK(PenaltyTermAddForce(soft, constraint, u, U, out));
     for (PetscInt s = 0; s < 3; s++) BELOW(total(out[s]), 1e-11);
     OK(PetscFree2(u, y));
     OK(ConstraintDestroy(&constraint));
-    OK(MarkDestroy(&mark));
+    OK(IndicatorDestroy(&mark));
     OK(PenaltyDestroy(&p));
     close_case(&c);
   }

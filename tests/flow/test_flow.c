@@ -423,7 +423,7 @@ static void check_energy(Case *c)
   const PetscInt *fixed;
 
   if (!c->skewed) {
-    OK(BoundaryGetValues(FlowBoundary(c->flow), &fixed, NULL));
+    OK(ConditionsGetValues(FlowConditions(c->flow), &fixed, NULL));
     fill_noise(c->l, 5, v);
     fill_noise(c->l, 6, w);
     for (PetscInt i = 0; i < c->l->nnode_all * c->l->dim; i++)
@@ -692,7 +692,7 @@ static void check_boundary(PetscInt dim, const char options[], PetscReal t, Want
   open_case(&c, dim, PETSC_FALSE, options);
   OK(FlowBeginStep(c.flow, 2 * t + 1, 0.1)); /* an earlier time must leave nothing behind */
   OK(FlowBeginStep(c.flow, t, 0.1));
-  OK(BoundaryGetValues(FlowBoundary(c.flow), &fixed, &value));
+  OK(ConditionsGetValues(FlowConditions(c.flow), &fixed, &value));
   for (PetscInt i = 0; i < c.l->nnode_all; i++) {
     PetscReal v[3] = {0, 0, 0};
 
@@ -700,9 +700,9 @@ static void check_boundary(PetscInt dim, const char options[], PetscReal t, Want
     for (PetscInt a = 0; a < dim; a++)
       if ((fixed[i] >> a) & 1) NEAR(value[i * dim + a], v[a], 1e-14);
   }
-  OK(BoundaryPressureIsFloating(FlowBoundary(c.flow), &got_floating));
+  OK(ConditionsPressureIsFloating(FlowConditions(c.flow), &got_floating));
   assert_int_equal(got_floating, floating);
-  OK(BoundaryGetSolidFaces(FlowBoundary(c.flow), &got_solid));
+  OK(ConditionsGetSolidFaces(FlowConditions(c.flow), &got_solid));
   assert_int_equal(got_solid, solid);
   close_case(&c);
 }

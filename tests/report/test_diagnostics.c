@@ -10,7 +10,7 @@ typedef struct {
   Bodies           bodies;
   Couple           couple;
   Monitor          monitor;
-  Probe            probe;
+  Diagnostics      probe;
   BodyState       *s;
   const MeshLocal *l;
 } Case;
@@ -80,7 +80,7 @@ static void test_pressure_difference(void **state)
 
     snprintf(options, sizeof(options), FITTED FLOW "-monitor_dp %s", point[i]);
     build_case(&c, options);
-    OK(ProbeCreate(c.flow, c.bodies, c.couple, c.monitor, &c.probe));
+    OK(DiagnosticsCreate(c.flow, c.bodies, c.couple, c.monitor, &c.probe));
     OK(FlowBeginStep(c.flow, 1, 1));
     OK(CoupleDraw(c.couple));
     OK(CoupleGetSolution(c.couple, &u, &p));
@@ -96,10 +96,10 @@ static void test_pressure_difference(void **state)
       field[3 * cell + 2] = 5 / inverse[3 * cell + 2];
     }
     OK(PetscFree2(ones, inverse));
-    OK(ProbeStep(c.probe, NULL));
-    OK(ProbeFinish(c.probe));
+    OK(DiagnosticsStep(c.probe, NULL));
+    OK(DiagnosticsFinish(c.probe));
     NEAR(quantity(&c, "dp"), want[i], 1e-10);
-    OK(ProbeDestroy(&c.probe));
+    OK(DiagnosticsDestroy(&c.probe));
     destroy_case(&c);
   }
 }
@@ -121,14 +121,14 @@ static void test_coefficients(void **state)
              "-flow_time %s -particle_cylinder_reference_speed 0.2 -particle_cylinder_reference_length 0.08 -monitor_momentum -monitor_from 0.1",
              scheme[i]);
     build_case(&c, options);
-    OK(ProbeCreate(c.flow, c.bodies, c.couple, c.monitor, &c.probe));
+    OK(DiagnosticsCreate(c.flow, c.bodies, c.couple, c.monitor, &c.probe));
     for (PetscInt step = 1; step <= 4; step++) {
       solve_step(&c, step, 0.05);
       for (PetscInt d = 0; d < 2; d++) force[step][d] = c.s->force[0][d];
-      OK(ProbeStep(c.probe, &balance));
+      OK(DiagnosticsStep(c.probe, &balance));
       OK(CoupleAdvance(c.couple));
     }
-    OK(ProbeFinish(c.probe));
+    OK(DiagnosticsFinish(c.probe));
     NEAR(quantity(&c, "cd"), force[4][0] * 2 / (1.5 * 0.04 * 0.08), 1e-12);
     NEAR(quantity(&c, "cl"), force[4][1] * 2 / (1.5 * 0.04 * 0.08), 1e-12);
     assert_true(force[1][0] > force[2][0]); /* the start, left out by -monitor_from, has the largest drag of all */
@@ -137,7 +137,7 @@ static void test_coefficients(void **state)
     NEAR(quantity(&c, "cd_max"), force[i ? 4 : 2][0] * 2 / (1.5 * 0.04 * 0.08), 1e-12);
     BELOW(quantity(&c, "force_difference"), 0.2);
     assert_true(quantity(&c, "force_difference") > 0);
-    OK(ProbeDestroy(&c.probe));
+    OK(DiagnosticsDestroy(&c.probe));
     destroy_case(&c);
   }
 }
@@ -160,7 +160,7 @@ static void test_mistakes(void **state)
 
     build_case(&c, wrong[i][0]);
     begin_error();
-    expect_error(ProbeCreate(c.flow, c.bodies, c.couple, c.monitor, &c.probe), PETSC_ERR_USER_INPUT, wrong[i][1], NULL);
+    expect_error(DiagnosticsCreate(c.flow, c.bodies, c.couple, c.monitor, &c.probe), PETSC_ERR_USER_INPUT, wrong[i][1], NULL);
     destroy_case(&c);
   }
 }

@@ -79,7 +79,7 @@ static void open_case(Case *c, const char options[], PetscBool *steady)
   if (*steady) OK(SteadySetDefaults(c->mesh));
   OK(FlowCreate(c->mesh, &c->flow));
   OK(FlowSetSource(c->flow, manufactured_force, steady));
-  OK(BoundarySetField(FlowBoundary(c->flow), manufactured_velocity, NULL));
+  OK(ConditionsSetField(FlowConditions(c->flow), manufactured_velocity, NULL));
   OK(BodiesCreate(c->l->dim, c->l->lower, c->l->upper, &c->bodies));
   OK(CoupleCreate(c->flow, c->bodies, &c->couple));
   if (*steady) OK(SteadyCreate(c->flow, c->couple, &c->steady));
@@ -295,7 +295,7 @@ static void test_couette(void **state)
              (int)i + 1);
     open_case(&c, options, &IS_STEADY);
     OK(FlowSetSource(c.flow, NULL, NULL));
-    OK(BoundarySetField(FlowBoundary(c.flow), NULL, NULL));
+    OK(ConditionsSetField(FlowConditions(c.flow), NULL, NULL));
     solve_steady(&c);
     measure(&c, couette, 0, &eu[i], &ep[i]);
     close_case(&c);

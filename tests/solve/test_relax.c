@@ -53,7 +53,7 @@ static void apply_petsc(Mat own, PCType type, MatSORType flag, PetscInt n, Petsc
 static void compare(PetscBool factorise, MatSORType flag, PetscReal bound)
 {
   Mat              S, own;
-  Sweep            s;
+  Relax            s;
   Vec              y, d;
   PetscReal       *b, *x, *inverse, worst = 0;
   const PetscReal *ya;
@@ -69,9 +69,9 @@ static void compare(PetscBool factorise, MatSORType flag, PetscReal bound)
   for (PetscInt i = 0; i < n * DIM; i++) inverse[i] = 1 / ya[i / DIM];
   OK(VecRestoreArrayRead(d, &ya));
   fill(n * DIM, b);
-  OK(SweepCreate(S, DIM, &s));
-  OK(SweepUpdate(s, inverse, factorise));
-  OK(SweepApply(s, (MatSORType)(flag | SOR_ZERO_INITIAL_GUESS), 1, b, x));
+  OK(RelaxCreate(S, DIM, &s));
+  OK(RelaxUpdate(s, inverse, factorise));
+  OK(RelaxApply(s, (MatSORType)(flag | SOR_ZERO_INITIAL_GUESS), 1, b, x));
   for (PetscInt a = 0; a < DIM; a++) {
     apply_petsc(own, factorise ? PCILU : NULL, flag, n, a, b, y);
     OK(VecGetArrayRead(y, &ya));
@@ -79,7 +79,7 @@ static void compare(PetscBool factorise, MatSORType flag, PetscReal bound)
     OK(VecRestoreArrayRead(y, &ya));
   }
   BELOW(worst, bound);
-  OK(SweepDestroy(&s));
+  OK(RelaxDestroy(&s));
   OK(PetscFree3(b, x, inverse));
   OK(VecDestroy(&y));
   OK(VecDestroy(&d));
@@ -104,7 +104,7 @@ static void the_factorisation_is_that_of_petsc(void **state)
 static void inert_nodes_drop_out(void **state)
 {
   Mat              S, own, part;
-  Sweep            s;
+  Relax            s;
   IS               is;
   Vec              y;
   PetscReal       *b, *x, *inverse, worst = 0;
@@ -119,9 +119,9 @@ static void inert_nodes_drop_out(void **state)
   OK(PetscMalloc3(n * DIM, &b, n * DIM, &x, n * DIM, &inverse));
   for (PetscInt i = 0; i < n * DIM; i++) inverse[i] = i / DIM < half || i == n * DIM - 1 ? 0 : 1.0 / 9;
   fill(n * DIM, b);
-  OK(SweepCreate(S, DIM, &s));
-  OK(SweepUpdate(s, inverse, PETSC_TRUE));
-  OK(SweepApply(s, SOR_ZERO_INITIAL_GUESS, 1, b, x));
+  OK(RelaxCreate(S, DIM, &s));
+  OK(RelaxUpdate(s, inverse, PETSC_TRUE));
+  OK(RelaxApply(s, SOR_ZERO_INITIAL_GUESS, 1, b, x));
   for (PetscInt i = 0; i < half * DIM; i++) assert_true(x[i] == 0);
   assert_true(x[n * DIM - 1] == 0);
   OK(ISCreateStride(PETSC_COMM_SELF, n - half, half, 1, &is));
@@ -132,7 +132,7 @@ static void inert_nodes_drop_out(void **state)
   for (PetscInt i = half; i < n; i++) worst = PetscMax(worst, PetscAbsReal(x[i * DIM] - ya[i - half]));
   OK(VecRestoreArrayRead(y, &ya));
   BELOW(worst, 1e-6);
-  OK(SweepDestroy(&s));
+  OK(RelaxDestroy(&s));
   OK(PetscFree3(b, x, inverse));
   OK(ISDestroy(&is));
   OK(VecDestroy(&y));

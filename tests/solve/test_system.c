@@ -101,7 +101,7 @@ static void open_case(Case *c, PetscInt dim, PetscInt n, const char options[])
       c->g[k * c->nr + s]               = 0.2 * noise(40 + k * c->nr + s);
     }
   }
-  OK(BoundaryGetValues(FlowBoundary(c->flow), &fixed, &value));
+  OK(ConditionsGetValues(FlowConditions(c->flow), &fixed, &value));
   OK(ConstraintSetBoundary(c->constraint, fixed, value));
   mark(c);
   if (n) OK(ConstraintSetBodies(c->constraint, c->node_body, c->X, c->unknown, c->U, NULL));
@@ -168,7 +168,7 @@ static void check_solution(const Case *c, const Answer *a, PetscBool shared, Pet
   PetscReal       *r, *y, rigid[MAX_BODIES * 6] = {0}, top = 0, scale;
 
   OK(PetscCalloc2(c->l->nnode_all * c->dim, &r, c->np, &y));
-  OK(BoundaryGetValues(FlowBoundary(c->flow), &fixed, &value));
+  OK(ConditionsGetValues(FlowConditions(c->flow), &fixed, &value));
   OK(ConstraintGetNodeBody(c->constraint, &body));
   for (PetscInt i = 0; i < c->l->nnode_all; i++) {
     PetscReal R[18];
@@ -560,7 +560,7 @@ static void choose_mass(const Case *c, Pressure p, PetscReal weight[], PetscReal
   const PetscInt  *fixed, *body;
   const PetscReal *value;
 
-  OK(BoundaryGetValues(FlowBoundary(c->flow), &fixed, &value));
+  OK(ConditionsGetValues(FlowConditions(c->flow), &fixed, &value));
   OK(ConstraintGetNodeBody(c->constraint, &body));
   for (PetscInt i = 0; i < c->l->nnode_all; i++)
     for (PetscInt d = 0; d < c->dim; d++)

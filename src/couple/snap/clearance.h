@@ -1,4 +1,4 @@
-/* Clearance: how far a point on the wall of a body is from the next other wall, that of another body or a side of the domain. Layer 3. Plane bodies only.
+/* Clearance: how far a point on the wall of a body is from the next other wall, that of another body or a side of the domain. Plane bodies only.
 
    Pairs of bodies that may come within reach are found by a sweep over their bounding circles, so that the cost follows the pairs, not the square of the bodies. The sides of the
    domain are those of its bounding box. */

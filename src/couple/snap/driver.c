@@ -1,8 +1,8 @@
-/* Fit: see fit.h. */
+/* SnapDriver: see snap/driver.h. */
 #include "compat.h"
 #include "driver.h"
 
-struct _p_Fit {
+struct _p_SnapDriver {
   Flow             flow;
   Bodies           bodies;
   Mesh             mesh;
@@ -29,7 +29,7 @@ static PetscBool is_buried(const MeshLocal *l, PetscInt i, const PetscInt cell_b
   return PETSC_TRUE;
 }
 
-static PetscErrorCode append_target(Fit f, PetscInt i, const PetscReal x[], PetscInt side)
+static PetscErrorCode append_target(SnapDriver f, PetscInt i, const PetscReal x[], PetscInt side)
 {
   PetscFunctionBeginUser;
   if (f->ntarget == f->room) {
@@ -48,7 +48,7 @@ static PetscErrorCode append_target(Fit f, PetscInt i, const PetscReal x[], Pets
 }
 
 /* Nodes on a path have fluid on both sides, which had two velocities where the path is now: they get the mean */
-static PetscErrorCode add_target(Fit f, PetscInt i, const PetscReal x[])
+static PetscErrorCode add_target(SnapDriver f, PetscInt i, const PetscReal x[])
 {
   const PetscInt k = f->result.node_body[i];
 
@@ -65,7 +65,7 @@ static PetscErrorCode add_target(Fit f, PetscInt i, const PetscReal x[])
 }
 
 /* The values of the targets, into both fields; the two of a node on a path come one after the other */
-static void take_values(Fit f, PetscReal *const u[2])
+static void take_values(SnapDriver f, PetscReal *const u[2])
 {
   for (PetscInt e = 0; e < 4 * f->ntarget; e++) {
     const PetscInt t = e / 4, pair = t + 1 < f->ntarget && f->target[t + 1] == f->target[t] ? t + 1 : t;
@@ -76,7 +76,7 @@ static void take_values(Fit f, PetscReal *const u[2])
 }
 
 /* Own fluid nodes that move, or were inside a body until now. Inside a body that the mesh no longer follows the fluid begins with the velocity of the body. */
-static PetscErrorCode find_targets(Fit f)
+static PetscErrorCode find_targets(SnapDriver f)
 {
   const MeshLocal  *l = f->loc;
   const SnapResult *r = &f->result;
@@ -94,7 +94,7 @@ static PetscErrorCode find_targets(Fit f)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode carry_over(Fit f, FlowSolver solver)
+static PetscErrorCode carry_over(SnapDriver f, FlowSolver solver)
 {
   const SnapResult *r = &f->result;
   PetscReal        *u[2];
@@ -113,9 +113,9 @@ static PetscErrorCode carry_over(Fit f, FlowSolver solver)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FitCreate(Flow flow, Bodies bodies, Fit *fit)
+PetscErrorCode SnapDriverCreate(Flow flow, Bodies bodies, SnapDriver *fit)
 {
-  Fit        f;
+  SnapDriver f;
   BodyState *state;
 
   PetscFunctionBeginUser;
@@ -133,9 +133,9 @@ PetscErrorCode FitCreate(Flow flow, Bodies bodies, Fit *fit)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FitDestroy(Fit *fit)
+PetscErrorCode SnapDriverDestroy(SnapDriver *fit)
 {
-  Fit f = *fit;
+  SnapDriver f = *fit;
 
   PetscFunctionBeginUser;
   if (!f) PetscFunctionReturn(PETSC_SUCCESS);
@@ -150,8 +150,8 @@ PetscErrorCode FitDestroy(Fit *fit)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FitUpdate(Fit f, FlowSolver solver, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *fitted[], const SnapResult **result,
-                         const RemapCount **count)
+PetscErrorCode SnapDriverUpdate(SnapDriver f, FlowSolver solver, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *fitted[],
+                                const SnapResult **result, const RemapCount **count)
 {
   BodyState *state;
   PetscBool  any;
@@ -174,7 +174,7 @@ PetscErrorCode FitUpdate(Fit f, FlowSolver solver, PetscReal (*X)[3], PetscReal 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FitAttach(Fit f, FlowSolver solver)
+PetscErrorCode SnapDriverAttach(SnapDriver f, FlowSolver solver)
 {
   const MeshLocal *l = f->loc;
   PetscInt         n = 0, *dead;
@@ -191,7 +191,7 @@ PetscErrorCode FitAttach(Fit f, FlowSolver solver)
 }
 
 /* The mesh of the fields that are there */
-static PetscErrorCode restore_mesh(Fit f)
+static PetscErrorCode restore_mesh(SnapDriver f)
 {
   const SnapResult *r = &f->result;
 
@@ -202,7 +202,7 @@ static PetscErrorCode restore_mesh(Fit f)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FitVisitState(Fit f, State state)
+PetscErrorCode SnapDriverVisitState(SnapDriver f, State state)
 {
   PetscInt *fitted;
 

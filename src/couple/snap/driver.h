@@ -1,4 +1,4 @@
-/* Fit: keeps mesh, flow and solver lined up with moving bodies, for the boundary rung snap. Layer 3. Plane meshes only.
+/* SnapDriver: keeps mesh, flow and solver lined up with moving bodies, for the boundary rung snap. Plane meshes only.
 
    In every step: the mesh is fitted to the bodies (snap.h); u^n and u^{n-1} are evaluated where nodes will be (remap.h); nodes move; cells near bodies are computed anew; cells inside
    leave the fluid. The pressure of a cell stays the same polynomial in space. Everything else is as on a fixed mesh: pattern, numbering, symmetry. */
@@ -10,19 +10,19 @@
 #include "snap.h"
 #include "mesh/state.h"
 
-typedef struct _p_Fit *Fit;
+typedef struct _p_SnapDriver *SnapDriver;
 
 /* Error: three-dimensional mesh. Collective. */
-PetscErrorCode FitCreate(Flow, Bodies, Fit *);
-PetscErrorCode FitDestroy(Fit *);
+PetscErrorCode SnapDriverCreate(Flow, Bodies, SnapDriver *);
+PetscErrorCode SnapDriverDestroy(SnapDriver *);
 
 /* Fit to the bodies drawn at X, q (SnapFit), between FlowBeginStep and FlowAssemble. fitted [nbodies], *result and *count (may be NULL) are borrowed. Collective. */
-PetscErrorCode FitUpdate(Fit, FlowSolver, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *fitted[], const SnapResult **result,
-                         const RemapCount **count);
+PetscErrorCode SnapDriverUpdate(SnapDriver, FlowSolver, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *fitted[], const SnapResult **result,
+                                const RemapCount **count);
 
 /* A new solver of the same flow learns which cells are no part of the fluid. Collective. */
-PetscErrorCode FitAttach(Fit, FlowSolver);
+PetscErrorCode SnapDriverAttach(SnapDriver, FlowSolver);
 
 /* Part of the state of the coupling, visited after that of the flow. Loading lines the mesh up as it was; fields that were loaded before belong to that mesh. The flow's solver
-   must then be made anew (FitAttach). Collective. */
-PetscErrorCode FitVisitState(Fit, State);
+   must then be made anew (SnapDriverAttach). Collective. */
+PetscErrorCode SnapDriverVisitState(SnapDriver, State);

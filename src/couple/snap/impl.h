@@ -1,4 +1,4 @@
-/* Inside of the snap module; for its files only. snap.c: the cells of thick bodies, rings, checks, the result. snappath.c: bodies thinner than a cell. Layer 3. */
+/* Inside of the snap module; for its files only. snap.c: the cells of thick bodies, rings, checks, the result. path.c: bodies thinner than a cell. */
 #pragma once
 #include "clearance.h"
 #include "mesh/element.h"

@@ -1,4 +1,4 @@
-/* Midline: the line halfway between the two sides of a slender plane shape, from tip to tip. Layer 2.
+/* Midline: the line halfway between the two sides of a slender plane shape, from tip to tip.
 
    Found from the signed distance alone, so that every plugin has one: from a point near the centroid a march goes both ways along the body; in each step the two sides are looked for
    across the direction of march, and the point halfway between them is the next one. It ends where the direction of march leaves the body: that point is the tip.

@@ -114,7 +114,7 @@ static PetscErrorCode list_nodes(Snap s, PetscInt k, PetscReal (*X)[3], PetscInt
   *n = 0;
   PetscCall(BodiesGetState(s->bodies, &state));
   radius = state->group[state->body_group[k]].radius + margin;
-  if (!MarkImage(s->loc, X[k], radius, image, at)) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!IndicatorImage(s->loc, X[k], radius, image, at)) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt a = 0; a < 2; a++) {
     lo[a] = at[a] - radius;
     hi[a] = at[a] + radius;

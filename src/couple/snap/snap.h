@@ -1,4 +1,4 @@
-/* Snap: lines a mesh up with the surfaces of bodies, without changing its topology. Layer 3. Plane meshes only.
+/* Snap: lines a mesh up with the surfaces of bodies, without changing its topology. Plane meshes only.
 
    Cells whose centre lies inside a body are its own ("dead"). The vertices of the staircase between them and the fluid go to the closest point of the wall, the
    vertices of three rings around follow (Jacobi sweeps on the displacement, which leave a graded or shifted mesh graded), the mid-edge nodes of the staircase go onto the wall too
