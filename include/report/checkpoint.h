@@ -13,7 +13,7 @@
 #pragma once
 #include "bodies/bodies.h"
 #include "report/fields.h"
-#include "mesh/state.h"
+#include "base/state.h"
 
 typedef struct _p_Checkpoint *Checkpoint;
 

@@ -5,7 +5,7 @@
 #pragma once
 #include "mesh/mesh.h"
 #include "bodies/bodies.h"
-#include "mesh/state.h"
+#include "base/state.h"
 
 typedef struct _p_Output *Output;
 

@@ -14,7 +14,7 @@
    Options: -output_series, -output_progress, -output_bodies first,last, -output_yardstick. */
 #pragma once
 #include "bodies/bodies.h"
-#include "mesh/state.h"
+#include "base/state.h"
 #include <petscmat.h>
 
 typedef struct _p_Monitor *Monitor;

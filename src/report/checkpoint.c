@@ -4,6 +4,7 @@
 #include "report/checkpoint.h"
 #include "base/log.h"
 #include "base/opt.h"
+#include "mesh/state.h"
 #include <dirent.h>
 #include <errno.h>
 #include <petsctime.h>
@@ -257,7 +258,7 @@ PetscErrorCode CheckpointCreate(Mesh mesh, Output output, Checkpoint *checkpoint
   PetscCall(OptInt("-checkpoint_every", "steps between two checkpoints, 0 for none", "steps", 0, PETSC_MAX_INT, &c->every));
   PetscCall(OptReal("-checkpoint_minutes", "wall clock between two checkpoints, 0 for none", "min", 0, PETSC_MAX_REAL, &c->minutes));
   PetscCall(OptString("-sim_restart", "checkpoint to continue from, or latest for the newest in -output_dir", c->from, sizeof(c->from)));
-  PetscCall(StateCreate(mesh, &c->state));
+  PetscCall(MeshCreateState(mesh, &c->state));
   PetscCall(PetscTime(&c->written));
   last_path[0] = 0;
   take_signals(c);
