@@ -46,8 +46,6 @@ PetscErrorCode StateBeginLoad(State, const char path[]);
 /* End either. Saving: the file appears under its name when it is complete and on disk (written as path.part, synchronised, renamed). Collective.
    Errors: the file could not be written (disk full). */
 PetscErrorCode StateEnd(State);
-/* NULL, or why the file at path cannot be a whole checkpoint, from its first bytes and its length. Not collective; `reason` has room for len characters. */
-const char *StateCheckFile(const char path[], char reason[], size_t len);
 
 /* The following visits are for all modules alike under the module's name; NULL: end of the module. Not nested. */
 PetscErrorCode StateModule(State, const char name[]);

@@ -13,5 +13,5 @@ PetscErrorCode OutlinesCreate(Bodies, Outlines *);
 PetscErrorCode OutlinesDestroy(Outlines *);
 /* Write one snapshot into dir, an existing directory; does nothing without bodies. A step written twice takes the place of its first version. Error: the disk. */
 PetscErrorCode OutlinesWrite(Outlines, const char dir[], PetscInt step, PetscReal time);
-/* StateVisit of a Bodyfile: the snapshots so far. */
-PetscErrorCode OutlinesVisitState(void *bodyfile, State);
+/* StateVisit of an Outlines: the snapshots so far. */
+PetscErrorCode OutlinesVisitState(void *outlines, State);

@@ -2,6 +2,7 @@
    branch behind, which are not its past. Rank 0 looks at the directory, all ranks learn the result. */
 #include "compat.h"
 #include "report/checkpoint.h"
+#include "base/hdf5.h"
 #include "base/log.h"
 #include "base/opt.h"
 #include "mesh/state.h"
@@ -151,7 +152,7 @@ static PetscErrorCode find_latest(const char dir[], char path[], size_t len)
     const char *bad;
 
     PetscCall(PetscSNPrintf(path, len, "%s/%s", dir, file[i].name));
-    bad = StateCheckFile(path, reason, sizeof(reason));
+    bad = Hdf5CheckFile(path, reason, sizeof(reason));
     if (!bad) break;
     PetscCall(PetscPrintf(PETSC_COMM_SELF, "Checkpoint %s is passed over: %s\n", path, bad));
     path[0] = 0;
