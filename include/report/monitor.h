@@ -5,12 +5,8 @@
    and a one-page summary. The files grow line by line and are flushed, so that a running or killed job can be read.
    Units are those of the scene; the columns' suffixes _s and _rad are time and angle.
 
-   Columns: step,time_s,dt_s,cfl,outer_iterations,divergence,kinetic_energy,momentum_error,seconds,seconds_nse,seconds_force,seconds_particle,
-            bodies_energy,contact_energy,contact_work
-            (series.csv; seconds: wall clock of the step, and of its phases on rank 0; then the columns of MonitorAddColumn, see diagnostics.h)
-            step,time_s,body,group,x,y,z,angle_rad,u,v,w,omega_x,omega_y,omega_z,force_x,force_y,force_z,torque_x,torque_y,torque_z,gap,radius
-            (bodies.csv; force and torque of the fluid, gap inf if nothing is near, radius 0 if the body is no disc or sphere;
-            angle not wrapped in 2D, of the rotation out of the initial position in 3D)
+   The columns of the tables are MONITOR_SERIES and MONITOR_BODIES below; further ones of series.csv come from MonitorAddColumn,
+   see diagnostics.h.
    Options: -output_series, -output_progress, -output_bodies first,last, -output_yardstick. */
 #pragma once
 #include "bodies/bodies.h"
@@ -39,6 +35,14 @@ typedef enum {
   MONITOR_NPHASES
 } MonitorPhase;
 
+/* A column of a table: unit "" for numbers; `digits` as printed, 0: text; meaning "": as the one before. The tables end with name NULL. */
+typedef struct {
+  const char *name, *unit;
+  PetscInt    digits;
+  const char *meaning;
+} MonitorColumn;
+extern const MonitorColumn MONITOR_SERIES[], MONITOR_BODIES[];
+
 /* Reads the options; touches no file. The bodies are not owned and must live as long as the monitor. Collective on PETSC_COMM_WORLD.
    Errors: -output_bodies outside of the bodies there are. */
 PetscErrorCode MonitorCreate(Bodies, Monitor *);
@@ -65,8 +69,6 @@ PetscErrorCode MonitorPhaseSeconds(Monitor, MonitorPhase, PetscReal seconds);
 
 /* Set a quantity of summary.json (again: the new value holds); values that are not finite become null. Same calls on all ranks. */
 PetscErrorCode MonitorQuantity(Monitor, const char name[], PetscReal value);
-/* Value of a quantity that has been set; *found (may be NULL): has it? Not collective. */
-PetscErrorCode MonitorGetQuantity(Monitor, const char name[], PetscReal *value, PetscBool *found);
 
 /* What this rank has to do (cells, bodies, ...): summary.json holds smallest, mean and largest over the ranks under balance.<name>. Again: the new value holds. Collective. */
 PetscErrorCode MonitorBalance(Monitor, const char name[], PetscReal mine);
