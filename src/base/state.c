@@ -1,4 +1,5 @@
-/* State: see state.h. What a checkpoint is, on top of hdf5.h: checksums, the mesh by places, files that appear when they are whole. */
+/* State: see state.h. What a checkpoint is, on top of hdf5.h: checksums, the mesh by places, files that appear when
+   they are whole. */
 #include "compat.h"
 #include "base/state.h"
 #include "base/hdf5.h"
@@ -14,7 +15,8 @@
 #define FORMAT_NAME    "tumble checkpoint"
 #define FORMAT_VERSION 1
 
-/* Nodes or cells: own rows here; when loading another partition, the even share of the file's rows that this rank reads, and the way from there */
+/* Nodes or cells: own rows here; when loading another partition, the even share of the file's rows that this rank
+   reads, and the way from there */
 typedef struct {
   Hdf5Rows own, share;
   PetscSF  sf;
@@ -34,7 +36,8 @@ static const char *const ENTITY[2] = {"nodes", "cells"};
 
 /* ---- small tools ---- */
 
-/* Sum over the entries of the array of their bits times an odd number that depends on the place; the same for every distribution. Collective. */
+/* Sum over the entries of the array of their bits times an odd number that depends on the place; the same for every
+   distribution. Collective. */
 static PetscErrorCode compute_checksum(State s, Hdf5Type t, Hdf5Rows rows, PetscInt bs, const void *v, uint64_t *sum)
 {
   uint64_t mine = 0, place = 2 * (uint64_t)rows.start * (uint64_t)bs + 1;
@@ -166,7 +169,8 @@ static PetscErrorCode save_mesh(State s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Is the file's distribution of the mesh this run's own? Bit for bit, then what it holds can be continued bit for bit. */
+/* Is the file's distribution of the mesh this run's own? Bit for bit, then what it holds can be continued bit for
+   bit. */
 static PetscErrorCode compare_partition(State s)
 {
   PetscInt nrow, ncol;

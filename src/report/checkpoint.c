@@ -1,5 +1,6 @@
-/* Checkpoint: see checkpoint.h. The order of files is that of their time of change: a run restarted from an old checkpoint leaves newer steps of the abandoned
-   branch behind, which are not its past. Rank 0 looks at the directory, all ranks learn the result. */
+/* Checkpoint: see checkpoint.h. The order of files is that of their time of change: a run restarted from an old
+   checkpoint leaves newer steps of the abandoned branch behind, which are not its past. Rank 0 looks at the
+   directory, all ranks learn the result. */
 #include "compat.h"
 #include "report/checkpoint.h"
 #include "base/hdf5.h"

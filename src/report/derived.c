@@ -19,7 +19,8 @@ static void cross(const PetscReal a[3], const PetscReal b[3], PetscReal c[3])
   c[2] = a[0] * b[1] - a[1] * b[0];
 }
 
-/* r = (det J curl u, det J) at node j of a cell; no division, so a flat corner is harmless. 2D is the 3D formula with x_zeta = e_z, u_z = 0. */
+/* r = (det J curl u, det J) at node j of a cell; no division, so a flat corner is harmless. 2D is the 3D formula with
+   x_zeta = e_z, u_z = 0. */
 static void curl_at_node(PetscInt dim, PetscInt j, const PetscReal xc[], const PetscReal uc[], PetscReal r[4])
 {
   PetscReal J[3][3] = {{0}}, G[3][3] = {{0}}, C[3][3], grad[3][3]; /* J[a] = dx/dxi_a, G[a] = du/dxi_a, C[a] = det J grad xi_a */
@@ -43,7 +44,8 @@ static void curl_at_node(PetscInt dim, PetscInt j, const PetscReal xc[], const P
   r[3] = J[0][0] * C[0][0] + J[0][1] * C[0][1] + J[0][2] * C[0][2];
 }
 
-/* sum [nnode_all][n + 1] of weighted values and weights over own cells -> v [nnode_all][n] averages, ghosts up to date */
+/* sum [nnode_all][n + 1] of weighted values and weights over own cells -> v [nnode_all][n] averages, ghosts up to
+   date */
 static PetscErrorCode finish_average(Mesh mesh, const MeshLocal *m, PetscInt n, PetscReal sum[], PetscReal v[])
 {
   PetscFunctionBeginUser;

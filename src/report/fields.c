@@ -1,8 +1,9 @@
 /* Output: see fields.h. Snapshots of the fields as HDF5, described by one XDMF file for ParaView.
 
-   mesh.h5 holds the points [n][3] and the cells [n][3^dim] in the node order of VTK; fields_<step>.h5 holds the fields. Vectors
-   have three components also in 2D (third zero), because glyphs and stream tracers of ParaView ask for them. On a periodic mesh
-   no two cells share a point, so that a cell across the period is drawn where it is and not across the whole picture.
+   mesh.h5 holds the points [n][3] and the cells [n][3^dim] in the node order of VTK; fields_<step>.h5 holds the
+   fields. Vectors have three components also in 2D (third zero), because glyphs and stream tracers of ParaView ask
+   for them. On a periodic mesh no two cells share a point, so that a cell across the period is drawn where it is and
+   not across the whole picture.
    The file is not made for restarts and holds no history of the bodies: see checkpoint and monitor. */
 #include "compat.h"
 #include "base/hdf5.h"
@@ -206,17 +207,14 @@ static void pad_vectors(PetscInt n, PetscInt dim, PetscInt stride, const PetscRe
   }
 }
 
-static PetscErrorCode write_velocity(Output o, Hdf5 file, Vec u)
+static PetscErrorCode write_velocity(Output o, Hdf5 file, const PetscReal u[])
 {
-  const MeshLocal   *m = o->loc;
-  const PetscScalar *a;
-  PetscReal         *v, *w;
+  const MeshLocal *m = o->loc;
+  PetscReal       *v, *w;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc2(m->nnode_all * m->dim, &v, m->nnode_all * 3, &w));
-  PetscCall(VecGetArrayRead(u, &a));
-  for (PetscInt i = 0; i < m->nnode * m->dim; i++) v[i] = PetscRealPart(a[i]);
-  PetscCall(VecRestoreArrayRead(u, &a));
+  PetscCall(PetscArraycpy(v, u, m->nnode * m->dim));
   PetscCall(MeshSyncNodes(o->mesh, m->dim, v));
   pad_vectors(m->nnode_all, m->dim, m->dim, v, w);
   PetscCall(write_nodal(o, file, "velocity", 3, w));
@@ -229,25 +227,21 @@ static PetscErrorCode write_velocity(Output o, Hdf5 file, Vec u)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode write_pressure(Output o, Hdf5 file, Vec p, const PetscInt body[])
+static PetscErrorCode write_pressure(Output o, Hdf5 file, const PetscReal p[], const PetscInt body[])
 {
-  const MeshLocal   *m  = o->loc;
-  const PetscInt     bs = m->dim + 1;
-  const PetscScalar *a;
-  PetscReal         *pc, *w, *q;
+  const MeshLocal *m  = o->loc;
+  const PetscInt   bs = m->dim + 1;
+  PetscReal       *w, *q;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc3(m->ncell * bs, &pc, m->ncell * 3, &w, m->nnode_all, &q));
-  PetscCall(VecGetArrayRead(p, &a));
-  for (PetscInt i = 0; i < m->ncell * bs; i++) pc[i] = PetscRealPart(a[i]);
-  PetscCall(VecRestoreArrayRead(p, &a));
-  for (PetscInt c = 0; c < m->ncell; c++) w[c] = pc[c * bs];
+  PetscCall(PetscMalloc2(m->ncell * 3, &w, m->nnode_all, &q));
+  for (PetscInt c = 0; c < m->ncell; c++) w[c] = p[c * bs];
   PetscCall(Hdf5WriteReals(file, "pressure_mean", m->ncell, 1, w));
-  pad_vectors(m->ncell, m->dim, bs, pc + 1, w);
+  pad_vectors(m->ncell, m->dim, bs, p + 1, w);
   PetscCall(Hdf5WriteReals(file, "pressure_gradient", m->ncell, 3, w));
-  PetscCall(DerivedPressure(o->mesh, pc, body, q));
+  PetscCall(DerivedPressure(o->mesh, p, body, q));
   PetscCall(write_nodal(o, file, "pressure", 1, q));
-  PetscCall(PetscFree3(pc, w, q));
+  PetscCall(PetscFree2(w, q));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -414,19 +408,12 @@ PetscErrorCode OutputVisitState(void *output, State state)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode OutputFields(Output o, PetscInt step, PetscReal time, Vec u, Vec p, const PetscInt body[])
+PetscErrorCode OutputFields(Output o, PetscInt step, PetscReal time, const PetscReal u[], const PetscReal p[], const PetscInt body[])
 {
-  Hdf5     file;
-  PetscInt nu, np;
-  char     name[64];
+  Hdf5 file;
+  char name[64];
 
   PetscFunctionBeginUser;
-  PetscCall(VecGetLocalSize(u, &nu));
-  PetscCall(VecGetLocalSize(p, &np));
-  PetscCheck(nu == o->loc->nnode * o->loc->dim, PETSC_COMM_SELF, PETSC_ERR_ARG_SIZ,
-             "Velocity has %" PetscInt_FMT " local values, the mesh needs %" PetscInt_FMT, nu, o->loc->nnode * o->loc->dim);
-  PetscCheck(np == o->loc->ncell * (o->loc->dim + 1), PETSC_COMM_SELF, PETSC_ERR_ARG_SIZ,
-             "Pressure has %" PetscInt_FMT " local values, the mesh needs %" PetscInt_FMT, np, o->loc->ncell * (o->loc->dim + 1));
   PetscCall(PetscLogEventBegin(TB_OUTPUT, 0, 0, 0, 0));
   if (o->loc->moves != o->moves) {
     o->mesh_written = PETSC_FALSE;

@@ -1,4 +1,5 @@
-/* Monitor: see monitor.h. What a step and a run have to tell is kept here; series.c, progress.c and summary.c write it. */
+/* Monitor: see monitor.h. What a step and a run have to tell is kept here; series.c, progress.c and summary.c write
+   it. */
 #include "compat.h"
 #include "base/opt.h"
 #include "files.h"

@@ -1,5 +1,5 @@
-/* Progress: lines on standard output while the run goes on. The estimate of the time left takes wall clock a simulated second as
-   constant. */
+/* Progress: lines on standard output while the run goes on. The estimate of the time left takes wall clock a
+   simulated second as constant. */
 #include "compat.h"
 #include "impl.h"
 #include <petsctime.h>

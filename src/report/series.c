@@ -1,6 +1,6 @@
-/* Series: the tables series.csv and bodies.csv, a line a step, flushed, so that a running or killed job can be read. Columns stand
-   in tables below, which are also the documentation of the files. The state of the bodies is the same on all ranks: rank 0 writes,
-   and nothing is gathered. */
+/* Series: the tables series.csv and bodies.csv, a line a step, flushed, so that a running or killed job can be read.
+   Columns stand in tables below, which are also the documentation of the files. The state of the bodies is the same
+   on all ranks: rank 0 writes, and nothing is gathered. */
 #include "compat.h"
 #include "impl.h"
 #include "files.h"
@@ -76,7 +76,8 @@ PetscErrorCode SeriesOpenFile(Monitor m, const char name[], const char heading[]
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Rank 0: open a file of the run, cut it at `length` bytes and go on there. 0, errno (ENOENT: no such file), or -1 with the reason why it is not a file of this run. */
+/* Rank 0: open a file of the run, cut it at `length` bytes and go on there. 0, errno (ENOENT: no such file), or -1
+   with the reason why it is not a file of this run. */
 static int cut_file(const char path[], const char heading[], PetscReal length, FILE **file, const char **reason)
 {
   char first[1024] = "";
