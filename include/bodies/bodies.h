@@ -17,7 +17,7 @@
 #pragma once
 #include "bodies/motion.h"
 #include "shape.h"
-#include "mesh/state.h"
+#include "base/state.h"
 
 typedef enum {
   BODY_FREE_X        = 1,

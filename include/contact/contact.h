@@ -11,7 +11,7 @@
    _wall_factor, _damping; spring: -contact_spring_stiffness, _restitution, _friction, _tangential; lubrication: -contact_lubrication_range, _roughness. */
 #pragma once
 #include "bodies/bodies.h"
-#include "mesh/state.h"
+#include "base/state.h"
 
 typedef struct _p_Contact *Contact;
 

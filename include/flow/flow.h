@@ -26,7 +26,7 @@
 #pragma once
 #include "flow/condition.h"
 #include "mesh/mesh.h"
-#include "mesh/state.h"
+#include "base/state.h"
 
 typedef struct _p_Flow *Flow;
 

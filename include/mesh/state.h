@@ -1,50 +1,8 @@
-/* State: what a module must remember to go on later.
-
-   A module has one function that visits its state, for saving and for loading alike, so that the two cannot differ:
-
-     PetscErrorCode FlowVisitState(void *flow, State s)
-     {
-       PetscCall(StateNodes(s, "velocity", dim, f->u));
-       PetscCall(StateReals(s, "dt_old", 1, &f->dt_old));
-       ...
-
-   Names are unique within the module. What can be computed from other state is not visited; arrays whose length is itself state are allocated when
-   StateIsLoading. Modules below the time loop hand their function to checkpoint.h; a part of a module is visited by the function of its owner.
-
-   The file is HDF5, written by all ranks together, independent of their number: nodes and cells are found again by their place in space, as it was when the State was
-   created (a mesh that moves later keeps these keys). Every array carries a checksum. Reals are 64-bit, integers are stored with 64 bits. */
+/* State of a mesh: what nodes and cells of a checkpoint are found again by. */
 #pragma once
+#include "base/state.h"
 #include "mesh/mesh.h"
 
-typedef struct _p_State *State;
-typedef PetscErrorCode (*StateVisit)(void *module, State);
-
-/* Create before the mesh moves. Collective. */
-PetscErrorCode StateCreate(Mesh, State *);
-PetscErrorCode StateDestroy(State *);
-
-/* Begin saving into path, or loading from it. Collective. Errors of loading: no file, not HDF5, truncated, not a checkpoint, another format, another mesh. */
-PetscErrorCode StateBeginSave(State, const char path[]);
-PetscErrorCode StateBeginLoad(State, const char path[]);
-/* End either. Saving: the file appears under its name when it is complete and on disk (written as path.part, synchronised, renamed). Collective.
-   Errors: the file could not be written (disk full). */
-PetscErrorCode StateEnd(State);
-/* NULL, or why the file at path cannot be a whole checkpoint, from its first bytes and its length. Not collective; `reason` has room for len characters. */
-const char *StateCheckFile(const char path[], char reason[], size_t len);
-
-/* The following visits are for all modules alike under the module's name; NULL: end of the module. Not nested. */
-PetscErrorCode StateModule(State, const char name[]);
-PetscBool      StateIsLoading(State);
-/* Loading: was the file written on the same number of ranks with the same distribution of the mesh? */
-PetscBool StateIsSamePartition(State);
-/* Loading: rows of an array of the present module in the file, -1 if it has none of this name. Collective. */
-PetscErrorCode StateGetSize(State, const char name[], PetscInt *rows);
-
-/* v is saved or loaded. Collective, same calls on all ranks. Errors of loading: not in the file, other length, wrong checksum.
-   Reals, Ints, Text: the same on all ranks, n values, in the file those of rank 0. Text: zero-terminated; loading allocates *text, free it with PetscFree.
-   Nodes: v [nnode_all][bs], own values saved, ghosts synchronised after loading. Cells: v [ncell][bs], own cells. */
-PetscErrorCode StateReals(State, const char name[], PetscInt n, PetscReal v[]);
-PetscErrorCode StateInts(State, const char name[], PetscInt n, PetscInt v[]);
-PetscErrorCode StateText(State, const char name[], char **text);
-PetscErrorCode StateNodes(State, const char name[], PetscInt bs, PetscReal v[]);
-PetscErrorCode StateCells(State, const char name[], PetscInt bs, PetscReal v[]);
+/* A State (base/state.h) whose nodes and cells are those of the mesh, told apart by where they are now: create it before the
+   mesh moves. The mesh is borrowed. Collective. */
+PetscErrorCode MeshCreateState(Mesh, State *);

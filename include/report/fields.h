@@ -1,19 +1,21 @@
 /* Output: fields as HDF5 + XDMF.
 
-   Velocity is written with all its Q2 nodes (XDMF Quadrilateral_9 / Hexahedron_27, nothing thrown away). The discontinuous pressure is
-   written as cell mean and cell gradient (exact) and, for pictures, as nodal average. */
+   Velocity is written with all its Q2 nodes (XDMF Quadrilateral_9 / Hexahedron_27, nothing thrown away). The
+   discontinuous pressure is written as cell mean and cell gradient (exact) and, for pictures, as nodal average. */
 #pragma once
 #include "mesh/mesh.h"
 #include "bodies/bodies.h"
-#include "mesh/state.h"
+#include "base/state.h"
 
 typedef struct _p_Output *Output;
 
-/* Reads -output_dir (default out/<scene>), -output_every (0 = none), -output_interval (0 = none) and -output_overwrite; touches no file. Collective. */
+/* Reads -output_dir (default out/<scene>), -output_every (0 = none), -output_interval (0 = none) and
+   -output_overwrite; touches no file. Collective. */
 PetscErrorCode OutputCreate(Mesh, const char scene[], Output *);
-/* Create the directory, once every option is known to be right. One that already holds a series.csv is refused with a message naming
-   -output_overwrite unless that is given or the run is a restart. mesh.h5 is written with the first snapshot; mesh_<step>.h5 with the first after a restart
-   on another distribution of the mesh, where nodes have other numbers. Collective. */
+/* Create the directory, once every option is known to be right. One that already holds a series.csv is refused with a
+   message naming -output_overwrite unless that is given or the run is a restart. mesh.h5 is written with the first
+   snapshot; mesh_<step>.h5 with the first after a restart on another distribution of the mesh, where nodes have other
+   numbers. Collective. */
 PetscErrorCode OutputOpen(Output);
 PetscErrorCode OutputDestroy(Output *);
 PetscErrorCode OutputGetDirectory(Output, const char **dir);
@@ -23,7 +25,8 @@ PetscErrorCode OutputGetOverwrite(Output, PetscBool *overwrite);
 /* StateVisit of an Output: the snapshots so far. Once loaded, OutputOpen goes on with the results in the directory. */
 PetscErrorCode OutputVisitState(void *output, State);
 
-/* Write one snapshot: u [own nodes][dim], p [own cells][dim + 1] (value at the cell centre, then gradient: p(x) = p0 + g.(x - xc)), body [nnode_all] index of the
-   body that a node lies in or -1 (may be NULL). Files fields_<step>.h5 and a temporal collection fields.xmf, rewritten
-   after every snapshot so that a running or killed job can be opened. Collective. */
-PetscErrorCode OutputFields(Output, PetscInt step, PetscReal time, Vec u, Vec p, const PetscInt body[]);
+/* Write one snapshot: u [nnode_all][dim] (ghosts are not read), p [own cells][dim + 1] (value at the cell centre,
+   then gradient: p(x) = p0 + g.(x - xc)), body [nnode_all] index of the body that a node lies in or -1 (may be NULL).
+   Files fields_<step>.h5 and a temporal collection fields.xmf, rewritten after every snapshot so that a running or
+   killed job can be opened. Collective. */
+PetscErrorCode OutputFields(Output, PetscInt step, PetscReal time, const PetscReal u[], const PetscReal p[], const PetscInt body[]);

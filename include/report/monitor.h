@@ -1,20 +1,17 @@
 /* Monitor: what a run says about itself while it goes on and at its end.
 
-   Files of the output directory: options.txt (versions and every option, written before the first step), series.csv (one line a reported step),
-   bodies.csv (one line a body and reported step) and summary.json (at the end). Standard output: progress lines with the estimated time left,
-   and a one-page summary. The files grow line by line and are flushed, so that a running or killed job can be read.
+   Files of the output directory: options.txt (versions and every option, written before the first step), series.csv
+   (one line a reported step), bodies.csv (one line a body and reported step) and summary.json (at the end). Standard
+   output: progress lines with the estimated time left, and a one-page summary. The files grow line by line and are
+   flushed, so that a running or killed job can be read.
    Units are those of the scene; the columns' suffixes _s and _rad are time and angle.
 
-   Columns: step,time_s,dt_s,cfl,outer_iterations,divergence,kinetic_energy,momentum_error,seconds,seconds_nse,seconds_force,seconds_particle,
-            bodies_energy,contact_energy,contact_work
-            (series.csv; seconds: wall clock of the step, and of its phases on rank 0; then the columns of MonitorAddColumn, see diagnostics.h)
-            step,time_s,body,group,x,y,z,angle_rad,u,v,w,omega_x,omega_y,omega_z,force_x,force_y,force_z,torque_x,torque_y,torque_z,gap,radius
-            (bodies.csv; force and torque of the fluid, gap inf if nothing is near, radius 0 if the body is no disc or sphere;
-            angle not wrapped in 2D, of the rotation out of the initial position in 3D)
+   The columns of the tables are MONITOR_SERIES and MONITOR_BODIES below; further ones of series.csv come from
+   MonitorAddColumn, see diagnostics.h.
    Options: -output_series, -output_progress, -output_bodies first,last, -output_yardstick. */
 #pragma once
 #include "bodies/bodies.h"
-#include "mesh/state.h"
+#include "base/state.h"
 #include <petscmat.h>
 
 typedef struct _p_Monitor *Monitor;
@@ -39,42 +36,57 @@ typedef enum {
   MONITOR_NPHASES
 } MonitorPhase;
 
-/* Reads the options; touches no file. The bodies are not owned and must live as long as the monitor. Collective on PETSC_COMM_WORLD.
+/* A column of a table: unit "" for numbers; `digits` as printed, 0: text; meaning "": as the one before. The tables
+   end with name NULL. */
+typedef struct {
+  const char *name, *unit;
+  PetscInt    digits;
+  const char *meaning;
+} MonitorColumn;
+extern const MonitorColumn MONITOR_SERIES[], MONITOR_BODIES[];
+
+/* Reads the options; touches no file. The bodies are not owned and must live as long as the monitor. Collective on
+   PETSC_COMM_WORLD.
    Errors: -output_bodies outside of the bodies there are. */
 PetscErrorCode MonitorCreate(Bodies, Monitor *);
-/* A further column of series.csv, after those above; columns are numbered from 0. Before MonitorOpen, same calls on all ranks. Its value is 0 until it is set; the value of
-   the last MonitorSetColumn is printed. Not collective. */
+/* A further column of series.csv, after those above; columns are numbered from 0. Before MonitorOpen, same calls on
+   all ranks. Its value is 0 until it is set; the value of the last MonitorSetColumn is printed. Not collective. */
 PetscErrorCode MonitorAddColumn(Monitor, const char name[], PetscInt *column);
 PetscErrorCode MonitorSetColumn(Monitor, PetscInt column, PetscReal value);
 /* StateVisit of a Monitor: what it has tracked, and how long its files are. */
 PetscErrorCode MonitorVisitState(void *monitor, State);
-/* Open the files in the existing directory `dir` (old ones are replaced) and write options.txt: call it after everything else is set up. Once a state has been loaded, files that
-   are there are cut at the loaded length and continued, options.txt is appended to. Collective. Errors: directory not writable, files that are not those of the run. */
+/* Open the files in the existing directory `dir` (old ones are replaced) and write options.txt: call it after
+   everything else is set up. Once a state has been loaded, files that are there are cut at the loaded length and
+   continued, options.txt is appended to. Collective. Errors: directory not writable, files that are not those of the
+   run. */
 PetscErrorCode MonitorOpen(Monitor, const char dir[]);
 PetscErrorCode MonitorDestroy(Monitor *);
 
-/* After every step (and, if wanted, once before the first with step 0 and dt 0): tracks iterations and, from the state of the bodies, the quantities
+/* After every step (and, if wanted, once before the first with step 0 and dt 0): tracks iterations and, from the
+   state of the bodies, the quantities
      fall_speed_max (largest -v, in 3D -w) and speed_max (largest |u|) of bodies that are free to move,
      overlap_max (largest -gap in diameters of the bounding circle, at least 0);
-   every -output_series steps (1) it appends to the files, every -output_progress steps (0: so that some 20 to 50 lines are printed) it prints.
+   every -output_series steps (1) it appends to the files, every -output_progress steps (0: so that some 20 to 50
+   lines are printed) it prints.
    The last step before time_end is always reported. Collective. Errors: files that cannot be written (disk full). */
 PetscErrorCode MonitorWrite(Monitor, const MonitorStep *, PetscReal time_end);
 
 /* Add wall clock seconds of this rank to a phase; the summary shows the largest over all ranks. Not collective. */
 PetscErrorCode MonitorPhaseSeconds(Monitor, MonitorPhase, PetscReal seconds);
 
-/* Set a quantity of summary.json (again: the new value holds); values that are not finite become null. Same calls on all ranks. */
+/* Set a quantity of summary.json (again: the new value holds); values that are not finite become null. Same calls on
+   all ranks. */
 PetscErrorCode MonitorQuantity(Monitor, const char name[], PetscReal value);
-/* Value of a quantity that has been set; *found (may be NULL): has it? Not collective. */
-PetscErrorCode MonitorGetQuantity(Monitor, const char name[], PetscReal *value, PetscBool *found);
 
-/* What this rank has to do (cells, bodies, ...): summary.json holds smallest, mean and largest over the ranks under balance.<name>. Again: the new value holds. Collective. */
+/* What this rank has to do (cells, bodies, ...): summary.json holds smallest, mean and largest over the ranks under
+   balance.<name>. Again: the new value holds. Collective. */
 PetscErrorCode MonitorBalance(Monitor, const char name[], PetscReal mine);
 
-/* With -output_yardstick: measure memory bandwidth and one product with S (bandwidth.h) for summary.json; memory and wall clock of the run are taken before. Does nothing
-   without the option. Once, after the last step. Collective. */
+/* With -output_yardstick: measure memory bandwidth and one product with S (bandwidth.h) for summary.json; memory and
+   wall clock of the run are taken before. Does nothing without the option. Once, after the last step. Collective. */
 PetscErrorCode MonitorYardstick(Monitor, Mat S);
 
-/* Write summary.json and print the summary. seconds.total is the set-up plus the wall clock from the beginning of the first step until now;
-   memory_mb is the sum of the peak memory of all ranks (getrusage), in 2^20 bytes. cells and unknowns are those of the whole mesh. Collective. */
+/* Write summary.json and print the summary. seconds.total is the set-up plus the wall clock from the beginning of the
+   first step until now; memory_mb is the sum of the peak memory of all ranks (getrusage), in 2^20 bytes. cells and
+   unknowns are those of the whole mesh. Collective. */
 PetscErrorCode MonitorFinish(Monitor, const char scene[], PetscInt cells, PetscInt unknowns, PetscInt steps, PetscReal time_end);

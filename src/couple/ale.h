@@ -12,7 +12,7 @@
 #include "couple/deform.h"
 #include "flow/flow.h"
 #include "solve/system.h"
-#include "mesh/state.h"
+#include "base/state.h"
 
 typedef struct _p_Ale *Ale;
 

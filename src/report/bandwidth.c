@@ -1,6 +1,7 @@
 /* Bandwidth: see bandwidth.h.
 
-   Each figure is the best of several repetitions: what the machine can do, not what it does beside other work. Times are wall clock between barriers. */
+   Each figure is the best of several repetitions: what the machine can do, not what it does beside other work. Times
+   are wall clock between barriers. */
 #include "compat.h"
 #include "bandwidth.h"
 #include <petsctime.h>

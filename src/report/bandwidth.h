@@ -1,7 +1,9 @@
-/* Bandwidth: how fast the machine is, measured in the process that has just computed, so that a time per step means something on another machine.
+/* Bandwidth: how fast the machine is, measured in the process that has just computed, so that a time per step means
+   something on another machine.
 
-   Triad: a[i] = b[i] + s c[i] over arrays beyond the caches, 24 bytes an entry (McCalpin's STREAM; write-allocate traffic is not counted). Sweep: one product of a matrix with
-   one vector, best of some; the unit in which a step is expressed. */
+   Triad: a[i] = b[i] + s c[i] over arrays beyond the caches, 24 bytes an entry (McCalpin's STREAM; write-allocate
+   traffic is not counted). Sweep: one product of a matrix with one vector, best of some; the unit in which a step is
+   expressed. */
 #pragma once
 #include <petscmat.h>
 

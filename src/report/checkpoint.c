@@ -1,9 +1,12 @@
-/* Checkpoint: see checkpoint.h. The order of files is that of their time of change: a run restarted from an old checkpoint leaves newer steps of the abandoned
-   branch behind, which are not its past. Rank 0 looks at the directory, all ranks learn the result. */
+/* Checkpoint: see checkpoint.h. The order of files is that of their time of change: a run restarted from an old
+   checkpoint leaves newer steps of the abandoned branch behind, which are not its past. Rank 0 looks at the
+   directory, all ranks learn the result. */
 #include "compat.h"
 #include "report/checkpoint.h"
+#include "base/hdf5.h"
 #include "base/log.h"
 #include "base/opt.h"
+#include "mesh/state.h"
 #include <dirent.h>
 #include <errno.h>
 #include <petsctime.h>
@@ -150,7 +153,7 @@ static PetscErrorCode find_latest(const char dir[], char path[], size_t len)
     const char *bad;
 
     PetscCall(PetscSNPrintf(path, len, "%s/%s", dir, file[i].name));
-    bad = StateCheckFile(path, reason, sizeof(reason));
+    bad = Hdf5CheckFile(path, reason, sizeof(reason));
     if (!bad) break;
     PetscCall(PetscPrintf(PETSC_COMM_SELF, "Checkpoint %s is passed over: %s\n", path, bad));
     path[0] = 0;
@@ -257,7 +260,7 @@ PetscErrorCode CheckpointCreate(Mesh mesh, Output output, Checkpoint *checkpoint
   PetscCall(OptInt("-checkpoint_every", "steps between two checkpoints, 0 for none", "steps", 0, PETSC_MAX_INT, &c->every));
   PetscCall(OptReal("-checkpoint_minutes", "wall clock between two checkpoints, 0 for none", "min", 0, PETSC_MAX_REAL, &c->minutes));
   PetscCall(OptString("-sim_restart", "checkpoint to continue from, or latest for the newest in -output_dir", c->from, sizeof(c->from)));
-  PetscCall(StateCreate(mesh, &c->state));
+  PetscCall(MeshCreateState(mesh, &c->state));
   PetscCall(PetscTime(&c->written));
   last_path[0] = 0;
   take_signals(c);

@@ -108,7 +108,8 @@ static PetscErrorCode name_coefficients(Diagnostics b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Own cells that may hold the point, also when their nodes move by half of their size; where the mesh follows bodies, those of this step */
+/* Own cells that may hold the point, also when their nodes move by half of their size; where the mesh follows bodies,
+   those of this step */
 static PetscErrorCode find_candidates(Diagnostics b, Point *p)
 {
   const MeshLocal *l = b->loc;
@@ -137,7 +138,8 @@ static PetscErrorCode find_candidates(Diagnostics b, Point *p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Mean of the pressure over the cells that hold the point, those with their centre outside of bodies first; *n their number on all ranks */
+/* Mean of the pressure over the cells that hold the point, those with their centre outside of bodies first; *n their
+   number on all ranks */
 static PetscErrorCode read_pressure(Diagnostics b, const Point *point, const PetscReal p[], PetscReal *value, PetscInt *n)
 {
   const MeshLocal *l = b->loc;

@@ -1,16 +1,17 @@
-/* Output: snapshots of the fields as HDF5 (written in parallel by PETSc's viewer) described by one XDMF file for ParaView (see fields.h).
+/* Output: see fields.h. Snapshots of the fields as HDF5, described by one XDMF file for ParaView.
 
-   mesh.h5 holds the points [n][3] and the cells [n][3^dim] in the node order of VTK; fields_<step>.h5 holds the fields. Vectors have three
-   components also in 2D (third zero), because glyphs and stream tracers of ParaView ask for them. On a periodic mesh no two cells share a point,
-   so that a cell across the period is drawn where it is and not across the whole picture.
-   Derived fields: vorticity is the average of the cells around a node, weighted with the Jacobian there, so that a degenerate cell counts for nothing;
-   the nodal pressure is the average of the cells around a node, leaving out cells that lie wholly inside a body (their pressure means nothing).
+   mesh.h5 holds the points [n][3] and the cells [n][3^dim] in the node order of VTK; fields_<step>.h5 holds the
+   fields. Vectors have three components also in 2D (third zero), because glyphs and stream tracers of ParaView ask
+   for them. On a periodic mesh no two cells share a point, so that a cell across the period is drawn where it is and
+   not across the whole picture.
    The file is not made for restarts and holds no history of the bodies: see checkpoint and monitor. */
 #include "compat.h"
 #include "base/hdf5.h"
 #include "report/fields.h"
 #include "base/log.h"
 #include "base/opt.h"
+#include "derived.h"
+#include "files.h"
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>
@@ -73,57 +74,64 @@ static int make_directory(const char dir[])
   return access(dir, W_OK) ? errno : 0;
 }
 
-/* The generic way in: PetscViewerHDF5Open() is declared in a header that needs the headers of HDF5 itself */
-static PetscErrorCode open_hdf5(Output o, const char name[], PetscViewer *viewer)
+static PetscErrorCode open_hdf5(Output o, const char name[], Hdf5 *file)
 {
   char path[PETSC_MAX_PATH_LEN];
 
   PetscFunctionBeginUser;
   PetscCall(join_path(o, name, path, sizeof(path)));
-  PetscCall(PetscViewerCreate(o->comm, viewer));
-  PetscCall(PetscViewerSetType(*viewer, PETSCVIEWERHDF5));
-  PetscCall(PetscViewerFileSetMode(*viewer, FILE_MODE_WRITE));
-  PetscCall(PetscViewerFileSetName(*viewer, path));
+  PetscCall(Hdf5Create(o->comm, path, file));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode close_hdf5(Output o, const char name[], Hdf5 *file)
+{
+  char reason[256];
+
+  PetscFunctionBeginUser;
+  PetscCall(Hdf5Close(file, reason, sizeof(reason)));
+  PetscCheck(!reason[0], o->comm, PETSC_ERR_FILE_WRITE, "Cannot write '%s/%s': %s. Check the disk or choose another -output_dir", o->dir, name,
+             reason);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- datasets ---- */
 
 /* Nodal values v [nnode_all][bs], ghosts up to date -> values at the points of the file */
-static PetscErrorCode write_nodal(Output o, PetscViewer viewer, const char name[], PetscInt bs, const PetscReal v[])
+static PetscErrorCode write_nodal(Output o, Hdf5 file, const char name[], PetscInt bs, const PetscReal v[])
 {
   const MeshLocal *m = o->loc;
   PetscReal       *w;
 
   PetscFunctionBeginUser;
   if (o->shared) {
-    PetscCall(Hdf5WriteReals(o->comm, viewer, name, m->nnode, bs, v));
+    PetscCall(Hdf5WriteReals(file, name, m->nnode, bs, v));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(PetscMalloc1(o->npoint * bs, &w));
   for (PetscInt i = 0; i < o->npoint; i++) {
     for (PetscInt b = 0; b < bs; b++) w[i * bs + b] = v[m->cell_node[i] * bs + b];
   }
-  PetscCall(Hdf5WriteReals(o->comm, viewer, name, o->npoint, bs, w));
+  PetscCall(Hdf5WriteReals(file, name, o->npoint, bs, w));
   PetscCall(PetscFree(w));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode write_nodal_integers(Output o, PetscViewer viewer, const char name[], const PetscInt v[])
+static PetscErrorCode write_nodal_integers(Output o, Hdf5 file, const char name[], const PetscInt v[])
 {
   PetscInt *w;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(o->npoint, &w));
   for (PetscInt i = 0; i < o->npoint; i++) w[i] = v[o->shared ? i : o->loc->cell_node[i]];
-  PetscCall(Hdf5WriteInts(o->comm, viewer, name, o->npoint, 1, w));
+  PetscCall(Hdf5WriteInts(file, name, o->npoint, 1, w));
   PetscCall(PetscFree(w));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- the mesh ---- */
 
-static PetscErrorCode write_points(Output o, PetscViewer viewer)
+static PetscErrorCode write_points(Output o, Hdf5 file)
 {
   const MeshLocal *m = o->loc;
   PetscReal       *x, xc[MESH_MAX_NB * 3];
@@ -142,12 +150,12 @@ static PetscErrorCode write_points(Output o, PetscViewer viewer)
       }
     }
   }
-  PetscCall(Hdf5WriteReals(o->comm, viewer, "coordinates", o->npoint, 3, x));
+  PetscCall(Hdf5WriteReals(file, "coordinates", o->npoint, 3, x));
   PetscCall(PetscFree(x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode write_cells(Output o, PetscViewer viewer)
+static PetscErrorCode write_cells(Output o, Hdf5 file)
 {
   const MeshLocal *m     = o->loc;
   const PetscInt  *order = m->dim == 2 ? VTK_QUAD : VTK_HEX;
@@ -162,7 +170,7 @@ static PetscErrorCode write_cells(Output o, PetscViewer viewer)
       cell[c * m->nb + k] = o->shared ? m->node_global[m->cell_node[j]] : o->point_start + j;
     }
   }
-  PetscCall(Hdf5WriteInts(o->comm, viewer, "cells", m->ncell, m->nb, cell));
+  PetscCall(Hdf5WriteInts(file, "cells", m->ncell, m->nb, cell));
   PetscCall(PetscFree(cell));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -175,212 +183,69 @@ static void name_mesh(PetscInt step, char name[], size_t len)
 
 static PetscErrorCode write_mesh(Output o)
 {
-  PetscViewer viewer;
-  char        name[64];
+  Hdf5 file;
+  char name[64];
 
   PetscFunctionBeginUser;
   name_mesh(o->mesh_step, name, sizeof(name));
-  PetscCall(open_hdf5(o, name, &viewer));
-  PetscCall(write_points(o, viewer));
-  PetscCall(write_cells(o, viewer));
-  PetscCall(PetscViewerDestroy(&viewer));
+  PetscCall(open_hdf5(o, name, &file));
+  PetscCall(write_points(o, file));
+  PetscCall(write_cells(o, file));
+  PetscCall(close_hdf5(o, name, &file));
   o->mesh_written = PETSC_TRUE;
   o->moves        = o->loc->moves;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* ---- derived fields ---- */
-
-/* d/dxi_a at lattice node j of the Q2 function with nodal values f, stride bs */
-static PetscReal lattice_derivative(PetscInt j, PetscInt a, PetscInt bs, const PetscReal f[])
-{
-  static const PetscReal D[3][3]   = {{-1.5, 2, -0.5}, {-0.5, 0, 0.5}, {0.5, -2, 1.5}};
-  static const PetscInt  stride[3] = {1, 3, 9};
-  const PetscInt         s = stride[a], i = (j / s) % 3, base = j - i * s;
-
-  return D[i][0] * f[base * bs] + D[i][1] * f[(base + s) * bs] + D[i][2] * f[(base + 2 * s) * bs];
-}
-
-static void cross(const PetscReal a[3], const PetscReal b[3], PetscReal c[3])
-{
-  c[0] = a[1] * b[2] - a[2] * b[1];
-  c[1] = a[2] * b[0] - a[0] * b[2];
-  c[2] = a[0] * b[1] - a[1] * b[0];
-}
-
-/* r = (det J curl u, det J) at node j of a cell; no division, so a flat corner is harmless. 2D is the 3D formula with x_zeta = e_z, u_z = 0. */
-static void curl_at_node(PetscInt dim, PetscInt j, const PetscReal xc[], const PetscReal uc[], PetscReal r[4])
-{
-  PetscReal J[3][3] = {{0}}, G[3][3] = {{0}}, C[3][3], grad[3][3]; /* J[a] = dx/dxi_a, G[a] = du/dxi_a, C[a] = det J grad xi_a */
-
-  J[2][2] = 1;
-  for (PetscInt a = 0; a < dim; a++) {
-    for (PetscInt d = 0; d < dim; d++) {
-      J[a][d] = lattice_derivative(j, a, dim, xc + d);
-      G[a][d] = lattice_derivative(j, a, dim, uc + d);
-    }
-  }
-  for (PetscInt a = 0; a < 3; a++) cross(J[(a + 1) % 3], J[(a + 2) % 3], C[a]);
-  for (PetscInt d = 0; d < 3; d++) {
-    for (PetscInt c = 0; c < 3; c++) grad[d][c] = C[0][d] * G[0][c] + C[1][d] * G[1][c] + C[2][d] * G[2][c]; /* det J du_c/dx_d */
-  }
-  for (PetscInt d = 0; d < 3; d++) {
-    const PetscInt e = (d + 1) % 3, f = (d + 2) % 3;
-
-    r[d] = grad[e][f] - grad[f][e];
-  }
-  r[3] = J[0][0] * C[0][0] + J[0][1] * C[0][1] + J[0][2] * C[0][2];
-}
-
-/* sum [nnode_all][n + 1] of weighted values and weights over own cells -> v [nnode_all][n] averages, ghosts up to date */
-static PetscErrorCode finish_average(Output o, PetscInt n, PetscReal sum[], PetscReal v[])
-{
-  PetscFunctionBeginUser;
-  PetscCall(MeshSumNodes(o->mesh, n + 1, sum));
-  for (PetscInt i = 0; i < o->loc->nnode; i++) {
-    const PetscReal weight = sum[i * (n + 1) + n];
-
-    for (PetscInt k = 0; k < n; k++) v[i * n + k] = weight > 0 ? sum[i * (n + 1) + k] / weight : 0;
-  }
-  PetscCall(MeshSyncNodes(o->mesh, n, v));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* u [nnode_all][dim] -> w [nnode_all][3] */
-static PetscErrorCode compute_vorticity(Output o, const PetscReal u[], PetscReal w[])
-{
-  const MeshLocal *m = o->loc;
-  PetscReal       *sum, xc[MESH_MAX_NB * 3], uc[MESH_MAX_NB * 3], r[4];
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscCalloc1(4 * m->nnode_all, &sum));
-  for (PetscInt c = 0; c < m->ncell; c++) {
-    const PetscInt *node = m->cell_node + c * m->nb;
-
-    PetscCall(MeshCellCoordinates(o->mesh, c, xc));
-    for (PetscInt j = 0; j < m->nb; j++) {
-      for (PetscInt d = 0; d < m->dim; d++) uc[j * m->dim + d] = u[node[j] * m->dim + d];
-    }
-    for (PetscInt j = 0; j < m->nb; j++) {
-      curl_at_node(m->dim, j, xc, uc, r);
-      for (PetscInt k = 0; k < 4 && r[3] > 0; k++) sum[4 * node[j] + k] += r[k];
-    }
-  }
-  PetscCall(finish_average(o, 3, sum, w));
-  PetscCall(PetscFree(sum));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscBool cell_is_solid(const MeshLocal *m, PetscInt c, const PetscInt body[])
-{
-  if (!body) return PETSC_FALSE;
-  for (PetscInt j = 0; j < m->nb; j++) {
-    if (body[m->cell_node[c * m->nb + j]] < 0) return PETSC_FALSE;
-  }
-  return PETSC_TRUE;
-}
-
-/* p [ncell][dim + 1] -> q [nnode_all]. Solid cells get a weight that matters only where there is no fluid cell. */
-static PetscErrorCode average_pressure(Output o, const PetscReal p[], const PetscInt body[], PetscReal q[])
-{
-  const MeshLocal *m = o->loc;
-  PetscReal       *sum, x[MESH_MAX_NB * 3];
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscCalloc1(2 * m->nnode_all, &sum));
-  for (PetscInt c = 0; c < m->ncell; c++) {
-    const PetscReal *pc = p + c * (m->dim + 1), *centre = x + (m->nb / 2) * m->dim;
-    const PetscReal  weight = cell_is_solid(m, c, body) ? 1e-12 : 1;
-
-    PetscCall(MeshCellCoordinates(o->mesh, c, x));
-    for (PetscInt j = 0; j < m->nb; j++) {
-      const PetscInt i     = m->cell_node[c * m->nb + j];
-      PetscReal      value = pc[0];
-
-      for (PetscInt d = 0; d < m->dim; d++) value += pc[1 + d] * (x[j * m->dim + d] - centre[d]);
-      sum[2 * i] += weight * value;
-      sum[2 * i + 1] += weight;
-    }
-  }
-  PetscCall(finish_average(o, 1, sum, q));
-  PetscCall(PetscFree(sum));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- the fields of a snapshot ---- */
 
 /* Dataset of vectors with three components from v [n][stride], of which the first dim count */
-static PetscErrorCode pad_vectors(PetscInt n, PetscInt dim, PetscInt stride, const PetscReal v[], PetscReal w[])
+static void pad_vectors(PetscInt n, PetscInt dim, PetscInt stride, const PetscReal v[], PetscReal w[])
 {
-  PetscFunctionBeginUser;
   for (PetscInt i = 0; i < n; i++) {
     for (PetscInt d = 0; d < 3; d++) w[3 * i + d] = d < dim ? v[i * stride + d] : 0;
   }
-  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode write_velocity(Output o, PetscViewer viewer, Vec u)
+static PetscErrorCode write_velocity(Output o, Hdf5 file, const PetscReal u[])
 {
-  const MeshLocal   *m = o->loc;
-  const PetscScalar *a;
-  PetscReal         *v, *w;
+  const MeshLocal *m = o->loc;
+  PetscReal       *v, *w;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc2(m->nnode_all * m->dim, &v, m->nnode_all * 3, &w));
-  PetscCall(VecGetArrayRead(u, &a));
-  for (PetscInt i = 0; i < m->nnode * m->dim; i++) v[i] = PetscRealPart(a[i]);
-  PetscCall(VecRestoreArrayRead(u, &a));
+  PetscCall(PetscArraycpy(v, u, m->nnode * m->dim));
   PetscCall(MeshSyncNodes(o->mesh, m->dim, v));
-  PetscCall(pad_vectors(m->nnode_all, m->dim, m->dim, v, w));
-  PetscCall(write_nodal(o, viewer, "velocity", 3, w));
-  PetscCall(compute_vorticity(o, v, w));
+  pad_vectors(m->nnode_all, m->dim, m->dim, v, w);
+  PetscCall(write_nodal(o, file, "velocity", 3, w));
+  PetscCall(DerivedVorticity(o->mesh, v, w));
   if (m->dim == 2) {
     for (PetscInt i = 0; i < m->nnode_all; i++) v[i] = w[3 * i + 2];
-    PetscCall(write_nodal(o, viewer, "vorticity", 1, v));
-  } else PetscCall(write_nodal(o, viewer, "vorticity", 3, w));
+    PetscCall(write_nodal(o, file, "vorticity", 1, v));
+  } else PetscCall(write_nodal(o, file, "vorticity", 3, w));
   PetscCall(PetscFree2(v, w));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode write_pressure(Output o, PetscViewer viewer, Vec p, const PetscInt body[])
+static PetscErrorCode write_pressure(Output o, Hdf5 file, const PetscReal p[], const PetscInt body[])
 {
-  const MeshLocal   *m  = o->loc;
-  const PetscInt     bs = m->dim + 1;
-  const PetscScalar *a;
-  PetscReal         *pc, *w, *q;
+  const MeshLocal *m  = o->loc;
+  const PetscInt   bs = m->dim + 1;
+  PetscReal       *w, *q;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc3(m->ncell * bs, &pc, m->ncell * 3, &w, m->nnode_all, &q));
-  PetscCall(VecGetArrayRead(p, &a));
-  for (PetscInt i = 0; i < m->ncell * bs; i++) pc[i] = PetscRealPart(a[i]);
-  PetscCall(VecRestoreArrayRead(p, &a));
-  for (PetscInt c = 0; c < m->ncell; c++) w[c] = pc[c * bs];
-  PetscCall(Hdf5WriteReals(o->comm, viewer, "pressure_mean", m->ncell, 1, w));
-  PetscCall(pad_vectors(m->ncell, m->dim, bs, pc + 1, w));
-  PetscCall(Hdf5WriteReals(o->comm, viewer, "pressure_gradient", m->ncell, 3, w));
-  PetscCall(average_pressure(o, pc, body, q));
-  PetscCall(write_nodal(o, viewer, "pressure", 1, q));
-  PetscCall(PetscFree3(pc, w, q));
+  PetscCall(PetscMalloc2(m->ncell * 3, &w, m->nnode_all, &q));
+  for (PetscInt c = 0; c < m->ncell; c++) w[c] = p[c * bs];
+  PetscCall(Hdf5WriteReals(file, "pressure_mean", m->ncell, 1, w));
+  pad_vectors(m->ncell, m->dim, bs, p + 1, w);
+  PetscCall(Hdf5WriteReals(file, "pressure_gradient", m->ncell, 3, w));
+  PetscCall(DerivedPressure(o->mesh, p, body, q));
+  PetscCall(write_nodal(o, file, "pressure", 1, q));
+  PetscCall(PetscFree2(w, q));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- XDMF ---- */
-
-static void print_item(FILE *f, const char type[], size_t precision, PetscInt n, PetscInt bs, const char file[], const char name[])
-{
-  fprintf(f, "<DataItem Format=\"HDF\" NumberType=\"%s\" Precision=\"%d\" Dimensions=\"%" PetscInt_FMT, type, (int)precision, n);
-  if (bs > 1) fprintf(f, " %" PetscInt_FMT, bs);
-  fprintf(f, "\">%s:/%s</DataItem>", file, name);
-}
-
-static void print_attribute(FILE *f, const char type[], PetscInt n, PetscInt bs, const char centre[], const char file[], const char name[])
-{
-  const PetscBool integer = strcmp(type, "Int") ? PETSC_FALSE : PETSC_TRUE;
-
-  fprintf(f, "        <Attribute Name=\"%s\" AttributeType=\"%s\" Center=\"%s\">", name, bs > 1 ? "Vector" : "Scalar", centre);
-  print_item(f, type, integer ? sizeof(PetscInt) : sizeof(PetscReal), n, bs, file, name);
-  fprintf(f, "</Attribute>\n");
-}
 
 static void print_snapshot(FILE *f, const Output o, const Snapshot *s)
 {
@@ -392,39 +257,34 @@ static void print_snapshot(FILE *f, const Output o, const Snapshot *s)
   fprintf(f, "      <Grid Name=\"step %" PetscInt_FMT "\" GridType=\"Uniform\">\n        <Time Value=\"%.15g\"/>\n", s->step, (double)s->time);
   fprintf(f, "        <Topology TopologyType=\"%s\" NumberOfElements=\"%" PetscInt_FMT "\">", m->dim == 2 ? "Quadrilateral_9" : "Hexahedron_27",
           m->ncell_global);
-  print_item(f, "Int", sizeof(PetscInt), m->ncell_global, m->nb, mesh, "cells");
+  XdmfItem(f, PETSC_TRUE, m->ncell_global, m->nb, mesh, "cells");
   fprintf(f, "</Topology>\n        <Geometry GeometryType=\"XYZ\">");
-  print_item(f, "Float", sizeof(PetscReal), o->npoint_global, 3, mesh, "coordinates");
+  XdmfItem(f, PETSC_FALSE, o->npoint_global, 3, mesh, "coordinates");
   fprintf(f, "</Geometry>\n");
-  print_attribute(f, "Float", o->npoint_global, 3, "Node", file, "velocity");
-  print_attribute(f, "Float", o->npoint_global, m->dim == 2 ? 1 : 3, "Node", file, "vorticity");
-  print_attribute(f, "Float", o->npoint_global, 1, "Node", file, "pressure");
-  if (s->body) print_attribute(f, "Int", o->npoint_global, 1, "Node", file, "body");
-  print_attribute(f, "Float", m->ncell_global, 1, "Cell", file, "pressure_mean");
-  print_attribute(f, "Float", m->ncell_global, 3, "Cell", file, "pressure_gradient");
+  XdmfAttribute(f, PETSC_FALSE, o->npoint_global, 3, "Node", file, "velocity");
+  XdmfAttribute(f, PETSC_FALSE, o->npoint_global, m->dim == 2 ? 1 : 3, "Node", file, "vorticity");
+  XdmfAttribute(f, PETSC_FALSE, o->npoint_global, 1, "Node", file, "pressure");
+  if (s->body) XdmfAttribute(f, PETSC_TRUE, o->npoint_global, 1, "Node", file, "body");
+  XdmfAttribute(f, PETSC_FALSE, m->ncell_global, 1, "Cell", file, "pressure_mean");
+  XdmfAttribute(f, PETSC_FALSE, m->ncell_global, 3, "Cell", file, "pressure_gradient");
   fprintf(f, "      </Grid>\n");
 }
 
-/* Rank 0; returns 0 or errno. Written beside and renamed: a reader never meets half a file. */
-static int write_index(const Output o, const char path[], const char scratch[])
+/* Rank 0; returns 0 or errno */
+static int write_index(const Output o, const char path[])
 {
-  FILE *f = fopen(scratch, "w");
+  FILE *f;
+  int   err = XdmfBegin(path, "tumble", &f);
 
-  if (!f) return errno;
-  fprintf(f, "<?xml version=\"1.0\" ?>\n<!DOCTYPE Xdmf SYSTEM \"Xdmf.dtd\" []>\n<Xdmf Version=\"2.0\">\n  <Domain>\n");
-  fprintf(f, "    <Grid Name=\"tumble\" GridType=\"Collection\" CollectionType=\"Temporal\">\n");
+  if (err) return err;
   for (PetscInt i = 0; i < o->nsnap; i++) print_snapshot(f, o, &o->snap[i]);
-  fprintf(f, "    </Grid>\n  </Domain>\n</Xdmf>\n");
-  const PetscBool bad = (PetscBool)(ferror(f) != 0);
-  if (fclose(f) || bad) return errno ? errno : EIO;
-  return rename(scratch, path) ? errno : 0;
+  return XdmfEnd(path, &f);
 }
 
 /* A step written twice takes the place of its first version */
 static PetscErrorCode add_snapshot(Output o, PetscInt step, PetscReal time, PetscBool body)
 {
-  char path[PETSC_MAX_PATH_LEN], scratch[PETSC_MAX_PATH_LEN];
-  int  err = 0;
+  char path[PETSC_MAX_PATH_LEN];
 
   PetscFunctionBeginUser;
   while (o->nsnap && o->snap[o->nsnap - 1].step >= step) o->nsnap--;
@@ -434,10 +294,7 @@ static PetscErrorCode add_snapshot(Output o, PetscInt step, PetscReal time, Pets
   }
   o->snap[o->nsnap++] = (Snapshot){step, o->mesh_step, time, body};
   PetscCall(join_path(o, "fields.xmf", path, sizeof(path)));
-  PetscCall(join_path(o, "fields.xmf.part", scratch, sizeof(scratch)));
-  if (o->rank == 0) err = write_index(o, path, scratch);
-  PetscCallMPI(MPI_Bcast(&err, 1, MPI_INT, 0, o->comm));
-  PetscCheck(!err, o->comm, PETSC_ERR_FILE_WRITE, "Cannot write '%s': %s. Check the disk or choose another -output_dir", path, strerror(err));
+  PetscCall(FileCheck(o->rank ? 0 : write_index(o, path), path));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -551,19 +408,12 @@ PetscErrorCode OutputVisitState(void *output, State state)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode OutputFields(Output o, PetscInt step, PetscReal time, Vec u, Vec p, const PetscInt body[])
+PetscErrorCode OutputFields(Output o, PetscInt step, PetscReal time, const PetscReal u[], const PetscReal p[], const PetscInt body[])
 {
-  PetscViewer viewer;
-  PetscInt    nu, np;
-  char        name[64];
+  Hdf5 file;
+  char name[64];
 
   PetscFunctionBeginUser;
-  PetscCall(VecGetLocalSize(u, &nu));
-  PetscCall(VecGetLocalSize(p, &np));
-  PetscCheck(nu == o->loc->nnode * o->loc->dim, PETSC_COMM_SELF, PETSC_ERR_ARG_SIZ,
-             "Velocity has %" PetscInt_FMT " local values, the mesh needs %" PetscInt_FMT, nu, o->loc->nnode * o->loc->dim);
-  PetscCheck(np == o->loc->ncell * (o->loc->dim + 1), PETSC_COMM_SELF, PETSC_ERR_ARG_SIZ,
-             "Pressure has %" PetscInt_FMT " local values, the mesh needs %" PetscInt_FMT, np, o->loc->ncell * (o->loc->dim + 1));
   PetscCall(PetscLogEventBegin(TB_OUTPUT, 0, 0, 0, 0));
   if (o->loc->moves != o->moves) {
     o->mesh_written = PETSC_FALSE;
@@ -571,13 +421,13 @@ PetscErrorCode OutputFields(Output o, PetscInt step, PetscReal time, Vec u, Vec 
   }
   if (!o->mesh_written) PetscCall(write_mesh(o));
   PetscCall(PetscSNPrintf(name, sizeof(name), "fields_%" PetscInt_FMT ".h5", step));
-  PetscCall(open_hdf5(o, name, &viewer));
-  PetscCall(Hdf5WriteReals(o->comm, viewer, "time", o->rank == 0, 1, &time));
-  PetscCall(write_velocity(o, viewer, u));
-  PetscCall(write_pressure(o, viewer, p, body));
-  if (body) PetscCall(write_nodal_integers(o, viewer, "body", body));
-  PetscCall(PetscViewerDestroy(&viewer));
-  PetscCall(add_snapshot(o, step, time, body ? PETSC_TRUE : PETSC_FALSE));
+  PetscCall(open_hdf5(o, name, &file));
+  PetscCall(Hdf5WriteReals(file, "time", o->rank == 0, 1, &time));
+  PetscCall(write_velocity(o, file, u));
+  PetscCall(write_pressure(o, file, p, body));
+  if (body) PetscCall(write_nodal_integers(o, file, "body", body));
+  PetscCall(close_hdf5(o, name, &file));
+  PetscCall(add_snapshot(o, step, time, (PetscBool)(body != NULL)));
   PetscCall(PetscLogEventEnd(TB_OUTPUT, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -68,7 +68,8 @@ PetscErrorCode HistoryGetEnd(History h, PetscReal *time)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Vertex of the parabola through the samples i - 1, i, i + 1 (Newton's form); the sample i where it is no extremum among them */
+/* Vertex of the parabola through the samples i - 1, i, i + 1 (Newton's form); the sample i where it is no extremum
+   among them */
 static void find_vertex(History h, PetscInt i, PetscInt column, PetscReal *time, PetscReal *value)
 {
   const PetscReal t0 = h->time[i - 1], t1 = h->time[i], t2 = h->time[i + 1], y0 = sample(h, i - 1, column), y1 = sample(h, i, column),

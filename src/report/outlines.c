@@ -1,11 +1,10 @@
-/* Bodyfile: see outlines.h. The state is replicated, so rank 0 hands all rows to PETSc's parallel HDF5 viewer and the others none. */
+/* Outlines: see outlines.h. The state is replicated: rank 0 hands over all rows and the others none. */
 #include "compat.h"
 #include "base/hdf5.h"
 #include "report/outlines.h"
 #include "base/rotation.h"
-#include <errno.h>
+#include "files.h"
 #include <stdio.h>
-#include <string.h>
 
 #define POINTS      48 /* of an outline */
 #define POINTS_MANY 16 /* beyond MANY bodies */
@@ -22,24 +21,9 @@ struct _p_Outlines {
   PetscReal  *time; /* [nsnap] */
 };
 
-/* ---- datasets ---- */
+/* ---- datasets: those of rank 0 ---- */
 
-/* v [n][bs] of rank 0 */
-static PetscErrorCode write_reals(Outlines b, PetscViewer viewer, const char name[], PetscInt n, PetscInt bs, const PetscReal v[])
-{
-  PetscFunctionBeginUser;
-  PetscCall(Hdf5WriteReals(PETSC_COMM_WORLD, viewer, name, b->rank ? 0 : n, bs, v));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode write_integers(Outlines b, PetscViewer viewer, const char name[], PetscInt n, PetscInt bs, const PetscInt v[])
-{
-  PetscFunctionBeginUser;
-  PetscCall(Hdf5WriteInts(PETSC_COMM_WORLD, viewer, name, b->rank ? 0 : n, bs, v));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode write_scalars(Outlines b, PetscViewer viewer)
+static PetscErrorCode write_scalars(Outlines b, Hdf5 file)
 {
   const BodyState *s = b->s;
   PetscReal       *radius;
@@ -47,27 +31,27 @@ static PetscErrorCode write_scalars(Outlines b, PetscViewer viewer)
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(s->n, &radius));
   for (PetscInt k = 0; k < s->n; k++) radius[k] = s->gone[k] ? 0 : s->group[s->body_group[k]].radius;
-  PetscCall(write_reals(b, viewer, "radius", s->n, 1, radius));
-  PetscCall(write_reals(b, viewer, "angle", s->n, 1, s->angle));
-  PetscCall(write_integers(b, viewer, "group", s->n, 1, s->body_group));
+  PetscCall(Hdf5WriteReals(file, "radius", b->rank ? 0 : s->n, 1, radius));
+  PetscCall(Hdf5WriteReals(file, "angle", b->rank ? 0 : s->n, 1, s->angle));
+  PetscCall(Hdf5WriteInts(file, "group", b->rank ? 0 : s->n, 1, s->body_group));
   PetscCall(PetscFree(radius));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode write_vectors(Outlines b, PetscViewer viewer)
+static PetscErrorCode write_vectors(Outlines b, Hdf5 file)
 {
   const BodyState *s = b->s;
 
   PetscFunctionBeginUser;
-  PetscCall(write_reals(b, viewer, "position", s->n, 3, &s->x[0][0]));
-  PetscCall(write_reals(b, viewer, "velocity", s->n, 3, &s->u[0][0]));
-  PetscCall(write_reals(b, viewer, "angular_velocity", s->n, 3, &s->w[0][0]));
-  PetscCall(write_reals(b, viewer, "force", s->n, 3, &s->force[0][0]));
-  PetscCall(write_reals(b, viewer, "contact_force", s->n, 3, &s->contact_force[0][0]));
+  PetscCall(Hdf5WriteReals(file, "position", b->rank ? 0 : s->n, 3, &s->x[0][0]));
+  PetscCall(Hdf5WriteReals(file, "velocity", b->rank ? 0 : s->n, 3, &s->u[0][0]));
+  PetscCall(Hdf5WriteReals(file, "angular_velocity", b->rank ? 0 : s->n, 3, &s->w[0][0]));
+  PetscCall(Hdf5WriteReals(file, "force", b->rank ? 0 : s->n, 3, &s->force[0][0]));
+  PetscCall(Hdf5WriteReals(file, "contact_force", b->rank ? 0 : s->n, 3, &s->contact_force[0][0]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode write_outlines(Outlines b, PetscViewer viewer)
+static PetscErrorCode write_outlines(Outlines b, Hdf5 file)
 {
   const BodyState *s = b->s;
   const PetscInt   m = b->npoint;
@@ -89,54 +73,43 @@ static PetscErrorCode write_outlines(Outlines b, PetscViewer viewer)
     }
     for (PetscInt i = 0; i <= m; i++) line[(m + 1) * k + i] = m * k + i % m;
   }
-  PetscCall(write_reals(b, viewer, "outline", m * s->n, 3, x));
-  PetscCall(write_integers(b, viewer, "line", s->n, m + 1, line));
+  PetscCall(Hdf5WriteReals(file, "outline", b->rank ? 0 : m * s->n, 3, x));
+  PetscCall(Hdf5WriteInts(file, "line", b->rank ? 0 : s->n, m + 1, line));
   PetscCall(PetscFree2(x, line));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode write_file(Outlines b, const char path[], PetscReal time)
 {
-  PetscViewer viewer;
+  Hdf5 file;
+  char reason[256];
 
   PetscFunctionBeginUser;
-  PetscCall(PetscViewerCreate(PETSC_COMM_WORLD, &viewer));
-  PetscCall(PetscViewerSetType(viewer, PETSCVIEWERHDF5));
-  PetscCall(PetscViewerFileSetMode(viewer, FILE_MODE_WRITE));
-  PetscCall(PetscViewerFileSetName(viewer, path));
-  PetscCall(write_reals(b, viewer, "time", 1, 1, &time));
-  PetscCall(write_scalars(b, viewer));
-  PetscCall(write_vectors(b, viewer));
-  if (b->npoint) PetscCall(write_outlines(b, viewer));
-  PetscCall(PetscViewerDestroy(&viewer));
+  PetscCall(Hdf5Create(PETSC_COMM_WORLD, path, &file));
+  PetscCall(Hdf5WriteReals(file, "time", b->rank ? 0 : 1, 1, &time));
+  PetscCall(write_scalars(b, file));
+  PetscCall(write_vectors(b, file));
+  if (b->npoint) PetscCall(write_outlines(b, file));
+  PetscCall(Hdf5Close(&file, reason, sizeof(reason)));
+  PetscCheck(!reason[0], PETSC_COMM_WORLD, PETSC_ERR_FILE_WRITE, "Cannot write '%s': %s. Check the disk or choose another -output_dir", path, reason);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- XDMF ---- */
 
-static void print_item(FILE *f, PetscBool integer, PetscInt n, PetscInt bs, PetscInt step, const char name[])
-{
-  fprintf(f, "<DataItem Format=\"HDF\" NumberType=\"%s\" Precision=\"%d\" Dimensions=\"%" PetscInt_FMT, integer ? "Int" : "Float",
-          (int)(integer ? sizeof(PetscInt) : sizeof(PetscReal)), n);
-  if (bs > 1) fprintf(f, " %" PetscInt_FMT, bs);
-  fprintf(f, "\">bodies_%" PetscInt_FMT ".h5:/%s</DataItem>", step, name);
-}
-
-static void print_attributes(FILE *f, PetscInt n, PetscInt step, const char centre[])
+static void print_attributes(FILE *f, PetscInt n, const char centre[], const char file[])
 {
   static const char *const names[] = {"velocity", "angular_velocity", "force", "contact_force", "radius", "angle", "group"};
 
-  for (PetscInt i = 0; i < 7; i++) {
-    fprintf(f, "          <Attribute Name=\"%s\" AttributeType=\"%s\" Center=\"%s\">", names[i], i < 4 ? "Vector" : "Scalar", centre);
-    print_item(f, (PetscBool)(i == 6), n, i < 4 ? 3 : 1, step, names[i]);
-    fprintf(f, "</Attribute>\n");
-  }
+  for (PetscInt i = 0; i < 7; i++) XdmfAttribute(f, (PetscBool)(i == 6), n, i < 4 ? 3 : 1, centre, file, names[i]);
 }
 
 static void print_snapshot(FILE *f, Outlines b, PetscInt step, PetscReal time)
 {
   const PetscInt n = b->s->n, m = b->npoint;
+  char           file[64];
 
+  (void)snprintf(file, sizeof(file), "bodies_%" PetscInt_FMT ".h5", step);
   fprintf(f, "      <Grid Name=\"step %" PetscInt_FMT "\" GridType=\"Collection\" CollectionType=\"Spatial\">\n        <Time Value=\"%.15g\"/>\n",
           step, (double)time);
   fprintf(f,
@@ -144,42 +117,34 @@ static void print_snapshot(FILE *f, Outlines b, PetscInt step, PetscReal time)
           "\"/>\n",
           n);
   fprintf(f, "          <Geometry GeometryType=\"XYZ\">");
-  print_item(f, PETSC_FALSE, n, 3, step, "position");
+  XdmfItem(f, PETSC_FALSE, n, 3, file, "position");
   fprintf(f, "</Geometry>\n");
-  print_attributes(f, n, step, "Node");
+  print_attributes(f, n, "Node", file);
   fprintf(f, "        </Grid>\n");
   if (m) {
     fprintf(f,
             "        <Grid Name=\"outlines\" GridType=\"Uniform\">\n          <Topology TopologyType=\"Polyline\" NumberOfElements=\"%" PetscInt_FMT
             "\" NodesPerElement=\"%" PetscInt_FMT "\">",
             n, m + 1);
-    print_item(f, PETSC_TRUE, n, m + 1, step, "line");
+    XdmfItem(f, PETSC_TRUE, n, m + 1, file, "line");
     fprintf(f, "</Topology>\n          <Geometry GeometryType=\"XYZ\">");
-    print_item(f, PETSC_FALSE, n * m, 3, step, "outline");
+    XdmfItem(f, PETSC_FALSE, n * m, 3, file, "outline");
     fprintf(f, "</Geometry>\n");
-    print_attributes(f, n, step, "Cell");
+    print_attributes(f, n, "Cell", file);
     fprintf(f, "        </Grid>\n");
   }
   fprintf(f, "      </Grid>\n");
 }
 
-/* Rank 0; returns 0 or errno. Written beside and renamed: a reader never meets half a file. */
-static int write_index(Outlines b, const char dir[])
+/* Rank 0; returns 0 or errno */
+static int write_index(Outlines b, const char path[])
 {
-  char  path[PETSC_MAX_PATH_LEN], scratch[PETSC_MAX_PATH_LEN];
   FILE *f;
+  int   err = XdmfBegin(path, "bodies", &f);
 
-  snprintf(path, sizeof(path), "%s/bodies.xmf", dir);
-  snprintf(scratch, sizeof(scratch), "%s/bodies.xmf.part", dir);
-  f = fopen(scratch, "w");
-  if (!f) return errno;
-  fprintf(f, "<?xml version=\"1.0\" ?>\n<!DOCTYPE Xdmf SYSTEM \"Xdmf.dtd\" []>\n<Xdmf Version=\"2.0\">\n  <Domain>\n");
-  fprintf(f, "    <Grid Name=\"bodies\" GridType=\"Collection\" CollectionType=\"Temporal\">\n");
+  if (err) return err;
   for (PetscInt i = 0; i < b->nsnap; i++) print_snapshot(f, b, b->step[i], b->time[i]);
-  fprintf(f, "    </Grid>\n  </Domain>\n</Xdmf>\n");
-  const PetscBool bad = (PetscBool)(ferror(f) != 0);
-  if (fclose(f) || bad) return errno ? errno : EIO;
-  return rename(scratch, path) ? errno : 0;
+  return XdmfEnd(path, &f);
 }
 
 /* ---- public ---- */
@@ -236,7 +201,6 @@ static PetscErrorCode make_room(Outlines b, PetscInt n)
 PetscErrorCode OutlinesWrite(Outlines b, const char dir[], PetscInt step, PetscReal time)
 {
   char path[PETSC_MAX_PATH_LEN];
-  int  err = 0;
 
   PetscFunctionBeginUser;
   if (!b->s->n) PetscFunctionReturn(PETSC_SUCCESS);
@@ -246,10 +210,8 @@ PetscErrorCode OutlinesWrite(Outlines b, const char dir[], PetscInt step, PetscR
   b->time[b->nsnap++] = time;
   PetscCall(PetscSNPrintf(path, sizeof(path), "%s/bodies_%" PetscInt_FMT ".h5", dir, step));
   PetscCall(write_file(b, path, time));
-  if (!b->rank) err = write_index(b, dir);
-  PetscCallMPI(MPI_Bcast(&err, 1, MPI_INT, 0, PETSC_COMM_WORLD));
-  PetscCheck(!err, PETSC_COMM_WORLD, PETSC_ERR_FILE_WRITE, "Cannot write '%s/bodies.xmf': %s. Check the disk or choose another -output_dir", dir,
-             strerror(err));
+  PetscCall(PetscSNPrintf(path, sizeof(path), "%s/bodies.xmf", dir));
+  PetscCall(FileCheck(b->rank ? 0 : write_index(b, path), path));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

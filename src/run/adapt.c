@@ -36,8 +36,8 @@ struct _p_Adapt {
 
 /* ---- error ---- */
 
-/* Values at n + 1 by extrapolation are weights[0] u^n + weights[1] u^{n-1} + weights[2] u^{n-2}; *share: of the difference to the solution that is the scheme's. False: the history
-   is too short. */
+/* Values at n + 1 by extrapolation are weights[0] u^n + weights[1] u^{n-1} + weights[2] u^{n-2}; *share: of the
+   difference to the solution that is the scheme's. False: the history is too short. */
 static PetscBool get_predictor(Adapt a, const FlowStep *step, PetscReal weight[3], PetscReal *share)
 {
   const PetscReal h = step->dt, k = step->dt_old, l = a->dt_older;
@@ -139,7 +139,8 @@ static PetscErrorCode estimate_error(Adapt a, const FlowStep *step, PetscBool *k
 
 /* ---- limits ---- */
 
-/* Time in which the fastest point of a free body goes `move` cells, under its velocity extrapolated to the middle of the step */
+/* Time in which the fastest point of a free body goes `move` cells, under its velocity extrapolated to the middle of
+   the step */
 static PetscReal limit_motion(Adapt a)
 {
   const BodyState *s     = a->s;
@@ -153,7 +154,8 @@ static PetscReal limit_motion(Adapt a)
   return least;
 }
 
-/* Time in which a body closes `gap` of its gap at the rate of the last step; where it met no gap before, at twice its speed */
+/* Time in which a body closes `gap` of its gap at the rate of the last step; where it met no gap before, at twice its
+   speed */
 static PetscErrorCode limit_approach(Adapt a, PetscReal dt, PetscReal *least)
 {
   const BodyState *s = a->s;

@@ -1,8 +1,9 @@
 /* Scene file: find it among the arguments and check it before PETSc reads it.
 
-   The checks follow PETSc's own reader (src/sys/objects/optionsyaml.c, 3.18 to current): nested keys are joined by '_' into one option
-   name, upper case counts as lower case, lists of scalars become "a,b,c", "<<" merges a mapping in place (whatever comes later
-   wins), and keys that start with "$$" only hold anchors. A key that would lose its value on that way is refused, with its line.
+   The checks follow PETSc's own reader (src/sys/objects/optionsyaml.c, 3.18 to current): nested keys are joined by
+   '_' into one option name, upper case counts as lower case, lists of scalars become "a,b,c", "<<" merges a mapping
+   in place (whatever comes later wins), and keys that start with "$$" only hold anchors. A key that would lose its
+   value on that way is refused, with its line.
    It does not interpret values and does not know which options exist. */
 #include "run/scenefile.h"
 #include <ctype.h>

@@ -1,5 +1,6 @@
-/* Sim: see sim.h. One pass of the loop is the algorithm of the method: contact forces, bodies drawn, flow solved, forces read, bodies moved, reports. Seconds are counted by
-   phase (NSE, Force, Particle, Output) as in the method's own cost table. */
+/* Sim: see sim.h. One pass of the loop is the algorithm of the method: contact forces, bodies drawn, flow solved,
+   forces read, bodies moved, reports (src/README.md follows a step through all rooms). Seconds are counted by phase
+   (NSE, Force, Particle, Output) as in the method's own cost table. */
 #include "compat.h"
 #include "sim.h"
 #include "adapt.h"
@@ -18,8 +19,9 @@ struct _p_Sim {
   FlowDiagnostics diag;
   CoupleBalance   balance;
   PetscReal (*a)[3], (*alpha)[3]; /* acceleration of the bodies without contact, for the sub-steps of contact */
-  PetscBool has_acceleration, renew;
-  Vec       u_out, p_out;
+  PetscBool      has_acceleration, renew;
+  MonitorPhase   phase; /* begun at the clock `since` */
+  PetscLogDouble since;
 };
 
 static PetscErrorCode refuse_time_options(void)
@@ -71,8 +73,7 @@ static PetscErrorCode add_states(Sim s)
 
 PetscErrorCode SimCreate(const SimParts *part, Sim *sim)
 {
-  Sim              s;
-  const MeshLocal *l;
+  Sim s;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&s));
@@ -93,13 +94,7 @@ PetscErrorCode SimCreate(const SimParts *part, Sim *sim)
   PetscCall(OutputGetInterval(part->output, &s->interval));
   if (part->flow && !part->steady) PetscCall(AdaptCreate(part->flow, part->bodies, part->couple, part->contact, part->monitor, s->dt, &s->adapt));
   PetscCall(add_states(s));
-  if (!part->flow) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscCalloc2(s->s->n, &s->a, s->s->n, &s->alpha));
-  PetscCall(MeshGetLocal(part->mesh, &l));
-  PetscCall(VecCreateMPI(PETSC_COMM_WORLD, l->nnode * l->dim, PETSC_DETERMINE, &s->u_out));
-  PetscCall(VecSetBlockSize(s->u_out, l->dim));
-  PetscCall(VecCreateMPI(PETSC_COMM_WORLD, l->ncell * (l->dim + 1), PETSC_DETERMINE, &s->p_out));
-  PetscCall(VecSetBlockSize(s->p_out, l->dim + 1));
+  if (part->flow) PetscCall(PetscCalloc2(s->s->n, &s->a, s->s->n, &s->alpha));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -109,8 +104,6 @@ PetscErrorCode SimDestroy(Sim *sim)
   if (!*sim) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(AdaptDestroy(&(*sim)->adapt));
   PetscCall(PetscFree2((*sim)->a, (*sim)->alpha));
-  PetscCall(VecDestroy(&(*sim)->u_out));
-  PetscCall(VecDestroy(&(*sim)->p_out));
   PetscCall(PetscFree(*sim));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -130,7 +123,8 @@ PetscErrorCode SimView(Sim s, PetscViewer viewer)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The bodies' acceleration without contact over the last step, with the inertia that the contact module counts with; at the start that of a free body with added mass */
+/* The bodies' acceleration without contact over the last step, with the inertia that the contact module counts with;
+   at the start that of a free body with added mass */
 static PetscErrorCode estimate_acceleration(Sim s)
 {
   const FlowParameters *par;
@@ -157,39 +151,45 @@ static PetscErrorCode write_fields(Sim s)
 {
   const MeshLocal *l;
   const PetscInt  *body;
-  PetscReal       *u, *p, *a;
+  PetscReal       *u, *p, *gradient;
 
   PetscFunctionBeginUser;
   if (!s->part.flow) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MeshGetLocal(s->part.mesh, &l));
   PetscCall(FlowGetFields(s->part.flow, &u, NULL, &p));
-  PetscCall(VecGetArrayWrite(s->u_out, &a));
-  PetscCall(PetscArraycpy(a, u, l->nnode * l->dim));
-  PetscCall(VecRestoreArrayWrite(s->u_out, &a));
-  PetscCall(VecGetArrayWrite(s->p_out, &a));
-  PetscCall(FlowGetPressureGradient(s->part.flow, p, a));
-  PetscCall(VecRestoreArrayWrite(s->p_out, &a));
+  PetscCall(PetscMalloc1(l->ncell * (l->dim + 1), &gradient));
+  PetscCall(FlowGetPressureGradient(s->part.flow, p, gradient));
   PetscCall(CoupleGetNodeBody(s->part.couple, &body));
-  PetscCall(OutputFields(s->part.output, s->step, s->time, s->u_out, s->p_out, body));
+  PetscCall(OutputFields(s->part.output, s->step, s->time, u, gradient, body));
+  PetscCall(PetscFree(gradient));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode add_seconds(Sim s, MonitorPhase phase, PetscLogDouble *since)
+/* What follows counts as this phase, in the times of the monitor and in PETSc's log */
+static PetscErrorCode begin_phase(Sim s, MonitorPhase phase)
+{
+  PetscFunctionBeginUser;
+  s->phase = phase;
+  PetscCall(PetscTime(&s->since));
+  PetscCall(PetscLogStagePush(phase == MONITOR_NSE ? TB_STAGE_FLOW : phase == MONITOR_OUTPUT ? TB_STAGE_OUTPUT : TB_STAGE_BODIES));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode end_phase(Sim s)
 {
   PetscLogDouble now;
 
   PetscFunctionBeginUser;
+  PetscCall(PetscLogStagePop());
   PetscCall(PetscTime(&now));
-  PetscCall(MonitorPhaseSeconds(s->part.monitor, phase, now - *since));
-  *since = now;
+  PetscCall(MonitorPhaseSeconds(s->part.monitor, s->phase, now - s->since));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Cell Reynolds number from which the convective form may feed on convection that the mesh does not resolve. Two flaps that let a jet through (runs/studies/boundary/flaps.yaml): 19 runs; 35 blows
-   up, under the direct solve as well, and runs in the skew form and on a mesh twice as fine */
-#define UNRESOLVED 20
-/* CFL number from which quadratic extrapolation of the convecting velocity may blow up: 2D-3 under rung snap, dt 0.005 runs, 0.01 does not, nor does the direct solve */
-#define QUADRATIC_UP_TO 2
+/* From where on a failed solve may be an instability: runs/studies/boundary (flaps), runs/studies/cylinder
+   (quadratic) */
+#define UNRESOLVED      20 /* cell Reynolds number from which the convective form may feed on convection that the mesh does not resolve */
+#define QUADRATIC_UP_TO 2  /* CFL number from which quadratic extrapolation of the convecting velocity may blow up */
 
 /* What the last step tells of why the solve of the next one fails, as further sentences of the message */
 static PetscErrorCode explain_failure(Sim s, char why[], size_t size)
@@ -237,21 +237,21 @@ static PetscErrorCode write_snapshot(Sim s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode report(Sim s, const FlowDiagnostics *diag, PetscReal momentum_error, PetscReal dt, PetscInt its, PetscReal seconds)
+/* seconds: wall clock of the step */
+static PetscErrorCode report(Sim s, PetscReal dt, PetscReal seconds)
 {
   PetscInt    every;
-  MonitorStep m;
+  MonitorStep m = {.step             = s->step,
+                   .time             = s->time,
+                   .dt               = dt,
+                   .cfl              = s->diag.cfl,
+                   .outer_iterations = s->its,
+                   .divergence       = s->diag.divergence,
+                   .kinetic_energy   = s->diag.kinetic_energy,
+                   .momentum_error   = s->balance.error,
+                   .seconds          = seconds};
 
   PetscFunctionBeginUser;
-  m.step             = s->step;
-  m.time             = s->time;
-  m.dt               = dt;
-  m.cfl              = diag->cfl;
-  m.outer_iterations = its;
-  m.divergence       = diag->divergence;
-  m.kinetic_energy   = diag->kinetic_energy;
-  m.momentum_error   = momentum_error;
-  m.seconds          = seconds;
   PetscCall(BodiesGetEnergy(s->part.bodies, &m.bodies_energy));
   PetscCall(ContactGetEnergy(s->part.contact, &m.contact_energy, &m.contact_work));
   PetscCall(MonitorWrite(s->part.monitor, &m, s->time_end < PETSC_MAX_REAL ? s->time_end : s->steps_max * s->dt));
@@ -263,31 +263,26 @@ static PetscErrorCode report(Sim s, const FlowDiagnostics *diag, PetscReal momen
 /* What follows a solve of `its` iterations over dt, a time step or a part of one: forces, diagnostics, bodies moved */
 static PetscErrorCode finish_part(Sim s, PetscReal dt, PetscInt its)
 {
-  PetscLogDouble   t;
   const PetscReal *u, *p;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscTime(&t));
-  PetscCall(PetscLogStagePush(TB_STAGE_BODIES));
+  PetscCall(begin_phase(s, MONITOR_FORCE));
   PetscCall(CoupleForce(s->part.couple));
-  PetscCall(add_seconds(s, MONITOR_FORCE, &t));
-  PetscCall(PetscLogStagePop());
-  PetscCall(PetscLogStagePush(TB_STAGE_OUTPUT));
+  PetscCall(end_phase(s));
+  PetscCall(begin_phase(s, MONITOR_OUTPUT));
   PetscCall(CoupleGetSolution(s->part.couple, &u, &p));
   PetscCall(FlowDiagnose(s->part.flow, u, &s->diag));
   PetscCall(CoupleMomentum(s->part.couple, s->diag.momentum_rate, &s->balance));
   PetscCall(DiagnosticsStep(s->part.probe, &s->balance));
   if (PetscIsInfOrNanReal(s->diag.kinetic_energy)) PetscCall(stop_unsolved(s, KSP_DIVERGED_NANORINF, its, dt));
-  PetscCall(add_seconds(s, MONITOR_OUTPUT, &t));
-  PetscCall(PetscLogStagePop());
-  PetscCall(PetscLogStagePush(TB_STAGE_BODIES));
+  PetscCall(end_phase(s));
+  PetscCall(begin_phase(s, MONITOR_PARTICLE));
   if (s->adapt) PetscCall(AdaptAccept(s->adapt, s->diag.cfl));
   PetscCall(CoupleAdvance(s->part.couple));
   PetscCall(ContactFinishStep(s->part.contact));
   PetscCall(ContactCountWork(s->part.contact, dt));
   PetscCall(LeaveApply(s->part.border));
-  PetscCall(PetscLogStagePop());
-  PetscCall(add_seconds(s, MONITOR_PARTICLE, &t));
+  PetscCall(end_phase(s));
   s->time   = s->hits ? s->until : s->time + dt;
   s->dt_old = dt;
   s->its += its;
@@ -298,15 +293,11 @@ static PetscErrorCode finish_part(Sim s, PetscReal dt, PetscInt its)
 /* Count and report the time step dt that began at the clock `start` */
 static PetscErrorCode finish_step(Sim s, PetscReal dt, PetscLogDouble start)
 {
-  PetscLogDouble t;
-
   PetscFunctionBeginUser;
-  PetscCall(PetscTime(&t));
   s->step++;
-  PetscCall(PetscLogStagePush(TB_STAGE_OUTPUT));
-  PetscCall(report(s, &s->diag, s->balance.error, dt, s->its, t - start));
-  PetscCall(PetscLogStagePop());
-  PetscCall(add_seconds(s, MONITOR_OUTPUT, &t));
+  PetscCall(begin_phase(s, MONITOR_OUTPUT));
+  PetscCall(report(s, dt, s->since - start));
+  PetscCall(end_phase(s));
   s->its = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -314,23 +305,18 @@ static PetscErrorCode finish_step(Sim s, PetscReal dt, PetscLogDouble start)
 /* Solve for the step dt or a part of one; what is known of the time before it stays */
 static PetscErrorCode solve_part(Sim s, PetscReal dt, PetscInt *its, KSPConvergedReason *reason)
 {
-  PetscLogDouble t;
-
   PetscFunctionBeginUser;
-  PetscCall(PetscTime(&t));
+  PetscCall(begin_phase(s, MONITOR_PARTICLE));
   PetscCall(FlowBeginStep(s->part.flow, s->time + dt, dt));
-  PetscCall(PetscLogStagePush(TB_STAGE_BODIES));
   if (s->s->n) {
     PetscCall(estimate_acceleration(s));
     PetscCall(ContactStep(s->part.contact, dt, s->a, s->alpha));
   }
   PetscCall(CoupleDraw(s->part.couple));
-  PetscCall(PetscLogStagePop());
-  PetscCall(add_seconds(s, MONITOR_PARTICLE, &t));
-  PetscCall(PetscLogStagePush(TB_STAGE_FLOW));
+  PetscCall(end_phase(s));
+  PetscCall(begin_phase(s, MONITOR_NSE));
   PetscCall(CoupleSolve(s->part.couple, its, reason));
-  PetscCall(PetscLogStagePop());
-  PetscCall(add_seconds(s, MONITOR_NSE, &t));
+  PetscCall(end_phase(s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -417,16 +403,14 @@ static PetscErrorCode take_step(Sim s)
 
 static PetscErrorCode solve_steady(Sim s)
 {
-  PetscLogDouble t, start;
+  PetscLogDouble start;
   PetscInt       its, linear;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscTime(&t));
-  start = t;
-  PetscCall(PetscLogStagePush(TB_STAGE_FLOW));
+  PetscCall(begin_phase(s, MONITOR_NSE));
+  start = s->since;
   PetscCall(SteadySolve(s->part.steady, &its, &linear));
-  PetscCall(PetscLogStagePop());
-  PetscCall(add_seconds(s, MONITOR_NSE, &t));
+  PetscCall(end_phase(s));
   PetscCall(MonitorQuantity(s->part.monitor, "nonlinear_iterations", its));
   PetscCall(finish_part(s, 0, linear));
   PetscCall(finish_step(s, 0, start));
@@ -436,29 +420,22 @@ static PetscErrorCode solve_steady(Sim s)
 /* A step of the bodies without a flow */
 static PetscErrorCode take_step_alone(Sim s)
 {
-  const FlowDiagnostics none = {0};
-  PetscLogDouble        t, start;
-  PetscInt              substeps;
-  PetscReal             dt;
+  PetscLogDouble start;
+  PetscInt       substeps;
+  PetscReal      dt;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscTime(&t));
-  start = t;
+  PetscCall(begin_phase(s, MONITOR_PARTICLE));
+  start = s->since;
   PetscCall(choose_step(s, &dt));
-  PetscCall(PetscLogStagePush(TB_STAGE_BODIES));
   PetscCall(ContactAdvanceAlone(s->part.contact, dt));
   PetscCall(LeaveApply(s->part.border));
-  PetscCall(PetscLogStagePop());
-  PetscCall(add_seconds(s, MONITOR_PARTICLE, &t));
+  PetscCall(end_phase(s));
   PetscCall(ContactGetWork(s->part.contact, NULL, NULL, &substeps));
   s->time    = s->hits ? s->until : s->time + dt;
   s->s->time = s->time;
-  s->step++;
   s->substeps += substeps;
-  PetscCall(PetscLogStagePush(TB_STAGE_OUTPUT));
-  PetscCall(report(s, &none, 0, dt, 0, t - start));
-  PetscCall(PetscLogStagePop());
-  PetscCall(add_seconds(s, MONITOR_OUTPUT, &t));
+  PetscCall(finish_step(s, dt, start));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -486,32 +463,27 @@ PetscErrorCode SimSetUp(Sim s)
 /* Write the state if it is time */
 static PetscErrorCode save_state(Sim s, PetscBool *stop)
 {
-  PetscBool      due;
-  PetscLogDouble t;
+  PetscBool due;
 
   PetscFunctionBeginUser;
   PetscCall(CheckpointPoll(s->part.checkpoint, s->step, &due, stop));
   if (!due) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscTime(&t));
-  PetscCall(PetscLogStagePush(TB_STAGE_OUTPUT));
+  PetscCall(begin_phase(s, MONITOR_OUTPUT));
   PetscCall(CheckpointWrite(s->part.checkpoint, s->step, s->time));
-  PetscCall(PetscLogStagePop());
-  PetscCall(add_seconds(s, MONITOR_OUTPUT, &t));
-  s->renew = s->part.flow ? PETSC_TRUE : PETSC_FALSE;
+  PetscCall(end_phase(s));
+  s->renew = (PetscBool)(s->part.flow != NULL);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* After a checkpoint: go on as a restarted run would, see checkpoint.h */
 static PetscErrorCode renew_solvers(Sim s)
 {
-  PetscLogDouble t;
-
   PetscFunctionBeginUser;
   s->renew = PETSC_FALSE;
-  PetscCall(PetscTime(&t));
+  PetscCall(begin_phase(s, MONITOR_OUTPUT));
   PetscCall(CoupleRenewSolver(s->part.couple));
   PetscCall(SimSetUp(s));
-  PetscCall(add_seconds(s, MONITOR_OUTPUT, &t));
+  PetscCall(end_phase(s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

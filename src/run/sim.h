@@ -2,7 +2,8 @@
 
    A steady scene solves once, without time: it is reported as one step of length 0.
 
-   Options: -sim_steady (read by the scene), or -sim_dt, -sim_time (end), -sim_steps (at most; whichever comes first); for steps of varying length adapt.h. */
+   Options: -sim_steady (read by the scene), or -sim_dt, -sim_time (end), -sim_steps (at most; whichever comes first);
+   for steps of varying length adapt.h. */
 #pragma once
 #include "report/outlines.h"
 #include "bodies/leave.h"
@@ -16,7 +17,8 @@
 #include "report/diagnostics.h"
 #include "steady.h"
 
-/* The parts of a simulation, built by the scene; contact and bodies may be inactive but exist. Without a flow: flow and couple are NULL. Not owned. */
+/* The parts of a simulation, built by the scene; contact and bodies may be inactive but exist. Without a flow: flow
+   and couple are NULL. Not owned. */
 typedef struct {
   const char *scene;
   Mesh        mesh;
@@ -36,11 +38,13 @@ typedef struct {
 
 typedef struct _p_Sim *Sim;
 
-/* Reads the -sim_ options and adds the states of all parts to the checkpoint. Collective. Errors: neither end time nor steps given. */
+/* Reads the -sim_ options and adds the states of all parts to the checkpoint. Collective. Errors: neither end time
+   nor steps given. */
 PetscErrorCode SimCreate(const SimParts *, Sim *);
 PetscErrorCode SimDestroy(Sim *);
 PetscErrorCode SimView(Sim, PetscViewer);
 /* Set up every solver on the initial state, so that all options are read before the first step. Collective. */
 PetscErrorCode SimSetUp(Sim);
-/* Run to the end, or until SIGTERM. A failed solve stops with an error after the last good state has been written. Collective. */
+/* Run to the end, or until SIGTERM. A failed solve stops with an error after the last good state has been written.
+   Collective. */
 PetscErrorCode SimRun(Sim);

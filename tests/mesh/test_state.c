@@ -99,7 +99,7 @@ static PetscErrorCode save(Mesh mesh, Thing *t)
   State s;
 
   PetscFunctionBeginUser;
-  PetscCall(StateCreate(mesh, &s));
+  PetscCall(MeshCreateState(mesh, &s));
   PetscCall(StateBeginSave(s, path));
   PetscCall(StateModule(s, "thing"));
   PetscCall(visit_thing(t, s));
@@ -113,7 +113,7 @@ static PetscErrorCode load(Mesh mesh, StateVisit visit, void *t, PetscBool *same
   State s;
 
   PetscFunctionBeginUser;
-  PetscCall(StateCreate(mesh, &s));
+  PetscCall(MeshCreateState(mesh, &s));
   PetscCall(StateBeginLoad(s, path));
   PetscCall(StateModule(s, "thing"));
   PetscCall(visit(t, s));

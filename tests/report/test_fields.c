@@ -60,31 +60,29 @@ static PetscBool is_in_body(const PetscReal x[3])
 }
 
 typedef struct {
-  Mesh      mesh;
-  Vec       u, p;
-  PetscInt *body;
+  Mesh       mesh;
+  PetscReal *u, *p;
+  PetscInt  *body;
 } Fields;
 
 static void create_fields(Fields *f, PetscBool constant)
 {
   const MeshLocal *m;
-  PetscScalar     *a;
-  PetscReal        xc[MESH_MAX_NB * 3], x[3] = {0}, v[3];
+  PetscReal       *a, xc[MESH_MAX_NB * 3], x[3] = {0}, v[3];
 
   OK(MeshCreate(PETSC_COMM_WORLD, &f->mesh));
   OK(MeshGetLocal(f->mesh, &m));
-  OK(VecCreateMPI(PETSC_COMM_WORLD, m->nnode * m->dim, PETSC_DETERMINE, &f->u));
-  OK(VecCreateMPI(PETSC_COMM_WORLD, m->ncell * (m->dim + 1), PETSC_DETERMINE, &f->p));
+  OK(PetscCalloc1(m->nnode_all * m->dim, &f->u));
+  OK(PetscCalloc1(m->ncell * (m->dim + 1), &f->p));
   OK(PetscMalloc1(m->nnode_all, &f->body));
-  OK(VecGetArray(f->u, &a));
+  a = f->u;
   for (PetscInt i = 0; i < m->nnode_all; i++) {
     for (PetscInt d = 0; d < m->dim; d++) x[d] = m->x[i * m->dim + d];
     exact_velocity(m->dim, x, v);
     for (PetscInt d = 0; d < m->dim && i < m->nnode; d++) a[i * m->dim + d] = constant ? 1 + d : v[d];
     f->body[i] = is_in_body(x) ? 7 : -1;
   }
-  OK(VecRestoreArray(f->u, &a));
-  OK(VecGetArray(f->p, &a));
+  a = f->p;
   for (PetscInt c = 0; c < m->ncell; c++) {
     const PetscReal g[3] = {1, -2, 0.5};
 
@@ -93,13 +91,12 @@ static void create_fields(Fields *f, PetscBool constant)
     a[c * (m->dim + 1)] = constant ? 4 : exact_pressure(m->dim, x);
     for (PetscInt d = 0; d < m->dim; d++) a[c * (m->dim + 1) + 1 + d] = constant ? 0 : g[d];
   }
-  OK(VecRestoreArray(f->p, &a));
 }
 
 static void destroy_fields(Fields *f)
 {
-  OK(VecDestroy(&f->u));
-  OK(VecDestroy(&f->p));
+  OK(PetscFree(f->u));
+  OK(PetscFree(f->p));
   OK(PetscFree(f->body));
   OK(MeshDestroy(&f->mesh));
 }
@@ -385,12 +382,11 @@ static void solid_cells_stay_out_of_the_average(void **state)
   create_fields(&f, PETSC_TRUE);
   OK(MeshGetLocal(f.mesh, &m));
   for (PetscInt i = 0; i < m->nnode_all; i++) f.body[i] = m->x[2 * i] < 0.5 + 1e-9 ? 0 : -1;
-  OK(VecGetArray(f.p, &a));
+  a = f.p;
   for (PetscInt c = 0; c < m->ncell; c++) {
     OK(MeshCellCoordinates(f.mesh, c, xc));
     if (xc[8] < 0.5) a[3 * c] = -1000;
   }
-  OK(VecRestoreArray(f.p, &a));
   OK(OutputCreate(f.mesh, "box", &o));
   OK(OutputOpen(o));
   OK(OutputFields(o, 0, 0, f.u, f.p, f.body));

@@ -8,7 +8,7 @@
 #include "solve/system.h"
 #include "mesh/remap.h"
 #include "snap.h"
-#include "mesh/state.h"
+#include "base/state.h"
 
 typedef struct _p_SnapDriver *SnapDriver;
 

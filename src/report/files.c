@@ -1,0 +1,75 @@
+/* Files: see files.h. */
+#include "compat.h"
+#include "files.h"
+#include <errno.h>
+#include <string.h>
+
+int FileBegin(const char path[], FILE **f)
+{
+  char part[PETSC_MAX_PATH_LEN];
+
+  (void)snprintf(part, sizeof(part), "%s.part", path);
+  *f = fopen(part, "w");
+  return *f ? 0 : errno;
+}
+
+int FileClose(FILE **file)
+{
+  FILE     *f   = *file;
+  const int bad = f ? ferror(f) : 0;
+
+  *file = NULL;
+  if (f && (fclose(f) || bad)) return errno ? errno : EIO;
+  return 0;
+}
+
+int FileEnd(const char path[], FILE **f)
+{
+  char      part[PETSC_MAX_PATH_LEN];
+  const int err = FileClose(f);
+
+  (void)snprintf(part, sizeof(part), "%s.part", path);
+  if (err) return err;
+  return rename(part, path) ? errno : 0;
+}
+
+PetscErrorCode FileCheck(int err, const char path[])
+{
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Bcast(&err, 1, MPI_INT, 0, PETSC_COMM_WORLD));
+  PetscCheck(!err, PETSC_COMM_WORLD, PETSC_ERR_FILE_WRITE, "Cannot write '%s': %s. Check the disk or choose another -output_dir", path,
+             strerror(err));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+int XdmfBegin(const char path[], const char collection[], FILE **f)
+{
+  const int err = FileBegin(path, f);
+
+  if (err) return err;
+  fprintf(*f, "<?xml version=\"1.0\" ?>\n<!DOCTYPE Xdmf SYSTEM \"Xdmf.dtd\" []>\n<Xdmf Version=\"2.0\">\n  <Domain>\n");
+  fprintf(*f, "    <Grid Name=\"%s\" GridType=\"Collection\" CollectionType=\"Temporal\">\n", collection);
+  return 0;
+}
+
+int XdmfEnd(const char path[], FILE **f)
+{
+  fprintf(*f, "    </Grid>\n  </Domain>\n</Xdmf>\n");
+  return FileEnd(path, f);
+}
+
+void XdmfItem(FILE *f, PetscBool integer, PetscInt n, PetscInt bs, const char file[], const char name[])
+{
+  const size_t precision = integer ? sizeof(PetscInt) : sizeof(PetscReal);
+
+  fprintf(f, "<DataItem Format=\"HDF\" NumberType=\"%s\" Precision=\"%d\" Dimensions=\"%" PetscInt_FMT, integer ? "Int" : "Float", (int)precision, n);
+  if (bs > 1) fprintf(f, " %" PetscInt_FMT, bs);
+  fprintf(f, "\">%s:/%s</DataItem>", file, name);
+}
+
+void XdmfAttribute(FILE *f, PetscBool integer, PetscInt n, PetscInt bs, const char centre[], const char file[], const char name[])
+{
+  fprintf(f, "        <Attribute Name=\"%s\" AttributeType=\"%s\" Center=\"%s\">", name, bs > 1 ? "Vector" : "Scalar", centre);
+  XdmfItem(f, integer, n, bs, file, name);
+  fprintf(f, "</Attribute>\n");
+}

@@ -1,0 +1,23 @@
+/* Files of the output directory: rank 0 writes, and all ranks learn what became of it. */
+#pragma once
+#include <petscsys.h>
+#include <stdio.h>
+
+/* Rank 0: a file that appears under its name when it is complete, so that a reader never meets half of it: written as
+   path.part, renamed at its end. 0 or errno; *f is NULL after FileEnd. */
+int FileBegin(const char path[], FILE **f);
+int FileEnd(const char path[], FILE **f);
+/* Close a file of any kind, NULL is fine: 0 or errno of what went wrong since it was opened. */
+int FileClose(FILE **f);
+
+/* Rank 0 knows err (0 or errno): all ranks raise the same error, which says what to do. Collective on
+   PETSC_COMM_WORLD. */
+PetscErrorCode FileCheck(int err, const char path[]);
+
+/* XDMF, the text beside HDF5 files that tells ParaView what is in them: a collection over time, between XdmfBegin and
+   XdmfEnd (rank 0; 0 or errno). Item: dataset `name` [n][bs] of an HDF5 file; Attribute: the same as values at "Node"
+   or "Cell". */
+int  XdmfBegin(const char path[], const char collection[], FILE **f);
+int  XdmfEnd(const char path[], FILE **f);
+void XdmfItem(FILE *f, PetscBool integer, PetscInt n, PetscInt bs, const char file[], const char name[]);
+void XdmfAttribute(FILE *f, PetscBool integer, PetscInt n, PetscInt bs, const char centre[], const char file[], const char name[]);

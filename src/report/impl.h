@@ -1,0 +1,58 @@
+/* Monitor from inside: its struct, and its three trades: tables (series.c), lines (progress.c), summary (summary.c). */
+#pragma once
+#include "report/monitor.h"
+#include "bandwidth.h"
+#include <stdio.h>
+
+#define MAX_QUANTITIES 64
+#define MAX_COLUMNS    64
+#define MAX_BALANCES   8
+
+typedef struct {
+  char      name[64];
+  PetscReal value;
+} Quantity;
+
+typedef struct {
+  char      name[32];
+  PetscReal min, mean, max; /* over the ranks */
+} Balance;
+
+struct _p_Monitor {
+  BodyState     *bodies;
+  PetscMPIInt    rank, size;
+  char           dir[PETSC_MAX_PATH_LEN];
+  FILE          *series, *body_file; /* rank 0 */
+  PetscBool      restarted;          /* a state has been loaded; then the next two count */
+  PetscReal      length[2];          /* of series.csv and bodies.csv then, bytes */
+  PetscReal      wall_before;
+  PetscInt       series_every, progress_every, first_body, last_body;
+  PetscBool      started; /* MonitorWrite has been called; then the next two are set */
+  PetscReal      time_start;
+  PetscLogDouble wall_start;
+  PetscReal      seconds[MONITOR_NPHASES], seconds_before[MONITOR_NPHASES]; /* until now; until the last call of MonitorWrite */
+  PetscReal      fall_speed_max, speed_max, overlap_max;                    /* PETSC_MIN_REAL: no such body */
+  PetscInt       nsolve, iterations_max;
+  PetscReal      iterations_sum;
+  PetscInt       nquantity, ncolumn;
+  Quantity       column[MAX_COLUMNS]; /* further ones of series.csv */
+  Quantity       quantity[MAX_QUANTITIES];
+  PetscInt       nbalance;
+  Balance        balance[MAX_BALANCES];
+  PetscBool      measure, measured; /* -output_yardstick; the rest is set then */
+  Bandwidth      yardstick;
+  PetscReal      memory_mb;
+  PetscLogDouble wall_end;
+};
+
+/* Open and close the two tables; append a step, seconds [MONITOR_NPHASES] of it. Collective. */
+PetscErrorCode SeriesOpen(Monitor);
+PetscErrorCode SeriesClose(Monitor);
+PetscErrorCode SeriesAppend(Monitor, const MonitorStep *, const PetscReal seconds[]);
+/* A file of the run with its heading: *file is open on rank 0 afterwards, NULL on the others. Collective. */
+PetscErrorCode SeriesOpenFile(Monitor, const char name[], const char heading[], PetscBool append, FILE **file);
+
+/* 1, 2, 5, 10, ... steps between two lines, so that a run to time_end prints at most some 50 */
+PetscInt       ProgressChoose(const MonitorStep *, PetscReal time_end);
+PetscErrorCode ProgressHeading(void);
+PetscErrorCode ProgressPrint(Monitor, const MonitorStep *, PetscReal time_end);

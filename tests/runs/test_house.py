@@ -1,0 +1,81 @@
+"""The house stands as it is drawn: the towers build without each other, and tools/check-layers finds what would tie them."""
+
+import os
+import shlex
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+BUILD = ROOT / os.environ.get("TUMBLE_BUILD", "build")
+TOWERS = {"bodies": ("base", "shape", "bodies", "contact"), "flow": ("base", "mesh", "flow", "solve")}
+
+# what is written at the head of which file: what tools/check-layers says
+WRONG = {
+    "a room above": ("src/base/grid.c", '#include "mesh/mesh.h"', "the room base may not include mesh/mesh.h"),
+    "the tower beside": ("include/bodies/bodies.h", '#include "mesh/mesh.h"', "the room bodies may not include mesh/mesh.h"),
+    "the tower beside, reversed": ("src/flow/flow.c", '#include "bodies/bodies.h"', "the room flow may not include bodies/bodies.h"),
+    "the roof": ("src/contact/law.c", '#include "couple/couple.h"', "the room contact may not include couple/couple.h"),
+    "a private header": ("src/report/checkpoint.c", '#include "../solve/impl.h"', "impl.h is private to the room solve"),
+    "a header that is not there": ("src/mesh/mesh.c", '#include "mesh/nothing.h"', "there is no header mesh/nothing.h"),
+    "our header in brackets": ("src/run/scene.c", "#include <couple/couple.h>", "write our own headers in quotes: couple/couple.h"),
+    "a header without its room": ("include/mesh/remap.h", '#include "mesh.h"', "write the room of a header in include/ as well: mesh/mesh.h"),
+    "a folder that is no room": ("src/attic/attic.c", "", "'attic' is no room"),
+    "a plugin": ("shapes/circle.c", '#include "base/opt.h"', "a shape includes only shape.h"),
+    "PETSc's private headers": ("src/solve/system.c", "#include <petsc/private/kspimpl.h>", "private PETSc header"),
+}
+
+
+def find_objects(room):
+    """Those of sources that are there today"""
+    for path in sorted((BUILD / "obj" / room).glob("**/*.o")):
+        if (ROOT / "src" / path.relative_to(BUILD / "obj")).with_suffix(".c").exists():
+            yield path
+
+
+@pytest.mark.parametrize("tower", TOWERS)
+def test_a_tower_links_without_the_other(tower, tmp_path):
+    """Every symbol of a tower is in the tower or in the libraries below: the linker leaves none open."""
+    objects = [path for room in TOWERS[tower] for path in find_objects(room)]
+    compiler, *flags = shlex.split((BUILD / "flags").read_text())
+    libraries = [word for word in flags if word.startswith(("-L", "-l", "-Wl,", "-fsanitize"))]
+    words = [compiler, "-shared", "-Wl,-z,defs", "-o", tmp_path / "tower.so", *objects, *libraries]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True)
+    assert len(objects) > 10 and not done.returncode, done.stderr
+
+
+@pytest.fixture(scope="module")
+def house(tmp_path_factory):
+    """A copy of the tree, to be spoilt"""
+    copy = tmp_path_factory.mktemp("house")
+    for folder in ("src", "include", "shapes", "tests", "tools"):
+        shutil.copytree(ROOT / folder, copy / folder, ignore=shutil.ignore_patterns("__pycache__"))
+    return copy
+
+
+def check(house):
+    return subprocess.run([house / "tools" / "check-layers"], capture_output=True, text=True)
+
+
+def test_the_house_is_in_order(house):
+    done = check(house)
+    assert not done.returncode, done.stderr
+
+
+@pytest.mark.parametrize("rule", WRONG)
+def test_a_wrong_include_is_found(house, rule):
+    name, line, complaint = WRONG[rule]
+    path = house / name
+    before = path.read_text() if path.exists() else None
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(f"{line}\n{before or ''}")
+    try:
+        done = check(house)
+    finally:
+        if before is None:
+            shutil.rmtree(path.parent)
+        else:
+            path.write_text(before)
+    assert done.returncode and complaint in done.stderr and len(done.stderr.splitlines()) == 1, done.stderr
