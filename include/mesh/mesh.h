@@ -8,6 +8,7 @@
    Options: -mesh_kind box|channel|fitted|disc|annulus|file and those of each kind (kind.h),
    -mesh_order rcm|natural, -dm_refine n, -petscpartitioner_type metis|ptscotch|simple. */
 #pragma once
+#include "base/domain.h"
 #include <petscdmplex.h>
 #include <petscsf.h>
 
@@ -52,7 +53,7 @@ PetscErrorCode MeshGetBoundaryNodes(Mesh, PetscInt b, PetscInt *n, const PetscIn
 /* A difference of coordinates along axis a, to the nearest image where that axis is periodic */
 static inline PetscReal MeshNearest(const MeshLocal *l, PetscInt a, PetscReal r)
 {
-  return l->period[a] > 0 ? r - l->period[a] * PetscFloorReal(r / l->period[a] + 0.5) : r;
+  return DomainNearest(l->period[a], r, 0);
 }
 
 /* Coordinates of the nodes of local cell c, xc [nb][dim], unwrapped across periodic boundaries. Not collective. */

@@ -1,7 +1,7 @@
 /* Remap: see remap.h. Candidates are the cells of a patch of 5 x 5 around the place, found by their centre nodes in the background grid of the mesh. */
 #include "compat.h"
 #include "mesh/remap.h"
-#include "base/dense.h"
+#include "base/algebra.h"
 #include "mesh/element.h"
 
 #define MAX_PATCH 64
@@ -60,10 +60,7 @@ static PetscErrorCode try_cell(Remap r, PetscInt c, const PetscReal at[2], Petsc
 
   PetscFunctionBeginUser;
   PetscCall(MeshCellCoordinates(r->mesh, c, xc));
-  for (PetscInt a = 0; a < 2; a++) {
-    x[a] = at[a];
-    if (l->period[a] > 0) x[a] -= l->period[a] * PetscFloorReal((x[a] - centre[a]) / l->period[a] + 0.5);
-  }
+  for (PetscInt a = 0; a < 2; a++) x[a] = DomainNearest(l->period[a], at[a], centre[a]);
   if (invert_map(xc, x, xi)) {
     outside = PetscMax(PetscAbsReal(xi[0]), PetscAbsReal(xi[1]));
     if (outside < 1 + 1e-10) *best = (Answer){0, c, {xi[0], xi[1]}, {0, 0}};
@@ -170,10 +167,7 @@ static PetscErrorCode try_around(Remap r, PetscInt i, const PetscReal at[2], Pet
 
     if (!may_answer(cells, c, side)) continue;
     PetscCall(MeshCellCoordinates(r->mesh, c, xc));
-    for (PetscInt a = 0; a < 2; a++) {
-      x[a] = at[a];
-      if (l->period[a] > 0) x[a] -= l->period[a] * PetscFloorReal((x[a] - xc[8 + a]) / l->period[a] + 0.5);
-    }
+    for (PetscInt a = 0; a < 2; a++) x[a] = DomainNearest(l->period[a], at[a], xc[8 + a]);
     if (is_in_box(xc, x) && invert_map(xc, x, xi) && PetscMax(PetscAbsReal(xi[0]), PetscAbsReal(xi[1])) < 1 + 1e-10)
       *best = (Answer){0, c, {xi[0], xi[1]}, {0, 0}};
   }

@@ -7,6 +7,7 @@
    the nodal pressure is the average of the cells around a node, leaving out cells that lie wholly inside a body (their pressure means nothing).
    The file is not made for restarts and holds no history of the bodies: see checkpoint and monitor. */
 #include "compat.h"
+#include "base/algebra.h"
 #include "base/hdf5.h"
 #include "report/fields.h"
 #include "base/log.h"
@@ -199,13 +200,6 @@ static PetscReal lattice_derivative(PetscInt j, PetscInt a, PetscInt bs, const P
   const PetscInt         s = stride[a], i = (j / s) % 3, base = j - i * s;
 
   return D[i][0] * f[base * bs] + D[i][1] * f[(base + s) * bs] + D[i][2] * f[(base + 2 * s) * bs];
-}
-
-static void cross(const PetscReal a[3], const PetscReal b[3], PetscReal c[3])
-{
-  c[0] = a[1] * b[2] - a[2] * b[1];
-  c[1] = a[2] * b[0] - a[0] * b[2];
-  c[2] = a[0] * b[1] - a[1] * b[0];
 }
 
 /* r = (det J curl u, det J) at node j of a cell; no division, so a flat corner is harmless. 2D is the 3D formula with x_zeta = e_z, u_z = 0. */
