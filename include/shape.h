@@ -2,7 +2,7 @@
 
    A shape answers "inside or outside, how far, which normal" for batches of points in its own body frame. One C file is
    one shape is one shared object, found by type name ("circle" -> circle.so) in the folders of -shape_path.
-   This header is all that a plugin includes.
+   This header is all that a plugin includes; what the program asks of shapes beyond it is in shape/host.h.
 
    Conventions: points are stored [n][dim] (dim = 2 or 3), lengths are in the length unit of the scene (any consistent unit),
    the body frame is fixed to the body; its origin is wherever the plugin puts it (the centroid need not be there).
@@ -76,27 +76,15 @@ PetscErrorCode ShapeOptionRealArray(Shape, const char name[], const char help[],
                                     PetscReal value[]);
 PetscErrorCode ShapeOptionString(Shape, const char name[], const char help[], char value[], size_t len);
 
-/* ---- for users of shapes ---- */
+/* ---- for programs of your own ---- */
 
-/* Load `type` from -shape_path (colon-separated folders; the build's shapes folder and the folder `shapes` beside the running
-   library are searched after them), read its options under `prefix` ("particle_disc_"), set it up and check it. Collective on PETSC_COMM_WORLD. Errors: type not found (lists the known ones),
-   other interface number, missing symbol or operation, option out of range, distance not finite. */
+/* Load `type` from -shape_path (colon-separated folders; the build's shapes folder and the folder `shapes` beside the
+   running library are searched after them), read its options under `prefix` ("particle_disc_"), set it up and check it.
+   Collective on PETSC_COMM_WORLD. Errors: type not found (lists the known ones), other interface number, missing symbol or
+   operation, option out of range, distance not finite. */
 PetscErrorCode ShapeCreate(const char type[], const char prefix[], PetscInt dim, Shape *);
 PetscErrorCode ShapeDestroy(Shape *);
-PetscErrorCode ShapeView(Shape, PetscViewer);
-PetscErrorCode ShapeGetType(Shape, const char *type[]);
-PetscErrorCode ShapeDistance(Shape, PetscInt n, const PetscReal x[], PetscReal d[]);    /* x [n][dim] -> d [n] */
-PetscErrorCode ShapeNormal(Shape, PetscInt n, const PetscReal x[], PetscReal normal[]); /* -> unit outward [n][dim] */
-PetscErrorCode ShapeProject(Shape, PetscInt n, const PetscReal x[],
-                            PetscReal y[]);         /* closest surface points y [n][dim]: x - d grad d, iterated until |d(y)| <= 1e-12 r */
-PetscErrorCode ShapeGetRadius(Shape, PetscReal *r); /* bounding radius about the CENTROID */
-PetscErrorCode ShapeGetMass(Shape, ShapeMass *m);   /* cached */
-PetscErrorCode ShapeSurface(Shape, PetscInt n, PetscReal x[], PetscReal w[]); /* see ShapeOps.surface */
-/* Is the shape a disc/sphere about its centroid? Then *r is its radius, otherwise 0. Closed forms in contact use it. */
-PetscErrorCode ShapeGetDisc(Shape, PetscReal *r);
-/* Numeric option i = 0, 1, ... that the plugin read, without prefix, and its closed range; *name is NULL past the last one. For test suites. */
-PetscErrorCode ShapeGetOption(Shape, PetscInt i, const char *name[], PetscReal *lower, PetscReal *upper);
-/* What the plugin says of itself. */
-PetscErrorCode ShapeGetPlugin(Shape, const ShapePlugin **plugin);
+PetscErrorCode ShapeDistance(Shape, PetscInt n, const PetscReal x[], PetscReal d[]); /* x [n][dim] -> d [n] */
+PetscErrorCode ShapeGetMass(Shape, ShapeMass *m);                                    /* cached */
 /* Close the shared objects; called before PetscFinalize. */
 PetscErrorCode ShapeFinalize(void);

@@ -1,11 +1,36 @@
-/* Defaults for what a shape plugin leaves out: normal, mass properties, surface points, bounding radius about the centroid.
-
-   All of them see the shape only through ShapeDistance. A tree of square (cubic) cells over the box [-r, r]^dim is refined
-   where the surface cuts it (|d| at the centre is less than half the diagonal: the distance is 1-Lipschitz), and in the
-   smallest cells the distance is interpolated linearly on triangles (tetrahedra). Errors fall with the square of the smallest cell
-   for smooth outlines. Internal to the shape module. */
+/* The inside of a shape, for the files of this room. shape.c: plugins, options. geometry.c: what users ask of a shape. default.c, surface.c: what
+   a plugin leaves out, from the distance alone, by the tree of tree.h. */
 #pragma once
-#include "shape.h"
+#include "shape/host.h"
+
+#define SHAPE_MAX_OPTIONS 32
+#define SHAPE_CHUNK       64 /* points or cells handled at a time on the stack */
+
+typedef struct {
+  char               type[64];
+  char               file[PETSC_MAX_PATH_LEN];
+  void              *handle;
+  const ShapePlugin *plugin;
+} Loaded;
+
+typedef struct {
+  char      name[64];
+  PetscReal lower, upper;
+} OptionRange;
+
+struct _p_Shape {
+  const Loaded *loaded;
+  ShapeOps      ops;
+  PetscInt      dim;
+  char          prefix[128];
+  void         *data;
+  PetscReal     radius; /* about the body origin */
+  PetscBool     have_mass, have_centroid_radius, have_disc;
+  ShapeMass     mass;
+  PetscReal     centroid_radius, disc;
+  PetscInt      noptions;
+  OptionRange   option[SHAPE_MAX_OPTIONS];
+};
 
 /* Central differences, normalised. Where the gradient vanishes (centre of a disc) some unit vector. r: size of the shape. Not collective. */
 PetscErrorCode ShapeDefaultNormal(Shape, PetscReal r, PetscInt dim, PetscInt n, const PetscReal x[], PetscReal normal[]);
