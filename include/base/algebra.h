@@ -1,4 +1,5 @@
-/* Algebra: vectors of three, tiny matrices (blocks of bodies and cells, Jacobians) and rotations. All functions are local and cheap (inline).
+/* Algebra: vectors of three, tiny matrices (blocks of bodies and cells, Jacobians) and rotations. All functions are
+   local and cheap (inline).
 
    Rotations are unit quaternions (w, x, y, z); a plane rotation by the angle a is (cos a/2, 0, 0, sin a/2).
    A symmetric tensor is xx yy zz xy xz yz. */
@@ -28,7 +29,8 @@ static inline void apply_tensor(const PetscReal t[6], const PetscReal v[3], Pets
 
 #define DENSE_MAX 6
 
-/* inv = M^{-1} by Gauss-Jordan, which needs no pivoting for definite matrices; M and inv [n][n], n <= DENSE_MAX, may not be the same array */
+/* inv = M^{-1} by Gauss-Jordan, which needs no pivoting for definite matrices; M and inv [n][n], n <= DENSE_MAX, may
+   not be the same array */
 static inline void DenseInvert(PetscInt n, const PetscReal M[], PetscReal inv[])
 {
   PetscReal a[DENSE_MAX * DENSE_MAX];
@@ -56,7 +58,8 @@ static inline void DenseInvert(PetscInt n, const PetscReal M[], PetscReal inv[])
   }
 }
 
-/* L [n][n] lower triangular with L L^T = M, M symmetric and positive semidefinite; rows of M that are zero (fixed degrees of freedom) stay zero */
+/* L [n][n] lower triangular with L L^T = M, M symmetric and positive semidefinite; rows of M that are zero (fixed
+   degrees of freedom) stay zero */
 static inline void DenseFactor(PetscInt n, const PetscReal M[], PetscReal L[])
 {
   for (PetscInt j = 0; j < n; j++) {

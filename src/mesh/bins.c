@@ -1,5 +1,5 @@
-/* Bins: a background grid of points, sorted once, which answers which nodes lie in a box in their order in memory (MeshNodesInBox).
-   The search grid of base/grid.h is for boxes that come and go; it gives them in another order. */
+/* Bins: a background grid of points, sorted once, which answers which nodes lie in a box in their order in memory
+   (MeshNodesInBox). The search grid of base/grid.h is for boxes that come and go; it gives them in another order. */
 #include "compat.h"
 #include "impl.h"
 

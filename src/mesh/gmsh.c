@@ -1,4 +1,4 @@
-/* What a mesh file adds to a MeshKind: named boundaries, and those of them that are circles (see kindimpl.h). PETSc reads the file itself. */
+/* Mesh files, as PETSc has read them: their named boundaries, and those that are circles (see kindimpl.h). */
 #include "compat.h"
 #include "kindimpl.h"
 
@@ -19,7 +19,7 @@ static PetscErrorCode label_has_faces(DM dm, DMLabel label, PetscBool *any)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* PETSc takes the entity numbers of a file of Gmsh format 2 for physical ones, so that faces may get names which are not theirs */
+/* PETSc takes the entity numbers of Gmsh format 2 for physical ones, so that faces may get names not theirs */
 static PetscErrorCode check_unique_names(MeshKind k, DM dm)
 {
   PetscInt fStart, fEnd, twice = 0;
@@ -76,7 +76,8 @@ PetscErrorCode MeshKindFindFileBoundaries(MeshKind k, DM dm)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Move the vertices of the faces of a label onto the circle; worst: largest distance from it before, over its radius; n: number of faces */
+/* Move the vertices of the faces of a label onto the circle; worst: largest distance from it before, over its radius;
+   n: number of faces */
 static PetscErrorCode move_to_circle(DM dm, DMLabel label, const PetscReal circle[3], PetscReal *worst, PetscInt *n)
 {
   PetscInt     fStart, fEnd;

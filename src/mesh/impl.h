@@ -1,4 +1,5 @@
-/* The inside of a Mesh, for mesh.c (construction, geometry), node.c (numbers, exchange) and bins.c (what lies where). */
+/* The inside of a Mesh, for mesh.c (construction, geometry), node.c (numbers, exchange) and bins.c (what lies
+   where). */
 #pragma once
 #include "mesh/mesh.h"
 #include "kind.h"
@@ -20,10 +21,12 @@ struct _p_Mesh {
   PetscReal bin_lower[3], bin_size[3];
 };
 
-/* Number the nodes in the order in which the cells touch them, own ones first; cell_node holds mesh points on entry, nodes on exit.
-   ghost [pEnd]: whether another rank owns a point; number [pEnd] returns the node of a point, or -1. Not collective. */
+/* Number the nodes in the order in which the cells touch them, own ones first; cell_node holds mesh points on entry,
+   nodes on exit. ghost [pEnd]: whether another rank owns a point; number [pEnd] returns the node of a point, or -1. Not
+   collective. */
 PetscErrorCode MeshNumberNodes(Mesh, const PetscBool ghost[], PetscInt pEnd, PetscInt number[]);
-/* Global numbers, the way from ghosts to owners, and the cells of each node. order [ncell_all]: the mesh point of a cell. Collective. */
+/* Global numbers, the way from ghosts to owners, and the cells of each node. order [ncell_all]: the mesh point of a
+   cell. Collective. */
 PetscErrorCode MeshNumberGlobally(Mesh, PetscInt pEnd, const PetscInt order[], const PetscInt number[]);
 /* The background grid of MeshNodesInBox, of the nodes where they are. Not collective. */
 PetscErrorCode MeshCreateBins(Mesh);

@@ -2,7 +2,8 @@
 
    Boxes come from PETSc, O-grids from ogrid.c, the boundaries of mesh files from gmsh.c. Sizes
    of the graded channel meshes are fixed by a basic resolution and its cell counts, and other resolutions multiply the
-   counts, so that meshes of twice the resolution contain the lines of the coarser ones. Lengths in the unit of the scene. Does not refine or distribute. */
+   counts, so that meshes of twice the resolution contain the lines of the coarser ones. Lengths in the unit of the
+   scene. Does not refine or distribute. */
 #include "compat.h"
 #include "kindimpl.h"
 #include "ogrid.h"
@@ -34,7 +35,8 @@ static PetscErrorCode read_periodic(MeshKind k)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* A fraction from -1/2 to 1/2 that depends on seed and axis, the same on every machine (mixing steps of splitmix64: Steele, Lea & Flood, OOPSLA 2014) */
+/* A fraction from -1/2 to 1/2 that depends on seed and axis, the same on every machine (mixing steps of splitmix64:
+   Steele, Lea & Flood, OOPSLA 2014) */
 static PetscReal random_fraction(PetscInt seed, PetscInt axis)
 {
   uint64_t z = 0x9E3779B97F4A7C15u * (uint64_t)(3 * seed + axis + 1);
@@ -66,7 +68,8 @@ static PetscInt round_count(PetscReal n)
   return PetscMax(1, (PetscInt)PetscFloorReal(n + 0.5));
 }
 
-/* Mesh lines of all axes; cell counts are those of the grading times scale. n, if not NULL, returns the counts before, in and behind the fine part of each axis */
+/* Mesh lines of all axes; cell counts are those of the grading times scale. n, if not NULL, returns the counts before,
+   in and behind the fine part of each axis */
 static PetscErrorCode set_lines(MeshKind k, const Grading *g, PetscReal scale, PetscInt (*n)[3])
 {
   PetscFunctionBeginUser;
@@ -168,7 +171,7 @@ static PetscErrorCode read_channel(MeshKind k)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* An O-grid between the cylinder and a square of twice its diameter; 136 cells at 4 cells a quarter of the circle, 2,176 at 16 */
+/* An O-grid between the cylinder and a square of twice its diameter */
 static PetscErrorCode read_fitted(MeshKind k)
 {
   Grading  g          = {.h = 0.05, .growth = {0.3, 0.3}, .coarsest = {8, 8}};

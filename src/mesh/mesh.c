@@ -1,8 +1,9 @@
 /* Mesh: construction, distribution and numbering of the Q2 nodes (see mesh.h).
 
-   A DMPlex of quadrilaterals or hexahedra (kind.h) is distributed, refined, and given one layer of ghost cells. Every mesh point then
-   gets one node, numbered in the order in which the cells (in cache-friendly order) touch them: neighbours in space are neighbours in memory.
-   Lengths are in the unit of the scene. Cells of other types and adaptive refinement are not handled. */
+   A DMPlex of quadrilaterals or hexahedra (kind.h) is distributed, refined, and given one layer of ghost cells. Every
+   mesh point then gets one node, numbered in the order in which the cells (in cache-friendly order) touch them:
+   neighbours in space are neighbours in memory. Lengths are in the unit of the scene. Cells of other types and adaptive
+   refinement are not handled. */
 #include "compat.h"
 #include "impl.h"
 #include "base/opt.h"
@@ -41,7 +42,7 @@ static void corner_position(PetscInt dim, PetscInt v, PetscInt pos[3])
   for (PetscInt d = 0; d < 3; d++) pos[d] = dim == 2 ? quad[v][d] : hex[v][d];
 }
 
-/* Points of the closure of cell c by lattice position: point [nb]. A point sits at the mean position of its vertices. */
+/* Points of the closure of cell c by lattice position, the mean of that of their vertices: point [nb] */
 static PetscErrorCode cell_lattice(DM dm, PetscInt dim, PetscInt c, PetscInt point[])
 {
   PetscInt *closure = NULL, n, vStart, vEnd, vertex[8], nv = 0;
@@ -138,7 +139,7 @@ static void interpolate_corners(PetscInt dim, const PetscReal qv[], PetscInt j, 
   }
 }
 
-/* Derivatives of the Q2 map of a cell at its corner (0 or 2 along each axis): determinant of the Jacobian on [0,1]^dim. xc [nb][dim] */
+/* Jacobian determinant on [0,1]^dim of the Q2 map of a cell at its corner (0 or 2 along each axis). xc [nb][dim] */
 static PetscReal corner_jacobian(PetscInt dim, const PetscReal xc[], const PetscInt corner[3])
 {
   const PetscInt stride[3] = {1, 3, 9};
@@ -157,7 +158,8 @@ static PetscReal corner_jacobian(PetscInt dim, const PetscReal xc[], const Petsc
          e[0][2] * (e[1][0] * e[2][1] - e[1][1] * e[2][0]);
 }
 
-/* Smallest Jacobian over the corners, and a size: their mean (the volume where the edges are straight in 2D or the cell a parallelepiped) */
+/* Smallest Jacobian over the corners, and a size: their mean (the volume where the edges are straight in 2D or the cell
+   a parallelepiped) */
 static void measure_cell(PetscInt dim, const PetscReal xc[], PetscReal *smallest, PetscReal *volume)
 {
   *smallest = PETSC_MAX_REAL;

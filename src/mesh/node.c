@@ -20,7 +20,7 @@ PetscErrorCode MeshNumberNodes(Mesh m, const PetscBool ghost[], PetscInt pEnd, P
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Global numbers of all local cells and nodes: own ones count up from the rank's start, ghosts learn theirs from the owner. */
+/* Global numbers of cells and nodes: own ones count up from the rank's start, ghosts learn theirs from the owner. */
 static PetscErrorCode number_globally(Mesh m, PetscInt pEnd, const PetscInt order[], const PetscInt number[])
 {
   MeshLocal *l      = &m->loc;

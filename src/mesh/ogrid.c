@@ -43,7 +43,8 @@ static PetscErrorCode add_cell(CellList *l, PetscInt a, PetscInt b, PetscInt c, 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Unit squares with corners (i, j) + origin, but for the n x n cells of a hole from line hole[0], hole[1] on (n = 0: none). vertex [(nx + 1)(ny + 1)], -1 in the hole */
+/* Unit squares with corners (i, j) + origin, but for the n x n cells of a hole from line hole[0], hole[1] on (n = 0:
+   none). vertex [(nx + 1)(ny + 1)], -1 in the hole */
 static PetscErrorCode add_squares(CellList *l, PetscInt nx, PetscInt ny, PetscReal origin, const PetscInt hole[2], PetscInt n, PetscInt vertex[])
 {
   const PetscInt row = nx + 1;
@@ -68,7 +69,7 @@ static PetscErrorCode add_squares(CellList *l, PetscInt nx, PetscInt ny, PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Number of vertex p = 0..4n-1 of the boundary of an n x n block of squares, counter-clockwise from the lower right corner */
+/* Number of vertex p = 0..4n-1 around an n x n block of squares, counter-clockwise from the lower right corner */
 static PetscInt vertex_of_square(const PetscInt vertex[], PetscInt row, PetscInt i0, PetscInt j0, PetscInt n, PetscInt p)
 {
   const PetscInt k = p % n;
@@ -101,7 +102,7 @@ static PetscErrorCode join_rings(CellList *l, PetscInt n, const PetscInt in[], c
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* nring layers of cells from half-width map.inner to map.outer. first and last [4n] are the vertices there; NULL: new ones */
+/* Layers of cells from half-width map.inner to map.outer. first and last [4n] are the vertices there; NULL: new ones */
 static PetscErrorCode add_rings(CellList *l, const MeshMap *map, PetscInt n, PetscInt nring, const PetscInt first[], const PetscInt last[])
 {
   PetscInt *in, *out;

@@ -1,4 +1,5 @@
-/* Ogrid: square rings of quadrilaterals, alone (annulus), around a block of squares (disc) or inside one (a circle fitted into a channel).
+/* Ogrid: square rings of quadrilaterals, alone (annulus), around a block of squares (disc) or inside one (a circle
+   fitted into a channel).
 
    In reference coordinates, where all edges are straight; map.h bends the rings to circles. */
 #pragma once
@@ -12,5 +13,6 @@ typedef struct {
   PetscBool middle;     /* the squares, n x n, are the middle of the rings, with their centre at 0 */
 } OGrid;
 
-/* The mesh on rank 0; rings from half-width inner to outer of the map, about its middle. Collective; the caller destroys dm. */
+/* The mesh on rank 0; rings from half-width inner to outer of the map, about its middle. Collective; the caller
+   destroys dm. */
 PetscErrorCode OGridCreate(MPI_Comm, const OGrid *, const MeshMap *, DM *dm);

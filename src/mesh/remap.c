@@ -1,4 +1,5 @@
-/* Remap: see remap.h. Candidates are the cells of a patch of 5 x 5 around the place, found by their centre nodes in the background grid of the mesh. */
+/* Remap: see remap.h. Candidates are the cells of a patch of 5 x 5 around the place, found by their centre nodes in the
+   background grid of the mesh. */
 #include "compat.h"
 #include "mesh/remap.h"
 #include "base/algebra.h"
@@ -32,7 +33,7 @@ static PetscReal map_cell(const PetscReal xc[], const PetscReal xi[2], PetscReal
   return DenseDeterminant(2, J);
 }
 
-/* Newton's method for x(xi) = x from the middle of the cell; false if it leaves the reach or meets a Jacobian that is not positive */
+/* Newton's method for x(xi) = x from the middle of the cell; false if it goes too far or meets a Jacobian <= 0 */
 static PetscBool invert_map(const PetscReal xc[], const PetscReal x[2], PetscReal xi[2])
 {
   PetscReal change = 1;
@@ -85,7 +86,7 @@ static PetscBool may_answer(RemapCells cells, PetscInt c, PetscInt side)
   return (PetscBool)(cells.dead[c] < 0 && (!side || cells.side[c] != -side));
 }
 
-/* Fluid cells of the patch around x, nearest first as far as the list is long: cell [MAX_PATCH]. own: only cells of this rank */
+/* Fluid cells of the patch around x, nearest first: cell [MAX_PATCH]. own: only cells of this rank */
 static PetscErrorCode find_patch(Remap r, const PetscReal x[2], PetscReal size, PetscInt side, RemapCells cells, PetscBool own, PetscInt *n,
                                  PetscInt cell[])
 {
@@ -139,7 +140,7 @@ static PetscErrorCode find_answer(Remap r, const PetscReal x[2], PetscReal size,
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* May a cell with these nodes contain x? Edges are parabolas through their nodes, which hardly leave the box of the nodes. */
+/* May a cell with these nodes contain x? Edges, parabolas through their nodes, hardly leave the box of the nodes. */
 static PetscBool is_in_box(const PetscReal xc[], const PetscReal x[2])
 {
   for (PetscInt a = 0; a < 2; a++) {
@@ -223,7 +224,8 @@ typedef struct {
   int       rank;
 } KeyRank;
 
-/* Places that no local cell contains, on every rank: open [nopen] indices into nodes; the answers of all ranks compete. counts of (b), (c), (d) are added. */
+/* Places that no local cell contains, on every rank: open [nopen] indices into nodes; the answers of all ranks compete.
+   counts of (b), (c), (d) are added. */
 static PetscErrorCode ask_all(Remap r, PetscInt nopen, const PetscInt open[], const PetscInt nodes[], const PetscReal x[], const PetscInt side[],
                               RemapCells cells, PetscInt nfield, const PetscReal *const field[], PetscReal out[], RemapCount *count)
 {

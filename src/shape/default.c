@@ -1,4 +1,5 @@
-/* Defaults of shape operations, computed from the signed distance alone: normal, mass, bounding radius (see impl.h, tree.h). */
+/* Defaults of shape operations, computed from the signed distance alone: normal, mass, bounding radius (see impl.h,
+   tree.h). */
 #include "compat.h"
 #include "tree.h"
 
@@ -96,7 +97,8 @@ PetscErrorCode ShapeDefaultMass(Shape s, PetscReal r, PetscInt dim, ShapeMass *m
 
 /* ---- bounding radius about the centroid ---- */
 
-/* Keep the cells that may hold a point farther from c than *lower, raise *lower by what is known to be inside, return the upper bound. */
+/* Keep the cells that may hold a point farther from c than *lower, raise *lower by what is known to be inside, return
+   the upper bound. */
 static PetscErrorCode PruneFar(Tree *t, const PetscReal c[], PetscReal *lower, PetscReal *upper)
 {
   const PetscInt  dim   = t->dim;

@@ -1,4 +1,5 @@
-/* Geometry of a loaded shape: checked distances, normals, projection, mass, bounding radius, surface points (see shape/host.h). */
+/* Geometry of a loaded shape: checked distances, normals, projection, mass, bounding radius, surface points (see
+   shape/host.h). */
 #include "compat.h"
 #include "impl.h"
 
@@ -57,8 +58,8 @@ static void ConeDirection(PetscInt dim, PetscInt k, PetscInt n, const PetscReal 
   for (PetscInt a = 0; a < dim; a++) out[a] /= PetscSqrtReal(len);
 }
 
-/* Where the gradient misleads (kink, medial axis): of all points at distance |d| around y0, the closest to the surface, in ever narrower cones.
-   Replaces y, d if it is better than they are. */
+/* Where the gradient misleads (kink, medial axis): of all points at distance |d| around y0, the closest to the surface,
+   in ever narrower cones. Replaces y, d if it is better than they are. */
 static PetscErrorCode StepBySearch(Shape s, const PetscReal y0[], PetscReal d0, PetscReal y[], PetscReal *d)
 {
   const PetscReal spread[5] = {0.0, 0.15, 0.02, 0.003, 0.0004};
@@ -88,8 +89,9 @@ static PetscErrorCode StepBySearch(Shape s, const PetscReal y0[], PetscReal d0, 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Project up to SHAPE_CHUNK points in place. Because |d| never exceeds the true distance, a step of length |d| cannot cross the surface;
-   where d is Euclidean and smooth one step is enough, so one that leaves a tenth of the way went in the wrong direction. */
+/* Project up to SHAPE_CHUNK points in place. Because |d| never exceeds the true distance, a step of length |d| cannot
+   cross the surface; where d is Euclidean and smooth one step is enough, so one that leaves a tenth of the way went in
+   the wrong direction. */
 static PetscErrorCode ProjectChunk(Shape s, PetscInt n, PetscReal y[])
 {
   const PetscInt  dim = s->dim, max_iterations = 200;
@@ -171,7 +173,8 @@ PetscErrorCode ShapeSurface(Shape s, PetscInt n, PetscReal x[], PetscReal w[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Project points around the body onto it and compare their radii; the volume rules out holes. 1e-6 leaves room for a centroid found by quadrature. */
+/* Project points around the body onto it and compare their radii; the volume rules out holes. 1e-6 leaves room for a
+   centroid found by quadrature. */
 PetscErrorCode ShapeGetDisc(Shape s, PetscReal *r)
 {
   enum {

@@ -1,9 +1,10 @@
 /* Shapes: finding, loading and checking shape plugins, and the calls every user of a shape makes.
 
-   A plugin is a shared object that exports one constant record, `tumble_shape` (shape.h). It is opened once with dlopen, kept in a
-   table until ShapeFinalize, and its record is checked before anything in it is called. Files may be missing or broken on one rank
-   only, so the outcome of loading is agreed on: all ranks raise the error of the lowest rank that failed.
-   Geometry is asked in geometry.c; what a plugin leaves out is filled in by default.c and surface.c. */
+   A plugin is a shared object that exports one constant record, `tumble_shape` (shape.h). It is opened once with
+   dlopen, kept in a table until ShapeFinalize, and its record is checked before anything in it is called. Files may be
+   missing or broken on one rank only, so the outcome of loading is agreed on: all ranks raise the error of the lowest
+   rank that failed. Geometry is asked in geometry.c; what a plugin leaves out is filled in by default.c and
+   surface.c. */
 #if !defined(_GNU_SOURCE)
   #define _GNU_SOURCE /* dladdr */
 #endif
@@ -305,7 +306,7 @@ PetscErrorCode ShapeOptionString(Shape s, const char name[], const char help[], 
 
 /* ---- create, destroy ---- */
 
-/* Probe the distance once on a grid around the body: a plugin that is wrong everywhere should stop here, not in step 500. */
+/* Probe the distance on a grid around the body: a plugin that is wrong everywhere should stop here, not in step 500. */
 static PetscErrorCode CheckShape(Shape s)
 {
   const PetscInt m = 9, n = s->dim == 2 ? m * m : m * m * m;

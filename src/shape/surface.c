@@ -1,5 +1,5 @@
-/* Surface points of shapes whose plugin gives none (see impl.h). The cuts of the cells of the tree, linked edge by edge, are the outline
-   (marching triangles: Allgower & Georg, Numerical Continuation Methods, ch. 15). */
+/* Surface points of shapes whose plugin gives none (see impl.h). The cuts of the cells of the tree, linked edge by
+   edge, are the outline (marching triangles: Allgower & Georg, Numerical Continuation Methods, ch. 15). */
 #include "compat.h"
 #include "tree.h"
 #include <petscbt.h>
@@ -89,7 +89,7 @@ static PetscReal OutlineLength(const Outline *o)
   return sum;
 }
 
-/* Put the segments in order: each is followed by the one that starts on the edge where it ends; loops follow one another. */
+/* Put the segments in order: each is followed by the one that starts where it ends; loops follow one another. */
 static PetscErrorCode LinkOutline(Outline *o)
 {
   PetscInt *key, *id, n = 0;
@@ -223,7 +223,7 @@ static PetscErrorCode CollectCuts(const Tree *t, PetscInt *n, PetscReal x[], Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Choose n of m points, each as far as possible from those before it; weights are the areas of the points nearest to each. */
+/* Choose n of m points, each far from those before it; weights are the areas of the points nearest to each. */
 static PetscErrorCode SelectFarthest(PetscInt m, const PetscReal c[], const PetscReal area[], PetscInt n, PetscReal x[], PetscReal w[])
 {
   PetscReal *gap;

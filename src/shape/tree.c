@@ -1,5 +1,6 @@
-/* Tree: refinement and the integrals over cut cells (see tree.h). A cell that the surface cannot reach (distance at its centre larger than half
-   its diagonal) is full or empty; clipped simplices have closed-form moments. Thin parts below the smallest cell are not resolved. */
+/* Tree: refinement and the integrals over cut cells (see tree.h). A cell that the surface cannot reach (distance at its
+   centre larger than half its diagonal) is full or empty; clipped simplices have closed-form moments. Thin parts below
+   the smallest cell are not resolved. */
 #include "compat.h"
 #include "base/algebra.h"
 #include "tree.h"
@@ -148,7 +149,7 @@ static void AddCorner(PetscInt dim, PetscReal v[][3], const PetscReal d[], Petsc
   AddSimplex(dim, p, sign, m);
 }
 
-/* Two corners of a tetrahedron inside: the wedge between edge 0-1 and the quadrilateral of cuts, as three tetrahedra. */
+/* Two corners of a tetrahedron inside: the wedge between edge 0-1 and the quadrilateral of cuts, as three parts. */
 static void AddWedge(PetscReal v[][3], const PetscReal d[], Moments *m)
 {
   PetscReal w[6][3], p[4][3];

@@ -1,5 +1,6 @@
-/* Tree: square (cubic) cells over [-r, r]^dim, refined where the surface of a shape may cut them; the distance is 1-Lipschitz. In the cells of
-   the last level the distance is linear on 2 triangles (6 tetrahedra). Vertices are numbered by integers: neighbours see identical values. */
+/* Tree: square (cubic) cells over [-r, r]^dim, refined where the surface of a shape may cut them; the distance is
+   1-Lipschitz. In the cells of the last level the distance is linear on 2 triangles (6 tetrahedra). Vertices are
+   numbered by integers: neighbours see identical values. */
 #pragma once
 #include "impl.h"
 
