@@ -2,16 +2,16 @@
 
    A shape answers "inside or outside, how far, which normal" for batches of points in its own body frame. One C file is
    one shape is one shared object, found by type name ("circle" -> circle.so) in the folders of -shape_path.
-   This header is all that a plugin includes.
+   This header is all that a plugin includes; what the program asks of shapes beyond it is in shape/host.h.
 
-   Conventions: points are stored [n][dim] (dim = 2 or 3), lengths are in the length unit of the scene (any consistent unit),
-   the body frame is fixed to the body; its origin is wherever the plugin puts it (the centroid need not be there).
-   Signed distance: negative inside, zero on the surface, positive outside; exact sign everywhere; Euclidean near the
-   surface; 1-Lipschitz. The plugin never sees time, position, mesh or other bodies. */
+   Conventions: points are stored [n][dim] (dim = 2 or 3), lengths are in the length unit of the scene (any consistent
+   unit), the body frame is fixed to the body; its origin is wherever the plugin puts it (the centroid need not be
+   there). Signed distance: negative inside, zero on the surface, positive outside; exact sign everywhere; Euclidean
+   near the surface; 1-Lipschitz. The plugin never sees time, position, mesh or other bodies. */
 #pragma once
 #include "compat.h"
 
-/* Number of this interface. It changes when ShapeOps or ShapePlugin change; a plugin built for another number is refused. */
+/* Changes when ShapeOps or ShapePlugin change; a plugin built for another number is refused. */
 #define SHAPE_INTERFACE 1
 
 #define SHAPE_POSITIVE PETSC_MACHINE_EPSILON /* as lower bound of an option: must be > 0 */
@@ -22,26 +22,29 @@ typedef struct _p_Shape *Shape;
 typedef struct {
   PetscReal volume;      /* area in 2D, volume in 3D */
   PetscReal centroid[3]; /* in the body frame; unused components zero */
-  PetscReal inertia[6];  /* second moments about the centroid, xx yy zz xy xz yz of the inertia tensor (integral of |r|^2 I - r r^T);
+  PetscReal inertia[6];  /* about the centroid, xx yy zz xy xz yz of the inertia tensor, the integral of |r|^2 I - r r^T;
                             2D: only zz (polar second moment of area) */
 } ShapeMass;
 
-/* Operations of a plugin. NULL means "use the default" where a default exists. All are deterministic and must accept n = 0.
-   create, options and setup run inside ShapeCreate on every rank of PETSC_COMM_WORLD and may communicate; all others are not collective.
-   `data` memory belongs to the plugin: allocate in create, free in destroy (which also runs when options or setup failed). */
+/* Operations of a plugin. NULL means "use the default" where a default exists. All are deterministic and must
+   accept n = 0. create, options and setup run inside ShapeCreate on every rank of PETSC_COMM_WORLD and may communicate;
+   all others are not collective. `data` memory belongs to the plugin: allocate in create, free in destroy (which also runs
+   when options or setup failed). */
 typedef struct {
-  PetscErrorCode (*create)(Shape);                                                   /* optional: allocate data, set defaults */
-  PetscErrorCode (*options)(Shape);                                                  /* optional: read options with ShapeOption*() */
-  PetscErrorCode (*setup)(Shape);                                                    /* optional: derived data, after options */
-  PetscErrorCode (*distance)(Shape, PetscInt n, const PetscReal x[], PetscReal d[]); /* REQUIRED: x [n][dim] -> d [n] */
-  PetscErrorCode (*radius)(Shape, PetscReal *r);                                     /* REQUIRED: all surface points have |x| <= r */
-  PetscErrorCode (*normal)(Shape, PetscInt n, const PetscReal x[],
-                           PetscReal normal[]); /* optional: grad d, unit, outward [n][dim]; default central differences */
-  PetscErrorCode (*mass)(Shape, ShapeMass *m);  /* optional; default adaptive quadrature of the distance */
-  PetscErrorCode (*surface)(Shape, PetscInt n, PetscReal x[], PetscReal w[]); /* optional: n points on the surface [n][dim], counter-clockwise in 2D,
-                                                                                           with weights w [n] that add up to the perimeter (area in 3D); default by projection */
-  PetscErrorCode (*view)(Shape, PetscViewer);                                 /* optional: one line of parameters, ASCII */
-  PetscErrorCode (*destroy)(Shape);                                           /* optional: free data */
+  PetscErrorCode (*create)(Shape);  /* optional: allocate data, set defaults */
+  PetscErrorCode (*options)(Shape); /* optional: read options with ShapeOption*() */
+  PetscErrorCode (*setup)(Shape);   /* optional: derived data, after options */
+  /* REQUIRED: x [n][dim] -> d [n] */
+  PetscErrorCode (*distance)(Shape, PetscInt n, const PetscReal x[], PetscReal d[]);
+  PetscErrorCode (*radius)(Shape, PetscReal *r); /* REQUIRED: all surface points have |x| <= r */
+  /* optional: grad d, unit, outward [n][dim]; default central differences */
+  PetscErrorCode (*normal)(Shape, PetscInt n, const PetscReal x[], PetscReal normal[]);
+  PetscErrorCode (*mass)(Shape, ShapeMass *m); /* optional; default adaptive quadrature of the distance */
+  /* optional: n points on the surface [n][dim], counter-clockwise in 2D, with weights w [n] that add up to the perimeter
+     (area in 3D); default by projection */
+  PetscErrorCode (*surface)(Shape, PetscInt n, PetscReal x[], PetscReal w[]);
+  PetscErrorCode (*view)(Shape, PetscViewer); /* optional: one line of parameters, ASCII */
+  PetscErrorCode (*destroy)(Shape);           /* optional: free data */
 } ShapeOps;
 
 /* The record a plugin exports under the symbol `tumble_shape`. */
@@ -69,34 +72,23 @@ typedef struct {
 PetscErrorCode ShapeGetDimension(Shape, PetscInt *dim);
 PetscErrorCode ShapeSetData(Shape, void *data);
 PetscErrorCode ShapeGetData(Shape, void *data); /* pass the address of a pointer */
-/* Options of a shape, named without prefix ("radius" becomes -particle_<group>_radius). Range as in opt.h. Not given: default stays. */
+/* Options of a shape, named without prefix ("radius" becomes -particle_<group>_radius). Range as in opt.h. Not given:
+   default stays. */
 PetscErrorCode ShapeOptionReal(Shape, const char name[], const char help[], const char unit[], PetscReal lower, PetscReal upper, PetscReal *value);
 PetscErrorCode ShapeOptionInt(Shape, const char name[], const char help[], PetscInt lower, PetscInt upper, PetscInt *value);
 PetscErrorCode ShapeOptionRealArray(Shape, const char name[], const char help[], const char unit[], PetscReal lower, PetscReal upper, PetscInt n,
                                     PetscReal value[]);
 PetscErrorCode ShapeOptionString(Shape, const char name[], const char help[], char value[], size_t len);
 
-/* ---- for users of shapes ---- */
+/* ---- for programs of your own ---- */
 
-/* Load `type` from -shape_path (colon-separated folders; the build's shapes folder and the folder `shapes` beside the running
-   library are searched after them), read its options under `prefix` ("particle_disc_"), set it up and check it. Collective on PETSC_COMM_WORLD. Errors: type not found (lists the known ones),
-   other interface number, missing symbol or operation, option out of range, distance not finite. */
+/* Load `type` from -shape_path (colon-separated folders; the build's shapes folder and the folder `shapes` beside the
+   running library are searched after them), read its options under `prefix` ("particle_disc_"), set it up and check it.
+   Collective on PETSC_COMM_WORLD. Errors: type not found (lists the known ones), other interface number, missing symbol
+   or operation, option out of range, distance not finite. */
 PetscErrorCode ShapeCreate(const char type[], const char prefix[], PetscInt dim, Shape *);
 PetscErrorCode ShapeDestroy(Shape *);
-PetscErrorCode ShapeView(Shape, PetscViewer);
-PetscErrorCode ShapeGetType(Shape, const char *type[]);
-PetscErrorCode ShapeDistance(Shape, PetscInt n, const PetscReal x[], PetscReal d[]);    /* x [n][dim] -> d [n] */
-PetscErrorCode ShapeNormal(Shape, PetscInt n, const PetscReal x[], PetscReal normal[]); /* -> unit outward [n][dim] */
-PetscErrorCode ShapeProject(Shape, PetscInt n, const PetscReal x[],
-                            PetscReal y[]);         /* closest surface points y [n][dim]: x - d grad d, iterated until |d(y)| <= 1e-12 r */
-PetscErrorCode ShapeGetRadius(Shape, PetscReal *r); /* bounding radius about the CENTROID */
-PetscErrorCode ShapeGetMass(Shape, ShapeMass *m);   /* cached */
-PetscErrorCode ShapeSurface(Shape, PetscInt n, PetscReal x[], PetscReal w[]); /* see ShapeOps.surface */
-/* Is the shape a disc/sphere about its centroid? Then *r is its radius, otherwise 0. Closed forms in contact use it. */
-PetscErrorCode ShapeGetDisc(Shape, PetscReal *r);
-/* Numeric option i = 0, 1, ... that the plugin read, without prefix, and its closed range; *name is NULL past the last one. For test suites. */
-PetscErrorCode ShapeGetOption(Shape, PetscInt i, const char *name[], PetscReal *lower, PetscReal *upper);
-/* What the plugin says of itself. */
-PetscErrorCode ShapeGetPlugin(Shape, const ShapePlugin **plugin);
+PetscErrorCode ShapeDistance(Shape, PetscInt n, const PetscReal x[], PetscReal d[]); /* x [n][dim] -> d [n] */
+PetscErrorCode ShapeGetMass(Shape, ShapeMass *m);                                    /* cached */
 /* Close the shared objects; called before PetscFinalize. */
 PetscErrorCode ShapeFinalize(void);

@@ -1,14 +1,15 @@
 /* Grid: a search grid that finds neighbours among many boxes without comparing all pairs.
 
-   An item is a square (cube) box, given by its centre and half-width; it is listed in every cell it touches. Two boxes that overlap
-   therefore share a cell, whatever their sizes, and a point needs to look into one cell only. Points and boxes outside the grid are
-   clamped to its border cells, which keeps both statements true. Layer 0, local (not collective), lengths in the unit of the caller. */
+   An item is a square (cube) box, given by its centre and half-width; it is listed in every cell it touches. Two boxes
+   that overlap therefore share a cell, whatever their sizes, and a point needs to look into one cell only. Points and
+   boxes outside the grid are clamped to its border cells, which keeps both statements true. Local (not collective),
+   lengths in the unit of the caller. */
 #pragma once
 #include <petscsys.h>
 
 typedef struct _p_Grid *Grid;
 
-/* Grid over lower .. upper (dim 2 or 3) with cells at least `size` wide; wider when more than max_cells would be needed. */
+/* Over lower .. upper (dim 2 or 3) with cells at least `size` wide; wider when more than max_cells would be needed. */
 PetscErrorCode GridCreate(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], PetscReal size, PetscInt max_cells, Grid *);
 PetscErrorCode GridDestroy(Grid *);
 /* Items must be numbered from 0 without large holes (memory grows with the largest number), each inserted once. */
@@ -19,6 +20,6 @@ PetscInt GridFirst(Grid, const PetscReal x[3]);
 PetscInt GridNext(Grid, PetscInt entry);
 PetscInt GridItem(Grid, PetscInt entry);
 
-/* Calls visit(ctx, i, j), i < j, exactly once for every pair of items that share a cell (which includes all that overlap). */
+/* Calls visit(ctx, i, j), i < j, once for every pair of items that share a cell (which includes all that overlap). */
 typedef PetscErrorCode (*GridVisit)(void *ctx, PetscInt i, PetscInt j);
 PetscErrorCode GridForPairs(Grid, GridVisit visit, void *ctx);

@@ -16,7 +16,7 @@
    The reference point of a body is its pivot or else its centre; degrees of freedom are those of the reference point and of the rotation. What is not free is prescribed (motion.h). */
 #pragma once
 #include "bodies/motion.h"
-#include "shape.h"
+#include "shape/host.h"
 #include "base/state.h"
 
 typedef enum {

@@ -1,13 +1,15 @@
 /* Mesh: a fixed, distributed DMPlex mesh of quadrilaterals or hexahedra with its Q2 nodes.
 
-   The mesh knows nothing of bodies or equations. Every vertex, edge, face and cell of the DMPlex carries exactly one Q2 node, so a
-   cell has nb = 3^dim nodes; node j of a cell sits at lattice position (j % 3, (j/3) % 3, j/9) of the reference cell [-1,1]^dim.
-   Each rank holds its own cells first, then one layer of ghost cells (all cells that share a node with an own cell);
-   own nodes first, then ghost nodes. Local indices everywhere; global = node_start + local for own nodes.
+   The mesh knows nothing of bodies or equations. Every vertex, edge, face and cell of the DMPlex carries exactly one Q2
+   node, so a cell has nb = 3^dim nodes; node j of a cell sits at lattice position (j % 3, (j/3) % 3, j/9) of the
+   reference cell [-1,1]^dim. Each rank holds its own cells first, then one layer of ghost cells (all cells that share a
+   node with an own cell); own nodes first, then ghost nodes. Local indices everywhere; global = node_start + local for
+   own nodes.
 
    Options: -mesh_kind box|channel|fitted|disc|annulus|file and those of each kind (kind.h),
    -mesh_order rcm|natural, -dm_refine n, -petscpartitioner_type metis|ptscotch|simple. */
 #pragma once
+#include "base/domain.h"
 #include <petscdmplex.h>
 #include <petscsf.h>
 
@@ -35,8 +37,8 @@ typedef struct {
 
 typedef struct _p_Mesh *Mesh;
 
-/* Build from options, distribute, number. Collective. Errors: unreadable file, cells that are not quadrilaterals/hexahedra,
-   inverted cells (named by their centre), fewer than 3 cells along a periodic axis. */
+/* Build from options, distribute, number. Collective. Errors: unreadable file, cells that are not
+   quadrilaterals/hexahedra, inverted cells (named by their centre), fewer than 3 cells along a periodic axis. */
 PetscErrorCode MeshCreate(MPI_Comm, Mesh *);
 PetscErrorCode MeshDestroy(Mesh *);
 PetscErrorCode MeshView(Mesh, PetscViewer);
@@ -52,25 +54,30 @@ PetscErrorCode MeshGetBoundaryNodes(Mesh, PetscInt b, PetscInt *n, const PetscIn
 /* A difference of coordinates along axis a, to the nearest image where that axis is periodic */
 static inline PetscReal MeshNearest(const MeshLocal *l, PetscInt a, PetscReal r)
 {
-  return l->period[a] > 0 ? r - l->period[a] * PetscFloorReal(r / l->period[a] + 0.5) : r;
+  return DomainNearest(l->period[a], r, 0);
 }
 
 /* Coordinates of the nodes of local cell c, xc [nb][dim], unwrapped across periodic boundaries. Not collective. */
 PetscErrorCode MeshCellCoordinates(Mesh, PetscInt c, PetscReal xc[]);
 
-/* Nodes (own and ghost) whose coordinates, as they were before any MeshMoveNodes, lie in the box [lo, hi]; cost is proportional to the answer, by a
-   background grid. The list is valid until the next call. Periodic images are the caller's business. Not collective. */
+/* Nodes (own and ghost) whose coordinates, as they were before any MeshMoveNodes, lie in the box [lo, hi]; cost is
+   proportional to the answer, by a background grid. The list is valid until the next call. Periodic images are the
+   caller's business. Not collective. */
 PetscErrorCode MeshNodesInBox(Mesh, const PetscReal lo[], const PetscReal hi[], PetscInt *n, const PetscInt *list[]);
 
-/* Give the n local nodes (own and ghost) new places x [n][dim]; topology, numbering and MeshNodesInBox stay as they are. Every rank must give a node it shares the same place;
-   the caller answers for valid cells. Collective in the sense that all ranks must call it, possibly with n = 0. */
+/* Give the n local nodes (own and ghost) new places x [n][dim]; topology, numbering and MeshNodesInBox stay as they
+   are. Every rank must give a node it shares the same place; the caller answers for valid cells. Collective in the
+   sense that all ranks must call it, possibly with n = 0. */
 PetscErrorCode MeshMoveNodes(Mesh, PetscInt n, const PetscInt nodes[], const PetscReal x[]);
-/* What places of nodes are now counts as the places before any MeshMoveNodes: for meshes that are given another form as a whole. h is measured anew. Collective. */
+/* What places of nodes are now counts as the places before any MeshMoveNodes: for meshes that are given another form as
+   a whole. h is measured anew. Collective. */
 PetscErrorCode MeshRebase(Mesh);
 
-/* Nodal fields with bs values a node, [nnode_all][bs]: copy own values to ghosts; add ghost contributions to the owner (ghosts unchanged). Collective. */
+/* Nodal fields with bs values a node, [nnode_all][bs]: copy own values to ghosts; add ghost contributions to the owner
+   (ghosts unchanged). Collective. */
 PetscErrorCode MeshSyncNodes(Mesh, PetscInt bs, PetscReal v[]);
 PetscErrorCode MeshSumNodes(Mesh, PetscInt bs, PetscReal v[]);
 PetscErrorCode MeshSyncNodesInt(Mesh, PetscInt v[]);
-/* Global numbers of the vertices (corners of cells) among themselves: own ones count up; vertex [nnode_all] number or -1, nown how many are own. Collective. */
+/* Global numbers of the vertices (corners of cells) among themselves: own ones count up; vertex [nnode_all] number or
+   -1, nown how many are own. Collective. */
 PetscErrorCode MeshNumberVertices(Mesh, PetscInt vertex[], PetscInt *nown);

@@ -2,12 +2,14 @@
 
    The value at a new place is, in this order:
      (a) that of the old fluid cell that contains it;
-     (b) outside all old fluid cells (a body has uncovered the place): that of the Q2 polynomial of the nearest one in reference coordinates, as far as |xi|, |eta| <= 1.8;
-     (c) where no map can be inverted (flat corner cells of a staircase): first-order Taylor from the nearest of the points (0, +-0.77)^2 of old fluid cells, up to 1.5 cells away;
-     (d) the value the node has now; counted.
-   Taking the rigid velocity at uncovered places instead makes the torque of a translating disc 1.8 % wrong, whatever the time step (design section 6).
-   Where a thin body has swept over a place, the cell that contains it was on the other side: cells that must not answer for a place are told by their sides.
-   A place that is not in a cell of this rank is offered to all ranks, and the best answer is taken, so that the result does not depend on the partition. */
+     (b) outside all old fluid cells (a body has uncovered the place): that of the Q2 polynomial of the nearest one in
+     reference coordinates, as far as |xi|, |eta| <= 1.8; (c) where no map can be inverted (flat corner cells of a
+     staircase): first-order Taylor from the nearest of the points (0, +-0.77)^2 of old fluid cells, up to 1.5 cells
+     away; (d) the value the node has now; counted.
+   Taking the rigid velocity at uncovered places instead makes the torque of a translating disc 1.8 % wrong, whatever
+   the time step (runs/studies/boundary). Where a thin body has swept over a place, the cell that contains it was on the
+   other side: cells that must not answer for a place are told by their sides. A place that is not in a cell of this
+   rank is offered to all ranks, and the best answer is taken, so that the result does not depend on the partition. */
 #pragma once
 #include "mesh/mesh.h"
 
@@ -26,6 +28,7 @@ typedef struct {
   const PetscInt *side; /* a cell of side s is not asked for places of side -s; 0: for all */
 } RemapCells;
 
-/* nodes [n]: own nodes, x [n][dim] their new places and side [n] of these (RemapCells). field [nfield]: arrays [nnode_all][dim], synced. out [n][nfield][dim]. Collective. */
+/* nodes [n]: own nodes, x [n][dim] their new places and side [n] of these (RemapCells). field [nfield]: arrays
+   [nnode_all][dim], synced. out [n][nfield][dim]. Collective. */
 PetscErrorCode RemapEvaluate(Remap, PetscInt n, const PetscInt nodes[], const PetscReal x[], const PetscInt side[], RemapCells, PetscInt nfield,
                              const PetscReal *const field[], PetscReal out[], RemapCount *);

@@ -1,8 +1,9 @@
-/* Cells: search grid with linked lists, see grid.h.
+/* Grid: search grid with linked lists, see grid.h.
 
-   Method: every box is registered in all cells it touches (entries form one linked list a cell). A pair that shares several cells is
-   reported in one of them only, the cell at the lower corner of the overlap of their cell ranges, so no list of seen pairs is needed.
-   Cost is proportional to the number of entries plus the pairs that share a cell. Does not handle periodic directions. */
+   Method: every box is registered in all cells it touches (entries form one linked list a cell). A pair that shares
+   several cells is reported in one of them only, the cell at the lower corner of the overlap of their cell ranges, so
+   no list of seen pairs is needed. Cost is proportional to the number of entries plus the pairs that share a cell. Does
+   not handle periodic directions. */
 #include "compat.h"
 #include "base/grid.h"
 

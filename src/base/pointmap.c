@@ -58,7 +58,8 @@ static int hash_around(const Context *c, const PetscReal x[3], PetscReal reach, 
 
 /* ---- travel ---- */
 
-/* Records of the points x [n][dim] for the ranks that keep the directory of their boxes, by rank: count [size], *record [sum][RECORD]. index: first index. */
+/* Records of the points x [n][dim] for the ranks that keep the directory of their boxes, by rank: count [size], *record
+   [sum][RECORD]. index: first index. */
 static PetscErrorCode pack(const Context *c, PetscInt n, const PetscReal x[], PetscReal reach, PetscInt first, PetscMPIInt count[],
                            PetscReal **record)
 {

@@ -8,7 +8,7 @@
    Does not know the flow (forces are written into the state by others), walls or contact. */
 #include "compat.h"
 #include "group.h"
-#include "base/rotation.h"
+#include "base/algebra.h"
 
 #define CHUNK 256 /* points handled at a time on the stack */
 
@@ -18,21 +18,7 @@ struct _p_Bodies {
   Placement **start;              /* [ngroups][count] what prescribed motion starts from; NULL for groups that have none */
 };
 
-/* ---- small vector tools; a tensor is xx yy zz xy xz yz ---- */
-
-static void cross(const PetscReal a[3], const PetscReal b[3], PetscReal c[3])
-{
-  c[0] = a[1] * b[2] - a[2] * b[1];
-  c[1] = a[2] * b[0] - a[0] * b[2];
-  c[2] = a[0] * b[1] - a[1] * b[0];
-}
-
-static void apply_tensor(const PetscReal t[6], const PetscReal v[3], PetscReal tv[3])
-{
-  tv[0] = t[0] * v[0] + t[3] * v[1] + t[4] * v[2];
-  tv[1] = t[3] * v[0] + t[1] * v[1] + t[5] * v[2];
-  tv[2] = t[4] * v[0] + t[5] * v[1] + t[2] * v[2];
-}
+/* ---- small tensor tools ---- */
 
 /* Cramer's rule; A row-major, not singular (the caller's matrices are an inertia tensor plus a skew part) */
 static void solve3(const PetscReal A[9], const PetscReal b[3], PetscReal x[3])

@@ -1,6 +1,7 @@
 /* Border: see leave.h. A removed body keeps its last place in the state, at rest, and is marked as gone. */
 #include "compat.h"
 #include "bodies/leave.h"
+#include "base/domain.h"
 #include "base/opt.h"
 
 struct _p_Leave {
@@ -88,7 +89,7 @@ PetscErrorCode LeaveApply(Leave b)
       const PetscReal x = s->x[k][a];
 
       if (x >= b->lower[a] && x <= b->upper[a]) continue;
-      if (b->period[a] > 0) s->x[k][a] -= b->period[a] * PetscFloorReal((x - b->lower[a]) / b->period[a]);
+      if (b->period[a] > 0) s->x[k][a] = DomainWrap(b->period[a], x, b->lower[a]);
       else PetscCall(leave(b, k, 2 * a + (x > b->upper[a])));
     }
   }

@@ -24,7 +24,6 @@
 #include "impl.h"
 #include "base/log.h"
 #include "base/opt.h"
-#include "base/rotation.h"
 
 #define STEP_FACTOR  0.1  /* sub-step in the time in which a contact force changes */
 #define LIMIT_FACTOR 0.4  /* longest sub-step that -contact_substeps may ask for */

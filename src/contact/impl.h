@@ -1,6 +1,8 @@
 /* Inside of the contact module; for its files only. contact.c: steps and sub-steps. search.c: who is near whom. touch.c: where two bodies touch.
    law.c: the forces. separate.c: gaps and overlaps after a step. Vectors have 3 components, 2D ones a zero; a tensor is xx yy zz xy xz yz. */
 #pragma once
+#include "base/algebra.h"
+#include "base/domain.h"
 #include "contact/contact.h"
 
 #define CONTACT_MAX_POINTS 1024 /* surface points of a shape */
@@ -109,30 +111,10 @@ static inline Kind *ContactKind(Contact c, PetscInt k)
   return &c->kind[c->s->body_group[k]];
 }
 
-static inline PetscReal dot3(const PetscReal a[3], const PetscReal b[3])
-{
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
-static inline void cross3(const PetscReal a[3], const PetscReal b[3], PetscReal c[3])
-{
-  c[0] = a[1] * b[2] - a[2] * b[1];
-  c[1] = a[2] * b[0] - a[0] * b[2];
-  c[2] = a[0] * b[1] - a[1] * b[0];
-}
-
-static inline void apply_tensor(const PetscReal t[6], const PetscReal v[3], PetscReal tv[3])
-{
-  tv[0] = t[0] * v[0] + t[3] * v[1] + t[4] * v[2];
-  tv[1] = t[3] * v[0] + t[1] * v[1] + t[5] * v[2];
-  tv[2] = t[4] * v[0] + t[5] * v[1] + t[2] * v[2];
-}
-
 /* d <- the nearest of its periodic images */
 static inline void ContactWrap(Contact c, PetscReal d[3])
 {
-  for (PetscInt a = 0; a < c->dim; a++)
-    if (c->period[a] > 0) d[a] -= c->period[a] * PetscFloorReal(d[a] / c->period[a] + 0.5);
+  for (PetscInt a = 0; a < c->dim; a++) d[a] = DomainNearest(c->period[a], d[a], 0);
 }
 
 /* Are the centres of two bodies, or of the nearest image of one, closer than reach? */

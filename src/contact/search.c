@@ -22,10 +22,7 @@ typedef struct {
 /* Centre of body k, moved into the domain where that is periodic */
 static void place_body(Contact c, PetscInt k, PetscReal x[3])
 {
-  for (PetscInt a = 0; a < 3; a++) {
-    x[a] = c->x[k][a];
-    if (c->period[a] > 0) x[a] -= c->period[a] * PetscFloorReal((x[a] - c->lower[a]) / c->period[a]);
-  }
+  for (PetscInt a = 0; a < 3; a++) x[a] = DomainWrap(c->period[a], c->x[k][a], c->lower[a]);
 }
 
 static PetscReal reach_of(Contact c, PetscInt k)

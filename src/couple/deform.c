@@ -2,7 +2,7 @@
 #include "compat.h"
 #include "couple/deform.h"
 #include "base/grid.h"
-#include "base/dense.h"
+#include "base/algebra.h"
 #include "indicator.h"
 #include "base/opt.h"
 #include <petscksp.h>

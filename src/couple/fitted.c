@@ -1,7 +1,7 @@
 /* Fitted: see fitted.h. The mesh does not move, so the cells at the boundary are listed once; the work of a step is proportional to their number. */
 #include "compat.h"
 #include "fitted.h"
-#include "base/dense.h"
+#include "base/algebra.h"
 
 typedef struct {
   PetscInt        body, nnode, ncell; /* nodes: own and ghost; cells: own cells with a node on the boundary */

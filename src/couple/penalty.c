@@ -4,7 +4,7 @@
    six products of the one-dimensional functions. */
 #include "compat.h"
 #include "penalty.h"
-#include "base/dense.h"
+#include "base/algebra.h"
 #include "mesh/element.h"
 #include "base/opt.h"
 

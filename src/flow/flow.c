@@ -4,7 +4,7 @@
    which costs less to compute (element.h) than to load. Units: any consistent system. Not here: bodies, solvers, stabilisation, turbulence. */
 #include "compat.h"
 #include "impl.h"
-#include "base/dense.h"
+#include "base/algebra.h"
 #include "base/log.h"
 #include "base/opt.h"
 

@@ -1,7 +1,7 @@
 /* Element: see element.h. The basis comes from PetscFE, put into lattice order. */
 #include "compat.h"
 #include "mesh/element.h"
-#include "base/dense.h"
+#include "base/algebra.h"
 #include <petscfe.h>
 
 /* ---- tables ---- */

@@ -1,219 +1,19 @@
 /* Meshkind: serial meshes built from options (see kind.h).
 
-   Boxes come from PETSc; blocks of quadrilaterals with a hole or rings are listed cell by cell in index coordinates, where every cell is a unit square or a trapezoid.
-   Sizes of the graded channel meshes are fixed by a basic resolution and its cell counts, and other resolutions multiply the counts, so that meshes of twice the
-   resolution contain the lines of the coarser ones. Lengths in the unit of the scene. Does not refine or distribute. */
+   Boxes come from PETSc, O-grids from ogrid.c, the boundaries of mesh files from gmsh.c. Sizes
+   of the graded channel meshes are fixed by a basic resolution and its cell counts, and other resolutions multiply the
+   counts, so that meshes of twice the resolution contain the lines of the coarser ones. Lengths in the unit of the
+   scene. Does not refine or distribute. */
 #include "compat.h"
-#include "kind.h"
-#include "map.h"
+#include "kindimpl.h"
+#include "ogrid.h"
 #include "base/opt.h"
 
-#define MAX_BOUNDARIES 32
-
-enum {
-  KIND_BOX,
-  KIND_CHANNEL,
-  KIND_FITTED,
-  KIND_DISC,
-  KIND_ANNULUS,
-  KIND_FILE
-};
 static const char *const kind_names[] = {"box", "channel", "fitted", "disc", "annulus", "file", NULL};
 static const char *const side_names[] = {"left", "right", "bottom", "top", "back", "front"};
 
-struct _p_MeshKind {
-  MPI_Comm  comm;
-  PetscInt  kind, dim;
-  PetscInt  cells[3];
-  PetscReal lower[3], upper[3], period[3];
-  PetscInt  block[3]; /* fitted: first line of the O-grid block along x, y; cells along its side. disc: cells along the middle square */
-  PetscInt  nring;
-  char      file[PETSC_MAX_PATH_LEN];
-  MeshMap   map;
-  PetscInt  nboundary;
-  char      boundary[MAX_BOUNDARIES][64];
-};
-
 /* Channel of Schaefer & Turek, and the sizes on which its meshes are based */
 static const PetscReal channel_upper[2] = {2.2, 0.41}, cylinder_centre[2] = {0.2, 0.2}, cylinder_radius = 0.05;
-
-/* ---- lists of cells ---- */
-
-/* A mesh of quadrilaterals in the making; cells counter-clockwise */
-typedef struct {
-  PetscInt   nvertex, ncell, room_vertex, room_cell;
-  PetscReal *x;    /* [nvertex][2] */
-  PetscInt  *cell; /* [ncell][4] */
-} CellList;
-
-static PetscErrorCode create_list(PetscInt room_vertex, PetscInt room_cell, CellList *l)
-{
-  PetscFunctionBeginUser;
-  PetscCall(PetscMemzero(l, sizeof(*l)));
-  l->room_vertex = room_vertex;
-  l->room_cell   = room_cell;
-  PetscCall(PetscMalloc2(2 * room_vertex, &l->x, 4 * room_cell, &l->cell));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode add_vertex(CellList *l, PetscReal x, PetscReal y, PetscInt *id)
-{
-  PetscFunctionBeginUser;
-  PetscCheck(l->nvertex < l->room_vertex, PETSC_COMM_SELF, PETSC_ERR_PLIB, "More than %" PetscInt_FMT " vertices", l->room_vertex);
-  l->x[2 * l->nvertex]     = x;
-  l->x[2 * l->nvertex + 1] = y;
-  *id                      = l->nvertex++;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode add_cell(CellList *l, PetscInt a, PetscInt b, PetscInt c, PetscInt d)
-{
-  PetscInt *cell = l->cell + 4 * l->ncell;
-
-  PetscFunctionBeginUser;
-  PetscCheck(l->ncell < l->room_cell, PETSC_COMM_SELF, PETSC_ERR_PLIB, "More than %" PetscInt_FMT " cells", l->room_cell);
-  cell[0] = a;
-  cell[1] = b;
-  cell[2] = c;
-  cell[3] = d;
-  l->ncell++;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Unit squares with corners (i, j) + origin, but for the n x n cells of a hole from line hole[0], hole[1] on (n = 0: none). vertex [(nx + 1)(ny + 1)], -1 in the hole */
-static PetscErrorCode add_squares(CellList *l, PetscInt nx, PetscInt ny, PetscReal origin, const PetscInt hole[2], PetscInt n, PetscInt vertex[])
-{
-  const PetscInt row = nx + 1;
-
-  PetscFunctionBeginUser;
-  for (PetscInt j = 0; j <= ny; j++) {
-    for (PetscInt i = 0; i <= nx; i++) {
-      const PetscBool out = (PetscBool)(i > hole[0] && i < hole[0] + n && j > hole[1] && j < hole[1] + n);
-
-      vertex[j * row + i] = -1;
-      if (!out) PetscCall(add_vertex(l, origin + i, origin + j, &vertex[j * row + i]));
-    }
-  }
-  for (PetscInt j = 0; j < ny; j++) {
-    for (PetscInt i = 0; i < nx; i++) {
-      const PetscInt *v = vertex + j * row + i;
-
-      if (i >= hole[0] && i < hole[0] + n && j >= hole[1] && j < hole[1] + n) continue;
-      PetscCall(add_cell(l, v[0], v[1], v[row + 1], v[row]));
-    }
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Number of vertex p = 0..4n-1 of the boundary of an n x n block of squares, counter-clockwise from the lower right corner */
-static PetscInt vertex_of_square(const PetscInt vertex[], PetscInt row, PetscInt i0, PetscInt j0, PetscInt n, PetscInt p)
-{
-  const PetscInt k = p % n;
-
-  switch (p / n) {
-  case 0: return vertex[(j0 + k) * row + i0 + n];
-  case 1: return vertex[(j0 + n) * row + i0 + n - k];
-  case 2: return vertex[(j0 + n - k) * row + i0];
-  default: return vertex[j0 * row + i0 + k];
-  }
-}
-
-/* The vertices of a square ring of half-width s, in the order of vertex_of_square */
-static PetscErrorCode add_ring(CellList *l, const PetscReal middle[2], PetscReal s, PetscInt n, PetscInt ring[])
-{
-  PetscFunctionBeginUser;
-  for (PetscInt p = 0; p < 4 * n; p++) {
-    const PetscReal t       = -1 + 2.0 * (p % n) / n;
-    const PetscReal q[4][2] = {{1, t}, {-t, 1}, {-1, -t}, {t, -1}};
-
-    PetscCall(add_vertex(l, middle[0] + s * q[p / n][0], middle[1] + s * q[p / n][1], &ring[p]));
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode join_rings(CellList *l, PetscInt n, const PetscInt in[], const PetscInt out[])
-{
-  PetscFunctionBeginUser;
-  for (PetscInt p = 0; p < 4 * n; p++) PetscCall(add_cell(l, in[p], out[p], out[(p + 1) % (4 * n)], in[(p + 1) % (4 * n)]));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* nring layers of cells from half-width map.inner to map.outer. first and last [4n] are the vertices there; NULL: new ones */
-static PetscErrorCode add_rings(CellList *l, const MeshMap *map, PetscInt n, PetscInt nring, const PetscInt first[], const PetscInt last[])
-{
-  PetscInt *in, *out;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscMalloc2(4 * n, &in, 4 * n, &out));
-  if (first) PetscCall(PetscArraycpy(in, first, 4 * n));
-  else PetscCall(add_ring(l, map->middle, map->inner, n, in));
-  for (PetscInt k = 1; k <= nring; k++) {
-    if (k == nring && last) PetscCall(PetscArraycpy(out, last, 4 * n));
-    else PetscCall(add_ring(l, map->middle, map->inner + (map->outer - map->inner) * k / nring, n, out));
-    PetscCall(join_rings(l, n, in, out));
-    PetscCall(PetscArraycpy(in, out, 4 * n));
-  }
-  PetscCall(PetscFree2(in, out));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode list_fitted(MeshKind k, CellList *l)
-{
-  const PetscInt nx = k->map.ncell[0], ny = k->map.ncell[1], n = k->block[2];
-  PetscInt      *vertex, *rim;
-
-  PetscFunctionBeginUser;
-  PetscCall(create_list((nx + 1) * (ny + 1) + 4 * n * k->nring, nx * ny + 4 * n * k->nring, l));
-  PetscCall(PetscMalloc2((nx + 1) * (ny + 1), &vertex, 4 * n, &rim));
-  PetscCall(add_squares(l, nx, ny, 0, k->block, n, vertex));
-  for (PetscInt p = 0; p < 4 * n; p++) rim[p] = vertex_of_square(vertex, nx + 1, k->block[0], k->block[1], n, p);
-  PetscCall(add_rings(l, &k->map, n, k->nring, NULL, rim));
-  PetscCall(PetscFree2(vertex, rim));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode list_disc(MeshKind k, CellList *l)
-{
-  const PetscInt n = k->block[2], hole[2] = {0, 0};
-  PetscInt      *vertex, *rim;
-
-  PetscFunctionBeginUser;
-  PetscCall(create_list((n + 1) * (n + 1) + 4 * n * k->nring, n * n + 4 * n * k->nring, l));
-  PetscCall(PetscMalloc2((n + 1) * (n + 1), &vertex, 4 * n, &rim));
-  PetscCall(add_squares(l, n, n, -0.5 * n, hole, 0, vertex));
-  for (PetscInt p = 0; p < 4 * n; p++) rim[p] = vertex_of_square(vertex, n + 1, 0, 0, n, p);
-  PetscCall(add_rings(l, &k->map, n, k->nring, rim, NULL));
-  PetscCall(PetscFree2(vertex, rim));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode list_annulus(MeshKind k, CellList *l)
-{
-  const PetscInt n = k->block[2];
-
-  PetscFunctionBeginUser;
-  PetscCall(create_list(4 * n * (k->nring + 1), 4 * n * k->nring, l));
-  PetscCall(add_rings(l, &k->map, n, k->nring, NULL, NULL));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* The DM from a list of cells on rank 0 */
-static PetscErrorCode create_from_list(MeshKind k, DM *dm)
-{
-  CellList    l = {0};
-  PetscMPIInt rank;
-
-  PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Comm_rank(k->comm, &rank));
-  if (rank == 0) {
-    if (k->kind == KIND_FITTED) PetscCall(list_fitted(k, &l));
-    else if (k->kind == KIND_DISC) PetscCall(list_disc(k, &l));
-    else PetscCall(list_annulus(k, &l));
-  }
-  PetscCall(DMPlexCreateFromCellListPetsc(k->comm, 2, l.ncell, l.nvertex, 4, PETSC_TRUE, l.cell, 2, l.x, dm));
-  PetscCall(PetscFree2(l.x, l.cell));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
 
 /* ---- options ---- */
 
@@ -235,7 +35,8 @@ static PetscErrorCode read_periodic(MeshKind k)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* A fraction from -1/2 to 1/2 that depends on seed and axis, the same on every machine (mixing steps of splitmix64: Steele, Lea & Flood, OOPSLA 2014) */
+/* A fraction from -1/2 to 1/2 that depends on seed and axis, the same on every machine (mixing steps of splitmix64:
+   Steele, Lea & Flood, OOPSLA 2014) */
 static PetscReal random_fraction(PetscInt seed, PetscInt axis)
 {
   uint64_t z = 0x9E3779B97F4A7C15u * (uint64_t)(3 * seed + axis + 1);
@@ -267,7 +68,8 @@ static PetscInt round_count(PetscReal n)
   return PetscMax(1, (PetscInt)PetscFloorReal(n + 0.5));
 }
 
-/* Mesh lines of all axes; cell counts are those of the grading times scale. n, if not NULL, returns the counts before, in and behind the fine part of each axis */
+/* Mesh lines of all axes; cell counts are those of the grading times scale. n, if not NULL, returns the counts before,
+   in and behind the fine part of each axis */
 static PetscErrorCode set_lines(MeshKind k, const Grading *g, PetscReal scale, PetscInt (*n)[3])
 {
   PetscFunctionBeginUser;
@@ -369,7 +171,7 @@ static PetscErrorCode read_channel(MeshKind k)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* An O-grid between the cylinder and a square of twice its diameter; 136 cells at 4 cells a quarter of the circle, 2,176 at 16 */
+/* An O-grid between the cylinder and a square of twice its diameter */
 static PetscErrorCode read_fitted(MeshKind k)
 {
   Grading  g          = {.h = 0.05, .growth = {0.3, 0.3}, .coarsest = {8, 8}};
@@ -466,8 +268,6 @@ static PetscErrorCode read_options(MeshKind k)
 static PetscErrorCode add_boundary(MeshKind k, const char name[])
 {
   PetscFunctionBeginUser;
-  PetscCheck(k->nboundary < MAX_BOUNDARIES, k->comm, PETSC_ERR_SUP, "The mesh has more than %d named boundaries: merge some in the mesh file",
-             MAX_BOUNDARIES);
   PetscCall(PetscStrncpy(k->boundary[k->nboundary++], name, sizeof(k->boundary[0])));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -525,171 +325,6 @@ static PetscErrorCode name_boundaries(MeshKind k)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Does a label hold faces? (The mesh is on rank 0.) */
-static PetscErrorCode label_has_faces(DM dm, DMLabel label, PetscBool *any)
-{
-  PetscInt fStart, fEnd;
-
-  PetscFunctionBeginUser;
-  *any = PETSC_FALSE;
-  PetscCall(DMPlexGetHeightStratum(dm, 1, &fStart, &fEnd));
-  for (PetscInt f = fStart; f < fEnd && !*any; f++) {
-    PetscInt value;
-
-    PetscCall(DMLabelGetValue(label, f, &value));
-    *any = (PetscBool)(value >= 0);
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* PETSc takes the entity numbers of a file of Gmsh format 2 for physical ones, so that faces may get names which are not theirs */
-static PetscErrorCode check_unique_names(MeshKind k, DM dm)
-{
-  PetscInt fStart, fEnd, twice = 0;
-
-  PetscFunctionBeginUser;
-  PetscCall(DMPlexGetHeightStratum(dm, 1, &fStart, &fEnd));
-  for (PetscInt f = fStart; f < fEnd; f++) {
-    PetscInt names = 0;
-
-    for (PetscInt b = 0; b < k->nboundary; b++) {
-      PetscInt value;
-
-      PetscCall(DMGetLabelValue(dm, k->boundary[b], f, &value));
-      names += value >= 0;
-    }
-    twice += names > 1;
-  }
-  PetscCallMPI(MPI_Bcast(&twice, 1, MPIU_INT, 0, k->comm));
-  PetscCheck(!twice, k->comm, PETSC_ERR_USER_INPUT,
-             "Mesh file '%s' gives %" PetscInt_FMT
-             " boundary edges or faces two names: save it in format 4.1 (gmsh -format msh41), each with one physical name",
-             k->file, twice);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Physical names of a Gmsh file that hold faces become boundaries. Rank 0 knows them all. */
-static PetscErrorCode find_file_boundaries(MeshKind k, DM dm)
-{
-  PetscInt    nlabel;
-  PetscMPIInt rank;
-
-  PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Comm_rank(k->comm, &rank));
-  PetscCall(DMGetNumLabels(dm, &nlabel));
-  for (PetscInt l = 0; l < nlabel && rank == 0; l++) {
-    const char *name;
-    DMLabel     label;
-    PetscBool   skip, any;
-
-    PetscCall(DMGetLabelName(dm, l, &name));
-    PetscCall(PetscStrInList(name, "depth,celltype,Cell Sets,Face Sets,Edge Sets,Vertex Sets,marker", ',', &skip));
-    if (skip) continue;
-    PetscCall(DMGetLabel(dm, name, &label));
-    PetscCall(label_has_faces(dm, label, &any));
-    if (any && k->nboundary++ < MAX_BOUNDARIES) PetscCall(PetscStrncpy(k->boundary[k->nboundary - 1], name, sizeof(k->boundary[0])));
-  }
-  PetscCallMPI(MPI_Bcast(&k->nboundary, 1, MPIU_INT, 0, k->comm));
-  PetscCallMPI(MPI_Bcast(k->boundary, sizeof(k->boundary), MPI_CHAR, 0, k->comm));
-  PetscCheck(k->nboundary, k->comm, PETSC_ERR_USER_INPUT,
-             "Mesh file '%s' names no boundary: give its outer curves (2D) or surfaces (3D) physical names", k->file);
-  PetscCheck(k->nboundary <= MAX_BOUNDARIES, k->comm, PETSC_ERR_SUP,
-             "Mesh file '%s' has %" PetscInt_FMT " named boundaries, at most %d are possible: merge some", k->file, k->nboundary, MAX_BOUNDARIES);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* ---- round boundaries of mesh files ---- */
-
-/* Move the vertices of the faces of a label onto the circle; worst: largest distance from it before, over its radius; n: number of faces */
-static PetscErrorCode move_to_circle(DM dm, DMLabel label, const PetscReal circle[3], PetscReal *worst, PetscInt *n)
-{
-  PetscInt     fStart, fEnd;
-  PetscSection section;
-  Vec          coordinates;
-  PetscScalar *x;
-
-  PetscFunctionBeginUser;
-  PetscCall(DMPlexGetHeightStratum(dm, 1, &fStart, &fEnd));
-  PetscCall(DMGetCoordinateSection(dm, &section));
-  PetscCall(DMGetCoordinatesLocal(dm, &coordinates));
-  PetscCall(VecGetArray(coordinates, &x));
-  for (PetscInt f = fStart; f < fEnd; f++) {
-    const PetscInt *vertex;
-    PetscInt        value, offset;
-
-    PetscCall(DMLabelGetValue(label, f, &value));
-    if (value < 0) continue;
-    (*n)++;
-    PetscCall(DMPlexGetCone(dm, f, &vertex));
-    for (PetscInt i = 0; i < 2; i++) {
-      PetscReal r;
-
-      PetscCall(PetscSectionGetOffset(section, vertex[i], &offset));
-      r      = PetscSqrtReal(PetscSqr(x[offset] - circle[0]) + PetscSqr(x[offset + 1] - circle[1]));
-      *worst = PetscMax(*worst, PetscAbsReal(r / circle[2] - 1));
-      for (PetscInt d = 0; d < 2 && r > 0; d++) x[offset + d] = circle[d] + (x[offset + d] - circle[d]) * circle[2] / r;
-    }
-  }
-  PetscCall(VecRestoreArray(coordinates, &x));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* The cells at the faces of a label, each turned so that its first edge is the face: appended to bent */
-static PetscErrorCode bend_cells(DM dm, DMLabel label, const PetscReal circle[3], MeshMapBent bent[])
-{
-  PetscInt fStart, fEnd, n = 0;
-
-  PetscFunctionBeginUser;
-  PetscCall(DMPlexGetHeightStratum(dm, 1, &fStart, &fEnd));
-  for (PetscInt f = fStart; f < fEnd; f++) {
-    const PetscInt    *cell, *edge;
-    PetscInt           value, ncoordinate, first = 0;
-    PetscBool          dg;
-    const PetscScalar *array;
-    PetscScalar       *x = NULL;
-
-    PetscCall(DMLabelGetValue(label, f, &value));
-    if (value < 0) continue;
-    PetscCall(DMPlexGetSupport(dm, f, &cell));
-    PetscCall(DMPlexGetCone(dm, cell[0], &edge));
-    while (first < 3 && edge[first] != f) first++;
-    PetscCall(DMPlexGetCellCoordinates(dm, cell[0], &dg, &ncoordinate, &array, &x));
-    PetscCheck(ncoordinate == 8, PETSC_COMM_SELF, PETSC_ERR_SUP,
-               "A mesh cell has %" PetscInt_FMT " coordinates instead of 8: save the mesh as quadrilaterals of first order", ncoordinate);
-    for (PetscInt i = 0; i < 4; i++)
-      for (PetscInt d = 0; d < 2; d++) bent[n].corner[i][d] = x[2 * ((first + i) % 4) + d];
-    PetscCall(DMPlexRestoreCellCoordinates(dm, cell[0], &dg, &ncoordinate, &array, &x));
-    MeshMapBend(&bent[n++], circle, circle[2]);
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Boundary b of the file is this circle. Rank 0 has the mesh, all ranks get the bent cells. */
-static PetscErrorCode make_round(MeshKind k, DM dm, const char name[], const PetscReal circle[3])
-{
-  PetscReal   worst = 0;
-  PetscInt    n     = 0;
-  DMLabel     label;
-  PetscMPIInt rank, bytes;
-
-  PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Comm_rank(k->comm, &rank));
-  PetscCall(DMGetLabel(dm, name, &label));
-  if (rank == 0) PetscCall(move_to_circle(dm, label, circle, &worst, &n));
-  PetscCallMPI(MPI_Bcast(&worst, 1, MPIU_REAL, 0, k->comm));
-  PetscCallMPI(MPI_Bcast(&n, 1, MPIU_INT, 0, k->comm));
-  PetscCheck(worst < 0.05, k->comm, PETSC_ERR_USER_INPUT,
-             "A vertex of boundary '%s' of '%s' is %g radii off the circle with centre (%g, %g) and radius %g: correct -mesh_round_%s", name, k->file,
-             (double)worst, (double)circle[0], (double)circle[1], (double)circle[2], name);
-  PetscCall(PetscRealloc(sizeof(MeshMapBent) * (k->map.nbent + n), &k->map.bent));
-  if (rank == 0) PetscCall(bend_cells(dm, label, circle, k->map.bent + k->map.nbent));
-  PetscCall(PetscMPIIntCast(sizeof(MeshMapBent) * n, &bytes));
-  PetscCallMPI(MPI_Bcast(k->map.bent + k->map.nbent, bytes, MPI_BYTE, 0, k->comm));
-  k->map.nbent += n;
-  k->map.type = MESHMAP_ROUND;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode read_round(MeshKind k, DM dm)
 {
   PetscFunctionBeginUser;
@@ -703,12 +338,27 @@ static PetscErrorCode read_round(MeshKind k, DM dm)
     if (!given) continue;
     PetscCheck(circle[2] > 0, k->comm, PETSC_ERR_USER_INPUT, "%s: radius %g must be positive", name, (double)circle[2]);
     PetscCheck(k->dim == 2, k->comm, PETSC_ERR_SUP, "%s: round boundaries are for 2D meshes; '%s' is 3D: remove the option", name, k->file);
-    PetscCall(make_round(k, dm, k->boundary[b], circle));
+    PetscCall(MeshKindMakeRound(k, dm, k->boundary[b], circle));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- creation ---- */
+
+static PetscErrorCode create_rings(MeshKind k, DM *dm)
+{
+  OGrid g = {.nring = k->nring, .n = k->block[2], .middle = (PetscBool)(k->kind == KIND_DISC)};
+
+  PetscFunctionBeginUser;
+  for (PetscInt d = 0; d < 2; d++) {
+    if (k->kind == KIND_FITTED) {
+      g.nsquare[d] = k->map.ncell[d];
+      g.block[d]   = k->block[d];
+    } else if (k->kind == KIND_DISC) g.nsquare[d] = g.n;
+  }
+  PetscCall(OGridCreate(k->comm, &g, &k->map, dm));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
 
 static PetscErrorCode create_from_file(MeshKind k, DM *dm)
 {
@@ -722,8 +372,7 @@ static PetscErrorCode create_from_file(MeshKind k, DM *dm)
   PetscCheck(!periodic, k->comm, PETSC_ERR_USER_INPUT,
              "Mesh file '%s' is periodic, which works for boxes only (-mesh_periodic): remove the periodic pairs from the file", k->file);
   k->map.dim = k->dim;
-  PetscCall(find_file_boundaries(k, *dm));
-  PetscCall(check_unique_names(k, *dm));
+  PetscCall(MeshKindFindFileBoundaries(k, *dm));
   PetscCall(read_round(k, *dm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -750,7 +399,7 @@ PetscErrorCode MeshKindCreate(MPI_Comm comm, MeshKind *kind, DM *dm)
     PetscCall(create_from_file(k, dm));
   } else {
     if (k->kind == KIND_BOX || k->kind == KIND_CHANNEL) PetscCall(create_box(k, dm));
-    else PetscCall(create_from_list(k, dm));
+    else PetscCall(create_rings(k, dm));
     PetscCall(name_boundaries(k));
     PetscCall(label_faces(k, *dm));
   }

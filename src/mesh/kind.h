@@ -1,26 +1,31 @@
 /* Meshkind: the meshes a scene can ask for by name, still serial and not refined.
 
-     box      [lower, upper] with -mesh_cells nx,ny[,nz] equal cells, -mesh_lower, -mesh_upper, -mesh_periodic x,y,z, -mesh_dimension 2|3. With -mesh_focus lo..,hi..
-              cells of size -mesh_focus_h inside that box, outside h (1 + growth d/h) at distance d: -mesh_growth, up to h times -mesh_coarsest (one value an axis)
-     channel  the Schaefer-Turek channel [0,2.2] x [0,0.41] without hole, fine around the cylinder: -mesh_resolution cells a diameter (10: 2,211 cells)
-     fitted   the same channel with the cylinder (centre (0.2,0.2), radius 0.05) as a hole in an O-grid: -mesh_resolution cells a quarter of the circle
-              (16: 2,176 cells; 4: 136 cells, a coarse mesh for -dm_refine),
+     box      [lower, upper] with -mesh_cells nx,ny[,nz] equal cells, -mesh_lower, -mesh_upper, -mesh_periodic x,y,z,
+              -mesh_dimension 2|3. With -mesh_focus lo..,hi.. cells of size -mesh_focus_h inside that box, outside
+              h (1 + growth d/h) at distance d: -mesh_growth, up to h times -mesh_coarsest (one value an axis)
+     channel  the Schaefer-Turek channel [0,2.2] x [0,0.41] without hole, fine around the cylinder: -mesh_resolution
+              cells a diameter (10: 2,211 cells)
+     fitted   the same channel with the cylinder (centre (0.2,0.2), radius 0.05) as a hole in an O-grid:
+              -mesh_resolution cells a quarter of the circle (16: 2,176 cells; 4: 136, a coarse mesh for -dm_refine),
               -mesh_ring_ratio thickness of the outermost layer of the O-grid over the innermost
      disc     -mesh_centre, -mesh_radius, -mesh_resolution cells a quarter of the circle (4)
      annulus  -mesh_centre, -mesh_radii inner,outer, -mesh_resolution
-     file     -mesh_file name.msh of quadrilaterals or hexahedra; its physical names are the boundaries; -mesh_round_<boundary> cx,cy,r bends a boundary that is a
-              polygon in the file to the circle, on every level of refinement (2D)
-   -mesh_shift_seed n (box with focus, channel) moves the fine part by a random fraction of h, -1/2 to 1/2 along each axis; 0 does not.
+     file     -mesh_file name.msh of quadrilaterals or hexahedra; its physical names are the boundaries;
+              -mesh_round_<boundary> cx,cy,r bends a boundary that is a polygon in the file to the circle, on every
+              level of refinement (2D)
+   -mesh_shift_seed n (box with focus, channel) moves the fine part by a random fraction of h, -1/2 to 1/2 along each
+   axis; 0 does not.
 
-   Boundaries are DMLabels on faces: left right bottom top back front, cylinder, inner, outer. The coordinates of the DM are reference coordinates, to be kept until
-   the mesh is refined and distributed; MeshKindEvaluate then gives true ones (map.h). All functions but MeshKindEvaluate are collective. */
+   Boundaries are DMLabels on faces: left right bottom top back front, cylinder, inner, outer. The coordinates of the DM
+   are reference coordinates, to be kept until the mesh is refined and distributed; MeshKindEvaluate then gives true
+   ones (map.h). All functions but MeshKindEvaluate are collective. */
 #pragma once
 #include <petscdmplex.h>
 
 typedef struct _p_MeshKind *MeshKind;
 
-/* Read options, build the mesh on rank 0. The caller destroys dm and kind. Errors: empty box, no file, no named boundaries in a file,
-   a rounded boundary that is not near its circle, periodic files. */
+/* Read options, build the mesh on rank 0. The caller destroys dm and kind. Errors: empty box, no file, no named
+   boundaries in a file, a rounded boundary that is not near its circle, periodic files. */
 PetscErrorCode MeshKindCreate(MPI_Comm, MeshKind *, DM *dm);
 PetscErrorCode MeshKindDestroy(MeshKind *);
 

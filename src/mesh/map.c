@@ -1,15 +1,16 @@
 /* Meshmap: maps from the reference coordinates of a mesh to its true ones (see map.h).
 
-   Rings around a circle are square rings in reference coordinates: a point at half-width s on side k = 0..3 with -1 <= t <= 1 along the side goes to the angle
-   pi/2 k + pi/4 t. Between a circle and a square the map blends linearly along straight rays (ruled surface, Gordon & Hall, Numer. Math. 21, 1973). The middle of a disc is a
-   square bulged half-way towards the map of a square onto a disc, so that its corners stay well below 180 degrees. */
+   Rings around a circle are square rings in reference coordinates: a point at half-width s on side k = 0..3 with -1 <=
+   t <= 1 along the side goes to the angle pi/2 k + pi/4 t. Between a circle and a square the map blends linearly along
+   straight rays (ruled surface, Gordon & Hall, Numer. Math. 21, 1973). The middle of a disc is a square bulged half-way
+   towards the map of a square onto a disc, so that its corners stay well below 180 degrees. */
 #include "compat.h"
 #include "map.h"
 
 #define DISC_SQUARE 0.55 /* half-width of the middle square over the radius of the disc */
 #define DISC_BULGE  0.5
 
-/* Polar coordinates on squares: half-width of the square through the point q, and the angle of the point on the circle that replaces it */
+/* Polar coordinates on squares: half-width of the square through q, angle of the point on the circle in place of q */
 static void square_polar(const PetscReal q[2], PetscReal *s, PetscReal *angle)
 {
   const PetscReal a = PetscAbsReal(q[0]), b = PetscAbsReal(q[1]);
@@ -95,7 +96,7 @@ static void map_annulus(const MeshMap *m, const PetscReal q[], PetscReal x[])
   on_circle(m->centre, (1 - w) * m->radius[0] + w * m->radius[1], angle, x);
 }
 
-/* Where in a convex quadrilateral is x? Newton's method for the bilinear map of [0,1]^2, s along the first edge; false if x is outside */
+/* Where in a convex quadrilateral is x? Newton's method for the bilinear map of [0,1]^2; false if x is outside */
 static PetscBool find_in_cell(const PetscReal corner[4][2], const PetscReal x[2], PetscReal s[2])
 {
   const PetscReal tol    = 1e-9;
@@ -125,8 +126,8 @@ static PetscBool find_in_cell(const PetscReal corner[4][2], const PetscReal x[2]
   return (PetscBool)(change < tol);
 }
 
-/* The arc's distance from its chord fades out towards the opposite edge; it is zero at the ends, so cells that share an edge agree, and a corner cell with two arcs
-   takes the sum (transfinite interpolation) */
+/* The arc's distance from its chord fades out towards the opposite edge; it is zero at the ends, so cells that share an
+   edge agree, and a corner cell with two arcs takes the sum (transfinite interpolation) */
 static void map_round(const MeshMap *m, const PetscReal q[], PetscReal x[])
 {
   for (PetscInt d = 0; d < m->dim; d++) x[d] = q[d];

@@ -1,8 +1,9 @@
 /* Meshmap: where the points of a mesh lie.
 
-   A mesh is refined in reference coordinates q, in which all its edges are straight; the map x(q) then puts every vertex and every Q2 node in its place.
-   The map is smooth inside each block of the mesh and known in closed form, so points on a circle lie on it to round-off on every level of refinement and on every
-   rank, and no cell degenerates. Lengths in the unit of the scene. Maps own their arrays; nothing here is collective. */
+   A mesh is refined in reference coordinates q, in which all its edges are straight; the map x(q) then puts every
+   vertex and every Q2 node in its place. The map is smooth inside each block of the mesh and known in closed form, so
+   points on a circle lie on it to round-off on every level of refinement and on every rank, and no cell degenerates.
+   Lengths in the unit of the scene. Maps own their arrays; nothing here is collective. */
 #pragma once
 #include <petscsys.h>
 
@@ -41,12 +42,13 @@ typedef struct {
 void MeshMapEvaluate(const MeshMap *, const PetscReal q[], PetscReal x[]);
 
 /* Sizes along an axis at distance d from the uniform part: h (1 + growth d/h) up to h coarsest.
-   Count: number of such cells in the distance d, as a real number. Distance: its inverse. growth >= 0, coarsest >= 1. */
+   Count: number of such cells in the distance d, as a real number. Distance: its inverse. growth >= 0, coarsest >=
+   1. */
 PetscReal MeshMapCountCells(PetscReal d, PetscReal h, PetscReal growth, PetscReal coarsest);
 PetscReal MeshMapDistance(PetscReal count, PetscReal h, PetscReal growth, PetscReal coarsest);
 
-/* Lines of an axis: n[0] cells from end[0] to end[1], n[1] equal cells of about size h up to end[2], n[2] cells up to end[3]; the outer ones grow away from the
-   equal ones. A part of length zero has no cells. */
+/* Lines of an axis: n[0] cells from end[0] to end[1], n[1] equal cells of about size h up to end[2], n[2] cells up to
+   end[3]; the outer ones grow away from the equal ones. A part of length zero has no cells. */
 PetscErrorCode MeshMapSetLines(MeshMap *, PetscInt axis, const PetscReal end[4], const PetscInt n[3], PetscReal h, PetscReal growth,
                                PetscReal coarsest);
 

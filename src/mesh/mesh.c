@@ -1,30 +1,13 @@
 /* Mesh: construction, distribution and numbering of the Q2 nodes (see mesh.h).
 
-   A DMPlex of quadrilaterals or hexahedra (kind.h) is distributed, refined, and given one layer of ghost cells. Every mesh point then
-   gets one node, numbered in the order in which the cells (in cache-friendly order) touch them: neighbours in space are neighbours in memory.
-   Lengths are in the unit of the scene. Cells of other types and adaptive refinement are not handled. */
+   A DMPlex of quadrilaterals or hexahedra (kind.h) is distributed, refined, and given one layer of ghost cells. Every
+   mesh point then gets one node, numbered in the order in which the cells (in cache-friendly order) touch them:
+   neighbours in space are neighbours in memory. Lengths are in the unit of the scene. Cells of other types and adaptive
+   refinement are not handled. */
 #include "compat.h"
-#include "mesh/mesh.h"
-#include "kind.h"
+#include "impl.h"
 #include "base/opt.h"
 #include "partition.h"
-
-#define MAX_BLOCK 16
-
-struct _p_Mesh {
-  DM           dm;
-  MeshKind     kind;
-  MeshLocal    loc;
-  PetscInt    *cell_node, *cell_global, *node_global, *node_cell_ptr, *node_cell;
-  PetscReal   *x, *x_start; /* x_start is an array of its own once nodes have moved */
-  PetscSF      node_sf;     /* ghost nodes -> owners, in local node numbers */
-  MPI_Datatype block[MAX_BLOCK];
-  PetscInt     nboundary, **boundary_node, *boundary_count; /* [nboundary], names belong to kind */
-  const char (*boundary_name)[64];
-  /* background grid for MeshNodesInBox: nodes of bin b are bin_node[bin_ptr[b] .. bin_ptr[b + 1]) */
-  PetscInt  nbin[3], *bin_ptr, *bin_node, *found;
-  PetscReal bin_lower[3], bin_size[3];
-};
 
 /* ---- the DMPlex ---- */
 
@@ -48,7 +31,7 @@ static PetscErrorCode create_dm(Mesh m, MPI_Comm comm)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* ---- numbering ---- */
+/* ---- cells ---- */
 
 /* Lattice corner (0 or 2 along each axis) of vertex v in the closure of a PETSc quadrilateral or hexahedron */
 static void corner_position(PetscInt dim, PetscInt v, PetscInt pos[3])
@@ -59,7 +42,7 @@ static void corner_position(PetscInt dim, PetscInt v, PetscInt pos[3])
   for (PetscInt d = 0; d < 3; d++) pos[d] = dim == 2 ? quad[v][d] : hex[v][d];
 }
 
-/* Points of the closure of cell c by lattice position: point [nb]. A point sits at the mean position of its vertices. */
+/* Points of the closure of cell c by lattice position, the mean of that of their vertices: point [nb] */
 static PetscErrorCode cell_lattice(DM dm, PetscInt dim, PetscInt c, PetscInt point[])
 {
   PetscInt *closure = NULL, n, vStart, vEnd, vertex[8], nv = 0;
@@ -138,109 +121,6 @@ static PetscErrorCode order_cells(Mesh m, const PetscBool ghost[], PetscInt orde
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Number the nodes in the order in which the cells touch them, own ones first. On exit number [pEnd] is the local node of a point. */
-static PetscErrorCode number_nodes(Mesh m, const PetscBool ghost[], PetscInt pEnd, PetscInt number[])
-{
-  MeshLocal *l = &m->loc;
-
-  PetscFunctionBeginUser;
-  for (PetscInt p = 0; p < pEnd; p++) number[p] = -1;
-  for (PetscInt pass = 0; pass < 2; pass++) {
-    for (PetscInt i = 0; i < l->ncell_all * l->nb; i++) {
-      const PetscInt p = m->cell_node[i];
-
-      if (number[p] < 0 && (PetscInt)ghost[p] == pass) number[p] = l->nnode_all++;
-    }
-    if (pass == 0) l->nnode = l->nnode_all;
-  }
-  for (PetscInt i = 0; i < l->ncell_all * l->nb; i++) m->cell_node[i] = number[m->cell_node[i]];
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Global numbers of all local cells and nodes: own ones count up from the rank's start, ghosts learn theirs from the owner. */
-static PetscErrorCode number_globally(Mesh m, PetscInt pEnd, const PetscInt order[], const PetscInt number[])
-{
-  MeshLocal *l      = &m->loc;
-  PetscInt   own[2] = {l->ncell, l->nnode}, start[2] = {0, 0}, total[2], *root, *leaf;
-  PetscSF    sf;
-
-  PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Exscan(own, start, 2, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
-  PetscCall(MPIU_Allreduce(own, total, 2, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
-  l->cell_start   = start[0];
-  l->node_start   = start[1];
-  l->ncell_global = total[0];
-  l->nnode_global = total[1];
-  PetscCall(PetscMalloc2(pEnd, &root, pEnd, &leaf));
-  PetscCall(DMGetPointSF(m->dm, &sf));
-  for (PetscInt kind = 0; kind < 2; kind++) { /* a cell point is both a cell and a node: two broadcasts */
-    for (PetscInt p = 0; p < pEnd; p++) root[p] = -1;
-    if (kind == 0) {
-      for (PetscInt c = 0; c < l->ncell; c++) root[order[c]] = l->cell_start + c;
-    } else {
-      for (PetscInt p = 0; p < pEnd; p++)
-        if (number[p] >= 0 && number[p] < l->nnode) root[p] = l->node_start + number[p];
-    }
-    PetscCall(PetscArraycpy(leaf, root, pEnd));
-    if (l->ncell_global > 0) {
-      PetscInt nroot;
-
-      PetscCall(PetscSFGetGraph(sf, &nroot, NULL, NULL, NULL));
-      if (nroot >= 0) {
-        PetscCall(PetscSFBcastBegin(sf, MPIU_INT, root, leaf, MPI_REPLACE));
-        PetscCall(PetscSFBcastEnd(sf, MPIU_INT, root, leaf, MPI_REPLACE));
-      }
-    }
-    if (kind == 0) {
-      for (PetscInt c = 0; c < l->ncell_all; c++) m->cell_global[c] = leaf[order[c]];
-    } else {
-      for (PetscInt p = 0; p < pEnd; p++)
-        if (number[p] >= 0) m->node_global[number[p]] = leaf[p];
-    }
-  }
-  PetscCall(PetscFree2(root, leaf));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode create_node_sf(Mesh m)
-{
-  const MeshLocal *l      = &m->loc;
-  const PetscInt   nghost = l->nnode_all - l->nnode;
-  PetscLayout      layout;
-  PetscInt        *ilocal;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(nghost, &ilocal));
-  for (PetscInt i = 0; i < nghost; i++) ilocal[i] = l->nnode + i;
-  PetscCall(PetscLayoutCreateFromSizes(PETSC_COMM_WORLD, l->nnode, PETSC_DETERMINE, 1, &layout));
-  PetscCall(PetscSFCreate(PETSC_COMM_WORLD, &m->node_sf));
-  PetscCall(PetscSFSetGraphLayout(m->node_sf, layout, nghost, ilocal, PETSC_OWN_POINTER, m->node_global + l->nnode));
-  PetscCall(PetscSFSetUp(m->node_sf));
-  PetscCall(PetscLayoutDestroy(&layout));
-  for (int bs = 0; bs < MAX_BLOCK; bs++) {
-    PetscCallMPI(MPI_Type_contiguous(bs + 1, MPIU_REAL, &m->block[bs]));
-    PetscCallMPI(MPI_Type_commit(&m->block[bs]));
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode connect_nodes_to_cells(Mesh m)
-{
-  MeshLocal *l = &m->loc;
-  PetscInt  *fill;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscCalloc1(l->nnode_all + 1, &m->node_cell_ptr));
-  PetscCall(PetscMalloc1(l->ncell_all * l->nb, &m->node_cell));
-  for (PetscInt i = 0; i < l->ncell_all * l->nb; i++) m->node_cell_ptr[m->cell_node[i] + 1]++;
-  for (PetscInt i = 0; i < l->nnode_all; i++) m->node_cell_ptr[i + 1] += m->node_cell_ptr[i];
-  PetscCall(PetscMalloc1(l->nnode_all, &fill));
-  PetscCall(PetscArraycpy(fill, m->node_cell_ptr, l->nnode_all));
-  for (PetscInt i = 0; i < l->ncell_all * l->nb; i++) m->node_cell[fill[m->cell_node[i]]++] = i / l->nb;
-  PetscCall(PetscFree(fill));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* ---- coordinates ---- */
 
 /* Multilinear reference position of lattice point j of a cell with corners qv [2^dim][dim] in closure order */
@@ -259,7 +139,7 @@ static void interpolate_corners(PetscInt dim, const PetscReal qv[], PetscInt j, 
   }
 }
 
-/* Derivatives of the Q2 map of a cell at its corner (0 or 2 along each axis): determinant of the Jacobian on [0,1]^dim. xc [nb][dim] */
+/* Jacobian determinant on [0,1]^dim of the Q2 map of a cell at its corner (0 or 2 along each axis). xc [nb][dim] */
 static PetscReal corner_jacobian(PetscInt dim, const PetscReal xc[], const PetscInt corner[3])
 {
   const PetscInt stride[3] = {1, 3, 9};
@@ -278,7 +158,8 @@ static PetscReal corner_jacobian(PetscInt dim, const PetscReal xc[], const Petsc
          e[0][2] * (e[1][0] * e[2][1] - e[1][1] * e[2][0]);
 }
 
-/* Smallest Jacobian over the corners, and a size: their mean (the volume where the edges are straight in 2D or the cell a parallelepiped) */
+/* Smallest Jacobian over the corners, and a size: their mean (the volume where the edges are straight in 2D or the cell
+   a parallelepiped) */
 static void measure_cell(PetscInt dim, const PetscReal xc[], PetscReal *smallest, PetscReal *volume)
 {
   *smallest = PETSC_MAX_REAL;
@@ -395,92 +276,6 @@ static PetscErrorCode collect_boundary_nodes(Mesh m, const PetscInt number[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* ---- background grid ---- */
-
-static PetscInt bin_index(Mesh m, PetscInt d, PetscReal x)
-{
-  const PetscReal i = PetscFloorReal((x - m->bin_lower[d]) / m->bin_size[d]);
-
-  return (PetscInt)PetscMax(0, PetscMin(m->nbin[d] - 1, i));
-}
-
-static PetscInt bin_of_node(Mesh m, PetscInt i)
-{
-  PetscInt b = 0;
-
-  for (PetscInt d = m->loc.dim - 1; d >= 0; d--) b = b * m->nbin[d] + bin_index(m, d, m->x_start[i * m->loc.dim + d]);
-  return b;
-}
-
-/* Bins of about two cells a side, counted on the rank's own part of the domain */
-static PetscErrorCode create_bins(Mesh m)
-{
-  MeshLocal *l     = &m->loc;
-  PetscInt   total = 1, *fill;
-  PetscReal  lo[3], hi[3], size, volume = 1;
-
-  PetscFunctionBeginUser;
-  for (PetscInt d = 0; d < 3; d++) {
-    lo[d]      = PETSC_MAX_REAL;
-    hi[d]      = -PETSC_MAX_REAL;
-    m->nbin[d] = 1;
-  }
-  for (PetscInt i = 0; i < l->nnode_all; i++) {
-    for (PetscInt d = 0; d < l->dim; d++) {
-      lo[d] = PetscMin(lo[d], m->x[i * l->dim + d]);
-      hi[d] = PetscMax(hi[d], m->x[i * l->dim + d]);
-    }
-  }
-  for (PetscInt d = 0; d < l->dim; d++) volume *= PetscMax(hi[d] - lo[d], 0);
-  size = 2 * PetscPowReal(volume / PetscMax(l->ncell_all, 1), 1.0 / l->dim);
-  for (PetscInt d = 0; d < l->dim; d++) {
-    m->bin_lower[d] = lo[d];
-    m->nbin[d]      = l->nnode_all ? PetscMax(1, (PetscInt)((hi[d] - lo[d]) / size)) : 1;
-    m->bin_size[d]  = l->nnode_all ? (hi[d] - lo[d]) / m->nbin[d] : 1;
-    total *= m->nbin[d];
-  }
-  PetscCall(PetscCalloc1(total + 1, &m->bin_ptr));
-  PetscCall(PetscMalloc2(l->nnode_all, &m->bin_node, l->nnode_all, &m->found));
-  PetscCall(PetscMalloc1(total, &fill));
-  for (PetscInt i = 0; i < l->nnode_all; i++) m->bin_ptr[bin_of_node(m, i) + 1]++;
-  for (PetscInt b = 0; b < total; b++) m->bin_ptr[b + 1] += m->bin_ptr[b];
-  for (PetscInt b = 0; b < total; b++) fill[b] = m->bin_ptr[b];
-  for (PetscInt i = 0; i < l->nnode_all; i++) m->bin_node[fill[bin_of_node(m, i)]++] = i;
-  PetscCall(PetscFree(fill));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode MeshNodesInBox(Mesh m, const PetscReal lo[], const PetscReal hi[], PetscInt *n, const PetscInt *list[])
-{
-  const PetscInt dim  = m->loc.dim;
-  PetscInt       a[3] = {0, 0, 0}, b[3] = {0, 0, 0};
-
-  PetscFunctionBeginUser;
-  *n    = 0;
-  *list = m->found;
-  if (!m->loc.nnode_all) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt d = 0; d < dim; d++) {
-    if (hi[d] < m->bin_lower[d] || lo[d] > m->bin_lower[d] + m->nbin[d] * m->bin_size[d]) PetscFunctionReturn(PETSC_SUCCESS);
-    a[d] = bin_index(m, d, lo[d]);
-    b[d] = bin_index(m, d, hi[d]);
-  }
-  for (PetscInt k = a[2]; k <= b[2]; k++) {
-    for (PetscInt j = a[1]; j <= b[1]; j++) {
-      const PetscInt row = (k * m->nbin[1] + j) * m->nbin[0];
-
-      for (PetscInt q = m->bin_ptr[row + a[0]]; q < m->bin_ptr[row + b[0] + 1]; q++) {
-        const PetscInt   i  = m->bin_node[q];
-        const PetscReal *x  = m->x_start + i * dim;
-        PetscBool        in = PETSC_TRUE;
-
-        for (PetscInt d = 0; d < dim; d++) in = (PetscBool)(in && x[d] >= lo[d] && x[d] <= hi[d]);
-        if (in) m->found[(*n)++] = i;
-      }
-    }
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* ---- public ---- */
 
 PetscErrorCode MeshCreate(MPI_Comm comm, Mesh *mesh)
@@ -500,15 +295,12 @@ PetscErrorCode MeshCreate(MPI_Comm comm, Mesh *mesh)
   PetscCall(order_cells(m, ghost, order));
   PetscCall(PetscMalloc2(m->loc.ncell_all * m->loc.nb, &m->cell_node, m->loc.ncell_all, &m->cell_global));
   for (PetscInt c = 0; c < m->loc.ncell_all; c++) PetscCall(cell_lattice(m->dm, m->loc.dim, order[c], m->cell_node + c * m->loc.nb));
-  PetscCall(number_nodes(m, ghost, pEnd, number));
-  PetscCall(PetscMalloc1(m->loc.nnode_all, &m->node_global));
-  PetscCall(number_globally(m, pEnd, order, number));
-  PetscCall(create_node_sf(m));
-  PetscCall(connect_nodes_to_cells(m));
+  PetscCall(MeshNumberNodes(m, ghost, pEnd, number));
+  PetscCall(MeshNumberGlobally(m, pEnd, order, number));
   PetscCall(set_coordinates(m, order));
   m->x_start = m->x;
   PetscCall(collect_boundary_nodes(m, number));
-  PetscCall(create_bins(m));
+  PetscCall(MeshCreateBins(m));
   PetscCall(PetscFree2(order, number));
   PetscCall(PetscFree(ghost));
   m->loc.cell_node     = m->cell_node;
@@ -528,17 +320,16 @@ PetscErrorCode MeshDestroy(Mesh *mesh)
 
   PetscFunctionBeginUser;
   if (!m) PetscFunctionReturn(PETSC_SUCCESS);
-  for (int bs = 0; bs < MAX_BLOCK; bs++) PetscCallMPI(MPI_Type_free(&m->block[bs]));
+  for (int bs = 0; bs < MESH_MAX_BLOCK; bs++) PetscCallMPI(MPI_Type_free(&m->block[bs]));
   for (PetscInt b = 0; b < m->nboundary; b++) PetscCall(PetscFree(m->boundary_node[b]));
   PetscCall(PetscFree2(m->boundary_node, m->boundary_count));
-  PetscCall(PetscFree(m->bin_ptr));
+  PetscCall(MeshDestroyBins(m));
   PetscCall(PetscFree2(m->cell_node, m->cell_global));
   PetscCall(PetscFree(m->node_global));
   PetscCall(PetscFree(m->node_cell_ptr));
   PetscCall(PetscFree(m->node_cell));
   if (m->x_start != m->x) PetscCall(PetscFree(m->x_start));
   PetscCall(PetscFree(m->x));
-  PetscCall(PetscFree2(m->bin_node, m->found));
   PetscCall(PetscSFDestroy(&m->node_sf));
   PetscCall(DMDestroy(&m->dm));
   PetscCall(MeshKindDestroy(&m->kind));
@@ -607,14 +398,8 @@ PetscErrorCode MeshCellCoordinates(Mesh m, PetscInt c, PetscReal xc[])
   const PetscReal *centre = m->x + node[l->nb / 2] * dim;
 
   PetscFunctionBeginUser;
-  for (PetscInt j = 0; j < l->nb; j++) {
-    for (PetscInt d = 0; d < dim; d++) {
-      PetscReal x = m->x[node[j] * dim + d];
-
-      if (l->period[d] > 0) x -= l->period[d] * PetscFloorReal((x - centre[d]) / l->period[d] + 0.5);
-      xc[j * dim + d] = x;
-    }
-  }
+  for (PetscInt j = 0; j < l->nb; j++)
+    for (PetscInt d = 0; d < dim; d++) xc[j * dim + d] = DomainNearest(l->period[d], m->x[node[j] * dim + d], centre[d]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -651,61 +436,7 @@ PetscErrorCode MeshRebase(Mesh m)
     hmin = PetscMin(hmin, PetscPowReal(volume, 1.0 / l->dim));
   }
   PetscCallMPI(MPI_Allreduce(&hmin, &l->h, 1, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
-  PetscCall(PetscFree(m->bin_ptr));
-  PetscCall(PetscFree2(m->bin_node, m->found));
-  PetscCall(create_bins(m));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* PETSc 3.18 cannot reduce a contiguous type of one number */
-static MPI_Datatype block_type(Mesh m, PetscInt bs)
-{
-  return bs == 1 ? MPIU_REAL : m->block[bs - 1];
-}
-
-PetscErrorCode MeshSyncNodes(Mesh m, PetscInt bs, PetscReal v[])
-{
-  PetscFunctionBeginUser;
-  PetscCall(PetscSFBcastBegin(m->node_sf, block_type(m, bs), v, v, MPI_REPLACE));
-  PetscCall(PetscSFBcastEnd(m->node_sf, block_type(m, bs), v, v, MPI_REPLACE));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode MeshSumNodes(Mesh m, PetscInt bs, PetscReal v[])
-{
-  PetscFunctionBeginUser;
-  PetscCall(PetscSFReduceBegin(m->node_sf, block_type(m, bs), v, v, MPIU_SUM));
-  PetscCall(PetscSFReduceEnd(m->node_sf, block_type(m, bs), v, v, MPIU_SUM));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode MeshSyncNodesInt(Mesh m, PetscInt v[])
-{
-  PetscFunctionBeginUser;
-  PetscCall(PetscSFBcastBegin(m->node_sf, MPIU_INT, v, v, MPI_REPLACE));
-  PetscCall(PetscSFBcastEnd(m->node_sf, MPIU_INT, v, v, MPI_REPLACE));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode MeshNumberVertices(Mesh m, PetscInt vertex[], PetscInt *nown)
-{
-  const MeshLocal *l     = &m->loc;
-  PetscInt         start = 0;
-
-  PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < l->nnode_all; i++) vertex[i] = -1;
-  for (PetscInt i = 0; i < l->ncell_all * l->nb; i++) {
-    const PetscInt j = i % l->nb;
-
-    if (j % 3 != 1 && (j / 3) % 3 != 1 && (l->dim == 2 || j / 9 != 1)) vertex[l->cell_node[i]] = 0;
-  }
-  *nown = 0;
-  for (PetscInt i = 0; i < l->nnode; i++)
-    if (vertex[i] == 0) vertex[i] = (*nown)++;
-  PetscCallMPI(MPI_Scan(nown, &start, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
-  start -= *nown;
-  for (PetscInt i = 0; i < l->nnode; i++)
-    if (vertex[i] >= 0) vertex[i] += start;
-  PetscCall(MeshSyncNodesInt(m, vertex));
+  PetscCall(MeshDestroyBins(m));
+  PetscCall(MeshCreateBins(m));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -1,10 +1,12 @@
-/* Partition of the mesh with METIS, k-way (Karypis & Kumar, SIAM J. Sci. Comput. 20, 1998), minimising the edge cut of the dual graph.
+/* Partition of the mesh with METIS, k-way (Karypis & Kumar, SIAM J. Sci. Comput. 20, 1998), minimising the edge cut of
+   the dual graph.
 
-   PETSc keeps the operations of a partitioner in a private header. The public way to bring one's own is the type "shell", which holds
-   a partition that was computed beforehand. So PartitionPrepare computes the partition and composes it with the partitioner object;
-   the constructor registered as "metis" turns the object into a shell that holds the composed partition. It can therefore run as often
-   as options are read (DMSetFromOptions sets the type again) without losing the partition. -petscpartitioner_view shows type shell.
-   Does not weight cells, and does not repartition a running simulation. */
+   PETSc keeps the operations of a partitioner in a private header. The public way to bring one's own is the type
+   "shell", which holds a partition that was computed beforehand. So PartitionPrepare computes the partition and
+   composes it with the partitioner object; the constructor registered as "metis" turns the object into a shell that
+   holds the composed partition. It can therefore run as often as options are read (DMSetFromOptions sets the type
+   again) without losing the partition. -petscpartitioner_view shows type shell. Does not weight cells, and does not
+   repartition a running simulation. */
 #include "partition.h"
 #include "compat.h"
 #include <metis.h>
@@ -13,8 +15,7 @@
 #define PARTITION_SIZES  "tumble_partition_sizes"  /* IS: number of local cells for each rank */
 #define PARTITION_POINTS "tumble_partition_points" /* IS: local cells, grouped by the rank they go to */
 
-/* How METIS is asked: the best of several cuts, at most 1 % more cells than the mean. On squares of 1,600 to 160,000 cells and 2 to 16 ranks
-   the cut is then within a few per cent of that of METIS' own 3 %, and of recursive bisection, which takes longer on large meshes. */
+/* The best of several cuts, at most 1 % more cells than the mean: with METIS' own 3 % the cut is hardly shorter */
 #define METIS_CUTS      4
 #define METIS_IMBALANCE 10 /* in 1/1000 */
 
@@ -66,8 +67,8 @@ static PetscErrorCode count_empty(idx_t n, const idx_t part[], idx_t nparts, Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Cut a graph into nparts; *empty of them got nothing, *code is the answer of METIS. On a graph with a few vertices for each part
-   k-way leaves parts empty; recursive bisection does not. */
+/* Cut a graph into nparts; *empty of them got nothing, *code is the answer of METIS. On a graph with a few vertices for
+   each part k-way leaves parts empty; recursive bisection does not. */
 static PetscErrorCode call_metis(idx_t n, idx_t xadj[], idx_t adjncy[], idx_t nparts, idx_t part[], PetscInt *empty, PetscInt *code)
 {
   idx_t options[METIS_NOPTIONS], one = 1, cut;
@@ -90,7 +91,7 @@ static PetscErrorCode call_metis(idx_t n, idx_t xadj[], idx_t adjncy[], idx_t np
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The same for PETSc's integers, which may differ from those of METIS: degree [n], neighbours one vertex after the other -> part [n] */
+/* The same for PETSc's integers: degree [n], neighbours one vertex after the other -> part [n] */
 static PetscErrorCode cut_graph(const Gathered *degree, const Gathered *neighbour, PetscInt nparts, PetscInt part[], PetscInt *empty, PetscInt *code)
 {
   const PetscInt n = degree->n, nedge = neighbour->n;
@@ -142,7 +143,7 @@ static PetscErrorCode check_result(MPI_Comm comm, PetscInt ncell, PetscBool too_
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Rank of each of the nlocal own cells, part [nlocal], from the dual graph (CSR: start, neighbour with global numbers) */
+/* Rank of each of the nlocal own cells, part [nlocal], from the dual graph (CSR, global numbers) */
 static PetscErrorCode compute_partition(MPI_Comm comm, PetscInt nlocal, const PetscInt start[], const PetscInt neighbour[], PetscInt part[])
 {
   Gathered    degree, edges;
@@ -250,7 +251,8 @@ static PetscErrorCode prepare_metis(DM dm, PetscPartitioner p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PartitionRegisterMetis(void)
+/* Make the type name "metis" known; it needs a partition made by PartitionPrepare */
+static PetscErrorCode register_metis(void)
 {
   PetscFunctionBeginUser;
   PetscCall(PetscPartitionerInitializePackage()); /* otherwise PETSc's own types are still missing from the list */
@@ -279,7 +281,7 @@ PetscErrorCode PartitionPrepare(DM dm)
 
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_size(PetscObjectComm((PetscObject)dm), &size));
-  PetscCall(PartitionRegisterMetis());
+  PetscCall(register_metis());
   PetscCall(DMPlexGetPartitioner(dm, &p));
   PetscCall(get_type(p, type, sizeof(type)));
   PetscCall(check_type(p, type));

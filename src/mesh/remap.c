@@ -1,7 +1,8 @@
-/* Remap: see remap.h. Candidates are the cells of a patch of 5 x 5 around the place, found by their centre nodes in the background grid of the mesh. */
+/* Remap: see remap.h. Candidates are the cells of a patch of 5 x 5 around the place, found by their centre nodes in the
+   background grid of the mesh. */
 #include "compat.h"
 #include "mesh/remap.h"
-#include "base/dense.h"
+#include "base/algebra.h"
 #include "mesh/element.h"
 
 #define MAX_PATCH 64
@@ -32,7 +33,7 @@ static PetscReal map_cell(const PetscReal xc[], const PetscReal xi[2], PetscReal
   return DenseDeterminant(2, J);
 }
 
-/* Newton's method for x(xi) = x from the middle of the cell; false if it leaves the reach or meets a Jacobian that is not positive */
+/* Newton's method for x(xi) = x from the middle of the cell; false if it goes too far or meets a Jacobian <= 0 */
 static PetscBool invert_map(const PetscReal xc[], const PetscReal x[2], PetscReal xi[2])
 {
   PetscReal change = 1;
@@ -60,10 +61,7 @@ static PetscErrorCode try_cell(Remap r, PetscInt c, const PetscReal at[2], Petsc
 
   PetscFunctionBeginUser;
   PetscCall(MeshCellCoordinates(r->mesh, c, xc));
-  for (PetscInt a = 0; a < 2; a++) {
-    x[a] = at[a];
-    if (l->period[a] > 0) x[a] -= l->period[a] * PetscFloorReal((x[a] - centre[a]) / l->period[a] + 0.5);
-  }
+  for (PetscInt a = 0; a < 2; a++) x[a] = DomainNearest(l->period[a], at[a], centre[a]);
   if (invert_map(xc, x, xi)) {
     outside = PetscMax(PetscAbsReal(xi[0]), PetscAbsReal(xi[1]));
     if (outside < 1 + 1e-10) *best = (Answer){0, c, {xi[0], xi[1]}, {0, 0}};
@@ -88,7 +86,7 @@ static PetscBool may_answer(RemapCells cells, PetscInt c, PetscInt side)
   return (PetscBool)(cells.dead[c] < 0 && (!side || cells.side[c] != -side));
 }
 
-/* Fluid cells of the patch around x, nearest first as far as the list is long: cell [MAX_PATCH]. own: only cells of this rank */
+/* Fluid cells of the patch around x, nearest first: cell [MAX_PATCH]. own: only cells of this rank */
 static PetscErrorCode find_patch(Remap r, const PetscReal x[2], PetscReal size, PetscInt side, RemapCells cells, PetscBool own, PetscInt *n,
                                  PetscInt cell[])
 {
@@ -142,7 +140,7 @@ static PetscErrorCode find_answer(Remap r, const PetscReal x[2], PetscReal size,
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* May a cell with these nodes contain x? Edges are parabolas through their nodes, which hardly leave the box of the nodes. */
+/* May a cell with these nodes contain x? Edges, parabolas through their nodes, hardly leave the box of the nodes. */
 static PetscBool is_in_box(const PetscReal xc[], const PetscReal x[2])
 {
   for (PetscInt a = 0; a < 2; a++) {
@@ -170,10 +168,7 @@ static PetscErrorCode try_around(Remap r, PetscInt i, const PetscReal at[2], Pet
 
     if (!may_answer(cells, c, side)) continue;
     PetscCall(MeshCellCoordinates(r->mesh, c, xc));
-    for (PetscInt a = 0; a < 2; a++) {
-      x[a] = at[a];
-      if (l->period[a] > 0) x[a] -= l->period[a] * PetscFloorReal((x[a] - xc[8 + a]) / l->period[a] + 0.5);
-    }
+    for (PetscInt a = 0; a < 2; a++) x[a] = DomainNearest(l->period[a], at[a], xc[8 + a]);
     if (is_in_box(xc, x) && invert_map(xc, x, xi) && PetscMax(PetscAbsReal(xi[0]), PetscAbsReal(xi[1])) < 1 + 1e-10)
       *best = (Answer){0, c, {xi[0], xi[1]}, {0, 0}};
   }
@@ -229,7 +224,8 @@ typedef struct {
   int       rank;
 } KeyRank;
 
-/* Places that no local cell contains, on every rank: open [nopen] indices into nodes; the answers of all ranks compete. counts of (b), (c), (d) are added. */
+/* Places that no local cell contains, on every rank: open [nopen] indices into nodes; the answers of all ranks compete.
+   counts of (b), (c), (d) are added. */
 static PetscErrorCode ask_all(Remap r, PetscInt nopen, const PetscInt open[], const PetscInt nodes[], const PetscReal x[], const PetscInt side[],
                               RemapCells cells, PetscInt nfield, const PetscReal *const field[], PetscReal out[], RemapCount *count)
 {

@@ -6,6 +6,7 @@
    not across the whole picture.
    The file is not made for restarts and holds no history of the bodies: see checkpoint and monitor. */
 #include "compat.h"
+#include "base/algebra.h"
 #include "base/hdf5.h"
 #include "report/fields.h"
 #include "base/log.h"

@@ -2,7 +2,7 @@
 #include "compat.h"
 #include "base/hdf5.h"
 #include "report/outlines.h"
-#include "base/rotation.h"
+#include "base/algebra.h"
 #include "files.h"
 #include <stdio.h>
 

@@ -1,15 +1,15 @@
 /* Shapes: finding, loading and checking shape plugins, and the calls every user of a shape makes.
 
-   A plugin is a shared object that exports one constant record, `tumble_shape` (shape.h). It is opened once with dlopen, kept in a
-   table until ShapeFinalize, and its record is checked before anything in it is called. Files may be missing or broken on one rank
-   only, so the outcome of loading is agreed on: all ranks raise the error of the lowest rank that failed.
-   What a plugin leaves out is filled in by shapedefault.c. Lengths are in the unit of the scene. This file knows no geometry. */
+   A plugin is a shared object that exports one constant record, `tumble_shape` (shape.h). It is opened once with
+   dlopen, kept in a table until ShapeFinalize, and its record is checked before anything in it is called. Files may be
+   missing or broken on one rank only, so the outcome of loading is agreed on: all ranks raise the error of the lowest
+   rank that failed. Geometry is asked in geometry.c; what a plugin leaves out is filled in by default.c and
+   surface.c. */
 #if !defined(_GNU_SOURCE)
   #define _GNU_SOURCE /* dladdr */
 #endif
 #include "compat.h"
-#include "shape.h"
-#include "default.h"
+#include "impl.h"
 #include "base/opt.h"
 #include <dirent.h>
 #include <dlfcn.h>
@@ -18,35 +18,7 @@
 #include <unistd.h>
 
 #define MAX_PLUGINS 64
-#define MAX_OPTIONS 32
 #define MAX_PATHS   4096
-#define CHUNK       64 /* points handled at a time on the stack */
-
-typedef struct {
-  char               type[64];
-  char               file[PETSC_MAX_PATH_LEN];
-  void              *handle;
-  const ShapePlugin *plugin;
-} Loaded;
-
-typedef struct {
-  char      name[64];
-  PetscReal lower, upper;
-} OptionRange;
-
-struct _p_Shape {
-  const Loaded *loaded;
-  ShapeOps      ops;
-  PetscInt      dim;
-  char          prefix[128];
-  void         *data;
-  PetscReal     radius; /* about the body origin */
-  PetscBool     have_mass, have_centroid_radius, have_disc;
-  ShapeMass     mass;
-  PetscReal     centroid_radius, disc;
-  PetscInt      noptions;
-  OptionRange   option[MAX_OPTIONS];
-};
 
 static Loaded   table[MAX_PLUGINS];
 static PetscInt ntable = 0;
@@ -133,7 +105,7 @@ static PetscErrorCode ListFolder(const char folder[], PetscInt max, PetscInt *n,
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* "airfoil, circle, ellipse": every plugin in the search path, sorted, each once. */
+/* "airfoil, circle, ellipse": every plugin in the search path but the template for new ones, sorted, each once. */
 static PetscErrorCode ListKnown(const char path[], char list[], size_t len)
 {
   char   **folder, *names[256];
@@ -147,7 +119,7 @@ static PetscErrorCode ListKnown(const char path[], char list[], size_t len)
   PetscCall(PetscStrToArrayDestroy(nfolder, folder));
   qsort(names, (size_t)n, sizeof(names[0]), CompareNames);
   for (PetscInt i = 0; i < n; i++) {
-    if (i && !strcmp(names[i], names[i - 1])) continue;
+    if (!strcmp(names[i], "template") || (i && !strcmp(names[i], names[i - 1]))) continue;
     if (list[0]) PetscCall(PetscStrlcat(list, ", ", len));
     PetscCall(PetscStrlcat(list, names[i], len));
   }
@@ -281,7 +253,7 @@ static PetscErrorCode NameOption(Shape s, const char name[], PetscReal lower, Pe
 {
   PetscFunctionBeginUser;
   PetscCall(PetscSNPrintf(full, len, "-%s%s", s->prefix, name));
-  if (numeric && s->noptions < MAX_OPTIONS) {
+  if (numeric && s->noptions < SHAPE_MAX_OPTIONS) {
     OptionRange *o = &s->option[s->noptions++];
 
     PetscCall(PetscStrncpy(o->name, name, sizeof(o->name)));
@@ -334,7 +306,7 @@ PetscErrorCode ShapeOptionString(Shape s, const char name[], const char help[], 
 
 /* ---- create, destroy ---- */
 
-/* Probe the distance once on a grid around the body: a plugin that is wrong everywhere should stop here, not in step 500. */
+/* Probe the distance on a grid around the body: a plugin that is wrong everywhere should stop here, not in step 500. */
 static PetscErrorCode CheckShape(Shape s)
 {
   const PetscInt m = 9, n = s->dim == 2 ? m * m : m * m * m;
@@ -449,210 +421,6 @@ PetscErrorCode ShapeGetOption(Shape s, PetscInt i, const char *name[], PetscReal
   *name  = s->option[i].name;
   *lower = s->option[i].lower;
   *upper = s->option[i].upper;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* ---- geometry ---- */
-
-PetscErrorCode ShapeDistance(Shape s, PetscInt n, const PetscReal x[], PetscReal d[])
-{
-  PetscInt bad = 0;
-
-  PetscFunctionBeginUser;
-  PetscCall(s->ops.distance(s, n, x, d));
-  for (PetscInt i = 0; i < n; i++) bad += !(PetscAbsReal(d[i]) <= PETSC_MAX_REAL);
-  if (PetscUnlikely(bad)) {
-    PetscInt i = 0;
-
-    while (PetscAbsReal(d[i]) <= PETSC_MAX_REAL) i++;
-    SETERRQ(PETSC_COMM_SELF, PETSC_ERR_FP,
-            "Shape '%s' returns the distance %g at (%g, %g, %g), which is not finite: check the plugin with 'make test-shape SHAPE=%s'",
-            s->loaded->type, (double)d[i], (double)x[i * s->dim], (double)x[i * s->dim + 1], s->dim == 3 ? (double)x[i * s->dim + 2] : 0.0,
-            s->loaded->file);
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ShapeNormal(Shape s, PetscInt n, const PetscReal x[], PetscReal normal[])
-{
-  PetscFunctionBeginUser;
-  if (s->ops.normal) PetscCall(s->ops.normal(s, n, x, normal));
-  else PetscCall(ShapeDefaultNormal(s, s->radius, s->dim, n, x, normal));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Unit direction k of n spread over the circle (sphere: Fibonacci lattice). */
-static void SpreadDirection(PetscInt dim, PetscInt k, PetscInt n, PetscReal e[])
-{
-  if (dim == 2) {
-    e[0] = PetscCosReal(2.0 * PETSC_PI * (PetscReal)k / (PetscReal)n);
-    e[1] = PetscSinReal(2.0 * PETSC_PI * (PetscReal)k / (PetscReal)n);
-  } else {
-    PetscReal z = 1.0 - (2.0 * (PetscReal)k + 1.0) / (PetscReal)n, rho = PetscSqrtReal(1.0 - z * z), phi = 2.399963229728653 * (PetscReal)k;
-
-    e[0] = rho * PetscCosReal(phi);
-    e[1] = rho * PetscSinReal(phi);
-    e[2] = z;
-  }
-}
-
-/* Direction k of n within an angle of about `spread` around e; all directions if spread is 0. */
-static void ConeDirection(PetscInt dim, PetscInt k, PetscInt n, const PetscReal e[], PetscReal spread, PetscReal out[])
-{
-  PetscReal u[3], len = 0;
-
-  SpreadDirection(dim, k, n, u);
-  for (PetscInt a = 0; a < dim; a++) {
-    out[a] = spread > 0 ? e[a] + spread * (PetscReal)(k % 8 + 1) / 8.0 * u[a] : u[a];
-    len += PetscSqr(out[a]);
-  }
-  for (PetscInt a = 0; a < dim; a++) out[a] /= PetscSqrtReal(len);
-}
-
-/* Where the gradient misleads (kink, medial axis): of all points at distance |d| around y0, the closest to the surface, in ever narrower cones.
-   Replaces y, d if it is better than they are. */
-static PetscErrorCode StepBySearch(Shape s, const PetscReal y0[], PetscReal d0, PetscReal y[], PetscReal *d)
-{
-  const PetscReal spread[5] = {0.0, 0.15, 0.02, 0.003, 0.0004};
-  const PetscInt  dim = s->dim, n = dim == 2 ? CHUNK : 4 * CHUNK;
-  PetscReal       x[4 * CHUNK * 3], dist[4 * CHUNK], e[3] = {0, 0, 0}, out[3], best_d = PETSC_MAX_REAL;
-
-  PetscFunctionBeginUser;
-  for (int stage = 0; stage < 5; stage++) {
-    PetscInt best = -1;
-
-    for (PetscInt k = 0; k < n; k++) {
-      ConeDirection(dim, k, n, e, spread[stage], out);
-      for (PetscInt a = 0; a < dim; a++) x[k * dim + a] = y0[a] + PetscAbsReal(d0) * out[a];
-    }
-    PetscCall(ShapeDistance(s, n, x, dist));
-    for (PetscInt k = 0; k < n; k++) {
-      if (PetscAbsReal(dist[k]) >= PetscAbsReal(best_d)) continue;
-      best   = k;
-      best_d = dist[k];
-    }
-    if (best < 0) continue;
-    for (PetscInt a = 0; a < dim; a++) e[a] = (x[best * dim + a] - y0[a]) / PetscAbsReal(d0);
-  }
-  if (PetscAbsReal(best_d) >= PetscAbsReal(*d)) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt a = 0; a < dim; a++) y[a] = y0[a] + PetscAbsReal(d0) * e[a];
-  PetscCall(ShapeDistance(s, 1, y, d));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Project up to CHUNK points in place. Because |d| never exceeds the true distance, a step of length |d| cannot cross the surface;
-   where d is Euclidean and smooth one step is enough, so one that leaves a tenth of the way went in the wrong direction. */
-static PetscErrorCode ProjectChunk(Shape s, PetscInt n, PetscReal y[])
-{
-  const PetscInt  dim = s->dim, max_iterations = 200;
-  const PetscReal tolerance = 1e-12 * s->radius;
-  PetscReal       d[CHUNK], old_d[CHUNK], old_y[CHUNK * 3], normal[CHUNK * 3];
-  PetscInt        open = n;
-
-  PetscFunctionBeginUser;
-  PetscCall(ShapeDistance(s, n, y, d));
-  for (PetscInt it = 0; it < max_iterations && open; it++) {
-    PetscCall(ShapeNormal(s, n, y, normal));
-    PetscCall(PetscArraycpy(old_y, y, n * dim));
-    PetscCall(PetscArraycpy(old_d, d, n));
-    for (PetscInt i = 0; i < n; i++)
-      for (PetscInt a = 0; a < dim; a++) y[i * dim + a] -= PetscAbsReal(d[i]) > tolerance ? d[i] * normal[i * dim + a] : 0.0;
-    PetscCall(ShapeDistance(s, n, y, d));
-    open = 0;
-    for (PetscInt i = 0; i < n; i++) {
-      if (PetscAbsReal(d[i]) > tolerance && PetscAbsReal(d[i]) > 0.1 * PetscAbsReal(old_d[i]))
-        PetscCall(StepBySearch(s, &old_y[i * dim], old_d[i], &y[i * dim], &d[i]));
-      if (PetscAbsReal(d[i]) > tolerance) open++;
-    }
-  }
-  for (PetscInt i = 0; i < n; i++)
-    PetscCheck(PetscAbsReal(d[i]) <= tolerance, PETSC_COMM_SELF, PETSC_ERR_NOT_CONVERGED,
-               "Projection onto shape '%s' stopped at (%g, %g, %g) with distance %g instead of %g: its distance or normal is wrong there, check it with 'make test-shape SHAPE=%s'",
-               s->loaded->type, (double)y[i * dim], (double)y[i * dim + 1], dim == 3 ? (double)y[i * dim + 2] : 0.0, (double)d[i], (double)tolerance,
-               s->loaded->file);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ShapeProject(Shape s, PetscInt n, const PetscReal x[], PetscReal y[])
-{
-  PetscFunctionBeginUser;
-  if (y != x) PetscCall(PetscArraymove(y, x, n * s->dim));
-  for (PetscInt i = 0; i < n; i += CHUNK) PetscCall(ProjectChunk(s, PetscMin(CHUNK, n - i), y + i * s->dim));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ShapeGetMass(Shape s, ShapeMass *m)
-{
-  PetscFunctionBeginUser;
-  if (!s->have_mass) {
-    PetscCall(PetscMemzero(&s->mass, sizeof(s->mass)));
-    if (s->ops.mass) PetscCall(s->ops.mass(s, &s->mass));
-    else PetscCall(ShapeDefaultMass(s, s->radius, s->dim, &s->mass));
-    PetscCheck(s->mass.volume > 0 && s->mass.volume < PETSC_MAX_REAL, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-               "Shape '%s' has volume %g, which must be positive and finite: check its options -%s* and 'make test-shape SHAPE=%s'", s->loaded->type,
-               (double)s->mass.volume, s->prefix, s->loaded->file);
-    s->have_mass = PETSC_TRUE;
-  }
-  *m = s->mass;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ShapeGetRadius(Shape s, PetscReal *r)
-{
-  ShapeMass m;
-
-  PetscFunctionBeginUser;
-  if (!s->have_centroid_radius) {
-    PetscReal offset2 = 0;
-
-    PetscCall(ShapeGetMass(s, &m));
-    for (PetscInt a = 0; a < s->dim; a++) offset2 += PetscSqr(m.centroid[a]);
-    PetscCall(ShapeDefaultRadius(s, s->radius, s->dim, m.centroid, &s->centroid_radius));
-    s->centroid_radius      = PetscMin(s->centroid_radius, s->radius + PetscSqrtReal(offset2));
-    s->have_centroid_radius = PETSC_TRUE;
-  }
-  *r = s->centroid_radius;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ShapeSurface(Shape s, PetscInt n, PetscReal x[], PetscReal w[])
-{
-  PetscFunctionBeginUser;
-  if (s->ops.surface) PetscCall(s->ops.surface(s, n, x, w));
-  else if (n > 0) PetscCall(ShapeDefaultSurface(s, s->radius, s->dim, n, x, w));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Project points around the body onto it and compare their radii; the volume rules out holes. 1e-6 leaves room for a centroid found by quadrature. */
-PetscErrorCode ShapeGetDisc(Shape s, PetscReal *r)
-{
-  enum {
-    N = 97
-  };
-  PetscReal x[N * 3], e[3], r0 = PETSC_MAX_REAL, r1 = 0, sum = 0, ball;
-  ShapeMass m;
-
-  PetscFunctionBeginUser;
-  if (!s->have_disc) {
-    PetscCall(ShapeGetMass(s, &m));
-    for (PetscInt k = 0; k < N; k++) {
-      SpreadDirection(s->dim, k, N, e);
-      for (PetscInt a = 0; a < s->dim; a++) x[k * s->dim + a] = m.centroid[a] + 1.5 * s->radius * e[a];
-    }
-    PetscCall(ShapeProject(s, N, x, x));
-    for (PetscInt k = 0; k < N; k++) {
-      PetscReal r2 = 0;
-
-      for (PetscInt a = 0; a < s->dim; a++) r2 += PetscSqr(x[k * s->dim + a] - m.centroid[a]);
-      r0 = PetscMin(r0, PetscSqrtReal(r2));
-      r1 = PetscMax(r1, PetscSqrtReal(r2));
-      sum += PetscSqrtReal(r2) / N;
-    }
-    ball         = s->dim == 2 ? PETSC_PI * PetscSqr(sum) : 4.0 / 3.0 * PETSC_PI * sum * PetscSqr(sum);
-    s->disc      = r1 - r0 <= 1e-6 * sum && PetscAbsReal(m.volume - ball) <= 1e-3 * ball ? sum : 0.0;
-    s->have_disc = PETSC_TRUE;
-  }
-  *r = s->disc;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

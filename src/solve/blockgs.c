@@ -2,7 +2,7 @@
    read for nothing when blocks have three rows. */
 #include "compat.h"
 #include "blockgs.h"
-#include "base/dense.h"
+#include "base/algebra.h"
 
 #define MAX_NK   4
 #define RANK(nk) ((nk) == 3 ? 3 : 6) /* columns of a block of the low-rank part: rigid motions in 2 and 3 dimensions */

@@ -1,7 +1,7 @@
 /* Bodyblocks: see bodyblocks.h. */
 #include "compat.h"
 #include "bodyblocks.h"
-#include "base/dense.h"
+#include "base/algebra.h"
 
 struct _p_BodyBlocks {
   Flow             flow;

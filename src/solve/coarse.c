@@ -1,7 +1,7 @@
 /* Coarse: see coarse.h. Ghost cells are known, so every rank builds the rows of its cells and the part of its nodes alone. */
 #include "compat.h"
 #include "coarse.h"
-#include "base/dense.h"
+#include "base/algebra.h"
 #include "lagged.h"
 
 #define MAX_VERTICES 125 /* vertices of the cells around a node: 9 (27) on regular meshes */

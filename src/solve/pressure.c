@@ -3,7 +3,7 @@
 #include "pressure.h"
 #include "blockgs.h"
 #include "coarse.h"
-#include "base/dense.h"
+#include "base/algebra.h"
 #include "base/log.h"
 #include "base/opt.h"
 

@@ -3,7 +3,7 @@
 #include "bodies/bodies.h"
 #include "core.h"
 #include "raised.h"
-#include "base/rotation.h"
+#include "base/algebra.h"
 
 static const PetscReal lower[3] = {-10, -10, -10}, upper[3] = {10, 10, 10}, zero[3] = {0, 0, 0}, down[3] = {0, -9.81, 0};
 

@@ -4,7 +4,7 @@
 #include "contact/contact.h"
 #include "base/opt.h"
 #include "raised.h"
-#include "base/rotation.h"
+#include "base/algebra.h"
 #include <stdarg.h>
 #include <stddef.h>
 #include <setjmp.h>

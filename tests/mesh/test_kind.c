@@ -1,7 +1,7 @@
 /* Meshkind: cell counts, areas, Jacobians, boundaries and circles of the meshes by name, refined, on any number of ranks. */
 /* ranks: 1 2 3 */
 #include "compat.h"
-#include "base/dense.h"
+#include "base/algebra.h"
 #include "mesh/element.h"
 #include "mesh/mesh.h"
 #include "map.h"

@@ -6,7 +6,7 @@ static char help
    Random points come from a fixed sequence, so a failure repeats. Needs one rank. What it cannot see: a distance that is consistent but belongs to
    another shape than its author meant; look at the picture that tools/view-shape draws. */
 #include "compat.h"
-#include "shape.h"
+#include "shape/host.h"
 #include "base/opt.h"
 #include <stdarg.h>
 #include <stdlib.h>

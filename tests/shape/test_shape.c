@@ -2,9 +2,9 @@
    Plugins that are wrong on purpose are expected in the folder badshapes beside this program, the real ones in ../../shapes (make tests). */
 /* ranks: 1 2 3 */
 #include "compat.h"
-#include "shape.h"
+#include "shape/host.h"
 #include "base/opt.h"
-#include "default.h"
+#include "impl.h"
 #include <stdarg.h>
 #include <stddef.h>
 #include <setjmp.h>
@@ -96,7 +96,7 @@ static void test_unknown_type_lists_known(void **state)
   MustFail("cube", 2, message);
   MustHold(message, "Shape 'cube' is not known (known: ");
   MustHold(message, "circle");
-  MustHold(message, "template");
+  assert_null(strstr(message, "template")); /* for writers of plugins; it can be loaded */
   MustHold(message, "Put cube.so into a folder of -shape_path, or run 'make shapes'");
 }
 

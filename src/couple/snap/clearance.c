@@ -87,8 +87,7 @@ PetscErrorCode ClearanceUpdate(Clearance c, PetscReal (*X)[3])
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < n; k++) {
     c->order[k] = k;
-    c->left[k]  = X[k][0] - near_radius(c, k);
-    if (c->loc->period[0] > 0) c->left[k] -= c->loc->period[0] * PetscFloorReal((c->left[k] - c->loc->lower[0]) / c->loc->period[0]);
+    c->left[k]  = DomainWrap(c->loc->period[0], X[k][0] - near_radius(c, k), c->loc->lower[0]);
   }
   PetscCall(PetscSortRealWithArrayInt(n, c->left, c->order));
   PetscCall(PetscArrayzero(c->ptr, n + 1));

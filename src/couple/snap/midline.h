@@ -5,7 +5,7 @@
    A shape has a mid-line if it is at least three times as long as thick and if the widths along the line add up to its area within 5 %, which shapes with branches or holes do not fulfil.
    Lengths in the unit of the scene, points in the body frame. Nothing here is collective. */
 #pragma once
-#include "shape.h"
+#include "shape/host.h"
 
 typedef struct _p_Midline *Midline;
 

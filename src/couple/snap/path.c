@@ -11,7 +11,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "../indicator.h"
-#include "base/rotation.h"
+#include "base/algebra.h"
 
 #define THIN    1.0 /* thickness below which a body is a path, smallest cell size along it */
 #define LONG    3   /* smallest length, cell sizes */

@@ -461,8 +461,7 @@ static PetscReal cell_quality(Snap s, PetscInt c, PetscReal *area)
 
   for (PetscInt j = 0; j < 9; j++) {
     for (PetscInt a = 0; a < 2; a++) {
-      x[2 * j + a] = l->x_start[2 * node[j] + a];
-      if (l->period[a] > 0) x[2 * j + a] -= l->period[a] * PetscFloorReal((x[2 * j + a] - l->x_start[2 * node[4] + a]) / l->period[a] + 0.5);
+      x[2 * j + a] = DomainNearest(l->period[a], l->x_start[2 * node[j] + a], l->x_start[2 * node[4] + a]);
       x[2 * j + a] += s->d[2 * node[j] + a];
     }
   }

@@ -1,0 +1,19 @@
+/* Shapes as the program uses them: what a plugin has no need to see. Points are stored [n][dim], in the body frame.
+   Only ShapeView is collective. */
+#pragma once
+#include "shape.h"
+
+PetscErrorCode ShapeView(Shape, PetscViewer);
+PetscErrorCode ShapeGetType(Shape, const char *type[]);
+PetscErrorCode ShapeNormal(Shape, PetscInt n, const PetscReal x[], PetscReal normal[]); /* -> unit outward [n][dim] */
+/* Closest surface points y [n][dim]: x - d grad d, iterated until |d(y)| <= 1e-12 r. */
+PetscErrorCode ShapeProject(Shape, PetscInt n, const PetscReal x[], PetscReal y[]);
+PetscErrorCode ShapeGetRadius(Shape, PetscReal *r);                           /* bounding radius about the CENTROID */
+PetscErrorCode ShapeSurface(Shape, PetscInt n, PetscReal x[], PetscReal w[]); /* see ShapeOps.surface */
+/* Is the shape a disc/sphere about its centroid? Then *r is its radius, otherwise 0. Closed forms in contact use it. */
+PetscErrorCode ShapeGetDisc(Shape, PetscReal *r);
+/* Numeric option i = 0, 1, ... that the plugin read, without prefix, and its closed range; *name is NULL past the last
+   one. For test suites. */
+PetscErrorCode ShapeGetOption(Shape, PetscInt i, const char *name[], PetscReal *lower, PetscReal *upper);
+/* What the plugin says of itself. */
+PetscErrorCode ShapeGetPlugin(Shape, const ShapePlugin **plugin);

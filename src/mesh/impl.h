@@ -1,0 +1,33 @@
+/* The inside of a Mesh, for mesh.c (construction, geometry), node.c (numbers, exchange) and bins.c (what lies
+   where). */
+#pragma once
+#include "mesh/mesh.h"
+#include "kind.h"
+
+#define MESH_MAX_BLOCK 16
+
+struct _p_Mesh {
+  DM           dm;
+  MeshKind     kind;
+  MeshLocal    loc;
+  PetscInt    *cell_node, *cell_global, *node_global, *node_cell_ptr, *node_cell;
+  PetscReal   *x, *x_start; /* x_start is an array of its own once nodes have moved */
+  PetscSF      node_sf;     /* ghost nodes -> owners, in local node numbers */
+  MPI_Datatype block[MESH_MAX_BLOCK];
+  PetscInt     nboundary, **boundary_node, *boundary_count; /* [nboundary], names belong to kind */
+  const char (*boundary_name)[64];
+  /* background grid for MeshNodesInBox: nodes of bin b are bin_node[bin_ptr[b] .. bin_ptr[b + 1]) */
+  PetscInt  nbin[3], *bin_ptr, *bin_node, *found;
+  PetscReal bin_lower[3], bin_size[3];
+};
+
+/* Number the nodes in the order in which the cells touch them, own ones first; cell_node holds mesh points on entry,
+   nodes on exit. ghost [pEnd]: whether another rank owns a point; number [pEnd] returns the node of a point, or -1. Not
+   collective. */
+PetscErrorCode MeshNumberNodes(Mesh, const PetscBool ghost[], PetscInt pEnd, PetscInt number[]);
+/* Global numbers, the way from ghosts to owners, and the cells of each node. order [ncell_all]: the mesh point of a
+   cell. Collective. */
+PetscErrorCode MeshNumberGlobally(Mesh, PetscInt pEnd, const PetscInt order[], const PetscInt number[]);
+/* The background grid of MeshNodesInBox, of the nodes where they are. Not collective. */
+PetscErrorCode MeshCreateBins(Mesh);
+PetscErrorCode MeshDestroyBins(Mesh);

@@ -1,0 +1,168 @@
+/* Nodes of a mesh: numbers, and exchange of values between ranks (see impl.h, mesh.h). */
+#include "compat.h"
+#include "impl.h"
+
+PetscErrorCode MeshNumberNodes(Mesh m, const PetscBool ghost[], PetscInt pEnd, PetscInt number[])
+{
+  MeshLocal *l = &m->loc;
+
+  PetscFunctionBeginUser;
+  for (PetscInt p = 0; p < pEnd; p++) number[p] = -1;
+  for (PetscInt pass = 0; pass < 2; pass++) {
+    for (PetscInt i = 0; i < l->ncell_all * l->nb; i++) {
+      const PetscInt p = m->cell_node[i];
+
+      if (number[p] < 0 && (PetscInt)ghost[p] == pass) number[p] = l->nnode_all++;
+    }
+    if (pass == 0) l->nnode = l->nnode_all;
+  }
+  for (PetscInt i = 0; i < l->ncell_all * l->nb; i++) m->cell_node[i] = number[m->cell_node[i]];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Global numbers of cells and nodes: own ones count up from the rank's start, ghosts learn theirs from the owner. */
+static PetscErrorCode number_globally(Mesh m, PetscInt pEnd, const PetscInt order[], const PetscInt number[])
+{
+  MeshLocal *l      = &m->loc;
+  PetscInt   own[2] = {l->ncell, l->nnode}, start[2] = {0, 0}, total[2], *root, *leaf;
+  PetscSF    sf;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Exscan(own, start, 2, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(own, total, 2, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+  l->cell_start   = start[0];
+  l->node_start   = start[1];
+  l->ncell_global = total[0];
+  l->nnode_global = total[1];
+  PetscCall(PetscMalloc2(pEnd, &root, pEnd, &leaf));
+  PetscCall(DMGetPointSF(m->dm, &sf));
+  for (PetscInt kind = 0; kind < 2; kind++) { /* a cell point is both a cell and a node: two broadcasts */
+    for (PetscInt p = 0; p < pEnd; p++) root[p] = -1;
+    if (kind == 0) {
+      for (PetscInt c = 0; c < l->ncell; c++) root[order[c]] = l->cell_start + c;
+    } else {
+      for (PetscInt p = 0; p < pEnd; p++)
+        if (number[p] >= 0 && number[p] < l->nnode) root[p] = l->node_start + number[p];
+    }
+    PetscCall(PetscArraycpy(leaf, root, pEnd));
+    if (l->ncell_global > 0) {
+      PetscInt nroot;
+
+      PetscCall(PetscSFGetGraph(sf, &nroot, NULL, NULL, NULL));
+      if (nroot >= 0) {
+        PetscCall(PetscSFBcastBegin(sf, MPIU_INT, root, leaf, MPI_REPLACE));
+        PetscCall(PetscSFBcastEnd(sf, MPIU_INT, root, leaf, MPI_REPLACE));
+      }
+    }
+    if (kind == 0) {
+      for (PetscInt c = 0; c < l->ncell_all; c++) m->cell_global[c] = leaf[order[c]];
+    } else {
+      for (PetscInt p = 0; p < pEnd; p++)
+        if (number[p] >= 0) m->node_global[number[p]] = leaf[p];
+    }
+  }
+  PetscCall(PetscFree2(root, leaf));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode create_node_sf(Mesh m)
+{
+  const MeshLocal *l      = &m->loc;
+  const PetscInt   nghost = l->nnode_all - l->nnode;
+  PetscLayout      layout;
+  PetscInt        *ilocal;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(nghost, &ilocal));
+  for (PetscInt i = 0; i < nghost; i++) ilocal[i] = l->nnode + i;
+  PetscCall(PetscLayoutCreateFromSizes(PETSC_COMM_WORLD, l->nnode, PETSC_DETERMINE, 1, &layout));
+  PetscCall(PetscSFCreate(PETSC_COMM_WORLD, &m->node_sf));
+  PetscCall(PetscSFSetGraphLayout(m->node_sf, layout, nghost, ilocal, PETSC_OWN_POINTER, m->node_global + l->nnode));
+  PetscCall(PetscSFSetUp(m->node_sf));
+  PetscCall(PetscLayoutDestroy(&layout));
+  for (int bs = 0; bs < MESH_MAX_BLOCK; bs++) {
+    PetscCallMPI(MPI_Type_contiguous(bs + 1, MPIU_REAL, &m->block[bs]));
+    PetscCallMPI(MPI_Type_commit(&m->block[bs]));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode connect_nodes_to_cells(Mesh m)
+{
+  MeshLocal *l = &m->loc;
+  PetscInt  *fill;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc1(l->nnode_all + 1, &m->node_cell_ptr));
+  PetscCall(PetscMalloc1(l->ncell_all * l->nb, &m->node_cell));
+  for (PetscInt i = 0; i < l->ncell_all * l->nb; i++) m->node_cell_ptr[m->cell_node[i] + 1]++;
+  for (PetscInt i = 0; i < l->nnode_all; i++) m->node_cell_ptr[i + 1] += m->node_cell_ptr[i];
+  PetscCall(PetscMalloc1(l->nnode_all, &fill));
+  PetscCall(PetscArraycpy(fill, m->node_cell_ptr, l->nnode_all));
+  for (PetscInt i = 0; i < l->ncell_all * l->nb; i++) m->node_cell[fill[m->cell_node[i]]++] = i / l->nb;
+  PetscCall(PetscFree(fill));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshNumberGlobally(Mesh m, PetscInt pEnd, const PetscInt order[], const PetscInt number[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(m->loc.nnode_all, &m->node_global));
+  PetscCall(number_globally(m, pEnd, order, number));
+  PetscCall(create_node_sf(m));
+  PetscCall(connect_nodes_to_cells(m));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* PETSc 3.18 cannot reduce a contiguous type of one number */
+static MPI_Datatype block_type(Mesh m, PetscInt bs)
+{
+  return bs == 1 ? MPIU_REAL : m->block[bs - 1];
+}
+
+PetscErrorCode MeshSyncNodes(Mesh m, PetscInt bs, PetscReal v[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscSFBcastBegin(m->node_sf, block_type(m, bs), v, v, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(m->node_sf, block_type(m, bs), v, v, MPI_REPLACE));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshSumNodes(Mesh m, PetscInt bs, PetscReal v[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscSFReduceBegin(m->node_sf, block_type(m, bs), v, v, MPIU_SUM));
+  PetscCall(PetscSFReduceEnd(m->node_sf, block_type(m, bs), v, v, MPIU_SUM));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshSyncNodesInt(Mesh m, PetscInt v[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscSFBcastBegin(m->node_sf, MPIU_INT, v, v, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(m->node_sf, MPIU_INT, v, v, MPI_REPLACE));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshNumberVertices(Mesh m, PetscInt vertex[], PetscInt *nown)
+{
+  const MeshLocal *l     = &m->loc;
+  PetscInt         start = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < l->nnode_all; i++) vertex[i] = -1;
+  for (PetscInt i = 0; i < l->ncell_all * l->nb; i++) {
+    const PetscInt j = i % l->nb;
+
+    if (j % 3 != 1 && (j / 3) % 3 != 1 && (l->dim == 2 || j / 9 != 1)) vertex[l->cell_node[i]] = 0;
+  }
+  *nown = 0;
+  for (PetscInt i = 0; i < l->nnode; i++)
+    if (vertex[i] == 0) vertex[i] = (*nown)++;
+  PetscCallMPI(MPI_Scan(nown, &start, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+  start -= *nown;
+  for (PetscInt i = 0; i < l->nnode; i++)
+    if (vertex[i] >= 0) vertex[i] += start;
+  PetscCall(MeshSyncNodesInt(m, vertex));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,49 @@
+/* The inside of a shape, for the files of this room. shape.c: plugins, options. geometry.c: what users ask of a shape.
+   default.c, surface.c: what a plugin leaves out, from the distance alone, by the tree of tree.h. */
+#pragma once
+#include "shape/host.h"
+
+#define SHAPE_MAX_OPTIONS 32
+#define SHAPE_CHUNK       64 /* points or cells handled at a time on the stack */
+
+typedef struct {
+  char               type[64];
+  char               file[PETSC_MAX_PATH_LEN];
+  void              *handle;
+  const ShapePlugin *plugin;
+} Loaded;
+
+typedef struct {
+  char      name[64];
+  PetscReal lower, upper;
+} OptionRange;
+
+struct _p_Shape {
+  const Loaded *loaded;
+  ShapeOps      ops;
+  PetscInt      dim;
+  char          prefix[128];
+  void         *data;
+  PetscReal     radius; /* about the body origin */
+  PetscBool     have_mass, have_centroid_radius, have_disc;
+  ShapeMass     mass;
+  PetscReal     centroid_radius, disc;
+  PetscInt      noptions;
+  OptionRange   option[SHAPE_MAX_OPTIONS];
+};
+
+/* Central differences, normalised. Where the gradient vanishes (centre of a disc) some unit vector. r: size of the
+   shape. Not collective. */
+PetscErrorCode ShapeDefaultNormal(Shape, PetscReal r, PetscInt dim, PetscInt n, const PetscReal x[], PetscReal normal[]);
+
+/* Moments by quadrature, refined until they change by less than 1e-6 (2D; 1e-4 in 3D) or the deepest level is reached.
+   r: bounding radius about the body origin. Error: nothing inside. */
+PetscErrorCode ShapeDefaultMass(Shape, PetscReal r, PetscInt dim, ShapeMass *m);
+
+/* n surface points. 2D: evenly spaced in arc length along the zero contour, counter-clockwise, equal weights. 3D:
+   spread over the surface by farthest-point selection, weights from the area nearest to each point. Parts thinner than
+   r/2000 (3D: r/60) may be missed. */
+PetscErrorCode ShapeDefaultSurface(Shape, PetscReal r, PetscInt dim, PetscInt n, PetscReal x[], PetscReal w[]);
+
+/* An upper bound of the largest |x - c| over the body, at most 1e-4 r too large (3D, many equally far points: 2e-2 r). */
+PetscErrorCode ShapeDefaultRadius(Shape, PetscReal r, PetscInt dim, const PetscReal c[3], PetscReal *radius);
