@@ -1,16 +1,17 @@
 """Helpers for the end-to-end tests: run the program under mpiexec on small scenes in a temporary folder.
 
-The program is taken from the folder $TUMBLE_BUILD (default: build), the launcher from $MPIEXEC (default: mpiexec).
+The program is taken from the folder $TUMBLE_BUILD (default: build), the launcher from $MPIEXEC. How tests are collected, limited in time
+and counted stands in collector.py.
 """
 import os
 import re
-import shlex
 import subprocess
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parent.parent
+import collector
+from collector import ROOT, build_folder, launch_words
 
 # A small, fast settling disc; boundaries default to no_slip walls.
 SCENE = """\
@@ -21,6 +22,10 @@ particle:
   disc: {shape: circle, radius: 0.125, density: 1.25, position: [1, 4]}
 sim: {dt: 0.005, steps: 2}
 """
+
+
+def pytest_configure(config):
+    config.pluginmanager.register(collector)
 
 
 def edited(old, new, text=SCENE):
@@ -49,7 +54,7 @@ class Result:
 
 @pytest.fixture(scope="session")
 def program():
-    path = (ROOT / os.environ.get("TUMBLE_BUILD", "build") / "tumble").resolve()
+    path = build_folder() / "tumble"
     if not path.is_file():
         pytest.fail(f"{path} is missing: run 'make', or name the build folder in TUMBLE_BUILD")
     return path
@@ -69,7 +74,7 @@ def environment():
 @pytest.fixture
 def command(program):
     """command(args, ranks=1): what to execute."""
-    return lambda args, ranks=1: [*shlex.split(os.environ.get("MPIEXEC") or "mpiexec"), "-n", str(ranks), str(program), *map(str, args)]
+    return lambda args, ranks=1: launch_words([program, *args], ranks)
 
 
 @pytest.fixture
