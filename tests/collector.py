@@ -59,8 +59,9 @@ def default_mpiexec():
 def set_environment(mark):
     """What every test sees: it may run as root in a container, and on fewer cores than ranks."""
     os.environ.update({MARK: mark, "MPLBACKEND": "Agg", "TUMBLE_BUILD": str(build_folder()), "MPIEXEC": os.environ.get("MPIEXEC") or default_mpiexec()})
-    if os.geteuid() == 0:
-        os.environ.update(OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1")
+    os.environ.update(OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1")
+    os.environ.update(OMPI_MCA_rmaps_base_oversubscribe="1", PRTE_MCA_rmaps_default_mapping_policy=":oversubscribe")
+    os.environ["OMPI_MCA_odls_base_sigkill_timeout"] = "0"  # else Open MPI's launcher takes a second or two to pass a failure on
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     os.environ.setdefault("OMPI_MCA_mpi_yield_when_idle", "1")  # ranks that wait leave the core to those that work
     # MPI libraries leak on purpose; stdbuf comes before the sanitizer in the list of libraries, which is harmless

@@ -61,12 +61,8 @@ def program():
 
 
 def environment():
-    """For the program: the tests may run as root in a container, and on fewer cores than ranks."""
+    """For the program; the rest was set for all tests by collector.py."""
     env = dict(os.environ)
-    env.update(OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1", OMP_NUM_THREADS="1")
-    env.update(OMPI_MCA_rmaps_base_oversubscribe="1", PRTE_MCA_rmaps_default_mapping_policy=":oversubscribe")
-    env["OMPI_MCA_mpi_yield_when_idle"] = "1"  # ranks that wait leave the core to those that work
-    env["OMPI_MCA_odls_base_sigkill_timeout"] = "0"  # else Open MPI's launcher takes a second or two to pass a failure on
     env.pop("PETSC_OPTIONS", None)
     return env
 
