@@ -2,7 +2,8 @@
 
 BUILD/tests/<room>/test_* is built from tests/<room>/test_*.c. A comment such as /* ranks: 1 2 3 */ in the source asks for a run on each of
 these numbers of MPI ranks; the default is 1. Every case on every number of ranks is a test, but the program runs once for each number of
-ranks: in the set-up of the first of its tests. A case passes when it passes on every rank.
+ranks: in the set-up of the first of its tests. A case passes when it passes on every rank. -k "test_mesh and [2]" chooses the runs on two ranks.
+All is run one after the other: programs on two and three ranks and the tests that measure times want the cores for themselves.
 
 A program without progress for 60 s and an end-to-end test of more than 600 s fail (TUMBLE_LIMIT and TUMBLE_LIMIT_E2E change these), and
 everything they started is killed: all processes of a test carry a mark in their environment, by which they are found even when they left
