@@ -45,7 +45,7 @@ OBJECTS := $(patsubst src/%.c,$(BUILD)/obj/%.o,$(filter-out src/run/main.c,$(wil
 SHAPES  := $(patsubst shapes/%.c,$(BUILD)/shapes/%.so,$(wildcard shapes/*.c))
 TESTS   := $(patsubst tests/%.c,$(BUILD)/tests/%,$(wildcard tests/*/*.c)) $(patsubst tests/%.c,$(BUILD)/tests/%.so,$(wildcard tests/shape/badshapes/*.c))
 SOURCES := $(wildcard src/*/*.[ch] src/*/*/*.[ch] include/*.h include/*/*.h shapes/*.c tests/*.h tests/*/*.[ch] tests/shape/badshapes/*.c)
-SCRIPTS  = $(shell grep -lE '^\#!.*python3' tools/*) $(wildcard tools/*.py tests/*.py tests/runs/*.py)
+SCRIPTS  = $(shell grep -slE '^\#!.*python3' tools/*) $(wildcard tools/*.py tools/*/*.py tests/*.py tests/*/*.py)
 
 .DEFAULT_GOAL := all
 .DELETE_ON_ERROR:
@@ -81,7 +81,7 @@ $(BUILD)/tests/%: tests/%.c $(BUILD)/flags | $(BUILD)/libtumble.so $(BUILD)/vers
 
 # Installing comes before a fresh make, which then finds what was installed.
 demo:       ## run a settling disc and draw pictures (installs what is missing; ARGS= for the program)
-check:      ## build and run all tests (installs what is missing; ARGS= for tools/run-tests, such as ARGS="-k mesh")
+check:      ## build and run all tests (installs what is missing; ARGS= for pytest, such as ARGS="-k mesh")
 check-unit: ## unit tests only
 check-e2e:  ## end-to-end tests only
 demo check check-unit check-e2e:
@@ -92,7 +92,9 @@ demo-now: all
 	$(PYTHON) tools/plot out/sedimentation
 	@echo "Pictures:" && ls -1 out/sedimentation/*.png
 check-now check-unit-now check-e2e-now: tests
-	@MPIEXEC="$(MPIEXEC)" tools/run-tests --build $(BUILD) $(patsubst check-%-now,--%,$(filter-out check-now,$@)) $(ARGS)
+	@TUMBLE_BUILD=$(BUILD) MPIEXEC="$(MPIEXEC)" $(PYTHON) -m pytest $(CHECK_$(@:check-%-now=%)) $(ARGS)
+CHECK_unit = $(wildcard tests/*/test_*.c)
+CHECK_e2e  = $(wildcard tests/*/test_*.py)
 test-shape: all $(BUILD)/tests/shape/conformance ## conformance suite on one plugin: SHAPE=path/to/x.so
 	$(if $(SHAPE),,$(error give the plugin: make test-shape SHAPE=path/to/x.so))
 	$(BUILD)/tests/shape/conformance $(SHAPE) $(ARGS)

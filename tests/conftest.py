@@ -1,16 +1,17 @@
 """Helpers for the end-to-end tests: run the program under mpiexec on small scenes in a temporary folder.
 
-The program is taken from the folder $TUMBLE_BUILD (default: build), the launcher from $MPIEXEC (default: mpiexec).
+The program is taken from the folder $TUMBLE_BUILD (default: build), the launcher from $MPIEXEC. How tests are collected, limited in time
+and counted stands in collector.py.
 """
 import os
 import re
-import shlex
 import subprocess
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parent.parent
+import collector
+from collector import ROOT, build_folder, launch_words
 
 # A small, fast settling disc; boundaries default to no_slip walls.
 SCENE = """\
@@ -21,6 +22,10 @@ particle:
   disc: {shape: circle, radius: 0.125, density: 1.25, position: [1, 4]}
 sim: {dt: 0.005, steps: 2}
 """
+
+
+def pytest_configure(config):
+    config.pluginmanager.register(collector)
 
 
 def edited(old, new, text=SCENE):
@@ -49,19 +54,15 @@ class Result:
 
 @pytest.fixture(scope="session")
 def program():
-    path = (ROOT / os.environ.get("TUMBLE_BUILD", "build") / "tumble").resolve()
+    path = build_folder() / "tumble"
     if not path.is_file():
         pytest.fail(f"{path} is missing: run 'make', or name the build folder in TUMBLE_BUILD")
     return path
 
 
 def environment():
-    """For the program: the tests may run as root in a container, and on fewer cores than ranks."""
+    """For the program; the rest was set for all tests by collector.py."""
     env = dict(os.environ)
-    env.update(OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1", OMP_NUM_THREADS="1")
-    env.update(OMPI_MCA_rmaps_base_oversubscribe="1", PRTE_MCA_rmaps_default_mapping_policy=":oversubscribe")
-    env["OMPI_MCA_mpi_yield_when_idle"] = "1"  # ranks that wait leave the core to those that work
-    env["OMPI_MCA_odls_base_sigkill_timeout"] = "0"  # else Open MPI's launcher takes a second or two to pass a failure on
     env.pop("PETSC_OPTIONS", None)
     return env
 
@@ -69,7 +70,7 @@ def environment():
 @pytest.fixture
 def command(program):
     """command(args, ranks=1): what to execute."""
-    return lambda args, ranks=1: [*shlex.split(os.environ.get("MPIEXEC") or "mpiexec"), "-n", str(ranks), str(program), *map(str, args)]
+    return lambda args, ranks=1: launch_words([program, *args], ranks)
 
 
 @pytest.fixture

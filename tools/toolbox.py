@@ -1,5 +1,6 @@
-"""What the tools that run the program share: the launcher, one run with a time limit, and what a run left behind."""
+"""What the tools that run the program share: lists of cases, the launcher, one run with a time limit, what a run left behind, tables, figures."""
 
+import argparse
 import csv
 import functools
 import json
@@ -8,8 +9,11 @@ import re
 import resource
 import shlex
 import signal
+import statistics
 import subprocess
+import sys
 import time
+import tomllib
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
@@ -58,6 +62,64 @@ def option_words(options):
     return [word for name, value in options.items() for word in ([f"-{name}"] if value is None else [f"-{name}", str(value)])]
 
 
+def option_text(options):
+    return " ".join(f"-{name}" if value is None else f"-{name} {value}" for name, value in options.items())
+
+
+def read_options(text, fail=None):
+    """'-a 1 -b', or its words -> {'a': '1', 'b': None}; fail(message) is called with a word that belongs to no option, and with a second one of a name."""
+    options, name = {}, None
+    for word in shlex.split(text) if isinstance(text, str) else text:
+        if re.match(r"-[A-Za-z]", word):
+            name = word[1:]
+            if fail and name in options:
+                fail(f"option -{name} is given twice")
+            options[name] = None
+        elif fail and (name is None or options[name] is not None):
+            fail(f"'{word}' belongs to no option")
+        else:
+            options[name] = word
+    return options
+
+
+# ---- command lines and lists of cases ----
+
+def make_parser(doc, limit=None, **more):
+    """A parser with the flags that all tools have."""
+    parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False, **more)
+    parser.add_argument("--build", default="build", metavar="FOLDER", help="where the program is (default: %(default)s)")
+    if limit:
+        parser.add_argument("--limit", type=float, default=limit, metavar="S", help="a run that takes longer is ended (default: %(default)s)")
+    return parser
+
+
+def split_words(text):
+    return text.split(",") if text else []
+
+
+def read_toml(parser, path):
+    try:
+        return tomllib.loads(Path(path).read_text())
+    except (OSError, tomllib.TOMLDecodeError) as error:
+        parser.error(f"{path}: {error}")
+
+
+def check_keys(parser, where, entry, known):
+    if wrong := set(entry) - set(known):
+        parser.error(f"{where}: unknown key '{min(wrong)}' (known: {', '.join(sorted(known))})")
+
+
+def choose(parser, kind, entries, names):
+    """The entries with these names (without names: all), in the order of the names."""
+    for name in names:
+        if name not in entries:
+            parser.error(f"no {kind} '{name}' (there are: {', '.join(entries)})")
+    return {name: entries[name] for name in names or entries}
+
+
+# ---- what a run left behind ----
+
+
 def read_numbers(path):
     """Rows of a CSV file as dictionaries, numbers where possible; a last line cut short is left out; [] without the file."""
     try:
@@ -98,6 +160,25 @@ class Run:
 
     def bodies(self):
         return read_numbers(self.folder / "bodies.csv")
+
+    def refuse_slow(self, tool):
+        """Times of a build without optimisation mean nothing."""
+        if not self.summary["optimised"]:
+            sys.exit(f"{tool}: refused: PETSc or tumble is a debug build (or has sanitizers); its times mean nothing. Build with the default OPT against an optimised PETSc")
+
+    def measured(self, skip):
+        """What every table of times has of a run (with -output_yardstick): who and how large, and medians over the steps but the first ones."""
+        steps, summary = self.series()[skip:], self.summary
+        return {
+            **{name: summary[name] for name in ("commit", "ranks", "cells", "unknowns", "bodies")},
+            "machine": machine_name(),
+            "pinned": "yes" if can_pin(summary["ranks"]) else "no",
+            **{f"{name}_s": statistics.median(row[f"seconds_{name}"] for row in steps) for name in ("nse", "force", "particle")},
+            "total_s": statistics.median(row["seconds"] for row in steps),
+            "outer_mean": f"{statistics.mean(row['outer_iterations'] for row in steps):.3g}",
+            "triad_all_gbs": f"{summary['yardstick']['triad_all'] / 1e9:.3g}",
+            "memory_mb": f"{summary['memory_mb']:.0f}",
+        }
 
 
 def end_group(process):
@@ -167,6 +248,22 @@ def machine_name():
     return f"{model} x {os.cpu_count()}"
 
 
+# ---- tables and figures ----
+
+
+def read_rows(path):
+    with open(path, newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def write_rows(path, columns, rows):
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    with open(path, "w", newline="") as file:
+        writer = csv.DictWriter(file, columns, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
 def check_columns(path, columns):
     """Refuse a table with other columns."""
     if Path(path).exists() and Path(path).stat().st_size:
@@ -192,3 +289,22 @@ def print_table(heading, rows, file=None):
     print("|" + " --- |" * len(heading), file=file)
     for row in rows:
         print("| " + " | ".join(str(cell) for cell in row) + " |", file=file)
+
+
+def pyplot():
+    """matplotlib.pyplot for files, imported when first needed."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot
+
+    return matplotlib.pyplot
+
+
+def save_figure(figure, path, plain=()):
+    """Write a figure, the axes in plain with a legend and without a frame."""
+    for axes in plain:
+        axes.legend(frameon=False, fontsize=8)
+        axes.spines[["top", "right"]].set_visible(False)
+    figure.savefig(path, dpi=150)
+    pyplot().close(figure)

@@ -1,6 +1,5 @@
 """tools/tradeoff: ladder, errors, front and recommendation; -preset of the program."""
 import csv
-import os
 import re
 import subprocess
 import sys
@@ -38,9 +37,8 @@ def tradeoff(program, tmp_path):
     (tmp_path / "ladders.toml").write_text(LADDERS)
 
     def start(*args):
-        env = {**os.environ, "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
         command = [PYTHON, str(ROOT / "tools" / "tradeoff"), "disc.yaml", "--ladders", "ladders.toml", "--output", "result", "--build", str(program.parent), *args]
-        return subprocess.run(command, cwd=tmp_path, env=env, capture_output=True, text=True, timeout=300, check=False)
+        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
 
     return start
 

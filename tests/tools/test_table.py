@@ -1,16 +1,14 @@
 """tools/table: combinations are run, laid out as markdown, and failed runs are told."""
-import os
 import subprocess
 import sys
 
-from conftest import ROOT, SCENE
+from conftest import ROOT, SCENE, environment
 
 
 def table(folder, program, *args):
     (folder / "disc.yaml").write_text(SCENE)
-    env = {**os.environ, "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMPI_MCA_odls_base_sigkill_timeout": "0"}
     command = [sys.executable, str(ROOT / "tools" / "table"), "disc.yaml", "--ranks", "1", "--build", str(program.parent), *args]
-    return subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, timeout=120, check=False)
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120, check=False)
 
 
 def cells(done):
@@ -46,3 +44,28 @@ def test_mistakes(program, tmp_path):
     for args, phrase in [(["word"], "'word' belongs to no option"), (["--across", "sim_dt"], "has not several values"), (["-output_dir", "x"], "--keep")]:
         done = table(tmp_path, program, *args)
         assert done.returncode == 2 and phrase in done.stderr, done.stderr
+
+
+STUDY = """\
+scene = "disc.yaml"
+options = { sim_steps = ["1", "2"], output_every = 0 }
+show = ["steps", "-2 * body(0).last('v')", "nonsense(1)"]
+ranks = 1
+"""
+
+
+def test_declared_in_a_file(program, tmp_path):
+    """The same table from a file, with an expression; the command line wins; a mistake in the file is told."""
+    (tmp_path / "study.toml").write_text(STUDY)
+    (tmp_path / "disc.yaml").write_text(SCENE)
+
+    def study(*args):
+        words = [sys.executable, str(ROOT / "tools" / "study"), "study.toml", "--build", str(program.parent), *args]
+        return subprocess.run(words, cwd=tmp_path, env=environment(), capture_output=True, text=True, timeout=120, check=False)
+
+    heading, _, *rows = cells(study())
+    assert heading[:2] == ["sim_steps", "steps"] and [row[:2] for row in rows] == [["1", "1"], ["2", "2"]]
+    assert float(rows[1][2]) > float(rows[0][2]) > 0 and rows[0][3] == "-"
+    assert cells(study("-sim_steps", "1", "--show", "steps"))[2:] == [["1"]]
+    (tmp_path / "study.toml").write_text(STUDY.replace("show", "shwo"))
+    assert "unknown key 'shwo'" in study().stderr

@@ -1,6 +1,5 @@
 """tools/scaling: rows for every number of ranks, weak series grow, a report that tells measured from predicted."""
 import csv
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -11,9 +10,8 @@ PYTHON = "/usr/bin/python3" if Path("/usr/bin/python3").exists() else sys.execut
 
 
 def scaling(folder, program, *args):
-    env = {**os.environ, "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
     command = [PYTHON, str(ROOT / "tools" / "scaling"), "--output", "result", "--build", str(program.parent), *args]
-    return subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, timeout=120, check=False)
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120, check=False)
 
 
 def rows(folder, name):
