@@ -40,28 +40,46 @@ typedef struct {
   PetscBool hole;         /* the body is a hole of the mesh (fitted.h): nothing is drawn */
 } BodyGroup;
 
-/* The state; arrays are owned by Bodies, writable by the coupling. n = number of bodies; replicated on all ranks. */
-typedef struct {
-  PetscInt   n, ngroups, dim;
-  PetscReal  time;       /* of this state; set by the coupling at the beginning of a step, advanced by BodiesAdvancePosition */
-  PetscReal  dt_old;     /* length of the last step, 0: none */
-  BodyGroup *group;      /* [ngroups] */
-  PetscInt  *body_group; /* [n] */
-  PetscReal (*x)[3];     /* [n] centre of mass */
-  PetscReal (*q)[4];     /* [n] orientation */
-  PetscReal *angle;      /* [n] 2D angle, rad (3D: integral of w_z, for reports only) */
-  PetscReal (*u)[3];     /* [n] velocity of the centre of mass */
-  PetscReal (*w)[3];     /* [n] angular velocity, rad/s, space axes */
-  PetscReal (*u_old)[3]; /* [n] one step earlier */
-  PetscReal (*w_old)[3];
-  PetscReal (*force)[3];          /* [n] hydrodynamic force, buoyancy excluded */
-  PetscReal (*torque)[3];         /* [n] hydrodynamic torque about the centre of mass */
-  PetscReal (*contact_force)[3];  /* [n] */
-  PetscReal (*contact_torque)[3]; /* [n] */
-  PetscInt  *stopped;             /* [n] the body rests on its lower (-1) or upper (1) stop, or not (0) */
-  PetscReal *gap;                 /* [n] smallest gap to a wall or another body (set by contact; PETSC_MAX_REAL if far) */
-  PetscBool *gone;                /* [n] has left the domain and takes part in nothing any more */
-} BodyState;
+/* The state, replicated on all ranks: a view that only reads, of arrays that Bodies owns. n = number of bodies, m = number of groups; time: of this state, advanced by
+   BodiesAdvancePosition; dt_old: length of the last step, 0: none.
+     group [m], body_group [n]          the group of body k is group[body_group[k]]: BodiesGetGroup
+     x, u, w [n][3]                     centre of mass, its velocity, angular velocity [rad/s] in space axes; u_old, w_old: one step earlier
+     q [n][4], angle [n]                orientation; 2D angle, rad (3D: integral of w_z, for reports only)
+     force, torque [n][3]               of the fluid, buoyancy excluded; torque about the centre of mass. contact_force, contact_torque: of contact
+     stopped [n]                        the body rests on its lower (-1) or upper (1) stop, or not (0)
+     gap [n]                            smallest gap to a wall or another body (set by contact; PETSC_MAX_REAL if far)
+     gone [n]                           has left the domain and takes part in nothing any more
+   The list is a macro, because write.h has it once more without the const. */
+#define BODY_STATE(CONST) \
+  PetscInt         n, ngroups, dim; \
+  PetscReal        time, dt_old; \
+  CONST BodyGroup *group; \
+  CONST PetscInt  *body_group; \
+  CONST            PetscReal(*x)[3]; \
+  CONST            PetscReal(*q)[4]; \
+  CONST PetscReal *angle; \
+  CONST            PetscReal(*u)[3]; \
+  CONST            PetscReal(*w)[3]; \
+  CONST            PetscReal(*u_old)[3]; \
+  CONST            PetscReal(*w_old)[3]; \
+  CONST            PetscReal(*force)[3]; \
+  CONST            PetscReal(*torque)[3]; \
+  CONST            PetscReal(*contact_force)[3]; \
+  CONST            PetscReal(*contact_torque)[3]; \
+  CONST PetscReal *gap; \
+  CONST PetscInt  *stopped; \
+  CONST PetscBool *gone;
+
+struct _n_BodyState {
+  BODY_STATE(const)
+};
+typedef const struct _n_BodyState BodyState;
+
+/* Group of body k */
+static inline const BodyGroup *BodiesGetGroup(BodyState *s, PetscInt k)
+{
+  return &s->group[s->body_group[k]];
+}
 
 typedef struct _p_Bodies *Bodies;
 
@@ -71,6 +89,13 @@ PetscErrorCode BodiesCreate(PetscInt dim, const PetscReal lower[3], const PetscR
 PetscErrorCode BodiesDestroy(Bodies *);
 PetscErrorCode BodiesView(Bodies, PetscViewer); /* one line a group */
 PetscErrorCode BodiesGetState(Bodies, BodyState **);
+
+/* What the coupling writes, the same on every rank. Not collective. Velocities: NULL stays as it is; Step keeps the old ones in u_old, w_old. */
+PetscErrorCode BodiesSetTime(Bodies, PetscReal time);
+PetscErrorCode BodiesWriteForces(Bodies, PetscReal (**force)[3], PetscReal (**torque)[3]); /* [n][3] of the state, to be filled */
+PetscErrorCode BodiesSetVelocity(Bodies, PetscInt k, const PetscReal u[3], const PetscReal w[3]);
+PetscErrorCode BodiesStepVelocity(Bodies, PetscInt k, const PetscReal u[3], const PetscReal w[3]);
+PetscErrorCode BodiesSetHole(Bodies, PetscInt group); /* the bodies of a group are holes of the mesh */
 
 /* Volume (area) of body k, and its inertia tensor in space axes at the present orientation (xx yy zz xy xz yz; 2D: zz only), times density if `per_density` is false. */
 PetscErrorCode BodiesGetVolume(Bodies, PetscInt k, PetscReal *volume);
@@ -93,8 +118,6 @@ PetscBool BodiesIsFree(Bodies, PetscInt k, PetscInt d);
 PetscErrorCode BodiesGetKnownVelocity(Bodies, PetscInt k, PetscReal time, PetscReal u[3], PetscReal w[3]);
 /* External load plus weight minus buoyancy, (M - M_f) g: force, and torque about the centre (the weight has none). */
 PetscErrorCode BodiesGetLoad(Bodies, PetscInt k, PetscReal rho_f, const PetscReal gravity[3], PetscReal force[3], PetscReal torque[3]);
-/* Torque about the reference point of all that acts on body k in the present state: fluid, contact, load. */
-PetscErrorCode BodiesGetTorque(Bodies, PetscInt k, PetscReal rho_f, const PetscReal gravity[3], PetscReal torque[3]);
 
 /* Explicit coupling: u_old, w_old <- u, w, then advance u, w by dt under force + contact + load + (M - M_f) g with fluid density rho_f. Euler step
    (semi-implicit together with BodiesAdvancePosition, theta = 1); the gyroscopic term of 3D by the implicit midpoint rule; about a pivot with the inertia of the parallel axis.
@@ -110,7 +133,7 @@ PetscErrorCode BodiesRelease(Bodies, PetscInt k, PetscReal rho_f, const PetscRea
 /* Is no degree of freedom of any body free, none moved by _motion, and no velocity other than 0? Then positions need no update. */
 PetscErrorCode BodiesAreStill(Bodies, PetscBool *still);
 /* Speed of the fastest point of body k (of a disc: its centre), under the velocities extrapolated by r of their last change; r = 0: the present ones. Not collective. */
-PetscReal BodiesFastestPoint(const BodyState *, PetscInt k, PetscReal r);
+PetscReal BodiesFastestPoint(BodyState *, PetscInt k, PetscReal r);
 /* Where body k is predicted to be at the next step: X + dt u (order 1), X + dt (u + r/2 (u - u_old)) with r = dt/dt_old (order 2; r = 1 at the start) or X (order 0); likewise orientation. What is not free is where its prescribed
    motion puts it at time + dt, whatever the order. Stops are kept. */
 PetscErrorCode BodiesPredict(Bodies, PetscInt k, PetscReal dt, PetscInt order, PetscReal X[3], PetscReal q[4], PetscReal *angle);

@@ -7,7 +7,7 @@
      none
    and, in addition to either, -contact_lubrication: the resistance of films thinner than the mesh resolves. Defaults of all stiffnesses scale with the cell size and the
    energy of arrival at terminal speed; see law.c for the formulas. Bodies that cannot move exert forces and receive them, two such bodies ignore each other.
-   Options: -contact_range [length], -contact_substeps (0: chosen), -contact_separate (bodies that overlap after a step are moved apart), -couple_search cells|brute; repulsive: -contact_stiffness (multiple of the default K), _eps, _eps_overlap,
+   Options: -contact_range [length], -contact_substeps (0: chosen), -contact_separate (bodies that overlap after a step are moved apart); repulsive: -contact_stiffness (multiple of the default K), _eps, _eps_overlap,
    _wall_factor, _damping; spring: -contact_spring_stiffness, _restitution, _friction, _tangential; lubrication: -contact_lubrication_range, _roughness. */
 #pragma once
 #include "bodies/bodies.h"
@@ -26,15 +26,10 @@ PetscErrorCode ContactSetViscosity(Contact, PetscReal viscosity);
 PetscErrorCode ContactDestroy(Contact *);
 PetscErrorCode ContactView(Contact, PetscViewer);
 
-/* Gaps and forces for bodies placed at x [n][3], q [n][4] with the velocities of the state: fills force, torque [n][3] (added up over all contacts of a body) and gap [n].
-   The law alone, without damping and friction, and the lubrication; stiffness from the present speeds in the state. Gaps beyond the range may be reported as PETSC_MAX_REAL.
-   Momentum of every pair is conserved to round-off. Not collective. -contact_law none: no forces, no gaps. */
-PetscErrorCode ContactEvaluate(Contact, PetscReal (*x)[3], PetscReal (*q)[4], PetscReal (*force)[3], PetscReal (*torque)[3], PetscReal *gap);
-
 /* Contact force to use for the step [t, t + dt]: sub-steps the bodies from their present state under the frozen remaining acceleration
    a, alpha [n][3] (their motion without contact: a = (U^n - U^{n-1})/dt - contact_force of the last step / ContactGetMass, alpha alike), with the effective
    mass and inertia of ContactGetMass, and stores force and torque in contact_force, contact_torque of the state.
-   Repulsive law: the force of a pair is its mean over the step, or over a look-ahead of two steps where that is larger (contact.c says why).
+   Repulsive law: the force of a pair is its mean over the step, or over a look-ahead of two steps where that is larger (step.c says why).
    The state itself does not move. Bodies out of range of everything cost nothing but the search. Not collective, same result on all ranks.
    Safe while a body moves at most h in a step.
    Error when -contact_substeps is given and too small for the stiffness: names option, value and the needed number. */

@@ -56,7 +56,7 @@ PetscErrorCode RigidGetMass(Bodies bodies, PetscInt k, const PetscReal q[4], Pet
   if (dim == 2) M[8] = J[2][2];
   else
     for (PetscInt a = 0; a < 9; a++) M[(3 + a / 3) * nr + 3 + a % 3] = J[a / 3][a % 3];
-  if (!s->group[s->body_group[k]].motion.has_pivot) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!BodiesGetGroup(s, k)->motion.has_pivot) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(BodiesGetArm(bodies, k, q, arm));
   get_spin(dim, arm, S);
   for (PetscInt b = 0; b < nr - dim; b++) {

@@ -1,6 +1,10 @@
-/* Inside of the contact module; for its files only. contact.c: steps and sub-steps. search.c: who is near whom. touch.c: where two bodies touch.
-   law.c: the forces. separate.c: gaps and overlaps after a step. Vectors have 3 components, 2D ones a zero; a tensor is xx yy zz xy xz yz. */
+/* Inside of the contact room; for its files only. contact.c: the object. step.c, alone.c: steps with and without a flow. momentum.c: what
+   they share. search.c: who is near whom. touch.c: where two bodies touch. law.c: the forces. separate.c: gaps and overlaps
+   after a step. Vectors have 3 components, 2D ones a zero; a tensor is xx yy zz xy xz yz. */
 #pragma once
+#include "base/algebra.h"
+#include "base/domain.h"
+#include "bodies/write.h"
 #include "contact/contact.h"
 
 #define CONTACT_MAX_POINTS 1024 /* surface points of a shape */
@@ -63,9 +67,10 @@ typedef struct {
 
 struct _p_Contact {
   Bodies            bodies;
-  BodyState        *s;
+  BodyState        *state;
+  BodyArrays       *s; /* the same for writing */
   const ContactLaw *law;
-  PetscInt          substeps, walls, dim, brute;
+  PetscInt          substeps, walls, dim;
   PetscReal         h, range, horizon; /* horizon >= range: no force of any kind beyond */
   PetscReal         rho_f, viscosity, g[3], lower[3], upper[3], period[3];
   /* parameters of the laws */
@@ -109,30 +114,10 @@ static inline Kind *ContactKind(Contact c, PetscInt k)
   return &c->kind[c->s->body_group[k]];
 }
 
-static inline PetscReal dot3(const PetscReal a[3], const PetscReal b[3])
-{
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
-static inline void cross3(const PetscReal a[3], const PetscReal b[3], PetscReal c[3])
-{
-  c[0] = a[1] * b[2] - a[2] * b[1];
-  c[1] = a[2] * b[0] - a[0] * b[2];
-  c[2] = a[0] * b[1] - a[1] * b[0];
-}
-
-static inline void apply_tensor(const PetscReal t[6], const PetscReal v[3], PetscReal tv[3])
-{
-  tv[0] = t[0] * v[0] + t[3] * v[1] + t[4] * v[2];
-  tv[1] = t[3] * v[0] + t[1] * v[1] + t[5] * v[2];
-  tv[2] = t[4] * v[0] + t[5] * v[1] + t[2] * v[2];
-}
-
 /* d <- the nearest of its periodic images */
 static inline void ContactWrap(Contact c, PetscReal d[3])
 {
-  for (PetscInt a = 0; a < c->dim; a++)
-    if (c->period[a] > 0) d[a] -= c->period[a] * PetscFloorReal(d[a] / c->period[a] + 0.5);
+  for (PetscInt a = 0; a < c->dim; a++) d[a] = DomainNearest(c->period[a], d[a], 0);
 }
 
 /* Are the centres of two bodies, or of the nearest image of one, closer than reach? */
@@ -185,3 +170,19 @@ PetscErrorCode ContactPairForce(Contact, PetscInt p, PetscReal h, Impulse *, Pet
 PetscBool ContactDiscForce(Contact, const Pair *, PetscReal h, PetscReal f[3], PetscReal *gap);
 /* Energy stored in pair p. */
 PetscErrorCode ContactPairEnergy(Contact, PetscInt p, PetscReal *energy);
+
+/* momentum.c. Effective mass of a body of a group; speed of the fastest body; u_ref and stiffness of the groups and speeds of the bodies for a step dt,
+   a: frozen accelerations or NULL; effective inertia of body k, inverted (3D). */
+PetscReal      ContactMass(Contact, const BodyGroup *);
+PetscReal      ContactFastest(Contact);
+void           ContactSetScales(Contact, PetscReal dt, PetscReal (*a)[3]);
+PetscErrorCode ContactSetInertia(Contact, PetscInt k);
+/* Adds an impulse times `scale` to the forces and torques of a pair; changes the velocities of a pair by that of the time h. */
+void ContactScatter(const Pair *, const Impulse *, PetscReal scale, PetscReal (*force)[3], PetscReal (*torque)[3]);
+void ContactKick(Contact, const Pair *, PetscReal h, const Impulse *);
+/* Sub-steps of a step dt when forces change within `time`. Error: -contact_substeps too few. */
+PetscErrorCode ContactChooseSubsteps(Contact, PetscReal dt, PetscReal time, PetscInt *n);
+/* x, q, u, w of the contact become copies of these. */
+PetscErrorCode ContactUseCopies(Contact, PetscReal (*x)[3], PetscReal (*q)[4], PetscReal (*u)[3], PetscReal (*w)[3]);
+/* No contact forces, no gaps. */
+void ContactClear(BodyArrays *);

@@ -181,8 +181,8 @@ static void add_force(Impulse *s, const PetscReal f[3], const PetscReal ri[3], c
 {
   PetscReal ti[3], tj[3];
 
-  cross3(ri, f, ti);
-  cross3(f, rj, tj); /* the force on j is -f */
+  cross(ri, f, ti);
+  cross(f, rj, tj); /* the force on j is -f */
   for (PetscInt a = 0; a < 3; a++) {
     s->f[a] += f[a];
     s->ti[a] += ti[a];
@@ -196,7 +196,7 @@ static PetscReal inverse_mass_along(Contact c, PetscInt k, const PetscReal r[3],
   const Kind *kind = ContactKind(c, k);
   PetscReal   rn[3], irn[3], sum = 0;
 
-  cross3(r, n, rn);
+  cross(r, n, rn);
   ContactSpin(c, k, rn, irn);
   for (PetscInt a = 0; a < 3; a++) sum += kind->inverse_mass[a] * n[a] * n[a];
   return sum + dot3(rn, irn);
@@ -207,10 +207,10 @@ static void relative_velocity(Contact c, PetscInt i, PetscInt j, const Touch *t,
 {
   PetscReal wr[3];
 
-  cross3(c->w[i], t->ri, wr);
+  cross(c->w[i], t->ri, wr);
   for (PetscInt a = 0; a < 3; a++) v[a] = c->u[i][a] + wr[a];
   if (j < 0) return;
-  cross3(c->w[j], t->rj, wr);
+  cross(c->w[j], t->rj, wr);
   for (PetscInt a = 0; a < 3; a++) v[a] -= c->u[j][a] + wr[a];
 }
 

@@ -6,7 +6,6 @@
    This way the force is that of two discs, wherever it acts. Distances across a periodic face count as those to the nearest image. */
 #include "compat.h"
 #include "impl.h"
-#include "base/rotation.h"
 
 #define POINT_DECAY 0.25 /* in r */
 

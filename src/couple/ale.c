@@ -61,11 +61,12 @@ static void place_bodies(Ale f, PetscReal share, PetscReal (*X)[3], PetscReal (*
 }
 
 /* Places and orientations of the bodies */
-static PetscErrorCode copy_bodies(const struct _p_Ale *f, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*X_to)[3], PetscReal (*q_to)[4])
+static PetscErrorCode copy_bodies(const struct _p_Ale *f, const PetscReal (*X)[3], const PetscReal (*q)[4], PetscReal (*X_to)[3],
+                                  PetscReal (*q_to)[4])
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscArraycpy((PetscReal *)X_to, (PetscReal *)X, 3 * f->s->n));
-  PetscCall(PetscArraycpy((PetscReal *)q_to, (PetscReal *)q, 4 * f->s->n));
+  PetscCall(PetscArraycpy((PetscReal *)X_to, (const PetscReal *)X, 3 * f->s->n));
+  PetscCall(PetscArraycpy((PetscReal *)q_to, (const PetscReal *)q, 4 * f->s->n));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -23,8 +23,8 @@ static void get_history(Couple c, PetscInt k, PetscInt i, PetscReal *now, PetscR
 {
   const PetscBool kept = (PetscBool)(i < c->loc->dim && c->s->group[c->s->body_group[k]].motion.has_pivot);
 
-  *now = kept ? c->U_old[k * c->nr + i] : *CoupleRigidComponent(c, c->s->u, c->s->w, k, i);
-  *old = kept ? c->U_older[k * c->nr + i] : *CoupleRigidComponent(c, c->s->u_old, c->s->w_old, k, i);
+  *now = kept ? c->U_old[k * c->nr + i] : CoupleRigidValue(c, c->s->u, c->s->w, k, i);
+  *old = kept ? c->U_older[k * c->nr + i] : CoupleRigidValue(c, c->s->u_old, c->s->w_old, k, i);
 }
 
 /* ---- drawing ---- */
@@ -37,7 +37,7 @@ static PetscErrorCode place_bodies(Couple c, PetscBool *drawn)
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetStep(c->flow, &step));
-  c->s->time = step->time - step->dt;
+  PetscCall(BodiesSetTime(c->bodies, step->time - step->dt));
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscCall(BodiesPredict(c->bodies, k, step->dt, c->implicit ? step->order : 0, c->X[k], c->q[k], &angle));
     PetscCall(BodiesGetArm(c->bodies, k, c->q[k], arm));
@@ -277,11 +277,13 @@ static PetscErrorCode detect_blow_up(Couple c)
    added inertia m (added mass and what the boundary layer gains in a step) the mean is stable for m < 2 M, the present force alone only for m < M. */
 static PetscErrorCode advance_explicitly(Couple c, const FlowStep *step, const FlowParameters *par)
 {
-  BodyState *s = c->s;
+  const PetscInt n = c->s->n;
+  PetscReal(*force)[3], (*torque)[3];
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < 3 * s->n; i++) {
-    PetscReal *f[2] = {&s->force[i / 3][i % 3], &s->torque[i / 3][i % 3]}, *old[2] = {&c->force_old[2 * i], &c->force_old[2 * i + 1]};
+  PetscCall(BodiesWriteForces(c->bodies, &force, &torque));
+  for (PetscInt i = 0; i < 3 * n; i++) {
+    PetscReal *f[2] = {&force[i / 3][i % 3], &torque[i / 3][i % 3]}, *old[2] = {&c->force_old[2 * i], &c->force_old[2 * i + 1]};
 
     for (PetscInt j = 0; j < 2; j++) {
       const PetscReal now = *f[j];
@@ -291,9 +293,9 @@ static PetscErrorCode advance_explicitly(Couple c, const FlowStep *step, const F
     }
   }
   PetscCall(BodiesAdvanceVelocity(c->bodies, step->dt, par->density, par->gravity));
-  for (PetscInt i = 0; i < 3 * s->n; i++) {
-    s->force[i / 3][i % 3]  = c->force_old[2 * i];
-    s->torque[i / 3][i % 3] = c->force_old[2 * i + 1];
+  for (PetscInt i = 0; i < 3 * n; i++) {
+    force[i / 3][i % 3]  = c->force_old[2 * i];
+    torque[i / 3][i % 3] = c->force_old[2 * i + 1];
   }
   PetscCall(detect_blow_up(c));
   PetscCall(BodiesAdvancePosition(c->bodies, step->dt, 1));
@@ -313,16 +315,16 @@ static PetscErrorCode advance_bodies(Couple c)
   PetscCall(FlowGetParameters(c->flow, &par));
   PetscCall(BodiesAreStill(c->bodies, &still));
   if (still) {
-    s->time = step->time;
+    PetscCall(BodiesSetTime(c->bodies, step->time));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(PetscLogEventBegin(TB_ADVANCE, 0, 0, 0, 0));
   if (c->implicit) {
     for (PetscInt k = 0; k < s->n; k++) {
-      for (PetscInt i = 0; i < c->nr; i++) {
-        *CoupleRigidComponent(c, s->u_old, s->w_old, k, i) = *CoupleRigidComponent(c, s->u, s->w, k, i);
-        *CoupleRigidComponent(c, s->u, s->w, k, i)         = c->U[k * c->nr + i];
-      }
+      PetscReal u[1][3] = {{0}}, w[1][3] = {{0}};
+
+      for (PetscInt i = 0; i < c->nr; i++) *CoupleRigidComponent(c, u, w, 0, i) = c->U[k * c->nr + i];
+      PetscCall(BodiesStepVelocity(c->bodies, k, u[0], w[0]));
     }
     PetscCall(BodiesAdvancePosition(c->bodies, step->dt, step->order == 2 ? 0.5 : 1));
     for (PetscInt k = 0; k < s->n; k++) PetscCall(BodiesRelease(c->bodies, k, par->density, par->gravity));

@@ -177,23 +177,25 @@ static PetscErrorCode store_force(Couple c, PetscInt k, const PetscReal f[], Pet
 PetscErrorCode CoupleForce(Couple c)
 {
   PetscBool known = PETSC_FALSE;
+  PetscReal(*force)[3], (*torque)[3];
 
   PetscFunctionBeginUser;
   if (!c->s->n) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogEventBegin(TB_FORCE, 0, 0, 0, 0));
+  PetscCall(BodiesWriteForces(c->bodies, &force, &torque));
   for (PetscInt k = 0; k < c->s->n; k++) known = (PetscBool)(known || c->unknown[k] != (1 << c->nr) - 1);
   if (c->use_volume) {
-    PetscCall(integrate_stress(c, -1, c->s->force, c->s->torque));
-    PetscCall(FittedForce(c->hole, c->u, c->p, NULL, NULL, c->s->force, c->s->torque));
+    PetscCall(integrate_stress(c, -1, force, torque));
+    PetscCall(FittedForce(c->hole, c->u, c->p, NULL, NULL, force, torque));
   } else {
     if (known) PetscCall(sum_residuals(c, c->residual));
     for (PetscInt k = 0; k < c->s->n; k++) {
       PetscReal f[6];
 
       PetscCall(residual_force(c, k, f));
-      PetscCall(store_force(c, k, f, c->s->force, c->s->torque));
+      PetscCall(store_force(c, k, f, force, torque));
     }
-    PetscCall(FittedForce(c->hole, c->u, c->p, c->s->force, c->s->torque, NULL, NULL));
+    PetscCall(FittedForce(c->hole, c->u, c->p, force, torque, NULL, NULL));
   }
   PetscCall(PetscLogEventEnd(TB_FORCE, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);

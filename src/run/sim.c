@@ -451,8 +451,8 @@ static PetscErrorCode take_step_alone(Sim s)
   PetscCall(PetscLogStagePop());
   PetscCall(add_seconds(s, MONITOR_PARTICLE, &t));
   PetscCall(ContactGetWork(s->part.contact, NULL, NULL, &substeps));
-  s->time    = s->hits ? s->until : s->time + dt;
-  s->s->time = s->time;
+  s->time = s->hits ? s->until : s->time + dt;
+  PetscCall(BodiesSetTime(s->part.bodies, s->time));
   s->step++;
   s->substeps += substeps;
   PetscCall(PetscLogStagePush(TB_STAGE_OUTPUT));

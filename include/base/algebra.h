@@ -1,0 +1,144 @@
+/* Algebra: vectors of three, tiny matrices (blocks of bodies and cells, Jacobians) and rotations. All functions are local and cheap (inline).
+
+   Rotations are unit quaternions (w, x, y, z); a plane rotation by the angle a is (cos a/2, 0, 0, sin a/2).
+   A symmetric tensor is xx yy zz xy xz yz. */
+#pragma once
+#include <petscsys.h>
+
+static inline PetscReal dot3(const PetscReal a[3], const PetscReal b[3])
+{
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+static inline void cross(const PetscReal a[3], const PetscReal b[3], PetscReal c[3])
+{
+  c[0] = a[1] * b[2] - a[2] * b[1];
+  c[1] = a[2] * b[0] - a[0] * b[2];
+  c[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+static inline void apply_tensor(const PetscReal t[6], const PetscReal v[3], PetscReal tv[3])
+{
+  tv[0] = t[0] * v[0] + t[3] * v[1] + t[4] * v[2];
+  tv[1] = t[3] * v[0] + t[1] * v[1] + t[5] * v[2];
+  tv[2] = t[4] * v[0] + t[5] * v[1] + t[2] * v[2];
+}
+
+/* ---- tiny matrices ---- */
+
+#define DENSE_MAX 6
+
+/* inv = M^{-1} by Gauss-Jordan, which needs no pivoting for definite matrices; M and inv [n][n], n <= DENSE_MAX, may not be the same array */
+static inline void DenseInvert(PetscInt n, const PetscReal M[], PetscReal inv[])
+{
+  PetscReal a[DENSE_MAX * DENSE_MAX];
+
+  for (PetscInt i = 0; i < n * n; i++) {
+    a[i]   = M[i];
+    inv[i] = i % (n + 1) == 0;
+  }
+  for (PetscInt k = 0; k < n; k++) {
+    const PetscReal pivot = 1 / a[k * n + k];
+
+    for (PetscInt j = 0; j < n; j++) {
+      a[k * n + j] *= pivot;
+      inv[k * n + j] *= pivot;
+    }
+    for (PetscInt i = 0; i < n; i++) {
+      const PetscReal factor = a[i * n + k];
+
+      if (i == k || factor == 0) continue;
+      for (PetscInt j = 0; j < n; j++) {
+        a[i * n + j] -= factor * a[k * n + j];
+        inv[i * n + j] -= factor * inv[k * n + j];
+      }
+    }
+  }
+}
+
+/* L [n][n] lower triangular with L L^T = M, M symmetric and positive semidefinite; rows of M that are zero (fixed degrees of freedom) stay zero */
+static inline void DenseFactor(PetscInt n, const PetscReal M[], PetscReal L[])
+{
+  for (PetscInt j = 0; j < n; j++) {
+    for (PetscInt i = 0; i < n; i++) {
+      PetscReal sum = M[i * n + j];
+
+      for (PetscInt k = 0; k < j; k++) sum -= L[i * n + k] * L[j * n + k];
+      if (i < j) L[i * n + j] = 0;
+      else if (i == j) L[i * n + j] = sum > 0 ? PetscSqrtReal(sum) : 0;
+      else L[i * n + j] = L[j * n + j] > 0 ? sum / L[j * n + j] : 0;
+    }
+  }
+}
+
+/* Determinant of the Jacobian J [dim][dim] of a map in 2 or 3 dimensions */
+static inline PetscReal DenseDeterminant(PetscInt dim, const PetscReal J[])
+{
+  if (dim == 2) return J[0] * J[3] - J[1] * J[2];
+  return J[0] * (J[4] * J[8] - J[5] * J[7]) + J[1] * (J[5] * J[6] - J[3] * J[8]) + J[2] * (J[3] * J[7] - J[4] * J[6]);
+}
+
+/* Its inverse inv [dim][dim] by cofactors; returns the determinant (if that is zero, inv is not finite) */
+static inline PetscReal DenseInvertMap(PetscInt dim, const PetscReal J[], PetscReal inv[])
+{
+  const PetscReal det = DenseDeterminant(dim, J);
+
+  if (dim == 2) {
+    inv[0] = J[3] / det;
+    inv[1] = -J[1] / det;
+    inv[2] = -J[2] / det;
+    inv[3] = J[0] / det;
+  } else {
+    inv[0] = (J[4] * J[8] - J[5] * J[7]) / det;
+    inv[3] = (J[5] * J[6] - J[3] * J[8]) / det;
+    inv[6] = (J[3] * J[7] - J[4] * J[6]) / det;
+    inv[1] = (J[2] * J[7] - J[1] * J[8]) / det;
+    inv[4] = (J[0] * J[8] - J[2] * J[6]) / det;
+    inv[7] = (J[1] * J[6] - J[0] * J[7]) / det;
+    inv[2] = (J[1] * J[5] - J[2] * J[4]) / det;
+    inv[5] = (J[2] * J[3] - J[0] * J[5]) / det;
+    inv[8] = (J[0] * J[4] - J[1] * J[3]) / det;
+  }
+  return det;
+}
+
+/* ---- rotations ---- */
+
+static inline void RotationFromAngle(PetscReal angle, PetscReal q[4])
+{
+  q[0] = PetscCosReal(0.5 * angle);
+  q[1] = q[2] = 0;
+  q[3]        = PetscSinReal(0.5 * angle);
+}
+
+/* R [3][3], row-major: x_space = R x_body */
+static inline void RotationMatrix(const PetscReal q[4], PetscReal R[9])
+{
+  const PetscReal w = q[0], x = q[1], y = q[2], z = q[3];
+
+  R[0] = 1 - 2 * (y * y + z * z);
+  R[1] = 2 * (x * y - w * z);
+  R[2] = 2 * (x * z + w * y);
+  R[3] = 2 * (x * y + w * z);
+  R[4] = 1 - 2 * (x * x + z * z);
+  R[5] = 2 * (y * z - w * x);
+  R[6] = 2 * (x * z - w * y);
+  R[7] = 2 * (y * z + w * x);
+  R[8] = 1 - 2 * (x * x + y * y);
+}
+
+/* q <- exp(dt w / 2) q, renormalised; w is the angular velocity in space axes (rad/s), constant during dt */
+static inline void RotationAdvance(PetscReal dt, const PetscReal w[3], PetscReal q[4])
+{
+  const PetscReal rate = PetscSqrtReal(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]), half = 0.5 * dt * rate;
+  const PetscReal s = rate > 0 ? PetscSinReal(half) / rate : 0, e0 = PetscCosReal(half);
+  const PetscReal e[3] = {s * w[0], s * w[1], s * w[2]};
+  const PetscReal a = q[0], b = q[1], c = q[2], d = q[3];
+
+  q[0]              = e0 * a - e[0] * b - e[1] * c - e[2] * d;
+  q[1]              = e0 * b + e[0] * a + e[1] * d - e[2] * c;
+  q[2]              = e0 * c - e[0] * d + e[1] * a + e[2] * b;
+  q[3]              = e0 * d + e[0] * c - e[1] * b + e[2] * a;
+  const PetscReal n = 1 / PetscSqrtReal(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+  for (int i = 0; i < 4; i++) q[i] *= n;
+}
