@@ -1,4 +1,5 @@
-/* Bodies, for writing: the arrays of the state for contact, which moves bodies in place, and for tests. All others write through the functions of bodies.h. */
+/* Bodies, for writing: the arrays of the state for contact, which moves bodies in place, and for tests. All others
+   write through the functions of bodies.h. */
 #pragma once
 #include "bodies/bodies.h"
 

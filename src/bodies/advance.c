@@ -1,8 +1,9 @@
 /* Bodies, motion: Newton-Euler equations, and what is prescribed instead. See bodies.h.
 
-   Velocity: Euler step under the force of the step; rotation in 3D by the implicit midpoint rule for the gyroscopic term w x (I w), which keeps the energy of a torque-free
-   body (Newton's method on 3 unknowns). Position: explicit with a weighted mean of old and new velocity, orientation by the exponential map. A pivot reduces the body to its
-   rotation about that point: inertia of the parallel axis, centre of mass from the angle. */
+   Velocity: Euler step under the force of the step; rotation in 3D by the implicit midpoint rule for the gyroscopic
+   term w x (I w), which keeps the energy of a torque-free body (Newton's method on 3 unknowns). Position: explicit with
+   a weighted mean of old and new velocity, orientation by the exponential map. A pivot reduces the body to its rotation
+   about that point: inertia of the parallel axis, centre of mass from the angle. */
 #include "compat.h"
 #include "impl.h"
 #include "base/algebra.h"
@@ -16,7 +17,8 @@ PetscBool BodiesIsFree(Bodies b, PetscInt k, PetscInt d)
   return (PetscBool)((BodiesGetGroup(&b->view, k)->free & bit) && !(d == 3 && b->state.stopped[k]) && !b->state.gone[k]);
 }
 
-/* Nothing prescribed: the common case, which must cost nothing. The motion of a hole of the mesh is that of its boundary, which writes the state. */
+/* Nothing prescribed: the common case, which must cost nothing. The motion of a hole of the mesh is that of its
+   boundary, which writes the state. */
 static PetscBool nothing_known(Bodies b, PetscInt k)
 {
   const PetscInt   all = BODY_FREE_X | BODY_FREE_Y | BODY_FREE_ROTATION | (b->state.dim == 3 ? BODY_FREE_Z : 0);
@@ -59,7 +61,8 @@ PetscErrorCode BodiesGetKnownVelocity(Bodies b, PetscInt k, PetscReal time, Pets
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Replace what is not free by its prescribed value at `time`, in x, q, angle and, if wanted, in u, w of the centre. Free translation is taken as it is. */
+/* Replace what is not free by its prescribed value at `time`, in x, q, angle and, if wanted, in u, w of the centre.
+   Free translation is taken as it is. */
 static PetscErrorCode place_known(Bodies b, PetscInt k, PetscReal time, PetscReal X[3], PetscReal q[4], PetscReal *angle, PetscReal u[],
                                   PetscReal w[])
 {
@@ -106,7 +109,8 @@ static void solve3(const PetscReal A[9], const PetscReal b[3], PetscReal x[3])
   for (PetscInt i = 0; i < 3; i++) x[i] = (c0[i] * b[0] + c1[i] * b[1] + c2[i] * b[2]) / det;
 }
 
-/* I (w' - w)/dt + m x (I m) = T with m = (w + w')/2, for w'. Newton's method; starts from w, converges in 3 to 5 steps. */
+/* I (w' - w)/dt + m x (I m) = T with m = (w + w')/2, for w'. Newton's method; starts from w, converges in 3 to 5
+   steps. */
 static void advance_spin(PetscReal dt, const PetscReal inertia[6], const PetscReal T[3], PetscReal w[3])
 {
   const PetscReal w0[3] = {w[0], w[1], w[2]};
@@ -198,7 +202,8 @@ static PetscErrorCode reference_inertia(Bodies b, PetscInt k, PetscReal inertia[
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The reference point is the centre or moves with constant velocity; the inertial force of a pivot that is accelerated, -M a, acts at the centre. */
+/* The reference point is the centre or moves with constant velocity; the inertial force of a pivot that is accelerated,
+   -M a, acts at the centre. */
 static PetscErrorCode advance_rotation(Bodies b, PetscInt k, PetscReal dt, PetscReal rho_f, const PetscReal gravity[3])
 {
   BodyArrays      *s = &b->state;

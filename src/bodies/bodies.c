@@ -1,4 +1,5 @@
-/* Bodies: the state, what can be asked of it and how it is written, see bodies.h. How it moves is in advance.c, the options of the groups in group.c.
+/* Bodies: the state, what can be asked of it and how it is written, see bodies.h. How it moves is in advance.c, the
+   options of the groups in group.c.
 
    The state is replicated: every rank holds and advances all bodies, bit for bit the same, without communication.
    Does not know the flow (forces are written into the state by others), walls or contact. */

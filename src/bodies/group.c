@@ -1,7 +1,8 @@
 /* Bodies: the options of the groups, see bodies.h; where the bodies of a group start.
 
-   Every group is read by itself, and its bodies are placed singly, in rows or from a table (place.h). Random groups come last, because they keep clear of all others.
-   The same on every rank; only tables are read by one rank. Does not know the state of the bodies, which is made from this in bodies.c. */
+   Every group is read by itself, and its bodies are placed singly, in rows or from a table (place.h). Random groups
+   come last, because they keep clear of all others. The same on every rank; only tables are read by one rank. Does not
+   know the state of the bodies, which is made from this in bodies.c. */
 #include "compat.h"
 #include "impl.h"
 #include "base/opt.h"

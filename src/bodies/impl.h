@@ -1,6 +1,8 @@
-/* Inside of Bodies; for its files only. bodies.c: the state. advance.c: its motion. group.c: options of the groups, where their bodies start. */
+/* Inside of Bodies; for its files only. bodies.c: the state. advance.c: its motion. group.c: options of the groups,
+   where their bodies start. */
 #pragma once
 #include "bodies/write.h"
+#include "motion.h"
 
 #define BODIES_MAX_GROUPS 256 /* of a scene */
 
@@ -13,9 +15,10 @@ struct _p_Bodies {
   Placement **start;              /* [ngroups][count] what prescribed motion starts from; NULL for groups that have none */
 };
 
-/* Read -particle_groups and the options of all groups, load their shapes, place their bodies in the domain lower .. upper. Needs s->dim; sets s->n, s->ngroups and s->group, of which
-   all but `hole`; the rest of the state is not touched. body [ngroups][count]: first state of every body, of its centre of mass or its pivot; the caller frees the rows and the array.
-   Collective. Errors: those of BodiesCreate but for bodies outside the domain. */
+/* Read -particle_groups and the options of all groups, load their shapes, place their bodies in the domain lower ..
+   upper. Needs s->dim; sets s->n, s->ngroups and s->group, of which all but `hole`; the rest of the state is not
+   touched. body [ngroups][count]: first state of every body, of its centre of mass or its pivot; the caller frees the
+   rows and the array. Collective. Errors: those of BodiesCreate but for bodies outside the domain. */
 PetscErrorCode BodyGroupsRead(BodyArrays *s, const PetscReal lower[3], const PetscReal upper[3], Placement ***body);
 
 static inline PetscErrorCode check_body(Bodies b, PetscInt k)

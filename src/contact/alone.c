@@ -1,16 +1,18 @@
-/* Contact, bodies without a flow: symplectic Euler under contact, gravity and buoyancy, in place in the arrays of the state. */
+/* Contact, bodies without a flow: symplectic Euler under contact, gravity and buoyancy, in place in the arrays of the
+   state. */
 #include "compat.h"
 #include "impl.h"
 #include "base/log.h"
 
-/* Kinetic energy with the effective inertia, less the work of gravity at the present place: what contact alone changes */
+/* Kinetic energy with the effective inertia, less the work of gravity at the present place: what contact alone
+   changes */
 static PetscReal mechanical_energy(Contact c)
 {
   const BodyArrays *s   = c->s;
   PetscReal         sum = 0;
 
   for (PetscInt k = 0; k < s->n; k++) {
-    const BodyGroup *g    = ContactGroup(c, k);
+    const BodyGroup *g    = BodiesGetGroup(c->state, k);
     const PetscReal  spin = c->dim == 2 && ContactKind(c, k)->inverse_spin > 0 ? 1 / ContactKind(c, k)->inverse_spin : 0;
 
     if (!g->free || s->gone[k]) continue;
@@ -23,7 +25,7 @@ static PetscReal mechanical_energy(Contact c)
 static void drop_bodies(Contact c, PetscReal h)
 {
   for (PetscInt k = 0; k < c->s->n; k++) {
-    const BodyGroup *g    = ContactGroup(c, k);
+    const BodyGroup *g    = BodiesGetGroup(c->state, k);
     const Kind      *kind = ContactKind(c, k);
 
     if (c->s->gone[k]) continue;
@@ -66,7 +68,8 @@ static PetscErrorCode push_pairs(Contact c, PetscReal h, PetscReal share)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Smallest time in which a contact force changes between any two kinds: without a look at the pairs, which change during the step. */
+/* Smallest time in which a contact force changes between any two kinds: without a look at the pairs, which change
+   during the step. */
 static PetscReal alone_time(Contact c)
 {
   const PetscReal top   = ContactFastest(c);

@@ -1,5 +1,5 @@
-/* Contact: the object, its options, and the questions about it, see contact.h. Steps in step.c and alone.c, what they share in
-   momentum.c; laws in law.c, search in search.c, geometry in touch.c. */
+/* Contact: the object, its options, and the questions about it, see contact.h. Steps in step.c and alone.c, what they
+   share in momentum.c; laws in law.c, search in search.c, geometry in touch.c. */
 #include "compat.h"
 #include "impl.h"
 #include "base/opt.h"
@@ -8,13 +8,13 @@
 
 static PetscBool can_travel(Contact c, PetscInt k)
 {
-  return (PetscBool)(k >= 0 && (ContactGroup(c, k)->free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z)) != 0);
+  return (PetscBool)(k >= 0 && (BodiesGetGroup(c->state, k)->free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z)) != 0);
 }
 
 static PetscErrorCode complain(Contact c, const Pair *p, PetscReal overlap)
 {
   static const char *const FACES[] = {"left", "right", "bottom", "top", "back", "front"};
-  const BodyGroup         *i = ContactGroup(c, p->i), *j = p->j >= 0 ? ContactGroup(c, p->j) : NULL;
+  const BodyGroup         *i = BodiesGetGroup(c->state, p->i), *j = p->j >= 0 ? BodiesGetGroup(c->state, p->j) : NULL;
   char                     partner[128];
 
   PetscFunctionBeginUser;

@@ -1,12 +1,14 @@
-/* Contact, momentum: masses, the scales of stiffness, and what an impulse does to a pair; used by both ways of stepping (step.c, alone.c).
+/* Contact, momentum: masses, the scales of stiffness, and what an impulse does to a pair; used by both ways of stepping
+   (step.c, alone.c).
 
-   Speed scale. u_ref of a pair is the terminal speed sqrt(2 Vol/A |rho_s/rho_f - 1| |g|) of the body that gives the stiffness
-   (drag coefficient 1; disc: Vol/A = pi d/4, sphere 2 d/3, with d twice the bounding radius), or the present speed of either
-   body if that is faster; not that of the fastest of all, which would stiffen a whole bed when one disc is flung out
-   (runs/studies/contact). Without gravity or difference of density only the motion gives a scale: the fastest of all, or
-   sqrt(8 r a/3) with a the largest frozen acceleration (so that K >= 4 m a), or 0.01 r/dt. No history enters: a restart
-   gives the same forces. A body counts with the effective mass m = (rho_s + C rho_f) Vol (C = 1 in 2D, 1/2 in 3D: added
-   mass of a disc, a sphere). Of a pair the larger stiffness counts; bodies that cannot move have none. */
+   Speed scale. u_ref of a pair is the terminal speed sqrt(2 Vol/A |rho_s/rho_f - 1| |g|) of the body that gives the
+   stiffness (drag coefficient 1; disc: Vol/A = pi d/4, sphere 2 d/3, with d twice the bounding radius), or the present
+   speed of either body if that is faster; not that of the fastest of all, which would stiffen a whole bed when one disc
+   is flung out (runs/studies/contact). Without gravity or difference of density only the motion gives a scale: the
+   fastest of all, or sqrt(8 r a/3) with a the largest frozen acceleration (so that K >= 4 m a), or 0.01 r/dt. No
+   history enters: a restart gives the same forces. A body counts with the effective mass m = (rho_s + C rho_f) Vol (C =
+   1 in 2D, 1/2 in 3D: added mass of a disc, a sphere). Of a pair the larger stiffness counts; bodies that cannot move
+   have none. */
 #include "compat.h"
 #include "impl.h"
 
@@ -37,7 +39,7 @@ static PetscErrorCode effective_inertia(Contact c, PetscInt k, PetscReal inertia
 {
   PetscFunctionBeginUser;
   PetscCall(BodiesGetInertia(c->bodies, k, PETSC_TRUE, inertia));
-  for (PetscInt i = 0; i < 6; i++) inertia[i] *= ContactGroup(c, k)->density + 0.1 * c->rho_f;
+  for (PetscInt i = 0; i < 6; i++) inertia[i] *= BodiesGetGroup(c->state, k)->density + 0.1 * c->rho_f;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -46,7 +48,7 @@ PetscErrorCode ContactGetMass(Contact c, PetscInt k, PetscReal *mass, PetscReal 
   PetscFunctionBeginUser;
   PetscCheck(k >= 0 && k < c->s->n, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Body %" PetscInt_FMT " does not exist: there are %" PetscInt_FMT, k,
              c->s->n);
-  *mass = ContactMass(c, ContactGroup(c, k));
+  *mass = ContactMass(c, BodiesGetGroup(c->state, k));
   if (inertia) PetscCall(effective_inertia(c, k, inertia));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -124,7 +126,7 @@ PetscErrorCode ContactSetInertia(Contact c, PetscInt k)
 
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(c->inverse_inertia[k], 6));
-  if (!(ContactGroup(c, k)->free & BODY_FREE_ROTATION)) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!(BodiesGetGroup(c->state, k)->free & BODY_FREE_ROTATION)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(effective_inertia(c, k, inertia));
   invert_tensor(inertia, c->inverse_inertia[k]);
   PetscFunctionReturn(PETSC_SUCCESS);

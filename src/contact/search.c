@@ -1,8 +1,9 @@
 /* Contact, search: which bodies can touch before the list of pairs is made again.
 
-   A body is entered in a grid of cells (grid.h) with half-width radius + half the horizon + its reach; pairs that share a cell are compared by their bounding
-   circles. The reach holds the way of the coming step and a skin of a tenth of the radius, so that a list lasts until some body has used its share up; then
-   all is made anew. Periodic directions: bodies near a face enter again as images beyond the other one. The list is sorted, so that the age of the list does
+   A body is entered in a grid of cells (grid.h) with half-width radius + half the horizon + its reach; pairs that share
+   a cell are compared by their bounding circles. The reach holds the way of the coming step and a skin of a tenth of
+   the radius, so that a list lasts until some body has used its share up; then all is made anew. Periodic directions:
+   bodies near a face enter again as images beyond the other one. The list is sorted, so that the age of the list does
    not change the order in which forces add up. */
 #include "compat.h"
 #include "base/grid.h"
@@ -59,7 +60,8 @@ static PetscErrorCode add_pair(Contact c, PetscInt i, PetscInt j)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* shift: where the image of j that is meant lies. In a small periodic box the same two bodies may meet several times: only the nearest image counts. */
+/* shift: where the image of j that is meant lies. In a small periodic box the same two bodies may meet several times:
+   only the nearest image counts. */
 static PetscErrorCode test_pair(Contact c, PetscInt i, PetscInt j, const PetscReal shift[3])
 {
   const Kind     *ki = ContactKind(c, i), *kj = ContactKind(c, j);
@@ -81,7 +83,8 @@ static PetscErrorCode test_pair(Contact c, PetscInt i, PetscInt j, const PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* An image meets only bodies, and of the two ways in which a pair can meet across a face only the one that shifts the larger number counts. */
+/* An image meets only bodies, and of the two ways in which a pair can meet across a face only the one that shifts the
+   larger number counts. */
 static PetscErrorCode visit_items(void *ctx, PetscInt a, PetscInt b)
 {
   Items          *it      = (Items *)ctx;
@@ -272,7 +275,6 @@ PetscErrorCode ContactFindPairs(Contact c)
   if (c->friction > 0) PetscCall(move_slip(c, nold, old));
   PetscCall(PetscFree(old));
   c->have_list = PETSC_TRUE;
-  c->builds++;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -1,14 +1,15 @@
-/* Contact, a step of bodies in a flow: integrates the bodies that can come within range by symplectic Euler, pair after pair
-   (so that damping is implicit). Replicated on all ranks. Two additions make a body come to rest although the flow answers only
-   once a step (runs/studies/contact):
-   - drag: the frozen acceleration belongs to the old velocity. While contact changes the velocity by du, the acceleration changes
-     by -lambda du with lambda from (buoyant acceleration - a) = lambda u, where that is a resistance. Without it bodies slower than
-     u_ref/5 overlap when the step exceeds their relaxation time;
-   - look-ahead (law repulsive): two steps are integrated, and each pair takes the larger of the means over one and over two steps.
-     A second-order scheme (bdf2) gives only 2/3 of a sudden impulse in its first step; without look-ahead bodies overlap at
-     u dt > r. The law spring does without, because more than the impulse of the collision would make energy.
-   Stable while the true effective mass is above 3/4 of ours. Limit: bodies without buoyancy that a very viscous flow presses
-   together (step 10 relaxation times) overlap by some r before the force has grown. */
+/* Contact, a step of bodies in a flow: integrates the bodies that can come within range by symplectic Euler, pair after
+   pair (so that damping is implicit). Replicated on all ranks. Two additions make a body come to rest although the flow
+   answers only once a step (runs/studies/contact):
+   - drag: the frozen acceleration belongs to the old velocity. While contact changes the velocity by du, the
+     acceleration changes by -lambda du with lambda from (buoyant acceleration - a) = lambda u, where that is a
+     resistance. Without it bodies slower than u_ref/5 overlap when the step exceeds their relaxation time;
+   - look-ahead (law repulsive): two steps are integrated, and each pair takes the larger of the means over one and over
+     two steps. A second-order scheme (bdf2) gives only 2/3 of a sudden impulse in its first step; without look-ahead
+     bodies overlap at u dt > r. The law spring does without, because more than the impulse of the collision would make
+     energy.
+   Stable while the true effective mass is above 3/4 of ours. Limit: bodies without buoyancy that a very viscous flow
+   presses together (step 10 relaxation times) overlap by some r before the force has grown. */
 #include "compat.h"
 #include "impl.h"
 #include "base/log.h"
@@ -58,7 +59,7 @@ static void move_body(Contact c, PetscInt k, PetscReal h)
 /* lambda with (buoyant acceleration - a) = lambda u, 0 where a is no resistance; bodies all but at rest have none */
 static PetscReal estimate_drag(Contact c, PetscInt k, PetscReal dt, const PetscReal a[3])
 {
-  const BodyGroup *g    = ContactGroup(c, k);
+  const BodyGroup *g    = BodiesGetGroup(c->state, k);
   const PetscReal *u    = c->s->u[k];
   const PetscReal  rest = REST_SPEED * c->range / dt;
   PetscReal        sum  = 0;
@@ -76,7 +77,7 @@ static PetscErrorCode start_drift(Contact c, PetscReal dt, PetscReal (*a)[3], Pe
   PetscFunctionBeginUser;
   if (!c->reach) PetscCall(PetscMalloc1(s->n, &c->reach));
   for (PetscInt k = 0; k < s->n; k++) {
-    const BodyGroup *g = ContactGroup(c, k);
+    const BodyGroup *g = BodiesGetGroup(c->state, k);
     Drift           *d = &drift[k];
 
     for (PetscInt b = 0; b < 3; b++) {
@@ -177,7 +178,8 @@ static PetscErrorCode advance_crowd(Contact c, PetscReal h, Crowd *w, PetscBool 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The larger of the means over one step and over the look-ahead, pair by pair: as a whole, so that momentum stays conserved. */
+/* The larger of the means over one step and over the look-ahead, pair by pair: as a whole, so that momentum stays
+   conserved. */
 static void store_means(Contact c, PetscReal dt, const Crowd *w)
 {
   const PetscInt ahead = c->law->lookahead;
