@@ -31,7 +31,7 @@ static PetscInt count_parts(const struct _p_Ale *f, PetscReal (*X)[3], PetscReal
   PetscReal longest = 0;
 
   for (PetscInt k = 0; k < f->s->n; k++) {
-    const BodyGroup *g = &f->s->group[f->s->body_group[k]];
+    const BodyGroup *g = BodiesGetGroup(f->s, k);
     PetscReal        way[3], dot = 0, turn;
 
     if (f->s->gone[k]) continue;

@@ -21,7 +21,7 @@ static PetscBool is_free(Couple c, PetscInt k, PetscInt s)
 /* Rigid velocity of slot i of body k at the last two times. A pivot's translation is prescribed, and is kept here, not in the state of the body. */
 static void get_history(Couple c, PetscInt k, PetscInt i, PetscReal *now, PetscReal *old)
 {
-  const PetscBool kept = (PetscBool)(i < c->loc->dim && c->s->group[c->s->body_group[k]].motion.has_pivot);
+  const PetscBool kept = (PetscBool)(i < c->loc->dim && BodiesGetGroup(c->s, k)->motion.has_pivot);
 
   *now = kept ? c->U_old[k * c->nr + i] : CoupleRigidValue(c, c->s->u, c->s->w, k, i);
   *old = kept ? c->U_older[k * c->nr + i] : CoupleRigidValue(c, c->s->u_old, c->s->w_old, k, i);
@@ -116,7 +116,7 @@ static PetscErrorCode draw_snap(Couple c)
   for (PetscInt e = 0; e < r->nmarked; e++) PetscCall(IndicatorClaim(c->mark, r->marked[e], r->node_body[r->marked[e]]));
   c->snap = (CoupleSnapCount){PETSC_TRUE, 0, r->nnarrow, c->snap.taylor + count->taylor, c->snap.kept + count->kept};
   for (PetscInt k = 0; k < c->s->n; k++)
-    if (!c->fitted[k] && !c->s->gone[k] && !c->s->group[c->s->body_group[k]].hole) c->snap.fallback++;
+    if (!c->fitted[k] && !c->s->gone[k] && !BodiesGetGroup(c->s, k)->hole) c->snap.fallback++;
   if (c->snap.fallback || before) PetscCall(draw_penalty(c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -133,7 +133,7 @@ static PetscErrorCode fill_rigid_rows(Couple c)
   PetscCall(FlowGetStep(c->flow, &step));
   PetscCall(FlowGetParameters(c->flow, &par));
   for (PetscInt k = 0; k < c->s->n; k++) {
-    const PetscReal excess = c->s->group[c->s->body_group[k]].density - CoupleInnerDensity(c, k, par);
+    const PetscReal excess = BodiesGetGroup(c->s, k)->density - CoupleInnerDensity(c, k, par);
     PetscReal       M[36], *g = c->g + k * nr, spin, L[3], force[3], torque[3], dead[6];
 
     PetscCall(RigidGetMass(c->bodies, k, c->q[k], M));
@@ -246,7 +246,7 @@ static PetscErrorCode detect_blow_up(Couple c)
   PetscCall(FlowGetStep(c->flow, &step));
   PetscCall(FlowGetParameters(c->flow, &par));
   for (PetscInt k = 0; k < c->s->n; k++) {
-    const BodyGroup *group = c->s->group + c->s->body_group[k];
+    const BodyGroup *group = BodiesGetGroup(c->s, k);
     PetscReal        du[3], size = 0, dot = 0;
 
     if (!group->free) continue;
@@ -352,7 +352,7 @@ static PetscErrorCode remark_long_way(Couple c)
                   "remark: body %" PetscInt_FMT
                   " (group '%s') goes %.2g of the smallest cells in the step to t = %g; -couple_boundary snap loses accuracy beyond 0.5: lower -sim_dt (%g), or "
                   "use -sim_adapt\n",
-                  k, s->group[s->body_group[k]].name, (double)way, (double)step->time, (double)step->dt));
+                  k, BodiesGetGroup(s, k)->name, (double)way, (double)step->time, (double)step->dt));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -429,16 +429,16 @@ static PetscErrorCode remark_small_bodies(Couple c)
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < s->n; k++) {
-    const PetscReal r = s->group[s->body_group[k]].radius;
+    const PetscReal r = BodiesGetGroup(s, k)->radius;
 
-    if (r < 0.999 * c->loc->h && (smallest < 0 || r < s->group[s->body_group[smallest]].radius)) smallest = k;
+    if (r < 0.999 * c->loc->h && (smallest < 0 || r < BodiesGetGroup(s, smallest)->radius)) smallest = k;
   }
   if (smallest < 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(
     PetscPrintf(PETSC_COMM_WORLD,
                 "remark: body %" PetscInt_FMT
                 " (group '%s') is %.2g of the smallest cells long; below 2 its force is off by 20 %% and more: refine the mesh, such as by -mesh_cells\n",
-                smallest, s->group[s->body_group[smallest]].name, (double)(2 * s->group[s->body_group[smallest]].radius / c->loc->h)));
+                smallest, BodiesGetGroup(s, smallest)->name, (double)(2 * BodiesGetGroup(s, smallest)->radius / c->loc->h)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -141,7 +141,7 @@ static PetscErrorCode evaluate_monitor(const struct _p_Deform *d, const PetscRea
 /* Body k drawn at X, with all its images whose surroundings reach the domain */
 static PetscErrorCode list_body(Deform d, PetscInt k, const PetscReal X[3])
 {
-  const PetscReal reach = d->s->group[d->s->body_group[k]].radius + d->width;
+  const PetscReal reach = BodiesGetGroup(d->s, k)->radius + d->width;
 
   PetscFunctionBeginUser;
   for (PetscInt image = 0; image < (d->dim == 2 ? 9 : 27); image++) {

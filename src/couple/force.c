@@ -134,7 +134,7 @@ static PetscErrorCode residual_force(Couple c, PetscInt k, PetscReal out[])
   const FlowStep       *step;
   const FlowParameters *par;
   const PetscInt        nr    = c->nr;
-  const PetscReal       rho_s = c->s->group[c->s->body_group[k]].density;
+  const PetscReal       rho_s = BodiesGetGroup(c->s, k)->density;
   PetscReal             M[36], a[6], extra[3], dead[6], rho_i, spin;
 
   PetscFunctionBeginUser;
@@ -289,7 +289,7 @@ static PetscErrorCode sum_bodies(Couple c, PetscReal out[3], PetscReal *size)
   PetscCall(FlowGetStep(c->flow, &step));
   out[0] = out[1] = out[2] = 0;
   for (PetscInt k = 0; k < c->s->n; k++) {
-    const PetscReal inside = c->s->group[c->s->body_group[k]].hole ? 0 : CoupleInnerDensity(c, k, par);
+    const PetscReal inside = BodiesGetGroup(c->s, k)->hole ? 0 : CoupleInnerDensity(c, k, par);
     PetscReal       M[36], extra[3], dead[6];
 
     PetscCall(CoupleDeadForce(c, k, par, dead));

@@ -221,7 +221,7 @@ static void track_bodies(Monitor m)
   const BodyState *b = m->bodies;
 
   for (PetscInt k = 0; k < b->n; k++) {
-    const BodyGroup *g = &b->group[b->body_group[k]];
+    const BodyGroup *g = BodiesGetGroup(b, k);
     const PetscReal *u = b->u[k];
 
     m->overlap_max = PetscMax(m->overlap_max, -b->gap[k] / (2 * g->radius));
@@ -264,7 +264,7 @@ static PetscReal body_angle(const BodyState *b, PetscInt k)
 
 static void print_body(FILE *f, const MonitorStep *s, const BodyState *b, PetscInt k)
 {
-  const BodyGroup *g = &b->group[b->body_group[k]];
+  const BodyGroup *g = BodiesGetGroup(b, k);
 
   fprintf(f, "%" PetscInt_FMT ",%.12g,%" PetscInt_FMT ",%s", s->step, (double)s->time, k, g->name);
   print_vector(f, b->x[k]);

@@ -46,7 +46,7 @@ static PetscErrorCode write_scalars(Outlines b, PetscViewer viewer)
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(s->n, &radius));
-  for (PetscInt k = 0; k < s->n; k++) radius[k] = s->gone[k] ? 0 : s->group[s->body_group[k]].radius;
+  for (PetscInt k = 0; k < s->n; k++) radius[k] = s->gone[k] ? 0 : BodiesGetGroup(s, k)->radius;
   PetscCall(write_reals(b, viewer, "radius", s->n, 1, radius));
   PetscCall(write_reals(b, viewer, "angle", s->n, 1, s->angle));
   PetscCall(write_integers(b, viewer, "group", s->n, 1, s->body_group));
