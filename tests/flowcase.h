@@ -1,6 +1,6 @@
 /* Mesh, flow and bodies from options, for tests of what stands between flow and bodies. */
 #pragma once
-#include "bodies/bodies.h"
+#include "bodies/write.h"
 #include "core.h"
 #include "flow/flow.h"
 
@@ -8,7 +8,7 @@ typedef struct {
   Mesh             mesh;
   Flow             flow;
   Bodies           bodies;
-  BodyState       *s;
+  BodyArrays      *s;
   const MeshLocal *l;
 } Case;
 
@@ -19,7 +19,7 @@ static inline void open_case(Case *c, const char options[])
   OK(MeshGetLocal(c->mesh, &c->l));
   OK(FlowCreate(c->mesh, &c->flow));
   OK(BodiesCreate(c->l->dim, c->l->lower, c->l->upper, &c->bodies));
-  OK(BodiesGetState(c->bodies, &c->s));
+  OK(BodiesGetArrays(c->bodies, &c->s));
 }
 
 static inline void close_case(Case *c)

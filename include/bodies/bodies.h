@@ -1,23 +1,34 @@
 /* Bodies: rigid bodies in groups, their state and their motion. Knows nothing of the flow.
 
-   State is a structure of arrays. Vectors always have 3 components (2D: third zero; angular velocity along z), rotations are
-   unit quaternions with the plane angle kept beside them (2D, not wrapped to 2 pi). Units: any consistent system.
-   Equations of motion (design section 1): M dU/dt = (M - M_f) g + F + F',  I dw/dt + w x (I w) = T + T'.
+   State is a structure of arrays. Vectors always have 3 components (2D: third zero; angular velocity along z),
+   rotations are unit quaternions with the plane angle kept beside them (2D, not wrapped to 2 pi). Units: any consistent
+   system. Equations of motion (design section 1): M dU/dt = (M - M_f) g + F + F',  I dw/dt + w x (I w) = T + T'.
 
-   Options of group <g>: -particle_<g>_shape, _density (needed unless the group is fixed), _position x,y[,z] (one body: place single),
-   _angle (about z), _velocity u,v[,w], _angular_velocity (one number in 2D, three in 3D),
-   _count, _place single|lattice|random|table, _lower/_upper (box for lattice and random; bodies lie inside it as a whole; default the domain),
-   _margin (smallest gap for lattice and random, default 0), _seed, _table file.csv (columns x,y[,z][,angle][,u,v[,w]][,omega]; what has no column
-   is taken from the options above; see place.h), _free [x, y, z, rotation] or all or none (default all; none with _motion; rotation with _pivot; z means nothing in 2D),
-   _motion, _pivot, _stops, _force, _torque (motion.h),
-   and the shape's own options. Random groups are placed after all others and keep clear of them.
+   Options of group <g>: -particle_<g>_* (group.c, place.h, motion.h in src/bodies) and the shape's own. _free: x, y, z,
+   rotation, or all or none (default all; none with _motion; rotation with _pivot; z means nothing in 2D). Random groups
+   are placed after all others and keep clear of them.
 
-   The centre of a body is the centroid of its shape: point in the body frame = R^T (x - X) + centroid. _position places the centre, or the pivot of a group that has one.
-   The reference point of a body is its pivot or else its centre; degrees of freedom are those of the reference point and of the rotation. What is not free is prescribed (motion.h). */
+   The centre of a body is the centroid of its shape: point in the body frame = R^T (x - X) + centroid. _position places
+   the centre, or the pivot of a group that has one. The reference point of a body is its pivot or else its centre;
+   degrees of freedom are those of the reference point and of the rotation. What is not free is prescribed
+   (motion.h). */
 #pragma once
-#include "bodies/motion.h"
 #include "shape/host.h"
 #include "base/state.h"
+
+/* What a scene says about the motion of a group beyond "free"; see motion.h in src/bodies. */
+typedef struct {
+  PetscBool constant, rotate; /* do velocity and angular velocity of the start act? */
+  PetscBool given;            /* -particle_<g>_motion */
+  PetscReal amplitude[3], period[3], phase[3];
+  PetscReal swing[3]; /* amplitude, period, phase of the angle about z */
+  PetscReal ramp;
+  PetscBool has_pivot, has_stops;
+  PetscReal pivot[3];            /* in the frame of the shape */
+  PetscReal stops[2];            /* rad */
+  PetscReal restitution;         /* of the stops */
+  PetscReal force[3], torque[3]; /* external, on each body */
+} Motion;
 
 typedef enum {
   BODY_FREE_X        = 1,
@@ -40,79 +51,107 @@ typedef struct {
   PetscBool hole;         /* the body is a hole of the mesh (fitted.h): nothing is drawn */
 } BodyGroup;
 
-/* The state; arrays are owned by Bodies, writable by the coupling. n = number of bodies; replicated on all ranks. */
-typedef struct {
-  PetscInt   n, ngroups, dim;
-  PetscReal  time;       /* of this state; set by the coupling at the beginning of a step, advanced by BodiesAdvancePosition */
-  PetscReal  dt_old;     /* length of the last step, 0: none */
-  BodyGroup *group;      /* [ngroups] */
-  PetscInt  *body_group; /* [n] */
-  PetscReal (*x)[3];     /* [n] centre of mass */
-  PetscReal (*q)[4];     /* [n] orientation */
-  PetscReal *angle;      /* [n] 2D angle, rad (3D: integral of w_z, for reports only) */
-  PetscReal (*u)[3];     /* [n] velocity of the centre of mass */
-  PetscReal (*w)[3];     /* [n] angular velocity, rad/s, space axes */
-  PetscReal (*u_old)[3]; /* [n] one step earlier */
-  PetscReal (*w_old)[3];
-  PetscReal (*force)[3];          /* [n] hydrodynamic force, buoyancy excluded */
-  PetscReal (*torque)[3];         /* [n] hydrodynamic torque about the centre of mass */
-  PetscReal (*contact_force)[3];  /* [n] */
-  PetscReal (*contact_torque)[3]; /* [n] */
-  PetscInt  *stopped;             /* [n] the body rests on its lower (-1) or upper (1) stop, or not (0) */
-  PetscReal *gap;                 /* [n] smallest gap to a wall or another body (set by contact; PETSC_MAX_REAL if far) */
-  PetscBool *gone;                /* [n] has left the domain and takes part in nothing any more */
-} BodyState;
+/* The state, replicated on all ranks: a view that only reads, of arrays that Bodies owns. n = number of bodies,
+   m = number of groups; time: of this state, advanced by BodiesAdvancePosition; dt_old: length of the last step, 0: none.
+     group [m], body_group [n]          the group of body k is group[body_group[k]]: BodiesGetGroup
+     x, u, w [n][3]                     centre of mass, its velocity, angular velocity [rad/s] in space axes; u_old,
+                                        w_old: one step earlier
+     q [n][4], angle [n]                orientation; 2D angle, rad (3D: integral of w_z, for reports only)
+     force, torque [n][3]               of the fluid, buoyancy excluded; torque about the centre of mass. contact_force,
+                                        contact_torque: of contact
+     stopped [n]                        the body rests on its lower (-1) or upper (1) stop, or not (0)
+     gap [n]                            smallest gap to a wall or another body (set by contact; PETSC_MAX_REAL if far)
+     gone [n]                           has left the domain and takes part in nothing any more
+   The list is a macro, because write.h has it once more without the const. */
+/* clang-format off */
+#define BODY_STATE(CONST) \
+  PetscInt n, ngroups, dim; \
+  PetscReal time, dt_old; \
+  CONST BodyGroup *group; \
+  CONST PetscInt *body_group, *stopped; \
+  CONST PetscReal (*x)[3], (*q)[4], *angle, (*u)[3], (*w)[3], (*u_old)[3], (*w_old)[3]; \
+  CONST PetscReal (*force)[3], (*torque)[3], (*contact_force)[3], (*contact_torque)[3], *gap; \
+  CONST PetscBool *gone;
+/* clang-format on */
+
+struct _n_BodyState {
+  BODY_STATE(const)
+};
+typedef const struct _n_BodyState BodyState;
+
+/* Group of body k */
+static inline const BodyGroup *BodiesGetGroup(BodyState *s, PetscInt k)
+{
+  return &s->group[s->body_group[k]];
+}
 
 typedef struct _p_Bodies *Bodies;
 
-/* Read -particle_groups and all group options, load shapes, place bodies. A scene without groups gives n = 0. Collective.
-   Errors: unknown place, bad table (file:line), random placement that does not fit, overlapping random bodies impossible to avoid. */
+/* Read -particle_groups and all group options, load shapes, place bodies. A scene without groups gives n = 0.
+   Collective. Errors: unknown place, bad table (file:line), random placement that does not fit, overlapping random
+   bodies impossible to avoid. */
 PetscErrorCode BodiesCreate(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], Bodies *);
 PetscErrorCode BodiesDestroy(Bodies *);
 PetscErrorCode BodiesView(Bodies, PetscViewer); /* one line a group */
 PetscErrorCode BodiesGetState(Bodies, BodyState **);
 
-/* Volume (area) of body k, and its inertia tensor in space axes at the present orientation (xx yy zz xy xz yz; 2D: zz only), times density if `per_density` is false. */
+/* What the coupling writes, the same on every rank. Not collective. Velocities: NULL stays as it is; Step keeps the old
+   ones in u_old, w_old. */
+PetscErrorCode BodiesSetTime(Bodies, PetscReal time);
+PetscErrorCode BodiesWriteForces(Bodies, PetscReal (**force)[3], PetscReal (**torque)[3]); /* [n][3] of the state, to be filled */
+PetscErrorCode BodiesSetVelocity(Bodies, PetscInt k, const PetscReal u[3], const PetscReal w[3]);
+PetscErrorCode BodiesStepVelocity(Bodies, PetscInt k, const PetscReal u[3], const PetscReal w[3]);
+PetscErrorCode BodiesSetHole(Bodies, PetscInt group); /* the bodies of a group are holes of the mesh */
+
+/* Volume (area) of body k, and its inertia tensor in space axes at the present orientation (xx yy zz xy xz yz; 2D: zz
+   only), times density if `per_density` is false. */
 PetscErrorCode BodiesGetVolume(Bodies, PetscInt k, PetscReal *volume);
 PetscErrorCode BodiesGetInertia(Bodies, PetscInt k, PetscBool per_density, PetscReal inertia[6]);
 
 /* Kinetic energy of all bodies, translation and rotation. */
 PetscErrorCode BodiesGetEnergy(Bodies, PetscReal *energy);
 
-/* Signed distance of n points x [n][dim] in space to body k drawn at centre X[3], orientation q[4] (NULL: the current ones).
-   Not collective, allocates nothing. */
+/* Signed distance of n points x [n][dim] in space to body k drawn at centre X[3], orientation q[4] (NULL: the current
+   ones). Not collective, allocates nothing. */
 PetscErrorCode BodiesDistance(Bodies, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt n, const PetscReal x[], PetscReal d[]);
 /* Closest points y [n][dim] on the surface, likewise (ShapeProject in space). */
 PetscErrorCode BodiesProject(Bodies, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt n, const PetscReal x[], PetscReal y[]);
 
-/* Vector from the reference point to the centre of body k at orientation q[4] (NULL: the current one), space axes: zero without a pivot. */
+/* Vector from the reference point to the centre of body k at orientation q[4] (NULL: the current one), space axes: zero
+   without a pivot. */
 PetscErrorCode BodiesGetArm(Bodies, PetscInt k, const PetscReal q[], PetscReal arm[3]);
-/* Does degree of freedom d of body k (0, 1, 2: translation; 3: rotation) move freely at present? Not if it is prescribed, nor rotation while the body rests on a stop. */
+/* Does degree of freedom d of body k (0, 1, 2: translation; 3: rotation) move freely at present? Not if it is
+   prescribed, nor rotation while the body rests on a stop. */
 PetscBool BodiesIsFree(Bodies, PetscInt k, PetscInt d);
-/* Velocity u of the reference point and angular velocity w of body k at `time` as far as they are prescribed; entries of free degrees of freedom are the current ones. */
+/* Velocity u of the reference point and angular velocity w of body k at `time` as far as they are prescribed; entries
+   of free degrees of freedom are the current ones. */
 PetscErrorCode BodiesGetKnownVelocity(Bodies, PetscInt k, PetscReal time, PetscReal u[3], PetscReal w[3]);
 /* External load plus weight minus buoyancy, (M - M_f) g: force, and torque about the centre (the weight has none). */
 PetscErrorCode BodiesGetLoad(Bodies, PetscInt k, PetscReal rho_f, const PetscReal gravity[3], PetscReal force[3], PetscReal torque[3]);
-/* Torque about the reference point of all that acts on body k in the present state: fluid, contact, load. */
-PetscErrorCode BodiesGetTorque(Bodies, PetscInt k, PetscReal rho_f, const PetscReal gravity[3], PetscReal torque[3]);
 
-/* Explicit coupling: u_old, w_old <- u, w, then advance u, w by dt under force + contact + load + (M - M_f) g with fluid density rho_f. Euler step
-   (semi-implicit together with BodiesAdvancePosition, theta = 1); the gyroscopic term of 3D by the implicit midpoint rule; about a pivot with the inertia of the parallel axis.
-   What is not free gets its prescribed velocity at the end of the step. Releases bodies from their stops. Does not move the bodies. Implicit coupling writes u, w and
-   u_old, w_old itself. */
+/* Explicit coupling: u_old, w_old <- u, w, then advance u, w by dt under force + contact + load + (M - M_f) g with
+   fluid density rho_f. Euler step (semi-implicit together with BodiesAdvancePosition, theta = 1); the gyroscopic term
+   of 3D by the implicit midpoint rule; about a pivot with the inertia of the parallel axis. What is not free gets its
+   prescribed velocity at the end of the step. Releases bodies from their stops. Does not move the bodies. Implicit
+   coupling calls BodiesStepVelocity instead. */
 PetscErrorCode BodiesAdvanceVelocity(Bodies, PetscReal dt, PetscReal rho_f, const PetscReal gravity[3]);
-/* Move: x += dt U, orientation alike, with U = `theta` u + (1 - theta) u_old (be: theta = 1; bdf2, cn: 1/2); what is not free goes to its prescribed place at time + dt.
-   A body that passes a stop in the step is put back by the rebound: angle and angular velocities (w and w_old by the same jump, so that their difference stays the
-   acceleration); one that arrives no faster than two steps of its acceleration rests there. Advances the time of the state. Wraps nothing. Error: not finite. */
+/* Move: x += dt U, orientation alike, with U = `theta` u + (1 - theta) u_old (be: theta = 1; bdf2, cn: 1/2); what is
+   not free goes to its prescribed place at time + dt. A body that passes a stop in the step is put back by the rebound:
+   angle and angular velocities (w and w_old by the same jump, so that their difference stays the acceleration); one
+   that arrives no faster than two steps of its acceleration rests there. Advances the time of the state. Wraps nothing.
+   Error: not finite. */
 PetscErrorCode BodiesAdvancePosition(Bodies, PetscReal dt, PetscReal theta);
 /* Release body k from a stop if the torque on it now points away. */
 PetscErrorCode BodiesRelease(Bodies, PetscInt k, PetscReal rho_f, const PetscReal gravity[3]);
-/* Is no degree of freedom of any body free, none moved by _motion, and no velocity other than 0? Then positions need no update. */
+/* Is no degree of freedom of any body free, none moved by _motion, and no velocity other than 0? Then positions need no
+   update. */
 PetscErrorCode BodiesAreStill(Bodies, PetscBool *still);
-/* Speed of the fastest point of body k (of a disc: its centre), under the velocities extrapolated by r of their last change; r = 0: the present ones. Not collective. */
-PetscReal BodiesFastestPoint(const BodyState *, PetscInt k, PetscReal r);
-/* Where body k is predicted to be at the next step: X + dt u (order 1), X + dt (u + r/2 (u - u_old)) with r = dt/dt_old (order 2; r = 1 at the start) or X (order 0); likewise orientation. What is not free is where its prescribed
-   motion puts it at time + dt, whatever the order. Stops are kept. */
+/* Speed of the fastest point of body k (of a disc: its centre), under the velocities extrapolated by r of their last
+   change; r = 0: the present ones. Not collective. */
+PetscReal BodiesFastestPoint(BodyState *, PetscInt k, PetscReal r);
+/* Where body k is predicted to be at the next step: X + dt u (order 1), X + dt (u + r/2 (u - u_old)) with r = dt/dt_old
+   (order 2; r = 1 at the start) or X (order 0); likewise orientation. What is not free is where its prescribed motion
+   puts it at time + dt, whatever the order. Stops are kept. */
 PetscErrorCode BodiesPredict(Bodies, PetscInt k, PetscReal dt, PetscInt order, PetscReal X[3], PetscReal q[4], PetscReal *angle);
 
 /* StateVisit of Bodies: motion and forces of all bodies. Error of loading: other groups (names, numbers, volumes). */

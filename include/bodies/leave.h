@@ -1,16 +1,19 @@
 /* Leave: what happens to bodies that leave the domain.
 
-   In periodic directions a body whose centre passes a face comes in again at the other one. At any other face the run stops with a message, or the body is taken out
-   of everything and counted, if -particle_remove names that boundary of the box (left, right, bottom, top, back, front). */
+   In periodic directions a body whose centre passes a face comes in again at the other one. At any other face the run
+   stops with a message, or the body is taken out of everything and counted, if -particle_remove names that boundary of
+   the box (left, right, bottom, top, back, front). */
 #pragma once
 #include "bodies/bodies.h"
 
 typedef struct _p_Leave *Leave;
 
-/* Domain lower .. upper; period: its length in periodic directions, 0 in the others. Reads -particle_remove. Collective. Errors: unknown or periodic boundary. */
+/* Domain lower .. upper; period: its length in periodic directions, 0 in the others. Reads -particle_remove.
+   Collective. Errors: unknown or periodic boundary. */
 PetscErrorCode LeaveCreate(Bodies, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3], Leave *);
 PetscErrorCode LeaveDestroy(Leave *);
-/* To be called when the bodies have moved: moves, removes or complains. The centre of a body decides; bodies that cannot move are left alone. Not collective, same result on all ranks. */
+/* To be called when the bodies have moved: moves, removes or complains. The centre of a body decides; bodies that
+   cannot move are left alone. Not collective, same result on all ranks. */
 PetscErrorCode LeaveApply(Leave);
 /* Number of bodies removed so far. */
 PetscErrorCode LeaveGetRemoved(Leave, PetscInt *n);

@@ -1,7 +1,9 @@
-/* Rigid: inertia and loads of a body on its rigid slots (translation, then rotation about its reference point: 3 numbers in 2D, 6 in 3D).
+/* Rigid: inertia and loads of a body on its rigid slots (translation, then rotation about its reference point: 3
+   numbers in 2D, 6 in 3D).
 
-   The velocity of the centre is that of the reference point plus w x arm; T is that map from the slots to (velocity of the centre, w). All is per unit density and exact from
-   the shape: mass of the fluid or of the body is a matter of the caller. */
+   The velocity of the centre is that of the reference point plus w x arm; T is that map from the slots to (velocity of
+   the centre, w). All is per unit density and exact from the shape: mass of the fluid or of the body is a matter of the
+   caller. */
 #pragma once
 #include "bodies/bodies.h"
 
@@ -9,5 +11,6 @@
 PetscErrorCode RigidGetMass(Bodies, PetscInt k, const PetscReal q[4], PetscReal M[]);
 /* out [nr] = T^T (force, torque): generalised force of a force at the centre and a torque about it. */
 PetscErrorCode RigidReduceForce(Bodies, PetscInt k, const PetscReal q[4], const PetscReal force[3], const PetscReal torque[3], PetscReal out[]);
-/* out = w x (w x arm), acceleration of the centre relative to the reference point that is not in the time derivatives of the slots; rotation [nr - dim]: w. */
+/* out = w x (w x arm), acceleration of the centre relative to the reference point that is not in the time derivatives
+   of the slots; rotation [nr - dim]: w. */
 PetscErrorCode RigidCentripetal(Bodies, PetscInt k, const PetscReal q[4], const PetscReal rotation[], PetscReal out[3]);

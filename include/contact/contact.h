@@ -1,69 +1,80 @@
-/* Contact: forces between bodies, and between bodies and the walls of the domain. Knows bodies and shapes, not the flow.
+/* Contact: forces between bodies, and between bodies and the walls of the domain. Knows bodies and shapes, not the
+   flow.
 
    Laws (-contact_law), along the line of contact:
-     repulsive (default; Glowinski, Pan, Hesla, Joseph 1999; Wan & Turek 2006): zero beyond a range r, quadratic in the gap within it, linear in the overlap:
+     repulsive (default; Glowinski, Pan, Hesla, Joseph 1999; Wan & Turek 2006): zero beyond a range r, quadratic in the
+     gap within it, linear in the overlap:
        F(gap) = K ((r - gap)/r)^2 for 0 <= gap < r,   F = K (1 + overlap/(s r)) for overlap > 0, damped in approach
-     spring (Cundall & Strack 1979): F = k (r - gap) + c v within the range, c from the coefficient of restitution, with Coulomb friction
+     spring (Cundall & Strack 1979): F = k (r - gap) + c v within the range, c from the coefficient of restitution, with
+     Coulomb friction
      none
-   and, in addition to either, -contact_lubrication: the resistance of films thinner than the mesh resolves. Defaults of all stiffnesses scale with the cell size and the
-   energy of arrival at terminal speed; see law.c for the formulas. Bodies that cannot move exert forces and receive them, two such bodies ignore each other.
-   Options: -contact_range [length], -contact_substeps (0: chosen), -contact_separate (bodies that overlap after a step are moved apart), -couple_search cells|brute; repulsive: -contact_stiffness (multiple of the default K), _eps, _eps_overlap,
-   _wall_factor, _damping; spring: -contact_spring_stiffness, _restitution, _friction, _tangential; lubrication: -contact_lubrication_range, _roughness. */
+   and, in addition to either, -contact_lubrication: the resistance of films thinner than the mesh resolves. Defaults of
+   all stiffnesses scale with the cell size and the energy of arrival at terminal speed; see law.c for the formulas.
+   Bodies that cannot move exert forces and receive them, two such bodies ignore each other. Options: -contact_range
+   [length], -contact_substeps (0: chosen), -contact_separate (bodies that overlap after a step are moved apart);
+   repulsive: -contact_stiffness (multiple of the default K), _eps, _eps_overlap, _wall_factor, _damping; spring:
+   -contact_spring_stiffness, _restitution, _friction, _tangential; lubrication: -contact_lubrication_range,
+   _roughness. */
 #pragma once
 #include "bodies/bodies.h"
 #include "base/state.h"
 
 typedef struct _p_Contact *Contact;
 
-/* h: cell size near the bodies (default range h/2). rho_f: density of the fluid, whose added mass counts; 0 without. walls: bit mask of solid domain faces,
-   bit 2*axis for lower, 2*axis + 1 for upper. Collective. Errors: no scale for the stiffness of a spring. */
+/* h: cell size near the bodies (default range h/2). rho_f: density of the fluid, whose added mass counts; 0 without.
+   walls: bit mask of solid domain faces, bit 2*axis for lower, 2*axis + 1 for upper. Collective. Errors: no scale for
+   the stiffness of a spring. */
 PetscErrorCode ContactCreate(Bodies, PetscReal h, PetscReal rho_f, const PetscReal gravity[3], const PetscReal lower[3], const PetscReal upper[3],
                              PetscInt walls, Contact *);
-/* Length of the domain in its periodic directions, 0 in the others (default): bodies meet across such faces. Not collective. */
+/* Length of the domain in its periodic directions, 0 in the others (default): bodies meet across such faces. Not
+   collective. */
 PetscErrorCode ContactSetPeriod(Contact, const PetscReal period[3]);
 /* Dynamic viscosity of the film between bodies, for -contact_lubrication (default 0). Not collective. */
 PetscErrorCode ContactSetViscosity(Contact, PetscReal viscosity);
 PetscErrorCode ContactDestroy(Contact *);
 PetscErrorCode ContactView(Contact, PetscViewer);
 
-/* Gaps and forces for bodies placed at x [n][3], q [n][4] with the velocities of the state: fills force, torque [n][3] (added up over all contacts of a body) and gap [n].
-   The law alone, without damping and friction, and the lubrication; stiffness from the present speeds in the state. Gaps beyond the range may be reported as PETSC_MAX_REAL.
-   Momentum of every pair is conserved to round-off. Not collective. -contact_law none: no forces, no gaps. */
-PetscErrorCode ContactEvaluate(Contact, PetscReal (*x)[3], PetscReal (*q)[4], PetscReal (*force)[3], PetscReal (*torque)[3], PetscReal *gap);
-
-/* Contact force to use for the step [t, t + dt]: sub-steps the bodies from their present state under the frozen remaining acceleration
-   a, alpha [n][3] (their motion without contact: a = (U^n - U^{n-1})/dt - contact_force of the last step / ContactGetMass, alpha alike), with the effective
-   mass and inertia of ContactGetMass, and stores force and torque in contact_force, contact_torque of the state.
-   Repulsive law: the force of a pair is its mean over the step, or over a look-ahead of two steps where that is larger (contact.c says why).
-   The state itself does not move. Bodies out of range of everything cost nothing but the search. Not collective, same result on all ranks.
-   Safe while a body moves at most h in a step.
-   Error when -contact_substeps is given and too small for the stiffness: names option, value and the needed number. */
+/* Contact force to use for the step [t, t + dt]: sub-steps the bodies from their present state under the frozen
+   remaining acceleration a, alpha [n][3] (their motion without contact: a = (U^n - U^{n-1})/dt - contact_force of the
+   last step / ContactGetMass, alpha alike), with the effective mass and inertia of ContactGetMass, and stores force and
+   torque in contact_force, contact_torque of the state. Repulsive law: the force of a pair is its mean over the step,
+   or over a look-ahead of two steps where that is larger (step.c says why). The state itself does not move. Bodies out
+   of range of everything cost nothing but the search. Not collective, same result on all ranks. Safe while a body moves
+   at most h in a step. Error when -contact_substeps is given and too small for the stiffness: names option, value and
+   the needed number. */
 PetscErrorCode ContactStep(Contact, PetscReal dt, PetscReal (*a)[3], PetscReal (*alpha)[3]);
-/* After the bodies have moved in the flow: fills gap of the state (PETSC_MAX_REAL: far) and, with -contact_separate, moves bodies that overlap apart (separate.c says why
-   and how) until 1e-3 radii are left; velocities stay. Not collective, same result on all ranks. */
+/* After the bodies have moved in the flow: fills gap of the state (PETSC_MAX_REAL: far) and, with -contact_separate,
+   moves bodies that overlap apart (separate.c says why and how) until 1e-3 radii are left; velocities stay. Not
+   collective, same result on all ranks. */
 PetscErrorCode ContactFinishStep(Contact);
-/* Take steps back: Keep before ContactStep, Revert after it; contact_force, contact_torque, gap and the tangential springs are what they were. Not collective. */
+/* Take steps back: Keep before ContactStep, Revert after it; contact_force, contact_torque, gap and the tangential
+   springs are what they were. Not collective. */
 PetscErrorCode ContactKeep(Contact);
 PetscErrorCode ContactRevert(Contact);
 /* Range of the contact law: gaps beyond it are free. */
 PetscErrorCode ContactGetRange(Contact, PetscReal *range);
-/* Move the bodies of the state by dt under contact, gravity and buoyancy alone, without a flow: symplectic Euler in as many sub-steps as the stiffness asks for. Fills u_old,
-   w_old (the velocities before), contact_force, contact_torque (means over the step), gap (smallest). Memory besides the state: some 100 bytes a body. Errors as ContactStep. */
+/* Move the bodies of the state by dt under contact, gravity and buoyancy alone, without a flow: symplectic Euler in as
+   many sub-steps as the stiffness asks for. Fills u_old, w_old (the velocities before), contact_force, contact_torque
+   (means over the step), gap (smallest). Memory besides the state: some 100 bytes a body. Errors as ContactStep. */
 PetscErrorCode ContactAdvanceAlone(Contact, PetscReal dt);
 
-/* Energy stored in the contacts at the present place of the bodies, and the work that contact has done on the bodies since the beginning (negative: lost or stored):
-   stored + work = minus what damping and friction took. In a flow the work is counted by ContactCountWork, called after the bodies have moved by dt. Not collective. */
+/* Energy stored in the contacts at the present place of the bodies, and the work that contact has done on the bodies
+   since the beginning (negative: lost or stored): stored + work = minus what damping and friction took. In a flow the
+   work is counted by ContactCountWork, called after the bodies have moved by dt. Not collective. */
 PetscErrorCode ContactCountWork(Contact, PetscReal dt);
 PetscErrorCode ContactGetEnergy(Contact, PetscReal *stored, PetscReal *work);
 
-/* Refuse bodies that overlap a wall or another body in their present place, of which one at least can move away: names both and the overlap. Not collective. */
+/* Refuse bodies that overlap a wall or another body in their present place, of which one at least can move away: names
+   both and the overlap. Not collective. */
 PetscErrorCode ContactCheckStart(Contact);
 
-/* Effective mass of body k: (rho_s + rho_f) Vol in 2D, (rho_s + rho_f/2) Vol in 3D (added mass of a disc, a sphere), and effective inertia
-   (rho_s + rho_f/10) times the inertia for unit density (space axes, as BodiesGetInertia; NULL: not wanted). The caller of ContactStep
-   must use these for a and alpha: another inertia makes the loop of flow and contact unstable. */
+/* Effective mass of body k: (rho_s + rho_f) Vol in 2D, (rho_s + rho_f/2) Vol in 3D (added mass of a disc, a sphere),
+   and effective inertia (rho_s + rho_f/10) times the inertia for unit density (space axes, as BodiesGetInertia; NULL:
+   not wanted). The caller of ContactStep must use these for a and alpha: another inertia makes the loop of flow and
+   contact unstable. */
 PetscErrorCode ContactGetMass(Contact, PetscInt k, PetscReal *mass, PetscReal inertia[6]);
-/* Work of the last call: pairs of bodies tested by their bounding circles (0: the list of pairs was still good), pairs and walls within reach, sub-steps of the step. Each may be NULL. */
+/* Work of the last call: pairs of bodies tested by their bounding circles (0: the list of pairs was still good), pairs
+   and walls within reach, sub-steps of the step. Each may be NULL. */
 PetscErrorCode ContactGetWork(Contact, PetscInt *tests, PetscInt *pairs, PetscInt *substeps);
 /* Largest overlap, in diameters of the smaller body, that ContactFinishStep has found since the beginning. */
 PetscErrorCode ContactGetSeparation(Contact, PetscReal *overlap);

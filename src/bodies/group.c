@@ -1,9 +1,10 @@
 /* Bodies: the options of the groups, see bodies.h; where the bodies of a group start.
 
-   Every group is read by itself, and its bodies are placed singly, in rows or from a table (place.h). Random groups come last, because they keep clear of all others.
-   The same on every rank; only tables are read by one rank. Does not know the state of the bodies, which is made from this in bodies.c. */
+   Every group is read by itself, and its bodies are placed singly, in rows or from a table (place.h). Random groups
+   come last, because they keep clear of all others. The same on every rank; only tables are read by one rank. Does not
+   know the state of the bodies, which is made from this in bodies.c. */
 #include "compat.h"
-#include "group.h"
+#include "impl.h"
 #include "base/opt.h"
 
 /* What the options of a group say about the start of its bodies. */
@@ -206,7 +207,7 @@ static PetscErrorCode read_group(BodyGroup *g, PetscInt dim, const PetscReal low
 
 /* ---- all groups ---- */
 
-static PetscErrorCode name_groups(BodyState *s)
+static PetscErrorCode name_groups(BodyArrays *s)
 {
   char    *list[BODIES_MAX_GROUPS + 1];
   PetscInt n = BODIES_MAX_GROUPS + 1;
@@ -230,7 +231,7 @@ static PetscErrorCode name_groups(BodyState *s)
 }
 
 /* Random groups come last, one after the other, and keep clear of everything placed before. */
-static PetscErrorCode start_random(BodyState *s, Start start[])
+static PetscErrorCode start_random(BodyArrays *s, Start start[])
 {
   PetscReal(*x)[3], *radius;
   PetscInt n = 0;
@@ -256,7 +257,7 @@ static PetscErrorCode start_random(BodyState *s, Start start[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodyGroupsRead(BodyState *s, const PetscReal lower[3], const PetscReal upper[3], Placement ***body)
+PetscErrorCode BodyGroupsRead(BodyArrays *s, const PetscReal lower[3], const PetscReal upper[3], Placement ***body)
 {
   Start *start;
 

@@ -1,13 +1,15 @@
-/* Border: see leave.h. A removed body keeps its last place in the state, at rest, and is marked as gone. */
+/* Leave: see leave.h. A removed body keeps its last place in the state, at rest, and is marked as gone. */
 #include "compat.h"
 #include "bodies/leave.h"
+#include "impl.h"
 #include "base/domain.h"
 #include "base/opt.h"
 
 struct _p_Leave {
-  BodyState *s;
-  PetscReal  lower[3], upper[3], period[3];
-  PetscInt   remove; /* bit 2 axis for the lower face, 2 axis + 1 for the upper */
+  Bodies      bodies;
+  BodyArrays *s;
+  PetscReal   lower[3], upper[3], period[3];
+  PetscInt    remove; /* bit 2 axis for the lower face, 2 axis + 1 for the upper */
 };
 
 static const char *const FACES[] = {"left", "right", "bottom", "top", "back", "front"};
@@ -39,7 +41,8 @@ PetscErrorCode LeaveCreate(Bodies bodies, const PetscReal lower[3], const PetscR
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&b));
-  PetscCall(BodiesGetState(bodies, &b->s));
+  b->bodies = bodies;
+  b->s      = &bodies->state;
   for (PetscInt a = 0; a < b->s->dim; a++) {
     b->lower[a]  = lower[a];
     b->upper[a]  = upper[a];
@@ -60,7 +63,7 @@ PetscErrorCode LeaveDestroy(Leave *border)
 /* Body k has passed face f, which is not periodic */
 static PetscErrorCode leave(Leave b, PetscInt k, PetscInt f)
 {
-  const BodyGroup *g = &b->s->group[b->s->body_group[k]];
+  const BodyGroup *g = BodiesGetGroup(&b->bodies->view, k);
 
   PetscFunctionBeginUser;
   PetscCheck(b->remove >> f & 1, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
@@ -78,11 +81,11 @@ static PetscErrorCode leave(Leave b, PetscInt k, PetscInt f)
 
 PetscErrorCode LeaveApply(Leave b)
 {
-  BodyState *s = b->s;
+  BodyArrays *s = b->s;
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < s->n; k++) {
-    const BodyGroup *g = &s->group[s->body_group[k]];
+    const BodyGroup *g = BodiesGetGroup(&b->bodies->view, k);
 
     if (!(g->free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z))) continue;
     for (PetscInt a = 0; a < s->dim && !s->gone[k]; a++) {

@@ -1,15 +1,7 @@
 /* Rigid: see mass.h. */
 #include "compat.h"
+#include "impl.h"
 #include "bodies/mass.h"
-
-static PetscErrorCode get_dimensions(Bodies bodies, BodyState **s, PetscInt *dim, PetscInt *nr)
-{
-  PetscFunctionBeginUser;
-  PetscCall(BodiesGetState(bodies, s));
-  *dim = (*s)->dim;
-  *nr  = *dim == 2 ? 3 : 6;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
 
 /* Space inertia of body k as a full 3 x 3 matrix per unit density */
 static PetscErrorCode get_inertia(Bodies bodies, PetscInt k, PetscInt dim, PetscReal J[3][3])
@@ -43,12 +35,10 @@ static void get_spin(PetscInt dim, const PetscReal arm[3], PetscReal S[3][3])
 
 PetscErrorCode RigidGetMass(Bodies bodies, PetscInt k, const PetscReal q[4], PetscReal M[])
 {
-  BodyState *s;
-  PetscInt   dim = 0, nr = 0;
-  PetscReal  volume, J[3][3], arm[3], S[3][3];
+  const PetscInt dim = bodies->view.dim, nr = dim == 2 ? 3 : 6;
+  PetscReal      volume, J[3][3], arm[3], S[3][3];
 
   PetscFunctionBeginUser;
-  PetscCall(get_dimensions(bodies, &s, &dim, &nr));
   PetscCall(BodiesGetVolume(bodies, k, &volume));
   PetscCall(get_inertia(bodies, k, dim, J));
   for (PetscInt i = 0; i < nr * nr; i++) M[i] = 0;
@@ -56,7 +46,7 @@ PetscErrorCode RigidGetMass(Bodies bodies, PetscInt k, const PetscReal q[4], Pet
   if (dim == 2) M[8] = J[2][2];
   else
     for (PetscInt a = 0; a < 9; a++) M[(3 + a / 3) * nr + 3 + a % 3] = J[a / 3][a % 3];
-  if (!s->group[s->body_group[k]].motion.has_pivot) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!BodiesGetGroup(&bodies->view, k)->motion.has_pivot) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(BodiesGetArm(bodies, k, q, arm));
   get_spin(dim, arm, S);
   for (PetscInt b = 0; b < nr - dim; b++) {
@@ -69,12 +59,10 @@ PetscErrorCode RigidGetMass(Bodies bodies, PetscInt k, const PetscReal q[4], Pet
 
 PetscErrorCode RigidReduceForce(Bodies bodies, PetscInt k, const PetscReal q[4], const PetscReal force[3], const PetscReal torque[3], PetscReal out[])
 {
-  BodyState *s;
-  PetscInt   dim = 0, nr = 0;
-  PetscReal  arm[3], S[3][3];
+  const PetscInt dim = bodies->view.dim, nr = dim == 2 ? 3 : 6;
+  PetscReal      arm[3], S[3][3];
 
   PetscFunctionBeginUser;
-  PetscCall(get_dimensions(bodies, &s, &dim, &nr));
   PetscCall(BodiesGetArm(bodies, k, q, arm));
   get_spin(dim, arm, S);
   for (PetscInt a = 0; a < dim; a++) out[a] = force[a];
@@ -87,13 +75,10 @@ PetscErrorCode RigidReduceForce(Bodies bodies, PetscInt k, const PetscReal q[4],
 
 PetscErrorCode RigidCentripetal(Bodies bodies, PetscInt k, const PetscReal q[4], const PetscReal rotation[], PetscReal out[3])
 {
-  BodyState *s;
-  PetscInt   dim = 0, nr = 0;
-  PetscReal  w[3], arm[3], along, square;
+  PetscReal w[3], arm[3], along, square;
 
   PetscFunctionBeginUser;
-  PetscCall(get_dimensions(bodies, &s, &dim, &nr));
-  for (PetscInt a = 0; a < 3; a++) w[a] = dim == 3 ? rotation[a] : a == 2 ? rotation[0] : 0;
+  for (PetscInt a = 0; a < 3; a++) w[a] = bodies->view.dim == 3 ? rotation[a] : a == 2 ? rotation[0] : 0;
   PetscCall(BodiesGetArm(bodies, k, q, arm));
   along  = w[0] * arm[0] + w[1] * arm[1] + w[2] * arm[2];
   square = w[0] * w[0] + w[1] * w[1] + w[2] * w[2];

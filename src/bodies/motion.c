@@ -1,6 +1,7 @@
-/* Motion: see motion.h. Everything is evaluated from the time and the start, nothing is integrated, so that a prescribed body is where it should be at any time and step size. */
+/* Motion: see motion.h. Everything is evaluated from the time and the start, nothing is integrated, so that a
+   prescribed body is where it should be at any time and step size. */
 #include "compat.h"
-#include "bodies/motion.h"
+#include "motion.h"
 #include "base/opt.h"
 
 static void option_name(const char group[], const char what[], char name[128])

@@ -1,8 +1,11 @@
-/* Inside of the contact module; for its files only. contact.c: steps and sub-steps. search.c: who is near whom. touch.c: where two bodies touch.
-   law.c: the forces. separate.c: gaps and overlaps after a step. Vectors have 3 components, 2D ones a zero; a tensor is xx yy zz xy xz yz. */
+/* Inside of the contact room; for its files only. contact.c: the object. step.c, alone.c: steps with and without a
+   flow. momentum.c: what they share. search.c: who is near whom. touch.c: where two bodies touch. law.c: the forces.
+   separate.c: gaps and overlaps after a step. Vectors have 3 components, 2D ones a zero; a tensor is xx yy zz xy xz
+   yz. */
 #pragma once
 #include "base/algebra.h"
 #include "base/domain.h"
+#include "bodies/write.h"
 #include "contact/contact.h"
 
 #define CONTACT_MAX_POINTS 1024 /* surface points of a shape */
@@ -65,9 +68,10 @@ typedef struct {
 
 struct _p_Contact {
   Bodies            bodies;
-  BodyState        *s;
+  BodyState        *state;
+  BodyArrays       *s; /* the same for writing */
   const ContactLaw *law;
-  PetscInt          substeps, walls, dim, brute;
+  PetscInt          substeps, walls, dim;
   PetscReal         h, range, horizon; /* horizon >= range: no force of any kind beyond */
   PetscReal         rho_f, viscosity, g[3], lower[3], upper[3], period[3];
   /* parameters of the laws */
@@ -89,7 +93,7 @@ struct _p_Contact {
   Listed    *listed; /* [n] place and reach when the list was made */
   PetscReal *reach;  /* [n] way a body may go before the next search; NULL: none */
   PetscBool  have_list;
-  PetscInt   tests, builds, steps_done, nnear;
+  PetscInt   tests, steps_done, nnear;
   PetscBool  separate;
   PetscReal  separation; /* largest overlap that separation has found, in diameters */
   PetscReal  work;       /* done by contact on the bodies since the beginning */
@@ -100,11 +104,6 @@ struct _p_Contact {
   PetscInt kept_npairs;
   Touch    touch[2 * CONTACT_MAX_POINTS];
 };
-
-static inline const BodyGroup *ContactGroup(Contact c, PetscInt k)
-{
-  return &c->s->group[c->s->body_group[k]];
-}
 
 static inline Kind *ContactKind(Contact c, PetscInt k)
 {
@@ -153,17 +152,36 @@ static inline void ContactSpin(Contact c, PetscInt k, const PetscReal torque[3],
 PetscErrorCode ContactFindPairs(Contact);
 /* Gap between two discs (spheres), j >= 0, or of a disc to a wall; the unit normal points at i. */
 void ContactDiscGap(Contact, PetscInt i, PetscReal radius_i, PetscInt j, PetscReal radius_j, PetscReal normal[3], PetscReal *gap);
-/* All touching points of a pair in c->touch, weights adding up to one, and its smallest gap (PETSC_MAX_REAL: none found). */
+/* All touching points of a pair in c->touch, weights adding up to one, and its smallest gap (PETSC_MAX_REAL: none
+   found). */
 PetscErrorCode ContactFindTouch(Contact, PetscInt i, PetscInt j, PetscInt *n, PetscReal *gap);
-/* Sum of the curvatures of both surfaces at a touch (mean curvature in 3D), at least that of the larger bounding circle. */
+/* Sum of the curvatures of both surfaces at a touch (mean curvature in 3D), at least that of the larger bounding
+   circle. */
 PetscErrorCode ContactCurvature(Contact, PetscInt i, PetscInt j, const Touch *, PetscReal *curvature);
 PetscErrorCode ContactCreatePoints(Contact);
 /* Options of all laws; the unused laws' ones count as unknown. */
 PetscErrorCode ContactReadLaws(Contact);
 /* Force and torques of pair number p where its bodies are now; the tangential spring moves on by h. */
 PetscErrorCode ContactPairForce(Contact, PetscInt p, PetscReal h, Impulse *, PetscReal *gap);
-/* Discs (spheres) and walls without friction or film: force f on body i along the line of centres (zero beyond the range), no torques. PETSC_FALSE: not such a pair. The common case
-   of many bodies, in closed form. */
+/* Discs (spheres) and walls without friction or film: force f on body i along the line of centres (zero beyond the
+   range), no torques. PETSC_FALSE: not such a pair. The common case of many bodies, in closed form. */
 PetscBool ContactDiscForce(Contact, const Pair *, PetscReal h, PetscReal f[3], PetscReal *gap);
 /* Energy stored in pair p. */
 PetscErrorCode ContactPairEnergy(Contact, PetscInt p, PetscReal *energy);
+
+/* momentum.c. Effective mass of a body of a group; speed of the fastest body; u_ref and stiffness of the groups and
+   speeds of the bodies for a step dt, a: frozen accelerations or NULL; effective inertia of body k, inverted (3D). */
+PetscReal      ContactMass(Contact, const BodyGroup *);
+PetscReal      ContactFastest(Contact);
+void           ContactSetScales(Contact, PetscReal dt, PetscReal (*a)[3]);
+PetscErrorCode ContactSetInertia(Contact, PetscInt k);
+/* Adds an impulse times `scale` to the forces and torques of a pair; changes the velocities of a pair by that of the
+   time h. */
+void ContactScatter(const Pair *, const Impulse *, PetscReal scale, PetscReal (*force)[3], PetscReal (*torque)[3]);
+void ContactKick(Contact, const Pair *, PetscReal h, const Impulse *);
+/* Sub-steps of a step dt when forces change within `time`. Error: -contact_substeps too few. */
+PetscErrorCode ContactChooseSubsteps(Contact, PetscReal dt, PetscReal time, PetscInt *n);
+/* x, q, u, w of the contact become copies of these. */
+PetscErrorCode ContactUseCopies(Contact, PetscReal (*x)[3], PetscReal (*q)[4], PetscReal (*u)[3], PetscReal (*w)[3]);
+/* No contact forces, no gaps. */
+void ContactClear(BodyArrays *);

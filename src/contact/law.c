@@ -1,16 +1,19 @@
 /* Contact, laws: the force at a touch, friction, lubrication.
 
-   Repulsive: see contact.h. A body of effective mass m that arrives with speed u_ref is to stop without overlap: K = 1.5 m u_ref^2/r, because the work of the law over
-   its range is K r/3. The slope in the overlap, 2 K/r, makes the law continuously differentiable; it is also the ratio of the two stiffnesses that FeatFlow uses,
-   eps = h^2 and eps' = h for r = h/2. Damping (Hunt & Crossley 1975): force times (1 + v/(DAMPING u_ref)), v the speed of approach, never attractive. It takes the
-   energy out and vanishes with the speed, so that the resting gap is that of the law.
+   Repulsive: see contact.h. A body of effective mass m that arrives with speed u_ref is to stop without overlap: K =
+   1.5 m u_ref^2/r, because the work of the law over its range is K r/3. The slope in the overlap, 2 K/r, makes the law
+   continuously differentiable; it is also the ratio of the two stiffnesses that FeatFlow uses, eps = h^2 and eps' = h
+   for r = h/2. Damping (Hunt & Crossley 1975): force times (1 + v/(DAMPING u_ref)), v the speed of approach, never
+   attractive. It takes the energy out and vanishes with the speed, so that the resting gap is that of the law.
 
-   Spring (Cundall & Strack 1979): k (r - gap) + c v with the damping c = 2 zeta sqrt(k m), zeta = -ln e/sqrt(pi^2 + ln^2 e), which gives the restitution coefficient e
-   exactly, m the mass of the pair along the normal. k from a stop within half the range: k = 4 m u_ref^2/r^2. Friction: a tangential spring of stiffness 2/7 k that moves
-   with the pair and slides at mu times the normal force.
+   Spring (Cundall & Strack 1979): k (r - gap) + c v with the damping c = 2 zeta sqrt(k m), zeta = -ln e/sqrt(pi^2 +
+   ln^2 e), which gives the restitution coefficient e exactly, m the mass of the pair along the normal. k from a stop
+   within half the range: k = 4 m u_ref^2/r^2. Friction: a tangential spring of stiffness 2/7 k that moves with the pair
+   and slides at mu times the normal force.
 
-   Lubrication: squeezed film between surfaces of curvature 1/R (sum of both): 3 sqrt(2) pi mu v (R/gap)^(3/2) a unit depth in 2D, 6 pi mu v R^2/gap in 3D, for approach and
-   separation; minus its value at the gap from which the mesh resolves the film, so that it blends in; gaps below the roughness count as the roughness. */
+   Lubrication: squeezed film between surfaces of curvature 1/R (sum of both): 3 sqrt(2) pi mu v (R/gap)^(3/2) a unit
+   depth in 2D, 6 pi mu v R^2/gap in 3D, for approach and separation; minus its value at the gap from which the mesh
+   resolves the film, so that it blends in; gaps below the roughness count as the roughness. */
 #include "compat.h"
 #include "impl.h"
 #include "base/opt.h"
@@ -42,7 +45,8 @@ static PetscReal repulsive_stiffness(Contact c, const Kind *k)
   return k->moves ? c->multiple * 1.5 * k->mass * PetscSqr(k->speed) / c->range : 0;
 }
 
-/* The stiffness of a body that is faster than its scale grows with the square of its speed, as the energy does that is to be stored */
+/* The stiffness of a body that is faster than its scale grows with the square of its speed, as the energy does that is
+   to be stored */
 static PetscReal stiffen(const Kind *k, PetscReal speed)
 {
   return speed > k->speed && k->speed > 0 ? k->stiffness * PetscSqr(speed / k->speed) : k->stiffness;
@@ -242,8 +246,8 @@ static void average_touch(PetscInt n, const Touch t[], const PetscReal share[], 
   }
 }
 
-/* Tangential spring with sliding; normal is the force pressing the bodies together. Spring and damper act at the end of the sub-step (implicit), so that a body at rest
-   on a slope does not creep. */
+/* Tangential spring with sliding; normal is the force pressing the bodies together. Spring and damper act at the end of
+   the sub-step (implicit), so that a body at rest on a slope does not creep. */
 static void add_friction(Contact c, const Pair *p, const Touch *t, PetscReal normal, PetscReal stiffness, PetscReal h, PetscReal slip[3],
                          Impulse *sum)
 {

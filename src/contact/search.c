@@ -1,9 +1,10 @@
 /* Contact, search: which bodies can touch before the list of pairs is made again.
 
-   A body is entered in a grid of cells (grid.h) with half-width radius + half the horizon + its reach; pairs that share a cell are compared by their bounding
-   circles. The reach holds the way of the coming step and a skin of a tenth of the radius, so that a list lasts until some body has used its share up; then
-   all is made anew. Periodic directions: bodies near a face enter again as images beyond the other one. The list is sorted, so that neither the search method nor
-   the age of the list changes the order in which forces add up. -couple_search brute compares all pairs instead, for comparison. */
+   A body is entered in a grid of cells (grid.h) with half-width radius + half the horizon + its reach; pairs that share
+   a cell are compared by their bounding circles. The reach holds the way of the coming step and a skin of a tenth of
+   the radius, so that a list lasts until some body has used its share up; then all is made anew. Periodic directions:
+   bodies near a face enter again as images beyond the other one. The list is sorted, so that the age of the list does
+   not change the order in which forces add up. */
 #include "compat.h"
 #include "base/grid.h"
 #include "impl.h"
@@ -59,7 +60,8 @@ static PetscErrorCode add_pair(Contact c, PetscInt i, PetscInt j)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* shift: where the image of j that is meant lies. In a small periodic box the same two bodies may meet several times: only the nearest image counts. */
+/* shift: where the image of j that is meant lies. In a small periodic box the same two bodies may meet several times:
+   only the nearest image counts. */
 static PetscErrorCode test_pair(Contact c, PetscInt i, PetscInt j, const PetscReal shift[3])
 {
   const Kind     *ki = ContactKind(c, i), *kj = ContactKind(c, j);
@@ -81,7 +83,8 @@ static PetscErrorCode test_pair(Contact c, PetscInt i, PetscInt j, const PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* An image meets only bodies, and of the two ways in which a pair can meet across a face only the one that shifts the larger number counts. */
+/* An image meets only bodies, and of the two ways in which a pair can meet across a face only the one that shifts the
+   larger number counts. */
 static PetscErrorCode visit_items(void *ctx, PetscInt a, PetscInt b)
 {
   Items          *it      = (Items *)ctx;
@@ -185,23 +188,6 @@ static PetscErrorCode search_cells(Contact c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode search_all(Contact c)
-{
-  PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < c->s->n; i++)
-    for (PetscInt j = i + 1; j < c->s->n; j++) {
-      PetscReal d[3] = {0, 0, 0}, shift[3] = {0, 0, 0}, xi[3], xj[3];
-
-      place_body(c, i, xi);
-      place_body(c, j, xj);
-      for (PetscInt a = 0; a < c->dim; a++) d[a] = shift[a] = xi[a] - xj[a];
-      ContactWrap(c, d);
-      for (PetscInt a = 0; a < c->dim; a++) shift[a] -= d[a];
-      PetscCall(test_pair(c, i, j, shift));
-    }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* ---- order ---- */
 
 /* By i (counting), then by j (few each, by insertion). */
@@ -256,8 +242,7 @@ static PetscErrorCode search_bodies(Contact c)
   for (PetscInt g = 0; g < c->s->ngroups; g++) moves = (PetscBool)(moves || c->kind[g].moves);
   if (c->s->n < 2 || !moves) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogEventBegin(TB_SEARCH, 0, 0, 0, 0));
-  if (c->brute) PetscCall(search_all(c));
-  else PetscCall(search_cells(c));
+  PetscCall(search_cells(c));
   PetscCall(PetscLogEventEnd(TB_SEARCH, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -290,7 +275,6 @@ PetscErrorCode ContactFindPairs(Contact c)
   if (c->friction > 0) PetscCall(move_slip(c, nold, old));
   PetscCall(PetscFree(old));
   c->have_list = PETSC_TRUE;
-  c->builds++;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -298,7 +282,7 @@ PetscErrorCode ContactFindPairs(Contact c)
 
 PetscErrorCode ContactKeep(Contact c)
 {
-  const BodyState *s = c->s;
+  const BodyArrays *s = c->s;
 
   PetscFunctionBeginUser;
   if (!c->kept) PetscCall(PetscMalloc1(s->n, &c->kept));
@@ -320,7 +304,7 @@ PetscErrorCode ContactKeep(Contact c)
 
 PetscErrorCode ContactRevert(Contact c)
 {
-  BodyState *s = c->s;
+  BodyArrays *s = c->s;
 
   PetscFunctionBeginUser;
   PetscCheck(c->kept || !s->n, PETSC_COMM_SELF, PETSC_ERR_ORDER, "Nothing has been kept: call ContactKeep before the step");

@@ -1,9 +1,11 @@
 /* Contact, end of a step of the flow: gaps are read, and bodies that overlap are moved apart.
 
-   Bodies that meet in the same cut cells have no fluid between them there: the flow answers their contact force with an equal one, and a pair that has come to overlap keeps its
-   overlap, or slides into a deeper one, however stiff the law is (measured with discs of two cells in a dense bed). So the places are projected on those without overlap: the
-   smallest sum of m |dx|^2 under the linearised gaps, by Gauss-Seidel over the pairs, as Maury (2006, Numer. Math. 102, 649) does with velocities. Velocities stay, and so does the
-   momentum; a pair moves apart about its common centre of mass. Bodies move, they do not turn: pairs that cannot travel along their normal are left to the law. */
+   Bodies that meet in the same cut cells have no fluid between them there: the flow answers their contact force with an
+   equal one, and a pair that overlaps stays so however stiff the law is (runs/studies/contact). So the places are
+   projected on those without overlap: the smallest sum of m |dx|^2 under the linearised gaps, by Gauss-Seidel over the
+   pairs, as Maury (2006, Numer. Math. 102, 649) does with velocities. Velocities stay, and so does the momentum; a pair
+   moves apart about its common centre of mass. Bodies move, they do not turn: pairs that cannot travel along their
+   normal are left to the law. */
 #include "compat.h"
 #include "impl.h"
 #include "base/log.h"

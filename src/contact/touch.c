@@ -1,9 +1,11 @@
 /* Contact, geometry: where two bodies, or a body and a wall, touch.
 
-   Disc-disc and disc-wall in closed form. Any other pair: surface points of each body against the signed distance of the other, both ways; wall: surface points
-   against the plane. The force acts through all points within reach, with weights that fall off as exp(-(gap - smallest gap)/(r/4)) and add up to one.
-   The single deepest point would jump along a flat side and chatter in torque; a plain sum over points would make the force depend on how many there are.
-   This way the force is that of two discs, wherever it acts. Distances across a periodic face count as those to the nearest image. */
+   Disc-disc and disc-wall in closed form. Any other pair: surface points of each body against the signed distance of
+   the other, both ways; wall: surface points against the plane. The force acts through all points within reach, with
+   weights that fall off as exp(-(gap - smallest gap)/(r/4)) and add up to one. The single deepest point would jump
+   along a flat side and chatter in torque; a plain sum over points would make the force depend on how many there are.
+   This way the force is that of two discs, wherever it acts. Distances across a periodic face count as those to the
+   nearest image. */
 #include "compat.h"
 #include "impl.h"
 
@@ -72,11 +74,12 @@ static void to_body_frame(PetscInt dim, const PetscReal R[9], const BodyGroup *g
   for (PetscInt a = 0; a < dim; a++) y[a] = R[a] * r[0] + R[3 + a] * r[1] + R[6 + a] * r[2] + g->mass.centroid[a];
 }
 
-/* Points of body `from` that are near body `to`, with gap and outward normal of `to`. The body that the normal points at, i of the pair, is `from`; turned round if not. */
+/* Points of body `from` that are near body `to`, with gap and outward normal of `to`. The body that the normal points
+   at, i of the pair, is `from`; turned round if not. */
 static PetscErrorCode touch_points(Contact c, PetscInt from, PetscInt to, PetscBool turned, Touch t[], PetscInt *nt)
 {
   const Kind      *kind = ContactKind(c, from);
-  const BodyGroup *g    = ContactGroup(c, to);
+  const BodyGroup *g    = BodiesGetGroup(c->state, to);
   PetscReal        Rf[9], Rt[9], y[CONTACT_MAX_POINTS * 3], d[CONTACT_MAX_POINTS], nrm[CONTACT_MAX_POINTS * 3], apart[3] = {0, 0, 0};
   PetscInt         n = 0, kept = 0;
 
@@ -155,10 +158,11 @@ PetscErrorCode ContactFindTouch(Contact c, PetscInt i, PetscInt j, PetscInt *n, 
 
 /* ---- curvature ---- */
 
-/* Mean curvature of the surface of body k where r (from its centre) is nearest: divergence of the normal, by differences along the tangents. */
+/* Mean curvature of the surface of body k where r (from its centre) is nearest: divergence of the normal, by
+   differences along the tangents. */
 static PetscErrorCode surface_curvature(Contact c, PetscInt k, const PetscReal r[3], PetscReal *curvature)
 {
-  const BodyGroup *g    = ContactGroup(c, k);
+  const BodyGroup *g    = BodiesGetGroup(c->state, k);
   const PetscReal  step = 0.02 * g->radius;
   PetscReal        R[9], y[3], s[3], nrm[3], p[6], m[6], sum = 0;
 

@@ -31,7 +31,7 @@ static PetscInt count_parts(const struct _p_Ale *f, PetscReal (*X)[3], PetscReal
   PetscReal longest = 0;
 
   for (PetscInt k = 0; k < f->s->n; k++) {
-    const BodyGroup *g = &f->s->group[f->s->body_group[k]];
+    const BodyGroup *g = BodiesGetGroup(f->s, k);
     PetscReal        way[3], dot = 0, turn;
 
     if (f->s->gone[k]) continue;
@@ -61,11 +61,12 @@ static void place_bodies(Ale f, PetscReal share, PetscReal (*X)[3], PetscReal (*
 }
 
 /* Places and orientations of the bodies */
-static PetscErrorCode copy_bodies(const struct _p_Ale *f, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*X_to)[3], PetscReal (*q_to)[4])
+static PetscErrorCode copy_bodies(const struct _p_Ale *f, const PetscReal (*X)[3], const PetscReal (*q)[4], PetscReal (*X_to)[3],
+                                  PetscReal (*q_to)[4])
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscArraycpy((PetscReal *)X_to, (PetscReal *)X, 3 * f->s->n));
-  PetscCall(PetscArraycpy((PetscReal *)q_to, (PetscReal *)q, 4 * f->s->n));
+  PetscCall(PetscArraycpy((PetscReal *)X_to, (const PetscReal *)X, 3 * f->s->n));
+  PetscCall(PetscArraycpy((PetscReal *)q_to, (const PetscReal *)q, 4 * f->s->n));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -21,10 +21,10 @@ static PetscBool is_free(Couple c, PetscInt k, PetscInt s)
 /* Rigid velocity of slot i of body k at the last two times. A pivot's translation is prescribed, and is kept here, not in the state of the body. */
 static void get_history(Couple c, PetscInt k, PetscInt i, PetscReal *now, PetscReal *old)
 {
-  const PetscBool kept = (PetscBool)(i < c->loc->dim && c->s->group[c->s->body_group[k]].motion.has_pivot);
+  const PetscBool kept = (PetscBool)(i < c->loc->dim && BodiesGetGroup(c->s, k)->motion.has_pivot);
 
-  *now = kept ? c->U_old[k * c->nr + i] : *CoupleRigidComponent(c, c->s->u, c->s->w, k, i);
-  *old = kept ? c->U_older[k * c->nr + i] : *CoupleRigidComponent(c, c->s->u_old, c->s->w_old, k, i);
+  *now = kept ? c->U_old[k * c->nr + i] : CoupleRigidValue(c, c->s->u, c->s->w, k, i);
+  *old = kept ? c->U_older[k * c->nr + i] : CoupleRigidValue(c, c->s->u_old, c->s->w_old, k, i);
 }
 
 /* ---- drawing ---- */
@@ -37,7 +37,7 @@ static PetscErrorCode place_bodies(Couple c, PetscBool *drawn)
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetStep(c->flow, &step));
-  c->s->time = step->time - step->dt;
+  PetscCall(BodiesSetTime(c->bodies, step->time - step->dt));
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscCall(BodiesPredict(c->bodies, k, step->dt, c->implicit ? step->order : 0, c->X[k], c->q[k], &angle));
     PetscCall(BodiesGetArm(c->bodies, k, c->q[k], arm));
@@ -116,7 +116,7 @@ static PetscErrorCode draw_snap(Couple c)
   for (PetscInt e = 0; e < r->nmarked; e++) PetscCall(IndicatorClaim(c->mark, r->marked[e], r->node_body[r->marked[e]]));
   c->snap = (CoupleSnapCount){PETSC_TRUE, 0, r->nnarrow, c->snap.taylor + count->taylor, c->snap.kept + count->kept};
   for (PetscInt k = 0; k < c->s->n; k++)
-    if (!c->fitted[k] && !c->s->gone[k] && !c->s->group[c->s->body_group[k]].hole) c->snap.fallback++;
+    if (!c->fitted[k] && !c->s->gone[k] && !BodiesGetGroup(c->s, k)->hole) c->snap.fallback++;
   if (c->snap.fallback || before) PetscCall(draw_penalty(c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -133,7 +133,7 @@ static PetscErrorCode fill_rigid_rows(Couple c)
   PetscCall(FlowGetStep(c->flow, &step));
   PetscCall(FlowGetParameters(c->flow, &par));
   for (PetscInt k = 0; k < c->s->n; k++) {
-    const PetscReal excess = c->s->group[c->s->body_group[k]].density - CoupleInnerDensity(c, k, par);
+    const PetscReal excess = BodiesGetGroup(c->s, k)->density - CoupleInnerDensity(c, k, par);
     PetscReal       M[36], *g = c->g + k * nr, spin, L[3], force[3], torque[3], dead[6];
 
     PetscCall(RigidGetMass(c->bodies, k, c->q[k], M));
@@ -246,7 +246,7 @@ static PetscErrorCode detect_blow_up(Couple c)
   PetscCall(FlowGetStep(c->flow, &step));
   PetscCall(FlowGetParameters(c->flow, &par));
   for (PetscInt k = 0; k < c->s->n; k++) {
-    const BodyGroup *group = c->s->group + c->s->body_group[k];
+    const BodyGroup *group = BodiesGetGroup(c->s, k);
     PetscReal        du[3], size = 0, dot = 0;
 
     if (!group->free) continue;
@@ -277,11 +277,13 @@ static PetscErrorCode detect_blow_up(Couple c)
    added inertia m (added mass and what the boundary layer gains in a step) the mean is stable for m < 2 M, the present force alone only for m < M. */
 static PetscErrorCode advance_explicitly(Couple c, const FlowStep *step, const FlowParameters *par)
 {
-  BodyState *s = c->s;
+  const PetscInt n = c->s->n;
+  PetscReal(*force)[3], (*torque)[3];
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < 3 * s->n; i++) {
-    PetscReal *f[2] = {&s->force[i / 3][i % 3], &s->torque[i / 3][i % 3]}, *old[2] = {&c->force_old[2 * i], &c->force_old[2 * i + 1]};
+  PetscCall(BodiesWriteForces(c->bodies, &force, &torque));
+  for (PetscInt i = 0; i < 3 * n; i++) {
+    PetscReal *f[2] = {&force[i / 3][i % 3], &torque[i / 3][i % 3]}, *old[2] = {&c->force_old[2 * i], &c->force_old[2 * i + 1]};
 
     for (PetscInt j = 0; j < 2; j++) {
       const PetscReal now = *f[j];
@@ -291,9 +293,9 @@ static PetscErrorCode advance_explicitly(Couple c, const FlowStep *step, const F
     }
   }
   PetscCall(BodiesAdvanceVelocity(c->bodies, step->dt, par->density, par->gravity));
-  for (PetscInt i = 0; i < 3 * s->n; i++) {
-    s->force[i / 3][i % 3]  = c->force_old[2 * i];
-    s->torque[i / 3][i % 3] = c->force_old[2 * i + 1];
+  for (PetscInt i = 0; i < 3 * n; i++) {
+    force[i / 3][i % 3]  = c->force_old[2 * i];
+    torque[i / 3][i % 3] = c->force_old[2 * i + 1];
   }
   PetscCall(detect_blow_up(c));
   PetscCall(BodiesAdvancePosition(c->bodies, step->dt, 1));
@@ -313,16 +315,16 @@ static PetscErrorCode advance_bodies(Couple c)
   PetscCall(FlowGetParameters(c->flow, &par));
   PetscCall(BodiesAreStill(c->bodies, &still));
   if (still) {
-    s->time = step->time;
+    PetscCall(BodiesSetTime(c->bodies, step->time));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(PetscLogEventBegin(TB_ADVANCE, 0, 0, 0, 0));
   if (c->implicit) {
     for (PetscInt k = 0; k < s->n; k++) {
-      for (PetscInt i = 0; i < c->nr; i++) {
-        *CoupleRigidComponent(c, s->u_old, s->w_old, k, i) = *CoupleRigidComponent(c, s->u, s->w, k, i);
-        *CoupleRigidComponent(c, s->u, s->w, k, i)         = c->U[k * c->nr + i];
-      }
+      PetscReal u[1][3] = {{0}}, w[1][3] = {{0}};
+
+      for (PetscInt i = 0; i < c->nr; i++) *CoupleRigidComponent(c, u, w, 0, i) = c->U[k * c->nr + i];
+      PetscCall(BodiesStepVelocity(c->bodies, k, u[0], w[0]));
     }
     PetscCall(BodiesAdvancePosition(c->bodies, step->dt, step->order == 2 ? 0.5 : 1));
     for (PetscInt k = 0; k < s->n; k++) PetscCall(BodiesRelease(c->bodies, k, par->density, par->gravity));
@@ -350,7 +352,7 @@ static PetscErrorCode remark_long_way(Couple c)
                   "remark: body %" PetscInt_FMT
                   " (group '%s') goes %.2g of the smallest cells in the step to t = %g; -couple_boundary snap loses accuracy beyond 0.5: lower -sim_dt (%g), or "
                   "use -sim_adapt\n",
-                  k, s->group[s->body_group[k]].name, (double)way, (double)step->time, (double)step->dt));
+                  k, BodiesGetGroup(s, k)->name, (double)way, (double)step->time, (double)step->dt));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -427,16 +429,16 @@ static PetscErrorCode remark_small_bodies(Couple c)
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < s->n; k++) {
-    const PetscReal r = s->group[s->body_group[k]].radius;
+    const PetscReal r = BodiesGetGroup(s, k)->radius;
 
-    if (r < 0.999 * c->loc->h && (smallest < 0 || r < s->group[s->body_group[smallest]].radius)) smallest = k;
+    if (r < 0.999 * c->loc->h && (smallest < 0 || r < BodiesGetGroup(s, smallest)->radius)) smallest = k;
   }
   if (smallest < 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(
     PetscPrintf(PETSC_COMM_WORLD,
                 "remark: body %" PetscInt_FMT
                 " (group '%s') is %.2g of the smallest cells long; below 2 its force is off by 20 %% and more: refine the mesh, such as by -mesh_cells\n",
-                smallest, s->group[s->body_group[smallest]].name, (double)(2 * s->group[s->body_group[smallest]].radius / c->loc->h)));
+                smallest, BodiesGetGroup(s, smallest)->name, (double)(2 * BodiesGetGroup(s, smallest)->radius / c->loc->h)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -28,7 +28,8 @@ struct _p_Deform {
   Grid             near;        /* entries of the list, with their widths around them */
   PetscInt         nnear, room; /* the list: bodies and their periodic images, where they are drawn */
   PetscInt        *body;
-  PetscReal (*X)[3], (*q)[4]; /* [nnear], [bodies] */
+  PetscReal (*X)[3];       /* [nnear] */
+  const PetscReal (*q)[4]; /* [bodies] */
   PetscReal  size, width;
   PetscInt   steps, dim, nv, nq; /* vertices of a cell, Gauss points */
   PetscInt   corner[MAX_NV];     /* lattice place of vertex j of a cell */
@@ -140,7 +141,7 @@ static PetscErrorCode evaluate_monitor(const struct _p_Deform *d, const PetscRea
 /* Body k drawn at X, with all its images whose surroundings reach the domain */
 static PetscErrorCode list_body(Deform d, PetscInt k, const PetscReal X[3])
 {
-  const PetscReal reach = d->s->group[d->s->body_group[k]].radius + d->width;
+  const PetscReal reach = BodiesGetGroup(d->s, k)->radius + d->width;
 
   PetscFunctionBeginUser;
   for (PetscInt image = 0; image < (d->dim == 2 ? 9 : 27); image++) {
@@ -160,7 +161,7 @@ static PetscErrorCode list_body(Deform d, PetscInt k, const PetscReal X[3])
 }
 
 /* Bodies drawn at X, q, which are borrowed until the next call */
-static PetscErrorCode list_bodies(Deform d, PetscReal (*X)[3], PetscReal (*q)[4])
+static PetscErrorCode list_bodies(Deform d, const PetscReal (*X)[3], const PetscReal (*q)[4])
 {
   const MeshLocal *l = d->l;
 

@@ -77,7 +77,7 @@ static PetscErrorCode list_cells(Fitted h, Surface *s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode add_surface(Fitted h, BodyGroup *g, PetscInt boundary)
+static PetscErrorCode add_surface(Fitted h, const BodyGroup *g, PetscInt boundary)
 {
   Surface *s = h->surface + h->n;
 
@@ -86,7 +86,7 @@ static PetscErrorCode add_surface(Fitted h, BodyGroup *g, PetscInt boundary)
              "Boundary '%s' of the mesh is the surface of group '%s', which has %" PetscInt_FMT
              " bodies%s: a hole is one body that does not move, set -particle_%s_free none and one position, or rename the group",
              g->name, g->name, g->count, g->free ? ", free to move" : "", g->name);
-  g->hole = PETSC_TRUE;
+  PetscCall(BodiesSetHole(h->bodies, (PetscInt)(g - h->s->group)));
   s->body = g->first;
   PetscCall(MeshGetBoundaryNodes(h->mesh, boundary, &s->nnode, &s->node));
   PetscCall(check_surface(h, g, s));
@@ -192,7 +192,12 @@ PetscErrorCode FittedSetMotion(Fitted h)
 
   PetscFunctionBeginUser;
   PetscCall(ConditionsGetValues(FlowConditions(h->flow), &fixed, &value));
-  for (PetscInt i = 0; i < h->n; i++) PetscCall(fit_rotation(h, h->surface + i, value, h->s->w[h->surface[i].body]));
+  for (PetscInt i = 0; i < h->n; i++) {
+    PetscReal w[3];
+
+    PetscCall(fit_rotation(h, h->surface + i, value, w));
+    PetscCall(BodiesSetVelocity(h->bodies, h->surface[i].body, NULL, w));
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -134,7 +134,7 @@ static PetscErrorCode residual_force(Couple c, PetscInt k, PetscReal out[])
   const FlowStep       *step;
   const FlowParameters *par;
   const PetscInt        nr    = c->nr;
-  const PetscReal       rho_s = c->s->group[c->s->body_group[k]].density;
+  const PetscReal       rho_s = BodiesGetGroup(c->s, k)->density;
   PetscReal             M[36], a[6], extra[3], dead[6], rho_i, spin;
 
   PetscFunctionBeginUser;
@@ -177,23 +177,25 @@ static PetscErrorCode store_force(Couple c, PetscInt k, const PetscReal f[], Pet
 PetscErrorCode CoupleForce(Couple c)
 {
   PetscBool known = PETSC_FALSE;
+  PetscReal(*force)[3], (*torque)[3];
 
   PetscFunctionBeginUser;
   if (!c->s->n) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogEventBegin(TB_FORCE, 0, 0, 0, 0));
+  PetscCall(BodiesWriteForces(c->bodies, &force, &torque));
   for (PetscInt k = 0; k < c->s->n; k++) known = (PetscBool)(known || c->unknown[k] != (1 << c->nr) - 1);
   if (c->use_volume) {
-    PetscCall(integrate_stress(c, -1, c->s->force, c->s->torque));
-    PetscCall(FittedForce(c->hole, c->u, c->p, NULL, NULL, c->s->force, c->s->torque));
+    PetscCall(integrate_stress(c, -1, force, torque));
+    PetscCall(FittedForce(c->hole, c->u, c->p, NULL, NULL, force, torque));
   } else {
     if (known) PetscCall(sum_residuals(c, c->residual));
     for (PetscInt k = 0; k < c->s->n; k++) {
       PetscReal f[6];
 
       PetscCall(residual_force(c, k, f));
-      PetscCall(store_force(c, k, f, c->s->force, c->s->torque));
+      PetscCall(store_force(c, k, f, force, torque));
     }
-    PetscCall(FittedForce(c->hole, c->u, c->p, c->s->force, c->s->torque, NULL, NULL));
+    PetscCall(FittedForce(c->hole, c->u, c->p, force, torque, NULL, NULL));
   }
   PetscCall(PetscLogEventEnd(TB_FORCE, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -287,7 +289,7 @@ static PetscErrorCode sum_bodies(Couple c, PetscReal out[3], PetscReal *size)
   PetscCall(FlowGetStep(c->flow, &step));
   out[0] = out[1] = out[2] = 0;
   for (PetscInt k = 0; k < c->s->n; k++) {
-    const PetscReal inside = c->s->group[c->s->body_group[k]].hole ? 0 : CoupleInnerDensity(c, k, par);
+    const PetscReal inside = BodiesGetGroup(c->s, k)->hole ? 0 : CoupleInnerDensity(c, k, par);
     PetscReal       M[36], extra[3], dead[6];
 
     PetscCall(CoupleDeadForce(c, k, par, dead));

@@ -55,6 +55,13 @@ static inline PetscReal *CoupleRigidComponent(Couple c, PetscReal (*u)[3], Petsc
   return s < dim ? &u[k][s] : dim == 2 ? &w[k][2] : &w[k][s - dim];
 }
 
+static inline PetscReal CoupleRigidValue(Couple c, const PetscReal (*u)[3], const PetscReal (*w)[3], PetscInt k, PetscInt s)
+{
+  const PetscInt dim = c->loc->dim;
+
+  return s < dim ? u[k][s] : w[k][dim == 2 ? 2 : s - dim];
+}
+
 /* The density of the fluid inside body k */
 static inline PetscReal CoupleInnerDensity(Couple c, PetscInt k, const FlowParameters *par)
 {

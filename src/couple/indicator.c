@@ -114,7 +114,7 @@ PetscBool IndicatorImage(const MeshLocal *l, const PetscReal X[3], PetscReal rad
 static PetscErrorCode claim_inside(Indicator m, PetscInt k, const PetscReal X[3], const PetscReal q[4])
 {
   const PetscInt  dim    = m->loc->dim;
-  const PetscReal radius = m->s->group[m->s->body_group[k]].radius +
+  const PetscReal radius = BodiesGetGroup(m->s, k)->radius +
                            (m->loc->x != m->loc->x_start ? 2 * m->loc->h : 0); /* the search knows where nodes were before any move */
   PetscReal       lo[3], hi[3], x[CHUNK * 3], d[CHUNK];
   const PetscInt *list;
@@ -144,11 +144,11 @@ static PetscErrorCode claim_inside(Indicator m, PetscInt k, const PetscReal X[3]
 PetscErrorCode IndicatorInsideBody(Indicator m, PetscInt k, const PetscReal X[3], const PetscReal q[4])
 {
   PetscFunctionBeginUser;
-  if (m->s->gone[k] || m->s->group[m->s->body_group[k]].hole) PetscFunctionReturn(PETSC_SUCCESS);
+  if (m->s->gone[k] || BodiesGetGroup(m->s, k)->hole) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt image = 0; image < (m->loc->dim == 2 ? 9 : 27); image++) {
     PetscReal Xi[3];
 
-    if (IndicatorImage(m->loc, X, m->s->group[m->s->body_group[k]].radius, image, Xi)) PetscCall(claim_inside(m, k, Xi, q));
+    if (IndicatorImage(m->loc, X, BodiesGetGroup(m->s, k)->radius, image, Xi)) PetscCall(claim_inside(m, k, Xi, q));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -170,7 +170,7 @@ PetscErrorCode IndicatorCheckSeen(Indicator m)
   for (PetscInt i = 0; i < m->nnode; i++) seen[m->node_body[m->node[i]]] = 1;
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, seen, (PetscMPIInt)m->s->n, MPI_CHAR, MPI_MAX, PETSC_COMM_WORLD));
   for (PetscInt k = 0; k < m->s->n; k++) {
-    const BodyGroup *g = &m->s->group[m->s->body_group[k]];
+    const BodyGroup *g = BodiesGetGroup(m->s, k);
 
     PetscCheck(seen[k] || m->s->gone[k] || g->hole, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
                "Body %" PetscInt_FMT

@@ -225,7 +225,7 @@ static PetscErrorCode cut_image(Penalty p, PetscInt k, const PetscReal X[3], con
 {
   const MeshLocal *l   = p->loc;
   const PetscInt   dim = l->dim;
-  const PetscReal  far = p->s->group[p->s->body_group[k]].radius + p->reach;
+  const PetscReal  far = BodiesGetGroup(p->s, k)->radius + p->reach;
   PetscReal        lo[3], hi[3], x[CHUNK * 3], d[CHUNK];
   const PetscReal *size;
   const PetscInt  *list;
@@ -271,7 +271,7 @@ static PetscErrorCode cut_cells(Penalty p, PetscReal (*X)[3], PetscReal (*q)[4],
     for (PetscInt image = 0; image < (p->loc->dim == 2 ? 9 : 27) && !(omit && omit[k]); image++) {
       PetscReal Xi[3], Pi[3];
 
-      if (!IndicatorImage(p->loc, X[k], p->s->group[p->s->body_group[k]].radius, image, Xi)) continue;
+      if (!IndicatorImage(p->loc, X[k], BodiesGetGroup(p->s, k)->radius, image, Xi)) continue;
       for (PetscInt a = 0; a < 3; a++) Pi[a] = P[k][a] + (Xi[a] - X[k][a]);
       PetscCall(cut_image(p, k, Xi, q[k], Pi));
     }

@@ -34,7 +34,7 @@ static void track_bodies(Monitor m)
   const BodyState *b = m->bodies;
 
   for (PetscInt k = 0; k < b->n; k++) {
-    const BodyGroup *g = &b->group[b->body_group[k]];
+    const BodyGroup *g = BodiesGetGroup(b, k);
     const PetscReal *u = b->u[k];
 
     m->overlap_max = PetscMax(m->overlap_max, -b->gap[k] / (2 * g->radius));

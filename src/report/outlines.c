@@ -30,7 +30,7 @@ static PetscErrorCode write_scalars(Outlines b, Hdf5 file)
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(s->n, &radius));
-  for (PetscInt k = 0; k < s->n; k++) radius[k] = s->gone[k] ? 0 : s->group[s->body_group[k]].radius;
+  for (PetscInt k = 0; k < s->n; k++) radius[k] = s->gone[k] ? 0 : BodiesGetGroup(s, k)->radius;
   PetscCall(Hdf5WriteReals(file, "radius", b->rank ? 0 : s->n, 1, radius));
   PetscCall(Hdf5WriteReals(file, "angle", b->rank ? 0 : s->n, 1, s->angle));
   PetscCall(Hdf5WriteInts(file, "group", b->rank ? 0 : s->n, 1, s->body_group));

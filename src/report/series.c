@@ -172,7 +172,7 @@ static PetscReal body_angle(const BodyState *b, PetscInt k)
 
 static void print_body(FILE *f, const MonitorStep *s, const BodyState *b, PetscInt k)
 {
-  const BodyGroup *g = &b->group[b->body_group[k]];
+  const BodyGroup *g = BodiesGetGroup(b, k);
   const PetscReal *x = b->x[k], *u = b->u[k], *w = b->w[k], *F = b->force[k], *T = b->torque[k];
   const PetscReal  gap            = b->gap[k] < PETSC_MAX_REAL ? b->gap[k] : (PetscReal)INFINITY;
   const PetscReal  value[NBODIES] = {s->step, s->time, k,    0,    x[0], x[1], x[2], body_angle(b, k), u[0], u[1], u[2], w[0], w[1], w[2],

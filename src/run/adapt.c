@@ -106,7 +106,7 @@ static PetscErrorCode measure_bodies(Adapt a, PetscReal dt, const PetscReal weig
   PetscFunctionBeginUser;
   PetscCall(CoupleGetSystem(a->couple, NULL, NULL, &U, NULL, NULL));
   for (PetscInt k = 0; k < s->n; k++) {
-    const BodyGroup *g = &s->group[s->body_group[k]];
+    const BodyGroup *g = BodiesGetGroup(s, k);
 
     if (!g->free || g->motion.has_pivot || a->calm[k] < REST) continue;
     for (PetscInt i = 0; i < nr; i++) {

@@ -132,7 +132,7 @@ static PetscErrorCode estimate_acceleration(Sim s)
   PetscFunctionBeginUser;
   PetscCall(FlowGetParameters(s->part.flow, &par));
   for (PetscInt k = 0; k < s->s->n; k++) {
-    const PetscReal rho = s->s->group[s->s->body_group[k]].density, start = (rho - par->density) / (rho + par->density);
+    const PetscReal rho = BodiesGetGroup(s->s, k)->density, start = (rho - par->density) / (rho + par->density);
     PetscReal       mass, inertia[6];
 
     PetscCall(ContactGetMass(s->part.contact, k, &mass, inertia));
@@ -432,8 +432,8 @@ static PetscErrorCode take_step_alone(Sim s)
   PetscCall(LeaveApply(s->part.border));
   PetscCall(end_phase(s));
   PetscCall(ContactGetWork(s->part.contact, NULL, NULL, &substeps));
-  s->time    = s->hits ? s->until : s->time + dt;
-  s->s->time = s->time;
+  s->time = s->hits ? s->until : s->time + dt;
+  PetscCall(BodiesSetTime(s->part.bodies, s->time));
   s->substeps += substeps;
   PetscCall(finish_step(s, dt, start));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -1,7 +1,7 @@
 /* Bodies: placement, tables, inertia, distance, motion, prediction. */
 /* ranks: 1 2 */
 #include "compat.h"
-#include "bodies/bodies.h"
+#include "bodies/write.h"
 #include "base/opt.h"
 #include "raised.h"
 #include "base/algebra.h"
@@ -38,11 +38,11 @@ static void refuse(PetscInt dim, const char options[], const char text[])
   expect_error(BodiesCreate(dim, zero, one, &b), 0, text, NULL);
 }
 
-static void create(PetscInt dim, const char options[], Bodies *b, BodyState **s)
+static void create(PetscInt dim, const char options[], Bodies *b, BodyArrays **s)
 {
   give(options);
   OK(BodiesCreate(dim, zero, one, b));
-  OK(BodiesGetState(*b, s));
+  OK(BodiesGetArrays(*b, s));
 }
 
 static void near(PetscReal got, PetscReal want, PetscReal tolerance)
@@ -65,7 +65,7 @@ static void write_table(const char file[], const char text[])
   OK(MPI_Barrier(PETSC_COMM_WORLD));
 }
 
-static PetscReal smallest_distance(const BodyState *s)
+static PetscReal smallest_distance(const BodyArrays *s)
 {
   PetscReal d = PETSC_MAX_REAL;
 
@@ -81,8 +81,8 @@ static PetscReal smallest_distance(const BodyState *s)
 
 static void test_empty(void **state)
 {
-  Bodies     b;
-  BodyState *s;
+  Bodies      b;
+  BodyArrays *s;
 
   (void)state;
   create(2, "", &b, &s);
@@ -94,9 +94,9 @@ static void test_empty(void **state)
 
 static void test_single(void **state)
 {
-  Bodies     b;
-  BodyState *s;
-  PetscReal  volume, inertia[6];
+  Bodies      b;
+  BodyArrays *s;
+  PetscReal   volume, inertia[6];
 
   (void)state;
   create(2,
@@ -124,8 +124,8 @@ static void test_single(void **state)
 
 static void test_lattice(void **state)
 {
-  Bodies     b;
-  BodyState *s;
+  Bodies      b;
+  BodyArrays *s;
 
   (void)state;
   create(2,
@@ -150,9 +150,9 @@ static void test_random(void **state)
   const char *options =
     "-particle_groups a,b -particle_a_shape circle -particle_a_radius 0.01 -particle_a_density 2 -particle_a_place random -particle_a_count 900 -particle_a_seed 7 -particle_a_margin 0.001 "
     "-particle_b_shape circle -particle_b_radius 0.2 -particle_b_position 0.5,0.5 -particle_b_density 1";
-  Bodies     b;
-  BodyState *s;
-  PetscReal  first[2], sum = 0, low, high;
+  Bodies      b;
+  BodyArrays *s;
+  PetscReal   first[2], sum = 0, low, high;
 
   (void)state;
   create(2, options, &b, &s);
@@ -198,7 +198,7 @@ static void test_table(void **state)
                           {"# nothing\n", "the table is empty"},
                           {"x,y\n0.1,1.2\n", "outside the domain"}};
   Bodies      b;
-  BodyState  *s;
+  BodyArrays *s;
 
   (void)state;
   write_table("test_bodies_table.csv", "# bodies\ny, x, v ,omega,angle\r\n\n0.2,0.1,3,4,0.5\n0.6,0.5,-3,-4,1e0");
@@ -240,7 +240,7 @@ static void test_refusals(void **state)
 static void test_distance(void **state)
 {
   Bodies          b;
-  BodyState      *s;
+  BodyArrays     *s;
   PetscReal       x[600 * 2], d[600], q[4];
   const PetscReal X[3] = {0.2, 0.3, 0};
 
@@ -270,7 +270,7 @@ static void test_distance(void **state)
 static void test_inertia_3d(void **state)
 {
   Bodies          b;
-  BodyState      *s;
+  BodyArrays     *s;
   const PetscReal e[3] = {0.3, 0.2, 0.1}, w[3] = {0.4, -1.1, 0.7};
   PetscReal       in[6], R[9], main[3], volume;
 
@@ -293,7 +293,7 @@ static void test_inertia_3d(void **state)
   OK(BodiesDestroy(&b));
 }
 
-static void energy_and_spin(Bodies b, BodyState *s, PetscReal *energy, PetscReal L[3])
+static void energy_and_spin(Bodies b, BodyArrays *s, PetscReal *energy, PetscReal L[3])
 {
   PetscReal in[6], *w = s->w[0];
 
@@ -307,9 +307,9 @@ static void energy_and_spin(Bodies b, BodyState *s, PetscReal *energy, PetscReal
 /* A free top tumbles about its middle axis: energy exact, angular momentum of first order. */
 static void test_tumbling(void **state)
 {
-  Bodies     b;
-  BodyState *s;
-  PetscReal  error[2];
+  Bodies      b;
+  BodyArrays *s;
+  PetscReal   error[2];
 
   (void)state;
   for (PetscInt level = 0; level < 2; level++) {
@@ -343,7 +343,7 @@ static void test_forces(void **state)
 {
   const PetscReal g[3] = {0, -10, 0};
   Bodies          b;
-  BodyState      *s;
+  BodyArrays     *s;
 
   (void)state;
   create(2,
@@ -375,8 +375,8 @@ static void test_forces(void **state)
 /* x = cos t and angle = sin t, velocities known exactly at t and t - dt: the error of one prediction falls with dt^2, dt^3. */
 static void test_prediction(void **state)
 {
-  Bodies     b;
-  BodyState *s;
+  Bodies      b;
+  BodyArrays *s;
 
   (void)state;
   create(2, "-particle_groups a -particle_a_shape circle -particle_a_radius 0.1 -particle_a_density 2 -particle_a_position 0.3,0.4", &b, &s);

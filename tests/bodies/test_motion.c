@@ -1,17 +1,17 @@
 /* Motion of bodies without a flow: prescribed motion, pendulum about a pivot, stops, external loads. */
 /* ranks: 1 2 */
-#include "bodies/bodies.h"
+#include "bodies/write.h"
 #include "core.h"
 #include "raised.h"
 #include "base/algebra.h"
 
 static const PetscReal lower[3] = {-10, -10, -10}, upper[3] = {10, 10, 10}, zero[3] = {0, 0, 0}, down[3] = {0, -9.81, 0};
 
-static void create(PetscInt dim, const char options[], Bodies *b, BodyState **s)
+static void create(PetscInt dim, const char options[], Bodies *b, BodyArrays **s)
 {
   give(options);
   OK(BodiesCreate(dim, lower, upper, b));
-  OK(BodiesGetState(*b, s));
+  OK(BodiesGetArrays(*b, s));
 }
 
 static void refuse(PetscInt dim, const char options[], const char text[])
@@ -36,7 +36,7 @@ static void test_oscillation(void **state)
 {
   const PetscReal dt[] = {0.01, 0.13, 0.0007, 0.4, 0.2};
   Bodies          b;
-  BodyState      *s;
+  BodyArrays     *s;
   PetscReal       t = 0;
 
   (void)state;
@@ -71,8 +71,8 @@ static void test_oscillation(void **state)
 /* The ramp: velocity is the derivative of the position, zero at first and whole at last */
 static void test_ramp(void **state)
 {
-  Bodies     b;
-  BodyState *s;
+  Bodies      b;
+  BodyArrays *s;
 
   (void)state;
   create(2, CIRCLE "-particle_a_motion constant -particle_a_velocity 2,0 -particle_a_motion_ramp 0.5", &b, &s);
@@ -91,8 +91,8 @@ static void test_ramp(void **state)
 /* A body whose x is prescribed by its given velocity falls in y; a fixed one stays */
 static void test_partly_free(void **state)
 {
-  Bodies     b;
-  BodyState *s;
+  Bodies      b;
+  BodyArrays *s;
 
   (void)state;
   create(2, CIRCLE "-particle_a_density 2 -particle_a_free y -particle_a_velocity 0.5,0 -particle_a_force 1,0.1", &b, &s);
@@ -111,8 +111,8 @@ static void test_partly_free(void **state)
 /* Rotation about a pivot away from the centroid: the centre goes round, in 3D too */
 static void test_prescribed_rotation_about_pivot(void **state)
 {
-  Bodies     b;
-  BodyState *s;
+  Bodies      b;
+  BodyArrays *s;
 
   (void)state;
   create(2, CIRCLE "-particle_a_pivot 0.2,-0.1 -particle_a_motion rotate -particle_a_angular_velocity 3 -particle_a_angle 0.5", &b, &s);
@@ -148,7 +148,7 @@ static void test_pendulum(void **state)
   const PetscReal period = 2 * PETSC_PI * PetscSqrtReal(inertia / (9.81 * L)) * (1 + A * A / 16 + 11 * PetscPowReal(A, 4) / 3072);
   const PetscReal dt     = period / 20000;
   Bodies          b;
-  BodyState      *s;
+  BodyArrays     *s;
   PetscReal       crossing[3], angle, top = 0;
   PetscInt        n = 0;
 
@@ -175,7 +175,7 @@ static void test_pendulum(void **state)
 static void test_accelerated_pivot(void **state)
 {
   Bodies          b;
-  BodyState      *s;
+  BodyArrays     *s;
   const PetscReal c = 2 * PETSC_PI / 3, dt = 1e-5;
 
   (void)state;
@@ -196,11 +196,11 @@ static void test_stops(void **state)
 
   (void)state;
   for (PetscInt i = 0; i < 3; i++) {
-    Bodies     b;
-    BodyState *s;
-    char       options[1024];
-    PetscReal  w = 0, first = 0, before = 0, highest = -10;
-    PetscInt   bounces = 0;
+    Bodies      b;
+    BodyArrays *s;
+    char        options[1024];
+    PetscReal   w = 0, first = 0, before = 0, highest = -10;
+    PetscInt    bounces = 0;
 
     snprintf(options, sizeof(options), PENDULUM "-particle_a_angle -0.2 -particle_a_stops -0.9,0.3 -particle_a_stops_restitution %g", restitution[i]);
     create(2, options, &b, &s);

@@ -334,7 +334,7 @@ static PetscReal advance_value(const Flow *w, PetscBool first, PetscReal inertia
 
 static void step_flow(Fixture *f, const Flow *w, PetscBool first, const PetscReal gravity[3])
 {
-  BodyState *s = f->s;
+  BodyArrays *s = f->s;
 
   for (PetscInt k = 0; k < s->n; k++) {
     const BodyGroup *g   = &s->group[s->body_group[k]];

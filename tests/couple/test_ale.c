@@ -2,6 +2,7 @@
    space, also where the body crosses a periodic boundary; the mesh does not remember the way; what is refused. The body is a phantom, which the flow does not see. */
 /* ranks: 1 2 */
 #include "core.h"
+#include "bodies/write.h"
 #include "couple/couple.h"
 #include "ale.h"
 
@@ -97,13 +98,13 @@ static PetscErrorCode take_step(Case *c, PetscReal dt)
 {
   PetscInt           its;
   FlowSolver         solver;
-  BodyState         *s;
+  BodyArrays        *s;
   KSPConvergedReason reason;
   PetscReal          X[1][3];
 
   PetscFunctionBeginUser;
   c->time += dt;
-  PetscCall(BodiesGetState(c->phantom, &s));
+  PetscCall(BodiesGetArrays(c->phantom, &s));
   for (PetscInt a = 0; a < 3; a++) X[0][a] = s->x[0][a] + (a < 2 ? c->time * c->speed[a] : 0);
   for (PetscInt a = 0; a < 2; a++)
     if (c->l->period[a] > 0) X[0][a] -= PetscFloorReal(X[0][a] / c->l->period[a]) * c->l->period[a];

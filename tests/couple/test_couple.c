@@ -1,6 +1,7 @@
 /* Couple: forces against a global assembly, both forms against each other, equation of motion, momentum balance, rest, periodic images, prescribed motion, pivot, stops, blow-up of explicit coupling. */
 /* ranks: 1 2 3 */
 #include "core.h"
+#include "bodies/write.h"
 #include "couple/couple.h"
 #include "raised.h"
 
@@ -9,7 +10,7 @@ typedef struct {
   Flow             flow;
   Bodies           bodies;
   Couple           couple;
-  BodyState       *s;
+  BodyArrays      *s;
   const MeshLocal *l;
   PetscInt         own;
   PetscReal        time;
@@ -29,7 +30,7 @@ static void open_case(Case *c, const char options[])
   OK(MeshGetLocal(c->mesh, &c->l));
   OK(FlowCreate(c->mesh, &c->flow));
   OK(BodiesCreate(c->l->dim, c->l->lower, c->l->upper, &c->bodies));
-  OK(BodiesGetState(c->bodies, &c->s));
+  OK(BodiesGetArrays(c->bodies, &c->s));
   OK(CoupleCreate(c->flow, c->bodies, &c->couple));
   c->own  = c->l->nnode * c->l->dim;
   c->time = 0;

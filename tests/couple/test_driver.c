@@ -2,6 +2,7 @@
    forms; bodies that the mesh cannot follow. */
 /* ranks: 1 2 */
 #include "core.h"
+#include "bodies/write.h"
 #include "couple/couple.h"
 #include "mesh/remap.h"
 
@@ -13,7 +14,7 @@ typedef struct {
   Flow             flow;
   Bodies           bodies;
   Couple           couple;
-  BodyState       *s;
+  BodyArrays      *s;
   const MeshLocal *l;
   PetscReal        U[2], time;
 } Case;
@@ -31,7 +32,7 @@ static void open_case(Case *c, PetscInt n, const char options[])
   OK(MeshGetLocal(c->mesh, &c->l));
   OK(FlowCreate(c->mesh, &c->flow));
   OK(BodiesCreate(2, c->l->lower, c->l->upper, &c->bodies));
-  OK(BodiesGetState(c->bodies, &c->s));
+  OK(BodiesGetArrays(c->bodies, &c->s));
   OK(CoupleCreate(c->flow, c->bodies, &c->couple));
   c->U[0] = c->U[1] = c->time = 0;
 }

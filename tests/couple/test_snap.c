@@ -1,14 +1,14 @@
 /* Snap: valid cells around circles and ellipses wherever they lie, walls met exactly, gaps, wall, period, fallback, and the same mesh on any number of ranks. */
 /* ranks: 1 2 */
 #include "core.h"
-#include "bodies/bodies.h"
+#include "bodies/write.h"
 #include "snap/snap.h"
 
 typedef struct {
   Mesh             mesh;
   const MeshLocal *l;
   Bodies           bodies;
-  BodyState       *state;
+  BodyArrays      *state;
   Snap             snap;
   SnapResult       r;
   PetscBool        wanted[8], fitted[8];
@@ -20,7 +20,7 @@ static void open_case(Case *c, const char options[])
   OK(MeshCreate(PETSC_COMM_WORLD, &c->mesh));
   OK(MeshGetLocal(c->mesh, &c->l));
   OK(BodiesCreate(2, c->l->lower, c->l->upper, &c->bodies));
-  OK(BodiesGetState(c->bodies, &c->state));
+  OK(BodiesGetArrays(c->bodies, &c->state));
   OK(SnapCreate(c->mesh, c->bodies, &c->snap));
   for (int k = 0; k < 8; k++) c->wanted[k] = PETSC_TRUE;
 }

@@ -2,6 +2,7 @@
    Reports of a made-up run of 10 steps with a free disc and a fixed one: every file is read back, progress lines are counted,
    and what can go wrong (directory, range of bodies) must name its option. */
 #include "compat.h"
+#include "bodies/write.h"
 #include "report/monitor.h"
 #include "base/log.h"
 #include "base/opt.h"
@@ -63,7 +64,7 @@ static void set_discs(void)
 }
 
 /* Speed of the free disc has its peak 7.5 at step 4, its overlap 10 % of the diameter at step 5; the post is driven faster than all */
-static void set_state(BodyState *b, PetscInt step)
+static void set_state(BodyArrays *b, PetscInt step)
 {
   b->u[0][0]      = step == 4 ? 4.5 : 0;
   b->u[0][1]      = step == 4 ? -6 : 0.5;
@@ -104,13 +105,13 @@ static Monitor start_monitor(const char name[], Bodies bodies, char dir[])
 /* Run all steps with the options of the caller, leaving the files in dir */
 static void run_steps(const char name[], const char scene[], char dir[])
 {
-  Bodies     bodies = create_bodies();
-  BodyState *state;
-  Monitor    m = start_monitor(name, bodies, dir);
-  Mat        S;
+  Bodies      bodies = create_bodies();
+  BodyArrays *state;
+  Monitor     m = start_monitor(name, bodies, dir);
+  Mat         S;
 
   OK(MatCreateConstantDiagonal(PETSC_COMM_WORLD, 100, 100, PETSC_DETERMINE, PETSC_DETERMINE, 2, &S));
-  OK(BodiesGetState(bodies, &state));
+  OK(BodiesGetArrays(bodies, &state));
   for (PetscInt step = 1; step <= STEPS; step++) {
     MonitorStep s = make_step(step);
 

@@ -158,7 +158,7 @@ PetscErrorCode SnapDriverUpdate(SnapDriver f, FlowSolver solver, PetscReal (*X)[
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(f->bodies, &state));
-  for (PetscInt k = 0; k < f->n; k++) f->wanted[k] = (PetscBool)(!state->gone[k] && !state->group[state->body_group[k]].hole);
+  for (PetscInt k = 0; k < f->n; k++) f->wanted[k] = (PetscBool)(!state->gone[k] && !BodiesGetGroup(state, k)->hole);
   PetscCall(PetscArraycpy(f->before, f->fitted, f->n));
   PetscCall(SnapFit(f->snap, X, q, f->wanted, f->done ? f->before : NULL, f->fitted, &f->result));
   PetscCall(PetscArraycpy((PetscReal *)f->X, (PetscReal *)X, 3 * f->n));

@@ -67,7 +67,7 @@ static PetscErrorCode into_body(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal
   PetscCall(BodiesGetState(s->bodies, &state));
   RotationMatrix(q[k], R);
   for (PetscInt a = 0; a < 2; a++) r[a] = MeshNearest(l, a, l->x_start[2 * i + a] - X[k][a]);
-  for (PetscInt a = 0; a < 2; a++) y[a] = R[a] * r[0] + R[3 + a] * r[1] + state->group[state->body_group[k]].mass.centroid[a];
+  for (PetscInt a = 0; a < 2; a++) y[a] = R[a] * r[0] + R[3 + a] * r[1] + BodiesGetGroup(state, k)->mass.centroid[a];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -81,7 +81,7 @@ static PetscErrorCode out_of_body(Snap s, PetscInt k, PetscReal (*X)[3], PetscRe
   PetscCall(BodiesGetState(s->bodies, &state));
   RotationMatrix(q[k], R);
   for (PetscInt a = 0; a < 2; a++) {
-    const PetscReal *c = state->group[state->body_group[k]].mass.centroid;
+    const PetscReal *c = BodiesGetGroup(state, k)->mass.centroid;
 
     x[a] = X[k][a] + R[3 * a] * (y[0] - c[0]) + R[3 * a + 1] * (y[1] - c[1]);
   }
@@ -113,7 +113,7 @@ static PetscErrorCode list_nodes(Snap s, PetscInt k, PetscReal (*X)[3], PetscInt
   PetscFunctionBeginUser;
   *n = 0;
   PetscCall(BodiesGetState(s->bodies, &state));
-  radius = state->group[state->body_group[k]].radius + margin;
+  radius = BodiesGetGroup(state, k)->radius + margin;
   if (!IndicatorImage(s->loc, X[k], radius, image, at)) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt a = 0; a < 2; a++) {
     lo[a] = at[a] - radius;
@@ -424,7 +424,7 @@ static PetscErrorCode block_paths(Snap s, PetscInt k, PetscReal (*X)[3], Graph *
   PetscCall(BodiesGetState(s->bodies, &state));
   for (PetscInt j = 0; j < k; j++) {
     const SnapPath *p     = s->path + j;
-    const PetscReal reach = state->group[state->body_group[j]].radius + state->group[state->body_group[k]].radius + 2 * NEAR * s->coarsest;
+    const PetscReal reach = BodiesGetGroup(state, j)->radius + BodiesGetGroup(state, k)->radius + 2 * NEAR * s->coarsest;
     PetscReal       d2    = 0;
 
     if (!p->n) continue;

@@ -79,7 +79,7 @@ static PetscErrorCode cover_cells(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(s->bodies, &state));
   for (PetscInt k = 0; k < s->nbodies; k++) {
-    const PetscReal radius = state->group[state->body_group[k]].radius * (1 + 1e-12);
+    const PetscReal radius = BodiesGetGroup(state, k)->radius * (1 + 1e-12);
 
     for (PetscInt image = 0; image < 9 && fitted[k] && !s->is_path[k]; image++) { /* 4 is the body itself */
       const PetscInt  shift[2] = {image % 3 - 1, image / 3 - 1};

@@ -1,0 +1,353 @@
+/* Bodies, motion: Newton-Euler equations, and what is prescribed instead. See bodies.h.
+
+   Velocity: Euler step under the force of the step; rotation in 3D by the implicit midpoint rule for the gyroscopic
+   term w x (I w), which keeps the energy of a torque-free body (Newton's method on 3 unknowns). Position: explicit with
+   a weighted mean of old and new velocity, orientation by the exponential map. A pivot reduces the body to its rotation
+   about that point: inertia of the parallel axis, centre of mass from the angle. */
+#include "compat.h"
+#include "impl.h"
+#include "base/algebra.h"
+
+/* ---- what is not free ---- */
+
+PetscBool BodiesIsFree(Bodies b, PetscInt k, PetscInt d)
+{
+  const PetscInt bit = d < 3 ? BODY_FREE_X << d : BODY_FREE_ROTATION;
+
+  return (PetscBool)((BodiesGetGroup(&b->view, k)->free & bit) && !(d == 3 && b->state.stopped[k]) && !b->state.gone[k]);
+}
+
+/* Nothing prescribed: the common case, which must cost nothing. The motion of a hole of the mesh is that of its
+   boundary, which writes the state. */
+static PetscBool nothing_known(Bodies b, PetscInt k)
+{
+  const PetscInt   all = BODY_FREE_X | BODY_FREE_Y | BODY_FREE_ROTATION | (b->state.dim == 3 ? BODY_FREE_Z : 0);
+  const BodyGroup *g   = BodiesGetGroup(&b->view, k);
+
+  return (PetscBool)((g->free == all && !b->state.stopped[k]) || g->hole || b->state.gone[k]);
+}
+
+static const Placement *start_of(Bodies b, PetscInt k)
+{
+  const PetscInt g = b->state.body_group[k];
+
+  return &b->start[g][k - b->state.group[g].first];
+}
+
+/* Orientation that is `turn` away from the start */
+static void turn_from_start(Bodies b, PetscInt k, const PetscReal turn[3], PetscReal q[4], PetscReal *angle)
+{
+  *angle = start_of(b, k)->angle + turn[2];
+  RotationFromAngle(b->state.dim == 2 ? *angle : start_of(b, k)->angle, q);
+  if (b->state.dim == 3) RotationAdvance(1, turn, q);
+}
+
+PetscErrorCode BodiesGetKnownVelocity(Bodies b, PetscInt k, PetscReal time, PetscReal u[3], PetscReal w[3])
+{
+  const BodyArrays *s = &b->state;
+  const BodyGroup  *g = BodiesGetGroup(&b->view, k);
+  PetscReal         x[3], turn[3], uk[3], wk[3];
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArraycpy(u, s->u[k], 3));
+  PetscCall(PetscArraycpy(w, s->w[k], 3));
+  if (nothing_known(b, k)) PetscFunctionReturn(PETSC_SUCCESS);
+  MotionEvaluate(&g->motion, start_of(b, k), time, x, uk, turn, wk);
+  for (PetscInt a = 0; a < 3; a++) {
+    if (!BodiesIsFree(b, k, a)) u[a] = uk[a];
+    if (!(g->free & BODY_FREE_ROTATION)) w[a] = wk[a];
+    else if (s->stopped[k]) w[a] = 0;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Replace what is not free by its prescribed value at `time`, in x, q, angle and, if wanted, in u, w of the centre.
+   Free translation is taken as it is. */
+static PetscErrorCode place_known(Bodies b, PetscInt k, PetscReal time, PetscReal X[3], PetscReal q[4], PetscReal *angle, PetscReal u[],
+                                  PetscReal w[])
+{
+  const BodyGroup *g = BodiesGetGroup(&b->view, k);
+  PetscReal        x[3], uk[3], turn[3], wk[3], arm[3], spin[3];
+
+  PetscFunctionBeginUser;
+  if (nothing_known(b, k)) PetscFunctionReturn(PETSC_SUCCESS);
+  MotionEvaluate(&g->motion, start_of(b, k), time, x, uk, turn, wk);
+  if (!(g->free & BODY_FREE_ROTATION)) {
+    turn_from_start(b, k, turn, q, angle);
+    if (w) PetscCall(PetscArraycpy(w, wk, 3));
+  }
+  PetscCall(BodiesGetArm(b, k, q, arm));
+  if (u) cross(w, arm, spin);
+  for (PetscInt a = 0; a < b->state.dim; a++) {
+    if (BodiesIsFree(b, k, a)) continue;
+    X[a] = x[a] + arm[a];
+    if (u) u[a] = uk[a] + spin[a];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodiesApplyKnown(Bodies b, PetscInt k, PetscReal time)
+{
+  BodyArrays *s = &b->state;
+
+  PetscFunctionBeginUser;
+  PetscCall(place_known(b, k, time, s->x[k], s->q[k], &s->angle[k], s->u[k], s->w[k]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- motion ---- */
+
+/* Cramer's rule; A row-major, not singular (the caller's matrices are an inertia tensor plus a skew part) */
+static void solve3(const PetscReal A[9], const PetscReal b[3], PetscReal x[3])
+{
+  PetscReal c0[3], c1[3], c2[3], det;
+
+  cross(A + 3, A + 6, c0);
+  cross(A + 6, A, c1);
+  cross(A, A + 3, c2);
+  det = A[0] * c0[0] + A[1] * c0[1] + A[2] * c0[2];
+  for (PetscInt i = 0; i < 3; i++) x[i] = (c0[i] * b[0] + c1[i] * b[1] + c2[i] * b[2]) / det;
+}
+
+/* I (w' - w)/dt + m x (I m) = T with m = (w + w')/2, for w'. Newton's method; starts from w, converges in 3 to 5
+   steps. */
+static void advance_spin(PetscReal dt, const PetscReal inertia[6], const PetscReal T[3], PetscReal w[3])
+{
+  const PetscReal w0[3] = {w[0], w[1], w[2]};
+
+  for (PetscInt it = 0; it < 20; it++) {
+    PetscReal m[3], Im[3], gyro[3], dw[3], Idw[3], r[3], J[9], e[3], size = 0, change = 0;
+
+    for (PetscInt a = 0; a < 3; a++) {
+      m[a]  = 0.5 * (w0[a] + w[a]);
+      dw[a] = w[a] - w0[a];
+    }
+    apply_tensor(inertia, m, Im);
+    apply_tensor(inertia, dw, Idw);
+    cross(m, Im, gyro);
+    for (PetscInt a = 0; a < 3; a++) r[a] = dt * T[a] - Idw[a] - dt * gyro[a];
+    /* column c of the derivative: inertia e + dt/2 (e x inertia m + m x inertia e) */
+    for (PetscInt c = 0; c < 3; c++) {
+      const PetscReal unit[3] = {c == 0, c == 1, c == 2};
+      PetscReal       Ie[3], a1[3], a2[3];
+
+      apply_tensor(inertia, unit, Ie);
+      cross(unit, Im, a1);
+      cross(m, Ie, a2);
+      for (PetscInt a = 0; a < 3; a++) J[3 * a + c] = Ie[a] + 0.5 * dt * (a1[a] + a2[a]);
+    }
+    solve3(J, r, e);
+    for (PetscInt a = 0; a < 3; a++) {
+      w[a] += e[a];
+      size   = PetscMax(size, PetscAbsReal(w[a]));
+      change = PetscMax(change, PetscAbsReal(e[a]));
+    }
+    if (change <= 4 * PETSC_MACHINE_EPSILON * size) break;
+  }
+}
+
+PetscErrorCode BodiesGetLoad(Bodies b, PetscInt k, PetscReal rho_f, const PetscReal gravity[3], PetscReal force[3], PetscReal torque[3])
+{
+  const BodyGroup *g;
+
+  PetscFunctionBeginUser;
+  PetscCall(check_body(b, k));
+  g = BodiesGetGroup(&b->view, k);
+  for (PetscInt a = 0; a < 3; a++) {
+    force[a]  = g->motion.force[a] + (g->density - rho_f) * g->mass.volume * (a < b->state.dim ? gravity[a] : 0);
+    torque[a] = g->motion.torque[a];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Torque about the reference point of all that acts on body k in the present state: fluid, contact, load */
+static PetscErrorCode get_torque(Bodies b, PetscInt k, PetscReal rho_f, const PetscReal gravity[3], PetscReal torque[3])
+{
+  const BodyArrays *s = &b->state;
+  PetscReal         force[3], arm[3], moment[3];
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetLoad(b, k, rho_f, gravity, force, torque));
+  PetscCall(BodiesGetArm(b, k, NULL, arm));
+  for (PetscInt a = 0; a < 3; a++) force[a] += s->force[k][a] + s->contact_force[k][a];
+  cross(arm, force, moment);
+  for (PetscInt a = 0; a < 3; a++) torque[a] += s->torque[k][a] + s->contact_torque[k][a] + moment[a];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodiesRelease(Bodies b, PetscInt k, PetscReal rho_f, const PetscReal gravity[3])
+{
+  PetscReal T[3];
+
+  PetscFunctionBeginUser;
+  PetscCall(check_body(b, k));
+  if (!b->state.stopped[k]) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(get_torque(b, k, rho_f, gravity, T));
+  if (T[2] * b->state.stopped[k] < 0) b->state.stopped[k] = 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Inertia about the reference point: I + M (arm^2 1 - arm arm^T) */
+static PetscErrorCode reference_inertia(Bodies b, PetscInt k, PetscReal inertia[6])
+{
+  const PetscInt   row[6] = {0, 1, 2, 0, 0, 1}, col[6] = {0, 1, 2, 1, 2, 2};
+  const BodyGroup *g = BodiesGetGroup(&b->view, k);
+  PetscReal        arm[3], square;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetInertia(b, k, PETSC_FALSE, inertia));
+  PetscCall(BodiesGetArm(b, k, NULL, arm));
+  square = arm[0] * arm[0] + arm[1] * arm[1] + arm[2] * arm[2];
+  for (PetscInt i = 0; i < 6; i++) inertia[i] += g->density * g->mass.volume * ((row[i] == col[i] ? square : 0) - arm[row[i]] * arm[col[i]]);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The reference point is the centre or moves with constant velocity; the inertial force of a pivot that is accelerated,
+   -M a, acts at the centre. */
+static PetscErrorCode advance_rotation(Bodies b, PetscInt k, PetscReal dt, PetscReal rho_f, const PetscReal gravity[3])
+{
+  BodyArrays      *s = &b->state;
+  const BodyGroup *g = BodiesGetGroup(&b->view, k);
+  PetscReal        inertia[6], T[3], arm[3], u[2][3], w[3], a[3], moment[3];
+
+  PetscFunctionBeginUser;
+  PetscCall(get_torque(b, k, rho_f, gravity, T));
+  PetscCall(reference_inertia(b, k, inertia));
+  if (g->motion.has_pivot) {
+    PetscCall(BodiesGetArm(b, k, NULL, arm));
+    PetscCall(BodiesGetKnownVelocity(b, k, s->time, u[0], w));
+    PetscCall(BodiesGetKnownVelocity(b, k, s->time + dt, u[1], w));
+    for (PetscInt d = 0; d < 3; d++) a[d] = -g->density * g->mass.volume * (u[1][d] - u[0][d]) / dt;
+    cross(arm, a, moment);
+    for (PetscInt d = 0; d < 3; d++) T[d] += moment[d];
+  }
+  if (s->dim == 2) s->w[k][2] += dt * T[2] / inertia[2];
+  else advance_spin(dt, inertia, T, s->w[k]);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodiesAdvanceVelocity(Bodies b, PetscReal dt, PetscReal rho_f, const PetscReal gravity[3])
+{
+  BodyArrays *s = &b->state;
+
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < s->n; k++) {
+    const BodyGroup *g    = BodiesGetGroup(&b->view, k);
+    const PetscReal  mass = g->density * g->mass.volume;
+    PetscReal        force[3], torque[3], u[3], w[3], spin[3], arm[3];
+
+    PetscCall(PetscArraycpy(s->u_old[k], s->u[k], 3));
+    PetscCall(PetscArraycpy(s->w_old[k], s->w[k], 3));
+    PetscCall(BodiesGetLoad(b, k, rho_f, gravity, force, torque));
+    for (PetscInt a = 0; a < s->dim; a++)
+      if (BodiesIsFree(b, k, a)) s->u[k][a] += dt * (s->force[k][a] + s->contact_force[k][a] + force[a]) / mass;
+    PetscCall(BodiesRelease(b, k, rho_f, gravity));
+    if (BodiesIsFree(b, k, 3)) PetscCall(advance_rotation(b, k, dt, rho_f, gravity));
+    PetscCall(BodiesGetKnownVelocity(b, k, s->time + dt, u, w));
+    PetscCall(BodiesGetArm(b, k, NULL, arm));
+    cross(w, arm, spin);
+    for (PetscInt a = 0; a < 3; a++) {
+      if (a < s->dim && !BodiesIsFree(b, k, a)) s->u[k][a] = u[a] + spin[a];
+      s->w[k][a] = w[a];
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The rebound of a body that has passed a stop (see bodies.h) */
+static void keep_stops(Bodies b, PetscInt k, PetscReal dt)
+{
+  BodyArrays     *s = &b->state;
+  const Motion   *m = &BodiesGetGroup(&b->view, k)->motion;
+  PetscReal      *w = &s->w[k][2], *w_old = &s->w_old[k][2];
+  const PetscInt  side = s->angle[k] >= m->stops[1] ? 1 : s->angle[k] <= m->stops[0] ? -1 : 0;
+  const PetscReal stop = m->stops[side > 0], speed = side * *w, gain = side * (*w - *w_old);
+
+  if (!m->has_stops || !side) return;
+  if (speed <= 0) { /* has turned round by itself within the step */
+    s->angle[k] = stop;
+  } else if (m->restitution * speed <= 2 * PetscAbsReal(gain) || m->restitution == 0) {
+    s->angle[k]   = stop;
+    s->stopped[k] = side;
+    *w = *w_old = 0;
+  } else {
+    const PetscReal jump = (1 + m->restitution) * *w;
+
+    s->angle[k] = stop - PetscMin(m->restitution * PetscAbsReal(s->angle[k] - stop), dt * speed) * side;
+    *w -= jump;
+    *w_old -= jump;
+  }
+}
+
+PetscErrorCode BodiesAdvancePosition(Bodies b, PetscReal dt, PetscReal theta)
+{
+  BodyArrays *s = &b->state;
+
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < s->n; k++) {
+    PetscReal w[3];
+
+    for (PetscInt a = 0; a < 3; a++) {
+      if (a < s->dim) s->x[k][a] += dt * (theta * s->u[k][a] + (1 - theta) * s->u_old[k][a]);
+      w[a] = theta * s->w[k][a] + (1 - theta) * s->w_old[k][a];
+    }
+    s->angle[k] += dt * w[2];
+    keep_stops(b, k, dt);
+    if (s->dim == 2) RotationFromAngle(s->angle[k], s->q[k]);
+    else RotationAdvance(dt, w, s->q[k]);
+    PetscCall(BodiesApplyKnown(b, k, s->time + dt));
+    for (PetscInt a = 0; a < s->dim; a++)
+      PetscCheck(!PetscIsInfOrNanReal(s->x[k][a]) && !PetscIsInfOrNanReal(s->angle[k]), PETSC_COMM_SELF, PETSC_ERR_FP,
+                 "Body %" PetscInt_FMT " of group '%s' has left all bounds (velocity %g): lower -sim_dt", k - BodiesGetGroup(&b->view, k)->first,
+                 BodiesGetGroup(&b->view, k)->name, (double)s->u[k][a]);
+  }
+  s->time += dt;
+  s->dt_old = dt;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodiesAreStill(Bodies b, PetscBool *still)
+{
+  PetscFunctionBeginUser;
+  *still = PETSC_TRUE;
+  for (PetscInt g = 0; g < b->state.ngroups; g++) *still = (PetscBool)(*still && !b->state.group[g].free && !b->state.group[g].motion.given);
+  for (PetscInt i = 0; i < 3 * b->state.n && *still; i++) *still = (PetscBool)(b->state.u[i / 3][i % 3] == 0 && b->state.w[i / 3][i % 3] == 0);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscReal BodiesFastestPoint(BodyState *s, PetscInt k, PetscReal r)
+{
+  const BodyGroup *g = BodiesGetGroup(s, k);
+  PetscReal        u = 0, w = 0;
+
+  for (PetscInt d = 0; d < 3; d++) {
+    u += PetscSqr(s->u[k][d] + r * (s->u[k][d] - s->u_old[k][d]));
+    w += PetscSqr(s->w[k][d] + r * (s->w[k][d] - s->w_old[k][d]));
+  }
+  return PetscSqrtReal(u) + (g->disc > 0 ? 0 : g->radius * PetscSqrtReal(w));
+}
+
+PetscErrorCode BodiesPredict(Bodies b, PetscInt k, PetscReal dt, PetscInt order, PetscReal X[3], PetscReal q[4], PetscReal *angle)
+{
+  const BodyArrays *s = &b->state;
+  const Motion     *m;
+  PetscReal         w[3], now, old;
+
+  PetscFunctionBeginUser;
+  PetscCall(check_body(b, k));
+  PetscCheck(order >= 0 && order <= 2, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Prediction of order %" PetscInt_FMT ": use 0, 1 or 2", order);
+  m   = &BodiesGetGroup(&b->view, k)->motion;
+  old = order == 2 ? -0.5 * (s->dt_old > 0 ? dt / s->dt_old : 1) : 0;
+  now = PetscMin(order, 1) - old;
+  for (PetscInt a = 0; a < 3; a++) {
+    X[a] = s->x[k][a] + dt * (now * s->u[k][a] + old * s->u_old[k][a]);
+    w[a] = now * s->w[k][a] + old * s->w_old[k][a];
+  }
+  *angle = s->angle[k] + dt * w[2];
+  if (m->has_stops) *angle = PetscMin(PetscMax(*angle, m->stops[0]), m->stops[1]);
+  PetscCall(PetscArraycpy(q, s->q[k], 4));
+  if (s->dim == 2) RotationFromAngle(*angle, q);
+  else RotationAdvance(dt, w, q);
+  PetscCall(place_known(b, k, s->time + dt, X, q, angle, NULL, NULL));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,38 @@
+/* Motion: what a scene says about the motion of a group beyond "free": prescribed motion, pivot, angular stops,
+   external force and torque.
+
+   Every degree of freedom of a body that is not free is prescribed: position and velocity at any time are known in
+   closed form. With s the (ramped) time,
+     x(s) = start + velocity s + amplitude sin(2 pi s/period + phase)   an axis,
+     angle(s) = start + angular_velocity s + swing sin(2 pi s/T + phase)
+   s = t without ramp; with ramp R the motion gathers speed smoothly: ds/dt = (1 - cos(pi t/R))/2 until R, then 1.
+   So the oscillation starts where its phase says; `position` is its middle.
+
+   Options of group <g>:
+     -particle_<g>_motion constant,oscillate,rotate   the parts that are added up. With it nothing is free unless _free
+                                                      says so. Without it, degrees of freedom that are not free keep the
+                                                      velocities of _velocity, _angular_velocity (or of the table)
+        constant   translation with the body's velocity;  rotate   rotation with its angular velocity
+        oscillate  _motion_amplitude, _motion_period, _motion_phase [rad], one value an axis; _motion_swing
+        amplitude,period,phase: the angle about z
+     -particle_<g>_motion_ramp R
+     -particle_<g>_pivot x,y[,z]   point of the shape (in the shape's own frame) about which the body turns and which
+                                   _position places; translation is then never free
+     -particle_<g>_stops lower,upper   angles that a body cannot pass (2D; translation not free), with
+                                       _stops_restitution e: rebound speed over impact speed
+     -particle_<g>_force, _torque      external load on each body, at the centre of mass */
+#pragma once
+#include "bodies/bodies.h"
+#include "place.h"
+
+/* Read the options of a group. Not collective, same result on every rank. Errors: unknown word, a part without its
+   parameters, stops that are not lower < upper, stops in 3D. */
+PetscErrorCode MotionRead(const char group[], PetscInt dim, Motion *);
+/* Does the prescribed motion move along axis a (0, 1, 2) or turn (3) by oscillation? For checks against what is
+   free. */
+PetscBool MotionOscillates(const Motion *, PetscInt a);
+
+/* Prescribed state at a time (of the scene): point x [3] that _position placed, its velocity u [3], the angle vector
+   `turn` [3] since the angle of the start, angular velocity w [3]. In 3D a swing about z combines with a constant
+   rotation about z only. */
+void MotionEvaluate(const Motion *, const Placement *start, PetscReal time, PetscReal x[3], PetscReal u[3], PetscReal turn[3], PetscReal w[3]);

@@ -1,0 +1,132 @@
+/* Contact, bodies without a flow: symplectic Euler under contact, gravity and buoyancy, in place in the arrays of the
+   state. */
+#include "compat.h"
+#include "impl.h"
+#include "base/log.h"
+
+/* Kinetic energy with the effective inertia, less the work of gravity at the present place: what contact alone
+   changes */
+static PetscReal mechanical_energy(Contact c)
+{
+  const BodyArrays *s   = c->s;
+  PetscReal         sum = 0;
+
+  for (PetscInt k = 0; k < s->n; k++) {
+    const BodyGroup *g    = BodiesGetGroup(c->state, k);
+    const PetscReal  spin = c->dim == 2 && ContactKind(c, k)->inverse_spin > 0 ? 1 / ContactKind(c, k)->inverse_spin : 0;
+
+    if (!g->free || s->gone[k]) continue;
+    sum += 0.5 * ContactMass(c, g) * dot3(s->u[k], s->u[k]) + 0.5 * spin * PetscSqr(s->w[k][2]);
+    sum -= (g->density - c->rho_f) * g->mass.volume * dot3(c->g, s->x[k]);
+  }
+  return sum;
+}
+
+static void drop_bodies(Contact c, PetscReal h)
+{
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    const BodyGroup *g    = BodiesGetGroup(c->state, k);
+    const Kind      *kind = ContactKind(c, k);
+
+    if (c->s->gone[k]) continue;
+    for (PetscInt a = 0; a < c->dim; a++) c->u[k][a] += h * (g->density - c->rho_f) * g->mass.volume * kind->inverse_mass[a] * c->g[a];
+  }
+}
+
+/* Discs that are pushed along the line of centres: no torques */
+static void push_discs(Contact c, const Pair *p, PetscReal h, PetscReal share, const PetscReal f[3])
+{
+  const Kind *ki = ContactKind(c, p->i), *kj = p->j >= 0 ? ContactKind(c, p->j) : NULL;
+
+  for (PetscInt a = 0; a < 3; a++) {
+    c->u[p->i][a] += h * f[a] * ki->inverse_mass[a];
+    c->s->contact_force[p->i][a] += share * f[a];
+    if (!kj) continue;
+    c->u[p->j][a] -= h * f[a] * kj->inverse_mass[a];
+    c->s->contact_force[p->j][a] -= share * f[a];
+  }
+}
+
+static PetscErrorCode push_pairs(Contact c, PetscReal h, PetscReal share)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt p = 0; p < c->npairs; p++) {
+    Impulse   now;
+    PetscReal gap, f[3];
+
+    if (ContactDiscForce(c, &c->pair[p], h, f, &gap)) {
+      ContactNoteGap(&c->pair[p], gap, c->s->gap);
+      if (gap < c->range) push_discs(c, &c->pair[p], h, share, f);
+      continue;
+    }
+    PetscCall(ContactPairForce(c, p, h, &now, &gap));
+    ContactNoteGap(&c->pair[p], gap, c->s->gap);
+    if (gap >= c->horizon) continue;
+    ContactScatter(&c->pair[p], &now, share, c->s->contact_force, c->s->contact_torque);
+    ContactKick(c, &c->pair[p], h, &now);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Smallest time in which a contact force changes between any two kinds: without a look at the pairs, which change
+   during the step. */
+static PetscReal alone_time(Contact c)
+{
+  const PetscReal top   = ContactFastest(c);
+  PetscReal       least = PETSC_MAX_REAL;
+
+  for (PetscInt i = 0; i < c->s->ngroups; i++)
+    for (PetscInt j = 0; j <= c->s->ngroups; j++) { /* the last: a wall */
+      const Kind     *a = &c->kind[i], *b = j < c->s->ngroups ? &c->kind[j] : NULL;
+      const PetscReal K = c->law->combine(c, a, b, top), m = b && b->moves ? PetscMin(a->mass, b->mass) : a->mass;
+
+      if (a->moves && K > 0) least = PetscMin(least, c->law->time(c, K, m));
+    }
+  return least;
+}
+
+static PetscErrorCode advance_alone(Contact c, PetscReal h, PetscReal share)
+{
+  PetscFunctionBeginUser;
+  drop_bodies(c, h);
+  PetscCall(ContactFindPairs(c));
+  PetscCall(push_pairs(c, h, share));
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    if (c->s->gone[k]) continue;
+    for (PetscInt a = 0; a < c->dim; a++) c->x[k][a] += h * c->u[k][a];
+    c->s->angle[k] += h * c->w[k][2];
+    if (c->dim == 2) RotationFromAngle(c->s->angle[k], c->q[k]);
+    else RotationAdvance(h, c->w[k], c->q[k]);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ContactAdvanceAlone(Contact c, PetscReal dt)
+{
+  BodyArrays *s = c->s;
+  PetscReal   before;
+  PetscInt    n = 1;
+
+  PetscFunctionBeginUser;
+  PetscCheck(dt > 0, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Time step %g of the bodies must be positive", (double)dt);
+  PetscCall(PetscLogEventBegin(TB_CONTACT, 0, 0, 0, 0));
+  ContactClear(s);
+  ContactSetScales(c, dt, NULL);
+  c->x   = s->x;
+  c->q   = s->q;
+  c->u   = s->u;
+  c->w   = s->w;
+  before = mechanical_energy(c);
+  PetscCall(PetscFree(c->reach));
+  PetscCall(PetscArraycpy((PetscReal *)s->u_old, (PetscReal *)s->u, 3 * s->n));
+  PetscCall(PetscArraycpy((PetscReal *)s->w_old, (PetscReal *)s->w, 3 * s->n));
+  PetscCall(ContactFindPairs(c));
+  for (PetscInt k = 0; k < s->n && c->dim == 3; k++) PetscCall(ContactSetInertia(c, k));
+  if (c->law->lookahead) PetscCall(ContactChooseSubsteps(c, dt, alone_time(c), &n));
+  for (PetscInt i = 0; i < n; i++) PetscCall(advance_alone(c, dt / n, 1. / n));
+  c->steps_done = n;
+  c->nnear      = c->npairs;
+  c->work += mechanical_energy(c) - before;
+  PetscCall(PetscLogEventEnd(TB_CONTACT, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

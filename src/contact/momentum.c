@@ -1,0 +1,176 @@
+/* Contact, momentum: masses, the scales of stiffness, and what an impulse does to a pair; used by both ways of stepping
+   (step.c, alone.c).
+
+   Speed scale. u_ref of a pair is the terminal speed sqrt(2 Vol/A |rho_s/rho_f - 1| |g|) of the body that gives the
+   stiffness (drag coefficient 1; disc: Vol/A = pi d/4, sphere 2 d/3, with d twice the bounding radius), or the present
+   speed of either body if that is faster; not that of the fastest of all, which would stiffen a whole bed when one disc
+   is flung out (runs/studies/contact). Without gravity or difference of density only the motion gives a scale: the
+   fastest of all, or sqrt(8 r a/3) with a the largest frozen acceleration (so that K >= 4 m a), or 0.01 r/dt. No
+   history enters: a restart gives the same forces. A body counts with the effective mass m = (rho_s + C rho_f) Vol (C =
+   1 in 2D, 1/2 in 3D: added mass of a disc, a sphere). Of a pair the larger stiffness counts; bodies that cannot move
+   have none. */
+#include "compat.h"
+#include "impl.h"
+
+#define STEP_FACTOR  0.1  /* sub-step in the time in which a contact force changes */
+#define LIMIT_FACTOR 0.4  /* longest sub-step that -contact_substeps may ask for */
+#define SPEED_FLOOR  0.01 /* in r/dt */
+
+static void invert_tensor(const PetscReal t[6], PetscReal inv[6])
+{
+  const PetscReal xx = t[1] * t[2] - t[5] * t[5], xy = t[4] * t[5] - t[3] * t[2], xz = t[3] * t[5] - t[1] * t[4];
+  const PetscReal det = t[0] * xx + t[3] * xy + t[4] * xz;
+
+  inv[0] = xx / det;
+  inv[1] = (t[0] * t[2] - t[4] * t[4]) / det;
+  inv[2] = (t[0] * t[1] - t[3] * t[3]) / det;
+  inv[3] = xy / det;
+  inv[4] = xz / det;
+  inv[5] = (t[3] * t[4] - t[0] * t[5]) / det;
+}
+
+PetscReal ContactMass(Contact c, const BodyGroup *g)
+{
+  return (g->density + (c->dim == 2 ? 1 : 0.5) * c->rho_f) * g->mass.volume;
+}
+
+/* A tenth of the fluid's inertia turns with the body: keeps very light bodies from spinning up within a sub-step. */
+static PetscErrorCode effective_inertia(Contact c, PetscInt k, PetscReal inertia[6])
+{
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetInertia(c->bodies, k, PETSC_TRUE, inertia));
+  for (PetscInt i = 0; i < 6; i++) inertia[i] *= BodiesGetGroup(c->state, k)->density + 0.1 * c->rho_f;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ContactGetMass(Contact c, PetscInt k, PetscReal *mass, PetscReal inertia[6])
+{
+  PetscFunctionBeginUser;
+  PetscCheck(k >= 0 && k < c->s->n, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Body %" PetscInt_FMT " does not exist: there are %" PetscInt_FMT, k,
+             c->s->n);
+  *mass = ContactMass(c, BodiesGetGroup(c->state, k));
+  if (inertia) PetscCall(effective_inertia(c, k, inertia));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- scales ---- */
+
+static PetscReal present_speed(Contact c, PetscInt k)
+{
+  return c->s->gone[k] ? 0 : BodiesFastestPoint(c->state, k, 0);
+}
+
+PetscReal ContactFastest(Contact c)
+{
+  PetscReal top = 0;
+
+  for (PetscInt k = 0; k < c->s->n; k++) top = PetscMax(top, present_speed(c, k));
+  return top;
+}
+
+/* u_ref and stiffness of the groups, speeds of the bodies; a: frozen acceleration or NULL */
+void ContactSetScales(Contact c, PetscReal dt, PetscReal (*a)[3])
+{
+  PetscReal push = 0, top = 0;
+
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    c->present[k] = present_speed(c, k);
+    top           = PetscMax(top, c->present[k]);
+  }
+  for (PetscInt k = 0; a && k < c->s->n; k++)
+    if (ContactKind(c, k)->moves) push = PetscMax(push, dot3(a[k], a[k]));
+  if (dt > 0) c->floor = PetscMax(SPEED_FLOOR * c->range / dt, PetscSqrtReal(8. / 3. * c->range * PetscSqrtReal(push)));
+  for (PetscInt g = 0; g < c->s->ngroups; g++) {
+    Kind *k = &c->kind[g];
+
+    k->speed     = k->terminal > 0 ? k->terminal : PetscMax(top, c->floor);
+    k->stiffness = c->law->stiffness ? c->law->stiffness(c, k) : 0;
+  }
+}
+
+/* ---- momentum ---- */
+
+void ContactScatter(const Pair *p, const Impulse *s, PetscReal scale, PetscReal (*force)[3], PetscReal (*torque)[3])
+{
+  for (PetscInt a = 0; a < 3; a++) {
+    force[p->i][a] += scale * s->f[a];
+    torque[p->i][a] += scale * s->ti[a];
+    if (p->j < 0) continue;
+    force[p->j][a] -= scale * s->f[a];
+    torque[p->j][a] += scale * s->tj[a];
+  }
+}
+
+static void kick(Contact c, PetscInt k, PetscReal h, const PetscReal f[3], const PetscReal torque[3])
+{
+  const Kind *kind = ContactKind(c, k);
+  PetscReal   dw[3];
+
+  ContactSpin(c, k, torque, dw);
+  for (PetscInt a = 0; a < 3; a++) {
+    c->u[k][a] += h * f[a] * kind->inverse_mass[a];
+    c->w[k][a] += h * dw[a];
+  }
+}
+
+void ContactKick(Contact c, const Pair *p, PetscReal h, const Impulse *s)
+{
+  kick(c, p->i, h, s->f, s->ti);
+  if (p->j >= 0) kick(c, p->j, -h, s->f, (const PetscReal[3]){-s->tj[0], -s->tj[1], -s->tj[2]});
+}
+
+/* 3D: the inertia turns with the body; within a step its orientation at the beginning counts. */
+PetscErrorCode ContactSetInertia(Contact c, PetscInt k)
+{
+  PetscReal inertia[6];
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(c->inverse_inertia[k], 6));
+  if (!(BodiesGetGroup(c->state, k)->free & BODY_FREE_ROTATION)) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(effective_inertia(c, k, inertia));
+  invert_tensor(inertia, c->inverse_inertia[k]);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- sub-steps ---- */
+
+PetscErrorCode ContactChooseSubsteps(Contact c, PetscReal dt, PetscReal time, PetscInt *n)
+{
+  const PetscReal wanted = PetscCeilReal(dt / (STEP_FACTOR * time)), needed = PetscCeilReal(dt / (LIMIT_FACTOR * time));
+
+  PetscFunctionBeginUser;
+  PetscCheck(c->substeps == 0 || c->substeps >= needed, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-contact_substeps %" PetscInt_FMT
+             " is too small: the contact force changes within %g s, a step of %g s needs at least %g (%g for accuracy). Raise or remove -contact_substeps, or lower -sim_dt or the stiffness of -contact_law %s",
+             c->substeps, (double)time, (double)dt, (double)needed, (double)wanted, c->law->name);
+  PetscCheck(c->substeps || wanted < 1e7, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE,
+             "The contact force would need %g sub-steps (a step is %g s, the force changes within %g s): lower -sim_dt or the stiffness of -contact_law %s",
+             (double)wanted, (double)dt, (double)time, c->law->name);
+  *n = c->substeps ? c->substeps : PetscMax(1, (PetscInt)wanted);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ContactUseCopies(Contact c, PetscReal (*x)[3], PetscReal (*q)[4], PetscReal (*u)[3], PetscReal (*w)[3])
+{
+  const PetscInt n = c->s->n;
+
+  PetscFunctionBeginUser;
+  if (!c->copy_x) PetscCall(PetscMalloc4(n, &c->copy_x, n, &c->copy_q, n, &c->copy_u, n, &c->copy_w));
+  PetscCall(PetscArraycpy((PetscReal *)c->copy_x, (PetscReal *)x, 3 * n));
+  PetscCall(PetscArraycpy((PetscReal *)c->copy_q, (PetscReal *)q, 4 * n));
+  PetscCall(PetscArraycpy((PetscReal *)c->copy_u, (PetscReal *)u, 3 * n));
+  PetscCall(PetscArraycpy((PetscReal *)c->copy_w, (PetscReal *)w, 3 * n));
+  c->x = c->copy_x;
+  c->q = c->copy_q;
+  c->u = c->copy_u;
+  c->w = c->copy_w;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+void ContactClear(BodyArrays *s)
+{
+  for (PetscInt k = 0; k < s->n; k++) {
+    s->gap[k] = PETSC_MAX_REAL;
+    for (PetscInt b = 0; b < 3; b++) s->contact_force[k][b] = s->contact_torque[k][b] = 0;
+  }
+}
