@@ -15,9 +15,7 @@
    well, so that it can be prolonged. What may change at a restart: everything but mesh and bodies; changed options
    are listed. */
 #pragma once
-#include "bodies/bodies.h"
 #include "report/fields.h"
-#include "base/state.h"
 
 typedef struct _p_Checkpoint *Checkpoint;
 

@@ -4,7 +4,6 @@
    discontinuous pressure is written as cell mean and cell gradient (exact) and, for pictures, as nodal average. */
 #pragma once
 #include "mesh/mesh.h"
-#include "bodies/bodies.h"
 #include "base/state.h"
 
 typedef struct _p_Output *Output;

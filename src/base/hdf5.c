@@ -43,11 +43,9 @@ static hid_t file_type(Hdf5Type t)
   }
 }
 
-static PetscErrorCode note_failure(Hdf5 h, const char what[])
+static void note_failure(Hdf5 h, const char what[])
 {
-  PetscFunctionBeginUser;
-  if (!h->failed[0]) PetscCall(PetscStrncpy(h->failed, what, sizeof(h->failed)));
-  PetscFunctionReturn(PETSC_SUCCESS);
+  if (!h->failed[0]) (void)snprintf(h->failed, sizeof(h->failed), "%s", what);
 }
 
 /* Does it hold on every rank? */
@@ -76,7 +74,7 @@ static PetscErrorCode open_file(MPI_Comm comm, const char path[], PetscBool writ
   H5Pclose(access);
   h->together = H5Pcreate(H5P_DATASET_XFER);
   H5Pset_dxpl_mpio(h->together, H5FD_MPIO_COLLECTIVE);
-  if (h->file < 0) PetscCall(note_failure(h, "the file"));
+  if (h->file < 0) note_failure(h, "the file");
   *file = h;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -103,17 +101,13 @@ PetscErrorCode Hdf5Close(Hdf5 *file, char reason[], size_t len)
   PetscBool good;
 
   PetscFunctionBeginUser;
-  if (h->file >= 0 && h->writing && H5Fflush(h->file, H5F_SCOPE_GLOBAL) < 0) PetscCall(note_failure(h, "the file"));
-  if (h->file >= 0 && H5Fclose(h->file) < 0) PetscCall(note_failure(h, "the file"));
+  if (h->file >= 0 && h->writing && H5Fflush(h->file, H5F_SCOPE_GLOBAL) < 0) note_failure(h, "the file");
+  if (h->file >= 0 && H5Fclose(h->file) < 0) note_failure(h, "the file");
   H5Pclose(h->together);
   H5Eset_auto2(H5E_DEFAULT, h->printer, h->printer_data);
   good = (PetscBool)!h->failed[0];
   PetscCall(agree(h, &good));
-  if (reason) {
-    if (good) reason[0] = 0;
-    else PetscCall(PetscSNPrintf(reason, len, "HDF5 fails %s", h->failed[0] ? "at " : "on another rank"));
-    if (!good) PetscCall(PetscStrlcat(reason, h->failed, len));
-  }
+  if (reason) (void)snprintf(reason, len, "%s%s%s", good ? "" : "HDF5 fails ", good ? "" : h->failed[0] ? "at " : "on another rank", h->failed);
   PetscCall(PetscFree(*file));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -192,7 +186,7 @@ PetscErrorCode Hdf5Write(Hdf5 h, const char name[], Hdf5Type t, Hdf5Rows rows, P
   select_rows(rows, bs, &in_file, &in_memory);
   H5Pset_create_intermediate_group(make_groups, 1);
   set = H5Dcreate2(h->file, name, file_type(t), in_file, make_groups, H5P_DEFAULT, H5P_DEFAULT);
-  if (set < 0 || (rows.total > 0 && H5Dwrite(set, memory_type(t), in_memory, in_file, h->together, v) < 0)) PetscCall(note_failure(h, name));
+  if (set < 0 || (rows.total > 0 && H5Dwrite(set, memory_type(t), in_memory, in_file, h->together, v) < 0)) note_failure(h, name);
   if (set >= 0) H5Dclose(set);
   H5Pclose(make_groups);
   H5Sclose(in_file);
@@ -292,7 +286,7 @@ PetscErrorCode Hdf5WriteAttribute(Hdf5 h, const char object[], const char name[]
   const hid_t attribute = H5Acreate_by_name(h->file, object, name, type, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
 
   PetscFunctionBeginUser;
-  if (attribute < 0 || H5Awrite(attribute, type, v) < 0) PetscCall(note_failure(h, strcmp(object, "/") ? object : "the file"));
+  if (attribute < 0 || H5Awrite(attribute, type, v) < 0) note_failure(h, strcmp(object, "/") ? object : "the file");
   if (attribute >= 0) H5Aclose(attribute);
   H5Sclose(space);
   H5Tclose(type);

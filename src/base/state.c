@@ -55,14 +55,6 @@ static PetscErrorCode compute_checksum(State s, Hdf5Type t, Hdf5Rows rows, Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Does it hold on every rank? Collective. */
-static PetscErrorCode agree(State s, PetscBool *good)
-{
-  PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, good, 1, COMPAT_MPI_BOOL, MPI_LAND, s->comm));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode full_name(State s, const char name[], char full[], size_t len)
 {
   PetscFunctionBeginUser;
@@ -182,7 +174,7 @@ static PetscErrorCode compare_partition(State s)
   if (!s->same) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(load_array(s, "partition", HDF5_INT64, (Hdf5Rows){1, s->rank, s->size}, 2, part));
   s->same = (PetscBool)(part[0] == s->key.n[STATE_NODE] && part[1] == s->key.n[STATE_CELL]);
-  PetscCall(agree(s, &s->same));
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &s->same, 1, COMPAT_MPI_BOOL, MPI_LAND, s->comm));
   for (int e = 0; e < 2 && s->same; e++) {
     const PetscInt n = s->entity[e].own.n * s->key.dim;
     PetscReal     *x;
@@ -191,7 +183,7 @@ static PetscErrorCode compare_partition(State s)
     PetscCall(load_array(s, ENTITY[e], HDF5_REAL, s->entity[e].own, s->key.dim, x));
     s->same = (PetscBool)(n == 0 || !memcmp(x, s->key.x[e], (size_t)n * sizeof(*x)));
     PetscCall(PetscFree(x));
-    PetscCall(agree(s, &s->same));
+    PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &s->same, 1, COMPAT_MPI_BOOL, MPI_LAND, s->comm));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

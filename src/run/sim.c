@@ -188,8 +188,8 @@ static PetscErrorCode end_phase(Sim s)
 
 /* From where on a failed solve may be an instability: runs/studies/boundary (flaps), runs/studies/cylinder
    (quadratic) */
-#define UNRESOLVED      20 /* cell Reynolds number from which the convective form may feed on convection that the mesh does not resolve */
-#define QUADRATIC_UP_TO 2  /* CFL number from which quadratic extrapolation of the convecting velocity may blow up */
+#define UNRESOLVED      20 /* cell Reynolds number: the convective form may feed on convection that the mesh does not see */
+#define QUADRATIC_UP_TO 2  /* CFL number: quadratic extrapolation of the convecting velocity may blow up */
 
 /* What the last step tells of why the solve of the next one fails, as further sentences of the message */
 static PetscErrorCode explain_failure(Sim s, char why[], size_t size)

@@ -166,13 +166,14 @@ static PetscErrorCode set_up_solver(Steady s, Vec x, PetscBool newton)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscBool use_newton(const struct _p_Steady *s)
+/* In iteration number its */
+static PetscBool use_newton(const struct _p_Steady *s, PetscInt its)
 {
   const FlowParameters *par;
 
   PetscFunctionBeginUser;
   PetscCallAbort(PETSC_COMM_SELF, FlowGetParameters(s->flow, &par));
-  PetscFunctionReturn((PetscBool)(par->convection && s->linearization == 0 && s->its >= s->picard_steps));
+  PetscFunctionReturn((PetscBool)(par->convection && s->linearization == 0 && its >= s->picard_steps));
 }
 
 static PetscErrorCode set_up_jacobian(SNES snes, Vec x, Mat J, Mat pre, void *ctx)
@@ -183,7 +184,7 @@ static PetscErrorCode set_up_jacobian(SNES snes, Vec x, Mat J, Mat pre, void *ct
   (void)snes;
   (void)J;
   (void)pre;
-  PetscCall(set_up_solver(s, x, use_newton(s)));
+  PetscCall(set_up_solver(s, x, use_newton(s, s->its)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -228,13 +229,7 @@ static PetscErrorCode monitor(SNES snes, PetscInt it, PetscReal norm, void *ctx)
 
   PetscFunctionBeginUser;
   (void)snes;
-  if (it > 0 || s->its == 0) {
-    s->its--; /* that of the iteration that led here */
-    const char *method = use_newton(s) ? "newton" : "picard";
-
-    s->its++;
-    PetscCall(print_residual(s, method, norm));
-  }
+  if (it > 0 || s->its == 0) PetscCall(print_residual(s, use_newton(s, s->its - 1) ? "newton" : "picard", norm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
