@@ -11,14 +11,7 @@ typedef struct _p_Conditions *Conditions;
 /* A vector field: v [dim] at point x [dim] and a time (0 in steady problems). Not collective. */
 typedef PetscErrorCode (*VectorField)(void *ctx, PetscReal time, const PetscReal x[], PetscReal v[]);
 
-/* Read the conditions. Collective. Errors: inflow or moving wall without velocity, slip on a boundary that is no plane along an axis. */
-PetscErrorCode ConditionsCreate(Mesh, Conditions *);
-PetscErrorCode ConditionsDestroy(Conditions *);
-PetscErrorCode ConditionsView(Conditions, PetscViewer);
-/* Evaluate the prescribed values at a time; PETSC_MAX_REAL: those of the steady state, after all ramps. Local.
-   Error: a steady state is wanted and a boundary never stops changing (_factor). */
-PetscErrorCode ConditionsSetTime(Conditions, PetscReal time);
-/* Prescribed components everywhere follow a field in place of the conditions' own values, from the next ConditionsSetTime on; for verification. NULL: back. */
+/* Prescribed components everywhere follow a field in place of the conditions' own values, from the next step on; for verification. NULL: back. */
 PetscErrorCode ConditionsSetField(Conditions, VectorField, void *ctx);
 /* Prescribed components: fixed [nnode_all] bit mask, value [nnode_all][dim] (may be NULL). Borrowed. */
 PetscErrorCode ConditionsGetValues(Conditions, const PetscInt *fixed[], const PetscReal *value[]);

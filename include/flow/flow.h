@@ -93,6 +93,8 @@ PetscErrorCode FlowAssemble(Flow);
    penalty here; residuals, forces and diagnostics of this module do not contain it. */
 PetscErrorCode FlowSetCellTerms(Flow, PetscInt n, const PetscInt cell[], const PetscReal matrix[]);
 PetscErrorCode FlowGetMatrix(Flow, Mat *S); /* borrowed; rows: own nodes */
+/* Its own columns, part[0], and those of other ranks, part[1] (NULL on one rank), with the global numbers of the latter. Borrowed. */
+PetscErrorCode FlowGetMatrixParts(Flow, Mat part[2], const PetscInt *columns[]);
 /* r = right-hand side (rho d, v) + (f, v) - (1 - theta) (...)^n for all nodes, complete on own nodes. r [nnode_all][dim]. Collective. */
 PetscErrorCode FlowRhs(Flow, PetscReal r[]);
 

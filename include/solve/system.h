@@ -9,8 +9,7 @@
    The pressure operator is S_p = B_r M_r^{-1} B_r^T + eps B_c M_c^{-1} B_c^T (Turek 1999, ch. 2; Elman, Silvester, Wathen 2014, ch. 9; the softness eps keeps cut cells well
    conditioned and is in the preconditioner only).
 
-   The continuity rows are multiplied by rho c_t: their residual then counts as the pressure force it causes, and one relative tolerance serves both (without it, rtol 1e-4 slows the
-   settling disc by 2 %).
+   The continuity rows are multiplied by rho c_t: their residual then counts as the pressure force it causes, and one relative tolerance serves both.
 
    Start value x0: velocity extrapolated, pressure of the last step, shifted along its last change by what makes the residual r0 smallest (recipe fast: not shifted, which would make the
    single sweep unstable: Guermond, Minev, Shen 2006). The correction of x0 is solved for until |r| <= -flow_ksp_rtol |b|, or |r| <= min(-flow_rtol_start |r0|, -flow_rtol_most |b|).

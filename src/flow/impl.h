@@ -1,9 +1,16 @@
-/* Inside of Flow; for its files only. flow.c: geometry, assembly, time schemes, fields. evaluate.c: what a solution amounts to, cell by cell.
-
-   Only flow.c changes the struct. The functions below are called once a cell and are therefore inlined. */
+/* Inside of Flow; for its files only. flow.c: parameters, fields, life cycle. cells.c: what depends on the shape of cells. assemble.c: matrix, right-hand side, products with B.
+   time.c: schemes. evaluate.c: what a solution amounts to, cell by cell; it changes nothing. */
 #pragma once
 #include "mesh/element.h"
 #include "flow/flow.h"
+
+/* In the order of the values of -flow_time */
+enum {
+  SCHEME_BE,
+  SCHEME_CN,
+  SCHEME_BDF2,
+  SCHEME_FSTHETA
+};
 
 struct _p_Flow {
   Mesh             mesh;
@@ -36,6 +43,23 @@ struct _p_Flow {
   void       *source_ctx;
   PetscReal  *source;
 };
+
+/* Everything that depends on the shape of the local cells. Collective. */
+PetscErrorCode FlowComputeCells(Flow);
+/* S without values. Collective. */
+PetscErrorCode FlowCreateMatrix(Flow);
+/* w of the step from the fields in use. Local. */
+void FlowExtrapolateConvection(Flow);
+
+/* Read the conditions. Collective. Errors: inflow or moving wall without velocity, slip on a boundary that is no plane along an axis. */
+PetscErrorCode ConditionsCreate(Mesh, Conditions *);
+PetscErrorCode ConditionsDestroy(Conditions *);
+PetscErrorCode ConditionsView(Conditions, PetscViewer);
+/* Evaluate the prescribed values at a time; PETSC_MAX_REAL: those of the steady state, after all ramps. Local.
+   Error: a steady state is wanted and a boundary never stops changing (_factor). */
+PetscErrorCode ConditionsSetTime(Conditions, PetscReal time);
+
+/* The functions below are called once a cell and are therefore inlined. */
 
 /* Metric of local cell c at its quadrature points: of an affine cell as stored, else from the coordinates. A cell that is no part of the fluid has zero weights. */
 static inline PetscErrorCode FlowCellMetric(Flow f, PetscInt c, ElementMetric *m)

@@ -7,36 +7,20 @@ struct _p_BodyBlocks {
   Flow             flow;
   Constraint       constraint;
   const MeshLocal *loc;
-  Mat              S;
   PetscInt         nbodies, nr, *ghost_of_column; /* off-diagonal columns of S -> local nodes */
 };
-
-/* The rank's own part of the scalar matrix as compressed rows */
-static PetscErrorCode get_rows(Mat S, Mat *diagonal_part, Mat *offdiagonal_part, const PetscInt **columns)
-{
-  PetscBool seq;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscObjectTypeCompare((PetscObject)S, MATSEQAIJ, &seq));
-  if (seq) {
-    *diagonal_part = S;
-    if (offdiagonal_part) *offdiagonal_part = NULL;
-    if (columns) *columns = NULL;
-  } else PetscCall(MatMPIAIJGetSeqAIJ(S, diagonal_part, offdiagonal_part, columns));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
 
 static PetscErrorCode map_ghost_columns(BodyBlocks b)
 {
   const MeshLocal *l = b->loc;
   const PetscInt  *garray;
   PetscInt         n, nghost = l->nnode_all - l->nnode, *sorted, *where;
-  Mat              Ad, Ao;
+  Mat              part[2];
 
   PetscFunctionBeginUser;
-  PetscCall(get_rows(b->S, &Ad, &Ao, &garray));
-  if (!Ao) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MatGetLocalSize(Ao, NULL, &n));
+  PetscCall(FlowGetMatrixParts(b->flow, part, &garray));
+  if (!part[1]) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(MatGetLocalSize(part[1], NULL, &n));
   PetscCall(PetscMalloc1(n, &b->ghost_of_column));
   PetscCall(PetscMalloc2(nghost, &sorted, nghost, &where));
   for (PetscInt i = 0; i < nghost; i++) {
@@ -158,7 +142,7 @@ PetscErrorCode BodyBlocksUpdate(BodyBlocks b, const PetscReal share[], const Pen
   PetscCall(ConstraintGetOwnBodies(b->constraint, &first, &count));
   PetscCall(FlowGetLumpedMass(b->flow, &m));
   PetscCall(PetscCalloc1(2 * b->nbodies * nn, &block));
-  PetscCall(get_rows(b->S, &part[0], &part[1], &map));
+  PetscCall(FlowGetMatrixParts(b->flow, part, &map));
   for (PetscInt s = 0; s < 2 && part[s]; s++) {
     PetscCall(MatGetRowIJ(part[s], 0, PETSC_FALSE, PETSC_FALSE, &n, &row_start[s], &column[s], &done));
     PetscCall(MatSeqAIJGetArrayRead(part[s], &value[s]));
@@ -214,7 +198,6 @@ PetscErrorCode BodyBlocksCreate(Flow flow, Constraint constraint, BodyBlocks *bl
   b->constraint = constraint;
   PetscCall(FlowGetMesh(flow, &mesh));
   PetscCall(MeshGetLocal(mesh, &b->loc));
-  PetscCall(FlowGetMatrix(flow, &b->S));
   PetscCall(ConstraintGetRigidSize(constraint, &b->nr));
   PetscCall(ConstraintGetOwnBodies(constraint, &first, &count));
   PetscCall(MPIU_Allreduce(&count, &b->nbodies, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));

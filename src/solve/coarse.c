@@ -181,8 +181,7 @@ static PetscErrorCode list_entries(Coarse s, PetscInt *n, PetscInt row[], PetscI
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* whole = matrix + (W^T I)^T (W^T I), or NULL where no body is in it. Iterations for 504 discs of two cells in a bed, 12,288 pressures: 54 with neither level knowing of the bodies, 51 with
-   this one alone, 24 with the sweeps alone, 9 with both; 1000 discs of 4.6 cells at 30 % area fraction: 4.3, 3.8 with both or the sweeps. */
+/* whole = matrix + (W^T I)^T (W^T I), or NULL where no body is in it (runs/studies/flow-solver, "Many bodies") */
 static PetscErrorCode add_bodies(Coarse s)
 {
   const PetscInt room = s->ncut * s->nr << s->loc->dim;

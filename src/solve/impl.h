@@ -1,4 +1,5 @@
-/* Inside of FlowSolver; for its files only. flowsolve.c: recipes, set-up, preconditioner, solve. operator.c: products with the operators of the system. */
+/* Inside of FlowSolver; for its files only. system.c: life cycle, set-up, solve. recipe.c: choice of methods and tolerances. precondition.c: the projection preconditioner.
+   operator.c: products with the operators of the system. */
 #pragma once
 #include "bodyblocks.h"
 #include "solve/system.h"
@@ -40,7 +41,7 @@ struct _p_FlowSolver {
   PC                 split; /* the inner PCFIELDSPLIT */
   KSP               *sub;
   PetscBool          fixed;                       /* recipe fast: a fixed number of iterations, without norms */
-  PetscReal          share_of_pressure;           /* see WHOLE_FROM */
+  PetscReal          share_of_pressure;           /* see WHOLE_PRESSURE */
   PetscReal          rtol, rtol_start, rtol_most; /* see the header */
   Vec                b, x, r, y, t_u, t_u2, t_p, t_p2;
 };
@@ -55,3 +56,12 @@ static inline PetscBool FlowSolverIsSoft(FlowSolver fs)
 PetscErrorCode FlowSolverCreateShells(FlowSolver);
 /* y = M_r^{-1} x with the projected lumped mass; inert slots give zero. Collective. */
 PetscErrorCode FlowSolverApplyMassInverse(FlowSolver, Vec x, Vec y);
+
+/* Read the recipe, set the defaults of all solvers, and find out which matrices the chosen preconditioners need; moving as for FlowSolverCreate. Collective. */
+PetscErrorCode FlowSolverSetRecipe(FlowSolver, PetscBool moving);
+/* What follows the pressure solve, and the preconditioner of the velocity, by the viscous and the convective number of the step. Collective. */
+PetscErrorCode FlowSolverChooseMethods(FlowSolver);
+/* The tolerance of the correction y; enough: the start value (or zero, if that is better) meets it. Collective. */
+PetscErrorCode FlowSolverSetTolerance(FlowSolver, PetscBool *enough);
+/* Make pc the projection preconditioner around a fieldsplit. Collective. */
+PetscErrorCode FlowSolverCreateProjection(FlowSolver, PC pc);

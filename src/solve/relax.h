@@ -2,7 +2,7 @@
 
    On the rank's own part of the matrix: SOR sweeps (omega 1), or an incomplete factorisation without fill-in (ILU(0): Meijerink & van der Vorst 1977; Saad 2003, ch. 10), whose
    factors are stored in single precision. Where convection outweighs inertia and viscosity within a cell, sweeps against the flow amplify what they should damp, and the factorisation
-   does not care: two falling discs at CFL 1.3 and cell Reynolds number 60: 127 symmetric sweeps, 16 Jacobi steps, 1.1 factorisations a solve. It costs as much as some ten sweeps.
+   does not care. It costs as much as some ten sweeps (runs/studies/flow-solver).
 
    Arrays are [own nodes][dim]. Inert slots (walls, nodes of bodies) have diagonal_inverse 0 and keep zero corrections. Nothing here is collective. */
 #pragma once
