@@ -1,7 +1,7 @@
 /* Flow: assembly of the velocity matrix and the right-hand side, products with B (see flow.h).
 
-   The velocity matrix is assembled in one pass over the cells, own and ghost, straight into the rows of own nodes: no communication, and no second matrix for the constant part,
-   which costs less to compute (element.h) than to load. */
+   The velocity matrix is assembled in one pass over the cells, own and ghost, straight into the rows of own nodes: no
+   communication, and no second matrix for the constant part, which costs less to compute (element.h) than to load. */
 #include "compat.h"
 #include "impl.h"
 #include "base/log.h"

@@ -1,4 +1,5 @@
-/* Flow: what it keeps of the cells (metric, size, cell matrices of B, masses), and their change when nodes move or cells join and leave the fluid (see flow.h). */
+/* Flow: what it keeps of the cells (metric, size, cell matrices of B, masses), and their change when nodes move or
+   cells join and leave the fluid (see flow.h). */
 #include "compat.h"
 #include "impl.h"
 #include "base/dense.h"
@@ -94,7 +95,8 @@ PetscErrorCode FlowComputeCells(Flow f)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Pressures given about `centre` with cell size `size`, as the same polynomial about the present centre and size of cell c */
+/* Pressures given about `centre` with cell size `size`, as the same polynomial about the present centre and size of
+   cell c */
 static void carry_pressure(const struct _p_Flow *f, PetscInt c, const PetscReal centre[], PetscReal size, PetscReal p[])
 {
   const PetscInt dim = f->loc->dim;
@@ -105,7 +107,8 @@ static void carry_pressure(const struct _p_Flow *f, PetscInt c, const PetscReal 
   }
 }
 
-/* Pressures of an own cell that has joined the fluid: the mean of what the own cells around it that were fluid before, visited == before, say about its centre */
+/* Pressures of an own cell that has joined the fluid: the mean of what the own cells around it that were fluid before,
+   visited == before, say about its centre */
 static void adopt_pressure(const struct _p_Flow *f, PetscInt c, PetscInt before, PetscReal p[])
 {
   const MeshLocal *l  = f->loc;
@@ -162,8 +165,7 @@ PetscErrorCode FlowUpdateCells(Flow f, PetscInt n, const PetscInt cells[], const
     adopt_pressure(f, cells[e], f->now, f->p_old);
   }
   f->now++;
-  for (PetscInt e = 0; e < n * l->nb;
-       e++) { /* cells around changed cells, each once, in the order of FlowComputeCells: sums do not depend on what changed before */
+  for (PetscInt e = 0; e < n * l->nb; e++) { /* cells around, each once, in the order of FlowComputeCells: sums do not depend on the past */
     const PetscInt i = l->cell_node[cells[e / l->nb] * l->nb + e % l->nb];
 
     for (PetscInt t = l->node_cell_ptr[i]; t < l->node_cell_ptr[i + 1]; t++) {

@@ -1,4 +1,5 @@
-/* Flow: time schemes (see flow.h): coefficients of a step, extrapolation of the convecting velocity, history of the fields. */
+/* Flow: time schemes (see flow.h): coefficients of a step, extrapolation of the convecting velocity, history of the
+   fields. */
 #include "compat.h"
 #include "impl.h"
 

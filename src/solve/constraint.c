@@ -1,7 +1,4 @@
-/* Constraint: the projection P as a list of its non-trivial rows (see constraint.h).
-
-   A free slot is its own image, so only the inert slots (walls, body nodes) are stored: for each its number, its body and its row of the rigid
-   map U + w x (x - X). Rigid velocities travel between the rank that holds their slots and the ranks whose nodes follow them through a PetscSF. */
+/* Constraint: the rows of the projection P (see constraint.h, projection.h). */
 #include "compat.h"
 #include "projection.h"
 #include "base/log.h"
@@ -14,7 +11,8 @@ static PetscInt bit_count(PetscInt bits)
   return n;
 }
 
-/* Row a of the rigid map at node i about centre X: velocity component a for unit rigid velocities, without regard to what is unknown */
+/* Row a of the rigid map at node i about centre X: velocity component a for unit rigid velocities, without regard to
+   what is unknown */
 static void rigid_row(const MeshLocal *l, PetscInt i, PetscInt a, const PetscReal X[3], PetscReal row[])
 {
   PetscReal r[3] = {0, 0, 0};
@@ -321,47 +319,6 @@ PetscErrorCode ConstraintGetNodeBody(Constraint c, const PetscInt *node_body[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ConstraintGetBodyNodes(Constraint c, PetscInt *n, const PetscInt *node[])
-{
-  PetscFunctionBeginUser;
-  *n    = c->nbody_nodes;
-  *node = c->body_node;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ConstraintGetFollow(Constraint c, const PetscInt *follow[])
-{
-  PetscFunctionBeginUser;
-  *follow = c->follow;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ConstraintGetInert(Constraint c, PetscInt *n, const PetscInt *slot[])
-{
-  PetscFunctionBeginUser;
-  *n = c->ninert;
-  if (slot) *slot = c->slot;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ConstraintGetRows(Constraint c, const PetscInt *body[], const PetscReal *coef[])
-{
-  PetscFunctionBeginUser;
-  *body = c->body;
-  *coef = c->coef;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ConstraintGetFollowers(Constraint c, PetscInt *n, const PetscInt *slot[], const PetscInt *body[], const PetscReal *coef[])
-{
-  PetscFunctionBeginUser;
-  *n = c->nfollow;
-  if (slot) *slot = c->follow_slot;
-  if (body) *body = c->follow_body;
-  if (coef) *coef = c->follow_coef;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode ConstraintRigidMap(Constraint c, PetscInt i, PetscInt k, PetscReal R[])
 {
   PetscFunctionBeginUser;
@@ -372,42 +329,4 @@ PetscErrorCode ConstraintRigidMap(Constraint c, PetscInt i, PetscInt k, PetscRea
 void ConstraintRigidAt(const MeshLocal *l, PetscInt i, const PetscReal X[3], PetscReal R[])
 {
   for (PetscInt a = 0; a < l->dim; a++) rigid_row(l, i, a, X, R + a * (l->dim == 2 ? 3 : 6));
-}
-
-PetscErrorCode ConstraintGetUnknown(Constraint c, const PetscInt *unknown[])
-{
-  PetscFunctionBeginUser;
-  *unknown = c->unknown;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ConstraintGetRigid(Constraint c, const PetscReal *U[])
-{
-  PetscFunctionBeginUser;
-  *U = c->U;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ConstraintGetOwnBodies(Constraint c, PetscInt *first, PetscInt *count)
-{
-  PetscFunctionBeginUser;
-  *first = c->first;
-  *count = c->count;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ConstraintGetKnown(Constraint c, const PetscReal *known[])
-{
-  PetscFunctionBeginUser;
-  *known = c->known;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ConstraintGetLocalRigid(Constraint c, PetscInt *n, const PetscInt *index[], const PetscReal *local[])
-{
-  PetscFunctionBeginUser;
-  if (n) *n = c->nlocal;
-  if (index) *index = c->local_index;
-  if (local) *local = c->local_rigid;
-  PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -1,4 +1,5 @@
-/* FlowSolver: the preconditioner of recipes fast, balanced and accurate: fieldsplit, then projection or commutator (see system.h). */
+/* FlowSolver: the preconditioner of recipes fast, balanced and accurate: fieldsplit, then projection or commutator (see
+   system.h). */
 #include "compat.h"
 #include "impl.h"
 
@@ -21,7 +22,8 @@ static PetscErrorCode add_viscous(FlowSolver fs, Vec x, Vec u, Vec p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* u += M_r^{-1} P^T B^T p, and the viscous part with the u before: the projection step with the rotational pressure update */
+/* u += M_r^{-1} P^T B^T p, and the viscous part with the u before: the projection step with the rotational pressure
+   update */
 static PetscErrorCode project(FlowSolver fs, Vec x, Vec u, Vec p)
 {
   PetscFunctionBeginUser;

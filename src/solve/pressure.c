@@ -14,27 +14,38 @@ PetscErrorCode PressureGetShared(Pressure p, PetscInt *n, const PetscInt *cell[]
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* ---- the bodies' part ---- */
-
-/* The null space: constant in the fluid, zero in dead cells */
-static PetscErrorCode find_constant(Pressure p)
+PetscErrorCode PressureCreateConstant(Pressure p, Vec like, PetscInt before, MatNullSpace *space)
 {
   Vec        constant;
   PetscReal *a;
 
   PetscFunctionBeginUser;
-  PetscCall(MatNullSpaceDestroy(&p->constant));
-  PetscCall(MatCreateVecs(p->matrix, &constant, NULL));
+  PetscCall(MatNullSpaceDestroy(space));
+  PetscCall(VecDuplicate(like, &constant));
   PetscCall(VecGetArrayWrite(constant, &a));
-  PetscCall(PressureGetConstant(p, a));
+  PetscCall(PetscArrayzero(a, before));
+  for (PetscInt i = 0; i < p->loc->ncell * p->nk; i++) a[before + i] = i % p->nk == 0 && !(p->cell_body && p->cell_body[i / p->nk] >= 0);
   PetscCall(VecRestoreArrayWrite(constant, &a));
   PetscCall(VecNormalize(constant, NULL));
-  PetscCall(MatNullSpaceCreate(PETSC_COMM_WORLD, PETSC_FALSE, 1, &constant, &p->constant));
+  PetscCall(MatNullSpaceCreate(PETSC_COMM_WORLD, PETSC_FALSE, 1, &constant, space));
   PetscCall(VecDestroy(&constant));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The operator knows that constants are its null space; the matrix, which smoothers use, does not, to save their projections. */
+static PetscErrorCode find_constant(Pressure p)
+{
+  Vec like;
+
+  PetscFunctionBeginUser;
+  if (!p->floating) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(MatCreateVecs(p->matrix, &like, NULL));
+  PetscCall(PressureCreateConstant(p, like, 0, &p->constant));
+  PetscCall(VecDestroy(&like));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The operator knows that constants are its null space; the matrix, which smoothers use, does not, to save their
+   projections. */
 static PetscErrorCode create_shell(Pressure p)
 {
   const PetscInt n = p->loc->ncell * p->nk;
@@ -43,7 +54,7 @@ static PetscErrorCode create_shell(Pressure p)
   PetscCall(MatCreateShell(PETSC_COMM_WORLD, n, n, PETSC_DETERMINE, PETSC_DETERMINE, p, &p->shell));
   PetscCall(MatShellSetOperation(p->shell, MATOP_MULT, (void (*)(void))PressureMult));
   PetscCall(MatSetOption(p->shell, MAT_SYMMETRIC, PETSC_TRUE));
-  if (p->floating) PetscCall(find_constant(p));
+  PetscCall(find_constant(p));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -72,7 +83,8 @@ static PetscErrorCode update_coarse(Pressure p, const PetscReal weight[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Down: one forward block Gauss-Seidel sweep, up: one backward sweep; together symmetric, at the cost of one and a half products with the matrix. Options win. */
+/* Down: one forward block Gauss-Seidel sweep, up: one backward sweep; together symmetric, at the cost of one and a half
+   products with the matrix. Options win. */
 static PetscErrorCode set_smoothers(PC pc, Mat sweeps)
 {
   const MatSORType sweep[2] = {SOR_LOCAL_FORWARD_SWEEP, SOR_LOCAL_BACKWARD_SWEEP};
@@ -161,7 +173,6 @@ PetscErrorCode PressureSetDefaults(void)
 PetscErrorCode PressureCreate(Flow flow, Constraint constraint, Pressure *pressure)
 {
   Pressure  p;
-  PetscInt  first, count;
   PetscBool two_level;
   PetscReal keep = 0.03;
 
@@ -171,11 +182,10 @@ PetscErrorCode PressureCreate(Flow flow, Constraint constraint, Pressure *pressu
   p->constraint = constraint;
   PetscCall(FlowGetMesh(flow, &p->mesh));
   PetscCall(MeshGetLocal(p->mesh, &p->loc));
-  PetscCall(ConstraintGetRigidSize(constraint, &p->nr));
-  PetscCall(ConstraintGetOwnBodies(constraint, &first, &count));
-  PetscCall(MPIU_Allreduce(&count, &p->nbodies, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
-  p->nk  = p->loc->dim + 1;
-  p->eps = 1e-6;
+  p->nr      = constraint->nr;
+  p->nbodies = constraint->nbodies;
+  p->nk      = p->loc->dim + 1;
+  p->eps     = 1e-6;
   PetscCall(OptReal("-flow_pressure_softness", "share of their inverse mass that body nodes keep in the pressure preconditioner", "", OPT_POSITIVE, 1,
                     &p->eps));
   PetscCall(PetscCalloc2(p->loc->nnode_all * p->loc->dim, &p->weight, p->nbodies * p->nr, &p->work));
@@ -266,7 +276,7 @@ PetscErrorCode PressureSetDead(Pressure p, const PetscInt cell_body[], const Pet
   PetscFunctionBeginUser;
   p->cell_body = cell_body;
   PetscCall(PetscArraycpy(p->resolved, resolved, p->nbodies));
-  if (p->floating) PetscCall(find_constant(p));
+  PetscCall(find_constant(p));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -307,13 +317,6 @@ PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscR
   PetscCall(MatAssemblyBegin(p->shell, MAT_FINAL_ASSEMBLY)); /* its values have changed */
   PetscCall(MatAssemblyEnd(p->shell, MAT_FINAL_ASSEMBLY));
   PetscCall(PetscLogEventEnd(TB_PRES_BUILD, 0, 0, 0, 0));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode PressureGetConstant(Pressure p, PetscReal a[])
-{
-  PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < p->loc->ncell * p->nk; i++) a[i] = i % p->nk == 0 && !(p->cell_body && p->cell_body[i / p->nk] >= 0);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

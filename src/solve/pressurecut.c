@@ -1,10 +1,11 @@
-/* Pressure: cells that bodies cut (see pressure.h): those between two surfaces, whose pressures are made compressible, dead ones, and the bodies' part W W^T of S_p. */
+/* Pressure: cells that bodies cut (see pressure.h): those between two surfaces, whose pressures are made compressible,
+   dead ones, and the bodies' part W W^T of S_p. */
 #include "compat.h"
 #include "pressureimpl.h"
 #include "base/dense.h"
 
 /* Block C = eps_shared B_c M_c^{-1} B_c^T of one cell over its constrained nodes */
-static PetscErrorCode shared_block(Pressure p, const PetscInt body[], const PetscInt fixed[], PetscInt c, PetscReal block[])
+static PetscErrorCode shared_block(Pressure p, const PetscInt fixed[], PetscInt c, PetscReal block[])
 {
   const MeshLocal *l   = p->loc;
   const PetscInt   dim = l->dim, n = l->nb * dim, nk = p->nk;
@@ -17,7 +18,7 @@ static PetscErrorCode shared_block(Pressure p, const PetscInt body[], const Pets
   for (PetscInt j = 0; j < n; j++) {
     const PetscInt i = l->cell_node[c * l->nb + j / dim];
 
-    if (body[i] < 0 && !((fixed[i] >> (j % dim)) & 1)) continue;
+    if (p->constraint->node_body[i] < 0 && !((fixed[i] >> (j % dim)) & 1)) continue;
     for (PetscInt e = 0; e < nk * nk; e++) block[e] += p->eps_shared / m[i] * b[(c * nk + e / nk) * n + j] * b[(c * nk + e % nk) * n + j];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -26,13 +27,11 @@ static PetscErrorCode shared_block(Pressure p, const PetscInt body[], const Pets
 /* Own cells with a node of a body: nothing else can be cut or shared. */
 static PetscErrorCode find_touched_cells(Pressure p)
 {
-  const PetscInt *node;
-  PetscInt        n;
+  const struct _p_Constraint *c = p->constraint;
 
   PetscFunctionBeginUser;
-  PetscCall(ConstraintGetBodyNodes(p->constraint, &n, &node));
   PressureStartList(p);
-  for (PetscInt i = 0; i < n; i++) PressureListCellsOfNode(p, node[i]);
+  for (PetscInt i = 0; i < c->nbody_nodes; i++) PressureListCellsOfNode(p, c->body_node[i]);
   p->ntouched = p->nlisted;
   PetscCall(PetscArraycpy(p->touched, p->listed, p->ntouched));
   PetscCall(PetscSortInt(p->ntouched, p->touched));
@@ -66,16 +65,16 @@ static PetscErrorCode add_dead_cells(Pressure p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* A cell whose nodes belong to two bodies, or to a body and a wall, may have pressures that no free velocity can serve: its divergence rows are then inconsistent
-   (boundary-evidence, checked claims). Such cells get a small compressibility in the operator itself, as if their constrained nodes yielded a little to the pressure: B u + C p = 0. */
+/* A cell whose nodes belong to two bodies, or to a body and a wall, may have pressures that no free velocity can serve:
+   its divergence rows are then inconsistent (boundary-evidence, checked claims). Such cells get a small compressibility
+   in the operator itself, as if their constrained nodes yielded a little to the pressure: B u + C p = 0. */
 PetscErrorCode PressureFindShared(Pressure p)
 {
-  const MeshLocal *l = p->loc;
-  const PetscInt  *body, *fixed;
+  const MeshLocal *l    = p->loc;
+  const PetscInt  *body = p->constraint->node_body, *fixed;
   const PetscReal *value;
 
   PetscFunctionBeginUser;
-  PetscCall(ConstraintGetNodeBody(p->constraint, &body));
   PetscCall(ConditionsGetValues(FlowConditions(p->flow), &fixed, &value));
   PetscCall(find_touched_cells(p));
   p->nshared = 0;
@@ -95,7 +94,7 @@ PetscErrorCode PressureFindShared(Pressure p)
     if (!cut || (!two && !wall)) continue;
     PetscCall(reserve_shared(p));
     p->shared_cell[p->nshared] = c;
-    PetscCall(shared_block(p, body, fixed, c, p->shared_block + p->nshared * p->nk * p->nk));
+    PetscCall(shared_block(p, fixed, c, p->shared_block + p->nshared * p->nk * p->nk));
     p->nshared++;
   }
   p->nsoft = p->nshared;
@@ -104,17 +103,17 @@ PetscErrorCode PressureFindShared(Pressure p)
 }
 
 /* The body that node i moves with, if it is unknown, and its share in the motion */
-static PetscInt holder(const PetscInt body[], const PetscInt follow[], const PetscReal share[], PetscInt i, PetscReal *part)
+static PetscInt holder(const struct _p_Constraint *c, const PetscReal share[], PetscInt i, PetscReal *part)
 {
-  const PetscInt k = body[i] >= 0 || !share ? body[i] : follow[i];
+  const PetscInt k = c->node_body[i] >= 0 || !share ? c->node_body[i] : c->follow[i];
 
   *part = !share ? 1 : share[i];
   return k;
 }
 
-/* w [nk][nr] = B_c R_k L over the nodes of cell c that move with body k, times their share; fixed components do not move, whatever share of a wall's node the body covers */
-static PetscErrorCode cut_rows(Pressure p, const PetscInt body[], const PetscInt follow[], const PetscReal share[], const PetscReal b[], PetscInt c,
-                               PetscInt k, const PetscReal L[], PetscReal w[])
+/* w [nk][nr] = B_c R_k L over the nodes of cell c that move with body k, times their share; fixed components do not
+   move, whatever share of a wall's node the body covers */
+static PetscErrorCode cut_rows(Pressure p, const PetscReal share[], const PetscReal b[], PetscInt c, PetscInt k, const PetscReal L[], PetscReal w[])
 {
   const MeshLocal *l   = p->loc;
   const PetscInt   dim = l->dim, n = l->nb * dim, *fixed;
@@ -128,7 +127,7 @@ static PetscErrorCode cut_rows(Pressure p, const PetscInt body[], const PetscInt
     const PetscInt i = l->cell_node[c * l->nb + j];
     PetscReal      R[18], part;
 
-    if (holder(body, follow, share, i, &part) != k) continue;
+    if (holder(p->constraint, share, i, &part) != k) continue;
     PetscCall(ConstraintRigidMap(p->constraint, i, k, R));
     for (PetscInt m = 0; m < p->nk; m++)
       for (PetscInt s = 0; s < p->nr; s++)
@@ -142,14 +141,11 @@ static PetscErrorCode cut_rows(Pressure p, const PetscInt body[], const PetscInt
 
 PetscErrorCode PressureFindCut(Pressure p, const PetscReal share[], const PetscReal mass_inverse[])
 {
-  const MeshLocal *l = p->loc;
-  const PetscInt  *body, *follow, *unknown;
-  const PetscReal *b;
+  const struct _p_Constraint *P = p->constraint;
+  const MeshLocal            *l = p->loc;
+  const PetscReal            *b;
 
   PetscFunctionBeginUser;
-  PetscCall(ConstraintGetNodeBody(p->constraint, &body));
-  PetscCall(ConstraintGetFollow(p->constraint, &follow));
-  PetscCall(ConstraintGetUnknown(p->constraint, &unknown));
   PetscCall(FlowGetCellDivergence(p->flow, &b));
   p->ncut = 0;
   for (PetscInt t = 0; t < p->ntouched; t++) {
@@ -157,14 +153,14 @@ PetscErrorCode PressureFindCut(Pressure p, const PetscReal share[], const PetscR
 
     for (PetscInt j = 0; j < l->nb; j++) {
       PetscReal      part;
-      const PetscInt k     = holder(body, follow, share, node[j], &part);
+      const PetscInt k     = holder(P, share, node[j], &part);
       PetscBool      first = PETSC_TRUE, whole = PETSC_TRUE;
       PetscReal      L[36];
 
-      if (k < 0 || !unknown[k]) continue;
+      if (k < 0 || !P->unknown[k]) continue;
       for (PetscInt m = 0; m < l->nb; m++) {
-        if (m < j && holder(body, follow, share, node[m], &part) == k) first = PETSC_FALSE;
-        if (body[node[m]] != k) whole = PETSC_FALSE;
+        if (m < j && holder(P, share, node[m], &part) == k) first = PETSC_FALSE;
+        if (P->node_body[node[m]] != k) whole = PETSC_FALSE;
       }
       if (!first || whole) continue;
       if (p->ncut == p->room) {
@@ -176,7 +172,7 @@ PetscErrorCode PressureFindCut(Pressure p, const PetscReal share[], const PetscR
       p->cut_cell[p->ncut] = c;
       p->cut_body[p->ncut] = k;
       DenseFactor(p->nr, mass_inverse + k * p->nr * p->nr, L);
-      PetscCall(cut_rows(p, body, follow, share, b, c, k, L, p->cut_w + p->ncut * p->nk * p->nr));
+      PetscCall(cut_rows(p, share, b, c, k, L, p->cut_w + p->ncut * p->nk * p->nr));
       p->ncut++;
     }
   }

@@ -1,4 +1,5 @@
-/* Inside of Pressure; for its files only. pressure.c: life cycle, update, two levels. pressurematrix.c: the nodes' part as a matrix. pressurecut.c: cells that bodies cut. */
+/* Inside of Pressure; for its files only. pressure.c: life cycle, update, two levels. pressurematrix.c: the nodes' part
+   as a matrix. pressurecut.c: cells that bodies cut. */
 #pragma once
 #include "pressure.h"
 #include "coarse.h"
@@ -39,15 +40,17 @@ struct _p_Pressure {
 
 #define UNKNOWN -1 /* weight of a node whose cells have changed */
 
-/* pressurematrix.c: the matrix with its pattern; then rows of cells with a node whose weight has changed, and of those that are or were (old) shared, and the smoother. Collective. */
+/* pressurematrix.c: the matrix with its pattern; then rows of cells with a node whose weight has changed, and of those
+   that are or were (old) shared, and the smoother. Collective. */
 PetscErrorCode PressureCreateMatrix(Pressure);
 PetscErrorCode PressureUpdateMatrix(Pressure, const PetscReal weight[], PetscInt nold, const PetscInt old[]);
 /* A new list of own cells, each of which enters once. Not collective. */
 void PressureStartList(Pressure);
 void PressureListCellsOfNode(Pressure, PetscInt node);
 
-/* pressurecut.c: cells touched by bodies, and among them those between two surfaces and dead ones; then pairs of cell and body where the body moves some nodes, but not all of them
-   rigidly (a cell may meet two bodies). Not collective. */
+/* pressurecut.c: cells touched by bodies, and among them those between two surfaces and dead ones; then pairs of cell
+   and body where the body moves some nodes, but not all of them rigidly (a cell may meet two bodies). Not collective.
+   */
 PetscErrorCode PressureFindShared(Pressure);
 PetscErrorCode PressureFindCut(Pressure, const PetscReal share[], const PetscReal mass_inverse[]);
 /* y = matrix x + W W^T x = matrix x + sum_k (B R_k) M_k^{-1} (B R_k)^T x. Collective. */

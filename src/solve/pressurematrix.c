@@ -1,5 +1,5 @@
-/* Pressure: the nodes' part of S_p as a matrix, and its smoother (see pressure.h). All entries of a row belong to cells that share a node with the row's cell, and ghost cells are known, so
-   every rank builds its rows alone. */
+/* Pressure: the nodes' part of S_p as a matrix, and its smoother (see pressure.h). All entries of a row belong to cells
+   that share a node with the row's cell, and ghost cells are known, so every rank builds its rows alone. */
 #include "compat.h"
 #include "pressureimpl.h"
 #include "blockgs.h"
@@ -51,7 +51,8 @@ static PetscErrorCode count_blocks(Pressure p, PetscInt own[], PetscInt other[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Blocks of nk x nk: BAIJ for the default preconditioner (block SOR, less memory traffic), AIJ for those that know nothing else */
+/* Blocks of nk x nk: BAIJ for the default preconditioner (block SOR, less memory traffic), AIJ for those that know
+   nothing else */
 PetscErrorCode PressureCreateMatrix(Pressure p)
 {
   const PetscInt n = p->loc->ncell;
@@ -126,7 +127,8 @@ void PressureStartList(Pressure p)
   p->nlisted = 0;
 }
 
-/* (ranks other than this one with cells at node i) times (own cells at it) less one, at least zero; ranges: first rows of the ranks */
+/* (ranks other than this one with cells at node i) times (own cells at it) less one, at least zero; ranges: first rows
+   of the ranks */
 static PetscReal count_excess(Pressure p, const PetscInt ranges[], PetscInt i)
 {
   const MeshLocal *l   = p->loc;
@@ -146,10 +148,12 @@ static PetscReal count_excess(Pressure p, const PetscInt ranges[], PetscInt i)
   return PetscMax(0, n * own - 1);
 }
 
-/* What the sweeps add to the diagonal block of cell c, because the ranks sweep at the same time. With g_a what cell a sees of a component of node i, and s_r the sum of g_a.p_a over the cells of
-   rank r around it, the node's part of S is w (sum_r s_r)^2, and the couplings between R ranks at most (R - 1) w sum_r s_r^2 <= (R - 1) w sum_r n_r sum_a (g_a.p_a)^2; the diagonal has
-   w (g_a.p_a)^2 of that, and half of the rest is to be added for a sweep there and back to be definite. Only nodes of more than two cells have any.
-   Without it a sweep may be indefinite on several ranks (runs/studies/flow-solver, "Many bodies"). */
+/* What the sweeps add to the diagonal block of cell c, because the ranks sweep at the same time. With g_a what cell a
+   sees of a component of node i, and s_r the sum of g_a.p_a over the cells of rank r around it, the node's part of S is
+   w (sum_r s_r)^2, and the couplings between R ranks at most (R - 1) w sum_r s_r^2 <= (R - 1) w sum_r n_r sum_a
+   (g_a.p_a)^2; the diagonal has w (g_a.p_a)^2 of that, and half of the rest is to be added for a sweep there and back
+   to be definite. Only nodes of more than two cells have any. Without it a sweep may be indefinite on several ranks
+   (runs/studies/flow-solver, "Many bodies"). */
 static PetscErrorCode set_overlap(Pressure p, const PetscInt ranges[], const PetscReal b[], const PetscReal weight[], PetscInt c)
 {
   const MeshLocal *l   = p->loc;

@@ -1,5 +1,5 @@
-/* Constraint: applications of P and its transpose (see projection.h). Rigid velocities travel between the rank that holds their slots and the ranks whose nodes follow them through a
-   PetscSF. */
+/* Constraint: applications of P and its transpose (see projection.h). Rigid velocities travel between the rank that
+   holds their slots and the ranks whose nodes follow them through a PetscSF. */
 #include "compat.h"
 #include "projection.h"
 

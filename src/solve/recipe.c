@@ -1,4 +1,5 @@
-/* FlowSolver: choice of methods and tolerances (see system.h): the recipes, and what depends on the numbers of a step. */
+/* FlowSolver: choice of methods and tolerances (see system.h): the recipes, and what depends on the numbers of a step.
+   */
 #include "compat.h"
 #include "impl.h"
 #include "base/opt.h"
@@ -96,7 +97,8 @@ PetscErrorCode FlowSolverSetRecipe(FlowSolver fs, PetscBool moving)
   PetscCall(OptReal("-flow_rtol_start", "residual that a solve leaves as share of its start value's (0: only -flow_ksp_rtol counts)", "", 0, 1,
                     &fs->rtol_start));
   PetscCall(OptReal("-flow_rtol_most", "bound for -flow_rtol_start, as share of the right-hand side", "", 0, 1, &fs->rtol_most));
-  /* with bodies that move the sweep must not add to the residual: two falling discs blow up within 20 steps otherwise */
+  /* with bodies that move the sweep must not add to the residual: two falling discs blow up within 20 steps otherwise
+     */
   sweep_only = (PetscBool)(recipe == 0 && !moving);
   PetscCall(OptDefault("-flow_ksp_type", sweep_only ? "richardson" : "fgmres"));
   PetscCall(OptDefault("-flow_ksp_max_it", outer[recipe][0]));
@@ -126,12 +128,11 @@ PetscErrorCode FlowSolverSetRecipe(FlowSolver fs, PetscBool moving)
 /* Sets *has if the velocity of some body is unknown */
 static PetscErrorCode find_free_bodies(FlowSolver fs, PetscBool *has)
 {
-  const PetscInt *unknown;
+  const struct _p_Constraint *c = fs->constraint;
 
   PetscFunctionBeginUser;
-  PetscCall(ConstraintGetUnknown(fs->constraint, &unknown));
   for (PetscInt k = 0; k < fs->nbodies; k++)
-    if (unknown[k]) *has = PETSC_TRUE;
+    if (c->unknown[k]) *has = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -1,13 +1,14 @@
 /* FlowSolver: see system.h for the system and the method.
 
-   Layout of all vectors of the system: on every rank the reduced velocity (own nodes x dim, then the rigid slots of own bodies), then the pressure of own cells. */
+   Layout of all vectors of the system: on every rank the reduced velocity (own nodes x dim, then the rigid slots of own
+   bodies), then the pressure of own cells. */
 #include "compat.h"
 #include "impl.h"
 #include "base/log.h"
 #include "assembled.h"
 
-/* Diagonal entries of A in the sweeps, at least, in lumped masses: convection that the mesh does not resolve takes from the entry, and would leave nothing or less
-   (runs/studies/flow-solver) */
+/* Diagonal entries of A in the sweeps, at least, in lumped masses: convection that the mesh does not resolve takes from
+   the entry, and would leave nothing or less (runs/studies/flow-solver) */
 #define LEAST_DIAGONAL 0.1
 
 /* ---- numeric set-up ---- */
@@ -15,17 +16,14 @@
 /* Inverse diagonal of A (zero at inert slots) and inverse lumped mass of M_r with softness at body nodes */
 static PetscErrorCode set_up_diagonals(FlowSolver fs)
 {
-  const MeshLocal *l   = fs->loc;
-  const PetscInt   dim = l->dim, *body, *fixed, *slot;
-  const PetscReal *m, *d;
-  PetscInt         ninert, nfollow;
-  PetscReal        hold = 1;
-  Vec              diagonal;
+  const struct _p_Constraint *c   = fs->constraint;
+  const MeshLocal            *l   = fs->loc;
+  const PetscInt              dim = l->dim, *fixed;
+  const PetscReal            *m, *d;
+  PetscReal                   hold = 1;
+  Vec                         diagonal;
 
   PetscFunctionBeginUser;
-  PetscCall(ConstraintGetNodeBody(fs->constraint, &body));
-  PetscCall(ConstraintGetInert(fs->constraint, &ninert, &slot));
-  PetscCall(ConstraintGetFollowers(fs->constraint, &nfollow, NULL, NULL, NULL));
   PetscCall(ConditionsGetValues(FlowConditions(fs->flow), &fixed, NULL));
   PetscCall(FlowGetLumpedMass(fs->flow, &m));
   /* strong nodes among soft ones are to yield less than these */
@@ -38,20 +36,20 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs)
 
     fs->diagonal_inverse[i] = d[i / dim] != 0 ? 1 / PetscMax(d[i / dim], least) : 0;
   }
-  for (PetscInt j = 0; j < ninert; j++) fs->diagonal_inverse[slot[j]] = 0;
+  for (PetscInt j = 0; j < c->ninert; j++) fs->diagonal_inverse[c->slot[j]] = 0;
   PetscCall(VecRestoreArrayRead(diagonal, &d));
   PetscCall(VecDestroy(&diagonal));
   for (PetscInt i = 0; i < l->nnode_all; i++) {
-    const PetscReal soft = FlowSolverIsSoft(fs) ? fs->soft->weight[i] / fs->scale : 0, mass = body[i] >= 0 ? m[i] : m[i] + soft;
+    const PetscReal soft = FlowSolverIsSoft(fs) ? fs->soft->weight[i] / fs->scale : 0, mass = c->node_body[i] >= 0 ? m[i] : m[i] + soft;
     const PetscReal w = mass > 0 ? 1 / mass : 0; /* no mass: buried in a dead cell */
 
-    fs->share[i] = body[i] >= 0 ? 1 : soft * w;
+    fs->share[i] = c->node_body[i] >= 0 ? 1 : soft * w;
     for (PetscInt a = 0; a < dim; a++)
-      fs->weight[i * dim + a] = body[i] >= 0 ? w / hold * PressureGetSoftness(fs->pressure, body[i]) : (fixed[i] >> a) & 1 ? 0 : w;
+      fs->weight[i * dim + a] = c->node_body[i] >= 0 ? w / hold * PressureGetSoftness(fs->pressure, c->node_body[i]) : (fixed[i] >> a) & 1 ? 0 : w;
   }
-  if (fs->nsaved < ninert + nfollow) {
+  if (fs->nsaved < c->ninert + c->nfollow) {
     PetscCall(PetscFree(fs->saved));
-    fs->nsaved = ninert + nfollow + (ninert + nfollow) / 4;
+    fs->nsaved = c->ninert + c->nfollow + (c->ninert + c->nfollow) / 4;
     PetscCall(PetscMalloc1(fs->nsaved, &fs->saved));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -74,25 +72,6 @@ static PetscErrorCode assemble_on_demand(FlowSolver fs)
 
 /* ---- creation ---- */
 
-/* The pressure that is constant in the fluid and zero in dead cells */
-static PetscErrorCode find_constant_pressure(FlowSolver fs)
-{
-  Vec        constant;
-  PetscReal *a;
-
-  PetscFunctionBeginUser;
-  PetscCall(MatNullSpaceDestroy(&fs->constant_pressure));
-  PetscCall(VecDuplicate(fs->x, &constant));
-  PetscCall(VecGetArrayWrite(constant, &a));
-  PetscCall(PetscArrayzero(a, fs->nur));
-  PetscCall(PressureGetConstant(fs->pressure, a + fs->nur));
-  PetscCall(VecRestoreArrayWrite(constant, &a));
-  PetscCall(VecNormalize(constant, NULL));
-  PetscCall(MatNullSpaceCreate(PETSC_COMM_WORLD, PETSC_FALSE, 1, &constant, &fs->constant_pressure));
-  PetscCall(VecDestroy(&constant));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode create_operators(FlowSolver fs)
 {
   Mat block[4];
@@ -114,7 +93,7 @@ static PetscErrorCode create_operators(FlowSolver fs)
   PetscCall(VecDuplicate(fs->t_p, &fs->t_p2));
   PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, fs->loc->dim, fs->nodal, PETSC_DETERMINE, NULL, &fs->xn));
   PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, fs->loc->dim, fs->nodal, PETSC_DETERMINE, NULL, &fs->yn));
-  PetscCall(find_constant_pressure(fs));
+  PetscCall(PressureCreateConstant(fs->pressure, fs->x, fs->nur, &fs->constant_pressure));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -135,7 +114,6 @@ static PetscErrorCode create_solvers(FlowSolver fs)
 PetscErrorCode FlowSolverCreate(Flow flow, Constraint constraint, PetscBool moving, FlowSolver *solver)
 {
   FlowSolver       fs;
-  PetscInt         first, count;
   const PetscReal *h;
 
   PetscFunctionBeginUser;
@@ -145,10 +123,9 @@ PetscErrorCode FlowSolverCreate(Flow flow, Constraint constraint, PetscBool movi
   PetscCall(FlowGetMesh(flow, &fs->mesh));
   PetscCall(MeshGetLocal(fs->mesh, &fs->loc));
   PetscCall(ConstraintGetSizes(constraint, &fs->nodal, &fs->nur));
-  PetscCall(ConstraintGetRigidSize(constraint, &fs->nr));
-  PetscCall(ConstraintGetOwnBodies(constraint, &first, &count));
-  PetscCall(MPIU_Allreduce(&count, &fs->nbodies, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
-  fs->np = fs->loc->ncell * (fs->loc->dim + 1);
+  fs->nr      = constraint->nr;
+  fs->nbodies = constraint->nbodies;
+  fs->np      = fs->loc->ncell * (fs->loc->dim + 1);
   PetscCall(FlowGetCellSize(flow, &h));
   for (PetscInt e = 0; e < fs->loc->ncell; e++) fs->h_max = PetscMax(fs->h_max, h[e]);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &fs->h_max, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
@@ -158,7 +135,7 @@ PetscErrorCode FlowSolverCreate(Flow flow, Constraint constraint, PetscBool movi
   fs->A = fs->S_all;
   PetscCall(RelaxCreate(fs->S, fs->loc->dim, &fs->sweep));
   PetscCall(BodyBlocksCreate(flow, constraint, &fs->blocks));
-  PetscCall(PetscCalloc3(fs->nbodies * fs->nr * fs->nr, &fs->D, count * fs->nr * fs->nr, &fs->body_inverse, fs->nbodies * fs->nr * fs->nr,
+  PetscCall(PetscCalloc3(fs->nbodies * fs->nr * fs->nr, &fs->D, constraint->count * fs->nr * fs->nr, &fs->body_inverse, fs->nbodies * fs->nr * fs->nr,
                          &fs->mass_inverse));
   PetscCall(
     PetscCalloc3(fs->nodal, &fs->diagonal_inverse, fs->loc->nnode_all * fs->loc->dim, &fs->weight, fs->loc->nnode_all * fs->loc->dim, &fs->local));
@@ -254,7 +231,7 @@ PetscErrorCode FlowSolverSetDead(FlowSolver fs, const PetscInt cell_body[], cons
   PetscFunctionBeginUser;
   fs->fitted = PETSC_TRUE;
   PetscCall(PressureSetDead(fs->pressure, cell_body, resolved));
-  PetscCall(find_constant_pressure(fs));
+  PetscCall(PressureCreateConstant(fs->pressure, fs->x, fs->nur, &fs->constant_pressure));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -299,36 +276,32 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The penalty's share in the right-hand side of known velocities U and known nodal values c: y -= G U, rigid -= H U - G^T c (own bodies) */
+/* The penalty's share in the right-hand side of known velocities U and known nodal values c: y -= G U, rigid -= H U -
+   G^T c (own bodies) */
 static PetscErrorCode add_known_soft(FlowSolver fs, const PetscReal c[], PetscReal y[], PetscReal rigid[])
 {
-  const PetscInt  *unknown, *index, nr = fs->nr, nn = nr * nr;
-  const PetscReal *U;
-  PetscReal       *local = fs->rigid_work, *U_local = fs->rigid_work + fs->nbodies * nr;
-  PetscInt         n, first, count;
+  const struct _p_Constraint *P  = fs->constraint;
+  const PetscInt              nr = fs->nr, nn = nr * nr;
+  PetscReal                  *local = fs->rigid_work, *U_local = fs->rigid_work + fs->nbodies * nr;
 
   PetscFunctionBeginUser;
-  PetscCall(ConstraintGetUnknown(fs->constraint, &unknown));
-  PetscCall(ConstraintGetRigid(fs->constraint, &U));
-  PetscCall(ConstraintGetOwnBodies(fs->constraint, &first, &count));
-  PetscCall(ConstraintGetLocalRigid(fs->constraint, &n, &index, NULL));
   for (PetscInt k = 0; k < fs->nbodies; k++)
-    for (PetscInt s = 0; s < nr && index[k] >= 0; s++) {
-      U_local[index[k] * nr + s] = U[k * nr + s];
-      local[index[k] * nr + s]   = 0;
+    for (PetscInt s = 0; s < nr && P->local_index[k] >= 0; s++) {
+      U_local[P->local_index[k] * nr + s] = P->U[k * nr + s];
+      local[P->local_index[k] * nr + s]   = 0;
     }
   PetscCall(PenaltyTermMultAdd(fs->soft, fs->constraint, PETSC_FALSE, U_local, c, y, local));
-  for (PetscInt i = 0; i < n * nr; i++) local[i] = -local[i];
+  for (PetscInt i = 0; i < P->nlocal * nr; i++) local[i] = -local[i];
   PetscCall(ConstraintDeliverRigid(fs->constraint, local, rigid));
-  for (PetscInt k = 0; k < count; k++)
+  for (PetscInt k = 0; k < P->count; k++)
     for (PetscInt m = 0; m < nn; m++)
-      if ((unknown[first + k] >> (m / nr)) & 1 && !((unknown[first + k] >> (m % nr)) & 1))
-        rigid[k * nr + m / nr] -= fs->soft->H[(first + k) * nn + m] * U[(first + k) * nr + m % nr];
+      if ((P->unknown[P->first + k] >> (m / nr)) & 1 && !((P->unknown[P->first + k] >> (m % nr)) & 1))
+        rigid[k * nr + m / nr] -= fs->soft->H[(P->first + k) * nn + m] * P->U[(P->first + k) * nr + m % nr];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Where the pressure has an undetermined constant, the flux of the prescribed velocity c through the boundary must vanish. What interpolation and round-off leave of it is spread
-   over all cells. */
+/* Where the pressure has an undetermined constant, the flux of the prescribed velocity c through the boundary must
+   vanish. What interpolation and round-off leave of it is spread over all cells. */
 static PetscErrorCode spread_net_flux(FlowSolver fs, const PetscReal c[])
 {
   const MeshLocal *l    = fs->loc;
@@ -356,23 +329,19 @@ static PetscErrorCode spread_net_flux(FlowSolver fs, const PetscReal c[])
 /* b = [P^T (r - A c) + g; -B c] */
 static PetscErrorCode build_rhs(FlowSolver fs, const PetscReal r[], const PetscReal g[])
 {
-  const PetscReal *known;
-  const PetscInt  *unknown;
-  PetscReal       *b, *c = fs->local;
-  PetscInt         first, count;
+  const struct _p_Constraint *P = fs->constraint;
+  PetscReal                  *b, *c = fs->local;
 
   PetscFunctionBeginUser;
-  PetscCall(ConstraintGetKnown(fs->constraint, &known));
-  PetscCall(ConstraintGetUnknown(fs->constraint, &unknown));
-  PetscCall(ConstraintGetOwnBodies(fs->constraint, &first, &count));
   PetscCall(VecGetArray(fs->b, &b));
-  PetscCall(PetscArraycpy(c, known, fs->loc->nnode_all * fs->loc->dim));
+  PetscCall(PetscArraycpy(c, P->known, fs->loc->nnode_all * fs->loc->dim));
   PetscCall(VecPlaceArray(fs->xn, c));
   PetscCall(VecPlaceArray(fs->yn, b));
   PetscCall(MatMult(fs->A, fs->xn, fs->yn));
   PetscCall(VecResetArray(fs->xn));
   PetscCall(VecResetArray(fs->yn));
-  for (PetscInt i = 0; i < count * fs->nr; i++) b[fs->nodal + i] = (unknown[first + i / fs->nr] >> (i % fs->nr)) & 1 ? g[first * fs->nr + i] : 0;
+  for (PetscInt i = 0; i < P->count * fs->nr; i++)
+    b[fs->nodal + i] = (P->unknown[P->first + i / fs->nr] >> (i % fs->nr)) & 1 ? g[P->first * fs->nr + i] : 0;
   if (FlowSolverIsSoft(fs)) PetscCall(add_known_soft(fs, c, b, b + fs->nodal));
   for (PetscInt i = 0; i < fs->nodal; i++) b[i] = r[i] - b[i];
   PetscCall(ConstraintReduceInPlace(fs->constraint, b, b + fs->nodal));
@@ -460,14 +429,14 @@ PetscErrorCode FlowSolverCorrect(FlowSolver fs, Vec f, Vec y, PetscInt *its, KSP
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* q = dp without the pressures of cells that lie in bodies: no equation knows them, and what is added once would be added in every step */
+/* q = dp without the pressures of cells that lie in bodies: no equation knows them, and what is added once would be
+   added in every step */
 static PetscErrorCode take_known_pressures(FlowSolver fs, const PetscReal dp[], PetscReal q[])
 {
-  const MeshLocal *l = fs->loc;
-  const PetscInt  *body, nk = l->dim + 1;
+  const MeshLocal *l    = fs->loc;
+  const PetscInt  *body = fs->constraint->node_body, nk = l->dim + 1;
 
   PetscFunctionBeginUser;
-  PetscCall(ConstraintGetNodeBody(fs->constraint, &body));
   PetscCall(PetscArraycpy(q, dp, fs->np));
   for (PetscInt c = 0; c < l->ncell && fs->nbodies; c++) {
     PetscInt j = 0;
@@ -478,9 +447,10 @@ static PetscErrorCode take_known_pressures(FlowSolver fs, const PetscReal dp[], 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Go along dp from the start value's pressure to where its residual r is smallest, at most a whole step and never back: longer ones follow the noise of a pressure that hardly changes,
-   and grow from step to step. Where the flow changes smoothly it is a whole step (a second one would follow from the first by solving for it); where bodies move, the pressure jumps and
-   the step is short. */
+/* Go along dp from the start value's pressure to where its residual r is smallest, at most a whole step and never back:
+   longer ones follow the noise of a pressure that hardly changes, and grow from step to step. Where the flow changes
+   smoothly it is a whole step (a second one would follow from the first by solving for it); where bodies move, the
+   pressure jumps and the step is short. */
 static PetscErrorCode shift_pressure(FlowSolver fs, const PetscReal dp[])
 {
   PetscReal       *x, *r, *known, sum[2] = {0, 0};
