@@ -1,28 +1,35 @@
 /* Flow: the incompressible Navier-Stokes equations on the mesh, without bodies and without solvers.
 
-   Q2 velocity, P1 discontinuous pressure (unmapped, centred on the cell: 1, (x - xc)/hc, (y - yc)/hc, with hc = volume^(1/dim)), gradient form of the viscous term,
-   3-point Gauss quadrature an axis. One step n -> n+1 is linear, convection with the extrapolated velocity w:
+   Q2 velocity, P1 discontinuous pressure (unmapped, centred on the cell: 1, (x - xc)/hc, (y - yc)/hc, with hc =
+   volume^(1/dim)), gradient form of the viscous term, 3-point Gauss quadrature an axis. One step n -> n+1 is linear,
+   convection with the extrapolated velocity w:
 
-     rho (c_t u - d, v) + rho (w.grad u_theta, v) + mu (grad u_theta, grad v) - (p, div v) = (f, v),   (q, div u) = 0,   u_theta = theta u + (1 - theta) u^n
+     rho (c_t u - d, v) + rho (w.grad u_theta, v) + mu (grad u_theta, grad v) - (p, div v) = (f, v),   (q, div u) = 0,
+     u_theta = theta u + (1 - theta) u^n
 
    be:   c_t = 1/dt,     d = u^n/dt,                      theta = 1,   w = u^n
    cn:   c_t = 1/dt,     d = u^n/dt,                      theta = 1/2, w = (3u^n - u^{n-1})/2, p at the middle of the step
-   bdf2: c_t = 3/(2dt),  d = (2u^n - u^{n-1}/2)/dt,       theta = 1,   w = 2u^n - u^{n-1}   (as in cn, variable steps: interpolation through the unequal times)
-   fstheta: three substeps of lengths a dt, (1 - 2a) dt, a dt with a = 1 - sqrt(1/2), each with its own pressure, c_t = 1/length, d = u^n/length, theta = (1 - 2a)/(1 - a) in the first and
-           the last and a/(1 - a) in the middle one (Bristeau, Glowinski, Periaux 1987; Turek 1999, section 3.2), w extrapolated to the point theta of the substep. Here n is the
-           beginning of the substep. c_t/theta is the same in all three.
-   The first step of cn, bdf2 and fstheta extrapolates from one field (bdf2: one step of be).
-   -flow_extrapolation quadratic: w is the parabola through u^n, u^{n-1}, u^{n-2} instead. Linear extrapolation makes most of the error in time of cn and bdf2
-   (runs/studies/cylinder); w only convects, so that neither form limits the step. For bodies that stay where they are.
+   bdf2: c_t = 3/(2dt),  d = (2u^n - u^{n-1}/2)/dt,       theta = 1,   w = 2u^n - u^{n-1}
+         (as in cn, variable steps: interpolation through the unequal times)
+   fstheta: three substeps of lengths a dt, (1 - 2a) dt, a dt with a = 1 - sqrt(1/2), each with its own pressure,
+         c_t = 1/length, d = u^n/length, theta = (1 - 2a)/(1 - a) in the first and the last and a/(1 - a) in the middle one
+         (Bristeau, Glowinski, Periaux 1987; Turek 1999, section 3.2), w extrapolated to the point theta of the substep.
+         Here n is the beginning of the substep. c_t/theta is the same in all three.
+   The first step of cn, bdf2 and fstheta extrapolates from one field (bdf2: one step of be). -flow_extrapolation
+   quadratic: w is the parabola through u^n, u^{n-1}, u^{n-2} instead. Linear extrapolation makes most of the error in
+   time of cn and bdf2 (runs/studies/cylinder); w only convects, so that neither form limits the step. For bodies that
+   stay where they are.
 
-   -flow_convection_form skew adds (div w) u_theta/2 (Temam 1968): convection then neither adds nor takes energy inside, though div w is zero on the average over a cell only, which
-   helps where the flow is under-resolved (the discs of runs/dkt.yaml). Not the default: 2D-1 on 6,200 / 24,400 unknowns cD off by 1.7e-4 / 2e-6 with it, 1e-6 / 9e-6 without, cL
-   0.74 / 0.041 and 0.31 / 0.022 %; and where rung snap carries fields to moved nodes, their divergence counts (disc carried by Couette flow, large steps: 3 and 0.4 % off).
+   -flow_convection_form skew adds (div w) u_theta/2 (Temam 1968): convection then neither adds nor takes energy inside,
+   though div w is zero on the average over a cell only, which helps where the flow is under-resolved (the discs of
+   runs/dkt.yaml). Not the default, being less accurate elsewhere (runs/studies/flow-solver).
 
-   The velocity operator is the same scalar matrix S = rho c_t M + theta (rho C(w) + mu K) for every component. Nodal arrays are [nnode_all][dim], velocity in length/time;
-   pressure arrays [own cells][dim + 1].
+   The velocity operator is the same scalar matrix S = rho c_t M + theta (rho C(w) + mu K) for every component. Nodal
+   arrays are [nnode_all][dim], velocity in length/time; pressure arrays [own cells][dim + 1].
 
-   Options: -flow_density, -flow_viscosity (dynamic), -flow_gravity, -flow_force (per volume), -flow_time be|cn|bdf2|fstheta, -flow_extrapolation linear|quadratic, -flow_convection, -flow_convection_form convective|skew; boundary conditions: condition.h. */
+   Options: -flow_density, -flow_viscosity (dynamic), -flow_gravity, -flow_force (per volume), -flow_time
+   be|cn|bdf2|fstheta, -flow_extrapolation linear|quadratic, -flow_convection, -flow_convection_form convective|skew;
+   boundary conditions: condition.h. */
 #pragma once
 #include "flow/condition.h"
 #include "mesh/mesh.h"
@@ -46,21 +53,21 @@ typedef struct {
   PetscReal ct, d0, d1; /* du/dt is c_t u - d with d(y) = d0 y^n + d1 y^{n-1} */
   PetscReal theta;
   PetscInt  order; /* of the scheme in this step: 1 or 2 */
-  PetscReal
-    error; /* the scheme's local error is this times dt^(order + 1) times the derivative of that order (convection extrapolated: leading part; fstheta: 0, not known) */
+  PetscReal error; /* the scheme's local error over dt^(order + 1) and the derivative of that order (leading part; fstheta: 0, not known) */
 } FlowStep;
 
-/* Read options, tabulate elements, allocate matrices and fields (at rest). Collective. Errors: unknown boundary names in options, slip on a boundary that is not
-   a plane along an axis, inflow without velocity. */
+/* Read options, tabulate elements, allocate matrices and fields (at rest). Collective. Errors: unknown boundary names
+   in options, slip on a boundary that is not a plane along an axis, inflow without velocity. */
 PetscErrorCode FlowCreate(Mesh, Flow *);
 PetscErrorCode FlowDestroy(Flow *);
 PetscErrorCode FlowView(Flow, PetscViewer);
 PetscErrorCode FlowGetParameters(Flow, const FlowParameters **);
 PetscErrorCode FlowGetMesh(Flow, Mesh *);
 
-/* Nodes of the n listed local cells (own and ghost) have moved, or cells became part of the fluid or left it: cell_body [ncell_all] is >= 0 for cells that are none (no mass, no
-   viscosity, no convection, no rows of B). Computes anew what depends on their shape; the fields in use must already hold their values at the new places. Collective.
-   Error: a cell of the fluid with a Jacobian that is not positive. */
+/* Nodes of the n listed local cells (own and ghost) have moved, or cells became part of the fluid or left it: cell_body
+   [ncell_all] is >= 0 for cells that are none (no mass, no viscosity, no convection, no rows of B). Computes anew what
+   depends on their shape; the fields in use must already hold their values at the new places. Collective. Error: a cell
+   of the fluid with a Jacobian that is not positive. */
 PetscErrorCode FlowUpdateCells(Flow, PetscInt n, const PetscInt cells[], const PetscInt cell_body[]);
 /* The same where the pressures already belong to the cells as they are now, as those of a checkpoint do. Collective. */
 PetscErrorCode FlowRestoreCells(Flow, PetscInt n, const PetscInt cells[], const PetscInt cell_body[]);
@@ -70,18 +77,22 @@ PetscErrorCode FlowGetSubsteps(Flow, PetscInt *n, const PetscReal *fraction[]);
 /* Begin the step (or substep) that ends at time and has length dt: sets the coefficients. */
 PetscErrorCode FlowBeginStep(Flow, PetscReal time, PetscReal dt);
 PetscErrorCode FlowGetStep(Flow, const FlowStep **);
-/* Steady problem in place of a step: theta = 1, dt = 0, convection with u^n until FlowSetConvection, c_t = rate of a pseudo-time that starts from u^n (0: none). */
+/* Steady problem in place of a step: theta = 1, dt = 0, convection with u^n until FlowSetConvection, c_t = rate of a
+   pseudo-time that starts from u^n (0: none). */
 PetscErrorCode FlowBeginSteady(Flow, PetscReal rate);
-/* The nodes have come to their places x^{n+1} at the end of the step with the velocity drift = c_t x^{n+1} - d(x), [nnode_all][dim], as the scheme differentiates (borrowed until the
-   next call): u^n and u^{n-1} count as values of these nodes, and w.grad u becomes (w - drift).grad u (arbitrary Lagrangian-Eulerian form, convective: Hirt, Amsden & Cook 1974). Velocities linear in
-   space that do not change in time are then kept exactly; a geometric conservation law is not needed, since nothing is integrated over the moving cells of two times. Boundary values
-   and the source are taken at the new places. After FlowBeginStep, in every step once it was called. Errors: schemes other than be and bdf2, no convection, skew form, quadratic
-   extrapolation. Local. */
+/* The nodes have come to their places x^{n+1} at the end of the step with the velocity drift = c_t x^{n+1} - d(x),
+   [nnode_all][dim], as the scheme differentiates (borrowed until the next call): u^n and u^{n-1} count as values of
+   these nodes, and w.grad u becomes (w - drift).grad u (arbitrary Lagrangian-Eulerian form, convective: Hirt, Amsden &
+   Cook 1974). Velocities linear in space that do not change in time are then kept exactly; a geometric conservation law
+   is not needed, since nothing is integrated over the moving cells of two times. Boundary values and the source are
+   taken at the new places. After FlowBeginStep, in every step once it was called. Errors: schemes other than be and
+   bdf2, no convection, skew form, quadratic extrapolation. Local. */
 PetscErrorCode FlowSetDrift(Flow, const PetscReal drift[]);
 /* Convecting velocity w of the next FlowAssemble, [nnode_all][dim] synced. Local. */
 PetscErrorCode FlowSetConvection(Flow, const PetscReal w[]);
 
-/* Body force per volume that varies, in addition to -flow_force, taken at the nodes and interpolated; for verification. NULL: none. From the next BeginStep on. */
+/* Body force per volume that varies, in addition to -flow_force, taken at the nodes and interpolated; for verification.
+   NULL: none. From the next BeginStep on. */
 PetscErrorCode FlowSetSource(Flow, VectorField, void *ctx);
 
 /* The boundary conditions, set to the time of the step. Borrowed. */
@@ -89,11 +100,16 @@ Conditions FlowConditions(Flow);
 
 /* Assemble S for the step. Constant parts are kept; a Stokes flow with an unchanged step costs nothing. Collective. */
 PetscErrorCode FlowAssemble(Flow);
-/* Further terms of S, as matrices [n][nb][nb] of local cells, own and ghost (a cell may appear twice), until the next call. Borrowed: they must stay valid. A boundary rung of the bodies adds its
-   penalty here; residuals, forces and diagnostics of this module do not contain it. */
+/* Further terms of S, as matrices [n][nb][nb] of local cells, own and ghost (a cell may appear twice), until the next
+   call. Borrowed: they must stay valid. A boundary rung of the bodies adds its penalty here; residuals, forces and
+   diagnostics of this module do not contain it. */
 PetscErrorCode FlowSetCellTerms(Flow, PetscInt n, const PetscInt cell[], const PetscReal matrix[]);
 PetscErrorCode FlowGetMatrix(Flow, Mat *S); /* borrowed; rows: own nodes */
-/* r = right-hand side (rho d, v) + (f, v) - (1 - theta) (...)^n for all nodes, complete on own nodes. r [nnode_all][dim]. Collective. */
+/* Its own columns, part[0], and those of other ranks, part[1] (NULL on one rank), with the global numbers of the
+   latter. Borrowed. */
+PetscErrorCode FlowGetMatrixParts(Flow, Mat part[2], const PetscInt *columns[]);
+/* r = right-hand side (rho d, v) + (f, v) - (1 - theta) (...)^n for all nodes, complete on own nodes. r
+   [nnode_all][dim]. Collective. */
 PetscErrorCode FlowRhs(Flow, PetscReal r[]);
 
 /* y = B u (own cells), u synced [nnode_all][dim]. Local. */
@@ -113,8 +129,8 @@ PetscErrorCode FlowGetLumpedMass(Flow, const PetscReal *m[]);
 PetscErrorCode FlowGetFields(Flow, PetscReal *u[], PetscReal *u_old[], PetscReal *p[]);
 /* Pressure as value and gradient: out [own cells][dim + 1] with p(x) = out_0 + out_1.. . (x - centre node). */
 PetscErrorCode FlowGetPressureGradient(Flow, const PetscReal p[], PetscReal out[]);
-/* Start value for the next step: u [nnode_all][dim] extrapolated in time, p of the last step, and dp, what the pressure changed by in the last step (zero in the first two; NULL: not
-   wanted), for FlowSolverSolve. */
+/* Start value for the next step: u [nnode_all][dim] extrapolated in time, p of the last step, and dp, what the pressure
+   changed by in the last step (zero in the first two; NULL: not wanted), for FlowSolverSolve. */
 PetscErrorCode FlowExtrapolate(Flow, PetscReal u[], PetscReal p[], PetscReal dp[]);
 /* Accept the solution of the step: shifts the history. u synced. */
 PetscErrorCode FlowAcceptStep(Flow, const PetscReal u[], const PetscReal p[]);
@@ -125,11 +141,14 @@ PetscErrorCode FlowVisitState(void *flow, State);
 /* Pressure of cell c at the point x [dim], evaluated there also when it lies outside of the cell. Not collective. */
 PetscErrorCode FlowCellPressure(Flow, PetscInt c, const PetscReal p[], const PetscReal x[], PetscReal *value);
 
-/* Momentum residual of cell c with the step's solution u, p: r [nb][dim] (what the cell adds to the momentum rows). Not collective. */
+/* Momentum residual of cell c with the step's solution u, p: r [nb][dim] (what the cell adds to the momentum rows). Not
+   collective. */
 PetscErrorCode FlowCellResidual(Flow, PetscInt c, const PetscReal u[], const PetscReal p[], PetscReal r[]);
-/* What Newton's method adds to S: n [nb*dim][nb*dim] = rho theta int phi_i (phi_j du_a/dx_b + skew u_a dphi_j/dx_b), row (i, a), column (j, b), of cell c. Zero without convection. Not collective. */
+/* What Newton's method adds to S: n [nb*dim][nb*dim] = rho theta int phi_i (phi_j du_a/dx_b + skew u_a dphi_j/dx_b),
+   row (i, a), column (j, b), of cell c. Zero without convection. Not collective. */
 PetscErrorCode FlowCellNewton(Flow, PetscInt c, const PetscReal u[], PetscReal n[]);
-/* Integral over cell c of -sigma_sym . grad(alpha) and of its moment about X, alpha [nb] nodal: adds to force [3], torque [3]. Not collective. */
+/* Integral over cell c of -sigma_sym . grad(alpha) and of its moment about X, alpha [nb] nodal: adds to force [3],
+   torque [3]. Not collective. */
 PetscErrorCode FlowCellStressForce(Flow, PetscInt c, const PetscReal u[], const PetscReal p[], const PetscReal alpha[], const PetscReal X[3],
                                    PetscReal force[3], PetscReal torque[3]);
 
@@ -137,7 +156,7 @@ typedef struct {
   PetscReal cfl;              /* largest |u| dt / h over cells */
   PetscReal divergence;       /* L2 norm of the cell means of div u */
   PetscReal kinetic_energy;   /* 1/2 rho int |u|^2 */
-  PetscReal momentum_rate[3]; /* rho int (c_t u - d) + rho int w.grad u_theta - int f: what walls and bodies must supply */
+  PetscReal momentum_rate[3]; /* rho int (c_t u - d + w.grad u_theta) - int f: what walls and bodies must supply */
   PetscReal speed_max;
   PetscReal cell_reynolds; /* largest of |u| h/nu, infinite without viscosity */
 } FlowDiagnostics;

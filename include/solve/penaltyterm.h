@@ -1,12 +1,14 @@
 /* PenaltyTerm: the part of a penalty that ties nodes to the rigid velocities of bodies.
 
-   A penalty 1/2 sum_k int_k sigma |u - R_k U_k|^2 with u in the finite element space adds to the velocity operator in the unknowns (u, U)
+   A penalty 1/2 sum_k int_k sigma |u - R_k U_k|^2 with u in the finite element space adds to the velocity operator in
+   the unknowns (u, U)
 
      [  Pen    -G ]     Pen = sum_k Pen^k, scalar, part of the flow's matrix (FlowSetCellTerms)
      [ -G^T     H ]     G_ik = sum_j Pen^k_ij R_k(x_j),   H_k = sum_ij R_k(x_i)^T Pen^k_ij R_k(x_j)
 
-   G and H are kept here as short lists. R is linear in the place, so G_ik is stored as sum_j Pen_ij and sum_j Pen_ij (x_j - X): dim + 1 numbers.
-   A row of [Pen, -G] vanishes for a rigid velocity and the operator is symmetric, so what the flow receives is what the body gives. */
+   G and H are kept here as short lists. R is linear in the place, so G_ik is stored as sum_j Pen_ij and sum_j Pen_ij
+   (x_j - X): dim + 1 numbers. A row of [Pen, -G] vanishes for a rigid velocity and the operator is symmetric, so what
+   the flow receives is what the body gives. */
 #pragma once
 #include "solve/constraint.h"
 
@@ -27,10 +29,6 @@ typedef struct {
 /* G of entry e as a matrix [dim][nr] */
 void PenaltyTermGetBlock(const PenaltyTerm *, PetscInt e, PetscReal G[]);
 
-/* r -= G U at own nodes, rigid -= G^T u: the operator above without Pen and H. u, r [own nodes][dim]; U, rigid [n][nr] by the local numbers of the constraint
-   (ConstraintGetLocalRigid), of which the entries of U for unknown or for known degrees of freedom count, and the unknown rows of rigid are served. Local. */
-PetscErrorCode PenaltyTermMultAdd(const PenaltyTerm *, Constraint, PetscBool of_unknown, const PetscReal U[], const PetscReal u[], PetscReal r[],
-                                  PetscReal rigid[]);
-
-/* Force and torque of the penalty on all bodies, out [nbodies][nr] += G^T u - H U, to be summed over ranks; u [own nodes][dim], U [nbodies][nr] all rigid velocities. Local. */
+/* Force and torque of the penalty on all bodies, out [nbodies][nr] += G^T u - H U, to be summed over ranks; u [own
+   nodes][dim], U [nbodies][nr] all rigid velocities. Local. */
 PetscErrorCode PenaltyTermAddForce(const PenaltyTerm *, Constraint, const PetscReal u[], const PetscReal U[], PetscReal out[]);

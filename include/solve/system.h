@@ -1,27 +1,32 @@
 /* FlowSolver: the coupled linear system of one step for free velocities, rigid velocities and pressure.
 
      [ P^T A P + D   -P^T B^T ] [u_r]   [ P^T (r - A c) + g ]
-     [ B P               C    ] [ p ] = [ -B c              ]       A = S (x) identity of components, C = 0 but in cells between two surfaces (pressure.h)
+     [ B P               C    ] [ p ] = [ -B c              ]   A = S (x) identity of components,
+                                                                C = 0 but in cells between two surfaces
 
-   FGMRES around a preconditioner in three steps: PCFIELDSPLIT (Schur, lower: velocity solve, then pressure solve with the projected operator), then the
-   projection u_r += M_r^{-1} P^T B^T p, or, when viscosity or convection dominates, the least-squares commutator in place of the projection. M_r is the projected lumped mass.
-   Without bodies, and where viscosity dominates convection too, p += mu theta Mp^{-1} takes its place (Cahouet & Chabard 1988).
-   The pressure operator is S_p = B_r M_r^{-1} B_r^T + eps B_c M_c^{-1} B_c^T (Turek 1999, ch. 2; Elman, Silvester, Wathen 2014, ch. 9; the softness eps keeps cut cells well
-   conditioned and is in the preconditioner only).
+   FGMRES around a preconditioner in three steps: PCFIELDSPLIT (Schur, lower: velocity solve, then pressure solve with
+   the projected operator), then the projection u_r += M_r^{-1} P^T B^T p, or, when viscosity or convection dominates,
+   the least-squares commutator in place of the projection. M_r is the projected lumped mass. Without bodies, and where
+   viscosity dominates convection too, p += mu theta Mp^{-1} takes its place (Cahouet & Chabard 1988). The pressure
+   operator is S_p = B_r M_r^{-1} B_r^T + eps B_c M_c^{-1} B_c^T (Turek 1999, ch. 2; Elman, Silvester, Wathen 2014, ch.
+   9; the softness eps keeps cut cells well conditioned and is in the preconditioner only).
 
-   The continuity rows are multiplied by rho c_t: their residual then counts as the pressure force it causes, and one relative tolerance serves both (without it, rtol 1e-4 slows the
-   settling disc by 2 %).
+   The continuity rows are multiplied by rho c_t: their residual then counts as the pressure force it causes, and one
+   relative tolerance serves both.
 
-   Start value x0: velocity extrapolated, pressure of the last step, shifted along its last change by what makes the residual r0 smallest (recipe fast: not shifted, which would make the
-   single sweep unstable: Guermond, Minev, Shen 2006). The correction of x0 is solved for until |r| <= -flow_ksp_rtol |b|, or |r| <= min(-flow_rtol_start |r0|, -flow_rtol_most |b|).
-   r0 is what the step adds that could not be foreseen, of second order in dt like the error of the scheme, so that a share of it is the right tolerance at every step size, where a
-   share of |b| is too loose for small steps (errors add up) and too tight for large ones (runs/studies/flow-solver). Recipe balanced: 1e-8, 1e-2, 1e-5 (with bodies that move 1e-6); if -flow_ksp_rtol is
-   given, that alone holds. Recipe accurate: 1e-9, 0.
+   Start value x0: velocity extrapolated, pressure of the last step, shifted along its last change by what makes the
+   residual r0 smallest (recipe fast: not shifted, which would make the single sweep unstable: Guermond, Minev, Shen
+   2006). The correction of x0 is solved for until |r| <= -flow_ksp_rtol |b|, or |r| <= min(-flow_rtol_start |r0|,
+   -flow_rtol_most |b|). r0 is what the step adds that could not be foreseen, of second order in dt like the error of
+   the scheme, so that a share of it is the right tolerance at every step size, where a share of |b| is too loose for
+   small steps (errors add up) and too tight for large ones (runs/studies/flow-solver). Recipe balanced: 1e-8, 1e-2,
+   1e-5 (with bodies that move 1e-6); if -flow_ksp_rtol is given, that alone holds. Recipe accurate: 1e-9, 0.
 
-   Everything is reachable with PETSc options under prefix -flow_ (outer), -flow_fieldsplit_velocity_, -flow_fieldsplit_pressure_. Products with the projected operators are
-   matrix-free; matrices are assembled only when a chosen preconditioner needs them (hypre, gamg, lu, ... of the velocity; any -flow_pc_type other than the default).
-   Options: -flow_recipe fast|balanced|accurate|direct, -flow_schur auto|projection|commutator, -flow_velocity_sweep auto|sor|ilu (relax.h), -flow_rtol_start, -flow_rtol_most,
-   -flow_pressure_softness eps. */
+   Everything is reachable with PETSc options under prefix -flow_ (outer), -flow_fieldsplit_velocity_,
+   -flow_fieldsplit_pressure_. Products with the projected operators are matrix-free; matrices are assembled only when a
+   chosen preconditioner needs them (hypre, gamg, lu, ... of the velocity; any -flow_pc_type other than the default).
+   Options: -flow_recipe fast|balanced|accurate|direct, -flow_schur auto|projection|commutator, -flow_velocity_sweep
+   auto|sor|ilu (relax.h), -flow_rtol_start, -flow_rtol_most, -flow_pressure_softness eps. */
 #pragma once
 #include "solve/constraint.h"
 #include "flow/flow.h"
@@ -29,35 +34,41 @@
 
 typedef struct _p_FlowSolver *FlowSolver;
 
-/* Collective. Reads the recipe and sets the defaults of all solvers. moving: there are bodies that do not stand still; the single sweep of recipe fast is then scaled so as not to add to
-   the residual. */
+/* Collective. Reads the recipe and sets the defaults of all solvers. moving: there are bodies that do not stand still;
+   the single sweep of recipe fast is then scaled so as not to add to the residual. */
 PetscErrorCode FlowSolverCreate(Flow, Constraint, PetscBool moving, FlowSolver *);
 PetscErrorCode FlowSolverDestroy(FlowSolver *);
 PetscErrorCode FlowSolverView(FlowSolver, PetscViewer);
 
-/* D: the bodies' own inertia (design: c_t (rho_s - rho_f) (Vol; I)), D [nbodies][nr][nr]; used for unknown rigid velocities only. Copied. */
+/* D: the bodies' own inertia (design: c_t (rho_s - rho_f) (Vol; I)), D [nbodies][nr][nr]; used for unknown rigid
+   velocities only. Copied. */
 PetscErrorCode FlowSolverSetRigid(FlowSolver, const PetscReal D[]);
 
-/* Penalty of the bodies, whose scalar part is in the flow's matrix; NULL: none. Borrowed; what it points to may change between steps. */
+/* Penalty of the bodies, whose scalar part is in the flow's matrix; NULL: none. Borrowed; what it points to may change
+   between steps. */
 PetscErrorCode FlowSolverSetSoft(FlowSolver, const PenaltyTerm *);
 
-/* Around a FlowUpdateCells: which cells are about to change, and afterwards which ones are no part of the fluid (PressureForgetCells, PressureSetDead). Collective. */
+/* Around a FlowUpdateCells: which cells are about to change, and afterwards which ones are no part of the fluid
+   (PressureForgetCells, PressureSetDead). Collective. */
 PetscErrorCode FlowSolverForgetCells(FlowSolver, PetscInt n, const PetscInt cells[]);
 PetscErrorCode FlowSolverSetDead(FlowSolver, const PetscInt cell_body[], const PetscBool resolved[]);
 
 /* After FlowAssemble and after every change of the constraint: update operators and preconditioners. Collective. */
 PetscErrorCode FlowSolverSetUp(FlowSolver);
 
-/* Solve. r [nnode_all][dim] right-hand side of the momentum rows (complete on own nodes), g [nbodies][nr] on the rigid rows.
-   u [nnode_all][dim], p [own cells][dim + 1], U [nbodies][nr]: start values on entry, solution on exit (known entries of U untouched, u synced). dp, as p: direction along which
-   the start value of p may be shifted, such as its last change; NULL: none.
-   A failed solve is reported through *reason (< 0), with u, p, U as far as they got. Collective. */
+/* Solve. r [nnode_all][dim] right-hand side of the momentum rows (complete on own nodes), g [nbodies][nr] on the rigid
+   rows. u [nnode_all][dim], p [own cells][dim + 1], U [nbodies][nr]: start values on entry, solution on exit (known
+   entries of U untouched, u synced). dp, as p: direction along which the start value of p may be shifted, such as its
+   last change; NULL: none. A failed solve is reported through *reason (< 0), with u, p, U as far as they got.
+   Collective. */
 PetscErrorCode FlowSolverSolve(FlowSolver, const PetscReal r[], const PetscReal g[], PetscReal u[], PetscReal p[], const PetscReal dp[],
                                PetscReal U[], PetscInt *its, KSPConvergedReason *reason);
 
-/* For nonlinear problems, whose solver repeats these. x holds on every rank the reduced velocity (own nodes x dim, rigid slots of own bodies), then the pressure of own cells.
-   SetVelocity: velocity matrix of all components (own nodes x dim) to use in place of S from the next SetUp on, NULL: S again; S stays the preconditioner of the matrix-free solvers. Borrowed.
-   Pack, Unpack: between x and nodal arrays as in FlowSolverSolve. Residual: f = K x - b with the system's K and right-hand side b. Correct: solve K y = f from y = 0. Collective. */
+/* For nonlinear problems, whose solver repeats these. x holds on every rank the reduced velocity (own nodes x dim,
+   rigid slots of own bodies), then the pressure of own cells. SetVelocity: velocity matrix of all components (own nodes
+   x dim) to use in place of S from the next SetUp on, NULL: S again; S stays the preconditioner of the matrix-free
+   solvers. Borrowed. Pack, Unpack: between x and nodal arrays as in FlowSolverSolve. Residual: f = K x - b with the
+   system's K and right-hand side b. Correct: solve K y = f from y = 0. Collective. */
 PetscErrorCode FlowSolverCreateVec(FlowSolver, Vec *x);
 PetscErrorCode FlowSolverSetVelocity(FlowSolver, Mat A);
 PetscErrorCode FlowSolverPack(FlowSolver, const PetscReal u[], const PetscReal p[], const PetscReal U[], Vec x);

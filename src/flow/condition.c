@@ -1,6 +1,7 @@
-/* Boundary: see condition.h. Conditions are attached to named boundaries of the mesh; where boundaries meet, walls win over inflow, and inflow over slip. */
+/* Conditions: see condition.h. Conditions are attached to named boundaries of the mesh; where boundaries meet, walls
+   win over inflow, and inflow over slip. */
 #include "compat.h"
-#include "flow/condition.h"
+#include "impl.h"
 #include "base/opt.h"
 
 typedef enum {

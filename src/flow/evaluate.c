@@ -1,7 +1,8 @@
-/* Flow: what the solution of a step amounts to: residual, derivative, pressure and stress of single cells, diagnostics of the whole (see flow.h).
+/* Flow: what the solution of a step amounts to: residual, derivative, pressure and stress of single cells, diagnostics
+   of the whole (see flow.h).
 
-   Quadrature, form of the convection and coefficients of the step are those of the assembly; the terms of FlowSetCellTerms are not part of it. Changes nothing in the Flow.
-   Only FlowDiagnose is collective. */
+   Quadrature, form of the convection and coefficients of the step are those of the assembly; the terms of
+   FlowSetCellTerms are not part of it. Changes nothing in the Flow. Only FlowDiagnose is collective. */
 #include "compat.h"
 #include "impl.h"
 

@@ -1,43 +1,74 @@
-/* Inside of Flow; for its files only. flow.c: geometry, assembly, time schemes, fields. evaluate.c: what a solution amounts to, cell by cell.
-
-   Only flow.c changes the struct. The functions below are called once a cell and are therefore inlined. */
+/* Inside of Flow; for its files only. flow.c: parameters, fields, life cycle. cells.c: what depends on the shape of
+   cells. assemble.c: matrix, right-hand side, products with B. time.c: schemes. evaluate.c: what a solution amounts to,
+   cell by cell; it changes nothing. */
 #pragma once
 #include "mesh/element.h"
 #include "flow/flow.h"
+
+/* In the order of the values of -flow_time */
+enum {
+  SCHEME_BE,
+  SCHEME_CN,
+  SCHEME_BDF2,
+  SCHEME_FSTHETA
+};
 
 struct _p_Flow {
   Mesh             mesh;
   const MeshLocal *loc;
   FlowParameters   par;
   FlowStep         step;
-  PetscInt         scheme, nsteps, substep;    /* steps taken; part of the time step that comes next */
-  PetscReal     dt_old, dt_older, ahead, bend; /* last steps (0: none); extrapolation of w in units of the old step, and the factor of its parabola */
-  Conditions    boundary;
-  ElementTables element;
+  Conditions       boundary;
+  ElementTables    element;
+  /* time */
+  PetscInt  scheme, nsteps, substep; /* steps taken; part of the time step that comes next */
+  PetscReal dt_old, dt_older;        /* last steps (0: none) */
+  PetscReal ahead, bend;             /* extrapolation of w in units of the old step, and the factor of its parabola */
   /* geometry of the cells */
   PetscBool *affine;
-  PetscInt  *open, *visited, *around, now; /* [nnode_all], [ncell_all] stamps: nodes whose mass is being computed, cells done; [ncell_all] scratch */
-  PetscReal *centre;                       /* [ncell_all][dim] where the pressures of a cell are centred */
-  PetscReal *inverse, *det, *size, *b, *lumped,
-    *pmass; /* [ncell_all][dim*dim], [ncell_all], [ncell_all], cell matrices of B, nodal mass, inverse mass matrices of the pressure [ncell][dim+1][dim+1] */
+  PetscReal *inverse, *det;                /* [ncell_all][dim*dim], [ncell_all] */
+  PetscReal *centre, *size;                /* [ncell_all][dim] where the pressures of a cell are centred; [ncell_all] */
+  PetscReal *b, *pmass;                    /* [ncell_all] cell matrices of B; [ncell][dim+1][dim+1] inverse pressure mass */
+  PetscReal *lumped;                       /* [nnode_all] */
+  PetscInt  *open, *visited, *around, now; /* stamps: [nnode_all] mass is being computed, [ncell_all] done; [ncell_all] scratch */
   /* velocity matrix of the step */
   Mat       S;
   PetscReal s_ct, s_theta; /* of the assembled one; 0: none yet */
-  PetscInt                *
-    entry; /* [ncell_all][nb][nb] place of an entry of a cell: >= 0 in the values of own columns, <= -2: -2 - place in those of other columns, -1: not our row */
+  /* [ncell_all][nb][nb] place of an entry of a cell: >= 0 in the values of own columns, <= -2: -2 - place in those of other
+     columns, -1: not our row */
+  PetscInt        *entry;
   PetscInt         nterm; /* further terms of S */
   const PetscInt  *term_cell;
   const PetscReal *term;
-  /* fields */
-  PetscReal       *u, *u_old, *u_older, *w, *p, *p_old; /* u_older: NULL but for quadratic extrapolation */
-  const PetscReal *drift;                               /* [nnode_all][dim] velocity of the nodes, NULL: they stand still */
+  /* fields; u_older: NULL but for quadratic extrapolation */
+  PetscReal       *u, *u_old, *u_older, *w, *p, *p_old;
+  const PetscReal *drift; /* [nnode_all][dim] velocity of the nodes, NULL: they stand still */
   /* body force of FlowSetSource: its weighted mean over the step [nnode_all][dim] (NULL: none) */
   VectorField source_field;
   void       *source_ctx;
   PetscReal  *source;
 };
 
-/* Metric of local cell c at its quadrature points: of an affine cell as stored, else from the coordinates. A cell that is no part of the fluid has zero weights. */
+/* Everything that depends on the shape of the local cells. Collective. */
+PetscErrorCode FlowComputeCells(Flow);
+/* S without values. Collective. */
+PetscErrorCode FlowCreateMatrix(Flow);
+/* w of the step from the fields in use. Local. */
+void FlowExtrapolateConvection(Flow);
+
+/* Read the conditions. Collective. Errors: inflow or moving wall without velocity, slip on a boundary that is no plane
+   along an axis. */
+PetscErrorCode ConditionsCreate(Mesh, Conditions *);
+PetscErrorCode ConditionsDestroy(Conditions *);
+PetscErrorCode ConditionsView(Conditions, PetscViewer);
+/* Evaluate the prescribed values at a time; PETSC_MAX_REAL: those of the steady state, after all ramps. Local.
+   Error: a steady state is wanted and a boundary never stops changing (_factor). */
+PetscErrorCode ConditionsSetTime(Conditions, PetscReal time);
+
+/* The functions below are called once a cell and are therefore inlined. */
+
+/* Metric of local cell c at its quadrature points: of an affine cell as stored, else from the coordinates. A cell that
+   is no part of the fluid has zero weights. */
 static inline PetscErrorCode FlowCellMetric(Flow f, PetscInt c, ElementMetric *m)
 {
   const PetscInt dim = f->loc->dim;

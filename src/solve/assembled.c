@@ -1,32 +1,28 @@
-/* Assembled: see assembled.h. Written for generality, not speed: everything is built anew when the constraint changes. */
+/* Assembled: see assembled.h. Written for generality, not speed: everything is built anew when the constraint changes.
+   */
 #include "compat.h"
 #include "assembled.h"
 
 /* D + H (may be NULL) and the identity of inert slots, as a matrix over u_r */
 static PetscErrorCode create_rigid_diagonal(Constraint c, const PetscReal D[], const PetscReal H[], Mat *E)
 {
-  const PetscInt *slot, *unknown;
-  PetscInt        ninert, first, count, start, nodal, total, nr;
+  PetscInt start, nodal, total;
 
   PetscFunctionBeginUser;
   PetscCall(ConstraintGetSizes(c, &nodal, &total));
-  PetscCall(ConstraintGetRigidSize(c, &nr));
-  PetscCall(ConstraintGetInert(c, &ninert, &slot));
-  PetscCall(ConstraintGetOwnBodies(c, &first, &count));
-  PetscCall(ConstraintGetUnknown(c, &unknown));
-  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, total, total, PETSC_DETERMINE, PETSC_DETERMINE, PetscMax(nr, 1), NULL, 0, NULL, E));
+  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, total, total, PETSC_DETERMINE, PETSC_DETERMINE, PetscMax(c->nr, 1), NULL, 0, NULL, E));
   PetscCall(MatGetOwnershipRange(*E, &start, NULL));
-  for (PetscInt j = 0; j < ninert; j++) PetscCall(MatSetValue(*E, start + slot[j], start + slot[j], 1, INSERT_VALUES));
-  for (PetscInt k = 0; k < count; k++) {
-    for (PetscInt i = 0; i < nr; i++) {
-      const PetscInt row = start + nodal + k * nr;
+  for (PetscInt j = 0; j < c->ninert; j++) PetscCall(MatSetValue(*E, start + c->slot[j], start + c->slot[j], 1, INSERT_VALUES));
+  for (PetscInt k = 0; k < c->count; k++) {
+    for (PetscInt i = 0; i < c->nr; i++) {
+      const PetscInt row = start + nodal + k * c->nr;
 
-      if (!((unknown[first + k] >> i) & 1)) PetscCall(MatSetValue(*E, row + i, row + i, 1, INSERT_VALUES));
+      if (!((c->unknown[c->first + k] >> i) & 1)) PetscCall(MatSetValue(*E, row + i, row + i, 1, INSERT_VALUES));
       else
-        for (PetscInt j = 0; j < nr; j++) {
-          const PetscInt at = ((first + k) * nr + i) * nr + j;
+        for (PetscInt j = 0; j < c->nr; j++) {
+          const PetscInt at = ((c->first + k) * c->nr + i) * c->nr + j;
 
-          if ((unknown[first + k] >> j) & 1) PetscCall(MatSetValue(*E, row + i, row + j, D[at] + (H ? H[at] : 0), INSERT_VALUES));
+          if ((c->unknown[c->first + k] >> j) & 1) PetscCall(MatSetValue(*E, row + i, row + j, D[at] + (H ? H[at] : 0), INSERT_VALUES));
         }
     }
   }
@@ -59,12 +55,11 @@ static PetscErrorCode create_divergence_matrix(Flow flow, const MeshLocal *l, Ma
 /* G of a penalty as a matrix, rows: own nodes x dim, columns: u_r (unknown rigid velocities) */
 static PetscErrorCode create_soft_matrix(Constraint c, const PenaltyTerm *s, Mat *G)
 {
-  const PetscInt *unknown, nr = s->nr, dim = s->dim;
-  PetscInt        nodal, total, row, *column;
+  const PetscInt nr = s->nr, dim = s->dim;
+  PetscInt       nodal, total, row, *column;
 
   PetscFunctionBeginUser;
   PetscCall(ConstraintGetSizes(c, &nodal, &total));
-  PetscCall(ConstraintGetUnknown(c, &unknown));
   PetscCall(PetscMalloc1(s->nbodies, &column));
   PetscCall(ConstraintGetRigidColumns(c, column));
   PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, nodal, total, PETSC_DETERMINE, PETSC_DETERMINE, 2 * nr, NULL, 2 * nr, NULL,
@@ -77,7 +72,7 @@ static PetscErrorCode create_soft_matrix(Constraint c, const PenaltyTerm *s, Mat
     PenaltyTermGetBlock(s, e, block);
     for (PetscInt a = 0; a < dim; a++)
       for (PetscInt m = 0; m < nr; m++)
-        if ((unknown[s->body[e]] >> m) & 1)
+        if ((c->unknown[s->body[e]] >> m) & 1)
           PetscCall(MatSetValue(*G, row + s->node[e] * dim + a, column[s->body[e]] + m, block[a * nr + m], INSERT_VALUES));
   }
   PetscCall(MatAssemblyBegin(*G, MAT_FINAL_ASSEMBLY));
@@ -118,8 +113,9 @@ PetscErrorCode AssembledCreateVelocity(Constraint c, Mat A, Mat P, const PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* C of shared cells, plus 1e-10 of the size of the Schur complement, scale (rho c_t S_p^{-1} + mu theta M_p^{-1})^{-1} (Cahouet & Chabard 1988), which fixes undetermined
-   pressures for a direct solver. The diagonal of S_p alone grows with the time step without bound. */
+/* C of shared cells, plus 1e-10 of the size of the Schur complement, scale (rho c_t S_p^{-1} + mu theta M_p^{-1})^{-1}
+   (Cahouet & Chabard 1988), which fixes undetermined pressures for a direct solver. The diagonal of S_p alone grows
+   with the time step without bound. */
 static PetscErrorCode create_pressure_block(Flow flow, Pressure pressure, PetscReal scale, const MeshLocal *l, Mat *C)
 {
   const PetscInt        nk = l->dim + 1, np = l->ncell * nk;

@@ -1,5 +1,5 @@
-/* BlockGS: see blockgs.h. Rows are sums over their blocks, column by column as PETSc stores them: one column is one vector of four numbers, of which the fourth is
-   read for nothing when blocks have three rows. */
+/* BlockGS: see blockgs.h. Rows are sums over their blocks, column by column as PETSc stores them: one column is one
+   vector of four numbers, of which the fourth is read for nothing when blocks have three rows. */
 #include "compat.h"
 #include "blockgs.h"
 #include "base/algebra.h"
@@ -65,7 +65,8 @@ INLINE void add_to_low_rank(const int nk, const BlockGS *restrict g, PetscInt e,
     for (int m = 0; m < nr; m++) t[m] += factor * w[k * nr + m] * d[k];
 }
 
-/* Only blocks before the diagonal while the rest of x is zero (lower). Entries of W are met in the order of the rows; t follows x. */
+/* Only blocks before the diagonal while the rest of x is zero (lower). Entries of W are met in the order of the rows; t
+   follows x. */
 INLINE void sweep(const int nk, const BlockGS *restrict g, PetscBool forward, PetscBool lower, const PetscReal *b, PetscReal *x)
 {
   const PetscInt step = forward ? 1 : -1;

@@ -7,36 +7,20 @@ struct _p_BodyBlocks {
   Flow             flow;
   Constraint       constraint;
   const MeshLocal *loc;
-  Mat              S;
   PetscInt         nbodies, nr, *ghost_of_column; /* off-diagonal columns of S -> local nodes */
 };
-
-/* The rank's own part of the scalar matrix as compressed rows */
-static PetscErrorCode get_rows(Mat S, Mat *diagonal_part, Mat *offdiagonal_part, const PetscInt **columns)
-{
-  PetscBool seq;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscObjectTypeCompare((PetscObject)S, MATSEQAIJ, &seq));
-  if (seq) {
-    *diagonal_part = S;
-    if (offdiagonal_part) *offdiagonal_part = NULL;
-    if (columns) *columns = NULL;
-  } else PetscCall(MatMPIAIJGetSeqAIJ(S, diagonal_part, offdiagonal_part, columns));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
 
 static PetscErrorCode map_ghost_columns(BodyBlocks b)
 {
   const MeshLocal *l = b->loc;
   const PetscInt  *garray;
   PetscInt         n, nghost = l->nnode_all - l->nnode, *sorted, *where;
-  Mat              Ad, Ao;
+  Mat              part[2];
 
   PetscFunctionBeginUser;
-  PetscCall(get_rows(b->S, &Ad, &Ao, &garray));
-  if (!Ao) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MatGetLocalSize(Ao, NULL, &n));
+  PetscCall(FlowGetMatrixParts(b->flow, part, &garray));
+  if (!part[1]) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(MatGetLocalSize(part[1], NULL, &n));
   PetscCall(PetscMalloc1(n, &b->ghost_of_column));
   PetscCall(PetscMalloc2(nghost, &sorted, nghost, &where));
   for (PetscInt i = 0; i < nghost; i++) {
@@ -55,7 +39,8 @@ static PetscErrorCode map_ghost_columns(BodyBlocks b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* block: P^T A P and M_r / scale of body k, without D, which is added. Inverse of the first if wanted (own bodies), and of the second */
+/* block: P^T A P and M_r / scale of body k, without D, which is added. Inverse of the first if wanted (own bodies), and
+   of the second */
 static PetscErrorCode invert_blocks(PetscInt nr, PetscInt k, PetscInt unknown, const PetscReal D[], PetscReal scale, PetscReal block[],
                                     PetscReal stiff_inverse[], PetscReal mass_inverse[])
 {
@@ -88,27 +73,26 @@ static PetscErrorCode invert_blocks(PetscInt nr, PetscInt k, PetscInt unknown, c
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Sum over the entries of the penalty: block of body k -= R^T G + G^T R (of nodes that follow it); with H it is what the penalty adds to the diagonal block of the body */
-static PetscErrorCode add_soft_blocks(BodyBlocks b, const PenaltyTerm *s, const PetscInt body[], const PetscInt follow[], const PetscInt unknown[],
-                                      PetscReal block[])
+/* Sum over the entries of the penalty: block of body k -= R^T G + G^T R (of nodes that follow it); with H it is what
+   the penalty adds to the diagonal block of the body */
+static PetscErrorCode add_soft_blocks(BodyBlocks b, const PenaltyTerm *s, PetscReal block[])
 {
-  const PetscInt nr = b->nr, nn = nr * nr;
-  PetscInt       first, count;
+  const struct _p_Constraint *c  = b->constraint;
+  const PetscInt              nr = b->nr, nn = nr * nr;
 
   PetscFunctionBeginUser;
-  PetscCall(ConstraintGetOwnBodies(b->constraint, &first, &count));
   for (PetscInt e = 0; e < s->n; e++) {
     const PetscInt i = s->node[e], k = s->body[e];
     PetscReal      G[18], R[18];
 
-    if (!unknown[k] || body[i] >= 0 || follow[i] != k) continue;
+    if (!c->unknown[k] || c->node_body[i] >= 0 || c->follow[i] != k) continue;
     PenaltyTermGetBlock(s, e, G);
     PetscCall(ConstraintRigidMap(b->constraint, i, k, R));
     for (PetscInt m = 0; m < nn; m++)
       for (PetscInt a = 0; a < b->loc->dim; a++)
         block[2 * k * nn + m] -= R[a * nr + m / nr] * G[a * nr + m % nr] + G[a * nr + m / nr] * R[a * nr + m % nr];
   }
-  for (PetscInt k = first; k < first + count; k++)
+  for (PetscInt k = c->first; k < c->first + c->count; k++)
     for (PetscInt m = 0; m < nn; m++) block[2 * k * nn + m] += s->H[k * nn + m];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -142,32 +126,29 @@ static void multiply_map(PetscInt dim, PetscInt nr, const PetscReal Ri[], const 
 PetscErrorCode BodyBlocksUpdate(BodyBlocks b, const PetscReal share[], const PenaltyTerm *soft, const PetscReal D[], PetscReal scale,
                                 PetscReal stiff_inverse[], PetscReal mass_inverse[])
 {
-  const MeshLocal *l  = b->loc;
-  const PetscInt   nr = b->nr, dim = l->dim, nn = nr * nr;
-  const PetscInt  *body, *follow, *unknown, *row_start[2] = {NULL, NULL}, *column[2] = {NULL, NULL}, *map;
-  const PetscReal *value[2] = {NULL, NULL}, *m;
-  PetscReal       *block;
-  PetscInt         n, first, count;
-  Mat              part[2];
-  PetscBool        done;
+  const struct _p_Constraint *c  = b->constraint;
+  const MeshLocal            *l  = b->loc;
+  const PetscInt              nr = b->nr, dim = l->dim, nn = nr * nr;
+  const PetscInt             *row_start[2] = {NULL, NULL}, *column[2] = {NULL, NULL}, *map;
+  const PetscReal            *value[2] = {NULL, NULL}, *m;
+  PetscReal                  *block;
+  PetscInt                    n;
+  Mat                         part[2];
+  PetscBool                   done;
 
   PetscFunctionBeginUser;
-  PetscCall(ConstraintGetNodeBody(b->constraint, &body));
-  PetscCall(ConstraintGetFollow(b->constraint, &follow));
-  PetscCall(ConstraintGetUnknown(b->constraint, &unknown));
-  PetscCall(ConstraintGetOwnBodies(b->constraint, &first, &count));
   PetscCall(FlowGetLumpedMass(b->flow, &m));
   PetscCall(PetscCalloc1(2 * b->nbodies * nn, &block));
-  PetscCall(get_rows(b->S, &part[0], &part[1], &map));
+  PetscCall(FlowGetMatrixParts(b->flow, part, &map));
   for (PetscInt s = 0; s < 2 && part[s]; s++) {
     PetscCall(MatGetRowIJ(part[s], 0, PETSC_FALSE, PETSC_FALSE, &n, &row_start[s], &column[s], &done));
     PetscCall(MatSeqAIJGetArrayRead(part[s], &value[s]));
   }
   for (PetscInt i = 0; i < l->nnode; i++) {
-    const PetscInt k = body[i] >= 0 ? body[i] : follow[i];
+    const PetscInt k = c->node_body[i] >= 0 ? c->node_body[i] : c->follow[i];
     PetscReal      Ri[18], AR[18], moment[4] = {0}, *stiff, *mass;
 
-    if (k < 0 || !unknown[k]) continue;
+    if (k < 0 || !c->unknown[k]) continue;
     stiff = block + 2 * k * nn;
     mass  = stiff + nn;
     PetscCall(ConstraintRigidMap(b->constraint, i, k, Ri));
@@ -175,7 +156,7 @@ PetscErrorCode BodyBlocksUpdate(BodyBlocks b, const PetscReal share[], const Pen
       for (PetscInt q = row_start[s][i]; q < row_start[s][i + 1]; q++) {
         const PetscInt j = s ? b->ghost_of_column[column[s][q]] : column[s][q];
 
-        if ((body[j] >= 0 ? body[j] : follow[j]) == k) add_moment(l, i, j, value[s][q], moment);
+        if ((c->node_body[j] >= 0 ? c->node_body[j] : c->follow[j]) == k) add_moment(l, i, j, value[s][q], moment);
       }
     }
     multiply_map(dim, nr, Ri, moment, AR);
@@ -190,13 +171,13 @@ PetscErrorCode BodyBlocksUpdate(BodyBlocks b, const PetscReal share[], const Pen
     PetscCall(MatSeqAIJRestoreArrayRead(part[s], &value[s]));
     PetscCall(MatRestoreRowIJ(part[s], 0, PETSC_FALSE, PETSC_FALSE, &n, &row_start[s], &column[s], &done));
   }
-  if (soft) PetscCall(add_soft_blocks(b, soft, body, follow, unknown, block));
+  if (soft) PetscCall(add_soft_blocks(b, soft, block));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, block, (PetscMPIInt)(2 * b->nbodies * nn), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   for (PetscInt k = 0; k < b->nbodies; k++) {
-    const PetscBool own = (PetscBool)(k >= first && k < first + count);
+    const PetscBool own = (PetscBool)(k >= c->first && k < c->first + c->count);
 
-    PetscCall(
-      invert_blocks(nr, k, unknown[k], D + k * nn, scale, block + 2 * k * nn, own ? stiff_inverse + (k - first) * nn : NULL, mass_inverse + k * nn));
+    PetscCall(invert_blocks(nr, k, c->unknown[k], D + k * nn, scale, block + 2 * k * nn, own ? stiff_inverse + (k - c->first) * nn : NULL,
+                            mass_inverse + k * nn));
   }
   PetscCall(PetscFree(block));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -206,7 +187,6 @@ PetscErrorCode BodyBlocksCreate(Flow flow, Constraint constraint, BodyBlocks *bl
 {
   BodyBlocks b;
   Mesh       mesh;
-  PetscInt   first, count;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&b));
@@ -214,10 +194,8 @@ PetscErrorCode BodyBlocksCreate(Flow flow, Constraint constraint, BodyBlocks *bl
   b->constraint = constraint;
   PetscCall(FlowGetMesh(flow, &mesh));
   PetscCall(MeshGetLocal(mesh, &b->loc));
-  PetscCall(FlowGetMatrix(flow, &b->S));
-  PetscCall(ConstraintGetRigidSize(constraint, &b->nr));
-  PetscCall(ConstraintGetOwnBodies(constraint, &first, &count));
-  PetscCall(MPIU_Allreduce(&count, &b->nbodies, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+  b->nr      = constraint->nr;
+  b->nbodies = constraint->nbodies;
   PetscCall(map_ghost_columns(b));
   *blocks = b;
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -1,10 +1,12 @@
 /* Bodyblocks: the small blocks of the preconditioners that belong to one body's unknown rigid velocities.
 
-   For every body the blocks [nr][nr] R^T A R + D of the velocity operator and R^T (share m) R + D/scale of the projected lumped mass, and their inverses; R maps rigid velocities to
-   the nodes that lie in the body or follow it. A node of lumped mass m that follows the body by a penalty W has with it the mass matrix [m + W, m R; R^T m, R^T m R];
-   eliminating the node leaves R^T (share m) R with share = W/(m + W); share = 1 inside. Unknown degrees of freedom only; the rest is the identity (zero in the mass). */
+   For every body the blocks [nr][nr] R^T A R + D of the velocity operator and R^T (share m) R + D/scale of the
+   projected lumped mass, and their inverses; R maps rigid velocities to the nodes that lie in the body or follow it. A
+   node of lumped mass m that follows the body by a penalty W has with it the mass matrix [m + W, m R; R^T m, R^T m R];
+   eliminating the node leaves R^T (share m) R with share = W/(m + W); share = 1 inside. Unknown degrees of freedom
+   only; the rest is the identity (zero in the mass). */
 #pragma once
-#include "solve/constraint.h"
+#include "projection.h"
 #include "flow/flow.h"
 #include "solve/penaltyterm.h"
 
@@ -14,7 +16,8 @@ typedef struct _p_BodyBlocks *BodyBlocks;
 PetscErrorCode BodyBlocksCreate(Flow, Constraint, BodyBlocks *);
 PetscErrorCode BodyBlocksDestroy(BodyBlocks *);
 
-/* share [nnode_all]; soft (may be NULL): the penalty in the flow's matrix; D [nbodies][nr][nr] inertia; masses are divided by scale. Collective.
-   stiff_inverse [own bodies][nr][nr], mass_inverse [nbodies][nr][nr] (the same on all ranks). Error: a light body covers no node. */
+/* share [nnode_all]; soft (may be NULL): the penalty in the flow's matrix; D [nbodies][nr][nr] inertia; masses are
+   divided by scale. Collective. stiff_inverse [own bodies][nr][nr], mass_inverse [nbodies][nr][nr] (the same on all
+   ranks). Error: a light body covers no node. */
 PetscErrorCode BodyBlocksUpdate(BodyBlocks, const PetscReal share[], const PenaltyTerm *soft, const PetscReal D[], PetscReal scale,
                                 PetscReal stiff_inverse[], PetscReal mass_inverse[]);

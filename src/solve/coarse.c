@@ -1,4 +1,5 @@
-/* Coarse: see coarse.h. Ghost cells are known, so every rank builds the rows of its cells and the part of its nodes alone. */
+/* Coarse: see coarse.h. Ghost cells are known, so every rank builds the rows of its cells and the part of its nodes
+   alone. */
 #include "compat.h"
 #include "coarse.h"
 #include "base/algebra.h"
@@ -26,7 +27,8 @@ struct _p_Coarse {
 
 /* ---- interpolation ---- */
 
-/* Linear function on a cell (value and scaled slopes at the centre) that fits the vertex values: for a parallelogram the multilinear interpolant at its centre */
+/* Linear function on a cell (value and scaled slopes at the centre) that fits the vertex values: for a parallelogram
+   the multilinear interpolant at its centre */
 static PetscErrorCode fit_vertices(Coarse s, PetscInt c, PetscInt node[], PetscReal fit[])
 {
   const MeshLocal *l   = s->loc;
@@ -89,7 +91,8 @@ static PetscErrorCode create_interpolation(Coarse s)
 
 /* ---- operator ---- */
 
-/* g = I^T b_i for component a of node i: what the node sees of the vertices around it. The Galerkin operator I^T S_p I is the sum of weight g g^T over all slots. */
+/* g = I^T b_i for component a of node i: what the node sees of the vertices around it. The Galerkin operator I^T S_p I
+   is the sum of weight g g^T over all slots. */
 static PetscErrorCode vertex_gradient(Coarse s, const PetscReal b[], PetscInt i, PetscInt *n, PetscInt col[], PetscReal g[])
 {
   const MeshLocal *l  = s->loc;
@@ -119,8 +122,9 @@ static PetscErrorCode vertex_gradient(Coarse s, const PetscReal b[], PetscInt i,
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Where the pressure is known up to a constant, the coarse operator is singular but for round-off, and a solver that reduces it to a single unknown divides by that. A small share
-   of the diagonal, put in once, keeps it definite; what it does to the constant is projected out. */
+/* Where the pressure is known up to a constant, the coarse operator is singular but for round-off, and a solver that
+   reduces it to a single unknown divides by that. A small share of the diagonal, put in once, keeps it definite; what
+   it does to the constant is projected out. */
 static PetscErrorCode make_definite(Coarse s)
 {
   Vec diagonal;
@@ -150,7 +154,8 @@ static PetscErrorCode bury(Coarse s, PetscInt i, const PetscInt cell_body[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Entries of W^T I (row, col and value have room for ncut nr 2^dim), without bodies that more than `most` cells meet: those would fill the operator, and the fluid between them is resolved. */
+/* Entries of W^T I (row, col and value have room for ncut nr 2^dim), without bodies that more than `most` cells meet:
+   those would fill the operator, and the fluid between them is resolved. */
 static PetscErrorCode list_entries(Coarse s, PetscInt *n, PetscInt row[], PetscInt col[], PetscReal value[])
 {
   const PetscInt nv = 1 << s->loc->dim, most = s->loc->dim == 2 ? 24 : 120;
@@ -181,8 +186,7 @@ static PetscErrorCode list_entries(Coarse s, PetscInt *n, PetscInt row[], PetscI
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* whole = matrix + (W^T I)^T (W^T I), or NULL where no body is in it. Iterations for 504 discs of two cells in a bed, 12,288 pressures: 54 with neither level knowing of the bodies, 51 with
-   this one alone, 24 with the sweeps alone, 9 with both; 1000 discs of 4.6 cells at 30 % area fraction: 4.3, 3.8 with both or the sweeps. */
+/* whole = matrix + (W^T I)^T (W^T I), or NULL where no body is in it (runs/studies/flow-solver, "Many bodies") */
 static PetscErrorCode add_bodies(Coarse s)
 {
   const PetscInt room = s->ncut * s->nr << s->loc->dim;

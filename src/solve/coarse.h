@@ -1,29 +1,36 @@
-/* Coarse: the level of continuous Q1 pressures on the vertices below the cells' discontinuous P1 pressures, for the preconditioner of S_p (pressure.h).
+/* Coarse: the level of continuous Q1 pressures on the vertices below the cells' discontinuous P1 pressures, for the
+   preconditioner of S_p (pressure.h).
 
-   Interpolation I: on every cell the linear function that fits its vertex values. Galerkin operator I^T S_p I: the nodes' part is kept up to date by what changes, a sum over velocity
-   slots of inverse mass times g g^T with g what the slot sees of the vertices around it; the bodies' part is added when the solver of this level is set up. No units of its own. */
+   Interpolation I: on every cell the linear function that fits its vertex values. Galerkin operator I^T S_p I: the
+   nodes' part is kept up to date by what changes, a sum over velocity slots of inverse mass times g g^T with g what the
+   slot sees of the vertices around it; the bodies' part is added when the solver of this level is set up. No units of
+   its own. */
 #pragma once
 #include "mesh/mesh.h"
 #include <petscksp.h>
 
 typedef struct _p_Coarse *Coarse;
 
-/* nk pressures a cell; floating: known up to a constant; keep: share of the vertices that may change before the solver of this level is set up anew (lagged.h). Collective. */
+/* nk pressures a cell; floating: known up to a constant; keep: share of the vertices that may change before the solver
+   of this level is set up anew (lagged.h). Collective. */
 PetscErrorCode CoarseCreate(Mesh, PetscInt nk, PetscBool floating, PetscReal keep, Coarse *);
 PetscErrorCode CoarseDestroy(Coarse *);
 
-/* operator += sum over the components a of own node i of change[a] g_a g_a^T; b [ncell_all][nk][nb dim]: the cells' divergence. Not collective. */
+/* operator += sum over the components a of own node i of change[a] g_a g_a^T; b [ncell_all][nk][nb dim]: the cells'
+   divergence. Not collective. */
 PetscErrorCode CoarseAddNode(Coarse, const PetscReal b[], PetscInt i, const PetscReal change[]);
 /* operator += scale times sum of I^T block I over n own cells; block [n][nk][nk]. Not collective. */
 PetscErrorCode CoarseAddCells(Coarse, PetscReal scale, PetscInt n, const PetscInt cell[], const PetscReal block[]);
-/* The n listed local cells have changed their shape or died: cell_body [ncell_all] >= 0 for dead ones, or NULL. Their rows of I anew; vertices among dead cells only get the identity.
-   Collective. */
+/* The n listed local cells have changed their shape or died: cell_body [ncell_all] >= 0 for dead ones, or NULL. Their
+   rows of I anew; vertices among dead cells only get the identity. Collective. */
 PetscErrorCode CoarseUpdateCells(Coarse, PetscInt n, const PetscInt cell[], const PetscInt cell_body[]);
 /* After additions. Collective. */
 PetscErrorCode CoarseAssemble(Coarse);
 
-/* The bodies' part W W^T of S_p: n blocks w [n][nk][nr] of own cells cell [n] and bodies body [n] < nbodies. Borrowed until the next call. Not collective. */
+/* The bodies' part W W^T of S_p: n blocks w [n][nk][nr] of own cells cell [n] and bodies body [n] < nbodies. Borrowed
+   until the next call. Not collective. */
 PetscErrorCode CoarseSetBodies(Coarse, PetscInt nbodies, PetscInt nr, PetscInt n, const PetscInt cell[], const PetscInt body[], const PetscReal w[]);
 
-/* Give interpolation and operator to a PCMG of two levels, always the same one. Its solver on this level is set up where too much has changed. Collective. */
+/* Give interpolation and operator to a PCMG of two levels, always the same one. Its solver on this level is set up
+   where too much has changed. Collective. */
 PetscErrorCode CoarseSetUpPC(Coarse, PC);

@@ -1,4 +1,5 @@
-/* Inside of FlowSolver; for its files only. flowsolve.c: recipes, set-up, preconditioner, solve. operator.c: products with the operators of the system. */
+/* Inside of FlowSolver; for its files only. system.c: life cycle, set-up, solve. recipe.c: choice of methods and
+   tolerances. precondition.c: the projection preconditioner. operator.c: products with the operators of the system. */
 #pragma once
 #include "bodyblocks.h"
 #include "solve/system.h"
@@ -13,19 +14,19 @@ struct _p_FlowSolver {
   PetscInt         nodal, nur, np, nbodies, nr;   /* local sizes: nodal slots, u_r, p */
   PetscInt         schur, sweep_type;             /* what the user wants */
   PetscBool        fitted, commute, viscous_only; /* no staircase of rigid nodes; in this step */
-  Mat              S, S_all, A;                   /* scalar matrix; the same for all components; the one in use: that, or of FlowSolverSetVelocity */
+  Mat              S, S_all, A;                   /* scalar; for all components; in use: that, or of FlowSolverSetVelocity */
   Mat              Ar, G, B, C, nest, Ar_assembled,
     whole; /* shells P^T A P + D, -P^T B^T, B P, C of PressureGetShared; block operator; assembled forms when needed */
   PetscBool          need_Ar, need_whole;
-  Vec                xn, yn;  /* nodal views of parts of reduced vectors */
-  PetscReal          viscous; /* mu theta / scale */
-  PetscReal          h_max;   /* largest cell of the whole mesh */
-  PetscReal          scale; /* rho c_t (steady: mu/h^2): continuity rows are multiplied by it, so that their residual counts as the force it causes */
-  PetscReal         *D;     /* [nbodies][nr][nr] */
+  Vec                xn, yn;           /* nodal views of parts of reduced vectors */
+  PetscReal          viscous;          /* mu theta / scale */
+  PetscReal          h_max;            /* largest cell of the whole mesh */
+  PetscReal          scale;            /* rho c_t (steady: mu/h^2): of the continuity rows, see the header */
+  PetscReal         *D;                /* [nbodies][nr][nr] */
   PetscReal         *body_inverse;     /* [own bodies][nr][nr] inverse of the body's diagonal block of Ar */
-  PetscReal         *mass_inverse;     /* [nbodies][nr][nr] of its block of M_r / scale, on every rank; zero for known degrees of freedom */
+  PetscReal         *mass_inverse;     /* [nbodies][nr][nr] of M_r / scale, on every rank; zero where known */
   PetscReal         *diagonal_inverse; /* [nodal] of A, zero at inert slots */
-  PetscReal         *weight;           /* [nnode_all][dim] inverse of M_r / scale on free slots, eps times that on body nodes, zero at walls */
+  PetscReal         *weight;           /* [nnode_all][dim] of M_r / scale, inverse; times eps on body nodes, 0 at walls */
   const PenaltyTerm *soft;             /* or NULL */
   PetscReal         *share;            /* [nnode_all] see PressureUpdate */
   PetscReal         *rigid_work;       /* [2][nbodies][nr] by local numbers of the constraint */
@@ -40,7 +41,7 @@ struct _p_FlowSolver {
   PC                 split; /* the inner PCFIELDSPLIT */
   KSP               *sub;
   PetscBool          fixed;                       /* recipe fast: a fixed number of iterations, without norms */
-  PetscReal          share_of_pressure;           /* see WHOLE_FROM */
+  PetscReal          share_of_pressure;           /* see WHOLE_PRESSURE */
   PetscReal          rtol, rtol_start, rtol_most; /* see the header */
   Vec                b, x, r, y, t_u, t_u2, t_p, t_p2;
 };
@@ -51,7 +52,23 @@ static inline PetscBool FlowSolverIsSoft(FlowSolver fs)
   return (PetscBool)(fs->soft && fs->soft->any);
 }
 
+/* The operator of penaltyterm.h without Pen and H: r -= G U at own nodes, rigid -= G^T u. u, r [own nodes][dim]; U,
+   rigid [nlocal][nr] by the local numbers of the constraint, of which the entries of U for unknown or for known degrees
+   of freedom count, and the unknown rows of rigid are served. Local. */
+PetscErrorCode PenaltyTermMultAdd(const PenaltyTerm *, Constraint, PetscBool of_unknown, const PetscReal U[], const PetscReal u[], PetscReal r[],
+                                  PetscReal rigid[]);
 /* Create the shells Ar (with its diagonal and its sweep), G, B and, where there are bodies, C. Collective. */
 PetscErrorCode FlowSolverCreateShells(FlowSolver);
 /* y = M_r^{-1} x with the projected lumped mass; inert slots give zero. Collective. */
 PetscErrorCode FlowSolverApplyMassInverse(FlowSolver, Vec x, Vec y);
+
+/* Read the recipe, set the defaults of all solvers, and find out which matrices the chosen preconditioners need; moving
+   as for FlowSolverCreate. Collective. */
+PetscErrorCode FlowSolverSetRecipe(FlowSolver, PetscBool moving);
+/* What follows the pressure solve, and the preconditioner of the velocity, by the viscous and the convective number of
+   the step. Collective. */
+PetscErrorCode FlowSolverChooseMethods(FlowSolver);
+/* The tolerance of the correction y; enough: the start value (or zero, if that is better) meets it. Collective. */
+PetscErrorCode FlowSolverSetTolerance(FlowSolver, PetscBool *enough);
+/* Make pc the projection preconditioner around a fieldsplit. Collective. */
+PetscErrorCode FlowSolverCreateProjection(FlowSolver, PC pc);

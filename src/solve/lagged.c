@@ -3,7 +3,8 @@
 #include "lagged.h"
 
 #define CHANGED 1.1 /* a diagonal entry by this factor, up or down */
-/* Applications from one change to the next above which a set-up pays: sweeps and residual cost about a tenth of the set-up of BoomerAMG, and some iterations are added */
+/* Applications from one change to the next above which a set-up pays: sweeps and residual cost about a tenth of the
+   set-up of BoomerAMG, and some iterations are added */
 #define WORTH 10
 
 typedef struct {
@@ -92,7 +93,8 @@ static PetscErrorCode compare(Lagged *s, PetscReal *share)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* M on a matrix of its own: some types, such as GAMG, read theirs in every application, and new values would not fit what they estimated of the old ones */
+/* M on a matrix of its own: some types, such as GAMG, read theirs in every application, and new values would not fit
+   what they estimated of the old ones */
 static PetscErrorCode build(Lagged *s)
 {
   Mat A;

@@ -1,21 +1,26 @@
 /* Lagged: a preconditioner of a matrix that changes in a few rows at a time, without its set-up every time.
 
-   A multigrid hierarchy M of the matrix A_0 costs several times what one application does. When bodies move, rows near their surfaces alone change, by orders of magnitude where a node
-   goes from fluid to body. M is kept, and the two-level cycle
+   A multigrid hierarchy M of the matrix A_0 costs several times what one application does. When bodies move, rows near
+   their surfaces alone change, by orders of magnitude where a node goes from fluid to body. M is kept, and the
+   two-level cycle
 
-     forward Gauss-Seidel sweep with A,   x += D M^{-1} D (b - A x),   backward sweep,   D_i = min(1, sqrt(A_0ii / A_ii))
+     forward Gauss-Seidel sweep with A,   x += D M^{-1} D (b - A x),   backward sweep,   D_i = min(1, sqrt(A_0ii/A_ii))
 
-   corrects it: D takes back where A has grown, so that the old hierarchy does not overshoot there (which sweeps cannot make good), the sweeps supply what is missing where A has shrunk.
-   1000 discs of 9 cells, 220,900 vertices, 12 steps after the set-up (2.2 % of the vertices changed): 3.9 iterations a solve, with a set-up in every step 3.75, with M alone 11, without D 7.4.
-   M is built anew when more than a share of the diagonal has changed by a tenth, and where M is applied so often between two changes that a set-up costs less than the correction (the
-   coupled solves of recipe balanced). While nothing has changed, the application is that of M alone.
-   Symmetric and positive definite if A and M are, however far apart these are: the cycle is a symmetric sweep plus a part that is not negative. The sweeps are those of the rank's own rows (-pc_type sor). */
+   corrects it: D takes back where A has grown, so that the old hierarchy does not overshoot there (which sweeps cannot
+   make good), the sweeps supply what is missing where A has shrunk (runs/studies/flow-solver, "Many bodies"). M is
+   built anew when more than a share of the diagonal has changed by a tenth, and where M is applied so often between two
+   changes that a set-up costs less than the correction (the coupled solves of recipe balanced). While nothing has
+   changed, the application is that of M alone. Symmetric and positive definite if A and M are, however far apart these
+   are: the cycle is a symmetric sweep plus a part that is not negative. The sweeps are those of the rank's own rows
+   (-pc_type sor). */
 #pragma once
 #include <petscksp.h>
 
-/* Turn pc, of whatever type, into a lagged one, whose M has the options of pc (prefix; no type there: PETSc's default). keep: share of the rows that may change before M is built
-   anew, 0: at every change. Collective; errors: of the options. */
+/* Turn pc, of whatever type, into a lagged one, whose M has the options of pc (prefix; no type there: PETSc's default).
+   keep: share of the rows that may change before M is built anew, 0: at every change. Collective; errors: of the
+   options. */
 PetscErrorCode LaggedCreate(PC pc, PetscReal keep);
 
-/* The matrix is A now, another one or the one of before with new values (no call where there are none); referenced until the next call. Collective. */
+/* The matrix is A now, another one or the one of before with new values (no call where there are none); referenced
+   until the next call. Collective. */
 PetscErrorCode LaggedUpdate(PC pc, Mat A);

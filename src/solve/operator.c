@@ -1,5 +1,5 @@
-/* FlowSolver: products with the projected operators and the mass of the preconditioner (see flowsolveimpl.h). For all components in one pass, over the scalar matrix and the cells'
-   matrices of B; nothing is assembled. */
+/* FlowSolver: products with the projected operators and the mass of the preconditioner (see impl.h). For all
+   components in one pass, over the scalar matrix and the cells' matrices of B; nothing is assembled. */
 #include "compat.h"
 #include "impl.h"
 #include "base/log.h"
@@ -19,34 +19,30 @@ static void add_small(PetscInt n, const PetscReal M[], const PetscReal x[], Pets
 
 /* ---- the projected velocity operator ---- */
 
-/* The penalty's part outside the scalar matrix: y -= G U, rigid_work = -G^T x, with x and the rigid velocities as ConstraintExpandInPlace left them */
+/* The penalty's part outside the scalar matrix: y -= G U, rigid_work = -G^T x, with x and the rigid velocities as
+   ConstraintExpandInPlace left them */
 static PetscErrorCode mult_soft(FlowSolver fs, const PetscReal x[], PetscReal y[])
 {
-  const PetscReal *U;
-  PetscInt         n;
+  const struct _p_Constraint *c = fs->constraint;
 
   PetscFunctionBeginUser;
-  PetscCall(ConstraintGetLocalRigid(fs->constraint, &n, NULL, &U));
-  PetscCall(PetscArrayzero(fs->rigid_work, n * fs->nr));
-  PetscCall(PenaltyTermMultAdd(fs->soft, fs->constraint, PETSC_TRUE, U, x, y, fs->rigid_work));
+  PetscCall(PetscArrayzero(fs->rigid_work, c->nlocal * fs->nr));
+  PetscCall(PenaltyTermMultAdd(fs->soft, fs->constraint, PETSC_TRUE, c->local_rigid, x, y, fs->rigid_work));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* y = (P^T A P + D) x with identity on inert slots. x is changed for the moment of the product and put back. */
 static PetscErrorCode mult_velocity(Mat mat, Vec x, Vec y)
 {
-  FlowSolver       fs;
-  const PetscReal *xr;
-  PetscReal       *xa, *ya;
-  const PetscInt  *slot, *unknown;
-  PetscInt         ninert, first, count;
+  const struct _p_Constraint *c;
+  FlowSolver                  fs;
+  const PetscReal            *xr;
+  PetscReal                  *xa, *ya;
 
   PetscFunctionBeginUser;
   PetscCall(MatShellGetContext(mat, &fs));
   PetscCall(PetscLogEventBegin(TB_VEL_MULT, 0, 0, 0, 0));
-  PetscCall(ConstraintGetInert(fs->constraint, &ninert, &slot));
-  PetscCall(ConstraintGetOwnBodies(fs->constraint, &first, &count));
-  PetscCall(ConstraintGetUnknown(fs->constraint, &unknown));
+  c = fs->constraint;
   PetscCall(VecGetArrayRead(x, &xr));
   PetscCall(VecGetArrayWrite(y, &ya));
   xa = (PetscReal *)xr;
@@ -58,16 +54,16 @@ static PetscErrorCode mult_velocity(Mat mat, Vec x, Vec y)
   PetscCall(VecResetArray(fs->yn));
   if (FlowSolverIsSoft(fs)) PetscCall(mult_soft(fs, xa, ya));
   PetscCall(ConstraintPutBack(fs->constraint, fs->saved, xa));
-  for (PetscInt k = 0; k < count; k++) {
-    multiply_small(fs->nr, fs->D + (first + k) * fs->nr * fs->nr, xr + fs->nodal + k * fs->nr, ya + fs->nodal + k * fs->nr);
+  for (PetscInt k = 0; k < c->count; k++) {
+    multiply_small(fs->nr, fs->D + (c->first + k) * fs->nr * fs->nr, xr + fs->nodal + k * fs->nr, ya + fs->nodal + k * fs->nr);
     if (FlowSolverIsSoft(fs))
-      add_small(fs->nr, fs->soft->H + (first + k) * fs->nr * fs->nr, xr + fs->nodal + k * fs->nr, ya + fs->nodal + k * fs->nr);
+      add_small(fs->nr, fs->soft->H + (c->first + k) * fs->nr * fs->nr, xr + fs->nodal + k * fs->nr, ya + fs->nodal + k * fs->nr);
     for (PetscInt s = 0; s < fs->nr; s++)
-      if (!((unknown[first + k] >> s) & 1)) ya[fs->nodal + k * fs->nr + s] = xr[fs->nodal + k * fs->nr + s];
+      if (!((c->unknown[c->first + k] >> s) & 1)) ya[fs->nodal + k * fs->nr + s] = xr[fs->nodal + k * fs->nr + s];
   }
   if (FlowSolverIsSoft(fs)) PetscCall(ConstraintDeliverRigid(fs->constraint, fs->rigid_work, ya + fs->nodal));
   PetscCall(ConstraintReduceInPlace(fs->constraint, ya, ya + fs->nodal));
-  for (PetscInt j = 0; j < ninert; j++) ya[slot[j]] = xr[slot[j]];
+  for (PetscInt j = 0; j < c->ninert; j++) ya[c->slot[j]] = xr[c->slot[j]];
   PetscCall(VecRestoreArrayRead(x, &xr));
   PetscCall(VecRestoreArrayWrite(y, &ya));
   PetscCall(PetscLogEventEnd(TB_VEL_MULT, 0, 0, 0, 0));
@@ -76,28 +72,29 @@ static PetscErrorCode mult_velocity(Mat mat, Vec x, Vec y)
 
 static PetscErrorCode diagonal_velocity(Mat mat, Vec d)
 {
-  FlowSolver fs;
-  PetscReal *a;
-  PetscInt   first, count;
+  const struct _p_Constraint *c;
+  FlowSolver                  fs;
+  PetscReal                  *a;
 
   PetscFunctionBeginUser;
   PetscCall(MatShellGetContext(mat, &fs));
-  PetscCall(ConstraintGetOwnBodies(fs->constraint, &first, &count));
+  c = fs->constraint;
   PetscCall(VecGetArrayWrite(d, &a));
   for (PetscInt i = 0; i < fs->nodal; i++) a[i] = fs->diagonal_inverse[i] > 0 ? 1 / fs->diagonal_inverse[i] : 1;
-  for (PetscInt i = 0; i < count * fs->nr; i++) a[fs->nodal + i] = 1 / fs->body_inverse[i / fs->nr * fs->nr * fs->nr + (i % fs->nr) * (fs->nr + 1)];
+  for (PetscInt i = 0; i < c->count * fs->nr; i++)
+    a[fs->nodal + i] = 1 / fs->body_inverse[i / fs->nr * fs->nr * fs->nr + (i % fs->nr) * (fs->nr + 1)];
   PetscCall(VecRestoreArrayWrite(d, &a));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Sweeps or the factorisation for all components at once; inert slots stay as they are; the bodies' blocks are solved against their right-hand side alone (block Jacobi). */
+/* Sweeps or the factorisation for all components at once; inert slots stay as they are; the bodies' blocks are solved
+   against their right-hand side alone (block Jacobi). */
 static PetscErrorCode sor_velocity(Mat mat, Vec bv, PetscReal omega, MatSORType flag, PetscReal shift, PetscInt its, PetscInt lits, Vec xv)
 {
-  FlowSolver       fs;
-  const PetscReal *b;
-  PetscReal       *x;
-  PetscInt         first, count, ninert;
-  const PetscInt  *slot;
+  const struct _p_Constraint *c;
+  FlowSolver                  fs;
+  const PetscReal            *b;
+  PetscReal                  *x;
 
   PetscFunctionBeginUser;
   PetscCheck(omega == 1 && shift == 0, PetscObjectComm((PetscObject)mat), PETSC_ERR_SUP,
@@ -105,13 +102,12 @@ static PetscErrorCode sor_velocity(Mat mat, Vec bv, PetscReal omega, MatSORType 
              (double)omega, (double)shift);
   PetscCall(MatShellGetContext(mat, &fs));
   PetscCall(PetscLogEventBegin(TB_VEL_SWEEP, 0, 0, 0, 0));
-  PetscCall(ConstraintGetOwnBodies(fs->constraint, &first, &count));
-  PetscCall(ConstraintGetInert(fs->constraint, &ninert, &slot));
+  c = fs->constraint;
   PetscCall(VecGetArrayRead(bv, &b));
   PetscCall(VecGetArray(xv, &x));
   PetscCall(RelaxApply(fs->sweep, flag, its * lits, b, x));
-  for (PetscInt j = 0; j < ninert; j++) x[slot[j]] = b[slot[j]];
-  for (PetscInt k = 0; k < count; k++)
+  for (PetscInt j = 0; j < c->ninert; j++) x[c->slot[j]] = b[c->slot[j]];
+  for (PetscInt k = 0; k < c->count; k++)
     multiply_small(fs->nr, fs->body_inverse + k * fs->nr * fs->nr, b + fs->nodal + k * fs->nr, x + fs->nodal + k * fs->nr);
   PetscCall(VecRestoreArray(xv, &x));
   PetscCall(VecRestoreArrayRead(bv, &b));
@@ -185,25 +181,22 @@ static PetscErrorCode mult_shared(Mat mat, Vec x, Vec y)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* What following slots add to M_r^{-1}: with F = 1 - share, M_r^{-1} = diag(weight) + [-F R; 1] M^{-1} [-F R; 1]^T for node and body (see bodyblocks.h).
-   Before: rigid -= R^T F x; after: y -= F R U. */
+/* What following slots add to M_r^{-1}: with F = 1 - share, M_r^{-1} = diag(weight) + [-F R; 1] M^{-1} [-F R; 1]^T for
+   node and body (see bodyblocks.h). Before: rigid -= R^T F x; after: y -= F R U. */
 static PetscErrorCode lead_followers(FlowSolver fs, PetscBool before, const PetscReal x[], PetscReal y[], PetscReal rigid[])
 {
-  const PetscInt  *slot, *body, *index, nr = fs->nr;
-  const PetscReal *coef, *U;
-  PetscInt         n, nlocal;
+  const struct _p_Constraint *c  = fs->constraint;
+  const PetscInt              nr = fs->nr;
 
   PetscFunctionBeginUser;
-  PetscCall(ConstraintGetFollowers(fs->constraint, &n, &slot, &body, &coef));
   if (!before) PetscCall(ConstraintFetchRigid(fs->constraint, rigid));
-  PetscCall(ConstraintGetLocalRigid(fs->constraint, &nlocal, &index, &U));
-  PetscCall(PetscArrayzero(fs->rigid_work, nlocal * nr));
-  for (PetscInt j = 0; j < n; j++) {
-    const PetscReal rest = 1 - fs->share[slot[j] / fs->loc->dim];
+  PetscCall(PetscArrayzero(fs->rigid_work, c->nlocal * nr));
+  for (PetscInt j = 0; j < c->nfollow; j++) {
+    const PetscReal rest = 1 - fs->share[c->follow_slot[j] / fs->loc->dim];
 
     for (PetscInt s = 0; s < nr; s++) {
-      if (before) fs->rigid_work[index[body[j]] * nr + s] -= rest * coef[j * nr + s] * x[slot[j]];
-      else y[slot[j]] -= rest * coef[j * nr + s] * U[index[body[j]] * nr + s];
+      if (before) fs->rigid_work[c->local_index[c->follow_body[j]] * nr + s] -= rest * c->follow_coef[j * nr + s] * x[c->follow_slot[j]];
+      else y[c->follow_slot[j]] -= rest * c->follow_coef[j * nr + s] * c->local_rigid[c->local_index[c->follow_body[j]] * nr + s];
     }
   }
   if (before) PetscCall(ConstraintDeliverRigid(fs->constraint, fs->rigid_work, rigid));
@@ -212,22 +205,19 @@ static PetscErrorCode lead_followers(FlowSolver fs, PetscBool before, const Pets
 
 PetscErrorCode FlowSolverApplyMassInverse(FlowSolver fs, Vec x, Vec y)
 {
-  const PetscReal *xr;
-  PetscReal       *ya, *t = fs->rigid_work + fs->nbodies * fs->nr;
-  const PetscInt  *slot;
-  PetscInt         first, count, ninert;
+  const struct _p_Constraint *c = fs->constraint;
+  const PetscReal            *xr;
+  PetscReal                  *ya, *t = fs->rigid_work + fs->nbodies * fs->nr;
 
   PetscFunctionBeginUser;
-  PetscCall(ConstraintGetOwnBodies(fs->constraint, &first, &count));
-  PetscCall(ConstraintGetInert(fs->constraint, &ninert, &slot));
   PetscCall(VecGetArrayRead(x, &xr));
   PetscCall(VecGetArray(y, &ya));
   for (PetscInt i = 0; i < fs->nodal; i++) ya[i] = fs->weight[i] / fs->scale * xr[i];
-  for (PetscInt j = 0; j < ninert; j++) ya[slot[j]] = 0; /* the softness of body nodes belongs to S_p only */
-  PetscCall(PetscArraycpy(t, xr + fs->nodal, count * fs->nr));
+  for (PetscInt j = 0; j < c->ninert; j++) ya[c->slot[j]] = 0; /* the softness of body nodes belongs to S_p only */
+  PetscCall(PetscArraycpy(t, xr + fs->nodal, c->count * fs->nr));
   if (FlowSolverIsSoft(fs)) PetscCall(lead_followers(fs, PETSC_TRUE, xr, NULL, t));
-  for (PetscInt k = 0; k < count; k++)
-    multiply_small(fs->nr, fs->mass_inverse + (first + k) * fs->nr * fs->nr, t + k * fs->nr, ya + fs->nodal + k * fs->nr);
+  for (PetscInt k = 0; k < c->count; k++)
+    multiply_small(fs->nr, fs->mass_inverse + (c->first + k) * fs->nr * fs->nr, t + k * fs->nr, ya + fs->nodal + k * fs->nr);
   for (PetscInt i = fs->nodal; i < fs->nur; i++) ya[i] /= fs->scale;
   if (FlowSolverIsSoft(fs)) PetscCall(lead_followers(fs, PETSC_FALSE, NULL, ya, ya + fs->nodal));
   PetscCall(VecRestoreArray(y, &ya));

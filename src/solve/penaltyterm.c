@@ -1,6 +1,6 @@
-/* Soft: see penaltyterm.h. */
+/* PenaltyTerm: see penaltyterm.h. */
 #include "compat.h"
-#include "solve/penaltyterm.h"
+#include "impl.h"
 
 void PenaltyTermGetBlock(const PenaltyTerm *s, PetscInt e, PetscReal G[])
 {
@@ -22,13 +22,11 @@ void PenaltyTermGetBlock(const PenaltyTerm *s, PetscInt e, PetscReal G[])
 PetscErrorCode PenaltyTermMultAdd(const PenaltyTerm *s, Constraint c, PetscBool of_unknown, const PetscReal U[], const PetscReal u[], PetscReal r[],
                                   PetscReal rigid[])
 {
-  const PetscInt *unknown, *index, nr = s->nr, dim = s->dim;
+  const PetscInt nr = s->nr, dim = s->dim;
 
   PetscFunctionBeginUser;
-  PetscCall(ConstraintGetUnknown(c, &unknown));
-  PetscCall(ConstraintGetLocalRigid(c, NULL, &index, NULL));
   for (PetscInt e = 0; e < s->n; e++) {
-    const PetscInt   k = s->body[e], bits = unknown[k];
+    const PetscInt   k = s->body[e], bits = c->unknown[k];
     const PetscReal *ue = u + s->node[e] * dim;
     PetscReal       *re = r + s->node[e] * dim, G[18];
 
@@ -38,8 +36,8 @@ PetscErrorCode PenaltyTermMultAdd(const PenaltyTerm *s, Constraint c, PetscBool 
       const PetscBool is_unknown = (PetscBool)((bits >> m) & 1);
 
       for (PetscInt a = 0; a < dim; a++) {
-        if (is_unknown == of_unknown) re[a] -= G[a * nr + m] * U[index[k] * nr + m];
-        if (is_unknown) rigid[index[k] * nr + m] -= G[a * nr + m] * ue[a];
+        if (is_unknown == of_unknown) re[a] -= G[a * nr + m] * U[c->local_index[k] * nr + m];
+        if (is_unknown) rigid[c->local_index[k] * nr + m] -= G[a * nr + m] * ue[a];
       }
     }
   }
@@ -49,10 +47,8 @@ PetscErrorCode PenaltyTermMultAdd(const PenaltyTerm *s, Constraint c, PetscBool 
 PetscErrorCode PenaltyTermAddForce(const PenaltyTerm *s, Constraint c, const PetscReal u[], const PetscReal U[], PetscReal out[])
 {
   const PetscInt nr = s->nr, dim = s->dim;
-  PetscInt       first, count;
 
   PetscFunctionBeginUser;
-  PetscCall(ConstraintGetOwnBodies(c, &first, &count));
   for (PetscInt e = 0; e < s->n; e++) {
     PetscReal G[18];
 
@@ -60,7 +56,7 @@ PetscErrorCode PenaltyTermAddForce(const PenaltyTerm *s, Constraint c, const Pet
     for (PetscInt m = 0; m < nr; m++)
       for (PetscInt a = 0; a < dim; a++) out[s->body[e] * nr + m] += G[a * nr + m] * u[s->node[e] * dim + a];
   }
-  for (PetscInt k = first; k < first + count; k++)
+  for (PetscInt k = c->first; k < c->first + c->count; k++)
     for (PetscInt m = 0; m < nr * nr; m++) out[k * nr + m / nr] -= s->H[k * nr * nr + m] * U[k * nr + m % nr];
   PetscFunctionReturn(PETSC_SUCCESS);
 }

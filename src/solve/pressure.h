@@ -1,11 +1,14 @@
-/* Pressure: the projected pressure operator S_p = B_r M_r^{-1} B_r^T + eps B_c M_c^{-1} B_c^T and its two-level preconditioner.
+/* Pressure: the projected pressure operator S_p = B_r M_r^{-1} B_r^T + eps B_c M_c^{-1} B_c^T and its two-level
+   preconditioner.
 
-   The part of the nodes has a fixed pattern (cells that share a node) and is a matrix; rows of cells away from any change of the constraint are kept. The part of bodies with
-   unknown rigid velocities, W W^T = sum of B R_k M_k^{-1} (B R_k)^T, is of rank 3 (6 in 3D) a body and is applied, not stored; preconditioners other than the default see the matrix alone.
-   Default preconditioner (options under -flow_fieldsplit_pressure_): PCMG with two levels, discontinuous P1 -> continuous Q1 on the vertices, Galerkin coarse operator,
-   block Gauss-Seidel on the fine level, BoomerAMG (GAMG where hypre is missing) on the coarse one. */
+   The part of the nodes has a fixed pattern (cells that share a node) and is a matrix; rows of cells away from any
+   change of the constraint are kept. The part of bodies with unknown rigid velocities, W W^T = sum of B R_k M_k^{-1} (B
+   R_k)^T, is of rank 3 (6 in 3D) a body and is applied, not stored; preconditioners other than the default see the
+   matrix alone. Default preconditioner (options under -flow_fieldsplit_pressure_): PCMG with two levels, discontinuous
+   P1 -> continuous Q1 on the vertices, Galerkin coarse operator, block Gauss-Seidel on the fine level, BoomerAMG (GAMG
+   where hypre is missing) on the coarse one. */
 #pragma once
-#include "solve/constraint.h"
+#include "projection.h"
 #include "flow/flow.h"
 
 typedef struct _p_Pressure *Pressure;
@@ -15,28 +18,32 @@ PetscErrorCode PressureSetDefaults(void);
 PetscErrorCode PressureCreate(Flow, Constraint, Pressure *);
 PetscErrorCode PressureDestroy(Pressure *);
 
-/* eps of the design's section 4: share of their inverse mass that the nodes of body k keep. None at resolved walls: no cell is cut there, and fluid on one side only would make a
-   wall that yields take constant pressures out of the null space. */
+/* eps of the design's section 4: share of their inverse mass that the nodes of body k keep. None at resolved walls: no
+   cell is cut there, and fluid on one side only would make a wall that yields take constant pressures out of the null
+   space. */
 PetscReal PressureGetSoftness(Pressure, PetscInt k);
 
-/* All masses here are divided by rho c_t: S_p belongs to continuity rows multiplied by rho c_t, and does not depend on the time step.
-   weight [nnode_all][dim]: inverse mass of every nodal slot (zero at walls), with the penalty where a body holds the node softly; share [nnode_all]: what part of the motion of its
-   body such a node takes up at once (1: lies in the body, 0: free), NULL if only nodes inside matter; mass_inverse [nbodies][nr][nr]: inverse of the bodies' blocks of M_r, zero for known
-   degrees of freedom. Collective. */
+/* All masses here are divided by rho c_t: S_p belongs to continuity rows multiplied by rho c_t, and does not depend on
+   the time step. weight [nnode_all][dim]: inverse mass of every nodal slot (zero at walls), with the penalty where a
+   body holds the node softly; share [nnode_all]: what part of the motion of its body such a node takes up at once (1:
+   lies in the body, 0: free), NULL if only nodes inside matter; mass_inverse [nbodies][nr][nr]: inverse of the bodies'
+   blocks of M_r, zero for known degrees of freedom. Collective. */
 PetscErrorCode PressureUpdate(Pressure, const PetscReal weight[], const PetscReal share[], const PetscReal mass_inverse[]);
 
-/* Cells of the flow that are about to change (FlowUpdateCells): the parts of all operators that depend on the n listed local cells are taken out, with the shapes they still have.
-   Collective. */
+/* Cells of the flow that are about to change (FlowUpdateCells): the parts of all operators that depend on the n listed
+   local cells are taken out, with the shapes they still have. Collective. */
 PetscErrorCode PressureForgetCells(Pressure, PetscInt n, const PetscInt cells[]);
-/* After the change: cell_body [ncell_all] >= 0 for cells that are no part of the fluid (kept as a pointer), resolved [nbodies]: the mesh lines up with this body. Their pressures get
-   the identity as block. Collective. */
+/* After the change: cell_body [ncell_all] >= 0 for cells that are no part of the fluid (kept as a pointer), resolved
+   [nbodies]: the mesh lines up with this body. Their pressures get the identity as block. Collective. */
 PetscErrorCode PressureSetDead(Pressure, const PetscInt cell_body[], const PetscBool resolved[]);
 
-/* Compressibility C of cells between two constrained surfaces, and the identity in dead cells: cells [n] and blocks [n][nk][nk]. Part of the system's operator (B u + C p = 0) and of S_p. After PressureUpdate. */
+/* Compressibility C of cells between two constrained surfaces, and the identity in dead cells: cells [n] and blocks
+   [n][nk][nk]. Part of the system's operator (B u + C p = 0) and of S_p. After PressureUpdate. */
 PetscErrorCode PressureGetShared(Pressure, PetscInt *n, const PetscInt *cell[], const PetscReal *block[]);
 
-/* The pressure a [own cells][dim + 1] that is 1 in the fluid and 0 in dead cells: the null space of closed domains. Not collective. */
-PetscErrorCode PressureGetConstant(Pressure, PetscReal a[]);
+/* The null space of closed domains, pressure 1 in the fluid and 0 in dead cells, for vectors like this one with that
+   many entries before the pressure of own cells; *space is destroyed first. Collective. */
+PetscErrorCode PressureCreateConstant(Pressure, Vec like, PetscInt before, MatNullSpace *space);
 /* Is the constant pressure in the null space (closed domain, no shared cells)? After PressureUpdate. */
 PetscErrorCode PressureIsSingular(Pressure, PetscBool *singular);
 

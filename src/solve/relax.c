@@ -1,4 +1,4 @@
-/* Sweep: see relax.h. The kernels take the dimension as a constant, so that the loop over components disappears. */
+/* Relax: see relax.h. The kernels take the dimension as a constant, so that the loop over components disappears. */
 #include "compat.h"
 #include "relax.h"
 
@@ -101,8 +101,9 @@ static void factorise_row(Relax s, PetscInt i, const PetscInt ai[], const PetscI
   for (PetscInt q = begin; q < ai[i + 1]; q++) where[aj[q]] = -1;
 }
 
-/* A pivot that elimination has nearly used up, against the diagonal or against its row, is replaced by the diagonal, or more where the row is longer: the factors would overflow where
-   convection that the mesh does not resolve outweighs the diagonal (two falling discs at CFL 4). Cavity at CFL 6 and 60: the same iterations with twice and with a third of these values. */
+/* A pivot that elimination has nearly used up, against the diagonal or against its row, is replaced by the diagonal, or
+   more where the row is longer: the factors would overflow where convection that the mesh does not resolve outweighs
+   the diagonal (runs/studies/flow-solver) */
 #define PIVOT_OF_DIAGONAL 0.05
 #define PIVOT_OF_ROW      0.03
 #define INSTEAD_OF_ROW    0.1

@@ -1,10 +1,13 @@
-/* Relax: approximate inverses of the velocity matrix, one scalar matrix for all components, in one pass over its entries for all of them.
+/* Relax: approximate inverses of the velocity matrix, one scalar matrix for all components, in one pass over its
+   entries for all of them.
 
-   On the rank's own part of the matrix: SOR sweeps (omega 1), or an incomplete factorisation without fill-in (ILU(0): Meijerink & van der Vorst 1977; Saad 2003, ch. 10), whose
-   factors are stored in single precision. Where convection outweighs inertia and viscosity within a cell, sweeps against the flow amplify what they should damp, and the factorisation
-   does not care: two falling discs at CFL 1.3 and cell Reynolds number 60: 127 symmetric sweeps, 16 Jacobi steps, 1.1 factorisations a solve. It costs as much as some ten sweeps.
+   On the rank's own part of the matrix: SOR sweeps (omega 1), or an incomplete factorisation without fill-in (ILU(0):
+   Meijerink & van der Vorst 1977; Saad 2003, ch. 10), whose factors are stored in single precision. Where convection
+   outweighs inertia and viscosity within a cell, sweeps against the flow amplify what they should damp, and the
+   factorisation does not care. It costs as much as some ten sweeps (runs/studies/flow-solver).
 
-   Arrays are [own nodes][dim]. Inert slots (walls, nodes of bodies) have diagonal_inverse 0 and keep zero corrections. Nothing here is collective. */
+   Arrays are [own nodes][dim]. Inert slots (walls, nodes of bodies) have diagonal_inverse 0 and keep zero corrections.
+   Nothing here is collective. */
 #pragma once
 #include <petscmat.h>
 
@@ -17,5 +20,6 @@ PetscErrorCode RelaxDestroy(Relax *);
 /* New values in S: diagonal_inverse [n][dim] of it, zero at inert slots, borrowed; factorise or not. */
 PetscErrorCode RelaxUpdate(Relax, const PetscReal diagonal_inverse[], PetscBool factorise);
 
-/* its sweeps in the directions of the flag from x, or from zero as the flag says; with a factorisation x = (LU)^{-1} b. Error: more than one of these, or a start value. */
+/* its sweeps in the directions of the flag from x, or from zero as the flag says; with a factorisation x = (LU)^{-1} b.
+   Error: more than one of these, or a start value. */
 PetscErrorCode RelaxApply(Relax, MatSORType flag, PetscInt its, const PetscReal b[], PetscReal x[]);

@@ -1,77 +1,32 @@
 /* FlowSolver: see system.h for the system and the method.
 
-   Layout of all vectors of the system: on every rank the reduced velocity (own nodes x dim, then the rigid slots of own bodies), then the pressure of own cells. */
+   Layout of all vectors of the system: on every rank the reduced velocity (own nodes x dim, then the rigid slots of own
+   bodies), then the pressure of own cells. */
 #include "compat.h"
 #include "impl.h"
 #include "base/log.h"
-#include "base/opt.h"
 #include "assembled.h"
 
-/* Viscous number nu theta/(c_t h^2) from which the commutator pays where rigid nodes form a staircase: one settling disc, seconds a step without and with it, 0.034: .31 and .34, 0.068: .70 and .54
-   (24 and 11 outer iterations), 0.68: .61 and .39 (22 and 9). Not for 250 discs, whose pressures are dearer: fluidization, 0.053: .26 and .67 (7 and 6), 0.27: .56 and .79, 2.7: 1.70 and 2.11. Otherwise
-   it does not, being half as dear again: cavity, 64 x 64 cells, CFL 0.9, 0.23 / 0.9 / 3.7: 3.6 / 4.2 / 4.7 and 4.7 / 5.2 / 5.6; settling disc under penalty: 10 and 12 */
-#define COMMUTATOR_FROM 0.1
-/* Alike with bodies that do not move or whose motion is given. Cylinder in a channel, nodal, 3.4 / 66 / 660: outer iterations of the sixth step 27 / 37 / 57 and 23 / 26 / 19, six steps at 0.75 / 0.9 /
-   1.6 of the commutator's cost; 610,030 unknowns, 0.15: 6 and 6 at half its cost */
-#define COMMUTATOR_FROM_KNOWN 100
-/* Convective number |u| theta/(c_t h) alike, in under-resolved flows (cell Reynolds number above 50) and in all: cavity, nu 1e-6, 32 x 32 cells, 0.67: 15 and 7;
-   nu 1e-2, 16 x 16 cells, 6.7: 22 and 8 */
-#define COMMUTATOR_FROM_UNRESOLVED 0.5
-#define COMMUTATOR_FROM_CONVECTION 2
-/* Viscous number from which, without bodies and where a time step's diffusion outruns convection, p += mu theta Mp^{-1} follows in place of the commutator (Cahouet & Chabard 1988):
-   the commutator fails at walls, the more the finer the mesh: 10, 19, 41 iterations on 8 x 8, 32 x 32, 64 x 64 cells, 12, 13, 12 with it; with bodies Mp^{-1} fails in cut cells */
-#define VISCOUS_FROM 20
-/* The single sweep of recipe fast is a fixed point iteration for the pressure: B M^{-1} B^T of the consistent mass is up to some 3 times that of the lumped one where viscosity does not
-   damp the difference, and the whole correction then overshoots. Below this viscous number, of the largest cell, the pressure takes a share of it (the velocity all). Cavity, CFL 0.1 to 0.5: stable with
-   the whole at 0.019, not at 0.009; with 0.9 at 0.009, not at 0.005; with 0.6 at 0.005 and with hardly any viscosity. Around bodies the whole fails too, slowly: 2D-3 under penalty blows up with it at
-   t = 3.1, with 0.6 at 6, not with 0.5; two falling discs, 6 cells a diameter, penalty: trailing one at most 17.2 cm/s with the whole, 18.7 with 0.25 to 0.6, 18.7 solved to the end */
-#define WHOLE_FROM  0.015
-#define SHARE_BELOW 0.5
-/* The incomplete factorisation pays from either number on, and earlier where convection is under-resolved. Cavity, 64 x 64 cells, sweeps and factorisation (iterations of the velocity
-   solve): nu 1e-2, CFL 50: 31 and 18; nu 1e-3, CFL 50: 191 and 6.5 (sweeps fail); nu 1e-2, CFL 1.3: 3.5 and 2.5; 470 x 470, recipe fast, CFL 0.9: 3 and 2, 0.11 s a step of sweeps against
-   0.05 s, and 0.19 s for the factorisation */
-#define FACTORISE_FROM            1
-#define FACTORISE_FROM_UNRESOLVED 0.3
-
-/* Diagonal entries of A in the sweeps, at least, in lumped masses. Convection that the mesh does not resolve takes from the entry, and at CFL numbers of 3 and more leaves next to nothing,
-   or less (two falling discs, snap, 8 cells a diameter, dt 2e-3: -0.04 among rows of 8, and the factors overflow) */
+/* Diagonal entries of A in the sweeps, at least, in lumped masses: convection that the mesh does not resolve takes from
+   the entry, and would leave nothing or less (runs/studies/flow-solver) */
 #define LEAST_DIAGONAL 0.1
-
-typedef enum {
-  SCHUR_AUTO,
-  SCHUR_PROJECTION,
-  SCHUR_COMMUTATOR
-} SchurType;
-
-typedef enum {
-  SWEEP_AUTO,
-  SWEEP_SOR,
-  SWEEP_ILU
-} RelaxType;
-
-static const char *const RECIPES[] = {"fast", "balanced", "accurate", "direct", NULL};
-static const char *const SCHURS[]  = {"auto", "projection", "commutator", NULL};
-static const char *const SWEEPS[]  = {"auto", "sor", "ilu", NULL};
 
 /* ---- numeric set-up ---- */
 
 /* Inverse diagonal of A (zero at inert slots) and inverse lumped mass of M_r with softness at body nodes */
 static PetscErrorCode set_up_diagonals(FlowSolver fs)
 {
-  const MeshLocal *l   = fs->loc;
-  const PetscInt   dim = l->dim, *body, *fixed, *slot;
-  const PetscReal *m, *d;
-  PetscInt         ninert, nfollow;
-  PetscReal        hold = 1;
-  Vec              diagonal;
+  const struct _p_Constraint *c   = fs->constraint;
+  const MeshLocal            *l   = fs->loc;
+  const PetscInt              dim = l->dim, *fixed;
+  const PetscReal            *m, *d;
+  PetscReal                   hold = 1;
+  Vec                         diagonal;
 
   PetscFunctionBeginUser;
-  PetscCall(ConstraintGetNodeBody(fs->constraint, &body));
-  PetscCall(ConstraintGetInert(fs->constraint, &ninert, &slot));
-  PetscCall(ConstraintGetFollowers(fs->constraint, &nfollow, NULL, NULL, NULL));
   PetscCall(ConditionsGetValues(FlowConditions(fs->flow), &fixed, NULL));
   PetscCall(FlowGetLumpedMass(fs->flow, &m));
-  /* strong nodes among soft ones are to yield less than these (outer iterations at viscous number 1, 100, 1e5: 12, 19, 27; with eps alone 23, 79, none) */
+  /* strong nodes among soft ones are to yield less than these */
   if (FlowSolverIsSoft(fs)) hold = 1 + fs->soft->strength / fs->scale;
   PetscCall(MatCreateVecs(fs->S, &diagonal, NULL));
   PetscCall(MatGetDiagonal(fs->S, diagonal));
@@ -81,20 +36,20 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs)
 
     fs->diagonal_inverse[i] = d[i / dim] != 0 ? 1 / PetscMax(d[i / dim], least) : 0;
   }
-  for (PetscInt j = 0; j < ninert; j++) fs->diagonal_inverse[slot[j]] = 0;
+  for (PetscInt j = 0; j < c->ninert; j++) fs->diagonal_inverse[c->slot[j]] = 0;
   PetscCall(VecRestoreArrayRead(diagonal, &d));
   PetscCall(VecDestroy(&diagonal));
   for (PetscInt i = 0; i < l->nnode_all; i++) {
-    const PetscReal soft = FlowSolverIsSoft(fs) ? fs->soft->weight[i] / fs->scale : 0, mass = body[i] >= 0 ? m[i] : m[i] + soft;
+    const PetscReal soft = FlowSolverIsSoft(fs) ? fs->soft->weight[i] / fs->scale : 0, mass = c->node_body[i] >= 0 ? m[i] : m[i] + soft;
     const PetscReal w = mass > 0 ? 1 / mass : 0; /* no mass: buried in a dead cell */
 
-    fs->share[i] = body[i] >= 0 ? 1 : soft * w;
+    fs->share[i] = c->node_body[i] >= 0 ? 1 : soft * w;
     for (PetscInt a = 0; a < dim; a++)
-      fs->weight[i * dim + a] = body[i] >= 0 ? w / hold * PressureGetSoftness(fs->pressure, body[i]) : (fixed[i] >> a) & 1 ? 0 : w;
+      fs->weight[i * dim + a] = c->node_body[i] >= 0 ? w / hold * PressureGetSoftness(fs->pressure, c->node_body[i]) : (fixed[i] >> a) & 1 ? 0 : w;
   }
-  if (fs->nsaved < ninert + nfollow) {
+  if (fs->nsaved < c->ninert + c->nfollow) {
     PetscCall(PetscFree(fs->saved));
-    fs->nsaved = ninert + nfollow + (ninert + nfollow) / 4;
+    fs->nsaved = c->ninert + c->nfollow + (c->ninert + c->nfollow) / 4;
     PetscCall(PetscMalloc1(fs->nsaved, &fs->saved));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -115,195 +70,7 @@ static PetscErrorCode assemble_on_demand(FlowSolver fs)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* ---- the preconditioner ---- */
-
-/* p += mu theta Mp^{-1} (x_p - B u) */
-static PetscErrorCode add_viscous(FlowSolver fs, Vec x, Vec u, Vec p)
-{
-  const PetscReal *xa;
-  PetscReal       *pa, *r;
-
-  PetscFunctionBeginUser;
-  PetscCall(MatMult(fs->B, u, fs->t_p));
-  PetscCall(VecGetArrayRead(x, &xa));
-  PetscCall(VecGetArray(p, &pa));
-  PetscCall(VecGetArray(fs->t_p, &r));
-  for (PetscInt i = 0; i < fs->np; i++) r[i] = xa[fs->nur + i] - r[i];
-  PetscCall(FlowPressureMassSolve(fs->flow, fs->viscous, r, pa));
-  PetscCall(VecRestoreArray(p, &pa));
-  PetscCall(VecRestoreArray(fs->t_p, &r));
-  PetscCall(VecRestoreArrayRead(x, &xa));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* u += M_r^{-1} P^T B^T p, and the viscous part with the u before: the projection step with the rotational pressure update */
-static PetscErrorCode project(FlowSolver fs, Vec x, Vec u, Vec p)
-{
-  PetscFunctionBeginUser;
-  PetscCall(MatMult(fs->G, p, fs->t_u));
-  PetscCall(FlowSolverApplyMassInverse(fs, fs->t_u, fs->t_u2));
-  if (fs->share_of_pressure < 1) PetscCall(VecScale(p, fs->share_of_pressure));
-  PetscCall(add_viscous(fs, x, u, p));
-  PetscCall(VecAXPY(u, -1, fs->t_u2));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* p <- S_p^{-1} (B M_r^{-1} A_r M_r^{-1} P^T B^T + C) p, the least-squares commutator */
-static PetscErrorCode commute(FlowSolver fs, Vec p)
-{
-  PetscFunctionBeginUser;
-  PetscCall(MatMult(fs->G, p, fs->t_u));
-  PetscCall(VecScale(fs->t_u, -1));
-  PetscCall(FlowSolverApplyMassInverse(fs, fs->t_u, fs->t_u2));
-  PetscCall(MatMult(fs->Ar, fs->t_u2, fs->t_u));
-  PetscCall(FlowSolverApplyMassInverse(fs, fs->t_u, fs->t_u2));
-  PetscCall(MatMult(fs->B, fs->t_u2, fs->t_p));
-  if (fs->C) {
-    PetscCall(MatMult(fs->C, p, fs->t_p2));
-    PetscCall(VecAXPY(fs->t_p, 1, fs->t_p2));
-  }
-  PetscCall(KSPSolve(fs->sub[1], fs->t_p, p));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* y = fieldsplit (x), then projection or commutator, see the header */
-static PetscErrorCode apply_projection(PC pc, Vec x, Vec y)
-{
-  FlowSolver fs;
-  PetscReal *a;
-  Vec        u, p;
-
-  PetscFunctionBeginUser;
-  PetscCall(PCShellGetContext(pc, &fs));
-  PetscCall(PCApply(fs->split, x, y));
-  PetscCall(VecGetArray(y, &a));
-  PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, fs->nur, PETSC_DETERMINE, a, &u));
-  PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, fs->np, PETSC_DETERMINE, a + fs->nur, &p));
-  if (fs->viscous_only) PetscCall(add_viscous(fs, x, u, p));
-  else if (fs->commute) PetscCall(commute(fs, p));
-  else PetscCall(project(fs, x, u, p));
-  PetscCall(VecDestroy(&u));
-  PetscCall(VecDestroy(&p));
-  PetscCall(VecRestoreArray(y, &a));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode view_projection(PC pc, PetscViewer viewer)
-{
-  FlowSolver fs;
-
-  PetscFunctionBeginUser;
-  PetscCall(PCShellGetContext(pc, &fs));
-  PetscCall(PetscViewerASCIIPrintf(viewer, "  fieldsplit, then %s\n", fs->commute ? "least-squares commutator" : "projection with the lumped mass"));
-  PetscCall(PetscViewerASCIIPushTab(viewer));
-  PetscCall(PCView(fs->split, viewer));
-  PetscCall(PetscViewerASCIIPopTab(viewer));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Set up the inner fieldsplit and point its pressure solver at S_p instead of the true Schur complement. */
-static PetscErrorCode set_up_projection(PC pc)
-{
-  FlowSolver fs;
-  PetscInt   n;
-  Mat        Sp, Sp_pre;
-
-  PetscFunctionBeginUser;
-  PetscCall(PCShellGetContext(pc, &fs));
-  PetscCall(PressureGetMats(fs->pressure, &Sp, &Sp_pre));
-  PetscCall(PCFieldSplitSetSchurPre(fs->split, PC_FIELDSPLIT_SCHUR_PRE_USER, Sp_pre));
-  PetscCall(PCSetUp(fs->split));
-  PetscCall(PetscFree(fs->sub));
-  PetscCall(PCFieldSplitSchurGetSubKSP(fs->split, &n, &fs->sub));
-  PetscCall(KSPSetOperators(fs->sub[1], Sp, Sp_pre));
-  PetscCall(PressureSetUpPC(fs->pressure, fs->sub[1]));
-  PetscCall(KSPSetUp(fs->sub[0]));
-  PetscCall(KSPSetUp(fs->sub[1]));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* ---- creation ---- */
-
-static PetscErrorCode set_recipe(FlowSolver fs, PetscBool moving)
-{
-  const char *outer[][2] = {{"1", "1e-10"}, {"200", "1e-8"}, {"200", "1e-9"}, {"20", "1e-10"}};
-  const char *inner[][2] = {{"1e-2", "1e-1"}, {"1e-2", "1e-2"}, {"1e-2", "1e-2"}, {"1e-2", "1e-2"}};
-  PetscInt    recipe     = 1;
-  PetscBool   sweep_only, given;
-
-  PetscFunctionBeginUser;
-  PetscCall(OptChoice("-flow_recipe", "preset of the solver options; every one can be overridden", RECIPES, &recipe));
-  fs->fixed = (PetscBool)(recipe == 0);
-  if (recipe == 0) fs->schur = SCHUR_PROJECTION; /* a single sweep must end with the projection */
-  PetscCall(OptChoice("-flow_schur", "what follows the pressure solve (auto: by the viscous number of the step)", SCHURS, &fs->schur));
-  PetscCall(
-    OptChoice("-flow_velocity_sweep", "preconditioner of the velocity (auto: by the convective number of the step)", SWEEPS, &fs->sweep_type));
-  PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_ksp_rtol", &given));
-  if (recipe == 1 && !given) PetscCall(OptDefault("-flow_rtol_start", "1e-2")); /* as an option: a restart finds both in its checkpoint */
-  fs->rtol_most = 1e-5;
-  PetscCall(OptReal("-flow_rtol_start", "residual that a solve leaves as share of its start value's (0: only -flow_ksp_rtol counts)", "", 0, 1,
-                    &fs->rtol_start));
-  PetscCall(OptReal("-flow_rtol_most", "bound for -flow_rtol_start, as share of the right-hand side", "", 0, 1, &fs->rtol_most));
-  /* with bodies that move the sweep must not add to the residual: two falling discs blow up within 20 steps otherwise */
-  sweep_only = (PetscBool)(recipe == 0 && !moving);
-  PetscCall(OptDefault("-flow_ksp_type", sweep_only ? "richardson" : "fgmres"));
-  PetscCall(OptDefault("-flow_ksp_max_it", outer[recipe][0]));
-  PetscCall(OptDefault("-flow_ksp_rtol", outer[recipe][1]));
-  if (recipe == 0) PetscCall(OptDefault("-flow_ksp_convergence_test", "skip"));
-  if (sweep_only) PetscCall(OptDefault("-flow_ksp_norm_type", "none")); /* or the sweep would run a second time for the norm */
-  if (recipe > 0) PetscCall(OptDefault("-flow_ksp_gmres_restart", "60"));
-  if (recipe == 3) {
-    PetscCall(OptDefault("-flow_pc_type", "lu"));
-    PetscCall(OptDefault("-flow_pc_factor_mat_solver_type", "mumps"));
-    PetscCall(OptDefault("-flow_mat_mumps_icntl_24", "1")); /* leave null pivots out: pressures of cut cells without a free velocity */
-  } else {
-    PetscCall(OptDefault("-flow_fieldsplit_velocity_ksp_type", "gcr")); /* 3 sweeps where bcgs does 5 (viscous number 0.4), 43 for 61 (70) */
-    PetscCall(OptDefault("-flow_fieldsplit_velocity_ksp_gcr_restart", "10"));
-    PetscCall(OptDefault("-flow_fieldsplit_velocity_ksp_rtol", inner[recipe][0]));
-    PetscCall(OptDefault("-flow_fieldsplit_velocity_ksp_max_it", "200"));
-    PetscCall(OptDefault("-flow_fieldsplit_velocity_pc_type", "sor"));
-    PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_type", "cg"));
-    PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_rtol", inner[recipe][1]));
-    PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_max_it", "200"));
-    PetscCall(PressureSetDefaults());
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Which preconditioners need assembled matrices */
-static PetscErrorCode choose_assembly(FlowSolver fs)
-{
-  char      type[64];
-  PetscBool set, in;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscOptionsGetString(NULL, NULL, "-flow_pc_type", type, sizeof(type), &set));
-  fs->need_whole = set;
-  PetscCall(PetscOptionsGetString(NULL, NULL, "-flow_fieldsplit_velocity_pc_type", type, sizeof(type), &set));
-  if (fs->need_whole || !set) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscStrInList(type, "none,jacobi,sor", ',', &in));
-  fs->need_Ar = (PetscBool)!in;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* The pressure that is constant in the fluid and zero in dead cells */
-static PetscErrorCode find_constant_pressure(FlowSolver fs)
-{
-  Vec        constant;
-  PetscReal *a;
-
-  PetscFunctionBeginUser;
-  PetscCall(MatNullSpaceDestroy(&fs->constant_pressure));
-  PetscCall(VecDuplicate(fs->x, &constant));
-  PetscCall(VecGetArrayWrite(constant, &a));
-  PetscCall(PetscArrayzero(a, fs->nur));
-  PetscCall(PressureGetConstant(fs->pressure, a + fs->nur));
-  PetscCall(VecRestoreArrayWrite(constant, &a));
-  PetscCall(VecNormalize(constant, NULL));
-  PetscCall(MatNullSpaceCreate(PETSC_COMM_WORLD, PETSC_FALSE, 1, &constant, &fs->constant_pressure));
-  PetscCall(VecDestroy(&constant));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
 
 static PetscErrorCode create_operators(FlowSolver fs)
 {
@@ -326,36 +93,19 @@ static PetscErrorCode create_operators(FlowSolver fs)
   PetscCall(VecDuplicate(fs->t_p, &fs->t_p2));
   PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, fs->loc->dim, fs->nodal, PETSC_DETERMINE, NULL, &fs->xn));
   PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, fs->loc->dim, fs->nodal, PETSC_DETERMINE, NULL, &fs->yn));
-  PetscCall(find_constant_pressure(fs));
+  PetscCall(PressureCreateConstant(fs->pressure, fs->x, fs->nur, &fs->constant_pressure));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode create_solvers(FlowSolver fs)
 {
   PC pc;
-  IS is[2];
 
   PetscFunctionBeginUser;
   PetscCall(KSPCreate(PETSC_COMM_WORLD, &fs->ksp));
   PetscCall(KSPSetOptionsPrefix(fs->ksp, "flow_"));
   PetscCall(KSPGetPC(fs->ksp, &pc));
-  if (!fs->need_whole) {
-    PetscCall(PCSetType(pc, PCSHELL));
-    PetscCall(PCShellSetContext(pc, fs));
-    PetscCall(PCShellSetName(pc, "projection"));
-    PetscCall(PCShellSetSetUp(pc, set_up_projection));
-    PetscCall(PCShellSetApply(pc, apply_projection));
-    PetscCall(PCShellSetView(pc, view_projection));
-    PetscCall(PCCreate(PETSC_COMM_WORLD, &fs->split));
-    PetscCall(PCSetOptionsPrefix(fs->split, "flow_"));
-    PetscCall(PCSetType(fs->split, PCFIELDSPLIT));
-    PetscCall(MatNestGetISs(fs->nest, is, NULL));
-    PetscCall(PCFieldSplitSetIS(fs->split, "velocity", is[0]));
-    PetscCall(PCFieldSplitSetIS(fs->split, "pressure", is[1]));
-    PetscCall(PCFieldSplitSetType(fs->split, PC_COMPOSITE_SCHUR));
-    PetscCall(PCFieldSplitSetSchurFactType(fs->split, PC_FIELDSPLIT_SCHUR_FACT_LOWER));
-    PetscCall(PCSetFromOptions(fs->split));
-  }
+  if (!fs->need_whole) PetscCall(FlowSolverCreateProjection(fs, pc));
   PetscCall(KSPSetFromOptions(fs->ksp));
   PetscCall(KSPGetTolerances(fs->ksp, &fs->rtol, NULL, NULL, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -364,7 +114,6 @@ static PetscErrorCode create_solvers(FlowSolver fs)
 PetscErrorCode FlowSolverCreate(Flow flow, Constraint constraint, PetscBool moving, FlowSolver *solver)
 {
   FlowSolver       fs;
-  PetscInt         first, count;
   const PetscReal *h;
 
   PetscFunctionBeginUser;
@@ -374,21 +123,19 @@ PetscErrorCode FlowSolverCreate(Flow flow, Constraint constraint, PetscBool movi
   PetscCall(FlowGetMesh(flow, &fs->mesh));
   PetscCall(MeshGetLocal(fs->mesh, &fs->loc));
   PetscCall(ConstraintGetSizes(constraint, &fs->nodal, &fs->nur));
-  PetscCall(ConstraintGetRigidSize(constraint, &fs->nr));
-  PetscCall(ConstraintGetOwnBodies(constraint, &first, &count));
-  PetscCall(MPIU_Allreduce(&count, &fs->nbodies, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
-  fs->np = fs->loc->ncell * (fs->loc->dim + 1);
+  fs->nr      = constraint->nr;
+  fs->nbodies = constraint->nbodies;
+  fs->np      = fs->loc->ncell * (fs->loc->dim + 1);
   PetscCall(FlowGetCellSize(flow, &h));
   for (PetscInt e = 0; e < fs->loc->ncell; e++) fs->h_max = PetscMax(fs->h_max, h[e]);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &fs->h_max, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
-  PetscCall(set_recipe(fs, moving));
-  PetscCall(choose_assembly(fs));
+  PetscCall(FlowSolverSetRecipe(fs, moving));
   PetscCall(FlowGetMatrix(flow, &fs->S));
   PetscCall(MatCreateMAIJ(fs->S, fs->loc->dim, &fs->S_all));
   fs->A = fs->S_all;
   PetscCall(RelaxCreate(fs->S, fs->loc->dim, &fs->sweep));
   PetscCall(BodyBlocksCreate(flow, constraint, &fs->blocks));
-  PetscCall(PetscCalloc3(fs->nbodies * fs->nr * fs->nr, &fs->D, count * fs->nr * fs->nr, &fs->body_inverse, fs->nbodies * fs->nr * fs->nr,
+  PetscCall(PetscCalloc3(fs->nbodies * fs->nr * fs->nr, &fs->D, constraint->count * fs->nr * fs->nr, &fs->body_inverse, fs->nbodies * fs->nr * fs->nr,
                          &fs->mass_inverse));
   PetscCall(
     PetscCalloc3(fs->nodal, &fs->diagonal_inverse, fs->loc->nnode_all * fs->loc->dim, &fs->weight, fs->loc->nnode_all * fs->loc->dim, &fs->local));
@@ -484,51 +231,7 @@ PetscErrorCode FlowSolverSetDead(FlowSolver fs, const PetscInt cell_body[], cons
   PetscFunctionBeginUser;
   fs->fitted = PETSC_TRUE;
   PetscCall(PressureSetDead(fs->pressure, cell_body, resolved));
-  PetscCall(find_constant_pressure(fs));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Sets *has if the velocity of some body is unknown */
-static PetscErrorCode find_free_bodies(FlowSolver fs, PetscBool *has)
-{
-  const PetscInt *unknown;
-
-  PetscFunctionBeginUser;
-  PetscCall(ConstraintGetUnknown(fs->constraint, &unknown));
-  for (PetscInt k = 0; k < fs->nbodies; k++)
-    if (unknown[k]) *has = PETSC_TRUE;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* What follows the pressure solve, and the preconditioner of the velocity, by the viscous and the convective number of the step with the smallest cell */
-static PetscErrorCode choose_methods(FlowSolver fs)
-{
-  const FlowParameters *par;
-  const FlowStep       *step;
-  PetscReal            *u, speed = 0, t, viscous, convective;
-  PetscBool             moves = PETSC_FALSE;
-
-  PetscFunctionBeginUser;
-  PetscCall(find_free_bodies(fs, &moves));
-  PetscCall(FlowGetParameters(fs->flow, &par));
-  PetscCall(FlowGetStep(fs->flow, &step));
-  PetscCall(FlowGetFields(fs->flow, &u, NULL, NULL));
-  for (PetscInt i = 0; i < fs->nodal; i++) speed = PetscMax(speed, PetscAbsReal(u[i]));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &speed, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
-  t                     = step->ct > 0 ? step->theta / (step->ct * fs->loc->h) : PETSC_MAX_REAL;
-  viscous               = par->viscosity * t / (par->density * fs->loc->h);
-  convective            = speed * t;
-  fs->factorise         = (PetscBool)(fs->sweep_type == SWEEP_ILU ||
-                              (fs->sweep_type == SWEEP_AUTO && (convective > FACTORISE_FROM || viscous > FACTORISE_FROM ||
-                                                                convective > PetscMax(FACTORISE_FROM_UNRESOLVED, 5 * viscous))));
-  fs->commute           = (PetscBool)(fs->schur == SCHUR_COMMUTATOR || step->dt == 0); /* the projection is for time steps only */
-  fs->viscous_only      = PETSC_FALSE;
-  fs->share_of_pressure = fs->fixed && viscous * PetscSqr(fs->loc->h / fs->h_max) < WHOLE_FROM ? SHARE_BELOW : 1;
-  if (fs->commute || fs->schur == SCHUR_PROJECTION) PetscFunctionReturn(PETSC_SUCCESS);
-  fs->viscous_only = (PetscBool)(fs->nbodies == 0 && viscous > VISCOUS_FROM && convective * convective < 10 * viscous);
-  fs->commute      = (PetscBool)((fs->nbodies > 0 && !fs->fitted && !FlowSolverIsSoft(fs) &&
-                             viscous > (moves ? COMMUTATOR_FROM : COMMUTATOR_FROM_KNOWN)) ||
-                            convective > COMMUTATOR_FROM_CONVECTION || (convective > COMMUTATOR_FROM_UNRESOLVED && convective > 50 * viscous));
+  PetscCall(PressureCreateConstant(fs->pressure, fs->x, fs->nur, &fs->constant_pressure));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -543,7 +246,7 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
   PetscCall(FlowGetStep(fs->flow, &step));
   fs->scale   = step->dt > 0 ? par->density * step->ct : par->viscosity / (fs->loc->h * fs->loc->h);
   fs->viscous = par->viscosity * step->theta / fs->scale;
-  PetscCall(choose_methods(fs));
+  PetscCall(FlowSolverChooseMethods(fs));
   PetscCall(set_up_diagonals(fs));
   PetscCall(PetscLogEventBegin(TB_VEL_FACTOR, 0, 0, 0, 0));
   PetscCall(RelaxUpdate(fs->sweep, fs->diagonal_inverse, fs->factorise));
@@ -573,36 +276,32 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The penalty's share in the right-hand side of known velocities U and known nodal values c: y -= G U, rigid -= H U - G^T c (own bodies) */
+/* The penalty's share in the right-hand side of known velocities U and known nodal values c: y -= G U, rigid -= H U -
+   G^T c (own bodies) */
 static PetscErrorCode add_known_soft(FlowSolver fs, const PetscReal c[], PetscReal y[], PetscReal rigid[])
 {
-  const PetscInt  *unknown, *index, nr = fs->nr, nn = nr * nr;
-  const PetscReal *U;
-  PetscReal       *local = fs->rigid_work, *U_local = fs->rigid_work + fs->nbodies * nr;
-  PetscInt         n, first, count;
+  const struct _p_Constraint *P  = fs->constraint;
+  const PetscInt              nr = fs->nr, nn = nr * nr;
+  PetscReal                  *local = fs->rigid_work, *U_local = fs->rigid_work + fs->nbodies * nr;
 
   PetscFunctionBeginUser;
-  PetscCall(ConstraintGetUnknown(fs->constraint, &unknown));
-  PetscCall(ConstraintGetRigid(fs->constraint, &U));
-  PetscCall(ConstraintGetOwnBodies(fs->constraint, &first, &count));
-  PetscCall(ConstraintGetLocalRigid(fs->constraint, &n, &index, NULL));
   for (PetscInt k = 0; k < fs->nbodies; k++)
-    for (PetscInt s = 0; s < nr && index[k] >= 0; s++) {
-      U_local[index[k] * nr + s] = U[k * nr + s];
-      local[index[k] * nr + s]   = 0;
+    for (PetscInt s = 0; s < nr && P->local_index[k] >= 0; s++) {
+      U_local[P->local_index[k] * nr + s] = P->U[k * nr + s];
+      local[P->local_index[k] * nr + s]   = 0;
     }
   PetscCall(PenaltyTermMultAdd(fs->soft, fs->constraint, PETSC_FALSE, U_local, c, y, local));
-  for (PetscInt i = 0; i < n * nr; i++) local[i] = -local[i];
+  for (PetscInt i = 0; i < P->nlocal * nr; i++) local[i] = -local[i];
   PetscCall(ConstraintDeliverRigid(fs->constraint, local, rigid));
-  for (PetscInt k = 0; k < count; k++)
+  for (PetscInt k = 0; k < P->count; k++)
     for (PetscInt m = 0; m < nn; m++)
-      if ((unknown[first + k] >> (m / nr)) & 1 && !((unknown[first + k] >> (m % nr)) & 1))
-        rigid[k * nr + m / nr] -= fs->soft->H[(first + k) * nn + m] * U[(first + k) * nr + m % nr];
+      if ((P->unknown[P->first + k] >> (m / nr)) & 1 && !((P->unknown[P->first + k] >> (m % nr)) & 1))
+        rigid[k * nr + m / nr] -= fs->soft->H[(P->first + k) * nn + m] * P->U[(P->first + k) * nr + m % nr];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Where the pressure has an undetermined constant, the flux of the prescribed velocity c through the boundary must vanish. What interpolation and round-off leave of it is spread
-   over all cells. */
+/* Where the pressure has an undetermined constant, the flux of the prescribed velocity c through the boundary must
+   vanish. What interpolation and round-off leave of it is spread over all cells. */
 static PetscErrorCode spread_net_flux(FlowSolver fs, const PetscReal c[])
 {
   const MeshLocal *l    = fs->loc;
@@ -630,23 +329,19 @@ static PetscErrorCode spread_net_flux(FlowSolver fs, const PetscReal c[])
 /* b = [P^T (r - A c) + g; -B c] */
 static PetscErrorCode build_rhs(FlowSolver fs, const PetscReal r[], const PetscReal g[])
 {
-  const PetscReal *known;
-  const PetscInt  *unknown;
-  PetscReal       *b, *c = fs->local;
-  PetscInt         first, count;
+  const struct _p_Constraint *P = fs->constraint;
+  PetscReal                  *b, *c = fs->local;
 
   PetscFunctionBeginUser;
-  PetscCall(ConstraintGetKnown(fs->constraint, &known));
-  PetscCall(ConstraintGetUnknown(fs->constraint, &unknown));
-  PetscCall(ConstraintGetOwnBodies(fs->constraint, &first, &count));
   PetscCall(VecGetArray(fs->b, &b));
-  PetscCall(PetscArraycpy(c, known, fs->loc->nnode_all * fs->loc->dim));
+  PetscCall(PetscArraycpy(c, P->known, fs->loc->nnode_all * fs->loc->dim));
   PetscCall(VecPlaceArray(fs->xn, c));
   PetscCall(VecPlaceArray(fs->yn, b));
   PetscCall(MatMult(fs->A, fs->xn, fs->yn));
   PetscCall(VecResetArray(fs->xn));
   PetscCall(VecResetArray(fs->yn));
-  for (PetscInt i = 0; i < count * fs->nr; i++) b[fs->nodal + i] = (unknown[first + i / fs->nr] >> (i % fs->nr)) & 1 ? g[first * fs->nr + i] : 0;
+  for (PetscInt i = 0; i < P->count * fs->nr; i++)
+    b[fs->nodal + i] = (P->unknown[P->first + i / fs->nr] >> (i % fs->nr)) & 1 ? g[P->first * fs->nr + i] : 0;
   if (FlowSolverIsSoft(fs)) PetscCall(add_known_soft(fs, c, b, b + fs->nodal));
   for (PetscInt i = 0; i < fs->nodal; i++) b[i] = r[i] - b[i];
   PetscCall(ConstraintReduceInPlace(fs->constraint, b, b + fs->nodal));
@@ -734,14 +429,14 @@ PetscErrorCode FlowSolverCorrect(FlowSolver fs, Vec f, Vec y, PetscInt *its, KSP
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* q = dp without the pressures of cells that lie in bodies: no equation knows them, and what is added once would be added in every step */
+/* q = dp without the pressures of cells that lie in bodies: no equation knows them, and what is added once would be
+   added in every step */
 static PetscErrorCode take_known_pressures(FlowSolver fs, const PetscReal dp[], PetscReal q[])
 {
-  const MeshLocal *l = fs->loc;
-  const PetscInt  *body, nk = l->dim + 1;
+  const MeshLocal *l    = fs->loc;
+  const PetscInt  *body = fs->constraint->node_body, nk = l->dim + 1;
 
   PetscFunctionBeginUser;
-  PetscCall(ConstraintGetNodeBody(fs->constraint, &body));
   PetscCall(PetscArraycpy(q, dp, fs->np));
   for (PetscInt c = 0; c < l->ncell && fs->nbodies; c++) {
     PetscInt j = 0;
@@ -752,9 +447,10 @@ static PetscErrorCode take_known_pressures(FlowSolver fs, const PetscReal dp[], 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Go along dp from the start value's pressure to where its residual r is smallest, at most a whole step and never back: longer ones follow the noise of a pressure that hardly changes,
-   and grow from step to step. Where the flow changes smoothly it is a whole step (a second one would follow from the first by solving for it); where bodies move, the pressure jumps and
-   the step is short. */
+/* Go along dp from the start value's pressure to where its residual r is smallest, at most a whole step and never back:
+   longer ones follow the noise of a pressure that hardly changes, and grow from step to step. Where the flow changes
+   smoothly it is a whole step (a second one would follow from the first by solving for it); where bodies move, the
+   pressure jumps and the step is short. */
 static PetscErrorCode shift_pressure(FlowSolver fs, const PetscReal dp[])
 {
   PetscReal       *x, *r, *known, sum[2] = {0, 0};
@@ -810,27 +506,6 @@ static PetscErrorCode start_from(FlowSolver fs, const PetscReal dp[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The tolerance of the correction y; enough: the start value (or zero, if that is better) meets it. */
-static PetscErrorCode set_tolerance(FlowSolver fs, PetscBool *enough)
-{
-  PetscReal start, rhs, target;
-
-  PetscFunctionBeginUser;
-  *enough = PETSC_FALSE;
-  if (fs->fixed) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(VecNorm(fs->r, NORM_2, &start));
-  PetscCall(VecNorm(fs->b, NORM_2, &rhs));
-  if (start > rhs) { /* such as when all comes to rest within a step */
-    PetscCall(VecZeroEntries(fs->x));
-    PetscCall(VecCopy(fs->b, fs->r));
-    start = rhs;
-  }
-  target  = PetscMax(fs->rtol * rhs, PetscMin(fs->rtol_start * start, fs->rtol_most * rhs));
-  *enough = (PetscBool)(start <= target);
-  if (!*enough && start < PETSC_MAX_REAL) PetscCall(KSPSetTolerances(fs->ksp, target / start, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscReal g[], PetscReal u[], PetscReal p[], const PetscReal dp[],
                                PetscReal U[], PetscInt *its, KSPConvergedReason *reason)
 {
@@ -841,7 +516,7 @@ PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscRe
   PetscCall(build_rhs(fs, r, g));
   PetscCall(FlowSolverPack(fs, u, p, U, fs->x));
   PetscCall(start_from(fs, dp));
-  PetscCall(set_tolerance(fs, &enough));
+  PetscCall(FlowSolverSetTolerance(fs, &enough));
   *its    = 0;
   *reason = KSP_CONVERGED_RTOL;
   if (!enough) {

@@ -1,7 +1,7 @@
 /* Constraint: P, its transpose, its matrix form, known parts, walls against bodies, detection of changes; in 2D and 3D, bodies across ranks and across periodic boundaries. */
 /* ranks: 1 2 3 */
 #include "core.h"
-#include "solve/constraint.h"
+#include "projection.h"
 
 /* Bodies 0 and 1 are unknown as a whole, 2 in its translation only, 3 is known; 4 covers no node but has slots */
 #define NBODIES 5
@@ -66,9 +66,10 @@ static void open_case(Case *s, PetscInt dim, const char options[])
   OK(ConstraintCreate(s->mesh, NBODIES, &s->c));
   OK(ConstraintGetRigidSize(s->c, &s->nr));
   OK(ConstraintGetSizes(s->c, &s->nodal, &s->total));
-  OK(ConstraintGetOwnBodies(s->c, &s->first, &s->count));
-  s->dim = dim;
-  s->own = s->l->nnode * dim;
+  s->first = s->c->first;
+  s->count = s->c->count;
+  s->dim   = dim;
+  s->own   = s->l->nnode * dim;
   OK(PetscCalloc4(s->l->nnode_all, &s->fixed, s->l->nnode_all, &s->node_body, s->l->nnode_all * dim, &s->value, NBODIES * s->nr, &s->U));
   for (PetscInt k = 0; k < NBODIES; k++) {
     for (PetscInt d = 0; d < 3; d++) s->X[k][d] = d < dim ? CENTRES[k][d] : 0;
@@ -156,7 +157,7 @@ static void check_expand(Case *s)
   OK(PetscMalloc1(s->l->nnode_all * s->dim, &u));
   OK(ConstraintExpand(s->c, ur, u));
   OK(ConstraintGetNodeBody(s->c, &body));
-  OK(ConstraintGetKnown(s->c, &known));
+  known = s->c->known;
   for (PetscInt i = 0; i < NBODIES * s->nr; i++) all[i] = (s->unknown[i / s->nr] >> (i % s->nr)) & 1 ? noise(900000 + i) : s->U[i];
   for (PetscInt i = 0; i < s->l->nnode_all; i++) {
     const PetscInt k = s->fixed[i] ? -1 : s->node_body[i];
@@ -240,7 +241,8 @@ static void check_reduce(Case *s)
   OK(ConstraintReduceInPlace(s->c, y, once));
   OK(ConstraintReduceInPlace(s->c, again, twice));
   for (PetscInt i = 0; i < s->count * s->nr; i++) NEAR(twice[i], 5 + once[i], 1e-13);
-  OK(ConstraintGetInert(s->c, &n, &slot));
+  n    = s->c->ninert;
+  slot = s->c->slot;
   for (PetscInt j = 0; j < n; j++) BELOW(y[slot[j]], 0);
   fill_noise(s->l, 4, again);
   for (PetscInt j = 0; j < n; j++) again[slot[j]] = 0;
@@ -263,8 +265,10 @@ static void check_put_back(Case *s)
   Vec              ur = noisy_reduced(s);
 
   for (PetscInt i = 0; i < NBODIES * s->nr; i++) all[i] = noise(900000 + i);
-  OK(ConstraintGetInert(s->c, &n, &slot));
-  OK(ConstraintGetRows(s->c, &body, &coef));
+  n    = s->c->ninert;
+  slot = s->c->slot;
+  body = s->c->body;
+  coef = s->c->coef;
   OK(PetscMalloc4(s->l->nnode_all * s->dim, &v, s->l->nnode_all * s->dim, &keep, n, &saved, s->own, &inert));
   fill_noise(s->l, 5, v);
   fill_noise(s->l, 5, keep);
@@ -359,7 +363,8 @@ static void check_restrict(Case *s)
   OK(ConstraintGatherRigid(s->c, ur, all));
   for (PetscInt i = 0; i < NBODIES * s->nr; i++) NEAR(all[i], (s->unknown[i / s->nr] >> (i % s->nr)) & 1 ? noise(900000 + i) : s->U[i], 0);
   OK(ConstraintRestrict(s->c, u, all, back));
-  OK(ConstraintGetInert(s->c, &n, &slot));
+  n    = s->c->ninert;
+  slot = s->c->slot;
   OK(VecGetArrayRead(back, &x));
   for (PetscInt j = 0; j < n; j++) BELOW(x[slot[j]], 0);
   for (PetscInt i = 0; i < s->count * s->nr; i++)
@@ -472,8 +477,7 @@ static void test_no_bodies(void **state)
   OK(ConstraintCreate(mesh, 0, &c));
   OK(ConstraintGetSizes(c, &nodal, &all));
   assert_int_equal(nodal, all);
-  OK(ConstraintGetInert(c, &n, NULL));
-  assert_int_equal(n, 0);
+  assert_int_equal(c->ninert, 0);
   OK(ConstraintCreateVec(c, &ur));
   OK(VecGetSize(ur, &n));
   assert_int_equal(n, 2 * 81);

@@ -1,0 +1,243 @@
+/* Flow: assembly of the velocity matrix and the right-hand side, products with B (see flow.h).
+
+   The velocity matrix is assembled in one pass over the cells, own and ghost, straight into the rows of own nodes: no
+   communication, and no second matrix for the constant part, which costs less to compute (element.h) than to load. */
+#include "compat.h"
+#include "impl.h"
+#include "base/log.h"
+
+/* Rows of own nodes as compressed rows with global columns in ascending order; the caller frees both. */
+static PetscErrorCode find_pattern(Flow f, PetscInt **row_start, PetscInt **column)
+{
+  const MeshLocal *l    = f->loc;
+  PetscInt         room = 18 * l->nnode + 125, n = 0, *start, *col;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(l->nnode + 1, &start));
+  PetscCall(PetscMalloc1(room, &col));
+  start[0] = 0;
+  for (PetscInt i = 0; i < l->nnode; i++) {
+    const PetscInt first = l->node_cell_ptr[i], last = l->node_cell_ptr[i + 1];
+    PetscInt       m = (last - first) * l->nb;
+
+    if (n + m > room) {
+      room = 2 * room + m;
+      PetscCall(PetscRealloc(room * sizeof(PetscInt), &col));
+    }
+    for (PetscInt q = 0; q < m; q++) col[n + q] = l->node_global[l->cell_node[l->node_cell[first + q / l->nb] * l->nb + q % l->nb]];
+    PetscCall(PetscSortRemoveDupsInt(&m, col + n));
+    n += m;
+    start[i + 1] = n;
+  }
+  *row_start = start;
+  *column    = col;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowGetMatrixParts(Flow f, Mat part[2], const PetscInt *columns[])
+{
+  PetscBool seq;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscObjectTypeCompare((PetscObject)f->S, MATSEQAIJ, &seq));
+  part[0] = f->S;
+  part[1] = NULL;
+  if (!seq) PetscCall(MatMPIAIJGetSeqAIJ(f->S, &part[0], &part[1], columns));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode find_entries(Flow f)
+{
+  const MeshLocal *l  = f->loc;
+  const PetscInt   nb = l->nb, *start[2] = {NULL, NULL}, *col[2] = {NULL, NULL}, *global = NULL;
+  PetscInt         n[2] = {0, 0}, nother = 0, at;
+  Mat              part[2];
+  PetscBool        done;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetMatrixParts(f, part, &global));
+  for (PetscInt s = 0; s < 2 && part[s]; s++) PetscCall(MatGetRowIJ(part[s], 0, PETSC_FALSE, PETSC_FALSE, &n[s], &start[s], &col[s], &done));
+  if (part[1]) PetscCall(MatGetSize(part[1], NULL, &nother));
+  for (PetscInt c = 0; c < l->ncell_all; c++) {
+    const PetscInt *node = l->cell_node + c * nb;
+    PetscInt        column[MESH_MAX_NB];
+
+    for (PetscInt j = 0; j < nb; j++) {
+      column[j] = node[j];
+      if (node[j] >= l->nnode && nother) PetscCall(PetscFindInt(l->node_global[node[j]], nother, global, &column[j]));
+    }
+    for (PetscInt e = 0; e < nb * nb; e++) {
+      const PetscInt i = node[e / nb], s = node[e % nb] >= l->nnode;
+
+      f->entry[c * nb * nb + e] = -1;
+      if (i >= l->nnode) continue;
+      PetscCall(PetscFindInt(column[e % nb], start[s][i + 1] - start[s][i], col[s] + start[s][i], &at));
+      PetscCheck(at >= 0, PETSC_COMM_SELF, PETSC_ERR_PLIB, "The velocity matrix has no entry for nodes %" PetscInt_FMT " and %" PetscInt_FMT, i,
+                 node[e % nb]);
+      f->entry[c * nb * nb + e] = s ? -2 - (start[s][i] + at) : start[s][i] + at;
+    }
+  }
+  for (PetscInt s = 0; s < 2 && part[s]; s++) PetscCall(MatRestoreRowIJ(part[s], 0, PETSC_FALSE, PETSC_FALSE, &n[s], &start[s], &col[s], &done));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowCreateMatrix(Flow f)
+{
+  const MeshLocal *l         = f->loc;
+  PetscInt        *row_start = NULL, *column = NULL;
+
+  PetscFunctionBeginUser;
+  PetscCall(find_pattern(f, &row_start, &column));
+  PetscCall(MatCreate(PETSC_COMM_WORLD, &f->S));
+  PetscCall(MatSetSizes(f->S, l->nnode, l->nnode, PETSC_DETERMINE, PETSC_DETERMINE));
+  PetscCall(MatSetType(f->S, MATAIJ));
+  PetscCall(MatSeqAIJSetPreallocationCSR(f->S, row_start, column, NULL));
+  PetscCall(MatMPIAIJSetPreallocationCSR(f->S, row_start, column, NULL));
+  PetscCall(PetscFree(row_start));
+  PetscCall(PetscFree(column));
+  PetscCall(PetscMalloc1(l->ncell_all * l->nb * l->nb, &f->entry));
+  PetscCall(find_entries(f));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* own, other += the matrix ce [nb][stride] of cell c */
+static void add_cell(const struct _p_Flow *f, PetscInt c, PetscInt stride, const PetscReal *restrict ce, PetscReal *restrict own,
+                     PetscReal *restrict other)
+{
+  const PetscInt nb = f->loc->nb, *entry = f->entry + c * nb * nb;
+
+  for (PetscInt i = 0; i < nb; i++) {
+    for (PetscInt j = 0; j < nb; j++) {
+      const PetscInt at = entry[i * nb + j];
+
+      if (at >= 0) own[at] += ce[i * stride + j];
+      else if (at < -1) other[-2 - at] += ce[i * stride + j];
+    }
+  }
+}
+
+static PetscErrorCode assemble_matrix(Flow f)
+{
+  const MeshLocal *l    = f->loc;
+  const PetscInt   size = l->nb * l->dim, nbp = f->element.nbp;
+  const FlowStep  *s        = &f->step;
+  PetscReal       *value[2] = {NULL, NULL};
+  Mat              part[2];
+  const PetscInt  *columns;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetMatrixParts(f, part, &columns));
+  PetscCall(MatZeroEntries(f->S));
+  for (PetscInt k = 0; k < 2 && part[k]; k++) PetscCall(MatSeqAIJGetArray(part[k], &value[k]));
+  for (PetscInt c = 0; c < l->ncell_all; c++) {
+    ElementMetric m;
+    PetscReal     wl[MESH_MAX_NB * 3], ce[MESH_MAX_NB * ELEMENT_MAX_NBP];
+
+    PetscCall(FlowCellMetric(f, c, &m));
+    if (f->par.convection) {
+      FlowCellGather(l, c, f->w, wl);
+      for (PetscInt i = 0; i < size; i++) wl[i] *= f->par.density * s->theta;
+    }
+    ElementOperator(&f->element, &m, f->par.density * s->ct, f->par.viscosity * s->theta, f->par.convection ? wl : NULL, f->par.skew, ce);
+    add_cell(f, c, nbp, ce, value[0], value[1]);
+  }
+  for (PetscInt t = 0; t < f->nterm; t++) add_cell(f, f->term_cell[t], l->nb, f->term + t * l->nb * l->nb, value[0], value[1]);
+  for (PetscInt k = 0; k < 2 && part[k]; k++) PetscCall(MatSeqAIJRestoreArray(part[k], &value[k]));
+  PetscCall(MatAssemblyBegin(f->S, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(f->S, MAT_FINAL_ASSEMBLY));
+  f->s_ct    = s->ct;
+  f->s_theta = s->theta;
+  PetscCall(PetscLogFlops(2.0 * l->ncell_all * f->element.nq * l->nb * (l->nb + 3 * l->dim)));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowAssemble(Flow f)
+{
+  PetscFunctionBeginUser;
+  if (!f->par.convection && f->s_ct == f->step.ct && f->s_theta == f->step.theta) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscLogEventBegin(f->par.convection ? TB_FLOW_CONVECT : TB_FLOW_ASSEMBLE, 0, 0, 0, 0));
+  PetscCall(assemble_matrix(f));
+  PetscCall(PetscLogEventEnd(f->par.convection ? TB_FLOW_CONVECT : TB_FLOW_ASSEMBLE, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSetCellTerms(Flow f, PetscInt n, const PetscInt cell[], const PetscReal matrix[])
+{
+  PetscFunctionBeginUser;
+  f->nterm     = n;
+  f->term_cell = cell;
+  f->term      = matrix;
+  f->s_ct      = 0; /* assemble anew, also without convection */
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowRhs(Flow f, PetscReal r[])
+{
+  const MeshLocal *l   = f->loc;
+  const PetscInt   dim = l->dim, nb = l->nb;
+  const FlowStep  *s = &f->step;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscLogEventBegin(TB_FLOW_RHS, 0, 0, 0, 0));
+  PetscCall(PetscArrayzero(r, l->nnode_all * dim));
+  for (PetscInt c = 0; c < l->ncell; c++) {
+    const PetscInt *node = l->cell_node + c * nb;
+    PetscReal       al[MESH_MAX_NB * 3], vl[MESH_MAX_NB * 3], wl[MESH_MAX_NB * 3], rl[MESH_MAX_NB * 3];
+    ElementMetric   m;
+
+    for (PetscInt j = 0; j < nb; j++) {
+      for (PetscInt a = 0; a < dim; a++) {
+        const PetscInt i = node[j] * dim + a;
+
+        al[j * dim + a] = -(s->d0 * f->u[i] + s->d1 * f->u_old[i]) - (f->source ? f->source[i] / f->par.density : 0);
+        vl[j * dim + a] = (1 - s->theta) * f->u[i];
+        wl[j * dim + a] = f->w[i];
+      }
+    }
+    PetscCall(FlowCellMetric(f, c, &m));
+    ElementResidual(&f->element, &m, f->par.density, f->par.viscosity, f->par.force, al, s->theta < 1 ? vl : NULL, f->par.convection ? wl : NULL,
+                    f->par.skew, rl);
+    for (PetscInt j = 0; j < nb; j++)
+      for (PetscInt a = 0; a < dim; a++) r[node[j] * dim + a] -= rl[j * dim + a];
+  }
+  PetscCall(MeshSumNodes(f->mesh, dim, r));
+  PetscCall(PetscLogEventEnd(TB_FLOW_RHS, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowDivergence(Flow f, const PetscReal u[], PetscReal y[])
+{
+  const MeshLocal *l = f->loc;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscLogEventBegin(TB_FLOW_DIV, 0, 0, 0, 0));
+  ElementDivergence(l->dim, l->ncell, l->cell_node, f->b, u, y);
+  PetscCall(PetscLogFlops(2.0 * l->ncell * (l->dim + 1) * l->nb * l->dim));
+  PetscCall(PetscLogEventEnd(TB_FLOW_DIV, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowGradient(Flow f, PetscReal scale, const PetscReal p[], PetscReal r[])
+{
+  const MeshLocal *l = f->loc;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscLogEventBegin(TB_FLOW_DIV, 0, 0, 0, 0));
+  PetscCall(PetscArrayzero(r, l->nnode_all * l->dim));
+  ElementGradient(l->dim, l->ncell, l->cell_node, f->b, scale, p, r);
+  PetscCall(MeshSumNodes(f->mesh, l->dim, r));
+  PetscCall(PetscLogFlops(2.0 * l->ncell * (l->dim + 1) * l->nb * l->dim));
+  PetscCall(PetscLogEventEnd(TB_FLOW_DIV, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowPressureMassSolve(Flow f, PetscReal scale, const PetscReal r[], PetscReal y[])
+{
+  const PetscInt nk = f->loc->dim + 1;
+
+  PetscFunctionBeginUser;
+  for (PetscInt c = 0; c < f->loc->ncell; c++)
+    for (PetscInt k = 0; k < nk; k++)
+      for (PetscInt n = 0; n < nk; n++) y[c * nk + k] += scale * f->pmass[(c * nk + k) * nk + n] * r[c * nk + n];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,199 @@
+/* Flow: what it keeps of the cells (metric, size, cell matrices of B, masses), and their change when nodes move or
+   cells join and leave the fluid (see flow.h). */
+#include "compat.h"
+#include "impl.h"
+#include "base/algebra.h"
+
+/* A cell that is no part of the fluid has zero weights: every kernel then gives zero. Its size stays as it was. */
+static PetscErrorCode empty_cell(Flow f, PetscInt c)
+{
+  const PetscInt dim = f->loc->dim, nk = dim + 1;
+
+  PetscFunctionBeginUser;
+  f->affine[c] = PETSC_TRUE;
+  f->det[c]    = 0;
+  PetscCall(PetscArrayzero(f->b + c * nk * f->loc->nb * dim, nk * f->loc->nb * dim));
+  if (c < f->loc->ncell) PetscCall(PetscArrayzero(f->pmass + c * nk * nk, nk * nk));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Affine test, size, cell matrices of B and inverse pressure mass of a cell */
+static PetscErrorCode compute_cell(Flow f, PetscInt c)
+{
+  const MeshLocal *l   = f->loc;
+  const PetscInt   dim = l->dim, nb = l->nb, nk          = dim + 1;
+  PetscReal        xc[MESH_MAX_NB * 3], first[9], volume = 0, mass[16] = {0}, *b = f->b + c * nk * nb * dim;
+  const PetscReal *centre = xc + (nb / 2) * dim;
+  ElementMetric    m;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(b, nk * nb * dim));
+  PetscCall(MeshCellCoordinates(f->mesh, c, xc));
+  f->affine[c] = PETSC_FALSE;
+  PetscCall(PetscArraycpy(f->centre + c * dim, centre, dim));
+  PetscCall(FlowCellMetric(f, c, &m));
+  PetscCall(PetscArraycpy(first, m.inverse[0], dim * dim));
+  f->affine[c] = PETSC_TRUE;
+  for (PetscInt q = 0; q < f->element.nq; q++) {
+    PetscReal scale = 0, diff = 0;
+
+    PetscCheck(m.weight[q] > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "Mesh cell near (%g, %g) has a Jacobian of %g at a quadrature point: the mesh is tangled there", (double)centre[0], (double)centre[1],
+               (double)(m.weight[q] / f->element.weight[q]));
+    volume += m.weight[q];
+    for (PetscInt i = 0; i < dim * dim; i++) {
+      scale = PetscMax(scale, PetscAbsReal(first[i]));
+      diff  = PetscMax(diff, PetscAbsReal(first[i] - m.inverse[q][i]));
+    }
+    if (diff > 1e-10 * scale) f->affine[c] = PETSC_FALSE;
+  }
+  PetscCall(PetscArraycpy(f->inverse + c * dim * dim, first, dim * dim));
+  f->det[c]  = m.weight[0] / f->element.weight[0];
+  f->size[c] = PetscPowReal(volume, 1.0 / dim);
+  for (PetscInt q = 0; q < f->element.nq; q++) {
+    const PetscReal *phi = f->element.phi + q * f->element.nbp;
+    PetscReal        g[3][ELEMENT_MAX_NBP], x[3] = {0, 0, 0}, psi[4];
+
+    ElementGradients(&f->element, &m, q, g);
+    for (PetscInt j = 0; j < nb; j++)
+      for (PetscInt a = 0; a < dim; a++) x[a] += phi[j] * xc[j * dim + a];
+    psi[0] = 1;
+    for (PetscInt a = 0; a < dim; a++) psi[1 + a] = (x[a] - centre[a]) / f->size[c];
+    for (PetscInt k = 0; k < nk; k++) {
+      for (PetscInt n = 0; n < nk; n++) mass[k * nk + n] += m.weight[q] * psi[k] * psi[n];
+      for (PetscInt j = 0; j < nb; j++)
+        for (PetscInt a = 0; a < dim; a++) b[k * nb * dim + j * dim + a] += m.weight[q] * psi[k] * g[a][j];
+    }
+  }
+  if (c < l->ncell) DenseInvert(nk, mass, f->pmass + c * nk * nk);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Add the lumped mass of cell c to those of its nodes whose mass is being computed */
+static PetscErrorCode lump_cell(Flow f, PetscInt c)
+{
+  const PetscInt *node = f->loc->cell_node + c * f->loc->nb;
+  ElementMetric   m;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowCellMetric(f, c, &m));
+  for (PetscInt j = 0; j < f->loc->nb; j++)
+    for (PetscInt q = 0; q < f->element.nq && f->open[node[j]] == f->now; q++)
+      f->lumped[node[j]] += m.weight[q] * f->element.phi[q * f->element.nbp + j];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowComputeCells(Flow f)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(f->lumped, f->loc->nnode_all));
+  for (PetscInt c = 0; c < f->loc->ncell_all; c++) {
+    PetscCall(compute_cell(f, c));
+    PetscCall(lump_cell(f, c));
+  }
+  PetscCall(MeshSyncNodes(f->mesh, 1, f->lumped)); /* own nodes see all their cells (own or ghost); outer ghosts do not */
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Pressures given about `centre` with cell size `size`, as the same polynomial about the present centre and size of
+   cell c */
+static void carry_pressure(const struct _p_Flow *f, PetscInt c, const PetscReal centre[], PetscReal size, PetscReal p[])
+{
+  const PetscInt dim = f->loc->dim;
+
+  for (PetscInt a = 0; a < dim; a++) {
+    p[0] += p[1 + a] * MeshNearest(f->loc, a, f->centre[c * dim + a] - centre[a]) / size;
+    p[1 + a] *= f->size[c] / size;
+  }
+}
+
+/* Pressures of an own cell that has joined the fluid: the mean of what the own cells around it that were fluid before,
+   visited == before, say about its centre */
+static void adopt_pressure(const struct _p_Flow *f, PetscInt c, PetscInt before, PetscReal p[])
+{
+  const MeshLocal *l  = f->loc;
+  const PetscInt   nk = l->dim + 1;
+  PetscReal       *pc = p + c * nk, n = 0;
+
+  for (PetscInt k = 0; k < nk; k++) pc[k] = 0;
+  for (PetscInt j = 0; j < l->nb; j++) {
+    const PetscInt i = l->cell_node[c * l->nb + j];
+
+    for (PetscInt t = l->node_cell_ptr[i]; t < l->node_cell_ptr[i + 1]; t++) {
+      const PetscInt from = l->node_cell[t];
+      PetscReal      q[4];
+
+      if (from >= l->ncell || f->det[from] == 0 || f->visited[from] == before) continue;
+      for (PetscInt k = 0; k < nk; k++) q[k] = p[from * nk + k];
+      carry_pressure(f, c, f->centre + from * l->dim, f->size[from], q);
+      for (PetscInt k = 0; k < nk; k++) pc[k] += q[k];
+      n++;
+    }
+  }
+  for (PetscInt k = 0; k < nk && n > 0; k++) pc[k] /= n;
+}
+
+PetscErrorCode FlowUpdateCells(Flow f, PetscInt n, const PetscInt cells[], const PetscInt cell_body[])
+{
+  const MeshLocal *l       = f->loc;
+  PetscInt         naround = 0;
+
+  PetscFunctionBeginUser;
+  f->now++;
+  for (PetscInt e = 0; e < n; e++) {
+    const PetscInt  c = cells[e], dim = l->dim;
+    const PetscReal size = f->size[c], centre[3] = {f->centre[c * dim], f->centre[c * dim + 1], dim == 3 ? f->centre[c * dim + 2] : 0};
+    const PetscBool dead = (PetscBool)(f->det[c] == 0);
+
+    if (cell_body[c] >= 0) PetscCall(empty_cell(f, c));
+    else PetscCall(compute_cell(f, c));
+    if (dead) f->visited[c] = f->now;
+    for (PetscInt s = 0; s < 2 && c < l->ncell; s++) {
+      PetscReal *pc = (s ? f->p_old : f->p) + c * (dim + 1);
+
+      if (cell_body[c] >= 0) PetscCall(PetscArrayzero(pc, dim + 1));
+      else if (!dead) carry_pressure(f, c, centre, size, pc);
+    }
+    for (PetscInt j = 0; j < l->nb; j++) {
+      f->open[l->cell_node[cells[e] * l->nb + j]]   = f->now + 1;
+      f->lumped[l->cell_node[cells[e] * l->nb + j]] = 0;
+    }
+  }
+  for (PetscInt e = 0; e < n; e++) {
+    if (cells[e] >= l->ncell || f->visited[cells[e]] != f->now || cell_body[cells[e]] >= 0) continue;
+    adopt_pressure(f, cells[e], f->now, f->p);
+    adopt_pressure(f, cells[e], f->now, f->p_old);
+  }
+  f->now++;
+  for (PetscInt e = 0; e < n * l->nb; e++) { /* cells around, each once, in the order of FlowComputeCells: sums do not depend on the past */
+    const PetscInt i = l->cell_node[cells[e / l->nb] * l->nb + e % l->nb];
+
+    for (PetscInt t = l->node_cell_ptr[i]; t < l->node_cell_ptr[i + 1]; t++) {
+      if (f->visited[l->node_cell[t]] == f->now) continue;
+      f->visited[l->node_cell[t]] = f->now;
+      f->around[naround++]        = l->node_cell[t];
+    }
+  }
+  PetscCall(PetscSortInt(naround, f->around));
+  for (PetscInt e = 0; e < naround; e++) PetscCall(lump_cell(f, f->around[e]));
+  PetscCall(MeshSyncNodes(f->mesh, 1, f->lumped));
+  f->s_ct = 0;
+  FlowExtrapolateConvection(f);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowRestoreCells(Flow f, PetscInt n, const PetscInt cells[], const PetscInt cell_body[])
+{
+  const PetscInt np = f->loc->ncell * (f->loc->dim + 1);
+  PetscReal     *keep;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(2 * np, &keep));
+  PetscCall(PetscArraycpy(keep, f->p, np));
+  PetscCall(PetscArraycpy(keep + np, f->p_old, np));
+  PetscCall(FlowUpdateCells(f, n, cells, cell_body));
+  PetscCall(PetscArraycpy(f->p, keep, np));
+  PetscCall(PetscArraycpy(f->p_old, keep + np, np));
+  PetscCall(PetscFree(keep));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

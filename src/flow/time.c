@@ -1,0 +1,164 @@
+/* Flow: time schemes (see flow.h): coefficients of a step, extrapolation of the convecting velocity, history of the
+   fields. */
+#include "compat.h"
+#include "impl.h"
+
+#define FSTHETA 0.29289321881345247560 /* 1 - sqrt(1/2) */
+
+void FlowExtrapolateConvection(Flow f)
+{
+  for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->par.convection; i++) f->w[i] = f->u[i] + f->ahead * (f->u[i] - f->u_old[i]);
+  for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->bend > 0; i++)
+    f->w[i] += f->bend * ((f->u[i] - f->u_old[i]) / f->dt_old - (f->u_old[i] - f->u_older[i]) / f->dt_older);
+  for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->drift; i++) f->w[i] -= f->drift[i];
+}
+
+PetscErrorCode FlowGetSubsteps(Flow f, PetscInt *n, const PetscReal *fraction[])
+{
+  static const PetscReal whole[1] = {1}, parts[3] = {FSTHETA, 1 - 2 * FSTHETA, FSTHETA};
+
+  PetscFunctionBeginUser;
+  *n = f->scheme == SCHEME_FSTHETA ? 3 : 1;
+  if (fraction) *fraction = f->scheme == SCHEME_FSTHETA ? parts : whole;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSetSource(Flow f, VectorField field, void *ctx)
+{
+  PetscFunctionBeginUser;
+  f->source_field = field;
+  f->source_ctx   = ctx;
+  PetscCall(PetscFree(f->source));
+  if (field) PetscCall(PetscCalloc1(f->loc->nnode_all * f->loc->dim, &f->source));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* theta times the source at the end of the step + (1 - theta) times that at its beginning */
+static PetscErrorCode evaluate_source(Flow f)
+{
+  const PetscInt  dim = f->loc->dim;
+  const FlowStep *s   = &f->step;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < f->loc->nnode_all && f->source; i++) {
+    PetscReal end[3], begin[3] = {0, 0, 0};
+
+    PetscCall(f->source_field(f->source_ctx, s->time, f->loc->x + i * dim, end));
+    if (s->theta < 1) PetscCall(f->source_field(f->source_ctx, s->time - s->dt, f->loc->x + i * dim, begin));
+    for (PetscInt a = 0; a < dim; a++) f->source[i * dim + a] = s->theta * end[a] + (1 - s->theta) * begin[a];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowBeginStep(Flow f, PetscReal time, PetscReal dt)
+{
+  FlowStep       *s     = &f->step;
+  const PetscBool first = (PetscBool)(f->nsteps == 0);
+  const PetscReal r     = first ? 0 : dt / f->dt_old; /* ratio of steps */
+
+  PetscFunctionBeginUser;
+  s->time   = time;
+  s->dt     = dt;
+  s->dt_old = first ? 0 : f->dt_old;
+  s->error  = 0.5;
+  s->ct     = 1 / dt;
+  s->d0     = 1 / dt;
+  s->d1     = 0;
+  s->theta  = 1;
+  s->order  = 1;
+  f->ahead  = 0;
+  if (f->scheme == SCHEME_BDF2 && !first) {
+    s->ct    = (1 + 2 * r) / ((1 + r) * dt);
+    s->d0    = (1 + r) / dt;
+    s->d1    = -r * r / ((1 + r) * dt);
+    f->ahead = r;
+    s->order = 2;
+    s->error = PetscSqr(1 + 1 / r) / (6 * (2 + 1 / r));
+  } else if (f->scheme == SCHEME_CN || f->scheme == SCHEME_FSTHETA) {
+    s->theta = f->scheme == SCHEME_CN ? 0.5 : (f->substep == 1 ? FSTHETA : 1 - 2 * FSTHETA) / (1 - FSTHETA);
+    f->ahead = s->theta * r;
+    s->order = first ? 1 : 2;
+    s->error = f->scheme == SCHEME_CN ? 1. / 12 : 0;
+  }
+  f->bend = f->dt_older > 0 ? f->ahead * (f->ahead + 1) * f->dt_old * f->dt_old / (f->dt_old + f->dt_older) : 0; /* Newton's interpolation */
+  FlowExtrapolateConvection(f);
+  PetscCall(evaluate_source(f));
+  PetscCall(ConditionsSetTime(f->boundary, time));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowBeginSteady(Flow f, PetscReal rate)
+{
+  FlowStep *s = &f->step;
+
+  PetscFunctionBeginUser;
+  s->time  = 0;
+  s->dt    = 0;
+  s->ct    = rate;
+  s->d0    = rate;
+  s->d1    = 0;
+  s->theta = 1;
+  s->order = 1;
+  f->ahead = 0;
+  PetscCall(FlowSetConvection(f, f->u));
+  PetscCall(evaluate_source(f));
+  PetscCall(ConditionsSetTime(f->boundary, PETSC_MAX_REAL));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSetDrift(Flow f, const PetscReal drift[])
+{
+  PetscFunctionBeginUser;
+  PetscCheck(f->step.theta == 1 && f->par.convection && f->par.skew == 0 && !f->par.quadratic, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+             "A mesh that follows bodies (-mesh_deform) carries its velocity in the convection at the end of a step: use -flow_time bdf2 or be, -flow_convection true, "
+             "-flow_convection_form convective and -flow_extrapolation linear, or remove -mesh_deform");
+  f->drift = drift;
+  FlowExtrapolateConvection(f);
+  PetscCall(evaluate_source(f));
+  PetscCall(ConditionsSetTime(f->boundary, f->step.time));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSetConvection(Flow f, const PetscReal w[])
+{
+  PetscFunctionBeginUser;
+  if (f->par.convection) PetscCall(PetscArraycpy(f->w, w, f->loc->nnode_all * f->loc->dim));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowGetStep(Flow f, const FlowStep **step)
+{
+  PetscFunctionBeginUser;
+  *step = &f->step;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowExtrapolate(Flow f, PetscReal u[], PetscReal p[], PetscReal dp[])
+{
+  const PetscReal r = f->nsteps > 1 ? f->step.dt / f->dt_old : 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim; i++) u[i] = f->u[i] + r * (f->u[i] - f->u_old[i]);
+  PetscCall(PetscArraycpy(p, f->p, f->loc->ncell * (f->loc->dim + 1)));
+  for (PetscInt i = 0; i < f->loc->ncell * (f->loc->dim + 1) && dp; i++) dp[i] = f->nsteps > 1 ? f->p[i] - f->p_old[i] : 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowAcceptStep(Flow f, const PetscReal u[], const PetscReal p[])
+{
+  PetscReal *swap;
+
+  PetscFunctionBeginUser;
+  swap        = f->u_older ? f->u_older : f->u_old;
+  f->u_older  = f->u_older ? f->u_old : NULL;
+  f->dt_older = f->u_older && f->nsteps ? f->dt_old : 0;
+  f->u_old    = f->u;
+  f->u        = swap;
+  PetscCall(PetscArraycpy(f->u, u, f->loc->nnode_all * f->loc->dim));
+  PetscCall(PetscArraycpy(f->p_old, f->p, f->loc->ncell * (f->loc->dim + 1)));
+  PetscCall(PetscArraycpy(f->p, p, f->loc->ncell * (f->loc->dim + 1)));
+  f->dt_old = f->step.dt;
+  f->nsteps++;
+  f->substep = f->scheme == SCHEME_FSTHETA ? (f->substep + 1) % 3 : 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

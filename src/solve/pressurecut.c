@@ -1,0 +1,207 @@
+/* Pressure: cells that bodies cut (see pressure.h): those between two surfaces, whose pressures are made compressible,
+   dead ones, and the bodies' part W W^T of S_p. */
+#include "compat.h"
+#include "pressureimpl.h"
+#include "base/algebra.h"
+
+/* Block C = eps_shared B_c M_c^{-1} B_c^T of one cell over its constrained nodes */
+static PetscErrorCode shared_block(Pressure p, const PetscInt fixed[], PetscInt c, PetscReal block[])
+{
+  const MeshLocal *l   = p->loc;
+  const PetscInt   dim = l->dim, n = l->nb * dim, nk = p->nk;
+  const PetscReal *b, *m;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetCellDivergence(p->flow, &b));
+  PetscCall(FlowGetLumpedMass(p->flow, &m));
+  for (PetscInt e = 0; e < nk * nk; e++) block[e] = 0;
+  for (PetscInt j = 0; j < n; j++) {
+    const PetscInt i = l->cell_node[c * l->nb + j / dim];
+
+    if (p->constraint->node_body[i] < 0 && !((fixed[i] >> (j % dim)) & 1)) continue;
+    for (PetscInt e = 0; e < nk * nk; e++) block[e] += p->eps_shared / m[i] * b[(c * nk + e / nk) * n + j] * b[(c * nk + e % nk) * n + j];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Own cells with a node of a body: nothing else can be cut or shared. */
+static PetscErrorCode find_touched_cells(Pressure p)
+{
+  const struct _p_Constraint *c = p->constraint;
+
+  PetscFunctionBeginUser;
+  PressureStartList(p);
+  for (PetscInt i = 0; i < c->nbody_nodes; i++) PressureListCellsOfNode(p, c->body_node[i]);
+  p->ntouched = p->nlisted;
+  PetscCall(PetscArraycpy(p->touched, p->listed, p->ntouched));
+  PetscCall(PetscSortInt(p->ntouched, p->touched));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode reserve_shared(Pressure p)
+{
+  PetscFunctionBeginUser;
+  if (p->nshared == p->shared_room) {
+    p->shared_room = 2 * p->shared_room + 16;
+    PetscCall(PetscRealloc(p->shared_room * sizeof(PetscInt), &p->shared_cell));
+    PetscCall(PetscRealloc(p->shared_room * p->nk * p->nk * sizeof(PetscReal), &p->shared_block));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The pressure of a dead cell stands alone with the identity as its block, of the size that other blocks have */
+static PetscErrorCode add_dead_cells(Pressure p)
+{
+  const PetscReal scale = PetscPowReal(p->loc->h, p->loc->dim - 2);
+
+  PetscFunctionBeginUser;
+  for (PetscInt t = 0; t < p->ntouched && p->cell_body; t++) {
+    if (p->cell_body[p->touched[t]] < 0) continue;
+    PetscCall(reserve_shared(p));
+    p->shared_cell[p->nshared] = p->touched[t];
+    for (PetscInt e = 0; e < p->nk * p->nk; e++) p->shared_block[p->nshared * p->nk * p->nk + e] = e % (p->nk + 1) ? 0 : scale;
+    p->nshared++;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* A cell whose nodes belong to two bodies, or to a body and a wall, may have pressures that no free velocity can serve:
+   its divergence rows are then inconsistent (boundary-evidence, checked claims). Such cells get a small compressibility
+   in the operator itself, as if their constrained nodes yielded a little to the pressure: B u + C p = 0. */
+PetscErrorCode PressureFindShared(Pressure p)
+{
+  const MeshLocal *l    = p->loc;
+  const PetscInt  *body = p->constraint->node_body, *fixed;
+  const PetscReal *value;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConditionsGetValues(FlowConditions(p->flow), &fixed, &value));
+  PetscCall(find_touched_cells(p));
+  p->nshared = 0;
+  for (PetscInt t = 0; t < p->ntouched; t++) {
+    const PetscInt c = p->touched[t], *node = l->cell_node + c * l->nb;
+    PetscInt       owner = -1; /* the first body met */
+    PetscBool      wall = PETSC_FALSE, two = PETSC_FALSE, cut = PETSC_FALSE;
+
+    for (PetscInt j = 0; j < l->nb; j++) {
+      const PetscInt k = body[node[j]];
+
+      if (k >= 0 && owner >= 0 && k != owner) two = PETSC_TRUE;
+      if (k >= 0) owner = k;
+      else if (fixed[node[j]]) wall = PETSC_TRUE;
+      cut = (PetscBool)(cut || (k >= 0 && !p->resolved[k])); /* between resolved walls every pressure meets a free velocity */
+    }
+    if (!cut || (!two && !wall)) continue;
+    PetscCall(reserve_shared(p));
+    p->shared_cell[p->nshared] = c;
+    PetscCall(shared_block(p, fixed, c, p->shared_block + p->nshared * p->nk * p->nk));
+    p->nshared++;
+  }
+  p->nsoft = p->nshared;
+  PetscCall(add_dead_cells(p));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The body that node i moves with, if it is unknown, and its share in the motion */
+static PetscInt holder(const struct _p_Constraint *c, const PetscReal share[], PetscInt i, PetscReal *part)
+{
+  const PetscInt k = c->node_body[i] >= 0 || !share ? c->node_body[i] : c->follow[i];
+
+  *part = !share ? 1 : share[i];
+  return k;
+}
+
+/* w [nk][nr] = B_c R_k L over the nodes of cell c that move with body k, times their share; fixed components do not
+   move, whatever share of a wall's node the body covers */
+static PetscErrorCode cut_rows(Pressure p, const PetscReal share[], const PetscReal b[], PetscInt c, PetscInt k, const PetscReal L[], PetscReal w[])
+{
+  const MeshLocal *l   = p->loc;
+  const PetscInt   dim = l->dim, n = l->nb * dim, *fixed;
+  const PetscReal *value;
+  PetscReal        q[4 * 6];
+
+  PetscFunctionBeginUser;
+  PetscCall(ConditionsGetValues(FlowConditions(p->flow), &fixed, &value));
+  for (PetscInt e = 0; e < p->nk * p->nr; e++) q[e] = w[e] = 0;
+  for (PetscInt j = 0; j < l->nb; j++) {
+    const PetscInt i = l->cell_node[c * l->nb + j];
+    PetscReal      R[18], part;
+
+    if (holder(p->constraint, share, i, &part) != k) continue;
+    PetscCall(ConstraintRigidMap(p->constraint, i, k, R));
+    for (PetscInt m = 0; m < p->nk; m++)
+      for (PetscInt s = 0; s < p->nr; s++)
+        for (PetscInt a = 0; a < dim; a++)
+          if (!((fixed[i] >> a) & 1)) q[m * p->nr + s] += part * b[c * p->nk * n + m * n + j * dim + a] * R[a * p->nr + s];
+  }
+  for (PetscInt e = 0; e < p->nk * p->nr; e++)
+    for (PetscInt s = 0; s < p->nr; s++) w[e] += q[e / p->nr * p->nr + s] * L[s * p->nr + e % p->nr];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PressureFindCut(Pressure p, const PetscReal share[], const PetscReal mass_inverse[])
+{
+  const struct _p_Constraint *P = p->constraint;
+  const MeshLocal            *l = p->loc;
+  const PetscReal            *b;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetCellDivergence(p->flow, &b));
+  p->ncut = 0;
+  for (PetscInt t = 0; t < p->ntouched; t++) {
+    const PetscInt c = p->touched[t], *node = l->cell_node + c * l->nb;
+
+    for (PetscInt j = 0; j < l->nb; j++) {
+      PetscReal      part;
+      const PetscInt k     = holder(P, share, node[j], &part);
+      PetscBool      first = PETSC_TRUE, whole = PETSC_TRUE;
+      PetscReal      L[36];
+
+      if (k < 0 || !P->unknown[k]) continue;
+      for (PetscInt m = 0; m < l->nb; m++) {
+        if (m < j && holder(P, share, node[m], &part) == k) first = PETSC_FALSE;
+        if (P->node_body[node[m]] != k) whole = PETSC_FALSE;
+      }
+      if (!first || whole) continue;
+      if (p->ncut == p->room) {
+        p->room = 2 * p->room + 64;
+        PetscCall(PetscRealloc(p->room * sizeof(PetscInt), &p->cut_cell));
+        PetscCall(PetscRealloc(p->room * sizeof(PetscInt), &p->cut_body));
+        PetscCall(PetscRealloc(p->room * p->nk * p->nr * sizeof(PetscReal), &p->cut_w));
+      }
+      p->cut_cell[p->ncut] = c;
+      p->cut_body[p->ncut] = k;
+      DenseFactor(p->nr, mass_inverse + k * p->nr * p->nr, L);
+      PetscCall(cut_rows(p, share, b, c, k, L, p->cut_w + p->ncut * p->nk * p->nr));
+      p->ncut++;
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PressureMult(Mat mat, Vec x, Vec y)
+{
+  Pressure         p;
+  const PetscReal *xa;
+  PetscReal       *ya, *t;
+  PetscInt         nr, nk;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(mat, &p));
+  nr = p->nr;
+  nk = p->nk;
+  t  = p->work;
+  PetscCall(MatMult(p->matrix, x, y));
+  if (!p->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(VecGetArrayRead(x, &xa));
+  PetscCall(VecGetArray(y, &ya));
+  PetscCall(PetscArrayzero(t, p->nbodies * nr));
+  for (PetscInt i = 0; i < p->ncut; i++)
+    for (PetscInt e = 0; e < nk * nr; e++) t[p->cut_body[i] * nr + e % nr] += p->cut_w[i * nk * nr + e] * xa[p->cut_cell[i] * nk + e / nr];
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, t, (PetscMPIInt)(p->nbodies * nr), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  for (PetscInt i = 0; i < p->ncut; i++)
+    for (PetscInt e = 0; e < nk * nr; e++) ya[p->cut_cell[i] * nk + e / nr] += p->cut_w[i * nk * nr + e] * t[p->cut_body[i] * nr + e % nr];
+  PetscCall(VecRestoreArrayRead(x, &xa));
+  PetscCall(VecRestoreArray(y, &ya));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,57 @@
+/* Inside of Pressure; for its files only. pressure.c: life cycle, update, two levels. pressurematrix.c: the nodes' part
+   as a matrix. pressurecut.c: cells that bodies cut. */
+#pragma once
+#include "pressure.h"
+#include "coarse.h"
+
+struct _p_Pressure {
+  Flow             flow;
+  Constraint       constraint;
+  const MeshLocal *loc;
+  Mesh             mesh;
+  PetscInt         nk, nr, nbodies; /* pressures a cell; rigid slots a body */
+  PetscReal        eps;
+  Mat              sweeps;  /* single-precision smoother of the matrix, or NULL: another one was asked for */
+  PetscReal       *overlap; /* [ncell][nk][nk] or NULL on one rank, see set_overlap() */
+  PetscBool        smoothers_set;
+  Coarse           coarse; /* of the default preconditioner, PCMG with levels P1 discontinuous -> Q1; or NULL */
+  Mat              matrix, shell;
+  PetscInt        *neighbour_ptr, *neighbour; /* [ncell + 1]; local cells that share a node with a cell */
+  PetscReal       *weight;                    /* as of the last update; zero before the first */
+  /* bodies: cells where B R_k is not zero */
+  PetscInt   ncut, room, *cut_cell, *cut_body;
+  PetscReal *cut_w; /* [ncut][nk][nr] B R_k L_k with L_k L_k^T = M_k^{-1} */
+  PetscReal *work;  /* [nbodies][nr] */
+  /* cells between two constrained surfaces, see find_shared_cells() */
+  PetscReal    eps_shared, *shared_block; /* [nshared][nk][nk] */
+  PetscInt     nshared, shared_room, *shared_cell;
+  PetscBool    any_shared, floating; /* on any rank; pressure determined up to a constant without C */
+  MatNullSpace constant;
+  /* own cells near something that changes, each once */
+  PetscInt *stamp, stamp_now, ntouched, *touched; /* [ncell]; touched: with a body node, ascending */
+  PetscInt  nlisted, *listed;                     /* scratch [ncell] */
+  /* cells that are no part of the fluid */
+  PetscInt        nsoft; /* the first of the shared cells; the others are dead */
+  const PetscInt *cell_body;
+  PetscBool      *resolved; /* [nbodies] the mesh lines up with the body */
+  PetscInt       *changed, nchanged, changed_room;
+  PetscBool       refresh; /* cells have changed on some rank since the last update */
+};
+
+#define UNKNOWN -1 /* weight of a node whose cells have changed */
+
+/* pressurematrix.c: the matrix with its pattern; then rows of cells with a node whose weight has changed, and of those
+   that are or were (old) shared, and the smoother. Collective. */
+PetscErrorCode PressureCreateMatrix(Pressure);
+PetscErrorCode PressureUpdateMatrix(Pressure, const PetscReal weight[], PetscInt nold, const PetscInt old[]);
+/* A new list of own cells, each of which enters once. Not collective. */
+void PressureStartList(Pressure);
+void PressureListCellsOfNode(Pressure, PetscInt node);
+
+/* pressurecut.c: cells touched by bodies, and among them those between two surfaces and dead ones; then pairs of cell
+   and body where the body moves some nodes, but not all of them rigidly (a cell may meet two bodies). Not collective.
+   */
+PetscErrorCode PressureFindShared(Pressure);
+PetscErrorCode PressureFindCut(Pressure, const PetscReal share[], const PetscReal mass_inverse[]);
+/* y = matrix x + W W^T x = matrix x + sum_k (B R_k) M_k^{-1} (B R_k)^T x. Collective. */
+PetscErrorCode PressureMult(Mat shell, Vec x, Vec y);

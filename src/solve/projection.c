@@ -1,0 +1,172 @@
+/* Constraint: applications of P and its transpose (see projection.h). Rigid velocities travel between the rank that
+   holds their slots and the ranks whose nodes follow them through a PetscSF. */
+#include "compat.h"
+#include "projection.h"
+
+PetscErrorCode ConstraintFetchRigid(Constraint c, const PetscReal rigid[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscSFBcastBegin(c->rigid_sf, c->rigid_type, rigid, c->local_rigid, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(c->rigid_sf, c->rigid_type, rigid, c->local_rigid, MPI_REPLACE));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintDeliverRigid(Constraint c, const PetscReal local[], PetscReal rigid[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscSFReduceBegin(c->rigid_sf, c->rigid_type, local, rigid, MPIU_SUM));
+  PetscCall(PetscSFReduceEnd(c->rigid_sf, c->rigid_type, local, rigid, MPIU_SUM));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintExpandInPlace(Constraint c, const PetscReal rigid[], PetscReal v[], PetscReal saved[])
+{
+  const PetscInt nr = c->nr;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintFetchRigid(c, rigid));
+  for (PetscInt j = 0; j < c->ninert; j++) {
+    PetscReal value = 0;
+
+    if (c->body[j] >= 0)
+      for (PetscInt s = 0; s < nr; s++) value += c->coef[j * nr + s] * c->local_rigid[c->local_body[j] * nr + s];
+    if (saved) saved[j] = v[c->slot[j]];
+    v[c->slot[j]] = value;
+  }
+  for (PetscInt j = 0; j < c->nfollow; j++) {
+    const PetscReal *U = c->local_rigid + c->local_index[c->follow_body[j]] * nr;
+
+    if (saved) saved[c->ninert + j] = v[c->follow_slot[j]];
+    for (PetscInt s = 0; s < nr; s++) v[c->follow_slot[j]] += c->follow_coef[j * nr + s] * U[s];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintPutBack(Constraint c, const PetscReal saved[], PetscReal v[])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt j = 0; j < c->ninert; j++) v[c->slot[j]] = saved[j];
+  for (PetscInt j = 0; j < c->nfollow; j++) v[c->follow_slot[j]] = saved[c->ninert + j];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintReduceInPlace(Constraint c, PetscReal r[], PetscReal rigid[])
+{
+  const PetscInt nr = c->nr;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(c->local_rigid, c->nlocal * nr));
+  for (PetscInt j = 0; j < c->ninert; j++) {
+    const PetscReal value = r[c->slot[j]];
+
+    r[c->slot[j]] = 0;
+    if (c->body[j] < 0) continue;
+    for (PetscInt s = 0; s < nr; s++) c->local_rigid[c->local_body[j] * nr + s] += c->coef[j * nr + s] * value;
+  }
+  for (PetscInt j = 0; j < c->nfollow; j++)
+    for (PetscInt s = 0; s < nr; s++) c->local_rigid[c->local_index[c->follow_body[j]] * nr + s] += c->follow_coef[j * nr + s] * r[c->follow_slot[j]];
+  PetscCall(ConstraintDeliverRigid(c, c->local_rigid, rigid));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintExpand(Constraint c, Vec ur, PetscReal u[])
+{
+  const MeshLocal *l = c->loc;
+  const PetscInt   n = l->nnode * l->dim;
+  const PetscReal *x;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecGetArrayRead(ur, &x));
+  PetscCall(PetscArraycpy(u, x, n));
+  PetscCall(ConstraintExpandInPlace(c, x + n, u, NULL));
+  PetscCall(VecRestoreArrayRead(ur, &x));
+  for (PetscInt j = 0; j < c->ninert; j++) u[c->slot[j]] += c->known[c->slot[j]];
+  for (PetscInt j = 0; j < c->nfollow; j++) u[c->follow_slot[j]] += c->known[c->follow_slot[j]];
+  PetscCall(MeshSyncNodes(c->mesh, l->dim, u));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintRestrict(Constraint c, const PetscReal u[], const PetscReal U[], Vec ur)
+{
+  const PetscInt n = c->loc->nnode * c->loc->dim;
+  PetscReal     *x;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecGetArray(ur, &x));
+  PetscCall(PetscArraycpy(x, u, n));
+  for (PetscInt j = 0; j < c->ninert; j++) x[c->slot[j]] = 0;
+  for (PetscInt j = 0; j < c->nfollow; j++) {
+    x[c->follow_slot[j]] -= c->known[c->follow_slot[j]];
+    for (PetscInt s = 0; s < c->nr; s++) x[c->follow_slot[j]] -= c->follow_coef[j * c->nr + s] * U[c->follow_body[j] * c->nr + s];
+  }
+  for (PetscInt i = 0; i < c->count * c->nr; i++) x[n + i] = (c->unknown[c->first + i / c->nr] >> (i % c->nr)) & 1 ? U[c->first * c->nr + i] : 0;
+  PetscCall(VecRestoreArray(ur, &x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintGatherRigid(Constraint c, Vec ur, PetscReal U[])
+{
+  const PetscInt   n = c->loc->nnode * c->loc->dim, own = c->count * c->nr;
+  const PetscReal *x;
+  PetscReal       *all;
+  PetscMPIInt      size, mine, *counts, *starts;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
+  PetscCall(PetscMPIIntCast(own, &mine));
+  PetscCall(PetscMalloc3(c->nbodies * c->nr, &all, size, &counts, size, &starts));
+  PetscCallMPI(MPI_Allgather(&mine, 1, MPI_INT, counts, 1, MPI_INT, PETSC_COMM_WORLD));
+  for (PetscMPIInt r = 0; r < size; r++) starts[r] = r ? starts[r - 1] + counts[r - 1] : 0;
+  PetscCall(VecGetArrayRead(ur, &x));
+  PetscCallMPI(MPI_Allgatherv(x + n, mine, MPIU_REAL, all, counts, starts, MPIU_REAL, PETSC_COMM_WORLD));
+  PetscCall(VecRestoreArrayRead(ur, &x));
+  for (PetscInt i = 0; i < c->nbodies * c->nr; i++)
+    if ((c->unknown[i / c->nr] >> (i % c->nr)) & 1) U[i] = all[i];
+  PetscCall(PetscFree3(all, counts, starts));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Every rank stores its bodies' slots behind its nodal ones. */
+PetscErrorCode ConstraintGetRigidColumns(Constraint c, PetscInt column[])
+{
+  PetscInt nodal, total, start = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetSizes(c, &nodal, &total));
+  PetscCallMPI(MPI_Exscan(&total, &start, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+  PetscCall(PetscArrayzero(column, c->nbodies));
+  for (PetscInt k = 0; k < c->count; k++) column[c->first + k] = start + nodal + k * c->nr;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, column, (PetscMPIInt)c->nbodies, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintCreateMat(Constraint c, Mat *P)
+{
+  PetscInt nodal, total, row0, col0, *column, j = 0, f = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetSizes(c, &nodal, &total));
+  PetscCall(PetscMalloc1(c->nbodies, &column));
+  PetscCall(ConstraintGetRigidColumns(c, column));
+  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, nodal, total, PETSC_DETERMINE, PETSC_DETERMINE, c->nr + 1, NULL, c->nr, NULL, P));
+  PetscCall(MatGetOwnershipRange(*P, &row0, NULL));
+  PetscCall(MatGetOwnershipRangeColumn(*P, &col0, NULL));
+  for (PetscInt i = 0; i < nodal; i++) {
+    if (j < c->ninert && c->slot[j] == i) {
+      if (c->body[j] >= 0)
+        for (PetscInt s = 0; s < c->nr; s++)
+          if (c->coef[j * c->nr + s] != 0) PetscCall(MatSetValue(*P, row0 + i, column[c->body[j]] + s, c->coef[j * c->nr + s], INSERT_VALUES));
+      j++;
+    } else PetscCall(MatSetValue(*P, row0 + i, col0 + i, 1, INSERT_VALUES));
+    if (f < c->nfollow && c->follow_slot[f] == i) {
+      for (PetscInt s = 0; s < c->nr; s++)
+        if (c->follow_coef[f * c->nr + s] != 0)
+          PetscCall(MatSetValue(*P, row0 + i, column[c->follow_body[f]] + s, c->follow_coef[f * c->nr + s], INSERT_VALUES));
+      f++;
+    }
+  }
+  PetscCall(MatAssemblyBegin(*P, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(*P, MAT_FINAL_ASSEMBLY));
+  PetscCall(PetscFree(column));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,66 @@
+/* Inside of Constraint, for the files of this room: constraint.c alone changes it and finds the rows of P; projection.c
+   applies P and P^T, at a cost proportional to the number of constrained nodes, and gives P as a matrix for solvers
+   that need one.
+
+   A free slot is its own image, so only the inert slots (walls, body nodes) and the following ones are stored, in
+   ascending order: for each its number, its body and its row of the rigid map U + w x (x - X) with zeros at known
+   degrees of freedom, coef [slots][nr]. */
+#pragma once
+#include "solve/constraint.h"
+
+struct _p_Constraint {
+  Mesh             mesh;
+  const MeshLocal *loc;
+  PetscInt         nbodies, nr, first, count;  /* bodies; rigid slots each; own range */
+  PetscInt        *fixed, *node_body, *follow; /* [nnode_all] prescribed components; body a node lies in, follows, or -1 */
+  PetscInt        *unknown;                    /* [nbodies] bit mask of rigid velocities */
+  PetscReal       *value, *known;              /* [nnode_all][dim] at walls; the known part c */
+  PetscReal (*X)[3], *U;                       /* [nbodies] centres; rigid velocities as given, [nbodies][nr] */
+  PetscBool have_bodies;
+  PetscInt  nbody_nodes, body_node_room, *body_node; /* local nodes (ghosts too) that lie in a body or follow one, ascending */
+  /* inert slots; body -1: walls, and bodies without unknowns */
+  PetscInt   ninert, *slot, *body, *local_body;
+  PetscReal *coef;
+  /* slots that follow a body, whose rows are their own slot plus coef */
+  PetscInt   nfollow, follow_room, *follow_slot, *follow_body;
+  PetscReal *follow_coef;
+  PetscInt   nmore, more_room, *more;
+  PetscBool  followers_changed;
+  /* bodies that own nodes of this rank belong to or follow, and more; the way to their slots */
+  PetscInt     nlocal, *local_index; /* [nbodies] body -> local or -1 */
+  PetscInt    *local_list;
+  PetscReal   *local_rigid; /* [nlocal][nr] as ConstraintFetchRigid left them */
+  PetscSF      rigid_sf;
+  MPI_Datatype rigid_type; /* the nr slots of one body */
+};
+
+/* Local size of u_r and number of those that are nodal (own nodes x dim). Either may be NULL. */
+PetscErrorCode ConstraintGetSizes(Constraint, PetscInt *nodal, PetscInt *total);
+PetscErrorCode ConstraintCreateVec(Constraint, Vec *ur);
+/* Global column of the first rigid slot of every body in u_r, column [nbodies]. Collective. */
+PetscErrorCode ConstraintGetRigidColumns(Constraint, PetscInt column[]);
+
+/* The two halves of an application of P^T A P, on the own part of nodal arrays. rigid: own bodies x nr. Expand: inert
+   and following slots of v are overwritten by P u_r (zero at walls); saved [inert + following slots] takes the old
+   values, which PutBack restores. Reduce: rigid += P^T r of the bodies' nodes, then the inert slots of r are zeroed.
+   Collective. */
+PetscErrorCode ConstraintExpandInPlace(Constraint, const PetscReal rigid[], PetscReal v[], PetscReal saved[]);
+PetscErrorCode ConstraintPutBack(Constraint, const PetscReal saved[], PetscReal v[]);
+PetscErrorCode ConstraintReduceInPlace(Constraint, PetscReal r[], PetscReal rigid[]);
+/* Rigid velocities between their owner and the bodies this rank knows. Fetch: local_rigid = rigid, as Expand does on
+   its way. Deliver: rigid += sum of local [nlocal][nr] over ranks. Collective. */
+PetscErrorCode ConstraintFetchRigid(Constraint, const PetscReal rigid[]);
+PetscErrorCode ConstraintDeliverRigid(Constraint, const PetscReal local[], PetscReal rigid[]);
+
+/* u = P ur + c on own nodes and ghosts, u [nnode_all][dim]. Collective. */
+PetscErrorCode ConstraintExpand(Constraint, Vec ur, PetscReal u[]);
+/* ur = free nodal values of u (relative to the body at nodes that follow one) and, in the rigid slots, the unknown
+   entries of U [nbodies][nr]; inert slots zero. Local. */
+PetscErrorCode ConstraintRestrict(Constraint, const PetscReal u[], const PetscReal U[], Vec ur);
+/* Rigid velocities of ur on every rank: unknown entries of U [nbodies][nr] are overwritten, known ones kept.
+   Collective. */
+PetscErrorCode ConstraintGatherRigid(Constraint, Vec ur, PetscReal U[]);
+
+/* P as an assembled matrix, rows: own nodes x dim, columns: u_r. Inert columns are empty. Collective; caller destroys.
+   */
+PetscErrorCode ConstraintCreateMat(Constraint, Mat *P);

@@ -1,0 +1,207 @@
+/* FlowSolver: choice of methods and tolerances (see system.h): the recipes, and what depends on the numbers of a step.
+   */
+#include "compat.h"
+#include "impl.h"
+#include "base/opt.h"
+
+/* Numbers of a step: nu theta/(c_t h^2) with the smallest and with the largest cell, |u| theta/(c_t h) */
+typedef enum {
+  VISCOUS,
+  VISCOUS_OF_LARGEST,
+  CONVECTIVE
+} Number;
+
+typedef enum {
+  COMMUTATOR_FREE,
+  COMMUTATOR_KNOWN,
+  COMMUTATOR_UNRESOLVED,
+  COMMUTATOR_CONVECTION,
+  MASS_ALONE,
+  WHOLE_PRESSURE,
+  FACTORISE_VISCOUS,
+  FACTORISE_CONVECTION,
+  FACTORISE_UNRESOLVED,
+  NTHRESHOLDS
+} Threshold;
+
+#define STUDY "runs/studies/flow-solver"
+
+/* From which number on a method is taken, and where that was found out */
+static const struct {
+  Number      number;
+  PetscReal   from;
+  const char *what, *study;
+} THRESHOLDS[NTHRESHOLDS] = {
+  [COMMUTATOR_FREE]       = {VISCOUS, 0.1, "commutator around bodies that move freely, rigid nodes in a staircase", STUDY},
+  [COMMUTATOR_KNOWN]      = {VISCOUS, 100, "commutator around bodies whose motion is known, rigid nodes in a staircase", STUDY},
+  [COMMUTATOR_UNRESOLVED] = {CONVECTIVE, 0.5, "commutator in under-resolved flow (cell Reynolds number above 50)", STUDY},
+  [COMMUTATOR_CONVECTION] = {CONVECTIVE, 2, "commutator in any flow", STUDY},
+  [MASS_ALONE]            = {VISCOUS, 20, "pressure mass alone, without bodies, diffusion ahead of convection", STUDY},
+  [WHOLE_PRESSURE]        = {VISCOUS_OF_LARGEST, 0.015, "the whole pressure correction in recipe fast, below it a share", STUDY},
+  [FACTORISE_VISCOUS]     = {VISCOUS, 1, "incomplete factorisation of the velocity", STUDY},
+  [FACTORISE_CONVECTION]  = {CONVECTIVE, 1, "incomplete factorisation of the velocity", STUDY},
+  [FACTORISE_UNRESOLVED]  = {CONVECTIVE, 0.3, "incomplete factorisation in under-resolved flow", STUDY},
+};
+
+#define SHARE_BELOW 0.5 /* of the pressure correction, below WHOLE_PRESSURE */
+
+typedef enum {
+  SCHUR_AUTO,
+  SCHUR_PROJECTION,
+  SCHUR_COMMUTATOR
+} SchurType;
+
+typedef enum {
+  SWEEP_AUTO,
+  SWEEP_SOR,
+  SWEEP_ILU
+} RelaxType;
+
+static const char *const RECIPES[] = {"fast", "balanced", "accurate", "direct", NULL};
+static const char *const SCHURS[]  = {"auto", "projection", "commutator", NULL};
+static const char *const SWEEPS[]  = {"auto", "sor", "ilu", NULL};
+
+/* Which preconditioners need assembled matrices */
+static PetscErrorCode choose_assembly(FlowSolver fs)
+{
+  char      type[64];
+  PetscBool set, in;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscOptionsGetString(NULL, NULL, "-flow_pc_type", type, sizeof(type), &set));
+  fs->need_whole = set;
+  PetscCall(PetscOptionsGetString(NULL, NULL, "-flow_fieldsplit_velocity_pc_type", type, sizeof(type), &set));
+  if (fs->need_whole || !set) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscStrInList(type, "none,jacobi,sor", ',', &in));
+  fs->need_Ar = (PetscBool)!in;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverSetRecipe(FlowSolver fs, PetscBool moving)
+{
+  const char *outer[][2] = {{"1", "1e-10"}, {"200", "1e-8"}, {"200", "1e-9"}, {"20", "1e-10"}};
+  const char *inner[][2] = {{"1e-2", "1e-1"}, {"1e-2", "1e-2"}, {"1e-2", "1e-2"}, {"1e-2", "1e-2"}};
+  PetscInt    recipe     = 1;
+  PetscBool   sweep_only, given;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptChoice("-flow_recipe", "preset of the solver options; every one can be overridden", RECIPES, &recipe));
+  fs->fixed = (PetscBool)(recipe == 0);
+  if (recipe == 0) fs->schur = SCHUR_PROJECTION; /* a single sweep must end with the projection */
+  PetscCall(OptChoice("-flow_schur", "what follows the pressure solve (auto: by the viscous number of the step)", SCHURS, &fs->schur));
+  PetscCall(
+    OptChoice("-flow_velocity_sweep", "preconditioner of the velocity (auto: by the convective number of the step)", SWEEPS, &fs->sweep_type));
+  PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_ksp_rtol", &given));
+  if (recipe == 1 && !given) PetscCall(OptDefault("-flow_rtol_start", "1e-2")); /* as an option: a restart finds both in its checkpoint */
+  fs->rtol_most = 1e-5;
+  PetscCall(OptReal("-flow_rtol_start", "residual that a solve leaves as share of its start value's (0: only -flow_ksp_rtol counts)", "", 0, 1,
+                    &fs->rtol_start));
+  PetscCall(OptReal("-flow_rtol_most", "bound for -flow_rtol_start, as share of the right-hand side", "", 0, 1, &fs->rtol_most));
+  /* with bodies that move the sweep must not add to the residual: two falling discs blow up within 20 steps otherwise
+     */
+  sweep_only = (PetscBool)(recipe == 0 && !moving);
+  PetscCall(OptDefault("-flow_ksp_type", sweep_only ? "richardson" : "fgmres"));
+  PetscCall(OptDefault("-flow_ksp_max_it", outer[recipe][0]));
+  PetscCall(OptDefault("-flow_ksp_rtol", outer[recipe][1]));
+  if (recipe == 0) PetscCall(OptDefault("-flow_ksp_convergence_test", "skip"));
+  if (sweep_only) PetscCall(OptDefault("-flow_ksp_norm_type", "none")); /* or the sweep would run a second time for the norm */
+  if (recipe > 0) PetscCall(OptDefault("-flow_ksp_gmres_restart", "60"));
+  if (recipe == 3) {
+    PetscCall(OptDefault("-flow_pc_type", "lu"));
+    PetscCall(OptDefault("-flow_pc_factor_mat_solver_type", "mumps"));
+    PetscCall(OptDefault("-flow_mat_mumps_icntl_24", "1")); /* leave null pivots out: pressures of cut cells without a free velocity */
+  } else {
+    PetscCall(OptDefault("-flow_fieldsplit_velocity_ksp_type", "gcr")); /* half the sweeps of bcgs */
+    PetscCall(OptDefault("-flow_fieldsplit_velocity_ksp_gcr_restart", "10"));
+    PetscCall(OptDefault("-flow_fieldsplit_velocity_ksp_rtol", inner[recipe][0]));
+    PetscCall(OptDefault("-flow_fieldsplit_velocity_ksp_max_it", "200"));
+    PetscCall(OptDefault("-flow_fieldsplit_velocity_pc_type", "sor"));
+    PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_type", "cg"));
+    PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_rtol", inner[recipe][1]));
+    PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_max_it", "200"));
+    PetscCall(PressureSetDefaults());
+  }
+  PetscCall(choose_assembly(fs));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Sets *has if the velocity of some body is unknown */
+static PetscErrorCode find_free_bodies(FlowSolver fs, PetscBool *has)
+{
+  const struct _p_Constraint *c = fs->constraint;
+
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < fs->nbodies; k++)
+    if (c->unknown[k]) *has = PETSC_TRUE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Which thresholds of the table the step exceeds */
+static PetscErrorCode compare_numbers(FlowSolver fs, const PetscReal number[], PetscBool above[])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < NTHRESHOLDS; i++) {
+    const PetscReal value = number[THRESHOLDS[i].number];
+
+    above[i] = (PetscBool)(value > THRESHOLDS[i].from);
+    PetscCall(PetscInfo(fs->ksp, "%s: %s number %g, from %g on (%s)\n", THRESHOLDS[i].what,
+                        THRESHOLDS[i].number == CONVECTIVE ? "convective" : "viscous", (double)value, (double)THRESHOLDS[i].from,
+                        THRESHOLDS[i].study));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
+{
+  const FlowParameters *par;
+  const FlowStep       *step;
+  PetscReal            *u, speed = 0, t, viscous, convective;
+  PetscBool             moves = PETSC_FALSE, staircase, above[NTHRESHOLDS];
+
+  PetscFunctionBeginUser;
+  PetscCall(find_free_bodies(fs, &moves));
+  PetscCall(FlowGetParameters(fs->flow, &par));
+  PetscCall(FlowGetStep(fs->flow, &step));
+  PetscCall(FlowGetFields(fs->flow, &u, NULL, NULL));
+  for (PetscInt i = 0; i < fs->nodal; i++) speed = PetscMax(speed, PetscAbsReal(u[i]));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &speed, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  t          = step->ct > 0 ? step->theta / (step->ct * fs->loc->h) : PETSC_MAX_REAL;
+  viscous    = par->viscosity * t / (par->density * fs->loc->h);
+  convective = speed * t;
+  PetscCall(compare_numbers(fs,
+                            (const PetscReal
+                               []){[VISCOUS] = viscous, [VISCOUS_OF_LARGEST] = viscous * PetscSqr(fs->loc->h / fs->h_max), [CONVECTIVE] = convective},
+                            above));
+  fs->factorise         = (PetscBool)(fs->sweep_type == SWEEP_ILU ||
+                              (fs->sweep_type == SWEEP_AUTO && (above[FACTORISE_CONVECTION] || above[FACTORISE_VISCOUS] ||
+                                                                (above[FACTORISE_UNRESOLVED] && convective > 5 * viscous))));
+  fs->share_of_pressure = fs->fixed && !above[WHOLE_PRESSURE] ? SHARE_BELOW : 1;
+  fs->commute           = (PetscBool)(fs->schur == SCHUR_COMMUTATOR || step->dt == 0); /* the projection is for time steps only */
+  fs->viscous_only      = PETSC_FALSE;
+  if (fs->commute || fs->schur == SCHUR_PROJECTION) PetscFunctionReturn(PETSC_SUCCESS);
+  staircase        = (PetscBool)(fs->nbodies > 0 && !fs->fitted && !FlowSolverIsSoft(fs));
+  fs->viscous_only = (PetscBool)(fs->nbodies == 0 && above[MASS_ALONE] && convective * convective < 10 * viscous);
+  fs->commute      = (PetscBool)((staircase && above[moves ? COMMUTATOR_FREE : COMMUTATOR_KNOWN]) || above[COMMUTATOR_CONVECTION] ||
+                            (above[COMMUTATOR_UNRESOLVED] && convective > 50 * viscous));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverSetTolerance(FlowSolver fs, PetscBool *enough)
+{
+  PetscReal start, rhs, target;
+
+  PetscFunctionBeginUser;
+  *enough = PETSC_FALSE;
+  if (fs->fixed) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(VecNorm(fs->r, NORM_2, &start));
+  PetscCall(VecNorm(fs->b, NORM_2, &rhs));
+  if (start > rhs) { /* such as when all comes to rest within a step */
+    PetscCall(VecZeroEntries(fs->x));
+    PetscCall(VecCopy(fs->b, fs->r));
+    start = rhs;
+  }
+  target  = PetscMax(fs->rtol * rhs, PetscMin(fs->rtol_start * start, fs->rtol_most * rhs));
+  *enough = (PetscBool)(start <= target);
+  if (!*enough && start < PETSC_MAX_REAL) PetscCall(KSPSetTolerances(fs->ksp, target / start, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
