@@ -22,14 +22,14 @@ typedef struct _p_Shape *Shape;
 typedef struct {
   PetscReal volume;      /* area in 2D, volume in 3D */
   PetscReal centroid[3]; /* in the body frame; unused components zero */
-  PetscReal inertia[6];  /* about the centroid, xx yy zz xy xz yz of the inertia tensor, the integral of |r|^2 I - r r^T;
+  PetscReal inertia[6];  /* about the centroid, xx yy zz xy xz yz of the integral of |r|^2 I - r r^T;
                             2D: only zz (polar second moment of area) */
 } ShapeMass;
 
 /* Operations of a plugin. NULL means "use the default" where a default exists. All are deterministic and must
    accept n = 0. create, options and setup run inside ShapeCreate on every rank of PETSC_COMM_WORLD and may communicate;
-   all others are not collective. `data` memory belongs to the plugin: allocate in create, free in destroy (which also runs
-   when options or setup failed). */
+   all others are not collective. `data` memory belongs to the plugin: allocate in create, free in destroy (which also
+   runs when options or setup failed). */
 typedef struct {
   PetscErrorCode (*create)(Shape);  /* optional: allocate data, set defaults */
   PetscErrorCode (*options)(Shape); /* optional: read options with ShapeOption*() */
@@ -40,8 +40,8 @@ typedef struct {
   /* optional: grad d, unit, outward [n][dim]; default central differences */
   PetscErrorCode (*normal)(Shape, PetscInt n, const PetscReal x[], PetscReal normal[]);
   PetscErrorCode (*mass)(Shape, ShapeMass *m); /* optional; default adaptive quadrature of the distance */
-  /* optional: n points on the surface [n][dim], counter-clockwise in 2D, with weights w [n] that add up to the perimeter
-     (area in 3D); default by projection */
+  /* optional: n points on the surface [n][dim], counter-clockwise in 2D, with weights w [n] that add up to the
+     perimeter (area in 3D); default by projection */
   PetscErrorCode (*surface)(Shape, PetscInt n, PetscReal x[], PetscReal w[]);
   PetscErrorCode (*view)(Shape, PetscViewer); /* optional: one line of parameters, ASCII */
   PetscErrorCode (*destroy)(Shape);           /* optional: free data */

@@ -6,8 +6,8 @@
      reference coordinates, as far as |xi|, |eta| <= 1.8; (c) where no map can be inverted (flat corner cells of a
      staircase): first-order Taylor from the nearest of the points (0, +-0.77)^2 of old fluid cells, up to 1.5 cells
      away; (d) the value the node has now; counted.
-   Taking the rigid velocity at uncovered places instead makes the torque of a translating disc 1.8 % wrong, whatever
-   the time step (runs/studies/boundary). Where a thin body has swept over a place, the cell that contains it was on the
+   The rigid velocity at uncovered places instead would give the torque of a translating disc a bias of 1.8 % that no
+   time step removes. Where a thin body has swept over a place, the cell that contains it was on the
    other side: cells that must not answer for a place are told by their sides. A place that is not in a cell of this
    rank is offered to all ranks, and the best answer is taken, so that the result does not depend on the partition. */
 #pragma once

@@ -19,7 +19,7 @@ struct _p_MeshKind {
   PetscInt  kind, dim;
   PetscInt  cells[3];
   PetscReal lower[3], upper[3], period[3];
-  PetscInt  block[3]; /* fitted: first line of the O-grid block along x, y; cells along its side. disc: cells along the middle square */
+  PetscInt  block[3]; /* fitted: first line of the O-grid block along x, y; O-grids: cells along a side */
   PetscInt  nring;
   char      file[PETSC_MAX_PATH_LEN];
   MeshMap   map;

@@ -33,7 +33,7 @@ typedef struct {
   PetscReal    inner, outer;       /* half-widths of the innermost and outermost square of the rings, in q */
   PetscReal    centre[2];          /* of the circle or circles */
   PetscReal    radius[2];          /* fitted, disc: radius[0]; annulus: inner, outer */
-  PetscReal    ring_ratio;         /* fitted: thickness of the outermost layer over that of the innermost, in the limit of many layers */
+  PetscReal    ring_ratio;         /* fitted: thickness of the outermost layer over that of the innermost */
   PetscInt     nbent;
   MeshMapBent *bent;
 } MeshMap;

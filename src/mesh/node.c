@@ -24,7 +24,7 @@ PetscErrorCode MeshNumberNodes(Mesh m, const PetscBool ghost[], PetscInt pEnd, P
 static PetscErrorCode number_globally(Mesh m, PetscInt pEnd, const PetscInt order[], const PetscInt number[])
 {
   MeshLocal *l      = &m->loc;
-  PetscInt   own[2] = {l->ncell, l->nnode}, start[2] = {0, 0}, total[2], *root, *leaf;
+  PetscInt   own[2] = {l->ncell, l->nnode}, start[2] = {0, 0}, total[2], *root, *leaf, nroot;
   PetscSF    sf;
 
   PetscFunctionBeginUser;
@@ -36,6 +36,7 @@ static PetscErrorCode number_globally(Mesh m, PetscInt pEnd, const PetscInt orde
   l->nnode_global = total[1];
   PetscCall(PetscMalloc2(pEnd, &root, pEnd, &leaf));
   PetscCall(DMGetPointSF(m->dm, &sf));
+  PetscCall(PetscSFGetGraph(sf, &nroot, NULL, NULL, NULL));
   for (PetscInt kind = 0; kind < 2; kind++) { /* a cell point is both a cell and a node: two broadcasts */
     for (PetscInt p = 0; p < pEnd; p++) root[p] = -1;
     if (kind == 0) {
@@ -45,14 +46,9 @@ static PetscErrorCode number_globally(Mesh m, PetscInt pEnd, const PetscInt orde
         if (number[p] >= 0 && number[p] < l->nnode) root[p] = l->node_start + number[p];
     }
     PetscCall(PetscArraycpy(leaf, root, pEnd));
-    if (l->ncell_global > 0) {
-      PetscInt nroot;
-
-      PetscCall(PetscSFGetGraph(sf, &nroot, NULL, NULL, NULL));
-      if (nroot >= 0) {
-        PetscCall(PetscSFBcastBegin(sf, MPIU_INT, root, leaf, MPI_REPLACE));
-        PetscCall(PetscSFBcastEnd(sf, MPIU_INT, root, leaf, MPI_REPLACE));
-      }
+    if (nroot >= 0) { /* the mesh is distributed */
+      PetscCall(PetscSFBcastBegin(sf, MPIU_INT, root, leaf, MPI_REPLACE));
+      PetscCall(PetscSFBcastEnd(sf, MPIU_INT, root, leaf, MPI_REPLACE));
     }
     if (kind == 0) {
       for (PetscInt c = 0; c < l->ncell_all; c++) m->cell_global[c] = leaf[order[c]];

@@ -45,5 +45,5 @@ PetscErrorCode ShapeDefaultMass(Shape, PetscReal r, PetscInt dim, ShapeMass *m);
    r/2000 (3D: r/60) may be missed. */
 PetscErrorCode ShapeDefaultSurface(Shape, PetscReal r, PetscInt dim, PetscInt n, PetscReal x[], PetscReal w[]);
 
-/* An upper bound of the largest |x - c| over the body, at most 1e-4 r too large (3D, many equally far points: 2e-2 r). */
+/* An upper bound of the largest |x - c| over the body, at most 1e-4 r too large (3D, many far points: 2e-2 r). */
 PetscErrorCode ShapeDefaultRadius(Shape, PetscReal r, PetscInt dim, const PetscReal c[3], PetscReal *radius);
