@@ -100,3 +100,5 @@ PetscErrorCode ShapeGetOption(Shape, PetscInt i, const char *name[], PetscReal *
 PetscErrorCode ShapeGetPlugin(Shape, const ShapePlugin **plugin);
 /* Close the shared objects; called before PetscFinalize. */
 PetscErrorCode ShapeFinalize(void);
+/* Declare what all plugins of the search path read, under the prefix particle_<group>_, for -help. Collective. */
+PetscErrorCode ShapeDeclareOptions(void);
