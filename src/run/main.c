@@ -18,7 +18,7 @@
 static const char
   help[] = "tumble: particulate flow by the finite element fictitious boundary method.\n"
            "usage: mpiexec -n N build/tumble runs/scene.yaml [-option value ...]\n"
-           "-scene_dry_run describes the scene without running it; -help lists all options (-help expert: more, -help petsc: those of\n"
+           "Option -scene_dry_run describes the scene without running it; -help lists all options (-help expert: more, -help petsc: those of\n"
            "PETSc's solvers in this scene, -help markdown, -help man), -version the versions; runs/README.md lists the scenes.\n\n";
 
 /* The error this rank stops with; told by rank 0 when all ranks have come to the end, so that it is told once. */
@@ -150,6 +150,7 @@ static Wish find_wish(int argc, char **argv, OptFormat *format)
     if (!strcmp(argv[i], "-version") || !strcmp(argv[i], "--version")) return VERSION;
     if (strcmp(argv[i], "-help") && strcmp(argv[i], "--help") && strcmp(argv[i], "-h")) continue;
     wish = i + 1 < argc && !strcmp(argv[i + 1], "petsc") ? HELP_PETSC : HELP;
+    if (wish == HELP_PETSC) strcpy(argv[i + 1], "1"); /* PETSc takes -help for a switch */
     for (int k = 1; k < 4 && i + 1 < argc; k++)
       if (!strcmp(argv[i + 1], FORMATS[k])) *format = (OptFormat)k;
   }
