@@ -49,7 +49,7 @@ SCRIPTS  = $(shell grep -slE '^\#!.*python3' tools/*) $(wildcard tools/*.py tool
 
 .DEFAULT_GOAL := all
 .DELETE_ON_ERROR:
-.PHONY: all tests shapes demo bench scaling extremes validate check check-unit check-e2e demo-now check-now check-unit-now check-e2e-now style format test-shape install deps clean help FORCE
+.PHONY: all tests shapes demo bench scaling extremes validate check check-unit check-e2e demo-now check-now check-unit-now check-e2e-now style format test-shape options install deps clean help FORCE
 
 all: $(BUILD)/tumble shapes ## build the program and the shapes (default)
 shapes: $(SHAPES)           ## build the shape plugins only
@@ -113,14 +113,19 @@ style: ## rooms, text, formatting, scripts that compile
 	@if command -v clang-format > /dev/null; then clang-format --dry-run -Werror $(SOURCES); else echo "clang-format is not installed: formatting is not checked"; fi
 format: ## apply clang-format to all C files
 	clang-format -i $(SOURCES)
-install: all $(BUILD)/tests/shape/conformance $(BUILD)/tumble.pc ## install program, library, header of shapes, shapes, pkg-config file into PREFIX (default /usr/local; DESTDIR= for packages)
-	install -d $(addprefix $(DESTDIR)$(PREFIX)/,bin lib/pkgconfig lib/tumble/shapes lib/tumble/tests include/tumble share/tumble/runs)
+options: all ## write runs/OPTIONS.md anew from the tables of options (src/*/options.c)
+	$(BUILD)/tumble -help markdown > runs/OPTIONS.md
+$(BUILD)/tumble.1: $(BUILD)/tumble $(SHAPES)
+	$(call ENTER,MAN) $(BUILD)/tumble -help man > $@
+install: all $(BUILD)/tests/shape/conformance $(BUILD)/tumble.pc $(BUILD)/tumble.1 ## install program, library, header of shapes, shapes, manual page, pkg-config file into PREFIX (default /usr/local; DESTDIR= for packages)
+	install -d $(addprefix $(DESTDIR)$(PREFIX)/,bin lib/pkgconfig lib/tumble/shapes lib/tumble/tests include/tumble share/man/man1 share/tumble/runs)
 	install $(BUILD)/tumble $(DESTDIR)$(PREFIX)/bin
 	install -m 644 $(BUILD)/libtumble.so $(DESTDIR)$(PREFIX)/lib/tumble
 	install -m 644 $(SHAPES) $(DESTDIR)$(PREFIX)/lib/tumble/shapes
 	install $(BUILD)/tests/shape/conformance $(DESTDIR)$(PREFIX)/lib/tumble/tests
 	ln -sf ../lib/tumble/tests/conformance $(DESTDIR)$(PREFIX)/bin/tumble-test-shape
 	install -m 644 include/shape.h include/compat.h $(DESTDIR)$(PREFIX)/include/tumble
+	install -m 644 $(BUILD)/tumble.1 $(DESTDIR)$(PREFIX)/share/man/man1
 	install -m 644 $(BUILD)/tumble.pc $(DESTDIR)$(PREFIX)/lib/pkgconfig
 	cp -R runs/. $(DESTDIR)$(PREFIX)/share/tumble/runs
 # A plugin must see the PETSc and MPI that the library was built with: their flags are written out.

@@ -92,3 +92,5 @@ PetscErrorCode ShapeDistance(Shape, PetscInt n, const PetscReal x[], PetscReal d
 PetscErrorCode ShapeGetMass(Shape, ShapeMass *m);                                    /* cached */
 /* Close the shared objects; called before PetscFinalize. */
 PetscErrorCode ShapeFinalize(void);
+/* Declare what all plugins of the search path read, under the prefix particle_<group>_, for -help. Collective. */
+PetscErrorCode ShapeDeclareOptions(void);

@@ -1,51 +1,91 @@
-/* Options with units and ranges.
+/* Options, declared as data and read by name.
 
-   Thin wrappers around the PETSc options database: every option of the program is read through them, so that
-   each one is checked against its range, is listed by -help with unit and range, and is known when a misspelt
-   option needs the nearest valid name. Layer 0; no physics.
-
-   All functions take the full option name with its dash ("-flow_viscosity"), leave *value at its default when the
-   option is absent, and stop with PETSC_ERR_USER_INPUT naming option, value, range and unit when it is out of range.
-   `unit` is text such as "kg/m^3", "s" or "" (no dimension). Ranges are closed intervals; use PETSC_MIN_REAL /
-   PETSC_MAX_REAL (or the integer counterparts) for "no limit"; OPT_POSITIVE as `lower` means "greater than zero".
+   Each room declares its options in one table, src/<room>/options.c, of rows OptSpec. Everything comes from these rows:
+   conversion and range check when an option is read, advice for one that nobody reads, -help, runs/OPTIONS.md and the
+   manual page. The readers take the full name with its dash ("-flow_viscosity"), leave *value at its default when the
+   option is absent, and stop with PETSC_ERR_USER_INPUT naming option, value, range and unit when it does not fit its
+   row. To read a name without a row, by a reader of another type, or with another default or other words than the row
+   has, is a mistake of the program: PETSC_ERR_PLIB.
    Collective on PETSC_COMM_WORLD (all ranks read the same database). */
 #pragma once
+#include <math.h>
 #include <petscsys.h>
 
-#define OPT_POSITIVE PETSC_MACHINE_EPSILON /* as lower bound: must be > 0; printed as "> 0" */
+typedef enum {
+  OPT_REAL,
+  OPT_INT,
+  OPT_BOOL,
+  OPT_CHOICE,
+  OPT_STRING,
+  OPT_REALS,
+  OPT_INTS,
+  OPT_STRINGS
+} OptType;
 
-PetscErrorCode OptReal(const char name[], const char help[], const char unit[], PetscReal lower, PetscReal upper, PetscReal *value);
-PetscErrorCode OptInt(const char name[], const char help[], const char unit[], PetscInt lower, PetscInt upper, PetscInt *value);
-PetscErrorCode OptBool(const char name[], const char help[], PetscBool *value);
+/* Closed intervals for lower, upper; greater than zero is OPT_POSITIVE. */
+#define OPT_POSITIVE    PETSC_MACHINE_EPSILON
+#define OPT_ANY         -INFINITY, INFINITY
+#define OPT_ABOVE_ZERO  OPT_POSITIVE, INFINITY
+#define OPT_FROM(lower) (lower), INFINITY
 
-/* One of the strings in `list` (NULL-terminated array of constant strings). *index is default on entry.
-   An unknown value is an error that lists the known ones. */
-PetscErrorCode OptChoice(const char name[], const char help[], const char *const list[], PetscInt *index);
+typedef struct {
+  const char *name; /* with dash; <word> stands for a name of the scene: "-particle_<group>_density" */
+  OptType     type;
+  const char *unit;         /* "kg/m^3", "s"; "" for none */
+  double      lower, upper; /* of every number in it */
+  const char *value;        /* default as shown; a single number or word is compared with the reader's; "" for none */
+  const char *help;         /* one sentence, no full stop */
+  const char *when;         /* NULL, or the option with which it is read: "-sim_adapt true" */
+  const char *choices;      /* of OPT_CHOICE: "be, cn, bdf2" */
+  PetscBool   expert;       /* shown by -help expert only: tolerances, thresholds */
+  const char *old;          /* former name, refused with the new one; NULL for none */
+} OptSpec;
+
+/* OPT_TABLE("flow: fluid and boundary conditions", SPECS) at the end of a room's options.c. A constructor of the
+   library, so that a program that creates one module alone knows all options as well; hence no PETSc in OptDeclare. */
+#define OPT_TABLE(title, specs) \
+  __attribute__((constructor)) static void declare_options(void) \
+  { \
+    OptDeclare(title, specs, sizeof(specs) / sizeof((specs)[0])); \
+  }
+void OptDeclare(const char title[], const OptSpec specs[], size_t n);
+
+/* One row known at run time only, as of a shape's plugin; copied. In place of an earlier one of that name; one whose name
+   has a placeholder stands beside those with another `when`, for printing. Rows of tables without a placeholder win. */
+PetscErrorCode OptDeclareOne(const OptSpec *spec);
+
+PetscErrorCode OptReal(const char name[], PetscReal *value);
+PetscErrorCode OptInt(const char name[], PetscInt *value);
+PetscErrorCode OptBool(const char name[], PetscBool *value);
+
+/* One of the words in `list` (NULL-terminated), which are those of the row in its order. *index is default on entry. */
+PetscErrorCode OptChoice(const char name[], const char *const list[], PetscInt *index);
 
 /* A string; `value` has room for `len` characters and holds the default on entry. */
-PetscErrorCode OptString(const char name[], const char help[], char value[], size_t len);
+PetscErrorCode OptString(const char name[], char value[], size_t len);
 
-/* Exactly n reals ("1,2" or a YAML list [1, 2]); another number of values is an error that says how many are wanted.
-   *found (may be NULL) tells whether the option was given. */
-PetscErrorCode OptRealArray(const char name[], const char help[], const char unit[], PetscReal lower, PetscReal upper, PetscInt n, PetscReal value[],
-                            PetscBool *found);
-PetscErrorCode OptIntArray(const char name[], const char help[], const char unit[], PetscInt lower, PetscInt upper, PetscInt n, PetscInt value[],
-                           PetscBool *found);
+/* Exactly n numbers ("1,2" or a YAML list [1, 2]). *found (may be NULL) tells whether the option was given. */
+PetscErrorCode OptRealArray(const char name[], PetscInt n, PetscReal value[], PetscBool *found);
+PetscErrorCode OptIntArray(const char name[], PetscInt n, PetscInt value[], PetscBool *found);
 
 /* A list of strings. On entry *n is the room in list[]; on exit the number found (0 if absent).
    Each string is allocated; free it with PetscFree. */
-PetscErrorCode OptStringArray(const char name[], const char help[], PetscInt *n, char *list[]);
+PetscErrorCode OptStringArray(const char name[], PetscInt *n, char *list[]);
 
-/* Was this option given at all? Registers the name as known. */
-PetscErrorCode OptHas(const char name[], const char help[], PetscBool *found);
+/* Was this option given at all? Counts as reading it. */
+PetscErrorCode OptHas(const char name[], PetscBool *found);
 
-/* Set a default for a PETSc solver option (with dash): kept only if neither scene nor command line gives it.
-   Such a default never counts as an unused option. */
+/* Text of an option, "" when it is absent or has no value. Does not count as reading it: for src/run/defaults.c. */
+PetscErrorCode OptPeek(const char name[], char text[], size_t len);
+
+/* Set a default: kept only if neither scene nor command line gives the option. Of two for one name the later holds.
+   Such a default never counts as an unused option. For PETSc's solver objects where they are made; those of our own
+   options stand in src/run/defaults.c. */
 PetscErrorCode OptDefault(const char name[], const char value[]);
 
-/* Stop with an error if scene or command line hold an option that nobody has read, naming the nearest known one.
-   Options that PETSc reads only at the end of a run (-log_view, -options_left, -malloc_dump, ...) are exempt.
-   Call after all set-up, before the first step. */
+/* Stop with an error if scene or command line hold an option that nobody has read: one of another mode with what it is
+   read with, a former name with the new one, any other with the nearest known name. Options that PETSc reads only at the
+   end of a run (-log_view, ...) are exempt. Call after all set-up, before the first step. */
 PetscErrorCode OptCheckUnused(void);
 
 /* Write all options of the database, one "-name value" per line, to an open file (rank 0 writes; collective). */
@@ -54,5 +94,14 @@ PetscErrorCode OptWrite(FILE *file);
 /* The same as text, in *text on every rank; free it with PetscFree. Not collective. */
 PetscErrorCode OptGetAll(char **text);
 
-/* Forget the table of known names (called before PetscFinalize). */
+/* Every option of every table, once, in order of rooms. Not collective, needs no PETSc. */
+typedef enum {
+  OPT_PLAIN,
+  OPT_PLAIN_EXPERT,
+  OPT_MARKDOWN,
+  OPT_MAN
+} OptFormat;
+void OptPrint(FILE *file, OptFormat format);
+
+/* Forget what has been read, and the rows of OptDeclareOne (called before PetscFinalize). */
 PetscErrorCode OptFinalize(void);

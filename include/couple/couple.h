@@ -27,9 +27,6 @@
 
 typedef struct _p_Couple *Couple;
 
-/* Defaults of other modules' options that the coupling implies; call before FlowCreate. Explicit coupling: -flow_time be, because the added mass, one step late, counts
-   3/2 times in bdf2 (stable for added mass / body mass < 1 with be, about 1/2 with bdf2). Collective. */
-PetscErrorCode CoupleSetDefaults(void);
 /* Creates the constraint and the solver. Collective. */
 PetscErrorCode CoupleCreate(Flow, Bodies, Couple *);
 PetscErrorCode CoupleDestroy(Couple *);

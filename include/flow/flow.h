@@ -59,6 +59,8 @@ typedef struct {
 /* Read options, tabulate elements, allocate matrices and fields (at rest). Collective. Errors: unknown boundary names
    in options, slip on a boundary that is not a plane along an axis, inflow without velocity. */
 PetscErrorCode FlowCreate(Mesh, Flow *);
+/* The options of the fluid that scenes without a flow have as well: they stay as on entry where they are not given. gravity [dim]. Collective. */
+PetscErrorCode FlowReadFluid(PetscInt dim, PetscReal *density, PetscReal gravity[]);
 PetscErrorCode FlowDestroy(Flow *);
 PetscErrorCode FlowView(Flow, PetscViewer);
 PetscErrorCode FlowGetParameters(Flow, const FlowParameters **);

@@ -1,159 +1,198 @@
-/* Options with units and ranges.
+/* Options: the tables of all rooms, reading and conversion; see opt.h.
 
    Every option is read as text and converted here, so that a bad value is reported with option, value, range and unit
-   instead of PETSc's bare conversion error. Each name read is kept in a table with its meaning and default: -help
-   prints from it, and a misspelt option is answered with the nearest name in it (optimal string alignment distance:
-   Damerau 1964, "A technique for computer detection and correction of spelling errors"). Solver options, which PETSc
-   reads itself, enter that search as every solver prefix seen in OptDefault() times a list of common endings.
-   It does not read files (PETSc does) and does not check the scene's YAML (scenefile.c does). */
+   instead of PETSc's bare conversion error. It does not read files (PETSc does) and does not check the scene's YAML
+   (src/run/scenefile.c does); advice is in suggest.c, printing in help.c. */
 #include "compat.h"
-#include "base/opt.h"
+#include "optimpl.h"
 #include <ctype.h>
 #include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
-#define OPT_LINE 512 /* room for one line of text */
+#define MAX_TABLES 16
 
 /* PETSc up to 3.18 (the cap went during 3.19) keeps options in a table of 512 places; some are left for PETSc's own use. */
 #define OPT_TABLE_MAX 500
 
-typedef struct {
-  char     *name;       /* with dash */
-  char     *text;       /* "meaning [unit] (range)" */
-  PetscBool is_default; /* put into the database by OptDefault(), not by the user */
-} OptKnown;
+OptTable opt_table[MAX_TABLES];
+size_t   opt_ntable;
 
 static struct {
   PetscInt  n, room;
   OptKnown *known;
-} table;
+} list;
 
-/* Common endings of PETSc's solver options, and general options that PETSc reads on its own. */
-static const char *const petsc_names[] = {"ksp_type",
-                                          "ksp_rtol",
-                                          "ksp_atol",
-                                          "ksp_divtol",
-                                          "ksp_max_it",
-                                          "ksp_norm_type",
-                                          "ksp_pc_side",
-                                          "ksp_monitor",
-                                          "ksp_monitor_true_residual",
-                                          "ksp_converged_reason",
-                                          "ksp_view",
-                                          "ksp_initial_guess_nonzero",
-                                          "ksp_gmres_restart",
-                                          "ksp_gmres_modifiedgramschmidt",
-                                          "ksp_chebyshev_esteig",
-                                          "ksp_chebyshev_eigenvalues",
-                                          "ksp_richardson_scale",
-                                          "ksp_error_if_not_converged",
-                                          "ksp_constant_null_space",
-                                          "ksp_guess_type",
-                                          "pc_type",
-                                          "pc_side",
-                                          "pc_view",
-                                          "pc_factor_mat_solver_type",
-                                          "pc_factor_shift_type",
-                                          "pc_factor_levels",
-                                          "pc_fieldsplit_type",
-                                          "pc_fieldsplit_schur_fact_type",
-                                          "pc_fieldsplit_schur_precondition",
-                                          "pc_mg_levels",
-                                          "pc_mg_type",
-                                          "pc_mg_cycle_type",
-                                          "pc_mg_galerkin",
-                                          "pc_gamg_type",
-                                          "pc_gamg_threshold",
-                                          "pc_gamg_agg_nsmooths",
-                                          "pc_hypre_type",
-                                          "pc_hypre_boomeramg_strong_threshold",
-                                          "pc_hypre_boomeramg_coarsen_type",
-                                          "pc_hypre_boomeramg_interp_type",
-                                          "pc_hypre_boomeramg_agg_nl",
-                                          "pc_hypre_boomeramg_relax_type_all",
-                                          "pc_hypre_boomeramg_max_iter",
-                                          "pc_sor_omega",
-                                          "pc_sor_its",
-                                          "pc_sor_lits",
-                                          "pc_sor_symmetric",
-                                          "pc_jacobi_type",
-                                          "pc_bjacobi_blocks",
-                                          "pc_asm_overlap",
-                                          "mg_levels_ksp_type",
-                                          "mg_levels_ksp_max_it",
-                                          "mg_levels_pc_type",
-                                          "mg_coarse_ksp_type",
-                                          "mg_coarse_pc_type",
-                                          "sub_ksp_type",
-                                          "sub_pc_type",
-                                          "snes_type",
-                                          "snes_rtol",
-                                          "snes_atol",
-                                          "snes_stol",
-                                          "snes_max_it",
-                                          "snes_monitor",
-                                          "snes_converged_reason",
-                                          "snes_linesearch_type",
-                                          "snes_lag_jacobian",
-                                          "snes_view",
-                                          "mat_type",
-                                          "mat_mumps_icntl_14",
-                                          "vec_type",
-                                          "dm_refine",
-                                          "dm_view",
-                                          "petscpartitioner_type",
-                                          "petscpartitioner_view",
-                                          "log_view",
-                                          "options_left",
-                                          "options_view",
-                                          "malloc_debug",
-                                          "malloc_dump",
-                                          "memory_view",
-                                          "info",
-                                          "help"};
+/* ---- tables ---- */
 
-/* Read by PETSc only in PetscFinalize(), or on events that may never come. A trailing '*' stands for any ending. */
-static const char *const late_names[] = {"log",
-                                         "log_*",
-                                         "options_left",
-                                         "options_view",
-                                         "options_monitor*",
-                                         "options_file*",
-                                         "options_string_yaml",
-                                         "options_suppress_deprecated_warnings",
-                                         "malloc*",
-                                         "memory_view",
-                                         "objects_dump",
-                                         "help",
-                                         "version",
-                                         "skip_petscrc",
-                                         "prefix_push",
-                                         "prefix_pop",
-                                         "info*",
-                                         "on_error_*",
-                                         "start_in_debugger",
-                                         "stop_for_debugger",
-                                         "debugger_*",
-                                         "debug_terminal",
-                                         "citations",
-                                         "saws*",
-                                         "get_total_flops",
-                                         "mpidump",
-                                         "process_view",
-                                         "stack_view",
-                                         "viewfromoptions",
-                                         "nox",
-                                         "nox_warning",
-                                         "x_virtual",
-                                         "petsc_ci*",
-                                         "check_pointer_intensity",
-                                         "checkfunctionlist",
-                                         "fp_trap",
-                                         "no_signal_handler",
-                                         "omp_view",
-                                         "blas_view"};
+void OptDeclare(const char title[], const OptSpec specs[], size_t n)
+{
+  if (opt_ntable == MAX_TABLES) abort(); /* before main: nobody to tell */
+  opt_table[opt_ntable++] = (OptTable){title, specs, n};
+}
+
+PetscBool OptSameName(const char a[], const char b[])
+{
+  PetscBool same = PETSC_FALSE;
+
+  (void)PetscStrcasecmp(a, b, &same);
+  return same;
+}
+
+PetscBool OptFits(const char pattern[], const char name[], char word[], size_t len)
+{
+  const char  *open = strchr(pattern, '<'), *close = strchr(pattern, '>');
+  const size_t n = strlen(name), before = open ? (size_t)(open - pattern) : 0, after = open ? strlen(close + 1) : 0;
+
+  if (word) word[0] = 0;
+  if (!open) return OptSameName(pattern, name);
+  if (n <= before + after || strncasecmp(pattern, name, before) || strcasecmp(close + 1, name + n - after)) return PETSC_FALSE;
+  if (word) snprintf(word, len, "%.*s", (int)(n - before - after), name + before);
+  return PETSC_TRUE;
+}
+
+static const OptSpec *find_row(const char name[])
+{
+  const OptSpec *best = NULL;
+  size_t         most = 0;
+
+  for (size_t t = 0; t < opt_ntable; t++) {
+    for (size_t i = 0; i < opt_table[t].n; i++) {
+      const OptSpec *spec = opt_table[t].spec + i;
+      const char    *open = strchr(spec->name, '<');
+      const size_t   text = strlen(spec->name) + 64 * !open; /* a name without placeholder wins */
+
+      if (text <= most || !OptFits(spec->name, name, NULL, 0)) continue;
+      best = spec;
+      most = text;
+    }
+  }
+  return best;
+}
+
+/* ---- known names ---- */
+
+/* The last of several (of OptDeclareOne) */
+static OptKnown *find_known(const char name[])
+{
+  for (PetscInt i = list.n - 1; i >= 0; i--) {
+    if (OptSameName(list.known[i].name, name)) return &list.known[i];
+  }
+  return NULL;
+}
+
+const OptKnown *OptGetKnown(PetscInt *n)
+{
+  *n = list.n;
+  return list.known;
+}
+
+const OptKnown *OptFindKnown(const char name[])
+{
+  return find_known(name);
+}
+
+const OptSpec *OptFindSpec(const char name[])
+{
+  const OptKnown *known = find_known(name);
+
+  return known && known->spec ? known->spec : find_row(name);
+}
+
+static PetscErrorCode add_known(const char name[], OptKnown **known)
+{
+  PetscFunctionBeginUser;
+  if (list.n == list.room) {
+    list.room  = PetscMax(64, 2 * list.room);
+    list.known = realloc(list.known, (size_t)list.room * sizeof(*list.known));
+    PetscCheck(list.known, PETSC_COMM_SELF, PETSC_ERR_MEM, "No memory for the names of options");
+  }
+  *known  = &list.known[list.n++];
+  **known = (OptKnown){.name = strdup(name), .spec = find_row(name)};
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The entry of a name, made now if there is none yet. */
+static PetscErrorCode get_known(const char name[], OptKnown **known)
+{
+  PetscFunctionBeginUser;
+  *known = find_known(name);
+  if (!*known) PetscCall(add_known(name, known));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static char *copy_text(const char text[])
+{
+  return text ? strdup(text) : NULL;
+}
+
+static void free_spec(OptSpec *spec)
+{
+  const char *const text[] = {spec->unit, spec->value, spec->help, spec->when, spec->choices};
+
+  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(text); i++) free((void *)(size_t)text[i]);
+  free(spec);
+}
+
+PetscErrorCode OptDeclareOne(const OptSpec *spec)
+{
+  OptKnown *known;
+
+  PetscFunctionBeginUser;
+  PetscCall(get_known(spec->name, &known));
+  if (known->spec && !known->own && !strchr(known->spec->name, '<')) PetscFunctionReturn(PETSC_SUCCESS);
+  if (known->own && strchr(spec->name, '<') && strcmp(known->own->when, spec->when)) PetscCall(add_known(spec->name, &known));
+  if (known->own) free_spec(known->own);
+  known->spec = known->own = malloc(sizeof(*spec));
+  PetscCheck(known->own, PETSC_COMM_SELF, PETSC_ERR_MEM, "No memory for option %s", spec->name);
+  *known->own         = *spec;
+  known->own->name    = known->name;
+  known->own->unit    = copy_text(spec->unit);
+  known->own->value   = copy_text(spec->value);
+  known->own->help    = copy_text(spec->help);
+  known->own->when    = copy_text(spec->when);
+  known->own->choices = copy_text(spec->choices);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Called by every reader: the row of what is read. */
+static PetscErrorCode begin_reading(const char name[], OptType type, PetscBool any_type, const OptSpec **spec)
+{
+  OptKnown *known;
+
+  PetscFunctionBeginUser;
+  PetscCheck(name && name[0] == '-', PETSC_COMM_WORLD, PETSC_ERR_PLIB, "Option name '%s' must start with a dash", name ? name : "(null)");
+  PetscCall(get_known(name, &known));
+  PetscCheck(known->spec, PETSC_COMM_WORLD, PETSC_ERR_PLIB, "Option %s is read, but no table declares it: add a row to options.c of the room", name);
+  PetscCheck(any_type || known->spec->type == type, PETSC_COMM_WORLD, PETSC_ERR_PLIB,
+             "Option %s is read as another type than its row in options.c has", name);
+  known->is_read = PETSC_TRUE;
+  *spec          = known->spec;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What -help says must be true: a default that is a plain number is the reader's. */
+static PetscErrorCode check_number(const OptSpec *spec, double value)
+{
+  char  *end   = NULL;
+  double shown = spec->value ? strtod(spec->value, &end) : 0;
+
+  PetscFunctionBeginUser;
+  if (!end || end == spec->value || *end) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCheck(PetscAbsReal(shown - value) <= 1e-5 * PetscAbsReal(shown), PETSC_COMM_WORLD, PETSC_ERR_PLIB,
+             "The row of option %s in options.c has the default %s, its reader %g", spec->name, spec->value, value);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode check_word(const OptSpec *spec, const char word[])
+{
+  PetscFunctionBeginUser;
+  PetscCheck(!spec->value || !spec->value[0] || strchr(spec->value, ' ') || !strcmp(spec->value, word), PETSC_COMM_WORLD, PETSC_ERR_PLIB,
+             "The row of option %s in options.c has the default '%s', its reader '%s'", spec->name, spec->value, word);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
 
 /* ---- text ---- */
 
@@ -167,31 +206,26 @@ static void join_range(const char lower[], const char upper[], PetscBool positiv
   else text[0] = 0;
 }
 
-static void format_real_range(PetscReal lower, PetscReal upper, char text[], size_t len)
+void OptFormatRange(const OptSpec *spec, char text[], size_t len)
 {
-  char lo[32] = "", hi[32] = "";
+  const double huge   = spec->type == OPT_INT || spec->type == OPT_INTS ? (double)PETSC_MAX_INT : (double)PETSC_MAX_REAL;
+  char         lo[32] = "", hi[32] = "";
 
-  if (lower > PETSC_MIN_REAL) snprintf(lo, sizeof(lo), "%g", (double)lower);
-  if (upper < PETSC_MAX_REAL) snprintf(hi, sizeof(hi), "%g", (double)upper);
-  join_range(lo, hi, (PetscBool)(lower == OPT_POSITIVE), text, len);
+  text[0] = 0;
+  if (spec->type == OPT_BOOL || spec->type == OPT_CHOICE || spec->type == OPT_STRING || spec->type == OPT_STRINGS) return;
+  if (spec->lower > -huge) snprintf(lo, sizeof(lo), "%.10g", spec->lower);
+  if (spec->upper < huge) snprintf(hi, sizeof(hi), "%.10g", spec->upper);
+  join_range(lo, hi, (PetscBool)(spec->lower == OPT_POSITIVE), text, len);
 }
 
-static void format_int_range(PetscInt lower, PetscInt upper, char text[], size_t len)
+void OptFormatMeaning(const OptSpec *spec, char text[], size_t len)
 {
-  char lo[32] = "", hi[32] = "";
+  const char *unit = spec->unit ? spec->unit : "";
+  char        range[OPT_LINE];
 
-  if (lower > PETSC_MIN_INT) snprintf(lo, sizeof(lo), "%lld", (long long)lower);
-  if (upper < PETSC_MAX_INT) snprintf(hi, sizeof(hi), "%lld", (long long)upper);
-  join_range(lo, hi, PETSC_FALSE, text, len);
-}
-
-/* "meaning [unit] (range)" */
-static void format_meaning(const char help[], const char unit[], const char range[], char text[], size_t len)
-{
-  const PetscBool has_unit = (PetscBool)(unit && unit[0]), has_range = (PetscBool)(range && range[0]);
-
-  snprintf(text, len, "%s%s%s%s%s%s%s", help, has_unit ? " [" : "", has_unit ? unit : "", has_unit ? "]" : "", has_range ? " (" : "",
-           has_range ? range : "", has_range ? ")" : "");
+  OptFormatRange(spec, range, sizeof(range));
+  if (spec->choices) snprintf(range, sizeof(range), "one of: %s", spec->choices);
+  snprintf(text, len, "%s%s%s%s%s%s%s", spec->help, unit[0] ? " [" : "", unit, unit[0] ? "]" : "", range[0] ? " (" : "", range, range[0] ? ")" : "");
 }
 
 /* The next item of a comma-separated list, without blanks around it. *cursor becomes NULL after the last. */
@@ -220,68 +254,19 @@ static PetscInt count_items(const char text[])
   return n;
 }
 
-static PetscBool same_name(const char a[], const char b[])
-{
-  PetscBool same = PETSC_FALSE;
-
-  (void)PetscStrcasecmp(a, b, &same); /* PETSc's option names do not tell upper from lower case */
-  return same;
-}
-
-/* ---- the table of known names ---- */
-
-static OptKnown *find_known(const char name[])
-{
-  for (PetscInt i = 0; i < table.n; i++) {
-    if (same_name(table.known[i].name, name)) return &table.known[i];
-  }
-  return NULL;
-}
-
-static PetscErrorCode add_known(const char name[], const char text[], PetscBool is_default)
-{
-  PetscFunctionBeginUser;
-  if (table.n == table.room) {
-    OptKnown *known;
-
-    table.room = PetscMax(64, 2 * table.room);
-    PetscCall(PetscCalloc1(table.room, &known));
-    if (table.n) PetscCall(PetscArraycpy(known, table.known, table.n));
-    PetscCall(PetscFree(table.known));
-    table.known = known;
-  }
-  PetscCall(PetscStrallocpy(name, &table.known[table.n].name));
-  PetscCall(PetscStrallocpy(text, &table.known[table.n].text));
-  table.known[table.n++].is_default = is_default;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Called by every reader: the first time it is read an option enters the table and, under -help, is printed. */
-static PetscErrorCode register_option(const char name[], const char text[], const char value[])
-{
-  PetscBool help;
-
-  PetscFunctionBeginUser;
-  PetscCheck(name && name[0] == '-', PETSC_COMM_WORLD, PETSC_ERR_ARG_WRONG, "Option name '%s' must start with a dash", name ? name : "(null)");
-  if (find_known(name)) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(add_known(name, text, PETSC_FALSE));
-  PetscCall(PetscOptionsHasHelp(NULL, &help));
-  if (help && value[0]) PetscCall((*PetscHelpPrintf)(PETSC_COMM_WORLD, "%s <%s>: %s\n", name, value, text));
-  else if (help) PetscCall((*PetscHelpPrintf)(PETSC_COMM_WORLD, "%s: %s\n", name, text));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* ---- the PETSc database ---- */
 
 /* Text of the option as given, NULL when absent; marks it as used. */
-static PetscErrorCode find_text(const char name[], const char meaning[], const char **text)
+static PetscErrorCode find_text(const char name[], const OptSpec *spec, const char **text)
 {
+  char      meaning[OPT_LINE];
   PetscBool given;
 
   PetscFunctionBeginUser;
   *text = NULL;
   PetscCall(PetscOptionsFindPair(NULL, NULL, name, text, &given));
   if (!given) *text = NULL;
+  OptFormatMeaning(spec, meaning, sizeof(meaning));
   PetscCheck(!given || *text, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s has no value; wanted: %s", name, meaning);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -319,467 +304,279 @@ static char *next_option(char **cursor)
   return NULL;
 }
 
-static PetscErrorCode look_up(const char name[], PetscBool *present, PetscInt *count)
+/* Text of an option in the database without marking it as used, "" without a value; *count: options in the database. */
+static PetscErrorCode look_up(const char name[], PetscBool *present, PetscInt *count, char value[], size_t len)
 {
   char *text, *cursor, *line;
 
   PetscFunctionBeginUser;
   *present = PETSC_FALSE;
   *count   = 0;
+  value[0] = 0;
   PetscCall(list_database(&text));
   for (cursor = text; (line = next_option(&cursor)); ++*count) {
-    line[strcspn(line, " ")] = 0;
-    if (same_name(line, name)) *present = PETSC_TRUE;
+    char *blank = strchr(line, ' ');
+
+    if (blank) *blank = 0;
+    if (!OptSameName(line, name)) continue;
+    *present = PETSC_TRUE;
+    snprintf(value, len, "%s", blank ? blank + 1 : "");
   }
   free(text);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Where a left-over option came from. PETSC_OPTIONS and .petscrc are rare enough to share a name with the scene. */
-static PetscErrorCode find_source(const char name[], const char **source)
+PetscErrorCode OptPeek(const char name[], char text[], size_t len)
 {
-  int    argc;
-  char **argv;
+  PetscBool present;
+  PetscInt  count;
 
   PetscFunctionBeginUser;
-  *source = "scene or options file";
-  PetscCall(PetscGetArgs(&argc, &argv));
-  for (int i = 1; i < argc; i++) {
-    if (argv[i][0] == '-' && same_name(argv[i] + 1, name)) *source = "command line";
-  }
+  PetscCall(look_up(name, &present, &count, text, len));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* ---- conversion ---- */
+/* ---- conversion; `label` is the name, with "(value 2 of 3)" in a list ---- */
 
-/* Option under conversion: what the messages need. */
-typedef struct {
-  const char *name; /* may carry "(value 2 of 3)" */
-  const char *help; /* bare meaning */
-  const char *unit;
-  const char *range;
-  char        meaning[OPT_LINE];
-} OptSpec;
-
-static OptSpec describe_option(const char name[], const char help[], const char unit[], const char range[])
+static PetscErrorCode check_range(const OptSpec *spec, const char label[], const char text[], PetscBool inside)
 {
-  OptSpec spec = {name, help, unit ? unit : "", range, ""};
+  char range[64];
 
-  format_meaning(help, unit, range, spec.meaning, sizeof(spec.meaning));
-  return spec;
-}
-
-static PetscErrorCode check_range(const OptSpec *spec, const char text[], PetscBool inside)
-{
   PetscFunctionBeginUser;
-  PetscCheck(inside, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s is outside its range (%s)%s%s: %s", spec->name, text, spec->range,
+  OptFormatRange(spec, range, sizeof(range));
+  PetscCheck(inside, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s is outside its range (%s)%s%s: %s", label, text, range,
              spec->unit[0] ? " " : "", spec->unit, spec->help);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode parse_real(const OptSpec *spec, const char text[], PetscReal lower, PetscReal upper, PetscReal *value)
+static PetscErrorCode parse_real(const OptSpec *spec, const char label[], const char text[], PetscReal *value)
 {
-  char     *end;
+  char      meaning[OPT_LINE], *end;
   PetscReal v;
 
   PetscFunctionBeginUser;
+  OptFormatMeaning(spec, meaning, sizeof(meaning));
   (void)strtod(text, &end); /* only a look, so that PETSc's conversion below cannot fail */
-  PetscCheck(end != text && !*end, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s is not a number; wanted: %s", spec->name, text,
-             spec->meaning);
+  PetscCheck(end != text && !*end, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s is not a number; wanted: %s", label, text, meaning);
   PetscCall(PetscOptionsStringToReal(text, &v));
-  PetscCheck(!PetscIsInfOrNanReal(v), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s is not a finite number; wanted: %s", spec->name, text,
-             spec->meaning);
-  PetscCall(check_range(spec, text, (PetscBool)((lower == OPT_POSITIVE ? v > 0 : v >= lower) && v <= upper)));
+  PetscCheck(!PetscIsInfOrNanReal(v), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s is not a finite number; wanted: %s", label, text,
+             meaning);
+  PetscCall(check_range(spec, label, text, (PetscBool)((spec->lower == OPT_POSITIVE ? v > 0 : v >= spec->lower) && v <= spec->upper)));
   *value = v;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode parse_int(const OptSpec *spec, const char text[], PetscInt lower, PetscInt upper, PetscInt *value)
+static PetscErrorCode parse_int(const OptSpec *spec, const char label[], const char text[], PetscInt *value)
 {
-  char     *end;
+  char      meaning[OPT_LINE], *end;
   long long v;
 
   PetscFunctionBeginUser;
+  OptFormatMeaning(spec, meaning, sizeof(meaning));
   v = strtoll(text, &end, 10); /* saturates, so that a number too long for PetscInt is out of range, not wrapped */
-  PetscCheck(end != text && !*end, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s is not a whole number (digits only); wanted: %s",
-             spec->name, text, spec->meaning);
+  PetscCheck(end != text && !*end, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s is not a whole number (digits only); wanted: %s", label,
+             text, meaning);
   PetscCheck(v >= PETSC_MIN_INT && v <= PETSC_MAX_INT && v != LLONG_MAX, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-             "Option %s = %s does not fit an integer; wanted: %s", spec->name, text, spec->meaning);
-  PetscCall(check_range(spec, text, (PetscBool)(v >= lower && v <= upper)));
+             "Option %s = %s does not fit an integer; wanted: %s", label, text, meaning);
+  PetscCall(check_range(spec, label, text, (PetscBool)((double)v >= spec->lower && (double)v <= spec->upper)));
   *value = (PetscInt)v;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode check_count(const OptSpec *spec, const char text[], PetscInt wanted)
+static PetscErrorCode check_count(const OptSpec *spec, const char name[], const char text[], PetscInt wanted)
 {
   const PetscInt got = count_items(text);
+  char           meaning[OPT_LINE];
 
   PetscFunctionBeginUser;
+  OptFormatMeaning(spec, meaning, sizeof(meaning));
   PetscCheck(got == wanted, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-             "Option %s = %s has %" PetscInt_FMT " value%s, %" PetscInt_FMT " are wanted (separated by commas, no blanks): %s", spec->name, text, got,
-             got == 1 ? "" : "s", wanted, spec->meaning);
+             "Option %s = %s has %" PetscInt_FMT " value%s, %" PetscInt_FMT " are wanted (separated by commas, no blanks): %s", name, text, got,
+             got == 1 ? "" : "s", wanted, meaning);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* ---- nearest name ---- */
+/* ---- readers ---- */
 
-/* Least number of insertions, deletions, replacements and swaps of neighbours that turn a into b, upper case as lower. */
-static PetscInt edit_distance(const char a[], const char b[])
+PetscErrorCode OptReal(const char name[], PetscReal *value)
 {
-  static PetscInt row[3][OPT_LINE + 1]; /* the rows i-2, i-1, i of the table, in turn */
-  const PetscInt  na = (PetscInt)PetscMin(strlen(a), OPT_LINE), nb = (PetscInt)PetscMin(strlen(b), OPT_LINE);
-
-  for (PetscInt j = 0; j <= nb; j++) row[0][j] = j;
-  for (PetscInt i = 1; i <= na; i++) {
-    PetscInt *two = row[(i + 1) % 3], *one = row[(i + 2) % 3], *now = row[i % 3];
-
-    now[0] = i;
-    for (PetscInt j = 1; j <= nb; j++) {
-      const PetscBool same = (PetscBool)(tolower((unsigned char)a[i - 1]) == tolower((unsigned char)b[j - 1]));
-
-      now[j] = PetscMin(PetscMin(one[j], now[j - 1]) + 1, one[j - 1] + !same);
-      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1]) now[j] = PetscMin(now[j], two[j - 2] + 1);
-    }
-  }
-  return row[na % 3][nb];
-}
-
-/* Length of the solver prefix of "-flow_fieldsplit_pressure_ksp_type" (up to ksp_), 0 when it is no solver option. */
-static size_t measure_prefix(const char name[])
-{
-  const char *const objects[] = {"ksp_", "pc_", "snes_", "mat_"};
-  size_t            shortest  = 0;
-
-  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(objects); i++) {
-    for (const char *at = strstr(name, objects[i]); at; at = strstr(at + 1, objects[i])) {
-      const size_t len = (size_t)(at - name);
-
-      if ((at[-1] == '_' || at[-1] == '-') && (!shortest || len < shortest)) shortest = len;
-    }
-  }
-  return shortest;
-}
-
-static void keep_nearer(const char name[], const char candidate[], char nearest[], size_t len, PetscInt *distance)
-{
-  const PetscInt d = edit_distance(name, candidate);
-
-  if (d < *distance) {
-    *distance = d;
-    snprintf(nearest, len, "%s", candidate);
-  }
-}
-
-/* Nearest known name to `name` (with dash); *distance in edits. Our own options come first, so they win ties. */
-static void find_nearest(const char name[], char nearest[], size_t len, PetscInt *distance)
-{
-  char candidate[OPT_LINE];
-
-  *distance = PETSC_MAX_INT;
-  for (PetscInt i = 0; i < table.n; i++) keep_nearer(name, table.known[i].name, nearest, len, distance);
-  for (PetscInt i = -1; i < table.n; i++) {
-    const size_t prefix = i < 0 ? 1 : measure_prefix(table.known[i].name);
-
-    for (size_t k = 0; prefix && k < PETSC_STATIC_ARRAY_LENGTH(petsc_names); k++) {
-      snprintf(candidate, sizeof(candidate), "%.*s%s", (int)prefix, i < 0 ? "-" : table.known[i].name, petsc_names[k]);
-      keep_nearer(name, candidate, nearest, len, distance);
-    }
-  }
-}
-
-/* ---- left-over options ---- */
-
-static PetscBool is_read_late(const char name[])
-{
-  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(late_names); i++) {
-    const char  *late = late_names[i];
-    const size_t n    = strlen(late);
-
-    if (strstr(name, "ksp_view") || strstr(name, "ksp_converged_") || strstr(name, "snes_view") || strstr(name, "snes_converged_"))
-      return PETSC_TRUE; /* read after a solve */
-    if (late[n - 1] == '*' ? !strncmp(name, late, n - 1) : !strcmp(name, late)) return PETSC_TRUE;
-  }
-  return PETSC_FALSE;
-}
-
-/* Is this left-over (name without dash) the user's mistake? */
-static PetscBool is_mistake(const char name[])
-{
-  char            full[OPT_LINE];
-  const OptKnown *known;
-
-  snprintf(full, sizeof(full), "-%s", name);
-  known = find_known(full);
-  return (PetscBool)(!is_read_late(name) && !(known && known->is_default));
-}
-
-/* "-flow_viscosty = 0.1 (command line): did you mean -flow_viscosity?" */
-static PetscErrorCode explain_mistake(const char name[], const char value[], char text[], size_t len)
-{
-  char        full[OPT_LINE], nearest[OPT_LINE] = "", shown[64] = "";
-  const char *source, *advice;
-  PetscInt    distance;
+  const OptSpec *spec = NULL;
+  const char    *text;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscSNPrintf(full, sizeof(full), "-%s", name));
-  if (value) PetscCall(PetscSNPrintf(shown, sizeof(shown), " = %.50s%s", value, strlen(value) > 50 ? "..." : ""));
-  PetscCall(find_source(name, &source));
-  find_nearest(full, nearest, sizeof(nearest), &distance);
-  if (!distance) advice = "a valid name, but nothing in this run reads";
-  else advice = distance <= (PetscInt)strlen(full) / 2 ? "did you mean" : "the nearest known name is";
-  PetscCall(PetscSNPrintf(text, len, "%s%s (%s): %s %s%s", full, shown, source, advice, nearest, distance && advice[0] == 'd' ? "?" : ""));
+  PetscCall(begin_reading(name, OPT_REAL, PETSC_FALSE, &spec));
+  PetscCall(check_number(spec, (double)*value));
+  PetscCall(find_text(name, spec, &text));
+  if (text) PetscCall(parse_real(spec, name, text, value));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Words that belong to no option ("-mesh_cells 8, 24", or a forgotten dash): PETSc drops them without a word. */
-static PetscErrorCode check_arguments(void)
+PetscErrorCode OptInt(const char name[], PetscInt *value)
 {
-  int       argc;
-  char    **argv;
-  PetscBool after_name = PETSC_FALSE;
+  const OptSpec *spec = NULL;
+  const char    *text;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscGetArgs(&argc, &argv));
-  for (int i = 1; i < argc; i++) {
-    PetscBool is_name;
-
-    PetscCall(PetscOptionsValidKey(argv[i], &is_name));
-    PetscCheck(is_name || after_name || i == 1, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-               "Argument '%s' on the command line belongs to no option: names start with a dash, the scene file is the first argument, and a value has no blanks (-mesh_cells 8,24)",
-               argv[i]);
-    after_name = is_name;
-  }
+  PetscCall(begin_reading(name, OPT_INT, PETSC_FALSE, &spec));
+  PetscCall(check_number(spec, (double)*value));
+  PetscCall(find_text(name, spec, &text));
+  if (text) PetscCall(parse_int(spec, name, text, value));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* ---- public ---- */
-
-PetscErrorCode OptReal(const char name[], const char help[], const char unit[], PetscReal lower, PetscReal upper, PetscReal *value)
+PetscErrorCode OptBool(const char name[], PetscBool *value)
 {
-  char        range[64], shown[32];
-  const char *text;
-  OptSpec     spec;
+  static const char *const words[] = {"false", "true", "no", "yes", "off", "on", "0", "1"}; /* odd places mean true */
+  const OptSpec           *spec    = NULL;
+  const char              *text;
+  PetscBool                given;
+  size_t                   i = 0;
 
   PetscFunctionBeginUser;
-  format_real_range(lower, upper, range, sizeof(range));
-  spec = describe_option(name, help, unit, range);
-  snprintf(shown, sizeof(shown), "%g", (double)*value);
-  PetscCall(register_option(name, spec.meaning, shown));
-  PetscCall(find_text(name, spec.meaning, &text));
-  if (text) PetscCall(parse_real(&spec, text, lower, upper, value));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode OptInt(const char name[], const char help[], const char unit[], PetscInt lower, PetscInt upper, PetscInt *value)
-{
-  char        range[64], shown[32];
-  const char *text;
-  OptSpec     spec;
-
-  PetscFunctionBeginUser;
-  format_int_range(lower, upper, range, sizeof(range));
-  spec = describe_option(name, help, unit, range);
-  snprintf(shown, sizeof(shown), "%lld", (long long)*value);
-  PetscCall(register_option(name, spec.meaning, shown));
-  PetscCall(find_text(name, spec.meaning, &text));
-  if (text) PetscCall(parse_int(&spec, text, lower, upper, value));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode OptBool(const char name[], const char help[], PetscBool *value)
-{
-  const char *const words[] = {"false", "true", "no", "yes", "0", "1", "off", "on"}; /* odd places are true */
-  const char       *text    = NULL;
-  OptSpec           spec    = describe_option(name, help, "", "true or false");
-  PetscBool         given;
-  size_t            i = 0;
-
-  PetscFunctionBeginUser;
-  PetscCall(register_option(name, spec.meaning, *value ? "true" : "false"));
+  PetscCall(begin_reading(name, OPT_BOOL, PETSC_FALSE, &spec));
+  PetscCall(check_word(spec, *value ? "true" : "false"));
   PetscCall(PetscOptionsFindPair(NULL, NULL, name, &text, &given));
   if (!given) PetscFunctionReturn(PETSC_SUCCESS);
   if (!text) text = "true"; /* the bare name switches it on */
-  while (i < PETSC_STATIC_ARRAY_LENGTH(words) && !same_name(text, words[i])) i++;
+  while (i < PETSC_STATIC_ARRAY_LENGTH(words) && !OptSameName(text, words[i])) i++;
   PetscCheck(i < PETSC_STATIC_ARRAY_LENGTH(words), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-             "Option %s = %s is neither true nor false (known: true, yes, on, 1, false, no, off, 0): %s", name, text, help);
+             "Option %s = %s is neither true nor false (known: true, yes, on, 1, false, no, off, 0): %s", name, text, spec->help);
   *value = (PetscBool)(i % 2);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode OptChoice(const char name[], const char help[], const char *const list[], PetscInt *index)
+PetscErrorCode OptChoice(const char name[], const char *const words[], PetscInt *index)
 {
-  char        known[OPT_LINE] = "", meaning[2 * OPT_LINE];
-  const char *text;
-  PetscInt    n;
+  char           known[OPT_LINE] = "";
+  const OptSpec *spec            = NULL;
+  const char    *text;
+  PetscInt       n;
 
   PetscFunctionBeginUser;
-  for (n = 0; list[n]; n++) {
+  PetscCall(begin_reading(name, OPT_CHOICE, PETSC_FALSE, &spec));
+  for (n = 0; words[n]; n++) {
     PetscCall(PetscStrlcat(known, n ? ", " : "", sizeof(known)));
-    PetscCall(PetscStrlcat(known, list[n], sizeof(known)));
+    PetscCall(PetscStrlcat(known, words[n], sizeof(known)));
   }
-  snprintf(meaning, sizeof(meaning), "%s (one of: %s)", help, known);
-  PetscCall(register_option(name, meaning, *index >= 0 && *index < n ? list[*index] : ""));
-  PetscCall(find_text(name, meaning, &text));
+  PetscCheck(spec->choices && !strcmp(known, spec->choices), PETSC_COMM_WORLD, PETSC_ERR_PLIB,
+             "The row of option %s in options.c has the words '%s', its reader '%s'", name, spec->choices, known);
+  if (*index >= 0 && *index < n) PetscCall(check_word(spec, words[*index]));
+  PetscCall(find_text(name, spec, &text));
   if (!text) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt i = 0; i < n; i++) {
-    if (same_name(text, list[i])) {
+    if (OptSameName(text, words[i])) {
       *index = i;
       PetscFunctionReturn(PETSC_SUCCESS);
     }
   }
-  SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s is not known (known: %s): %s", name, text, known, help);
+  SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s is not known (known: %s): %s", name, text, known, spec->help);
 }
 
-PetscErrorCode OptString(const char name[], const char help[], char value[], size_t len)
+PetscErrorCode OptString(const char name[], char value[], size_t len)
 {
-  const char *text;
+  const OptSpec *spec = NULL;
+  const char    *text;
 
   PetscFunctionBeginUser;
-  PetscCall(register_option(name, help, value));
-  PetscCall(find_text(name, help, &text));
+  PetscCall(begin_reading(name, OPT_STRING, PETSC_FALSE, &spec));
+  PetscCall(find_text(name, spec, &text));
   if (!text) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCheck(strlen(text) < len, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s has %zu characters, at most %zu fit: %s", name, strlen(text),
-             len - 1, help);
+             len - 1, spec->help);
   PetscCall(PetscStrncpy(value, text, len));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode OptRealArray(const char name[], const char help[], const char unit[], PetscReal lower, PetscReal upper, PetscInt n, PetscReal value[],
-                            PetscBool *found)
+/* One of the two arrays is NULL. */
+static PetscErrorCode read_array(const char name[], PetscInt n, PetscReal real[], PetscInt integer[], PetscBool *found)
 {
-  char        range[64], shown[OPT_LINE] = "", item[OPT_LINE], label[OPT_LINE];
-  const char *text, *cursor;
-  OptSpec     spec;
+  char           item[OPT_LINE], label[OPT_LINE];
+  const OptSpec *spec = NULL;
+  const char    *cursor;
 
   PetscFunctionBeginUser;
-  format_real_range(lower, upper, range, sizeof(range));
-  spec = describe_option(name, help, unit, range);
-  for (PetscInt i = 0; i < n; i++) {
-    snprintf(item, sizeof(item), "%s%g", i ? "," : "", (double)value[i]);
-    PetscCall(PetscStrlcat(shown, item, sizeof(shown)));
-  }
-  PetscCall(register_option(name, spec.meaning, shown));
-  PetscCall(find_text(name, spec.meaning, &text));
-  if (found) *found = text ? PETSC_TRUE : PETSC_FALSE;
-  if (!text) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(check_count(&spec, text, n));
-  spec.name = label;
-  cursor    = text;
+  PetscCall(begin_reading(name, real ? OPT_REALS : OPT_INTS, PETSC_FALSE, &spec));
+  for (PetscInt i = 0; i < n; i++) PetscCall(check_number(spec, real ? (double)real[i] : (double)integer[i]));
+  PetscCall(find_text(name, spec, &cursor));
+  if (found) *found = cursor ? PETSC_TRUE : PETSC_FALSE;
+  if (!cursor) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(check_count(spec, name, cursor, n));
   for (PetscInt i = 0; next_item(&cursor, item, sizeof(item)); i++) {
     snprintf(label, sizeof(label), "%s (value %lld of %lld)", name, (long long)i + 1, (long long)n);
-    PetscCall(parse_real(&spec, item, lower, upper, &value[i]));
+    if (real) PetscCall(parse_real(spec, label, item, &real[i]));
+    else PetscCall(parse_int(spec, label, item, &integer[i]));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode OptIntArray(const char name[], const char help[], const char unit[], PetscInt lower, PetscInt upper, PetscInt n, PetscInt value[],
-                           PetscBool *found)
+PetscErrorCode OptRealArray(const char name[], PetscInt n, PetscReal value[], PetscBool *found)
 {
-  char        range[64], shown[OPT_LINE] = "", item[OPT_LINE], label[OPT_LINE];
-  const char *text, *cursor;
-  OptSpec     spec;
-
   PetscFunctionBeginUser;
-  format_int_range(lower, upper, range, sizeof(range));
-  spec = describe_option(name, help, unit, range);
-  for (PetscInt i = 0; i < n; i++) {
-    snprintf(item, sizeof(item), "%s%lld", i ? "," : "", (long long)value[i]);
-    PetscCall(PetscStrlcat(shown, item, sizeof(shown)));
-  }
-  PetscCall(register_option(name, spec.meaning, shown));
-  PetscCall(find_text(name, spec.meaning, &text));
-  if (found) *found = text ? PETSC_TRUE : PETSC_FALSE;
-  if (!text) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(check_count(&spec, text, n));
-  spec.name = label;
-  cursor    = text;
-  for (PetscInt i = 0; next_item(&cursor, item, sizeof(item)); i++) {
-    snprintf(label, sizeof(label), "%s (value %lld of %lld)", name, (long long)i + 1, (long long)n);
-    PetscCall(parse_int(&spec, item, lower, upper, &value[i]));
-  }
+  PetscCall(read_array(name, n, value, NULL, found));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode OptStringArray(const char name[], const char help[], PetscInt *n, char *list[])
+PetscErrorCode OptIntArray(const char name[], PetscInt n, PetscInt value[], PetscBool *found)
+{
+  PetscFunctionBeginUser;
+  PetscCall(read_array(name, n, NULL, value, found));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode OptStringArray(const char name[], PetscInt *n, char *words[])
 {
   const PetscInt room = *n;
+  const OptSpec *spec = NULL;
   const char    *text = NULL;
   char           item[PETSC_MAX_PATH_LEN];
   PetscBool      given;
 
   PetscFunctionBeginUser;
   *n = 0;
-  PetscCall(register_option(name, help, ""));
+  PetscCall(begin_reading(name, OPT_STRINGS, PETSC_FALSE, &spec));
   PetscCall(PetscOptionsFindPair(NULL, NULL, name, &text, &given));
   if (!given || !text) PetscFunctionReturn(PETSC_SUCCESS); /* absent, or the empty list */
   PetscCheck(count_items(text) <= room, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-             "Option %s has %" PetscInt_FMT " values, at most %" PetscInt_FMT " fit: %s", name, count_items(text), room, help);
+             "Option %s has %" PetscInt_FMT " values, at most %" PetscInt_FMT " fit: %s", name, count_items(text), room, spec->help);
   for (const char *cursor = text; next_item(&cursor, item, sizeof(item)); ++*n) {
     if (!item[0]) { /* nothing may leak when the caller goes on after the error */
-      for (; *n > 0; --*n) PetscCall(PetscFree(list[*n - 1]));
-      SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s has an empty entry (two commas, or one at an end): %s", name, text, help);
+      for (; *n > 0; --*n) PetscCall(PetscFree(words[*n - 1]));
+      SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s has an empty entry (two commas, or one at an end): %s", name, text, spec->help);
     }
-    PetscCall(PetscStrallocpy(item, &list[*n]));
+    PetscCall(PetscStrallocpy(item, &words[*n]));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode OptHas(const char name[], const char help[], PetscBool *found)
+PetscErrorCode OptHas(const char name[], PetscBool *found)
 {
+  const OptSpec *spec = NULL;
+
   PetscFunctionBeginUser;
-  PetscCall(register_option(name, help, ""));
+  PetscCall(begin_reading(name, OPT_BOOL, PETSC_TRUE, &spec));
   PetscCall(PetscOptionsHasName(NULL, NULL, name, found));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Of two defaults for one name the later holds, so that a recipe may refine a general default. */
+/* ---- the rest ---- */
+
 PetscErrorCode OptDefault(const char name[], const char value[])
 {
-  OptKnown *known = find_known(name);
+  OptKnown *known;
+  char      text[OPT_LINE];
   PetscBool present;
   PetscInt  count;
 
   PetscFunctionBeginUser;
-  PetscCall(look_up(name, &present, &count));
-  if (present && !(known && known->is_default)) {
-    if (!known) PetscCall(add_known(name, "solver option of PETSc", PETSC_FALSE));
-    PetscFunctionReturn(PETSC_SUCCESS);
-  }
+  PetscCall(look_up(name, &present, &count, text, sizeof(text)));
+  PetscCall(get_known(name, &known));
+  if (present && !known->is_default) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCheck(present || PETSC_VERSION_GE(3, 20, 0) || count < OPT_TABLE_MAX, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "No room for option %s: scene and command line hold %" PetscInt_FMT
              " options, PETSC's table has 512 places; move per-body values into a table file (-particle_<group>_table bodies.csv)",
              name, count);
   PetscCall(PetscOptionsSetValue(NULL, name, value));
-  if (!known) PetscCall(add_known(name, "solver option of PETSc", PETSC_TRUE));
-  else known->is_default = PETSC_TRUE;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode OptCheckUnused(void)
-{
-  char     list[1600] = "", line[OPT_LINE]; /* PETSc cuts messages at 2048 characters */
-  PetscInt n, mistakes = 0, left_off = 0;
-  char   **name, **value;
-
-  PetscFunctionBeginUser;
-  PetscCall(check_arguments());
-  PetscCall(PetscOptionsLeftGet(NULL, &n, &name, &value));
-  for (PetscInt i = 0; i < n; i++) {
-    if (!is_mistake(name[i])) continue;
-    mistakes++;
-    PetscCall(explain_mistake(name[i], value[i], line, sizeof(line)));
-    if (strlen(list) + strlen(line) + 4 > sizeof(list)) {
-      left_off++;
-      continue;
-    }
-    PetscCall(PetscStrlcat(list, list[0] ? "\n  " : "", sizeof(list)));
-    PetscCall(PetscStrlcat(list, line, sizeof(list)));
-  }
-  PetscCall(PetscOptionsLeftRestore(NULL, &n, &name, &value));
-  PetscCheck(mistakes != 1, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Unknown or unused option %s", list);
-  PetscCheck(!left_off, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Unknown or unused options (%" PetscInt_FMT "):\n  %s\n  and %" PetscInt_FMT " more",
-             mistakes, list, left_off);
-  PetscCheck(!mistakes, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Unknown or unused options (%" PetscInt_FMT "):\n  %s", mistakes, list);
+  known->is_default = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -800,29 +597,30 @@ PetscErrorCode OptWrite(FILE *file)
 
 PetscErrorCode OptGetAll(char **text)
 {
-  char  *list, *cursor, *line;
+  char  *all, *cursor, *line;
   size_t len;
 
   PetscFunctionBeginUser;
-  PetscCall(list_database(&list));
-  len = strlen(list) + 2;
+  PetscCall(list_database(&all));
+  len = strlen(all) + 2;
   PetscCall(PetscCalloc1(len, text));
-  for (cursor = list; (line = next_option(&cursor));) {
+  for (cursor = all; (line = next_option(&cursor));) {
     PetscCall(PetscStrlcat(*text, line, len));
     PetscCall(PetscStrlcat(*text, "\n", len));
   }
-  free(list);
+  free(all);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode OptFinalize(void)
 {
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < table.n; i++) {
-    PetscCall(PetscFree(table.known[i].name));
-    PetscCall(PetscFree(table.known[i].text));
+  for (PetscInt i = 0; i < list.n; i++) {
+    if (list.known[i].own) free_spec(list.known[i].own);
+    free(list.known[i].name);
   }
-  PetscCall(PetscFree(table.known));
-  table.n = table.room = 0;
+  free(list.known);
+  list.known = NULL;
+  list.n = list.room = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

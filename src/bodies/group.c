@@ -44,7 +44,7 @@ static PetscErrorCode read_free(const char group[], PetscInt dim, const Motion *
   option_name(group, "free", name);
   *bits = m->has_pivot ? BODY_FREE_ROTATION : mask[5];
   if (m->given) *bits = 0;
-  PetscCall(OptStringArray(name, "Degrees of freedom that move: any of x, y, z, rotation, or all, or none", &n, list));
+  PetscCall(OptStringArray(name, &n, list));
   if (n) *bits = 0;
   for (PetscInt i = 0; i < n; i++) {
     PetscInt k = 0;
@@ -87,7 +87,7 @@ static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim)
 
   PetscFunctionBeginUser;
   option_name(g->name, "shape", name);
-  PetscCall(OptString(name, "Type of the shape: the name of a plugin in -shape_path", type, sizeof(type)));
+  PetscCall(OptString(name, type, sizeof(type)));
   PetscCheck(type[0], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "Group '%s' has no shape: give %s", g->name, name);
   (void)snprintf(prefix, sizeof(prefix), "particle_%s_", g->name);
   PetscCall(ShapeCreate(type, prefix, dim, &g->shape));
@@ -99,9 +99,9 @@ static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim)
   PetscCall(check_motion(g));
   for (PetscInt a = 0; a < dim && g->motion.has_pivot; a++) g->arm[a] = g->mass.centroid[a] - g->motion.pivot[a];
   option_name(g->name, "density", name);
-  PetscCall(OptHas(name, "Density of the bodies", &has_density));
+  PetscCall(OptHas(name, &has_density));
   g->density = 1;
-  PetscCall(OptReal(name, "Density of the bodies", "kg/m^3", OPT_POSITIVE, PETSC_MAX_REAL, &g->density));
+  PetscCall(OptReal(name, &g->density));
   PetscCheck(has_density || !g->free, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "Group '%s' moves but has no density: give %s, or -particle_%s_free none", g->name, name, g->name);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -113,12 +113,11 @@ static PetscErrorCode read_velocities(const char group[], PetscInt dim, Start *s
 
   PetscFunctionBeginUser;
   option_name(group, "angle", name);
-  PetscCall(OptReal(name, "Angle at the start, about z", "rad", PETSC_MIN_REAL, PETSC_MAX_REAL, &s->base.angle));
+  PetscCall(OptReal(name, &s->base.angle));
   option_name(group, "velocity", name);
-  PetscCall(OptRealArray(name, "Velocity at the start (kept where not free)", "m/s", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, s->base.u, NULL));
+  PetscCall(OptRealArray(name, dim, s->base.u, NULL));
   option_name(group, "angular_velocity", name);
-  PetscCall(OptRealArray(name, "Angular velocity at the start (kept where not free)", "rad/s", PETSC_MIN_REAL, PETSC_MAX_REAL, dim == 2 ? 1 : 3,
-                         dim == 2 ? s->base.omega + 2 : s->base.omega, NULL));
+  PetscCall(OptRealArray(name, dim == 2 ? 1 : 3, dim == 2 ? s->base.omega + 2 : s->base.omega, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -128,25 +127,22 @@ static PetscErrorCode read_place(const char group[], PetscInt dim, Start *s)
 
   PetscFunctionBeginUser;
   option_name(group, "place", name);
-  PetscCall(OptChoice(name, "Where the bodies start", place_names, &s->place));
+  PetscCall(OptChoice(name, place_names, &s->place));
   option_name(group, "position", name);
-  PetscCall(
-    OptRealArray(name, "Centre of mass at the start, for place single", "m", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, s->base.x, &s->has_position));
+  PetscCall(OptRealArray(name, dim, s->base.x, &s->has_position));
   option_name(group, "count", name);
-  PetscCall(OptHas(name, "Number of bodies", &s->has_count));
-  PetscCall(OptInt(name, "Number of bodies, for place lattice and random", "", 0, PETSC_MAX_INT, &s->count));
+  PetscCall(OptHas(name, &s->has_count));
+  PetscCall(OptInt(name, &s->count));
   option_name(group, "lower", name);
-  PetscCall(
-    OptRealArray(name, "Lower corner of the box for lattice and random (default: domain)", "m", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, s->lower, NULL));
+  PetscCall(OptRealArray(name, dim, s->lower, NULL));
   option_name(group, "upper", name);
-  PetscCall(
-    OptRealArray(name, "Upper corner of the box for lattice and random (default: domain)", "m", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, s->upper, NULL));
+  PetscCall(OptRealArray(name, dim, s->upper, NULL));
   option_name(group, "margin", name);
-  PetscCall(OptReal(name, "Smallest gap between bounding circles for lattice and random", "m", 0, PETSC_MAX_REAL, &s->margin));
+  PetscCall(OptReal(name, &s->margin));
   option_name(group, "seed", name);
-  PetscCall(OptInt(name, "Seed of the random positions", "", 0, PETSC_MAX_INT, &s->seed));
+  PetscCall(OptInt(name, &s->seed));
   option_name(group, "table", name);
-  PetscCall(OptString(name, "CSV file with one line a body", s->table, sizeof(s->table)));
+  PetscCall(OptString(name, s->table, sizeof(s->table)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -213,7 +209,7 @@ static PetscErrorCode name_groups(BodyArrays *s)
   PetscInt n = BODIES_MAX_GROUPS + 1;
 
   PetscFunctionBeginUser;
-  PetscCall(OptStringArray("-particle_groups", "Names of the groups of bodies", &n, list));
+  PetscCall(OptStringArray("-particle_groups", &n, list));
   PetscCheck(n <= BODIES_MAX_GROUPS, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-particle_groups has more than %d names: join bodies of one shape in one group with -particle_<group>_place table", BODIES_MAX_GROUPS);
   s->ngroups = n;

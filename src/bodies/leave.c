@@ -20,7 +20,7 @@ static PetscErrorCode read_faces(Leave b)
   PetscInt n = 7;
 
   PetscFunctionBeginUser;
-  PetscCall(OptStringArray("-particle_remove", "boundaries at which bodies that leave the domain are removed; elsewhere the run stops", &n, list));
+  PetscCall(OptStringArray("-particle_remove", &n, list));
   for (PetscInt i = 0; i < n; i++) {
     PetscInt f = 0;
 

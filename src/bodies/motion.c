@@ -18,7 +18,7 @@ static PetscErrorCode read_parts(const char group[], Motion *m, PetscBool *oscil
 
   PetscFunctionBeginUser;
   option_name(group, "motion", name);
-  PetscCall(OptStringArray(name, "Prescribed motion, parts that are added up: any of constant, oscillate, rotate", &n, list));
+  PetscCall(OptStringArray(name, &n, list));
   for (PetscInt i = 0; i < n; i++) {
     PetscInt k = 0;
 
@@ -41,20 +41,18 @@ static PetscErrorCode read_oscillation(const char group[], PetscInt dim, Motion 
 
   PetscFunctionBeginUser;
   option_name(group, "motion_amplitude", name);
-  PetscCall(
-    OptRealArray(name, "Amplitude of the oscillation along each axis", "m", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, m->amplitude, &has_amplitude));
+  PetscCall(OptRealArray(name, dim, m->amplitude, &has_amplitude));
   if (has_amplitude) {
     PetscBool has_period;
 
     option_name(group, "motion_period", name);
-    PetscCall(OptRealArray(name, "Period of the oscillation along each axis", "s", OPT_POSITIVE, PETSC_MAX_REAL, dim, m->period, &has_period));
+    PetscCall(OptRealArray(name, dim, m->period, &has_period));
     PetscCheck(has_period, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_%s_motion_amplitude needs %s, one value an axis", group, name);
     option_name(group, "motion_phase", name);
-    PetscCall(OptRealArray(name, "Phase of the oscillation along each axis", "rad", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, m->phase, NULL));
+    PetscCall(OptRealArray(name, dim, m->phase, NULL));
   }
   option_name(group, "motion_swing", name);
-  PetscCall(
-    OptRealArray(name, "Amplitude, period and phase of the angle about z", "rad, s, rad", PETSC_MIN_REAL, PETSC_MAX_REAL, 3, m->swing, &has_swing));
+  PetscCall(OptRealArray(name, 3, m->swing, &has_swing));
   PetscCheck(!has_swing || m->swing[1] > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s: the period %g must be positive", name, (double)m->swing[1]);
   PetscCheck(has_amplitude || has_swing, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-particle_%s_motion oscillate needs -particle_%s_motion_amplitude or -particle_%s_motion_swing", group, group, group);
@@ -67,13 +65,13 @@ static PetscErrorCode read_stops(const char group[], PetscInt dim, Motion *m)
 
   PetscFunctionBeginUser;
   option_name(group, "stops", name);
-  PetscCall(OptRealArray(name, "Lower and upper stop of the angle", "rad", PETSC_MIN_REAL, PETSC_MAX_REAL, 2, m->stops, &m->has_stops));
+  PetscCall(OptRealArray(name, 2, m->stops, &m->has_stops));
   if (!m->has_stops) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCheck(dim == 2, PETSC_COMM_SELF, PETSC_ERR_SUP, "%s: stops of an angle are for 2D scenes, remove the option", name);
   PetscCheck(m->stops[0] < m->stops[1], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s: the lower stop %g must be below the upper one %g", name,
              (double)m->stops[0], (double)m->stops[1]);
   option_name(group, "stops_restitution", name);
-  PetscCall(OptReal(name, "Rebound speed over impact speed at a stop", "", 0, 1, &m->restitution));
+  PetscCall(OptReal(name, &m->restitution));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -90,17 +88,15 @@ PetscErrorCode MotionRead(const char group[], PetscInt dim, Motion *m)
   if (oscillate) PetscCall(read_oscillation(group, dim, m));
   if (m->given) {
     option_name(group, "motion_ramp", name);
-    PetscCall(OptReal(name, "Time over which the prescribed motion gathers speed", "s", 0, PETSC_MAX_REAL, &m->ramp));
+    PetscCall(OptReal(name, &m->ramp));
   }
   option_name(group, "pivot", name);
-  PetscCall(OptRealArray(name, "Point of the shape about which the body turns, in the shape's frame", "m", PETSC_MIN_REAL, PETSC_MAX_REAL, dim,
-                         m->pivot, &m->has_pivot));
+  PetscCall(OptRealArray(name, dim, m->pivot, &m->has_pivot));
   PetscCall(read_stops(group, dim, m));
   option_name(group, "force", name);
-  PetscCall(OptRealArray(name, "External force on each body, at its centre of mass", "N", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, m->force, NULL));
+  PetscCall(OptRealArray(name, dim, m->force, NULL));
   option_name(group, "torque", name);
-  PetscCall(OptRealArray(name, "External torque on each body", "N m", PETSC_MIN_REAL, PETSC_MAX_REAL, dim == 2 ? 1 : 3,
-                         dim == 2 ? m->torque + 2 : m->torque, NULL));
+  PetscCall(OptRealArray(name, dim == 2 ? 1 : 3, dim == 2 ? m->torque + 2 : m->torque, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -173,9 +173,9 @@ PetscErrorCode ContactCreate(Bodies bodies, PetscReal h, PetscReal rho_f, const 
     c->upper[a] = upper[a];
   }
   PetscCall(ContactReadLaws(c));
-  PetscCall(OptInt("-contact_substeps", "Sub-steps of the contact in a time step, 0: from the stiffness", "", 0, PETSC_MAX_INT / 2, &c->substeps));
+  PetscCall(OptInt("-contact_substeps", &c->substeps));
   c->separate = PETSC_TRUE;
-  if (c->s->n) PetscCall(OptBool("-contact_separate", "bodies that overlap after a step of the flow are moved apart", &c->separate));
+  if (c->s->n) PetscCall(OptBool("-contact_separate", &c->separate));
   PetscCall(PetscCalloc1(c->s->ngroups, &c->kind));
   PetscCall(PetscCalloc1(c->s->n, &c->present));
   for (PetscInt g = 0; g < c->s->ngroups; g++) create_kind(c, &c->s->group[g], &c->kind[g]);

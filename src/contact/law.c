@@ -23,16 +23,11 @@
 static PetscErrorCode read_repulsive(Contact c)
 {
   PetscFunctionBeginUser;
-  PetscCall(OptReal("-contact_stiffness", "multiple of the default stiffness, which stops a body that arrives at terminal speed", "", OPT_POSITIVE,
-                    PETSC_MAX_REAL, &c->multiple));
-  PetscCall(OptReal("-contact_eps",
-                    "stiffness parameter within the range: force = centre distance (range - gap)^2/eps; replaces the default stiffness", "m^3/N",
-                    OPT_POSITIVE, PETSC_MAX_REAL, &c->eps));
-  PetscCall(OptReal("-contact_eps_overlap", "stiffness parameter of the overlap: slope = centre distance/eps (default: eps/(2 range), no kink)",
-                    "m^2/N", OPT_POSITIVE, PETSC_MAX_REAL, &c->eps_overlap));
-  PetscCall(OptReal("-contact_wall_factor", "stiffness against walls in that between bodies", "", OPT_POSITIVE, PETSC_MAX_REAL, &c->wall_factor));
-  PetscCall(OptReal("-contact_damping", "speed of approach that doubles the force, in the speed scale; 0: no damping", "", 0, PETSC_MAX_REAL,
-                    &c->damping_speed));
+  PetscCall(OptReal("-contact_stiffness", &c->multiple));
+  PetscCall(OptReal("-contact_eps", &c->eps));
+  PetscCall(OptReal("-contact_eps_overlap", &c->eps_overlap));
+  PetscCall(OptReal("-contact_wall_factor", &c->wall_factor));
+  PetscCall(OptReal("-contact_damping", &c->damping_speed));
   PetscCheck(c->eps > 0 || c->eps_overlap <= 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-contact_eps_overlap %g needs -contact_eps: the two stiffness parameters of the law belong together", (double)c->eps_overlap);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -94,11 +89,10 @@ static PetscReal repulsive_time(Contact c, PetscReal stiffness, PetscReal mass)
 static PetscErrorCode read_spring(Contact c)
 {
   PetscFunctionBeginUser;
-  PetscCall(OptReal("-contact_spring_stiffness", "stiffness of the normal spring (default: stops a body at terminal speed within half the range)",
-                    "N/m", OPT_POSITIVE, PETSC_MAX_REAL, &c->spring));
-  PetscCall(OptReal("-contact_restitution", "speed after a dry collision in that before", "", 0.01, 1, &c->restitution));
-  PetscCall(OptReal("-contact_friction", "coefficient of Coulomb friction", "", 0, PETSC_MAX_REAL, &c->friction));
-  PetscCall(OptReal("-contact_tangential", "stiffness of the tangential spring in that of the normal one", "", OPT_POSITIVE, 1, &c->tangential));
+  PetscCall(OptReal("-contact_spring_stiffness", &c->spring));
+  PetscCall(OptReal("-contact_restitution", &c->restitution));
+  PetscCall(OptReal("-contact_friction", &c->friction));
+  PetscCall(OptReal("-contact_tangential", &c->tangential));
   c->damping_ratio = -PetscLogReal(c->restitution) / PetscSqrtReal(PetscSqr(PETSC_PI) + PetscSqr(PetscLogReal(c->restitution)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -159,22 +153,22 @@ PetscErrorCode ContactReadLaws(Contact c)
   c->restitution               = 0.5;
   c->tangential                = 2. / 7.;
   for (PetscInt i = 0; contact_laws[i]; i++) names[i] = contact_laws[i]->name;
-  PetscCall(OptChoice("-contact_law", "Law of the contact force", names, &which));
+  PetscCall(OptChoice("-contact_law", names, &which));
   c->law = contact_laws[which];
-  PetscCall(
-    OptReal("-contact_range", "Gap below which bodies repel each other (default: half a cell)", "m", OPT_POSITIVE, PETSC_MAX_REAL, &c->range));
+  PetscCall(OptReal("-contact_range", &c->range));
   if (c->law->options) PetscCall(c->law->options(c));
   c->horizon = c->range;
-  PetscCall(OptBool("-contact_lubrication", "add the resistance of films that are thinner than the mesh resolves", &c->lubricate));
+  PetscCall(OptBool("-contact_lubrication", &c->lubricate));
   if (!c->lubricate) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCheck(c->law->lookahead, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-contact_lubrication needs a law of contact: give another -contact_law than %s", c->law->name);
   c->lubrication_range = c->h;
-  PetscCall(OptReal("-contact_lubrication_range", "gap from which on the mesh resolves the film (default: one cell)", "m", OPT_POSITIVE,
-                    PETSC_MAX_REAL, &c->lubrication_range));
+  PetscCall(OptReal("-contact_lubrication_range", &c->lubrication_range));
   c->roughness = 0.02 * c->lubrication_range;
-  PetscCall(OptReal("-contact_roughness", "gap below which the resistance of the film grows no more (default: 1/50 of the lubrication range)", "m",
-                    OPT_POSITIVE, c->lubrication_range, &c->roughness));
+  PetscCall(OptReal("-contact_roughness", &c->roughness));
+  PetscCheck(c->roughness <= c->lubrication_range, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-contact_roughness %g exceeds -contact_lubrication_range %g, from which on the mesh resolves the film: lower it", (double)c->roughness,
+             (double)c->lubrication_range);
   c->horizon = PetscMax(c->range, c->lubrication_range);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -372,18 +372,6 @@ PetscErrorCode CoupleAdvance(Couple c)
 
 /* ---- life cycle ---- */
 
-PetscErrorCode CoupleSetDefaults(void)
-{
-  char      type[32] = "";
-  PetscBool is_explicit;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscOptionsGetString(NULL, NULL, "-couple_type", type, sizeof(type), NULL));
-  PetscCall(PetscStrcmp(type, "explicit", &is_explicit));
-  if (is_explicit) PetscCall(OptDefault("-flow_time", "be"));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static const Rung RUNGS[] = {
   {"nodal", PETSC_FALSE, draw_nodal, NULL, NULL},
   {"penalty", PETSC_FALSE, draw_penalty, NULL, add_penalty_force},
@@ -400,7 +388,7 @@ static PetscErrorCode choose_rung(Couple c)
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < n; i++) name[i] = RUNGS[i].name;
   name[n] = NULL;
-  if (c->s->n) PetscCall(OptChoice("-couple_boundary", "how the flow sees the surface of a body", name, &choice));
+  if (c->s->n) PetscCall(OptChoice("-couple_boundary", name, &choice));
   c->rung = RUNGS[choice];
   if (c->rung.draw == draw_penalty || c->rung.draw == draw_snap) PetscCall(PenaltyCreate(c->flow, c->bodies, &c->penalty));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -448,7 +436,6 @@ static PetscErrorCode create_solver(Couple c)
 
   PetscFunctionBeginUser;
   PetscCall(BodiesAreStill(c->bodies, &still));
-  if (!still) PetscCall(OptDefault("-flow_rtol_most", "1e-6")); /* the momentum of a heavy body is most of the right-hand side */
   PetscCall(FlowSolverCreate(c->flow, c->constraint, (PetscBool)!still, &c->solver));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -467,8 +454,8 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   PetscCall(MeshGetLocal(c->mesh, &c->loc));
   n = c->s->n;
   if (n) {
-    PetscCall(OptChoice("-couple_type", "bodies and flow in one system, or the bodies' velocity known from the last step", TYPES, &type));
-    PetscCall(OptChoice("-couple_force", "form of the hydrodynamic force", FORCES, &c->use_volume));
+    PetscCall(OptChoice("-couple_type", TYPES, &type));
+    PetscCall(OptChoice("-couple_force", FORCES, &c->use_volume));
   }
   PetscCall(check_extrapolation(c));
   PetscCall(choose_rung(c));

@@ -598,10 +598,9 @@ static PetscErrorCode read_options(Deform d)
   d->size  = 0.4;
   d->width = radius;
   d->steps = 30;
-  PetscCall(OptReal("-mesh_deform_size", "size of cells at the surface of a body over that far away", "", 0.1, 1, &d->size));
-  PetscCall(OptReal("-mesh_deform_width", "distance from the surface at which cells keep their size (default: radius of the largest body)", "length",
-                    OPT_POSITIVE, PETSC_MAX_REAL, &d->width));
-  PetscCall(OptInt("-mesh_deform_steps", "steps of pseudo-time of the deformation", "", 1, 1000, &d->steps));
+  PetscCall(OptReal("-mesh_deform_size", &d->size));
+  PetscCall(OptReal("-mesh_deform_width", &d->width));
+  PetscCall(OptInt("-mesh_deform_steps", &d->steps));
   PetscCheck(d->s->n, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "-mesh_deform has no bodies to concentrate cells at: add a group, or remove the option");
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -617,7 +616,7 @@ PetscErrorCode DeformCreate(Mesh mesh, Bodies bodies, Deform *deform)
 
   PetscFunctionBeginUser;
   *deform = NULL;
-  PetscCall(OptBool("-mesh_deform", "concentrate cells near bodies, and follow those that move", &wanted));
+  PetscCall(OptBool("-mesh_deform", &wanted));
   if (!wanted) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscNew(&d));
   *deform   = d;

@@ -22,7 +22,7 @@ static PetscErrorCode read_search(Indicator m)
 
   PetscFunctionBeginUser;
   if (!m->s->n) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(OptChoice("-couple_search", "how nodes and neighbours of bodies are found: with search grids, or all against all", SEARCHES, &m->brute));
+  PetscCall(OptChoice("-couple_search", SEARCHES, &m->brute));
   if (!m->brute) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscMalloc1(m->loc->nnode_all, &m->all));
   for (PetscInt i = 0; i < m->loc->nnode_all; i++) m->all[i] = i;

@@ -570,10 +570,9 @@ PetscErrorCode PenaltyCreate(Flow flow, Bodies bodies, Penalty *penalty)
   p->inertial = 12;
   PetscCall(BodiesAreStill(bodies, &still));
   p->nsample = still ? 20 : 10; /* drawn once, or in every step */
-  PetscCall(OptReal("-couple_penalty_viscous", "penalty of rung penalty in multiples of viscosity/h^2", "", 0, PETSC_MAX_REAL, &p->viscous));
-  PetscCall(
-    OptReal("-couple_penalty_inertial", "penalty of rung penalty in multiples of fluid density/time step", "", 0, PETSC_MAX_REAL, &p->inertial));
-  PetscCall(OptInt("-couple_penalty_samples", "sub-cells an axis in cells that a body cuts", "", 2, MAX_SAMPLES, &p->nsample));
+  PetscCall(OptReal("-couple_penalty_viscous", &p->viscous));
+  PetscCall(OptReal("-couple_penalty_inertial", &p->inertial));
+  PetscCall(OptInt("-couple_penalty_samples", &p->nsample));
   PetscCheck(p->viscous > 0 || p->inertial > 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "-couple_penalty_viscous and -couple_penalty_inertial are both 0: nothing would hold the fluid at the surface of the bodies");
   tabulate_samples(p);

@@ -66,13 +66,11 @@ static PetscErrorCode read_rotation(const char name[], PetscInt dim, Condition *
 
   PetscFunctionBeginUser;
   PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_omega", name));
-  PetscCall(OptRealArray(option, "angular velocity of the wall", "1/time", PETSC_MIN_REAL, PETSC_MAX_REAL, dim == 2 ? 1 : 3,
-                         dim == 2 ? bc->omega + 2 : bc->omega, &has_omega));
+  PetscCall(OptRealArray(option, dim == 2 ? 1 : 3, dim == 2 ? bc->omega + 2 : bc->omega, &has_omega));
   PetscCheck(has_omega, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Boundary '%s' is of type rotating_wall: give its angular velocity with %s", name,
              option);
   PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_centre", name));
-  PetscCall(
-    OptRealArray(option, "point about which the wall turns (default: origin)", "length", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, bc->centre, NULL));
+  PetscCall(OptRealArray(option, dim, bc->centre, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -88,27 +86,25 @@ static PetscErrorCode read_boundary(Conditions f, PetscInt b)
   PetscFunctionBeginUser;
   PetscCall(MeshGetBoundaryName(f->mesh, b, &name));
   PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_type", name));
-  PetscCall(OptChoice(option, "condition on this boundary", BC_TYPES, &type));
+  PetscCall(OptChoice(option, BC_TYPES, &type));
   bc->type      = (ConditionsType)type;
   bc->factor[0] = bc->factor[2] = 1;
   PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_velocity", name));
   if (type == BC_INFLOW || type == BC_MOVING_WALL) {
-    PetscCall(OptRealArray(option, "prescribed velocity (largest one of a profile)", "length/time", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, bc->velocity,
-                           &has_velocity));
+    PetscCall(OptRealArray(option, dim, bc->velocity, &has_velocity));
     PetscCheck(has_velocity, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Boundary '%s' is of type %s: give its velocity with %s", name, BC_TYPES[type],
                option);
     PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_profile", name));
-    PetscCall(OptChoice(option, "shape of the velocity profile", PROFILES, &profile));
+    PetscCall(OptChoice(option, PROFILES, &profile));
   }
   if (type == BC_ROTATING_WALL) PetscCall(read_rotation(name, dim, bc));
   if (type == BC_INFLOW || type == BC_MOVING_WALL || type == BC_ROTATING_WALL) {
     PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_factor", name));
-    PetscCall(OptRealArray(option, "a, b, T: velocity is multiplied by a + b sin(2 pi t / T)", "-, -, time", PETSC_MIN_REAL, PETSC_MAX_REAL, 3,
-                           bc->factor, NULL));
+    PetscCall(OptRealArray(option, 3, bc->factor, NULL));
     PetscCheck(bc->factor[1] == 0 || bc->factor[2] > 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s: the period %g must be positive", option,
                (double)bc->factor[2]);
     PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_ramp", name));
-    PetscCall(OptReal(option, "time over which the velocity rises smoothly from zero", "time", 0, PETSC_MAX_REAL, &bc->ramp));
+    PetscCall(OptReal(option, &bc->ramp));
   }
   bc->parabolic = (PetscBool)(profile == 1);
   PetscCall(find_extent(f, b, bc));

@@ -7,6 +7,14 @@ static const char *const SCHEMES[]        = {"be", "cn", "bdf2", "fstheta", NULL
 static const char *const EXTRAPOLATIONS[] = {"linear", "quadratic", NULL};
 static const char *const FORMS[]          = {"convective", "skew", NULL};
 
+PetscErrorCode FlowReadFluid(PetscInt dim, PetscReal *density, PetscReal gravity[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(OptReal("-flow_density", density));
+  PetscCall(OptRealArray("-flow_gravity", dim, gravity, NULL));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode read_parameters(Flow f)
 {
   FlowParameters *p    = &f->par;
@@ -18,17 +26,15 @@ static PetscErrorCode read_parameters(Flow f)
   p->viscosity  = 0.01;
   p->convection = PETSC_TRUE;
   f->scheme     = SCHEME_BDF2;
-  PetscCall(OptReal("-flow_density", "density of the fluid", "mass/length^dim", OPT_POSITIVE, PETSC_MAX_REAL, &p->density));
-  PetscCall(OptReal("-flow_viscosity", "dynamic viscosity of the fluid", "mass/(length time)", OPT_POSITIVE, PETSC_MAX_REAL, &p->viscosity));
-  PetscCall(OptRealArray("-flow_gravity", "gravity (acts through M - M_f)", "length/time^2", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, p->gravity, NULL));
-  PetscCall(OptRealArray("-flow_force", "body force on the fluid", "force/volume", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, p->force, NULL));
-  PetscCall(OptRealArray("-flow_velocity", "uniform velocity at the start", "length/time", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, p->velocity, NULL));
-  PetscCall(OptBool("-flow_convection", "convection term; false gives the unsteady Stokes equations", &p->convection));
-  PetscCall(
-    OptChoice("-flow_convection_form", "w.grad u, or with half of (div w) u, which keeps the energy whatever the divergence of w", FORMS, &form));
+  PetscCall(FlowReadFluid(dim, &p->density, p->gravity));
+  PetscCall(OptReal("-flow_viscosity", &p->viscosity));
+  PetscCall(OptRealArray("-flow_force", dim, p->force, NULL));
+  PetscCall(OptRealArray("-flow_velocity", dim, p->velocity, NULL));
+  PetscCall(OptBool("-flow_convection", &p->convection));
+  PetscCall(OptChoice("-flow_convection_form", FORMS, &form));
   p->skew = form == 1 ? 0.5 : 0;
-  PetscCall(OptChoice("-flow_time", "time scheme", SCHEMES, &f->scheme));
-  PetscCall(OptChoice("-flow_extrapolation", "convecting velocity from two or (bodies that stay) three steps", EXTRAPOLATIONS, &p->quadratic));
+  PetscCall(OptChoice("-flow_time", SCHEMES, &f->scheme));
+  PetscCall(OptChoice("-flow_extrapolation", EXTRAPOLATIONS, &p->quadratic));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

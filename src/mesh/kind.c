@@ -23,7 +23,7 @@ static PetscErrorCode read_periodic(MeshKind k)
   char    *names[3];
 
   PetscFunctionBeginUser;
-  PetscCall(OptStringArray("-mesh_periodic", "periodic axes, out of x, y, z", &n, names));
+  PetscCall(OptStringArray("-mesh_periodic", &n, names));
   for (PetscInt i = 0; i < n; i++) {
     const PetscInt axis = names[i][0] - 'x';
 
@@ -56,10 +56,8 @@ typedef struct {
 static PetscErrorCode read_growth(PetscInt dim, Grading *g)
 {
   PetscFunctionBeginUser;
-  PetscCall(
-    OptRealArray("-mesh_growth", "growth of the cell size per distance from the fine part, one value an axis", "", 0, 10, dim, g->growth, NULL));
-  PetscCall(
-    OptRealArray("-mesh_coarsest", "largest cell size over that of the fine part, one value an axis", "", 1, PETSC_MAX_REAL, dim, g->coarsest, NULL));
+  PetscCall(OptRealArray("-mesh_growth", dim, g->growth, NULL));
+  PetscCall(OptRealArray("-mesh_coarsest", dim, g->coarsest, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -99,8 +97,7 @@ static PetscErrorCode set_lines(MeshKind k, const Grading *g, PetscReal scale, P
 static PetscErrorCode read_seed(Grading *g)
 {
   PetscFunctionBeginUser;
-  PetscCall(OptInt("-mesh_shift_seed", "moves the fine part of the mesh by a random fraction of its cell size, another for each number; 0 for none",
-                   "", 0, 1000000000, &g->seed));
+  PetscCall(OptInt("-mesh_shift_seed", &g->seed));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -111,14 +108,13 @@ static PetscErrorCode read_focus(MeshKind k)
   PetscBool given, cells, size;
 
   PetscFunctionBeginUser;
-  PetscCall(OptRealArray("-mesh_focus", "box of fine cells: its lower, then its upper corner", "length", PETSC_MIN_REAL, PETSC_MAX_REAL, 2 * k->dim,
-                         box, &given));
+  PetscCall(OptRealArray("-mesh_focus", 2 * k->dim, box, &given));
   if (!given) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(OptHas("-mesh_cells", "cells along each axis", &cells));
+  PetscCall(OptHas("-mesh_cells", &cells));
   PetscCheck(!cells, k->comm, PETSC_ERR_USER_INPUT, "-mesh_focus sets the cells from -mesh_focus_h: remove -mesh_cells");
-  PetscCall(OptHas("-mesh_focus_h", "size of the cells in the focus box", &size));
+  PetscCall(OptHas("-mesh_focus_h", &size));
   PetscCheck(size, k->comm, PETSC_ERR_USER_INPUT, "-mesh_focus needs the size of its cells: give -mesh_focus_h");
-  PetscCall(OptReal("-mesh_focus_h", "size of the cells in the focus box", "length", OPT_POSITIVE, PETSC_MAX_REAL, &g.h));
+  PetscCall(OptReal("-mesh_focus_h", &g.h));
   for (PetscInt d = 0; d < k->dim; d++) {
     g.lower[d] = PetscMax(box[d], k->lower[d]);
     g.upper[d] = PetscMin(box[k->dim + d], k->upper[d]);
@@ -139,20 +135,29 @@ static PetscErrorCode read_box(MeshKind k)
     k->cells[d] = 16;
     k->upper[d] = 1;
   }
-  PetscCall(OptInt("-mesh_dimension", "space dimension of a box mesh", "", 2, 3, &k->dim));
-  PetscCall(OptRealArray("-mesh_lower", "lower corner of the box", "length", PETSC_MIN_REAL, PETSC_MAX_REAL, k->dim, k->lower, NULL));
-  PetscCall(OptRealArray("-mesh_upper", "upper corner of the box", "length", PETSC_MIN_REAL, PETSC_MAX_REAL, k->dim, k->upper, NULL));
+  PetscCall(OptInt("-mesh_dimension", &k->dim));
+  PetscCall(OptRealArray("-mesh_lower", k->dim, k->lower, NULL));
+  PetscCall(OptRealArray("-mesh_upper", k->dim, k->upper, NULL));
   for (PetscInt d = 0; d < k->dim; d++) {
     PetscCheck(k->upper[d] > k->lower[d], k->comm, PETSC_ERR_USER_INPUT, "The box is empty along axis %c: -mesh_upper %g is not above -mesh_lower %g",
                (char)('x' + d), (double)k->upper[d], (double)k->lower[d]);
   }
   PetscCall(read_periodic(k));
   PetscCall(read_focus(k));
-  if (k->map.type == MESHMAP_IDENTITY) PetscCall(OptIntArray("-mesh_cells", "cells along each axis", "", 1, 1000000, k->dim, k->cells, NULL));
+  if (k->map.type == MESHMAP_IDENTITY) PetscCall(OptIntArray("-mesh_cells", k->dim, k->cells, NULL));
   for (PetscInt d = 0; d < k->dim; d++) {
     PetscCheck(k->period[d] == 0 || k->cells[d] >= 3, k->comm, PETSC_ERR_USER_INPUT,
                "Axis %c is periodic with %" PetscInt_FMT " cells: -mesh_cells needs at least 3 there", (char)('x' + d), k->cells[d]);
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_resolution(PetscInt least, PetscInt *resolution)
+{
+  PetscFunctionBeginUser;
+  PetscCall(OptInt("-mesh_resolution", resolution));
+  PetscCheck(*resolution >= least, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "-mesh_resolution %" PetscInt_FMT " is too coarse for this mesh: at least %" PetscInt_FMT, *resolution, least);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -163,7 +168,7 @@ static PetscErrorCode read_channel(MeshKind k)
   PetscInt resolution = 10;
 
   PetscFunctionBeginUser;
-  PetscCall(OptInt("-mesh_resolution", "cells along the diameter of the cylinder", "", 2, 10000, &resolution));
+  PetscCall(read_resolution(2, &resolution));
   PetscCall(read_growth(2, &g));
   PetscCall(read_seed(&g));
   for (PetscInt d = 0; d < 2; d++) k->upper[d] = channel_upper[d];
@@ -179,9 +184,8 @@ static PetscErrorCode read_fitted(MeshKind k)
 
   PetscFunctionBeginUser;
   k->map.ring_ratio = 3;
-  PetscCall(OptInt("-mesh_resolution", "cells along a quarter of the cylinder", "", 2, 10000, &resolution));
-  PetscCall(OptReal("-mesh_ring_ratio", "thickness of the outermost layer of cells around the cylinder over that of the innermost", "", 0.01, 100,
-                    &k->map.ring_ratio));
+  PetscCall(read_resolution(2, &resolution));
+  PetscCall(OptReal("-mesh_ring_ratio", &k->map.ring_ratio));
   PetscCall(read_growth(2, &g));
   for (PetscInt d = 0; d < 2; d++) {
     k->upper[d]      = channel_upper[d];
@@ -210,9 +214,9 @@ static PetscErrorCode read_disc(MeshKind k)
   k->map.radius[0] = 1;
   k->map.type      = MESHMAP_DISC;
   PetscFunctionBeginUser;
-  PetscCall(OptRealArray("-mesh_centre", "centre of the disc", "length", PETSC_MIN_REAL, PETSC_MAX_REAL, 2, k->map.centre, NULL));
-  PetscCall(OptReal("-mesh_radius", "radius of the disc", "length", OPT_POSITIVE, PETSC_MAX_REAL, &k->map.radius[0]));
-  PetscCall(OptInt("-mesh_resolution", "cells along a quarter of the circle", "", 1, 10000, &k->block[2]));
+  PetscCall(OptRealArray("-mesh_centre", 2, k->map.centre, NULL));
+  PetscCall(OptReal("-mesh_radius", &k->map.radius[0]));
+  PetscCall(read_resolution(1, &k->block[2]));
   k->nring     = round_count(0.3 * k->block[2]);
   k->map.inner = 0.5 * k->block[2];
   k->map.outer = k->map.inner + k->nring;
@@ -228,11 +232,11 @@ static PetscErrorCode read_annulus(MeshKind k)
   r[0]        = 1;
   r[1]        = 2;
   k->map.type = MESHMAP_ANNULUS;
-  PetscCall(OptRealArray("-mesh_centre", "centre of the circles", "length", PETSC_MIN_REAL, PETSC_MAX_REAL, 2, k->map.centre, NULL));
-  PetscCall(OptRealArray("-mesh_radii", "radii of the inner and the outer circle", "length", OPT_POSITIVE, PETSC_MAX_REAL, 2, r, NULL));
+  PetscCall(OptRealArray("-mesh_centre", 2, k->map.centre, NULL));
+  PetscCall(OptRealArray("-mesh_radii", 2, r, NULL));
   PetscCheck(r[1] > r[0], k->comm, PETSC_ERR_USER_INPUT, "-mesh_radii %g,%g: the outer radius must be larger than the inner one", (double)r[0],
              (double)r[1]);
-  PetscCall(OptInt("-mesh_resolution", "cells along a quarter of the circle", "", 1, 10000, &k->block[2]));
+  PetscCall(read_resolution(1, &k->block[2]));
   k->nring     = round_count((r[1] - r[0]) / (0.25 * PETSC_PI * (r[0] + r[1])) * k->block[2]);
   k->map.inner = 0.5 * k->block[2];
   k->map.outer = k->map.inner + k->nring;
@@ -244,7 +248,7 @@ static PetscErrorCode read_file(MeshKind k)
   PetscBool given;
 
   PetscFunctionBeginUser;
-  PetscCall(OptString("-mesh_file", "Gmsh file of quadrilaterals or hexahedra", k->file, sizeof(k->file)));
+  PetscCall(OptString("-mesh_file", k->file, sizeof(k->file)));
   PetscCheck(k->file[0], k->comm, PETSC_ERR_USER_INPUT, "-mesh_kind file needs -mesh_file <name.msh>");
   PetscCall(PetscTestFile(k->file, 'r', &given));
   PetscCheck(given, k->comm, PETSC_ERR_FILE_OPEN, "Mesh file '%s' cannot be read: check -mesh_file", k->file);
@@ -257,7 +261,7 @@ static PetscErrorCode read_options(MeshKind k)
 
   PetscFunctionBeginUser;
   k->dim = 2;
-  PetscCall(OptChoice("-mesh_kind", "where the mesh comes from", kind_names, &k->kind));
+  PetscCall(OptChoice("-mesh_kind", kind_names, &k->kind));
   PetscCall(read[k->kind](k));
   k->map.dim = k->dim;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -334,7 +338,7 @@ static PetscErrorCode read_round(MeshKind k, DM dm)
     PetscReal circle[3];
 
     PetscCall(PetscSNPrintf(name, sizeof(name), "-mesh_round_%s", k->boundary[b]));
-    PetscCall(OptRealArray(name, "the boundary is this circle: centre x, y and radius", "length", PETSC_MIN_REAL, PETSC_MAX_REAL, 3, circle, &given));
+    PetscCall(OptRealArray(name, 3, circle, &given));
     if (!given) continue;
     PetscCheck(circle[2] > 0, k->comm, PETSC_ERR_USER_INPUT, "%s: radius %g must be positive", name, (double)circle[2]);
     PetscCheck(k->dim == 2, k->comm, PETSC_ERR_SUP, "%s: round boundaries are for 2D meshes; '%s' is 3D: remove the option", name, k->file);

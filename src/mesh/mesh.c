@@ -100,7 +100,7 @@ static PetscErrorCode order_cells(Mesh m, const PetscBool ghost[], PetscInt orde
   PetscInt          choice = 0, cStart, cEnd, own = 0, other = 0, *seq;
 
   PetscFunctionBeginUser;
-  PetscCall(OptChoice("-mesh_order", "order of cells and nodes in memory (rcm helps meshes from files)", choices, &choice));
+  PetscCall(OptChoice("-mesh_order", choices, &choice));
   PetscCall(DMPlexGetHeightStratum(m->dm, 0, &cStart, &cEnd));
   PetscCall(PetscMalloc1(cEnd - cStart, &seq));
   for (PetscInt c = cStart; c < cEnd; c++) seq[c - cStart] = c;

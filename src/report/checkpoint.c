@@ -257,9 +257,9 @@ PetscErrorCode CheckpointCreate(Mesh mesh, Output output, Checkpoint *checkpoint
   c->output    = output;
   c->last_step = -1;
   PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &c->rank));
-  PetscCall(OptInt("-checkpoint_every", "steps between two checkpoints, 0 for none", "steps", 0, PETSC_MAX_INT, &c->every));
-  PetscCall(OptReal("-checkpoint_minutes", "wall clock between two checkpoints, 0 for none", "min", 0, PETSC_MAX_REAL, &c->minutes));
-  PetscCall(OptString("-sim_restart", "checkpoint to continue from, or latest for the newest in -output_dir", c->from, sizeof(c->from)));
+  PetscCall(OptInt("-checkpoint_every", &c->every));
+  PetscCall(OptReal("-checkpoint_minutes", &c->minutes));
+  PetscCall(OptString("-sim_restart", c->from, sizeof(c->from)));
   PetscCall(MeshCreateState(mesh, &c->state));
   PetscCall(PetscTime(&c->written));
   last_path[0] = 0;

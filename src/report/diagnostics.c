@@ -75,11 +75,11 @@ static PetscErrorCode read_coefficient(Diagnostics b, const BodyGroup *g)
   PetscFunctionBeginUser;
   PetscCall(PetscSNPrintf(speed, sizeof(speed), "-particle_%s_reference_speed", g->name));
   PetscCall(PetscSNPrintf(length, sizeof(length), "-particle_%s_reference_length", g->name));
-  PetscCall(OptHas(speed, "speed U of the coefficients 2 F / (rho U^2 L), asks for them", &given));
+  PetscCall(OptHas(speed, &given));
   if (!given) PetscFunctionReturn(PETSC_SUCCESS);
   c->length = 2 * g->radius;
-  PetscCall(OptReal(speed, "speed U of the coefficients 2 F / (rho U^2 L), asks for them", "length/time", OPT_POSITIVE, PETSC_MAX_REAL, &c->speed));
-  PetscCall(OptReal(length, "length L of the coefficients", "length", OPT_POSITIVE, PETSC_MAX_REAL, &c->length));
+  PetscCall(OptReal(speed, &c->speed));
+  PetscCall(OptReal(length, &c->length));
   PetscCheck(g->count == 1, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "Option %s: group '%s' has %" PetscInt_FMT " bodies, coefficients are those of one: give it a group of its own", speed, g->name,
              g->count);
@@ -178,8 +178,7 @@ static PetscErrorCode read_points(Diagnostics b)
   PetscInt       n;
 
   PetscFunctionBeginUser;
-  PetscCall(OptRealArray("-monitor_dp", "two points between which the pressure difference is taken", "length", PETSC_MIN_REAL, PETSC_MAX_REAL,
-                         2 * dim, x, &b->dp));
+  PetscCall(OptRealArray("-monitor_dp", 2 * dim, x, &b->dp));
   if (!b->dp) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscCalloc1(b->loc->ncell * (dim + 1), &zero));
   for (PetscInt i = 0; i < 2; i++) {
@@ -197,7 +196,7 @@ static PetscErrorCode read_points(Diagnostics b)
 static PetscErrorCode read_momentum(Diagnostics b)
 {
   PetscFunctionBeginUser;
-  PetscCall(OptBool("-monitor_momentum", "balance of momentum of the flow by its parts in series.csv", &b->momentum));
+  PetscCall(OptBool("-monitor_momentum", &b->momentum));
   for (PetscInt i = 0; b->momentum && i < 5 * b->loc->dim; i++) {
     char name[64];
 
@@ -238,7 +237,7 @@ PetscErrorCode DiagnosticsCreate(Flow flow, Bodies bodies, Couple couple, Monito
   PetscCall(read_points(b));
   PetscCall(read_momentum(b));
   PetscCall(add_mesh_columns(b));
-  PetscCall(OptReal("-monitor_from", "extrema and periods count from this time on", "time", PETSC_MIN_REAL, PETSC_MAX_REAL, &b->from));
+  PetscCall(OptReal("-monitor_from", &b->from));
   PetscCall(PetscCalloc1(b->ncolumn, &b->value));
   PetscCall(HistoryCreate(b->ncolumn, &b->history));
   *probe = b;

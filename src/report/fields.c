@@ -314,10 +314,10 @@ PetscErrorCode OutputCreate(Mesh mesh, const char scene[], Output *output)
   PetscCall(PetscObjectGetComm((PetscObject)dm, &o->comm));
   PetscCallMPI(MPI_Comm_rank(o->comm, &o->rank));
   PetscCall(PetscSNPrintf(o->dir, sizeof(o->dir), "out/%s", scene));
-  PetscCall(OptString("-output_dir", "directory of the results, created if need be", o->dir, sizeof(o->dir)));
-  PetscCall(OptReal("-output_interval", "time between two snapshots, at which time steps end, 0 for none", "time", 0, PETSC_MAX_REAL, &o->interval));
-  PetscCall(OptInt("-output_every", "steps between two snapshots of the fields, 0 for none", "steps", 0, PETSC_MAX_INT, &o->every));
-  PetscCall(OptBool("-output_overwrite", "write into a directory that holds the results of another run", &o->overwrite));
+  PetscCall(OptString("-output_dir", o->dir, sizeof(o->dir)));
+  PetscCall(OptReal("-output_interval", &o->interval));
+  PetscCall(OptInt("-output_every", &o->every));
+  PetscCall(OptBool("-output_overwrite", &o->overwrite));
   PetscCheck(o->dir[0], o->comm, PETSC_ERR_USER_INPUT, "Option -output_dir is empty: give the name of a directory ('.' for the present one)");
 
   o->shared        = (PetscBool) !(o->loc->period[0] > 0 || o->loc->period[1] > 0 || o->loc->period[2] > 0);

@@ -72,12 +72,10 @@ static PetscErrorCode read_options(Monitor m)
 
   PetscFunctionBeginUser;
   m->series_every = 1;
-  PetscCall(OptInt("-output_series", "steps between two lines of series.csv and bodies.csv", "steps", 1, PETSC_MAX_INT, &m->series_every));
-  PetscCall(OptBool("-output_yardstick", "measure memory bandwidth and one product with the velocity matrix after the last step", &m->measure));
-  PetscCall(OptInt("-output_progress", "steps between two lines of progress, 0 for some 20 to 50 lines in a run", "steps", 0, PETSC_MAX_INT,
-                   &m->progress_every));
-  PetscCall(OptIntArray("-output_bodies", "first and last body in bodies.csv; default all if there are at most 64, else none", "", 0, PETSC_MAX_INT,
-                        2, range, &found));
+  PetscCall(OptInt("-output_series", &m->series_every));
+  PetscCall(OptBool("-output_yardstick", &m->measure));
+  PetscCall(OptInt("-output_progress", &m->progress_every));
+  PetscCall(OptIntArray("-output_bodies", 2, range, &found));
   PetscCheck(!found || (range[0] <= range[1] && range[1] < m->bodies->n), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "Option -output_bodies %" PetscInt_FMT ",%" PetscInt_FMT " does not name bodies of this scene, which has %" PetscInt_FMT
              ": give first,last with 0 <= first <= last < %" PetscInt_FMT,

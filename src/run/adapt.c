@@ -301,15 +301,15 @@ static PetscErrorCode read_options(Adapt a)
   a->max        = PETSC_MAX_REAL;
   a->growth     = 1.5;
   a->hysteresis = 1.2;
-  PetscCall(OptReal("-sim_adapt_tolerance", "local error of a step, relative to the largest speed", "", OPT_POSITIVE, 1, &a->tolerance));
-  PetscCall(OptReal("-sim_adapt_speed", "speed that errors refer to, 0: the largest so far", "length/time", 0, PETSC_MAX_REAL, &a->speed));
-  PetscCall(OptReal("-sim_adapt_cfl", "largest CFL number of a step, 0: any", "", 0, PETSC_MAX_REAL, &a->cfl_max));
-  PetscCall(OptReal("-sim_adapt_move", "largest way of a body in a step", "cells", OPT_POSITIVE, 1, &a->move));
-  PetscCall(OptReal("-sim_adapt_gap", "largest part of its gap that a body closes in a step, 0: any", "", 0, 1, &a->gap));
-  PetscCall(OptReal("-sim_adapt_min", "smallest step (default: -sim_dt/100)", "time", OPT_POSITIVE, PETSC_MAX_REAL, &a->min));
-  PetscCall(OptReal("-sim_adapt_max", "largest step", "time", OPT_POSITIVE, PETSC_MAX_REAL, &a->max));
-  PetscCall(OptReal("-sim_adapt_growth", "largest ratio of a step to the one before (bdf2 is stable below 2.41)", "", 1.01, 2.4, &a->growth));
-  PetscCall(OptReal("-sim_adapt_hysteresis", "smallest ratio by which a step grows", "", 1, 2.4, &a->hysteresis));
+  PetscCall(OptReal("-sim_adapt_tolerance", &a->tolerance));
+  PetscCall(OptReal("-sim_adapt_speed", &a->speed));
+  PetscCall(OptReal("-sim_adapt_cfl", &a->cfl_max));
+  PetscCall(OptReal("-sim_adapt_move", &a->move));
+  PetscCall(OptReal("-sim_adapt_gap", &a->gap));
+  PetscCall(OptReal("-sim_adapt_min", &a->min));
+  PetscCall(OptReal("-sim_adapt_max", &a->max));
+  PetscCall(OptReal("-sim_adapt_growth", &a->growth));
+  PetscCall(OptReal("-sim_adapt_hysteresis", &a->hysteresis));
   PetscCheck(a->min <= a->dt && a->dt <= a->max, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "The first step, -sim_dt %g, is not between -sim_adapt_min %g and -sim_adapt_max %g: change one of them", (double)a->dt, (double)a->min,
              (double)a->max);
@@ -328,7 +328,7 @@ PetscErrorCode AdaptCreate(Flow flow, Bodies bodies, Couple couple, Contact cont
 
   PetscFunctionBeginUser;
   *adapt = NULL;
-  PetscCall(OptBool("-sim_adapt", "choose the time step by its error, the CFL number, and the way and the gaps of bodies", &on));
+  PetscCall(OptBool("-sim_adapt", &on));
   if (!on) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowGetSubsteps(flow, &parts, NULL));
   PetscCheck(parts == 1, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,

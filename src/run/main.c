@@ -12,11 +12,14 @@
 #include "shape.h"
 #include <stdio.h>
 #include <stdlib.h>
+#include <version.h>
 #include <string.h>
 
-static const char help[] = "tumble: particulate flow by the finite element fictitious boundary method.\n"
-                           "usage: mpiexec -n N build/tumble runs/scene.yaml [-option value ...]\n"
-                           "-scene_dry_run describes the scene without running it; README.md and runs/README.md list the scenes.\n\n";
+static const char
+  help[] = "tumble: particulate flow by the finite element fictitious boundary method.\n"
+           "usage: mpiexec -n N build/tumble runs/scene.yaml [-option value ...]\n"
+           "Option -scene_dry_run describes the scene without running it; -help lists all options (-help expert: more, -help petsc: those of\n"
+           "PETSc's solvers in this scene, -help markdown, -help man), -version the versions; runs/README.md lists the scenes.\n\n";
 
 /* The error this rank stops with; told by rank 0 when all ranks have come to the end, so that it is told once. */
 static struct {
@@ -129,15 +132,82 @@ static int check_scene(const char path[])
   return bad;
 }
 
+/* What the command line asks for instead of a run */
+typedef enum {
+  RUN,
+  HELP,
+  HELP_PETSC,
+  VERSION
+} Wish;
+
+static Wish find_wish(int argc, char **argv, OptFormat *format)
+{
+  static const char *const FORMATS[] = {"", "expert", "markdown", "man"};
+  Wish                     wish      = RUN;
+
+  *format = OPT_PLAIN;
+  for (int i = 1; i < argc; i++) {
+    if (!strcmp(argv[i], "-version") || !strcmp(argv[i], "--version")) return VERSION;
+    if (strcmp(argv[i], "-help") && strcmp(argv[i], "--help") && strcmp(argv[i], "-h")) continue;
+    wish = i + 1 < argc && !strcmp(argv[i + 1], "petsc") ? HELP_PETSC : HELP;
+    if (wish == HELP_PETSC) strcpy(argv[i + 1], "1"); /* PETSc takes -help for a switch */
+    for (int k = 1; k < 4 && i + 1 < argc; k++)
+      if (!strcmp(argv[i + 1], FORMATS[k])) *format = (OptFormat)k;
+  }
+  return wish;
+}
+
+static void print_version(void)
+{
+  char petsc[256], mpi[MPI_MAX_LIBRARY_VERSION_STRING];
+  int  len;
+
+  (void)PetscGetVersion(petsc, sizeof(petsc));
+  (void)MPI_Get_library_version(mpi, &len);
+  mpi[strcspn(mpi, ",\n")] = 0;
+  printf("tumble %s (commit %s)\n%s\n%s\n", TUMBLE_VERSION, TUMBLE_COMMIT, petsc, mpi);
+#if defined(PETSC_PKG_HYPRE_VERSION_MAJOR)
+  printf("hypre %d.%d.%d\n", PETSC_PKG_HYPRE_VERSION_MAJOR, PETSC_PKG_HYPRE_VERSION_MINOR, PETSC_PKG_HYPRE_VERSION_SUBMINOR);
+#endif
+#if defined(PETSC_PKG_HDF5_VERSION_MAJOR)
+  printf("HDF5 %d.%d.%d\n", PETSC_PKG_HDF5_VERSION_MAJOR, PETSC_PKG_HDF5_VERSION_MINOR, PETSC_PKG_HDF5_VERSION_SUBMINOR);
+#endif
+#if defined(PETSC_PKG_MUMPS_VERSION_MAJOR)
+  printf("MUMPS %d.%d.%d\n", PETSC_PKG_MUMPS_VERSION_MAJOR, PETSC_PKG_MUMPS_VERSION_MINOR, PETSC_PKG_MUMPS_VERSION_SUBMINOR);
+#endif
+}
+
+/* Options or versions, without a look at the scene. PETSc gets no arguments, or it would print its own help. */
+static int tell(Wish wish, OptFormat format)
+{
+  int rank;
+
+  MPI_Comm_rank(MPI_COMM_WORLD, &rank);
+  if (PetscInitializeNoArguments()) return 1;
+  if (rank == 0 && wish == VERSION) print_version();
+  if (wish == HELP) {
+    PetscCall(ShapeDeclareOptions());
+    if (rank == 0 && format <= OPT_PLAIN_EXPERT) printf("%s", help);
+    if (rank == 0) OptPrint(stdout, format);
+  }
+  PetscCall(ShapeFinalize());
+  PetscCall(OptFinalize());
+  PetscCall(PetscFinalize());
+  MPI_Finalize();
+  return 0;
+}
+
 int main(int argc, char **argv)
 {
   char           path[PETSC_MAX_PATH_LEN] = "", name[256] = "scene";
   PetscErrorCode ierr;
-  PetscBool      wants_help = PETSC_FALSE;
+  OptFormat      format;
+  Wish           wish;
 
   MPI_Init(&argc, &argv);
-  for (int i = 1; i < argc; i++) wants_help = (PetscBool)(wants_help || !strcmp(argv[i], "-help") || !strcmp(argv[i], "--help"));
-  if (SceneFileName(argc, argv, path, sizeof(path)) && !wants_help) {
+  wish = find_wish(argc, argv, &format);
+  if (wish == HELP || wish == VERSION) return tell(wish, format);
+  if (SceneFileName(argc, argv, path, sizeof(path)) && wish == RUN) {
     int rank;
 
     MPI_Comm_rank(MPI_COMM_WORLD, &rank);
@@ -152,7 +222,7 @@ int main(int argc, char **argv)
   ierr = PetscInitialize(&argc, &argv, path[0] ? path : NULL, help);
   if (ierr) return 1;
   PetscCall(PetscPushErrorHandler(note_error, NULL));
-  if (wants_help && !path[0]) PetscCall(PetscOptionsSetValue(NULL, "-scene_dry_run", "1"));
+  if (wish == HELP_PETSC) PetscCall(PetscOptionsSetValue(NULL, "-scene_dry_run", "1"));
   ierr = LogInitialize();
   if (!ierr) ierr = SceneRun(name);
   if (ierr) return leave_after_error();

@@ -4,6 +4,7 @@
 #include "couple/deform.h"
 #include "base/log.h"
 #include "base/opt.h"
+#include "defaults.h"
 #include "sim.h"
 
 /* What contact needs to know of a scene without a flow: all faces that are not periodic are walls, and the range goes by the size of the bodies. */
@@ -14,8 +15,7 @@ static PetscErrorCode create_contact_alone(SimParts *part, const MeshLocal *l)
   BodyState *s;
 
   PetscFunctionBeginUser;
-  PetscCall(OptReal("-flow_density", "density of the fluid (without a flow: for buoyancy and added mass)", "kg/m^3", 0, PETSC_MAX_REAL, &density));
-  PetscCall(OptRealArray("-flow_gravity", "gravity", "m/s^2", PETSC_MIN_REAL, PETSC_MAX_REAL, l->dim, gravity, NULL));
+  PetscCall(FlowReadFluid(l->dim, &density, gravity));
   PetscCall(BodiesGetState(part->bodies, &s));
   PetscCheck(s->n, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "A scene without flow and without bodies has nothing to do: give -particle_groups, or remove -flow_active");
@@ -49,24 +49,6 @@ static PetscErrorCode report_deformation(Monitor monitor, const DeformResult *r)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* -preset: defaults for what trades accuracy for time, see runs/studies/tradeoff. Every option that a user gives wins. A steady scene chooses its solver itself. */
-static PetscErrorCode apply_preset(PetscInt dim, PetscBool steady)
-{
-  static const char *const NAMES[] = {"fast", "balanced", "accurate", NULL}, *const RUNGS[] = {"penalty", "penalty", "snap"};
-  PetscInt preset = -1; /* none */
-
-  PetscFunctionBeginUser;
-  PetscCall(
-    OptChoice("-preset",
-              "what a run should be: sets -flow_recipe, -couple_boundary and -flow_time unless they are given; without it every one keeps its own default",
-              NAMES, &preset));
-  if (preset < 0) PetscFunctionReturn(PETSC_SUCCESS);
-  if (!steady) PetscCall(OptDefault("-flow_recipe", NAMES[preset]));
-  PetscCall(OptDefault("-couple_boundary", dim == 3 && preset == 2 ? RUNGS[1] : RUNGS[preset])); /* snap: plane meshes only */
-  if (!steady) PetscCall(OptDefault("-flow_time", "bdf2"));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode build(SimParts *part)
 {
   const MeshLocal      *l;
@@ -76,20 +58,17 @@ static PetscErrorCode build(SimParts *part)
   DeformResult          deformation;
 
   PetscFunctionBeginUser;
-  PetscCall(
-    OptBool("-flow_active", "solve for the flow; without it bodies move under gravity and contact alone, and the mesh gives the box", &active));
-  if (active) PetscCall(OptBool("-sim_steady", "solve for the steady state, without time steps", &steady));
+  PetscCall(OptBool("-flow_active", &active));
+  if (active) PetscCall(OptBool("-sim_steady", &steady));
   PetscCall(MeshCreate(PETSC_COMM_WORLD, &part->mesh));
   PetscCall(MeshGetLocal(part->mesh, &l));
+  if (active) PetscCall(DefaultsApply(l, steady));
   PetscCall(BodiesCreate(l->dim, l->lower, l->upper, &part->bodies));
   if (active) {
     PetscCall(DeformCreate(part->mesh, part->bodies, &part->deform));
     deformed = (PetscBool)(part->deform != NULL);
     if (deformed) PetscCall(DeformMesh(part->deform, &deformation));
     if (deformed) PetscCall(drop_deform(part, steady));
-    PetscCall(apply_preset(l->dim, steady));
-    PetscCall(CoupleSetDefaults());
-    if (steady) PetscCall(SteadySetDefaults(part->mesh));
     PetscCall(FlowCreate(part->mesh, &part->flow));
     PetscCall(FlowGetParameters(part->flow, &par));
   }
@@ -187,7 +166,7 @@ PetscErrorCode SceneRun(const char name[])
   PetscCall(PetscTime(&begin));
   PetscCall(PetscLogStagePush(TB_STAGE_SETUP));
   part.scene = name;
-  PetscCall(OptBool("-scene_dry_run", "build everything, describe it, and stop before the first step", &dry));
+  PetscCall(OptBool("-scene_dry_run", &dry));
   PetscCall(build(&part));
   PetscCall(SimCreate(&part, &sim));
   PetscCall(CheckpointLoad(part.checkpoint, &restarted));

@@ -1,9 +1,8 @@
 /* Scene file: find it among the arguments and check it before PETSc reads it.
 
-   The checks follow PETSc's own reader (src/sys/objects/optionsyaml.c, 3.18 to current): nested keys are joined by
-   '_' into one option name, upper case counts as lower case, lists of scalars become "a,b,c", "<<" merges a mapping
-   in place (whatever comes later wins), and keys that start with "$$" only hold anchors. A key that would lose its
-   value on that way is refused, with its line.
+   The checks follow PETSc's own reader (src/sys/objects/optionsyaml.c, 3.18 to current): nested keys are joined by '_' into one option
+   name, upper case counts as lower case, lists of scalars become "a,b,c", and keys that start with "$$" only hold anchors.
+   A key that would lose its value on that way is refused, with its line. Merges ("<<") are refused too.
    It does not interpret values and does not know which options exist. */
 #include "run/scenefile.h"
 #include <ctype.h>
@@ -23,7 +22,6 @@
 typedef struct {
   char  *name; /* flattened, without dash */
   size_t line;
-  int    level; /* how many merges deep; 0 = written in place */
 } SceneOption;
 
 typedef struct {
@@ -205,7 +203,7 @@ static int check_duplicates(SceneCheck *check, const yaml_node_t *map)
   return 0;
 }
 
-static int append_option(SceneCheck *check, const char name[], size_t line, int level)
+static int append_option(SceneCheck *check, const char name[], size_t line)
 {
   if (check->n == SCENE_OPTIONS_MAX)
     return report_fault(check, line,
@@ -219,34 +217,23 @@ static int append_option(SceneCheck *check, const char name[], size_t line, int 
     check->option = option;
     check->room   = room;
   }
-  check->option[check->n].name  = strdup(name);
-  check->option[check->n].line  = line;
-  check->option[check->n].level = level;
+  check->option[check->n].name = strdup(name);
+  check->option[check->n].line = line;
   if (!check->option[check->n].name) return report_fault(check, 0, "no memory");
   check->n++;
   return 0;
 }
 
-/* One flattened option. The same name again is fine only where it overrides a merged value, as YAML means it. */
-static int add_option(SceneCheck *check, const char name[], size_t line, int level)
+static int add_option(SceneCheck *check, const char name[], size_t line)
 {
   for (size_t i = 0; i < check->n; i++) {
-    SceneOption *old = &check->option[i];
-
-    if (strcasecmp(old->name, name)) continue;
-    if (level < old->level) {
-      old->level = level;
-      old->line  = line;
-      return 0;
-    }
-    if (level > old->level)
-      return report_fault(check, old->line, "option -%s would be overridden by the merge '<<' that comes after it: put '<<' first", name);
-    return report_fault(check, line, "option -%s is given twice (first at line %zu): keep one of them", name, old->line);
+    if (!strcasecmp(check->option[i].name, name))
+      return report_fault(check, line, "option -%s is given twice (first at line %zu): keep one of them", name, check->option[i].line);
   }
-  return append_option(check, name, line, level);
+  return append_option(check, name, line);
 }
 
-static int check_list(SceneCheck *check, const char name[], const yaml_node_t *key, const yaml_node_t *list, int level)
+static int check_list(SceneCheck *check, const char name[], const yaml_node_t *key, const yaml_node_t *list)
 {
   for (const yaml_node_item_t *item = list->data.sequence.items.start; item < list->data.sequence.items.top; item++) {
     const yaml_node_t *node = yaml_document_get_node(check->doc, *item);
@@ -262,29 +249,17 @@ static int check_list(SceneCheck *check, const char name[], const yaml_node_t *k
       return report_fault(check, find_line(node), "empty entry in the list '%s', which PETSc would skip: give it a value or remove it",
                           get_text(key));
   }
-  return add_option(check, name, find_line(key), level);
+  return add_option(check, name, find_line(key));
 }
 
-static int check_map(SceneCheck *check, const yaml_node_t *map, const char prefix[], int depth, int level);
+static int check_map(SceneCheck *check, const yaml_node_t *map, const char prefix[], int depth);
 
-static int check_merge(SceneCheck *check, const yaml_node_t *key, const yaml_node_t *value, const char prefix[], int depth, int level)
-{
-  if (value->type == YAML_MAPPING_NODE) return check_map(check, value, prefix, depth + 1, level + 1);
-  if (value->type != YAML_SEQUENCE_NODE) return report_fault(check, find_line(key), "'<<' takes an alias of a mapping: <<: *name");
-  for (const yaml_node_item_t *item = value->data.sequence.items.start; item < value->data.sequence.items.top; item++) {
-    const yaml_node_t *node = yaml_document_get_node(check->doc, *item);
-
-    if (node->type != YAML_MAPPING_NODE) return report_fault(check, find_line(key), "'<<' takes aliases of mappings: <<: [*one, *two]");
-    if (check_map(check, node, prefix, depth + 1, level + 1)) return 1;
-  }
-  return 0;
-}
-
-static int check_pair(SceneCheck *check, const yaml_node_t *key, const yaml_node_t *value, const char prefix[], int depth, int level)
+static int check_pair(SceneCheck *check, const yaml_node_t *key, const yaml_node_t *value, const char prefix[], int depth)
 {
   char name[SCENE_NAME_MAX];
 
-  if (key->type == YAML_SCALAR_NODE && !strcmp(get_text(key), "<<")) return check_merge(check, key, value, prefix, depth, level);
+  if (key->type == YAML_SCALAR_NODE && !strcmp(get_text(key), "<<"))
+    return report_fault(check, find_line(key), "merges ('<<') are not allowed in a scene: write the keys out");
   if (key->type == YAML_SCALAR_NODE && !strncmp(get_text(key), "$$", 2)) {
     if (has_ending((const char *)value->tag, "!include"))
       return report_fault(check, find_line(key), "!include is not allowed: a scene is one file (give more options with -options_file_yaml)");
@@ -293,20 +268,19 @@ static int check_pair(SceneCheck *check, const yaml_node_t *key, const yaml_node
   if (check_key(check, key, prefix[0] != 0)) return 1;
   if (snprintf(name, sizeof(name), "%s%s", prefix, get_text(key)) >= (int)sizeof(name) - 2)
     return report_fault(check, find_line(key), "option name is longer than %d characters", SCENE_NAME_MAX - 2);
-  if (value->type == YAML_SCALAR_NODE) return add_option(check, name, find_line(key), level);
-  if (value->type == YAML_SEQUENCE_NODE) return check_list(check, name, key, value, level);
+  if (value->type == YAML_SCALAR_NODE) return add_option(check, name, find_line(key));
+  if (value->type == YAML_SEQUENCE_NODE) return check_list(check, name, key, value);
   strcat(name, "_");
-  return check_map(check, value, name, depth + 1, level);
+  return check_map(check, value, name, depth + 1);
 }
 
-static int check_map(SceneCheck *check, const yaml_node_t *map, const char prefix[], int depth, int level)
+static int check_map(SceneCheck *check, const yaml_node_t *map, const char prefix[], int depth)
 {
   if (depth > SCENE_DEPTH_MAX)
     return report_fault(check, find_line(map), "nested deeper than %d levels (an alias inside its own anchor?)", SCENE_DEPTH_MAX);
   if (check_duplicates(check, map)) return 1;
   for (const yaml_node_pair_t *pair = map->data.mapping.pairs.start; pair < map->data.mapping.pairs.top; pair++) {
-    if (check_pair(check, yaml_document_get_node(check->doc, pair->key), yaml_document_get_node(check->doc, pair->value), prefix, depth, level))
-      return 1;
+    if (check_pair(check, yaml_document_get_node(check->doc, pair->key), yaml_document_get_node(check->doc, pair->value), prefix, depth)) return 1;
   }
   return 0;
 }
@@ -322,7 +296,7 @@ static int check_document(SceneCheck *check, yaml_document_t *doc)
   if (root->type != YAML_MAPPING_NODE)
     return report_fault(check, find_line(root), "a scene is made of 'key: value' lines, not of a %s",
                         root->type == YAML_SEQUENCE_NODE ? "list" : "single value");
-  return check_map(check, root, "", 0, 0);
+  return check_map(check, root, "", 0);
 }
 
 /* PETSc would read several documents into one set of options, the last value winning. */

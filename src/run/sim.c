@@ -31,7 +31,7 @@ static PetscErrorCode refuse_time_options(void)
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < 3; i++) {
-    PetscCall(OptHas(names[i], "time steps", &found));
+    PetscCall(OptHas(names[i], &found));
     PetscCheck(!found, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
                "%s is given, but a steady scene takes no time steps: remove it, or set -sim_steady false", names[i]);
   }
@@ -82,9 +82,9 @@ PetscErrorCode SimCreate(const SimParts *part, Sim *sim)
   s->time_end  = PETSC_MAX_REAL;
   s->steps_max = PETSC_MAX_INT;
   if (part->steady) PetscCall(refuse_time_options());
-  PetscCall(OptReal("-sim_dt", "time step", "time", OPT_POSITIVE, PETSC_MAX_REAL, &s->dt));
-  PetscCall(OptReal("-sim_time", "time at which the run ends", "time", 0, PETSC_MAX_REAL, &s->time_end));
-  PetscCall(OptInt("-sim_steps", "number of steps after which the run ends", "", 0, PETSC_MAX_INT, &s->steps_max));
+  PetscCall(OptReal("-sim_dt", &s->dt));
+  PetscCall(OptReal("-sim_time", &s->time_end));
+  PetscCall(OptInt("-sim_steps", &s->steps_max));
   if (part->steady) s->dt = s->time_end = 0;
   PetscCheck(s->time_end < PETSC_MAX_REAL || s->steps_max < PETSC_MAX_INT, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "The run has no end: give -sim_time or -sim_steps");

@@ -360,24 +360,6 @@ PetscErrorCode SteadySolve(Steady s, PetscInt *its, PetscInt *linear)
 
 /* ---- life cycle ---- */
 
-PetscErrorCode SteadySetDefaults(Mesh mesh)
-{
-  const MeshLocal *l;
-  char             recipe[32] = "";
-  PetscBool        fast;
-
-  PetscFunctionBeginUser;
-  PetscCall(MeshGetLocal(mesh, &l));
-  PetscCall(PetscOptionsGetString(NULL, NULL, "-flow_recipe", recipe, sizeof(recipe), NULL));
-  PetscCall(PetscStrcmp(recipe, "fast", &fast));
-  PetscCheck(!fast, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-             "-flow_recipe fast is one projection sweep of a time step and solves no steady problem: use direct, balanced or accurate with -sim_steady");
-  if ((PetscReal)l->nnode_global * l->dim + (PetscReal)l->ncell_global * (l->dim + 1) < (l->dim == 2 ? 1.5e6 : 2e5))
-    PetscCall(OptDefault("-flow_recipe", "direct"));
-  PetscCall(OptDefault("-flow_ksp_rtol", "1e-6")); /* of a correction; the tolerance of the solution is -flow_snes_rtol */
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode mult_jacobian(Mat J, Vec x, Vec y)
 {
   Steady s;
@@ -433,11 +415,9 @@ PetscErrorCode SteadyCreate(Flow flow, Couple couple, Steady *steady)
   PetscCall(CoupleGetSolver(couple, &s->solver));
   PetscCall(FlowGetMesh(flow, &mesh));
   PetscCall(MeshGetLocal(mesh, &s->loc));
-  PetscCall(OptChoice("-flow_linearization", "Jacobian of steady problems", LINEARIZATIONS, &s->linearization));
-  if (s->linearization == 0)
-    PetscCall(OptInt("-flow_picard_steps", "Picard iterations before those of Newton's method", "", 0, PETSC_MAX_INT, &s->picard_steps));
-  PetscCall(
-    OptInt("-flow_pseudo_steps", "largest number of pseudo-time steps when the iteration fails (0: none)", "", 0, PETSC_MAX_INT, &s->pseudo_steps));
+  PetscCall(OptChoice("-flow_linearization", LINEARIZATIONS, &s->linearization));
+  if (s->linearization == 0) PetscCall(OptInt("-flow_picard_steps", &s->picard_steps));
+  PetscCall(OptInt("-flow_pseudo_steps", &s->pseudo_steps));
   PetscCall(FlowSolverCreateVec(s->solver, &s->x));
   PetscCall(VecDuplicate(s->x, &s->f));
   PetscCall(VecDuplicate(s->x, &s->y));

@@ -14,9 +14,6 @@
 
 typedef struct _p_Steady *Steady;
 
-/* Defaults of other modules' options for steady scenes; call before FlowCreate: recipe direct up to 1.5 million unknowns in 2D and 200,000 in 3D, balanced above. Collective.
-   Error: recipe fast, which is one sweep of a time step. */
-PetscErrorCode SteadySetDefaults(Mesh);
 /* Reads the options. Collective. */
 PetscErrorCode SteadyCreate(Flow, Couple, Steady *);
 PetscErrorCode SteadyDestroy(Steady *);

@@ -74,7 +74,7 @@ static PetscErrorCode GetPath(char path[], size_t len)
   char user[MAX_PATHS] = "", own[PETSC_MAX_PATH_LEN];
 
   PetscFunctionBeginUser;
-  PetscCall(OptString("-shape_path", "Folders to search for shape plugins, separated by colons, before the program's own", user, sizeof(user)));
+  PetscCall(OptString("-shape_path", user, sizeof(user)));
   PetscCall(FindOwnFolder(own, sizeof(own)));
   PetscCall(PetscSNPrintf(path, len, "%s%s%s", user, user[0] ? ":" : "", own));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -249,10 +249,17 @@ PetscErrorCode ShapeGetData(Shape s, void *data)
 }
 
 /* Full option name from the short one; numeric ones are kept with their range for ShapeGetOption. */
-static PetscErrorCode NameOption(Shape s, const char name[], PetscReal lower, PetscReal upper, PetscBool numeric, char full[], size_t len)
+static PetscErrorCode NameOption(Shape s, const char name[], OptSpec *spec, PetscBool numeric, char full[], size_t len)
 {
+  const PetscReal lower = spec->lower, upper = spec->upper;
+  char            when[192];
+
   PetscFunctionBeginUser;
   PetscCall(PetscSNPrintf(full, len, "-%s%s", s->prefix, name));
+  PetscCall(PetscSNPrintf(when, sizeof(when), "-%sshape %s", s->prefix, s->loaded->type));
+  spec->name = full;
+  spec->when = when;
+  PetscCall(OptDeclareOne(spec));
   if (numeric && s->noptions < SHAPE_MAX_OPTIONS) {
     OptionRange *o = &s->option[s->noptions++];
 
@@ -265,42 +272,48 @@ static PetscErrorCode NameOption(Shape s, const char name[], PetscReal lower, Pe
 
 PetscErrorCode ShapeOptionReal(Shape s, const char name[], const char help[], const char unit[], PetscReal lower, PetscReal upper, PetscReal *value)
 {
-  char full[256];
+  char    full[256], shown[32];
+  OptSpec spec = {.type = OPT_REAL, .unit = unit, .lower = lower, .upper = upper, .value = shown, .help = help};
 
   PetscFunctionBeginUser;
-  PetscCall(NameOption(s, name, lower, upper, PETSC_TRUE, full, sizeof(full)));
-  PetscCall(OptReal(full, help, unit, lower, upper, value));
+  snprintf(shown, sizeof(shown), "%g", (double)*value);
+  PetscCall(NameOption(s, name, &spec, PETSC_TRUE, full, sizeof(full)));
+  PetscCall(OptReal(full, value));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode ShapeOptionInt(Shape s, const char name[], const char help[], PetscInt lower, PetscInt upper, PetscInt *value)
 {
-  char full[256];
+  char    full[256], shown[32];
+  OptSpec spec = {.type = OPT_INT, .unit = "", .lower = (double)lower, .upper = (double)upper, .value = shown, .help = help};
 
   PetscFunctionBeginUser;
-  PetscCall(NameOption(s, name, (PetscReal)lower, (PetscReal)upper, PETSC_TRUE, full, sizeof(full)));
-  PetscCall(OptInt(full, help, "", lower, upper, value));
+  snprintf(shown, sizeof(shown), "%" PetscInt_FMT, *value);
+  PetscCall(NameOption(s, name, &spec, PETSC_TRUE, full, sizeof(full)));
+  PetscCall(OptInt(full, value));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode ShapeOptionRealArray(Shape s, const char name[], const char help[], const char unit[], PetscReal lower, PetscReal upper, PetscInt n,
                                     PetscReal value[])
 {
-  char full[256];
+  char    full[256];
+  OptSpec spec = {.type = OPT_REALS, .unit = unit, .lower = lower, .upper = upper, .value = "", .help = help};
 
   PetscFunctionBeginUser;
-  PetscCall(NameOption(s, name, lower, upper, PETSC_FALSE, full, sizeof(full)));
-  PetscCall(OptRealArray(full, help, unit, lower, upper, n, value, NULL));
+  PetscCall(NameOption(s, name, &spec, PETSC_FALSE, full, sizeof(full)));
+  PetscCall(OptRealArray(full, n, value, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode ShapeOptionString(Shape s, const char name[], const char help[], char value[], size_t len)
 {
-  char full[256];
+  char    full[256];
+  OptSpec spec = {.type = OPT_STRING, .unit = "", .value = value, .help = help};
 
   PetscFunctionBeginUser;
-  PetscCall(NameOption(s, name, 0.0, 0.0, PETSC_FALSE, full, sizeof(full)));
-  PetscCall(OptString(full, help, value, len));
+  PetscCall(NameOption(s, name, &spec, PETSC_FALSE, full, sizeof(full)));
+  PetscCall(OptString(full, value, len));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -342,6 +355,40 @@ static PetscErrorCode SetUpShape(Shape s)
   if (s->ops.options) PetscCall(s->ops.options(s));
   if (s->ops.setup) PetscCall(s->ops.setup(s));
   PetscCall(CheckShape(s));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* One shape that reads its options and is no more than that */
+static PetscErrorCode DeclareOptions(const char type[])
+{
+  const Loaded *loaded = NULL;
+  Shape         s;
+
+  PetscFunctionBeginUser;
+  PetscCall(GetPlugin(type, &loaded));
+  PetscCall(PetscNew(&s));
+  nalive++;
+  s->loaded = loaded;
+  s->ops    = loaded->plugin->ops;
+  s->dim    = loaded->plugin->dims & 2 ? 3 : 2;
+  PetscCall(PetscStrncpy(s->prefix, "particle_<group>_", sizeof(s->prefix)));
+  if (s->ops.create) PetscCall(s->ops.create(s));
+  if (s->ops.options) PetscCall(s->ops.options(s));
+  PetscCall(ShapeDestroy(&s));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeDeclareOptions(void)
+{
+  char path[MAX_PATHS + 2 * PETSC_MAX_PATH_LEN], known[2048], **type;
+  int  n;
+
+  PetscFunctionBeginUser;
+  PetscCall(GetPath(path, sizeof(path)));
+  PetscCall(ListKnown(path, known, sizeof(known)));
+  PetscCall(PetscStrToArray(known, ',', &n, &type));
+  for (int i = 0; i < n; i++) PetscCall(DeclareOptions(type[i] + strspn(type[i], " ")));
+  PetscCall(PetscStrToArrayDestroy(n, type));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -186,19 +186,16 @@ PetscErrorCode PressureCreate(Flow flow, Constraint constraint, Pressure *pressu
   p->nbodies = constraint->nbodies;
   p->nk      = p->loc->dim + 1;
   p->eps     = 1e-6;
-  PetscCall(OptReal("-flow_pressure_softness", "share of their inverse mass that body nodes keep in the pressure preconditioner", "", OPT_POSITIVE, 1,
-                    &p->eps));
+  PetscCall(OptReal("-flow_pressure_softness", &p->eps));
   PetscCall(PetscCalloc2(p->loc->nnode_all * p->loc->dim, &p->weight, p->nbodies * p->nr, &p->work));
   PetscCall(PetscCalloc3(p->loc->ncell, &p->stamp, p->loc->ncell, &p->touched, p->loc->ncell, &p->listed));
   PetscCall(PetscCalloc1(p->nbodies, &p->resolved));
   p->eps_shared = 1e-3;
-  PetscCall(OptReal("-flow_pressure_shared", "compressibility of cells between two bodies, or body and wall, as share of their nodes' inverse mass",
-                    "", 0, 1, &p->eps_shared));
+  PetscCall(OptReal("-flow_pressure_shared", &p->eps_shared));
   PetscCall(find_two_level(&two_level));
   PetscCall(ConditionsPressureIsFloating(FlowConditions(flow), &p->floating));
   if (two_level) {
-    PetscCall(OptReal("-flow_pressure_keep", "share of the vertices that may change before the multigrid hierarchy of the pressure is built anew", "",
-                      0, 1, &keep));
+    PetscCall(OptReal("-flow_pressure_keep", &keep));
     PetscCall(CoarseCreate(p->mesh, p->nk, p->floating, keep, &p->coarse));
   }
   PetscCall(PressureCreateMatrix(p));

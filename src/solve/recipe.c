@@ -85,20 +85,18 @@ PetscErrorCode FlowSolverSetRecipe(FlowSolver fs, PetscBool moving)
   PetscBool   sweep_only, given;
 
   PetscFunctionBeginUser;
-  PetscCall(OptChoice("-flow_recipe", "preset of the solver options; every one can be overridden", RECIPES, &recipe));
+  PetscCall(OptChoice("-flow_recipe", RECIPES, &recipe));
   fs->fixed = (PetscBool)(recipe == 0);
   if (recipe == 0) fs->schur = SCHUR_PROJECTION; /* a single sweep must end with the projection */
-  PetscCall(OptChoice("-flow_schur", "what follows the pressure solve (auto: by the viscous number of the step)", SCHURS, &fs->schur));
-  PetscCall(
-    OptChoice("-flow_velocity_sweep", "preconditioner of the velocity (auto: by the convective number of the step)", SWEEPS, &fs->sweep_type));
+  PetscCall(OptChoice("-flow_schur", SCHURS, &fs->schur));
+  PetscCall(OptChoice("-flow_velocity_sweep", SWEEPS, &fs->sweep_type));
   PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_ksp_rtol", &given));
   if (recipe == 1 && !given) PetscCall(OptDefault("-flow_rtol_start", "1e-2")); /* as an option: a restart finds both in its checkpoint */
+  if (moving) PetscCall(OptDefault("-flow_rtol_most", "1e-6"));                 /* the momentum of a heavy body is most of the right-hand side */
   fs->rtol_most = 1e-5;
-  PetscCall(OptReal("-flow_rtol_start", "residual that a solve leaves as share of its start value's (0: only -flow_ksp_rtol counts)", "", 0, 1,
-                    &fs->rtol_start));
-  PetscCall(OptReal("-flow_rtol_most", "bound for -flow_rtol_start, as share of the right-hand side", "", 0, 1, &fs->rtol_most));
-  /* with bodies that move the sweep must not add to the residual: two falling discs blow up within 20 steps otherwise
-     */
+  PetscCall(OptReal("-flow_rtol_start", &fs->rtol_start));
+  PetscCall(OptReal("-flow_rtol_most", &fs->rtol_most));
+  /* with bodies that move the sweep must not add to the residual: two falling discs blow up within 20 steps otherwise */
   sweep_only = (PetscBool)(recipe == 0 && !moving);
   PetscCall(OptDefault("-flow_ksp_type", sweep_only ? "richardson" : "fgmres"));
   PetscCall(OptDefault("-flow_ksp_max_it", outer[recipe][0]));

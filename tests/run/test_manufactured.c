@@ -4,6 +4,7 @@
 /* ranks: 1 2 */
 #include "core.h"
 #include "mesh/element.h"
+#include "defaults.h"
 #include "steady.h"
 
 #define RATE_VELOCITY 3
@@ -76,7 +77,7 @@ static void open_case(Case *c, const char options[], PetscBool *steady)
   c->steady = NULL;
   OK(MeshCreate(PETSC_COMM_WORLD, &c->mesh));
   OK(MeshGetLocal(c->mesh, &c->l));
-  if (*steady) OK(SteadySetDefaults(c->mesh));
+  if (*steady) OK(DefaultsApply(c->l, PETSC_TRUE));
   OK(FlowCreate(c->mesh, &c->flow));
   OK(FlowSetSource(c->flow, manufactured_force, steady));
   OK(ConditionsSetField(FlowConditions(c->flow), manufactured_velocity, NULL));

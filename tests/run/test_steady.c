@@ -1,6 +1,7 @@
 /* Steady problems: Newton's matrix against differences, Poiseuille flow, the ways to converge agree, failure. */
 /* ranks: 1 2 */
 #include "core.h"
+#include "defaults.h"
 #include "steady.h"
 
 typedef struct {
@@ -18,7 +19,7 @@ static void open_case(Case *c, const char options[])
   give(options);
   OK(MeshCreate(PETSC_COMM_WORLD, &c->mesh));
   OK(MeshGetLocal(c->mesh, &c->l));
-  OK(SteadySetDefaults(c->mesh));
+  OK(DefaultsApply(c->l, PETSC_TRUE));
   OK(FlowCreate(c->mesh, &c->flow));
   OK(BodiesCreate(c->l->dim, c->l->lower, c->l->upper, &c->bodies));
   OK(CoupleCreate(c->flow, c->bodies, &c->couple));

@@ -714,8 +714,8 @@ static PetscErrorCode RunSuite(const char file[], PetscInt *passed, PetscInt *fa
   PetscFunctionBeginUser;
   PetscCall(SplitFile(file, folder, type, sizeof(folder)));
   PetscCall(PetscOptionsSetValue(NULL, "-shape_path", folder));
-  PetscCall(OptInt("-conformance_dim", "Check this dimension only; 0: all the plugin works in", "", 0, 3, &only));
-  PetscCall(OptInt("-conformance_points", "Random points in each cloud", "", 100, 1000000, &n));
+  PetscCall(OptInt("-conformance_dim", &only));
+  PetscCall(OptInt("-conformance_points", &n));
   PetscCall(PetscOptionsGetString(NULL, NULL, "-conformance_grid", grid, sizeof(grid), &has_grid));
   for (PetscInt dim = 2; dim <= 3; dim++) {
     const ShapePlugin *plugin;
@@ -748,6 +748,12 @@ static PetscErrorCode RunSuite(const char file[], PetscInt *passed, PetscInt *fa
              only);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
+
+static const OptSpec SPECS[] = {
+  {"-conformance_dim", OPT_INT, "", 0, 3, "0", .help = "check this dimension only; 0: all the plugin works in"},
+  {"-conformance_points", OPT_INT, "", 100, 1000000, "3000", .help = "random points in each cloud"},
+};
+OPT_TABLE("conformance suite", SPECS)
 
 int main(int argc, char **argv)
 {

@@ -1,0 +1,125 @@
+/* The tables of options in print: -help, runs/OPTIONS.md, manual page. See OptPrint in opt.h. */
+#include "compat.h"
+#include "optimpl.h"
+#include <stdio.h>
+#include <string.h>
+
+/* One row after the other of all tables and then of what shapes declared under a placeholder; title: of its table, once. */
+typedef struct {
+  size_t      table, row;
+  PetscInt    known;
+  const char *title;
+} Cursor;
+
+static const OptSpec *next_spec(Cursor *at)
+{
+  PetscInt        n;
+  const OptKnown *known = OptGetKnown(&n);
+
+  at->title = NULL;
+  for (; at->table < opt_ntable; at->table++, at->row = 0) {
+    if (at->row < opt_table[at->table].n) {
+      at->title = at->row ? NULL : opt_table[at->table].title;
+      return opt_table[at->table].spec + at->row++;
+    }
+  }
+  for (; at->known < n; at->known++) {
+    if (!known[at->known].own || !strchr(known[at->known].name, '<')) continue;
+    at->title = at->row++ ? NULL : "shapes: what the plugins read";
+    return known[at->known++].spec;
+  }
+  return NULL;
+}
+
+static void print_plain(FILE *file, PetscBool expert)
+{
+  const OptSpec *spec;
+  Cursor         at    = {0};
+  const char    *title = NULL;
+  char           meaning[OPT_LINE];
+  int            hidden = 0;
+
+  while ((spec = next_spec(&at))) {
+    if (at.title) title = at.title;
+    if (spec->expert && !expert) {
+      hidden++;
+      continue;
+    }
+    if (title) fprintf(file, "\n%s\n", title);
+    title = NULL;
+    OptFormatMeaning(spec, meaning, sizeof(meaning));
+    fprintf(file, "%s", spec->name);
+    if (spec->value && spec->value[0]) fprintf(file, " <%s>", spec->value);
+    fprintf(file, ": %s%s%s\n", meaning, spec->when ? "; with " : "", spec->when ? spec->when : "");
+  }
+  if (hidden) fprintf(file, "\n%d more, for experts: -help expert\n", hidden);
+}
+
+/* Text in a cell of a table: '|' would end it, and <group> is no HTML */
+static void print_cell(FILE *file, const char text[])
+{
+  fprintf(file, "|%s", text && text[0] ? " " : "");
+  for (; text && *text; text++) fprintf(file, strchr("|<*_", *text) ? "\\%c" : "%c", *text);
+  fprintf(file, " ");
+}
+
+static void print_markdown(FILE *file)
+{
+  const OptSpec *spec;
+  Cursor         at = {0};
+  char           range[OPT_LINE];
+
+  fprintf(file, "# Options\n\nMade by `make options` from the tables in `src/<room>/options.c`; `-help expert` prints the same. A key of a scene "
+                "file is the name without its dash, nested at any `_`.\n");
+  while ((spec = next_spec(&at))) {
+    if (at.title)
+      fprintf(file, "\n## %s\n\n| option | unit | range | default | meaning | read with |\n| --- | --- | --- | --- | --- | --- |\n", at.title);
+    OptFormatRange(spec, range, sizeof(range));
+    fprintf(file, "| `%s` ", spec->name);
+    print_cell(file, spec->unit);
+    print_cell(file, spec->choices ? spec->choices : range);
+    print_cell(file, spec->value);
+    print_cell(file, spec->help);
+    print_cell(file, spec->when);
+    fprintf(file, "|\n");
+  }
+}
+
+/* Text for roff: a dash is a minus, a backslash and a quote at the start of a line are commands */
+static void print_roff(FILE *file, const char text[])
+{
+  for (; *text; text++) fprintf(file, *text == '-' ? "\\-" : *text == '\\' ? "\\e" : "%c", *text);
+}
+
+static void print_man(FILE *file)
+{
+  const OptSpec *spec;
+  Cursor         at = {0};
+  char           meaning[OPT_LINE];
+
+  fprintf(file, ".TH TUMBLE 1\n.SH NAME\ntumble \\- rigid bodies of any shape in a viscous incompressible fluid\n.SH SYNOPSIS\n"
+                ".B mpiexec \\-n\n.I N\n.B tumble\n.I scene.yaml\n[\\fB\\-option\\fR \\fIvalue\\fR ...]\n.SH DESCRIPTION\n"
+                "Nested keys of the scene file are joined by _ into one option; the command line wins over the file.\n"
+                "Options of PETSc's solvers have the prefixes \\-flow_, \\-flow_fieldsplit_velocity_, \\-flow_fieldsplit_pressure_;\n"
+                "\\fB\\-help petsc\\fR lists those of a scene. \\fB\\-help\\fR lists what follows, \\fB\\-version\\fR the versions.\n");
+  while ((spec = next_spec(&at))) {
+    if (at.title) fprintf(file, ".SH OPTIONS: %s\n", at.title);
+    fprintf(file, ".TP\n.B ");
+    print_roff(file, spec->name);
+    if (spec->value && spec->value[0]) fprintf(file, " <");
+    if (spec->value && spec->value[0]) print_roff(file, spec->value);
+    fprintf(file, "%s\n", spec->value && spec->value[0] ? ">" : "");
+    OptFormatMeaning(spec, meaning, sizeof(meaning));
+    print_roff(file, meaning);
+    if (spec->when) fprintf(file, ". Read with ");
+    if (spec->when) print_roff(file, spec->when);
+    fprintf(file, "\n");
+  }
+}
+
+void OptPrint(FILE *file, OptFormat format)
+{
+  if (format == OPT_MARKDOWN) print_markdown(file);
+  else if (format == OPT_MAN) print_man(file);
+  else print_plain(file, (PetscBool)(format == OPT_PLAIN_EXPERT));
+}

@@ -1,0 +1,41 @@
+/* What the sources of the option table share: opt.c (tables, reading), suggest.c (advice), help.c (printing). */
+#pragma once
+#include "base/opt.h"
+
+#define OPT_LINE 1024 /* room for one line of text */
+
+typedef struct {
+  const char    *title;
+  const OptSpec *spec;
+  size_t         n;
+} OptTable;
+
+/* A name that this run has read, or to which it has given a default. */
+typedef struct {
+  char          *name; /* with dash */
+  const OptSpec *spec; /* NULL: an option of PETSc */
+  OptSpec       *own;  /* its copy, where OptDeclareOne made it */
+  PetscBool      is_read;
+  PetscBool      is_default; /* put into the database by OptDefault(), not by the user */
+} OptKnown;
+
+extern OptTable opt_table[];
+extern size_t   opt_ntable;
+
+/* All known names, *n of them. */
+const OptKnown *OptGetKnown(PetscInt *n);
+const OptKnown *OptFindKnown(const char name[]);
+
+/* Row of a name, NULL if there is none; of several the one with the most text besides its placeholders. */
+const OptSpec *OptFindSpec(const char name[]);
+
+/* Does a name fit a row's name ("-flow_bc_<boundary>_type")? What stands for the placeholder goes to word[len], which
+   may be NULL; "" when there is none. */
+PetscBool OptFits(const char pattern[], const char name[], char word[], size_t len);
+
+/* "meaning [unit] (range)" */
+void OptFormatMeaning(const OptSpec *spec, char text[], size_t len);
+/* "> 0 and <= 3", "" for any */
+void OptFormatRange(const OptSpec *spec, char text[], size_t len);
+
+PetscBool OptSameName(const char a[], const char b[]); /* PETSc's option names do not tell upper from lower case */

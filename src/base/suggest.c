@@ -1,0 +1,392 @@
+/* Advice for options that nobody has read: see OptCheckUnused in opt.h.
+
+   A name of another mode is answered with what it is read with, a former name with the new one, any other with the
+   nearest known name (optimal string alignment distance: Damerau 1964, "A technique for computer detection and
+   correction of spelling errors"). Known are the names this run has read, the rows of all tables, their placeholders
+   filled with every name of the scene that was read in their place, and for solver options, which PETSc reads itself,
+   every solver prefix seen in OptDefault() times a list of common endings. */
+#include "compat.h"
+#include "optimpl.h"
+#include <ctype.h>
+#include <stdio.h>
+#include <string.h>
+
+/* Common endings of PETSc's solver options, and general options that PETSc reads on its own. */
+static const char *const petsc_names[] = {"ksp_type",
+                                          "ksp_rtol",
+                                          "ksp_atol",
+                                          "ksp_divtol",
+                                          "ksp_max_it",
+                                          "ksp_norm_type",
+                                          "ksp_pc_side",
+                                          "ksp_monitor",
+                                          "ksp_monitor_true_residual",
+                                          "ksp_converged_reason",
+                                          "ksp_view",
+                                          "ksp_initial_guess_nonzero",
+                                          "ksp_gmres_restart",
+                                          "ksp_gmres_modifiedgramschmidt",
+                                          "ksp_chebyshev_esteig",
+                                          "ksp_chebyshev_eigenvalues",
+                                          "ksp_richardson_scale",
+                                          "ksp_error_if_not_converged",
+                                          "ksp_constant_null_space",
+                                          "ksp_guess_type",
+                                          "pc_type",
+                                          "pc_side",
+                                          "pc_view",
+                                          "pc_factor_mat_solver_type",
+                                          "pc_factor_shift_type",
+                                          "pc_factor_levels",
+                                          "pc_fieldsplit_type",
+                                          "pc_fieldsplit_schur_fact_type",
+                                          "pc_fieldsplit_schur_precondition",
+                                          "pc_mg_levels",
+                                          "pc_mg_type",
+                                          "pc_mg_cycle_type",
+                                          "pc_mg_galerkin",
+                                          "pc_gamg_type",
+                                          "pc_gamg_threshold",
+                                          "pc_gamg_agg_nsmooths",
+                                          "pc_hypre_type",
+                                          "pc_hypre_boomeramg_strong_threshold",
+                                          "pc_hypre_boomeramg_coarsen_type",
+                                          "pc_hypre_boomeramg_interp_type",
+                                          "pc_hypre_boomeramg_agg_nl",
+                                          "pc_hypre_boomeramg_relax_type_all",
+                                          "pc_hypre_boomeramg_max_iter",
+                                          "pc_sor_omega",
+                                          "pc_sor_its",
+                                          "pc_sor_lits",
+                                          "pc_sor_symmetric",
+                                          "pc_jacobi_type",
+                                          "pc_bjacobi_blocks",
+                                          "pc_asm_overlap",
+                                          "mg_levels_ksp_type",
+                                          "mg_levels_ksp_max_it",
+                                          "mg_levels_pc_type",
+                                          "mg_coarse_ksp_type",
+                                          "mg_coarse_pc_type",
+                                          "sub_ksp_type",
+                                          "sub_pc_type",
+                                          "snes_type",
+                                          "snes_rtol",
+                                          "snes_atol",
+                                          "snes_stol",
+                                          "snes_max_it",
+                                          "snes_monitor",
+                                          "snes_converged_reason",
+                                          "snes_linesearch_type",
+                                          "snes_lag_jacobian",
+                                          "snes_view",
+                                          "mat_type",
+                                          "mat_mumps_icntl_14",
+                                          "vec_type",
+                                          "dm_refine",
+                                          "dm_view",
+                                          "petscpartitioner_type",
+                                          "petscpartitioner_view",
+                                          "log_view",
+                                          "options_left",
+                                          "options_view",
+                                          "malloc_debug",
+                                          "malloc_dump",
+                                          "memory_view",
+                                          "info",
+                                          "help"};
+
+/* Read by PETSc only in PetscFinalize(), or on events that may never come. A trailing '*' stands for any ending. */
+static const char *const late_names[] = {"log",
+                                         "log_*",
+                                         "options_left",
+                                         "options_view",
+                                         "options_monitor*",
+                                         "options_file*",
+                                         "options_string_yaml",
+                                         "options_suppress_deprecated_warnings",
+                                         "malloc*",
+                                         "memory_view",
+                                         "objects_dump",
+                                         "help",
+                                         "version",
+                                         "skip_petscrc",
+                                         "prefix_push",
+                                         "prefix_pop",
+                                         "info*",
+                                         "on_error_*",
+                                         "start_in_debugger",
+                                         "stop_for_debugger",
+                                         "debugger_*",
+                                         "debug_terminal",
+                                         "citations",
+                                         "saws*",
+                                         "get_total_flops",
+                                         "mpidump",
+                                         "process_view",
+                                         "stack_view",
+                                         "viewfromoptions",
+                                         "nox",
+                                         "nox_warning",
+                                         "x_virtual",
+                                         "petsc_ci*",
+                                         "check_pointer_intensity",
+                                         "checkfunctionlist",
+                                         "fp_trap",
+                                         "no_signal_handler",
+                                         "omp_view",
+                                         "blas_view"};
+
+/* Least number of insertions, deletions, replacements and swaps of neighbours that turn a into b, upper case as lower. */
+static PetscInt edit_distance(const char a[], const char b[])
+{
+  static PetscInt row[3][OPT_LINE + 1]; /* the rows i-2, i-1, i of the table, in turn */
+  const PetscInt  na = (PetscInt)PetscMin(strlen(a), OPT_LINE), nb = (PetscInt)PetscMin(strlen(b), OPT_LINE);
+
+  for (PetscInt j = 0; j <= nb; j++) row[0][j] = j;
+  for (PetscInt i = 1; i <= na; i++) {
+    PetscInt *two = row[(i + 1) % 3], *one = row[(i + 2) % 3], *now = row[i % 3];
+
+    now[0] = i;
+    for (PetscInt j = 1; j <= nb; j++) {
+      const PetscBool same = (PetscBool)(tolower((unsigned char)a[i - 1]) == tolower((unsigned char)b[j - 1]));
+
+      now[j] = PetscMin(PetscMin(one[j], now[j - 1]) + 1, one[j - 1] + !same);
+      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1]) now[j] = PetscMin(now[j], two[j - 2] + 1);
+    }
+  }
+  return row[na % 3][nb];
+}
+
+/* Length of the solver prefix of "-flow_fieldsplit_pressure_ksp_type" (up to ksp_), 0 when it is no solver option. */
+static size_t measure_prefix(const char name[])
+{
+  const char *const objects[] = {"ksp_", "pc_", "snes_", "mat_"};
+  size_t            shortest  = 0;
+
+  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(objects); i++) {
+    for (const char *at = strstr(name, objects[i]); at; at = strstr(at + 1, objects[i])) {
+      const size_t len = (size_t)(at - name);
+
+      if ((at[-1] == '_' || at[-1] == '-') && (!shortest || len < shortest)) shortest = len;
+    }
+  }
+  return shortest;
+}
+
+static void keep_nearer(const char name[], const char candidate[], char nearest[], size_t len, PetscInt *distance)
+{
+  const PetscInt d = edit_distance(name, candidate);
+
+  if (d < *distance) {
+    *distance = d;
+    snprintf(nearest, len, "%s", candidate);
+  }
+}
+
+static void keep_nearest_solver_option(const char name[], const char prefix[], int n, char nearest[], size_t len, PetscInt *distance)
+{
+  char candidate[OPT_LINE];
+
+  for (size_t k = 0; n && k < PETSC_STATIC_ARRAY_LENGTH(petsc_names); k++) {
+    snprintf(candidate, sizeof(candidate), "%.*s%s", n, prefix, petsc_names[k]);
+    keep_nearer(name, candidate, nearest, len, distance);
+  }
+}
+
+/* Was `word` read in the place of the pattern's placeholder, in this row or another with the same one? */
+static PetscBool next_word(const char pattern[], PetscInt *i, char word[], size_t len)
+{
+  const char     *open = strchr(pattern, '<');
+  PetscInt        n;
+  const OptKnown *known = OptGetKnown(&n);
+
+  for (; *i < n; ++*i) {
+    const OptSpec *spec  = known[*i].spec;
+    const char    *other = spec && !known[*i].own ? strchr(spec->name, '<') : NULL;
+
+    if (!other || strncmp(open, other, strcspn(open, ">") + 1) || !OptFits(spec->name, known[*i].name, word, len)) continue;
+    ++*i;
+    return PETSC_TRUE;
+  }
+  return PETSC_FALSE;
+}
+
+/* A row's name, or all that its placeholder can make of it in this run. */
+static void keep_nearest_row(const char name[], const char pattern[], char nearest[], size_t len, PetscInt *distance)
+{
+  const char *open = strchr(pattern, '<');
+  char        word[OPT_LINE], candidate[2 * OPT_LINE], last[OPT_LINE] = "";
+
+  if (!open) keep_nearer(name, pattern, nearest, len, distance);
+  for (PetscInt i = 0; open && next_word(pattern, &i, word, sizeof(word));) {
+    if (!strcmp(word, last)) continue;
+    snprintf(last, sizeof(last), "%s", word);
+    snprintf(candidate, sizeof(candidate), "%.*s%s%s", (int)(open - pattern), pattern, word, strchr(open, '>') + 1);
+    keep_nearer(name, candidate, nearest, len, distance);
+  }
+}
+
+/* Nearest known name to `name` (with dash); *distance in edits. Our own options come first, so they win ties. */
+static void find_nearest(const char name[], char nearest[], size_t len, PetscInt *distance)
+{
+  PetscInt        n;
+  const OptKnown *known = OptGetKnown(&n);
+
+  *distance = PETSC_MAX_INT;
+  for (PetscInt i = 0; i < n; i++) keep_nearer(name, known[i].name, nearest, len, distance);
+  for (size_t t = 0; t < opt_ntable; t++) {
+    for (size_t i = 0; i < opt_table[t].n; i++) keep_nearest_row(name, opt_table[t].spec[i].name, nearest, len, distance);
+  }
+  keep_nearest_solver_option(name, "-", 1, nearest, len, distance);
+  for (PetscInt i = 0; i < n; i++) keep_nearest_solver_option(name, known[i].name, (int)measure_prefix(known[i].name), nearest, len, distance);
+}
+
+/* ---- left-over options ---- */
+
+static PetscBool is_read_late(const char name[])
+{
+  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(late_names); i++) {
+    const char  *late = late_names[i];
+    const size_t n    = strlen(late);
+
+    if (strstr(name, "ksp_view") || strstr(name, "ksp_converged_") || strstr(name, "snes_view") || strstr(name, "snes_converged_"))
+      return PETSC_TRUE; /* read after a solve */
+    if (late[n - 1] == '*' ? !strncmp(name, late, n - 1) : !strcmp(name, late)) return PETSC_TRUE;
+  }
+  return PETSC_FALSE;
+}
+
+/* Is this left-over (name without dash) the user's mistake? */
+static PetscBool is_mistake(const char name[])
+{
+  char            full[OPT_LINE];
+  const OptKnown *known;
+
+  snprintf(full, sizeof(full), "-%s", name);
+  known = OptFindKnown(full);
+  return (PetscBool)(!is_read_late(name) && !(known && known->is_default));
+}
+
+/* Where a left-over option came from. PETSC_OPTIONS and .petscrc are rare enough to share a name with the scene. */
+static PetscErrorCode find_source(const char name[], const char **source)
+{
+  int    argc;
+  char **argv;
+
+  PetscFunctionBeginUser;
+  *source = "scene or options file";
+  PetscCall(PetscGetArgs(&argc, &argv));
+  for (int i = 1; i < argc; i++) {
+    if (argv[i][0] == '-' && OptSameName(argv[i] + 1, name)) *source = "command line";
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* A name that some table has, now or formerly: what to do. "" for others. */
+static void explain_known(const char name[], char text[], size_t len)
+{
+  const OptSpec  *spec = NULL;
+  const OptKnown *known;
+  char            word[OPT_LINE], seen[OPT_LINE];
+  PetscInt        i = 0;
+  PetscBool       there;
+
+  text[0] = 0;
+  for (size_t t = 0; t < opt_ntable; t++) {
+    for (size_t k = 0; k < opt_table[t].n; k++) {
+      const OptSpec *row = opt_table[t].spec + k;
+
+      if (row->old && OptFits(row->old, name, NULL, 0)) snprintf(text, len, "is now called %s", row->name);
+    }
+  }
+  known = OptFindKnown(name);
+  spec  = OptFindSpec(name);
+  if (!spec || text[0]) return;
+  if (strchr(spec->name, '<')) { /* of a group or boundary of this scene? */
+    (void)OptFits(spec->name, name, word, sizeof(word));
+    there = (PetscBool)!next_word(spec->name, &i, seen, sizeof(seen)); /* without any the row's condition is all there is to say */
+    for (i = 0; !there && next_word(spec->name, &i, seen, sizeof(seen));) there = OptSameName(seen, word);
+    if (!there) return;
+  }
+  if (spec->when && !(known && known->is_read)) snprintf(text, len, "is read only with %s", spec->when);
+  else snprintf(text, len, "a valid name, but nothing in this run reads it");
+}
+
+/* "-flow_viscosty = 0.1 (command line): did you mean -flow_viscosity?" */
+static PetscErrorCode explain_mistake(const char name[], const char value[], char text[], size_t len)
+{
+  char            full[OPT_LINE], nearest[OPT_LINE] = "", shown[64] = "", advice[2 * OPT_LINE];
+  const char     *source;
+  const OptSpec  *spec;
+  const OptKnown *known;
+  PetscInt        distance;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscSNPrintf(full, sizeof(full), "-%s", name));
+  if (value) PetscCall(PetscSNPrintf(shown, sizeof(shown), " = %.50s%s", value, strlen(value) > 50 ? "..." : ""));
+  PetscCall(find_source(name, &source));
+  explain_known(full, advice, sizeof(advice));
+  if (!advice[0]) {
+    find_nearest(full, nearest, sizeof(nearest), &distance);
+    spec  = OptFindSpec(nearest);
+    known = OptFindKnown(nearest);
+    if (!distance) snprintf(advice, sizeof(advice), "a valid name, but nothing in this run reads %s", nearest);
+    else if (distance <= (PetscInt)strlen(full) / 2) snprintf(advice, sizeof(advice), "did you mean %s?", nearest);
+    else snprintf(advice, sizeof(advice), "the nearest known name is %s", nearest);
+    if (distance && spec && spec->when && !(known && known->is_read)) {
+      PetscCall(PetscStrlcat(advice, " It is read only with ", sizeof(advice)));
+      PetscCall(PetscStrlcat(advice, spec->when, sizeof(advice)));
+    }
+  }
+  PetscCall(PetscSNPrintf(text, len, "%s%s (%s): %s", full, shown, source, advice));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Words that belong to no option ("-mesh_cells 8, 24", or a forgotten dash): PETSc drops them without a word. */
+static PetscErrorCode check_arguments(void)
+{
+  int       argc;
+  char    **argv;
+  PetscBool after_name = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscGetArgs(&argc, &argv));
+  for (int i = 1; i < argc; i++) {
+    PetscBool is_name;
+
+    PetscCall(PetscOptionsValidKey(argv[i], &is_name));
+    PetscCheck(is_name || after_name || i == 1, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "Argument '%s' on the command line belongs to no option: names start with a dash, the scene file is the first argument, and a value has no blanks (-mesh_cells 8,24)",
+               argv[i]);
+    after_name = is_name;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode OptCheckUnused(void)
+{
+  char     list[1600] = "", line[OPT_LINE]; /* PETSc cuts messages at 2048 characters */
+  PetscInt n, mistakes = 0, left_off = 0;
+  char   **name, **value;
+
+  PetscFunctionBeginUser;
+  PetscCall(check_arguments());
+  PetscCall(PetscOptionsLeftGet(NULL, &n, &name, &value));
+  for (PetscInt i = 0; i < n; i++) {
+    if (!is_mistake(name[i])) continue;
+    mistakes++;
+    PetscCall(explain_mistake(name[i], value[i], line, sizeof(line)));
+    if (strlen(list) + strlen(line) + 4 > sizeof(list)) {
+      left_off++;
+      continue;
+    }
+    PetscCall(PetscStrlcat(list, list[0] ? "\n  " : "", sizeof(list)));
+    PetscCall(PetscStrlcat(list, line, sizeof(list)));
+  }
+  PetscCall(PetscOptionsLeftRestore(NULL, &n, &name, &value));
+  PetscCheck(mistakes != 1, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Unknown or unused option %s", list);
+  PetscCheck(!left_off, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Unknown or unused options (%" PetscInt_FMT "):\n  %s\n  and %" PetscInt_FMT " more",
+             mistakes, list, left_off);
+  PetscCheck(!mistakes, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Unknown or unused options (%" PetscInt_FMT "):\n  %s", mistakes, list);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

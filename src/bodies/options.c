@@ -1,0 +1,48 @@
+/* Options of the room bodies: see base/opt.h. */
+#include "base/opt.h"
+
+#define GROUP     "-particle_groups"
+#define MOTION    "-particle_<group>_motion"
+#define OSCILLATE "-particle_<group>_motion oscillate"
+
+static const OptSpec SPECS[] = {
+  {"-particle_groups", OPT_STRINGS, "", OPT_ANY, "", .help = "names of the groups of bodies"},
+  {"-particle_remove", OPT_STRINGS, "", OPT_ANY, "", .help = "boundaries at which bodies that leave the domain are removed; elsewhere the run stops",
+   .when = "-particle_groups"},
+  {"-particle_<group>_shape", OPT_STRING, "", OPT_ANY, "", .help = "type of the shape: the name of a plugin in -shape_path", .when = GROUP},
+  {"-particle_<group>_density", OPT_REAL, "kg/m^3", OPT_ABOVE_ZERO, "1", .help = "density of the bodies; those that move need it", .when = GROUP},
+  {"-particle_<group>_free", OPT_STRINGS, "", OPT_ANY, "all, with a pivot rotation, with a motion none",
+   .help = "degrees of freedom that move: any of x, y, z, rotation, or all, or none", .when = GROUP},
+  {"-particle_<group>_place", OPT_CHOICE, "", OPT_ANY, "single", .help = "where the bodies start", .when = GROUP,
+   .choices = "single, lattice, random, table"},
+  {"-particle_<group>_position", OPT_REALS, "m", OPT_ANY, "", .help = "centre of mass at the start, for place single", .when = GROUP},
+  {"-particle_<group>_count", OPT_INT, "", OPT_FROM(0), "1", .help = "number of bodies, for place lattice and random", .when = GROUP},
+  {"-particle_<group>_lower", OPT_REALS, "m", OPT_ANY, "that of the domain", .help = "lower corner of the box for lattice and random", .when = GROUP},
+  {"-particle_<group>_upper", OPT_REALS, "m", OPT_ANY, "that of the domain", .help = "upper corner of the box for lattice and random", .when = GROUP},
+  {"-particle_<group>_margin", OPT_REAL, "m", OPT_FROM(0), "0", .help = "smallest gap between bounding circles for lattice and random",
+   .when = GROUP},
+  {"-particle_<group>_seed", OPT_INT, "", OPT_FROM(0), "0", .help = "seed of the random positions", .when = GROUP},
+  {"-particle_<group>_table", OPT_STRING, "", OPT_ANY, "", .help = "CSV file with one line a body, for place table", .when = GROUP},
+  {"-particle_<group>_angle", OPT_REAL, "rad", OPT_ANY, "0", .help = "angle at the start, about z", .when = GROUP},
+  {"-particle_<group>_velocity", OPT_REALS, "m/s", OPT_ANY, "0", .help = "velocity at the start (kept where not free)", .when = GROUP},
+  {"-particle_<group>_angular_velocity", OPT_REALS, "rad/s", OPT_ANY, "0", .help = "angular velocity at the start (kept where not free)",
+   .when = GROUP},
+  {"-particle_<group>_force", OPT_REALS, "N", OPT_ANY, "0", .help = "external force on each body, at its centre of mass", .when = GROUP},
+  {"-particle_<group>_torque", OPT_REALS, "N m", OPT_ANY, "0", .help = "external torque on each body", .when = GROUP},
+  {"-particle_<group>_motion", OPT_STRINGS, "", OPT_ANY, "", .help = "prescribed motion, parts that are added up: any of constant, oscillate, rotate",
+   .when = GROUP},
+  {"-particle_<group>_motion_amplitude", OPT_REALS, "m", OPT_ANY, "", .help = "amplitude of the oscillation along each axis", .when = OSCILLATE},
+  {"-particle_<group>_motion_period", OPT_REALS, "s", OPT_ABOVE_ZERO, "", .help = "period of the oscillation along each axis",
+   .when = OSCILLATE " and -particle_<group>_motion_amplitude"},
+  {"-particle_<group>_motion_phase", OPT_REALS, "rad", OPT_ANY, "0", .help = "phase of the oscillation along each axis",
+   .when = OSCILLATE " and -particle_<group>_motion_amplitude"},
+  {"-particle_<group>_motion_swing", OPT_REALS, "rad, s, rad", OPT_ANY, "", .help = "amplitude, period and phase of the angle about z",
+   .when = OSCILLATE},
+  {"-particle_<group>_motion_ramp", OPT_REAL, "s", OPT_FROM(0), "0", .help = "time over which the prescribed motion gathers speed", .when = MOTION},
+  {"-particle_<group>_pivot", OPT_REALS, "m", OPT_ANY, "", .help = "point of the shape about which the body turns, in the shape's frame",
+   .when = GROUP},
+  {"-particle_<group>_stops", OPT_REALS, "rad", OPT_ANY, "", .help = "lower and upper stop of the angle", .when = GROUP},
+  {"-particle_<group>_stops_restitution", OPT_REAL, "", 0, 1, "0", .help = "rebound speed over impact speed at a stop",
+   .when = "-particle_<group>_stops"},
+};
+OPT_TABLE("bodies: groups, places, motion", SPECS)

@@ -1,0 +1,26 @@
+/* Options of the room couple: see base/opt.h. */
+#include "base/opt.h"
+
+#define BODIES  "-particle_groups and -flow_active true"
+#define PENALTY "-couple_boundary penalty or snap"
+#define DEFORM  "-mesh_deform true"
+
+static const OptSpec SPECS[] = {
+  {"-couple_type", OPT_CHOICE, "", OPT_ANY, "implicit", .help = "bodies and flow in one system, or the bodies' velocity known from the last step",
+   .when = BODIES, .choices = "implicit, explicit"},
+  {"-couple_boundary", OPT_CHOICE, "", OPT_ANY, "nodal", .help = "how the flow sees the surface of a body", .when = BODIES,
+   .choices = "nodal, penalty, snap"},
+  {"-couple_force", OPT_CHOICE, "", OPT_ANY, "residual", .help = "form of the hydrodynamic force", .when = BODIES, .choices = "residual, volume"},
+  {"-couple_penalty_viscous", OPT_REAL, "", OPT_FROM(0), "200", .help = "penalty of rung penalty in multiples of viscosity/h^2", .when = PENALTY,
+   .expert = PETSC_TRUE},
+  {"-couple_penalty_inertial", OPT_REAL, "", OPT_FROM(0), "12", .help = "penalty of rung penalty in multiples of fluid density/time step",
+   .when = PENALTY, .expert = PETSC_TRUE},
+  {"-couple_penalty_samples", OPT_INT, "", 2, 20, "10, for bodies that stand still 20", .help = "sub-cells an axis in cells that a body cuts",
+   .when = PENALTY, .expert = PETSC_TRUE},
+  {"-mesh_deform", OPT_BOOL, "", OPT_ANY, "false", .help = "concentrate cells near bodies, and follow those that move", .when = "-flow_active true"},
+  {"-mesh_deform_size", OPT_REAL, "", 0.1, 1, "0.4", .help = "size of cells at the surface of a body over that far away", .when = DEFORM},
+  {"-mesh_deform_width", OPT_REAL, "length", OPT_ABOVE_ZERO, "radius of the largest body",
+   .help = "distance from the surface at which cells keep their size", .when = DEFORM},
+  {"-mesh_deform_steps", OPT_INT, "", 1, 1000, "30", .help = "steps of pseudo-time of the deformation", .when = DEFORM, .expert = PETSC_TRUE},
+};
+OPT_TABLE("couple: bodies in the flow, deforming mesh", SPECS)

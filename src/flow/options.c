@@ -1,0 +1,35 @@
+/* Options of the room flow: see base/opt.h. */
+#include "base/opt.h"
+
+#define FLOW      "-flow_active true"
+#define RUNS_IN   "-flow_bc_<boundary>_type inflow or moving_wall"
+#define ROTATES   "-flow_bc_<boundary>_type rotating_wall"
+#define HAS_SPEED "-flow_bc_<boundary>_type inflow, moving_wall or rotating_wall"
+
+static const OptSpec SPECS[] = {
+  {"-flow_density", OPT_REAL, "mass/length^dim", OPT_ABOVE_ZERO, "1 or, without a flow, 0",
+   .help = "density of the fluid (without a flow: for buoyancy and added mass)"},
+  {"-flow_viscosity", OPT_REAL, "mass/(length time)", OPT_ABOVE_ZERO, "0.01", .help = "dynamic viscosity of the fluid", .when = FLOW},
+  {"-flow_gravity", OPT_REALS, "length/time^2", OPT_ANY, "0", .help = "gravity (acts through M - M_f)"},
+  {"-flow_force", OPT_REALS, "force/volume", OPT_ANY, "0", .help = "body force on the fluid", .when = FLOW},
+  {"-flow_velocity", OPT_REALS, "length/time", OPT_ANY, "0", .help = "uniform velocity at the start", .when = FLOW},
+  {"-flow_convection", OPT_BOOL, "", OPT_ANY, "true", .help = "convection term; false gives the unsteady Stokes equations", .when = FLOW},
+  {"-flow_convection_form", OPT_CHOICE, "", OPT_ANY, "convective",
+   .help = "w.grad u, or with half of (div w) u, which keeps the energy whatever the divergence of w", .when = FLOW, .choices = "convective, skew"},
+  {"-flow_time", OPT_CHOICE, "", OPT_ANY, "bdf2", .help = "time scheme (default with -couple_type explicit: be)", .when = FLOW,
+   .choices = "be, cn, bdf2, fstheta"},
+  {"-flow_extrapolation", OPT_CHOICE, "", OPT_ANY, "linear", .help = "convecting velocity from two or (bodies that stay) three steps", .when = FLOW,
+   .choices = "linear, quadratic"},
+  {"-flow_bc_<boundary>_type", OPT_CHOICE, "", OPT_ANY, "no_slip", .help = "condition on this boundary", .when = FLOW,
+   .choices = "no_slip, moving_wall, rotating_wall, inflow, outflow, slip"},
+  {"-flow_bc_<boundary>_velocity", OPT_REALS, "length/time", OPT_ANY, "", .help = "prescribed velocity (largest one of a profile)", .when = RUNS_IN},
+  {"-flow_bc_<boundary>_profile", OPT_CHOICE, "", OPT_ANY, "uniform", .help = "shape of the velocity profile", .when = RUNS_IN,
+   .choices = "uniform, parabolic"},
+  {"-flow_bc_<boundary>_omega", OPT_REALS, "1/time", OPT_ANY, "", .help = "angular velocity of the wall", .when = ROTATES},
+  {"-flow_bc_<boundary>_centre", OPT_REALS, "length", OPT_ANY, "0", .help = "point about which the wall turns (default: origin)", .when = ROTATES},
+  {"-flow_bc_<boundary>_factor", OPT_REALS, "-, -, time", OPT_ANY, "1,0,1", .help = "a, b, T: velocity is multiplied by a + b sin(2 pi t / T)",
+   .when = HAS_SPEED},
+  {"-flow_bc_<boundary>_ramp", OPT_REAL, "time", OPT_FROM(0), "0", .help = "time over which the velocity rises smoothly from zero",
+   .when = HAS_SPEED},
+};
+OPT_TABLE("flow: fluid, time scheme, boundary conditions", SPECS)

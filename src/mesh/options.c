@@ -1,0 +1,40 @@
+/* Options of the room mesh: see base/opt.h. */
+#include "base/opt.h"
+
+#define BOX    "-mesh_kind box"
+#define FITTED "-mesh_kind fitted"
+#define ROUND  "-mesh_kind disc or annulus"
+#define FOCUS  "-mesh_focus"
+#define GRADED "-mesh_focus, or -mesh_kind channel or fitted"
+
+static const OptSpec SPECS[] = {
+  {"-mesh_kind", OPT_CHOICE, "", OPT_ANY, "box", .help = "where the mesh comes from", .choices = "box, channel, fitted, disc, annulus, file"},
+  {"-mesh_dimension", OPT_INT, "", 2, 3, "2", .help = "space dimension of a box mesh", .when = BOX},
+  {"-mesh_lower", OPT_REALS, "length", OPT_ANY, "0", .help = "lower corner of the box", .when = BOX},
+  {"-mesh_upper", OPT_REALS, "length", OPT_ANY, "1", .help = "upper corner of the box", .when = BOX},
+  {"-mesh_cells", OPT_INTS, "", 1, 1000000, "16", .help = "cells along each axis", .when = BOX " and without -mesh_focus"},
+  {"-mesh_periodic", OPT_STRINGS, "", OPT_ANY, "", .help = "periodic axes, out of x, y, z", .when = BOX},
+  {"-mesh_focus", OPT_REALS, "length", OPT_ANY, "", .help = "box of fine cells: its lower, then its upper corner", .when = BOX},
+  {"-mesh_focus_h", OPT_REAL, "length", OPT_ABOVE_ZERO, "", .help = "size of the cells in the focus box", .when = FOCUS},
+  {"-mesh_growth", OPT_REALS, "", 0, 10, "by mesh: focus 0.1, channel 0.08,0.12, fitted 0.3",
+   .help = "growth of the cell size per distance from the fine part, one value an axis", .when = GRADED},
+  {"-mesh_coarsest", OPT_REALS, "", OPT_FROM(1), "by mesh: 8, channel 8,2", .help = "largest cell size over that of the fine part, one value an axis",
+   .when = GRADED},
+  {"-mesh_shift_seed", OPT_INT, "", 0, 1000000000, "0",
+   .help = "moves the fine part of the mesh by a random fraction of its cell size, another for each number; 0 for none",
+   .when = "-mesh_focus, or -mesh_kind channel"},
+  {"-mesh_resolution", OPT_INT, "", 1, 10000, "by mesh: channel 10, fitted 16, disc and annulus 4",
+   .help = "cells along the diameter (channel, from 2 on) or a quarter (fitted, from 2 on; disc, annulus) of the circle",
+   .when = "-mesh_kind channel, fitted, disc or annulus"},
+  {"-mesh_ring_ratio", OPT_REAL, "", 0.01, 100, "3",
+   .help = "thickness of the outermost layer of cells around the cylinder over that of the innermost", .when = FITTED},
+  {"-mesh_centre", OPT_REALS, "length", OPT_ANY, "0", .help = "centre of the disc or of both circles", .when = ROUND},
+  {"-mesh_radius", OPT_REAL, "length", OPT_ABOVE_ZERO, "1", .help = "radius of the disc", .when = "-mesh_kind disc"},
+  {"-mesh_radii", OPT_REALS, "length", OPT_ABOVE_ZERO, "1,2", .help = "radii of the inner and the outer circle", .when = "-mesh_kind annulus"},
+  {"-mesh_file", OPT_STRING, "", OPT_ANY, "", .help = "Gmsh file of quadrilaterals or hexahedra", .when = "-mesh_kind file"},
+  {"-mesh_round_<boundary>", OPT_REALS, "length", OPT_ANY, "", .help = "the boundary is this circle: centre x, y and radius",
+   .when = "-mesh_kind file"},
+  {"-mesh_order", OPT_CHOICE, "", OPT_ANY, "natural", .help = "order of cells and nodes in memory (rcm helps meshes from files)",
+   .choices = "natural, rcm", .expert = PETSC_TRUE},
+};
+OPT_TABLE("mesh: domain and cells", SPECS)

@@ -1,0 +1,8 @@
+/* Options of the room shape: see base/opt.h. Those of a shape itself are declared by its plugin as it is created. */
+#include "base/opt.h"
+
+static const OptSpec SPECS[] = {
+  {"-shape_path", OPT_STRING, "", OPT_ANY, "", .help = "folders to search for shape plugins, separated by colons, before the program's own",
+   .when = "-particle_groups"},
+};
+OPT_TABLE("shape: plugins", SPECS)

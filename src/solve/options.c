@@ -1,0 +1,27 @@
+/* Options of the room solve: see base/opt.h. Defaults of PETSc's own solver objects stand where these are made. */
+#include "base/opt.h"
+
+#define FLOW "-flow_active true"
+
+static const OptSpec SPECS[] = {
+  {"-flow_recipe", OPT_CHOICE, "", OPT_ANY, "balanced",
+   .help = "preset of the solver options; every one can be overridden (default of small steady scenes: direct)", .when = FLOW,
+   .choices = "fast, balanced, accurate, direct"},
+  {"-flow_schur", OPT_CHOICE, "", OPT_ANY, "auto, with recipe fast projection",
+   .help = "what follows the pressure solve (auto: by the viscous number of the step)", .when = FLOW, .choices = "auto, projection, commutator"},
+  {"-flow_velocity_sweep", OPT_CHOICE, "", OPT_ANY, "auto", .help = "preconditioner of the velocity (auto: by the convective number of the step)",
+   .when = FLOW, .choices = "auto, sor, ilu"},
+  {"-flow_rtol_start", OPT_REAL, "", 0, 1, "0, with recipe balanced 1e-2",
+   .help = "residual that a solve leaves as share of its start value's (0: only -flow_ksp_rtol counts)", .when = FLOW, .expert = PETSC_TRUE},
+  {"-flow_rtol_most", OPT_REAL, "", 0, 1, "1e-5, with bodies that move 1e-6", .help = "bound for -flow_rtol_start, as share of the right-hand side",
+   .when = FLOW, .expert = PETSC_TRUE},
+  {"-flow_pressure_softness", OPT_REAL, "", OPT_POSITIVE, 1, "1e-6",
+   .help = "share of their inverse mass that body nodes keep in the pressure preconditioner", .when = FLOW, .expert = PETSC_TRUE},
+  {"-flow_pressure_shared", OPT_REAL, "", 0, 1, "1e-3",
+   .help = "compressibility of cells between two bodies, or body and wall, as share of their nodes' inverse mass", .when = FLOW,
+   .expert = PETSC_TRUE},
+  {"-flow_pressure_keep", OPT_REAL, "", 0, 1, "0.03",
+   .help = "share of the vertices that may change before the multigrid hierarchy of the pressure is built anew",
+   .when = "-flow_fieldsplit_pressure_pc_type mg", .expert = PETSC_TRUE},
+};
+OPT_TABLE("solve: linear solvers", SPECS)
