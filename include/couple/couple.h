@@ -39,13 +39,14 @@ PetscErrorCode CoupleGetSolver(Couple, FlowSolver *);
 PetscErrorCode CoupleSetDeform(Couple, Deform);
 /* What the mesh of the last step was like, NULL: it does not move. Borrowed. */
 PetscErrorCode CoupleGetDeform(Couple, const DeformResult **);
-/* Rung snap, last step: bodies that the mesh could not follow and that were held by the penalty instead; bodies whose walls are drawn back in narrow gaps (snap.h); nodes whose old values came from Taylor's formula, and for which there was
-   none (remap.h). present: is this the rung? Not collective. */
+/* Numbers that the boundary rung reports of the last step, n = 0: none; columns of series.csv under these names. Rung snap: bodies that the mesh could not follow
+   and that were held by the penalty instead (snap_fallback); bodies whose walls are drawn back in narrow gaps (snap_narrow, snap.h); nodes whose old values came from
+   Taylor's formula (snap_taylor), and for which there was none (snap_kept, remap.h). Borrowed: names stay, values change. Not collective. */
 typedef struct {
-  PetscBool present;
-  PetscInt  fallback, narrow, taylor, kept;
-} CoupleSnapCount;
-PetscErrorCode CoupleGetSnapCount(Couple, CoupleSnapCount *);
+  const char *name;
+  PetscInt    value;
+} CoupleCount;
+PetscErrorCode CoupleGetCounts(Couple, PetscInt *n, const CoupleCount *count[]);
 
 /* Body index of every local node in this step, or -1: [nnode_all]. */
 PetscErrorCode CoupleGetNodeBody(Couple, const PetscInt *node_body[]);

@@ -3,7 +3,7 @@
 
   runs/bench/bodies.py alone                     10^3 .. 10^6 discs without a flow (bodies-only.yaml)
   runs/bench/bodies.py flow                      NSE, Force, Particle, Total with 0 .. 10,000 discs on three meshes (bodies.yaml)
-  runs/bench/bodies.py flow --cells 13924 --bodies 0,1000 --search cells,brute
+  runs/bench/bodies.py flow --cells 13924 --bodies 0,1000
   runs/bench/bodies.py --show                    the rows of bodies.csv as tables
 
 Each run appends one line to bodies.csv. Times are medians over the steps after the first four; cpu_s is the processor time of a step (difference of two runs of different
@@ -35,7 +35,6 @@ def parse_arguments():
     parser.add_argument("what", nargs="?", choices=["alone", "flow"], help="which table")
     parser.add_argument("--bodies", metavar="N[,N]", help="these numbers of bodies")
     parser.add_argument("--cells", metavar="N[,N]", help="these meshes (flow; default: %s)" % ",".join(str(n * n) for n in SIDES))
-    parser.add_argument("--search", default="cells", metavar="WAY[,WAY]", help="cells, brute or both (default: %(default)s)")
     parser.add_argument("--steps", type=int, default=12, metavar="N", help="steps of a run, at least 9 (default: %(default)s)")
     parser.add_argument("--show", action="store_true", help="print the tables of bodies.csv and stop")
     parser.add_argument("--build", default="build", metavar="FOLDER", help="where the program is (default: %(default)s)")
@@ -55,11 +54,11 @@ def run_timed(scene, options, build, folder):
     return run, children_seconds() - before
 
 
-def measure(case, scene, options, steps, args, search):
+def measure(case, scene, options, steps, args):
     """One row."""
     load = os.getloadavg()[0]
     with tempfile.TemporaryDirectory(prefix="tumble-bodies-") as folder:
-        common = {**options, **({"couple_search": search} if options["particle_bed_count"] else {}), "output_every": "0"}
+        common = {**options, "output_every": "0"}
         short, cpu_short = run_timed(scene, {**common, "sim_steps": SKIP}, args.build, folder)
         run, cpu = run_timed(scene, {**common, "sim_steps": steps}, args.build, folder)
         rows = run.series()[SKIP:]
@@ -72,7 +71,7 @@ def measure(case, scene, options, steps, args, search):
         "cells": summary["cells"],
         "unknowns": summary["unknowns"],
         "bodies": summary["bodies"],
-        "search": search,
+        "search": "cells",  # the other one, all against all, is gone
         "steps": len(rows),
         **{f"{key}_s": f"{statistics.median(row[f'seconds_{key}'] for row in rows):.4g}" for key in ("nse", "force", "particle")},
         "total_s": f"{statistics.median(row['seconds'] for row in rows):.4g}",
@@ -94,24 +93,22 @@ def disc_options(count, side):
 def run_alone(args):
     base = None
     for count in numbers(args.bodies, ALONE):
-        for search in args.search.split(","):
-            row = measure("alone", HERE / "bodies-only.yaml", bed_options(count), args.steps, args, search)
-            if base is None:
-                base = float(row["memory_mb"])  # of the program, nearly
-            else:
-                row["bytes_per_body"] = f"{(float(row['memory_mb']) - base) * 2**20 / count:.0f}"
-            finish(row)
+        row = measure("alone", HERE / "bodies-only.yaml", bed_options(count), args.steps, args)
+        if base is None:
+            base = float(row["memory_mb"])  # of the program, nearly
+        else:
+            row["bytes_per_body"] = f"{(float(row['memory_mb']) - base) * 2**20 / count:.0f}"
+        finish(row)
 
 
 def run_flow(args):
     for cells in numbers(args.cells, [side * side for side in SIDES]):
         side = round(cells**0.5)
         for count in numbers(args.bodies, COUNTS):
-            for search in args.search.split(",") if count else ["cells"]:
-                if 2 * 0.309 / max(count, 1000) ** 0.5 * side < 1.5:
-                    print(f"{count} discs on {cells} cells: a disc would cover too few nodes, left out")
-                    continue
-                finish(measure("flow", HERE / "bodies.yaml", disc_options(count, side), args.steps, args, search))
+            if 2 * 0.309 / max(count, 1000) ** 0.5 * side < 1.5:
+                print(f"{count} discs on {cells} cells: a disc would cover too few nodes, left out")
+                continue
+            finish(measure("flow", HERE / "bodies.yaml", disc_options(count, side), args.steps, args))
 
 
 def finish(row):

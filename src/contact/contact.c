@@ -654,9 +654,9 @@ PetscErrorCode ContactGetSeparation(Contact c, PetscReal *overlap)
 PetscErrorCode ContactView(Contact c, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscViewerASCIIPrintf(viewer, "contact: law %s, range %g, walls%s%s%s%s%s%s%s, search %s\n", c->law->name, (double)c->range,
+  PetscCall(PetscViewerASCIIPrintf(viewer, "contact: law %s, range %g, walls%s%s%s%s%s%s%s\n", c->law->name, (double)c->range,
                                    c->walls & 1 ? " x-" : "", c->walls & 2 ? " x+" : "", c->walls & 4 ? " y-" : "", c->walls & 8 ? " y+" : "",
-                                   c->walls & 16 ? " z-" : "", c->walls & 32 ? " z+" : "", c->walls ? "" : " none", c->brute ? "brute" : "cells"));
+                                   c->walls & 16 ? " z-" : "", c->walls & 32 ? " z+" : "", c->walls ? "" : " none"));
   if (c->lubricate)
     PetscCall(PetscViewerASCIIPrintf(viewer, "  lubrication below gap %g, roughness %g, viscosity %g\n", (double)c->lubrication_range,
                                      (double)c->roughness, (double)c->viscosity));
@@ -705,8 +705,7 @@ static PetscErrorCode check_scale(Contact c)
 PetscErrorCode ContactCreate(Bodies bodies, PetscReal h, PetscReal rho_f, const PetscReal gravity[3], const PetscReal lower[3],
                              const PetscReal upper[3], PetscInt walls, Contact *contact)
 {
-  static const char *const SEARCHES[] = {"cells", "brute", NULL};
-  Contact                  c;
+  Contact c;
 
   PetscFunctionBeginUser;
   PetscCheck(h > 0 && rho_f >= 0, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Contact needs a positive cell size and a fluid density, not %g and %g",
@@ -726,11 +725,7 @@ PetscErrorCode ContactCreate(Bodies bodies, PetscReal h, PetscReal rho_f, const 
   PetscCall(ContactReadLaws(c));
   PetscCall(OptInt("-contact_substeps", "Sub-steps of the contact in a time step, 0: from the stiffness", "", 0, PETSC_MAX_INT / 2, &c->substeps));
   c->separate = PETSC_TRUE;
-  if (c->s->n) {
-    PetscCall(OptBool("-contact_separate", "bodies that overlap after a step of the flow are moved apart", &c->separate));
-    PetscCall(
-      OptChoice("-couple_search", "how nodes and neighbours of bodies are found: with search grids, or all against all", SEARCHES, &c->brute));
-  }
+  if (c->s->n) PetscCall(OptBool("-contact_separate", "bodies that overlap after a step of the flow are moved apart", &c->separate));
   PetscCall(PetscCalloc1(c->s->ngroups, &c->kind));
   PetscCall(PetscCalloc1(c->s->n, &c->present));
   for (PetscInt g = 0; g < c->s->ngroups; g++) create_kind(c, &c->s->group[g], &c->kind[g]);

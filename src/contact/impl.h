@@ -65,7 +65,7 @@ struct _p_Contact {
   Bodies            bodies;
   BodyState        *s;
   const ContactLaw *law;
-  PetscInt          substeps, walls, dim, brute;
+  PetscInt          substeps, walls, dim;
   PetscReal         h, range, horizon; /* horizon >= range: no force of any kind beyond */
   PetscReal         rho_f, viscosity, g[3], lower[3], upper[3], period[3];
   /* parameters of the laws */

@@ -2,8 +2,8 @@
 
    A body is entered in a grid of cells (grid.h) with half-width radius + half the horizon + its reach; pairs that share a cell are compared by their bounding
    circles. The reach holds the way of the coming step and a skin of a tenth of the radius, so that a list lasts until some body has used its share up; then
-   all is made anew. Periodic directions: bodies near a face enter again as images beyond the other one. The list is sorted, so that neither the search method nor
-   the age of the list changes the order in which forces add up. -couple_search brute compares all pairs instead, for comparison. */
+   all is made anew. Periodic directions: bodies near a face enter again as images beyond the other one. The list is sorted, so that the age of the list does
+   not change the order in which forces add up. */
 #include "compat.h"
 #include "base/grid.h"
 #include "impl.h"
@@ -188,23 +188,6 @@ static PetscErrorCode search_cells(Contact c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode search_all(Contact c)
-{
-  PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < c->s->n; i++)
-    for (PetscInt j = i + 1; j < c->s->n; j++) {
-      PetscReal d[3] = {0, 0, 0}, shift[3] = {0, 0, 0}, xi[3], xj[3];
-
-      place_body(c, i, xi);
-      place_body(c, j, xj);
-      for (PetscInt a = 0; a < c->dim; a++) d[a] = shift[a] = xi[a] - xj[a];
-      ContactWrap(c, d);
-      for (PetscInt a = 0; a < c->dim; a++) shift[a] -= d[a];
-      PetscCall(test_pair(c, i, j, shift));
-    }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* ---- order ---- */
 
 /* By i (counting), then by j (few each, by insertion). */
@@ -259,8 +242,7 @@ static PetscErrorCode search_bodies(Contact c)
   for (PetscInt g = 0; g < c->s->ngroups; g++) moves = (PetscBool)(moves || c->kind[g].moves);
   if (c->s->n < 2 || !moves) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogEventBegin(TB_SEARCH, 0, 0, 0, 0));
-  if (c->brute) PetscCall(search_all(c));
-  else PetscCall(search_cells(c));
+  PetscCall(search_cells(c));
   PetscCall(PetscLogEventEnd(TB_SEARCH, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -11,17 +11,17 @@
 #include "bodies/bodies.h"
 #include "couple/deform.h"
 #include "flow/flow.h"
-#include "solve/system.h"
+#include "moved.h"
 #include "mesh/state.h"
 
 typedef struct _p_Ale *Ale;
 
-/* The Deform is borrowed. Collective. */
-PetscErrorCode AleCreate(Flow, Bodies, Deform, Ale *);
+/* All but the result are borrowed. Collective. */
+PetscErrorCode AleCreate(Moved, Flow, Bodies, Deform, Ale *);
 PetscErrorCode AleDestroy(Ale *);
 
 /* Between FlowBeginStep and FlowAssemble: bodies are drawn at X, q; X NULL: where they were drawn last. Collective. Errors: those of DeformFollow and FlowSetDrift. */
-PetscErrorCode AleUpdate(Ale, FlowSolver, PetscReal (*X)[3], PetscReal (*q)[4]);
+PetscErrorCode AleUpdate(Ale, PetscReal (*X)[3], PetscReal (*q)[4]);
 /* The step is accepted. */
 PetscErrorCode AleAccept(Ale);
 /* Borrowed. */

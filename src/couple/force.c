@@ -55,7 +55,7 @@ static PetscErrorCode sum_residuals(Couple c, PetscReal out[])
         for (PetscInt a = 0; a < dim; a++) out[k * nr + s] -= R[a * nr + s] * r[j * dim + a];
     }
   }
-  if (c->rung.add_force) PetscCall((*c->rung.add_force)(c, out));
+  if (c->terms) PetscCall(PenaltyTermAddForce(c->terms, c->constraint, c->u, c->U, out));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, out, (PetscMPIInt)(c->s->n * nr), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -268,7 +268,7 @@ static PetscErrorCode sum_prescribed(Couple c, PetscReal walls[3], PetscReal ope
       }
     }
   }
-  if (c->penalty) PetscCall(PenaltyAddPrescribed(c->penalty, fixed, c->u, c->U, sum));
+  if (c->rung->force) PetscCall((*c->rung->force)(c, c->rung_data, fixed, sum));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 7, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   PetscCall(PetscArraycpy(walls, sum, 3));
   PetscCall(PetscArraycpy(openings, sum + 3, 3));

@@ -8,7 +8,6 @@
 
 typedef struct _p_Indicator *Indicator;
 
-/* Reads -couple_search cells|brute: nodes inside a body are looked for near it, or, for comparison, among all. */
 PetscErrorCode IndicatorCreate(Mesh, Bodies, Indicator *);
 PetscErrorCode IndicatorDestroy(Indicator *);
 

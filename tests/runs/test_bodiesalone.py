@@ -39,12 +39,12 @@ def test_a_body_falls_and_rests(run, scene, ranks, tmp_path):
     assert 0.05 < float(last["y"]) < 0.06 and abs(float(last["v"])) < 0.01, last
 
 
-def test_bed_brute_and_cells_agree(run, tmp_path):
-    for search in "cells", "brute":
+def test_bed_on_one_and_two_ranks(run, tmp_path):
+    for ranks in 1, 2:
         result = run([ROOT / "runs/bench/bodies-only.yaml", "-particle_bed_count", "400", "-particle_bed_radius", "0.0218", "-contact_range", "0.0065", "-sim_dt", "1e-3",
-                      "-output_bodies", "0,399", "-couple_search", search, "-output_dir", search], 1)
+                      "-output_bodies", "0,399", "-output_dir", str(ranks)], ranks)
         assert result.status == 0, str(result)
-    assert (tmp_path / "cells" / "bodies.csv").read_bytes() == (tmp_path / "brute" / "bodies.csv").read_bytes()
+    assert (tmp_path / "1" / "bodies.csv").read_bytes() == (tmp_path / "2" / "bodies.csv").read_bytes()
 
 
 @pytest.mark.parametrize("ranks", [2])
@@ -91,14 +91,14 @@ sim: {dt: 0.05, steps: 14}
     assert float(last["x"]) > 2 and float(last["u"]) == 0, last
 
 
-def test_brute_force_and_cells_agree_in_a_flow(run, tmp_path):
+def test_bodies_in_a_flow_on_one_and_two_ranks(run, tmp_path):
     """Marking of nodes, forces and contact of 36 discs: the same motion and forces to round-off."""
     found = []
-    for search in "cells", "brute":
+    for ranks in 1, 2:
         result = run([ROOT / "runs/bench/bodies.yaml", "-mesh_cells", "32,32", "-particle_bed_count", "36", "-particle_bed_radius", "0.07", "-flow_recipe", "direct", "-sim_steps", "4",
-                      "-couple_search", search, "-output_dir", search], 1)
+                      "-output_dir", str(ranks)], ranks)
         assert result.status == 0, str(result)
-        found.append([float(row[name]) for k in range(36) for row in rows(tmp_path / search, k) for name in ("x", "y", "force_x", "force_y", "torque_z")])
+        found.append([float(row[name]) for k in range(36) for row in rows(tmp_path / str(ranks), k) for name in ("x", "y", "force_x", "force_y", "torque_z")])
     largest = max(map(abs, found[0]))
     assert len(found[0]) == 36 * 4 * 5 and largest > 0
     assert max(abs(a - b) for a, b in zip(*found)) < 1e-9 * largest

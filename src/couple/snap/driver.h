@@ -5,24 +5,21 @@
 #pragma once
 #include "bodies/bodies.h"
 #include "flow/flow.h"
-#include "solve/system.h"
 #include "mesh/remap.h"
+#include "../moved.h"
 #include "snap.h"
 #include "mesh/state.h"
 
 typedef struct _p_SnapDriver *SnapDriver;
 
 /* Error: three-dimensional mesh. Collective. */
-PetscErrorCode SnapDriverCreate(Flow, Bodies, SnapDriver *);
+PetscErrorCode SnapDriverCreate(Flow, Bodies, Moved, SnapDriver *);
 PetscErrorCode SnapDriverDestroy(SnapDriver *);
 
-/* Fit to the bodies drawn at X, q (SnapFit), between FlowBeginStep and FlowAssemble. fitted [nbodies], *result and *count (may be NULL) are borrowed. Collective. */
-PetscErrorCode SnapDriverUpdate(SnapDriver, FlowSolver, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *fitted[], const SnapResult **result,
+/* Fit to the bodies drawn at X, q (SnapFit), between FlowBeginStep and FlowAssemble. fitted [nbodies], *result and *count are borrowed. Collective. */
+PetscErrorCode SnapDriverUpdate(SnapDriver, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *fitted[], const SnapResult **result,
                                 const RemapCount **count);
 
-/* A new solver of the same flow learns which cells are no part of the fluid. Collective. */
-PetscErrorCode SnapDriverAttach(SnapDriver, FlowSolver);
-
 /* Part of the state of the coupling, visited after that of the flow. Loading lines the mesh up as it was; fields that were loaded before belong to that mesh. The flow's solver
-   must then be made anew (SnapDriverAttach). Collective. */
+   must then be made anew (MovedSetSolver). Collective. */
 PetscErrorCode SnapDriverVisitState(SnapDriver, State);
