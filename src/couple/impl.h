@@ -9,23 +9,23 @@
 #include "rung.h"
 
 struct _p_Couple {
-  Flow             flow;
-  Bodies           bodies;
-  BodyState       *s;
-  Mesh             mesh;
-  const MeshLocal *loc;
-  Constraint       constraint;
-  FlowSolver       solver;
-  Fitted           hole;                     /* bodies that are holes of the mesh: nothing is marked, forces are read at the boundary */
-  PetscInt         nprescribed, *prescribed; /* own cells with nodes of prescribed velocity */
-  PetscInt         implicit, use_volume, nr;
+  Flow               flow;
+  Bodies             bodies;
+  BodyState         *s;
+  Mesh               mesh;
+  const MeshLocal   *loc;
+  Constraint         constraint;
+  FlowSolver         solver;
+  Fitted             hole;                     /* bodies that are holes of the mesh: nothing is marked, forces are read at the boundary */
+  PetscInt           nprescribed, *prescribed; /* own cells with nodes of prescribed velocity */
+  PetscInt           implicit, use_volume, nr;
   const Rung        *rung;
   void              *rung_data; /* what its create made */
   const PenaltyTerm *terms;     /* its terms in this step; NULL: none */
   Moved              moved;
-  Ale                follow; /* -mesh_deform with bodies that move */
-  const PetscBool   *hollow; /* [n] the inside of the body is no part of the fluid; NULL: none */
-  Indicator          mark;   /* nodes that move rigidly */
+  Ale                follow;           /* -mesh_deform with bodies that move */
+  const PetscBool   *hollow;           /* [n] the inside of the body is no part of the fluid; NULL: none */
+  Indicator          mark;             /* nodes that move rigidly */
   PetscReal (*X)[3], (*q)[4], (*P)[3]; /* where the bodies are drawn: centre, orientation, reference point (of the rigid velocities) */
   PetscInt  *unknown;
   PetscReal *U, *U_old, *U_older; /* [n][nr]: rigid velocities that the flow sees in this step and saw in the two before */

@@ -14,8 +14,8 @@ typedef struct {
   PetscErrorCode (*terms)(void *rung, const PenaltyTerm **);
   /* What these terms exert at prescribed components (fixed: bit mask [nnode_all]), added to out [3] before the sum over ranks */
   PetscErrorCode (*force)(Couple, void *rung, const PetscInt fixed[], PetscReal out[3]);
-  PetscErrorCode (*moved)(void *rung);  /* the mesh has another form as a whole */
-  PetscErrorCode (*accept)(Couple, void *rung); /* bodies have moved, the step is about to be accepted */
+  PetscErrorCode (*moved)(void *rung);                                           /* the mesh has another form as a whole */
+  PetscErrorCode (*accept)(Couple, void *rung);                                  /* bodies have moved, the step is about to be accepted */
   PetscErrorCode (*report)(void *rung, PetscInt *n, const CoupleCount *count[]); /* borrowed, the same place and names in every step */
   PetscErrorCode (*state)(void *rung, State);
   PetscErrorCode (*view)(void *rung, PetscViewer);

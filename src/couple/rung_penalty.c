@@ -34,8 +34,11 @@ static PetscErrorCode add_force(Couple c, void *rung, const PetscInt fixed[], Pe
 
 static PetscErrorCode measure_cells(void *rung)
 {
+  Parts parts;
+
   PetscFunctionBeginUser;
-  PetscCall(PenaltyMeasureCells((Penalty)rung));
+  PetscCall(PenaltyGetParts((Penalty)rung, &parts));
+  PetscCall(PartsMeasureCells(parts));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -45,7 +45,7 @@ struct _p_Diagnostics {
   Point               point[2];
   PetscReal           from;
   PetscInt            dp_column, momentum_column, count_column, deform_column, ncolumn, ncount;
-  const CoupleCount  *count; /* [ncount] of the boundary rung */
+  const CoupleCount  *count;  /* [ncount] of the boundary rung */
   const DeformResult *deform; /* NULL: the mesh does not follow bodies */
   PetscReal          *value;  /* [ncolumn] of this step */
   History             history;

@@ -257,7 +257,8 @@ static void check_gaps(Fixture *f, PetscReal range, PetscBool periodic)
 
       if (j == i) continue;
       if (periodic) d[0] -= PetscFloorReal(d[0] + 0.5);
-      least = PetscMin(least, PetscSqrtReal(d[0] * d[0] + d[1] * d[1]) - f->s->group[f->s->body_group[i]].disc - f->s->group[f->s->body_group[j]].disc);
+      least = PetscMin(least,
+                       PetscSqrtReal(d[0] * d[0] + d[1] * d[1]) - f->s->group[f->s->body_group[i]].disc - f->s->group[f->s->body_group[j]].disc);
     }
     if (least < range) assert_true(f->gap[i] <= least + 1e-12);
   }
@@ -273,10 +274,9 @@ static void test_search(void **state)
     PetscInt        searches = 0, tests[2], steps = 200;
 
     for (PetscInt fresh = 0; fresh < 2; fresh++) {
-      create_dry(
-        &f[fresh], 2, 0.008, down, one, walls,
-        "-particle_groups b,a -particle_a_shape circle -particle_a_radius 0.015 -particle_a_density 2 -particle_a_place random -particle_a_count 200 "
-        "-particle_b_shape circle -particle_b_radius 0.1 -particle_b_density 2 -particle_b_place random -particle_b_count 3 -contact_range 0.004");
+      create_dry(&f[fresh], 2, 0.008, down, one, walls,
+                 "-particle_groups b,a -particle_a_shape circle -particle_a_radius 0.015 -particle_a_density 2 -particle_a_place random -particle_a_count 200 "
+                 "-particle_b_shape circle -particle_b_radius 0.1 -particle_b_density 2 -particle_b_place random -particle_b_count 3 -contact_range 0.004");
       OK(ContactSetPeriod(f[fresh].c, period));
       for (PetscInt k = 0; k < f[fresh].s->n; k++) f[fresh].s->u[k][0] = 1 - 2 * f[fresh].s->x[k][1];
     }

@@ -723,8 +723,9 @@ static void test_marks(void **state)
   PetscInt        claimed = 0;
 
   (void)state;
-  open_case(&c, "-mesh_cells 24,24 -mesh_periodic x,y -particle_groups a,b -particle_a_shape circle -particle_a_radius 0.06 -particle_a_free none -particle_a_place random -particle_a_count 12 "
-                "-particle_b_shape ellipse -particle_b_a 0.2 -particle_b_b 0.1 -particle_b_free none -particle_b_position 0.02,0.93 -particle_b_angle 20");
+  open_case(&c,
+            "-mesh_cells 24,24 -mesh_periodic x,y -particle_groups a,b -particle_a_shape circle -particle_a_radius 0.06 -particle_a_free none -particle_a_place random -particle_a_count 12 "
+            "-particle_b_shape ellipse -particle_b_a 0.2 -particle_b_b 0.1 -particle_b_free none -particle_b_position 0.02,0.93 -particle_b_angle 20");
   OK(IndicatorCreate(c.mesh, c.bodies, &mark));
   OK(IndicatorInside(mark, c.s->x, c.s->q));
   OK(IndicatorGetNodes(mark, &body, NULL, NULL));

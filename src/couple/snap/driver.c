@@ -92,8 +92,7 @@ static void join_pairs(SnapDriver f)
   for (PetscInt t = 0; t < f->ntarget; n++) {
     const PetscBool pair = (PetscBool)(t + 1 < f->ntarget && f->target[t + 1] == f->target[t]);
 
-    for (PetscInt e = 0; e < 4; e++)
-      f->value[4 * n + e] = pair ? 0.5 * (f->value[4 * t + e] + f->value[4 * t + 4 + e]) : f->value[4 * t + e];
+    for (PetscInt e = 0; e < 4; e++) f->value[4 * n + e] = pair ? 0.5 * (f->value[4 * t + e] + f->value[4 * t + 4 + e]) : f->value[4 * t + e];
     f->target[n] = f->target[t];
     t += pair ? 2 : 1;
   }
@@ -160,8 +159,8 @@ PetscErrorCode SnapDriverDestroy(SnapDriver *fit)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapDriverUpdate(SnapDriver f, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *fitted[],
-                                const SnapResult **result, const RemapCount **count)
+PetscErrorCode SnapDriverUpdate(SnapDriver f, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *fitted[], const SnapResult **result,
+                                const RemapCount **count)
 {
   MovedMesh  to;
   BodyState *state;
