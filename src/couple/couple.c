@@ -1,9 +1,11 @@
 /* Couple: see couple.h for the method.
 
-   The step with implicit coupling, in the order of the calls: bodies drawn at X* (CoupleDraw); one linear system for flow and rigid velocities (CoupleSolve); force from the
-   bodies' own equation, F = rho_s Vol (c_t U - d(U)) - G, without an integral (CoupleForce); positions (CoupleAdvance). With explicit coupling, and for degrees of freedom that
-   are frozen, the velocity is known, and the force is minus the momentum residual summed over the body's nodes, plus the inertia of the fictitious fluid inside.
-   The work a body causes is proportional to the cells it touches. */
+   The step with implicit coupling, in the order of the calls: bodies drawn at X* (CoupleDraw); one linear system for
+   flow and rigid velocities (CoupleSolve); force from the bodies' own equation, F = rho_s Vol (c_t U - d(U)) - G,
+   without an integral (CoupleForce); positions (CoupleAdvance). With explicit coupling (explicit.c), and for degrees
+   of freedom that are frozen, the velocity is known, and the force is minus the momentum residual summed over the
+   body's nodes, plus the inertia of the fictitious fluid inside. The work a body causes is proportional to the cells
+   it touches. */
 #include "compat.h"
 #include "impl.h"
 #include "base/log.h"
@@ -18,7 +20,8 @@ static PetscBool is_free(Couple c, PetscInt k, PetscInt s)
   return BodiesIsFree(c->bodies, k, s < c->loc->dim ? s : 3);
 }
 
-/* Rigid velocity of slot i of body k at the last two times. A pivot's translation is prescribed, and is kept here, not in the state of the body. */
+/* Rigid velocity of slot i of body k at the last two times. A pivot's translation is prescribed, and is kept here,
+   not in the state of the body. */
 static void get_history(Couple c, PetscInt k, PetscInt i, PetscReal *now, PetscReal *old)
 {
   const PetscBool kept = (PetscBool)(i < c->loc->dim && c->s->group[c->s->body_group[k]].motion.has_pivot);
@@ -29,7 +32,8 @@ static void get_history(Couple c, PetscInt k, PetscInt i, PetscReal *now, PetscR
 
 /* ---- drawing ---- */
 
-/* With explicit coupling, what is free is drawn where it is, and the prescribed part where it will be: prescribed bodies are the same under both couplings. */
+/* With explicit coupling, what is free is drawn where it is, and the prescribed part where it will be: prescribed
+   bodies are the same under both couplings. */
 static PetscErrorCode place_bodies(Couple c, PetscBool *drawn)
 {
   const FlowStep *step;
@@ -72,8 +76,9 @@ static PetscErrorCode set_rigid_velocities(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Inertia D = c_t (rho_s - rho_i) (Vol; I) and right-hand side (rho_s - rho_i) (Vol; I) d(U) + (rho_s - rho_f) Vol g + contact + load of the rigid rows, rho_i: density of
-   the fluid inside. Known velocities that share an inertia with unknown ones (a pivot that moves) count on the right. */
+/* Inertia D = c_t (rho_s - rho_i) (Vol; I) and right-hand side (rho_s - rho_i) (Vol; I) d(U) + (rho_s - rho_f) Vol g
+   + contact + load of the rigid rows, rho_i: density of the fluid inside. Known velocities that share an inertia
+   with unknown ones (a pivot that moves) count on the right. */
 static PetscErrorCode fill_rigid_rows(Couple c)
 {
   const FlowStep       *step;

@@ -1,4 +1,5 @@
-/* Deform: see deform.h. Numbers of a cell are computed on own and ghost cells alike, so that own vertices see all their cells. */
+/* Deform: see deform.h. Numbers of a cell are computed on own and ghost cells alike, so that own vertices see all
+   their cells. */
 #include "compat.h"
 #include "couple/deform.h"
 #include "deform_impl.h"
@@ -173,7 +174,8 @@ static PetscErrorCode measure(Deform d)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* After measure: sizes achieved over wanted, and the smallest Jacobian over its cell's mean, with its place. Collective. */
+/* After measure: sizes achieved over wanted, and the smallest Jacobian over its cell's mean, with its place.
+   Collective. */
 static PetscErrorCode judge(Deform d, DeformResult *r, PetscReal where[3])
 {
   const MeshLocal *l      = d->l;
@@ -273,7 +275,8 @@ static PetscErrorCode move_nodes(Deform d, const PetscReal from[], PetscReal t)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* A part of the way from the present to the wanted sizes; shorter if cells would become too slender. *taken: what it was. */
+/* A part of the way from the present to the wanted sizes; shorter if cells would become too slender. *taken: what it
+   was. */
 static PetscErrorCode take_step(Deform d, Kind kind, PetscReal part, PetscReal *taken, DeformResult *r)
 {
   const PetscInt size = d->l->nnode_all * d->dim;
@@ -304,7 +307,8 @@ static PetscErrorCode take_step(Deform d, Kind kind, PetscReal part, PetscReal *
 
 /* ---- preparation ---- */
 
-/* Nodes on a face of the box stay on it; every named boundary must be part of one. Sizes of the cells, which must have straight sides. */
+/* Nodes on a face of the box stay on it; every named boundary must be part of one. Sizes of the cells, which must
+   have straight sides. */
 static PetscErrorCode hold_boundaries(Deform d)
 {
   const MeshLocal *l = d->l;

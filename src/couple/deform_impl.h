@@ -1,4 +1,5 @@
-/* Inside of the deform module; for its files only. deform.c: monitor, steps. deform_potential.c: displacements from sizes. */
+/* Inside of the deform module; for its files only. deform.c: monitor, steps. deform_potential.c: displacements from
+   sizes. */
 #pragma once
 #include "base/dense.h"
 #include "base/grid.h"
@@ -56,9 +57,11 @@ static inline PetscInt DeformVertex(const struct _p_Deform *d, PetscInt c, Petsc
 
 /* Places of the vertices of local cell c. */
 PetscErrorCode DeformGetVertices(const struct _p_Deform *, PetscInt c, PetscReal xv[][3]);
-/* Wanted size over k times the size at the start, at x [dim]. A product over the bodies is smooth also where two of them are equally far. */
+/* Wanted size over k times the size at the start, at x [dim]. A product over the bodies is smooth also where two of
+   them are equally far. */
 PetscErrorCode DeformEvaluateMonitor(const struct _p_Deform *, const PetscReal x[], PetscReal *m);
-/* The potential, in d->x, for sizes as wanted after a displacement by the relaxation too. After the cells are measured. Collective. */
+/* The potential, in d->x, for sizes as wanted after a displacement by the relaxation too. After the cells are
+   measured. Collective. */
 PetscErrorCode DeformSolvePotential(Deform);
 /* d->v: the displacement ease slope^T w and the relaxation, at all local nodes. Collective. */
 PetscErrorCode DeformFindDisplacement(Deform);

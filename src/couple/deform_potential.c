@@ -27,8 +27,8 @@ static PetscErrorCode weigh_vertices(Deform d)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Derivatives of the cells' integrals by the places of their vertices: int div(phi_j e_a/m), with 1/m interpolated between the vertices, so that what one cell gains its neighbours
-   lose */
+/* Derivatives of the cells' integrals by the places of their vertices: int div(phi_j e_a/m), with 1/m interpolated
+   between the vertices, so that what one cell gains its neighbours lose */
 static PetscErrorCode differentiate(Deform d)
 {
   const PetscInt dim = d->dim;

@@ -1,8 +1,10 @@
-/* Couple, explicit coupling: bodies move after the flow, under the force that it exerted with their old velocity; see couple.h. */
+/* Couple, explicit coupling: bodies move after the flow, under the force that it exerted with their old velocity;
+   see couple.h. */
 #include "compat.h"
 #include "impl.h"
 
-/* Explicit coupling of a light body: the velocity change alternates in sign and grows from step to step (the added mass acts one step late). */
+/* Explicit coupling of a light body: the velocity change alternates in sign and grows from step to step (the added
+   mass acts one step late). */
 static PetscErrorCode detect_blow_up(Couple c)
 {
   const FlowStep       *step;
@@ -35,8 +37,9 @@ static PetscErrorCode detect_blow_up(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Explicit coupling moves the bodies under the mean of the present and the last hydrodynamic force, as Wan & Turek (2006) do. Force and torque act one step late; with their
-   added inertia m (added mass and what the boundary layer gains in a step) the mean is stable for m < 2 M, the present force alone only for m < M. */
+/* Explicit coupling moves the bodies under the mean of the present and the last hydrodynamic force, as Wan & Turek
+   (2006) do. Force and torque act one step late; with their added inertia m (added mass and what the boundary layer
+   gains in a step) the mean is stable for m < 2 M, the present force alone only for m < M. */
 PetscErrorCode CoupleAdvanceExplicitly(Couple c)
 {
   const FlowStep       *step;

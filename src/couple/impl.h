@@ -1,5 +1,6 @@
-/* Inside of the couple module; for its files only. couple.c: bodies drawn, one system for flow and bodies, bodies moved. explicit.c: bodies moved after the flow.
-   force.c: what the flow exerts on bodies, and the balance of momentum. A rung sees all and changes hollow and mark. */
+/* Inside of the couple module; for its files only. couple.c: bodies drawn, one system for flow and bodies, bodies
+   moved. explicit.c: bodies moved after the flow. force.c: what the flow exerts on bodies, and the balance of
+   momentum. A rung sees all and changes hollow and mark. */
 #pragma once
 #include "couple/couple.h"
 #include "ale.h"
@@ -51,13 +52,15 @@ static inline PetscReal CoupleInnerDensity(Couple c, PetscInt k, const FlowParam
   return c->hollow && c->hollow[k] ? 0 : par->density;
 }
 
-/* Velocities and positions of the bodies at the end of the step, from the forces. Collective. Error: they oscillate with growing velocity. */
+/* Velocities and positions of the bodies at the end of the step, from the forces. Collective. Error: they oscillate
+   with growing velocity. */
 PetscErrorCode CoupleAdvanceExplicitly(Couple);
-/* In gradient form a rotating wall seems to feel 2 mu w Vol more than the true torque, which the gradient form inside would take away again; where the inside is no part of the
-   fluid, this coefficient of w does (plane bodies; design section 2) */
+/* In gradient form a rotating wall seems to feel 2 mu w Vol more than the true torque, which the gradient form
+   inside would take away again; where the inside is no part of the fluid, this coefficient of w does (plane bodies;
+   design section 2) */
 PetscErrorCode CoupleSpinStress(Couple, PetscInt k, const FlowParameters *, PetscReal *coefficient);
-/* -flow_force on the fluid that body k displaces, on its rigid slots: it stands for a pressure gradient, which acts on bodies too. Fluid inside receives it; where there is none, the
-   body does. */
+/* -flow_force on the fluid that body k displaces, on its rigid slots: it stands for a pressure gradient, which acts
+   on bodies too. Fluid inside receives it; where there is none, the body does. */
 PetscErrorCode CoupleDeadForce(Couple, PetscInt k, const FlowParameters *, PetscReal out[]);
 /* Own cells with prescribed nodes; these do not change */
 PetscErrorCode CoupleListPrescribedCells(Couple);

@@ -1,16 +1,20 @@
-/* Moved: the one transaction by which a mesh changes under a flow and its solver, for those who move nodes (ale.h, snap/driver.h).
+/* Moved: the one transaction by which a mesh changes under a flow and its solver, for those who move nodes (ale.h,
+   snap/driver.h).
 
-   Begin names the cells that will change, while they still have their old shape: the solver takes their parts out. The client reads what he needs
-   at the old places. Commit moves nodes, stores what was carried over to them, and tells the flow, the solver and the boundary rung. The pressure of
-   a cell stays the same polynomial in space. Pattern, numbering and symmetry are as on a fixed mesh.
-   Cells that left the fluid stay out of it until a commit brings others: a client that knows of none leaves those of another alone. */
+   Begin names the cells that will change, while they still have their old shape: the solver takes their parts out.
+   The client reads what he needs at the old places. Commit moves nodes, stores what was carried over to them, and
+   tells the flow, the solver and the boundary rung. The pressure of a cell stays the same polynomial in space.
+   Pattern, numbering and symmetry are as on a fixed mesh.
+   Cells that left the fluid stay out of it until a commit brings others: a client that knows of none leaves those of
+   another alone. */
 #pragma once
 #include "flow/flow.h"
 #include "solve/system.h"
 
 typedef struct _p_Moved *Moved;
 
-/* What a commit brings. Arrays are borrowed: dead and resolved until the next commit that has any, the others for the call. */
+/* What a commit brings. Arrays are borrowed: dead and resolved until the next commit that has any, the others for
+   the call. */
 typedef struct {
   PetscInt         nnode; /* local nodes (own and ghost) that get new places; 0: the client has moved them himself */
   const PetscInt  *node;
@@ -29,10 +33,12 @@ PetscErrorCode MovedDestroy(Moved *);
 /* From now on this solver, which learns what cells are no part of the fluid. Borrowed. Collective. */
 PetscErrorCode MovedSetSolver(Moved, FlowSolver);
 
-/* The n local cells (own and ghost) will change, between FlowBeginStep and FlowAssemble. *any (may be NULL): is there one on any rank? Collective. */
+/* The n local cells (own and ghost) will change, between FlowBeginStep and FlowAssemble. *any (may be NULL): is
+   there one on any rank? Collective. */
 PetscErrorCode MovedBegin(Moved, PetscInt n, const PetscInt cell[], PetscBool *any);
-/* Where no rank has a cell that changes, nothing is done but to remember the dead cells. Collective. Error: that of FlowUpdateCells. */
+/* Where no rank has a cell that changes, nothing is done but to remember the dead cells. Collective. Error: that of
+   FlowUpdateCells. */
 PetscErrorCode MovedCommit(Moved, const MovedMesh *);
-/* Begin and commit for fields that already belong to the mesh as it will be, as those of a checkpoint do. The solver is not told: it must be made
-   anew and set. Collective. */
+/* Begin and commit for fields that already belong to the mesh as it will be, as those of a checkpoint do. The solver
+   is not told: it must be made anew and set. Collective. */
 PetscErrorCode MovedRestore(Moved, PetscInt n, const PetscInt cell[], const MovedMesh *);

@@ -89,7 +89,8 @@ static void sum_moments(Parts p, const PetscReal w[], PetscReal m[])
 
 /* ---- parts of cells ---- */
 
-/* The part of a cell in a body near its surface: samples with the smoothed indicator; *whole if they are all inside, *volume 0 if none is */
+/* The part of a cell in a body near its surface: samples with the smoothed indicator; *whole if they are all inside,
+   *volume 0 if none is */
 static PetscErrorCode cut_cell(Parts p, PetscInt cell, PetscInt k, const PetscReal X[3], const PetscReal q[4], PetscReal m[], PetscBool *whole,
                                PetscReal *volume)
 {
@@ -147,7 +148,8 @@ static PetscErrorCode add_part(Parts p, PetscInt cell, PetscInt k, const PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Radius of the ball about the centre node that holds the cell (1.1: curved edges). The signed distance changes by at most the way, so the ball decides what is far. */
+/* Radius of the ball about the centre node that holds the cell (1.1: curved edges). The signed distance changes by
+   at most the way, so the ball decides what is far. */
 static PetscErrorCode cell_radius(Parts p, PetscInt cell, PetscReal *radius)
 {
   const PetscInt   dim = p->loc->dim, nb   = p->loc->nb;

@@ -104,7 +104,8 @@ static PetscErrorCode find_entry(Penalty p, PetscInt node, PetscInt body, PetscI
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Entries of the own nodes of a part with cell matrix pen; lumped with its diagonal scaled to the right sum (Hinton, Rock, Zienkiewicz 1976), which is always positive */
+/* Entries of the own nodes of a part with cell matrix pen; lumped with its diagonal scaled to the right sum (Hinton,
+   Rock, Zienkiewicz 1976), which is always positive */
 static PetscErrorCode add_entries(Penalty p, const Part *part, const PetscReal pen[], PetscReal scale)
 {
   const MeshLocal *l   = p->loc;
@@ -129,7 +130,8 @@ static PetscErrorCode add_entries(Penalty p, const Part *part, const PetscReal p
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The cell matrix of a part: rows and columns of nodes that are strong in the same body are left out, because the penalty of a rigid motion is zero anyway */
+/* The cell matrix of a part: rows and columns of nodes that are strong in the same body are left out, because the
+   penalty of a rigid motion is zero anyway */
 static PetscErrorCode add_part_penalty(Penalty p, const Part *part)
 {
   const MeshLocal *l  = p->loc;

@@ -1,5 +1,6 @@
-/* Rung: how the flow sees the surface of a body (-couple_boundary), as a table of operations. A new one is a file with its table and a line in rung.c;
-   nothing else knows a name. Operations that are NULL do nothing; all are collective. `rung` is what create made. */
+/* Rung: how the flow sees the surface of a body (-couple_boundary), as a table of operations. A new one is a file
+   with its table and a line in rung.c; nothing else knows a name. Operations that are NULL do nothing; all are
+   collective. `rung` is what create made. */
 #pragma once
 #include "couple/couple.h"
 #include "solve/penaltyterm.h"

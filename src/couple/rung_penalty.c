@@ -1,5 +1,5 @@
-/* Rung penalty: the body's part of cut cells is held at its velocity by a force (penalty.h), fictitious fluid inside. The force on a body is that of
-   the penalty plus the residual of the nodes that move rigidly. */
+/* Rung penalty: the body's part of cut cells is held at its velocity by a force (penalty.h), fictitious fluid
+   inside. The force on a body is that of the penalty plus the residual of the nodes that move rigidly. */
 #include "compat.h"
 #include "impl.h"
 #include "penalty.h"

@@ -70,12 +70,12 @@ static PetscReal momentum_error(Case *c)
 {
   const PetscReal *u, *p;
   FlowDiagnostics  d;
-  PetscReal        error;
+  CoupleBalance    b;
 
   OK(CoupleGetSolution(c->couple, &u, &p));
   OK(FlowDiagnose(c->flow, u, &d));
-  OK(CoupleMomentumError(c->couple, d.momentum_rate, &error));
-  return error;
+  OK(CoupleMomentum(c->couple, d.momentum_rate, &b));
+  return b.error;
 }
 
 /* Force on body k from the assembled system: -R^T (S u - B^T p - r) over the nodes inside, plus the inertia of the fictitious fluid, rho_f Vol (c_t U - d(U)), which the

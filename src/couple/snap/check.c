@@ -6,7 +6,8 @@
 #define MISSING  0.1   /* largest difference between the area of the dead cells and that of the body, as its share */
 #define STRICT   4     /* factor on both limits for bodies that were left alone before */
 
-/* Smallest Jacobian of cell c at the Gauss points over the largest one, with the displacements added, and its area by the 3 x 3 points */
+/* Smallest Jacobian of cell c at the Gauss points over the largest one, with the displacements added, and its area
+   by the 3 x 3 points */
 static PetscReal cell_quality(Snap s, PetscInt c, PetscReal *area)
 {
   const MeshLocal *l         = s->loc;
@@ -81,8 +82,8 @@ PetscErrorCode SnapCheckCells(Snap s, PetscReal *quality)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* A fluid cell that cannot be used has mostly two dead neighbours round a corner and its fourth vertex on another wall. Give back the least covered neighbour of every such cell;
-   *any: was there one? */
+/* A fluid cell that cannot be used has mostly two dead neighbours round a corner and its fourth vertex on another
+   wall. Give back the least covered neighbour of every such cell; *any: was there one? */
 PetscErrorCode SnapOpenBadCorners(Snap s, PetscBool *any)
 {
   const MeshLocal *l = s->loc;

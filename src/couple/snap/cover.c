@@ -1,6 +1,7 @@
 /* Snap, cover: which cells belong to bodies, and what their nodes are. */
 #include "compat.h"
 #include "impl.h"
+#include "../indicator.h"
 
 /* Own cells with their centre in body k drawn at X (one periodic image); where bodies overlap, the deeper one wins */
 static PetscErrorCode cover_image(Snap s, PetscInt k, const PetscReal X[3], const PetscReal q[4], PetscReal radius)
@@ -56,29 +57,25 @@ static PetscErrorCode share_cover(Snap s)
 
 PetscErrorCode SnapCoverCells(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool fitted[])
 {
-  const MeshLocal *l = s->loc;
-  BodyState       *state;
+  BodyState *state;
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(s->bodies, &state));
   for (PetscInt k = 0; k < s->nbodies; k++) {
     const PetscReal radius = state->group[state->body_group[k]].radius * (1 + 1e-12);
 
-    for (PetscInt image = 0; image < 9 && fitted[k] && !s->is_path[k]; image++) { /* 4 is the body itself */
-      const PetscInt  shift[2] = {image % 3 - 1, image / 3 - 1};
-      const PetscReal at[3]    = {X[k][0] + shift[0] * l->period[0], X[k][1] + shift[1] * l->period[1], 0};
-      PetscBool       reaches  = PETSC_TRUE;
+    for (PetscInt image = 0; image < 9 && fitted[k] && !s->is_path[k]; image++) {
+      PetscReal at[3];
 
-      for (PetscInt a = 0; a < 2; a++)
-        if (shift[a] && (l->period[a] == 0 || at[a] + radius < l->lower[a] || at[a] - radius > l->upper[a])) reaches = PETSC_FALSE;
-      if (reaches) PetscCall(cover_image(s, k, at, q[k], radius));
+      if (IndicatorImage(s->loc, X[k], radius, image, at)) PetscCall(cover_image(s, k, at, q[k], radius));
     }
   }
   PetscCall(share_cover(s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Mark in work[] (at centre nodes) the cells that own vertex i must give back: all when it is on the boundary, the least covered one when two bodies meet there */
+/* Mark in work[] (at centre nodes) the cells that own vertex i must give back: all when it is on the boundary, the
+   least covered one when two bodies meet there */
 static void choose_open(Snap s, PetscInt i)
 {
   const MeshLocal *l     = s->loc;

@@ -65,7 +65,8 @@ static PetscErrorCode add_target(SnapDriver f, PetscInt i, const PetscReal x[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Own fluid nodes that move, or were inside a body until now. Inside a body that the mesh no longer follows the fluid begins with the velocity of the body. */
+/* Own fluid nodes that move, or were inside a body until now. Inside a body that the mesh no longer follows the
+   fluid begins with the velocity of the body. */
 static PetscErrorCode find_targets(SnapDriver f)
 {
   const MeshLocal  *l = f->loc;

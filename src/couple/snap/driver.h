@@ -1,7 +1,8 @@
-/* SnapDriver: keeps mesh, flow and solver lined up with moving bodies, for the boundary rung snap. Plane meshes only.
+/* SnapDriver: keeps the mesh lined up with moving bodies, for the boundary rung snap. Plane meshes only. A client of
+   moved.h.
 
-   In every step: the mesh is fitted to the bodies (snap.h); u^n and u^{n-1} are evaluated where nodes will be (remap.h); nodes move; cells near bodies are computed anew; cells inside
-   leave the fluid. The pressure of a cell stays the same polynomial in space. Everything else is as on a fixed mesh: pattern, numbering, symmetry. */
+   In every step: the mesh is fitted to the bodies (snap.h); u^n and u^{n-1} are evaluated where nodes will be
+   (remap.h); nodes move; cells near bodies are computed anew; cells inside leave the fluid. */
 #pragma once
 #include "bodies/bodies.h"
 #include "flow/flow.h"
@@ -16,10 +17,12 @@ typedef struct _p_SnapDriver *SnapDriver;
 PetscErrorCode SnapDriverCreate(Flow, Bodies, Moved, SnapDriver *);
 PetscErrorCode SnapDriverDestroy(SnapDriver *);
 
-/* Fit to the bodies drawn at X, q (SnapFit), between FlowBeginStep and FlowAssemble. fitted [nbodies], *result and *count are borrowed. Collective. */
+/* Fit to the bodies drawn at X, q (SnapFit), between FlowBeginStep and FlowAssemble. fitted [nbodies], *result and
+   *count are borrowed. Collective. */
 PetscErrorCode SnapDriverUpdate(SnapDriver, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *fitted[], const SnapResult **result,
                                 const RemapCount **count);
 
-/* Part of the state of the coupling, visited after that of the flow. Loading lines the mesh up as it was; fields that were loaded before belong to that mesh. The flow's solver
-   must then be made anew (MovedSetSolver). Collective. */
+/* Part of the state of the coupling, visited after that of the flow. Loading lines the mesh up as it was; fields
+   that were loaded before belong to that mesh. The flow's solver must then be made anew (MovedSetSolver).
+   Collective. */
 PetscErrorCode SnapDriverVisitState(SnapDriver, State);

@@ -1,9 +1,10 @@
 /* Snap, bodies thinner than a cell: their mid-line (midline.h) becomes a path of edges, see snap.h.
 
-   The vertices and edges of the cells around such a body are few; every rank gets all of them and finds the same path (graph.h), so that the path does not depend on the partition.
-   The path of a tip that is beyond a side of the domain or close to it, as that of a flap hinged at a wall, ends at a vertex of that side, which stays where it is and belongs to the
-   wall. Its last edge goes there from the mid-line, and nothing leaks (a squeezed cell between tip and wall does worse: runs/studies/boundary). All of this happens in the frame of the
-   body. */
+   The vertices and edges of the cells around such a body are few; every rank gets all of them and finds the same
+   path (graph.h), so that the path does not depend on the partition. The path of a tip that is beyond a side of the
+   domain or close to it, as that of a flap hinged at a wall, ends at a vertex of that side, which stays where it is
+   and belongs to the wall. Its last edge goes there from the mid-line, and nothing leaks (a squeezed cell between
+   tip and wall does worse: runs/studies/boundary). All of this happens in the frame of the body. */
 #include "compat.h"
 #include "graph.h"
 #include "impl.h"
@@ -56,7 +57,8 @@ static PetscErrorCode out_of_body(Snap s, PetscInt k, PetscReal (*X)[3], PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Displacement of node i to the point at length t of the mid-line of body k; x that place beside the body as it is drawn */
+/* Displacement of node i to the point at length t of the mid-line of body k; x that place beside the body as it is
+   drawn */
 static PetscErrorCode way_to_line(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt i, PetscReal t, PetscReal d[2], PetscReal x[2])
 {
   PetscReal R[9], to[2], from[2];
@@ -70,8 +72,8 @@ static PetscErrorCode way_to_line(Snap s, PetscInt k, PetscReal (*X)[3], PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Local nodes in the box around body k, drawn as its image number `image` (place at [3]), that leaves `margin` around it: a list that the next call replaces; none where the image does
-   not reach the domain */
+/* Local nodes in the box around body k, drawn as its image number `image` (place at [3]), that leaves `margin`
+   around it: a list that the next call replaces; none where the image does not reach the domain */
 static PetscErrorCode list_nodes(Snap s, PetscInt k, PetscReal (*X)[3], PetscInt image, PetscReal margin, PetscReal at[3], PetscInt *n,
                                  const PetscInt *list[])
 {
@@ -342,7 +344,8 @@ static PetscErrorCode place_on_path(Snap s, const SnapPath *p, PetscInt i, Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Away from other walls in narrow gaps, as draw_back() does with walls: d is changed for node i at place x of the line */
+/* Away from other walls in narrow gaps, as draw_back() does with walls: d is changed for node i at place x of the
+   line */
 static PetscErrorCode draw_aside(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt i, const PetscReal x[2], PetscReal d[2])
 {
   const PetscReal h = s->size[i], step = 0.01 * h;
@@ -380,7 +383,8 @@ static PetscBool ends_on_side(Snap s, PetscInt i)
   return (PetscBool)(s->boundary[end[0]] || s->boundary[end[1]]);
 }
 
-/* Nodes of the path of body k, which belong to it from now on; its vertices are ring 0 and get their displacement. Those on a side of the domain belong to that. */
+/* Nodes of the path of body k, which belong to it from now on; its vertices are ring 0 and get their displacement.
+   Those on a side of the domain belong to that. */
 static PetscErrorCode mark_path(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4])
 {
   PetscFunctionBeginUser;

@@ -57,7 +57,8 @@ PetscReal SnapWidening(PetscReal gap, PetscReal width)
   return gap > 0 ? PetscSqr(2 * width - gap) / (4 * width) : width - gap;
 }
 
-/* Draw walls back in narrow gaps, half of the way each between two bodies: y [n] are the wall points of body k for the listed nodes */
+/* Draw walls back in narrow gaps, half of the way each between two bodies: y [n] are the wall points of body k for
+   the listed nodes */
 static PetscErrorCode draw_back(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt k, PetscInt n, const PetscInt list[], PetscReal y[])
 {
   PetscFunctionBeginUser;
@@ -78,7 +79,8 @@ static PetscErrorCode draw_back(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], Pe
 
 /* ---- where the nodes go ---- */
 
-/* Displacements of the n listed nodes: from where they are now to the closest point of their wall, or behind it in narrow gaps */
+/* Displacements of the n listed nodes: from where they are now to the closest point of their wall, or behind it in
+   narrow gaps */
 static PetscErrorCode project_nodes(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt n, const PetscInt list[])
 {
   const MeshLocal *l = s->loc;

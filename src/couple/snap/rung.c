@@ -1,6 +1,10 @@
-/* Rung snap: the mesh lines up with the bodies (snap.h), whose inside is no part of the fluid. A body that it cannot follow is held by the penalty in
-   that step; one thinner than a cell is a path of edges: the fluid that it displaces is there and moves with it, so that its rigid rows are those of
-   rung nodal. */
+/* Rung snap: the mesh lines up with the bodies (snap.h), whose inside is no part of the fluid. A body that it cannot
+   follow is held by the penalty in that step; one thinner than a cell is a path of edges: the fluid that it
+   displaces is there and moves with it, so that its rigid rows are those of rung nodal.
+
+   Columns of series.csv: snap_fallback, bodies held by the penalty; snap_narrow, bodies whose walls are drawn back
+   in narrow gaps; snap_taylor, nodes whose old values came from Taylor's formula; snap_kept, nodes for which there
+   was none (remap.h). */
 #include "compat.h"
 #include "../impl.h"
 #include "../penalty.h"
@@ -77,8 +81,8 @@ static PetscErrorCode add_force(Couple c, void *rung, const PetscInt fixed[], Pe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The fields are carried to the nodes that move; where a body goes more than half a cell in a step that costs accuracy (runs/studies/tradeoff), which
-   the run should not keep to itself (once) */
+/* The fields are carried to the nodes that move; where a body goes more than half a cell in a step that costs
+   accuracy (runs/studies/tradeoff), which the run should not keep to itself (once) */
 static PetscErrorCode accept_step(Couple c, void *rung)
 {
   SnapRung        *r = (SnapRung *)rung;
