@@ -1,22 +1,23 @@
 /* Couple: where flow and bodies meet.
 
-   Marks the nodes that bodies cover, fills the projection P, solves the step for flow and free bodies together (implicit, monolithic) or with the bodies' known velocity
-   (explicit, the classical algorithm of the method), reads the hydrodynamic forces, and moves the bodies. Boundary rung `nodal`: nodes inside a body take its velocity, the cells
-   inside stay part of the fluid ("fictitious fluid"), so the rigid rows carry c_t (rho_s - rho_f) (Vol; I) with exact Vol and I of the shape.
-   References: Glowinski, Pan, Hesla, Joseph 1999; Turek, Wan, Rivkind 2003; Wan, Turek 2006; for the monolithic form design section 3.
+   Marks the nodes that bodies cover, fills the projection P, solves the step for flow and free bodies together
+   (implicit, monolithic) or with the bodies' known velocity (explicit, the classical algorithm of the method), reads
+   the hydrodynamic forces, and moves the bodies.
+   References: Glowinski, Pan, Hesla, Joseph 1999; Turek, Wan, Rivkind 2003; Wan, Turek 2006; for the monolithic form
+   design section 3.
 
-   Rung `penalty` (penalty.h): the body's part of cut cells is held at its velocity by a force, fictitious fluid inside and exact Vol and I as with nodal; force = that of the
-   penalty plus the residual of the nodes that move rigidly. The volume form of the force is taken around all held nodes, one or two cells out, and misses what flows through there.
+   How the flow sees the surface of a body is the boundary rung (src/couple/rung.h). nodal: nodes inside take the
+   velocity of the body. penalty: the body's part of cut cells is held by a force. Both leave fictitious fluid
+   inside, so that the rigid rows carry c_t (rho_s - rho_f) (Vol; I) with exact Vol and I of the shape. snap: the
+   mesh lines up with the bodies, whose inside is no part of the fluid. The volume form of the force is taken around
+   all held nodes, one or two cells out, and misses what flows through there.
 
-   Rung `snap` (snap.h): the mesh lines up with the bodies, whose inside is no part of the fluid; a body that it cannot follow is held by the penalty. A body thinner than a cell is a path of
-   edges: the fluid that it displaces is there and moves with it, so that its rigid rows are those of nodal.
+   -mesh_deform with bodies that move: the mesh follows them in every step, its velocity is part of the convection;
+   not with rung snap.
 
-   -mesh_deform with bodies that move: the mesh follows them in every step, its velocity is part of the convection (ale.h). Rungs nodal and penalty.
-
-   -flow_force (the gradient of a mean pressure) acts on the fluid and on the bodies in it alike: their force and the balance of momentum contain its share, force per volume times Vol.
-   Bodies that are holes of the mesh report the force on their surface alone.
-
-   Two remarks are printed, each once: a body of less than two of the smallest cells; under snap, a body that goes more than half of one in a step.
+   -flow_force (the gradient of a mean pressure) acts on the fluid and on the bodies in it alike: their force and the
+   balance of momentum contain its share, force per volume times Vol. Bodies that are holes of the mesh report the
+   force on their surface alone.
 
    Options: -couple_type implicit|explicit, -couple_boundary nodal|penalty|snap, -couple_force residual|volume. */
 #pragma once
@@ -32,31 +33,34 @@ PetscErrorCode CoupleCreate(Flow, Bodies, Couple *);
 PetscErrorCode CoupleDestroy(Couple *);
 PetscErrorCode CoupleView(Couple, PetscViewer);
 PetscErrorCode CoupleGetSolver(Couple, FlowSolver *);
-/* From now on the mesh, deformed for the bodies where they are, follows them (ale.h). Error: rung snap, which moves nodes itself. Borrowed. Collective. */
+/* From now on the mesh, deformed for the bodies where they are, follows them (ale.h). Error: rung snap, which moves
+   nodes itself. Borrowed. Collective. */
 PetscErrorCode CoupleSetDeform(Couple, Deform);
 /* What the mesh of the last step was like, NULL: it does not move. Borrowed. */
 PetscErrorCode CoupleGetDeform(Couple, const DeformResult **);
-/* Rung snap, last step: bodies that the mesh could not follow and that were held by the penalty instead; bodies whose walls are drawn back in narrow gaps (snap.h); nodes whose old values came from Taylor's formula, and for which there was
-   none (remap.h). present: is this the rung? Not collective. */
+/* Numbers that the boundary rung reports of the last step, n = 0: none; columns of series.csv under these names.
+   Borrowed: names stay, values change. Not collective. */
 typedef struct {
-  PetscBool present;
-  PetscInt  fallback, narrow, taylor, kept;
-} CoupleSnapCount;
-PetscErrorCode CoupleGetSnapCount(Couple, CoupleSnapCount *);
+  const char *name;
+  PetscInt    value;
+} CoupleCount;
+PetscErrorCode CoupleGetCounts(Couple, PetscInt *n, const CoupleCount *count[]);
 
 /* Body index of every local node in this step, or -1: [nnode_all]. */
 PetscErrorCode CoupleGetNodeBody(Couple, const PetscInt *node_body[]);
 
-/* What the bodies give this rank to do in this step: own cells with a node in a body, and bodies that cover an own node. Not collective. */
+/* What the bodies give this rank to do in this step: own cells with a node in a body, and bodies that cover an own
+   node. Not collective. */
 PetscErrorCode CoupleGetLoad(Couple, PetscInt *ncells, PetscInt *nbodies);
 
-/* The four parts of a step, in this order after FlowBeginStep. Collective.
-   Draw: bodies at their predicted place, marks, constraint.
-   Solve: assembly and the linear system; *reason < 0 reports failure without raising an error. The solution is not yet accepted.
-   Force: hydrodynamic forces of all bodies, from the solution.
-   Advance: velocities and positions of the bodies; accepts the flow. Error when explicit coupling blows up (added mass): names -couple_type implicit. */
+/* The four parts of a step, in this order after FlowBeginStep. Collective. Draw: bodies at their predicted place,
+   marks, constraint. Solve: assembly and the linear system; *reason < 0 reports failure without raising an error.
+   The solution is not yet accepted. Force: hydrodynamic forces of all bodies, from the solution. Advance: velocities
+   and positions of the bodies; accepts the flow. Error when explicit coupling blows up (added mass): names
+   -couple_type implicit. */
 PetscErrorCode CoupleDraw(Couple);
-/* The first part of CoupleSolve, which nonlinear solvers repeat for other convecting velocities: matrix and right-hand side. Collective. */
+/* The first part of CoupleSolve, which nonlinear solvers repeat for other convecting velocities: matrix and
+   right-hand side. Collective. */
 PetscErrorCode CoupleAssemble(Couple);
 PetscErrorCode CoupleSolve(Couple, PetscInt *its, KSPConvergedReason *reason);
 PetscErrorCode CoupleForce(Couple);
@@ -64,16 +68,19 @@ PetscErrorCode CoupleAdvance(Couple);
 
 /* Solution of the step before CoupleAdvance: u [nnode_all][dim], p [own cells][dim + 1]. */
 PetscErrorCode CoupleGetSolution(Couple, const PetscReal *u[], const PetscReal *p[]);
-/* The same, writable, with the rigid velocities U [n][nr] and the right-hand sides rhs [nnode_all][dim], g [n][nr] of the step, for solvers of their own. Any may be NULL. */
+/* The same, writable, with the rigid velocities U [n][nr] and the right-hand sides rhs [nnode_all][dim], g [n][nr]
+   of the step, for solvers of their own. Any may be NULL. */
 PetscErrorCode CoupleGetSystem(Couple, PetscReal *u[], PetscReal *p[], PetscReal *U[], PetscReal *rhs[], PetscReal *g[]);
 /* Both forms of force and torque on body k, whatever -couple_force says. Collective. */
 PetscErrorCode CoupleForceForms(Couple, PetscInt k, PetscReal residual[6], PetscReal volume[6]);
-/* Forget everything that the solver carries from step to step, as a restart does: what follows depends on the state alone. Collective. */
+/* Forget everything that the solver carries from step to step, as a restart does: what follows depends on the state
+   alone. Collective. */
 PetscErrorCode CoupleRenewSolver(Couple);
 /* StateVisit of a Couple: velocities that the flow saw in the last steps, history of explicit coupling. */
 PetscErrorCode CoupleVisitState(void *couple, State);
-/* Balance of momentum over the step: fluid = bodies + walls + openings + volume. Each [3], force units. Where the force of a body comes from its own equation or from the residual,
-   the balance closes up to the solver's tolerance; with -couple_force volume the error is that of the volume form. */
+/* Balance of momentum over the step: fluid = bodies + walls + openings + volume. Each [3], force units. Where the
+   force of a body comes from its own equation or from the residual, the balance closes up to the solver's tolerance;
+   with -couple_force volume the error is that of the volume form. */
 typedef struct {
   PetscReal fluid[3]; /* rate of change of the momentum in the domain, rho int (c_t u - d); fluid inside bodies counts where it is part of the flow */
   PetscReal bodies[3];   /* force of the bodies on it */
@@ -85,5 +92,3 @@ typedef struct {
 
 /* rate: momentum_rate of FlowDiagnose. Collective. */
 PetscErrorCode CoupleMomentum(Couple, const PetscReal rate[3], CoupleBalance *);
-/* Its error alone. */
-PetscErrorCode CoupleMomentumError(Couple, const PetscReal momentum_rate[3], PetscReal *error);

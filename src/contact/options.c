@@ -35,7 +35,5 @@ static const OptSpec SPECS[] = {
    .when = LUBRICATION},
   {"-contact_roughness", OPT_REAL, "m", OPT_ABOVE_ZERO, "1/50 of -contact_lubrication_range, its upper bound",
    .help = "gap below which the resistance of the film grows no more", .when = LUBRICATION},
-  {"-couple_search", OPT_CHOICE, "", OPT_ANY, "cells", .help = "how nodes and neighbours of bodies are found: with search grids, or all against all",
-   .when = BODIES, .choices = "cells, brute", .expert = PETSC_TRUE},
 };
 OPT_TABLE("contact: laws, lubrication", SPECS)

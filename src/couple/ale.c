@@ -1,4 +1,4 @@
-/* Follow: see ale.h. */
+/* Ale: see ale.h. */
 #include "compat.h"
 #include "ale.h"
 
@@ -6,6 +6,7 @@
 
 struct _p_Ale {
   Flow             flow;
+  Moved            moved;
   Mesh             mesh;
   const MeshLocal *loc;
   Deform           deform;
@@ -14,7 +15,7 @@ struct _p_Ale {
   PetscReal (*X_next)[3], (*q_next)[4]; /* for the present mesh, */
   PetscReal (*X_part)[3], (*q_part)[4]; /* and on the way */
   PetscReal   *now, *old, *drift;       /* [nnode_all][dim] places at the last two times; velocity of the nodes */
-  PetscInt    *all, *fluid;             /* [nnode_all] 0, 1, ...; [ncell_all] -1 */
+  PetscInt    *all;                     /* [nnode_all] 0, 1, ... */
   PetscReal    h;                       /* smallest cell at the time n */
   DeformResult result;
 };
@@ -70,7 +71,7 @@ static PetscErrorCode copy_bodies(const struct _p_Ale *f, const PetscReal (*X)[3
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AleCreate(Flow flow, Bodies bodies, Deform deform, Ale *follow)
+PetscErrorCode AleCreate(Moved moved, Flow flow, Bodies bodies, Deform deform, Ale *follow)
 {
   Ale      f;
   PetscInt n, size;
@@ -78,12 +79,13 @@ PetscErrorCode AleCreate(Flow flow, Bodies bodies, Deform deform, Ale *follow)
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&f));
   f->flow   = flow;
+  f->moved  = moved;
   f->deform = deform;
   PetscCall(FlowGetMesh(flow, &f->mesh));
   PetscCall(MeshGetLocal(f->mesh, &f->loc));
   n    = f->loc->nnode_all;
   size = n * f->loc->dim;
-  PetscCall(PetscMalloc5(size, &f->now, size, &f->old, size, &f->drift, n, &f->all, f->loc->ncell_all, &f->fluid));
+  PetscCall(PetscMalloc4(size, &f->now, size, &f->old, size, &f->drift, n, &f->all));
   PetscCall(PetscArraycpy(f->now, f->loc->x, size));
   PetscCall(PetscArraycpy(f->old, f->loc->x, size));
   PetscCall(BodiesGetState(bodies, &f->s));
@@ -91,7 +93,6 @@ PetscErrorCode AleCreate(Flow flow, Bodies bodies, Deform deform, Ale *follow)
   PetscCall(copy_bodies(f, f->s->x, f->s->q, f->X, f->q));
   PetscCall(copy_bodies(f, f->s->x, f->s->q, f->X_next, f->q_next));
   for (PetscInt i = 0; i < n; i++) f->all[i] = i;
-  for (PetscInt c = 0; c < f->loc->ncell_all; c++) f->fluid[c] = -1;
   f->h      = f->loc->h;
   f->result = (DeformResult){{1, 1}, 1, 0};
   *follow   = f;
@@ -102,13 +103,13 @@ PetscErrorCode AleDestroy(Ale *follow)
 {
   PetscFunctionBeginUser;
   if (!*follow) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscFree5((*follow)->now, (*follow)->old, (*follow)->drift, (*follow)->all, (*follow)->fluid));
+  PetscCall(PetscFree4((*follow)->now, (*follow)->old, (*follow)->drift, (*follow)->all));
   PetscCall(PetscFree6((*follow)->X, (*follow)->q, (*follow)->X_next, (*follow)->q_next, (*follow)->X_part, (*follow)->q_part));
   PetscCall(PetscFree(*follow));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AleUpdate(Ale f, FlowSolver solver, PetscReal (*X)[3], PetscReal (*q)[4])
+PetscErrorCode AleUpdate(Ale f, PetscReal (*X)[3], PetscReal (*q)[4])
 {
   const MeshLocal *l = f->loc;
   const FlowStep  *s;
@@ -116,7 +117,7 @@ PetscErrorCode AleUpdate(Ale f, FlowSolver solver, PetscReal (*X)[3], PetscReal 
 
   PetscFunctionBeginUser;
   if (X) {
-    PetscCall(FlowSolverForgetCells(solver, l->ncell_all, f->all));
+    PetscCall(MovedBegin(f->moved, l->ncell_all, f->all, NULL)); /* a mesh has more nodes than cells */
     PetscCall(MeshMoveNodes(f->mesh, l->nnode_all, f->all, f->now));
     nparts = count_parts(f, X, q);
     for (PetscInt i = 1; i <= nparts; i++) {
@@ -124,8 +125,7 @@ PetscErrorCode AleUpdate(Ale f, FlowSolver solver, PetscReal (*X)[3], PetscReal 
       PetscCall(DeformFollow(f->deform, f->X_part, f->q_part, &f->result));
     }
     PetscCall(copy_bodies(f, X, q, f->X_next, f->q_next));
-    PetscCall(MeshRebase(f->mesh));
-    PetscCall(FlowUpdateCells(f->flow, l->ncell_all, f->all, f->fluid));
+    PetscCall(MovedCommit(f->moved, &(MovedMesh){.whole = PETSC_TRUE}));
   }
   PetscCall(FlowGetStep(f->flow, &s));
   for (PetscInt i = 0; i < l->nnode_all * l->dim; i++) f->drift[i] = s->ct * l->x[i] - s->d0 * f->now[i] - s->d1 * f->old[i];
@@ -158,10 +158,8 @@ static PetscErrorCode restore_mesh(Ale f)
   const MeshLocal *l = f->loc;
 
   PetscFunctionBeginUser;
-  PetscCall(MeshMoveNodes(f->mesh, l->nnode_all, f->all, f->now));
-  PetscCall(MeshRebase(f->mesh));
-  f->h = f->loc->h;
-  PetscCall(FlowRestoreCells(f->flow, l->ncell_all, f->all, f->fluid));
+  PetscCall(MovedRestore(f->moved, l->ncell_all, f->all, &(MovedMesh){.nnode = l->nnode_all, .node = f->all, .x = f->now, .whole = PETSC_TRUE}));
+  f->h = l->h;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -1,31 +1,36 @@
-/* Ale: takes the mesh along with bodies that move (deform.h), in arbitrary Lagrangian-Eulerian form.
+/* Ale: takes the mesh along with bodies that move (deform.h), in arbitrary Lagrangian-Eulerian form. A client of
+   moved.h.
 
    In every step, bodies drawn at their predicted places: from the places x^n the mesh is deformed to x^{n+1}, in as
-   many parts as the bodies go smallest cells; cells are computed anew; the drift c_t x^{n+1} - d(x), as the time scheme
-   differentiates, goes into the convection (FlowSetDrift). u^n and u^{n-1} stay with their nodes: nothing is interpolated, no node is looked up. The pressure of a cell stays the same
-   polynomial in space. Everything of the step is solved on the mesh x^{n+1}; topology, numbering and pattern are those of any other mesh. The result depends on x^n, x^{n-1} (which a checkpoint
-   holds) and the bodies alone, however often a step is begun. Bodies that rest: the mesh rests too.
+   many parts as the bodies go smallest cells; the drift c_t x^{n+1} - d(x), as the time scheme differentiates, goes
+   into the convection (FlowSetDrift). u^n and u^{n-1} stay with their nodes: nothing is interpolated, no node is
+   looked up. Everything of the step is solved on the mesh x^{n+1}; topology, numbering and pattern are those of any
+   other mesh. The result depends on x^n, x^{n-1} (which a checkpoint holds) and the bodies alone, however often a
+   step is begun. Bodies that rest: the mesh rests too.
 
-   Costs: one or two linear systems of the size of the cells, and all operators anew (runs/studies/deformation). Not here: rung snap, schemes other than be and bdf2. */
+   Costs: one or two linear systems of the size of the cells, and all operators anew (runs/studies/deformation). Not
+   here: rung snap, schemes other than be and bdf2. */
 #pragma once
 #include "bodies/bodies.h"
 #include "couple/deform.h"
 #include "flow/flow.h"
-#include "solve/system.h"
+#include "moved.h"
 #include "base/state.h"
 
 typedef struct _p_Ale *Ale;
 
-/* The Deform is borrowed. Collective. */
-PetscErrorCode AleCreate(Flow, Bodies, Deform, Ale *);
+/* All but the result are borrowed. Collective. */
+PetscErrorCode AleCreate(Moved, Flow, Bodies, Deform, Ale *);
 PetscErrorCode AleDestroy(Ale *);
 
-/* Between FlowBeginStep and FlowAssemble: bodies are drawn at X, q; X NULL: where they were drawn last. Collective. Errors: those of DeformFollow and FlowSetDrift. */
-PetscErrorCode AleUpdate(Ale, FlowSolver, PetscReal (*X)[3], PetscReal (*q)[4]);
+/* Between FlowBeginStep and FlowAssemble: bodies are drawn at X, q; X NULL: where they were drawn last. Collective.
+   Errors: those of DeformFollow and FlowSetDrift. */
+PetscErrorCode AleUpdate(Ale, PetscReal (*X)[3], PetscReal (*q)[4]);
 /* The step is accepted. */
 PetscErrorCode AleAccept(Ale);
 /* Borrowed. */
 PetscErrorCode AleGetResult(Ale, const DeformResult **);
 
-/* Part of the state of the coupling, visited after that of the flow. Loading moves the mesh to where it was; the flow's solver must then be made anew. Collective. */
+/* Part of the state of the coupling, visited after that of the flow. Loading moves the mesh to where it was; the
+   flow's solver must then be made anew. Collective. */
 PetscErrorCode AleVisitState(Ale, State);

@@ -1,9 +1,11 @@
 /* Couple: see couple.h for the method.
 
-   The step with implicit coupling, in the order of the calls: bodies drawn at X* (CoupleDraw); one linear system for flow and rigid velocities (CoupleSolve); force from the
-   bodies' own equation, F = rho_s Vol (c_t U - d(U)) - G, without an integral (CoupleForce); positions (CoupleAdvance). With explicit coupling, and for degrees of freedom that
-   are frozen, the velocity is known, and the force is minus the momentum residual summed over the body's nodes, plus the inertia of the fictitious fluid inside.
-   The work a body causes is proportional to the cells it touches. */
+   The step with implicit coupling, in the order of the calls: bodies drawn at X* (CoupleDraw); one linear system for
+   flow and rigid velocities (CoupleSolve); force from the bodies' own equation, F = rho_s Vol (c_t U - d(U)) - G,
+   without an integral (CoupleForce); positions (CoupleAdvance). With explicit coupling (explicit.c), and for degrees
+   of freedom that are frozen, the velocity is known, and the force is minus the momentum residual summed over the
+   body's nodes, plus the inertia of the fictitious fluid inside. The work a body causes is proportional to the cells
+   it touches. */
 #include "compat.h"
 #include "impl.h"
 #include "base/log.h"
@@ -18,7 +20,8 @@ static PetscBool is_free(Couple c, PetscInt k, PetscInt s)
   return BodiesIsFree(c->bodies, k, s < c->loc->dim ? s : 3);
 }
 
-/* Rigid velocity of slot i of body k at the last two times. A pivot's translation is prescribed, and is kept here, not in the state of the body. */
+/* Rigid velocity of slot i of body k at the last two times. A pivot's translation is prescribed, and is kept here,
+   not in the state of the body. */
 static void get_history(Couple c, PetscInt k, PetscInt i, PetscReal *now, PetscReal *old)
 {
   const PetscBool kept = (PetscBool)(i < c->loc->dim && BodiesGetGroup(c->s, k)->motion.has_pivot);
@@ -29,7 +32,8 @@ static void get_history(Couple c, PetscInt k, PetscInt i, PetscReal *now, PetscR
 
 /* ---- drawing ---- */
 
-/* With explicit coupling, what is free is drawn where it is, and the prescribed part where it will be: prescribed bodies are the same under both couplings. */
+/* With explicit coupling, what is free is drawn where it is, and the prescribed part where it will be: prescribed
+   bodies are the same under both couplings. */
 static PetscErrorCode place_bodies(Couple c, PetscBool *drawn)
 {
   const FlowStep *step;
@@ -72,57 +76,9 @@ static PetscErrorCode set_rigid_velocities(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* rung nodal: every node inside moves with the body */
-static PetscErrorCode draw_nodal(Couple c)
-{
-  PetscFunctionBeginUser;
-  PetscCall(IndicatorInside(c->mark, c->X, c->q));
-  PetscCall(IndicatorCheckSeen(c->mark));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode draw_penalty(Couple c)
-{
-  const PenaltyTerm *soft;
-
-  PetscFunctionBeginUser;
-  PetscCall(PenaltyDraw(c->penalty, c->X, c->q, c->P, c->fitted, c->mark));
-  PetscCall(PenaltyGetSoft(c->penalty, &soft));
-  PetscCall(ConstraintSetFollowers(c->constraint, soft->follow, soft->nmore, soft->more));
-  PetscCall(FlowSolverSetSoft(c->solver, soft));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode add_penalty_force(Couple c, PetscReal out[])
-{
-  const PenaltyTerm *soft;
-
-  PetscFunctionBeginUser;
-  PetscCall(PenaltyGetSoft(c->penalty, &soft));
-  PetscCall(PenaltyTermAddForce(soft, c->constraint, c->u, c->U, out));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* rung snap: the mesh lines up with the bodies; those it cannot follow are held by the penalty in this step */
-static PetscErrorCode draw_snap(Couple c)
-{
-  const SnapResult *r;
-  const PetscInt    before = c->snap.fallback;
-  const RemapCount *count;
-
-  PetscFunctionBeginUser;
-  PetscCall(SnapDriverUpdate(c->fit, c->solver, c->X, c->q, &c->fitted, &r, &count));
-  c->hollow = r->hollow;
-  for (PetscInt e = 0; e < r->nmarked; e++) PetscCall(IndicatorClaim(c->mark, r->marked[e], r->node_body[r->marked[e]]));
-  c->snap = (CoupleSnapCount){PETSC_TRUE, 0, r->nnarrow, c->snap.taylor + count->taylor, c->snap.kept + count->kept};
-  for (PetscInt k = 0; k < c->s->n; k++)
-    if (!c->fitted[k] && !c->s->gone[k] && !BodiesGetGroup(c->s, k)->hole) c->snap.fallback++;
-  if (c->snap.fallback || before) PetscCall(draw_penalty(c));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Inertia D = c_t (rho_s - rho_i) (Vol; I) and right-hand side (rho_s - rho_i) (Vol; I) d(U) + (rho_s - rho_f) Vol g + contact + load of the rigid rows, rho_i: density of
-   the fluid inside. Known velocities that share an inertia with unknown ones (a pivot that moves) count on the right. */
+/* Inertia D = c_t (rho_s - rho_i) (Vol; I) and right-hand side (rho_s - rho_i) (Vol; I) d(U) + (rho_s - rho_f) Vol g
+   + contact + load of the rigid rows, rho_i: density of the fluid inside. Known velocities that share an inertia
+   with unknown ones (a pivot that moves) count on the right. */
 static PetscErrorCode fill_rigid_rows(Couple c)
 {
   const FlowStep       *step;
@@ -166,16 +122,17 @@ static PetscErrorCode fill_rigid_rows(Couple c)
       for (PetscInt a = 0; a < 3; a++) g[3 + a] -= excess * (c->s->w[k][(a + 1) % 3] * L[(a + 2) % 3] - c->s->w[k][(a + 2) % 3] * L[(a + 1) % 3]);
     }
   }
-  if (c->rung.add_rigid) PetscCall((*c->rung.add_rigid)(c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The mesh comes along with the bodies */
-static PetscErrorCode follow_bodies(Couple c, PetscBool drawn)
+/* What the rung adds to the system, after it has drawn */
+static PetscErrorCode take_terms(Couple c)
 {
   PetscFunctionBeginUser;
-  PetscCall(AleUpdate(c->follow, c->solver, drawn ? NULL : c->X, c->q));
-  if (c->penalty && !drawn) PetscCall(PenaltyMeasureCells(c->penalty));
+  if (c->rung->terms) PetscCall((*c->rung->terms)(c->rung_data, &c->terms));
+  if (!c->terms) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ConstraintSetFollowers(c->constraint, c->terms->follow, c->terms->nmore, c->terms->more));
+  PetscCall(FlowSolverSetSoft(c->solver, c->terms));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -186,12 +143,13 @@ static PetscErrorCode draw_bodies(Couple c)
 
   PetscFunctionBeginUser;
   PetscCall(place_bodies(c, &drawn));
-  if (c->follow) PetscCall(follow_bodies(c, drawn));
+  if (c->follow) PetscCall(AleUpdate(c->follow, drawn ? NULL : c->X, c->q));
   if (drawn) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogEventBegin(TB_MARK, 0, 0, 0, 0));
   PetscCall(IndicatorClear(c->mark));
-  PetscCall((*c->rung.draw)(c));
+  PetscCall((*c->rung->draw)(c, c->rung_data));
   PetscCall(IndicatorFinish(c->mark));
+  PetscCall(take_terms(c));
   PetscCall(PetscLogEventEnd(TB_MARK, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -236,72 +194,6 @@ PetscErrorCode CoupleSolve(Couple c, PetscInt *its, KSPConvergedReason *reason)
 
 /* ---- advancing ---- */
 
-/* Explicit coupling of a light body: the velocity change alternates in sign and grows from step to step (the added mass acts one step late). */
-static PetscErrorCode detect_blow_up(Couple c)
-{
-  const FlowStep       *step;
-  const FlowParameters *par;
-
-  PetscFunctionBeginUser;
-  PetscCall(FlowGetStep(c->flow, &step));
-  PetscCall(FlowGetParameters(c->flow, &par));
-  for (PetscInt k = 0; k < c->s->n; k++) {
-    const BodyGroup *group = BodiesGetGroup(c->s, k);
-    PetscReal        du[3], size = 0, dot = 0;
-
-    if (!group->free) continue;
-    for (PetscInt a = 0; a < 3; a++) {
-      du[a] = c->s->u[k][a] - c->s->u_old[k][a];
-      size += du[a] * du[a];
-      dot += du[a] * c->du_old[3 * k + a];
-      size = PetscIsInfOrNanReal(du[a]) ? PETSC_INFINITY : size;
-    }
-    {
-      const PetscReal *o        = c->du_old + 3 * k;
-      const PetscReal  old_size = o[0] * o[0] + o[1] * o[1] + o[2] * o[2];
-
-      c->growth[k] = dot < 0 && size > 1.1 * old_size ? c->growth[k] + 1 : 0;
-    }
-    PetscCheck(size < PETSC_INFINITY && c->growth[k] < 4 && PetscSqrtReal(size) * step->dt < 2 * group->radius, PETSC_COMM_WORLD,
-               PETSC_ERR_USER_INPUT,
-               "Body %" PetscInt_FMT
-               " (group '%s', density ratio %g) oscillates with growing velocity, |dU| = %g in one step: explicit coupling is unstable for light bodies because the added mass acts one step late, "
-               "and a smaller -sim_dt makes it worse. Use -couple_type implicit",
-               k, group->name, (double)(group->density / par->density), (double)PetscSqrtReal(size));
-    for (PetscInt a = 0; a < 3; a++) c->du_old[3 * k + a] = du[a];
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Explicit coupling moves the bodies under the mean of the present and the last hydrodynamic force, as Wan & Turek (2006) do. Force and torque act one step late; with their
-   added inertia m (added mass and what the boundary layer gains in a step) the mean is stable for m < 2 M, the present force alone only for m < M. */
-static PetscErrorCode advance_explicitly(Couple c, const FlowStep *step, const FlowParameters *par)
-{
-  const PetscInt n = c->s->n;
-  PetscReal(*force)[3], (*torque)[3];
-
-  PetscFunctionBeginUser;
-  PetscCall(BodiesWriteForces(c->bodies, &force, &torque));
-  for (PetscInt i = 0; i < 3 * n; i++) {
-    PetscReal *f[2] = {&force[i / 3][i % 3], &torque[i / 3][i % 3]}, *old[2] = {&c->force_old[2 * i], &c->force_old[2 * i + 1]};
-
-    for (PetscInt j = 0; j < 2; j++) {
-      const PetscReal now = *f[j];
-
-      *f[j]   = 0.5 * (now + *old[j]);
-      *old[j] = now;
-    }
-  }
-  PetscCall(BodiesAdvanceVelocity(c->bodies, step->dt, par->density, par->gravity));
-  for (PetscInt i = 0; i < 3 * n; i++) {
-    force[i / 3][i % 3]  = c->force_old[2 * i];
-    torque[i / 3][i % 3] = c->force_old[2 * i + 1];
-  }
-  PetscCall(detect_blow_up(c));
-  PetscCall(BodiesAdvancePosition(c->bodies, step->dt, 1));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* Velocities and positions of the bodies at the end of the step; bodies that stand still are left alone */
 static PetscErrorCode advance_bodies(Couple c)
 {
@@ -328,32 +220,8 @@ static PetscErrorCode advance_bodies(Couple c)
     }
     PetscCall(BodiesAdvancePosition(c->bodies, step->dt, step->order == 2 ? 0.5 : 1));
     for (PetscInt k = 0; k < s->n; k++) PetscCall(BodiesRelease(c->bodies, k, par->density, par->gravity));
-  } else PetscCall(advance_explicitly(c, step, par));
+  } else PetscCall(CoupleAdvanceExplicitly(c));
   PetscCall(PetscLogEventEnd(TB_ADVANCE, 0, 0, 0, 0));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Rung snap carries the fields to the nodes that it moves; where a body goes more than half a cell in a step that costs accuracy (runs/studies/tradeoff), which the run should not keep
-   to itself (once) */
-static PetscErrorCode remark_long_way(Couple c)
-{
-  const BodyState *s = c->s;
-  const FlowStep  *step;
-
-  PetscFunctionBeginUser;
-  PetscCall(FlowGetStep(c->flow, &step));
-  for (PetscInt k = 0; k < s->n && !c->remarked; k++) {
-    const PetscReal way = BodiesFastestPoint(s, k, 0) * step->dt / c->loc->h;
-
-    if (s->gone[k] || way <= 0.5) continue;
-    c->remarked = PETSC_TRUE;
-    PetscCall(
-      PetscPrintf(PETSC_COMM_WORLD,
-                  "remark: body %" PetscInt_FMT
-                  " (group '%s') goes %.2g of the smallest cells in the step to t = %g; -couple_boundary snap loses accuracy beyond 0.5: lower -sim_dt (%g), or "
-                  "use -sim_adapt\n",
-                  k, BodiesGetGroup(s, k)->name, (double)way, (double)step->time, (double)step->dt));
-  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -361,38 +229,15 @@ PetscErrorCode CoupleAdvance(Couple c)
 {
   PetscFunctionBeginUser;
   PetscCall(advance_bodies(c));
-  if (c->fit && !c->remarked) PetscCall(remark_long_way(c));
+  if (c->rung->accept) PetscCall((*c->rung->accept)(c, c->rung_data));
   PetscCall(PetscArraycpy(c->U_older, c->U_old, c->s->n * c->nr));
   PetscCall(PetscArraycpy(c->U_old, c->U, c->s->n * c->nr));
   PetscCall(FlowAcceptStep(c->flow, c->u, c->p));
   if (c->follow) PetscCall(AleAccept(c->follow));
-  c->snap.taylor = c->snap.kept = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- life cycle ---- */
-
-static const Rung RUNGS[] = {
-  {"nodal", PETSC_FALSE, draw_nodal, NULL, NULL},
-  {"penalty", PETSC_FALSE, draw_penalty, NULL, add_penalty_force},
-  {"snap", PETSC_TRUE, draw_snap, NULL, add_penalty_force},
-};
-
-/* -couple_boundary */
-static PetscErrorCode choose_rung(Couple c)
-{
-  const PetscInt n = PETSC_STATIC_ARRAY_LENGTH(RUNGS);
-  const char    *name[PETSC_STATIC_ARRAY_LENGTH(RUNGS) + 1];
-  PetscInt       choice = 0;
-
-  PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < n; i++) name[i] = RUNGS[i].name;
-  name[n] = NULL;
-  if (c->s->n) PetscCall(OptChoice("-couple_boundary", name, &choice));
-  c->rung = RUNGS[choice];
-  if (c->rung.draw == draw_penalty || c->rung.draw == draw_snap) PetscCall(PenaltyCreate(c->flow, c->bodies, &c->penalty));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
 
 static PetscErrorCode check_extrapolation(Couple c)
 {
@@ -440,6 +285,15 @@ static PetscErrorCode create_solver(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode tell_rung(void *couple)
+{
+  Couple c = (Couple)couple;
+
+  PetscFunctionBeginUser;
+  if (c->rung->moved) PetscCall((*c->rung->moved)(c->rung_data));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
 {
   Couple   c;
@@ -458,7 +312,8 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
     PetscCall(OptChoice("-couple_force", FORCES, &c->use_volume));
   }
   PetscCall(check_extrapolation(c));
-  PetscCall(choose_rung(c));
+  c->rung = rungs[0];
+  if (n) PetscCall(RungChoose(&c->rung));
   PetscCall(remark_small_bodies(c));
   c->implicit = type == 0;
   PetscCall(FittedCreate(flow, bodies, &c->hole));
@@ -468,7 +323,9 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   PetscCall(create_solver(c));
   nn = n * c->nr;
   PetscCall(IndicatorCreate(c->mesh, bodies, &c->mark));
-  if (c->rung.dead) PetscCall(SnapDriverCreate(flow, bodies, &c->fit));
+  PetscCall(MovedCreate(flow, tell_rung, c, &c->moved));
+  PetscCall(MovedSetSolver(c->moved, c->solver));
+  if (c->rung->create) PetscCall((*c->rung->create)(c, &c->rung_data));
   PetscCall(PetscCalloc7(n, &c->X, n, &c->q, n, &c->P, n, &c->unknown, 3 * n, &c->du_old, n, &c->growth, 6 * n, &c->force_old));
   PetscCall(PetscCalloc6(nn, &c->U, nn, &c->U_old, nn, &c->U_older, nn * c->nr, &c->D, nn, &c->g, nn, &c->residual));
   for (PetscInt k = 0; k < n; k++) {
@@ -485,11 +342,19 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
 
 PetscErrorCode CoupleSetDeform(Couple c, Deform deform)
 {
+  char others[256] = "";
+
   PetscFunctionBeginUser;
-  PetscCheck(!c->fit, PETSC_COMM_WORLD, PETSC_ERR_SUP,
-             "-couple_boundary snap moves the nodes around bodies itself, and -mesh_deform would have to follow bodies that move with the same nodes: use -couple_boundary penalty or "
-             "nodal, or remove -mesh_deform");
-  PetscCall(AleCreate(c->flow, c->bodies, deform, &c->follow));
+  for (PetscInt i = 0; rungs[i]; i++) {
+    if (rungs[i]->moves) continue;
+    if (others[0]) PetscCall(PetscStrlcat(others, " or ", sizeof(others)));
+    PetscCall(PetscStrlcat(others, rungs[i]->name, sizeof(others)));
+  }
+  PetscCheck(!c->rung->moves, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+             "-couple_boundary %s moves the nodes around bodies itself, and -mesh_deform would have to follow bodies that move with the same nodes: use "
+             "-couple_boundary %s, or remove -mesh_deform",
+             c->rung->name, others);
+  PetscCall(AleCreate(c->moved, c->flow, c->bodies, deform, &c->follow));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -512,10 +377,10 @@ PetscErrorCode CoupleDestroy(Couple *couple)
   PetscCall(PetscFree(c->prescribed));
   PetscCall(ConstraintDestroy(&c->constraint));
   PetscCall(IndicatorDestroy(&c->mark));
-  PetscCall(SnapDriverDestroy(&c->fit));
+  if (c->rung->destroy && c->rung_data) PetscCall((*c->rung->destroy)(c->rung_data));
   PetscCall(AleDestroy(&c->follow));
+  PetscCall(MovedDestroy(&c->moved));
   PetscCall(PetscFree7(c->X, c->q, c->P, c->unknown, c->du_old, c->growth, c->force_old));
-  PetscCall(PenaltyDestroy(&c->penalty));
   PetscCall(PetscFree6(c->U, c->U_old, c->U_older, c->D, c->g, c->residual));
   PetscCall(PetscFree4(c->u, c->p, c->dp, c->rhs));
   PetscCall(PetscFree(*couple));
@@ -527,9 +392,9 @@ PetscErrorCode CoupleView(Couple c, PetscViewer viewer)
   PetscFunctionBeginUser;
   if (c->s->n)
     PetscCall(
-      PetscViewerASCIIPrintf(viewer, "coupling: %s, boundary %s, force in %s form\n", TYPES[!c->implicit], c->rung.name, FORCES[c->use_volume]));
+      PetscViewerASCIIPrintf(viewer, "coupling: %s, boundary %s, force in %s form\n", TYPES[!c->implicit], c->rung->name, FORCES[c->use_volume]));
   else PetscCall(PetscViewerASCIIPrintf(viewer, "coupling: none (no bodies)\n"));
-  if (c->penalty) PetscCall(PenaltyView(c->penalty, viewer));
+  if (c->rung->view) PetscCall((*c->rung->view)(c->rung_data, viewer));
   if (c->follow) PetscCall(PetscViewerASCIIPrintf(viewer, "  the mesh follows the bodies (-mesh_deform), its velocity is part of the convection\n"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -541,11 +406,12 @@ PetscErrorCode CoupleGetSolver(Couple c, FlowSolver *solver)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CoupleGetSnapCount(Couple c, CoupleSnapCount *count)
+PetscErrorCode CoupleGetCounts(Couple c, PetscInt *n, const CoupleCount *count[])
 {
   PetscFunctionBeginUser;
-  *count         = c->snap;
-  count->present = (PetscBool)(c->fit != NULL);
+  *n     = 0;
+  *count = NULL;
+  if (c->rung->report) PetscCall((*c->rung->report)(c->rung_data, n, count));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -602,8 +468,8 @@ PetscErrorCode CoupleRenewSolver(Couple c)
   PetscFunctionBeginUser;
   PetscCall(FlowSolverDestroy(&c->solver));
   PetscCall(create_solver(c));
-  if (c->fit) PetscCall(SnapDriverAttach(c->fit, c->solver));
-  PetscCall(IndicatorForget(c->mark)); /* the rungs tell the solver of what they draw */
+  PetscCall(MovedSetSolver(c->moved, c->solver));
+  PetscCall(IndicatorForget(c->mark)); /* the solver learns of a rung's terms when it draws */
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -618,8 +484,8 @@ PetscErrorCode CoupleVisitState(void *couple, State state)
   PetscCall(StateReals(state, "du_old", 3 * c->s->n, c->du_old));
   PetscCall(StateInts(state, "growth", c->s->n, c->growth));
   PetscCall(StateReals(state, "force_old", 6 * c->s->n, c->force_old));
-  if (c->fit) PetscCall(SnapDriverVisitState(c->fit, state));
+  if (c->rung->state) PetscCall((*c->rung->state)(c->rung_data, state));
   if (c->follow) PetscCall(AleVisitState(c->follow, state));
-  if ((c->fit || c->follow) && StateIsLoading(state)) PetscCall(CoupleRenewSolver(c));
+  if ((c->rung->state || c->follow) && StateIsLoading(state)) PetscCall(CoupleRenewSolver(c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

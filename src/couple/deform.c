@@ -1,56 +1,18 @@
-/* Deform: see deform.h. Numbers of a cell are computed on own and ghost cells alike, so that own vertices see all their cells. */
+/* Deform: see deform.h. Numbers of a cell are computed on own and ghost cells alike, so that own vertices see all
+   their cells. */
 #include "compat.h"
 #include "couple/deform.h"
-#include "base/grid.h"
-#include "base/algebra.h"
+#include "deform_impl.h"
 #include "indicator.h"
 #include "base/opt.h"
-#include <petscksp.h>
 
-#define MAX_NV  8    /* vertices of a cell */
-#define MAX_NQ  27   /* Gauss points */
 #define SAFE    0.1  /* smallest Jacobian over the mean of its cell */
 #define CORRECT 12   /* further steps at most, until */
 #define GOOD    0.02 /* sizes are so close to the wanted ones */
 #define FOLLOW  4    /* steps at most behind bodies that moved, until */
 #define CLOSE   0.05 /* sizes are so close */
 #define RELAX   2    /* relaxation by the change of sizes that the way of the bodies makes: in proportion to that way, however long the step */
-#define REGULARISE \
-  1e-2 /* of the mass, over the square of the domain: makes the Neumann problem definite; what it does to the displacement the next steps correct */
-#define PASSES 2    /* of smoothing of the displacements on the way */
-#define SMOOTH 0.05 /* of the Laplacian, against potentials that alternate from cell to cell, which move next to nothing */
-
-struct _p_Deform {
-  Mesh             mesh;
-  Bodies           bodies;
-  BodyState       *s;
-  const MeshLocal *l;
-  Grid             near;        /* entries of the list, with their widths around them */
-  PetscInt         nnear, room; /* the list: bodies and their periodic images, where they are drawn */
-  PetscInt        *body;
-  PetscReal (*X)[3];       /* [nnear] */
-  const PetscReal (*q)[4]; /* [bodies] */
-  PetscReal  size, width;
-  PetscInt   steps, dim, nv, nq; /* vertices of a cell, Gauss points */
-  PetscInt   corner[MAX_NV];     /* lattice place of vertex j of a cell */
-  PetscReal  phi[MAX_NQ][MAX_NV], dphi[MAX_NQ][MAX_NV][3], weight[MAX_NQ];
-  PetscBool *vertex;       /* [nnode_all] */
-  PetscInt  *held;         /* [nnode_all] bit mask of components that do not move */
-  PetscReal *carried;      /* [ncell_all] size of the cell at the start */
-  PetscReal *now, *count;  /* [ncell_all] present size; integral of 1/m */
-  PetscReal *slope;        /* [ncell_all][nv][dim] derivative of count/k by the places of the vertices */
-  PetscReal *inverse;      /* [nnode_all] 1/m at vertices */
-  PetscReal *ease;         /* [nnode_all] 1/(rho^2 mass): how willingly a vertex moves */
-  PetscReal *damp;         /* [nnode_all] SMOOTH */
-  PetscReal *v;            /* [nnode_all][dim] displacement */
-  PetscReal *start;        /* [nnode_all][dim] places at the start */
-  PetscReal *relax, share; /* [nnode_all][dim] a share of what smoothing would change in the displacements from there */
-  PetscReal *trial;        /* [nnode_all][dim] places */
-  PetscReal  scale;        /* k */
-  Mat        K;
-  KSP        ksp;
-  Vec        x, b;
-};
+#define PASSES  2    /* of smoothing of the displacements on the way */
 
 /* Displacements of a step: those that the sizes want; these smoothed; the relaxation with what the sizes then want */
 typedef enum {
@@ -91,17 +53,7 @@ static void tabulate(Deform d)
   }
 }
 
-/* Jacobian matrix dx_a/dxi_b of vertices xv with gradients g of the vertex functions */
-static void map_gradient(const struct _p_Deform *d, PetscReal xv[][3], const PetscReal g[][3], PetscReal jac[])
-{
-  for (PetscInt a = 0; a < d->dim; a++)
-    for (PetscInt b = 0; b < d->dim; b++) {
-      jac[a * d->dim + b] = 0;
-      for (PetscInt j = 0; j < d->nv; j++) jac[a * d->dim + b] += xv[j][a] * g[j][b];
-    }
-}
-
-static PetscErrorCode get_vertices(const struct _p_Deform *d, PetscInt c, PetscReal xv[][3])
+PetscErrorCode DeformGetVertices(const struct _p_Deform *d, PetscInt c, PetscReal xv[][3])
 {
   PetscReal xc[MESH_MAX_NB * 3];
 
@@ -112,15 +64,9 @@ static PetscErrorCode get_vertices(const struct _p_Deform *d, PetscInt c, PetscR
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static inline PetscInt vertex_of(const struct _p_Deform *d, PetscInt c, PetscInt j)
-{
-  return d->l->cell_node[c * d->l->nb + d->corner[j]];
-}
-
 /* ---- monitor ---- */
 
-/* Wanted size over k times the size at the start, at x [dim]. A product over the bodies is smooth also where two of them are equally far. */
-static PetscErrorCode evaluate_monitor(const struct _p_Deform *d, const PetscReal x[], PetscReal *m)
+PetscErrorCode DeformEvaluateMonitor(const struct _p_Deform *d, const PetscReal x[], PetscReal *m)
 {
   const PetscReal X[3] = {x[0], x[1], d->dim == 3 ? x[2] : 0};
   PetscReal       rise = 1, h;
@@ -184,7 +130,7 @@ static PetscReal find_least_jacobian(const struct _p_Deform *d, PetscReal xv[][3
   PetscReal       least = PETSC_MAX_REAL, jac[9];
 
   for (PetscInt q = 0; q < d->nq; q++) {
-    map_gradient(d, xv, d->dphi[q], jac);
+    DeformMapGradient(d, xv, d->dphi[q], jac);
     least = PetscMin(least, DenseDeterminant(d->dim, jac));
   }
   for (PetscInt k = 0; k < d->nv; k++) { /* corners: differences along the edges that meet there */
@@ -205,16 +151,16 @@ static PetscErrorCode measure(Deform d)
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     PetscReal xv[MAX_NV][3];
 
-    PetscCall(get_vertices(d, c, xv));
+    PetscCall(DeformGetVertices(d, c, xv));
     d->now[c] = d->count[c] = 0;
     for (PetscInt q = 0; q < d->nq; q++) {
       PetscReal jac[9], x[3] = {0, 0, 0}, weight, m;
 
-      map_gradient(d, xv, d->dphi[q], jac);
+      DeformMapGradient(d, xv, d->dphi[q], jac);
       weight = d->weight[q] * DenseDeterminant(d->dim, jac);
       for (PetscInt j = 0; j < d->nv; j++)
         for (PetscInt a = 0; a < d->dim; a++) x[a] += d->phi[q][j] * xv[j][a];
-      PetscCall(evaluate_monitor(d, x, &m));
+      PetscCall(DeformEvaluateMonitor(d, x, &m));
       d->now[c] += weight;
       d->count[c] += weight / m;
     }
@@ -228,7 +174,8 @@ static PetscErrorCode measure(Deform d)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* After measure: sizes achieved over wanted, and the smallest Jacobian over its cell's mean, with its place. Collective. */
+/* After measure: sizes achieved over wanted, and the smallest Jacobian over its cell's mean, with its place.
+   Collective. */
 static PetscErrorCode judge(Deform d, DeformResult *r, PetscReal where[3])
 {
   const MeshLocal *l      = d->l;
@@ -239,7 +186,7 @@ static PetscErrorCode judge(Deform d, DeformResult *r, PetscReal where[3])
     const PetscReal ratio = d->count[c] / d->scale / d->carried[c];
     PetscReal       xv[MAX_NV][3], least;
 
-    PetscCall(get_vertices(d, c, xv));
+    PetscCall(DeformGetVertices(d, c, xv));
     least  = find_least_jacobian(d, xv, d->now[c]);
     top[0] = PetscMax(top[0], 1 / ratio);
     top[1] = PetscMax(top[1], ratio);
@@ -257,122 +204,6 @@ static PetscErrorCode judge(Deform d, DeformResult *r, PetscReal where[3])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* 1/m at the vertices; mass and 1/m there, for how willingly they move */
-static PetscErrorCode weigh_vertices(Deform d)
-{
-  const MeshLocal *l = d->l;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscArrayzero(d->ease, l->nnode_all));
-  for (PetscInt i = 0; i < l->nnode_all; i++) {
-    PetscReal m;
-
-    if (!d->vertex[i]) continue;
-    PetscCall(evaluate_monitor(d, l->x + i * d->dim, &m));
-    d->inverse[i] = 1 / m;
-  }
-  for (PetscInt c = 0; c < l->ncell_all; c++)
-    for (PetscInt j = 0; j < d->nv; j++) d->ease[vertex_of(d, c, j)] += d->now[c] / d->nv;
-  for (PetscInt i = 0; i < l->nnode_all; i++)
-    if (d->vertex[i]) d->ease[i] = PetscSqr(d->scale / d->inverse[i]) / d->ease[i];
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Derivatives of the cells' integrals by the places of their vertices: int div(phi_j e_a/m), with 1/m interpolated between the vertices, so that what one cell gains its neighbours
-   lose */
-static PetscErrorCode differentiate(Deform d)
-{
-  const PetscInt dim = d->dim;
-
-  PetscFunctionBeginUser;
-  PetscCall(weigh_vertices(d));
-  PetscCall(PetscArrayzero(d->slope, d->l->ncell_all * d->nv * dim));
-  for (PetscInt c = 0; c < d->l->ncell_all; c++) {
-    PetscReal xv[MAX_NV][3], *slope = d->slope + c * d->nv * dim;
-
-    PetscCall(get_vertices(d, c, xv));
-    for (PetscInt q = 0; q < d->nq; q++) {
-      PetscReal jac[9], inv[9], g[MAX_NV][3], f = 0, df[3] = {0, 0, 0}, weight;
-
-      map_gradient(d, xv, d->dphi[q], jac);
-      weight = d->weight[q] * DenseInvertMap(dim, jac, inv) / d->scale;
-      for (PetscInt j = 0; j < d->nv; j++) {
-        const PetscReal fj = d->inverse[vertex_of(d, c, j)];
-
-        f += d->phi[q][j] * fj;
-        for (PetscInt a = 0; a < dim; a++) {
-          g[j][a] = 0;
-          for (PetscInt b = 0; b < dim; b++) g[j][a] += inv[b * dim + a] * d->dphi[q][j][b];
-          df[a] += fj * g[j][a];
-        }
-      }
-      for (PetscInt j = 0; j < d->nv; j++)
-        for (PetscInt a = 0; a < dim; a++) slope[j * dim + a] += weight * (f * g[j][a] + d->phi[q][j] * df[a]);
-    }
-    for (PetscInt i = 0; i < d->nv * dim; i++)
-      if (d->held[vertex_of(d, c, i / dim)] >> i % dim & 1) slope[i] = 0;
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* The derivatives of cell c by the place of node i, one of its vertices */
-static const PetscReal *slope_at(const struct _p_Deform *d, PetscInt c, PetscInt i)
-{
-  PetscInt j = 0;
-
-  while (vertex_of(d, c, j) != i) j++;
-  return d->slope + (c * d->nv + j) * d->dim;
-}
-
-/* Strength of SMOOTH at the vertices of own cells: that of the Laplacian there, in the mean over the cells around */
-static void find_damping(Deform d)
-{
-  const MeshLocal *l = d->l;
-
-  for (PetscInt i = 0; i < l->nnode_all; i++) {
-    const PetscInt first = l->node_cell_ptr[i], last = l->node_cell_ptr[i + 1];
-
-    d->damp[i] = 0;
-    for (PetscInt e = first; e < last && d->vertex[i]; e++) {
-      const PetscReal *s = slope_at(d, l->node_cell[e], i);
-
-      for (PetscInt a = 0; a < d->dim; a++) d->damp[i] += SMOOTH * d->ease[i] * s[a] * s[a] / (last - first);
-    }
-  }
-}
-
-/* Rows of own cells of slope ease slope^T, the Laplacian of a potential in the cells */
-static PetscErrorCode assemble(Deform d)
-{
-  const MeshLocal *l        = d->l;
-  PetscReal        diameter = 0;
-
-  PetscFunctionBeginUser;
-  for (PetscInt a = 0; a < d->dim; a++) diameter = PetscMax(diameter, l->upper[a] - l->lower[a]);
-  find_damping(d);
-  PetscCall(MatZeroEntries(d->K));
-  for (PetscInt c = 0; c < l->ncell; c++) {
-    const PetscInt row = l->cell_global[c];
-
-    PetscCall(MatSetValue(d->K, row, row, REGULARISE / (diameter * diameter) * d->now[c], ADD_VALUES));
-    for (PetscInt j = 0; j < d->nv; j++) {
-      const PetscInt   i = vertex_of(d, c, j), first = l->node_cell_ptr[i], last = l->node_cell_ptr[i + 1];
-      const PetscReal *mine = d->slope + (c * d->nv + j) * d->dim;
-
-      for (PetscInt e = first; e < last; e++) {
-        const PetscReal *other = slope_at(d, l->node_cell[e], i);
-        PetscReal        value = d->damp[i] * ((l->node_cell[e] == c) - 1. / (last - first));
-
-        for (PetscInt a = 0; a < d->dim; a++) value += d->ease[i] * mine[a] * other[a];
-        PetscCall(MatSetValue(d->K, row, l->cell_global[l->node_cell[e]], value, ADD_VALUES));
-      }
-    }
-  }
-  PetscCall(MatAssemblyBegin(d->K, MAT_FINAL_ASSEMBLY));
-  PetscCall(MatAssemblyEnd(d->K, MAT_FINAL_ASSEMBLY));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* Replace the displacements v [nnode_all][dim] of vertices by the means over the cells around of the cells' means */
 static PetscErrorCode smooth_displacement(Deform d, PetscReal v[])
 {
@@ -384,10 +215,10 @@ static PetscErrorCode smooth_displacement(Deform d, PetscReal v[])
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     PetscReal mean[3] = {0, 0, 0};
 
-    for (PetscInt i = 0; i < d->nv * d->dim; i++) mean[i % d->dim] += v[vertex_of(d, c, i / d->dim) * d->dim + i % d->dim] / d->nv;
+    for (PetscInt i = 0; i < d->nv * d->dim; i++) mean[i % d->dim] += v[DeformVertex(d, c, i / d->dim) * d->dim + i % d->dim] / d->nv;
     for (PetscInt j = 0; j < d->nv; j++) {
-      mass[vertex_of(d, c, j)] += d->carried[c];
-      for (PetscInt a = 0; a < d->dim; a++) sum[vertex_of(d, c, j) * d->dim + a] += d->carried[c] * mean[a];
+      mass[DeformVertex(d, c, j)] += d->carried[c];
+      for (PetscInt a = 0; a < d->dim; a++) sum[DeformVertex(d, c, j) * d->dim + a] += d->carried[c] * mean[a];
     }
   }
   for (PetscInt i = 0; i < l->nnode * d->dim; i++)
@@ -409,49 +240,6 @@ static PetscErrorCode find_relaxation(Deform d, PetscReal share)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The potential, in d->x, for sizes as wanted after a displacement by the relaxation too */
-static PetscErrorCode solve_potential(Deform d)
-{
-  const PetscInt     bs = d->nv * d->dim;
-  PetscScalar       *b;
-  KSPConvergedReason reason;
-
-  PetscFunctionBeginUser;
-  PetscCall(differentiate(d));
-  PetscCall(assemble(d));
-  PetscCall(VecGetArrayWrite(d->b, &b));
-  for (PetscInt c = 0; c < d->l->ncell; c++) b[c] = d->carried[c] - d->count[c] / d->scale;
-  for (PetscInt i = 0; i < d->l->ncell * bs; i++) b[i / bs] -= d->slope[i] * d->relax[vertex_of(d, i / bs, i / d->dim % d->nv) * d->dim + i % d->dim];
-  PetscCall(VecRestoreArrayWrite(d->b, &b));
-  PetscCall(KSPSolve(d->ksp, d->b, d->x));
-  PetscCall(KSPGetConvergedReason(d->ksp, &reason));
-  PetscCheck(reason > 0, PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
-             "The potential of -mesh_deform was not found (%s): raise -deform_ksp_max_it, or choose another -deform_pc_type",
-             KSPConvergedReasons[reason]);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* The displacement ease slope^T w and the relaxation, at all local nodes */
-static PetscErrorCode find_displacement(Deform d)
-{
-  const MeshLocal   *l = d->l;
-  const PetscScalar *w;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscArrayzero(d->v, l->nnode_all * d->dim));
-  PetscCall(VecGetArrayRead(d->x, &w));
-  for (PetscInt i = 0; i < l->ncell * d->nv * d->dim; i++) {
-    const PetscInt c = i / (d->nv * d->dim);
-
-    d->v[vertex_of(d, c, i / d->dim % d->nv) * d->dim + i % d->dim] += d->slope[i] * PetscRealPart(w[c]);
-  }
-  PetscCall(VecRestoreArrayRead(d->x, &w));
-  PetscCall(MeshSumNodes(d->mesh, d->dim, d->v));
-  for (PetscInt i = 0; i < l->nnode * d->dim; i++) d->v[i] = d->vertex[i / d->dim] ? d->ease[i / d->dim] * d->v[i] + d->relax[i] : 0;
-  PetscCall(MeshSyncNodes(d->mesh, d->dim, d->v));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* Put every node between the vertices of its cell, with the vertices at `from` + t v */
 static PetscErrorCode move_nodes(Deform d, const PetscReal from[], PetscReal t)
 {
@@ -466,7 +254,7 @@ static PetscErrorCode move_nodes(Deform d, const PetscReal from[], PetscReal t)
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     PetscReal xv[MAX_NV][3];
 
-    PetscCall(get_vertices(d, c, xv));
+    PetscCall(DeformGetVertices(d, c, xv));
     for (PetscInt i = 0; i < l->nb; i++) {
       const PetscInt at[3] = {i % 3, i / 3 % 3, i / 9};
       PetscReal      x[3] = {0, 0, 0}, *y = d->trial + l->cell_node[c * l->nb + i] * d->dim;
@@ -487,7 +275,8 @@ static PetscErrorCode move_nodes(Deform d, const PetscReal from[], PetscReal t)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* A part of the way from the present to the wanted sizes; shorter if cells would become too slender. *taken: what it was. */
+/* A part of the way from the present to the wanted sizes; shorter if cells would become too slender. *taken: what it
+   was. */
 static PetscErrorCode take_step(Deform d, Kind kind, PetscReal part, PetscReal *taken, DeformResult *r)
 {
   const PetscInt size = d->l->nnode_all * d->dim;
@@ -496,8 +285,8 @@ static PetscErrorCode take_step(Deform d, Kind kind, PetscReal part, PetscReal *
   PetscFunctionBeginUser;
   if (kind == RELAXED) PetscCall(find_relaxation(d, d->share));
   else PetscCall(PetscArrayzero(d->relax, size));
-  PetscCall(solve_potential(d));
-  PetscCall(find_displacement(d));
+  PetscCall(DeformSolvePotential(d));
+  PetscCall(DeformFindDisplacement(d));
   for (PetscInt i = 0; i < PASSES && kind == SMOOTHED; i++) PetscCall(smooth_displacement(d, d->v));
   PetscCall(PetscMalloc1(size, &from));
   PetscCall(PetscArraycpy(from, d->l->x, size));
@@ -518,7 +307,8 @@ static PetscErrorCode take_step(Deform d, Kind kind, PetscReal part, PetscReal *
 
 /* ---- preparation ---- */
 
-/* Nodes on a face of the box stay on it; every named boundary must be part of one. Sizes of the cells, which must have straight sides. */
+/* Nodes on a face of the box stay on it; every named boundary must be part of one. Sizes of the cells, which must
+   have straight sides. */
 static PetscErrorCode hold_boundaries(Deform d)
 {
   const MeshLocal *l = d->l;
@@ -555,13 +345,13 @@ static PetscErrorCode measure_start(Deform d)
   for (PetscInt c = 0; c < d->l->ncell_all; c++) {
     PetscReal xv[MAX_NV][3];
 
-    PetscCall(get_vertices(d, c, xv));
+    PetscCall(DeformGetVertices(d, c, xv));
     d->carried[c] = 0;
-    for (PetscInt j = 0; j < d->nv; j++) d->vertex[vertex_of(d, c, j)] = PETSC_TRUE;
+    for (PetscInt j = 0; j < d->nv; j++) d->vertex[DeformVertex(d, c, j)] = PETSC_TRUE;
     for (PetscInt q = 0; q < d->nq; q++) {
       PetscReal jac[9];
 
-      map_gradient(d, xv, d->dphi[q], jac);
+      DeformMapGradient(d, xv, d->dphi[q], jac);
       d->carried[c] += d->weight[q] * DenseDeterminant(d->dim, jac);
     }
   }

@@ -1,4 +1,5 @@
-/* Fitted: see fitted.h. The mesh does not move, so the cells at the boundary are listed once; the work of a step is proportional to their number. */
+/* Fitted: see fitted.h. The mesh does not move, so the cells at the boundary are listed once; the work of a step is
+   proportional to their number. */
 #include "compat.h"
 #include "fitted.h"
 #include "base/algebra.h"
@@ -144,7 +145,8 @@ static void add_moment(const PetscReal r[3], const PetscReal f[3], PetscReal tor
   for (PetscInt d = 0; d < 3; d++) torque[d] += r[(d + 1) % 3] * f[(d + 2) % 3] - r[(d + 2) % 3] * f[(d + 1) % 3];
 }
 
-/* Angular velocity of the rigid motion nearest to the values v on the own nodes: J w = sum of r x v, with r from the nodes' mean */
+/* Angular velocity of the rigid motion nearest to the values v on the own nodes: J w = sum of r x v, with r from the
+   nodes' mean */
 static PetscErrorCode fit_rotation(Fitted h, const Surface *s, const PetscReal v[], PetscReal w[3])
 {
   const MeshLocal *l       = h->loc;

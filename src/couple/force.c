@@ -1,4 +1,5 @@
-/* Couple, forces: what the flow exerts on the bodies in both forms, and the balance of momentum; see couple.h for the definitions. */
+/* Couple, forces: what the flow exerts on the bodies in both forms, and the balance of momentum; see couple.h for
+   the definitions. */
 #include "compat.h"
 #include "impl.h"
 #include "base/log.h"
@@ -55,7 +56,7 @@ static PetscErrorCode sum_residuals(Couple c, PetscReal out[])
         for (PetscInt a = 0; a < dim; a++) out[k * nr + s] -= R[a * nr + s] * r[j * dim + a];
     }
   }
-  if (c->rung.add_force) PetscCall((*c->rung.add_force)(c, out));
+  if (c->terms) PetscCall(PenaltyTermAddForce(c->terms, c->constraint, c->u, c->U, out));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, out, (PetscMPIInt)(c->s->n * nr), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -85,7 +86,8 @@ static PetscErrorCode add_volume_force(Couple c, PetscInt only, const FlowParame
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The volume integral -int (sigma . grad alpha_k - alpha_k f) of all bodies (only = -1) or of one, with f on dead insides: force and torque [n][3] */
+/* The volume integral -int (sigma . grad alpha_k - alpha_k f) of all bodies (only = -1) or of one, with f on dead
+   insides: force and torque [n][3] */
 static PetscErrorCode integrate_stress(Couple c, PetscInt only, PetscReal (*force)[3], PetscReal (*torque)[3])
 {
   const MeshLocal      *l = c->loc;
@@ -128,7 +130,8 @@ static PetscErrorCode integrate_stress(Couple c, PetscInt only, PetscReal (*forc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Residual-form force of body k on its rigid slots (torque about its reference point): own equation where the velocity was unknown, nodal residual plus inertia of the fluid inside otherwise */
+/* Residual-form force of body k on its rigid slots (torque about its reference point): own equation where the
+   velocity was unknown, nodal residual plus inertia of the fluid inside otherwise */
 static PetscErrorCode residual_force(Couple c, PetscInt k, PetscReal out[])
 {
   const FlowStep       *step;
@@ -245,8 +248,9 @@ PetscErrorCode CoupleListPrescribedCells(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* What prescribed components supply: sums of the momentum residual over walls and over openings (holes are bodies and left out), and *size, the sum of the sizes, by which
-   errors are measured (in a closed box the forces of the walls cancel) */
+/* What prescribed components supply: sums of the momentum residual over walls and over openings (holes are bodies
+   and left out), and *size, the sum of the sizes, by which errors are measured (in a closed box the forces of the
+   walls cancel) */
 static PetscErrorCode sum_prescribed(Couple c, PetscReal walls[3], PetscReal openings[3], PetscReal *size)
 {
   const MeshLocal *l = c->loc;
@@ -270,7 +274,7 @@ static PetscErrorCode sum_prescribed(Couple c, PetscReal walls[3], PetscReal ope
       }
     }
   }
-  if (c->penalty) PetscCall(PenaltyAddPrescribed(c->penalty, fixed, c->u, c->U, sum));
+  if (c->rung->force) PetscCall((*c->rung->force)(c, c->rung_data, fixed, sum));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 7, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   PetscCall(PetscArraycpy(walls, sum, 3));
   PetscCall(PetscArraycpy(openings, sum + 3, 3));
@@ -353,15 +357,5 @@ PetscErrorCode CoupleMomentum(Couple c, const PetscReal rate[3], CoupleBalance *
     b->openings[a] -= flux;
   }
   b->error = size > 0 ? diff / size : 0;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode CoupleMomentumError(Couple c, const PetscReal rate[3], PetscReal *error)
-{
-  CoupleBalance b;
-
-  PetscFunctionBeginUser;
-  PetscCall(CoupleMomentum(c, rate, &b));
-  *error = b.error;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

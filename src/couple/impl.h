@@ -1,42 +1,33 @@
-/* Inside of the couple module; for its files only. couple.c: bodies drawn, one system for flow and bodies, bodies moved. force.c: what the flow exerts on bodies, and the balance of
-   momentum. Only couple.c changes the struct. */
+/* Inside of the couple module; for its files only. couple.c: bodies drawn, one system for flow and bodies, bodies
+   moved. explicit.c: bodies moved after the flow. force.c: what the flow exerts on bodies, and the balance of
+   momentum. A rung sees all and changes hollow and mark. */
 #pragma once
 #include "couple/couple.h"
-#include "snap/driver.h"
 #include "ale.h"
 #include "fitted.h"
 #include "indicator.h"
-#include "penalty.h"
-
-/* A boundary rung: how the flow sees the surface of a body. Operations may be NULL. */
-typedef struct {
-  const char *name;
-  PetscBool   dead;                    /* cells inside are no part of the fluid; otherwise fictitious fluid fills them */
-  PetscErrorCode (*draw)(Couple);      /* bodies are at c->X, c->q: claim the nodes that move rigidly in c->mark, prepare the rung's own terms */
-  PetscErrorCode (*add_rigid)(Couple); /* add to the rigid rows c->D, c->g */
-  PetscErrorCode (*add_force)(Couple, PetscReal out[]); /* add to [n][nr] what the rung's own terms exert on the bodies */
-} Rung;
+#include "moved.h"
+#include "rung.h"
 
 struct _p_Couple {
-  Flow             flow;
-  Bodies           bodies;
-  BodyState       *s;
-  Mesh             mesh;
-  const MeshLocal *loc;
-  Constraint       constraint;
-  FlowSolver       solver;
-  Fitted           hole;                     /* bodies that are holes of the mesh: nothing is marked, forces are read at the boundary */
-  PetscInt         nprescribed, *prescribed; /* own cells with nodes of prescribed velocity */
-  PetscInt         implicit, use_volume, nr;
-  Rung             rung;
-  SnapDriver       fit;      /* rung snap */
-  PetscBool        remarked; /* that a body goes too far in a step */
-  Ale              follow;   /* -mesh_deform with bodies that move */
-  CoupleSnapCount  snap;
-  const PetscBool *fitted, *hollow;    /* [n] the mesh lines up with the body; its inside is no part of the fluid; NULL: none */
-  Indicator        mark;               /* nodes that move rigidly */
+  Flow               flow;
+  Bodies             bodies;
+  BodyState         *s;
+  Mesh               mesh;
+  const MeshLocal   *loc;
+  Constraint         constraint;
+  FlowSolver         solver;
+  Fitted             hole;                     /* bodies that are holes of the mesh: nothing is marked, forces are read at the boundary */
+  PetscInt           nprescribed, *prescribed; /* own cells with nodes of prescribed velocity */
+  PetscInt           implicit, use_volume, nr;
+  const Rung        *rung;
+  void              *rung_data; /* what its create made */
+  const PenaltyTerm *terms;     /* its terms in this step; NULL: none */
+  Moved              moved;
+  Ale                follow;           /* -mesh_deform with bodies that move */
+  const PetscBool   *hollow;           /* [n] the inside of the body is no part of the fluid; NULL: none */
+  Indicator          mark;             /* nodes that move rigidly */
   PetscReal (*X)[3], (*q)[4], (*P)[3]; /* where the bodies are drawn: centre, orientation, reference point (of the rigid velocities) */
-  Penalty    penalty;                  /* NULL unless the rung needs it */
   PetscInt  *unknown;
   PetscReal *U, *U_old, *U_older; /* [n][nr]: rigid velocities that the flow sees in this step and saw in the two before */
   PetscReal *D, *g;               /* [n][nr][nr] inertia, [n][nr] right-hand side of the rigid rows */
@@ -68,11 +59,15 @@ static inline PetscReal CoupleInnerDensity(Couple c, PetscInt k, const FlowParam
   return c->hollow && c->hollow[k] ? 0 : par->density;
 }
 
-/* In gradient form a rotating wall seems to feel 2 mu w Vol more than the true torque, which the gradient form inside would take away again; where the inside is no part of the
-   fluid, this coefficient of w does (plane bodies; design section 2) */
+/* Velocities and positions of the bodies at the end of the step, from the forces. Collective. Error: they oscillate
+   with growing velocity. */
+PetscErrorCode CoupleAdvanceExplicitly(Couple);
+/* In gradient form a rotating wall seems to feel 2 mu w Vol more than the true torque, which the gradient form
+   inside would take away again; where the inside is no part of the fluid, this coefficient of w does (plane bodies;
+   design section 2) */
 PetscErrorCode CoupleSpinStress(Couple, PetscInt k, const FlowParameters *, PetscReal *coefficient);
-/* -flow_force on the fluid that body k displaces, on its rigid slots: it stands for a pressure gradient, which acts on bodies too. Fluid inside receives it; where there is none, the
-   body does. */
+/* -flow_force on the fluid that body k displaces, on its rigid slots: it stands for a pressure gradient, which acts
+   on bodies too. Fluid inside receives it; where there is none, the body does. */
 PetscErrorCode CoupleDeadForce(Couple, PetscInt k, const FlowParameters *, PetscReal out[]);
 /* Own cells with prescribed nodes; these do not change */
 PetscErrorCode CoupleListPrescribedCells(Couple);

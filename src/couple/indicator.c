@@ -1,7 +1,6 @@
 /* Indicator: see indicator.h. */
 #include "compat.h"
 #include "indicator.h"
-#include "base/opt.h"
 
 #define CHUNK 256
 
@@ -12,22 +11,8 @@ struct _p_Indicator {
   const MeshLocal *loc;
   PetscInt        *node_body, *node, nnode;  /* the claimed nodes */
   PetscInt        *cell, ncell, *stamp, now; /* stamp: number of the step that listed a cell */
-  PetscInt         brute, *all;              /* all: every node, for -couple_search brute */
   PetscReal       *seen, key; /* [nbodies][8]: place, orientation, gone, for which the marks stand; key, NaN when they stand for nothing */
 };
-
-static PetscErrorCode read_search(Indicator m)
-{
-  static const char *const SEARCHES[] = {"cells", "brute", NULL};
-
-  PetscFunctionBeginUser;
-  if (!m->s->n) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(OptChoice("-couple_search", SEARCHES, &m->brute));
-  if (!m->brute) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscMalloc1(m->loc->nnode_all, &m->all));
-  for (PetscInt i = 0; i < m->loc->nnode_all; i++) m->all[i] = i;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
 
 PetscErrorCode IndicatorCreate(Mesh mesh, Bodies bodies, Indicator *mark)
 {
@@ -42,7 +27,6 @@ PetscErrorCode IndicatorCreate(Mesh mesh, Bodies bodies, Indicator *mark)
   PetscCall(PetscMalloc4(m->loc->nnode_all, &m->node_body, m->loc->nnode_all, &m->node, m->loc->ncell, &m->cell, m->loc->ncell, &m->stamp));
   for (PetscInt i = 0; i < m->loc->nnode_all; i++) m->node_body[i] = -1;
   PetscCall(PetscArrayzero(m->stamp, m->loc->ncell));
-  PetscCall(read_search(m));
   PetscCall(PetscCalloc1(8 * m->s->n, &m->seen));
   PetscCall(IndicatorForget(m));
   *mark = m;
@@ -53,7 +37,6 @@ PetscErrorCode IndicatorDestroy(Indicator *mark)
 {
   PetscFunctionBeginUser;
   if (!*mark) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscFree((*mark)->all));
   PetscCall(PetscFree4((*mark)->node_body, (*mark)->node, (*mark)->cell, (*mark)->stamp));
   PetscCall(PetscFree((*mark)->seen));
   PetscCall(PetscFree(*mark));
@@ -125,10 +108,7 @@ static PetscErrorCode claim_inside(Indicator m, PetscInt k, const PetscReal X[3]
     lo[a] = X[a] - radius * (1 + 1e-12);
     hi[a] = X[a] + radius * (1 + 1e-12);
   }
-  if (m->brute) {
-    n    = m->loc->nnode_all;
-    list = m->all;
-  } else PetscCall(MeshNodesInBox(m->mesh, lo, hi, &n, &list));
+  PetscCall(MeshNodesInBox(m->mesh, lo, hi, &n, &list));
   for (PetscInt begin = 0; begin < n; begin += CHUNK) {
     const PetscInt size = PetscMin(CHUNK, n - begin);
 

@@ -1,24 +1,27 @@
 /* Indicator: which nodes lie in which body, and which cells they belong to.
 
-   A step begins with IndicatorClear; then nodes are claimed, all at once by the sign of the distance (IndicatorInside) or one by one (IndicatorClaim); IndicatorFinish lists the cells around them.
-   A node that two bodies claim stays with the first. Bodies near a periodic boundary are seen from all sides. The cost follows what the bodies touch. */
+   A step begins with IndicatorClear; then nodes are claimed, all at once by the sign of the distance
+   (IndicatorInside) or one by one (IndicatorClaim); IndicatorFinish lists the cells around them. A node that two
+   bodies claim stays with the first. Bodies near a periodic boundary are seen from all sides. The cost follows what
+   the bodies touch. */
 #pragma once
 #include "bodies/bodies.h"
 #include "mesh/mesh.h"
 
 typedef struct _p_Indicator *Indicator;
 
-/* Reads -couple_search cells|brute: nodes inside a body are looked for near it, or, for comparison, among all. */
 PetscErrorCode IndicatorCreate(Mesh, Bodies, Indicator *);
 PetscErrorCode IndicatorDestroy(Indicator *);
 
-/* Do the marks stand for bodies at X [n][3] with orientation q [n][4], none gone since, and for this key (anything else that they depend on)? From then on they are taken to:
-   a caller who gets `false` draws. Without bodies: true. Not collective, but the same on every rank. */
+/* Do the marks stand for bodies at X [n][3] with orientation q [n][4], none gone since, and for this key (anything
+   else that they depend on)? From then on they are taken to: a caller who gets `false` draws. Without bodies: true.
+   Not collective, but the same on every rank. */
 PetscErrorCode IndicatorIsCurrent(Indicator, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal key, PetscBool *current);
 /* The next IndicatorIsCurrent() says no. */
 PetscErrorCode IndicatorForget(Indicator);
 PetscErrorCode IndicatorClear(Indicator);
-/* Claim every local node (own or ghost) inside a body that is no hole of the mesh, bodies drawn at X, q. Not collective. */
+/* Claim every local node (own or ghost) inside a body that is no hole of the mesh, bodies drawn at X, q. Not
+   collective. */
 PetscErrorCode IndicatorInside(Indicator, PetscReal (*X)[3], PetscReal (*q)[4]);
 /* The same for body k alone. */
 PetscErrorCode IndicatorInsideBody(Indicator, PetscInt k, const PetscReal X[3], const PetscReal q[4]);
@@ -26,12 +29,15 @@ PetscErrorCode IndicatorClaim(Indicator, PetscInt node, PetscInt body);
 /* List the cells of this node as well, without claiming it. */
 PetscErrorCode IndicatorTouch(Indicator, PetscInt node);
 PetscErrorCode IndicatorFinish(Indicator);
-/* Error when a body that is in the domain and no hole of the mesh has claimed no node on any rank: thinner than the nodes' spacing, or outside of the mesh. Collective. */
+/* Error when a body that is in the domain and no hole of the mesh has claimed no node on any rank: thinner than the
+   nodes' spacing, or outside of the mesh. Collective. */
 PetscErrorCode IndicatorCheckSeen(Indicator);
 
-/* node_body [nnode_all] body of a node or -1; the n claimed nodes; own cells with a claimed or touched node. Borrowed; any may be NULL. */
+/* node_body [nnode_all] body of a node or -1; the n claimed nodes; own cells with a claimed or touched node.
+   Borrowed; any may be NULL. */
 PetscErrorCode IndicatorGetNodes(Indicator, const PetscInt *node_body[], PetscInt *n, const PetscInt *node[]);
 PetscErrorCode IndicatorGetCells(Indicator, PetscInt *n, const PetscInt *cell[]);
 
-/* Periodic images of a body: place number image (0 .. 3^dim - 1) of centre X; does a body of this radius drawn there reach the domain? */
+/* Periodic images of a body: place number image (0 .. 3^dim - 1) of centre X; does a body of this radius drawn there
+   reach the domain? */
 PetscBool IndicatorImage(const MeshLocal *, const PetscReal X[3], PetscReal radius, PetscInt image, PetscReal Xi[3]);

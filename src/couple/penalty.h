@@ -1,16 +1,19 @@
 /* Penalty: boundary rung `penalty`.
 
-   The velocity in the body's part of a cell is held at the rigid velocity by a force per volume sigma (u - U - w x r), sigma = a mu/h^2 + b rho_f c_t with the size h of the cell.
-   With a = 200, b = 12 the thin layer in which the flow adapts compensates the missing wall within the cell, so that the body keeps its true radius (study
-   runs/studies/boundary). The body's part of a cell is integrated with n x n (x n) sub-cells and an indicator that falls linearly from 1 to 0 over the width of a sub-cell
-   about the surface. Nodes all of whose cells lie inside the body move rigidly (strong nodes), which keeps light bodies and the operator well conditioned.
-   Angot, Bruneau, Fabrie 1999 (volume penalisation); Glowinski, Pan, Hesla, Joseph 1999 (fictitious fluid inside).
+   The velocity in the body's part of a cell is held at the rigid velocity by a force per volume sigma (u - U - w x
+   r), sigma = a mu/h^2 + b rho_f c_t with the size h of the cell. With a = 200, b = 12 the thin layer in which the
+   flow adapts compensates the missing wall within the cell, so that the body keeps its true radius (study
+   runs/studies/boundary). Parts of cells: parts.h. Nodes all of whose cells lie inside the body move rigidly (strong
+   nodes), which keeps light bodies and the operator well conditioned. Angot, Bruneau, Fabrie 1999 (volume
+   penalisation); Glowinski, Pan, Hesla, Joseph 1999 (fictitious fluid inside).
 
-   Options: -couple_penalty_viscous a, -couple_penalty_inertial b, -couple_penalty_samples n (10; 20 where all bodies stand still, for which the cells are sampled once). */
+   Options: -couple_penalty_viscous a, -couple_penalty_inertial b, -couple_penalty_samples n (10; 20 where all bodies
+   stand still, for which the cells are sampled once). */
 #pragma once
 #include "bodies/bodies.h"
 #include "flow/flow.h"
 #include "indicator.h"
+#include "parts.h"
 #include "solve/penaltyterm.h"
 
 typedef struct _p_Penalty *Penalty;
@@ -19,18 +22,17 @@ PetscErrorCode PenaltyCreate(Flow, Bodies, Penalty *);
 PetscErrorCode PenaltyDestroy(Penalty *);
 PetscErrorCode PenaltyView(Penalty, PetscViewer);
 
-/* All cells have changed (MeshRebase). Local. */
-PetscErrorCode PenaltyMeasureCells(Penalty);
-
-/* Bodies drawn at X, q in the step that FlowBeginStep began, rigid velocities about the points P: claims the strong nodes, computes the penalty and hands its scalar part to the flow.
-   Bodies k with omit[k] (NULL: none) are no concern of the penalty. Collective. */
+/* Bodies drawn at X, q in the step that FlowBeginStep began, rigid velocities about the points P: claims the strong
+   nodes, computes the penalty and hands its scalar part to the flow. Bodies k with omit[k] (NULL: none) are no
+   concern of the penalty. Collective. */
 PetscErrorCode PenaltyDraw(Penalty, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*P)[3], const PetscBool omit[], Indicator);
 /* The rest of the penalty of the last PenaltyDraw. Borrowed. */
 PetscErrorCode PenaltyGetSoft(Penalty, const PenaltyTerm **);
 
-/* What the penalty exerts on the flow at prescribed components (fixed: bit mask [nnode_all]), where a body reaches a wall: out [3] += sum of Pen u - G U over them, to be summed
-   over ranks. u [nnode_all][dim], U [nbodies][nr] all rigid velocities. Local. */
+/* What the penalty exerts on the flow at prescribed components (fixed: bit mask [nnode_all]), where a body reaches a
+   wall: out [3] += sum of Pen u - G U over them, to be summed over ranks. u [nnode_all][dim], U [nbodies][nr] all
+   rigid velocities. Local. */
 PetscErrorCode PenaltyAddPrescribed(Penalty, const PetscInt fixed[], const PetscReal u[], const PetscReal U[], PetscReal out[3]);
 
-/* Pairs of own cell and body whose penalty acts or that lie inside: volume [n] of the body's part of the cell. Borrowed. */
-PetscErrorCode PenaltyGetParts(Penalty, PetscInt *n, const PetscInt *cell[], const PetscInt *body[], const PetscReal *volume[]);
+/* The parts of cells in bodies. Borrowed. */
+PetscErrorCode PenaltyGetParts(Penalty, Parts *);

@@ -19,7 +19,6 @@ enum {
 static const char *const COEFFICIENTS[NCOEFFICIENTS] = {"cd", "cl", "cd_residual", "cl_residual", "cd_volume", "cl_volume"};
 static const char *const PARTS[]                     = {"fluid", "bodies", "walls", "openings", "volume"};
 static const char *const DEFORM[]                    = {"deform_area_min", "deform_area_max", "deform_jacobian"};
-static const char *const SNAP[]                      = {"snap_fallback", "snap_narrow", "snap_taylor", "snap_kept"};
 
 typedef struct {
   PetscInt  body, column; /* first of its columns */
@@ -42,10 +41,11 @@ struct _p_Diagnostics {
   const MeshLocal    *loc;
   PetscInt            ncoefficient;
   Coefficient        *coefficient;
-  PetscBool           dp, momentum, snap;
+  PetscBool           dp, momentum;
   Point               point[2];
   PetscReal           from;
-  PetscInt            dp_column, momentum_column, snap_column, deform_column, ncolumn;
+  PetscInt            dp_column, momentum_column, count_column, deform_column, ncolumn, ncount;
+  const CoupleCount  *count;  /* [ncount] of the boundary rung */
   const DeformResult *deform; /* NULL: the mesh does not follow bodies */
   PetscReal          *value;  /* [ncolumn] of this step */
   History             history;
@@ -208,12 +208,9 @@ static PetscErrorCode read_momentum(Diagnostics b)
 
 static PetscErrorCode add_mesh_columns(Diagnostics b)
 {
-  CoupleSnapCount count;
-
   PetscFunctionBeginUser;
-  PetscCall(CoupleGetSnapCount(b->couple, &count));
-  b->snap = count.present;
-  for (PetscInt i = 0; i < 4 && b->snap; i++) PetscCall(add_column(b, SNAP[i], i ? NULL : &b->snap_column));
+  PetscCall(CoupleGetCounts(b->couple, &b->ncount, &b->count));
+  for (PetscInt i = 0; i < b->ncount; i++) PetscCall(add_column(b, b->count[i].name, i ? NULL : &b->count_column));
   PetscCall(CoupleGetDeform(b->couple, &b->deform));
   for (PetscInt i = 0; i < 3 && b->deform; i++) PetscCall(add_column(b, DEFORM[i], i ? NULL : &b->deform_column));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -310,15 +307,7 @@ PetscErrorCode DiagnosticsStep(Diagnostics b, const CoupleBalance *balance)
 
     for (PetscInt i = 0; i < 5 * b->loc->dim; i++) b->value[b->momentum_column + i] = part[i / b->loc->dim][i % b->loc->dim];
   }
-  if (b->snap) {
-    CoupleSnapCount count;
-
-    PetscCall(CoupleGetSnapCount(b->couple, &count));
-    b->value[b->snap_column]     = (PetscReal)count.fallback;
-    b->value[b->snap_column + 1] = (PetscReal)count.narrow;
-    b->value[b->snap_column + 2] = (PetscReal)count.taylor;
-    b->value[b->snap_column + 3] = (PetscReal)count.kept;
-  }
+  for (PetscInt i = 0; i < b->ncount; i++) b->value[b->count_column + i] = (PetscReal)b->count[i].value;
   for (PetscInt i = 0; b->deform && i < 3; i++) b->value[b->deform_column + i] = i < 2 ? b->deform->area[i] : b->deform->jacobian;
   for (PetscInt i = 0; i < b->ncolumn; i++) PetscCall(MonitorSetColumn(b->monitor, i, b->value[i]));
   if (b->ncolumn) PetscCall(HistoryAdd(b->history, step->time - (1 - step->theta) * step->dt, b->value));

@@ -12,6 +12,7 @@ typedef struct {
   Bodies           phantom, none;
   Deform           deform;
   Ale              follow;
+  Moved            moved;
   Couple           couple;
   const MeshLocal *l;
   PetscReal        time, speed[2];
@@ -58,6 +59,7 @@ static PetscErrorCode taylor_green(void *ctx, PetscReal t, const PetscReal x[], 
 
 static PetscErrorCode open_case(Case *c, const char options[], Exact exact, void *ctx)
 {
+  FlowSolver solver;
   PetscReal *u;
 
   PetscFunctionBeginUser;
@@ -77,7 +79,10 @@ static PetscErrorCode open_case(Case *c, const char options[], Exact exact, void
   if (ctx) PetscCall(FlowSetSource(c->flow, linear_force, ctx));
   if (ctx) PetscCall(ConditionsSetField(FlowConditions(c->flow), exact, ctx));
   PetscCall(CoupleCreate(c->flow, c->none, &c->couple));
-  PetscCall(AleCreate(c->flow, c->phantom, c->deform, &c->follow));
+  PetscCall(CoupleGetSolver(c->couple, &solver));
+  PetscCall(MovedCreate(c->flow, NULL, NULL, &c->moved));
+  PetscCall(MovedSetSolver(c->moved, solver));
+  PetscCall(AleCreate(c->moved, c->flow, c->phantom, c->deform, &c->follow));
   PetscCall(FlowGetFields(c->flow, &u, NULL, NULL));
   for (PetscInt i = 0; i < c->l->nnode_all; i++) PetscCall(exact(ctx, 0, c->l->x + 2 * i, u + 2 * i));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -86,6 +91,7 @@ static PetscErrorCode open_case(Case *c, const char options[], Exact exact, void
 static void close_case(Case *c)
 {
   OK(AleDestroy(&c->follow));
+  OK(MovedDestroy(&c->moved));
   OK(CoupleDestroy(&c->couple));
   OK(FlowDestroy(&c->flow));
   OK(BodiesDestroy(&c->none));
@@ -97,7 +103,6 @@ static void close_case(Case *c)
 static PetscErrorCode take_step(Case *c, PetscReal dt)
 {
   PetscInt           its;
-  FlowSolver         solver;
   BodyArrays        *s;
   KSPConvergedReason reason;
   PetscReal          X[1][3];
@@ -108,9 +113,8 @@ static PetscErrorCode take_step(Case *c, PetscReal dt)
   for (PetscInt a = 0; a < 3; a++) X[0][a] = s->x[0][a] + (a < 2 ? c->time * c->speed[a] : 0);
   for (PetscInt a = 0; a < 2; a++)
     if (c->l->period[a] > 0) X[0][a] -= PetscFloorReal(X[0][a] / c->l->period[a]) * c->l->period[a];
-  PetscCall(CoupleGetSolver(c->couple, &solver));
   PetscCall(FlowBeginStep(c->flow, c->time, dt));
-  PetscCall(AleUpdate(c->follow, solver, X, s->q));
+  PetscCall(AleUpdate(c->follow, X, s->q));
   PetscCall(CoupleDraw(c->couple));
   PetscCall(CoupleSolve(c->couple, &its, &reason));
   PetscCheck(reason > 0, PETSC_COMM_SELF, PETSC_ERR_PLIB, "no solution");

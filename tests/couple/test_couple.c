@@ -3,6 +3,7 @@
 #include "core.h"
 #include "bodies/write.h"
 #include "couple/couple.h"
+#include "indicator.h"
 #include "raised.h"
 
 typedef struct {
@@ -70,12 +71,12 @@ static PetscReal momentum_error(Case *c)
 {
   const PetscReal *u, *p;
   FlowDiagnostics  d;
-  PetscReal        error;
+  CoupleBalance    b;
 
   OK(CoupleGetSolution(c->couple, &u, &p));
   OK(FlowDiagnose(c->flow, u, &d));
-  OK(CoupleMomentumError(c->couple, d.momentum_rate, &error));
-  return error;
+  OK(CoupleMomentum(c->couple, d.momentum_rate, &b));
+  return b.error;
 }
 
 /* Force on body k from the assembled system: -R^T (S u - B^T p - r) over the nodes inside, plus the inertia of the fictitious fluid, rho_f Vol (c_t U - d(U)), which the
@@ -714,9 +715,43 @@ static void test_light_body(void **state)
   close_case(&c);
 }
 
+/* Bodies and their images claim the nodes that a look at all nodes finds inside of them, and no others */
+static void test_marks(void **state)
+{
+  Case            c;
+  Indicator       mark;
+  const PetscInt *body;
+  PetscInt        claimed = 0;
+
+  (void)state;
+  open_case(&c,
+            "-mesh_cells 24,24 -mesh_periodic x,y -particle_groups a,b -particle_a_shape circle -particle_a_radius 0.06 -particle_a_free none -particle_a_place random -particle_a_count 12 "
+            "-particle_b_shape ellipse -particle_b_a 0.2 -particle_b_b 0.1 -particle_b_free none -particle_b_position 0.02,0.93 -particle_b_angle 20");
+  OK(IndicatorCreate(c.mesh, c.bodies, &mark));
+  OK(IndicatorInside(mark, c.s->x, c.s->q));
+  OK(IndicatorGetNodes(mark, &body, NULL, NULL));
+  for (PetscInt i = 0; i < c.l->nnode_all; i++) {
+    PetscInt inside = -1;
+
+    for (PetscInt e = 0; e < 9 * c.s->n && inside < 0; e++) {
+      const PetscReal at[3] = {c.s->x[e / 9][0] + e % 3 - 1, c.s->x[e / 9][1] + e / 3 % 3 - 1, 0};
+      PetscReal       d;
+
+      OK(BodiesDistance(c.bodies, e / 9, at, c.s->q[e / 9], 1, c.l->x + 2 * i, &d));
+      if (d <= 0) inside = e / 9;
+    }
+    assert_int_equal(body[i], inside);
+    claimed += inside >= 0;
+  }
+  assert_true(total(claimed) > 300);
+  OK(IndicatorDestroy(&mark));
+  close_case(&c);
+}
+
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_bound_of_a_solve),
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_marks),
+                                     cmocka_unit_test(test_bound_of_a_solve),
                                      cmocka_unit_test(test_force_of_a_fixed_body),
                                      cmocka_unit_test(test_spurious_pressure),
                                      cmocka_unit_test(test_forms_agree),

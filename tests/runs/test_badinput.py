@@ -239,5 +239,5 @@ def test_body_that_the_mesh_does_not_see(run, scene, ranks):
 
 @TWO
 def test_mesh_that_cannot_follow(run, scene, ranks):
-    refused(run([scene(), "-mesh_deform", "-couple_boundary", "snap"], ranks), "snap moves the nodes around bodies itself", "use -couple_boundary penalty or nodal")
+    refused(run([scene(), "-mesh_deform", "-couple_boundary", "snap"], ranks), "snap moves the nodes around bodies itself", "use -couple_boundary nodal or penalty")
     refused(run([scene(), "-mesh_deform", "-flow_time", "cn"], ranks), "carries its velocity in the convection", "use -flow_time bdf2")

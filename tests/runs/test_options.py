@@ -17,7 +17,7 @@ OTHER_MODES = {
     "-mesh_deform_size 2": "-mesh_deform true",
 }
 READER = r"\b(Opt(?:Real|Int|Bool|Choice|String|RealArray|IntArray|StringArray))\((\"-[^\"]+\"|\w+),"
-TWO_READERS = {"-couple_search", "-mesh_centre"}  # of contact and of the flow; of two mesh kinds, of which a scene has one
+TWO_READERS = {"-mesh_centre"}  # of two mesh kinds, of which a scene has one
 
 
 def tell(program, *args):

@@ -1,7 +1,8 @@
-/* Clearance: how far a point on the wall of a body is from the next other wall, that of another body or a side of the domain. Plane bodies only.
+/* Clearance: how far a point on the wall of a body is from the next other wall, that of another body or a side of
+   the domain. Plane bodies only.
 
-   Pairs of bodies that may come within reach are found by a sweep over their bounding circles, so that the cost follows the pairs, not the square of the bodies. The sides of the
-   domain are those of its bounding box. */
+   Pairs of bodies that may come within reach are found by a sweep over their bounding circles, so that the cost
+   follows the pairs, not the square of the bodies. The sides of the domain are those of its bounding box. */
 #pragma once
 #include "bodies/bodies.h"
 #include "mesh/mesh.h"
@@ -13,7 +14,7 @@ PetscErrorCode ClearanceCreate(Mesh, Bodies, PetscReal reach, Clearance *);
 PetscErrorCode ClearanceDestroy(Clearance *);
 /* Bodies are at X [nbodies][3] from now on. Not collective. */
 PetscErrorCode ClearanceUpdate(Clearance, PetscReal (*X)[3]);
-/* Distances of point y of body k from the next other body (gap[0]) and from the next side of the domain (gap[1]); negative where walls overlap, large where none is in reach. Bodies j count
-   if counts[j]. Not collective. */
+/* Distances of point y of body k from the next other body (gap[0]) and from the next side of the domain (gap[1]);
+   negative where walls overlap, large where none is in reach. Bodies j count if counts[j]. Not collective. */
 PetscErrorCode ClearanceMeasure(Clearance, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool counts[], PetscInt k, const PetscReal y[2],
                                 PetscReal gap[2]);

@@ -4,6 +4,7 @@
 
 struct _p_SnapDriver {
   Flow             flow;
+  Moved            moved;
   Bodies           bodies;
   Mesh             mesh;
   const MeshLocal *loc;
@@ -64,18 +65,8 @@ static PetscErrorCode add_target(SnapDriver f, PetscInt i, const PetscReal x[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The values of the targets, into both fields; the two of a node on a path come one after the other */
-static void take_values(SnapDriver f, PetscReal *const u[2])
-{
-  for (PetscInt e = 0; e < 4 * f->ntarget; e++) {
-    const PetscInt t = e / 4, pair = t + 1 < f->ntarget && f->target[t + 1] == f->target[t] ? t + 1 : t;
-
-    if (t && f->target[t - 1] == f->target[t]) continue;
-    u[e / 2 % 2][2 * f->target[t] + e % 2] = pair == t ? f->value[e] : 0.5 * (f->value[e] + f->value[e + 4]);
-  }
-}
-
-/* Own fluid nodes that move, or were inside a body until now. Inside a body that the mesh no longer follows the fluid begins with the velocity of the body. */
+/* Own fluid nodes that move, or were inside a body until now. Inside a body that the mesh no longer follows the
+   fluid begins with the velocity of the body. */
 static PetscErrorCode find_targets(SnapDriver f)
 {
   const MeshLocal  *l = f->loc;
@@ -94,7 +85,23 @@ static PetscErrorCode find_targets(SnapDriver f)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode carry_over(SnapDriver f, FlowSolver solver)
+/* Of the two values of a node on a path, which come one after the other, the mean */
+static void join_pairs(SnapDriver f)
+{
+  PetscInt n = 0;
+
+  for (PetscInt t = 0; t < f->ntarget; n++) {
+    const PetscBool pair = (PetscBool)(t + 1 < f->ntarget && f->target[t + 1] == f->target[t]);
+
+    for (PetscInt e = 0; e < 4; e++) f->value[4 * n + e] = pair ? 0.5 * (f->value[4 * t + e] + f->value[4 * t + 4 + e]) : f->value[4 * t + e];
+    f->target[n] = f->target[t];
+    t += pair ? 2 : 1;
+  }
+  f->ntarget = n;
+}
+
+/* u^n and u^{n-1} where the nodes will be */
+static PetscErrorCode carry_over(SnapDriver f)
 {
   const SnapResult *r = &f->result;
   PetscReal        *u[2];
@@ -104,16 +111,18 @@ static PetscErrorCode carry_over(SnapDriver f, FlowSolver solver)
   PetscCall(find_targets(f));
   PetscCall(RemapEvaluate(f->remap, f->ntarget, f->target, f->x, f->side, (RemapCells){r->cell_before, r->side_before}, 2,
                           (const PetscReal *const *)u, f->value, &f->count));
-  PetscCall(FlowSolverForgetCells(solver, r->ncell, r->cell));
-  PetscCall(MeshMoveNodes(f->mesh, r->nnode, r->node, r->x));
-  take_values(f, u);
-  for (PetscInt k = 0; k < 2; k++) PetscCall(MeshSyncNodes(f->mesh, 2, u[k]));
-  PetscCall(FlowUpdateCells(f->flow, r->ncell, r->cell, r->cell_body));
-  PetscCall(FlowSolverSetDead(solver, r->cell_body, f->fitted));
+  join_pairs(f);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapDriverCreate(Flow flow, Bodies bodies, SnapDriver *fit)
+static MovedMesh new_mesh(SnapDriver f)
+{
+  const SnapResult *r = &f->result;
+
+  return (MovedMesh){r->nnode, r->node, r->x, PETSC_FALSE, r->cell_body, f->fitted, f->ntarget, f->target, f->value};
+}
+
+PetscErrorCode SnapDriverCreate(Flow flow, Bodies bodies, Moved moved, SnapDriver *fit)
 {
   SnapDriver f;
   BodyState *state;
@@ -121,6 +130,7 @@ PetscErrorCode SnapDriverCreate(Flow flow, Bodies bodies, SnapDriver *fit)
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&f));
   f->flow   = flow;
+  f->moved  = moved;
   f->bodies = bodies;
   PetscCall(FlowGetMesh(flow, &f->mesh));
   PetscCall(MeshGetLocal(f->mesh, &f->loc));
@@ -150,9 +160,10 @@ PetscErrorCode SnapDriverDestroy(SnapDriver *fit)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapDriverUpdate(SnapDriver f, FlowSolver solver, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *fitted[],
-                                const SnapResult **result, const RemapCount **count)
+PetscErrorCode SnapDriverUpdate(SnapDriver f, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *fitted[], const SnapResult **result,
+                                const RemapCount **count)
 {
+  MovedMesh  to;
   BodyState *state;
   PetscBool  any;
 
@@ -163,42 +174,28 @@ PetscErrorCode SnapDriverUpdate(SnapDriver f, FlowSolver solver, PetscReal (*X)[
   PetscCall(SnapFit(f->snap, X, q, f->wanted, f->done ? f->before : NULL, f->fitted, &f->result));
   PetscCall(PetscArraycpy((PetscReal *)f->X, (PetscReal *)X, 3 * f->n));
   PetscCall(PetscArraycpy((PetscReal *)f->q, (PetscReal *)q, 4 * f->n));
-  f->done  = 1;
-  any      = (PetscBool)(f->result.ncell > 0);
-  f->count = (RemapCount){0, 0, 0, 0};
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &any, 1, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
-  if (any) PetscCall(carry_over(f, solver));
+  f->done    = 1;
+  f->ntarget = 0;
+  f->count   = (RemapCount){0, 0, 0, 0};
+  PetscCall(MovedBegin(f->moved, f->result.ncell, f->result.cell, &any));
+  if (any) PetscCall(carry_over(f));
+  to = new_mesh(f);
+  PetscCall(MovedCommit(f->moved, &to));
   *fitted = f->fitted;
   *result = &f->result;
-  if (count) *count = &f->count;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode SnapDriverAttach(SnapDriver f, FlowSolver solver)
-{
-  const MeshLocal *l = f->loc;
-  PetscInt         n = 0, *dead;
-
-  PetscFunctionBeginUser;
-  if (!f->done) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscMalloc1(l->ncell_all, &dead));
-  for (PetscInt c = 0; c < l->ncell_all; c++)
-    if (f->result.cell_body[c] >= 0) dead[n++] = c;
-  PetscCall(FlowSolverForgetCells(solver, n, dead));
-  PetscCall(FlowSolverSetDead(solver, f->result.cell_body, f->fitted));
-  PetscCall(PetscFree(dead));
+  *count  = &f->count;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* The mesh of the fields that are there */
 static PetscErrorCode restore_mesh(SnapDriver f)
 {
-  const SnapResult *r = &f->result;
+  MovedMesh to;
 
   PetscFunctionBeginUser;
   PetscCall(SnapFit(f->snap, f->X, f->q, f->wanted, NULL, f->fitted, &f->result));
-  PetscCall(MeshMoveNodes(f->mesh, r->nnode, r->node, r->x));
-  PetscCall(FlowRestoreCells(f->flow, r->ncell, r->cell, r->cell_body));
+  to = new_mesh(f);
+  PetscCall(MovedRestore(f->moved, f->result.ncell, f->result.cell, &to));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

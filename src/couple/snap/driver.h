@@ -1,28 +1,28 @@
-/* SnapDriver: keeps mesh, flow and solver lined up with moving bodies, for the boundary rung snap. Plane meshes only.
+/* SnapDriver: keeps the mesh lined up with moving bodies, for the boundary rung snap. Plane meshes only. A client of
+   moved.h.
 
-   In every step: the mesh is fitted to the bodies (snap.h); u^n and u^{n-1} are evaluated where nodes will be (remap.h); nodes move; cells near bodies are computed anew; cells inside
-   leave the fluid. The pressure of a cell stays the same polynomial in space. Everything else is as on a fixed mesh: pattern, numbering, symmetry. */
+   In every step: the mesh is fitted to the bodies (snap.h); u^n and u^{n-1} are evaluated where nodes will be
+   (remap.h); nodes move; cells near bodies are computed anew; cells inside leave the fluid. */
 #pragma once
 #include "bodies/bodies.h"
 #include "flow/flow.h"
-#include "solve/system.h"
 #include "mesh/remap.h"
+#include "../moved.h"
 #include "snap.h"
 #include "base/state.h"
 
 typedef struct _p_SnapDriver *SnapDriver;
 
 /* Error: three-dimensional mesh. Collective. */
-PetscErrorCode SnapDriverCreate(Flow, Bodies, SnapDriver *);
+PetscErrorCode SnapDriverCreate(Flow, Bodies, Moved, SnapDriver *);
 PetscErrorCode SnapDriverDestroy(SnapDriver *);
 
-/* Fit to the bodies drawn at X, q (SnapFit), between FlowBeginStep and FlowAssemble. fitted [nbodies], *result and *count (may be NULL) are borrowed. Collective. */
-PetscErrorCode SnapDriverUpdate(SnapDriver, FlowSolver, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *fitted[], const SnapResult **result,
+/* Fit to the bodies drawn at X, q (SnapFit), between FlowBeginStep and FlowAssemble. fitted [nbodies], *result and
+   *count are borrowed. Collective. */
+PetscErrorCode SnapDriverUpdate(SnapDriver, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *fitted[], const SnapResult **result,
                                 const RemapCount **count);
 
-/* A new solver of the same flow learns which cells are no part of the fluid. Collective. */
-PetscErrorCode SnapDriverAttach(SnapDriver, FlowSolver);
-
-/* Part of the state of the coupling, visited after that of the flow. Loading lines the mesh up as it was; fields that were loaded before belong to that mesh. The flow's solver
-   must then be made anew (SnapDriverAttach). Collective. */
+/* Part of the state of the coupling, visited after that of the flow. Loading lines the mesh up as it was; fields
+   that were loaded before belong to that mesh. The flow's solver must then be made anew (MovedSetSolver).
+   Collective. */
 PetscErrorCode SnapDriverVisitState(SnapDriver, State);

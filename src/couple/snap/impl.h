@@ -1,4 +1,5 @@
-/* Inside of the snap module; for its files only. snap.c: the cells of thick bodies, rings, checks, the result. path.c: bodies thinner than a cell. */
+/* Inside of the snap module; for its files only. snap.c: the fit and its result. cover.c: the cells of thick bodies.
+   place.c: walls, gaps, rings. check.c: is it a mesh? path.c, graph.c: bodies thinner than a cell. */
 #pragma once
 #include "clearance.h"
 #include "mesh/element.h"
@@ -97,6 +98,44 @@ static inline void SnapEdgeEnds(Snap s, PetscInt i, PetscInt end[2])
   for (PetscInt v = 0; v < 2; v++) end[v] = node[EDGE_END[j][v]];
 }
 
+static inline PetscBool SnapIsOnWall(Snap s, PetscInt i)
+{
+  return (PetscBool)(s->code[i] % 2);
+}
+
+/* Cells with their centre in a fitted body that is no path are its own: s->cover, s->dead, s->depth. Collective. */
+PetscErrorCode SnapCoverCells(Snap, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool fitted[]);
+/* Give back the cells that are marked in s->work on some rank; *any: are there any? Collective. */
+PetscErrorCode SnapOpenMarkedCells(Snap, PetscBool *any);
+/* Give dead cells back until no vertex touches two bodies, or a body and the boundary. Collective. */
+PetscErrorCode SnapOpenGaps(Snap);
+/* Nodes of dead cells are marked: on the wall if a fluid cell touches them, otherwise inside. Collective. */
+PetscErrorCode SnapClassifyNodes(Snap);
+
+/* Size of the cells around own node i before they move: square root of their mean area. */
+PetscReal SnapNodeSize(Snap, PetscInt i);
+/* Own wall vertices to the wall; all wall vertices are ring 0. Collective. */
+PetscErrorCode SnapPlaceWallVertices(Snap, PetscReal (*X)[3], PetscReal (*q)[4]);
+/* Rings of fluid vertices around the walls, by cells that share a vertex with the ring before. Collective. */
+PetscErrorCode SnapFindRings(Snap);
+/* Jacobi sweeps: own ring vertices take the mean displacement of their neighbours along edges (every edge is seen
+   from two cells). Collective. */
+PetscErrorCode SnapSmoothRings(Snap);
+/* Mid-edge and centre nodes of all cells with a displaced vertex. Not collective. */
+PetscErrorCode SnapPlaceOtherNodes(Snap, PetscReal (*X)[3], PetscReal (*q)[4]);
+
+/* Derivatives of the Q2 basis at the points of the check. */
+void SnapTabulate(Snap);
+/* Bodies with a cell around them that cannot be used: those whose wall the cell has a vertex on, or, where there is
+   none, those whose rings it is in. s->flags [nbodies]: bad cells; [nbodies] those that are bad only for bodies that
+   were left alone before; [2 nbodies]: is its wall drawn back?; s->area [nbodies]: of the dead cells; summed over
+   ranks. Collective. */
+PetscErrorCode SnapCheckCells(Snap, PetscReal *quality);
+/* A cell beside every bad one is given back, *any: was there one? Collective. */
+PetscErrorCode SnapOpenBadCorners(Snap, PetscBool *any);
+/* Does the mesh follow body k, after SnapCheckCells? strict: it was left alone before. */
+PetscErrorCode SnapJudgeBody(Snap, PetscInt k, PetscBool strict, PetscBool *good);
+
 /* How much wider a gap is in the mesh than it is, see snap.h */
 PetscReal SnapWidening(PetscReal gap, PetscReal width);
 
@@ -105,10 +144,12 @@ PetscErrorCode SnapPathSetUp(Snap);
 PetscErrorCode SnapPathTearDown(Snap);
 /* Which of the wanted bodies are paths rather than cells: s->is_path. Collective. */
 PetscErrorCode SnapPathChoose(Snap, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool wanted[]);
-/* Paths of those of them that s->fitted has: their nodes are marked, their vertices displaced and ring 0. After the nodes of all other bodies are marked; takes back the paths of the last
-   call. A body for which there is no path gets none. Collective. */
+/* Paths of those of them that s->fitted has: their nodes are marked, their vertices displaced and ring 0. After the
+   nodes of all other bodies are marked; takes back the paths of the last call. A body for which there is no path
+   gets none. Collective. */
 PetscErrorCode SnapPathPlaceVertices(Snap, PetscReal (*X)[3], PetscReal (*q)[4]);
-/* On which side of a path are nodes and cells in their new places? Also forgets those of the fit before the last one. Not collective. */
+/* On which side of a path are nodes and cells in their new places? Also forgets those of the fit before the last
+   one. Not collective. */
 PetscErrorCode SnapPathFindSides(Snap, PetscReal (*X)[3], PetscReal (*q)[4]);
 /* Displacements of the mid-edge nodes on paths. Not collective. */
 PetscErrorCode SnapPathPlaceEdges(Snap, PetscReal (*X)[3], PetscReal (*q)[4]);

@@ -21,7 +21,8 @@ typedef struct {
   PetscReal width;
 } Front;
 
-/* Distance u > 0 from the inner point x along the unit vector e to the surface: steps of the distance never pass it, and the last bit is found by bisection */
+/* Distance u > 0 from the inner point x along the unit vector e to the surface: steps of the distance never pass it,
+   and the last bit is found by bisection */
 static PetscErrorCode find_side(Shape shape, const PetscReal x[2], const PetscReal e[2], PetscReal r, PetscReal *u)
 {
   PetscReal low = 0, high = 0, d;
@@ -68,7 +69,8 @@ static void turn_front(Front *f, const PetscReal from[2])
   for (PetscInt a = 0; a < 2 && size > 0; a++) f->t[a] = r[a] / size;
 }
 
-/* In the middle of the body, as far as it has one: across from the surface point that is closest to the centroid (or to a point beside it, which is not on the ridge of the distance) */
+/* In the middle of the body, as far as it has one: across from the surface point that is closest to the centroid (or
+   to a point beside it, which is not on the ridge of the distance) */
 static PetscErrorCode find_start(Shape shape, PetscReal r, Front *f)
 {
   ShapeMass mass;

@@ -1,9 +1,11 @@
 /* Midline: the line halfway between the two sides of a slender plane shape, from tip to tip.
 
-   Found from the signed distance alone, so that every plugin has one: from a point near the centroid a march goes both ways along the body; in each step the two sides are looked for
-   across the direction of march, and the point halfway between them is the next one. It ends where the direction of march leaves the body: that point is the tip.
-   A shape has a mid-line if it is at least three times as long as thick and if the widths along the line add up to its area within 5 %, which shapes with branches or holes do not fulfil.
-   Lengths in the unit of the scene, points in the body frame. Nothing here is collective. */
+   Found from the signed distance alone, so that every plugin has one: from a point near the centroid a march goes
+   both ways along the body; in each step the two sides are looked for across the direction of march, and the point
+   halfway between them is the next one. It ends where the direction of march leaves the body: that point is the tip.
+   A shape has a mid-line if it is at least three times as long as thick and if the widths along the line add up to
+   its area within 5 %, which shapes with branches or holes do not fulfil. Lengths in the unit of the scene, points
+   in the body frame. Nothing here is collective. */
 #pragma once
 #include "shape/host.h"
 
@@ -14,7 +16,9 @@ PetscErrorCode MidlineCreate(Shape, Midline *line);
 PetscErrorCode MidlineDestroy(Midline *);
 /* Length from tip to tip and largest thickness. */
 PetscErrorCode MidlineGetSize(Midline, PetscReal *length, PetscReal *thickness);
-/* Points y [n][2] at the lengths s [n] from the first tip, 0 <= s <= length: cubic interpolation of points a hundredth of the shape apart. The tips are met exactly. */
+/* Points y [n][2] at the lengths s [n] from the first tip, 0 <= s <= length: cubic interpolation of points a
+   hundredth of the shape apart. The tips are met exactly. */
 PetscErrorCode MidlinePoint(Midline, PetscInt n, const PetscReal s[], PetscReal y[]);
-/* Closest point of the line to each x [n][2]: its s [n] and the distance d [n], positive to the left of the line (seen along it), negative to the right. Beyond a tip s is 0 or length. */
+/* Closest point of the line to each x [n][2]: its s [n] and the distance d [n], positive to the left of the line
+   (seen along it), negative to the right. Beyond a tip s is 0 or length. */
 PetscErrorCode MidlineProject(Midline, PetscInt n, const PetscReal x[], PetscReal s[], PetscReal d[]);

@@ -1,14 +1,12 @@
 /* Snap, bodies thinner than a cell: their mid-line (midline.h) becomes a path of edges, see snap.h.
 
-   The vertices and edges of the cells around such a body are few; every rank gets all of them and finds the same path (Dijkstra 1959), so that the path does not depend on the
-   partition: ties are broken by places, never by numbers. An edge costs its length times (1 + 4 (distance from the mid-line / length)^2); a path begins and ends at any vertices near the
-   tips, which cost twice their squared distance over the cell size.
-   The path of a tip that is beyond a side of the domain or close to it, as that of a flap hinged at a wall, ends at a vertex of that side, which stays where it is and belongs to the wall (the
-   distance costs nothing: a path that steps sideways at its foot leaves flatter cells). Its last edge goes there from the mid-line, and nothing leaks. With the cell between tip and wall
-   squeezed in place of that, two flaps fell back at distances of 0.26 to 0.34 cells, not at 0.38 and more.
-   Then the vertices are spread along the mid-line. A step of the path across the line would have next to no length there, so the places between the tips are averaged some times over
-   neighbours, which gives such an edge about half of the length of the others. All of this happens in the frame of the body. */
+   The vertices and edges of the cells around such a body are few; every rank gets all of them and finds the same
+   path (graph.h), so that the path does not depend on the partition. The path of a tip that is beyond a side of the
+   domain or close to it, as that of a flap hinged at a wall, ends at a vertex of that side, which stays where it is
+   and belongs to the wall. Its last edge goes there from the mid-line, and nothing leaks (a squeezed cell between
+   tip and wall does worse: runs/studies/boundary). All of this happens in the frame of the body. */
 #include "compat.h"
+#include "graph.h"
 #include "impl.h"
 #include "../indicator.h"
 #include "base/algebra.h"
@@ -16,37 +14,8 @@
 #define THIN    1.0 /* thickness below which a body is a path, smallest cell size along it */
 #define LONG    3   /* smallest length, cell sizes */
 #define BAND    1.3 /* cells with their centre that close to the body are searched, cell sizes */
-#define NEAR    1.2 /* a path ends that close to the tip, cell sizes */
 #define AT_SIDE 0.4 /* that close to a side of the domain it ends there, cell sizes */
-#define NSPREAD 8   /* averages along the path */
 #define BESIDE  3   /* as far as that from the body, cells have a side */
-#define RECORD  18  /* numbers that describe a cell to other ranks: body, cell size, four times global vertex, place, CornerKind */
-
-typedef enum {
-  CORNER_FREE,
-  CORNER_TAKEN, /* by another body */
-  CORNER_SIDE   /* on a side of the domain: for the ends of a path only */
-} CornerKind;
-
-/* A corner of the cells around a body */
-typedef struct {
-  PetscReal  x[2], s, d; /* place in the body frame; along and from the mid-line */
-  PetscInt   id;
-  CornerKind kind;
-} Corner;
-
-typedef struct {
-  PetscInt  a, b;
-  PetscReal cost;
-} Edge;
-
-typedef struct {
-  PetscInt  ncorner, nedge;
-  Corner   *corner;
-  Edge     *edge;
-  PetscReal size; /* smallest cell */
-} Graph;
-
 static Midline line_of(Snap s, PetscInt k)
 {
   BodyState *state;
@@ -88,7 +57,8 @@ static PetscErrorCode out_of_body(Snap s, PetscInt k, PetscReal (*X)[3], PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Displacement of node i to the point at length t of the mid-line of body k; x that place beside the body as it is drawn */
+/* Displacement of node i to the point at length t of the mid-line of body k; x that place beside the body as it is
+   drawn */
 static PetscErrorCode way_to_line(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt i, PetscReal t, PetscReal d[2], PetscReal x[2])
 {
   PetscReal R[9], to[2], from[2];
@@ -102,8 +72,8 @@ static PetscErrorCode way_to_line(Snap s, PetscInt k, PetscReal (*X)[3], PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Local nodes in the box around body k, drawn as its image number `image` (place at [3]), that leaves `margin` around it: a list that the next call replaces; none where the image does
-   not reach the domain */
+/* Local nodes in the box around body k, drawn as its image number `image` (place at [3]), that leaves `margin`
+   around it: a list that the next call replaces; none where the image does not reach the domain */
 static PetscErrorCode list_nodes(Snap s, PetscInt k, PetscReal (*X)[3], PetscInt image, PetscReal margin, PetscReal at[3], PetscInt *n,
                                  const PetscInt *list[])
 {
@@ -185,9 +155,9 @@ static PetscErrorCode add_record(Snap s, PetscInt k, PetscReal (*X)[3], PetscRea
   PetscFunctionBeginUser;
   if (*n == *room) {
     *room = 2 * *room + 64;
-    PetscCall(PetscRealloc(*room * RECORD * sizeof(PetscReal), record));
+    PetscCall(PetscRealloc(*room * SNAP_RECORD * sizeof(PetscReal), record));
   }
-  r    = *record + RECORD * (*n)++;
+  r    = *record + SNAP_RECORD * (*n)++;
   r[0] = (PetscReal)k;
   r[1] = s->size[node[4]];
   for (PetscInt v = 0; v < 4; v++) {
@@ -236,7 +206,7 @@ static PetscErrorCode share_records(PetscInt *count, PetscReal **record)
 
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
-  PetscCall(PetscMPIIntCast(RECORD * *count, &mine));
+  PetscCall(PetscMPIIntCast(SNAP_RECORD * *count, &mine));
   PetscCall(PetscMalloc2(size, &n, size, &start));
   PetscCallMPI(MPI_Allgather(&mine, 1, MPI_INT, n, 1, MPI_INT, PETSC_COMM_WORLD));
   for (PetscMPIInt i = 0; i < size; i++) {
@@ -248,172 +218,11 @@ static PetscErrorCode share_records(PetscInt *count, PetscReal **record)
   PetscCall(PetscFree2(n, start));
   PetscCall(PetscFree(*record));
   *record = all;
-  *count  = total / RECORD;
+  *count  = total / SNAP_RECORD;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* ---- the graph of a body ---- */
-
-static int compare_corners(const void *a, const void *b)
-{
-  const Corner *p = (const Corner *)a, *r = (const Corner *)b;
-
-  for (PetscInt i = 0; i < 2; i++)
-    if (p->x[i] != r->x[i]) return p->x[i] < r->x[i] ? -1 : 1;
-  return 0;
-}
-
-static int compare_edges(const void *a, const void *b)
-{
-  const Edge *p = (const Edge *)a, *r = (const Edge *)b;
-
-  if (p->a != r->a) return p->a < r->a ? -1 : 1;
-  return p->b < r->b ? -1 : p->b > r->b;
-}
-
-static PetscInt find_corner(const Graph *g, const PetscReal x[2])
-{
-  Corner        key = {.x = {x[0], x[1]}};
-  const Corner *at  = (const Corner *)bsearch(&key, g->corner, (size_t)g->ncorner, sizeof(Corner), compare_corners);
-
-  return (PetscInt)(at - g->corner);
-}
-
-static PetscReal corner_distance(const Corner *a, const Corner *b)
-{
-  return PetscSqrtReal(PetscSqr(a->x[0] - b->x[0]) + PetscSqr(a->x[1] - b->x[1]));
-}
-
-/* Corners of all records of body k, each once, by their places */
-static PetscErrorCode list_corners(Midline line, PetscInt k, PetscInt count, const PetscReal record[], Graph *g)
-{
-  PetscInt n = 0;
-
-  PetscFunctionBeginUser;
-  g->ncorner = 0;
-  g->size    = PETSC_MAX_REAL;
-  for (PetscInt e = 0; e < count; e++) {
-    const PetscReal *r = record + RECORD * e;
-
-    if ((PetscInt)r[0] != k) continue;
-    g->size = PetscMin(g->size, r[1]);
-    for (PetscInt v = 0; v < 4; v++)
-      g->corner[n++] = (Corner){.x = {r[3 + 4 * v], r[4 + 4 * v]}, .id = (PetscInt)r[2 + 4 * v], .kind = (CornerKind)r[5 + 4 * v]};
-  }
-  qsort(g->corner, (size_t)n, sizeof(Corner), compare_corners);
-  for (PetscInt i = 0; i < n; i++) {
-    if (g->ncorner && !compare_corners(&g->corner[g->ncorner - 1], &g->corner[i])) continue;
-    g->corner[g->ncorner++] = g->corner[i];
-  }
-  for (PetscInt i = 0; i < g->ncorner; i++) PetscCall(MidlineProject(line, 1, g->corner[i].x, &g->corner[i].s, &g->corner[i].d));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Edges that a path may take, each in both directions, by the corner they leave */
-static PetscErrorCode list_edges(PetscInt k, PetscInt count, const PetscReal record[], Graph *g)
-{
-  const PetscInt END[4][2] = {{0, 1}, {0, 2}, {1, 3}, {2, 3}};
-  PetscInt       n = 0, unique = 0;
-
-  PetscFunctionBeginUser;
-  for (PetscInt e = 0; e < count; e++) {
-    const PetscReal *r = record + RECORD * e;
-
-    for (PetscInt v = 0; v < 4 && (PetscInt)r[0] == k; v++) {
-      const PetscInt a = find_corner(g, r + 3 + 4 * END[v][0]), b = find_corner(g, r + 3 + 4 * END[v][1]);
-
-      if (g->corner[a].kind == CORNER_TAKEN || g->corner[b].kind == CORNER_TAKEN) continue;
-      if (g->corner[a].kind == CORNER_SIDE && g->corner[b].kind == CORNER_SIDE) continue;
-      g->edge[n++] = (Edge){a, b, 0};
-      g->edge[n++] = (Edge){b, a, 0};
-    }
-  }
-  qsort(g->edge, (size_t)n, sizeof(Edge), compare_edges);
-  for (PetscInt i = 0; i < n; i++)
-    if (!unique || compare_edges(&g->edge[unique - 1], &g->edge[i])) g->edge[unique++] = g->edge[i];
-  g->nedge = unique;
-  for (PetscInt i = 0; i < unique; i++) {
-    const Corner   *a = g->corner + g->edge[i].a, *b = g->corner + g->edge[i].b;
-    const PetscReal length = corner_distance(a, b);
-
-    g->edge[i].cost = length + 2 * (PetscSqr(a->d) + PetscSqr(b->d)) / length;
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* What it costs to begin or end a path at a corner, tip at x */
-static PetscReal tip_cost(const Graph *g, const Corner *c, const PetscReal x[2], CornerKind kind)
-{
-  const PetscReal d = PetscSqrtReal(PetscSqr(c->x[0] - x[0]) + PetscSqr(c->x[1] - x[1]));
-
-  if (c->kind != kind || d >= NEAR * g->size) return PETSC_MAX_REAL;
-  return kind == CORNER_SIDE ? 0 : 2 * d * d / g->size;
-}
-
-/* Dijkstra's algorithm without a heap, from tip to tip [4], which end at corners of the given kinds [2]: from [ncorner] the corner before, *last the end of the cheapest path, -1: there is
-   none */
-static PetscErrorCode find_path(const Graph *g, const PetscReal tip[], const CornerKind kind[], PetscInt from[], PetscReal cost[], PetscBool done[],
-                                PetscInt *last)
-{
-  PetscReal best = PETSC_MAX_REAL;
-
-  PetscFunctionBeginUser;
-  *last = -1;
-  for (PetscInt i = 0; i < g->ncorner; i++) {
-    cost[i] = tip_cost(g, g->corner + i, tip, kind[0]);
-    from[i] = -1;
-    done[i] = PETSC_FALSE;
-  }
-  while (1) {
-    PetscInt  at = -1, low = 0, high = g->nedge;
-    PetscReal end;
-
-    for (PetscInt i = 0; i < g->ncorner; i++)
-      if (!done[i] && cost[i] < PETSC_MAX_REAL && (at < 0 || cost[i] < cost[at])) at = i;
-    if (at < 0) break;
-    done[at] = PETSC_TRUE;
-    end      = tip_cost(g, g->corner + at, tip + 2, kind[1]);
-    if (end < PETSC_MAX_REAL && cost[at] + end < best) {
-      best  = cost[at] + end;
-      *last = at;
-    }
-    if (g->corner[at].kind == CORNER_SIDE && from[at] >= 0) continue; /* an end */
-    while (low < high) {
-      const PetscInt mid = (low + high) / 2;
-
-      if (g->edge[mid].a < at) low = mid + 1;
-      else high = mid;
-    }
-    for (PetscInt e = low; e < g->nedge && g->edge[e].a == at; e++) {
-      const PetscInt b = g->edge[e].b;
-
-      if (done[b] || cost[at] + g->edge[e].cost >= cost[b]) continue;
-      cost[b] = cost[at] + g->edge[e].cost;
-      from[b] = at;
-    }
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Places t [n] along a line of the given length for the vertices of a path, from their closest points: tips at the ends, the others averaged */
-static PetscErrorCode spread_vertices(PetscInt n, PetscReal length, PetscReal t[])
-{
-  PetscFunctionBeginUser;
-  t[0]     = 0;
-  t[n - 1] = length;
-  for (PetscInt i = 1; i < n - 1; i++) t[i] = PetscMin(length, PetscMax(t[i - 1], t[i]));
-  for (PetscInt sweep = 0; sweep < NSPREAD; sweep++) {
-    PetscReal before = t[0];
-
-    for (PetscInt i = 1; i < n - 1; i++) {
-      const PetscReal now = t[i];
-
-      t[i]   = 0.25 * before + 0.5 * now + 0.25 * t[i + 1];
-      before = now;
-    }
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
+/* ---- the path ---- */
 
 /* Corners that the path of another body has taken */
 static PetscErrorCode block_paths(Snap s, PetscInt k, PetscReal (*X)[3], Graph *g)
@@ -424,7 +233,7 @@ static PetscErrorCode block_paths(Snap s, PetscInt k, PetscReal (*X)[3], Graph *
   PetscCall(BodiesGetState(s->bodies, &state));
   for (PetscInt j = 0; j < k; j++) {
     const SnapPath *p     = s->path + j;
-    const PetscReal reach = BodiesGetGroup(state, j)->radius + BodiesGetGroup(state, k)->radius + 2 * NEAR * s->coarsest;
+    const PetscReal reach = BodiesGetGroup(state, j)->radius + BodiesGetGroup(state, k)->radius + 2 * SNAP_NEAR * s->coarsest;
     PetscReal       d2    = 0;
 
     if (!p->n) continue;
@@ -469,12 +278,12 @@ static PetscErrorCode choose_path(Snap s, PetscInt k, PetscReal (*X)[3], PetscRe
   end[0] = 0;
   end[1] = length;
   PetscCall(MidlinePoint(line_of(s, k), 2, end, tip));
-  PetscCall(list_corners(line_of(s, k), k, count, record, g));
+  PetscCall(SnapGraphListCorners(line_of(s, k), k, count, record, g));
   PetscCall(block_paths(s, k, X, g));
-  PetscCall(list_edges(k, count, record, g));
+  PetscCall(SnapGraphListEdges(k, count, record, g));
   PetscCall(PetscMalloc3(g->ncorner, &from, g->ncorner, &cost, g->ncorner, &done));
   for (PetscInt e = 0; e < 2; e++) PetscCall(choose_end(s, k, X, q, tip + 2 * e, g->size, &kind[e]));
-  PetscCall(find_path(g, tip, kind, from, cost, done, &last));
+  PetscCall(SnapGraphFindPath(g, tip, kind, from, cost, done, &last));
   for (PetscInt i = last; i >= 0; i = from[i]) n++;
   if (n >= LONG) {
     PetscReal *t;
@@ -487,7 +296,7 @@ static PetscErrorCode choose_path(Snap s, PetscInt k, PetscReal (*X)[3], PetscRe
       p->place[j] = j;
       t[j]        = g->corner[i].s;
     }
-    PetscCall(spread_vertices(n, length, t));
+    PetscCall(SnapGraphSpread(n, length, t));
     PetscCall(PetscSortIntWithArray(n, p->id, p->place));
   }
   PetscCall(PetscFree3(from, cost, done));
@@ -535,7 +344,8 @@ static PetscErrorCode place_on_path(Snap s, const SnapPath *p, PetscInt i, Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Away from other walls in narrow gaps, as draw_back() does with walls: d is changed for node i at place x of the line */
+/* Away from other walls in narrow gaps, as draw_back() does with walls: d is changed for node i at place x of the
+   line */
 static PetscErrorCode draw_aside(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt i, const PetscReal x[2], PetscReal d[2])
 {
   const PetscReal h = s->size[i], step = 0.01 * h;
@@ -573,7 +383,8 @@ static PetscBool ends_on_side(Snap s, PetscInt i)
   return (PetscBool)(s->boundary[end[0]] || s->boundary[end[1]]);
 }
 
-/* Nodes of the path of body k, which belong to it from now on; its vertices are ring 0 and get their displacement. Those on a side of the domain belong to that. */
+/* Nodes of the path of body k, which belong to it from now on; its vertices are ring 0 and get their displacement.
+   Those on a side of the domain belong to that. */
 static PetscErrorCode mark_path(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4])
 {
   PetscFunctionBeginUser;
@@ -582,7 +393,7 @@ static PetscErrorCode mark_path(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal
     const PetscInt *list;
     PetscInt        n;
 
-    PetscCall(list_nodes(s, k, X, image, 2 * NEAR * s->coarsest, at, &n, &list));
+    PetscCall(list_nodes(s, k, X, image, 2 * SNAP_NEAR * s->coarsest, at, &n, &list));
     for (PetscInt e = 0; e < n; e++) {
       const PetscInt i = list[e];
       PetscReal      t, x[2];

@@ -1,22 +1,29 @@
 /* Snap: lines a mesh up with the surfaces of bodies, without changing its topology. Plane meshes only.
 
-   Cells whose centre lies inside a body are its own ("dead"). The vertices of the staircase between them and the fluid go to the closest point of the wall, the
-   vertices of three rings around follow (Jacobi sweeps on the displacement, which leave a graded or shifted mesh graded), the mid-edge nodes of the staircase go onto the wall too
-   (isoparametric Q2), all other nodes follow by transfinite interpolation of the displacement. Vertices on the boundary of the domain stay.
-   Dead cells that meet a dead cell of another body or the boundary are given back to the fluid, until at least one layer of fluid cells is left between two walls; those at a corner
-   that leaves a fluid cell no room as well.
-   Walls closer than half a cell to another wall are drawn back, so that the gap g in the mesh is w + g^2/(4w) with w = 1/4 cell (w where they overlap). The resistance of a closing gap
-   then grows to that of w without a jump, and the cells in the gap stay valid; what is missing below about a quarter of a cell belongs to the contact forces. Falling back to the
-   penalty in a gap instead loses resistance at once, a fifth at half a cell and more below (study runs/studies/boundary).
-   A body that is nowhere thicker than the cells around it, and longer than three of them, is taken for its mid-line (midline.h): a path of edges goes from tip to tip, its vertices and
-   mid-edge nodes onto the mid-line, its ends onto the tips. All cells stay fluid; the pressure, which is discontinuous between cells, has its jump across the path. What the body
-   displaces is carried along by the fluid on both sides. In narrow gaps the path is drawn aside as walls are drawn back; a tip within 0.4 cells of a side of the domain closes the gap, its
-   path ends at a vertex of the side.
-   A body is left alone when no cell is its own, when a cell around it would get a Jacobian that is not positive (4 x 4 and 3 x 3 Gauss points), or when its cells would not have its
-   size (parts thinner than a cell). For a body that was left alone before the limits are stricter, so that it does not change sides in every step.
+   Cells whose centre lies inside a body are its own ("dead"). The vertices of the staircase between them and the
+   fluid go to the closest point of the wall, the vertices of three rings around follow (Jacobi sweeps on the
+   displacement, which leave a graded or shifted mesh graded), the mid-edge nodes of the staircase go onto the wall
+   too (isoparametric Q2), all other nodes follow by transfinite interpolation of the displacement. Vertices on the
+   boundary of the domain stay. Dead cells that meet a dead cell of another body or the boundary are given back to
+   the fluid, until at least one layer of fluid cells is left between two walls; those at a corner that leaves a
+   fluid cell no room as well.
+   Walls closer than half a cell to another wall are drawn back, so that the gap g in the mesh is w + g^2/(4w) with w
+   = 1/4 cell (w where they overlap). The resistance of a closing gap then grows to that of w without a jump, and the
+   cells in the gap stay valid; what is missing below about a quarter of a cell belongs to the contact forces.
+   Falling back to the penalty in a gap instead loses resistance at once, a fifth at half a cell and more below
+   (study runs/studies/boundary). A body that is nowhere thicker than the cells around it, and longer than three of
+   them, is taken for its mid-line (midline.h): a path of edges goes from tip to tip, its vertices and mid-edge nodes
+   onto the mid-line, its ends onto the tips. All cells stay fluid; the pressure, which is discontinuous between
+   cells, has its jump across the path. What the body displaces is carried along by the fluid on both sides. In
+   narrow gaps the path is drawn aside as walls are drawn back; a tip within 0.4 cells of a side of the domain closes
+   the gap, its path ends at a vertex of the side.
+   A body is left alone when no cell is its own, when a cell around it would get a Jacobian that is not positive (4 x
+   4 and 3 x 3 Gauss points), or when its cells would not have its size (parts thinner than a cell). For a body that
+   was left alone before the limits are stricter, so that it does not change sides in every step.
 
-   Pure geometry: nothing here knows the flow, and nothing is moved; the caller moves the nodes (MeshMoveNodes) after he has read what he needs at the old places.
-   The result does not depend on the number of ranks. Method and tests: design section 6; snapping of vertices to surfaces is old (snapper of cfMesh, snappyHexMesh). */
+   Pure geometry: nothing here knows the flow, and nothing is moved; the caller moves the nodes (MeshMoveNodes) after
+   he has read what he needs at the old places. The result does not depend on the number of ranks. Method and tests:
+   design section 6; snapping of vertices to surfaces is old (snapper of cfMesh, snappyHexMesh). */
 #pragma once
 #include "bodies/bodies.h"
 #include "mesh/mesh.h"
@@ -48,7 +55,8 @@ typedef struct {
 PetscErrorCode SnapCreate(Mesh, Bodies, Snap *);
 PetscErrorCode SnapDestroy(Snap *);
 
-/* Fit the mesh to the bodies k with wanted[k], drawn at X [nbodies][3], q [nbodies][4]; fitted [nbodies] tells which were. before [nbodies]: were they in the last step (NULL: all)?
-   Compares with the present places of the nodes and with the dead cells of the last call. Collective. */
+/* Fit the mesh to the bodies k with wanted[k], drawn at X [nbodies][3], q [nbodies][4]; fitted [nbodies] tells which
+   were. before [nbodies]: were they in the last step (NULL: all)? Compares with the present places of the nodes and
+   with the dead cells of the last call. Collective. */
 PetscErrorCode SnapFit(Snap, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool wanted[], const PetscBool before[], PetscBool fitted[],
                        SnapResult *);

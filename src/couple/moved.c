@@ -1,0 +1,120 @@
+/* Moved: see moved.h. */
+#include "compat.h"
+#include "moved.h"
+
+struct _p_Moved {
+  Flow             flow;
+  FlowSolver       solver;
+  Mesh             mesh;
+  const MeshLocal *loc;
+  PetscErrorCode (*told)(void *);
+  void            *ctx;
+  PetscInt         n; /* the transaction under way */
+  const PetscInt  *cell;
+  PetscBool        any;
+  PetscInt        *fluid; /* [ncell_all] -1 */
+  const PetscInt  *dead;  /* NULL: none so far */
+  const PetscBool *resolved;
+};
+
+PetscErrorCode MovedCreate(Flow flow, PetscErrorCode (*told)(void *), void *ctx, Moved *moved)
+{
+  Moved m;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&m));
+  m->flow = flow;
+  m->told = told;
+  m->ctx  = ctx;
+  PetscCall(FlowGetMesh(flow, &m->mesh));
+  PetscCall(MeshGetLocal(m->mesh, &m->loc));
+  PetscCall(PetscMalloc1(m->loc->ncell_all, &m->fluid));
+  for (PetscInt c = 0; c < m->loc->ncell_all; c++) m->fluid[c] = -1;
+  *moved = m;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MovedDestroy(Moved *moved)
+{
+  PetscFunctionBeginUser;
+  if (!*moved) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree((*moved)->fluid));
+  PetscCall(PetscFree(*moved));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MovedSetSolver(Moved m, FlowSolver solver)
+{
+  PetscInt n = 0, *gone;
+
+  PetscFunctionBeginUser;
+  m->solver = solver;
+  if (!m->dead) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscMalloc1(m->loc->ncell_all, &gone));
+  for (PetscInt c = 0; c < m->loc->ncell_all; c++)
+    if (m->dead[c] >= 0) gone[n++] = c;
+  PetscCall(FlowSolverForgetCells(solver, n, gone));
+  PetscCall(FlowSolverSetDead(solver, m->dead, m->resolved));
+  PetscCall(PetscFree(gone));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MovedBegin(Moved m, PetscInt n, const PetscInt cell[], PetscBool *any)
+{
+  PetscFunctionBeginUser;
+  m->n    = n;
+  m->cell = cell;
+  m->any  = (PetscBool)(n > 0);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &m->any, 1, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
+  if (m->any) PetscCall(FlowSolverForgetCells(m->solver, n, cell));
+  if (any) *any = m->any;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* New places and old velocities */
+static PetscErrorCode move_nodes(Moved m, const MovedMesh *to)
+{
+  const PetscInt dim = m->loc->dim;
+  PetscReal     *u[2];
+
+  PetscFunctionBeginUser;
+  if (to->nnode || !to->whole) PetscCall(MeshMoveNodes(m->mesh, to->nnode, to->node, to->x));
+  if (to->whole) {
+    PetscCall(MeshRebase(m->mesh));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCall(FlowGetFields(m->flow, &u[0], &u[1], NULL));
+  for (PetscInt i = 0; i < 2 * dim * to->ncarried; i++) u[i / dim % 2][dim * to->carried[i / (2 * dim)] + i % dim] = to->value[i];
+  for (PetscInt k = 0; k < 2; k++) PetscCall(MeshSyncNodes(m->mesh, dim, u[k]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static void remember_dead(Moved m, const MovedMesh *to)
+{
+  if (!to->dead) return;
+  m->dead     = to->dead;
+  m->resolved = to->resolved;
+}
+
+PetscErrorCode MovedCommit(Moved m, const MovedMesh *to)
+{
+  PetscFunctionBeginUser;
+  remember_dead(m, to);
+  if (!m->any) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(move_nodes(m, to));
+  PetscCall(FlowUpdateCells(m->flow, m->n, m->cell, m->dead ? m->dead : m->fluid));
+  if (m->dead) PetscCall(FlowSolverSetDead(m->solver, m->dead, m->resolved));
+  if (m->told && to->whole) PetscCall((*m->told)(m->ctx));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MovedRestore(Moved m, PetscInt n, const PetscInt cell[], const MovedMesh *to)
+{
+  PetscFunctionBeginUser;
+  remember_dead(m, to);
+  PetscCall(MeshMoveNodes(m->mesh, to->nnode, to->node, to->x));
+  if (to->whole) PetscCall(MeshRebase(m->mesh));
+  PetscCall(FlowRestoreCells(m->flow, n, cell, m->dead ? m->dead : m->fluid));
+  if (m->told && to->whole) PetscCall((*m->told)(m->ctx));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

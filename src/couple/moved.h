@@ -1,0 +1,44 @@
+/* Moved: the one transaction by which a mesh changes under a flow and its solver, for those who move nodes (ale.h,
+   snap/driver.h).
+
+   Begin names the cells that will change, while they still have their old shape: the solver takes their parts out.
+   The client reads what he needs at the old places. Commit moves nodes, stores what was carried over to them, and
+   tells the flow, the solver and the boundary rung. The pressure of a cell stays the same polynomial in space.
+   Pattern, numbering and symmetry are as on a fixed mesh.
+   Cells that left the fluid stay out of it until a commit brings others: a client that knows of none leaves those of
+   another alone. */
+#pragma once
+#include "flow/flow.h"
+#include "solve/system.h"
+
+typedef struct _p_Moved *Moved;
+
+/* What a commit brings. Arrays are borrowed: dead and resolved until the next commit that has any, the others for
+   the call. */
+typedef struct {
+  PetscInt         nnode; /* local nodes (own and ghost) that get new places; 0: the client has moved them himself */
+  const PetscInt  *node;
+  const PetscReal *x;        /* [nnode][dim] */
+  PetscBool        whole;    /* the mesh has another form as a whole (MeshRebase), and velocities stay with their nodes */
+  const PetscInt  *dead;     /* [ncell_all] body that a cell is inside of, -1: fluid; NULL: as before */
+  const PetscBool *resolved; /* [nbodies] bodies whose surface the mesh follows; goes with dead */
+  PetscInt         ncarried; /* own nodes that get other old velocities */
+  const PetscInt  *carried;
+  const PetscReal *value; /* [ncarried][2][dim] u^n and u^(n-1) there */
+} MovedMesh;
+
+/* told: after a change of the whole mesh, may be NULL. Collective. */
+PetscErrorCode MovedCreate(Flow, PetscErrorCode (*told)(void *), void *ctx, Moved *);
+PetscErrorCode MovedDestroy(Moved *);
+/* From now on this solver, which learns what cells are no part of the fluid. Borrowed. Collective. */
+PetscErrorCode MovedSetSolver(Moved, FlowSolver);
+
+/* The n local cells (own and ghost) will change, between FlowBeginStep and FlowAssemble. *any (may be NULL): is
+   there one on any rank? Collective. */
+PetscErrorCode MovedBegin(Moved, PetscInt n, const PetscInt cell[], PetscBool *any);
+/* Where no rank has a cell that changes, nothing is done but to remember the dead cells. Collective. Error: that of
+   FlowUpdateCells. */
+PetscErrorCode MovedCommit(Moved, const MovedMesh *);
+/* Begin and commit for fields that already belong to the mesh as it will be, as those of a checkpoint do. The solver
+   is not told: it must be made anew and set. Collective. */
+PetscErrorCode MovedRestore(Moved, PetscInt n, const PetscInt cell[], const MovedMesh *);

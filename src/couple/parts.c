@@ -1,0 +1,329 @@
+/* Parts: see parts.h. */
+#include "compat.h"
+#include "parts.h"
+#include "base/algebra.h"
+#include "indicator.h"
+#include "mesh/element.h"
+
+#define MAX_SAMPLES PARTS_MAX_SAMPLES
+#define NPAIR       6 /* products of two of the three functions of an axis */
+#define CHUNK       256
+
+static const PetscInt PAIR[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
+
+struct _p_Parts {
+  Flow             flow;
+  Bodies           bodies;
+  BodyState       *s;
+  Mesh             mesh;
+  const MeshLocal *loc;
+  PetscInt         nsample;
+  PetscReal        phi[MAX_SAMPLES][3], dphi[MAX_SAMPLES][3], pair[MAX_SAMPLES][NPAIR]; /* at the samples of an axis */
+  PetscReal        reach;          /* largest distance of a node from the centre node of its cell */
+  PetscInt        *cell_of_centre; /* [nnode_all] cell whose centre node it is, or -1 */
+  PetscInt         npart, part_room, nmoments, moments_room;
+  Part            *part;
+  PetscReal       *moments;
+  PetscReal       *x, *d; /* work: samples of a cell */
+};
+
+/* ---- samples of a cell ---- */
+
+static PetscInt sample_count(Parts p)
+{
+  return p->loc->dim == 2 ? p->nsample * p->nsample : p->nsample * p->nsample * p->nsample;
+}
+
+/* Places x [samples][dim] and volumes w [samples] of the samples of a cell with node coordinates xc */
+static void place_samples(Parts p, const PetscReal xc[], PetscReal x[], PetscReal w[])
+{
+  const PetscInt  dim = p->loc->dim, nb = p->loc->nb, n = p->nsample, total = sample_count(p);
+  const PetscReal part = PetscPowRealInt(2.0 / n, (int)dim);
+
+  for (PetscInt q = 0; q < total; q++) {
+    const PetscInt s[3] = {q % n, (q / n) % n, q / (n * n)};
+    PetscReal      J[9] = {0};
+
+    for (PetscInt a = 0; a < dim; a++) x[q * dim + a] = 0;
+    for (PetscInt j = 0; j < nb; j++) {
+      const PetscInt l[3]  = {j % 3, (j / 3) % 3, j / 9};
+      PetscReal      value = 1;
+
+      for (PetscInt e = 0; e < dim; e++) value *= p->phi[s[e]][l[e]];
+      for (PetscInt a = 0; a < dim; a++) x[q * dim + a] += value * xc[j * dim + a];
+      for (PetscInt e = 0; e < dim; e++) {
+        PetscReal slope = 1;
+
+        for (PetscInt o = 0; o < dim; o++) slope *= o == e ? p->dphi[s[o]][l[o]] : p->phi[s[o]][l[o]];
+        for (PetscInt a = 0; a < dim; a++) J[a * dim + e] += slope * xc[j * dim + a];
+      }
+    }
+    w[q] = part * DenseDeterminant(dim, J);
+  }
+}
+
+/* m [6]^dim: sums of the weights with the products of functions of each axis, first axis fastest */
+static void sum_moments(Parts p, const PetscReal w[], PetscReal m[])
+{
+  const PetscInt n = p->nsample, planes = p->loc->dim == 2 ? 1 : n, nn = NPAIR * NPAIR;
+
+  for (PetscInt i = 0; i < (p->loc->dim == 2 ? nn : nn * NPAIR); i++) m[i] = 0;
+  for (PetscInt z = 0; z < planes; z++) {
+    PetscReal plane[NPAIR * NPAIR] = {0};
+
+    for (PetscInt y = 0; y < n; y++) {
+      PetscReal line[NPAIR] = {0};
+
+      for (PetscInt x = 0; x < n; x++)
+        for (PetscInt i = 0; i < NPAIR; i++) line[i] += w[(z * n + y) * n + x] * p->pair[x][i];
+      for (PetscInt j = 0; j < NPAIR; j++)
+        for (PetscInt i = 0; i < NPAIR; i++) plane[j * NPAIR + i] += p->pair[y][j] * line[i];
+    }
+    for (PetscInt i = 0; i < nn; i++) {
+      if (p->loc->dim == 2) m[i] += plane[i];
+      else
+        for (PetscInt k = 0; k < NPAIR; k++) m[k * nn + i] += p->pair[z][k] * plane[i];
+    }
+  }
+}
+
+/* ---- parts of cells ---- */
+
+/* The part of a cell in a body near its surface: samples with the smoothed indicator; *whole if they are all inside,
+   *volume 0 if none is */
+static PetscErrorCode cut_cell(Parts p, PetscInt cell, PetscInt k, const PetscReal X[3], const PetscReal q[4], PetscReal m[], PetscBool *whole,
+                               PetscReal *volume)
+{
+  const PetscInt   n = sample_count(p);
+  const PetscReal *size;
+  PetscReal        xc[MESH_MAX_NB * 3], *w = p->d + n, width;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetCellSize(p->flow, &size));
+  PetscCall(MeshCellCoordinates(p->mesh, cell, xc));
+  place_samples(p, xc, p->x, w);
+  PetscCall(BodiesDistance(p->bodies, k, X, q, n, p->x, p->d));
+  width   = size[cell] / p->nsample;
+  *volume = 0;
+  *whole  = PETSC_TRUE;
+  for (PetscInt i = 0; i < n; i++) {
+    const PetscReal chi = PetscMin(1, PetscMax(0, 0.5 - p->d[i] / width));
+
+    if (chi < 1) *whole = PETSC_FALSE;
+    w[i] *= chi;
+    *volume += w[i];
+  }
+  sum_moments(p, w, m);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* One more part; moments point behind the pool, where the next cut cell puts its own */
+static PetscErrorCode make_room_for_part(Parts p)
+{
+  const PetscInt size = p->loc->dim == 2 ? NPAIR * NPAIR : NPAIR * NPAIR * NPAIR;
+
+  PetscFunctionBeginUser;
+  if (p->npart == p->part_room) {
+    p->part_room = 2 * p->part_room + 64;
+    PetscCall(PetscRealloc(p->part_room * sizeof(Part), &p->part));
+  }
+  if (p->nmoments + size > p->moments_room) {
+    p->moments_room = 2 * p->moments_room + 64 * size;
+    PetscCall(PetscRealloc(p->moments_room * sizeof(PetscReal), &p->moments));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode add_part(Parts p, PetscInt cell, PetscInt k, const PetscReal P[3], PetscBool whole, PetscReal volume)
+{
+  Part *part = p->part + p->npart++;
+
+  PetscFunctionBeginUser;
+  part->cell    = cell;
+  part->body    = k;
+  part->volume  = volume;
+  part->moments = whole ? -1 : p->nmoments;
+  for (PetscInt a = 0; a < 3; a++) part->P[a] = P[a];
+  if (!whole) p->nmoments += p->loc->dim == 2 ? NPAIR * NPAIR : NPAIR * NPAIR * NPAIR;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Radius of the ball about the centre node that holds the cell (1.1: curved edges). The signed distance changes by
+   at most the way, so the ball decides what is far. */
+static PetscErrorCode cell_radius(Parts p, PetscInt cell, PetscReal *radius)
+{
+  const PetscInt   dim = p->loc->dim, nb   = p->loc->nb;
+  PetscReal        xc[MESH_MAX_NB * 3], r2 = 0;
+  const PetscReal *centre = xc + (nb / 2) * dim;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshCellCoordinates(p->mesh, cell, xc));
+  for (PetscInt j = 0; j < nb; j++) {
+    PetscReal s = 0;
+
+    for (PetscInt a = 0; a < dim; a++) s += PetscSqr(xc[j * dim + a] - centre[a]);
+    r2 = PetscMax(r2, s);
+  }
+  *radius = 1.1 * PetscSqrtReal(r2);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode cut_image(Parts p, PetscInt k, const PetscReal X[3], const PetscReal q[4], const PetscReal P[3])
+{
+  const MeshLocal *l   = p->loc;
+  const PetscInt   dim = l->dim;
+  const PetscReal  far = BodiesGetGroup(p->s, k)->radius + p->reach;
+  PetscReal        lo[3], hi[3], x[CHUNK * 3], d[CHUNK];
+  const PetscReal *size;
+  const PetscInt  *list;
+  PetscInt         n;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetCellSize(p->flow, &size));
+  for (PetscInt a = 0; a < dim; a++) {
+    lo[a] = X[a] - far;
+    hi[a] = X[a] + far;
+  }
+  PetscCall(MeshNodesInBox(p->mesh, lo, hi, &n, &list));
+  for (PetscInt i = 0; i < n;) {
+    PetscInt cell[CHUNK], m = 0;
+
+    for (; i < n && m < CHUNK; i++) {
+      if (p->cell_of_centre[list[i]] < 0) continue;
+      for (PetscInt a = 0; a < dim; a++) x[m * dim + a] = l->x[list[i] * dim + a];
+      cell[m++] = p->cell_of_centre[list[i]];
+    }
+    PetscCall(BodiesDistance(p->bodies, k, X, q, m, x, d));
+    for (PetscInt j = 0; j < m; j++) {
+      PetscReal radius, volume = 0;
+      PetscBool whole = PETSC_TRUE;
+
+      if (d[j] > p->reach) continue;
+      PetscCall(cell_radius(p, cell[j], &radius));
+      if (d[j] > radius) continue;
+      PetscCall(make_room_for_part(p));
+      if (d[j] < -radius) volume = PetscPowRealInt(size[cell[j]], (int)dim);
+      else PetscCall(cut_cell(p, cell[j], k, X, q, p->moments + p->nmoments, &whole, &volume));
+      if (volume > 0) PetscCall(add_part(p, cell[j], k, P, whole, volume));
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PartsCut(Parts p, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*P)[3], const PetscBool omit[])
+{
+  PetscFunctionBeginUser;
+  p->npart = p->nmoments = 0;
+  for (PetscInt k = 0; k < p->s->n; k++) {
+    for (PetscInt image = 0; image < (p->loc->dim == 2 ? 9 : 27) && !(omit && omit[k]); image++) {
+      PetscReal Xi[3], Pi[3];
+
+      if (!IndicatorImage(p->loc, X[k], BodiesGetGroup(p->s, k)->radius, image, Xi)) continue;
+      for (PetscInt a = 0; a < 3; a++) Pi[a] = P[k][a] + (Xi[a] - X[k][a]);
+      PetscCall(cut_image(p, k, Xi, q[k], Pi));
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- what is known of the parts ---- */
+
+/* Moments of a whole cell */
+static PetscErrorCode take_whole_cell(Parts p, PetscInt cell, PetscReal m[])
+{
+  PetscReal xc[MESH_MAX_NB * 3], *w = p->d + sample_count(p);
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshCellCoordinates(p->mesh, cell, xc));
+  place_samples(p, xc, p->x, w);
+  sum_moments(p, w, m);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PartsGetMatrix(Parts p, const Part *part, PetscReal sigma, PetscReal pen[])
+{
+  const PetscInt   nb = p->loc->nb;
+  PetscReal        whole[NPAIR * NPAIR * NPAIR];
+  const PetscReal *m = part->moments < 0 ? whole : p->moments + part->moments;
+
+  PetscFunctionBeginUser;
+  if (part->moments < 0) PetscCall(take_whole_cell(p, part->cell, whole));
+  for (PetscInt i = 0; i < nb; i++) {
+    for (PetscInt j = 0; j < nb; j++) {
+      const PetscInt z = p->loc->dim == 2 ? 0 : PAIR[i / 9][j / 9];
+
+      pen[i * nb + j] = sigma * m[(z * NPAIR + PAIR[(i / 3) % 3][(j / 3) % 3]) * NPAIR + PAIR[i % 3][j % 3]];
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PartsGet(Parts p, PetscInt *n, const Part *part[])
+{
+  PetscFunctionBeginUser;
+  *n    = p->npart;
+  *part = p->part;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- life cycle ---- */
+
+static void tabulate_samples(Parts p)
+{
+  for (PetscInt s = 0; s < p->nsample; s++) {
+    ElementLine((2 * s + 1.0) / p->nsample - 1, p->phi[s], p->dphi[s]);
+    for (PetscInt a = 0; a < 3; a++)
+      for (PetscInt b = a; b < 3; b++) p->pair[s][PAIR[a][b]] = p->phi[s][a] * p->phi[s][b];
+  }
+}
+
+PetscErrorCode PartsMeasureCells(Parts p)
+{
+  const MeshLocal *l = p->loc;
+
+  PetscFunctionBeginUser;
+  p->reach = 0;
+  for (PetscInt i = 0; i < l->nnode_all; i++) p->cell_of_centre[i] = -1;
+  for (PetscInt c = 0; c < l->ncell_all; c++) {
+    PetscReal radius;
+
+    p->cell_of_centre[l->cell_node[c * l->nb + l->nb / 2]] = c;
+    PetscCall(cell_radius(p, c, &radius));
+    p->reach = PetscMax(p->reach, radius);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PartsCreate(Flow flow, Bodies bodies, PetscInt nsample, Parts *parts)
+{
+  Parts p;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&p));
+  p->flow    = flow;
+  p->bodies  = bodies;
+  p->nsample = nsample;
+  PetscCall(BodiesGetState(bodies, &p->s));
+  PetscCall(FlowGetMesh(flow, &p->mesh));
+  PetscCall(MeshGetLocal(p->mesh, &p->loc));
+  tabulate_samples(p);
+  PetscCall(PetscMalloc1(p->loc->nnode_all, &p->cell_of_centre));
+  PetscCall(PetscMalloc2(sample_count(p) * p->loc->dim, &p->x, 2 * sample_count(p), &p->d));
+  PetscCall(PartsMeasureCells(p));
+  *parts = p;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PartsDestroy(Parts *parts)
+{
+  Parts p = *parts;
+
+  PetscFunctionBeginUser;
+  if (!p) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree(p->cell_of_centre));
+  PetscCall(PetscFree2(p->x, p->d));
+  PetscCall(PetscFree(p->part));
+  PetscCall(PetscFree(p->moments));
+  PetscCall(PetscFree(*parts));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

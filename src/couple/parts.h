@@ -1,0 +1,33 @@
+/* Parts: the part of every cell that lies in a body, integrated with n x n (x n) sub-cells and an indicator that
+   falls linearly from 1 to 0 over the width of a sub-cell about the surface. Cells that lie inside as a whole are
+   parts as well.
+
+   Own and ghost cells are treated alike, so that sums at own nodes are complete without communication. Products of
+   basis functions factorise over the axes, so the integrals of all phi_i phi_j follow from the 6^dim moments of the
+   samples with the six products of the one-dimensional functions. */
+#pragma once
+#include "bodies/bodies.h"
+#include "flow/flow.h"
+
+typedef struct _p_Parts *Parts;
+
+typedef struct {
+  PetscInt  cell, body, moments; /* moments: offset in the pool, -1 for a whole cell */
+  PetscReal volume;              /* of the part */
+  PetscReal P[3];                /* reference point of the body, as the image that meets the cell */
+} Part;
+
+#define PARTS_MAX_SAMPLES 20
+
+/* nsample: n. Collective. */
+PetscErrorCode PartsCreate(Flow, Bodies, PetscInt nsample, Parts *);
+PetscErrorCode PartsDestroy(Parts *);
+/* All cells have changed (MeshRebase). Local. */
+PetscErrorCode PartsMeasureCells(Parts);
+/* Bodies are drawn at X, q, their rigid velocities are about the points P; not those with omit[k] (NULL: none).
+   Local. */
+PetscErrorCode PartsCut(Parts, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*P)[3], const PetscBool omit[]);
+/* The n parts, by bodies. Borrowed. */
+PetscErrorCode PartsGet(Parts, PetscInt *n, const Part *part[]);
+/* pen [nb][nb]: sigma int phi_i phi_j over the part. */
+PetscErrorCode PartsGetMatrix(Parts, const Part *, PetscReal sigma, PetscReal pen[]);

@@ -1,0 +1,30 @@
+/* Rung: how the flow sees the surface of a body (-couple_boundary), as a table of operations. A new one is a file
+   with its table and a line in rung.c; nothing else knows a name. Operations that are NULL do nothing; all are
+   collective. `rung` is what create made. */
+#pragma once
+#include "couple/couple.h"
+#include "solve/penaltyterm.h"
+
+typedef struct {
+  const char *name;
+  PetscBool   moves; /* moves nodes of the mesh itself, so that -mesh_deform cannot */
+  PetscErrorCode (*create)(Couple, void **rung);
+  /* Bodies are at c->X, c->q, c->P: claim the nodes that move rigidly in c->mark, prepare the rung's own terms, set c->hollow */
+  PetscErrorCode (*draw)(Couple, void *rung);
+  /* Of the last draw, for the solver, the constraint and the forces; NULL: none */
+  PetscErrorCode (*terms)(void *rung, const PenaltyTerm **);
+  /* What these terms exert at prescribed components (fixed: bit mask [nnode_all]), added to out [3] before the sum over ranks */
+  PetscErrorCode (*force)(Couple, void *rung, const PetscInt fixed[], PetscReal out[3]);
+  PetscErrorCode (*moved)(void *rung);                                           /* the mesh has another form as a whole */
+  PetscErrorCode (*accept)(Couple, void *rung);                                  /* bodies have moved, the step is about to be accepted */
+  PetscErrorCode (*report)(void *rung, PetscInt *n, const CoupleCount *count[]); /* borrowed, the same place and names in every step */
+  PetscErrorCode (*state)(void *rung, State);
+  PetscErrorCode (*view)(void *rung, PetscViewer);
+  PetscErrorCode (*destroy)(void *rung);
+} Rung;
+
+extern const Rung        rung_nodal, rung_penalty, rung_snap;
+extern const Rung *const rungs[]; /* NULL-terminated; the first is the default */
+
+/* -couple_boundary */
+PetscErrorCode RungChoose(const Rung **);

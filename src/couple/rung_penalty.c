@@ -1,0 +1,68 @@
+/* Rung penalty: the body's part of cut cells is held at its velocity by a force (penalty.h), fictitious fluid
+   inside. The force on a body is that of the penalty plus the residual of the nodes that move rigidly. */
+#include "compat.h"
+#include "impl.h"
+#include "penalty.h"
+
+static PetscErrorCode create_penalty(Couple c, void **rung)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PenaltyCreate(c->flow, c->bodies, (Penalty *)rung));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode draw_penalty(Couple c, void *rung)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PenaltyDraw((Penalty)rung, c->X, c->q, c->P, NULL, c->mark));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode get_terms(void *rung, const PenaltyTerm **term)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PenaltyGetSoft((Penalty)rung, term));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode add_force(Couple c, void *rung, const PetscInt fixed[], PetscReal out[3])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PenaltyAddPrescribed((Penalty)rung, fixed, c->u, c->U, out));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode measure_cells(void *rung)
+{
+  Parts parts;
+
+  PetscFunctionBeginUser;
+  PetscCall(PenaltyGetParts((Penalty)rung, &parts));
+  PetscCall(PartsMeasureCells(parts));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode view_penalty(void *rung, PetscViewer viewer)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PenaltyView((Penalty)rung, viewer));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode destroy_penalty(void *rung)
+{
+  Penalty p = (Penalty)rung;
+
+  PetscFunctionBeginUser;
+  PetscCall(PenaltyDestroy(&p));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+const Rung rung_penalty = {.name    = "penalty",
+                           .create  = create_penalty,
+                           .draw    = draw_penalty,
+                           .terms   = get_terms,
+                           .force   = add_force,
+                           .moved   = measure_cells,
+                           .view    = view_penalty,
+                           .destroy = destroy_penalty};

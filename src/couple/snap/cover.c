@@ -1,0 +1,162 @@
+/* Snap, cover: which cells belong to bodies, and what their nodes are. */
+#include "compat.h"
+#include "impl.h"
+#include "../indicator.h"
+
+/* Own cells with their centre in body k drawn at X (one periodic image); where bodies overlap, the deeper one wins */
+static PetscErrorCode cover_image(Snap s, PetscInt k, const PetscReal X[3], const PetscReal q[4], PetscReal radius)
+{
+  const MeshLocal *l     = s->loc;
+  const PetscReal  lo[2] = {X[0] - radius, X[1] - radius}, hi[2] = {X[0] + radius, X[1] + radius};
+  const PetscInt  *list;
+  PetscInt         n, m = 0, node[CHUNK];
+  PetscReal        x[2 * CHUNK], dist[CHUNK];
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshNodesInBox(s->mesh, lo, hi, &n, &list));
+  for (PetscInt e = 0; e <= n; e++) {
+    if (e < n && s->kind[list[e]] == NODE_CENTRE && list[e] < l->nnode) {
+      x[2 * m]     = l->x_start[2 * list[e]];
+      x[2 * m + 1] = l->x_start[2 * list[e] + 1];
+      node[m++]    = list[e];
+    }
+    if (m < CHUNK && e < n) continue;
+    PetscCall(BodiesDistance(s->bodies, k, X, q, m, x, dist));
+    for (PetscInt i = 0; i < m; i++) {
+      const PetscInt c = s->centre_of[node[i]];
+
+      if (dist[i] >= 0 || (s->cover[c] && dist[i] >= s->depth[node[i]])) continue;
+      if (!s->cover[c]) PetscCall(SnapListAdd(&s->dead, c));
+      s->cover[c]       = k + 1;
+      s->depth[node[i]] = dist[i];
+    }
+    m = 0;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Tell the ghosts; the code of the centre nodes carries the message */
+static PetscErrorCode share_cover(Snap s)
+{
+  const MeshLocal *l = s->loc;
+
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e < s->dead.n; e++) s->code[SnapCellNodes(s, s->dead.i[e])[4]] = s->cover[s->dead.i[e]];
+  PetscCall(MeshSyncNodesInt(s->mesh, s->code));
+  PetscCall(MeshSyncNodes(s->mesh, 1, s->depth));
+  for (PetscInt e = 0; e < s->dead.n; e++) s->code[SnapCellNodes(s, s->dead.i[e])[4]] = 0;
+  for (PetscInt i = l->nnode; i < l->nnode_all; i++) {
+    if (s->code[i]) {
+      s->cover[s->centre_of[i]] = s->code[i];
+      PetscCall(SnapListAdd(&s->dead, s->centre_of[i]));
+    }
+    s->code[i] = 0;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SnapCoverCells(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool fitted[])
+{
+  BodyState *state;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetState(s->bodies, &state));
+  for (PetscInt k = 0; k < s->nbodies; k++) {
+    const PetscReal radius = BodiesGetGroup(state, k)->radius * (1 + 1e-12);
+
+    for (PetscInt image = 0; image < 9 && fitted[k] && !s->is_path[k]; image++) {
+      PetscReal at[3];
+
+      if (IndicatorImage(s->loc, X[k], radius, image, at)) PetscCall(cover_image(s, k, at, q[k], radius));
+    }
+  }
+  PetscCall(share_cover(s));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Mark in work[] (at centre nodes) the cells that own vertex i must give back: all when it is on the boundary, the
+   least covered one when two bodies meet there */
+static void choose_open(Snap s, PetscInt i)
+{
+  const MeshLocal *l     = s->loc;
+  PetscInt         first = 0, last = -1;
+  PetscBool        two = PETSC_FALSE;
+
+  for (PetscInt e = l->node_cell_ptr[i]; e < l->node_cell_ptr[i + 1]; e++) {
+    const PetscInt c = l->node_cell[e], centre = SnapCellNodes(s, c)[4];
+
+    if (!s->cover[c]) continue;
+    if (s->boundary[i]) s->work[centre] = 1;
+    if (first && s->cover[c] != first) two = PETSC_TRUE;
+    first = s->cover[c];
+    if (last >= 0) {
+      const PetscReal gain = s->depth[centre] - s->depth[SnapCellNodes(s, last)[4]];
+
+      if (gain < 0 || (gain == 0 && l->cell_global[c] < l->cell_global[last])) continue;
+    }
+    last = c;
+  }
+  if (two) s->work[SnapCellNodes(s, last)[4]] = 1;
+}
+
+PetscErrorCode SnapOpenMarkedCells(Snap s, PetscBool *any)
+{
+  PetscInt left = 0;
+
+  PetscFunctionBeginUser;
+  *any = PETSC_FALSE;
+  PetscCall(MeshSumNodes(s->mesh, 1, s->work));
+  PetscCall(MeshSyncNodes(s->mesh, 1, s->work));
+  for (PetscInt e = 0; e < s->dead.n; e++) {
+    const PetscInt c = s->dead.i[e], centre = SnapCellNodes(s, c)[4];
+
+    if (s->work[centre] > 0) {
+      s->cover[c] = 0;
+      *any        = PETSC_TRUE;
+    } else s->dead.i[left++] = c;
+    s->work[centre] = 0;
+  }
+  s->dead.n = left;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, any, 1, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SnapOpenGaps(Snap s)
+{
+  const MeshLocal *l = s->loc;
+  PetscBool        any;
+
+  PetscFunctionBeginUser;
+  do {
+    for (PetscInt e = 0; e < s->dead.n; e++)
+      for (PetscInt v = 0; v < 4; v++) {
+        const PetscInt i = SnapCellNodes(s, s->dead.i[e])[CORNER[v]];
+
+        if (i < l->nnode) choose_open(s, i);
+      }
+    PetscCall(SnapOpenMarkedCells(s, &any));
+  } while (any);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SnapClassifyNodes(Snap s)
+{
+  const MeshLocal *l = s->loc;
+
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e < s->dead.n; e++) {
+    for (PetscInt j = 0; j < l->nb; j++) {
+      const PetscInt i    = SnapCellNodes(s, s->dead.i[e])[j];
+      PetscBool      wall = PETSC_FALSE;
+
+      if (i >= l->nnode || s->code[i]) continue;
+      for (PetscInt n = l->node_cell_ptr[i]; n < l->node_cell_ptr[i + 1]; n++) wall = (PetscBool)(wall || !s->cover[l->node_cell[n]]);
+      s->code[i] = 2 * s->cover[s->dead.i[e]] - (wall ? 1 : 0);
+      PetscCall(SnapListAdd(&s->marked, i));
+    }
+  }
+  PetscCall(MeshSyncNodesInt(s->mesh, s->code));
+  for (PetscInt i = l->nnode; i < l->nnode_all; i++)
+    if (s->code[i]) PetscCall(SnapListAdd(&s->marked, i));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

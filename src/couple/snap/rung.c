@@ -1,0 +1,153 @@
+/* Rung snap: the mesh lines up with the bodies (snap.h), whose inside is no part of the fluid. A body that it cannot
+   follow is held by the penalty in that step; one thinner than a cell is a path of edges: the fluid that it
+   displaces is there and moves with it, so that its rigid rows are those of rung nodal.
+
+   Columns of series.csv: snap_fallback, bodies held by the penalty; snap_narrow, bodies whose walls are drawn back
+   in narrow gaps; snap_taylor, nodes whose old values came from Taylor's formula; snap_kept, nodes for which there
+   was none (remap.h). */
+#include "compat.h"
+#include "../impl.h"
+#include "../penalty.h"
+#include "driver.h"
+
+enum {
+  FALLBACK,
+  NARROW,
+  TAYLOR,
+  KEPT,
+  NCOUNT
+};
+
+typedef struct {
+  SnapDriver         driver;
+  Penalty            penalty;
+  const PenaltyTerm *term;
+  CoupleCount        count[NCOUNT];
+  PetscBool          remarked; /* that a body goes too far in a step */
+} SnapRung;
+
+static PetscErrorCode create_snap(Couple c, void **rung)
+{
+  SnapRung *r;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&r));
+  PetscCall(PenaltyCreate(c->flow, c->bodies, &r->penalty));
+  PetscCall(SnapDriverCreate(c->flow, c->bodies, c->moved, &r->driver));
+  r->count[FALLBACK].name = "snap_fallback";
+  r->count[NARROW].name   = "snap_narrow";
+  r->count[TAYLOR].name   = "snap_taylor";
+  r->count[KEPT].name     = "snap_kept";
+  *rung                   = r;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode draw_snap(Couple c, void *rung)
+{
+  SnapRung         *r      = (SnapRung *)rung;
+  const PetscInt    before = r->count[FALLBACK].value;
+  const SnapResult *s;
+  const RemapCount *remap;
+  const PetscBool  *fitted;
+
+  PetscFunctionBeginUser;
+  PetscCall(SnapDriverUpdate(r->driver, c->X, c->q, &fitted, &s, &remap));
+  c->hollow = s->hollow;
+  for (PetscInt e = 0; e < s->nmarked; e++) PetscCall(IndicatorClaim(c->mark, s->marked[e], s->node_body[s->marked[e]]));
+  r->count[NARROW].value = s->nnarrow;
+  r->count[TAYLOR].value += remap->taylor;
+  r->count[KEPT].value += remap->kept;
+  r->count[FALLBACK].value = 0;
+  for (PetscInt k = 0; k < c->s->n; k++)
+    if (!fitted[k] && !c->s->gone[k] && !BodiesGetGroup(c->s, k)->hole) r->count[FALLBACK].value++;
+  r->term = NULL;
+  if (!r->count[FALLBACK].value && !before) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PenaltyDraw(r->penalty, c->X, c->q, c->P, fitted, c->mark));
+  PetscCall(PenaltyGetSoft(r->penalty, &r->term));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode get_terms(void *rung, const PenaltyTerm **term)
+{
+  PetscFunctionBeginUser;
+  *term = ((SnapRung *)rung)->term;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode add_force(Couple c, void *rung, const PetscInt fixed[], PetscReal out[3])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PenaltyAddPrescribed(((SnapRung *)rung)->penalty, fixed, c->u, c->U, out));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The fields are carried to the nodes that move; where a body goes more than half a cell in a step that costs
+   accuracy (runs/studies/tradeoff), which the run should not keep to itself (once) */
+static PetscErrorCode accept_step(Couple c, void *rung)
+{
+  SnapRung        *r = (SnapRung *)rung;
+  const BodyState *s = c->s;
+  const FlowStep  *step;
+
+  PetscFunctionBeginUser;
+  r->count[TAYLOR].value = r->count[KEPT].value = 0;
+  PetscCall(FlowGetStep(c->flow, &step));
+  for (PetscInt k = 0; k < s->n && !r->remarked; k++) {
+    const PetscReal way = BodiesFastestPoint(s, k, 0) * step->dt / c->loc->h;
+
+    if (s->gone[k] || way <= 0.5) continue;
+    r->remarked = PETSC_TRUE;
+    PetscCall(
+      PetscPrintf(PETSC_COMM_WORLD,
+                  "remark: body %" PetscInt_FMT
+                  " (group '%s') goes %.2g of the smallest cells in the step to t = %g; -couple_boundary snap loses accuracy beyond 0.5: lower -sim_dt (%g), or "
+                  "use -sim_adapt\n",
+                  k, BodiesGetGroup(s, k)->name, (double)way, (double)step->time, (double)step->dt));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode report_counts(void *rung, PetscInt *n, const CoupleCount *count[])
+{
+  PetscFunctionBeginUser;
+  *n     = NCOUNT;
+  *count = ((SnapRung *)rung)->count;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode visit_state(void *rung, State state)
+{
+  PetscFunctionBeginUser;
+  PetscCall(SnapDriverVisitState(((SnapRung *)rung)->driver, state));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode view_snap(void *rung, PetscViewer viewer)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PenaltyView(((SnapRung *)rung)->penalty, viewer));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode destroy_snap(void *rung)
+{
+  SnapRung *r = (SnapRung *)rung;
+
+  PetscFunctionBeginUser;
+  PetscCall(SnapDriverDestroy(&r->driver));
+  PetscCall(PenaltyDestroy(&r->penalty));
+  PetscCall(PetscFree(r));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+const Rung rung_snap = {.name    = "snap",
+                        .moves   = PETSC_TRUE,
+                        .create  = create_snap,
+                        .draw    = draw_snap,
+                        .terms   = get_terms,
+                        .force   = add_force,
+                        .accept  = accept_step,
+                        .report  = report_counts,
+                        .state   = visit_state,
+                        .view    = view_snap,
+                        .destroy = destroy_snap};
