@@ -36,7 +36,7 @@ static PetscErrorCode set_walls(Flow flow, const Exact *e, const MeshLocal *l)
   const PetscReal *value;
 
   PetscFunctionBeginUser;
-  PetscCall(BoundaryGetValues(FlowBoundary(flow), &fixed, &value));
+  PetscCall(ConditionsGetValues(FlowConditions(flow), &fixed, &value));
   for (PetscInt i = 0; i < l->nnode_all; i++)
     if (fixed[i]) evaluate(e, e->time, l->x + 2 * i, (PetscReal *)value + 2 * i);
   PetscFunctionReturn(PETSC_SUCCESS);
