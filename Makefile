@@ -108,7 +108,7 @@ extremes: all ## the stability map: runs/extremes/map.csv, map.png (ARGS=--quick
 	$(PYTHON) tools/extremes $(ARGS)
 style: ## rooms, text, formatting, scripts that compile
 	tools/check-layers
-	tools/check-text
+	tools/check-text --wide
 	PYTHONPYCACHEPREFIX=$(BUILD)/pycache $(PYTHON) -m py_compile $(SCRIPTS)
 	@if command -v clang-format > /dev/null; then clang-format --dry-run -Werror $(SOURCES); else echo "clang-format is not installed: formatting is not checked"; fi
 format: ## apply clang-format to all C files

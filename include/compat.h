@@ -15,15 +15,18 @@
   #define COMPAT_MPI_BOOL MPI_C_BOOL
 #endif
 
-/* DMPlexCreateBoxMesh() of quadrilaterals or hexahedra with their edges and faces; periodic cells keep coordinates of their own */
-static inline PetscErrorCode CompatCreateBoxMesh(MPI_Comm comm, PetscInt dim, const PetscInt cells[], const PetscReal lower[],
-                                                 const PetscReal upper[], const DMBoundaryType periodicity[], DM *dm)
+/* DMPlexCreateBoxMesh() of quadrilaterals or hexahedra with their edges and faces; periodic cells keep coordinates of
+   their own */
+static inline PetscErrorCode CompatCreateBoxMesh(MPI_Comm comm, PetscInt dim, const PetscInt cells[],
+                                                 const PetscReal lower[], const PetscReal upper[],
+                                                 const DMBoundaryType periodicity[], DM *dm)
 {
   PetscFunctionBeginUser;
 #if PETSC_VERSION_LT(3, 22, 0)
   PetscCall(DMPlexCreateBoxMesh(comm, dim, PETSC_FALSE, cells, lower, upper, periodicity, PETSC_TRUE, dm));
 #else
-  PetscCall(DMPlexCreateBoxMesh(comm, dim, PETSC_FALSE, cells, lower, upper, periodicity, PETSC_TRUE, 0, PETSC_TRUE, dm));
+  PetscCall(
+    DMPlexCreateBoxMesh(comm, dim, PETSC_FALSE, cells, lower, upper, periodicity, PETSC_TRUE, 0, PETSC_TRUE, dm));
 #endif
   PetscFunctionReturn(PETSC_SUCCESS);
 }

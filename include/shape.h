@@ -74,10 +74,12 @@ PetscErrorCode ShapeSetData(Shape, void *data);
 PetscErrorCode ShapeGetData(Shape, void *data); /* pass the address of a pointer */
 /* Options of a shape, named without prefix ("radius" becomes -particle_<group>_radius). Range as in opt.h. Not given:
    default stays. */
-PetscErrorCode ShapeOptionReal(Shape, const char name[], const char help[], const char unit[], PetscReal lower, PetscReal upper, PetscReal *value);
-PetscErrorCode ShapeOptionInt(Shape, const char name[], const char help[], PetscInt lower, PetscInt upper, PetscInt *value);
-PetscErrorCode ShapeOptionRealArray(Shape, const char name[], const char help[], const char unit[], PetscReal lower, PetscReal upper, PetscInt n,
-                                    PetscReal value[]);
+PetscErrorCode ShapeOptionReal(Shape, const char name[], const char help[], const char unit[], PetscReal lower,
+                               PetscReal upper, PetscReal *value);
+PetscErrorCode ShapeOptionInt(Shape, const char name[], const char help[], PetscInt lower, PetscInt upper,
+                              PetscInt *value);
+PetscErrorCode ShapeOptionRealArray(Shape, const char name[], const char help[], const char unit[], PetscReal lower,
+                                    PetscReal upper, PetscInt n, PetscReal value[]);
 PetscErrorCode ShapeOptionString(Shape, const char name[], const char help[], char value[], size_t len);
 
 /* ---- for programs of your own ---- */

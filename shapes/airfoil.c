@@ -1,11 +1,12 @@
 /* NACA four-digit airfoil with closed trailing edge, nose towards -x, chord along x.
 
-   Outline (Jacobs, Ward & Pinkerton, NACA report 460) with the last thickness coefficient -0.1036, which closes the trailing edge. With z from 1
-   (trailing edge) over 0 (nose) to -1 (trailing edge) and x/c = z^2, thickness is smooth through the nose: sqrt(x/c) = |z|. z = cos(phi).
-   Distance: the chords of 256 arcs, each with the largest deviation (sag) of its arc, bound the answer; circles around groups of arcs rule out most of
-   them, and the arcs that can hold the closest point are searched by Newton with bisection. The sign is the side of the outline at the closest point;
-   points closest to the corner at the trailing edge are outside. The body origin is at `origin` of the chord (0.25: the quarter-chord point). 2D only.
-   Digits mpTT: camber m/100, camber_position p/10, thickness TT/100. */
+   Outline (Jacobs, Ward & Pinkerton, NACA report 460) with the last thickness coefficient -0.1036, which closes the
+   trailing edge. With z from 1 (trailing edge) over 0 (nose) to -1 (trailing edge) and x/c = z^2, thickness is smooth
+   through the nose: sqrt(x/c) = |z|. z = cos(phi). Distance: the chords of 256 arcs, each with the largest deviation
+   (sag) of its arc, bound the answer; circles around groups of arcs rule out most of them, and the arcs that can hold
+   the closest point are searched by Newton with bisection. The sign is the side of the outline at the closest point;
+   points closest to the corner at the trailing edge are outside. The body origin is at `origin` of the chord (0.25: the
+   quarter-chord point). 2D only. Digits mpTT: camber m/100, camber_position p/10, thickness TT/100. */
 #include "shape.h"
 
 #define NARC   256 /* arcs, each with its chord */
@@ -47,7 +48,8 @@ static void Camber(const Airfoil *f, PetscReal x, PetscReal y[4])
   y[3] = 0.0;
 }
 
-/* The outline at phi: camber line plus thickness along its normal (-sin theta, cos theta). Derivatives by the chain rule, first in z. */
+/* The outline at phi: camber line plus thickness along its normal (-sin theta, cos theta). Derivatives by the chain
+   rule, first in z. */
 static void EvaluateCurve(const Airfoil *f, PetscReal phi, Point *p)
 {
   const PetscReal z = PetscCosReal(phi), z1 = -PetscSinReal(phi), z2 = -z;
@@ -112,7 +114,8 @@ static PetscReal Slope(const Point *p, const PetscReal x[])
   return (p->c[0] - x[0]) * p->t[0] + (p->c[1] - x[1]) * p->t[1];
 }
 
-/* Closest point of arc i: root of the slope, started at `at` of the arc, falling back to bisection whenever Newton leaves the bracket. */
+/* Closest point of arc i: root of the slope, started at `at` of the arc, falling back to bisection whenever Newton
+   leaves the bracket. */
 static PetscReal SearchArc(const Airfoil *f, PetscInt i, const PetscReal x[], PetscReal at, Point *p)
 {
   PetscReal lo = ArcStart(i), hi = ArcStart(i + 1), phi = lo + at * (hi - lo);
@@ -183,7 +186,8 @@ static PetscReal MeasurePoint(const Airfoil *f, const PetscReal x[], PetscReal n
   }
   best = PetscSqrtReal(best2);
   side = best;
-  if (best_phi > ArcStart(0) && best_phi < ArcStart(NARC)) { /* otherwise the corner: every point it is closest to is outside */
+  /* otherwise the corner: every point it is closest to is outside */
+  if (best_phi > ArcStart(0) && best_phi < ArcStart(NARC)) {
     OutlineNormal(&q, n);
     side = (x[0] - q.c[0]) * n[0] + (x[1] - q.c[1]) * n[1];
   }

@@ -65,8 +65,8 @@ static PetscErrorCode ShapeNormal_Circle(Shape s, PetscInt n, const PetscReal x[
 
     for (PetscInt a = 0; a < c->dim; a++) len += PetscSqr(x[i * c->dim + a]);
     len = PetscSqrtReal(len);
-    for (PetscInt a = 0; a < c->dim; a++)
-      normal[i * c->dim + a] = len > 0 ? x[i * c->dim + a] / len : (PetscReal)(a == 0); /* at the centre every direction is right */
+    for (PetscInt a = 0; a < c->dim; a++) /* at the centre every direction is right */
+      normal[i * c->dim + a] = len > 0 ? x[i * c->dim + a] / len : (PetscReal)(a == 0);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -1,9 +1,10 @@
 /* Ellipse in 2D, ellipsoid in 3D, axes along the body axes, centred on the body origin.
 
-   Closest point by the Lagrange condition: c_i = e_i^2 x_i/(t + e_i^2) with F(t) = sum (e_i x_i/(t + e_i^2))^2 - 1 = 0, t > -min e^2 (the root
-   function of D. Eberly, Distance from a Point to an Ellipse, an Ellipsoid, or a Hyperellipsoid). F is convex and falling, so Newton started on its
-   positive side never overshoots; the largest single term brackets the root within a factor sqrt(dim), so a few steps suffice everywhere.
-   Then d = t |x_i/(t + e_i^2)|, which carries its sign. Works in s = t + min e^2 so that points next to the long axis keep their digits. */
+   Closest point by the Lagrange condition: c_i = e_i^2 x_i/(t + e_i^2) with F(t) = sum (e_i x_i/(t + e_i^2))^2 - 1 = 0,
+   t > -min e^2 (the root function of D. Eberly, Distance from a Point to an Ellipse, an Ellipsoid, or a
+   Hyperellipsoid). F is convex and falling, so Newton started on its positive side never overshoots; the largest single
+   term brackets the root within a factor sqrt(dim), so a few steps suffice everywhere. Then d = t |x_i/(t + e_i^2)|,
+   which carries its sign. Works in s = t + min e^2 so that points next to the long axis keep their digits. */
 #include "shape.h"
 
 typedef struct {
@@ -59,7 +60,8 @@ static PetscReal FindRoot(const Ellipse *p, const PetscReal x[], PetscReal g[])
   PetscReal y[3], s = 0;
 
   for (PetscInt a = 0; a < p->dim; a++) {
-    y[a] = PetscMax(PetscAbsReal(x[a]), 1e-100 * p->e[a]); /* a point on an axis: any tiny offset selects one of its two closest points */
+    y[a] = PetscMax(PetscAbsReal(x[a]), 1e-100 * p->e[a]); /* a point on an axis: any tiny offset selects one of its two
+                                                              closest points */
     s    = PetscMax(s, p->e[a] * y[a] - p->delta[a]);
   }
   for (int it = 0; it < 100; it++) {

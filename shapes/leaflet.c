@@ -1,8 +1,8 @@
 /* Leaflet: a straight flap with rounded ends, along x; in 3D a rod with round cross-section (a capsule).
 
-   length is tip to tip, so the axis between the centres of the two round ends has length - thickness. The body origin lies on the
-   axis: origin = 0 at the centre of the hinged end (default), 0.5 in the middle, 1 at the free end. The rest is closed
-   forms; surface points are left to the default. */
+   length is tip to tip, so the axis between the centres of the two round ends has length - thickness. The body origin
+   lies on the axis: origin = 0 at the centre of the hinged end (default), 0.5 in the middle, 1 at the free end. The
+   rest is closed forms; surface points are left to the default. */
 #include "shape.h"
 
 typedef struct {
@@ -103,12 +103,14 @@ static PetscErrorCode ShapeNormal_Leaflet(Shape s, PetscInt n, const PetscReal x
       g[a] = a ? p[a] : p[0] - PetscMin(PetscMax(p[0], l->x0), l->x1);
       len2 += g[a] * g[a];
     }
-    for (PetscInt a = 0; a < l->dim; a++) g[a] = len2 > 0 ? g[a] / PetscSqrtReal(len2) : (PetscReal)(a == 1); /* on the axis: either side */
+    /* on the axis: either side */
+    for (PetscInt a = 0; a < l->dim; a++) g[a] = len2 > 0 ? g[a] / PetscSqrtReal(len2) : (PetscReal)(a == 1);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* A bar (cylinder) of length axis and two half discs (half balls) whose centroids lie 4r/(3 pi) (3r/8) beyond its ends. */
+/* A bar (cylinder) of length axis and two half discs (half balls) whose centroids lie 4r/(3 pi) (3r/8) beyond its
+   ends. */
 static PetscErrorCode ShapeMass_Leaflet(Shape s, ShapeMass *m)
 {
   Leaflet  *l;

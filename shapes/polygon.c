@@ -1,9 +1,10 @@
 /* Polygon: any closed outline without crossings, read from a text file with one corner "x y" a line.
 
-   '#' starts a comment; lines without numbers are skipped; the last corner is joined to the first, which may be repeated at the end.
-   Convex or not, in either sense of rotation. A file with crossing or touching edges is refused, naming the lines of both.
-   Distance: smallest distance to all edges; sign: crossing number of a ray. Cost per point is proportional to the number of corners.
-   2D only. Mass and surface points in closed form (Green's theorem). The outline is scaled by `scale`; its frame is the file's own. */
+   '#' starts a comment; lines without numbers are skipped; the last corner is joined to the first, which may be
+   repeated at the end. Convex or not, in either sense of rotation. A file with crossing or touching edges is refused,
+   naming the lines of both. Distance: smallest distance to all edges; sign: crossing number of a ray. Cost per point is
+   proportional to the number of corners. 2D only. Mass and surface points in closed form (Green's theorem). The outline
+   is scaled by `scale`; its frame is the file's own. */
 #include "shape.h"
 #include <stdio.h>
 #include <stdlib.h>
@@ -74,9 +75,9 @@ static PetscErrorCode ReadCorners(const char file[], PetscInt *n, PetscReal xy[]
     }
     if (k < 2 || !IsBlank(at)) PetscCall(PetscSNPrintf(error, len, "%s:%d: expected two finite numbers 'x y', found '%.60s'", file, number, line));
     else if (*n == MAX_CORNERS) PetscCall(PetscSNPrintf(error, len, "%s:%d: more than %d corners: thin out the outline", file, number, MAX_CORNERS));
-    else if (*n == 0 || v[0] != xy[2 * *n - 2] || v[1] != xy[2 * *n - 1]) { /* a repeated corner adds nothing */ xy[2 * *n] = v[0];
-      xy[2 * *n + 1]                                                                                                        = v[1];
-      line_of[(*n)++]                                                                                                       = number;
+    else if (*n == 0 || v[0] != xy[2 * *n - 2] || v[1] != xy[2 * *n - 1]) { /* not a repeated one */ xy[2 * *n] = v[0];
+      xy[2 * *n + 1]                                                                                            = v[1];
+      line_of[(*n)++]                                                                                           = number;
     }
   }
   fclose(f);
@@ -218,7 +219,8 @@ static PetscErrorCode ShapeSetUp_Polygon(Shape s)
 
 /* ---- geometry ---- */
 
-/* Squared distance to the outline and whether the point is inside. The ray test counts an edge for y in [low, high), so corners count once. */
+/* Squared distance to the outline and whether the point is inside. The ray test counts an edge for y in [low, high), so
+   corners count once. */
 static PetscReal MeasurePoint(const Polygon *p, PetscReal px, PetscReal py, PetscInt *inside)
 {
   PetscReal best      = PETSC_MAX_REAL;
@@ -263,7 +265,8 @@ static PetscErrorCode ShapeRadius_Polygon(Shape s, PetscReal *r)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Sums over the triangles (first corner, i, i + 1), relative to the first corner so that a far-away outline keeps its digits. */
+/* Sums over the triangles (first corner, i, i + 1), relative to the first corner so that a far-away outline keeps its
+   digits. */
 static PetscErrorCode ShapeMass_Polygon(Shape s, ShapeMass *m)
 {
   Polygon  *p;

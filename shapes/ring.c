@@ -1,4 +1,5 @@
-/* Ring: what lies between two circles about the body origin; fluid fills its hollow. A container that turns, for instance. */
+/* Ring: what lies between two circles about the body origin; fluid fills its hollow. A container that turns, for
+   instance. */
 #include "shape.h"
 
 typedef struct {
@@ -93,7 +94,8 @@ static PetscErrorCode ShapeMass_Ring(Shape s, ShapeMass *m)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Points at equal angles on the outer circle, then on the inner one (the body on the left: clockwise), in numbers as their lengths */
+/* Points at equal angles on the outer circle, then on the inner one (the body on the left: clockwise), in numbers as
+   their lengths */
 static PetscErrorCode ShapeSurface_Ring(Shape s, PetscInt n, PetscReal x[], PetscReal w[])
 {
   Ring    *c;

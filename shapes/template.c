@@ -2,8 +2,10 @@
 
    To make your own shape:
      1. tools/new-shape <name> makes shapes/<name>.c from this file, with a test and a scene;
-     2. write distance and radius, which are required; everything else may be left out of the record at the end of the file:
-        normal, mass properties and surface points then come from the distance (write them when you have a formula: it is faster and exact);
+     2. write distance and radius, which are required; everything else may be left out of the record at the end of the
+        file:
+        normal, mass properties and surface points then come from the distance (write them when you have a formula: it
+        is faster and exact);
      3. make shapes && make test-shape SHAPE=build/shapes/<name>.so
      4. use it in a scene: particle_<group>_shape: <name>, and its options as particle_<group>_side and so on.
 
@@ -43,7 +45,8 @@ static PetscErrorCode ShapeOptions_Template(Shape s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* What depends on several options: check them against each other here, and compute whatever distance should not compute again. */
+/* What depends on several options: check them against each other here, and compute whatever distance should not compute
+   again. */
 static PetscErrorCode ShapeSetUp_Template(Shape s)
 {
   Template *t;
@@ -56,8 +59,9 @@ static PetscErrorCode ShapeSetUp_Template(Shape s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* REQUIRED. Signed distance of n points x [n][dim]: negative inside, positive outside, and its size the true distance to the surface.
-   Called with many points at a time and very often: no allocation, no options, a plain loop. n may be 0. */
+/* REQUIRED. Signed distance of n points x [n][dim]: negative inside, positive outside, and its size the true distance
+   to the surface. Called with many points at a time and very often: no allocation, no options, a plain loop. n may be
+   0. */
 static PetscErrorCode ShapeDistance_Template(Shape s, PetscInt n, const PetscReal x[], PetscReal d[])
 {
   Template *t;

@@ -1,4 +1,5 @@
-/* Helpers of the tests of the numerical core: options, meshes, numbers that do not depend on the number of ranks, comparisons that print. */
+/* Helpers of the tests of the numerical core: options, meshes, numbers that do not depend on the number of ranks,
+   comparisons that print. */
 #pragma once
 #include "compat.h"
 #include "mesh/mesh.h"
@@ -48,7 +49,8 @@ static inline PetscReal largest(PetscReal x)
   return x;
 }
 
-/* A number in [-1, 1] that looks random and depends on the key alone (integer mixing of splitmix64, Steele et al. 2014) */
+/* A number in [-1, 1] that looks random and depends on the key alone (integer mixing of splitmix64, Steele et al.
+   2014) */
 static inline PetscReal noise(PetscInt key)
 {
   uint64_t z = ((uint64_t)key + 1) * 0x9e3779b97f4a7c15u;
@@ -130,8 +132,8 @@ static inline PetscInt vertex_number(const PetscInt n[3], PetscInt i, PetscInt j
   return 1 + i + (n[0] + 1) * (j + (n[1] + 1) * k);
 }
 
-/* Gmsh 2.2 file of the box [0, 1.5] x [0, 1] (x [0, 1]) with n cells along each axis, inner vertices displaced by up to 0.2 cells: cells that are no parallelograms.
-   One boundary, "wall". */
+/* Gmsh 2.2 file of the box [0, 1.5] x [0, 1] (x [0, 1]) with n cells along each axis, inner vertices displaced by up to
+   0.2 cells: cells that are no parallelograms. One boundary, "wall". */
 static inline void write_skewed_mesh(const char name[], PetscInt dim, const PetscInt cells[3])
 {
   const PetscInt  n[3]      = {cells[0], cells[1], dim == 3 ? cells[2] : 0};

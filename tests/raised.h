@@ -35,7 +35,8 @@ static inline void end_error(void)
   assert_int_equal(PetscPopErrorHandler(), 0);
 }
 
-/* The call since begin_error() must have raised `code` (0: any error) once with all of the given texts (the last is NULL) in its message. */
+/* The call since begin_error() must have raised `code` (0: any error) once with all of the given texts (the last is
+   NULL) in its message. */
 static inline void expect_error(PetscErrorCode got, PetscErrorCode code, ...)
 {
   va_list     texts;

@@ -10,7 +10,8 @@
 typedef struct _p_Grid *Grid;
 
 /* Over lower .. upper (dim 2 or 3) with cells at least `size` wide; wider when more than max_cells would be needed. */
-PetscErrorCode GridCreate(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], PetscReal size, PetscInt max_cells, Grid *);
+PetscErrorCode GridCreate(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], PetscReal size,
+                          PetscInt max_cells, Grid *);
 PetscErrorCode GridDestroy(Grid *);
 /* Items must be numbered from 0 without large holes (memory grows with the largest number), each inserted once. */
 PetscErrorCode GridInsert(Grid, PetscInt item, const PetscReal x[3], PetscReal half);

@@ -47,7 +47,8 @@ PetscErrorCode Hdf5GetSize(Hdf5, const char name[], PetscInt *rows, PetscInt *bs
 /* Attribute of a dataset, or of the file ("/"): one value, or a text of n bytes with its zero (HDF5_BYTE), the same
    on all ranks. Collective. */
 PetscErrorCode Hdf5WriteAttribute(Hdf5, const char object[], const char name[], Hdf5Type, PetscInt n, const void *v);
-PetscErrorCode Hdf5ReadAttribute(Hdf5, const char object[], const char name[], Hdf5Type, PetscInt n, void *v, PetscBool *good);
+PetscErrorCode Hdf5ReadAttribute(Hdf5, const char object[], const char name[], Hdf5Type, PetscInt n, void *v,
+                                 PetscBool *good);
 
 /* NULL, or why the file at path cannot be a whole HDF5 file, from its first bytes and its length. Not collective;
    `reason` has room for len characters. */

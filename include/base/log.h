@@ -8,7 +8,8 @@ extern PetscLogEvent TB_FLOW_ASSEMBLE; /* FlowAssemble: velocity matrix of the s
 extern PetscLogEvent TB_FLOW_CONVECT;  /* FlowConvect: the same with convection */
 extern PetscLogEvent TB_FLOW_RHS;      /* FlowRhs: old-time terms and body force */
 extern PetscLogEvent TB_FLOW_DIV;      /* FlowDiv: B u and B^T p */
-extern PetscLogEvent TB_VEL_SWEEP;     /* VelocitySweep: SOR sweeps or one incomplete factorisation applied, over all components at once */
+extern PetscLogEvent TB_VEL_SWEEP;     /* VelocitySweep: SOR sweeps or one incomplete factorisation applied, over all
+                                          components at once */
 extern PetscLogEvent TB_VEL_FACTOR;    /* VelocityFactor: that factorisation computed */
 extern PetscLogEvent TB_VEL_MULT;      /* VelocityMult: projected velocity operator */
 extern PetscLogEvent TB_PRES_BUILD;    /* PressureBuild: projected pressure operator */

@@ -50,8 +50,9 @@ typedef struct {
   }
 void OptDeclare(const char title[], const OptSpec specs[], size_t n);
 
-/* One row known at run time only, as of a shape's plugin; copied. In place of an earlier one of that name; one whose name
-   has a placeholder stands beside those with another `when`, for printing. Rows of tables without a placeholder win. */
+/* One row known at run time only, as of a shape's plugin; copied. In place of an earlier one of that name; one whose
+   name has a placeholder stands beside those with another `when`, for printing. Rows of tables without a placeholder
+   win. */
 PetscErrorCode OptDeclareOne(const OptSpec *spec);
 
 PetscErrorCode OptReal(const char name[], PetscReal *value);
@@ -84,8 +85,8 @@ PetscErrorCode OptPeek(const char name[], char text[], size_t len);
 PetscErrorCode OptDefault(const char name[], const char value[]);
 
 /* Stop with an error if scene or command line hold an option that nobody has read: one of another mode with what it is
-   read with, a former name with the new one, any other with the nearest known name. Options that PETSc reads only at the
-   end of a run (-log_view, ...) are exempt. Call after all set-up, before the first step. */
+   read with, a former name with the new one, any other with the nearest known name. Options that PETSc reads only at
+   the end of a run (-log_view, ...) are exempt. Call after all set-up, before the first step. */
 PetscErrorCode OptCheckUnused(void);
 
 /* Write all options of the database, one "-name value" per line, to an open file (rank 0 writes; collective). */

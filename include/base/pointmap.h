@@ -11,5 +11,6 @@
    apart in every coordinate, and no two points of one list are so close. *missing is the number of leaf points of all
    ranks without a partner, and where [dim] one of them; if it is 0, *sf has this rank's leaf i connected to its partner
    among the roots (destroyed by the caller), otherwise it is NULL. Collective. */
-PetscErrorCode PointMapCreate(MPI_Comm comm, PetscInt dim, PetscReal tolerance, PetscInt nroot, const PetscReal xroot[], PetscInt nleaf,
-                              const PetscReal xleaf[], PetscSF *sf, PetscInt *missing, PetscReal where[]);
+PetscErrorCode PointMapCreate(MPI_Comm comm, PetscInt dim, PetscReal tolerance, PetscInt nroot, const PetscReal xroot[],
+                              PetscInt nleaf, const PetscReal xleaf[], PetscSF *sf, PetscInt *missing,
+                              PetscReal where[]);

@@ -29,10 +29,12 @@ enum {
 
 /* What nodes and cells are told apart by */
 typedef struct {
-  PetscInt   dim;
-  PetscInt   n[2], start[2], total[2];                               /* own on this rank, on the ranks before it, on all */
-  PetscReal *x[2];                                                   /* [n][dim] places of the own ones */
-  PetscReal  tolerance;                                              /* distance within which a place is found again, m */
+  PetscInt dim;
+  /* own on this rank, on the ranks before it, on all */
+  PetscInt   n[2], start[2], total[2];
+  PetscReal *x[2]; /* [n][dim] places of the own ones */
+  /* distance within which a place is found again, m */
+  PetscReal tolerance;
   PetscErrorCode (*sync)(void *context, PetscInt bs, PetscReal v[]); /* own nodal values -> ghosts, v [nnode_all][bs] */
   void *sync_context;
 } StateKeys;

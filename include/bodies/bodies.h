@@ -51,8 +51,8 @@ typedef struct {
   PetscBool hole;         /* the body is a hole of the mesh (fitted.h): nothing is drawn */
 } BodyGroup;
 
-/* The state, replicated on all ranks: a view that only reads, of arrays that Bodies owns. n = number of bodies,
-   m = number of groups; time: of this state, advanced by BodiesAdvancePosition; dt_old: length of the last step, 0: none.
+/* The state, replicated on all ranks: a view that only reads, of arrays that Bodies owns. n = number of bodies, m
+   = number of groups; time: of this state, advanced by BodiesAdvancePosition; dt_old: length of the last step, 0: none.
      group [m], body_group [n]          the group of body k is group[body_group[k]]: BodiesGetGroup
      x, u, w [n][3]                     centre of mass, its velocity, angular velocity [rad/s] in space axes; u_old,
                                         w_old: one step earlier
@@ -98,7 +98,8 @@ PetscErrorCode BodiesGetState(Bodies, BodyState **);
 /* What the coupling writes, the same on every rank. Not collective. Velocities: NULL stays as it is; Step keeps the old
    ones in u_old, w_old. */
 PetscErrorCode BodiesSetTime(Bodies, PetscReal time);
-PetscErrorCode BodiesWriteForces(Bodies, PetscReal (**force)[3], PetscReal (**torque)[3]); /* [n][3] of the state, to be filled */
+/* [n][3] of the state, to be filled */
+PetscErrorCode BodiesWriteForces(Bodies, PetscReal (**force)[3], PetscReal (**torque)[3]);
 PetscErrorCode BodiesSetVelocity(Bodies, PetscInt k, const PetscReal u[3], const PetscReal w[3]);
 PetscErrorCode BodiesStepVelocity(Bodies, PetscInt k, const PetscReal u[3], const PetscReal w[3]);
 PetscErrorCode BodiesSetHole(Bodies, PetscInt group); /* the bodies of a group are holes of the mesh */
@@ -113,9 +114,11 @@ PetscErrorCode BodiesGetEnergy(Bodies, PetscReal *energy);
 
 /* Signed distance of n points x [n][dim] in space to body k drawn at centre X[3], orientation q[4] (NULL: the current
    ones). Not collective, allocates nothing. */
-PetscErrorCode BodiesDistance(Bodies, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt n, const PetscReal x[], PetscReal d[]);
+PetscErrorCode BodiesDistance(Bodies, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt n,
+                              const PetscReal x[], PetscReal d[]);
 /* Closest points y [n][dim] on the surface, likewise (ShapeProject in space). */
-PetscErrorCode BodiesProject(Bodies, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt n, const PetscReal x[], PetscReal y[]);
+PetscErrorCode BodiesProject(Bodies, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt n,
+                             const PetscReal x[], PetscReal y[]);
 
 /* Vector from the reference point to the centre of body k at orientation q[4] (NULL: the current one), space axes: zero
    without a pivot. */
@@ -127,7 +130,8 @@ PetscBool BodiesIsFree(Bodies, PetscInt k, PetscInt d);
    of free degrees of freedom are the current ones. */
 PetscErrorCode BodiesGetKnownVelocity(Bodies, PetscInt k, PetscReal time, PetscReal u[3], PetscReal w[3]);
 /* External load plus weight minus buoyancy, (M - M_f) g: force, and torque about the centre (the weight has none). */
-PetscErrorCode BodiesGetLoad(Bodies, PetscInt k, PetscReal rho_f, const PetscReal gravity[3], PetscReal force[3], PetscReal torque[3]);
+PetscErrorCode BodiesGetLoad(Bodies, PetscInt k, PetscReal rho_f, const PetscReal gravity[3], PetscReal force[3],
+                             PetscReal torque[3]);
 
 /* Explicit coupling: u_old, w_old <- u, w, then advance u, w by dt under force + contact + load + (M - M_f) g with
    fluid density rho_f. Euler step (semi-implicit together with BodiesAdvancePosition, theta = 1); the gyroscopic term
@@ -152,7 +156,8 @@ PetscReal BodiesFastestPoint(BodyState *, PetscInt k, PetscReal r);
 /* Where body k is predicted to be at the next step: X + dt u (order 1), X + dt (u + r/2 (u - u_old)) with r = dt/dt_old
    (order 2; r = 1 at the start) or X (order 0); likewise orientation. What is not free is where its prescribed motion
    puts it at time + dt, whatever the order. Stops are kept. */
-PetscErrorCode BodiesPredict(Bodies, PetscInt k, PetscReal dt, PetscInt order, PetscReal X[3], PetscReal q[4], PetscReal *angle);
+PetscErrorCode BodiesPredict(Bodies, PetscInt k, PetscReal dt, PetscInt order, PetscReal X[3], PetscReal q[4],
+                             PetscReal *angle);
 
 /* StateVisit of Bodies: motion and forces of all bodies. Error of loading: other groups (names, numbers, volumes). */
 PetscErrorCode BodiesVisitState(void *bodies, State);

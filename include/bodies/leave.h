@@ -10,7 +10,8 @@ typedef struct _p_Leave *Leave;
 
 /* Domain lower .. upper; period: its length in periodic directions, 0 in the others. Reads -particle_remove.
    Collective. Errors: unknown or periodic boundary. */
-PetscErrorCode LeaveCreate(Bodies, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3], Leave *);
+PetscErrorCode LeaveCreate(Bodies, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3],
+                           Leave *);
 PetscErrorCode LeaveDestroy(Leave *);
 /* To be called when the bodies have moved: moves, removes or complains. The centre of a body decides; bodies that
    cannot move are left alone. Not collective, same result on all ranks. */

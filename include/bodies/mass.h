@@ -10,7 +10,8 @@
 /* M [nr][nr] = T^T diag(Vol, I) T of body k with orientation q. Not collective. */
 PetscErrorCode RigidGetMass(Bodies, PetscInt k, const PetscReal q[4], PetscReal M[]);
 /* out [nr] = T^T (force, torque): generalised force of a force at the centre and a torque about it. */
-PetscErrorCode RigidReduceForce(Bodies, PetscInt k, const PetscReal q[4], const PetscReal force[3], const PetscReal torque[3], PetscReal out[]);
+PetscErrorCode RigidReduceForce(Bodies, PetscInt k, const PetscReal q[4], const PetscReal force[3],
+                                const PetscReal torque[3], PetscReal out[]);
 /* out = w x (w x arm), acceleration of the centre relative to the reference point that is not in the time derivatives
    of the slots; rotation [nr - dim]: w. */
 PetscErrorCode RigidCentripetal(Bodies, PetscInt k, const PetscReal q[4], const PetscReal rotation[], PetscReal out[3]);

@@ -24,8 +24,8 @@ typedef struct _p_Contact *Contact;
 /* h: cell size near the bodies (default range h/2). rho_f: density of the fluid, whose added mass counts; 0 without.
    walls: bit mask of solid domain faces, bit 2*axis for lower, 2*axis + 1 for upper. Collective. Errors: no scale for
    the stiffness of a spring. */
-PetscErrorCode ContactCreate(Bodies, PetscReal h, PetscReal rho_f, const PetscReal gravity[3], const PetscReal lower[3], const PetscReal upper[3],
-                             PetscInt walls, Contact *);
+PetscErrorCode ContactCreate(Bodies, PetscReal h, PetscReal rho_f, const PetscReal gravity[3], const PetscReal lower[3],
+                             const PetscReal upper[3], PetscInt walls, Contact *);
 /* Length of the domain in its periodic directions, 0 in the others (default): bodies meet across such faces. Not
    collective. */
 PetscErrorCode ContactSetPeriod(Contact, const PetscReal period[3]);

@@ -70,7 +70,8 @@ PetscErrorCode CoupleAdvance(Couple);
 PetscErrorCode CoupleGetSolution(Couple, const PetscReal *u[], const PetscReal *p[]);
 /* The same, writable, with the rigid velocities U [n][nr] and the right-hand sides rhs [nnode_all][dim], g [n][nr]
    of the step, for solvers of their own. Any may be NULL. */
-PetscErrorCode CoupleGetSystem(Couple, PetscReal *u[], PetscReal *p[], PetscReal *U[], PetscReal *rhs[], PetscReal *g[]);
+PetscErrorCode CoupleGetSystem(Couple, PetscReal *u[], PetscReal *p[], PetscReal *U[], PetscReal *rhs[],
+                               PetscReal *g[]);
 /* Both forms of force and torque on body k, whatever -couple_force says. Collective. */
 PetscErrorCode CoupleForceForms(Couple, PetscInt k, PetscReal residual[6], PetscReal volume[6]);
 /* Forget everything that the solver carries from step to step, as a restart does: what follows depends on the state
@@ -82,10 +83,12 @@ PetscErrorCode CoupleVisitState(void *couple, State);
    force of a body comes from its own equation or from the residual, the balance closes up to the solver's tolerance;
    with -couple_force volume the error is that of the volume form. */
 typedef struct {
-  PetscReal fluid[3]; /* rate of change of the momentum in the domain, rho int (c_t u - d); fluid inside bodies counts where it is part of the flow */
-  PetscReal bodies[3];   /* force of the bodies on it */
-  PetscReal walls[3];    /* force of walls (no_slip, moving_wall, slip) */
-  PetscReal openings[3]; /* traction where an inflow prescribes the velocity, less the momentum that flows out, rho int w.grad u */
+  PetscReal fluid[3];  /* rate of change of the momentum in the domain, rho int (c_t u - d); fluid inside bodies counts
+                         where it is part of the flow */
+  PetscReal bodies[3]; /* force of the bodies on it */
+  PetscReal walls[3];  /* force of walls (no_slip, moving_wall, slip) */
+  PetscReal openings[3]; /* traction where an inflow prescribes the velocity, less the momentum that flows out, rho int
+                            w.grad u */
   PetscReal volume[3];   /* -flow_force over the domain */
   PetscReal error;       /* largest component of fluid - the rest, over the sum of the sizes of all forces */
 } CoupleBalance;

@@ -8,7 +8,8 @@
    vertices, of constant sum, are a divergence that takes vertices to cells, and their transpose a gradient that
    takes cells to vertices, so that
 
-     N' E N'^T w = |c| - N_c,   displacement E N'^T w,   E = 1/(rho^2 mass) of a vertex, no displacement through the boundary
+     N' E N'^T w = |c| - N_c,   displacement E N'^T w,   E = 1/(rho^2 mass) of a vertex, no displacement through the
+     boundary
 
    is Newton's method for the sizes with the least displacement, and the Poisson problem of the method. On the way,
    displacements are smoothed (twice the mean of the cells' means), which keeps cells from shearing; steps without it

@@ -8,11 +8,11 @@
      u_theta = theta u + (1 - theta) u^n
 
    be:   c_t = 1/dt,     d = u^n/dt,                      theta = 1,   w = u^n
-   cn:   c_t = 1/dt,     d = u^n/dt,                      theta = 1/2, w = (3u^n - u^{n-1})/2, p at the middle of the step
-   bdf2: c_t = 3/(2dt),  d = (2u^n - u^{n-1}/2)/dt,       theta = 1,   w = 2u^n - u^{n-1}
+   cn:   c_t = 1/dt,     d = u^n/dt,                      theta = 1/2, w = (3u^n - u^{n-1})/2, p at the middle of the
+   step bdf2: c_t = 3/(2dt),  d = (2u^n - u^{n-1}/2)/dt,       theta = 1,   w = 2u^n - u^{n-1}
          (as in cn, variable steps: interpolation through the unequal times)
-   fstheta: three substeps of lengths a dt, (1 - 2a) dt, a dt with a = 1 - sqrt(1/2), each with its own pressure,
-         c_t = 1/length, d = u^n/length, theta = (1 - 2a)/(1 - a) in the first and the last and a/(1 - a) in the middle one
+   fstheta: three substeps of lengths a dt, (1 - 2a) dt, a dt with a = 1 - sqrt(1/2), each with its own pressure, c_t
+         = 1/length, d = u^n/length, theta = (1 - 2a)/(1 - a) in the first and the last and a/(1 - a) in the middle one
          (Bristeau, Glowinski, Periaux 1987; Turek 1999, section 3.2), w extrapolated to the point theta of the substep.
          Here n is the beginning of the substep. c_t/theta is the same in all three.
    The first step of cn, bdf2 and fstheta extrapolates from one field (bdf2: one step of be). -flow_extrapolation
@@ -53,13 +53,15 @@ typedef struct {
   PetscReal ct, d0, d1; /* du/dt is c_t u - d with d(y) = d0 y^n + d1 y^{n-1} */
   PetscReal theta;
   PetscInt  order; /* of the scheme in this step: 1 or 2 */
-  PetscReal error; /* the scheme's local error over dt^(order + 1) and the derivative of that order (leading part; fstheta: 0, not known) */
+  PetscReal error; /* the scheme's local error over dt^(order + 1) and the derivative of that order (leading part;
+                      fstheta: 0, not known) */
 } FlowStep;
 
 /* Read options, tabulate elements, allocate matrices and fields (at rest). Collective. Errors: unknown boundary names
    in options, slip on a boundary that is not a plane along an axis, inflow without velocity. */
 PetscErrorCode FlowCreate(Mesh, Flow *);
-/* The options of the fluid that scenes without a flow have as well: they stay as on entry where they are not given. gravity [dim]. Collective. */
+/* The options of the fluid that scenes without a flow have as well: they stay as on entry where they are not given.
+   gravity [dim]. Collective. */
 PetscErrorCode FlowReadFluid(PetscInt dim, PetscReal *density, PetscReal gravity[]);
 PetscErrorCode FlowDestroy(Flow *);
 PetscErrorCode FlowView(Flow, PetscViewer);
@@ -151,8 +153,8 @@ PetscErrorCode FlowCellResidual(Flow, PetscInt c, const PetscReal u[], const Pet
 PetscErrorCode FlowCellNewton(Flow, PetscInt c, const PetscReal u[], PetscReal n[]);
 /* Integral over cell c of -sigma_sym . grad(alpha) and of its moment about X, alpha [nb] nodal: adds to force [3],
    torque [3]. Not collective. */
-PetscErrorCode FlowCellStressForce(Flow, PetscInt c, const PetscReal u[], const PetscReal p[], const PetscReal alpha[], const PetscReal X[3],
-                                   PetscReal force[3], PetscReal torque[3]);
+PetscErrorCode FlowCellStressForce(Flow, PetscInt c, const PetscReal u[], const PetscReal p[], const PetscReal alpha[],
+                                   const PetscReal X[3], PetscReal force[3], PetscReal torque[3]);
 
 typedef struct {
   PetscReal cfl;              /* largest |u| dt / h over cells */

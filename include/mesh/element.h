@@ -17,7 +17,8 @@ typedef struct {
   PetscReal *phi, *dphi;            /* [nq][nbp], [nq][dim][nbp] */
   PetscReal *phi_t, *dphi_t;        /* [nb][nqp], [nb][dim][nqp] */
   PetscReal *weight;                /* [nqp] of the quadrature */
-  PetscReal *mass, *stiffness; /* reference matrices [nb][nbp], [dim][dim][nb][nbp]: int phi_i phi_j, int d_e phi_i d_f phi_j (e and f symmetrised) */
+  PetscReal *mass, *stiffness; /* reference matrices [nb][nbp], [dim][dim][nb][nbp]: int phi_i phi_j, int d_e phi_i d_f
+                                  phi_j (e and f symmetrised) */
 } ElementTables;
 
 /* Geometry of a cell at its quadrature points: inverse Jacobian [e][a] = dxi_e/dx_a and weight x det J. A parallelogram
@@ -33,8 +34,8 @@ PetscErrorCode ElementDestroy(ElementTables *);
 
 /* Metric from the node coordinates xc [nb][dim] (affine = false), or from the stored Jacobian of a parallelogram:
    inverse [dim][dim], det. */
-void                           ElementSetMetric(const ElementTables *, const PetscReal xc[], ElementMetric *);
-void                           ElementSetAffine(const ElementTables *, const PetscReal inverse[], PetscReal det, ElementMetric *);
+void ElementSetMetric(const ElementTables *, const PetscReal xc[], ElementMetric *);
+void ElementSetAffine(const ElementTables *, const PetscReal inverse[], PetscReal det, ElementMetric *);
 static inline const PetscReal *ElementInverse(const ElementMetric *m, PetscInt q)
 {
   return m->inverse[m->affine ? 0 : q];
@@ -66,14 +67,16 @@ void ElementGradients(const ElementTables *, const ElementMetric *, PetscInt q, 
 
 /* ce [nb][nbp] = a int phi_i phi_j + b int grad phi_i . grad phi_j + int phi_i (w . grad phi_j + skew div w phi_j) with
    nodal w [nb][dim], or NULL */
-void ElementOperator(const ElementTables *, const ElementMetric *, PetscReal a, PetscReal b, const PetscReal w[], PetscReal skew, PetscReal ce[]);
+void ElementOperator(const ElementTables *, const ElementMetric *, PetscReal a, PetscReal b, const PetscReal w[],
+                     PetscReal skew, PetscReal ce[]);
 
 /* r [nb][dim] = rho (s, v) + rho (w . grad u + skew div w u, v) + mu (grad u, grad v) - (force, v) with nodal
    acceleration s, velocity u (NULL: zero), convection w (NULL: none), all [nb][dim]; force [dim]. */
-void ElementResidual(const ElementTables *, const ElementMetric *, PetscReal rho, PetscReal mu, const PetscReal force[], const PetscReal s[],
-                     const PetscReal u[], const PetscReal w[], PetscReal skew, PetscReal r[]);
+void ElementResidual(const ElementTables *, const ElementMetric *, PetscReal rho, PetscReal mu, const PetscReal force[],
+                     const PetscReal s[], const PetscReal u[], const PetscReal w[], PetscReal skew, PetscReal r[]);
 /* y = B u and r += scale B^T p with the cells' matrices b [ncell][dim + 1][nb * dim] and nodes [ncell][nb]; u, r
    [nodes][dim], y, p [ncell][dim + 1]. Local. */
-void ElementDivergence(PetscInt dim, PetscInt ncell, const PetscInt cell_node[], const PetscReal b[], const PetscReal u[], PetscReal y[]);
-void ElementGradient(PetscInt dim, PetscInt ncell, const PetscInt cell_node[], const PetscReal b[], PetscReal scale, const PetscReal p[],
-                     PetscReal r[]);
+void ElementDivergence(PetscInt dim, PetscInt ncell, const PetscInt cell_node[], const PetscReal b[],
+                       const PetscReal u[], PetscReal y[]);
+void ElementGradient(PetscInt dim, PetscInt ncell, const PetscInt cell_node[], const PetscReal b[], PetscReal scale,
+                     const PetscReal p[], PetscReal r[]);

@@ -30,5 +30,6 @@ typedef struct {
 
 /* nodes [n]: own nodes, x [n][dim] their new places and side [n] of these (RemapCells). field [nfield]: arrays
    [nnode_all][dim], synced. out [n][nfield][dim]. Collective. */
-PetscErrorCode RemapEvaluate(Remap, PetscInt n, const PetscInt nodes[], const PetscReal x[], const PetscInt side[], RemapCells, PetscInt nfield,
-                             const PetscReal *const field[], PetscReal out[], RemapCount *);
+PetscErrorCode RemapEvaluate(Remap, PetscInt n, const PetscInt nodes[], const PetscReal x[], const PetscInt side[],
+                             RemapCells, PetscInt nfield, const PetscReal *const field[], PetscReal out[],
+                             RemapCount *);

@@ -28,4 +28,5 @@ PetscErrorCode OutputVisitState(void *output, State);
    then gradient: p(x) = p0 + g.(x - xc)), body [nnode_all] index of the body that a node lies in or -1 (may be NULL).
    Files fields_<step>.h5 and a temporal collection fields.xmf, rewritten after every snapshot so that a running or
    killed job can be opened. Collective. */
-PetscErrorCode OutputFields(Output, PetscInt step, PetscReal time, const PetscReal u[], const PetscReal p[], const PetscInt body[]);
+PetscErrorCode OutputFields(Output, PetscInt step, PetscReal time, const PetscReal u[], const PetscReal p[],
+                            const PetscInt body[]);

@@ -23,7 +23,8 @@ typedef struct {
   PetscInt  outer_iterations;
   PetscReal divergence, kinetic_energy, momentum_error;
   PetscReal bodies_energy, contact_energy,
-    contact_work;    /* kinetic energy of the bodies; energy stored in contacts; work of contact on the bodies since the beginning */
+    contact_work;    /* kinetic energy of the bodies; energy stored in contacts; work of contact on the bodies since the
+                        beginning */
   PetscReal seconds; /* wall clock of this step */
 } MonitorStep;
 
@@ -89,4 +90,5 @@ PetscErrorCode MonitorYardstick(Monitor, Mat S);
 /* Write summary.json and print the summary. seconds.total is the set-up plus the wall clock from the beginning of the
    first step until now; memory_mb is the sum of the peak memory of all ranks (getrusage), in 2^20 bytes. cells and
    unknowns are those of the whole mesh. Collective. */
-PetscErrorCode MonitorFinish(Monitor, const char scene[], PetscInt cells, PetscInt unknowns, PetscInt steps, PetscReal time_end);
+PetscErrorCode MonitorFinish(Monitor, const char scene[], PetscInt cells, PetscInt unknowns, PetscInt steps,
+                             PetscReal time_end);

@@ -33,8 +33,8 @@ PetscErrorCode ConstraintSetFollowers(Constraint, const PetscInt follow[], Petsc
    unknown [nbodies] bit mask of unknown rigid velocities in the order of the rigid slots; U [nbodies][nr] the values of
    the known ones (unknown entries ignored). Walls win over bodies. *changed (may be NULL): has the set of constrained
    nodes, unknowns or centres changed since the last call (on any rank)? Collective. */
-PetscErrorCode ConstraintSetBodies(Constraint, const PetscInt node_body[], PetscReal (*X)[3], const PetscInt unknown[], const PetscReal U[],
-                                   PetscBool *changed);
+PetscErrorCode ConstraintSetBodies(Constraint, const PetscInt node_body[], PetscReal (*X)[3], const PetscInt unknown[],
+                                   const PetscReal U[], PetscBool *changed);
 
 /* Rigid slots of a body: 3 in 2D, 6 in 3D. */
 PetscErrorCode ConstraintGetRigidSize(Constraint, PetscInt *nr);

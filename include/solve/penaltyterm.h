@@ -31,4 +31,5 @@ void PenaltyTermGetBlock(const PenaltyTerm *, PetscInt e, PetscReal G[]);
 
 /* Force and torque of the penalty on all bodies, out [nbodies][nr] += G^T u - H U, to be summed over ranks; u [own
    nodes][dim], U [nbodies][nr] all rigid velocities. Local. */
-PetscErrorCode PenaltyTermAddForce(const PenaltyTerm *, Constraint, const PetscReal u[], const PetscReal U[], PetscReal out[]);
+PetscErrorCode PenaltyTermAddForce(const PenaltyTerm *, Constraint, const PetscReal u[], const PetscReal U[],
+                                   PetscReal out[]);

@@ -61,8 +61,8 @@ PetscErrorCode FlowSolverSetUp(FlowSolver);
    entries of U untouched, u synced). dp, as p: direction along which the start value of p may be shifted, such as its
    last change; NULL: none. A failed solve is reported through *reason (< 0), with u, p, U as far as they got.
    Collective. */
-PetscErrorCode FlowSolverSolve(FlowSolver, const PetscReal r[], const PetscReal g[], PetscReal u[], PetscReal p[], const PetscReal dp[],
-                               PetscReal U[], PetscInt *its, KSPConvergedReason *reason);
+PetscErrorCode FlowSolverSolve(FlowSolver, const PetscReal r[], const PetscReal g[], PetscReal u[], PetscReal p[],
+                               const PetscReal dp[], PetscReal U[], PetscInt *its, KSPConvergedReason *reason);
 
 /* For nonlinear problems, whose solver repeats these. x holds on every rank the reduced velocity (own nodes x dim,
    rigid slots of own bodies), then the pressure of own cells. SetVelocity: velocity matrix of all components (own nodes

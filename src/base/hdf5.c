@@ -142,7 +142,8 @@ const char *Hdf5CheckFile(const char path[], char reason[], size_t len)
   }
   end = little_endian(head + (head[8] == 0   ? 40
                               : head[8] == 1 ? 44
-                                             : 28)); /* end of file as the superblock of this version has it, with offsets of 8 bytes */
+                                             : 28)); /* end of file as the superblock of this version has it, with
+                                                        offsets of 8 bytes */
   if (n < sizeof(head) || (uint64_t)st.st_size < end) {
     (void)snprintf(reason, len, "it is truncated: %lld bytes of %llu", (long long)st.st_size, (unsigned long long)end);
     return reason;

@@ -4,7 +4,8 @@
 #include <stdio.h>
 #include <string.h>
 
-/* One row after the other of all tables and then of what shapes declared under a placeholder; title: of its table, once. */
+/* One row after the other of all tables and then of what shapes declared under a placeholder; title: of its table,
+   once. */
 typedef struct {
   size_t      table, row;
   PetscInt    known;

@@ -14,7 +14,8 @@
 
 #define MAX_TABLES 16
 
-/* PETSc up to 3.18 (the cap went during 3.19) keeps options in a table of 512 places; some are left for PETSc's own use. */
+/* PETSc up to 3.18 (the cap went during 3.19) keeps options in a table of 512 places; some are left for PETSc's own
+   use. */
 #define OPT_TABLE_MAX 500
 
 OptTable opt_table[MAX_TABLES];
@@ -289,7 +290,8 @@ static PetscErrorCode list_database(char **text)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Next "-name[ value]" of the list. Cuts the list into lines; drops the headings and the source that PETSc 3.19 and newer append. */
+/* Next "-name[ value]" of the list. Cuts the list into lines; drops the headings and the source that PETSc 3.19 and
+   newer append. */
 static char *next_option(char **cursor)
 {
   while (*cursor && **cursor) {

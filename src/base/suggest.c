@@ -136,7 +136,8 @@ static const char *const late_names[] = {"log",
                                          "omp_view",
                                          "blas_view"};
 
-/* Least number of insertions, deletions, replacements and swaps of neighbours that turn a into b, upper case as lower. */
+/* Least number of insertions, deletions, replacements and swaps of neighbours that turn a into b, upper case as
+   lower. */
 static PetscInt edit_distance(const char a[], const char b[])
 {
   static PetscInt row[3][OPT_LINE + 1]; /* the rows i-2, i-1, i of the table, in turn */
@@ -304,7 +305,8 @@ static void explain_known(const char name[], char text[], size_t len)
   if (!spec || text[0]) return;
   if (strchr(spec->name, '<')) { /* of a group or boundary of this scene? */
     (void)OptFits(spec->name, name, word, sizeof(word));
-    there = (PetscBool)!next_word(spec->name, &i, seen, sizeof(seen)); /* without any the row's condition is all there is to say */
+    /* without any the row's condition is all there is to say */
+    there = (PetscBool)!next_word(spec->name, &i, seen, sizeof(seen));
     for (i = 0; !there && next_word(spec->name, &i, seen, sizeof(seen));) there = OptSameName(seen, word);
     if (!there) return;
   }

@@ -12,7 +12,8 @@ struct _p_Bodies {
     struct _n_BodyState view;
   };
   PetscReal   lower[3], upper[3]; /* domain */
-  Placement **start;              /* [ngroups][count] what prescribed motion starts from; NULL for groups that have none */
+  Placement **start;              /* [ngroups][count] what prescribed motion starts from; NULL for groups that have
+                                     none */
 };
 
 /* Read -particle_groups and the options of all groups, load their shapes, place their bodies in the domain lower ..

@@ -107,7 +107,8 @@ PetscBool MotionOscillates(const Motion *m, PetscInt a)
 
 void MotionEvaluate(const Motion *m, const Placement *start, PetscReal time, PetscReal x[3], PetscReal u[3], PetscReal turn[3], PetscReal w[3])
 {
-  PetscReal s = time < PETSC_MAX_REAL ? time : 0, rate = 1; /* a steady problem has no time: velocities act, and nothing leaves its place */
+  PetscReal s = time < PETSC_MAX_REAL ? time : 0, rate = 1; /* a steady problem has no time: velocities act, and nothing
+                                                               leaves its place */
 
   if (m->ramp > 0 && time < PETSC_MAX_REAL) {
     const PetscReal part = PetscMin(PetscMax(time / m->ramp, 0), 1);

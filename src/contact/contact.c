@@ -119,8 +119,10 @@ PetscErrorCode ContactView(Contact c, PetscViewer viewer)
 
 static PetscReal terminal_speed(Contact c, const BodyGroup *g)
 {
-  const PetscReal d = 2 * g->radius, height = c->dim == 2 ? PETSC_PI / 2 * d : 4. / 3. * d;            /* 2 Vol/A of a disc, a sphere */
-  const PetscReal excess = PetscAbsReal(g->density - c->rho_f) / PetscMax(c->rho_f, 0.1 * g->density); /* without a fluid: a fall of some diameters */
+  /* 2 Vol/A of a disc, a sphere */
+  const PetscReal d = 2 * g->radius, height = c->dim == 2 ? PETSC_PI / 2 * d : 4. / 3. * d;
+  /* without a fluid: a fall of some diameters */
+  const PetscReal excess = PetscAbsReal(g->density - c->rho_f) / PetscMax(c->rho_f, 0.1 * g->density);
 
   if (excess < 1e-6) return 0; /* meant to be neutrally buoyant */
   return PetscSqrtReal(height * excess * PetscSqrtReal(dot3(c->g, c->g)));

@@ -53,8 +53,9 @@ typedef struct {
   const char *name;
   PetscInt    lookahead; /* steps that ContactStep integrates, see contact.c; 0: the law has no forces */
   PetscErrorCode (*options)(Contact);
-  PetscReal (*stiffness)(Contact, const Kind *);                                /* of a body, from its speed u_ref */
-  PetscReal (*combine)(Contact, const Kind *i, const Kind *j, PetscReal speed); /* stiffness of a pair that moves with speed; j NULL: a wall */
+  PetscReal (*stiffness)(Contact, const Kind *); /* of a body, from its speed u_ref */
+  /* stiffness of a pair that moves with speed; j NULL: a wall */
+  PetscReal (*combine)(Contact, const Kind *i, const Kind *j, PetscReal speed);
   PetscReal (*force)(Contact, const Meeting *);
   PetscReal (*energy)(Contact, const Meeting *);                   /* stored */
   PetscReal (*time)(Contact, PetscReal stiffness, PetscReal mass); /* in which the force changes: sqrt(mass/slope) */

@@ -118,7 +118,8 @@ static PetscReal spring_force(Contact c, const Meeting *m)
 
   if (m->gap >= c->range) return 0;
   if (m->h <= 0 || m->inverse_mass <= 0) return value;
-  return (value + rate * m->approach) / (1 + 0.5 * m->h * rate * m->inverse_mass); /* damped by the mean speed of the sub-step: second order */
+  /* damped by the mean speed of the sub-step: second order */
+  return (value + rate * m->approach) / (1 + 0.5 * m->h * rate * m->inverse_mass);
 }
 
 static PetscReal spring_energy(Contact c, const Meeting *m)

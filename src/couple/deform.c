@@ -11,8 +11,10 @@
 #define GOOD    0.02 /* sizes are so close to the wanted ones */
 #define FOLLOW  4    /* steps at most behind bodies that moved, until */
 #define CLOSE   0.05 /* sizes are so close */
-#define RELAX   2    /* relaxation by the change of sizes that the way of the bodies makes: in proportion to that way, however long the step */
-#define PASSES  2    /* of smoothing of the displacements on the way */
+/* relaxation by the change of sizes that the way of the bodies makes: in proportion to that way, however long the
+   step */
+#define RELAX  2
+#define PASSES 2 /* of smoothing of the displacements on the way */
 
 /* Displacements of a step: those that the sizes want; these smoothed; the relaxation with what the sizes then want */
 typedef enum {
@@ -365,7 +367,8 @@ static PetscErrorCode create_solver(Deform d)
 
   PetscFunctionBeginUser;
   PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, d->l->ncell, d->l->ncell, PETSC_DETERMINE, PETSC_DETERMINE, most, NULL, most, NULL, &d->K));
-  PetscCall(MatSetOption(d->K, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE)); /* meshes of files may have more cells around a vertex */
+  /* meshes of files may have more cells around a vertex */
+  PetscCall(MatSetOption(d->K, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
   PetscCall(MatCreateVecs(d->K, &d->x, &d->b));
   PetscCall(KSPCreate(PETSC_COMM_WORLD, &d->ksp));
   PetscCall(KSPSetOptionsPrefix(d->ksp, "deform_"));

@@ -2,9 +2,11 @@
 #include "compat.h"
 #include "deform_impl.h"
 
-#define REGULARISE \
-  1e-2 /* of the mass, over the square of the domain: makes the Neumann problem definite; what it does to the displacement the next steps correct */
-#define SMOOTH 0.05 /* of the Laplacian, against potentials that alternate from cell to cell, which move next to nothing */
+/* Of the mass, over the square of the domain: makes the Neumann problem definite; what it does to the displacement the
+   next steps correct */
+#define REGULARISE 1e-2
+/* of the Laplacian, against potentials that alternate from cell to cell, which move next to nothing */
+#define SMOOTH 0.05
 
 /* 1/m at the vertices; mass and 1/m there, for how willingly they move */
 static PetscErrorCode weigh_vertices(Deform d)

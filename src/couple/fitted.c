@@ -150,7 +150,8 @@ static void add_moment(const PetscReal r[3], const PetscReal f[3], PetscReal tor
 static PetscErrorCode fit_rotation(Fitted h, const Surface *s, const PetscReal v[], PetscReal w[3])
 {
   const MeshLocal *l       = h->loc;
-  PetscReal        mean[4] = {0, 0, 0, 0}, sum[9] = {0}; /* x, number of nodes; r x v, then |r|^2 - r r^T as xx yy zz xy xz yz */
+  PetscReal        mean[4] = {0, 0, 0, 0}, sum[9] = {0}; /* x, number of nodes; r x v, then |r|^2 - r r^T as xx yy zz xy
+                                                            xz yz */
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < s->nnode; i++) {

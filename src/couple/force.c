@@ -350,7 +350,8 @@ PetscErrorCode CoupleMomentum(Couple c, const PetscReal rate[3], CoupleBalance *
   PetscCall(sum_bodies(c, b->bodies, &size));
   PetscCall(sum_fluid(c, b->fluid, b->volume));
   for (PetscInt a = 0; a < 3; a++) {
-    const PetscReal flux = rate[a] - b->fluid[a] + b->volume[a]; /* rho int w.grad u: what leaves through the openings */
+    /* rho int w.grad u: what leaves through the openings */
+    const PetscReal flux = rate[a] - b->fluid[a] + b->volume[a];
 
     size += PetscAbsReal(rate[a]);
     diff = PetscMax(diff, PetscAbsReal(rate[a] - b->walls[a] - b->openings[a] - b->bodies[a]));

@@ -17,7 +17,8 @@ struct _p_Couple {
   const MeshLocal   *loc;
   Constraint         constraint;
   FlowSolver         solver;
-  Fitted             hole;                     /* bodies that are holes of the mesh: nothing is marked, forces are read at the boundary */
+  Fitted             hole;                     /* bodies that are holes of the mesh: nothing is marked, forces are read
+                                                  at the boundary */
   PetscInt           nprescribed, *prescribed; /* own cells with nodes of prescribed velocity */
   PetscInt           implicit, use_volume, nr;
   const Rung        *rung;
@@ -27,9 +28,11 @@ struct _p_Couple {
   Ale                follow;           /* -mesh_deform with bodies that move */
   const PetscBool   *hollow;           /* [n] the inside of the body is no part of the fluid; NULL: none */
   Indicator          mark;             /* nodes that move rigidly */
-  PetscReal (*X)[3], (*q)[4], (*P)[3]; /* where the bodies are drawn: centre, orientation, reference point (of the rigid velocities) */
+  PetscReal (*X)[3], (*q)[4], (*P)[3]; /* where the bodies are drawn: centre, orientation, reference point (of the rigid
+                                          velocities) */
   PetscInt  *unknown;
-  PetscReal *U, *U_old, *U_older; /* [n][nr]: rigid velocities that the flow sees in this step and saw in the two before */
+  PetscReal *U, *U_old, *U_older; /* [n][nr]: rigid velocities that the flow sees in this step and saw in the two
+                                     before */
   PetscReal *D, *g;               /* [n][nr][nr] inertia, [n][nr] right-hand side of the rigid rows */
   PetscReal *residual;            /* [n][nr]: -sum of the momentum residual over the body's nodes */
   PetscReal *u, *p, *dp, *rhs;

@@ -11,7 +11,7 @@ struct _p_Indicator {
   const MeshLocal *loc;
   PetscInt        *node_body, *node, nnode;  /* the claimed nodes */
   PetscInt        *cell, ncell, *stamp, now; /* stamp: number of the step that listed a cell */
-  PetscReal       *seen, key; /* [nbodies][8]: place, orientation, gone, for which the marks stand; key, NaN when they stand for nothing */
+  PetscReal       *seen, key;                /* [nbodies][8]: place, orientation, gone; key: NaN without */
 };
 
 PetscErrorCode IndicatorCreate(Mesh mesh, Bodies bodies, Indicator *mark)
@@ -98,7 +98,8 @@ static PetscErrorCode claim_inside(Indicator m, PetscInt k, const PetscReal X[3]
 {
   const PetscInt  dim    = m->loc->dim;
   const PetscReal radius = BodiesGetGroup(m->s, k)->radius +
-                           (m->loc->x != m->loc->x_start ? 2 * m->loc->h : 0); /* the search knows where nodes were before any move */
+                           /* the search knows where nodes were before any move */
+                           (m->loc->x != m->loc->x_start ? 2 * m->loc->h : 0);
   PetscReal       lo[3], hi[3], x[CHUNK * 3], d[CHUNK];
   const PetscInt *list;
   PetscInt        n;

@@ -19,7 +19,8 @@ typedef struct {
   PetscInt         nnode; /* local nodes (own and ghost) that get new places; 0: the client has moved them himself */
   const PetscInt  *node;
   const PetscReal *x;        /* [nnode][dim] */
-  PetscBool        whole;    /* the mesh has another form as a whole (MeshRebase), and velocities stay with their nodes */
+  PetscBool        whole;    /* the mesh has another form as a whole (MeshRebase), and velocities stay with their
+                                nodes */
   const PetscInt  *dead;     /* [ncell_all] body that a cell is inside of, -1: fluid; NULL: as before */
   const PetscBool *resolved; /* [nbodies] bodies whose surface the mesh follows; goes with dead */
   PetscInt         ncarried; /* own nodes that get other old velocities */

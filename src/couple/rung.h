@@ -9,15 +9,20 @@ typedef struct {
   const char *name;
   PetscBool   moves; /* moves nodes of the mesh itself, so that -mesh_deform cannot */
   PetscErrorCode (*create)(Couple, void **rung);
-  /* Bodies are at c->X, c->q, c->P: claim the nodes that move rigidly in c->mark, prepare the rung's own terms, set c->hollow */
+  /* Bodies are at c->X, c->q, c->P: claim the nodes that move rigidly in c->mark, prepare the rung's own terms, set
+     c->hollow */
   PetscErrorCode (*draw)(Couple, void *rung);
   /* Of the last draw, for the solver, the constraint and the forces; NULL: none */
   PetscErrorCode (*terms)(void *rung, const PenaltyTerm **);
-  /* What these terms exert at prescribed components (fixed: bit mask [nnode_all]), added to out [3] before the sum over ranks */
+  /* What these terms exert at prescribed components (fixed: bit mask [nnode_all]), added to out [3] before the sum over
+     ranks */
   PetscErrorCode (*force)(Couple, void *rung, const PetscInt fixed[], PetscReal out[3]);
-  PetscErrorCode (*moved)(void *rung);                                           /* the mesh has another form as a whole */
-  PetscErrorCode (*accept)(Couple, void *rung);                                  /* bodies have moved, the step is about to be accepted */
-  PetscErrorCode (*report)(void *rung, PetscInt *n, const CoupleCount *count[]); /* borrowed, the same place and names in every step */
+  /* the mesh has another form as a whole */
+  PetscErrorCode (*moved)(void *rung);
+  /* bodies have moved, the step is about to be accepted */
+  PetscErrorCode (*accept)(Couple, void *rung);
+  /* borrowed, the same place and names in every step */
+  PetscErrorCode (*report)(void *rung, PetscInt *n, const CoupleCount *count[]);
   PetscErrorCode (*state)(void *rung, State);
   PetscErrorCode (*view)(void *rung, PetscViewer);
   PetscErrorCode (*destroy)(void *rung);

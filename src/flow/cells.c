@@ -91,7 +91,8 @@ PetscErrorCode FlowComputeCells(Flow f)
     PetscCall(compute_cell(f, c));
     PetscCall(lump_cell(f, c));
   }
-  PetscCall(MeshSyncNodes(f->mesh, 1, f->lumped)); /* own nodes see all their cells (own or ghost); outer ghosts do not */
+  PetscCall(MeshSyncNodes(f->mesh, 1, f->lumped)); /* own nodes see all their cells (own or ghost); outer ghosts do
+                                                      not */
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -165,7 +166,8 @@ PetscErrorCode FlowUpdateCells(Flow f, PetscInt n, const PetscInt cells[], const
     adopt_pressure(f, cells[e], f->now, f->p_old);
   }
   f->now++;
-  for (PetscInt e = 0; e < n * l->nb; e++) { /* cells around, each once, in the order of FlowComputeCells: sums do not depend on the past */
+  for (PetscInt e = 0; e < n * l->nb; e++) { /* cells around, each once, in the order of FlowComputeCells: sums do not
+                                                depend on the past */
     const PetscInt i = l->cell_node[cells[e / l->nb] * l->nb + e % l->nb];
 
     for (PetscInt t = l->node_cell_ptr[i]; t < l->node_cell_ptr[i + 1]; t++) {

@@ -208,7 +208,8 @@ static void wall_velocity(const Condition *bc, PetscInt dim, const PetscReal x[]
 
 PetscErrorCode ConditionsSetTime(Conditions f, PetscReal time)
 {
-  static const ConditionsType order[] = {BC_SLIP, BC_INFLOW, BC_ROTATING_WALL, BC_MOVING_WALL, BC_NO_SLIP}; /* later ones win where boundaries meet */
+  /* later ones win where boundaries meet */
+  static const ConditionsType order[] = {BC_SLIP, BC_INFLOW, BC_ROTATING_WALL, BC_MOVING_WALL, BC_NO_SLIP};
   const PetscInt              dim     = f->loc->dim;
 
   PetscFunctionBeginUser;

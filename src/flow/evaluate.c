@@ -124,7 +124,8 @@ PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], FlowDiagnostics *out)
 {
   const MeshLocal *l   = f->loc;
   const PetscInt   dim = l->dim, nb = l->nb, n = nb * dim;
-  PetscReal        sum[5] = {0, 0, 0, 0, 0}, top[3] = {0, 0, 0}; /* energy, divergence^2, momentum; cfl, speed, speed times size */
+  /* energy, divergence^2, momentum; cfl, speed, speed times size */
+  PetscReal sum[5] = {0, 0, 0, 0, 0}, top[3] = {0, 0, 0};
 
   PetscFunctionBeginUser;
   for (PetscInt c = 0; c < l->ncell; c++) {

@@ -173,7 +173,8 @@ PetscErrorCode FlowVisitState(void *flow, State state)
 {
   Flow           f     = flow;
   const PetscInt dim   = f->loc->dim;
-  PetscInt       older = f->u_older ? 1 : -1; /* as loaded: -1 if the run had linear extrapolation; then the first step is linear too */
+  PetscInt       older = f->u_older ? 1 : -1; /* as loaded: -1 if the run had linear extrapolation; then the first step
+                                                 is linear too */
 
   PetscFunctionBeginUser;
   PetscCall(StateNodes(state, "velocity", dim, f->u));

@@ -28,14 +28,16 @@ struct _p_Flow {
   PetscBool *affine;
   PetscReal *inverse, *det;                /* [ncell_all][dim*dim], [ncell_all] */
   PetscReal *centre, *size;                /* [ncell_all][dim] where the pressures of a cell are centred; [ncell_all] */
-  PetscReal *b, *pmass;                    /* [ncell_all] cell matrices of B; [ncell][dim+1][dim+1] inverse pressure mass */
+  PetscReal *b, *pmass;                    /* [ncell_all] cell matrices of B; [ncell][dim+1][dim+1] inverse pressure
+                                              mass */
   PetscReal *lumped;                       /* [nnode_all] */
-  PetscInt  *open, *visited, *around, now; /* stamps: [nnode_all] mass is being computed, [ncell_all] done; [ncell_all] scratch */
+  PetscInt  *open, *visited, *around, now; /* stamps: [nnode_all] mass is being computed, [ncell_all] done; [ncell_all]
+                                              scratch */
   /* velocity matrix of the step */
   Mat       S;
   PetscReal s_ct, s_theta; /* of the assembled one; 0: none yet */
-  /* [ncell_all][nb][nb] place of an entry of a cell: >= 0 in the values of own columns, <= -2: -2 - place in those of other
-     columns, -1: not our row */
+  /* [ncell_all][nb][nb] place of an entry of a cell: >= 0 in the values of own columns, <= -2: -2 - place in those of
+     other columns, -1: not our row */
   PetscInt        *entry;
   PetscInt         nterm; /* further terms of S */
   const PetscInt  *term_cell;

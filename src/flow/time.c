@@ -80,7 +80,8 @@ PetscErrorCode FlowBeginStep(Flow f, PetscReal time, PetscReal dt)
     s->order = first ? 1 : 2;
     s->error = f->scheme == SCHEME_CN ? 1. / 12 : 0;
   }
-  f->bend = f->dt_older > 0 ? f->ahead * (f->ahead + 1) * f->dt_old * f->dt_old / (f->dt_old + f->dt_older) : 0; /* Newton's interpolation */
+  /* Newton's interpolation */
+  f->bend = f->dt_older > 0 ? f->ahead * (f->ahead + 1) * f->dt_old * f->dt_old / (f->dt_old + f->dt_older) : 0;
   FlowExtrapolateConvection(f);
   PetscCall(evaluate_source(f));
   PetscCall(ConditionsSetTime(f->boundary, time));

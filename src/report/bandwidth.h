@@ -8,7 +8,8 @@
 #include <petscmat.h>
 
 typedef struct {
-  PetscReal triad_one, triad_all; /* bandwidth of rank 0 while the others wait; sum over all ranks at the same time [bytes/s] */
+  PetscReal triad_one, triad_all; /* bandwidth of rank 0 while the others wait; sum over all ranks at the same time
+                                     [bytes/s] */
   PetscReal sweep;                /* one product S x [s], slowest rank */
   PetscReal sweep_bytes;          /* what it reads at least: values and column indices of S, all ranks */
 } Bandwidth;

@@ -23,7 +23,8 @@ static void cross(const PetscReal a[3], const PetscReal b[3], PetscReal c[3])
    x_zeta = e_z, u_z = 0. */
 static void curl_at_node(PetscInt dim, PetscInt j, const PetscReal xc[], const PetscReal uc[], PetscReal r[4])
 {
-  PetscReal J[3][3] = {{0}}, G[3][3] = {{0}}, C[3][3], grad[3][3]; /* J[a] = dx/dxi_a, G[a] = du/dxi_a, C[a] = det J grad xi_a */
+  /* J[a] = dx/dxi_a, G[a] = du/dxi_a, C[a] = det J grad xi_a */
+  PetscReal J[3][3] = {{0}}, G[3][3] = {{0}}, C[3][3], grad[3][3];
 
   J[2][2] = 1;
   for (PetscInt a = 0; a < dim; a++) {
@@ -34,7 +35,8 @@ static void curl_at_node(PetscInt dim, PetscInt j, const PetscReal xc[], const P
   }
   for (PetscInt a = 0; a < 3; a++) cross(J[(a + 1) % 3], J[(a + 2) % 3], C[a]);
   for (PetscInt d = 0; d < 3; d++) {
-    for (PetscInt c = 0; c < 3; c++) grad[d][c] = C[0][d] * G[0][c] + C[1][d] * G[1][c] + C[2][d] * G[2][c]; /* det J du_c/dx_d */
+    /* det J du_c/dx_d */
+    for (PetscInt c = 0; c < 3; c++) grad[d][c] = C[0][d] * G[0][c] + C[1][d] * G[1][c] + C[2][d] * G[2][c];
   }
   for (PetscInt d = 0; d < 3; d++) {
     const PetscInt e = (d + 1) % 3, f = (d + 2) % 3;

@@ -33,12 +33,14 @@ struct _p_Output {
   char             dir[PETSC_MAX_PATH_LEN];
   PetscInt         every;
   PetscReal        interval;
-  PetscBool        overwrite, restarted, shared, mesh_written; /* shared: a point of the file is a node of the mesh, else a node of one cell */
-  PetscInt         mesh_step;                                  /* snapshots refer to mesh.h5 (0) or mesh_<mesh_step>.h5 */
-  PetscInt         moves;                                      /* MeshLocal.moves when it was written */
-  PetscInt         npoint, point_start, npoint_global;         /* points of the file: own, first own, all */
-  PetscInt         nsnap, room;
-  Snapshot        *snap;
+  /* shared: a point of the file is a node of the mesh, else a node of one cell */
+  PetscBool overwrite, restarted, shared, mesh_written;
+  /* snapshots refer to mesh.h5 (0) or mesh_<mesh_step>.h5 */
+  PetscInt  mesh_step;
+  PetscInt  moves;                              /* MeshLocal.moves when it was written */
+  PetscInt  npoint, point_start, npoint_global; /* points of the file: own, first own, all */
+  PetscInt  nsnap, room;
+  Snapshot *snap;
 };
 
 /* Position in the cell's lattice (ix + 3 iy + 9 iz) of VTK's k-th node: corners, edges, (3D: faces,) centre */
@@ -332,7 +334,8 @@ PetscErrorCode OutputCreate(Mesh mesh, const char scene[], Output *output)
 PetscErrorCode OutputOpen(Output o)
 {
   char series[PETSC_MAX_PATH_LEN], index[PETSC_MAX_PATH_LEN];
-  int  state[3] = {0, 0, 0}; /* errno; is there a series.csv, a fields.xmf? Only rank 0 can tell, and all ranks leave with the same error. */
+  int  state[3] = {0, 0, 0}; /* errno; is there a series.csv, a fields.xmf? Only rank 0 can tell, and all ranks leave
+                                with the same error. */
 
   PetscFunctionBeginUser;
   PetscCall(join_path(o, "series.csv", series, sizeof(series)));
@@ -403,7 +406,8 @@ PetscErrorCode OutputVisitState(void *output, State state)
     o->nsnap = o->room = n;
     PetscCall(PetscRealloc(n * sizeof(Snapshot), &o->snap));
     for (PetscInt i = 0; i < n; i++) o->snap[i] = (Snapshot){number[3 * i], number[3 * i + 1], time[i], (PetscBool)number[3 * i + 2]};
-    if (!StateIsSamePartition(state) && n) o->mesh_step = o->snap[n - 1].step + 1; /* a name that no earlier part of the run has used */
+    /* a name that no earlier part of the run has used */
+    if (!StateIsSamePartition(state) && n) o->mesh_step = o->snap[n - 1].step + 1;
   }
   PetscCall(PetscFree2(number, time));
   PetscFunctionReturn(PETSC_SUCCESS);

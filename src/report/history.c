@@ -78,7 +78,8 @@ static void find_vertex(History h, PetscInt i, PetscInt column, PetscReal *time,
 
   *time  = t1;
   *value = y1;
-  if (PetscIsInfOrNanReal(a) || PetscIsInfOrNanReal(b) || b == 0 || (y1 - y0) * (y1 - y2) < 0) return; /* on a flank at the end of the range */
+  /* on a flank at the end of the range */
+  if (PetscIsInfOrNanReal(a) || PetscIsInfOrNanReal(b) || b == 0 || (y1 - y0) * (y1 - y2) < 0) return;
   *time  = 0.5 * (t0 + t1) - 0.5 * a / b;
   *value = y0 + a * (*time - t0) + b * (*time - t0) * (*time - t1);
 }

@@ -30,8 +30,9 @@ struct _p_Monitor {
   PetscBool      started; /* MonitorWrite has been called; then the next two are set */
   PetscReal      time_start;
   PetscLogDouble wall_start;
-  PetscReal      seconds[MONITOR_NPHASES], seconds_before[MONITOR_NPHASES]; /* until now; until the last call of MonitorWrite */
-  PetscReal      fall_speed_max, speed_max, overlap_max;                    /* PETSC_MIN_REAL: no such body */
+  /* until now; until the last call of MonitorWrite */
+  PetscReal      seconds[MONITOR_NPHASES], seconds_before[MONITOR_NPHASES];
+  PetscReal      fall_speed_max, speed_max, overlap_max; /* PETSC_MIN_REAL: no such body */
   PetscInt       nsolve, iterations_max;
   PetscReal      iterations_sum;
   PetscInt       nquantity, ncolumn;

@@ -29,7 +29,8 @@ struct _p_Adapt {
   PetscInt         accepted, rejected;       /* steps */
   PetscInt         smooth;                   /* accepted steps since the last jump */
   PetscReal        first_dt, first_error;    /* of the first attempt at this step, 0: this is it */
-  PetscReal       *u_older, *age;            /* [nnode_all][dim] u^{n-2}; [nnode_all] steps since a node was disturbed */
+  PetscReal       *u_older, *age;            /* [nnode_all][dim] u^{n-2}; [nnode_all] steps since a node was
+                                                disturbed */
   PetscReal (*U_older)[6], *calm, *gap_last; /* [n] velocities at n-2; steps since contact; gap in the last step */
   PetscInt column_error, column_rejected;
 };
@@ -195,7 +196,8 @@ static PetscReal control(const struct _p_Adapt *a, const FlowStep *step)
   const PetscReal factor = SAFETY * PetscPowReal(a->tolerance / PetscMax(a->error, 1e-30), 1. / (step->order + 1));
 
   if (a->error > a->tolerance) return step->dt * PetscMax(SHRINK, factor);
-  if (step->dt < a->dt && step->dt * factor >= a->dt) return a->dt; /* it was shortened for a limit or a time to hit, and need not have been */
+  /* it was shortened for a limit or a time to hit, and need not have been */
+  if (step->dt < a->dt && step->dt * factor >= a->dt) return a->dt;
   return factor < a->hysteresis ? step->dt : step->dt * PetscMin(factor, a->growth);
 }
 

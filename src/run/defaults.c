@@ -12,8 +12,8 @@ enum {
   SMALL    = 16 /* for a direct solver */
 };
 
-/* In all of these situations, and with this option at this value (NULL: any scene), the default of `name` is `then`. Of two rows that hold the
-   later wins. Presets: runs/studies/tradeoff. */
+/* In all of these situations, and with this option at this value (NULL: any scene), the default of `name` is `then`. Of
+   two rows that hold the later wins. Presets: runs/studies/tradeoff. */
 static const struct {
   const char *option, *value;
   int         situation;
@@ -29,10 +29,12 @@ static const struct {
   {"-preset", "accurate", PLANE, "-couple_boundary", "snap"},
   {"-preset", "accurate", SPATIAL, "-couple_boundary", "penalty"},
   {"-preset", "accurate", UNSTEADY, "-flow_time", "bdf2"},
-  /* the added mass, one step late, counts 3/2 times in bdf2: stable for added mass / body mass < 1 with be, about 1/2 with bdf2 */
+  /* the added mass, one step late, counts 3/2 times in bdf2: stable for added mass / body mass < 1 with be, about 1/2
+     with bdf2 */
   {"-couple_type", "explicit", 0, "-flow_time", "be"},
   {NULL, NULL, STEADY | SMALL, "-flow_recipe", "direct"},
-  {NULL, NULL, STEADY, "-flow_ksp_rtol", "1e-6"}, /* of a correction; the tolerance of the solution is -flow_snes_rtol */
+  {NULL, NULL, STEADY, "-flow_ksp_rtol", "1e-6"}, /* of a correction; the tolerance of the solution is
+                                                     -flow_snes_rtol */
 };
 
 static PetscErrorCode apply_rule(size_t i, int situation)

@@ -44,7 +44,8 @@ static PetscBool is_user_mistake(PetscErrorCode code)
   }
 }
 
-/* Mistakes of the user get their message alone, everything else PETSc's trace too (by one rank: on others PETSc's printer sleeps and aborts). */
+/* Mistakes of the user get their message alone, everything else PETSc's trace too (by one rank: on others PETSc's
+   printer sleeps and aborts). */
 static PetscErrorCode note_error(MPI_Comm comm, int line, const char *function, const char *file, PetscErrorCode code, PetscErrorType type,
                                  const char *message, void *ctx)
 {
@@ -96,7 +97,8 @@ static void tell_errors(void)
   free(all);
 }
 
-/* Leave together. A rank that is missing after some seconds (or soon, when the error was this rank's own) waits for us elsewhere and is not coming. */
+/* Leave together. A rank that is missing after some seconds (or soon, when the error was this rank's own) waits for us
+   elsewhere and is not coming. */
 static int leave_after_error(void)
 {
   const int   patience = failure.alone ? 50 : 500; /* hundredths of a second */

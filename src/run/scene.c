@@ -7,7 +7,8 @@
 #include "defaults.h"
 #include "sim.h"
 
-/* What contact needs to know of a scene without a flow: all faces that are not periodic are walls, and the range goes by the size of the bodies. */
+/* What contact needs to know of a scene without a flow: all faces that are not periodic are walls, and the range goes
+   by the size of the bodies. */
 static PetscErrorCode create_contact_alone(SimParts *part, const MeshLocal *l)
 {
   PetscReal  density = 0, gravity[3] = {0, 0, 0}, h = PETSC_MAX_REAL;

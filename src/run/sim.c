@@ -188,8 +188,9 @@ static PetscErrorCode end_phase(Sim s)
 
 /* From where on a failed solve may be an instability: runs/studies/boundary (flaps), runs/studies/cylinder
    (quadratic) */
-#define UNRESOLVED      20 /* cell Reynolds number: the convective form may feed on convection that the mesh does not see */
-#define QUADRATIC_UP_TO 2  /* CFL number: quadratic extrapolation of the convecting velocity may blow up */
+/* cell Reynolds number: the convective form may feed on convection that the mesh does not see */
+#define UNRESOLVED      20
+#define QUADRATIC_UP_TO 2 /* CFL number: quadratic extrapolation of the convecting velocity may blow up */
 
 /* What the last step tells of why the solve of the next one fails, as further sentences of the message */
 static PetscErrorCode explain_failure(Sim s, char why[], size_t size)
@@ -358,7 +359,8 @@ static PetscErrorCode choose_step(Sim s, PetscReal *dt)
   if (s->adapt) PetscCall(AdaptGetStep(s->adapt, s->time, s->until, dt, &s->hits));
   else {
     s->hits = (PetscBool)(left < s->dt * (1 + 1e-6));
-    *dt = s->hits ? left : s->snapshot && left < s->dt * (2 - 1e-6) ? 0.5 * left : s->dt; /* no step so short that the next one is long beside it */
+    /* no step so short that the next one is long beside it */
+    *dt = s->hits ? left : s->snapshot && left < s->dt * (2 - 1e-6) ? 0.5 * left : s->dt;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

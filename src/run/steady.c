@@ -1,4 +1,5 @@
-/* Steady: see steady.h. SNES drives; its linear solver is a shell around the FlowSolver, whose operators are set up by the callback for the Jacobian. */
+/* Steady: see steady.h. SNES drives; its linear solver is a shell around the FlowSolver, whose operators are set up by
+   the callback for the Jacobian. */
 #include "compat.h"
 #include "steady.h"
 #include "base/log.h"
@@ -303,7 +304,8 @@ static PetscErrorCode solve_nonlinear(Steady s, PetscBool *ok)
   PetscCall(VecCopy(s->x, before));
   PetscCall(FlowBeginSteady(s->flow, 0));
   PetscCall(SNESGetTolerances(s->snes, &atol, &rtol, &stol, &max_it, &max_f));
-  PetscCall(SNESSetTolerances(s->snes, PetscMax(atol, rtol * s->first), rtol, stol, max_it, max_f)); /* relative to the residual of the very start */
+  /* relative to the residual of the very start */
+  PetscCall(SNESSetTolerances(s->snes, PetscMax(atol, rtol * s->first), rtol, stol, max_it, max_f));
   PetscCall(SNESSolve(s->snes, NULL, s->x));
   PetscCall(SNESGetConvergedReason(s->snes, &reason));
   *ok = (PetscBool)(reason > 0);
@@ -327,7 +329,8 @@ static PetscErrorCode march(Steady s, PetscBool *ok)
     PetscCall(take_pseudo_step(s, rate, &norm, &solved));
     if (!solved) PetscFunctionReturn(PETSC_SUCCESS);
     PetscCall(print_residual(s, "pseudo-time", norm));
-    if (k > 1) rate *= PetscMin(2, PetscMax(0.2, 0.8 * norm / last)); /* the first residual is that of the jump at the boundary */
+    /* the first residual is that of the jump at the boundary */
+    if (k > 1) rate *= PetscMin(2, PetscMax(0.2, 0.8 * norm / last));
     if (k == 1) next_try = 1e-2 * norm;
     last = norm;
     if (k <= 1 || norm > next_try) continue;

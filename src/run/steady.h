@@ -1,13 +1,17 @@
 /* Steady: the steady Navier-Stokes equations with bodies held in place, by PETSc SNES.
 
-   Unknowns and constraint are those of a time step (system.h) with c_t = 0: rho (u.grad) u - div sigma = f, div u = 0. Degrees of freedom of a body that are free take the velocity at
-   which its forces balance where it is drawn; it does not move. The Jacobian is that of Picard's iteration (the scalar matrix S with the velocity of the last iterate) or of
-   Newton's method, which adds rho (du.grad) u and so couples the components: then it is assembled for all of them.
-   When the iteration fails, pseudo-time steps (backward Euler, one Newton step each, whose length grows as the residual falls: switched evolution relaxation,
-   Mulder & van Leer 1985, Kelley & Keyes 1998) lead from rest to where Newton's method converges.
+   Unknowns and constraint are those of a time step (system.h) with c_t = 0: rho (u.grad) u - div sigma = f, div u = 0.
+   Degrees of freedom of a body that are free take the velocity at which its forces balance where it is drawn; it does
+   not move. The Jacobian is that of Picard's iteration (the scalar matrix S with the velocity of the last iterate) or
+   of Newton's method, which adds rho (du.grad) u and so couples the components: then it is assembled for all of them.
+   When the iteration fails, pseudo-time steps (backward Euler, one Newton step each, whose length grows as the residual
+   falls: switched evolution relaxation, Mulder & van Leer 1985, Kelley & Keyes 1998) lead from rest to where Newton's
+   method converges.
 
-   Options: -flow_linearization newton|picard, -flow_picard_steps n (Picard iterations before Newton's), -flow_pseudo_steps n (at most; 0: none), and those of SNES under prefix -flow_:
-   -flow_snes_rtol, -flow_snes_max_it, -flow_snes_monitor, -flow_snes_linesearch_type, ... The linear solver is that of the time step under -flow_ksp_, -flow_pc_, -flow_recipe. */
+   Options: -flow_linearization newton|picard, -flow_picard_steps n (Picard iterations before Newton's),
+   -flow_pseudo_steps n (at most; 0: none), and those of SNES under prefix -flow_: -flow_snes_rtol, -flow_snes_max_it,
+   -flow_snes_monitor, -flow_snes_linesearch_type, ... The linear solver is that of the time step under -flow_ksp_,
+   -flow_pc_, -flow_recipe. */
 #pragma once
 #include "couple/couple.h"
 #include <petscsnes.h>
@@ -18,8 +22,11 @@ typedef struct _p_Steady *Steady;
 PetscErrorCode SteadyCreate(Flow, Couple, Steady *);
 PetscErrorCode SteadyDestroy(Steady *);
 PetscErrorCode SteadyView(Steady, PetscViewer);
-/* Draw the bodies, assemble and set up the linear solver for the first iteration, so that all its options are read. Collective. */
+/* Draw the bodies, assemble and set up the linear solver for the first iteration, so that all its options are read.
+   Collective. */
 PetscErrorCode SteadySetUp(Steady);
-/* Solve from the fields of the flow; the solution is in the couple as after CoupleSolve. Prints the history of the residual.
-   *its: nonlinear iterations, pseudo-time steps included; *linear: outer linear iterations of all of them. Collective. Error when nothing converges: names the remedies. */
+/* Solve from the fields of the flow; the solution is in the couple as after CoupleSolve. Prints the history of the
+   residual.
+   *its: nonlinear iterations, pseudo-time steps included; *linear: outer linear iterations of all of them. Collective.
+   Error when nothing converges: names the remedies. */
 PetscErrorCode SteadySolve(Steady, PetscInt *its, PetscInt *linear);

@@ -142,6 +142,7 @@ PetscErrorCode ShapeDefaultRadius(Shape s, PetscReal r, PetscInt dim, const Pets
     if (upper - lower <= 1e-4 * r || t.n > 100000) break;
   }
   PetscCall(TreeDestroy(&t));
-  *radius = upper > 0 ? upper : r + VectorLength(dim, c); /* nothing left: the distance is not 1-Lipschitz, so only the plugin's own bound holds */
+  *radius = upper > 0 ? upper : r + VectorLength(dim, c); /* nothing left: the distance is not 1-Lipschitz, so only the
+                                                             plugin's own bound holds */
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -184,7 +184,8 @@ static PetscErrorCode OpenPlugin(const char path[], const char type[], Loaded *s
       Complain(message, len, "Shape '%s' is not known (known: %s). Put %s.so into a folder of -shape_path, or run 'make shapes'", type, known, type));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  slot->handle = dlopen(slot->file, RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE); /* stays mapped: PETSc keeps pointers to names of functions in it */
+  /* stays mapped: PETSc keeps pointers to names of functions in it */
+  slot->handle = dlopen(slot->file, RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE);
   if (!slot->handle) {
     const char *why = dlerror();
 

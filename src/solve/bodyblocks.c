@@ -51,8 +51,8 @@ static PetscErrorCode invert_blocks(PetscInt nr, PetscInt k, PetscInt unknown, c
   for (PetscInt s = 0; s < 2; s++) {
     PetscReal *M = block + s * nn, share = 1;
 
-    for (PetscInt a = 0; a < nr;
-         a++) /* the excess mass of a light body may exceed the discrete mass of its nodes: the added mass of the flow around is not in the block */
+    /* the excess mass of a light body may exceed the discrete one of its nodes: added mass is not in the block */
+    for (PetscInt a = 0; a < nr; a++)
       if ((unknown >> a) & 1 && -D[a * (nr + 1)] > 0) share = PetscMin(share, 0.9 * M[a * (nr + 1)] * (s ? scale : 1) / -D[a * (nr + 1)]);
     for (PetscInt e = 0; e < nn; e++) {
       const PetscBool active = (PetscBool)((unknown >> (e / nr)) & 1 && (unknown >> (e % nr)) & 1);
@@ -65,7 +65,8 @@ static PetscErrorCode invert_blocks(PetscInt nr, PetscInt k, PetscInt unknown, c
       positive = (PetscBool)(positive && M[a * (nr + 1)] > 0);
     }
   }
-  for (PetscInt e = 0; e < nn && !positive; e++) block[e] = scale * block[nn + e]; /* convection in long steps outweighs the mass: the mass alone */
+  /* convection in long steps outweighs the mass: the mass alone */
+  for (PetscInt e = 0; e < nn && !positive; e++) block[e] = scale * block[nn + e];
   if (stiff_inverse) DenseInvert(nr, block, stiff_inverse);
   DenseInvert(nr, block + nn, mass_inverse);
   for (PetscInt a = 0; a < nr; a++)

@@ -21,7 +21,8 @@ static void rigid_row(const MeshLocal *l, PetscInt i, PetscInt a, const PetscRea
   for (PetscInt d = 0; d < l->dim; d++) row[d] = d == a;
   if (l->dim == 2) row[2] = a == 0 ? -r[1] : r[0];
   else {
-    const PetscReal spin[3][3] = {{0, r[2], -r[1]}, {-r[2], 0, r[0]}, {r[1], -r[0], 0}}; /* (w x r)_a = sum_b spin[a][b] w_b */
+    /* (w x r)_a = sum_b spin[a][b] w_b */
+    const PetscReal spin[3][3] = {{0, r[2], -r[1]}, {-r[2], 0, r[0]}, {r[1], -r[0], 0}};
 
     for (PetscInt b = 0; b < 3; b++) row[3 + b] = spin[a][b];
   }

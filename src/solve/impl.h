@@ -14,7 +14,8 @@ struct _p_FlowSolver {
   PetscInt         nodal, nur, np, nbodies, nr;   /* local sizes: nodal slots, u_r, p */
   PetscInt         schur, sweep_type;             /* what the user wants */
   PetscBool        fitted, commute, viscous_only; /* no staircase of rigid nodes; in this step */
-  Mat              S, S_all, A;                   /* scalar; for all components; in use: that, or of FlowSolverSetVelocity */
+  Mat              S, S_all, A;                   /* scalar; for all components; in use: that, or of
+                                                     FlowSolverSetVelocity */
   Mat              Ar, G, B, C, nest, Ar_assembled,
     whole; /* shells P^T A P + D, -P^T B^T, B P, C of PressureGetShared; block operator; assembled forms when needed */
   PetscBool          need_Ar, need_whole;
@@ -26,7 +27,8 @@ struct _p_FlowSolver {
   PetscReal         *body_inverse;     /* [own bodies][nr][nr] inverse of the body's diagonal block of Ar */
   PetscReal         *mass_inverse;     /* [nbodies][nr][nr] of M_r / scale, on every rank; zero where known */
   PetscReal         *diagonal_inverse; /* [nodal] of A, zero at inert slots */
-  PetscReal         *weight;           /* [nnode_all][dim] of M_r / scale, inverse; times eps on body nodes, 0 at walls */
+  PetscReal         *weight;           /* [nnode_all][dim] of M_r / scale, inverse; times eps on body nodes, 0 at
+                                          walls */
   const PenaltyTerm *soft;             /* or NULL */
   PetscReal         *share;            /* [nnode_all] see PressureUpdate */
   PetscReal         *rigid_work;       /* [2][nbodies][nr] by local numbers of the constraint */

@@ -150,11 +150,12 @@ PetscErrorCode PressureSetDefaults(void)
   PetscFunctionBeginUser;
   PetscCall(OptDefault(PREFIX "pc_type", "mg"));
   PetscCall(find_two_level(&two_level));
-  if (two_level) PetscCall(OptDefault(PREFIX "pc_mg_levels", "2")); /* GAMG chooses its levels, and later releases of PETSc refuse a number */
+  /* GAMG chooses its levels, and later releases of PETSc refuse a number */
+  if (two_level) PetscCall(OptDefault(PREFIX "pc_mg_levels", "2"));
 #if defined(PETSC_HAVE_HYPRE)
   PetscCall(OptDefault(PREFIX "mg_coarse_pc_type", "hypre"));
-  PetscCall(OptDefault(BOOMERAMG "relax_type_coarse",
-                       "symmetric-SOR/Jacobi")); /* elimination would divide by round-off where the pressure is known up to a constant */
+  /* elimination would divide by round-off where the pressure is known up to a constant */
+  PetscCall(OptDefault(BOOMERAMG "relax_type_coarse", "symmetric-SOR/Jacobi"));
   PetscCall(OptDefault(BOOMERAMG "coarsen_type", "PMIS"));
   PetscCall(OptDefault(BOOMERAMG "interp_type", "ext+i"));
   PetscCall(OptDefault(BOOMERAMG "P_max", "4"));
@@ -304,8 +305,9 @@ PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscR
     PetscCall(PetscArraycpy(p->weight, weight, p->loc->nnode_all * p->loc->dim));
   }
   PetscCall(PetscFree(old));
-  PetscCall(MatSetNullSpace(p->shell, p->any_shared ? NULL : p->constant));          /* C sees constants */
-  PetscCall(MatSetTransposeNullSpace(p->shell, p->any_shared ? NULL : p->constant)); /* makes every inner right-hand side consistent */
+  PetscCall(MatSetNullSpace(p->shell, p->any_shared ? NULL : p->constant)); /* C sees constants */
+  /* makes every inner right-hand side consistent */
+  PetscCall(MatSetTransposeNullSpace(p->shell, p->any_shared ? NULL : p->constant));
   if (p->nbodies) {
     PetscCall(PressureFindCut(p, share, mass_inverse));
     if (p->sweeps) PetscCall(BlockGSSetLowRank(p->sweeps, p->nbodies, p->ncut, p->cut_cell, p->cut_body, p->cut_w));

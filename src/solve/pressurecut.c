@@ -89,7 +89,8 @@ PetscErrorCode PressureFindShared(Pressure p)
       if (k >= 0 && owner >= 0 && k != owner) two = PETSC_TRUE;
       if (k >= 0) owner = k;
       else if (fixed[node[j]]) wall = PETSC_TRUE;
-      cut = (PetscBool)(cut || (k >= 0 && !p->resolved[k])); /* between resolved walls every pressure meets a free velocity */
+      /* between resolved walls every pressure meets a free velocity */
+      cut = (PetscBool)(cut || (k >= 0 && !p->resolved[k]));
     }
     if (!cut || (!two && !wall)) continue;
     PetscCall(reserve_shared(p));

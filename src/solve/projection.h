@@ -12,12 +12,14 @@ struct _p_Constraint {
   Mesh             mesh;
   const MeshLocal *loc;
   PetscInt         nbodies, nr, first, count;  /* bodies; rigid slots each; own range */
-  PetscInt        *fixed, *node_body, *follow; /* [nnode_all] prescribed components; body a node lies in, follows, or -1 */
+  PetscInt        *fixed, *node_body, *follow; /* [nnode_all] prescribed components; body a node lies in, follows, or
+                                                  -1 */
   PetscInt        *unknown;                    /* [nbodies] bit mask of rigid velocities */
   PetscReal       *value, *known;              /* [nnode_all][dim] at walls; the known part c */
   PetscReal (*X)[3], *U;                       /* [nbodies] centres; rigid velocities as given, [nbodies][nr] */
   PetscBool have_bodies;
-  PetscInt  nbody_nodes, body_node_room, *body_node; /* local nodes (ghosts too) that lie in a body or follow one, ascending */
+  PetscInt  nbody_nodes, body_node_room, *body_node; /* local nodes (ghosts too) that lie in a body or follow one,
+                                                        ascending */
   /* inert slots; body -1: walls, and bodies without unknowns */
   PetscInt   ninert, *slot, *body, *local_body;
   PetscReal *coef;

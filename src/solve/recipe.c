@@ -91,23 +91,28 @@ PetscErrorCode FlowSolverSetRecipe(FlowSolver fs, PetscBool moving)
   PetscCall(OptChoice("-flow_schur", SCHURS, &fs->schur));
   PetscCall(OptChoice("-flow_velocity_sweep", SWEEPS, &fs->sweep_type));
   PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_ksp_rtol", &given));
-  if (recipe == 1 && !given) PetscCall(OptDefault("-flow_rtol_start", "1e-2")); /* as an option: a restart finds both in its checkpoint */
-  if (moving) PetscCall(OptDefault("-flow_rtol_most", "1e-6"));                 /* the momentum of a heavy body is most of the right-hand side */
+  /* as an option: a restart finds both in its checkpoint */
+  if (recipe == 1 && !given) PetscCall(OptDefault("-flow_rtol_start", "1e-2"));
+  /* the momentum of a heavy body is most of the right-hand side */
+  if (moving) PetscCall(OptDefault("-flow_rtol_most", "1e-6"));
   fs->rtol_most = 1e-5;
   PetscCall(OptReal("-flow_rtol_start", &fs->rtol_start));
   PetscCall(OptReal("-flow_rtol_most", &fs->rtol_most));
-  /* with bodies that move the sweep must not add to the residual: two falling discs blow up within 20 steps otherwise */
+  /* with bodies that move the sweep must not add to the residual: two falling discs blow up within 20 steps
+     otherwise */
   sweep_only = (PetscBool)(recipe == 0 && !moving);
   PetscCall(OptDefault("-flow_ksp_type", sweep_only ? "richardson" : "fgmres"));
   PetscCall(OptDefault("-flow_ksp_max_it", outer[recipe][0]));
   PetscCall(OptDefault("-flow_ksp_rtol", outer[recipe][1]));
   if (recipe == 0) PetscCall(OptDefault("-flow_ksp_convergence_test", "skip"));
-  if (sweep_only) PetscCall(OptDefault("-flow_ksp_norm_type", "none")); /* or the sweep would run a second time for the norm */
+  /* or the sweep would run a second time for the norm */
+  if (sweep_only) PetscCall(OptDefault("-flow_ksp_norm_type", "none"));
   if (recipe > 0) PetscCall(OptDefault("-flow_ksp_gmres_restart", "60"));
   if (recipe == 3) {
     PetscCall(OptDefault("-flow_pc_type", "lu"));
     PetscCall(OptDefault("-flow_pc_factor_mat_solver_type", "mumps"));
-    PetscCall(OptDefault("-flow_mat_mumps_icntl_24", "1")); /* leave null pivots out: pressures of cut cells without a free velocity */
+    PetscCall(OptDefault("-flow_mat_mumps_icntl_24", "1")); /* leave null pivots out: pressures of cut cells without a
+                                                               free velocity */
   } else {
     PetscCall(OptDefault("-flow_fieldsplit_velocity_ksp_type", "gcr")); /* half the sweeps of bcgs */
     PetscCall(OptDefault("-flow_fieldsplit_velocity_ksp_gcr_restart", "10"));
@@ -174,8 +179,9 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
                               (fs->sweep_type == SWEEP_AUTO && (above[FACTORISE_CONVECTION] || above[FACTORISE_VISCOUS] ||
                                                                 (above[FACTORISE_UNRESOLVED] && convective > 5 * viscous))));
   fs->share_of_pressure = fs->fixed && !above[WHOLE_PRESSURE] ? SHARE_BELOW : 1;
-  fs->commute           = (PetscBool)(fs->schur == SCHUR_COMMUTATOR || step->dt == 0); /* the projection is for time steps only */
-  fs->viscous_only      = PETSC_FALSE;
+  /* the projection is for time steps only */
+  fs->commute      = (PetscBool)(fs->schur == SCHUR_COMMUTATOR || step->dt == 0);
+  fs->viscous_only = PETSC_FALSE;
   if (fs->commute || fs->schur == SCHUR_PROJECTION) PetscFunctionReturn(PETSC_SUCCESS);
   staircase        = (PetscBool)(fs->nbodies > 0 && !fs->fitted && !FlowSolverIsSoft(fs));
   fs->viscous_only = (PetscBool)(fs->nbodies == 0 && above[MASS_ALONE] && convective * convective < 10 * viscous);

@@ -18,7 +18,8 @@ struct _p_Relax {
   const PetscReal *diagonal_inverse;
   /* factorisation */
   PetscBool factorised;
-  float    *lu;               /* [entries of the own part] L without its unit diagonal and U; the diagonal of U stands apart */
+  float    *lu;               /* [entries of the own part] L without its unit diagonal and U; the diagonal of U stands
+                                 apart */
   float    *pivot_inverse;    /* [n][dim], zero at inert slots */
   PetscInt *diagonal, *where; /* [n] entry of the diagonal; scratch, -1 */
 };

@@ -257,7 +257,8 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
   PetscCall(PressureIsSingular(fs->pressure, &singular));
   PetscCall(MatSetNullSpace(fs->nest, singular ? fs->constant_pressure : NULL));
   PetscCall(assemble_on_demand(fs));
-  PetscCall(MatAssemblyBegin(fs->Ar, MAT_FINAL_ASSEMBLY)); /* tell PETSc that the values behind the shells have changed */
+  PetscCall(MatAssemblyBegin(fs->Ar, MAT_FINAL_ASSEMBLY)); /* tell PETSc that the values behind the shells have
+                                                              changed */
   PetscCall(MatAssemblyEnd(fs->Ar, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyBegin(fs->nest, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(fs->nest, MAT_FINAL_ASSEMBLY));

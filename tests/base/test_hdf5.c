@@ -1,4 +1,5 @@
-/* Hdf5: arrays and attributes come back on any distribution; what is not there or could not be written is told by all ranks. */
+/* Hdf5: arrays and attributes come back on any distribution; what is not there or could not be written is told by all
+   ranks. */
 /* ranks: 1 2 3 */
 #include "core.h"
 #include "base/hdf5.h"

@@ -372,7 +372,8 @@ static void test_forces(void **state)
   OK(BodiesDestroy(&b));
 }
 
-/* x = cos t and angle = sin t, velocities known exactly at t and t - dt: the error of one prediction falls with dt^2, dt^3. */
+/* x = cos t and angle = sin t, velocities known exactly at t and t - dt: the error of one prediction falls with dt^2,
+   dt^3. */
 static void test_prediction(void **state)
 {
   Bodies      b;

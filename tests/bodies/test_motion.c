@@ -185,7 +185,8 @@ static void test_accelerated_pivot(void **state)
          "-particle_a_motion_phase 1.5707963267948966,0 -particle_a_free rotation",
          &b, &s);
   step(b, dt, zero);
-  NEAR(s->w[0][2] / dt, 0.4 * 0.2 * c * c / (0.25 * 0.26 + 0.16), 1e-4); /* pivot at its right end, accelerated to the left */
+  /* pivot at its right end, accelerated to the left */
+  NEAR(s->w[0][2] / dt, 0.4 * 0.2 * c * c / (0.25 * 0.26 + 0.16), 1e-4);
   OK(BodiesDestroy(&b));
 }
 

@@ -263,7 +263,8 @@ static void test_conservation(void **state)
                      1);
 }
 
-/* Surface points against the distance give the gap of the closed form, and the force of two discs is that of two nearly round ellipses. */
+/* Surface points against the distance give the gap of the closed form, and the force of two discs is that of two nearly
+   round ellipses. */
 static void test_points_against_discs(void **state)
 {
   const char *shapes[] = {"-particle_a_shape circle -particle_a_radius 0.1", "-particle_a_shape ellipse -particle_a_a 0.1 -particle_a_b 0.1000001"};
@@ -314,8 +315,9 @@ static void test_tilted(void **state)
 
 /* ---- coming to rest ---- */
 
-/* The flow of these tests: (M + added M_f) dU/dt = (M - M_f) g - c (U - v) + F', a linear drag that gives the terminal speed, implicit in U as
-   the flow solver is; order 1 is backward Euler, 2 is bdf2 with the mean velocity. Rotation is damped at the same rate. v = -squeeze (x - 1/2). */
+/* The flow of these tests: (M + added M_f) dU/dt = (M - M_f) g - c (U - v) + F', a linear drag that gives the terminal
+   speed, implicit in U as the flow solver is; order 1 is backward Euler, 2 is bdf2 with the mean velocity. Rotation is
+   damped at the same rate. v = -squeeze (x - 1/2). */
 typedef struct {
   PetscInt  order;
   PetscReal dt, added, terminal, squeeze, range;
@@ -389,8 +391,8 @@ static Rest settle(Fixture *f, const Flow *w, PetscInt nsteps, const PetscReal g
   return rest;
 }
 
-/* One disc arrives at its terminal speed: 10 (heavy) to 0.001 (pressed against the lid). `slow`: terminal speed in the scale of the stiffness,
-   from inertial to viscous; `travel`: way of a step in ranges. */
+/* One disc arrives at its terminal speed: 10 (heavy) to 0.001 (pressed against the lid). `slow`: terminal speed in the
+   scale of the stiffness, from inertial to viscous; `travel`: way of a step in ranges. */
 static void rest_one_disc(PetscReal rho, PetscReal slow, PetscReal travel, PetscInt order, PetscReal added)
 {
   const PetscReal r = 0.01, R = 0.16, side = rho > 1 ? -1 : 1, u = slow * PetscSqrtReal(PETSC_PI / 2 * 2 * R * PetscAbsReal(rho - 1) * 10);
@@ -458,7 +460,8 @@ static void test_pile_rests(void **state)
       }
 }
 
-/* Bodies as heavy as the fluid, without gravity, pressed together by the flow: the stiffness comes from their motion. */
+/* Bodies as heavy as the fluid, without gravity, pressed together by the flow: the stiffness comes from their
+   motion. */
 static void test_squeezed(void **state)
 {
   const PetscReal r = 0.01;
@@ -531,7 +534,8 @@ static void centre_of_mass(const Fixture *f, PetscReal centre[2])
   for (PetscInt a = 0; a < 2; a++) centre[a] /= total;
 }
 
-/* Discs, a heavy one and an ellipse thrown into each other and into the walls: nothing overlaps afterwards, and only walls move the centre of mass. */
+/* Discs, a heavy one and an ellipse thrown into each other and into the walls: nothing overlaps afterwards, and only
+   walls move the centre of mass. */
 static void test_separation(void **state)
 {
   const PetscReal R = 0.07;

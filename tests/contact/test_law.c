@@ -56,7 +56,8 @@ static void test_restitution(void **state)
   }
 }
 
-/* A disc slides on the floor: it slows down by mu g until it rolls at 2/3 of its first speed. Without friction it slides on. */
+/* A disc slides on the floor: it slows down by mu g until it rolls at 2/3 of its first speed. Without friction it
+   slides on. */
 static void test_sliding(void **state)
 {
   const PetscReal mu[] = {0.3, 0}, upper[3] = {9, 1, 1}, early = 0.2, dt = 1e-3;
@@ -147,7 +148,8 @@ static void test_film(void **state)
     near(film_force(3, "circle -particle_a_radius 0.2", 0.4 + g, 0) / (film(3, 0.1, g) - film(3, 0.1, 0.04)), 1, 1e-12);
   }
   near(film_force(2, "circle -particle_a_radius 0.2", 0.441, 0), 0, 0);
-  near(film_force(2, "circle -particle_a_radius 0.2", 0.40001, 0), film(2, 0.1, 1e-4) - film(2, 0.1, 0.04), 1e-9); /* not below the roughness */
+  /* not below the roughness */
+  near(film_force(2, "circle -particle_a_radius 0.2", 0.40001, 0), film(2, 0.1, 1e-4) - film(2, 0.1, 0.04), 1e-9);
   /* the flat sides of two ellipses: radius of curvature a^2/b each */
   near(film_force(2, "ellipse -particle_a_a 0.24 -particle_a_b 0.16", 0.33, 0.5 * PETSC_PI) / (film(2, 0.18, 0.01) - film(2, 0.18, 0.04)), 1, 0.04);
 }
@@ -197,7 +199,8 @@ static void write_square(char path[], size_t len)
   OK(MPI_Barrier(PETSC_COMM_WORLD));
 }
 
-/* Bodies of four shapes fly about in a closed box: momentum of the bodies changes only by what the walls give, and nothing overlaps by more than 2 % of its size. */
+/* Bodies of four shapes fly about in a closed box: momentum of the bodies changes only by what the walls give, and
+   nothing overlaps by more than 2 % of its size. */
 static void test_zoo(void **state)
 {
   const PetscReal upper[3] = {2, 2, 1};
@@ -245,7 +248,8 @@ static void test_zoo(void **state)
 
 /* ---- search ---- */
 
-/* The same motion, bit for bit, from lists with a skin as from lists that are made anew in every step, also across periodic faces, and no gap below those of all pairs is missed */
+/* The same motion, bit for bit, from lists with a skin as from lists that are made anew in every step, also across
+   periodic faces, and no gap below those of all pairs is missed */
 static void check_gaps(Fixture *f, PetscReal range, PetscBool periodic)
 {
   evaluate(f);
@@ -323,7 +327,8 @@ static PetscReal kinetic(const Fixture *f, PetscReal height)
   return sum;
 }
 
-/* Kinetic, potential and stored energy add up: constant without losses; with damping and friction they fall, and the work of contact says by how much. */
+/* Kinetic, potential and stored energy add up: constant without losses; with damping and friction they fall, and the
+   work of contact says by how much. */
 static void test_energy(void **state)
 {
   const char *laws[] = {"-contact_restitution 1", "-contact_restitution 0.5 -contact_friction 0.4"};

@@ -1,5 +1,6 @@
-/* A mesh that follows a body: velocities linear in space are kept exactly while nodes move; rates of convergence are those of a mesh that stands still, 1 (be) and 2 (bdf2) in time, 3 in
-   space, also where the body crosses a periodic boundary; the mesh does not remember the way; what is refused. The body is a phantom, which the flow does not see. */
+/* A mesh that follows a body: velocities linear in space are kept exactly while nodes move; rates of convergence are
+   those of a mesh that stands still, 1 (be) and 2 (bdf2) in time, 3 in space, also where the body crosses a periodic
+   boundary; the mesh does not remember the way; what is refused. The body is a phantom, which the flow does not see. */
 /* ranks: 1 2 */
 #include "core.h"
 #include "bodies/write.h"
@@ -230,7 +231,8 @@ static void test_no_trail(void **state)
   OK(PetscMalloc1(2 * c.l->nnode_all, &x));
   OK(PetscArraycpy(x, c.l->x, 2 * c.l->nnode_all));
   for (PetscInt i = 1; i <= 50; i++) {
-    c.speed[0] = c.speed[1] = 0.3 * PetscSqr(PetscSinReal(PETSC_PI * i / 50.)) / (0.01 * i); /* 0.3 away after half of the time */
+    /* 0.3 away after half of the time */
+    c.speed[0] = c.speed[1] = 0.3 * PetscSqr(PetscSinReal(PETSC_PI * i / 50.)) / (0.01 * i);
     OK(take_step(&c, 0.01));
     check_mesh(&c);
     for (PetscInt k = 0; k < 2 * c.l->nnode_all && i == 25; k++) far = PetscMax(far, PetscAbsReal(c.l->x[k] - x[k]));

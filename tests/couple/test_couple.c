@@ -1,4 +1,5 @@
-/* Couple: forces against a global assembly, both forms against each other, equation of motion, momentum balance, rest, periodic images, prescribed motion, pivot, stops, blow-up of explicit coupling. */
+/* Couple: forces against a global assembly, both forms against each other, equation of motion, momentum balance, rest,
+   periodic images, prescribed motion, pivot, stops, blow-up of explicit coupling. */
 /* ranks: 1 2 3 */
 #include "core.h"
 #include "bodies/write.h"
@@ -79,8 +80,8 @@ static PetscReal momentum_error(Case *c)
   return b.error;
 }
 
-/* Force on body k from the assembled system: -R^T (S u - B^T p - r) over the nodes inside, plus the inertia of the fictitious fluid, rho_f Vol (c_t U - d(U)), which the
-   caller gives as `accel` (plane motion) */
+/* Force on body k from the assembled system: -R^T (S u - B^T p - r) over the nodes inside, plus the inertia of the
+   fictitious fluid, rho_f Vol (c_t U - d(U)), which the caller gives as `accel` (plane motion) */
 static void assembled_force(Case *c, PetscInt k, const PetscReal accel[3], PetscReal force[3])
 {
   const PetscReal      *u, *p, *b;
@@ -187,7 +188,8 @@ static void test_bound_of_a_solve(void **state)
   }
 }
 
-/* Pressures that no velocity feels, inside the body and constant everywhere, leave the residual form as it is. So does another solver, which leaves other pressures in cut cells. */
+/* Pressures that no velocity feels, inside the body and constant everywhere, leave the residual form as it is. So does
+   another solver, which leaves other pressures in cut cells. */
 static void test_spurious_pressure(void **state)
 {
   (void)state;
@@ -226,7 +228,8 @@ static void test_spurious_pressure(void **state)
   close_case(&c);
 }
 
-/* Steady Stokes flow around a fixed disc, and a disc that turns in a box: both forms of force and torque agree. The disc has 20 cells in its diameter. */
+/* Steady Stokes flow around a fixed disc, and a disc that turns in a box: both forms of force and torque agree. The
+   disc has 20 cells in its diameter. */
 static void test_forms_agree(void **state)
 {
   (void)state;
@@ -257,7 +260,8 @@ static void test_forms_agree(void **state)
 
 /* ---- motion ---- */
 
-/* The force that is reported obeys the body's equation of motion, is the one of the assembled system, and balances the momentum of the fluid and of the walls */
+/* The force that is reported obeys the body's equation of motion, is the one of the assembled system, and balances the
+   momentum of the fluid and of the walls */
 static void check_free_motion(const char scheme[], const char more[])
 {
   char      options[1024];
@@ -289,14 +293,16 @@ static void check_free_motion(const char scheme[], const char more[])
       torque[d] = c.s->torque[0][d];
       keep[d]   = c.s->x[0][d];
     }
-    /* the force of the assembled system is about the centre where the body was drawn; its velocity after the step is the one of the node at that centre */
+    /* the force of the assembled system is about the centre where the body was drawn; its velocity after the step is
+       the one of the node at that centre */
     OK(BodiesPredict(c.bodies, 0, step.dt, step.order, x, q, &angle));
     for (PetscInt d = 0; d < 3; d++) c.s->x[0][d] = x[d];
     {
       const PetscReal *uf, *p;
       const PetscInt  *body;
-      PetscReal        sum[4] = {0, 0, 0, 0}, moment = 0, n; /* fit U and w to the nodes inside: mean and moments about their mean */
-      PetscReal        mean[2] = {0, 0};
+      /* fit U and w to the nodes inside: mean and moments about their mean */
+      PetscReal sum[4] = {0, 0, 0, 0}, moment = 0, n;
+      PetscReal mean[2] = {0, 0};
 
       OK(CoupleGetSolution(c.couple, &uf, &p));
       OK(CoupleGetNodeBody(c.couple, &body));
@@ -392,7 +398,8 @@ static void test_momentum_balance(void **state)
   }
 }
 
-/* A closed box without bodies: the walls' forces cancel and there is nothing to balance, so that the error must be measured against the forces themselves */
+/* A closed box without bodies: the walls' forces cancel and there is nothing to balance, so that the error must be
+   measured against the forces themselves */
 static void test_momentum_balance_of_a_cavity(void **state)
 {
   (void)state;
@@ -435,7 +442,8 @@ static void test_rest(void **state)
   }
 }
 
-/* A volume force in a closed box is balanced by the pressure: a body as heavy as the fluid stays at rest on every rung, free or held, and its force is zero */
+/* A volume force in a closed box is balanced by the pressure: a body as heavy as the fluid stays at rest on every rung,
+   free or held, and its force is zero */
 static void test_volume_force_at_rest(void **state)
 {
   const char *const rung[] = {"nodal", "penalty", "snap", "snap -couple_type explicit -couple_force volume", "snap -particle_disc_free none"};
@@ -493,7 +501,8 @@ static void test_periodic_images(void **state)
 
 /* ---- prescribed motion, pivot, stops ---- */
 
-/* A prescribed body is drawn where it is at the end of the step and with its velocity there; the coupling does not matter */
+/* A prescribed body is drawn where it is at the end of the step and with its velocity there; the coupling does not
+   matter */
 static void test_prescribed_motion(void **state)
 {
   (void)state;
@@ -560,8 +569,8 @@ static PetscReal turning_rate(Case *c, const PetscReal point[], const PetscReal 
   return total(sum) / total(square);
 }
 
-/* A body on a pivot, at rest or moving: its centre goes round, the reported force is that of the assembled system and of the momentum balance, and with it the body obeys its equation of
-   motion about the pivot */
+/* A body on a pivot, at rest or moving: its centre goes round, the reported force is that of the assembled system and
+   of the momentum balance, and with it the body obeys its equation of motion about the pivot */
 static void test_pivot(void **state)
 {
   (void)state;
@@ -625,7 +634,8 @@ static void test_pivot(void **state)
   }
 }
 
-/* A pendulum so heavy that the fluid is air to it: period of the physical pendulum, with the inertia of the parallel axis */
+/* A pendulum so heavy that the fluid is air to it: period of the physical pendulum, with the inertia of the parallel
+   axis */
 static void test_heavy_pendulum(void **state)
 {
   (void)state;
@@ -648,7 +658,8 @@ static void test_heavy_pendulum(void **state)
   close_case(&c);
 }
 
-/* The flap falls onto its stop, rests there to the last bit, its force is then that of a fixed body, and it leaves when it is pulled away. It never passes. */
+/* The flap falls onto its stop, rests there to the last bit, its force is then that of a fixed body, and it leaves when
+   it is pulled away. It never passes. */
 static void test_stops(void **state)
 {
   (void)state;
@@ -690,7 +701,8 @@ static void test_stops(void **state)
 
 /* ---- stability ---- */
 
-/* The added mass makes explicit coupling of a light body blow up, which is an error that names the remedy; the remedy works */
+/* The added mass makes explicit coupling of a light body blow up, which is an error that names the remedy; the remedy
+   works */
 static void test_light_body(void **state)
 {
   (void)state;
@@ -710,8 +722,8 @@ static void test_light_body(void **state)
 
   open_case(&c, CAVITY DISC "-particle_disc_position 0.5,0.4 -particle_disc_density 0.05");
   take_steps(&c, 20, 0.005);
-  assert_true(c.s->u[0][1] > 0.1 &&
-              c.s->u[0][1] < 1.2); /* rises, slower than free acceleration with added mass g (1.3 - 0.05)/(1.3 + 0.05) t = 0.83 */
+  assert_true(c.s->u[0][1] > 0.1 && c.s->u[0][1] < 1.2); /* slower than g (1.3 - 0.05)/(1.3 + 0.05) t
+                                      = 0.83 */
   close_case(&c);
 }
 

@@ -1,4 +1,5 @@
-/* Deformation of meshes: sizes follow the monitor, cells stay sound, boundaries stay where they are, for random placements of two bodies (20; TUMBLE_PLACEMENTS=1000 for more). */
+/* Deformation of meshes: sizes follow the monitor, cells stay sound, boundaries stay where they are, for random
+   placements of two bodies (20; TUMBLE_PLACEMENTS=1000 for more). */
 /* ranks: 1 2 */
 #include "core.h"
 #include "couple/deform.h"
@@ -30,7 +31,8 @@ static void destroy(Case *c)
   OK(MeshDestroy(&c->mesh));
 }
 
-/* Size of the cells around the own node nearest to x, whose distance comes with it; the smaller over all ranks that are nearest */
+/* Size of the cells around the own node nearest to x, whose distance comes with it; the smaller over all ranks that are
+   nearest */
 static PetscReal size_at(const Case *c, const PetscReal x[2])
 {
   PetscReal best = PETSC_MAX_REAL, size = PETSC_MAX_REAL, all;

@@ -1,5 +1,5 @@
-/* Rung snap: a disc turning in Couette flow (exact), fixed and carried along by a uniform stream, free with three densities; values at moved nodes; forces in both
-   forms; bodies that the mesh cannot follow. */
+/* Rung snap: a disc turning in Couette flow (exact), fixed and carried along by a uniform stream, free with three
+   densities; values at moved nodes; forces in both forms; bodies that the mesh cannot follow. */
 /* ranks: 1 2 */
 #include "core.h"
 #include "bodies/write.h"
@@ -197,7 +197,8 @@ static void test_fallback(void **state)
   assert_true(penalty[1] < -0.01);
 }
 
-/* In a closed box constant pressures are in the null space of the pressure operator, so that its solver, which projects them out, reaches any tolerance */
+/* In a closed box constant pressures are in the null space of the pressure operator, so that its solver, which projects
+   them out, reaches any tolerance */
 static void test_closed_box(void **state)
 {
   Case c;
@@ -215,7 +216,8 @@ static void quadratic(const PetscReal x[], PetscReal v[])
   v[1] = 2 - x[0] + x[1] + x[1] * x[1] + 0.5 * x[0] * x[1];
 }
 
-/* Quadratic fields are carried exactly on parallelograms: inside cells, and beyond the dead ones as far as (b) reaches; then by Taylor's formula; without fluid the old value is kept */
+/* Quadratic fields are carried exactly on parallelograms: inside cells, and beyond the dead ones as far as (b) reaches;
+   then by Taylor's formula; without fluid the old value is kept */
 static void test_remap(void **state)
 {
   Mesh             mesh;

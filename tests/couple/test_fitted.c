@@ -1,5 +1,5 @@
-/* Hole: force and torque on a body that is a hole of the mesh against exact Stokes solutions between circles, with the order of convergence; balance of momentum of a channel with a
-   hole; what is no surface is refused. */
+/* Hole: force and torque on a body that is a hole of the mesh against exact Stokes solutions between circles, with the
+   order of convergence; balance of momentum of a channel with a hole; what is no surface is refused. */
 /* ranks: 1 2 3 */
 #include "couple/couple.h"
 #include "flowcase.h"
@@ -27,8 +27,8 @@ static void couette(const PetscReal x[], PetscReal u[])
   u[1] = s * r[0];
 }
 
-/* Without the term for the rotating boundary the torque would be 2 mu w |body| off, here more than a quarter. The field is interpolated, not a
-   discrete solution: order 2 at least, 2.4 seen. */
+/* Without the term for the rotating boundary the torque would be 2 mu w |body| off, here more than a quarter. The field
+   is interpolated, not a discrete solution: order 2 at least, 2.4 seen. */
 static void test_torque_of_a_turning_disc(void **state)
 {
   (void)state;
@@ -66,7 +66,8 @@ static void test_torque_of_a_turning_disc(void **state)
   }
 }
 
-/* A disc that is towed through a concentric ring of fluid (Stokes): F = 4 pi mu U / (ln(b/a) - (b^2 - a^2)/(b^2 + a^2)); order 3 at least, 3.2 seen */
+/* A disc that is towed through a concentric ring of fluid (Stokes): F = 4 pi mu U / (ln(b/a) - (b^2 - a^2)/(b^2 +
+   a^2)); order 3 at least, 3.2 seen */
 static void test_drag_in_a_ring(void **state)
 {
   (void)state;

@@ -1,4 +1,5 @@
-/* Midline: exact for straight bodies wherever their origin is, on the arc for a curved plate, none for bodies that are thick, branched or have a hole. */
+/* Midline: exact for straight bodies wherever their origin is, on the arc for a curved plate, none for bodies that are
+   thick, branched or have a hole. */
 #include "core.h"
 #include "snap/midline.h"
 

@@ -1,4 +1,5 @@
-/* Penalty: the parts of cells add up to the body, a rigid motion meets no penalty, momentum is balanced for fixed and free bodies, at walls and in shared cells; 3D. */
+/* Penalty: the parts of cells add up to the body, a rigid motion meets no penalty, momentum is balanced for fixed and
+   free bodies, at walls and in shared cells; 3D. */
 /* ranks: 1 2 3 */
 #include "couple/couple.h"
 #include "flowcase.h"
@@ -87,7 +88,8 @@ static void multiply_penalty(Case *c, const PetscReal x[], PetscReal y[])
   }
 }
 
-/* In a rigid motion of the body the matrix and the entries cancel at every node, and so do they in the body's own equation: what the flow receives the body gives */
+/* In a rigid motion of the body the matrix and the entries cancel at every node, and so do they in the body's own
+   equation: what the flow receives the body gives */
 static void test_rigid_motion_is_free(void **state)
 {
   (void)state;
@@ -145,7 +147,8 @@ static void test_rigid_motion_is_free(void **state)
 
 /* ---- in the coupled system ---- */
 
-/* Steps, then the error of the balance of momentum, which knows the force on the bodies, walls and the fluid's inertia from different sources */
+/* Steps, then the error of the balance of momentum, which knows the force on the bodies, walls and the fluid's inertia
+   from different sources */
 static PetscReal balance_error(const char options[], PetscInt steps, PetscReal dt, PetscReal velocity[3])
 {
   Case             c;
@@ -187,9 +190,11 @@ static void test_balance(void **state)
      "-particle_disc_radius 0.15 -particle_disc_free none -particle_disc_position 0.42,0.53 -flow_bc_top_type moving_wall -flow_bc_top_velocity 1,0 -flow_time cn",
      DISC BOX RUNG
      "-particle_disc_radius 0.15 -particle_disc_free y -particle_disc_density 2 -particle_disc_position 0.42,0.53 -particle_disc_velocity 0.4,0",
-     DISC BOX RUNG "-particle_disc_radius 0.15 -particle_disc_density 2 -particle_disc_position 0.156,0.53 -flow_convection 0", /* at the wall */
+     /* at the wall */
+     DISC BOX RUNG "-particle_disc_radius 0.15 -particle_disc_density 2 -particle_disc_position 0.156,0.53 -flow_convection 0",
      DISC BOX RUNG
-     "-particle_disc_radius 0.15 -particle_disc_density 1.6 -particle_disc_position 0.42,0.16 -flow_schur projection", /* covers parts of cells at the floor */
+     /* covers parts of cells at the floor */
+     "-particle_disc_radius 0.15 -particle_disc_density 1.6 -particle_disc_position 0.42,0.16 -flow_schur projection",
      DISC BOX RUNG
      "-particle_disc_radius 0.1 -particle_disc_density 2 -particle_disc_count 2 -particle_disc_place lattice -particle_disc_lower 0.3,0.4 "
      "-particle_disc_upper 0.73,0.64", /* a gap of a third of a cell */

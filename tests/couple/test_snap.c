@@ -1,4 +1,5 @@
-/* Snap: valid cells around circles and ellipses wherever they lie, walls met exactly, gaps, wall, period, fallback, and the same mesh on any number of ranks. */
+/* Snap: valid cells around circles and ellipses wherever they lie, walls met exactly, gaps, wall, period, fallback, and
+   the same mesh on any number of ranks. */
 /* ranks: 1 2 */
 #include "core.h"
 #include "bodies/write.h"
@@ -151,7 +152,8 @@ static void test_ellipses(void **state)
   "-mesh_cells 40,40 -mesh_upper 1,1 -particle_groups a,b -particle_a_shape circle -particle_a_radius 0.1 -particle_a_free none -particle_a_position 0.3,0.5 " \
   "-particle_b_shape circle -particle_b_radius 0.1 -particle_b_free none -particle_b_position 0.7,0.5 "
 
-/* Two discs close together, in the middle or across a periodic boundary: both walls are met exactly down to half a cell, and drawn back by an eighth of a cell at most below */
+/* Two discs close together, in the middle or across a periodic boundary: both walls are met exactly down to half a
+   cell, and drawn back by an eighth of a cell at most below */
 static void test_gaps(void **state)
 {
   const PetscReal gap[] = {1, 0.5, 0.3, 0.2};
@@ -198,7 +200,8 @@ static void test_side(void **state)
 
 /* ---- bodies thinner than a cell ---- */
 
-/* Own path nodes by kind, how far they are from the mid-line of a straight leaflet (along x in its frame, a long on both sides of its middle), and the smallest distances to its tips */
+/* Own path nodes by kind, how far they are from the mid-line of a straight leaflet (along x in its frame, a long on
+   both sides of its middle), and the smallest distances to its tips */
 typedef struct {
   PetscReal vertices, edges, off, tip[2], moment;
 } Plate;
@@ -239,7 +242,8 @@ static void measure_plate(Case *c, PetscInt k, PetscReal angle, PetscReal a, Pla
 #define PLATE \
   "-particle_a_shape leaflet -particle_a_origin 0.5 -particle_a_free none -particle_a_position 0.5,0.5 -mesh_upper 1,1 -particle_groups a "
 
-/* A plate anywhere, also across a periodic boundary: one connected path of edges on its mid-line with ends on its tips, no dead cell, all cells valid */
+/* A plate anywhere, also across a periodic boundary: one connected path of edges on its mid-line with ends on its tips,
+   no dead cell, all cells valid */
 static void test_plates(void **state)
 {
   const char     *options[] = {PLATE "-mesh_cells 40,40 -particle_a_length 0.5 -particle_a_thickness 0.01",
@@ -278,7 +282,8 @@ static void test_plates(void **state)
   assert_true(worst > 0.05);
 }
 
-/* A plate hinged at the floor, its foot in it or close to it: the path ends at a vertex of the floor, which stays in its place, so that one edge more than vertices are the plate's own */
+/* A plate hinged at the floor, its foot in it or close to it: the path ends at a vertex of the floor, which stays in
+   its place, so that one edge more than vertices are the plate's own */
 static void test_hinged_plates(void **state)
 {
   const PetscReal h = 1.0 / 40, a = 0.25;

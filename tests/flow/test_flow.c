@@ -1,5 +1,5 @@
-/* Flow: B, S, convection, right-hand side, boundary values and time-step coefficients against exact integrals and against each other, on boxes and on meshes whose cells are
-   no parallelograms, in 2D and 3D. */
+/* Flow: B, S, convection, right-hand side, boundary values and time-step coefficients against exact integrals and
+   against each other, on boxes and on meshes whose cells are no parallelograms, in 2D and 3D. */
 /* ranks: 1 2 3 */
 #include "core.h"
 #include "flow/flow.h"
@@ -11,7 +11,8 @@ typedef struct {
   const MeshLocal *l;
   PetscInt         dim, own; /* own: number of own nodal values */
   PetscBool        skewed;
-  PetscInt         degree; /* of polynomials whose square the quadrature integrates exactly (det J of a skewed hexahedron has degree 2 an axis) */
+  PetscInt         degree; /* of polynomials whose square the quadrature integrates exactly (det J of a skewed
+                              hexahedron has degree 2 an axis) */
   PetscReal        length[3];
 } Case;
 
@@ -353,8 +354,9 @@ static PetscReal conv_tested(const Case *c, const PetscReal x[])
   return sum;
 }
 
-/* The difference between S with and without convection, applied to quadratic u for quadratic w: its sum and its product with linear v are exact integrals.
-   theta and the time to which w is extrapolated come with the scheme; w grows as 1 + 2 t, with quadratic extrapolation as 1 + 2 t + 5 t^2. */
+/* The difference between S with and without convection, applied to quadratic u for quadratic w: its sum and its product
+   with linear v are exact integrals. theta and the time to which w is extrapolated come with the scheme; w grows as 1 +
+   2 t, with quadratic extrapolation as 1 + 2 t + 5 t^2. */
 static PetscReal growth(PetscReal t)
 {
   char      name[16];
@@ -416,7 +418,8 @@ static void check_convection(Case *c)
   OK(PetscFree(z));
 }
 
-/* In the skew-symmetric form v . C(w) v = 0 for every v and every w that is zero at the boundary, whatever its divergence */
+/* In the skew-symmetric form v . C(w) v = 0 for every v and every w that is zero at the boundary, whatever its
+   divergence */
 static void check_energy(Case *c)
 {
   PetscReal      *v = new_field(c), *w = new_field(c), *p = new_pressure(c), *y[2];
@@ -623,7 +626,8 @@ static void test_diagnose(void **state)
 
 /* ---- time ---- */
 
-/* c_t q^{n+1} - d0 q^n - d1 q^{n-1} is the derivative: at the end of the step for be (degree 1) and bdf2 (degree 2, any step lengths), in its middle for cn (degree 2) */
+/* c_t q^{n+1} - d0 q^n - d1 q^{n-1} is the derivative: at the end of the step for be (degree 1) and bdf2 (degree 2, any
+   step lengths), in its middle for cn (degree 2) */
 static void check_scheme(const char scheme[], PetscInt degree, PetscReal where)
 {
   const PetscReal times[] = {0, 0.1, 0.25, 0.3, 0.5, 0.7};
@@ -651,7 +655,8 @@ static void check_scheme(const char scheme[], PetscInt degree, PetscReal where)
     NEAR(s->ct - s->d0 - s->d1, 0, 1e-12);
     NEAR(s->ct * q[0] - s->d0 * q[1] - s->d1 * q[2], 1, 1e-13);
     if (degree == 2 && (k > 1 || where < 1)) NEAR(s->ct * q[0] * q[0] - s->d0 * q[1] * q[1] - s->d1 * q[2] * q[2], 2 * at, 1e-13);
-    /* the start value is exact for fields that are linear in time, as soon as two are known; the pressure is that of the last step, with its last change */
+    /* the start value is exact for fields that are linear in time, as soon as two are known; the pressure is that of
+       the last step, with its last change */
     OK(FlowExtrapolate(c.flow, guess, guess_p, change));
     for (PetscInt i = 0; i < c.l->nnode_all * 2; i++) u[i] = (2 + 3 * times[k]) * noise(i);
     if (k > 1) BELOW(max_difference(c.l->ncell * 3, p, guess_p), 1e-13);

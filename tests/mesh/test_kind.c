@@ -1,4 +1,5 @@
-/* Meshkind: cell counts, areas, Jacobians, boundaries and circles of the meshes by name, refined, on any number of ranks. */
+/* Meshkind: cell counts, areas, Jacobians, boundaries and circles of the meshes by name, refined, on any number of
+   ranks. */
 /* ranks: 1 2 3 */
 #include "compat.h"
 #include "base/algebra.h"
@@ -265,8 +266,8 @@ static void test_growth(void **state)
         assert_near(MeshMapDistance(MeshMapCountCells(d[i], 0.1, growth[j], coarsest[k]), 0.1, growth[j], coarsest[k]), d[i], 1e-12 * d[i]);
 }
 
-/* A Gmsh file: one ring of eight quadrilaterals between polygons on the circles r = 1 and 3; names "inside" and "outside", if wanted, for their edges,
-   whose geometric entity has the given number */
+/* A Gmsh file: one ring of eight quadrilaterals between polygons on the circles r = 1 and 3; names "inside" and
+   "outside", if wanted, for their edges, whose geometric entity has the given number */
 static PetscErrorCode write_ring(const char path[], PetscBool named, int entity)
 {
   FILE *f;

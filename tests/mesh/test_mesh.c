@@ -62,7 +62,8 @@ static void test_box(void **state)
   check_box("4,3,5", "z", 3, n3);
 }
 
-/* Broadcasting the owner's number gives every ghost its global number; adding one from every cell's corner counts the cells around a node */
+/* Broadcasting the owner's number gives every ghost its global number; adding one from every cell's corner counts the
+   cells around a node */
 static void check_exchange(const char cells[], const char periodic[], PetscInt dim)
 {
   Mesh             m;

@@ -88,7 +88,8 @@ static void assert_each_cell_once(DM dm, PetscInt nx, PetscInt ny)
 
 static void test_box(void **state)
 {
-  /* shortest possible cuts: a straight line for two parts; for three a line that cuts off a third, and one across the rest */
+  /* shortest possible cuts: a straight line for two parts; for three a line that cuts off a third, and one across the
+     rest */
   const PetscInt cells[2] = {40, 40}, shortest[4] = {0, 0, 40, 40 + 27};
   DM             dm;
 

@@ -1,4 +1,5 @@
-/* State: what is saved comes back, also on another distribution of the mesh; files that are no whole checkpoints of the mesh are refused with their reason. */
+/* State: what is saved comes back, also on another distribution of the mesh; files that are no whole checkpoints of the
+   mesh are refused with their reason. */
 /* ranks: 1 2 3 */
 #include "core.h"
 #include "mesh/state.h"

@@ -1,4 +1,5 @@
-/* Probe: pressure at points on curved walls, edges and in cells; coefficients in both forms; the columns and quantities that options ask for; mistakes. */
+/* Probe: pressure at points on curved walls, edges and in cells; coefficients in both forms; the columns and quantities
+   that options ask for; mistakes. */
 /* ranks: 1 2 3 */
 #include "core.h"
 #include "report/diagnostics.h"
@@ -63,7 +64,8 @@ static PetscReal quantity(Case *c, const char name[])
   return 0;
 }
 
-/* p = 2 - 3 x + 5 y in every cell is read exactly: on the cylinder, where cells are curved, on an edge of the channel, in a corner, inside */
+/* p = 2 - 3 x + 5 y in every cell is read exactly: on the cylinder, where cells are curved, on an edge of the channel,
+   in a corner, inside */
 static void test_pressure_difference(void **state)
 {
   (void)state;
@@ -131,7 +133,8 @@ static void test_coefficients(void **state)
     NEAR(quantity(&c, "cd"), force[4][0] * 2 / (1.5 * 0.04 * 0.08), 1e-12);
     NEAR(quantity(&c, "cl"), force[4][1] * 2 / (1.5 * 0.04 * 0.08), 1e-12);
     assert_true(force[1][0] > force[2][0]); /* the start, left out by -monitor_from, has the largest drag of all */
-    /* what counts: be at 0.1 (then drag falls), 0.15, ...; cn, where forces hold in the middle of steps, at 0.125, 0.175 (the last is larger) */
+    /* what counts: be at 0.1 (then drag falls), 0.15, ...; cn, where forces hold in the middle of steps, at 0.125,
+       0.175 (the last is larger) */
     NEAR(quantity(&c, "cd_max_time"), i ? 0.175 : 0.1, 1e-9);
     NEAR(quantity(&c, "cd_max"), force[i ? 4 : 2][0] * 2 / (1.5 * 0.04 * 0.08), 1e-12);
     BELOW(quantity(&c, "force_difference"), 0.2);

@@ -1,6 +1,7 @@
 /* ranks: 1 2 3
-   Snapshots are read back with PETSc's own viewer: fields against the formulas they were filled with (quadratic velocity and linear pressure
-   are represented exactly, so tolerances are round-off), connectivity against the geometry of a box, messages of wrong directories. */
+   Snapshots are read back with PETSc's own viewer: fields against the formulas they were filled with (quadratic
+   velocity and linear pressure are represented exactly, so tolerances are round-off), connectivity against the geometry
+   of a box, messages of wrong directories. */
 #include "compat.h"
 #include "report/fields.h"
 #include "base/log.h"
@@ -192,7 +193,8 @@ static void check_cells(PetscInt dim, const PetscScalar x[], PetscInt ncell, con
         assert_close("cell node", c * nb + k, x[3 * node[k] + d], mean);
       }
     }
-    side = (x[3 * node[1]] - x[3 * node[0]]) * (x[3 * node[3] + 1] - x[3 * node[0] + 1]); /* counter-clockwise: positive */
+    /* counter-clockwise: positive */
+    side = (x[3 * node[1]] - x[3 * node[0]]) * (x[3 * node[3] + 1] - x[3 * node[0] + 1]);
     if (dim == 3) side *= x[3 * node[4] + 2] - x[3 * node[0] + 2];
     assert_true(side > 0);
     volume += side;

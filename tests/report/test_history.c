@@ -25,7 +25,8 @@ static History sample_signal(void)
 static void test_extremum(void **state)
 {
   (void)state;
-  const PetscReal shift = PetscAcosReal(-0.1 / PETSC_PI) / (2 * PETSC_PI); /* where the derivative 2 pi cos 2 pi t + 0.2 vanishes */
+  /* where the derivative 2 pi cos 2 pi t + 0.2 vanishes */
+  const PetscReal shift = PetscAcosReal(-0.1 / PETSC_PI) / (2 * PETSC_PI);
   History         h     = sample_signal();
   PetscReal       time, value;
   PetscBool       found;
@@ -36,7 +37,8 @@ static void test_extremum(void **state)
   NEAR(value, 0.3 + PetscSinReal(2 * PETSC_PI * shift) + 0.2 * time, 1e-5); /* the best sample may be 0.002 off */
   OK(HistoryGetExtremum(h, 0, -1, 0, 3, &time, &value, &found));
   NEAR(time, 1 - shift, 0.02 * DT);
-  OK(HistoryGetExtremum(h, 0, -1, 0, 0.2, &time, &value, &found)); /* on the rising flank the extreme sample is at the end, and is the answer */
+  /* on the rising flank the extreme sample is at the end, and is the answer */
+  OK(HistoryGetExtremum(h, 0, -1, 0, 0.2, &time, &value, &found));
   NEAR(time, 0, 0);
   NEAR(value, 0.3, 0);
   OK(HistoryGetExtremum(h, 0, -1, 0.1, 0.2, &time, &value, &found)); /* so it is when the range begins inside */

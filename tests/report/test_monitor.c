@@ -1,6 +1,6 @@
 /* ranks: 1 2 3
-   Reports of a made-up run of 10 steps with a free disc and a fixed one: every file is read back, progress lines are counted,
-   and what can go wrong (directory, range of bodies) must name its option. */
+   Reports of a made-up run of 10 steps with a free disc and a fixed one: every file is read back, progress lines are
+   counted, and what can go wrong (directory, range of bodies) must name its option. */
 #include "compat.h"
 #include "bodies/write.h"
 #include "report/monitor.h"
@@ -63,7 +63,8 @@ static void set_discs(void)
   set_option("-particle_post_position", "3,1");
 }
 
-/* Speed of the free disc has its peak 7.5 at step 4, its overlap 10 % of the diameter at step 5; the post is driven faster than all */
+/* Speed of the free disc has its peak 7.5 at step 4, its overlap 10 % of the diameter at step 5; the post is driven
+   faster than all */
 static void set_state(BodyArrays *b, PetscInt step)
 {
   b->u[0][0]      = step == 4 ? 4.5 : 0;
@@ -263,7 +264,8 @@ static void unreported_steps_are_tracked(void **state)
   set_option("-output_series", NULL);
   text = read_text(dir, "series.csv");
   assert_int_equal(count_lines(text), 1 + 4);
-  assert_starts(line_number(text, 1), "3,0.375,0.125,0.5,5,1e-09,2.25,-1e-11,0.01,0.25,0,0.375,0,0,0\n"); /* seconds of that step alone */
+  /* seconds of that step alone */
+  assert_starts(line_number(text, 1), "3,0.375,0.125,0.5,5,1e-09,2.25,-1e-11,0.01,0.25,0,0.375,0,0,0\n");
   assert_starts(line_number(text, 3), "9,");
   assert_starts(line_number(text, 4), "10,1.25,");
   text = read_text(dir, "summary.json");

@@ -1,5 +1,6 @@
-/* Manufactured solutions: a divergence-free field that is no solution by itself, with the body force and boundary values that make it one. Rates of convergence are declared here
-   and asserted: velocity 3 and pressure 2 in space, for steady and unsteady problems on boxes and on curved cells; 2 in time for cn, bdf2 and fstheta. Besides, flow between
+/* Manufactured solutions: a divergence-free field that is no solution by itself, with the body force and boundary
+   values that make it one. Rates of convergence are declared here and asserted: velocity 3 and pressure 2 in space, for
+   steady and unsteady problems on boxes and on curved cells; 2 in time for cn, bdf2 and fstheta. Besides, flow between
    turning cylinders (Couette), whose exact solution needs no force. */
 /* ranks: 1 2 */
 #include "core.h"
@@ -222,7 +223,8 @@ static void test_unsteady(void **state)
 
 /* ---- time ---- */
 
-/* Differences between runs with dt, dt/2, dt/4 on one mesh: what space contributes cancels. Force and boundary values change in time. */
+/* Differences between runs with dt, dt/2, dt/4 on one mesh: what space contributes cancels. Force and boundary values
+   change in time. */
 static void check_time(const char scheme[])
 {
   PetscReal *end[3], diff[2];

@@ -1,4 +1,5 @@
-/* Scene files: each fault is found before PETSc reads the file, with file, line and remedy; and PETSc reads the good ones as checked. */
+/* Scene files: each fault is found before PETSc reads the file, with file, line and remedy; and PETSc reads the good
+   ones as checked. */
 /* ranks: 1 2 */
 #include "compat.h"
 #include "run/scenefile.h"
@@ -147,7 +148,8 @@ static void refuses_duplicates(void **state)
   refuse(4, "flow:\n  density: 1\n  viscosity: 2\n  density: 3\n", "duplicate key 'density' (first at line 2): keep one of them", NULL);
   refuse(3, "flow: {density: 1}\nsim: {dt: 1}\nflow: {viscosity: 1}\n", "duplicate key 'flow' (first at line 1)", NULL);
   refuse(2, "flow: {density: 1}\nflow_density: 2\n", "option -flow_density is given twice (first at line 1): keep one of them", NULL);
-  refuse(3, "flow:\n  density: 1\n  Density: 2\n", "duplicate key 'Density' (first at line 2)", NULL); /* PETSc's names ignore case */
+  /* PETSc's names ignore case */
+  refuse(3, "flow:\n  density: 1\n  Density: 2\n", "duplicate key 'Density' (first at line 2)", NULL);
   refuse(2, "particle: {disc: {radius: 1}}\nparticle_disc: {Radius: 2}\n", "-particle_disc_Radius is given twice", NULL);
 }
 
@@ -202,7 +204,8 @@ static void refuses_merges(void **state)
   refuse(1, "a: {<<: 3}\n", "merges ('<<')", NULL);
 }
 
-/* What the check lets pass must arrive in PETSc as flattened here: this guards against another PETSc reading YAML differently. */
+/* What the check lets pass must arrive in PETSc as flattened here: this guards against another PETSc reading YAML
+   differently. */
 static void petsc_reads_the_same(void **state)
 {
   const char *const wanted[][2] = {

@@ -119,7 +119,8 @@ static void test_poiseuille(void **state)
     const PetscReal h = PetscSqrtReal(0.5 * 0.25), *x = c.l->x + 2 * c.l->cell_node[k * 9 + 4];
 
     slope = p[3 * k + 1] / h;
-    error = PetscMax(error, PetscMax(PetscAbsReal(slope + 0.8), PetscAbsReal(p[3 * k] - 0.8 * (3 - x[0])))); /* dp/dx = -8 U mu/H^2 */
+    /* dp/dx = -8 U mu/H^2 */
+    error = PetscMax(error, PetscMax(PetscAbsReal(slope + 0.8), PetscAbsReal(p[3 * k] - 0.8 * (3 - x[0]))));
   }
   BELOW(largest(error), 1e-9);
   close_case(&c);

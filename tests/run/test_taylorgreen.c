@@ -1,5 +1,7 @@
-/* Flows with exact solutions: the decaying Taylor-Green vortex carried by a uniform stream through a doubly periodic box (Taylor & Green 1937), the decaying ABC flow in 3D
-   (a Beltrami field), and plane Poiseuille flow. Rates of convergence are declared here and asserted: velocity 3 and pressure 2 in space, 1 (be) and 2 (cn, bdf2, fstheta) in time. */
+/* Flows with exact solutions: the decaying Taylor-Green vortex carried by a uniform stream through a doubly periodic
+   box (Taylor & Green 1937), the decaying ABC flow in 3D (a Beltrami field), and plane Poiseuille flow. Rates of
+   convergence are declared here and asserted: velocity 3 and pressure 2 in space, 1 (be) and 2 (cn, bdf2, fstheta) in
+   time. */
 /* ranks: 1 2 */
 #include "core.h"
 #include "couple/couple.h"
@@ -97,7 +99,8 @@ static void take_steps(Case *c, PetscInt n, PetscReal dt)
   take_uneven_steps(c, n, dt, 1, &one);
 }
 
-/* Root mean square errors over the box with a Gauss rule of 4 points an axis; the pressure without its mean. Cells are boxes. */
+/* Root mean square errors over the box with a Gauss rule of 4 points an axis; the pressure without its mean. Cells are
+   boxes. */
 static void measure(const Case *c, Exact exact, PetscReal *error_u, PetscReal *error_p)
 {
   const MeshLocal *l   = c->l;
@@ -195,7 +198,8 @@ static void test_space_3d(void **state)
 
 /* ---- time ---- */
 
-/* Differences between runs with dt, dt/2, dt/4 on one mesh: what space contributes cancels. uneven: steps follow each other in ratios between 0.4 and 2. */
+/* Differences between runs with dt, dt/2, dt/4 on one mesh: what space contributes cancels. uneven: steps follow each
+   other in ratios between 0.4 and 2. */
 static void check_time(const char scheme[], PetscBool uneven, PetscReal rate)
 {
   const PetscReal even[1] = {1}, ratio[4] = {0.6, 1.2, 0.8, 1.4};
@@ -248,7 +252,8 @@ static void poiseuille(PetscReal t, const PetscReal x[], PetscReal u[], PetscRea
   *p   = -8 * MU * (x[0] - 2);
 }
 
-/* The parabola is in the velocity space and the pressure is linear: the steady state is reached to round-off, from rest in one long step and by keeping it */
+/* The parabola is in the velocity space and the pressure is linear: the steady state is reached to round-off, from rest
+   in one long step and by keeping it */
 static void check_poiseuille(const char options[], PetscBool periodic)
 {
   Case      c;
@@ -278,7 +283,8 @@ static void test_poiseuille(void **state)
   check_poiseuille("-mesh_cells 6,4 -mesh_upper 2,1 -flow_ksp_rtol 1e-12 -mesh_periodic x -flow_force 0.208,0", PETSC_TRUE);
 }
 
-/* The outer iteration does not care how long the step is: the pressure solve is sound with an undetermined constant, whatever round-off makes of the singular coarse matrix */
+/* The outer iteration does not care how long the step is: the pressure solve is sound with an undetermined constant,
+   whatever round-off makes of the singular coarse matrix */
 static void test_long_steps(void **state)
 {
   (void)state;

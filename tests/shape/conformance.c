@@ -2,9 +2,10 @@ static char help
   [] = "Conformance suite for shape plugins: runs every check of the shape contract (include/shape.h) on one plugin.\n"
        "  conformance path/to/x.so [-shape_<option> value ...] [-conformance_dim 2|3] [-conformance_points n] [-conformance_grid file.csv]\n"
        "Prints one line a property, FAIL lines with the point that breaks it, and last 'N passed, N failed'. The exit status is 1 if any failed.\n\n";
-/* Each check is a function that leaves in `why` what is wrong, or nothing. An error raised inside a check fails that check.
-   Random points come from a fixed sequence, so a failure repeats. Needs one rank. What it cannot see: a distance that is consistent but belongs to
-   another shape than its author meant; look at the picture that tools/view-shape draws. */
+/* Each check is a function that leaves in `why` what is wrong, or nothing. An error raised inside a check fails that
+   check.
+   Random points come from a fixed sequence, so a failure repeats. Needs one rank. What it cannot see: a distance that
+   is consistent but belongs to another shape than its author meant; look at the picture that tools/view-shape draws. */
 #include "compat.h"
 #include "shape/host.h"
 #include "base/opt.h"
@@ -121,7 +122,8 @@ static PetscErrorCode MakeClouds(Suite *t, char why[])
 
 /* ---- checks ---- */
 
-/* Inside by the winding of the outline (2D; loops are told apart by jumps) or by Gauss's solid angle of the surface points (3D): about 1 inside, 0 outside. */
+/* Inside by the winding of the outline (2D; loops are told apart by jumps) or by Gauss's solid angle of the surface
+   points (3D): about 1 inside, 0 outside. */
 static PetscReal Winding2D(const Suite *t, const PetscReal x[])
 {
   const PetscReal jump  = 1.5 * t->total / (PetscReal)t->nsurface;
@@ -187,7 +189,8 @@ static PetscErrorCode CheckLipschitz(Suite *t, char why[])
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc2(t->n * t->dim, &y, t->n, &d));
-  for (PetscInt round = 0; round < 8 && !why[0]; round++) { /* partners ever closer, from the cloud and from near the surface */
+  for (PetscInt round = 0; round < 8 && !why[0]; round++) { /* partners ever closer, from the cloud and from near the
+                                                               surface */
     const PetscReal *x = round % 2 ? t->near : t->cloud, *dx = round % 2 ? t->dnear : t->d,
                     reach = t->radius * PetscPowReal(10.0, -(PetscReal)(round / 2));
 
@@ -205,7 +208,8 @@ static PetscErrorCode CheckLipschitz(Suite *t, char why[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Gradient by central differences, its length, and how much the distance bends over the stencil: a kink if not small. */
+/* Gradient by central differences, its length, and how much the distance bends over the stencil: a kink if not
+   small. */
 static PetscErrorCode Gradient(const Suite *t, const PetscReal x[], PetscReal g[], PetscReal *length, PetscBool *kink)
 {
   const PetscReal h = 1e-5 * t->radius, zero[3] = {0, 0, 0};
@@ -225,8 +229,8 @@ static PetscErrorCode Gradient(const Suite *t, const PetscReal x[], PetscReal g[
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The projection is on the surface and |d| away: then |d| is at least the distance; being 1-Lipschitz, it is also at most that.
-   At kinks the closest point is not unique and the point is passed over. */
+/* The projection is on the surface and |d| away: then |d| is at least the distance; being 1-Lipschitz, it is also at
+   most that. At kinks the closest point is not unique and the point is passed over. */
 static PetscErrorCode CheckEuclidean(Suite *t, char why[])
 {
   PetscReal *y;
@@ -272,7 +276,8 @@ static PetscErrorCode CheckNormal(Suite *t, char why[])
 
       if (!(PetscAbsReal(unit - 1.0) <= 1e-9)) PetscCall(Blame(t, why, x + i * t->dim, "the normal has length %.10g", (double)unit));
       PetscCall(Gradient(t, x + i * t->dim, g, &len, &kink));
-      if (why[0] || kink || PetscAbsReal(len - 1.0) > 1e-5) continue; /* off unit: a distance that is not Euclidean far away */
+      /* off unit: a distance that is not Euclidean far away */
+      if (why[0] || kink || PetscAbsReal(len - 1.0) > 1e-5) continue;
       if (Separation(t->dim, g, normal + i * t->dim) > 1e-3)
         PetscCall(Blame(t, why, x + i * t->dim, "the normal (%.6g, %.6g) is not the gradient of the distance (%.6g, %.6g)",
                         (double)normal[i * t->dim], (double)normal[i * t->dim + 1], (double)g[0], (double)g[1]));
@@ -310,8 +315,9 @@ static PetscErrorCode CheckRadius(Suite *t, char why[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Quasi-Monte Carlo with n points of an additive sequence (powers of the root of g^(dim+1) = g + 1) over the box around the surface points. Only the sign of
-   the distance counts, so thin bodies are no harder than thick ones; the error falls like n^-0.75 (2D), n^-0.67 (3D). */
+/* Quasi-Monte Carlo with n points of an additive sequence (powers of the root of g^(dim+1) = g + 1) over the box around
+   the surface points. Only the sign of the distance counts, so thin bodies are no harder than thick ones; the error
+   falls like n^-0.75 (2D), n^-0.67 (3D). */
 static PetscErrorCode QuadratureMass(const Suite *t, PetscInt n, ShapeMass *m)
 {
   enum {
@@ -407,7 +413,8 @@ static PetscErrorCode CheckMass(Suite *t, char why[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Points on the surface, positive weights, and the divergence theorem: sum of w n.x = dim * volume. In 2D counter-clockwise. */
+/* Points on the surface, positive weights, and the divergence theorem: sum of w n.x = dim * volume. In 2D
+   counter-clockwise. */
 static PetscErrorCode CheckSurface(Suite *t, char why[])
 {
   const PetscInt  dim   = t->dim;
@@ -436,16 +443,17 @@ static PetscErrorCode CheckSurface(Suite *t, char why[])
   else if (!(PetscAbsReal(coarse - t->total) <= limit * t->total))
     PetscCall(PetscSNPrintf(why, WHY, "the weights of %d points add up to %.8g, of %d points to %.8g", (int)nc, (double)coarse, (int)t->nsurface,
                             (double)t->total));
-  else if (!(PetscAbsReal(flux - (PetscReal)dim * m.volume) <=
-             limit * (PetscReal)dim * m.volume +
-               0.25 * even * t->radius * (dim == 2 ? 1.0 : PetscSqrtReal((PetscReal)t->nsurface)))) /* the last for thin tips and rims */
+  else if (!(PetscAbsReal(flux - (PetscReal)dim * m.volume) <= limit * (PetscReal)dim * m.volume +
+                                                                 /* the last for thin tips and rims */
+                                                                 0.25 * even * t->radius * (dim == 2 ? 1.0 : PetscSqrtReal((PetscReal)t->nsurface))))
     PetscCall(PetscSNPrintf(why, WHY, "the divergence theorem gives volume %.8g from the weights, the shape says %.8g",
                             (double)(flux / (PetscReal)dim), (double)m.volume));
   PetscCall(PetscFree4(d, normal, xc, wc));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Same bits from a second call and a second object; the same to round-off one point at a time (vector and scalar code may round differently). */
+/* Same bits from a second call and a second object; the same to round-off one point at a time (vector and scalar code
+   may round differently). */
 static PetscErrorCode CheckDeterminism(Suite *t, char why[])
 {
   Shape      twin;
@@ -487,7 +495,8 @@ static PetscErrorCode CheckEmptyBatch(Suite *t, char why[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Up to 1e6 radii away: positive, no larger than the way to the body, with a unit normal. Bodies in a large domain ask this. */
+/* Up to 1e6 radii away: positive, no larger than the way to the body, with a unit normal. Bodies in a large domain ask
+   this. */
 static PetscErrorCode CheckFarPoints(Suite *t, char why[])
 {
   const PetscReal zero[3] = {0, 0, 0};
@@ -532,7 +541,8 @@ static PetscErrorCode RefuseOption(Suite *t, const char name[], const char value
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The finite ends of a range are allowed values: they must work, or be refused (two options that do not fit) by a message that names the option. */
+/* The finite ends of a range are allowed values: they must work, or be refused (two options that do not fit) by a
+   message that names the option. */
 static PetscErrorCode TryEnd(Suite *t, const char name[], PetscReal end, char why[])
 {
   char           full[256], before[256], value[64], message[WHY] = "";
@@ -655,7 +665,8 @@ static PetscErrorCode RunDimension(const char type[], PetscInt dim, PetscInt n, 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* For tools/view-shape: kind (grid, surface), x, y, distance, normal; 3D: the plane z = 0. The line of the centroid has its bounding radius and the dimension. */
+/* For tools/view-shape: kind (grid, surface), x, y, distance, normal; 3D: the plane z = 0. The line of the centroid has
+   its bounding radius and the dimension. */
 static PetscErrorCode WriteGrid(const char type[], PetscInt dim, const char file[])
 {
   const PetscInt m = 161, ns = 400;

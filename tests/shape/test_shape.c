@@ -1,5 +1,6 @@
-/* Unit tests of the shape module: loading and its errors, defaults against closed forms, projection, options. Collective: run on 1, 2, 3 ranks.
-   Plugins that are wrong on purpose are expected in the folder badshapes beside this program, the real ones in ../../shapes (make tests). */
+/* Unit tests of the shape module: loading and its errors, defaults against closed forms, projection, options.
+   Collective: run on 1, 2, 3 ranks. Plugins that are wrong on purpose are expected in the folder badshapes beside this
+   program, the real ones in ../../shapes (make tests). */
 /* ranks: 1 2 3 */
 #include "compat.h"
 #include "shape/host.h"
@@ -127,7 +128,8 @@ static void test_broken_plugins_say_what_to_do(void **state)
   }
 }
 
-/* A file that only one rank sees as broken: all ranks must fail alike (here rank 0 alone has a text file in its path). */
+/* A file that only one rank sees as broken: all ranks must fail alike (here rank 0 alone has a text file in its
+   path). */
 static void test_error_of_one_rank_is_raised_on_all(void **state)
 {
   char        dir[] = "/tmp/tumble_shape_XXXXXX", file[PETSC_MAX_PATH_LEN], path[3 * PETSC_MAX_PATH_LEN], message[4096];
@@ -326,7 +328,8 @@ static void test_default_normal(void **state)
   MustWork(ShapeDestroy(&s));
 }
 
-/* Perimeter 2a(...) of an ellipse 1 x 0.5: 4 E(3/4) = 4.844224110273838; points even in arc length, on the curve, counter-clockwise. */
+/* Perimeter 2a(...) of an ellipse 1 x 0.5: 4 E(3/4) = 4.844224110273838; points even in arc length, on the curve,
+   counter-clockwise. */
 static void test_default_surface_ellipse(void **state)
 {
   enum {

@@ -1,4 +1,5 @@
-/* BlockGS: product and sweeps against PETSc's own in double precision, on any number of ranks; updates of single rows. */
+/* BlockGS: product and sweeps against PETSc's own in double precision, on any number of ranks; updates of single
+   rows. */
 /* ranks: 1 2 3 */
 #include "core.h"
 #include "blockgs.h"
@@ -56,7 +57,8 @@ static void refer(Mat A, Mat sweep, MatSORType direction, Vec b, Vec x)
   OK(VecDestroy(&dx));
 }
 
-/* Product and one sweep of each kind, from zero and from a start value: within the round-off of floats, and not without it. `sweep`: A as its sweeps see it. */
+/* Product and one sweep of each kind, from zero and from a start value: within the round-off of floats, and not without
+   it. `sweep`: A as its sweeps see it. */
 static void compare(Mat A, Mat sweep, Mat shell)
 {
   const MatSORType directions[] = {SOR_LOCAL_FORWARD_SWEEP, SOR_LOCAL_BACKWARD_SWEEP, SOR_LOCAL_SYMMETRIC_SWEEP};

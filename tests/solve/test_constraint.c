@@ -1,4 +1,5 @@
-/* Constraint: P, its transpose, its matrix form, known parts, walls against bodies, detection of changes; in 2D and 3D, bodies across ranks and across periodic boundaries. */
+/* Constraint: P, its transpose, its matrix form, known parts, walls against bodies, detection of changes; in 2D and 3D,
+   bodies across ranks and across periodic boundaries. */
 /* ranks: 1 2 3 */
 #include "core.h"
 #include "projection.h"
@@ -32,7 +33,8 @@ static void arm(const Case *s, PetscInt k, const PetscReal x[], PetscReal r[3])
   }
 }
 
-/* Where the bodies are and what the walls prescribe: all components at the bottom, the normal one at the right (slip), nothing elsewhere */
+/* Where the bodies are and what the walls prescribe: all components at the bottom, the normal one at the right (slip),
+   nothing elsewhere */
 static void describe(Case *s)
 {
   for (PetscInt i = 0; i < s->l->nnode_all; i++) {
@@ -435,7 +437,8 @@ static void test_changes(void **state)
   open_case(&s, 2, "");
   set_bodies(&s, &changed);
   assert_false(changed);
-  for (PetscInt i = 0; i < NBODIES * s.nr; i++) s.U[i] += 1; /* velocities are no change of the set, but reach the known part */
+  /* velocities are no change of the set, but reach the known part */
+  for (PetscInt i = 0; i < NBODIES * s.nr; i++) s.U[i] += 1;
   set_bodies(&s, &changed);
   assert_false(changed);
   check_expand(&s);

@@ -1,4 +1,5 @@
-/* Lagged: a Laplace operator with patches of low weight that move, preconditioned by the solver of the matrix before: iterations, symmetry, when it is set up again. */
+/* Lagged: a Laplace operator with patches of low weight that move, preconditioned by the solver of the matrix before:
+   iterations, symmetry, when it is set up again. */
 /* ranks: 1 2 3 */
 #include "core.h"
 #include "lagged.h"

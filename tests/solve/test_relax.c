@@ -1,4 +1,5 @@
-/* Sweep: sweeps against PETSc's SOR and the factorisation against PETSc's ILU(0), component by component; rows of inert nodes. */
+/* Sweep: sweeps against PETSc's SOR and the factorisation against PETSc's ILU(0), component by component; rows of inert
+   nodes. */
 /* ranks: 1 2 */
 #include "core.h"
 #include "relax.h"
@@ -100,7 +101,8 @@ static void the_factorisation_is_that_of_petsc(void **state)
   compare(PETSC_TRUE, SOR_LOCAL_SYMMETRIC_SWEEP, 1e-6); /* round-off of floats */
 }
 
-/* With the nodes of the first half inert, what is left is the factorisation of the other rows and columns alone; an inert component keeps zero. */
+/* With the nodes of the first half inert, what is left is the factorisation of the other rows and columns alone; an
+   inert component keeps zero. */
 static void inert_nodes_drop_out(void **state)
 {
   Mat              S, own, part;

@@ -1,5 +1,6 @@
-/* FlowSolver and Pressure: solutions satisfy the system they are meant to (computed here from S, B and P), whatever solves it; symmetry; the projected pressure operator against
-   its definition, its null vector, and its update when a body moves. */
+/* FlowSolver and Pressure: solutions satisfy the system they are meant to (computed here from S, B and P), whatever
+   solves it; symmetry; the projected pressure operator against its definition, its null vector, and its update when a
+   body moves. */
 /* ranks: 1 2 3 */
 #include "core.h"
 #include "solve/system.h"
@@ -29,7 +30,8 @@ typedef struct {
   KSPConvergedReason reason;
 } Answer;
 
-/* Heavy and free, light and free, known velocity: no cell meets two of them or one and a wall. The last one is for 3D. */
+/* Heavy and free, light and free, known velocity: no cell meets two of them or one and a wall. The last one is for
+   3D. */
 static const Ball BALLS[MAX_BODIES + 1] = {{{0.30, 0.33, 0}, 0.15, 6, 63},
                                            {{0.66, 0.60, 0}, 0.16, 0.1, 63},
                                            {{0.25, 0.78, 0}, 0.13, 2, 0},
@@ -160,7 +162,8 @@ static void momentum_residual(const Case *c, const PetscReal u[], const PetscRea
   OK(VecDestroy(&y));
 }
 
-/* Walls and bodies have their velocities, free rows and rigid rows balance, the flow has no divergence (or, with `shared` cells between two surfaces, no net outflow) */
+/* Walls and bodies have their velocities, free rows and rigid rows balance, the flow has no divergence (or, with
+   `shared` cells between two surfaces, no net outflow) */
 static void check_solution(const Case *c, const Answer *a, PetscBool shared, PetscReal tolerance)
 {
   const PetscInt  *fixed, *body;
@@ -333,7 +336,8 @@ static void test_steady(void **state)
   free_answer(&a[1]);
 }
 
-/* A pressure of order 1 as guess of one of order 1e-9, as when all comes to rest within a step: no divergence, and the answer from the guess zero */
+/* A pressure of order 1 as guess of one of order 1e-9, as when all comes to rest within a step: no divergence, and the
+   answer from the guess zero */
 static void test_bad_guess(void **state)
 {
   (void)state;
@@ -358,7 +362,8 @@ static void test_bad_guess(void **state)
   close_case(&c);
 }
 
-/* A body and a wall, then two bodies in the same cells: solvers still converge, to the same answer, volume is conserved, and the level of the pressure has no effect */
+/* A body and a wall, then two bodies in the same cells: solvers still converge, to the same answer, volume is
+   conserved, and the level of the pressure has no effect */
 static void test_close_bodies(void **state)
 {
   (void)state;
@@ -393,7 +398,8 @@ static void test_close_bodies(void **state)
   }
 }
 
-/* Without convection and without known parts the answer to forces is symmetric: (f1, u2) + (g1, U2) = (f2, u1) + (g2, U1); and it does work: (f1, u1) + (g1, U1) > 0 */
+/* Without convection and without known parts the answer to forces is symmetric: (f1, u2) + (g1, U2) = (f2, u1) + (g2,
+   U1); and it does work: (f1, u1) + (g1, U1) > 0 */
 static void test_symmetry(void **state)
 {
   (void)state;
@@ -463,7 +469,8 @@ static void test_set_up_again(void **state)
   close_case(&c);
 }
 
-/* A start value whose pressure lacks a multiple of the direction dp is shifted onto the solution, and nothing is left to solve for; without dp there is */
+/* A start value whose pressure lacks a multiple of the direction dp is shifted onto the solution, and nothing is left
+   to solve for; without dp there is */
 static void test_start_value(void **state)
 {
   (void)state;
@@ -498,7 +505,8 @@ static void test_start_value(void **state)
   }
 }
 
-/* Recipe balanced ends at a share of the start value's residual, or of the right-hand side; a given tolerance holds alone */
+/* Recipe balanced ends at a share of the start value's residual, or of the right-hand side; a given tolerance holds
+   alone */
 static void test_tolerance(void **state)
 {
   static const struct {
@@ -557,7 +565,8 @@ static void test_tolerance(void **state)
 
 /* ---- the pressure operator ---- */
 
-/* Inverse masses: positive at free nodes, a share of that at body nodes, zero at walls; and symmetric positive definite blocks of unknown bodies */
+/* Inverse masses: positive at free nodes, a share of that at body nodes, zero at walls; and symmetric positive definite
+   blocks of unknown bodies */
 static void choose_mass(const Case *c, Pressure p, PetscReal weight[], PetscReal mass_inverse[])
 {
   const PetscInt  *fixed, *body;
@@ -660,7 +669,8 @@ static void check_pressure_scene(PetscInt dim, PetscInt n, const char scene[], P
   choose_mass(&c, p, weight, mass_inverse);
   OK(PressureUpdate(p, weight, NULL, mass_inverse));
   check_pressure(&c, p, weight, mass_inverse, floating);
-  for (PetscInt move = 0; move < 3 && n; move++) { /* half a cell to the right, more than one to the left, and back: rows are kept or built anew */
+  for (PetscInt move = 0; move < 3 && n; move++) { /* half a cell to the right, more than one to the left, and back:
+                                                      rows are kept or built anew */
     const PetscReal by[3] = {0.04, -0.1, 0.06};
     Mat             a[2], b[2];
     PetscReal      *x, *ya, *yb;
@@ -703,7 +713,8 @@ static void test_pressure_operator(void **state)
   check_pressure_scene(3, 1, "", PETSC_TRUE);
 }
 
-/* Both levels of the preconditioner stand for the whole operator, bodies included: the fine one to the round-off of floats, the coarse one as I^T S I */
+/* Both levels of the preconditioner stand for the whole operator, bodies included: the fine one to the round-off of
+   floats, the coarse one as I^T S I */
 static void check_levels(const Case *c, Pressure p, KSP ksp)
 {
   PetscReal *x, *sx, *fx, *v;

@@ -1,15 +1,26 @@
-/* Disc of radius 1 that turns at unit speed in Couette flow (outer radius 2, exact velocity on the box), at rest or carried along by a uniform stream U: by Galilei an exact
-   unsteady solution for every density of the disc. A line for each step: time, force and torque in residual form, torque in volume form, error of the velocity in the L2 norm,
-   rigid velocity. Takes all options of the program, and -study_stream U,V -study_steps n -study_dt dt -study_held (the disc is free and the exact torque of the fluid is balanced). */
+/* Disc of radius 1 that turns at unit speed in Couette flow (outer radius 2, exact velocity on the box), at rest or
+   carried along by a uniform stream U: by Galilei an exact unsteady solution for every density of the disc. A line for
+   each step: time, force and torque in residual form, torque in volume form, error of the velocity in the L2 norm,
+   rigid velocity. Takes all options of the program, and -study_stream U,V -study_steps n -study_dt dt -study_held (the
+   disc is free and the exact torque of the fluid is balanced). */
 #include "compat.h"
-#include "couple.h"
-#include "opt.h"
+#include "bodies/write.h"
+#include "couple/couple.h"
+#include "base/opt.h"
+
+static const OptSpec SPECS[] = {
+  {"-study_stream", OPT_REALS, "", OPT_ANY, "0,0", .help = "uniform stream"},
+  {"-study_steps", OPT_INT, "", 1, 100000, "6", .help = "steps"},
+  {"-study_dt", OPT_REAL, "", OPT_ABOVE_ZERO, "1e4", .help = "time step"},
+  {"-study_held", OPT_BOOL, "", OPT_ANY, "false", .help = "balance the torque of a free disc"},
+};
+OPT_TABLE("study", SPECS)
 
 typedef struct {
   PetscReal X[2], U[2], time, inner; /* inner: radius up to which the disc's rotation is taken */
 } Exact;
 
-/* Velocity at x; where the inside of the disc is no part of the fluid (snap) that of the fluid is continued a little way */
+/* Velocity at x; where the inside of the disc is no part of the fluid (snap) that of the fluid is continued a bit */
 static void evaluate(const Exact *e, PetscReal t, const PetscReal x[], PetscReal u[])
 {
   const PetscReal r[2] = {x[0] - e->X[0] - e->U[0] * t, x[1] - e->X[1] - e->U[1] * t}, r2 = r[0] * r[0] + r[1] * r[1];
@@ -25,7 +36,7 @@ static PetscErrorCode set_walls(Flow flow, const Exact *e, const MeshLocal *l)
   const PetscReal *value;
 
   PetscFunctionBeginUser;
-  PetscCall(BoundaryGetValues(FlowBoundary(flow), &fixed, &value));
+  PetscCall(ConditionsGetValues(FlowConditions(flow), &fixed, &value));
   for (PetscInt i = 0; i < l->nnode_all; i++)
     if (fixed[i]) evaluate(e, e->time, l->x + 2 * i, (PetscReal *)value + 2 * i);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -60,7 +71,7 @@ static PetscErrorCode run(void)
   Flow                  flow;
   Bodies                bodies;
   Couple                couple;
-  BodyState            *s;
+  BodyArrays           *s;
   const MeshLocal      *l;
   const FlowParameters *par;
   Exact                 e        = {{0, 0}, {0, 0}, 0, 1};
@@ -71,10 +82,10 @@ static PetscErrorCode run(void)
   PetscBool             held  = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  PetscCall(OptRealArray("-study_stream", "uniform stream", "", PETSC_MIN_REAL, PETSC_MAX_REAL, 2, e.U, NULL));
-  PetscCall(OptInt("-study_steps", "steps", "", 1, 100000, &steps));
-  PetscCall(OptReal("-study_dt", "time step", "", OPT_POSITIVE, PETSC_MAX_REAL, &dt));
-  PetscCall(OptBool("-study_held", "balance the torque of a free disc", &held));
+  PetscCall(OptRealArray("-study_stream", 2, e.U, NULL));
+  PetscCall(OptInt("-study_steps", &steps));
+  PetscCall(OptReal("-study_dt", &dt));
+  PetscCall(OptBool("-study_held", &held));
   PetscCall(PetscOptionsGetString(NULL, NULL, "-couple_boundary", rung, sizeof(rung), NULL));
   PetscCall(PetscStrcmp(rung, "snap", &snap));
   if (snap) e.inner = 0.7;
@@ -82,7 +93,7 @@ static PetscErrorCode run(void)
   PetscCall(MeshGetLocal(mesh, &l));
   PetscCall(FlowCreate(mesh, &flow));
   PetscCall(BodiesCreate(2, l->lower, l->upper, &bodies));
-  PetscCall(BodiesGetState(bodies, &s));
+  PetscCall(BodiesGetArrays(bodies, &s));
   PetscCall(CoupleCreate(flow, bodies, &couple));
   PetscCall(FlowGetParameters(flow, &par));
   for (PetscInt a = 0; a < 2; a++) e.X[a] = s->x[0][a];

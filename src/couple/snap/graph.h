@@ -6,8 +6,9 @@
 #pragma once
 #include "midline.h"
 
-#define SNAP_NEAR   1.2 /* a path ends that close to the tip, cell sizes */
-#define SNAP_RECORD 18  /* numbers that describe a cell to other ranks: body, cell size, four times global vertex, place, CornerKind */
+#define SNAP_NEAR 1.2 /* a path ends that close to the tip, cell sizes */
+/* numbers that describe a cell to other ranks: body, cell size, four times global vertex, place, CornerKind */
+#define SNAP_RECORD 18
 
 typedef enum {
   CORNER_FREE,

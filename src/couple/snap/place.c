@@ -32,7 +32,8 @@ static PetscErrorCode wall_normal(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], 
 
   PetscFunctionBeginUser;
   PetscCall(BodiesDistance(s->bodies, k, X[k], q[k], 4, x, d));
-  size      = PetscMax(PetscSqrtReal(PetscSqr(d[0] - d[1]) + PetscSqr(d[2] - d[3])), 0.1 * step); /* a sharp tip has none */
+  /* a sharp tip has none */
+  size      = PetscMax(PetscSqrtReal(PetscSqr(d[0] - d[1]) + PetscSqr(d[2] - d[3])), 0.1 * step);
   normal[0] = (d[0] - d[1]) / size;
   normal[1] = (d[2] - d[3]) / size;
   PetscFunctionReturn(PETSC_SUCCESS);

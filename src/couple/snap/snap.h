@@ -38,10 +38,10 @@ typedef struct {
   const PetscBool *on_wall;     /* [nnode_all] node on the staircase */
   const PetscInt  *cell_body;   /* [ncell_all] owner of a dead cell, -1: fluid */
   const PetscInt  *cell_before; /* [ncell_all] the same of the fit before */
-  const PetscInt                *
-    node_side; /* [nnode_all] body + 1 or minus that: the node's new place is beside the path of this body, left or right of it; 0: neither, or on the path */
+  const PetscInt  *node_side;   /* [nnode_all] body + 1 or minus that: left or right of its path; 0: neither */
   const PetscInt  *side_before; /* [ncell_all] the same of the cells in the fit before */
-  const PetscBool *hollow;      /* [nbodies] fitted, and its inside is no part of the fluid: not so a body that is a path of edges */
+  const PetscBool *hollow;      /* [nbodies] fitted, and its inside is no part of the fluid: not so a body that is a
+                                   path of edges */
   PetscInt         nnode;
   const PetscInt  *node; /* [nnode] local nodes (own and ghost) that are elsewhere than now */
   const PetscReal *x;    /* [nnode][dim] their new places */

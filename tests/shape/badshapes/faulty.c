@@ -1,4 +1,5 @@
-/* A disc of radius 1/2 (ball in 3D) with one fault on purpose, chosen by the option `fault`; 0 is correct. For testing the loader's checks and the conformance suite. */
+/* A disc of radius 1/2 (ball in 3D) with one fault on purpose, chosen by the option `fault`; 0 is correct. For testing
+   the loader's checks and the conformance suite. */
 #include "shape.h"
 
 enum {
