@@ -46,19 +46,13 @@ static const struct {
 #define SHARE_BELOW 0.5 /* of the pressure correction, below WHOLE_PRESSURE */
 
 typedef enum {
-  SCHUR_AUTO,
-  SCHUR_PROJECTION,
-  SCHUR_COMMUTATOR
-} SchurType;
-
-typedef enum {
   SWEEP_AUTO,
   SWEEP_SOR,
   SWEEP_ILU
 } RelaxType;
 
 static const char *const RECIPES[] = {"fast", "balanced", "accurate", "direct", NULL};
-static const char *const SCHURS[]  = {"auto", "projection", "commutator", NULL};
+static const char *const SCHURS[]  = {"auto", "projection", "commutator", "two_stage", NULL};
 static const char *const SWEEPS[]  = {"auto", "sor", "ilu", NULL};
 
 /* Which preconditioners need assembled matrices */
@@ -117,7 +111,7 @@ PetscErrorCode FlowSolverSetRecipe(FlowSolver fs, PetscBool moving)
     PetscCall(OptDefault("-flow_fieldsplit_velocity_ksp_max_it", "200"));
     PetscCall(OptDefault("-flow_fieldsplit_velocity_pc_type", "sor"));
     PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_type", "cg"));
-    PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_rtol", inner[recipe][1]));
+    PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_rtol", fs->schur == SCHUR_TWO_STAGE ? "1e-1" : inner[recipe][1]));
     PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_max_it", "200"));
     PetscCall(PressureSetDefaults());
   }
@@ -178,7 +172,8 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
   fs->share_of_pressure = fs->fixed && !above[WHOLE_PRESSURE] ? SHARE_BELOW : 1;
   fs->commute           = (PetscBool)(fs->schur == SCHUR_COMMUTATOR || step->dt == 0); /* the projection is for time steps only */
   fs->viscous_only      = PETSC_FALSE;
-  if (fs->commute || fs->schur == SCHUR_PROJECTION) PetscFunctionReturn(PETSC_SUCCESS);
+  fs->two_stage         = (PetscBool)(fs->schur == SCHUR_TWO_STAGE && !fs->commute);
+  if (fs->commute || fs->two_stage || fs->schur == SCHUR_PROJECTION) PetscFunctionReturn(PETSC_SUCCESS);
   staircase        = (PetscBool)(fs->nbodies > 0 && !fs->fitted && !FlowSolverIsSoft(fs));
   fs->viscous_only = (PetscBool)(fs->nbodies == 0 && above[MASS_ALONE] && convective * convective < 10 * viscous);
   fs->commute      = (PetscBool)((staircase && above[moves ? COMMUTATOR_FREE : COMMUTATOR_KNOWN]) || above[COMMUTATOR_CONVECTION] ||
