@@ -27,7 +27,7 @@ struct _p_CellRelax {
   PetscReal       *part;           /* [nnode_all] 1 / number of relaxed cells at the node, 0 if there is none */
   PetscReal       *e, *v;          /* [nnode_all][dim] work */
   PetscInt         nmoved, *moved; /* own nodes of relaxed cells, of any rank */
-  PetscBool        any;            /* on any rank */
+  PetscInt         total;          /* relaxed cells on all ranks */
 };
 
 /* ---- which cells ---- */
@@ -64,8 +64,7 @@ static PetscErrorCode choose_cells(CellRelax c, Pressure pressure, const Penalty
     }
     c->cell[c->n++] = cell;
   }
-  c->any = (PetscBool)(c->n > 0);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &c->any, 1, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(&c->n, &c->total, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -166,6 +165,7 @@ static PetscErrorCode invert(PetscInt n, PetscReal a[])
   PetscReal    work[MAX_NB * MAX_NB];
 
   PetscFunctionBeginUser;
+  if (n == 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscBLASIntCast(n, &bn));
   PetscCallBLAS("LAPACKgetrf", LAPACKgetrf_(&bn, &bn, a, &bn, pivot, &info));
   if (!info) PetscCallBLAS("LAPACKgetri", LAPACKgetri_(&bn, a, &bn, pivot, work, &lwork, &info));
@@ -267,7 +267,7 @@ PetscErrorCode CellRelaxUpdate(CellRelax c, Pressure pressure, const PenaltyTerm
   PetscFunctionBeginUser;
   c->scale = scale;
   PetscCall(choose_cells(c, pressure, soft));
-  if (!c->any) PetscFunctionReturn(PETSC_SUCCESS);
+  if (c->total == 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(count_cells(c));
   PetscCall(fetch_rows(c, &fetched));
   for (PetscInt i = 0; i < c->n; i++) PetscCall(invert_velocity(c, &fetched, i));
@@ -287,7 +287,7 @@ PetscErrorCode CellRelaxUpdate(CellRelax c, Pressure pressure, const PenaltyTerm
 PetscErrorCode CellRelaxGetCount(CellRelax c, PetscInt *n)
 {
   PetscFunctionBeginUser;
-  PetscCall(MPIU_Allreduce(&c->n, n, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+  *n = c->total;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -339,7 +339,7 @@ PetscErrorCode CellRelaxApply(CellRelax c, const PetscReal e[], const PetscReal 
   const PetscReal *b;
 
   PetscFunctionBeginUser;
-  if (!c->any) PetscFunctionReturn(PETSC_SUCCESS);
+  if (c->total == 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowGetCellDivergence(c->flow, &b));
   PetscCall(PetscArraycpy(c->e, e, l->nnode * dim));
   PetscCall(MeshSyncNodes(c->mesh, dim, c->e));

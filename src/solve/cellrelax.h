@@ -27,7 +27,7 @@ PetscErrorCode CellRelaxDestroy(CellRelax *);
 /* New cells, matrix or penalty (soft, NULL: none). scale: the continuity rows are multiplied by it. After PressureUpdate.
    Collective. */
 PetscErrorCode CellRelaxUpdate(CellRelax, Pressure, const PenaltyTerm *soft, PetscReal scale);
-/* Number of relaxed cells on all ranks. */
+/* Number of relaxed cells on all ranks. Not collective. */
 PetscErrorCode CellRelaxGetCount(CellRelax, PetscInt *n);
 
 /* u += v, p += p_c for the residual e of the momentum rows [own nodes][dim], zero at inert slots, and r of the continuity

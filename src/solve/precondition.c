@@ -65,7 +65,7 @@ static PetscErrorCode apply_projection(PC pc, Vec x, Vec y)
   PetscCall(PCShellGetContext(pc, &fs));
   PetscCall(PCApply(fs->split, x, y));
   if (fs->two_stage) {
-    PetscCall(TwoStageApply(fs->two, fs, x, y));
+    PetscCall(TwoStageApply(fs->two, fs, y));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(VecGetArray(y, &a));

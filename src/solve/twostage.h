@@ -22,5 +22,5 @@ PetscErrorCode TwoStageCreate(FlowSolver, TwoStage *);
 PetscErrorCode TwoStageDestroy(TwoStage *);
 /* For the operators of the step. After PressureUpdate. Collective. */
 PetscErrorCode TwoStageSetUp(TwoStage, FlowSolver);
-/* x: right-hand side; y: A_r^{-1} x_u and p1 on entry. Collective. */
-PetscErrorCode TwoStageApply(TwoStage, FlowSolver, Vec x, Vec y);
+/* y: u and p1 on entry, as the solvers of the fieldsplit have just left them; u and p on exit. Collective. */
+PetscErrorCode TwoStageApply(TwoStage, FlowSolver, Vec y);
