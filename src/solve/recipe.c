@@ -111,7 +111,7 @@ PetscErrorCode FlowSolverSetRecipe(FlowSolver fs, PetscBool moving)
     PetscCall(OptDefault("-flow_fieldsplit_velocity_ksp_max_it", "200"));
     PetscCall(OptDefault("-flow_fieldsplit_velocity_pc_type", "sor"));
     PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_type", "cg"));
-    PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_rtol", fs->schur == SCHUR_TWO_STAGE ? "1e-1" : inner[recipe][1]));
+    PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_rtol", fs->schur == SCHUR_TWO_STAGE ? "3e-2" : inner[recipe][1]));
     PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_max_it", "200"));
     PetscCall(PressureSetDefaults());
   }
