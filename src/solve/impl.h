@@ -5,6 +5,7 @@
 #include "solve/system.h"
 #include "pressure.h"
 #include "relax.h"
+#include "twostage.h"
 
 typedef enum {
   SCHUR_AUTO,
@@ -18,40 +19,41 @@ struct _p_FlowSolver {
   Constraint       constraint;
   Mesh             mesh;
   const MeshLocal *loc;
-  PetscInt         nodal, nur, np, nbodies, nr;              /* local sizes: nodal slots, u_r, p */
-  PetscInt         schur, sweep_type;                        /* what the user wants */
-  PetscBool        fitted, commute, viscous_only, two_stage; /* no staircase of rigid nodes; in this step */
-  Mat              S, S_all, A;                              /* scalar; for all components; in use: that, or of FlowSolverSetVelocity */
+  PetscInt         nodal, nur, np, nbodies, nr;   /* local sizes: nodal slots, u_r, p */
+  PetscInt         schur, sweep_type;             /* what the user wants */
+  PetscBool        fitted, commute, viscous_only; /* no staircase of rigid nodes; in this step */
+  PetscBool        two_stage, relax_cells;        /* in this step, see twostage.h */
+  Mat              S, S_all, A;                   /* scalar; for all components; in use: that, or of FlowSolverSetVelocity */
   Mat              Ar, G, B, C, nest, Ar_assembled,
     whole; /* shells P^T A P + D, -P^T B^T, B P, C of PressureGetShared; block operator; assembled forms when needed */
-  PetscBool           need_Ar, need_whole;
-  Vec                 xn, yn;           /* nodal views of parts of reduced vectors */
-  PetscReal           viscous;          /* mu theta / scale */
-  PetscReal           h_max;            /* largest cell of the whole mesh */
-  PetscReal           scale;            /* rho c_t (steady: mu/h^2): of the continuity rows, see the header */
-  PetscReal          *D;                /* [nbodies][nr][nr] */
-  PetscReal          *body_inverse;     /* [own bodies][nr][nr] inverse of the body's diagonal block of Ar */
-  PetscReal          *mass_inverse;     /* [nbodies][nr][nr] of M_r / scale, on every rank; zero where known */
-  PetscReal          *diagonal_inverse; /* [nodal] of A, zero at inert slots */
-  PetscReal          *weight;           /* [nnode_all][dim] of M_r / scale, inverse; times eps on body nodes, 0 at walls */
-  const PenaltyTerm  *soft;             /* or NULL */
-  PetscReal          *share;            /* [nnode_all] see PressureUpdate */
-  PetscReal          *rigid_work;       /* [2][nbodies][nr] by local numbers of the constraint */
-  PetscReal          *saved, *local;    /* work: values at inert slots; nodal array with ghosts */
-  PetscInt            nsaved;
-  Relax               sweep;
-  PetscBool           factorise; /* in this step */
-  BodyBlocks          blocks;
-  Pressure            pressure; /* the projected pressure operator */
-  MatNullSpace        constant_pressure;
-  KSP                 ksp;
-  PC                  split; /* the inner PCFIELDSPLIT */
-  KSP                *sub;
-  PetscBool           fixed;                       /* recipe fast: a fixed number of iterations, without norms */
-  PetscReal           share_of_pressure;           /* see WHOLE_PRESSURE */
-  PetscReal           rtol, rtol_start, rtol_most; /* see the header */
-  struct _p_TwoStage *two;                         /* or NULL: not wanted */
-  Vec                 b, x, r, y, t_u, t_u2, t_p, t_p2;
+  PetscBool          need_Ar, need_whole;
+  Vec                xn, yn;           /* nodal views of parts of reduced vectors */
+  PetscReal          viscous;          /* mu theta / scale */
+  PetscReal          h_max;            /* largest cell of the whole mesh */
+  PetscReal          scale;            /* rho c_t (steady: mu/h^2): of the continuity rows, see the header */
+  PetscReal         *D;                /* [nbodies][nr][nr] */
+  PetscReal         *body_inverse;     /* [own bodies][nr][nr] inverse of the body's diagonal block of Ar */
+  PetscReal         *mass_inverse;     /* [nbodies][nr][nr] of M_r / scale, on every rank; zero where known */
+  PetscReal         *diagonal_inverse; /* [nodal] of A, zero at inert slots */
+  PetscReal         *weight;           /* [nnode_all][dim] of M_r / scale, inverse; times eps on body nodes, 0 at walls */
+  const PenaltyTerm *soft;             /* or NULL */
+  PetscReal         *share;            /* [nnode_all] see PressureUpdate */
+  PetscReal         *rigid_work;       /* [2][nbodies][nr] by local numbers of the constraint */
+  PetscReal         *saved, *local;    /* work: values at inert slots; nodal array with ghosts */
+  PetscInt           nsaved;
+  Relax              sweep;
+  PetscBool          factorise; /* in this step */
+  BodyBlocks         blocks;
+  Pressure           pressure; /* the projected pressure operator */
+  MatNullSpace       constant_pressure;
+  KSP                ksp;
+  PC                 split; /* the inner PCFIELDSPLIT */
+  KSP               *sub;
+  PetscBool          fixed;                       /* recipe fast: a fixed number of iterations, without norms */
+  PetscReal          share_of_pressure;           /* see WHOLE_PRESSURE */
+  PetscReal          rtol, rtol_start, rtol_most; /* see the header */
+  TwoStage           two;                         /* or NULL: not wanted */
+  Vec                b, x, r, y, t_u, t_u2, t_p, t_p2;
 };
 
 /* Is there a penalty in this step? */

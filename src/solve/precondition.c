@@ -2,7 +2,6 @@
    what twostage.h has (see system.h). */
 #include "compat.h"
 #include "impl.h"
-#include "twostage.h"
 
 /* p += mu theta Mp^{-1} (x_p - B u) */
 static PetscErrorCode add_viscous(FlowSolver fs, Vec x, Vec u, Vec p)

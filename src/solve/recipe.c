@@ -17,6 +17,8 @@ typedef enum {
   COMMUTATOR_UNRESOLVED,
   COMMUTATOR_CONVECTION,
   MASS_ALONE,
+  RELAX_SOFT,
+  RELAX_RIGID,
   WHOLE_PRESSURE,
   FACTORISE_VISCOUS,
   FACTORISE_CONVECTION,
@@ -37,6 +39,8 @@ static const struct {
   [COMMUTATOR_UNRESOLVED] = {CONVECTIVE, 0.5, "commutator in under-resolved flow (cell Reynolds number above 50)", STUDY},
   [COMMUTATOR_CONVECTION] = {CONVECTIVE, 2, "commutator in any flow", STUDY},
   [MASS_ALONE]            = {VISCOUS, 20, "pressure mass alone, without bodies, diffusion ahead of convection", STUDY},
+  [RELAX_SOFT]            = {VISCOUS, 0.06, "relaxation of cut cells under a penalty, with two_stage", STUDY},
+  [RELAX_RIGID]           = {VISCOUS, 0.3, "relaxation of cells with rigid nodes in a staircase, with two_stage", STUDY},
   [WHOLE_PRESSURE]        = {VISCOUS_OF_LARGEST, 0.015, "the whole pressure correction in recipe fast, below it a share", STUDY},
   [FACTORISE_VISCOUS]     = {VISCOUS, 1, "incomplete factorisation of the velocity", STUDY},
   [FACTORISE_CONVECTION]  = {CONVECTIVE, 1, "incomplete factorisation of the velocity", STUDY},
@@ -173,6 +177,7 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
   fs->commute           = (PetscBool)(fs->schur == SCHUR_COMMUTATOR || step->dt == 0); /* the projection is for time steps only */
   fs->viscous_only      = PETSC_FALSE;
   fs->two_stage         = (PetscBool)(fs->schur == SCHUR_TWO_STAGE && !fs->commute);
+  fs->relax_cells       = above[FlowSolverIsSoft(fs) ? RELAX_SOFT : RELAX_RIGID];
   if (fs->commute || fs->two_stage || fs->schur == SCHUR_PROJECTION) PetscFunctionReturn(PETSC_SUCCESS);
   staircase        = (PetscBool)(fs->nbodies > 0 && !fs->fitted && !FlowSolverIsSoft(fs));
   fs->viscous_only = (PetscBool)(fs->nbodies == 0 && above[MASS_ALONE] && convective * convective < 10 * viscous);

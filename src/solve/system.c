@@ -6,7 +6,6 @@
 #include "impl.h"
 #include "base/log.h"
 #include "assembled.h"
-#include "twostage.h"
 
 /* Diagonal entries of A in the sweeps, at least, in lumped masses: convection that the mesh does not resolve takes from
    the entry, and would leave nothing or less (runs/studies/flow-solver) */

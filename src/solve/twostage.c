@@ -1,26 +1,15 @@
 /* TwoStage: see twostage.h. */
 #include "compat.h"
-#include "twostage.h"
 #include "cellrelax.h"
 #include "impl.h"
 
-/* om = BLEND_MOST vn/(vn + BLEND_HALF) for the viscous number vn of the smallest cell. Settling disc, outer iterations with
-   0, .3, .5: penalty, vn .03 7.4 7.5 8.5, .4 6.2 5.6 6.3, 3 7.8 - 6.5; snap, .1 5.7 5.7 -, .4 6.6 5.8 -, 3 7.7 6.7 - */
+/* om = BLEND_MOST vn/(vn + BLEND_HALF) for the viscous number vn of the smallest cell */
 #define BLEND_MOST 0.5
 #define BLEND_HALF 0.4
-
-/* The second solve need not be better, and in dense packings, where cut cells make rough right-hand sides, it would take ten
-   iterations. 504 discs, nodal, 96 x 96 cells, six steps, outer iterations and V-cycles: without bound 4.2, 455; 3: 4.2, 352;
-   2, with 3e-2 in place of 1e-1 for the first solve: 3.5, 361; one V-cycle: 3.7, 333, but one settling disc then takes 8.6
-   for 6.1 */
+/* The second solve need not be better; where cut cells make its right-hand side rough, in dense packings, it would take
+   ten iterations and gain nothing (runs/studies/flow-solver) */
 #define SECOND_RTOL 0.1
 #define SECOND_MOST 2
-
-/* Viscous numbers from which the relaxation pays, under a penalty and without one. Settling disc, penalty, without and with:
-   .03 5.9 6.4, .1 5.5 5.0, .4 7.0 5.2, 3 10.0 6.4; nodal, 3 8.1 7.1; 504 discs, penalty, .04 3.2 3.5, .15 3.8 3.5, .4 4.5
-   3.8, nodal, .4 6.8 7.5, .6 11.2 10.8; sphere, penalty, .5 8.0 5.0, nodal, .1 4.3 4.3, .5 6.3 5.3 */
-#define RELAX_FROM       0.06
-#define RELAX_FROM_RIGID 0.3
 
 struct _p_TwoStage {
   CellRelax cells;
@@ -129,7 +118,7 @@ PetscErrorCode TwoStageSetUp(TwoStage t, FlowSolver fs)
   PetscFunctionBeginUser;
   t->blend = BLEND_MOST * viscous / (viscous + BLEND_HALF);
   t->ncell = 0;
-  if (t->cells && viscous > (FlowSolverIsSoft(fs) ? RELAX_FROM : RELAX_FROM_RIGID)) {
+  if (t->cells && fs->relax_cells) {
     PetscCall(CellRelaxUpdate(t->cells, fs->pressure, FlowSolverIsSoft(fs) ? fs->soft : NULL, fs->scale));
     PetscCall(CellRelaxGetCount(t->cells, &t->ncell));
   }
