@@ -128,7 +128,8 @@ static PetscErrorCode fetch_rows(CellRelax c, Fetched *f)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* out [n] at the columns column [n] (ascending) of a row with entries in ascending columns col, which name[col] translates (NULL: as they are) */
+/* out [n] at the columns column [n] (ascending) of a row with entries in ascending columns col, which name[col]
+   translates (NULL: as they are) */
 static void take_entries(PetscInt m, const PetscInt col[], const PetscReal value[], const PetscInt name[], PetscInt n, const PetscInt column[],
                          PetscReal out[])
 {
@@ -303,7 +304,8 @@ static void apply_inverse(PetscInt nb, PetscInt dim, const PetscReal L[], const 
   }
 }
 
-/* Correction v [nb][dim] and q [nk] of relaxed cell i; b [nk][nb dim] is its divergence, r [nk] the residual of its continuity rows */
+/* Correction v [nb][dim] and q [nk] of relaxed cell i; b [nk][nb dim] is its divergence, r [nk] the residual of its
+   continuity rows */
 static void relax_cell(CellRelax c, PetscInt i, const PetscReal b[], const PetscReal r[], PetscReal v[], PetscReal q[])
 {
   const MeshLocal *l   = c->loc;

@@ -65,7 +65,8 @@ static PetscErrorCode correct(TwoStage t, FlowSolver fs)
 }
 
 /* Relax the cells. The residual of y = (u + v, p1 + q) needs no further product with A_r:
-   e = x_u - A_r (u + v) + P^T B^T (p1 + q) = (x_u - A_r u) - w + P^T B^T q, whose first part the velocity's solver has. */
+   e = x_u - A_r (u + v) + P^T B^T (p1 + q) = (x_u - A_r u) - w + P^T B^T q,
+   whose first part the velocity's solver has. */
 static PetscErrorCode relax(TwoStage t, FlowSolver fs, Vec p, Vec y)
 {
   const PetscReal *e, *r;
