@@ -25,8 +25,8 @@
    Everything is reachable with PETSc options under prefix -flow_ (outer), -flow_fieldsplit_velocity_,
    -flow_fieldsplit_pressure_. Products with the projected operators are matrix-free; matrices are assembled only when a
    chosen preconditioner needs them (hypre, gamg, lu, ... of the velocity; any -flow_pc_type other than the default).
-   Options: -flow_recipe fast|balanced|accurate|direct, -flow_schur auto|projection|commutator, -flow_velocity_sweep
-   auto|sor|ilu (relax.h), -flow_rtol_start, -flow_rtol_most, -flow_pressure_softness eps. */
+   Options: -flow_recipe fast|balanced|accurate|direct, -flow_schur auto|projection|commutator|two_stage,
+   -flow_velocity_sweep auto|sor|ilu (relax.h), -flow_rtol_start, -flow_rtol_most, -flow_pressure_softness eps. */
 #pragma once
 #include "solve/constraint.h"
 #include "flow/flow.h"

@@ -5,6 +5,14 @@
 #include "solve/system.h"
 #include "pressure.h"
 #include "relax.h"
+#include "twostage.h"
+
+typedef enum {
+  SCHUR_AUTO,
+  SCHUR_PROJECTION,
+  SCHUR_COMMUTATOR,
+  SCHUR_TWO_STAGE
+} SchurType;
 
 struct _p_FlowSolver {
   Flow             flow;
@@ -16,6 +24,8 @@ struct _p_FlowSolver {
   PetscBool        fitted, commute, viscous_only; /* no staircase of rigid nodes; in this step */
   Mat              S, S_all, A;                   /* scalar; for all components; in use: that, or of
                                                      FlowSolverSetVelocity */
+  PetscBool        stages;                        /* two stages may be taken */
+  PetscBool        two_stage, relax_cells;        /* in this step, see twostage.h */
   Mat              Ar, G, B, C, nest, Ar_assembled,
     whole; /* shells P^T A P + D, -P^T B^T, B P, C of PressureGetShared; block operator; assembled forms when needed */
   PetscBool          need_Ar, need_whole;
@@ -45,6 +55,7 @@ struct _p_FlowSolver {
   PetscBool          fixed;                       /* recipe fast: a fixed number of iterations, without norms */
   PetscReal          share_of_pressure;           /* see WHOLE_PRESSURE */
   PetscReal          rtol, rtol_start, rtol_most; /* see the header */
+  TwoStage           two;                         /* or NULL: not wanted */
   Vec                b, x, r, y, t_u, t_u2, t_p, t_p2;
 };
 

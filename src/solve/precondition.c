@@ -1,5 +1,5 @@
-/* FlowSolver: the preconditioner of recipes fast, balanced and accurate: fieldsplit, then projection or commutator (see
-   system.h). */
+/* FlowSolver: the preconditioner of recipes fast, balanced and accurate: fieldsplit, then projection, commutator or
+   what twostage.h has (see system.h). */
 #include "compat.h"
 #include "impl.h"
 
@@ -63,6 +63,10 @@ static PetscErrorCode apply_projection(PC pc, Vec x, Vec y)
   PetscFunctionBeginUser;
   PetscCall(PCShellGetContext(pc, &fs));
   PetscCall(PCApply(fs->split, x, y));
+  if (fs->two_stage) {
+    PetscCall(TwoStageApply(fs->two, fs, y));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCall(VecGetArray(y, &a));
   PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, fs->nur, PETSC_DETERMINE, a, &u));
   PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, fs->np, PETSC_DETERMINE, a + fs->nur, &p));
@@ -81,7 +85,10 @@ static PetscErrorCode view_projection(PC pc, PetscViewer viewer)
 
   PetscFunctionBeginUser;
   PetscCall(PCShellGetContext(pc, &fs));
-  PetscCall(PetscViewerASCIIPrintf(viewer, "  fieldsplit, then %s\n", fs->commute ? "least-squares commutator" : "projection with the lumped mass"));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "  fieldsplit, then %s\n",
+                                   fs->two_stage ? "two-stage pressure and relaxation of cut cells"
+                                   : fs->commute ? "least-squares commutator"
+                                                 : "projection with the lumped mass"));
   PetscCall(PetscViewerASCIIPushTab(viewer));
   PetscCall(PCView(fs->split, viewer));
   PetscCall(PetscViewerASCIIPopTab(viewer));

@@ -17,6 +17,8 @@ typedef enum {
   COMMUTATOR_UNRESOLVED,
   COMMUTATOR_CONVECTION,
   MASS_ALONE,
+  RELAX_SOFT,
+  RELAX_RIGID,
   WHOLE_PRESSURE,
   FACTORISE_VISCOUS,
   FACTORISE_CONVECTION,
@@ -37,19 +39,16 @@ static const struct {
   [COMMUTATOR_UNRESOLVED] = {CONVECTIVE, 0.5, "commutator in under-resolved flow (cell Reynolds number above 50)", STUDY},
   [COMMUTATOR_CONVECTION] = {CONVECTIVE, 2, "commutator in any flow", STUDY},
   [MASS_ALONE]            = {VISCOUS, 20, "pressure mass alone, without bodies, diffusion ahead of convection", STUDY},
+  [RELAX_SOFT]            = {VISCOUS, 0.06, "relaxation of cut cells under a penalty, with two_stage", STUDY},
+  [RELAX_RIGID]           = {VISCOUS, 0.3, "relaxation of cells with rigid nodes in a staircase, with two_stage", STUDY},
   [WHOLE_PRESSURE]        = {VISCOUS_OF_LARGEST, 0.015, "the whole pressure correction in recipe fast, below it a share", STUDY},
   [FACTORISE_VISCOUS]     = {VISCOUS, 1, "incomplete factorisation of the velocity", STUDY},
   [FACTORISE_CONVECTION]  = {CONVECTIVE, 1, "incomplete factorisation of the velocity", STUDY},
   [FACTORISE_UNRESOLVED]  = {CONVECTIVE, 0.3, "incomplete factorisation in under-resolved flow", STUDY},
 };
 
-#define SHARE_BELOW 0.5 /* of the pressure correction, below WHOLE_PRESSURE */
-
-typedef enum {
-  SCHUR_AUTO,
-  SCHUR_PROJECTION,
-  SCHUR_COMMUTATOR
-} SchurType;
+#define SHARE_BELOW 0.5  /* of the pressure correction, below WHOLE_PRESSURE */
+#define LOOSE       1e-3 /* tolerance from which a single projection is enough around bodies */
 
 typedef enum {
   SWEEP_AUTO,
@@ -58,7 +57,7 @@ typedef enum {
 } RelaxType;
 
 static const char *const RECIPES[] = {"fast", "balanced", "accurate", "direct", NULL};
-static const char *const SCHURS[]  = {"auto", "projection", "commutator", NULL};
+static const char *const SCHURS[]  = {"auto", "projection", "commutator", "two_stage", NULL};
 static const char *const SWEEPS[]  = {"auto", "sor", "ilu", NULL};
 
 /* Which preconditioners need assembled matrices */
@@ -74,6 +73,20 @@ static PetscErrorCode choose_assembly(FlowSolver fs)
   if (fs->need_whole || !set) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscStrInList(type, "none,jacobi,sor", ',', &in));
   fs->need_Ar = (PetscBool)!in;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Two stages around bodies, unless one projection meets the tolerance, for which two are too dear */
+static PetscErrorCode choose_stages(FlowSolver fs)
+{
+  PetscReal rtol  = 0;
+  PetscBool whole = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscOptionsGetReal(NULL, NULL, "-flow_ksp_rtol", &rtol, NULL));
+  PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_pc_type", &whole));
+  fs->stages = (PetscBool)(fs->schur == SCHUR_TWO_STAGE ||
+                           (fs->schur == SCHUR_AUTO && fs->nbodies > 0 && !whole && PetscMax(rtol, fs->rtol_start > 0 ? fs->rtol_most : 0) < LOOSE));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -104,6 +117,7 @@ PetscErrorCode FlowSolverSetRecipe(FlowSolver fs, PetscBool moving)
   PetscCall(OptDefault("-flow_ksp_type", sweep_only ? "richardson" : "fgmres"));
   PetscCall(OptDefault("-flow_ksp_max_it", outer[recipe][0]));
   PetscCall(OptDefault("-flow_ksp_rtol", outer[recipe][1]));
+  PetscCall(choose_stages(fs));
   if (recipe == 0) PetscCall(OptDefault("-flow_ksp_convergence_test", "skip"));
   /* or the sweep would run a second time for the norm */
   if (sweep_only) PetscCall(OptDefault("-flow_ksp_norm_type", "none"));
@@ -120,7 +134,7 @@ PetscErrorCode FlowSolverSetRecipe(FlowSolver fs, PetscBool moving)
     PetscCall(OptDefault("-flow_fieldsplit_velocity_ksp_max_it", "200"));
     PetscCall(OptDefault("-flow_fieldsplit_velocity_pc_type", "sor"));
     PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_type", "cg"));
-    PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_rtol", inner[recipe][1]));
+    PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_rtol", fs->stages ? "3e-2" : inner[recipe][1]));
     PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_max_it", "200"));
     PetscCall(PressureSetDefaults());
   }
@@ -159,7 +173,7 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
   const FlowParameters *par;
   const FlowStep       *step;
   PetscReal            *u, speed = 0, t, viscous, convective;
-  PetscBool             moves = PETSC_FALSE, staircase, above[NTHRESHOLDS];
+  PetscBool             moves = PETSC_FALSE, staircase, convection, above[NTHRESHOLDS];
 
   PetscFunctionBeginUser;
   PetscCall(find_free_bodies(fs, &moves));
@@ -179,14 +193,16 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
                               (fs->sweep_type == SWEEP_AUTO && (above[FACTORISE_CONVECTION] || above[FACTORISE_VISCOUS] ||
                                                                 (above[FACTORISE_UNRESOLVED] && convective > 5 * viscous))));
   fs->share_of_pressure = fs->fixed && !above[WHOLE_PRESSURE] ? SHARE_BELOW : 1;
-  /* the projection is for time steps only */
-  fs->commute      = (PetscBool)(fs->schur == SCHUR_COMMUTATOR || step->dt == 0);
-  fs->viscous_only = PETSC_FALSE;
-  if (fs->commute || fs->schur == SCHUR_PROJECTION) PetscFunctionReturn(PETSC_SUCCESS);
-  staircase        = (PetscBool)(fs->nbodies > 0 && !fs->fitted && !FlowSolverIsSoft(fs));
+  fs->commute           = (PetscBool)(fs->schur == SCHUR_COMMUTATOR || step->dt == 0); /* the projection is for time steps only */
+  fs->viscous_only      = PETSC_FALSE;
+  fs->two_stage         = (PetscBool)(fs->schur == SCHUR_TWO_STAGE && !fs->commute);
+  fs->relax_cells       = above[FlowSolverIsSoft(fs) ? RELAX_SOFT : RELAX_RIGID];
+  if (fs->schur != SCHUR_AUTO || fs->commute) PetscFunctionReturn(PETSC_SUCCESS);
+  convection       = (PetscBool)(above[COMMUTATOR_CONVECTION] || (above[COMMUTATOR_UNRESOLVED] && convective > 50 * viscous));
+  fs->two_stage    = (PetscBool)(fs->stages && !convection);
   fs->viscous_only = (PetscBool)(fs->nbodies == 0 && above[MASS_ALONE] && convective * convective < 10 * viscous);
-  fs->commute      = (PetscBool)((staircase && above[moves ? COMMUTATOR_FREE : COMMUTATOR_KNOWN]) || above[COMMUTATOR_CONVECTION] ||
-                            (above[COMMUTATOR_UNRESOLVED] && convective > 50 * viscous));
+  staircase        = (PetscBool)(fs->nbodies > 0 && !fs->fitted && !FlowSolverIsSoft(fs));
+  fs->commute      = (PetscBool)(convection || (!fs->two_stage && staircase && above[moves ? COMMUTATOR_FREE : COMMUTATOR_KNOWN]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

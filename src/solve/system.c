@@ -20,6 +20,7 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs)
   const MeshLocal            *l   = fs->loc;
   const PetscInt              dim = l->dim, *fixed;
   const PetscReal            *m, *d;
+  const PetscReal             part = fs->two_stage ? TWO_STAGE_SHARE : 1;
   PetscReal                   hold = 1;
   Vec                         diagonal;
 
@@ -40,7 +41,7 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs)
   PetscCall(VecRestoreArrayRead(diagonal, &d));
   PetscCall(VecDestroy(&diagonal));
   for (PetscInt i = 0; i < l->nnode_all; i++) {
-    const PetscReal soft = FlowSolverIsSoft(fs) ? fs->soft->weight[i] / fs->scale : 0, mass = c->node_body[i] >= 0 ? m[i] : m[i] + soft;
+    const PetscReal soft = FlowSolverIsSoft(fs) ? part * fs->soft->weight[i] / fs->scale : 0, mass = c->node_body[i] >= 0 ? m[i] : m[i] + soft;
     const PetscReal w = mass > 0 ? 1 / mass : 0; /* no mass: buried in a dead cell */
 
     fs->share[i] = c->node_body[i] >= 0 ? 1 : soft * w;
@@ -143,6 +144,7 @@ PetscErrorCode FlowSolverCreate(Flow flow, Constraint constraint, PetscBool movi
   PetscCall(PressureCreate(flow, constraint, &fs->pressure));
   PetscCall(create_operators(fs));
   PetscCall(create_solvers(fs));
+  if (fs->stages) PetscCall(TwoStageCreate(fs, &fs->two));
   *solver = fs;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -154,6 +156,7 @@ PetscErrorCode FlowSolverDestroy(FlowSolver *solver)
   PetscFunctionBeginUser;
   if (!fs) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(KSPDestroy(&fs->ksp));
+  PetscCall(TwoStageDestroy(&fs->two));
   PetscCall(PetscFree(fs->sub));
   PetscCall(PCDestroy(&fs->split));
   PetscCall(PressureDestroy(&fs->pressure));
@@ -254,6 +257,7 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
   if (fs->nbodies)
     PetscCall(BodyBlocksUpdate(fs->blocks, fs->share, FlowSolverIsSoft(fs) ? fs->soft : NULL, fs->D, fs->scale, fs->body_inverse, fs->mass_inverse));
   PetscCall(PressureUpdate(fs->pressure, fs->weight, FlowSolverIsSoft(fs) ? fs->share : NULL, fs->mass_inverse));
+  if (fs->two_stage) PetscCall(TwoStageSetUp(fs->two, fs));
   PetscCall(PressureIsSingular(fs->pressure, &singular));
   PetscCall(MatSetNullSpace(fs->nest, singular ? fs->constant_pressure : NULL));
   PetscCall(assemble_on_demand(fs));

@@ -237,13 +237,14 @@ static void compare_solvers(PetscInt dim, PetscInt n, const char scene[], PetscB
   const char *const way[] = {"",
                              "-flow_schur projection",
                              "-flow_schur commutator",
+                             "-flow_schur two_stage",
                              "-flow_fieldsplit_velocity_pc_type bjacobi",
                              "-flow_recipe accurate",
                              "-flow_recipe direct"};
   Answer            first;
   Case              c;
 
-  for (PetscInt i = 0; i < 6; i++) {
+  for (PetscInt i = 0; i < 7; i++) {
     Answer a;
 
     if (viscous && i == 1) continue; /* the projection is not made for this */
@@ -251,7 +252,7 @@ static void compare_solvers(PetscInt dim, PetscInt n, const char scene[], PetscB
     OK(PetscOptionsInsertString(NULL, TIGHT));
     solve(&c, way[i], c.rhs, c.g, &a);
     assert_true(a.reason > 0);
-    assert_in_range(a.its, 1, i < 5 ? its_most : 10);
+    assert_in_range(a.its, 1, i < 6 ? its_most : 10);
     check_solution(&c, &a, PETSC_FALSE, 1e-10);
     if (i == 0) first = a;
     else {
@@ -260,7 +261,7 @@ static void compare_solvers(PetscInt dim, PetscInt n, const char scene[], PetscB
       if (n == 0) compare_pressure(&c, a.p, first.p, 1e-8);
       free_answer(&a);
     }
-    if (i == 5) free_answer(&first);
+    if (i == 6) free_answer(&first);
     close_case(&c);
   }
 }

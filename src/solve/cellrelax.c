@@ -1,0 +1,394 @@
+/* CellRelax: see cellrelax.h. Every rank relaxes its own cells. A row of the matrix that belongs to a node of another
+   rank is fetched from there, residuals are copied to ghost nodes, and corrections of ghost nodes go back to their
+   owners: the result does not depend on the number of ranks. */
+#include "compat.h"
+#include "cellrelax.h"
+#include "base/algebra.h"
+#include <petscblaslapack.h>
+
+#define MAX_NB MESH_MAX_NB
+
+/* What keeps T definite where no free velocity serves some pressure, as share of its size in a free cell */
+#define SMALL 1e-6
+/* Diagonal entry of the stiffness in lumped masses over h^2, roughly: for that size only */
+#define STIFF 20
+
+struct _p_CellRelax {
+  Flow             flow;
+  Constraint       constraint;
+  Mesh             mesh;
+  const MeshLocal *loc;
+  Mat              S;
+  PetscInt         nk, n, room, *cell; /* relaxed own cells, ascending */
+  PetscReal        scale;
+  PetscReal       *L;              /* [n][nb][nb], zero rows and columns at nodes that are not free */
+  PetscReal       *T;              /* [n][nk][nk] inverse */
+  PetscInt        *free;           /* [nnode_all] bits of the components that are free */
+  PetscReal       *part;           /* [nnode_all] 1 / number of relaxed cells at the node, 0 if there is none */
+  PetscReal       *e, *v;          /* [nnode_all][dim] work */
+  PetscInt         nmoved, *moved; /* own nodes of relaxed cells, of any rank */
+  PetscInt         total;          /* relaxed cells on all ranks */
+};
+
+/* ---- which cells ---- */
+
+static PetscBool is_cut(CellRelax c, Pressure pressure, const PenaltyTerm *soft, const PetscInt body[], PetscInt cell)
+{
+  const MeshLocal *l    = c->loc;
+  const PetscInt  *node = l->cell_node + cell * l->nb, centre = node[l->nb / 2];
+  PetscBool        inside = PETSC_FALSE, outside = PETSC_FALSE;
+
+  if (soft && body[centre] < 0 && soft->weight[centre] > 0) return PETSC_TRUE; /* a centre node belongs to one cell */
+  for (PetscInt j = 0; j < l->nb; j++) {
+    if (body[node[j]] < 0) outside = PETSC_TRUE;
+    else if (PetscAbsReal(PressureGetSoftness(pressure, body[node[j]])) > 0) inside = PETSC_TRUE;
+  }
+  return (PetscBool)(!soft && inside && outside);
+}
+
+static PetscErrorCode choose_cells(CellRelax c, Pressure pressure, const PenaltyTerm *soft)
+{
+  const MeshLocal *l = c->loc;
+  const PetscInt  *body;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetNodeBody(c->constraint, &body));
+  c->n = 0;
+  for (PetscInt cell = 0; cell < l->ncell; cell++) {
+    if (!is_cut(c, pressure, soft, body, cell)) continue;
+    if (c->n == c->room) {
+      c->room = 2 * c->room + 64;
+      PetscCall(PetscRealloc(c->room * sizeof(PetscInt), &c->cell));
+      PetscCall(PetscRealloc(c->room * l->nb * l->nb * sizeof(PetscReal), &c->L));
+      PetscCall(PetscRealloc(c->room * c->nk * c->nk * sizeof(PetscReal), &c->T));
+    }
+    c->cell[c->n++] = cell;
+  }
+  PetscCall(MPIU_Allreduce(&c->n, &c->total, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Free components of the nodes and the share of a correction that they take */
+static PetscErrorCode count_cells(CellRelax c)
+{
+  const MeshLocal *l = c->loc;
+  const PetscInt  *body, *fixed;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetNodeBody(c->constraint, &body));
+  PetscCall(ConditionsGetValues(FlowConditions(c->flow), &fixed, NULL));
+  PetscCall(PetscArrayzero(c->part, l->nnode_all));
+  for (PetscInt i = 0; i < c->n * l->nb; i++) c->part[l->cell_node[c->cell[i / l->nb] * l->nb + i % l->nb]] += 1;
+  PetscCall(MeshSumNodes(c->mesh, 1, c->part));
+  PetscCall(MeshSyncNodes(c->mesh, 1, c->part));
+  c->nmoved = 0;
+  for (PetscInt i = 0; i < l->nnode_all; i++) {
+    c->free[i] = body[i] >= 0 ? 0 : ~fixed[i] & ((1 << l->dim) - 1);
+    if (c->part[i] > 0 && i < l->nnode) c->moved[c->nmoved++] = i;
+    if (c->part[i] > 0) c->part[i] = 1 / c->part[i];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- their blocks ---- */
+
+/* Rows of S at the ghost nodes of relaxed cells, fetched from their owners */
+typedef struct {
+  PetscInt nrow, ncolumn, *row, *column; /* global nodes, ascending */
+  Mat     *rows;                         /* one sequential matrix */
+} Fetched;
+
+static PetscErrorCode fetch_rows(CellRelax c, Fetched *f)
+{
+  const MeshLocal *l = c->loc;
+  PetscMPIInt      size;
+  IS               is[2];
+
+  PetscFunctionBeginUser;
+  f->rows = NULL;
+  f->nrow = f->ncolumn = 0;
+  f->row = f->column = NULL;
+  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
+  if (size == 1) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscMalloc2(c->n * l->nb, &f->row, c->n * l->nb, &f->column));
+  for (PetscInt i = 0; i < c->n; i++) {
+    const PetscInt *node = l->cell_node + c->cell[i] * l->nb, before = f->nrow;
+
+    for (PetscInt j = 0; j < l->nb; j++)
+      if (node[j] >= l->nnode && c->free[node[j]]) f->row[f->nrow++] = l->node_global[node[j]];
+    for (PetscInt j = 0; j < l->nb && f->nrow > before; j++) f->column[f->ncolumn++] = l->node_global[node[j]];
+  }
+  PetscCall(PetscSortRemoveDupsInt(&f->nrow, f->row));
+  PetscCall(PetscSortRemoveDupsInt(&f->ncolumn, f->column));
+  PetscCall(ISCreateGeneral(PETSC_COMM_SELF, f->nrow, f->row, PETSC_USE_POINTER, &is[0]));
+  PetscCall(ISCreateGeneral(PETSC_COMM_SELF, f->ncolumn, f->column, PETSC_USE_POINTER, &is[1]));
+  PetscCall(MatCreateSubMatrices(c->S, 1, &is[0], &is[1], MAT_INITIAL_MATRIX, &f->rows));
+  PetscCall(ISDestroy(&is[0]));
+  PetscCall(ISDestroy(&is[1]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* out [n] at the columns column [n] (ascending) of a row with entries in ascending columns col, which name[col]
+   translates (NULL: as they are) */
+static void take_entries(PetscInt m, const PetscInt col[], const PetscReal value[], const PetscInt name[], PetscInt n, const PetscInt column[],
+                         PetscReal out[])
+{
+  PetscInt q = 0;
+
+  for (PetscInt j = 0; j < n; j++) {
+    while (q < m && (name ? name[col[q]] : col[q]) < column[j]) q++;
+    out[j] = q < m && (name ? name[col[q]] : col[q]) == column[j] ? value[q] : 0;
+  }
+}
+
+/* One row of the block: entries of S in the row of local node i at the n global columns */
+static PetscErrorCode take_row(CellRelax c, const Fetched *f, PetscInt i, PetscInt n, const PetscInt column[], PetscReal out[])
+{
+  const MeshLocal *l     = c->loc;
+  const PetscBool  ghost = (PetscBool)(i >= l->nnode);
+  Mat              S     = ghost ? f->rows[0] : c->S;
+  PetscInt         row   = l->node_global[i], m;
+  const PetscInt  *col;
+  const PetscReal *value;
+
+  PetscFunctionBeginUser;
+  if (ghost) PetscCall(PetscFindInt(l->node_global[i], f->nrow, f->row, &row));
+  PetscCall(MatGetRow(S, row, &m, &col, &value));
+  take_entries(m, col, value, ghost ? f->column : NULL, n, column, out);
+  PetscCall(MatRestoreRow(S, row, &m, &col, &value));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* a [n][n] <- its inverse; a singular one becomes zero */
+static PetscErrorCode invert(PetscInt n, PetscReal a[])
+{
+  PetscBLASInt bn, info, pivot[MAX_NB], lwork = MAX_NB * MAX_NB;
+  PetscReal    work[MAX_NB * MAX_NB];
+
+  PetscFunctionBeginUser;
+  if (n == 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscBLASIntCast(n, &bn));
+  PetscCallBLAS("LAPACKgetrf", LAPACKgetrf_(&bn, &bn, a, &bn, pivot, &info));
+  if (!info) PetscCallBLAS("LAPACKgetri", LAPACKgetri_(&bn, a, &bn, pivot, work, &lwork, &info));
+  if (info) PetscCall(PetscArrayzero(a, n * n));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* L of relaxed cell i */
+static PetscErrorCode invert_velocity(CellRelax c, const Fetched *f, PetscInt i)
+{
+  const MeshLocal *l    = c->loc;
+  const PetscInt  *node = l->cell_node + c->cell[i] * l->nb;
+  PetscReal        a[MAX_NB * MAX_NB], *L = c->L + i * l->nb * l->nb;
+  PetscInt         n = 0, local[MAX_NB], column[MAX_NB];
+
+  PetscFunctionBeginUser;
+  for (PetscInt j = 0; j < l->nb; j++) {
+    if (!c->free[node[j]]) continue;
+    local[n]    = j;
+    column[n++] = l->node_global[node[j]];
+  }
+  PetscCall(PetscSortIntWithArray(n, column, local));
+  for (PetscInt k = 0; k < n; k++) PetscCall(take_row(c, f, node[local[k]], n, column, a + k * n));
+  PetscCall(invert(n, a)); /* the inverse of the transpose is the transpose of the inverse */
+  PetscCall(PetscArrayzero(L, l->nb * l->nb));
+  for (PetscInt k = 0; k < n * n; k++) L[local[k / n] * l->nb + local[k % n]] = a[k];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* b_a [nk][nb] of a cell without what is prescribed */
+static void get_divergence(CellRelax c, const PetscReal b[], PetscInt cell, PetscInt a, PetscReal ba[])
+{
+  const MeshLocal *l   = c->loc;
+  const PetscInt   dim = l->dim, nb = l->nb, *node = l->cell_node + cell * nb;
+
+  for (PetscInt k = 0; k < c->nk; k++)
+    for (PetscInt j = 0; j < nb; j++) ba[k * nb + j] = (c->free[node[j]] >> a) & 1 ? b[((cell * c->nk + k) * nb + j) * dim + a] : 0;
+}
+
+/* T of relaxed cell i without C */
+static PetscErrorCode project_cell(CellRelax c, PetscInt i)
+{
+  const MeshLocal      *l  = c->loc;
+  const PetscInt        nb = l->nb, nk = c->nk;
+  PetscReal            *T = c->T + i * nk * nk, *L = c->L + i * nb * nb, ba[4 * MAX_NB], size = 0, stiff;
+  const PetscReal      *b, *m, *h;
+  const FlowParameters *par;
+  const FlowStep       *step;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetCellDivergence(c->flow, &b));
+  PetscCall(FlowGetLumpedMass(c->flow, &m));
+  PetscCall(FlowGetCellSize(c->flow, &h));
+  PetscCall(FlowGetParameters(c->flow, &par));
+  PetscCall(FlowGetStep(c->flow, &step));
+  stiff = STIFF * par->viscosity * step->theta / PetscSqr(h[c->cell[i]]);
+  PetscCall(PetscArrayzero(T, nk * nk));
+  for (PetscInt a = 0; a < l->dim; a++) {
+    get_divergence(c, b, c->cell[i], a, ba);
+    for (PetscInt k = 0; k < nk; k++) {
+      for (PetscInt j = 0; j < nb; j++) {
+        PetscReal s = 0;
+
+        for (PetscInt q = 0; q < nb; q++) s += ba[k * nb + q] * L[q * nb + j];
+        for (PetscInt n = 0; n < nk; n++) T[k * nk + n] += s * ba[n * nb + j];
+      }
+    }
+    for (PetscInt k = 0; k < nk * nb; k++)
+      size += PetscSqr(b[(c->cell[i] * nk * nb + k) * l->dim + a]) / ((c->scale + stiff) * m[l->cell_node[c->cell[i] * nb + k % nb]]);
+  }
+  for (PetscInt k = 0; k < nk; k++) T[k * (nk + 1)] += SMALL * size / nk;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode add_shared(CellRelax c, Pressure pressure)
+{
+  const PetscInt  *cell, nn = c->nk * c->nk;
+  const PetscReal *block;
+  PetscInt         n;
+
+  PetscFunctionBeginUser;
+  PetscCall(PressureGetShared(pressure, &n, &cell, &block));
+  for (PetscInt s = 0; s < n; s++) {
+    PetscInt i;
+
+    PetscCall(PetscFindInt(cell[s], c->n, c->cell, &i));
+    for (PetscInt e = 0; e < nn && i >= 0; e++) c->T[i * nn + e] += block[s * nn + e] / c->scale;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- public ---- */
+
+PetscErrorCode CellRelaxUpdate(CellRelax c, Pressure pressure, const PenaltyTerm *soft, PetscReal scale)
+{
+  const PetscInt nn = c->nk * c->nk;
+  Fetched        fetched;
+
+  PetscFunctionBeginUser;
+  c->scale = scale;
+  PetscCall(choose_cells(c, pressure, soft));
+  if (c->total == 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(count_cells(c));
+  PetscCall(fetch_rows(c, &fetched));
+  for (PetscInt i = 0; i < c->n; i++) PetscCall(invert_velocity(c, &fetched, i));
+  for (PetscInt i = 0; i < c->n; i++) PetscCall(project_cell(c, i));
+  PetscCall(add_shared(c, pressure));
+  for (PetscInt i = 0; i < c->n; i++) {
+    PetscReal T[16];
+
+    PetscCall(PetscArraycpy(T, c->T + i * nn, nn));
+    DenseInvert(c->nk, T, c->T + i * nn);
+  }
+  if (fetched.rows) PetscCall(MatDestroySubMatrices(1, &fetched.rows));
+  PetscCall(PetscFree2(fetched.row, fetched.column));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CellRelaxGetCount(CellRelax c, PetscInt *n)
+{
+  PetscFunctionBeginUser;
+  *n = c->total;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* y = L x for all components: y, x [nb][dim] */
+static void apply_inverse(PetscInt nb, PetscInt dim, const PetscReal L[], const PetscReal x[], PetscReal y[])
+{
+  for (PetscInt i = 0; i < nb; i++) {
+    PetscReal s[3] = {0, 0, 0};
+
+    for (PetscInt j = 0; j < nb; j++)
+      for (PetscInt a = 0; a < dim; a++) s[a] += L[i * nb + j] * x[j * dim + a];
+    for (PetscInt a = 0; a < dim; a++) y[i * dim + a] = s[a];
+  }
+}
+
+/* Correction v [nb][dim] and q [nk] of relaxed cell i; b [nk][nb dim] is its divergence, r [nk] the residual of its
+   continuity rows */
+static void relax_cell(CellRelax c, PetscInt i, const PetscReal b[], const PetscReal r[], PetscReal v[], PetscReal q[])
+{
+  const MeshLocal *l   = c->loc;
+  const PetscInt   dim = l->dim, nb = l->nb, n = nb * dim, nk = c->nk, *node = l->cell_node + c->cell[i] * nb;
+  const PetscReal *L = c->L + i * nb * nb, *T = c->T + i * nk * nk;
+  PetscReal        x[MAX_NB * 3], w[MAX_NB * 3], d[4];
+  PetscBool        free[MAX_NB * 3];
+
+  for (PetscInt j = 0; j < n; j++) free[j] = (PetscBool)((c->free[node[j / dim]] >> (j % dim)) & 1);
+  for (PetscInt j = 0; j < n; j++) x[j] = free[j] ? c->e[node[j / dim] * dim + j % dim] : 0;
+  apply_inverse(nb, dim, L, x, v);
+  for (PetscInt k = 0; k < nk; k++) {
+    d[k] = r[k] / c->scale;
+    for (PetscInt j = 0; j < n; j++)
+      if (free[j]) d[k] -= b[k * n + j] * v[j];
+  }
+  for (PetscInt k = 0; k < nk; k++) {
+    q[k] = 0;
+    for (PetscInt m = 0; m < nk; m++) q[k] += T[k * nk + m] * d[m];
+  }
+  for (PetscInt j = 0; j < n; j++) {
+    x[j] = 0;
+    for (PetscInt k = 0; k < nk && free[j]; k++) x[j] += b[k * n + j] * q[k];
+  }
+  apply_inverse(nb, dim, L, x, w);
+  for (PetscInt j = 0; j < n; j++) v[j] = free[j] ? v[j] + w[j] : 0;
+}
+
+PetscErrorCode CellRelaxApply(CellRelax c, const PetscReal e[], const PetscReal r[], PetscReal u[], PetscReal p[])
+{
+  const MeshLocal *l   = c->loc;
+  const PetscInt   dim = l->dim, nb = l->nb, nk = c->nk;
+  const PetscReal *b;
+
+  PetscFunctionBeginUser;
+  if (c->total == 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(FlowGetCellDivergence(c->flow, &b));
+  PetscCall(PetscArraycpy(c->e, e, l->nnode * dim));
+  PetscCall(MeshSyncNodes(c->mesh, dim, c->e));
+  PetscCall(PetscArrayzero(c->v, l->nnode_all * dim));
+  for (PetscInt i = 0; i < c->n; i++) {
+    const PetscInt cell = c->cell[i], *node = l->cell_node + cell * nb;
+    PetscReal      v[MAX_NB * 3], q[4];
+
+    relax_cell(c, i, b + cell * nk * nb * dim, r + cell * nk, v, q);
+    for (PetscInt j = 0; j < nb * dim; j++) c->v[node[j / dim] * dim + j % dim] += v[j];
+    for (PetscInt k = 0; k < nk; k++) p[cell * nk + k] += q[k];
+  }
+  PetscCall(MeshSumNodes(c->mesh, dim, c->v));
+  for (PetscInt i = 0; i < c->nmoved; i++)
+    for (PetscInt a = 0; a < dim; a++) u[c->moved[i] * dim + a] += c->part[c->moved[i]] * c->v[c->moved[i] * dim + a];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CellRelaxCreate(Flow flow, Constraint constraint, CellRelax *relax)
+{
+  CellRelax c;
+  PetscInt  n;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&c));
+  c->flow       = flow;
+  c->constraint = constraint;
+  PetscCall(FlowGetMesh(flow, &c->mesh));
+  PetscCall(MeshGetLocal(c->mesh, &c->loc));
+  PetscCall(FlowGetMatrix(flow, &c->S));
+  c->nk = c->loc->dim + 1;
+  n     = c->loc->nnode_all;
+  PetscCall(PetscCalloc5(n, &c->free, n, &c->part, n * c->loc->dim, &c->e, n * c->loc->dim, &c->v, n, &c->moved));
+  *relax = c;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CellRelaxDestroy(CellRelax *relax)
+{
+  CellRelax c = *relax;
+
+  PetscFunctionBeginUser;
+  if (!c) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree5(c->free, c->part, c->e, c->v, c->moved));
+  PetscCall(PetscFree(c->cell));
+  PetscCall(PetscFree(c->L));
+  PetscCall(PetscFree(c->T));
+  PetscCall(PetscFree(*relax));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

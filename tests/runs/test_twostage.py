@@ -1,0 +1,53 @@
+"""-flow_schur two_stage: how many outer iterations a step with a moving disc takes, and that the disc moves as with the other schemes."""
+import csv
+
+import pytest
+
+# 6 cells a diameter, viscous number 3.84 times the viscosity
+SCENE = """\
+mesh: {cells: [24, 48], lower: [0, 0], upper: [1, 2]}
+flow: {density: 1, viscosity: 0.1, gravity: [0, -981]}
+particle:
+  groups: disc
+  disc: {shape: circle, radius: 0.125, density: 1.25, position: [0.5, 1.3]}
+sim: {dt: 0.01, steps: 6}
+"""
+
+
+@pytest.fixture
+def settle(run, tmp_path):
+    """settle(scheme, ranks, *args): mean number of outer iterations and the last velocity of the disc."""
+
+    def start(scheme, ranks, *args):
+        (tmp_path / "scene.yaml").write_text(SCENE)
+        result = run(["scene.yaml", "-flow_schur", scheme, "-output_dir", "out", "-output_overwrite", "-output_every", "0", *args], ranks)
+        assert result.status == 0, str(result)
+        rows = list(csv.DictReader((result.folder / "out" / "series.csv").open()))
+        body = list(csv.DictReader((result.folder / "out" / "bodies.csv").open()))[-1]
+        return sum(float(row["outer_iterations"]) for row in rows) / len(rows), float(body["v"])
+
+    return start
+
+
+# today's scheme takes 10.2, 8 and 7.1
+@pytest.mark.parametrize("rung, most", [("penalty", 6), ("nodal", 7), ("snap", 6.5)])
+def test_counts(settle, rung, most):
+    counts = {}
+    _, speed = settle("auto", 1, "-couple_boundary", rung)
+    for ranks in (1, 2, 3):
+        counts[ranks], other = settle("two_stage", ranks, "-couple_boundary", rung)
+        assert abs(other / speed - 1) < 1e-4, f"{ranks} ranks: speed {other}, with the other schemes {speed}"
+    assert max(counts.values()) <= most, f"outer iterations by ranks: {counts}"
+    assert max(counts.values()) - min(counts.values()) <= 1, f"outer iterations by ranks: {counts}"
+
+
+@pytest.mark.parametrize("viscosity, most", [(0.026, 6), (0.78, 8)])
+def test_viscosity(settle, viscosity, most):
+    count, _ = settle("two_stage", 1, "-couple_boundary", "penalty", "-flow_viscosity", viscosity)
+    assert count <= most
+
+
+@pytest.mark.parametrize("density", [1e-3, 1e3])
+def test_density(settle, density):
+    count, _ = settle("two_stage", 1, "-couple_boundary", "penalty", "-particle_disc_density", density)
+    assert count <= 9
