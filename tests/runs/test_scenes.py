@@ -147,3 +147,21 @@ def test_bed_that_loosens(run):
     assert max(int(row["outer_iterations"]) for row in series) <= 8, str(result)
     assert max(float(row["momentum_error"]) for row in series) < 1e-4
     assert json.loads((result.folder / "out" / "summary.json").read_text())["quantities"]["overlap_max"] < 0.01
+
+
+def test_light_and_heavy(run):
+    """A disc of density ratio .001 beside one of 8, ten steps: the balance of momentum closes, and both obey the free-fall bound; the explicit step refuses it."""
+    coarse = ["-mesh_cells", "32,48", "-sim_steps", "10", "-output_dir", "out", "-output_every", "0"]
+    result = run([RUNS / "light-and-heavy.yaml", *coarse])
+    assert result.status == 0, str(result)
+    with open(result.folder / "out" / "series.csv") as file:
+        assert max(float(row["momentum_error"]) for row in csv.DictReader(file)) < 1e-5
+    with open(result.folder / "out" / "bodies.csv") as file:
+        rows = list(csv.DictReader(file))
+    for row in rows:
+        ratio = {"light": 0.001, "heavy": 8}[row["group"]]
+        fall = 981 * abs(ratio - 1) / (ratio + 1) * float(row["time_s"])  # inviscid, with the added mass of a disc in open fluid
+        speed = float(row["v"]) * (1 if ratio < 1 else -1)
+        assert 0.5 * fall < speed < fall, row
+    refused = run([RUNS / "light-and-heavy.yaml", "-couple_type", "explicit", *coarse, "-output_overwrite"])
+    assert refused.status != 0 and "Use -couple_type implicit" in refused.err
