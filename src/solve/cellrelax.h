@@ -24,12 +24,12 @@ typedef struct _p_CellRelax *CellRelax;
 PetscErrorCode CellRelaxCreate(Flow, Constraint, CellRelax *);
 PetscErrorCode CellRelaxDestroy(CellRelax *);
 
-/* New cells, matrix or penalty (soft, NULL: none). scale: the continuity rows are multiplied by it. After PressureUpdate.
-   Collective. */
+/* New cells, matrix or penalty (soft, NULL: none). scale: the continuity rows are multiplied by it. After
+   PressureUpdate. Collective. */
 PetscErrorCode CellRelaxUpdate(CellRelax, Pressure, const PenaltyTerm *soft, PetscReal scale);
 /* Number of relaxed cells on all ranks. Not collective. */
 PetscErrorCode CellRelaxGetCount(CellRelax, PetscInt *n);
 
-/* u += v, p += p_c for the residual e of the momentum rows [own nodes][dim], zero at inert slots, and r of the continuity
-   rows [own cells][dim + 1]. Collective. */
+/* u += v, p += p_c for the residual e of the momentum rows [own nodes][dim], zero at inert slots, and r of the
+   continuity rows [own cells][dim + 1]. Collective. */
 PetscErrorCode CellRelaxApply(CellRelax, const PetscReal e[], const PetscReal r[], PetscReal u[], PetscReal p[]);

@@ -193,10 +193,11 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
                               (fs->sweep_type == SWEEP_AUTO && (above[FACTORISE_CONVECTION] || above[FACTORISE_VISCOUS] ||
                                                                 (above[FACTORISE_UNRESOLVED] && convective > 5 * viscous))));
   fs->share_of_pressure = fs->fixed && !above[WHOLE_PRESSURE] ? SHARE_BELOW : 1;
-  fs->commute           = (PetscBool)(fs->schur == SCHUR_COMMUTATOR || step->dt == 0); /* the projection is for time steps only */
-  fs->viscous_only      = PETSC_FALSE;
-  fs->two_stage         = (PetscBool)(fs->schur == SCHUR_TWO_STAGE && !fs->commute);
-  fs->relax_cells       = above[FlowSolverIsSoft(fs) ? RELAX_SOFT : RELAX_RIGID];
+  /* the projection is for time steps only */
+  fs->commute      = (PetscBool)(fs->schur == SCHUR_COMMUTATOR || step->dt == 0);
+  fs->viscous_only = PETSC_FALSE;
+  fs->two_stage    = (PetscBool)(fs->schur == SCHUR_TWO_STAGE && !fs->commute);
+  fs->relax_cells  = above[FlowSolverIsSoft(fs) ? RELAX_SOFT : RELAX_RIGID];
   if (fs->schur != SCHUR_AUTO || fs->commute) PetscFunctionReturn(PETSC_SUCCESS);
   convection       = (PetscBool)(above[COMMUTATOR_CONVECTION] || (above[COMMUTATOR_UNRESOLVED] && convective > 50 * viscous));
   fs->two_stage    = (PetscBool)(fs->stages && !convection);

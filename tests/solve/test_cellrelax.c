@@ -174,7 +174,8 @@ static PetscBool in_ball(const PetscReal x[], void *ctx)
   return (PetscBool)(r2 < PetscSqr(0.26));
 }
 
-/* Cells with nodes inside and outside are relaxed, also beside a wall that lets the fluid slip; inert slots stay zero */
+/* Cells with nodes inside and outside are relaxed, also beside a wall that lets the fluid slip; inert slots stay
+   zero */
 static void check_ball(PetscInt dim, const char options[])
 {
   Case      c;
