@@ -55,6 +55,11 @@ void OptDeclare(const char title[], const OptSpec specs[], size_t n);
    win. */
 PetscErrorCode OptDeclareOne(const OptSpec *spec);
 
+/* Name of an option with a word of the scene in it, for the readers below: OptJoin("-particle_", "disc", "_angle",
+   name). Returns name. */
+#define OPT_NAME 128
+const char *OptJoin(const char before[], const char word[], const char after[], char name[OPT_NAME]);
+
 PetscErrorCode OptReal(const char name[], PetscReal *value);
 PetscErrorCode OptInt(const char name[], PetscInt *value);
 PetscErrorCode OptBool(const char name[], PetscBool *value);
@@ -89,10 +94,7 @@ PetscErrorCode OptDefault(const char name[], const char value[]);
    the end of a run (-log_view, ...) are exempt. Call after all set-up, before the first step. */
 PetscErrorCode OptCheckUnused(void);
 
-/* Write all options of the database, one "-name value" per line, to an open file (rank 0 writes; collective). */
-PetscErrorCode OptWrite(FILE *file);
-
-/* The same as text, in *text on every rank; free it with PetscFree. Not collective. */
+/* All options of the database, one "-name value" per line, in *text; free it with PetscFree. Not collective. */
 PetscErrorCode OptGetAll(char **text);
 
 /* Every option of every table, once, in order of rooms. Not collective, needs no PETSc. */

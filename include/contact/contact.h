@@ -10,11 +10,7 @@
      none
    and, in addition to either, -contact_lubrication: the resistance of films thinner than the mesh resolves. Defaults of
    all stiffnesses scale with the cell size and the energy of arrival at terminal speed; see law.c for the formulas.
-   Bodies that cannot move exert forces and receive them, two such bodies ignore each other. Options: -contact_range
-   [length], -contact_substeps (0: chosen), -contact_separate (bodies that overlap after a step are moved apart);
-   repulsive: -contact_stiffness (multiple of the default K), _eps, _eps_overlap, _wall_factor, _damping; spring:
-   -contact_spring_stiffness, _restitution, _friction, _tangential; lubrication: -contact_lubrication_range,
-   _roughness. */
+   Bodies that cannot move exert forces and receive them, two such bodies ignore each other. */
 #pragma once
 #include "bodies/bodies.h"
 #include "base/state.h"

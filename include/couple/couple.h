@@ -17,9 +17,7 @@
 
    -flow_force (the gradient of a mean pressure) acts on the fluid and on the bodies in it alike: their force and the
    balance of momentum contain its share, force per volume times Vol. Bodies that are holes of the mesh report the
-   force on their surface alone.
-
-   Options: -couple_type implicit|explicit, -couple_boundary nodal|penalty|snap, -couple_force residual|volume. */
+   force on their surface alone. */
 #pragma once
 #include "bodies/bodies.h"
 #include "couple/deform.h"

@@ -19,9 +19,7 @@
    vertices on the boundary slide along it. A step that would leave a Jacobian below a tenth of its cell's mean is
    shortened.
 
-   CG with GAMG under the prefix deform_. Boundaries must be planes along axes. Options: -mesh_deform,
-   -mesh_deform_size s, -mesh_deform_width, -mesh_deform_steps (from 0 to 1; a few further ones correct what is
-   left). */
+   CG with GAMG under the prefix deform_. Boundaries must be planes along axes; s is -mesh_deform_size. */
 #pragma once
 #include "bodies/bodies.h"
 #include "mesh/mesh.h"

@@ -1,11 +1,8 @@
 /* Conditions: conditions of the flow on the named boundaries of the mesh.
 
-   Options for boundary <b>: -flow_bc_<b>_type no_slip|moving_wall|rotating_wall|inflow|outflow|slip (default no_slip),
-   and for inflow and moving_wall _velocity u,v[,w] (largest one of a profile), _profile uniform|parabolic (over the
-   extent of the boundary); for rotating_wall _omega (2D: one number) and _centre x,y[,z] (default: origin): u = omega x
-   (x - centre); for all three _factor a,b,T (velocity times a + b sin(2 pi t/T)), _ramp T (rises smoothly from zero
-   over T). outflow is the do-nothing condition mu du/dn - p n = 0 of the gradient form; slip fixes the normal component
-   on planes along an axis. */
+   The velocity of an inflow or a wall is the largest one of its profile, parabolic over the extent of the boundary; a
+   rotating wall has omega x (x - centre). outflow is the do-nothing condition mu du/dn - p n = 0 of the gradient form;
+   slip fixes the normal component on planes along an axis. */
 #pragma once
 #include "mesh/mesh.h"
 

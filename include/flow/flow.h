@@ -25,11 +25,8 @@
    runs/dkt.yaml). Not the default, being less accurate elsewhere (runs/studies/flow-solver).
 
    The velocity operator is the same scalar matrix S = rho c_t M + theta (rho C(w) + mu K) for every component. Nodal
-   arrays are [nnode_all][dim], velocity in length/time; pressure arrays [own cells][dim + 1].
-
-   Options: -flow_density, -flow_viscosity (dynamic), -flow_gravity, -flow_force (per volume), -flow_time
-   be|cn|bdf2|fstheta, -flow_extrapolation linear|quadratic, -flow_convection, -flow_convection_form convective|skew;
-   boundary conditions: condition.h. */
+   arrays are [nnode_all][dim], velocity in length/time; pressure arrays [own cells][dim + 1]. Boundary conditions:
+   condition.h. */
 #pragma once
 #include "flow/condition.h"
 #include "mesh/mesh.h"

@@ -6,8 +6,7 @@
    node with an own cell); own nodes first, then ghost nodes. Local indices everywhere; global = node_start + local for
    own nodes.
 
-   Options: -mesh_kind box|channel|fitted|disc|annulus|file and those of each kind (kind.h),
-   -mesh_order rcm|natural, -dm_refine n, -petscpartitioner_type metis|ptscotch|simple. */
+   PETSc's -dm_refine and -petscpartitioner_type act on it. */
 #pragma once
 #include "base/domain.h"
 #include <petscdmplex.h>
@@ -27,6 +26,7 @@ typedef struct {
   const PetscInt  *node_global;   /* [nnode_all] global node index */
   const PetscInt  *node_cell_ptr; /* [nnode_all + 1] into node_cell: the cells around a node */
   const PetscInt  *node_cell;
+  const PetscInt  *centre_cell;        /* [nnode_all] cell whose centre node it is, or -1 */
   const PetscReal *x;                  /* [nnode_all][dim] node coordinates, second-order geometry */
   const PetscReal *x_start;            /* [nnode_all][dim] the same before any MeshMoveNodes */
   PetscInt         moves;              /* calls of MeshMoveNodes so far */
@@ -57,13 +57,19 @@ static inline PetscReal MeshNearest(const MeshLocal *l, PetscInt a, PetscReal r)
   return DomainNearest(l->period[a], r, 0);
 }
 
+/* Periodic images of x from which something of this half-width reaches the domain: DomainNextImage */
+static inline PetscBool MeshNextImage(const MeshLocal *l, const PetscReal x[3], PetscReal half, DomainImages *i)
+{
+  return DomainNextImage(l->period, l->lower, l->upper, x, half, i);
+}
+
 /* Coordinates of the nodes of local cell c, xc [nb][dim], unwrapped across periodic boundaries. Not collective. */
 PetscErrorCode MeshCellCoordinates(Mesh, PetscInt c, PetscReal xc[]);
 
-/* Nodes (own and ghost) whose coordinates, as they were before any MeshMoveNodes, lie in the box [lo, hi]; cost is
-   proportional to the answer, by a background grid. The list is valid until the next call. Periodic images are the
-   caller's business. Not collective. */
-PetscErrorCode MeshNodesInBox(Mesh, const PetscReal lo[], const PetscReal hi[], PetscInt *n, const PetscInt *list[]);
+/* Nodes (own and ghost) whose coordinates, as they were before any MeshMoveNodes, lie in the cube of half-width `half`
+   about x [dim]; cost is proportional to the answer, by a background grid. The list is valid until the next call.
+   Periodic images are the caller's business (MeshNextImage). Not collective. */
+PetscErrorCode MeshNodesInBox(Mesh, const PetscReal x[], PetscReal half, PetscInt *n, const PetscInt *list[]);
 
 /* Give the n local nodes (own and ghost) new places x [n][dim]; topology, numbering and MeshNodesInBox stay as they
    are. Every rank must give a node it shares the same place; the caller answers for valid cells. Collective in the

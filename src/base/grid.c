@@ -6,6 +6,7 @@
    not handle periodic directions. */
 #include "compat.h"
 #include "base/grid.h"
+#include "base/room.h"
 
 struct _p_Grid {
   PetscInt  dim, n[3], nentries, entry_room, item_room;
@@ -30,11 +31,7 @@ static PetscInt flat_index(Grid c, const PetscInt i[3])
 static PetscErrorCode add_entry(Grid c, PetscInt cell, PetscInt item)
 {
   PetscFunctionBeginUser;
-  if (c->nentries == c->entry_room) {
-    c->entry_room = 2 * c->entry_room + 64;
-    PetscCall(PetscRealloc(c->entry_room * sizeof(PetscInt), &c->next));
-    PetscCall(PetscRealloc(c->entry_room * sizeof(PetscInt), &c->item));
-  }
+  PetscCall(RoomFor(c->nentries + 1, &c->entry_room, &c->next, sizeof(*c->next), &c->item, sizeof(*c->item), NULL));
   c->item[c->nentries] = item;
   c->next[c->nentries] = c->head[cell];
   c->head[cell]        = c->nentries++;
@@ -92,10 +89,7 @@ PetscErrorCode GridInsert(Grid c, PetscInt item, const PetscReal x[3], PetscReal
   PetscInt lo[3] = {0, 0, 0}, hi[3] = {0, 0, 0}, i[3];
 
   PetscFunctionBeginUser;
-  if (item >= c->item_room) {
-    c->item_room = 2 * item + 64;
-    PetscCall(PetscRealloc(c->item_room * sizeof(*c->corner), &c->corner));
-  }
+  PetscCall(RoomFor(item + 1, &c->item_room, &c->corner, sizeof(*c->corner), NULL));
   for (PetscInt a = 0; a < c->dim; a++) {
     lo[a] = locate_axis(c, a, x[a] - half);
     hi[a] = locate_axis(c, a, x[a] + half);

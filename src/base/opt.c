@@ -197,40 +197,7 @@ static PetscErrorCode check_word(const OptSpec *spec, const char word[])
 
 /* ---- text ---- */
 
-static void join_range(const char lower[], const char upper[], PetscBool positive, char text[], size_t len)
-{
-  if (positive && upper[0]) snprintf(text, len, "> 0 and <= %s", upper);
-  else if (positive) snprintf(text, len, "> 0");
-  else if (lower[0] && upper[0]) snprintf(text, len, "%s to %s", lower, upper);
-  else if (lower[0]) snprintf(text, len, ">= %s", lower);
-  else if (upper[0]) snprintf(text, len, "<= %s", upper);
-  else text[0] = 0;
-}
-
-void OptFormatRange(const OptSpec *spec, char text[], size_t len)
-{
-  const double huge   = spec->type == OPT_INT || spec->type == OPT_INTS ? (double)PETSC_MAX_INT : (double)PETSC_MAX_REAL;
-  char         lo[32] = "", hi[32] = "";
-
-  text[0] = 0;
-  if (spec->type == OPT_BOOL || spec->type == OPT_CHOICE || spec->type == OPT_STRING || spec->type == OPT_STRINGS) return;
-  if (spec->lower > -huge) snprintf(lo, sizeof(lo), "%.10g", spec->lower);
-  if (spec->upper < huge) snprintf(hi, sizeof(hi), "%.10g", spec->upper);
-  join_range(lo, hi, (PetscBool)(spec->lower == OPT_POSITIVE), text, len);
-}
-
-void OptFormatMeaning(const OptSpec *spec, char text[], size_t len)
-{
-  const char *unit = spec->unit ? spec->unit : "";
-  char        range[OPT_LINE];
-
-  OptFormatRange(spec, range, sizeof(range));
-  if (spec->choices) snprintf(range, sizeof(range), "one of: %s", spec->choices);
-  snprintf(text, len, "%s%s%s%s%s%s%s", spec->help, unit[0] ? " [" : "", unit, unit[0] ? "]" : "", range[0] ? " (" : "", range, range[0] ? ")" : "");
-}
-
-/* The next item of a comma-separated list, without blanks around it. *cursor becomes NULL after the last. */
-static PetscBool next_item(const char **cursor, char item[], size_t len)
+PetscBool OptNextItem(const char **cursor, char item[], size_t len)
 {
   const char *start = *cursor, *end;
   size_t      n;
@@ -245,6 +212,12 @@ static PetscBool next_item(const char **cursor, char item[], size_t len)
   memcpy(item, start, n);
   item[n] = 0;
   return PETSC_TRUE;
+}
+
+const char *OptJoin(const char before[], const char word[], const char after[], char name[OPT_NAME])
+{
+  (void)snprintf(name, OPT_NAME, "%s%s%s", before, word, after);
+  return name;
 }
 
 static PetscInt count_items(const char text[])
@@ -503,7 +476,7 @@ static PetscErrorCode read_array(const char name[], PetscInt n, PetscReal real[]
   if (found) *found = cursor ? PETSC_TRUE : PETSC_FALSE;
   if (!cursor) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(check_count(spec, name, cursor, n));
-  for (PetscInt i = 0; next_item(&cursor, item, sizeof(item)); i++) {
+  for (PetscInt i = 0; OptNextItem(&cursor, item, sizeof(item)); i++) {
     snprintf(label, sizeof(label), "%s (value %lld of %lld)", name, (long long)i + 1, (long long)n);
     if (real) PetscCall(parse_real(spec, label, item, &real[i]));
     else PetscCall(parse_int(spec, label, item, &integer[i]));
@@ -540,7 +513,7 @@ PetscErrorCode OptStringArray(const char name[], PetscInt *n, char *words[])
   if (!given || !text) PetscFunctionReturn(PETSC_SUCCESS); /* absent, or the empty list */
   PetscCheck(count_items(text) <= room, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "Option %s has %" PetscInt_FMT " values, at most %" PetscInt_FMT " fit: %s", name, count_items(text), room, spec->help);
-  for (const char *cursor = text; next_item(&cursor, item, sizeof(item)); ++*n) {
+  for (const char *cursor = text; OptNextItem(&cursor, item, sizeof(item)); ++*n) {
     if (!item[0]) { /* nothing may leak when the caller goes on after the error */
       for (; *n > 0; --*n) PetscCall(PetscFree(words[*n - 1]));
       SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s has an empty entry (two commas, or one at an end): %s", name, text, spec->help);
@@ -579,21 +552,6 @@ PetscErrorCode OptDefault(const char name[], const char value[])
              name, count);
   PetscCall(PetscOptionsSetValue(NULL, name, value));
   known->is_default = PETSC_TRUE;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode OptWrite(FILE *file)
-{
-  PetscMPIInt rank;
-  char       *text, *cursor, *line;
-
-  PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
-  if (rank) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCheck(file, PETSC_COMM_SELF, PETSC_ERR_ARG_NULL, "No open file to write the options to");
-  PetscCall(list_database(&text));
-  for (cursor = text; (line = next_option(&cursor));) fprintf(file, "%s\n", line);
-  free(text);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -38,4 +38,7 @@ void OptFormatMeaning(const OptSpec *spec, char text[], size_t len);
 /* "> 0 and <= 3", "" for any */
 void OptFormatRange(const OptSpec *spec, char text[], size_t len);
 
+/* The next item of a comma-separated list, without blanks around it. *cursor becomes NULL after the last. */
+PetscBool OptNextItem(const char **cursor, char item[], size_t len);
+
 PetscBool OptSameName(const char a[], const char b[]); /* PETSc's option names do not tell upper from lower case */

@@ -12,129 +12,30 @@
 #include <string.h>
 
 /* Common endings of PETSc's solver options, and general options that PETSc reads on its own. */
-static const char *const petsc_names[] = {"ksp_type",
-                                          "ksp_rtol",
-                                          "ksp_atol",
-                                          "ksp_divtol",
-                                          "ksp_max_it",
-                                          "ksp_norm_type",
-                                          "ksp_pc_side",
-                                          "ksp_monitor",
-                                          "ksp_monitor_true_residual",
-                                          "ksp_converged_reason",
-                                          "ksp_view",
-                                          "ksp_initial_guess_nonzero",
-                                          "ksp_gmres_restart",
-                                          "ksp_gmres_modifiedgramschmidt",
-                                          "ksp_chebyshev_esteig",
-                                          "ksp_chebyshev_eigenvalues",
-                                          "ksp_richardson_scale",
-                                          "ksp_error_if_not_converged",
-                                          "ksp_constant_null_space",
-                                          "ksp_guess_type",
-                                          "pc_type",
-                                          "pc_side",
-                                          "pc_view",
-                                          "pc_factor_mat_solver_type",
-                                          "pc_factor_shift_type",
-                                          "pc_factor_levels",
-                                          "pc_fieldsplit_type",
-                                          "pc_fieldsplit_schur_fact_type",
-                                          "pc_fieldsplit_schur_precondition",
-                                          "pc_mg_levels",
-                                          "pc_mg_type",
-                                          "pc_mg_cycle_type",
-                                          "pc_mg_galerkin",
-                                          "pc_gamg_type",
-                                          "pc_gamg_threshold",
-                                          "pc_gamg_agg_nsmooths",
-                                          "pc_hypre_type",
-                                          "pc_hypre_boomeramg_strong_threshold",
-                                          "pc_hypre_boomeramg_coarsen_type",
-                                          "pc_hypre_boomeramg_interp_type",
-                                          "pc_hypre_boomeramg_agg_nl",
-                                          "pc_hypre_boomeramg_relax_type_all",
-                                          "pc_hypre_boomeramg_max_iter",
-                                          "pc_sor_omega",
-                                          "pc_sor_its",
-                                          "pc_sor_lits",
-                                          "pc_sor_symmetric",
-                                          "pc_jacobi_type",
-                                          "pc_bjacobi_blocks",
-                                          "pc_asm_overlap",
-                                          "mg_levels_ksp_type",
-                                          "mg_levels_ksp_max_it",
-                                          "mg_levels_pc_type",
-                                          "mg_coarse_ksp_type",
-                                          "mg_coarse_pc_type",
-                                          "sub_ksp_type",
-                                          "sub_pc_type",
-                                          "snes_type",
-                                          "snes_rtol",
-                                          "snes_atol",
-                                          "snes_stol",
-                                          "snes_max_it",
-                                          "snes_monitor",
-                                          "snes_converged_reason",
-                                          "snes_linesearch_type",
-                                          "snes_lag_jacobian",
-                                          "snes_view",
-                                          "mat_type",
-                                          "mat_mumps_icntl_14",
-                                          "vec_type",
-                                          "dm_refine",
-                                          "dm_view",
-                                          "petscpartitioner_type",
-                                          "petscpartitioner_view",
-                                          "log_view",
-                                          "options_left",
-                                          "options_view",
-                                          "malloc_debug",
-                                          "malloc_dump",
-                                          "memory_view",
-                                          "info",
-                                          "help"};
+static const char petsc_names[] = "ksp_type, ksp_rtol, ksp_atol, ksp_divtol, ksp_max_it, ksp_norm_type, ksp_pc_side, ksp_monitor, "
+                                  "ksp_monitor_true_residual, ksp_converged_reason, ksp_view, ksp_initial_guess_nonzero, "
+                                  "ksp_gmres_restart, ksp_gmres_modifiedgramschmidt, ksp_chebyshev_esteig, ksp_chebyshev_eigenvalues, "
+                                  "ksp_richardson_scale, ksp_error_if_not_converged, ksp_constant_null_space, ksp_guess_type, pc_type, "
+                                  "pc_side, pc_view, pc_factor_mat_solver_type, pc_factor_shift_type, pc_factor_levels, "
+                                  "pc_fieldsplit_type, pc_fieldsplit_schur_fact_type, pc_fieldsplit_schur_precondition, pc_mg_levels, "
+                                  "pc_mg_type, pc_mg_cycle_type, pc_mg_galerkin, pc_gamg_type, pc_gamg_threshold, pc_gamg_agg_nsmooths, "
+                                  "pc_hypre_type, pc_hypre_boomeramg_strong_threshold, pc_hypre_boomeramg_coarsen_type, "
+                                  "pc_hypre_boomeramg_interp_type, pc_hypre_boomeramg_agg_nl, pc_hypre_boomeramg_relax_type_all, "
+                                  "pc_hypre_boomeramg_max_iter, pc_sor_omega, pc_sor_its, pc_sor_lits, pc_sor_symmetric, pc_jacobi_type, "
+                                  "pc_bjacobi_blocks, pc_asm_overlap, mg_levels_ksp_type, mg_levels_ksp_max_it, mg_levels_pc_type, "
+                                  "mg_coarse_ksp_type, mg_coarse_pc_type, sub_ksp_type, sub_pc_type, snes_type, snes_rtol, snes_atol, "
+                                  "snes_stol, snes_max_it, snes_monitor, snes_converged_reason, snes_linesearch_type, snes_lag_jacobian, "
+                                  "snes_view, mat_type, mat_mumps_icntl_14, vec_type, dm_refine, dm_view, petscpartitioner_type, "
+                                  "petscpartitioner_view, log_view, options_left, options_view, malloc_debug, malloc_dump, memory_view, "
+                                  "info, help";
 
 /* Read by PETSc only in PetscFinalize(), or on events that may never come. A trailing '*' stands for any ending. */
-static const char *const late_names[] = {"log",
-                                         "log_*",
-                                         "options_left",
-                                         "options_view",
-                                         "options_monitor*",
-                                         "options_file*",
-                                         "options_string_yaml",
-                                         "options_suppress_deprecated_warnings",
-                                         "malloc*",
-                                         "memory_view",
-                                         "objects_dump",
-                                         "help",
-                                         "version",
-                                         "skip_petscrc",
-                                         "prefix_push",
-                                         "prefix_pop",
-                                         "info*",
-                                         "on_error_*",
-                                         "start_in_debugger",
-                                         "stop_for_debugger",
-                                         "debugger_*",
-                                         "debug_terminal",
-                                         "citations",
-                                         "saws*",
-                                         "get_total_flops",
-                                         "mpidump",
-                                         "process_view",
-                                         "stack_view",
-                                         "viewfromoptions",
-                                         "nox",
-                                         "nox_warning",
-                                         "x_virtual",
-                                         "petsc_ci*",
-                                         "check_pointer_intensity",
-                                         "checkfunctionlist",
-                                         "fp_trap",
-                                         "no_signal_handler",
-                                         "omp_view",
-                                         "blas_view"};
+static const char late_names[] = "log, log_*, options_left, options_view, options_monitor*, options_file*, options_string_yaml, "
+                                 "options_suppress_deprecated_warnings, malloc*, memory_view, objects_dump, help, version, skip_petscrc, "
+                                 "prefix_push, prefix_pop, info*, on_error_*, start_in_debugger, stop_for_debugger, debugger_*, "
+                                 "debug_terminal, citations, saws*, get_total_flops, mpidump, process_view, stack_view, viewfromoptions, "
+                                 "nox, nox_warning, x_virtual, petsc_ci*, check_pointer_intensity, checkfunctionlist, fp_trap, "
+                                 "no_signal_handler, omp_view, blas_view";
 
 /* Least number of insertions, deletions, replacements and swaps of neighbours that turn a into b, upper case as
    lower. */
@@ -186,10 +87,11 @@ static void keep_nearer(const char name[], const char candidate[], char nearest[
 
 static void keep_nearest_solver_option(const char name[], const char prefix[], int n, char nearest[], size_t len, PetscInt *distance)
 {
-  char candidate[OPT_LINE];
+  const char *cursor = n ? petsc_names : NULL;
+  char        ending[64], candidate[OPT_LINE];
 
-  for (size_t k = 0; n && k < PETSC_STATIC_ARRAY_LENGTH(petsc_names); k++) {
-    snprintf(candidate, sizeof(candidate), "%.*s%s", n, prefix, petsc_names[k]);
+  while (OptNextItem(&cursor, ending, sizeof(ending))) {
+    snprintf(candidate, sizeof(candidate), "%.*s%s", n, prefix, ending);
     keep_nearer(name, candidate, nearest, len, distance);
   }
 }
@@ -246,12 +148,14 @@ static void find_nearest(const char name[], char nearest[], size_t len, PetscInt
 
 static PetscBool is_read_late(const char name[])
 {
-  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(late_names); i++) {
-    const char  *late = late_names[i];
-    const size_t n    = strlen(late);
+  const char *cursor = late_names;
+  char        late[64];
 
-    if (strstr(name, "ksp_view") || strstr(name, "ksp_converged_") || strstr(name, "snes_view") || strstr(name, "snes_converged_"))
-      return PETSC_TRUE; /* read after a solve */
+  if (strstr(name, "ksp_view") || strstr(name, "ksp_converged_") || strstr(name, "snes_view") || strstr(name, "snes_converged_"))
+    return PETSC_TRUE; /* read after a solve */
+  while (OptNextItem(&cursor, late, sizeof(late))) {
+    const size_t n = strlen(late);
+
     if (late[n - 1] == '*' ? !strncmp(name, late, n - 1) : !strcmp(name, late)) return PETSC_TRUE;
   }
   return PETSC_FALSE;

@@ -27,21 +27,16 @@ static const char *const place_names[] = {"single", "lattice", "random", "table"
 
 /* ---- options of one group ---- */
 
-static void option_name(const char group[], const char what[], char name[128])
-{
-  (void)snprintf(name, 128, "-particle_%s_%s", group, what);
-}
-
 static PetscErrorCode read_free(const char group[], PetscInt dim, const Motion *m, PetscInt *bits)
 {
   const char *const word[] = {"x", "y", "z", "rotation", "none", "all"};
   const PetscInt    mask[] = {BODY_FREE_X,        BODY_FREE_Y, BODY_FREE_Z,
                               BODY_FREE_ROTATION, 0,           BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z | BODY_FREE_ROTATION};
-  char              name[128], *list[16];
+  char              name[OPT_NAME], *list[16];
   PetscInt          n = 16;
 
   PetscFunctionBeginUser;
-  option_name(group, "free", name);
+  (void)OptJoin("-particle_", group, "_free", name);
   *bits = m->has_pivot ? BODY_FREE_ROTATION : mask[5];
   if (m->given) *bits = 0;
   PetscCall(OptStringArray(name, &n, list));
@@ -82,12 +77,11 @@ static PetscErrorCode check_motion(const BodyGroup *g)
 
 static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim)
 {
-  char      name[128], type[64] = "", prefix[128];
+  char      name[OPT_NAME], type[64] = "", prefix[128];
   PetscBool has_density;
 
   PetscFunctionBeginUser;
-  option_name(g->name, "shape", name);
-  PetscCall(OptString(name, type, sizeof(type)));
+  PetscCall(OptString(OptJoin("-particle_", g->name, "_shape", name), type, sizeof(type)));
   PetscCheck(type[0], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "Group '%s' has no shape: give %s", g->name, name);
   (void)snprintf(prefix, sizeof(prefix), "particle_%s_", g->name);
   PetscCall(ShapeCreate(type, prefix, dim, &g->shape));
@@ -98,8 +92,7 @@ static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim)
   PetscCall(read_free(g->name, dim, &g->motion, &g->free));
   PetscCall(check_motion(g));
   for (PetscInt a = 0; a < dim && g->motion.has_pivot; a++) g->arm[a] = g->mass.centroid[a] - g->motion.pivot[a];
-  option_name(g->name, "density", name);
-  PetscCall(OptHas(name, &has_density));
+  PetscCall(OptHas(OptJoin("-particle_", g->name, "_density", name), &has_density));
   g->density = 1;
   PetscCall(OptReal(name, &g->density));
   PetscCheck(has_density || !g->free, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
@@ -109,40 +102,30 @@ static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim)
 
 static PetscErrorCode read_velocities(const char group[], PetscInt dim, Start *s)
 {
-  char name[128];
+  char name[OPT_NAME];
 
   PetscFunctionBeginUser;
-  option_name(group, "angle", name);
-  PetscCall(OptReal(name, &s->base.angle));
-  option_name(group, "velocity", name);
-  PetscCall(OptRealArray(name, dim, s->base.u, NULL));
-  option_name(group, "angular_velocity", name);
-  PetscCall(OptRealArray(name, dim == 2 ? 1 : 3, dim == 2 ? s->base.omega + 2 : s->base.omega, NULL));
+  PetscCall(OptReal(OptJoin("-particle_", group, "_angle", name), &s->base.angle));
+  PetscCall(OptRealArray(OptJoin("-particle_", group, "_velocity", name), dim, s->base.u, NULL));
+  PetscCall(
+    OptRealArray(OptJoin("-particle_", group, "_angular_velocity", name), dim == 2 ? 1 : 3, dim == 2 ? s->base.omega + 2 : s->base.omega, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode read_place(const char group[], PetscInt dim, Start *s)
 {
-  char name[128];
+  char name[OPT_NAME];
 
   PetscFunctionBeginUser;
-  option_name(group, "place", name);
-  PetscCall(OptChoice(name, place_names, &s->place));
-  option_name(group, "position", name);
-  PetscCall(OptRealArray(name, dim, s->base.x, &s->has_position));
-  option_name(group, "count", name);
-  PetscCall(OptHas(name, &s->has_count));
+  PetscCall(OptChoice(OptJoin("-particle_", group, "_place", name), place_names, &s->place));
+  PetscCall(OptRealArray(OptJoin("-particle_", group, "_position", name), dim, s->base.x, &s->has_position));
+  PetscCall(OptHas(OptJoin("-particle_", group, "_count", name), &s->has_count));
   PetscCall(OptInt(name, &s->count));
-  option_name(group, "lower", name);
-  PetscCall(OptRealArray(name, dim, s->lower, NULL));
-  option_name(group, "upper", name);
-  PetscCall(OptRealArray(name, dim, s->upper, NULL));
-  option_name(group, "margin", name);
-  PetscCall(OptReal(name, &s->margin));
-  option_name(group, "seed", name);
-  PetscCall(OptInt(name, &s->seed));
-  option_name(group, "table", name);
-  PetscCall(OptString(name, s->table, sizeof(s->table)));
+  PetscCall(OptRealArray(OptJoin("-particle_", group, "_lower", name), dim, s->lower, NULL));
+  PetscCall(OptRealArray(OptJoin("-particle_", group, "_upper", name), dim, s->upper, NULL));
+  PetscCall(OptReal(OptJoin("-particle_", group, "_margin", name), &s->margin));
+  PetscCall(OptInt(OptJoin("-particle_", group, "_seed", name), &s->seed));
+  PetscCall(OptString(OptJoin("-particle_", group, "_table", name), s->table, sizeof(s->table)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

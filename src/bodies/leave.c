@@ -12,8 +12,6 @@ struct _p_Leave {
   PetscInt    remove; /* bit 2 axis for the lower face, 2 axis + 1 for the upper */
 };
 
-static const char *const FACES[] = {"left", "right", "bottom", "top", "back", "front"};
-
 static PetscErrorCode read_faces(Leave b)
 {
   char    *list[7];
@@ -24,7 +22,7 @@ static PetscErrorCode read_faces(Leave b)
   for (PetscInt i = 0; i < n; i++) {
     PetscInt f = 0;
 
-    while (f < 2 * b->s->dim && strcmp(list[i], FACES[f])) f++;
+    while (f < 2 * b->s->dim && strcmp(list[i], DOMAIN_SIDE[f])) f++;
     PetscCheck(f < 2 * b->s->dim, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
                "-particle_remove: boundary '%s' is not known (known: left, right, bottom, top%s)", list[i], b->s->dim == 3 ? ", back, front" : "");
     PetscCheck(b->period[f / 2] == 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
@@ -69,7 +67,8 @@ static PetscErrorCode leave(Leave b, PetscInt k, PetscInt f)
   PetscCheck(b->remove >> f & 1, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "Body %" PetscInt_FMT " of group '%s' has left the domain through boundary '%s': its coordinate %" PetscInt_FMT
              " is %g, the domain is %g .. %g. Lower -sim_dt if contact should have kept it in, or let it go with -particle_remove %s",
-             k - g->first, g->name, FACES[f], f / 2, (double)b->s->x[k][f / 2], (double)b->lower[f / 2], (double)b->upper[f / 2], FACES[f]);
+             k - g->first, g->name, DOMAIN_SIDE[f], f / 2, (double)b->s->x[k][f / 2], (double)b->lower[f / 2], (double)b->upper[f / 2],
+             DOMAIN_SIDE[f]);
   b->s->gone[k] = PETSC_TRUE;
   b->s->gap[k]  = PETSC_MAX_REAL;
   for (PetscInt a = 0; a < 3; a++) {

@@ -4,21 +4,15 @@
 #include "motion.h"
 #include "base/opt.h"
 
-static void option_name(const char group[], const char what[], char name[128])
-{
-  (void)snprintf(name, 128, "-particle_%s_%s", group, what);
-}
-
 static PetscErrorCode read_parts(const char group[], Motion *m, PetscBool *oscillate)
 {
   const char *const word[] = {"constant", "oscillate", "rotate"};
   PetscBool         has[3] = {PETSC_FALSE, PETSC_FALSE, PETSC_FALSE};
-  char              name[128], *list[8];
+  char              name[OPT_NAME], *list[8];
   PetscInt          n = 8;
 
   PetscFunctionBeginUser;
-  option_name(group, "motion", name);
-  PetscCall(OptStringArray(name, &n, list));
+  PetscCall(OptStringArray(OptJoin("-particle_", group, "_motion", name), &n, list));
   for (PetscInt i = 0; i < n; i++) {
     PetscInt k = 0;
 
@@ -36,23 +30,19 @@ static PetscErrorCode read_parts(const char group[], Motion *m, PetscBool *oscil
 
 static PetscErrorCode read_oscillation(const char group[], PetscInt dim, Motion *m)
 {
-  char      name[128];
+  char      name[OPT_NAME];
   PetscBool has_amplitude, has_swing;
 
   PetscFunctionBeginUser;
-  option_name(group, "motion_amplitude", name);
-  PetscCall(OptRealArray(name, dim, m->amplitude, &has_amplitude));
+  PetscCall(OptRealArray(OptJoin("-particle_", group, "_motion_amplitude", name), dim, m->amplitude, &has_amplitude));
   if (has_amplitude) {
     PetscBool has_period;
 
-    option_name(group, "motion_period", name);
-    PetscCall(OptRealArray(name, dim, m->period, &has_period));
+    PetscCall(OptRealArray(OptJoin("-particle_", group, "_motion_period", name), dim, m->period, &has_period));
     PetscCheck(has_period, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_%s_motion_amplitude needs %s, one value an axis", group, name);
-    option_name(group, "motion_phase", name);
-    PetscCall(OptRealArray(name, dim, m->phase, NULL));
+    PetscCall(OptRealArray(OptJoin("-particle_", group, "_motion_phase", name), dim, m->phase, NULL));
   }
-  option_name(group, "motion_swing", name);
-  PetscCall(OptRealArray(name, 3, m->swing, &has_swing));
+  PetscCall(OptRealArray(OptJoin("-particle_", group, "_motion_swing", name), 3, m->swing, &has_swing));
   PetscCheck(!has_swing || m->swing[1] > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s: the period %g must be positive", name, (double)m->swing[1]);
   PetscCheck(has_amplitude || has_swing, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-particle_%s_motion oscillate needs -particle_%s_motion_amplitude or -particle_%s_motion_swing", group, group, group);
@@ -61,23 +51,21 @@ static PetscErrorCode read_oscillation(const char group[], PetscInt dim, Motion 
 
 static PetscErrorCode read_stops(const char group[], PetscInt dim, Motion *m)
 {
-  char name[128];
+  char name[OPT_NAME];
 
   PetscFunctionBeginUser;
-  option_name(group, "stops", name);
-  PetscCall(OptRealArray(name, 2, m->stops, &m->has_stops));
+  PetscCall(OptRealArray(OptJoin("-particle_", group, "_stops", name), 2, m->stops, &m->has_stops));
   if (!m->has_stops) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCheck(dim == 2, PETSC_COMM_SELF, PETSC_ERR_SUP, "%s: stops of an angle are for 2D scenes, remove the option", name);
   PetscCheck(m->stops[0] < m->stops[1], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s: the lower stop %g must be below the upper one %g", name,
              (double)m->stops[0], (double)m->stops[1]);
-  option_name(group, "stops_restitution", name);
-  PetscCall(OptReal(name, &m->restitution));
+  PetscCall(OptReal(OptJoin("-particle_", group, "_stops_restitution", name), &m->restitution));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode MotionRead(const char group[], PetscInt dim, Motion *m)
 {
-  char      name[128];
+  char      name[OPT_NAME];
   PetscBool oscillate = PETSC_FALSE;
 
   PetscFunctionBeginUser;
@@ -86,17 +74,11 @@ PetscErrorCode MotionRead(const char group[], PetscInt dim, Motion *m)
   m->swing[1] = 1;
   PetscCall(read_parts(group, m, &oscillate));
   if (oscillate) PetscCall(read_oscillation(group, dim, m));
-  if (m->given) {
-    option_name(group, "motion_ramp", name);
-    PetscCall(OptReal(name, &m->ramp));
-  }
-  option_name(group, "pivot", name);
-  PetscCall(OptRealArray(name, dim, m->pivot, &m->has_pivot));
+  if (m->given) { PetscCall(OptReal(OptJoin("-particle_", group, "_motion_ramp", name), &m->ramp)); }
+  PetscCall(OptRealArray(OptJoin("-particle_", group, "_pivot", name), dim, m->pivot, &m->has_pivot));
   PetscCall(read_stops(group, dim, m));
-  option_name(group, "force", name);
-  PetscCall(OptRealArray(name, dim, m->force, NULL));
-  option_name(group, "torque", name);
-  PetscCall(OptRealArray(name, dim == 2 ? 1 : 3, dim == 2 ? m->torque + 2 : m->torque, NULL));
+  PetscCall(OptRealArray(OptJoin("-particle_", group, "_force", name), dim, m->force, NULL));
+  PetscCall(OptRealArray(OptJoin("-particle_", group, "_torque", name), dim == 2 ? 1 : 3, dim == 2 ? m->torque + 2 : m->torque, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

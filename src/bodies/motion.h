@@ -8,19 +8,9 @@
    s = t without ramp; with ramp R the motion gathers speed smoothly: ds/dt = (1 - cos(pi t/R))/2 until R, then 1.
    So the oscillation starts where its phase says; `position` is its middle.
 
-   Options of group <g>:
-     -particle_<g>_motion constant,oscillate,rotate   the parts that are added up. With it nothing is free unless _free
-                                                      says so. Without it, degrees of freedom that are not free keep the
-                                                      velocities of _velocity, _angular_velocity (or of the table)
-        constant   translation with the body's velocity;  rotate   rotation with its angular velocity
-        oscillate  _motion_amplitude, _motion_period, _motion_phase [rad], one value an axis; _motion_swing
-        amplitude,period,phase: the angle about z
-     -particle_<g>_motion_ramp R
-     -particle_<g>_pivot x,y[,z]   point of the shape (in the shape's own frame) about which the body turns and which
-                                   _position places; translation is then never free
-     -particle_<g>_stops lower,upper   angles that a body cannot pass (2D; translation not free), with
-                                       _stops_restitution e: rebound speed over impact speed
-     -particle_<g>_force, _torque      external load on each body, at the centre of mass */
+   With -particle_<g>_motion nothing is free unless _free says so. Without it, degrees of freedom that are not free keep
+   the velocities of _velocity and _angular_velocity (or of the table). A pivot is placed by _position; translation is
+   then never free. External force and torque act at the centre of mass. */
 #pragma once
 #include "bodies/bodies.h"
 #include "place.h"

@@ -13,13 +13,12 @@ static PetscBool can_travel(Contact c, PetscInt k)
 
 static PetscErrorCode complain(Contact c, const Pair *p, PetscReal overlap)
 {
-  static const char *const FACES[] = {"left", "right", "bottom", "top", "back", "front"};
-  const BodyGroup         *i = BodiesGetGroup(c->state, p->i), *j = p->j >= 0 ? BodiesGetGroup(c->state, p->j) : NULL;
-  char                     partner[128];
+  const BodyGroup *i = BodiesGetGroup(c->state, p->i), *j = p->j >= 0 ? BodiesGetGroup(c->state, p->j) : NULL;
+  char             partner[128];
 
   PetscFunctionBeginUser;
   if (j) (void)snprintf(partner, sizeof(partner), "body %" PetscInt_FMT " of group '%s'", p->j - j->first, j->name);
-  else (void)snprintf(partner, sizeof(partner), "wall '%s'", FACES[-1 - p->j]);
+  else (void)snprintf(partner, sizeof(partner), "wall '%s'", DOMAIN_SIDE[-1 - p->j]);
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
           "Body %" PetscInt_FMT
           " of group '%s' overlaps %s by %g at the start: move one of them (-particle_%s_position, _lower, _upper, _margin, _table)",

@@ -68,7 +68,6 @@ PetscReal ContactFastest(Contact c)
   return top;
 }
 
-/* u_ref and stiffness of the groups, speeds of the bodies; a: frozen acceleration or NULL */
 void ContactSetScales(Contact c, PetscReal dt, PetscReal (*a)[3])
 {
   PetscReal push = 0, top = 0;

@@ -7,6 +7,7 @@
    not change the order in which forces add up. */
 #include "compat.h"
 #include "base/grid.h"
+#include "base/room.h"
 #include "impl.h"
 #include "base/log.h"
 
@@ -51,12 +52,8 @@ static PetscBool list_is_good(Contact c)
 static PetscErrorCode add_pair(Contact c, PetscInt i, PetscInt j)
 {
   PetscFunctionBeginUser;
-  if (c->npairs == c->pair_room) {
-    c->pair_room = c->pair_room + c->pair_room / 2 + c->s->n / 2 + 64;
-    PetscCall(PetscRealloc(c->pair_room * sizeof(Pair), &c->pair));
-  }
-  c->pair[c->npairs].i   = i;
-  c->pair[c->npairs++].j = j;
+  PetscCall(RoomFor(c->npairs + 1, &c->pair_room, &c->pair, sizeof(*c->pair), NULL));
+  c->pair[c->npairs++] = (Pair){i, j};
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -141,25 +138,12 @@ static PetscErrorCode add_images(Items *it, Grid cells, PetscInt k)
 
   PetscFunctionBeginUser;
   place_body(c, k, x);
-  for (PetscInt image = 0; image < (c->dim == 2 ? 9 : 27); image++) {
-    const PetscInt step[3] = {image % 3 - 1, (image / 3) % 3 - 1, c->dim == 2 ? 0 : image / 9 - 1};
-    PetscBool      reaches = (PetscBool)(step[0] || step[1] || step[2]);
-    PetscReal      shift[3], y[3];
-
-    for (PetscInt a = 0; a < 3; a++) {
-      shift[a] = step[a] * c->period[a];
-      y[a]     = x[a] + shift[a];
-      if (step[a] && (c->period[a] == 0 || y[a] + half + it->widest < c->lower[a] || y[a] - half - it->widest > c->upper[a])) reaches = PETSC_FALSE;
-    }
-    if (!reaches) continue;
-    if (it->nimages == it->room) {
-      it->room = 2 * it->room + 64;
-      PetscCall(PetscRealloc(it->room * sizeof(*it->body), &it->body));
-      PetscCall(PetscRealloc(it->room * sizeof(*it->shift), &it->shift));
-    }
+  for (DomainImages i = {0}; DomainNextImage(c->period, c->lower, c->upper, x, half + it->widest, &i);) {
+    if (i.shift[0] == 0 && i.shift[1] == 0 && i.shift[2] == 0) continue;
+    PetscCall(RoomFor(it->nimages + 1, &it->room, &it->body, sizeof(*it->body), &it->shift, sizeof(*it->shift), NULL));
     it->body[it->nimages] = k;
-    PetscCall(PetscArraycpy(it->shift[it->nimages], shift, 3));
-    PetscCall(GridInsert(cells, it->n + it->nimages++, y, half));
+    PetscCall(PetscArraycpy(it->shift[it->nimages], i.shift, 3));
+    PetscCall(GridInsert(cells, it->n + it->nimages++, i.at, half));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -36,41 +36,37 @@ static void get_history(Couple c, PetscInt k, PetscInt i, PetscReal *now, PetscR
    bodies are the same under both couplings. */
 static PetscErrorCode place_bodies(Couple c, PetscBool *drawn)
 {
-  const FlowStep *step;
-  PetscReal       angle, arm[3];
+  PetscReal angle, arm[3];
 
   PetscFunctionBeginUser;
-  PetscCall(FlowGetStep(c->flow, &step));
-  PetscCall(BodiesSetTime(c->bodies, step->time - step->dt));
+  PetscCall(BodiesSetTime(c->bodies, c->step->time - c->step->dt));
   for (PetscInt k = 0; k < c->s->n; k++) {
-    PetscCall(BodiesPredict(c->bodies, k, step->dt, c->implicit ? step->order : 0, c->X[k], c->q[k], &angle));
+    PetscCall(BodiesPredict(c->bodies, k, c->step->dt, c->implicit ? c->step->order : 0, c->X[k], c->q[k], &angle));
     PetscCall(BodiesGetArm(c->bodies, k, c->q[k], arm));
     for (PetscInt a = 0; a < 3; a++) c->P[k][a] = c->X[k][a] - arm[a];
   }
-  PetscCall(IndicatorIsCurrent(c->mark, c->X, c->q, step->ct, drawn)); /* the strength of a penalty goes by c_t */
+  PetscCall(IndicatorIsCurrent(c->mark, c->X, c->q, c->step->ct, drawn)); /* the strength of a penalty goes by c_t */
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Which rigid velocities are unknown; values of the others, and first guesses */
 static PetscErrorCode set_rigid_velocities(Couple c)
 {
-  const FlowStep *step;
-  PetscReal       ratio;
+  PetscReal ratio;
 
   PetscFunctionBeginUser;
-  PetscCall(FlowGetStep(c->flow, &step));
-  ratio = step->dt_old > 0 ? step->dt / step->dt_old : 0;
+  ratio = c->step->dt_old > 0 ? c->step->dt / c->step->dt_old : 0;
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscReal u[1][3], w[1][3];
 
-    PetscCall(BodiesGetKnownVelocity(c->bodies, k, step->time, u[0], w[0]));
+    PetscCall(BodiesGetKnownVelocity(c->bodies, k, c->step->time, u[0], w[0]));
     c->unknown[k] = 0;
     for (PetscInt i = 0; i < c->nr; i++) {
       PetscReal now, old;
 
       get_history(c, k, i, &now, &old);
       if (c->implicit && is_free(c, k, i)) c->unknown[k] |= 1 << i;
-      c->U[k * c->nr + i] = (c->unknown[k] >> i) & 1 ? (step->order == 2 ? now + ratio * (now - old) : now) : *CoupleRigidComponent(c, u, w, 0, i);
+      c->U[k * c->nr + i] = (c->unknown[k] >> i) & 1 ? (c->step->order == 2 ? now + ratio * (now - old) : now) : *CoupleRigidComponent(c, u, w, 0, i);
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -81,40 +77,36 @@ static PetscErrorCode set_rigid_velocities(Couple c)
    with unknown ones (a pivot that moves) count on the right. */
 static PetscErrorCode fill_rigid_rows(Couple c)
 {
-  const FlowStep       *step;
-  const FlowParameters *par;
-  const PetscInt        nr = c->nr, dim = c->loc->dim;
+  const PetscInt nr = c->nr, dim = c->loc->dim;
 
   PetscFunctionBeginUser;
-  PetscCall(FlowGetStep(c->flow, &step));
-  PetscCall(FlowGetParameters(c->flow, &par));
   for (PetscInt k = 0; k < c->s->n; k++) {
-    const PetscReal excess = BodiesGetGroup(c->s, k)->density - CoupleInnerDensity(c, k, par);
+    const PetscReal excess = BodiesGetGroup(c->s, k)->density - CoupleInnerDensity(c, k, c->par);
     PetscReal       M[36], *g = c->g + k * nr, spin, L[3], force[3], torque[3], dead[6];
 
     PetscCall(RigidGetMass(c->bodies, k, c->q[k], M));
-    PetscCall(BodiesGetLoad(c->bodies, k, par->density, par->gravity, force, torque));
+    PetscCall(BodiesGetLoad(c->bodies, k, c->par->density, c->par->gravity, force, torque));
     for (PetscInt a = 0; a < 3; a++) {
       force[a] += c->s->contact_force[k][a];
       torque[a] += c->s->contact_torque[k][a];
     }
     PetscCall(RigidReduceForce(c->bodies, k, c->q[k], force, torque, g));
-    PetscCall(CoupleDeadForce(c, k, par, dead));
+    PetscCall(CoupleDeadForce(c, k, c->par, dead));
     for (PetscInt i = 0; i < nr; i++) {
       g[i] += dead[i];
       for (PetscInt j = 0; j < nr; j++) {
         PetscReal now, old;
 
         get_history(c, k, j, &now, &old);
-        c->D[(k * nr + i) * nr + j] = step->ct * excess * M[i * nr + j];
-        g[i] += excess * M[i * nr + j] * (step->d0 * now + step->d1 * old);
+        c->D[(k * nr + i) * nr + j] = c->step->ct * excess * M[i * nr + j];
+        g[i] += excess * M[i * nr + j] * (c->step->d0 * now + c->step->d1 * old);
         if (!((c->unknown[k] >> j) & 1)) g[i] -= c->D[(k * nr + i) * nr + j] * c->U[k * nr + j];
       }
     }
-    PetscCall(CoupleSpinStress(c, k, par, &spin));
+    PetscCall(CoupleSpinStress(c, k, c->par, &spin));
     if (spin > 0) {
-      c->D[(k * nr + dim) * nr + dim] += step->theta * spin;
-      g[dim] -= (1 - step->theta) * spin * c->U_old[k * nr + dim];
+      c->D[(k * nr + dim) * nr + dim] += c->step->theta * spin;
+      g[dim] -= (1 - c->step->theta) * spin * c->U_old[k * nr + dim];
     }
     if (dim == 3) { /* gyroscopic torque - w x (J w), at the beginning of the step */
       for (PetscInt a = 0; a < 3; a++)
@@ -197,17 +189,13 @@ PetscErrorCode CoupleSolve(Couple c, PetscInt *its, KSPConvergedReason *reason)
 /* Velocities and positions of the bodies at the end of the step; bodies that stand still are left alone */
 static PetscErrorCode advance_bodies(Couple c)
 {
-  const FlowStep       *step;
-  const FlowParameters *par;
-  BodyState            *s = c->s;
-  PetscBool             still;
+  BodyState *s = c->s;
+  PetscBool  still;
 
   PetscFunctionBeginUser;
-  PetscCall(FlowGetStep(c->flow, &step));
-  PetscCall(FlowGetParameters(c->flow, &par));
   PetscCall(BodiesAreStill(c->bodies, &still));
   if (still) {
-    PetscCall(BodiesSetTime(c->bodies, step->time));
+    PetscCall(BodiesSetTime(c->bodies, c->step->time));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(PetscLogEventBegin(TB_ADVANCE, 0, 0, 0, 0));
@@ -218,8 +206,8 @@ static PetscErrorCode advance_bodies(Couple c)
       for (PetscInt i = 0; i < c->nr; i++) *CoupleRigidComponent(c, u, w, 0, i) = c->U[k * c->nr + i];
       PetscCall(BodiesStepVelocity(c->bodies, k, u[0], w[0]));
     }
-    PetscCall(BodiesAdvancePosition(c->bodies, step->dt, step->order == 2 ? 0.5 : 1));
-    for (PetscInt k = 0; k < s->n; k++) PetscCall(BodiesRelease(c->bodies, k, par->density, par->gravity));
+    PetscCall(BodiesAdvancePosition(c->bodies, c->step->dt, c->step->order == 2 ? 0.5 : 1));
+    for (PetscInt k = 0; k < s->n; k++) PetscCall(BodiesRelease(c->bodies, k, c->par->density, c->par->gravity));
   } else PetscCall(CoupleAdvanceExplicitly(c));
   PetscCall(PetscLogEventEnd(TB_ADVANCE, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -241,11 +229,8 @@ PetscErrorCode CoupleAdvance(Couple c)
 
 static PetscErrorCode check_extrapolation(Couple c)
 {
-  const FlowParameters *par;
-
   PetscFunctionBeginUser;
-  PetscCall(FlowGetParameters(c->flow, &par));
-  for (PetscInt i = 0; i < c->s->ngroups && par->quadratic; i++) {
+  for (PetscInt i = 0; i < c->s->ngroups && c->par->quadratic; i++) {
     const BodyGroup *g = c->s->group + i;
 
     PetscCheck(!g->free && !g->motion.given, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
@@ -306,6 +291,8 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   PetscCall(BodiesGetState(bodies, &c->s));
   PetscCall(FlowGetMesh(flow, &c->mesh));
   PetscCall(MeshGetLocal(c->mesh, &c->loc));
+  PetscCall(FlowGetStep(flow, &c->step));
+  PetscCall(FlowGetParameters(flow, &c->par));
   n = c->s->n;
   if (n) {
     PetscCall(OptChoice("-couple_type", TYPES, &type));

@@ -1,10 +1,9 @@
 /* Deform: see deform.h. Numbers of a cell are computed on own and ghost cells alike, so that own vertices see all
    their cells. */
 #include "compat.h"
-#include "couple/deform.h"
 #include "deform_impl.h"
-#include "indicator.h"
 #include "base/opt.h"
+#include "base/room.h"
 
 #define SAFE    0.1  /* smallest Jacobian over the mean of its cell */
 #define CORRECT 12   /* further steps at most, until */
@@ -92,18 +91,11 @@ static PetscErrorCode list_body(Deform d, PetscInt k, const PetscReal X[3])
   const PetscReal reach = BodiesGetGroup(d->s, k)->radius + d->width;
 
   PetscFunctionBeginUser;
-  for (PetscInt image = 0; image < (d->dim == 2 ? 9 : 27); image++) {
-    PetscReal at[3];
-
-    if (!IndicatorImage(d->l, X, reach + d->width, image, at)) continue;
-    if (d->nnear == d->room) {
-      d->room = 2 * d->room + 16;
-      PetscCall(PetscRealloc(d->room * sizeof(*d->body), &d->body));
-      PetscCall(PetscRealloc(d->room * sizeof(*d->X), &d->X));
-    }
+  for (DomainImages i = {0}; MeshNextImage(d->l, X, reach + d->width, &i);) {
+    PetscCall(RoomFor(d->nnear + 1, &d->room, &d->body, sizeof(*d->body), &d->X, sizeof(*d->X), NULL));
     d->body[d->nnear] = k;
-    PetscCall(PetscArraycpy(d->X[d->nnear], at, 3));
-    PetscCall(GridInsert(d->near, d->nnear++, at, reach));
+    PetscCall(PetscArraycpy(d->X[d->nnear], i.at, 3));
+    PetscCall(GridInsert(d->near, d->nnear++, i.at, reach));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -7,12 +7,7 @@
    mass acts one step late). */
 static PetscErrorCode detect_blow_up(Couple c)
 {
-  const FlowStep       *step;
-  const FlowParameters *par;
-
   PetscFunctionBeginUser;
-  PetscCall(FlowGetStep(c->flow, &step));
-  PetscCall(FlowGetParameters(c->flow, &par));
   for (PetscInt k = 0; k < c->s->n; k++) {
     const BodyGroup *group = BodiesGetGroup(c->s, k);
     const PetscReal *o = c->du_old + 3 * k, old_size = o[0] * o[0] + o[1] * o[1] + o[2] * o[2];
@@ -26,12 +21,12 @@ static PetscErrorCode detect_blow_up(Couple c)
       size = PetscIsInfOrNanReal(du[a]) ? PETSC_INFINITY : size;
     }
     c->growth[k] = dot < 0 && size > 1.1 * old_size ? c->growth[k] + 1 : 0;
-    PetscCheck(size < PETSC_INFINITY && c->growth[k] < 4 && PetscSqrtReal(size) * step->dt < 2 * group->radius, PETSC_COMM_WORLD,
+    PetscCheck(size < PETSC_INFINITY && c->growth[k] < 4 && PetscSqrtReal(size) * c->step->dt < 2 * group->radius, PETSC_COMM_WORLD,
                PETSC_ERR_USER_INPUT,
                "Body %" PetscInt_FMT
                " (group '%s', density ratio %g) oscillates with growing velocity, |dU| = %g in one step: explicit coupling is unstable for light bodies because the added mass acts one step late, "
                "and a smaller -sim_dt makes it worse. Use -couple_type implicit",
-               k, group->name, (double)(group->density / par->density), (double)PetscSqrtReal(size));
+               k, group->name, (double)(group->density / c->par->density), (double)PetscSqrtReal(size));
     for (PetscInt a = 0; a < 3; a++) c->du_old[3 * k + a] = du[a];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -42,14 +37,10 @@ static PetscErrorCode detect_blow_up(Couple c)
    gains in a step) the mean is stable for m < 2 M, the present force alone only for m < M. */
 PetscErrorCode CoupleAdvanceExplicitly(Couple c)
 {
-  const FlowStep       *step;
-  const FlowParameters *par;
-  const PetscInt        n = c->s->n;
+  const PetscInt n = c->s->n;
   PetscReal(*force)[3], (*torque)[3];
 
   PetscFunctionBeginUser;
-  PetscCall(FlowGetStep(c->flow, &step));
-  PetscCall(FlowGetParameters(c->flow, &par));
   PetscCall(BodiesWriteForces(c->bodies, &force, &torque));
   for (PetscInt i = 0; i < 3 * n; i++) {
     PetscReal *f[2] = {&force[i / 3][i % 3], &torque[i / 3][i % 3]}, *old[2] = {&c->force_old[2 * i], &c->force_old[2 * i + 1]};
@@ -61,12 +52,12 @@ PetscErrorCode CoupleAdvanceExplicitly(Couple c)
       *old[j] = now;
     }
   }
-  PetscCall(BodiesAdvanceVelocity(c->bodies, step->dt, par->density, par->gravity));
+  PetscCall(BodiesAdvanceVelocity(c->bodies, c->step->dt, c->par->density, c->par->gravity));
   for (PetscInt i = 0; i < 3 * n; i++) {
     force[i / 3][i % 3]  = c->force_old[2 * i];
     torque[i / 3][i % 3] = c->force_old[2 * i + 1];
   }
   PetscCall(detect_blow_up(c));
-  PetscCall(BodiesAdvancePosition(c->bodies, step->dt, 1));
+  PetscCall(BodiesAdvancePosition(c->bodies, c->step->dt, 1));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

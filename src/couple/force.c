@@ -62,7 +62,7 @@ static PetscErrorCode sum_residuals(Couple c, PetscReal out[])
 }
 
 /* int alpha_k f over the fluid, added to force and torque [n][3] before they are summed over ranks */
-static PetscErrorCode add_volume_force(Couple c, PetscInt only, const FlowParameters *par, PetscReal (*force)[3], PetscReal (*torque)[3])
+static PetscErrorCode add_volume_force(Couple c, PetscInt only, PetscReal (*force)[3], PetscReal (*torque)[3])
 {
   const PetscReal *m;
   const PetscInt  *body, *node, dim = c->loc->dim;
@@ -79,8 +79,8 @@ static PetscErrorCode add_volume_force(Couple c, PetscInt only, const FlowParame
     if (k < 0 || node[e] >= c->loc->nnode || (only >= 0 && k != only)) continue;
     ConstraintRigidAt(c->loc, node[e], c->X[k], R);
     for (PetscInt a = 0; a < dim; a++) {
-      force[k][a] += m[node[e]] * par->force[a];
-      for (PetscInt i = dim; i < c->nr; i++) *CoupleRigidComponent(c, force, torque, k, i) += R[a * c->nr + i] * m[node[e]] * par->force[a];
+      force[k][a] += m[node[e]] * c->par->force[a];
+      for (PetscInt i = dim; i < c->nr; i++) *CoupleRigidComponent(c, force, torque, k, i) += R[a * c->nr + i] * m[node[e]] * c->par->force[a];
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -90,13 +90,11 @@ static PetscErrorCode add_volume_force(Couple c, PetscInt only, const FlowParame
    insides: force and torque [n][3] */
 static PetscErrorCode integrate_stress(Couple c, PetscInt only, PetscReal (*force)[3], PetscReal (*torque)[3])
 {
-  const MeshLocal      *l = c->loc;
-  const FlowParameters *par;
-  const PetscInt       *body, *touched;
-  PetscInt              ntouched;
+  const MeshLocal *l = c->loc;
+  const PetscInt  *body, *touched;
+  PetscInt         ntouched;
 
   PetscFunctionBeginUser;
-  PetscCall(FlowGetParameters(c->flow, &par));
   PetscCall(ConstraintGetNodeBody(c->constraint, &body));
   PetscCall(IndicatorGetCells(c->mark, &ntouched, &touched));
   PetscCall(PetscMemzero(force, c->s->n * sizeof(*force)));
@@ -118,13 +116,13 @@ static PetscErrorCode integrate_stress(Couple c, PetscInt only, PetscReal (*forc
       if (first && !whole) PetscCall(FlowCellStressForce(c->flow, touched[t], c->u, c->p, alpha, c->X[k], force[k], torque[k]));
     }
   }
-  PetscCall(add_volume_force(c, only, par, force, torque));
+  PetscCall(add_volume_force(c, only, force, torque));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, force, (PetscMPIInt)(3 * c->s->n), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, torque, (PetscMPIInt)(3 * c->s->n), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscReal dead[6];
 
-    PetscCall(CoupleDeadForce(c, k, par, dead));
+    PetscCall(CoupleDeadForce(c, k, c->par, dead));
     for (PetscInt a = 0; a < l->dim && (only < 0 || k == only); a++) force[k][a] += dead[a];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -134,33 +132,29 @@ static PetscErrorCode integrate_stress(Couple c, PetscInt only, PetscReal (*forc
    velocity was unknown, nodal residual plus inertia of the fluid inside otherwise */
 static PetscErrorCode residual_force(Couple c, PetscInt k, PetscReal out[])
 {
-  const FlowStep       *step;
-  const FlowParameters *par;
-  const PetscInt        nr    = c->nr;
-  const PetscReal       rho_s = BodiesGetGroup(c->s, k)->density;
-  PetscReal             M[36], a[6], extra[3], dead[6], rho_i, spin;
+  const PetscInt  nr    = c->nr;
+  const PetscReal rho_s = BodiesGetGroup(c->s, k)->density;
+  PetscReal       M[36], a[6], extra[3], dead[6], rho_i, spin;
 
   PetscFunctionBeginUser;
-  PetscCall(FlowGetStep(c->flow, &step));
-  PetscCall(FlowGetParameters(c->flow, &par));
   PetscCall(RigidGetMass(c->bodies, k, c->q[k], M));
-  rho_i = CoupleInnerDensity(c, k, par);
-  PetscCall(CoupleDeadForce(c, k, par, dead));
-  PetscCall(CoupleSpinStress(c, k, par, &spin));
+  rho_i = CoupleInnerDensity(c, k, c->par);
+  PetscCall(CoupleDeadForce(c, k, c->par, dead));
+  PetscCall(CoupleSpinStress(c, k, c->par, &spin));
   PetscCall(RigidCentripetal(c->bodies, k, c->q[k], c->U + k * c->nr + c->loc->dim, extra));
-  for (PetscInt i = 0; i < nr; i++) a[i] = step->ct * c->U[k * nr + i] - step->d0 * c->U_old[k * nr + i] - step->d1 * c->U_older[k * nr + i];
+  for (PetscInt i = 0; i < nr; i++) a[i] = c->step->ct * c->U[k * nr + i] - c->step->d0 * c->U_old[k * nr + i] - c->step->d1 * c->U_older[k * nr + i];
   for (PetscInt i = 0; i < nr; i++) {
     PetscReal inertia = dead[i] + (i < c->loc->dim ? rho_i * M[0] * extra[i] : 0), excess = 0;
 
     for (PetscInt j = 0; j < nr; j++) {
       inertia += rho_i * M[i * nr + j] * a[j];
-      if ((c->unknown[k] >> j) & 1) excess += step->ct * (rho_s - rho_i) * M[i * nr + j] * c->U[k * nr + j];
+      if ((c->unknown[k] >> j) & 1) excess += c->step->ct * (rho_s - rho_i) * M[i * nr + j] * c->U[k * nr + j];
     }
     /* rows of the solved system: R^T residual = g - D U = g - excess */
     out[i] = inertia + ((c->unknown[k] >> i) & 1 ? excess - c->g[k * nr + i] : c->residual[k * nr + i]);
     if (i == c->loc->dim && spin > 0)
-      out[i] -= spin * ((c->unknown[k] >> i) & 1 ? (1 - step->theta) * c->U_old[k * nr + i]
-                                                 : step->theta * c->U[k * nr + i] + (1 - step->theta) * c->U_old[k * nr + i]);
+      out[i] -= spin * ((c->unknown[k] >> i) & 1 ? (1 - c->step->theta) * c->U_old[k * nr + i]
+                                                 : c->step->theta * c->U[k * nr + i] + (1 - c->step->theta) * c->U_old[k * nr + i]);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -285,25 +279,21 @@ static PetscErrorCode sum_prescribed(Couple c, PetscReal walls[3], PetscReal ope
 /* Forces of the bodies on the fluid: -F + inertia of the fluid inside; adds their sizes to *size */
 static PetscErrorCode sum_bodies(Couple c, PetscReal out[3], PetscReal *size)
 {
-  const FlowParameters *par;
-  const FlowStep       *step;
-
   PetscFunctionBeginUser;
-  PetscCall(FlowGetParameters(c->flow, &par));
-  PetscCall(FlowGetStep(c->flow, &step));
   out[0] = out[1] = out[2] = 0;
   for (PetscInt k = 0; k < c->s->n; k++) {
-    const PetscReal inside = BodiesGetGroup(c->s, k)->hole ? 0 : CoupleInnerDensity(c, k, par);
+    const PetscReal inside = BodiesGetGroup(c->s, k)->hole ? 0 : CoupleInnerDensity(c, k, c->par);
     PetscReal       M[36], extra[3], dead[6];
 
-    PetscCall(CoupleDeadForce(c, k, par, dead));
+    PetscCall(CoupleDeadForce(c, k, c->par, dead));
     PetscCall(RigidGetMass(c->bodies, k, c->q[k], M));
     PetscCall(RigidCentripetal(c->bodies, k, c->q[k], c->U + k * c->nr + c->loc->dim, extra));
     for (PetscInt a = 0; a < c->loc->dim; a++) {
       PetscReal inertia = M[0] * extra[a]; /* of what moves with the body */
 
       for (PetscInt j = 0; j < c->nr; j++)
-        inertia += M[a * c->nr + j] * (step->ct * c->U[k * c->nr + j] - step->d0 * c->U_old[k * c->nr + j] - step->d1 * c->U_older[k * c->nr + j]);
+        inertia += M[a * c->nr + j] *
+                   (c->step->ct * c->U[k * c->nr + j] - c->step->d0 * c->U_old[k * c->nr + j] - c->step->d1 * c->U_older[k * c->nr + j]);
       out[a] += inside * inertia + dead[a] - c->s->force[k][a];
       *size += PetscAbsReal(c->s->force[k][a]);
     }
@@ -314,29 +304,25 @@ static PetscErrorCode sum_bodies(Couple c, PetscReal out[3], PetscReal *size)
 /* rho int (c_t u - d) and int f over the fluid; the row sums of the mass matrix integrate Q2 functions exactly */
 static PetscErrorCode sum_fluid(Couple c, PetscReal change[3], PetscReal volume[3])
 {
-  const FlowParameters *par;
-  const FlowStep       *step;
-  const PetscReal      *m;
-  const PetscInt        dim = c->loc->dim;
-  PetscReal            *u, *u_old, sum[4] = {0};
+  const PetscReal *m;
+  const PetscInt   dim = c->loc->dim;
+  PetscReal       *u, *u_old, sum[4] = {0};
 
   PetscFunctionBeginUser;
-  PetscCall(FlowGetParameters(c->flow, &par));
-  PetscCall(FlowGetStep(c->flow, &step));
   PetscCall(FlowGetLumpedMass(c->flow, &m));
   PetscCall(FlowGetFields(c->flow, &u, &u_old, NULL));
   for (PetscInt i = 0; i < c->loc->nnode; i++) {
     for (PetscInt a = 0; a < dim; a++) {
       const PetscInt j = i * dim + a;
 
-      sum[a] += m[i] * (step->ct * c->u[j] - step->d0 * u[j] - step->d1 * u_old[j]);
+      sum[a] += m[i] * (c->step->ct * c->u[j] - c->step->d0 * u[j] - c->step->d1 * u_old[j]);
     }
     sum[3] += m[i];
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 4, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   for (PetscInt a = 0; a < 3; a++) {
-    change[a] = par->density * sum[a];
-    volume[a] = par->force[a] * sum[3];
+    change[a] = c->par->density * sum[a];
+    volume[a] = c->par->force[a] * sum[3];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -10,6 +10,9 @@
 #include "rung.h"
 
 struct _p_Couple {
+  const FlowStep       *step; /* of the flow, as are these */
+  const FlowParameters *par;
+  /* what it couples, and with what */
   Flow               flow;
   Bodies             bodies;
   BodyState         *s;

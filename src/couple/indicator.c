@@ -83,33 +83,18 @@ PetscErrorCode IndicatorClaim(Indicator m, PetscInt node, PetscInt body)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscBool IndicatorImage(const MeshLocal *l, const PetscReal X[3], PetscReal radius, PetscInt image, PetscReal Xi[3])
-{
-  const PetscInt shift[3] = {image % 3 - 1, (image / 3) % 3 - 1, l->dim == 2 ? 0 : image / 9 - 1};
-
-  for (PetscInt a = 0; a < 3; a++) {
-    Xi[a] = X[a] + shift[a] * l->period[a];
-    if (shift[a] && (l->period[a] == 0 || Xi[a] + radius < l->lower[a] || Xi[a] - radius > l->upper[a])) return PETSC_FALSE;
-  }
-  return PETSC_TRUE;
-}
-
 static PetscErrorCode claim_inside(Indicator m, PetscInt k, const PetscReal X[3], const PetscReal q[4])
 {
   const PetscInt  dim    = m->loc->dim;
   const PetscReal radius = BodiesGetGroup(m->s, k)->radius +
                            /* the search knows where nodes were before any move */
                            (m->loc->x != m->loc->x_start ? 2 * m->loc->h : 0);
-  PetscReal       lo[3], hi[3], x[CHUNK * 3], d[CHUNK];
+  PetscReal       x[CHUNK * 3], d[CHUNK];
   const PetscInt *list;
   PetscInt        n;
 
   PetscFunctionBeginUser;
-  for (PetscInt a = 0; a < dim; a++) {
-    lo[a] = X[a] - radius * (1 + 1e-12);
-    hi[a] = X[a] + radius * (1 + 1e-12);
-  }
-  PetscCall(MeshNodesInBox(m->mesh, lo, hi, &n, &list));
+  PetscCall(MeshNodesInBox(m->mesh, X, radius * (1 + 1e-12), &n, &list));
   for (PetscInt begin = 0; begin < n; begin += CHUNK) {
     const PetscInt size = PetscMin(CHUNK, n - begin);
 
@@ -124,13 +109,11 @@ static PetscErrorCode claim_inside(Indicator m, PetscInt k, const PetscReal X[3]
 
 PetscErrorCode IndicatorInsideBody(Indicator m, PetscInt k, const PetscReal X[3], const PetscReal q[4])
 {
-  PetscFunctionBeginUser;
-  if (m->s->gone[k] || BodiesGetGroup(m->s, k)->hole) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt image = 0; image < (m->loc->dim == 2 ? 9 : 27); image++) {
-    PetscReal Xi[3];
+  const BodyGroup *g = BodiesGetGroup(m->s, k);
 
-    if (IndicatorImage(m->loc, X, BodiesGetGroup(m->s, k)->radius, image, Xi)) PetscCall(claim_inside(m, k, Xi, q));
-  }
+  PetscFunctionBeginUser;
+  if (m->s->gone[k] || g->hole) PetscFunctionReturn(PETSC_SUCCESS);
+  for (DomainImages i = {0}; MeshNextImage(m->loc, X, g->radius, &i);) PetscCall(claim_inside(m, k, i.at, q));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

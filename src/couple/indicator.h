@@ -37,7 +37,3 @@ PetscErrorCode IndicatorCheckSeen(Indicator);
    Borrowed; any may be NULL. */
 PetscErrorCode IndicatorGetNodes(Indicator, const PetscInt *node_body[], PetscInt *n, const PetscInt *node[]);
 PetscErrorCode IndicatorGetCells(Indicator, PetscInt *n, const PetscInt *cell[]);
-
-/* Periodic images of a body: place number image (0 .. 3^dim - 1) of centre X; does a body of this radius drawn there
-   reach the domain? */
-PetscBool IndicatorImage(const MeshLocal *, const PetscReal X[3], PetscReal radius, PetscInt image, PetscReal Xi[3]);

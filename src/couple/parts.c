@@ -2,7 +2,7 @@
 #include "compat.h"
 #include "parts.h"
 #include "base/algebra.h"
-#include "indicator.h"
+#include "base/room.h"
 #include "mesh/element.h"
 
 #define MAX_SAMPLES PARTS_MAX_SAMPLES
@@ -19,8 +19,7 @@ struct _p_Parts {
   const MeshLocal *loc;
   PetscInt         nsample;
   PetscReal        phi[MAX_SAMPLES][3], dphi[MAX_SAMPLES][3], pair[MAX_SAMPLES][NPAIR]; /* at the samples of an axis */
-  PetscReal        reach;          /* largest distance of a node from the centre node of its cell */
-  PetscInt        *cell_of_centre; /* [nnode_all] cell whose centre node it is, or -1 */
+  PetscReal        reach; /* largest distance of a node from the centre node of its cell */
   PetscInt         npart, part_room, nmoments, moments_room;
   Part            *part;
   PetscReal       *moments;
@@ -32,6 +31,11 @@ struct _p_Parts {
 static PetscInt sample_count(Parts p)
 {
   return p->loc->dim == 2 ? p->nsample * p->nsample : p->nsample * p->nsample * p->nsample;
+}
+
+static PetscInt moment_count(Parts p)
+{
+  return p->loc->dim == 2 ? NPAIR * NPAIR : NPAIR * NPAIR * NPAIR;
 }
 
 /* Places x [samples][dim] and volumes w [samples] of the samples of a cell with node coordinates xc */
@@ -67,7 +71,7 @@ static void sum_moments(Parts p, const PetscReal w[], PetscReal m[])
 {
   const PetscInt n = p->nsample, planes = p->loc->dim == 2 ? 1 : n, nn = NPAIR * NPAIR;
 
-  for (PetscInt i = 0; i < (p->loc->dim == 2 ? nn : nn * NPAIR); i++) m[i] = 0;
+  for (PetscInt i = 0; i < moment_count(p); i++) m[i] = 0;
   for (PetscInt z = 0; z < planes; z++) {
     PetscReal plane[NPAIR * NPAIR] = {0};
 
@@ -117,34 +121,12 @@ static PetscErrorCode cut_cell(Parts p, PetscInt cell, PetscInt k, const PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* One more part; moments point behind the pool, where the next cut cell puts its own */
-static PetscErrorCode make_room_for_part(Parts p)
-{
-  const PetscInt size = p->loc->dim == 2 ? NPAIR * NPAIR : NPAIR * NPAIR * NPAIR;
-
-  PetscFunctionBeginUser;
-  if (p->npart == p->part_room) {
-    p->part_room = 2 * p->part_room + 64;
-    PetscCall(PetscRealloc(p->part_room * sizeof(Part), &p->part));
-  }
-  if (p->nmoments + size > p->moments_room) {
-    p->moments_room = 2 * p->moments_room + 64 * size;
-    PetscCall(PetscRealloc(p->moments_room * sizeof(PetscReal), &p->moments));
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode add_part(Parts p, PetscInt cell, PetscInt k, const PetscReal P[3], PetscBool whole, PetscReal volume)
 {
-  Part *part = p->part + p->npart++;
-
   PetscFunctionBeginUser;
-  part->cell    = cell;
-  part->body    = k;
-  part->volume  = volume;
-  part->moments = whole ? -1 : p->nmoments;
-  for (PetscInt a = 0; a < 3; a++) part->P[a] = P[a];
-  if (!whole) p->nmoments += p->loc->dim == 2 ? NPAIR * NPAIR : NPAIR * NPAIR * NPAIR;
+  PetscCall(RoomFor(p->npart + 1, &p->part_room, &p->part, sizeof(*p->part), NULL));
+  p->part[p->npart++] = (Part){.cell = cell, .body = k, .volume = volume, .moments = whole ? -1 : p->nmoments, .P = {P[0], P[1], P[2]}};
+  if (!whole) p->nmoments += moment_count(p);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -173,25 +155,21 @@ static PetscErrorCode cut_image(Parts p, PetscInt k, const PetscReal X[3], const
   const MeshLocal *l   = p->loc;
   const PetscInt   dim = l->dim;
   const PetscReal  far = BodiesGetGroup(p->s, k)->radius + p->reach;
-  PetscReal        lo[3], hi[3], x[CHUNK * 3], d[CHUNK];
+  PetscReal        x[CHUNK * 3], d[CHUNK];
   const PetscReal *size;
   const PetscInt  *list;
   PetscInt         n;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetCellSize(p->flow, &size));
-  for (PetscInt a = 0; a < dim; a++) {
-    lo[a] = X[a] - far;
-    hi[a] = X[a] + far;
-  }
-  PetscCall(MeshNodesInBox(p->mesh, lo, hi, &n, &list));
+  PetscCall(MeshNodesInBox(p->mesh, X, far, &n, &list));
   for (PetscInt i = 0; i < n;) {
     PetscInt cell[CHUNK], m = 0;
 
     for (; i < n && m < CHUNK; i++) {
-      if (p->cell_of_centre[list[i]] < 0) continue;
+      if (l->centre_cell[list[i]] < 0) continue;
       for (PetscInt a = 0; a < dim; a++) x[m * dim + a] = l->x[list[i] * dim + a];
-      cell[m++] = p->cell_of_centre[list[i]];
+      cell[m++] = l->centre_cell[list[i]];
     }
     PetscCall(BodiesDistance(p->bodies, k, X, q, m, x, d));
     for (PetscInt j = 0; j < m; j++) {
@@ -201,7 +179,8 @@ static PetscErrorCode cut_image(Parts p, PetscInt k, const PetscReal X[3], const
       if (d[j] > p->reach) continue;
       PetscCall(cell_radius(p, cell[j], &radius));
       if (d[j] > radius) continue;
-      PetscCall(make_room_for_part(p));
+      /* where the next cut cell puts its moments */
+      PetscCall(RoomFor(p->nmoments + moment_count(p), &p->moments_room, &p->moments, sizeof(*p->moments), NULL));
       if (d[j] < -radius) volume = PetscPowRealInt(size[cell[j]], (int)dim);
       else PetscCall(cut_cell(p, cell[j], k, X, q, p->moments + p->nmoments, &whole, &volume));
       if (volume > 0) PetscCall(add_part(p, cell[j], k, P, whole, volume));
@@ -215,12 +194,12 @@ PetscErrorCode PartsCut(Parts p, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal
   PetscFunctionBeginUser;
   p->npart = p->nmoments = 0;
   for (PetscInt k = 0; k < p->s->n; k++) {
-    for (PetscInt image = 0; image < (p->loc->dim == 2 ? 9 : 27) && !(omit && omit[k]); image++) {
-      PetscReal Xi[3], Pi[3];
+    if (omit && omit[k]) continue;
+    for (DomainImages i = {0}; MeshNextImage(p->loc, X[k], BodiesGetGroup(p->s, k)->radius, &i);) {
+      PetscReal Pi[3];
 
-      if (!IndicatorImage(p->loc, X[k], BodiesGetGroup(p->s, k)->radius, image, Xi)) continue;
-      for (PetscInt a = 0; a < 3; a++) Pi[a] = P[k][a] + (Xi[a] - X[k][a]);
-      PetscCall(cut_image(p, k, Xi, q[k], Pi));
+      for (PetscInt a = 0; a < 3; a++) Pi[a] = P[k][a] + (i.at[a] - X[k][a]);
+      PetscCall(cut_image(p, k, i.at, q[k], Pi));
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -283,11 +262,9 @@ PetscErrorCode PartsMeasureCells(Parts p)
 
   PetscFunctionBeginUser;
   p->reach = 0;
-  for (PetscInt i = 0; i < l->nnode_all; i++) p->cell_of_centre[i] = -1;
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     PetscReal radius;
 
-    p->cell_of_centre[l->cell_node[c * l->nb + l->nb / 2]] = c;
     PetscCall(cell_radius(p, c, &radius));
     p->reach = PetscMax(p->reach, radius);
   }
@@ -307,7 +284,6 @@ PetscErrorCode PartsCreate(Flow flow, Bodies bodies, PetscInt nsample, Parts *pa
   PetscCall(FlowGetMesh(flow, &p->mesh));
   PetscCall(MeshGetLocal(p->mesh, &p->loc));
   tabulate_samples(p);
-  PetscCall(PetscMalloc1(p->loc->nnode_all, &p->cell_of_centre));
   PetscCall(PetscMalloc2(sample_count(p) * p->loc->dim, &p->x, 2 * sample_count(p), &p->d));
   PetscCall(PartsMeasureCells(p));
   *parts = p;
@@ -320,7 +296,6 @@ PetscErrorCode PartsDestroy(Parts *parts)
 
   PetscFunctionBeginUser;
   if (!p) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscFree(p->cell_of_centre));
   PetscCall(PetscFree2(p->x, p->d));
   PetscCall(PetscFree(p->part));
   PetscCall(PetscFree(p->moments));

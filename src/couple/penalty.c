@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "penalty.h"
 #include "base/opt.h"
+#include "base/room.h"
 
 struct _p_Penalty {
   Flow             flow;
@@ -83,16 +84,9 @@ static PetscErrorCode find_entry(Penalty p, PetscInt node, PetscInt body, PetscI
   PetscFunctionBeginUser;
   while (e >= 0 && s->body[e] != body) e = p->next[e];
   if (e < 0) {
-    if (s->n == p->entry_room) {
-      p->entry_room = 2 * p->entry_room + 256;
-      PetscCall(PetscRealloc(p->entry_room * sizeof(PetscInt), &s->node));
-      PetscCall(PetscRealloc(p->entry_room * sizeof(PetscInt), &s->body));
-      PetscCall(PetscRealloc(p->entry_room * sizeof(PetscInt), &p->next));
-      PetscCall(PetscRealloc(p->entry_room * sizeof(PetscReal), &p->entry_weight));
-      PetscCall(PetscRealloc(p->entry_room * (s->dim + 1) * sizeof(PetscReal), &s->g));
-    }
-    e = s->n++;
-
+    PetscCall(RoomFor(s->n + 1, &p->entry_room, &s->node, sizeof(*s->node), &s->body, sizeof(*s->body), &p->next, sizeof(*p->next), &p->entry_weight,
+                      sizeof(*p->entry_weight), &s->g, (s->dim + 1) * sizeof(*s->g), NULL));
+    e                  = s->n++;
     s->node[e]         = node;
     s->body[e]         = body;
     p->entry_weight[e] = 0;
@@ -152,12 +146,8 @@ static PetscErrorCode add_part_penalty(Penalty p, const Part *part)
   for (PetscInt i = 0; i < nb * nb; i++)
     if (p->strong[node[i / nb]] == part->body || p->strong[node[i % nb]] == part->body) pen[i] = 0;
   PetscCall(add_entries(p, part, pen, sum / trace));
-  if (p->nterm == p->term_room) {
-    p->term_room = 2 * p->term_room + 64;
-    PetscCall(PetscRealloc(p->term_room * sizeof(PetscInt), &p->term_cell));
-    PetscCall(PetscRealloc(p->term_room * sizeof(PetscInt), &p->term_body));
-    PetscCall(PetscRealloc(p->term_room * nb * nb * sizeof(PetscReal), &p->term));
-  }
+  PetscCall(RoomFor(p->nterm + 1, &p->term_room, &p->term_cell, sizeof(*p->term_cell), &p->term_body, sizeof(*p->term_body), &p->term,
+                    nb * nb * sizeof(*p->term), NULL));
   p->term_cell[p->nterm] = part->cell;
   p->term_body[p->nterm] = part->body;
   PetscCall(PetscArraycpy(p->term + p->nterm++ * nb * nb, pen, nb * nb));
@@ -175,10 +165,7 @@ static PetscErrorCode finish_soft(Penalty p, PetscReal (*P)[3])
   PetscCall(PetscArrayzero(s->H, s->nbodies * nr * nr));
   PetscCall(PetscArrayzero(s->weight, l->nnode_all));
   for (PetscInt i = 0; i < l->nnode_all; i++) s->follow[i] = -1;
-  if (s->n > p->more_room) {
-    p->more_room = s->n + 256;
-    PetscCall(PetscRealloc(p->more_room * sizeof(PetscInt), &s->more));
-  }
+  PetscCall(RoomFor(s->n, &p->more_room, &s->more, sizeof(*s->more), NULL));
   s->nmore = 0;
   for (PetscInt e = 0; e < s->n; e++) {
     const PetscInt i = s->node[e], k = s->body[e];

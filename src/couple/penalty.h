@@ -5,10 +5,7 @@
    flow adapts compensates the missing wall within the cell, so that the body keeps its true radius (study
    runs/studies/boundary). Parts of cells: parts.h. Nodes all of whose cells lie inside the body move rigidly (strong
    nodes), which keeps light bodies and the operator well conditioned. Angot, Bruneau, Fabrie 1999 (volume
-   penalisation); Glowinski, Pan, Hesla, Joseph 1999 (fictitious fluid inside).
-
-   Options: -couple_penalty_viscous a, -couple_penalty_inertial b, -couple_penalty_samples n (10; 20 where all bodies
-   stand still, for which the cells are sampled once). */
+   penalisation); Glowinski, Pan, Hesla, Joseph 1999 (fictitious fluid inside). */
 #pragma once
 #include "bodies/bodies.h"
 #include "flow/flow.h"

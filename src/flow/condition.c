@@ -61,16 +61,14 @@ static PetscErrorCode find_extent(Conditions f, PetscInt b, Condition *bc)
 
 static PetscErrorCode read_rotation(const char name[], PetscInt dim, Condition *bc)
 {
-  char      option[128];
+  char      option[OPT_NAME];
   PetscBool has_omega;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_omega", name));
-  PetscCall(OptRealArray(option, dim == 2 ? 1 : 3, dim == 2 ? bc->omega + 2 : bc->omega, &has_omega));
+  PetscCall(OptRealArray(OptJoin("-flow_bc_", name, "_omega", option), dim == 2 ? 1 : 3, dim == 2 ? bc->omega + 2 : bc->omega, &has_omega));
   PetscCheck(has_omega, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Boundary '%s' is of type rotating_wall: give its angular velocity with %s", name,
              option);
-  PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_centre", name));
-  PetscCall(OptRealArray(option, dim, bc->centre, NULL));
+  PetscCall(OptRealArray(OptJoin("-flow_bc_", name, "_centre", option), dim, bc->centre, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -79,32 +77,28 @@ static PetscErrorCode read_boundary(Conditions f, PetscInt b)
   const PetscInt dim = f->loc->dim;
   Condition     *bc  = f->condition + b;
   const char    *name;
-  char           option[128];
+  char           option[OPT_NAME];
   PetscInt       type = BC_NO_SLIP, profile = 0;
   PetscBool      has_velocity;
 
   PetscFunctionBeginUser;
   PetscCall(MeshGetBoundaryName(f->mesh, b, &name));
-  PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_type", name));
-  PetscCall(OptChoice(option, BC_TYPES, &type));
+  PetscCall(OptChoice(OptJoin("-flow_bc_", name, "_type", option), BC_TYPES, &type));
   bc->type      = (ConditionsType)type;
   bc->factor[0] = bc->factor[2] = 1;
-  PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_velocity", name));
+  (void)OptJoin("-flow_bc_", name, "_velocity", option);
   if (type == BC_INFLOW || type == BC_MOVING_WALL) {
     PetscCall(OptRealArray(option, dim, bc->velocity, &has_velocity));
     PetscCheck(has_velocity, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Boundary '%s' is of type %s: give its velocity with %s", name, BC_TYPES[type],
                option);
-    PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_profile", name));
-    PetscCall(OptChoice(option, PROFILES, &profile));
+    PetscCall(OptChoice(OptJoin("-flow_bc_", name, "_profile", option), PROFILES, &profile));
   }
   if (type == BC_ROTATING_WALL) PetscCall(read_rotation(name, dim, bc));
   if (type == BC_INFLOW || type == BC_MOVING_WALL || type == BC_ROTATING_WALL) {
-    PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_factor", name));
-    PetscCall(OptRealArray(option, 3, bc->factor, NULL));
+    PetscCall(OptRealArray(OptJoin("-flow_bc_", name, "_factor", option), 3, bc->factor, NULL));
     PetscCheck(bc->factor[1] == 0 || bc->factor[2] > 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s: the period %g must be positive", option,
                (double)bc->factor[2]);
-    PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_ramp", name));
-    PetscCall(OptReal(option, &bc->ramp));
+    PetscCall(OptReal(OptJoin("-flow_bc_", name, "_ramp", option), &bc->ramp));
   }
   bc->parabolic = (PetscBool)(profile == 1);
   PetscCall(find_extent(f, b, bc));
@@ -306,8 +300,6 @@ PetscErrorCode ConditionsPressureIsFloating(Conditions f, PetscBool *floating)
 
 PetscErrorCode ConditionsGetSolidFaces(Conditions f, PetscInt *faces)
 {
-  const char *const names[] = {"left", "right", "bottom", "top", "back", "front"};
-
   PetscFunctionBeginUser;
   *faces = 0;
   for (PetscInt b = 0; b < f->n; b++) {
@@ -318,7 +310,7 @@ PetscErrorCode ConditionsGetSolidFaces(Conditions f, PetscInt *faces)
     for (PetscInt i = 0; i < 2 * f->loc->dim; i++) {
       PetscBool match;
 
-      PetscCall(PetscStrcmp(name, names[i], &match));
+      PetscCall(PetscStrcmp(name, DOMAIN_SIDE[i], &match));
       if (match) *faces |= 1 << i;
     }
   }

@@ -18,7 +18,7 @@ static PetscInt bin_of_node(Mesh m, PetscInt i)
   return b;
 }
 
-/* Bins of about two cells a side, counted on the rank's own part of the domain */
+/* Of about two cells a side, counted on the rank's own part of the domain */
 PetscErrorCode MeshCreateBins(Mesh m)
 {
   MeshLocal *l     = &m->loc;
@@ -64,16 +64,19 @@ PetscErrorCode MeshDestroyBins(Mesh m)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MeshNodesInBox(Mesh m, const PetscReal lo[], const PetscReal hi[], PetscInt *n, const PetscInt *list[])
+PetscErrorCode MeshNodesInBox(Mesh m, const PetscReal centre[], PetscReal half, PetscInt *n, const PetscInt *list[])
 {
   const PetscInt dim  = m->loc.dim;
   PetscInt       a[3] = {0, 0, 0}, b[3] = {0, 0, 0};
+  PetscReal      lo[3], hi[3];
 
   PetscFunctionBeginUser;
   *n    = 0;
   *list = m->found;
   if (!m->loc.nnode_all) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt d = 0; d < dim; d++) {
+    lo[d] = centre[d] - half;
+    hi[d] = centre[d] + half;
     if (hi[d] < m->bin_lower[d] || lo[d] > m->bin_lower[d] + m->nbin[d] * m->bin_size[d]) PetscFunctionReturn(PETSC_SUCCESS);
     a[d] = bin_index(m, d, lo[d]);
     b[d] = bin_index(m, d, hi[d]);

@@ -45,7 +45,6 @@ static PetscErrorCode check_unique_names(MeshKind k, DM dm)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Physical names of a Gmsh file that hold faces become boundaries. Rank 0 knows them all. */
 PetscErrorCode MeshKindFindFileBoundaries(MeshKind k, DM dm)
 {
   PetscInt    nlabel;
@@ -141,7 +140,6 @@ static PetscErrorCode bend_cells(DM dm, DMLabel label, const PetscReal circle[3]
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Boundary b of the file is this circle. Rank 0 has the mesh, all ranks get the bent cells. */
 PetscErrorCode MeshKindMakeRound(MeshKind k, DM dm, const char name[], const PetscReal circle[3])
 {
   PetscReal   worst = 0;

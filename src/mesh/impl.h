@@ -10,7 +10,7 @@ struct _p_Mesh {
   DM           dm;
   MeshKind     kind;
   MeshLocal    loc;
-  PetscInt    *cell_node, *cell_global, *node_global, *node_cell_ptr, *node_cell;
+  PetscInt    *cell_node, *cell_global, *node_global, *node_cell_ptr, *node_cell, *centre_cell;
   PetscReal   *x, *x_start; /* x_start is an array of its own once nodes have moved */
   PetscSF      node_sf;     /* ghost nodes -> owners, in local node numbers */
   MPI_Datatype block[MESH_MAX_BLOCK];

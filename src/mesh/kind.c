@@ -7,10 +7,10 @@
 #include "compat.h"
 #include "kindimpl.h"
 #include "ogrid.h"
+#include "base/domain.h"
 #include "base/opt.h"
 
 static const char *const kind_names[] = {"box", "channel", "fitted", "disc", "annulus", "file", NULL};
-static const char *const side_names[] = {"left", "right", "bottom", "top", "back", "front"};
 
 /* Channel of Schaefer & Turek, and the sizes on which its meshes are based */
 static const PetscReal channel_upper[2] = {2.2, 0.41}, cylinder_centre[2] = {0.2, 0.2}, cylinder_radius = 0.05;
@@ -288,8 +288,8 @@ static const char *boundary_of_face(MeshKind k, const PetscReal q[])
                     tol = 1e-6 * (upper - lower) / k->cells[d];
 
     if (k->period[d] > 0) continue;
-    if (PetscAbsReal(q[d] - lower) < tol) return side_names[2 * d];
-    if (PetscAbsReal(q[d] - upper) < tol) return side_names[2 * d + 1];
+    if (PetscAbsReal(q[d] - lower) < tol) return DOMAIN_SIDE[2 * d];
+    if (PetscAbsReal(q[d] - upper) < tol) return DOMAIN_SIDE[2 * d + 1];
   }
   return k->kind == KIND_FITTED ? "cylinder" : NULL;
 }
@@ -324,7 +324,7 @@ static PetscErrorCode name_boundaries(MeshKind k)
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   for (PetscInt i = 0; i < 2 * k->dim; i++)
-    if (k->period[i / 2] == 0) PetscCall(add_boundary(k, side_names[i]));
+    if (k->period[i / 2] == 0) PetscCall(add_boundary(k, DOMAIN_SIDE[i]));
   if (k->kind == KIND_FITTED) PetscCall(add_boundary(k, "cylinder"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -333,12 +333,11 @@ static PetscErrorCode read_round(MeshKind k, DM dm)
 {
   PetscFunctionBeginUser;
   for (PetscInt b = 0; b < k->nboundary; b++) {
-    char      name[128];
+    char      name[OPT_NAME];
     PetscBool given;
     PetscReal circle[3];
 
-    PetscCall(PetscSNPrintf(name, sizeof(name), "-mesh_round_%s", k->boundary[b]));
-    PetscCall(OptRealArray(name, 3, circle, &given));
+    PetscCall(OptRealArray(OptJoin("-mesh_round_", k->boundary[b], "", name), 3, circle, &given));
     if (!given) continue;
     PetscCheck(circle[2] > 0, k->comm, PETSC_ERR_USER_INPUT, "%s: radius %g must be positive", name, (double)circle[2]);
     PetscCheck(k->dim == 2, k->comm, PETSC_ERR_SUP, "%s: round boundaries are for 2D meshes; '%s' is 3D: remove the option", name, k->file);

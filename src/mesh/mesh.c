@@ -308,6 +308,7 @@ PetscErrorCode MeshCreate(MPI_Comm comm, Mesh *mesh)
   m->loc.node_global   = m->node_global;
   m->loc.node_cell_ptr = m->node_cell_ptr;
   m->loc.node_cell     = m->node_cell;
+  m->loc.centre_cell   = m->centre_cell;
   m->loc.x             = m->x;
   m->loc.x_start       = m->x_start;
   *mesh                = m;
@@ -328,6 +329,7 @@ PetscErrorCode MeshDestroy(Mesh *mesh)
   PetscCall(PetscFree(m->node_global));
   PetscCall(PetscFree(m->node_cell_ptr));
   PetscCall(PetscFree(m->node_cell));
+  PetscCall(PetscFree(m->centre_cell));
   if (m->x_start != m->x) PetscCall(PetscFree(m->x_start));
   PetscCall(PetscFree(m->x));
   PetscCall(PetscSFDestroy(&m->node_sf));

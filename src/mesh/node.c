@@ -97,6 +97,9 @@ static PetscErrorCode connect_nodes_to_cells(Mesh m)
   PetscCall(PetscArraycpy(fill, m->node_cell_ptr, l->nnode_all));
   for (PetscInt i = 0; i < l->ncell_all * l->nb; i++) m->node_cell[fill[m->cell_node[i]]++] = i / l->nb;
   PetscCall(PetscFree(fill));
+  PetscCall(PetscMalloc1(l->nnode_all, &m->centre_cell));
+  for (PetscInt i = 0; i < l->nnode_all; i++) m->centre_cell[i] = -1;
+  for (PetscInt c = 0; c < l->ncell_all; c++) m->centre_cell[m->cell_node[c * l->nb + l->nb / 2]] = c;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -21,7 +21,6 @@ typedef struct {
 struct _p_Remap {
   Mesh             mesh;
   const MeshLocal *loc;
-  PetscInt        *centre_of; /* [nnode_all] cell whose centre node this is, or -1 */
 };
 
 /* ---- one cell ---- */
@@ -95,27 +94,18 @@ static PetscErrorCode find_patch(Remap r, const PetscReal x[2], PetscReal size, 
 
   PetscFunctionBeginUser;
   *n = 0;
-  for (PetscInt image = 0; image < 9; image++) {
-    const PetscInt  shift[2] = {image % 3 - 1, image / 3 - 1};
-    PetscReal       lo[2], hi[2];
-    PetscBool       reaches = PETSC_TRUE;
+  for (DomainImages image = {0}; MeshNextImage(l, (const PetscReal[3]){x[0], x[1], 0}, 3 * size, &image);) {
     const PetscInt *list;
     PetscInt        m;
 
-    for (PetscInt a = 0; a < 2; a++) {
-      lo[a] = x[a] + shift[a] * l->period[a] - 3 * size;
-      hi[a] = lo[a] + 6 * size;
-      if (shift[a] && (l->period[a] == 0 || hi[a] < l->lower[a] || lo[a] > l->upper[a])) reaches = PETSC_FALSE;
-    }
-    if (!reaches) continue;
-    PetscCall(MeshNodesInBox(r->mesh, lo, hi, &m, &list));
+    PetscCall(MeshNodesInBox(r->mesh, image.at, 3 * size, &m, &list));
     for (PetscInt e = 0; e < m; e++) {
-      const PetscInt c = r->centre_of[list[e]];
+      const PetscInt c = l->centre_cell[list[e]];
       PetscReal      d = 0;
       PetscInt       at;
 
       if (c < 0 || !may_answer(cells, c, side) || (own && c >= l->ncell)) continue;
-      for (PetscInt a = 0; a < 2; a++) d += PetscSqr(l->x[2 * list[e] + a] - 0.5 * (lo[a] + hi[a]));
+      for (PetscInt a = 0; a < 2; a++) d += PetscSqr(l->x[2 * list[e] + a] - image.at[a]);
       if (*n == MAX_PATCH && d >= distance[MAX_PATCH - 1]) continue;
       for (at = *n == MAX_PATCH ? MAX_PATCH - 1 : *n; at > 0 && distance[at - 1] > d; at--) {
         distance[at] = distance[at - 1];
@@ -280,19 +270,14 @@ static PetscErrorCode ask_all(Remap r, PetscInt nopen, const PetscInt open[], co
 
 PetscErrorCode RemapCreate(Mesh mesh, Remap *remap)
 {
-  Remap            r;
-  const MeshLocal *l;
+  Remap r;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&r));
   r->mesh = mesh;
   PetscCall(MeshGetLocal(mesh, &r->loc));
-  l = r->loc;
-  PetscCheck(l->dim == 2, PETSC_COMM_WORLD, PETSC_ERR_SUP,
-             "Fields are carried to moved nodes on plane meshes only, this one has dimension %" PetscInt_FMT, l->dim);
-  PetscCall(PetscMalloc1(l->nnode_all, &r->centre_of));
-  for (PetscInt i = 0; i < l->nnode_all; i++) r->centre_of[i] = -1;
-  for (PetscInt c = 0; c < l->ncell_all; c++) r->centre_of[l->cell_node[c * l->nb + l->nb / 2]] = c;
+  PetscCheck(r->loc->dim == 2, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+             "Fields are carried to moved nodes on plane meshes only, this one has dimension %" PetscInt_FMT, r->loc->dim);
   *remap = r;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -300,8 +285,6 @@ PetscErrorCode RemapCreate(Mesh mesh, Remap *remap)
 PetscErrorCode RemapDestroy(Remap *remap)
 {
   PetscFunctionBeginUser;
-  if (!*remap) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscFree((*remap)->centre_of));
   PetscCall(PetscFree(*remap));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

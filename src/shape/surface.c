@@ -2,6 +2,7 @@
    edge, are the outline (marching triangles: Allgower & Georg, Numerical Continuation Methods, ch. 15). */
 #include "compat.h"
 #include "tree.h"
+#include "base/room.h"
 #include <petscbt.h>
 
 /* One straight piece of a 2D outline, with the inside on its left. */
@@ -28,15 +29,7 @@ static PetscInt EdgeKey(const Tree *t, const PetscInt cell[], int a, int b)
 static PetscErrorCode AppendSegment(Outline *o, const Segment *seg)
 {
   PetscFunctionBeginUser;
-  if (o->n == o->room) {
-    Segment *bigger;
-
-    o->room = 2 * o->room + 1024;
-    PetscCall(PetscMalloc1(o->room, &bigger));
-    PetscCall(PetscArraycpy(bigger, o->seg, o->n));
-    PetscCall(PetscFree(o->seg));
-    o->seg = bigger;
-  }
+  PetscCall(RoomFor(o->n + 1, &o->room, &o->seg, sizeof(*o->seg), NULL));
   o->seg[o->n++] = *seg;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "projection.h"
 #include "base/log.h"
+#include "base/room.h"
 
 static PetscInt bit_count(PetscInt bits)
 {
@@ -68,10 +69,7 @@ static PetscErrorCode list_body_nodes(Constraint c)
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < c->loc->nnode_all; i++) n += c->node_body[i] >= 0 || c->follow[i] >= 0;
-  if (n > c->body_node_room) {
-    c->body_node_room = n + n / 4;
-    PetscCall(PetscRealloc(c->body_node_room * sizeof(PetscInt), &c->body_node));
-  }
+  PetscCall(RoomFor(n, &c->body_node_room, &c->body_node, sizeof(*c->body_node), NULL));
   c->nbody_nodes = 0;
   for (PetscInt i = 0; i < c->loc->nnode_all; i++)
     if (c->node_body[i] >= 0 || c->follow[i] >= 0) c->body_node[c->nbody_nodes++] = i;
@@ -88,12 +86,8 @@ static PetscErrorCode collect_followers(Constraint c)
     const PetscInt k = c->follow[i];
 
     if (k < 0 || c->node_body[i] >= 0 || !c->unknown[k]) continue;
-    if (c->nfollow + l->dim > c->follow_room) {
-      c->follow_room = 2 * c->follow_room + 64;
-      PetscCall(PetscRealloc(c->follow_room * sizeof(PetscInt), &c->follow_slot));
-      PetscCall(PetscRealloc(c->follow_room * sizeof(PetscInt), &c->follow_body));
-      PetscCall(PetscRealloc(c->follow_room * c->nr * sizeof(PetscReal), &c->follow_coef));
-    }
+    PetscCall(RoomFor(c->nfollow + l->dim, &c->follow_room, &c->follow_slot, sizeof(*c->follow_slot), &c->follow_body, sizeof(*c->follow_body),
+                      &c->follow_coef, c->nr * sizeof(*c->follow_coef), NULL));
     for (PetscInt a = 0; a < l->dim; a++) {
       PetscReal *row = c->follow_coef + c->nfollow * c->nr;
 
@@ -244,10 +238,7 @@ PetscErrorCode ConstraintSetFollowers(Constraint c, const PetscInt follow[], Pet
   }
   for (PetscInt j = 0; j < nmore && same; j++) same = (PetscBool)(more[j] == c->more[j]);
   if (!same) c->followers_changed = PETSC_TRUE;
-  if (nmore > c->more_room) {
-    c->more_room = 2 * nmore;
-    PetscCall(PetscRealloc(c->more_room * sizeof(PetscInt), &c->more));
-  }
+  PetscCall(RoomFor(nmore, &c->more_room, &c->more, sizeof(*c->more), NULL));
   PetscCall(PetscArraycpy(c->more, more, nmore));
   c->nmore = nmore;
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -45,9 +45,9 @@ def readers():
             continue
         names = re.findall(READER, text)
         names = [name.strip('"') for _, name in names if name[0] == '"']
-        names += [f"-particle_<group>_{what}" for what in re.findall(r"option_name\([\w>-]+, \"(\w+)\"", text)]
         names += [re.sub("%s", "<group>", name) for name in re.findall(r"SNPrintf\(\w+, [^,]+, \"(-particle_%s_[a-z]\w*)\"", text)]
-        names += [re.sub("%s", "<boundary>", name) for name in re.findall(r"SNPrintf\(\w+, [^,]+, \"(-(?:flow_bc|mesh_round)_%s\w*)\"", text)]
+        joined = re.findall(r"OptJoin\(\"(-\w+)\", [^,]+, \"(\w*)\"", text)
+        names += [before + ("<group>" if before == "-particle_" else "<boundary>") + after for before, after in joined]
         for name in names:
             found[name] = found.get(name, 0) + 1
     return found

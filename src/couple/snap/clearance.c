@@ -1,6 +1,7 @@
 /* Clearance: see clearance.h. */
 #include "compat.h"
 #include "clearance.h"
+#include "base/room.h"
 
 struct _p_Clearance {
   const MeshLocal *loc;
@@ -94,10 +95,7 @@ PetscErrorCode ClearanceUpdate(Clearance c, PetscReal (*X)[3])
   PetscCall(PetscArrayzero(c->ptr, n + 1));
   sweep_pairs(c, X, PETSC_FALSE);
   for (PetscInt k = 0; k < n; k++) c->ptr[k + 1] += c->ptr[k];
-  if (c->ptr[n] > c->room) {
-    c->room = 2 * c->ptr[n];
-    PetscCall(PetscRealloc(c->room * sizeof(PetscInt), &c->near));
-  }
+  PetscCall(RoomFor(c->ptr[n], &c->room, &c->near, sizeof(*c->near), NULL));
   sweep_pairs(c, X, PETSC_TRUE);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

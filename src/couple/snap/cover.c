@@ -1,19 +1,17 @@
 /* Snap, cover: which cells belong to bodies, and what their nodes are. */
 #include "compat.h"
 #include "impl.h"
-#include "../indicator.h"
 
 /* Own cells with their centre in body k drawn at X (one periodic image); where bodies overlap, the deeper one wins */
 static PetscErrorCode cover_image(Snap s, PetscInt k, const PetscReal X[3], const PetscReal q[4], PetscReal radius)
 {
-  const MeshLocal *l     = s->loc;
-  const PetscReal  lo[2] = {X[0] - radius, X[1] - radius}, hi[2] = {X[0] + radius, X[1] + radius};
+  const MeshLocal *l = s->loc;
   const PetscInt  *list;
   PetscInt         n, m = 0, node[CHUNK];
   PetscReal        x[2 * CHUNK], dist[CHUNK];
 
   PetscFunctionBeginUser;
-  PetscCall(MeshNodesInBox(s->mesh, lo, hi, &n, &list));
+  PetscCall(MeshNodesInBox(s->mesh, X, radius, &n, &list));
   for (PetscInt e = 0; e <= n; e++) {
     if (e < n && s->kind[list[e]] == NODE_CENTRE && list[e] < l->nnode) {
       x[2 * m]     = l->x_start[2 * list[e]];
@@ -23,7 +21,7 @@ static PetscErrorCode cover_image(Snap s, PetscInt k, const PetscReal X[3], cons
     if (m < CHUNK && e < n) continue;
     PetscCall(BodiesDistance(s->bodies, k, X, q, m, x, dist));
     for (PetscInt i = 0; i < m; i++) {
-      const PetscInt c = s->centre_of[node[i]];
+      const PetscInt c = l->centre_cell[node[i]];
 
       if (dist[i] >= 0 || (s->cover[c] && dist[i] >= s->depth[node[i]])) continue;
       if (!s->cover[c]) PetscCall(SnapListAdd(&s->dead, c));
@@ -47,8 +45,8 @@ static PetscErrorCode share_cover(Snap s)
   for (PetscInt e = 0; e < s->dead.n; e++) s->code[SnapCellNodes(s, s->dead.i[e])[4]] = 0;
   for (PetscInt i = l->nnode; i < l->nnode_all; i++) {
     if (s->code[i]) {
-      s->cover[s->centre_of[i]] = s->code[i];
-      PetscCall(SnapListAdd(&s->dead, s->centre_of[i]));
+      s->cover[l->centre_cell[i]] = s->code[i];
+      PetscCall(SnapListAdd(&s->dead, l->centre_cell[i]));
     }
     s->code[i] = 0;
   }
@@ -57,18 +55,12 @@ static PetscErrorCode share_cover(Snap s)
 
 PetscErrorCode SnapCoverCells(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool fitted[])
 {
-  BodyState *state;
-
   PetscFunctionBeginUser;
-  PetscCall(BodiesGetState(s->bodies, &state));
   for (PetscInt k = 0; k < s->nbodies; k++) {
-    const PetscReal radius = BodiesGetGroup(state, k)->radius * (1 + 1e-12);
+    const PetscReal radius = BodiesGetGroup(s->state, k)->radius * (1 + 1e-12);
 
-    for (PetscInt image = 0; image < 9 && fitted[k] && !s->is_path[k]; image++) {
-      PetscReal at[3];
-
-      if (IndicatorImage(s->loc, X[k], radius, image, at)) PetscCall(cover_image(s, k, at, q[k], radius));
-    }
+    if (!fitted[k] || s->is_path[k]) continue;
+    for (DomainImages i = {0}; MeshNextImage(s->loc, X[k], radius, &i);) PetscCall(cover_image(s, k, i.at, q[k], radius));
   }
   PetscCall(share_cover(s));
   PetscFunctionReturn(PETSC_SUCCESS);

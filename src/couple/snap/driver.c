@@ -1,11 +1,12 @@
 /* SnapDriver: see snap/driver.h. */
 #include "compat.h"
 #include "driver.h"
+#include "base/room.h"
 
 struct _p_SnapDriver {
   Flow             flow;
   Moved            moved;
-  Bodies           bodies;
+  BodyState       *state;
   Mesh             mesh;
   const MeshLocal *loc;
   Snap             snap;
@@ -33,13 +34,8 @@ static PetscBool is_buried(const MeshLocal *l, PetscInt i, const PetscInt cell_b
 static PetscErrorCode append_target(SnapDriver f, PetscInt i, const PetscReal x[], PetscInt side)
 {
   PetscFunctionBeginUser;
-  if (f->ntarget == f->room) {
-    f->room = 2 * f->room + 64;
-    PetscCall(PetscRealloc(f->room * sizeof(PetscInt), &f->target));
-    PetscCall(PetscRealloc(f->room * sizeof(PetscInt), &f->side));
-    PetscCall(PetscRealloc(2 * f->room * sizeof(PetscReal), &f->x));
-    PetscCall(PetscRealloc(4 * f->room * sizeof(PetscReal), &f->value));
-  }
+  PetscCall(RoomFor(f->ntarget + 1, &f->room, &f->target, sizeof(*f->target), &f->side, sizeof(*f->side), &f->x, 2 * sizeof(*f->x), &f->value,
+                    4 * sizeof(*f->value), NULL));
   f->target[f->ntarget]    = i;
   f->side[f->ntarget]      = side;
   f->x[2 * f->ntarget]     = x[0];
@@ -125,19 +121,17 @@ static MovedMesh new_mesh(SnapDriver f)
 PetscErrorCode SnapDriverCreate(Flow flow, Bodies bodies, Moved moved, SnapDriver *fit)
 {
   SnapDriver f;
-  BodyState *state;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&f));
-  f->flow   = flow;
-  f->moved  = moved;
-  f->bodies = bodies;
+  f->flow  = flow;
+  f->moved = moved;
   PetscCall(FlowGetMesh(flow, &f->mesh));
   PetscCall(MeshGetLocal(f->mesh, &f->loc));
-  PetscCall(BodiesGetState(bodies, &state));
+  PetscCall(BodiesGetState(bodies, &f->state));
   PetscCall(SnapCreate(f->mesh, bodies, &f->snap));
   PetscCall(RemapCreate(f->mesh, &f->remap));
-  f->n = state->n;
+  f->n = f->state->n;
   PetscCall(PetscCalloc6(f->n, &f->wanted, f->n, &f->fitted, f->n, &f->before, f->n, &f->X, f->n, &f->q, f->loc->nnode_all, &f->stamp));
   *fit = f;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -163,13 +157,11 @@ PetscErrorCode SnapDriverDestroy(SnapDriver *fit)
 PetscErrorCode SnapDriverUpdate(SnapDriver f, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *fitted[], const SnapResult **result,
                                 const RemapCount **count)
 {
-  MovedMesh  to;
-  BodyState *state;
-  PetscBool  any;
+  MovedMesh to;
+  PetscBool any;
 
   PetscFunctionBeginUser;
-  PetscCall(BodiesGetState(f->bodies, &state));
-  for (PetscInt k = 0; k < f->n; k++) f->wanted[k] = (PetscBool)(!state->gone[k] && !BodiesGetGroup(state, k)->hole);
+  for (PetscInt k = 0; k < f->n; k++) f->wanted[k] = (PetscBool)(!f->state->gone[k] && !BodiesGetGroup(f->state, k)->hole);
   PetscCall(PetscArraycpy(f->before, f->fitted, f->n));
   PetscCall(SnapFit(f->snap, X, q, f->wanted, f->done ? f->before : NULL, f->fitted, &f->result));
   PetscCall(PetscArraycpy((PetscReal *)f->X, (PetscReal *)X, 3 * f->n));

@@ -1,6 +1,7 @@
 /* Inside of the snap module; for its files only. snap.c: the fit and its result. cover.c: the cells of thick bodies.
    place.c: walls, gaps, rings. check.c: is it a mesh? path.c, graph.c: bodies thinner than a cell. */
 #pragma once
+#include "base/room.h"
 #include "clearance.h"
 #include "mesh/element.h"
 #include "midline.h"
@@ -30,10 +31,10 @@ struct _p_Snap {
   Mesh             mesh;
   const MeshLocal *loc;
   Bodies           bodies;
+  BodyState       *state;
   PetscInt         nbodies;
-  NodeKind        *kind;      /* [nnode_all] */
-  PetscInt        *centre_of; /* [nnode_all] cell whose centre node this is, or -1 */
-  PetscBool       *boundary;  /* [nnode_all] on the boundary of the domain */
+  NodeKind        *kind;     /* [nnode_all] */
+  PetscBool       *boundary; /* [nnode_all] on the boundary of the domain */
   PetscReal        dphi[NPOINT][2][9];
   /* the fit in work; entries that are not listed are zero */
   PetscInt        *cover;    /* [ncell_all] body + 1 */
@@ -72,10 +73,7 @@ struct _p_Snap {
 static inline PetscErrorCode SnapListAdd(List *l, PetscInt i)
 {
   PetscFunctionBeginUser;
-  if (l->n == l->room) {
-    l->room = 2 * l->room + 64;
-    PetscCall(PetscRealloc(l->room * sizeof(PetscInt), &l->i));
-  }
+  PetscCall(RoomFor(l->n + 1, &l->room, &l->i, sizeof(*l->i), NULL));
   l->i[l->n++] = i;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

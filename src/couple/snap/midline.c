@@ -1,6 +1,7 @@
 /* Midline: see midline.h. */
 #include "compat.h"
 #include "midline.h"
+#include "base/room.h"
 
 #define STEPS   100  /* in a bounding radius */
 #define MOST    1000 /* of one march */
@@ -92,10 +93,7 @@ static PetscErrorCode find_start(Shape shape, PetscReal r, Front *f)
 static PetscErrorCode add_point(Midline m, const PetscReal x[2])
 {
   PetscFunctionBeginUser;
-  if (m->n == m->room) {
-    m->room = 2 * m->room + 256;
-    PetscCall(PetscRealloc(m->room * sizeof(*m->x), &m->x));
-  }
+  PetscCall(RoomFor(m->n + 1, &m->room, &m->x, sizeof(*m->x), NULL));
   m->x[m->n][0]   = x[0];
   m->x[m->n++][1] = x[1];
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -8,7 +8,6 @@
 #include "compat.h"
 #include "graph.h"
 #include "impl.h"
-#include "../indicator.h"
 #include "base/algebra.h"
 
 #define THIN    1.0 /* thickness below which a body is a path, smallest cell size along it */
@@ -16,11 +15,10 @@
 #define BAND    1.3 /* cells with their centre that close to the body are searched, cell sizes */
 #define AT_SIDE 0.4 /* that close to a side of the domain it ends there, cell sizes */
 #define BESIDE  3   /* as far as that from the body, cells have a side */
+
 static Midline line_of(Snap s, PetscInt k)
 {
-  BodyState *state;
-
-  return BodiesGetState(s->bodies, &state) ? NULL : s->line[state->body_group[k]];
+  return s->line[s->state->body_group[k]];
 }
 
 /* ---- frames ---- */
@@ -29,28 +27,24 @@ static Midline line_of(Snap s, PetscInt k)
 static PetscErrorCode into_body(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt i, PetscReal y[2])
 {
   const MeshLocal *l = s->loc;
-  BodyState       *state;
   PetscReal        R[9], r[2];
 
   PetscFunctionBeginUser;
-  PetscCall(BodiesGetState(s->bodies, &state));
   RotationMatrix(q[k], R);
   for (PetscInt a = 0; a < 2; a++) r[a] = MeshNearest(l, a, l->x_start[2 * i + a] - X[k][a]);
-  for (PetscInt a = 0; a < 2; a++) y[a] = R[a] * r[0] + R[3 + a] * r[1] + BodiesGetGroup(state, k)->mass.centroid[a];
+  for (PetscInt a = 0; a < 2; a++) y[a] = R[a] * r[0] + R[3 + a] * r[1] + BodiesGetGroup(s->state, k)->mass.centroid[a];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* From the frame of body k to the place beside the body as it is drawn */
 static PetscErrorCode out_of_body(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], const PetscReal y[2], PetscReal x[2])
 {
-  BodyState *state;
-  PetscReal  R[9];
+  PetscReal R[9];
 
   PetscFunctionBeginUser;
-  PetscCall(BodiesGetState(s->bodies, &state));
   RotationMatrix(q[k], R);
   for (PetscInt a = 0; a < 2; a++) {
-    const PetscReal *c = BodiesGetGroup(state, k)->mass.centroid;
+    const PetscReal *c = BodiesGetGroup(s->state, k)->mass.centroid;
 
     x[a] = X[k][a] + R[3 * a] * (y[0] - c[0]) + R[3 * a + 1] * (y[1] - c[1]);
   }
@@ -72,25 +66,10 @@ static PetscErrorCode way_to_line(Snap s, PetscInt k, PetscReal (*X)[3], PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Local nodes in the box around body k, drawn as its image number `image` (place at [3]), that leaves `margin`
-   around it: a list that the next call replaces; none where the image does not reach the domain */
-static PetscErrorCode list_nodes(Snap s, PetscInt k, PetscReal (*X)[3], PetscInt image, PetscReal margin, PetscReal at[3], PetscInt *n,
-                                 const PetscInt *list[])
+/* Bounding radius of body k and a margin around it */
+static PetscReal radius_with(Snap s, PetscInt k, PetscReal margin)
 {
-  BodyState *state;
-  PetscReal  radius, lo[2], hi[2];
-
-  PetscFunctionBeginUser;
-  *n = 0;
-  PetscCall(BodiesGetState(s->bodies, &state));
-  radius = BodiesGetGroup(state, k)->radius + margin;
-  if (!IndicatorImage(s->loc, X[k], radius, image, at)) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt a = 0; a < 2; a++) {
-    lo[a] = at[a] - radius;
-    hi[a] = at[a] + radius;
-  }
-  PetscCall(MeshNodesInBox(s->mesh, lo, hi, n, list));
-  PetscFunctionReturn(PETSC_SUCCESS);
+  return BodiesGetGroup(s->state, k)->radius + margin;
 }
 
 /* ---- which bodies ---- */
@@ -98,20 +77,20 @@ static PetscErrorCode list_nodes(Snap s, PetscInt k, PetscReal (*X)[3], PetscInt
 /* Smallest cell along body k as far as this rank knows it */
 static PetscErrorCode smallest_cell(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal *size)
 {
-  const MeshLocal *l = s->loc;
+  const MeshLocal *l      = s->loc;
+  const PetscReal  radius = radius_with(s, k, s->coarsest);
 
   PetscFunctionBeginUser;
-  for (PetscInt image = 0; image < 9; image++) {
-    PetscReal       at[3];
+  for (DomainImages image = {0}; MeshNextImage(l, X[k], radius, &image);) {
     const PetscInt *list;
     PetscInt        n;
 
-    PetscCall(list_nodes(s, k, X, image, s->coarsest, at, &n, &list));
+    PetscCall(MeshNodesInBox(s->mesh, image.at, radius, &n, &list));
     for (PetscInt e = 0; e < n; e++) {
       PetscReal d;
 
       if (s->kind[list[e]] != NODE_CENTRE || list[e] >= l->nnode || s->size[list[e]] >= *size) continue;
-      PetscCall(BodiesDistance(s->bodies, k, at, q[k], 1, l->x_start + 2 * list[e], &d));
+      PetscCall(BodiesDistance(s->bodies, k, image.at, q[k], 1, l->x_start + 2 * list[e], &d));
       if (d < 0.5 * s->size[list[e]]) *size = s->size[list[e]];
     }
   }
@@ -153,10 +132,7 @@ static PetscErrorCode add_record(Snap s, PetscInt k, PetscReal (*X)[3], PetscRea
   PetscReal      *r;
 
   PetscFunctionBeginUser;
-  if (*n == *room) {
-    *room = 2 * *room + 64;
-    PetscCall(PetscRealloc(*room * SNAP_RECORD * sizeof(PetscReal), record));
-  }
+  PetscCall(RoomFor(*n + 1, room, record, SNAP_RECORD * sizeof(**record), NULL));
   r    = *record + SNAP_RECORD * (*n)++;
   r[0] = (PetscReal)k;
   r[1] = s->size[node[4]];
@@ -180,18 +156,20 @@ static PetscErrorCode collect_records(Snap s, PetscReal (*X)[3], PetscReal (*q)[
   *count  = 0;
   *record = NULL;
   for (PetscInt k = 0; k < s->nbodies; k++) {
-    for (PetscInt image = 0; image < 9 && s->fitted[k] && s->is_path[k]; image++) {
-      PetscReal       at[3];
+    const PetscReal radius = radius_with(s, k, BAND * s->coarsest);
+
+    if (!s->fitted[k] || !s->is_path[k]) continue;
+    for (DomainImages image = {0}; MeshNextImage(l, X[k], radius, &image);) {
       const PetscInt *list;
       PetscInt        n;
 
-      PetscCall(list_nodes(s, k, X, image, BAND * s->coarsest, at, &n, &list));
+      PetscCall(MeshNodesInBox(s->mesh, image.at, radius, &n, &list));
       for (PetscInt e = 0; e < n; e++) {
         PetscReal d;
 
         if (s->kind[list[e]] != NODE_CENTRE || list[e] >= l->nnode) continue;
-        PetscCall(BodiesDistance(s->bodies, k, at, q[k], 1, l->x_start + 2 * list[e], &d));
-        if (d < BAND * s->size[list[e]]) PetscCall(add_record(s, k, X, q, s->centre_of[list[e]], count, &room, record));
+        PetscCall(BodiesDistance(s->bodies, k, image.at, q[k], 1, l->x_start + 2 * list[e], &d));
+        if (d < BAND * s->size[list[e]]) PetscCall(add_record(s, k, X, q, l->centre_cell[list[e]], count, &room, record));
       }
     }
   }
@@ -227,13 +205,10 @@ static PetscErrorCode share_records(PetscInt *count, PetscReal **record)
 /* Corners that the path of another body has taken */
 static PetscErrorCode block_paths(Snap s, PetscInt k, PetscReal (*X)[3], Graph *g)
 {
-  BodyState *state;
-
   PetscFunctionBeginUser;
-  PetscCall(BodiesGetState(s->bodies, &state));
   for (PetscInt j = 0; j < k; j++) {
     const SnapPath *p     = s->path + j;
-    const PetscReal reach = BodiesGetGroup(state, j)->radius + BodiesGetGroup(state, k)->radius + 2 * SNAP_NEAR * s->coarsest;
+    const PetscReal reach = BodiesGetGroup(s->state, j)->radius + BodiesGetGroup(s->state, k)->radius + 2 * SNAP_NEAR * s->coarsest;
     PetscReal       d2    = 0;
 
     if (!p->n) continue;
@@ -303,7 +278,7 @@ static PetscErrorCode choose_path(Snap s, PetscInt k, PetscReal (*X)[3], PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapPathClear(Snap s)
+static PetscErrorCode clear_paths(Snap s)
 {
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < s->nbodies; k++) {
@@ -387,13 +362,15 @@ static PetscBool ends_on_side(Snap s, PetscInt i)
    Those on a side of the domain belong to that. */
 static PetscErrorCode mark_path(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4])
 {
+  const MeshLocal *l      = s->loc;
+  const PetscReal  radius = radius_with(s, k, 2 * SNAP_NEAR * s->coarsest);
+
   PetscFunctionBeginUser;
-  for (PetscInt image = 0; image < 9; image++) {
-    PetscReal       at[3];
+  for (DomainImages image = {0}; MeshNextImage(l, X[k], radius, &image);) {
     const PetscInt *list;
     PetscInt        n;
 
-    PetscCall(list_nodes(s, k, X, image, 2 * SNAP_NEAR * s->coarsest, at, &n, &list));
+    PetscCall(MeshNodesInBox(s->mesh, image.at, radius, &n, &list));
     for (PetscInt e = 0; e < n; e++) {
       const PetscInt i = list[e];
       PetscReal      t, x[2];
@@ -424,7 +401,7 @@ PetscErrorCode SnapPathPlaceVertices(Snap s, PetscReal (*X)[3], PetscReal (*q)[4
   Graph      g;
 
   PetscFunctionBeginUser;
-  PetscCall(SnapPathClear(s));
+  PetscCall(clear_paths(s));
   for (PetscInt k = 0; k < s->nbodies; k++) any = (PetscBool)(any || (s->fitted[k] && s->is_path[k]));
   if (!any) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(collect_records(s, X, q, &count, &record));
@@ -458,23 +435,23 @@ PetscErrorCode SnapPathPlaceEdges(Snap s, PetscReal (*X)[3], PetscReal (*q)[4])
 
 static PetscErrorCode find_sides(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal length)
 {
-  const MeshLocal *l = s->loc;
+  const MeshLocal *l      = s->loc;
+  const PetscReal  radius = radius_with(s, k, (BESIDE + 1) * s->coarsest);
   PetscReal        R[9];
 
   PetscFunctionBeginUser;
   RotationMatrix(q[k], R);
-  for (PetscInt image = 0; image < 9; image++) {
-    PetscReal       at[3];
+  for (DomainImages image = {0}; MeshNextImage(l, X[k], radius, &image);) {
     const PetscInt *list;
     PetscInt        n;
 
-    PetscCall(list_nodes(s, k, X, image, (BESIDE + 1) * s->coarsest, at, &n, &list));
+    PetscCall(MeshNodesInBox(s->mesh, image.at, radius, &n, &list));
     for (PetscInt e = 0; e < n; e++) {
       const PetscInt  i    = list[e];
       const PetscReal x[2] = {l->x_start[2 * i] + s->d[2 * i], l->x_start[2 * i + 1] + s->d[2 * i + 1]};
       PetscReal       y[2], t, d;
 
-      PetscCall(BodiesDistance(s->bodies, k, at, q[k], 1, x, &d));
+      PetscCall(BodiesDistance(s->bodies, k, image.at, q[k], 1, x, &d));
       if (d > BESIDE * s->size[i] || s->node_side[i] || (s->code[i] && (s->code[i] - 1) / 2 == k)) continue;
       PetscCall(into_body(s, k, X, q, i, y));
       for (PetscInt a = 0; a < 2; a++) y[a] += R[a] * s->d[2 * i] + R[3 + a] * s->d[2 * i + 1];
@@ -482,9 +459,9 @@ static PetscErrorCode find_sides(Snap s, PetscInt k, PetscReal (*X)[3], PetscRea
       if (t <= 0 || t >= length) continue;
       s->node_side[i] = d > 0 ? k + 1 : -(k + 1);
       PetscCall(SnapListAdd(&s->side_node, i));
-      if (s->centre_of[i] < 0) continue;
-      s->cell_side[0][s->centre_of[i]] = s->node_side[i];
-      PetscCall(SnapListAdd(&s->side_cell[0], s->centre_of[i]));
+      if (l->centre_cell[i] < 0) continue;
+      s->cell_side[0][l->centre_cell[i]] = s->node_side[i];
+      PetscCall(SnapListAdd(&s->side_cell[0], l->centre_cell[i]));
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -518,21 +495,18 @@ PetscErrorCode SnapPathFindSides(Snap s, PetscReal (*X)[3], PetscReal (*q)[4])
 
 PetscErrorCode SnapPathSetUp(Snap s)
 {
-  BodyState *state;
-
   PetscFunctionBeginUser;
-  PetscCall(BodiesGetState(s->bodies, &state));
   s->coarsest = 0;
   for (PetscInt i = 0; i < s->loc->nnode; i++) s->coarsest = PetscMax(s->coarsest, s->size[i]);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &s->coarsest, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
-  PetscCall(PetscCalloc4(state->ngroups, &s->line, s->nbodies, &s->is_path, s->nbodies, &s->path, s->nbodies, &s->smallest));
+  PetscCall(PetscCalloc4(s->state->ngroups, &s->line, s->nbodies, &s->is_path, s->nbodies, &s->path, s->nbodies, &s->smallest));
   PetscCall(PetscCalloc1(s->loc->nnode_all, &s->node_side));
   for (PetscInt j = 0; j < 2; j++) PetscCall(PetscCalloc1(s->loc->ncell_all, &s->cell_side[j]));
-  for (PetscInt g = 0; g < state->ngroups; g++) {
+  for (PetscInt g = 0; g < s->state->ngroups; g++) {
     PetscReal thickness;
 
-    if (state->group[g].hole) continue;
-    PetscCall(MidlineCreate(state->group[g].shape, &s->line[g]));
+    if (s->state->group[g].hole) continue;
+    PetscCall(MidlineCreate(s->state->group[g].shape, &s->line[g]));
     if (!s->line[g]) continue;
     PetscCall(MidlineGetSize(s->line[g], NULL, &thickness));
     if (thickness >= THIN * s->coarsest) PetscCall(MidlineDestroy(&s->line[g])); /* thick everywhere */
@@ -542,12 +516,9 @@ PetscErrorCode SnapPathSetUp(Snap s)
 
 PetscErrorCode SnapPathTearDown(Snap s)
 {
-  BodyState *state;
-
   PetscFunctionBeginUser;
-  PetscCall(BodiesGetState(s->bodies, &state));
-  PetscCall(SnapPathClear(s));
-  for (PetscInt g = 0; g < state->ngroups; g++) PetscCall(MidlineDestroy(&s->line[g]));
+  PetscCall(clear_paths(s));
+  for (PetscInt g = 0; g < s->state->ngroups; g++) PetscCall(MidlineDestroy(&s->line[g]));
   PetscCall(PetscFree4(s->line, s->is_path, s->path, s->smallest));
   PetscCall(PetscFree(s->path_edge.i));
   PetscCall(PetscFree(s->node_side));

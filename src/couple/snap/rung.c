@@ -87,13 +87,11 @@ static PetscErrorCode accept_step(Couple c, void *rung)
 {
   SnapRung        *r = (SnapRung *)rung;
   const BodyState *s = c->s;
-  const FlowStep  *step;
 
   PetscFunctionBeginUser;
   r->count[TAYLOR].value = r->count[KEPT].value = 0;
-  PetscCall(FlowGetStep(c->flow, &step));
   for (PetscInt k = 0; k < s->n && !r->remarked; k++) {
-    const PetscReal way = BodiesFastestPoint(s, k, 0) * step->dt / c->loc->h;
+    const PetscReal way = BodiesFastestPoint(s, k, 0) * c->step->dt / c->loc->h;
 
     if (s->gone[k] || way <= 0.5) continue;
     r->remarked = PETSC_TRUE;
@@ -102,7 +100,7 @@ static PetscErrorCode accept_step(Couple c, void *rung)
                   "remark: body %" PetscInt_FMT
                   " (group '%s') goes %.2g of the smallest cells in the step to t = %g; -couple_boundary snap loses accuracy beyond 0.5: lower -sim_dt (%g), or "
                   "use -sim_adapt\n",
-                  k, BodiesGetGroup(s, k)->name, (double)way, (double)step->time, (double)step->dt));
+                  k, BodiesGetGroup(s, k)->name, (double)way, (double)c->step->time, (double)c->step->dt));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -65,10 +65,7 @@ static PetscErrorCode collect_nodes(Snap s)
   PetscFunctionBeginUser;
   s->now++;
   s->node.n = 0;
-  if (s->x_room < 2 * (s->placed.n + s->old_placed.n)) {
-    s->x_room = 4 * (s->placed.n + s->old_placed.n);
-    PetscCall(PetscRealloc(s->x_room * sizeof(PetscReal), &s->x));
-  }
+  PetscCall(RoomFor(s->placed.n + s->old_placed.n, &s->x_room, &s->x, 2 * sizeof(*s->x), NULL));
   for (PetscInt e = 0; e < s->placed.n + s->old_placed.n; e++) {
     const PetscInt  i    = e < s->placed.n ? s->placed.i[e] : s->old_placed.i[e - s->placed.n];
     const PetscReal x[2] = {l->x_start[2 * i] + s->d[2 * i], l->x_start[2 * i + 1] + s->d[2 * i + 1]};
@@ -151,12 +148,10 @@ static PetscErrorCode know_nodes(Snap s)
   PetscReal        reach = 0;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < l->nnode_all; i++) s->centre_of[i] = -1;
   for (PetscInt i = 0; i < l->ncell_all * l->nb; i++) {
     const PetscInt j = i % l->nb, odd = j % 3 % 2 + j / 3 % 2;
 
     s->kind[l->cell_node[i]] = odd == 2 ? NODE_CENTRE : odd ? NODE_EDGE : NODE_VERTEX;
-    if (odd == 2) s->centre_of[l->cell_node[i]] = i / l->nb;
   }
   PetscCall(MeshGetBoundaryCount(s->mesh, &nboundary));
   for (PetscInt b = 0; b < nboundary; b++) {
@@ -179,9 +174,8 @@ static PetscErrorCode know_nodes(Snap s)
 
 PetscErrorCode SnapCreate(Mesh mesh, Bodies bodies, Snap *snap)
 {
-  Snap       s;
-  BodyState *state;
-  PetscInt   n;
+  Snap     s;
+  PetscInt n;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&s));
@@ -191,10 +185,10 @@ PetscErrorCode SnapCreate(Mesh mesh, Bodies bodies, Snap *snap)
   PetscCheck(s->loc->dim == 2, PETSC_COMM_WORLD, PETSC_ERR_SUP,
              "-couple_boundary snap lines up plane meshes only, this one has dimension %" PetscInt_FMT ": use -couple_boundary penalty or nodal",
              s->loc->dim);
-  PetscCall(BodiesGetState(bodies, &state));
-  s->nbodies = state->n;
+  PetscCall(BodiesGetState(bodies, &s->state));
+  s->nbodies = s->state->n;
   n          = s->loc->nnode_all;
-  PetscCall(PetscCalloc6(n, &s->kind, n, &s->centre_of, n, &s->boundary, n, &s->code, n, &s->level, 2 * n, &s->d));
+  PetscCall(PetscCalloc5(n, &s->kind, n, &s->boundary, n, &s->code, n, &s->level, 2 * n, &s->d));
   PetscCall(PetscCalloc6(n, &s->depth, n, &s->work, n, &s->stamp[0], n, &s->node_body, n, &s->on_wall, n, &s->size));
   PetscCall(PetscCalloc5(s->loc->ncell_all, &s->cover, s->loc->ncell_all, &s->stamp[1], s->loc->ncell_all, &s->cell_body, s->loc->ncell_all,
                          &s->cell_before, 3 * s->nbodies, &s->flags));
@@ -213,7 +207,7 @@ PetscErrorCode SnapDestroy(Snap *snap)
 
   PetscFunctionBeginUser;
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscFree6(s->kind, s->centre_of, s->boundary, s->code, s->level, s->d));
+  PetscCall(PetscFree5(s->kind, s->boundary, s->code, s->level, s->d));
   PetscCall(PetscFree6(s->depth, s->work, s->stamp[0], s->node_body, s->on_wall, s->size));
   PetscCall(PetscFree5(s->cover, s->stamp[1], s->cell_body, s->cell_before, s->flags));
   PetscCall(PetscFree3(s->area, s->lost, s->hollow));

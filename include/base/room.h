@@ -1,0 +1,7 @@
+/* Room: arrays that grow together. */
+#pragma once
+#include <petscsys.h>
+
+/* Makes room for n entries in each of some arrays: their addresses and the sizes of an entry in turn, NULL at the end,
+   as in RoomFor(n + 1, &room, &node, sizeof(*node), &x, 3 * sizeof(*x), NULL). Grows by doubling. Not collective. */
+PetscErrorCode RoomFor(PetscInt n, PetscInt *room, ...);
