@@ -46,8 +46,14 @@ typedef struct {
 } CoupleCount;
 PetscErrorCode CoupleGetCounts(Couple, PetscInt *n, const CoupleCount *count[]);
 
-/* Body index of every local node in this step, or -1: [nnode_all]. */
+/* Body whose rigid motion a local node follows in this step, or -1: [nnode_all]. What follows a body is the rung's
+   choice: under penalty thin bodies and small ones have no such node. */
 PetscErrorCode CoupleGetNodeBody(Couple, const PetscInt *node_body[]);
+
+/* Body that a local node lies in, or -1, whatever the rung: body [nnode_all], by the sign of the distance, bodies where
+   the flow last saw them. Bodies that are holes of the mesh hold no node. For output: the cost is that of marking all
+   bodies. Not collective. */
+PetscErrorCode CoupleMarkInside(Couple, PetscInt body[]);
 
 /* What the bodies give this rank to do in this step: own cells with a node in a body, and bodies that cover an own
    node. Not collective. */

@@ -422,6 +422,26 @@ PetscErrorCode CoupleGetNodeBody(Couple c, const PetscInt *node_body[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode CoupleMarkInside(Couple c, PetscInt body[])
+{
+  const PetscInt *inside, *rigid;
+  Indicator       mark;
+
+  PetscFunctionBeginUser;
+  PetscCall(IndicatorGetNodes(c->mark, &rigid, NULL, NULL));
+  PetscCall(IndicatorCreate(c->mesh, c->bodies, &mark));
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    const PetscBool drawn = (PetscBool)(c->q[k][0] != 0 || c->q[k][1] != 0 || c->q[k][2] != 0 || c->q[k][3] != 0);
+
+    PetscCall(IndicatorInsideBody(mark, k, drawn ? c->X[k] : c->s->x[k], drawn ? c->q[k] : c->s->q[k]));
+  }
+  PetscCall(IndicatorGetNodes(mark, &inside, NULL, NULL));
+  /* nodes that a rung has put onto the surface lie there up to rounding */
+  for (PetscInt i = 0; i < c->loc->nnode_all; i++) body[i] = rigid[i] >= 0 ? rigid[i] : inside[i];
+  PetscCall(IndicatorDestroy(&mark));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoupleGetLoad(Couple c, PetscInt *ncells, PetscInt *nbodies)
 {
   const PetscInt *node_body, *node;
