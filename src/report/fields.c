@@ -245,12 +245,12 @@ static void print_snapshot(FILE *f, const Output o, const Snapshot *s)
   fprintf(f, "</Topology>\n        <Geometry GeometryType=\"XYZ\">");
   XdmfItem(f, PETSC_FALSE, o->points.total, 3, mesh, "coordinates");
   fprintf(f, "</Geometry>\n");
-  XdmfAttribute(f, PETSC_FALSE, o->points.total, 3, "Node", file, "velocity");
-  XdmfAttribute(f, PETSC_FALSE, o->points.total, m->dim == 2 ? 1 : 3, "Node", file, "vorticity");
-  XdmfAttribute(f, PETSC_FALSE, o->points.total, 1, "Node", file, "pressure");
-  if (s->body) XdmfAttribute(f, PETSC_TRUE, o->points.total, 1, "Node", file, "body");
-  XdmfAttribute(f, PETSC_FALSE, m->ncell_global, 1, "Cell", file, "pressure_mean");
-  XdmfAttribute(f, PETSC_FALSE, m->ncell_global, 3, "Cell", file, "pressure_gradient");
+  XdmfAttribute(f, PETSC_FALSE, o->points.total, 3, "Node", "velocity", file, "velocity");
+  XdmfAttribute(f, PETSC_FALSE, o->points.total, m->dim == 2 ? 1 : 3, "Node", "vorticity", file, "vorticity");
+  XdmfAttribute(f, PETSC_FALSE, o->points.total, 1, "Node", "pressure", file, "pressure");
+  if (s->body) XdmfAttribute(f, PETSC_TRUE, o->points.total, 1, "Node", "body", file, "body");
+  XdmfAttribute(f, PETSC_FALSE, m->ncell_global, 1, "Cell", "pressure_mean", file, "pressure_mean");
+  XdmfAttribute(f, PETSC_FALSE, m->ncell_global, 3, "Cell", "pressure_gradient", file, "pressure_gradient");
   fprintf(f, "      </Grid>\n");
 }
 

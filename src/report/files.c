@@ -67,9 +67,9 @@ void XdmfItem(FILE *f, PetscBool integer, PetscInt n, PetscInt bs, const char fi
   fprintf(f, "\">%s:/%s</DataItem>", file, name);
 }
 
-void XdmfAttribute(FILE *f, PetscBool integer, PetscInt n, PetscInt bs, const char centre[], const char file[], const char name[])
+void XdmfAttribute(FILE *f, PetscBool integer, PetscInt n, PetscInt bs, const char centre[], const char name[], const char file[], const char item[])
 {
   fprintf(f, "        <Attribute Name=\"%s\" AttributeType=\"%s\" Center=\"%s\">", name, bs > 1 ? "Vector" : "Scalar", centre);
-  XdmfItem(f, integer, n, bs, file, name);
+  XdmfItem(f, integer, n, bs, file, item);
   fprintf(f, "</Attribute>\n");
 }
