@@ -96,8 +96,19 @@ typedef struct {
   PetscReal openings[3]; /* traction where an inflow prescribes the velocity, less the momentum that flows out, rho int
                             w.grad u */
   PetscReal volume[3];   /* -flow_force over the domain */
-  PetscReal error;       /* largest component of fluid - the rest, over the sum of the sizes of all forces */
+  PetscReal mean[3]; /* velocity, mean over the domain with the bodies in it (less those that are holes of the mesh) */
+  PetscReal error;   /* largest component of fluid - the rest, over the sum of the sizes of all forces */
 } CoupleBalance;
 
 /* rate: momentum_rate of FlowDiagnose. Collective. */
 PetscErrorCode CoupleMomentum(Couple, const PetscReal rate[3], CoupleBalance *);
+
+/* A named boundary of the mesh: a wall, an opening (inflow, outflow), or neither (the surface of a body). */
+typedef struct {
+  const char *name;
+  PetscBool   wall, open;
+  PetscReal   force[3]; /* of the fluid on the wall, as in the balance of momentum */
+  PetscReal   rate;     /* volume (2D: area) a time that flows out through the opening */
+} CoupleBoundary;
+/* As CoupleMomentum found them in this step. Borrowed: names stay, values change. Not collective. */
+PetscErrorCode CoupleGetBoundaries(Couple, PetscInt *n, const CoupleBoundary *boundary[]);

@@ -318,6 +318,7 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   c->implicit = type == 0;
   PetscCall(FittedCreate(flow, bodies, &c->hole));
   PetscCall(CoupleListPrescribedCells(c));
+  PetscCall(BoundariesCreate(flow, c->hole, &c->boundaries));
   PetscCall(ConstraintCreate(c->mesh, n, &c->constraint));
   PetscCall(ConstraintGetRigidSize(c->constraint, &c->nr));
   PetscCall(create_solver(c));
@@ -374,6 +375,7 @@ PetscErrorCode CoupleDestroy(Couple *couple)
   if (!c) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowSolverDestroy(&c->solver));
   PetscCall(FittedDestroy(&c->hole));
+  PetscCall(BoundariesDestroy(&c->boundaries));
   PetscCall(PetscFree(c->prescribed));
   PetscCall(ConstraintDestroy(&c->constraint));
   PetscCall(IndicatorDestroy(&c->mark));
@@ -412,6 +414,13 @@ PetscErrorCode CoupleGetCounts(Couple c, PetscInt *n, const CoupleCount *count[]
   *n     = 0;
   *count = NULL;
   if (c->rung->report) PetscCall((*c->rung->report)(c->rung_data, n, count));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleGetBoundaries(Couple c, PetscInt *n, const CoupleBoundary *boundary[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(BoundariesGet(c->boundaries, n, boundary));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
