@@ -15,6 +15,7 @@
 #include <stdlib.h>
 #include <version.h>
 #include <string.h>
+#include <strings.h>
 
 static const char
   help[] = "tumble: particulate flow by the finite element fictitious boundary method.\n"
@@ -204,6 +205,22 @@ static int tell(Wish wish, OptFormat format)
   return 0;
 }
 
+/* The options.txt of a run repeats the run, from its beginning and in a directory of its own: where results go and what
+   was continued is said anew. */
+static PetscErrorCode forget_place(int argc, char **argv)
+{
+  static const char *const names[] = {"-output_dir", "-output_overwrite", "-sim_restart"};
+
+  PetscFunctionBeginUser;
+  for (int k = 0; k < 3; k++) {
+    PetscBool given = PETSC_FALSE;
+
+    for (int i = 2; i < argc; i++) given = (PetscBool)(given || !strcasecmp(argv[i], names[k]));
+    if (!given) PetscCall(PetscOptionsClearValue(NULL, names[k]));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 int main(int argc, char **argv)
 {
   char           path[PETSC_MAX_PATH_LEN] = "", name[256] = "scene";
@@ -231,6 +248,7 @@ int main(int argc, char **argv)
   PetscCall(PetscPushErrorHandler(note_error, NULL));
   if (wish == HELP_PETSC) PetscCall(PetscOptionsSetValue(NULL, "-scene_dry_run", "1"));
   ierr = LogInitialize();
+  if (!ierr && SceneFileIsList(path)) ierr = forget_place(argc, argv);
   if (!ierr) ierr = SceneRun(name);
   if (ierr) return leave_after_error();
   PetscCall(ShapeFinalize());
