@@ -113,8 +113,9 @@ style: ## rooms, text, formatting, scripts that compile
 	@if command -v clang-format > /dev/null; then clang-format --dry-run -Werror $(SOURCES); else echo "clang-format is not installed: formatting is not checked"; fi
 format: ## apply clang-format to all C files
 	clang-format -i $(SOURCES)
-options: all ## write runs/OPTIONS.md anew from the tables of options (src/*/options.c)
+options: all ## write runs/OPTIONS.md and runs/OUTPUT.md anew from the tables of options (src/*/options.c) and columns (src/report)
 	$(BUILD)/tumble -help markdown > runs/OPTIONS.md
+	$(BUILD)/tumble -help output > runs/OUTPUT.md
 $(BUILD)/tumble.1: $(BUILD)/tumble $(SHAPES)
 	$(call ENTER,MAN) $(BUILD)/tumble -help man > $@
 install: all $(BUILD)/tests/shape/conformance $(BUILD)/tumble.pc $(BUILD)/tumble.1 ## install program, library, header of shapes, shapes, manual page, pkg-config file into PREFIX (default /usr/local; DESTDIR= for packages)

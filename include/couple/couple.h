@@ -44,8 +44,14 @@ typedef struct {
 } CoupleCount;
 PetscErrorCode CoupleGetCounts(Couple, PetscInt *n, const CoupleCount *count[]);
 
-/* Body index of every local node in this step, or -1: [nnode_all]. */
+/* Body whose rigid motion a local node follows in this step, or -1: [nnode_all]. What follows a body is the rung's
+   choice: under penalty thin bodies and small ones have no such node. */
 PetscErrorCode CoupleGetNodeBody(Couple, const PetscInt *node_body[]);
+
+/* Body that a local node lies in, or -1, whatever the rung: body [nnode_all], by the sign of the distance, bodies where
+   the flow last saw them. Bodies that are holes of the mesh hold no node. For output: the cost is that of marking all
+   bodies. Not collective. */
+PetscErrorCode CoupleMarkInside(Couple, PetscInt body[]);
 
 /* What the bodies give this rank to do in this step: own cells with a node in a body, and bodies that cover an own
    node. Not collective. */
@@ -88,8 +94,19 @@ typedef struct {
   PetscReal openings[3]; /* traction where an inflow prescribes the velocity, less the momentum that flows out, rho int
                             w.grad u */
   PetscReal volume[3];   /* -flow_force over the domain */
-  PetscReal error;       /* largest component of fluid - the rest, over the sum of the sizes of all forces */
+  PetscReal mean[3]; /* velocity, mean over the domain with the bodies in it (less those that are holes of the mesh) */
+  PetscReal error;   /* largest component of fluid - the rest, over the sum of the sizes of all forces */
 } CoupleBalance;
 
 /* rate: momentum_rate of FlowDiagnose. Collective. */
 PetscErrorCode CoupleMomentum(Couple, const PetscReal rate[3], CoupleBalance *);
+
+/* A named boundary of the mesh: a wall, an opening (inflow, outflow), or neither (the surface of a body). */
+typedef struct {
+  const char *name;
+  PetscBool   wall, open;
+  PetscReal   force[3]; /* of the fluid on the wall, as in the balance of momentum */
+  PetscReal   rate;     /* volume (2D: area) a time that flows out through the opening */
+} CoupleBoundary;
+/* As CoupleMomentum found them in this step. Borrowed: names stay, values change. Not collective. */
+PetscErrorCode CoupleGetBoundaries(Couple, PetscInt *n, const CoupleBoundary *boundary[]);

@@ -24,3 +24,8 @@ PetscErrorCode ConditionsPressureIsFloating(Conditions, PetscBool *floating);
 /* Bit mask of solid faces of the box (no_slip or moving_wall): bit 2 axis for lower, 2 axis + 1 for upper. Boundaries
    of other names do not count. */
 PetscErrorCode ConditionsGetSolidFaces(Conditions, PetscInt *faces);
+/* Is boundary b a wall (no_slip, moving_wall, rotating_wall, slip), or open (inflow, outflow)? */
+PetscErrorCode ConditionsGetKind(Conditions, PetscInt b, PetscBool *wall, PetscBool *open);
+/* The boundary whose condition prescribes a component, or -1: owner [nnode_all][dim]. Where boundaries meet it is the one
+   whose value holds. */
+PetscErrorCode ConditionsGetOwners(Conditions, PetscInt owner[]);

@@ -13,6 +13,7 @@
 #include "bodies/bodies.h"
 #include "base/state.h"
 #include <petscmat.h>
+#include <stdio.h>
 
 typedef struct _p_Monitor *Monitor;
 
@@ -45,13 +46,20 @@ typedef struct {
   const char *meaning;
 } MonitorColumn;
 extern const MonitorColumn MONITOR_SERIES[], MONITOR_BODIES[];
+/* What further columns of series.csv may be called: a <word> stands for any text. */
+extern const MonitorColumn MONITOR_FURTHER[];
+/* Is there a row of that table for this name? */
+PetscBool MonitorExplains(const char name[]);
+/* All tables of columns and of datasets as runs/OUTPUT.md. */
+void MonitorPrintTables(FILE *);
 
 /* Reads the options; touches no file. The bodies are not owned and must live as long as the monitor. Collective on
    PETSC_COMM_WORLD.
    Errors: -output_bodies outside of the bodies there are. */
 PetscErrorCode MonitorCreate(Bodies, Monitor *);
 /* A further column of series.csv, after those above; columns are numbered from 0. Before MonitorOpen, same calls on
-   all ranks. Its value is 0 until it is set; the value of the last MonitorSetColumn is printed. Not collective. */
+   all ranks. Its value is 0 until it is set; the value of the last MonitorSetColumn is printed. Not collective. Error: no row of
+   MONITOR_FURTHER explains it. */
 PetscErrorCode MonitorAddColumn(Monitor, const char name[], PetscInt *column);
 PetscErrorCode MonitorSetColumn(Monitor, PetscInt column, PetscReal value);
 /* StateVisit of a Monitor: what it has tracked, and how long its files are. */

@@ -14,9 +14,12 @@
    Returns 0 and fills path, or 1 when there is none (or when it does not fit into len characters). */
 int SceneFileName(int argc, char **argv, char path[], size_t len);
 
-/* "runs/sedimentation.yaml" -> "sedimentation". Returns 0, or 1 when the stem is empty or does not fit (stem is ""
-   then). */
+/* "runs/sedimentation.yaml" -> "sedimentation"; "out/dkt/options.txt" -> "dkt-again". Returns 0, or 1 when the stem is
+   empty or does not fit (stem is "" then). */
 int SceneFileStem(const char path[], char stem[], size_t len);
+
+/* Is the file a list of options in place of a scene, the options.txt of a run? Told by its name. */
+int SceneFileIsList(const char path[]);
 
 /* Returns 0 when PETSc can read the file as it was meant. Otherwise 1, with the first fault in message: unreadable or
    empty file, tabs in the indentation, syntax, duplicate keys (also two spellings of one option), lists of maps,

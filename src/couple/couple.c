@@ -305,6 +305,7 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   c->implicit = type == 0;
   PetscCall(FittedCreate(flow, bodies, &c->hole));
   PetscCall(CoupleListPrescribedCells(c));
+  PetscCall(BoundariesCreate(flow, c->hole, &c->boundaries));
   PetscCall(ConstraintCreate(c->mesh, n, &c->constraint));
   PetscCall(ConstraintGetRigidSize(c->constraint, &c->nr));
   PetscCall(create_solver(c));
@@ -361,6 +362,7 @@ PetscErrorCode CoupleDestroy(Couple *couple)
   if (!c) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowSolverDestroy(&c->solver));
   PetscCall(FittedDestroy(&c->hole));
+  PetscCall(BoundariesDestroy(&c->boundaries));
   PetscCall(PetscFree(c->prescribed));
   PetscCall(ConstraintDestroy(&c->constraint));
   PetscCall(IndicatorDestroy(&c->mark));
@@ -402,10 +404,37 @@ PetscErrorCode CoupleGetCounts(Couple c, PetscInt *n, const CoupleCount *count[]
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode CoupleGetBoundaries(Couple c, PetscInt *n, const CoupleBoundary *boundary[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(BoundariesGet(c->boundaries, n, boundary));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoupleGetNodeBody(Couple c, const PetscInt *node_body[])
 {
   PetscFunctionBeginUser;
   PetscCall(IndicatorGetNodes(c->mark, node_body, NULL, NULL));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleMarkInside(Couple c, PetscInt body[])
+{
+  const PetscInt *inside, *rigid;
+  Indicator       mark;
+
+  PetscFunctionBeginUser;
+  PetscCall(IndicatorGetNodes(c->mark, &rigid, NULL, NULL));
+  PetscCall(IndicatorCreate(c->mesh, c->bodies, &mark));
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    const PetscBool drawn = (PetscBool)(c->q[k][0] != 0 || c->q[k][1] != 0 || c->q[k][2] != 0 || c->q[k][3] != 0);
+
+    PetscCall(IndicatorInsideBody(mark, k, drawn ? c->X[k] : c->s->x[k], drawn ? c->q[k] : c->s->q[k]));
+  }
+  PetscCall(IndicatorGetNodes(mark, &inside, NULL, NULL));
+  /* nodes that a rung has put onto the surface lie there up to rounding */
+  for (PetscInt i = 0; i < c->loc->nnode_all; i++) body[i] = rigid[i] >= 0 ? rigid[i] : inside[i];
+  PetscCall(IndicatorDestroy(&mark));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -255,20 +255,25 @@ static PetscErrorCode sum_prescribed(Couple c, PetscReal walls[3], PetscReal ope
   PetscCall(ConditionsGetValues(FlowConditions(c->flow), &fixed, NULL));
   PetscCall(ConditionsGetWalls(FlowConditions(c->flow), &wall));
   PetscCall(FittedGetNodeBody(c->hole, &hole));
+  if (c->follow) PetscCall(BoundariesUpdate(c->boundaries));
+  PetscCall(BoundariesBegin(c->boundaries));
   for (PetscInt i = 0; i < c->nprescribed; i++) {
     const PetscInt *node = l->cell_node + c->prescribed[i] * l->nb;
     PetscReal       r[MESH_MAX_NB * 3];
 
     PetscCall(FlowCellResidual(c->flow, c->prescribed[i], c->u, c->p, r));
     for (PetscInt j = 0; j < l->nb; j++) {
+      if (hole[node[j]] < 0) PetscCall(BoundariesShare(c->boundaries, c->prescribed[i], j, c->p));
       for (PetscInt a = 0; a < l->dim; a++) {
         if (!((fixed[node[j]] >> a) & 1) || hole[node[j]] >= 0) continue;
         sum[((wall[node[j]] >> a) & 1 ? 0 : 3) + a] += r[j * l->dim + a];
+        BoundariesAdd(c->boundaries, node[j], a, r[j * l->dim + a]);
         sum[6] += PetscAbsReal(r[j * l->dim + a]);
       }
     }
   }
   if (c->rung->force) PetscCall((*c->rung->force)(c, c->rung_data, fixed, sum));
+  PetscCall(BoundariesFinish(c->boundaries, c->u));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 7, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   PetscCall(PetscArraycpy(walls, sum, 3));
   PetscCall(PetscArraycpy(openings, sum + 3, 3));
@@ -301,12 +306,13 @@ static PetscErrorCode sum_bodies(Couple c, PetscReal out[3], PetscReal *size)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* rho int (c_t u - d) and int f over the fluid; the row sums of the mass matrix integrate Q2 functions exactly */
-static PetscErrorCode sum_fluid(Couple c, PetscReal change[3], PetscReal volume[3])
+/* rho int (c_t u - d) and int f over the fluid, and the mean velocity of fluid and bodies; the row sums of the mass
+   matrix integrate Q2 functions exactly */
+static PetscErrorCode sum_fluid(Couple c, PetscReal change[3], PetscReal volume[3], PetscReal mean[3])
 {
   const PetscReal *m;
   const PetscInt   dim = c->loc->dim;
-  PetscReal       *u, *u_old, sum[4] = {0};
+  PetscReal       *u, *u_old, sum[7] = {0}, all;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetLumpedMass(c->flow, &m));
@@ -316,13 +322,23 @@ static PetscErrorCode sum_fluid(Couple c, PetscReal change[3], PetscReal volume[
       const PetscInt j = i * dim + a;
 
       sum[a] += m[i] * (c->step->ct * c->u[j] - c->step->d0 * u[j] - c->step->d1 * u_old[j]);
+      sum[4 + a] += m[i] * c->u[j];
     }
     sum[3] += m[i];
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 4, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 7, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  all = sum[3];
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    const BodyGroup *g = BodiesGetGroup(c->s, k);
+
+    if (!c->hollow || !c->hollow[k] || c->s->gone[k]) continue; /* of the others the velocity inside is that of the body */
+    all += g->mass.volume;
+    for (PetscInt a = 0; a < dim; a++) sum[4 + a] += g->mass.volume * c->U[k * c->nr + a];
+  }
   for (PetscInt a = 0; a < 3; a++) {
     change[a] = c->par->density * sum[a];
     volume[a] = c->par->force[a] * sum[3];
+    mean[a]   = sum[4 + a] / all;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -334,7 +350,7 @@ PetscErrorCode CoupleMomentum(Couple c, const PetscReal rate[3], CoupleBalance *
   PetscFunctionBeginUser;
   PetscCall(sum_prescribed(c, b->walls, b->openings, &size));
   PetscCall(sum_bodies(c, b->bodies, &size));
-  PetscCall(sum_fluid(c, b->fluid, b->volume));
+  PetscCall(sum_fluid(c, b->fluid, b->volume, b->mean));
   for (PetscInt a = 0; a < 3; a++) {
     /* rho int w.grad u: what leaves through the openings */
     const PetscReal flux = rate[a] - b->fluid[a] + b->volume[a];

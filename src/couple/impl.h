@@ -4,6 +4,7 @@
 #pragma once
 #include "couple/couple.h"
 #include "ale.h"
+#include "boundary.h"
 #include "fitted.h"
 #include "indicator.h"
 #include "moved.h"
@@ -23,6 +24,7 @@ struct _p_Couple {
   Fitted             hole;                     /* bodies that are holes of the mesh: nothing is marked, forces are read
                                                   at the boundary */
   PetscInt           nprescribed, *prescribed; /* own cells with nodes of prescribed velocity */
+  Boundaries         boundaries;
   PetscInt           implicit, use_volume, nr;
   const Rung        *rung;
   void              *rung_data; /* what its create made */

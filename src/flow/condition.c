@@ -33,6 +33,9 @@ struct _p_Conditions {
   void            *field_ctx;
 };
 
+/* Later ones win where boundaries meet */
+static const ConditionsType ORDER[] = {BC_SLIP, BC_INFLOW, BC_ROTATING_WALL, BC_MOVING_WALL, BC_NO_SLIP};
+
 static const char *const BC_TYPES[] = {"no_slip", "moving_wall", "rotating_wall", "inflow", "outflow", "slip", NULL};
 static const char *const PROFILES[] = {"uniform", "parabolic", NULL};
 
@@ -202,9 +205,7 @@ static void wall_velocity(const Condition *bc, PetscInt dim, const PetscReal x[]
 
 PetscErrorCode ConditionsSetTime(Conditions f, PetscReal time)
 {
-  /* later ones win where boundaries meet */
-  static const ConditionsType order[] = {BC_SLIP, BC_INFLOW, BC_ROTATING_WALL, BC_MOVING_WALL, BC_NO_SLIP};
-  const PetscInt              dim     = f->loc->dim;
+  const PetscInt dim = f->loc->dim;
 
   PetscFunctionBeginUser;
   if (f->field) PetscCall(evaluate_field(f, time < PETSC_MAX_REAL ? time : 0));
@@ -215,7 +216,7 @@ PetscErrorCode ConditionsSetTime(Conditions f, PetscReal time)
       PetscInt         n;
       PetscReal        factor;
 
-      if (bc->type != order[pass]) continue;
+      if (bc->type != ORDER[pass]) continue;
       PetscCall(check_steady(f, b, time));
       factor = boundary_factor(bc, time);
       PetscCall(MeshGetBoundaryNodes(f->mesh, b, &n, &node));
@@ -312,6 +313,38 @@ PetscErrorCode ConditionsGetSolidFaces(Conditions f, PetscInt *faces)
 
       PetscCall(PetscStrcmp(name, DOMAIN_SIDE[i], &match));
       if (match) *faces |= 1 << i;
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConditionsGetKind(Conditions f, PetscInt b, PetscBool *wall, PetscBool *open)
+{
+  const ConditionsType type = f->condition[b].type;
+
+  PetscFunctionBeginUser;
+  *open = (PetscBool)(type == BC_INFLOW || type == BC_OUTFLOW);
+  *wall = (PetscBool) !*open;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConditionsGetOwners(Conditions f, PetscInt owner[])
+{
+  const PetscInt dim = f->loc->dim;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < f->loc->nnode_all * dim; i++) owner[i] = -1;
+  for (PetscInt pass = 0; pass < 5; pass++) {
+    for (PetscInt b = 0; b < f->n; b++) {
+      const Condition *bc = f->condition + b;
+      const PetscInt  *node;
+      PetscInt         n;
+
+      if (bc->type != ORDER[pass]) continue;
+      PetscCall(MeshGetBoundaryNodes(f->mesh, b, &n, &node));
+      for (PetscInt i = 0; i < n; i++)
+        for (PetscInt a = 0; a < dim; a++)
+          if (bc->type != BC_SLIP || a == bc->axis) owner[node[i] * dim + a] = b;
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -33,22 +33,24 @@ typedef struct {
 } Point;
 
 struct _p_Diagnostics {
-  Flow                flow;
-  Mesh                mesh;
-  Couple              couple;
-  Monitor             monitor;
-  BodyState          *s;
-  const MeshLocal    *loc;
-  PetscInt            ncoefficient;
-  Coefficient        *coefficient;
-  PetscBool           dp, momentum;
-  Point               point[2];
-  PetscReal           from;
-  PetscInt            dp_column, momentum_column, count_column, deform_column, ncolumn, ncount;
-  const CoupleCount  *count;  /* [ncount] of the boundary rung */
-  const DeformResult *deform; /* NULL: the mesh does not follow bodies */
-  PetscReal          *value;  /* [ncolumn] of this step */
-  History             history;
+  Flow                  flow;
+  Mesh                  mesh;
+  Couple                couple;
+  Monitor               monitor;
+  BodyState            *s;
+  const MeshLocal      *loc;
+  PetscInt              ncoefficient;
+  Coefficient          *coefficient;
+  PetscBool             dp, momentum;
+  Point                 point[2];
+  PetscReal             from;
+  PetscInt              dp_column, momentum_column, count_column, deform_column, ncolumn, ncount;
+  const CoupleCount    *count;                  /* [ncount] of the boundary rung */
+  const DeformResult   *deform;                 /* NULL: the mesh does not follow bodies */
+  PetscInt              flow_column, nboundary; /* mean velocity, then each boundary's flow rate or force */
+  const CoupleBoundary *boundary;
+  PetscReal            *value; /* [ncolumn] of this step */
+  History               history;
 };
 
 /* ---- set-up ---- */
@@ -216,6 +218,30 @@ static PetscErrorCode add_mesh_columns(Diagnostics b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Mean velocity, flow rates of openings, forces on walls */
+static PetscErrorCode add_flow_columns(Diagnostics b)
+{
+  char name[128];
+
+  PetscFunctionBeginUser;
+  for (PetscInt a = 0; a < b->loc->dim; a++) {
+    PetscCall(PetscSNPrintf(name, sizeof(name), "mean_velocity_%c", (char)('x' + a)));
+    PetscCall(add_column(b, name, a ? NULL : &b->flow_column));
+  }
+  PetscCall(CoupleGetBoundaries(b->couple, &b->nboundary, &b->boundary));
+  for (PetscInt i = 0; i < b->nboundary; i++) {
+    const CoupleBoundary *d = b->boundary + i;
+
+    PetscCall(PetscSNPrintf(name, sizeof(name), "flow_rate_%s", d->name));
+    if (d->open) PetscCall(add_column(b, name, NULL));
+    for (PetscInt a = 0; d->wall && a < b->loc->dim; a++) {
+      PetscCall(PetscSNPrintf(name, sizeof(name), "wall_force_%s_%c", d->name, (char)('x' + a)));
+      PetscCall(add_column(b, name, NULL));
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode DiagnosticsCreate(Flow flow, Bodies bodies, Couple couple, Monitor monitor, Diagnostics *probe)
 {
   Diagnostics b;
@@ -234,6 +260,7 @@ PetscErrorCode DiagnosticsCreate(Flow flow, Bodies bodies, Couple couple, Monito
   PetscCall(read_points(b));
   PetscCall(read_momentum(b));
   PetscCall(add_mesh_columns(b));
+  PetscCall(add_flow_columns(b));
   PetscCall(OptReal("-monitor_from", &b->from));
   PetscCall(PetscCalloc1(b->ncolumn, &b->value));
   PetscCall(HistoryCreate(b->ncolumn, &b->history));
@@ -294,6 +321,19 @@ static PetscErrorCode measure_dp(Diagnostics b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static void measure_flow(Diagnostics b, const CoupleBalance *balance)
+{
+  PetscReal *v = b->value + b->flow_column;
+
+  for (PetscInt a = 0; a < b->loc->dim; a++) *v++ = balance->mean[a];
+  for (PetscInt i = 0; i < b->nboundary; i++) {
+    const CoupleBoundary *d = b->boundary + i;
+
+    if (d->open) *v++ = d->rate;
+    for (PetscInt a = 0; d->wall && a < b->loc->dim; a++) *v++ = d->force[a];
+  }
+}
+
 PetscErrorCode DiagnosticsStep(Diagnostics b, const CoupleBalance *balance)
 {
   const FlowStep *step;
@@ -309,6 +349,7 @@ PetscErrorCode DiagnosticsStep(Diagnostics b, const CoupleBalance *balance)
   }
   for (PetscInt i = 0; i < b->ncount; i++) b->value[b->count_column + i] = (PetscReal)b->count[i].value;
   for (PetscInt i = 0; b->deform && i < 3; i++) b->value[b->deform_column + i] = i < 2 ? b->deform->area[i] : b->deform->jacobian;
+  measure_flow(b, balance);
   for (PetscInt i = 0; i < b->ncolumn; i++) PetscCall(MonitorSetColumn(b->monitor, i, b->value[i]));
   if (b->ncolumn) PetscCall(HistoryAdd(b->history, step->time - (1 - step->theta) * step->dt, b->value));
   PetscFunctionReturn(PETSC_SUCCESS);

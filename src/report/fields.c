@@ -2,8 +2,7 @@
 
    mesh.h5 holds the points [n][3] and the cells [n][3^dim] in the node order of VTK; fields_<step>.h5 holds the
    fields. Vectors have three components also in 2D (third zero), because glyphs and stream tracers of ParaView ask
-   for them. On a periodic mesh no two cells share a point, so that a cell across the period is drawn where it is and
-   not across the whole picture.
+   for them. On a periodic mesh cells share their points but across the period (points.h).
    The file is not made for restarts and holds no history of the bodies: see checkpoint and monitor. */
 #include "compat.h"
 #include "base/algebra.h"
@@ -13,6 +12,7 @@
 #include "base/opt.h"
 #include "derived.h"
 #include "files.h"
+#include "points.h"
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>
@@ -33,12 +33,11 @@ struct _p_Output {
   char             dir[PETSC_MAX_PATH_LEN];
   PetscInt         every;
   PetscReal        interval;
-  /* shared: a point of the file is a node of the mesh, else a node of one cell */
-  PetscBool overwrite, restarted, shared, mesh_written;
+  PetscBool        overwrite, restarted, mesh_written;
   /* snapshots refer to mesh.h5 (0) or mesh_<mesh_step>.h5 */
   PetscInt  mesh_step;
-  PetscInt  moves;                              /* MeshLocal.moves when it was written */
-  PetscInt  npoint, point_start, npoint_global; /* points of the file: own, first own, all */
+  PetscInt  moves; /* MeshLocal.moves when it was written */
+  Points    points;
   PetscInt  nsnap, room;
   Snapshot *snap;
 };
@@ -100,34 +99,31 @@ static PetscErrorCode close_hdf5(Output o, const char name[], Hdf5 *file)
 
 /* ---- datasets ---- */
 
-/* Nodal values v [nnode_all][bs], ghosts up to date -> values at the points of the file */
+/* Nodal values v [nnode][bs] of own nodes -> values at the points of the file */
 static PetscErrorCode write_nodal(Output o, Hdf5 file, const char name[], PetscInt bs, const PetscReal v[])
 {
-  const MeshLocal *m = o->loc;
-  PetscReal       *w;
+  const Points *p = &o->points;
+  PetscReal    *w;
 
   PetscFunctionBeginUser;
-  if (o->shared) {
-    PetscCall(Hdf5WriteReals(file, name, m->nnode, bs, v));
-    PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscMalloc1(p->n * bs, &w));
+  for (PetscInt i = 0; i < p->n; i++) {
+    for (PetscInt b = 0; b < bs; b++) w[i * bs + b] = v[p->node[i] * bs + b];
   }
-  PetscCall(PetscMalloc1(o->npoint * bs, &w));
-  for (PetscInt i = 0; i < o->npoint; i++) {
-    for (PetscInt b = 0; b < bs; b++) w[i * bs + b] = v[m->cell_node[i] * bs + b];
-  }
-  PetscCall(Hdf5WriteReals(file, name, o->npoint, bs, w));
+  PetscCall(Hdf5WriteReals(file, name, p->n, bs, w));
   PetscCall(PetscFree(w));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode write_nodal_integers(Output o, Hdf5 file, const char name[], const PetscInt v[])
 {
-  PetscInt *w;
+  const Points *p = &o->points;
+  PetscInt     *w;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(o->npoint, &w));
-  for (PetscInt i = 0; i < o->npoint; i++) w[i] = v[o->shared ? i : o->loc->cell_node[i]];
-  PetscCall(Hdf5WriteInts(file, name, o->npoint, 1, w));
+  PetscCall(PetscMalloc1(p->n, &w));
+  for (PetscInt i = 0; i < p->n; i++) w[i] = v[p->node[i]];
+  PetscCall(Hdf5WriteInts(file, name, p->n, 1, w));
   PetscCall(PetscFree(w));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -136,24 +132,12 @@ static PetscErrorCode write_nodal_integers(Output o, Hdf5 file, const char name[
 
 static PetscErrorCode write_points(Output o, Hdf5 file)
 {
-  const MeshLocal *m = o->loc;
-  PetscReal       *x, xc[MESH_MAX_NB * 3];
+  PetscReal *x;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscCalloc1(3 * o->npoint, &x));
-  if (o->shared) {
-    for (PetscInt i = 0; i < m->nnode; i++) {
-      for (PetscInt d = 0; d < m->dim; d++) x[3 * i + d] = m->x[i * m->dim + d];
-    }
-  } else {
-    for (PetscInt c = 0; c < m->ncell; c++) {
-      PetscCall(MeshCellCoordinates(o->mesh, c, xc));
-      for (PetscInt j = 0; j < m->nb; j++) {
-        for (PetscInt d = 0; d < m->dim; d++) x[3 * (c * m->nb + j) + d] = xc[j * m->dim + d];
-      }
-    }
-  }
-  PetscCall(Hdf5WriteReals(file, "coordinates", o->npoint, 3, x));
+  PetscCall(PetscMalloc1(3 * o->points.n, &x));
+  PetscCall(PointsGetPlaces(&o->points, o->mesh, x));
+  PetscCall(Hdf5WriteReals(file, "coordinates", o->points.n, 3, x));
   PetscCall(PetscFree(x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -162,16 +146,13 @@ static PetscErrorCode write_cells(Output o, Hdf5 file)
 {
   const MeshLocal *m     = o->loc;
   const PetscInt  *order = m->dim == 2 ? VTK_QUAD : VTK_HEX;
-  PetscInt        *cell;
+  PetscInt        *cell, number[MESH_MAX_NB];
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(m->ncell * m->nb, &cell));
   for (PetscInt c = 0; c < m->ncell; c++) {
-    for (PetscInt k = 0; k < m->nb; k++) {
-      const PetscInt j = c * m->nb + order[k];
-
-      cell[c * m->nb + k] = o->shared ? m->node_global[m->cell_node[j]] : o->point_start + j;
-    }
+    PetscCall(PointsOfCell(&o->points, o->mesh, c, number));
+    for (PetscInt k = 0; k < m->nb; k++) cell[c * m->nb + k] = number[order[k]];
   }
   PetscCall(Hdf5WriteInts(file, "cells", m->ncell, m->nb, cell));
   PetscCall(PetscFree(cell));
@@ -262,14 +243,14 @@ static void print_snapshot(FILE *f, const Output o, const Snapshot *s)
           m->ncell_global);
   XdmfItem(f, PETSC_TRUE, m->ncell_global, m->nb, mesh, "cells");
   fprintf(f, "</Topology>\n        <Geometry GeometryType=\"XYZ\">");
-  XdmfItem(f, PETSC_FALSE, o->npoint_global, 3, mesh, "coordinates");
+  XdmfItem(f, PETSC_FALSE, o->points.total, 3, mesh, "coordinates");
   fprintf(f, "</Geometry>\n");
-  XdmfAttribute(f, PETSC_FALSE, o->npoint_global, 3, "Node", file, "velocity");
-  XdmfAttribute(f, PETSC_FALSE, o->npoint_global, m->dim == 2 ? 1 : 3, "Node", file, "vorticity");
-  XdmfAttribute(f, PETSC_FALSE, o->npoint_global, 1, "Node", file, "pressure");
-  if (s->body) XdmfAttribute(f, PETSC_TRUE, o->npoint_global, 1, "Node", file, "body");
-  XdmfAttribute(f, PETSC_FALSE, m->ncell_global, 1, "Cell", file, "pressure_mean");
-  XdmfAttribute(f, PETSC_FALSE, m->ncell_global, 3, "Cell", file, "pressure_gradient");
+  XdmfAttribute(f, PETSC_FALSE, o->points.total, 3, "Node", "velocity", file, "velocity");
+  XdmfAttribute(f, PETSC_FALSE, o->points.total, m->dim == 2 ? 1 : 3, "Node", "vorticity", file, "vorticity");
+  XdmfAttribute(f, PETSC_FALSE, o->points.total, 1, "Node", "pressure", file, "pressure");
+  if (s->body) XdmfAttribute(f, PETSC_TRUE, o->points.total, 1, "Node", "body", file, "body");
+  XdmfAttribute(f, PETSC_FALSE, m->ncell_global, 1, "Cell", "pressure_mean", file, "pressure_mean");
+  XdmfAttribute(f, PETSC_FALSE, m->ncell_global, 3, "Cell", "pressure_gradient", file, "pressure_gradient");
   fprintf(f, "      </Grid>\n");
 }
 
@@ -322,12 +303,9 @@ PetscErrorCode OutputCreate(Mesh mesh, const char scene[], Output *output)
   PetscCall(OptBool("-output_overwrite", &o->overwrite));
   PetscCheck(o->dir[0], o->comm, PETSC_ERR_USER_INPUT, "Option -output_dir is empty: give the name of a directory ('.' for the present one)");
 
-  o->shared        = (PetscBool) !(o->loc->period[0] > 0 || o->loc->period[1] > 0 || o->loc->period[2] > 0);
-  o->npoint        = o->shared ? o->loc->nnode : o->loc->ncell * o->loc->nb;
-  o->point_start   = o->shared ? o->loc->node_start : o->loc->cell_start * o->loc->nb;
-  o->npoint_global = o->shared ? o->loc->nnode_global : o->loc->ncell_global * o->loc->nb;
-  o->moves         = o->loc->moves;
-  *output          = o;
+  PetscCall(PointsCreate(mesh, &o->points));
+  o->moves = o->loc->moves;
+  *output  = o;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -441,6 +419,7 @@ PetscErrorCode OutputDestroy(Output *output)
 {
   PetscFunctionBeginUser;
   if (!*output) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PointsDestroy(&(*output)->points));
   PetscCall(PetscFree((*output)->snap));
   PetscCall(PetscFree(*output));
   PetscFunctionReturn(PETSC_SUCCESS);

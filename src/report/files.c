@@ -47,7 +47,7 @@ int XdmfBegin(const char path[], const char collection[], FILE **f)
   const int err = FileBegin(path, f);
 
   if (err) return err;
-  fprintf(*f, "<?xml version=\"1.0\" ?>\n<!DOCTYPE Xdmf SYSTEM \"Xdmf.dtd\" []>\n<Xdmf Version=\"2.0\">\n  <Domain>\n");
+  fprintf(*f, "<?xml version=\"1.0\" ?>\n<!DOCTYPE Xdmf SYSTEM \"Xdmf.dtd\" []>\n<Xdmf Version=\"3.0\">\n  <Domain>\n");
   fprintf(*f, "    <Grid Name=\"%s\" GridType=\"Collection\" CollectionType=\"Temporal\">\n", collection);
   return 0;
 }
@@ -67,9 +67,9 @@ void XdmfItem(FILE *f, PetscBool integer, PetscInt n, PetscInt bs, const char fi
   fprintf(f, "\">%s:/%s</DataItem>", file, name);
 }
 
-void XdmfAttribute(FILE *f, PetscBool integer, PetscInt n, PetscInt bs, const char centre[], const char file[], const char name[])
+void XdmfAttribute(FILE *f, PetscBool integer, PetscInt n, PetscInt bs, const char centre[], const char name[], const char file[], const char item[])
 {
   fprintf(f, "        <Attribute Name=\"%s\" AttributeType=\"%s\" Center=\"%s\">", name, bs > 1 ? "Vector" : "Scalar", centre);
-  XdmfItem(f, integer, n, bs, file, name);
+  XdmfItem(f, integer, n, bs, file, item);
   fprintf(f, "</Attribute>\n");
 }

@@ -20,4 +20,4 @@ PetscErrorCode FileCheck(int err, const char path[]);
 int  XdmfBegin(const char path[], const char collection[], FILE **f);
 int  XdmfEnd(const char path[], FILE **f);
 void XdmfItem(FILE *f, PetscBool integer, PetscInt n, PetscInt bs, const char file[], const char name[]);
-void XdmfAttribute(FILE *f, PetscBool integer, PetscInt n, PetscInt bs, const char centre[], const char file[], const char name[]);
+void XdmfAttribute(FILE *f, PetscBool integer, PetscInt n, PetscInt bs, const char centre[], const char name[], const char file[], const char item[]);

@@ -5,7 +5,7 @@
 #include <stdio.h>
 
 #define MAX_QUANTITIES 64
-#define MAX_COLUMNS    64
+#define MAX_COLUMNS    128
 #define MAX_BALANCES   8
 
 typedef struct {

@@ -107,6 +107,8 @@ PetscErrorCode MonitorAddColumn(Monitor m, const char name[], PetscInt *column)
 {
   PetscFunctionBeginUser;
   PetscCheck(m->ncolumn < MAX_COLUMNS, PETSC_COMM_SELF, PETSC_ERR_SUP, "Column '%s': series.csv has room for %d further columns", name, MAX_COLUMNS);
+  PetscCheck(MonitorExplains(name), PETSC_COMM_SELF, PETSC_ERR_SUP, "Column '%s' of series.csv has no row in MONITOR_FURTHER (src/report/series.c)",
+             name);
   PetscCall(PetscStrncpy(m->column[m->ncolumn].name, name, sizeof(m->column->name)));
   *column = m->ncolumn++;
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -6,170 +6,348 @@
 #include "files.h"
 #include <stdio.h>
 
-#define POINTS      48 /* of an outline */
-#define POINTS_MANY 16 /* beyond MANY bodies */
-#define MANY        2000
+#define MANY 2000 /* bodies: with more, pictures are coarser */
+/* how far an outline may be off, in bounding radii */
+#define TOLERANCE      1e-3
+#define TOLERANCE_MANY 2e-2
+#define TRIANGLES      400000 /* of all bodies */
+#define TRIANGLES_BODY 4000
+
+/* What is drawn of a group: about the centre, body axes */
+typedef struct {
+  PetscInt   n, ncell; /* points; 2D: 1 line, 3D: triangles */
+  PetscReal *x;        /* [n][dim] */
+  PetscInt  *cell;     /* 3D: [ncell][3] */
+} Picture;
+
+typedef struct {
+  PetscInt  step, npoint, ncell, nline; /* nline: points of a line, 0 in 3D */
+  PetscReal time;
+} Snapshot;
 
 struct _p_Outlines {
   Bodies      bodies;
   BodyState  *s;
   PetscMPIInt rank;
-  PetscInt    npoint; /* of an outline; 0 in 3D */
-  PetscReal **shape;  /* [ngroups][npoint][2] about the centre, body axes */
+  PetscReal   lower[3], upper[3], period[3];
+  Picture    *picture; /* [ngroups]; in 2D all have as many points */
   PetscInt    nsnap, room;
-  PetscInt   *step; /* [nsnap] */
-  PetscReal  *time; /* [nsnap] */
+  Snapshot   *snap;
 };
+
+/* What is drawn in a snapshot: bodies, then their images across the period */
+typedef struct {
+  PetscInt  n, npoint, ncell;
+  PetscInt *body;
+  PetscReal (*shift)[3];
+} Scene;
+
+/* ---- images ---- */
+
+static PetscErrorCode list_images(Outlines b, Scene *d)
+{
+  const BodyState *s      = b->s;
+  const PetscInt   nimage = s->dim == 2 ? 9 : 27;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc2(s->n * 8, &d->body, s->n * 8, &d->shift));
+  d->n = s->n;
+  for (PetscInt k = 0; k < s->n; k++) {
+    const PetscReal r = BodiesGetGroup(s, k)->radius;
+
+    d->body[k] = k;
+    for (PetscInt a = 0; a < 3; a++) d->shift[k][a] = 0;
+    for (PetscInt i = 0, found = 1; i < nimage && found < 8 && !s->gone[k]; i++) {
+      const PetscInt digit[3] = {i % 3 - 1, i / 3 % 3 - 1, s->dim == 2 ? 0 : i / 9 - 1};
+      PetscBool      seen     = (PetscBool)(digit[0] || digit[1] || digit[2]);
+
+      for (PetscInt a = 0; a < 3; a++) {
+        const PetscReal x = s->x[k][a] + digit[a] * b->period[a];
+
+        d->shift[d->n][a] = digit[a] * b->period[a];
+        if (digit[a] && (b->period[a] <= 0 || x + r < b->lower[a] || x - r > b->upper[a])) seen = PETSC_FALSE;
+      }
+      if (!seen) continue;
+      d->body[d->n++] = k;
+      found++;
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What a body of a picture has: its cells, or one line */
+static const Picture *get_picture(Outlines b, const Scene *d, PetscInt i)
+{
+  return b->picture + b->s->body_group[d->body[i]];
+}
+
+static PetscErrorCode begin_scene(Outlines b, Scene *d)
+{
+  PetscFunctionBeginUser;
+  PetscCall(list_images(b, d));
+  d->npoint = d->ncell = 0;
+  for (PetscInt i = 0; i < d->n; i++) {
+    d->npoint += get_picture(b, d, i)->n;
+    d->ncell += get_picture(b, d, i)->ncell;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
 
 /* ---- datasets: those of rank 0 ---- */
 
-static PetscErrorCode write_scalars(Outlines b, Hdf5 file)
+/* A number or vector of each body */
+typedef struct {
+  const char      *name;
+  PetscInt         bs;
+  const PetscReal *value;
+} Field;
+
+#define NFIELDS 7
+static void list_fields(const BodyState *s, const PetscReal radius[], Field f[NFIELDS])
+{
+  const Field all[NFIELDS] = {{"velocity", 3, &s->u[0][0]},    {"angular_velocity", 3, &s->w[0][0]},
+                              {"force", 3, &s->force[0][0]},   {"contact_force", 3, &s->contact_force[0][0]},
+                              {"orientation", 4, &s->q[0][0]}, {"radius", 1, radius},
+                              {"angle", 1, s->angle}};
+
+  for (PetscInt i = 0; i < NFIELDS; i++) f[i] = all[i];
+}
+
+static PetscErrorCode write_bodies(Outlines b, Hdf5 file, const Field f[NFIELDS])
 {
   const BodyState *s = b->s;
-  PetscReal       *radius;
+  const PetscInt   n = b->rank ? 0 : s->n;
+  PetscInt        *number;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(s->n, &radius));
-  for (PetscInt k = 0; k < s->n; k++) radius[k] = s->gone[k] ? 0 : BodiesGetGroup(s, k)->radius;
-  PetscCall(Hdf5WriteReals(file, "radius", b->rank ? 0 : s->n, 1, radius));
-  PetscCall(Hdf5WriteReals(file, "angle", b->rank ? 0 : s->n, 1, s->angle));
-  PetscCall(Hdf5WriteInts(file, "group", b->rank ? 0 : s->n, 1, s->body_group));
-  PetscCall(PetscFree(radius));
+  PetscCall(Hdf5WriteReals(file, "position", n, 3, &s->x[0][0]));
+  for (PetscInt i = 0; i < NFIELDS; i++) PetscCall(Hdf5WriteReals(file, f[i].name, n, f[i].bs, f[i].value));
+  PetscCall(Hdf5WriteInts(file, "group", n, 1, s->body_group));
+  PetscCall(PetscMalloc1(s->n, &number));
+  for (PetscInt k = 0; k < s->n; k++) number[k] = k;
+  PetscCall(Hdf5WriteInts(file, "body", n, 1, number));
+  PetscCall(PetscFree(number));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode write_vectors(Outlines b, Hdf5 file)
+/* Points of what is drawn, in space; a body that has left shrinks to its centre */
+static PetscErrorCode write_points(Outlines b, Hdf5 file, const Scene *d, const char name[])
 {
-  const BodyState *s = b->s;
+  const BodyState *s   = b->s;
+  const PetscInt   dim = s->dim;
+  PetscReal       *x, *y;
 
   PetscFunctionBeginUser;
-  PetscCall(Hdf5WriteReals(file, "position", b->rank ? 0 : s->n, 3, &s->x[0][0]));
-  PetscCall(Hdf5WriteReals(file, "velocity", b->rank ? 0 : s->n, 3, &s->u[0][0]));
-  PetscCall(Hdf5WriteReals(file, "angular_velocity", b->rank ? 0 : s->n, 3, &s->w[0][0]));
-  PetscCall(Hdf5WriteReals(file, "force", b->rank ? 0 : s->n, 3, &s->force[0][0]));
-  PetscCall(Hdf5WriteReals(file, "contact_force", b->rank ? 0 : s->n, 3, &s->contact_force[0][0]));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode write_outlines(Outlines b, Hdf5 file)
-{
-  const BodyState *s = b->s;
-  const PetscInt   m = b->npoint;
-  PetscReal       *x;
-  PetscInt        *line;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscMalloc2(3 * m * s->n, &x, (m + 1) * s->n, &line));
-  for (PetscInt k = 0; k < s->n; k++) {
-    const PetscReal *p = b->shape[s->body_group[k]];
-    PetscReal        R[9];
+  PetscCall(PetscMalloc1(3 * d->npoint, &x));
+  y = x;
+  for (PetscInt i = 0; i < d->n; i++) {
+    const PetscInt k = d->body[i];
+    const Picture *p = get_picture(b, d, i);
+    PetscReal      R[9];
 
     RotationMatrix(s->q[k], R);
-    for (PetscInt i = 0; i < m; i++) {
-      PetscReal *y = x + 3 * (m * k + i);
-
-      for (PetscInt a = 0; a < 2; a++) y[a] = s->x[k][a] + (s->gone[k] ? 0 : R[3 * a] * p[2 * i] + R[3 * a + 1] * p[2 * i + 1]);
-      y[2] = 0;
+    for (PetscInt j = 0; j < p->n; j++, y += 3) {
+      for (PetscInt a = 0; a < 3; a++) {
+        y[a] = s->x[k][a] + d->shift[i][a];
+        for (PetscInt e = 0; e < dim && a < dim && !s->gone[k]; e++) y[a] += R[3 * a + e] * p->x[j * dim + e];
+      }
     }
-    for (PetscInt i = 0; i <= m; i++) line[(m + 1) * k + i] = m * k + i % m;
   }
-  PetscCall(Hdf5WriteReals(file, "outline", b->rank ? 0 : m * s->n, 3, x));
-  PetscCall(Hdf5WriteInts(file, "line", b->rank ? 0 : s->n, m + 1, line));
-  PetscCall(PetscFree2(x, line));
+  PetscCall(Hdf5WriteReals(file, name, b->rank ? 0 : d->npoint, 3, x));
+  PetscCall(PetscFree(x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode write_file(Outlines b, const char path[], PetscReal time)
+/* Lines that close, or triangles */
+static PetscErrorCode write_cells(Outlines b, Hdf5 file, const Scene *d, PetscInt bs)
 {
-  Hdf5 file;
-  char reason[256];
+  PetscInt *cell, *c, first = 0;
 
   PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(d->ncell * bs, &cell));
+  c = cell;
+  for (PetscInt i = 0; i < d->n; i++) {
+    const Picture *p = get_picture(b, d, i);
+
+    for (PetscInt j = 0; j < p->ncell * bs; j++) *c++ = first + (p->cell ? p->cell[j] : j % p->n);
+    first += p->n;
+  }
+  PetscCall(Hdf5WriteInts(file, b->s->dim == 2 ? "line" : "triangle", b->rank ? 0 : d->ncell, bs, cell));
+  PetscCall(PetscFree(cell));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Which body a line or triangle belongs to, and what this body has */
+static PetscErrorCode write_cell_fields(Outlines b, Hdf5 file, const Scene *d, const Field f[NFIELDS])
+{
+  PetscInt  *body, n = 0;
+  PetscReal *value;
+  char       name[64];
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc2(d->ncell, &body, 4 * d->ncell, &value));
+  for (PetscInt i = 0; i < d->n; i++)
+    for (PetscInt j = 0; j < get_picture(b, d, i)->ncell; j++) body[n++] = d->body[i];
+  PetscCall(Hdf5WriteInts(file, "cell_body", b->rank ? 0 : n, 1, body));
+  for (PetscInt i = 0; i < 2; i++) { /* velocity, angular velocity */
+    for (PetscInt j = 0; j < n; j++) PetscCall(PetscArraycpy(value + j * f[i].bs, f[i].value + body[j] * f[i].bs, f[i].bs));
+    PetscCall(PetscSNPrintf(name, sizeof(name), "cell_%s", f[i].name));
+    PetscCall(Hdf5WriteReals(file, name, b->rank ? 0 : n, f[i].bs, value));
+  }
+  for (PetscInt j = 0; j < n; j++) body[j] = b->s->body_group[body[j]];
+  PetscCall(Hdf5WriteInts(file, "cell_group", b->rank ? 0 : n, 1, body));
+  PetscCall(PetscFree2(body, value));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* All of a snapshot; tells what is drawn */
+static PetscErrorCode write_file(Outlines b, const char path[], Snapshot *snap)
+{
+  const BodyState *s = b->s;
+  Scene            d;
+  Hdf5             file;
+  Field            f[NFIELDS];
+  PetscReal       *radius;
+  char             reason[256];
+
+  PetscFunctionBeginUser;
+  PetscCall(begin_scene(b, &d));
+  snap->npoint = d.npoint;
+  snap->ncell  = d.ncell;
+  snap->nline  = s->dim == 2 ? b->picture[0].n + 1 : 0;
+  PetscCall(PetscMalloc1(s->n, &radius));
+  for (PetscInt k = 0; k < s->n; k++) radius[k] = s->gone[k] ? 0 : BodiesGetGroup(s, k)->radius;
+  list_fields(s, radius, f);
   PetscCall(Hdf5Create(PETSC_COMM_WORLD, path, &file));
-  PetscCall(Hdf5WriteReals(file, "time", b->rank ? 0 : 1, 1, &time));
-  PetscCall(write_scalars(b, file));
-  PetscCall(write_vectors(b, file));
-  if (b->npoint) PetscCall(write_outlines(b, file));
+  PetscCall(Hdf5WriteReals(file, "time", b->rank ? 0 : 1, 1, &snap->time));
+  PetscCall(write_bodies(b, file, f));
+  PetscCall(write_points(b, file, &d, s->dim == 2 ? "outline" : "surface"));
+  PetscCall(write_cells(b, file, &d, s->dim == 2 ? snap->nline : 3));
+  PetscCall(write_cell_fields(b, file, &d, f));
   PetscCall(Hdf5Close(&file, reason, sizeof(reason)));
+  PetscCall(PetscFree(radius));
+  PetscCall(PetscFree2(d.body, d.shift));
   PetscCheck(!reason[0], PETSC_COMM_WORLD, PETSC_ERR_FILE_WRITE, "Cannot write '%s': %s. Check the disk or choose another -output_dir", path, reason);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- XDMF ---- */
 
-static void print_attributes(FILE *f, PetscInt n, const char centre[], const char file[])
+static void print_grid(FILE *f, const Snapshot *s, const char topology[], PetscInt n, PetscInt nodes, const char file[], const char cells[])
 {
-  static const char *const names[] = {"velocity", "angular_velocity", "force", "contact_force", "radius", "angle", "group"};
-
-  for (PetscInt i = 0; i < 7; i++) XdmfAttribute(f, (PetscBool)(i == 6), n, i < 4 ? 3 : 1, centre, file, names[i]);
+  fprintf(f, "      <Grid Name=\"step %" PetscInt_FMT "\" GridType=\"Uniform\">\n        <Time Value=\"%.15g\"/>\n", s->step, (double)s->time);
+  fprintf(f, "        <Topology TopologyType=\"%s\" NumberOfElements=\"%" PetscInt_FMT "\" NodesPerElement=\"%" PetscInt_FMT "\">", topology, n,
+          nodes);
+  XdmfItem(f, PETSC_TRUE, n, nodes, file, cells);
+  fprintf(f, "</Topology>\n        <Geometry GeometryType=\"XYZ\">");
 }
 
-static void print_snapshot(FILE *f, Outlines b, PetscInt step, PetscReal time)
+/* What is drawn: lines or triangles */
+static void print_drawn(FILE *f, const Snapshot *s, const char file[])
 {
-  const PetscInt n = b->s->n, m = b->npoint;
-  char           file[64];
+  print_grid(f, s, s->nline ? "Polyline" : "Triangle", s->ncell, s->nline ? s->nline : 3, file, s->nline ? "line" : "triangle");
+  XdmfItem(f, PETSC_FALSE, s->npoint, 3, file, s->nline ? "outline" : "surface");
+  fprintf(f, "</Geometry>\n");
+  XdmfAttribute(f, PETSC_FALSE, s->ncell, 3, "Cell", "velocity", file, "cell_velocity");
+  XdmfAttribute(f, PETSC_FALSE, s->ncell, 3, "Cell", "angular_velocity", file, "cell_angular_velocity");
+  XdmfAttribute(f, PETSC_TRUE, s->ncell, 1, "Cell", "body", file, "cell_body");
+  XdmfAttribute(f, PETSC_TRUE, s->ncell, 1, "Cell", "group", file, "cell_group");
+  fprintf(f, "      </Grid>\n");
+}
 
-  (void)snprintf(file, sizeof(file), "bodies_%" PetscInt_FMT ".h5", step);
-  fprintf(f, "      <Grid Name=\"step %" PetscInt_FMT "\" GridType=\"Collection\" CollectionType=\"Spatial\">\n        <Time Value=\"%.15g\"/>\n",
-          step, (double)time);
-  fprintf(f,
-          "        <Grid Name=\"centres\" GridType=\"Uniform\">\n          <Topology TopologyType=\"Polyvertex\" NumberOfElements=\"%" PetscInt_FMT
-          "\"/>\n",
-          n);
-  fprintf(f, "          <Geometry GeometryType=\"XYZ\">");
+static void print_centres(FILE *f, const Snapshot *s, PetscInt n, const char file[])
+{
+  static const char *const names[] = {"velocity", "angular_velocity", "force", "contact_force", "radius", "angle", "group", "body"};
+
+  print_grid(f, s, "Polyvertex", n, 1, file, "body");
   XdmfItem(f, PETSC_FALSE, n, 3, file, "position");
   fprintf(f, "</Geometry>\n");
-  print_attributes(f, n, "Node", file);
-  fprintf(f, "        </Grid>\n");
-  if (m) {
-    fprintf(f,
-            "        <Grid Name=\"outlines\" GridType=\"Uniform\">\n          <Topology TopologyType=\"Polyline\" NumberOfElements=\"%" PetscInt_FMT
-            "\" NodesPerElement=\"%" PetscInt_FMT "\">",
-            n, m + 1);
-    XdmfItem(f, PETSC_TRUE, n, m + 1, file, "line");
-    fprintf(f, "</Topology>\n          <Geometry GeometryType=\"XYZ\">");
-    XdmfItem(f, PETSC_FALSE, n * m, 3, file, "outline");
-    fprintf(f, "</Geometry>\n");
-    print_attributes(f, n, "Cell", file);
-    fprintf(f, "        </Grid>\n");
-  }
+  for (PetscInt i = 0; i < 8; i++) XdmfAttribute(f, (PetscBool)(i > 5), n, i < 4 ? 3 : 1, "Node", names[i], file, names[i]);
   fprintf(f, "      </Grid>\n");
 }
 
 /* Rank 0; returns 0 or errno */
-static int write_index(Outlines b, const char path[])
+static int write_index(Outlines b, const char path[], PetscBool drawn)
 {
   FILE *f;
-  int   err = XdmfBegin(path, "bodies", &f);
+  char  file[64];
+  int   err = XdmfBegin(path, drawn ? "bodies" : "centres", &f);
 
   if (err) return err;
-  for (PetscInt i = 0; i < b->nsnap; i++) print_snapshot(f, b, b->step[i], b->time[i]);
+  for (PetscInt i = 0; i < b->nsnap; i++) {
+    (void)snprintf(file, sizeof(file), "bodies_%" PetscInt_FMT ".h5", b->snap[i].step);
+    if (drawn) print_drawn(f, b->snap + i, file);
+    else print_centres(f, b->snap + i, b->s->n, file);
+  }
   return XdmfEnd(path, &f);
 }
 
 /* ---- public ---- */
 
-PetscErrorCode OutlinesCreate(Bodies bodies, Outlines *file)
+/* All outlines get as many points as the one that needs most: the longest pieces are halved */
+static PetscErrorCode fill_outline(Picture *p, PetscInt n)
 {
-  Outlines   b;
-  PetscReal *weight;
+  PetscReal *x;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(2 * n, &x));
+  PetscCall(PetscArraycpy(x, p->x, 2 * p->n));
+  for (; p->n < n; p->n++) {
+    PetscReal far = -1, middle[2] = {0};
+    PetscInt  at = 0;
+
+    for (PetscInt i = 0; i < p->n; i++) {
+      const PetscReal *a = x + 2 * i, *c = x + 2 * ((i + 1) % p->n), d2 = PetscSqr(a[0] - c[0]) + PetscSqr(a[1] - c[1]);
+
+      if (d2 <= far) continue;
+      far       = d2;
+      at        = i;
+      middle[0] = 0.5 * (a[0] + c[0]);
+      middle[1] = 0.5 * (a[1] + c[1]);
+    }
+    for (PetscInt i = p->n; i > at + 1; i--) PetscCall(PetscArraycpy(x + 2 * i, x + 2 * (i - 1), 2));
+    PetscCall(PetscArraycpy(x + 2 * (at + 1), middle, 2));
+  }
+  PetscCall(PetscFree(p->x));
+  p->x = x;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode draw_groups(Outlines b)
+{
+  const BodyState *s    = b->s;
+  const PetscInt   most = PetscMin(TRIANGLES_BODY, TRIANGLES / PetscMax(1, s->n));
+  PetscInt         n    = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt g = 0; g < s->ngroups; g++) {
+    const BodyGroup *group = &s->group[g];
+    Picture         *p     = b->picture + g;
+
+    p->ncell = 1;
+    if (s->dim == 2) PetscCall(ShapeOutline(group->shape, s->n > MANY ? TOLERANCE_MANY : TOLERANCE, &p->n, &p->x));
+    else PetscCall(ShapeTriangulate(group->shape, most, &p->n, &p->x, &p->ncell, &p->cell));
+    for (PetscInt i = 0; i < s->dim * p->n; i++) p->x[i] -= group->mass.centroid[i % s->dim];
+    n = PetscMax(n, p->n);
+  }
+  for (PetscInt g = 0; g < s->ngroups && s->dim == 2; g++) PetscCall(fill_outline(b->picture + g, n));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode OutlinesCreate(Bodies bodies, const PetscReal lower[], const PetscReal upper[], const PetscReal period[], Outlines *file)
+{
+  Outlines b;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&b));
   b->bodies = bodies;
   PetscCall(BodiesGetState(bodies, &b->s));
   PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &b->rank));
-  b->npoint = b->s->dim == 3 ? 0 : b->s->n > MANY ? POINTS_MANY : POINTS;
-  PetscCall(PetscCalloc1(b->s->ngroups, &b->shape));
-  PetscCall(PetscMalloc1(b->npoint, &weight));
-  for (PetscInt g = 0; g < b->s->ngroups && b->npoint; g++) {
-    const BodyGroup *group = &b->s->group[g];
-
-    PetscCall(PetscMalloc1(2 * b->npoint, &b->shape[g]));
-    PetscCall(ShapeSurface(group->shape, b->npoint, b->shape[g], weight));
-    for (PetscInt i = 0; i < 2 * b->npoint; i++) b->shape[g][i] -= group->mass.centroid[i % 2];
+  for (PetscInt a = 0; a < 3; a++) {
+    b->lower[a]  = lower[a];
+    b->upper[a]  = upper[a];
+    b->period[a] = period[a];
   }
-  PetscCall(PetscFree(weight));
   *file = b;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -180,10 +358,12 @@ PetscErrorCode OutlinesDestroy(Outlines *file)
 
   PetscFunctionBeginUser;
   if (!b) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt g = 0; g < b->s->ngroups; g++) PetscCall(PetscFree(b->shape[g]));
-  PetscCall(PetscFree(b->shape));
-  PetscCall(PetscFree(b->step));
-  PetscCall(PetscFree(b->time));
+  for (PetscInt g = 0; g < b->s->ngroups && b->picture; g++) {
+    PetscCall(PetscFree(b->picture[g].x));
+    PetscCall(PetscFree(b->picture[g].cell));
+  }
+  PetscCall(PetscFree(b->picture));
+  PetscCall(PetscFree(b->snap));
   PetscCall(PetscFree(*file));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -193,40 +373,60 @@ static PetscErrorCode make_room(Outlines b, PetscInt n)
   PetscFunctionBeginUser;
   if (n <= b->room) PetscFunctionReturn(PETSC_SUCCESS);
   b->room = 2 * n + 16;
-  PetscCall(PetscRealloc(b->room * sizeof(PetscInt), &b->step));
-  PetscCall(PetscRealloc(b->room * sizeof(PetscReal), &b->time));
+  PetscCall(PetscRealloc(b->room * sizeof(Snapshot), &b->snap));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode OutlinesWrite(Outlines b, const char dir[], PetscInt step, PetscReal time)
 {
-  char path[PETSC_MAX_PATH_LEN];
+  static const char *const index[] = {"centres", "bodies"};
+  Snapshot                 snap    = {.step = step, .time = time};
+  char                     path[PETSC_MAX_PATH_LEN];
 
   PetscFunctionBeginUser;
   if (!b->s->n) PetscFunctionReturn(PETSC_SUCCESS);
-  while (b->nsnap && b->step[b->nsnap - 1] >= step) b->nsnap--;
-  PetscCall(make_room(b, b->nsnap + 1));
-  b->step[b->nsnap]   = step;
-  b->time[b->nsnap++] = time;
+  if (!b->picture) { /* not before the first snapshot: many runs write none */
+    PetscCall(PetscCalloc1(b->s->ngroups, &b->picture));
+    PetscCall(draw_groups(b));
+  }
   PetscCall(PetscSNPrintf(path, sizeof(path), "%s/bodies_%" PetscInt_FMT ".h5", dir, step));
-  PetscCall(write_file(b, path, time));
-  PetscCall(PetscSNPrintf(path, sizeof(path), "%s/bodies.xmf", dir));
-  PetscCall(FileCheck(b->rank ? 0 : write_index(b, path), path));
+  PetscCall(write_file(b, path, &snap));
+  while (b->nsnap && b->snap[b->nsnap - 1].step >= step) b->nsnap--;
+  PetscCall(make_room(b, b->nsnap + 1));
+  b->snap[b->nsnap++] = snap;
+  for (PetscInt i = 0; i < 2; i++) {
+    PetscCall(PetscSNPrintf(path, sizeof(path), "%s/%s.xmf", dir, index[i]));
+    PetscCall(FileCheck(b->rank ? 0 : write_index(b, path, (PetscBool)i), path));
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode OutlinesVisitState(void *file, State state)
 {
-  Outlines b = file;
+  Outlines   b = file;
+  PetscInt   n = b->nsnap, *number;
+  PetscReal *time;
 
   PetscFunctionBeginUser;
   if (StateIsLoading(state)) {
-    PetscCall(StateGetSize(state, "snapshot_time", &b->nsnap));
-    b->nsnap = PetscMax(b->nsnap, 0);
-    PetscCall(make_room(b, b->nsnap));
+    PetscCall(StateGetSize(state, "snapshot_time", &n));
+    n = PetscMax(n, 0);
+    PetscCall(make_room(b, n));
+    b->nsnap = n;
   }
-  if (!b->nsnap) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(StateInts(state, "snapshot_step", b->nsnap, b->step));
-  PetscCall(StateReals(state, "snapshot_time", b->nsnap, b->time));
+  if (!n) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscCalloc2(4 * n, &number, n, &time));
+  for (PetscInt i = 0; i < n && !StateIsLoading(state); i++) {
+    const Snapshot *s      = b->snap + i;
+    const PetscInt  now[4] = {s->step, s->npoint, s->ncell, s->nline};
+
+    PetscCall(PetscArraycpy(number + 4 * i, now, 4));
+    time[i] = s->time;
+  }
+  PetscCall(StateInts(state, "snapshot", 4 * n, number));
+  PetscCall(StateReals(state, "snapshot_time", n, time));
+  for (PetscInt i = 0; i < n && StateIsLoading(state); i++)
+    b->snap[i] = (Snapshot){number[4 * i], number[4 * i + 1], number[4 * i + 2], number[4 * i + 3], time[i]};
+  PetscCall(PetscFree2(number, time));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

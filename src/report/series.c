@@ -52,11 +52,52 @@ const MonitorColumn MONITOR_BODIES[] = {
   {"torque_z", "force length", 12, ""},
   {"gap", "length", 12, "to the next body or wall, inf if nothing is near"},
   {"radius", "length", 12, "of a disc or sphere, else 0"},
+  {"q0", "", 12, "in 3D: orientation, a unit quaternion that turns the body's axes into those of space, scalar first"},
+  {"q1", "", 12, ""},
+  {"q2", "", 12, ""},
+  {"q3", "", 12, ""},
+  {NULL, NULL, 0, NULL},
+};
+
+const MonitorColumn MONITOR_FURTHER[] = {
+  {"cd", "", 12, "with -particle_<group>_reference_speed U: 2 F/(rho U^2 L), F the force of the fluid in x, L -particle_<group>_reference_length"},
+  {"cl", "", 12, "the same of the force in y"},
+  {"cd_residual", "", 12, "cd from the momentum residual"},
+  {"cl_residual", "", 12, "cl from the momentum residual"},
+  {"cd_volume", "", 12, "cd from the volume integral of the stress"},
+  {"cl_volume", "", 12, "cl from the volume integral of the stress"},
+  {"cd_<group>", "", 12, "with several such groups all of these end with the name of the group"},
+  {"cl_<group>", "", 12, ""},
+  {"cd_residual_<group>", "", 12, ""},
+  {"cl_residual_<group>", "", 12, ""},
+  {"cd_volume_<group>", "", 12, ""},
+  {"cl_volume_<group>", "", 12, ""},
+  {"dp", "pressure", 12, "with -monitor_dp: pressure at its first point less that at its second"},
+  {"momentum_fluid_<x|y|z>", "force", 12, "with -monitor_momentum: rate of change of the momentum in the domain"},
+  {"momentum_bodies_<x|y|z>", "force", 12, "the same: force of the bodies on the fluid"},
+  {"momentum_walls_<x|y|z>", "force", 12, "the same: force of the walls"},
+  {"momentum_openings_<x|y|z>", "force", 12, "the same: traction at inflows, less the momentum that flows out"},
+  {"momentum_volume_<x|y|z>", "force", 12, "the same: -flow_force over the domain"},
+  {"snap_fallback", "", 12, "with rung snap: bodies that the mesh could not follow and the penalty held"},
+  {"snap_narrow", "", 12, "with rung snap: bodies whose walls were drawn back in narrow gaps"},
+  {"snap_taylor", "", 12, "with rung snap: moved nodes whose old values came from Taylor's formula"},
+  {"snap_kept", "", 12, "with rung snap: moved nodes for which there was no old value"},
+  {"deform_area_min", "", 12, "with -mesh_deform and bodies that move: smallest size of a cell over the wanted one"},
+  {"deform_area_max", "", 12, "the same: largest"},
+  {"deform_jacobian", "", 12, "the same: smallest Jacobian in a cell over the cell's mean"},
+  {"mean_velocity_<x|y|z>", "length/time", 12, "mean over the domain, fluid and bodies"},
+  {"flow_rate_<boundary>", "length^3/time (2D: length^2/time)", 12, "out of the domain through an inflow or outflow"},
+  {"wall_force_<boundary>_<x|y|z>", "force", 12, "of the fluid on a wall, in 2D of unit depth"},
+  {"step_error", "", 12, "with -sim_adapt: estimated error of the step over the tolerance"},
+  {"rejected_steps", "", 12, "with -sim_adapt: steps taken back so far"},
   {NULL, NULL, 0, NULL},
 };
 
 #define NSERIES (PETSC_STATIC_ARRAY_LENGTH(MONITOR_SERIES) - 1)
+#define NPLANE  (NBODIES - 4) /* without q0 .. q3 */
 #define NBODIES (PETSC_STATIC_ARRAY_LENGTH(MONITOR_BODIES) - 1)
+
+#define HEADING (1024 + MAX_COLUMNS * 65) /* characters of a heading */
 
 /* ---- files ---- */
 
@@ -80,7 +121,7 @@ PetscErrorCode SeriesOpenFile(Monitor m, const char name[], const char heading[]
    with the reason why it is not a file of this run. */
 static int cut_file(const char path[], const char heading[], PetscReal length, FILE **file, const char **reason)
 {
-  char first[1024] = "";
+  char first[HEADING] = "";
 
   *file = fopen(path, "r+");
   if (!*file) return errno;
@@ -113,11 +154,17 @@ static PetscErrorCode open_table(Monitor m, const char name[], const char headin
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode write_heading(const MonitorColumn column[], char heading[], size_t len)
+/* Columns of bodies.csv in this run */
+static size_t count_body_columns(Monitor m)
+{
+  return m->bodies->dim == 3 ? NBODIES : NPLANE;
+}
+
+static PetscErrorCode write_heading(const MonitorColumn column[], size_t n, char heading[], size_t len)
 {
   PetscFunctionBeginUser;
   heading[0] = 0;
-  for (PetscInt i = 0; column[i].name; i++) {
+  for (size_t i = 0; i < n; i++) {
     if (i) PetscCall(PetscStrlcat(heading, ",", len));
     PetscCall(PetscStrlcat(heading, column[i].name, len));
   }
@@ -126,17 +173,17 @@ static PetscErrorCode write_heading(const MonitorColumn column[], char heading[]
 
 PetscErrorCode SeriesOpen(Monitor m)
 {
-  char heading[512 + MAX_COLUMNS * (sizeof(m->column->name) + 1)];
+  char heading[HEADING];
 
   PetscFunctionBeginUser;
-  PetscCall(write_heading(MONITOR_SERIES, heading, sizeof(heading)));
+  PetscCall(write_heading(MONITOR_SERIES, NSERIES, heading, sizeof(heading)));
   for (PetscInt i = 0; i < m->ncolumn; i++) {
     PetscCall(PetscStrlcat(heading, ",", sizeof(heading)));
     PetscCall(PetscStrlcat(heading, m->column[i].name, sizeof(heading)));
   }
   PetscCall(PetscStrlcat(heading, "\n", sizeof(heading)));
   PetscCall(open_table(m, "series.csv", heading, m->length[0], &m->series));
-  PetscCall(write_heading(MONITOR_BODIES, heading, sizeof(heading)));
+  PetscCall(write_heading(MONITOR_BODIES, count_body_columns(m), heading, sizeof(heading)));
   PetscCall(PetscStrlcat(heading, "\n", sizeof(heading)));
   PetscCall(open_table(m, "bodies.csv", heading, m->length[1], &m->body_file));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -170,15 +217,15 @@ static PetscReal body_angle(const BodyState *b, PetscInt k)
   return b->dim == 2 ? b->angle[k] : 2 * PetscAtan2Real(PetscSqrtReal(q[1] * q[1] + q[2] * q[2] + q[3] * q[3]), q[0]);
 }
 
-static void print_body(FILE *f, const MonitorStep *s, const BodyState *b, PetscInt k)
+static void print_body(FILE *f, const MonitorStep *s, const BodyState *b, PetscInt k, size_t n)
 {
   const BodyGroup *g = BodiesGetGroup(b, k);
-  const PetscReal *x = b->x[k], *u = b->u[k], *w = b->w[k], *F = b->force[k], *T = b->torque[k];
+  const PetscReal *x = b->x[k], *u = b->u[k], *w = b->w[k], *F = b->force[k], *T = b->torque[k], *q = b->q[k];
   const PetscReal  gap            = b->gap[k] < PETSC_MAX_REAL ? b->gap[k] : (PetscReal)INFINITY;
   const PetscReal  value[NBODIES] = {s->step, s->time, k,    0,    x[0], x[1], x[2], body_angle(b, k), u[0], u[1], u[2], w[0], w[1], w[2],
-                                     F[0],    F[1],    F[2], T[0], T[1], T[2], gap,  g->disc};
+                                     F[0],    F[1],    F[2], T[0], T[1], T[2], gap,  g->disc,          q[0], q[1], q[2], q[3]};
 
-  for (size_t i = 0; i < NBODIES; i++) {
+  for (size_t i = 0; i < n; i++) {
     if (i == GROUP) fprintf(f, ",%s", g->name);
     else fprintf(f, "%s%.*g", i ? "," : "", (int)MONITOR_BODIES[i].digits, (double)value[i]);
   }
@@ -216,7 +263,7 @@ PetscErrorCode SeriesAppend(Monitor m, const MonitorStep *s, const PetscReal sec
   PetscFunctionBeginUser;
   if (m->rank == 0) {
     print_series(m, s, seconds);
-    for (PetscInt k = m->first_body; k <= m->last_body; k++) print_body(m->body_file, s, m->bodies, k);
+    for (PetscInt k = m->first_body; k <= m->last_body; k++) print_body(m->body_file, s, m->bodies, k, count_body_columns(m));
     if (fflush(m->series) || ferror(m->series)) err[0] = errno ? errno : EIO;
     if (fflush(m->body_file) || ferror(m->body_file)) err[1] = errno ? errno : EIO;
   }

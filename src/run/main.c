@@ -5,6 +5,7 @@
    Checks the scene file, hands it to PETSc (the command line wins over it), and runs it. */
 #include "compat.h"
 #include "report/checkpoint.h"
+#include "report/monitor.h"
 #include "base/log.h"
 #include "base/opt.h"
 #include "run/scene.h"
@@ -14,12 +15,14 @@
 #include <stdlib.h>
 #include <version.h>
 #include <string.h>
+#include <strings.h>
 
 static const char
   help[] = "tumble: particulate flow by the finite element fictitious boundary method.\n"
            "usage: mpiexec -n N build/tumble runs/scene.yaml [-option value ...]\n"
            "Option -scene_dry_run describes the scene without running it; -help lists all options (-help expert: more, -help petsc: those of\n"
-           "PETSc's solvers in this scene, -help markdown, -help man), -version the versions; runs/README.md lists the scenes.\n\n";
+           "PETSc's solvers in this scene, -help markdown, -help man), -help output the\n"
+           "columns and datasets of the results, -version the versions; runs/README.md lists the scenes.\n\n";
 
 /* The error this rank stops with; told by rank 0 when all ranks have come to the end, so that it is told once. */
 static struct {
@@ -139,6 +142,7 @@ typedef enum {
   RUN,
   HELP,
   HELP_PETSC,
+  HELP_OUTPUT,
   VERSION
 } Wish;
 
@@ -152,6 +156,7 @@ static Wish find_wish(int argc, char **argv, OptFormat *format)
     if (!strcmp(argv[i], "-version") || !strcmp(argv[i], "--version")) return VERSION;
     if (strcmp(argv[i], "-help") && strcmp(argv[i], "--help") && strcmp(argv[i], "-h")) continue;
     wish = i + 1 < argc && !strcmp(argv[i + 1], "petsc") ? HELP_PETSC : HELP;
+    if (i + 1 < argc && !strcmp(argv[i + 1], "output")) return HELP_OUTPUT;
     if (wish == HELP_PETSC) strcpy(argv[i + 1], "1"); /* PETSc takes -help for a switch */
     for (int k = 1; k < 4 && i + 1 < argc; k++)
       if (!strcmp(argv[i + 1], FORMATS[k])) *format = (OptFormat)k;
@@ -187,6 +192,7 @@ static int tell(Wish wish, OptFormat format)
   MPI_Comm_rank(MPI_COMM_WORLD, &rank);
   if (PetscInitializeNoArguments()) return 1;
   if (rank == 0 && wish == VERSION) print_version();
+  if (rank == 0 && wish == HELP_OUTPUT) MonitorPrintTables(stdout);
   if (wish == HELP) {
     PetscCall(ShapeDeclareOptions());
     if (rank == 0 && format <= OPT_PLAIN_EXPERT) printf("%s", help);
@@ -199,6 +205,22 @@ static int tell(Wish wish, OptFormat format)
   return 0;
 }
 
+/* The options.txt of a run repeats the run, from its beginning and in a directory of its own: where results go and what
+   was continued is said anew. */
+static PetscErrorCode forget_place(int argc, char **argv)
+{
+  static const char *const names[] = {"-output_dir", "-output_overwrite", "-sim_restart"};
+
+  PetscFunctionBeginUser;
+  for (int k = 0; k < 3; k++) {
+    PetscBool given = PETSC_FALSE;
+
+    for (int i = 2; i < argc; i++) given = (PetscBool)(given || !strcasecmp(argv[i], names[k]));
+    if (!given) PetscCall(PetscOptionsClearValue(NULL, names[k]));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 int main(int argc, char **argv)
 {
   char           path[PETSC_MAX_PATH_LEN] = "", name[256] = "scene";
@@ -208,7 +230,7 @@ int main(int argc, char **argv)
 
   MPI_Init(&argc, &argv);
   wish = find_wish(argc, argv, &format);
-  if (wish == HELP || wish == VERSION) return tell(wish, format);
+  if (wish == HELP || wish == HELP_OUTPUT || wish == VERSION) return tell(wish, format);
   if (SceneFileName(argc, argv, path, sizeof(path)) && wish == RUN) {
     int rank;
 
@@ -226,6 +248,7 @@ int main(int argc, char **argv)
   PetscCall(PetscPushErrorHandler(note_error, NULL));
   if (wish == HELP_PETSC) PetscCall(PetscOptionsSetValue(NULL, "-scene_dry_run", "1"));
   ierr = LogInitialize();
+  if (!ierr && SceneFileIsList(path)) ierr = forget_place(argc, argv);
   if (!ierr) ierr = SceneRun(name);
   if (ierr) return leave_after_error();
   PetscCall(ShapeFinalize());

@@ -85,7 +85,7 @@ static PetscErrorCode build(SimParts *part)
   PetscCall(ContactCheckStart(part->contact));
   PetscCall(LeaveCreate(part->bodies, l->lower, l->upper, l->period, &part->border));
   PetscCall(OutputCreate(part->mesh, part->scene, &part->output));
-  PetscCall(OutlinesCreate(part->bodies, &part->bodyfile));
+  PetscCall(OutlinesCreate(part->bodies, l->lower, l->upper, l->period, &part->bodyfile));
   PetscCall(MonitorCreate(part->bodies, &part->monitor));
   if (deformed) PetscCall(report_deformation(part->monitor, &deformation));
   PetscCall(CheckpointCreate(part->mesh, part->output, &part->checkpoint));

@@ -85,6 +85,11 @@ static int has_ending(const char text[], const char ending[])
   return n >= m && !strcmp(text + n - m, ending);
 }
 
+int SceneFileIsList(const char path[])
+{
+  return has_ending(path, "options.txt");
+}
+
 /* Whole file in *text, also when it fails (free it); *size without the closing zero. */
 static int read_file(SceneCheck *check, char **text, size_t *size)
 {
@@ -95,7 +100,7 @@ static int read_file(SceneCheck *check, char **text, size_t *size)
   if (stat(check->path, &info))
     return errno == ENOENT || errno == ENOTDIR ? report_missing(check) : report_fault(check, 0, "cannot read the scene file: %s", strerror(errno));
   if (S_ISDIR(info.st_mode)) return report_fault(check, 0, "is a directory; the first argument is a scene file");
-  if (!has_ending(check->path, ".yaml") && !has_ending(check->path, ".yml"))
+  if (!has_ending(check->path, ".yaml") && !has_ending(check->path, ".yml") && !SceneFileIsList(check->path))
     return report_fault(check, 0, "a scene file must end in .yaml or .yml (PETSc tells the format by it)");
   file = fopen(check->path, "r");
   if (!file) return report_fault(check, 0, "cannot read the scene file: %s", strerror(errno));
@@ -341,6 +346,17 @@ int SceneFileName(int argc, char **argv, char path[], size_t len)
   return 0;
 }
 
+/* out/disc/options.txt -> disc-again */
+static int name_again(const char path[], const char *base, char stem[], size_t len)
+{
+  const char *end = base - 1, *begin;
+
+  while (end > path && end[-1] == '/') end--;
+  for (begin = end; begin > path && begin[-1] != '/';) begin--;
+  if (begin == end || *begin == '.') return 1;
+  return snprintf(stem, len, "%.*s-again", (int)(end - begin), begin) >= (int)len;
+}
+
 int SceneFileStem(const char path[], char stem[], size_t len)
 {
   const char  *slash = strrchr(path, '/'), *base = slash ? slash + 1 : path, *dot = strrchr(base, '.');
@@ -348,10 +364,28 @@ int SceneFileStem(const char path[], char stem[], size_t len)
 
   if (!len) return 1;
   stem[0] = 0;
+  if (!strcmp(base, "options.txt") && base > path && !name_again(path, base, stem, len)) return 0;
   if (!n || n >= len) return 1;
   memcpy(stem, base, n);
   stem[n] = 0;
   return 0;
+}
+
+/* A list of options as options.txt is: "-name value" lines and comments */
+static int check_list_file(SceneCheck *check, const char text[])
+{
+  size_t line = 1;
+  int    any  = 0;
+
+  for (const char *c = text; *c; line++) {
+    const size_t n = strcspn(c, "\n"), blank = strspn(c, " \t\r");
+
+    any |= c[0] == '-';
+    if (c[0] != '-' && c[0] != '#' && blank < n)
+      return report_fault(check, line, "options.txt is a list of '-name value' and of comments that begin with '#'; a scene must end in .yaml");
+    c += n + (c[n] == '\n');
+  }
+  return any ? 0 : report_fault(check, 0, "the list of options is empty");
 }
 
 int SceneFileCheck(const char path[], char message[], size_t len)
@@ -363,8 +397,9 @@ int SceneFileCheck(const char path[], char message[], size_t len)
 
   if (len) message[0] = 0;
   fault = read_file(&check, &text, &size);
-  if (!fault) fault = check_tabs(&check, text);
-  if (!fault) fault = check_text(&check, text, size);
+  if (!fault && SceneFileIsList(path)) fault = check_list_file(&check, text);
+  else if (!fault) fault = check_tabs(&check, text);
+  if (!fault && !SceneFileIsList(path)) fault = check_text(&check, text, size);
   for (size_t i = 0; i < check.n; i++) free(check.option[i].name);
   free(check.option);
   free(text);

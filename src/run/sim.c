@@ -150,18 +150,18 @@ static PetscErrorCode estimate_acceleration(Sim s)
 static PetscErrorCode write_fields(Sim s)
 {
   const MeshLocal *l;
-  const PetscInt  *body;
+  PetscInt        *body;
   PetscReal       *u, *p, *gradient;
 
   PetscFunctionBeginUser;
   if (!s->part.flow) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MeshGetLocal(s->part.mesh, &l));
   PetscCall(FlowGetFields(s->part.flow, &u, NULL, &p));
-  PetscCall(PetscMalloc1(l->ncell * (l->dim + 1), &gradient));
+  PetscCall(PetscMalloc2(l->ncell * (l->dim + 1), &gradient, l->nnode_all, &body));
   PetscCall(FlowGetPressureGradient(s->part.flow, p, gradient));
-  PetscCall(CoupleGetNodeBody(s->part.couple, &body));
+  PetscCall(CoupleMarkInside(s->part.couple, body));
   PetscCall(OutputFields(s->part.output, s->step, s->time, u, gradient, body));
-  PetscCall(PetscFree(gradient));
+  PetscCall(PetscFree2(gradient, body));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

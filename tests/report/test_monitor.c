@@ -208,8 +208,8 @@ static void columns_are_added(void **state)
   if (my_rank() == 0) OK(PetscMkdir(dir));
   OK(PetscBarrier(NULL));
   OK(MonitorCreate(bodies, &m));
-  OK(MonitorAddColumn(m, "drag", &drag));
-  OK(MonitorAddColumn(m, "lift", &lift));
+  OK(MonitorAddColumn(m, "cd_disc", &drag));
+  OK(MonitorAddColumn(m, "dp", &lift));
   OK(MonitorOpen(m, dir));
   for (PetscInt step = 1; step <= 2; step++) {
     MonitorStep s = make_step(step);
@@ -223,7 +223,7 @@ static void columns_are_added(void **state)
   text = read_text(dir, "series.csv");
   if (my_rank() == 0) {
     for (PetscInt line = 0; line < 3; line++) {
-      const char *const want[] = {",drag,lift\n", ",1,0.1\n", ",0.5,0.1\n"}, *at = line_number(text, line), *end = strchr(at, '\n') + 1;
+      const char *const want[] = {",cd_disc,dp\n", ",1,0.1\n", ",0.5,0.1\n"}, *at = line_number(text, line), *end = strchr(at, '\n') + 1;
 
       assert_memory_equal(end - strlen(want[line]), want[line], strlen(want[line]));
     }

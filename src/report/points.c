@@ -1,0 +1,129 @@
+/* Points: see points.h. The owner of a node has all cells around it, and so knows which images of it are needed. */
+#include "compat.h"
+#include "points.h"
+
+#define HERE 13 /* the code of no shift */
+
+static PetscInt power3(PetscInt a)
+{
+  return a == 0 ? 1 : a == 1 ? 3 : 9;
+}
+
+/* Where cell c needs its nodes: code [nb] */
+static PetscErrorCode get_codes(Mesh mesh, const MeshLocal *m, PetscInt c, PetscInt code[])
+{
+  PetscReal xc[MESH_MAX_NB * 3];
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshCellCoordinates(mesh, c, xc));
+  for (PetscInt j = 0; j < m->nb; j++) {
+    const PetscReal *x = m->x + m->cell_node[c * m->nb + j] * m->dim;
+
+    code[j] = HERE;
+    for (PetscInt a = 0; a < m->dim; a++)
+      if (m->period[a] > 0) code[j] += power3(a) * (PetscInt)PetscFloorReal((xc[j * m->dim + a] - x[a]) / m->period[a] + 0.5);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Which shifts of its nodes the cells of this rank, ghosts too, need: bits [nnode_all] */
+static PetscErrorCode collect_codes(Mesh mesh, const MeshLocal *m, PetscInt bits[])
+{
+  PetscInt code[MESH_MAX_NB];
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < m->nnode_all; i++) bits[i] = 1 << HERE;
+  if (m->period[0] <= 0 && m->period[1] <= 0 && m->period[2] <= 0) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt c = 0; c < m->ncell_all; c++) {
+    PetscCall(get_codes(mesh, m, c, code));
+    for (PetscInt j = 0; j < m->nb; j++) bits[m->cell_node[c * m->nb + j]] |= 1 << code[j];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Own points: nodes first, then their images */
+static PetscErrorCode list_points(const MeshLocal *m, const PetscInt bits[], Points *p)
+{
+  PetscInt n = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < m->nnode; i++)
+    for (PetscInt k = 0; k < POINTS_MAX_CODES; k++) n += (bits[i] >> k) & 1;
+  PetscCall(PetscMalloc2(n, &p->node, n, &p->code));
+  p->n = m->nnode;
+  for (PetscInt i = 0; i < m->nnode; i++) {
+    p->node[i] = i;
+    p->code[i] = HERE;
+    for (PetscInt k = 0; k < POINTS_MAX_CODES; k++) {
+      if (k == HERE || !((bits[i] >> k) & 1)) continue;
+      p->node[p->n]   = i;
+      p->code[p->n++] = k;
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PointsCreate(Mesh mesh, Points *p)
+{
+  const MeshLocal *m;
+  DM               dm;
+  MPI_Comm         comm;
+  PetscInt        *bits, any = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMemzero(p, sizeof(*p)));
+  PetscCall(MeshGetLocal(mesh, &m));
+  PetscCall(MeshGetDM(mesh, &dm));
+  PetscCall(PetscObjectGetComm((PetscObject)dm, &comm));
+  PetscCall(PetscMalloc1(m->nnode_all, &bits));
+  PetscCall(collect_codes(mesh, m, bits));
+  PetscCall(list_points(m, bits, p));
+  for (PetscInt i = 0; i < m->nnode_all; i++) any |= bits[i];
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &any, 1, MPIU_INT, MPI_BOR, comm));
+  PetscCallMPI(MPI_Scan(&p->n, &p->start, 1, MPIU_INT, MPI_SUM, comm));
+  p->start -= p->n;
+  PetscCallMPI(MPI_Allreduce(&p->n, &p->total, 1, MPIU_INT, MPI_SUM, comm));
+  for (PetscInt k = 0; k < POINTS_MAX_CODES; k++) {
+    if (!((any >> k) & 1)) continue;
+    PetscCall(PetscMalloc1(m->nnode_all, &p->number[k]));
+    for (PetscInt i = 0; i < m->nnode_all; i++) p->number[k][i] = -1;
+    for (PetscInt i = 0; i < p->n; i++)
+      if (p->code[i] == k) p->number[k][p->node[i]] = p->start + i;
+    PetscCall(MeshSyncNodesInt(mesh, p->number[k]));
+  }
+  PetscCall(PetscFree(bits));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PointsDestroy(Points *p)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < POINTS_MAX_CODES; k++) PetscCall(PetscFree(p->number[k]));
+  PetscCall(PetscFree2(p->node, p->code));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PointsGetPlaces(const Points *p, Mesh mesh, PetscReal x[])
+{
+  const MeshLocal *m;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshGetLocal(mesh, &m));
+  for (PetscInt i = 0; i < p->n; i++) {
+    for (PetscInt a = 0; a < 3; a++)
+      x[3 * i + a] = a < m->dim ? m->x[p->node[i] * m->dim + a] + m->period[a] * (PetscReal)(p->code[i] / power3(a) % 3 - 1) : 0;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PointsOfCell(const Points *p, Mesh mesh, PetscInt c, PetscInt number[])
+{
+  const MeshLocal *m;
+  PetscInt         code[MESH_MAX_NB];
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshGetLocal(mesh, &m));
+  PetscCall(get_codes(mesh, m, c, code));
+  for (PetscInt j = 0; j < m->nb; j++) number[j] = p->number[code[j]][m->cell_node[c * m->nb + j]];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,21 @@
+/* Points: the points of a mesh in a file for pictures. A point is a node of the mesh; where the mesh is periodic, a node
+   that a cell needs on the far side of the period has further points there, so that no cell is stretched over the
+   picture. Points of a rank are its own nodes, then these images of them, in the order of `node`. */
+#pragma once
+#include "mesh/mesh.h"
+
+#define POINTS_MAX_CODES 27 /* shifts by -1, 0, 1 periods an axis: digits of base 3, 13 stands for none */
+
+typedef struct {
+  PetscInt  n, start, total;          /* own points, number of the first, all */
+  PetscInt *node, *code;              /* [n] local node, shift */
+  PetscInt *number[POINTS_MAX_CODES]; /* [nnode_all] number of the point of a node at this shift; NULL: no rank has any */
+} Points;
+
+/* Collective. */
+PetscErrorCode PointsCreate(Mesh, Points *);
+PetscErrorCode PointsDestroy(Points *);
+/* Places x [n][3] of the own points. Not collective. */
+PetscErrorCode PointsGetPlaces(const Points *, Mesh, PetscReal x[]);
+/* Numbers of the points of own cell c in the order of its nodes, number [nb]. Not collective. */
+PetscErrorCode PointsOfCell(const Points *, Mesh, PetscInt c, PetscInt number[]);

@@ -1,0 +1,110 @@
+/* Tables: what is in the files of a run, in print (runs/OUTPUT.md, -help output). */
+#include "compat.h"
+#include "report/monitor.h"
+#include <string.h>
+
+/* Datasets; "shape" takes the place of digits */
+typedef struct {
+  const char *name, *unit, *shape, *meaning;
+} Dataset;
+
+static const Dataset FIELDS[] = {
+  {"time", "time", "[1]", ""},
+  {"velocity", "length/time", "[points][3]", "at the nodes of the elements, second order"},
+  {"vorticity", "1/time", "[points] (3D: [points][3])", "average of the cells around a node"},
+  {"pressure", "pressure", "[points]", "average of the cells around a node, for pictures; those inside bodies do not count"},
+  {"body", "", "[points]", "number of the body that the point lies in, by the sign of the distance, or -1; in runs with bodies"},
+  {"pressure_mean", "pressure", "[cells]", "with the next one the pressure of the method, linear in each cell: value at the cell's middle node"},
+  {"pressure_gradient", "pressure/length", "[cells][3]", "in the cell"},
+  {NULL, NULL, NULL, NULL},
+};
+static const Dataset MESH[] = {
+  {"coordinates", "length", "[points][3]", "nodes; on a periodic mesh some once more across the period, so that cells are whole"},
+  {"cells", "", "[cells][9] (3D: [27])", "points of a cell in the order of VTK"},
+  {NULL, NULL, NULL, NULL},
+};
+static const Dataset BODIES[] = {
+  {"time", "time", "[1]", ""},
+  {"position", "length", "[bodies][3]", "centre of mass"},
+  {"velocity", "length/time", "[bodies][3]", ""},
+  {"angular_velocity", "1/time", "[bodies][3]", ""},
+  {"force", "force", "[bodies][3]", "of the fluid"},
+  {"contact_force", "force", "[bodies][3]", "of other bodies and walls"},
+  {"orientation", "", "[bodies][4]", "unit quaternion that turns the body's axes into those of space, scalar first"},
+  {"angle", "rad", "[bodies]", "not wrapped; in 3D the integral of the angular velocity about z"},
+  {"radius", "length", "[bodies]", "of the bounding circle or sphere, 0: has left the domain"},
+  {"group, body", "", "[bodies]", "numbers of the group and of the body, from 0"},
+  {"outline", "length", "[lines * points][3]", "2D: of the bodies and then of their images across a period; begins on the body's first axis"},
+  {"line", "", "[lines][points + 1]", "2D: points of a closed line"},
+  {"surface", "length", "[points][3]", "3D: points of the triangles, bodies and images"},
+  {"triangle", "", "[triangles][3]", "3D: their points, normals outward"},
+  {"cell_body, cell_group", "", "[lines or triangles]", "body and group that a line or triangle belongs to"},
+  {"cell_velocity, cell_angular_velocity", "length/time, 1/time", "[lines or triangles][3]", "of that body"},
+  {NULL, NULL, NULL, NULL},
+};
+
+/* Does the name fit the pattern, in which <...> stands for any text? */
+static PetscBool fits(const char *pattern, const char *name)
+{
+  for (; *pattern && *pattern != '<'; pattern++, name++)
+    if (*pattern != *name) return PETSC_FALSE;
+  if (!*pattern) return (PetscBool) !*name;
+  pattern = strchr(pattern, '>') + 1;
+  for (name += *name != 0; *name; name++)
+    if (fits(pattern, name)) return PETSC_TRUE;
+  return fits(pattern, name);
+}
+
+PetscBool MonitorExplains(const char name[])
+{
+  for (const MonitorColumn *c = MONITOR_FURTHER; c->name; c++)
+    if (fits(c->name, name)) return PETSC_TRUE;
+  return PETSC_FALSE;
+}
+
+/* Text in a cell of a table: '|' would end it, <group> is no HTML, '_' and '*' would be emphasis */
+static void print_cell(FILE *file, const char text[])
+{
+  fprintf(file, "|%s", text[0] ? " " : "");
+  for (; *text; text++) fprintf(file, strchr("|<*_", *text) ? "\\%c" : "%c", *text);
+  fprintf(file, " ");
+}
+
+static void print_columns(FILE *file, const char title[], const MonitorColumn *c)
+{
+  fprintf(file, "\n## %s\n\n| column | unit | meaning |\n| --- | --- | --- |\n", title);
+  for (; c->name; c++) {
+    fprintf(file, "| `");
+    for (const char *p = c->name; *p; p++) fprintf(file, *p == '|' ? "\\|" : "%c", *p);
+    fprintf(file, "` ");
+    print_cell(file, c->unit);
+    print_cell(file, c->meaning);
+    fprintf(file, "|\n");
+  }
+}
+
+static void print_datasets(FILE *file, const char title[], const Dataset *d)
+{
+  fprintf(file, "\n## %s\n\n| dataset | unit | shape | meaning |\n| --- | --- | --- | --- |\n", title);
+  for (; d->name; d++) {
+    fprintf(file, "| `%s` ", d->name);
+    print_cell(file, d->unit);
+    print_cell(file, d->shape);
+    print_cell(file, d->meaning);
+    fprintf(file, "|\n");
+  }
+}
+
+void MonitorPrintTables(FILE *file)
+{
+  fprintf(file,
+          "# What comes out\n\nMade by `make options` from the tables in `src/report`; `build/tumble -help output` prints the same. Units are those "
+          "of the scene:\nlength, time and mass, from which force, energy and pressure follow; in 2D they are those of unit depth. An empty meaning "
+          "is that of the row above.\n");
+  print_columns(file, "series.csv: a line a step", MONITOR_SERIES);
+  print_columns(file, "series.csv: further columns, where a scene has what they tell", MONITOR_FURTHER);
+  print_columns(file, "bodies.csv: a line a step and body", MONITOR_BODIES);
+  print_datasets(file, "mesh.h5, mesh_<step>.h5", MESH);
+  print_datasets(file, "fields_<step>.h5, described by fields.xmf", FIELDS);
+  print_datasets(file, "bodies_<step>.h5, described by bodies.xmf (what is drawn) and centres.xmf", BODIES);
+}

@@ -1,0 +1,343 @@
+/* Pictures of a shape: its outline in 2D, a triangulation of its surface in 3D (see shape/host.h).
+
+   Outline: the surface points of the shape, many, with the corners between them, thinned to what a tolerance needs
+   (Douglas & Peucker 1973). A corner lies where the normal turns by more than a polygon of that many sides would; it is
+   the meeting of the tangents on both sides of it, exact where these are straight.
+   Surface: marching tetrahedra (Doi & Koide 1991) over the cells of the tree, corners projected onto the surface. */
+#include "compat.h"
+#include "tree.h"
+#include <stdlib.h>
+
+/* ---- 2D ---- */
+
+#define DENSE      1536 /* points that are thinned */
+#define CORNER_COS 0.9  /* of the turn between neighbours that is a corner */
+
+static PetscReal dot2(const PetscReal a[], const PetscReal b[])
+{
+  return a[0] * b[0] + a[1] * b[1];
+}
+
+static PetscReal distance2(const PetscReal a[], const PetscReal b[])
+{
+  return PetscSqrtReal(PetscSqr(a[0] - b[0]) + PetscSqr(a[1] - b[1]));
+}
+
+/* Where the tangents at x and y, with normals m and n, meet */
+static void meet_tangents(const PetscReal x[], const PetscReal m[], const PetscReal y[], const PetscReal n[], PetscReal c[])
+{
+  const PetscReal det = m[0] * n[1] - m[1] * n[0], a = dot2(m, x), b = dot2(n, y);
+
+  c[0] = (a * n[1] - b * m[1]) / det;
+  c[1] = (b * m[0] - a * n[0]) / det;
+}
+
+/* The corner between two neighbours on the outline: tangents close to it tell better where curves meet */
+static PetscErrorCode find_corner(Shape s, const PetscReal x[], const PetscReal m[], const PetscReal y[], const PetscReal n[], PetscReal c[],
+                                  PetscBool *found)
+{
+  PetscReal p[4] = {x[0], x[1], y[0], y[1]}, q[4] = {m[0], m[1], n[0], n[1]}, width = distance2(x, y), d;
+
+  PetscFunctionBeginUser;
+  *found = PETSC_FALSE;
+  for (PetscInt pass = 0; pass < 6; pass++) {
+    if (PetscAbsReal(q[0] * q[3] - q[1] * q[2]) < 1e-3 || dot2(q, q + 2) > CORNER_COS) PetscFunctionReturn(PETSC_SUCCESS);
+    meet_tangents(p, q, p + 2, q + 2, c);
+    PetscCall(ShapeDistance(s, 1, c, &d));
+    if (distance2(c, p) > 2 * width || distance2(c, p + 2) > 2 * width) PetscFunctionReturn(PETSC_SUCCESS);
+    if (PetscAbsReal(d) < 1e-10 * s->radius) break;
+    for (PetscInt i = 0; i < 4; i++) p[i] = c[i % 2] + 0.25 * (p[i] - c[i % 2]);
+    PetscCall(ShapeProject(s, 2, p, p));
+    PetscCall(ShapeNormal(s, 2, p, q));
+    width = distance2(p, p + 2);
+  }
+  *found = PETSC_TRUE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Dense points with the corners between them; corner [n] marks these */
+static PetscErrorCode trace_curve(Shape s, PetscInt *n, PetscReal x[], PetscBool corner[])
+{
+  PetscReal *y, *normal, *w;
+  PetscBool  found;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc3(2 * DENSE, &y, 2 * DENSE, &normal, DENSE, &w));
+  PetscCall(ShapeSurface(s, DENSE, y, w));
+  PetscCall(ShapeNormal(s, DENSE, y, normal));
+  *n = 0;
+  for (PetscInt i = 0; i < DENSE; i++) {
+    const PetscInt j = (i + 1) % DENSE;
+
+    corner[*n] = PETSC_FALSE;
+    PetscCall(PetscArraycpy(x + 2 * (*n)++, y + 2 * i, 2));
+    if (dot2(normal + 2 * i, normal + 2 * j) > CORNER_COS) continue;
+    PetscCall(find_corner(s, y + 2 * i, normal + 2 * i, y + 2 * j, normal + 2 * j, x + 2 * *n, &found));
+    if (found) corner[(*n)++] = PETSC_TRUE;
+  }
+  PetscCall(PetscFree3(y, normal, w));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscReal distance_to_line(const PetscReal p[], const PetscReal a[], const PetscReal b[])
+{
+  const PetscReal t[2] = {b[0] - a[0], b[1] - a[1]}, r[2] = {p[0] - a[0], p[1] - a[1]}, l2 = dot2(t, t);
+  const PetscReal at = l2 > 0 ? PetscMax(0, PetscMin(1, dot2(r, t) / l2)) : 0, e[2] = {at * t[0], at * t[1]};
+
+  return distance2(r, e);
+}
+
+/* Marks the points of the closed curve x [n] that are needed between the marked points first and last */
+static void keep_far(PetscInt n, const PetscReal x[], PetscReal tolerance, PetscInt first, PetscInt last, PetscBool keep[])
+{
+  PetscReal far = tolerance;
+  PetscInt  at  = -1;
+
+  for (PetscInt i = first + 1; i < last; i++) {
+    const PetscReal d = distance_to_line(x + 2 * (i % n), x + 2 * (first % n), x + 2 * (last % n));
+
+    if (d <= far) continue;
+    far = d;
+    at  = i;
+  }
+  if (at < 0) return;
+  keep[at % n] = PETSC_TRUE;
+  keep_far(n, x, tolerance, first, at, keep);
+  keep_far(n, x, tolerance, at, last, keep);
+}
+
+/* Thin the curve: the start, corners, and what the tolerance needs stay */
+static PetscInt thin_curve(PetscInt n, const PetscReal x[], const PetscBool corner[], PetscReal tolerance, PetscBool keep[])
+{
+  PetscInt before = 0, count = 0;
+
+  for (PetscInt i = 0; i < n; i++) keep[i] = (PetscBool)(corner[i] || i == 0 || i == n / 2);
+  for (PetscInt i = 1; i <= n; i++) {
+    if (i < n && !corner[i] && i != n / 2) continue;
+    keep_far(n, x, tolerance, before, i, keep);
+    before = i;
+  }
+  for (PetscInt i = 0; i < n; i++) count += keep[i];
+  return count;
+}
+
+/* Begin with the point straight ahead of the centre c, along the first axis of the body: the farthest one there */
+static PetscErrorCode begin_ahead(Shape s, const PetscReal c[], PetscInt *n, PetscReal x[], PetscBool corner[])
+{
+  PetscReal *y, best = -PETSC_MAX_REAL, start[2] = {0};
+  PetscBool *was, on_corner = PETSC_FALSE;
+  PetscInt   first = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < *n; i++) {
+    const PetscReal *a = x + 2 * i, *b = x + 2 * ((i + 1) % *n), t = (c[1] - a[1]) / (b[1] - a[1]), at = a[0] + t * (b[0] - a[0]);
+
+    if ((a[1] < c[1]) == (b[1] < c[1]) || at <= c[0] || at <= best) continue;
+    best     = at;
+    first    = i;
+    start[0] = at;
+    start[1] = c[1];
+  }
+  if (best > c[0]) {
+    const PetscInt near = distance2(start, x + 2 * first) < distance2(start, x + 2 * ((first + 1) % *n)) ? first : (first + 1) % *n;
+
+    on_corner = (PetscBool)(distance2(start, x + 2 * near) < 1e-9 * s->radius);
+    if (on_corner) first = near;
+    else PetscCall(ShapeProject(s, 1, start, start));
+  }
+  PetscCall(PetscMalloc2(2 * *n + 2, &y, *n + 1, &was));
+  for (PetscInt i = 0; i < *n; i++) {
+    const PetscInt from = (first + i + !on_corner) % *n;
+
+    PetscCall(PetscArraycpy(y + 2 * i, x + 2 * from, 2));
+    was[i] = corner[from];
+  }
+  corner[0] = PETSC_FALSE;
+  if (best > c[0] && !on_corner) PetscCall(PetscArraycpy(x, start, 2));
+  PetscCall(PetscArraycpy(x + 2 * !on_corner, y, 2 * *n));
+  PetscCall(PetscArraycpy(corner + !on_corner, was, *n));
+  if (!on_corner && best <= c[0]) PetscCall(PetscArraycpy(x, y + 2 * (*n - 1), 2));
+  else *n += !on_corner;
+  PetscCall(PetscFree2(y, was));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeOutline(Shape s, PetscReal tolerance, PetscInt *n, PetscReal *points[])
+{
+  const PetscInt room = 2 * DENSE + 2;
+  ShapeMass      mass;
+  PetscReal     *x;
+  PetscBool     *corner, *keep;
+  PetscInt       m = 0, count;
+
+  PetscFunctionBeginUser;
+  PetscCall(ShapeGetMass(s, &mass));
+  PetscCall(PetscMalloc3(2 * room, &x, room, &corner, room, &keep));
+  PetscCall(trace_curve(s, &m, x, corner));
+  PetscCall(begin_ahead(s, mass.centroid, &m, x, corner));
+  count = thin_curve(m, x, corner, tolerance * s->radius, keep);
+  PetscCall(PetscMalloc1(2 * count, points));
+  *n = 0;
+  for (PetscInt i = 0; i < m; i++)
+    if (keep[i]) PetscCall(PetscArraycpy(*points + 2 * (*n)++, x + 2 * i, 2));
+  PetscCall(PetscFree3(x, corner, keep));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- 3D ---- */
+
+typedef struct {
+  PetscInt64 key;  /* of the grid edge */
+  PetscInt   slot; /* corner of a triangle */
+  PetscReal  x[3];
+} Cut;
+
+typedef struct {
+  PetscInt n, room; /* cuts, three a triangle */
+  Cut     *cut;
+} Cuts;
+
+/* Corners of the tetrahedra of a cell, as bit patterns; bits are nested along every edge */
+static const int TETRAHEDRON[6][4] = {{0, 1, 3, 7}, {0, 3, 2, 7}, {0, 2, 6, 7}, {0, 6, 4, 7}, {0, 4, 5, 7}, {0, 5, 1, 7}};
+
+/* The cut of the edge between corners a and b of a cell; x, d: its corners */
+static void cut_edge(const Tree *t, const PetscInt cell[], const PetscReal x[], const PetscReal d[], int a, int b, Cut *cut)
+{
+  const int        low = PetscMin(a, b), high = PetscMax(a, b);
+  const PetscReal  at  = d[low] / (d[low] - d[high]);
+  const PetscInt64 m   = ((PetscInt64)1 << t->level) + 1;
+  PetscInt64       key = 0;
+
+  for (int e = 2; e >= 0; e--) key = key * m + cell[e] + (low >> e & 1);
+  cut->key = key * 8 + (low ^ high);
+  for (int e = 0; e < 3; e++) cut->x[e] = x[3 * low + e] + at * (x[3 * high + e] - x[3 * low + e]);
+}
+
+/* A triangle, turned so that its normal points to `outside` */
+static PetscErrorCode add_triangle(Cuts *c, Cut corner[3], const PetscReal outside[])
+{
+  PetscReal e[2][3], r[3], turn;
+
+  PetscFunctionBeginUser;
+  for (PetscInt a = 0; a < 3; a++) {
+    e[0][a] = corner[1].x[a] - corner[0].x[a];
+    e[1][a] = corner[2].x[a] - corner[0].x[a];
+    r[a]    = outside[a] - corner[0].x[a];
+  }
+  turn = r[0] * (e[0][1] * e[1][2] - e[0][2] * e[1][1]) + r[1] * (e[0][2] * e[1][0] - e[0][0] * e[1][2]) +
+         r[2] * (e[0][0] * e[1][1] - e[0][1] * e[1][0]);
+  if (c->n + 3 > c->room) {
+    c->room = 2 * c->room + 3072;
+    PetscCall(PetscRealloc(c->room * sizeof(Cut), &c->cut));
+  }
+  for (PetscInt i = 0; i < 3; i++) {
+    c->cut[c->n]      = corner[turn < 0 ? 2 - i : i];
+    c->cut[c->n].slot = c->n;
+    c->n++;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode cut_tetrahedron(const Tree *t, const PetscInt cell[], const PetscReal x[], const PetscReal d[], const int corner[4], Cuts *c)
+{
+  int in[4], out[4], nin = 0, nout = 0;
+  Cut p[4];
+
+  PetscFunctionBeginUser;
+  for (int i = 0; i < 4; i++) {
+    if (d[corner[i]] < 0) in[nin++] = corner[i];
+    else out[nout++] = corner[i];
+  }
+  if (!nin || !nout) PetscFunctionReturn(PETSC_SUCCESS);
+  if (nin == 2) { /* around the quadrilateral */
+    cut_edge(t, cell, x, d, in[0], out[0], p);
+    cut_edge(t, cell, x, d, in[0], out[1], p + 1);
+    cut_edge(t, cell, x, d, in[1], out[1], p + 2);
+    cut_edge(t, cell, x, d, in[1], out[0], p + 3);
+    PetscCall(add_triangle(c, p, x + 3 * out[0]));
+    p[1] = p[0];
+    PetscCall(add_triangle(c, p + 1, x + 3 * out[1]));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  for (int i = 0; i < 3; i++) cut_edge(t, cell, x, d, in[nin == 1 ? 0 : i], out[nin == 1 ? i : 0], p + i);
+  PetscCall(add_triangle(c, p, x + 3 * out[0]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode cut_cells(const Tree *t, Cuts *c)
+{
+  PetscReal x[SHAPE_CHUNK * 8 * 3], d[SHAPE_CHUNK * 8];
+
+  PetscFunctionBeginUser;
+  c->n = 0;
+  for (PetscInt start = 0; start < t->n; start += SHAPE_CHUNK) {
+    const PetscInt m = PetscMin(SHAPE_CHUNK, t->n - start);
+
+    PetscCall(TreeEvaluateCorners(t, m, t->cell + start * 3, x, d));
+    for (PetscInt i = 0; i < m; i++)
+      for (PetscInt k = 0; k < 6; k++) PetscCall(cut_tetrahedron(t, t->cell + (start + i) * 3, x + i * 24, d + i * 8, TETRAHEDRON[k], c));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static int compare_cuts(const void *a, const void *b)
+{
+  const Cut *p = a, *q = b;
+
+  return p->key < q->key ? -1 : p->key > q->key ? 1 : p->slot < q->slot ? -1 : 1;
+}
+
+/* Triangles that share an edge of the grid share a point */
+static PetscErrorCode join_cuts(Shape s, Cuts *c, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle, PetscInt *triangle[])
+{
+  PetscFunctionBeginUser;
+  qsort(c->cut, c->n, sizeof(Cut), compare_cuts);
+  PetscCall(PetscMalloc1(3 * c->n, x));
+  PetscCall(PetscMalloc1(c->n, triangle));
+  *npoint = 0;
+  for (PetscInt i = 0; i < c->n; i++) {
+    if (i == 0 || c->cut[i].key != c->cut[i - 1].key) PetscCall(PetscArraycpy(*x + 3 * (*npoint)++, c->cut[i].x, 3));
+    (*triangle)[c->cut[i].slot] = *npoint - 1;
+  }
+  *ntriangle = c->n / 3;
+  PetscCall(ShapeProject(s, *npoint, *x, *x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Volume inside of the triangles */
+static PetscReal get_volume(const Cuts *c)
+{
+  PetscReal v = 0;
+
+  for (PetscInt i = 0; i < c->n; i += 3) {
+    const PetscReal *a = c->cut[i].x, *b = c->cut[i + 1].x, *d = c->cut[i + 2].x;
+
+    v += a[0] * (b[1] * d[2] - b[2] * d[1]) + a[1] * (b[2] * d[0] - b[0] * d[2]) + a[2] * (b[0] * d[1] - b[1] * d[0]);
+  }
+  return v / 6;
+}
+
+PetscErrorCode ShapeTriangulate(Shape s, PetscInt most, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle, PetscInt *triangle[])
+{
+  const PetscInt  last = 7;
+  const PetscReal good = 0.7; /* of the volume: parts that the grid misses are not drawn */
+  ShapeMass       mass;
+  Tree            t;
+  Cuts            c = {0, 0, NULL};
+
+  PetscFunctionBeginUser;
+  PetscCall(ShapeGetMass(s, &mass));
+  PetscCall(TreeCreate(s, s->radius, 3, &t));
+  do {
+    PetscCall(TreeRefine(&t));
+    PetscCall(cut_cells(&t, &c));
+    /* the next level has four times as many */
+  } while (t.level < last && (4 * c.n <= 3 * most || get_volume(&c) < good * mass.volume));
+  PetscCheck(c.n, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "Shape '%s' has no surface to draw: its distance does not change sign on a grid of width %g within its bounding radius %g",
+             s->loaded->type, (double)TreeCellWidth(&t), (double)s->radius);
+  PetscCall(join_cuts(s, &c, npoint, x, ntriangle, triangle));
+  PetscCall(PetscFree(c.cut));
+  PetscCall(TreeDestroy(&t));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
