@@ -15,5 +15,7 @@ PetscErrorCode ShapeGetDisc(Shape, PetscReal *r);
 /* Numeric option i = 0, 1, ... that the plugin read, without prefix, and its closed range; *name is NULL past the last
    one. For test suites. */
 PetscErrorCode ShapeGetOption(Shape, PetscInt i, const char *name[], PetscReal *lower, PetscReal *upper);
+/* From now on ShapeCreate does not check whether distances are distances. For test suites that do so themselves. */
+PetscErrorCode ShapeTrustDistances(void);
 /* What the plugin says of itself. */
 PetscErrorCode ShapeGetPlugin(Shape, const ShapePlugin **plugin);

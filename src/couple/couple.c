@@ -267,11 +267,10 @@ static PetscErrorCode remark_small_bodies(Couple c)
     if (r < 0.999 * c->loc->h && (smallest < 0 || r < BodiesGetGroup(s, smallest)->radius)) smallest = k;
   }
   if (smallest < 0) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(
-    PetscPrintf(PETSC_COMM_WORLD,
-                "remark: body %" PetscInt_FMT
-                " (group '%s') is %.2g of the smallest cells long; below 2 its force is off by 20 %% and more: refine the mesh, such as by -mesh_cells\n",
-                smallest, BodiesGetGroup(s, smallest)->name, (double)(2 * BodiesGetGroup(s, smallest)->radius / c->loc->h)));
+  PetscCall(LogRemark(
+    "body %" PetscInt_FMT
+    " (group '%s') is %.2g of the smallest cells long; below 2 its force is off by 20 %% and more: refine the mesh, such as by -mesh_cells",
+    smallest, BodiesGetGroup(s, smallest)->name, (double)(2 * BodiesGetGroup(s, smallest)->radius / c->loc->h)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -318,6 +317,7 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   c->implicit = type == 0;
   PetscCall(FittedCreate(flow, bodies, &c->hole));
   PetscCall(CoupleListPrescribedCells(c));
+  PetscCall(CoupleFindNormals(c));
   PetscCall(ConstraintCreate(c->mesh, n, &c->constraint));
   PetscCall(ConstraintGetRigidSize(c->constraint, &c->nr));
   PetscCall(create_solver(c));
@@ -375,6 +375,7 @@ PetscErrorCode CoupleDestroy(Couple *couple)
   PetscCall(FlowSolverDestroy(&c->solver));
   PetscCall(FittedDestroy(&c->hole));
   PetscCall(PetscFree(c->prescribed));
+  PetscCall(PetscFree(c->outward));
   PetscCall(ConstraintDestroy(&c->constraint));
   PetscCall(IndicatorDestroy(&c->mark));
   if (c->rung->destroy && c->rung_data) PetscCall((*c->rung->destroy)(c->rung_data));

@@ -230,6 +230,7 @@ int main(int argc, char **argv)
   if (ierr) return leave_after_error();
   PetscCall(ShapeFinalize());
   PetscCall(OptFinalize());
+  PetscCall(LogFinalize());
   PetscCall(PetscPopErrorHandler());
   ierr = PetscFinalize();
   MPI_Finalize();

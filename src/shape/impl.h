@@ -1,4 +1,5 @@
-/* The inside of a shape, for the files of this room. shape.c: plugins, options. geometry.c: what users ask of a shape.
+/* The inside of a shape, for the files of this room. shape.c: plugins, options. check.c: what is asked of
+   a new one. geometry.c: what users ask of a shape.
    default.c, surface.c: what a plugin leaves out, from the distance alone, by the tree of tree.h. */
 #pragma once
 #include "shape/host.h"
@@ -31,6 +32,11 @@ struct _p_Shape {
   PetscInt      noptions;
   OptionRange   option[SHAPE_MAX_OPTIONS];
 };
+
+/* Ask a new shape for its radius and probe its distance around it: a plugin that is wrong everywhere should stop here,
+   not in step 500. Errors, with plugin and point: no positive radius; inside beyond it; a distance that is not finite,
+   grows by more than the way, or by another than the way across most of the surface. Not collective. */
+PetscErrorCode ShapeCheck(Shape);
 
 /* Central differences, normalised. Where the gradient vanishes (centre of a disc) some unit vector. r: size of the
    shape. Not collective. */

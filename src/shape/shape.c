@@ -320,42 +320,13 @@ PetscErrorCode ShapeOptionString(Shape s, const char name[], const char help[], 
 
 /* ---- create, destroy ---- */
 
-/* Probe the distance on a grid around the body: a plugin that is wrong everywhere should stop here, not in step 500. */
-static PetscErrorCode CheckShape(Shape s)
-{
-  const PetscInt m = 9, n = s->dim == 2 ? m * m : m * m * m;
-  PetscReal      x[9 * 9 * 9 * 3], d[9 * 9 * 9];
-
-  PetscFunctionBeginUser;
-  PetscCall(s->ops.radius(s, &s->radius));
-  PetscCheck(s->radius > 0 && s->radius < PETSC_MAX_REAL, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-             "Shape '%s' has bounding radius %g, which must be positive and finite: check its options -%s* and its operation radius", s->loaded->type,
-             (double)s->radius, s->prefix);
-  for (PetscInt i = 0; i < n; i++) {
-    PetscInt k = i;
-
-    for (PetscInt a = 0; a < s->dim; a++, k /= m) x[i * s->dim + a] = s->radius * 1.25 * ((PetscReal)(k % m) * 2.0 / (PetscReal)(m - 1) - 1.0);
-  }
-  PetscCall(ShapeDistance(s, n, x, d));
-  for (PetscInt i = 0; i < n; i++) {
-    PetscReal r2 = 0;
-
-    for (PetscInt a = 0; a < s->dim; a++) r2 += PetscSqr(x[i * s->dim + a]);
-    PetscCheck(d[i] > 0 || r2 < PetscSqr(1.0001 * s->radius), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-               "Shape '%s' has distance %g at (%g, %g, %g), which is outside its bounding radius %g: correct its operation radius or distance ('make test-shape SHAPE=%s')",
-               s->loaded->type, (double)d[i], (double)x[i * s->dim], (double)x[i * s->dim + 1], s->dim == 3 ? (double)x[i * s->dim + 2] : 0.0,
-               (double)s->radius, s->loaded->file);
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode SetUpShape(Shape s)
 {
   PetscFunctionBeginUser;
   if (s->ops.create) PetscCall(s->ops.create(s));
   if (s->ops.options) PetscCall(s->ops.options(s));
   if (s->ops.setup) PetscCall(s->ops.setup(s));
-  PetscCall(CheckShape(s));
+  PetscCall(ShapeCheck(s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

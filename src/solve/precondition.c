@@ -53,6 +53,19 @@ static PetscErrorCode commute(FlowSolver fs, Vec p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Inner solves that ended at their largest number of iterations without meeting their tolerance */
+static PetscErrorCode count_limited(FlowSolver fs)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < 2; i++) {
+    KSPConvergedReason reason;
+
+    PetscCall(KSPGetConvergedReason(fs->sub[i], &reason));
+    if (reason < 0) fs->limited[i]++;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* y = fieldsplit (x), then projection or commutator, see the header */
 static PetscErrorCode apply_projection(PC pc, Vec x, Vec y)
 {
@@ -63,6 +76,7 @@ static PetscErrorCode apply_projection(PC pc, Vec x, Vec y)
   PetscFunctionBeginUser;
   PetscCall(PCShellGetContext(pc, &fs));
   PetscCall(PCApply(fs->split, x, y));
+  PetscCall(count_limited(fs));
   PetscCall(VecGetArray(y, &a));
   PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, fs->nur, PETSC_DETERMINE, a, &u));
   PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, fs->np, PETSC_DETERMINE, a + fs->nur, &p));

@@ -774,6 +774,7 @@ int main(int argc, char **argv)
   PetscCall(PetscInitialize(&argc, &argv, NULL, help));
   PetscCheck(argc > 1 && argv[1][0] != '-', PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "Give the path of a shape plugin as first argument: conformance build/shapes/circle.so");
+  PetscCall(ShapeTrustDistances());
   PetscCall(RunSuite(argv[1], &passed, &failed));
   PetscCall(PetscPrintf(PETSC_COMM_SELF, "%" PetscInt_FMT " passed, %" PetscInt_FMT " failed\n", passed, failed));
   PetscCall(ShapeFinalize());
