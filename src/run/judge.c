@@ -26,6 +26,7 @@ static const struct {
 
 struct _p_Judge {
   Flow       flow;
+  Bodies     bodies;
   BodyState *s;
   Couple     couple;
   PetscReal  bound[NMEASURES], value[NMEASURES]; /* bound 0: not judged */
@@ -47,6 +48,7 @@ PetscErrorCode JudgeCreate(Flow flow, Bodies bodies, Couple couple, Judge *judge
   PetscCall(PetscNew(&j));
   j->flow   = flow;
   j->couple = couple;
+  j->bodies = bodies;
   PetscCall(BodiesGetState(bodies, &j->s));
   PetscCall(FlowGetMesh(flow, &mesh));
   PetscCall(MeshGetLocal(mesh, &l));
@@ -132,18 +134,41 @@ PetscErrorCode JudgeStep(Judge j, const FlowDiagnostics *d, const CoupleBalance 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* way in radii of body k that the message is about */
+static PetscErrorCode refuse_way(Judge j, PetscInt k, PetscReal way, PetscReal time, PetscReal dt, PetscBool adapted)
+{
+  PetscFunctionBeginUser;
+  SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
+          "Body %" PetscInt_FMT
+          " (group '%s') goes %.3g of its radii in the step to t = %g, more than -sim_move_max (%g), and would pass through what is in its way: lower %s (the step "
+          "was %g), such as to %.2g",
+          k, BodiesGetGroup(j->s, k)->name, (double)way, (double)time, (double)j->way_max, adapted ? "-sim_adapt_max" : "-sim_dt", (double)dt,
+          (double)(0.5 * dt * j->way_max / way));
+}
+
+PetscErrorCode JudgePlan(Judge j, PetscReal (*a)[3], PetscReal time, PetscReal dt, PetscBool adapted)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < j->s->n && j->way_max > 0; k++) {
+    const BodyGroup *g   = BodiesGetGroup(j->s, k);
+    PetscReal        way = 0;
+
+    if (j->s->gone[k]) continue;
+    for (PetscInt d = 0; d < j->s->dim; d++)
+      if (BodiesIsFree(j->bodies, k, d)) way += PetscSqr(a[k][d] * dt * dt / g->radius);
+    way = PetscSqrtReal(way);
+    if (way > j->way_max) PetscCall(refuse_way(j, k, way, time, dt, adapted));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode JudgeWay(Judge j, PetscReal time, PetscReal dt, PetscBool adapted)
 {
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < j->s->n && j->way_max > 0; k++) {
     const PetscReal way = BodiesFastestPoint(j->s, k, 0) * dt / BodiesGetGroup(j->s, k)->radius;
 
-    PetscCheck(way <= j->way_max || j->s->gone[k], PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
-               "Body %" PetscInt_FMT
-               " (group '%s') goes %.3g of its radii in the step to t = %g, more than -sim_move_max (%g), and would pass through what is in its way: lower %s, "
-               "such as to %.2g",
-               k, BodiesGetGroup(j->s, k)->name, (double)way, (double)time, (double)j->way_max, adapted ? "-sim_adapt_max" : "-sim_dt",
-               (double)(0.5 * dt * j->way_max / way));
+    if (way > j->way_max && !j->s->gone[k]) PetscCall(refuse_way(j, k, way, time, dt, adapted));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

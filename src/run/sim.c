@@ -343,6 +343,7 @@ static PetscErrorCode solve_part(Sim s, PetscReal dt, PetscInt *its, KSPConverge
   PetscCall(FlowBeginStep(s->part.flow, s->time + dt, dt));
   if (s->s->n) {
     PetscCall(estimate_acceleration(s));
+    PetscCall(JudgePlan(s->judge, s->a, s->time + dt, dt, (PetscBool)(s->adapt != NULL)));
     PetscCall(ContactStep(s->part.contact, dt, s->a, s->alpha));
   }
   PetscCall(CoupleDraw(s->part.couple));
