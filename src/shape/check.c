@@ -1,5 +1,6 @@
 /* Check of a new shape, see impl.h. A sample, not a proof: the conformance suite (make test-shape) asks everything. */
 #include "compat.h"
+#include "guard.h"
 #include "impl.h"
 
 #define SIDE  9    /* points of the sample along an axis */
@@ -114,7 +115,7 @@ PetscErrorCode ShapeCheck(Shape s)
   PetscReal      x[MOST * 3], d[MOST], h;
 
   PetscFunctionBeginUser;
-  PetscCall(s->ops.radius(s, &s->radius));
+  GUARDED(s, radius, (s, &s->radius));
   PetscCheck(s->radius > 0 && s->radius < PETSC_MAX_REAL, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "Shape '%s' has bounding radius %g, which must be positive and finite: check its options -%s* and its operation radius", s->loaded->type,
              (double)s->radius, s->prefix);

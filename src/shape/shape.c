@@ -9,6 +9,7 @@
   #define _GNU_SOURCE /* dladdr */
 #endif
 #include "compat.h"
+#include "guard.h"
 #include "impl.h"
 #include "base/opt.h"
 #include <dirent.h>
@@ -323,9 +324,9 @@ PetscErrorCode ShapeOptionString(Shape s, const char name[], const char help[], 
 static PetscErrorCode SetUpShape(Shape s)
 {
   PetscFunctionBeginUser;
-  if (s->ops.create) PetscCall(s->ops.create(s));
-  if (s->ops.options) PetscCall(s->ops.options(s));
-  if (s->ops.setup) PetscCall(s->ops.setup(s));
+  if (s->ops.create) GUARDED(s, create, (s));
+  if (s->ops.options) GUARDED(s, options, (s));
+  if (s->ops.setup) GUARDED(s, setup, (s));
   PetscCall(ShapeCheck(s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -344,8 +345,8 @@ static PetscErrorCode DeclareOptions(const char type[])
   s->ops    = loaded->plugin->ops;
   s->dim    = loaded->plugin->dims & 2 ? 3 : 2;
   PetscCall(PetscStrncpy(s->prefix, "particle_<group>_", sizeof(s->prefix)));
-  if (s->ops.create) PetscCall(s->ops.create(s));
-  if (s->ops.options) PetscCall(s->ops.options(s));
+  if (s->ops.create) GUARDED(s, create, (s));
+  if (s->ops.options) GUARDED(s, options, (s));
   PetscCall(ShapeDestroy(&s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -398,7 +399,7 @@ PetscErrorCode ShapeDestroy(Shape *shape)
 
   PetscFunctionBeginUser;
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
-  if (s->ops.destroy) PetscCall(s->ops.destroy(s));
+  if (s->ops.destroy) GUARDED(s, destroy, (s));
   nalive--;
   PetscCall(PetscFree(*shape));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -412,7 +413,7 @@ PetscErrorCode ShapeView(Shape s, PetscViewer viewer)
                                    s->loaded->plugin->version ? s->loaded->plugin->version : "unknown", s->loaded->file));
   if (s->ops.view) {
     PetscCall(PetscViewerASCIIPushTab(viewer));
-    PetscCall(s->ops.view(s, viewer));
+    GUARDED(s, view, (s, viewer));
     PetscCall(PetscViewerASCIIPopTab(viewer));
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -775,6 +775,7 @@ int main(int argc, char **argv)
   PetscCheck(argc > 1 && argv[1][0] != '-', PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "Give the path of a shape plugin as first argument: conformance build/shapes/circle.so");
   PetscCall(ShapeTrustDistances());
+  PetscCall(ShapeGuardInstall());
   PetscCall(RunSuite(argv[1], &passed, &failed));
   PetscCall(PetscPrintf(PETSC_COMM_SELF, "%" PetscInt_FMT " passed, %" PetscInt_FMT " failed\n", passed, failed));
   PetscCall(ShapeFinalize());
