@@ -90,8 +90,8 @@ typedef struct {
   PetscReal openings[3]; /* traction where an inflow prescribes the velocity, less the momentum that flows out, rho int
                             w.grad u */
   PetscReal volume[3];   /* -flow_force over the domain */
-  PetscReal size;        /* sum of the sizes of all forces */
   PetscReal error;       /* largest component of fluid - the rest, over the sum of the sizes of all forces */
+  PetscReal size;        /* that sum */
 } CoupleBalance;
 
 /* Energy of fluid and bodies after CoupleForce, and the power of all that acts on them from outside: weight less

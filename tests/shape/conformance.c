@@ -84,6 +84,8 @@ static void RunCheck(Suite *t, const char name[], Check check)
   char           why[WHY] = "", message[WHY] = "";
   PetscErrorCode ierr;
 
+  (void)PetscPrintf(PETSC_COMM_SELF, "run  %" PetscInt_FMT "D %s\r", t->dim, name); /* in case it never ends */
+  (void)fflush(PETSC_STDOUT);
   (void)PetscPushErrorHandler(KeepMessage, message);
   ierr = check(t, why);
   (void)PetscPopErrorHandler();
