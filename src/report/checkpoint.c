@@ -197,6 +197,19 @@ static int same_line(const char a[], const char b[])
   return n == strcspn(b, "\n") && !strncmp(a, b, n);
 }
 
+/* Is it an option of the physics, which a run that goes on should rarely change? A remark keeps it in the summary. */
+static PetscErrorCode remark_physics(const char line[], const char was[])
+{
+  static const char *const PHYSICS[] = {"-flow_density", "-flow_viscosity", "-flow_gravity", "-flow_force", "-flow_bc_", "-flow_convection ", NULL};
+
+  PetscFunctionBeginUser;
+  for (int i = 0; PHYSICS[i]; i++)
+    if (!strncmp(line, PHYSICS[i], strlen(PHYSICS[i])))
+      PetscCall(LogRemark("the run goes on with other physics than its checkpoint: %.*s (%s%.*s)", (int)strcspn(line, "\n"), line,
+                          was[0] ? "was" : "was not given", (int)strcspn(was, "\n"), was));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Say which options differ between then and now, one `-name value` a line */
 static PetscErrorCode tell_changes(const char then[], const char now[])
 {
@@ -218,6 +231,7 @@ static PetscErrorCode tell_changes(const char then[], const char now[])
                             : match ? "was"
                                     : "was not given",
                             (int)strcspn(value, "\n"), value));
+      if (!pass) PetscCall(remark_physics(at, value));
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -551,6 +551,11 @@ static PetscErrorCode finish_flow(Sim s, PetscInt *cells, PetscInt *unknowns)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscBool is_at_end(Sim s)
+{
+  return (PetscBool)(s->step >= s->steps_max || s->time >= s->time_end * (1 - 1e-12) - 1e-9 * s->dt);
+}
+
 PetscErrorCode SimRun(Sim s)
 {
   PetscBool stop  = PETSC_FALSE;
@@ -558,7 +563,10 @@ PetscErrorCode SimRun(Sim s)
 
   PetscFunctionBeginUser;
   if (s->part.steady) PetscCall(solve_steady(s));
-  while (!stop && s->step < s->steps_max && s->time < s->time_end * (1 - 1e-12) - 1e-9 * s->dt) {
+  else if (s->step > 0 && is_at_end(s))
+    PetscCall(LogRemark("nothing is left to do: the checkpoint is at step %" PetscInt_FMT ", t = %g, the end of the run. Raise -sim_time or -sim_steps",
+                        s->step, (double)s->time));
+  while (!stop && !is_at_end(s)) {
     if (s->renew) PetscCall(renew_solvers(s));
     if (s->part.flow) PetscCall(take_step(s));
     else PetscCall(take_step_alone(s));

@@ -42,7 +42,8 @@ PetscErrorCode ShapeCheck(Shape);
    shape. Not collective. */
 PetscErrorCode ShapeDefaultNormal(Shape, PetscReal r, PetscInt dim, PetscInt n, const PetscReal x[], PetscReal normal[]);
 
-/* Moments by quadrature, refined until they change by less than 1e-6 (2D; 1e-4 in 3D) or the deepest level is reached.
+/* Moments by quadrature, refined until they change by less than 1e-6 or the deepest level is reached (3D: moments of two
+   levels extrapolated; a remark where more than 1e-5 is left).
    r: bounding radius about the body origin. Error: nothing inside. */
 PetscErrorCode ShapeDefaultMass(Shape, PetscReal r, PetscInt dim, ShapeMass *m);
 
