@@ -137,7 +137,8 @@ const char *Hdf5CheckFile(const char path[], char reason[], size_t len)
   if (fstat(fileno(f), &st)) memset(&st, 0, sizeof(st));
   (void)fclose(f);
   if (S_ISDIR(st.st_mode)) {
-    (void)snprintf(reason, len, "it is a folder, and a file is needed (for a checkpoint: one in it, or -sim_restart latest with -output_dir at the folder)");
+    (void)snprintf(reason, len,
+                   "it is a folder, and a file is needed (for a checkpoint: one in it, or -sim_restart latest with -output_dir at the folder)");
     return reason;
   }
   if (n < 8 || memcmp(head, signature, 8)) {

@@ -267,10 +267,10 @@ static PetscErrorCode remark_small_bodies(Couple c)
     if (r < 0.999 * c->loc->h && (smallest < 0 || r < BodiesGetGroup(s, smallest)->radius)) smallest = k;
   }
   if (smallest < 0) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(LogRemark(
-    "body %" PetscInt_FMT
-    " (group '%s') is %.2g of the smallest cells long; below 2 its force is off by 20 %% and more: refine the mesh, such as by -mesh_cells",
-    smallest, BodiesGetGroup(s, smallest)->name, (double)(2 * BodiesGetGroup(s, smallest)->radius / c->loc->h)));
+  PetscCall(
+    LogRemark("body %" PetscInt_FMT
+              " (group '%s') is %.2g of the smallest cells long; below 2 its force is off by 20 %% and more: refine the mesh, such as by -mesh_cells",
+              smallest, BodiesGetGroup(s, smallest)->name, (double)(2 * BodiesGetGroup(s, smallest)->radius / c->loc->h)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

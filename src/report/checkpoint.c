@@ -56,8 +56,7 @@ static const char *const FREE_END[]   = {"_monitor", "_view", "_converged_reason
 static void note_signal(int number)
 {
   if (number == SIGUSR1) wants_write = 1;
-  else if (number == SIGINT && wants_stop) { /* impatient: at once */
-    (void)signal(SIGINT, SIG_DFL);
+  else if (number == SIGINT && wants_stop) { /* impatient: at once */ (void)signal(SIGINT, SIG_DFL);
     (void)raise(SIGINT);
   } else wants_stop = number;
 }
@@ -416,8 +415,7 @@ PetscErrorCode CheckpointFinish(Checkpoint c, PetscInt step, PetscReal time)
   if (c->stopped)
     PetscCall(PetscPrintf(PETSC_COMM_WORLD,
                           "Stopped by %s after step %" PetscInt_FMT ", t = %g. The state is in %s: continue with -sim_restart latest\n",
-                          c->signal == SIGINT ? "SIGINT" : "SIGTERM", step,
-                          (double)time, last_path));
+                          c->signal == SIGINT ? "SIGINT" : "SIGTERM", step, (double)time, last_path));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

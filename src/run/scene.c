@@ -67,8 +67,9 @@ static PetscErrorCode remark_no_walls(const MeshLocal *l, const FlowParameters *
       if (par->gravity[d] != 0 && g->density != par->density && BodiesIsFree(bodies, k, d)) heavy = PETSC_TRUE;
   }
   if (heavy)
-    PetscCall(LogRemark("the box is periodic along every axis, and nothing in it holds the weight of the bodies less their buoyancy: bodies and fluid are "
-                        "accelerated without end. Give it a wall, or balance the weight by -flow_force"));
+    PetscCall(
+      LogRemark("the box is periodic along every axis, and nothing in it holds the weight of the bodies less their buoyancy: bodies and fluid are "
+                "accelerated without end. Give it a wall, or balance the weight by -flow_force"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -316,8 +316,8 @@ static PetscErrorCode stop_doubted(Sim s, PetscReal dt)
   PetscCall(OutputGetDirectory(s->part.output, &dir));
   if (s->fields_good >= 0)
     PetscCall(PetscSNPrintf(good, sizeof(good), "The last good fields are in %s/fields_%" PetscInt_FMT ".h5", dir, s->fields_good));
-  SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
-          "The flow is no longer to be believed: at t = %g, %s. %s. Lower %s (the step was %g)%s%s%s", (double)s->time, why, good, s->adapt ? "-sim_adapt_tolerance" : "-sim_dt", (double)dt,
+  SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED, "The flow is no longer to be believed: at t = %g, %s. %s. Lower %s (the step was %g)%s%s%s",
+          (double)s->time, why, good, s->adapt ? "-sim_adapt_tolerance" : "-sim_dt", (double)dt,
           fast ? ", or leave recipe fast: -preset balanced, or -flow_recipe balanced" : "",
           strstr(more, "skew") ? "" : ", or try -flow_convection_form skew", more);
 }
@@ -564,7 +564,8 @@ PetscErrorCode SimRun(Sim s)
   PetscFunctionBeginUser;
   if (s->part.steady) PetscCall(solve_steady(s));
   else if (s->step > 0 && is_at_end(s))
-    PetscCall(LogRemark("nothing is left to do: the checkpoint is at step %" PetscInt_FMT ", t = %g, the end of the run. Raise -sim_time or -sim_steps",
+    PetscCall(LogRemark("nothing is left to do: the checkpoint is at step %" PetscInt_FMT
+                        ", t = %g, the end of the run. Raise -sim_time or -sim_steps",
                         s->step, (double)s->time));
   while (!stop && !is_at_end(s)) {
     if (s->renew) PetscCall(renew_solvers(s));

@@ -18,7 +18,7 @@ static const int CRASHES[] = {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT};
 #define NCRASHES ((int)(sizeof(CRASHES) / sizeof(CRASHES[0])))
 
 static struct sigaction usual[NCRASHES];
-static int              patience; /* ticks */
+static int              patience;     /* ticks */
 static char             stack[65536]; /* a plugin that calls itself without end has used up its own */
 
 static void say(const char text[])
@@ -44,7 +44,8 @@ static void blame(const char what[], const char advice[])
 /* Out of a plugin: as if nobody had been here */
 static void on_crash(int number)
 {
-  if (SHAPE_GUARD_PLACE.file) blame(number == SIGFPE ? "Arithmetic error in" : number == SIGABRT ? "Abort in" : "Crash (memory it does not own) in", "");
+  if (SHAPE_GUARD_PLACE.file)
+    blame(number == SIGFPE ? "Arithmetic error in" : number == SIGABRT ? "Abort in" : "Crash (memory it does not own) in", "");
   for (int i = 0; i < NCRASHES; i++)
     if (CRASHES[i] == number) (void)sigaction(number, &usual[i], NULL);
   (void)raise(number);

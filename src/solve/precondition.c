@@ -53,15 +53,21 @@ static PetscErrorCode commute(FlowSolver fs, Vec p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Inner solves that ended at their largest number of iterations without meeting their tolerance */
+/* Inner solves that ended at their largest number of iterations without meeting their tolerance. KSPGCR says
+   KSP_CONVERGED_ITS then, as do solves of a fixed number of iterations, which have no convergence test. */
 static PetscErrorCode count_limited(FlowSolver fs)
 {
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < 2; i++) {
     KSPConvergedReason reason;
+    PetscInt           its, most;
+    PetscErrorCode (*test)(KSP, PetscInt, PetscReal, KSPConvergedReason *, void *);
 
     PetscCall(KSPGetConvergedReason(fs->sub[i], &reason));
-    if (reason < 0) fs->limited[i]++;
+    PetscCall(KSPGetIterationNumber(fs->sub[i], &its));
+    PetscCall(KSPGetTolerances(fs->sub[i], NULL, NULL, NULL, &most));
+    PetscCall(KSPGetConvergenceTest(fs->sub[i], &test, NULL, NULL));
+    if (reason < 0 || (reason == KSP_CONVERGED_ITS && its >= most && test != KSPConvergedSkip)) fs->limited[i]++;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

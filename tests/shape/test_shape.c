@@ -297,10 +297,10 @@ static PetscErrorCode capsule_distance(Shape s, PetscInt n, const PetscReal x[],
 /* Fifty times as long as thick: one per cent off without deeper levels where the body is thin */
 static void test_default_mass_capsule(void **state)
 {
-  const PetscReal  v = PETSC_PI * THIN * THIN * (2 * (1 - THIN) + 4. / 3. * THIN);
-  const Loaded     loaded = {.type = "capsule", .file = "capsule.so"};
-  struct _p_Shape  s = {.loaded = &loaded, .ops = {.distance = capsule_distance}, .dim = 3, .radius = 1};
-  ShapeMass        m;
+  const PetscReal v      = PETSC_PI * THIN * THIN * (2 * (1 - THIN) + 4. / 3. * THIN);
+  const Loaded    loaded = {.type = "capsule", .file = "capsule.so"};
+  struct _p_Shape s      = {.loaded = &loaded, .ops = {.distance = capsule_distance}, .dim = 3, .radius = 1};
+  ShapeMass       m;
 
   (void)state;
   MustWork(ShapeDefaultMass(&s, 1, 3, &m));

@@ -98,11 +98,11 @@ static PetscErrorCode accept_step(Couple c, void *rung)
 
     if (s->gone[k] || way <= 0.5) continue;
     r->remarked = PETSC_TRUE;
-    PetscCall(LogRemark(
-      "body %" PetscInt_FMT
-      " (group '%s') goes %.2g of the smallest cells in the step to t = %g; -couple_boundary snap loses accuracy beyond 0.5: lower -sim_dt (%g), or "
-      "use -sim_adapt",
-      k, BodiesGetGroup(s, k)->name, (double)way, (double)step->time, (double)step->dt));
+    PetscCall(
+      LogRemark("body %" PetscInt_FMT
+                " (group '%s') goes %.2g of the smallest cells in the step to t = %g; -couple_boundary snap loses accuracy beyond 0.5: lower -sim_dt (%g), or "
+                "use -sim_adapt",
+                k, BodiesGetGroup(s, k)->name, (double)way, (double)step->time, (double)step->dt));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -9,7 +9,7 @@ enum {
   HOW_LOOP,      /* never comes back */
   HOW_RECURSION, /* calls itself until the stack is used up */
   HOW_ABORT,
-  HOW_SQUARED,   /* no crash: r^2 - R^2 */
+  HOW_SQUARED, /* no crash: r^2 - R^2 */
   HOW_COUNT
 };
 
