@@ -23,5 +23,14 @@ extern PetscLogEvent TB_SEARCH;        /* ContactSearch: which bodies are near e
 extern PetscLogEvent TB_OUTPUT;        /* Output */
 extern PetscLogEvent TB_CHECKPOINT;    /* Checkpoint: written or loaded */
 
+/* Tell the user something true and worth knowing that does not stop the run: prints "remark: <text>" and keeps it for
+   summary.json. Text as of printf, without "remark:" and without a line break; the same text a second time is dropped,
+   as is everything after the 64th. Collective on PETSC_COMM_WORLD, same text on all ranks. */
+PetscErrorCode LogRemark(const char format[], ...) __attribute__((format(printf, 1, 2)));
+/* All remarks so far. Borrowed. Not collective. */
+PetscErrorCode LogGetRemarks(PetscInt *n, const char *const *text[]);
+/* Forget the remarks (before PetscFinalize). */
+PetscErrorCode LogFinalize(void);
+
 /* Register everything; called once after PetscInitialize. Not collective. */
 PetscErrorCode LogInitialize(void);

@@ -96,7 +96,21 @@ typedef struct {
   PetscReal volume[3];   /* -flow_force over the domain */
   PetscReal mean[3]; /* velocity, mean over the domain with the bodies in it (less those that are holes of the mesh) */
   PetscReal error;   /* largest component of fluid - the rest, over the sum of the sizes of all forces */
+  PetscReal size;    /* that sum */
 } CoupleBalance;
+
+/* Energy of fluid and bodies after CoupleForce, and the power of all that acts on them from outside: weight less
+   buoyancy, external loads and contact on bodies that move freely, what moves walls and prescribed bodies, inflow (its
+   pressure and its kinetic energy), -flow_force. Bodies with a degree of freedom that is prescribed and moves count as
+   outside. In exact arithmetic and time the energy grows by no more than the work: viscosity takes the rest. */
+typedef struct {
+  PetscReal energy; /* to be added to the kinetic energy of the flow: 1/2 (rho_s - rho_i) U^T M U, rho_i the density of
+                       the fluid inside, which the flow counts; of bodies outside without rho_s */
+  PetscReal size;   /* kinetic energy of all bodies */
+  PetscReal power;
+} CouplePower;
+/* Collective. */
+PetscErrorCode CoupleGetPower(Couple, CouplePower *);
 
 /* rate: momentum_rate of FlowDiagnose. Collective. */
 PetscErrorCode CoupleMomentum(Couple, const PetscReal rate[3], CoupleBalance *);

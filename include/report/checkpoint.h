@@ -2,7 +2,8 @@
 
    Files checkpoint_<step>.h5 in the output directory (format: state.h), each complete or not there at all; the last
    two are kept. A signal to any rank asks for one too: SIGUSR1 writes and goes on, SIGTERM writes and ends the run in
-   order. (Open MPI's mpiexec passes SIGUSR1 on; a SIGTERM to mpiexec itself leaves its ranks one second only, unless
+   order, as does SIGINT (Ctrl-C where there is no mpiexec; a second one ends it at once). (Open MPI's mpiexec passes
+   SIGUSR1 on; a SIGTERM to mpiexec itself leaves its ranks one second only, unless
    OMPI_MCA_odls_base_sigkill_timeout says more: send it to a rank, or let the batch system send it early.)
 
    On the same number of ranks a restarted run repeats bit for bit what the run that wrote the checkpoint did after
@@ -19,8 +20,8 @@
 
 typedef struct _p_Checkpoint *Checkpoint;
 
-/* Reads the options and takes over SIGTERM and SIGUSR1 until it is destroyed; touches no file. Create before the mesh
-   moves. Collective. */
+/* Reads the options and takes over SIGTERM, SIGINT and SIGUSR1 until it is destroyed; touches no file. Create before
+   the mesh moves. Collective. */
 PetscErrorCode CheckpointCreate(Mesh, Output, Checkpoint *);
 PetscErrorCode CheckpointDestroy(Checkpoint *);
 PetscErrorCode CheckpointView(Checkpoint, PetscViewer);

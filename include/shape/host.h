@@ -15,6 +15,13 @@ PetscErrorCode ShapeGetDisc(Shape, PetscReal *r);
 /* Numeric option i = 0, 1, ... that the plugin read, without prefix, and its closed range; *name is NULL past the last
    one. For test suites. */
 PetscErrorCode ShapeGetOption(Shape, PetscInt i, const char *name[], PetscReal *lower, PetscReal *upper);
+/* From now on a crash inside of a plugin, or one call that takes more than -shape_patience seconds of processor time,
+   ends the process with status 1 and one line that names file and operation; crashes elsewhere go where they went
+   before. For programs, after PetscInitialize; takes over SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT, SIGVTALRM and its
+   timer. */
+PetscErrorCode ShapeGuardInstall(void);
+/* From now on ShapeCreate does not check whether distances are distances. For test suites that do so themselves. */
+PetscErrorCode ShapeTrustDistances(void);
 /* What the plugin says of itself. */
 PetscErrorCode ShapeGetPlugin(Shape, const ShapePlugin **plugin);
 /* For pictures. Outline: the closed curve *x [*n][2], counter-clockwise, at most `tolerance` bounding radii off, corners

@@ -64,6 +64,11 @@ PetscErrorCode FlowSolverSetUp(FlowSolver);
 PetscErrorCode FlowSolverSolve(FlowSolver, const PetscReal r[], const PetscReal g[], PetscReal u[], PetscReal p[],
                                const PetscReal dp[], PetscReal U[], PetscInt *its, KSPConvergedReason *reason);
 
+/* How many inner solves for the velocity and for the pressure ended in the last FlowSolverSolve without meeting their
+   tolerance (-flow_fieldsplit_velocity_ksp_max_it, -flow_fieldsplit_pressure_ksp_max_it). The outer iteration makes up
+   for them where there is one; recipe fast has none. Not collective, same on all ranks. */
+PetscErrorCode FlowSolverGetLimited(FlowSolver, PetscInt limited[2]);
+
 /* For nonlinear problems, whose solver repeats these. x holds on every rank the reduced velocity (own nodes x dim,
    rigid slots of own bodies), then the pressure of own cells. SetVelocity: velocity matrix of all components (own nodes
    x dim) to use in place of S from the next SetUp on, NULL: S again; S stays the preconditioner of the matrix-free

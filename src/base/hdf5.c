@@ -134,8 +134,13 @@ const char *Hdf5CheckFile(const char path[], char reason[], size_t len)
     return reason;
   }
   n = fread(head, 1, sizeof(head), f);
-  if (fstat(fileno(f), &st)) st.st_size = 0;
+  if (fstat(fileno(f), &st)) memset(&st, 0, sizeof(st));
   (void)fclose(f);
+  if (S_ISDIR(st.st_mode)) {
+    (void)snprintf(reason, len,
+                   "it is a folder, and a file is needed (for a checkpoint: one in it, or -sim_restart latest with -output_dir at the folder)");
+    return reason;
+  }
   if (n < 8 || memcmp(head, signature, 8)) {
     (void)snprintf(reason, len, n == 0 ? "the file is empty" : "it is no HDF5 file");
     return reason;

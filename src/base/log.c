@@ -5,6 +5,9 @@
    It does not push or pop stages: the time loop does. */
 #include "compat.h"
 #include "base/log.h"
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
 
 PetscLogStage TB_STAGE_SETUP, TB_STAGE_FLOW, TB_STAGE_BODIES, TB_STAGE_OUTPUT;
 PetscLogEvent TB_FLOW_ASSEMBLE, TB_FLOW_CONVECT, TB_FLOW_RHS, TB_FLOW_DIV, TB_VEL_SWEEP, TB_VEL_FACTOR, TB_VEL_MULT, TB_PRES_BUILD, TB_FLOW_SOLVE;
@@ -37,5 +40,45 @@ PetscErrorCode LogInitialize(void)
   PetscCall(PetscLogEventRegister("ContactSearch", class, &TB_SEARCH));
   PetscCall(PetscLogEventRegister("Output", class, &TB_OUTPUT));
   PetscCall(PetscLogEventRegister("Checkpoint", class, &TB_CHECKPOINT));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- remarks ---- */
+
+#define MAX_REMARKS 64
+
+static char    *remark[MAX_REMARKS];
+static PetscInt nremark = 0;
+
+PetscErrorCode LogRemark(const char format[], ...)
+{
+  char    text[1024];
+  va_list args;
+
+  PetscFunctionBeginUser;
+  va_start(args, format);
+  (void)vsnprintf(text, sizeof(text), format, args);
+  va_end(args);
+  for (PetscInt i = 0; i < nremark; i++)
+    if (!strcmp(remark[i], text)) PetscFunctionReturn(PETSC_SUCCESS);
+  if (nremark == MAX_REMARKS) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscStrallocpy(text, &remark[nremark++]));
+  PetscCall(PetscPrintf(PETSC_COMM_WORLD, "remark: %s\n", text));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode LogGetRemarks(PetscInt *n, const char *const *text[])
+{
+  PetscFunctionBeginUser;
+  *n    = nremark;
+  *text = (const char *const *)remark;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode LogFinalize(void)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < nremark; i++) PetscCall(PetscFree(remark[i]));
+  nremark = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

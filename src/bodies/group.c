@@ -5,6 +5,7 @@
    know the state of the bodies, which is made from this in bodies.c. */
 #include "compat.h"
 #include "impl.h"
+#include "base/log.h"
 #include "base/opt.h"
 
 /* What the options of a group say about the start of its bodies. */
@@ -51,6 +52,8 @@ static PetscErrorCode read_free(const char group[], PetscInt dim, const Motion *
     *bits |= mask[k];
     PetscCall(PetscFree(list[i]));
   }
+  if (dim == 2 && n && *bits != mask[5] && (*bits & BODY_FREE_Z))
+    PetscCall(LogRemark("%s: z means nothing in two dimensions, and sets no motion free", name));
   if (dim == 2) *bits &= ~BODY_FREE_Z;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

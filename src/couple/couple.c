@@ -253,10 +253,9 @@ static PetscErrorCode remark_small_bodies(Couple c)
   }
   if (smallest < 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(
-    PetscPrintf(PETSC_COMM_WORLD,
-                "remark: body %" PetscInt_FMT
-                " (group '%s') is %.2g of the smallest cells long; below 2 its force is off by 20 %% and more: refine the mesh, such as by -mesh_cells\n",
-                smallest, BodiesGetGroup(s, smallest)->name, (double)(2 * BodiesGetGroup(s, smallest)->radius / c->loc->h)));
+    LogRemark("body %" PetscInt_FMT
+              " (group '%s') is %.2g of the smallest cells long; below 2 its force is off by 20 %% and more: refine the mesh, such as by -mesh_cells",
+              smallest, BodiesGetGroup(s, smallest)->name, (double)(2 * BodiesGetGroup(s, smallest)->radius / c->loc->h)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -306,6 +305,7 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   PetscCall(FittedCreate(flow, bodies, &c->hole));
   PetscCall(CoupleListPrescribedCells(c));
   PetscCall(BoundariesCreate(flow, c->hole, &c->boundaries));
+  PetscCall(CoupleFindNormals(c));
   PetscCall(ConstraintCreate(c->mesh, n, &c->constraint));
   PetscCall(ConstraintGetRigidSize(c->constraint, &c->nr));
   PetscCall(create_solver(c));
@@ -364,6 +364,7 @@ PetscErrorCode CoupleDestroy(Couple *couple)
   PetscCall(FittedDestroy(&c->hole));
   PetscCall(BoundariesDestroy(&c->boundaries));
   PetscCall(PetscFree(c->prescribed));
+  PetscCall(PetscFree(c->outward));
   PetscCall(ConstraintDestroy(&c->constraint));
   PetscCall(IndicatorDestroy(&c->mark));
   if (c->rung->destroy && c->rung_data) PetscCall((*c->rung->destroy)(c->rung_data));

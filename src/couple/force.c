@@ -359,6 +359,7 @@ PetscErrorCode CoupleMomentum(Couple c, const PetscReal rate[3], CoupleBalance *
     diff = PetscMax(diff, PetscAbsReal(rate[a] - b->walls[a] - b->openings[a] - b->bodies[a]));
     b->openings[a] -= flux;
   }
+  b->size  = size;
   b->error = size > 0 ? diff / size : 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -43,6 +43,7 @@ struct _p_Couple {
   PetscReal *u, *p, *dp, *rhs;
   PetscReal *du_old; /* [n] explicit coupling: size of the last velocity change, for the detection of blow-up */
   PetscInt  *growth;
+  PetscReal *outward;   /* [nnode_all][dim], CoupleFindNormals */
   PetscReal *force_old; /* [n][3][2] force and torque of the last step */
 };
 
@@ -77,5 +78,7 @@ PetscErrorCode CoupleSpinStress(Couple, PetscInt k, const FlowParameters *, Pets
 /* -flow_force on the fluid that body k displaces, on its rigid slots: it stands for a pressure gradient, which acts
    on bodies too. Fluid inside receives it; where there is none, the body does. */
 PetscErrorCode CoupleDeadForce(Couple, PetscInt k, const FlowParameters *, PetscReal out[]);
+/* Fill `outward`, of the domain without bodies. Collective. */
+PetscErrorCode CoupleFindNormals(Couple);
 /* Own cells with prescribed nodes; these do not change */
 PetscErrorCode CoupleListPrescribedCells(Couple);

@@ -5,6 +5,7 @@
    counts, so that meshes of twice the resolution contain the lines of the coarser ones. Lengths in the unit of the
    scene. Does not refine or distribute. */
 #include "compat.h"
+#include "memory.h"
 #include "kindimpl.h"
 #include "ogrid.h"
 #include "base/domain.h"
@@ -149,6 +150,7 @@ static PetscErrorCode read_box(MeshKind k)
     PetscCheck(k->period[d] == 0 || k->cells[d] >= 3, k->comm, PETSC_ERR_USER_INPUT,
                "Axis %c is periodic with %" PetscInt_FMT " cells: -mesh_cells needs at least 3 there", (char)('x' + d), k->cells[d]);
   }
+  PetscCall(MeshCheckMemory(k->comm, k->dim, k->cells));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

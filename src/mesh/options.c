@@ -13,6 +13,8 @@ static const OptSpec SPECS[] = {
   {"-mesh_lower", OPT_REALS, "length", OPT_ANY, "0", .help = "lower corner of the box", .when = BOX},
   {"-mesh_upper", OPT_REALS, "length", OPT_ANY, "1", .help = "upper corner of the box", .when = BOX},
   {"-mesh_cells", OPT_INTS, "", 1, 1000000, "16", .help = "cells along each axis", .when = BOX " and without -mesh_focus"},
+  {"-mesh_memory", OPT_REAL, "", OPT_FROM(0), "1", .help = "largest share of the machines' memory that a box of cells may need in a run, 0: any",
+   .when = BOX, .expert = PETSC_TRUE},
   {"-mesh_periodic", OPT_STRINGS, "", OPT_ANY, "", .help = "periodic axes, out of x, y, z", .when = BOX},
   {"-mesh_focus", OPT_REALS, "length", OPT_ANY, "", .help = "box of fine cells: its lower, then its upper corner", .when = BOX},
   {"-mesh_focus_h", OPT_REAL, "length", OPT_ABOVE_ZERO, "", .help = "size of the cells in the focus box", .when = FOCUS},

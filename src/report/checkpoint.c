@@ -36,13 +36,15 @@ struct _p_Checkpoint {
   char             from[PETSC_MAX_PATH_LEN];
   PetscBool        restarted, stopped;
   Module           module[MAX_MODULES];
-  struct sigaction usual[2];
+  struct sigaction usual[3];
+  int              signal; /* that stopped the run */
 };
 
 static volatile sig_atomic_t wants_write, wants_stop;
 static char                  last_path[PETSC_MAX_PATH_LEN]; /* for CheckpointGetLast */
 
-static const int SIGNALS[2] = {SIGUSR1, SIGTERM};
+static const int SIGNALS[] = {SIGUSR1, SIGTERM, SIGINT};
+#define NSIGNALS ((int)(sizeof(SIGNALS) / sizeof(SIGNALS[0])))
 
 /* Options that have no bearing on the state: by beginning, by end */
 static const char *const FREE_BEGIN[] = {"-output_", "-checkpoint_", "-sim_time", "-sim_steps", "-sim_restart", "-scene_dry_run",
@@ -53,8 +55,10 @@ static const char *const FREE_END[]   = {"_monitor", "_view", "_converged_reason
 
 static void note_signal(int number)
 {
-  if (number == SIGTERM) wants_stop = 1;
-  else wants_write = 1;
+  if (number == SIGUSR1) wants_write = 1;
+  else if (number == SIGINT && wants_stop) { /* impatient: at once */ (void)signal(SIGINT, SIG_DFL);
+    (void)raise(SIGINT);
+  } else wants_stop = number;
 }
 
 static void take_signals(Checkpoint c)
@@ -66,7 +70,7 @@ static void take_signals(Checkpoint c)
   action.sa_flags   = SA_RESTART;
   sigemptyset(&action.sa_mask);
   wants_write = wants_stop = 0;
-  for (int i = 0; i < 2; i++) (void)sigaction(SIGNALS[i], &action, &c->usual[i]);
+  for (int i = 0; i < NSIGNALS; i++) (void)sigaction(SIGNALS[i], &action, &c->usual[i]);
 }
 
 /* ---- files in the directory (rank 0) ---- */
@@ -192,6 +196,19 @@ static int same_line(const char a[], const char b[])
   return n == strcspn(b, "\n") && !strncmp(a, b, n);
 }
 
+/* Is it an option of the physics, which a run that goes on should rarely change? A remark keeps it in the summary. */
+static PetscErrorCode remark_physics(const char line[], const char was[])
+{
+  static const char *const PHYSICS[] = {"-flow_density", "-flow_viscosity", "-flow_gravity", "-flow_force", "-flow_bc_", "-flow_convection ", NULL};
+
+  PetscFunctionBeginUser;
+  for (int i = 0; PHYSICS[i]; i++)
+    if (!strncmp(line, PHYSICS[i], strlen(PHYSICS[i])))
+      PetscCall(LogRemark("the run goes on with other physics than its checkpoint: %.*s (%s%.*s)", (int)strcspn(line, "\n"), line,
+                          was[0] ? "was" : "was not given", (int)strcspn(was, "\n"), was));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Say which options differ between then and now, one `-name value` a line */
 static PetscErrorCode tell_changes(const char then[], const char now[])
 {
@@ -213,6 +230,7 @@ static PetscErrorCode tell_changes(const char then[], const char now[])
                             : match ? "was"
                                     : "was not given",
                             (int)strcspn(value, "\n"), value));
+      if (!pass) PetscCall(remark_physics(at, value));
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -274,7 +292,7 @@ PetscErrorCode CheckpointDestroy(Checkpoint *checkpoint)
 
   PetscFunctionBeginUser;
   if (!c) PetscFunctionReturn(PETSC_SUCCESS);
-  for (int i = 0; i < 2; i++) (void)sigaction(SIGNALS[i], &c->usual[i], NULL);
+  for (int i = 0; i < NSIGNALS; i++) (void)sigaction(SIGNALS[i], &c->usual[i], NULL);
   PetscCall(StateDestroy(&c->state));
   PetscCall(PetscFree(*checkpoint));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -288,7 +306,7 @@ PetscErrorCode CheckpointView(Checkpoint c, PetscViewer viewer)
     if (c->every) PetscCall(PetscViewerASCIIPrintf(viewer, " every %" PetscInt_FMT " steps", c->every));
     if (c->minutes > 0) PetscCall(PetscViewerASCIIPrintf(viewer, " every %g minutes", (double)c->minutes));
     PetscCall(PetscViewerASCIIPrintf(viewer, ", the last %d kept\n", KEEP));
-  } else PetscCall(PetscViewerASCIIPrintf(viewer, "checkpoints: on SIGUSR1 and SIGTERM only\n"));
+  } else PetscCall(PetscViewerASCIIPrintf(viewer, "checkpoints: on SIGUSR1, SIGTERM and SIGINT only\n"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -362,7 +380,8 @@ PetscErrorCode CheckpointPoll(Checkpoint c, PetscInt step, PetscBool *due, Petsc
   if (c->minutes > 0 && now - c->written > 60 * c->minutes) wants[0] = 1;
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, wants, 2, MPI_INT, MPI_MAX, PETSC_COMM_WORLD));
   wants_write = 0;
-  *stop = c->stopped = (PetscBool)wants[1];
+  *stop = c->stopped = (PetscBool)(wants[1] != 0);
+  c->signal          = wants[1];
   *due               = (PetscBool)(wants[0] || wants[1] || (c->every && step % c->every == 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -395,8 +414,8 @@ PetscErrorCode CheckpointFinish(Checkpoint c, PetscInt step, PetscReal time)
   if (c->every || c->minutes > 0) PetscCall(CheckpointWrite(c, step, time));
   if (c->stopped)
     PetscCall(PetscPrintf(PETSC_COMM_WORLD,
-                          "Stopped by SIGTERM after step %" PetscInt_FMT ", t = %g. The state is in %s: continue with -sim_restart latest\n", step,
-                          (double)time, last_path));
+                          "Stopped by %s after step %" PetscInt_FMT ", t = %g. The state is in %s: continue with -sim_restart latest\n",
+                          c->signal == SIGINT ? "SIGINT" : "SIGTERM", step, (double)time, last_path));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

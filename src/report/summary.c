@@ -4,6 +4,7 @@
 #include "impl.h"
 #include "files.h"
 #include "versions.h"
+#include "base/log.h"
 #include <petsctime.h>
 #include <sys/resource.h>
 
@@ -67,6 +68,20 @@ static void print_json_real(FILE *f, PetscReal value)
 {
   if (PetscIsInfOrNanReal(value)) fprintf(f, "null");
   else fprintf(f, "%.12g", (double)value);
+}
+
+static void print_json_remarks(FILE *f)
+{
+  const char *const *text;
+  PetscInt           n;
+
+  (void)LogGetRemarks(&n, &text);
+  fprintf(f, "  \"remarks\": [");
+  for (PetscInt i = 0; i < n; i++) {
+    fprintf(f, "%s\n    ", i ? "," : "");
+    print_json_string(f, text[i]);
+  }
+  fprintf(f, "%s],\n", n ? "\n  " : "");
 }
 
 static void print_json_versions(FILE *f, const Versions *v)
@@ -145,6 +160,7 @@ static int write_json(Monitor m, const Summary *s, const char path[])
   fprintf(f, "  \"memory_mb\": %.6g,\n", (double)s->memory_mb);
   print_json_balance(f, m);
   print_json_yardstick(f, m);
+  print_json_remarks(f);
   print_json_quantities(f, m);
   fprintf(f, "}\n");
   return FileEnd(path, &f);

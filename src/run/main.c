@@ -11,11 +11,14 @@
 #include "run/scene.h"
 #include "run/scenefile.h"
 #include "shape.h"
+#include "shape/host.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <version.h>
+#include <signal.h>
 #include <string.h>
 #include <strings.h>
+#include <unistd.h>
 
 static const char
   help[] = "tumble: particulate flow by the finite element fictitious boundary method.\n"
@@ -100,6 +103,13 @@ static void tell_errors(void)
   free(all);
 }
 
+/* Libraries that hold what the error left open (files of a full disk) may fall over it while they leave */
+static void leave_quietly(int number)
+{
+  (void)number;
+  _exit(1);
+}
+
 /* Leave together. A rank that is missing after some seconds (or soon, when the error was this rank's own) waits for us
    elsewhere and is not coming. */
 static int leave_after_error(void)
@@ -120,6 +130,7 @@ static int leave_after_error(void)
     MPI_Abort(MPI_COMM_WORLD, 1);
   }
   tell_errors();
+  for (int i = 0; i < 4; i++) (void)signal((int[]){SIGSEGV, SIGBUS, SIGABRT, SIGFPE}[i], leave_quietly);
   MPI_Finalize();
   return 1;
 }
@@ -249,10 +260,12 @@ int main(int argc, char **argv)
   if (wish == HELP_PETSC) PetscCall(PetscOptionsSetValue(NULL, "-scene_dry_run", "1"));
   ierr = LogInitialize();
   if (!ierr && SceneFileIsList(path)) ierr = forget_place(argc, argv);
+  if (!ierr) ierr = ShapeGuardInstall();
   if (!ierr) ierr = SceneRun(name);
   if (ierr) return leave_after_error();
   PetscCall(ShapeFinalize());
   PetscCall(OptFinalize());
+  PetscCall(LogFinalize());
   PetscCall(PetscPopErrorHandler());
   ierr = PetscFinalize();
   MPI_Finalize();

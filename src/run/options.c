@@ -2,6 +2,7 @@
 #include "base/opt.h"
 
 #define ADAPT  "-sim_adapt true"
+#define FLOW   "-flow_active true and without -sim_steady"
 #define STEADY "-sim_steady true"
 
 static const OptSpec SPECS[] = {
@@ -20,6 +21,16 @@ static const OptSpec SPECS[] = {
    .when = STEADY " and -flow_linearization newton", .expert = PETSC_TRUE},
   {"-flow_pseudo_steps", OPT_INT, "", OPT_FROM(0), "200", .help = "largest number of pseudo-time steps when the iteration fails (0: none)",
    .when = STEADY, .expert = PETSC_TRUE},
+  {"-sim_move_max", OPT_REAL, "radii", OPT_FROM(0), "2", .help = "largest way of a body in a step, 0: any; beyond it the run stops", .when = FLOW,
+   .expert = PETSC_TRUE},
+  {"-sim_judge_divergence", OPT_REAL, "", OPT_FROM(0), "0.01 (recipe fast: 0.1)", .help = "largest divergence in velocities a cell, 0: any",
+   .when = FLOW, .expert = PETSC_TRUE},
+  {"-sim_judge_momentum", OPT_REAL, "", OPT_FROM(0), "0.05 (recipe fast: 0.3)", .help = "largest error of the balance of momentum, relative, 0: any",
+   .when = FLOW, .expert = PETSC_TRUE},
+  {"-sim_judge_growth", OPT_REAL, "", OPT_FROM(0), "0.2", .help = "largest growth of the kinetic energy in a step without a source, relative, 0: any",
+   .when = FLOW, .expert = PETSC_TRUE},
+  {"-sim_judge_steps", OPT_INT, "", OPT_FROM(0), "5", .help = "steps in a row beyond these bounds after which the run stops, 0: never", .when = FLOW,
+   .expert = PETSC_TRUE},
   {"-sim_adapt", OPT_BOOL, "", OPT_ANY, "false", .help = "choose the time step by its error, the CFL number, and the way and the gaps of bodies",
    .when = "-flow_active true and without -sim_steady"},
   {"-sim_adapt_tolerance", OPT_REAL, "", OPT_POSITIVE, 1, "1e-4", .help = "local error of a step, relative to the largest speed", .when = ADAPT},

@@ -50,6 +50,29 @@ static PetscErrorCode report_deformation(Monitor monitor, const DeformResult *r)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Nothing holds the mean motion of a box without boundaries */
+static PetscErrorCode remark_no_walls(const MeshLocal *l, const FlowParameters *par, Bodies bodies)
+{
+  BodyState *s;
+  PetscBool  heavy = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetState(bodies, &s));
+  for (PetscInt d = 0; d < l->dim; d++)
+    if (l->period[d] == 0) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt k = 0; k < s->n; k++) {
+    const BodyGroup *g = BodiesGetGroup(s, k);
+
+    for (PetscInt d = 0; d < l->dim; d++)
+      if (par->gravity[d] != 0 && g->density != par->density && BodiesIsFree(bodies, k, d)) heavy = PETSC_TRUE;
+  }
+  if (heavy)
+    PetscCall(
+      LogRemark("the box is periodic along every axis, and nothing in it holds the weight of the bodies less their buoyancy: bodies and fluid are "
+                "accelerated without end. Give it a wall, or balance the weight by -flow_force"));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode build(SimParts *part)
 {
   const MeshLocal      *l;
@@ -72,6 +95,7 @@ static PetscErrorCode build(SimParts *part)
     if (deformed) PetscCall(drop_deform(part, steady));
     PetscCall(FlowCreate(part->mesh, &part->flow));
     PetscCall(FlowGetParameters(part->flow, &par));
+    PetscCall(remark_no_walls(l, par, part->bodies));
   }
   if (active) {
     PetscCall(CoupleCreate(part->flow, part->bodies, &part->couple));

@@ -4,6 +4,7 @@
 #include "compat.h"
 #include "sim.h"
 #include "adapt.h"
+#include "judge.h"
 #include "base/log.h"
 #include "base/opt.h"
 
@@ -13,6 +14,8 @@ struct _p_Sim {
   PetscReal       dt, dt_old, time_end, time; /* dt_old: the step before, with sub-steps the part before */
   PetscInt        steps_max, step, substeps;  /* substeps: of bodies alone, altogether */
   Adapt           adapt;                      /* NULL: fixed steps */
+  Judge           judge;                      /* NULL: no time steps of a flow */
+  PetscInt        fields_good;                /* step of the last fields before any doubt, -1: none */
   PetscReal       interval, until;            /* -output_interval; the time that steps must not pass */
   PetscBool       hits, snapshot;             /* the step ends there; fields are written there */
   PetscInt        its;                        /* outer iterations of the time step so far */
@@ -93,6 +96,8 @@ PetscErrorCode SimCreate(const SimParts *part, Sim *sim)
   *sim      = s;
   PetscCall(OutputGetInterval(part->output, &s->interval));
   if (part->flow && !part->steady) PetscCall(AdaptCreate(part->flow, part->bodies, part->couple, part->contact, part->monitor, s->dt, &s->adapt));
+  if (part->flow && !part->steady) PetscCall(JudgeCreate(part->flow, part->bodies, part->couple, &s->judge));
+  s->fields_good = -1;
   PetscCall(add_states(s));
   if (part->flow) PetscCall(PetscCalloc2(s->s->n, &s->a, s->s->n, &s->alpha));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -103,6 +108,7 @@ PetscErrorCode SimDestroy(Sim *sim)
   PetscFunctionBeginUser;
   if (!*sim) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(AdaptDestroy(&(*sim)->adapt));
+  PetscCall(JudgeDestroy(&(*sim)->judge));
   PetscCall(PetscFree2((*sim)->a, (*sim)->alpha));
   PetscCall(PetscFree(*sim));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -233,6 +239,7 @@ static PetscErrorCode write_snapshot(Sim s)
 
   PetscFunctionBeginUser;
   PetscCall(write_fields(s));
+  if (s->judge && !JudgeDoubts(s->judge)) s->fields_good = s->step;
   PetscCall(OutputGetDirectory(s->part.output, &dir));
   PetscCall(OutlinesWrite(s->part.bodyfile, dir, s->step, s->time));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -276,10 +283,12 @@ static PetscErrorCode finish_part(Sim s, PetscReal dt, PetscInt its)
   PetscCall(CoupleMomentum(s->part.couple, s->diag.momentum_rate, &s->balance));
   PetscCall(DiagnosticsStep(s->part.probe, &s->balance));
   if (PetscIsInfOrNanReal(s->diag.kinetic_energy)) PetscCall(stop_unsolved(s, KSP_DIVERGED_NANORINF, its, dt));
+  if (s->judge) PetscCall(JudgeStep(s->judge, &s->diag, &s->balance, s->time + dt, dt));
   PetscCall(end_phase(s));
   PetscCall(begin_phase(s, MONITOR_PARTICLE));
   if (s->adapt) PetscCall(AdaptAccept(s->adapt, s->diag.cfl));
   PetscCall(CoupleAdvance(s->part.couple));
+  if (s->judge) PetscCall(JudgeWay(s->judge, s->time + dt, dt, (PetscBool)(s->adapt != NULL)));
   PetscCall(ContactFinishStep(s->part.contact));
   PetscCall(ContactCountWork(s->part.contact, dt));
   PetscCall(LeaveApply(s->part.border));
@@ -291,6 +300,28 @@ static PetscErrorCode finish_part(Sim s, PetscReal dt, PetscInt its)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Stop when the judge has seen enough */
+static PetscErrorCode stop_doubted(Sim s, PetscReal dt)
+{
+  const char *dir;
+  char        why[256], more[256], good[PETSC_MAX_PATH_LEN] = "No fields were written before it (-output_every)", recipe[64];
+  PetscBool   fast;
+
+  PetscFunctionBeginUser;
+  PetscCall(JudgeVerdict(s->judge, why, sizeof(why)));
+  if (!why[0]) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(explain_failure(s, more, sizeof(more)));
+  PetscCall(OptPeek("-flow_recipe", recipe, sizeof(recipe)));
+  PetscCall(PetscStrcasecmp(recipe, "fast", &fast));
+  PetscCall(OutputGetDirectory(s->part.output, &dir));
+  if (s->fields_good >= 0)
+    PetscCall(PetscSNPrintf(good, sizeof(good), "The last good fields are in %s/fields_%" PetscInt_FMT ".h5", dir, s->fields_good));
+  SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED, "The flow is no longer to be believed: at t = %g, %s. %s. Lower %s (the step was %g)%s%s%s",
+          (double)s->time, why, good, s->adapt ? "-sim_adapt_tolerance" : "-sim_dt", (double)dt,
+          fast ? ", or leave recipe fast: -preset balanced, or -flow_recipe balanced" : "",
+          strstr(more, "skew") ? "" : ", or try -flow_convection_form skew", more);
+}
+
 /* Count and report the time step dt that began at the clock `start` */
 static PetscErrorCode finish_step(Sim s, PetscReal dt, PetscLogDouble start)
 {
@@ -300,6 +331,7 @@ static PetscErrorCode finish_step(Sim s, PetscReal dt, PetscLogDouble start)
   PetscCall(report(s, dt, s->since - start));
   PetscCall(end_phase(s));
   s->its = 0;
+  if (s->judge) PetscCall(stop_doubted(s, dt));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -311,6 +343,7 @@ static PetscErrorCode solve_part(Sim s, PetscReal dt, PetscInt *its, KSPConverge
   PetscCall(FlowBeginStep(s->part.flow, s->time + dt, dt));
   if (s->s->n) {
     PetscCall(estimate_acceleration(s));
+    PetscCall(JudgePlan(s->judge, s->a, s->time + dt, dt, (PetscBool)(s->adapt != NULL)));
     PetscCall(ContactStep(s->part.contact, dt, s->a, s->alpha));
   }
   PetscCall(CoupleDraw(s->part.couple));
@@ -469,7 +502,7 @@ static PetscErrorCode save_state(Sim s, PetscBool *stop)
 
   PetscFunctionBeginUser;
   PetscCall(CheckpointPoll(s->part.checkpoint, s->step, &due, stop));
-  if (!due) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!due || (s->judge && JudgeDoubts(s->judge) && !*stop)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(begin_phase(s, MONITOR_OUTPUT));
   PetscCall(CheckpointWrite(s->part.checkpoint, s->step, s->time));
   PetscCall(end_phase(s));
@@ -518,6 +551,11 @@ static PetscErrorCode finish_flow(Sim s, PetscInt *cells, PetscInt *unknowns)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscBool is_at_end(Sim s)
+{
+  return (PetscBool)(s->step >= s->steps_max || s->time >= s->time_end * (1 - 1e-12) - 1e-9 * s->dt);
+}
+
 PetscErrorCode SimRun(Sim s)
 {
   PetscBool stop  = PETSC_FALSE;
@@ -525,7 +563,11 @@ PetscErrorCode SimRun(Sim s)
 
   PetscFunctionBeginUser;
   if (s->part.steady) PetscCall(solve_steady(s));
-  while (!stop && s->step < s->steps_max && s->time < s->time_end * (1 - 1e-12) - 1e-9 * s->dt) {
+  else if (s->step > 0 && is_at_end(s))
+    PetscCall(LogRemark("nothing is left to do: the checkpoint is at step %" PetscInt_FMT
+                        ", t = %g, the end of the run. Raise -sim_time or -sim_steps",
+                        s->step, (double)s->time));
+  while (!stop && !is_at_end(s)) {
     if (s->renew) PetscCall(renew_solvers(s));
     if (s->part.flow) PetscCall(take_step(s));
     else PetscCall(take_step_alone(s));

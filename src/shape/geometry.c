@@ -1,6 +1,7 @@
 /* Geometry of a loaded shape: checked distances, normals, projection, mass, bounding radius, surface points (see
    shape/host.h). */
 #include "compat.h"
+#include "guard.h"
 #include "impl.h"
 
 PetscErrorCode ShapeDistance(Shape s, PetscInt n, const PetscReal x[], PetscReal d[])
@@ -8,7 +9,7 @@ PetscErrorCode ShapeDistance(Shape s, PetscInt n, const PetscReal x[], PetscReal
   PetscInt bad = 0;
 
   PetscFunctionBeginUser;
-  PetscCall(s->ops.distance(s, n, x, d));
+  GUARDED(s, distance, (s, n, x, d));
   for (PetscInt i = 0; i < n; i++) bad += !(PetscAbsReal(d[i]) <= PETSC_MAX_REAL);
   if (PetscUnlikely(bad)) {
     PetscInt i = 0;
@@ -25,7 +26,7 @@ PetscErrorCode ShapeDistance(Shape s, PetscInt n, const PetscReal x[], PetscReal
 PetscErrorCode ShapeNormal(Shape s, PetscInt n, const PetscReal x[], PetscReal normal[])
 {
   PetscFunctionBeginUser;
-  if (s->ops.normal) PetscCall(s->ops.normal(s, n, x, normal));
+  if (s->ops.normal) GUARDED(s, normal, (s, n, x, normal));
   else PetscCall(ShapeDefaultNormal(s, s->radius, s->dim, n, x, normal));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -136,7 +137,7 @@ PetscErrorCode ShapeGetMass(Shape s, ShapeMass *m)
   PetscFunctionBeginUser;
   if (!s->have_mass) {
     PetscCall(PetscMemzero(&s->mass, sizeof(s->mass)));
-    if (s->ops.mass) PetscCall(s->ops.mass(s, &s->mass));
+    if (s->ops.mass) GUARDED(s, mass, (s, &s->mass));
     else PetscCall(ShapeDefaultMass(s, s->radius, s->dim, &s->mass));
     PetscCheck(s->mass.volume > 0 && s->mass.volume < PETSC_MAX_REAL, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
                "Shape '%s' has volume %g, which must be positive and finite: check its options -%s* and 'make test-shape SHAPE=%s'", s->loaded->type,
@@ -168,7 +169,7 @@ PetscErrorCode ShapeGetRadius(Shape s, PetscReal *r)
 PetscErrorCode ShapeSurface(Shape s, PetscInt n, PetscReal x[], PetscReal w[])
 {
   PetscFunctionBeginUser;
-  if (s->ops.surface) PetscCall(s->ops.surface(s, n, x, w));
+  if (s->ops.surface) GUARDED(s, surface, (s, n, x, w));
   else if (n > 0) PetscCall(ShapeDefaultSurface(s, s->radius, s->dim, n, x, w));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

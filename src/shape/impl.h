@@ -1,4 +1,5 @@
-/* The inside of a shape, for the files of this room. shape.c: plugins, options. geometry.c: what users ask of a shape.
+/* The inside of a shape, for the files of this room. shape.c: plugins, options. check.c: what is asked of
+   a new one. geometry.c: what users ask of a shape.
    default.c, surface.c: what a plugin leaves out, from the distance alone, by the tree of tree.h. */
 #pragma once
 #include "shape/host.h"
@@ -32,12 +33,17 @@ struct _p_Shape {
   OptionRange   option[SHAPE_MAX_OPTIONS];
 };
 
+/* Ask a new shape for its radius and probe its distance around it: a plugin that is wrong everywhere should stop here,
+   not in step 500. Errors, with plugin and point: no positive radius; inside beyond it; a distance that is not finite,
+   grows by more than the way, or by another than the way across most of the surface. Not collective. */
+PetscErrorCode ShapeCheck(Shape);
+
 /* Central differences, normalised. Where the gradient vanishes (centre of a disc) some unit vector. r: size of the
    shape. Not collective. */
 PetscErrorCode ShapeDefaultNormal(Shape, PetscReal r, PetscInt dim, PetscInt n, const PetscReal x[], PetscReal normal[]);
 
-/* Moments by quadrature, refined until they change by less than 1e-6 (2D; 1e-4 in 3D) or the deepest level is reached.
-   r: bounding radius about the body origin. Error: nothing inside. */
+/* Moments by quadrature, refined until they change by less than 1e-6 or the deepest level is reached (3D: moments of
+   two levels extrapolated; a remark where more than 1e-5 is left). r: bounding radius about the body origin. Error: nothing inside. */
 PetscErrorCode ShapeDefaultMass(Shape, PetscReal r, PetscInt dim, ShapeMass *m);
 
 /* n surface points. 2D: evenly spaced in arc length along the zero contour, counter-clockwise, equal weights. 3D:

@@ -9,6 +9,7 @@
   #define _GNU_SOURCE /* dladdr */
 #endif
 #include "compat.h"
+#include "guard.h"
 #include "impl.h"
 #include "base/opt.h"
 #include <dirent.h>
@@ -320,42 +321,13 @@ PetscErrorCode ShapeOptionString(Shape s, const char name[], const char help[], 
 
 /* ---- create, destroy ---- */
 
-/* Probe the distance on a grid around the body: a plugin that is wrong everywhere should stop here, not in step 500. */
-static PetscErrorCode CheckShape(Shape s)
-{
-  const PetscInt m = 9, n = s->dim == 2 ? m * m : m * m * m;
-  PetscReal      x[9 * 9 * 9 * 3], d[9 * 9 * 9];
-
-  PetscFunctionBeginUser;
-  PetscCall(s->ops.radius(s, &s->radius));
-  PetscCheck(s->radius > 0 && s->radius < PETSC_MAX_REAL, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-             "Shape '%s' has bounding radius %g, which must be positive and finite: check its options -%s* and its operation radius", s->loaded->type,
-             (double)s->radius, s->prefix);
-  for (PetscInt i = 0; i < n; i++) {
-    PetscInt k = i;
-
-    for (PetscInt a = 0; a < s->dim; a++, k /= m) x[i * s->dim + a] = s->radius * 1.25 * ((PetscReal)(k % m) * 2.0 / (PetscReal)(m - 1) - 1.0);
-  }
-  PetscCall(ShapeDistance(s, n, x, d));
-  for (PetscInt i = 0; i < n; i++) {
-    PetscReal r2 = 0;
-
-    for (PetscInt a = 0; a < s->dim; a++) r2 += PetscSqr(x[i * s->dim + a]);
-    PetscCheck(d[i] > 0 || r2 < PetscSqr(1.0001 * s->radius), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-               "Shape '%s' has distance %g at (%g, %g, %g), which is outside its bounding radius %g: correct its operation radius or distance ('make test-shape SHAPE=%s')",
-               s->loaded->type, (double)d[i], (double)x[i * s->dim], (double)x[i * s->dim + 1], s->dim == 3 ? (double)x[i * s->dim + 2] : 0.0,
-               (double)s->radius, s->loaded->file);
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode SetUpShape(Shape s)
 {
   PetscFunctionBeginUser;
-  if (s->ops.create) PetscCall(s->ops.create(s));
-  if (s->ops.options) PetscCall(s->ops.options(s));
-  if (s->ops.setup) PetscCall(s->ops.setup(s));
-  PetscCall(CheckShape(s));
+  if (s->ops.create) GUARDED(s, create, (s));
+  if (s->ops.options) GUARDED(s, options, (s));
+  if (s->ops.setup) GUARDED(s, setup, (s));
+  PetscCall(ShapeCheck(s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -373,8 +345,8 @@ static PetscErrorCode DeclareOptions(const char type[])
   s->ops    = loaded->plugin->ops;
   s->dim    = loaded->plugin->dims & 2 ? 3 : 2;
   PetscCall(PetscStrncpy(s->prefix, "particle_<group>_", sizeof(s->prefix)));
-  if (s->ops.create) PetscCall(s->ops.create(s));
-  if (s->ops.options) PetscCall(s->ops.options(s));
+  if (s->ops.create) GUARDED(s, create, (s));
+  if (s->ops.options) GUARDED(s, options, (s));
   PetscCall(ShapeDestroy(&s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -427,7 +399,7 @@ PetscErrorCode ShapeDestroy(Shape *shape)
 
   PetscFunctionBeginUser;
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
-  if (s->ops.destroy) PetscCall(s->ops.destroy(s));
+  if (s->ops.destroy) GUARDED(s, destroy, (s));
   nalive--;
   PetscCall(PetscFree(*shape));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -441,7 +413,7 @@ PetscErrorCode ShapeView(Shape s, PetscViewer viewer)
                                    s->loaded->plugin->version ? s->loaded->plugin->version : "unknown", s->loaded->file));
   if (s->ops.view) {
     PetscCall(PetscViewerASCIIPushTab(viewer));
-    PetscCall(s->ops.view(s, viewer));
+    GUARDED(s, view, (s, viewer));
     PetscCall(PetscViewerASCIIPopTab(viewer));
   }
   PetscFunctionReturn(PETSC_SUCCESS);

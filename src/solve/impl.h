@@ -52,6 +52,7 @@ struct _p_FlowSolver {
   KSP                ksp;
   PC                 split; /* the inner PCFIELDSPLIT */
   KSP               *sub;
+  PetscInt           limited[2];                  /* solves for velocity, pressure at their limit in the last step */
   PetscBool          fixed;                       /* recipe fast: a fixed number of iterations, without norms */
   PetscReal          share_of_pressure;           /* see WHOLE_PRESSURE */
   PetscReal          rtol, rtol_start, rtol_most; /* see the header */

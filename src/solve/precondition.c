@@ -53,6 +53,25 @@ static PetscErrorCode commute(FlowSolver fs, Vec p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Inner solves that ended at their largest number of iterations without meeting their tolerance. KSPGCR says
+   KSP_CONVERGED_ITS then, as do solves of a fixed number of iterations, which have no convergence test. */
+static PetscErrorCode count_limited(FlowSolver fs)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < 2; i++) {
+    KSPConvergedReason reason;
+    PetscInt           its, most;
+    PetscErrorCode (*test)(KSP, PetscInt, PetscReal, KSPConvergedReason *, void *);
+
+    PetscCall(KSPGetConvergedReason(fs->sub[i], &reason));
+    PetscCall(KSPGetIterationNumber(fs->sub[i], &its));
+    PetscCall(KSPGetTolerances(fs->sub[i], NULL, NULL, NULL, &most));
+    PetscCall(KSPGetConvergenceTest(fs->sub[i], &test, NULL, NULL));
+    if (reason < 0 || (reason == KSP_CONVERGED_ITS && its >= most && test != KSPConvergedSkip)) fs->limited[i]++;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* y = fieldsplit (x), then projection or commutator, see the header */
 static PetscErrorCode apply_projection(PC pc, Vec x, Vec y)
 {
@@ -63,6 +82,7 @@ static PetscErrorCode apply_projection(PC pc, Vec x, Vec y)
   PetscFunctionBeginUser;
   PetscCall(PCShellGetContext(pc, &fs));
   PetscCall(PCApply(fs->split, x, y));
+  PetscCall(count_limited(fs));
   if (fs->two_stage) {
     PetscCall(TwoStageApply(fs->two, fs, y));
     PetscFunctionReturn(PETSC_SUCCESS);

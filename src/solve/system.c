@@ -524,6 +524,7 @@ PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscRe
   PetscCall(FlowSolverSetTolerance(fs, &enough));
   *its    = 0;
   *reason = KSP_CONVERGED_RTOL;
+  PetscCall(PetscArrayzero(fs->limited, 2));
   if (!enough) {
     PetscCall(KSPSolve(fs->ksp, fs->r, fs->y));
     PetscCall(KSPGetIterationNumber(fs->ksp, its));
@@ -532,5 +533,12 @@ PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscRe
   }
   PetscCall(FlowSolverUnpack(fs, fs->x, u, p, U));
   PetscCall(PetscLogEventEnd(TB_FLOW_SOLVE, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverGetLimited(FlowSolver fs, PetscInt limited[2])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscArraycpy(limited, fs->limited, 2));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

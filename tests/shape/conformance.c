@@ -84,6 +84,8 @@ static void RunCheck(Suite *t, const char name[], Check check)
   char           why[WHY] = "", message[WHY] = "";
   PetscErrorCode ierr;
 
+  (void)PetscPrintf(PETSC_COMM_SELF, "run  %" PetscInt_FMT "D %s\r", t->dim, name); /* in case it never ends */
+  (void)fflush(PETSC_STDOUT);
   (void)PetscPushErrorHandler(KeepMessage, message);
   ierr = check(t, why);
   (void)PetscPopErrorHandler();
@@ -774,6 +776,8 @@ int main(int argc, char **argv)
   PetscCall(PetscInitialize(&argc, &argv, NULL, help));
   PetscCheck(argc > 1 && argv[1][0] != '-', PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "Give the path of a shape plugin as first argument: conformance build/shapes/circle.so");
+  PetscCall(ShapeTrustDistances());
+  PetscCall(ShapeGuardInstall());
   PetscCall(RunSuite(argv[1], &passed, &failed));
   PetscCall(PetscPrintf(PETSC_COMM_SELF, "%" PetscInt_FMT " passed, %" PetscInt_FMT " failed\n", passed, failed));
   PetscCall(ShapeFinalize());

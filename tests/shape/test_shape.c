@@ -274,6 +274,39 @@ static void test_default_mass_ball(void **state)
   MustWork(ShapeDestroy(&s));
 }
 
+#define THIN 0.02
+
+/* The segment of half length 1 - THIN along an oblique axis, THIN thick */
+static PetscErrorCode capsule_distance(Shape s, PetscInt n, const PetscReal x[], PetscReal d[])
+{
+  const PetscReal e[3] = {0.36, 0.48, 0.8};
+
+  PetscFunctionBeginUser;
+  (void)s;
+  for (PetscInt i = 0; i < n; i++) {
+    PetscReal along = 0, square = 0;
+
+    for (PetscInt a = 0; a < 3; a++) along += e[a] * x[3 * i + a];
+    along = PetscMax(THIN - 1, PetscMin(1 - THIN, along));
+    for (PetscInt a = 0; a < 3; a++) square += PetscSqr(x[3 * i + a] - along * e[a]);
+    d[i] = PetscSqrtReal(square) - THIN;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Fifty times as long as thick: one per cent off without deeper levels where the body is thin */
+static void test_default_mass_capsule(void **state)
+{
+  const PetscReal v      = PETSC_PI * THIN * THIN * (2 * (1 - THIN) + 4. / 3. * THIN);
+  const Loaded    loaded = {.type = "capsule", .file = "capsule.so"};
+  struct _p_Shape s      = {.loaded = &loaded, .ops = {.distance = capsule_distance}, .dim = 3, .radius = 1};
+  ShapeMass       m;
+
+  (void)state;
+  MustWork(ShapeDefaultMass(&s, 1, 3, &m));
+  MustBeNear(m.volume, v, 1e-5 * v, "volume of a slender capsule by quadrature");
+}
+
 /* Off-centre, with round ends: centroid and parallel axes. */
 static void test_default_mass_leaflet(void **state)
 {
@@ -580,6 +613,7 @@ int main(int argc, char **argv)
     cmocka_unit_test(test_finalize_refuses_live_shapes),
     cmocka_unit_test(test_default_mass_disc),
     cmocka_unit_test(test_default_mass_ball),
+    cmocka_unit_test(test_default_mass_capsule),
     cmocka_unit_test(test_default_mass_leaflet),
     cmocka_unit_test(test_default_mass_rounded_square),
     cmocka_unit_test(test_default_normal),

@@ -9,6 +9,7 @@
 #include "../impl.h"
 #include "../penalty.h"
 #include "driver.h"
+#include "base/log.h"
 
 enum {
   FALLBACK,
@@ -96,11 +97,10 @@ static PetscErrorCode accept_step(Couple c, void *rung)
     if (s->gone[k] || way <= 0.5) continue;
     r->remarked = PETSC_TRUE;
     PetscCall(
-      PetscPrintf(PETSC_COMM_WORLD,
-                  "remark: body %" PetscInt_FMT
-                  " (group '%s') goes %.2g of the smallest cells in the step to t = %g; -couple_boundary snap loses accuracy beyond 0.5: lower -sim_dt (%g), or "
-                  "use -sim_adapt\n",
-                  k, BodiesGetGroup(s, k)->name, (double)way, (double)c->step->time, (double)c->step->dt));
+      LogRemark("body %" PetscInt_FMT
+                " (group '%s') goes %.2g of the smallest cells in the step to t = %g; -couple_boundary snap loses accuracy beyond 0.5: lower -sim_dt (%g), or "
+                "use -sim_adapt",
+                k, BodiesGetGroup(s, k)->name, (double)way, (double)c->step->time, (double)c->step->dt));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

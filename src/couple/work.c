@@ -1,0 +1,111 @@
+/* Couple: energy of flow and bodies, and the power of what acts on them from outside (CoupleGetPower). Costs what the
+   balance of momentum costs: cells with prescribed nodes, and one pass over nodes and bodies. */
+#include "compat.h"
+#include "impl.h"
+#include "bodies/mass.h"
+
+/* Nodal normals, area included and pointing out: int phi_i n over the boundary of the domain, as B^T 1; zero inside */
+PetscErrorCode CoupleFindNormals(Couple c)
+{
+  const MeshLocal *l  = c->loc;
+  const PetscInt   nk = l->dim + 1;
+  PetscReal       *one;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc1(l->ncell * nk, &one));
+  PetscCall(PetscCalloc1(l->nnode_all * l->dim, &c->outward));
+  for (PetscInt e = 0; e < l->ncell; e++) one[e * nk] = 1;
+  PetscCall(FlowGradient(c->flow, 1, one, c->outward));
+  PetscCall(PetscFree(one));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What prescribed components supply, walls and openings and holes: momentum residual times velocity */
+static PetscErrorCode add_prescribed(Couple c, PetscReal *power)
+{
+  const MeshLocal *l = c->loc;
+  const PetscInt  *fixed;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConditionsGetValues(FlowConditions(c->flow), &fixed, NULL));
+  for (PetscInt i = 0; i < c->nprescribed; i++) {
+    const PetscInt *node = l->cell_node + c->prescribed[i] * l->nb;
+    PetscReal       r[MESH_MAX_NB * 3];
+
+    PetscCall(FlowCellResidual(c->flow, c->prescribed[i], c->u, c->p, r));
+    for (PetscInt j = 0; j < l->nb; j++)
+      for (PetscInt a = 0; a < l->dim; a++)
+        if ((fixed[node[j]] >> a) & 1) *power += r[j * l->dim + a] * c->u[node[j] * l->dim + a];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Kinetic energy that flows in through the boundary, and the power of -flow_force */
+static PetscErrorCode add_fluid(Couple c, const FlowParameters *par, PetscReal *power)
+{
+  const MeshLocal *l   = c->loc;
+  const PetscInt   dim = l->dim;
+  const PetscReal *m;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetLumpedMass(c->flow, &m));
+  for (PetscInt i = 0; i < l->nnode; i++) {
+    const PetscReal *u   = c->u + i * dim;
+    PetscReal        out = 0, square = 0;
+
+    for (PetscInt a = 0; a < dim; a++) {
+      out += c->outward[i * dim + a] * u[a];
+      square += u[a] * u[a];
+      *power += par->force[a] * m[i] * u[a];
+    }
+    if (out < 0) *power -= 0.5 * par->density * square * out;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Is every degree of freedom of body k free or at rest? Others are moved by somebody outside. */
+static PetscBool is_inside(Couple c, PetscInt k)
+{
+  for (PetscInt i = 0; i < c->nr; i++)
+    if (!BodiesIsFree(c->bodies, k, i < c->loc->dim ? i : 3) && c->U[k * c->nr + i] != 0) return PETSC_FALSE;
+  return PETSC_TRUE;
+}
+
+static PetscErrorCode add_body(Couple c, PetscInt k, const FlowParameters *par, CouplePower *w)
+{
+  const PetscInt   nr = c->nr;
+  const PetscReal *U = c->U + k * nr, density = BodiesGetGroup(c->s, k)->density, inside = CoupleInnerDensity(c, k, par);
+  const PetscBool  free = is_inside(c, k);
+  PetscReal        M[36], force[3], torque[3], g[6], square = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(RigidGetMass(c->bodies, k, c->q[k], M));
+  for (PetscInt i = 0; i < nr; i++)
+    for (PetscInt j = 0; j < nr; j++) square += 0.5 * U[i] * M[i * nr + j] * U[j];
+  w->size += density * square;
+  w->energy += ((free ? density : 0) - inside) * square;
+  PetscCall(BodiesGetLoad(c->bodies, k, par->density, par->gravity, force, torque));
+  for (PetscInt a = 0; a < 3; a++) {
+    force[a]  = free ? force[a] + c->s->contact_force[k][a] : -c->s->force[k][a];
+    torque[a] = free ? torque[a] + c->s->contact_torque[k][a] : -c->s->torque[k][a];
+  }
+  PetscCall(RigidReduceForce(c->bodies, k, c->q[k], force, torque, g));
+  for (PetscInt i = 0; i < nr; i++) w->power += g[i] * U[i];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleGetPower(Couple c, CouplePower *w)
+{
+  const FlowParameters *par;
+  PetscReal             power = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetParameters(c->flow, &par));
+  PetscCall(add_prescribed(c, &power));
+  PetscCall(add_fluid(c, par, &power));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &power, 1, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  *w = (CouplePower){.power = power};
+  for (PetscInt k = 0; k < c->s->n; k++)
+    if (!c->s->gone[k] && !BodiesGetGroup(c->s, k)->hole) PetscCall(add_body(c, k, par, w));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,7 @@
+/* Memory of a run, estimated from the number of cells before the mesh is built. */
+#pragma once
+#include <petscsys.h>
+
+/* cells [dim] along each axis. Collective. Error: a run needs more than -mesh_memory (1; 0: not checked) times the
+   memory of the machines the ranks run on. */
+PetscErrorCode MeshCheckMemory(MPI_Comm, PetscInt dim, const PetscInt cells[]);

@@ -1,0 +1,200 @@
+/* Judge: see judge.h. All numbers are the same on all ranks. */
+#include "compat.h"
+#include "judge.h"
+#include "base/log.h"
+#include "base/opt.h"
+#include <string.h>
+
+enum {
+  DIVERGENCE,
+  MOMENTUM,
+  GROWTH,
+  INNER,
+  NMEASURES
+};
+
+static const struct {
+  const char *what, *option;
+} MEASURES[NMEASURES] = {
+  [DIVERGENCE] = {"the divergence of the velocity, in velocities a cell,", "-sim_judge_divergence"},
+  [MOMENTUM]   = {"the error of the balance of momentum", "-sim_judge_momentum"},
+  [GROWTH]     = {"the share by which the kinetic energy grows in a step without a source", "-sim_judge_growth"},
+  [INNER]      = {"the number of solves for velocity or pressure that stop at their largest number of iterations", NULL},
+};
+
+#define REST 1e-3 /* of the largest energy so far: growth below is that of a flow that comes to rest */
+
+struct _p_Judge {
+  Flow       flow;
+  Bodies     bodies;
+  BodyState *s;
+  Couple     couple;
+  PetscReal  bound[NMEASURES], value[NMEASURES]; /* bound 0: not judged */
+  PetscReal  h, way_max;
+  PetscReal  speed_max, force_max, energy_max; /* L2 norm of the velocity; sum of forces; so far */
+  PetscReal  energy;                           /* of the step before */
+  PetscBool  started, volume, fast, remarked[2];
+  PetscInt   steps, doubts;
+};
+
+PetscErrorCode JudgeCreate(Flow flow, Bodies bodies, Couple couple, Judge *judge)
+{
+  Judge            j;
+  Mesh             mesh;
+  const MeshLocal *l;
+  char             text[64];
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&j));
+  j->flow   = flow;
+  j->couple = couple;
+  j->bodies = bodies;
+  PetscCall(BodiesGetState(bodies, &j->s));
+  PetscCall(FlowGetMesh(flow, &mesh));
+  PetscCall(MeshGetLocal(mesh, &l));
+  j->h                 = l->h;
+  j->steps             = 5;
+  j->way_max           = 2;
+  j->bound[DIVERGENCE] = 0.01;
+  j->bound[MOMENTUM]   = 0.05;
+  j->bound[GROWTH]     = 0.2;
+  for (PetscInt i = 0; i < INNER; i++) PetscCall(OptReal(MEASURES[i].option, &j->bound[i]));
+  PetscCall(OptInt("-sim_judge_steps", &j->steps));
+  PetscCall(OptReal("-sim_move_max", &j->way_max));
+  PetscCall(OptPeek("-flow_recipe", text, sizeof(text)));
+  PetscCall(PetscStrcasecmp(text, "fast", &j->fast));
+  PetscCall(OptPeek("-couple_force", text, sizeof(text)));
+  PetscCall(PetscStrcasecmp(text, "volume", &j->volume));
+  *judge = j;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode JudgeDestroy(Judge *judge)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscFree(*judge));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode measure_growth(Judge j, const FlowDiagnostics *d, PetscReal dt)
+{
+  CouplePower p;
+  PetscReal   energy, made;
+
+  PetscFunctionBeginUser;
+  PetscCall(CoupleGetPower(j->couple, &p));
+  energy           = d->kinetic_energy + p.energy;
+  made             = energy - j->energy - dt * PetscMax(0, p.power);
+  j->energy_max    = PetscMax(j->energy_max, d->kinetic_energy + p.size);
+  j->value[GROWTH] = j->started && made > 0 ? made / (PetscAbsReal(j->energy) + REST * j->energy_max) : 0;
+  j->energy        = energy;
+  j->started       = PETSC_TRUE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode count_inner(Judge j, PetscReal time)
+{
+  FlowSolver solver;
+  PetscInt   limited[2];
+
+  PetscFunctionBeginUser;
+  PetscCall(CoupleGetSolver(j->couple, &solver));
+  PetscCall(FlowSolverGetLimited(solver, limited));
+  j->value[INNER] = j->fast ? limited[0] + limited[1] : 0;
+  for (PetscInt i = 0; i < 2; i++) {
+    const char *const name = i ? "pressure" : "velocity";
+
+    if (!limited[i] || j->remarked[i]) continue;
+    j->remarked[i] = PETSC_TRUE;
+    PetscCall(LogRemark("the solve for the %s stopped at its largest number of iterations in the step to t = %g%s: lower -sim_dt, or raise "
+                        "-flow_fieldsplit_%s_ksp_max_it",
+                        name, (double)time, j->fast ? ", and recipe fast does not make up for it" : "", name));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode JudgeStep(Judge j, const FlowDiagnostics *d, const CoupleBalance *b, PetscReal time, PetscReal dt)
+{
+  const FlowParameters *par;
+  PetscBool             doubt = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetParameters(j->flow, &par));
+  j->speed_max         = PetscMax(j->speed_max, PetscSqrtReal(2 * d->kinetic_energy / par->density));
+  j->force_max         = PetscMax(j->force_max, b->size);
+  j->value[DIVERGENCE] = j->speed_max > 0 ? j->h * d->divergence / j->speed_max : 0;
+  j->value[MOMENTUM]   = j->force_max > 0 && !j->volume ? b->error * b->size / j->force_max : 0;
+  PetscCall(measure_growth(j, d, dt));
+  PetscCall(count_inner(j, time));
+  for (PetscInt i = 0; i < NMEASURES; i++)
+    if ((j->bound[i] > 0 || i == INNER) && j->value[i] > j->bound[i]) doubt = PETSC_TRUE;
+  j->doubts = doubt ? j->doubts + 1 : 0;
+  PetscCall(PetscInfo(NULL, "judge: t %g divergence %g momentum %g growth %g inner %g\n", (double)time, (double)j->value[DIVERGENCE],
+                      (double)j->value[MOMENTUM], (double)j->value[GROWTH], (double)j->value[INNER]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* way in radii of body k that the message is about */
+static PetscErrorCode refuse_way(Judge j, PetscInt k, PetscReal way, PetscReal time, PetscReal dt, PetscBool adapted)
+{
+  PetscFunctionBeginUser;
+  SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
+          "Body %" PetscInt_FMT
+          " (group '%s') goes %.3g of its radii in the step to t = %g, more than -sim_move_max (%g), and would pass through what is in its way: lower %s (the step "
+          "was %g), such as to %.2g",
+          k, BodiesGetGroup(j->s, k)->name, (double)way, (double)time, (double)j->way_max, adapted ? "-sim_adapt_max" : "-sim_dt", (double)dt,
+          (double)(0.5 * dt * j->way_max / way));
+}
+
+PetscErrorCode JudgePlan(Judge j, PetscReal (*a)[3], PetscReal time, PetscReal dt, PetscBool adapted)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < j->s->n && j->way_max > 0; k++) {
+    const BodyGroup *g   = BodiesGetGroup(j->s, k);
+    PetscReal        way = 0;
+
+    if (j->s->gone[k]) continue;
+    for (PetscInt d = 0; d < j->s->dim; d++)
+      if (BodiesIsFree(j->bodies, k, d)) way += PetscSqr(a[k][d] * dt * dt / g->radius);
+    way = PetscSqrtReal(way);
+    if (way > j->way_max) PetscCall(refuse_way(j, k, way, time, dt, adapted));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode JudgeWay(Judge j, PetscReal time, PetscReal dt, PetscBool adapted)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < j->s->n && j->way_max > 0; k++) {
+    const PetscReal way = BodiesFastestPoint(j->s, k, 0) * dt / BodiesGetGroup(j->s, k)->radius;
+
+    if (way > j->way_max && !j->s->gone[k]) PetscCall(refuse_way(j, k, way, time, dt, adapted));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscBool JudgeDoubts(Judge j)
+{
+  return (PetscBool)(j->doubts > 0);
+}
+
+PetscErrorCode JudgeVerdict(Judge j, char why[], size_t size)
+{
+  PetscInt worst = -1;
+
+  PetscFunctionBeginUser;
+  why[0] = 0;
+  if (!j->steps || j->doubts < j->steps) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt i = 0; i < NMEASURES; i++) {
+    if ((j->bound[i] <= 0 && i != INNER) || j->value[i] <= j->bound[i]) continue;
+    if (worst < 0 || j->value[i] * j->bound[worst] > j->value[worst] * j->bound[i]) worst = i;
+  }
+  PetscCall(PetscSNPrintf(why, size, "%s is %.3g", MEASURES[worst].what, (double)j->value[worst]));
+  if (MEASURES[worst].option) {
+    const size_t n = strlen(why);
+
+    PetscCall(PetscSNPrintf(why + n, size - n, ", beyond %s (%g)", MEASURES[worst].option, (double)j->bound[worst]));
+  }
+  PetscCall(PetscSNPrintf(why + strlen(why), size - strlen(why), ", after %" PetscInt_FMT " steps out of bounds in a row", j->doubts));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

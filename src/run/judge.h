@@ -1,0 +1,51 @@
+/* Judge: is a step that was solved and accepted one to believe? Every step (part of one) is measured by four numbers
+   without units, which cost what the diagnostics cost, and one that comes from the bodies' way.
+
+   divergence  h |div u| / |u|, both norms L2 over the domain (div u: cell means), h the smallest cell, |u| the largest
+               so far. The system makes it the solver's tolerance.
+   momentum    what the balance of momentum (CoupleMomentum) leaves over, relative to the sizes of all forces, the
+               largest so far. Likewise the solver's tolerance, where forces are residuals. Not with -couple_force
+               volume, where it is the error of that form.
+   growth      (E - E_old - W) / (E_old + E_max/1000). E: kinetic energy of fluid and bodies, W = dt max(0, P), P the
+               power of all that acts from outside (CoupleGetPower). The equations tested with u^{n+1} give
+               rho (c_t u - d, u) = P - viscous dissipation - what flows out, where the left side is for implicit Euler
+               the rate of E plus rho |u^{n+1} - u^n|^2 / 2dt, so that E - E_old <= W; for bdf2 and cn the same holds
+               for an energy that differs from E by parts of the order of |u^{n+1} - u^n|^2, and under rungs with fluid
+               inside, E flickers with the nodes that bodies cover. Therefore the bound leaves room (0.2), and one step
+               alone is no reason to stop. What it finds is energy out of nothing, as unstable schemes make it.
+   inner solve 1 if the solve for velocity or pressure inside of the preconditioner ended at its largest number of
+               iterations, which counts as failed: for recipe fast, which has no outer iteration to make up for it, it
+               is out of bounds; for others a remark, once.
+
+   Bounds are 0.01, 0.05, 0.2 (recipe fast: 0.1, 0.3, 0.2). Measured, largest of 5 steps in a row over the scenes of
+   runs/: balanced 2e-5, 3e-3, 0; fast 0.011, 0.032, 0.02. The demo in recipe fast at dt .01 blows up with 0.03 to 0.3,
+   0.1 to 0.9, 0.2 to 5. Dense beds in recipe fast (runs/sedimentation-504.yaml: 0.6, 0.7) do not move for 10 steps.
+
+   A step that exceeds a bound is in doubt; -sim_judge_steps of them in a row (5; 0: never) stop the run. A step in
+   doubt is no checkpoint. Not for steady scenes, whose solver has a residual of its own.
+
+   way         a body that goes more than -sim_move_max (2) of its bounding radii in a step, with its fastest point, is
+               refused at once: it has left the place where it was altogether, would pass through walls and bodies, and
+               the flow would not see the way between.
+
+   Options (expert): -sim_judge_divergence, _momentum, _growth (0: not judged), _steps; -sim_move_max. */
+#pragma once
+#include "couple/couple.h"
+
+typedef struct _p_Judge *Judge;
+
+/* Reads the options. Collective. */
+PetscErrorCode JudgeCreate(Flow, Bodies, Couple, Judge *);
+PetscErrorCode JudgeDestroy(Judge *);
+/* After CoupleMomentum, before CoupleAdvance: measure the step to `time` of length dt. Collective. */
+PetscErrorCode JudgeStep(Judge, const FlowDiagnostics *, const CoupleBalance *, PetscReal time, PetscReal dt);
+/* Before contact, which would hold such a body where it is: a [n][3] is the acceleration of the bodies without contact.
+   Error: what it adds to a body's way in the step is too far. As JudgeWay. */
+PetscErrorCode JudgePlan(Judge, PetscReal (*a)[3], PetscReal time, PetscReal dt, PetscBool adapted);
+/* After CoupleAdvance. Error: a body goes too far. adapted: by which option it can be shortened. Not collective, same
+   result on all ranks. */
+PetscErrorCode JudgeWay(Judge, PetscReal time, PetscReal dt, PetscBool adapted);
+/* Is the last step in doubt? Is it time to stop, and why: what exceeds which bound in how many steps, "" if not. Not
+   collective. */
+PetscBool      JudgeDoubts(Judge);
+PetscErrorCode JudgeVerdict(Judge, char why[], size_t size);
