@@ -3,6 +3,6 @@
 
 static const OptSpec SPECS[] = {
   {"-shape_path", OPT_STRING, "", OPT_ANY, "", .help = "folders to search for shape plugins, separated by colons, before the program's own",
-   .when = "-particle_groups"},
+   .when = "-particle_groups", .path = OPT_PATHS},
 };
 OPT_TABLE("shape: plugins", SPECS)

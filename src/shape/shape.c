@@ -156,8 +156,7 @@ static PetscErrorCode CheckPlugin(const ShapePlugin *p, const char type[], const
                        "%s does not register a shape (no symbol 'tumble_shape'): add TUMBLE_SHAPE_REGISTER = {...} at its end, see shapes/template.c",
                        file));
   } else if (p->interface != SHAPE_INTERFACE) {
-    PetscCall(Complain(message, len,
-                       "%s was built for shape interface %d, this program has %d: rebuild it with this program's shape.h ('make shapes')", file,
+    PetscCall(Complain(message, len, "%s was built for shape interface %d, this program has %d: rebuild it with this program's shape.h", file,
                        p->interface, SHAPE_INTERFACE));
   } else if (!p->type || strcmp(p->type, type)) {
     PetscCall(Complain(message, len, "%s registers the type '%s': rename the file to %s.so or the type to '%s'", file, p->type ? p->type : "",
@@ -181,7 +180,7 @@ static PetscErrorCode OpenPlugin(const char path[], const char type[], Loaded *s
   if (!slot->file[0]) {
     PetscCall(ListKnown(path, known, sizeof(known)));
     PetscCall(
-      Complain(message, len, "Shape '%s' is not known (known: %s). Put %s.so into a folder of -shape_path, or run 'make shapes'", type, known, type));
+      Complain(message, len, "Shape '%s' is not known (known: %s). Correct the name, or put %s.so into a folder of -shape_path", type, known, type));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   /* stays mapped: PETSc keeps pointers to names of functions in it */
@@ -189,7 +188,8 @@ static PetscErrorCode OpenPlugin(const char path[], const char type[], Loaded *s
   if (!slot->handle) {
     const char *why = dlerror();
 
-    PetscCall(Complain(message, len, "Shape file %s cannot be loaded (%s): rebuild it with 'make shapes'", slot->file, why ? why : "unknown reason"));
+    PetscCall(Complain(message, len, "Shape file %s cannot be loaded (%s): compile it anew against this program's shape.h", slot->file,
+                       why ? why : "unknown reason"));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   slot->plugin = (const ShapePlugin *)dlsym(slot->handle, "tumble_shape");
@@ -307,15 +307,25 @@ PetscErrorCode ShapeOptionRealArray(Shape s, const char name[], const char help[
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ShapeOptionString(Shape s, const char name[], const char help[], char value[], size_t len)
+static PetscErrorCode ReadString(Shape s, const char name[], const char help[], OptPaths path, char value[], size_t len)
 {
   char    full[256];
-  OptSpec spec = {.type = OPT_STRING, .unit = "", .value = value, .help = help};
+  OptSpec spec = {.type = OPT_STRING, .unit = "", .value = value, .help = help, .path = path};
 
   PetscFunctionBeginUser;
   PetscCall(NameOption(s, name, &spec, PETSC_FALSE, full, sizeof(full)));
   PetscCall(OptString(full, value, len));
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeOptionString(Shape s, const char name[], const char help[], char value[], size_t len)
+{
+  return ReadString(s, name, help, OPT_NO_PATH, value, len);
+}
+
+PetscErrorCode ShapeOptionPath(Shape s, const char name[], const char help[], char value[], size_t len)
+{
+  return ReadString(s, name, help, OPT_PATH, value, len);
 }
 
 /* ---- create, destroy ---- */
@@ -342,7 +352,7 @@ static PetscErrorCode CheckShape(Shape s)
 
     for (PetscInt a = 0; a < s->dim; a++) r2 += PetscSqr(x[i * s->dim + a]);
     PetscCheck(d[i] > 0 || r2 < PetscSqr(1.0001 * s->radius), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-               "Shape '%s' has distance %g at (%g, %g, %g), which is outside its bounding radius %g: correct its operation radius or distance ('make test-shape SHAPE=%s')",
+               "Shape '%s' has distance %g at (%g, %g, %g), which is outside its bounding radius %g: correct its operation radius or distance ('tumble-test-shape %s')",
                s->loaded->type, (double)d[i], (double)x[i * s->dim], (double)x[i * s->dim + 1], s->dim == 3 ? (double)x[i * s->dim + 2] : 0.0,
                (double)s->radius, s->loaded->file);
   }
