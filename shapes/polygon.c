@@ -1,10 +1,10 @@
 /* Polygon: any closed outline without crossings, read from a text file with one corner "x y" a line.
 
-   '#' starts a comment; empty lines are skipped, so is a heading "x,y" of a CSV file; the last corner is joined to the first, which may be
-   repeated at the end. Convex or not, in either sense of rotation. A file with crossing or touching edges is refused,
-   naming the lines of both. Distance: smallest distance to all edges; sign: crossing number of a ray. Cost per point is
-   proportional to the number of corners. 2D only. Mass and surface points in closed form (Green's theorem). The outline
-   is scaled by `scale`; its frame is the file's own. */
+   '#' starts a comment; empty lines are skipped, so is a heading "x,y" of a CSV file; the last corner is joined to
+   the first, which may be repeated at the end. Convex or not, in either sense of rotation. A file with crossing or
+   touching edges is refused, naming the lines of both. Distance: smallest distance to all edges; sign: crossing
+   number of a ray. Cost per point is proportional to the number of corners. 2D only. Mass and surface points in
+   closed form (Green's theorem). The outline is scaled by `scale`; its frame is the file's own. */
 #include "shape.h"
 #include <stdio.h>
 #include <stdlib.h>

@@ -69,8 +69,8 @@ PetscErrorCode OptBool(const char name[], PetscBool *value);
 /* One of the words in `list` (NULL-terminated), which are those of the row in its order. *index is default on entry. */
 PetscErrorCode OptChoice(const char name[], const char *const list[], PetscInt *index);
 
-/* Paths that a scene gives are relative to the folder of the scene file, those of the command line (and of PETSC_OPTIONS)
-   to the working folder: the scene's file, to be told once before the first option is read. Not collective. */
+/* The scene file, to be told once before the first option is read: paths that a scene gives are relative to the folder
+   of its file, those of the command line (and of PETSC_OPTIONS) to the working folder. Not collective. */
 void OptSetScene(const char file[]);
 
 /* A string; `value` has room for `len` characters and holds the default on entry. A path comes as seen from the working

@@ -274,13 +274,13 @@ def write_space(folder):
 def test_plane_through_the_body(tmp_path):
     """The plane holds gravity and the body's centre; the ball's circle is drawn; the speed runs from 0 to 2."""
     folder = write_space(tmp_path / "space")
-    words = words_of(folder)
+    words = words_of(folder, "--no-surface")
     assert any("y = 0.5" in word for word in words["field_3.png"]) and {"x", "z", "speed"} <= set(words["field_3.png"])
     picture = assert_picture(folder / "field_3.png")
     (folder / "bodies.csv").unlink()
     with h5py.File(folder / "fields_3.h5", "a") as file:
         file["body"][:] = -1
-    assert plot(folder).returncode == 0
+    assert plot(folder, "--no-surface").returncode == 0
     bare = assert_picture(folder / "field_3.png")
     assert np.count_nonzero(np.any(picture != bare, axis=2)) > 500
 
@@ -288,7 +288,7 @@ def test_plane_through_the_body(tmp_path):
 def test_slices(tmp_path):
     """Planes by hand; a plane of constant z has one speed, and the mesh's polynomials give it exactly."""
     folder = write_space(tmp_path / "space")
-    words = words_of(folder, "--slice", "z=1.5", "--slice", "x=0.25")
+    words = words_of(folder, "--no-surface", "--slice", "z=1.5", "--slice", "x=0.25")
     assert any("z = 1.5" in word for word in words["field_3_z1.5.png"]) and {"x", "y"} <= set(words["field_3_z1.5.png"])
     assert {"y", "z"} <= set(words["field_3_x0.25.png"])
     sys.path.insert(0, str(PLOT.parent))

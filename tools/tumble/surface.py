@@ -1,4 +1,4 @@
-"""Surfaces of the bodies and the plane behind them, by VTK: python3 -m tumble.surface DIRECTORY STEP AXIS VALUE FILE.png
+"""Surfaces of the bodies and the plane behind them, by VTK: python3 -m tumble.surface DIRECTORY STEP AXIS VALUE FILE.png [UNITS]
 
 A program of its own, started by tools/plot: VTK ends the process where it finds no screen. Spheres from radius; others from the triangles
 of bodies_<step>.h5, or where there are none from the field `body` (rough: cells have nine or 27 points).
@@ -14,6 +14,7 @@ import tumble
 from tumble import draw
 
 SIZE = 1000  # pixels of the longer side
+BAR = 0.13  # of the width, for the colour bar
 MANY = 300  # spheres, beyond which each is coarser
 TRIQUADRATIC_HEXAHEDRON = 29
 
@@ -89,6 +90,7 @@ def colour_table(low, high):
 
 
 def add_slice(renderer, cut, units):
+    """Returns the renderer of the colour bar."""
     ny, nx = cut.values.shape
     corner = (np.arange(ny - 1)[:, None] * nx + np.arange(nx - 1)).ravel()
     data = poly_data(cut.places.reshape(-1, 3), np.stack([corner, corner + 1, corner + nx + 1, corner + nx], 1))
@@ -104,8 +106,8 @@ def add_slice(renderer, cut, units):
     bar.SetNumberOfLabels(5)
     bar.SetLabelFormat("%.3g")
     bar.UnconstrainedFontSizeOn()
-    bar.SetPosition(0.86, 0.25)
-    bar.SetWidth(0.07)
+    bar.SetPosition(0.1, 0.25)
+    bar.SetWidth(0.6)
     bar.SetHeight(0.5)
     for text in (bar.GetTitleTextProperty(), bar.GetLabelTextProperty()):
         text.SetColor(0.1, 0.1, 0.1)
@@ -113,7 +115,11 @@ def add_slice(renderer, cut, units):
         text.ShadowOff()
         text.ItalicOff()
         text.BoldOff()
-    renderer.AddActor2D(bar)
+    beside = vtk.vtkRenderer()
+    beside.SetBackground(1, 1, 1)
+    beside.SetViewport(1 - BAR, 0, 1, 1)
+    beside.AddActor2D(bar)
+    return beside
 
 
 def set_camera(renderer, run, lower, upper, axis):
@@ -132,6 +138,7 @@ def set_camera(renderer, run, lower, upper, axis):
     camera.SetPosition(*(centre + front + 0.6 * side + high * up))
     camera.SetViewUp(*up)
     renderer.ResetCamera()
+    camera.Zoom(1 - 1.2 * BAR)  # the camera is set for a square
 
 
 def add_title(renderer, words):
@@ -143,12 +150,13 @@ def add_title(renderer, words):
     renderer.AddActor2D(text)
 
 
-def save(renderer, path):
+def save(renderers, path):
     window = vtk.vtkRenderWindow()
     window.SetOffScreenRendering(1)
     window.SetMultiSamples(8)
     window.SetSize(SIZE, SIZE)
-    window.AddRenderer(renderer)
+    for renderer in renderers:
+        window.AddRenderer(renderer)
     window.Render()
     image = vtk.vtkWindowToImageFilter()
     image.SetInput(window)
@@ -158,14 +166,15 @@ def save(renderer, path):
     writer.Write()
 
 
-def main(directory, step, axis, value, path):
+def main(directory, step, axis, value, path, units=None):
     run = tumble.open(directory)
-    shot, units = run.snapshot(step=int(step)), draw.Units(run)
+    shot, units = run.snapshot(step=int(step)), draw.Units(run, units)
     lower, upper = draw.find_box(shot)
     renderer = vtk.vtkRenderer()
     renderer.SetBackground(1, 1, 1)
+    renderer.SetViewport(0, 0, 1 - BAR, 1)
     add_box(renderer, lower, upper)
-    add_slice(renderer, draw.Slice(shot, "speed", int(axis), float(value)), units)
+    beside = add_slice(renderer, draw.Slice(shot, "speed", int(axis), float(value)), units)
     balls = draw.spheres(run, shot)
     add_spheres(renderer, balls)
     surface = draw.triangles(shot)
@@ -175,7 +184,7 @@ def main(directory, step, axis, value, path):
         add_inside(renderer, shot, [number for number, *_ in balls])
     add_title(renderer, f"{run.summary.get('scene', run.directory.name)}, {units.moment(shot.time)}")
     set_camera(renderer, run, lower, upper, int(axis))
-    save(renderer, path)
+    save((renderer, beside), path)
 
 
 if __name__ == "__main__":
