@@ -116,10 +116,12 @@ format: ## apply clang-format to all C files
 options: all ## write runs/OPTIONS.md and runs/OUTPUT.md anew from the tables of options (src/*/options.c) and columns (src/report)
 	$(BUILD)/tumble -help markdown > runs/OPTIONS.md
 	$(BUILD)/tumble -help output > runs/OUTPUT.md
+# As tumble-plot and so on; 'import tumble' finds the package with PYTHONPATH=PREFIX/share/tumble/python
+INSTALLED := plot animate report
 $(BUILD)/tumble.1: $(BUILD)/tumble $(SHAPES)
 	$(call ENTER,MAN) $(BUILD)/tumble -help man > $@
-install: all $(BUILD)/tests/shape/conformance $(BUILD)/tumble.pc $(BUILD)/tumble.1 ## install program, library, header of shapes, shapes, manual page, pkg-config file into PREFIX (default /usr/local; DESTDIR= for packages)
-	install -d $(addprefix $(DESTDIR)$(PREFIX)/,bin lib/pkgconfig lib/tumble/shapes lib/tumble/tests include/tumble share/man/man1 share/tumble/runs)
+install: all $(BUILD)/tests/shape/conformance $(BUILD)/tumble.pc $(BUILD)/tumble.1 ## install program, library, header of shapes, shapes, tools, manual page, pkg-config file into PREFIX (default /usr/local; DESTDIR= for packages)
+	install -d $(addprefix $(DESTDIR)$(PREFIX)/,bin lib/pkgconfig lib/tumble/shapes lib/tumble/tests include/tumble share/man/man1 share/tumble/runs share/tumble/python/tumble)
 	install $(BUILD)/tumble $(DESTDIR)$(PREFIX)/bin
 	install -m 644 $(BUILD)/libtumble.so $(DESTDIR)$(PREFIX)/lib/tumble
 	install -m 644 $(SHAPES) $(DESTDIR)$(PREFIX)/lib/tumble/shapes
@@ -129,11 +131,15 @@ install: all $(BUILD)/tests/shape/conformance $(BUILD)/tumble.pc $(BUILD)/tumble
 	install -m 644 $(BUILD)/tumble.1 $(DESTDIR)$(PREFIX)/share/man/man1
 	install -m 644 $(BUILD)/tumble.pc $(DESTDIR)$(PREFIX)/lib/pkgconfig
 	cp -R runs/. $(DESTDIR)$(PREFIX)/share/tumble/runs
+	install $(addprefix tools/,$(INSTALLED)) $(DESTDIR)$(PREFIX)/share/tumble/python
+	install -m 644 tools/pyproject.toml $(DESTDIR)$(PREFIX)/share/tumble/python
+	install -m 644 tools/tumble/*.py $(DESTDIR)$(PREFIX)/share/tumble/python/tumble
+	for tool in $(INSTALLED); do ln -sf ../share/tumble/python/$$tool $(DESTDIR)$(PREFIX)/bin/tumble-$$tool; done
 # A plugin must see the PETSc and MPI that the library was built with: their flags are written out.
 MPI_FLAGS = $(call once,MPI_FLAGS,$(CC) --showme:compile 2> /dev/null || $(CC) -compile_info 2> /dev/null | tr ' ' '\n' | grep '^-I' | tr '\n' ' ')
 $(BUILD)/tumble.pc: FORCE
 	$(call rewrite,printf '%s\n' 'prefix=$(PREFIX)' 'libdir=$${prefix}/lib/tumble' 'includedir=$${prefix}/include/tumble' 'shapesdir=$${libdir}/shapes' \
-	  'scenesdir=$${prefix}/share/tumble/runs' '' 'Name: tumble' 'Description: Rigid bodies in a viscous fluid: shape plugins and the solver library' 'Version: $(VERSION)' \
+	  'scenesdir=$${prefix}/share/tumble/runs' 'pythondir=$${prefix}/share/tumble/python' '' 'Name: tumble' 'Description: Rigid bodies in a viscous fluid: shape plugins and the solver library' 'Version: $(VERSION)' \
 	  'Cflags: -I$${includedir} $(strip $(filter -I%,$(PETSC_FLAGS)) $(filter-out $(PETSC_FLAGS),$(MPI_FLAGS)))' 'Libs: -L$${libdir} -ltumble -Wl$(,)-rpath$(,)$${libdir} $(strip $(PETSC_LIBS) $(PETSC_RPATH))')
 deps: ## install missing Debian packages
 	tools/setup

@@ -81,6 +81,8 @@ PetscErrorCode ShapeOptionInt(Shape, const char name[], const char help[], Petsc
 PetscErrorCode ShapeOptionRealArray(Shape, const char name[], const char help[], const char unit[], PetscReal lower,
                                     PetscReal upper, PetscInt n, PetscReal value[]);
 PetscErrorCode ShapeOptionString(Shape, const char name[], const char help[], char value[], size_t len);
+/* A string that is the path of a file to read: in a scene it is relative to the scene file. */
+PetscErrorCode ShapeOptionPath(Shape, const char name[], const char help[], char value[], size_t len);
 
 /* ---- for programs of your own ---- */
 

@@ -1,13 +1,15 @@
 /* Polygon: any closed outline without crossings, read from a text file with one corner "x y" a line.
 
-   '#' starts a comment; lines without numbers are skipped; the last corner is joined to the first, which may be
-   repeated at the end. Convex or not, in either sense of rotation. A file with crossing or touching edges is refused,
-   naming the lines of both. Distance: smallest distance to all edges; sign: crossing number of a ray. Cost per point is
-   proportional to the number of corners. 2D only. Mass and surface points in closed form (Green's theorem). The outline
-   is scaled by `scale`; its frame is the file's own. */
+   '#' starts a comment; empty lines are skipped, so is a heading "x,y" of a CSV file; the last corner is joined to
+   the first, which may be repeated at the end. Convex or not, in either sense of rotation. A file with crossing or
+   touching edges is refused, naming the lines of both. Distance: smallest distance to all edges; sign: crossing
+   number of a ray. Cost per point is proportional to the number of corners. 2D only. Mass and surface points in
+   closed form (Green's theorem). The outline is scaled by `scale`; its frame is the file's own. */
 #include "shape.h"
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
+#include <strings.h>
 
 #define MAX_CORNERS 100000
 
@@ -37,7 +39,7 @@ static PetscErrorCode ShapeOptions_Polygon(Shape s)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &p));
-  PetscCall(ShapeOptionString(s, "file", "Text file with the corners, one 'x y' a line", p->file, sizeof(p->file)));
+  PetscCall(ShapeOptionPath(s, "file", "Text file with the corners, one 'x y' a line", p->file, sizeof(p->file)));
   PetscCall(ShapeOptionReal(s, "scale", "Factor on the coordinates of the file", "m", SHAPE_POSITIVE, PETSC_MAX_REAL, &p->scale));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -49,6 +51,17 @@ static PetscBool IsBlank(const char *c)
 {
   while (*c == ' ' || *c == '\t' || *c == '\r' || *c == '\n' || *c == ',') c++;
   return *c == 0 || *c == '#' ? PETSC_TRUE : PETSC_FALSE;
+}
+
+/* "x,y" above the numbers, as spreadsheets write it, in quotes or not */
+static PetscBool IsHeading(const char *c)
+{
+  char   word[4] = "";
+  size_t n       = 0;
+
+  for (; *c && *c != '#'; c++)
+    if (!strchr(" \t\r\n\",", *c) && n < 3) word[n++] = *c;
+  return strcasecmp(word, "xy") ? PETSC_FALSE : PETSC_TRUE;
 }
 
 static PetscErrorCode ReadCorners(const char file[], PetscInt *n, PetscReal xy[], int line_of[], char error[], size_t len)
@@ -67,8 +80,9 @@ static PetscErrorCode ReadCorners(const char file[], PetscInt *n, PetscReal xy[]
     PetscReal v[2];
     int       k;
 
-    if (IsBlank(line)) continue;
-    for (k = 0, at = line; k < 2; k++, at = end) {
+    at = strncmp(line, "\xef\xbb\xbf", 3) ? line : line + 3; /* the mark of UTF-8 */
+    if (IsBlank(at) || (*n == 0 && IsHeading(at))) continue;
+    for (k = 0; k < 2; k++, at = end) {
       while (*at == ',') at++;
       v[k] = (PetscReal)strtod(at, &end);
       if (end == at || !(PetscAbsReal(v[k]) <= PETSC_MAX_REAL)) break;

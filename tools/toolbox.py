@@ -14,8 +14,9 @@ import subprocess
 import sys
 import time
 import tomllib
-import xml.etree.ElementTree as ElementTree
 from pathlib import Path
+
+from tumble import read_table
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -121,23 +122,9 @@ def choose(parser, kind, entries, names):
 
 
 def read_numbers(path):
-    """Rows of a CSV file as dictionaries, numbers where possible; a last line cut short is left out; [] without the file."""
-    try:
-        with open(path, newline="") as file:
-            rows = list(csv.DictReader(file))
-    except OSError:
-        return []
-    out = []
-    for row in rows:
-        if None in row.values() or None in row:
-            continue
-        for name, value in row.items():
-            try:
-                row[name] = float(value)
-            except ValueError:
-                pass
-        out.append(row)
-    return out
+    """Rows of a CSV file as dictionaries, numbers where a column has them; a last line cut short is left out; [] without the file."""
+    table = read_table(path)
+    return [dict(zip(table, row)) for row in zip(*(values.tolist() for values in table.values()))]
 
 
 class Run:
@@ -219,17 +206,6 @@ def children_seconds():
     """Processor seconds of all programs that this one ran so far and that have ended."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
-
-
-def find_snapshots(folder, kind, unlisted=False):
-    """{step: file} of the snapshots <kind>_<step>.h5 that <kind>.xmf names: other files may come from an earlier run. Without that list none, or all if unlisted is true."""
-    index = folder / f"{kind}.xmf"
-    if index.exists():
-        names = {item.text.split(":")[0].strip() for item in ElementTree.parse(index).iter("DataItem")}
-    else:
-        names = {path.name for path in folder.glob(f"{kind}_*.h5")} if unlisted else set()
-    found = {int(match[1]): folder / match[0] for match in (re.fullmatch(kind + r"_(\d+)\.h5", name) for name in names) if match}
-    return dict(sorted(found.items()))
 
 
 def printable(command):

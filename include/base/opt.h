@@ -22,6 +22,12 @@ typedef enum {
   OPT_STRINGS
 } OptType;
 
+typedef enum {
+  OPT_NO_PATH,
+  OPT_PATH,
+  OPT_PATHS /* separated by colons */
+} OptPaths;
+
 /* Closed intervals for lower, upper; greater than zero is OPT_POSITIVE. */
 #define OPT_POSITIVE    PETSC_MACHINE_EPSILON
 #define OPT_ANY         -INFINITY, INFINITY
@@ -38,6 +44,7 @@ typedef struct {
   const char *when;         /* NULL, or the option with which it is read: "-sim_adapt true" */
   const char *choices;      /* of OPT_CHOICE: "be, cn, bdf2" */
   PetscBool   expert;       /* shown by -help expert only: tolerances, thresholds */
+  OptPaths    path;         /* of OPT_STRING: a file or folder to read, see OptSetScene */
   const char *old;          /* former name, refused with the new one; NULL for none */
 } OptSpec;
 
@@ -67,7 +74,12 @@ PetscErrorCode OptBool(const char name[], PetscBool *value);
 /* One of the words in `list` (NULL-terminated), which are those of the row in its order. *index is default on entry. */
 PetscErrorCode OptChoice(const char name[], const char *const list[], PetscInt *index);
 
-/* A string; `value` has room for `len` characters and holds the default on entry. */
+/* The scene file, to be told once before the first option is read: paths that a scene gives are relative to the folder
+   of its file, those of the command line (and of PETSC_OPTIONS) to the working folder. Not collective. */
+void OptSetScene(const char file[]);
+
+/* A string; `value` has room for `len` characters and holds the default on entry. A path comes as seen from the working
+   folder, and stands in the database (hence in options.txt) as an absolute one from then on. */
 PetscErrorCode OptString(const char name[], char value[], size_t len);
 
 /* Exactly n numbers ("1,2" or a YAML list [1, 2]). *found (may be NULL) tells whether the option was given. */

@@ -10,9 +10,12 @@
 #pragma once
 #include <stddef.h>
 
-/* The scene file is the first argument, if that does not start with a dash: "tumble scene.yaml -option value".
-   Returns 0 and fills path, or 1 when there is none (or when it does not fit into len characters). */
-int SceneFileName(int argc, char **argv, char path[], size_t len);
+/* The scene file may stand anywhere: "tumble scene.yaml -option value", "tumble -option value scene.yaml". It is the
+   first argument, if that does not start with a dash, else the first one that ends in .yaml or .yml and does not follow
+   -options_file or -options_file_yaml. It is taken out of argv, which ends in NULL, so that PETSc does not take it for
+   the value of the option before it. Returns 0 and fills path, or 1 when there is none (or when it does not fit into
+   len characters). */
+int SceneFileTake(int *argc, char **argv, char path[], size_t len);
 
 /* "runs/sedimentation.yaml" -> "sedimentation"; "out/dkt/options.txt" -> "dkt-again". Returns 0, or 1 when the stem is
    empty or does not fit (stem is "" then). */

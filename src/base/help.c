@@ -107,7 +107,7 @@ static void print_markdown(FILE *file)
   char           range[OPT_LINE];
 
   fprintf(file, "# Options\n\nMade by `make options` from the tables in `src/<room>/options.c`; `-help expert` prints the same. A key of a scene "
-                "file is the name without its dash, nested at any `_`.\n");
+                "file is the name without its dash, nested at any `_`; a path in a scene is relative to the scene file.\n");
   while ((spec = next_spec(&at))) {
     if (at.title)
       fprintf(file, "\n## %s\n\n| option | unit | range | default | meaning | read with |\n| --- | --- | --- | --- | --- | --- |\n", at.title);

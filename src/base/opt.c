@@ -199,18 +199,15 @@ static PetscErrorCode check_word(const OptSpec *spec, const char word[])
 
 PetscBool OptNextItem(const char **cursor, char item[], size_t len)
 {
-  const char *start = *cursor, *end;
-  size_t      n;
+  static const char blanks[] = " \t\n\r";
+  const char       *start    = *cursor, *end;
 
   if (!start) return PETSC_FALSE;
-  end     = strchr(start, ',');
-  *cursor = end ? end + 1 : NULL;
-  if (!end) end = start + strlen(start);
-  while (start < end && isspace((unsigned char)*start)) start++;
-  while (end > start && isspace((unsigned char)end[-1])) end--;
-  n = PetscMin((size_t)(end - start), len - 1);
-  memcpy(item, start, n);
-  item[n] = 0;
+  start += strspn(start, blanks);
+  end = start + strcspn(start, ", \t\n\r");
+  snprintf(item, len, "%.*s", (int)(end - start), start);
+  end += strspn(end, blanks);
+  *cursor = *end ? end + (*end == ',') : NULL;
   return PETSC_TRUE;
 }
 
@@ -222,9 +219,10 @@ const char *OptJoin(const char before[], const char word[], const char after[], 
 
 static PetscInt count_items(const char text[])
 {
-  PetscInt n = 1;
+  char     item[2];
+  PetscInt n = 0;
 
-  for (; *text; text++) n += *text == ',';
+  while (OptNextItem(&text, item, sizeof(item))) n++;
   return n;
 }
 
@@ -366,7 +364,7 @@ static PetscErrorCode check_count(const OptSpec *spec, const char name[], const 
   PetscFunctionBeginUser;
   OptFormatMeaning(spec, meaning, sizeof(meaning));
   PetscCheck(got == wanted, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-             "Option %s = %s has %" PetscInt_FMT " value%s, %" PetscInt_FMT " are wanted (separated by commas, no blanks): %s", name, text, got,
+             "Option %s = %s has %" PetscInt_FMT " value%s, %" PetscInt_FMT " are wanted (separated by commas): %s", name, text, got,
              got == 1 ? "" : "s", wanted, meaning);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -459,6 +457,7 @@ PetscErrorCode OptString(const char name[], char value[], size_t len)
   PetscCheck(strlen(text) < len, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s has %zu characters, at most %zu fit: %s", name, strlen(text),
              len - 1, spec->help);
   PetscCall(PetscStrncpy(value, text, len));
+  if (spec->path) PetscCall(OptResolvePaths(name, spec->path, value, len));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -172,21 +172,6 @@ static PetscBool is_mistake(const char name[])
   return (PetscBool)(!is_read_late(name) && !(known && known->is_default));
 }
 
-/* Where a left-over option came from. PETSC_OPTIONS and .petscrc are rare enough to share a name with the scene. */
-static PetscErrorCode find_source(const char name[], const char **source)
-{
-  int    argc;
-  char **argv;
-
-  PetscFunctionBeginUser;
-  *source = "scene or options file";
-  PetscCall(PetscGetArgs(&argc, &argv));
-  for (int i = 1; i < argc; i++) {
-    if (argv[i][0] == '-' && OptSameName(argv[i] + 1, name)) *source = "command line";
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* A name that some table has, now or formerly: what to do. "" for others. */
 static void explain_known(const char name[], char text[], size_t len)
 {
@@ -230,7 +215,7 @@ static PetscErrorCode explain_mistake(const char name[], const char value[], cha
   PetscFunctionBeginUser;
   PetscCall(PetscSNPrintf(full, sizeof(full), "-%s", name));
   if (value) PetscCall(PetscSNPrintf(shown, sizeof(shown), " = %.50s%s", value, strlen(value) > 50 ? "..." : ""));
-  PetscCall(find_source(name, &source));
+  source = OptIsArgument(full) ? "command line" : "scene or options file";
   explain_known(full, advice, sizeof(advice));
   if (!advice[0]) {
     find_nearest(full, nearest, sizeof(nearest), &distance);
@@ -261,8 +246,8 @@ static PetscErrorCode check_arguments(void)
     PetscBool is_name;
 
     PetscCall(PetscOptionsValidKey(argv[i], &is_name));
-    PetscCheck(is_name || after_name || i == 1, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-               "Argument '%s' on the command line belongs to no option: names start with a dash, the scene file is the first argument, and a value has no blanks (-mesh_cells 8,24)",
+    PetscCheck(is_name || after_name, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "Argument '%s' on the command line belongs to no option: names start with a dash, a scene file ends in .yaml, and a value has no blanks (-mesh_cells 8,24)",
                argv[i]);
     after_name = is_name;
   }

@@ -22,7 +22,7 @@ static const OptSpec SPECS[] = {
   {"-particle_<group>_margin", OPT_REAL, "m", OPT_FROM(0), "0", .help = "smallest gap between bounding circles for lattice and random",
    .when = GROUP},
   {"-particle_<group>_seed", OPT_INT, "", OPT_FROM(0), "0", .help = "seed of the random positions", .when = GROUP},
-  {"-particle_<group>_table", OPT_STRING, "", OPT_ANY, "", .help = "CSV file with one line a body, for place table", .when = GROUP},
+  {"-particle_<group>_table", OPT_STRING, "", OPT_ANY, "", .help = "CSV file with one line a body, for place table", .when = GROUP, .path = OPT_PATH},
   {"-particle_<group>_angle", OPT_REAL, "rad", OPT_ANY, "0", .help = "angle at the start, about z", .when = GROUP},
   {"-particle_<group>_velocity", OPT_REALS, "m/s", OPT_ANY, "0", .help = "velocity at the start (kept where not free)", .when = GROUP},
   {"-particle_<group>_angular_velocity", OPT_REALS, "rad/s", OPT_ANY, "0", .help = "angular velocity at the start (kept where not free)",

@@ -183,7 +183,7 @@ static PetscErrorCode read_text(const char file[], char **text)
   PetscCallMPI(MPI_Bcast(&length, 1, MPIU_INT, 0, PETSC_COMM_WORLD));
   if (length < 0) PetscCall(PetscFree(*text));
   PetscCheck(length >= 0, PETSC_COMM_SELF, PETSC_ERR_FILE_OPEN,
-             "Table '%s' cannot be read: check the path and its permissions (paths are relative to the working directory)", file);
+             "Table '%s' cannot be read: check the path and its permissions (in a scene it is relative to the scene file)", file);
   if (rank) PetscCall(PetscMalloc1(length + 1, text));
   PetscCallMPI(MPI_Bcast(*text, (PetscMPIInt)length, MPI_CHAR, 0, PETSC_COMM_WORLD));
   (*text)[length] = 0;

@@ -33,7 +33,7 @@ static const OptSpec SPECS[] = {
   {"-mesh_centre", OPT_REALS, "length", OPT_ANY, "0", .help = "centre of the disc or of both circles", .when = ROUND},
   {"-mesh_radius", OPT_REAL, "length", OPT_ABOVE_ZERO, "1", .help = "radius of the disc", .when = "-mesh_kind disc"},
   {"-mesh_radii", OPT_REALS, "length", OPT_ABOVE_ZERO, "1,2", .help = "radii of the inner and the outer circle", .when = "-mesh_kind annulus"},
-  {"-mesh_file", OPT_STRING, "", OPT_ANY, "", .help = "Gmsh file of quadrilaterals or hexahedra", .when = "-mesh_kind file"},
+  {"-mesh_file", OPT_STRING, "", OPT_ANY, "", .help = "Gmsh file of quadrilaterals or hexahedra", .when = "-mesh_kind file", .path = OPT_PATH},
   {"-mesh_round_<boundary>", OPT_REALS, "length", OPT_ANY, "", .help = "the boundary is this circle: centre x, y and radius",
    .when = "-mesh_kind file"},
   {"-mesh_order", OPT_CHOICE, "", OPT_ANY, "natural", .help = "order of cells and nodes in memory (rcm helps meshes from files)",

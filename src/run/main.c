@@ -242,7 +242,7 @@ int main(int argc, char **argv)
   MPI_Init(&argc, &argv);
   wish = find_wish(argc, argv, &format);
   if (wish == HELP || wish == HELP_OUTPUT || wish == VERSION) return tell(wish, format);
-  if (SceneFileName(argc, argv, path, sizeof(path)) && wish == RUN) {
+  if (SceneFileTake(&argc, argv, path, sizeof(path)) && wish == RUN) {
     int rank;
 
     MPI_Comm_rank(MPI_COMM_WORLD, &rank);
@@ -256,6 +256,7 @@ int main(int argc, char **argv)
   }
   ierr = PetscInitialize(&argc, &argv, path[0] ? path : NULL, help);
   if (ierr) return 1;
+  OptSetScene(path);
   PetscCall(PetscPushErrorHandler(note_error, NULL));
   if (wish == HELP_PETSC) PetscCall(PetscOptionsSetValue(NULL, "-scene_dry_run", "1"));
   ierr = LogInitialize();

@@ -99,7 +99,7 @@ static int read_file(SceneCheck *check, char **text, size_t *size)
   *text = NULL;
   if (stat(check->path, &info))
     return errno == ENOENT || errno == ENOTDIR ? report_missing(check) : report_fault(check, 0, "cannot read the scene file: %s", strerror(errno));
-  if (S_ISDIR(info.st_mode)) return report_fault(check, 0, "is a directory; the first argument is a scene file");
+  if (S_ISDIR(info.st_mode)) return report_fault(check, 0, "is a directory; wanted is a scene file");
   if (!has_ending(check->path, ".yaml") && !has_ending(check->path, ".yml") && !SceneFileIsList(check->path))
     return report_fault(check, 0, "a scene file must end in .yaml or .yml (PETSc tells the format by it)");
   file = fopen(check->path, "r");
@@ -339,10 +339,26 @@ static int check_text(SceneCheck *check, const char text[], size_t size)
 
 /* ---- public ---- */
 
-int SceneFileName(int argc, char **argv, char path[], size_t len)
+/* Place of the scene among the arguments, 0 for none: the first if it is no option, else the first that has the ending
+   of a scene and is not a file of options. */
+static int find_scene(int argc, char **argv)
 {
-  if (argc < 2 || argv[1][0] == '-' || !argv[1][0] || strlen(argv[1]) >= len) return 1;
-  strcpy(path, argv[1]);
+  if (argc > 1 && argv[1][0] && argv[1][0] != '-') return 1;
+  for (int i = 2; i < argc; i++) {
+    if (argv[i][0] == '-' || !(has_ending(argv[i], ".yaml") || has_ending(argv[i], ".yml"))) continue;
+    if (strncmp(argv[i - 1], "-options_file", 13)) return i;
+  }
+  return 0;
+}
+
+int SceneFileTake(int *argc, char **argv, char path[], size_t len)
+{
+  const int at = find_scene(*argc, argv);
+
+  if (!at || strlen(argv[at]) >= len) return 1;
+  strcpy(path, argv[at]);
+  --*argc;
+  for (int i = at; i <= *argc; i++) argv[i] = argv[i + 1]; /* with the NULL at the end */
   return 0;
 }
 

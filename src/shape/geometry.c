@@ -16,9 +16,8 @@ PetscErrorCode ShapeDistance(Shape s, PetscInt n, const PetscReal x[], PetscReal
 
     while (PetscAbsReal(d[i]) <= PETSC_MAX_REAL) i++;
     SETERRQ(PETSC_COMM_SELF, PETSC_ERR_FP,
-            "Shape '%s' returns the distance %g at (%g, %g, %g), which is not finite: check the plugin with 'make test-shape SHAPE=%s'",
-            s->loaded->type, (double)d[i], (double)x[i * s->dim], (double)x[i * s->dim + 1], s->dim == 3 ? (double)x[i * s->dim + 2] : 0.0,
-            s->loaded->file);
+            "Shape '%s' returns the distance %g at (%g, %g, %g), which is not finite: check the plugin with 'tumble-test-shape %s'", s->loaded->type,
+            (double)d[i], (double)x[i * s->dim], (double)x[i * s->dim + 1], s->dim == 3 ? (double)x[i * s->dim + 2] : 0.0, s->loaded->file);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -118,7 +117,7 @@ static PetscErrorCode ProjectChunk(Shape s, PetscInt n, PetscReal y[])
   }
   for (PetscInt i = 0; i < n; i++)
     PetscCheck(PetscAbsReal(d[i]) <= tolerance, PETSC_COMM_SELF, PETSC_ERR_NOT_CONVERGED,
-               "Projection onto shape '%s' stopped at (%g, %g, %g) with distance %g instead of %g: its distance or normal is wrong there, check it with 'make test-shape SHAPE=%s'",
+               "Projection onto shape '%s' stopped at (%g, %g, %g) with distance %g instead of %g: its distance or normal is wrong there, check it with 'tumble-test-shape %s'",
                s->loaded->type, (double)y[i * dim], (double)y[i * dim + 1], dim == 3 ? (double)y[i * dim + 2] : 0.0, (double)d[i], (double)tolerance,
                s->loaded->file);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -140,7 +139,7 @@ PetscErrorCode ShapeGetMass(Shape s, ShapeMass *m)
     if (s->ops.mass) GUARDED(s, mass, (s, &s->mass));
     else PetscCall(ShapeDefaultMass(s, s->radius, s->dim, &s->mass));
     PetscCheck(s->mass.volume > 0 && s->mass.volume < PETSC_MAX_REAL, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-               "Shape '%s' has volume %g, which must be positive and finite: check its options -%s* and 'make test-shape SHAPE=%s'", s->loaded->type,
+               "Shape '%s' has volume %g, which must be positive and finite: check its options -%s* and 'tumble-test-shape %s'", s->loaded->type,
                (double)s->mass.volume, s->prefix, s->loaded->file);
     s->have_mass = PETSC_TRUE;
   }

@@ -157,8 +157,7 @@ static PetscErrorCode CheckPlugin(const ShapePlugin *p, const char type[], const
                        "%s does not register a shape (no symbol 'tumble_shape'): add TUMBLE_SHAPE_REGISTER = {...} at its end, see shapes/template.c",
                        file));
   } else if (p->interface != SHAPE_INTERFACE) {
-    PetscCall(Complain(message, len,
-                       "%s was built for shape interface %d, this program has %d: rebuild it with this program's shape.h ('make shapes')", file,
+    PetscCall(Complain(message, len, "%s was built for shape interface %d, this program has %d: rebuild it with this program's shape.h", file,
                        p->interface, SHAPE_INTERFACE));
   } else if (!p->type || strcmp(p->type, type)) {
     PetscCall(Complain(message, len, "%s registers the type '%s': rename the file to %s.so or the type to '%s'", file, p->type ? p->type : "",
@@ -182,7 +181,7 @@ static PetscErrorCode OpenPlugin(const char path[], const char type[], Loaded *s
   if (!slot->file[0]) {
     PetscCall(ListKnown(path, known, sizeof(known)));
     PetscCall(
-      Complain(message, len, "Shape '%s' is not known (known: %s). Put %s.so into a folder of -shape_path, or run 'make shapes'", type, known, type));
+      Complain(message, len, "Shape '%s' is not known (known: %s). Correct the name, or put %s.so into a folder of -shape_path", type, known, type));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   /* stays mapped: PETSc keeps pointers to names of functions in it */
@@ -190,7 +189,8 @@ static PetscErrorCode OpenPlugin(const char path[], const char type[], Loaded *s
   if (!slot->handle) {
     const char *why = dlerror();
 
-    PetscCall(Complain(message, len, "Shape file %s cannot be loaded (%s): rebuild it with 'make shapes'", slot->file, why ? why : "unknown reason"));
+    PetscCall(Complain(message, len, "Shape file %s cannot be loaded (%s): compile it anew against this program's shape.h", slot->file,
+                       why ? why : "unknown reason"));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   slot->plugin = (const ShapePlugin *)dlsym(slot->handle, "tumble_shape");
@@ -308,15 +308,25 @@ PetscErrorCode ShapeOptionRealArray(Shape s, const char name[], const char help[
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ShapeOptionString(Shape s, const char name[], const char help[], char value[], size_t len)
+static PetscErrorCode ReadString(Shape s, const char name[], const char help[], OptPaths path, char value[], size_t len)
 {
   char    full[256];
-  OptSpec spec = {.type = OPT_STRING, .unit = "", .value = value, .help = help};
+  OptSpec spec = {.type = OPT_STRING, .unit = "", .value = value, .help = help, .path = path};
 
   PetscFunctionBeginUser;
   PetscCall(NameOption(s, name, &spec, PETSC_FALSE, full, sizeof(full)));
   PetscCall(OptString(full, value, len));
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeOptionString(Shape s, const char name[], const char help[], char value[], size_t len)
+{
+  return ReadString(s, name, help, OPT_NO_PATH, value, len);
+}
+
+PetscErrorCode ShapeOptionPath(Shape s, const char name[], const char help[], char value[], size_t len)
+{
+  return ReadString(s, name, help, OPT_PATH, value, len);
 }
 
 /* ---- create, destroy ---- */

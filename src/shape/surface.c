@@ -104,7 +104,7 @@ static PetscErrorCode LinkOutline(Outline *o)
       sorted[n++] = o->seg[i];
       PetscCall(PetscFindInt(o->seg[i].to, o->n, key, &at));
       PetscCheck(at >= 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-                 "The outline of a shape is broken at (%g, %g): its distance is not continuous or not 1-Lipschitz there; check the plugin with 'make test-shape'",
+                 "The outline of a shape is broken at (%g, %g): its distance is not continuous or not 1-Lipschitz there; check the plugin with the conformance suite (tumble-test-shape)",
                  (double)o->seg[i].b[0], (double)o->seg[i].b[1]);
       i = id[at];
     }

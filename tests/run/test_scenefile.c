@@ -56,15 +56,28 @@ static void accept(const char text[])
 
 static void finds_the_name(void **state)
 {
-  char *with[] = {"tumble", "runs/dkt.yaml", "-sim_dt", "1"}, *without[] = {"tumble", "-sim_dt", "1", "runs/dkt.yaml"};
+  char *with[] = {"tumble", "runs/dkt.yaml", "-sim_dt", "1", NULL}, *without[] = {"tumble", "-sim_dt", "1", "runs/dkt", NULL};
+  char *last[] = {"tumble", "-options_file_yaml", "more.yaml", "-output_overwrite", "a.yml", "-sim_dt", "1", NULL};
+  int   n      = 4;
   char  name[32];
 
   (void)state;
-  assert_int_equal(SceneFileName(4, with, name, sizeof(name)), 0);
+  assert_int_equal(SceneFileTake(&n, with, name, 5), 1);
+  assert_int_equal(SceneFileTake(&n, with, name, sizeof(name)), 0);
   assert_string_equal(name, "runs/dkt.yaml");
-  assert_int_equal(SceneFileName(4, with, name, 5), 1);
-  assert_int_equal(SceneFileName(4, without, name, sizeof(name)), 1);
-  assert_int_equal(SceneFileName(1, with, name, sizeof(name)), 1);
+  assert_int_equal(n, 3);
+  assert_string_equal(with[1], "-sim_dt");
+  assert_null(with[3]);
+  n = 4;
+  assert_int_equal(SceneFileTake(&n, without, name, sizeof(name)), 1);
+  n = 7;
+  assert_int_equal(SceneFileTake(&n, last, name, sizeof(name)), 0);
+  assert_string_equal(name, "a.yml");
+  assert_int_equal(n, 6);
+  assert_string_equal(last[2], "more.yaml");
+  assert_string_equal(last[4], "-sim_dt");
+  n = 1;
+  assert_int_equal(SceneFileTake(&n, with, name, sizeof(name)), 1);
 }
 
 static void cuts_the_stem(void **state)

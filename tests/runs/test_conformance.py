@@ -76,3 +76,27 @@ def test_fault_is_found(fault, said):
     assert code == 1, out
     assert said in out
     assert not out.rstrip().endswith(" 0 failed")
+
+
+@pytest.mark.parametrize("words,said", [
+    (["shapes/circle", "-shape_radus", "1"], "did you mean -shape_radius?"),
+    (["shapes/circle", "-shape_radius", "1", "word"], "'word' on the command line belongs to no option"),
+    (["shapes/nowhere"], "There is no file '"),
+])
+def test_mistakes_on_the_command_line(words, said):
+    """One line, with neither a trace nor a word of make, which who has an installed program cannot call."""
+    code, out = run(*words)
+    lines = out.splitlines()[1:]
+    assert code == 1 and len(lines) == 1 and said in lines[0] and "make" not in lines[0], out
+
+
+def test_polygon_of_a_spreadsheet(tmp_path):
+    """A heading in quotes, a mark of the encoding, Windows ends of lines; elsewhere words are refused."""
+    outline = tmp_path / "outline.csv"
+    outline.write_bytes(b'\xef\xbb\xbf"X","Y"\r\n0,0\r\n2,0\r\n2,1\r\n0,1\r\n')
+    code, out = run("shapes/polygon", "-shape_file", str(outline), "-conformance_points", "200")
+    assert code == 0 and "4 corners" in out, out
+    for text in ("x,y,z\n0,0\n2,0\n2,1\n", "0,0\nx,y\n2,0\n2,1\n", "y,x\n0,0\n2,0\n2,1\n"):
+        outline.write_text(text)
+        code, out = run("shapes/polygon", "-shape_file", str(outline))
+        assert code == 1 and "expected two finite numbers" in out, out

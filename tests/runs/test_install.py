@@ -139,3 +139,16 @@ def test_new_shape_in_the_tree(prefix, tmp_path):
     (tmp_path / "build" / "tumble").symlink_to(prefix / "bin" / "tumble")
     (tmp_path / "build" / "tests" / "shape" / "conformance").symlink_to(prefix / "bin" / "tumble-test-shape")
     assert "3 passed" in execute([sys.executable, "-m", "pytest", "-q", "tests/runs/test_shape_knob.py"], tmp_path)
+
+
+def test_tools(prefix, tmp_path):
+    """Installed pictures, animation and page of an installed scene; the reader from the folder that pkg-config names."""
+    scene = prefix / "share" / "tumble" / "runs" / "sedimentation.yaml"
+    execute([prefix / "bin" / "tumble", "-mesh_cells", "8,24", "-sim_steps", "4", "-output_every", "2", scene, "-output_dir", "run"], tmp_path)
+    for tool, arguments, written in (("plot", [], "trajectory.png"), ("animate", ["--output", tmp_path / "film.gif"], "film.gif"), ("report", [], "report.html")):
+        out = execute([prefix / "bin" / f"tumble-{tool}", "run", *arguments], tmp_path)
+        assert written in out, out
+    assert (tmp_path / "run" / "field_4.png").is_file() and (tmp_path / "film.gif").stat().st_size > 10000
+    folder = pkg_config("--variable=pythondir")[0]
+    code = f"import sys; sys.path.insert(0, {folder!r}); import tumble; assert tumble.__file__.startswith({folder!r}); print(tumble.open('run').steps)"
+    assert "[2, 4]" in execute([sys.executable, "-c", code], tmp_path)

@@ -108,3 +108,13 @@ def test_pip_installs_it(tmp_path):
         pytest.skip("this Python has no pip with setuptools")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "tumble" / "__init__.py").read_text() == (ROOT / "tools" / "tumble" / "__init__.py").read_text()
+
+
+def test_mesh_that_moves(run, scene, tmp_path):
+    """Every snapshot is read with its own mesh."""
+    done = run([scene(edited("steps: 2}", "steps: 4}\noutput: {every: 2}")), "-mesh_deform", "true", "-particle_disc_radius", "0.3"])
+    assert done.status == 0, done
+    shots = [tumble.open(tmp_path / "out" / "disc").snapshot(step=step) for step in (2, 4)]
+    assert not np.array_equal(shots[0].points, shots[1].points)
+    for shot in shots:
+        assert np.allclose(shot.sample("velocity", shot.points[:50]), shot["velocity"][:50], atol=1e-12)

@@ -708,13 +708,39 @@ static PetscErrorCode SplitFile(const char file[], char folder[], char type[], s
 {
   const char *slash = strrchr(file, '/'), *base = slash ? slash + 1 : file;
   size_t      n = strlen(base);
+  PetscBool   there;
 
   PetscFunctionBeginUser;
   PetscCheck(n > 3 && !strcmp(base + n - 3, ".so"), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "'%s' is not a shape plugin: give the path of its .so file as first argument", file);
+  PetscCall(PetscTestFile(file, 'r', &there));
+  PetscCheck(there, PETSC_COMM_SELF, PETSC_ERR_FILE_OPEN, "There is no file '%s', or it cannot be read: compile the plugin, or correct the path",
+             file);
   PetscCall(PetscStrncpy(type, base, len));
   type[n - 3] = 0;
   PetscCall(PetscStrncpy(folder, slash ? file : ".", PetscMin(len, slash ? (size_t)(slash - file) + 1 : 2)));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Options that the shape reads in no dimension. */
+static PetscErrorCode RefuseUnread(const char type[])
+{
+  char      message[WHY] = "";
+  PetscBool works        = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  for (PetscInt dim = 2; dim <= 3; dim++) {
+    PetscErrorCode ierr;
+    Shape          s = NULL;
+
+    PetscCall(PetscPushErrorHandler(KeepMessage, message));
+    ierr = ShapeCreate(type, PREFIX, dim, &s);
+    PetscCall(PetscPopErrorHandler());
+    if (ierr) continue;
+    PetscCall(ShapeDestroy(&s));
+    works = PETSC_TRUE;
+  }
+  if (works) PetscCall(OptCheckUnused());
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -729,7 +755,9 @@ static PetscErrorCode RunSuite(const char file[], PetscInt *passed, PetscInt *fa
   PetscCall(PetscOptionsSetValue(NULL, "-shape_path", folder));
   PetscCall(OptInt("-conformance_dim", &only));
   PetscCall(OptInt("-conformance_points", &n));
-  PetscCall(PetscOptionsGetString(NULL, NULL, "-conformance_grid", grid, sizeof(grid), &has_grid));
+  PetscCall(OptString("-conformance_grid", grid, sizeof(grid)));
+  has_grid = (PetscBool)(grid[0] != 0);
+  PetscCall(RefuseUnread(type));
   for (PetscInt dim = 2; dim <= 3; dim++) {
     const ShapePlugin *plugin;
     char               message[WHY] = "";
@@ -765,20 +793,33 @@ static PetscErrorCode RunSuite(const char file[], PetscInt *passed, PetscInt *fa
 static const OptSpec SPECS[] = {
   {"-conformance_dim", OPT_INT, "", 0, 3, "0", .help = "check this dimension only; 0: all the plugin works in"},
   {"-conformance_points", OPT_INT, "", 100, 1000000, "3000", .help = "random points in each cloud"},
+  {"-conformance_grid", OPT_STRING, "", OPT_ANY, "", .help = "CSV file for distances on a grid, in place of the checks"},
 };
 OPT_TABLE("conformance suite", SPECS)
 
 int main(int argc, char **argv)
 {
-  PetscInt passed = 0, failed = 0;
+  PetscInt       passed = 0, failed = 0;
+  PetscErrorCode ierr;
+  const char    *file         = NULL;
+  char           message[WHY] = "";
 
   PetscCall(PetscMallocSetDebug(PETSC_TRUE, PETSC_FALSE)); /* so that memory is counted in an optimised PETSc too */
+  if (argc > 1 && argv[1][0] != '-') {                     /* taken out: the other words are options */
+    file = argv[1];
+    for (int i = 1; i < argc; i++) argv[i] = argv[i + 1];
+    argc--;
+  }
   PetscCall(PetscInitialize(&argc, &argv, NULL, help));
-  PetscCheck(argc > 1 && argv[1][0] != '-', PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "Give the path of a shape plugin as first argument: conformance build/shapes/circle.so");
   PetscCall(ShapeTrustDistances());
   PetscCall(ShapeGuardInstall());
-  PetscCall(RunSuite(argv[1], &passed, &failed));
+  PetscCall(PetscPushErrorHandler(KeepMessage, message));
+  ierr = file ? RunSuite(file, &passed, &failed) : PETSC_ERR_USER_INPUT;
+  PetscCall(PetscPopErrorHandler());
+  if (ierr) {
+    fprintf(stderr, "error: %s\n", file ? message : "give the path of a shape plugin as first argument, such as ./circle.so");
+    return 1;
+  }
   PetscCall(PetscPrintf(PETSC_COMM_SELF, "%" PetscInt_FMT " passed, %" PetscInt_FMT " failed\n", passed, failed));
   PetscCall(ShapeFinalize());
   PetscCall(OptFinalize());

@@ -98,7 +98,7 @@ static void test_unknown_type_lists_known(void **state)
   MustHold(message, "Shape 'cube' is not known (known: ");
   MustHold(message, "circle");
   assert_null(strstr(message, "template")); /* for writers of plugins; it can be loaded */
-  MustHold(message, "Put cube.so into a folder of -shape_path, or run 'make shapes'");
+  MustHold(message, "put cube.so into a folder of -shape_path");
 }
 
 static void test_type_is_not_a_path(void **state)
@@ -116,7 +116,7 @@ static void test_broken_plugins_say_what_to_do(void **state)
                                {"badinterface", "was built for shape interface 1001", "rebuild"},
                                {"nodistance", "lacks the required operation 'distance'", ".ops.distance"},
                                {"othername", "registers the type 'cube'", "rename the file"},
-                               {"undefined", "cannot be loaded", "make shapes"}};
+                               {"undefined", "cannot be loaded", "compile it anew"}};
   char        message[4096];
 
   (void)state;

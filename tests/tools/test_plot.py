@@ -1,13 +1,16 @@
 """tools/plot on a made-up output directory: the pictures are there and show something, errors are said in one line."""
 
 import json
+import os
 import subprocess
 import sys
+import types
 from pathlib import Path
 
 import h5py
 import matplotlib.image
 import numpy as np
+import PIL.Image
 import pytest
 
 PLOT = Path(__file__).resolve().parent.parent.parent / "tools" / "plot"
@@ -182,3 +185,210 @@ def assert_one_line(result, words):
     assert result.stderr.startswith("plot: ") and result.stderr.count("\n") == 1, result.stderr
     for word in words:
         assert word in result.stderr
+
+
+# ---- what matters is drawn: shown by the words on the pictures, which a small matplotlib records ----
+
+
+def words_of(folder, *arguments):
+    """All labels and titles of the pictures, by file name."""
+    code = (
+        "import runpy, sys, json, matplotlib.figure as f\n"
+        "old, seen = f.Figure.savefig, {}\n"
+        "def keep(self, path, **options):\n"
+        "    texts = [a.get_xlabel() for a in self.axes] + [a.get_ylabel() for a in self.axes] + [a.get_title() for a in self.axes]\n"
+        "    seen[str(path).split('/')[-1]] = texts + ([self._suptitle.get_text()] if self._suptitle else [])\n"
+        "    return old(self, path, **options)\n"
+        "f.Figure.savefig = keep\n"
+        "sys.path.insert(0, str(__import__('pathlib').Path(sys.argv[1]).parent))\n"
+        "sys.argv = sys.argv[1:]\n"
+        "try:\n    runpy.run_path(sys.argv[0], run_name='__main__')\n"
+        "finally:\n    print('WORDS' + json.dumps(seen))\n"
+    )
+    result = subprocess.run([sys.executable, "-c", code, str(PLOT), str(folder), *arguments], capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+    return json.loads(result.stdout.split("WORDS")[1])
+
+
+@pytest.mark.parametrize(
+    "options, there, absent",
+    [
+        ("-flow_gravity 0,-981\n", ["fall speed", "height of the centre"], ["angle [rad]"]),
+        ("-flow_viscosity 0.1\n", ["speed", "y of the centre"], ["fall speed", "height of the centre"]),
+        ("-particle_disc_pivot 0,0\n", ["angle [rad]", "angular velocity"], ["fall speed", "speed"]),
+        ("-particle_disc_free none\n", ["force along x (drag)", "force along y (lift)"], ["fall speed", "speed"]),
+        ("-particle_disc_motion oscillate\n", ["force along x (drag)"], ["fall speed", "speed"]),
+    ],
+)
+def test_trajectory_shows_what_matters(run_dir, options, there, absent):
+    (run_dir / "options.txt").write_text(options)
+    words = words_of(run_dir)["trajectory.png"]
+    assert set(there) <= set(words) and not set(absent) & set(words), words
+
+
+def test_coefficients_of_a_body_at_rest(run_dir):
+    (run_dir / "options.txt").write_text("-particle_disc_free none\n")
+    lines = (run_dir / "series.csv").read_text().splitlines()
+    (run_dir / "series.csv").write_text("\n".join([lines[0] + ",cd,cl", *(f"{line},3.2,0.01" for line in lines[1:-1])]) + "\n")
+    assert {"drag coefficient", "lift coefficient"} <= set(words_of(run_dir)["trajectory.png"])
+
+
+def test_units_are_those_of_the_summary(run_dir):
+    """None that nobody has stated."""
+    assert "time" in words_of(run_dir)["history.png"] and "x" in words_of(run_dir)["field_160.png"]
+    (run_dir / "summary.json").write_text(json.dumps({"scene": "sedimentation", "units": {"length": "um", "time": "us", "mass": "pg"}}))
+    words = words_of(run_dir)
+    assert "time [us]" in words["history.png"] and "kinetic energy [pg um²/us²]" in words["history.png"]
+    assert "speed [um/us]" in words["field_160.png"]
+    assert "time [s]" in words_of(run_dir, "--units", "si")["history.png"]
+
+
+# ---- runs in space ----
+
+HEX = [0, 2, 8, 6, 18, 20, 26, 24, 1, 5, 7, 3, 19, 23, 25, 21, 9, 11, 17, 15, 12, 14, 10, 16, 4, 22, 13]
+
+
+def write_space(folder):
+    """A ball at rest at (0.4, 0.5, 1.2) in a box of 1 x 1 x 2, shear flow u = z."""
+    folder.mkdir()
+    n = (4, 4, 8)
+    lattice = [2 * k + 1 for k in n]
+    z, y, x = (a.ravel() for a in np.meshgrid(np.linspace(0, 2, lattice[2]), np.linspace(0, 1, lattice[1]), np.linspace(0, 1, lattice[0]), indexing="ij"))
+    cells = []
+    for k, j, i in np.ndindex(n[2], n[1], n[0]):
+        block = [((2 * k + c) * lattice[1] + 2 * j + b) * lattice[0] + 2 * i + a for c in range(3) for b in range(3) for a in range(3)]
+        cells.append([block[p] for p in HEX])
+    with h5py.File(folder / "mesh.h5", "w") as file:
+        file["coordinates"], file["cells"] = np.stack([x, y, z], axis=1), np.array(cells)
+    with h5py.File(folder / "fields_3.h5", "w") as file:
+        file["time"] = [0.3]
+        file["velocity"] = np.stack([z, 0 * z, 0 * z], axis=1)
+        file["body"] = np.where(np.hypot(np.hypot(x - 0.4, y - 0.5), z - 1.2) < 0.3, 0, -1)
+    with h5py.File(folder / "bodies_3.h5", "w") as file:
+        file["time"], file["radius"], file["position"], file["velocity"] = [0.3], [0.3], [[0.4, 0.5, 1.2]], [[0, 0, 0]]
+    (folder / "bodies.csv").write_text(BODIES + "\n3,0.3,0,ball,0.4,0.5,1.2" + ",0" * 14 + ",0.3\n")
+    (folder / "options.txt").write_text("-flow_gravity 0,0,-981\n")
+    return folder
+
+
+def test_plane_through_the_body(tmp_path):
+    """The plane holds gravity and the body's centre; the ball's circle is drawn; the speed runs from 0 to 2."""
+    folder = write_space(tmp_path / "space")
+    words = words_of(folder, "--no-surface")
+    assert any("y = 0.5" in word for word in words["field_3.png"]) and {"x", "z", "speed"} <= set(words["field_3.png"])
+    picture = assert_picture(folder / "field_3.png")
+    (folder / "bodies.csv").unlink()
+    with h5py.File(folder / "fields_3.h5", "a") as file:
+        file["body"][:] = -1
+    assert plot(folder, "--no-surface").returncode == 0
+    bare = assert_picture(folder / "field_3.png")
+    assert np.count_nonzero(np.any(picture != bare, axis=2)) > 500
+
+
+def test_slices(tmp_path):
+    """Planes by hand; a plane of constant z has one speed, and the mesh's polynomials give it exactly."""
+    folder = write_space(tmp_path / "space")
+    words = words_of(folder, "--no-surface", "--slice", "z=1.5", "--slice", "x=0.25")
+    assert any("z = 1.5" in word for word in words["field_3_z1.5.png"]) and {"x", "y"} <= set(words["field_3_z1.5.png"])
+    assert {"y", "z"} <= set(words["field_3_x0.25.png"])
+    sys.path.insert(0, str(PLOT.parent))
+    import tumble
+    from tumble import draw
+
+    run = tumble.open(folder)
+    shot = run.snapshot()
+    assert np.allclose(draw.Slice(shot, "speed", 2, 1.5).values, 1.5, atol=1e-12)
+    cut = draw.Slice(shot, "speed", 0, 0.25)
+    assert np.allclose(cut.values, cut.y[:, None], atol=1e-9) and cut.values.shape == (len(cut.y), len(cut.x))
+    (_, circle), = cut.cut_bodies(run, shot)
+    assert np.allclose(np.hypot(*(circle - [0.5, 1.2]).T), np.sqrt(0.3**2 - 0.15**2))
+    assert draw.Slice(shot, "speed", 0, 0.95).cut_bodies(run, shot) == []
+
+
+def test_triangles_are_cut(tmp_path):
+    """A tetrahedron's triangles meet a plane in the sides of a triangle."""
+    sys.path.insert(0, str(PLOT.parent))
+    from tumble import draw
+
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float)
+    cells = np.array([[0, 1, 2], [0, 1, 3], [1, 2, 3], [0, 2, 3]])
+    cut = draw.cut_triangles(points, cells, 2, 0.25)
+    assert cut.shape == (3, 2, 3) and np.allclose(cut[..., 2], 0.25)
+    assert sorted(np.round(np.linalg.norm(cut[:, 0] - cut[:, 1], axis=1), 9)) == pytest.approx([0.75, 0.75, 0.75 * np.sqrt(2)])
+    assert len(draw.cut_triangles(points, cells, 2, 1.5)) == 0
+
+
+def test_surface_picture(tmp_path):
+    folder = write_space(tmp_path / "space")
+    result = plot(folder)
+    assert result.returncode == 0, result.stderr
+    if not (folder / "surface_3.png").exists():
+        assert "python3-vtk9" in result.stderr
+        pytest.skip("no VTK, or no screen for it")
+    picture = assert_picture(folder / "surface_3.png")
+    orange = (picture[..., 0] > picture[..., 2] + 0.15) & (picture[..., 0] > picture[..., 1] + 0.1)
+    assert orange.mean() > 0.01, "no ball is seen"
+
+
+@pytest.mark.parametrize("words, said", [(["--slice", "q"], "--slice q is no plane"), (["--slice", "x=7"], "x = 7 lies outside"), (["--body", "4"], "no body 4")])
+def test_wrong_planes(tmp_path, words, said):
+    assert_one_line(plot(write_space(tmp_path / "space"), *words), [said])
+
+
+def test_no_slice_of_a_plane_run(run_dir):
+    assert_one_line(plot(run_dir, "--slice", "x=1"), ["this one is plane"])
+
+
+# ---- the film ----
+
+
+def animate(*arguments, path=None):
+    words = [sys.executable, str(PLOT.parent / "animate"), *map(str, arguments)]
+    return subprocess.run(words, capture_output=True, text=True, check=False, env={**os.environ, "PATH": path} if path else None)
+
+
+def test_gif_without_ffmpeg(run_dir, tmp_path):
+    """A frame a snapshot, with a colour bar on the right; an mp4 is refused."""
+    result = animate(run_dir, "--width", 300, path=str(tmp_path))
+    assert result.returncode == 0, result.stderr
+    with PIL.Image.open(run_dir / "animation.gif") as film:
+        assert film.n_frames == len(STEPS)
+        film.seek(2)
+        frame = np.asarray(film.convert("RGB")).astype(int)
+    bar = frame[frame.shape[0] // 2 - 150 : frame.shape[0] // 2 + 150, -80:-55]
+    assert len(np.unique(bar[:, np.argmin(bar.sum(2).sum(0))], axis=0)) > 20, "no colour bar"
+    result = animate(run_dir, "--output", tmp_path / "x.mp4", path=str(tmp_path))
+    assert result.returncode == 1 and "ffmpeg" in result.stderr
+
+
+def test_frames_of_a_periodic_run(run_dir):
+    """A disc across the border is seen on both sides; one in the middle is not changed."""
+    (run_dir / "options.txt").write_text("-mesh_periodic x\n")
+    text = (run_dir / "bodies.csv").read_text()
+    (run_dir / "bodies.csv").write_text(text.replace(",disc,1,", ",disc,1.95,"))
+    sys.path.insert(0, str(PLOT.parent))
+    import tumble
+    from tumble import draw
+
+    run = tumble.open(run_dir)
+    lines = draw.plane_bodies(run, run.snapshot(step=40))
+    assert len(lines) == 2 and np.allclose(lines[1][1], lines[0][1] - [2, 0])
+    (run_dir / "bodies.csv").write_text(text)
+    run = tumble.open(run_dir)
+    assert len(draw.plane_bodies(run, run.snapshot(step=40))) == 1
+    assert animate(run_dir, "--frame", 40).returncode == 0
+    assert_picture(run_dir / "frame_40.png")
+
+
+def test_large_circles_are_round():
+    """48 points of a file become a circle of 180."""
+    sys.path.insert(0, str(PLOT.parent))
+    from tumble import draw
+
+    turn = np.linspace(0, 2 * np.pi, 49)[:-1]
+    circle = np.stack([1 + 2 * np.cos(turn), 3 + 2 * np.sin(turn), 0 * turn], 1)
+    oval = np.stack([2 * np.cos(turn), np.sin(turn), 0 * turn], 1)
+    bodies = {"radius": np.array([2.0, 2.0]), "position": np.array([[1.0, 3, 0], [0, 0, 0]]), "outline": np.concatenate([circle, oval])}
+    (_, fine, centre), (_, rough, none) = draw.find_outlines(types.SimpleNamespace(bodies=bodies))
+    assert len(fine) == 180 and np.allclose(np.hypot(*(fine - [1, 3]).T), 2) and np.allclose(centre, [1, 3])
+    assert len(rough) == 48 and none is None

@@ -14,6 +14,7 @@ Needs numpy; snapshots need h5py; frame() needs pandas.
 """
 
 import csv
+import functools
 import json
 import re
 import xml.etree.ElementTree as ElementTree
@@ -82,6 +83,18 @@ def find_snapshots(folder, kind, unlisted=False):
     return dict(sorted(found.items()))
 
 
+def find_meshes(folder):
+    """{name of a file of fields: name of the mesh it belongs to} by fields.xmf; meshes that move have several."""
+    index = Path(folder) / "fields.xmf"
+    found = {}
+    for grid in ElementTree.parse(index).iter("Grid") if index.exists() else ():
+        names = {item.text.split(":")[0].strip() for item in grid.iter("DataItem") if item.text}
+        fields, meshes = ([name for name in names if name.startswith(kind)] for kind in ("fields_", "mesh"))
+        if len(fields) == 1 and len(meshes) == 1:
+            found[fields[0]] = meshes[0]
+    return found
+
+
 class Run:
     """An output directory; tables are read when first asked for."""
 
@@ -92,6 +105,7 @@ class Run:
         self._tables = {}
         self._files = find_snapshots(self.directory, "fields", unlisted=True)
         self._body_files = find_snapshots(self.directory, "bodies", unlisted=True)
+        self._meshes = find_meshes(self.directory)
         if not self._files and not any((self.directory / name).exists() for name in ("series.csv", "bodies.csv", "summary.json")):
             raise FileNotFoundError(f"directory '{directory}' holds no results: neither series.csv, nor bodies.csv, nor snapshots of fields")
 
@@ -136,8 +150,8 @@ class Run:
 
     @property
     def steps(self):
-        """Steps that have a snapshot of the fields."""
-        return list(self._files)
+        """Steps that have a snapshot of the fields, or of the bodies in a run without flow."""
+        return list(self._files or self._body_files)
 
     @property
     def times(self):
@@ -146,31 +160,44 @@ class Run:
 
     def snapshot(self, step=None, time=None):
         """Fields of a step, or of the snapshot nearest to a time; without either the last one."""
-        if not self._files:
-            raise KeyError(f"{self.directory} has no snapshots of fields: run the scene with -output_every N")
+        if not self.steps:
+            raise KeyError(f"{self.directory} has no snapshots: run the scene with -output_every N")
         if step is None:
             step = self.steps[-1] if time is None else self.steps[int(np.argmin(abs(self.times - time)))]
-        if step not in self._files:
+        if step not in self.steps:
             raise KeyError(f"no snapshot of step {step} in {self.directory} (there are: {', '.join(map(str, self.steps))})")
-        return Snapshot(self.directory, self._files[step], self._body_files.get(step), step)
+        path = self._files.get(step)
+        mesh = self.directory / self._meshes.get(path.name, "mesh.h5") if path else None
+        return Snapshot(mesh, path, self._body_files.get(step), step)
 
 
 class Snapshot:
     """Fields at one time, read when first asked for."""
 
-    def __init__(self, directory, path, body_path, step):
+    def __init__(self, mesh, path, body_path, step):
         import h5py
 
-        self._h5py, self._path, self._body_path, self.step = h5py, path, body_path, step
+        self._h5py, self._mesh, self._path, self._body_path, self.step = h5py, mesh, path, body_path, step
         self._fields, self._search, self._bodies = {}, None, None
-        with h5py.File(directory / "mesh.h5") as mesh:
-            self.points, self.cells = mesh["coordinates"][:], mesh["cells"][:]
-        with h5py.File(path) as file:
-            self.time = float(np.ravel(file["time"][:])[0])
-            self.names = [name for name in file if name != "time"]
-            if "coordinates" in file:  # a mesh that moves
-                self.points = file["coordinates"][:]
-        self.dim = 2 if self.cells.shape[1] == 9 else 3
+        with h5py.File(path or body_path) as file:
+            self.time = float(np.ravel(file["time"][:])[0]) if "time" in file else np.nan
+            self.names = [name for name in file if name != "time"] if path else []
+        self.has_mesh = path is not None
+
+    @functools.cached_property
+    def points(self):
+        with self._h5py.File(self._mesh) as mesh:
+            return mesh["coordinates"][:]
+
+    @functools.cached_property
+    def cells(self):
+        with self._h5py.File(self._mesh) as mesh:
+            return mesh["cells"][:]
+
+    @property
+    def dim(self):
+        """2 or 3; of a run without flow 3 unless its bodies have outlines."""
+        return (2 if self.cells.shape[1] == 9 else 3) if self.has_mesh else 2 if "outline" in self.bodies else 3
 
     def __repr__(self):
         return f"<tumble snapshot, step {self.step}, time {self.time:g}: {', '.join(self.names)}>"
@@ -196,17 +223,18 @@ class Snapshot:
         return self._bodies
 
     def sample(self, name, places):
-        """A field of points at places [n][2 or 3], by the polynomials of the cells (second order in each direction); nan outside of the mesh."""
+        """A field of points, by name or as an array, at places [n][2 or 3], by the polynomials of the cells (second order in each direction); nan outside of the mesh."""
         places = np.atleast_2d(np.asarray(places, float))[:, : self.dim]
-        values = self[name]
+        values = self[name] if isinstance(name, str) else name
         if len(values) != len(self.points):
             raise ValueError(f"'{name}' belongs to cells, not to points: sample one of the others")
         if self._search is None:
             self._search = _Search(self.points[:, : self.dim], self.cells)
-        cell, weight = self._search.find(places)
         result = np.full((len(places), *values.shape[1:]), np.nan)
-        there = cell >= 0
-        result[there] = np.einsum("nk,nk...->n...", weight[there], values[self.cells[cell[there]]].astype(float))
+        for first in range(0, len(places), 5000):  # memory
+            cell, weight = self._search.find(places[first : first + 5000])
+            there = cell >= 0
+            result[first : first + 5000][there] = np.einsum("nk,nk...->n...", weight[there], values[self.cells[cell[there]]].astype(float))
         return result
 
 

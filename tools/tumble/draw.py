@@ -1,0 +1,238 @@
+"""What pictures of a run have in common: fields, outlines of bodies, slices through space, units. Needs numpy; not matplotlib."""
+
+import numpy as np
+
+# unit, colour map, symmetric about zero
+FIELDS = {"speed": ("speed", "viridis", False), "vorticity": ("rate", "RdBu_r", True), "pressure": ("pressure", "cividis", False)}
+UNITS = {
+    "cgs": {"length": "cm", "time": "s", "mass": "g"},
+    "si": {"length": "m", "time": "s", "mass": "kg"},
+    "none": {},
+}
+# 3 x 3 lattice of a Quadrilateral_9 cell in VTK's order, row by row
+LATTICE = np.array([[0, 4, 1], [7, 8, 5], [3, 6, 2]])
+MANY_CELLS = 100_000  # beyond, a cell has fewer pixels than triangles are worth
+ROUND = np.linspace(0, 2 * np.pi, 181)[:-1]
+AXES = "xyz"
+
+
+class Units:
+    """Words for labels: those that summary.json states, or the ones asked for by name; none otherwise."""
+
+    def __init__(self, run, name=None):
+        self.steady = run.options.get("sim_steady", "false") not in ("false", "0", "no", "off")
+        base = UNITS[name] if name else run.summary.get("units") or {}
+        self.known = dict(base) if isinstance(base, dict) else {}
+        length, time, mass = (self.known.get(kind) for kind in ("length", "time", "mass"))
+        if length and time:
+            self.known["speed"] = f"{length}/{time}"
+        if time:
+            self.known["rate"] = f"1/{time}"
+        if length and time and mass:
+            self.known.update(pressure=f"{mass}/({length} {time}²)", force=f"{mass} {length}/{time}²", energy=f"{mass} {length}²/{time}²")
+
+    def __call__(self, kind):
+        """' [cm]', or nothing for a run without units."""
+        return f" [{self.known[kind]}]" if kind in self.known else ""
+
+    def moment(self, value):
+        return "steady" if self.steady else f"t = {value:.4g} {self.known.get('time', '')}".rstrip()
+
+
+def split_cells(cells):
+    """Triangles of Quadrilateral_9 cells: of the four sub-squares, or of the whole cell if there are many."""
+    if len(cells) > MANY_CELLS:
+        squares = cells[:, [0, 1, 2, 3]]
+    else:
+        around = [LATTICE[[j, j, j + 1, j + 1], [i, i + 1, i + 1, i]] for j in (0, 1) for i in (0, 1)]
+        squares = np.concatenate([cells[:, corners] for corners in around])
+    return np.concatenate([squares[:, [0, 1, 2]], squares[:, [0, 2, 3]]])
+
+
+def find_box(shot):
+    """Lower and upper corner of the domain."""
+    return shot.points[:, : shot.dim].min(0), shot.points[:, : shot.dim].max(0)
+
+
+def scalars(shot, field, normal=2):
+    """Values at the points that a picture shows; of a vorticity in space the component along the axis `normal`."""
+    if field == "speed":
+        return np.linalg.norm(shot["velocity"], axis=1)
+    values = shot[field]
+    return values[:, normal] if values.ndim == 2 else values
+
+
+def colour_range(values, symmetric):
+    """The few largest values at corners of bodies would leave no colour for the rest."""
+    low, high = np.nanpercentile(values, [0.2, 99.8]) if symmetric else (np.nanmin(values), np.nanmax(values))
+    if symmetric:
+        high = max(abs(low), abs(high))
+        low = -high
+    return (low, high) if high > low else (low - 1, low + 1)
+
+
+# ---- bodies of a plane run ----
+
+
+def find_outlines(shot):
+    """[(number, points [n][2], centre)] from bodies_<step>.h5, without bodies that have left the domain; circles get as many points as a picture needs."""
+    table = shot.bodies
+    if "outline" not in table:
+        return []
+    radius = np.ravel(table["radius"])
+    points = table["outline"].reshape(-1, 3)[:, :2]
+    lines = points[table["line"]] if "line" in table else points.reshape(len(radius), -1, 2)
+    centres = table["position"].reshape(-1, 3)[:, :2] if "position" in table else lines.mean(1)
+    owner = np.ravel(table["cell_body"]) if "cell_body" in table else np.arange(len(lines)) if len(lines) == len(radius) else np.full(len(lines), -1)
+    found = []
+    for k, line in enumerate(lines):  # images across a period follow the bodies
+        body = owner[k]
+        if body >= 0 and radius[body] <= 0:
+            continue
+        centre = centres[body] + (line[0] - lines[body][0]) if body >= 0 else line.mean(0)
+        arm = line - centre
+        if body >= 0 and np.ptp(np.hypot(*arm.T)) < 1e-6 * radius[body]:
+            start = np.arctan2(arm[0, 1], arm[0, 0])
+            line = centre + np.hypot(*arm[0]) * np.stack([np.cos(start + ROUND), np.sin(start + ROUND)], 1)
+            found.append((body, line, centre))
+        else:
+            found.append((body, line, None))
+    return found
+
+
+def find_discs(run, step, drawn):
+    """The same for discs of bodies.csv that have not been drawn: runs without bodies_<step>.h5."""
+    table = run.bodies
+    if not {"step", "body", "x", "y", "angle_rad", "radius"} <= set(table):
+        return []
+    rows = table.where((table["step"] == step) & (table["radius"] > 0) & ~np.isin(table["body"], list(drawn)))
+    turn = rows["angle_rad"][:, None] + ROUND
+    x, y, r = (rows[name][:, None] for name in ("x", "y", "radius"))
+    return [(int(body), line, np.array(centre)) for body, line, *centre in zip(rows["body"], np.stack([x + r * np.cos(turn), y + r * np.sin(turn)], 2), rows["x"], rows["y"])]
+
+
+def add_images(outlines, periodic, lower, upper):
+    """What crosses a periodic boundary is seen on both sides of the domain."""
+    for axis in (AXES.index(a) for a in periodic if a in AXES[:2]):
+        way = np.zeros(2)
+        way[axis] = upper[axis] - lower[axis]
+        for number, line, centre in list(outlines):
+            for sign, out in ((1, line[:, axis].min() < lower[axis]), (-1, line[:, axis].max() > upper[axis])):
+                if out:
+                    outlines.append((number, line + sign * way, None if centre is None else centre + sign * way))
+    return outlines
+
+
+def plane_bodies(run, shot):
+    """Outlines of all bodies of a plane run, with their images across periodic boundaries: [(number, points, centre of a disc or None)]."""
+    outlines = find_outlines(shot)
+    outlines += find_discs(run, shot.step, {number for number, *_ in outlines})
+    if "cell_body" in shot.bodies:  # the file holds the images
+        return outlines
+    return add_images(outlines, split_names(run.options.get("mesh_periodic", "")), *find_box(shot)) if outlines and shot.has_mesh else outlines
+
+
+def split_names(text):
+    """Words of an option that are separated by commas or blanks."""
+    return text.replace(",", " ").split()
+
+
+# ---- slices through space ----
+
+
+class Slice:
+    """A field on a plane x, y or z = value: a grid of points, values, and what of the bodies it cuts."""
+
+    FINE = 220  # points along the longer side
+
+    def __init__(self, shot, field, axis, value):
+        self.axis, self.value = axis, value
+        self.across = [a for a in range(3) if a != axis]
+        lower, upper = find_box(shot)
+        if not lower[axis] <= value <= upper[axis]:
+            raise ValueError(f"the plane {AXES[axis]} = {value:g} lies outside of the domain ({lower[axis]:g} to {upper[axis]:g})")
+        self.lower, self.upper = lower[self.across], upper[self.across]
+        count = np.maximum(2, np.round((self.upper - self.lower) * self.FINE / (self.upper - self.lower).max()).astype(int))
+        self.x, self.y = (np.linspace(a, b, n) for a, b, n in zip(self.lower, self.upper, count))
+        self.places = np.empty((len(self.y), len(self.x), 3))
+        self.places[..., axis] = value
+        self.places[..., self.across[0]], self.places[..., self.across[1]] = np.meshgrid(self.x, self.y)
+        if field == "speed":  # of interpolated velocities: a length interpolated may be negative
+            self.values = np.linalg.norm(self.sample(shot, shot["velocity"]), axis=2)
+        else:
+            self.values = self.sample(shot, scalars(shot, field, axis))
+
+    def sample(self, shot, values):
+        return shot.sample(values, self.places.reshape(-1, 3)).reshape(len(self.y), len(self.x), *values.shape[1:])
+
+    def cut_bodies(self, run, shot):
+        """Circles of spheres and outlines of triangulated surfaces [(number, [points][2] or segments [n][2][2])]."""
+        found = []
+        for number, centre, radius in spheres(run, shot):
+            left = radius**2 - (centre[self.axis] - self.value) ** 2
+            if left > 0:
+                found.append((number, centre[self.across] + np.sqrt(left) * np.stack([np.cos(ROUND), np.sin(ROUND)], 1)))
+        surface = triangles(shot)
+        if surface is not None:
+            found.append((None, cut_triangles(*surface, self.axis, self.value)[:, :, self.across]))
+        return found
+
+
+def read_plane(text):
+    """'x=0.5' -> (0, 0.5)"""
+    axis, _, value = text.partition("=")
+    try:
+        return AXES.index(axis.strip().lower() or "?"), float(value)
+    except ValueError:
+        raise ValueError(f"--slice {text} is no plane: write an axis and its value, such as --slice x=0.5") from None
+
+
+def spheres(run, shot):
+    """[(number, centre, radius)] of the bodies whose shape is a circle (sphere)."""
+    table = run.bodies
+    rows = table.where((table["step"] == shot.step) & (table["radius"] > 0)) if "radius" in table else {}
+    return [(int(b), np.array(x), r) for b, r, *x in zip(*(rows[name] for name in ("body", "radius", "x", "y", "z")))] if rows else []
+
+
+def triangles(shot):
+    """Points [n][3] and triangles [m][3] of the bodies' surfaces, None if the run has not written any."""
+    table = shot.bodies
+    if "surface" not in table or "triangles" not in table:
+        return None
+    return table["surface"].reshape(-1, 3), table["triangles"].reshape(-1, 3).astype(int)
+
+
+def cut_triangles(points, cells, axis, value):
+    """Segments [n][2][3] in which triangles meet the plane."""
+    height = points[:, axis] - value
+    height = np.where(height == 0, 1e-300, height)
+    segments = []
+    for a, b, c in cells[np.ptp(np.sign(height[cells]), axis=1) > 0]:
+        ends = [(i, j) for i, j in ((a, b), (b, c), (c, a)) if height[i] * height[j] < 0 or np.sign(height[i]) != np.sign(height[j])]
+        segments.append([points[i] + (points[j] - points[i]) * height[i] / (height[i] - height[j]) for i, j in ends])
+    return np.array(segments).reshape(-1, 2, 3)
+
+
+def gravity(run):
+    """Direction of gravity [3], zero without; runs that left no options fall along y."""
+    if not run.options:
+        return np.array([0.0, -1.0, 0.0])
+    words = split_names(run.options.get("flow_gravity", ""))
+    vector = np.zeros(3)
+    vector[: len(words)] = [float(word) for word in words]
+    return vector / (np.linalg.norm(vector) or 1)
+
+
+def choose_plane(run, shot, body=None):
+    """Axis and value of the plane through a body (the largest one, or the middle of the domain) that holds gravity and the longer sides."""
+    lower, upper = find_box(shot)
+    down = abs(gravity(run))
+    axis = min(range(3), key=lambda a: (down[a] > 0.5, round((upper - lower)[a], 9), -a if a < 2 else 1))
+    position, radius = shot.bodies.get("position"), np.ravel(shot.bodies.get("radius", []))
+    if body is None and len(radius):
+        body = int(np.argmax(radius))
+    if body is None:
+        return axis, (lower + upper)[axis] / 2
+    if not 0 <= body < len(radius):
+        raise ValueError(f"there is no body {body} (they are 0 to {len(radius) - 1})")
+    return axis, float(np.clip(position.reshape(-1, 3)[body, axis], lower[axis], upper[axis]))
