@@ -25,8 +25,7 @@ typedef struct {
 /* Rows of arrays that hold the n rows of every rank, one rank after the other. Collective. */
 PetscErrorCode Hdf5SpreadRows(MPI_Comm, PetscInt n, Hdf5Rows *);
 
-/* Create the file (an old one is replaced), or open it for reading: *good, could it be opened? If not, it can only be
-   closed. Collective. */
+/* Create (or replace) the file, or open it to read: *good, is it open? If not, it can only be closed. Collective. */
 PetscErrorCode Hdf5Create(MPI_Comm, const char path[], Hdf5 *);
 PetscErrorCode Hdf5Open(MPI_Comm, const char path[], Hdf5 *, PetscBool *good);
 /* Close. reason (NULL if read): "" if everything has been written, or what was not, as in "HDF5 fails at /velocity".

@@ -78,8 +78,7 @@ PetscErrorCode CoupleGetSystem(Couple, PetscReal *u[], PetscReal *p[], PetscReal
                                PetscReal *g[]);
 /* Both forms of force and torque on body k, whatever -couple_force says. Collective. */
 PetscErrorCode CoupleForceForms(Couple, PetscInt k, PetscReal residual[6], PetscReal volume[6]);
-/* Forget everything that the solver carries from step to step, as a restart does: what follows depends on the state
-   alone. Collective. */
+/* Forget what the solver carries from step to step, as a restart does: all depends on the state alone. Collective. */
 PetscErrorCode CoupleRenewSolver(Couple);
 /* StateVisit of a Couple: velocities that the flow saw in the last steps, history of explicit coupling. */
 PetscErrorCode CoupleVisitState(void *couple, State);

@@ -16,8 +16,7 @@ typedef PetscErrorCode (*VectorField)(void *ctx, PetscReal time, const PetscReal
 PetscErrorCode ConditionsSetField(Conditions, VectorField, void *ctx);
 /* Prescribed components: fixed [nnode_all] bit mask, value [nnode_all][dim] (may be NULL). Borrowed. */
 PetscErrorCode ConditionsGetValues(Conditions, const PetscInt *fixed[], const PetscReal *value[]);
-/* The prescribed components that belong to walls (no_slip, moving_wall, slip) and not to an inflow: [nnode_all] bit
-   mask. Borrowed. */
+/* Prescribed components of walls (no_slip, moving_wall, slip), not of an inflow: [nnode_all] bit mask. Borrowed. */
 PetscErrorCode ConditionsGetWalls(Conditions, const PetscInt *wall[]);
 /* Is the pressure determined up to a constant only (no outflow)? */
 PetscErrorCode ConditionsPressureIsFloating(Conditions, PetscBool *floating);

@@ -106,8 +106,7 @@ PetscErrorCode FlowAssemble(Flow);
    diagnostics of this module do not contain it. */
 PetscErrorCode FlowSetCellTerms(Flow, PetscInt n, const PetscInt cell[], const PetscReal matrix[]);
 PetscErrorCode FlowGetMatrix(Flow, Mat *S); /* borrowed; rows: own nodes */
-/* Its own columns, part[0], and those of other ranks, part[1] (NULL on one rank), with the global numbers of the
-   latter. Borrowed. */
+/* Own columns, part[0], and those of other ranks, part[1] (NULL on one rank), with their global numbers. Borrowed. */
 PetscErrorCode FlowGetMatrixParts(Flow, Mat part[2], const PetscInt *columns[]);
 /* r = right-hand side (rho d, v) + (f, v) - (1 - theta) (...)^n for all nodes, complete on own nodes. r
    [nnode_all][dim]. Collective. */
@@ -142,8 +141,7 @@ PetscErrorCode FlowVisitState(void *flow, State);
 /* Pressure of cell c at the point x [dim], evaluated there also when it lies outside of the cell. Not collective. */
 PetscErrorCode FlowCellPressure(Flow, PetscInt c, const PetscReal p[], const PetscReal x[], PetscReal *value);
 
-/* Momentum residual of cell c with the step's solution u, p: r [nb][dim] (what the cell adds to the momentum rows). Not
-   collective. */
+/* What cell c adds to the momentum residual with the step's solution u, p: r [nb][dim]. Not collective. */
 PetscErrorCode FlowCellResidual(Flow, PetscInt c, const PetscReal u[], const PetscReal p[], PetscReal r[]);
 /* What Newton's method adds to S: n [nb*dim][nb*dim] = rho theta int phi_i (phi_j du_a/dx_b + skew u_a dphi_j/dx_b),
    row (i, a), column (j, b), of cell c. Zero without convection. Not collective. */

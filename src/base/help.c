@@ -40,8 +40,7 @@ void OptFormatMeaning(const OptSpec *spec, char text[], size_t len)
 
 /* ---- tables ---- */
 
-/* One row after the other of all tables and then of what shapes declared under a placeholder; title: of its table,
-   once. */
+/* One row after the other, of all tables, then what shapes declared under a placeholder; title: of a table, once. */
 typedef struct {
   size_t      table, row;
   PetscInt    known;

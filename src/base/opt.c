@@ -14,8 +14,7 @@
 
 #define MAX_TABLES 16
 
-/* PETSc up to 3.18 (the cap went during 3.19) keeps options in a table of 512 places; some are left for PETSc's own
-   use. */
+/* PETSc up to 3.18 keeps options in a table of 512 places, of which some are left for its own use. */
 #define OPT_TABLE_MAX 500
 
 OptTable opt_table[MAX_TABLES];
@@ -261,8 +260,7 @@ static PetscErrorCode list_database(char **text)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Next "-name[ value]" of the list. Cuts the list into lines; drops the headings and the source that PETSc 3.19 and
-   newer append. */
+/* Next "-name[ value]" of the list, which is cut into lines, without headings and the source (PETSc 3.19 and newer). */
 static char *next_option(char **cursor)
 {
   while (*cursor && **cursor) {

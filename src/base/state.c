@@ -36,8 +36,7 @@ static const char *const ENTITY[2] = {"nodes", "cells"};
 
 /* ---- small tools ---- */
 
-/* Sum over the entries of the array of their bits times an odd number that depends on the place; the same for every
-   distribution. Collective. */
+/* Sum over the entries of bits times an odd number by their place; the same for every distribution. Collective. */
 static PetscErrorCode compute_checksum(State s, Hdf5Type t, Hdf5Rows rows, PetscInt bs, const void *v, uint64_t *sum)
 {
   uint64_t mine = 0, place = 2 * (uint64_t)rows.start * (uint64_t)bs + 1;
@@ -161,8 +160,7 @@ static PetscErrorCode save_mesh(State s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Is the file's distribution of the mesh this run's own? Bit for bit, then what it holds can be continued bit for
-   bit. */
+/* Is the file's distribution of the mesh, bit for bit, this run's own? Then it can be continued bit for bit. */
 static PetscErrorCode compare_partition(State s)
 {
   PetscInt nrow, ncol;

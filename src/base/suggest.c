@@ -37,8 +37,7 @@ static const char late_names[] = "log, log_*, options_left, options_view, option
                                  "nox, nox_warning, x_virtual, petsc_ci*, check_pointer_intensity, checkfunctionlist, fp_trap, "
                                  "no_signal_handler, omp_view, blas_view";
 
-/* Least number of insertions, deletions, replacements and swaps of neighbours that turn a into b, upper case as
-   lower. */
+/* Least number of insertions, deletions, replacements and swaps of neighbours from a to b, whatever the case. */
 static PetscInt edit_distance(const char a[], const char b[])
 {
   static PetscInt row[3][OPT_LINE + 1]; /* the rows i-2, i-1, i of the table, in turn */

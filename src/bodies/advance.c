@@ -109,8 +109,7 @@ static void solve3(const PetscReal A[9], const PetscReal b[3], PetscReal x[3])
   for (PetscInt i = 0; i < 3; i++) x[i] = (c0[i] * b[0] + c1[i] * b[1] + c2[i] * b[2]) / det;
 }
 
-/* I (w' - w)/dt + m x (I m) = T with m = (w + w')/2, for w'. Newton's method; starts from w, converges in 3 to 5
-   steps. */
+/* I (w' - w)/dt + m x (I m) = T with m = (w + w')/2, for w': Newton's method from w, in 3 to 5 steps. */
 static void advance_spin(PetscReal dt, const PetscReal inertia[6], const PetscReal T[3], PetscReal w[3])
 {
   const PetscReal w0[3] = {w[0], w[1], w[2]};

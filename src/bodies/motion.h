@@ -18,8 +18,7 @@
 /* Read the options of a group. Not collective, same result on every rank. Errors: unknown word, a part without its
    parameters, stops that are not lower < upper, stops in 3D. */
 PetscErrorCode MotionRead(const char group[], PetscInt dim, Motion *);
-/* Does the prescribed motion move along axis a (0, 1, 2) or turn (3) by oscillation? For checks against what is
-   free. */
+/* Is the motion along axis a (0, 1, 2) or the turn (3) an oscillation? For checks against what is free. */
 PetscBool MotionOscillates(const Motion *, PetscInt a);
 
 /* Prescribed state at a time (of the scene): point x [3] that _position placed, its velocity u [3], the angle vector

@@ -1,11 +1,9 @@
-/* Contact, bodies without a flow: symplectic Euler under contact, gravity and buoyancy, in place in the arrays of the
-   state. */
+/* Contact, bodies without a flow: symplectic Euler under contact, gravity and buoyancy, in place in the state. */
 #include "compat.h"
 #include "impl.h"
 #include "base/log.h"
 
-/* Kinetic energy with the effective inertia, less the work of gravity at the present place: what contact alone
-   changes */
+/* Kinetic energy with the effective inertia, less the work of gravity: what contact alone changes */
 static PetscReal mechanical_energy(Contact c)
 {
   const BodyArrays *s   = c->s;

@@ -99,8 +99,8 @@ struct _p_Contact {
   PetscReal  separation; /* largest overlap that separation has found, in diameters */
   PetscReal  work;       /* done by contact on the bodies since the beginning */
   /* what ContactKeep keeps */
-  PetscReal (*kept)[7]; /* [n] force, torque, gap */
-  Pair *kept_pair;      /* [kept_npairs] with friction */
+  PetscReal *kept;      /* force [n][3], torque [n][3], gap [n] */
+  Pair      *kept_pair; /* [kept_npairs] with friction */
   PetscReal (*kept_slip)[3];
   PetscInt kept_npairs;
   Touch    touch[2 * CONTACT_MAX_POINTS];
@@ -153,11 +153,9 @@ static inline void ContactSpin(Contact c, PetscInt k, const PetscReal torque[3],
 PetscErrorCode ContactFindPairs(Contact);
 /* Gap between two discs (spheres), j >= 0, or of a disc to a wall; the unit normal points at i. */
 void ContactDiscGap(Contact, PetscInt i, PetscReal radius_i, PetscInt j, PetscReal radius_j, PetscReal normal[3], PetscReal *gap);
-/* All touching points of a pair in c->touch, weights adding up to one, and its smallest gap (PETSC_MAX_REAL: none
-   found). */
+/* All touching points of a pair in c->touch, sum of weights one, and its smallest gap (PETSC_MAX_REAL: none). */
 PetscErrorCode ContactFindTouch(Contact, PetscInt i, PetscInt j, PetscInt *n, PetscReal *gap);
-/* Sum of the curvatures of both surfaces at a touch (mean curvature in 3D), at least that of the larger bounding
-   circle. */
+/* Sum of both surfaces' curvatures at a touch (3D: mean), at least that of the larger bounding circle. */
 PetscErrorCode ContactCurvature(Contact, PetscInt i, PetscInt j, const Touch *, PetscReal *curvature);
 PetscErrorCode ContactCreatePoints(Contact);
 /* Options of all laws; the unused laws' ones count as unknown. */
@@ -176,8 +174,7 @@ PetscReal      ContactMass(Contact, const BodyGroup *);
 PetscReal      ContactFastest(Contact);
 void           ContactSetScales(Contact, PetscReal dt, PetscReal (*a)[3]);
 PetscErrorCode ContactSetInertia(Contact, PetscInt k);
-/* Adds an impulse times `scale` to the forces and torques of a pair; changes the velocities of a pair by that of the
-   time h. */
+/* Adds an impulse times `scale` to forces and torques of a pair; changes its velocities by that of the time h. */
 void ContactScatter(const Pair *, const Impulse *, PetscReal scale, PetscReal (*force)[3], PetscReal (*torque)[3]);
 void ContactKick(Contact, const Pair *, PetscReal h, const Impulse *);
 /* Sub-steps of a step dt when forces change within `time`. Error: -contact_substeps too few. */

@@ -269,14 +269,10 @@ PetscErrorCode ContactKeep(Contact c)
   const BodyArrays *s = c->s;
 
   PetscFunctionBeginUser;
-  if (!c->kept) PetscCall(PetscMalloc1(s->n, &c->kept));
-  for (PetscInt k = 0; k < s->n; k++) {
-    for (PetscInt a = 0; a < 3; a++) {
-      c->kept[k][a]     = s->contact_force[k][a];
-      c->kept[k][3 + a] = s->contact_torque[k][a];
-    }
-    c->kept[k][6] = s->gap[k];
-  }
+  if (!c->kept) PetscCall(PetscMalloc1(7 * s->n, &c->kept));
+  PetscCall(PetscArraycpy(c->kept, (PetscReal *)s->contact_force, 3 * s->n));
+  PetscCall(PetscArraycpy(c->kept + 3 * s->n, (PetscReal *)s->contact_torque, 3 * s->n));
+  PetscCall(PetscArraycpy(c->kept + 6 * s->n, s->gap, s->n));
   c->kept_npairs = c->slip ? c->npairs : 0;
   if (!c->slip) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscRealloc((c->npairs + 1) * sizeof(Pair), &c->kept_pair));
@@ -292,13 +288,9 @@ PetscErrorCode ContactRevert(Contact c)
 
   PetscFunctionBeginUser;
   PetscCheck(c->kept || !s->n, PETSC_COMM_SELF, PETSC_ERR_ORDER, "Nothing has been kept: call ContactKeep before the step");
-  for (PetscInt k = 0; k < s->n; k++) {
-    for (PetscInt a = 0; a < 3; a++) {
-      s->contact_force[k][a]  = c->kept[k][a];
-      s->contact_torque[k][a] = c->kept[k][3 + a];
-    }
-    s->gap[k] = c->kept[k][6];
-  }
+  PetscCall(PetscArraycpy((PetscReal *)s->contact_force, c->kept, 3 * s->n));
+  PetscCall(PetscArraycpy((PetscReal *)s->contact_torque, c->kept + 3 * s->n, 3 * s->n));
+  PetscCall(PetscArraycpy(s->gap, c->kept + 6 * s->n, s->n));
   if (!c->slip) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscRealloc((c->kept_npairs + 1) * sizeof(*c->slip), &c->slip));
   PetscCall(PetscArraycpy((PetscReal *)c->slip, (PetscReal *)c->kept_slip, 3 * c->kept_npairs));

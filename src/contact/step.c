@@ -178,8 +178,7 @@ static PetscErrorCode advance_crowd(Contact c, PetscReal h, Crowd *w, PetscBool 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The larger of the means over one step and over the look-ahead, pair by pair: as a whole, so that momentum stays
-   conserved. */
+/* The larger of the means over one step and the look-ahead, a pair as a whole, so that momentum is conserved. */
 static void store_means(Contact c, PetscReal dt, const Crowd *w)
 {
   const PetscInt ahead = c->law->lookahead;

@@ -117,17 +117,6 @@ static PetscErrorCode fill_rigid_rows(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* What the rung adds to the system, after it has drawn */
-static PetscErrorCode take_terms(Couple c)
-{
-  PetscFunctionBeginUser;
-  if (c->rung->terms) PetscCall((*c->rung->terms)(c->rung_data, &c->terms));
-  if (!c->terms) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(ConstraintSetFollowers(c->constraint, c->terms->follow, c->terms->nmore, c->terms->more));
-  PetscCall(FlowSolverSetSoft(c->solver, c->terms));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* Nodes and cells of bodies that have moved since they were drawn; what stands still is drawn once */
 static PetscErrorCode draw_bodies(Couple c)
 {
@@ -139,9 +128,12 @@ static PetscErrorCode draw_bodies(Couple c)
   if (drawn) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogEventBegin(TB_MARK, 0, 0, 0, 0));
   PetscCall(IndicatorClear(c->mark));
-  PetscCall((*c->rung->draw)(c, c->rung_data));
+  PetscCall((*c->rung->draw)(c, c->rung_data, &c->terms));
   PetscCall(IndicatorFinish(c->mark));
-  PetscCall(take_terms(c));
+  if (c->terms) {
+    PetscCall(ConstraintSetFollowers(c->constraint, c->terms->follow, c->terms->nmore, c->terms->more));
+    PetscCall(FlowSolverSetSoft(c->solver, c->terms));
+  }
   PetscCall(PetscLogEventEnd(TB_MARK, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

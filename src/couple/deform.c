@@ -1,5 +1,4 @@
-/* Deform: see deform.h. Numbers of a cell are computed on own and ghost cells alike, so that own vertices see all
-   their cells. */
+/* Deform: see deform.h. Ghost cells are computed like own ones, so that own vertices see all their cells. */
 #include "compat.h"
 #include "deform_impl.h"
 #include "base/opt.h"
@@ -10,8 +9,7 @@
 #define GOOD    0.02 /* sizes are so close to the wanted ones */
 #define FOLLOW  4    /* steps at most behind bodies that moved, until */
 #define CLOSE   0.05 /* sizes are so close */
-/* relaxation by the change of sizes that the way of the bodies makes: in proportion to that way, however long the
-   step */
+/* relaxation over the change of sizes by the way of the bodies: in proportion to it, however long the step */
 #define RELAX  2
 #define PASSES 2 /* of smoothing of the displacements on the way */
 
@@ -168,8 +166,7 @@ static PetscErrorCode measure(Deform d)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* After measure: sizes achieved over wanted, and the smallest Jacobian over its cell's mean, with its place.
-   Collective. */
+/* After measure: sizes over wanted ones, and the smallest Jacobian over its cell's mean, and where. Collective. */
 static PetscErrorCode judge(Deform d, DeformResult *r, PetscReal where[3])
 {
   const MeshLocal *l      = d->l;
@@ -269,8 +266,7 @@ static PetscErrorCode move_nodes(Deform d, const PetscReal from[], PetscReal t)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* A part of the way from the present to the wanted sizes; shorter if cells would become too slender. *taken: what it
-   was. */
+/* A part of the way to the wanted sizes; *taken: what it was, shorter if cells would become too slender. */
 static PetscErrorCode take_step(Deform d, Kind kind, PetscReal part, PetscReal *taken, DeformResult *r)
 {
   const PetscInt size = d->l->nnode_all * d->dim;

@@ -1,5 +1,4 @@
-/* Inside of the deform module; for its files only. deform.c: monitor, steps. deform_potential.c: displacements from
-   sizes. */
+/* Inside of Deform, for its files only. deform.c: monitor, steps. deform_potential.c: displacements from sizes. */
 #pragma once
 #include "base/algebra.h"
 #include "base/grid.h"
@@ -61,8 +60,7 @@ PetscErrorCode DeformGetVertices(const struct _p_Deform *, PetscInt c, PetscReal
 /* Wanted size over k times the size at the start, at x [dim]. A product over the bodies is smooth also where two of
    them are equally far. */
 PetscErrorCode DeformEvaluateMonitor(const struct _p_Deform *, const PetscReal x[], PetscReal *m);
-/* The potential, in d->x, for sizes as wanted after a displacement by the relaxation too. After the cells are
-   measured. Collective. */
+/* The potential, in d->x, for the wanted sizes after the relaxation too. After the cells are measured. Collective. */
 PetscErrorCode DeformSolvePotential(Deform);
 /* d->v: the displacement ease slope^T w and the relaxation, at all local nodes. Collective. */
 PetscErrorCode DeformFindDisplacement(Deform);

@@ -1,5 +1,4 @@
-/* Couple, explicit coupling: bodies move after the flow, under the force that it exerted with their old velocity;
-   see couple.h. */
+/* Couple, explicit: bodies move after the flow, under the force that it exerted with their old velocity. */
 #include "compat.h"
 #include "impl.h"
 

@@ -22,8 +22,7 @@ PetscErrorCode FittedCreate(Flow, Bodies, Fitted *);
 PetscErrorCode FittedDestroy(Fitted *);
 /* [nnode_all] the body on whose surface a node lies, or -1. Borrowed. */
 PetscErrorCode FittedGetNodeBody(Fitted, const PetscInt *node_body[]);
-/* Angular velocities of the holes' bodies from the boundary condition of the present step (best fit of a rigid
-   motion). Collective. */
+/* Angular velocities of the holes' bodies from the step's boundary values (best fit of a rigid motion). Collective. */
 PetscErrorCode FittedSetMotion(Fitted);
 /* Force and torque about the centre of mass in residual and in volume form of all bodies that are holes, from the
    solution u [nnode_all][dim], p [own cells][dim + 1] of the step: arrays [number of bodies][3], entries of other

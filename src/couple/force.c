@@ -1,5 +1,4 @@
-/* Couple, forces: what the flow exerts on the bodies in both forms, and the balance of momentum; see couple.h for
-   the definitions. */
+/* Couple, forces: what the flow exerts on the bodies in both forms, balance of momentum; defined in couple.h. */
 #include "compat.h"
 #include "impl.h"
 #include "base/log.h"
@@ -206,18 +205,14 @@ PetscErrorCode CoupleForceForms(Couple c, PetscInt k, PetscReal residual[6], Pet
   PetscCall(PetscMalloc2(c->s->n, &force, c->s->n, &torque));
   PetscCall(integrate_stress(c, k, force, torque));
   PetscCall(FittedForce(c->hole, c->u, c->p, NULL, NULL, force, torque));
-  for (PetscInt a = 0; a < 3; a++) {
-    volume[a]     = force[k][a];
-    volume[3 + a] = torque[k][a];
-  }
+  PetscCall(PetscArraycpy(volume, force[k], 3));
+  PetscCall(PetscArraycpy(volume + 3, torque[k], 3));
   PetscCall(sum_residuals(c, c->residual));
   PetscCall(residual_force(c, k, f));
   PetscCall(store_force(c, k, f, force, torque));
   PetscCall(FittedForce(c->hole, c->u, c->p, force, torque, NULL, NULL));
-  for (PetscInt a = 0; a < 3; a++) {
-    residual[a]     = force[k][a];
-    residual[3 + a] = torque[k][a];
-  }
+  PetscCall(PetscArraycpy(residual, force[k], 3));
+  PetscCall(PetscArraycpy(residual + 3, torque[k], 3));
   if (c->loc->dim == 2) residual[2] = residual[3] = residual[4] = 0;
   PetscCall(PetscFree2(force, torque));
   PetscFunctionReturn(PETSC_SUCCESS);

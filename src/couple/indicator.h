@@ -20,8 +20,7 @@ PetscErrorCode IndicatorIsCurrent(Indicator, PetscReal (*X)[3], PetscReal (*q)[4
 /* The next IndicatorIsCurrent() says no. */
 PetscErrorCode IndicatorForget(Indicator);
 PetscErrorCode IndicatorClear(Indicator);
-/* Claim every local node (own or ghost) inside a body that is no hole of the mesh, bodies drawn at X, q. Not
-   collective. */
+/* Claim every local node inside a body that is no hole of the mesh, bodies drawn at X, q. Not collective. */
 PetscErrorCode IndicatorInside(Indicator, PetscReal (*X)[3], PetscReal (*q)[4]);
 /* The same for body k alone. */
 PetscErrorCode IndicatorInsideBody(Indicator, PetscInt k, const PetscReal X[3], const PetscReal q[4]);

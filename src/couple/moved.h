@@ -13,8 +13,7 @@
 
 typedef struct _p_Moved *Moved;
 
-/* What a commit brings. Arrays are borrowed: dead and resolved until the next commit that has any, the others for
-   the call. */
+/* What a commit brings. Arrays are borrowed: dead, resolved until the next commit with any, others for the call. */
 typedef struct {
   PetscInt         nnode; /* local nodes (own and ghost) that get new places; 0: the client has moved them himself */
   const PetscInt  *node;
@@ -37,8 +36,7 @@ PetscErrorCode MovedSetSolver(Moved, FlowSolver);
 /* The n local cells (own and ghost) will change, between FlowBeginStep and FlowAssemble. *any (may be NULL): is
    there one on any rank? Collective. */
 PetscErrorCode MovedBegin(Moved, PetscInt n, const PetscInt cell[], PetscBool *any);
-/* Where no rank has a cell that changes, nothing is done but to remember the dead cells. Collective. Error: that of
-   FlowUpdateCells. */
+/* Where no cell of any rank changes, only the dead cells are remembered. Collective. Error: FlowUpdateCells'. */
 PetscErrorCode MovedCommit(Moved, const MovedMesh *);
 /* Begin and commit for fields that already belong to the mesh as it will be, as those of a checkpoint do. The solver
    is not told: it must be made anew and set. Collective. */

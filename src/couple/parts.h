@@ -24,8 +24,7 @@ PetscErrorCode PartsCreate(Flow, Bodies, PetscInt nsample, Parts *);
 PetscErrorCode PartsDestroy(Parts *);
 /* All cells have changed (MeshRebase). Local. */
 PetscErrorCode PartsMeasureCells(Parts);
-/* Bodies are drawn at X, q, their rigid velocities are about the points P; not those with omit[k] (NULL: none).
-   Local. */
+/* Bodies drawn at X, q, with rigid velocities about the points P; not those with omit[k] (NULL: none). Local. */
 PetscErrorCode PartsCut(Parts, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*P)[3], const PetscBool omit[]);
 /* The n parts, by bodies. Borrowed. */
 PetscErrorCode PartsGet(Parts, PetscInt *n, const Part *part[]);

@@ -10,12 +10,9 @@ typedef struct {
   PetscBool   moves; /* moves nodes of the mesh itself, so that -mesh_deform cannot */
   PetscErrorCode (*create)(Couple, void **rung);
   /* Bodies are at c->X, c->q, c->P: claim the nodes that move rigidly in c->mark, prepare the rung's own terms, set
-     c->hollow */
-  PetscErrorCode (*draw)(Couple, void *rung);
-  /* Of the last draw, for the solver, the constraint and the forces; NULL: none */
-  PetscErrorCode (*terms)(void *rung, const PenaltyTerm **);
-  /* What these terms exert at prescribed components (fixed: bit mask [nnode_all]), added to out [3] before the sum over
-     ranks */
+     c->hollow. *terms: these terms, for the solver, the constraint and the forces; NULL: none */
+  PetscErrorCode (*draw)(Couple, void *rung, const PenaltyTerm **terms);
+  /* What these terms exert at prescribed components (fixed [nnode_all] bits), added to out [3] of this rank */
   PetscErrorCode (*force)(Couple, void *rung, const PetscInt fixed[], PetscReal out[3]);
   /* the mesh has another form as a whole */
   PetscErrorCode (*moved)(void *rung);

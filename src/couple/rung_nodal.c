@@ -2,10 +2,11 @@
 #include "compat.h"
 #include "impl.h"
 
-static PetscErrorCode draw_nodal(Couple c, void *rung)
+static PetscErrorCode draw_nodal(Couple c, void *rung, const PenaltyTerm **terms)
 {
   PetscFunctionBeginUser;
   (void)rung;
+  *terms = NULL;
   PetscCall(IndicatorInside(c->mark, c->X, c->q));
   PetscCall(IndicatorCheckSeen(c->mark));
   PetscFunctionReturn(PETSC_SUCCESS);

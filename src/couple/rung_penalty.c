@@ -11,17 +11,11 @@ static PetscErrorCode create_penalty(Couple c, void **rung)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode draw_penalty(Couple c, void *rung)
+static PetscErrorCode draw_penalty(Couple c, void *rung, const PenaltyTerm **terms)
 {
   PetscFunctionBeginUser;
   PetscCall(PenaltyDraw((Penalty)rung, c->X, c->q, c->P, NULL, c->mark));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode get_terms(void *rung, const PenaltyTerm **term)
-{
-  PetscFunctionBeginUser;
-  PetscCall(PenaltyGetSoft((Penalty)rung, term));
+  PetscCall(PenaltyGetSoft((Penalty)rung, terms));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -61,7 +55,6 @@ static PetscErrorCode destroy_penalty(void *rung)
 const Rung rung_penalty = {.name    = "penalty",
                            .create  = create_penalty,
                            .draw    = draw_penalty,
-                           .terms   = get_terms,
                            .force   = add_force,
                            .moved   = measure_cells,
                            .view    = view_penalty,

@@ -91,13 +91,11 @@ PetscErrorCode FlowComputeCells(Flow f)
     PetscCall(compute_cell(f, c));
     PetscCall(lump_cell(f, c));
   }
-  PetscCall(MeshSyncNodes(f->mesh, 1, f->lumped)); /* own nodes see all their cells (own or ghost); outer ghosts do
-                                                      not */
+  PetscCall(MeshSyncNodes(f->mesh, 1, f->lumped)); /* own nodes see all their cells; outer ghosts do not */
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Pressures given about `centre` with cell size `size`, as the same polynomial about the present centre and size of
-   cell c */
+/* Pressures about `centre` with cell size `size`, as the same polynomial about the present ones of cell c */
 static void carry_pressure(const struct _p_Flow *f, PetscInt c, const PetscReal centre[], PetscReal size, PetscReal p[])
 {
   const PetscInt dim = f->loc->dim;

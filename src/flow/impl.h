@@ -28,8 +28,7 @@ struct _p_Flow {
   PetscBool *affine;
   PetscReal *inverse, *det;                /* [ncell_all][dim*dim], [ncell_all] */
   PetscReal *centre, *size;                /* [ncell_all][dim] where the pressures of a cell are centred; [ncell_all] */
-  PetscReal *b, *pmass;                    /* [ncell_all] cell matrices of B; [ncell][dim+1][dim+1] inverse pressure
-                                              mass */
+  PetscReal *b, *pmass;                    /* [ncell_all] cell matrices of B; [ncell][dim+1][dim+1] pressure mass^-1 */
   PetscReal *lumped;                       /* [nnode_all] */
   PetscInt  *open, *visited, *around, now; /* stamps: [nnode_all] mass is being computed, [ncell_all] done; [ncell_all]
                                               scratch */

@@ -1,5 +1,4 @@
-/* Flow: time schemes (see flow.h): coefficients of a step, extrapolation of the convecting velocity, history of the
-   fields. */
+/* Flow, time schemes (flow.h): coefficients of a step, extrapolation of the convecting velocity, history of fields. */
 #include "compat.h"
 #include "impl.h"
 

@@ -1,5 +1,4 @@
-/* The inside of a Mesh, for mesh.c (construction, geometry), node.c (numbers, exchange) and bins.c (what lies
-   where). */
+/* Inside of Mesh, for mesh.c (construction, geometry), node.c (numbers, exchange) and bins.c (what lies where). */
 #pragma once
 #include "mesh/mesh.h"
 #include "kind.h"
@@ -25,8 +24,7 @@ struct _p_Mesh {
    nodes on exit. ghost [pEnd]: whether another rank owns a point; number [pEnd] returns the node of a point, or -1. Not
    collective. */
 PetscErrorCode MeshNumberNodes(Mesh, const PetscBool ghost[], PetscInt pEnd, PetscInt number[]);
-/* Global numbers, the way from ghosts to owners, and the cells of each node. order [ncell_all]: the mesh point of a
-   cell. Collective. */
+/* Global numbers, way from ghosts to owners, cells of nodes. order [ncell_all]: mesh points of cells. Collective. */
 PetscErrorCode MeshNumberGlobally(Mesh, PetscInt pEnd, const PetscInt order[], const PetscInt number[]);
 /* The background grid of MeshNodesInBox, of the nodes where they are. Not collective. */
 PetscErrorCode MeshCreateBins(Mesh);

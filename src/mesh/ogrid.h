@@ -13,6 +13,5 @@ typedef struct {
   PetscBool middle;     /* the squares, n x n, are the middle of the rings, with their centre at 0 */
 } OGrid;
 
-/* The mesh on rank 0; rings from half-width inner to outer of the map, about its middle. Collective; the caller
-   destroys dm. */
+/* The mesh on rank 0; rings from half-width inner to outer of the map. Collective; the caller destroys dm. */
 PetscErrorCode OGridCreate(MPI_Comm, const OGrid *, const MeshMap *, DM *dm);

@@ -1,5 +1,4 @@
-/* Defaults of shape operations, computed from the signed distance alone: normal, mass, bounding radius (see impl.h,
-   tree.h). */
+/* Defaults of shape operations, from the signed distance alone: normal, mass, bounding radius (impl.h, tree.h). */
 #include "compat.h"
 #include "tree.h"
 #include "base/log.h"

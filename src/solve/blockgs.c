@@ -65,8 +65,7 @@ INLINE void add_to_low_rank(const int nk, const BlockGS *restrict g, PetscInt e,
     for (int m = 0; m < nr; m++) t[m] += factor * w[k * nr + m] * d[k];
 }
 
-/* Only blocks before the diagonal while the rest of x is zero (lower). Entries of W are met in the order of the rows; t
-   follows x. */
+/* lower: only blocks before the diagonal, the rest of x is zero. Entries of W are met row by row; t follows x. */
 INLINE void sweep(const int nk, const BlockGS *restrict g, PetscBool forward, PetscBool lower, const PetscReal *b, PetscReal *x)
 {
   const PetscInt step = forward ? 1 : -1;

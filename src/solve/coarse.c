@@ -1,5 +1,4 @@
-/* Coarse: see coarse.h. Ghost cells are known, so every rank builds the rows of its cells and the part of its nodes
-   alone. */
+/* Coarse: see coarse.h. Ghost cells are known: every rank builds the rows of its cells and its nodes' part alone. */
 #include "compat.h"
 #include "coarse.h"
 #include "base/algebra.h"

@@ -51,8 +51,7 @@ static PetscErrorCode out_of_body(Snap s, PetscInt k, PetscReal (*X)[3], PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Displacement of node i to the point at length t of the mid-line of body k; x that place beside the body as it is
-   drawn */
+/* Displacement of node i to the point at length t of the mid-line of body k; x: that place beside the drawn body */
 static PetscErrorCode way_to_line(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt i, PetscReal t, PetscReal d[2], PetscReal x[2])
 {
   PetscReal R[9], to[2], from[2];
@@ -319,8 +318,7 @@ static PetscErrorCode place_on_path(Snap s, const SnapPath *p, PetscInt i, Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Away from other walls in narrow gaps, as draw_back() does with walls: d is changed for node i at place x of the
-   line */
+/* Away from other walls in narrow gaps, as draw_back() with walls: changes d for node i at place x of the line */
 static PetscErrorCode draw_aside(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt i, const PetscReal x[2], PetscReal d[2])
 {
   const PetscReal h = s->size[i], step = 0.01 * h;
@@ -520,12 +518,7 @@ PetscErrorCode SnapPathTearDown(Snap s)
   PetscCall(clear_paths(s));
   for (PetscInt g = 0; g < s->state->ngroups; g++) PetscCall(MidlineDestroy(&s->line[g]));
   PetscCall(PetscFree4(s->line, s->is_path, s->path, s->smallest));
-  PetscCall(PetscFree(s->path_edge.i));
   PetscCall(PetscFree(s->node_side));
-  PetscCall(PetscFree(s->side_node.i));
-  for (PetscInt j = 0; j < 2; j++) {
-    PetscCall(PetscFree(s->cell_side[j]));
-    PetscCall(PetscFree(s->side_cell[j].i));
-  }
+  for (PetscInt j = 0; j < 2; j++) PetscCall(PetscFree(s->cell_side[j]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

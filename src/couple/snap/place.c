@@ -80,8 +80,7 @@ static PetscErrorCode draw_back(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], Pe
 
 /* ---- where the nodes go ---- */
 
-/* Displacements of the n listed nodes: from where they are now to the closest point of their wall, or behind it in
-   narrow gaps */
+/* Displacements of the n listed nodes to the closest point of their wall, or behind it in narrow gaps */
 static PetscErrorCode project_nodes(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt n, const PetscInt list[])
 {
   const MeshLocal *l = s->loc;

@@ -20,11 +20,10 @@ enum {
 };
 
 typedef struct {
-  SnapDriver         driver;
-  Penalty            penalty;
-  const PenaltyTerm *term;
-  CoupleCount        count[NCOUNT];
-  PetscBool          remarked; /* that a body goes too far in a step */
+  SnapDriver  driver;
+  Penalty     penalty;
+  CoupleCount count[NCOUNT];
+  PetscBool   remarked; /* that a body goes too far in a step */
 } SnapRung;
 
 static PetscErrorCode create_snap(Couple c, void **rung)
@@ -43,7 +42,7 @@ static PetscErrorCode create_snap(Couple c, void **rung)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode draw_snap(Couple c, void *rung)
+static PetscErrorCode draw_snap(Couple c, void *rung, const PenaltyTerm **terms)
 {
   SnapRung         *r      = (SnapRung *)rung;
   const PetscInt    before = r->count[FALLBACK].value;
@@ -61,17 +60,10 @@ static PetscErrorCode draw_snap(Couple c, void *rung)
   r->count[FALLBACK].value = 0;
   for (PetscInt k = 0; k < c->s->n; k++)
     if (!fitted[k] && !c->s->gone[k] && !BodiesGetGroup(c->s, k)->hole) r->count[FALLBACK].value++;
-  r->term = NULL;
+  *terms = NULL;
   if (!r->count[FALLBACK].value && !before) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PenaltyDraw(r->penalty, c->X, c->q, c->P, fitted, c->mark));
-  PetscCall(PenaltyGetSoft(r->penalty, &r->term));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode get_terms(void *rung, const PenaltyTerm **term)
-{
-  PetscFunctionBeginUser;
-  *term = ((SnapRung *)rung)->term;
+  PetscCall(PenaltyGetSoft(r->penalty, terms));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -142,7 +134,6 @@ const Rung rung_snap = {.name    = "snap",
                         .moves   = PETSC_TRUE,
                         .create  = create_snap,
                         .draw    = draw_snap,
-                        .terms   = get_terms,
                         .force   = add_force,
                         .accept  = accept_step,
                         .report  = report_counts,

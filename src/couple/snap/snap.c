@@ -201,29 +201,29 @@ PetscErrorCode SnapCreate(Mesh mesh, Bodies bodies, Snap *snap)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode free_lists(Snap s)
+{
+  List *const list[] = {&s->dead,       &s->marked, &s->ring, &s->touched,   &s->bad,       &s->placed,       &s->old_dead,    &s->older_dead,
+                        &s->old_placed, &s->node,   &s->cell, &s->side_node, &s->path_edge, &s->side_cell[0], &s->side_cell[1]};
+
+  PetscFunctionBeginUser;
+  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(list); i++) PetscCall(PetscFree(list[i]->i));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode SnapDestroy(Snap *snap)
 {
   Snap s = *snap;
 
   PetscFunctionBeginUser;
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(free_lists(s));
   PetscCall(PetscFree5(s->kind, s->boundary, s->code, s->level, s->d));
   PetscCall(PetscFree6(s->depth, s->work, s->stamp[0], s->node_body, s->on_wall, s->size));
   PetscCall(PetscFree5(s->cover, s->stamp[1], s->cell_body, s->cell_before, s->flags));
   PetscCall(PetscFree3(s->area, s->lost, s->hollow));
   PetscCall(SnapPathTearDown(s));
   PetscCall(ClearanceDestroy(&s->clearance));
-  PetscCall(PetscFree(s->dead.i));
-  PetscCall(PetscFree(s->marked.i));
-  PetscCall(PetscFree(s->ring.i));
-  PetscCall(PetscFree(s->touched.i));
-  PetscCall(PetscFree(s->bad.i));
-  PetscCall(PetscFree(s->placed.i));
-  PetscCall(PetscFree(s->old_dead.i));
-  PetscCall(PetscFree(s->older_dead.i));
-  PetscCall(PetscFree(s->old_placed.i));
-  PetscCall(PetscFree(s->node.i));
-  PetscCall(PetscFree(s->cell.i));
   PetscCall(PetscFree(s->x));
   PetscCall(PetscFree(*snap));
   PetscFunctionReturn(PETSC_SUCCESS);
