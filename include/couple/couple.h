@@ -96,8 +96,8 @@ typedef struct {
   PetscReal openings[3]; /* traction where an inflow prescribes the velocity, less the momentum that flows out, rho int
                             w.grad u */
   PetscReal volume[3];   /* -flow_force over the domain */
-  PetscReal mean[3]; /* velocity, mean over the domain with the bodies in it (less those that are holes of the mesh) */
-  PetscReal error;   /* largest component of fluid - the rest, over the sum of the sizes of all forces */
+  PetscReal error;       /* largest component of fluid - the rest, over the sum of the sizes of all forces */
+  PetscReal mean[3]; /* velocity, mean over the domain with the bodies in it, less those that are holes of the mesh */
 } CoupleBalance;
 
 /* rate: momentum_rate of FlowDiagnose. Collective. */

@@ -1,9 +1,9 @@
 /* Outlines: all bodies as HDF5 + XDMF, at the same steps as the fields.
 
-   bodies_<step>.h5: time [1]; per body position, velocity, angular_velocity, force (of the fluid), contact_force [n][3],
-   orientation [n][4] (unit quaternion, scalar first: from the body's axes to those of space), angle, radius (of the
-   bounding circle; 0: has left) [n], group, body [n]. What is drawn are the n bodies and then their images across the
-   period that reach into the domain:
+   bodies_<step>.h5: time [1]; per body position, velocity, angular_velocity, force (of the fluid), contact_force
+   [n][3], orientation [n][4] (unit quaternion, scalar first: from the body's axes to those of space), angle, radius
+   (of the bounding circle; 0: has left) [n], group, body [n]. What is drawn are the n bodies and then their images
+   across the period that reach into the domain:
      2D: outline [lines][points][3], counter-clockwise, corners exact, first point straight ahead along the body's first
          axis (so that its turning can be seen); line [lines][points + 1];
      3D: surface [points][3], triangle [triangles][3], normals outward;
@@ -16,7 +16,8 @@ typedef struct _p_Outlines *Outlines;
 
 /* The bodies are borrowed. Box of the domain, and its period (0: none), [3]. Collective on PETSC_COMM_WORLD, like all
    others. */
-PetscErrorCode OutlinesCreate(Bodies, const PetscReal lower[], const PetscReal upper[], const PetscReal period[], Outlines *);
+PetscErrorCode OutlinesCreate(Bodies, const PetscReal lower[], const PetscReal upper[], const PetscReal period[],
+                              Outlines *);
 PetscErrorCode OutlinesDestroy(Outlines *);
 /* Write one snapshot into dir, an existing directory; does nothing without bodies. A step written twice takes the
    place of its first version. Error: the disk. */

@@ -316,7 +316,8 @@ static PetscErrorCode sum_bodies(Couple c, PetscReal out[3], PetscReal *size)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* rho int (c_t u - d) and int f over the fluid, and the mean velocity of fluid and bodies; the row sums of the mass matrix integrate Q2 functions exactly */
+/* rho int (c_t u - d) and int f over the fluid, and the mean velocity of fluid and bodies; the row sums of the mass
+   matrix integrate Q2 functions exactly */
 static PetscErrorCode sum_fluid(Couple c, PetscReal change[3], PetscReal volume[3], PetscReal mean[3])
 {
   const FlowParameters *par;
@@ -344,7 +345,7 @@ static PetscErrorCode sum_fluid(Couple c, PetscReal change[3], PetscReal volume[
   for (PetscInt k = 0; k < c->s->n; k++) {
     const BodyGroup *g = BodiesGetGroup(c->s, k);
 
-    if (!c->hollow || !c->hollow[k] || c->s->gone[k]) continue; /* of the others the velocity inside is that of the body */
+    if (!c->hollow || !c->hollow[k] || c->s->gone[k]) continue; /* else u inside is the body's */
     all += g->mass.volume;
     for (PetscInt a = 0; a < dim; a++) sum[4 + a] += g->mass.volume * c->U[k * c->nr + a];
   }

@@ -115,7 +115,7 @@ static void test_coefficients(void **state)
     char          options[2048];
     Case          c;
     PetscReal     force[5][2];
-    CoupleBalance balance = {{0}, {0}, {0}, {0}, {0}, 0};
+    CoupleBalance balance = {.error = 0};
 
     snprintf(options, sizeof(options),
              FITTED FLOW
