@@ -25,6 +25,6 @@ PetscErrorCode ConditionsPressureIsFloating(Conditions, PetscBool *floating);
 PetscErrorCode ConditionsGetSolidFaces(Conditions, PetscInt *faces);
 /* Is boundary b a wall (no_slip, moving_wall, rotating_wall, slip), or open (inflow, outflow)? */
 PetscErrorCode ConditionsGetKind(Conditions, PetscInt b, PetscBool *wall, PetscBool *open);
-/* The boundary whose condition prescribes a component, or -1: owner [nnode_all][dim]. Where boundaries meet it is the one
-   whose value holds. */
+/* The boundary whose condition prescribes a component, or -1: owner [nnode_all][dim]. Where boundaries meet it is the
+   one whose value holds. */
 PetscErrorCode ConditionsGetOwners(Conditions, PetscInt owner[]);

@@ -1,8 +1,11 @@
 /* Diagnostics: numbers that a scene reads from the solution of a step: drag and lift coefficients, a pressure
    difference, the balance of momentum.
 
-   They become further columns of series.csv, and at the end quantities of summary.json. Nothing is computed that no
-   option asks for.
+   They become further columns of series.csv, and at the end quantities of summary.json. But for sums that the balance
+   of momentum makes anyway nothing is computed that no option asks for.
+
+   Always: mean_velocity_<x|y|z>; flow_rate_<boundary> of every inflow and outflow, wall_force_<boundary>_<x|y|z> of
+   every wall (CoupleBoundary).
 
    -particle_<g>_reference_speed U (group of one body) asks for coefficients, with -particle_<g>_reference_length L
    (default: the diameter of the bounding circle):

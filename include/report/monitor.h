@@ -58,8 +58,8 @@ void MonitorPrintTables(FILE *);
    Errors: -output_bodies outside of the bodies there are. */
 PetscErrorCode MonitorCreate(Bodies, Monitor *);
 /* A further column of series.csv, after those above; columns are numbered from 0. Before MonitorOpen, same calls on
-   all ranks. Its value is 0 until it is set; the value of the last MonitorSetColumn is printed. Not collective. Error: no row of
-   MONITOR_FURTHER explains it. */
+   all ranks. Its value is 0 until it is set; the value of the last MonitorSetColumn is printed. Not collective.
+   Error: no row of MONITOR_FURTHER explains it. */
 PetscErrorCode MonitorAddColumn(Monitor, const char name[], PetscInt *column);
 PetscErrorCode MonitorSetColumn(Monitor, PetscInt column, PetscReal value);
 /* StateVisit of a Monitor: what it has tracked, and how long its files are. */

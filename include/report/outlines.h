@@ -1,9 +1,9 @@
 /* Outlines: all bodies as HDF5 + XDMF, at the same steps as the fields.
 
-   bodies_<step>.h5: time [1]; per body position, velocity, angular_velocity, force (of the fluid), contact_force [n][3],
-   orientation [n][4] (unit quaternion, scalar first: from the body's axes to those of space), angle, radius (of the
-   bounding circle; 0: has left) [n], group, body [n]. What is drawn are the n bodies and then their images across the
-   period that reach into the domain:
+   bodies_<step>.h5: time [1]; per body position, velocity, angular_velocity, force (of the fluid), contact_force
+   [n][3], orientation [n][4] (unit quaternion, scalar first: from the body's axes to those of space), angle, radius
+   (of the bounding circle; 0: has left) [n], group, body [n]. What is drawn are the n bodies and then their images
+   across the period that reach into the domain:
      2D: outline [lines][points][3], counter-clockwise, corners exact, first point straight ahead along the body's first
          axis (so that its turning can be seen); line [lines][points + 1];
      3D: surface [points][3], triangle [triangles][3], normals outward;

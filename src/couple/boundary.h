@@ -1,10 +1,11 @@
 /* Boundaries: what walls feel and what flows through openings, of every named boundary.
 
-   The force of a wall is the momentum residual summed over its nodes, as in the balance of momentum. Where boundaries
-   meet, a node counts for the one whose velocity holds there, but for the pressure, which each gets for its own share of
-   the surface (that of an inflow would be seen in the friction of the wall beside it). What penalty bodies that reach a wall exert on it is not in it.
-   The flow through an opening is int u.n = sum of u over its nodes with the weights int phi n, which are the column sums
-   of the divergence, so that the flows through all openings add up to the integral of div u. */
+   The force of a wall is the momentum residual summed over its nodes, as in the balance of momentum. Where
+   boundaries meet, a node counts for the one whose velocity holds there, but for the pressure, which each gets for
+   its own share of the surface (that of an inflow would be seen in the friction of the wall beside it). What penalty
+   bodies that reach a wall exert on it is not in it.
+   The flow through an opening is int u.n = sum of u over its nodes with the weights int phi n, the column sums of the
+   divergence, so that the flows through all openings add up to the integral of div u. */
 #pragma once
 #include "couple/couple.h"
 #include "fitted.h"

@@ -326,7 +326,7 @@ static PetscErrorCode sum_fluid(Couple c, PetscReal change[3], PetscReal volume[
   for (PetscInt k = 0; k < c->s->n; k++) {
     const BodyGroup *g = BodiesGetGroup(c->s, k);
 
-    if (!c->hollow || !c->hollow[k] || c->s->gone[k]) continue; /* of the others the velocity inside is that of the body */
+    if (!c->hollow || !c->hollow[k] || c->s->gone[k]) continue; /* else u inside is the body's */
     all += g->mass.volume;
     for (PetscInt a = 0; a < dim; a++) sum[4 + a] += g->mass.volume * c->U[k * c->nr + a];
   }

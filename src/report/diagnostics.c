@@ -349,7 +349,7 @@ PetscErrorCode DiagnosticsStep(Diagnostics b, const CoupleBalance *balance)
   }
   for (PetscInt i = 0; i < b->ncount; i++) b->value[b->count_column + i] = (PetscReal)b->count[i].value;
   for (PetscInt i = 0; b->deform && i < 3; i++) b->value[b->deform_column + i] = i < 2 ? b->deform->area[i] : b->deform->jacobian;
-  measure_flow(b, balance);
+  if (balance) measure_flow(b, balance);
   for (PetscInt i = 0; i < b->ncolumn; i++) PetscCall(MonitorSetColumn(b->monitor, i, b->value[i]));
   if (b->ncolumn) PetscCall(HistoryAdd(b->history, step->time - (1 - step->theta) * step->dt, b->value));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -1,6 +1,6 @@
-/* Points: the points of a mesh in a file for pictures. A point is a node of the mesh; where the mesh is periodic, a node
-   that a cell needs on the far side of the period has further points there, so that no cell is stretched over the
-   picture. Points of a rank are its own nodes, then these images of them, in the order of `node`. */
+/* Points: the points of a mesh in a file for pictures. A point is a node of the mesh; where the mesh is periodic, a
+   node that a cell needs on the far side of the period has further points there, so that no cell is stretched over
+   the picture. Points of a rank are its own nodes, then these images of them, in the order of `node`. */
 #pragma once
 #include "mesh/mesh.h"
 
@@ -9,7 +9,7 @@
 typedef struct {
   PetscInt  n, start, total;          /* own points, number of the first, all */
   PetscInt *node, *code;              /* [n] local node, shift */
-  PetscInt *number[POINTS_MAX_CODES]; /* [nnode_all] number of the point of a node at this shift; NULL: no rank has any */
+  PetscInt *number[POINTS_MAX_CODES]; /* [nnode_all] point of a node at this shift; NULL: there are none */
 } Points;
 
 /* Collective. */

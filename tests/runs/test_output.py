@@ -1,0 +1,264 @@
+"""What comes out: columns and their table, field `body`, pictures of bodies, files as VTK and meshio read them, options.txt as a scene."""
+import csv
+import json
+import os
+import re
+import subprocess
+import sys
+
+import h5py
+import numpy as np
+import pytest
+
+from conftest import ROOT
+
+PYTHON = ROOT / "build" / "python"  # packages beside those of the system: .ci/run puts VTK there
+
+SQUARE = "-0.1 -0.1\n0.1 -0.1\n0.1 0.1\n-0.1 0.1\n"
+PERIODIC = """\
+mesh: {cells: [8, 6], lower: [0, 0], upper: [2, 1], periodic: x}
+flow: {density: 1, viscosity: 0.1, force: [1, 0]}
+particle:
+  groups: "square,needle"
+  square: {shape: polygon, file: square.txt, density: 1, position: [0.02, 0.5], angle: 0.3}
+  needle: {shape: ellipse, a: 0.2, b: 0.02, density: 2, position: [1, 0.4], angle: 0.5}
+couple: {boundary: penalty}
+sim: {dt: 0.01, steps: 2}
+output: {every: 1}
+"""
+CHANNEL = """\
+mesh: {cells: [8, 6], lower: [0, 0], upper: [2, 1]}
+flow: {density: 1, viscosity: 0.1, bc: {left: {type: inflow, velocity: [1.5, 0], profile: parabolic}, right: {type: outflow}}}
+particle: {groups: disc, disc: {shape: circle, radius: 0.1, density: 1, position: [0.7, 0.5], free: none, reference_speed: 1}}
+couple: {boundary: snap}
+monitor: {momentum: true, dp: [0.2, 0.5, 1.5, 0.5]}
+sim: {dt: 0.1, steps: 3, adapt: true}
+output: {every: 1}
+"""
+EMPTY_CHANNEL = """\
+mesh: {cells: [4, 6], lower: [0, 0], upper: [2, 1]}
+flow: {density: 1, viscosity: 0.1, bc: {left: {type: inflow, velocity: [1.5, 0], profile: parabolic}, right: {type: outflow}}}
+sim: {steady: true}
+"""
+BALL = """\
+mesh: {dimension: 3, cells: [4, 4, 8], lower: [0, 0, 0], upper: [1, 1, 2]}
+flow: {density: 1, viscosity: 0.1, gravity: [0, 0, -981]}
+particle: {groups: ball, ball: {shape: ellipse, a: 0.15, b: 0.1, c: 0.1, density: 1.25, position: [0.5, 0.5, 1.25], angular_velocity: [3, 0, 4]}}
+couple: {boundary: penalty}
+sim: {dt: 0.01, steps: 2}
+output: {every: 1}
+"""
+
+
+@pytest.fixture
+def results(run, scene, tmp_path):
+    def start(text, name, ranks=1, *options):
+        (tmp_path / "square.txt").write_text(SQUARE)
+        done = run([scene(text, name + ".yaml"), "-output_dir", f"{name}{ranks}", *options], ranks)
+        assert done.status == 0, str(done)
+        return done.folder / f"{name}{ranks}"
+
+    return start
+
+
+def last_row(path):
+    with open(path) as file:
+        return list(csv.DictReader(file))[-1]
+
+
+# ---- columns ----
+
+
+def explained():
+    """Patterns of the columns in runs/OUTPUT.md."""
+    names = re.findall(r"^\| `([^`]+)` ", (ROOT / "runs" / "OUTPUT.md").read_text(), re.M)
+    return [re.compile(re.sub("<[^>]*>", ".+", name.replace("\\|", "|")) + "$") for name in names]
+
+
+def test_page_is_what_the_program_prints():
+    text = subprocess.run([ROOT / "build" / "tumble", "-help", "output"], capture_output=True, text=True, check=True).stdout
+    assert text == (ROOT / "runs" / "OUTPUT.md").read_text(), "run 'make options'"
+    rows = [row for row in text.splitlines() if row.startswith("| `")]
+    assert len(rows) > 60 and all(row.count(" |") >= 3 for row in rows)
+
+
+def test_every_column_is_explained(results):
+    patterns = explained()
+    for name, text in (("periodic", PERIODIC), ("channel", CHANNEL), ("ball", BALL)):
+        out = results(text, name)
+        for table in ("series.csv", "bodies.csv"):
+            for column in last_row(out / table):
+                assert any(pattern.match(column) for pattern in patterns), f"{table} of {name}: {column}"
+        for file in out.glob("*.h5"):
+            with h5py.File(file) as h5:
+                for dataset in h5:
+                    assert dataset in (ROOT / "runs" / "OUTPUT.md").read_text(), f"{file.name}: {dataset}"
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_channel_in_numbers(results, ranks):
+    """Developed flow, u = 6 y (1 - y), p = 1.2 (2 - x): friction mu 6 on each wall, and the pressure's mean 1.2 times the length."""
+    row = {name: float(value) for name, value in last_row(results(EMPTY_CHANNEL, "channel", ranks) / "series.csv").items()}
+    assert [row["flow_rate_left"], row["flow_rate_right"]] == pytest.approx([-1, 1], rel=1e-9)
+    assert [row["mean_velocity_x"], row["mean_velocity_y"]] == pytest.approx([1, 0], abs=1e-9)
+    assert [row["wall_force_bottom_x"], row["wall_force_top_x"]] == pytest.approx([1.2, 1.2], rel=1e-8)
+    assert [row["wall_force_bottom_y"], row["wall_force_top_y"]] == pytest.approx([-2.4, 2.4], rel=1e-8)
+    assert "flow_rate_top" not in row and "wall_force_left_x" not in row
+
+
+def test_forces_add_up_to_the_balance(results):
+    row = {name: float(value) for name, value in last_row(results(CHANNEL, "channel", 1, "-flow_recipe", "accurate") / "series.csv").items()}
+    assert row["flow_rate_left"] + row["flow_rate_right"] == pytest.approx(0, abs=1e-7)
+    assert row["wall_force_bottom_y"] + row["wall_force_top_y"] == pytest.approx(-row["momentum_walls_y"], abs=1e-9)
+    assert row["wall_force_bottom_x"] > 0 and row["wall_force_top_x"] > 0 and row["wall_force_top_y"] > 0 > row["wall_force_bottom_y"]
+
+
+# ---- fields ----
+
+
+@pytest.mark.parametrize("rung", ["nodal", "penalty", "snap"])
+def test_body_marks_what_lies_inside(results, rung):
+    out = results(PERIODIC, "periodic", 1, "-couple_boundary", rung)
+    with h5py.File(out / "mesh.h5") as mesh, h5py.File(out / "fields_2.h5") as fields, h5py.File(out / "bodies_2.h5") as bodies:
+        x, body = mesh["coordinates"][:, :2], np.ravel(fields["body"][:])
+        r = x - bodies["position"][1, :2]
+        angle = float(np.ravel(bodies["angle"][:])[1])
+        a, b = r @ [np.cos(angle), np.sin(angle)], r @ [-np.sin(angle), np.cos(angle)]
+        level = np.hypot(a / 0.2, b / 0.02)
+        sign = np.abs(level - 1) > 0.3  # nodes near the surface may have changed sides within the step
+        assert (body[sign & (level < 1)] == 1).all() and (body[sign & (level > 1)] != 1).all()
+        if rung == "penalty":
+            assert (body == 1).any() and (body == 0).any()
+
+
+def test_periodic_mesh_shares_points(results):
+    points = []
+    for ranks in (1, 2):
+        with h5py.File(results(PERIODIC, "periodic", ranks) / "mesh.h5") as mesh:
+            x, cells = mesh["coordinates"][:], mesh["cells"][:]
+        assert len(x) == 17 * 13 and len(np.unique(x.round(9), axis=0)) == len(x)
+        assert sorted(np.unique(cells)) == list(range(len(x)))
+        assert np.ptp(x[cells], axis=1)[:, 0].max() == pytest.approx(0.25)
+        points.append(x[np.lexsort(x.T)])
+    assert np.allclose(*points)
+
+
+# ---- pictures of bodies ----
+
+
+def test_outline_has_corners_and_images(results):
+    with h5py.File(results(PERIODIC, "periodic") / "bodies_2.h5") as file:
+        line, outline, owner = file["line"][:], file["outline"][:], np.ravel(file["cell_body"][:])
+        position, angle = file["position"][:], np.ravel(file["angle"][:])
+    assert owner.tolist() == [0, 1, 0]  # the square reaches over the left side, and has an image at the right one
+    cos, sin = np.cos(angle), np.sin(angle)
+
+    def local(i, k, shift=0):
+        r = outline[line[i]][:, :2] - position[k, :2] - [shift, 0]
+        return r @ np.array([[cos[k], -sin[k]], [sin[k], cos[k]]])
+
+    for i, shift in ((0, 0), (2, 2)):
+        x = local(i, 0, shift)
+        assert np.abs(x).max(1) == pytest.approx(np.full(len(x), 0.1), abs=1e-9)  # all points on the sides
+        for corner in ((-0.1, -0.1), (0.1, -0.1), (0.1, 0.1), (-0.1, 0.1)):
+            assert np.abs(x - corner).max(1).min() < 1e-9, corner
+        assert x[0] == pytest.approx([0.1, 0], abs=1e-9) and x[0] == pytest.approx(x[-1])  # closed, begins on the axis
+    x = local(1, 1)
+    assert np.hypot(x[:, 0] / 0.2, x[:, 1] / 0.02) == pytest.approx(np.ones(len(x)), abs=0.1) and x[0] == pytest.approx([0.2, 0], abs=1e-6)
+
+
+def rotation(q):
+    w, x, y, z = q
+    return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]])
+
+
+def test_surface_and_orientation(results):
+    out = results(BALL, "ball")
+    with h5py.File(out / "bodies_2.h5") as file:
+        x, triangle, q, centre = file["surface"][:], file["triangle"][:], file["orientation"][0], file["position"][0]
+    row = last_row(out / "bodies.csv")
+    assert [float(row[f"q{i}"]) for i in range(4)] == pytest.approx(q, abs=1e-11)
+    assert q @ q == pytest.approx(1) and abs(q[1]) > 1e-3 and abs(q[3]) > 1e-3
+    r = (x - centre) @ rotation(q)  # body axes
+    assert np.linalg.norm(r / [0.15, 0.1, 0.1], axis=1) == pytest.approx(np.ones(len(r)), abs=1e-9)
+    edges, count = np.unique(np.sort(np.concatenate([triangle[:, [0, 1]], triangle[:, [1, 2]], triangle[:, [2, 0]]]), axis=1), axis=0, return_counts=True)
+    assert (count == 2).all() and len(x) - len(edges) + len(triangle) == 2  # closed, a sphere by Euler's formula
+    volume = np.einsum("ij,ij->", r[triangle[:, 0]], np.cross(r[triangle[:, 1]], r[triangle[:, 2]])) / 6
+    assert volume == pytest.approx(4 / 3 * np.pi * 0.15 * 0.1 * 0.1, rel=0.03)  # normals outward
+
+
+# ---- readers ----
+
+VTK = """
+import json, sys
+from vtkmodules.vtkIOXdmf2 import vtkXdmfReader
+from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline as Pipeline
+found = []
+for path in sys.argv[1:]:
+    reader = vtkXdmfReader()
+    reader.SetFileName(path)
+    reader.UpdateInformation()
+    times = reader.GetOutputInformation(0).Get(Pipeline.TIME_STEPS())
+    reader.UpdateTimeStep(times[-1])
+    grid = reader.GetOutputDataObject(0)
+    arrays = [data.GetArrayName(i) for data in (grid.GetPointData(), grid.GetCellData()) for i in range(data.GetNumberOfArrays())]
+    at = [0, 0, 0]
+    if grid.GetCellType(0) in (28, 29):
+        grid.GetCell(0).EvaluateLocation(__import__("vtkmodules.vtkCommonCore").vtkCommonCore.reference(0), (0.3, 0.7, 0.2), at, [0.0] * 27)
+    found.append([list(times), grid.GetNumberOfPoints(), grid.GetNumberOfCells(), grid.GetCellType(0), arrays, at])
+print(json.dumps(found))
+"""
+FILES = ("fields.xmf", "bodies.xmf", "centres.xmf")
+
+
+def test_vtk_reads(results):
+    env = {**os.environ, "PYTHONPATH": f"{PYTHON}:{os.environ.get('PYTHONPATH', '')}"}
+    if subprocess.run([sys.executable, "-c", "import vtkmodules.vtkIOXdmf2"], env=env, capture_output=True).returncode:
+        pytest.skip(f"no VTK that reads XDMF (Debian's does not): {sys.executable} -m pip install --no-deps --target {PYTHON} vtk")
+    for name, text, kind in (("channel", CHANNEL, 28), ("periodic", PERIODIC, 28), ("ball", BALL, 29)):
+        out = results(text, name)
+        done = subprocess.run([sys.executable, "-c", VTK, *(str(out / file) for file in FILES)], env=env, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        fields, bodies, centres = json.loads(done.stdout)
+        assert len(fields[0]) == len(bodies[0]) == len(centres[0]) == (3 if name == "channel" else 2)
+        with h5py.File(out / "mesh.h5") as mesh:
+            x, cells = mesh["coordinates"][:], mesh["cells"][:]
+        assert fields[1:4] == [len(x), len(cells), kind]
+        assert fields[4] == ["velocity", "vorticity", "pressure", "body", "pressure_mean", "pressure_gradient"]
+        if name != "channel":  # the inside of a cell is where VTK takes it to be: nodes are in VTK's order
+            box = x[cells[0]].min(0), np.ptp(x[cells[0]], axis=0)
+            assert fields[5] == pytest.approx(box[0] + box[1] * [0.3, 0.7, 0.2], abs=1e-12)
+        assert bodies[3] == (5 if name == "ball" else 4) and bodies[4] == ["velocity", "angular_velocity", "body", "group"]
+        assert centres[3] in (1, 2) and "orientation" not in bodies[4] and "contact_force" in centres[4]
+
+
+def test_meshio_reads(results):
+    meshio = pytest.importorskip("meshio", reason="meshio is not installed: apt-get install python3-meshio")
+    for name, text, kind in (("channel", CHANNEL, "quad9"), ("periodic", PERIODIC, "quad9"), ("ball", BALL, "hexahedron27")):
+        out = results(text, name)
+        for file, block in zip(FILES, (kind, "triangle" if name == "ball" else "line", "vertex")):
+            with meshio.xdmf.TimeSeriesReader(out / file) as reader:
+                points, cells = reader.read_points_cells()
+                assert [cell.type for cell in cells] == [block] and points.shape[1] == 3 and cells[0].data.max() == len(points) - 1
+                time, at_points, at_cells = reader.read_data(reader.num_steps - 1)
+                assert time > 0 and "velocity" in {**at_points, **at_cells}
+                assert all(len(values) == len(points) for values in at_points.values())
+
+
+# ---- options.txt ----
+
+
+def test_options_are_a_scene(results, run):
+    out = results(PERIODIC, "periodic", 1, "-flow_recipe", "direct")
+    again = run([str(out / "options.txt")])
+    assert again.status == 0, str(again)
+    other = again.folder / "out" / "periodic1-again"
+    for table in ("series.csv", "bodies.csv"):
+        rows = [list(csv.DictReader(open(folder / table))) for folder in (out, other)]
+        strip = [[{k: v for k, v in row.items() if not k.startswith("seconds")} for row in part] for part in rows]
+        assert strip[0] == strip[1] and len(strip[0]) >= 2
+    twice = run([str(out / "options.txt")])
+    assert twice.status and "already holds the results" in str(twice)
+    (out / "broken-options.txt").write_text("# fine\n-sim_dt 1\nsim_steps 2\n")
+    broken = run([str(out / "broken-options.txt")])
+    assert broken.status and "broken-options.txt:3: options.txt is a list of '-name value'" in str(broken)
