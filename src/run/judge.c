@@ -58,7 +58,9 @@ PetscErrorCode JudgeCreate(Flow flow, Bodies bodies, Couple couple, Judge *judge
   j->bound[DIVERGENCE] = 0.01;
   j->bound[MOMENTUM]   = 0.05;
   j->bound[GROWTH]     = 0.2;
-  for (PetscInt i = 0; i < INNER; i++) PetscCall(OptReal(MEASURES[i].option, &j->bound[i]));
+  PetscCall(OptReal("-sim_judge_divergence", &j->bound[DIVERGENCE]));
+  PetscCall(OptReal("-sim_judge_momentum", &j->bound[MOMENTUM]));
+  PetscCall(OptReal("-sim_judge_growth", &j->bound[GROWTH]));
   PetscCall(OptInt("-sim_judge_steps", &j->steps));
   PetscCall(OptReal("-sim_move_max", &j->way_max));
   PetscCall(OptPeek("-flow_recipe", text, sizeof(text)));

@@ -43,7 +43,8 @@ PetscErrorCode ShapeCheck(Shape);
 PetscErrorCode ShapeDefaultNormal(Shape, PetscReal r, PetscInt dim, PetscInt n, const PetscReal x[], PetscReal normal[]);
 
 /* Moments by quadrature, refined until they change by less than 1e-6 or the deepest level is reached (3D: moments of
-   two levels extrapolated; a remark where more than 1e-5 is left). r: bounding radius about the body origin. Error: nothing inside. */
+   two levels extrapolated; a remark where more than 1e-5 is left). r: bounding
+   radius about the body origin. Error: nothing inside. */
 PetscErrorCode ShapeDefaultMass(Shape, PetscReal r, PetscInt dim, ShapeMass *m);
 
 /* n surface points. 2D: evenly spaced in arc length along the zero contour, counter-clockwise, equal weights. 3D:
