@@ -582,6 +582,32 @@ PetscErrorCode OptDefault(const char name[], const char value[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode OptIsOfCommandLine(const char name[], PetscBool *yes)
+{
+  int    n;
+  char **word;
+
+  PetscFunctionBeginUser;
+  *yes = PETSC_FALSE;
+  PetscCall(PetscGetArgs(&n, &word));
+  for (int i = 1; i < n && !*yes; i++) *yes = OptSameName(word[i] + !strncmp(word[i], "--", 2), name);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode OptTake(const char name[], char text[], size_t len)
+{
+  const OptKnown *known = find_known(name);
+  PetscBool       present, commanded;
+  PetscInt        count;
+
+  PetscFunctionBeginUser;
+  PetscCall(look_up(name, &present, &count, text, len));
+  PetscCall(OptIsOfCommandLine(name, &commanded));
+  if (present && !commanded && !(known && known->is_default)) PetscCall(PetscOptionsClearValue(NULL, name));
+  else text[0] = 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode OptWrite(FILE *file)
 {
   PetscMPIInt rank;

@@ -93,13 +93,14 @@ def assert_same(one, other, tolerance, what=tuple(STATE)):
 # ---- ranks ----
 
 
+NODAL = ["-couple_boundary", "nodal"]
 RANK_CASES = {
-    "implicit": (DISC, []),
-    "explicit": (DISC, ["-couple_type", "explicit", "-particle_disc_density", "10"]),
-    "mesh follows": (DISC, ["-mesh_deform", "-deform_ksp_rtol", "1e-8"]),
-    "nine": (NINE, []),
+    "implicit": (DISC, NODAL),
+    "explicit": (DISC, [*NODAL, "-couple_type", "explicit", "-particle_disc_density", "10"]),
+    "mesh follows": (DISC, [*NODAL, "-mesh_deform", "-deform_ksp_rtol", "1e-8"]),
+    "nine": (NINE, NODAL),
     "plate": (PLATE, ["-couple_boundary", "snap"]),
-    "nine explicit": (NINE, ["-couple_type", "explicit", "-particle_disc_density", "20", "-sim_dt", "0.001"]),
+    "nine explicit": (NINE, [*NODAL, "-couple_type", "explicit", "-particle_disc_density", "20", "-sim_dt", "0.001"]),
 }
 
 
