@@ -93,7 +93,7 @@ PRESETS = {
     "balanced": ["flow_recipe balanced", "couple_boundary penalty", "flow_time bdf2"],
     "accurate": ["flow_recipe balanced", "couple_boundary snap", "flow_time bdf2", "sim_adapt_tolerance 1e-4", *ADAPTIVE],
 }
-MESH = ["-mesh_cells", "16,48", "-sim_steps", "1", "-output_overwrite", "-output_dir", "o"]
+MESH = ["-mesh_cells", "32,96", "-sim_steps", "1", "-output_overwrite", "-output_dir", "o"]
 
 
 def holds(folder, lines):
@@ -133,9 +133,20 @@ def test_preset_of_the_command_line(run, scene, tmp_path):
     holds(tmp_path, ["couple_boundary snap", "flow_time cn", "flow_ksp_rtol 1e-8"])
 
 
+def test_preset_refuses(run, scene):
+    """Asked for, a preset stops where it is known not to keep its promise; the default does not."""
+    steps = ["-sim_steps", "1", "-output_overwrite"]
+    refused = run([scene(), "-mesh_cells", "16,48", "-preset", "balanced", *steps])
+    assert refused.status != 0 and "-preset balanced cannot keep its 1 % here: group 'disc' is 2.0 cells thick and needs 4.0." in refused.text, refused
+    assert "use -preset accurate" in refused.text and run([scene(), "-mesh_cells", "16,48", *steps]).status == 0
+    fixed = scene(edited("position: [1, 4]", "position: [1, 4], free: none"))
+    refused = run([fixed, "-mesh_cells", "16,48", "-preset", "fast", *steps])
+    assert refused.status != 0 and "-preset fast cannot keep its 5 % here: one sweep a step damps" in refused.text, refused
+
+
 def test_preset_yields(run, scene, tmp_path):
     """Options that are given win; explicit coupling keeps its time scheme; a scene without bodies takes a preset too."""
-    done = run([scene(), "-preset", "accurate", "-couple_boundary", "nodal", "-couple_type", "explicit", "-sim_steps", "1", "-output_dir", "o"])
+    done = run([scene(), "-mesh_cells", "32,96", "-preset", "accurate", "-couple_boundary", "nodal", "-couple_type", "explicit", "-sim_steps", "1", "-output_dir", "o"])
     assert done.status == 0, done
     options = (tmp_path / "o" / "options.txt").read_text()
     assert re.search(r"^-?couple_boundary nodal", options, re.M) and re.search(r"^-?flow_time be", options, re.M), options
