@@ -51,24 +51,25 @@ def describe(quantity):
 
 
 def row_of(name, preset, quantity, ours, seconds, verdict):
-    converged = quantity["converged"]
-    deviation = "" if ours is None else f"{100 * (ours - converged) / abs(quantity.get('scale', converged)):+.3g}"
-    return [name, preset, describe(quantity), "" if ours is None else f"{ours:.6g}", f"{converged:.6g}", deviation, f"{PROMISE[preset]:g}", seconds, verdict]
+    """verdict None: by the value."""
+    converged, size = quantity["converged"], abs(quantity.get("scale", quantity["converged"]))
+    percent = None if ours is None else 100 * (ours - converged) / size
+    verdict = verdict or ("within" if abs(percent) <= PROMISE[preset] else "NOT within")
+    shown = ["" if ours is None else f"{ours:.6g}", f"{converged:.6g}", "" if ours is None else f"{percent:+.3g}"]
+    return [name, preset, describe(quantity), *shown, f"{PROMISE[preset]:g}", seconds, verdict]
 
 
 def rows_of(name, preset, entry, run, cpu):
     """One row a quantity of a run that ended."""
-    rows, seconds = [], f"{cpu:.1f}"
+    rows = []
     for quantity in entry["quantities"]:
         ours, problem = (None, None) if run.ended != "ok" else measure(quantity["value"], names_of_run(run.folder))
+        verdict = None
         if run.ended == "stopped" and f"-preset {preset} " in run.message:
             verdict = f"refused: {run.message[:300]}"
         elif run.ended != "ok" or problem:
             verdict = f"NOT: {problem or run.message[:300] or run.ended}"
-        else:
-            within = 100 * abs(ours - quantity["converged"]) <= PROMISE[preset] * abs(quantity.get("scale", quantity["converged"]))
-            verdict = "within" if within else "NOT within"
-        rows.append(row_of(name, preset, quantity, ours, seconds, verdict))
+        rows.append(row_of(name, preset, quantity, ours, f"{cpu:.1f}", verdict))
     return rows
 
 
@@ -85,14 +86,17 @@ def read_table(path):
 
 
 def fill(entries, known):
-    """All rows in the order of the declarations, holes for those not known or measured against another value."""
+    """All rows in the order of the declarations: known values judged by the converged ones of today, holes for what was never run."""
     rows = []
     for name, entry in entries.items():
         for preset in PROMISE:
             for quantity in entry["quantities"]:
-                hole = row_of(name, preset, quantity, None, "", HOLE)
-                row = known.get(key_of(hole), hole)
-                rows.append(row if row[4] == hole[4] else hole)
+                row = known.get((name, preset, describe(quantity)))
+                if not row:
+                    row = row_of(name, preset, quantity, None, "", HOLE)
+                elif row[3]:
+                    row = row_of(name, preset, quantity, float(row[3]), row[7], None)
+                rows.append(row)
     return rows
 
 
@@ -122,6 +126,8 @@ def run_presets(parser, args):
     for name in args.names:
         if name not in entries:
             parser.error(f"no scene '{name}' (there are: {', '.join(entries)})")
+    if wrong := set(args.choose.split(",")) - set(PROMISE):
+        parser.error(f"no preset '{min(wrong)}' (there are: {', '.join(PROMISE)})")
     chosen = [name for name in entries if (not args.names or name in args.names) and (args.longest is None or entries[name]["minutes"] <= args.longest)]
     table = Path(args.table or Path(args.results) / "presets.csv")
     known = read_table(table)
@@ -129,10 +135,11 @@ def run_presets(parser, args):
         print_table(["scene", "minutes", "quantities"], [[name, f"{entries[name]['minutes']:g}", ", ".join(map(describe, entries[name]["quantities"]))] for name in chosen])
         return 0
     for name in sorted(chosen, key=lambda name: entries[name]["minutes"]) if not args.show else []:
-        for preset in PROMISE:
+        for preset in args.choose.split(","):
             for row in run_one(name, preset, entries[name], args):
                 known[key_of(row)] = row
             write_table(fill(entries, known), table)
+    write_table(fill(entries, known), table)
     rows = [row for row in fill(entries, known) if row[0] in chosen]
     print_table(COLUMNS, rows)
     kept = sum(row[-1] == "within" or row[-1].startswith("refused") for row in rows)

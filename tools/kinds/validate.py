@@ -37,6 +37,7 @@ def parse_arguments():
     parser.add_argument("--list", action="store_true", help="print the cases and their commands only")
     parser.add_argument("--show", action="store_true", help="compare what is in the folder of the results, without running")
     parser.add_argument("--presets", action="store_true", help="the table scene x preset in place of the cases")
+    parser.add_argument("--choose", default="fast,balanced,accurate", metavar="LIST", help="with --presets: these alone (default: %(default)s)")
     parser.add_argument("--table", metavar="FILE", help="with --presets: the table to fill (default: presets.csv in the folder of the results)")
     parser.add_argument("--cases", default=str(CASES), metavar="FOLDER", help="folder of the declarations (default: runs/validate)")
     parser.add_argument("--results", default="out/validate", metavar="FOLDER", help="a folder for each case, and the table (default: %(default)s)")
