@@ -102,6 +102,7 @@ bench: all ## benchmarks, appended to runs/bench/results.csv (ARGS="--quick", AR
 	$(PYTHON) tools/bench $(ARGS)
 validate: all ## long comparisons of the scenes with their references, one table (ARGS="cylinder-2d1", ARGS="--longest 2"; 'tools/validate --help')
 	$(PYTHON) tools/validate $(ARGS)
+	$(if $(ARGS),,$(PYTHON) tools/validate --presets)
 scaling: all ## strong and weak scaling on 1 and 2 ranks: tables, plots, model (ARGS="--ranks 1,2,4"; runs/bench/scaling.slurm for clusters)
 	$(PYTHON) tools/scaling $(ARGS)
 extremes: all ## the stability map: runs/extremes/map.csv, map.png (ARGS=--quick)

@@ -101,6 +101,13 @@ PetscErrorCode OptPeek(const char name[], char text[], size_t len);
    options stand in src/run/defaults.c. */
 PetscErrorCode OptDefault(const char name[], const char value[]);
 
+/* Does the command line itself hold this option, rather than the scene, another file of options or the environment? */
+PetscBool OptIsArgument(const char name[]);
+
+/* Remove an option unless the command line gives it or it is a default: text[len] is its text, "" if nothing was
+   removed. For what a preset replaces. */
+PetscErrorCode OptTake(const char name[], char text[], size_t len);
+
 /* Stop with an error if scene or command line hold an option that nobody has read: one of another mode with what it is
    read with, a former name with the new one, any other with the nearest known name. Options that PETSc reads only at
    the end of a run (-log_view, ...) are exempt. Call after all set-up, before the first step. */

@@ -552,6 +552,19 @@ PetscErrorCode OptDefault(const char name[], const char value[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode OptTake(const char name[], char text[], size_t len)
+{
+  const OptKnown *known = find_known(name);
+  PetscBool       present;
+  PetscInt        count;
+
+  PetscFunctionBeginUser;
+  PetscCall(look_up(name, &present, &count, text, len));
+  if (present && !OptIsArgument(name) && !(known && known->is_default)) PetscCall(PetscOptionsClearValue(NULL, name));
+  else text[0] = 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode OptGetAll(char **text)
 {
   char  *all, *cursor, *line;

@@ -40,9 +40,6 @@ void OptFormatRange(const OptSpec *spec, char text[], size_t len);
 
 /* The next item of a comma-separated list, without blanks around it. *cursor becomes NULL after the last. */
 PetscBool OptNextItem(const char **cursor, char item[], size_t len);
-/* Is the name (with dash) among the words of the command line? */
-PetscBool OptIsArgument(const char name[]);
-
 /* Paths in value[len] of an option as seen from the working folder; absolute in the database. */
 PetscErrorCode OptResolvePaths(const char name[], OptPaths kind, char value[], size_t len);
 

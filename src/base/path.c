@@ -23,7 +23,7 @@ PetscBool OptIsArgument(const char name[])
 
   (void)PetscGetArgs(&argc, &argv);
   for (int i = 1; i < argc; i++) {
-    if (OptSameName(argv[i], name)) return PETSC_TRUE;
+    if (OptSameName(argv[i] + !strncmp(argv[i], "--", 2), name)) return PETSC_TRUE;
   }
   return PETSC_FALSE;
 }

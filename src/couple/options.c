@@ -8,7 +8,7 @@
 static const OptSpec SPECS[] = {
   {"-couple_type", OPT_CHOICE, "", OPT_ANY, "implicit", .help = "bodies and flow in one system, or the bodies' velocity known from the last step",
    .when = BODIES, .choices = "implicit, explicit"},
-  {"-couple_boundary", OPT_CHOICE, "", OPT_ANY, "nodal", .help = "how the flow sees the surface of a body", .when = BODIES,
+  {"-couple_boundary", OPT_CHOICE, "", OPT_ANY, "by -preset: penalty", .help = "how the flow sees the surface of a body", .when = BODIES,
    .choices = "nodal, penalty, snap"},
   {"-couple_force", OPT_CHOICE, "", OPT_ANY, "residual", .help = "form of the hydrodynamic force", .when = BODIES, .choices = "residual, volume"},
   {"-couple_penalty_viscous", OPT_REAL, "", OPT_FROM(0), "200", .help = "penalty of rung penalty in multiples of viscosity/h^2", .when = PENALTY,

@@ -1,8 +1,11 @@
 /* Defaults: the one place where options get values that depend on the scene or on other options. */
 #pragma once
+#include "bodies/bodies.h"
 #include "mesh/mesh.h"
 
-/* Apply the table of defaults.c, for a scene with a flow, when its mesh is known and before anything else is created.
-   What scene or command line give wins. Reads -preset. Collective. Error: recipe fast, one projection sweep of a time
-   step, in a steady scene. */
-PetscErrorCode DefaultsApply(const MeshLocal *, PetscBool steady);
+/* Apply the table of defaults.c, for a scene with a flow, when its mesh and its bodies (NULL: none) are known and
+   before anything else is created. Reads -preset, balanced unless given. What scene or command line give wins, but a
+   preset of the command line replaces what the scene gives for its options, and lists it in one line.
+   Collective. Errors: recipe fast, one projection sweep of a time step, in a steady scene; a preset that is asked for
+   and known not to keep its promise in this scene. */
+PetscErrorCode DefaultsApply(const MeshLocal *, Bodies bodies, PetscBool steady);

@@ -6,9 +6,9 @@
 #define STEADY "-sim_steady true"
 
 static const OptSpec SPECS[] = {
-  {"-preset", OPT_CHOICE, "", OPT_ANY, "none: every option keeps its own default",
-   .help = "what a run should be: sets -flow_recipe, -couple_boundary and -flow_time unless they are given", .when = "-flow_active true",
-   .choices = "fast, balanced, accurate"},
+  {"-preset", OPT_CHOICE, "", OPT_ANY, "balanced",
+   .help = "what a run should be: sets recipe, rung, time scheme and step; on the command line it replaces those of the scene",
+   .when = "-flow_active true", .choices = "fast, balanced, accurate"},
   {"-scene_dry_run", OPT_BOOL, "", OPT_ANY, "false", .help = "build everything, describe it, and stop before the first step"},
   {"-flow_active", OPT_BOOL, "", OPT_ANY, "true",
    .help = "solve for the flow; without it bodies move under gravity and contact alone, and the mesh gives the box"},

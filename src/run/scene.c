@@ -86,8 +86,8 @@ static PetscErrorCode build(SimParts *part)
   if (active) PetscCall(OptBool("-sim_steady", &steady));
   PetscCall(MeshCreate(PETSC_COMM_WORLD, &part->mesh));
   PetscCall(MeshGetLocal(part->mesh, &l));
-  if (active) PetscCall(DefaultsApply(l, steady));
   PetscCall(BodiesCreate(l->dim, l->lower, l->upper, &part->bodies));
+  if (active) PetscCall(DefaultsApply(l, part->bodies, steady));
   if (active) {
     PetscCall(DeformCreate(part->mesh, part->bodies, &part->deform));
     deformed = (PetscBool)(part->deform != NULL);

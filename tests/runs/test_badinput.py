@@ -234,7 +234,7 @@ def test_existing_output_is_kept(run, scene, ranks, tmp_path):
 @RANKS
 def test_body_that_the_mesh_does_not_see(run, scene, ranks):
     """Smaller than the distance of the nodes: it would fall as in a vacuum."""
-    refused(run([scene(), "-particle_disc_radius", "0.02", "-particle_disc_position", "1.06,4.06"], ranks), "covers no node of the mesh", "group 'disc'", "-mesh_cells")
+    refused(run([scene(), "-particle_disc_radius", "0.02", "-particle_disc_position", "1.06,4.06", "-couple_boundary", "nodal"], ranks), "covers no node of the mesh", "group 'disc'", "-mesh_cells")
 
 
 @TWO

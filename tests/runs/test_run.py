@@ -93,13 +93,14 @@ def assert_same(one, other, tolerance, what=tuple(STATE)):
 # ---- ranks ----
 
 
+NODAL = ["-couple_boundary", "nodal"]
 RANK_CASES = {
-    "implicit": (DISC, []),
-    "explicit": (DISC, ["-couple_type", "explicit", "-particle_disc_density", "10"]),
-    "mesh follows": (DISC, ["-mesh_deform", "-deform_ksp_rtol", "1e-8"]),
-    "nine": (NINE, []),
+    "implicit": (DISC, NODAL),
+    "explicit": (DISC, [*NODAL, "-couple_type", "explicit", "-particle_disc_density", "10"]),
+    "mesh follows": (DISC, [*NODAL, "-mesh_deform", "-deform_ksp_rtol", "1e-8"]),
+    "nine": (NINE, NODAL),
     "plate": (PLATE, ["-couple_boundary", "snap"]),
-    "nine explicit": (NINE, ["-couple_type", "explicit", "-particle_disc_density", "20", "-sim_dt", "0.001"]),
+    "nine explicit": (NINE, [*NODAL, "-couple_type", "explicit", "-particle_disc_density", "20", "-sim_dt", "0.001"]),
 }
 
 
@@ -143,7 +144,7 @@ def test_solvers_agree(go, choice):
 
 def test_force_forms_agree(go):
     """Both forms of the drag, once the first steps are over; they converge to each other with the mesh."""
-    residual, volume = (go(DISC, "-couple_force", form).end()[0]["force_y"] for form in ("residual", "volume"))
+    residual, volume = (go(DISC, *NODAL, "-couple_force", form).end()[0]["force_y"] for form in ("residual", "volume"))
     assert abs(volume - residual) < 0.1 * abs(residual), (residual, volume)
 
 

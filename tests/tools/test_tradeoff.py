@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from conftest import ROOT, SCENE
+from conftest import ROOT, SCENE, edited
 
 PYTHON = "/usr/bin/python3" if Path("/usr/bin/python3").exists() else sys.executable
 LADDERS = """\
@@ -87,18 +87,66 @@ def test_committed_ladders():
         assert (ROOT / "runs" / f"{name}.yaml").is_file() and ladder["axes"] and ladder["quantity"], name
 
 
-@pytest.mark.parametrize("preset, rung", [("fast", "penalty"), ("balanced", "penalty"), ("accurate", "snap")])
-def test_preset(run, scene, tmp_path, preset, rung):
-    done = run([scene(), "-mesh_cells", "16,48", "-sim_steps", "1", "-preset", preset, "-output_dir", "o"])
-    assert done.status == 0, done
-    options = (tmp_path / "o" / "options.txt").read_text()
-    for line in f"flow_recipe {preset}", f"couple_boundary {rung}", "flow_time bdf2":
-        assert re.search(rf"^-?{line}\b", options, re.M), options
+ADAPTIVE = ["sim_adapt true", "sim_adapt_max 0.005", "sim_adapt_move 0.5"]
+PRESETS = {
+    "fast": ["flow_recipe fast", "couple_boundary penalty", "flow_time bdf2", "sim_adapt_tolerance 1e-2", *ADAPTIVE],
+    "balanced": ["flow_recipe balanced", "couple_boundary penalty", "flow_time bdf2"],
+    "accurate": ["flow_recipe balanced", "couple_boundary snap", "flow_time bdf2", "sim_adapt_tolerance 1e-4", *ADAPTIVE],
+}
+MESH = ["-mesh_cells", "32,96", "-sim_steps", "1", "-output_overwrite", "-output_dir", "o"]
+
+
+def holds(folder, lines):
+    """Are these lines among the options that the run had?"""
+    options = (folder / "o" / "options.txt").read_text()
+    for line in lines:
+        assert re.search(rf"^-?{line}$", options, re.M), f"{line} is not in\n{options}"
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_preset(run, scene, tmp_path, preset):
+    done = run([scene(), *MESH, "-preset", preset])
+    assert done.status == 0 and "replaces" not in done.out, done
+    holds(tmp_path, PRESETS[preset])
+
+
+def test_preset_is_balanced(run, scene, tmp_path):
+    """Without a preset; what the scene says for itself stays, also beside a preset of the scene."""
+    assert run([scene(), *MESH]).status == 0
+    holds(tmp_path, ["preset balanced", *PRESETS["balanced"]])
+    own = SCENE + "couple: {boundary: snap}\n"
+    for text in own, own + "preset: accurate\n":
+        done = run([scene(text), *MESH])
+        assert done.status == 0 and "replaces" not in done.out, done
+        holds(tmp_path, ["couple_boundary snap"])
+
+
+def test_preset_of_the_command_line(run, scene, tmp_path):
+    """It replaces what the scene says, in one line; what the command line says for itself stays; cn is of second order as well."""
+    own = edited("flow: {density: 1", "flow: {ksp_rtol: 1e-3, time: be, density: 1") + "couple: {boundary: nodal}\npreset: balanced\n"
+    done = run([scene(own), *MESH, "-preset", "accurate", "-sim_adapt_move", "0.4"])
+    assert done.status == 0 and done.out.count("replaces") == 1, done
+    assert "preset accurate replaces flow_ksp_rtol 1e-3, couple_boundary nodal, flow_time be of the scene\n" in done.out, done
+    holds(tmp_path, ["preset accurate", "flow_ksp_rtol 1e-8", "couple_boundary snap", "flow_time bdf2", "sim_adapt_move 0.4"])
+    done = run([scene(own.replace("time: be", "time: cn")), *MESH, "-preset", "balanced", "-couple_boundary", "snap"])
+    assert done.status == 0 and "preset balanced replaces flow_ksp_rtol 1e-3 of the scene\n" in done.out, done
+    holds(tmp_path, ["couple_boundary snap", "flow_time cn", "flow_ksp_rtol 1e-8"])
+
+
+def test_preset_refuses(run, scene):
+    """Asked for, a preset stops where it is known not to keep its promise; the default does not."""
+    steps = ["-sim_steps", "1", "-output_overwrite"]
+    refused = run([scene(), "-mesh_cells", "16,48", "-preset", "balanced", *steps])
+    assert refused.status != 0 and "-preset balanced cannot keep its 1 % here: group 'disc' is 2.0 cells thick and needs 4.0." in refused.text, refused
+    assert "use -preset accurate" in refused.text and run([scene(), "-mesh_cells", "16,48", *steps]).status == 0
+    fixed = scene(edited("position: [1, 4]", "position: [1, 4], free: none"))
+    refused = run([fixed, "-mesh_cells", "16,48", "-preset", "fast", *steps])
+    assert refused.status != 0 and "-preset fast cannot keep its 5 % here: one sweep a step damps" in refused.text, refused
 
 
 def test_preset_yields(run, scene, tmp_path):
     """Options that are given win; explicit coupling keeps its time scheme; a scene without bodies takes a preset too."""
-    done = run([scene(), "-preset", "accurate", "-couple_boundary", "nodal", "-couple_type", "explicit", "-sim_steps", "1", "-output_dir", "o"])
+    done = run([scene(), "-mesh_cells", "32,96", "-preset", "accurate", "-couple_boundary", "nodal", "-couple_type", "explicit", "-sim_steps", "1", "-output_dir", "o"])
     assert done.status == 0, done
     options = (tmp_path / "o" / "options.txt").read_text()
     assert re.search(r"^-?couple_boundary nodal", options, re.M) and re.search(r"^-?flow_time be", options, re.M), options

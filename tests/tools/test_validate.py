@@ -116,3 +116,53 @@ def test_mistakes(program, tmp_path):
         assert done.returncode == 2 and phrase in done.stderr, done.stderr
     declare(tmp_path)
     assert "-sim_steps 3" in validate(tmp_path, program, "--list").stdout
+
+
+PRESETS = """\
+[presets.disc]
+scene = "{scene}"
+options = "-mesh_cells 32,96 -sim_steps 2"
+minutes = 0.1
+quantities = [
+  {{ value = "steps", converged = 2, source = "exact" }},
+  {{ name = "rank", value = "ranks - 1", converged = 0, scale = 1, source = "exact" }},
+]
+
+[presets.coarse]
+scene = "{scene}"
+options = "-mesh_cells 16,48 -sim_steps 2"
+minutes = 0.2
+quantities = [{{ value = "steps", converged = 3, source = "wrong" }}]
+"""
+
+
+def test_presets(program, tmp_path):
+    """The table scene x preset: values, deviations, the message of a refusal, holes that a later run fills and an earlier row that stays."""
+    declare(tmp_path, PRESETS)
+    done = validate(tmp_path, program, "--presets", "disc")
+    assert done.returncode == 0 and "6 kept, 0 not, 0 not run" in done.stdout, done.stdout + done.stderr
+    assert (tmp_path / "results" / "presets.md").read_text().count("| not run |") == 3
+    done = validate(tmp_path, program, "--presets", "coarse")
+    assert done.returncode == 1 and "1 kept, 2 not, 0 not run" in done.stdout, done.stdout + done.stderr
+    with open(tmp_path / "results" / "presets.csv", newline="") as file:
+        rows = {(row["scene"], row["preset"], row["quantity"]): row for row in csv.DictReader(file)}
+    assert len(rows) == 9 and rows["disc", "fast", "rank"]["verdict"] == "within" and float(rows["disc", "accurate", "steps"]["cpu_seconds"]) > 0
+    assert rows["coarse", "fast", "steps"]["verdict"] == "NOT within" and rows["coarse", "fast", "steps"]["deviation_percent"] == "-33.3"
+    assert rows["coarse", "balanced", "steps"]["verdict"].startswith("refused: -preset balanced cannot keep its 1 % here: group 'disc' is 2.0 cells")
+    declare(tmp_path, PRESETS.replace("converged = 2", "converged = 2.03"))  # judged anew
+    assert "5 kept, 4 not, 0 not run" in validate(tmp_path, program, "--presets", "--show").stdout
+
+
+def test_mistakes_of_presets(program, tmp_path):
+    for text, phrase in ((PRESETS.replace("minutes", "hours", 1), "unknown key 'hours'"), (PRESETS.replace(', scale = 1', ""), "converges to 0"), (CASE, "no list of cases declares")):
+        declare(tmp_path, text)
+        done = validate(tmp_path, program, "--presets")
+        assert done.returncode == 2 and phrase in done.stderr, done.stderr
+
+
+def test_presets_keep_their_promise(program, tmp_path):
+    """Three cheap scenes of the tree with each preset; all others: tools/validate --presets."""
+    words = ["--build", str(program.parent), "--results", str(tmp_path)]
+    scenes = ["cylinder-2d1", "rotating-container", "rotating-container-immersed"]
+    done = subprocess.run([sys.executable, str(ROOT / "tools" / "validate"), "--presets", *scenes, *words], cwd=ROOT, env=environment(), capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0 and "12 kept, 0 not, 0 not run" in done.stdout and "refused" not in done.stdout, done.stdout + done.stderr

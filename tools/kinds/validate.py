@@ -5,6 +5,8 @@
   tools/validate --longest 2           cases of at most two minutes
   tools/validate --list                cases and commands, nothing is run
   tools/validate --show                the table from the results that are there, nothing is run
+  tools/validate --presets             what the presets promise: every declared scene with each preset (names, --longest, --list, --show as above);
+                                       rows of earlier runs stay in the table: --table runs/validate/presets.csv is the one of the tree
 
 Prints one table (quantity, ours, reference, tolerance, source, verdict) and writes it to table.csv in the folder of the results.
 The exit status is 1 if a quantity is not within its tolerance. How a case is declared stands in runs/README.md.
@@ -16,6 +18,7 @@ import shlex
 import sys
 from pathlib import Path
 
+from kinds.presets import run_presets
 from quantities import measure, names_of_run
 from toolbox import ROOT, check_keys, launcher, make_parser, print_table, printable, read_options, read_toml, run_scene
 
@@ -33,6 +36,9 @@ def parse_arguments():
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="cases at a time (default: %(default)s)")
     parser.add_argument("--list", action="store_true", help="print the cases and their commands only")
     parser.add_argument("--show", action="store_true", help="compare what is in the folder of the results, without running")
+    parser.add_argument("--presets", action="store_true", help="the table scene x preset in place of the cases")
+    parser.add_argument("--choose", default="fast,balanced,accurate", metavar="LIST", help="with --presets: these alone (default: %(default)s)")
+    parser.add_argument("--table", metavar="FILE", help="with --presets: the table to fill (default: presets.csv in the folder of the results)")
     parser.add_argument("--cases", default=str(CASES), metavar="FOLDER", help="folder of the declarations (default: runs/validate)")
     parser.add_argument("--results", default="out/validate", metavar="FOLDER", help="a folder for each case, and the table (default: %(default)s)")
     return parser, parser.parse_args()
@@ -55,6 +61,8 @@ def read_cases(parser, folder):
     cases = {}
     for path in sorted(Path(folder).glob("*.toml")):
         for name, case in read_toml(parser, path).items():
+            if name == "presets":  # kinds/presets.py
+                continue
             where = f"{path}: [{name}]"
             check_keys(parser, where, case, CASE_KEYS)
             if missing := {"scene", "minutes", "quantities"} - set(case):
@@ -148,6 +156,10 @@ def print_plan(cases, args):
 
 def main():
     parser, args = parse_arguments()
+    if args.presets:
+        return run_presets(parser, args)
+    if args.table:
+        parser.error("--table is read with --presets only")
     cases = choose(parser, read_cases(parser, args.cases), args)
     if not args.show:
         print_plan(cases, args)
