@@ -59,7 +59,7 @@ static PetscErrorCode start_run(Monitor m, const MonitorStep *s)
   m->wall_start -= s->seconds + m->wall_before;
   if (!m->restarted) m->time_start = s->time - s->dt;
   m->started = PETSC_TRUE;
-  PetscCall(ProgressHeading());
+  PetscCall(ProgressHeading(m));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -86,6 +86,25 @@ static PetscErrorCode read_options(Monitor m)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode read_units(Monitor m)
+{
+  static const char *const LENGTH[] = {"km", "m", "cm", "mm", "um", "nm", NULL}, *const TIME[] = {"h", "min", "s", "ms", "us", "ns", NULL},
+                           *const MASS[] = {"t", "kg", "g", "mg", "ug", "ng", "pg", NULL};
+  static const struct {
+    const char        *name;
+    const char *const *words;
+  } UNITS[NUNITS] = {[UNIT_LENGTH] = {"-units_length", LENGTH}, [UNIT_TIME] = {"-units_time", TIME}, [UNIT_MASS] = {"-units_mass", MASS}};
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < NUNITS; i++) {
+    PetscInt word = -1; /* not said */
+
+    PetscCall(OptChoice(UNITS[i].name, UNITS[i].words, &word));
+    m->unit[i] = word < 0 ? "" : UNITS[i].words[word];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode MonitorCreate(Bodies bodies, Monitor *monitor)
 {
   Monitor m;
@@ -97,6 +116,7 @@ PetscErrorCode MonitorCreate(Bodies bodies, Monitor *monitor)
   PetscCall(BodiesGetState(bodies, &m->bodies));
   m->fall_speed_max = m->speed_max = m->overlap_max = PETSC_MIN_REAL;
   PetscCall(read_options(m));
+  PetscCall(read_units(m));
   *monitor = m;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
