@@ -88,20 +88,18 @@ static PetscErrorCode read_options(Monitor m)
 
 static PetscErrorCode read_units(Monitor m)
 {
-  static const char *const LENGTH[] = {"km", "m", "cm", "mm", "um", "nm", NULL}, *const TIME[] = {"h", "min", "s", "ms", "us", "ns", NULL},
-                           *const MASS[] = {"t", "kg", "g", "mg", "ug", "ng", "pg", NULL};
-  static const struct {
-    const char        *name;
-    const char *const *words;
-  } UNITS[NUNITS] = {[UNIT_LENGTH] = {"-units_length", LENGTH}, [UNIT_TIME] = {"-units_time", TIME}, [UNIT_MASS] = {"-units_mass", MASS}};
+  static const char *const LENGTH[] = {"km", "m", "cm", "mm", "um", "nm", NULL};
+  static const char *const TIME[]   = {"h", "min", "s", "ms", "us", "ns", NULL};
+  static const char *const MASS[]   = {"t", "kg", "g", "mg", "ug", "ng", "pg", NULL};
+  PetscInt                 word[NUNITS] = {-1, -1, -1}; /* not said */
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < NUNITS; i++) {
-    PetscInt word = -1; /* not said */
-
-    PetscCall(OptChoice(UNITS[i].name, UNITS[i].words, &word));
-    m->unit[i] = word < 0 ? "" : UNITS[i].words[word];
-  }
+  PetscCall(OptChoice("-units_length", LENGTH, &word[UNIT_LENGTH]));
+  PetscCall(OptChoice("-units_time", TIME, &word[UNIT_TIME]));
+  PetscCall(OptChoice("-units_mass", MASS, &word[UNIT_MASS]));
+  m->unit[UNIT_LENGTH] = word[UNIT_LENGTH] < 0 ? "" : LENGTH[word[UNIT_LENGTH]];
+  m->unit[UNIT_TIME]   = word[UNIT_TIME] < 0 ? "" : TIME[word[UNIT_TIME]];
+  m->unit[UNIT_MASS]   = word[UNIT_MASS] < 0 ? "" : MASS[word[UNIT_MASS]];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

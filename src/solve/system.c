@@ -10,7 +10,7 @@
 /* Diagonal entries of A in the sweeps, at least, in lumped masses: convection that the mesh does not resolve takes from
    the entry, and would leave nothing or less (runs/studies/flow-solver) */
 #define LEAST_DIAGONAL 0.1
-/* Weight of the continuity rows, see system.h, in mean cell sizes (runs/studies/flow-solver) */
+/* Weight of the continuity rows, see system.h, in mean cell sizes (runs/studies/flow-solver, "Rows of one unit") */
 #define BALANCE 12
 
 /* ---- numeric set-up ---- */
@@ -134,7 +134,6 @@ PetscErrorCode FlowSolverCreate(Flow flow, Constraint constraint, PetscBool movi
   FlowSolver       fs;
   const PetscReal *h;
   PetscReal        mean = 0;
-  PetscBool set;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&fs));
@@ -154,8 +153,6 @@ PetscErrorCode FlowSolverCreate(Flow flow, Constraint constraint, PetscBool movi
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &fs->h_max, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &mean, 1, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   fs->balance = BALANCE * mean;
-  PetscCall(PetscOptionsGetReal(NULL, NULL, "-flow_balance", &fs->balance, &set));
-  if (set) fs->balance *= mean;
   PetscCall(FlowSolverSetRecipe(fs, moving));
   PetscCall(FlowGetMatrix(flow, &fs->S));
   PetscCall(MatCreateMAIJ(fs->S, fs->loc->dim, &fs->S_all));
