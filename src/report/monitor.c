@@ -88,9 +88,9 @@ static PetscErrorCode read_options(Monitor m)
 
 static PetscErrorCode read_units(Monitor m)
 {
-  static const char *const LENGTH[] = {"km", "m", "cm", "mm", "um", "nm", NULL};
-  static const char *const TIME[]   = {"h", "min", "s", "ms", "us", "ns", NULL};
-  static const char *const MASS[]   = {"t", "kg", "g", "mg", "ug", "ng", "pg", NULL};
+  static const char *const LENGTH[]     = {"km", "m", "cm", "mm", "um", "nm", NULL};
+  static const char *const TIME[]       = {"h", "min", "s", "ms", "us", "ns", NULL};
+  static const char *const MASS[]       = {"t", "kg", "g", "mg", "ug", "ng", "pg", NULL};
   PetscInt                 word[NUNITS] = {-1, -1, -1}; /* not said */
 
   PetscFunctionBeginUser;

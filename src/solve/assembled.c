@@ -27,7 +27,8 @@ static PetscErrorCode create_rigid_diagonal(Constraint c, const PetscReal D[], c
         for (PetscInt j = 0; j < c->nr; j++) {
           const PetscInt at = ((c->first + k) * c->nr + i) * c->nr + j;
 
-          if ((c->unknown[c->first + k] >> j) & 1) PetscCall(MatSetValue(*E, row + i, row + j, unit(c, c->first + k, i, j) * (D[at] + (H ? H[at] : 0)), INSERT_VALUES));
+          if ((c->unknown[c->first + k] >> j) & 1)
+            PetscCall(MatSetValue(*E, row + i, row + j, unit(c, c->first + k, i, j) * (D[at] + (H ? H[at] : 0)), INSERT_VALUES));
         }
     }
   }
@@ -78,7 +79,8 @@ static PetscErrorCode create_soft_matrix(Constraint c, const PenaltyTerm *s, Mat
     for (PetscInt a = 0; a < dim; a++)
       for (PetscInt m = 0; m < nr; m++)
         if ((c->unknown[s->body[e]] >> m) & 1)
-          PetscCall(MatSetValue(*G, row + s->node[e] * dim + a, column[s->body[e]] + m, ConstraintSlotUnit(c, s->body[e], m) * block[a * nr + m], INSERT_VALUES));
+          PetscCall(MatSetValue(*G, row + s->node[e] * dim + a, column[s->body[e]] + m, ConstraintSlotUnit(c, s->body[e], m) * block[a * nr + m],
+                                INSERT_VALUES));
   }
   PetscCall(MatAssemblyBegin(*G, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(*G, MAT_FINAL_ASSEMBLY));

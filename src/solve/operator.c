@@ -234,8 +234,7 @@ PetscErrorCode FlowSolverApplyMassInverse(FlowSolver fs, Vec x, Vec y)
   for (PetscInt j = 0; j < c->ninert; j++) ya[c->slot[j]] = 0; /* the softness of body nodes belongs to S_p only */
   PetscCall(PetscArraycpy(t, xr + fs->nodal, c->count * fs->nr));
   if (FlowSolverIsSoft(fs)) PetscCall(lead_followers(fs, PETSC_TRUE, xr, NULL, t));
-  for (PetscInt k = 0; k < c->count; k++)
-    invert_mass(fs, c->first + k, t + k * fs->nr, ya + fs->nodal + k * fs->nr);
+  for (PetscInt k = 0; k < c->count; k++) invert_mass(fs, c->first + k, t + k * fs->nr, ya + fs->nodal + k * fs->nr);
   for (PetscInt i = fs->nodal; i < fs->nur; i++) ya[i] /= fs->scale;
   if (FlowSolverIsSoft(fs)) PetscCall(lead_followers(fs, PETSC_FALSE, NULL, ya, ya + fs->nodal));
   PetscCall(VecRestoreArray(y, &ya));

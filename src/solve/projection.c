@@ -162,13 +162,15 @@ PetscErrorCode ConstraintCreateMat(Constraint c, Mat *P)
       if (c->body[j] >= 0)
         for (PetscInt s = 0; s < c->nr; s++)
           if (c->coef[j * c->nr + s] != 0)
-            PetscCall(MatSetValue(*P, row0 + i, column[c->body[j]] + s, ConstraintSlotUnit(c, c->body[j], s) * c->coef[j * c->nr + s], INSERT_VALUES));
+            PetscCall(
+              MatSetValue(*P, row0 + i, column[c->body[j]] + s, ConstraintSlotUnit(c, c->body[j], s) * c->coef[j * c->nr + s], INSERT_VALUES));
       j++;
     } else PetscCall(MatSetValue(*P, row0 + i, col0 + i, 1, INSERT_VALUES));
     if (f < c->nfollow && c->follow_slot[f] == i) {
       for (PetscInt s = 0; s < c->nr; s++)
         if (c->follow_coef[f * c->nr + s] != 0)
-          PetscCall(MatSetValue(*P, row0 + i, column[c->follow_body[f]] + s, ConstraintSlotUnit(c, c->follow_body[f], s) * c->follow_coef[f * c->nr + s], INSERT_VALUES));
+          PetscCall(MatSetValue(*P, row0 + i, column[c->follow_body[f]] + s,
+                                ConstraintSlotUnit(c, c->follow_body[f], s) * c->follow_coef[f * c->nr + s], INSERT_VALUES));
       f++;
     }
   }

@@ -18,8 +18,8 @@ struct _p_Constraint {
   PetscReal       *value, *known;              /* [nnode_all][dim] at walls; the known part c */
   PetscReal (*X)[3], *U;                       /* [nbodies] centres; rigid velocities as given, [nbodies][nr] */
   PetscReal *length;                           /* [nbodies] see ConstraintSetLengths */
-  PetscBool have_bodies;
-  PetscInt  nbody_nodes, body_node_room, *body_node; /* local nodes (ghosts too) that lie in a body or follow one,
+  PetscBool  have_bodies;
+  PetscInt   nbody_nodes, body_node_room, *body_node; /* local nodes (ghosts too) that lie in a body or follow one,
                                                         ascending */
   /* inert slots; body -1: walls, and bodies without unknowns */
   PetscInt   ninert, *slot, *body, *local_body;

@@ -103,8 +103,8 @@ static void factorise_row(Relax s, PetscInt i, const PetscInt ai[], const PetscI
 }
 
 /* A pivot that elimination has nearly used up, against the diagonal or against its row of U, is replaced by the
-   diagonal, or more where the row is longer: the factors would overflow where convection that the mesh does not resolve outweighs
-   the diagonal (runs/studies/flow-solver) */
+   diagonal, or more where the row is longer: the factors would overflow where convection that the mesh does not resolve
+   outweighs the diagonal (runs/studies/flow-solver) */
 #define PIVOT_OF_DIAGONAL 0.05
 #define PIVOT_OF_ROW      0.03
 #define INSTEAD_OF_ROW    0.1

@@ -325,7 +325,8 @@ static PetscErrorCode add_known_soft(FlowSolver fs, const PetscReal c[], PetscRe
   for (PetscInt k = 0; k < P->count; k++)
     for (PetscInt m = 0; m < nn; m++)
       if ((P->unknown[P->first + k] >> (m / nr)) & 1 && !((P->unknown[P->first + k] >> (m % nr)) & 1))
-        rigid[k * nr + m / nr] -= ConstraintSlotUnit(P, P->first + k, m / nr) * fs->soft->H[(P->first + k) * nn + m] * P->U[(P->first + k) * nr + m % nr];
+        rigid[k * nr + m / nr] -= ConstraintSlotUnit(P, P->first + k, m / nr) * fs->soft->H[(P->first + k) * nn + m] *
+                                  P->U[(P->first + k) * nr + m % nr];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -20,32 +20,33 @@ DISC = {
 }
 # 20 um in a box of 100 x 200 um of water
 SMALL = {**DISC, "mesh_cells": "32,64", "mesh_upper": ((0.01, 0.02), LENGTH), "flow_viscosity": ((0.01,), VISCOSITY), "particle_disc_radius": ((0.001,), LENGTH),
-         "particle_disc_position": ((0.0045, 0.0136), LENGTH), "particle_disc_velocity": "0,0", "sim_dt": ((0.001,), TIME)}
+         "particle_disc_position": ((0.0045, 0.0136), LENGTH), "particle_disc_velocity": "0,0", "sim_dt": ((0.001,), TIME), "sim_steps": "5"}
 # comes to rest on the floor within the run
 LANDING = {**DISC, "particle_disc_position": ((0.9, 0.2), LENGTH), "particle_disc_velocity": ((0, -3), SPEED), "sim_steps": "12"}
 ELLIPSE = {**DISC, "particle_disc_shape": "ellipse", "particle_disc_a": ((0.25,), LENGTH), "particle_disc_b": ((0.125,), LENGTH), "particle_disc_angle": "0.5"}
 del ELLIPSE["particle_disc_radius"]
 
 RUNS = {
-    "demo-nodal": (DISC, 1, ["-couple_boundary", "nodal"]),
-    "demo-penalty": (DISC, 2, ["-couple_boundary", "penalty"]),
+    "demo-nodal": (DISC, 2, ["-couple_boundary", "nodal"]),
+    "demo-penalty": (DISC, 1, ["-couple_boundary", "penalty"]),
     "demo-snap": (DISC, 1, ["-couple_boundary", "snap"]),
-    "demo-accurate": (DISC, 1, ["-flow_recipe", "accurate"]),
     "demo-fast": (DISC, 1, ["-flow_recipe", "fast", "-couple_boundary", "penalty"]),
     "demo-direct": (DISC, 1, ["-flow_recipe", "direct"]),
     "demo-explicit": (DISC, 2, ["-couple_type", "explicit", "-particle_disc_density"]),
     "demo-adaptive": (DISC, 1, ["-sim_adapt", "true", "-couple_boundary", "penalty"]),
     "demo-deform": (DISC, 1, ["-mesh_deform", "true"]),
     "small-nodal": (SMALL, 1, ["-couple_boundary", "nodal"]),
-    "small-penalty": (SMALL, 1, ["-couple_boundary", "penalty"]),
-    "small-snap": (SMALL, 2, ["-couple_boundary", "snap"]),
+    "small-penalty": (SMALL, 2, ["-couple_boundary", "penalty"]),
+    "small-snap": (SMALL, 1, ["-couple_boundary", "snap"]),
     "landing": (LANDING, 1, ["-couple_boundary", "penalty"]),
     "spring": (LANDING, 1, ["-couple_boundary", "nodal", "-contact_law", "spring"]),
-    "ellipse-nodal": (ELLIPSE, 2, ["-couple_boundary", "nodal"]),
     "ellipse-snap": (ELLIPSE, 1, ["-couple_boundary", "snap"]),
 }
-FORCE = (0, -2, 1)  # in the plane: of a unit of depth
-BODIES = {"time_s": TIME, "x": LENGTH, "y": LENGTH, "angle_rad": NUMBER, "u": SPEED, "v": SPEED, "omega_z": (0, -1, 0), "force_x": FORCE, "force_y": FORCE, "torque_z": (1, -2, 1)}
+RATE, FORCE, TORQUE = (0, -1, 0), (0, -2, 1), (1, -2, 1)  # in the plane: of a unit of depth
+BODIES = {
+    "time_s": TIME, "x": LENGTH, "y": LENGTH, "angle_rad": NUMBER, "u": SPEED, "v": SPEED, "omega_z": RATE,
+    "force_x": FORCE, "force_y": FORCE, "torque_z": TORQUE,
+}
 SERIES = {"time_s": TIME, "dt_s": TIME, "cfl": NUMBER, "kinetic_energy": (1, -2, 1)}
 
 
@@ -70,15 +71,17 @@ def table(folder, name):
         return list(csv.DictReader(series)), list(csv.DictReader(bodies))
 
 
-def deviations(rows, others, exponents, system):
-    """Largest difference of each column, relative to the largest of its kind: components that vanish count beside those that do not."""
-    size, worst = {}, {}
+def deviations(rows, others, exponents, system, radius):
+    """Largest difference of each column, relative to the largest number of its unit: what vanishes counts beside what does not, rotation
+    by the speed it gives the surface, torque by the force's lever."""
+    size, worst = {NUMBER: 1}, {}
     for name, unit in exponents.items():
-        values = [float(row[name]) for row in rows]
-        size[unit] = max(size.get(unit, 0), max(map(abs, values)))
+        size[unit] = max(size.get(unit, 0), max(abs(float(row[name])) for row in rows))
+    for unit, of, factor_of in ((RATE, SPEED, 1 / radius), (TORQUE, FORCE, radius)):
+        size[unit] = max(size.get(unit, 0), size.get(of, 0) * factor_of)
     for name, unit in exponents.items():
         far = max(abs(float(a[name]) - float(b[name]) / factor(unit, system)) for a, b in zip(rows, others))
-        worst[name] = far / size[unit] if size[unit] else far
+        worst[name] = far / size[unit]
     return worst
 
 
@@ -92,9 +95,30 @@ def test_units_change_nothing(name, run, scene, tmp_path):
         result = run([file, *options(numbers, system), *extra, "-output_dir", system], ranks)
         assert result.status == 0, result
     series, bodies = table(tmp_path, "cgs")
+    radius = numbers.get("particle_disc_radius", numbers.get("particle_disc_b"))[0][0]
     assert len(series) > 4 and sum(int(row["outer_iterations"]) for row in series) > 4
     for system in SYSTEMS:
         others, their_bodies = table(tmp_path, system)
         assert [row["outer_iterations"] for row in others] == [row["outer_iterations"] for row in series], system
-        worst = {**deviations(series, others, SERIES, system), **deviations(bodies, their_bodies, BODIES, system)}
+        worst = {**deviations(series, others, SERIES, system, radius), **deviations(bodies, their_bodies, BODIES, system, radius)}
         assert max(worst.values()) < 1e-9, (system, worst)
+
+
+def test_names_of_units(run, scene, tmp_path):
+    """A scene that names its units has them in headings and summary; one that does not has none."""
+    text = "mesh: {cells: [4, 4]}\nsim: {dt: 0.5, steps: 1}\n"
+    plain = run([scene(text, "plain.yaml"), "-output_dir", "plain"])
+    named = run([scene(text + "units: {length: um, time: ms, mass: pg}\n", "named.yaml"), "-output_dir", "named"])
+    assert plain.status == 0 and named.status == 0, (plain, named)
+    assert "time [" not in plain.out and "to t = 0.5\n" in plain.out
+    assert "time [ms]" in named.out and "dt [ms]" in named.out and "to t = 0.5 ms\n" in named.out
+    assert json.loads((tmp_path / "plain/summary.json").read_text())["units"] == {}
+    assert json.loads((tmp_path / "named/summary.json").read_text())["units"] == {"length": "um", "time": "ms", "mass": "pg"}
+    wrong = run([scene(text + "units: {length: yard}\n", "wrong.yaml")])
+    assert wrong.status != 0 and "-units_length" in wrong.text and "yard" in wrong.text, wrong
+
+
+def test_tiny_numbers_are_above_zero(run, scene):
+    """1e-17 is a length like any other: what must be positive is compared with zero."""
+    result = run([scene("mesh: {cells: [4, 4], upper: [4e-17, 4e-17]}\nflow: {viscosity: 1e-20, density: 1e-18}\nsim: {dt: 1e-17, steps: 1}\n")])
+    assert result.status == 0, result
