@@ -2,7 +2,7 @@
 #   OPT="-O2 -g"  optimisation      V=1        show the commands       SANITIZE=1  address and undefined-behaviour sanitizers
 #   PETSC_DIR= PETSC_ARCH=          a PETSc that pkg-config does not know
 #   MPIEXEC=  CC=  PYTHON=          other programs                     SETUP=true  never install missing packages
-VERSION := 0.1.0
+VERSION := 0.2.0
 PREFIX  ?= /usr/local
 OPT     ?= -O3 -march=native -fno-math-errno
 SETUP   ?= tools/setup
