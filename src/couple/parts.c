@@ -194,7 +194,8 @@ PetscErrorCode PartsCut(Parts p, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal
   PetscFunctionBeginUser;
   p->npart = p->nmoments = 0;
   for (PetscInt k = 0; k < p->s->n; k++) {
-    if (omit && omit[k]) continue;
+    /* the mesh itself ends at bodies that are its holes */
+    if ((omit && omit[k]) || BodiesGetGroup(p->s, k)->hole) continue;
     for (DomainImages i = {0}; MeshNextImage(p->loc, X[k], BodiesGetGroup(p->s, k)->radius, &i);) {
       PetscReal Pi[3];
 

@@ -40,11 +40,29 @@ static PetscErrorCode CheckSteepness(Shape s, PetscInt n, PetscReal h, const Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Length of the gradient at x, by differences over 2 h */
+static PetscErrorCode TakeGradient(Shape s, const PetscReal x[], PetscReal h, PetscReal *slope)
+{
+  PetscReal square = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt b = 0; b < s->dim; b++) {
+    PetscReal y[3] = {x[0], x[1], s->dim == 3 ? x[2] : 0}, before, after;
+
+    y[b] = x[b] - h;
+    PetscCall(ShapeDistance(s, 1, y, &before));
+    y[b] = x[b] + h;
+    PetscCall(ShapeDistance(s, 1, y, &after));
+    square += PetscSqr((after - before) / (2 * h));
+  }
+  *slope = PetscSqrtReal(square);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Length of the gradient where the surface crosses the edge from x (d <= 0) along axis a; x becomes that point */
 static PetscErrorCode MeasureSlope(Shape s, PetscReal x[], PetscInt a, PetscReal edge, PetscReal *slope)
 {
-  const PetscReal h   = 1e-4 * s->radius;
-  PetscReal       low = 0, high = 1, d, square = 0;
+  PetscReal       low = 0, high = 1, d;
   const PetscReal start = x[a];
 
   PetscFunctionBeginUser;
@@ -56,16 +74,8 @@ static PetscErrorCode MeasureSlope(Shape s, PetscReal x[], PetscInt a, PetscReal
     if (d <= 0) low = middle;
     else high = middle;
   }
-  for (PetscInt b = 0; b < s->dim; b++) {
-    PetscReal y[3] = {x[0], x[1], s->dim == 3 ? x[2] : 0}, before, after;
-
-    y[b] = x[b] - h;
-    PetscCall(ShapeDistance(s, 1, y, &before));
-    y[b] = x[b] + h;
-    PetscCall(ShapeDistance(s, 1, y, &after));
-    square += PetscSqr((after - before) / (2 * h));
-  }
-  *slope = PetscSqrtReal(square);
+  PetscCall(TakeGradient(s, x, 1e-4 * s->radius, slope));
+  if (PetscAbsReal(*slope - 1) > SLOPE) PetscCall(TakeGradient(s, x, 1e-6 * s->radius, slope)); /* a thin body */
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -67,8 +67,8 @@ def test_animate(folder, tmp_path):
     assert done.returncode == 0, done.stderr
     picture = matplotlib.image.imread(out / "frame_10.png")
     assert picture.shape[1] == 300 and picture[..., :3].std() > 0.05
-    missing = animate(out, path=tmp_path / "nothing")
-    assert missing.returncode != 0 and missing.stderr.startswith("animate: ffmpeg is not in PATH: install it"), missing.stderr
+    without = animate(out, path=tmp_path / "nothing")
+    assert without.returncode == 0 and (out / "animation.gif").read_bytes()[:6] in (b"GIF87a", b"GIF89a"), without.stderr
     fake = tmp_path / "bin" / "ffmpeg"  # takes the frames as they come; the last argument is the film
     fake.parent.mkdir()
     fake.write_text('#!/bin/sh\nfor last; do :; done\n/bin/cat > "$last"\n')
@@ -76,11 +76,11 @@ def test_animate(folder, tmp_path):
     film = animate(out, "--width", "200", path=fake.parent)
     assert film.returncode == 0, film.stderr
     size = (out / "animation.mp4").stat().st_size
-    assert size % (2 * 200 * 4) == 0 and size > 2 * 200 * 200 * 4  # two frames of raw pixels
+    assert size % (2 * 200 * 4) == 0 and size > 2 * 200 * 100 * 4  # two frames of raw pixels
 
 
 def test_animate_says_what_is_missing(tmp_path):
     nothing = animate(tmp_path / "no")
     assert nothing.returncode != 0 and "does not exist" in nothing.stderr
     empty = animate(tmp_path)
-    assert empty.returncode != 0 and "run the scene with -output_every N" in empty.stderr
+    assert empty.returncode != 0 and "holds no results" in empty.stderr

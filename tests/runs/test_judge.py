@@ -42,7 +42,7 @@ def remarks(result):
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_blow_up_stops(run, ranks):
     """The demo with one sweep a step gains energy out of nothing from step 13 on; unjudged it ends with 1,900 cm/s and status 0."""
-    result = run([DEMO, "-preset", "fast", "-output_every", 5, "-output_dir", "out"], ranks)
+    result = run([DEMO, "-flow_recipe", "fast", "-output_every", 5, "-output_dir", "out"], ranks)
     stopped(result, "the kinetic energy grows in a step without a source", "-sim_judge_growth", "Lower -sim_dt", "-preset balanced", "The last good fields are in out/fields_10.h5")
     assert result.steps() <= 25, str(result)
 
@@ -50,9 +50,9 @@ def test_blow_up_stops(run, ranks):
 FINE = {
     "sedimentation, fast": ("sedimentation", ["-preset", "fast", "-mesh_cells", "32,96", "-sim_steps", 40]),
     "two discs, fast": ("dkt", ["-preset", "fast", "-mesh_cells", "48,144", "-sim_steps", 20]),
-    "cylinder, fast": ("cylinder-2d2", ["-preset", "fast", "-sim_steps", 30]),
+    "cylinder, fast": ("cylinder-2d2", ["-flow_recipe", "fast", "-couple_boundary", "penalty", "-sim_steps", 30]),
     "aerofoil, fast": ("airfoil-rotating", ["-preset", "fast", "-sim_steps", 30]),
-    "bed, balanced": ("fluidization", ["-preset", "balanced", "-sim_steps", 15]),
+    "bed, balanced": ("fluidization", ["-sim_steps", 15]),
     "moving frame, accurate": ("lift-off-circle", ["-preset", "accurate", "-sim_steps", 10]),
     "oscillation, snap": ("oscillating-cylinder", ["-sim_steps", 20]),
     "explicit": ("sedimentation", ["-couple_type", "explicit", "-particle_disc_density", 5, "-mesh_cells", "32,96", "-sim_dt", 0.002, "-sim_steps", 30]),
