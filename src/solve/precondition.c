@@ -73,12 +73,14 @@ static PetscErrorCode count_limited(FlowSolver fs)
 }
 
 /* y = fieldsplit (x), then projection or commutator, see the header */
-static PetscErrorCode apply_unbalanced(FlowSolver fs, Vec x, Vec y)
+static PetscErrorCode apply_projection(PC pc, Vec x, Vec y)
 {
+  FlowSolver fs;
   PetscReal *a;
   Vec        u, p;
 
   PetscFunctionBeginUser;
+  PetscCall(PCShellGetContext(pc, &fs));
   PetscCall(PCApply(fs->split, x, y));
   PetscCall(count_limited(fs));
   if (fs->two_stage) {
@@ -94,22 +96,6 @@ static PetscErrorCode apply_unbalanced(FlowSolver fs, Vec x, Vec y)
   PetscCall(VecDestroy(&u));
   PetscCall(VecDestroy(&p));
   PetscCall(VecRestoreArray(y, &a));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* The outer iteration's residual x has balanced rows; everything below works on the rows of the blocks. */
-static PetscErrorCode apply_projection(PC pc, Vec x, Vec y)
-{
-  FlowSolver fs;
-  PetscReal *a;
-
-  PetscFunctionBeginUser;
-  PetscCall(PCShellGetContext(pc, &fs));
-  PetscCall(VecCopy(x, fs->t_x));
-  PetscCall(VecGetArray(fs->t_x, &a));
-  FlowSolverBalance(fs, 1 / fs->balance, a);
-  PetscCall(VecRestoreArray(fs->t_x, &a));
-  PetscCall(apply_unbalanced(fs, fs->t_x, y));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
