@@ -55,7 +55,7 @@ PetscErrorCode JudgeCreate(Flow flow, Bodies bodies, Couple couple, Judge *judge
   j->h                 = l->h;
   j->steps             = 5;
   j->way_max           = 2;
-  j->bound[DIVERGENCE] = 0.01;
+  j->bound[DIVERGENCE] = 0.1;
   j->bound[MOMENTUM]   = 0.05;
   j->bound[GROWTH]     = 0.2;
   PetscCall(OptReal("-sim_judge_divergence", &j->bound[DIVERGENCE]));

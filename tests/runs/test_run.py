@@ -107,7 +107,7 @@ RANK_CASES = {
 @pytest.mark.parametrize("case", RANK_CASES)
 def test_ranks_agree(go, case):
     text, args = RANK_CASES[case]
-    args = [*args, "-flow_ksp_rtol", "1e-8"]
+    args = [*args, "-flow_ksp_rtol", "1e-9"]
     one = go(text, *args)
     for ranks in 2, 3:
         assert_same(one, go(text, *args, ranks=ranks), 1e-6)

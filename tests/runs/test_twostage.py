@@ -49,5 +49,5 @@ def test_viscosity(settle, viscosity, most):
 
 @pytest.mark.parametrize("density", [1e-3, 1e3])
 def test_density(settle, density):
-    count, _ = settle("two_stage", 1, "-couple_boundary", "penalty", "-particle_disc_density", density)
+    count, _ = settle("two_stage", 1, "-couple_boundary", "penalty", "-particle_disc_density", density, "-sim_move_max", 10)
     assert count <= 9
