@@ -77,16 +77,16 @@ static PetscErrorCode choose_assembly(FlowSolver fs)
 }
 
 /* Two stages around bodies, unless one projection meets the tolerance, for which two are too dear */
-static PetscErrorCode choose_stages(FlowSolver fs)
+static PetscErrorCode choose_stages(FlowSolver fs, PetscBool direct)
 {
-  PetscReal rtol  = 0;
-  PetscBool whole = PETSC_FALSE;
+  PetscReal rtol = 0;
+  PetscBool whole;
 
   PetscFunctionBeginUser;
   PetscCall(PetscOptionsGetReal(NULL, NULL, "-flow_ksp_rtol", &rtol, NULL));
   PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_pc_type", &whole));
-  fs->stages = (PetscBool)(fs->schur == SCHUR_TWO_STAGE ||
-                           (fs->schur == SCHUR_AUTO && fs->nbodies > 0 && !whole && PetscMax(rtol, fs->rtol_start > 0 ? fs->rtol_most : 0) < LOOSE));
+  fs->stages = (PetscBool)(fs->schur == SCHUR_TWO_STAGE || (fs->schur == SCHUR_AUTO && fs->nbodies > 0 && !whole && !direct &&
+                                                            PetscMax(rtol, fs->rtol_start > 0 ? fs->rtol_most : 0) < LOOSE));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -117,7 +117,7 @@ PetscErrorCode FlowSolverSetRecipe(FlowSolver fs, PetscBool moving)
   PetscCall(OptDefault("-flow_ksp_type", sweep_only ? "richardson" : "fgmres"));
   PetscCall(OptDefault("-flow_ksp_max_it", outer[recipe][0]));
   PetscCall(OptDefault("-flow_ksp_rtol", outer[recipe][1]));
-  PetscCall(choose_stages(fs));
+  PetscCall(choose_stages(fs, (PetscBool)(recipe == 3)));
   if (recipe == 0) PetscCall(OptDefault("-flow_ksp_convergence_test", "skip"));
   /* or the sweep would run a second time for the norm */
   if (sweep_only) PetscCall(OptDefault("-flow_ksp_norm_type", "none"));

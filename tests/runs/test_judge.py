@@ -53,7 +53,7 @@ FINE = {
     "cylinder, fast": ("cylinder-2d2", ["-flow_recipe", "fast", "-couple_boundary", "penalty", "-sim_steps", 30]),
     "aerofoil, fast": ("airfoil-rotating", ["-preset", "fast", "-sim_steps", 30]),
     "bed, balanced": ("fluidization", ["-sim_steps", 15]),
-    "moving frame, accurate": ("lift-off-circle", ["-preset", "accurate", "-sim_steps", 10]),
+    "moving frame, accurate": ("lift-off-circle", ["-preset", "accurate", "-sim_dt", 0.005, "-sim_steps", 10]),
     "oscillation, snap": ("oscillating-cylinder", ["-sim_steps", 20]),
     "explicit": ("sedimentation", ["-couple_type", "explicit", "-particle_disc_density", 5, "-mesh_cells", "32,96", "-sim_dt", 0.002, "-sim_steps", 30]),
     "volume force": ("sedimentation", ["-couple_force", "volume", "-mesh_cells", "32,96", "-sim_steps", 10]),

@@ -30,7 +30,7 @@ output: {every: 1}
 
 @pytest.fixture
 def disc(run, scene, tmp_path):
-    done = run([scene(edited("steps: 2}", "steps: 4}\noutput: {every: 2}"))])
+    done = run([scene(edited("steps: 2}", "steps: 4}\noutput: {every: 2}")), "-couple_boundary", "nodal"])
     assert done.status == 0, done
     return tumble.open(tmp_path / "out" / "disc")
 
