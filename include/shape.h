@@ -75,7 +75,7 @@ PetscErrorCode ShapeGetData(Shape, void *data); /* pass the address of a pointer
 /* What its options begin with ("particle_disc_"); owned by the shape. */
 PetscErrorCode ShapeGetPrefix(Shape, const char *prefix[]);
 /* To be called in setup by a shape whose distance is Euclidean near most of its surface only: elsewhere near it (behind
-   a seam, at an edge that was cut) its size is a lower bound. Exact sign and 1-Lipschitz are asked of it all the same. */
+   a seam, at an edge that was cut) its size is a lower bound. Exact sign and 1-Lipschitz are asked of it too. */
 PetscErrorCode ShapeSetBound(Shape);
 /* Options of a shape, named without prefix ("radius" becomes -particle_<group>_radius). Range as in opt.h. Not given:
    default stays. */

@@ -81,7 +81,8 @@ static PetscErrorCode ShapeOptions_Composite(Shape s)
   PetscCall(ShapeGetData(s, &c));
   PetscCall(ShapeOptionString(s, "parts", "Names of the parts, separated by commas", c->names, sizeof(c->names)));
   PetscCall(ShapeOptionReal(s, "blend", "Width over which the seams between parts are rounded", "m", 0.0, PETSC_MAX_REAL, &c->blend));
-  PetscCall(PetscStrToArray(c->names[0] ? c->names : "<part>", ',', &n, &name)); /* none given: for the list of options */
+  /* none given: for the list of options */
+  PetscCall(PetscStrToArray(c->names[0] ? c->names : "<part>", ',', &n, &name));
   PetscCheck(n <= MOST, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Shape 'composite' has %d parts, %d are the most: make composites of composites", n,
              MOST);
   for (int i = 0; i < n; i++) {
@@ -232,11 +233,11 @@ static PetscErrorCode ShapeNormal_Composite(Shape s, PetscInt n, const PetscReal
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &c));
   for (PetscInt i = 0; i < n; i += CHUNK) PetscCall(MeasureChunk(c, PetscMin(CHUNK, n - i), x + i * c->dim, d, normal + i * c->dim));
-  for (PetscInt i = 0; i < n; i++) {
+  for (PetscInt i = 0; i < n; i++) { /* without length between opposite sides */
     PetscReal *g = normal + i * c->dim, length = 0;
 
     for (PetscInt a = 0; a < c->dim; a++) length += g[a] * g[a];
-    for (PetscInt a = 0; a < c->dim; a++) g[a] = length > 0 ? g[a] / PetscSqrtReal(length) : a == 0; /* between opposite sides */
+    for (PetscInt a = 0; a < c->dim; a++) g[a] = length > 0 ? g[a] / PetscSqrtReal(length) : a == 0;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

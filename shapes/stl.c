@@ -146,7 +146,8 @@ static PetscErrorCode ReadTriangles(const char file[], PetscInt *n, PetscReal **
     for (PetscInt i = 0; i < 9 * *n && !error[0]; i++)
       if (PetscIsInfOrNanReal((*xyz)[i])) SAY("STL file '%s': a corner of triangle %" PetscInt_FMT " is not finite", file, i / 9);
   } else if (size > 5 && !strncmp(text, "solid", 5)) {
-    PetscCall(PetscMalloc1(PetscMin(size, (size_t)9 * MOST) + 9, xyz)); /* a corner takes more characters than numbers */
+    /* a corner takes more characters than numbers */
+    PetscCall(PetscMalloc1(PetscMin(size, (size_t)9 * MOST) + 9, xyz));
     PetscCall(ReadText(file, text, n, *xyz, error));
   } else
     SAY("'%s' is no STL file: a text file begins with 'solid', a binary one of %u triangles has %.0f bytes, this one has %.0f", file, count,
@@ -172,7 +173,7 @@ static int ComparePoints(const void *a, const void *b)
   return p->id < q->id ? -1 : p->id > q->id;
 }
 
-/* Vertices and triangles from the corners: equal corners are one vertex, triangles that lose a corner so are dropped. */
+/* Vertices and triangles from the corners: equal corners are one vertex, triangles that lose a corner are dropped. */
 static PetscErrorCode JoinCorners(Surface *f, PetscInt n, const PetscReal xyz[])
 {
   Point    *p;

@@ -246,7 +246,8 @@ static PetscErrorCode CheckEuclidean(Suite *t, char why[])
   PetscCall(ShapeProject(t->shape, t->n, t->near, y));
   for (PetscInt i = 0; i < t->n && !why[0]; i++) {
     const PetscReal r = Separation(t->dim, t->near + i * t->dim, y + i * t->dim), d = PetscAbsReal(t->dnear[i]);
-    const PetscReal slack = 1e-6 * d + 1e-9 * t->radius + PetscSqr(1e-5 * t->radius) / d; /* the last: differenced normals near sharp edges */
+    /* the last term: differenced normals near sharp edges */
+    const PetscReal slack = 1e-6 * d + 1e-9 * t->radius + PetscSqr(1e-5 * t->radius) / d;
     PetscReal       g[3], len;
     PetscBool       kink;
 
