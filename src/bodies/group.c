@@ -5,6 +5,7 @@
    know the state of the bodies, which is made from this in bodies.c. */
 #include "compat.h"
 #include "impl.h"
+#include "base/algebra.h"
 #include "base/log.h"
 #include "base/opt.h"
 
@@ -38,8 +39,8 @@ static PetscErrorCode read_free(const char group[], PetscInt dim, const Motion *
 
   PetscFunctionBeginUser;
   (void)OptJoin("-particle_", group, "_free", name);
-  *bits = m->has_pivot ? BODY_FREE_ROTATION : mask[5];
-  if (m->given) *bits = 0;
+  *bits = m->has_pivot || m->has_hinge ? BODY_FREE_ROTATION : mask[5];
+  if (m->given || m->has_slide) *bits = 0;
   PetscCall(OptStringArray(name, &n, list));
   if (n) *bits = 0;
   for (PetscInt i = 0; i < n; i++) {
@@ -52,7 +53,10 @@ static PetscErrorCode read_free(const char group[], PetscInt dim, const Motion *
     *bits |= mask[k];
     PetscCall(PetscFree(list[i]));
   }
-  if (dim == 2 && n && *bits != mask[5] && (*bits & BODY_FREE_Z))
+  PetscCheck(!m->has_slide || !(*bits & ~BODY_FREE_ROTATION), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "%s names a translation, and -particle_%s_slide leaves only that along itself: give rotation or none, or remove the slide", name, group);
+  if (m->has_slide) *bits |= BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z;
+  if (dim == 2 && n && !m->has_slide && *bits != mask[5] && (*bits & BODY_FREE_Z))
     PetscCall(LogRemark("%s: z means nothing in two dimensions, and sets no motion free", name));
   if (dim == 2) *bits &= ~BODY_FREE_Z;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -73,8 +77,30 @@ static PetscErrorCode check_motion(const BodyGroup *g)
   PetscCheck(!m->has_pivot || !moves, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "Group '%s' turns about -particle_%s_pivot, which does not move freely: give -particle_%s_free rotation or none", g->name, g->name,
              g->name);
+  PetscCheck(!m->has_hinge || (!moves && g->free), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_%s_hinge needs a body that turns freely about a point: give -particle_%s_free rotation", g->name, g->name);
+  PetscCheck(!m->has_slide || !m->given, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "Group '%s' slides freely along -particle_%s_slide, and -particle_%s_motion prescribes its motion: remove one of them", g->name, g->name,
+             g->name);
   PetscCheck(!m->has_stops || (!moves && g->free), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-particle_%s_stops needs a body that turns freely about a point: give -particle_%s_free rotation", g->name, g->name);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* An obstacle is held unless the scene says otherwise, which is an error */
+static PetscErrorCode read_obstacle(BodyGroup *g)
+{
+  char      name[OPT_NAME];
+  PetscBool has_free;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptBool(OptJoin("-particle_", g->name, "_obstacle", name), &g->obstacle));
+  if (!g->obstacle) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(OptHas(OptJoin("-particle_", g->name, "_free", name), &has_free));
+  if (!has_free && !g->motion.has_slide && !g->motion.has_hinge) g->free = 0;
+  PetscCheck(!g->free && !g->motion.given, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_%s_obstacle true: the bodies of an obstacle stand still, and those of group '%s' move: remove it, or what moves them",
+             g->name, g->name);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -93,6 +119,7 @@ static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim)
   PetscCall(ShapeGetDisc(g->shape, &g->disc));
   PetscCall(MotionRead(g->name, dim, &g->motion));
   PetscCall(read_free(g->name, dim, &g->motion, &g->free));
+  PetscCall(read_obstacle(g));
   PetscCall(check_motion(g));
   for (PetscInt a = 0; a < dim && g->motion.has_pivot; a++) g->arm[a] = g->mass.centroid[a] - g->motion.pivot[a];
   PetscCall(OptHas(OptJoin("-particle_", g->name, "_density", name), &has_density));
@@ -112,6 +139,36 @@ static PetscErrorCode read_velocities(const char group[], PetscInt dim, Start *s
   PetscCall(OptRealArray(OptJoin("-particle_", group, "_velocity", name), dim, s->base.u, NULL));
   PetscCall(
     OptRealArray(OptJoin("-particle_", group, "_angular_velocity", name), dim == 2 ? 1 : 3, dim == 2 ? s->base.omega + 2 : s->base.omega, NULL));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Orientation of bodies in space: -particle_<g>_quaternion, then turned by the angle about -particle_<g>_axis (or the
+   hinge, or z) */
+static PetscErrorCode orient_bodies(const BodyGroup *g, PetscInt dim, Placement body[])
+{
+  PetscReal axis[3] = {g->motion.hinge[0], g->motion.hinge[1], g->motion.hinge[2]}, q[4] = {1, 0, 0, 0}, length;
+  PetscBool has_axis, has_q;
+  char      name[OPT_NAME];
+
+  PetscFunctionBeginUser;
+  if (dim == 2) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(OptRealArray(OptJoin("-particle_", g->name, "_axis", name), 3, axis, &has_axis));
+  length = PetscSqrtReal(dot3(axis, axis));
+  PetscCheck(length > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s has no length: give an axis that is not zero", name);
+  PetscCheck(!has_axis || !g->motion.has_hinge, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "%s: the angle of a body with -particle_%s_hinge is that about the hinge: remove it, or turn the body by -particle_%s_quaternion", name,
+             g->name, g->name);
+  PetscCall(OptRealArray(OptJoin("-particle_", g->name, "_quaternion", name), 4, q, &has_q));
+  PetscCheck(q[0] != 0 || q[1] != 0 || q[2] != 0 || q[3] != 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "%s is zero: give w,x,y,z with w = cos(a/2) and x,y,z = sin(a/2) times the axis", name);
+  if (!has_axis && !has_q && !g->motion.has_hinge) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt i = 0; i < g->count; i++) {
+    const PetscReal w[3] = {axis[0] / length, axis[1] / length, axis[2] / length};
+
+    PetscCall(PetscArraycpy(body[i].q, q, 4));
+    RotationAdvance(body[i].angle, w, body[i].q); /* makes it a unit quaternion, too */
+    body[i].turned = PETSC_TRUE;
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -184,6 +241,7 @@ static PetscErrorCode read_group(BodyGroup *g, PetscInt dim, const PetscReal low
   PetscCall(read_place(g->name, dim, s));
   PetscCall(check_place(g, s));
   PetscCall(start_group(g, dim, s));
+  PetscCall(orient_bodies(g, dim, s->body));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

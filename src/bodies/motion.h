@@ -16,7 +16,7 @@
 #include "place.h"
 
 /* Read the options of a group. Not collective, same result on every rank. Errors: unknown word, a part without its
-   parameters, stops that are not lower < upper, stops in 3D. */
+   parameters, stops that are not lower < upper, stops in 3D without hinge, a direction without length, pivot and slide. */
 PetscErrorCode MotionRead(const char group[], PetscInt dim, Motion *);
 /* Is the motion along axis a (0, 1, 2) or the turn (3) an oscillation? For checks against what is free. */
 PetscBool MotionOscillates(const Motion *, PetscInt a);

@@ -5,8 +5,10 @@
 /* First state of one body. 2D: third components zero. */
 typedef struct {
   PetscReal x[3], u[3]; /* centre of mass, its velocity */
-  PetscReal angle;      /* rad, about z */
+  PetscReal angle;      /* rad, about z or the axis of the group */
   PetscReal omega[3];   /* angular velocity, rad/s */
+  PetscReal q[4];       /* orientation, if turned: 3D, other than by an angle about z */
+  PetscBool turned;
 } Placement;
 
 /* Both fill p[i].x, i < count, with bodies of bounding radius `radius` that lie inside lower .. upper and stay `margin`
