@@ -58,7 +58,8 @@ static PetscErrorCode find_entries(Flow f)
   PetscCall(FlowGetMatrixParts(f, part, &global));
   for (PetscInt s = 0; s < 2 && part[s]; s++) PetscCall(MatGetRowIJ(part[s], 0, PETSC_FALSE, PETSC_FALSE, &n[s], &start[s], &col[s], &done));
   if (part[1]) PetscCall(MatGetSize(part[1], NULL, &nother));
-  PetscCall(PetscMalloc2(l->nnode_all, &column, l->nnode + nother, &at)); /* column of a node, those of other ranks after own ones */
+  /* column of a node, those of other ranks after own ones; where the row at hand has it */
+  PetscCall(PetscMalloc2(l->nnode_all, &column, l->nnode + nother, &at));
   for (PetscInt i = 0; i < l->nnode_all; i++) {
     column[i] = i;
     if (i >= l->nnode && nother) PetscCall(PetscFindInt(l->node_global[i], nother, global, &column[i]));
