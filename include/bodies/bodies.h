@@ -16,12 +16,15 @@
    (motion.h). */
 #pragma once
 #include "shape/host.h"
+#include "base/expr.h"
 #include "base/state.h"
 
 /* What a scene says about the motion of a group beyond "free"; see motion.h in src/bodies. */
 typedef struct {
+  PetscInt  dim;
   PetscBool constant, rotate; /* do velocity and angular velocity of the start act? */
-  PetscBool given;            /* -particle_<g>_motion */
+  PetscBool given;            /* -particle_<g>_motion, or velocities that change in time */
+  Expr      velocity, omega;  /* those of the start as expressions of t; NULL: numbers, which each body has */
   PetscReal amplitude[3], period[3], phase[3];
   PetscReal swing[3]; /* amplitude, period, phase of the angle about z */
   PetscReal ramp;
@@ -60,7 +63,7 @@ typedef struct {
      group [m], body_group [n]          the group of body k is group[body_group[k]]: BodiesGetGroup
      x, u, w [n][3]                     centre of mass, its velocity, angular velocity [rad/s] in space axes; u_old,
                                         w_old: one step earlier
-     q [n][4], angle [n]                orientation; 2D or about a hinge: angle, rad (else: integral of w_z, for reports)
+     q [n][4], angle [n]                orientation; 2D, hinge: angle, rad (else the integral of w_z, for reports)
      force, torque [n][3]               of the fluid, buoyancy excluded; torque about the centre of mass. contact_force,
                                         contact_torque: of contact
      stopped [n]                        the body rests on its lower (-1) or upper (1) stop, or not (0)

@@ -29,7 +29,7 @@ static const char *const place_names[] = {"single", "lattice", "random", "table"
 
 /* ---- options of one group ---- */
 
-static PetscErrorCode read_free(const char group[], PetscInt dim, const Motion *m, PetscInt *bits)
+static PetscErrorCode read_free(const char group[], PetscInt dim, const Motion *m, PetscBool held, PetscInt *bits)
 {
   const char *const word[] = {"x", "y", "z", "rotation", "none", "all"};
   const PetscInt    mask[] = {BODY_FREE_X,        BODY_FREE_Y, BODY_FREE_Z,
@@ -40,7 +40,7 @@ static PetscErrorCode read_free(const char group[], PetscInt dim, const Motion *
   PetscFunctionBeginUser;
   (void)OptJoin("-particle_", group, "_free", name);
   *bits = m->has_pivot || m->has_hinge ? BODY_FREE_ROTATION : mask[5];
-  if (m->given || m->has_slide) *bits = 0;
+  if (m->given || m->has_slide || held) *bits = 0;
   PetscCall(OptStringArray(name, &n, list));
   if (n) *bits = 0;
   for (PetscInt i = 0; i < n; i++) {
@@ -71,12 +71,18 @@ static PetscErrorCode check_motion(const BodyGroup *g)
 
   PetscFunctionBeginUser;
   for (PetscInt a = 0; a < 4; a++)
-    PetscCheck(!(g->free >> a & 1) || !MotionOscillates(m, a), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-               "Group '%s': -particle_%s_motion prescribes %s, and -particle_%s_free sets it free: remove it from one of them", g->name, g->name,
+    PetscCheck(!(g->free >> a & 1) || !MotionChanges(m, a), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "Group '%s': -particle_%s_%s prescribes %s, and -particle_%s_free sets it free: remove it from one of them", g->name, g->name,
+               MotionOscillates(m, a) ? "motion"
+               : a < 3                ? "velocity"
+                                      : "angular_velocity",
                word[a], g->name);
   PetscCheck(!m->has_pivot || !moves, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "Group '%s' turns about -particle_%s_pivot, which does not move freely: give -particle_%s_free rotation or none", g->name, g->name,
              g->name);
+  PetscCheck(!g->obstacle || (!g->free && !m->given), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_%s_obstacle true: the bodies of an obstacle stand still, and those of group '%s' move: remove it, or what moves them",
+             g->name, g->name);
   PetscCheck(!m->has_hinge || (!moves && g->free), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-particle_%s_hinge needs a body that turns freely about a point: give -particle_%s_free rotation", g->name, g->name);
   PetscCheck(!m->has_slide || !m->given, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
@@ -87,24 +93,7 @@ static PetscErrorCode check_motion(const BodyGroup *g)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* An obstacle is held unless the scene says otherwise, which is an error */
-static PetscErrorCode read_obstacle(BodyGroup *g)
-{
-  char      name[OPT_NAME];
-  PetscBool has_free;
-
-  PetscFunctionBeginUser;
-  PetscCall(OptBool(OptJoin("-particle_", g->name, "_obstacle", name), &g->obstacle));
-  if (!g->obstacle) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(OptHas(OptJoin("-particle_", g->name, "_free", name), &has_free));
-  if (!has_free && !g->motion.has_slide && !g->motion.has_hinge) g->free = 0;
-  PetscCheck(!g->free && !g->motion.given, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "-particle_%s_obstacle true: the bodies of an obstacle stand still, and those of group '%s' move: remove it, or what moves them",
-             g->name, g->name);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim)
+static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim, Start *s)
 {
   char      name[OPT_NAME], type[64] = "", prefix[128];
   PetscBool has_density;
@@ -117,9 +106,10 @@ static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim)
   PetscCall(ShapeGetMass(g->shape, &g->mass));
   PetscCall(ShapeGetRadius(g->shape, &g->radius));
   PetscCall(ShapeGetDisc(g->shape, &g->disc));
-  PetscCall(MotionRead(g->name, dim, &g->motion));
-  PetscCall(read_free(g->name, dim, &g->motion, &g->free));
-  PetscCall(read_obstacle(g));
+  PetscCall(OptReal(OptJoin("-particle_", g->name, "_angle", name), &s->base.angle));
+  PetscCall(MotionRead(g->name, dim, &g->motion, s->base.u, s->base.omega));
+  PetscCall(OptBool(OptJoin("-particle_", g->name, "_obstacle", name), &g->obstacle));
+  PetscCall(read_free(g->name, dim, &g->motion, g->obstacle, &g->free));
   PetscCall(check_motion(g));
   for (PetscInt a = 0; a < dim && g->motion.has_pivot; a++) g->arm[a] = g->mass.centroid[a] - g->motion.pivot[a];
   PetscCall(OptHas(OptJoin("-particle_", g->name, "_density", name), &has_density));
@@ -127,18 +117,6 @@ static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim)
   PetscCall(OptReal(name, &g->density));
   PetscCheck(has_density || !g->free, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "Group '%s' moves but has no density: give %s, or -particle_%s_free none", g->name, name, g->name);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode read_velocities(const char group[], PetscInt dim, Start *s)
-{
-  char name[OPT_NAME];
-
-  PetscFunctionBeginUser;
-  PetscCall(OptReal(OptJoin("-particle_", group, "_angle", name), &s->base.angle));
-  PetscCall(OptRealArray(OptJoin("-particle_", group, "_velocity", name), dim, s->base.u, NULL));
-  PetscCall(
-    OptRealArray(OptJoin("-particle_", group, "_angular_velocity", name), dim == 2 ? 1 : 3, dim == 2 ? s->base.omega + 2 : s->base.omega, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -233,11 +211,10 @@ static PetscErrorCode start_group(BodyGroup *g, PetscInt dim, Start *s)
 static PetscErrorCode read_group(BodyGroup *g, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], Start *s)
 {
   PetscFunctionBeginUser;
-  PetscCall(read_shape(g, dim));
+  PetscCall(read_shape(g, dim, s));
   s->count = 1;
   PetscCall(PetscArraycpy(s->lower, lower, 3));
   PetscCall(PetscArraycpy(s->upper, upper, 3));
-  PetscCall(read_velocities(g->name, dim, s));
   PetscCall(read_place(g->name, dim, s));
   PetscCall(check_place(g, s));
   PetscCall(start_group(g, dim, s));

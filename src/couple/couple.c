@@ -72,7 +72,7 @@ static PetscErrorCode set_rigid_velocities(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-#define HOLD 1e8 /* stiffness of what holds a hinge or slide, in inertias of body and fluid: leaves 1e-8 of the motion */
+#define HOLD 1e8 /* stiffness of what holds a hinge or slide, in inertias of body and fluid */
 
 static void hold_block(PetscInt nr, PetscInt first, PetscInt n, const PetscReal e[3], PetscReal scale, const PetscReal M[], PetscReal K[])
 {
@@ -285,6 +285,18 @@ static PetscErrorCode create_solver(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode unite_obstacles(Couple c)
+{
+  PetscBool *united;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(c->s->n, &united));
+  for (PetscInt k = 0; k < c->s->n; k++) united[k] = BodiesGetGroup(c->s, k)->obstacle;
+  PetscCall(ConstraintSetUnited(c->constraint, united));
+  PetscCall(PetscFree(united));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode tell_rung(void *couple)
 {
   Couple c = (Couple)couple;
@@ -323,6 +335,7 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   PetscCall(BoundariesCreate(flow, c->hole, &c->boundaries));
   PetscCall(CoupleFindNormals(c));
   PetscCall(ConstraintCreate(c->mesh, n, &c->constraint));
+  PetscCall(unite_obstacles(c));
   PetscCall(ConstraintGetRigidSize(c->constraint, &c->nr));
   PetscCall(create_solver(c));
   nn = n * c->nr;
