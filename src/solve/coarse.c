@@ -26,6 +26,18 @@ struct _p_Coarse {
 
 /* ---- interpolation ---- */
 
+/* From values at the corners of a cell to those in its corner slots, the vertices of large faces where these hang */
+static void fit_slots(const MeshHang *h, PetscInt nv, PetscInt nk, PetscReal fit[])
+{
+  for (PetscInt k = 0; k < nk; k++) {
+    PetscReal row[8] = {0};
+
+    for (PetscInt v = 0; v < nv; v++)
+      for (PetscInt s = 0; s < nv; s++) row[s] += fit[k * nv + v] * h->corner[v][s];
+    for (PetscInt s = 0; s < nv; s++) fit[k * nv + s] = row[s];
+  }
+}
+
 /* Linear function on a cell (value and scaled slopes at the centre) that fits the vertex values: for a parallelogram
    the multilinear interpolant at its centre */
 static PetscErrorCode fit_vertices(Coarse s, PetscInt c, PetscInt node[], PetscReal fit[])
@@ -53,6 +65,7 @@ static PetscErrorCode fit_vertices(Coarse s, PetscInt c, PetscInt node[], PetscR
       for (PetscInt e = 0; e < dim; e++) fit[(1 + a) * nv + v] += size * inv[e * dim + a] * ((v >> e) & 1 ? 1.0 : -1.0) / nv;
     }
   }
+  if (MeshCellHang(l, c)) fit_slots(MeshCellHang(l, c), nv, dim + 1, fit);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
