@@ -1,0 +1,74 @@
+/* Refine: see refine.h. */
+#include "compat.h"
+#include "refine.h"
+#include "base/opt.h"
+
+typedef struct {
+  Bodies     bodies;
+  BodyState *s;
+  PetscInt   dim;
+  PetscReal  period[3];
+  PetscBool  inside; /* insides count as surface */
+} Surface;
+
+/* Smallest distance of x to any body, looked at closely for those within reach only */
+static PetscErrorCode measure_distance(void *context, const PetscReal x[3], PetscReal reach, PetscReal *d)
+{
+  const Surface *s = context;
+
+  PetscFunctionBeginUser;
+  *d = PETSC_MAX_REAL;
+  for (PetscInt k = 0; k < s->s->n; k++) {
+    PetscReal y[3] = {0, 0, 0}, r = 0, at;
+
+    for (PetscInt a = 0; a < s->dim; a++) {
+      y[a] = DomainNearest(s->period[a], x[a], s->s->x[k][a]);
+      r += PetscSqr(y[a] - s->s->x[k][a]);
+    }
+    r = PetscSqrtReal(r) - BodiesGetGroup(s->s, k)->radius;
+    if (r > reach || r > *d) continue;
+    PetscCall(BodiesDistance(s->bodies, k, NULL, NULL, 1, y, &at));
+    *d = PetscMin(*d, s->inside ? PetscMax(at, 0) : PetscAbsReal(at));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Around bodies, unless -mesh_refine names boxes alone */
+static PetscErrorCode is_around_bodies(PetscBool *around)
+{
+  PetscInt n = 32;
+  char    *names[32];
+
+  PetscFunctionBeginUser;
+  PetscCall(OptHas("-mesh_refine", around));
+  *around = (PetscBool)!*around;
+  PetscCall(OptStringArray("-mesh_refine", &n, names));
+  for (PetscInt i = 0; i < n; i++) {
+    PetscBool same;
+
+    PetscCall(PetscStrcmp(names[i], "bodies", &same));
+    *around = (PetscBool)(*around || same);
+    PetscCall(PetscFree(names[i]));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode RefineCreateMesh(MPI_Comm comm, Bodies *bodies, Mesh *mesh)
+{
+  Surface   s = {0};
+  PetscReal lower[3], upper[3];
+  PetscBool still, around;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshReadBox(comm, &s.dim, lower, upper, s.period));
+  PetscCall(BodiesCreate(s.dim, lower, upper, bodies));
+  s.bodies = *bodies;
+  PetscCall(BodiesGetState(*bodies, &s.s));
+  PetscCall(BodiesAreStill(*bodies, &still));
+  PetscCall(is_around_bodies(&around));
+  PetscCheck(still || !around, comm, PETSC_ERR_SUP,
+             "-mesh_refine bodies refines where bodies are at the start, and these move: name a box around their way instead (-mesh_refine <box>, "
+             "-mesh_box_<box>_corners)");
+  PetscCall(MeshCreateAround(comm, s.s->n ? &(MeshSurface){measure_distance, &s} : NULL, mesh));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
