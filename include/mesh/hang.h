@@ -1,10 +1,10 @@
 /* Hang: element interpolation at jumps between levels of refinement.
 
-   A cell beside a cell of twice its size has nodes that are none of its own: on the shared face (in space also edge) its
-   slots of MeshLocal.cell_node hold the nodes of the large face, and values at its lattice places are H_e times the
-   values in its slots: (3/8, 3/4, -1/8) at the quarter points of a large edge, the node itself at its ends and middle,
-   tensor products on faces. Hanging places are therefore in no array, matrix or exchange. What is computed with a cell,
-   at its places, returns to its slots with the transpose.
+   A cell beside a cell of twice its size has nodes that are none of its own: on the shared face (in space also edge)
+   its slots of MeshLocal.cell_node hold the nodes of the large face, and values at its lattice places are H_e times
+   the values in its slots: (3/8, 3/4, -1/8) at the quarter points of a large edge, the node itself at its ends and
+   middle, tensor products on faces. Hanging places are therefore in no array, matrix or exchange. What is computed
+   with a cell, at its places, returns to its slots with the transpose.
 
      gather         v <- H_e v         MeshHangGather
      scatter        r <- H_e^T r       MeshHangScatter

@@ -6,9 +6,9 @@
    node with an own cell); own nodes first, then ghost nodes. Local indices everywhere; global = node_start + local for
    own nodes.
 
-   PETSc's -dm_refine and -petscpartitioner_type act on it. With -mesh_levels cells are refined where it is wanted: a cell
-   beside a larger one then has nodes of the larger one in its slots, and values at its lattice places come from them by
-   an interpolation of the element (mesh/hang.h). */
+   PETSc's -dm_refine and -petscpartitioner_type act on it. With -mesh_levels cells are refined where it is wanted: a
+   cell beside a larger one then has nodes of the larger one in its slots, and values at its lattice places come from
+   them by an interpolation of the element (mesh/hang.h). */
 #pragma once
 #include "base/domain.h"
 #include "mesh/hang.h"
@@ -19,25 +19,25 @@
 
 /* Read-only view of the local mesh. */
 typedef struct {
-  PetscInt         dim, nb;                /* nb = 3^dim nodes a cell */
-  PetscInt         ncell, ncell_all;       /* own cells; with ghosts */
-  PetscInt         nnode, nnode_all;       /* own Q2 nodes; with ghosts */
-  PetscInt         cell_start, node_start; /* global index of the first own cell, node */
-  PetscInt         ncell_global, nnode_global;
-  const PetscInt  *cell_node;     /* [ncell_all][nb] local node */
-  const PetscInt  *cell_global;   /* [ncell_all] global cell index */
-  const PetscInt  *node_global;   /* [nnode_all] global node index */
-  const PetscInt  *node_cell_ptr; /* [nnode_all + 1] into node_cell: the cells around a node */
-  const PetscInt  *node_cell;
-  const MeshHang *const *hang;    /* [ncell_all] where slots of a cell are not its places, NULL entry: they are; NULL:
+  PetscInt               dim, nb;                /* nb = 3^dim nodes a cell */
+  PetscInt               ncell, ncell_all;       /* own cells; with ghosts */
+  PetscInt               nnode, nnode_all;       /* own Q2 nodes; with ghosts */
+  PetscInt               cell_start, node_start; /* global index of the first own cell, node */
+  PetscInt               ncell_global, nnode_global;
+  const PetscInt        *cell_node;     /* [ncell_all][nb] local node */
+  const PetscInt        *cell_global;   /* [ncell_all] global cell index */
+  const PetscInt        *node_global;   /* [nnode_all] global node index */
+  const PetscInt        *node_cell_ptr; /* [nnode_all + 1] into node_cell: the cells around a node */
+  const PetscInt        *node_cell;
+  const MeshHang *const *hang; /* [ncell_all] where slots of a cell are not its places, NULL entry: they are; NULL:
                                      everywhere */
-  const PetscInt  *centre_cell;        /* [nnode_all] cell whose centre node it is, or -1 */
-  const PetscReal *x;                  /* [nnode_all][dim] node coordinates, second-order geometry */
-  const PetscReal *x_start;            /* [nnode_all][dim] the same before any MeshMoveNodes */
-  PetscInt         moves;              /* calls of MeshMoveNodes so far */
-  PetscReal        period[3];          /* length of the period along an axis, 0 = not periodic */
-  PetscReal        lower[3], upper[3]; /* bounding box of the whole mesh */
-  PetscReal        h;                  /* smallest cell size of the whole mesh (volume^(1/dim)) */
+  const PetscInt        *centre_cell;        /* [nnode_all] cell whose centre node it is, or -1 */
+  const PetscReal       *x;                  /* [nnode_all][dim] node coordinates, second-order geometry */
+  const PetscReal       *x_start;            /* [nnode_all][dim] the same before any MeshMoveNodes */
+  PetscInt               moves;              /* calls of MeshMoveNodes so far */
+  PetscReal              period[3];          /* length of the period along an axis, 0 = not periodic */
+  PetscReal              lower[3], upper[3]; /* bounding box of the whole mesh */
+  PetscReal              h;                  /* smallest cell size of the whole mesh (volume^(1/dim)) */
 } MeshLocal;
 
 typedef struct _p_Mesh *Mesh;
@@ -87,8 +87,8 @@ static inline PetscBool MeshNextImage(const MeshLocal *l, const PetscReal x[3], 
 PetscErrorCode MeshCellCoordinates(Mesh, PetscInt c, PetscReal xc[]);
 PetscErrorCode MeshSlotCoordinates(Mesh, PetscInt c, PetscReal xs[]);
 
-/* Element interpolation of local cell c, NULL where nothing hangs; values v [nb][bs] in slots to places, r [nb][bs] from
-   places to slots, matrices K [nb * bs][stride] of the same unknowns (mesh/hang.h) */
+/* Element interpolation of local cell c, NULL where nothing hangs; values v [nb][bs] in slots to places, r [nb][bs]
+   from places to slots, matrices K [nb * bs][stride] of the same unknowns (mesh/hang.h) */
 static inline const MeshHang *MeshCellHang(const MeshLocal *l, PetscInt c)
 {
   return l->hang ? l->hang[c] : NULL;

@@ -136,17 +136,19 @@ PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], FlowDiagnostics *out)
 
   PetscFunctionBeginUser;
   for (PetscInt c = 0; c < l->ncell; c++) {
-    PetscReal        al[MESH_MAX_NB * 3], vl[MESH_MAX_NB * 3], wl[MESH_MAX_NB * 3], r[MESH_MAX_NB * 3], div = 0, ul[MESH_MAX_NB * 3];
+    PetscReal al[MESH_MAX_NB * 3], vl[MESH_MAX_NB * 3], wl[MESH_MAX_NB * 3], r[MESH_MAX_NB * 3], div = 0, ul[MESH_MAX_NB * 3], us[MESH_MAX_NB * 3];
     const PetscReal *b = f->b + c * (dim + 1) * n;
     ElementMetric    m;
 
-    FlowCellSlots(l, c, u, ul);
-    for (PetscInt i = 0; i < n; i++) div += b[i] * ul[i];
-    MeshCellGather(l, c, dim, ul);
+    FlowCellSlots(l, c, u, us);
+    FlowCellGather(l, c, u, ul);
     gather_step(f, c, u, al, vl, wl);
     PetscCall(FlowCellMetric(f, c, &m));
     ElementResidual(&f->element, &m, f->par.density, f->par.viscosity, f->par.force, al, vl, f->par.convection ? wl : NULL, f->par.skew, r);
-    for (PetscInt i = 0; i < n; i++) sum[2 + i % dim] += r[i]; /* viscous parts add up to zero over a cell */
+    for (PetscInt i = 0; i < n; i++) {
+      sum[2 + i % dim] += r[i]; /* viscous parts add up to zero over a cell */
+      div += b[i] * us[i];
+    }
     sum[1] += div * div / PetscPowReal(f->size[c], dim);
     for (PetscInt q = 0; q < f->element.nq; q++) {
       PetscReal v[3] = {0, 0, 0};

@@ -24,7 +24,7 @@ PetscBool HangStretched(PetscInt dim, PetscInt code, PetscInt j, PetscInt a)
   return on_edge;
 }
 
-/* Multilinear functions: the vertices of a stretched edge are at 0 and 4 steps of the cell's lattice, its corner at 2 */
+/* Multilinear functions: the vertices of a stretched edge are at 0 and 4 steps of a cell's lattice, a corner at 2 */
 static void fill_corners(PetscInt dim, PetscInt code, MeshHang *h)
 {
   const PetscInt child = code & 7;
@@ -105,7 +105,7 @@ void MeshHangScatter(const MeshHang *h, PetscInt bs, PetscReal r[])
 
   for (PetscInt s = 0; s < h->n; s++) {
     for (PetscInt k = 0; k < bs; k++) {
-      in[s * bs + k]           = r[h->slot[s] * bs + k];
+      in[s * bs + k]         = r[h->slot[s] * bs + k];
       r[h->slot[s] * bs + k] = 0;
     }
   }

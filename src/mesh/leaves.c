@@ -74,9 +74,10 @@ static PetscErrorCode measure(const Leaves *t, PetscInt level, const PetscInt x[
 static PetscBool box_refines(const Leaves *t, PetscInt level, const PetscReal x[], PetscReal h)
 {
   for (PetscInt i = 0; i < t->nbox; i++) {
-    const LeavesBox  *b    = t->box + i;
-    const PetscReal last = h / (PetscReal)((PetscInt)1 << PetscMax(0, b->levels - 1 - level)); /* side of its parents of finest cells */
-    PetscReal       d    = 0;
+    const LeavesBox *b    = t->box + i;
+    const PetscInt   less = PetscMax(0, b->levels - 1 - level);
+    const PetscReal  last = h / (PetscReal)((PetscInt)1 << less); /* side of what is halved last */
+    PetscReal        d    = 0;
 
     if (level >= b->levels) continue;
     for (PetscInt a = 0; a < t->dim; a++) d += PetscSqr(PetscMax(0, PetscMax(b->lower[a] - x[a], x[a] - b->upper[a])));
@@ -112,7 +113,7 @@ static PetscErrorCode surface_refines(Leaves *t, PetscInt level, const PetscInt 
 {
   const PetscBool narrow = (PetscBool)(t->band < (t->dim == 2 ? BAND_PLANE : BAND_SPACE));
   const uint64_t  key    = curve_key(t->dim, x);
-  PetscReal       centre[3], h, d = PETSC_MAX_REAL, far;
+  PetscReal       centre[3], h, d = PETSC_MAX_REAL, far = 0;
   PetscInt        known;
 
   PetscFunctionBeginUser;
@@ -124,7 +125,7 @@ static PetscErrorCode surface_refines(Leaves *t, PetscInt level, const PetscInt 
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(measure(t, level, x, centre, &h));
-  far = narrow ? (1.5 * PetscSqrtReal((PetscReal)t->dim) + 0.5 * t->band) * h : 0; /* nothing finer can force this cell */
+  if (narrow) far = (1.5 * PetscSqrtReal((PetscReal)t->dim) + 0.5 * t->band) * h; /* beyond, nothing finer forces it */
   PetscCall((*t->surface->distance)(t->surface->context, centre, PetscMax(far, t->band * h), &d));
   *refine = (PetscBool)(d < t->band * h);
   if (!*refine && d < far && level + 1 < t->levels) PetscCall(neighbours_refine(t, level, x, refine));
@@ -383,15 +384,16 @@ static PetscErrorCode find_own_leaves(Leaves *t)
 
 static PetscErrorCode read_box(Leaves *t, const char name[])
 {
-  LeavesBox  *b = t->box + t->nbox++;
-  char      option[OPT_NAME];
-  PetscReal corner[6];
-  PetscBool given;
+  LeavesBox *b = t->box + t->nbox++;
+  char       option[OPT_NAME];
+  PetscReal  corner[6];
+  PetscBool  given;
 
   PetscFunctionBeginUser;
   PetscCall(PetscStrncpy(b->name, name, sizeof(b->name)));
   PetscCall(OptRealArray(OptJoin("-mesh_box_", name, "_corners", option), 2 * t->dim, corner, &given));
-  PetscCheck(given, t->comm, PETSC_ERR_USER_INPUT, "-mesh_refine names a box '%s' that nobody gave: give its lower and upper corner by %s", name, option);
+  PetscCheck(given, t->comm, PETSC_ERR_USER_INPUT, "-mesh_refine names a box '%s' that nobody gave: give its lower and upper corner by %s", name,
+             option);
   for (PetscInt d = 0; d < t->dim; d++) {
     b->lower[d] = corner[d];
     b->upper[d] = corner[t->dim + d];
@@ -400,14 +402,14 @@ static PetscErrorCode read_box(Leaves *t, const char name[])
   }
   b->levels = t->levels;
   PetscCall(OptInt(OptJoin("-mesh_box_", name, "_levels", option), &b->levels));
-  PetscCheck(b->levels <= t->levels, t->comm, PETSC_ERR_USER_INPUT, "%s %" PetscInt_FMT " is more than -mesh_levels %" PetscInt_FMT, option, b->levels,
-             t->levels);
+  PetscCheck(b->levels <= t->levels, t->comm, PETSC_ERR_USER_INPUT, "%s %" PetscInt_FMT " is more than -mesh_levels %" PetscInt_FMT, option,
+             b->levels, t->levels);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode read_regions(Leaves *t)
 {
-  PetscInt  n                         = LEAVES_MAX_BOXES + 1;
+  PetscInt  n                           = LEAVES_MAX_BOXES + 1;
   char     *names[LEAVES_MAX_BOXES + 1] = {NULL};
   PetscBool given;
 
@@ -424,7 +426,8 @@ static PetscErrorCode read_regions(Leaves *t)
     PetscCall(PetscFree(names[i]));
   }
   PetscCheck(!t->around || t->surface, t->comm, PETSC_ERR_USER_INPUT,
-             "-mesh_levels %" PetscInt_FMT " refines around bodies, and the scene has none: name a box by -mesh_refine, or remove -mesh_levels", t->levels);
+             "-mesh_levels %" PetscInt_FMT " refines around bodies, and the scene has none: name a box by -mesh_refine, or remove -mesh_levels",
+             t->levels);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -4,13 +4,13 @@
    side h_l is refined if the distance of its centre to the surfaces is below `band` h_l, or as the boxes of
    -mesh_refine want it. Distances change by at most the way, so that from band 2.2 (plane) and 2.6 (space) on no two
    cells that touch, corners included, differ by more than one level; for narrower bands a cell is also refined if one
-   of its children's neighbours would otherwise be two levels finer than a cell beside it (Sundar, Sampath & Biros, SIAM
-   J. Sci. Comput. 30, 2008, balance such trees from a list; here it is part of the formula). Whether a cell exists can
-   thus be told anywhere without communication.
+   of its children's neighbours would otherwise be two levels finer than a cell beside it (Sundar, Sampath & Biros,
+   SIAM J. Sci. Comput. 30, 2008, balance such trees from a list; here it is part of the formula). Whether a cell
+   exists can thus be told anywhere without communication.
 
-   Cells are ordered along the Z curve (Morton 1966) of the lattice of finest cells; a rank has a contiguous range, found
-   from the counts of base cells, the only thing all ranks know of. Places on the lattice: [0, n 2^levels) an axis, at
-   most 2^20. */
+   Cells are ordered along the Z curve (Morton 1966) of the lattice of finest cells; a rank has a contiguous range,
+   found from the counts of base cells, the only thing all ranks know of. Places on the lattice: [0, n 2^levels) an
+   axis, at most 2^20. */
 #pragma once
 #include "keys.h"
 #include "kind.h"
@@ -33,13 +33,13 @@ typedef struct {
 
 typedef struct {
   MPI_Comm           comm;
-  MeshKind           kind; /* borrowed */
+  MeshKind           kind;                        /* borrowed */
   PetscInt           dim, levels, n[3], cells[3]; /* base cells, finest cells an axis */
   PetscBool          periodic[3], around;         /* refine around the surfaces? */
   PetscReal          band;
   const MeshSurface *surface; /* borrowed during construction */
   PetscInt           nbox;
-  LeavesBox            box[LEAVES_MAX_BOXES];
+  LeavesBox          box[LEAVES_MAX_BOXES];
   Keys               memo[LEAVES_MAX_LEVELS + 1]; /* is a cell refined? */
   PetscInt           nleaf, start;
   PetscInt64         total;

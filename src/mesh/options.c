@@ -1,12 +1,12 @@
 /* Options of the room mesh: see base/opt.h. */
 #include "base/opt.h"
 
-#define BOX    "-mesh_kind box"
-#define FITTED "-mesh_kind fitted"
-#define ROUND  "-mesh_kind disc or annulus"
+#define BOX     "-mesh_kind box"
+#define FITTED  "-mesh_kind fitted"
+#define ROUND   "-mesh_kind disc or annulus"
 #define LEVELED "-mesh_kind box or channel"
-#define FOCUS  "-mesh_focus"
-#define GRADED "-mesh_focus, or -mesh_kind channel or fitted"
+#define FOCUS   "-mesh_focus"
+#define GRADED  "-mesh_focus, or -mesh_kind channel or fitted"
 
 static const OptSpec SPECS[] = {
   {"-mesh_kind", OPT_CHOICE, "", OPT_ANY, "box", .help = "where the mesh comes from", .choices = "box, channel, fitted, disc, annulus, file"},

@@ -1,10 +1,10 @@
 /* Refined: see refined.h.
 
-   A cell that shares a node with an own cell lies at most three layers of touching cells away from it: both may have the
-   node as that of a large face beside them, and the two large cells touch. So three layers are looked at and those kept
-   that share a node. The owner of a node is the rank of the first cell on the curve that has it (as in p4est: Isaac,
-   Burstedde, Wilcox & Ghattas, SIAM J. Sci. Comput. 37, 2015); that cell is a ghost of every rank with the node on an
-   own cell, and its owner tells the number. */
+   A cell that shares a node with an own cell lies at most three layers of touching cells away from it: both may have
+   the node as that of a large face beside them, and the two large cells touch. So three layers are looked at and
+   those kept that share a node. The owner of a node is the rank of the first cell on the curve that has it (as in
+   p4est: Isaac, Burstedde, Wilcox & Ghattas, SIAM J. Sci. Comput. 37, 2015); that cell is a ghost of every rank with
+   the node on an own cell, and its owner tells the number. */
 #include "compat.h"
 #include "refined.h"
 #include "hangimpl.h"
@@ -34,7 +34,7 @@ static const Leaf *get_leaf(const Builder *b, PetscInt c)
 /* What hangs around a cell: bits of hangimpl.h */
 static PetscErrorCode find_code(Builder *b, const Leaf *leaf, PetscInt *code)
 {
-  const PetscInt dim = b->dim;
+  const PetscInt dim   = b->dim;
   PetscInt       child = 0, face = 0, edge = 0, out[3] = {0, 0, 0};
 
   PetscFunctionBeginUser;
@@ -165,7 +165,7 @@ static PetscErrorCode choose_ghosts(Builder *b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Where the ghosts are at home */
+/* Where the ghosts are at home; they are sorted by rank */
 static PetscErrorCode connect_ghosts(Builder *b, PetscSF *sf)
 {
   const MPI_Comm comm = b->leaves.comm;
@@ -177,7 +177,7 @@ static PetscErrorCode connect_ghosts(Builder *b, PetscSF *sf)
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_size(comm, &size));
   PetscCall(PetscCalloc4(size, &ask, size, &asked, size + 1, &ask_at, size + 1, &asked_at));
-  for (PetscInt i = 0; i < b->nghost; i++) ask[LeavesOwner(&b->leaves, b->ghost[i].key)]++; /* ghosts are sorted by rank */
+  for (PetscInt i = 0; i < b->nghost; i++) ask[LeavesOwner(&b->leaves, b->ghost[i].key)]++;
   PetscCallMPI(MPI_Alltoall(ask, 1, MPI_INT, asked, 1, MPI_INT, comm));
   for (PetscMPIInt r = 0; r < size; r++) {
     ask_at[r + 1]   = ask_at[r] + ask[r];
@@ -194,8 +194,8 @@ static PetscErrorCode connect_ghosts(Builder *b, PetscSF *sf)
   PetscCallMPI(MPI_Alltoallv(answer, asked, asked_at, MPIU_INT, index, ask, ask_at, MPIU_INT, comm));
   PetscCall(PetscMalloc1(b->nghost, &remote));
   for (PetscInt i = 0; i < b->nghost; i++) {
-    remote[i].rank  = LeavesOwner(&b->leaves, b->ghost[i].key);
-    remote[i].index = index[i];
+    remote[i].rank                    = LeavesOwner(&b->leaves, b->ghost[i].key);
+    remote[i].index                   = index[i];
     b->mesh->cell_global[b->nown + i] = (PetscInt)(b->leaves.total * remote[i].rank / size) + index[i];
   }
   PetscCall(PetscSFCreate(comm, sf));
@@ -337,7 +337,7 @@ static PetscErrorCode place_nodes(Builder *b)
 /* Boundaries are the sides of the box that are not periodic, in the order of DOMAIN_SIDE */
 static PetscErrorCode collect_boundaries(Builder *b)
 {
-  Mesh     m   = b->mesh;
+  Mesh     m  = b->mesh;
   PetscInt at = 0;
 
   PetscFunctionBeginUser;

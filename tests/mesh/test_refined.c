@@ -1,4 +1,5 @@
-/* Refined meshes: counts against p4est's, the same trees on any number of ranks, places of hanging points, patch test. */
+/* Refined meshes: counts against p4est's, the same trees on any number of ranks, places of hanging points, patch
+   test. */
 /* ranks: 1 2 3 7 */
 #include "core.h"
 #include "flow/flow.h"
@@ -93,15 +94,15 @@ static void create_random(PetscInt tree, Mesh *m, const MeshLocal **l)
   OK(MeshGetLocal(*m, l));
 }
 
-/* Places of every cell, also of one with nodes of a large face in its slots, are those of a rectangle, and the cells fill
-   the box; nodes of ghosts are where their owner has them */
+/* Places of every cell, also of one with nodes of a large face in its slots, are those of a rectangle, and the cells
+   fill the box; nodes of ghosts are where their owner has them */
 static void test_places(void **state)
 {
   (void)state;
   for (PetscInt t = 0; t < NTREES; t++) {
     Mesh             m;
     const MeshLocal *l;
-    PetscReal        volume = 0, *x;
+    PetscReal        volume  = 0, *x;
     PetscInt         hanging = 0;
 
     create_random(t, &m, &l);
