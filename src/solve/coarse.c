@@ -238,7 +238,9 @@ static PetscErrorCode choose_operator(Coarse s)
 
   PetscFunctionBeginUser;
   PetscCall(OptChoice("-flow_pressure_coarse", OPERATORS, &choice));
-  if (choice == 2 || (choice == 0 && s->loc->dim == 3)) PetscCall(LaplacianCreate(s->mesh, &s->laplacian));
+  PetscCheck(choice != 2 || !s->loc->hang, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+             "-flow_pressure_coarse laplacian does not know the vertices of refined meshes: use galerkin, or remove -mesh_levels");
+  if (choice == 2 || (choice == 0 && s->loc->dim == 3 && !s->loc->hang)) PetscCall(LaplacianCreate(s->mesh, &s->laplacian));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
