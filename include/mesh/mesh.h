@@ -56,8 +56,9 @@ typedef struct {
 /* MeshCreate with -mesh_levels around `surface` (NULL: there is none). Collective. More errors: what -mesh_levels does
    not work with. */
 PetscErrorCode MeshCreateAround(MPI_Comm, const MeshSurface *, Mesh *);
-/* Before a mesh is made: its levels of refinement (0: none), and the box it will fill. Collective. */
-PetscErrorCode MeshReadLevels(PetscInt *levels);
+/* Before a mesh is made: its levels of refinement (0: none), around bodies or in boxes alone, and the box it will fill.
+   Collective. */
+PetscErrorCode MeshReadLevels(PetscInt *levels, PetscBool *around);
 PetscErrorCode MeshReadBox(MPI_Comm, PetscInt *dim, PetscReal lower[3], PetscReal upper[3], PetscReal period[3]);
 PetscErrorCode MeshDestroy(Mesh *);
 PetscErrorCode MeshView(Mesh, PetscViewer);

@@ -407,7 +407,7 @@ static PetscErrorCode read_box(Leaves *t, const char name[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode read_regions(Leaves *t)
+PetscErrorCode LeavesReadRefine(PetscBool *bodies, PetscInt *nbox, char box[][LEAVES_NAME])
 {
   PetscInt  n                           = LEAVES_MAX_BOXES + 1;
   char     *names[LEAVES_MAX_BOXES + 1] = {NULL};
@@ -416,15 +416,29 @@ static PetscErrorCode read_regions(Leaves *t)
   PetscFunctionBeginUser;
   PetscCall(OptHas("-mesh_refine", &given));
   PetscCall(OptStringArray("-mesh_refine", &n, names));
-  if (!given) t->around = PETSC_TRUE;
+  *bodies = (PetscBool)!given;
+  *nbox   = 0;
   for (PetscInt i = 0; i < n; i++) {
-    PetscBool bodies;
+    PetscBool same;
 
-    PetscCall(PetscStrcmp(names[i], "bodies", &bodies));
-    if (bodies) t->around = PETSC_TRUE;
-    else PetscCall(read_box(t, names[i]));
+    PetscCall(PetscStrcmp(names[i], "bodies", &same));
+    PetscCheck(same || *nbox < LEAVES_MAX_BOXES, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "-mesh_refine names more than %d boxes: leave out some",
+               LEAVES_MAX_BOXES);
+    if (same) *bodies = PETSC_TRUE;
+    else PetscCall(PetscStrncpy(box[(*nbox)++], names[i], LEAVES_NAME));
     PetscCall(PetscFree(names[i]));
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_regions(Leaves *t)
+{
+  PetscInt n;
+  char     names[LEAVES_MAX_BOXES][LEAVES_NAME];
+
+  PetscFunctionBeginUser;
+  PetscCall(LeavesReadRefine(&t->around, &n, names));
+  for (PetscInt i = 0; i < n; i++) PetscCall(read_box(t, names[i]));
   PetscCheck(!t->around || t->surface, t->comm, PETSC_ERR_USER_INPUT,
              "-mesh_levels %" PetscInt_FMT " refines around bodies, and the scene has none: name a box by -mesh_refine, or remove -mesh_levels",
              t->levels);

@@ -21,12 +21,13 @@ typedef struct {
   PetscInt x[3], level;
 } Leaf;
 
+#define LEAVES_NAME           32
 #define LEAVES_MAX_BOXES      16
 #define LEAVES_MAX_NEIGHBOURS 64
 #define LEAVES_MAX_LEVELS     12
 
 typedef struct {
-  char      name[32];
+  char      name[LEAVES_NAME];
   PetscReal lower[3], upper[3];
   PetscInt  levels;
 } LeavesBox;
@@ -47,6 +48,8 @@ typedef struct {
   uint64_t          *first; /* [size] key of every rank's first leaf */
 } Leaves;
 
+/* What -mesh_refine names: bodies? and boxes [LEAVES_MAX_BOXES]. Collective. Error: too many. */
+PetscErrorCode LeavesReadRefine(PetscBool *bodies, PetscInt *nbox, char box[][LEAVES_NAME]);
 /* Read -mesh_refine, -mesh_band and boxes and find the leaves of this rank. Collective. Errors: nothing to refine
    around, unknown or empty boxes, a band too narrow, fewer cells than ranks, too many cells for the lattice. */
 PetscErrorCode LeavesCreate(MPI_Comm, MeshKind, PetscInt levels, const MeshSurface *, Leaves *);

@@ -314,11 +314,16 @@ static PetscErrorCode build_plain(Mesh m)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MeshReadLevels(PetscInt *levels)
+PetscErrorCode MeshReadLevels(PetscInt *levels, PetscBool *around)
 {
+  PetscInt n;
+  char     box[LEAVES_MAX_BOXES][LEAVES_NAME];
+
   PetscFunctionBeginUser;
   *levels = 0;
+  *around = PETSC_FALSE;
   PetscCall(OptInt("-mesh_levels", levels));
+  if (*levels) PetscCall(LeavesReadRefine(around, &n, box));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -335,13 +340,14 @@ PetscErrorCode MeshReadBox(MPI_Comm comm, PetscInt *dim, PetscReal lower[3], Pet
 
 PetscErrorCode MeshCreateAround(MPI_Comm comm, const MeshSurface *surface, Mesh *mesh)
 {
-  Mesh     m;
-  PetscInt levels;
+  Mesh      m;
+  PetscInt  levels;
+  PetscBool around;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&m));
   m->comm = comm;
-  PetscCall(MeshReadLevels(&levels));
+  PetscCall(MeshReadLevels(&levels, &around));
   if (levels) {
     PetscCall(MeshKindReadBox(comm, &m->kind));
     PetscCall(RefinedBuild(m, levels, surface));

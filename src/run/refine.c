@@ -2,7 +2,6 @@
 #include "compat.h"
 #include "refine.h"
 #include "base/log.h"
-#include "base/opt.h"
 
 typedef struct {
   Bodies     bodies;
@@ -30,26 +29,6 @@ static PetscErrorCode measure_distance(void *context, const PetscReal x[3], Pets
     if (r > reach || r > *d) continue;
     PetscCall(BodiesDistance(s->bodies, k, NULL, NULL, 1, y, &at));
     *d = PetscMin(*d, s->inside ? PetscMax(at, 0) : PetscAbsReal(at));
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Around bodies, unless -mesh_refine names boxes alone */
-static PetscErrorCode is_around_bodies(PetscBool *around)
-{
-  PetscInt n = 32;
-  char    *names[32];
-
-  PetscFunctionBeginUser;
-  PetscCall(OptHas("-mesh_refine", around));
-  *around = (PetscBool) !*around;
-  PetscCall(OptStringArray("-mesh_refine", &n, names));
-  for (PetscInt i = 0; i < n; i++) {
-    PetscBool same;
-
-    PetscCall(PetscStrcmp(names[i], "bodies", &same));
-    *around = (PetscBool)(*around || same);
-    PetscCall(PetscFree(names[i]));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -85,11 +64,11 @@ static PetscErrorCode remark_cut_jumps(Surface *s, Mesh mesh)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode RefineCreateMesh(MPI_Comm comm, Bodies *bodies, Mesh *mesh)
+PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool around, Bodies *bodies, Mesh *mesh)
 {
   Surface   s = {0};
   PetscReal lower[3], upper[3];
-  PetscBool still, around;
+  PetscBool still;
 
   PetscFunctionBeginUser;
   PetscCall(MeshReadBox(comm, &s.dim, lower, upper, s.period));
@@ -97,7 +76,6 @@ PetscErrorCode RefineCreateMesh(MPI_Comm comm, Bodies *bodies, Mesh *mesh)
   s.bodies = *bodies;
   PetscCall(BodiesGetState(*bodies, &s.s));
   PetscCall(BodiesAreStill(*bodies, &still));
-  PetscCall(is_around_bodies(&around));
   PetscCheck(still || !around, comm, PETSC_ERR_SUP,
              "-mesh_refine bodies refines where bodies are at the start, and these move: name a box around their way instead (-mesh_refine <box>, "
              "-mesh_box_<box>_corners)");

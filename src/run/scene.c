@@ -77,11 +77,12 @@ static PetscErrorCode remark_no_walls(const MeshLocal *l, const FlowParameters *
 /* A refined mesh is made around the bodies, others before them */
 static PetscErrorCode create_mesh_and_bodies(SimParts *part, const MeshLocal **l)
 {
-  PetscInt levels;
+  PetscInt  levels;
+  PetscBool around;
 
   PetscFunctionBeginUser;
-  PetscCall(MeshReadLevels(&levels));
-  if (levels) PetscCall(RefineCreateMesh(PETSC_COMM_WORLD, &part->bodies, &part->mesh));
+  PetscCall(MeshReadLevels(&levels, &around));
+  if (levels) PetscCall(RefineCreateMesh(PETSC_COMM_WORLD, around, &part->bodies, &part->mesh));
   else PetscCall(MeshCreate(PETSC_COMM_WORLD, &part->mesh));
   PetscCall(MeshGetLocal(part->mesh, l));
   if (!levels) PetscCall(BodiesCreate((*l)->dim, (*l)->lower, (*l)->upper, &part->bodies));
