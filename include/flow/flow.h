@@ -37,8 +37,10 @@ typedef struct _p_Flow *Flow;
 typedef struct {
   PetscReal density, viscosity; /* rho_f, mu (dynamic) */
   PetscReal gravity[3];         /* acts on bodies through M - M_f; the fluid's share is absorbed in the pressure */
-  PetscReal force[3];           /* body force per volume on the fluid */
+  PetscReal force[3];           /* body force per volume on the fluid; FlowSetForce changes it */
   PetscReal velocity[3];        /* of the whole fluid at the start */
+  PetscInt  held;               /* bit mask of axes along which -flow_rate holds the mean velocity */
+  PetscReal rate[3];            /* and the mean velocities there */
   PetscBool convection;
   PetscReal skew;      /* share of (div w) u in the convection: 0 convective, 1/2 skew-symmetric form */
   PetscInt  quadratic; /* extrapolation of the convecting velocity: 0 linear, 1 quadratic */
@@ -91,6 +93,10 @@ PetscErrorCode FlowBeginSteady(Flow, PetscReal rate);
 PetscErrorCode FlowSetDrift(Flow, const PetscReal drift[]);
 /* Convecting velocity w of the next FlowAssemble, [nnode_all][dim] synced. Local. */
 PetscErrorCode FlowSetConvection(Flow, const PetscReal w[]);
+
+/* The uniform force per volume in place of -flow_force, from the next FlowRhs on and in all that tells of the present
+   solution. */
+PetscErrorCode FlowSetForce(Flow, const PetscReal force[3]);
 
 /* Body force per volume that varies, in addition to -flow_force, taken at the nodes and interpolated; for verification.
    NULL: none. From the next BeginStep on. */
