@@ -102,9 +102,8 @@ typedef struct {
 typedef struct {
   PetscInt  held, backflow; /* bit masks of axes: mean velocity held; under -couple_backflow flux or force */
   PetscReal force[3];       /* per volume, with -flow_force */
-  PetscReal error; /* of the back-flow condition. flux: mean velocity over the root of its mean square; force: what
-                               accelerates fluid and bodies beyond walls, openings and bodies that are held, over the sum
-                               of the loads */
+  PetscReal error; /* of the back-flow condition. flux: mean velocity over its root mean square; force: what accelerates
+                      fluid and bodies beyond walls, openings and held bodies, over the sum of the loads */
 } CoupleDrive;
 /* NULL: neither is asked for. Borrowed. */
 PetscErrorCode CoupleGetDrive(Couple, const CoupleDrive **);
