@@ -16,8 +16,8 @@ struct _p_Drive {
   Couple      c;
   CoupleDrive out;
   PetscInt    backflow;
-  PetscReal   given[3]; /* -flow_force */
-  PetscReal   rate[3], volume;
+  PetscReal   force[3];               /* ours */
+  PetscReal   rate[3], volume, fluid; /* volume: with bodies inside whom there is no fluid */
   FlowHeld    held;
 };
 
@@ -68,7 +68,6 @@ PetscErrorCode DriveCreate(Couple c, Drive *drive)
   d->backflow     = backflow;
   d->out.backflow = axes;
   d->out.held     = c->par->held | (backflow == FLUX ? axes : 0);
-  PetscCall(PetscArraycpy(d->given, c->par->force, 3));
   for (PetscInt a = 0; a < c->loc->dim; a++) {
     if (!((d->out.held >> a) & 1)) continue;
     d->rate[a]              = (c->par->held >> a) & 1 ? c->par->rate[a] : 0;
@@ -107,6 +106,7 @@ static PetscErrorCode weigh(Drive d)
   PetscCall(FlowGetLumpedMass(c->flow, &m));
   for (PetscInt i = 0; i < c->loc->nnode; i++) volume += m[i];
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &volume, 1, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  d->fluid = volume;
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscReal weight[3][6];
 
@@ -144,7 +144,7 @@ static PetscErrorCode sum_loads(Couple c, PetscReal load[3], PetscReal size[3])
 
 PetscErrorCode DriveDraw(Drive d)
 {
-  PetscReal force[3], load[3], size[3];
+  PetscReal load[3], size[3];
 
   PetscFunctionBeginUser;
   PetscCall(weigh(d));
@@ -154,25 +154,22 @@ PetscErrorCode DriveDraw(Drive d)
   }
   if (d->backflow != FORCE) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(sum_loads(d->c, load, size));
-  PetscCall(PetscArraycpy(force, d->c->par->force, 3));
   for (PetscInt a = 0; a < d->c->loc->dim; a++)
-    if ((d->out.backflow >> a) & 1) force[a] = d->given[a] - load[a] / d->volume;
-  PetscCall(FlowSetForce(d->c->flow, force));
+    if ((d->out.backflow >> a) & 1) d->force[a] = -load[a] / d->volume;
+  PetscCall(FlowSetDrive(d->c->flow, d->force));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode DriveTake(Drive d)
 {
   const Couple c = d->c;
-  PetscReal    force[3];
 
   PetscFunctionBeginUser;
-  PetscCall(PetscArraycpy(force, c->par->force, 3));
   for (PetscInt i = 0; i < d->held.n; i++) {
-    force[d->held.axis[i]] += d->held.force[i];
+    d->force[d->held.axis[i]] += d->held.force[i];
     for (PetscInt j = 0; j < c->s->n * c->nr; j++) c->g[j] += d->held.force[i] * d->held.rigid[i][j];
   }
-  PetscCall(FlowSetForce(c->flow, force));
+  PetscCall(FlowSetDrive(c->flow, d->force));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -191,8 +188,8 @@ static PetscErrorCode find_speed(Drive d, PetscReal *speed)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* What accelerates fluid and free bodies as a whole, less what walls, openings, other bodies and contact do: as the
-   solution has it, from rates of change and forces */
+/* What accelerates fluid and free bodies as a whole, less what walls, openings, other bodies, contact and -flow_force
+   do: as the solution has it, from rates of change and forces */
 static PetscErrorCode measure_force(Drive d, const CoupleBalance *b, PetscReal net[3])
 {
   const Couple c = d->c;
@@ -201,13 +198,17 @@ static PetscErrorCode measure_force(Drive d, const CoupleBalance *b, PetscReal n
   for (PetscInt a = 0; a < 3; a++) net[a] = b->fluid[a] - b->walls[a] - b->openings[a];
   for (PetscInt k = 0; k < c->s->n; k++) {
     const PetscReal excess = BodiesGetGroup(c->s, k)->density - CoupleInnerDensity(c, k, c->par);
-    PetscReal       inertia[3], push[3], dead[6];
+    PetscReal       inertia[3], push[3], dead[6], weight[3][6];
 
     PetscCall(CoupleBodyPush(c, k, inertia, push));
     PetscCall(CoupleDeadForce(c, k, c->par, dead)); /* the uniform force on a body that is held counts as if on fluid */
-    for (PetscInt a = 0; a < c->loc->dim; a++) net[a] += is_carried(c, k, a) ? excess * inertia[a] - c->s->contact_force[k][a] : dead[a] - push[a];
+    PetscCall(CoupleHollowWeights(c, k, weight));
+    for (PetscInt a = 0; a < c->loc->dim; a++) {
+      net[a] += is_carried(c, k, a) ? excess * inertia[a] - c->s->contact_force[k][a] : dead[a] - push[a];
+      net[a] -= dead[a] - weight[a][a] * d->force[a];
+    }
   }
-  for (PetscInt a = 0; a < c->loc->dim; a++) net[a] -= d->given[a] * d->volume;
+  for (PetscInt a = 0; a < c->loc->dim; a++) net[a] -= b->volume[a] - d->fluid * d->force[a];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -271,15 +272,13 @@ PetscErrorCode DriveGet(Drive d, const CoupleDrive **out)
 
 PetscErrorCode DriveVisitState(void *drive, State state)
 {
-  Drive     d = (Drive)drive;
-  PetscReal force[3];
-  PetscInt  has = 1;
+  Drive    d   = (Drive)drive;
+  PetscInt has = 1;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscArraycpy(force, d->c->par->force, 3));
   if (StateIsLoading(state)) PetscCall(StateGetSize(state, "drive_force", &has));
   if (has < 0) PetscFunctionReturn(PETSC_SUCCESS); /* that run had none: the force is a start value only */
-  PetscCall(StateReals(state, "drive_force", 3, force));
-  if (StateIsLoading(state)) PetscCall(FlowSetForce(d->c->flow, force));
+  PetscCall(StateReals(state, "drive_force", 3, d->force));
+  if (StateIsLoading(state)) PetscCall(FlowSetDrive(d->c->flow, d->force));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -7,14 +7,6 @@ static const char *const SCHEMES[]        = {"be", "cn", "bdf2", "fstheta", NULL
 static const char *const EXTRAPOLATIONS[] = {"linear", "quadratic", NULL};
 static const char *const FORMS[]          = {"convective", "skew", NULL};
 
-PetscErrorCode FlowReadFluid(PetscInt dim, PetscReal *density, PetscReal gravity[])
-{
-  PetscFunctionBeginUser;
-  PetscCall(OptReal("-flow_density", density));
-  PetscCall(OptRealArray("-flow_gravity", dim, gravity, NULL));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode read_parameters(Flow f)
 {
   FlowParameters *p    = &f->par;
@@ -26,10 +18,9 @@ static PetscErrorCode read_parameters(Flow f)
   p->viscosity  = 0.01;
   p->convection = PETSC_TRUE;
   f->scheme     = SCHEME_BDF2;
-  PetscCall(FlowReadFluid(dim, &p->density, p->gravity));
+  PetscCall(FlowReadForces(f));
   PetscCall(OptReal("-flow_viscosity", &p->viscosity));
-  PetscCall(OptRealArray("-flow_force", dim, p->force, NULL));
-  PetscCall(OptRealArray("-flow_velocity", dim, p->velocity, NULL));
+  PetscCall(ExprRead("-flow_velocity", dim, dim, p->velocity, &f->initial, NULL));
   PetscCall(OptBool("-flow_convection", &p->convection));
   PetscCall(OptChoice("-flow_convection_form", FORMS, &form));
   p->skew = form == 1 ? 0.5 : 0;
@@ -89,7 +80,7 @@ static PetscErrorCode read_rate(Flow f)
     PetscCheck(wanted || p->rate[d] == 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
                "Option -flow_rate gives %g along %c, which -flow_rate_axes does not name: add %c there, or give 0", (double)p->rate[d],
                (char)('x' + d), (char)('x' + d));
-    PetscCheck(!wanted || p->force[d] == 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+    PetscCheck(!wanted || f->given[d] == 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
                "Options -flow_rate and -flow_force both act along %c: the force there is what holds the flow rate: set -flow_force to 0 along %c",
                (char)('x' + d), (char)('x' + d));
     if (wanted && !started) p->velocity[d] = p->rate[d];
@@ -123,7 +114,9 @@ PetscErrorCode FlowCreate(Mesh mesh, Flow *flow)
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u)); /* each on its own: accepted steps swap them */
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u_old));
   if (f->par.quadratic) PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u_older));
-  for (PetscInt i = 0; i < l->nnode_all * dim; i++) f->u[i] = f->u_old[i] = f->par.velocity[i % dim];
+  for (PetscInt i = 0; i < l->nnode_all * dim; i++) f->u[i] = f->par.velocity[i % dim];
+  if (f->initial) PetscCall(ExprEvaluate(f->initial, 0, l->nnode_all, l->x, f->u));
+  PetscCall(PetscArraycpy(f->u_old, f->u, l->nnode_all * dim));
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->w));
   PetscCall(PetscCalloc2(l->ncell * (dim + 1), &f->p, l->ncell * (dim + 1), &f->p_old));
   PetscCall(FlowCreateMatrix(f));
@@ -150,6 +143,9 @@ PetscErrorCode FlowDestroy(Flow *flow)
   PetscCall(PetscFree(f->u_older));
   PetscCall(PetscFree(f->w));
   PetscCall(PetscFree(f->source));
+  PetscCall(ExprDestroy(&f->initial));
+  PetscCall(ExprDestroy(&f->gravity));
+  PetscCall(ExprDestroy(&f->force));
   PetscCall(PetscFree2(f->p, f->p_old));
   PetscCall(PetscFree(*flow));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -169,13 +165,6 @@ PetscErrorCode FlowGetParameters(Flow f, const FlowParameters **par)
 {
   PetscFunctionBeginUser;
   *par = &f->par;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode FlowSetForce(Flow f, const PetscReal force[3])
-{
-  PetscFunctionBeginUser;
-  PetscCall(PetscArraycpy(f->par.force, force, 3));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
