@@ -132,7 +132,7 @@ static PetscErrorCode integrate_stress(Couple c, PetscInt only, PetscReal (*forc
 static PetscErrorCode residual_force(Couple c, PetscInt k, PetscReal out[])
 {
   const PetscInt  nr    = c->nr;
-  const PetscReal rho_s = BodiesGetGroup(c->s, k)->density;
+  const PetscReal rho_s = c->s->density[k];
   PetscReal       M[36], a[6], extra[3], dead[6], rho_i, spin;
 
   PetscFunctionBeginUser;
@@ -324,11 +324,11 @@ static PetscErrorCode sum_fluid(Couple c, PetscReal change[3], PetscReal volume[
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 7, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   all = sum[3];
   for (PetscInt k = 0; k < c->s->n; k++) {
-    const BodyGroup *g = BodiesGetGroup(c->s, k);
+    const PetscReal here = BodiesVolume(c->s, k);
 
     if (!c->hollow || !c->hollow[k] || c->s->gone[k]) continue; /* else u inside is the body's */
-    all += g->mass.volume;
-    for (PetscInt a = 0; a < dim; a++) sum[4 + a] += g->mass.volume * c->U[k * c->nr + a];
+    all += here;
+    for (PetscInt a = 0; a < dim; a++) sum[4 + a] += here * c->U[k * c->nr + a];
   }
   for (PetscInt a = 0; a < 3; a++) {
     change[a] = c->par->density * sum[a];
