@@ -179,8 +179,8 @@ static PetscErrorCode start_table(BodyGroup *g, PetscInt dim, Start *s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Sizes of the bodies of a group that is to fill a share of its box, drawn until one more would bring the volume further
-   away from what is wanted */
+/* Sizes of the bodies of a group that is to fill a share of its box, drawn until one more would bring the volume
+   further away from what is wanted */
 static PetscErrorCode draw_fraction(BodyGroup *g, PetscInt dim, Start *s)
 {
   PetscReal box = 1, sum = 0;

@@ -154,8 +154,8 @@ static inline void ContactSpin(Contact c, PetscInt k, const PetscReal torque[3],
   }
 }
 
-/* A contact that knows bodies and domain, but no options, no walls and no scales; for the search and for touches. Give it
-   range, horizon and points. */
+/* A contact that knows bodies and domain, but no options, no walls and no scales; for the search and for touches.
+   Give it range, horizon and points. */
 PetscErrorCode ContactCreateBare(Bodies, const PetscReal lower[3], const PetscReal upper[3], Contact *);
 /* Make the list of all pairs that can come within the horizon, from x and reach; kept while it is still good. */
 PetscErrorCode ContactFindPairs(Contact);

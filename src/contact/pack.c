@@ -1,15 +1,16 @@
 /* Contact, packing: places for the bodies of groups with -particle_<g>_place pack.
 
-   Bodies start anywhere in their box, so small that they fill a quarter of it, and grow to their size in stages, as in
-   Lubachevsky & Stillinger (1990, J. Stat. Phys. 60, 561). Between two stages overlaps are relaxed: pair after pair is
-   moved apart along its normal by what its gap lacks (Gauss-Seidel on the places, as in separate.c), and turned about the
-   point of contact where orientations are random; large bodies give way less than small ones. A little more room is made
-   than is asked for (slack), so that a pair that has been moved apart stays so while its neighbours are. Pairs and gaps
-   are those of the contact: search.c, touch.c. A gap of bodies that are no discs is first that of surface points; at the
-   end it is sought on the surface between the points, so that no overlap is left that the points do not see.
+   Bodies start anywhere in their box, so small that they fill a quarter of it, and grow to their size in stages, as
+   in Lubachevsky & Stillinger (1990, J. Stat. Phys. 60, 561). Between two stages overlaps are relaxed: pair after
+   pair is moved apart along its normal by what its gap lacks (Gauss-Seidel on the places, as in separate.c), and
+   turned about the point of contact where orientations are random; large bodies give way less than small ones. A
+   little more room is made than is asked for (slack), so that a pair that has been moved apart stays so while its
+   neighbours are. Pairs and gaps are those of the contact: search.c, touch.c. A gap of bodies that are no discs is
+   first that of surface points; at the end it is sought on the surface between the points, so that no overlap is
+   left that the points do not see.
 
-   Works for convex shapes; others may hook into each other and still come apart. Replicated: every rank computes the same
-   places, from the seeds of the groups. */
+   Works for convex shapes; others may hook into each other and still come apart. Replicated: every rank computes
+   the same places, from the seeds of the groups. */
 #include "compat.h"
 #include "impl.h"
 #include "base/log.h"
@@ -98,8 +99,8 @@ static void part(Pack *p, PetscInt i, PetscInt j, const Touch *t, PetscReal miss
 
 /* ---- gaps ---- */
 
-/* Distance of the point at r from the centre of body i to body j (apart: centre of i from that of j), or its place along
-   the inner normal of a face of the box, from the centre */
+/* Distance of the point at r from the centre of body i to body j (apart: centre of i from that of j), or its place
+   along the inner normal of a face of the box, from the centre */
 static PetscErrorCode measure(Pack *p, PetscInt j, const PetscReal apart[3], const PetscReal r[3], PetscReal *d)
 {
   const PetscReal zero[3] = {0, 0, 0}, x[3] = {apart[0] + r[0], apart[1] + r[1], apart[2] + r[2]};
@@ -261,7 +262,7 @@ static PetscErrorCode sweep_pairs(Pack *p, PetscBool moving)
     const PetscInt  i = c->pair[n].i, j = c->pair[n].j;
     const PetscReal margin = margin_of(p, i, j), way = p->way[i] + p->way[j];
 
-    if (p->bound[n] - (way - p->mark[n]) >= margin + p->slack) continue; /* not nearer than that since it was looked at */
+    if (p->bound[n] - (way - p->mark[n]) >= margin + p->slack) continue; /* not nearer since */
     PetscCall(look_at_pair(p, i, j, &t));
     p->bound[n] = PetscMin(t.gap, c->horizon);
     p->mark[n]  = way;
@@ -315,8 +316,9 @@ static PetscErrorCode sweep(Pack *p, PetscBool moving)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Sweeps until every gap is at least its margin, at most so many; *done tells whether it came to that, which only a sweep
-   that moves nothing can. The slack is halved from time to time: near the densest packing there is no room for it. */
+/* Sweeps until every gap is at least its margin, at most so many; *done tells whether it came to that, which only a
+   sweep that moves nothing can. The slack is halved from time to time: near the densest packing there is no room
+   for it. */
 static PetscErrorCode relax(Pack *p, PetscInt most, PetscBool *done)
 {
   PetscReal best  = PETSC_MAX_REAL;

@@ -23,8 +23,8 @@ static Midline line_of(Snap s, PetscInt k)
 
 /* ---- frames ---- */
 
-/* From the place of local node i, as the image that is nearest to the body, into the frame of body k: that of its shape,
-   in true lengths */
+/* From the place of local node i, as the image that is nearest to the body, into the frame of body k: that of its
+   shape, in true lengths */
 static PetscErrorCode into_body(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt i, PetscReal y[2])
 {
   const MeshLocal *l = s->loc;
