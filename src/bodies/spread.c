@@ -36,8 +36,8 @@ static void set_default_range(Distribution *d)
   }
 }
 
-/* what: "sizes" or "densities" */
-static PetscErrorCode read_distribution(const char group[], const char what[], PetscReal mean, Distribution *d)
+/* what: "sizes" or "densities"; choice: the option that names the distribution */
+static PetscErrorCode read_distribution(const char group[], const char what[], const char choice[], PetscReal mean, Distribution *d)
 {
   char      option[64], name[OPT_NAME], range[OPT_NAME];
   PetscBool bell, has_range, has_deviation = PETSC_FALSE;
@@ -45,8 +45,7 @@ static PetscErrorCode read_distribution(const char group[], const char what[], P
   PetscFunctionBeginUser;
   d->mean  = mean;
   d->share = 0.5;
-  (void)snprintf(option, sizeof(option), "_%s", what);
-  PetscCall(OptChoice(OptJoin("-particle_", group, option, name), spread_names, &d->kind));
+  PetscCall(OptChoice(choice, spread_names, &d->kind));
   if (d->kind == SPREAD_SAME) PetscFunctionReturn(PETSC_SUCCESS);
   bell = (PetscBool)(d->kind == SPREAD_NORMAL || d->kind == SPREAD_LOGNORMAL);
   if (bell) {
@@ -80,8 +79,8 @@ PetscErrorCode SpreadRead(const char group[], PetscReal density, PetscInt seed, 
 
   PetscFunctionBeginUser;
   PetscCall(PetscMemzero(s, sizeof(*s)));
-  PetscCall(read_distribution(group, "sizes", 1, &s->size));
-  PetscCall(read_distribution(group, "densities", density, &s->density));
+  PetscCall(read_distribution(group, "sizes", OptJoin("-particle_", group, "_sizes", name), 1, &s->size));
+  PetscCall(read_distribution(group, "densities", OptJoin("-particle_", group, "_densities", name), density, &s->density));
   PetscCall(OptChoice(OptJoin("-particle_", group, "_orientation", name), turn_names, &turn));
   s->turned        = (PetscBool)(turn == 1);
   s->size.state    = PlaceStream(seed, 1);
