@@ -86,7 +86,7 @@ static void hold_block(PetscInt nr, PetscInt first, PetscInt n, const PetscReal 
 PetscBool CoupleHoldAxes(Couple c, PetscInt k, const PetscReal M[], PetscReal K[])
 {
   const Motion   *m     = &BodiesGetGroup(c->s, k)->motion;
-  const PetscReal scale = c->step->ct * (BodiesGetGroup(c->s, k)->density + c->par->density);
+  const PetscReal scale = c->step->ct * (c->s->density[k] + c->par->density);
 
   for (PetscInt i = 0; i < c->nr * c->nr; i++) K[i] = 0;
   if (m->has_slide) hold_block(c->nr, 0, c->loc->dim, m->slide, scale, M, K);
@@ -103,7 +103,7 @@ static PetscErrorCode fill_rigid_rows(Couple c)
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < c->s->n; k++) {
-    const PetscReal excess = BodiesGetGroup(c->s, k)->density - CoupleInnerDensity(c, k, c->par);
+    const PetscReal excess = c->s->density[k] - CoupleInnerDensity(c, k, c->par);
     PetscReal       M[36], K[36], *g = c->g + k * nr, spin, L[3], force[3], torque[3], dead[6];
 
     PetscCall(RigidGetMass(c->bodies, k, c->q[k], M));
@@ -265,15 +265,15 @@ static PetscErrorCode remark_small_bodies(Couple c)
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < s->n; k++) {
-    const PetscReal r = BodiesGetGroup(s, k)->radius;
+    const PetscReal r = BodiesGetRadius(s, k);
 
-    if (r < 0.999 * c->loc->h && (smallest < 0 || r < BodiesGetGroup(s, smallest)->radius)) smallest = k;
+    if (r < 0.999 * c->loc->h && (smallest < 0 || r < BodiesGetRadius(s, smallest))) smallest = k;
   }
   if (smallest < 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(
     LogRemark("body %" PetscInt_FMT
               " (group '%s') is %.2g of the smallest cells long; below 2 its force is off by 20 %% and more: refine the mesh, such as by -mesh_cells",
-              smallest, BodiesGetGroup(s, smallest)->name, (double)(2 * BodiesGetGroup(s, smallest)->radius / c->loc->h)));
+              smallest, BodiesGetGroup(s, smallest)->name, (double)(2 * BodiesGetRadius(s, smallest) / c->loc->h)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
