@@ -45,6 +45,7 @@ typedef struct {
   Shape     shape;
   PetscReal density;      /* rho_s */
   PetscInt  free;         /* BodyFree bits; 0 = fixed (or prescribed) */
+  PetscBool with_fluid;   /* what is free starts with the velocity of the fluid (-particle_<g>_start) */
   Motion    motion;       /* of what is not free; pivot, stops, external load */
   PetscReal arm[3];       /* from the reference point to the centroid, body axes */
   PetscInt  first, count; /* bodies [first, first + count) */
@@ -105,6 +106,8 @@ PetscErrorCode BodiesSetTime(Bodies, PetscReal time);
 PetscErrorCode BodiesWriteForces(Bodies, PetscReal (**force)[3], PetscReal (**torque)[3]);
 PetscErrorCode BodiesSetVelocity(Bodies, PetscInt k, const PetscReal u[3], const PetscReal w[3]);
 PetscErrorCode BodiesStepVelocity(Bodies, PetscInt k, const PetscReal u[3], const PetscReal w[3]);
+/* Held: nothing is free or prescribed, every body has the velocity that the state says, until it is released. */
+PetscErrorCode BodiesHold(Bodies, PetscBool held);
 PetscErrorCode BodiesSetHole(Bodies, PetscInt group); /* the bodies of a group are holes of the mesh */
 
 /* Volume (area) of body k, and its inertia tensor in space axes at the present orientation (xx yy zz xy xz yz; 2D: zz
