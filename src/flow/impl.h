@@ -51,8 +51,10 @@ struct _p_Flow {
   PetscReal  *source;
   FlowInitial initial; /* how the flow starts */
   Expr        formula; /* velocity at the start; NULL: numbers */
+  PetscBool   mean;    /* velocity of the parameters is that of -flow_rate */
   char        initial_run[PETSC_MAX_PATH_LEN];
-  Expr        gravity, force; /* NULL: numbers, in par; those without a place are put into par in every step */
+  PetscReal   given[3], drive[3]; /* uniform part of -flow_force, and of FlowSetDrive: their sum is in par */
+  Expr        gravity, force;     /* NULL: numbers, in par; those without a place are put into par in every step */
 };
 
 /* Read density, gravity and body force. Collective. */
@@ -103,9 +105,15 @@ static inline PetscErrorCode FlowCellMetric(Flow f, PetscInt c, ElementMetric *m
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Values vl [nb][dim] of a nodal array v [nnode_all][dim] at the nodes of cell c. */
-static inline void FlowCellGather(const MeshLocal *l, PetscInt c, const PetscReal v[], PetscReal vl[])
+/* Values vl [nb][dim] of a nodal array v [nnode_all][dim] in the slots of cell c, and at its lattice places. */
+static inline void FlowCellSlots(const MeshLocal *l, PetscInt c, const PetscReal v[], PetscReal vl[])
 {
   for (PetscInt j = 0; j < l->nb; j++)
     for (PetscInt a = 0; a < l->dim; a++) vl[j * l->dim + a] = v[l->cell_node[c * l->nb + j] * l->dim + a];
+}
+
+static inline void FlowCellGather(const MeshLocal *l, PetscInt c, const PetscReal v[], PetscReal vl[])
+{
+  FlowCellSlots(l, c, v, vl);
+  MeshCellGather(l, c, l->dim, vl);
 }

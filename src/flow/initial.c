@@ -24,11 +24,12 @@ static PetscErrorCode read_kind(Flow f)
   PetscFunctionBeginUser;
   PetscCall(OptChoice("-flow_initial", KINDS, &kind));
   PetscCall(ExprRead("-flow_velocity", dim, dim, f->par.velocity, &f->formula, &given));
-  if (kind < 0) kind = f->formula ? FLOW_START_EXPRESSION : given ? FLOW_START_UNIFORM : FLOW_START_REST;
+  for (PetscInt a = 0; a < dim && !given; a++) f->mean = (PetscBool)(f->mean || f->par.velocity[a] != 0);
+  if (kind < 0) kind = f->formula ? FLOW_START_EXPRESSION : given || f->mean ? FLOW_START_UNIFORM : FLOW_START_REST;
   f->initial = (FlowInitial)kind;
   PetscCheck(!given || kind == FLOW_START_UNIFORM || kind == FLOW_START_EXPRESSION || kind == FLOW_START_POISEUILLE, PETSC_COMM_WORLD,
              PETSC_ERR_USER_INPUT, "-flow_velocity has no meaning with -flow_initial %s: remove one of them", KINDS[kind]);
-  PetscCheck(given || (kind != FLOW_START_UNIFORM && kind != FLOW_START_EXPRESSION), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(given || f->mean || (kind != FLOW_START_UNIFORM && kind != FLOW_START_EXPRESSION), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "-flow_initial %s needs -flow_velocity", KINDS[kind]);
   PetscCheck(!f->formula || kind == FLOW_START_EXPRESSION, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "-flow_velocity %s is an expression, and -flow_initial %s takes numbers: use -flow_initial expression", ExprText(f->formula),
@@ -85,8 +86,9 @@ static PetscErrorCode find_top(Flow f, Profile *p)
   for (PetscInt a = 0; a < l->dim; a++) {
     if (p->parabolic[a]) axis = a;
     walls += p->parabolic[a];
-    p->top[a] = f->par.velocity[a];
-    force     = PetscMax(force, PetscAbsReal(f->par.force[a]));
+    p->top[a] = f->par.velocity[a]; /* a mean is 2/3 of the largest, for each axis */
+    for (PetscInt b = 0; b < l->dim && f->mean; b++) p->top[a] *= p->parabolic[b] ? 1.5 : 1;
+    force = PetscMax(force, PetscAbsReal(f->par.force[a]));
   }
   PetscCheck(walls > 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "-flow_initial poiseuille: the box has no axis with walls (no_slip, moving_wall) on both sides: see -flow_bc_<boundary>_type");
