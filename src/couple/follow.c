@@ -79,7 +79,7 @@ static PetscErrorCode add_body(Mesh mesh, Bodies bodies, PetscInt k, PetscReal r
   PetscFunctionBeginUser;
   PetscCall(MeshGetLocal(mesh, &l));
   PetscCall(BodiesGetState(bodies, &s));
-  half = BodiesGetGroup(s, k)->radius + reach;
+  half = BodiesGetRadius(s, k) + reach;
   while (MeshNextImage(l, s->x[k], half, &image)) {
     const PetscInt *list;
     PetscInt        n;
