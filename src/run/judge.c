@@ -34,7 +34,7 @@ struct _p_Judge {
   PetscReal  speed_max, force_max, energy_max; /* L2 norm of the velocity; sum of forces; so far */
   PetscReal  energy;                           /* of the step before */
   PetscBool  started, volume, fast, remarked[2];
-  PetscInt   steps, doubts;
+  PetscInt   steps, doubts, judged;
 };
 
 PetscErrorCode JudgeCreate(Flow flow, Bodies bodies, Couple couple, Judge *judge)
@@ -54,7 +54,7 @@ PetscErrorCode JudgeCreate(Flow flow, Bodies bodies, Couple couple, Judge *judge
   PetscCall(MeshGetLocal(mesh, &l));
   j->h                 = l->h;
   j->steps             = 5;
-  j->way_max           = 2;
+  j->way_max           = 1;
   j->bound[DIVERGENCE] = 0.1;
   j->bound[MOMENTUM]   = 0.05;
   j->bound[GROWTH]     = 0.2;
@@ -131,6 +131,7 @@ PetscErrorCode JudgeStep(Judge j, const FlowDiagnostics *d, const CoupleBalance 
   for (PetscInt i = 0; i < NMEASURES; i++)
     if ((j->bound[i] > 0 || i == INNER) && j->value[i] > j->bound[i]) doubt = PETSC_TRUE;
   j->doubts = doubt ? j->doubts + 1 : 0;
+  j->judged++;
   PetscCall(PetscInfo(NULL, "judge: t %g divergence %g momentum %g growth %g inner %g\n", (double)time, (double)j->value[DIVERGENCE],
                       (double)j->value[MOMENTUM], (double)j->value[GROWTH], (double)j->value[INNER]));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -144,7 +145,7 @@ static PetscErrorCode refuse_way(Judge j, PetscInt k, PetscReal way, PetscReal t
           "Body %" PetscInt_FMT
           " (group '%s') goes %.3g of its radii in the step to t = %g, more than -sim_move_max (%g), and would pass through what is in its way: lower %s (the step "
           "was %g), such as to %.2g",
-          k, BodiesGetGroup(j->s, k)->name, (double)way, (double)time, (double)j->way_max, adapted ? "-sim_adapt_max" : "-sim_dt", (double)dt,
+          k, BodiesGetGroup(j->s, k)->name, (double)way, (double)time, (double)j->way_max, adapted ? "-sim_adapt_min" : "-sim_dt", (double)dt,
           (double)(0.5 * dt * j->way_max / way));
 }
 
@@ -180,13 +181,12 @@ PetscBool JudgeDoubts(Judge j)
   return (PetscBool)(j->doubts > 0);
 }
 
-PetscErrorCode JudgeVerdict(Judge j, char why[], size_t size)
+/* What exceeds its bound most, as the middle of a sentence */
+static PetscErrorCode describe_worst(Judge j, char why[], size_t size)
 {
   PetscInt worst = -1;
 
   PetscFunctionBeginUser;
-  why[0] = 0;
-  if (!j->steps || j->doubts < j->steps) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt i = 0; i < NMEASURES; i++) {
     if ((j->bound[i] <= 0 && i != INNER) || j->value[i] <= j->bound[i]) continue;
     if (worst < 0 || j->value[i] * j->bound[worst] > j->value[worst] * j->bound[i]) worst = i;
@@ -198,5 +198,22 @@ PetscErrorCode JudgeVerdict(Judge j, char why[], size_t size)
     PetscCall(PetscSNPrintf(why + n, size - n, ", beyond %s (%g)", MEASURES[worst].option, (double)j->bound[worst]));
   }
   PetscCall(PetscSNPrintf(why + strlen(why), size - strlen(why), ", after %" PetscInt_FMT " steps out of bounds in a row", j->doubts));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode JudgeVerdict(Judge j, PetscBool last, char why[], size_t size)
+{
+  const PetscBool whole = (PetscBool)(last && j->doubts > 1 && j->doubts == j->judged);
+
+  PetscFunctionBeginUser;
+  why[0] = 0;
+  if (!j->steps || !j->doubts) PetscFunctionReturn(PETSC_SUCCESS);
+  if (j->doubts >= j->steps || whole) PetscCall(describe_worst(j, why, size));
+  else if (last) {
+    char text[256];
+
+    PetscCall(describe_worst(j, text, sizeof(text)));
+    PetscCall(LogRemark("the run ends in doubt: %s; lower -sim_dt, or refine the mesh", text));
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
