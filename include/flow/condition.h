@@ -1,6 +1,7 @@
 /* Conditions: conditions of the flow on the named boundaries of the mesh.
 
-   The velocity of an inflow or a wall is the largest one of its profile, parabolic over the extent of the boundary; a
+   The velocity of an inflow or a wall is the largest one of its profile, parabolic over the extent of the boundary, or
+   an expression of x, y, z and t (of the end of the step), which profile, factor and ramp multiply as well; a
    rotating wall has omega x (x - centre). outflow is the do-nothing condition mu du/dn - p n = 0 of the gradient form;
    slip fixes the normal component on planes along an axis. */
 #pragma once

@@ -20,10 +20,12 @@ PetscErrorCode CoupleDeadForce(Couple c, PetscInt k, const FlowParameters *par, 
   PetscReal       volume, force[3];
 
   PetscFunctionBeginUser;
+  (void)par;
   PetscCall(PetscArrayzero(out, c->nr));
   if (!c->hollow || !c->hollow[k]) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(BodiesGetVolume(c->bodies, k, &volume));
-  for (PetscInt a = 0; a < 3; a++) force[a] = volume * par->force[a];
+  PetscCall(FlowForceAt(c->flow, c->X[k], force)); /* one that varies: that at the centre */
+  for (PetscInt a = 0; a < 3; a++) force[a] *= volume;
   PetscCall(RigidReduceForce(c->bodies, k, c->q[k], force, none, out));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -63,12 +65,13 @@ static PetscErrorCode sum_residuals(Couple c, PetscReal out[])
 /* int alpha_k f over the fluid, added to force and torque [n][3] before they are summed over ranks */
 static PetscErrorCode add_volume_force(Couple c, PetscInt only, PetscReal (*force)[3], PetscReal (*torque)[3])
 {
-  const PetscReal *m;
+  const PetscReal *m, *source;
   const PetscInt  *body, *node, dim = c->loc->dim;
   PetscInt         n;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetLumpedMass(c->flow, &m));
+  PetscCall(FlowGetSource(c->flow, &source));
   PetscCall(ConstraintGetNodeBody(c->constraint, &body));
   PetscCall(IndicatorGetNodes(c->mark, NULL, &n, &node));
   for (PetscInt e = 0; e < n; e++) {
@@ -78,8 +81,10 @@ static PetscErrorCode add_volume_force(Couple c, PetscInt only, PetscReal (*forc
     if (k < 0 || node[e] >= c->loc->nnode || (only >= 0 && k != only)) continue;
     ConstraintRigidAt(c->loc, node[e], c->X[k], R);
     for (PetscInt a = 0; a < dim; a++) {
-      force[k][a] += m[node[e]] * c->par->force[a];
-      for (PetscInt i = dim; i < c->nr; i++) *CoupleRigidComponent(c, force, torque, k, i) += R[a * c->nr + i] * m[node[e]] * c->par->force[a];
+      const PetscReal share = m[node[e]] * (c->par->force[a] + (source ? source[node[e] * dim + a] : 0));
+
+      force[k][a] += share;
+      for (PetscInt i = dim; i < c->nr; i++) *CoupleRigidComponent(c, force, torque, k, i) += R[a * c->nr + i] * share;
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -269,7 +274,7 @@ static PetscErrorCode sum_prescribed(Couple c, PetscReal walls[3], PetscReal ope
   }
   if (c->rung->force) PetscCall((*c->rung->force)(c, c->rung_data, fixed, sum));
   PetscCall(BoundariesFinish(c->boundaries, c->u));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 7, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 10, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   PetscCall(PetscArraycpy(walls, sum, 3));
   PetscCall(PetscArraycpy(openings, sum + 3, 3));
   *size = sum[6];
@@ -305,23 +310,25 @@ static PetscErrorCode sum_bodies(Couple c, PetscReal out[3], PetscReal *size)
    matrix integrate Q2 functions exactly */
 static PetscErrorCode sum_fluid(Couple c, PetscReal change[3], PetscReal volume[3], PetscReal mean[3])
 {
-  const PetscReal *m;
+  const PetscReal *m, *source;
   const PetscInt   dim = c->loc->dim;
-  PetscReal       *u, *u_old, sum[7] = {0}, all;
+  PetscReal       *u, *u_old, sum[10] = {0}, all;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetLumpedMass(c->flow, &m));
   PetscCall(FlowGetFields(c->flow, &u, &u_old, NULL));
+  PetscCall(FlowGetSource(c->flow, &source));
   for (PetscInt i = 0; i < c->loc->nnode; i++) {
     for (PetscInt a = 0; a < dim; a++) {
       const PetscInt j = i * dim + a;
 
       sum[a] += m[i] * (c->step->ct * c->u[j] - c->step->d0 * u[j] - c->step->d1 * u_old[j]);
       sum[4 + a] += m[i] * c->u[j];
+      if (source) sum[7 + a] += m[i] * source[j];
     }
     sum[3] += m[i];
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 7, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 10, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   all = sum[3];
   for (PetscInt k = 0; k < c->s->n; k++) {
     const BodyGroup *g = BodiesGetGroup(c->s, k);
@@ -332,7 +339,7 @@ static PetscErrorCode sum_fluid(Couple c, PetscReal change[3], PetscReal volume[
   }
   for (PetscInt a = 0; a < 3; a++) {
     change[a] = c->par->density * sum[a];
-    volume[a] = c->par->force[a] * sum[3];
+    volume[a] = c->par->force[a] * sum[3] + sum[7 + a];
     mean[a]   = sum[4 + a] / all;
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -7,14 +7,6 @@ static const char *const SCHEMES[]        = {"be", "cn", "bdf2", "fstheta", NULL
 static const char *const EXTRAPOLATIONS[] = {"linear", "quadratic", NULL};
 static const char *const FORMS[]          = {"convective", "skew", NULL};
 
-PetscErrorCode FlowReadFluid(PetscInt dim, PetscReal *density, PetscReal gravity[])
-{
-  PetscFunctionBeginUser;
-  PetscCall(OptReal("-flow_density", density));
-  PetscCall(OptRealArray("-flow_gravity", dim, gravity, NULL));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode read_parameters(Flow f)
 {
   FlowParameters *p    = &f->par;
@@ -26,10 +18,9 @@ static PetscErrorCode read_parameters(Flow f)
   p->viscosity  = 0.01;
   p->convection = PETSC_TRUE;
   f->scheme     = SCHEME_BDF2;
-  PetscCall(FlowReadFluid(dim, &p->density, p->gravity));
+  PetscCall(FlowReadForces(f));
   PetscCall(OptReal("-flow_viscosity", &p->viscosity));
-  PetscCall(OptRealArray("-flow_force", dim, p->force, NULL));
-  PetscCall(OptRealArray("-flow_velocity", dim, p->velocity, NULL));
+  PetscCall(ExprRead("-flow_velocity", dim, dim, p->velocity, &f->initial, NULL));
   PetscCall(OptBool("-flow_convection", &p->convection));
   PetscCall(OptChoice("-flow_convection_form", FORMS, &form));
   p->skew = form == 1 ? 0.5 : 0;
@@ -62,7 +53,9 @@ PetscErrorCode FlowCreate(Mesh mesh, Flow *flow)
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u)); /* each on its own: accepted steps swap them */
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u_old));
   if (f->par.quadratic) PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u_older));
-  for (PetscInt i = 0; i < l->nnode_all * dim; i++) f->u[i] = f->u_old[i] = f->par.velocity[i % dim];
+  for (PetscInt i = 0; i < l->nnode_all * dim; i++) f->u[i] = f->par.velocity[i % dim];
+  if (f->initial) PetscCall(ExprEvaluate(f->initial, 0, l->nnode_all, l->x, f->u));
+  PetscCall(PetscArraycpy(f->u_old, f->u, l->nnode_all * dim));
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->w));
   PetscCall(PetscCalloc2(l->ncell * (dim + 1), &f->p, l->ncell * (dim + 1), &f->p_old));
   PetscCall(FlowCreateMatrix(f));
@@ -89,6 +82,9 @@ PetscErrorCode FlowDestroy(Flow *flow)
   PetscCall(PetscFree(f->u_older));
   PetscCall(PetscFree(f->w));
   PetscCall(PetscFree(f->source));
+  PetscCall(ExprDestroy(&f->initial));
+  PetscCall(ExprDestroy(&f->gravity));
+  PetscCall(ExprDestroy(&f->force));
   PetscCall(PetscFree2(f->p, f->p_old));
   PetscCall(PetscFree(*flow));
   PetscFunctionReturn(PETSC_SUCCESS);

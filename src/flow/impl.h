@@ -44,11 +44,21 @@ struct _p_Flow {
   /* fields; u_older: NULL but for quadratic extrapolation */
   PetscReal       *u, *u_old, *u_older, *w, *p, *p_old;
   const PetscReal *drift; /* [nnode_all][dim] velocity of the nodes, NULL: they stand still */
-  /* body force of FlowSetSource: its weighted mean over the step [nnode_all][dim] (NULL: none) */
+  /* body force of FlowSetSource and that of `force` with a place: the weighted mean over the step [nnode_all][dim]
+     (NULL: none) */
   VectorField source_field;
   void       *source_ctx;
   PetscReal  *source;
+  Expr        initial;        /* velocity at the start; NULL: numbers */
+  Expr        gravity, force; /* NULL: numbers, in par; those without a place are put into par in every step */
 };
+
+/* Read density, gravity and body force. Collective. */
+PetscErrorCode FlowReadForces(Flow);
+/* Gravity, body force and source of the step. Local. */
+PetscErrorCode FlowEvaluateForces(Flow);
+/* Error: a force changes in time, and a steady state is wanted. */
+PetscErrorCode FlowRefuseTime(Flow);
 
 /* Everything that depends on the shape of the local cells. Collective. */
 PetscErrorCode FlowComputeCells(Flow);

@@ -42,6 +42,27 @@ static void corner_position(PetscInt dim, PetscInt v, PetscInt pos[3])
   for (PetscInt d = 0; d < 3; d++) pos[d] = dim == 2 ? quad[v][d] : hex[v][d];
 }
 
+/* pos += lattice positions of the vertices below point p, each as often as paths lead to it (equally often), *count of
+   them; vertex [nv] of the cell in the order of corner_position */
+static PetscErrorCode add_corners(DM dm, PetscInt dim, PetscInt p, PetscInt nv, const PetscInt vertex[], PetscInt pos[3], PetscInt *count)
+{
+  const PetscInt *cone;
+  PetscInt        n, corner[3], v = 0;
+
+  PetscFunctionBeginUser;
+  while (v < nv && vertex[v] != p) v++;
+  if (v < nv) {
+    corner_position(dim, v, corner);
+    for (PetscInt d = 0; d < 3; d++) pos[d] += corner[d];
+    *count += 1;
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCall(DMPlexGetConeSize(dm, p, &n));
+  PetscCall(DMPlexGetCone(dm, p, &cone));
+  for (PetscInt i = 0; i < n; i++) PetscCall(add_corners(dm, dim, cone[i], nv, vertex, pos, count));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Points of the closure of cell c by lattice position, the mean of that of their vertices: point [nb] */
 static PetscErrorCode cell_lattice(DM dm, PetscInt dim, PetscInt c, PetscInt point[])
 {
@@ -58,20 +79,9 @@ static PetscErrorCode cell_lattice(DM dm, PetscInt dim, PetscInt c, PetscInt poi
   PetscCheck(nv == 1 << dim && n == (dim == 2 ? 9 : 27), PETSC_COMM_SELF, PETSC_ERR_SUP,
              "Cell %" PetscInt_FMT " has %" PetscInt_FMT " vertices: the mesh must consist of quadrilaterals (2D) or hexahedra (3D)", c, nv);
   for (PetscInt i = 0; i < n; i++) {
-    PetscInt *sub = NULL, nsub, count = 0, pos[3] = {0, 0, 0};
+    PetscInt count = 0, pos[3] = {0, 0, 0};
 
-    PetscCall(DMPlexGetTransitiveClosure(dm, closure[2 * i], PETSC_TRUE, &nsub, &sub));
-    for (PetscInt j = 0; j < nsub; j++) {
-      for (PetscInt v = 0; v < nv; v++) {
-        PetscInt corner[3];
-
-        if (sub[2 * j] != vertex[v]) continue;
-        corner_position(dim, v, corner);
-        for (PetscInt d = 0; d < 3; d++) pos[d] += corner[d];
-        count++;
-      }
-    }
-    PetscCall(DMPlexRestoreTransitiveClosure(dm, closure[2 * i], PETSC_TRUE, &nsub, &sub));
+    PetscCall(add_corners(dm, dim, closure[2 * i], nv, vertex, pos, &count));
     point[pos[0] / count + 3 * (pos[1] / count) + 9 * (pos[2] / count)] = closure[2 * i];
   }
   PetscCall(DMPlexRestoreTransitiveClosure(dm, c, PETSC_TRUE, &n, &closure));

@@ -16,7 +16,7 @@ static PetscErrorCode create_contact_alone(SimParts *part, const MeshLocal *l)
   BodyState *s;
 
   PetscFunctionBeginUser;
-  PetscCall(FlowReadFluid(l->dim, &density, gravity));
+  PetscCall(FlowReadFluid(l->dim, &density, gravity, &part->gravity));
   PetscCall(BodiesGetState(part->bodies, &s));
   PetscCheck(s->n, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "A scene without flow and without bodies has nothing to do: give -particle_groups, or remove -flow_active");
@@ -132,6 +132,7 @@ static PetscErrorCode destroy(SimParts *part)
   PetscCall(BodiesDestroy(&part->bodies));
   PetscCall(FlowDestroy(&part->flow));
   PetscCall(DeformDestroy(&part->deform));
+  PetscCall(ExprDestroy(&part->gravity));
   PetscCall(MeshDestroy(&part->mesh));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

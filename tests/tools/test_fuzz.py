@@ -6,7 +6,7 @@ import subprocess
 from conftest import ROOT
 from test_extremes import ENDINGS, FAKE, PYTHON
 
-SEEDS = "3,16,26,41,45,57,93,154"  # plane and in space; three rungs; all at rest; out of bounds within three steps
+SEEDS = "3,16,26,41,45,57,93,154"  # plane, disc and space; three rungs, explicit, volume force, random and lattice
 
 
 def fuzz(build, folder, *args):
