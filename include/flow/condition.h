@@ -21,6 +21,9 @@ PetscErrorCode ConditionsGetValues(Conditions, const PetscInt *fixed[], const Pe
 PetscErrorCode ConditionsGetWalls(Conditions, const PetscInt *wall[]);
 /* Is the pressure determined up to a constant only (no outflow)? */
 PetscErrorCode ConditionsPressureIsFloating(Conditions, PetscBool *floating);
+/* Along which axes can a uniform force change the mean velocity? Along periodic ones, and between outflows across the
+   axis at different places; elsewhere what is prescribed says what flows. Bit mask of axes. Collective. */
+PetscErrorCode ConditionsGetOpenAxes(Conditions, PetscInt *axes);
 /* Bit mask of solid faces of the box (no_slip or moving_wall): bit 2 axis for lower, 2 axis + 1 for upper. Boundaries
    of other names do not count. */
 PetscErrorCode ConditionsGetSolidFaces(Conditions, PetscInt *faces);

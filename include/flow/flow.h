@@ -39,8 +39,12 @@ typedef struct {
   PetscReal density, viscosity; /* rho_f, mu (dynamic) */
   PetscReal gravity[3]; /* acts on bodies through M - M_f; the fluid's share is absorbed in the pressure. An expression
                            of t: that of the step, theta at its end + (1 - theta) at its beginning */
-  PetscReal force[3];   /* body force per volume on the fluid, likewise; one that depends on the place: FlowGetSource */
+  PetscReal
+    force[3]; /* body force per volume on the fluid, likewise, with that of FlowSetDrive; one that depends on the
+                           place: FlowGetSource */
   PetscReal velocity[3]; /* of the whole fluid at the start */
+  PetscInt  held;        /* bit mask of axes along which -flow_rate holds the mean velocity */
+  PetscReal rate[3];     /* and the mean velocities there */
   PetscBool convection;
   PetscReal skew;      /* share of (div w) u in the convection: 0 convective, 1/2 skew-symmetric form */
   PetscInt  quadratic; /* extrapolation of the convecting velocity: 0 linear, 1 quadratic */
@@ -94,6 +98,10 @@ PetscErrorCode FlowBeginSteady(Flow, PetscReal rate);
 PetscErrorCode FlowSetDrift(Flow, const PetscReal drift[]);
 /* Convecting velocity w of the next FlowAssemble, [nnode_all][dim] synced. Local. */
 PetscErrorCode FlowSetConvection(Flow, const PetscReal w[]);
+
+/* A uniform force per volume in addition to -flow_force, from the next FlowRhs on and in all that tells of the present
+   solution. */
+PetscErrorCode FlowSetDrive(Flow, const PetscReal force[3]);
 
 /* Body force per volume that varies, in addition to -flow_force, taken at the nodes and interpolated; for verification.
    NULL: none. From the next BeginStep on. */

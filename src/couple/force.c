@@ -30,6 +30,22 @@ PetscErrorCode CoupleDeadForce(Couple c, PetscInt k, const FlowParameters *par, 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode CoupleHollowWeights(Couple c, PetscInt k, PetscReal weight[3][6])
+{
+  const PetscReal none[3] = {0, 0, 0};
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(weight[0], 18));
+  if (!c->hollow || !c->hollow[k] || c->s->gone[k]) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt a = 0; a < c->loc->dim; a++) {
+    PetscReal force[3] = {0, 0, 0};
+
+    force[a] = BodiesGetGroup(c->s, k)->mass.volume;
+    PetscCall(RigidReduceForce(c->bodies, k, c->q[k], force, none, weight[a]));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* ---- forces ---- */
 
 /* -sum over the body's nodes of R^T (momentum residual), and the rung's own terms, for all bodies: out [n][nr] */
@@ -274,32 +290,43 @@ static PetscErrorCode sum_prescribed(Couple c, PetscReal walls[3], PetscReal ope
   }
   if (c->rung->force) PetscCall((*c->rung->force)(c, c->rung_data, fixed, sum));
   PetscCall(BoundariesFinish(c->boundaries, c->u));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 10, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 7, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   PetscCall(PetscArraycpy(walls, sum, 3));
   PetscCall(PetscArraycpy(openings, sum + 3, 3));
   *size = sum[6];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Forces of the bodies on the fluid: -F + inertia of the fluid inside; adds their sizes to *size */
+PetscErrorCode CoupleBodyPush(Couple c, PetscInt k, PetscReal inertia[3], PetscReal push[3])
+{
+  const PetscReal inside = BodiesGetGroup(c->s, k)->hole ? 0 : CoupleInnerDensity(c, k, c->par);
+  PetscReal       M[36], extra[3], dead[6];
+
+  PetscFunctionBeginUser;
+  PetscCall(CoupleDeadForce(c, k, c->par, dead));
+  PetscCall(RigidGetMass(c->bodies, k, c->q[k], M));
+  PetscCall(RigidCentripetal(c->bodies, k, c->q[k], c->U + k * c->nr + c->loc->dim, extra));
+  for (PetscInt a = 0; a < c->loc->dim; a++) {
+    inertia[a] = M[0] * extra[a];
+    for (PetscInt j = 0; j < c->nr; j++)
+      inertia[a] += M[a * c->nr + j] *
+                    (c->step->ct * c->U[k * c->nr + j] - c->step->d0 * c->U_old[k * c->nr + j] - c->step->d1 * c->U_older[k * c->nr + j]);
+    push[a] = inside * inertia[a] + dead[a] - c->s->force[k][a]; /* -F + inertia of the fluid inside */
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Forces of the bodies on the fluid; adds their sizes to *size */
 static PetscErrorCode sum_bodies(Couple c, PetscReal out[3], PetscReal *size)
 {
   PetscFunctionBeginUser;
   out[0] = out[1] = out[2] = 0;
   for (PetscInt k = 0; k < c->s->n; k++) {
-    const PetscReal inside = BodiesGetGroup(c->s, k)->hole ? 0 : CoupleInnerDensity(c, k, c->par);
-    PetscReal       M[36], extra[3], dead[6];
+    PetscReal inertia[3], push[3];
 
-    PetscCall(CoupleDeadForce(c, k, c->par, dead));
-    PetscCall(RigidGetMass(c->bodies, k, c->q[k], M));
-    PetscCall(RigidCentripetal(c->bodies, k, c->q[k], c->U + k * c->nr + c->loc->dim, extra));
+    PetscCall(CoupleBodyPush(c, k, inertia, push));
     for (PetscInt a = 0; a < c->loc->dim; a++) {
-      PetscReal inertia = M[0] * extra[a]; /* of what moves with the body */
-
-      for (PetscInt j = 0; j < c->nr; j++)
-        inertia += M[a * c->nr + j] *
-                   (c->step->ct * c->U[k * c->nr + j] - c->step->d0 * c->U_old[k * c->nr + j] - c->step->d1 * c->U_older[k * c->nr + j]);
-      out[a] += inside * inertia + dead[a] - c->s->force[k][a];
+      out[a] += push[a];
       *size += PetscAbsReal(c->s->force[k][a]);
     }
   }
@@ -331,11 +358,13 @@ static PetscErrorCode sum_fluid(Couple c, PetscReal change[3], PetscReal volume[
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 10, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   all = sum[3];
   for (PetscInt k = 0; k < c->s->n; k++) {
-    const BodyGroup *g = BodiesGetGroup(c->s, k);
+    PetscReal weight[3][6];
 
     if (!c->hollow || !c->hollow[k] || c->s->gone[k]) continue; /* else u inside is the body's */
-    all += g->mass.volume;
-    for (PetscInt a = 0; a < dim; a++) sum[4 + a] += g->mass.volume * c->U[k * c->nr + a];
+    all += BodiesGetGroup(c->s, k)->mass.volume;
+    PetscCall(CoupleHollowWeights(c, k, weight));
+    for (PetscInt a = 0; a < dim; a++)
+      for (PetscInt j = 0; j < c->nr; j++) sum[4 + a] += weight[a][j] * c->U[k * c->nr + j];
   }
   for (PetscInt a = 0; a < 3; a++) {
     change[a] = c->par->density * sum[a];
@@ -363,5 +392,6 @@ PetscErrorCode CoupleMomentum(Couple c, const PetscReal rate[3], CoupleBalance *
   }
   b->size  = size;
   b->error = size > 0 ? diff / size : 0;
+  if (c->drive) PetscCall(DriveMeasure(c->drive, b));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

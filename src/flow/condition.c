@@ -325,6 +325,25 @@ PetscErrorCode ConditionsPressureIsFloating(Conditions f, PetscBool *floating)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode ConditionsGetOpenAxes(Conditions f, PetscInt *axes)
+{
+  PetscFunctionBeginUser;
+  *axes = 0;
+  for (PetscInt d = 0; d < f->loc->dim; d++) {
+    PetscReal lower = PETSC_MAX_REAL, upper = -PETSC_MAX_REAL;
+
+    for (PetscInt b = 0; b < f->n; b++) {
+      const PetscReal *start = f->condition[b].lower, *end = f->condition[b].upper;
+
+      if (f->condition[b].type != BC_OUTFLOW || end[d] - start[d] > 1e-10 * (f->loc->upper[d] - f->loc->lower[d])) continue;
+      lower = PetscMin(lower, start[d]);
+      upper = PetscMax(upper, end[d]);
+    }
+    if (f->loc->period[d] > 0 || upper - lower > 1e-10 * (f->loc->upper[d] - f->loc->lower[d])) *axes |= 1 << d;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ConditionsGetSolidFaces(Conditions f, PetscInt *faces)
 {
   PetscFunctionBeginUser;

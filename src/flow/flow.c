@@ -29,6 +29,66 @@ static PetscErrorCode read_parameters(Flow f)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Bit mask of the axes of -flow_rate_axes */
+static PetscErrorCode read_axes(PetscInt dim, PetscInt *axes, PetscBool *found)
+{
+  const char names[] = "xyz";
+  char      *list[3];
+  PetscInt   n = 3;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptStringArray("-flow_rate_axes", &n, list));
+  *axes = 0;
+  for (PetscInt i = 0; i < n; i++) {
+    PetscInt d = 0;
+
+    while (d < dim && (list[i][0] != names[d] || list[i][1])) d++;
+    PetscCheck(d < dim, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option -flow_rate_axes: '%s' is no axis of this scene: give some of %s", list[i],
+               dim == 2 ? "x, y" : "x, y, z");
+    *axes |= 1 << d;
+    PetscCall(PetscFree(list[i]));
+  }
+  *found = (PetscBool)(n > 0);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* -flow_rate: which mean velocities are held, and the fluid starts with them */
+static PetscErrorCode read_rate(Flow f)
+{
+  FlowParameters *p   = &f->par;
+  const PetscInt  dim = f->loc->dim;
+  PetscInt        open, axes    = 0;
+  PetscBool       given, chosen = PETSC_FALSE, started;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptRealArray("-flow_rate", dim, p->rate, &given));
+  if (!given) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ConditionsGetOpenAxes(f->boundary, &open));
+  PetscCall(read_axes(dim, &axes, &chosen));
+  PetscCheck(chosen || open, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "Option -flow_rate: the mean velocity of this scene is that of its boundaries, and no force changes it: remove it, or make an axis periodic "
+             "(-mesh_periodic) or two opposite boundaries outflow (-flow_bc_<boundary>_type)");
+  if (!chosen) axes = open;
+  PetscCall(OptHas("-flow_velocity", &started));
+  for (PetscInt d = 0; d < dim; d++) {
+    const PetscBool wanted = (PetscBool)((axes >> d) & 1 || (!chosen && p->rate[d] != 0));
+
+    PetscCheck(!wanted || (open >> d) & 1, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "Option -flow_rate: the mean velocity along %c is that of the boundaries, and no force changes it: give 0 there (and leave %c out of -flow_rate_axes), "
+               "or make the axis periodic (-mesh_periodic) or its two ends outflow (-flow_bc_<boundary>_type)",
+               (char)('x' + d), (char)('x' + d));
+    PetscCheck(wanted || p->rate[d] == 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "Option -flow_rate gives %g along %c, which -flow_rate_axes does not name: add %c there, or give 0", (double)p->rate[d],
+               (char)('x' + d), (char)('x' + d));
+    PetscCheck(!wanted || f->given[d] == 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "Options -flow_rate and -flow_force both act along %c: the force there is what holds the flow rate: set -flow_force to 0 along %c",
+               (char)('x' + d), (char)('x' + d));
+    if (wanted && !started) p->velocity[d] = p->rate[d];
+  }
+  p->held = axes;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowCreate(Mesh mesh, Flow *flow)
 {
   Flow             f;
@@ -50,6 +110,7 @@ PetscErrorCode FlowCreate(Mesh mesh, Flow *flow)
   PetscCall(PetscCalloc4(l->nnode_all, &f->open, l->ncell_all, &f->visited, l->ncell_all, &f->around, l->ncell_all * dim, &f->centre));
   PetscCall(FlowComputeCells(f));
   PetscCall(ConditionsCreate(mesh, &f->boundary));
+  PetscCall(read_rate(f));
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u)); /* each on its own: accepted steps swap them */
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u_old));
   if (f->par.quadratic) PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u_older));

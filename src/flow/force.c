@@ -18,7 +18,8 @@ PetscErrorCode FlowReadForces(Flow f)
 
   PetscFunctionBeginUser;
   PetscCall(FlowReadFluid(dim, &f->par.density, f->par.gravity, &f->gravity));
-  PetscCall(ExprRead("-flow_force", dim, dim, f->par.force, &f->force, NULL));
+  PetscCall(ExprRead("-flow_force", dim, dim, f->given, &f->force, NULL));
+  PetscCall(PetscArraycpy(f->par.force, f->given, 3));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -90,11 +91,22 @@ static PetscErrorCode add_force(Flow f)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode FlowSetDrive(Flow f, const PetscReal force[3])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt a = 0; a < 3; a++) {
+    f->drive[a]     = force[a];
+    f->par.force[a] = f->given[a] + force[a];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowEvaluateForces(Flow f)
 {
   PetscFunctionBeginUser;
   if (f->gravity) PetscCall(average(f, f->gravity, NULL, f->par.gravity));
-  if (f->force && !ExprUsesPlace(f->force)) PetscCall(average(f, f->force, NULL, f->par.force));
+  if (f->force && !ExprUsesPlace(f->force)) PetscCall(average(f, f->force, NULL, f->given));
+  PetscCall(FlowSetDrive(f, f->drive));
   PetscCall(allocate_source(f));
   if (!f->source) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscArrayzero(f->source, f->loc->nnode_all * f->loc->dim));
@@ -127,6 +139,8 @@ PetscErrorCode FlowForceAt(Flow f, const PetscReal x[], PetscReal force[3])
 {
   PetscFunctionBeginUser;
   PetscCall(PetscArraycpy(force, f->par.force, 3));
-  if (f->force && ExprUsesPlace(f->force)) PetscCall(average(f, f->force, x, force));
+  if (!f->force || !ExprUsesPlace(f->force)) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(average(f, f->force, x, force));
+  for (PetscInt a = 0; a < f->loc->dim; a++) force[a] += f->drive[a];
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -49,8 +49,9 @@ struct _p_Flow {
   VectorField source_field;
   void       *source_ctx;
   PetscReal  *source;
-  Expr        initial;        /* velocity at the start; NULL: numbers */
-  Expr        gravity, force; /* NULL: numbers, in par; those without a place are put into par in every step */
+  PetscReal   given[3], drive[3]; /* uniform part of -flow_force, and of FlowSetDrive: their sum is in par */
+  Expr        initial;            /* velocity at the start; NULL: numbers */
+  Expr        gravity, force;     /* NULL: numbers, in par; those without a place are put into par in every step */
 };
 
 /* Read density, gravity and body force. Collective. */

@@ -10,6 +10,7 @@ enum {
   MOMENTUM,
   GROWTH,
   INNER,
+  BACKFLOW,
   NMEASURES
 };
 
@@ -20,21 +21,24 @@ static const struct {
   [MOMENTUM]   = {"the error of the balance of momentum", "-sim_judge_momentum"},
   [GROWTH]     = {"the share by which the kinetic energy grows in a step without a source", "-sim_judge_growth"},
   [INNER]      = {"the number of solves for velocity or pressure that stop at their largest number of iterations", NULL},
+  [BACKFLOW]   = {"the error of the back-flow of -couple_backflow", "-sim_judge_backflow"},
 };
 
-#define REST 1e-3 /* of the largest energy so far: growth below is that of a flow that comes to rest */
+#define REST  1e-3 /* of the largest energy so far: growth below is that of a flow that comes to rest */
+#define NOISE 1e-9 /* of the momentum: forces below are round-off */
 
 struct _p_Judge {
-  Flow       flow;
-  Bodies     bodies;
-  BodyState *s;
-  Couple     couple;
-  PetscReal  bound[NMEASURES], value[NMEASURES]; /* bound 0: not judged */
-  PetscReal  h, way_max;
-  PetscReal  speed_max, force_max, energy_max; /* L2 norm of the velocity; sum of forces; so far */
-  PetscReal  energy;                           /* of the step before */
-  PetscBool  started, volume, fast, remarked[2];
-  PetscInt   steps, doubts, judged;
+  Flow               flow;
+  Bodies             bodies;
+  BodyState         *s;
+  Couple             couple;
+  PetscReal          bound[NMEASURES], value[NMEASURES]; /* bound 0: not judged */
+  PetscReal          h, way_max, domain;                 /* domain: volume of its box */
+  PetscReal          speed_max, force_max, energy_max;   /* L2 norm of the velocity; sum of forces; so far */
+  PetscReal          energy;                             /* of the step before */
+  PetscBool          started, volume, fast, remarked[2];
+  PetscInt           steps, doubts, judged;
+  const CoupleDrive *drive; /* NULL: no back-flow to judge */
 };
 
 PetscErrorCode JudgeCreate(Flow flow, Bodies bodies, Couple couple, Judge *judge)
@@ -52,15 +56,20 @@ PetscErrorCode JudgeCreate(Flow flow, Bodies bodies, Couple couple, Judge *judge
   PetscCall(BodiesGetState(bodies, &j->s));
   PetscCall(FlowGetMesh(flow, &mesh));
   PetscCall(MeshGetLocal(mesh, &l));
-  j->h                 = l->h;
+  j->h      = l->h;
+  j->domain = 1;
+  for (PetscInt d = 0; d < l->dim; d++) j->domain *= l->upper[d] - l->lower[d];
   j->steps             = 5;
   j->way_max           = 1;
   j->bound[DIVERGENCE] = 0.1;
   j->bound[MOMENTUM]   = 0.05;
   j->bound[GROWTH]     = 0.2;
+  j->bound[BACKFLOW]   = 1e-3;
   PetscCall(OptReal("-sim_judge_divergence", &j->bound[DIVERGENCE]));
   PetscCall(OptReal("-sim_judge_momentum", &j->bound[MOMENTUM]));
   PetscCall(OptReal("-sim_judge_growth", &j->bound[GROWTH]));
+  PetscCall(CoupleGetDrive(couple, &j->drive));
+  if (j->drive && j->drive->backflow) PetscCall(OptReal("-sim_judge_backflow", &j->bound[BACKFLOW]));
   PetscCall(OptInt("-sim_judge_steps", &j->steps));
   PetscCall(OptReal("-sim_move_max", &j->way_max));
   PetscCall(OptPeek("-flow_recipe", text, sizeof(text)));
@@ -115,6 +124,12 @@ static PetscErrorCode count_inner(Judge j, PetscReal time)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Are all forces so far the round-off of the momentum of a flow that nothing drives? */
+static PetscBool only_noise(Judge j, const FlowParameters *par, PetscReal dt)
+{
+  return (PetscBool)(j->force_max * dt < NOISE * par->density * j->speed_max * PetscSqrtReal(j->domain));
+}
+
 PetscErrorCode JudgeStep(Judge j, const FlowDiagnostics *d, const CoupleBalance *b, PetscReal time, PetscReal dt)
 {
   const FlowParameters *par;
@@ -125,7 +140,8 @@ PetscErrorCode JudgeStep(Judge j, const FlowDiagnostics *d, const CoupleBalance 
   j->speed_max         = PetscMax(j->speed_max, PetscSqrtReal(2 * d->kinetic_energy / par->density));
   j->force_max         = PetscMax(j->force_max, b->size);
   j->value[DIVERGENCE] = j->speed_max > 0 ? j->h * d->divergence / j->speed_max : 0;
-  j->value[MOMENTUM]   = j->force_max > 0 && !j->volume ? b->error * b->size / j->force_max : 0;
+  j->value[MOMENTUM]   = j->force_max > 0 && !j->volume && !only_noise(j, par, dt) ? b->error * b->size / j->force_max : 0;
+  j->value[BACKFLOW]   = j->drive ? j->drive->error : 0;
   PetscCall(measure_growth(j, d, dt));
   PetscCall(count_inner(j, time));
   for (PetscInt i = 0; i < NMEASURES; i++)
@@ -149,16 +165,18 @@ static PetscErrorCode refuse_way(Judge j, PetscInt k, PetscReal way, PetscReal t
           (double)(0.5 * dt * j->way_max / way));
 }
 
-PetscErrorCode JudgePlan(Judge j, PetscReal (*a)[3], PetscReal time, PetscReal dt, PetscBool adapted)
+PetscErrorCode JudgePlan(Judge j, PetscReal (*a)[3], PetscBool start, PetscReal time, PetscReal dt, PetscBool adapted)
 {
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < j->s->n && j->way_max > 0; k++) {
     const BodyGroup *g   = BodiesGetGroup(j->s, k);
-    PetscReal        way = 0;
+    PetscReal        way = 0, held = start ? 1 : 0;
 
-    if (j->s->gone[k]) continue;
-    for (PetscInt d = 0; d < j->s->dim; d++)
+    for (PetscInt d = 0; d < j->s->dim; d++) {
       if (BodiesIsFree(j->bodies, k, d)) way += PetscSqr(a[k][d] * dt * dt / g->radius);
+      held += PetscAbsReal(j->s->contact_force[k][d]);
+    }
+    if (j->s->gone[k] || held == 0) continue;
     way = PetscSqrtReal(way);
     if (way > j->way_max) PetscCall(refuse_way(j, k, way, time, dt, adapted));
   }

@@ -42,8 +42,9 @@ PetscErrorCode JudgeDestroy(Judge *);
 /* After CoupleMomentum, before CoupleAdvance: measure the step to `time` of length dt. Collective. */
 PetscErrorCode JudgeStep(Judge, const FlowDiagnostics *, const CoupleBalance *, PetscReal time, PetscReal dt);
 /* Before contact, which would hold such a body where it is: a [n][3] is the acceleration of the bodies without contact.
-   Error: what it adds to a body's way in the step is too far. As JudgeWay. */
-PetscErrorCode JudgePlan(Judge, PetscReal (*a)[3], PetscReal time, PetscReal dt, PetscBool adapted);
+   Error: what it adds to a body's way in the step is too far; of bodies that contact held in the last step or, at the
+   start, of all. (That of a body elsewhere may be a jump which does not go on.) As JudgeWay. */
+PetscErrorCode JudgePlan(Judge, PetscReal (*a)[3], PetscBool start, PetscReal time, PetscReal dt, PetscBool adapted);
 /* After CoupleAdvance. Error: a body goes too far. adapted: by which option it can be shortened. Not collective, same
    result on all ranks. */
 PetscErrorCode JudgeWay(Judge, PetscReal time, PetscReal dt, PetscBool adapted);

@@ -50,26 +50,28 @@ static PetscErrorCode report_deformation(Monitor monitor, const DeformResult *r)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Nothing holds the mean motion of a box without boundaries */
-static PetscErrorCode remark_no_walls(const MeshLocal *l, const FlowParameters *par, Bodies bodies)
+/* Where bodies fall along a periodic axis: what holds their weight less their buoyancy */
+static PetscErrorCode remark_backflow(const MeshLocal *l, const FlowParameters *par, Bodies bodies, Couple couple)
 {
-  BodyState *s;
-  PetscBool  heavy = PETSC_FALSE;
+  const CoupleDrive *drive;
+  BodyState         *s;
+  PetscInt           heavy = 0, open = 0;
 
   PetscFunctionBeginUser;
+  PetscCall(CoupleGetDrive(couple, &drive));
   PetscCall(BodiesGetState(bodies, &s));
-  for (PetscInt d = 0; d < l->dim; d++)
-    if (l->period[d] == 0) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt k = 0; k < s->n; k++) {
-    const BodyGroup *g = BodiesGetGroup(s, k);
-
-    for (PetscInt d = 0; d < l->dim; d++)
-      if (par->gravity[d] != 0 && g->density != par->density && BodiesIsFree(bodies, k, d)) heavy = PETSC_TRUE;
+  for (PetscInt d = 0; d < l->dim; d++) {
+    open |= (l->period[d] > 0) << d;
+    for (PetscInt k = 0; k < s->n && l->period[d] > 0 && par->gravity[d] != 0; k++)
+      if (BodiesGetGroup(s, k)->density != par->density && BodiesIsFree(bodies, k, d)) heavy |= 1 << d;
   }
-  if (heavy)
-    PetscCall(
-      LogRemark("the box is periodic along every axis, and nothing in it holds the weight of the bodies less their buoyancy: bodies and fluid are "
-                "accelerated without end. Give it a wall, or balance the weight by -flow_force"));
+  if (drive && drive->backflow)
+    PetscCall(LogRemark("back-flow: zero %s along gravity in the periodic box (-couple_backflow), judged every step (column backflow_error)",
+                        drive->held & drive->backflow ? "net flux of fluid and bodies" : "mean force on fluid and bodies"));
+  else if (heavy & ~(drive ? drive->held : 0) && open == (1 << l->dim) - 1)
+    PetscCall(LogRemark(
+      "the box is periodic along every axis, and nothing in it holds the weight of the bodies less their buoyancy: bodies and fluid are "
+      "accelerated without end. Choose a back-flow by -couple_backflow flux or force, give it a wall, or balance the weight by -flow_force"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -95,10 +97,10 @@ static PetscErrorCode build(SimParts *part)
     if (deformed) PetscCall(drop_deform(part, steady));
     PetscCall(FlowCreate(part->mesh, &part->flow));
     PetscCall(FlowGetParameters(part->flow, &par));
-    PetscCall(remark_no_walls(l, par, part->bodies));
   }
   if (active) {
     PetscCall(CoupleCreate(part->flow, part->bodies, &part->couple));
+    PetscCall(remark_backflow(l, par, part->bodies, part->couple));
     if (part->deform) PetscCall(CoupleSetDeform(part->couple, part->deform));
     if (steady) PetscCall(SteadyCreate(part->flow, part->couple, &part->steady));
     PetscCall(ConditionsGetSolidFaces(FlowConditions(part->flow), &walls));

@@ -349,7 +349,7 @@ static PetscErrorCode solve_part(Sim s, PetscReal dt, PetscInt *its, KSPConverge
     PetscCall(FlowGetParameters(s->part.flow, &par));
     PetscCall(ContactSetGravity(s->part.contact, par->gravity));
     PetscCall(estimate_acceleration(s, dt));
-    PetscCall(JudgePlan(s->judge, s->a, s->time + dt, dt, (PetscBool)(s->adapt != NULL)));
+    PetscCall(JudgePlan(s->judge, s->a, (PetscBool)!s->has_acceleration, s->time + dt, dt, (PetscBool)(s->adapt != NULL)));
     PetscCall(ContactStep(s->part.contact, dt, s->a, s->alpha));
   }
   PetscCall(CoupleDraw(s->part.couple));

@@ -62,6 +62,7 @@ CASES = {
     "crank nicolson": (DISC, ["-flow_time", "cn"]),
     "fractional step": (DISC, ["-flow_time", "fstheta"]),
     "no bodies": (BOX, []),
+    "flow rate": (edited("upper: [1, 2]}", "upper: [1, 2], periodic: [x, y]}", DISC), ["-flow_rate", "1,0.5"]),
     "three velocities": (BOX, ["-flow_extrapolation", "quadratic"]),
     "plate": (edited("shape: circle, radius: 0.125, density: 1.25", "shape: leaflet, length: 0.4, thickness: 0.03, origin: 0.5, density: 4, angle: 0.4", DISC), ["-couple_boundary", "snap"]),
     "snap": (CROWD, ["-couple_boundary", "snap", "-output_every", "4"]),
@@ -106,7 +107,7 @@ def good(run):
 # ---- the same run ----
 
 
-@pytest.mark.parametrize("case, ranks", [("one disc", 2), ("crowd", 1), ("crowd", 2), ("snap", 2), ("plate", 1), ("mesh follows", 2), ("mesh follows, adaptive", 1), ("friction", 1), ("explicit", 1), ("crank nicolson", 1), ("fractional step", 1), ("formulas", 1), ("adaptive", 2), ("adaptive friction", 1), ("no bodies", 2), ("three velocities", 2)])
+@pytest.mark.parametrize("case, ranks", [("one disc", 2), ("crowd", 1), ("crowd", 2), ("snap", 2), ("plate", 1), ("mesh follows", 2), ("mesh follows, adaptive", 1), ("friction", 1), ("explicit", 1), ("crank nicolson", 1), ("fractional step", 1), ("formulas", 1), ("adaptive", 2), ("adaptive friction", 1), ("no bodies", 2), ("flow rate", 1), ("three velocities", 2)])
 def test_restart_is_identical(good, scene, tmp_path, case, ranks):
     text, args = CASES[case]
     name = scene(text)
