@@ -5,6 +5,7 @@
 #include "base/log.h"
 #include "base/opt.h"
 #include "defaults.h"
+#include "refine.h"
 #include "sim.h"
 
 /* What contact needs to know of a scene without a flow: all faces that are not periodic are walls, and the range goes
@@ -75,6 +76,21 @@ static PetscErrorCode remark_backflow(const MeshLocal *l, const FlowParameters *
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* A refined mesh is made around the bodies, others before them */
+static PetscErrorCode create_mesh_and_bodies(SimParts *part, const MeshLocal **l)
+{
+  PetscInt  levels;
+  PetscBool around;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshReadLevels(&levels, &around));
+  if (levels) PetscCall(RefineCreateMesh(PETSC_COMM_WORLD, around, &part->bodies, &part->mesh));
+  else PetscCall(MeshCreate(PETSC_COMM_WORLD, &part->mesh));
+  PetscCall(MeshGetLocal(part->mesh, l));
+  if (!levels) PetscCall(BodiesCreate((*l)->dim, (*l)->lower, (*l)->upper, &part->bodies));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode build(SimParts *part)
 {
   const MeshLocal      *l;
@@ -86,9 +102,7 @@ static PetscErrorCode build(SimParts *part)
   PetscFunctionBeginUser;
   PetscCall(OptBool("-flow_active", &active));
   if (active) PetscCall(OptBool("-sim_steady", &steady));
-  PetscCall(MeshCreate(PETSC_COMM_WORLD, &part->mesh));
-  PetscCall(MeshGetLocal(part->mesh, &l));
-  PetscCall(BodiesCreate(l->dim, l->lower, l->upper, &part->bodies));
+  PetscCall(create_mesh_and_bodies(part, &l));
   if (active) PetscCall(DefaultsApply(l, part->bodies, steady));
   if (active) {
     PetscCall(DeformCreate(part->mesh, part->bodies, &part->deform));
