@@ -117,7 +117,8 @@ static PetscErrorCode measure_bodies(Adapt a, PetscReal dt, const PetscReal weig
       const PetscReal now = d < 3 ? s->u[k][d] : s->w[k][d - 3], old = d < 3 ? s->u_old[k][d] : s->w_old[k][d - 3];
 
       if (BodiesIsFree(a->bodies, k, d < 3 ? d : 3))
-        sum += PetscSqr(dt * (d < 3 ? 1 / g->radius : 1) * (U[k * nr + i] - weight[0] * now - weight[1] * old - weight[2] * a->U_older[k][d]));
+        sum += PetscSqr(dt * (d < 3 ? 1 / BodiesGetRadius(s, k) : 1) *
+                        (U[k * nr + i] - weight[0] * now - weight[1] * old - weight[2] * a->U_older[k][d]));
     }
     n++;
   }
@@ -192,7 +193,7 @@ static PetscErrorCode measure_way(Adapt a, PetscReal dt, PetscReal *share)
       if (i < dim) speed += PetscSqr(U[k * nr + i]);
       else spin += PetscSqr(U[k * nr + i]);
     }
-    speed = PetscSqrtReal(speed) + (g->disc > 0 ? 0 : g->radius * PetscSqrtReal(spin));
+    speed = PetscSqrtReal(speed) + (g->disc > 0 ? 0 : BodiesGetRadius(a->s, k) * PetscSqrtReal(spin));
     if (!a->s->gone[k]) *share = PetscMax(*share, speed * dt / (a->move * a->l->h));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
