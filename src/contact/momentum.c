@@ -53,6 +53,16 @@ PetscErrorCode ContactGetMass(Contact c, PetscInt k, PetscReal *mass, PetscReal 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode ContactGetStart(Contact c, PetscInt k, PetscReal dt, PetscReal a[3])
+{
+  const PetscReal volume = BodiesVolume(c->state, k), force = (c->s->density[k] - c->rho_f) * volume;
+  const PetscReal drag = c->viscosity * (c->dim == 2 ? 3 : 6 * PETSC_PI * PetscPowReal(0.75 * volume / PETSC_PI, 1. / 3));
+
+  PetscFunctionBeginUser;
+  for (PetscInt d = 0; d < 3; d++) a[d] = force * c->g[d] / (ContactMass(c, k) + drag * dt);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* ---- scales ---- */
 
 static PetscReal present_speed(Contact c, PetscInt k)
