@@ -10,7 +10,8 @@ enum {
   PLANE    = 4,
   SPATIAL  = 8,
   SMALL    = 16, /* for a direct solver */
-  MOVING   = 32  /* bodies that do not all stand still */
+  MOVING   = 32, /* bodies that do not all stand still */
+  LED      = 64  /* bodies whose motion is prescribed */
 };
 
 /* In all of these situations, and with this option at this value (NULL: any scene), the default of `name` is `then`
@@ -44,6 +45,8 @@ static const struct {
   {"-preset", "accurate", UNSTEADY | MOVING, "-sim_adapt", "true"},
   {"-preset", "accurate", UNSTEADY | MOVING, "-sim_adapt_tolerance", "1e-4"},
   {"-preset", "accurate", UNSTEADY | MOVING, "-sim_adapt_move", "0.5"},
+  /* the force on a body that is led: 0.57, 0.24, 0.16 % off at .5, .2, .15 cells a step (oscillating cylinder) */
+  {"-preset", "accurate", UNSTEADY | MOVING | LED, "-sim_adapt_move", "0.15"},
   {"-preset", "accurate", UNSTEADY | MOVING, "-sim_adapt_max", STEP},
   {"-preset", "accurate", UNSTEADY, "-flow_time", "bdf2"},
   /* a single sweep leaves more: largest of 5 steps in a row in the scenes of runs/ that it solves 0.011, 0.032 */
@@ -163,22 +166,28 @@ static PetscErrorCode find_situation(const MeshLocal *l, Bodies bodies, PetscBoo
 {
   const PetscReal unknowns = (PetscReal)l->nnode_global * l->dim + (PetscReal)l->ncell_global * (l->dim + 1);
   PetscBool       still    = PETSC_TRUE;
+  BodyState      *s        = NULL;
 
   PetscFunctionBeginUser;
   if (bodies) PetscCall(BodiesAreStill(bodies, &still));
   *situation = (steady ? STEADY : UNSTEADY) | (l->dim == 2 && !l->hang ? PLANE : SPATIAL); /* what snap lines up */
   if (unknowns < (l->dim == 2 ? 1.5e6 : 2e5)) *situation |= SMALL;
   if (!still) *situation |= MOVING;
+  if (bodies) PetscCall(BodiesGetState(bodies, &s));
+  for (PetscInt g = 0; bodies && g < s->ngroups; g++)
+    if (s->group[g].motion.given) *situation |= LED;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* What each preset promises, and how many cells thick a body must be for it: an ellipse of 2 cells is 1.9 and 0.14 %
-   off, a flap of 1.6 cells 1.6, 1.5 and 1.2 % */
+/* What each preset promises, and for it: how many cells thick a body must be (balanced: a disc of 4 cells is 1.7 to 2.5 %
+   off, of 5 cells 0.6 %, an ellipse of 2 cells 1.9 %; accurate: 0.14 % there; a flap of 1.6 cells 1.6, 1.5 and 1.2 %),
+   and the boundary layer of a falling one (two discs with 0.43 cells, at 8 cells a diameter: fast 3 % off, accurate
+   3.6 %; an ellipse with 0.64 within 0.14 %) */
 static const char *const PRESETS[] = {"fast", "balanced", "accurate", NULL};
 static const struct {
   const char *percent;
-  PetscReal   cells;
-} PROMISE[] = {{"5", 1.5}, {"1", 4}, {"0.2", 2}};
+  PetscReal   cells, layer;
+} PROMISE[] = {{"5", 1.5, 0.25}, {"1", 5, 0.5}, {"0.2", 2, 0.5}};
 
 /* Thickness in cells about the centre of the smallest body of a group; 0: the centre is not inside */
 static PetscErrorCode measure_thickness(const MeshLocal *l, Bodies bodies, PetscInt group, PetscReal *cells)
@@ -196,6 +205,30 @@ static PetscErrorCode measure_thickness(const MeshLocal *l, Bodies bodies, Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Diameter/sqrt(Re) in cells of a free body that falls with a drag coefficient of 1; infinite for one that does not, or
+   where a number is an expression. Planes only: no measurements in space. */
+static PetscErrorCode measure_layer(const MeshLocal *l, Bodies bodies, PetscInt group, PetscReal *cells)
+{
+  const char *const names[3] = {"-flow_density", "-flow_viscosity", "-flow_gravity"};
+  BodyState        *s;
+  char              text[3][64];
+  double            density = 1, viscosity = 0.01, x = 0, y = 0;
+  PetscReal         d, speed;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetState(bodies, &s));
+  *cells = PETSC_MAX_REAL;
+  for (PetscInt i = 0; i < 3; i++) PetscCall(OptPeek(names[i], text[i], sizeof(text[i])));
+  if (text[0][0] && sscanf(text[0], "%lf", &density) != 1) PetscFunctionReturn(PETSC_SUCCESS);
+  if (text[1][0] && sscanf(text[1], "%lf", &viscosity) != 1) PetscFunctionReturn(PETSC_SUCCESS);
+  if (l->dim != 2 || !s->group[group].count || sscanf(text[2], "%lf,%lf", &x, &y) != 2) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!(s->group[group].free & (BODY_FREE_X | BODY_FREE_Y)) || s->group[group].motion.has_pivot) PetscFunctionReturn(PETSC_SUCCESS);
+  d     = 2 * BodiesGetRadius(s, s->group[group].first);
+  speed = PetscSqrtReal(0.5 * PETSC_PI * d * PetscAbsReal(s->density[s->group[group].first] / density - 1) * PetscSqrtReal(x * x + y * y));
+  if (speed > 0) *cells = d / PetscSqrtReal(density * speed * d / viscosity) / l->h;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* A preset that was asked for stops where it is known not to keep its promise; the default one does not. */
 static PetscErrorCode refuse_promise(const MeshLocal *l, Bodies bodies, PetscInt preset, int situation)
 {
@@ -207,6 +240,9 @@ static PetscErrorCode refuse_promise(const MeshLocal *l, Bodies bodies, PetscInt
   PetscCheck(preset > 0 || !s->n || (situation & (STEADY | MOVING)), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "-preset fast cannot keep its 5 %% here: one sweep a step damps the disturbances from which a stream past bodies at rest grows (lift of "
              "2D-3 18 to 74 %% off): use -preset balanced");
+  PetscCheck(preset > 0 || !(situation & LED), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "-preset fast cannot keep its 5 %% here: one sweep a step leaves the force on a body whose motion is prescribed 29 %% off (oscillating "
+             "cylinder, 12 cells): use -preset balanced");
   for (PetscInt g = 0; g < s->ngroups; g++) {
     PetscCall(measure_thickness(l, bodies, g, &cells));
     PetscCheck(cells == 0 || cells >= PROMISE[preset].cells * (1 - 1e-6), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
@@ -214,6 +250,11 @@ static PetscErrorCode refuse_promise(const MeshLocal *l, Bodies bodies, PetscInt
                "-dm_refine)%s, or remove -preset",
                PRESETS[preset], PROMISE[preset].percent, s->group[g].name, (double)cells, (double)PROMISE[preset].cells,
                preset == 1 && cells >= PROMISE[2].cells && (situation & PLANE) ? ", use -preset accurate" : "");
+    PetscCall(measure_layer(l, bodies, g, &cells));
+    PetscCheck(cells >= PROMISE[preset].layer, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "-preset %s cannot keep its %s %% here: the boundary layer of a falling body of group '%s' is %.2f cells thick and needs %.2g. Refine the "
+               "mesh (-mesh_cells, -mesh_focus_h), or remove -preset",
+               PRESETS[preset], PROMISE[preset].percent, s->group[g].name, (double)cells, (double)PROMISE[preset].layer);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -236,5 +277,6 @@ PetscErrorCode DefaultsApply(const MeshLocal *l, Bodies bodies, PetscBool steady
   if (given && bodies) PetscCall(refuse_promise(l, bodies, preset, situation));
   PetscCall(apply_rules(situation));
   PetscCall(list_replaced(PRESETS[preset], &replaced));
+  if (!given) PetscCall(PetscOptionsClearValue(NULL, "-preset")); /* options.txt, run again, promises no more than the run did */
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -137,7 +137,7 @@ def test_preset_refuses(run, scene):
     """Asked for, a preset stops where it is known not to keep its promise; the default does not."""
     steps = ["-sim_steps", "1", "-output_overwrite"]
     refused = run([scene(), "-mesh_cells", "16,48", "-preset", "balanced", *steps])
-    assert refused.status != 0 and "-preset balanced cannot keep its 1 % here: group 'disc' is 2.0 cells thick and needs 4.0." in refused.text, refused
+    assert refused.status != 0 and "-preset balanced cannot keep its 1 % here: group 'disc' is 2.0 cells thick and needs 5.0." in refused.text, refused
     assert "use -preset accurate" in refused.text and run([scene(), "-mesh_cells", "16,48", *steps]).status == 0
     fixed = scene(edited("position: [1, 4]", "position: [1, 4], free: none"))
     refused = run([fixed, "-mesh_cells", "16,48", "-preset", "fast", *steps])
