@@ -270,6 +270,19 @@ static PetscErrorCode tell_rung(void *couple)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Rotation counts by the speed it gives the surface. */
+static PetscErrorCode set_lengths(Couple c)
+{
+  PetscReal *length;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(c->s->n, &length));
+  for (PetscInt k = 0; k < c->s->n; k++) length[k] = BodiesGetGroup(c->s, k)->radius;
+  PetscCall(ConstraintSetLengths(c->constraint, length));
+  PetscCall(PetscFree(length));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
 {
   Couple   c;
@@ -299,6 +312,7 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   PetscCall(BoundariesCreate(flow, c->hole, &c->boundaries));
   PetscCall(CoupleFindNormals(c));
   PetscCall(ConstraintCreate(c->mesh, n, &c->constraint));
+  PetscCall(set_lengths(c));
   PetscCall(ConstraintGetRigidSize(c->constraint, &c->nr));
   PetscCall(create_solver(c));
   nn = n * c->nr;
