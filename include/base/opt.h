@@ -93,7 +93,8 @@ PetscErrorCode OptStringArray(const char name[], PetscInt *n, char *list[]);
 /* Was this option given at all? Counts as reading it. */
 PetscErrorCode OptHas(const char name[], PetscBool *found);
 
-/* Text of an option, "" when it is absent or has no value. Does not count as reading it: for src/run/defaults.c. */
+/* Text of an option, "" when it is absent or has no value. Does not count as reading it: for defaults that
+   depend on other options. */
 PetscErrorCode OptPeek(const char name[], char text[], size_t len);
 
 /* Set a default: kept only if neither scene nor command line gives the option. Of two for one name the later holds.

@@ -129,6 +129,25 @@ static PetscErrorCode read_focus(MeshKind k)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Three numbers in an option that has one for each axis mean three dimensions */
+static PetscErrorCode read_dimension(MeshKind k)
+{
+  const char *const given[] = {"-mesh_cells", "-mesh_lower", "-mesh_upper"};
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < 3; i++) {
+    char     text[PETSC_MAX_PATH_LEN] = "", **word;
+    PetscInt n;
+
+    PetscCall(OptPeek(given[i], text, sizeof(text)));
+    PetscCall(PetscStrToArray(text, ',', &n, &word));
+    PetscCall(PetscStrToArrayDestroy(n, word));
+    if (n == 3) k->dim = 3;
+  }
+  PetscCall(OptInt("-mesh_dimension", &k->dim));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode read_box(MeshKind k)
 {
   PetscFunctionBeginUser;
@@ -136,7 +155,7 @@ static PetscErrorCode read_box(MeshKind k)
     k->cells[d] = 16;
     k->upper[d] = 1;
   }
-  PetscCall(OptInt("-mesh_dimension", &k->dim));
+  PetscCall(read_dimension(k));
   PetscCall(OptRealArray("-mesh_lower", k->dim, k->lower, NULL));
   PetscCall(OptRealArray("-mesh_upper", k->dim, k->upper, NULL));
   for (PetscInt d = 0; d < k->dim; d++) {

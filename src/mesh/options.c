@@ -9,7 +9,8 @@
 
 static const OptSpec SPECS[] = {
   {"-mesh_kind", OPT_CHOICE, "", OPT_ANY, "box", .help = "where the mesh comes from", .choices = "box, channel, fitted, disc, annulus, file"},
-  {"-mesh_dimension", OPT_INT, "", 2, 3, "2", .help = "space dimension of a box mesh", .when = BOX},
+  {"-mesh_dimension", OPT_INT, "", 2, 3, "3 if -mesh_cells, -mesh_lower or -mesh_upper have three numbers, else 2",
+   .help = "space dimension of a box mesh", .when = BOX},
   {"-mesh_lower", OPT_REALS, "length", OPT_ANY, "0", .help = "lower corner of the box", .when = BOX},
   {"-mesh_upper", OPT_REALS, "length", OPT_ANY, "1", .help = "upper corner of the box", .when = BOX},
   {"-mesh_cells", OPT_INTS, "", 1, 1000000, "16", .help = "cells along each axis", .when = BOX " and without -mesh_focus"},
