@@ -45,7 +45,8 @@ typedef struct {
   const char *choices;      /* of OPT_CHOICE: "be, cn, bdf2" */
   PetscBool   expert;       /* shown by -help expert only: tolerances, thresholds */
   OptPaths    path;         /* of OPT_STRING: a file or folder to read, see OptSetScene */
-  const char *old;          /* former name, refused with the new one; NULL for none */
+  const char *variables; /* of OPT_REALS: NULL, or what each value may be an expression of, "x, y, z, t": base/expr.h */
+  const char *old;       /* former name, refused with the new one; NULL for none */
 } OptSpec;
 
 /* OPT_TABLE("flow: fluid and boundary conditions", SPECS) at the end of a room's options.c. A constructor of the

@@ -265,8 +265,9 @@ PetscErrorCode FlowSolverSetTolerance(FlowSolver fs, PetscBool *enough)
     PetscCall(VecCopy(fs->b, fs->r));
     start = rhs;
   }
-  target  = PetscMax(fs->rtol * rhs, PetscMin(fs->rtol_start * start, fs->rtol_most * rhs));
-  *enough = (PetscBool)(start <= target);
+  target     = PetscMax(fs->rtol * rhs, PetscMin(fs->rtol_start * start, fs->rtol_most * rhs));
+  fs->target = target;
+  *enough    = (PetscBool)(start <= target);
   PetscCall(VecNorm(fs->r, NORM_2, &whole));
   if (!*enough && start < PETSC_MAX_REAL)
     PetscCall(KSPSetTolerances(fs->ksp, PetscMax(target / whole, LEAST_TOLERANCE), PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));

@@ -186,6 +186,7 @@ PetscErrorCode FlowSolverDestroy(FlowSolver *solver)
   if (!fs) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(KSPDestroy(&fs->ksp));
   PetscCall(TwoStageDestroy(&fs->two));
+  PetscCall(FlowSolverDestroyHeld(fs));
   PetscCall(PetscFree(fs->sub));
   PetscCall(PCDestroy(&fs->split));
   PetscCall(PressureDestroy(&fs->pressure));
@@ -453,8 +454,7 @@ PetscErrorCode FlowSolverResidual(FlowSolver fs, const PetscReal r[], const Pets
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The round-off of a small residual would dominate where nothing can take it away */
-static PetscErrorCode make_consistent(FlowSolver fs, Vec r)
+PetscErrorCode FlowSolverMakeConsistent(FlowSolver fs, Vec r)
 {
   MatNullSpace constant;
   PetscReal   *a;
@@ -474,7 +474,7 @@ PetscErrorCode FlowSolverCorrect(FlowSolver fs, Vec f, Vec y, PetscInt *its, KSP
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_FLOW_SOLVE, 0, 0, 0, 0));
   PetscCall(VecCopy(f, fs->b));
-  PetscCall(make_consistent(fs, fs->b));
+  PetscCall(FlowSolverMakeConsistent(fs, fs->b));
   PetscCall(VecZeroEntries(y));
   PetscCall(KSPSetTolerances(fs->ksp, fs->rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
   PetscCall(KSPSolve(fs->ksp, fs->b, y));
@@ -556,7 +556,7 @@ static PetscErrorCode start_from(FlowSolver fs, const PetscReal dp[])
   PetscCall(MatMult(fs->K, fs->x, fs->r));
   PetscCall(VecAYPX(fs->r, -1, fs->b));
   if (dp && !fs->fixed && !fs->need_whole) PetscCall(shift_pressure(fs, dp));
-  PetscCall(make_consistent(fs, fs->r));
+  PetscCall(FlowSolverMakeConsistent(fs, fs->r));
   PetscCall(VecZeroEntries(fs->y));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -582,6 +582,7 @@ PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscRe
     PetscCall(VecAXPY(fs->x, 1, fs->y));
   }
   PetscCall(FlowSolverUnpack(fs, fs->x, u, p, U));
+  if (fs->held && *reason >= 0) PetscCall(FlowSolverHold(fs, u, p, U, its, reason));
   PetscCall(PetscLogEventEnd(TB_FLOW_SOLVE, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
