@@ -81,7 +81,7 @@ static PetscErrorCode fill_rigid_rows(Couple c)
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < c->s->n; k++) {
-    const PetscReal excess = BodiesGetGroup(c->s, k)->density - CoupleInnerDensity(c, k, c->par);
+    const PetscReal excess = c->s->density[k] - CoupleInnerDensity(c, k, c->par);
     PetscReal       M[36], *g = c->g + k * nr, spin, L[3], force[3], torque[3], dead[6];
 
     PetscCall(RigidGetMass(c->bodies, k, c->q[k], M));
@@ -241,15 +241,15 @@ static PetscErrorCode remark_small_bodies(Couple c)
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < s->n; k++) {
-    const PetscReal r = BodiesGetGroup(s, k)->radius;
+    const PetscReal r = BodiesGetRadius(s, k);
 
-    if (r < 0.999 * c->loc->h && (smallest < 0 || r < BodiesGetGroup(s, smallest)->radius)) smallest = k;
+    if (r < 0.999 * c->loc->h && (smallest < 0 || r < BodiesGetRadius(s, smallest))) smallest = k;
   }
   if (smallest < 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(
     LogRemark("body %" PetscInt_FMT
               " (group '%s') is %.2g of the smallest cells long; below 2 its force is off by 20 %% and more: refine the mesh, such as by -mesh_cells",
-              smallest, BodiesGetGroup(s, smallest)->name, (double)(2 * BodiesGetGroup(s, smallest)->radius / c->loc->h)));
+              smallest, BodiesGetGroup(s, smallest)->name, (double)(2 * BodiesGetRadius(s, smallest) / c->loc->h)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -273,7 +273,7 @@ static PetscErrorCode tell_rung(void *couple)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Rotation counts by the speed it gives the surface. */
+/* Rotation counts by the speed it gives the surface (that of the group's shape: no number of the state). */
 static PetscErrorCode set_lengths(Couple c)
 {
   PetscReal *length;
@@ -283,6 +283,19 @@ static PetscErrorCode set_lengths(Couple c)
   for (PetscInt k = 0; k < c->s->n; k++) length[k] = BodiesGetGroup(c->s, k)->radius;
   PetscCall(ConstraintSetLengths(c->constraint, length));
   PetscCall(PetscFree(length));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Before the first step bodies have always moved as they do at its beginning */
+static PetscErrorCode set_history(Couple c)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    PetscReal u[1][3], w[1][3];
+
+    PetscCall(BodiesGetKnownVelocity(c->bodies, k, 0, u[0], w[0]));
+    for (PetscInt i = 0; i < c->nr; i++) c->U_old[k * c->nr + i] = c->U_older[k * c->nr + i] = *CoupleRigidComponent(c, u, w, 0, i);
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -326,12 +339,7 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   if (c->rung->create) PetscCall((*c->rung->create)(c, &c->rung_data));
   PetscCall(PetscCalloc7(n, &c->X, n, &c->q, n, &c->P, n, &c->unknown, 3 * n, &c->du_old, n, &c->growth, 6 * n, &c->force_old));
   PetscCall(PetscCalloc6(nn, &c->U, nn, &c->U_old, nn, &c->U_older, nn * c->nr, &c->D, nn, &c->g, nn, &c->residual));
-  for (PetscInt k = 0; k < n; k++) {
-    PetscReal u[1][3], w[1][3];
-
-    PetscCall(BodiesGetKnownVelocity(bodies, k, 0, u[0], w[0]));
-    for (PetscInt i = 0; i < c->nr; i++) c->U_old[k * c->nr + i] = c->U_older[k * c->nr + i] = *CoupleRigidComponent(c, u, w, 0, i);
-  }
+  PetscCall(set_history(c));
   PetscCall(PetscCalloc4(c->loc->nnode_all * c->loc->dim, &c->u, c->loc->ncell * (c->loc->dim + 1), &c->p, c->loc->ncell * (c->loc->dim + 1), &c->dp,
                          c->loc->nnode_all * c->loc->dim, &c->rhs));
   *couple = c;
