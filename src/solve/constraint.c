@@ -179,6 +179,7 @@ PetscErrorCode ConstraintCreate(Mesh mesh, PetscInt nbodies, Constraint *constra
                          nbodies * c->nr, &c->local_rigid));
   PetscCall(PetscMalloc2(nbodies, &c->length, nbodies * c->nr, &c->packed));
   for (PetscInt k = 0; k < nbodies; k++) c->length[k] = 1;
+  PetscCall(PetscCalloc1(nbodies, &c->united));
   for (PetscInt i = 0; i < c->loc->nnode_all; i++) c->node_body[i] = c->follow[i] = -1;
   PetscCallMPI(MPI_Type_contiguous((int)c->nr, MPIU_REAL, &c->rigid_type));
   PetscCallMPI(MPI_Type_commit(&c->rigid_type));
@@ -202,6 +203,7 @@ PetscErrorCode ConstraintDestroy(Constraint *constraint)
   PetscCall(PetscFree(c->more));
   PetscCall(PetscFree6(c->unknown, c->X, c->U, c->local_index, c->local_list, c->local_rigid));
   PetscCall(PetscFree2(c->length, c->packed));
+  PetscCall(PetscFree(c->united));
   PetscCall(PetscFree(c->body_node));
   PetscCall(PetscSFDestroy(&c->rigid_sf));
   PetscCallMPI(MPI_Type_free(&c->rigid_type));
@@ -286,6 +288,13 @@ PetscErrorCode ConstraintSetBodies(Constraint c, const PetscInt node_body[], Pet
   }
   PetscCall(set_known(c));
   if (changed) *changed = moved;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintSetUnited(Constraint c, const PetscBool united[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscArraycpy(c->united, united, c->nbodies));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
