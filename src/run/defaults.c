@@ -11,7 +11,7 @@ enum {
   SPATIAL  = 8,
   SMALL    = 16, /* for a direct solver */
   MOVING   = 32, /* bodies that do not all stand still */
-  LED      = 64  /* bodies whose motion is prescribed */
+  LED      = 64  /* bodies that are led to and fro */
 };
 
 /* In all of these situations, and with this option at this value (NULL: any scene), the default of `name` is `then`
@@ -175,14 +175,15 @@ static PetscErrorCode find_situation(const MeshLocal *l, Bodies bodies, PetscBoo
   if (!still) *situation |= MOVING;
   if (bodies) PetscCall(BodiesGetState(bodies, &s));
   for (PetscInt g = 0; bodies && g < s->ngroups; g++)
-    if (s->group[g].motion.given) *situation |= LED;
+    for (PetscInt d = 0; d < l->dim; d++)
+      if (s->group[g].motion.given && s->group[g].motion.amplitude[d] != 0) *situation |= LED;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* What each preset promises, and for it: how many cells thick a body must be (balanced: a disc of 4 cells is 1.7 to 2.5 %
-   off, of 5 cells 0.6 %, an ellipse of 2 cells 1.9 %; accurate: 0.14 % there; a flap of 1.6 cells 1.6, 1.5 and 1.2 %),
-   and the boundary layer of a falling one (two discs with 0.43 cells, at 8 cells a diameter: fast 3 % off, accurate
-   3.6 %; an ellipse with 0.64 within 0.14 %) */
+/* What each preset promises, and for it: how many cells thick a body must be (balanced: a disc of 4 cells is 1.7 to
+   2.5 % off, of 5 cells 0.6 %, an ellipse of 2 cells 1.9 %; accurate: 0.14 % there; a flap of 1.6 cells 1.6, 1.5 and
+   1.2 %), and the boundary layer of a falling one (two discs with 0.43 cells, at 8 cells a diameter: fast 3 % off,
+   accurate 3.6 %; an ellipse with 0.64 within 0.14 %) */
 static const char *const PRESETS[] = {"fast", "balanced", "accurate", NULL};
 static const struct {
   const char *percent;
@@ -241,7 +242,7 @@ static PetscErrorCode refuse_promise(const MeshLocal *l, Bodies bodies, PetscInt
              "-preset fast cannot keep its 5 %% here: one sweep a step damps the disturbances from which a stream past bodies at rest grows (lift of "
              "2D-3 18 to 74 %% off): use -preset balanced");
   PetscCheck(preset > 0 || !(situation & LED), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-             "-preset fast cannot keep its 5 %% here: one sweep a step leaves the force on a body whose motion is prescribed 29 %% off (oscillating "
+             "-preset fast cannot keep its 5 %% here: one sweep a step leaves the force on a body that is led to and fro 29 %% off (oscillating "
              "cylinder, 12 cells): use -preset balanced");
   for (PetscInt g = 0; g < s->ngroups; g++) {
     PetscCall(measure_thickness(l, bodies, g, &cells));
@@ -277,6 +278,7 @@ PetscErrorCode DefaultsApply(const MeshLocal *l, Bodies bodies, PetscBool steady
   if (given && bodies) PetscCall(refuse_promise(l, bodies, preset, situation));
   PetscCall(apply_rules(situation));
   PetscCall(list_replaced(PRESETS[preset], &replaced));
-  if (!given) PetscCall(PetscOptionsClearValue(NULL, "-preset")); /* options.txt, run again, promises no more than the run did */
+  /* options.txt, run again, promises no more than the run did */
+  if (!given) PetscCall(PetscOptionsClearValue(NULL, "-preset"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -121,7 +121,7 @@ def test_mistakes(program, tmp_path):
 PRESETS = """\
 [presets.disc]
 scene = "{scene}"
-options = "-mesh_cells 32,96 -sim_steps 2"
+options = "-mesh_cells 40,120 -sim_steps 2"
 minutes = 0.1
 quantities = [
   {{ value = "steps", converged = 2, source = "exact" }},
@@ -143,14 +143,14 @@ def test_presets(program, tmp_path):
     assert done.returncode == 0 and "6 kept, 0 not, 0 not run" in done.stdout, done.stdout + done.stderr
     assert (tmp_path / "results" / "presets.md").read_text().count("| not run |") == 3
     done = validate(tmp_path, program, "--presets", "coarse")
-    assert done.returncode == 1 and "1 kept, 2 not, 0 not run" in done.stdout, done.stdout + done.stderr
+    assert done.returncode == 1 and "2 kept, 1 not, 0 not run" in done.stdout, done.stdout + done.stderr
     with open(tmp_path / "results" / "presets.csv", newline="") as file:
         rows = {(row["scene"], row["preset"], row["quantity"]): row for row in csv.DictReader(file)}
     assert len(rows) == 9 and rows["disc", "fast", "rank"]["verdict"] == "within" and float(rows["disc", "accurate", "steps"]["cpu_seconds"]) > 0
     assert rows["coarse", "fast", "steps"]["verdict"] == "NOT within" and rows["coarse", "fast", "steps"]["deviation_percent"] == "-33.3"
     assert rows["coarse", "balanced", "steps"]["verdict"].startswith("refused: -preset balanced cannot keep its 1 % here: group 'disc' is 2.0 cells")
     declare(tmp_path, PRESETS.replace("converged = 2", "converged = 2.03"))  # judged anew
-    assert "5 kept, 4 not, 0 not run" in validate(tmp_path, program, "--presets", "--show").stdout
+    assert "6 kept, 3 not, 0 not run" in validate(tmp_path, program, "--presets", "--show").stdout
 
 
 def test_mistakes_of_presets(program, tmp_path):
