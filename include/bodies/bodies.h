@@ -33,6 +33,14 @@ typedef struct {
   PetscReal force[3], torque[3]; /* external, on each body */
 } Motion;
 
+/* A group whose places ContactPack finds: in lower .. upper, at least `margin` apart from all others and from the faces
+   of the box; bodies with random orientations may turn on the way. state: of random numbers. */
+typedef struct {
+  PetscBool  wanted, turns;
+  PetscReal  lower[3], upper[3], margin;
+  PetscInt64 state;
+} Packing;
+
 typedef enum {
   BODY_FREE_X        = 1,
   BODY_FREE_Y        = 2,
@@ -43,20 +51,23 @@ typedef enum {
 typedef struct {
   char      name[64];
   Shape     shape;
-  PetscReal density;      /* rho_s */
+  PetscReal density;      /* rho_s, of bodies for which nothing else is said */
   PetscInt  free;         /* BodyFree bits; 0 = fixed (or prescribed) */
   Motion    motion;       /* of what is not free; pivot, stops, external load */
   PetscReal arm[3];       /* from the reference point to the centroid, body axes */
   PetscInt  first, count; /* bodies [first, first + count) */
-  ShapeMass mass;         /* for unit density */
-  PetscReal radius;       /* bounding radius about the centroid */
-  PetscReal disc;         /* radius if the shape is a disc/sphere, else 0 */
-  PetscBool hole;         /* the body is a hole of the mesh (fitted.h): nothing is drawn */
+  ShapeMass mass;   /* of the shape, for unit density; a body of size s has s^dim its volume, s^(dim + 2) its inertia */
+  PetscReal radius; /* of the shape: bounding radius about the centroid */
+  PetscReal disc;   /* of the shape: radius if it is a disc/sphere, else 0 */
+  Packing   pack;
+  PetscReal largest; /* size of the largest body, 1 without bodies */
+  PetscBool hole;    /* the body is a hole of the mesh (fitted.h): nothing is drawn */
 } BodyGroup;
 
 /* The state, replicated on all ranks: a view that only reads, of arrays that Bodies owns. n = number of bodies, m
    = number of groups; time: of this state, advanced by BodiesAdvancePosition; dt_old: length of the last step, 0: none.
      group [m], body_group [n]          the group of body k is group[body_group[k]]: BodiesGetGroup
+     scale, density [n]                 size of body k in that of its group's shape (1: the shape itself); rho_s
      x, u, w [n][3]                     centre of mass, its velocity, angular velocity [rad/s] in space axes; u_old,
                                         w_old: one step earlier
      q [n][4], angle [n]                orientation; 2D angle, rad (3D: integral of w_z, for reports only)
@@ -65,9 +76,9 @@ typedef struct {
      stopped [n]                        the body rests on its lower (-1) or upper (1) stop, or not (0)
      gap [n]                            smallest gap to a wall or another body (set by contact; PETSC_MAX_REAL if far)
      gone [n]                           has left the domain and takes part in nothing any more
-     travels, frame, frame_next,        the box travels: its displacement now and at the end of the step, its velocity in the
-     frame_u                            step. x is the place in the box; in the laboratory it is x + frame. Velocities are
-                                        those of the laboratory
+     travels, frame, frame_next,        the box travels: its displacement now and at the end of the step, its velocity in
+     frame_u                            the step. x is the place in the box; in the laboratory it is x + frame. Velocities
+                                        are those of the laboratory
    The list is a macro, because write.h has it once more without the const. */
 /* clang-format off */
 #define BODY_STATE(CONST) \
@@ -76,6 +87,7 @@ typedef struct {
   PetscBool travels; \
   CONST BodyGroup *group; \
   CONST PetscInt *body_group, *stopped; \
+  CONST PetscReal *scale, *density; \
   CONST PetscReal (*x)[3], (*q)[4], *angle, (*u)[3], (*w)[3], (*u_old)[3], (*w_old)[3]; \
   CONST PetscReal (*force)[3], (*torque)[3], (*contact_force)[3], (*contact_torque)[3], *gap; \
   CONST PetscBool *gone;
@@ -90,6 +102,24 @@ typedef const struct _n_BodyState BodyState;
 static inline const BodyGroup *BodiesGetGroup(BodyState *s, PetscInt k)
 {
   return &s->group[s->body_group[k]];
+}
+
+/* Bounding radius of body k about its centroid; its radius if it is a disc or sphere, else 0; its volume (area). */
+static inline PetscReal BodiesGetRadius(BodyState *s, PetscInt k)
+{
+  return s->scale[k] * BodiesGetGroup(s, k)->radius;
+}
+
+static inline PetscReal BodiesGetDisc(BodyState *s, PetscInt k)
+{
+  return s->scale[k] * BodiesGetGroup(s, k)->disc;
+}
+
+static inline PetscReal BodiesVolume(BodyState *s, PetscInt k)
+{
+  const PetscReal a = s->scale[k];
+
+  return BodiesGetGroup(s, k)->mass.volume * (s->dim == 2 ? a * a : a * a * a);
 }
 
 typedef struct _p_Bodies *Bodies;
@@ -109,6 +139,8 @@ PetscErrorCode BodiesSetTime(Bodies, PetscReal time);
 PetscErrorCode BodiesWriteForces(Bodies, PetscReal (**force)[3], PetscReal (**torque)[3]);
 PetscErrorCode BodiesSetVelocity(Bodies, PetscInt k, const PetscReal u[3], const PetscReal w[3]);
 PetscErrorCode BodiesStepVelocity(Bodies, PetscInt k, const PetscReal u[3], const PetscReal w[3]);
+/* Body k starts elsewhere: centre, orientation and, in 2D, its angle. Before the first step. */
+PetscErrorCode BodiesPlace(Bodies, PetscInt k, const PetscReal x[3], const PetscReal q[4], PetscReal angle);
 PetscErrorCode BodiesSetHole(Bodies, PetscInt group); /* the bodies of a group are holes of the mesh */
 
 /* Volume (area) of body k, and its inertia tensor in space axes at the present orientation (xx yy zz xy xz yz; 2D: zz
@@ -156,18 +188,18 @@ PetscErrorCode BodiesAdvancePosition(Bodies, PetscReal dt, PetscReal theta);
 PetscErrorCode BodiesRelease(Bodies, PetscInt k, PetscReal rho_f, const PetscReal gravity[3]);
 /* Is no degree of freedom free, none moved by _motion, and every velocity 0? Then positions need no update. */
 PetscErrorCode BodiesAreStill(Bodies, PetscBool *still);
-/* Speed of the fastest point of body k (of a disc: its centre) in the box, under the velocities extrapolated by r of their last
-   change; r = 0: the present ones. Not collective. */
+/* Speed of the fastest point of body k (of a disc: its centre) in the box, under the velocities extrapolated by r of
+   their last change; r = 0: the present ones. Not collective. */
 PetscReal BodiesFastestPoint(BodyState *, PetscInt k, PetscReal r);
 /* Where body k is predicted to be at the next step: X + dt u (order 1), X + dt (u + r/2 (u - u_old)) with r = dt/dt_old
-   (order 2; r = 1 at the start) or X (order 0: in the box, if that travels); likewise orientation. What is not free is where its prescribed motion
-   puts it at time + dt, whatever the order. Stops are kept. */
+   (order 2; r = 1 at the start) or X (order 0: in the box, if that travels); likewise orientation. What is not free is
+   where its prescribed motion puts it at time + dt, whatever the order. Stops are kept. */
 PetscErrorCode BodiesPredict(Bodies, PetscInt k, PetscReal dt, PetscInt order, PetscReal X[3], PetscReal q[4],
                              PetscReal *angle);
 
 /* The box travels from now on; period [3] of its axes, 0: none. Before anything asks whether bodies are still. Set: its
-   displacement at the end of the step, and its velocity in the step; for BodiesPredict and BodiesAdvancePosition. Accept:
-   it is there. Not collective. */
+   displacement at the end of the step, and its velocity in the step; for BodiesPredict and BodiesAdvancePosition.
+   Accept: it is there. Not collective. */
 PetscErrorCode BodiesStartFrame(Bodies, const PetscReal period[3]);
 PetscErrorCode BodiesSetFrame(Bodies, const PetscReal next[3], const PetscReal velocity[3]);
 PetscErrorCode BodiesAcceptFrame(Bodies);

@@ -17,6 +17,18 @@
 
 typedef struct _p_Contact *Contact;
 
+/* What packing did: bodies that were packed, the sum of the shares of their boxes that their groups fill. */
+typedef struct {
+  PetscInt  bodies, sweeps;
+  PetscReal fraction, seconds;
+} ContactPacking;
+
+/* Find places for the bodies of the groups that are packed (bodies.h: Packing): no overlaps with any body, gaps of at
+   least their margins, inside of their boxes or across the faces of axes with a period (else 0) that their box spans.
+   All others stay. To be called right after BodiesCreate. Every rank does the same work. Error: they do not fit. */
+PetscErrorCode ContactPack(Bodies, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3],
+                           ContactPacking *);
+
 /* h: cell size near the bodies (default range h/2). rho_f: density of the fluid, whose added mass counts; 0 without.
    walls: bit mask of solid domain faces, bit 2*axis for lower, 2*axis + 1 for upper. Collective. Errors: no scale for
    the stiffness of a spring. */

@@ -98,8 +98,9 @@ PetscErrorCode FlowBeginSteady(Flow, PetscReal rate);
    bdf2, no convection, skew form, quadratic extrapolation. Local. */
 PetscErrorCode FlowSetDrift(Flow, const PetscReal drift[]);
 /* The whole mesh travels at v in this step (c_t X - d(X) of its displacement X): w.grad u becomes (w - v).grad u, as in
-   FlowSetDrift and beside it, with every scheme. Velocities, conditions and the pressure stay those of the space in which
-   it travels; what depends on the place sees that in the mesh. After FlowBeginStep, until the next call. Local. */
+   FlowSetDrift and beside it, with every scheme. Velocities, conditions and the pressure stay those of the space in
+   which it travels; what depends on the place sees that in the mesh. After FlowBeginStep, until the next call. Local.
+ */
 PetscErrorCode FlowSetFrame(Flow, const PetscReal v[3]);
 /* Convecting velocity w of the next FlowAssemble, [nnode_all][dim] synced. Local. */
 PetscErrorCode FlowSetConvection(Flow, const PetscReal w[]);

@@ -38,8 +38,11 @@ static const Placement *start_of(Bodies b, PetscInt k)
 /* Orientation that is `turn` away from the start */
 static void turn_from_start(Bodies b, PetscInt k, const PetscReal turn[3], PetscReal q[4], PetscReal *angle)
 {
-  *angle = start_of(b, k)->angle + turn[2];
-  RotationFromAngle(b->state.dim == 2 ? *angle : start_of(b, k)->angle, q);
+  const Placement *p = start_of(b, k);
+
+  *angle = p->angle + turn[2];
+  if (p->turned) (void)PetscArraycpy(q, p->q, 4);
+  else RotationFromAngle(b->state.dim == 2 ? *angle : p->angle, q);
   if (b->state.dim == 3) RotationAdvance(1, turn, q);
 }
 
@@ -155,7 +158,7 @@ PetscErrorCode BodiesGetLoad(Bodies b, PetscInt k, PetscReal rho_f, const PetscR
   PetscCall(check_body(b, k));
   g = BodiesGetGroup(&b->view, k);
   for (PetscInt a = 0; a < 3; a++) {
-    force[a]  = g->motion.force[a] + (g->density - rho_f) * g->mass.volume * (a < b->state.dim ? gravity[a] : 0);
+    force[a]  = g->motion.force[a] + (b->state.density[k] - rho_f) * BodiesVolume(&b->view, k) * (a < b->state.dim ? gravity[a] : 0);
     torque[a] = g->motion.torque[a];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -191,15 +194,15 @@ PetscErrorCode BodiesRelease(Bodies b, PetscInt k, PetscReal rho_f, const PetscR
 /* Inertia about the reference point: I + M (arm^2 1 - arm arm^T) */
 static PetscErrorCode reference_inertia(Bodies b, PetscInt k, PetscReal inertia[6])
 {
-  const PetscInt   row[6] = {0, 1, 2, 0, 0, 1}, col[6] = {0, 1, 2, 1, 2, 2};
-  const BodyGroup *g = BodiesGetGroup(&b->view, k);
-  PetscReal        arm[3], square;
+  const PetscInt  row[6] = {0, 1, 2, 0, 0, 1}, col[6] = {0, 1, 2, 1, 2, 2};
+  const PetscReal mass = b->state.density[k] * BodiesVolume(&b->view, k);
+  PetscReal       arm[3], square;
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetInertia(b, k, PETSC_FALSE, inertia));
   PetscCall(BodiesGetArm(b, k, NULL, arm));
   square = arm[0] * arm[0] + arm[1] * arm[1] + arm[2] * arm[2];
-  for (PetscInt i = 0; i < 6; i++) inertia[i] += g->density * g->mass.volume * ((row[i] == col[i] ? square : 0) - arm[row[i]] * arm[col[i]]);
+  for (PetscInt i = 0; i < 6; i++) inertia[i] += mass * ((row[i] == col[i] ? square : 0) - arm[row[i]] * arm[col[i]]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -218,7 +221,7 @@ static PetscErrorCode advance_rotation(Bodies b, PetscInt k, PetscReal dt, Petsc
     PetscCall(BodiesGetArm(b, k, NULL, arm));
     PetscCall(BodiesGetKnownVelocity(b, k, s->time, u[0], w));
     PetscCall(BodiesGetKnownVelocity(b, k, s->time + dt, u[1], w));
-    for (PetscInt d = 0; d < 3; d++) a[d] = -g->density * g->mass.volume * (u[1][d] - u[0][d]) / dt;
+    for (PetscInt d = 0; d < 3; d++) a[d] = -s->density[k] * BodiesVolume(&b->view, k) * (u[1][d] - u[0][d]) / dt;
     cross(arm, a, moment);
     for (PetscInt d = 0; d < 3; d++) T[d] += moment[d];
   }
@@ -233,9 +236,8 @@ PetscErrorCode BodiesAdvanceVelocity(Bodies b, PetscReal dt, PetscReal rho_f, co
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < s->n; k++) {
-    const BodyGroup *g    = BodiesGetGroup(&b->view, k);
-    const PetscReal  mass = g->density * g->mass.volume;
-    PetscReal        force[3], torque[3], u[3], w[3], spin[3], arm[3];
+    const PetscReal mass = s->density[k] * BodiesVolume(&b->view, k);
+    PetscReal       force[3], torque[3], u[3], w[3], spin[3], arm[3];
 
     PetscCall(PetscArraycpy(s->u_old[k], s->u[k], 3));
     PetscCall(PetscArraycpy(s->w_old[k], s->w[k], 3));
@@ -349,7 +351,7 @@ PetscReal BodiesFastestPoint(BodyState *s, PetscInt k, PetscReal r)
     u += PetscSqr(s->u[k][d] + r * (s->u[k][d] - s->u_old[k][d]) - s->frame_u[d]);
     w += PetscSqr(s->w[k][d] + r * (s->w[k][d] - s->w_old[k][d]));
   }
-  return PetscSqrtReal(u) + (g->disc > 0 ? 0 : g->radius * PetscSqrtReal(w));
+  return PetscSqrtReal(u) + (g->disc > 0 ? 0 : s->scale[k] * g->radius * PetscSqrtReal(w));
 }
 
 PetscErrorCode BodiesPredict(Bodies b, PetscInt k, PetscReal dt, PetscInt order, PetscReal X[3], PetscReal q[4], PetscReal *angle)

@@ -5,15 +5,20 @@
    know the state of the bodies, which is made from this in bodies.c. */
 #include "compat.h"
 #include "impl.h"
+#include "spread.h"
 #include "base/log.h"
 #include "base/opt.h"
+#include "base/room.h"
+
+#define MOST 10000000 /* bodies that a fraction may ask for */
 
 /* What the options of a group say about the start of its bodies. */
 typedef struct {
   PetscInt   place, count, seed;
-  PetscReal  lower[3], upper[3], margin;
+  PetscReal  lower[3], upper[3], margin, fraction;
+  Spread     spread;
   Placement  base; /* position, angle and velocities given for all bodies */
-  PetscBool  has_position, has_count;
+  PetscBool  has_position, has_count, has_fraction;
   char       table[PETSC_MAX_PATH_LEN];
   Placement *body; /* [count of the group] */
 } Start;
@@ -22,9 +27,10 @@ enum {
   PLACE_SINGLE,
   PLACE_LATTICE,
   PLACE_RANDOM,
-  PLACE_TABLE
+  PLACE_TABLE,
+  PLACE_PACK
 };
-static const char *const place_names[] = {"single", "lattice", "random", "table", NULL};
+static const char *const place_names[] = {"single", "lattice", "random", "table", "pack", NULL};
 
 /* ---- options of one group ---- */
 
@@ -102,6 +108,7 @@ static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim, Start *s)
   PetscCall(OptHas(OptJoin("-particle_", g->name, "_density", name), &has_density));
   g->density = 1;
   PetscCall(OptReal(name, &g->density));
+  g->largest = 1;
   PetscCheck(has_density || !g->free, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "Group '%s' moves but has no density: give %s, or -particle_%s_free none", g->name, name, g->name);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -119,6 +126,8 @@ static PetscErrorCode read_place(const char group[], PetscInt dim, Start *s)
   PetscCall(OptRealArray(OptJoin("-particle_", group, "_lower", name), dim, s->lower, NULL));
   PetscCall(OptRealArray(OptJoin("-particle_", group, "_upper", name), dim, s->upper, NULL));
   PetscCall(OptReal(OptJoin("-particle_", group, "_margin", name), &s->margin));
+  PetscCall(OptHas(OptJoin("-particle_", group, "_fraction", name), &s->has_fraction));
+  PetscCall(OptReal(name, &s->fraction));
   PetscCall(OptInt(OptJoin("-particle_", group, "_seed", name), &s->seed));
   PetscCall(OptString(OptJoin("-particle_", group, "_table", name), s->table, sizeof(s->table)));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -132,12 +141,16 @@ static PetscErrorCode check_place(const BodyGroup *g, const Start *s)
   PetscCheck(s->place != PLACE_SINGLE || s->has_position, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "Group '%s' has no position: give -particle_%s_position, or another -particle_%s_place", group, group, group);
   PetscCheck(s->place != PLACE_SINGLE || !s->has_count || s->count == 1, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "-particle_%s_count %" PetscInt_FMT " needs -particle_%s_place lattice, random or table", group, s->count, group);
+             "-particle_%s_count %" PetscInt_FMT " needs -particle_%s_place lattice, random, pack or table", group, s->count, group);
   PetscCheck(s->place == PLACE_SINGLE || !s->has_position, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-particle_%s_position has no meaning with -particle_%s_place %s: remove one of them", group, group, place);
   PetscCheck((s->place != PLACE_LATTICE && s->place != PLACE_RANDOM) || s->has_count, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-particle_%s_place %s needs -particle_%s_count", group, place, group);
-  PetscCheck((s->place != PLACE_LATTICE && s->place != PLACE_RANDOM) || !g->motion.has_pivot, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+  PetscCheck(s->place != PLACE_PACK || s->has_count != s->has_fraction, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_%s_place pack needs either -particle_%s_count or -particle_%s_fraction, the share of the box to fill", group, group, group);
+  PetscCheck(s->place == PLACE_PACK || !s->has_fraction, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_%s_fraction needs -particle_%s_place pack",
+             group, group);
+  PetscCheck(s->place == PLACE_SINGLE || s->place == PLACE_TABLE || !g->motion.has_pivot, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-particle_%s_pivot needs -particle_%s_place single or table, which place the pivot", group, group);
   PetscCheck(s->place != PLACE_TABLE || s->table[0], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-particle_%s_place table needs -particle_%s_table file.csv", group, group);
@@ -146,21 +159,95 @@ static PetscErrorCode check_place(const BodyGroup *g, const Start *s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode start_table(BodyGroup *g, PetscInt dim, Start *s)
+{
+  PetscBool sizes, densities;
+
+  PetscFunctionBeginUser;
+  PetscCall(PlaceTable(s->table, dim, &s->base, &g->count, &s->body, &sizes, &densities));
+  PetscCheck(!s->has_count || s->count == g->count, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_%s_count is %" PetscInt_FMT ", the table %s has %" PetscInt_FMT " bodies: remove the option", g->name, s->count, s->table,
+             g->count);
+  PetscCheck(!sizes || s->spread.size.kind == SPREAD_SAME, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "The table %s gives the sizes of the bodies, and so does -particle_%s_sizes: remove one of them", s->table, g->name);
+  PetscCheck(!densities || s->spread.density.kind == SPREAD_SAME, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "The table %s gives the densities of the bodies, and so does -particle_%s_densities: remove one of them", s->table, g->name);
+  for (PetscInt i = 0; i < g->count; i++) {
+    if (s->body[i].radius > 0) s->body[i].scale = s->body[i].radius / g->radius;
+    PetscCall(SpreadNext(g->name, dim, &s->spread, &s->body[i]));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Sizes of the bodies of a group that is to fill a share of its box, drawn until one more would bring the volume
+   further away from what is wanted */
+static PetscErrorCode draw_fraction(BodyGroup *g, PetscInt dim, Start *s)
+{
+  PetscReal box = 1, sum = 0;
+  PetscInt  room = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt a = 0; a < dim; a++) box *= s->upper[a] - s->lower[a];
+  for (g->count = 0;; g->count++) {
+    Placement p = s->base;
+    PetscReal volume;
+
+    PetscCall(SpreadNext(g->name, dim, &s->spread, &p));
+    volume = g->mass.volume * PetscPowRealInt(p.scale, dim);
+    if (sum + 0.5 * volume > s->fraction * box) break;
+    PetscCheck(g->count < MOST, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "-particle_%s_fraction %g needs more than %d bodies of volume %g: raise their size or make the box smaller", g->name,
+               (double)s->fraction, MOST, (double)g->mass.volume);
+    PetscCall(RoomFor(g->count + 1, &room, &s->body, sizeof(*s->body), NULL));
+    s->body[g->count] = p;
+    sum += volume;
+  }
+  PetscCheck(g->count, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_%s_fraction %g is less than half a body: a body has %g of the box. Raise it, or make the bodies smaller", g->name,
+             (double)s->fraction, (double)(g->mass.volume / box));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ContactPack finds the places; until then bodies are anywhere in their box */
+static PetscErrorCode start_pack(BodyGroup *g, PetscInt dim, Start *s)
+{
+  PetscInt64 state = PlaceStream(s->seed, 4);
+
+  PetscFunctionBeginUser;
+  g->pack = (Packing){.wanted = PETSC_TRUE, .turns = s->spread.turned, .margin = s->margin, .state = PlaceStream(s->seed, 5)};
+  PetscCheck(g->free, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_%s_place pack moves the bodies to their places, and -particle_%s_free none holds them: use place random", g->name, g->name);
+  for (PetscInt a = 0; a < dim; a++) {
+    PetscCheck(s->upper[a] - s->lower[a] > 2 * g->radius * g->largest, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "Packed bodies of group '%s': the box is %g wide along axis %" PetscInt_FMT ", one body needs %g. Widen -particle_%s_lower .. _upper",
+               g->name, (double)(s->upper[a] - s->lower[a]), a, (double)(2 * g->radius * g->largest), g->name);
+    g->pack.lower[a] = s->lower[a];
+    g->pack.upper[a] = s->upper[a];
+  }
+  for (PetscInt i = 0; i < g->count; i++)
+    for (PetscInt a = 0; a < dim; a++) s->body[i].x[a] = s->lower[a] + (s->upper[a] - s->lower[a]) * PlaceUniform(&state);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Everything but random positions, which need to know where the other bodies are. */
 static PetscErrorCode start_group(BodyGroup *g, PetscInt dim, Start *s)
 {
   PetscFunctionBeginUser;
-  if (s->place == PLACE_TABLE) {
-    PetscCall(PlaceTable(s->table, dim, &s->base, &g->count, &s->body));
-    PetscCheck(!s->has_count || s->count == g->count, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-               "-particle_%s_count is %" PetscInt_FMT ", the table %s has %" PetscInt_FMT " bodies: remove the option", g->name, s->count, s->table,
-               g->count);
-    PetscFunctionReturn(PETSC_SUCCESS);
+  s->base.scale   = 1;
+  s->base.density = g->density;
+  if (s->place == PLACE_TABLE) PetscCall(start_table(g, dim, s));
+  else if (s->has_fraction) PetscCall(draw_fraction(g, dim, s));
+  else {
+    g->count = s->place == PLACE_SINGLE ? 1 : s->count;
+    PetscCall(PetscMalloc1(g->count + 1, &s->body));
+    for (PetscInt i = 0; i < g->count; i++) {
+      s->body[i] = s->base;
+      PetscCall(SpreadNext(g->name, dim, &s->spread, &s->body[i]));
+    }
   }
-  g->count = s->place == PLACE_SINGLE ? 1 : s->count;
-  PetscCall(PetscMalloc1(g->count + 1, &s->body));
-  for (PetscInt i = 0; i < g->count; i++) s->body[i] = s->base;
-  if (s->place == PLACE_LATTICE) PetscCall(PlaceLattice(g->name, dim, s->lower, s->upper, g->radius, s->margin, g->count, s->body));
+  for (PetscInt i = 0; i < g->count; i++) g->largest = i ? PetscMax(g->largest, s->body[i].scale) : s->body[i].scale;
+  if (s->place == PLACE_LATTICE) PetscCall(PlaceLattice(g->name, dim, s->lower, s->upper, g->largest * g->radius, s->margin, g->count, s->body));
+  if (s->place == PLACE_PACK) PetscCall(start_pack(g, dim, s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -174,6 +261,7 @@ static PetscErrorCode read_group(BodyGroup *g, PetscInt dim, const PetscReal low
   PetscCall(PetscArraycpy(s->upper, upper, 3));
   PetscCall(read_place(g->name, dim, s));
   PetscCall(check_place(g, s));
+  PetscCall(SpreadRead(g->name, g->density, s->seed, &s->spread));
   PetscCall(start_group(g, dim, s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -222,7 +310,7 @@ static PetscErrorCode start_random(BodyArrays *s, Start start[])
         PetscCall(PlaceRandom(group->name, s->dim, t->lower, t->upper, group->radius, t->margin, t->seed, n, x, radius, group->count, t->body));
       for (PetscInt i = 0; i < group->count; i++, n++) {
         PetscCall(PetscArraycpy(x[n], t->body[i].x, 3));
-        radius[n] = group->radius;
+        radius[n] = group->radius * t->body[i].scale;
       }
     }
   PetscCall(PetscFree(x));

@@ -29,9 +29,9 @@ static void invert_tensor(const PetscReal t[6], PetscReal inv[6])
   inv[5] = (t[3] * t[4] - t[0] * t[5]) / det;
 }
 
-PetscReal ContactMass(Contact c, const BodyGroup *g)
+PetscReal ContactMass(Contact c, PetscInt k)
 {
-  return (g->density + (c->dim == 2 ? 1 : 0.5) * c->rho_f) * g->mass.volume;
+  return (c->s->density[k] + (c->dim == 2 ? 1 : 0.5) * c->rho_f) * BodiesVolume(c->state, k);
 }
 
 /* A tenth of the fluid's inertia turns with the body: keeps very light bodies from spinning up within a sub-step. */
@@ -39,7 +39,7 @@ static PetscErrorCode effective_inertia(Contact c, PetscInt k, PetscReal inertia
 {
   PetscFunctionBeginUser;
   PetscCall(BodiesGetInertia(c->bodies, k, PETSC_TRUE, inertia));
-  for (PetscInt i = 0; i < 6; i++) inertia[i] *= BodiesGetGroup(c->state, k)->density + 0.1 * c->rho_f;
+  for (PetscInt i = 0; i < 6; i++) inertia[i] *= c->state->density[k] + 0.1 * c->rho_f;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -48,7 +48,7 @@ PetscErrorCode ContactGetMass(Contact c, PetscInt k, PetscReal *mass, PetscReal 
   PetscFunctionBeginUser;
   PetscCheck(k >= 0 && k < c->s->n, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Body %" PetscInt_FMT " does not exist: there are %" PetscInt_FMT, k,
              c->s->n);
-  *mass = ContactMass(c, BodiesGetGroup(c->state, k));
+  *mass = ContactMass(c, k);
   if (inertia) PetscCall(effective_inertia(c, k, inertia));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -79,8 +79,8 @@ void ContactSetScales(Contact c, PetscReal dt, PetscReal (*a)[3])
   for (PetscInt k = 0; a && k < c->s->n; k++)
     if (ContactKind(c, k)->moves) push = PetscMax(push, dot3(a[k], a[k]));
   if (dt > 0) c->floor = PetscMax(SPEED_FLOOR * c->range / dt, PetscSqrtReal(8. / 3. * c->range * PetscSqrtReal(push)));
-  for (PetscInt g = 0; g < c->s->ngroups; g++) {
-    Kind *k = &c->kind[g];
+  for (PetscInt i = 0; i < c->nkinds; i++) {
+    Kind *k = &c->kind[i];
 
     k->speed     = k->terminal > 0 ? k->terminal : PetscMax(top, c->floor);
     k->stiffness = c->law->stiffness ? c->law->stiffness(c, k) : 0;

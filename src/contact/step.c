@@ -65,7 +65,7 @@ static PetscReal estimate_drag(Contact c, PetscInt k, PetscReal dt, const PetscR
   PetscReal        sum  = 0;
 
   for (PetscInt b = 0; b < c->dim; b++)
-    if (g->free & (BODY_FREE_X << b)) sum += ((g->density - c->rho_f) * g->mass.volume * c->g[b] / ContactMass(c, g) - a[b]) * u[b];
+    if (g->free & (BODY_FREE_X << b)) sum += ((c->s->density[k] - c->rho_f) * BodiesVolume(c->state, k) * c->g[b] / ContactMass(c, k) - a[b]) * u[b];
   return PetscMax(0, sum) / (dot3(u, u) + rest * rest);
 }
 

@@ -81,7 +81,7 @@ static PetscErrorCode fill_rigid_rows(Couple c)
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < c->s->n; k++) {
-    const PetscReal excess = BodiesGetGroup(c->s, k)->density - CoupleInnerDensity(c, k, c->par);
+    const PetscReal excess = c->s->density[k] - CoupleInnerDensity(c, k, c->par);
     PetscReal       M[36], *g = c->g + k * nr, spin, L[3], force[3], torque[3], dead[6];
 
     PetscCall(RigidGetMass(c->bodies, k, c->q[k], M));
@@ -241,15 +241,15 @@ static PetscErrorCode remark_small_bodies(Couple c)
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < s->n; k++) {
-    const PetscReal r = BodiesGetGroup(s, k)->radius;
+    const PetscReal r = BodiesGetRadius(s, k);
 
-    if (r < 0.999 * c->loc->h && (smallest < 0 || r < BodiesGetGroup(s, smallest)->radius)) smallest = k;
+    if (r < 0.999 * c->loc->h && (smallest < 0 || r < BodiesGetRadius(s, smallest))) smallest = k;
   }
   if (smallest < 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(
     LogRemark("body %" PetscInt_FMT
               " (group '%s') is %.2g of the smallest cells long; below 2 its force is off by 20 %% and more: refine the mesh, such as by -mesh_cells",
-              smallest, BodiesGetGroup(s, smallest)->name, (double)(2 * BodiesGetGroup(s, smallest)->radius / c->loc->h)));
+              smallest, BodiesGetGroup(s, smallest)->name, (double)(2 * BodiesGetRadius(s, smallest) / c->loc->h)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -40,7 +40,7 @@ PetscErrorCode CoupleHollowWeights(Couple c, PetscInt k, PetscReal weight[3][6])
   for (PetscInt a = 0; a < c->loc->dim; a++) {
     PetscReal force[3] = {0, 0, 0};
 
-    force[a] = BodiesGetGroup(c->s, k)->mass.volume;
+    force[a] = BodiesVolume(c->s, k);
     PetscCall(RigidReduceForce(c->bodies, k, c->q[k], force, none, weight[a]));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -153,7 +153,7 @@ static PetscErrorCode integrate_stress(Couple c, PetscInt only, PetscReal (*forc
 static PetscErrorCode residual_force(Couple c, PetscInt k, PetscReal out[])
 {
   const PetscInt  nr    = c->nr;
-  const PetscReal rho_s = BodiesGetGroup(c->s, k)->density;
+  const PetscReal rho_s = c->s->density[k];
   PetscReal       M[36], a[6], extra[3], dead[6], rho_i, spin;
 
   PetscFunctionBeginUser;
@@ -361,7 +361,7 @@ static PetscErrorCode sum_fluid(Couple c, PetscReal change[3], PetscReal volume[
     PetscReal weight[3][6];
 
     if (!c->hollow || !c->hollow[k] || c->s->gone[k]) continue; /* else u inside is the body's */
-    all += BodiesGetGroup(c->s, k)->mass.volume;
+    all += BodiesVolume(c->s, k);
     PetscCall(CoupleHollowWeights(c, k, weight));
     for (PetscInt a = 0; a < dim; a++)
       for (PetscInt j = 0; j < c->nr; j++) sum[4 + a] += weight[a][j] * c->U[k * c->nr + j];

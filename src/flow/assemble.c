@@ -140,6 +140,7 @@ static PetscErrorCode assemble_matrix(Flow f)
       for (PetscInt i = 0; i < size; i++) wl[i] *= f->par.density * s->theta;
     }
     ElementOperator(&f->element, &m, f->par.density * s->ct, f->par.viscosity * s->theta, f->par.convection ? wl : NULL, f->par.skew, ce);
+    MeshCellMatrix(l, c, 1, nbp, ce);
     add_cell(f, c, nbp, ce, value[0], value[1]);
   }
   for (PetscInt t = 0; t < f->nterm; t++) add_cell(f, f->term_cell[t], l->nb, f->term + t * l->nb * l->nb, value[0], value[1]);
@@ -195,9 +196,13 @@ PetscErrorCode FlowRhs(Flow f, PetscReal r[])
         wl[j * dim + a] = f->w[i];
       }
     }
+    MeshCellGather(l, c, dim, al);
+    MeshCellGather(l, c, dim, vl);
+    MeshCellGather(l, c, dim, wl);
     PetscCall(FlowCellMetric(f, c, &m));
     ElementResidual(&f->element, &m, f->par.density, f->par.viscosity, f->par.force, al, s->theta < 1 ? vl : NULL, f->par.convection ? wl : NULL,
                     f->par.skew, rl);
+    MeshCellScatter(l, c, dim, rl);
     for (PetscInt j = 0; j < nb; j++)
       for (PetscInt a = 0; a < dim; a++) r[node[j] * dim + a] -= rl[j * dim + a];
   }

@@ -431,6 +431,21 @@ PetscErrorCode MeshKindCreate(MPI_Comm comm, MeshKind *kind, DM *dm)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode MeshKindReadBox(MPI_Comm comm, MeshKind *kind)
+{
+  MeshKind k;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&k));
+  k->comm = comm;
+  PetscCall(read_options(k));
+  PetscCheck(k->kind == KIND_BOX || k->kind == KIND_CHANNEL, comm, PETSC_ERR_SUP,
+             "-mesh_levels refines boxes: it does not work with -mesh_kind %s, use box or channel, or remove -mesh_levels", kind_names[k->kind]);
+  PetscCall(name_boundaries(k));
+  *kind = k;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode MeshKindDestroy(MeshKind *kind)
 {
   PetscFunctionBeginUser;
@@ -445,6 +460,18 @@ PetscErrorCode MeshKindGetBoundaries(MeshKind k, PetscInt *n, const char (**name
   PetscFunctionBeginUser;
   *n     = k->nboundary;
   *names = (const char(*)[64])k->boundary;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshKindGetBox(MeshKind k, PetscInt *dim, PetscReal lower[3], PetscReal upper[3], PetscReal period[3])
+{
+  PetscFunctionBeginUser;
+  *dim = k->dim;
+  for (PetscInt d = 0; d < 3; d++) {
+    lower[d]  = k->lower[d];
+    upper[d]  = k->upper[d];
+    period[d] = k->period[d];
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

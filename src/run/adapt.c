@@ -115,7 +115,8 @@ static PetscErrorCode measure_bodies(Adapt a, PetscReal dt, const PetscReal weig
       const PetscReal now = d < 3 ? s->u[k][d] : s->w[k][d - 3], old = d < 3 ? s->u_old[k][d] : s->w_old[k][d - 3];
 
       if (BodiesIsFree(a->bodies, k, d < 3 ? d : 3))
-        sum += PetscSqr(dt * (d < 3 ? 1 / g->radius : 1) * (U[k * nr + i] - weight[0] * now - weight[1] * old - weight[2] * a->U_older[k][d]));
+        sum += PetscSqr(dt * (d < 3 ? 1 / BodiesGetRadius(s, k) : 1) *
+                        (U[k * nr + i] - weight[0] * now - weight[1] * old - weight[2] * a->U_older[k][d]));
     }
     n++;
   }

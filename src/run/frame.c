@@ -132,7 +132,8 @@ PetscErrorCode FrameView(Frame f, PetscViewer viewer)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The place of the box at the end of the step that puts the body, drawn as the step predicts it, where it was at first */
+/* Where the box must be at the end of the step for the body, as the step predicts it, to be drawn where it was at first
+   */
 static PetscErrorCode follow(Frame f)
 {
   const FlowStep *step;

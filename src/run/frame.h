@@ -7,9 +7,9 @@
    the box accelerates: as a uniform force on fluid and bodies it is a gradient that moves nothing. A frame of constant
    velocity is the same discrete problem as a box at rest in which everything is given the velocity -v.
 
-   `body`: the box goes where body -sim_frame_body goes, along the axes of -sim_frame_axes: the body is drawn at the same
-   place of the mesh in every step. `velocity`: the box travels at -sim_frame_velocity. What depends on the place, such
-   as formulas of x, y, z, profiles and points of -monitor_dp, sees places in the box. */
+   `body`: the box goes where body -sim_frame_body goes, along the axes of -sim_frame_axes, so that it is drawn at one
+   place of the mesh. `velocity`: the box travels at -sim_frame_velocity. What depends on the place, such as formulas of
+   x, y, z, profiles and points of -monitor_dp, sees places in the box. */
 #pragma once
 #include "bodies/bodies.h"
 #include "flow/flow.h"
@@ -21,8 +21,8 @@ typedef struct _p_Frame *Frame;
 PetscErrorCode FrameCreate(Flow, Bodies, const MeshLocal *, Frame *);
 PetscErrorCode FrameDestroy(Frame *);
 PetscErrorCode FrameView(Frame, PetscViewer);
-/* After FlowBeginStep and before anything is drawn: where the box will be at the end of the step. Not collective. Error:
-   the body has left the domain. */
+/* After FlowBeginStep and before anything is drawn: where the box will be at the end of the step. Not collective.
+   Error: the body has left the domain. */
 PetscErrorCode FrameBegin(Frame);
 /* The step is taken. */
 PetscErrorCode FrameAccept(Frame);

@@ -159,12 +159,11 @@ PetscErrorCode JudgePlan(Judge j, PetscReal (*a)[3], PetscReal time, PetscReal d
 {
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < j->s->n && j->way_max > 0; k++) {
-    const BodyGroup *g   = BodiesGetGroup(j->s, k);
-    PetscReal        way = 0;
+    PetscReal way = 0;
 
     if (j->s->gone[k]) continue;
     for (PetscInt d = 0; d < j->s->dim; d++)
-      if (BodiesIsFree(j->bodies, k, d)) way += PetscSqr(a[k][d] * dt * dt / g->radius);
+      if (BodiesIsFree(j->bodies, k, d)) way += PetscSqr(a[k][d] * dt * dt / BodiesGetRadius(j->s, k));
     way = PetscSqrtReal(way);
     if (way > j->way_max) PetscCall(refuse_way(j, k, way, time, dt, adapted));
   }
@@ -175,7 +174,7 @@ PetscErrorCode JudgeWay(Judge j, PetscReal time, PetscReal dt, PetscBool adapted
 {
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < j->s->n && j->way_max > 0; k++) {
-    const PetscReal way = BodiesFastestPoint(j->s, k, 0) * dt / BodiesGetGroup(j->s, k)->radius;
+    const PetscReal way = BodiesFastestPoint(j->s, k, 0) * dt / BodiesGetRadius(j->s, k);
 
     if (way > j->way_max && !j->s->gone[k]) PetscCall(refuse_way(j, k, way, time, dt, adapted));
   }

@@ -5,6 +5,7 @@
 #include "base/log.h"
 #include "base/opt.h"
 #include "defaults.h"
+#include "refine.h"
 #include "sim.h"
 
 /* What contact needs to know of a scene without a flow: all faces that are not periodic are walls, and the range goes
@@ -20,7 +21,7 @@ static PetscErrorCode create_contact_alone(SimParts *part, const MeshLocal *l)
   PetscCall(BodiesGetState(part->bodies, &s));
   PetscCheck(s->n, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "A scene without flow and without bodies has nothing to do: give -particle_groups, or remove -flow_active");
-  for (PetscInt g = 0; g < s->ngroups; g++) h = PetscMin(h, 0.2 * s->group[g].radius);
+  for (PetscInt k = 0; k < s->n; k++) h = PetscMin(h, 0.2 * BodiesGetRadius(s, k));
   for (PetscInt f = 0; f < 2 * l->dim; f++) walls |= (l->period[f / 2] == 0) << f;
   PetscCall(ContactCreate(part->bodies, h, density, gravity, l->lower, l->upper, walls, &part->contact));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -50,6 +51,16 @@ static PetscErrorCode report_deformation(Monitor monitor, const DeformResult *r)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode report_packing(Monitor monitor, const ContactPacking *p)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscPrintf(PETSC_COMM_WORLD, "%" PetscInt_FMT " bodies packed to a fraction of %.4f in %" PetscInt_FMT " sweeps, %.1f s\n", p->bodies,
+                        (double)p->fraction, p->sweeps, (double)p->seconds));
+  PetscCall(MonitorQuantity(monitor, "pack_fraction", p->fraction));
+  PetscCall(MonitorQuantity(monitor, "pack_sweeps", p->sweeps));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Where bodies fall along a periodic axis: what holds their weight less their buoyancy */
 static PetscErrorCode remark_backflow(const MeshLocal *l, const FlowParameters *par, Bodies bodies, Couple couple)
 {
@@ -63,7 +74,7 @@ static PetscErrorCode remark_backflow(const MeshLocal *l, const FlowParameters *
   for (PetscInt d = 0; d < l->dim; d++) {
     open |= (l->period[d] > 0) << d;
     for (PetscInt k = 0; k < s->n && l->period[d] > 0 && par->gravity[d] != 0; k++)
-      if (BodiesGetGroup(s, k)->density != par->density && BodiesIsFree(bodies, k, d)) heavy |= 1 << d;
+      if (s->density[k] != par->density && BodiesIsFree(bodies, k, d)) heavy |= 1 << d;
   }
   if (drive && drive->backflow)
     PetscCall(LogRemark("back-flow: zero %s along gravity in the periodic box (-couple_backflow), judged every step (column backflow_error)",
@@ -75,6 +86,21 @@ static PetscErrorCode remark_backflow(const MeshLocal *l, const FlowParameters *
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* A refined mesh is made around the bodies, others before them */
+static PetscErrorCode create_mesh_and_bodies(SimParts *part, const MeshLocal **l)
+{
+  PetscInt  levels;
+  PetscBool around;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshReadLevels(&levels, &around));
+  if (levels) PetscCall(RefineCreateMesh(PETSC_COMM_WORLD, around, &part->bodies, &part->mesh));
+  else PetscCall(MeshCreate(PETSC_COMM_WORLD, &part->mesh));
+  PetscCall(MeshGetLocal(part->mesh, l));
+  if (!levels) PetscCall(BodiesCreate((*l)->dim, (*l)->lower, (*l)->upper, &part->bodies));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode build(SimParts *part)
 {
   const MeshLocal      *l;
@@ -82,13 +108,13 @@ static PetscErrorCode build(SimParts *part)
   PetscInt              walls;
   PetscBool             active = PETSC_TRUE, steady = PETSC_FALSE, deformed = PETSC_FALSE;
   DeformResult          deformation;
+  ContactPacking        packing;
 
   PetscFunctionBeginUser;
   PetscCall(OptBool("-flow_active", &active));
   if (active) PetscCall(OptBool("-sim_steady", &steady));
-  PetscCall(MeshCreate(PETSC_COMM_WORLD, &part->mesh));
-  PetscCall(MeshGetLocal(part->mesh, &l));
-  PetscCall(BodiesCreate(l->dim, l->lower, l->upper, &part->bodies));
+  PetscCall(create_mesh_and_bodies(part, &l));
+  PetscCall(ContactPack(part->bodies, l->lower, l->upper, l->period, &packing));
   if (active) PetscCall(DefaultsApply(l, part->bodies, steady));
   if (active) {
     PetscCall(DeformCreate(part->mesh, part->bodies, &part->deform));
@@ -115,6 +141,7 @@ static PetscErrorCode build(SimParts *part)
   PetscCall(OutlinesCreate(part->bodies, l->lower, l->upper, l->period, &part->bodyfile));
   PetscCall(MonitorCreate(part->bodies, &part->monitor));
   if (deformed) PetscCall(report_deformation(part->monitor, &deformation));
+  if (packing.bodies) PetscCall(report_packing(part->monitor, &packing));
   PetscCall(CheckpointCreate(part->mesh, part->output, &part->checkpoint));
   if (active) PetscCall(DiagnosticsCreate(part->flow, part->bodies, part->couple, part->monitor, &part->probe));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -139,7 +139,7 @@ static PetscErrorCode estimate_acceleration(Sim s)
   PetscFunctionBeginUser;
   PetscCall(FlowGetParameters(s->part.flow, &par));
   for (PetscInt k = 0; k < s->s->n; k++) {
-    const PetscReal rho = BodiesGetGroup(s->s, k)->density, start = (rho - par->density) / (rho + par->density);
+    const PetscReal rho = s->s->density[k], start = (rho - par->density) / (rho + par->density);
     PetscReal       mass, inertia[6];
 
     PetscCall(ContactGetMass(s->part.contact, k, &mass, inertia));

@@ -29,6 +29,18 @@ struct _p_Coarse {
 
 /* ---- interpolation ---- */
 
+/* From values at the corners of a cell to those in its corner slots, the vertices of large faces where these hang */
+static void fit_slots(const MeshHang *h, PetscInt nv, PetscInt nk, PetscReal fit[])
+{
+  for (PetscInt k = 0; k < nk; k++) {
+    PetscReal row[8] = {0};
+
+    for (PetscInt v = 0; v < nv; v++)
+      for (PetscInt s = 0; s < nv; s++) row[s] += fit[k * nv + v] * h->corner[v][s];
+    for (PetscInt s = 0; s < nv; s++) fit[k * nv + s] = row[s];
+  }
+}
+
 /* Linear function on a cell (value and scaled slopes at the centre) that fits the vertex values: for a parallelogram
    the multilinear interpolant at its centre */
 static PetscErrorCode fit_vertices(Coarse s, PetscInt c, PetscInt node[], PetscReal fit[])
@@ -56,6 +68,7 @@ static PetscErrorCode fit_vertices(Coarse s, PetscInt c, PetscInt node[], PetscR
       for (PetscInt e = 0; e < dim; e++) fit[(1 + a) * nv + v] += size * inv[e * dim + a] * ((v >> e) & 1 ? 1.0 : -1.0) / nv;
     }
   }
+  if (MeshCellHang(l, c)) fit_slots(MeshCellHang(l, c), nv, dim + 1, fit);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -225,7 +238,9 @@ static PetscErrorCode choose_operator(Coarse s)
 
   PetscFunctionBeginUser;
   PetscCall(OptChoice("-flow_pressure_coarse", OPERATORS, &choice));
-  if (choice == 2 || (choice == 0 && s->loc->dim == 3)) PetscCall(LaplacianCreate(s->mesh, &s->laplacian));
+  PetscCheck(choice != 2 || !s->loc->hang, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+             "-flow_pressure_coarse laplacian does not know the vertices of refined meshes: use galerkin, or remove -mesh_levels");
+  if (choice == 2 || (choice == 0 && s->loc->dim == 3 && !s->loc->hang)) PetscCall(LaplacianCreate(s->mesh, &s->laplacian));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -36,6 +36,16 @@ particle:
   post: {shape: circle, radius: 0.1, position: [0.2, 0.2], free: none}
 sim: {dt: 0.004, steps: 10}
 """
+# discs and ellipses of many sizes and densities, packed
+MIXED = """\
+mesh: {cells: [16, 24], lower: [0, 0], upper: [1, 1.5], periodic: x}
+flow: {density: 1, viscosity: 0.1, gravity: [0, -981]}
+particle:
+  groups: [disc, ellipse]
+  disc: {shape: circle, radius: 0.07, place: pack, count: 20, density: 2, sizes: lognormal, sizes_deviation: 0.2, densities: uniform, densities_range: [1.2, 3]}
+  ellipse: {shape: ellipse, a: 0.1, b: 0.06, density: 1.5, place: pack, fraction: 0.15, orientation: random, sizes: bimodal, sizes_range: [0.7, 1.1], free: [x, y]}
+sim: {dt: 0.002, steps: 10}
+"""
 BOX = "mesh: {cells: [12, 12]}\nflow: {viscosity: 0.01, bc: {top: {type: moving_wall, velocity: [1, 0], factor: [1, 0.5, 0.3]}}}\nsim: {dt: 0.05, steps: 10}\n"
 FORMULAS = """\
 mesh: {cells: [16, 16], periodic: x}
@@ -55,6 +65,7 @@ CASES = {
     "formulas": (FORMULAS, []),
     "one disc": (DISC, []),
     "crowd": (CROWD, []),
+    "mixed": (MIXED, []),
     "friction": (CROWD, ["-contact_law", "spring", "-contact_friction", "0.3"]),
     "explicit": (DISC, ["-couple_type", "explicit", "-particle_disc_density", "10"]),
     "adaptive": (DISC, ["-sim_adapt", "-sim_adapt_tolerance", "2e-3", "-couple_boundary", "penalty", "-sim_steps", "14"]),
