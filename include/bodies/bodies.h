@@ -53,6 +53,7 @@ typedef struct {
   Shape     shape;
   PetscReal density;      /* rho_s, of bodies for which nothing else is said */
   PetscInt  free;         /* BodyFree bits; 0 = fixed (or prescribed) */
+  PetscBool with_fluid;   /* what is free starts with the velocity of the fluid (-particle_<g>_start) */
   Motion    motion;       /* of what is not free; pivot, stops, external load */
   PetscReal arm[3];       /* from the reference point to the centroid, body axes */
   PetscInt  first, count; /* bodies [first, first + count) */
@@ -76,9 +77,9 @@ typedef struct {
      stopped [n]                        the body rests on its lower (-1) or upper (1) stop, or not (0)
      gap [n]                            smallest gap to a wall or another body (set by contact; PETSC_MAX_REAL if far)
      gone [n]                           has left the domain and takes part in nothing any more
-     travels, frame, frame_next,        the box travels: its displacement now and at the end of the step, its velocity in
-     frame_u                            the step. x is the place in the box; in the laboratory it is x + frame. Velocities
-                                        are those of the laboratory
+     travels, frame, frame_next,        the box travels: its displacement now and at the end of the step, its velocity
+     frame_u                            in the step. x is the place in the box; in the laboratory it is x + frame.
+                                        Velocities are those of the laboratory
    The list is a macro, because write.h has it once more without the const. */
 /* clang-format off */
 #define BODY_STATE(CONST) \
@@ -139,6 +140,8 @@ PetscErrorCode BodiesSetTime(Bodies, PetscReal time);
 PetscErrorCode BodiesWriteForces(Bodies, PetscReal (**force)[3], PetscReal (**torque)[3]);
 PetscErrorCode BodiesSetVelocity(Bodies, PetscInt k, const PetscReal u[3], const PetscReal w[3]);
 PetscErrorCode BodiesStepVelocity(Bodies, PetscInt k, const PetscReal u[3], const PetscReal w[3]);
+/* Held: nothing is free or prescribed, every body has the velocity that the state says, until it is released. */
+PetscErrorCode BodiesHold(Bodies, PetscBool held);
 /* Body k starts elsewhere: centre, orientation and, in 2D, its angle. Before the first step. */
 PetscErrorCode BodiesPlace(Bodies, PetscInt k, const PetscReal x[3], const PetscReal q[4], PetscReal angle);
 PetscErrorCode BodiesSetHole(Bodies, PetscInt group); /* the bodies of a group are holes of the mesh */
