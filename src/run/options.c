@@ -28,7 +28,7 @@ static const OptSpec SPECS[] = {
   {"-sim_frame_axes", OPT_STRINGS, "", OPT_ANY, "all that no wall stands across", .help = "axes along which it follows, out of x, y, z",
    .when = "-sim_frame body"},
   {"-sim_frame_velocity", OPT_REALS, "length/time", OPT_ANY, "", .help = "velocity of the box", .when = "-sim_frame velocity"},
-  {"-sim_move_max", OPT_REAL, "radii", OPT_FROM(0), "2", .help = "largest way of a body in a step, 0: any; beyond it the run stops", .when = FLOW,
+  {"-sim_move_max", OPT_REAL, "radii", OPT_FROM(0), "1", .help = "largest way of a body in a step, 0: any; beyond it the run stops", .when = FLOW,
    .expert = PETSC_TRUE},
   {"-sim_judge_divergence", OPT_REAL, "", OPT_FROM(0), "0.1", .help = "largest divergence in velocities a cell, 0: any", .when = FLOW,
    .expert = PETSC_TRUE},
