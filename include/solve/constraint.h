@@ -22,6 +22,11 @@ typedef struct _p_Constraint *Constraint;
 PetscErrorCode ConstraintCreate(Mesh, PetscInt nbodies, Constraint *);
 PetscErrorCode ConstraintDestroy(Constraint *);
 
+/* A length of every body, [nbodies], such as its radius; 1 before. The slots of rotation in u_r hold w times that
+   length, and their rows a torque divided by it: all slots of u_r are then speeds and all rows forces, whatever the
+   units of a scene. Copied. Local. */
+PetscErrorCode ConstraintSetLengths(Constraint, const PetscReal length[]);
+
 /* Prescribed components: fixed [nnode_all] bit mask of components, value [nnode_all][dim]. Collective. */
 PetscErrorCode ConstraintSetBoundary(Constraint, const PetscInt fixed[], const PetscReal value[]);
 
@@ -36,6 +41,9 @@ PetscErrorCode ConstraintSetFollowers(Constraint, const PetscInt follow[], Petsc
 PetscErrorCode ConstraintSetBodies(Constraint, const PetscInt node_body[], PetscReal (*X)[3], const PetscInt unknown[],
                                    const PetscReal U[], PetscBool *changed);
 
+/* Bodies that may overlap one another count as one surface: a cell between them is inside, no gap. united [nbodies].
+   Copied. */
+PetscErrorCode ConstraintSetUnited(Constraint, const PetscBool united[]);
 /* Rigid slots of a body: 3 in 2D, 6 in 3D. */
 PetscErrorCode ConstraintGetRigidSize(Constraint, PetscInt *nr);
 /* Which body does a local node lie in (-1: none)? [nnode_all] */

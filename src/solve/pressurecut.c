@@ -86,7 +86,7 @@ PetscErrorCode PressureFindShared(Pressure p)
     for (PetscInt j = 0; j < l->nb; j++) {
       const PetscInt k = body[node[j]];
 
-      if (k >= 0 && owner >= 0 && k != owner) two = PETSC_TRUE;
+      if (k >= 0 && owner >= 0 && k != owner && !(p->constraint->united[k] && p->constraint->united[owner])) two = PETSC_TRUE;
       if (k >= 0) owner = k;
       else if (fixed[node[j]]) wall = PETSC_TRUE;
       /* between resolved walls every pressure meets a free velocity */
@@ -100,6 +100,28 @@ PetscErrorCode PressureFindShared(Pressure p)
   }
   p->nsoft = p->nshared;
   PetscCall(add_dead_cells(p));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PressureFindBuried(Pressure p)
+{
+  const MeshLocal *l    = p->loc;
+  const PetscInt  *body = p->constraint->node_body;
+
+  PetscFunctionBeginUser;
+  p->nburied = 0;
+  for (PetscInt t = 0; t < p->ntouched; t++) {
+    const PetscInt *node = l->cell_node + p->touched[t] * l->nb;
+    PetscInt        j    = 0;
+
+    while (j < l->nb && body[node[j]] >= 0 && body[node[j]] == body[node[0]]) j++;
+    if (j < l->nb || (p->cell_body && p->cell_body[p->touched[t]] >= 0)) continue;
+    if (p->nburied == p->buried_room) {
+      p->buried_room = 2 * p->buried_room + 64;
+      PetscCall(PetscRealloc(p->buried_room * sizeof(PetscInt), &p->buried));
+    }
+    p->buried[p->nburied++] = p->touched[t];
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
