@@ -15,6 +15,7 @@
 #include "report/monitor.h"
 #include "report/fields.h"
 #include "report/diagnostics.h"
+#include "report/suspension.h"
 #include "steady.h"
 
 /* The parts of a simulation, built by the scene; contact and bodies may be inactive but exist. Without a flow: flow
@@ -32,7 +33,8 @@ typedef struct {
   Outlines    bodyfile;
   Monitor     monitor;
   Diagnostics probe;
-  Steady      steady; /* NULL: time steps */
+  Suspension  suspension; /* NULL: not wanted */
+  Steady      steady;     /* NULL: time steps */
   Checkpoint  checkpoint;
   Expr        gravity; /* without a flow: gravity that changes in time, or NULL */
 } SimParts;
