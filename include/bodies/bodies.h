@@ -53,6 +53,7 @@ typedef struct {
   Shape     shape;
   PetscReal density;      /* rho_s, of bodies for which nothing else is said */
   PetscInt  free;         /* BodyFree bits; 0 = fixed (or prescribed) */
+  PetscBool with_fluid;   /* what is free starts with the velocity of the fluid (-particle_<g>_start) */
   Motion    motion;       /* of what is not free; pivot, stops, external load */
   PetscReal arm[3];       /* from the reference point to the centroid, body axes */
   PetscInt  first, count; /* bodies [first, first + count) */
@@ -135,6 +136,8 @@ PetscErrorCode BodiesSetTime(Bodies, PetscReal time);
 PetscErrorCode BodiesWriteForces(Bodies, PetscReal (**force)[3], PetscReal (**torque)[3]);
 PetscErrorCode BodiesSetVelocity(Bodies, PetscInt k, const PetscReal u[3], const PetscReal w[3]);
 PetscErrorCode BodiesStepVelocity(Bodies, PetscInt k, const PetscReal u[3], const PetscReal w[3]);
+/* Held: nothing is free or prescribed, every body has the velocity that the state says, until it is released. */
+PetscErrorCode BodiesHold(Bodies, PetscBool held);
 /* Body k starts elsewhere: centre, orientation and, in 2D, its angle. Before the first step. */
 PetscErrorCode BodiesPlace(Bodies, PetscInt k, const PetscReal x[3], const PetscReal q[4], PetscReal angle);
 PetscErrorCode BodiesSetHole(Bodies, PetscInt group); /* the bodies of a group are holes of the mesh */

@@ -14,7 +14,7 @@ PetscBool BodiesIsFree(Bodies b, PetscInt k, PetscInt d)
 {
   const PetscInt bit = d < 3 ? BODY_FREE_X << d : BODY_FREE_ROTATION;
 
-  return (PetscBool)((BodiesGetGroup(&b->view, k)->free & bit) && !(d == 3 && b->state.stopped[k]) && !b->state.gone[k]);
+  return (PetscBool)((BodiesGetGroup(&b->view, k)->free & bit) && !(d == 3 && b->state.stopped[k]) && !b->state.gone[k] && !b->held);
 }
 
 /* Nothing prescribed: the common case, which must cost nothing. The motion of a hole of the mesh is that of its
@@ -24,7 +24,14 @@ static PetscBool nothing_known(Bodies b, PetscInt k)
   const PetscInt   all = BODY_FREE_X | BODY_FREE_Y | BODY_FREE_ROTATION | (b->state.dim == 3 ? BODY_FREE_Z : 0);
   const BodyGroup *g   = BodiesGetGroup(&b->view, k);
 
-  return (PetscBool)((g->free == all && !b->state.stopped[k]) || g->hole || b->state.gone[k]);
+  return (PetscBool)((g->free == all && !b->state.stopped[k]) || g->hole || b->state.gone[k] || b->held);
+}
+
+PetscErrorCode BodiesHold(Bodies b, PetscBool held)
+{
+  PetscFunctionBeginUser;
+  b->held = held;
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static const Placement *start_of(Bodies b, PetscInt k)

@@ -87,6 +87,26 @@ static PetscErrorCode check_motion(const BodyGroup *g)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode read_start(BodyGroup *g)
+{
+  const char *const word[] = {"given", "fluid", NULL};
+  char              name[OPT_NAME], other[OPT_NAME];
+  PetscInt          start = 0;
+  PetscBool         given;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptChoice(OptJoin("-particle_", g->name, "_start", name), word, &start));
+  g->with_fluid = (PetscBool)(start == 1);
+  for (PetscInt i = 0; i < 2 && g->with_fluid && !g->motion.given; i++) {
+    PetscCall(OptHas(OptJoin("-particle_", g->name, i ? "_angular_velocity" : "_velocity", other), &given));
+    PetscCheck(!given, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s fluid sets the velocities at the start, and %s gives one: remove one of them", name,
+               other);
+  }
+  PetscCheck(!g->with_fluid || g->free, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "%s fluid: no degree of freedom of group '%s' is free to follow the fluid: remove it, or see -particle_%s_free", name, g->name, g->name);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim, Start *s)
 {
   char      name[OPT_NAME], type[64] = "", prefix[128];
@@ -105,6 +125,7 @@ static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim, Start *s)
   PetscCall(read_free(g->name, dim, &g->motion, &g->free));
   PetscCall(check_motion(g));
   for (PetscInt a = 0; a < dim && g->motion.has_pivot; a++) g->arm[a] = g->mass.centroid[a] - g->motion.pivot[a];
+  PetscCall(read_start(g));
   PetscCall(OptHas(OptJoin("-particle_", g->name, "_density", name), &has_density));
   g->density = 1;
   PetscCall(OptReal(name, &g->density));

@@ -273,6 +273,19 @@ static PetscErrorCode tell_rung(void *couple)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Before the first step bodies have always moved as they do at its beginning */
+static PetscErrorCode set_history(Couple c)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    PetscReal u[1][3], w[1][3];
+
+    PetscCall(BodiesGetKnownVelocity(c->bodies, k, 0, u[0], w[0]));
+    for (PetscInt i = 0; i < c->nr; i++) c->U_old[k * c->nr + i] = c->U_older[k * c->nr + i] = *CoupleRigidComponent(c, u, w, 0, i);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
 {
   Couple   c;
@@ -312,12 +325,7 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   if (c->rung->create) PetscCall((*c->rung->create)(c, &c->rung_data));
   PetscCall(PetscCalloc7(n, &c->X, n, &c->q, n, &c->P, n, &c->unknown, 3 * n, &c->du_old, n, &c->growth, 6 * n, &c->force_old));
   PetscCall(PetscCalloc6(nn, &c->U, nn, &c->U_old, nn, &c->U_older, nn * c->nr, &c->D, nn, &c->g, nn, &c->residual));
-  for (PetscInt k = 0; k < n; k++) {
-    PetscReal u[1][3], w[1][3];
-
-    PetscCall(BodiesGetKnownVelocity(bodies, k, 0, u[0], w[0]));
-    for (PetscInt i = 0; i < c->nr; i++) c->U_old[k * c->nr + i] = c->U_older[k * c->nr + i] = *CoupleRigidComponent(c, u, w, 0, i);
-  }
+  PetscCall(set_history(c));
   PetscCall(PetscCalloc4(c->loc->nnode_all * c->loc->dim, &c->u, c->loc->ncell * (c->loc->dim + 1), &c->p, c->loc->ncell * (c->loc->dim + 1), &c->dp,
                          c->loc->nnode_all * c->loc->dim, &c->rhs));
   *couple = c;

@@ -3,7 +3,7 @@
 
 #define ADAPT  "-sim_adapt true"
 #define FLOW   "-flow_active true and without -sim_steady"
-#define STEADY "-sim_steady true"
+#define STEADY "-sim_steady true or -flow_initial steady"
 
 static const OptSpec SPECS[] = {
   {"-preset", OPT_CHOICE, "", OPT_ANY, "balanced",

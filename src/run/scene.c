@@ -7,6 +7,7 @@
 #include "defaults.h"
 #include "refine.h"
 #include "sim.h"
+#include "start.h"
 
 /* What contact needs to know of a scene without a flow: all faces that are not periodic are walls, and the range goes
    by the size of the bodies. */
@@ -22,6 +23,9 @@ static PetscErrorCode create_contact_alone(SimParts *part, const MeshLocal *l)
   PetscCheck(s->n, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "A scene without flow and without bodies has nothing to do: give -particle_groups, or remove -flow_active");
   for (PetscInt k = 0; k < s->n; k++) h = PetscMin(h, 0.2 * BodiesGetRadius(s, k));
+  for (PetscInt g = 0; g < s->ngroups; g++)
+    PetscCheck(!s->group[g].with_fluid, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "-particle_%s_start fluid needs a flow: remove it, or -flow_active false", s->group[g].name);
   for (PetscInt f = 0; f < 2 * l->dim; f++) walls |= (l->period[f / 2] == 0) << f;
   PetscCall(ContactCreate(part->bodies, h, density, gravity, l->lower, l->upper, walls, &part->contact));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -106,7 +110,8 @@ static PetscErrorCode build(SimParts *part)
   const MeshLocal      *l;
   const FlowParameters *par;
   PetscInt              walls;
-  PetscBool             active = PETSC_TRUE, steady = PETSC_FALSE, deformed = PETSC_FALSE;
+  PetscBool             active = PETSC_TRUE, steady = PETSC_FALSE, deformed = PETSC_FALSE, restarted;
+  FlowInitial           initial;
   DeformResult          deformation;
   ContactPacking        packing;
 
@@ -123,12 +128,18 @@ static PetscErrorCode build(SimParts *part)
     if (deformed) PetscCall(drop_deform(part, steady));
     PetscCall(FlowCreate(part->mesh, &part->flow));
     PetscCall(FlowGetParameters(part->flow, &par));
+    PetscCall(OptHas("-sim_restart", &restarted));
+    PetscCall(FlowGetInitial(part->flow, &initial, NULL));
+    PetscCheck(!steady || initial != FLOW_START_STEADY, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "-flow_initial steady starts time steps, and -sim_steady takes none: remove one of them");
+    if (!restarted) PetscCall(StartRead(part->mesh, part->flow, part->bodies));
   }
   if (active) {
     PetscCall(CoupleCreate(part->flow, part->bodies, &part->couple));
     PetscCall(remark_backflow(l, par, part->bodies, part->couple));
     if (part->deform) PetscCall(CoupleSetDeform(part->couple, part->deform));
-    if (steady) PetscCall(SteadyCreate(part->flow, part->couple, &part->steady));
+    if (steady) PetscCall(SteadyCreate(part->flow, part->couple, "1e-10", &part->steady));
+    if (initial == FLOW_START_STEADY) PetscCall(SteadyCreate(part->flow, part->couple, "1e-7", &part->steady_start));
     PetscCall(ConditionsGetSolidFaces(FlowConditions(part->flow), &walls));
     PetscCall(ContactCreate(part->bodies, l->h, par->density, par->gravity, l->lower, l->upper, walls, &part->contact));
     PetscCall(ContactSetViscosity(part->contact, par->viscosity));
@@ -157,6 +168,7 @@ static PetscErrorCode destroy(SimParts *part)
   PetscCall(OutlinesDestroy(&part->bodyfile));
   PetscCall(OutputDestroy(&part->output));
   PetscCall(SteadyDestroy(&part->steady));
+  PetscCall(SteadyDestroy(&part->steady_start));
   PetscCall(LeaveDestroy(&part->border));
   PetscCall(ContactDestroy(&part->contact));
   PetscCall(CoupleDestroy(&part->couple));
@@ -227,6 +239,7 @@ PetscErrorCode SceneRun(const char name[])
   PetscCall(build(&part));
   PetscCall(SimCreate(&part, &sim));
   PetscCall(CheckpointLoad(part.checkpoint, &restarted));
+  if (part.flow && !part.steady && !restarted && !dry) PetscCall(StartSolve(&part));
   PetscCall(SimSetUp(sim));
   PetscCall(OptCheckUnused()); /* every module has read its options, and nothing is written yet */
   if (dry) {

@@ -57,7 +57,7 @@ flow:
   bc: {top: {type: moving_wall, velocity: ["-0.1*sin(2*pi*x)*t", "0"]}}
 particle:
   groups: [disc, rod]
-  disc: {shape: circle, radius: 0.1, density: 2, position: [0.5, 0.6]}
+  disc: {shape: circle, radius: 0.1, density: 2, position: [0.5, 0.6], start: fluid}
   rod: {shape: ellipse, a: 0.15, b: 0.08, position: [0.5, 0.25], angular_velocity: "-2*cos(3*t)", velocity: "0.1*sin(5*t), 0"}
 sim: {dt: 0.02, steps: 10}
 """
