@@ -3,6 +3,7 @@ import csv
 import math
 
 import pytest
+from conftest import ROOT
 from test_badinput import refused
 
 GRAINS = """mesh: {cells: [10, 10], lower: [0, 0], upper: [1, 1]}
@@ -180,6 +181,7 @@ FAULTS = {
     "negative radius": (TABLE, "x,y,radius\n.5,.5,-.1\n", "grains.csv:2: radius -.1 must be positive", []),
     "zero density": (TABLE, "x,y,density\n.5,.5,0\n", "grains.csv:2: density 0 must be positive", []),
     "table and distribution": (TABLE + ", sizes: uniform, sizes_range: [1, 2]", "x,y,size\n.5,.5,1\n", "so does -particle_grain_sizes", ["remove one"]),
+    "axis": ("fraction: 0.5}\noutput: {suspension: true, suspension_axis: z", None, "-output_suspension_axis z", ["two dimensions"]),
     "unused": ("fraction: 0.5, sizes_range: [1, 2]", None, "-particle_grain_sizes_range", []),
 }
 
@@ -221,4 +223,16 @@ def test_statistics(run, scene, tmp_path):
         assert result.status == 0, str(result)
         pairs = table(tmp_path / "bed" / "pairs_1.csv")
         assert pairs[0]["g"] == 0 and all(abs(row["g"] - 1) < 4 / math.sqrt(row["pairs"]) + 0.02 for row in pairs[2:]), (periodic, pairs)
-    refused(run([scene(text), "-output_suspension", "-output_suspension_axis", "z", "-output_dir", "z"], 1), "-output_suspension_axis z")
+
+
+def test_more_discs_settle_slower(run, tmp_path):
+    """The scene on a coarse mesh: no net flux, and hindered settling as (1 - fraction)^n, n between 2 and 6."""
+    speed = []
+    for fraction in 0.1, 0.4:
+        result = run([ROOT / "runs/suspension.yaml", "-mesh_cells", "24,24", "-sim_steps", "3", "-particle_grain_fraction", str(fraction), "-output_dir", "out", "-output_overwrite"], 2)
+        assert result.status == 0, str(result)
+        last = table(tmp_path / "out" / "series.csv")[-1]
+        assert abs(last["mean_velocity_y"]) < 1e-10 and last["bodies_velocity_y"] < 0, last
+        speed.append(-last["bodies_velocity_y"])
+    exponent = math.log(speed[0] / speed[1]) / math.log(0.9 / 0.6)
+    assert 2 < exponent < 6, (exponent, speed)
