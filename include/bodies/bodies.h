@@ -6,7 +6,9 @@
 
    Options of group <g>: -particle_<g>_* (group.c, place.h, motion.h in src/bodies) and the shape's own. _free: x, y, z,
    rotation, or all or none (default all; none with _motion; rotation with _pivot; z means nothing in 2D). Random groups
-   are placed after all others and keep clear of them.
+   are placed after all others and keep clear of them. In space _hinge leaves of the rotation that about one axis, fixed
+   in space; _slide leaves of the translation that along one direction. The whole rotation (translation) then counts as
+   free here, and BodiesKeepAxes takes away what is not.
 
    The centre of a body is the centroid of its shape: point in the body frame = R^T (x - X) + centroid. _position places
    the centre, or the pivot of a group that has one. The reference point of a body is its pivot or else its centre;
@@ -26,8 +28,9 @@ typedef struct {
   PetscReal amplitude[3], period[3], phase[3];
   PetscReal swing[3]; /* amplitude, period, phase of the angle about z */
   PetscReal ramp;
-  PetscBool has_pivot, has_stops;
+  PetscBool has_pivot, has_stops, has_hinge, has_slide;
   PetscReal pivot[3];            /* in the frame of the shape */
+  PetscReal hinge[3], slide[3];  /* unit vectors in space: axis of the angle (2D: z), the only direction of travel */
   PetscReal stops[2];            /* rad */
   PetscReal restitution;         /* of the stops */
   PetscReal force[3], torque[3]; /* external, on each body */
@@ -61,8 +64,9 @@ typedef struct {
   PetscReal radius; /* of the shape: bounding radius about the centroid */
   PetscReal disc;   /* of the shape: radius if it is a disc/sphere, else 0 */
   Packing   pack;
-  PetscReal largest; /* size of the largest body, 1 without bodies */
-  PetscBool hole;    /* the body is a hole of the mesh (fitted.h): nothing is drawn */
+  PetscReal largest;  /* size of the largest body, 1 without bodies */
+  PetscBool hole;     /* the body is a hole of the mesh (fitted.h): nothing is drawn */
+  PetscBool obstacle; /* part of the geometry: held, may overlap walls and other obstacles, stick out of the domain */
 } BodyGroup;
 
 /* The state, replicated on all ranks: a view that only reads, of arrays that Bodies owns. n = number of bodies, m
@@ -71,7 +75,7 @@ typedef struct {
      scale, density [n]                 size of body k in that of its group's shape (1: the shape itself); rho_s
      x, u, w [n][3]                     centre of mass, its velocity, angular velocity [rad/s] in space axes; u_old,
                                         w_old: one step earlier
-     q [n][4], angle [n]                orientation; 2D angle, rad (3D: integral of w_z, for reports only)
+     q [n][4], angle [n]                orientation; 2D, hinge: angle, rad (else the integral of w_z, for reports)
      force, torque [n][3]               of the fluid, buoyancy excluded; torque about the centre of mass. contact_force,
                                         contact_torque: of contact
      stopped [n]                        the body rests on its lower (-1) or upper (1) stop, or not (0)
@@ -164,6 +168,9 @@ PetscErrorCode BodiesGetArm(Bodies, PetscInt k, const PetscReal q[], PetscReal a
 /* Does degree of freedom d of body k (0, 1, 2: translation; 3: rotation) move freely at present? Not if it is
    prescribed, nor rotation while the body rests on a stop. */
 PetscBool BodiesIsFree(Bodies, PetscInt k, PetscInt d);
+/* Take away from velocities of body k what its hinge or slide does not let be: w keeps its part along the hinge, u that
+   along the slide; either may be NULL. */
+void BodiesKeepAxes(BodyState *, PetscInt k, PetscReal u[3], PetscReal w[3]);
 /* Velocity u of the reference point and angular velocity w of body k at `time` as far as they are prescribed; entries
    of free degrees of freedom are the current ones. */
 PetscErrorCode BodiesGetKnownVelocity(Bodies, PetscInt k, PetscReal time, PetscReal u[3], PetscReal w[3]);

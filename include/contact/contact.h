@@ -83,6 +83,11 @@ PetscErrorCode ContactCheckStart(Contact);
    not wanted). The caller of ContactStep must use these for a and alpha: another inertia makes the loop of flow and
    contact unstable. */
 PetscErrorCode ContactGetMass(Contact, PetscInt k, PetscReal *mass, PetscReal inertia[6]);
+/* Mean acceleration [length/time^2] of body k, which is free and starts at rest, over a step of length dt: weight less
+   buoyancy on the effective mass, with the least drag that a viscous fluid has on a body of its volume (Stokes' on a
+   sphere; on a disc 3 viscosity a length and speed, which is that with walls 160 diameters away). In creeping flow a
+   step is long beside the time in which a body gathers its speed. Not collective. */
+PetscErrorCode ContactGetStart(Contact, PetscInt k, PetscReal dt, PetscReal a[3]);
 /* Work of the last call: pairs of bodies tested by their bounding circles (0: the list of pairs was still good), pairs
    and walls within reach, sub-steps of the step. Each may be NULL. */
 PetscErrorCode ContactGetWork(Contact, PetscInt *tests, PetscInt *pairs, PetscInt *substeps);

@@ -52,6 +52,33 @@ static void turn_from_start(Bodies b, PetscInt k, const PetscReal turn[3], Petsc
   if (b->state.dim == 3) RotationAdvance(1, turn, q);
 }
 
+static void keep_along(const PetscReal e[3], PetscReal v[3])
+{
+  const PetscReal along = dot3(e, v);
+
+  for (PetscInt a = 0; a < 3; a++) v[a] = along * e[a];
+}
+
+void BodiesKeepAxes(BodyState *s, PetscInt k, PetscReal u[3], PetscReal w[3])
+{
+  const Motion *m = &BodiesGetGroup(s, k)->motion;
+
+  if (u && m->has_slide) keep_along(m->slide, u);
+  if (w && m->has_hinge) keep_along(m->hinge, w);
+}
+
+/* Orientation of body k at an angle; in space it turns about its hinge, or by w for a time */
+static void turn_body(Bodies b, PetscInt k, PetscReal angle, PetscReal time, const PetscReal w[3], PetscReal q[4])
+{
+  const Motion *m = &BodiesGetGroup(&b->view, k)->motion;
+
+  if (b->state.dim == 2) RotationFromAngle(angle, q);
+  else if (m->has_hinge) {
+    (void)PetscArraycpy(q, start_of(b, k)->q, 4);
+    RotationAdvance(angle - start_of(b, k)->angle, m->hinge, q);
+  } else RotationAdvance(time, w, q);
+}
+
 PetscErrorCode BodiesGetKnownVelocity(Bodies b, PetscInt k, PetscReal time, PetscReal u[3], PetscReal w[3])
 {
   const BodyArrays *s = &b->state;
@@ -192,7 +219,7 @@ PetscErrorCode BodiesRelease(Bodies b, PetscInt k, PetscReal rho_f, const PetscR
   PetscCall(check_body(b, k));
   if (!b->state.stopped[k]) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(get_torque(b, k, rho_f, gravity, T));
-  if (T[2] * b->state.stopped[k] < 0) b->state.stopped[k] = 0;
+  if (dot3(T, BodiesGetGroup(&b->view, k)->motion.hinge) * b->state.stopped[k] < 0) b->state.stopped[k] = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -231,7 +258,12 @@ static PetscErrorCode advance_rotation(Bodies b, PetscInt k, PetscReal dt, Petsc
     for (PetscInt d = 0; d < 3; d++) T[d] += moment[d];
   }
   if (s->dim == 2) s->w[k][2] += dt * T[2] / inertia[2];
-  else advance_spin(dt, inertia, T, s->w[k]);
+  else if (g->motion.has_hinge) {
+    PetscReal Ie[3];
+
+    apply_tensor(inertia, g->motion.hinge, Ie);
+    for (PetscInt d = 0; d < 3; d++) s->w[k][d] += dt * dot3(T, g->motion.hinge) / dot3(Ie, g->motion.hinge) * g->motion.hinge[d];
+  } else advance_spin(dt, inertia, T, s->w[k]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -249,6 +281,7 @@ PetscErrorCode BodiesAdvanceVelocity(Bodies b, PetscReal dt, PetscReal rho_f, co
     PetscCall(BodiesGetLoad(b, k, rho_f, gravity, force, torque));
     for (PetscInt a = 0; a < s->dim; a++)
       if (BodiesIsFree(b, k, a)) s->u[k][a] += dt * (s->force[k][a] + s->contact_force[k][a] + force[a]) / mass;
+    BodiesKeepAxes(&b->view, k, s->u[k], NULL);
     PetscCall(BodiesRelease(b, k, rho_f, gravity));
     if (BodiesIsFree(b, k, 3)) PetscCall(advance_rotation(b, k, dt, rho_f, gravity));
     PetscCall(BodiesGetKnownVelocity(b, k, s->time + dt, u, w));
@@ -267,9 +300,9 @@ static void keep_stops(Bodies b, PetscInt k, PetscReal dt)
 {
   BodyArrays     *s = &b->state;
   const Motion   *m = &BodiesGetGroup(&b->view, k)->motion;
-  PetscReal      *w = &s->w[k][2], *w_old = &s->w_old[k][2];
+  const PetscReal w = dot3(s->w[k], m->hinge), w_old = dot3(s->w_old[k], m->hinge);
   const PetscInt  side = s->angle[k] >= m->stops[1] ? 1 : s->angle[k] <= m->stops[0] ? -1 : 0;
-  const PetscReal stop = m->stops[side > 0], speed = side * *w, gain = side * (*w - *w_old);
+  const PetscReal stop = m->stops[side > 0], speed = side * w, gain = side * (w - w_old);
 
   if (!m->has_stops || !side) return;
   if (speed <= 0) { /* has turned round by itself within the step */
@@ -277,13 +310,15 @@ static void keep_stops(Bodies b, PetscInt k, PetscReal dt)
   } else if (m->restitution * speed <= 2 * PetscAbsReal(gain) || m->restitution == 0) {
     s->angle[k]   = stop;
     s->stopped[k] = side;
-    *w = *w_old = 0;
+    for (PetscInt a = 0; a < 3; a++) s->w[k][a] = s->w_old[k][a] = 0;
   } else {
-    const PetscReal jump = (1 + m->restitution) * *w;
+    const PetscReal jump = (1 + m->restitution) * w;
 
     s->angle[k] = stop - PetscMin(m->restitution * PetscAbsReal(s->angle[k] - stop), dt * speed) * side;
-    *w -= jump;
-    *w_old -= jump;
+    for (PetscInt a = 0; a < 3; a++) {
+      s->w[k][a] -= jump * m->hinge[a];
+      s->w_old[k][a] -= jump * m->hinge[a];
+    }
   }
 }
 
@@ -299,10 +334,9 @@ PetscErrorCode BodiesAdvancePosition(Bodies b, PetscReal dt, PetscReal theta)
       if (a < s->dim) s->x[k][a] += dt * (theta * s->u[k][a] + (1 - theta) * s->u_old[k][a]);
       w[a] = theta * s->w[k][a] + (1 - theta) * s->w_old[k][a];
     }
-    s->angle[k] += dt * w[2];
+    s->angle[k] += dt * dot3(w, BodiesGetGroup(&b->view, k)->motion.hinge);
     keep_stops(b, k, dt);
-    if (s->dim == 2) RotationFromAngle(s->angle[k], s->q[k]);
-    else RotationAdvance(dt, w, s->q[k]);
+    turn_body(b, k, s->angle[k], dt, w, s->q[k]);
     PetscCall(BodiesApplyKnown(b, k, s->time + dt));
     for (PetscInt a = 0; a < s->dim; a++)
       PetscCheck(!PetscIsInfOrNanReal(s->x[k][a]) && !PetscIsInfOrNanReal(s->angle[k]), PETSC_COMM_SELF, PETSC_ERR_FP,
@@ -351,11 +385,10 @@ PetscErrorCode BodiesPredict(Bodies b, PetscInt k, PetscReal dt, PetscInt order,
     X[a] = s->x[k][a] + dt * (now * s->u[k][a] + old * s->u_old[k][a]);
     w[a] = now * s->w[k][a] + old * s->w_old[k][a];
   }
-  *angle = s->angle[k] + dt * w[2];
+  *angle = s->angle[k] + dt * dot3(w, m->hinge);
   if (m->has_stops) *angle = PetscMin(PetscMax(*angle, m->stops[0]), m->stops[1]);
   PetscCall(PetscArraycpy(q, s->q[k], 4));
-  if (s->dim == 2) RotationFromAngle(*angle, q);
-  else RotationAdvance(dt, w, q);
+  turn_body(b, k, *angle, dt, w, q);
   PetscCall(place_known(b, k, s->time + dt, X, q, angle, NULL, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

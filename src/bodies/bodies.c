@@ -74,6 +74,7 @@ static PetscErrorCode store_start(Bodies b, PetscInt group, const Placement p[])
                "Body %" PetscInt_FMT " of group '%s' starts at the angle %g, beyond -particle_%s_stops %g,%g", i, g->name, (double)p[i].angle,
                g->name, (double)g->motion.stops[0], (double)g->motion.stops[1]);
     PetscCall(BodiesApplyKnown(b, k, 0));
+    BodiesKeepAxes(&b->view, k, s->u[k], s->w[k]);
     PetscCall(PetscArraycpy(s->u_old[k], s->u[k], 3));
     PetscCall(PetscArraycpy(s->w_old[k], s->w[k], 3));
   }
@@ -86,12 +87,12 @@ static PetscErrorCode check_domain(Bodies b)
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < s->n; k++)
-    for (PetscInt a = 0; a < s->dim; a++)
+    for (PetscInt a = 0; a < s->dim && !BodiesGetGroup(&b->view, k)->obstacle; a++)
       PetscCheck(s->x[k][a] >= b->lower[a] && s->x[k][a] <= b->upper[a], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
                  "Body %" PetscInt_FMT " of group '%s' starts outside the domain: coordinate %" PetscInt_FMT
-                 " is %g, the domain is %g .. %g. Move the body (-particle_%s_*) or widen the mesh",
+                 " is %g, the domain is %g .. %g. Move the body (-particle_%s_*), widen the mesh, or make it an obstacle (-particle_%s_obstacle)",
                  k - BodiesGetGroup(&b->view, k)->first, BodiesGetGroup(&b->view, k)->name, a, (double)s->x[k][a], (double)b->lower[a],
-                 (double)b->upper[a], BodiesGetGroup(&b->view, k)->name);
+                 (double)b->upper[a], BodiesGetGroup(&b->view, k)->name, BodiesGetGroup(&b->view, k)->name);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -99,7 +100,7 @@ static PetscBool is_all_free(const BodyGroup *g, PetscInt dim)
 {
   const PetscInt all = BODY_FREE_X | BODY_FREE_Y | (dim == 3 ? BODY_FREE_Z : 0) | BODY_FREE_ROTATION;
 
-  return (PetscBool)((g->free & all) == all && !g->motion.has_stops && !g->motion.has_pivot);
+  return (PetscBool)((g->free & all) == all && !g->motion.has_stops && !g->motion.has_pivot && !g->motion.has_hinge);
 }
 
 PetscErrorCode BodiesCreate(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], Bodies *bodies)
@@ -187,6 +188,13 @@ PetscErrorCode BodiesView(Bodies b, PetscViewer viewer)
     if (group->motion.has_pivot)
       PetscCall(PetscViewerASCIIPrintf(viewer, "  turns about a pivot at distance %g from its centre of mass\n",
                                        (double)PetscSqrtReal(PetscSqr(group->arm[0]) + PetscSqr(group->arm[1]) + PetscSqr(group->arm[2]))));
+    if (group->motion.has_hinge)
+      PetscCall(PetscViewerASCIIPrintf(viewer, "  turns about the axis (%g, %g, %g) only\n", (double)group->motion.hinge[0],
+                                       (double)group->motion.hinge[1], (double)group->motion.hinge[2]));
+    if (group->motion.has_slide)
+      PetscCall(PetscViewerASCIIPrintf(viewer, "  slides along (%g, %g, %g) only\n", (double)group->motion.slide[0], (double)group->motion.slide[1],
+                                       (double)group->motion.slide[2]));
+    if (group->obstacle) PetscCall(PetscViewerASCIIPrintf(viewer, "  an obstacle: may overlap walls and other obstacles\n"));
     if (group->motion.has_stops)
       PetscCall(PetscViewerASCIIPrintf(viewer, "  stops at the angles %g and %g, restitution %g\n", (double)group->motion.stops[0],
                                        (double)group->motion.stops[1], (double)group->motion.restitution));
@@ -247,6 +255,7 @@ PetscErrorCode BodiesStepVelocity(Bodies b, PetscInt k, const PetscReal u[3], co
   PetscCall(PetscArraycpy(b->state.u_old[k], b->state.u[k], 3));
   PetscCall(PetscArraycpy(b->state.w_old[k], b->state.w[k], 3));
   PetscCall(BodiesSetVelocity(b, k, u, w));
+  BodiesKeepAxes(&b->view, k, b->state.u[k], b->state.w[k]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -6,6 +6,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "spread.h"
+#include "base/algebra.h"
 #include "base/log.h"
 #include "base/opt.h"
 #include "base/room.h"
@@ -34,7 +35,7 @@ static const char *const place_names[] = {"single", "lattice", "random", "table"
 
 /* ---- options of one group ---- */
 
-static PetscErrorCode read_free(const char group[], PetscInt dim, const Motion *m, PetscInt *bits)
+static PetscErrorCode read_free(const char group[], PetscInt dim, const Motion *m, PetscBool held, PetscInt *bits)
 {
   const char *const word[] = {"x", "y", "z", "rotation", "none", "all"};
   const PetscInt    mask[] = {BODY_FREE_X,        BODY_FREE_Y, BODY_FREE_Z,
@@ -44,8 +45,8 @@ static PetscErrorCode read_free(const char group[], PetscInt dim, const Motion *
 
   PetscFunctionBeginUser;
   (void)OptJoin("-particle_", group, "_free", name);
-  *bits = m->has_pivot ? BODY_FREE_ROTATION : mask[5];
-  if (m->given) *bits = 0;
+  *bits = m->has_pivot || m->has_hinge ? BODY_FREE_ROTATION : mask[5];
+  if (m->given || m->has_slide || held) *bits = 0;
   PetscCall(OptStringArray(name, &n, list));
   if (n) *bits = 0;
   for (PetscInt i = 0; i < n; i++) {
@@ -58,7 +59,10 @@ static PetscErrorCode read_free(const char group[], PetscInt dim, const Motion *
     *bits |= mask[k];
     PetscCall(PetscFree(list[i]));
   }
-  if (dim == 2 && n && *bits != mask[5] && (*bits & BODY_FREE_Z))
+  PetscCheck(!m->has_slide || !(*bits & ~BODY_FREE_ROTATION), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "%s names a translation, and -particle_%s_slide leaves only that along itself: give rotation or none, or remove the slide", name, group);
+  if (m->has_slide) *bits |= BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z;
+  if (dim == 2 && n && !m->has_slide && *bits != mask[5] && (*bits & BODY_FREE_Z))
     PetscCall(LogRemark("%s: z means nothing in two dimensions, and sets no motion free", name));
   if (dim == 2) *bits &= ~BODY_FREE_Z;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -81,6 +85,14 @@ static PetscErrorCode check_motion(const BodyGroup *g)
                word[a], g->name);
   PetscCheck(!m->has_pivot || !moves, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "Group '%s' turns about -particle_%s_pivot, which does not move freely: give -particle_%s_free rotation or none", g->name, g->name,
+             g->name);
+  PetscCheck(!g->obstacle || (!g->free && !m->given), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_%s_obstacle true: the bodies of an obstacle stand still, and those of group '%s' move: remove it, or what moves them",
+             g->name, g->name);
+  PetscCheck(!m->has_hinge || (!moves && g->free), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_%s_hinge needs a body that turns freely about a point: give -particle_%s_free rotation", g->name, g->name);
+  PetscCheck(!m->has_slide || !m->given, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "Group '%s' slides freely along -particle_%s_slide, and -particle_%s_motion prescribes its motion: remove one of them", g->name, g->name,
              g->name);
   PetscCheck(!m->has_stops || (!moves && g->free), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-particle_%s_stops needs a body that turns freely about a point: give -particle_%s_free rotation", g->name, g->name);
@@ -122,7 +134,8 @@ static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim, Start *s)
   PetscCall(ShapeGetDisc(g->shape, &g->disc));
   PetscCall(OptReal(OptJoin("-particle_", g->name, "_angle", name), &s->base.angle));
   PetscCall(MotionRead(g->name, dim, &g->motion, s->base.u, s->base.omega));
-  PetscCall(read_free(g->name, dim, &g->motion, &g->free));
+  PetscCall(OptBool(OptJoin("-particle_", g->name, "_obstacle", name), &g->obstacle));
+  PetscCall(read_free(g->name, dim, &g->motion, g->obstacle, &g->free));
   PetscCall(check_motion(g));
   for (PetscInt a = 0; a < dim && g->motion.has_pivot; a++) g->arm[a] = g->mass.centroid[a] - g->motion.pivot[a];
   PetscCall(read_start(g));
@@ -132,6 +145,37 @@ static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim, Start *s)
   g->largest = 1;
   PetscCheck(has_density || !g->free, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "Group '%s' moves but has no density: give %s, or -particle_%s_free none", g->name, name, g->name);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Orientation of bodies in space: -particle_<g>_quaternion, then turned by the angle about -particle_<g>_axis (or the
+   hinge, or z) */
+static PetscErrorCode orient_bodies(const BodyGroup *g, PetscInt dim, Placement body[])
+{
+  PetscReal axis[3] = {g->motion.hinge[0], g->motion.hinge[1], g->motion.hinge[2]}, q[4] = {1, 0, 0, 0}, length;
+  PetscBool has_axis, has_q;
+  char      name[OPT_NAME];
+
+  PetscFunctionBeginUser;
+  if (dim == 2) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(OptRealArray(OptJoin("-particle_", g->name, "_axis", name), 3, axis, &has_axis));
+  length = PetscSqrtReal(dot3(axis, axis));
+  PetscCheck(length > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s has no length: give an axis that is not zero", name);
+  PetscCheck(!has_axis || !g->motion.has_hinge, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "%s: the angle of a body with -particle_%s_hinge is that about the hinge: remove it, or turn the body by -particle_%s_quaternion", name,
+             g->name, g->name);
+  PetscCall(OptRealArray(OptJoin("-particle_", g->name, "_quaternion", name), 4, q, &has_q));
+  PetscCheck(q[0] != 0 || q[1] != 0 || q[2] != 0 || q[3] != 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "%s is zero: give w,x,y,z with w = cos(a/2) and x,y,z = sin(a/2) times the axis", name);
+  if (!has_axis && !has_q && !g->motion.has_hinge) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt i = 0; i < g->count; i++) {
+    if (body[i].turned) continue; /* at random */
+    const PetscReal w[3] = {axis[0] / length, axis[1] / length, axis[2] / length};
+
+    PetscCall(PetscArraycpy(body[i].q, q, 4));
+    RotationAdvance(body[i].angle, w, body[i].q); /* makes it a unit quaternion, too */
+    body[i].turned = PETSC_TRUE;
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -284,6 +328,7 @@ static PetscErrorCode read_group(BodyGroup *g, PetscInt dim, const PetscReal low
   PetscCall(check_place(g, s));
   PetscCall(SpreadRead(g->name, g->density, s->seed, &s->spread));
   PetscCall(start_group(g, dim, s));
+  PetscCall(orient_bodies(g, dim, s->body));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

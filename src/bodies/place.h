@@ -5,9 +5,9 @@
 /* First state of one body. 2D: third components zero. */
 typedef struct {
   PetscReal x[3], u[3]; /* centre of mass, its velocity */
-  PetscReal angle;      /* rad, about z */
+  PetscReal angle;      /* rad, about z or the axis of the group */
   PetscReal omega[3];   /* angular velocity, rad/s */
-  PetscReal q[4];       /* orientation in 3D, if `turned`, in place of the angle */
+  PetscReal q[4];       /* orientation in 3D, if `turned`, the angle included */
   PetscReal scale;      /* size in that of the shape */
   PetscReal radius;     /* bounding radius, which gives the size; 0: the size is given */
   PetscReal density;

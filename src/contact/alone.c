@@ -30,6 +30,7 @@ static void drop_bodies(Contact c, PetscReal h)
 
     if (c->s->gone[k]) continue;
     for (PetscInt a = 0; a < c->dim; a++) c->u[k][a] += h * mass * kind->inverse_mass[a] * c->g[a];
+    BodiesKeepAxes(c->state, k, c->u[k], NULL);
   }
 }
 
@@ -45,6 +46,8 @@ static void push_discs(Contact c, const Pair *p, PetscReal h, PetscReal share, c
     c->u[p->j][a] -= h * f[a] * kj->inverse_mass[a];
     c->s->contact_force[p->j][a] -= share * f[a];
   }
+  BodiesKeepAxes(c->state, p->i, c->u[p->i], NULL);
+  if (kj) BodiesKeepAxes(c->state, p->j, c->u[p->j], NULL);
 }
 
 static PetscErrorCode push_pairs(Contact c, PetscReal h, PetscReal share)
@@ -104,7 +107,7 @@ static PetscErrorCode advance_alone(Contact c, PetscReal h, PetscReal share)
   for (PetscInt k = 0; k < c->s->n; k++) {
     if (c->s->gone[k]) continue;
     for (PetscInt a = 0; a < c->dim; a++) c->x[k][a] += h * c->u[k][a];
-    c->s->angle[k] += h * c->w[k][2];
+    c->s->angle[k] += h * dot3(c->w[k], BodiesGetGroup(c->state, k)->motion.hinge);
     if (c->dim == 2) RotationFromAngle(c->s->angle[k], c->q[k]);
     else RotationAdvance(h, c->w[k], c->q[k]);
   }

@@ -186,6 +186,8 @@ PetscErrorCode ContactSetInertia(Contact, PetscInt k);
 /* Adds an impulse times `scale` to forces and torques of a pair; changes its velocities by that of the time h. */
 void ContactScatter(const Pair *, const Impulse *, PetscReal scale, PetscReal (*force)[3], PetscReal (*torque)[3]);
 void ContactKick(Contact, const Pair *, PetscReal h, const Impulse *);
+/* Acceleration of body k under a force, with what is held taken away: inverse mass times force */
+void ContactMobility(Contact, PetscInt k, const PetscReal force[3], PetscReal out[3]);
 /* Sub-steps of a step dt when forces change within `time`. Error: -contact_substeps too few. */
 PetscErrorCode ContactChooseSubsteps(Contact, PetscReal dt, PetscReal time, PetscInt *n);
 /* x, q, u, w of the contact become copies of these. */

@@ -53,6 +53,16 @@ PetscErrorCode ContactGetMass(Contact c, PetscInt k, PetscReal *mass, PetscReal 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode ContactGetStart(Contact c, PetscInt k, PetscReal dt, PetscReal a[3])
+{
+  const PetscReal volume = BodiesVolume(c->state, k), force = (c->s->density[k] - c->rho_f) * volume;
+  const PetscReal drag = c->viscosity * (c->dim == 2 ? 3 : 6 * PETSC_PI * PetscPowReal(0.75 * volume / PETSC_PI, 1. / 3));
+
+  PetscFunctionBeginUser;
+  for (PetscInt d = 0; d < 3; d++) a[d] = force * c->g[d] / (ContactMass(c, k) + drag * dt);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* ---- scales ---- */
 
 static PetscReal present_speed(Contact c, PetscInt k)
@@ -110,12 +120,29 @@ static void kick(Contact c, PetscInt k, PetscReal h, const PetscReal f[3], const
     c->u[k][a] += h * f[a] * kind->inverse_mass[a];
     c->w[k][a] += h * dw[a];
   }
+  BodiesKeepAxes(c->state, k, c->u[k], c->w[k]);
+}
+
+void ContactMobility(Contact c, PetscInt k, const PetscReal force[3], PetscReal out[3])
+{
+  for (PetscInt a = 0; a < 3; a++) out[a] = force[a] * ContactKind(c, k)->inverse_mass[a];
+  BodiesKeepAxes(c->state, k, out, NULL);
 }
 
 void ContactKick(Contact c, const Pair *p, PetscReal h, const Impulse *s)
 {
   kick(c, p->i, h, s->f, s->ti);
   if (p->j >= 0) kick(c, p->j, -h, s->f, (const PetscReal[3]){-s->tj[0], -s->tj[1], -s->tj[2]});
+}
+
+/* e e^T / (e . I e) */
+static void hinge_inertia(const PetscReal e[3], const PetscReal inertia[6], PetscReal inverse[6])
+{
+  const PetscInt row[6] = {0, 1, 2, 0, 0, 1}, col[6] = {0, 1, 2, 1, 2, 2};
+  PetscReal      Ie[3];
+
+  apply_tensor(inertia, e, Ie);
+  for (PetscInt i = 0; i < 6; i++) inverse[i] = e[row[i]] * e[col[i]] / dot3(e, Ie);
 }
 
 /* 3D: the inertia turns with the body; within a step its orientation at the beginning counts. */
@@ -127,7 +154,8 @@ PetscErrorCode ContactSetInertia(Contact c, PetscInt k)
   PetscCall(PetscArrayzero(c->inverse_inertia[k], 6));
   if (!(BodiesGetGroup(c->state, k)->free & BODY_FREE_ROTATION)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(effective_inertia(c, k, inertia));
-  invert_tensor(inertia, c->inverse_inertia[k]);
+  if (BodiesGetGroup(c->state, k)->motion.has_hinge) hinge_inertia(BodiesGetGroup(c->state, k)->motion.hinge, inertia, c->inverse_inertia[k]);
+  else invert_tensor(inertia, c->inverse_inertia[k]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

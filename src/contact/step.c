@@ -143,6 +143,7 @@ static void drift_velocity(Contact c, PetscInt k, const Drift *d, PetscReal h)
     if (kind->inverse_mass[a] > 0) c->u[k][a] = (c->u[k][a] + h * (d->a[a] + d->drag * d->u0[a])) / (1 + h * d->drag);
     c->w[k][a] += h * d->alpha[a];
   }
+  BodiesKeepAxes(c->state, k, c->u[k], c->w[k]);
 }
 
 /* Two discs out of reach of each other: most of a crowd in most sub-steps */

@@ -72,6 +72,28 @@ static PetscErrorCode set_rigid_velocities(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+#define HOLD 1e8 /* stiffness of what holds a hinge or slide, in inertias of body and fluid */
+
+static void hold_block(PetscInt nr, PetscInt first, PetscInt n, const PetscReal e[3], PetscReal scale, const PetscReal M[], PetscReal K[])
+{
+  PetscReal largest = 0;
+
+  for (PetscInt i = first; i < first + n; i++) largest = PetscMax(largest, M[i * (nr + 1)]);
+  for (PetscInt i = 0; i < n; i++)
+    for (PetscInt j = 0; j < n; j++) K[(first + i) * nr + first + j] = HOLD * scale * largest * ((i == j) - e[i] * e[j]);
+}
+
+PetscBool CoupleHoldAxes(Couple c, PetscInt k, const PetscReal M[], PetscReal K[])
+{
+  const Motion   *m     = &BodiesGetGroup(c->s, k)->motion;
+  const PetscReal scale = c->step->ct * (c->s->density[k] + c->par->density);
+
+  for (PetscInt i = 0; i < c->nr * c->nr; i++) K[i] = 0;
+  if (m->has_slide) hold_block(c->nr, 0, c->loc->dim, m->slide, scale, M, K);
+  if (m->has_hinge) hold_block(c->nr, c->loc->dim, 3, m->hinge, scale, M, K);
+  return (PetscBool)(m->has_slide || m->has_hinge);
+}
+
 /* Inertia D = c_t (rho_s - rho_i) (Vol; I) and right-hand side (rho_s - rho_i) (Vol; I) d(U) + (rho_s - rho_f) Vol g
    + contact + load of the rigid rows, rho_i: density of the fluid inside. Known velocities that share an inertia
    with unknown ones (a pivot that moves) count on the right. */
@@ -82,7 +104,7 @@ static PetscErrorCode fill_rigid_rows(Couple c)
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < c->s->n; k++) {
     const PetscReal excess = c->s->density[k] - CoupleInnerDensity(c, k, c->par);
-    PetscReal       M[36], *g = c->g + k * nr, spin, L[3], force[3], torque[3], dead[6];
+    PetscReal       M[36], K[36], *g = c->g + k * nr, spin, L[3], force[3], torque[3], dead[6];
 
     PetscCall(RigidGetMass(c->bodies, k, c->q[k], M));
     PetscCall(BodiesGetLoad(c->bodies, k, c->par->density, c->par->gravity, force, torque));
@@ -103,6 +125,8 @@ static PetscErrorCode fill_rigid_rows(Couple c)
         if (!((c->unknown[k] >> j) & 1)) g[i] -= c->D[(k * nr + i) * nr + j] * c->U[k * nr + j];
       }
     }
+    if (CoupleHoldAxes(c, k, M, K))
+      for (PetscInt i = 0; i < nr * nr; i++) c->D[k * nr * nr + i] += K[i];
     PetscCall(CoupleSpinStress(c, k, c->par, &spin));
     if (spin > 0) {
       c->D[(k * nr + dim) * nr + dim] += c->step->theta * spin;
@@ -264,6 +288,18 @@ static PetscErrorCode create_solver(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode unite_obstacles(Couple c)
+{
+  PetscBool *united;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(c->s->n, &united));
+  for (PetscInt k = 0; k < c->s->n; k++) united[k] = BodiesGetGroup(c->s, k)->obstacle;
+  PetscCall(ConstraintSetUnited(c->constraint, united));
+  PetscCall(PetscFree(united));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode tell_rung(void *couple)
 {
   Couple c = (Couple)couple;
@@ -315,6 +351,7 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   PetscCall(BoundariesCreate(flow, c->hole, &c->boundaries));
   PetscCall(CoupleFindNormals(c));
   PetscCall(ConstraintCreate(c->mesh, n, &c->constraint));
+  PetscCall(unite_obstacles(c));
   PetscCall(ConstraintGetRigidSize(c->constraint, &c->nr));
   PetscCall(DriveCreate(c, &c->drive));
   PetscCall(create_solver(c));

@@ -15,7 +15,7 @@ const MonitorColumn MONITOR_SERIES[] = {
   {"dt_s", "time", 12, "length of the step, 0 in steady scenes"},
   {"cfl", "", 6, "largest CFL number of a cell"},
   {"outer_iterations", "", 12, "of the linear solves of the step"},
-  {"divergence", "1/time", 6, "root mean square over the domain"},
+  {"divergence", "length^(dim/2)/time", 6, "L2 norm over the domain of its means over cells"},
   {"kinetic_energy", "energy", 12, "of the fluid"},
   {"momentum_error", "", 6, "what the balance of momentum lacks, relative to the sizes of its forces"},
   {"seconds", "s", 6, "wall clock of the step"},
