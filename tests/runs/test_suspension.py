@@ -145,7 +145,7 @@ def test_a_size_is_that_of_the_shape(run, scene, tmp_path, text, options):
     for name, content in ("plain", plain), ("sized", sized):
         if "explicit" in options:
             content = content.replace("1.3", "5")
-        result = run([scene(content), *options.split(), "-output_dir", name], 1)
+        result = run([scene(content), *options.split(), "-flow_recipe", "accurate", "-output_dir", name], 1)
         assert result.status == 0, str(result)
         with open(tmp_path / name / "bodies.csv") as file:
             found.append(list(csv.DictReader(file)))
