@@ -93,5 +93,13 @@ PetscErrorCode ContactGetStart(Contact, PetscInt k, PetscReal dt, PetscReal a[3]
 PetscErrorCode ContactGetWork(Contact, PetscInt *tests, PetscInt *pairs, PetscInt *substeps);
 /* Largest overlap, in diameters of the smaller body, that ContactFinishStep has found since the beginning. */
 PetscErrorCode ContactGetSeparation(Contact, PetscReal *overlap);
+/* Contacts of the present places: pairs (j < 0: wall number -1 - j, as in DOMAIN_SIDE) whose gap is below the
+   range, where they are nearest and the direction from j to i. *link [*n] is the caller's to free. None with law
+   none. Not collective. */
+typedef struct {
+  PetscInt  i, j;
+  PetscReal gap, x[3], normal[3];
+} ContactLink;
+PetscErrorCode ContactGetLinks(Contact, PetscInt *n, ContactLink *link[]);
 /* StateVisit of a Contact: the list of pairs with their tangential springs, the work done. */
 PetscErrorCode ContactVisitState(void *contact, State);

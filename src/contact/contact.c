@@ -102,6 +102,37 @@ PetscErrorCode ContactGetSeparation(Contact c, PetscReal *overlap)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode ContactGetLinks(Contact c, PetscInt *n, ContactLink *link[])
+{
+  PetscInt room = 0;
+
+  PetscFunctionBeginUser;
+  *n    = 0;
+  *link = NULL;
+  c->x  = c->s->x;
+  c->q  = c->s->q;
+  PetscCall(PetscFree(c->reach));
+  PetscCall(ContactFindPairs(c));
+  for (PetscInt p = 0; p < c->npairs; p++) {
+    const Touch *best = NULL;
+    PetscInt     m;
+    PetscReal    gap;
+
+    PetscCall(ContactFindTouch(c, c->pair[p].i, c->pair[p].j, &m, &gap));
+    for (PetscInt t = 0; t < m; t++)
+      if (c->touch[t].gap < c->range && (!best || c->touch[t].gap < best->gap)) best = &c->touch[t];
+    if (!best) continue;
+    PetscCall(RoomFor(*n + 1, &room, link, sizeof(**link), NULL));
+    (*link)[*n] = (ContactLink){.i = c->pair[p].i, .j = c->pair[p].j, .gap = best->gap};
+    for (PetscInt a = 0; a < 3; a++) {
+      (*link)[*n].x[a]      = c->x[c->pair[p].i][a] + best->ri[a];
+      (*link)[*n].normal[a] = best->normal[a];
+    }
+    (*n)++;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ContactView(Contact c, PetscViewer viewer)
 {
   PetscFunctionBeginUser;

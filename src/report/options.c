@@ -15,6 +15,15 @@ static const OptSpec SPECS[] = {
   {"-output_series", OPT_INT, "steps", OPT_FROM(1), "1", .help = "steps between two lines of series.csv and bodies.csv"},
   {"-output_bodies", OPT_INTS, "", OPT_FROM(0), "all of at most 64, else none", .help = "first and last body in bodies.csv"},
   {"-output_progress", OPT_INT, "steps", OPT_FROM(0), "0", .help = "steps between two lines of progress, 0 for some 20 to 50 lines in a run"},
+  {"-output_suspension", OPT_BOOL, "", OPT_ANY, "false",
+   .help =
+     "mean velocity of the bodies in series.csv; pair distribution, profile of the volume fraction and contacts as tables at snapshots and at the "
+     "end",
+   .when = "-particle_groups"},
+  {"-output_suspension_axis", OPT_CHOICE, "", OPT_ANY, "y, in 3D z", .help = "axis of the profile", .choices = "x, y, z",
+   .when = "-output_suspension true"},
+  {"-output_suspension_bins", OPT_INT, "", 1, 100000, "50", .help = "intervals of the pair distribution and of the profile",
+   .when = "-output_suspension true"},
   {"-output_yardstick", OPT_BOOL, "", OPT_ANY, "false",
    .help = "measure memory bandwidth and one product with the velocity matrix after the last step", .expert = PETSC_TRUE},
   {"-checkpoint_every", OPT_INT, "steps", OPT_FROM(0), "0", .help = "steps between two checkpoints, 0 for none"},

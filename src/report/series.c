@@ -93,6 +93,7 @@ const MonitorColumn MONITOR_FURTHER[] = {
   {"flow_force_<x|y|z>", "force/volume", 12, "with -flow_rate or -couple_backflow: the uniform force on fluid and bodies, -flow_force included"},
   {"backflow_error", "", 12,
    "with -couple_backflow flux: mean velocity along gravity over its root mean square; force: what accelerates all, over the weights"},
+  {"bodies_velocity_<x|y|z>", "length/time", 12, "with -output_suspension: mean of the bodies free to travel, by volume"},
   {"flow_rate_<boundary>", "length^3/time (2D: length^2/time)", 12, "out of the domain, or of the box that travels, through an inflow or outflow"},
   {"wall_force_<boundary>_<x|y|z>", "force", 12, "of the fluid on a wall, in 2D of unit depth"},
   {"step_error", "", 12, "with -sim_adapt: estimated error of the step over the tolerance"},

@@ -155,12 +155,14 @@ static PetscErrorCode build(SimParts *part)
   if (packing.bodies) PetscCall(report_packing(part->monitor, &packing));
   PetscCall(CheckpointCreate(part->mesh, part->output, &part->checkpoint));
   if (active) PetscCall(DiagnosticsCreate(part->flow, part->bodies, part->couple, part->monitor, &part->probe));
+  PetscCall(SuspensionCreate(part->bodies, part->contact, part->monitor, l->lower, l->upper, l->period, &part->suspension));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode destroy(SimParts *part)
 {
   PetscFunctionBeginUser;
+  PetscCall(SuspensionDestroy(&part->suspension));
   PetscCall(DiagnosticsDestroy(&part->probe));
   PetscCall(CheckpointDestroy(&part->checkpoint));
   PetscCall(MonitorDestroy(&part->monitor));

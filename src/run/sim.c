@@ -241,6 +241,7 @@ static PetscErrorCode write_snapshot(Sim s)
   if (s->judge && !JudgeDoubts(s->judge)) s->fields_good = s->step;
   PetscCall(OutputGetDirectory(s->part.output, &dir));
   PetscCall(OutlinesWrite(s->part.bodyfile, dir, s->step, s->time));
+  PetscCall(SuspensionWrite(s->part.suspension, dir, s->step));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -261,6 +262,7 @@ static PetscErrorCode report(Sim s, PetscReal dt, PetscReal seconds)
   PetscFunctionBeginUser;
   PetscCall(BodiesGetEnergy(s->part.bodies, &m.bodies_energy));
   PetscCall(ContactGetEnergy(s->part.contact, &m.contact_energy, &m.contact_work));
+  PetscCall(SuspensionStep(s->part.suspension));
   PetscCall(MonitorWrite(s->part.monitor, &m, s->time_end < PETSC_MAX_REAL ? s->time_end : s->steps_max * s->dt));
   PetscCall(OutputGetEvery(s->part.output, &every));
   if ((every > 0 && (s->part.steady || s->step % every == 0)) || (s->hits && s->snapshot)) PetscCall(write_snapshot(s));
@@ -566,8 +568,9 @@ static PetscErrorCode finish_flow(Sim s, PetscInt *cells, PetscInt *unknowns)
 
 PetscErrorCode SimRun(Sim s)
 {
-  PetscBool stop  = PETSC_FALSE;
-  PetscInt  cells = 0, unknowns = 0, removed;
+  PetscBool   stop  = PETSC_FALSE;
+  PetscInt    cells = 0, unknowns = 0, removed;
+  const char *dir;
 
   PetscFunctionBeginUser;
   if (s->part.steady) PetscCall(solve_steady(s));
@@ -583,6 +586,8 @@ PetscErrorCode SimRun(Sim s)
   }
   PetscCall(LeaveGetRemoved(s->part.border, &removed));
   if (removed) PetscCall(MonitorQuantity(s->part.monitor, "bodies_removed", removed));
+  PetscCall(OutputGetDirectory(s->part.output, &dir));
+  PetscCall(SuspensionWrite(s->part.suspension, dir, s->step));
   if (s->part.flow) PetscCall(finish_flow(s, &cells, &unknowns));
   else PetscCall(MonitorQuantity(s->part.monitor, "contact_substeps", s->substeps));
   PetscCall(MonitorFinish(s->part.monitor, s->part.scene, cells, unknowns, s->step, s->time));

@@ -15,6 +15,7 @@
 #include "report/monitor.h"
 #include "report/fields.h"
 #include "report/diagnostics.h"
+#include "report/suspension.h"
 #include "frame.h"
 #include "steady.h"
 
@@ -34,6 +35,7 @@ typedef struct {
   Outlines    bodyfile;
   Monitor     monitor;
   Diagnostics probe;
+  Suspension  suspension;   /* NULL: not wanted */
   Steady      steady;       /* NULL: time steps */
   Steady      steady_start; /* NULL, or the solver of the flow at the start (-flow_initial steady) */
   Checkpoint  checkpoint;

@@ -3,6 +3,7 @@ import csv
 import math
 
 import pytest
+from conftest import ROOT
 from test_badinput import refused
 
 GRAINS = """mesh: {cells: [10, 10], lower: [0, 0], upper: [1, 1]}
@@ -144,7 +145,7 @@ def test_a_size_is_that_of_the_shape(run, scene, tmp_path, text, options):
     for name, content in ("plain", plain), ("sized", sized):
         if "explicit" in options:
             content = content.replace("1.3", "5")
-        result = run([scene(content), *options.split(), "-output_dir", name], 1)
+        result = run([scene(content), *options.split(), "-flow_recipe", "accurate", "-output_dir", name], 1)
         assert result.status == 0, str(result)
         with open(tmp_path / name / "bodies.csv") as file:
             found.append(list(csv.DictReader(file)))
@@ -180,6 +181,7 @@ FAULTS = {
     "negative radius": (TABLE, "x,y,radius\n.5,.5,-.1\n", "grains.csv:2: radius -.1 must be positive", []),
     "zero density": (TABLE, "x,y,density\n.5,.5,0\n", "grains.csv:2: density 0 must be positive", []),
     "table and distribution": (TABLE + ", sizes: uniform, sizes_range: [1, 2]", "x,y,size\n.5,.5,1\n", "so does -particle_grain_sizes", ["remove one"]),
+    "axis": ("fraction: 0.5}\noutput: {suspension: true, suspension_axis: z", None, "-output_suspension_axis z", ["two dimensions"]),
     "unused": ("fraction: 0.5, sizes_range: [1, 2]", None, "-particle_grain_sizes_range", []),
 }
 
@@ -191,3 +193,46 @@ def test_refusals(run, scene, tmp_path, fault):
         (tmp_path / "grains.csv").write_text(table)
     text = GRAINS.replace("place: pack, fraction: 0.5", start_of if table else "place: pack, " + start_of)
     refused(run([scene(text)], 2), phrase, *parts)
+
+
+def table(path):
+    with open(path) as file:
+        return [{k: float(v) for k, v in row.items() if k != "partner"} for row in csv.DictReader(file)]
+
+
+def test_statistics(run, scene, tmp_path):
+    """Two discs and a wall known by hand; a random bed whose pairs are those of independent points at a distance."""
+    (tmp_path / "two.csv").write_text("x,y,u,v,size\n0.3,0.25,1,0,1\n0.505,0.25,0,2,1\n0.101,0.75,0,0,0.5\n")
+    text = GRAINS.replace("place: pack, fraction: 0.5", "place: table, table: two.csv").replace("radius: 0.02", "radius: 0.1").replace("law: none", "law: repulsive, range: 0.01")
+    result = run([scene(text), "-output_suspension", "-output_suspension_bins", "4", "-output_dir", "two"], 2)
+    assert result.status == 0, str(result)
+    out = tmp_path / "two"
+    contacts = list(csv.DictReader(open(out / "contacts_1.csv")))
+    assert [(row["body"], row["partner"]) for row in contacts] == [("0", "1")]
+    assert float(contacts[0]["gap"]) == pytest.approx(0.005, abs=1e-4) and float(contacts[0]["normal_x"]) == pytest.approx(-1)
+    profile = table(out / "profile_1.csv")
+    area = math.pi * 0.01
+    assert [row["fraction"] for row in profile] == pytest.approx([4 * area, 4 * area, area / 2, area / 2], rel=0.02)
+    assert profile[0]["v"] == pytest.approx(1, abs=1e-3) and profile[3]["u"] == pytest.approx(0, abs=1e-3)
+    last = table(out / "series.csv")[-1]
+    assert last["bodies_velocity_x"] == pytest.approx(1 / 2.25, abs=1e-3) and last["bodies_velocity_y"] == pytest.approx(2 / 2.25, abs=1e-3)
+    assert sum(row["pairs"] for row in table(out / "pairs_1.csv")) == 1  # the others are more than half a box apart
+    for periodic in "", ", periodic: [x, y]":
+        text = GRAINS.replace("place: pack, fraction: 0.5", "place: random, count: 1500").replace("radius: 0.02", "radius: 0.004").replace("upper: [1, 1]", "upper: [1, 1]" + periodic)
+        result = run([scene(text), "-output_suspension", "-output_suspension_bins", "5", "-output_dir", "bed", "-output_overwrite"], 1)
+        assert result.status == 0, str(result)
+        pairs = table(tmp_path / "bed" / "pairs_1.csv")
+        assert pairs[0]["g"] == 0 and all(abs(row["g"] - 1) < 4 / math.sqrt(row["pairs"]) + 0.02 for row in pairs[2:]), (periodic, pairs)
+
+
+def test_more_discs_settle_slower(run, tmp_path):
+    """The scene on a coarse mesh: no net flux, and hindered settling as (1 - fraction)^n, n between 2 and 6."""
+    speed = []
+    for fraction in 0.1, 0.4:
+        result = run([ROOT / "runs/suspension.yaml", "-mesh_cells", "24,24", "-sim_steps", "3", "-particle_grain_fraction", str(fraction), "-output_dir", "out", "-output_overwrite"], 2)
+        assert result.status == 0, str(result)
+        last = table(tmp_path / "out" / "series.csv")[-1]
+        assert abs(last["mean_velocity_y"]) < 1e-10 and last["bodies_velocity_y"] < 0, last
+        speed.append(-last["bodies_velocity_y"])
+    exponent = math.log(speed[0] / speed[1]) / math.log(0.9 / 0.6)
+    assert 2 < exponent < 6, (exponent, speed)
