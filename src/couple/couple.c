@@ -273,6 +273,60 @@ static PetscErrorCode tell_rung(void *couple)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* What goes by the mesh */
+static PetscErrorCode create_parts(Couple c)
+{
+  const MeshLocal *l = c->loc;
+
+  PetscFunctionBeginUser;
+  PetscCall(FittedCreate(c->flow, c->bodies, &c->hole));
+  PetscCall(CoupleListPrescribedCells(c));
+  PetscCall(BoundariesCreate(c->flow, c->hole, &c->boundaries));
+  PetscCall(CoupleFindNormals(c));
+  PetscCall(ConstraintCreate(c->mesh, c->s->n, &c->constraint));
+  PetscCall(ConstraintGetRigidSize(c->constraint, &c->nr));
+  PetscCall(DriveCreate(c, &c->drive));
+  PetscCall(create_solver(c));
+  PetscCall(IndicatorCreate(c->mesh, c->bodies, &c->mark));
+  PetscCall(MovedCreate(c->flow, tell_rung, c, &c->moved));
+  PetscCall(MovedSetSolver(c->moved, c->solver));
+  if (c->rung->create) PetscCall((*c->rung->create)(c, &c->rung_data));
+  PetscCall(PetscCalloc4(l->nnode_all * l->dim, &c->u, l->ncell * (l->dim + 1), &c->p, l->ncell * (l->dim + 1), &c->dp, l->nnode_all * l->dim, &c->rhs));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode destroy_parts(Couple c)
+{
+  PetscFunctionBeginUser;
+  PetscCall(FlowSolverDestroy(&c->solver));
+  PetscCall(DriveDestroy(&c->drive));
+  PetscCall(FittedDestroy(&c->hole));
+  PetscCall(BoundariesDestroy(&c->boundaries));
+  PetscCall(PetscFree(c->prescribed));
+  c->nprescribed = 0;
+  PetscCall(PetscFree(c->outward));
+  PetscCall(ConstraintDestroy(&c->constraint));
+  PetscCall(IndicatorDestroy(&c->mark));
+  if (c->rung->destroy && c->rung_data) PetscCall((*c->rung->destroy)(c->rung_data));
+  c->rung_data = NULL;
+  c->terms     = NULL;
+  PetscCall(AleDestroy(&c->follow));
+  PetscCall(MovedDestroy(&c->moved));
+  PetscCall(PetscFree4(c->u, c->p, c->dp, c->rhs));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleRemesh(Couple c)
+{
+  PetscFunctionBeginUser;
+  PetscCheck(!c->rung->moves && !c->drive && !c->follow, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+             "-mesh_follow makes cells anew, and -couple_boundary %s%s cannot follow that: use penalty or nodal, or remove -mesh_follow", c->rung->name,
+             c->drive ? " with -flow_rate" : "");
+  PetscCall(destroy_parts(c));
+  PetscCall(create_parts(c));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
 {
   Couple   c;
@@ -297,19 +351,8 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   if (n) PetscCall(RungChoose(&c->rung));
   PetscCall(remark_small_bodies(c));
   c->implicit = type == 0;
-  PetscCall(FittedCreate(flow, bodies, &c->hole));
-  PetscCall(CoupleListPrescribedCells(c));
-  PetscCall(BoundariesCreate(flow, c->hole, &c->boundaries));
-  PetscCall(CoupleFindNormals(c));
-  PetscCall(ConstraintCreate(c->mesh, n, &c->constraint));
-  PetscCall(ConstraintGetRigidSize(c->constraint, &c->nr));
-  PetscCall(DriveCreate(c, &c->drive));
-  PetscCall(create_solver(c));
+  PetscCall(create_parts(c));
   nn = n * c->nr;
-  PetscCall(IndicatorCreate(c->mesh, bodies, &c->mark));
-  PetscCall(MovedCreate(flow, tell_rung, c, &c->moved));
-  PetscCall(MovedSetSolver(c->moved, c->solver));
-  if (c->rung->create) PetscCall((*c->rung->create)(c, &c->rung_data));
   PetscCall(PetscCalloc7(n, &c->X, n, &c->q, n, &c->P, n, &c->unknown, 3 * n, &c->du_old, n, &c->growth, 6 * n, &c->force_old));
   PetscCall(PetscCalloc6(nn, &c->U, nn, &c->U_old, nn, &c->U_older, nn * c->nr, &c->D, nn, &c->g, nn, &c->residual));
   for (PetscInt k = 0; k < n; k++) {
@@ -318,8 +361,6 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
     PetscCall(BodiesGetKnownVelocity(bodies, k, 0, u[0], w[0]));
     for (PetscInt i = 0; i < c->nr; i++) c->U_old[k * c->nr + i] = c->U_older[k * c->nr + i] = *CoupleRigidComponent(c, u, w, 0, i);
   }
-  PetscCall(PetscCalloc4(c->loc->nnode_all * c->loc->dim, &c->u, c->loc->ncell * (c->loc->dim + 1), &c->p, c->loc->ncell * (c->loc->dim + 1), &c->dp,
-                         c->loc->nnode_all * c->loc->dim, &c->rhs));
   *couple = c;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -356,20 +397,9 @@ PetscErrorCode CoupleDestroy(Couple *couple)
 
   PetscFunctionBeginUser;
   if (!c) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(FlowSolverDestroy(&c->solver));
-  PetscCall(DriveDestroy(&c->drive));
-  PetscCall(FittedDestroy(&c->hole));
-  PetscCall(BoundariesDestroy(&c->boundaries));
-  PetscCall(PetscFree(c->prescribed));
-  PetscCall(PetscFree(c->outward));
-  PetscCall(ConstraintDestroy(&c->constraint));
-  PetscCall(IndicatorDestroy(&c->mark));
-  if (c->rung->destroy && c->rung_data) PetscCall((*c->rung->destroy)(c->rung_data));
-  PetscCall(AleDestroy(&c->follow));
-  PetscCall(MovedDestroy(&c->moved));
+  PetscCall(destroy_parts(c));
   PetscCall(PetscFree7(c->X, c->q, c->P, c->unknown, c->du_old, c->growth, c->force_old));
   PetscCall(PetscFree6(c->U, c->U_old, c->U_older, c->D, c->g, c->residual));
-  PetscCall(PetscFree4(c->u, c->p, c->dp, c->rhs));
   PetscCall(PetscFree(*couple));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -20,6 +20,8 @@ struct _p_Mesh {
   PetscInt  nbin[3], *bin_ptr, *bin_node, *found;
   PetscReal bin_lower[3], bin_size[3];
   /* of a refined mesh; NULL, 0 otherwise. hang_table by HANG_CODE of hangimpl.h */
+  struct _n_Leaves *leaves; /* own ones, in the order of the own cells */
+  PetscInt *half; /* [nnode_all][3] places of the nodes in halves of finest cells */
   MeshHang **hang, **hang_table;
   PetscInt   levels, *level_count, hanging_cells; /* [levels + 1] cells of all ranks */
 };

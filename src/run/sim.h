@@ -15,6 +15,7 @@
 #include "report/monitor.h"
 #include "report/fields.h"
 #include "report/diagnostics.h"
+#include "refine.h"
 #include "steady.h"
 
 /* The parts of a simulation, built by the scene; contact and bodies may be inactive but exist. Without a flow: flow
@@ -23,6 +24,7 @@ typedef struct {
   const char *scene;
   Mesh        mesh;
   Deform      deform; /* NULL: the mesh stays */
+  Refine      refine; /* NULL: cells stay */
   Flow        flow;
   Bodies      bodies;
   Couple      couple;
