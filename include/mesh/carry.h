@@ -13,6 +13,6 @@ PetscErrorCode MeshRemesh(Mesh, const MeshSurface *, Mesh *old);
 
 /* v [nnode_all of old][bs] -> w [nnode_all of now][bs], ghosts up to date. Collective. */
 PetscErrorCode MeshCarryNodes(Mesh old, Mesh now, PetscInt bs, const PetscReal v[], PetscReal w[]);
-/* Functions p [ncell of old][dim + 1] of own cells, at the centre and by reference coordinate (xi, -1 to 1 over the cell)
-   -> q [ncell of now][dim + 1]. Collective. */
+/* Functions p [ncell of old][dim + 1] of own cells, at the centre and by reference coordinate (xi, -1 to 1 over the
+   cell) -> q [ncell of now][dim + 1]. Collective. */
 PetscErrorCode MeshCarryCells(Mesh old, Mesh now, const PetscReal p[], PetscReal q[]);

@@ -35,7 +35,7 @@ typedef struct {
   const PetscReal       *x;                  /* [nnode_all][dim] node coordinates, second-order geometry */
   const PetscReal       *x_start;            /* [nnode_all][dim] the same before any MeshMoveNodes */
   PetscInt               moves;              /* calls of MeshMoveNodes so far */
-  PetscInt meshes; /* how often its cells have been made anew (mesh/carry.h) */
+  PetscInt               meshes;             /* how often its cells have been made anew (mesh/carry.h) */
   PetscReal              period[3];          /* length of the period along an axis, 0 = not periodic */
   PetscReal              lower[3], upper[3]; /* bounding box of the whole mesh */
   PetscReal              h;                  /* smallest cell size of the whole mesh (volume^(1/dim)) */

@@ -291,7 +291,8 @@ static PetscErrorCode create_parts(Couple c)
   PetscCall(MovedCreate(c->flow, tell_rung, c, &c->moved));
   PetscCall(MovedSetSolver(c->moved, c->solver));
   if (c->rung->create) PetscCall((*c->rung->create)(c, &c->rung_data));
-  PetscCall(PetscCalloc4(l->nnode_all * l->dim, &c->u, l->ncell * (l->dim + 1), &c->p, l->ncell * (l->dim + 1), &c->dp, l->nnode_all * l->dim, &c->rhs));
+  PetscCall(
+    PetscCalloc4(l->nnode_all * l->dim, &c->u, l->ncell * (l->dim + 1), &c->p, l->ncell * (l->dim + 1), &c->dp, l->nnode_all * l->dim, &c->rhs));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -320,8 +321,8 @@ PetscErrorCode CoupleRemesh(Couple c)
 {
   PetscFunctionBeginUser;
   PetscCheck(!c->rung->moves && !c->drive && !c->follow, PETSC_COMM_WORLD, PETSC_ERR_SUP,
-             "-mesh_follow makes cells anew, and -couple_boundary %s%s cannot follow that: use penalty or nodal, or remove -mesh_follow", c->rung->name,
-             c->drive ? " with -flow_rate" : "");
+             "-mesh_follow makes cells anew, and -couple_boundary %s%s cannot follow that: use penalty or nodal, or remove -mesh_follow",
+             c->rung->name, c->drive ? " with -flow_rate" : "");
   PetscCall(destroy_parts(c));
   PetscCall(create_parts(c));
   PetscFunctionReturn(PETSC_SUCCESS);

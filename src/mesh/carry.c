@@ -1,5 +1,5 @@
-/* Carry: see mesh/carry.h. Places are in quarters of finest cells. Who has the old cell at a place is told by the ranks'
-   first keys, without looking for the cell. */
+/* Carry: see mesh/carry.h. Places are in quarters of finest cells. Who has the old cell at a place is told by the
+   ranks' first keys, without looking for the cell. */
 #include "compat.h"
 #include "mesh/carry.h"
 #include "impl.h"
@@ -122,9 +122,10 @@ PetscErrorCode MeshCarryNodes(Mesh old, Mesh now, PetscInt bs, const PetscReal v
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Samples of a cell are at xi = +-1/2 */
 PetscErrorCode MeshCarryCells(Mesh old, Mesh now, const PetscReal p[], PetscReal q[])
 {
-  const MeshLocal *m    = &now->loc;
+  const MeshLocal *m   = &now->loc;
   const PetscInt   dim = m->dim, nk = dim + 1, ns = 1 << dim;
   PetscInt        *quarter;
   PetscReal       *answer, *sample;
@@ -137,7 +138,8 @@ PetscErrorCode MeshCarryCells(Mesh old, Mesh now, const PetscReal p[], PetscReal
     const Leaf *leaf = now->leaves->leaf + c;
 
     for (PetscInt s = 0; s < ns; s++)
-      for (PetscInt d = 0; d < dim; d++) quarter[3 * (c * ns + s) + d] = 4 * leaf->x[d] + ((s >> d) & 1 ? 3 : 1) * LeavesWidth(now->leaves, leaf->level);
+      for (PetscInt d = 0; d < dim; d++)
+        quarter[3 * (c * ns + s) + d] = 4 * leaf->x[d] + ((s >> d) & 1 ? 3 : 1) * LeavesWidth(now->leaves, leaf->level);
   }
   PetscCall(begin_travel(old->leaves, ns * m->ncell, quarter, &t));
   PetscCall(PetscMalloc1(t.nasked, &answer));
@@ -154,7 +156,7 @@ PetscErrorCode MeshCarryCells(Mesh old, Mesh now, const PetscReal p[], PetscReal
     for (PetscInt k = 0; k < nk; k++) q[c * nk + k] = 0;
     for (PetscInt s = 0; s < ns; s++) {
       q[c * nk] += sample[c * ns + s] / ns;
-      for (PetscInt d = 0; d < dim; d++) q[c * nk + 1 + d] += ((s >> d) & 1 ? 2 : -2) * sample[c * ns + s] / ns; /* at +-1/2 */
+      for (PetscInt d = 0; d < dim; d++) q[c * nk + 1 + d] += ((s >> d) & 1 ? 2 : -2) * sample[c * ns + s] / ns;
     }
   }
   PetscCall(PetscFree(answer));

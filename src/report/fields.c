@@ -380,7 +380,8 @@ PetscErrorCode OutputVisitState(void *output, State state)
     o->restarted = PETSC_TRUE;
     o->nsnap = o->room = n;
     PetscCall(PetscRealloc(n * sizeof(Snapshot), &o->snap));
-    for (PetscInt i = 0; i < n; i++) o->snap[i] = (Snapshot){number[3 * i], number[3 * i + 1], o->loc->ncell_global, o->points.total, time[i], (PetscBool)number[3 * i + 2]};
+    for (PetscInt i = 0; i < n; i++)
+      o->snap[i] = (Snapshot){number[3 * i], number[3 * i + 1], o->loc->ncell_global, o->points.total, time[i], (PetscBool)number[3 * i + 2]};
     /* a name that no earlier part of the run has used */
     if (!StateIsSamePartition(state) && n) o->mesh_step = o->snap[n - 1].step + 1;
   }

@@ -19,11 +19,11 @@ typedef struct {
 } Surface;
 
 struct _p_Refine {
-  MPI_Comm  comm;
-  Mesh      mesh;
-  Surface   surface;
+  MPI_Comm comm;
+  Mesh     mesh;
+  Surface  surface;
   PetscReal (*X)[3], (*q)[4], way, seconds; /* way: -mesh_follow_way */
-  PetscInt  changes;
+  PetscInt changes;
 };
 
 /* Smallest distance of x to any body, looked at closely for those within reach only */
@@ -69,7 +69,7 @@ static PetscErrorCode remark_cut_jumps(Surface *s, Mesh mesh)
       centre[a] = xc[(l->nb / 2) * l->dim + a];
       r += PetscSqr(centre[a] - xc[a]);
     }
-    r         = PetscSqrtReal(r);
+    r = PetscSqrtReal(r);
     PetscCall(measure_distance(&plain, centre, r, &d));
     cut += d < r;
   }
@@ -103,8 +103,8 @@ static PetscErrorCode place_bodies(Refine r, PetscReal dt)
 /* How far a point of body k can be at the end of the step from where the mesh has it */
 static PetscErrorCode find_way(Refine r, PetscInt k, PetscReal dt, PetscReal *way)
 {
-  BodyState      *s    = r->surface.s;
-  const BodyGroup *g   = BodiesGetGroup(s, k);
+  BodyState       *s = r->surface.s;
+  const BodyGroup *g = BodiesGetGroup(s, k);
   PetscReal        X[3], q[4], angle, dot = 0;
 
   PetscFunctionBeginUser;
@@ -120,7 +120,7 @@ static PetscErrorCode find_way(Refine r, PetscInt k, PetscReal dt, PetscReal *wa
 static PetscErrorCode create_follower(MPI_Comm comm, const Surface *surface, Refine *refine)
 {
   Refine    r;
-  PetscReal way = 2;
+  PetscReal way    = 2;
   PetscBool follow = PETSC_FALSE;
 
   PetscFunctionBeginUser;
@@ -184,40 +184,42 @@ PetscErrorCode RefineDestroy(Refine *refine)
 PetscErrorCode RefineCheck(Refine r)
 {
   static const char *const OTHERS[] = {"-sim_adapt", "-sim_steady"};
-  char                     from[8] = "";
+  char                     from[8]  = "";
 
   PetscFunctionBeginUser;
   if (!r) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt i = 0; i < 2; i++) {
     char      text[8];
-    PetscBool off;
+    PetscBool given, off;
 
+    PetscCall(OptHas(OTHERS[i], &given));
     PetscCall(OptPeek(OTHERS[i], text, sizeof(text)));
     PetscCall(PetscStrcasecmp(text, "false", &off));
-    PetscCheck(!text[0] || text[0] == '0' || off, r->comm, PETSC_ERR_SUP, "-mesh_follow does not work with %s: set that to false (a preset may have chosen it), or remove -mesh_follow",
-               OTHERS[i]);
+    PetscCheck(!given || off || text[0] == '0', r->comm, PETSC_ERR_SUP,
+               "-mesh_follow does not work with %s: set that to false (a preset may have chosen it), or remove -mesh_follow", OTHERS[i]);
   }
   PetscCall(OptPeek("-sim_restart", from, sizeof(from)));
-  PetscCheck(!from[0], r->comm, PETSC_ERR_SUP, "-sim_restart does not know where a mesh that follows bodies was: run from the start, or without -mesh_follow");
+  PetscCheck(!from[0], r->comm, PETSC_ERR_SUP,
+             "-sim_restart does not know where a mesh that follows bodies was: run from the start, or without -mesh_follow");
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode RefineFollow(Refine r, Flow flow, Couple couple, PetscReal dt, PetscBool *changed)
+PetscErrorCode RefineFollow(Refine r, Flow flow, Couple couple, PetscReal dt)
 {
-  BodyState     *s = r->surface.s;
   Mesh           old;
   PetscLogDouble begin, end;
+  PetscBool      due = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  *changed = PETSC_FALSE;
-  for (PetscInt k = 0; k < s->n && !*changed; k++) {
+  if (!r) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt k = 0; k < r->surface.s->n && !due; k++) {
     PetscReal way = 0;
 
-    if (s->gone[k]) continue;
+    if (r->surface.s->gone[k]) continue;
     PetscCall(find_way(r, k, dt, &way));
-    *changed = (PetscBool)(way > r->surface.margin);
+    due = (PetscBool)(way > r->surface.margin);
   }
-  if (!*changed) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!due) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscTime(&begin));
   PetscCall(place_bodies(r, dt));
   PetscCall(MeshRemesh(r->mesh, &(MeshSurface){measure_distance, &r->surface}, &old));
@@ -230,10 +232,11 @@ PetscErrorCode RefineFollow(Refine r, Flow flow, Couple couple, PetscReal dt, Pe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode RefineGetCounts(Refine r, PetscInt *changes, PetscReal *seconds)
+PetscErrorCode RefineReport(Refine r, Monitor monitor)
 {
   PetscFunctionBeginUser;
-  *changes = r->changes;
-  *seconds = r->seconds;
+  if (!r) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(MonitorQuantity(monitor, "mesh_changes", (PetscReal)r->changes));
+  PetscCall(MonitorQuantity(monitor, "mesh_seconds", r->seconds));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -9,6 +9,7 @@
 #include "couple/couple.h"
 #include "bodies/bodies.h"
 #include "mesh/mesh.h"
+#include "report/monitor.h"
 
 typedef struct _p_Refine *Refine;
 
@@ -19,7 +20,8 @@ PetscErrorCode RefineCreateMesh(MPI_Comm, PetscBool around, Bodies *, Mesh *, Re
 PetscErrorCode RefineDestroy(Refine *);
 /* What does not go with it; after the options of others are known. Error: -sim_adapt, -sim_steady, -sim_restart. */
 PetscErrorCode RefineCheck(Refine);
-/* Before a step of length dt: are cells to be made anew? If so, mesh, flow and couple are. Collective. */
-PetscErrorCode RefineFollow(Refine, Flow, Couple, PetscReal dt, PetscBool *changed);
-/* So far */
-PetscErrorCode RefineGetCounts(Refine, PetscInt *changes, PetscReal *seconds);
+/* Before a step of length dt: where cells are to be made anew, mesh, flow and couple are. NULL does nothing.
+   Collective. */
+PetscErrorCode RefineFollow(Refine, Flow, Couple, PetscReal dt);
+/* Quantities of the run: how often, and the seconds of it */
+PetscErrorCode RefineReport(Refine, Monitor);

@@ -342,6 +342,7 @@ static PetscErrorCode solve_part(Sim s, PetscReal dt, PetscInt *its, KSPConverge
 
   PetscFunctionBeginUser;
   PetscCall(begin_phase(s, MONITOR_PARTICLE));
+  PetscCall(RefineFollow(s->part.refine, s->part.flow, s->part.couple, dt));
   PetscCall(FlowBeginStep(s->part.flow, s->time + dt, dt));
   if (s->s->n) {
     PetscCall(FlowGetParameters(s->part.flow, &par));
@@ -528,32 +529,6 @@ static PetscErrorCode renew_solvers(Sim s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Cells where the bodies are about to be */
-static PetscErrorCode follow_bodies(Sim s)
-{
-  PetscBool changed;
-
-  PetscFunctionBeginUser;
-  if (!s->part.refine || !s->part.flow) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(begin_phase(s, MONITOR_PARTICLE));
-  PetscCall(RefineFollow(s->part.refine, s->part.flow, s->part.couple, s->dt_old, &changed));
-  PetscCall(end_phase(s));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode report_following(Sim s)
-{
-  PetscInt  changes;
-  PetscReal seconds;
-
-  PetscFunctionBeginUser;
-  if (!s->part.refine) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(RefineGetCounts(s->part.refine, &changes, &seconds));
-  PetscCall(MonitorQuantity(s->part.monitor, "mesh_changes", (PetscReal)changes));
-  PetscCall(MonitorQuantity(s->part.monitor, "mesh_seconds", seconds));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* What only a run with a flow has to tell at its end */
 static PetscErrorCode finish_flow(Sim s, PetscInt *cells, PetscInt *unknowns)
 {
@@ -577,7 +552,7 @@ static PetscErrorCode finish_flow(Sim s, PetscInt *cells, PetscInt *unknowns)
   PetscCall(ContactGetSeparation(s->part.contact, &separation));
   if (separation > 0) PetscCall(MonitorQuantity(s->part.monitor, "separation_max", separation));
   if (s->adapt) PetscCall(AdaptFinish(s->adapt));
-  PetscCall(report_following(s));
+  PetscCall(RefineReport(s->part.refine, s->part.monitor));
   PetscCall(FlowGetMatrix(s->part.flow, &S));
   PetscCall(MonitorYardstick(s->part.monitor, S));
   *cells = l->ncell_global;
@@ -602,7 +577,6 @@ PetscErrorCode SimRun(Sim s)
                         s->step, (double)s->time));
   while (!stop && !is_at_end(s)) {
     if (s->renew) PetscCall(renew_solvers(s));
-    PetscCall(follow_bodies(s));
     if (s->part.flow) PetscCall(take_step(s));
     else PetscCall(take_step_alone(s));
     PetscCall(save_state(s, &stop));
