@@ -10,7 +10,6 @@ static const char *const FORMS[]          = {"convective", "skew", NULL};
 static PetscErrorCode read_parameters(Flow f)
 {
   FlowParameters *p    = &f->par;
-  const PetscInt  dim  = f->loc->dim;
   PetscInt        form = 0;
 
   PetscFunctionBeginUser;
@@ -20,7 +19,6 @@ static PetscErrorCode read_parameters(Flow f)
   f->scheme     = SCHEME_BDF2;
   PetscCall(FlowReadForces(f));
   PetscCall(OptReal("-flow_viscosity", &p->viscosity));
-  PetscCall(ExprRead("-flow_velocity", dim, dim, p->velocity, &f->initial, NULL));
   PetscCall(OptBool("-flow_convection", &p->convection));
   PetscCall(OptChoice("-flow_convection_form", FORMS, &form));
   p->skew = form == 1 ? 0.5 : 0;
@@ -105,9 +103,7 @@ PetscErrorCode FlowCreate(Mesh mesh, Flow *flow)
   PetscCall(ElementCreate(dim, &f->element));
   PetscCall(FlowCreateParts(f));
   PetscCall(read_rate(f));
-  for (PetscInt i = 0; i < l->nnode_all * dim; i++) f->u[i] = f->par.velocity[i % dim];
-  if (f->initial) PetscCall(ExprEvaluate(f->initial, 0, l->nnode_all, l->x, f->u));
-  PetscCall(PetscArraycpy(f->u_old, f->u, l->nnode_all * dim));
+  PetscCall(FlowSetInitial(f));
   *flow = f;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -120,7 +116,7 @@ PetscErrorCode FlowDestroy(Flow *flow)
   if (!f) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowDestroyParts(f));
   PetscCall(ElementDestroy(&f->element));
-  PetscCall(ExprDestroy(&f->initial));
+  PetscCall(ExprDestroy(&f->formula));
   PetscCall(ExprDestroy(&f->gravity));
   PetscCall(ExprDestroy(&f->force));
   PetscCall(PetscFree(*flow));

@@ -40,7 +40,7 @@ static PetscErrorCode measure_distance(void *context, const PetscReal x[3], Pets
       y[a] = DomainNearest(s->period[a], x[a], s->X[k][a]);
       r += PetscSqr(y[a] - s->X[k][a]);
     }
-    r = PetscSqrtReal(r) - BodiesGetGroup(s->s, k)->radius;
+    r = PetscSqrtReal(r) - BodiesGetRadius(s->s, k);
     r -= s->margin;
     if (s->s->gone[k] || r > reach || r > *d) continue;
     PetscCall(BodiesDistance(s->bodies, k, s->X[k], s->q[k], 1, y, &at));
@@ -103,9 +103,8 @@ static PetscErrorCode place_bodies(Refine r, PetscReal dt)
 /* How far a point of body k can be at the end of the step from where the mesh has it */
 static PetscErrorCode find_way(Refine r, PetscInt k, PetscReal dt, PetscReal *way)
 {
-  BodyState       *s = r->surface.s;
-  const BodyGroup *g = BodiesGetGroup(s, k);
-  PetscReal        X[3], q[4], angle, dot = 0;
+  BodyState *s = r->surface.s;
+  PetscReal  X[3], q[4], angle, dot = 0;
 
   PetscFunctionBeginUser;
   PetscCall(BodiesPredict(r->surface.bodies, k, dt, 1, X, q, &angle));
@@ -113,7 +112,7 @@ static PetscErrorCode find_way(Refine r, PetscInt k, PetscReal dt, PetscReal *wa
   for (PetscInt a = 0; a < s->dim; a++) *way += PetscSqr(DomainNearest(r->surface.period[a], X[a] - r->X[k][a], 0));
   for (PetscInt a = 0; a < 4; a++) dot += q[a] * r->q[k][a];
   *way = PetscSqrtReal(*way);
-  if (g->disc == 0) *way += 2 * g->radius * PetscSqrtReal(PetscMax(0, 1 - PetscSqr(PetscMin(1, PetscAbsReal(dot)))));
+  if (BodiesGetDisc(s, k) == 0) *way += 2 * BodiesGetRadius(s, k) * PetscSqrtReal(PetscMax(0, 1 - PetscSqr(PetscMin(1, PetscAbsReal(dot)))));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
