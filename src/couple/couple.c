@@ -277,94 +277,6 @@ static PetscErrorCode remark_small_bodies(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode create_solver(Couple c)
-{
-  PetscBool still;
-
-  PetscFunctionBeginUser;
-  PetscCall(BodiesAreStill(c->bodies, &still));
-  PetscCall(FlowSolverCreate(c->flow, c->constraint, (PetscBool)!still, &c->solver));
-  if (c->drive) PetscCall(DriveSetSolver(c->drive, c->solver));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode unite_obstacles(Couple c)
-{
-  PetscBool *united;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(c->s->n, &united));
-  for (PetscInt k = 0; k < c->s->n; k++) united[k] = BodiesGetGroup(c->s, k)->obstacle;
-  PetscCall(ConstraintSetUnited(c->constraint, united));
-  PetscCall(PetscFree(united));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode tell_rung(void *couple)
-{
-  Couple c = (Couple)couple;
-
-  PetscFunctionBeginUser;
-  if (c->rung->moved) PetscCall((*c->rung->moved)(c->rung_data));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* What goes by the mesh */
-static PetscErrorCode create_parts(Couple c)
-{
-  const MeshLocal *l = c->loc;
-
-  PetscFunctionBeginUser;
-  PetscCall(FittedCreate(c->flow, c->bodies, &c->hole));
-  PetscCall(CoupleListPrescribedCells(c));
-  PetscCall(BoundariesCreate(c->flow, c->hole, &c->boundaries));
-  PetscCall(CoupleFindNormals(c));
-  PetscCall(ConstraintCreate(c->mesh, c->s->n, &c->constraint));
-  PetscCall(unite_obstacles(c));
-  PetscCall(ConstraintGetRigidSize(c->constraint, &c->nr));
-  PetscCall(DriveCreate(c, &c->drive));
-  PetscCall(create_solver(c));
-  PetscCall(IndicatorCreate(c->mesh, c->bodies, &c->mark));
-  PetscCall(MovedCreate(c->flow, tell_rung, c, &c->moved));
-  PetscCall(MovedSetSolver(c->moved, c->solver));
-  if (c->rung->create) PetscCall((*c->rung->create)(c, &c->rung_data));
-  PetscCall(
-    PetscCalloc4(l->nnode_all * l->dim, &c->u, l->ncell * (l->dim + 1), &c->p, l->ncell * (l->dim + 1), &c->dp, l->nnode_all * l->dim, &c->rhs));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode destroy_parts(Couple c)
-{
-  PetscFunctionBeginUser;
-  PetscCall(FlowSolverDestroy(&c->solver));
-  PetscCall(DriveDestroy(&c->drive));
-  PetscCall(FittedDestroy(&c->hole));
-  PetscCall(BoundariesDestroy(&c->boundaries));
-  PetscCall(PetscFree(c->prescribed));
-  c->nprescribed = 0;
-  PetscCall(PetscFree(c->outward));
-  PetscCall(ConstraintDestroy(&c->constraint));
-  PetscCall(IndicatorDestroy(&c->mark));
-  if (c->rung->destroy && c->rung_data) PetscCall((*c->rung->destroy)(c->rung_data));
-  c->rung_data = NULL;
-  c->terms     = NULL;
-  PetscCall(AleDestroy(&c->follow));
-  PetscCall(MovedDestroy(&c->moved));
-  PetscCall(PetscFree4(c->u, c->p, c->dp, c->rhs));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode CoupleRemesh(Couple c)
-{
-  PetscFunctionBeginUser;
-  PetscCheck(!c->rung->moves && !c->drive && !c->follow, PETSC_COMM_WORLD, PETSC_ERR_SUP,
-             "-mesh_follow makes cells anew, and -couple_boundary %s%s cannot follow that: use penalty or nodal, or remove -mesh_follow",
-             c->rung->name, c->drive ? " with -flow_rate" : "");
-  PetscCall(destroy_parts(c));
-  PetscCall(create_parts(c));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* Before the first step bodies have always moved as they do at its beginning */
 static PetscErrorCode set_history(Couple c)
 {
@@ -402,7 +314,7 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   if (n) PetscCall(RungChoose(&c->rung));
   PetscCall(remark_small_bodies(c));
   c->implicit = type == 0;
-  PetscCall(create_parts(c));
+  PetscCall(CoupleCreateParts(c));
   nn = n * c->nr;
   PetscCall(PetscCalloc7(n, &c->X, n, &c->q, n, &c->P, n, &c->unknown, 3 * n, &c->du_old, n, &c->growth, 6 * n, &c->force_old));
   PetscCall(PetscCalloc6(nn, &c->U, nn, &c->U_old, nn, &c->U_older, nn * c->nr, &c->D, nn, &c->g, nn, &c->residual));
@@ -443,7 +355,7 @@ PetscErrorCode CoupleDestroy(Couple *couple)
 
   PetscFunctionBeginUser;
   if (!c) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(destroy_parts(c));
+  PetscCall(CoupleDestroyParts(c));
   PetscCall(PetscFree7(c->X, c->q, c->P, c->unknown, c->du_old, c->growth, c->force_old));
   PetscCall(PetscFree6(c->U, c->U_old, c->U_older, c->D, c->g, c->residual));
   PetscCall(PetscFree(*couple));
@@ -566,7 +478,7 @@ PetscErrorCode CoupleRenewSolver(Couple c)
 {
   PetscFunctionBeginUser;
   PetscCall(FlowSolverDestroy(&c->solver));
-  PetscCall(create_solver(c));
+  PetscCall(CoupleCreateSolver(c));
   PetscCall(MovedSetSolver(c->moved, c->solver));
   PetscCall(IndicatorForget(c->mark)); /* the solver learns of a rung's terms when it draws */
   PetscFunctionReturn(PETSC_SUCCESS);
