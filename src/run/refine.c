@@ -182,20 +182,21 @@ PetscErrorCode RefineDestroy(Refine *refine)
 
 PetscErrorCode RefineCheck(Refine r)
 {
-  static const char *const OTHERS[] = {"-sim_adapt", "-sim_steady"};
+  static const char *const OTHERS[] = {"-sim_adapt", "-sim_steady", "-sim_frame"};
   char                     from[8]  = "";
 
   PetscFunctionBeginUser;
   if (!r) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt i = 0; i < 2; i++) {
+  for (PetscInt i = 0; i < 3; i++) {
     char      text[8];
-    PetscBool given, off;
+    PetscBool given, off, none;
 
     PetscCall(OptHas(OTHERS[i], &given));
     PetscCall(OptPeek(OTHERS[i], text, sizeof(text)));
     PetscCall(PetscStrcasecmp(text, "false", &off));
-    PetscCheck(!given || off || text[0] == '0', r->comm, PETSC_ERR_SUP,
-               "-mesh_follow does not work with %s: set that to false (a preset may have chosen it), or remove -mesh_follow", OTHERS[i]);
+    PetscCall(PetscStrcasecmp(text, "none", &none));
+    PetscCheck(!given || off || none || text[0] == '0', r->comm, PETSC_ERR_SUP,
+               "-mesh_follow does not work with %s: switch that off (a preset may have chosen it), or remove -mesh_follow", OTHERS[i]);
   }
   PetscCall(OptPeek("-sim_restart", from, sizeof(from)));
   PetscCheck(!from[0], r->comm, PETSC_ERR_SUP,

@@ -16,6 +16,7 @@
 #include "report/fields.h"
 #include "report/diagnostics.h"
 #include "refine.h"
+#include "frame.h"
 #include "steady.h"
 
 /* The parts of a simulation, built by the scene; contact and bodies may be inactive but exist. Without a flow: flow
@@ -23,6 +24,7 @@
 typedef struct {
   const char *scene;
   Mesh        mesh;
+  Frame       frame;  /* NULL: the box stays */
   Deform      deform; /* NULL: the mesh stays */
   Refine      refine; /* NULL: cells stay */
   Flow        flow;
