@@ -37,7 +37,7 @@ struct _p_Output {
   PetscBool        overwrite, restarted, mesh_written;
   /* snapshots refer to mesh.h5 (0) or mesh_<mesh_step>.h5 */
   PetscInt  mesh_step;
-  PetscInt  moves, meshes; /* those of MeshLocal when it was written */
+  PetscInt  moves, meshes;           /* those of MeshLocal when it was written */
   PetscReal place[3], place_mesh[3]; /* of the box in the laboratory: now, when it was written */
   Points    points;
   PetscInt  nsnap, room;
