@@ -141,7 +141,7 @@ static PetscErrorCode build(SimParts *part)
     PetscCall(remark_backflow(l, par, part->bodies, part->couple));
     if (part->deform) PetscCall(CoupleSetDeform(part->couple, part->deform));
     if (steady) PetscCall(SteadyCreate(part->flow, part->couple, "1e-10", &part->steady));
-    if (initial == FLOW_START_STEADY) PetscCall(SteadyCreate(part->flow, part->couple, "1e-7", &part->steady_start));
+    if (initial == FLOW_START_STEADY) PetscCall(SteadyCreate(part->flow, part->couple, "1e-5", &part->steady_start));
     PetscCall(ConditionsGetSolidFaces(FlowConditions(part->flow), &walls));
     PetscCall(ContactCreate(part->bodies, l->h, par->density, par->gravity, l->lower, l->upper, walls, &part->contact));
     PetscCall(ContactSetViscosity(part->contact, par->viscosity));
