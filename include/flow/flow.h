@@ -84,6 +84,9 @@ PetscErrorCode FlowCreate(Mesh, Flow *);
    the time 0. Collective. */
 PetscErrorCode FlowReadFluid(PetscInt dim, PetscReal *density, PetscReal gravity[], Expr *changing);
 PetscErrorCode FlowDestroy(Flow *);
+/* The mesh has been made anew (mesh/carry.h): fields of both times are carried over, the scheme goes on. Values of
+   ConditionsSetField and FlowSetCellTerms are gone. Collective. */
+PetscErrorCode FlowRemesh(Flow, Mesh old);
 PetscErrorCode FlowView(Flow, PetscViewer);
 PetscErrorCode FlowGetParameters(Flow, const FlowParameters **);
 PetscErrorCode FlowGetMesh(Flow, Mesh *);

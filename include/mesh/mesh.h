@@ -35,6 +35,7 @@ typedef struct {
   const PetscReal       *x;                  /* [nnode_all][dim] node coordinates, second-order geometry */
   const PetscReal       *x_start;            /* [nnode_all][dim] the same before any MeshMoveNodes */
   PetscInt               moves;              /* calls of MeshMoveNodes so far */
+  PetscInt               meshes;             /* how often its cells have been made anew (mesh/carry.h) */
   PetscReal              period[3];          /* length of the period along an axis, 0 = not periodic */
   PetscReal              lower[3], upper[3]; /* bounding box of the whole mesh */
   PetscReal              h;                  /* smallest cell size of the whole mesh (volume^(1/dim)) */
@@ -59,6 +60,8 @@ PetscErrorCode MeshCreateAround(MPI_Comm, const MeshSurface *, Mesh *);
 /* Before a mesh is made: its levels of refinement (0: none), around bodies or in boxes alone, and the box it will fill.
    Collective. */
 PetscErrorCode MeshReadLevels(PetscInt *levels, PetscBool *around);
+/* Longest side of the smallest cells that -mesh_levels can make. Collective. */
+PetscErrorCode MeshReadFinest(MPI_Comm, PetscReal *h);
 PetscErrorCode MeshReadBox(MPI_Comm, PetscInt *dim, PetscReal lower[3], PetscReal upper[3], PetscReal period[3]);
 PetscErrorCode MeshDestroy(Mesh *);
 PetscErrorCode MeshView(Mesh, PetscViewer);

@@ -277,51 +277,6 @@ static PetscErrorCode remark_small_bodies(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode create_solver(Couple c)
-{
-  PetscBool still;
-
-  PetscFunctionBeginUser;
-  PetscCall(BodiesAreStill(c->bodies, &still));
-  PetscCall(FlowSolverCreate(c->flow, c->constraint, (PetscBool)!still, &c->solver));
-  if (c->drive) PetscCall(DriveSetSolver(c->drive, c->solver));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode unite_obstacles(Couple c)
-{
-  PetscBool *united;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(c->s->n, &united));
-  for (PetscInt k = 0; k < c->s->n; k++) united[k] = BodiesGetGroup(c->s, k)->obstacle;
-  PetscCall(ConstraintSetUnited(c->constraint, united));
-  PetscCall(PetscFree(united));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode tell_rung(void *couple)
-{
-  Couple c = (Couple)couple;
-
-  PetscFunctionBeginUser;
-  if (c->rung->moved) PetscCall((*c->rung->moved)(c->rung_data));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Rotation counts by the speed it gives the surface (that of the group's shape: no number of the state). */
-static PetscErrorCode set_lengths(Couple c)
-{
-  PetscReal *length;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(c->s->n, &length));
-  for (PetscInt k = 0; k < c->s->n; k++) length[k] = BodiesGetGroup(c->s, k)->radius;
-  PetscCall(ConstraintSetLengths(c->constraint, length));
-  PetscCall(PetscFree(length));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* Before the first step bodies have always moved as they do at its beginning */
 static PetscErrorCode set_history(Couple c)
 {
@@ -359,26 +314,11 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   if (n) PetscCall(RungChoose(&c->rung));
   PetscCall(remark_small_bodies(c));
   c->implicit = type == 0;
-  PetscCall(FittedCreate(flow, bodies, &c->hole));
-  PetscCall(CoupleListPrescribedCells(c));
-  PetscCall(BoundariesCreate(flow, c->hole, &c->boundaries));
-  PetscCall(CoupleFindNormals(c));
-  PetscCall(ConstraintCreate(c->mesh, n, &c->constraint));
-  PetscCall(set_lengths(c));
-  PetscCall(unite_obstacles(c));
-  PetscCall(ConstraintGetRigidSize(c->constraint, &c->nr));
-  PetscCall(DriveCreate(c, &c->drive));
-  PetscCall(create_solver(c));
+  PetscCall(CoupleCreateParts(c));
   nn = n * c->nr;
-  PetscCall(IndicatorCreate(c->mesh, bodies, &c->mark));
-  PetscCall(MovedCreate(flow, tell_rung, c, &c->moved));
-  PetscCall(MovedSetSolver(c->moved, c->solver));
-  if (c->rung->create) PetscCall((*c->rung->create)(c, &c->rung_data));
   PetscCall(PetscCalloc7(n, &c->X, n, &c->q, n, &c->P, n, &c->unknown, 3 * n, &c->du_old, n, &c->growth, 6 * n, &c->force_old));
   PetscCall(PetscCalloc6(nn, &c->U, nn, &c->U_old, nn, &c->U_older, nn * c->nr, &c->D, nn, &c->g, nn, &c->residual));
   PetscCall(set_history(c));
-  PetscCall(PetscCalloc4(c->loc->nnode_all * c->loc->dim, &c->u, c->loc->ncell * (c->loc->dim + 1), &c->p, c->loc->ncell * (c->loc->dim + 1), &c->dp,
-                         c->loc->nnode_all * c->loc->dim, &c->rhs));
   *couple = c;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -415,20 +355,9 @@ PetscErrorCode CoupleDestroy(Couple *couple)
 
   PetscFunctionBeginUser;
   if (!c) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(FlowSolverDestroy(&c->solver));
-  PetscCall(DriveDestroy(&c->drive));
-  PetscCall(FittedDestroy(&c->hole));
-  PetscCall(BoundariesDestroy(&c->boundaries));
-  PetscCall(PetscFree(c->prescribed));
-  PetscCall(PetscFree(c->outward));
-  PetscCall(ConstraintDestroy(&c->constraint));
-  PetscCall(IndicatorDestroy(&c->mark));
-  if (c->rung->destroy && c->rung_data) PetscCall((*c->rung->destroy)(c->rung_data));
-  PetscCall(AleDestroy(&c->follow));
-  PetscCall(MovedDestroy(&c->moved));
+  PetscCall(CoupleDestroyParts(c));
   PetscCall(PetscFree7(c->X, c->q, c->P, c->unknown, c->du_old, c->growth, c->force_old));
   PetscCall(PetscFree6(c->U, c->U_old, c->U_older, c->D, c->g, c->residual));
-  PetscCall(PetscFree4(c->u, c->p, c->dp, c->rhs));
   PetscCall(PetscFree(*couple));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -549,7 +478,7 @@ PetscErrorCode CoupleRenewSolver(Couple c)
 {
   PetscFunctionBeginUser;
   PetscCall(FlowSolverDestroy(&c->solver));
-  PetscCall(create_solver(c));
+  PetscCall(CoupleCreateSolver(c));
   PetscCall(MovedSetSolver(c->moved, c->solver));
   PetscCall(IndicatorForget(c->mark)); /* the solver learns of a rung's terms when it draws */
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -38,12 +38,14 @@ static PetscErrorCode add_cell(Mesh mesh, Bodies bodies, PetscInt k, PetscInt c,
   const PetscInt   n = 10; /* points an axis */
   const MeshLocal *l;
   BodyState       *s;
-  PetscReal        xc[MESH_MAX_NB * 3], shift[3] = {0, 0, 0};
+  PetscReal        xc[MESH_MAX_NB * 3], uc[MESH_MAX_NB * 3], shift[3] = {0, 0, 0};
 
   PetscFunctionBeginUser;
   PetscCall(MeshGetLocal(mesh, &l));
   PetscCall(BodiesGetState(bodies, &s));
   PetscCall(MeshCellCoordinates(mesh, c, xc));
+  for (PetscInt j = 0; j < l->nb * l->dim; j++) uc[j] = u[l->cell_node[c * l->nb + j / l->dim] * l->dim + j % l->dim];
+  MeshCellGather(l, c, l->dim, uc);
   for (PetscInt a = 0; a < l->dim; a++) {
     const PetscReal r = xc[(l->nb / 2) * l->dim + a] - s->x[k][a];
 
@@ -61,7 +63,7 @@ static PetscErrorCode add_cell(Mesh mesh, Bodies bodies, PetscInt k, PetscInt c,
     ElementBasis(l->dim, xi, phi, dphi);
     for (PetscInt a = 0; a < l->dim; a++) {
       r[a] = x[a] - s->x[k][a];
-      for (PetscInt j = 0; j < l->nb; j++) v[a] += phi[j] * u[l->cell_node[c * l->nb + j] * l->dim + a];
+      for (PetscInt j = 0; j < l->nb; j++) v[a] += phi[j] * uc[j * l->dim + a];
     }
     add_point(r, v, determinant(l->dim, J) * PetscPowRealInt(2. / n, (int)l->dim), f);
   }

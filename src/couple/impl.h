@@ -93,3 +93,7 @@ PetscErrorCode CoupleBodyPush(Couple, PetscInt k, PetscReal inertia[3], PetscRea
 PetscErrorCode CoupleFindNormals(Couple);
 /* Own cells with prescribed nodes; these do not change */
 PetscErrorCode CoupleListPrescribedCells(Couple);
+/* What goes by the mesh: solver, marks, boundary rung, arrays. Collective. */
+PetscErrorCode CoupleCreateParts(Couple);
+PetscErrorCode CoupleDestroyParts(Couple);
+PetscErrorCode CoupleCreateSolver(Couple);

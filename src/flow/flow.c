@@ -101,21 +101,9 @@ PetscErrorCode FlowCreate(Mesh mesh, Flow *flow)
   dim = l->dim;
   PetscCall(read_parameters(f));
   PetscCall(ElementCreate(dim, &f->element));
-  PetscCall(PetscMalloc5(l->ncell_all, &f->affine, l->ncell_all * dim * dim, &f->inverse, l->ncell_all, &f->det, l->ncell_all, &f->size, l->nnode_all,
-                         &f->lumped));
-  PetscCall(PetscMalloc1(l->ncell_all * (dim + 1) * l->nb * dim, &f->b));
-  PetscCall(PetscMalloc1(l->ncell * (dim + 1) * (dim + 1), &f->pmass));
-  PetscCall(PetscCalloc4(l->nnode_all, &f->open, l->ncell_all, &f->visited, l->ncell_all, &f->around, l->ncell_all * dim, &f->centre));
-  PetscCall(FlowComputeCells(f));
-  PetscCall(ConditionsCreate(mesh, &f->boundary));
+  PetscCall(FlowCreateParts(f));
   PetscCall(read_rate(f));
-  PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u)); /* each on its own: accepted steps swap them */
-  PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u_old));
-  if (f->par.quadratic) PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u_older));
   PetscCall(FlowSetInitial(f));
-  PetscCall(PetscCalloc1(l->nnode_all * dim, &f->w));
-  PetscCall(PetscCalloc2(l->ncell * (dim + 1), &f->p, l->ncell * (dim + 1), &f->p_old));
-  PetscCall(FlowCreateMatrix(f));
   *flow = f;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -126,23 +114,11 @@ PetscErrorCode FlowDestroy(Flow *flow)
 
   PetscFunctionBeginUser;
   if (!f) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MatDestroy(&f->S));
-  PetscCall(PetscFree(f->entry));
-  PetscCall(PetscFree(f->b));
-  PetscCall(PetscFree(f->pmass));
+  PetscCall(FlowDestroyParts(f));
   PetscCall(ElementDestroy(&f->element));
-  PetscCall(PetscFree4(f->open, f->visited, f->around, f->centre));
-  PetscCall(PetscFree5(f->affine, f->inverse, f->det, f->size, f->lumped));
-  PetscCall(ConditionsDestroy(&f->boundary));
-  PetscCall(PetscFree(f->u));
-  PetscCall(PetscFree(f->u_old));
-  PetscCall(PetscFree(f->u_older));
-  PetscCall(PetscFree(f->w));
-  PetscCall(PetscFree(f->source));
   PetscCall(ExprDestroy(&f->formula));
   PetscCall(ExprDestroy(&f->gravity));
   PetscCall(ExprDestroy(&f->force));
-  PetscCall(PetscFree2(f->p, f->p_old));
   PetscCall(PetscFree(*flow));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

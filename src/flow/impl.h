@@ -1,6 +1,6 @@
 /* Inside of Flow; for its files only. flow.c: parameters, fields, life cycle. cells.c: what depends on the shape of
    cells. assemble.c: matrix, right-hand side, products with B. time.c: schemes. evaluate.c: what a solution amounts to,
-   cell by cell; it changes nothing. */
+   cell by cell; it changes nothing. remesh.c: what goes by the mesh. */
 #pragma once
 #include "mesh/element.h"
 #include "flow/flow.h"
@@ -69,6 +69,9 @@ PetscErrorCode FlowEvaluateForces(Flow);
 /* Error: a force changes in time, and a steady state is wanted. */
 PetscErrorCode FlowRefuseTime(Flow);
 
+/* Arrays by cells and nodes, conditions, matrix; fields are zero. Collective. */
+PetscErrorCode FlowCreateParts(Flow);
+PetscErrorCode FlowDestroyParts(Flow);
 /* Everything that depends on the shape of the local cells. Collective. */
 PetscErrorCode FlowComputeCells(Flow);
 /* S without values. Collective. */

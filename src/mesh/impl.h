@@ -20,8 +20,10 @@ struct _p_Mesh {
   PetscInt  nbin[3], *bin_ptr, *bin_node, *found;
   PetscReal bin_lower[3], bin_size[3];
   /* of a refined mesh; NULL, 0 otherwise. hang_table by HANG_CODE of hangimpl.h */
-  MeshHang **hang, **hang_table;
-  PetscInt   levels, *level_count, hanging_cells; /* [levels + 1] cells of all ranks */
+  struct _n_Leaves *leaves; /* own ones, in the order of the own cells */
+  PetscInt         *half;   /* [nnode_all][3] places of the nodes in halves of finest cells */
+  MeshHang        **hang, **hang_table;
+  PetscInt          levels, *level_count, hanging_cells; /* [levels + 1] cells of all ranks */
 };
 
 /* Number the nodes in the order in which the cells touch them, own ones first; cell_node holds mesh points on entry,

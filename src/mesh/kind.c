@@ -463,6 +463,19 @@ PetscErrorCode MeshKindGetBoundaries(MeshKind k, PetscInt *n, const char (**name
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode MeshKindGetSmallest(MeshKind k, PetscReal *h)
+{
+  PetscFunctionBeginUser;
+  *h = 0;
+  for (PetscInt d = 0; d < k->dim; d++) {
+    PetscReal least = (k->upper[d] - k->lower[d]) / (PetscReal)k->cells[d];
+
+    for (PetscInt i = 0; i < k->cells[d] && k->map.line[d]; i++) least = PetscMin(least, k->map.line[d][i + 1] - k->map.line[d][i]);
+    *h = PetscMax(*h, least);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode MeshKindGetBox(MeshKind k, PetscInt *dim, PetscReal lower[3], PetscReal upper[3], PetscReal period[3])
 {
   PetscFunctionBeginUser;

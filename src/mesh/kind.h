@@ -32,6 +32,8 @@ PetscErrorCode MeshKindReadBox(MPI_Comm, MeshKind *);
 PetscErrorCode MeshKindDestroy(MeshKind *);
 
 PetscErrorCode MeshKindGetBoundaries(MeshKind, PetscInt *n, const char (**names)[64]);
+/* Longest side of the smallest cell of a box or channel */
+PetscErrorCode MeshKindGetSmallest(MeshKind, PetscReal *h);
 PetscErrorCode MeshKindGetBox(MeshKind, PetscInt *dim, PetscReal lower[3], PetscReal upper[3], PetscReal period[3]);
 /* Length of the period along each axis [3] (0: not periodic) and upper end of the period [3]. */
 PetscErrorCode MeshKindGetPeriod(MeshKind, const PetscReal *period[], const PetscReal *upper[]);

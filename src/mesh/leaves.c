@@ -164,8 +164,12 @@ PetscMPIInt LeavesOwner(const Leaves *t, uint64_t key)
   return lo;
 }
 
-/* The last own leaf that starts at the key or before */
-static PetscInt own_before(const Leaves *t, uint64_t key)
+uint64_t LeavesKey(const Leaves *t, const PetscInt x[])
+{
+  return curve_key(t->dim, x);
+}
+
+PetscInt LeavesOwnBefore(const Leaves *t, uint64_t key)
 {
   PetscInt lo = -1, hi = t->nleaf;
 
@@ -180,7 +184,7 @@ static PetscInt own_before(const Leaves *t, uint64_t key)
 
 PetscInt LeavesOwnIndex(const Leaves *t, uint64_t key)
 {
-  const PetscInt i = own_before(t, key);
+  const PetscInt i = LeavesOwnBefore(t, key);
 
   return i >= 0 && t->leaf[i].key == key ? i : -1;
 }
@@ -194,7 +198,7 @@ PetscErrorCode LeavesFind(Leaves *t, const PetscInt x[], Leaf *out)
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_rank(t->comm, &rank));
   if (t->first && LeavesOwner(t, key) == rank) {
-    *out = t->leaf[own_before(t, key)];
+    *out = t->leaf[LeavesOwnBefore(t, key)];
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   for (out->level = 0;; out->level++) {
@@ -471,10 +475,18 @@ PetscErrorCode LeavesCreate(MPI_Comm comm, MeshKind kind, PetscInt levels, const
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode LeavesDestroy(Leaves *t)
+PetscErrorCode LeavesClose(Leaves *t)
 {
   PetscFunctionBeginUser;
   for (PetscInt l = 0; l <= LEAVES_MAX_LEVELS; l++) PetscCall(KeysDestroy(&t->memo[l]));
+  t->surface = NULL;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode LeavesDestroy(Leaves *t)
+{
+  PetscFunctionBeginUser;
+  PetscCall(LeavesClose(t));
   PetscCall(PetscFree(t->leaf));
   PetscCall(PetscFree(t->first));
   PetscFunctionReturn(PETSC_SUCCESS);

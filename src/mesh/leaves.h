@@ -32,7 +32,7 @@ typedef struct {
   PetscInt  levels;
 } LeavesBox;
 
-typedef struct {
+typedef struct _n_Leaves {
   MPI_Comm           comm;
   MeshKind           kind;                        /* borrowed */
   PetscInt           dim, levels, n[3], cells[3]; /* base cells, finest cells an axis */
@@ -54,6 +54,8 @@ PetscErrorCode LeavesReadRefine(PetscBool *bodies, PetscInt *nbox, char box[][LE
    around, unknown or empty boxes, a band too narrow, fewer cells than ranks, too many cells for the lattice. */
 PetscErrorCode LeavesCreate(MPI_Comm, MeshKind, PetscInt levels, const MeshSurface *, Leaves *);
 PetscErrorCode LeavesDestroy(Leaves *);
+/* Forget the surface, and with it the leaves of other ranks. */
+PetscErrorCode LeavesClose(Leaves *);
 
 /* The cell that holds the finest cell x [dim] inside the lattice; not collective. */
 PetscErrorCode LeavesFind(Leaves *, const PetscInt x[], Leaf *);
@@ -65,6 +67,9 @@ PetscErrorCode LeavesLevelBeside(Leaves *, const Leaf *, const PetscInt step[], 
 /* Rank of a leaf, and its place in the list of this rank if it is an own one, else -1. */
 PetscMPIInt LeavesOwner(const Leaves *, uint64_t key);
 PetscInt    LeavesOwnIndex(const Leaves *, uint64_t key);
+/* The last own leaf that starts at a key or before; key of a finest cell. What remains after LeavesClose. */
+PetscInt LeavesOwnBefore(const Leaves *, uint64_t key);
+uint64_t LeavesKey(const Leaves *, const PetscInt x[]);
 /* Space coordinates of lattice place x in halves of finest cells. */
 PetscErrorCode LeavesPlace(const Leaves *, const PetscInt half[], PetscReal x[]);
 /* Sides of a cell in finest cells */

@@ -338,6 +338,21 @@ PetscErrorCode MeshReadBox(MPI_Comm comm, PetscInt *dim, PetscReal lower[3], Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode MeshReadFinest(MPI_Comm comm, PetscReal *h)
+{
+  MeshKind  k;
+  PetscInt  levels;
+  PetscBool around;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshReadLevels(&levels, &around));
+  PetscCall(MeshKindReadBox(comm, &k));
+  PetscCall(MeshKindGetSmallest(k, h));
+  PetscCall(MeshKindDestroy(&k));
+  *h /= (PetscReal)((PetscInt)1 << levels);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode MeshCreateAround(MPI_Comm comm, const MeshSurface *surface, Mesh *mesh)
 {
   Mesh      m;

@@ -439,8 +439,10 @@ PetscErrorCode RefinedBuild(Mesh m, PetscInt levels, const MeshSurface *surface)
   PetscCall(count_levels(&b));
   PetscCall(PetscFree(b.ghost));
   PetscCall(PetscFree(b.code));
-  PetscCall(PetscFree(b.half));
-  PetscCall(LeavesDestroy(&b.leaves));
+  PetscCall(LeavesClose(&b.leaves));
+  m->half = b.half;
+  PetscCall(PetscNew(&m->leaves));
+  *m->leaves = b.leaves;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -451,5 +453,8 @@ PetscErrorCode RefinedDestroy(Mesh m)
   PetscCall(PetscFree(m->hang_table));
   PetscCall(PetscFree(m->hang));
   PetscCall(PetscFree(m->level_count));
+  PetscCall(PetscFree(m->half));
+  if (m->leaves) PetscCall(LeavesDestroy(m->leaves));
+  PetscCall(PetscFree(m->leaves));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -27,6 +27,9 @@ typedef struct {
 } Module;
 
 struct _p_Checkpoint {
+  Mesh             mesh;
+  const MeshLocal *loc;
+  PetscInt         meshes; /* of the mesh, when its state was created */
   Output           output;
   State            state;
   PetscMPIInt      rank;
@@ -278,6 +281,8 @@ PetscErrorCode CheckpointCreate(Mesh mesh, Output output, Checkpoint *checkpoint
   PetscCall(OptInt("-checkpoint_every", &c->every));
   PetscCall(OptReal("-checkpoint_minutes", &c->minutes));
   PetscCall(OptString("-sim_restart", c->from, sizeof(c->from)));
+  c->mesh = mesh;
+  PetscCall(MeshGetLocal(mesh, &c->loc));
   PetscCall(MeshCreateState(mesh, &c->state));
   PetscCall(PetscTime(&c->written));
   last_path[0] = 0;
@@ -396,6 +401,11 @@ PetscErrorCode CheckpointWrite(Checkpoint c, PetscInt step, PetscReal time)
   PetscCall(PetscLogEventBegin(TB_CHECKPOINT, 0, 0, 0, 0));
   PetscCall(OutputGetDirectory(c->output, &dir));
   PetscCall(PetscSNPrintf(path, sizeof(path), "%s/checkpoint_%" PetscInt_FMT ".h5", dir, step));
+  if (c->loc->meshes != c->meshes) { /* cells and nodes are others */
+    PetscCall(StateDestroy(&c->state));
+    PetscCall(MeshCreateState(c->mesh, &c->state));
+    c->meshes = c->loc->meshes;
+  }
   PetscCall(StateBeginSave(c->state, path));
   PetscCall(visit_modules(c));
   PetscCall(StateEnd(c->state));

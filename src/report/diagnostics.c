@@ -348,7 +348,7 @@ static PetscErrorCode measure_dp(Diagnostics b)
   PetscFunctionBeginUser;
   PetscCall(CoupleGetSolution(b->couple, &u, &p));
   for (PetscInt i = 0; i < 2; i++) {
-    if (b->deform) PetscCall(find_candidates(b, b->point + i));
+    if (b->deform || b->loc->meshes) PetscCall(find_candidates(b, b->point + i));
     PetscCall(read_pressure(b, b->point + i, p, at + i, &n));
   }
   b->value[b->dp_column] = at[0] - at[1];
@@ -374,6 +374,7 @@ PetscErrorCode DiagnosticsStep(Diagnostics b, const CoupleBalance *balance)
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetStep(b->flow, &step));
+  if (b->loc->meshes) PetscCall(CoupleGetBoundaries(b->couple, &b->nboundary, &b->boundary)); /* made anew */
   for (PetscInt i = 0; i < b->ncoefficient; i++) PetscCall(measure_coefficient(b, b->coefficient + i));
   if (b->dp) PetscCall(measure_dp(b));
   if (b->momentum) {

@@ -21,6 +21,7 @@
 
 typedef struct {
   PetscInt  step, mesh; /* mesh: see mesh_step below */
+  PetscInt  ncell, npoint;
   PetscReal time;
   PetscBool body;
 } Snapshot;
@@ -36,7 +37,7 @@ struct _p_Output {
   PetscBool        overwrite, restarted, mesh_written;
   /* snapshots refer to mesh.h5 (0) or mesh_<mesh_step>.h5 */
   PetscInt  mesh_step;
-  PetscInt  moves;                   /* MeshLocal.moves when it was written */
+  PetscInt  moves, meshes;           /* those of MeshLocal when it was written */
   PetscReal place[3], place_mesh[3]; /* of the box in the laboratory: now, when it was written */
   Points    points;
   PetscInt  nsnap, room;
@@ -237,17 +238,17 @@ static void print_snapshot(FILE *f, const Output o, const Snapshot *s)
   snprintf(file, sizeof(file), "fields_%" PetscInt_FMT ".h5", s->step);
   fprintf(f, "      <Grid Name=\"step %" PetscInt_FMT "\" GridType=\"Uniform\">\n        <Time Value=\"%.15g\"/>\n", s->step, (double)s->time);
   fprintf(f, "        <Topology TopologyType=\"%s\" NumberOfElements=\"%" PetscInt_FMT "\">", m->dim == 2 ? "Quadrilateral_9" : "Hexahedron_27",
-          m->ncell_global);
-  XdmfItem(f, PETSC_TRUE, m->ncell_global, m->nb, mesh, "cells");
+          s->ncell);
+  XdmfItem(f, PETSC_TRUE, s->ncell, m->nb, mesh, "cells");
   fprintf(f, "</Topology>\n        <Geometry GeometryType=\"XYZ\">");
-  XdmfItem(f, PETSC_FALSE, o->points.total, 3, mesh, "coordinates");
+  XdmfItem(f, PETSC_FALSE, s->npoint, 3, mesh, "coordinates");
   fprintf(f, "</Geometry>\n");
-  XdmfAttribute(f, PETSC_FALSE, o->points.total, 3, "Node", "velocity", file, "velocity");
-  XdmfAttribute(f, PETSC_FALSE, o->points.total, m->dim == 2 ? 1 : 3, "Node", "vorticity", file, "vorticity");
-  XdmfAttribute(f, PETSC_FALSE, o->points.total, 1, "Node", "pressure", file, "pressure");
-  if (s->body) XdmfAttribute(f, PETSC_TRUE, o->points.total, 1, "Node", "body", file, "body");
-  XdmfAttribute(f, PETSC_FALSE, m->ncell_global, 1, "Cell", "pressure_mean", file, "pressure_mean");
-  XdmfAttribute(f, PETSC_FALSE, m->ncell_global, 3, "Cell", "pressure_gradient", file, "pressure_gradient");
+  XdmfAttribute(f, PETSC_FALSE, s->npoint, 3, "Node", "velocity", file, "velocity");
+  XdmfAttribute(f, PETSC_FALSE, s->npoint, m->dim == 2 ? 1 : 3, "Node", "vorticity", file, "vorticity");
+  XdmfAttribute(f, PETSC_FALSE, s->npoint, 1, "Node", "pressure", file, "pressure");
+  if (s->body) XdmfAttribute(f, PETSC_TRUE, s->npoint, 1, "Node", "body", file, "body");
+  XdmfAttribute(f, PETSC_FALSE, s->ncell, 1, "Cell", "pressure_mean", file, "pressure_mean");
+  XdmfAttribute(f, PETSC_FALSE, s->ncell, 3, "Cell", "pressure_gradient", file, "pressure_gradient");
   fprintf(f, "      </Grid>\n");
 }
 
@@ -273,7 +274,7 @@ static PetscErrorCode add_snapshot(Output o, PetscInt step, PetscReal time, Pets
     o->room = 2 * o->room + 16;
     PetscCall(PetscRealloc(o->room * sizeof(Snapshot), &o->snap));
   }
-  o->snap[o->nsnap++] = (Snapshot){step, o->mesh_step, time, body};
+  o->snap[o->nsnap++] = (Snapshot){step, o->mesh_step, o->loc->ncell_global, o->points.total, time, body};
   PetscCall(join_path(o, "fields.xmf", path, sizeof(path)));
   PetscCall(FileCheck(o->rank ? 0 : write_index(o, path), path));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -378,7 +379,8 @@ PetscErrorCode OutputVisitState(void *output, State state)
     o->restarted = PETSC_TRUE;
     o->nsnap = o->room = n;
     PetscCall(PetscRealloc(n * sizeof(Snapshot), &o->snap));
-    for (PetscInt i = 0; i < n; i++) o->snap[i] = (Snapshot){number[3 * i], number[3 * i + 1], time[i], (PetscBool)number[3 * i + 2]};
+    for (PetscInt i = 0; i < n; i++)
+      o->snap[i] = (Snapshot){number[3 * i], number[3 * i + 1], o->loc->ncell_global, o->points.total, time[i], (PetscBool)number[3 * i + 2]};
     /* a name that no earlier part of the run has used */
     if (!StateIsSamePartition(state) && n) o->mesh_step = o->snap[n - 1].step + 1;
   }
@@ -405,6 +407,11 @@ PetscErrorCode OutputFields(Output o, PetscInt step, PetscReal time, const Petsc
   if (o->loc->moves != o->moves || !same) {
     o->mesh_written = PETSC_FALSE;
     o->mesh_step    = step;
+  }
+  if (o->loc->meshes != o->meshes) {
+    PetscCall(PointsDestroy(&o->points));
+    PetscCall(PointsCreate(o->mesh, &o->points));
+    o->meshes = o->loc->meshes;
   }
   if (!o->mesh_written) PetscCall(write_mesh(o));
   PetscCall(PetscSNPrintf(name, sizeof(name), "fields_%" PetscInt_FMT ".h5", step));

@@ -53,5 +53,9 @@ static const OptSpec SPECS[] = {
   {"-sim_adapt_growth", OPT_REAL, "", 1.01, 2.4, "1.5", .help = "largest ratio of a step to the one before (bdf2 is stable below 2.41)",
    .when = ADAPT, .expert = PETSC_TRUE},
   {"-sim_adapt_hysteresis", OPT_REAL, "", 1, 2.4, "1.2", .help = "smallest ratio by which a step grows", .when = ADAPT, .expert = PETSC_TRUE},
+  {"-mesh_follow", OPT_BOOL, "", OPT_ANY, "false", .help = "cells are made anew where bodies move to",
+   .when = "-mesh_levels, around bodies that move"},
+  {"-mesh_follow_way", OPT_REAL, "cells", 0.1, 100, "2", .help = "finest cells that a body moves on one mesh", .when = "-mesh_follow",
+   .expert = PETSC_TRUE},
 };
 OPT_TABLE("run: what is computed, time steps", SPECS)

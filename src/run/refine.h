@@ -1,9 +1,27 @@
-/* Refine: the bodies of a scene as what a mesh refines around (-mesh_levels, MeshSurface). */
+/* Refine: the bodies of a scene as what a mesh refines around (-mesh_levels, MeshSurface), and meshes that follow them.
+
+   With -mesh_follow cells are made anew, at the beginning of a step, as soon as a point of a body could in it be more
+   than half of -mesh_follow_way finest cells from where the present mesh has the bodies. A new mesh has them that half
+   ahead, as far as they go in TEN steps, so that they come through its middle; all bands are wider by it, and the
+   surface keeps its clearance from jumps of levels. Velocities of both times are carried over, nothing is projected,
+   and the scheme goes on: with a step of first order after each change the force is four times as rough. */
 #pragma once
+#include "couple/couple.h"
 #include "bodies/bodies.h"
 #include "mesh/mesh.h"
+#include "report/monitor.h"
+
+typedef struct _p_Refine *Refine;
 
 /* Bodies first, then the mesh, around them or in boxes alone (MeshReadLevels). Bodies that stand still are fine at
-   their surface, others also inside. Collective. Errors: those of both; a body that moves away from its fine cells.
-   */
-PetscErrorCode RefineCreateMesh(MPI_Comm, PetscBool around, Bodies *, Mesh *);
+   their surface, others also inside. *refine is NULL unless the mesh follows. Collective. Errors: those of both; a
+   body that moves away from its fine cells. */
+PetscErrorCode RefineCreateMesh(MPI_Comm, PetscBool around, Bodies *, Mesh *, Refine *refine);
+PetscErrorCode RefineDestroy(Refine *);
+/* What does not go with it; after the options of others are known. Error: -sim_adapt, -sim_steady, -sim_restart. */
+PetscErrorCode RefineCheck(Refine);
+/* Before a step of length dt: where cells are to be made anew, mesh, flow and couple are. NULL does nothing.
+   Collective. */
+PetscErrorCode RefineFollow(Refine, Flow, Couple, PetscReal dt);
+/* Quantities of the run: how often, and the seconds of it */
+PetscErrorCode RefineReport(Refine, Monitor);

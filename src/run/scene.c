@@ -98,7 +98,7 @@ static PetscErrorCode create_mesh_and_bodies(SimParts *part, const MeshLocal **l
 
   PetscFunctionBeginUser;
   PetscCall(MeshReadLevels(&levels, &around));
-  if (levels) PetscCall(RefineCreateMesh(PETSC_COMM_WORLD, around, &part->bodies, &part->mesh));
+  if (levels) PetscCall(RefineCreateMesh(PETSC_COMM_WORLD, around, &part->bodies, &part->mesh, &part->refine));
   else PetscCall(MeshCreate(PETSC_COMM_WORLD, &part->mesh));
   PetscCall(MeshGetLocal(part->mesh, l));
   if (!levels) PetscCall(BodiesCreate((*l)->dim, (*l)->lower, (*l)->upper, &part->bodies));
@@ -121,6 +121,7 @@ static PetscErrorCode build(SimParts *part)
   PetscCall(create_mesh_and_bodies(part, &l));
   PetscCall(ContactPack(part->bodies, l->lower, l->upper, l->period, &packing));
   if (active) PetscCall(DefaultsApply(l, part->bodies, steady));
+  PetscCall(RefineCheck(part->refine));
   if (active) {
     PetscCall(DeformCreate(part->mesh, part->bodies, &part->deform));
     deformed = (PetscBool)(part->deform != NULL);
@@ -178,6 +179,7 @@ static PetscErrorCode destroy(SimParts *part)
   PetscCall(FlowDestroy(&part->flow));
   PetscCall(DeformDestroy(&part->deform));
   PetscCall(ExprDestroy(&part->gravity));
+  PetscCall(RefineDestroy(&part->refine));
   PetscCall(MeshDestroy(&part->mesh));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

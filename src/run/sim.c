@@ -349,6 +349,7 @@ static PetscErrorCode solve_part(Sim s, PetscReal dt, PetscInt *its, KSPConverge
 
   PetscFunctionBeginUser;
   PetscCall(begin_phase(s, MONITOR_PARTICLE));
+  PetscCall(RefineFollow(s->part.refine, s->part.flow, s->part.couple, dt));
   PetscCall(FlowBeginStep(s->part.flow, s->time + dt, dt));
   if (s->part.frame) PetscCall(FrameBegin(s->part.frame));
   if (s->s->n) {
@@ -560,6 +561,7 @@ static PetscErrorCode finish_flow(Sim s, PetscInt *cells, PetscInt *unknowns)
   PetscCall(ContactGetSeparation(s->part.contact, &separation));
   if (separation > 0) PetscCall(MonitorQuantity(s->part.monitor, "separation_max", separation));
   if (s->adapt) PetscCall(AdaptFinish(s->adapt));
+  PetscCall(RefineReport(s->part.refine, s->part.monitor));
   PetscCall(FlowGetMatrix(s->part.flow, &S));
   PetscCall(MonitorYardstick(s->part.monitor, S));
   *cells = l->ncell_global;

@@ -16,6 +16,7 @@
 #include "report/fields.h"
 #include "report/diagnostics.h"
 #include "report/suspension.h"
+#include "refine.h"
 #include "frame.h"
 #include "steady.h"
 
@@ -26,6 +27,7 @@ typedef struct {
   Mesh        mesh;
   Frame       frame;  /* NULL: the box stays */
   Deform      deform; /* NULL: the mesh stays */
+  Refine      refine; /* NULL: cells stay */
   Flow        flow;
   Bodies      bodies;
   Couple      couple;

@@ -3,6 +3,7 @@
 /* ranks: 1 2 3 7 */
 #include "core.h"
 #include "flow/flow.h"
+#include "mesh/carry.h"
 
 /* ---- surfaces ---- */
 
@@ -233,10 +234,57 @@ static void test_patch(void **state)
   }
 }
 
+/* Made anew around other points, a mesh gets quadratic velocities and linear cell functions as they were */
+static void test_carry(void **state)
+{
+  (void)state;
+  for (PetscInt t = 0; t < NTREES; t++) {
+    Mesh             m, old;
+    const MeshLocal *l, *lo;
+    Balls            b = random_points(t < 3 ? 2 : 3, t < 3 ? 7 : 4, 91 + t);
+    PetscReal       *u, *p, *v, *q;
+
+    if (t == 1 || t == 4) continue; /* a polynomial is not periodic */
+    create_random(t, &m, &l);
+    OK(MeshRemesh(m, &(MeshSurface){ball_distance, &b}, &old));
+    OK(MeshGetLocal(old, &lo));
+    assert_int_equal(l->meshes, 1);
+    assert_true(l->ncell_global != lo->ncell_global);
+    OK(PetscMalloc4(lo->nnode_all * l->dim, &u, lo->ncell * (l->dim + 1), &p, l->nnode_all * l->dim, &v, l->ncell * (l->dim + 1), &q));
+    for (PetscInt i = 0; i < lo->nnode_all; i++) parabolic(lo->x + i * l->dim, u + i * l->dim, l->dim);
+    OK(MeshCarryNodes(old, m, l->dim, u, v));
+    for (PetscInt i = 0; i < l->nnode_all; i++) {
+      PetscReal want[3];
+
+      parabolic(l->x + i * l->dim, want, l->dim);
+      for (PetscInt a = 0; a < l->dim; a++) NEAR(v[i * l->dim + a], want[a], 1e-13);
+    }
+    for (PetscInt pass = 0; pass < 2; pass++) {
+      for (PetscInt c = 0; c < (pass ? l : lo)->ncell; c++) {
+        PetscReal xc[MESH_MAX_NB * 3], want[4] = {0};
+
+        OK(MeshCellCoordinates(pass ? m : old, c, xc));
+        for (PetscInt a = 0; a < l->dim; a++) {
+          want[0] += SLOPE[l->dim - 2][a] * 0.5 * (xc[(l->nb - 1) * l->dim + a] + xc[a]);
+          want[1 + a] = SLOPE[l->dim - 2][a] * 0.5 * (xc[(l->nb - 1) * l->dim + a] - xc[a]);
+        }
+        for (PetscInt k = 0; k <= l->dim; k++) {
+          if (pass) NEAR(q[c * (l->dim + 1) + k], want[k], 1e-13);
+          else p[c * (l->dim + 1) + k] = want[k];
+        }
+      }
+      if (!pass) OK(MeshCarryCells(old, m, p, q));
+    }
+    OK(PetscFree4(u, p, v, q));
+    OK(MeshDestroy(&old));
+    OK(MeshDestroy(&m));
+  }
+}
+
 int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {cmocka_unit_test(test_counts), cmocka_unit_test(test_places), cmocka_unit_test(test_ghosts),
-                                     cmocka_unit_test(test_patch)};
+                                     cmocka_unit_test(test_patch), cmocka_unit_test(test_carry)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

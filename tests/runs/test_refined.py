@@ -81,6 +81,42 @@ def test_same_on_more_ranks_and_after_restart(run, scene):
     assert whole.status == 0 and rows(done.folder / "whole", "bodies.csv")[-1] == one, whole
 
 
+FALLING = """\
+mesh: {upper: [2, 6], cells: [8, 24], levels: 3, follow: true, follow_way: 0.8}
+flow: {density: 1, viscosity: 0.1, gravity: [0, -981]}
+particle:
+  groups: disc
+  disc: {shape: circle, radius: 0.125, density: 1.25, position: [1, 4], velocity: [0, -4]}
+sim: {dt: 0.002, steps: 16}
+"""
+
+
+def test_follows(run, scene):
+    """A disc on a mesh that follows it falls as on a mesh that is fine all the way, and no faster or rougher at the changes; the mesh of every snapshot is whole."""
+    name = scene(FALLING)
+    done = run([name, "-output_every", 5, "-output_dir", "follows"])
+    assert done.status == 0, done
+    summary = json.loads((done.folder / "follows" / "summary.json").read_text())
+    assert summary["quantities"]["mesh_changes"] >= 2, summary
+    for mesh in (done.folder / "follows").glob("mesh*.h5"):
+        with h5py.File(mesh) as file:
+            assert file["cells"][:].max() + 1 == len(file["coordinates"]), mesh
+    assert len(list((done.folder / "follows").glob("mesh*.h5"))) >= 2, done
+    way = ["-mesh_refine", "way", "-mesh_box_way_corners", "0.5,3.3,1.5,4.5"]
+    name = scene(edited(", follow: true, follow_way: 0.8", "", FALLING), "fine.yaml")
+    done = run([name, *way, "-output_every", 0, "-output_dir", "fine"])
+    assert done.status == 0, done
+    one, two = (rows(done.folder / d, "bodies.csv") for d in ("follows", "fine"))
+    for a, b in zip(one, two):
+        assert float(a["v"]) == pytest.approx(float(b["v"]), rel=1e-3), (a, b)
+
+
+@pytest.mark.parametrize("option", ["-sim_adapt", "-couple_boundary snap", "-sim_restart latest"])
+def test_follow_refuses(run, scene, option):
+    done = run([scene(FALLING), *option.split()])
+    assert done.status != 0 and done.text.count("error:") == 1 and "-mesh_" in done.text, done
+
+
 REFUSED = {
     "moving": (["-mesh_refine", "bodies"], "refines where bodies are at the start"),
     "no box": (["-mesh_refine", "wake"], "-mesh_box_wake_corners"),

@@ -1,0 +1,105 @@
+/* Couple: what goes by the mesh, made and made anew (CoupleRemesh of couple.h). */
+#include "compat.h"
+#include "impl.h"
+
+PetscErrorCode CoupleCreateSolver(Couple c)
+{
+  PetscBool still;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesAreStill(c->bodies, &still));
+  PetscCall(FlowSolverCreate(c->flow, c->constraint, (PetscBool)!still, &c->solver));
+  if (c->drive) PetscCall(DriveSetSolver(c->drive, c->solver));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode unite_obstacles(Couple c)
+{
+  PetscBool *united;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(c->s->n, &united));
+  for (PetscInt k = 0; k < c->s->n; k++) united[k] = BodiesGetGroup(c->s, k)->obstacle;
+  PetscCall(ConstraintSetUnited(c->constraint, united));
+  PetscCall(PetscFree(united));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode tell_rung(void *couple)
+{
+  Couple c = (Couple)couple;
+
+  PetscFunctionBeginUser;
+  if (c->rung->moved) PetscCall((*c->rung->moved)(c->rung_data));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Rotation counts by the speed it gives the surface (that of the group's shape: no number of the state). */
+static PetscErrorCode set_lengths(Couple c)
+{
+  PetscReal *length;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(c->s->n, &length));
+  for (PetscInt k = 0; k < c->s->n; k++) length[k] = BodiesGetGroup(c->s, k)->radius;
+  PetscCall(ConstraintSetLengths(c->constraint, length));
+  PetscCall(PetscFree(length));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What goes by the mesh */
+PetscErrorCode CoupleCreateParts(Couple c)
+{
+  const MeshLocal *l = c->loc;
+
+  PetscFunctionBeginUser;
+  PetscCall(FittedCreate(c->flow, c->bodies, &c->hole));
+  PetscCall(CoupleListPrescribedCells(c));
+  PetscCall(BoundariesCreate(c->flow, c->hole, &c->boundaries));
+  PetscCall(CoupleFindNormals(c));
+  PetscCall(ConstraintCreate(c->mesh, c->s->n, &c->constraint));
+  PetscCall(set_lengths(c));
+  PetscCall(unite_obstacles(c));
+  PetscCall(ConstraintGetRigidSize(c->constraint, &c->nr));
+  PetscCall(DriveCreate(c, &c->drive));
+  PetscCall(CoupleCreateSolver(c));
+  PetscCall(IndicatorCreate(c->mesh, c->bodies, &c->mark));
+  PetscCall(MovedCreate(c->flow, tell_rung, c, &c->moved));
+  PetscCall(MovedSetSolver(c->moved, c->solver));
+  if (c->rung->create) PetscCall((*c->rung->create)(c, &c->rung_data));
+  PetscCall(
+    PetscCalloc4(l->nnode_all * l->dim, &c->u, l->ncell * (l->dim + 1), &c->p, l->ncell * (l->dim + 1), &c->dp, l->nnode_all * l->dim, &c->rhs));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleDestroyParts(Couple c)
+{
+  PetscFunctionBeginUser;
+  PetscCall(FlowSolverDestroy(&c->solver));
+  PetscCall(DriveDestroy(&c->drive));
+  PetscCall(FittedDestroy(&c->hole));
+  PetscCall(BoundariesDestroy(&c->boundaries));
+  PetscCall(PetscFree(c->prescribed));
+  c->nprescribed = 0;
+  PetscCall(PetscFree(c->outward));
+  PetscCall(ConstraintDestroy(&c->constraint));
+  PetscCall(IndicatorDestroy(&c->mark));
+  if (c->rung->destroy && c->rung_data) PetscCall((*c->rung->destroy)(c->rung_data));
+  c->rung_data = NULL;
+  c->terms     = NULL;
+  PetscCall(AleDestroy(&c->follow));
+  PetscCall(MovedDestroy(&c->moved));
+  PetscCall(PetscFree4(c->u, c->p, c->dp, c->rhs));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleRemesh(Couple c)
+{
+  PetscFunctionBeginUser;
+  PetscCheck(!c->rung->moves && !c->drive && !c->follow, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+             "-mesh_follow makes cells anew, and -couple_boundary %s%s cannot follow that: use penalty or nodal, or remove -mesh_follow",
+             c->rung->name, c->drive ? " with -flow_rate" : "");
+  PetscCall(CoupleDestroyParts(c));
+  PetscCall(CoupleCreateParts(c));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,96 @@
+/* Flow: what goes by the mesh, made and made anew (FlowRemesh of flow.h). */
+#include "compat.h"
+#include "impl.h"
+#include "mesh/carry.h"
+
+PetscErrorCode FlowCreateParts(Flow f)
+{
+  const MeshLocal *l   = f->loc;
+  const PetscInt   dim = l->dim;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc5(l->ncell_all, &f->affine, l->ncell_all * dim * dim, &f->inverse, l->ncell_all, &f->det, l->ncell_all, &f->size, l->nnode_all,
+                         &f->lumped));
+  PetscCall(PetscMalloc1(l->ncell_all * (dim + 1) * l->nb * dim, &f->b));
+  PetscCall(PetscMalloc1(l->ncell * (dim + 1) * (dim + 1), &f->pmass));
+  PetscCall(PetscCalloc4(l->nnode_all, &f->open, l->ncell_all, &f->visited, l->ncell_all, &f->around, l->ncell_all * dim, &f->centre));
+  f->now = 0;
+  PetscCall(FlowComputeCells(f));
+  PetscCall(ConditionsCreate(f->mesh, &f->boundary));
+  PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u)); /* each on its own: accepted steps swap them */
+  PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u_old));
+  if (f->par.quadratic) PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u_older));
+  PetscCall(PetscCalloc1(l->nnode_all * dim, &f->w));
+  PetscCall(PetscCalloc2(l->ncell * (dim + 1), &f->p, l->ncell * (dim + 1), &f->p_old));
+  f->source = NULL;
+  PetscCall(FlowCreateMatrix(f));
+  f->s_ct  = 0;
+  f->nterm = 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowDestroyParts(Flow f)
+{
+  PetscFunctionBeginUser;
+  PetscCall(MatDestroy(&f->S));
+  PetscCall(PetscFree(f->entry));
+  PetscCall(PetscFree(f->b));
+  PetscCall(PetscFree(f->pmass));
+  PetscCall(PetscFree4(f->open, f->visited, f->around, f->centre));
+  PetscCall(PetscFree5(f->affine, f->inverse, f->det, f->size, f->lumped));
+  PetscCall(ConditionsDestroy(&f->boundary));
+  PetscCall(PetscFree(f->u));
+  PetscCall(PetscFree(f->u_old));
+  PetscCall(PetscFree(f->u_older));
+  PetscCall(PetscFree(f->w));
+  PetscCall(PetscFree(f->source));
+  PetscCall(PetscFree2(f->p, f->p_old));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Slopes of a pressure in units of the cell size, to those by reference coordinate, or back */
+static PetscErrorCode scale_slopes(Mesh mesh, const PetscReal size[], PetscBool back, PetscReal p[])
+{
+  const MeshLocal *l;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshGetLocal(mesh, &l));
+  for (PetscInt c = 0; c < l->ncell; c++) {
+    PetscReal xc[MESH_MAX_NB * 3];
+
+    PetscCall(MeshCellCoordinates(mesh, c, xc));
+    for (PetscInt a = 0; a < l->dim; a++) {
+      const PetscReal half = 0.5 * (xc[(l->nb - 1) * l->dim + a] - xc[a]);
+
+      p[c * (l->dim + 1) + 1 + a] *= back ? size[c] / half : half / size[c];
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowRemesh(Flow f, Mesh old)
+{
+  struct _p_Flow   was = *f;
+  const PetscReal *from[3];
+  PetscReal       *to[3];
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowCreateParts(f));
+  from[0] = was.u;
+  from[1] = was.u_old;
+  from[2] = was.u_older;
+  to[0]   = f->u;
+  to[1]   = f->u_old;
+  to[2]   = f->u_older;
+  for (PetscInt i = 0; i < 3; i++)
+    if (from[i]) PetscCall(MeshCarryNodes(old, f->mesh, f->loc->dim, from[i], to[i]));
+  for (PetscInt i = 0; i < 2; i++) {
+    PetscReal *p = i ? was.p_old : was.p, *q = i ? f->p_old : f->p;
+
+    PetscCall(scale_slopes(old, was.size, PETSC_FALSE, p));
+    PetscCall(MeshCarryCells(old, f->mesh, p, q));
+    PetscCall(scale_slopes(f->mesh, f->size, PETSC_TRUE, q));
+  }
+  PetscCall(FlowDestroyParts(&was));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
