@@ -53,7 +53,9 @@ struct _p_FlowSolver {
   PC                 split; /* the inner PCFIELDSPLIT */
   KSP               *sub;
   PetscInt           limited[2];                  /* solves for velocity, pressure at their limit in the last step */
-  PetscBool          fixed;                       /* recipe fast: a fixed number of iterations, without norms */
+  PetscBool          single;                      /* recipe fast without bodies: one sweep, without norms */
+  PetscInt           least;                       /* iterations of a solve */
+  void              *test;                        /* of KSPConvergedDefault */
   PetscReal          share_of_pressure;           /* see WHOLE_PRESSURE */
   PetscReal          rtol, rtol_start, rtol_most; /* see the header */
   TwoStage           two;                         /* or NULL: not wanted */

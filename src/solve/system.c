@@ -98,6 +98,17 @@ static PetscErrorCode create_operators(FlowSolver fs)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* PETSc's own test, but not before the least number of iterations */
+static PetscErrorCode test_convergence(KSP ksp, PetscInt it, PetscReal norm, KSPConvergedReason *reason, void *ctx)
+{
+  const FlowSolver fs = (FlowSolver)ctx;
+
+  PetscFunctionBeginUser;
+  PetscCall(KSPConvergedDefault(ksp, it, norm, reason, fs->test));
+  if (*reason == KSP_CONVERGED_RTOL && it < fs->least) *reason = KSP_CONVERGED_ITERATING;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode create_solvers(FlowSolver fs)
 {
   PC pc;
@@ -105,6 +116,8 @@ static PetscErrorCode create_solvers(FlowSolver fs)
   PetscFunctionBeginUser;
   PetscCall(KSPCreate(PETSC_COMM_WORLD, &fs->ksp));
   PetscCall(KSPSetOptionsPrefix(fs->ksp, "flow_"));
+  PetscCall(KSPConvergedDefaultCreate(&fs->test));
+  PetscCall(KSPSetConvergenceTest(fs->ksp, test_convergence, fs, NULL));
   PetscCall(KSPGetPC(fs->ksp, &pc));
   if (!fs->need_whole) PetscCall(FlowSolverCreateProjection(fs, pc));
   PetscCall(KSPSetFromOptions(fs->ksp));
@@ -156,6 +169,7 @@ PetscErrorCode FlowSolverDestroy(FlowSolver *solver)
   PetscFunctionBeginUser;
   if (!fs) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(KSPDestroy(&fs->ksp));
+  PetscCall(KSPConvergedDefaultDestroy(fs->test));
   PetscCall(TwoStageDestroy(&fs->two));
   PetscCall(PetscFree(fs->sub));
   PetscCall(PCDestroy(&fs->split));
@@ -504,7 +518,7 @@ static PetscErrorCode start_from(FlowSolver fs, const PetscReal dp[])
   PetscFunctionBeginUser;
   PetscCall(MatMult(fs->nest, fs->x, fs->r));
   PetscCall(VecAYPX(fs->r, -1, fs->b));
-  if (dp && !fs->fixed && !fs->need_whole) PetscCall(shift_pressure(fs, dp));
+  if (dp && !fs->single && !fs->need_whole) PetscCall(shift_pressure(fs, dp));
   PetscCall(MatGetNullSpace(fs->nest, &constant));
   if (constant) PetscCall(MatNullSpaceRemove(constant, fs->r)); /* the round-off of a small residual would dominate */
   PetscCall(VecZeroEntries(fs->y));
