@@ -37,7 +37,7 @@ MPIEXEC    ?= $(call once,MPIEXEC,mpiexec --version | grep -qE 'Open MPI|OpenRTE
 , := ,
 
 COMPILE = $(CC) -std=gnu11 -g $(OPT) -Wall -Wextra -fPIC -MMD -MP -Iinclude -I$(BUILD) $(PETSC_FLAGS) $(CFLAGS)
-LIBS    = $(PETSC_LIBS) $(PETSC_RPATH) -lmetis -lyaml -ldl -lm $(LDFLAGS)
+LIBS    = $(PETSC_LIBS) $(PETSC_RPATH) -lmetis -lyaml -lmuparser -ldl -lm $(LDFLAGS)
 TUMBLE  = -L$(BUILD) -ltumble -Wl,-rpath,'$$ORIGIN/..:$$ORIGIN/../..:$$ORIGIN/../../..'
 ENTER   = $(Q)$(if $(Q),printf '  %-5s %s\n' $1 $@; )mkdir -p $(@D) &&
 

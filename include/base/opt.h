@@ -45,7 +45,8 @@ typedef struct {
   const char *choices;      /* of OPT_CHOICE: "be, cn, bdf2" */
   PetscBool   expert;       /* shown by -help expert only: tolerances, thresholds */
   OptPaths    path;         /* of OPT_STRING: a file or folder to read, see OptSetScene */
-  const char *old;          /* former name, refused with the new one; NULL for none */
+  const char *variables; /* of OPT_REALS: NULL, or what each value may be an expression of, "x, y, z, t": base/expr.h */
+  const char *old;       /* former name, refused with the new one; NULL for none */
 } OptSpec;
 
 /* OPT_TABLE("flow: fluid and boundary conditions", SPECS) at the end of a room's options.c. A constructor of the
@@ -93,7 +94,8 @@ PetscErrorCode OptStringArray(const char name[], PetscInt *n, char *list[]);
 /* Was this option given at all? Counts as reading it. */
 PetscErrorCode OptHas(const char name[], PetscBool *found);
 
-/* Text of an option, "" when it is absent or has no value. Does not count as reading it: for src/run/defaults.c. */
+/* Text of an option, "" when it is absent or has no value. Does not count as reading it: for defaults that
+   depend on other options. */
 PetscErrorCode OptPeek(const char name[], char text[], size_t len);
 
 /* Set a default: kept only if neither scene nor command line gives the option. Of two for one name the later holds.

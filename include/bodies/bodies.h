@@ -14,12 +14,15 @@
    (motion.h). */
 #pragma once
 #include "shape/host.h"
+#include "base/expr.h"
 #include "base/state.h"
 
 /* What a scene says about the motion of a group beyond "free"; see motion.h in src/bodies. */
 typedef struct {
+  PetscInt  dim;
   PetscBool constant, rotate; /* do velocity and angular velocity of the start act? */
-  PetscBool given;            /* -particle_<g>_motion */
+  PetscBool given;            /* -particle_<g>_motion, or velocities that change in time */
+  Expr      velocity, omega;  /* those of the start as expressions of t; NULL: numbers, which each body has */
   PetscReal amplitude[3], period[3], phase[3];
   PetscReal swing[3]; /* amplitude, period, phase of the angle about z */
   PetscReal ramp;

@@ -27,6 +27,8 @@ PetscErrorCode ContactCreate(Bodies, PetscReal h, PetscReal rho_f, const PetscRe
 PetscErrorCode ContactSetPeriod(Contact, const PetscReal period[3]);
 /* Dynamic viscosity of the film between bodies, for -contact_lubrication (default 0). Not collective. */
 PetscErrorCode ContactSetViscosity(Contact, PetscReal viscosity);
+/* Gravity from now on, where it changes in time; speed scales stay those of the gravity at creation. Not collective. */
+PetscErrorCode ContactSetGravity(Contact, const PetscReal gravity[]);
 PetscErrorCode ContactDestroy(Contact *);
 PetscErrorCode ContactView(Contact, PetscViewer);
 

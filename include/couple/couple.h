@@ -98,6 +98,16 @@ typedef struct {
   PetscReal size;    /* that sum */
 } CoupleBalance;
 
+/* The uniform force of -flow_rate and -couple_backflow, measured by CoupleMomentum. */
+typedef struct {
+  PetscInt  held, backflow; /* bit masks of axes: mean velocity held; under -couple_backflow flux or force */
+  PetscReal force[3];       /* per volume, with -flow_force */
+  PetscReal error; /* of the back-flow condition. flux: mean velocity over its root mean square; force: what accelerates
+                      fluid and bodies beyond walls, openings and held bodies, over the sum of the loads */
+} CoupleDrive;
+/* NULL: neither is asked for. Borrowed. */
+PetscErrorCode CoupleGetDrive(Couple, const CoupleDrive **);
+
 /* Energy of fluid and bodies after CoupleForce, and the power of all that acts on them from outside: weight less
    buoyancy, external loads and contact on bodies that move freely, what moves walls and prescribed bodies, inflow (its
    pressure and its kinetic energy), -flow_force. Bodies with a degree of freedom that is prescribed and moves count as

@@ -1,6 +1,7 @@
 /* Conditions: conditions of the flow on the named boundaries of the mesh.
 
-   The velocity of an inflow or a wall is the largest one of its profile, parabolic over the extent of the boundary; a
+   The velocity of an inflow or a wall is the largest one of its profile, parabolic over the extent of the boundary, or
+   an expression of x, y, z and t (of the end of the step), which profile, factor and ramp multiply as well; a
    rotating wall has omega x (x - centre). outflow is the do-nothing condition mu du/dn - p n = 0 of the gradient form;
    slip fixes the normal component on planes along an axis. */
 #pragma once
@@ -20,6 +21,9 @@ PetscErrorCode ConditionsGetValues(Conditions, const PetscInt *fixed[], const Pe
 PetscErrorCode ConditionsGetWalls(Conditions, const PetscInt *wall[]);
 /* Is the pressure determined up to a constant only (no outflow)? */
 PetscErrorCode ConditionsPressureIsFloating(Conditions, PetscBool *floating);
+/* Along which axes can a uniform force change the mean velocity? Along periodic ones, and between outflows across the
+   axis at different places; elsewhere what is prescribed says what flows. Bit mask of axes. Collective. */
+PetscErrorCode ConditionsGetOpenAxes(Conditions, PetscInt *axes);
 /* Bit mask of solid faces of the box (no_slip or moving_wall): bit 2 axis for lower, 2 axis + 1 for upper. Boundaries
    of other names do not count. */
 PetscErrorCode ConditionsGetSolidFaces(Conditions, PetscInt *faces);

@@ -30,15 +30,21 @@
 #pragma once
 #include "flow/condition.h"
 #include "mesh/mesh.h"
+#include "base/expr.h"
 #include "base/state.h"
 
 typedef struct _p_Flow *Flow;
 
 typedef struct {
   PetscReal density, viscosity; /* rho_f, mu (dynamic) */
-  PetscReal gravity[3];         /* acts on bodies through M - M_f; the fluid's share is absorbed in the pressure */
-  PetscReal force[3];           /* body force per volume on the fluid */
-  PetscReal velocity[3];        /* of the whole fluid at the start */
+  PetscReal gravity[3]; /* acts on bodies through M - M_f; the fluid's share is absorbed in the pressure. An expression
+                           of t: that of the step, theta at its end + (1 - theta) at its beginning */
+  PetscReal
+    force[3]; /* body force per volume on the fluid, likewise, with that of FlowSetDrive; one that depends on the
+                           place: FlowGetSource */
+  PetscReal velocity[3]; /* of the whole fluid at the start */
+  PetscInt  held;        /* bit mask of axes along which -flow_rate holds the mean velocity */
+  PetscReal rate[3];     /* and the mean velocities there */
   PetscBool convection;
   PetscReal skew;      /* share of (div w) u in the convection: 0 convective, 1/2 skew-symmetric form */
   PetscInt  quadratic; /* extrapolation of the convecting velocity: 0 linear, 1 quadratic */
@@ -58,8 +64,9 @@ typedef struct {
    in options, slip on a boundary that is not a plane along an axis, inflow without velocity. */
 PetscErrorCode FlowCreate(Mesh, Flow *);
 /* The options of the fluid that scenes without a flow have as well: they stay as on entry where they are not given.
-   gravity [dim]. Collective. */
-PetscErrorCode FlowReadFluid(PetscInt dim, PetscReal *density, PetscReal gravity[]);
+   gravity [dim]. *changing: NULL, or gravity as expressions of t, to be destroyed by the caller, with gravity that of
+   the time 0. Collective. */
+PetscErrorCode FlowReadFluid(PetscInt dim, PetscReal *density, PetscReal gravity[], Expr *changing);
 PetscErrorCode FlowDestroy(Flow *);
 PetscErrorCode FlowView(Flow, PetscViewer);
 PetscErrorCode FlowGetParameters(Flow, const FlowParameters **);
@@ -92,9 +99,18 @@ PetscErrorCode FlowSetDrift(Flow, const PetscReal drift[]);
 /* Convecting velocity w of the next FlowAssemble, [nnode_all][dim] synced. Local. */
 PetscErrorCode FlowSetConvection(Flow, const PetscReal w[]);
 
+/* A uniform force per volume in addition to -flow_force, from the next FlowRhs on and in all that tells of the present
+   solution. */
+PetscErrorCode FlowSetDrive(Flow, const PetscReal force[3]);
+
 /* Body force per volume that varies, in addition to -flow_force, taken at the nodes and interpolated; for verification.
    NULL: none. From the next BeginStep on. */
 PetscErrorCode FlowSetSource(Flow, VectorField, void *ctx);
+/* Body force per volume of this step in addition to the parameters' force: of FlowSetSource, and of a -flow_force that
+   depends on the place: [nnode_all][dim], NULL: none. Borrowed. */
+PetscErrorCode FlowGetSource(Flow, const PetscReal *source[]);
+/* -flow_force of this step at a point x [dim]: force [3]. */
+PetscErrorCode FlowForceAt(Flow, const PetscReal x[], PetscReal force[3]);
 
 /* The boundary conditions, set to the time of the step. Borrowed. */
 Conditions FlowConditions(Flow);

@@ -6,9 +6,12 @@
    node with an own cell); own nodes first, then ghost nodes. Local indices everywhere; global = node_start + local for
    own nodes.
 
-   PETSc's -dm_refine and -petscpartitioner_type act on it. */
+   PETSc's -dm_refine and -petscpartitioner_type act on it. With -mesh_levels cells are refined where it is wanted: a
+   cell beside a larger one then has nodes of the larger one in its slots, and values at its lattice places come from
+   them by an interpolation of the element (mesh/hang.h). */
 #pragma once
 #include "base/domain.h"
+#include "mesh/hang.h"
 #include <petscdmplex.h>
 #include <petscsf.h>
 
@@ -16,23 +19,25 @@
 
 /* Read-only view of the local mesh. */
 typedef struct {
-  PetscInt         dim, nb;                /* nb = 3^dim nodes a cell */
-  PetscInt         ncell, ncell_all;       /* own cells; with ghosts */
-  PetscInt         nnode, nnode_all;       /* own Q2 nodes; with ghosts */
-  PetscInt         cell_start, node_start; /* global index of the first own cell, node */
-  PetscInt         ncell_global, nnode_global;
-  const PetscInt  *cell_node;     /* [ncell_all][nb] local node */
-  const PetscInt  *cell_global;   /* [ncell_all] global cell index */
-  const PetscInt  *node_global;   /* [nnode_all] global node index */
-  const PetscInt  *node_cell_ptr; /* [nnode_all + 1] into node_cell: the cells around a node */
-  const PetscInt  *node_cell;
-  const PetscInt  *centre_cell;        /* [nnode_all] cell whose centre node it is, or -1 */
-  const PetscReal *x;                  /* [nnode_all][dim] node coordinates, second-order geometry */
-  const PetscReal *x_start;            /* [nnode_all][dim] the same before any MeshMoveNodes */
-  PetscInt         moves;              /* calls of MeshMoveNodes so far */
-  PetscReal        period[3];          /* length of the period along an axis, 0 = not periodic */
-  PetscReal        lower[3], upper[3]; /* bounding box of the whole mesh */
-  PetscReal        h;                  /* smallest cell size of the whole mesh (volume^(1/dim)) */
+  PetscInt               dim, nb;                /* nb = 3^dim nodes a cell */
+  PetscInt               ncell, ncell_all;       /* own cells; with ghosts */
+  PetscInt               nnode, nnode_all;       /* own Q2 nodes; with ghosts */
+  PetscInt               cell_start, node_start; /* global index of the first own cell, node */
+  PetscInt               ncell_global, nnode_global;
+  const PetscInt        *cell_node;     /* [ncell_all][nb] local node */
+  const PetscInt        *cell_global;   /* [ncell_all] global cell index */
+  const PetscInt        *node_global;   /* [nnode_all] global node index */
+  const PetscInt        *node_cell_ptr; /* [nnode_all + 1] into node_cell: the cells around a node */
+  const PetscInt        *node_cell;
+  const MeshHang *const *hang; /* [ncell_all] where slots of a cell are not its places, NULL entry: they are; NULL:
+                                     everywhere */
+  const PetscInt        *centre_cell;        /* [nnode_all] cell whose centre node it is, or -1 */
+  const PetscReal       *x;                  /* [nnode_all][dim] node coordinates, second-order geometry */
+  const PetscReal       *x_start;            /* [nnode_all][dim] the same before any MeshMoveNodes */
+  PetscInt               moves;              /* calls of MeshMoveNodes so far */
+  PetscReal              period[3];          /* length of the period along an axis, 0 = not periodic */
+  PetscReal              lower[3], upper[3]; /* bounding box of the whole mesh */
+  PetscReal              h;                  /* smallest cell size of the whole mesh (volume^(1/dim)) */
 } MeshLocal;
 
 typedef struct _p_Mesh *Mesh;
@@ -40,10 +45,25 @@ typedef struct _p_Mesh *Mesh;
 /* Build from options, distribute, number. Collective. Errors: unreadable file, cells that are not
    quadrilaterals/hexahedra, inverted cells (named by their centre), fewer than 3 cells along a periodic axis. */
 PetscErrorCode MeshCreate(MPI_Comm, Mesh *);
+
+/* What -mesh_levels refines around: d [1] the distance of x to it (0 where all is to be fine), which changes by at most
+   the way; beyond `reach` any larger number does. The same on every rank; not collective. */
+typedef struct {
+  PetscErrorCode (*distance)(void *context, const PetscReal x[3], PetscReal reach, PetscReal *d);
+  void *context;
+} MeshSurface;
+
+/* MeshCreate with -mesh_levels around `surface` (NULL: there is none). Collective. More errors: what -mesh_levels does
+   not work with. */
+PetscErrorCode MeshCreateAround(MPI_Comm, const MeshSurface *, Mesh *);
+/* Before a mesh is made: its levels of refinement (0: none), around bodies or in boxes alone, and the box it will fill.
+   Collective. */
+PetscErrorCode MeshReadLevels(PetscInt *levels, PetscBool *around);
+PetscErrorCode MeshReadBox(MPI_Comm, PetscInt *dim, PetscReal lower[3], PetscReal upper[3], PetscReal period[3]);
 PetscErrorCode MeshDestroy(Mesh *);
 PetscErrorCode MeshView(Mesh, PetscViewer);
 PetscErrorCode MeshGetLocal(Mesh, const MeshLocal **);
-PetscErrorCode MeshGetDM(Mesh, DM *);
+PetscErrorCode MeshGetComm(Mesh, MPI_Comm *);
 
 /* Boundaries: names such as left right bottom top back front (box) or the physical names of a Gmsh file. */
 PetscErrorCode MeshGetBoundaryCount(Mesh, PetscInt *n);
@@ -63,8 +83,29 @@ static inline PetscBool MeshNextImage(const MeshLocal *l, const PetscReal x[3], 
   return DomainNextImage(l->period, l->lower, l->upper, x, half, i);
 }
 
-/* Coordinates of the nodes of local cell c, xc [nb][dim], unwrapped across periodic boundaries. Not collective. */
+/* Coordinates of the lattice places of local cell c, xc [nb][dim], unwrapped across periodic boundaries; those of the
+   nodes in its slots, which differ where something hangs. Not collective. */
 PetscErrorCode MeshCellCoordinates(Mesh, PetscInt c, PetscReal xc[]);
+PetscErrorCode MeshSlotCoordinates(Mesh, PetscInt c, PetscReal xs[]);
+
+/* Element interpolation of local cell c, NULL where nothing hangs; values v [nb][bs] in slots to places, r [nb][bs]
+   from places to slots, matrices K [nb * bs][stride] of the same unknowns (mesh/hang.h) */
+static inline const MeshHang *MeshCellHang(const MeshLocal *l, PetscInt c)
+{
+  return l->hang ? l->hang[c] : NULL;
+}
+static inline void MeshCellGather(const MeshLocal *l, PetscInt c, PetscInt bs, PetscReal v[])
+{
+  if (l->hang && l->hang[c]) MeshHangGather(l->hang[c], bs, v);
+}
+static inline void MeshCellScatter(const MeshLocal *l, PetscInt c, PetscInt bs, PetscReal r[])
+{
+  if (l->hang && l->hang[c]) MeshHangScatter(l->hang[c], bs, r);
+}
+static inline void MeshCellMatrix(const MeshLocal *l, PetscInt c, PetscInt bs, PetscInt stride, PetscReal K[])
+{
+  if (l->hang && l->hang[c]) MeshHangMatrix(l->hang[c], bs, stride, K);
+}
 
 /* Nodes (own and ghost) whose coordinates, as they were before any MeshMoveNodes, lie in the cube of half-width `half`
    about x [dim]; cost is proportional to the answer, by a background grid. The list is valid until the next call.

@@ -54,6 +54,20 @@ PetscErrorCode FlowSolverSetRigid(FlowSolver, const PetscReal D[]);
    between steps. */
 PetscErrorCode FlowSolverSetSoft(FlowSolver, const PenaltyTerm *);
 
+/* Integrals of the velocity over the domain that are held, each by a uniform force along its axis: one more unknown and
+   one more row each, which hold up to rounding whatever the tolerances (held.c). Nodes count with their lumped mass.
+   The right-hand side of FlowSolverSolve holds the forces as they were before. */
+typedef struct {
+  PetscInt   n; /* at most 3 */
+  PetscInt   axis[3];
+  PetscReal *rigid[3];  /* [nbodies][nr] weights of rigid velocities whose bodies hold no nodes; what the force does to
+                           their rows */
+  PetscReal  target[3]; /* the integrals */
+  PetscReal  force[3];  /* set by FlowSolverSolve: what is to be added to the force per volume */
+} FlowHeld;
+/* Borrowed, from the next FlowSolverSolve on; n and axis must not change. Collective. */
+PetscErrorCode FlowSolverSetHeld(FlowSolver, FlowHeld *);
+
 /* Around a FlowUpdateCells: which cells are about to change, and afterwards which ones are no part of the fluid
    (PressureForgetCells, PressureSetDead). Collective. */
 PetscErrorCode FlowSolverForgetCells(FlowSolver, PetscInt n, const PetscInt cells[]);

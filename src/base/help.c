@@ -35,6 +35,7 @@ void OptFormatMeaning(const OptSpec *spec, char text[], size_t len)
 
   OptFormatRange(spec, range, sizeof(range));
   if (spec->choices) snprintf(range, sizeof(range), "one of: %s", spec->choices);
+  if (spec->variables) snprintf(range, sizeof(range), "or expressions of %s", spec->variables);
   snprintf(text, len, "%s%s%s%s%s%s%s", spec->help, unit[0] ? " [" : "", unit, unit[0] ? "]" : "", range[0] ? " (" : "", range, range[0] ? ")" : "");
 }
 
@@ -111,6 +112,7 @@ static void print_markdown(FILE *file)
     if (at.title)
       fprintf(file, "\n## %s\n\n| option | unit | range | default | meaning | read with |\n| --- | --- | --- | --- | --- | --- |\n", at.title);
     OptFormatRange(spec, range, sizeof(range));
+    if (spec->variables) snprintf(range, sizeof(range), "or expressions of %s", spec->variables);
     fprintf(file, "| `%s` ", spec->name);
     print_cell(file, spec->unit);
     print_cell(file, spec->choices ? spec->choices : range);

@@ -158,7 +158,7 @@ PetscErrorCode OptDeclareOne(const OptSpec *spec)
 }
 
 /* Called by every reader: the row of what is read. */
-static PetscErrorCode begin_reading(const char name[], OptType type, PetscBool any_type, const OptSpec **spec)
+PetscErrorCode OptBeginReading(const char name[], OptType type, PetscBool any_type, const OptSpec **spec)
 {
   OptKnown *known;
 
@@ -228,7 +228,7 @@ static PetscInt count_items(const char text[])
 /* ---- the PETSc database ---- */
 
 /* Text of the option as given, NULL when absent; marks it as used. */
-static PetscErrorCode find_text(const char name[], const OptSpec *spec, const char **text)
+PetscErrorCode OptFindText(const char name[], const OptSpec *spec, const char **text)
 {
   char      meaning[OPT_LINE];
   PetscBool given;
@@ -375,9 +375,9 @@ PetscErrorCode OptReal(const char name[], PetscReal *value)
   const char    *text;
 
   PetscFunctionBeginUser;
-  PetscCall(begin_reading(name, OPT_REAL, PETSC_FALSE, &spec));
+  PetscCall(OptBeginReading(name, OPT_REAL, PETSC_FALSE, &spec));
   PetscCall(check_number(spec, (double)*value));
-  PetscCall(find_text(name, spec, &text));
+  PetscCall(OptFindText(name, spec, &text));
   if (text) PetscCall(parse_real(spec, name, text, value));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -388,9 +388,9 @@ PetscErrorCode OptInt(const char name[], PetscInt *value)
   const char    *text;
 
   PetscFunctionBeginUser;
-  PetscCall(begin_reading(name, OPT_INT, PETSC_FALSE, &spec));
+  PetscCall(OptBeginReading(name, OPT_INT, PETSC_FALSE, &spec));
   PetscCall(check_number(spec, (double)*value));
-  PetscCall(find_text(name, spec, &text));
+  PetscCall(OptFindText(name, spec, &text));
   if (text) PetscCall(parse_int(spec, name, text, value));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -404,7 +404,7 @@ PetscErrorCode OptBool(const char name[], PetscBool *value)
   size_t                   i = 0;
 
   PetscFunctionBeginUser;
-  PetscCall(begin_reading(name, OPT_BOOL, PETSC_FALSE, &spec));
+  PetscCall(OptBeginReading(name, OPT_BOOL, PETSC_FALSE, &spec));
   PetscCall(check_word(spec, *value ? "true" : "false"));
   PetscCall(PetscOptionsFindPair(NULL, NULL, name, &text, &given));
   if (!given) PetscFunctionReturn(PETSC_SUCCESS);
@@ -424,7 +424,7 @@ PetscErrorCode OptChoice(const char name[], const char *const words[], PetscInt 
   PetscInt       n;
 
   PetscFunctionBeginUser;
-  PetscCall(begin_reading(name, OPT_CHOICE, PETSC_FALSE, &spec));
+  PetscCall(OptBeginReading(name, OPT_CHOICE, PETSC_FALSE, &spec));
   for (n = 0; words[n]; n++) {
     PetscCall(PetscStrlcat(known, n ? ", " : "", sizeof(known)));
     PetscCall(PetscStrlcat(known, words[n], sizeof(known)));
@@ -432,7 +432,7 @@ PetscErrorCode OptChoice(const char name[], const char *const words[], PetscInt 
   PetscCheck(spec->choices && !strcmp(known, spec->choices), PETSC_COMM_WORLD, PETSC_ERR_PLIB,
              "The row of option %s in options.c has the words '%s', its reader '%s'", name, spec->choices, known);
   if (*index >= 0 && *index < n) PetscCall(check_word(spec, words[*index]));
-  PetscCall(find_text(name, spec, &text));
+  PetscCall(OptFindText(name, spec, &text));
   if (!text) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt i = 0; i < n; i++) {
     if (OptSameName(text, words[i])) {
@@ -449,8 +449,8 @@ PetscErrorCode OptString(const char name[], char value[], size_t len)
   const char    *text;
 
   PetscFunctionBeginUser;
-  PetscCall(begin_reading(name, OPT_STRING, PETSC_FALSE, &spec));
-  PetscCall(find_text(name, spec, &text));
+  PetscCall(OptBeginReading(name, OPT_STRING, PETSC_FALSE, &spec));
+  PetscCall(OptFindText(name, spec, &text));
   if (!text) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCheck(strlen(text) < len, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s has %zu characters, at most %zu fit: %s", name, strlen(text),
              len - 1, spec->help);
@@ -467,9 +467,9 @@ static PetscErrorCode read_array(const char name[], PetscInt n, PetscReal real[]
   const char    *cursor;
 
   PetscFunctionBeginUser;
-  PetscCall(begin_reading(name, real ? OPT_REALS : OPT_INTS, PETSC_FALSE, &spec));
+  PetscCall(OptBeginReading(name, real ? OPT_REALS : OPT_INTS, PETSC_FALSE, &spec));
   for (PetscInt i = 0; i < n; i++) PetscCall(check_number(spec, real ? (double)real[i] : (double)integer[i]));
-  PetscCall(find_text(name, spec, &cursor));
+  PetscCall(OptFindText(name, spec, &cursor));
   if (found) *found = cursor ? PETSC_TRUE : PETSC_FALSE;
   if (!cursor) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(check_count(spec, name, cursor, n));
@@ -505,7 +505,7 @@ PetscErrorCode OptStringArray(const char name[], PetscInt *n, char *words[])
 
   PetscFunctionBeginUser;
   *n = 0;
-  PetscCall(begin_reading(name, OPT_STRINGS, PETSC_FALSE, &spec));
+  PetscCall(OptBeginReading(name, OPT_STRINGS, PETSC_FALSE, &spec));
   PetscCall(PetscOptionsFindPair(NULL, NULL, name, &text, &given));
   if (!given || !text) PetscFunctionReturn(PETSC_SUCCESS); /* absent, or the empty list */
   PetscCheck(count_items(text) <= room, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
@@ -525,7 +525,7 @@ PetscErrorCode OptHas(const char name[], PetscBool *found)
   const OptSpec *spec = NULL;
 
   PetscFunctionBeginUser;
-  PetscCall(begin_reading(name, OPT_BOOL, PETSC_TRUE, &spec));
+  PetscCall(OptBeginReading(name, OPT_BOOL, PETSC_TRUE, &spec));
   PetscCall(PetscOptionsHasName(NULL, NULL, name, found));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -29,6 +29,13 @@ const OptKnown *OptFindKnown(const char name[]);
 /* Row of a name, NULL if there is none; of several the one with the most text besides its placeholders. */
 const OptSpec *OptFindSpec(const char name[]);
 
+/* Called by every reader: the row of what is read, of this type or (any_type) of any; then its text, NULL when it is
+   absent. */
+PetscErrorCode OptBeginReading(const char name[], OptType type, PetscBool any_type, const OptSpec **spec);
+PetscErrorCode OptFindText(const char name[], const OptSpec *spec, const char **text);
+/* Is the text a list of plain numbers? */
+PetscBool OptIsNumbers(const char text[]);
+
 /* Does a name fit a row's name ("-flow_bc_<boundary>_type")? What stands for the placeholder goes to word[len], which
    may be NULL; "" when there is none. */
 PetscBool OptFits(const char pattern[], const char name[], char word[], size_t len);

@@ -52,7 +52,7 @@ PetscErrorCode BodiesGetKnownVelocity(Bodies b, PetscInt k, PetscReal time, Pets
   PetscCall(PetscArraycpy(u, s->u[k], 3));
   PetscCall(PetscArraycpy(w, s->w[k], 3));
   if (nothing_known(b, k)) PetscFunctionReturn(PETSC_SUCCESS);
-  MotionEvaluate(&g->motion, start_of(b, k), time, x, uk, turn, wk);
+  PetscCall(MotionEvaluate(&g->motion, start_of(b, k), time, x, uk, turn, wk));
   for (PetscInt a = 0; a < 3; a++) {
     if (!BodiesIsFree(b, k, a)) u[a] = uk[a];
     if (!(g->free & BODY_FREE_ROTATION)) w[a] = wk[a];
@@ -71,7 +71,7 @@ static PetscErrorCode place_known(Bodies b, PetscInt k, PetscReal time, PetscRea
 
   PetscFunctionBeginUser;
   if (nothing_known(b, k)) PetscFunctionReturn(PETSC_SUCCESS);
-  MotionEvaluate(&g->motion, start_of(b, k), time, x, uk, turn, wk);
+  PetscCall(MotionEvaluate(&g->motion, start_of(b, k), time, x, uk, turn, wk));
   if (!(g->free & BODY_FREE_ROTATION)) {
     turn_from_start(b, k, turn, q, angle);
     if (w) PetscCall(PetscArraycpy(w, wk, 3));

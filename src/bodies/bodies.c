@@ -130,7 +130,10 @@ PetscErrorCode BodiesDestroy(Bodies *bodies)
   PetscFunctionBeginUser;
   if (!*bodies) PetscFunctionReturn(PETSC_SUCCESS);
   s = &(*bodies)->state;
-  for (PetscInt g = 0; g < s->ngroups; g++) PetscCall(ShapeDestroy(&s->group[g].shape));
+  for (PetscInt g = 0; g < s->ngroups; g++) {
+    PetscCall(ShapeDestroy(&s->group[g].shape));
+    PetscCall(MotionDestroy(&s->group[g].motion));
+  }
   PetscCall(PetscFree(s->group));
   for (PetscInt f = 0; f < NFIELDS; f++) PetscCall(PetscFree(*field(s, f)));
   PetscCall(PetscFree(s->body_group));

@@ -67,8 +67,11 @@ static PetscErrorCode check_motion(const BodyGroup *g)
 
   PetscFunctionBeginUser;
   for (PetscInt a = 0; a < 4; a++)
-    PetscCheck(!(g->free >> a & 1) || !MotionOscillates(m, a), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-               "Group '%s': -particle_%s_motion prescribes %s, and -particle_%s_free sets it free: remove it from one of them", g->name, g->name,
+    PetscCheck(!(g->free >> a & 1) || !MotionChanges(m, a), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "Group '%s': -particle_%s_%s prescribes %s, and -particle_%s_free sets it free: remove it from one of them", g->name, g->name,
+               MotionOscillates(m, a) ? "motion"
+               : a < 3                ? "velocity"
+                                      : "angular_velocity",
                word[a], g->name);
   PetscCheck(!m->has_pivot || !moves, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "Group '%s' turns about -particle_%s_pivot, which does not move freely: give -particle_%s_free rotation or none", g->name, g->name,
@@ -78,7 +81,7 @@ static PetscErrorCode check_motion(const BodyGroup *g)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim)
+static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim, Start *s)
 {
   char      name[OPT_NAME], type[64] = "", prefix[128];
   PetscBool has_density;
@@ -91,7 +94,8 @@ static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim)
   PetscCall(ShapeGetMass(g->shape, &g->mass));
   PetscCall(ShapeGetRadius(g->shape, &g->radius));
   PetscCall(ShapeGetDisc(g->shape, &g->disc));
-  PetscCall(MotionRead(g->name, dim, &g->motion));
+  PetscCall(OptReal(OptJoin("-particle_", g->name, "_angle", name), &s->base.angle));
+  PetscCall(MotionRead(g->name, dim, &g->motion, s->base.u, s->base.omega));
   PetscCall(read_free(g->name, dim, &g->motion, &g->free));
   PetscCall(check_motion(g));
   for (PetscInt a = 0; a < dim && g->motion.has_pivot; a++) g->arm[a] = g->mass.centroid[a] - g->motion.pivot[a];
@@ -100,18 +104,6 @@ static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim)
   PetscCall(OptReal(name, &g->density));
   PetscCheck(has_density || !g->free, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "Group '%s' moves but has no density: give %s, or -particle_%s_free none", g->name, name, g->name);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode read_velocities(const char group[], PetscInt dim, Start *s)
-{
-  char name[OPT_NAME];
-
-  PetscFunctionBeginUser;
-  PetscCall(OptReal(OptJoin("-particle_", group, "_angle", name), &s->base.angle));
-  PetscCall(OptRealArray(OptJoin("-particle_", group, "_velocity", name), dim, s->base.u, NULL));
-  PetscCall(
-    OptRealArray(OptJoin("-particle_", group, "_angular_velocity", name), dim == 2 ? 1 : 3, dim == 2 ? s->base.omega + 2 : s->base.omega, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -176,11 +168,10 @@ static PetscErrorCode start_group(BodyGroup *g, PetscInt dim, Start *s)
 static PetscErrorCode read_group(BodyGroup *g, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], Start *s)
 {
   PetscFunctionBeginUser;
-  PetscCall(read_shape(g, dim));
+  PetscCall(read_shape(g, dim, s));
   s->count = 1;
   PetscCall(PetscArraycpy(s->lower, lower, 3));
   PetscCall(PetscArraycpy(s->upper, upper, 3));
-  PetscCall(read_velocities(g->name, dim, s));
   PetscCall(read_place(g->name, dim, s));
   PetscCall(check_place(g, s));
   PetscCall(start_group(g, dim, s));

@@ -63,7 +63,27 @@ static PetscErrorCode read_stops(const char group[], PetscInt dim, Motion *m)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MotionRead(const char group[], PetscInt dim, Motion *m)
+/* Numbers, or expressions of t with their values at the time 0 */
+static PetscErrorCode read_velocities(const char group[], PetscInt dim, Motion *m, PetscReal u[3], PetscReal w[3])
+{
+  const PetscInt n = dim == 2 ? 1 : 3;
+  char           name[OPT_NAME];
+  PetscInt       turns = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(ExprRead(OptJoin("-particle_", group, "_velocity", name), dim, dim, u, &m->velocity, NULL));
+  if (m->velocity) PetscCall(ExprEvaluate(m->velocity, 0, 1, NULL, u));
+  PetscCall(ExprRead(OptJoin("-particle_", group, "_angular_velocity", name), dim, n, w + 3 - n, &m->omega, NULL));
+  if (m->velocity || m->omega) m->given = PETSC_TRUE;
+  if (!m->omega) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ExprEvaluate(m->omega, 0, 1, NULL, w + 3 - n));
+  for (PetscInt a = 0; a < n; a++) turns += ExprValueUsesTime(m->omega, a) || w[3 - n + a] != 0;
+  PetscCheck(turns == 1, PETSC_COMM_SELF, PETSC_ERR_SUP,
+             "%s = %s: an axis that turns has no angle in closed form; let only one component be other than 0", name, ExprText(m->omega));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MotionRead(const char group[], PetscInt dim, Motion *m, PetscReal u[3], PetscReal w[3])
 {
   char      name[OPT_NAME];
   PetscBool oscillate = PETSC_FALSE;
@@ -72,7 +92,9 @@ PetscErrorCode MotionRead(const char group[], PetscInt dim, Motion *m)
   PetscCall(PetscMemzero(m, sizeof(*m)));
   for (PetscInt a = 0; a < 3; a++) m->period[a] = 1;
   m->swing[1] = 1;
+  m->dim      = dim;
   PetscCall(read_parts(group, m, &oscillate));
+  PetscCall(read_velocities(group, dim, m, u, w));
   if (oscillate) PetscCall(read_oscillation(group, dim, m));
   if (m->given) { PetscCall(OptReal(OptJoin("-particle_", group, "_motion_ramp", name), &m->ramp)); }
   PetscCall(OptRealArray(OptJoin("-particle_", group, "_pivot", name), dim, m->pivot, &m->has_pivot));
@@ -82,29 +104,70 @@ PetscErrorCode MotionRead(const char group[], PetscInt dim, Motion *m)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode MotionDestroy(Motion *m)
+{
+  PetscFunctionBeginUser;
+  PetscCall(ExprDestroy(&m->velocity));
+  PetscCall(ExprDestroy(&m->omega));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscBool MotionChanges(const Motion *m, PetscInt a)
+{
+  if (a < 3 && m->velocity && m->constant && a < m->dim && ExprValueUsesTime(m->velocity, a)) return PETSC_TRUE;
+  if (a == 3 && m->omega && m->rotate) return PETSC_TRUE;
+  return MotionOscillates(m, a);
+}
+
 PetscBool MotionOscillates(const Motion *m, PetscInt a)
 {
   return a < 3 ? (PetscBool)(m->amplitude[a] != 0) : (PetscBool)(m->swing[0] != 0);
 }
 
-void MotionEvaluate(const Motion *m, const Placement *start, PetscReal time, PetscReal x[3], PetscReal u[3], PetscReal turn[3], PetscReal w[3])
+/* Velocities of the start at the motion's own time s and their integrals: u, way, w, turn [3] each */
+static PetscErrorCode evaluate_start(const Motion *m, const Placement *start, PetscReal s, PetscReal u[3], PetscReal way[3], PetscReal w[3],
+                                     PetscReal turn[3])
+{
+  const PetscInt first = m->dim == 2 ? 2 : 0; /* of the components of a turn */
+
+  PetscFunctionBeginUser;
+  for (PetscInt a = 0; a < 3; a++) {
+    u[a]    = m->constant ? start->u[a] : 0;
+    w[a]    = m->rotate ? start->omega[a] : 0;
+    way[a]  = u[a] * s;
+    turn[a] = w[a] * s;
+  }
+  if (m->velocity && m->constant) {
+    PetscCall(ExprEvaluate(m->velocity, s, 1, NULL, u));
+    PetscCall(ExprIntegrate(m->velocity, s, way));
+  }
+  if (m->omega && m->rotate) {
+    PetscCall(ExprEvaluate(m->omega, s, 1, NULL, w + first));
+    PetscCall(ExprIntegrate(m->omega, s, turn + first));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MotionEvaluate(const Motion *m, const Placement *start, PetscReal time, PetscReal x[3], PetscReal u[3], PetscReal turn[3],
+                              PetscReal w[3])
 {
   PetscReal s = time < PETSC_MAX_REAL ? time : 0, rate = 1; /* a steady problem has no time: velocities act, and nothing
                                                                leaves its place */
+  PetscReal way[3];
 
+  PetscFunctionBeginUser;
   if (m->ramp > 0 && time < PETSC_MAX_REAL) {
     const PetscReal part = PetscMin(PetscMax(time / m->ramp, 0), 1);
 
     rate = 0.5 * (1 - PetscCosReal(PETSC_PI * part));
     s    = 0.5 * m->ramp * (part - PetscSinReal(PETSC_PI * part) / PETSC_PI) + PetscMax(time - m->ramp, 0);
   }
+  PetscCall(evaluate_start(m, start, s, u, way, w, turn));
   for (PetscInt a = 0; a < 3; a++) {
     const PetscReal c = 2 * PETSC_PI / m->period[a], angle = c * s + m->phase[a];
 
-    u[a]    = (m->constant ? start->u[a] : 0) + m->amplitude[a] * c * PetscCosReal(angle);
-    x[a]    = start->x[a] + (m->constant ? start->u[a] * s : 0) + m->amplitude[a] * PetscSinReal(angle);
-    w[a]    = m->rotate ? start->omega[a] : 0;
-    turn[a] = w[a] * s;
+    u[a] += m->amplitude[a] * c * PetscCosReal(angle);
+    x[a] = start->x[a] + way[a] + m->amplitude[a] * PetscSinReal(angle);
   }
   {
     const PetscReal c = 2 * PETSC_PI / m->swing[1], angle = c * s + m->swing[2];
@@ -116,4 +179,5 @@ void MotionEvaluate(const Motion *m, const Placement *start, PetscReal time, Pet
     u[a] *= rate;
     w[a] *= rate;
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -194,6 +194,13 @@ PetscErrorCode ContactSetPeriod(Contact c, const PetscReal period[3])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode ContactSetGravity(Contact c, const PetscReal gravity[])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt a = 0; a < c->dim; a++) c->g[a] = gravity[a];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ContactSetViscosity(Contact c, PetscReal viscosity)
 {
   PetscFunctionBeginUser;

@@ -198,7 +198,7 @@ PetscErrorCode BoundariesShare(Boundaries d, PetscInt c, PetscInt j, const Petsc
   PetscFunctionBeginUser;
   if (!is_shared(d, node)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowGetCellDivergence(d->flow, &B));
-  PetscCall(MeshCellCoordinates(d->mesh, c, xc));
+  PetscCall(MeshSlotCoordinates(d->mesh, c, xc));
   PetscCall(FlowCellPressure(d->flow, c, p, xc + j * dim, &pressure));
   w = B + c * (dim + 1) * l->nb * dim + j * dim;
   for (PetscInt b = 0; b < PetscMin(d->n, MAX_BITS); b++) {

@@ -150,6 +150,7 @@ PetscErrorCode CoupleDraw(Couple c)
   PetscCall(IndicatorGetNodes(c->mark, &node_body, NULL, NULL));
   PetscCall(set_rigid_velocities(c));
   PetscCall(ConstraintSetBoundary(c->constraint, fixed, value));
+  if (c->drive) PetscCall(DriveDraw(c->drive));
   if (c->s->n) {
     PetscCall(ConstraintSetBodies(c->constraint, node_body, c->P, c->unknown, c->U, NULL));
     PetscCall(fill_rigid_rows(c));
@@ -173,6 +174,7 @@ PetscErrorCode CoupleSolve(Couple c, PetscInt *its, KSPConvergedReason *reason)
   PetscCall(FlowSolverSetUp(c->solver));
   PetscCall(FlowExtrapolate(c->flow, c->u, c->p, c->dp));
   PetscCall(FlowSolverSolve(c->solver, c->rhs, c->g, c->u, c->p, c->dp, c->U, its, reason));
+  if (c->drive) PetscCall(DriveTake(c->drive));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -258,6 +260,7 @@ static PetscErrorCode create_solver(Couple c)
   PetscFunctionBeginUser;
   PetscCall(BodiesAreStill(c->bodies, &still));
   PetscCall(FlowSolverCreate(c->flow, c->constraint, (PetscBool)!still, &c->solver));
+  if (c->drive) PetscCall(DriveSetSolver(c->drive, c->solver));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -300,6 +303,7 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   PetscCall(CoupleFindNormals(c));
   PetscCall(ConstraintCreate(c->mesh, n, &c->constraint));
   PetscCall(ConstraintGetRigidSize(c->constraint, &c->nr));
+  PetscCall(DriveCreate(c, &c->drive));
   PetscCall(create_solver(c));
   nn = n * c->nr;
   PetscCall(IndicatorCreate(c->mesh, bodies, &c->mark));
@@ -353,6 +357,7 @@ PetscErrorCode CoupleDestroy(Couple *couple)
   PetscFunctionBeginUser;
   if (!c) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowSolverDestroy(&c->solver));
+  PetscCall(DriveDestroy(&c->drive));
   PetscCall(FittedDestroy(&c->hole));
   PetscCall(BoundariesDestroy(&c->boundaries));
   PetscCall(PetscFree(c->prescribed));
@@ -377,6 +382,7 @@ PetscErrorCode CoupleView(Couple c, PetscViewer viewer)
       PetscViewerASCIIPrintf(viewer, "coupling: %s, boundary %s, force in %s form\n", TYPES[!c->implicit], c->rung->name, FORCES[c->use_volume]));
   else PetscCall(PetscViewerASCIIPrintf(viewer, "coupling: none (no bodies)\n"));
   if (c->rung->view) PetscCall((*c->rung->view)(c->rung_data, viewer));
+  if (c->drive) PetscCall(DriveView(c->drive, viewer));
   if (c->follow) PetscCall(PetscViewerASCIIPrintf(viewer, "  the mesh follows the bodies (-mesh_deform), its velocity is part of the convection\n"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -401,6 +407,14 @@ PetscErrorCode CoupleGetBoundaries(Couple c, PetscInt *n, const CoupleBoundary *
 {
   PetscFunctionBeginUser;
   PetscCall(BoundariesGet(c->boundaries, n, boundary));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleGetDrive(Couple c, const CoupleDrive **drive)
+{
+  PetscFunctionBeginUser;
+  *drive = NULL;
+  if (c->drive) PetscCall(DriveGet(c->drive, drive));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -493,6 +507,7 @@ PetscErrorCode CoupleVisitState(void *couple, State state)
   PetscCall(StateReals(state, "du_old", 3 * c->s->n, c->du_old));
   PetscCall(StateInts(state, "growth", c->s->n, c->growth));
   PetscCall(StateReals(state, "force_old", 6 * c->s->n, c->force_old));
+  if (c->drive) PetscCall(DriveVisitState(c->drive, state));
   if (c->rung->state) PetscCall((*c->rung->state)(c->rung_data, state));
   if (c->follow) PetscCall(AleVisitState(c->follow, state));
   if ((c->rung->state || c->follow) && StateIsLoading(state)) PetscCall(CoupleRenewSolver(c));

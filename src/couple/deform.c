@@ -405,6 +405,7 @@ PetscErrorCode DeformCreate(Mesh mesh, Bodies bodies, Deform *deform)
   d->bodies = bodies;
   PetscCall(BodiesGetState(bodies, &d->s));
   PetscCall(MeshGetLocal(mesh, &d->l));
+  PetscCheck(!d->l->hang, PETSC_COMM_WORLD, PETSC_ERR_SUP, "-mesh_deform does not move the cells of a refined mesh: remove it or -mesh_levels");
   d->dim = d->l->dim;
   PetscCall(read_options(d));
   tabulate(d);

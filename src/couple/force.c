@@ -20,11 +20,29 @@ PetscErrorCode CoupleDeadForce(Couple c, PetscInt k, const FlowParameters *par, 
   PetscReal       volume, force[3];
 
   PetscFunctionBeginUser;
+  (void)par;
   PetscCall(PetscArrayzero(out, c->nr));
   if (!c->hollow || !c->hollow[k]) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(BodiesGetVolume(c->bodies, k, &volume));
-  for (PetscInt a = 0; a < 3; a++) force[a] = volume * par->force[a];
+  PetscCall(FlowForceAt(c->flow, c->X[k], force)); /* one that varies: that at the centre */
+  for (PetscInt a = 0; a < 3; a++) force[a] *= volume;
   PetscCall(RigidReduceForce(c->bodies, k, c->q[k], force, none, out));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleHollowWeights(Couple c, PetscInt k, PetscReal weight[3][6])
+{
+  const PetscReal none[3] = {0, 0, 0};
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(weight[0], 18));
+  if (!c->hollow || !c->hollow[k] || c->s->gone[k]) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt a = 0; a < c->loc->dim; a++) {
+    PetscReal force[3] = {0, 0, 0};
+
+    force[a] = BodiesGetGroup(c->s, k)->mass.volume;
+    PetscCall(RigidReduceForce(c->bodies, k, c->q[k], force, none, weight[a]));
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -63,12 +81,13 @@ static PetscErrorCode sum_residuals(Couple c, PetscReal out[])
 /* int alpha_k f over the fluid, added to force and torque [n][3] before they are summed over ranks */
 static PetscErrorCode add_volume_force(Couple c, PetscInt only, PetscReal (*force)[3], PetscReal (*torque)[3])
 {
-  const PetscReal *m;
+  const PetscReal *m, *source;
   const PetscInt  *body, *node, dim = c->loc->dim;
   PetscInt         n;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetLumpedMass(c->flow, &m));
+  PetscCall(FlowGetSource(c->flow, &source));
   PetscCall(ConstraintGetNodeBody(c->constraint, &body));
   PetscCall(IndicatorGetNodes(c->mark, NULL, &n, &node));
   for (PetscInt e = 0; e < n; e++) {
@@ -78,8 +97,10 @@ static PetscErrorCode add_volume_force(Couple c, PetscInt only, PetscReal (*forc
     if (k < 0 || node[e] >= c->loc->nnode || (only >= 0 && k != only)) continue;
     ConstraintRigidAt(c->loc, node[e], c->X[k], R);
     for (PetscInt a = 0; a < dim; a++) {
-      force[k][a] += m[node[e]] * c->par->force[a];
-      for (PetscInt i = dim; i < c->nr; i++) *CoupleRigidComponent(c, force, torque, k, i) += R[a * c->nr + i] * m[node[e]] * c->par->force[a];
+      const PetscReal share = m[node[e]] * (c->par->force[a] + (source ? source[node[e] * dim + a] : 0));
+
+      force[k][a] += share;
+      for (PetscInt i = dim; i < c->nr; i++) *CoupleRigidComponent(c, force, torque, k, i) += R[a * c->nr + i] * share;
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -276,25 +297,36 @@ static PetscErrorCode sum_prescribed(Couple c, PetscReal walls[3], PetscReal ope
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Forces of the bodies on the fluid: -F + inertia of the fluid inside; adds their sizes to *size */
+PetscErrorCode CoupleBodyPush(Couple c, PetscInt k, PetscReal inertia[3], PetscReal push[3])
+{
+  const PetscReal inside = BodiesGetGroup(c->s, k)->hole ? 0 : CoupleInnerDensity(c, k, c->par);
+  PetscReal       M[36], extra[3], dead[6];
+
+  PetscFunctionBeginUser;
+  PetscCall(CoupleDeadForce(c, k, c->par, dead));
+  PetscCall(RigidGetMass(c->bodies, k, c->q[k], M));
+  PetscCall(RigidCentripetal(c->bodies, k, c->q[k], c->U + k * c->nr + c->loc->dim, extra));
+  for (PetscInt a = 0; a < c->loc->dim; a++) {
+    inertia[a] = M[0] * extra[a];
+    for (PetscInt j = 0; j < c->nr; j++)
+      inertia[a] += M[a * c->nr + j] *
+                    (c->step->ct * c->U[k * c->nr + j] - c->step->d0 * c->U_old[k * c->nr + j] - c->step->d1 * c->U_older[k * c->nr + j]);
+    push[a] = inside * inertia[a] + dead[a] - c->s->force[k][a]; /* -F + inertia of the fluid inside */
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Forces of the bodies on the fluid; adds their sizes to *size */
 static PetscErrorCode sum_bodies(Couple c, PetscReal out[3], PetscReal *size)
 {
   PetscFunctionBeginUser;
   out[0] = out[1] = out[2] = 0;
   for (PetscInt k = 0; k < c->s->n; k++) {
-    const PetscReal inside = BodiesGetGroup(c->s, k)->hole ? 0 : CoupleInnerDensity(c, k, c->par);
-    PetscReal       M[36], extra[3], dead[6];
+    PetscReal inertia[3], push[3];
 
-    PetscCall(CoupleDeadForce(c, k, c->par, dead));
-    PetscCall(RigidGetMass(c->bodies, k, c->q[k], M));
-    PetscCall(RigidCentripetal(c->bodies, k, c->q[k], c->U + k * c->nr + c->loc->dim, extra));
+    PetscCall(CoupleBodyPush(c, k, inertia, push));
     for (PetscInt a = 0; a < c->loc->dim; a++) {
-      PetscReal inertia = M[0] * extra[a]; /* of what moves with the body */
-
-      for (PetscInt j = 0; j < c->nr; j++)
-        inertia += M[a * c->nr + j] *
-                   (c->step->ct * c->U[k * c->nr + j] - c->step->d0 * c->U_old[k * c->nr + j] - c->step->d1 * c->U_older[k * c->nr + j]);
-      out[a] += inside * inertia + dead[a] - c->s->force[k][a];
+      out[a] += push[a];
       *size += PetscAbsReal(c->s->force[k][a]);
     }
   }
@@ -305,34 +337,38 @@ static PetscErrorCode sum_bodies(Couple c, PetscReal out[3], PetscReal *size)
    matrix integrate Q2 functions exactly */
 static PetscErrorCode sum_fluid(Couple c, PetscReal change[3], PetscReal volume[3], PetscReal mean[3])
 {
-  const PetscReal *m;
+  const PetscReal *m, *source;
   const PetscInt   dim = c->loc->dim;
-  PetscReal       *u, *u_old, sum[7] = {0}, all;
+  PetscReal       *u, *u_old, sum[10] = {0}, all;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetLumpedMass(c->flow, &m));
   PetscCall(FlowGetFields(c->flow, &u, &u_old, NULL));
+  PetscCall(FlowGetSource(c->flow, &source));
   for (PetscInt i = 0; i < c->loc->nnode; i++) {
     for (PetscInt a = 0; a < dim; a++) {
       const PetscInt j = i * dim + a;
 
       sum[a] += m[i] * (c->step->ct * c->u[j] - c->step->d0 * u[j] - c->step->d1 * u_old[j]);
       sum[4 + a] += m[i] * c->u[j];
+      if (source) sum[7 + a] += m[i] * source[j];
     }
     sum[3] += m[i];
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 7, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 10, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   all = sum[3];
   for (PetscInt k = 0; k < c->s->n; k++) {
-    const BodyGroup *g = BodiesGetGroup(c->s, k);
+    PetscReal weight[3][6];
 
     if (!c->hollow || !c->hollow[k] || c->s->gone[k]) continue; /* else u inside is the body's */
-    all += g->mass.volume;
-    for (PetscInt a = 0; a < dim; a++) sum[4 + a] += g->mass.volume * c->U[k * c->nr + a];
+    all += BodiesGetGroup(c->s, k)->mass.volume;
+    PetscCall(CoupleHollowWeights(c, k, weight));
+    for (PetscInt a = 0; a < dim; a++)
+      for (PetscInt j = 0; j < c->nr; j++) sum[4 + a] += weight[a][j] * c->U[k * c->nr + j];
   }
   for (PetscInt a = 0; a < 3; a++) {
     change[a] = c->par->density * sum[a];
-    volume[a] = c->par->force[a] * sum[3];
+    volume[a] = c->par->force[a] * sum[3] + sum[7 + a];
     mean[a]   = sum[4 + a] / all;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -356,5 +392,6 @@ PetscErrorCode CoupleMomentum(Couple c, const PetscReal rate[3], CoupleBalance *
   }
   b->size  = size;
   b->error = size > 0 ? diff / size : 0;
+  if (c->drive) PetscCall(DriveMeasure(c->drive, b));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -5,6 +5,7 @@
 #include "couple/couple.h"
 #include "ale.h"
 #include "boundary.h"
+#include "drive.h"
 #include "fitted.h"
 #include "indicator.h"
 #include "moved.h"
@@ -30,6 +31,7 @@ struct _p_Couple {
   void              *rung_data; /* what its create made */
   const PenaltyTerm *terms;     /* its terms in this step; NULL: none */
   Moved              moved;
+  Drive              drive;            /* uniform force that the scene asks for; NULL: none */
   Ale                follow;           /* -mesh_deform with bodies that move */
   const PetscBool   *hollow;           /* [n] the inside of the body is no part of the fluid; NULL: none */
   Indicator          mark;             /* nodes that move rigidly */
@@ -78,6 +80,12 @@ PetscErrorCode CoupleSpinStress(Couple, PetscInt k, const FlowParameters *, Pets
 /* -flow_force on the fluid that body k displaces, on its rigid slots: it stands for a pressure gradient, which acts
    on bodies too. Fluid inside receives it; where there is none, the body does. */
 PetscErrorCode CoupleDeadForce(Couple, PetscInt k, const FlowParameters *, PetscReal out[]);
+/* weight [dim][nr]: Vol times the velocity of the centre of body k along each axis for unit rigid velocities, or the
+   load of a unit force per volume on its rigid rows, if its inside is no part of the fluid; else 0 */
+PetscErrorCode CoupleHollowWeights(Couple, PetscInt k, PetscReal weight[3][6]);
+/* Of body k in the step solved, [dim]: inertia, rate of change of the momentum of what moves with it, per unit density;
+   push, its force on the fluid */
+PetscErrorCode CoupleBodyPush(Couple, PetscInt k, PetscReal inertia[3], PetscReal push[3]);
 /* Fill `outward`, of the domain without bodies. Collective. */
 PetscErrorCode CoupleFindNormals(Couple);
 /* Own cells with prescribed nodes; these do not change */

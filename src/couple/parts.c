@@ -235,6 +235,7 @@ PetscErrorCode PartsGetMatrix(Parts p, const Part *part, PetscReal sigma, PetscR
       pen[i * nb + j] = sigma * m[(z * NPAIR + PAIR[(i / 3) % 3][(j / 3) % 3]) * NPAIR + PAIR[i % 3][j % 3]];
     }
   }
+  MeshCellMatrix(p->loc, part->cell, 1, nb, pen);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -107,7 +107,7 @@ static PetscErrorCode add_entries(Penalty p, const Part *part, const PetscReal p
   PetscReal        xc[MESH_MAX_NB * 3];
 
   PetscFunctionBeginUser;
-  PetscCall(MeshCellCoordinates(p->mesh, part->cell, xc));
+  PetscCall(MeshSlotCoordinates(p->mesh, part->cell, xc));
   for (PetscInt i = 0; i < nb; i++) {
     PetscInt   e = -1;
     PetscReal *g;

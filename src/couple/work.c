@@ -45,10 +45,11 @@ static PetscErrorCode add_fluid(Couple c, const FlowParameters *par, PetscReal *
 {
   const MeshLocal *l   = c->loc;
   const PetscInt   dim = l->dim;
-  const PetscReal *m;
+  const PetscReal *m, *source;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetLumpedMass(c->flow, &m));
+  PetscCall(FlowGetSource(c->flow, &source));
   for (PetscInt i = 0; i < l->nnode; i++) {
     const PetscReal *u   = c->u + i * dim;
     PetscReal        out = 0, square = 0;
@@ -56,7 +57,7 @@ static PetscErrorCode add_fluid(Couple c, const FlowParameters *par, PetscReal *
     for (PetscInt a = 0; a < dim; a++) {
       out += c->outward[i * dim + a] * u[a];
       square += u[a] * u[a];
-      *power += par->force[a] * m[i] * u[a];
+      *power += (par->force[a] + (source ? source[i * dim + a] : 0)) * m[i] * u[a];
     }
     if (out < 0) *power -= 0.5 * par->density * square * out;
   }

@@ -50,7 +50,7 @@ static PetscErrorCode find_entries(Flow f)
 {
   const MeshLocal *l  = f->loc;
   const PetscInt   nb = l->nb, *start[2] = {NULL, NULL}, *col[2] = {NULL, NULL}, *global = NULL;
-  PetscInt         n[2] = {0, 0}, nother = 0, at;
+  PetscInt         n[2] = {0, 0}, nother = 0, *column, *at;
   Mat              part[2];
   PetscBool        done;
 
@@ -58,26 +58,27 @@ static PetscErrorCode find_entries(Flow f)
   PetscCall(FlowGetMatrixParts(f, part, &global));
   for (PetscInt s = 0; s < 2 && part[s]; s++) PetscCall(MatGetRowIJ(part[s], 0, PETSC_FALSE, PETSC_FALSE, &n[s], &start[s], &col[s], &done));
   if (part[1]) PetscCall(MatGetSize(part[1], NULL, &nother));
-  for (PetscInt c = 0; c < l->ncell_all; c++) {
-    const PetscInt *node = l->cell_node + c * nb;
-    PetscInt        column[MESH_MAX_NB];
+  /* column of a node, those of other ranks after own ones; where the row at hand has it */
+  PetscCall(PetscMalloc2(l->nnode_all, &column, l->nnode + nother, &at));
+  for (PetscInt i = 0; i < l->nnode_all; i++) {
+    column[i] = i;
+    if (i >= l->nnode && nother) PetscCall(PetscFindInt(l->node_global[i], nother, global, &column[i]));
+    if (i >= l->nnode) column[i] = column[i] < 0 ? -1 : l->nnode + column[i];
+  }
+  for (PetscInt e = 0; e < l->ncell_all * nb * nb; e++) f->entry[e] = -1;
+  for (PetscInt i = 0; i < l->nnode; i++) {
+    for (PetscInt s = 0; s < 2 && part[s]; s++)
+      for (PetscInt q = start[s][i]; q < start[s][i + 1]; q++) at[col[s][q] + s * l->nnode] = s ? -2 - q : q;
+    for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++) {
+      const PetscInt *node = l->cell_node + l->node_cell[q] * nb;
+      PetscInt        j    = 0;
 
-    for (PetscInt j = 0; j < nb; j++) {
-      column[j] = node[j];
-      if (node[j] >= l->nnode && nother) PetscCall(PetscFindInt(l->node_global[node[j]], nother, global, &column[j]));
-    }
-    for (PetscInt e = 0; e < nb * nb; e++) {
-      const PetscInt i = node[e / nb], s = node[e % nb] >= l->nnode;
-
-      f->entry[c * nb * nb + e] = -1;
-      if (i >= l->nnode) continue;
-      PetscCall(PetscFindInt(column[e % nb], start[s][i + 1] - start[s][i], col[s] + start[s][i], &at));
-      PetscCheck(at >= 0, PETSC_COMM_SELF, PETSC_ERR_PLIB, "The velocity matrix has no entry for nodes %" PetscInt_FMT " and %" PetscInt_FMT, i,
-                 node[e % nb]);
-      f->entry[c * nb * nb + e] = s ? -2 - (start[s][i] + at) : start[s][i] + at;
+      while (node[j] != i) j++;
+      for (PetscInt k = 0; k < nb; k++) f->entry[(l->node_cell[q] * nb + j) * nb + k] = at[column[node[k]]];
     }
   }
   for (PetscInt s = 0; s < 2 && part[s]; s++) PetscCall(MatRestoreRowIJ(part[s], 0, PETSC_FALSE, PETSC_FALSE, &n[s], &start[s], &col[s], &done));
+  PetscCall(PetscFree2(column, at));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -139,6 +140,7 @@ static PetscErrorCode assemble_matrix(Flow f)
       for (PetscInt i = 0; i < size; i++) wl[i] *= f->par.density * s->theta;
     }
     ElementOperator(&f->element, &m, f->par.density * s->ct, f->par.viscosity * s->theta, f->par.convection ? wl : NULL, f->par.skew, ce);
+    MeshCellMatrix(l, c, 1, nbp, ce);
     add_cell(f, c, nbp, ce, value[0], value[1]);
   }
   for (PetscInt t = 0; t < f->nterm; t++) add_cell(f, f->term_cell[t], l->nb, f->term + t * l->nb * l->nb, value[0], value[1]);
@@ -194,9 +196,13 @@ PetscErrorCode FlowRhs(Flow f, PetscReal r[])
         wl[j * dim + a] = f->w[i];
       }
     }
+    MeshCellGather(l, c, dim, al);
+    MeshCellGather(l, c, dim, vl);
+    MeshCellGather(l, c, dim, wl);
     PetscCall(FlowCellMetric(f, c, &m));
     ElementResidual(&f->element, &m, f->par.density, f->par.viscosity, f->par.force, al, s->theta < 1 ? vl : NULL, f->par.convection ? wl : NULL,
                     f->par.skew, rl);
+    MeshCellScatter(l, c, dim, rl);
     for (PetscInt j = 0; j < nb; j++)
       for (PetscInt a = 0; a < dim; a++) r[node[j] * dim + a] -= rl[j * dim + a];
   }

@@ -65,6 +65,7 @@ static PetscErrorCode compute_cell(Flow f, PetscInt c)
         for (PetscInt a = 0; a < dim; a++) b[k * nb * dim + j * dim + a] += m.weight[q] * psi[k] * g[a][j];
     }
   }
+  for (PetscInt k = 0; k < nk; k++) MeshCellScatter(l, c, dim, b + k * nb * dim);
   if (c < l->ncell) DenseInvert(nk, mass, f->pmass + c * nk * nk);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -77,6 +78,16 @@ static PetscErrorCode lump_cell(Flow f, PetscInt c)
 
   PetscFunctionBeginUser;
   PetscCall(FlowCellMetric(f, c, &m));
+  if (MeshCellHang(f->loc, c)) {
+    PetscReal mass[MESH_MAX_NB] = {0};
+
+    for (PetscInt j = 0; j < f->loc->nb; j++)
+      for (PetscInt q = 0; q < f->element.nq; q++) mass[j] += m.weight[q] * f->element.phi[q * f->element.nbp + j];
+    MeshCellScatter(f->loc, c, 1, mass);
+    for (PetscInt j = 0; j < f->loc->nb; j++)
+      if (f->open[node[j]] == f->now) f->lumped[node[j]] += mass[j];
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   for (PetscInt j = 0; j < f->loc->nb; j++)
     for (PetscInt q = 0; q < f->element.nq && f->open[node[j]] == f->now; q++)
       f->lumped[node[j]] += m.weight[q] * f->element.phi[q * f->element.nbp + j];

@@ -17,6 +17,8 @@ typedef struct {
   ConditionsType type;
   PetscBool      parabolic;
   PetscReal      velocity[3], factor[3], ramp;
+  Expr           formula;             /* of the velocity, in place of the numbers; NULL: none */
+  PetscReal     *x;                   /* with it: places of the boundary's nodes */
   PetscReal      omega[3], centre[3]; /* of a rotating wall */
   PetscReal      lower[3], upper[3];  /* extent, for the profile and for slip */
   PetscInt       axis;                /* slip: the normal axis */
@@ -91,7 +93,7 @@ static PetscErrorCode read_boundary(Conditions f, PetscInt b)
   bc->factor[0] = bc->factor[2] = 1;
   (void)OptJoin("-flow_bc_", name, "_velocity", option);
   if (type == BC_INFLOW || type == BC_MOVING_WALL) {
-    PetscCall(OptRealArray(option, dim, bc->velocity, &has_velocity));
+    PetscCall(ExprRead(option, dim, dim, bc->velocity, &bc->formula, &has_velocity));
     PetscCheck(has_velocity, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Boundary '%s' is of type %s: give its velocity with %s", name, BC_TYPES[type],
                option);
     PetscCall(OptChoice(OptJoin("-flow_bc_", name, "_profile", option), PROFILES, &profile));
@@ -176,7 +178,8 @@ static PetscErrorCode evaluate_field(Conditions f, PetscReal time)
 
 static PetscErrorCode check_steady(Conditions f, PetscInt b, PetscReal time)
 {
-  const PetscReal *factor = f->condition[b].factor;
+  const PetscReal *factor  = f->condition[b].factor;
+  const Expr       formula = f->condition[b].formula;
   const char      *name;
 
   PetscFunctionBeginUser;
@@ -184,11 +187,28 @@ static PetscErrorCode check_steady(Conditions f, PetscInt b, PetscReal time)
   PetscCheck(time < PETSC_MAX_REAL || factor[1] == 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "Boundary '%s' changes in time (-flow_bc_%s_factor %g,%g,%g) and has no steady state: set the second number to 0, or run in time without -sim_steady",
              name, name, (double)factor[0], (double)factor[1], (double)factor[2]);
+  PetscCheck(time < PETSC_MAX_REAL || !formula || !ExprUsesTime(formula), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "Boundary '%s' changes in time (-flow_bc_%s_velocity %s) and has no steady state: remove t, or run in time without -sim_steady", name,
+             name, ExprText(formula));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Prescribed velocity at x, without the factor of time */
-static void wall_velocity(const Condition *bc, PetscInt dim, const PetscReal x[], PetscReal v[3])
+/* Velocities of the formula at the boundary's nodes [n][dim], NULL without one */
+static PetscErrorCode evaluate_formula(Conditions f, Condition *bc, PetscReal time, PetscInt n, const PetscInt node[], const PetscReal *velocity[])
+{
+  const PetscInt dim = f->loc->dim;
+
+  PetscFunctionBeginUser;
+  *velocity = NULL;
+  if (!bc->formula) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!bc->x) PetscCall(PetscMalloc1(n * dim, &bc->x));
+  for (PetscInt i = 0; i < n * dim; i++) bc->x[i] = f->loc->x[node[i / dim] * dim + i % dim];
+  PetscCall(ExprKeep(bc->formula, time < PETSC_MAX_REAL ? time : 0, n, bc->x, velocity));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Prescribed velocity at x, without the factor of time; given: what the formula says, or NULL */
+static void wall_velocity(const Condition *bc, PetscInt dim, const PetscReal x[], const PetscReal given[], PetscReal v[3])
 {
   if (bc->type == BC_SLIP || bc->type == BC_NO_SLIP) return;
   if (bc->type == BC_ROTATING_WALL) {
@@ -199,7 +219,7 @@ static void wall_velocity(const Condition *bc, PetscInt dim, const PetscReal x[]
   } else {
     const PetscReal s = boundary_profile(bc, dim, x);
 
-    for (PetscInt a = 0; a < dim; a++) v[a] = s * bc->velocity[a];
+    for (PetscInt a = 0; a < dim; a++) v[a] = s * (given ? given[a] : bc->velocity[a]);
   }
 }
 
@@ -211,8 +231,9 @@ PetscErrorCode ConditionsSetTime(Conditions f, PetscReal time)
   if (f->field) PetscCall(evaluate_field(f, time < PETSC_MAX_REAL ? time : 0));
   for (PetscInt pass = 0; pass < 5 && !f->field; pass++) {
     for (PetscInt b = 0; b < f->n; b++) {
-      const Condition *bc = f->condition + b;
+      Condition       *bc = f->condition + b;
       const PetscInt  *node;
+      const PetscReal *given;
       PetscInt         n;
       PetscReal        factor;
 
@@ -220,10 +241,11 @@ PetscErrorCode ConditionsSetTime(Conditions f, PetscReal time)
       PetscCall(check_steady(f, b, time));
       factor = boundary_factor(bc, time);
       PetscCall(MeshGetBoundaryNodes(f->mesh, b, &n, &node));
+      PetscCall(evaluate_formula(f, bc, time, n, node, &given));
       for (PetscInt i = 0; i < n; i++) {
         PetscReal v[3] = {0, 0, 0};
 
-        wall_velocity(bc, dim, f->loc->x + node[i] * dim, v);
+        wall_velocity(bc, dim, f->loc->x + node[i] * dim, given ? given + i * dim : NULL, v);
         for (PetscInt a = 0; a < dim; a++)
           if (bc->type != BC_SLIP || a == bc->axis) f->value[node[i] * dim + a] = factor * v[a];
       }
@@ -252,6 +274,10 @@ PetscErrorCode ConditionsDestroy(Conditions *boundary)
 {
   PetscFunctionBeginUser;
   if (!*boundary) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt b = 0; b < (*boundary)->n; b++) {
+    PetscCall(ExprDestroy(&(*boundary)->condition[b].formula));
+    PetscCall(PetscFree((*boundary)->condition[b].x));
+  }
   PetscCall(PetscFree4((*boundary)->condition, (*boundary)->fixed, (*boundary)->wall, (*boundary)->value));
   PetscCall(PetscFree(*boundary));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -296,6 +322,25 @@ PetscErrorCode ConditionsPressureIsFloating(Conditions f, PetscBool *floating)
 {
   PetscFunctionBeginUser;
   *floating = f->floating;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConditionsGetOpenAxes(Conditions f, PetscInt *axes)
+{
+  PetscFunctionBeginUser;
+  *axes = 0;
+  for (PetscInt d = 0; d < f->loc->dim; d++) {
+    PetscReal lower = PETSC_MAX_REAL, upper = -PETSC_MAX_REAL;
+
+    for (PetscInt b = 0; b < f->n; b++) {
+      const PetscReal *start = f->condition[b].lower, *end = f->condition[b].upper;
+
+      if (f->condition[b].type != BC_OUTFLOW || end[d] - start[d] > 1e-10 * (f->loc->upper[d] - f->loc->lower[d])) continue;
+      lower = PetscMin(lower, start[d]);
+      upper = PetscMax(upper, end[d]);
+    }
+    if (f->loc->period[d] > 0 || upper - lower > 1e-10 * (f->loc->upper[d] - f->loc->lower[d])) *axes |= 1 << d;
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

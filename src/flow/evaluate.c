@@ -21,6 +21,9 @@ static void gather_step(const struct _p_Flow *f, PetscInt c, const PetscReal u[]
       wl[k] = f->w[i];
     }
   }
+  MeshCellGather(l, c, l->dim, al);
+  MeshCellGather(l, c, l->dim, vl);
+  MeshCellGather(l, c, l->dim, wl);
 }
 
 PetscErrorCode FlowCellResidual(Flow f, PetscInt c, const PetscReal u[], const PetscReal p[], PetscReal r[])
@@ -33,6 +36,7 @@ PetscErrorCode FlowCellResidual(Flow f, PetscInt c, const PetscReal u[], const P
   gather_step(f, c, u, al, vl, wl);
   PetscCall(FlowCellMetric(f, c, &m));
   ElementResidual(&f->element, &m, f->par.density, f->par.viscosity, f->par.force, al, vl, f->par.convection ? wl : NULL, f->par.skew, r);
+  MeshCellScatter(f->loc, c, f->loc->dim, r);
   for (PetscInt k = 0; k < nk; k++)
     for (PetscInt i = 0; i < n; i++) r[i] -= p[c * nk + k] * f->b[(c * nk + k) * n + i];
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -64,6 +68,7 @@ PetscErrorCode FlowCellNewton(Flow f, PetscInt c, const PetscReal u[], PetscReal
       for (PetscInt j = 0; j < rows; j++)
         n[i * rows + j] += phi[i / dim] * (phi[j / dim] * grad[i % dim][j % dim] + f->par.skew * scale * g[j % dim][j / dim] * v[i % dim]);
   }
+  MeshCellMatrix(l, c, dim, rows, n);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -83,11 +88,13 @@ PetscErrorCode FlowCellStressForce(Flow f, PetscInt c, const PetscReal u[], cons
 {
   const MeshLocal *l   = f->loc;
   const PetscInt   dim = l->dim, nb = l->nb, nk = dim + 1;
-  PetscReal        ul[MESH_MAX_NB * 3], xc[MESH_MAX_NB * 3];
+  PetscReal        ul[MESH_MAX_NB * 3], xc[MESH_MAX_NB * 3], al[MESH_MAX_NB];
   ElementMetric    m;
 
   PetscFunctionBeginUser;
   FlowCellGather(l, c, u, ul);
+  PetscCall(PetscArraycpy(al, alpha, nb));
+  MeshCellGather(l, c, 1, al);
   PetscCall(MeshCellCoordinates(f->mesh, c, xc));
   PetscCall(FlowCellMetric(f, c, &m));
   for (PetscInt q = 0; q < f->element.nq; q++) {
@@ -99,7 +106,7 @@ PetscErrorCode FlowCellStressForce(Flow f, PetscInt c, const PetscReal u[], cons
     for (PetscInt j = 0; j < nb; j++) {
       for (PetscInt d = 0; d < dim; d++) {
         x[d] += phi[j] * xc[j * dim + d];
-        ga[d] += alpha[j] * g[d][j];
+        ga[d] += al[j] * g[d][j];
         for (PetscInt e = 0; e < dim; e++) grad[d][e] += g[e][j] * ul[j * dim + d];
       }
     }
@@ -129,17 +136,18 @@ PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], FlowDiagnostics *out)
 
   PetscFunctionBeginUser;
   for (PetscInt c = 0; c < l->ncell; c++) {
-    PetscReal        al[MESH_MAX_NB * 3], vl[MESH_MAX_NB * 3], wl[MESH_MAX_NB * 3], r[MESH_MAX_NB * 3], div = 0, ul[MESH_MAX_NB * 3];
+    PetscReal al[MESH_MAX_NB * 3], vl[MESH_MAX_NB * 3], wl[MESH_MAX_NB * 3], r[MESH_MAX_NB * 3], div = 0, ul[MESH_MAX_NB * 3], us[MESH_MAX_NB * 3];
     const PetscReal *b = f->b + c * (dim + 1) * n;
     ElementMetric    m;
 
+    FlowCellSlots(l, c, u, us);
     FlowCellGather(l, c, u, ul);
     gather_step(f, c, u, al, vl, wl);
     PetscCall(FlowCellMetric(f, c, &m));
     ElementResidual(&f->element, &m, f->par.density, f->par.viscosity, f->par.force, al, vl, f->par.convection ? wl : NULL, f->par.skew, r);
     for (PetscInt i = 0; i < n; i++) {
       sum[2 + i % dim] += r[i]; /* viscous parts add up to zero over a cell */
-      div += b[i] * ul[i];
+      div += b[i] * us[i];
     }
     sum[1] += div * div / PetscPowReal(f->size[c], dim);
     for (PetscInt q = 0; q < f->element.nq; q++) {

@@ -7,14 +7,6 @@ static const char *const SCHEMES[]        = {"be", "cn", "bdf2", "fstheta", NULL
 static const char *const EXTRAPOLATIONS[] = {"linear", "quadratic", NULL};
 static const char *const FORMS[]          = {"convective", "skew", NULL};
 
-PetscErrorCode FlowReadFluid(PetscInt dim, PetscReal *density, PetscReal gravity[])
-{
-  PetscFunctionBeginUser;
-  PetscCall(OptReal("-flow_density", density));
-  PetscCall(OptRealArray("-flow_gravity", dim, gravity, NULL));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode read_parameters(Flow f)
 {
   FlowParameters *p    = &f->par;
@@ -26,15 +18,74 @@ static PetscErrorCode read_parameters(Flow f)
   p->viscosity  = 0.01;
   p->convection = PETSC_TRUE;
   f->scheme     = SCHEME_BDF2;
-  PetscCall(FlowReadFluid(dim, &p->density, p->gravity));
+  PetscCall(FlowReadForces(f));
   PetscCall(OptReal("-flow_viscosity", &p->viscosity));
-  PetscCall(OptRealArray("-flow_force", dim, p->force, NULL));
-  PetscCall(OptRealArray("-flow_velocity", dim, p->velocity, NULL));
+  PetscCall(ExprRead("-flow_velocity", dim, dim, p->velocity, &f->initial, NULL));
   PetscCall(OptBool("-flow_convection", &p->convection));
   PetscCall(OptChoice("-flow_convection_form", FORMS, &form));
   p->skew = form == 1 ? 0.5 : 0;
   PetscCall(OptChoice("-flow_time", SCHEMES, &f->scheme));
   PetscCall(OptChoice("-flow_extrapolation", EXTRAPOLATIONS, &p->quadratic));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Bit mask of the axes of -flow_rate_axes */
+static PetscErrorCode read_axes(PetscInt dim, PetscInt *axes, PetscBool *found)
+{
+  const char names[] = "xyz";
+  char      *list[3];
+  PetscInt   n = 3;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptStringArray("-flow_rate_axes", &n, list));
+  *axes = 0;
+  for (PetscInt i = 0; i < n; i++) {
+    PetscInt d = 0;
+
+    while (d < dim && (list[i][0] != names[d] || list[i][1])) d++;
+    PetscCheck(d < dim, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option -flow_rate_axes: '%s' is no axis of this scene: give some of %s", list[i],
+               dim == 2 ? "x, y" : "x, y, z");
+    *axes |= 1 << d;
+    PetscCall(PetscFree(list[i]));
+  }
+  *found = (PetscBool)(n > 0);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* -flow_rate: which mean velocities are held, and the fluid starts with them */
+static PetscErrorCode read_rate(Flow f)
+{
+  FlowParameters *p   = &f->par;
+  const PetscInt  dim = f->loc->dim;
+  PetscInt        open, axes    = 0;
+  PetscBool       given, chosen = PETSC_FALSE, started;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptRealArray("-flow_rate", dim, p->rate, &given));
+  if (!given) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ConditionsGetOpenAxes(f->boundary, &open));
+  PetscCall(read_axes(dim, &axes, &chosen));
+  PetscCheck(chosen || open, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "Option -flow_rate: the mean velocity of this scene is that of its boundaries, and no force changes it: remove it, or make an axis periodic "
+             "(-mesh_periodic) or two opposite boundaries outflow (-flow_bc_<boundary>_type)");
+  if (!chosen) axes = open;
+  PetscCall(OptHas("-flow_velocity", &started));
+  for (PetscInt d = 0; d < dim; d++) {
+    const PetscBool wanted = (PetscBool)((axes >> d) & 1 || (!chosen && p->rate[d] != 0));
+
+    PetscCheck(!wanted || (open >> d) & 1, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "Option -flow_rate: the mean velocity along %c is that of the boundaries, and no force changes it: give 0 there (and leave %c out of -flow_rate_axes), "
+               "or make the axis periodic (-mesh_periodic) or its two ends outflow (-flow_bc_<boundary>_type)",
+               (char)('x' + d), (char)('x' + d));
+    PetscCheck(wanted || p->rate[d] == 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "Option -flow_rate gives %g along %c, which -flow_rate_axes does not name: add %c there, or give 0", (double)p->rate[d],
+               (char)('x' + d), (char)('x' + d));
+    PetscCheck(!wanted || f->given[d] == 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "Options -flow_rate and -flow_force both act along %c: the force there is what holds the flow rate: set -flow_force to 0 along %c",
+               (char)('x' + d), (char)('x' + d));
+    if (wanted && !started) p->velocity[d] = p->rate[d];
+  }
+  p->held = axes;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -59,10 +110,13 @@ PetscErrorCode FlowCreate(Mesh mesh, Flow *flow)
   PetscCall(PetscCalloc4(l->nnode_all, &f->open, l->ncell_all, &f->visited, l->ncell_all, &f->around, l->ncell_all * dim, &f->centre));
   PetscCall(FlowComputeCells(f));
   PetscCall(ConditionsCreate(mesh, &f->boundary));
+  PetscCall(read_rate(f));
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u)); /* each on its own: accepted steps swap them */
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u_old));
   if (f->par.quadratic) PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u_older));
-  for (PetscInt i = 0; i < l->nnode_all * dim; i++) f->u[i] = f->u_old[i] = f->par.velocity[i % dim];
+  for (PetscInt i = 0; i < l->nnode_all * dim; i++) f->u[i] = f->par.velocity[i % dim];
+  if (f->initial) PetscCall(ExprEvaluate(f->initial, 0, l->nnode_all, l->x, f->u));
+  PetscCall(PetscArraycpy(f->u_old, f->u, l->nnode_all * dim));
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->w));
   PetscCall(PetscCalloc2(l->ncell * (dim + 1), &f->p, l->ncell * (dim + 1), &f->p_old));
   PetscCall(FlowCreateMatrix(f));
@@ -89,6 +143,9 @@ PetscErrorCode FlowDestroy(Flow *flow)
   PetscCall(PetscFree(f->u_older));
   PetscCall(PetscFree(f->w));
   PetscCall(PetscFree(f->source));
+  PetscCall(ExprDestroy(&f->initial));
+  PetscCall(ExprDestroy(&f->gravity));
+  PetscCall(ExprDestroy(&f->force));
   PetscCall(PetscFree2(f->p, f->p_old));
   PetscCall(PetscFree(*flow));
   PetscFunctionReturn(PETSC_SUCCESS);

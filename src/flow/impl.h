@@ -44,11 +44,22 @@ struct _p_Flow {
   /* fields; u_older: NULL but for quadratic extrapolation */
   PetscReal       *u, *u_old, *u_older, *w, *p, *p_old;
   const PetscReal *drift; /* [nnode_all][dim] velocity of the nodes, NULL: they stand still */
-  /* body force of FlowSetSource: its weighted mean over the step [nnode_all][dim] (NULL: none) */
+  /* body force of FlowSetSource and that of `force` with a place: the weighted mean over the step [nnode_all][dim]
+     (NULL: none) */
   VectorField source_field;
   void       *source_ctx;
   PetscReal  *source;
+  PetscReal   given[3], drive[3]; /* uniform part of -flow_force, and of FlowSetDrive: their sum is in par */
+  Expr        initial;            /* velocity at the start; NULL: numbers */
+  Expr        gravity, force;     /* NULL: numbers, in par; those without a place are put into par in every step */
 };
+
+/* Read density, gravity and body force. Collective. */
+PetscErrorCode FlowReadForces(Flow);
+/* Gravity, body force and source of the step. Local. */
+PetscErrorCode FlowEvaluateForces(Flow);
+/* Error: a force changes in time, and a steady state is wanted. */
+PetscErrorCode FlowRefuseTime(Flow);
 
 /* Everything that depends on the shape of the local cells. Collective. */
 PetscErrorCode FlowComputeCells(Flow);
@@ -86,9 +97,15 @@ static inline PetscErrorCode FlowCellMetric(Flow f, PetscInt c, ElementMetric *m
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Values vl [nb][dim] of a nodal array v [nnode_all][dim] at the nodes of cell c. */
-static inline void FlowCellGather(const MeshLocal *l, PetscInt c, const PetscReal v[], PetscReal vl[])
+/* Values vl [nb][dim] of a nodal array v [nnode_all][dim] in the slots of cell c, and at its lattice places. */
+static inline void FlowCellSlots(const MeshLocal *l, PetscInt c, const PetscReal v[], PetscReal vl[])
 {
   for (PetscInt j = 0; j < l->nb; j++)
     for (PetscInt a = 0; a < l->dim; a++) vl[j * l->dim + a] = v[l->cell_node[c * l->nb + j] * l->dim + a];
+}
+
+static inline void FlowCellGather(const MeshLocal *l, PetscInt c, const PetscReal v[], PetscReal vl[])
+{
+  FlowCellSlots(l, c, v, vl);
+  MeshCellGather(l, c, l->dim, vl);
 }

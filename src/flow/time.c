@@ -22,33 +22,6 @@ PetscErrorCode FlowGetSubsteps(Flow f, PetscInt *n, const PetscReal *fraction[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSetSource(Flow f, VectorField field, void *ctx)
-{
-  PetscFunctionBeginUser;
-  f->source_field = field;
-  f->source_ctx   = ctx;
-  PetscCall(PetscFree(f->source));
-  if (field) PetscCall(PetscCalloc1(f->loc->nnode_all * f->loc->dim, &f->source));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* theta times the source at the end of the step + (1 - theta) times that at its beginning */
-static PetscErrorCode evaluate_source(Flow f)
-{
-  const PetscInt  dim = f->loc->dim;
-  const FlowStep *s   = &f->step;
-
-  PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < f->loc->nnode_all && f->source; i++) {
-    PetscReal end[3], begin[3] = {0, 0, 0};
-
-    PetscCall(f->source_field(f->source_ctx, s->time, f->loc->x + i * dim, end));
-    if (s->theta < 1) PetscCall(f->source_field(f->source_ctx, s->time - s->dt, f->loc->x + i * dim, begin));
-    for (PetscInt a = 0; a < dim; a++) f->source[i * dim + a] = s->theta * end[a] + (1 - s->theta) * begin[a];
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode FlowBeginStep(Flow f, PetscReal time, PetscReal dt)
 {
   FlowStep       *s     = &f->step;
@@ -82,7 +55,7 @@ PetscErrorCode FlowBeginStep(Flow f, PetscReal time, PetscReal dt)
   /* Newton's interpolation */
   f->bend = f->dt_older > 0 ? f->ahead * (f->ahead + 1) * f->dt_old * f->dt_old / (f->dt_old + f->dt_older) : 0;
   FlowExtrapolateConvection(f);
-  PetscCall(evaluate_source(f));
+  PetscCall(FlowEvaluateForces(f));
   PetscCall(ConditionsSetTime(f->boundary, time));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -92,6 +65,7 @@ PetscErrorCode FlowBeginSteady(Flow f, PetscReal rate)
   FlowStep *s = &f->step;
 
   PetscFunctionBeginUser;
+  PetscCall(FlowRefuseTime(f));
   s->time  = 0;
   s->dt    = 0;
   s->ct    = rate;
@@ -101,7 +75,7 @@ PetscErrorCode FlowBeginSteady(Flow f, PetscReal rate)
   s->order = 1;
   f->ahead = 0;
   PetscCall(FlowSetConvection(f, f->u));
-  PetscCall(evaluate_source(f));
+  PetscCall(FlowEvaluateForces(f));
   PetscCall(ConditionsSetTime(f->boundary, PETSC_MAX_REAL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -114,7 +88,7 @@ PetscErrorCode FlowSetDrift(Flow f, const PetscReal drift[])
              "-flow_convection_form convective and -flow_extrapolation linear, or remove -mesh_deform");
   f->drift = drift;
   FlowExtrapolateConvection(f);
-  PetscCall(evaluate_source(f));
+  PetscCall(FlowEvaluateForces(f));
   PetscCall(ConditionsSetTime(f->boundary, f->step.time));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -6,7 +6,8 @@
 #define MESH_MAX_BLOCK 16
 
 struct _p_Mesh {
-  DM           dm;
+  MPI_Comm     comm;
+  DM           dm; /* NULL where the mesh is refined */
   MeshKind     kind;
   MeshLocal    loc;
   PetscInt    *cell_node, *cell_global, *node_global, *node_cell_ptr, *node_cell, *centre_cell;
@@ -18,6 +19,9 @@ struct _p_Mesh {
   /* background grid for MeshNodesInBox: nodes of bin b are bin_node[bin_ptr[b] .. bin_ptr[b + 1]) */
   PetscInt  nbin[3], *bin_ptr, *bin_node, *found;
   PetscReal bin_lower[3], bin_size[3];
+  /* of a refined mesh; NULL, 0 otherwise. hang_table by HANG_CODE of hangimpl.h */
+  MeshHang **hang, **hang_table;
+  PetscInt   levels, *level_count, hanging_cells; /* [levels + 1] cells of all ranks */
 };
 
 /* Number the nodes in the order in which the cells touch them, own ones first; cell_node holds mesh points on entry,
@@ -26,6 +30,8 @@ struct _p_Mesh {
 PetscErrorCode MeshNumberNodes(Mesh, const PetscBool ghost[], PetscInt pEnd, PetscInt number[]);
 /* Global numbers, way from ghosts to owners, cells of nodes. order [ncell_all]: mesh points of cells. Collective. */
 PetscErrorCode MeshNumberGlobally(Mesh, PetscInt pEnd, const PetscInt order[], const PetscInt number[]);
+/* The parts of that which need cell_node and node_global alone. Collective. */
+PetscErrorCode MeshConnectNodes(Mesh);
 /* The background grid of MeshNodesInBox, of the nodes where they are. Not collective. */
 PetscErrorCode MeshCreateBins(Mesh);
 PetscErrorCode MeshDestroyBins(Mesh);

@@ -129,6 +129,25 @@ static PetscErrorCode read_focus(MeshKind k)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Three numbers in an option that has one for each axis mean three dimensions */
+static PetscErrorCode read_dimension(MeshKind k)
+{
+  const char *const given[] = {"-mesh_cells", "-mesh_lower", "-mesh_upper"};
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < 3; i++) {
+    char     text[PETSC_MAX_PATH_LEN] = "", **word;
+    PetscInt n;
+
+    PetscCall(OptPeek(given[i], text, sizeof(text)));
+    PetscCall(PetscStrToArray(text, ',', &n, &word));
+    PetscCall(PetscStrToArrayDestroy(n, word));
+    if (n == 3) k->dim = 3;
+  }
+  PetscCall(OptInt("-mesh_dimension", &k->dim));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode read_box(MeshKind k)
 {
   PetscFunctionBeginUser;
@@ -136,7 +155,7 @@ static PetscErrorCode read_box(MeshKind k)
     k->cells[d] = 16;
     k->upper[d] = 1;
   }
-  PetscCall(OptInt("-mesh_dimension", &k->dim));
+  PetscCall(read_dimension(k));
   PetscCall(OptRealArray("-mesh_lower", k->dim, k->lower, NULL));
   PetscCall(OptRealArray("-mesh_upper", k->dim, k->upper, NULL));
   for (PetscInt d = 0; d < k->dim; d++) {
@@ -412,6 +431,21 @@ PetscErrorCode MeshKindCreate(MPI_Comm comm, MeshKind *kind, DM *dm)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode MeshKindReadBox(MPI_Comm comm, MeshKind *kind)
+{
+  MeshKind k;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&k));
+  k->comm = comm;
+  PetscCall(read_options(k));
+  PetscCheck(k->kind == KIND_BOX || k->kind == KIND_CHANNEL, comm, PETSC_ERR_SUP,
+             "-mesh_levels refines boxes: it does not work with -mesh_kind %s, use box or channel, or remove -mesh_levels", kind_names[k->kind]);
+  PetscCall(name_boundaries(k));
+  *kind = k;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode MeshKindDestroy(MeshKind *kind)
 {
   PetscFunctionBeginUser;
@@ -426,6 +460,18 @@ PetscErrorCode MeshKindGetBoundaries(MeshKind k, PetscInt *n, const char (**name
   PetscFunctionBeginUser;
   *n     = k->nboundary;
   *names = (const char(*)[64])k->boundary;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshKindGetBox(MeshKind k, PetscInt *dim, PetscReal lower[3], PetscReal upper[3], PetscReal period[3])
+{
+  PetscFunctionBeginUser;
+  *dim = k->dim;
+  for (PetscInt d = 0; d < 3; d++) {
+    lower[d]  = k->lower[d];
+    upper[d]  = k->upper[d];
+    period[d] = k->period[d];
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

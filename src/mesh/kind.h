@@ -27,9 +27,12 @@ typedef struct _p_MeshKind *MeshKind;
 /* Read options, build the mesh on rank 0. The caller destroys dm and kind. Errors: empty box, no file, no named
    boundaries in a file, a rounded boundary that is not near its circle, periodic files. */
 PetscErrorCode MeshKindCreate(MPI_Comm, MeshKind *, DM *dm);
+/* Read the options alone: of a box or channel, of which a refined mesh is made. Errors: another kind. */
+PetscErrorCode MeshKindReadBox(MPI_Comm, MeshKind *);
 PetscErrorCode MeshKindDestroy(MeshKind *);
 
 PetscErrorCode MeshKindGetBoundaries(MeshKind, PetscInt *n, const char (**names)[64]);
+PetscErrorCode MeshKindGetBox(MeshKind, PetscInt *dim, PetscReal lower[3], PetscReal upper[3], PetscReal period[3]);
 /* Length of the period along each axis [3] (0: not periodic) and upper end of the period [3]. */
 PetscErrorCode MeshKindGetPeriod(MeshKind, const PetscReal *period[], const PetscReal *upper[]);
 

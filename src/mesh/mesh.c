@@ -8,6 +8,7 @@
 #include "impl.h"
 #include "base/opt.h"
 #include "partition.h"
+#include "refined.h"
 
 /* ---- the DMPlex ---- */
 
@@ -42,6 +43,27 @@ static void corner_position(PetscInt dim, PetscInt v, PetscInt pos[3])
   for (PetscInt d = 0; d < 3; d++) pos[d] = dim == 2 ? quad[v][d] : hex[v][d];
 }
 
+/* pos += lattice positions of the vertices below point p, each as often as paths lead to it (equally often), *count of
+   them; vertex [nv] of the cell in the order of corner_position */
+static PetscErrorCode add_corners(DM dm, PetscInt dim, PetscInt p, PetscInt nv, const PetscInt vertex[], PetscInt pos[3], PetscInt *count)
+{
+  const PetscInt *cone;
+  PetscInt        n, corner[3], v = 0;
+
+  PetscFunctionBeginUser;
+  while (v < nv && vertex[v] != p) v++;
+  if (v < nv) {
+    corner_position(dim, v, corner);
+    for (PetscInt d = 0; d < 3; d++) pos[d] += corner[d];
+    *count += 1;
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCall(DMPlexGetConeSize(dm, p, &n));
+  PetscCall(DMPlexGetCone(dm, p, &cone));
+  for (PetscInt i = 0; i < n; i++) PetscCall(add_corners(dm, dim, cone[i], nv, vertex, pos, count));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Points of the closure of cell c by lattice position, the mean of that of their vertices: point [nb] */
 static PetscErrorCode cell_lattice(DM dm, PetscInt dim, PetscInt c, PetscInt point[])
 {
@@ -58,20 +80,9 @@ static PetscErrorCode cell_lattice(DM dm, PetscInt dim, PetscInt c, PetscInt poi
   PetscCheck(nv == 1 << dim && n == (dim == 2 ? 9 : 27), PETSC_COMM_SELF, PETSC_ERR_SUP,
              "Cell %" PetscInt_FMT " has %" PetscInt_FMT " vertices: the mesh must consist of quadrilaterals (2D) or hexahedra (3D)", c, nv);
   for (PetscInt i = 0; i < n; i++) {
-    PetscInt *sub = NULL, nsub, count = 0, pos[3] = {0, 0, 0};
+    PetscInt count = 0, pos[3] = {0, 0, 0};
 
-    PetscCall(DMPlexGetTransitiveClosure(dm, closure[2 * i], PETSC_TRUE, &nsub, &sub));
-    for (PetscInt j = 0; j < nsub; j++) {
-      for (PetscInt v = 0; v < nv; v++) {
-        PetscInt corner[3];
-
-        if (sub[2 * j] != vertex[v]) continue;
-        corner_position(dim, v, corner);
-        for (PetscInt d = 0; d < 3; d++) pos[d] += corner[d];
-        count++;
-      }
-    }
-    PetscCall(DMPlexRestoreTransitiveClosure(dm, closure[2 * i], PETSC_TRUE, &nsub, &sub));
+    PetscCall(add_corners(dm, dim, closure[2 * i], nv, vertex, pos, &count));
     point[pos[0] / count + 3 * (pos[1] / count) + 9 * (pos[2] / count)] = closure[2 * i];
   }
   PetscCall(DMPlexRestoreTransitiveClosure(dm, c, PETSC_TRUE, &n, &closure));
@@ -278,15 +289,14 @@ static PetscErrorCode collect_boundary_nodes(Mesh m, const PetscInt number[])
 
 /* ---- public ---- */
 
-PetscErrorCode MeshCreate(MPI_Comm comm, Mesh *mesh)
+/* Of the cells of a DMPlex */
+static PetscErrorCode build_plain(Mesh m)
 {
-  Mesh       m;
   PetscInt   pStart, pEnd, *order, *number;
   PetscBool *ghost;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscNew(&m));
-  PetscCall(create_dm(m, comm));
+  PetscCall(create_dm(m, m->comm));
   PetscCall(DMGetDimension(m->dm, &m->loc.dim));
   m->loc.nb = m->loc.dim == 2 ? 9 : 27;
   PetscCall(DMPlexGetChart(m->dm, &pStart, &pEnd));
@@ -298,11 +308,52 @@ PetscErrorCode MeshCreate(MPI_Comm comm, Mesh *mesh)
   PetscCall(MeshNumberNodes(m, ghost, pEnd, number));
   PetscCall(MeshNumberGlobally(m, pEnd, order, number));
   PetscCall(set_coordinates(m, order));
-  m->x_start = m->x;
   PetscCall(collect_boundary_nodes(m, number));
-  PetscCall(MeshCreateBins(m));
   PetscCall(PetscFree2(order, number));
   PetscCall(PetscFree(ghost));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshReadLevels(PetscInt *levels, PetscBool *around)
+{
+  PetscInt n;
+  char     box[LEAVES_MAX_BOXES][LEAVES_NAME];
+
+  PetscFunctionBeginUser;
+  *levels = 0;
+  *around = PETSC_FALSE;
+  PetscCall(OptInt("-mesh_levels", levels));
+  if (*levels) PetscCall(LeavesReadRefine(around, &n, box));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshReadBox(MPI_Comm comm, PetscInt *dim, PetscReal lower[3], PetscReal upper[3], PetscReal period[3])
+{
+  MeshKind k;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshKindReadBox(comm, &k));
+  PetscCall(MeshKindGetBox(k, dim, lower, upper, period));
+  PetscCall(MeshKindDestroy(&k));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshCreateAround(MPI_Comm comm, const MeshSurface *surface, Mesh *mesh)
+{
+  Mesh      m;
+  PetscInt  levels;
+  PetscBool around;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&m));
+  m->comm = comm;
+  PetscCall(MeshReadLevels(&levels, &around));
+  if (levels) {
+    PetscCall(MeshKindReadBox(comm, &m->kind));
+    PetscCall(RefinedBuild(m, levels, surface));
+  } else PetscCall(build_plain(m));
+  m->x_start = m->x;
+  PetscCall(MeshCreateBins(m));
   m->loc.cell_node     = m->cell_node;
   m->loc.cell_global   = m->cell_global;
   m->loc.node_global   = m->node_global;
@@ -312,6 +363,13 @@ PetscErrorCode MeshCreate(MPI_Comm comm, Mesh *mesh)
   m->loc.x             = m->x;
   m->loc.x_start       = m->x_start;
   *mesh                = m;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshCreate(MPI_Comm comm, Mesh *mesh)
+{
+  PetscFunctionBeginUser;
+  PetscCall(MeshCreateAround(comm, NULL, mesh));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -333,6 +391,7 @@ PetscErrorCode MeshDestroy(Mesh *mesh)
   if (m->x_start != m->x) PetscCall(PetscFree(m->x_start));
   PetscCall(PetscFree(m->x));
   PetscCall(PetscSFDestroy(&m->node_sf));
+  PetscCall(RefinedDestroy(m));
   PetscCall(DMDestroy(&m->dm));
   PetscCall(MeshKindDestroy(&m->kind));
   PetscCall(PetscFree(*mesh));
@@ -349,6 +408,10 @@ PetscErrorCode MeshView(Mesh m, PetscViewer viewer)
                                    " Q2 nodes, smallest cell size %g, box [%g, %g] x [%g, %g]\n",
                                    l->dim, l->ncell_global, l->nnode_global, (double)l->h, (double)l->lower[0], (double)l->upper[0],
                                    (double)l->lower[1], (double)l->upper[1]));
+  for (PetscInt i = 0; i <= m->levels && m->level_count; i++) {
+    PetscCall(PetscViewerASCIIPrintf(viewer, "%s%" PetscInt_FMT, i ? ", " : "  cells by level: ", m->level_count[i]));
+    if (i == m->levels) PetscCall(PetscViewerASCIIPrintf(viewer, "; %" PetscInt_FMT " with hanging places\n", m->hanging_cells));
+  }
   PetscCall(PetscViewerASCIIPrintf(viewer, "  boundaries:"));
   for (PetscInt b = 0; b < m->nboundary; b++) PetscCall(PetscViewerASCIIPrintf(viewer, " %s", m->boundary_name[b]));
   for (PetscInt d = 0; d < l->dim; d++)
@@ -364,10 +427,10 @@ PetscErrorCode MeshGetLocal(Mesh m, const MeshLocal **loc)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MeshGetDM(Mesh m, DM *dm)
+PetscErrorCode MeshGetComm(Mesh m, MPI_Comm *comm)
 {
   PetscFunctionBeginUser;
-  *dm = m->dm;
+  *comm = m->comm;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -393,7 +456,7 @@ PetscErrorCode MeshGetBoundaryNodes(Mesh m, PetscInt b, PetscInt *n, const Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MeshCellCoordinates(Mesh m, PetscInt c, PetscReal xc[])
+PetscErrorCode MeshSlotCoordinates(Mesh m, PetscInt c, PetscReal xc[])
 {
   const MeshLocal *l   = &m->loc;
   const PetscInt   dim = l->dim, *node = m->cell_node + c * l->nb;
@@ -402,6 +465,14 @@ PetscErrorCode MeshCellCoordinates(Mesh m, PetscInt c, PetscReal xc[])
   PetscFunctionBeginUser;
   for (PetscInt j = 0; j < l->nb; j++)
     for (PetscInt d = 0; d < dim; d++) xc[j * dim + d] = DomainNearest(l->period[d], m->x[node[j] * dim + d], centre[d]);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshCellCoordinates(Mesh m, PetscInt c, PetscReal xc[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(MeshSlotCoordinates(m, c, xc));
+  MeshCellGather(&m->loc, c, m->loc.dim, xc);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -103,13 +103,20 @@ static PetscErrorCode connect_nodes_to_cells(Mesh m)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode MeshConnectNodes(Mesh m)
+{
+  PetscFunctionBeginUser;
+  PetscCall(create_node_sf(m));
+  PetscCall(connect_nodes_to_cells(m));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode MeshNumberGlobally(Mesh m, PetscInt pEnd, const PetscInt order[], const PetscInt number[])
 {
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(m->loc.nnode_all, &m->node_global));
   PetscCall(number_globally(m, pEnd, order, number));
-  PetscCall(create_node_sf(m));
-  PetscCall(connect_nodes_to_cells(m));
+  PetscCall(MeshConnectNodes(m));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -1,15 +1,17 @@
 /* Options of the room mesh: see base/opt.h. */
 #include "base/opt.h"
 
-#define BOX    "-mesh_kind box"
-#define FITTED "-mesh_kind fitted"
-#define ROUND  "-mesh_kind disc or annulus"
-#define FOCUS  "-mesh_focus"
-#define GRADED "-mesh_focus, or -mesh_kind channel or fitted"
+#define BOX     "-mesh_kind box"
+#define FITTED  "-mesh_kind fitted"
+#define ROUND   "-mesh_kind disc or annulus"
+#define LEVELED "-mesh_kind box or channel"
+#define FOCUS   "-mesh_focus"
+#define GRADED  "-mesh_focus, or -mesh_kind channel or fitted"
 
 static const OptSpec SPECS[] = {
   {"-mesh_kind", OPT_CHOICE, "", OPT_ANY, "box", .help = "where the mesh comes from", .choices = "box, channel, fitted, disc, annulus, file"},
-  {"-mesh_dimension", OPT_INT, "", 2, 3, "2", .help = "space dimension of a box mesh", .when = BOX},
+  {"-mesh_dimension", OPT_INT, "", 2, 3, "3 if -mesh_cells, -mesh_lower or -mesh_upper have three numbers, else 2",
+   .help = "space dimension of a box mesh", .when = BOX},
   {"-mesh_lower", OPT_REALS, "length", OPT_ANY, "0", .help = "lower corner of the box", .when = BOX},
   {"-mesh_upper", OPT_REALS, "length", OPT_ANY, "1", .help = "upper corner of the box", .when = BOX},
   {"-mesh_cells", OPT_INTS, "", 1, 1000000, "16", .help = "cells along each axis", .when = BOX " and without -mesh_focus"},
@@ -36,6 +38,13 @@ static const OptSpec SPECS[] = {
   {"-mesh_file", OPT_STRING, "", OPT_ANY, "", .help = "Gmsh file of quadrilaterals or hexahedra", .when = "-mesh_kind file", .path = OPT_PATH},
   {"-mesh_round_<boundary>", OPT_REALS, "length", OPT_ANY, "", .help = "the boundary is this circle: centre x, y and radius",
    .when = "-mesh_kind file"},
+  {"-mesh_levels", OPT_INT, "", 0, 12, "0", .help = "how often cells are halved where -mesh_refine asks for it", .when = LEVELED},
+  {"-mesh_refine", OPT_STRINGS, "", OPT_ANY, "bodies", .help = "where: around bodies, and in boxes of these names", .when = "-mesh_levels"},
+  {"-mesh_band", OPT_REAL, "", 0.7, 1000, "3", .help = "a cell is halved whose centre is closer to a surface than this many of its sides",
+   .when = "-mesh_levels"},
+  {"-mesh_box_<box>_corners", OPT_REALS, "length", OPT_ANY, "", .help = "lower, then upper corner of a box that -mesh_refine names",
+   .when = "-mesh_levels"},
+  {"-mesh_box_<box>_levels", OPT_INT, "", 1, 12, "by mesh: -mesh_levels", .help = "how often the cells in it are halved", .when = "-mesh_levels"},
   {"-mesh_order", OPT_CHOICE, "", OPT_ANY, "natural", .help = "order of cells and nodes in memory (rcm helps meshes from files)",
    .choices = "natural, rcm", .expert = PETSC_TRUE},
 };

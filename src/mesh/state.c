@@ -14,12 +14,12 @@ static PetscErrorCode sync_nodes(void *mesh, PetscInt bs, PetscReal v[])
 PetscErrorCode MeshCreateState(Mesh mesh, State *state)
 {
   const MeshLocal *l;
-  DM               dm;
+  MPI_Comm         comm;
   StateKeys        k;
 
   PetscFunctionBeginUser;
   PetscCall(MeshGetLocal(mesh, &l));
-  PetscCall(MeshGetDM(mesh, &dm));
+  PetscCall(MeshGetComm(mesh, &comm));
   k = (StateKeys){.dim          = l->dim,
                   .n            = {l->nnode, l->ncell},
                   .start        = {l->node_start, l->cell_start},
@@ -32,6 +32,6 @@ PetscErrorCode MeshCreateState(Mesh mesh, State *state)
   PetscCall(PetscArraycpy(k.x[STATE_NODE], l->x, l->nnode * l->dim));
   for (PetscInt c = 0; c < l->ncell; c++)
     PetscCall(PetscArraycpy(k.x[STATE_CELL] + c * l->dim, l->x + l->cell_node[c * l->nb + l->nb / 2] * l->dim, l->dim));
-  PetscCall(StateCreate(PetscObjectComm((PetscObject)dm), &k, state));
+  PetscCall(StateCreate(comm, &k, state));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

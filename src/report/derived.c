@@ -46,6 +46,16 @@ static void curl_at_node(PetscInt dim, PetscInt j, const PetscReal xc[], const P
   r[3] = J[0][0] * C[0][0] + J[0][1] * C[0][1] + J[0][2] * C[0][2];
 }
 
+/* Is the node in slot j another one than that at place j? */
+static PetscBool hangs(const MeshLocal *m, PetscInt c, PetscInt j)
+{
+  const MeshHang *h = MeshCellHang(m, c);
+
+  for (PetscInt r = 0; h && r < h->n; r++)
+    if (h->slot[r] == j) return PETSC_TRUE;
+  return PETSC_FALSE;
+}
+
 /* sum [nnode_all][n + 1] of weighted values and weights over own cells -> v [nnode_all][n] averages, ghosts up to
    date */
 static PetscErrorCode finish_average(Mesh mesh, const MeshLocal *m, PetscInt n, PetscReal sum[], PetscReal v[])
@@ -76,7 +86,9 @@ PetscErrorCode DerivedVorticity(Mesh mesh, const PetscReal u[], PetscReal w[])
     for (PetscInt j = 0; j < m->nb; j++) {
       for (PetscInt d = 0; d < m->dim; d++) uc[j * m->dim + d] = u[node[j] * m->dim + d];
     }
+    MeshCellGather(m, c, m->dim, uc);
     for (PetscInt j = 0; j < m->nb; j++) {
+      if (hangs(m, c, j)) continue; /* the large cell speaks for its nodes */
       curl_at_node(m->dim, j, xc, uc, r);
       for (PetscInt k = 0; k < 4 && r[3] > 0; k++) sum[4 * node[j] + k] += r[k];
     }
@@ -113,6 +125,7 @@ PetscErrorCode DerivedPressure(Mesh mesh, const PetscReal p[], const PetscInt bo
       const PetscInt i     = m->cell_node[c * m->nb + j];
       PetscReal      value = pc[0];
 
+      if (hangs(m, c, j)) continue;
       for (PetscInt d = 0; d < m->dim; d++) value += pc[1 + d] * (x[j * m->dim + d] - centre[d]);
       sum[2 * i] += weight * value;
       sum[2 * i + 1] += weight;

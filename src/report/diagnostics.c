@@ -47,6 +47,8 @@ struct _p_Diagnostics {
   PetscInt              dp_column, momentum_column, count_column, deform_column, ncolumn, ncount;
   const CoupleCount    *count;                  /* [ncount] of the boundary rung */
   const DeformResult   *deform;                 /* NULL: the mesh does not follow bodies */
+  const CoupleDrive    *drive;                  /* or NULL */
+  PetscInt              drive_column;           /* force, then, with a back-flow condition, its error */
   PetscInt              flow_column, nboundary; /* mean velocity, then each boundary's flow rate or force */
   const CoupleBoundary *boundary;
   PetscReal            *value; /* [ncolumn] of this step */
@@ -242,6 +244,22 @@ static PetscErrorCode add_flow_columns(Diagnostics b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* The force that the scene asks for, and the error of its back-flow */
+static PetscErrorCode add_drive_columns(Diagnostics b)
+{
+  char name[128];
+
+  PetscFunctionBeginUser;
+  PetscCall(CoupleGetDrive(b->couple, &b->drive));
+  if (!b->drive) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt a = 0; a < b->loc->dim; a++) {
+    PetscCall(PetscSNPrintf(name, sizeof(name), "flow_force_%c", (char)('x' + a)));
+    PetscCall(add_column(b, name, a ? NULL : &b->drive_column));
+  }
+  if (b->drive->backflow) PetscCall(add_column(b, "backflow_error", NULL));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode DiagnosticsCreate(Flow flow, Bodies bodies, Couple couple, Monitor monitor, Diagnostics *probe)
 {
   Diagnostics b;
@@ -261,6 +279,7 @@ PetscErrorCode DiagnosticsCreate(Flow flow, Bodies bodies, Couple couple, Monito
   PetscCall(read_momentum(b));
   PetscCall(add_mesh_columns(b));
   PetscCall(add_flow_columns(b));
+  PetscCall(add_drive_columns(b));
   PetscCall(OptReal("-monitor_from", &b->from));
   PetscCall(PetscCalloc1(b->ncolumn, &b->value));
   PetscCall(HistoryCreate(b->ncolumn, &b->history));
@@ -350,6 +369,8 @@ PetscErrorCode DiagnosticsStep(Diagnostics b, const CoupleBalance *balance)
   for (PetscInt i = 0; i < b->ncount; i++) b->value[b->count_column + i] = (PetscReal)b->count[i].value;
   for (PetscInt i = 0; b->deform && i < 3; i++) b->value[b->deform_column + i] = i < 2 ? b->deform->area[i] : b->deform->jacobian;
   if (balance) measure_flow(b, balance);
+  for (PetscInt a = 0; b->drive && a < b->loc->dim; a++) b->value[b->drive_column + a] = b->drive->force[a];
+  if (b->drive && b->drive->backflow) b->value[b->drive_column + b->loc->dim] = b->drive->error;
   for (PetscInt i = 0; i < b->ncolumn; i++) PetscCall(MonitorSetColumn(b->monitor, i, b->value[i]));
   if (b->ncolumn) PetscCall(HistoryAdd(b->history, step->time - (1 - step->theta) * step->dt, b->value));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -410,5 +431,10 @@ PetscErrorCode DiagnosticsFinish(Diagnostics b)
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < b->ncoefficient; i++) PetscCall(tell_coefficient(b, b->coefficient + i));
   if (b->dp) PetscCall(tell(b, "dp", "", b->value[b->dp_column]));
+  for (PetscInt a = 0; b->drive && a < b->loc->dim; a++) {
+    const char suffix[] = {'_', (char)('x' + a), 0};
+
+    PetscCall(tell(b, "flow_force", suffix, b->value[b->drive_column + a]));
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

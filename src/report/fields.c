@@ -99,7 +99,7 @@ static PetscErrorCode close_hdf5(Output o, const char name[], Hdf5 *file)
 
 /* ---- datasets ---- */
 
-/* Nodal values v [nnode][bs] of own nodes -> values at the points of the file */
+/* Nodal values v [nnode_all][bs] -> values at the points of the file */
 static PetscErrorCode write_nodal(Output o, Hdf5 file, const char name[], PetscInt bs, const PetscReal v[])
 {
   const Points *p = &o->points;
@@ -107,9 +107,7 @@ static PetscErrorCode write_nodal(Output o, Hdf5 file, const char name[], PetscI
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(p->n * bs, &w));
-  for (PetscInt i = 0; i < p->n; i++) {
-    for (PetscInt b = 0; b < bs; b++) w[i * bs + b] = v[p->node[i] * bs + b];
-  }
+  PetscCall(PointsEvaluate(p, o->mesh, bs, v, w));
   PetscCall(Hdf5WriteReals(file, name, p->n, bs, w));
   PetscCall(PetscFree(w));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -122,7 +120,7 @@ static PetscErrorCode write_nodal_integers(Output o, Hdf5 file, const char name[
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(p->n, &w));
-  for (PetscInt i = 0; i < p->n; i++) w[i] = v[p->node[i]];
+  PetscCall(PointsPick(p, o->mesh, v, w));
   PetscCall(Hdf5WriteInts(file, name, p->n, 1, w));
   PetscCall(PetscFree(w));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -287,14 +285,12 @@ static PetscErrorCode add_snapshot(Output o, PetscInt step, PetscReal time, Pets
 PetscErrorCode OutputCreate(Mesh mesh, const char scene[], Output *output)
 {
   Output o;
-  DM     dm;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&o));
   o->mesh = mesh;
   PetscCall(MeshGetLocal(mesh, &o->loc));
-  PetscCall(MeshGetDM(mesh, &dm));
-  PetscCall(PetscObjectGetComm((PetscObject)dm, &o->comm));
+  PetscCall(MeshGetComm(mesh, &o->comm));
   PetscCallMPI(MPI_Comm_rank(o->comm, &o->rank));
   PetscCall(PetscSNPrintf(o->dir, sizeof(o->dir), "out/%s", scene));
   PetscCall(OptString("-output_dir", o->dir, sizeof(o->dir)));

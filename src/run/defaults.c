@@ -169,7 +169,7 @@ static PetscErrorCode find_situation(const MeshLocal *l, Bodies bodies, PetscBoo
   PetscFunctionBeginUser;
   if (bodies) PetscCall(BodiesAreStill(bodies, &still));
   if (bodies) PetscCall(BodiesGetState(bodies, &s));
-  *situation = (steady ? STEADY : UNSTEADY) | (l->dim == 2 ? PLANE : SPATIAL);
+  *situation = (steady ? STEADY : UNSTEADY) | (l->dim == 2 && !l->hang ? PLANE : SPATIAL); /* what snap lines up */
   if (unknowns < (l->dim == 2 ? 1.5e6 : 2e5)) *situation |= SMALL;
   if (!still) *situation |= MOVING;
   if (!s || s->n == 0) *situation |= EMPTY;

@@ -10,6 +10,7 @@ enum {
   MOMENTUM,
   GROWTH,
   INNER,
+  BACKFLOW,
   NMEASURES
 };
 
@@ -20,21 +21,23 @@ static const struct {
   [MOMENTUM]   = {"the error of the balance of momentum", "-sim_judge_momentum"},
   [GROWTH]     = {"the share by which the kinetic energy grows in a step without a source", "-sim_judge_growth"},
   [INNER]      = {"the number of solves for velocity or pressure that stop at their largest number of iterations", NULL},
+  [BACKFLOW]   = {"the error of the back-flow of -couple_backflow", "-sim_judge_backflow"},
 };
 
 #define REST 1e-3 /* of the largest energy so far: growth below is that of a flow that comes to rest */
 
 struct _p_Judge {
-  Flow       flow;
-  Bodies     bodies;
-  BodyState *s;
-  Couple     couple;
-  PetscReal  bound[NMEASURES], value[NMEASURES]; /* bound 0: not judged */
-  PetscReal  h, way_max;
-  PetscReal  speed_max, force_max, energy_max; /* L2 norm of the velocity; sum of forces; so far */
-  PetscReal  energy;                           /* of the step before */
-  PetscBool  started, volume, fast, remarked[2];
-  PetscInt   steps, doubts;
+  Flow               flow;
+  Bodies             bodies;
+  BodyState         *s;
+  Couple             couple;
+  PetscReal          bound[NMEASURES], value[NMEASURES]; /* bound 0: not judged */
+  PetscReal          h, way_max;
+  PetscReal          speed_max, force_max, energy_max; /* L2 norm of the velocity; sum of forces; so far */
+  PetscReal          energy;                           /* of the step before */
+  PetscBool          started, volume, fast, remarked[2];
+  PetscInt           steps, doubts;
+  const CoupleDrive *drive; /* NULL: no back-flow to judge */
 };
 
 PetscErrorCode JudgeCreate(Flow flow, Bodies bodies, Couple couple, Judge *judge)
@@ -58,9 +61,12 @@ PetscErrorCode JudgeCreate(Flow flow, Bodies bodies, Couple couple, Judge *judge
   j->bound[DIVERGENCE] = 0.1;
   j->bound[MOMENTUM]   = 0.05;
   j->bound[GROWTH]     = 0.2;
+  j->bound[BACKFLOW]   = 1e-3;
   PetscCall(OptReal("-sim_judge_divergence", &j->bound[DIVERGENCE]));
   PetscCall(OptReal("-sim_judge_momentum", &j->bound[MOMENTUM]));
   PetscCall(OptReal("-sim_judge_growth", &j->bound[GROWTH]));
+  PetscCall(CoupleGetDrive(couple, &j->drive));
+  if (j->drive && j->drive->backflow) PetscCall(OptReal("-sim_judge_backflow", &j->bound[BACKFLOW]));
   PetscCall(OptInt("-sim_judge_steps", &j->steps));
   PetscCall(OptReal("-sim_move_max", &j->way_max));
   PetscCall(OptPeek("-flow_recipe", text, sizeof(text)));
@@ -126,6 +132,7 @@ PetscErrorCode JudgeStep(Judge j, const FlowDiagnostics *d, const CoupleBalance 
   j->force_max         = PetscMax(j->force_max, b->size);
   j->value[DIVERGENCE] = j->speed_max > 0 ? j->h * d->divergence / j->speed_max : 0;
   j->value[MOMENTUM]   = j->force_max > 0 && !j->volume ? b->error * b->size / j->force_max : 0;
+  j->value[BACKFLOW]   = j->drive ? j->drive->error : 0;
   PetscCall(measure_growth(j, d, dt));
   PetscCall(count_inner(j, time));
   for (PetscInt i = 0; i < NMEASURES; i++)

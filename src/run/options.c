@@ -29,6 +29,8 @@ static const OptSpec SPECS[] = {
    .when = FLOW, .expert = PETSC_TRUE},
   {"-sim_judge_growth", OPT_REAL, "", OPT_FROM(0), "0.2", .help = "largest growth of the kinetic energy in a step without a source, relative, 0: any",
    .when = FLOW, .expert = PETSC_TRUE},
+  {"-sim_judge_backflow", OPT_REAL, "", OPT_FROM(0), "1e-3", .help = "largest error of the back-flow condition (column backflow_error), 0: any",
+   .when = "-couple_backflow flux or force", .expert = PETSC_TRUE},
   {"-sim_judge_steps", OPT_INT, "", OPT_FROM(0), "5", .help = "steps in a row beyond these bounds after which the run stops, 0: never", .when = FLOW,
    .expert = PETSC_TRUE},
   {"-sim_adapt", OPT_BOOL, "", OPT_ANY, "false", .help = "choose the time step by its error, the CFL number, and the way and the gaps of bodies",

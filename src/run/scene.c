@@ -5,6 +5,7 @@
 #include "base/log.h"
 #include "base/opt.h"
 #include "defaults.h"
+#include "refine.h"
 #include "sim.h"
 
 /* What contact needs to know of a scene without a flow: all faces that are not periodic are walls, and the range goes
@@ -16,7 +17,7 @@ static PetscErrorCode create_contact_alone(SimParts *part, const MeshLocal *l)
   BodyState *s;
 
   PetscFunctionBeginUser;
-  PetscCall(FlowReadFluid(l->dim, &density, gravity));
+  PetscCall(FlowReadFluid(l->dim, &density, gravity, &part->gravity));
   PetscCall(BodiesGetState(part->bodies, &s));
   PetscCheck(s->n, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "A scene without flow and without bodies has nothing to do: give -particle_groups, or remove -flow_active");
@@ -50,26 +51,43 @@ static PetscErrorCode report_deformation(Monitor monitor, const DeformResult *r)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Nothing holds the mean motion of a box without boundaries */
-static PetscErrorCode remark_no_walls(const MeshLocal *l, const FlowParameters *par, Bodies bodies)
+/* Where bodies fall along a periodic axis: what holds their weight less their buoyancy */
+static PetscErrorCode remark_backflow(const MeshLocal *l, const FlowParameters *par, Bodies bodies, Couple couple)
 {
-  BodyState *s;
-  PetscBool  heavy = PETSC_FALSE;
+  const CoupleDrive *drive;
+  BodyState         *s;
+  PetscInt           heavy = 0, open = 0;
 
   PetscFunctionBeginUser;
+  PetscCall(CoupleGetDrive(couple, &drive));
   PetscCall(BodiesGetState(bodies, &s));
-  for (PetscInt d = 0; d < l->dim; d++)
-    if (l->period[d] == 0) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt k = 0; k < s->n; k++) {
-    const BodyGroup *g = BodiesGetGroup(s, k);
-
-    for (PetscInt d = 0; d < l->dim; d++)
-      if (par->gravity[d] != 0 && g->density != par->density && BodiesIsFree(bodies, k, d)) heavy = PETSC_TRUE;
+  for (PetscInt d = 0; d < l->dim; d++) {
+    open |= (l->period[d] > 0) << d;
+    for (PetscInt k = 0; k < s->n && l->period[d] > 0 && par->gravity[d] != 0; k++)
+      if (BodiesGetGroup(s, k)->density != par->density && BodiesIsFree(bodies, k, d)) heavy |= 1 << d;
   }
-  if (heavy)
-    PetscCall(
-      LogRemark("the box is periodic along every axis, and nothing in it holds the weight of the bodies less their buoyancy: bodies and fluid are "
-                "accelerated without end. Give it a wall, or balance the weight by -flow_force"));
+  if (drive && drive->backflow)
+    PetscCall(LogRemark("back-flow: zero %s along gravity in the periodic box (-couple_backflow), judged every step (column backflow_error)",
+                        drive->held & drive->backflow ? "net flux of fluid and bodies" : "mean force on fluid and bodies"));
+  else if (heavy & ~(drive ? drive->held : 0) && open == (1 << l->dim) - 1)
+    PetscCall(LogRemark(
+      "the box is periodic along every axis, and nothing in it holds the weight of the bodies less their buoyancy: bodies and fluid are "
+      "accelerated without end. Choose a back-flow by -couple_backflow flux or force, give it a wall, or balance the weight by -flow_force"));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* A refined mesh is made around the bodies, others before them */
+static PetscErrorCode create_mesh_and_bodies(SimParts *part, const MeshLocal **l)
+{
+  PetscInt  levels;
+  PetscBool around;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshReadLevels(&levels, &around));
+  if (levels) PetscCall(RefineCreateMesh(PETSC_COMM_WORLD, around, &part->bodies, &part->mesh));
+  else PetscCall(MeshCreate(PETSC_COMM_WORLD, &part->mesh));
+  PetscCall(MeshGetLocal(part->mesh, l));
+  if (!levels) PetscCall(BodiesCreate((*l)->dim, (*l)->lower, (*l)->upper, &part->bodies));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -84,9 +102,7 @@ static PetscErrorCode build(SimParts *part)
   PetscFunctionBeginUser;
   PetscCall(OptBool("-flow_active", &active));
   if (active) PetscCall(OptBool("-sim_steady", &steady));
-  PetscCall(MeshCreate(PETSC_COMM_WORLD, &part->mesh));
-  PetscCall(MeshGetLocal(part->mesh, &l));
-  PetscCall(BodiesCreate(l->dim, l->lower, l->upper, &part->bodies));
+  PetscCall(create_mesh_and_bodies(part, &l));
   if (active) PetscCall(DefaultsApply(l, part->bodies, steady));
   if (active) {
     PetscCall(DeformCreate(part->mesh, part->bodies, &part->deform));
@@ -95,10 +111,10 @@ static PetscErrorCode build(SimParts *part)
     if (deformed) PetscCall(drop_deform(part, steady));
     PetscCall(FlowCreate(part->mesh, &part->flow));
     PetscCall(FlowGetParameters(part->flow, &par));
-    PetscCall(remark_no_walls(l, par, part->bodies));
   }
   if (active) {
     PetscCall(CoupleCreate(part->flow, part->bodies, &part->couple));
+    PetscCall(remark_backflow(l, par, part->bodies, part->couple));
     if (part->deform) PetscCall(CoupleSetDeform(part->couple, part->deform));
     if (steady) PetscCall(SteadyCreate(part->flow, part->couple, &part->steady));
     PetscCall(ConditionsGetSolidFaces(FlowConditions(part->flow), &walls));
@@ -132,6 +148,7 @@ static PetscErrorCode destroy(SimParts *part)
   PetscCall(BodiesDestroy(&part->bodies));
   PetscCall(FlowDestroy(&part->flow));
   PetscCall(DeformDestroy(&part->deform));
+  PetscCall(ExprDestroy(&part->gravity));
   PetscCall(MeshDestroy(&part->mesh));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

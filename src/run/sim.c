@@ -338,10 +338,14 @@ static PetscErrorCode finish_step(Sim s, PetscReal dt, PetscLogDouble start)
 /* Solve for the step dt or a part of one; what is known of the time before it stays */
 static PetscErrorCode solve_part(Sim s, PetscReal dt, PetscInt *its, KSPConvergedReason *reason)
 {
+  const FlowParameters *par;
+
   PetscFunctionBeginUser;
   PetscCall(begin_phase(s, MONITOR_PARTICLE));
   PetscCall(FlowBeginStep(s->part.flow, s->time + dt, dt));
   if (s->s->n) {
+    PetscCall(FlowGetParameters(s->part.flow, &par));
+    PetscCall(ContactSetGravity(s->part.contact, par->gravity));
     PetscCall(estimate_acceleration(s));
     PetscCall(JudgePlan(s->judge, s->a, s->time + dt, dt, (PetscBool)(s->adapt != NULL)));
     PetscCall(ContactStep(s->part.contact, dt, s->a, s->alpha));
@@ -457,12 +461,14 @@ static PetscErrorCode take_step_alone(Sim s)
 {
   PetscLogDouble start;
   PetscInt       substeps;
-  PetscReal      dt;
+  PetscReal      dt, gravity[3];
 
   PetscFunctionBeginUser;
   PetscCall(begin_phase(s, MONITOR_PARTICLE));
   start = s->since;
   PetscCall(choose_step(s, &dt));
+  if (s->part.gravity) PetscCall(ExprEvaluate(s->part.gravity, s->time + 0.5 * dt, 1, NULL, gravity));
+  if (s->part.gravity) PetscCall(ContactSetGravity(s->part.contact, gravity));
   PetscCall(ContactAdvanceAlone(s->part.contact, dt));
   PetscCall(LeaveApply(s->part.border));
   PetscCall(end_phase(s));

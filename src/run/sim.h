@@ -34,6 +34,7 @@ typedef struct {
   Diagnostics probe;
   Steady      steady; /* NULL: time steps */
   Checkpoint  checkpoint;
+  Expr        gravity; /* without a flow: gravity that changes in time, or NULL */
 } SimParts;
 
 typedef struct _p_Sim *Sim;

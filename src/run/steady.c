@@ -406,10 +406,14 @@ static PetscErrorCode create_snes(Steady s)
 
 PetscErrorCode SteadyCreate(Flow flow, Couple couple, Steady *steady)
 {
-  Steady s;
-  Mesh   mesh;
+  Steady             s;
+  Mesh               mesh;
+  const CoupleDrive *drive;
 
   PetscFunctionBeginUser;
+  PetscCall(CoupleGetDrive(couple, &drive));
+  PetscCheck(!drive, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+             "Options -flow_rate and -couple_backflow hold a flow in every time step: run in time without -sim_steady, or give the force by -flow_force");
   PetscCall(PetscNew(&s));
   s->flow         = flow;
   s->couple       = couple;

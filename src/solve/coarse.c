@@ -2,7 +2,9 @@
 #include "compat.h"
 #include "coarse.h"
 #include "base/algebra.h"
+#include "base/opt.h"
 #include "lagged.h"
+#include "laplacian.h"
 
 #define MAX_VERTICES 125 /* vertices of the cells around a node: 9 (27) on regular meshes */
 
@@ -15,8 +17,9 @@ struct _p_Coarse {
   PC               solver;             /* borrowed, of the PCMG that CoarseSetUpPC saw */
   PetscBool        changed;            /* the matrix, since then */
   Mat              interpolation, matrix;
-  PetscInt        *vertex; /* [nnode_all] global number of the vertex at a node, or -1 */
-  PetscBool       *buried; /* [nnode_all] vertex without fluid around */
+  Laplacian        laplacian; /* NULL: the operator is I^T S_p I */
+  PetscInt        *vertex;    /* [nnode_all] global number of the vertex at a node, or -1 */
+  PetscBool       *buried;    /* [nnode_all] vertex without fluid around */
   /* the bodies' part, see CoarseSetBodies */
   Mat              whole; /* matrix and bodies, NULL without any */
   PetscInt         nbodies, nr, ncut;
@@ -25,6 +28,18 @@ struct _p_Coarse {
 };
 
 /* ---- interpolation ---- */
+
+/* From values at the corners of a cell to those in its corner slots, the vertices of large faces where these hang */
+static void fit_slots(const MeshHang *h, PetscInt nv, PetscInt nk, PetscReal fit[])
+{
+  for (PetscInt k = 0; k < nk; k++) {
+    PetscReal row[8] = {0};
+
+    for (PetscInt v = 0; v < nv; v++)
+      for (PetscInt s = 0; s < nv; s++) row[s] += fit[k * nv + v] * h->corner[v][s];
+    for (PetscInt s = 0; s < nv; s++) fit[k * nv + s] = row[s];
+  }
+}
 
 /* Linear function on a cell (value and scaled slopes at the centre) that fits the vertex values: for a parallelogram
    the multilinear interpolant at its centre */
@@ -53,6 +68,7 @@ static PetscErrorCode fit_vertices(Coarse s, PetscInt c, PetscInt node[], PetscR
       for (PetscInt e = 0; e < dim; e++) fit[(1 + a) * nv + v] += size * inv[e * dim + a] * ((v >> e) & 1 ? 1.0 : -1.0) / nv;
     }
   }
+  if (MeshCellHang(l, c)) fit_slots(MeshCellHang(l, c), nv, dim + 1, fit);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -215,6 +231,19 @@ static PetscErrorCode add_bodies(Coarse s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode choose_operator(Coarse s)
+{
+  static const char *const OPERATORS[] = {"auto", "galerkin", "laplacian", NULL};
+  PetscInt                 choice      = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptChoice("-flow_pressure_coarse", OPERATORS, &choice));
+  PetscCheck(choice != 2 || !s->loc->hang, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+             "-flow_pressure_coarse laplacian does not know the vertices of refined meshes: use galerkin, or remove -mesh_levels");
+  if (choice == 2 || (choice == 0 && s->loc->dim == 3 && !s->loc->hang)) PetscCall(LaplacianCreate(s->mesh, &s->laplacian));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* ---- public ---- */
 
 PetscErrorCode CoarseCreate(Mesh mesh, PetscInt nk, PetscBool floating, PetscReal keep, Coarse *coarse)
@@ -232,7 +261,9 @@ PetscErrorCode CoarseCreate(Mesh mesh, PetscInt nk, PetscBool floating, PetscRea
   PetscCall(PetscCalloc1(s->loc->nnode_all, &s->buried));
   PetscCall(create_interpolation(s));
   PetscCall(MatGetLocalSize(s->interpolation, NULL, &n));
-  room = s->loc->dim == 2 ? 25 : 125; /* vertices within two cells */
+  PetscCall(choose_operator(s));
+  if (s->laplacian) room = s->loc->dim == 2 ? 9 : 27;
+  else room = s->loc->dim == 2 ? 25 : 125; /* vertices within two cells */
   PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, n, n, PETSC_DETERMINE, PETSC_DETERMINE, room, NULL, room, NULL, &s->matrix));
   PetscCall(MatSetOption(s->matrix, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE)); /* irregular meshes may have more */
   PetscCall(MatSetOption(s->matrix, MAT_SYMMETRIC, PETSC_TRUE));
@@ -249,6 +280,7 @@ PetscErrorCode CoarseDestroy(Coarse *coarse)
   PetscCall(MatDestroy(&s->interpolation));
   PetscCall(MatDestroy(&s->matrix));
   PetscCall(MatDestroy(&s->whole));
+  PetscCall(LaplacianDestroy(&s->laplacian));
   PetscCall(PetscFree(s->vertex));
   PetscCall(PetscFree(s->buried));
   PetscCall(PetscFree(*coarse));
@@ -262,6 +294,10 @@ PetscErrorCode CoarseAddNode(Coarse s, const PetscReal b[], PetscInt i, const Pe
   PetscReal      g[MAX_VERTICES * 3], block[MAX_VERTICES * MAX_VERTICES];
 
   PetscFunctionBeginUser;
+  if (s->laplacian) {
+    PetscCall(LaplacianAddNode(s->laplacian, b, s->nk, i, change));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCall(vertex_gradient(s, b, i, &n, col, g));
   for (PetscInt e = 0; e < n * n; e++) {
     block[e] = 0;
@@ -303,9 +339,17 @@ PetscErrorCode CoarseUpdateCells(Coarse s, PetscInt n, const PetscInt cell[], co
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode CoarseFlush(Coarse s)
+{
+  PetscFunctionBeginUser;
+  if (s->laplacian) PetscCall(LaplacianFlush(s->laplacian, s->vertex, s->matrix));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoarseAssemble(Coarse s)
 {
   PetscFunctionBeginUser;
+  PetscCall(CoarseFlush(s));
   PetscCall(MatAssemblyBegin(s->matrix, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(s->matrix, MAT_FINAL_ASSEMBLY));
   PetscCall(make_definite(s));

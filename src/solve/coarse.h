@@ -1,10 +1,10 @@
 /* Coarse: the level of continuous Q1 pressures on the vertices below the cells' discontinuous P1 pressures, for the
    preconditioner of S_p (pressure.h).
 
-   Interpolation I: on every cell the linear function that fits its vertex values. Galerkin operator I^T S_p I: the
-   nodes' part is kept up to date by what changes, a sum over velocity slots of inverse mass times g g^T with g what the
-   slot sees of the vertices around it; the bodies' part is added when the solver of this level is set up. No units of
-   its own. */
+   Interpolation I: on every cell the linear function that fits its vertex values. The operator is I^T S_p I (Galerkin),
+   a sum over velocity slots of inverse mass times g g^T with g what the slot sees of the vertices around it, or the Q1
+   Laplacian (laplacian.h), by -flow_pressure_coarse; either is kept up to date by what changes. The bodies' part is
+   added when the solver of this level is set up. No units of its own. */
 #pragma once
 #include "mesh/mesh.h"
 #include <petscksp.h>
@@ -19,6 +19,8 @@ PetscErrorCode CoarseDestroy(Coarse *);
 /* operator += sum over the components a of own node i of change[a] g_a g_a^T; b [ncell_all][nk][nb dim]: the cells'
    divergence. Not collective. */
 PetscErrorCode CoarseAddNode(Coarse, const PetscReal b[], PetscInt i, const PetscReal change[]);
+/* What CoarseAddNode gathered becomes part of the operator: before cells change their shape. Not collective. */
+PetscErrorCode CoarseFlush(Coarse);
 /* operator += scale times sum of I^T block I over n own cells; block [n][nk][nk]. Not collective. */
 PetscErrorCode CoarseAddCells(Coarse, PetscReal scale, PetscInt n, const PetscInt cell[], const PetscReal block[]);
 /* The n listed local cells have changed their shape or died: cell_body [ncell_all] >= 0 for dead ones, or NULL. Their

@@ -1,5 +1,6 @@
 /* Inside of FlowSolver; for its files only. system.c: life cycle, set-up, solve. recipe.c: choice of methods and
-   tolerances. precondition.c: the projection preconditioner. operator.c: products with the operators of the system. */
+   tolerances. precondition.c: the projection preconditioner. operator.c: products with the operators of the system.
+   held.c: mean velocities held by uniform forces. */
 #pragma once
 #include "bodyblocks.h"
 #include "solve/system.h"
@@ -52,13 +53,16 @@ struct _p_FlowSolver {
   KSP                ksp;
   PC                 split; /* the inner PCFIELDSPLIT */
   KSP               *sub;
-  PetscInt           limited[2];                  /* solves for velocity, pressure at their limit in the last step */
-  PetscBool          single;                      /* recipe fast without bodies: one sweep, without norms */
-  PetscInt           least;                       /* iterations of a solve */
-  void              *test;                        /* of KSPConvergedDefault */
-  PetscReal          share_of_pressure;           /* see WHOLE_PRESSURE */
-  PetscReal          rtol, rtol_start, rtol_most; /* see the header */
-  TwoStage           two;                         /* or NULL: not wanted */
+  PetscInt           limited[2];                      /* solves for velocity, pressure that stopped at their limit */
+  PetscBool          single;                          /* recipe fast without bodies: one sweep, without norms */
+  PetscInt           least;                           /* iterations of a solve */
+  void              *test;                            /* of KSPConvergedDefault */
+  PetscReal          share_of_pressure;               /* see WHOLE_PRESSURE */
+  PetscReal          rtol, rtol_start, rtol_most;     /* see the header */
+  TwoStage           two;                             /* or NULL: not wanted */
+  PetscReal          target;                          /* residual that the last solve was to leave */
+  FlowHeld          *held;                            /* or NULL */
+  Vec                held_s[3], held_z[3], held_r[3]; /* see held.c */
   Vec                b, x, r, y, t_u, t_u2, t_p, t_p2;
 };
 
@@ -88,3 +92,7 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver);
 PetscErrorCode FlowSolverSetTolerance(FlowSolver, PetscBool *enough);
 /* Make pc the projection preconditioner around a fieldsplit. Collective. */
 PetscErrorCode FlowSolverCreateProjection(FlowSolver, PC pc);
+/* After the solve for fs->x, which u, p, U are: add the forces of fs->held and what they do. Adds to *its; *reason < 0:
+   a solve for that failed. Collective. */
+PetscErrorCode FlowSolverHold(FlowSolver, PetscReal u[], PetscReal p[], PetscReal U[], PetscInt *its, KSPConvergedReason *reason);
+PetscErrorCode FlowSolverDestroyHeld(FlowSolver);

@@ -260,6 +260,7 @@ PetscErrorCode PressureForgetCells(Pressure p, PetscInt n, const PetscInt cells[
     }
     if (any && i < l->nnode && p->coarse) PetscCall(CoarseAddNode(p->coarse, b, i, change));
   }
+  if (p->coarse) PetscCall(CoarseFlush(p->coarse));
   if (p->nchanged + n > p->changed_room) {
     p->changed_room = 2 * (p->nchanged + n);
     PetscCall(PetscRealloc(p->changed_room * sizeof(PetscInt), &p->changed));

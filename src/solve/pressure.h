@@ -5,8 +5,8 @@
    change of the constraint are kept. The part of bodies with unknown rigid velocities, W W^T = sum of B R_k M_k^{-1} (B
    R_k)^T, is of rank 3 (6 in 3D) a body and is applied, not stored; preconditioners other than the default see the
    matrix alone. Default preconditioner (options under -flow_fieldsplit_pressure_): PCMG with two levels, discontinuous
-   P1 -> continuous Q1 on the vertices, Galerkin coarse operator, block Gauss-Seidel on the fine level, BoomerAMG (GAMG
-   where hypre is missing) on the coarse one. */
+   P1 -> continuous Q1 on the vertices (coarse.h), block Gauss-Seidel on the fine level, BoomerAMG (GAMG where hypre is
+   missing) on the coarse one. */
 #pragma once
 #include "projection.h"
 #include "flow/flow.h"

@@ -298,8 +298,9 @@ PetscErrorCode FlowSolverSetTolerance(FlowSolver fs, PetscBool *enough)
     PetscCall(VecCopy(fs->b, fs->r));
     start = rhs;
   }
-  target  = PetscMax(fs->rtol * rhs, PetscMin(fs->rtol_start * start, fs->rtol_most * rhs));
-  *enough = (PetscBool)(start == 0 || (start <= target && !fs->least));
+  target     = PetscMax(fs->rtol * rhs, PetscMin(fs->rtol_start * start, fs->rtol_most * rhs));
+  fs->target = target;
+  *enough    = (PetscBool)(start == 0 || (start <= target && !fs->least));
   PetscCall(VecNorm(fs->r, NORM_2, &whole));
   if (!*enough && start < PETSC_MAX_REAL)
     PetscCall(

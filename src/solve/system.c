@@ -171,6 +171,7 @@ PetscErrorCode FlowSolverDestroy(FlowSolver *solver)
   PetscCall(KSPDestroy(&fs->ksp));
   PetscCall(KSPConvergedDefaultDestroy(fs->test));
   PetscCall(TwoStageDestroy(&fs->two));
+  PetscCall(FlowSolverDestroyHeld(fs));
   PetscCall(PetscFree(fs->sub));
   PetscCall(PCDestroy(&fs->split));
   PetscCall(PressureDestroy(&fs->pressure));
@@ -546,6 +547,7 @@ PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscRe
     PetscCall(VecAXPY(fs->x, 1, fs->y));
   }
   PetscCall(FlowSolverUnpack(fs, fs->x, u, p, U));
+  if (fs->held && *reason >= 0) PetscCall(FlowSolverHold(fs, u, p, U, its, reason));
   PetscCall(PetscLogEventEnd(TB_FLOW_SOLVE, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -232,8 +232,47 @@ static void test_stops(void **state)
   }
 }
 
+/* Velocities as expressions of t: places are their integrals, whatever the steps were; axes without t move freely */
+static void test_expressions(void **state)
+{
+  const PetscReal dt[] = {0.01, 0.13, 0.0007, 0.4, 7};
+  Bodies          b;
+  BodyArrays     *s;
+  PetscReal       t = 0;
+
+  (void)state;
+  create(2, CIRCLE "-particle_a_velocity 0.3*cos(4*t),t>0.5?2*t:0 -particle_a_angular_velocity exp(-t) -particle_a_motion_ramp 0", &b, &s);
+  assert_int_equal(s->group[0].free, 0);
+  for (PetscInt i = 0; i <= 5; i++) {
+    PetscBool still;
+
+    NEAR(s->u[0][0], 0.3 * PetscCosReal(4 * t), 1e-14);
+    NEAR(s->x[0][0], 1 + 0.075 * PetscSinReal(4 * t), 1e-13);
+    NEAR(s->x[0][1], 2 + (t > 0.5 ? t * t - 0.25 : 0), 1e-4 * t); /* the jump is met to time/2^18 */
+    NEAR(s->w[0][2], PetscExpReal(-t), 1e-14);
+    NEAR(s->angle[0], 1 - PetscExpReal(-t), 1e-13);
+    OK(BodiesAreStill(b, &still));
+    assert_false(still);
+    if (i < 5) step(b, dt[i], zero);
+    t += i < 5 ? dt[i] : 0;
+  }
+  OK(BodiesDestroy(&b));
+  create(3,
+         CIRCLE
+         "-particle_a_position 1,2,3 -particle_a_velocity 1,0,sin(t) -particle_a_angular_velocity 0,2*t,0 -particle_a_free x -particle_a_density 2",
+         &b, &s);
+  for (PetscInt i = 0; i < 3; i++) step(b, 0.5, zero);
+  NEAR(s->x[0][0], 2.5, 1e-14);
+  NEAR(s->x[0][2], 4 - PetscCosReal(1.5), 1e-13);
+  NEAR(s->q[0][2], PetscSinReal(1.125), 1e-13); /* half of 1.5^2 about y */
+  OK(BodiesDestroy(&b));
+}
+
 static void test_refusals(void **state)
 {
+  refuse(2, CIRCLE "-particle_a_velocity sin(x),0", "Option -particle_a_velocity = sin(x),0 is wrong at character 5: ");
+  refuse(2, CIRCLE "-particle_a_velocity sin(t),0 -particle_a_free x -particle_a_density 1", "-particle_a_velocity prescribes x");
+  refuse(3, CIRCLE "-particle_a_position 1,2,3 -particle_a_angular_velocity sin(t),1,0", "let only one component");
   (void)state;
   refuse(2, CIRCLE "-particle_a_motion wobble", "'wobble' is not known (known: constant, oscillate, rotate)");
   refuse(2, CIRCLE "-particle_a_motion oscillate", "-particle_a_motion_amplitude");
@@ -257,7 +296,8 @@ int main(int argc, char **argv)
   const struct CMUnitTest tests[] = {cmocka_unit_test(test_oscillation), cmocka_unit_test(test_ramp),
                                      cmocka_unit_test(test_partly_free), cmocka_unit_test(test_prescribed_rotation_about_pivot),
                                      cmocka_unit_test(test_pendulum),    cmocka_unit_test(test_accelerated_pivot),
-                                     cmocka_unit_test(test_stops),       cmocka_unit_test(test_refusals)};
+                                     cmocka_unit_test(test_stops),       cmocka_unit_test(test_expressions),
+                                     cmocka_unit_test(test_refusals)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

@@ -254,6 +254,26 @@ static void test_focus_3d(void **state)
   assert_int_equal(MeshDestroy(&m), 0);
 }
 
+/* Three numbers an axis are three dimensions without another word; two remain two */
+static void test_dimension_follows_numbers(void **state)
+{
+  (void)state;
+  const char *const three[] = {"-mesh_cells 3,4,5", "-mesh_upper 1,2,1.5", "-mesh_lower -1,0,0"};
+  const MeshLocal  *l;
+  Mesh              m;
+
+  for (PetscInt i = 0; i < 3; i++) {
+    assert_int_equal(create_mesh(three[i], &m), 0);
+    assert_int_equal(MeshGetLocal(m, &l), 0);
+    assert_int_equal(l->dim, 3);
+    assert_int_equal(MeshDestroy(&m), 0);
+  }
+  assert_int_equal(create_mesh("-mesh_cells 3,4 -mesh_upper 2,1", &m), 0);
+  assert_int_equal(MeshGetLocal(m, &l), 0);
+  assert_int_equal(l->dim, 2);
+  assert_int_equal(MeshDestroy(&m), 0);
+}
+
 /* Count and distance undo each other */
 static void test_growth(void **state)
 {
@@ -360,9 +380,11 @@ static void test_errors(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_growth),     cmocka_unit_test(test_areas),  cmocka_unit_test(test_disc),
-                                     cmocka_unit_test(test_annulus),    cmocka_unit_test(test_fitted), cmocka_unit_test(test_channel),
-                                     cmocka_unit_test(test_shift),      cmocka_unit_test(test_focus),  cmocka_unit_test(test_focus_3d),
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_growth),     cmocka_unit_test(test_areas),
+                                     cmocka_unit_test(test_disc),       cmocka_unit_test(test_annulus),
+                                     cmocka_unit_test(test_fitted),     cmocka_unit_test(test_channel),
+                                     cmocka_unit_test(test_shift),      cmocka_unit_test(test_focus),
+                                     cmocka_unit_test(test_focus_3d),   cmocka_unit_test(test_dimension_follows_numbers),
                                      cmocka_unit_test(test_round_file), cmocka_unit_test(test_errors)};
   int                     failed;
 

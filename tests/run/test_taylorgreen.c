@@ -151,6 +151,75 @@ static void measure(const Case *c, Exact exact, PetscReal *error_u, PetscReal *e
   OK(PetscQuadratureDestroy(&quad));
 }
 
+/* ---- a scene of expressions ---- */
+
+/* The vortex between walls that move with it, its strength held by a body force */
+static void forced_vortex(PetscReal t, const PetscReal x[], PetscReal u[], PetscReal *p)
+{
+  const PetscReal f = 1 + 0.3 * PetscSinReal(5 * t), a = PETSC_PI * x[0] + 0.3, b = PETSC_PI * x[1] + 0.1;
+
+  u[0] = f * PetscSinReal(a) * PetscCosReal(b);
+  u[1] = -f * PetscCosReal(a) * PetscSinReal(b);
+  *p   = 0.25 * RHO * f * f * (PetscCosReal(2 * a) + PetscCosReal(2 * b));
+}
+
+#define VORTEX "sin(pi*x+.3)*cos(pi*y+.1)@,-cos(pi*x+.3)*sin(pi*y+.1)@"
+
+/* The formula with `factor` in place of @ */
+static void give_vortex(const char name[], const char factor[])
+{
+  char text[512] = "";
+
+  for (const char *c = VORTEX; *c; c++) {
+    if (*c == '@') strcat(text, factor);
+    else strncat(text, c, 1);
+  }
+  OK(PetscOptionsSetValue(NULL, name, text));
+}
+
+static void run_vortex(PetscInt cells, const char scheme[], PetscInt n, PetscReal end, PetscReal *error_u, PetscReal *error_p)
+{
+  const char *const side[4] = {"left", "right", "bottom", "top"};
+  char              option[OPT_NAME];
+  Case              c;
+
+  PetscCallAbort(PETSC_COMM_SELF, PetscOptionsClear(NULL));
+  for (PetscInt i = 0; i < 4; i++) {
+    OK(PetscOptionsSetValue(NULL, OptJoin("-flow_bc_", side[i], "_type", option), "moving_wall"));
+    give_vortex(OptJoin("-flow_bc_", side[i], "_velocity", option), "*(1+.3*sin(5*t))");
+  }
+  give_vortex("-flow_velocity", "");
+  /* rho (f' + 2 nu k^2 f) */
+  give_vortex("-flow_force", "*1.3*(1.5*cos(5*t)+2*0.02*pi^2*(1+.3*sin(5*t)))");
+  snprintf(option, sizeof(option), "-flow_density 1.3 -flow_viscosity 0.026 -flow_ksp_rtol 1e-9 -mesh_cells %d,%d -flow_time %s", (int)cells,
+           (int)cells, scheme);
+  OK(PetscOptionsInsertString(NULL, option));
+  OK(MeshCreate(PETSC_COMM_WORLD, &c.mesh));
+  OK(MeshGetLocal(c.mesh, &c.l));
+  OK(FlowCreate(c.mesh, &c.flow));
+  OK(BodiesCreate(c.l->dim, c.l->lower, c.l->upper, &c.bodies));
+  OK(CoupleCreate(c.flow, c.bodies, &c.couple));
+  c.time = 0;
+  take_steps(&c, n, end / n);
+  measure(&c, forced_vortex, error_u, error_p);
+  close_case(&c);
+}
+
+static void test_expressions(void **state)
+{
+  PetscReal eu[3], ep[3], p;
+
+  (void)state;
+  for (PetscInt i = 0; i < 3; i++) run_vortex(4 << i, "cn", 8, 0.008, &eu[i], &ep[i]);
+  for (PetscInt i = 0; i < 2; i++) expect_rate("velocity in space, expressions", eu[i], eu[i + 1], RATE_VELOCITY);
+  for (PetscInt s = 0; s < 2; s++) {
+    const char *const scheme = s ? "cn" : "bdf2";
+
+    for (PetscInt i = 0; i < 3; i++) run_vortex(16, scheme, (s ? 8 : 16) << i, 0.8, &eu[i], &p);
+    for (PetscInt i = 0; i < 2; i++) expect_rate(scheme, eu[i], eu[i + 1], 2);
+  }
+}
+
 /* ---- space ---- */
 
 static void test_space(void **state)
@@ -305,8 +374,8 @@ static void test_long_steps(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_space), cmocka_unit_test(test_space_3d), cmocka_unit_test(test_time),
-                                     cmocka_unit_test(test_poiseuille), cmocka_unit_test(test_long_steps)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_space),       cmocka_unit_test(test_space_3d),   cmocka_unit_test(test_time),
+                                     cmocka_unit_test(test_expressions), cmocka_unit_test(test_poiseuille), cmocka_unit_test(test_long_steps)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

@@ -176,6 +176,32 @@ def test_bad_cells(run, scene, ranks, value, what):
 
 
 @TWO
+@pytest.mark.parametrize(
+    "option, value, what",
+    [
+        ("-flow_gravity", "0, -981*(1 + q)", "Option -flow_gravity = 0, -981*(1 + q) is wrong at character 14: Unexpected token 'q"),
+        ("-flow_force", "sin(x, 0", "is wrong at character 4: this bracket is not closed"),
+        ("-flow_velocity", "y, t", "is wrong at character 4: Unexpected token 't' (known: numbers, x, y, pi,"),
+        ("-flow_force", "1/x, 0", "Option -flow_force = 1/x,0: value 1 is inf"),
+    ],
+)
+def test_wrong_expression(run, scene, ranks, option, value, what):
+    refused(run([scene(), option, value], ranks), what, option)
+
+
+@TWO
+def test_expression_of_what_is_free(run, scene, ranks):
+    what = "-particle_disc_velocity prescribes y, and -particle_disc_free sets it free"
+    refused(run([scene(), "-particle_disc_velocity", "0, sin(t)", "-particle_disc_free", "y"], ranks), what, "Group 'disc'")
+
+
+@TWO
+def test_expression_without_steady_state(run, scene, ranks):
+    text = "mesh: {cells: [4, 4]}\nflow: {force: \"0, t\"}\nsim: {steady: true}\n"
+    refused(run([scene(text)], ranks), "Option -flow_force = 0,t changes in time", "without -sim_steady")
+
+
+@TWO
 def test_value_is_missing(run, scene, ranks):
     refused(run([scene(), "-flow_viscosity"], ranks), "Option -flow_viscosity has no value", "wanted: ")
 

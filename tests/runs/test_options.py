@@ -16,7 +16,7 @@ OTHER_MODES = {
     "-mesh_focus_h 0.1": "-mesh_focus",
     "-mesh_deform_size 2": "-mesh_deform true",
 }
-READER = r"\b(Opt(?:Real|Int|Bool|Choice|String|RealArray|IntArray|StringArray))\((\"-[^\"]+\"|\w+),"
+READER = r"\b(ExprRead|Opt(?:Real|Int|Bool|Choice|String|RealArray|IntArray|StringArray))\((\"-[^\"]+\"|\w+),"
 TWO_READERS = {"-mesh_centre"}  # of two mesh kinds, of which a scene has one
 
 
@@ -47,7 +47,7 @@ def readers():
         names = [name.strip('"') for _, name in names if name[0] == '"']
         names += [re.sub("%s", "<group>", name) for name in re.findall(r"SNPrintf\(\w+, [^,]+, \"(-particle_%s_[a-z]\w*)\"", text)]
         joined = re.findall(r"OptJoin\(\"(-\w+)\", [^,]+, \"(\w*)\"", text)
-        names += [before + ("<group>" if before == "-particle_" else "<boundary>") + after for before, after in joined]
+        names += [before + {"-particle_": "<group>", "-mesh_box_": "<box>"}.get(before, "<boundary>") + after for before, after in joined]
         for name in names:
             found[name] = found.get(name, 0) + 1
     return found

@@ -37,7 +37,22 @@ particle:
 sim: {dt: 0.004, steps: 10}
 """
 BOX = "mesh: {cells: [12, 12]}\nflow: {viscosity: 0.01, bc: {top: {type: moving_wall, velocity: [1, 0], factor: [1, 0.5, 0.3]}}}\nsim: {dt: 0.05, steps: 10}\n"
+FORMULAS = """\
+mesh: {cells: [16, 16], periodic: x}
+flow:
+  viscosity: 0.02
+  gravity: "0, -1*(1 + 0.5*sin(3*t))"
+  force: "0.1*sin(2*pi*x)*cos(t), 0"
+  velocity: "y*(1 - y), 0"
+  bc: {top: {type: moving_wall, velocity: ["-0.1*sin(2*pi*x)*t", "0"]}}
+particle:
+  groups: [disc, rod]
+  disc: {shape: circle, radius: 0.1, density: 2, position: [0.5, 0.6]}
+  rod: {shape: ellipse, a: 0.15, b: 0.08, position: [0.5, 0.25], angular_velocity: "-2*cos(3*t)", velocity: "0.1*sin(5*t), 0"}
+sim: {dt: 0.02, steps: 10}
+"""
 CASES = {
+    "formulas": (FORMULAS, []),
     "one disc": (DISC, []),
     "crowd": (CROWD, []),
     "friction": (CROWD, ["-contact_law", "spring", "-contact_friction", "0.3"]),
@@ -47,6 +62,7 @@ CASES = {
     "crank nicolson": (DISC, ["-flow_time", "cn"]),
     "fractional step": (DISC, ["-flow_time", "fstheta"]),
     "no bodies": (BOX, []),
+    "flow rate": (edited("upper: [1, 2]}", "upper: [1, 2], periodic: [x, y]}", DISC), ["-flow_rate", "1,0.5"]),
     "three velocities": (BOX, ["-flow_extrapolation", "quadratic"]),
     "plate": (edited("shape: circle, radius: 0.125, density: 1.25", "shape: leaflet, length: 0.4, thickness: 0.03, origin: 0.5, density: 4, angle: 0.4", DISC), ["-couple_boundary", "snap"]),
     "snap": (CROWD, ["-couple_boundary", "snap", "-output_every", "4"]),
@@ -91,7 +107,7 @@ def good(run):
 # ---- the same run ----
 
 
-@pytest.mark.parametrize("case, ranks", [("one disc", 2), ("crowd", 1), ("crowd", 2), ("snap", 2), ("plate", 1), ("mesh follows", 2), ("mesh follows, adaptive", 1), ("friction", 1), ("explicit", 1), ("crank nicolson", 1), ("fractional step", 1), ("adaptive", 2), ("adaptive friction", 1), ("no bodies", 2), ("three velocities", 2)])
+@pytest.mark.parametrize("case, ranks", [("one disc", 2), ("crowd", 1), ("crowd", 2), ("snap", 2), ("plate", 1), ("mesh follows", 2), ("mesh follows, adaptive", 1), ("friction", 1), ("explicit", 1), ("crank nicolson", 1), ("fractional step", 1), ("formulas", 1), ("adaptive", 2), ("adaptive friction", 1), ("no bodies", 2), ("flow rate", 1), ("three velocities", 2)])
 def test_restart_is_identical(good, scene, tmp_path, case, ranks):
     text, args = CASES[case]
     name = scene(text)

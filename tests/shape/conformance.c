@@ -214,9 +214,10 @@ static PetscErrorCode CheckLipschitz(Suite *t, char why[])
    small. */
 static PetscErrorCode Gradient(const Suite *t, const PetscReal x[], PetscReal g[], PetscReal *length, PetscBool *kink)
 {
-  const PetscReal h = 1e-5 * t->radius, zero[3] = {0, 0, 0};
-  PetscReal       p[7 * 3], d[7];
-  const PetscInt  m = 2 * t->dim; /* the last point is x itself */
+  static const PetscReal zero[3] = {0, 0, 0};
+  const PetscReal        h       = 1e-5 * t->radius;
+  PetscReal              p[7 * 3], d[7];
+  const PetscInt         m = 2 * t->dim; /* the last point is x itself */
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k <= m; k++)
@@ -263,8 +264,8 @@ static PetscErrorCode CheckEuclidean(Suite *t, char why[])
 
 static PetscErrorCode CheckNormal(Suite *t, char why[])
 {
-  const PetscReal zero[3] = {0, 0, 0};
-  PetscReal      *normal, origin[3] = {0, 0, 0}, no[3];
+  static const PetscReal zero[3] = {0, 0, 0};
+  PetscReal             *normal, origin[3] = {0, 0, 0}, no[3];
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(t->n * t->dim, &normal));
@@ -294,9 +295,10 @@ static PetscErrorCode CheckNormal(Suite *t, char why[])
 
 static PetscErrorCode CheckRadius(Suite *t, char why[])
 {
-  const PetscReal zero[3] = {0, 0, 0}, slack = 1.0 + 1e-9;
-  PetscReal       about_centroid;
-  ShapeMass       m;
+  static const PetscReal zero[3] = {0, 0, 0};
+  const PetscReal        slack   = 1.0 + 1e-9;
+  PetscReal              about_centroid;
+  ShapeMass              m;
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetMass(t->shape, &m));
@@ -501,8 +503,8 @@ static PetscErrorCode CheckEmptyBatch(Suite *t, char why[])
    this. */
 static PetscErrorCode CheckFarPoints(Suite *t, char why[])
 {
-  const PetscReal zero[3] = {0, 0, 0};
-  PetscReal       x[3], d, normal[3];
+  static const PetscReal zero[3] = {0, 0, 0};
+  PetscReal              x[3], d, normal[3];
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < 200 && !why[0]; i++) {

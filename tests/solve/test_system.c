@@ -797,7 +797,7 @@ static void test_pressure_levels(void **state)
   check_levels_scene(2, 3, "");
   check_levels_scene(2, 3, "-flow_bc_right_type outflow");
   check_levels_scene(2, 2, "-mesh_periodic x");
-  check_levels_scene(3, 1, "");
+  check_levels_scene(3, 1, "-flow_pressure_coarse galerkin");
 }
 
 int main(int argc, char **argv)

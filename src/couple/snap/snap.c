@@ -182,6 +182,8 @@ PetscErrorCode SnapCreate(Mesh mesh, Bodies bodies, Snap *snap)
   s->mesh   = mesh;
   s->bodies = bodies;
   PetscCall(MeshGetLocal(mesh, &s->loc));
+  PetscCheck(!s->loc->hang, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+             "-couple_boundary snap does not line up refined meshes: use -couple_boundary penalty or nodal, or remove -mesh_levels");
   PetscCheck(s->loc->dim == 2, PETSC_COMM_WORLD, PETSC_ERR_SUP,
              "-couple_boundary snap lines up plane meshes only, this one has dimension %" PetscInt_FMT ": use -couple_boundary penalty or nodal",
              s->loc->dim);

@@ -1,0 +1,37 @@
+/* Expressions: values of an option as formulas of x, y, z and t.
+
+   "0, -981*(1 + 0.1*sin(t))": one expression a value, separated by commas, in the unit of the option; muParser reads
+   them (https://beltoforion.de/en/muparser): + - * / ^, comparisons, && || and ?:, sin cos tan asin acos atan sinh cosh
+   tanh asinh acosh atanh atan2 exp ln log2 log10 sqrt abs sign rint min max sum avg, and pi. Which names an option
+   knows is the `variables` of its row; z is not known in the plane. What depends on nothing becomes a number when it is
+   read. Evaluated for many points at a time, on every rank to the same bits; expressions without t once for the same
+   points.
+
+   In the database, and so in options.txt, an expression has no blanks and does not begin with a minus and a letter,
+   which PETSc would take for an option: on a command line such a one is written in brackets, "(-sin(t)),0". */
+#pragma once
+#include <petscsys.h>
+
+typedef struct _p_Expr *Expr;
+
+/* Read n values of an option whose row has `variables`: numbers go to value [n] and *expr is NULL; expressions to *expr
+   (the caller destroys it) while value stays. *found (may be NULL): was the option given? Not collective, the same on
+   all ranks. Errors: other than n values; what muParser does not understand, with the text and the place in it. */
+PetscErrorCode ExprRead(const char name[], PetscInt dim, PetscInt n, PetscReal value[], Expr *expr, PetscBool *found);
+PetscErrorCode ExprDestroy(Expr *);
+/* Does any value, or value i, depend on time? Does any depend on the place? */
+PetscBool   ExprUsesTime(Expr);
+PetscBool   ExprValueUsesTime(Expr, PetscInt i);
+PetscBool   ExprUsesPlace(Expr);
+const char *ExprText(Expr); /* as read, without blanks. Borrowed. */
+
+/* value [m][n] at points x [m][dim] (NULL: expressions of t alone) and a time. Collective, but not without points,
+   where all ranks ask for the same. Error: not finite. */
+PetscErrorCode ExprEvaluate(Expr, PetscReal time, PetscInt m, const PetscReal x[], PetscReal value[]);
+/* The same, kept: evaluated anew only if points or (with t) time differ from the last call. Borrowed until the next.
+   Collective. */
+PetscErrorCode ExprKeep(Expr, PetscReal time, PetscInt m, const PetscReal x[], const PetscReal *value[]);
+/* value [n] = integral of expressions of t alone from 0 to time: adaptive Gauss-Kronrod quadrature (7, 15 points;
+   Piessens et al. 1983) to 1e-13 of the integral of the absolute value, at kinks in pieces of time/2^18. A function of
+   `time` alone, whatever was asked before. Not collective, the same on all ranks. */
+PetscErrorCode ExprIntegrate(Expr, PetscReal time, PetscReal value[]);

@@ -1,0 +1,284 @@
+/* Drive: see drive.h. */
+#include "compat.h"
+#include "drive.h"
+#include "base/opt.h"
+#include "bodies/mass.h"
+#include "impl.h"
+
+enum {
+  NONE,
+  FLUX,
+  FORCE
+};
+static const char *const BACKFLOWS[] = {"none", "flux", "force", NULL};
+
+struct _p_Drive {
+  Couple      c;
+  CoupleDrive out;
+  PetscInt    backflow;
+  PetscReal   force[3];               /* ours */
+  PetscReal   rate[3], volume, fluid; /* volume: with bodies inside whom there is no fluid */
+  FlowHeld    held;
+};
+
+/* Periodic axes along which gravity acts */
+static PetscInt find_axes(Couple c)
+{
+  PetscInt axes = 0;
+
+  for (PetscInt a = 0; a < c->loc->dim; a++)
+    if (c->loc->period[a] > 0 && c->par->gravity[a] != 0) axes |= 1 << a;
+  return axes;
+}
+
+static PetscErrorCode read_backflow(Couple c, PetscInt *backflow, PetscInt *axes)
+{
+  PetscFunctionBeginUser;
+  *backflow = NONE;
+  *axes     = 0;
+  if (!c->s->n) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(OptChoice("-couple_backflow", BACKFLOWS, backflow));
+  if (*backflow == NONE) PetscFunctionReturn(PETSC_SUCCESS);
+  *axes = find_axes(c);
+  PetscCheck(*axes, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "Option -couple_backflow %s: gravity acts along no periodic axis, and what closes the box holds the weight of the bodies: remove it, or "
+             "make the axis of -flow_gravity periodic (-mesh_periodic)",
+             BACKFLOWS[*backflow]);
+  PetscCheck(*backflow == FLUX || c->implicit, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "Option -couple_backflow force: explicit coupling hands the force on a step late, so that forces do not balance within a step: use "
+             "-couple_type implicit, or -couple_backflow flux");
+  for (PetscInt a = 0; a < c->loc->dim; a++)
+    PetscCheck(!((*axes & c->par->held) >> a & 1), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "Option -couple_backflow %s: -flow_rate holds the mean velocity along %c already (0: zero net flux): remove one of the two, or %c from -flow_rate_axes",
+               BACKFLOWS[*backflow], (char)('x' + a), (char)('x' + a));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DriveCreate(Couple c, Drive *drive)
+{
+  Drive    d;
+  PetscInt backflow, axes;
+
+  PetscFunctionBeginUser;
+  *drive = NULL;
+  PetscCall(read_backflow(c, &backflow, &axes));
+  if (!axes && !c->par->held) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscNew(&d));
+  d->c            = c;
+  d->backflow     = backflow;
+  d->out.backflow = axes;
+  d->out.held     = c->par->held | (backflow == FLUX ? axes : 0);
+  for (PetscInt a = 0; a < c->loc->dim; a++) {
+    if (!((d->out.held >> a) & 1)) continue;
+    d->rate[a]              = (c->par->held >> a) & 1 ? c->par->rate[a] : 0;
+    d->held.axis[d->held.n] = a;
+    PetscCall(PetscCalloc1(c->s->n * c->nr, &d->held.rigid[d->held.n]));
+    d->held.n++;
+  }
+  *drive = d;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DriveDestroy(Drive *drive)
+{
+  PetscFunctionBeginUser;
+  if (!*drive) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt i = 0; i < 3; i++) PetscCall(PetscFree((*drive)->held.rigid[i]));
+  PetscCall(PetscFree(*drive));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DriveSetSolver(Drive d, FlowSolver solver)
+{
+  PetscFunctionBeginUser;
+  if (d->held.n) PetscCall(FlowSolverSetHeld(solver, &d->held));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Volume of fluid and bodies (without those that are holes of the mesh), and rigid weights of hollow bodies */
+static PetscErrorCode weigh(Drive d)
+{
+  const Couple     c = d->c;
+  const PetscReal *m;
+  PetscReal        volume = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetLumpedMass(c->flow, &m));
+  for (PetscInt i = 0; i < c->loc->nnode; i++) volume += m[i];
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &volume, 1, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  d->fluid = volume;
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    PetscReal weight[3][6];
+
+    PetscCall(CoupleHollowWeights(c, k, weight));
+    if (c->hollow && c->hollow[k] && !c->s->gone[k]) volume += BodiesGetGroup(c->s, k)->mass.volume;
+    for (PetscInt i = 0; i < d->held.n; i++) PetscCall(PetscArraycpy(d->held.rigid[i] + k * c->nr, weight[d->held.axis[i]], c->nr));
+  }
+  d->volume = volume;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Does body k take part in the balance along axis a? */
+static PetscBool is_carried(Couple c, PetscInt k, PetscInt a)
+{
+  return (PetscBool)(!c->s->gone[k] && !BodiesGetGroup(c->s, k)->hole && BodiesIsFree(c->bodies, k, a));
+}
+
+/* What acts on the bodies that move freely along each axis: weight less buoyancy, external loads; size: sum of sizes */
+static PetscErrorCode sum_loads(Couple c, PetscReal load[3], PetscReal size[3])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt a = 0; a < 3; a++) load[a] = size[a] = 0;
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    PetscReal force[3], torque[3];
+
+    PetscCall(BodiesGetLoad(c->bodies, k, c->par->density, c->par->gravity, force, torque));
+    for (PetscInt a = 0; a < c->loc->dim; a++) {
+      if (!is_carried(c, k, a)) continue;
+      load[a] += force[a];
+      size[a] += PetscAbsReal(force[a]);
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DriveDraw(Drive d)
+{
+  PetscReal load[3], size[3];
+
+  PetscFunctionBeginUser;
+  PetscCall(weigh(d));
+  for (PetscInt i = 0; i < d->held.n; i++) {
+    d->held.target[i] = d->rate[d->held.axis[i]] * d->volume;
+    d->held.force[i]  = 0;
+  }
+  if (d->backflow != FORCE) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(sum_loads(d->c, load, size));
+  for (PetscInt a = 0; a < d->c->loc->dim; a++)
+    if ((d->out.backflow >> a) & 1) d->force[a] = -load[a] / d->volume;
+  PetscCall(FlowSetDrive(d->c->flow, d->force));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DriveTake(Drive d)
+{
+  const Couple c = d->c;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < d->held.n; i++) {
+    d->force[d->held.axis[i]] += d->held.force[i];
+    for (PetscInt j = 0; j < c->s->n * c->nr; j++) c->g[j] += d->held.force[i] * d->held.rigid[i][j];
+  }
+  PetscCall(FlowSetDrive(c->flow, d->force));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Root mean square of the velocity */
+static PetscErrorCode find_speed(Drive d, PetscReal *speed)
+{
+  const Couple     c = d->c;
+  const PetscReal *m;
+  PetscReal        sum = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetLumpedMass(c->flow, &m));
+  for (PetscInt i = 0; i < c->loc->nnode * c->loc->dim; i++) sum += PetscAbsReal(m[i / c->loc->dim]) * c->u[i] * c->u[i];
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  *speed = PetscSqrtReal(sum / d->volume);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What accelerates fluid and free bodies as a whole, less what walls, openings, other bodies, contact and -flow_force
+   do: as the solution has it, from rates of change and forces */
+static PetscErrorCode measure_force(Drive d, const CoupleBalance *b, PetscReal net[3])
+{
+  const Couple c = d->c;
+
+  PetscFunctionBeginUser;
+  for (PetscInt a = 0; a < 3; a++) net[a] = b->fluid[a] - b->walls[a] - b->openings[a];
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    const PetscReal excess = BodiesGetGroup(c->s, k)->density - CoupleInnerDensity(c, k, c->par);
+    PetscReal       inertia[3], push[3], dead[6], weight[3][6];
+
+    PetscCall(CoupleBodyPush(c, k, inertia, push));
+    PetscCall(CoupleDeadForce(c, k, c->par, dead)); /* the uniform force on a body that is held counts as if on fluid */
+    PetscCall(CoupleHollowWeights(c, k, weight));
+    for (PetscInt a = 0; a < c->loc->dim; a++) {
+      net[a] += is_carried(c, k, a) ? excess * inertia[a] - c->s->contact_force[k][a] : dead[a] - push[a];
+      net[a] -= dead[a] - weight[a][a] * d->force[a];
+    }
+  }
+  for (PetscInt a = 0; a < c->loc->dim; a++) net[a] -= b->volume[a] - d->fluid * d->force[a];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DriveMeasure(Drive d, const CoupleBalance *b)
+{
+  PetscReal load[3], size[3], net[3], speed = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArraycpy(d->out.force, d->c->par->force, 3));
+  d->out.error = 0;
+  if (d->backflow == FLUX) PetscCall(find_speed(d, &speed));
+  if (d->backflow == FORCE) PetscCall(sum_loads(d->c, load, size));
+  if (d->backflow == FORCE) PetscCall(measure_force(d, b, net));
+  for (PetscInt a = 0; a < d->c->loc->dim; a++) {
+    PetscReal error = 0;
+
+    if (!((d->out.backflow >> a) & 1)) continue;
+    if (d->backflow == FLUX && speed > 0) error = PetscAbsReal(b->mean[a]) / speed;
+    if (d->backflow == FORCE && size[a] > 0) error = PetscAbsReal(net[a]) / size[a];
+    d->out.error = PetscMax(d->out.error, error);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode print_axes(PetscInt axes, char text[8])
+{
+  PetscInt n = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt a = 0; a < 3; a++) {
+    if (!((axes >> a) & 1)) continue;
+    if (n) text[n++] = ',';
+    text[n++] = (char)('x' + a);
+  }
+  text[n] = 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DriveView(Drive d, PetscViewer viewer)
+{
+  char axes[8];
+
+  PetscFunctionBeginUser;
+  if (d->c->par->held) {
+    PetscCall(print_axes(d->c->par->held, axes));
+    PetscCall(PetscViewerASCIIPrintf(viewer, "  mean velocity held along %s by a uniform force (-flow_rate)\n", axes));
+  }
+  if (d->backflow == NONE) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(print_axes(d->out.backflow, axes));
+  PetscCall(
+    PetscViewerASCIIPrintf(viewer, "  back-flow along %s: zero %s (-couple_backflow)\n", axes, d->backflow == FLUX ? "net flux" : "mean force"));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DriveGet(Drive d, const CoupleDrive **out)
+{
+  PetscFunctionBeginUser;
+  *out = &d->out;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode DriveVisitState(void *drive, State state)
+{
+  Drive    d   = (Drive)drive;
+  PetscInt has = 1;
+
+  PetscFunctionBeginUser;
+  if (StateIsLoading(state)) PetscCall(StateGetSize(state, "drive_force", &has));
+  if (has < 0) PetscFunctionReturn(PETSC_SUCCESS); /* that run had none: the force is a start value only */
+  PetscCall(StateReals(state, "drive_force", 3, d->force));
+  if (StateIsLoading(state)) PetscCall(FlowSetDrive(d->c->flow, d->force));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,69 @@
+/* Keys: see keys.h. */
+#include "compat.h"
+#include "keys.h"
+
+/* Finalizer of splitmix64 (Steele, Lea & Flood, OOPSLA 2014) */
+static uint64_t mix(uint64_t z)
+{
+  z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9u;
+  z = (z ^ (z >> 27)) * 0x94D049BB133111EBu;
+  return z ^ (z >> 31);
+}
+
+/* Where a key is or belongs */
+static PetscInt place(const Keys *t, uint64_t key)
+{
+  PetscInt i = (PetscInt)(mix(key) & (uint64_t)(t->room - 1));
+
+  while (t->value[i] >= 0 && t->key[i] != key) i = (i + 1) & (t->room - 1);
+  return i;
+}
+
+static PetscErrorCode grow(Keys *t)
+{
+  Keys more = {.room = t->room ? 2 * t->room : 1024};
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc2(more.room, &more.key, more.room, &more.value));
+  for (PetscInt i = 0; i < more.room; i++) more.value[i] = -1;
+  for (PetscInt i = 0; i < t->room; i++) {
+    if (t->value[i] < 0) continue;
+    const PetscInt at = place(&more, t->key[i]);
+
+    more.key[at]   = t->key[i];
+    more.value[at] = t->value[i];
+  }
+  more.n = t->n;
+  PetscCall(PetscFree2(t->key, t->value));
+  *t = more;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode KeysDestroy(Keys *t)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscFree2(t->key, t->value));
+  *t = (Keys){0};
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscInt KeysFind(const Keys *t, uint64_t key)
+{
+  return t->room ? t->value[place(t, key)] : -1;
+}
+
+PetscErrorCode KeysAdd(Keys *t, uint64_t key, PetscInt value, PetscInt *found)
+{
+  PetscInt at;
+
+  PetscFunctionBeginUser;
+  if (2 * t->n >= t->room) PetscCall(grow(t));
+  at = place(t, key);
+  if (t->value[at] < 0) {
+    t->key[at]   = key;
+    t->value[at] = value;
+    t->n++;
+  }
+  *found = t->value[at];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,481 @@
+/* Leaves: see leaves.h. */
+#include "compat.h"
+#include "leaves.h"
+#include "kindimpl.h"
+#include "base/opt.h"
+
+#define MAX_LATTICE (1 << 20)
+#define BAND_PLANE  2.2 /* from here on levels are balanced by themselves */
+#define BAND_SPACE  2.6
+
+/* ---- the curve ---- */
+
+/* Bits of x spread to every second (third) place */
+static uint64_t spread(PetscInt dim, uint64_t x)
+{
+  if (dim == 2) {
+    x = (x | x << 16) & 0x0000FFFF0000FFFFu;
+    x = (x | x << 8) & 0x00FF00FF00FF00FFu;
+    x = (x | x << 4) & 0x0F0F0F0F0F0F0F0Fu;
+    x = (x | x << 2) & 0x3333333333333333u;
+    return (x | x << 1) & 0x5555555555555555u;
+  }
+  x = (x | x << 32) & 0x001F00000000FFFFu;
+  x = (x | x << 16) & 0x001F0000FF0000FFu;
+  x = (x | x << 8) & 0x100F00F00F00F00Fu;
+  x = (x | x << 4) & 0x10C30C30C30C30C3u;
+  return (x | x << 2) & 0x1249249249249249u;
+}
+
+static uint64_t curve_key(PetscInt dim, const PetscInt x[])
+{
+  uint64_t key = 0;
+
+  for (PetscInt d = 0; d < dim; d++) key |= spread(dim, (uint64_t)x[d]) << d;
+  return key;
+}
+
+PetscErrorCode LeavesPlace(const Leaves *t, const PetscInt half[], PetscReal x[])
+{
+  const MeshKind k = t->kind;
+  PetscReal      q[3];
+
+  PetscFunctionBeginUser;
+  for (PetscInt d = 0; d < t->dim; d++)
+    q[d] = half[d] == 2 * t->cells[d] ? k->upper[d] : k->lower[d] + (k->upper[d] - k->lower[d]) * (PetscReal)half[d] / (PetscReal)(2 * t->cells[d]);
+  PetscCall(MeshKindEvaluate(k, q, x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- the formula ---- */
+
+/* Centre and longest side of a cell */
+static PetscErrorCode measure(const Leaves *t, PetscInt level, const PetscInt x[], PetscReal centre[3], PetscReal *h)
+{
+  PetscInt  half[2][3];
+  PetscReal end[2][3];
+
+  PetscFunctionBeginUser;
+  for (PetscInt d = 0; d < t->dim; d++) {
+    half[0][d] = 2 * x[d];
+    half[1][d] = 2 * (x[d] + LeavesWidth(t, level));
+  }
+  for (PetscInt i = 0; i < 2; i++) PetscCall(LeavesPlace(t, half[i], end[i]));
+  *h        = 0;
+  centre[2] = 0;
+  for (PetscInt d = 0; d < t->dim; d++) {
+    centre[d] = 0.5 * (end[0][d] + end[1][d]);
+    *h        = PetscMax(*h, end[1][d] - end[0][d]);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Cells that overlap a box by half get its levels; outside, levels fall off with a slope that keeps the balance */
+static PetscBool box_refines(const Leaves *t, PetscInt level, const PetscReal x[], PetscReal h)
+{
+  for (PetscInt i = 0; i < t->nbox; i++) {
+    const LeavesBox *b    = t->box + i;
+    const PetscInt   less = PetscMax(0, b->levels - 1 - level);
+    const PetscReal  last = h / (PetscReal)((PetscInt)1 << less); /* side of what is halved last */
+    PetscReal        d    = 0;
+
+    if (level >= b->levels) continue;
+    for (PetscInt a = 0; a < t->dim; a++) d += PetscSqr(PetscMax(0, PetscMax(b->lower[a] - x[a], x[a] - b->upper[a])));
+    if (PetscSqrtReal(d) < 3 * (h - last) + 0.5 * last) return PETSC_TRUE;
+  }
+  return PETSC_FALSE;
+}
+
+static PetscErrorCode surface_refines(Leaves *t, PetscInt level, const PetscInt x[], PetscBool *refine);
+
+/* Would a cell of the next level that touches a child of this one be refined? */
+static PetscErrorCode neighbours_refine(Leaves *t, PetscInt level, const PetscInt x[], PetscBool *refine)
+{
+  const PetscInt w = LeavesWidth(t, level + 1), n = t->dim == 2 ? 16 : 64;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < n && !*refine; i++) {
+    PetscInt  y[3] = {0, 0, 0};
+    PetscBool in   = PETSC_TRUE;
+
+    for (PetscInt d = 0; d < t->dim; d++) {
+      y[d] = x[d] + w * (((i >> (2 * d)) & 3) - 1);
+      if (t->periodic[d]) y[d] = (y[d] + t->cells[d]) % t->cells[d];
+      else if (y[d] < 0 || y[d] >= t->cells[d]) in = PETSC_FALSE;
+    }
+    if (in) PetscCall(surface_refines(t, level + 1, y, refine));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Around surfaces, remembered: a narrow band asks again and again */
+static PetscErrorCode surface_refines(Leaves *t, PetscInt level, const PetscInt x[], PetscBool *refine)
+{
+  const PetscBool narrow = (PetscBool)(t->band < (t->dim == 2 ? BAND_PLANE : BAND_SPACE));
+  const uint64_t  key    = curve_key(t->dim, x);
+  PetscReal       centre[3], h, d = PETSC_MAX_REAL, far = 0;
+  PetscInt        known;
+
+  PetscFunctionBeginUser;
+  *refine = PETSC_FALSE;
+  if (!t->around || level >= t->levels) PetscFunctionReturn(PETSC_SUCCESS);
+  known = KeysFind(&t->memo[level], key);
+  if (known >= 0) {
+    *refine = (PetscBool)known;
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCall(measure(t, level, x, centre, &h));
+  if (narrow) far = (1.5 * PetscSqrtReal((PetscReal)t->dim) + 0.5 * t->band) * h; /* beyond, nothing finer forces it */
+  PetscCall((*t->surface->distance)(t->surface->context, centre, PetscMax(far, t->band * h), &d));
+  *refine = (PetscBool)(d < t->band * h);
+  if (!*refine && d < far && level + 1 < t->levels) PetscCall(neighbours_refine(t, level, x, refine));
+  PetscCall(KeysAdd(&t->memo[level], key, *refine, &known));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode refines(Leaves *t, PetscInt level, const PetscInt x[], PetscBool *refine)
+{
+  PetscReal centre[3], h;
+
+  PetscFunctionBeginUser;
+  *refine = PETSC_FALSE;
+  if (level >= t->levels) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(surface_refines(t, level, x, refine));
+  if (*refine || !t->nbox) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(measure(t, level, x, centre, &h));
+  *refine = box_refines(t, level, centre, h);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- leaves ---- */
+
+PetscMPIInt LeavesOwner(const Leaves *t, uint64_t key)
+{
+  PetscMPIInt size, lo = 0, hi;
+
+  (void)MPI_Comm_size(t->comm, &size);
+  hi = size;
+  while (hi - lo > 1) {
+    const PetscMPIInt mid = (lo + hi) / 2;
+
+    if (t->first[mid] <= key) lo = mid;
+    else hi = mid;
+  }
+  return lo;
+}
+
+/* The last own leaf that starts at the key or before */
+static PetscInt own_before(const Leaves *t, uint64_t key)
+{
+  PetscInt lo = -1, hi = t->nleaf;
+
+  while (hi - lo > 1) {
+    const PetscInt mid = (lo + hi) / 2;
+
+    if (t->leaf[mid].key <= key) lo = mid;
+    else hi = mid;
+  }
+  return lo;
+}
+
+PetscInt LeavesOwnIndex(const Leaves *t, uint64_t key)
+{
+  const PetscInt i = own_before(t, key);
+
+  return i >= 0 && t->leaf[i].key == key ? i : -1;
+}
+
+PetscErrorCode LeavesFind(Leaves *t, const PetscInt x[], Leaf *out)
+{
+  const uint64_t key = curve_key(t->dim, x);
+  PetscMPIInt    rank;
+  PetscBool      refine = PETSC_TRUE;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_rank(t->comm, &rank));
+  if (t->first && LeavesOwner(t, key) == rank) {
+    *out = t->leaf[own_before(t, key)];
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  for (out->level = 0;; out->level++) {
+    const PetscInt w = LeavesWidth(t, out->level);
+
+    for (PetscInt d = 0; d < 3; d++) out->x[d] = d < t->dim ? x[d] & ~(w - 1) : 0;
+    PetscCall(refines(t, out->level, out->x, &refine));
+    if (!refine) break;
+  }
+  out->key = curve_key(t->dim, out->x);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Lattice place beside a cell: false if it is outside of the domain */
+static PetscBool wrap(const Leaves *t, PetscInt x[])
+{
+  for (PetscInt d = 0; d < t->dim; d++) {
+    if (t->periodic[d]) x[d] = (x[d] + t->cells[d]) % t->cells[d];
+    else if (x[d] < 0 || x[d] >= t->cells[d]) return PETSC_FALSE;
+  }
+  return PETSC_TRUE;
+}
+
+PetscErrorCode LeavesLevelBeside(Leaves *t, const Leaf *leaf, const PetscInt step[], PetscInt *level)
+{
+  const PetscInt w    = LeavesWidth(t, leaf->level);
+  PetscInt       x[3] = {0, 0, 0};
+  Leaf           other;
+
+  PetscFunctionBeginUser;
+  *level = -1;
+  for (PetscInt d = 0; d < t->dim; d++) x[d] = leaf->x[d] + step[d] * w;
+  if (!wrap(t, x)) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(LeavesFind(t, x, &other));
+  *level = PetscMin(other.level, leaf->level);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode check_balance(const Leaves *t, const Leaf *a, const Leaf *b)
+{
+  PetscReal x[3], h;
+
+  PetscFunctionBeginUser;
+  if (PetscAbsInt(a->level - b->level) <= 1) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(measure(t, a->level, a->x, x, &h));
+  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+          "Cells of levels %" PetscInt_FMT " and %" PetscInt_FMT
+          " meet near (%g, %g): sizes of the base cells change too quickly, or distances to a body are no distances. Raise -mesh_band (%g)",
+          a->level, b->level, (double)x[0], (double)x[1], (double)t->band);
+}
+
+PetscErrorCode LeavesNeighbours(Leaves *t, const Leaf *leaf, PetscInt *n, Leaf out[LEAVES_MAX_NEIGHBOURS])
+{
+  const PetscInt w = LeavesWidth(t, leaf->level), half = w / 2, each = 4, count = t->dim == 2 ? each * each : each * each * each;
+
+  PetscFunctionBeginUser;
+  *n = 0;
+  for (PetscInt i = 0; i < count; i++) { /* places just outside, and in both halves along a side */
+    PetscInt  x[3] = {0, 0, 0}, inner = 0, k = 0;
+    PetscBool twice = PETSC_FALSE;
+    Leaf      other;
+
+    for (PetscInt d = 0; d < t->dim; d++) {
+      const PetscInt where = (i >> (2 * d)) & 3;
+
+      x[d] = leaf->x[d] + (where == 0 ? -1 : where == 1 ? 0 : where == 2 ? half : w);
+      inner += where == 1 || where == 2;
+      twice = (PetscBool)(twice || (where == 2 && !half));
+    }
+    if (twice || inner == t->dim || !wrap(t, x)) continue;
+    PetscCall(LeavesFind(t, x, &other));
+    while (k < *n && out[k].key != other.key) k++;
+    if (k < *n) continue;
+    PetscCall(check_balance(t, leaf, &other));
+    out[(*n)++] = other;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- ranges ---- */
+
+/* All leaves below a cell along the curve: counted, and those with numbers in [from, to) listed */
+static PetscErrorCode walk(Leaves *t, PetscInt level, const PetscInt x[], PetscInt64 from, PetscInt64 to, PetscInt64 *count)
+{
+  PetscBool refine;
+
+  PetscFunctionBeginUser;
+  PetscCall(refines(t, level, x, &refine));
+  if (!refine) {
+    if (*count >= from && *count < to) {
+      Leaf *leaf = t->leaf + (*count - from);
+
+      *leaf = (Leaf){.key = curve_key(t->dim, x), .level = level};
+      for (PetscInt d = 0; d < t->dim; d++) leaf->x[d] = x[d];
+    }
+    (*count)++;
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  for (PetscInt i = 0; i < 1 << t->dim; i++) {
+    PetscInt y[3] = {0, 0, 0};
+
+    for (PetscInt d = 0; d < t->dim; d++) y[d] = x[d] + ((i >> d) & 1) * LeavesWidth(t, level + 1);
+    PetscCall(walk(t, level + 1, y, from, to, count));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static int compare_keys(const void *a, const void *b)
+{
+  const uint64_t x = ((const Leaf *)a)->key, y = ((const Leaf *)b)->key;
+
+  return x < y ? -1 : x > y;
+}
+
+/* Base cells along the curve */
+static PetscErrorCode list_roots(const Leaves *t, PetscInt nroot, Leaf root[])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < nroot; i++) {
+    const PetscInt at[3] = {i % t->n[0], i / t->n[0] % t->n[1], t->dim == 3 ? i / t->n[0] / t->n[1] : 0};
+
+    root[i] = (Leaf){.level = 0};
+    for (PetscInt d = 0; d < t->dim; d++) root[i].x[d] = at[d] << t->levels;
+    root[i].key = curve_key(t->dim, root[i].x);
+  }
+  qsort(root, (size_t)nroot, sizeof(*root), compare_keys);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Leaves of every base cell, on all ranks; each counts its share: count [nroot] */
+static PetscErrorCode count_leaves(Leaves *t, PetscInt nroot, const Leaf root[], PetscInt count[])
+{
+  PetscMPIInt size, rank, *n, *begin;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_size(t->comm, &size));
+  PetscCallMPI(MPI_Comm_rank(t->comm, &rank));
+  PetscCall(PetscMalloc2(size, &n, size, &begin));
+  for (PetscMPIInt r = 0; r < size; r++) {
+    begin[r] = (PetscMPIInt)((PetscInt64)nroot * r / size);
+    n[r]     = (PetscMPIInt)((PetscInt64)nroot * (r + 1) / size) - begin[r];
+  }
+  for (PetscInt i = begin[rank]; i < begin[rank] + n[rank]; i++) {
+    PetscInt64 m = 0;
+
+    PetscCall(walk(t, 0, root[i].x, 0, 0, &m));
+    count[i] = (PetscInt)m;
+  }
+  PetscCallMPI(MPI_Allgatherv(MPI_IN_PLACE, 0, MPI_DATATYPE_NULL, count, n, begin, MPIU_INT, t->comm));
+  PetscCall(PetscFree2(n, begin));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode find_own_leaves(Leaves *t)
+{
+  PetscInt    nroot = t->n[0] * t->n[1] * (t->dim == 3 ? t->n[2] : 1), *count;
+  PetscInt64  from, to, at = 0;
+  PetscMPIInt size, rank;
+  Leaf       *root;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_size(t->comm, &size));
+  PetscCallMPI(MPI_Comm_rank(t->comm, &rank));
+  PetscCall(PetscMalloc2(nroot, &root, nroot, &count));
+  PetscCall(list_roots(t, nroot, root));
+  PetscCall(count_leaves(t, nroot, root, count));
+  for (PetscInt i = 0; i < nroot; i++) t->total += count[i];
+  PetscCheck(t->total >= size, t->comm, PETSC_ERR_USER_INPUT, "%d cells are too few for %d ranks: raise -mesh_cells or use fewer ranks",
+             (int)t->total, size);
+  from     = t->total * rank / size;
+  to       = t->total * (rank + 1) / size;
+  t->start = (PetscInt)from;
+  t->nleaf = (PetscInt)(to - from);
+  PetscCall(PetscMalloc1(t->nleaf, &t->leaf));
+  for (PetscInt i = 0; i < nroot; at += count[i++]) {
+    PetscInt64 m = at;
+
+    if (at < to && at + count[i] > from) PetscCall(walk(t, 0, root[i].x, from, to, &m));
+  }
+  PetscCall(PetscMalloc1(size, &t->first));
+  PetscCallMPI(MPI_Allgather(&t->leaf[0].key, 1, MPI_UINT64_T, t->first, 1, MPI_UINT64_T, t->comm));
+  PetscCall(PetscFree2(root, count));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- options ---- */
+
+static PetscErrorCode read_box(Leaves *t, const char name[])
+{
+  LeavesBox *b = t->box + t->nbox++;
+  char       option[OPT_NAME];
+  PetscReal  corner[6];
+  PetscBool  given;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscStrncpy(b->name, name, sizeof(b->name)));
+  PetscCall(OptRealArray(OptJoin("-mesh_box_", name, "_corners", option), 2 * t->dim, corner, &given));
+  PetscCheck(given, t->comm, PETSC_ERR_USER_INPUT, "-mesh_refine names a box '%s' that nobody gave: give its lower and upper corner by %s", name,
+             option);
+  for (PetscInt d = 0; d < t->dim; d++) {
+    b->lower[d] = corner[d];
+    b->upper[d] = corner[t->dim + d];
+    PetscCheck(b->upper[d] > b->lower[d], t->comm, PETSC_ERR_USER_INPUT, "%s: [%g, %g] along axis %c is empty", option, (double)b->lower[d],
+               (double)b->upper[d], (char)('x' + d));
+  }
+  b->levels = t->levels;
+  PetscCall(OptInt(OptJoin("-mesh_box_", name, "_levels", option), &b->levels));
+  PetscCheck(b->levels <= t->levels, t->comm, PETSC_ERR_USER_INPUT, "%s %" PetscInt_FMT " is more than -mesh_levels %" PetscInt_FMT, option,
+             b->levels, t->levels);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode LeavesReadRefine(PetscBool *bodies, PetscInt *nbox, char box[][LEAVES_NAME])
+{
+  PetscInt  n                           = LEAVES_MAX_BOXES + 1;
+  char     *names[LEAVES_MAX_BOXES + 1] = {NULL};
+  PetscBool given;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptHas("-mesh_refine", &given));
+  PetscCall(OptStringArray("-mesh_refine", &n, names));
+  *bodies = (PetscBool)!given;
+  *nbox   = 0;
+  for (PetscInt i = 0; i < n; i++) {
+    PetscBool same;
+
+    PetscCall(PetscStrcmp(names[i], "bodies", &same));
+    PetscCheck(same || *nbox < LEAVES_MAX_BOXES, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "-mesh_refine names more than %d boxes: leave out some",
+               LEAVES_MAX_BOXES);
+    if (same) *bodies = PETSC_TRUE;
+    else PetscCall(PetscStrncpy(box[(*nbox)++], names[i], LEAVES_NAME));
+    PetscCall(PetscFree(names[i]));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_regions(Leaves *t)
+{
+  PetscInt n;
+  char     names[LEAVES_MAX_BOXES][LEAVES_NAME];
+
+  PetscFunctionBeginUser;
+  PetscCall(LeavesReadRefine(&t->around, &n, names));
+  for (PetscInt i = 0; i < n; i++) PetscCall(read_box(t, names[i]));
+  PetscCheck(!t->around || t->surface, t->comm, PETSC_ERR_USER_INPUT,
+             "-mesh_levels %" PetscInt_FMT " refines around bodies, and the scene has none: name a box by -mesh_refine, or remove -mesh_levels",
+             t->levels);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_options(Leaves *t)
+{
+  PetscFunctionBeginUser;
+  t->band = 3;
+  PetscCall(OptReal("-mesh_band", &t->band));
+  PetscCall(read_regions(t));
+  for (PetscInt d = 0; d < t->dim; d++) {
+    t->n[d]        = t->kind->cells[d];
+    t->periodic[d] = (PetscBool)(t->kind->period[d] > 0);
+    PetscCheck(t->n[d] < MAX_LATTICE >> t->levels, t->comm, PETSC_ERR_USER_INPUT,
+               "%" PetscInt_FMT " cells along axis %c with %" PetscInt_FMT " levels are more than %d finest cells: lower -mesh_levels or -mesh_cells",
+               t->n[d], (char)('x' + d), t->levels, MAX_LATTICE);
+    t->cells[d] = t->n[d] << t->levels;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode LeavesCreate(MPI_Comm comm, MeshKind kind, PetscInt levels, const MeshSurface *surface, Leaves *t)
+{
+  PetscFunctionBeginUser;
+  *t = (Leaves){.comm = comm, .kind = kind, .dim = kind->dim, .levels = levels, .surface = surface};
+  PetscCall(read_options(t));
+  PetscCall(find_own_leaves(t));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode LeavesDestroy(Leaves *t)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt l = 0; l <= LEAVES_MAX_LEVELS; l++) PetscCall(KeysDestroy(&t->memo[l]));
+  PetscCall(PetscFree(t->leaf));
+  PetscCall(PetscFree(t->first));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,74 @@
+/* Leaves: which cells a refined box has (-mesh_levels), without a list of them on any rank.
+
+   Every base cell of the box (or graded channel) is the root of a quadtree or octree. A cell of level l with longest
+   side h_l is refined if the distance of its centre to the surfaces is below `band` h_l, or as the boxes of
+   -mesh_refine want it. Distances change by at most the way, so that from band 2.2 (plane) and 2.6 (space) on no two
+   cells that touch, corners included, differ by more than one level; for narrower bands a cell is also refined if one
+   of its children's neighbours would otherwise be two levels finer than a cell beside it (Sundar, Sampath & Biros,
+   SIAM J. Sci. Comput. 30, 2008, balance such trees from a list; here it is part of the formula). Whether a cell
+   exists can thus be told anywhere without communication.
+
+   Cells are ordered along the Z curve (Morton 1966) of the lattice of finest cells; a rank has a contiguous range,
+   found from the counts of base cells, the only thing all ranks know of. Places on the lattice: [0, n 2^levels) an
+   axis, at most 2^20. */
+#pragma once
+#include "keys.h"
+#include "kind.h"
+#include "mesh/mesh.h"
+
+typedef struct {
+  uint64_t key; /* along the curve */
+  PetscInt x[3], level;
+} Leaf;
+
+#define LEAVES_NAME           32
+#define LEAVES_MAX_BOXES      16
+#define LEAVES_MAX_NEIGHBOURS 64
+#define LEAVES_MAX_LEVELS     12
+
+typedef struct {
+  char      name[LEAVES_NAME];
+  PetscReal lower[3], upper[3];
+  PetscInt  levels;
+} LeavesBox;
+
+typedef struct {
+  MPI_Comm           comm;
+  MeshKind           kind;                        /* borrowed */
+  PetscInt           dim, levels, n[3], cells[3]; /* base cells, finest cells an axis */
+  PetscBool          periodic[3], around;         /* refine around the surfaces? */
+  PetscReal          band;
+  const MeshSurface *surface; /* borrowed during construction */
+  PetscInt           nbox;
+  LeavesBox          box[LEAVES_MAX_BOXES];
+  Keys               memo[LEAVES_MAX_LEVELS + 1]; /* is a cell refined? */
+  PetscInt           nleaf, start;
+  PetscInt64         total;
+  Leaf              *leaf;  /* [nleaf] of this rank */
+  uint64_t          *first; /* [size] key of every rank's first leaf */
+} Leaves;
+
+/* What -mesh_refine names: bodies? and boxes [LEAVES_MAX_BOXES]. Collective. Error: too many. */
+PetscErrorCode LeavesReadRefine(PetscBool *bodies, PetscInt *nbox, char box[][LEAVES_NAME]);
+/* Read -mesh_refine, -mesh_band and boxes and find the leaves of this rank. Collective. Errors: nothing to refine
+   around, unknown or empty boxes, a band too narrow, fewer cells than ranks, too many cells for the lattice. */
+PetscErrorCode LeavesCreate(MPI_Comm, MeshKind, PetscInt levels, const MeshSurface *, Leaves *);
+PetscErrorCode LeavesDestroy(Leaves *);
+
+/* The cell that holds the finest cell x [dim] inside the lattice; not collective. */
+PetscErrorCode LeavesFind(Leaves *, const PetscInt x[], Leaf *);
+/* Cells that touch a cell, each once. Error: levels jump by more than one (a distance that is none). */
+PetscErrorCode LeavesNeighbours(Leaves *, const Leaf *, PetscInt *n, Leaf out[LEAVES_MAX_NEIGHBOURS]);
+/* Level of the cell that lies beside the cell in direction step [dim] of -1, 0, 1: its own if it is as large or in
+   smaller pieces, -1 outside of the domain. */
+PetscErrorCode LeavesLevelBeside(Leaves *, const Leaf *, const PetscInt step[], PetscInt *level);
+/* Rank of a leaf, and its place in the list of this rank if it is an own one, else -1. */
+PetscMPIInt LeavesOwner(const Leaves *, uint64_t key);
+PetscInt    LeavesOwnIndex(const Leaves *, uint64_t key);
+/* Space coordinates of lattice place x in halves of finest cells. */
+PetscErrorCode LeavesPlace(const Leaves *, const PetscInt half[], PetscReal x[]);
+/* Sides of a cell in finest cells */
+static inline PetscInt LeavesWidth(const Leaves *t, PetscInt level)
+{
+  return (PetscInt)1 << (t->levels - level);
+}

@@ -1,0 +1,184 @@
+/* FlowSolver: mean velocities held by uniform forces, one more unknown and one more row of the system each (see
+   system.h).
+
+     [ K   -s ] [x]   [ b ]     s = P^T (lumped mass of the axis) + rigid weights: what a unit force does to the rows,
+     [ s^T  0 ] [f] = [ t ]     and, transposed, the integral of the velocity along the axis over the domain
+
+   By blocks: K y = b, K z = s, x = y + f z with f = (t - s^T y)/(s^T z). Whatever the tolerances of the two solves, the
+   row of t holds up to rounding; what the residual of z leaves in the other rows is f |s - K z|. Since f is what the
+   force changes by in the step, the z of the steps before mostly serves: it is solved for again, from where it is, if
+   it would leave more than the tolerance of the step. */
+#include "compat.h"
+#include "impl.h"
+
+#define ROUNDS 6 /* of solves for z in a step, each to at least a tenth of its residual */
+
+PetscErrorCode FlowSolverSetHeld(FlowSolver fs, FlowHeld *held)
+{
+  PetscFunctionBeginUser;
+  fs->held = held;
+  for (PetscInt i = 0; held && i < held->n && !fs->held_z[i]; i++) {
+    PetscCall(VecDuplicate(fs->x, &fs->held_s[i]));
+    PetscCall(VecDuplicate(fs->x, &fs->held_z[i]));
+    PetscCall(VecDuplicate(fs->x, &fs->held_r[i]));
+    PetscCall(VecZeroEntries(fs->held_z[i]));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverDestroyHeld(FlowSolver fs)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < 3; i++) {
+    PetscCall(VecDestroy(&fs->held_s[i]));
+    PetscCall(VecDestroy(&fs->held_z[i]));
+    PetscCall(VecDestroy(&fs->held_r[i]));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Zero where the velocity is no unknown */
+static void clear_known(FlowSolver fs, PetscReal x[])
+{
+  const struct _p_Constraint *c = fs->constraint;
+
+  for (PetscInt j = 0; j < c->ninert; j++) x[c->slot[j]] = 0;
+  for (PetscInt i = 0; i < c->count * fs->nr; i++)
+    if (!((c->unknown[c->first + i / fs->nr] >> (i % fs->nr)) & 1)) x[fs->nodal + i] = 0;
+}
+
+/* s of row i, the old z without what has become known, and r = s - K z */
+static PetscErrorCode begin_row(FlowSolver fs, PetscInt i)
+{
+  const FlowHeld             *h   = fs->held;
+  const struct _p_Constraint *c   = fs->constraint;
+  const PetscInt              dim = fs->loc->dim;
+  const PetscReal            *m;
+  PetscReal                  *s, *z;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetLumpedMass(fs->flow, &m));
+  PetscCall(VecZeroEntries(fs->held_s[i]));
+  PetscCall(VecGetArray(fs->held_s[i], &s));
+  for (PetscInt j = 0; j < fs->loc->nnode; j++) s[j * dim + h->axis[i]] = m[j];
+  for (PetscInt j = 0; j < c->count * fs->nr; j++) s[fs->nodal + j] = h->rigid[i][c->first * fs->nr + j];
+  PetscCall(ConstraintReduceInPlace(fs->constraint, s, s + fs->nodal));
+  clear_known(fs, s);
+  PetscCall(VecRestoreArray(fs->held_s[i], &s));
+  PetscCall(VecGetArray(fs->held_z[i], &z));
+  clear_known(fs, z);
+  PetscCall(VecRestoreArray(fs->held_z[i], &z));
+  PetscCall(MatMult(fs->nest, fs->held_z[i], fs->held_r[i]));
+  PetscCall(VecAYPX(fs->held_r[i], -1, fs->held_s[i]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What the rows lack with the velocities u, U: t less the integral */
+static PetscErrorCode find_deficit(FlowSolver fs, const PetscReal u[], const PetscReal U[], PetscReal deficit[3])
+{
+  const FlowHeld  *h   = fs->held;
+  const PetscInt   dim = fs->loc->dim;
+  const PetscReal *m;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetLumpedMass(fs->flow, &m));
+  for (PetscInt i = 0; i < h->n; i++) {
+    deficit[i] = 0;
+    for (PetscInt j = 0; j < fs->loc->nnode; j++) deficit[i] -= m[j] * u[j * dim + h->axis[i]];
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, deficit, (PetscMPIInt)h->n, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  for (PetscInt i = 0; i < h->n; i++) {
+    deficit[i] += h->target[i];
+    for (PetscInt j = 0; j < fs->nbodies * fs->nr; j++) deficit[i] -= h->rigid[i][j] * U[j];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* force with (s_i^T z_j) force = deficit, by elimination; *ok: the forces move the fluid, every pivot is positive */
+static PetscErrorCode find_force(FlowSolver fs, const PetscReal deficit[], PetscReal force[3], PetscBool *ok)
+{
+  const PetscInt n = fs->held->n;
+  PetscReal      A[3][3];
+
+  PetscFunctionBeginUser;
+  *ok = PETSC_TRUE;
+  for (PetscInt i = 0; i < n; i++) {
+    force[i] = deficit[i];
+    for (PetscInt j = 0; j < n; j++) PetscCall(VecDot(fs->held_s[i], fs->held_z[j], &A[i][j]));
+  }
+  for (PetscInt i = 0; i < n; i++) {
+    if (!(A[i][i] > 0)) *ok = PETSC_FALSE;
+    for (PetscInt k = i + 1; k < n && *ok; k++) {
+      const PetscReal factor = A[k][i] / A[i][i];
+
+      for (PetscInt j = i; j < n; j++) A[k][j] -= factor * A[i][j];
+      force[k] -= factor * force[i];
+    }
+  }
+  for (PetscInt i = n - 1; i >= 0 && *ok; i--) {
+    for (PetscInt j = i + 1; j < n; j++) force[i] -= A[i][j] * force[j];
+    force[i] /= A[i][i];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* z += K^{-1} r, to rtol of r */
+static PetscErrorCode improve_row(FlowSolver fs, PetscInt i, PetscReal rtol, PetscInt *its, KSPConvergedReason *reason)
+{
+  MatNullSpace constant;
+  PetscInt     n;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatGetNullSpace(fs->nest, &constant));
+  if (constant) PetscCall(MatNullSpaceRemove(constant, fs->held_r[i]));
+  if (!fs->single) PetscCall(KSPSetTolerances(fs->ksp, rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
+  PetscCall(KSPSolve(fs->ksp, fs->held_r[i], fs->y));
+  PetscCall(KSPGetIterationNumber(fs->ksp, &n));
+  PetscCall(KSPGetConvergedReason(fs->ksp, reason));
+  *its += n;
+  PetscCall(VecAXPY(fs->held_z[i], 1, fs->y));
+  PetscCall(MatMult(fs->nest, fs->held_z[i], fs->held_r[i]));
+  PetscCall(VecAYPX(fs->held_r[i], -1, fs->held_s[i]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Solve for every z that leaves more than its part of the tolerance; *enough: none did */
+static PetscErrorCode improve_rows(FlowSolver fs, const PetscReal force[], PetscBool known, PetscInt *its, KSPConvergedReason *reason,
+                                   PetscBool *enough)
+{
+  const PetscInt n = fs->held->n;
+
+  PetscFunctionBeginUser;
+  *enough = PETSC_TRUE;
+  for (PetscInt i = 0; i < n && *reason >= 0; i++) {
+    PetscReal size, allowed;
+
+    PetscCall(VecNorm(fs->held_r[i], NORM_2, &size));
+    allowed = known && force[i] != 0 ? fs->target / (n * PetscAbsReal(force[i])) : known ? PETSC_MAX_REAL : 0;
+    if (size <= allowed) continue;
+    *enough = PETSC_FALSE;
+    PetscCall(improve_row(fs, i, known ? PetscMax(1e-12, PetscMin(0.1, 0.5 * allowed / size)) : 1e-3, its, reason));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverHold(FlowSolver fs, PetscReal u[], PetscReal p[], PetscReal U[], PetscInt *its, KSPConvergedReason *reason)
+{
+  FlowHeld *h = fs->held;
+  PetscReal deficit[3];
+  PetscBool ok, enough = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < h->n; i++) PetscCall(begin_row(fs, i));
+  PetscCall(find_deficit(fs, u, U, deficit));
+  for (PetscInt round = 0; round < (fs->single ? 1 : ROUNDS) && !enough && *reason >= 0; round++) {
+    PetscCall(find_force(fs, deficit, h->force, &ok));
+    PetscCall(improve_rows(fs, h->force, ok, its, reason, &enough));
+  }
+  PetscCall(find_force(fs, deficit, h->force, &ok));
+  PetscCheck(ok, PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
+             "A uniform force does not move the fluid along the axes of -flow_rate, as far as the solver sees: lower -flow_ksp_rtol, or use -flow_recipe direct");
+  for (PetscInt i = 0; i < h->n; i++) PetscCall(VecAXPY(fs->x, h->force[i], fs->held_z[i]));
+  PetscCall(FlowSolverUnpack(fs, fs->x, u, p, U));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,247 @@
+/* Refined meshes: counts against p4est's, the same trees on any number of ranks, places of hanging points, patch
+   test. */
+/* ranks: 1 2 3 7 */
+#include "core.h"
+#include "flow/flow.h"
+
+/* ---- surfaces ---- */
+
+#define MAX_BALLS 40
+
+typedef struct {
+  PetscInt  dim, n;
+  PetscReal period[3];
+  PetscReal x[MAX_BALLS][3], radius[MAX_BALLS];
+} Balls;
+
+static PetscErrorCode ball_distance(void *context, const PetscReal x[3], PetscReal reach, PetscReal *d)
+{
+  const Balls *b = context;
+
+  (void)reach;
+  *d = PETSC_MAX_REAL;
+  for (PetscInt i = 0; i < b->n; i++) {
+    PetscReal r = 0;
+
+    for (PetscInt a = 0; a < b->dim; a++) r += PetscSqr(DomainNearest(b->period[a], x[a] - b->x[i][a], 0));
+    *d = PetscMin(*d, PetscAbsReal(PetscSqrtReal(r) - b->radius[i]));
+  }
+  return PETSC_SUCCESS;
+}
+
+/* Points of random places: with a narrow band a tree as ragged as a balanced one can be */
+static Balls random_points(PetscInt dim, PetscInt n, PetscInt seed)
+{
+  Balls b = {.dim = dim, .n = n};
+
+  for (PetscInt i = 0; i < n; i++)
+    for (PetscInt a = 0; a < dim; a++) b.x[i][a] = 0.5 + 0.5 * noise(100 * seed + 3 * i + a);
+  return b;
+}
+
+static Balls one_ball(PetscInt dim)
+{
+  return (Balls){.dim = dim, .n = 1, .x = {{0.5, 0.5, 0.5}}, .radius = {0.25}};
+}
+
+static void create(const char options[], Balls *b, Mesh *m)
+{
+  MeshSurface s = {ball_distance, b};
+
+  give(options);
+  OK(MeshCreateAround(PETSC_COMM_WORLD, &s, m));
+}
+
+/* ---- counts ---- */
+
+static void check_counts(const char options[], PetscInt dim, PetscInt cells, PetscInt nodes)
+{
+  Balls            b = one_ball(dim);
+  Mesh             m;
+  const MeshLocal *l;
+
+  create(options, &b, &m);
+  OK(MeshGetLocal(m, &l));
+  assert_int_equal(l->ncell_global, cells);
+  assert_int_equal(l->nnode_global, nodes);
+  OK(MeshDestroy(&m));
+}
+
+/* Numbers of p4est_lnodes_new (degree 2) for forests of the same rule, balanced across corners */
+static void test_counts(void **state)
+{
+  (void)state;
+  check_counts("-mesh_cells 16,16 -mesh_levels 4 -mesh_band 1.2", 2, 3268, 12193);
+  check_counts("-mesh_dimension 3 -mesh_cells 6,6,6 -mesh_levels 3 -mesh_band 1.2", 3, 11752, 83541);
+}
+
+/* ---- places ---- */
+
+static const char *const TREES[] = {"-mesh_cells 5,4 -mesh_levels 3 -mesh_band 0.8",
+                                    "-mesh_cells 4,3 -mesh_levels 4 -mesh_band 0.9 -mesh_periodic x,y",
+                                    "-mesh_focus 0.4,0.4,0.6,0.6 -mesh_focus_h 0.1 -mesh_levels 2 -mesh_band 0.8",
+                                    "-mesh_dimension 3 -mesh_cells 3,4,3 -mesh_levels 2 -mesh_band 0.8",
+                                    "-mesh_dimension 3 -mesh_cells 3,3,3 -mesh_levels 2 -mesh_band 0.8 -mesh_periodic y"};
+#define NTREES (PetscInt)(sizeof(TREES) / sizeof(TREES[0]))
+
+static void create_random(PetscInt tree, Mesh *m, const MeshLocal **l)
+{
+  Balls b = random_points(tree < 3 ? 2 : 3, tree < 3 ? 7 : 4, 17 + tree);
+
+  for (PetscInt a = 0; a < 2; a++) b.period[a] = tree == 1 || (tree == 4 && a == 1);
+
+  create(TREES[tree], &b, m);
+  OK(MeshGetLocal(*m, l));
+}
+
+/* Places of every cell, also of one with nodes of a large face in its slots, are those of a rectangle, and the cells
+   fill the box; nodes of ghosts are where their owner has them */
+static void test_places(void **state)
+{
+  (void)state;
+  for (PetscInt t = 0; t < NTREES; t++) {
+    Mesh             m;
+    const MeshLocal *l;
+    PetscReal        volume  = 0, *x;
+    PetscInt         hanging = 0;
+
+    create_random(t, &m, &l);
+    for (PetscInt c = 0; c < l->ncell_all; c++) {
+      PetscReal xc[MESH_MAX_NB * 3], v = 1;
+
+      OK(MeshCellCoordinates(m, c, xc));
+      hanging += c < l->ncell && MeshCellHang(l, c);
+      for (PetscInt d = 0; d < l->dim; d++) v *= xc[(l->nb - 1) * l->dim + d] - xc[d];
+      if (c < l->ncell) volume += v;
+      for (PetscInt j = 0; j < l->nb; j++) {
+        const PetscInt at[3] = {j % 3, j / 3 % 3, j / 9};
+
+        for (PetscInt d = 0; d < l->dim; d++) NEAR(xc[j * l->dim + d], xc[d] + 0.5 * at[d] * (xc[(l->nb - 1) * l->dim + d] - xc[d]), 1e-14);
+      }
+    }
+    NEAR(total(volume), 1, 1e-12);
+    assert_true(total((PetscReal)hanging) > 0);
+    OK(PetscMalloc1(l->nnode_all * l->dim, &x));
+    OK(PetscArraycpy(x, l->x, l->nnode_all * l->dim));
+    OK(MeshSyncNodes(m, l->dim, x));
+    NEAR(max_difference(l->nnode_all * l->dim, x, l->x), 0, 0);
+    OK(PetscFree(x));
+    OK(MeshDestroy(&m));
+  }
+}
+
+/* A rank that owns a node knows all cells that have it: each adds one */
+static void test_ghosts(void **state)
+{
+  (void)state;
+  for (PetscInt t = 0; t < NTREES; t++) {
+    Mesh             m;
+    const MeshLocal *l;
+    PetscReal       *v;
+
+    create_random(t, &m, &l);
+    OK(PetscCalloc1(l->nnode_all, &v));
+    for (PetscInt i = 0; i < l->ncell * l->nb; i++) v[l->cell_node[i]] += 1;
+    OK(MeshSumNodes(m, 1, v));
+    for (PetscInt i = 0; i < l->nnode; i++) NEAR(v[i], l->node_cell_ptr[i + 1] - l->node_cell_ptr[i], 0);
+    OK(PetscFree(v));
+    OK(MeshDestroy(&m));
+  }
+}
+
+/* ---- flow ---- */
+
+/* Quadratic, free of divergence, and the pressure that makes it a Stokes flow of viscosity 1: p = 2 x - 4 y + 2 z,
+   laplacian of u = its gradient */
+static void parabolic(const PetscReal x[], PetscReal v[], PetscInt dim)
+{
+  if (dim == 2) {
+    v[0] = x[0] * x[0] - 2 * x[0] * x[1];
+    v[1] = -2 * x[0] * x[1] + x[1] * x[1] - 3 * x[0] * x[0];
+  } else {
+    v[0] = x[1] * x[1] + x[0] * x[2] - x[0] * x[1];
+    v[1] = x[0] * x[2] - x[1] * x[2] + 0.5 * x[1] * x[1] - x[2] * x[2];
+    v[2] = x[0] * x[1] + 3 * x[0] * x[0];
+  }
+}
+
+/* Laplacians of parabolic() */
+static const PetscReal SLOPE[2][3] = {{2, -4, 0}, {2, -1, 6}};
+
+/* Momentum residual at all nodes that no boundary has, and divergence in all cells, of the exact solution */
+static void test_patch(void **state)
+{
+  (void)state;
+  for (PetscInt t = 0; t < NTREES; t++) {
+    Mesh             m;
+    Flow             f;
+    const MeshLocal *l;
+    PetscReal       *u, *p, *r, *y, top = 0;
+    const PetscReal *mass;
+    PetscBool       *bound;
+    PetscInt         nb;
+
+    if (t == 1 || t == 4) continue; /* a polynomial is not periodic */
+    create_random(t, &m, &l);
+    OK(PetscOptionsInsertString(NULL, "-flow_viscosity 1 -flow_convection false -flow_density 1e-14"));
+    OK(FlowCreate(m, &f));
+    OK(FlowBeginStep(f, 0, 1));
+    OK(PetscMalloc5(l->nnode_all * l->dim, &u, l->ncell_all * (l->dim + 1), &p, l->nnode_all * l->dim, &r, l->ncell * (l->dim + 1), &y, l->nnode_all,
+                    &bound));
+    OK(PetscArrayzero(r, l->nnode_all * l->dim));
+    OK(PetscArrayzero(bound, l->nnode_all));
+    for (PetscInt i = 0; i < l->nnode_all; i++) parabolic(l->x + i * l->dim, u + i * l->dim, l->dim);
+    OK(FlowDivergence(f, u, y));
+    BELOW(max_abs(l->ncell * (l->dim + 1), y), 1e-14);
+    {
+      const PetscReal *size;
+
+      OK(FlowGetCellSize(f, &size));
+      for (PetscInt c = 0; c < l->ncell; c++) {
+        const PetscReal *x = l->x + l->cell_node[c * l->nb + l->nb / 2] * l->dim;
+
+        p[c * (l->dim + 1)] = 0;
+        for (PetscInt a = 0; a < l->dim; a++) {
+          p[c * (l->dim + 1)] += SLOPE[l->dim - 2][a] * x[a];
+          p[c * (l->dim + 1) + 1 + a] = SLOPE[l->dim - 2][a] * size[c];
+        }
+      }
+    }
+    for (PetscInt c = 0; c < l->ncell; c++) {
+      PetscReal rc[MESH_MAX_NB * 3];
+
+      OK(FlowCellResidual(f, c, u, p, rc));
+      for (PetscInt j = 0; j < l->nb * l->dim; j++) r[l->cell_node[c * l->nb + j / l->dim] * l->dim + j % l->dim] += rc[j];
+    }
+    OK(MeshSumNodes(m, l->dim, r));
+    OK(MeshGetBoundaryCount(m, &nb));
+    for (PetscInt b = 0; b < nb; b++) {
+      PetscInt        n;
+      const PetscInt *node;
+
+      OK(MeshGetBoundaryNodes(m, b, &n, &node));
+      for (PetscInt i = 0; i < n; i++) bound[node[i]] = PETSC_TRUE;
+    }
+    for (PetscInt i = 0; i < l->nnode * l->dim; i++)
+      if (!bound[i / l->dim]) top = PetscMax(top, PetscAbsReal(r[i]));
+    BELOW(largest(top), 1e-11);
+    OK(FlowGetLumpedMass(f, &mass));
+    for (PetscInt i = 0; i < l->nnode; i++) assert_true(mass[i] > 0);
+    OK(PetscFree5(u, p, r, y, bound));
+    OK(FlowDestroy(&f));
+    OK(MeshDestroy(&m));
+  }
+}
+
+int main(int argc, char **argv)
+{
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_counts), cmocka_unit_test(test_places), cmocka_unit_test(test_ghosts),
+                                     cmocka_unit_test(test_patch)};
+  int                     failed;
+
+  PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));
+  failed = cmocka_run_group_tests_name("refined", tests, NULL, NULL);
+  PetscCall(OptFinalize());
+  PetscCall(PetscFinalize());
+  return failed;
+}
