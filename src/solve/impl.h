@@ -60,7 +60,7 @@ struct _p_FlowSolver {
   PetscReal          share_of_pressure;               /* see WHOLE_PRESSURE */
   PetscReal          rtol, rtol_start, rtol_most;     /* see the header */
   TwoStage           two;                             /* or NULL: not wanted */
-  PetscReal          target;                          /* residual that the last solve was to leave */
+  PetscReal          target;                          /* residual that the last solve was to leave, or left */
   FlowHeld          *held;                            /* or NULL */
   Vec                held_s[3], held_z[3], held_r[3]; /* see held.c */
   Vec                b, x, r, y, t_u, t_u2, t_p, t_p2;

@@ -95,8 +95,8 @@ static PetscErrorCode choose_stages(FlowSolver fs, PetscBool direct)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Recipe fast: without bodies a single sweep, which must end with the projection; around bodies some iterations with two
-   stages, unless another preconditioner of the whole system is wanted */
+/* Recipe fast: without bodies a single sweep, which must end with the projection; around bodies some iterations with
+   two stages, unless another preconditioner of the whole system is wanted */
 static PetscErrorCode choose_fast(FlowSolver fs)
 {
   PetscBool whole;
@@ -122,7 +122,9 @@ static PetscErrorCode set_outer(FlowSolver fs, PetscInt recipe, PetscBool moving
     if (!given) PetscCall(OptDefault("-flow_rtol_start", FAST_RESIDUAL));
     PetscCall(OptDefault("-flow_rtol_most", "1"));
     PetscCall(OptDefault("-flow_iterations_least", FAST_ITERATIONS));
-  } else if (moving) PetscCall(OptDefault("-flow_rtol_most", "1e-6")); /* the momentum of a heavy body is most of the right-hand side */
+  } else if (moving) { /* the momentum of a heavy body is most of the right-hand side */
+    PetscCall(OptDefault("-flow_rtol_most", "1e-6"));
+  }
   if (recipe == 1 && !given) PetscCall(OptDefault("-flow_rtol_start", "1e-2"));
   fs->rtol_most = 1e-5;
   PetscCall(OptReal("-flow_rtol_start", &fs->rtol_start));

@@ -530,6 +530,7 @@ PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscRe
                                PetscReal U[], PetscInt *its, KSPConvergedReason *reason)
 {
   PetscBool enough;
+  PetscReal left;
 
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_FLOW_SOLVE, 0, 0, 0, 0));
@@ -544,6 +545,10 @@ PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscRe
     PetscCall(KSPSolve(fs->ksp, fs->r, fs->y));
     PetscCall(KSPGetIterationNumber(fs->ksp, its));
     PetscCall(KSPGetConvergedReason(fs->ksp, reason));
+    if (fs->least) { /* they may leave much less than they need */
+      PetscCall(KSPGetResidualNorm(fs->ksp, &left));
+      fs->target = PetscMin(fs->target, left);
+    }
     PetscCall(VecAXPY(fs->x, 1, fs->y));
   }
   PetscCall(FlowSolverUnpack(fs, fs->x, u, p, U));
