@@ -49,7 +49,7 @@ SCRIPTS  = $(shell grep -slE '^\#!.*python3' tools/*) $(wildcard tools/*.py tool
 
 .DEFAULT_GOAL := all
 .DELETE_ON_ERROR:
-.PHONY: all tests shapes demo bench scaling extremes validate check check-unit check-e2e demo-now check-now check-unit-now check-e2e-now style format test-shape options install deps clean help FORCE
+.PHONY: all tests shapes demo bench scaling extremes fuzz validate check check-unit check-e2e demo-now check-now check-unit-now check-e2e-now style format test-shape options install deps clean help FORCE
 
 all: $(BUILD)/tumble shapes ## build the program and the shapes (default)
 shapes: $(SHAPES)           ## build the shape plugins only
@@ -107,6 +107,8 @@ scaling: all ## strong and weak scaling on 1 and 2 ranks: tables, plots, model (
 	$(PYTHON) tools/scaling $(ARGS)
 extremes: all ## the stability map: runs/extremes/map.csv, map.png (ARGS=--quick)
 	$(PYTHON) tools/extremes $(ARGS)
+fuzz: all ## random scenes, each of which ends well or with one message: runs/fuzz (ARGS="--seeds 1-20"; 'tools/fuzz --help')
+	$(PYTHON) tools/fuzz $(ARGS)
 style: ## rooms, text, formatting, scripts that compile
 	tools/check-layers
 	tools/check-text --wide

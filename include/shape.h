@@ -72,6 +72,11 @@ typedef struct {
 PetscErrorCode ShapeGetDimension(Shape, PetscInt *dim);
 PetscErrorCode ShapeSetData(Shape, void *data);
 PetscErrorCode ShapeGetData(Shape, void *data); /* pass the address of a pointer */
+/* What its options begin with ("particle_disc_"); owned by the shape. */
+PetscErrorCode ShapeGetPrefix(Shape, const char *prefix[]);
+/* To be called in setup by a shape whose distance is Euclidean near most of its surface only: elsewhere near it (behind
+   a seam, at an edge that was cut) its size is a lower bound. Exact sign and 1-Lipschitz are asked of it too. */
+PetscErrorCode ShapeSetBound(Shape);
 /* Options of a shape, named without prefix ("radius" becomes -particle_<group>_radius). Range as in opt.h. Not given:
    default stays. */
 PetscErrorCode ShapeOptionReal(Shape, const char name[], const char help[], const char unit[], PetscReal lower,
@@ -84,7 +89,7 @@ PetscErrorCode ShapeOptionString(Shape, const char name[], const char help[], ch
 /* A string that is the path of a file to read: in a scene it is relative to the scene file. */
 PetscErrorCode ShapeOptionPath(Shape, const char name[], const char help[], char value[], size_t len);
 
-/* ---- for programs of your own ---- */
+/* ---- for programs of your own, and shapes made of others ---- */
 
 /* Load `type` from -shape_path (colon-separated folders; the build's shapes folder and the folder `shapes` beside the
    running library are searched after them), read its options under `prefix` ("particle_disc_"), set it up and check it.
@@ -92,8 +97,10 @@ PetscErrorCode ShapeOptionPath(Shape, const char name[], const char help[], char
    or operation, option out of range, distance not finite. */
 PetscErrorCode ShapeCreate(const char type[], const char prefix[], PetscInt dim, Shape *);
 PetscErrorCode ShapeDestroy(Shape *);
-PetscErrorCode ShapeDistance(Shape, PetscInt n, const PetscReal x[], PetscReal d[]); /* x [n][dim] -> d [n] */
-PetscErrorCode ShapeGetMass(Shape, ShapeMass *m);                                    /* cached */
+PetscErrorCode ShapeDistance(Shape, PetscInt n, const PetscReal x[], PetscReal d[]);    /* x [n][dim] -> d [n] */
+PetscErrorCode ShapeNormal(Shape, PetscInt n, const PetscReal x[], PetscReal normal[]); /* -> unit outward [n][dim] */
+PetscErrorCode ShapeGetReach(Shape, PetscReal *r); /* bounding radius about the body origin */
+PetscErrorCode ShapeGetMass(Shape, ShapeMass *m);  /* cached */
 /* Close the shared objects; called before PetscFinalize. */
 PetscErrorCode ShapeFinalize(void);
 /* Declare what all plugins of the search path read, under the prefix particle_<group>_, for -help. Collective. */

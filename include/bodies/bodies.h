@@ -6,7 +6,9 @@
 
    Options of group <g>: -particle_<g>_* (group.c, place.h, motion.h in src/bodies) and the shape's own. _free: x, y, z,
    rotation, or all or none (default all; none with _motion; rotation with _pivot; z means nothing in 2D). Random groups
-   are placed after all others and keep clear of them.
+   are placed after all others and keep clear of them. In space _hinge leaves of the rotation that about one axis, fixed
+   in space; _slide leaves of the translation that along one direction. The whole rotation (translation) then counts as
+   free here, and BodiesKeepAxes takes away what is not.
 
    The centre of a body is the centroid of its shape: point in the body frame = R^T (x - X) + centroid. _position places
    the centre, or the pivot of a group that has one. The reference point of a body is its pivot or else its centre;
@@ -26,12 +28,21 @@ typedef struct {
   PetscReal amplitude[3], period[3], phase[3];
   PetscReal swing[3]; /* amplitude, period, phase of the angle about z */
   PetscReal ramp;
-  PetscBool has_pivot, has_stops;
+  PetscBool has_pivot, has_stops, has_hinge, has_slide;
   PetscReal pivot[3];            /* in the frame of the shape */
+  PetscReal hinge[3], slide[3];  /* unit vectors in space: axis of the angle (2D: z), the only direction of travel */
   PetscReal stops[2];            /* rad */
   PetscReal restitution;         /* of the stops */
   PetscReal force[3], torque[3]; /* external, on each body */
 } Motion;
+
+/* A group whose places ContactPack finds: in lower .. upper, at least `margin` apart from all others and from the faces
+   of the box; bodies with random orientations may turn on the way. state: of random numbers. */
+typedef struct {
+  PetscBool  wanted, turns;
+  PetscReal  lower[3], upper[3], margin;
+  PetscInt64 state;
+} Packing;
 
 typedef enum {
   BODY_FREE_X        = 1,
@@ -43,23 +54,28 @@ typedef enum {
 typedef struct {
   char      name[64];
   Shape     shape;
-  PetscReal density;      /* rho_s */
+  PetscReal density;      /* rho_s, of bodies for which nothing else is said */
   PetscInt  free;         /* BodyFree bits; 0 = fixed (or prescribed) */
+  PetscBool with_fluid;   /* what is free starts with the velocity of the fluid (-particle_<g>_start) */
   Motion    motion;       /* of what is not free; pivot, stops, external load */
   PetscReal arm[3];       /* from the reference point to the centroid, body axes */
   PetscInt  first, count; /* bodies [first, first + count) */
-  ShapeMass mass;         /* for unit density */
-  PetscReal radius;       /* bounding radius about the centroid */
-  PetscReal disc;         /* radius if the shape is a disc/sphere, else 0 */
-  PetscBool hole;         /* the body is a hole of the mesh (fitted.h): nothing is drawn */
+  ShapeMass mass;   /* of the shape, for unit density; a body of size s has s^dim its volume, s^(dim + 2) its inertia */
+  PetscReal radius; /* of the shape: bounding radius about the centroid */
+  PetscReal disc;   /* of the shape: radius if it is a disc/sphere, else 0 */
+  Packing   pack;
+  PetscReal largest;  /* size of the largest body, 1 without bodies */
+  PetscBool hole;     /* the body is a hole of the mesh (fitted.h): nothing is drawn */
+  PetscBool obstacle; /* part of the geometry: held, may overlap walls and other obstacles, stick out of the domain */
 } BodyGroup;
 
 /* The state, replicated on all ranks: a view that only reads, of arrays that Bodies owns. n = number of bodies, m
    = number of groups; time: of this state, advanced by BodiesAdvancePosition; dt_old: length of the last step, 0: none.
      group [m], body_group [n]          the group of body k is group[body_group[k]]: BodiesGetGroup
+     scale, density [n]                 size of body k in that of its group's shape (1: the shape itself); rho_s
      x, u, w [n][3]                     centre of mass, its velocity, angular velocity [rad/s] in space axes; u_old,
                                         w_old: one step earlier
-     q [n][4], angle [n]                orientation; 2D angle, rad (3D: integral of w_z, for reports only)
+     q [n][4], angle [n]                orientation; 2D, hinge: angle, rad (else the integral of w_z, for reports)
      force, torque [n][3]               of the fluid, buoyancy excluded; torque about the centre of mass. contact_force,
                                         contact_torque: of contact
      stopped [n]                        the body rests on its lower (-1) or upper (1) stop, or not (0)
@@ -72,6 +88,7 @@ typedef struct {
   PetscReal time, dt_old; \
   CONST BodyGroup *group; \
   CONST PetscInt *body_group, *stopped; \
+  CONST PetscReal *scale, *density; \
   CONST PetscReal (*x)[3], (*q)[4], *angle, (*u)[3], (*w)[3], (*u_old)[3], (*w_old)[3]; \
   CONST PetscReal (*force)[3], (*torque)[3], (*contact_force)[3], (*contact_torque)[3], *gap; \
   CONST PetscBool *gone;
@@ -86,6 +103,24 @@ typedef const struct _n_BodyState BodyState;
 static inline const BodyGroup *BodiesGetGroup(BodyState *s, PetscInt k)
 {
   return &s->group[s->body_group[k]];
+}
+
+/* Bounding radius of body k about its centroid; its radius if it is a disc or sphere, else 0; its volume (area). */
+static inline PetscReal BodiesGetRadius(BodyState *s, PetscInt k)
+{
+  return s->scale[k] * BodiesGetGroup(s, k)->radius;
+}
+
+static inline PetscReal BodiesGetDisc(BodyState *s, PetscInt k)
+{
+  return s->scale[k] * BodiesGetGroup(s, k)->disc;
+}
+
+static inline PetscReal BodiesVolume(BodyState *s, PetscInt k)
+{
+  const PetscReal a = s->scale[k];
+
+  return BodiesGetGroup(s, k)->mass.volume * (s->dim == 2 ? a * a : a * a * a);
 }
 
 typedef struct _p_Bodies *Bodies;
@@ -105,6 +140,10 @@ PetscErrorCode BodiesSetTime(Bodies, PetscReal time);
 PetscErrorCode BodiesWriteForces(Bodies, PetscReal (**force)[3], PetscReal (**torque)[3]);
 PetscErrorCode BodiesSetVelocity(Bodies, PetscInt k, const PetscReal u[3], const PetscReal w[3]);
 PetscErrorCode BodiesStepVelocity(Bodies, PetscInt k, const PetscReal u[3], const PetscReal w[3]);
+/* Held: nothing is free or prescribed, every body has the velocity that the state says, until it is released. */
+PetscErrorCode BodiesHold(Bodies, PetscBool held);
+/* Body k starts elsewhere: centre, orientation and, in 2D, its angle. Before the first step. */
+PetscErrorCode BodiesPlace(Bodies, PetscInt k, const PetscReal x[3], const PetscReal q[4], PetscReal angle);
 PetscErrorCode BodiesSetHole(Bodies, PetscInt group); /* the bodies of a group are holes of the mesh */
 
 /* Volume (area) of body k, and its inertia tensor in space axes at the present orientation (xx yy zz xy xz yz; 2D: zz
@@ -129,6 +168,9 @@ PetscErrorCode BodiesGetArm(Bodies, PetscInt k, const PetscReal q[], PetscReal a
 /* Does degree of freedom d of body k (0, 1, 2: translation; 3: rotation) move freely at present? Not if it is
    prescribed, nor rotation while the body rests on a stop. */
 PetscBool BodiesIsFree(Bodies, PetscInt k, PetscInt d);
+/* Take away from velocities of body k what its hinge or slide does not let be: w keeps its part along the hinge, u that
+   along the slide; either may be NULL. */
+void BodiesKeepAxes(BodyState *, PetscInt k, PetscReal u[3], PetscReal w[3]);
 /* Velocity u of the reference point and angular velocity w of body k at `time` as far as they are prescribed; entries
    of free degrees of freedom are the current ones. */
 PetscErrorCode BodiesGetKnownVelocity(Bodies, PetscInt k, PetscReal time, PetscReal u[3], PetscReal w[3]);

@@ -17,6 +17,18 @@
 
 typedef struct _p_Contact *Contact;
 
+/* What packing did: bodies that were packed, the sum of the shares of their boxes that their groups fill. */
+typedef struct {
+  PetscInt  bodies, sweeps;
+  PetscReal fraction, seconds;
+} ContactPacking;
+
+/* Find places for the bodies of the groups that are packed (bodies.h: Packing): no overlaps with any body, gaps of at
+   least their margins, inside of their boxes or across the faces of axes with a period (else 0) that their box spans.
+   All others stay. To be called right after BodiesCreate. Every rank does the same work. Error: they do not fit. */
+PetscErrorCode ContactPack(Bodies, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3],
+                           ContactPacking *);
+
 /* h: cell size near the bodies (default range h/2). rho_f: density of the fluid, whose added mass counts; 0 without.
    walls: bit mask of solid domain faces, bit 2*axis for lower, 2*axis + 1 for upper. Collective. Errors: no scale for
    the stiffness of a spring. */
@@ -71,6 +83,11 @@ PetscErrorCode ContactCheckStart(Contact);
    not wanted). The caller of ContactStep must use these for a and alpha: another inertia makes the loop of flow and
    contact unstable. */
 PetscErrorCode ContactGetMass(Contact, PetscInt k, PetscReal *mass, PetscReal inertia[6]);
+/* Mean acceleration [length/time^2] of body k, which is free and starts at rest, over a step of length dt: weight less
+   buoyancy on the effective mass, with the least drag that a viscous fluid has on a body of its volume (Stokes' on a
+   sphere; on a disc 3 viscosity a length and speed, which is that with walls 160 diameters away). In creeping flow a
+   step is long beside the time in which a body gathers its speed. Not collective. */
+PetscErrorCode ContactGetStart(Contact, PetscInt k, PetscReal dt, PetscReal a[3]);
 /* Work of the last call: pairs of bodies tested by their bounding circles (0: the list of pairs was still good), pairs
    and walls within reach, sub-steps of the step. Each may be NULL. */
 PetscErrorCode ContactGetWork(Contact, PetscInt *tests, PetscInt *pairs, PetscInt *substeps);

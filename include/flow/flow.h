@@ -42,7 +42,7 @@ typedef struct {
   PetscReal
     force[3]; /* body force per volume on the fluid, likewise, with that of FlowSetDrive; one that depends on the
                            place: FlowGetSource */
-  PetscReal velocity[3]; /* of the whole fluid at the start */
+  PetscReal velocity[3]; /* at the start, where numbers give it */
   PetscInt  held;        /* bit mask of axes along which -flow_rate holds the mean velocity */
   PetscReal rate[3];     /* and the mean velocities there */
   PetscBool convection;
@@ -59,6 +59,21 @@ typedef struct {
   PetscReal error; /* the scheme's local error over dt^(order + 1) and the derivative of that order (leading part;
                       fstheta: 0, not known) */
 } FlowStep;
+
+/* How the flow starts (-flow_initial). Shear: linear between two walls that face each other, of which one moves.
+   Poiseuille: 4 s (1 - s) times -flow_velocity over each axis with walls on both sides (or what -flow_force drives
+   between two walls), added to the shear of walls that move. Walls count with the velocity after their ramp, times the
+   first number of their factor. Steady and run are set by the room run (run/start.h), which also makes what an
+   expression or another run says free of divergence. */
+typedef enum {
+  FLOW_START_REST,
+  FLOW_START_UNIFORM,
+  FLOW_START_SHEAR,
+  FLOW_START_POISEUILLE,
+  FLOW_START_EXPRESSION,
+  FLOW_START_STEADY,
+  FLOW_START_RUN
+} FlowInitial;
 
 /* Read options, tabulate elements, allocate matrices and fields (at rest). Collective. Errors: unknown boundary names
    in options, slip on a boundary that is not a plane along an axis, inflow without velocity. */
@@ -111,6 +126,12 @@ PetscErrorCode FlowSetSource(Flow, VectorField, void *ctx);
 PetscErrorCode FlowGetSource(Flow, const PetscReal *source[]);
 /* -flow_force of this step at a point x [dim]: force [3]. */
 PetscErrorCode FlowForceAt(Flow, const PetscReal x[], PetscReal force[3]);
+
+/* How the flow starts; run: folder or file of -flow_initial_run (may be NULL). Borrowed. */
+PetscErrorCode FlowGetInitial(Flow, FlowInitial *, const char *run[]);
+/* Before the first step: the flow has this velocity, and before it (synced); p: the pressure, as a first guess (NULL:
+   as it is). Local. */
+PetscErrorCode FlowStartFrom(Flow, const PetscReal u[], const PetscReal p[]);
 
 /* The boundary conditions, set to the time of the step. Borrowed. */
 Conditions FlowConditions(Flow);

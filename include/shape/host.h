@@ -5,7 +5,6 @@
 
 PetscErrorCode ShapeView(Shape, PetscViewer);
 PetscErrorCode ShapeGetType(Shape, const char *type[]);
-PetscErrorCode ShapeNormal(Shape, PetscInt n, const PetscReal x[], PetscReal normal[]); /* -> unit outward [n][dim] */
 /* Closest surface points y [n][dim]: x - d grad d, iterated until |d(y)| <= 1e-12 r. */
 PetscErrorCode ShapeProject(Shape, PetscInt n, const PetscReal x[], PetscReal y[]);
 PetscErrorCode ShapeGetRadius(Shape, PetscReal *r);                           /* bounding radius about the CENTROID */
@@ -15,6 +14,8 @@ PetscErrorCode ShapeGetDisc(Shape, PetscReal *r);
 /* Numeric option i = 0, 1, ... that the plugin read, without prefix, and its closed range; *name is NULL past the last
    one. For test suites. */
 PetscErrorCode ShapeGetOption(Shape, PetscInt i, const char *name[], PetscReal *lower, PetscReal *upper);
+/* Has the shape called ShapeSetBound? */
+PetscErrorCode ShapeIsBound(Shape, PetscBool *bound);
 /* From now on a crash inside of a plugin, or one call that takes more than -shape_patience seconds of processor time,
    ends the process with status 1 and one line that names file and operation; crashes elsewhere go where they went
    before. For programs, after PetscInitialize; takes over SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT, SIGVTALRM and its

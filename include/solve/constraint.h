@@ -36,6 +36,9 @@ PetscErrorCode ConstraintSetFollowers(Constraint, const PetscInt follow[], Petsc
 PetscErrorCode ConstraintSetBodies(Constraint, const PetscInt node_body[], PetscReal (*X)[3], const PetscInt unknown[],
                                    const PetscReal U[], PetscBool *changed);
 
+/* Bodies that may overlap one another count as one surface: a cell between them is inside, no gap. united [nbodies].
+   Copied. */
+PetscErrorCode ConstraintSetUnited(Constraint, const PetscBool united[]);
 /* Rigid slots of a body: 3 in 2D, 6 in 3D. */
 PetscErrorCode ConstraintGetRigidSize(Constraint, PetscInt *nr);
 /* Which body does a local node lie in (-1: none)? [nnode_all] */

@@ -14,7 +14,7 @@ PetscBool BodiesIsFree(Bodies b, PetscInt k, PetscInt d)
 {
   const PetscInt bit = d < 3 ? BODY_FREE_X << d : BODY_FREE_ROTATION;
 
-  return (PetscBool)((BodiesGetGroup(&b->view, k)->free & bit) && !(d == 3 && b->state.stopped[k]) && !b->state.gone[k]);
+  return (PetscBool)((BodiesGetGroup(&b->view, k)->free & bit) && !(d == 3 && b->state.stopped[k]) && !b->state.gone[k] && !b->held);
 }
 
 /* Nothing prescribed: the common case, which must cost nothing. The motion of a hole of the mesh is that of its
@@ -24,7 +24,14 @@ static PetscBool nothing_known(Bodies b, PetscInt k)
   const PetscInt   all = BODY_FREE_X | BODY_FREE_Y | BODY_FREE_ROTATION | (b->state.dim == 3 ? BODY_FREE_Z : 0);
   const BodyGroup *g   = BodiesGetGroup(&b->view, k);
 
-  return (PetscBool)((g->free == all && !b->state.stopped[k]) || g->hole || b->state.gone[k]);
+  return (PetscBool)((g->free == all && !b->state.stopped[k]) || g->hole || b->state.gone[k] || b->held);
+}
+
+PetscErrorCode BodiesHold(Bodies b, PetscBool held)
+{
+  PetscFunctionBeginUser;
+  b->held = held;
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static const Placement *start_of(Bodies b, PetscInt k)
@@ -37,9 +44,39 @@ static const Placement *start_of(Bodies b, PetscInt k)
 /* Orientation that is `turn` away from the start */
 static void turn_from_start(Bodies b, PetscInt k, const PetscReal turn[3], PetscReal q[4], PetscReal *angle)
 {
-  *angle = start_of(b, k)->angle + turn[2];
-  RotationFromAngle(b->state.dim == 2 ? *angle : start_of(b, k)->angle, q);
+  const Placement *p = start_of(b, k);
+
+  *angle = p->angle + turn[2];
+  if (p->turned) (void)PetscArraycpy(q, p->q, 4);
+  else RotationFromAngle(b->state.dim == 2 ? *angle : p->angle, q);
   if (b->state.dim == 3) RotationAdvance(1, turn, q);
+}
+
+static void keep_along(const PetscReal e[3], PetscReal v[3])
+{
+  const PetscReal along = dot3(e, v);
+
+  for (PetscInt a = 0; a < 3; a++) v[a] = along * e[a];
+}
+
+void BodiesKeepAxes(BodyState *s, PetscInt k, PetscReal u[3], PetscReal w[3])
+{
+  const Motion *m = &BodiesGetGroup(s, k)->motion;
+
+  if (u && m->has_slide) keep_along(m->slide, u);
+  if (w && m->has_hinge) keep_along(m->hinge, w);
+}
+
+/* Orientation of body k at an angle; in space it turns about its hinge, or by w for a time */
+static void turn_body(Bodies b, PetscInt k, PetscReal angle, PetscReal time, const PetscReal w[3], PetscReal q[4])
+{
+  const Motion *m = &BodiesGetGroup(&b->view, k)->motion;
+
+  if (b->state.dim == 2) RotationFromAngle(angle, q);
+  else if (m->has_hinge) {
+    (void)PetscArraycpy(q, start_of(b, k)->q, 4);
+    RotationAdvance(angle - start_of(b, k)->angle, m->hinge, q);
+  } else RotationAdvance(time, w, q);
 }
 
 PetscErrorCode BodiesGetKnownVelocity(Bodies b, PetscInt k, PetscReal time, PetscReal u[3], PetscReal w[3])
@@ -153,7 +190,7 @@ PetscErrorCode BodiesGetLoad(Bodies b, PetscInt k, PetscReal rho_f, const PetscR
   PetscCall(check_body(b, k));
   g = BodiesGetGroup(&b->view, k);
   for (PetscInt a = 0; a < 3; a++) {
-    force[a]  = g->motion.force[a] + (g->density - rho_f) * g->mass.volume * (a < b->state.dim ? gravity[a] : 0);
+    force[a]  = g->motion.force[a] + (b->state.density[k] - rho_f) * BodiesVolume(&b->view, k) * (a < b->state.dim ? gravity[a] : 0);
     torque[a] = g->motion.torque[a];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -182,22 +219,22 @@ PetscErrorCode BodiesRelease(Bodies b, PetscInt k, PetscReal rho_f, const PetscR
   PetscCall(check_body(b, k));
   if (!b->state.stopped[k]) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(get_torque(b, k, rho_f, gravity, T));
-  if (T[2] * b->state.stopped[k] < 0) b->state.stopped[k] = 0;
+  if (dot3(T, BodiesGetGroup(&b->view, k)->motion.hinge) * b->state.stopped[k] < 0) b->state.stopped[k] = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Inertia about the reference point: I + M (arm^2 1 - arm arm^T) */
 static PetscErrorCode reference_inertia(Bodies b, PetscInt k, PetscReal inertia[6])
 {
-  const PetscInt   row[6] = {0, 1, 2, 0, 0, 1}, col[6] = {0, 1, 2, 1, 2, 2};
-  const BodyGroup *g = BodiesGetGroup(&b->view, k);
-  PetscReal        arm[3], square;
+  const PetscInt  row[6] = {0, 1, 2, 0, 0, 1}, col[6] = {0, 1, 2, 1, 2, 2};
+  const PetscReal mass = b->state.density[k] * BodiesVolume(&b->view, k);
+  PetscReal       arm[3], square;
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetInertia(b, k, PETSC_FALSE, inertia));
   PetscCall(BodiesGetArm(b, k, NULL, arm));
   square = arm[0] * arm[0] + arm[1] * arm[1] + arm[2] * arm[2];
-  for (PetscInt i = 0; i < 6; i++) inertia[i] += g->density * g->mass.volume * ((row[i] == col[i] ? square : 0) - arm[row[i]] * arm[col[i]]);
+  for (PetscInt i = 0; i < 6; i++) inertia[i] += mass * ((row[i] == col[i] ? square : 0) - arm[row[i]] * arm[col[i]]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -216,12 +253,17 @@ static PetscErrorCode advance_rotation(Bodies b, PetscInt k, PetscReal dt, Petsc
     PetscCall(BodiesGetArm(b, k, NULL, arm));
     PetscCall(BodiesGetKnownVelocity(b, k, s->time, u[0], w));
     PetscCall(BodiesGetKnownVelocity(b, k, s->time + dt, u[1], w));
-    for (PetscInt d = 0; d < 3; d++) a[d] = -g->density * g->mass.volume * (u[1][d] - u[0][d]) / dt;
+    for (PetscInt d = 0; d < 3; d++) a[d] = -s->density[k] * BodiesVolume(&b->view, k) * (u[1][d] - u[0][d]) / dt;
     cross(arm, a, moment);
     for (PetscInt d = 0; d < 3; d++) T[d] += moment[d];
   }
   if (s->dim == 2) s->w[k][2] += dt * T[2] / inertia[2];
-  else advance_spin(dt, inertia, T, s->w[k]);
+  else if (g->motion.has_hinge) {
+    PetscReal Ie[3];
+
+    apply_tensor(inertia, g->motion.hinge, Ie);
+    for (PetscInt d = 0; d < 3; d++) s->w[k][d] += dt * dot3(T, g->motion.hinge) / dot3(Ie, g->motion.hinge) * g->motion.hinge[d];
+  } else advance_spin(dt, inertia, T, s->w[k]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -231,15 +273,15 @@ PetscErrorCode BodiesAdvanceVelocity(Bodies b, PetscReal dt, PetscReal rho_f, co
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < s->n; k++) {
-    const BodyGroup *g    = BodiesGetGroup(&b->view, k);
-    const PetscReal  mass = g->density * g->mass.volume;
-    PetscReal        force[3], torque[3], u[3], w[3], spin[3], arm[3];
+    const PetscReal mass = s->density[k] * BodiesVolume(&b->view, k);
+    PetscReal       force[3], torque[3], u[3], w[3], spin[3], arm[3];
 
     PetscCall(PetscArraycpy(s->u_old[k], s->u[k], 3));
     PetscCall(PetscArraycpy(s->w_old[k], s->w[k], 3));
     PetscCall(BodiesGetLoad(b, k, rho_f, gravity, force, torque));
     for (PetscInt a = 0; a < s->dim; a++)
       if (BodiesIsFree(b, k, a)) s->u[k][a] += dt * (s->force[k][a] + s->contact_force[k][a] + force[a]) / mass;
+    BodiesKeepAxes(&b->view, k, s->u[k], NULL);
     PetscCall(BodiesRelease(b, k, rho_f, gravity));
     if (BodiesIsFree(b, k, 3)) PetscCall(advance_rotation(b, k, dt, rho_f, gravity));
     PetscCall(BodiesGetKnownVelocity(b, k, s->time + dt, u, w));
@@ -258,9 +300,9 @@ static void keep_stops(Bodies b, PetscInt k, PetscReal dt)
 {
   BodyArrays     *s = &b->state;
   const Motion   *m = &BodiesGetGroup(&b->view, k)->motion;
-  PetscReal      *w = &s->w[k][2], *w_old = &s->w_old[k][2];
+  const PetscReal w = dot3(s->w[k], m->hinge), w_old = dot3(s->w_old[k], m->hinge);
   const PetscInt  side = s->angle[k] >= m->stops[1] ? 1 : s->angle[k] <= m->stops[0] ? -1 : 0;
-  const PetscReal stop = m->stops[side > 0], speed = side * *w, gain = side * (*w - *w_old);
+  const PetscReal stop = m->stops[side > 0], speed = side * w, gain = side * (w - w_old);
 
   if (!m->has_stops || !side) return;
   if (speed <= 0) { /* has turned round by itself within the step */
@@ -268,13 +310,15 @@ static void keep_stops(Bodies b, PetscInt k, PetscReal dt)
   } else if (m->restitution * speed <= 2 * PetscAbsReal(gain) || m->restitution == 0) {
     s->angle[k]   = stop;
     s->stopped[k] = side;
-    *w = *w_old = 0;
+    for (PetscInt a = 0; a < 3; a++) s->w[k][a] = s->w_old[k][a] = 0;
   } else {
-    const PetscReal jump = (1 + m->restitution) * *w;
+    const PetscReal jump = (1 + m->restitution) * w;
 
     s->angle[k] = stop - PetscMin(m->restitution * PetscAbsReal(s->angle[k] - stop), dt * speed) * side;
-    *w -= jump;
-    *w_old -= jump;
+    for (PetscInt a = 0; a < 3; a++) {
+      s->w[k][a] -= jump * m->hinge[a];
+      s->w_old[k][a] -= jump * m->hinge[a];
+    }
   }
 }
 
@@ -290,10 +334,9 @@ PetscErrorCode BodiesAdvancePosition(Bodies b, PetscReal dt, PetscReal theta)
       if (a < s->dim) s->x[k][a] += dt * (theta * s->u[k][a] + (1 - theta) * s->u_old[k][a]);
       w[a] = theta * s->w[k][a] + (1 - theta) * s->w_old[k][a];
     }
-    s->angle[k] += dt * w[2];
+    s->angle[k] += dt * dot3(w, BodiesGetGroup(&b->view, k)->motion.hinge);
     keep_stops(b, k, dt);
-    if (s->dim == 2) RotationFromAngle(s->angle[k], s->q[k]);
-    else RotationAdvance(dt, w, s->q[k]);
+    turn_body(b, k, s->angle[k], dt, w, s->q[k]);
     PetscCall(BodiesApplyKnown(b, k, s->time + dt));
     for (PetscInt a = 0; a < s->dim; a++)
       PetscCheck(!PetscIsInfOrNanReal(s->x[k][a]) && !PetscIsInfOrNanReal(s->angle[k]), PETSC_COMM_SELF, PETSC_ERR_FP,
@@ -323,7 +366,7 @@ PetscReal BodiesFastestPoint(BodyState *s, PetscInt k, PetscReal r)
     u += PetscSqr(s->u[k][d] + r * (s->u[k][d] - s->u_old[k][d]));
     w += PetscSqr(s->w[k][d] + r * (s->w[k][d] - s->w_old[k][d]));
   }
-  return PetscSqrtReal(u) + (g->disc > 0 ? 0 : g->radius * PetscSqrtReal(w));
+  return PetscSqrtReal(u) + (g->disc > 0 ? 0 : s->scale[k] * g->radius * PetscSqrtReal(w));
 }
 
 PetscErrorCode BodiesPredict(Bodies b, PetscInt k, PetscReal dt, PetscInt order, PetscReal X[3], PetscReal q[4], PetscReal *angle)
@@ -342,11 +385,10 @@ PetscErrorCode BodiesPredict(Bodies b, PetscInt k, PetscReal dt, PetscInt order,
     X[a] = s->x[k][a] + dt * (now * s->u[k][a] + old * s->u_old[k][a]);
     w[a] = now * s->w[k][a] + old * s->w_old[k][a];
   }
-  *angle = s->angle[k] + dt * w[2];
+  *angle = s->angle[k] + dt * dot3(w, m->hinge);
   if (m->has_stops) *angle = PetscMin(PetscMax(*angle, m->stops[0]), m->stops[1]);
   PetscCall(PetscArraycpy(q, s->q[k], 4));
-  if (s->dim == 2) RotationFromAngle(*angle, q);
-  else RotationAdvance(dt, w, q);
+  turn_body(b, k, *angle, dt, w, q);
   PetscCall(place_known(b, k, s->time + dt, X, q, angle, NULL, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -42,6 +42,7 @@ static PetscErrorCode create_state(BodyArrays *s)
   PetscFunctionBeginUser;
   for (PetscInt f = 0; f < NFIELDS; f++) PetscCall(PetscCalloc(s->n * FIELDS[f].width * sizeof(PetscReal), field(s, f)));
   PetscCall(PetscCalloc1(s->n, &s->body_group));
+  PetscCall(PetscMalloc2(s->n, &s->scale, s->n, &s->density));
   PetscCall(PetscCalloc1(s->n, &s->stopped));
   PetscCall(PetscCalloc1(s->n, &s->gone));
   for (PetscInt k = 0; k < s->n; k++) s->gap[k] = PETSC_MAX_REAL;
@@ -59,8 +60,11 @@ static PetscErrorCode store_start(Bodies b, PetscInt group, const Placement p[])
     const PetscInt k = g->first + i;
 
     s->body_group[k] = group;
+    s->scale[k]      = p[i].scale;
+    s->density[k]    = p[i].density;
     s->angle[k]      = p[i].angle;
-    RotationFromAngle(p[i].angle, s->q[k]);
+    if (p[i].turned) PetscCall(PetscArraycpy(s->q[k], p[i].q, 4));
+    else RotationFromAngle(p[i].angle, s->q[k]);
     for (PetscInt a = 0; a < 3; a++) {
       s->x[k][a] = p[i].x[a];
       s->u[k][a] = p[i].u[a];
@@ -70,6 +74,7 @@ static PetscErrorCode store_start(Bodies b, PetscInt group, const Placement p[])
                "Body %" PetscInt_FMT " of group '%s' starts at the angle %g, beyond -particle_%s_stops %g,%g", i, g->name, (double)p[i].angle,
                g->name, (double)g->motion.stops[0], (double)g->motion.stops[1]);
     PetscCall(BodiesApplyKnown(b, k, 0));
+    BodiesKeepAxes(&b->view, k, s->u[k], s->w[k]);
     PetscCall(PetscArraycpy(s->u_old[k], s->u[k], 3));
     PetscCall(PetscArraycpy(s->w_old[k], s->w[k], 3));
   }
@@ -82,12 +87,12 @@ static PetscErrorCode check_domain(Bodies b)
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < s->n; k++)
-    for (PetscInt a = 0; a < s->dim; a++)
+    for (PetscInt a = 0; a < s->dim && !BodiesGetGroup(&b->view, k)->obstacle; a++)
       PetscCheck(s->x[k][a] >= b->lower[a] && s->x[k][a] <= b->upper[a], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
                  "Body %" PetscInt_FMT " of group '%s' starts outside the domain: coordinate %" PetscInt_FMT
-                 " is %g, the domain is %g .. %g. Move the body (-particle_%s_*) or widen the mesh",
+                 " is %g, the domain is %g .. %g. Move the body (-particle_%s_*), widen the mesh, or make it an obstacle (-particle_%s_obstacle)",
                  k - BodiesGetGroup(&b->view, k)->first, BodiesGetGroup(&b->view, k)->name, a, (double)s->x[k][a], (double)b->lower[a],
-                 (double)b->upper[a], BodiesGetGroup(&b->view, k)->name);
+                 (double)b->upper[a], BodiesGetGroup(&b->view, k)->name, BodiesGetGroup(&b->view, k)->name);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -95,7 +100,7 @@ static PetscBool is_all_free(const BodyGroup *g, PetscInt dim)
 {
   const PetscInt all = BODY_FREE_X | BODY_FREE_Y | (dim == 3 ? BODY_FREE_Z : 0) | BODY_FREE_ROTATION;
 
-  return (PetscBool)((g->free & all) == all && !g->motion.has_stops && !g->motion.has_pivot);
+  return (PetscBool)((g->free & all) == all && !g->motion.has_stops && !g->motion.has_pivot && !g->motion.has_hinge);
 }
 
 PetscErrorCode BodiesCreate(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], Bodies *bodies)
@@ -137,11 +142,30 @@ PetscErrorCode BodiesDestroy(Bodies *bodies)
   PetscCall(PetscFree(s->group));
   for (PetscInt f = 0; f < NFIELDS; f++) PetscCall(PetscFree(*field(s, f)));
   PetscCall(PetscFree(s->body_group));
+  PetscCall(PetscFree2(s->scale, s->density));
   PetscCall(PetscFree(s->stopped));
   PetscCall(PetscFree(s->gone));
   for (PetscInt g = 0; g < s->ngroups; g++) PetscCall(PetscFree((*bodies)->start[g]));
   PetscCall(PetscFree((*bodies)->start));
   PetscCall(PetscFree(*bodies));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Sizes and densities of a group whose bodies differ */
+static PetscErrorCode view_spread(const BodyArrays *s, const BodyGroup *g, PetscViewer viewer)
+{
+  PetscReal size[2] = {PETSC_MAX_REAL, 0}, density[2] = {PETSC_MAX_REAL, 0};
+
+  PetscFunctionBeginUser;
+  for (PetscInt k = g->first; k < g->first + g->count; k++) {
+    size[0]    = PetscMin(size[0], s->scale[k]);
+    size[1]    = PetscMax(size[1], s->scale[k]);
+    density[0] = PetscMin(density[0], s->density[k]);
+    density[1] = PetscMax(density[1], s->density[k]);
+  }
+  if (g->count && (size[0] != 1 || size[1] != 1 || density[0] != g->density || density[1] != g->density))
+    PetscCall(PetscViewerASCIIPrintf(viewer, "  sizes %g to %g of the shape's, densities %g to %g\n", (double)size[0], (double)size[1],
+                                     (double)density[0], (double)density[1]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -160,9 +184,17 @@ PetscErrorCode BodiesView(Bodies b, PetscViewer viewer)
                                      (double)group->mass.volume, (double)group->radius, group->free & BODY_FREE_X ? " x" : "",
                                      group->free & BODY_FREE_Y ? " y" : "", group->free & BODY_FREE_Z ? " z" : "",
                                      group->free & BODY_FREE_ROTATION ? " rotation" : "", group->free ? "" : " none"));
+    PetscCall(view_spread(s, group, viewer));
     if (group->motion.has_pivot)
       PetscCall(PetscViewerASCIIPrintf(viewer, "  turns about a pivot at distance %g from its centre of mass\n",
                                        (double)PetscSqrtReal(PetscSqr(group->arm[0]) + PetscSqr(group->arm[1]) + PetscSqr(group->arm[2]))));
+    if (group->motion.has_hinge)
+      PetscCall(PetscViewerASCIIPrintf(viewer, "  turns about the axis (%g, %g, %g) only\n", (double)group->motion.hinge[0],
+                                       (double)group->motion.hinge[1], (double)group->motion.hinge[2]));
+    if (group->motion.has_slide)
+      PetscCall(PetscViewerASCIIPrintf(viewer, "  slides along (%g, %g, %g) only\n", (double)group->motion.slide[0], (double)group->motion.slide[1],
+                                       (double)group->motion.slide[2]));
+    if (group->obstacle) PetscCall(PetscViewerASCIIPrintf(viewer, "  an obstacle: may overlap walls and other obstacles\n"));
     if (group->motion.has_stops)
       PetscCall(PetscViewerASCIIPrintf(viewer, "  stops at the angles %g and %g, restitution %g\n", (double)group->motion.stops[0],
                                        (double)group->motion.stops[1], (double)group->motion.restitution));
@@ -223,6 +255,28 @@ PetscErrorCode BodiesStepVelocity(Bodies b, PetscInt k, const PetscReal u[3], co
   PetscCall(PetscArraycpy(b->state.u_old[k], b->state.u[k], 3));
   PetscCall(PetscArraycpy(b->state.w_old[k], b->state.w[k], 3));
   PetscCall(BodiesSetVelocity(b, k, u, w));
+  BodiesKeepAxes(&b->view, k, b->state.u[k], b->state.w[k]);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodiesPlace(Bodies b, PetscInt k, const PetscReal x[3], const PetscReal q[4], PetscReal angle)
+{
+  BodyArrays    *s = &b->state;
+  const PetscInt g = s->body_group[k];
+
+  PetscFunctionBeginUser;
+  PetscCall(check_body(b, k));
+  for (PetscInt a = 0; a < 3; a++) s->x[k][a] = x[a];
+  for (PetscInt a = 0; a < 4; a++) s->q[k][a] = q[a];
+  s->angle[k] = angle;
+  if (b->start[g]) { /* what is not free stays there */
+    Placement *p = &b->start[g][k - s->group[g].first];
+
+    p->angle  = angle;
+    p->turned = (PetscBool)(s->dim == 3);
+    PetscCall(PetscArraycpy(p->x, s->x[k], 3));
+    PetscCall(PetscArraycpy(p->q, s->q[k], 4));
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -237,7 +291,7 @@ PetscErrorCode BodiesGetVolume(Bodies b, PetscInt k, PetscReal *volume)
 {
   PetscFunctionBeginUser;
   PetscCall(check_body(b, k));
-  *volume = BodiesGetGroup(&b->view, k)->mass.volume;
+  *volume = BodiesVolume(&b->view, k);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -264,7 +318,7 @@ PetscErrorCode BodiesGetInertia(Bodies b, PetscInt k, PetscBool per_density, Pet
   PetscFunctionBeginUser;
   PetscCall(check_body(b, k));
   g     = BodiesGetGroup(&b->view, k);
-  scale = per_density ? 1 : g->density;
+  scale = (per_density ? 1 : b->state.density[k]) * PetscPowRealInt(b->state.scale[k], b->state.dim + 2);
   PetscCall(PetscArrayzero(inertia, 6));
   if (b->state.dim == 2) inertia[2] = g->mass.inertia[2];
   else rotate_tensor(b->state.q[k], g->mass.inertia, inertia);
@@ -282,7 +336,7 @@ PetscErrorCode BodiesGetArm(Bodies b, PetscInt k, const PetscReal q[], PetscReal
     PetscReal R[9];
 
     RotationMatrix(q ? q : b->state.q[k], R);
-    for (PetscInt a = 0; a < 3; a++) arm[a] = R[3 * a] * g->arm[0] + R[3 * a + 1] * g->arm[1] + R[3 * a + 2] * g->arm[2];
+    for (PetscInt a = 0; a < 3; a++) arm[a] = b->state.scale[k] * (R[3 * a] * g->arm[0] + R[3 * a + 1] * g->arm[1] + R[3 * a + 2] * g->arm[2]);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -295,28 +349,35 @@ PetscErrorCode BodiesGetEnergy(Bodies b, PetscReal *energy)
   *energy = 0;
   for (PetscInt k = 0; k < s->n; k++) {
     const BodyGroup *g = BodiesGetGroup(&b->view, k);
-    PetscReal        inertia[6], L[3];
+    PetscReal        inertia[6], L[3], mass;
 
     if (s->gone[k]) continue;
     if (s->dim == 2) {
-      *energy += 0.5 * g->density * (g->mass.volume * (PetscSqr(s->u[k][0]) + PetscSqr(s->u[k][1])) + g->mass.inertia[2] * PetscSqr(s->w[k][2]));
+      const PetscReal square = PetscSqr(s->scale[k]);
+
+      *energy += 0.5 * s->density[k] * square *
+                 (g->mass.volume * (PetscSqr(s->u[k][0]) + PetscSqr(s->u[k][1])) + square * g->mass.inertia[2] * PetscSqr(s->w[k][2]));
       continue;
     }
+    mass = s->density[k] * BodiesVolume(&b->view, k);
     PetscCall(BodiesGetInertia(b, k, PETSC_FALSE, inertia));
     apply_tensor(inertia, s->w[k], L);
-    for (PetscInt a = 0; a < 3; a++) *energy += 0.5 * (g->density * g->mass.volume * PetscSqr(s->u[k][a]) + s->w[k][a] * L[a]);
+    for (PetscInt a = 0; a < 3; a++) *energy += 0.5 * (mass * PetscSqr(s->u[k][a]) + s->w[k][a] * L[a]);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Points x [n][dim] in the frame of a body of group g at X, turned by R */
-static void into_frame(const BodyGroup *g, PetscInt dim, const PetscReal X[], const PetscReal R[9], PetscInt n, const PetscReal x[], PetscReal y[])
+/* Points x [n][dim] in the frame of the shape of a body of group g and size `scale` at X, turned by R */
+static void into_frame(const BodyGroup *g, PetscReal scale, PetscInt dim, const PetscReal X[], const PetscReal R[9], PetscInt n, const PetscReal x[],
+                       PetscReal y[])
 {
+  const PetscReal inverse = 1 / scale;
+
   for (PetscInt p = 0; p < n; p++) {
     const PetscReal *xp   = x + p * dim;
     const PetscReal  r[3] = {xp[0] - X[0], xp[1] - X[1], dim == 3 ? xp[2] - X[2] : 0};
 
-    for (PetscInt a = 0; a < dim; a++) y[p * dim + a] = R[a] * r[0] + R[3 + a] * r[1] + R[6 + a] * r[2] + g->mass.centroid[a];
+    for (PetscInt a = 0; a < dim; a++) y[p * dim + a] = (R[a] * r[0] + R[3 + a] * r[1] + R[6 + a] * r[2]) * inverse + g->mass.centroid[a];
   }
 }
 
@@ -324,18 +385,20 @@ PetscErrorCode BodiesDistance(Bodies b, PetscInt k, const PetscReal X[], const P
 {
   const PetscInt   dim = b->state.dim;
   const BodyGroup *g;
-  PetscReal        R[9], y[CHUNK * 3];
+  PetscReal        R[9], y[CHUNK * 3], scale;
 
   PetscFunctionBeginUser;
   PetscCall(check_body(b, k));
-  g = BodiesGetGroup(&b->view, k);
+  g     = BodiesGetGroup(&b->view, k);
+  scale = b->state.scale[k];
   if (!X) X = b->state.x[k];
   RotationMatrix(q ? q : b->state.q[k], R);
   for (PetscInt start = 0; start < n; start += CHUNK) {
     const PetscInt m = PetscMin(CHUNK, n - start);
 
-    into_frame(g, dim, X, R, m, x + start * dim, y);
+    into_frame(g, scale, dim, X, R, m, x + start * dim, y);
     PetscCall(ShapeDistance(g->shape, m, y, d + start));
+    for (PetscInt i = start; i < start + m && scale != 1; i++) d[i] *= scale;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -344,22 +407,23 @@ PetscErrorCode BodiesProject(Bodies b, PetscInt k, const PetscReal X[], const Pe
 {
   const PetscInt   dim = b->state.dim;
   const BodyGroup *g;
-  PetscReal        R[9], local[CHUNK * 3], wall[CHUNK * 3];
+  PetscReal        R[9], local[CHUNK * 3], wall[CHUNK * 3], scale;
 
   PetscFunctionBeginUser;
   PetscCall(check_body(b, k));
-  g = BodiesGetGroup(&b->view, k);
+  g     = BodiesGetGroup(&b->view, k);
+  scale = b->state.scale[k];
   if (!X) X = b->state.x[k];
   RotationMatrix(q ? q : b->state.q[k], R);
   for (PetscInt start = 0; start < n; start += CHUNK) {
     const PetscInt m = PetscMin(CHUNK, n - start);
 
-    into_frame(g, dim, X, R, m, x + start * dim, local);
+    into_frame(g, scale, dim, X, R, m, x + start * dim, local);
     PetscCall(ShapeProject(g->shape, m, local, wall));
     for (PetscInt p = 0; p < m; p++) {
       PetscReal r[3] = {0, 0, 0};
 
-      for (PetscInt a = 0; a < dim; a++) r[a] = wall[p * dim + a] - g->mass.centroid[a];
+      for (PetscInt a = 0; a < dim; a++) r[a] = scale * (wall[p * dim + a] - g->mass.centroid[a]);
       for (PetscInt a = 0; a < dim; a++) y[(start + p) * dim + a] = X[a] + R[3 * a] * r[0] + R[3 * a + 1] * r[1] + R[3 * a + 2] * r[2];
     }
   }
@@ -409,6 +473,27 @@ static PetscErrorCode visit_groups(const BodyArrays *s, State state)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Sizes come from the options, and must be those of the file; files of before sizes have none */
+static PetscErrorCode visit_sizes(const BodyArrays *s, State state)
+{
+  PetscReal *scale;
+  PetscInt   n = s->n;
+
+  PetscFunctionBeginUser;
+  if (StateIsLoading(state)) PetscCall(StateGetSize(state, "scale", &n));
+  if (n != s->n) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscMalloc1(n, &scale));
+  PetscCall(PetscArraycpy(scale, s->scale, n));
+  PetscCall(StateReals(state, "scale", n, scale));
+  for (PetscInt k = 0; k < n; k++)
+    PetscCheck(PetscAbsReal(scale[k] - s->scale[k]) <= 1e-9 * scale[k], PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "Body %" PetscInt_FMT
+               " has %g times the size of its shape, in the checkpoint %g times: restart with the options -particle_%s_* of the run that wrote it",
+               k, (double)s->scale[k], (double)scale[k], s->group[s->body_group[k]].name);
+  PetscCall(PetscFree(scale));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode BodiesVisitState(void *bodies, State state)
 {
   BodyArrays *s = &((Bodies)bodies)->state;
@@ -416,6 +501,7 @@ PetscErrorCode BodiesVisitState(void *bodies, State state)
 
   PetscFunctionBeginUser;
   PetscCall(visit_groups(s, state));
+  PetscCall(visit_sizes(s, state));
   PetscCall(StateReals(state, "dt_old", 1, &s->dt_old));
   for (PetscInt f = 0; f < NFIELDS; f++) PetscCall(StateReals(state, FIELDS[f].name, FIELDS[f].width * s->n, *field(s, f)));
   PetscCall(StateReals(state, "time", 1, &s->time));

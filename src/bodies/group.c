@@ -5,15 +5,21 @@
    know the state of the bodies, which is made from this in bodies.c. */
 #include "compat.h"
 #include "impl.h"
+#include "spread.h"
+#include "base/algebra.h"
 #include "base/log.h"
 #include "base/opt.h"
+#include "base/room.h"
+
+#define MOST 10000000 /* bodies that a fraction may ask for */
 
 /* What the options of a group say about the start of its bodies. */
 typedef struct {
   PetscInt   place, count, seed;
-  PetscReal  lower[3], upper[3], margin;
+  PetscReal  lower[3], upper[3], margin, fraction;
+  Spread     spread;
   Placement  base; /* position, angle and velocities given for all bodies */
-  PetscBool  has_position, has_count;
+  PetscBool  has_position, has_count, has_fraction;
   char       table[PETSC_MAX_PATH_LEN];
   Placement *body; /* [count of the group] */
 } Start;
@@ -22,13 +28,14 @@ enum {
   PLACE_SINGLE,
   PLACE_LATTICE,
   PLACE_RANDOM,
-  PLACE_TABLE
+  PLACE_TABLE,
+  PLACE_PACK
 };
-static const char *const place_names[] = {"single", "lattice", "random", "table", NULL};
+static const char *const place_names[] = {"single", "lattice", "random", "table", "pack", NULL};
 
 /* ---- options of one group ---- */
 
-static PetscErrorCode read_free(const char group[], PetscInt dim, const Motion *m, PetscInt *bits)
+static PetscErrorCode read_free(const char group[], PetscInt dim, const Motion *m, PetscBool held, PetscInt *bits)
 {
   const char *const word[] = {"x", "y", "z", "rotation", "none", "all"};
   const PetscInt    mask[] = {BODY_FREE_X,        BODY_FREE_Y, BODY_FREE_Z,
@@ -38,8 +45,8 @@ static PetscErrorCode read_free(const char group[], PetscInt dim, const Motion *
 
   PetscFunctionBeginUser;
   (void)OptJoin("-particle_", group, "_free", name);
-  *bits = m->has_pivot ? BODY_FREE_ROTATION : mask[5];
-  if (m->given) *bits = 0;
+  *bits = m->has_pivot || m->has_hinge ? BODY_FREE_ROTATION : mask[5];
+  if (m->given || m->has_slide || held) *bits = 0;
   PetscCall(OptStringArray(name, &n, list));
   if (n) *bits = 0;
   for (PetscInt i = 0; i < n; i++) {
@@ -52,7 +59,10 @@ static PetscErrorCode read_free(const char group[], PetscInt dim, const Motion *
     *bits |= mask[k];
     PetscCall(PetscFree(list[i]));
   }
-  if (dim == 2 && n && *bits != mask[5] && (*bits & BODY_FREE_Z))
+  PetscCheck(!m->has_slide || !(*bits & ~BODY_FREE_ROTATION), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "%s names a translation, and -particle_%s_slide leaves only that along itself: give rotation or none, or remove the slide", name, group);
+  if (m->has_slide) *bits |= BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z;
+  if (dim == 2 && n && !m->has_slide && *bits != mask[5] && (*bits & BODY_FREE_Z))
     PetscCall(LogRemark("%s: z means nothing in two dimensions, and sets no motion free", name));
   if (dim == 2) *bits &= ~BODY_FREE_Z;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -76,8 +86,36 @@ static PetscErrorCode check_motion(const BodyGroup *g)
   PetscCheck(!m->has_pivot || !moves, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "Group '%s' turns about -particle_%s_pivot, which does not move freely: give -particle_%s_free rotation or none", g->name, g->name,
              g->name);
+  PetscCheck(!g->obstacle || (!g->free && !m->given), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_%s_obstacle true: the bodies of an obstacle stand still, and those of group '%s' move: remove it, or what moves them",
+             g->name, g->name);
+  PetscCheck(!m->has_hinge || (!moves && g->free), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_%s_hinge needs a body that turns freely about a point: give -particle_%s_free rotation", g->name, g->name);
+  PetscCheck(!m->has_slide || !m->given, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "Group '%s' slides freely along -particle_%s_slide, and -particle_%s_motion prescribes its motion: remove one of them", g->name, g->name,
+             g->name);
   PetscCheck(!m->has_stops || (!moves && g->free), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-particle_%s_stops needs a body that turns freely about a point: give -particle_%s_free rotation", g->name, g->name);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_start(BodyGroup *g)
+{
+  const char *const word[] = {"given", "fluid", NULL};
+  char              name[OPT_NAME], other[OPT_NAME];
+  PetscInt          start = 0;
+  PetscBool         given;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptChoice(OptJoin("-particle_", g->name, "_start", name), word, &start));
+  g->with_fluid = (PetscBool)(start == 1);
+  for (PetscInt i = 0; i < 2 && g->with_fluid && !g->motion.given; i++) {
+    PetscCall(OptHas(OptJoin("-particle_", g->name, i ? "_angular_velocity" : "_velocity", other), &given));
+    PetscCheck(!given, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s fluid sets the velocities at the start, and %s gives one: remove one of them", name,
+               other);
+  }
+  PetscCheck(!g->with_fluid || g->free, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "%s fluid: no degree of freedom of group '%s' is free to follow the fluid: remove it, or see -particle_%s_free", name, g->name, g->name);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -96,14 +134,48 @@ static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim, Start *s)
   PetscCall(ShapeGetDisc(g->shape, &g->disc));
   PetscCall(OptReal(OptJoin("-particle_", g->name, "_angle", name), &s->base.angle));
   PetscCall(MotionRead(g->name, dim, &g->motion, s->base.u, s->base.omega));
-  PetscCall(read_free(g->name, dim, &g->motion, &g->free));
+  PetscCall(OptBool(OptJoin("-particle_", g->name, "_obstacle", name), &g->obstacle));
+  PetscCall(read_free(g->name, dim, &g->motion, g->obstacle, &g->free));
   PetscCall(check_motion(g));
   for (PetscInt a = 0; a < dim && g->motion.has_pivot; a++) g->arm[a] = g->mass.centroid[a] - g->motion.pivot[a];
+  PetscCall(read_start(g));
   PetscCall(OptHas(OptJoin("-particle_", g->name, "_density", name), &has_density));
   g->density = 1;
   PetscCall(OptReal(name, &g->density));
+  g->largest = 1;
   PetscCheck(has_density || !g->free, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "Group '%s' moves but has no density: give %s, or -particle_%s_free none", g->name, name, g->name);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Orientation of bodies in space: -particle_<g>_quaternion, then turned by the angle about -particle_<g>_axis (or the
+   hinge, or z) */
+static PetscErrorCode orient_bodies(const BodyGroup *g, PetscInt dim, Placement body[])
+{
+  PetscReal axis[3] = {g->motion.hinge[0], g->motion.hinge[1], g->motion.hinge[2]}, q[4] = {1, 0, 0, 0}, length;
+  PetscBool has_axis, has_q;
+  char      name[OPT_NAME];
+
+  PetscFunctionBeginUser;
+  if (dim == 2) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(OptRealArray(OptJoin("-particle_", g->name, "_axis", name), 3, axis, &has_axis));
+  length = PetscSqrtReal(dot3(axis, axis));
+  PetscCheck(length > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s has no length: give an axis that is not zero", name);
+  PetscCheck(!has_axis || !g->motion.has_hinge, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "%s: the angle of a body with -particle_%s_hinge is that about the hinge: remove it, or turn the body by -particle_%s_quaternion", name,
+             g->name, g->name);
+  PetscCall(OptRealArray(OptJoin("-particle_", g->name, "_quaternion", name), 4, q, &has_q));
+  PetscCheck(q[0] != 0 || q[1] != 0 || q[2] != 0 || q[3] != 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "%s is zero: give w,x,y,z with w = cos(a/2) and x,y,z = sin(a/2) times the axis", name);
+  if (!has_axis && !has_q && !g->motion.has_hinge) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt i = 0; i < g->count; i++) {
+    if (body[i].turned) continue; /* at random */
+    const PetscReal w[3] = {axis[0] / length, axis[1] / length, axis[2] / length};
+
+    PetscCall(PetscArraycpy(body[i].q, q, 4));
+    RotationAdvance(body[i].angle, w, body[i].q); /* makes it a unit quaternion, too */
+    body[i].turned = PETSC_TRUE;
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -119,6 +191,8 @@ static PetscErrorCode read_place(const char group[], PetscInt dim, Start *s)
   PetscCall(OptRealArray(OptJoin("-particle_", group, "_lower", name), dim, s->lower, NULL));
   PetscCall(OptRealArray(OptJoin("-particle_", group, "_upper", name), dim, s->upper, NULL));
   PetscCall(OptReal(OptJoin("-particle_", group, "_margin", name), &s->margin));
+  PetscCall(OptHas(OptJoin("-particle_", group, "_fraction", name), &s->has_fraction));
+  PetscCall(OptReal(name, &s->fraction));
   PetscCall(OptInt(OptJoin("-particle_", group, "_seed", name), &s->seed));
   PetscCall(OptString(OptJoin("-particle_", group, "_table", name), s->table, sizeof(s->table)));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -132,12 +206,16 @@ static PetscErrorCode check_place(const BodyGroup *g, const Start *s)
   PetscCheck(s->place != PLACE_SINGLE || s->has_position, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "Group '%s' has no position: give -particle_%s_position, or another -particle_%s_place", group, group, group);
   PetscCheck(s->place != PLACE_SINGLE || !s->has_count || s->count == 1, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "-particle_%s_count %" PetscInt_FMT " needs -particle_%s_place lattice, random or table", group, s->count, group);
+             "-particle_%s_count %" PetscInt_FMT " needs -particle_%s_place lattice, random, pack or table", group, s->count, group);
   PetscCheck(s->place == PLACE_SINGLE || !s->has_position, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-particle_%s_position has no meaning with -particle_%s_place %s: remove one of them", group, group, place);
   PetscCheck((s->place != PLACE_LATTICE && s->place != PLACE_RANDOM) || s->has_count, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-particle_%s_place %s needs -particle_%s_count", group, place, group);
-  PetscCheck((s->place != PLACE_LATTICE && s->place != PLACE_RANDOM) || !g->motion.has_pivot, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+  PetscCheck(s->place != PLACE_PACK || s->has_count != s->has_fraction, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_%s_place pack needs either -particle_%s_count or -particle_%s_fraction, the share of the box to fill", group, group, group);
+  PetscCheck(s->place == PLACE_PACK || !s->has_fraction, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_%s_fraction needs -particle_%s_place pack",
+             group, group);
+  PetscCheck(s->place == PLACE_SINGLE || s->place == PLACE_TABLE || !g->motion.has_pivot, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-particle_%s_pivot needs -particle_%s_place single or table, which place the pivot", group, group);
   PetscCheck(s->place != PLACE_TABLE || s->table[0], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-particle_%s_place table needs -particle_%s_table file.csv", group, group);
@@ -146,21 +224,95 @@ static PetscErrorCode check_place(const BodyGroup *g, const Start *s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode start_table(BodyGroup *g, PetscInt dim, Start *s)
+{
+  PetscBool sizes, densities;
+
+  PetscFunctionBeginUser;
+  PetscCall(PlaceTable(s->table, dim, &s->base, &g->count, &s->body, &sizes, &densities));
+  PetscCheck(!s->has_count || s->count == g->count, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_%s_count is %" PetscInt_FMT ", the table %s has %" PetscInt_FMT " bodies: remove the option", g->name, s->count, s->table,
+             g->count);
+  PetscCheck(!sizes || s->spread.size.kind == SPREAD_SAME, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "The table %s gives the sizes of the bodies, and so does -particle_%s_sizes: remove one of them", s->table, g->name);
+  PetscCheck(!densities || s->spread.density.kind == SPREAD_SAME, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "The table %s gives the densities of the bodies, and so does -particle_%s_densities: remove one of them", s->table, g->name);
+  for (PetscInt i = 0; i < g->count; i++) {
+    if (s->body[i].radius > 0) s->body[i].scale = s->body[i].radius / g->radius;
+    PetscCall(SpreadNext(g->name, dim, &s->spread, &s->body[i]));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Sizes of the bodies of a group that is to fill a share of its box, drawn until one more would bring the volume
+   further away from what is wanted */
+static PetscErrorCode draw_fraction(BodyGroup *g, PetscInt dim, Start *s)
+{
+  PetscReal box = 1, sum = 0;
+  PetscInt  room = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt a = 0; a < dim; a++) box *= s->upper[a] - s->lower[a];
+  for (g->count = 0;; g->count++) {
+    Placement p = s->base;
+    PetscReal volume;
+
+    PetscCall(SpreadNext(g->name, dim, &s->spread, &p));
+    volume = g->mass.volume * PetscPowRealInt(p.scale, dim);
+    if (sum + 0.5 * volume > s->fraction * box) break;
+    PetscCheck(g->count < MOST, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "-particle_%s_fraction %g needs more than %d bodies of volume %g: raise their size or make the box smaller", g->name,
+               (double)s->fraction, MOST, (double)g->mass.volume);
+    PetscCall(RoomFor(g->count + 1, &room, &s->body, sizeof(*s->body), NULL));
+    s->body[g->count] = p;
+    sum += volume;
+  }
+  PetscCheck(g->count, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_%s_fraction %g is less than half a body: a body has %g of the box. Raise it, or make the bodies smaller", g->name,
+             (double)s->fraction, (double)(g->mass.volume / box));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ContactPack finds the places; until then bodies are anywhere in their box */
+static PetscErrorCode start_pack(BodyGroup *g, PetscInt dim, Start *s)
+{
+  PetscInt64 state = PlaceStream(s->seed, 4);
+
+  PetscFunctionBeginUser;
+  g->pack = (Packing){.wanted = PETSC_TRUE, .turns = s->spread.turned, .margin = s->margin, .state = PlaceStream(s->seed, 5)};
+  PetscCheck(g->free, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_%s_place pack moves the bodies to their places, and -particle_%s_free none holds them: use place random", g->name, g->name);
+  for (PetscInt a = 0; a < dim; a++) {
+    PetscCheck(s->upper[a] - s->lower[a] > 2 * g->radius * g->largest, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "Packed bodies of group '%s': the box is %g wide along axis %" PetscInt_FMT ", one body needs %g. Widen -particle_%s_lower .. _upper",
+               g->name, (double)(s->upper[a] - s->lower[a]), a, (double)(2 * g->radius * g->largest), g->name);
+    g->pack.lower[a] = s->lower[a];
+    g->pack.upper[a] = s->upper[a];
+  }
+  for (PetscInt i = 0; i < g->count; i++)
+    for (PetscInt a = 0; a < dim; a++) s->body[i].x[a] = s->lower[a] + (s->upper[a] - s->lower[a]) * PlaceUniform(&state);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Everything but random positions, which need to know where the other bodies are. */
 static PetscErrorCode start_group(BodyGroup *g, PetscInt dim, Start *s)
 {
   PetscFunctionBeginUser;
-  if (s->place == PLACE_TABLE) {
-    PetscCall(PlaceTable(s->table, dim, &s->base, &g->count, &s->body));
-    PetscCheck(!s->has_count || s->count == g->count, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-               "-particle_%s_count is %" PetscInt_FMT ", the table %s has %" PetscInt_FMT " bodies: remove the option", g->name, s->count, s->table,
-               g->count);
-    PetscFunctionReturn(PETSC_SUCCESS);
+  s->base.scale   = 1;
+  s->base.density = g->density;
+  if (s->place == PLACE_TABLE) PetscCall(start_table(g, dim, s));
+  else if (s->has_fraction) PetscCall(draw_fraction(g, dim, s));
+  else {
+    g->count = s->place == PLACE_SINGLE ? 1 : s->count;
+    PetscCall(PetscMalloc1(g->count + 1, &s->body));
+    for (PetscInt i = 0; i < g->count; i++) {
+      s->body[i] = s->base;
+      PetscCall(SpreadNext(g->name, dim, &s->spread, &s->body[i]));
+    }
   }
-  g->count = s->place == PLACE_SINGLE ? 1 : s->count;
-  PetscCall(PetscMalloc1(g->count + 1, &s->body));
-  for (PetscInt i = 0; i < g->count; i++) s->body[i] = s->base;
-  if (s->place == PLACE_LATTICE) PetscCall(PlaceLattice(g->name, dim, s->lower, s->upper, g->radius, s->margin, g->count, s->body));
+  for (PetscInt i = 0; i < g->count; i++) g->largest = i ? PetscMax(g->largest, s->body[i].scale) : s->body[i].scale;
+  if (s->place == PLACE_LATTICE) PetscCall(PlaceLattice(g->name, dim, s->lower, s->upper, g->largest * g->radius, s->margin, g->count, s->body));
+  if (s->place == PLACE_PACK) PetscCall(start_pack(g, dim, s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -174,7 +326,9 @@ static PetscErrorCode read_group(BodyGroup *g, PetscInt dim, const PetscReal low
   PetscCall(PetscArraycpy(s->upper, upper, 3));
   PetscCall(read_place(g->name, dim, s));
   PetscCall(check_place(g, s));
+  PetscCall(SpreadRead(g->name, g->density, s->seed, &s->spread));
   PetscCall(start_group(g, dim, s));
+  PetscCall(orient_bodies(g, dim, s->body));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -222,7 +376,7 @@ static PetscErrorCode start_random(BodyArrays *s, Start start[])
         PetscCall(PlaceRandom(group->name, s->dim, t->lower, t->upper, group->radius, t->margin, t->seed, n, x, radius, group->count, t->body));
       for (PetscInt i = 0; i < group->count; i++, n++) {
         PetscCall(PetscArraycpy(x[n], t->body[i].x, 3));
-        radius[n] = group->radius;
+        radius[n] = group->radius * t->body[i].scale;
       }
     }
   PetscCall(PetscFree(x));

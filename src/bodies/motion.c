@@ -2,6 +2,7 @@
    prescribed body is where it should be at any time and step size. */
 #include "compat.h"
 #include "motion.h"
+#include "base/algebra.h"
 #include "base/opt.h"
 
 static PetscErrorCode read_parts(const char group[], Motion *m, PetscBool *oscillate)
@@ -56,10 +57,39 @@ static PetscErrorCode read_stops(const char group[], PetscInt dim, Motion *m)
   PetscFunctionBeginUser;
   PetscCall(OptRealArray(OptJoin("-particle_", group, "_stops", name), 2, m->stops, &m->has_stops));
   if (!m->has_stops) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCheck(dim == 2, PETSC_COMM_SELF, PETSC_ERR_SUP, "%s: stops of an angle are for 2D scenes, remove the option", name);
+  PetscCheck(dim == 2 || m->has_hinge, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "%s: in space stops need the axis of the angle: give -particle_%s_hinge", name, group);
   PetscCheck(m->stops[0] < m->stops[1], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s: the lower stop %g must be below the upper one %g", name,
              (double)m->stops[0], (double)m->stops[1]);
   PetscCall(OptReal(OptJoin("-particle_", group, "_stops_restitution", name), &m->restitution));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* A direction that the scene gives, made a unit vector */
+static PetscErrorCode read_direction(const char name[], PetscInt dim, PetscReal e[3], PetscBool *has)
+{
+  PetscReal length;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptRealArray(name, dim, e, has));
+  if (!*has) PetscFunctionReturn(PETSC_SUCCESS);
+  length = PetscSqrtReal(dot3(e, e));
+  PetscCheck(length > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s: a direction has a length: give one that is not zero", name);
+  for (PetscInt a = 0; a < 3; a++) e[a] /= length;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_axes(const char group[], PetscInt dim, Motion *m)
+{
+  char name[OPT_NAME];
+
+  PetscFunctionBeginUser;
+  if (dim == 3) PetscCall(read_direction(OptJoin("-particle_", group, "_hinge", name), dim, m->hinge, &m->has_hinge));
+  if (!m->has_hinge) m->hinge[2] = 1;
+  PetscCall(read_direction(OptJoin("-particle_", group, "_slide", name), dim, m->slide, &m->has_slide));
+  PetscCheck(!m->has_slide || !m->has_pivot, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "Group '%s' turns about -particle_%s_pivot, which does not move freely, and has -particle_%s_slide: remove one of them", group, group,
+             group);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -98,6 +128,7 @@ PetscErrorCode MotionRead(const char group[], PetscInt dim, Motion *m, PetscReal
   if (oscillate) PetscCall(read_oscillation(group, dim, m));
   if (m->given) { PetscCall(OptReal(OptJoin("-particle_", group, "_motion_ramp", name), &m->ramp)); }
   PetscCall(OptRealArray(OptJoin("-particle_", group, "_pivot", name), dim, m->pivot, &m->has_pivot));
+  PetscCall(read_axes(group, dim, m));
   PetscCall(read_stops(group, dim, m));
   PetscCall(OptRealArray(OptJoin("-particle_", group, "_force", name), dim, m->force, NULL));
   PetscCall(OptRealArray(OptJoin("-particle_", group, "_torque", name), dim == 2 ? 1 : 3, dim == 2 ? m->torque + 2 : m->torque, NULL));

@@ -18,8 +18,8 @@
 #include "place.h"
 
 /* Read the options of a group, and its velocities u [3], w [3] at the start. Not collective, same result on every
-   rank. Errors: unknown word, a part without its parameters, stops that are not lower < upper, stops in 3D, an axis
-   that turns in time. */
+   rank. Errors: unknown word, a part without its parameters, stops that are not lower < upper, stops in 3D without
+   hinge, a direction without length, pivot and slide, an axis that turns in time. */
 PetscErrorCode MotionRead(const char group[], PetscInt dim, Motion *, PetscReal u[3], PetscReal w[3]);
 PetscErrorCode MotionDestroy(Motion *);
 /* Is the motion along axis a (0, 1, 2) or the turn (3) one that changes in time? For checks against what is free. */
@@ -30,5 +30,5 @@ PetscBool MotionOscillates(const Motion *, PetscInt a);
 /* Prescribed state at a time (of the scene): point x [3] that _position placed, its velocity u [3], the angle vector
    `turn` [3] since the angle of the start, angular velocity w [3]. In 3D a swing about z combines with a constant
    rotation about z only. */
-PetscErrorCode MotionEvaluate(const Motion *, const Placement *start, PetscReal time, PetscReal x[3], PetscReal u[3],
-                              PetscReal turn[3], PetscReal w[3]);
+PetscErrorCode MotionEvaluate(const Motion *, const Placement *start, PetscReal time, PetscReal x[3], PetscReal u[3], PetscReal turn[3],
+                              PetscReal w[3]);

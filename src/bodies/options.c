@@ -5,6 +5,34 @@
 #define MOTION    "-particle_<group>_motion"
 #define OSCILLATE "-particle_<group>_motion oscillate"
 
+/* How the numbers of a distribution are spread */
+#define SPREAD(what, unit, mean) \
+  {"-particle_<group>_" what "_range", \
+   OPT_REALS, \
+   unit, \
+   OPT_ANY, \
+   "mean -+ 3 deviations", \
+   .help = "lowest and highest of the " what "; bimodal: the two of them", \
+   .when = "-particle_<group>_" what " other than same"}, \
+    {"-particle_<group>_" what "_mean", \
+     OPT_REAL, \
+     unit, \
+     OPT_ABOVE_ZERO, \
+     mean, \
+     .help = "mean of the " what, \
+     .when = "-particle_<group>_" what " normal or lognormal"}, \
+    {"-particle_<group>_" what "_deviation", \
+     OPT_REAL, \
+     unit, \
+     OPT_ABOVE_ZERO, \
+     "", \
+     .help = "standard deviation of the " what, \
+     .when = "-particle_<group>_" what " normal or lognormal"}, \
+  { \
+    "-particle_<group>_" what "_share", OPT_REAL, "", 0, 1, "0.5", .help = "share by number of bodies that have the first of the two " what, \
+                                                                   .when = "-particle_<group>_" what " bimodal" \
+  }
+
 static const OptSpec SPECS[] = {
   {"-particle_groups", OPT_STRINGS, "", OPT_ANY, "", .help = "names of the groups of bodies"},
   {"-particle_remove", OPT_STRINGS, "", OPT_ANY, "", .help = "boundaries at which bodies that leave the domain are removed; elsewhere the run stops",
@@ -14,20 +42,40 @@ static const OptSpec SPECS[] = {
   {"-particle_<group>_free", OPT_STRINGS, "", OPT_ANY, "all, with a pivot rotation, with a motion none",
    .help = "degrees of freedom that move: any of x, y, z, rotation, or all, or none", .when = GROUP},
   {"-particle_<group>_place", OPT_CHOICE, "", OPT_ANY, "single", .help = "where the bodies start", .when = GROUP,
-   .choices = "single, lattice, random, table"},
+   .choices = "single, lattice, random, table, pack"},
   {"-particle_<group>_position", OPT_REALS, "m", OPT_ANY, "", .help = "centre of mass at the start, for place single", .when = GROUP},
-  {"-particle_<group>_count", OPT_INT, "", OPT_FROM(0), "1", .help = "number of bodies, for place lattice and random", .when = GROUP},
-  {"-particle_<group>_lower", OPT_REALS, "m", OPT_ANY, "that of the domain", .help = "lower corner of the box for lattice and random", .when = GROUP},
-  {"-particle_<group>_upper", OPT_REALS, "m", OPT_ANY, "that of the domain", .help = "upper corner of the box for lattice and random", .when = GROUP},
-  {"-particle_<group>_margin", OPT_REAL, "m", OPT_FROM(0), "0", .help = "smallest gap between bounding circles for lattice and random",
+  {"-particle_<group>_count", OPT_INT, "", OPT_FROM(0), "1", .help = "number of bodies, for place lattice, random and pack", .when = GROUP},
+  {"-particle_<group>_lower", OPT_REALS, "m", OPT_ANY, "that of the domain", .help = "lower corner of the box for lattice, random and pack",
    .when = GROUP},
-  {"-particle_<group>_seed", OPT_INT, "", OPT_FROM(0), "0", .help = "seed of the random positions", .when = GROUP},
-  {"-particle_<group>_table", OPT_STRING, "", OPT_ANY, "", .help = "CSV file with one line a body, for place table", .when = GROUP, .path = OPT_PATH},
-  {"-particle_<group>_angle", OPT_REAL, "rad", OPT_ANY, "0", .help = "angle at the start, about z", .when = GROUP},
+  {"-particle_<group>_upper", OPT_REALS, "m", OPT_ANY, "that of the domain", .help = "upper corner of the box for lattice, random and pack",
+   .when = GROUP},
+  {"-particle_<group>_margin", OPT_REAL, "m", OPT_FROM(0), "0",
+   .help = "smallest gap: for lattice and random between bounding circles, for pack between bodies and to the faces of the box", .when = GROUP},
+  {"-particle_<group>_seed", OPT_INT, "", OPT_FROM(0), "0", .help = "seed of random positions, sizes, densities and orientations", .when = GROUP},
+  {"-particle_<group>_fraction", OPT_REAL, "", OPT_POSITIVE, 1, "", .help = "share of the box that bodies fill, which gives their number",
+   .when = "-particle_<group>_place pack"},
+  {"-particle_<group>_orientation", OPT_CHOICE, "", OPT_ANY, "given", .help = "angle at the start: the given one, or uniform over all orientations",
+   .when = GROUP, .choices = "given, random"},
+  {"-particle_<group>_sizes", OPT_CHOICE, "", OPT_ANY, "same", .help = "distribution of sizes, as multiples of the group's shape", .when = GROUP,
+   .choices = "same, uniform, normal, lognormal, bimodal"},
+  SPREAD("sizes", "", "1"),
+  {"-particle_<group>_densities", OPT_CHOICE, "", OPT_ANY, "same", .help = "distribution of densities", .when = GROUP,
+   .choices = "same, uniform, normal, lognormal, bimodal"},
+  SPREAD("densities", "kg/m^3", "-particle_<group>_density"),
+  {"-particle_<group>_table", OPT_STRING, "", OPT_ANY, "",
+   .help = "CSV file with one line a body, for place table: columns x, y, z; if wanted angle, u, v, w, omega, size (in that of the shape) or radius "
+           "(bounding radius), density",
+   .when = GROUP, .path = OPT_PATH},
+  {"-particle_<group>_angle", OPT_REAL, "rad", OPT_ANY, "0", .help = "angle at the start, about z, the axis or the hinge", .when = GROUP},
+  {"-particle_<group>_axis", OPT_REALS, "", OPT_ANY, "0,0,1", .help = "axis of the angle at the start, of any length (3D)", .when = GROUP},
+  {"-particle_<group>_quaternion", OPT_REALS, "", OPT_ANY, "1,0,0,0", .help = "orientation w,x,y,z before the angle turns it (3D)", .when = GROUP},
   {"-particle_<group>_velocity", OPT_REALS, "m/s", OPT_ANY, "0",
    .help = "velocity at the start (kept where not free); with t that of the prescribed motion", .when = GROUP, .variables = "t"},
   {"-particle_<group>_angular_velocity", OPT_REALS, "rad/s", OPT_ANY, "0",
    .help = "angular velocity at the start (kept where not free); with t that of the prescribed motion", .when = GROUP, .variables = "t"},
+  {"-particle_<group>_start", OPT_CHOICE, "", OPT_ANY, "given",
+   .help = "velocities of what is free at the start: those given, or momentum and angular momentum of the fluid in the body's place", .when = GROUP,
+   .choices = "given, fluid"},
   {"-particle_<group>_force", OPT_REALS, "N", OPT_ANY, "0", .help = "external force on each body, at its centre of mass", .when = GROUP},
   {"-particle_<group>_torque", OPT_REALS, "N m", OPT_ANY, "0", .help = "external torque on each body", .when = GROUP},
   {"-particle_<group>_motion", OPT_STRINGS, "", OPT_ANY, "", .help = "prescribed motion, parts that are added up: any of constant, oscillate, rotate",
@@ -42,6 +90,10 @@ static const OptSpec SPECS[] = {
   {"-particle_<group>_motion_ramp", OPT_REAL, "s", OPT_FROM(0), "0", .help = "time over which the prescribed motion gathers speed", .when = MOTION},
   {"-particle_<group>_pivot", OPT_REALS, "m", OPT_ANY, "", .help = "point of the shape about which the body turns, in the shape's frame",
    .when = GROUP},
+  {"-particle_<group>_hinge", OPT_REALS, "", OPT_ANY, "", .help = "axis, fixed in space, about which alone the body turns (3D)", .when = GROUP},
+  {"-particle_<group>_slide", OPT_REALS, "", OPT_ANY, "", .help = "direction along which alone the body travels", .when = GROUP},
+  {"-particle_<group>_obstacle", OPT_BOOL, "", OPT_ANY, "false",
+   .help = "the bodies are part of the geometry: held, they may overlap walls and other obstacles and stick out of the domain", .when = GROUP},
   {"-particle_<group>_stops", OPT_REALS, "rad", OPT_ANY, "", .help = "lower and upper stop of the angle", .when = GROUP},
   {"-particle_<group>_stops_restitution", OPT_REAL, "", 0, 1, "0", .help = "rebound speed over impact speed at a stop",
    .when = "-particle_<group>_stops"},

@@ -69,7 +69,7 @@ PetscErrorCode PlaceLattice(const char name[], PetscInt dim, const PetscReal low
 /* ---- random ---- */
 
 /* splitmix64 (Steele, Lea, Flood 2014): uniform in [0, 1), the same on every machine */
-static PetscReal next_uniform(PetscInt64 *state)
+PetscReal PlaceUniform(PetscInt64 *state)
 {
   unsigned long long z = (unsigned long long)*state + 0x9e3779b97f4a7c15ULL;
 
@@ -80,33 +80,59 @@ static PetscReal next_uniform(PetscInt64 *state)
   return (PetscReal)((double)(z >> 11) / 9007199254740992.0);
 }
 
+PetscInt64 PlaceStream(PetscInt seed, PetscInt stream)
+{
+  PetscInt64 state = seed;
+
+  for (PetscInt i = 0; i < stream; i++) (void)PlaceUniform(&state);
+  return (PetscInt64)((unsigned long long)(1e15 * PlaceUniform(&state)) * 0xd1342543de82ef95ULL + (unsigned long long)stream);
+}
+
 static PetscReal ball_volume(PetscInt dim, PetscReal r)
 {
   return dim == 2 ? PETSC_PI * r * r : 4 * PETSC_PI / 3 * r * r * r;
 }
 
-/* keep[i]: distance a new centre has to keep from item i at x[i] */
-static PetscBool is_free(Grid cells, PetscInt dim, PetscReal (*x)[3], const PetscReal keep[], const PetscReal y[3])
+/* keep[i]: distance a new centre has to keep from item i at x[i], for a body without size */
+static PetscBool is_free(Grid cells, PetscInt dim, PetscReal (*x)[3], const PetscReal keep[], PetscReal radius, const PetscReal y[3])
 {
   for (PetscInt e = GridFirst(cells, y); e >= 0; e = GridNext(cells, e)) {
     const PetscInt i  = GridItem(cells, e);
     PetscReal      d2 = 0;
 
     for (PetscInt a = 0; a < dim; a++) d2 += PetscSqr(x[i][a] - y[a]);
-    if (d2 <= PetscSqr(keep[i])) return PETSC_FALSE;
+    if (d2 <= PetscSqr(keep[i] + radius)) return PETSC_FALSE;
   }
   return PETSC_TRUE;
 }
 
-static PetscErrorCode throw_darts(Grid cells, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], PetscReal inset, PetscReal (*x)[3],
+static PetscErrorCode throw_darts(Grid cells, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], PetscReal radius, PetscReal (*x)[3],
                                   const PetscReal keep[], PetscInt64 *state, PetscReal y[3], PetscBool *found)
 {
   PetscFunctionBeginUser;
   *found = PETSC_FALSE;
   for (PetscInt t = 0; t < MAX_TRIES && !*found; t++) {
-    for (PetscInt a = 0; a < dim; a++) y[a] = lower[a] + inset + (upper[a] - lower[a] - 2 * inset) * next_uniform(state);
-    *found = is_free(cells, dim, x, keep, y);
+    for (PetscInt a = 0; a < dim; a++) y[a] = lower[a] + radius + (upper[a] - lower[a] - 2 * radius) * PlaceUniform(state);
+    *found = is_free(cells, dim, x, keep, radius, y);
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Large bodies first, which small ones leave no room for; bodies of one size in their order */
+static PetscErrorCode sort_by_size(PetscInt count, const Placement p[], PetscInt order[])
+{
+  PetscReal *size;
+  PetscBool  differ = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(count, &size));
+  for (PetscInt i = 0; i < count; i++) {
+    order[i] = i;
+    size[i]  = -p[i].scale;
+    differ   = (PetscBool)(differ || size[i] != size[0]);
+  }
+  if (differ) PetscCall(PetscSortRealWithArrayInt(count, size, order));
+  PetscCall(PetscFree(size));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -114,38 +140,43 @@ PetscErrorCode PlaceRandom(const char name[], PetscInt dim, const PetscReal lowe
                            PetscInt seed, PetscInt n, PetscReal (*other_x)[3], const PetscReal other_radius[], PetscInt count, Placement p[])
 {
   Grid cells;
-  PetscReal(*x)[3], *keep, box = 1;
+  PetscReal(*x)[3], *keep, box = 1, largest = 0, filled = 0;
   PetscInt64 state = seed;
+  PetscInt  *order;
   PetscBool  found = PETSC_TRUE;
 
   PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < count; i++) largest = PetscMax(largest, radius * p[i].scale);
   for (PetscInt a = 0; a < dim; a++) {
-    PetscCheck(upper[a] - lower[a] >= 2 * radius, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+    PetscCheck(upper[a] - lower[a] >= 2 * largest, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
                "Random bodies of group '%s': the box is %g wide along axis %" PetscInt_FMT ", one body needs %g. Widen -particle_%s_lower .. _upper",
-               name, (double)(upper[a] - lower[a]), a, (double)(2 * radius), name);
+               name, (double)(upper[a] - lower[a]), a, (double)(2 * largest), name);
     box *= upper[a] - lower[a];
   }
-  PetscCall(PetscMalloc1(n + count, &x));
-  PetscCall(PetscMalloc1(n + count, &keep));
-  PetscCall(GridCreate(dim, lower, upper, 2 * radius + margin, 4 * (n + count) + 64, &cells));
+  PetscCall(PetscMalloc3(n + count, &x, n + count, &keep, count, &order));
+  PetscCall(sort_by_size(count, p, order));
+  PetscCall(GridCreate(dim, lower, upper, 2 * largest + margin, 4 * (n + count) + 64, &cells));
   for (PetscInt i = 0; i < n + count && found; i++) {
+    const PetscReal r = i < n ? other_radius[i] : radius * p[order[i - n]].scale;
+
     if (i < n)
       for (PetscInt a = 0; a < 3; a++) x[i][a] = other_x[i][a];
     else {
       x[i][2] = 0;
-      PetscCall(throw_darts(cells, dim, lower, upper, radius, x, keep, &state, x[i], &found));
+      PetscCall(throw_darts(cells, dim, lower, upper, r, x, keep, &state, x[i], &found));
       PetscCheck(found, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
                  "Random bodies of group '%s': only %" PetscInt_FMT " of %" PetscInt_FMT
-                 " fit, they fill %.3g of the box. Lower -particle_%s_count or -particle_%s_margin, widen the box, or use -particle_%s_place lattice",
-                 name, i - n, count, (double)((i - n) * ball_volume(dim, radius) / box), name, name, name);
-      PetscCall(PetscArraycpy(p[i - n].x, x[i], 3));
+                 " fit, they fill %.3g of the box. Lower -particle_%s_count or -particle_%s_margin, widen the box, or use -particle_%s_place lattice or "
+                 "pack",
+                 name, i - n, count, (double)(filled / box), name, name, name);
+      PetscCall(PetscArraycpy(p[order[i - n]].x, x[i], 3));
+      filled += ball_volume(dim, r);
     }
-    keep[i] = radius + margin + (i < n ? other_radius[i] : radius);
-    PetscCall(GridInsert(cells, i, x[i], keep[i]));
+    keep[i] = margin + r;
+    PetscCall(GridInsert(cells, i, x[i], keep[i] + largest));
   }
   PetscCall(GridDestroy(&cells));
-  PetscCall(PetscFree(x));
-  PetscCall(PetscFree(keep));
+  PetscCall(PetscFree3(x, keep, order));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -154,6 +185,7 @@ PetscErrorCode PlaceRandom(const char name[], PetscInt dim, const PetscReal lowe
 typedef struct {
   const char *file;
   PetscInt    line, ncolumns, dim;
+  PetscBool   positive[MAX_COLUMNS];
   size_t      offset[MAX_COLUMNS]; /* where in a Placement the column goes */
   char        name[MAX_COLUMNS][16];
 } Table;
@@ -223,6 +255,9 @@ static PetscErrorCode add_column(Table *t, const char name[])
                 {"u", offsetof(Placement, u), 2},
                 {"v", offsetof(Placement, u) + sizeof(PetscReal), 2},
                 {"omega", offsetof(Placement, omega) + 2 * sizeof(PetscReal), 2},
+                {"size", offsetof(Placement, scale), 2},
+                {"radius", offsetof(Placement, radius), 2},
+                {"density", offsetof(Placement, density), 2},
                 {"z", offsetof(Placement, x) + 2 * sizeof(PetscReal), 3},
                 {"w", offsetof(Placement, u) + 2 * sizeof(PetscReal), 3}};
   PetscInt k = -1;
@@ -231,14 +266,22 @@ static PetscErrorCode add_column(Table *t, const char name[])
   for (PetscInt i = 0; i < (PetscInt)(sizeof(known) / sizeof(known[0])); i++)
     if (!strcmp(known[i].name, name) && known[i].dim <= t->dim) k = i;
   PetscCheck(k >= 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "%s:%" PetscInt_FMT ": column '%s' is not known (known in %" PetscInt_FMT "D: x, y, angle, u, v, omega%s)", t->file, t->line, name,
-             t->dim, t->dim == 3 ? ", z, w" : "");
+             "%s:%" PetscInt_FMT ": column '%s' is not known (known in %" PetscInt_FMT "D: x, y, angle, u, v, omega, size, radius, density%s)",
+             t->file, t->line, name, t->dim, t->dim == 3 ? ", z, w" : "");
   for (PetscInt i = 0; i < t->ncolumns; i++)
     PetscCheck(strcmp(t->name[i], name), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": column '%s' appears twice: remove one",
                t->file, t->line, name);
-  t->offset[t->ncolumns] = known[k].offset;
+  t->positive[t->ncolumns] = (PetscBool)(!strcmp(name, "size") || !strcmp(name, "radius") || !strcmp(name, "density"));
+  t->offset[t->ncolumns]   = known[k].offset;
   PetscCall(PetscStrncpy(t->name[t->ncolumns++], name, sizeof(t->name[0])));
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscBool has_column(const Table *t, const char name[])
+{
+  for (PetscInt i = 0; i < t->ncolumns; i++)
+    if (!strcmp(t->name[i], name)) return PETSC_TRUE;
+  return PETSC_FALSE;
 }
 
 static PetscErrorCode parse_header(Table *t, char *line)
@@ -247,14 +290,9 @@ static PetscErrorCode parse_header(Table *t, char *line)
 
   PetscFunctionBeginUser;
   for (char *field, *rest = line; (field = cut_field(&rest));) PetscCall(add_column(t, field));
-  for (PetscInt a = 0; a < t->dim; a++) {
-    PetscBool found = PETSC_FALSE;
-
-    for (PetscInt i = 0; i < t->ncolumns; i++)
-      if (!strcmp(t->name[i], axes[a])) found = PETSC_TRUE;
-    PetscCheck(found, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": the header line has no column '%s': add it", t->file, t->line,
-               axes[a]);
-  }
+  for (PetscInt a = 0; a < t->dim; a++)
+    PetscCheck(has_column(t, axes[a]), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": the header line has no column '%s': add it",
+               t->file, t->line, axes[a]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -271,6 +309,8 @@ static PetscErrorCode parse_body(const Table *t, char *line, Placement *p)
     value = strtod(field, &end);
     PetscCheck(end != field && !*end && !PetscIsInfOrNanReal((PetscReal)value), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
                "%s:%" PetscInt_FMT ": '%s' in column '%s' is not a finite number", t->file, t->line, field, t->name[i]);
+    PetscCheck(value > 0 || !t->positive[i], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": %s %s must be positive", t->file, t->line,
+               t->name[i], field);
     *(PetscReal *)((char *)p + t->offset[i]) = (PetscReal)value;
   }
   PetscCheck(i == t->ncolumns, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
@@ -278,7 +318,7 @@ static PetscErrorCode parse_body(const Table *t, char *line, Placement *p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PlaceTable(const char file[], PetscInt dim, const Placement *base, PetscInt *n, Placement **p)
+PetscErrorCode PlaceTable(const char file[], PetscInt dim, const Placement *base, PetscInt *n, Placement **p, PetscBool *sizes, PetscBool *densities)
 {
   Table    t = {.file = file, .dim = dim};
   char    *text;
@@ -305,6 +345,10 @@ PetscErrorCode PlaceTable(const char file[], PetscInt dim, const Placement *base
   }
   PetscCheck(t.ncolumns, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": the table is empty: its first line names the columns x,y%s",
              file, t.line, dim == 3 ? ",z" : "");
+  PetscCheck(!has_column(&t, "size") || !has_column(&t, "radius"), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "%s: the columns 'size' and 'radius' both give the size of a body: remove one", file);
+  *sizes     = (PetscBool)(has_column(&t, "size") || has_column(&t, "radius"));
+  *densities = has_column(&t, "density");
   PetscCall(PetscFree(text));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

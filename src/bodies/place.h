@@ -5,23 +5,35 @@
 /* First state of one body. 2D: third components zero. */
 typedef struct {
   PetscReal x[3], u[3]; /* centre of mass, its velocity */
-  PetscReal angle;      /* rad, about z */
+  PetscReal angle;      /* rad, about z or the axis of the group */
   PetscReal omega[3];   /* angular velocity, rad/s */
+  PetscReal q[4];       /* orientation in 3D, if `turned`, the angle included */
+  PetscReal scale;      /* size in that of the shape */
+  PetscReal radius;     /* bounding radius, which gives the size; 0: the size is given */
+  PetscReal density;
+  PetscBool turned;
 } Placement;
 
-/* Both fill p[i].x, i < count, with bodies of bounding radius `radius` that lie inside lower .. upper and stay `margin`
-   apart from each other; `name` is the group's name for messages. Not collective, same result on every rank. Error:
-   they do not fit. Lattice: rows along x, one cell of the box for each body, as even as possible in all directions; a
-   last row that is not full is spread over the width. Random: dart throwing that also keeps clear of the n bodies
-   (other_x, other_radius) placed before; the sequence depends on seed alone, not on the machine. The error names the
-   share of the box that was filled; dart throwing cannot go beyond 0.54 (2D), 0.38 (3D). */
+/* Uniform in [0, 1): the next number of a sequence, the same on every machine; the start of a sequence of its own for
+   each `stream` of a seed. */
+PetscReal  PlaceUniform(PetscInt64 *state);
+PetscInt64 PlaceStream(PetscInt seed, PetscInt stream);
+
+/* Both fill p[i].x, i < count, with bodies of bounding radius `radius` (random: times p[i].scale) that lie inside
+   lower .. upper and stay `margin` apart from each other; `name` is the group's name for messages. Not collective,
+   same result on every rank. Error: they do not fit. Lattice: rows along x, one cell of the box for each body, as
+   even as possible in all directions; a last row that is not full is spread over the width. Random: dart throwing
+   that also keeps clear of the n bodies (other_x, other_radius) placed before; the sequence depends on seed alone,
+   not on the machine. The error names the share of the box that was filled; dart throwing cannot go beyond 0.54
+   (2D), 0.38 (3D). */
 PetscErrorCode PlaceLattice(const char name[], PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], PetscReal radius, PetscReal margin,
                             PetscInt count, Placement p[]);
 PetscErrorCode PlaceRandom(const char name[], PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], PetscReal radius, PetscReal margin,
                            PetscInt seed, PetscInt n, PetscReal (*other_x)[3], const PetscReal other_radius[], PetscInt count, Placement p[]);
 
-/* Read a CSV table: a header line that names the columns x, y (and z in 3D), and if wanted angle [rad], u, v (w in 3D),
-   omega [rad/s, about z], in any order; then one line a body. Empty lines and lines that start with # are skipped.
-   `base` holds what missing columns get. Collective on PETSC_COMM_WORLD (rank 0 reads the file). *p is allocated, free
-   with PetscFree. Errors: as file:line. */
-PetscErrorCode PlaceTable(const char file[], PetscInt dim, const Placement *base, PetscInt *n, Placement **p);
+/* Read a CSV table: a header line that names the columns x, y (and z in 3D), and if wanted angle [rad], u, v (w in
+   3D), omega [rad/s, about z], size or radius, density, in any order; then one line a body. Empty lines and lines
+   that start with # are skipped. `base` holds what missing columns get; *sizes, *densities: the table has such
+   columns. Collective on PETSC_COMM_WORLD (rank 0 reads the file). *p is allocated, free with PetscFree. Errors: as
+   file:line. */
+PetscErrorCode PlaceTable(const char file[], PetscInt dim, const Placement *base, PetscInt *n, Placement **p, PetscBool *sizes, PetscBool *densities);

@@ -3,6 +3,8 @@
 #include "impl.h"
 #include "base/log.h"
 
+#define MANY 100 /* kinds of bodies, above which not every pair of them is looked at */
+
 /* Kinetic energy with the effective inertia, less the work of gravity: what contact alone changes */
 static PetscReal mechanical_energy(Contact c)
 {
@@ -14,8 +16,8 @@ static PetscReal mechanical_energy(Contact c)
     const PetscReal  spin = c->dim == 2 && ContactKind(c, k)->inverse_spin > 0 ? 1 / ContactKind(c, k)->inverse_spin : 0;
 
     if (!g->free || s->gone[k]) continue;
-    sum += 0.5 * ContactMass(c, g) * dot3(s->u[k], s->u[k]) + 0.5 * spin * PetscSqr(s->w[k][2]);
-    sum -= (g->density - c->rho_f) * g->mass.volume * dot3(c->g, s->x[k]);
+    sum += 0.5 * ContactMass(c, k) * dot3(s->u[k], s->u[k]) + 0.5 * spin * PetscSqr(s->w[k][2]);
+    sum -= (s->density[k] - c->rho_f) * BodiesVolume(c->state, k) * dot3(c->g, s->x[k]);
   }
   return sum;
 }
@@ -23,11 +25,12 @@ static PetscReal mechanical_energy(Contact c)
 static void drop_bodies(Contact c, PetscReal h)
 {
   for (PetscInt k = 0; k < c->s->n; k++) {
-    const BodyGroup *g    = BodiesGetGroup(c->state, k);
-    const Kind      *kind = ContactKind(c, k);
+    const Kind     *kind = ContactKind(c, k);
+    const PetscReal mass = (c->s->density[k] - c->rho_f) * BodiesVolume(c->state, k);
 
     if (c->s->gone[k]) continue;
-    for (PetscInt a = 0; a < c->dim; a++) c->u[k][a] += h * (g->density - c->rho_f) * g->mass.volume * kind->inverse_mass[a] * c->g[a];
+    for (PetscInt a = 0; a < c->dim; a++) c->u[k][a] += h * mass * kind->inverse_mass[a] * c->g[a];
+    BodiesKeepAxes(c->state, k, c->u[k], NULL);
   }
 }
 
@@ -43,6 +46,8 @@ static void push_discs(Contact c, const Pair *p, PetscReal h, PetscReal share, c
     c->u[p->j][a] -= h * f[a] * kj->inverse_mass[a];
     c->s->contact_force[p->j][a] -= share * f[a];
   }
+  BodiesKeepAxes(c->state, p->i, c->u[p->i], NULL);
+  if (kj) BodiesKeepAxes(c->state, p->j, c->u[p->j], NULL);
 }
 
 static PetscErrorCode push_pairs(Contact c, PetscReal h, PetscReal share)
@@ -67,15 +72,25 @@ static PetscErrorCode push_pairs(Contact c, PetscReal h, PetscReal share)
 }
 
 /* Smallest time in which a contact force changes between any two kinds: without a look at the pairs, which change
-   during the step. */
+   during the step. Of many kinds a bound: the stiffest and the lightest meet. */
 static PetscReal alone_time(Contact c)
 {
   const PetscReal top   = ContactFastest(c);
-  PetscReal       least = PETSC_MAX_REAL;
+  PetscReal       least = PETSC_MAX_REAL, mass = PETSC_MAX_REAL;
 
-  for (PetscInt i = 0; i < c->s->ngroups; i++)
-    for (PetscInt j = 0; j <= c->s->ngroups; j++) { /* the last: a wall */
-      const Kind     *a = &c->kind[i], *b = j < c->s->ngroups ? &c->kind[j] : NULL;
+  if (c->nkinds > MANY) {
+    for (PetscInt i = 0; i < c->nkinds; i++)
+      if (c->kind[i].moves) mass = PetscMin(mass, c->kind[i].mass);
+    for (PetscInt i = 0; i < c->nkinds && mass < PETSC_MAX_REAL; i++) {
+      const PetscReal K = PetscMax(c->law->combine(c, &c->kind[i], &c->kind[i], top), c->law->combine(c, &c->kind[i], NULL, top));
+
+      if (K > 0) least = PetscMin(least, c->law->time(c, K, mass));
+    }
+    return least;
+  }
+  for (PetscInt i = 0; i < c->nkinds; i++)
+    for (PetscInt j = 0; j <= c->nkinds; j++) { /* the last: a wall */
+      const Kind     *a = &c->kind[i], *b = j < c->nkinds ? &c->kind[j] : NULL;
       const PetscReal K = c->law->combine(c, a, b, top), m = b && b->moves ? PetscMin(a->mass, b->mass) : a->mass;
 
       if (a->moves && K > 0) least = PetscMin(least, c->law->time(c, K, m));
@@ -92,7 +107,7 @@ static PetscErrorCode advance_alone(Contact c, PetscReal h, PetscReal share)
   for (PetscInt k = 0; k < c->s->n; k++) {
     if (c->s->gone[k]) continue;
     for (PetscInt a = 0; a < c->dim; a++) c->x[k][a] += h * c->u[k][a];
-    c->s->angle[k] += h * c->w[k][2];
+    c->s->angle[k] += h * dot3(c->w[k], BodiesGetGroup(c->state, k)->motion.hinge);
     if (c->dim == 2) RotationFromAngle(c->s->angle[k], c->q[k]);
     else RotationAdvance(h, c->w[k], c->q[k]);
   }

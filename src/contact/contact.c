@@ -3,6 +3,9 @@
 #include "compat.h"
 #include "impl.h"
 #include "base/opt.h"
+#include "base/room.h"
+
+#define ALIKE 16 /* kinds of a group that a further body is compared with */
 
 /* ---- the start ---- */
 
@@ -108,35 +111,73 @@ PetscErrorCode ContactView(Contact c, PetscViewer viewer)
   if (c->lubricate)
     PetscCall(PetscViewerASCIIPrintf(viewer, "  lubrication below gap %g, roughness %g, viscosity %g\n", (double)c->lubrication_range,
                                      (double)c->roughness, (double)c->viscosity));
-  for (PetscInt g = 0; g < c->s->ngroups; g++)
-    PetscCall(PetscViewerASCIIPrintf(viewer, "  group %s: terminal speed scale %g, %" PetscInt_FMT " surface points\n", c->s->group[g].name,
-                                     (double)c->kind[g].terminal, c->kind[g].npoints));
+  for (PetscInt g = 0; g < c->s->ngroups; g++) {
+    const BodyGroup *group = &c->s->group[g];
+    PetscReal        top   = 0;
+
+    if (!group->count) continue;
+    for (PetscInt k = group->first; k < group->first + group->count; k++) top = PetscMax(top, ContactKind(c, k)->terminal);
+    PetscCall(PetscViewerASCIIPrintf(viewer, "  group %s: terminal speed scale %g, %" PetscInt_FMT " surface points\n", group->name, (double)top,
+                                     ContactKind(c, group->first)->npoints));
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- creation ---- */
 
-static PetscReal terminal_speed(Contact c, const BodyGroup *g)
+static PetscReal terminal_speed(Contact c, PetscReal radius, PetscReal density)
 {
   /* 2 Vol/A of a disc, a sphere */
-  const PetscReal d = 2 * g->radius, height = c->dim == 2 ? PETSC_PI / 2 * d : 4. / 3. * d;
+  const PetscReal d = 2 * radius, height = c->dim == 2 ? PETSC_PI / 2 * d : 4. / 3. * d;
   /* without a fluid: a fall of some diameters */
-  const PetscReal excess = PetscAbsReal(g->density - c->rho_f) / PetscMax(c->rho_f, 0.1 * g->density);
+  const PetscReal excess = PetscAbsReal(density - c->rho_f) / PetscMax(c->rho_f, 0.1 * density);
 
   if (excess < 1e-6) return 0; /* meant to be neutrally buoyant */
   return PetscSqrtReal(height * excess * PetscSqrtReal(dot3(c->g, c->g)));
 }
 
-static void create_kind(Contact c, const BodyGroup *g, Kind *k)
+/* That of body b */
+static void fill_kind(Contact c, PetscInt b, Kind *k)
 {
+  const BodyGroup *g = BodiesGetGroup(c->state, b);
+
+  k->group    = c->s->body_group[b];
   k->moves    = g->free ? PETSC_TRUE : PETSC_FALSE;
-  k->mass     = ContactMass(c, g);
-  k->radius   = g->radius;
-  k->disc     = g->disc;
-  k->terminal = terminal_speed(c, g);
+  k->mass     = ContactMass(c, b);
+  k->density  = c->s->density[b];
+  k->scale    = c->s->scale[b];
+  k->radius   = BodiesGetRadius(c->state, b);
+  k->disc     = BodiesGetDisc(c->state, b);
+  k->terminal = terminal_speed(c, k->radius, c->s->density[b]);
   for (PetscInt a = 0; a < c->dim; a++)
     if (g->free & (BODY_FREE_X << a)) k->inverse_mass[a] = 1 / k->mass;
-  if (g->free & BODY_FREE_ROTATION) k->inverse_spin = 1 / (g->mass.inertia[2] * (g->density + 0.1 * c->rho_f));
+  if (g->free & BODY_FREE_ROTATION)
+    k->inverse_spin = 1 / (PetscPowRealInt(k->scale, c->dim + 2) * g->mass.inertia[2] * (c->s->density[b] + 0.1 * c->rho_f));
+}
+
+/* One kind for all bodies of a group that are alike; of a group of many sizes or densities each body has its own. */
+static PetscErrorCode create_kinds(Contact c)
+{
+  const BodyArrays *s    = c->s;
+  PetscInt          room = 0, first = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(s->n, &c->body_kind));
+  for (PetscInt b = 0; b < s->n; b++) {
+    PetscInt i = c->nkinds - 1, oldest;
+
+    if (b == s->group[s->body_group[b]].first) first = c->nkinds;
+    oldest = PetscMax(first, c->nkinds - ALIKE);
+    while (i >= oldest && (s->scale[b] != c->kind[i].scale || s->density[b] != c->kind[i].density)) i--;
+    if (i < oldest) {
+      PetscCall(RoomFor(c->nkinds + 1, &room, &c->kind, sizeof(*c->kind), NULL));
+      i = c->nkinds++;
+      PetscCall(PetscMemzero(&c->kind[i], sizeof(c->kind[i])));
+      fill_kind(c, b, &c->kind[i]);
+    }
+    c->body_kind[b] = i;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode check_scale(Contact c)
@@ -145,10 +186,34 @@ static PetscErrorCode check_scale(Contact c)
 
   PetscFunctionBeginUser;
   c->spring_speed = ContactFastest(c);
-  for (PetscInt g = 0; g < c->s->ngroups; g++) top = PetscMax(top, c->kind[g].terminal);
+  for (PetscInt i = 0; i < c->nkinds; i++) top = PetscMax(top, c->kind[i].terminal);
   c->spring_speed = PetscMax(c->spring_speed, top);
   PetscCheck(c->law->lookahead != 1 || c->spring > 0 || c->spring_speed > 0 || !c->s->n, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-contact_law %s finds no scale for its stiffness (no buoyancy, no initial velocity): give -contact_spring_stiffness", c->law->name);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ContactCreateBare(Bodies bodies, const PetscReal lower[3], const PetscReal upper[3], Contact *contact)
+{
+  Contact c;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&c));
+  c->bodies = bodies;
+  PetscCall(BodiesGetState(bodies, &c->state));
+  PetscCall(BodiesGetArrays(bodies, &c->s));
+  c->dim = c->s->dim;
+  for (PetscInt a = 0; a < c->dim; a++) {
+    c->lower[a] = lower[a];
+    c->upper[a] = upper[a];
+  }
+  c->law = contact_laws[0];
+  c->x   = c->s->x;
+  c->q   = c->s->q;
+  PetscCall(PetscCalloc1(c->s->ngroups, &c->point));
+  PetscCall(PetscCalloc1(c->s->n, &c->present));
+  PetscCall(create_kinds(c));
+  *contact = c;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -177,10 +242,10 @@ PetscErrorCode ContactCreate(Bodies bodies, PetscReal h, PetscReal rho_f, const 
   PetscCall(OptInt("-contact_substeps", &c->substeps));
   c->separate = PETSC_TRUE;
   if (c->s->n) PetscCall(OptBool("-contact_separate", &c->separate));
-  PetscCall(PetscCalloc1(c->s->ngroups, &c->kind));
+  PetscCall(PetscCalloc1(c->s->ngroups, &c->point));
   PetscCall(PetscCalloc1(c->s->n, &c->present));
-  for (PetscInt g = 0; g < c->s->ngroups; g++) create_kind(c, &c->s->group[g], &c->kind[g]);
-  PetscCall(ContactCreatePoints(c));
+  PetscCall(create_kinds(c));
+  PetscCall(ContactCreatePoints(c, CONTACT_MAX_POINTS));
   PetscCall(check_scale(c));
   if (c->dim == 3) PetscCall(PetscCalloc1(c->s->n, &c->inverse_inertia));
   *contact = c;
@@ -214,8 +279,10 @@ PetscErrorCode ContactDestroy(Contact *contact)
 
   PetscFunctionBeginUser;
   if (!c) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt g = 0; g < c->s->ngroups; g++) PetscCall(PetscFree(c->kind[g].point));
+  for (PetscInt g = 0; g < c->s->ngroups; g++) PetscCall(PetscFree(c->point[g]));
+  PetscCall(PetscFree(c->point));
   PetscCall(PetscFree(c->kind));
+  PetscCall(PetscFree(c->body_kind));
   PetscCall(PetscFree(c->present));
   PetscCall(PetscFree4(c->copy_x, c->copy_q, c->copy_u, c->copy_w));
   PetscCall(PetscFree(c->inverse_inertia));

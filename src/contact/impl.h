@@ -26,17 +26,19 @@ typedef struct {
   PetscReal f[3], ti[3], tj[3];
 } Impulse;
 
-/* What the contact knows of the bodies of one group. */
+/* What the contact knows of bodies of one group, size and density. */
 typedef struct {
+  PetscInt   group;
   PetscBool  moves;
   PetscReal  mass;            /* effective: with added mass */
   PetscReal  inverse_mass[3]; /* zero where not free */
   PetscReal  inverse_spin;    /* 2D */
+  PetscReal  density, scale;  /* size in that of the shape */
   PetscReal  radius, disc;
   PetscReal  terminal;         /* speed scale from gravity */
   PetscReal  stiffness, speed; /* of this step: see the law; and u_ref of bodies at rest */
   PetscInt   npoints;
-  PetscReal *point; /* [npoints][dim] surface points about the centroid, body frame */
+  PetscReal *point; /* [npoints][dim] surface points about the centroid, frame and size of the shape; of the group */
 } Kind;
 
 /* What a law is asked at one touch. */
@@ -76,13 +78,16 @@ struct _p_Contact {
   PetscReal         h, range, horizon; /* horizon >= range: no force of any kind beyond */
   PetscReal         rho_f, viscosity, g[3], lower[3], upper[3], period[3];
   /* parameters of the laws */
-  PetscReal  multiple, eps, eps_overlap, wall_factor, damping_speed;                 /* repulsive */
-  PetscReal  spring, restitution, friction, tangential, damping_ratio, spring_speed; /* spring */
-  PetscBool  lubricate;
-  PetscReal  lubrication_range, roughness;
-  Kind      *kind;    /* [ngroups] */
-  PetscReal  floor;   /* u_ref of bodies without buoyancy */
-  PetscReal *present; /* [n] speed of a body's fastest point when the scales were set */
+  PetscReal   multiple, eps, eps_overlap, wall_factor, damping_speed;                 /* repulsive */
+  PetscReal   spring, restitution, friction, tangential, damping_ratio, spring_speed; /* spring */
+  PetscBool   lubricate;
+  PetscReal   lubrication_range, roughness;
+  PetscInt    nkinds;
+  PetscInt   *body_kind; /* [n] */
+  Kind       *kind;      /* [nkinds] */
+  PetscReal **point;     /* [ngroups] that kinds of the group share */
+  PetscReal   floor;     /* u_ref of bodies without buoyancy */
+  PetscReal  *present;   /* [n] speed of a body's fastest point when the scales were set */
   /* where the bodies are: the state's own arrays or copies */
   PetscReal (*x)[3], (*q)[4], (*u)[3], (*w)[3];
   PetscReal (*copy_x)[3], (*copy_q)[4], (*copy_u)[3], (*copy_w)[3]; /* [n], allocated when first needed */
@@ -108,7 +113,7 @@ struct _p_Contact {
 
 static inline Kind *ContactKind(Contact c, PetscInt k)
 {
-  return &c->kind[c->s->body_group[k]];
+  return &c->kind[c->body_kind[k]];
 }
 
 /* d <- the nearest of its periodic images */
@@ -149,6 +154,9 @@ static inline void ContactSpin(Contact c, PetscInt k, const PetscReal torque[3],
   }
 }
 
+/* A contact that knows bodies and domain, but no options, no walls and no scales; for the search and for touches.
+   Give it range, horizon and points. */
+PetscErrorCode ContactCreateBare(Bodies, const PetscReal lower[3], const PetscReal upper[3], Contact *);
 /* Make the list of all pairs that can come within the horizon, from x and reach; kept while it is still good. */
 PetscErrorCode ContactFindPairs(Contact);
 /* Gap between two discs (spheres), j >= 0, or of a disc to a wall; the unit normal points at i. */
@@ -157,7 +165,8 @@ void ContactDiscGap(Contact, PetscInt i, PetscReal radius_i, PetscInt j, PetscRe
 PetscErrorCode ContactFindTouch(Contact, PetscInt i, PetscInt j, PetscInt *n, PetscReal *gap);
 /* Sum of both surfaces' curvatures at a touch (3D: mean), at least that of the larger bounding circle. */
 PetscErrorCode ContactCurvature(Contact, PetscInt i, PetscInt j, const Touch *, PetscReal *curvature);
-PetscErrorCode ContactCreatePoints(Contact);
+/* Surface points of all groups, at most `most` each; once more: others. */
+PetscErrorCode ContactCreatePoints(Contact, PetscInt most);
 /* Options of all laws; the unused laws' ones count as unknown. */
 PetscErrorCode ContactReadLaws(Contact);
 /* Force and torques of pair number p where its bodies are now; the tangential spring moves on by h. */
@@ -168,15 +177,17 @@ PetscBool ContactDiscForce(Contact, const Pair *, PetscReal h, PetscReal f[3], P
 /* Energy stored in pair p. */
 PetscErrorCode ContactPairEnergy(Contact, PetscInt p, PetscReal *energy);
 
-/* momentum.c. Effective mass of a body of a group; speed of the fastest body; u_ref and stiffness of the groups and
+/* momentum.c. Effective mass of body k; speed of the fastest body; u_ref and stiffness of the kinds and
    speeds of the bodies for a step dt, a: frozen accelerations or NULL; effective inertia of body k, inverted (3D). */
-PetscReal      ContactMass(Contact, const BodyGroup *);
+PetscReal      ContactMass(Contact, PetscInt k);
 PetscReal      ContactFastest(Contact);
 void           ContactSetScales(Contact, PetscReal dt, PetscReal (*a)[3]);
 PetscErrorCode ContactSetInertia(Contact, PetscInt k);
 /* Adds an impulse times `scale` to forces and torques of a pair; changes its velocities by that of the time h. */
 void ContactScatter(const Pair *, const Impulse *, PetscReal scale, PetscReal (*force)[3], PetscReal (*torque)[3]);
 void ContactKick(Contact, const Pair *, PetscReal h, const Impulse *);
+/* Acceleration of body k under a force, with what is held taken away: inverse mass times force */
+void ContactMobility(Contact, PetscInt k, const PetscReal force[3], PetscReal out[3]);
 /* Sub-steps of a step dt when forces change within `time`. Error: -contact_substeps too few. */
 PetscErrorCode ContactChooseSubsteps(Contact, PetscReal dt, PetscReal time, PetscInt *n);
 /* x, q, u, w of the contact become copies of these. */

@@ -29,9 +29,9 @@ static void invert_tensor(const PetscReal t[6], PetscReal inv[6])
   inv[5] = (t[3] * t[4] - t[0] * t[5]) / det;
 }
 
-PetscReal ContactMass(Contact c, const BodyGroup *g)
+PetscReal ContactMass(Contact c, PetscInt k)
 {
-  return (g->density + (c->dim == 2 ? 1 : 0.5) * c->rho_f) * g->mass.volume;
+  return (c->s->density[k] + (c->dim == 2 ? 1 : 0.5) * c->rho_f) * BodiesVolume(c->state, k);
 }
 
 /* A tenth of the fluid's inertia turns with the body: keeps very light bodies from spinning up within a sub-step. */
@@ -39,7 +39,7 @@ static PetscErrorCode effective_inertia(Contact c, PetscInt k, PetscReal inertia
 {
   PetscFunctionBeginUser;
   PetscCall(BodiesGetInertia(c->bodies, k, PETSC_TRUE, inertia));
-  for (PetscInt i = 0; i < 6; i++) inertia[i] *= BodiesGetGroup(c->state, k)->density + 0.1 * c->rho_f;
+  for (PetscInt i = 0; i < 6; i++) inertia[i] *= c->state->density[k] + 0.1 * c->rho_f;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -48,8 +48,18 @@ PetscErrorCode ContactGetMass(Contact c, PetscInt k, PetscReal *mass, PetscReal 
   PetscFunctionBeginUser;
   PetscCheck(k >= 0 && k < c->s->n, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Body %" PetscInt_FMT " does not exist: there are %" PetscInt_FMT, k,
              c->s->n);
-  *mass = ContactMass(c, BodiesGetGroup(c->state, k));
+  *mass = ContactMass(c, k);
   if (inertia) PetscCall(effective_inertia(c, k, inertia));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ContactGetStart(Contact c, PetscInt k, PetscReal dt, PetscReal a[3])
+{
+  const PetscReal volume = BodiesVolume(c->state, k), force = (c->s->density[k] - c->rho_f) * volume;
+  const PetscReal drag = c->viscosity * (c->dim == 2 ? 3 : 6 * PETSC_PI * PetscPowReal(0.75 * volume / PETSC_PI, 1. / 3));
+
+  PetscFunctionBeginUser;
+  for (PetscInt d = 0; d < 3; d++) a[d] = force * c->g[d] / (ContactMass(c, k) + drag * dt);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -79,8 +89,8 @@ void ContactSetScales(Contact c, PetscReal dt, PetscReal (*a)[3])
   for (PetscInt k = 0; a && k < c->s->n; k++)
     if (ContactKind(c, k)->moves) push = PetscMax(push, dot3(a[k], a[k]));
   if (dt > 0) c->floor = PetscMax(SPEED_FLOOR * c->range / dt, PetscSqrtReal(8. / 3. * c->range * PetscSqrtReal(push)));
-  for (PetscInt g = 0; g < c->s->ngroups; g++) {
-    Kind *k = &c->kind[g];
+  for (PetscInt i = 0; i < c->nkinds; i++) {
+    Kind *k = &c->kind[i];
 
     k->speed     = k->terminal > 0 ? k->terminal : PetscMax(top, c->floor);
     k->stiffness = c->law->stiffness ? c->law->stiffness(c, k) : 0;
@@ -110,12 +120,29 @@ static void kick(Contact c, PetscInt k, PetscReal h, const PetscReal f[3], const
     c->u[k][a] += h * f[a] * kind->inverse_mass[a];
     c->w[k][a] += h * dw[a];
   }
+  BodiesKeepAxes(c->state, k, c->u[k], c->w[k]);
+}
+
+void ContactMobility(Contact c, PetscInt k, const PetscReal force[3], PetscReal out[3])
+{
+  for (PetscInt a = 0; a < 3; a++) out[a] = force[a] * ContactKind(c, k)->inverse_mass[a];
+  BodiesKeepAxes(c->state, k, out, NULL);
 }
 
 void ContactKick(Contact c, const Pair *p, PetscReal h, const Impulse *s)
 {
   kick(c, p->i, h, s->f, s->ti);
   if (p->j >= 0) kick(c, p->j, -h, s->f, (const PetscReal[3]){-s->tj[0], -s->tj[1], -s->tj[2]});
+}
+
+/* e e^T / (e . I e) */
+static void hinge_inertia(const PetscReal e[3], const PetscReal inertia[6], PetscReal inverse[6])
+{
+  const PetscInt row[6] = {0, 1, 2, 0, 0, 1}, col[6] = {0, 1, 2, 1, 2, 2};
+  PetscReal      Ie[3];
+
+  apply_tensor(inertia, e, Ie);
+  for (PetscInt i = 0; i < 6; i++) inverse[i] = e[row[i]] * e[col[i]] / dot3(e, Ie);
 }
 
 /* 3D: the inertia turns with the body; within a step its orientation at the beginning counts. */
@@ -127,7 +154,8 @@ PetscErrorCode ContactSetInertia(Contact c, PetscInt k)
   PetscCall(PetscArrayzero(c->inverse_inertia[k], 6));
   if (!(BodiesGetGroup(c->state, k)->free & BODY_FREE_ROTATION)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(effective_inertia(c, k, inertia));
-  invert_tensor(inertia, c->inverse_inertia[k]);
+  if (BodiesGetGroup(c->state, k)->motion.has_hinge) hinge_inertia(BodiesGetGroup(c->state, k)->motion.hinge, inertia, c->inverse_inertia[k]);
+  else invert_tensor(inertia, c->inverse_inertia[k]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -223,7 +223,7 @@ static PetscErrorCode search_bodies(Contact c)
   PetscBool moves = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  for (PetscInt g = 0; g < c->s->ngroups; g++) moves = (PetscBool)(moves || c->kind[g].moves);
+  for (PetscInt i = 0; i < c->nkinds; i++) moves = (PetscBool)(moves || c->kind[i].moves);
   if (c->s->n < 2 || !moves) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogEventBegin(TB_SEARCH, 0, 0, 0, 0));
   PetscCall(search_cells(c));

@@ -34,6 +34,26 @@ static PetscErrorCode find_gap(Contact c, const Pair *p, PetscReal normal[3], Pe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* The same where a body slides: its mobility is a tensor, not one number an axis */
+static void push_along(Contact c, const Pair *p, const PetscReal normal[3], PetscReal gap)
+{
+  PetscReal way[2][3] = {{0}}, inverse;
+
+  ContactMobility(c, p->i, normal, way[0]);
+  if (p->j >= 0) ContactMobility(c, p->j, normal, way[1]);
+  inverse = dot3(way[0], normal) + dot3(way[1], normal);
+  if (inverse <= 1e-3 / ContactKind(c, p->i)->mass) return;
+  for (PetscInt a = 0; a < 3; a++) {
+    c->x[p->i][a] -= gap / inverse * way[0][a];
+    if (p->j >= 0) c->x[p->j][a] += gap / inverse * way[1][a];
+  }
+}
+
+static PetscBool slides(Contact c, PetscInt k)
+{
+  return (PetscBool)(k >= 0 && BodiesGetGroup(c->state, k)->motion.has_slide);
+}
+
 /* Move a pair apart by its overlap; returns the overlap in radii of the smaller body */
 static PetscErrorCode push_apart(Contact c, const Pair *p, PetscReal *overlap)
 {
@@ -44,6 +64,11 @@ static PetscErrorCode push_apart(Contact c, const Pair *p, PetscReal *overlap)
   *overlap = 0;
   PetscCall(find_gap(c, p, normal, &gap));
   if (gap >= 0) PetscFunctionReturn(PETSC_SUCCESS);
+  if (slides(c, p->i) || slides(c, p->j)) {
+    push_along(c, p, normal, gap);
+    *overlap = -gap / smaller_radius(c, p);
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   for (PetscInt a = 0; a < 3; a++) inverse += (ki->inverse_mass[a] + (kj ? kj->inverse_mass[a] : 0)) * normal[a] * normal[a];
   if (inverse <= 1e-3 * (kj ? PetscMin(1 / ki->mass, 1 / kj->mass) : 1 / ki->mass)) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt a = 0; a < 3; a++) {

@@ -65,7 +65,7 @@ static PetscReal estimate_drag(Contact c, PetscInt k, PetscReal dt, const PetscR
   PetscReal        sum  = 0;
 
   for (PetscInt b = 0; b < c->dim; b++)
-    if (g->free & (BODY_FREE_X << b)) sum += ((g->density - c->rho_f) * g->mass.volume * c->g[b] / ContactMass(c, g) - a[b]) * u[b];
+    if (g->free & (BODY_FREE_X << b)) sum += ((c->s->density[k] - c->rho_f) * BodiesVolume(c->state, k) * c->g[b] / ContactMass(c, k) - a[b]) * u[b];
   return PetscMax(0, sum) / (dot3(u, u) + rest * rest);
 }
 
@@ -143,6 +143,7 @@ static void drift_velocity(Contact c, PetscInt k, const Drift *d, PetscReal h)
     if (kind->inverse_mass[a] > 0) c->u[k][a] = (c->u[k][a] + h * (d->a[a] + d->drag * d->u0[a])) / (1 + h * d->drag);
     c->w[k][a] += h * d->alpha[a];
   }
+  BodiesKeepAxes(c->state, k, c->u[k], c->w[k]);
 }
 
 /* Two discs out of reach of each other: most of a crowd in most sub-steps */

@@ -44,9 +44,9 @@ static void touch_discs(Contact c, PetscInt i, PetscReal radius_i, PetscInt j, P
 }
 
 /* Surface point p of a body, from its centre, space axes. */
-static void turn_point(PetscInt dim, const PetscReal R[9], const PetscReal p[], PetscReal r[3])
+static void turn_point(PetscInt dim, const PetscReal R[9], PetscReal scale, const PetscReal p[], PetscReal r[3])
 {
-  for (PetscInt a = 0; a < 3; a++) r[a] = R[3 * a] * p[0] + R[3 * a + 1] * p[1] + (dim == 3 ? R[3 * a + 2] * p[2] : 0);
+  for (PetscInt a = 0; a < 3; a++) r[a] = scale * (R[3 * a] * p[0] + R[3 * a + 1] * p[1] + (dim == 3 ? R[3 * a + 2] * p[2] : 0));
 }
 
 static PetscInt touch_wall(Contact c, PetscInt i, PetscInt face, Touch t[])
@@ -58,7 +58,7 @@ static PetscInt touch_wall(Contact c, PetscInt i, PetscInt face, Touch t[])
 
   RotationMatrix(c->q[i], R);
   for (PetscInt p = 0; p < kind->npoints; p++) {
-    turn_point(c->dim, R, kind->point + p * c->dim, t[p].ri);
+    turn_point(c->dim, R, kind->scale, kind->point + p * c->dim, t[p].ri);
     t[p].gap = sign * (c->x[i][a] + t[p].ri[a] - wall);
     for (PetscInt b = 0; b < 3; b++) {
       t[p].normal[b] = b == a ? sign : 0;
@@ -68,18 +68,18 @@ static PetscInt touch_wall(Contact c, PetscInt i, PetscInt face, Touch t[])
   return kind->npoints;
 }
 
-/* y [dim] in the body frame of a group with centroid, for r from the centre in space axes */
-static void to_body_frame(PetscInt dim, const PetscReal R[9], const BodyGroup *g, const PetscReal r[3], PetscReal y[])
+/* y [dim] in the frame of the shape of a group, for r from the centre of a body of size `scale` in space axes */
+static void to_body_frame(PetscInt dim, const PetscReal R[9], const BodyGroup *g, PetscReal scale, const PetscReal r[3], PetscReal y[])
 {
-  for (PetscInt a = 0; a < dim; a++) y[a] = R[a] * r[0] + R[3 + a] * r[1] + R[6 + a] * r[2] + g->mass.centroid[a];
+  for (PetscInt a = 0; a < dim; a++) y[a] = (R[a] * r[0] + R[3 + a] * r[1] + R[6 + a] * r[2]) / scale + g->mass.centroid[a];
 }
 
 /* Points of body `from` that are near body `to`, with gap and outward normal of `to`. The body that the normal points
    at, i of the pair, is `from`; turned round if not. */
 static PetscErrorCode touch_points(Contact c, PetscInt from, PetscInt to, PetscBool turned, Touch t[], PetscInt *nt)
 {
-  const Kind      *kind = ContactKind(c, from);
-  const BodyGroup *g    = BodiesGetGroup(c->state, to);
+  const Kind      *kind = ContactKind(c, from), *far = ContactKind(c, to);
+  const BodyGroup *g = BodiesGetGroup(c->state, to);
   PetscReal        Rf[9], Rt[9], y[CONTACT_MAX_POINTS * 3], d[CONTACT_MAX_POINTS], nrm[CONTACT_MAX_POINTS * 3], apart[3] = {0, 0, 0};
   PetscInt         n = 0, kept = 0;
 
@@ -91,19 +91,21 @@ static PetscErrorCode touch_points(Contact c, PetscInt from, PetscInt to, PetscB
   for (PetscInt p = 0; p < kind->npoints; p++) {
     PetscReal *mine = turned ? t[n].rj : t[n].ri, *other = turned ? t[n].ri : t[n].rj;
 
-    turn_point(c->dim, Rf, kind->point + p * c->dim, mine);
+    turn_point(c->dim, Rf, kind->scale, kind->point + p * c->dim, mine);
     for (PetscInt a = 0; a < 3; a++) other[a] = apart[a] + mine[a];
-    if (dot3(other, other) > PetscSqr(g->radius + c->horizon)) continue;
-    to_body_frame(c->dim, Rt, g, other, y + n * c->dim);
+    if (dot3(other, other) > PetscSqr(far->radius + c->horizon)) continue;
+    to_body_frame(c->dim, Rt, g, far->scale, other, y + n * c->dim);
     n++;
   }
   *nt = 0;
   if (!n) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ShapeDistance(g->shape, n, y, d));
   for (PetscInt p = 0; p < n; p++) {
-    if (d[p] >= c->horizon) continue;
+    const PetscReal apart_by = far->scale * d[p];
+
+    if (apart_by >= c->horizon) continue;
     t[kept]     = t[p];
-    t[kept].gap = d[p];
+    t[kept].gap = apart_by;
     for (PetscInt a = 0; a < c->dim; a++) y[kept * c->dim + a] = y[p * c->dim + a];
     kept++;
   }
@@ -163,16 +165,17 @@ PetscErrorCode ContactFindTouch(Contact c, PetscInt i, PetscInt j, PetscInt *n, 
 static PetscErrorCode surface_curvature(Contact c, PetscInt k, const PetscReal r[3], PetscReal *curvature)
 {
   const BodyGroup *g    = BodiesGetGroup(c->state, k);
+  const Kind      *kind = ContactKind(c, k);
   const PetscReal  step = 0.02 * g->radius;
   PetscReal        R[9], y[3], s[3], nrm[3], p[6], m[6], sum = 0;
 
   PetscFunctionBeginUser;
   if (g->disc > 0) {
-    *curvature = 1 / g->disc;
+    *curvature = 1 / kind->disc;
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   RotationMatrix(c->q[k], R);
-  to_body_frame(c->dim, R, g, r, y);
+  to_body_frame(c->dim, R, g, kind->scale, r, y);
   PetscCall(ShapeProject(g->shape, 1, y, s));
   PetscCall(ShapeNormal(g->shape, 1, s, nrm));
   for (PetscInt b = 0; b < c->dim; b++) { /* div n = sum_b d n_b/d x_b; along the normal it does not change */
@@ -182,7 +185,7 @@ static PetscErrorCode surface_curvature(Contact c, PetscInt k, const PetscReal r
     PetscCall(ShapeNormal(g->shape, 2, p, m));
     sum += (m[c->dim + b] - m[b]) / (2 * step);
   }
-  *curvature = sum / (c->dim - 1);
+  *curvature = sum / (c->dim - 1) / kind->scale;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -202,8 +205,9 @@ PetscErrorCode ContactCurvature(Contact c, PetscInt i, PetscInt j, const Touch *
 
 /* ---- surface points ---- */
 
-/* Points about one range apart, at least 32. A disc needs them only against bodies that are no discs. */
-static PetscErrorCode create_points(Contact c, const BodyGroup *g, Kind *kind)
+/* Points about one range apart on the largest body, at least 32, at most `most`. A disc needs them only against bodies
+   that are no discs. */
+static PetscErrorCode create_points(Contact c, const BodyGroup *g, PetscInt most, PetscInt *n, PetscReal **point)
 {
   PetscReal *x, *w, area = 0;
 
@@ -215,19 +219,30 @@ static PetscErrorCode create_points(Contact c, const BodyGroup *g, Kind *kind)
     for (PetscInt p = 0; p < 64; p++) area += w[p];
     PetscCall(PetscFree2(x, w));
   }
-  kind->npoints = (PetscInt)PetscMin(CONTACT_MAX_POINTS, PetscMax(32, PetscCeilReal(area / PetscPowRealInt(c->range, c->dim - 1))));
-  PetscCall(PetscMalloc1(kind->npoints * c->dim, &kind->point));
-  PetscCall(PetscMalloc1(kind->npoints, &w));
-  PetscCall(ShapeSurface(g->shape, kind->npoints, kind->point, w));
-  for (PetscInt p = 0; p < kind->npoints; p++)
-    for (PetscInt a = 0; a < c->dim; a++) kind->point[p * c->dim + a] -= g->mass.centroid[a];
+  *n = (PetscInt)PetscMin(most, PetscMax(32, PetscCeilReal(area / PetscPowRealInt(c->range / g->largest, c->dim - 1))));
+  PetscCall(PetscMalloc1(*n * c->dim, point));
+  PetscCall(PetscMalloc1(*n, &w));
+  PetscCall(ShapeSurface(g->shape, *n, *point, w));
+  for (PetscInt p = 0; p < *n; p++)
+    for (PetscInt a = 0; a < c->dim; a++) (*point)[p * c->dim + a] -= g->mass.centroid[a];
   PetscCall(PetscFree(w));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ContactCreatePoints(Contact c)
+PetscErrorCode ContactCreatePoints(Contact c, PetscInt most)
 {
+  PetscInt *n;
+
   PetscFunctionBeginUser;
-  for (PetscInt g = 0; g < c->s->ngroups; g++) PetscCall(create_points(c, &c->s->group[g], &c->kind[g]));
+  PetscCall(PetscCalloc1(c->s->ngroups, &n));
+  for (PetscInt g = 0; g < c->s->ngroups; g++) {
+    PetscCall(PetscFree(c->point[g]));
+    PetscCall(create_points(c, &c->s->group[g], most, &n[g], &c->point[g]));
+  }
+  for (PetscInt i = 0; i < c->nkinds; i++) {
+    c->kind[i].npoints = n[c->kind[i].group];
+    c->kind[i].point   = c->point[c->kind[i].group];
+  }
+  PetscCall(PetscFree(n));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

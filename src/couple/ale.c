@@ -39,7 +39,7 @@ static PetscInt count_parts(const struct _p_Ale *f, PetscReal (*X)[3], PetscReal
     find_way(f, k, X, way);
     for (PetscInt a = 0; a < 4; a++) dot += q[k][a] * f->q[k][a];
     turn    = g->disc > 0 ? 0 : 2 * PetscAcosReal(PetscMin(1, PetscAbsReal(dot)));
-    longest = PetscMax(longest, PetscSqrtReal(way[0] * way[0] + way[1] * way[1] + way[2] * way[2]) + g->radius * turn);
+    longest = PetscMax(longest, PetscSqrtReal(way[0] * way[0] + way[1] * way[1] + way[2] * way[2]) + BodiesGetRadius(f->s, k) * turn);
   }
   return PetscMax(1, PetscMin(MOST, (PetscInt)PetscCeilReal(longest / f->h)));
 }

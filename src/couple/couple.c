@@ -72,6 +72,28 @@ static PetscErrorCode set_rigid_velocities(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+#define HOLD 1e8 /* stiffness of what holds a hinge or slide, in inertias of body and fluid */
+
+static void hold_block(PetscInt nr, PetscInt first, PetscInt n, const PetscReal e[3], PetscReal scale, const PetscReal M[], PetscReal K[])
+{
+  PetscReal largest = 0;
+
+  for (PetscInt i = first; i < first + n; i++) largest = PetscMax(largest, M[i * (nr + 1)]);
+  for (PetscInt i = 0; i < n; i++)
+    for (PetscInt j = 0; j < n; j++) K[(first + i) * nr + first + j] = HOLD * scale * largest * ((i == j) - e[i] * e[j]);
+}
+
+PetscBool CoupleHoldAxes(Couple c, PetscInt k, const PetscReal M[], PetscReal K[])
+{
+  const Motion   *m     = &BodiesGetGroup(c->s, k)->motion;
+  const PetscReal scale = c->step->ct * (c->s->density[k] + c->par->density);
+
+  for (PetscInt i = 0; i < c->nr * c->nr; i++) K[i] = 0;
+  if (m->has_slide) hold_block(c->nr, 0, c->loc->dim, m->slide, scale, M, K);
+  if (m->has_hinge) hold_block(c->nr, c->loc->dim, 3, m->hinge, scale, M, K);
+  return (PetscBool)(m->has_slide || m->has_hinge);
+}
+
 /* Inertia D = c_t (rho_s - rho_i) (Vol; I) and right-hand side (rho_s - rho_i) (Vol; I) d(U) + (rho_s - rho_f) Vol g
    + contact + load of the rigid rows, rho_i: density of the fluid inside. Known velocities that share an inertia
    with unknown ones (a pivot that moves) count on the right. */
@@ -81,8 +103,8 @@ static PetscErrorCode fill_rigid_rows(Couple c)
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < c->s->n; k++) {
-    const PetscReal excess = BodiesGetGroup(c->s, k)->density - CoupleInnerDensity(c, k, c->par);
-    PetscReal       M[36], *g = c->g + k * nr, spin, L[3], force[3], torque[3], dead[6];
+    const PetscReal excess = c->s->density[k] - CoupleInnerDensity(c, k, c->par);
+    PetscReal       M[36], K[36], *g = c->g + k * nr, spin, L[3], force[3], torque[3], dead[6];
 
     PetscCall(RigidGetMass(c->bodies, k, c->q[k], M));
     PetscCall(BodiesGetLoad(c->bodies, k, c->par->density, c->par->gravity, force, torque));
@@ -103,6 +125,8 @@ static PetscErrorCode fill_rigid_rows(Couple c)
         if (!((c->unknown[k] >> j) & 1)) g[i] -= c->D[(k * nr + i) * nr + j] * c->U[k * nr + j];
       }
     }
+    if (CoupleHoldAxes(c, k, M, K))
+      for (PetscInt i = 0; i < nr * nr; i++) c->D[k * nr * nr + i] += K[i];
     PetscCall(CoupleSpinStress(c, k, c->par, &spin));
     if (spin > 0) {
       c->D[(k * nr + dim) * nr + dim] += c->step->theta * spin;
@@ -241,15 +265,15 @@ static PetscErrorCode remark_small_bodies(Couple c)
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < s->n; k++) {
-    const PetscReal r = BodiesGetGroup(s, k)->radius;
+    const PetscReal r = BodiesGetRadius(s, k);
 
-    if (r < 0.999 * c->loc->h && (smallest < 0 || r < BodiesGetGroup(s, smallest)->radius)) smallest = k;
+    if (r < 0.999 * c->loc->h && (smallest < 0 || r < BodiesGetRadius(s, smallest))) smallest = k;
   }
   if (smallest < 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(
     LogRemark("body %" PetscInt_FMT
               " (group '%s') is %.2g of the smallest cells long; below 2 its force is off by 20 %% and more: refine the mesh, such as by -mesh_cells",
-              smallest, BodiesGetGroup(s, smallest)->name, (double)(2 * BodiesGetGroup(s, smallest)->radius / c->loc->h)));
+              smallest, BodiesGetGroup(s, smallest)->name, (double)(2 * BodiesGetRadius(s, smallest) / c->loc->h)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -264,12 +288,37 @@ static PetscErrorCode create_solver(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode unite_obstacles(Couple c)
+{
+  PetscBool *united;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(c->s->n, &united));
+  for (PetscInt k = 0; k < c->s->n; k++) united[k] = BodiesGetGroup(c->s, k)->obstacle;
+  PetscCall(ConstraintSetUnited(c->constraint, united));
+  PetscCall(PetscFree(united));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode tell_rung(void *couple)
 {
   Couple c = (Couple)couple;
 
   PetscFunctionBeginUser;
   if (c->rung->moved) PetscCall((*c->rung->moved)(c->rung_data));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Before the first step bodies have always moved as they do at its beginning */
+static PetscErrorCode set_history(Couple c)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    PetscReal u[1][3], w[1][3];
+
+    PetscCall(BodiesGetKnownVelocity(c->bodies, k, 0, u[0], w[0]));
+    for (PetscInt i = 0; i < c->nr; i++) c->U_old[k * c->nr + i] = c->U_older[k * c->nr + i] = *CoupleRigidComponent(c, u, w, 0, i);
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -302,6 +351,7 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   PetscCall(BoundariesCreate(flow, c->hole, &c->boundaries));
   PetscCall(CoupleFindNormals(c));
   PetscCall(ConstraintCreate(c->mesh, n, &c->constraint));
+  PetscCall(unite_obstacles(c));
   PetscCall(ConstraintGetRigidSize(c->constraint, &c->nr));
   PetscCall(DriveCreate(c, &c->drive));
   PetscCall(create_solver(c));
@@ -312,12 +362,7 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   if (c->rung->create) PetscCall((*c->rung->create)(c, &c->rung_data));
   PetscCall(PetscCalloc7(n, &c->X, n, &c->q, n, &c->P, n, &c->unknown, 3 * n, &c->du_old, n, &c->growth, 6 * n, &c->force_old));
   PetscCall(PetscCalloc6(nn, &c->U, nn, &c->U_old, nn, &c->U_older, nn * c->nr, &c->D, nn, &c->g, nn, &c->residual));
-  for (PetscInt k = 0; k < n; k++) {
-    PetscReal u[1][3], w[1][3];
-
-    PetscCall(BodiesGetKnownVelocity(bodies, k, 0, u[0], w[0]));
-    for (PetscInt i = 0; i < c->nr; i++) c->U_old[k * c->nr + i] = c->U_older[k * c->nr + i] = *CoupleRigidComponent(c, u, w, 0, i);
-  }
+  PetscCall(set_history(c));
   PetscCall(PetscCalloc4(c->loc->nnode_all * c->loc->dim, &c->u, c->loc->ncell * (c->loc->dim + 1), &c->p, c->loc->ncell * (c->loc->dim + 1), &c->dp,
                          c->loc->nnode_all * c->loc->dim, &c->rhs));
   *couple = c;

@@ -86,7 +86,7 @@ PetscErrorCode DeformEvaluateMonitor(const struct _p_Deform *d, const PetscReal 
 /* Body k drawn at X, with all its images whose surroundings reach the domain */
 static PetscErrorCode list_body(Deform d, PetscInt k, const PetscReal X[3])
 {
-  const PetscReal reach = BodiesGetGroup(d->s, k)->radius + d->width;
+  const PetscReal reach = BodiesGetRadius(d->s, k) + d->width;
 
   PetscFunctionBeginUser;
   for (DomainImages i = {0}; MeshNextImage(d->l, X, reach + d->width, &i);) {
@@ -375,7 +375,7 @@ static PetscErrorCode read_options(Deform d)
   PetscReal radius = 0;
 
   PetscFunctionBeginUser;
-  for (PetscInt g = 0; g < d->s->ngroups; g++) radius = PetscMax(radius, d->s->group[g].radius);
+  for (PetscInt k = 0; k < d->s->n; k++) radius = PetscMax(radius, BodiesGetRadius(d->s, k));
   d->size  = 0.4;
   d->width = radius;
   d->steps = 30;

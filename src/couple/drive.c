@@ -111,7 +111,7 @@ static PetscErrorCode weigh(Drive d)
     PetscReal weight[3][6];
 
     PetscCall(CoupleHollowWeights(c, k, weight));
-    if (c->hollow && c->hollow[k] && !c->s->gone[k]) volume += BodiesGetGroup(c->s, k)->mass.volume;
+    if (c->hollow && c->hollow[k] && !c->s->gone[k]) volume += BodiesVolume(c->s, k);
     for (PetscInt i = 0; i < d->held.n; i++) PetscCall(PetscArraycpy(d->held.rigid[i] + k * c->nr, weight[d->held.axis[i]], c->nr));
   }
   d->volume = volume;
@@ -197,7 +197,7 @@ static PetscErrorCode measure_force(Drive d, const CoupleBalance *b, PetscReal n
   PetscFunctionBeginUser;
   for (PetscInt a = 0; a < 3; a++) net[a] = b->fluid[a] - b->walls[a] - b->openings[a];
   for (PetscInt k = 0; k < c->s->n; k++) {
-    const PetscReal excess = BodiesGetGroup(c->s, k)->density - CoupleInnerDensity(c, k, c->par);
+    const PetscReal excess = c->s->density[k] - CoupleInnerDensity(c, k, c->par);
     PetscReal       inertia[3], push[3], dead[6], weight[3][6];
 
     PetscCall(CoupleBodyPush(c, k, inertia, push));

@@ -54,10 +54,10 @@ static PetscErrorCode check_surface(Fitted h, const BodyGroup *g, const Surface 
     worst = PetscMax(worst, PetscAbsReal(d));
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &worst, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
-  PetscCheck(worst <= 0.1 * g->radius, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(worst <= 0.1 * BodiesGetRadius(h->s, s->body), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "Boundary '%s' of the mesh is no surface of group '%s': it has points %g away from the surface, the limit is a tenth of the radius %g. "
              "Correct -particle_%s_position, _angle and the size of the shape, or rename the group",
-             g->name, g->name, (double)worst, (double)g->radius, g->name);
+             g->name, g->name, (double)worst, (double)BodiesGetRadius(h->s, s->body), g->name);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -40,7 +40,7 @@ PetscErrorCode CoupleHollowWeights(Couple c, PetscInt k, PetscReal weight[3][6])
   for (PetscInt a = 0; a < c->loc->dim; a++) {
     PetscReal force[3] = {0, 0, 0};
 
-    force[a] = BodiesGetGroup(c->s, k)->mass.volume;
+    force[a] = BodiesVolume(c->s, k);
     PetscCall(RigidReduceForce(c->bodies, k, c->q[k], force, none, weight[a]));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -153,14 +153,15 @@ static PetscErrorCode integrate_stress(Couple c, PetscInt only, PetscReal (*forc
 static PetscErrorCode residual_force(Couple c, PetscInt k, PetscReal out[])
 {
   const PetscInt  nr    = c->nr;
-  const PetscReal rho_s = BodiesGetGroup(c->s, k)->density;
-  PetscReal       M[36], a[6], extra[3], dead[6], rho_i, spin;
+  const PetscReal rho_s = c->s->density[k];
+  PetscReal       M[36], K[36], a[6], extra[3], dead[6], rho_i, spin;
 
   PetscFunctionBeginUser;
   PetscCall(RigidGetMass(c->bodies, k, c->q[k], M));
   rho_i = CoupleInnerDensity(c, k, c->par);
   PetscCall(CoupleDeadForce(c, k, c->par, dead));
   PetscCall(CoupleSpinStress(c, k, c->par, &spin));
+  (void)CoupleHoldAxes(c, k, M, K);
   PetscCall(RigidCentripetal(c->bodies, k, c->q[k], c->U + k * c->nr + c->loc->dim, extra));
   for (PetscInt i = 0; i < nr; i++) a[i] = c->step->ct * c->U[k * nr + i] - c->step->d0 * c->U_old[k * nr + i] - c->step->d1 * c->U_older[k * nr + i];
   for (PetscInt i = 0; i < nr; i++) {
@@ -168,7 +169,7 @@ static PetscErrorCode residual_force(Couple c, PetscInt k, PetscReal out[])
 
     for (PetscInt j = 0; j < nr; j++) {
       inertia += rho_i * M[i * nr + j] * a[j];
-      if ((c->unknown[k] >> j) & 1) excess += c->step->ct * (rho_s - rho_i) * M[i * nr + j] * c->U[k * nr + j];
+      if ((c->unknown[k] >> j) & 1) excess += (c->step->ct * (rho_s - rho_i) * M[i * nr + j] + K[i * nr + j]) * c->U[k * nr + j];
     }
     /* rows of the solved system: R^T residual = g - D U = g - excess */
     out[i] = inertia + ((c->unknown[k] >> i) & 1 ? excess - c->g[k * nr + i] : c->residual[k * nr + i]);
@@ -361,7 +362,7 @@ static PetscErrorCode sum_fluid(Couple c, PetscReal change[3], PetscReal volume[
     PetscReal weight[3][6];
 
     if (!c->hollow || !c->hollow[k] || c->s->gone[k]) continue; /* else u inside is the body's */
-    all += BodiesGetGroup(c->s, k)->mass.volume;
+    all += BodiesVolume(c->s, k);
     PetscCall(CoupleHollowWeights(c, k, weight));
     for (PetscInt a = 0; a < dim; a++)
       for (PetscInt j = 0; j < c->nr; j++) sum[4 + a] += weight[a][j] * c->U[k * c->nr + j];

@@ -70,6 +70,9 @@ static inline PetscReal CoupleInnerDensity(Couple c, PetscInt k, const FlowParam
   return c->hollow && c->hollow[k] ? 0 : par->density;
 }
 
+/* K [nr][nr], M the inertia per density: what resists motion across the hinge or slide of body k in its rigid rows, so
+   stiff that K U is the force (torque) with which they hold it. Is there any? */
+PetscBool CoupleHoldAxes(Couple, PetscInt k, const PetscReal M[], PetscReal K[]);
 /* Velocities and positions of the bodies at the end of the step, from the forces. Collective. Error: they oscillate
    with growing velocity. */
 PetscErrorCode CoupleAdvanceExplicitly(Couple);

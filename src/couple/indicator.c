@@ -86,7 +86,7 @@ PetscErrorCode IndicatorClaim(Indicator m, PetscInt node, PetscInt body)
 static PetscErrorCode claim_inside(Indicator m, PetscInt k, const PetscReal X[3], const PetscReal q[4])
 {
   const PetscInt  dim    = m->loc->dim;
-  const PetscReal radius = BodiesGetGroup(m->s, k)->radius +
+  const PetscReal radius = BodiesGetRadius(m->s, k) +
                            /* the search knows where nodes were before any move */
                            (m->loc->x != m->loc->x_start ? 2 * m->loc->h : 0);
   PetscReal       x[CHUNK * 3], d[CHUNK];
@@ -109,11 +109,9 @@ static PetscErrorCode claim_inside(Indicator m, PetscInt k, const PetscReal X[3]
 
 PetscErrorCode IndicatorInsideBody(Indicator m, PetscInt k, const PetscReal X[3], const PetscReal q[4])
 {
-  const BodyGroup *g = BodiesGetGroup(m->s, k);
-
   PetscFunctionBeginUser;
-  if (m->s->gone[k] || g->hole) PetscFunctionReturn(PETSC_SUCCESS);
-  for (DomainImages i = {0}; MeshNextImage(m->loc, X, g->radius, &i);) PetscCall(claim_inside(m, k, i.at, q));
+  if (m->s->gone[k] || BodiesGetGroup(m->s, k)->hole) PetscFunctionReturn(PETSC_SUCCESS);
+  for (DomainImages i = {0}; MeshNextImage(m->loc, X, BodiesGetRadius(m->s, k), &i);) PetscCall(claim_inside(m, k, i.at, q));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -154,7 +154,7 @@ static PetscErrorCode cut_image(Parts p, PetscInt k, const PetscReal X[3], const
 {
   const MeshLocal *l   = p->loc;
   const PetscInt   dim = l->dim;
-  const PetscReal  far = BodiesGetGroup(p->s, k)->radius + p->reach;
+  const PetscReal  far = BodiesGetRadius(p->s, k) + p->reach;
   PetscReal        x[CHUNK * 3], d[CHUNK];
   const PetscReal *size;
   const PetscInt  *list;
@@ -196,7 +196,7 @@ PetscErrorCode PartsCut(Parts p, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal
   for (PetscInt k = 0; k < p->s->n; k++) {
     /* the mesh itself ends at bodies that are its holes */
     if ((omit && omit[k]) || BodiesGetGroup(p->s, k)->hole) continue;
-    for (DomainImages i = {0}; MeshNextImage(p->loc, X[k], BodiesGetGroup(p->s, k)->radius, &i);) {
+    for (DomainImages i = {0}; MeshNextImage(p->loc, X[k], BodiesGetRadius(p->s, k), &i);) {
       PetscReal Pi[3];
 
       for (PetscInt a = 0; a < 3; a++) Pi[a] = P[k][a] + (i.at[a] - X[k][a]);

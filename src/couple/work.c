@@ -75,7 +75,7 @@ static PetscBool is_inside(Couple c, PetscInt k)
 static PetscErrorCode add_body(Couple c, PetscInt k, const FlowParameters *par, CouplePower *w)
 {
   const PetscInt   nr = c->nr;
-  const PetscReal *U = c->U + k * nr, density = BodiesGetGroup(c->s, k)->density, inside = CoupleInnerDensity(c, k, par);
+  const PetscReal *U = c->U + k * nr, density = c->s->density[k], inside = CoupleInnerDensity(c, k, par);
   const PetscBool  free = is_inside(c, k);
   PetscReal        M[36], force[3], torque[3], g[6], square = 0;
 

@@ -363,6 +363,27 @@ PetscErrorCode ConditionsGetSolidFaces(Conditions f, PetscInt *faces)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode ConditionsGetSide(Conditions f, PetscInt side, PetscReal v[3], PetscBool *wall)
+{
+  PetscFunctionBeginUser;
+  *wall = PETSC_FALSE;
+  PetscCall(PetscArrayzero(v, 3));
+  for (PetscInt b = 0; b < f->n; b++) {
+    const Condition *bc = f->condition + b;
+    const char      *name;
+    PetscBool        match;
+
+    PetscCall(MeshGetBoundaryName(f->mesh, b, &name));
+    PetscCall(PetscStrcmp(name, DOMAIN_SIDE[side], &match));
+    if (!match || (bc->type != BC_NO_SLIP && bc->type != BC_MOVING_WALL)) continue;
+    *wall = PETSC_TRUE;
+    PetscCheck(!bc->formula && !bc->parabolic, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "-flow_initial knows no flow between walls whose velocity varies, as that of '%s' does: use -flow_initial steady or expression", name);
+    for (PetscInt a = 0; a < f->loc->dim; a++) v[a] = bc->factor[0] * bc->velocity[a];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ConditionsGetKind(Conditions f, PetscInt b, PetscBool *wall, PetscBool *open)
 {
   const ConditionsType type = f->condition[b].type;

@@ -10,7 +10,6 @@ static const char *const FORMS[]          = {"convective", "skew", NULL};
 static PetscErrorCode read_parameters(Flow f)
 {
   FlowParameters *p    = &f->par;
-  const PetscInt  dim  = f->loc->dim;
   PetscInt        form = 0;
 
   PetscFunctionBeginUser;
@@ -20,7 +19,6 @@ static PetscErrorCode read_parameters(Flow f)
   f->scheme     = SCHEME_BDF2;
   PetscCall(FlowReadForces(f));
   PetscCall(OptReal("-flow_viscosity", &p->viscosity));
-  PetscCall(ExprRead("-flow_velocity", dim, dim, p->velocity, &f->initial, NULL));
   PetscCall(OptBool("-flow_convection", &p->convection));
   PetscCall(OptChoice("-flow_convection_form", FORMS, &form));
   p->skew = form == 1 ? 0.5 : 0;
@@ -114,9 +112,7 @@ PetscErrorCode FlowCreate(Mesh mesh, Flow *flow)
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u)); /* each on its own: accepted steps swap them */
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u_old));
   if (f->par.quadratic) PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u_older));
-  for (PetscInt i = 0; i < l->nnode_all * dim; i++) f->u[i] = f->par.velocity[i % dim];
-  if (f->initial) PetscCall(ExprEvaluate(f->initial, 0, l->nnode_all, l->x, f->u));
-  PetscCall(PetscArraycpy(f->u_old, f->u, l->nnode_all * dim));
+  PetscCall(FlowSetInitial(f));
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->w));
   PetscCall(PetscCalloc2(l->ncell * (dim + 1), &f->p, l->ncell * (dim + 1), &f->p_old));
   PetscCall(FlowCreateMatrix(f));
@@ -143,7 +139,7 @@ PetscErrorCode FlowDestroy(Flow *flow)
   PetscCall(PetscFree(f->u_older));
   PetscCall(PetscFree(f->w));
   PetscCall(PetscFree(f->source));
-  PetscCall(ExprDestroy(&f->initial));
+  PetscCall(ExprDestroy(&f->formula));
   PetscCall(ExprDestroy(&f->gravity));
   PetscCall(ExprDestroy(&f->force));
   PetscCall(PetscFree2(f->p, f->p_old));

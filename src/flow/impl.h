@@ -49,13 +49,21 @@ struct _p_Flow {
   VectorField source_field;
   void       *source_ctx;
   PetscReal  *source;
+  FlowInitial initial; /* how the flow starts */
+  Expr        formula; /* velocity at the start; NULL: numbers */
+  PetscBool   mean;    /* velocity of the parameters is that of -flow_rate */
+  char        initial_run[PETSC_MAX_PATH_LEN];
   PetscReal   given[3], drive[3]; /* uniform part of -flow_force, and of FlowSetDrive: their sum is in par */
-  Expr        initial;            /* velocity at the start; NULL: numbers */
   Expr        gravity, force;     /* NULL: numbers, in par; those without a place are put into par in every step */
 };
 
 /* Read density, gravity and body force. Collective. */
 PetscErrorCode FlowReadForces(Flow);
+/* Read how the flow starts, and set u and u_old if it is known. Collective. */
+PetscErrorCode FlowSetInitial(Flow);
+/* Velocity of side `side` of the box (DOMAIN_SIDE) as a wall, v [3], once its ramp has ended; *wall: is it one of type
+   no_slip or moving_wall? Error: a wall whose velocity is an expression. */
+PetscErrorCode ConditionsGetSide(Conditions, PetscInt side, PetscReal v[3], PetscBool *wall);
 /* Gravity, body force and source of the step. Local. */
 PetscErrorCode FlowEvaluateForces(Flow);
 /* Error: a force changes in time, and a steady state is wanted. */

@@ -81,7 +81,7 @@ static PetscErrorCode read_coefficient(Diagnostics b, const BodyGroup *g)
   PetscCall(PetscSNPrintf(length, sizeof(length), "-particle_%s_reference_length", g->name));
   PetscCall(OptHas(speed, &given));
   if (!given) PetscFunctionReturn(PETSC_SUCCESS);
-  c->length = 2 * g->radius;
+  c->length = 2 * g->largest * g->radius;
   PetscCall(OptReal(speed, &c->speed));
   PetscCall(OptReal(length, &c->length));
   PetscCheck(g->count == 1, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,

@@ -42,10 +42,6 @@ struct _p_Output {
   Snapshot *snap;
 };
 
-/* Position in the cell's lattice (ix + 3 iy + 9 iz) of VTK's k-th node: corners, edges, (3D: faces,) centre */
-static const PetscInt VTK_QUAD[9] = {0, 2, 8, 6, 1, 5, 7, 3, 4};
-static const PetscInt VTK_HEX[27] = {0, 2, 8, 6, 18, 20, 26, 24, 1, 5, 7, 3, 19, 23, 25, 21, 9, 11, 17, 15, 12, 14, 10, 16, 4, 22, 13};
-
 /* ---- files and directories ---- */
 
 static PetscErrorCode join_path(const Output o, const char name[], char path[], size_t len)
@@ -143,7 +139,7 @@ static PetscErrorCode write_points(Output o, Hdf5 file)
 static PetscErrorCode write_cells(Output o, Hdf5 file)
 {
   const MeshLocal *m     = o->loc;
-  const PetscInt  *order = m->dim == 2 ? VTK_QUAD : VTK_HEX;
+  const PetscInt  *order = PointsVtkOrder(m->dim);
   PetscInt        *cell, number[MESH_MAX_NB];
 
   PetscFunctionBeginUser;

@@ -39,7 +39,7 @@ static void track_bodies(Monitor m)
     const BodyGroup *g = BodiesGetGroup(b, k);
     const PetscReal *u = b->u[k];
 
-    m->overlap_max = PetscMax(m->overlap_max, -b->gap[k] / (2 * g->radius));
+    m->overlap_max = PetscMax(m->overlap_max, -b->gap[k] / (2 * BodiesGetRadius(b, k)));
     if (!(g->free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z))) continue;
     m->fall_speed_max = PetscMax(m->fall_speed_max, -u[b->dim - 1]);
     m->speed_max      = PetscMax(m->speed_max, PetscSqrtReal(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]));

@@ -53,7 +53,7 @@ static PetscErrorCode list_images(Outlines b, Scene *d)
   PetscCall(PetscMalloc2(s->n * 8, &d->body, s->n * 8, &d->shift));
   d->n = s->n;
   for (PetscInt k = 0; k < s->n; k++) {
-    const PetscReal r = BodiesGetGroup(s, k)->radius;
+    const PetscReal r = BodiesGetRadius(s, k);
 
     d->body[k] = k;
     for (PetscInt a = 0; a < 3; a++) d->shift[k][a] = 0;
@@ -149,7 +149,7 @@ static PetscErrorCode write_points(Outlines b, Hdf5 file, const Scene *d, const 
     for (PetscInt j = 0; j < p->n; j++, y += 3) {
       for (PetscInt a = 0; a < 3; a++) {
         y[a] = s->x[k][a] + d->shift[i][a];
-        for (PetscInt e = 0; e < dim && a < dim && !s->gone[k]; e++) y[a] += R[3 * a + e] * p->x[j * dim + e];
+        for (PetscInt e = 0; e < dim && a < dim && !s->gone[k]; e++) y[a] += s->scale[k] * R[3 * a + e] * p->x[j * dim + e];
       }
     }
   }
@@ -216,7 +216,7 @@ static PetscErrorCode write_file(Outlines b, const char path[], Snapshot *snap)
   snap->ncell  = d.ncell;
   snap->nline  = s->dim == 2 ? b->picture[0].n + 1 : 0;
   PetscCall(PetscMalloc1(s->n, &radius));
-  for (PetscInt k = 0; k < s->n; k++) radius[k] = s->gone[k] ? 0 : BodiesGetGroup(s, k)->radius;
+  for (PetscInt k = 0; k < s->n; k++) radius[k] = s->gone[k] ? 0 : BodiesGetRadius(s, k);
   list_fields(s, radius, f);
   PetscCall(Hdf5Create(PETSC_COMM_WORLD, path, &file));
   PetscCall(Hdf5WriteReals(file, "time", b->rank ? 0 : 1, 1, &snap->time));

@@ -2,6 +2,15 @@
 #include "compat.h"
 #include "points.h"
 
+/* Position in the cell's lattice (ix + 3 iy + 9 iz) of VTK's k-th node: corners, edges, (3D: faces,) centre */
+static const PetscInt VTK_QUAD[9] = {0, 2, 8, 6, 1, 5, 7, 3, 4};
+static const PetscInt VTK_HEX[27] = {0, 2, 8, 6, 18, 20, 26, 24, 1, 5, 7, 3, 19, 23, 25, 21, 9, 11, 17, 15, 12, 14, 10, 16, 4, 22, 13};
+
+const PetscInt *PointsVtkOrder(PetscInt dim)
+{
+  return dim == 2 ? VTK_QUAD : VTK_HEX;
+}
+
 #define HERE 13 /* the code of no shift */
 
 static PetscInt power3(PetscInt a)

@@ -14,6 +14,9 @@ typedef struct {
   PetscInt *number[POINTS_MAX_CODES]; /* [nnode_all] point of a node at this shift; NULL: there are none */
 } Points;
 
+/* Place in a cell's lattice (ix + 3 iy + 9 iz) of VTK's k-th node, [3^dim]. */
+const PetscInt *PointsVtkOrder(PetscInt dim);
+
 /* Collective. */
 PetscErrorCode PointsCreate(Mesh, Points *);
 PetscErrorCode PointsDestroy(Points *);

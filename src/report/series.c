@@ -15,7 +15,7 @@ const MonitorColumn MONITOR_SERIES[] = {
   {"dt_s", "time", 12, "length of the step, 0 in steady scenes"},
   {"cfl", "", 6, "largest CFL number of a cell"},
   {"outer_iterations", "", 12, "of the linear solves of the step"},
-  {"divergence", "1/time", 6, "root mean square over the domain"},
+  {"divergence", "length^(dim/2)/time", 6, "L2 norm over the domain of its means over cells"},
   {"kinetic_energy", "energy", 12, "of the fluid"},
   {"momentum_error", "", 6, "what the balance of momentum lacks, relative to the sizes of its forces"},
   {"seconds", "s", 6, "wall clock of the step"},
@@ -52,6 +52,8 @@ const MonitorColumn MONITOR_BODIES[] = {
   {"torque_z", "force length", 12, ""},
   {"gap", "length", 12, "to the next body or wall, inf if nothing is near"},
   {"radius", "length", 12, "of a disc or sphere, else 0"},
+  {"size", "", 12, "of the body, in that of its group's shape"},
+  {"density", "density", 12, "of the body"},
   {"q0", "", 12, "in 3D: orientation, a unit quaternion that turns the body's axes into those of space, scalar first"},
   {"q1", "", 12, ""},
   {"q2", "", 12, ""},
@@ -224,9 +226,10 @@ static void print_body(FILE *f, const MonitorStep *s, const BodyState *b, PetscI
 {
   const BodyGroup *g = BodiesGetGroup(b, k);
   const PetscReal *x = b->x[k], *u = b->u[k], *w = b->w[k], *F = b->force[k], *T = b->torque[k], *q = b->q[k];
-  const PetscReal  gap            = b->gap[k] < PETSC_MAX_REAL ? b->gap[k] : (PetscReal)INFINITY;
-  const PetscReal  value[NBODIES] = {s->step, s->time, k,    0,    x[0], x[1], x[2], body_angle(b, k), u[0], u[1], u[2], w[0], w[1], w[2],
-                                     F[0],    F[1],    F[2], T[0], T[1], T[2], gap,  g->disc,          q[0], q[1], q[2], q[3]};
+  const PetscReal  gap = b->gap[k] < PETSC_MAX_REAL ? b->gap[k] : (PetscReal)INFINITY;
+  const PetscReal  value[NBODIES] =
+    {s->step, s->time, k,    0,    x[0], x[1], x[2], body_angle(b, k),    u[0],        u[1],          u[2], w[0], w[1], w[2],
+     F[0],    F[1],    F[2], T[0], T[1], T[2], gap,  BodiesGetDisc(b, k), b->scale[k], b->density[k], q[0], q[1], q[2], q[3]};
 
   for (size_t i = 0; i < n; i++) {
     if (i == GROUP) fprintf(f, ",%s", g->name);

@@ -3,13 +3,15 @@
 #include "adapt.h"
 #include "base/opt.h"
 
-#define SAFETY 0.9
-#define REJECT 2.0 /* error of a rejected step in tolerances */
-#define SHRINK 0.2 /* of a rejected step, at most */
-#define FAILED 0.25
-#define RESUME 2.0 /* largest ratio of a step to the one before where that was shortened by a limit */
-#define REST   3   /* steps after which a disturbed node or body counts again */
-#define JUMP   0.5 /* an error that a shorter step leaves larger than this part is no error in time */
+#define SAFETY  0.9
+#define REJECT  2.0 /* error of a rejected step in tolerances */
+#define SHRINK  0.2 /* of a rejected step, at most */
+#define FAILED  0.25
+#define SHORTER 0.8 /* a first step that is too long, until it is not */
+#define FAR     2.0 /* way of a body in a rejected step, over the one allowed: its speed was not to be foreseen */
+#define RESUME  2.0 /* largest ratio of a step to the one before where that was shortened by a limit */
+#define REST    3   /* steps after which a disturbed node or body counts again */
+#define JUMP    0.5 /* an error that a shorter step leaves larger than this part is no error in time */
 
 struct _p_Adapt {
   Flow             flow;
@@ -115,7 +117,8 @@ static PetscErrorCode measure_bodies(Adapt a, PetscReal dt, const PetscReal weig
       const PetscReal now = d < 3 ? s->u[k][d] : s->w[k][d - 3], old = d < 3 ? s->u_old[k][d] : s->w_old[k][d - 3];
 
       if (BodiesIsFree(a->bodies, k, d < 3 ? d : 3))
-        sum += PetscSqr(dt * (d < 3 ? 1 / g->radius : 1) * (U[k * nr + i] - weight[0] * now - weight[1] * old - weight[2] * a->U_older[k][d]));
+        sum += PetscSqr(dt * (d < 3 ? 1 / BodiesGetRadius(s, k) : 1) *
+                        (U[k * nr + i] - weight[0] * now - weight[1] * old - weight[2] * a->U_older[k][d]));
     }
     n++;
   }
@@ -140,8 +143,8 @@ static PetscErrorCode estimate_error(Adapt a, const FlowStep *step, PetscBool *k
 
 /* ---- limits ---- */
 
-/* Time in which the fastest point of a free body goes `move` cells, under its velocity extrapolated to the middle of
-   the step */
+/* Time in which the fastest point of a body goes `move` cells, under its velocity extrapolated to the middle of the
+   step */
 static PetscReal limit_motion(Adapt a)
 {
   const BodyState *s     = a->s;
@@ -153,6 +156,47 @@ static PetscReal limit_motion(Adapt a)
     if (!s->gone[k] && u > 0) least = PetscMin(least, a->move * a->l->h / u);
   }
   return least;
+}
+
+/* The same for the first step, in which bodies gather speed under gravity: *dt is made shorter. */
+static PetscErrorCode limit_start(Adapt a, PetscReal *dt)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < a->s->n; k++) {
+    while (*dt > a->min) {
+      PetscReal start[3], way = 0;
+
+      PetscCall(ContactGetStart(a->contact, k, *dt, start));
+      for (PetscInt d = 0; d < 3; d++)
+        if (BodiesIsFree(a->bodies, k, d)) way += PetscSqr(start[d] * *dt * *dt);
+      if (PetscSqrtReal(way) <= a->move * a->l->h) break;
+      *dt = PetscMax(a->min, SHORTER * *dt);
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Largest way in the step that was solved, of the fastest point of a body, over the one that is allowed */
+static PetscErrorCode measure_way(Adapt a, PetscReal dt, PetscReal *share)
+{
+  const PetscInt dim = a->l->dim, nr = dim == 2 ? 3 : 6;
+  PetscReal     *U;
+
+  PetscFunctionBeginUser;
+  *share = 0;
+  PetscCall(CoupleGetSystem(a->couple, NULL, NULL, &U, NULL, NULL));
+  for (PetscInt k = 0; k < a->s->n; k++) {
+    const BodyGroup *g     = BodiesGetGroup(a->s, k);
+    PetscReal        speed = 0, spin = 0;
+
+    for (PetscInt i = 0; i < nr; i++) {
+      if (i < dim) speed += PetscSqr(U[k * nr + i]);
+      else spin += PetscSqr(U[k * nr + i]);
+    }
+    speed = PetscSqrtReal(speed) + (g->disc > 0 ? 0 : BodiesGetRadius(a->s, k) * PetscSqrtReal(spin));
+    if (!a->s->gone[k]) *share = PetscMax(*share, speed * dt / (a->move * a->l->h));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Time in which a body closes `gap` of its gap at the rate of the last step; where it met no gap before, at twice its
@@ -184,6 +228,7 @@ PetscErrorCode AdaptGetStep(Adapt a, PetscReal time, PetscReal until, PetscReal 
   PetscFunctionBeginUser;
   *dt = PetscMax(a->min, PetscMin(PetscMin(a->dt, a->max), PetscMin(a->limit, limit_motion(a))));
   if (a->last > 0) *dt = PetscMin(*dt, RESUME * a->last);
+  else PetscCall(limit_start(a, dt));
   *hits = (PetscBool)(left <= *dt * (1 + 1e-6));
   if (*hits) *dt = left;
   else if (left < 2 * *dt) *dt = 0.5 * left;
@@ -205,14 +250,19 @@ PetscErrorCode AdaptJudge(Adapt a, KSPConvergedReason reason, PetscBool *accept)
 {
   const FlowStep *step;
   PetscBool       known = PETSC_FALSE;
+  PetscReal       way   = 0;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetStep(a->flow, &step));
   a->error = 0;
+  if (reason >= 0) PetscCall(measure_way(a, step->dt, &way));
   if (reason >= 0) PetscCall(estimate_error(a, step, &known));
   if (reason < 0 || PetscIsInfOrNanReal(a->error)) {
     *accept = (PetscBool)(step->dt <= a->min * (1 + 1e-6));
     a->dt   = PetscMax(a->min, FAILED * step->dt);
+  } else if (way > FAR && step->dt > a->min * (1 + 1e-6)) {
+    *accept = PETSC_FALSE;
+    a->dt   = PetscMax(a->min, step->dt / way);
   } else if (a->first_error > 0 && a->error > JUMP * a->first_error) {
     *accept   = PETSC_TRUE;
     a->dt     = a->first_dt;

@@ -13,7 +13,8 @@
    that what depends on it alone (matrices of a Stokes flow, factorisations) is kept. A step with e > 2 T is taken
    again, shorter, as is one whose solve failed. Where e does not fall with the step, it is a jump (a node enters a
    body, a wall starts), which no step resolves: the step is accepted, and the next two are not judged. Limits before
-   the step: CFL number; the way of a body in cells; its approach to the next body or wall in gaps (gaps within the
+   the step: CFL number; the way of a body in cells (by its last velocities, at the start by its weight; a step in which
+   one went twice as far is taken again); its approach to the next body or wall in gaps (gaps within the
    range of the contact count as the range). Steps end exactly at given times: the last two before them share what is
    left. After a step that was shortened for such reasons the next is at most twice as long.
 

@@ -184,15 +184,18 @@ static const struct {
   PetscReal   cells;
 } PROMISE[] = {{"5", 1.5}, {"1", 4}, {"0.2", 2}};
 
-/* Thickness in cells about the centre of the first body of a group; 0: the centre is not inside */
+/* Thickness in cells about the centre of the smallest body of a group; 0: the centre is not inside */
 static PetscErrorCode measure_thickness(const MeshLocal *l, Bodies bodies, PetscInt group, PetscReal *cells)
 {
   BodyState *s;
-  PetscReal  d = 0;
+  PetscReal  d        = 0;
+  PetscInt   smallest = -1;
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(bodies, &s));
-  if (s->group[group].count) PetscCall(BodiesDistance(bodies, s->group[group].first, NULL, NULL, 1, s->x[s->group[group].first], &d));
+  for (PetscInt k = s->group[group].first; k < s->group[group].first + s->group[group].count; k++)
+    if (smallest < 0 || s->scale[k] < s->scale[smallest]) smallest = k;
+  if (smallest >= 0) PetscCall(BodiesDistance(bodies, smallest, NULL, NULL, 1, s->x[smallest], &d));
   *cells = d < 0 ? -2 * d / l->h : 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -24,7 +24,8 @@ static const struct {
   [BACKFLOW]   = {"the error of the back-flow of -couple_backflow", "-sim_judge_backflow"},
 };
 
-#define REST 1e-3 /* of the largest energy so far: growth below is that of a flow that comes to rest */
+#define REST  1e-3 /* of the largest energy so far: growth below is that of a flow that comes to rest */
+#define NOISE 1e-9 /* of the momentum: forces below are round-off */
 
 struct _p_Judge {
   Flow               flow;
@@ -32,11 +33,11 @@ struct _p_Judge {
   BodyState         *s;
   Couple             couple;
   PetscReal          bound[NMEASURES], value[NMEASURES]; /* bound 0: not judged */
-  PetscReal          h, way_max;
-  PetscReal          speed_max, force_max, energy_max; /* L2 norm of the velocity; sum of forces; so far */
-  PetscReal          energy;                           /* of the step before */
+  PetscReal          h, way_max, domain;                 /* domain: volume of its box */
+  PetscReal          speed_max, force_max, energy_max;   /* L2 norm of the velocity; sum of forces; so far */
+  PetscReal          energy;                             /* of the step before */
   PetscBool          started, volume, fast, remarked[2];
-  PetscInt           steps, doubts;
+  PetscInt           steps, doubts, judged;
   const CoupleDrive *drive; /* NULL: no back-flow to judge */
 };
 
@@ -55,9 +56,11 @@ PetscErrorCode JudgeCreate(Flow flow, Bodies bodies, Couple couple, Judge *judge
   PetscCall(BodiesGetState(bodies, &j->s));
   PetscCall(FlowGetMesh(flow, &mesh));
   PetscCall(MeshGetLocal(mesh, &l));
-  j->h                 = l->h;
+  j->h      = l->h;
+  j->domain = 1;
+  for (PetscInt d = 0; d < l->dim; d++) j->domain *= l->upper[d] - l->lower[d];
   j->steps             = 5;
-  j->way_max           = 2;
+  j->way_max           = 1;
   j->bound[DIVERGENCE] = 0.1;
   j->bound[MOMENTUM]   = 0.05;
   j->bound[GROWTH]     = 0.2;
@@ -121,6 +124,12 @@ static PetscErrorCode count_inner(Judge j, PetscReal time)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Are all forces so far the round-off of the momentum of a flow that nothing drives? */
+static PetscBool only_noise(Judge j, const FlowParameters *par, PetscReal dt)
+{
+  return (PetscBool)(j->force_max * dt < NOISE * par->density * j->speed_max * PetscSqrtReal(j->domain));
+}
+
 PetscErrorCode JudgeStep(Judge j, const FlowDiagnostics *d, const CoupleBalance *b, PetscReal time, PetscReal dt)
 {
   const FlowParameters *par;
@@ -131,13 +140,14 @@ PetscErrorCode JudgeStep(Judge j, const FlowDiagnostics *d, const CoupleBalance 
   j->speed_max         = PetscMax(j->speed_max, PetscSqrtReal(2 * d->kinetic_energy / par->density));
   j->force_max         = PetscMax(j->force_max, b->size);
   j->value[DIVERGENCE] = j->speed_max > 0 ? j->h * d->divergence / j->speed_max : 0;
-  j->value[MOMENTUM]   = j->force_max > 0 && !j->volume ? b->error * b->size / j->force_max : 0;
+  j->value[MOMENTUM]   = j->force_max > 0 && !j->volume && !only_noise(j, par, dt) ? b->error * b->size / j->force_max : 0;
   j->value[BACKFLOW]   = j->drive ? j->drive->error : 0;
   PetscCall(measure_growth(j, d, dt));
   PetscCall(count_inner(j, time));
   for (PetscInt i = 0; i < NMEASURES; i++)
     if ((j->bound[i] > 0 || i == INNER) && j->value[i] > j->bound[i]) doubt = PETSC_TRUE;
   j->doubts = doubt ? j->doubts + 1 : 0;
+  j->judged++;
   PetscCall(PetscInfo(NULL, "judge: t %g divergence %g momentum %g growth %g inner %g\n", (double)time, (double)j->value[DIVERGENCE],
                       (double)j->value[MOMENTUM], (double)j->value[GROWTH], (double)j->value[INNER]));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -151,20 +161,21 @@ static PetscErrorCode refuse_way(Judge j, PetscInt k, PetscReal way, PetscReal t
           "Body %" PetscInt_FMT
           " (group '%s') goes %.3g of its radii in the step to t = %g, more than -sim_move_max (%g), and would pass through what is in its way: lower %s (the step "
           "was %g), such as to %.2g",
-          k, BodiesGetGroup(j->s, k)->name, (double)way, (double)time, (double)j->way_max, adapted ? "-sim_adapt_max" : "-sim_dt", (double)dt,
+          k, BodiesGetGroup(j->s, k)->name, (double)way, (double)time, (double)j->way_max, adapted ? "-sim_adapt_min" : "-sim_dt", (double)dt,
           (double)(0.5 * dt * j->way_max / way));
 }
 
-PetscErrorCode JudgePlan(Judge j, PetscReal (*a)[3], PetscReal time, PetscReal dt, PetscBool adapted)
+PetscErrorCode JudgePlan(Judge j, PetscReal (*a)[3], PetscBool start, PetscReal time, PetscReal dt, PetscBool adapted)
 {
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < j->s->n && j->way_max > 0; k++) {
-    const BodyGroup *g   = BodiesGetGroup(j->s, k);
-    PetscReal        way = 0;
+    PetscReal way = 0, held = start ? 1 : 0;
 
-    if (j->s->gone[k]) continue;
-    for (PetscInt d = 0; d < j->s->dim; d++)
-      if (BodiesIsFree(j->bodies, k, d)) way += PetscSqr(a[k][d] * dt * dt / g->radius);
+    for (PetscInt d = 0; d < j->s->dim; d++) {
+      if (BodiesIsFree(j->bodies, k, d)) way += PetscSqr(a[k][d] * dt * dt / BodiesGetRadius(j->s, k));
+      held += PetscAbsReal(j->s->contact_force[k][d]);
+    }
+    if (j->s->gone[k] || held == 0) continue;
     way = PetscSqrtReal(way);
     if (way > j->way_max) PetscCall(refuse_way(j, k, way, time, dt, adapted));
   }
@@ -175,7 +186,7 @@ PetscErrorCode JudgeWay(Judge j, PetscReal time, PetscReal dt, PetscBool adapted
 {
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < j->s->n && j->way_max > 0; k++) {
-    const PetscReal way = BodiesFastestPoint(j->s, k, 0) * dt / BodiesGetGroup(j->s, k)->radius;
+    const PetscReal way = BodiesFastestPoint(j->s, k, 0) * dt / BodiesGetRadius(j->s, k);
 
     if (way > j->way_max && !j->s->gone[k]) PetscCall(refuse_way(j, k, way, time, dt, adapted));
   }
@@ -187,13 +198,12 @@ PetscBool JudgeDoubts(Judge j)
   return (PetscBool)(j->doubts > 0);
 }
 
-PetscErrorCode JudgeVerdict(Judge j, char why[], size_t size)
+/* What exceeds its bound most, as the middle of a sentence */
+static PetscErrorCode describe_worst(Judge j, char why[], size_t size)
 {
   PetscInt worst = -1;
 
   PetscFunctionBeginUser;
-  why[0] = 0;
-  if (!j->steps || j->doubts < j->steps) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt i = 0; i < NMEASURES; i++) {
     if ((j->bound[i] <= 0 && i != INNER) || j->value[i] <= j->bound[i]) continue;
     if (worst < 0 || j->value[i] * j->bound[worst] > j->value[worst] * j->bound[i]) worst = i;
@@ -205,5 +215,22 @@ PetscErrorCode JudgeVerdict(Judge j, char why[], size_t size)
     PetscCall(PetscSNPrintf(why + n, size - n, ", beyond %s (%g)", MEASURES[worst].option, (double)j->bound[worst]));
   }
   PetscCall(PetscSNPrintf(why + strlen(why), size - strlen(why), ", after %" PetscInt_FMT " steps out of bounds in a row", j->doubts));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode JudgeVerdict(Judge j, PetscBool last, char why[], size_t size)
+{
+  const PetscBool whole = (PetscBool)(last && j->doubts > 1 && j->doubts == j->judged);
+
+  PetscFunctionBeginUser;
+  why[0] = 0;
+  if (!j->steps || !j->doubts) PetscFunctionReturn(PETSC_SUCCESS);
+  if (j->doubts >= j->steps || whole) PetscCall(describe_worst(j, why, size));
+  else if (last) {
+    char text[256];
+
+    PetscCall(describe_worst(j, text, sizeof(text)));
+    PetscCall(LogRemark("the run ends in doubt: %s; lower -sim_dt, or refine the mesh", text));
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -21,10 +21,11 @@
    scenes of runs/: balanced 2e-5, 3e-3, 0 (0.06 where a grate is two cells thick, rung nodal). A single sweep around
    the disc of the demo at dt .01, which no recipe takes any more, blew up with 0.03 to 0.3, 0.1 to 0.9, 0.2 to 5.
 
-   A step that exceeds a bound is in doubt; -sim_judge_steps of them in a row (5; 0: never) stop the run. A step in
-   doubt is no checkpoint. Not for steady scenes, whose solver has a residual of its own.
+   A step that exceeds a bound is in doubt; -sim_judge_steps of them in a row (5; 0: never) stop the run, as does a
+   whole run of fewer; with steps in doubt at its end it gets a remark. A step in doubt is no checkpoint. Not for
+   steady scenes, whose solver has a residual of its own.
 
-   way         a body that goes more than -sim_move_max (2) of its bounding radii in a step, with its fastest point, is
+   way         a body that goes more than -sim_move_max (1) of its bounding radii in a step, with its fastest point, is
                refused at once: it has left the place where it was altogether, would pass through walls and bodies, and
                the flow would not see the way between.
 
@@ -40,12 +41,15 @@ PetscErrorCode JudgeDestroy(Judge *);
 /* After CoupleMomentum, before CoupleAdvance: measure the step to `time` of length dt. Collective. */
 PetscErrorCode JudgeStep(Judge, const FlowDiagnostics *, const CoupleBalance *, PetscReal time, PetscReal dt);
 /* Before contact, which would hold such a body where it is: a [n][3] is the acceleration of the bodies without contact.
-   Error: what it adds to a body's way in the step is too far. As JudgeWay. */
-PetscErrorCode JudgePlan(Judge, PetscReal (*a)[3], PetscReal time, PetscReal dt, PetscBool adapted);
+   Error: what it adds to a body's way in the step is too far; of bodies that contact held in the last step or, at the
+   start, of all. (That of a body elsewhere may be a jump which does not go on.) As JudgeWay. */
+PetscErrorCode JudgePlan(Judge, PetscReal (*a)[3], PetscBool start, PetscReal time, PetscReal dt, PetscBool adapted);
 /* After CoupleAdvance. Error: a body goes too far. adapted: by which option it can be shortened. Not collective, same
    result on all ranks. */
 PetscErrorCode JudgeWay(Judge, PetscReal time, PetscReal dt, PetscBool adapted);
-/* Is the last step in doubt? Is it time to stop, and why: what exceeds which bound in how many steps, "" if not. Not
-   collective. */
-PetscBool      JudgeDoubts(Judge);
-PetscErrorCode JudgeVerdict(Judge, char why[], size_t size);
+/* Is the last step in doubt? Not collective. */
+PetscBool JudgeDoubts(Judge);
+/* Is it time to stop, and why: what exceeds which bound in how many steps, "" if not. last: the run ends here, so that
+   a run of which every step is in doubt (two at least) counts as well, and a remark is made where the last steps are.
+   Not collective, same result on all ranks. */
+PetscErrorCode JudgeVerdict(Judge, PetscBool last, char why[], size_t size);

@@ -3,7 +3,7 @@
 
 #define ADAPT  "-sim_adapt true"
 #define FLOW   "-flow_active true and without -sim_steady"
-#define STEADY "-sim_steady true"
+#define STEADY "-sim_steady true or -flow_initial steady"
 
 static const OptSpec SPECS[] = {
   {"-preset", OPT_CHOICE, "", OPT_ANY, "balanced",
@@ -21,7 +21,7 @@ static const OptSpec SPECS[] = {
    .when = STEADY " and -flow_linearization newton", .expert = PETSC_TRUE},
   {"-flow_pseudo_steps", OPT_INT, "", OPT_FROM(0), "200", .help = "largest number of pseudo-time steps when the iteration fails (0: none)",
    .when = STEADY, .expert = PETSC_TRUE},
-  {"-sim_move_max", OPT_REAL, "radii", OPT_FROM(0), "2", .help = "largest way of a body in a step, 0: any; beyond it the run stops", .when = FLOW,
+  {"-sim_move_max", OPT_REAL, "radii", OPT_FROM(0), "1", .help = "largest way of a body in a step, 0: any; beyond it the run stops", .when = FLOW,
    .expert = PETSC_TRUE},
   {"-sim_judge_divergence", OPT_REAL, "", OPT_FROM(0), "0.1", .help = "largest divergence in velocities a cell, 0: any", .when = FLOW,
    .expert = PETSC_TRUE},

@@ -25,7 +25,7 @@ static PetscErrorCode measure_distance(void *context, const PetscReal x[3], Pets
       y[a] = DomainNearest(s->period[a], x[a], s->s->x[k][a]);
       r += PetscSqr(y[a] - s->s->x[k][a]);
     }
-    r = PetscSqrtReal(r) - BodiesGetGroup(s->s, k)->radius;
+    r = PetscSqrtReal(r) - BodiesGetRadius(s->s, k);
     if (r > reach || r > *d) continue;
     PetscCall(BodiesDistance(s->bodies, k, NULL, NULL, 1, y, &at));
     *d = PetscMin(*d, s->inside ? PetscMax(at, 0) : PetscAbsReal(at));

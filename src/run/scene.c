@@ -7,6 +7,7 @@
 #include "defaults.h"
 #include "refine.h"
 #include "sim.h"
+#include "start.h"
 
 /* What contact needs to know of a scene without a flow: all faces that are not periodic are walls, and the range goes
    by the size of the bodies. */
@@ -21,7 +22,10 @@ static PetscErrorCode create_contact_alone(SimParts *part, const MeshLocal *l)
   PetscCall(BodiesGetState(part->bodies, &s));
   PetscCheck(s->n, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "A scene without flow and without bodies has nothing to do: give -particle_groups, or remove -flow_active");
-  for (PetscInt g = 0; g < s->ngroups; g++) h = PetscMin(h, 0.2 * s->group[g].radius);
+  for (PetscInt k = 0; k < s->n; k++) h = PetscMin(h, 0.2 * BodiesGetRadius(s, k));
+  for (PetscInt g = 0; g < s->ngroups; g++)
+    PetscCheck(!s->group[g].with_fluid, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "-particle_%s_start fluid needs a flow: remove it, or -flow_active false", s->group[g].name);
   for (PetscInt f = 0; f < 2 * l->dim; f++) walls |= (l->period[f / 2] == 0) << f;
   PetscCall(ContactCreate(part->bodies, h, density, gravity, l->lower, l->upper, walls, &part->contact));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -51,6 +55,16 @@ static PetscErrorCode report_deformation(Monitor monitor, const DeformResult *r)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode report_packing(Monitor monitor, const ContactPacking *p)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscPrintf(PETSC_COMM_WORLD, "%" PetscInt_FMT " bodies packed to a fraction of %.4f in %" PetscInt_FMT " sweeps, %.1f s\n", p->bodies,
+                        (double)p->fraction, p->sweeps, (double)p->seconds));
+  PetscCall(MonitorQuantity(monitor, "pack_fraction", p->fraction));
+  PetscCall(MonitorQuantity(monitor, "pack_sweeps", p->sweeps));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Where bodies fall along a periodic axis: what holds their weight less their buoyancy */
 static PetscErrorCode remark_backflow(const MeshLocal *l, const FlowParameters *par, Bodies bodies, Couple couple)
 {
@@ -64,7 +78,7 @@ static PetscErrorCode remark_backflow(const MeshLocal *l, const FlowParameters *
   for (PetscInt d = 0; d < l->dim; d++) {
     open |= (l->period[d] > 0) << d;
     for (PetscInt k = 0; k < s->n && l->period[d] > 0 && par->gravity[d] != 0; k++)
-      if (BodiesGetGroup(s, k)->density != par->density && BodiesIsFree(bodies, k, d)) heavy |= 1 << d;
+      if (s->density[k] != par->density && BodiesIsFree(bodies, k, d)) heavy |= 1 << d;
   }
   if (drive && drive->backflow)
     PetscCall(LogRemark("back-flow: zero %s along gravity in the periodic box (-couple_backflow), judged every step (column backflow_error)",
@@ -96,13 +110,16 @@ static PetscErrorCode build(SimParts *part)
   const MeshLocal      *l;
   const FlowParameters *par;
   PetscInt              walls;
-  PetscBool             active = PETSC_TRUE, steady = PETSC_FALSE, deformed = PETSC_FALSE;
+  PetscBool             active = PETSC_TRUE, steady = PETSC_FALSE, deformed = PETSC_FALSE, restarted;
+  FlowInitial           initial;
   DeformResult          deformation;
+  ContactPacking        packing;
 
   PetscFunctionBeginUser;
   PetscCall(OptBool("-flow_active", &active));
   if (active) PetscCall(OptBool("-sim_steady", &steady));
   PetscCall(create_mesh_and_bodies(part, &l));
+  PetscCall(ContactPack(part->bodies, l->lower, l->upper, l->period, &packing));
   if (active) PetscCall(DefaultsApply(l, part->bodies, steady));
   if (active) {
     PetscCall(DeformCreate(part->mesh, part->bodies, &part->deform));
@@ -111,12 +128,18 @@ static PetscErrorCode build(SimParts *part)
     if (deformed) PetscCall(drop_deform(part, steady));
     PetscCall(FlowCreate(part->mesh, &part->flow));
     PetscCall(FlowGetParameters(part->flow, &par));
+    PetscCall(OptHas("-sim_restart", &restarted));
+    PetscCall(FlowGetInitial(part->flow, &initial, NULL));
+    PetscCheck(!steady || initial != FLOW_START_STEADY, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "-flow_initial steady starts time steps, and -sim_steady takes none: remove one of them");
+    if (!restarted) PetscCall(StartRead(part->mesh, part->flow, part->bodies));
   }
   if (active) {
     PetscCall(CoupleCreate(part->flow, part->bodies, &part->couple));
     PetscCall(remark_backflow(l, par, part->bodies, part->couple));
     if (part->deform) PetscCall(CoupleSetDeform(part->couple, part->deform));
-    if (steady) PetscCall(SteadyCreate(part->flow, part->couple, &part->steady));
+    if (steady) PetscCall(SteadyCreate(part->flow, part->couple, "1e-10", &part->steady));
+    if (initial == FLOW_START_STEADY) PetscCall(SteadyCreate(part->flow, part->couple, "1e-7", &part->steady_start));
     PetscCall(ConditionsGetSolidFaces(FlowConditions(part->flow), &walls));
     PetscCall(ContactCreate(part->bodies, l->h, par->density, par->gravity, l->lower, l->upper, walls, &part->contact));
     PetscCall(ContactSetViscosity(part->contact, par->viscosity));
@@ -128,6 +151,7 @@ static PetscErrorCode build(SimParts *part)
   PetscCall(OutlinesCreate(part->bodies, l->lower, l->upper, l->period, &part->bodyfile));
   PetscCall(MonitorCreate(part->bodies, &part->monitor));
   if (deformed) PetscCall(report_deformation(part->monitor, &deformation));
+  if (packing.bodies) PetscCall(report_packing(part->monitor, &packing));
   PetscCall(CheckpointCreate(part->mesh, part->output, &part->checkpoint));
   if (active) PetscCall(DiagnosticsCreate(part->flow, part->bodies, part->couple, part->monitor, &part->probe));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -142,6 +166,7 @@ static PetscErrorCode destroy(SimParts *part)
   PetscCall(OutlinesDestroy(&part->bodyfile));
   PetscCall(OutputDestroy(&part->output));
   PetscCall(SteadyDestroy(&part->steady));
+  PetscCall(SteadyDestroy(&part->steady_start));
   PetscCall(LeaveDestroy(&part->border));
   PetscCall(ContactDestroy(&part->contact));
   PetscCall(CoupleDestroy(&part->couple));
@@ -212,6 +237,7 @@ PetscErrorCode SceneRun(const char name[])
   PetscCall(build(&part));
   PetscCall(SimCreate(&part, &sim));
   PetscCall(CheckpointLoad(part.checkpoint, &restarted));
+  if (part.flow && !part.steady && !restarted && !dry) PetscCall(StartSolve(&part));
   PetscCall(SimSetUp(sim));
   PetscCall(OptCheckUnused()); /* every module has read its options, and nothing is written yet */
   if (dry) {

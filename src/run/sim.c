@@ -130,22 +130,19 @@ PetscErrorCode SimView(Sim s, PetscViewer viewer)
 }
 
 /* The bodies' acceleration without contact over the last step, with the inertia that the contact module counts with;
-   at the start that of a free body with added mass */
-static PetscErrorCode estimate_acceleration(Sim s)
+   at the start that of a free body over the step dt to come */
+static PetscErrorCode estimate_acceleration(Sim s, PetscReal dt)
 {
-  const FlowParameters *par;
-
   PetscFunctionBeginUser;
-  PetscCall(FlowGetParameters(s->part.flow, &par));
   for (PetscInt k = 0; k < s->s->n; k++) {
-    const PetscReal rho = BodiesGetGroup(s->s, k)->density, start = (rho - par->density) / (rho + par->density);
-    PetscReal       mass, inertia[6];
+    PetscReal mass, inertia[6], start[3];
 
     PetscCall(ContactGetMass(s->part.contact, k, &mass, inertia));
+    PetscCall(ContactGetStart(s->part.contact, k, dt, start));
     for (PetscInt d = 0; d < 3; d++) {
       const PetscReal moment = inertia[d];
 
-      s->a[k][d] = s->has_acceleration ? (s->s->u[k][d] - s->s->u_old[k][d]) / s->dt_old - s->s->contact_force[k][d] / mass : start * par->gravity[d];
+      s->a[k][d]     = s->has_acceleration ? (s->s->u[k][d] - s->s->u_old[k][d]) / s->dt_old - s->s->contact_force[k][d] / mass : start[d];
       s->alpha[k][d] = s->has_acceleration ? (s->s->w[k][d] - s->s->w_old[k][d]) / s->dt_old - (moment > 0 ? s->s->contact_torque[k][d] / moment : 0)
                                            : 0;
     }
@@ -300,15 +297,20 @@ static PetscErrorCode finish_part(Sim s, PetscReal dt, PetscInt its)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Stop when the judge has seen enough */
-static PetscErrorCode stop_doubted(Sim s, PetscReal dt)
+static PetscBool is_at_end(Sim s)
+{
+  return (PetscBool)(s->step >= s->steps_max || s->time >= s->time_end * (1 - 1e-12) - 1e-9 * s->dt);
+}
+
+/* Stop when the judge has seen enough; last: the run is at its end */
+static PetscErrorCode stop_doubted(Sim s, PetscReal dt, PetscBool last)
 {
   const char *dir;
   char        why[256], more[256], good[PETSC_MAX_PATH_LEN] = "No fields were written before it (-output_every)", recipe[64];
   PetscBool   fast;
 
   PetscFunctionBeginUser;
-  PetscCall(JudgeVerdict(s->judge, why, sizeof(why)));
+  PetscCall(JudgeVerdict(s->judge, last, why, sizeof(why)));
   if (!why[0]) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(explain_failure(s, more, sizeof(more)));
   PetscCall(OptPeek("-flow_recipe", recipe, sizeof(recipe)));
@@ -331,7 +333,7 @@ static PetscErrorCode finish_step(Sim s, PetscReal dt, PetscLogDouble start)
   PetscCall(report(s, dt, s->since - start));
   PetscCall(end_phase(s));
   s->its = 0;
-  if (s->judge) PetscCall(stop_doubted(s, dt));
+  if (s->judge) PetscCall(stop_doubted(s, dt, is_at_end(s)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -346,8 +348,8 @@ static PetscErrorCode solve_part(Sim s, PetscReal dt, PetscInt *its, KSPConverge
   if (s->s->n) {
     PetscCall(FlowGetParameters(s->part.flow, &par));
     PetscCall(ContactSetGravity(s->part.contact, par->gravity));
-    PetscCall(estimate_acceleration(s));
-    PetscCall(JudgePlan(s->judge, s->a, s->time + dt, dt, (PetscBool)(s->adapt != NULL)));
+    PetscCall(estimate_acceleration(s, dt));
+    PetscCall(JudgePlan(s->judge, s->a, (PetscBool)!s->has_acceleration, s->time + dt, dt, (PetscBool)(s->adapt != NULL)));
     PetscCall(ContactStep(s->part.contact, dt, s->a, s->alpha));
   }
   PetscCall(CoupleDraw(s->part.couple));
@@ -555,11 +557,6 @@ static PetscErrorCode finish_flow(Sim s, PetscInt *cells, PetscInt *unknowns)
   PetscCall(MonitorYardstick(s->part.monitor, S));
   *cells = l->ncell_global;
   PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscBool is_at_end(Sim s)
-{
-  return (PetscBool)(s->step >= s->steps_max || s->time >= s->time_end * (1 - 1e-12) - 1e-9 * s->dt);
 }
 
 PetscErrorCode SimRun(Sim s)

@@ -32,7 +32,8 @@ typedef struct {
   Outlines    bodyfile;
   Monitor     monitor;
   Diagnostics probe;
-  Steady      steady; /* NULL: time steps */
+  Steady      steady;       /* NULL: time steps */
+  Steady      steady_start; /* NULL, or the solver of the flow at the start (-flow_initial steady) */
   Checkpoint  checkpoint;
   Expr        gravity; /* without a flow: gravity that changes in time, or NULL */
 } SimParts;

@@ -375,14 +375,14 @@ static PetscErrorCode mult_jacobian(Mat J, Vec x, Vec y)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode create_snes(Steady s)
+static PetscErrorCode create_snes(Steady s, const char rtol[])
 {
   KSP      ksp;
   PC       pc;
   PetscInt n;
 
   PetscFunctionBeginUser;
-  PetscCall(OptDefault("-flow_snes_rtol", "1e-10"));
+  PetscCall(OptDefault("-flow_snes_rtol", rtol));
   PetscCall(OptDefault("-flow_snes_max_it", s->linearization == 0 ? "25" : "500"));
   PetscCall(SNESCreate(PETSC_COMM_WORLD, &s->snes));
   PetscCall(SNESSetOptionsPrefix(s->snes, "flow_"));
@@ -404,7 +404,7 @@ static PetscErrorCode create_snes(Steady s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SteadyCreate(Flow flow, Couple couple, Steady *steady)
+PetscErrorCode SteadyCreate(Flow flow, Couple couple, const char rtol[], Steady *steady)
 {
   Steady             s;
   Mesh               mesh;
@@ -428,7 +428,7 @@ PetscErrorCode SteadyCreate(Flow flow, Couple couple, Steady *steady)
   PetscCall(FlowSolverCreateVec(s->solver, &s->x));
   PetscCall(VecDuplicate(s->x, &s->f));
   PetscCall(VecDuplicate(s->x, &s->y));
-  PetscCall(create_snes(s));
+  PetscCall(create_snes(s, rtol));
   *steady = s;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

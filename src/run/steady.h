@@ -18,8 +18,8 @@
 
 typedef struct _p_Steady *Steady;
 
-/* Reads the options. Collective. */
-PetscErrorCode SteadyCreate(Flow, Couple, Steady *);
+/* Reads the options; rtol: default of -flow_snes_rtol. Collective. */
+PetscErrorCode SteadyCreate(Flow, Couple, const char rtol[], Steady *);
 PetscErrorCode SteadyDestroy(Steady *);
 PetscErrorCode SteadyView(Steady, PetscViewer);
 /* Draw the bodies, assemble and set up the linear solver for the first iteration, so that all its options are read.

@@ -3,8 +3,9 @@
 #include "guard.h"
 #include "impl.h"
 
-#define SIDE  9    /* points of the sample along an axis */
-#define REACH 1.25 /* of the sample, in bounding radii */
+#define SIDE  9      /* points of the sample along an axis */
+#define REACH 1.25   /* of the sample, in bounding radii */
+#define SHIFT 0.0173 /* of the sample off its symmetric place, in spacings: no line of it runs along an edge of a box */
 #define MOST  (SIDE * SIDE * SIDE)
 #define STEEP 1e-6 /* by which a distance may grow faster than the way, relative */
 #define SLOPE 0.1  /* by which its slope across the surface may differ from 1 */
@@ -134,7 +135,7 @@ PetscErrorCode ShapeCheck(Shape s)
     PetscInt k = i;
 
     for (PetscInt a = 0; a < s->dim; a++, k /= SIDE)
-      x[i * s->dim + a] = s->radius * REACH * ((PetscReal)(k % SIDE) * 2.0 / (PetscReal)(SIDE - 1) - 1.0);
+      x[i * s->dim + a] = s->radius * REACH * ((PetscReal)(k % SIDE) * 2.0 / (PetscReal)(SIDE - 1) - 1.0) + (PetscReal)(a + 1) * SHIFT * h;
   }
   PetscCall(ShapeDistance(s, n, x, d));
   PetscCall(CheckInside(s, n, x, d));

@@ -26,6 +26,7 @@ struct _p_Shape {
   char          prefix[128];
   void         *data;
   PetscReal     radius; /* about the body origin */
+  PetscBool     bound;  /* ShapeSetBound */
   PetscBool     have_mass, have_centroid_radius, have_disc;
   ShapeMass     mass;
   PetscReal     centroid_radius, disc;

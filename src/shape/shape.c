@@ -250,6 +250,20 @@ PetscErrorCode ShapeGetData(Shape s, void *data)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode ShapeGetPrefix(Shape s, const char *prefix[])
+{
+  PetscFunctionBeginUser;
+  *prefix = s->prefix;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeSetBound(Shape s)
+{
+  PetscFunctionBeginUser;
+  s->bound = PETSC_TRUE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Full option name from the short one; numeric ones are kept with their range for ShapeGetOption. */
 static PetscErrorCode NameOption(Shape s, const char name[], OptSpec *spec, PetscBool numeric, char full[], size_t len)
 {
@@ -440,6 +454,20 @@ PetscErrorCode ShapeGetPlugin(Shape s, const ShapePlugin **plugin)
 {
   PetscFunctionBeginUser;
   *plugin = s->loaded->plugin;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeGetReach(Shape s, PetscReal *r)
+{
+  PetscFunctionBeginUser;
+  *r = s->radius;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeIsBound(Shape s, PetscBool *bound)
+{
+  PetscFunctionBeginUser;
+  *bound = s->bound;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

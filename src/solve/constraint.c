@@ -177,6 +177,7 @@ PetscErrorCode ConstraintCreate(Mesh mesh, PetscInt nbodies, Constraint *constra
                          c->loc->nnode_all * c->loc->dim, &c->value, c->loc->nnode_all * c->loc->dim, &c->known));
   PetscCall(PetscCalloc6(nbodies, &c->unknown, nbodies, &c->X, nbodies * c->nr, &c->U, nbodies, &c->local_index, nbodies, &c->local_list,
                          nbodies * c->nr, &c->local_rigid));
+  PetscCall(PetscCalloc1(nbodies, &c->united));
   for (PetscInt i = 0; i < c->loc->nnode_all; i++) c->node_body[i] = c->follow[i] = -1;
   PetscCallMPI(MPI_Type_contiguous((int)c->nr, MPIU_REAL, &c->rigid_type));
   PetscCallMPI(MPI_Type_commit(&c->rigid_type));
@@ -199,6 +200,7 @@ PetscErrorCode ConstraintDestroy(Constraint *constraint)
   PetscCall(PetscFree(c->follow_coef));
   PetscCall(PetscFree(c->more));
   PetscCall(PetscFree6(c->unknown, c->X, c->U, c->local_index, c->local_list, c->local_rigid));
+  PetscCall(PetscFree(c->united));
   PetscCall(PetscFree(c->body_node));
   PetscCall(PetscSFDestroy(&c->rigid_sf));
   PetscCallMPI(MPI_Type_free(&c->rigid_type));
@@ -276,6 +278,13 @@ PetscErrorCode ConstraintSetBodies(Constraint c, const PetscInt node_body[], Pet
   }
   PetscCall(set_known(c));
   if (changed) *changed = moved;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintSetUnited(Constraint c, const PetscBool united[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscArraycpy(c->united, united, c->nbodies));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -86,7 +86,7 @@ PetscErrorCode PressureFindShared(Pressure p)
     for (PetscInt j = 0; j < l->nb; j++) {
       const PetscInt k = body[node[j]];
 
-      if (k >= 0 && owner >= 0 && k != owner) two = PETSC_TRUE;
+      if (k >= 0 && owner >= 0 && k != owner && !(p->constraint->united[k] && p->constraint->united[owner])) two = PETSC_TRUE;
       if (k >= 0) owner = k;
       else if (fixed[node[j]]) wall = PETSC_TRUE;
       /* between resolved walls every pressure meets a free velocity */

@@ -14,6 +14,7 @@ struct _p_Constraint {
   PetscInt         nbodies, nr, first, count;  /* bodies; rigid slots each; own range */
   PetscInt        *fixed, *node_body, *follow; /* [nnode_all] prescribed components; body a node lies in, follows, or
                                                   -1 */
+  PetscBool       *united;                     /* [nbodies] */
   PetscInt        *unknown;                    /* [nbodies] bit mask of rigid velocities */
   PetscReal       *value, *known;              /* [nnode_all][dim] at walls; the known part c */
   PetscReal (*X)[3], *U;                       /* [nbodies] centres; rigid velocities as given, [nbodies][nr] */

@@ -530,7 +530,7 @@ PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscRe
                                PetscReal U[], PetscInt *its, KSPConvergedReason *reason)
 {
   PetscBool enough;
-  PetscReal left;
+  PetscReal size;
 
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_FLOW_SOLVE, 0, 0, 0, 0));
@@ -538,6 +538,8 @@ PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscRe
   PetscCall(FlowSolverPack(fs, u, p, U, fs->x));
   PetscCall(start_from(fs, dp));
   PetscCall(FlowSolverSetTolerance(fs, &enough));
+  PetscCall(VecNorm(fs->r, NORM_2, &size));
+  if (size == 0) enough = PETSC_TRUE; /* all at rest: a fixed number of sweeps, without a test, would divide 0 by 0 */
   *its    = 0;
   *reason = KSP_CONVERGED_RTOL;
   PetscCall(PetscArrayzero(fs->limited, 2));
@@ -546,8 +548,8 @@ PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscRe
     PetscCall(KSPGetIterationNumber(fs->ksp, its));
     PetscCall(KSPGetConvergedReason(fs->ksp, reason));
     if (fs->least) { /* they may leave much less than they need */
-      PetscCall(KSPGetResidualNorm(fs->ksp, &left));
-      fs->target = PetscMin(fs->target, left);
+      PetscCall(KSPGetResidualNorm(fs->ksp, &size));
+      fs->target = PetscMin(fs->target, size);
     }
     PetscCall(VecAXPY(fs->x, 1, fs->y));
   }

@@ -84,7 +84,7 @@ static void open_case(Case *c, const char options[], PetscBool *steady)
   OK(ConditionsSetField(FlowConditions(c->flow), manufactured_velocity, NULL));
   OK(BodiesCreate(c->l->dim, c->l->lower, c->l->upper, &c->bodies));
   OK(CoupleCreate(c->flow, c->bodies, &c->couple));
-  if (*steady) OK(SteadyCreate(c->flow, c->couple, &c->steady));
+  if (*steady) OK(SteadyCreate(c->flow, c->couple, "1e-10", &c->steady));
 }
 
 static void close_case(Case *c)

@@ -23,7 +23,7 @@ static void open_case(Case *c, const char options[])
   OK(FlowCreate(c->mesh, &c->flow));
   OK(BodiesCreate(c->l->dim, c->l->lower, c->l->upper, &c->bodies));
   OK(CoupleCreate(c->flow, c->bodies, &c->couple));
-  OK(SteadyCreate(c->flow, c->couple, &c->steady));
+  OK(SteadyCreate(c->flow, c->couple, "1e-10", &c->steady));
   OK(SteadySetUp(c->steady));
 }
 

@@ -10,6 +10,7 @@ import pytest
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 BUILD = os.path.join(ROOT, os.environ.get("TUMBLE_BUILD", "build"))
 
+PARTS = ["-shape_parts", "disc,beam", "-shape_disc_shape", "circle", "-shape_disc_radius", "0.05", "-shape_beam_shape", "box"]
 SHAPES = [
     ["circle"],
     ["circle", "-shape_radius", "0.0625"],
@@ -23,6 +24,15 @@ SHAPES = [
     ["airfoil", "-shape_chord", "0.01", "-shape_thickness", "0.4", "-shape_camber", "0.09", "-shape_origin", "0"],
     ["leaflet"],
     ["leaflet", "-shape_thickness", "0.01", "-shape_origin", "0.5"],
+    ["box"],
+    ["box", "-conformance_dim", "3", "-shape_size", "1,0.2,0.4", "-shape_rounding", "0.1"],
+    ["cylinder", "-shape_length", "0.5", "-shape_rounding", "0.1"],
+    ["torus"],
+    ["composite", "-conformance_dim", "2", *PARTS, "-shape_beam_size", "0.4,0.02", "-shape_beam_offset", "0.2,0"],
+    ["composite", "-conformance_dim", "2", *PARTS, "-shape_beam_size", "0.12,0.03", "-shape_beam_operation", "difference",
+     "-shape_beam_angle", "0.5", "-shape_beam_offset", "0.03,0", "-shape_blend", "0.01"],
+    ["composite", "-conformance_dim", "3", *PARTS, "-shape_beam_size", "0.3,0.02,0.03", "-shape_beam_axis", "1,1,0", "-shape_beam_angle", "1",
+     "-conformance_points", "500"],
 ]
 
 FAULTS = [  # number of the fault in faulty.c, what the suite must say

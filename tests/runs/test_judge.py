@@ -91,8 +91,32 @@ def test_bounds_are_options(run):
 def test_way(run):
     """A body that is carried through the domain in a step; contact would hold it at its start for the whole run."""
     result = run([DEMO, "-mesh_cells", "16,48", "-flow_gravity", "0,-9.81e6", "-output_dir", "out"], 2)
-    stopped(result, "Body 0 (group 'disc') goes", "-sim_move_max (2", "lower -sim_dt (the step was 0.01)")
+    stopped(result, "Body 0 (group 'disc') goes", "-sim_move_max (1", "lower -sim_dt (the step was 0.01)")
     assert result.steps() == 0
+
+
+def test_way_in_creeping_flow(run):
+    """A step that is long beside the time in which a body gathers its speed: free fall would carry the disc over 40 radii, drag lets it go a hundredth of one."""
+    args = ["-mesh_cells", "16,48", "-flow_viscosity", 1e4, "-sim_dt", 0.2, "-sim_steps", 2, "-output_every", 0, "-output_dir", "out"]
+    assert run([DEMO, *args]).status == 0
+
+
+def test_adaptive_first_step(run):
+    """With an adaptive step the one that would carry a body too far is shortened, not refused."""
+    result = run([DEMO, "-mesh_cells", "16,48", "-sim_dt", 0.05, "-sim_adapt", "true", "-sim_steps", 2, "-output_every", 0, "-output_dir", "out"])
+    assert result.status == 0 and series(result, "dt_s")[0] < 0.03, str(result)
+
+
+def test_short_run_in_doubt(run):
+    """A run of fewer steps than -sim_judge_steps, all of them out of bounds, does not end in silence."""
+    result = run([DEMO, "-mesh_cells", "16,48", "-sim_judge_divergence", 1e-15, "-sim_steps", 3, "-output_every", 0, "-output_dir", "out"])
+    stopped(result, "beyond -sim_judge_divergence (1e-15)", "after 3 steps")
+
+
+def test_sweep_at_rest(run):
+    """One sweep where nothing moves leaves everything at rest (0/0 otherwise)."""
+    result = run([DEMO, "-mesh_cells", "16,48", "-flow_recipe", "fast", "-particle_disc_density", 1, "-sim_steps", 3, "-output_every", 0, "-output_dir", "out"])
+    assert result.status == 0 and series(result, "kinetic_energy") == [0, 0, 0], str(result)
 
 
 def test_heavy_body(run):

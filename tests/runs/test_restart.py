@@ -36,6 +36,16 @@ particle:
   post: {shape: circle, radius: 0.1, position: [0.2, 0.2], free: none}
 sim: {dt: 0.004, steps: 10}
 """
+# discs and ellipses of many sizes and densities, packed
+MIXED = """\
+mesh: {cells: [16, 24], lower: [0, 0], upper: [1, 1.5], periodic: x}
+flow: {density: 1, viscosity: 0.1, gravity: [0, -981]}
+particle:
+  groups: [disc, ellipse]
+  disc: {shape: circle, radius: 0.07, place: pack, count: 20, density: 2, sizes: lognormal, sizes_deviation: 0.2, densities: uniform, densities_range: [1.2, 3]}
+  ellipse: {shape: ellipse, a: 0.1, b: 0.06, density: 1.5, place: pack, fraction: 0.15, orientation: random, sizes: bimodal, sizes_range: [0.7, 1.1], free: [x, y]}
+sim: {dt: 0.002, steps: 10}
+"""
 BOX = "mesh: {cells: [12, 12]}\nflow: {viscosity: 0.01, bc: {top: {type: moving_wall, velocity: [1, 0], factor: [1, 0.5, 0.3]}}}\nsim: {dt: 0.05, steps: 10}\n"
 FORMULAS = """\
 mesh: {cells: [16, 16], periodic: x}
@@ -47,14 +57,28 @@ flow:
   bc: {top: {type: moving_wall, velocity: ["-0.1*sin(2*pi*x)*t", "0"]}}
 particle:
   groups: [disc, rod]
-  disc: {shape: circle, radius: 0.1, density: 2, position: [0.5, 0.6]}
+  disc: {shape: circle, radius: 0.1, density: 2, position: [0.5, 0.6], start: fluid}
   rod: {shape: ellipse, a: 0.15, b: 0.08, position: [0.5, 0.25], angular_velocity: "-2*cos(3*t)", velocity: "0.1*sin(5*t), 0"}
 sim: {dt: 0.02, steps: 10}
 """
+# in space: a rod on a hinge falls on its stop, a ball slides
+AXES = """\
+mesh: {cells: [5, 5, 5], lower: [0, 0, 0], upper: [1, 1, 1]}
+flow: {density: 1, viscosity: 0.1, gravity: [0, -10, 0]}
+particle:
+  groups: [rod, ball]
+  rod: {shape: leaflet, length: 0.5, thickness: 0.25, density: 3, position: [0.2, 0.6, 0.5], pivot: [0, 0, 0], hinge: [0, 1, 2], angle: 0.2, stops: [0.16, 1]}
+  ball: {shape: composite, parts: [a, b], a: {shape: circle, radius: 0.15}, b: {shape: box, size: [0.1, 0.1, 0.4]}, density: 2, position: [0.75, 0.7, 0.5],
+         slide: [0, 1, 0.5], axis: [1, 1, 0], angle: 0.3}
+sim: {dt: 0.02, steps: 10}
+output: {every: 0}
+"""
 CASES = {
+    "axes": (AXES, []),
     "formulas": (FORMULAS, []),
     "one disc": (DISC, []),
     "crowd": (CROWD, []),
+    "mixed": (MIXED, []),
     "friction": (CROWD, ["-contact_law", "spring", "-contact_friction", "0.3"]),
     "explicit": (DISC, ["-couple_type", "explicit", "-particle_disc_density", "10"]),
     "adaptive": (DISC, ["-sim_adapt", "-sim_adapt_tolerance", "2e-3", "-couple_boundary", "penalty", "-sim_steps", "14"]),
@@ -107,7 +131,7 @@ def good(run):
 # ---- the same run ----
 
 
-@pytest.mark.parametrize("case, ranks", [("one disc", 2), ("crowd", 1), ("crowd", 2), ("snap", 2), ("plate", 1), ("mesh follows", 2), ("mesh follows, adaptive", 1), ("friction", 1), ("explicit", 1), ("crank nicolson", 1), ("fractional step", 1), ("formulas", 1), ("adaptive", 2), ("adaptive friction", 1), ("no bodies", 2), ("flow rate", 1), ("three velocities", 2)])
+@pytest.mark.parametrize("case, ranks", [("axes", 1), ("one disc", 2), ("crowd", 1), ("crowd", 2), ("snap", 2), ("plate", 1), ("mesh follows", 2), ("mesh follows, adaptive", 1), ("friction", 1), ("explicit", 1), ("crank nicolson", 1), ("fractional step", 1), ("formulas", 1), ("adaptive", 2), ("adaptive friction", 1), ("no bodies", 2), ("flow rate", 1), ("three velocities", 2)])
 def test_restart_is_identical(good, scene, tmp_path, case, ranks):
     text, args = CASES[case]
     name = scene(text)

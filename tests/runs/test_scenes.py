@@ -97,7 +97,7 @@ def test_lift_off(bodies, scene, group):
     """In its first moments the body rises and rolls with the shear; a heavier one rises less."""
     height = []
     for density in ("1.01", "1.05"):
-        rows, _ = bodies(scene, group, "-sim_time", "0.75", "-sim_dt", "0.05", f"-particle_{group}_density", density, "-output_overwrite")
+        rows, _ = bodies(scene, group, "-sim_time", "0.76", "-sim_dt", "0.04", f"-particle_{group}_density", density, "-output_overwrite")
         assert float(rows[-1]["omega_z"]) < -0.5, rows[-1]
         height.append(float(rows[-1]["y"]) - float(rows[0]["y"]))
     assert height[0] > height[1] + 0.02 and height[0] > 0.03, height

@@ -15,7 +15,7 @@ struct _p_Clearance {
 
 static PetscReal near_radius(Clearance c, PetscInt k)
 {
-  return BodiesGetGroup(c->state, k)->radius + 0.5 * c->reach;
+  return BodiesGetRadius(c->state, k) + 0.5 * c->reach;
 }
 
 /* Are bodies k and j, or images of them, so close that their walls may come within reach of each other? */

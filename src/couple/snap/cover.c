@@ -57,7 +57,7 @@ PetscErrorCode SnapCoverCells(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], cons
 {
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < s->nbodies; k++) {
-    const PetscReal radius = BodiesGetGroup(s->state, k)->radius * (1 + 1e-12);
+    const PetscReal radius = BodiesGetRadius(s->state, k) * (1 + 1e-12);
 
     if (!fitted[k] || s->is_path[k]) continue;
     for (DomainImages i = {0}; MeshNextImage(s->loc, X[k], radius, &i);) PetscCall(cover_image(s, k, i.at, q[k], radius));

@@ -60,7 +60,7 @@ struct _p_Snap {
   PetscInt   x_room;
   PetscBool *hollow; /* [nbodies] */
   /* bodies thinner than a cell */
-  Midline   *line;                     /* [ngroups] NULL: shapes that are never that thin */
+  Midline   *line;                     /* [nbodies] NULL: bodies that are never that thin */
   PetscReal  coarsest;                 /* largest cell of the mesh */
   PetscBool *is_path;                  /* [nbodies] */
   PetscReal *smallest;                 /* [nbodies] cell along a body */

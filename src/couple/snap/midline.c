@@ -189,6 +189,27 @@ PetscErrorCode MidlineCreate(Shape shape, Midline *line)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode MidlineScale(Midline from, PetscReal scale, Midline *line)
+{
+  Midline m;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&m));
+  *m           = *from;
+  m->room      = m->n;
+  m->thickness = scale * from->thickness;
+  m->area      = scale * scale * from->area;
+  m->x         = NULL;
+  PetscCall(PetscMalloc1(m->n, &m->x));
+  PetscCall(PetscMalloc1(m->n, &m->s));
+  for (PetscInt i = 0; i < m->n; i++) {
+    for (PetscInt a = 0; a < 2; a++) m->x[i][a] = scale * from->x[i][a];
+    m->s[i] = scale * from->s[i];
+  }
+  *line = m;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode MidlineDestroy(Midline *line)
 {
   PetscFunctionBeginUser;

@@ -13,6 +13,8 @@ typedef struct _p_Midline *Midline;
 
 /* Plane shapes. *line is NULL for a shape that has none. */
 PetscErrorCode MidlineCreate(Shape, Midline *line);
+/* A copy, `scale` times as large. */
+PetscErrorCode MidlineScale(Midline, PetscReal scale, Midline *line);
 PetscErrorCode MidlineDestroy(Midline *);
 /* Length from tip to tip and largest thickness. */
 PetscErrorCode MidlineGetSize(Midline, PetscReal *length, PetscReal *thickness);

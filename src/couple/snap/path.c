@@ -18,12 +18,13 @@
 
 static Midline line_of(Snap s, PetscInt k)
 {
-  return s->line[s->state->body_group[k]];
+  return s->line[k];
 }
 
 /* ---- frames ---- */
 
-/* From the place of local node i, as the image that is nearest to the body, into the frame of body k */
+/* From the place of local node i, as the image that is nearest to the body, into the frame of body k: that of its
+   shape, in true lengths */
 static PetscErrorCode into_body(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt i, PetscReal y[2])
 {
   const MeshLocal *l = s->loc;
@@ -32,7 +33,7 @@ static PetscErrorCode into_body(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal
   PetscFunctionBeginUser;
   RotationMatrix(q[k], R);
   for (PetscInt a = 0; a < 2; a++) r[a] = MeshNearest(l, a, l->x_start[2 * i + a] - X[k][a]);
-  for (PetscInt a = 0; a < 2; a++) y[a] = R[a] * r[0] + R[3 + a] * r[1] + BodiesGetGroup(s->state, k)->mass.centroid[a];
+  for (PetscInt a = 0; a < 2; a++) y[a] = R[a] * r[0] + R[3 + a] * r[1] + s->state->scale[k] * BodiesGetGroup(s->state, k)->mass.centroid[a];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -44,9 +45,9 @@ static PetscErrorCode out_of_body(Snap s, PetscInt k, PetscReal (*X)[3], PetscRe
   PetscFunctionBeginUser;
   RotationMatrix(q[k], R);
   for (PetscInt a = 0; a < 2; a++) {
-    const PetscReal *c = BodiesGetGroup(s->state, k)->mass.centroid;
+    const PetscReal *c = BodiesGetGroup(s->state, k)->mass.centroid, size = s->state->scale[k];
 
-    x[a] = X[k][a] + R[3 * a] * (y[0] - c[0]) + R[3 * a + 1] * (y[1] - c[1]);
+    x[a] = X[k][a] + R[3 * a] * (y[0] - size * c[0]) + R[3 * a + 1] * (y[1] - size * c[1]);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -68,7 +69,7 @@ static PetscErrorCode way_to_line(Snap s, PetscInt k, PetscReal (*X)[3], PetscRe
 /* Bounding radius of body k and a margin around it */
 static PetscReal radius_with(Snap s, PetscInt k, PetscReal margin)
 {
-  return BodiesGetGroup(s->state, k)->radius + margin;
+  return BodiesGetRadius(s->state, k) + margin;
 }
 
 /* ---- which bodies ---- */
@@ -207,7 +208,7 @@ static PetscErrorCode block_paths(Snap s, PetscInt k, PetscReal (*X)[3], Graph *
   PetscFunctionBeginUser;
   for (PetscInt j = 0; j < k; j++) {
     const SnapPath *p     = s->path + j;
-    const PetscReal reach = BodiesGetGroup(s->state, j)->radius + BodiesGetGroup(s->state, k)->radius + 2 * SNAP_NEAR * s->coarsest;
+    const PetscReal reach = BodiesGetRadius(s->state, j) + BodiesGetRadius(s->state, k) + 2 * SNAP_NEAR * s->coarsest;
     PetscReal       d2    = 0;
 
     if (!p->n) continue;
@@ -491,24 +492,32 @@ PetscErrorCode SnapPathFindSides(Snap s, PetscReal (*X)[3], PetscReal (*q)[4])
 
 /* ---- life cycle ---- */
 
+/* Mid-lines of the bodies of a group, at their sizes; none for bodies thick everywhere */
+static PetscErrorCode create_lines(Snap s, const BodyGroup *g)
+{
+  Midline   line = NULL;
+  PetscReal thickness;
+
+  PetscFunctionBeginUser;
+  if (!g->hole && g->count) PetscCall(MidlineCreate(g->shape, &line));
+  if (!line) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(MidlineGetSize(line, NULL, &thickness));
+  for (PetscInt k = g->first; k < g->first + g->count; k++)
+    if (s->state->scale[k] * thickness < THIN * s->coarsest) PetscCall(MidlineScale(line, s->state->scale[k], &s->line[k]));
+  PetscCall(MidlineDestroy(&line));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode SnapPathSetUp(Snap s)
 {
   PetscFunctionBeginUser;
   s->coarsest = 0;
   for (PetscInt i = 0; i < s->loc->nnode; i++) s->coarsest = PetscMax(s->coarsest, s->size[i]);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &s->coarsest, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
-  PetscCall(PetscCalloc4(s->state->ngroups, &s->line, s->nbodies, &s->is_path, s->nbodies, &s->path, s->nbodies, &s->smallest));
+  PetscCall(PetscCalloc4(s->nbodies, &s->line, s->nbodies, &s->is_path, s->nbodies, &s->path, s->nbodies, &s->smallest));
   PetscCall(PetscCalloc1(s->loc->nnode_all, &s->node_side));
   for (PetscInt j = 0; j < 2; j++) PetscCall(PetscCalloc1(s->loc->ncell_all, &s->cell_side[j]));
-  for (PetscInt g = 0; g < s->state->ngroups; g++) {
-    PetscReal thickness;
-
-    if (s->state->group[g].hole) continue;
-    PetscCall(MidlineCreate(s->state->group[g].shape, &s->line[g]));
-    if (!s->line[g]) continue;
-    PetscCall(MidlineGetSize(s->line[g], NULL, &thickness));
-    if (thickness >= THIN * s->coarsest) PetscCall(MidlineDestroy(&s->line[g])); /* thick everywhere */
-  }
+  for (PetscInt g = 0; g < s->state->ngroups; g++) PetscCall(create_lines(s, &s->state->group[g]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -516,7 +525,7 @@ PetscErrorCode SnapPathTearDown(Snap s)
 {
   PetscFunctionBeginUser;
   PetscCall(clear_paths(s));
-  for (PetscInt g = 0; g < s->state->ngroups; g++) PetscCall(MidlineDestroy(&s->line[g]));
+  for (PetscInt k = 0; k < s->nbodies; k++) PetscCall(MidlineDestroy(&s->line[k]));
   PetscCall(PetscFree4(s->line, s->is_path, s->path, s->smallest));
   PetscCall(PetscFree(s->node_side));
   for (PetscInt j = 0; j < 2; j++) PetscCall(PetscFree(s->cell_side[j]));

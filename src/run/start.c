@@ -1,0 +1,125 @@
+/* Start: see start.h. */
+#include "compat.h"
+#include "start.h"
+#include "base/log.h"
+#include "couple/follow.h"
+#include "report/sample.h"
+
+/* ---- fields of another run ---- */
+
+static PetscErrorCode read_run(Mesh mesh, Flow flow, const char run[])
+{
+  const MeshLocal *l;
+  PetscReal       *u, lower[3], upper[3];
+  SampleCount      count;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshGetLocal(mesh, &l));
+  PetscCall(PetscCalloc1(l->nnode_all * l->dim, &u));
+  PetscCall(SampleVelocity(run, mesh, u, lower, upper, &count));
+  PetscCheck(count.inside > 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "-flow_initial_run %s: no node of this mesh lies in the mesh of that run, which reaches from %g, %g, %g to %g, %g, %g", run,
+             (double)lower[0], (double)lower[1], (double)lower[2], (double)upper[0], (double)upper[1], (double)upper[2]);
+  if (count.outside || count.nowhere)
+    PetscCall(LogRemark("%" PetscInt_FMT " of %" PetscInt_FMT " nodes lie outside the mesh of -flow_initial_run: %" PetscInt_FMT
+                        " take the velocity at the nearest place of its box, %" PetscInt_FMT " start at rest",
+                        count.outside + count.nowhere, l->nnode_global, count.outside, count.nowhere));
+  PetscCall(FlowStartFrom(flow, u, NULL));
+  PetscCall(PetscFree(u));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- before the coupling ---- */
+
+PetscErrorCode StartRead(Mesh mesh, Flow flow, Bodies bodies)
+{
+  BodyState  *s;
+  FlowInitial kind;
+  const char *run;
+  PetscBool   any = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetInitial(flow, &kind, &run));
+  if (kind == FLOW_START_RUN) PetscCall(read_run(mesh, flow, run));
+  PetscCall(BodiesGetState(bodies, &s));
+  for (PetscInt g = 0; g < s->ngroups; g++) {
+    const BodyGroup *group = &s->group[g];
+
+    any = (PetscBool)(any || group->with_fluid);
+    PetscCheck(!group->with_fluid || kind != FLOW_START_STEADY, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "-particle_%s_start fluid: with -flow_initial steady the fluid in the body's place is held: remove one of them", group->name);
+  }
+  if (any) PetscCall(FollowFluid(mesh, flow, bodies));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- flows that are solved for ---- */
+
+/* Free of divergence, with the walls and the bodies where and as fast as they are */
+static PetscErrorCode project(const SimParts *p)
+{
+  const PetscReal    tiny = 1e-9; /* of the time that the flow needs through a cell: nothing else acts in it */
+  const MeshLocal   *l;
+  const PetscReal   *u, *q;
+  PetscReal         *now, speed = 0;
+  PetscInt           its;
+  KSPConvergedReason reason;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshGetLocal(p->mesh, &l));
+  PetscCall(FlowGetFields(p->flow, &now, NULL, NULL));
+  for (PetscInt i = 0; i < l->nnode_all * l->dim; i++) speed = PetscMax(speed, PetscAbsReal(now[i]));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &speed, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  if (speed == 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(FlowBeginStep(p->flow, tiny * l->h / speed, tiny * l->h / speed));
+  PetscCall(CoupleDraw(p->couple));
+  PetscCall(CoupleSolve(p->couple, &its, &reason));
+  PetscCheck(reason > 0, PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
+             "The flow at the start could not be made free of divergence (%s): raise -flow_ksp_max_it, or use -flow_recipe direct",
+             KSPConvergedReasons[reason]);
+  PetscCall(CoupleGetSolution(p->couple, &u, &q));
+  PetscCall(FlowStartFrom(p->flow, u, NULL));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What is free rests meanwhile */
+static PetscErrorCode solve_steady(const SimParts *p)
+{
+  const PetscReal  zero[3] = {0, 0, 0};
+  const PetscReal *u, *pressure;
+  PetscReal(*keep)[6];
+  PetscInt   its, linear;
+  BodyState *s;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetState(p->bodies, &s));
+  PetscCall(PetscMalloc1(s->n, &keep));
+  for (PetscInt k = 0; k < s->n; k++) {
+    PetscCall(PetscArraycpy(keep[k], s->u[k], 3));
+    PetscCall(PetscArraycpy(keep[k] + 3, s->w[k], 3));
+    if (BodiesGetGroup(s, k)->free) PetscCall(BodiesSetVelocity(p->bodies, k, zero, zero));
+  }
+  PetscCall(SteadySetUp(p->steady_start));
+  PetscCall(SteadySolve(p->steady_start, &its, &linear));
+  PetscCall(CoupleGetSolution(p->couple, &u, &pressure));
+  PetscCall(FlowStartFrom(p->flow, u, pressure));
+  for (PetscInt k = 0; k < s->n; k++) PetscCall(BodiesSetVelocity(p->bodies, k, keep[k], keep[k] + 3));
+  PetscCall(PetscFree(keep));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode StartSolve(const SimParts *p)
+{
+  FlowInitial kind;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetInitial(p->flow, &kind, NULL));
+  if (kind != FLOW_START_EXPRESSION && kind != FLOW_START_RUN && kind != FLOW_START_STEADY) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(BodiesHold(p->bodies, PETSC_TRUE));
+  if (kind == FLOW_START_STEADY) PetscCall(solve_steady(p));
+  else PetscCall(project(p));
+  PetscCall(BodiesHold(p->bodies, PETSC_FALSE));
+  PetscCall(BodiesSetTime(p->bodies, 0));
+  PetscCall(CoupleRenewSolver(p->couple)); /* as a restart would: all depends on the fields alone */
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
