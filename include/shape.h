@@ -14,7 +14,7 @@
 /* Changes when ShapeOps or ShapePlugin change; a plugin built for another number is refused. */
 #define SHAPE_INTERFACE 1
 
-#define SHAPE_POSITIVE PETSC_MACHINE_EPSILON /* as lower bound of an option: must be > 0 */
+#define SHAPE_POSITIVE 2.2250738585072014e-308 /* as lower bound of an option: must be > 0 */
 
 typedef struct _p_Shape *Shape;
 

@@ -218,7 +218,7 @@ static PetscErrorCode ShapeOptions_Airfoil(Shape s)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &f));
-  PetscCall(ShapeOptionReal(s, "chord", "Chord", "m", SHAPE_POSITIVE, PETSC_MAX_REAL, &f->chord));
+  PetscCall(ShapeOptionReal(s, "chord", "Chord", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &f->chord));
   PetscCall(ShapeOptionReal(s, "thickness", "Largest thickness (last two digits / 100)", "chord", 0.01, 0.4, &f->thickness));
   PetscCall(ShapeOptionReal(s, "camber", "Largest camber (first digit / 100)", "chord", 0.0, 0.095, &f->camber));
   PetscCall(ShapeOptionReal(s, "camber_position", "Position of the largest camber (second digit / 10)", "chord", 0.1, 0.9, &f->position));

@@ -26,8 +26,8 @@ static PetscErrorCode ShapeOptions_Box(Shape s)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &b));
-  PetscCall(ShapeOptionRealArray(s, "size", "Sides along x, y (, z), rounding included", "m", SHAPE_POSITIVE, PETSC_MAX_REAL, b->dim, b->size));
-  PetscCall(ShapeOptionReal(s, "rounding", "Radius of the edges, at most half the smallest side", "m", 0.0, PETSC_MAX_REAL, &b->rounding));
+  PetscCall(ShapeOptionRealArray(s, "size", "Sides along x, y (, z), rounding included", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, b->dim, b->size));
+  PetscCall(ShapeOptionReal(s, "rounding", "Radius of the edges, at most half the smallest side", "length", 0.0, PETSC_MAX_REAL, &b->rounding));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -24,7 +24,7 @@ static PetscErrorCode ShapeOptions_Circle(Shape s)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &c));
-  PetscCall(ShapeOptionReal(s, "radius", "Radius", "m", SHAPE_POSITIVE, PETSC_MAX_REAL, &c->radius));
+  PetscCall(ShapeOptionReal(s, "radius", "Radius", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &c->radius));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -62,7 +62,7 @@ static PetscErrorCode ReadPart(Shape s, PetscInt dim, Part *p)
   PetscCall(
     ShapeOptionString(s, name, "What the part does to those before it: union, difference or intersection", p->operation, sizeof(p->operation)));
   PetscCall(PetscSNPrintf(name, sizeof(name), "%s_offset", p->name));
-  PetscCall(ShapeOptionRealArray(s, name, "Where the origin of the part lies", "m", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, p->offset));
+  PetscCall(ShapeOptionRealArray(s, name, "Where the origin of the part lies", "length", PETSC_MIN_REAL, PETSC_MAX_REAL, dim, p->offset));
   PetscCall(PetscSNPrintf(name, sizeof(name), "%s_angle", p->name));
   PetscCall(ShapeOptionReal(s, name, "Angle by which the part is turned, about z or its axis", "rad", PETSC_MIN_REAL, PETSC_MAX_REAL, &p->angle));
   if (dim == 2) PetscFunctionReturn(PETSC_SUCCESS);
@@ -80,7 +80,7 @@ static PetscErrorCode ShapeOptions_Composite(Shape s)
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &c));
   PetscCall(ShapeOptionString(s, "parts", "Names of the parts, separated by commas", c->names, sizeof(c->names)));
-  PetscCall(ShapeOptionReal(s, "blend", "Width over which the seams between parts are rounded", "m", 0.0, PETSC_MAX_REAL, &c->blend));
+  PetscCall(ShapeOptionReal(s, "blend", "Width over which the seams between parts are rounded", "length", 0.0, PETSC_MAX_REAL, &c->blend));
   /* none given: for the list of options */
   PetscCall(PetscStrToArray(c->names[0] ? c->names : "<part>", ',', &n, &name));
   PetscCheck(n <= MOST, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Shape 'composite' has %d parts, %d are the most: make composites of composites", n,

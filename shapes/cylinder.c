@@ -27,9 +27,10 @@ static PetscErrorCode ShapeOptions_Cylinder(Shape s)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &c));
-  PetscCall(ShapeOptionReal(s, "radius", "Radius", "m", SHAPE_POSITIVE, PETSC_MAX_REAL, &c->radius));
-  PetscCall(ShapeOptionReal(s, "length", "Length along z, rounding included", "m", SHAPE_POSITIVE, PETSC_MAX_REAL, &c->length));
-  PetscCall(ShapeOptionReal(s, "rounding", "Radius of the rims, at most the radius and half the length", "m", 0.0, PETSC_MAX_REAL, &c->rounding));
+  PetscCall(ShapeOptionReal(s, "radius", "Radius", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &c->radius));
+  PetscCall(ShapeOptionReal(s, "length", "Length along z, rounding included", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &c->length));
+  PetscCall(
+    ShapeOptionReal(s, "rounding", "Radius of the rims, at most the radius and half the length", "length", 0.0, PETSC_MAX_REAL, &c->rounding));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -34,9 +34,9 @@ static PetscErrorCode ShapeOptions_Ellipse(Shape s)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &p));
-  PetscCall(ShapeOptionReal(s, "a", "Semi-axis along x", "m", SHAPE_POSITIVE, PETSC_MAX_REAL, &p->e[0]));
-  PetscCall(ShapeOptionReal(s, "b", "Semi-axis along y", "m", SHAPE_POSITIVE, PETSC_MAX_REAL, &p->e[1]));
-  if (p->dim == 3) PetscCall(ShapeOptionReal(s, "c", "Semi-axis along z", "m", SHAPE_POSITIVE, PETSC_MAX_REAL, &p->e[2]));
+  PetscCall(ShapeOptionReal(s, "a", "Semi-axis along x", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &p->e[0]));
+  PetscCall(ShapeOptionReal(s, "b", "Semi-axis along y", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &p->e[1]));
+  if (p->dim == 3) PetscCall(ShapeOptionReal(s, "c", "Semi-axis along z", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &p->e[2]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

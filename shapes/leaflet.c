@@ -32,8 +32,8 @@ static PetscErrorCode ShapeOptions_Leaflet(Shape s)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &l));
-  PetscCall(ShapeOptionReal(s, "length", "Length from tip to tip", "m", SHAPE_POSITIVE, PETSC_MAX_REAL, &l->length));
-  PetscCall(ShapeOptionReal(s, "thickness", "Thickness, at most the length", "m", SHAPE_POSITIVE, PETSC_MAX_REAL, &l->thickness));
+  PetscCall(ShapeOptionReal(s, "length", "Length from tip to tip", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &l->length));
+  PetscCall(ShapeOptionReal(s, "thickness", "Thickness, at most the length", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &l->thickness));
   PetscCall(ShapeOptionReal(s, "origin", "Body origin along the axis: 0 hinged end, 0.5 middle, 1 free end", "", 0.0, 1.0, &l->origin));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

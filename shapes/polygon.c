@@ -40,7 +40,7 @@ static PetscErrorCode ShapeOptions_Polygon(Shape s)
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &p));
   PetscCall(ShapeOptionPath(s, "file", "Text file with the corners, one 'x y' a line", p->file, sizeof(p->file)));
-  PetscCall(ShapeOptionReal(s, "scale", "Factor on the coordinates of the file", "m", SHAPE_POSITIVE, PETSC_MAX_REAL, &p->scale));
+  PetscCall(ShapeOptionReal(s, "scale", "Factor on the coordinates of the file", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &p->scale));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -24,8 +24,8 @@ static PetscErrorCode ShapeOptions_Ring(Shape s)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &c));
-  PetscCall(ShapeOptionReal(s, "inner", "Inner radius, below the outer one", "m", SHAPE_POSITIVE, PETSC_MAX_REAL, &c->inner));
-  PetscCall(ShapeOptionReal(s, "outer", "Outer radius", "m", SHAPE_POSITIVE, PETSC_MAX_REAL, &c->outer));
+  PetscCall(ShapeOptionReal(s, "inner", "Inner radius, below the outer one", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &c->inner));
+  PetscCall(ShapeOptionReal(s, "outer", "Outer radius", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &c->outer));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -651,7 +651,7 @@ static PetscErrorCode ShapeOptions_Stl(Shape s)
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &f));
   PetscCall(ShapeOptionPath(s, "file", "STL file of a closed surface, ASCII or binary", f->file, sizeof(f->file)));
-  PetscCall(ShapeOptionReal(s, "scale", "Factor on the coordinates of the file", "m", SHAPE_POSITIVE, PETSC_MAX_REAL, &f->scale));
+  PetscCall(ShapeOptionReal(s, "scale", "Factor on the coordinates of the file", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &f->scale));
   PetscCall(ShapeOptionRealArray(s, "origin", "Body origin in coordinates of the file; default: the middle of its box", "", PETSC_MIN_REAL,
                                  PETSC_MAX_REAL, 3, f->origin));
   PetscFunctionReturn(PETSC_SUCCESS);

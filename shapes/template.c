@@ -40,8 +40,8 @@ static PetscErrorCode ShapeOptions_Template(Shape s)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &t));
-  PetscCall(ShapeOptionReal(s, "side", "Side of the square, rounding included", "m", SHAPE_POSITIVE, PETSC_MAX_REAL, &t->side));
-  PetscCall(ShapeOptionReal(s, "corner", "Radius of the rounded edges, at most side/2", "m", 0.0, PETSC_MAX_REAL, &t->corner));
+  PetscCall(ShapeOptionReal(s, "side", "Side of the square, rounding included", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &t->side));
+  PetscCall(ShapeOptionReal(s, "corner", "Radius of the rounded edges, at most side/2", "length", 0.0, PETSC_MAX_REAL, &t->corner));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

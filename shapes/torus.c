@@ -24,8 +24,8 @@ static PetscErrorCode ShapeOptions_Torus(Shape s)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &t));
-  PetscCall(ShapeOptionReal(s, "radius", "Radius of the centre line", "m", SHAPE_POSITIVE, PETSC_MAX_REAL, &t->radius));
-  PetscCall(ShapeOptionReal(s, "tube", "Radius of the tube, below that of the centre line", "m", SHAPE_POSITIVE, PETSC_MAX_REAL, &t->tube));
+  PetscCall(ShapeOptionReal(s, "radius", "Radius of the centre line", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &t->radius));
+  PetscCall(ShapeOptionReal(s, "tube", "Radius of the tube, below that of the centre line", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &t->tube));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

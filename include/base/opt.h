@@ -29,7 +29,7 @@ typedef enum {
 } OptPaths;
 
 /* Closed intervals for lower, upper; greater than zero is OPT_POSITIVE. */
-#define OPT_POSITIVE    PETSC_MACHINE_EPSILON
+#define OPT_POSITIVE    2.2250738585072014e-308 /* the smallest normal number: an epsilon has a unit */
 #define OPT_ANY         -INFINITY, INFINITY
 #define OPT_ABOVE_ZERO  OPT_POSITIVE, INFINITY
 #define OPT_FROM(lower) (lower), INFINITY

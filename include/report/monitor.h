@@ -4,11 +4,14 @@
    (one line a reported step), bodies.csv (one line a body and reported step) and summary.json (at the end). Standard
    output: progress lines with the estimated time left, and a one-page summary. The files grow line by line and are
    flushed, so that a running or killed job can be read.
-   Units are those of the scene; the columns' suffixes _s and _rad are time and angle.
+   Units are those of the scene, which may name them (-units_length, -units_time, -units_mass): headings and the entry
+   "units" of summary.json then say so, and tools/plot labels with them; nothing is converted. The suffixes _s and _rad
+   of columns are names that scripts rely on: time and angle, the former in seconds only if the scene's time is.
 
    The columns of the tables are MONITOR_SERIES and MONITOR_BODIES below; further ones of series.csv come from
    MonitorAddColumn, see diagnostics.h.
-   Options: -output_series, -output_progress, -output_bodies first,last, -output_yardstick. */
+   Options: -units_length, -units_time, -units_mass, -output_series, -output_progress, -output_bodies first,last,
+   -output_yardstick. */
 #pragma once
 #include "bodies/bodies.h"
 #include "base/state.h"

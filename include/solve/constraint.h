@@ -22,6 +22,11 @@ typedef struct _p_Constraint *Constraint;
 PetscErrorCode ConstraintCreate(Mesh, PetscInt nbodies, Constraint *);
 PetscErrorCode ConstraintDestroy(Constraint *);
 
+/* A length of every body, [nbodies], such as its radius; 1 before. The slots of rotation in u_r hold w times that
+   length, and their rows a torque divided by it: all slots of u_r are then speeds and all rows forces, whatever the
+   units of a scene. Copied. Local. */
+PetscErrorCode ConstraintSetLengths(Constraint, const PetscReal length[]);
+
 /* Prescribed components: fixed [nnode_all] bit mask of components, value [nnode_all][dim]. Collective. */
 PetscErrorCode ConstraintSetBoundary(Constraint, const PetscInt fixed[], const PetscReal value[]);
 

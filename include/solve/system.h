@@ -11,8 +11,10 @@
    operator is S_p = B_r M_r^{-1} B_r^T + eps B_c M_c^{-1} B_c^T (Turek 1999, ch. 2; Elman, Silvester, Wathen 2014, ch.
    9; the softness eps keeps cut cells well conditioned and is in the preconditioner only).
 
-   The continuity rows are multiplied by rho c_t: their residual then counts as the pressure force it causes, and one
-   relative tolerance serves both.
+   The outer iteration measures one norm over rows of one unit, force, so that it takes the same iterations whatever the
+   units of a scene (tests/runs/test_units.py): continuity rows are multiplied by rho c_t, which makes them a pressure
+   gradient's, and by twelve mean cell sizes; rotation of a body counts by its radius (ConstraintSetLengths). Vectors x
+   below hold w times that length, residuals f have rows of that kind.
 
    Start value x0: velocity extrapolated, pressure of the last step, shifted along its last change by what makes the
    residual r0 smallest (a single sweep: not shifted, which would make it unstable: Guermond, Minev, Shen

@@ -8,7 +8,7 @@
 
 static const OptSpec SPECS[] = {
   {"-contact_law", OPT_CHOICE, "", OPT_ANY, "repulsive", .help = "law of the contact force", .choices = "repulsive, spring, none"},
-  {"-contact_range", OPT_REAL, "m", OPT_ABOVE_ZERO, "half a cell", .help = "gap below which bodies repel each other"},
+  {"-contact_range", OPT_REAL, "length", OPT_ABOVE_ZERO, "half a cell", .help = "gap below which bodies repel each other"},
   {"-contact_substeps", OPT_INT, "", 0, PETSC_MAX_INT / 2, "0", .help = "sub-steps of the contact in a time step, 0: from the stiffness"},
   {"-contact_separate", OPT_BOOL, "", OPT_ANY, "true", .help = "bodies that overlap after a step of the flow are moved apart", .when = BODIES,
    .expert = PETSC_TRUE},
@@ -16,14 +16,14 @@ static const OptSpec SPECS[] = {
    .help = "multiple of the default stiffness, which stops a body that arrives at terminal speed", .when = REPULSIVE},
   {"-contact_damping", OPT_REAL, "", OPT_FROM(0), "0.1", .help = "speed of approach that doubles the force, in the speed scale; 0: no damping",
    .when = REPULSIVE},
-  {"-contact_eps", OPT_REAL, "m^3/N", OPT_ABOVE_ZERO, "",
+  {"-contact_eps", OPT_REAL, "length^3/force", OPT_ABOVE_ZERO, "",
    .help = "stiffness parameter within the range: force = centre distance (range - gap)^2/eps; replaces the default stiffness", .when = REPULSIVE,
    .expert = PETSC_TRUE},
-  {"-contact_eps_overlap", OPT_REAL, "m^2/N", OPT_ABOVE_ZERO, "eps/(2 range): no kink",
+  {"-contact_eps_overlap", OPT_REAL, "length^2/force", OPT_ABOVE_ZERO, "eps/(2 range): no kink",
    .help = "stiffness parameter of the overlap: slope = centre distance/eps", .when = REPULSIVE, .expert = PETSC_TRUE},
   {"-contact_wall_factor", OPT_REAL, "", OPT_ABOVE_ZERO, "1", .help = "stiffness against walls in that between bodies", .when = REPULSIVE,
    .expert = PETSC_TRUE},
-  {"-contact_spring_stiffness", OPT_REAL, "N/m", OPT_ABOVE_ZERO, "stops a body at terminal speed within half the range",
+  {"-contact_spring_stiffness", OPT_REAL, "force/length", OPT_ABOVE_ZERO, "stops a body at terminal speed within half the range",
    .help = "stiffness of the normal spring", .when = SPRING},
   {"-contact_restitution", OPT_REAL, "", 0.01, 1, "0.5", .help = "speed after a dry collision in that before", .when = SPRING},
   {"-contact_friction", OPT_REAL, "", OPT_FROM(0), "0", .help = "coefficient of Coulomb friction", .when = SPRING},
@@ -31,9 +31,9 @@ static const OptSpec SPECS[] = {
    .when = SPRING, .expert = PETSC_TRUE},
   {"-contact_lubrication", OPT_BOOL, "", OPT_ANY, "false", .help = "add the resistance of films that are thinner than the mesh resolves",
    .when = "-contact_law repulsive or spring"},
-  {"-contact_lubrication_range", OPT_REAL, "m", OPT_ABOVE_ZERO, "one cell", .help = "gap from which on the mesh resolves the film",
+  {"-contact_lubrication_range", OPT_REAL, "length", OPT_ABOVE_ZERO, "one cell", .help = "gap from which on the mesh resolves the film",
    .when = LUBRICATION},
-  {"-contact_roughness", OPT_REAL, "m", OPT_ABOVE_ZERO, "1/50 of -contact_lubrication_range, its upper bound",
+  {"-contact_roughness", OPT_REAL, "length", OPT_ABOVE_ZERO, "1/50 of -contact_lubrication_range, its upper bound",
    .help = "gap below which the resistance of the film grows no more", .when = LUBRICATION},
 };
 OPT_TABLE("contact: laws, lubrication", SPECS)

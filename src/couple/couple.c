@@ -309,6 +309,19 @@ static PetscErrorCode tell_rung(void *couple)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Rotation counts by the speed it gives the surface (that of the group's shape: no number of the state). */
+static PetscErrorCode set_lengths(Couple c)
+{
+  PetscReal *length;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(c->s->n, &length));
+  for (PetscInt k = 0; k < c->s->n; k++) length[k] = BodiesGetGroup(c->s, k)->radius;
+  PetscCall(ConstraintSetLengths(c->constraint, length));
+  PetscCall(PetscFree(length));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Before the first step bodies have always moved as they do at its beginning */
 static PetscErrorCode set_history(Couple c)
 {
@@ -351,6 +364,7 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   PetscCall(BoundariesCreate(flow, c->hole, &c->boundaries));
   PetscCall(CoupleFindNormals(c));
   PetscCall(ConstraintCreate(c->mesh, n, &c->constraint));
+  PetscCall(set_lengths(c));
   PetscCall(unite_obstacles(c));
   PetscCall(ConstraintGetRigidSize(c->constraint, &c->nr));
   PetscCall(DriveCreate(c, &c->drive));

@@ -149,13 +149,14 @@ static PetscReal boundary_factor(const Condition *bc, PetscReal t)
 
 static PetscReal boundary_profile(const Condition *bc, PetscInt dim, const PetscReal x[])
 {
-  PetscReal value = 1;
+  PetscReal value = 1, longest = 0;
 
   if (!bc->parabolic) return 1;
+  for (PetscInt d = 0; d < dim; d++) longest = PetscMax(longest, bc->upper[d] - bc->lower[d]);
   for (PetscInt d = 0; d < dim; d++) {
     const PetscReal length = bc->upper[d] - bc->lower[d], s = x[d] - bc->lower[d];
 
-    if (length > 1e-12) value *= 4 * s * (length - s) / (length * length);
+    if (length > 1e-10 * longest) value *= 4 * s * (length - s) / (length * length);
   }
   return value;
 }

@@ -8,6 +8,14 @@
 #define MAX_COLUMNS    128
 #define MAX_BALANCES   8
 
+/* What the scene calls its units, "" where it does not say */
+enum {
+  UNIT_LENGTH,
+  UNIT_TIME,
+  UNIT_MASS,
+  NUNITS
+};
+
 typedef struct {
   char      name[64];
   PetscReal value;
@@ -22,6 +30,7 @@ struct _p_Monitor {
   BodyState     *bodies;
   PetscMPIInt    rank, size;
   char           dir[PETSC_MAX_PATH_LEN];
+  const char    *unit[NUNITS];
   FILE          *series, *body_file; /* rank 0 */
   PetscBool      restarted;          /* a state has been loaded; then the next two count */
   PetscReal      length[2];          /* of series.csv and bodies.csv then, bytes */
@@ -55,5 +64,5 @@ PetscErrorCode SeriesOpenFile(Monitor, const char name[], const char heading[], 
 
 /* 1, 2, 5, 10, ... steps between two lines, so that a run to time_end prints at most some 50 */
 PetscInt       ProgressChoose(const MonitorStep *, PetscReal time_end);
-PetscErrorCode ProgressHeading(void);
+PetscErrorCode ProgressHeading(Monitor);
 PetscErrorCode ProgressPrint(Monitor, const MonitorStep *, PetscReal time_end);

@@ -61,7 +61,7 @@ static PetscErrorCode start_run(Monitor m, const MonitorStep *s)
   m->wall_start -= s->seconds + m->wall_before;
   if (!m->restarted) m->time_start = s->time - s->dt;
   m->started = PETSC_TRUE;
-  PetscCall(ProgressHeading());
+  PetscCall(ProgressHeading(m));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -88,6 +88,23 @@ static PetscErrorCode read_options(Monitor m)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode read_units(Monitor m)
+{
+  static const char *const LENGTH[]     = {"km", "m", "cm", "mm", "um", "nm", NULL};
+  static const char *const TIME[]       = {"h", "min", "s", "ms", "us", "ns", NULL};
+  static const char *const MASS[]       = {"t", "kg", "g", "mg", "ug", "ng", "pg", NULL};
+  PetscInt                 word[NUNITS] = {-1, -1, -1}; /* not said */
+
+  PetscFunctionBeginUser;
+  PetscCall(OptChoice("-units_length", LENGTH, &word[UNIT_LENGTH]));
+  PetscCall(OptChoice("-units_time", TIME, &word[UNIT_TIME]));
+  PetscCall(OptChoice("-units_mass", MASS, &word[UNIT_MASS]));
+  m->unit[UNIT_LENGTH] = word[UNIT_LENGTH] < 0 ? "" : LENGTH[word[UNIT_LENGTH]];
+  m->unit[UNIT_TIME]   = word[UNIT_TIME] < 0 ? "" : TIME[word[UNIT_TIME]];
+  m->unit[UNIT_MASS]   = word[UNIT_MASS] < 0 ? "" : MASS[word[UNIT_MASS]];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode MonitorCreate(Bodies bodies, Monitor *monitor)
 {
   Monitor m;
@@ -99,6 +116,7 @@ PetscErrorCode MonitorCreate(Bodies bodies, Monitor *monitor)
   PetscCall(BodiesGetState(bodies, &m->bodies));
   m->fall_speed_max = m->speed_max = m->overlap_max = PETSC_MIN_REAL;
   PetscCall(read_options(m));
+  PetscCall(read_units(m));
   *monitor = m;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -4,6 +4,10 @@
 #define FLOW "-flow_active true"
 
 static const OptSpec SPECS[] = {
+  {"-units_length", OPT_CHOICE, "", OPT_ANY, "", .help = "unit of the scene's lengths, for headings and labels; nothing is converted",
+   .choices = "km, m, cm, mm, um, nm"},
+  {"-units_time", OPT_CHOICE, "", OPT_ANY, "", .help = "unit of the scene's times", .choices = "h, min, s, ms, us, ns"},
+  {"-units_mass", OPT_CHOICE, "", OPT_ANY, "", .help = "unit of the scene's masses", .choices = "t, kg, g, mg, ug, ng, pg"},
   {"-output_dir", OPT_STRING, "", OPT_ANY, "out/<scene>", .help = "directory of the results, created if need be"},
   {"-output_overwrite", OPT_BOOL, "", OPT_ANY, "false", .help = "write into a directory that holds the results of another run"},
   {"-output_every", OPT_INT, "steps", OPT_FROM(0), "0", .help = "steps between two snapshots of the fields, 0 for none"},

@@ -35,11 +35,16 @@ static PetscErrorCode format_left(Monitor m, const MonitorStep *s, PetscReal tim
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ProgressHeading(void)
+PetscErrorCode ProgressHeading(Monitor m)
 {
+  const char *unit = m->unit[UNIT_TIME];
+  char        time[16], dt[16];
+
   PetscFunctionBeginUser;
-  PetscCall(PetscPrintf(PETSC_COMM_WORLD, "%9s %12s %11s %8s %6s %11s %14s %14s %9s %10s\n", "step", "time [s]", "dt [s]", "CFL", "outer",
-                        "divergence", "kinetic energy", "momentum error", "wall [s]", "left h:m:s"));
+  PetscCall(PetscSNPrintf(time, sizeof(time), unit[0] ? "time [%s]" : "time", unit));
+  PetscCall(PetscSNPrintf(dt, sizeof(dt), unit[0] ? "dt [%s]" : "dt", unit));
+  PetscCall(PetscPrintf(PETSC_COMM_WORLD, "%9s %12s %11s %8s %6s %11s %14s %14s %9s %10s\n", "step", time, dt, "CFL", "outer", "divergence",
+                        "kinetic energy", "momentum error", "wall [s]", "left h:m:s"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -97,6 +97,21 @@ static void print_json_versions(FILE *f, const Versions *v)
   fprintf(f, "},\n");
 }
 
+/* Those the scene names */
+static void print_json_units(FILE *f, Monitor m)
+{
+  static const char *const NAME[NUNITS] = {[UNIT_LENGTH] = "length", [UNIT_TIME] = "time", [UNIT_MASS] = "mass"};
+  const char              *comma        = "";
+
+  fprintf(f, "  \"units\": {");
+  for (int i = 0; i < NUNITS; i++) {
+    if (!m->unit[i][0]) continue;
+    fprintf(f, "%s\"%s\": \"%s\"", comma, NAME[i], m->unit[i]);
+    comma = ", ";
+  }
+  fprintf(f, "},\n");
+}
+
 static void print_json_seconds(FILE *f, const Summary *s)
 {
   fprintf(f, "  \"seconds\": {");
@@ -153,6 +168,7 @@ static int write_json(Monitor m, const Summary *s, const char path[])
   fprintf(f, ",\n  \"time_end\": ");
   print_json_real(f, s->time_end);
   fprintf(f, ",\n");
+  print_json_units(f, m);
   print_json_versions(f, &s->versions);
   fprintf(f, "  \"optimised\": %s,\n", s->versions.optimised ? "true" : "false");
   print_json_seconds(f, s);
@@ -180,7 +196,8 @@ static PetscErrorCode print_phase(const char name[], PetscReal seconds, const Su
 static PetscErrorCode print_summary(Monitor m, const Summary *s)
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscPrintf(PETSC_COMM_WORLD, "\nSummary of %s: %" PetscInt_FMT " steps to t = %.6g s\n", s->scene, s->steps, (double)s->time_end));
+  PetscCall(PetscPrintf(PETSC_COMM_WORLD, "\nSummary of %s: %" PetscInt_FMT " steps to t = %.6g%s%s\n", s->scene, s->steps, (double)s->time_end,
+                        m->unit[UNIT_TIME][0] ? " " : "", m->unit[UNIT_TIME]));
   PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  %" PetscInt_FMT " cells, %" PetscInt_FMT " unknowns, %" PetscInt_FMT " bod%s, %d rank%s, %.0f MB\n",
                         s->cells, s->unknowns, m->bodies->n, m->bodies->n == 1 ? "y" : "ies", (int)m->size, m->size > 1 ? "s" : "",
                         (double)s->memory_mb));

@@ -3,6 +3,11 @@
 #include "compat.h"
 #include "assembled.h"
 
+static PetscReal unit(Constraint c, PetscInt k, PetscInt i, PetscInt j)
+{
+  return ConstraintSlotUnit(c, k, i) * ConstraintSlotUnit(c, k, j);
+}
+
 /* D + H (may be NULL) and the identity of inert slots, as a matrix over u_r */
 static PetscErrorCode create_rigid_diagonal(Constraint c, const PetscReal D[], const PetscReal H[], Mat *E)
 {
@@ -22,7 +27,8 @@ static PetscErrorCode create_rigid_diagonal(Constraint c, const PetscReal D[], c
         for (PetscInt j = 0; j < c->nr; j++) {
           const PetscInt at = ((c->first + k) * c->nr + i) * c->nr + j;
 
-          if ((c->unknown[c->first + k] >> j) & 1) PetscCall(MatSetValue(*E, row + i, row + j, D[at] + (H ? H[at] : 0), INSERT_VALUES));
+          if ((c->unknown[c->first + k] >> j) & 1)
+            PetscCall(MatSetValue(*E, row + i, row + j, unit(c, c->first + k, i, j) * (D[at] + (H ? H[at] : 0)), INSERT_VALUES));
         }
     }
   }
@@ -73,7 +79,8 @@ static PetscErrorCode create_soft_matrix(Constraint c, const PenaltyTerm *s, Mat
     for (PetscInt a = 0; a < dim; a++)
       for (PetscInt m = 0; m < nr; m++)
         if ((c->unknown[s->body[e]] >> m) & 1)
-          PetscCall(MatSetValue(*G, row + s->node[e] * dim + a, column[s->body[e]] + m, block[a * nr + m], INSERT_VALUES));
+          PetscCall(MatSetValue(*G, row + s->node[e] * dim + a, column[s->body[e]] + m, ConstraintSlotUnit(c, s->body[e], m) * block[a * nr + m],
+                                INSERT_VALUES));
   }
   PetscCall(MatAssemblyBegin(*G, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(*G, MAT_FINAL_ASSEMBLY));
@@ -154,7 +161,7 @@ static PetscErrorCode create_pressure_block(Flow flow, Pressure pressure, PetscR
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AssembledCreateWhole(Flow flow, Pressure pressure, PetscReal scale, Mat P, Mat Ar, Mat *out)
+PetscErrorCode AssembledCreateWhole(Flow flow, Pressure pressure, PetscReal scale, PetscReal balance, Mat P, Mat Ar, Mat *out)
 {
   Mat              B, Br, G, C, nest, block[4];
   Mesh             mesh;
@@ -167,8 +174,9 @@ PetscErrorCode AssembledCreateWhole(Flow flow, Pressure pressure, PetscReal scal
   PetscCall(MatMatMult(B, P, MAT_INITIAL_MATRIX, PETSC_DEFAULT, &Br));
   PetscCall(MatTranspose(Br, MAT_INITIAL_MATRIX, &G));
   PetscCall(MatScale(G, -1));
-  PetscCall(MatScale(Br, scale));
+  PetscCall(MatScale(Br, scale * balance));
   PetscCall(create_pressure_block(flow, pressure, scale, l, &C));
+  PetscCall(MatScale(C, balance));
   block[0] = Ar;
   block[1] = G;
   block[2] = Br;

@@ -177,6 +177,8 @@ PetscErrorCode ConstraintCreate(Mesh mesh, PetscInt nbodies, Constraint *constra
                          c->loc->nnode_all * c->loc->dim, &c->value, c->loc->nnode_all * c->loc->dim, &c->known));
   PetscCall(PetscCalloc6(nbodies, &c->unknown, nbodies, &c->X, nbodies * c->nr, &c->U, nbodies, &c->local_index, nbodies, &c->local_list,
                          nbodies * c->nr, &c->local_rigid));
+  PetscCall(PetscMalloc2(nbodies, &c->length, nbodies * c->nr, &c->packed));
+  for (PetscInt k = 0; k < nbodies; k++) c->length[k] = 1;
   PetscCall(PetscCalloc1(nbodies, &c->united));
   for (PetscInt i = 0; i < c->loc->nnode_all; i++) c->node_body[i] = c->follow[i] = -1;
   PetscCallMPI(MPI_Type_contiguous((int)c->nr, MPIU_REAL, &c->rigid_type));
@@ -200,11 +202,19 @@ PetscErrorCode ConstraintDestroy(Constraint *constraint)
   PetscCall(PetscFree(c->follow_coef));
   PetscCall(PetscFree(c->more));
   PetscCall(PetscFree6(c->unknown, c->X, c->U, c->local_index, c->local_list, c->local_rigid));
+  PetscCall(PetscFree2(c->length, c->packed));
   PetscCall(PetscFree(c->united));
   PetscCall(PetscFree(c->body_node));
   PetscCall(PetscSFDestroy(&c->rigid_sf));
   PetscCallMPI(MPI_Type_free(&c->rigid_type));
   PetscCall(PetscFree(*constraint));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintSetLengths(Constraint c, const PetscReal length[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscArraycpy(c->length, length, c->nbodies));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -61,14 +61,15 @@ static PetscErrorCode begin_row(FlowSolver fs, PetscInt i)
   PetscCall(VecZeroEntries(fs->held_s[i]));
   PetscCall(VecGetArray(fs->held_s[i], &s));
   for (PetscInt j = 0; j < fs->loc->nnode; j++) s[j * dim + h->axis[i]] = m[j];
-  for (PetscInt j = 0; j < c->count * fs->nr; j++) s[fs->nodal + j] = h->rigid[i][c->first * fs->nr + j];
+  for (PetscInt j = 0; j < c->count * fs->nr; j++)
+    s[fs->nodal + j] = ConstraintSlotUnit(c, c->first + j / fs->nr, j % fs->nr) * h->rigid[i][c->first * fs->nr + j];
   PetscCall(ConstraintReduceInPlace(fs->constraint, s, s + fs->nodal));
   clear_known(fs, s);
   PetscCall(VecRestoreArray(fs->held_s[i], &s));
   PetscCall(VecGetArray(fs->held_z[i], &z));
   clear_known(fs, z);
   PetscCall(VecRestoreArray(fs->held_z[i], &z));
-  PetscCall(MatMult(fs->nest, fs->held_z[i], fs->held_r[i]));
+  PetscCall(MatMult(fs->K, fs->held_z[i], fs->held_r[i]));
   PetscCall(VecAYPX(fs->held_r[i], -1, fs->held_s[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -125,19 +126,17 @@ static PetscErrorCode find_force(FlowSolver fs, const PetscReal deficit[], Petsc
 /* z += K^{-1} r, to rtol of r */
 static PetscErrorCode improve_row(FlowSolver fs, PetscInt i, PetscReal rtol, PetscInt *its, KSPConvergedReason *reason)
 {
-  MatNullSpace constant;
-  PetscInt     n;
+  PetscInt n;
 
   PetscFunctionBeginUser;
-  PetscCall(MatGetNullSpace(fs->nest, &constant));
-  if (constant) PetscCall(MatNullSpaceRemove(constant, fs->held_r[i]));
+  PetscCall(FlowSolverMakeConsistent(fs, fs->held_r[i]));
   if (!fs->single) PetscCall(KSPSetTolerances(fs->ksp, rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
   PetscCall(KSPSolve(fs->ksp, fs->held_r[i], fs->y));
   PetscCall(KSPGetIterationNumber(fs->ksp, &n));
   PetscCall(KSPGetConvergedReason(fs->ksp, reason));
   *its += n;
   PetscCall(VecAXPY(fs->held_z[i], 1, fs->y));
-  PetscCall(MatMult(fs->nest, fs->held_z[i], fs->held_r[i]));
+  PetscCall(MatMult(fs->K, fs->held_z[i], fs->held_r[i]));
   PetscCall(VecAYPX(fs->held_r[i], -1, fs->held_s[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -166,9 +165,14 @@ PetscErrorCode FlowSolverHold(FlowSolver fs, PetscReal u[], PetscReal p[], Petsc
 {
   FlowHeld *h = fs->held;
   PetscReal deficit[3];
+  PetscReal left;
   PetscBool ok, enough = PETSC_FALSE;
 
   PetscFunctionBeginUser;
+  if (fs->least) { /* the iterations may have left much less than they needed */
+    PetscCall(KSPGetResidualNorm(fs->ksp, &left));
+    fs->target = PetscMin(fs->target, left);
+  }
   for (PetscInt i = 0; i < h->n; i++) PetscCall(begin_row(fs, i));
   PetscCall(find_deficit(fs, u, U, deficit));
   for (PetscInt round = 0; round < (fs->single ? 1 : ROUNDS) && !enough && *reason >= 0; round++) {

@@ -33,7 +33,9 @@ struct _p_FlowSolver {
   Vec                xn, yn;           /* nodal views of parts of reduced vectors */
   PetscReal          viscous;          /* mu theta / scale */
   PetscReal          h_max;            /* largest cell of the whole mesh */
-  PetscReal          scale;            /* rho c_t (steady: mu/h^2): of the continuity rows, see the header */
+  PetscReal          scale;            /* rho c_t (steady: mu/h^2): of B, C and the masses */
+  PetscReal          balance;          /* length: of the continuity rows in the outer iteration, see the header */
+  Mat                K;                /* shell: nest with balanced rows */
   PetscReal         *D;                /* [nbodies][nr][nr] */
   PetscReal         *body_inverse;     /* [own bodies][nr][nr] inverse of the body's diagonal block of Ar */
   PetscReal         *mass_inverse;     /* [nbodies][nr][nr] of M_r / scale, on every rank; zero where known */
@@ -63,7 +65,7 @@ struct _p_FlowSolver {
   PetscReal          target;                          /* residual that the last solve was to leave, or left */
   FlowHeld          *held;                            /* or NULL */
   Vec                held_s[3], held_z[3], held_r[3]; /* see held.c */
-  Vec                b, x, r, y, t_u, t_u2, t_p, t_p2;
+  Vec                b, x, r, y, t_x, t_u, t_u2, t_p, t_p2;
 };
 
 /* Is there a penalty in this step? */
@@ -77,8 +79,12 @@ static inline PetscBool FlowSolverIsSoft(FlowSolver fs)
    of freedom count, and the unknown rows of rigid are served. Local. */
 PetscErrorCode PenaltyTermMultAdd(const PenaltyTerm *, Constraint, PetscBool of_unknown, const PetscReal U[], const PetscReal u[], PetscReal r[],
                                   PetscReal rigid[]);
-/* Create the shells Ar (with its diagonal and its sweep), G, B and, where there are bodies, C. Collective. */
+/* Create the shells K, Ar (with its diagonal and its sweep), G, B and, where there are bodies, C. Collective. */
 PetscErrorCode FlowSolverCreateShells(FlowSolver);
+/* Take from a residual what nothing can take away: the round-off of a small one would be most of it. Collective. */
+PetscErrorCode FlowSolverMakeConsistent(FlowSolver, Vec r);
+/* Continuity rows of x [nur + np] times factor. Local. */
+void FlowSolverBalance(FlowSolver, PetscReal factor, PetscReal x[]);
 /* y = M_r^{-1} x with the projected lumped mass; inert slots give zero. Collective. */
 PetscErrorCode FlowSolverApplyMassInverse(FlowSolver, Vec x, Vec y);
 
@@ -90,6 +96,8 @@ PetscErrorCode FlowSolverSetRecipe(FlowSolver, PetscBool moving);
 PetscErrorCode FlowSolverChooseMethods(FlowSolver);
 /* The tolerance of the correction y; enough: the start value (or zero, if that is better) meets it. Collective. */
 PetscErrorCode FlowSolverSetTolerance(FlowSolver, PetscBool *enough);
+/* The outer iteration's convergence test, which minds -flow_iterations_least. Collective. */
+PetscErrorCode FlowSolverSetTest(FlowSolver);
 /* Make pc the projection preconditioner around a fieldsplit. Collective. */
 PetscErrorCode FlowSolverCreateProjection(FlowSolver, PC pc);
 /* After the solve for fs->x, which u, p, U are: add the forces of fs->held and what they do. Adds to *its; *reason < 0:

@@ -31,6 +31,18 @@ static PetscErrorCode mult_soft(FlowSolver fs, const PetscReal x[], PetscReal y[
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* y = (D + H) x of body k, from and to its slots */
+static void mult_body(FlowSolver fs, PetscInt k, const PetscReal x[], PetscReal y[])
+{
+  const PetscInt nr = fs->nr;
+  PetscReal      U[6];
+
+  for (PetscInt s = 0; s < nr; s++) U[s] = ConstraintSlotUnit(fs->constraint, k, s) * x[s];
+  multiply_small(nr, fs->D + k * nr * nr, U, y);
+  if (FlowSolverIsSoft(fs)) add_small(nr, fs->soft->H + k * nr * nr, U, y);
+  for (PetscInt s = 0; s < nr; s++) y[s] *= ConstraintSlotUnit(fs->constraint, k, s);
+}
+
 /* y = (P^T A P + D) x with identity on inert slots. x is changed for the moment of the product and put back. */
 static PetscErrorCode mult_velocity(Mat mat, Vec x, Vec y)
 {
@@ -55,9 +67,7 @@ static PetscErrorCode mult_velocity(Mat mat, Vec x, Vec y)
   if (FlowSolverIsSoft(fs)) PetscCall(mult_soft(fs, xa, ya));
   PetscCall(ConstraintPutBack(fs->constraint, fs->saved, xa));
   for (PetscInt k = 0; k < c->count; k++) {
-    multiply_small(fs->nr, fs->D + (c->first + k) * fs->nr * fs->nr, xr + fs->nodal + k * fs->nr, ya + fs->nodal + k * fs->nr);
-    if (FlowSolverIsSoft(fs))
-      add_small(fs->nr, fs->soft->H + (c->first + k) * fs->nr * fs->nr, xr + fs->nodal + k * fs->nr, ya + fs->nodal + k * fs->nr);
+    mult_body(fs, c->first + k, xr + fs->nodal + k * fs->nr, ya + fs->nodal + k * fs->nr);
     for (PetscInt s = 0; s < fs->nr; s++)
       if (!((c->unknown[c->first + k] >> s) & 1)) ya[fs->nodal + k * fs->nr + s] = xr[fs->nodal + k * fs->nr + s];
   }
@@ -203,6 +213,14 @@ static PetscErrorCode lead_followers(FlowSolver fs, PetscBool before, const Pets
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* y = mass_inverse x of body k, from and to its slots; x is changed */
+static void invert_mass(FlowSolver fs, PetscInt k, PetscReal x[], PetscReal y[])
+{
+  for (PetscInt s = 0; s < fs->nr; s++) x[s] /= ConstraintSlotUnit(fs->constraint, k, s);
+  multiply_small(fs->nr, fs->mass_inverse + k * fs->nr * fs->nr, x, y);
+  for (PetscInt s = 0; s < fs->nr; s++) y[s] /= ConstraintSlotUnit(fs->constraint, k, s);
+}
+
 PetscErrorCode FlowSolverApplyMassInverse(FlowSolver fs, Vec x, Vec y)
 {
   const struct _p_Constraint *c = fs->constraint;
@@ -216,12 +234,31 @@ PetscErrorCode FlowSolverApplyMassInverse(FlowSolver fs, Vec x, Vec y)
   for (PetscInt j = 0; j < c->ninert; j++) ya[c->slot[j]] = 0; /* the softness of body nodes belongs to S_p only */
   PetscCall(PetscArraycpy(t, xr + fs->nodal, c->count * fs->nr));
   if (FlowSolverIsSoft(fs)) PetscCall(lead_followers(fs, PETSC_TRUE, xr, NULL, t));
-  for (PetscInt k = 0; k < c->count; k++)
-    multiply_small(fs->nr, fs->mass_inverse + (c->first + k) * fs->nr * fs->nr, t + k * fs->nr, ya + fs->nodal + k * fs->nr);
+  for (PetscInt k = 0; k < c->count; k++) invert_mass(fs, c->first + k, t + k * fs->nr, ya + fs->nodal + k * fs->nr);
   for (PetscInt i = fs->nodal; i < fs->nur; i++) ya[i] /= fs->scale;
   if (FlowSolverIsSoft(fs)) PetscCall(lead_followers(fs, PETSC_FALSE, NULL, ya, ya + fs->nodal));
   PetscCall(VecRestoreArray(y, &ya));
   PetscCall(VecRestoreArrayRead(x, &xr));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+void FlowSolverBalance(FlowSolver fs, PetscReal factor, PetscReal x[])
+{
+  for (PetscInt i = fs->nur; i < fs->nur + fs->np; i++) x[i] *= factor;
+}
+
+/* y = K x with balanced rows */
+static PetscErrorCode mult_whole(Mat mat, Vec x, Vec y)
+{
+  FlowSolver fs;
+  PetscReal *ya;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(mat, &fs));
+  PetscCall(MatMult(fs->nest, x, y));
+  PetscCall(VecGetArray(y, &ya));
+  FlowSolverBalance(fs, fs->balance, ya);
+  PetscCall(VecRestoreArray(y, &ya));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -239,6 +276,7 @@ PetscErrorCode FlowSolverCreateShells(FlowSolver fs)
   PetscCall(create_shell(fs, fs->nur, fs->nur, mult_velocity, &fs->Ar));
   PetscCall(MatShellSetOperation(fs->Ar, MATOP_GET_DIAGONAL, (void (*)(void))diagonal_velocity));
   PetscCall(MatShellSetOperation(fs->Ar, MATOP_SOR, (void (*)(void))sor_velocity));
+  PetscCall(create_shell(fs, fs->nur + fs->np, fs->nur + fs->np, mult_whole, &fs->K));
   PetscCall(create_shell(fs, fs->nur, fs->np, mult_gradient, &fs->G));
   PetscCall(create_shell(fs, fs->np, fs->nur, mult_divergence, &fs->B));
   if (fs->nbodies) PetscCall(create_shell(fs, fs->np, fs->np, mult_shared, &fs->C));

@@ -73,14 +73,12 @@ static PetscErrorCode count_limited(FlowSolver fs)
 }
 
 /* y = fieldsplit (x), then projection or commutator, see the header */
-static PetscErrorCode apply_projection(PC pc, Vec x, Vec y)
+static PetscErrorCode apply_unbalanced(FlowSolver fs, Vec x, Vec y)
 {
-  FlowSolver fs;
   PetscReal *a;
   Vec        u, p;
 
   PetscFunctionBeginUser;
-  PetscCall(PCShellGetContext(pc, &fs));
   PetscCall(PCApply(fs->split, x, y));
   PetscCall(count_limited(fs));
   if (fs->two_stage) {
@@ -96,6 +94,22 @@ static PetscErrorCode apply_projection(PC pc, Vec x, Vec y)
   PetscCall(VecDestroy(&u));
   PetscCall(VecDestroy(&p));
   PetscCall(VecRestoreArray(y, &a));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The outer iteration's residual x has balanced rows; everything below works on the rows of the blocks. */
+static PetscErrorCode apply_projection(PC pc, Vec x, Vec y)
+{
+  FlowSolver fs;
+  PetscReal *a;
+
+  PetscFunctionBeginUser;
+  PetscCall(PCShellGetContext(pc, &fs));
+  PetscCall(VecCopy(x, fs->t_x));
+  PetscCall(VecGetArray(fs->t_x, &a));
+  FlowSolverBalance(fs, 1 / fs->balance, a);
+  PetscCall(VecRestoreArray(fs->t_x, &a));
+  PetscCall(apply_unbalanced(fs, fs->t_x, y));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -115,6 +129,19 @@ static PetscErrorCode view_projection(PC pc, PetscViewer viewer)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode make_consistent(KSP ksp, Vec rhs, Vec x, void *pressure)
+{
+  PetscReal *r;
+
+  PetscFunctionBeginUser;
+  (void)ksp;
+  (void)x;
+  PetscCall(VecGetArray(rhs, &r));
+  PetscCall(PressureMakeConsistent((Pressure)pressure, r));
+  PetscCall(VecRestoreArray(rhs, &r));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Set up the inner fieldsplit and point its pressure solver at S_p instead of the true Schur complement. */
 static PetscErrorCode set_up_projection(PC pc)
 {
@@ -130,6 +157,7 @@ static PetscErrorCode set_up_projection(PC pc)
   PetscCall(PetscFree(fs->sub));
   PetscCall(PCFieldSplitSchurGetSubKSP(fs->split, &n, &fs->sub));
   PetscCall(KSPSetOperators(fs->sub[1], Sp, Sp_pre));
+  if (fs->nbodies) PetscCall(KSPSetPreSolve(fs->sub[1], make_consistent, fs->pressure));
   PetscCall(PressureSetUpPC(fs->pressure, fs->sub[1]));
   PetscCall(KSPSetUp(fs->sub[0]));
   PetscCall(KSPSetUp(fs->sub[1]));

@@ -220,6 +220,7 @@ PetscErrorCode PressureDestroy(Pressure *pressure)
   PetscCall(PetscFree(p->neighbour_ptr));
   PetscCall(PetscFree(p->neighbour));
   PetscCall(PetscFree2(p->weight, p->work));
+  PetscCall(PetscFree(p->buried));
   PetscCall(PetscFree(p->cut_cell));
   PetscCall(PetscFree(p->cut_body));
   PetscCall(PetscFree(p->cut_w));
@@ -310,6 +311,7 @@ PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscR
   /* makes every inner right-hand side consistent */
   PetscCall(MatSetTransposeNullSpace(p->shell, p->any_shared ? NULL : p->constant));
   if (p->nbodies) {
+    PetscCall(PressureFindBuried(p));
     PetscCall(PressureFindCut(p, share, mass_inverse));
     if (p->sweeps) PetscCall(BlockGSSetLowRank(p->sweeps, p->nbodies, p->ncut, p->cut_cell, p->cut_body, p->cut_w));
     if (p->coarse) PetscCall(CoarseSetBodies(p->coarse, p->nbodies, p->nr, p->ncut, p->cut_cell, p->cut_body, p->cut_w));
@@ -324,6 +326,28 @@ PetscErrorCode PressureIsSingular(Pressure p, PetscBool *singular)
 {
   PetscFunctionBeginUser;
   *singular = (PetscBool)(p->floating && !p->any_shared);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PressureMakeConsistent(Pressure p, PetscReal r[])
+{
+  const MeshLocal *l      = p->loc;
+  PetscReal        sum[2] = {0, 0};
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < p->nburied; i++) PetscCall(PetscArrayzero(r + p->buried[i] * p->nk, p->nk));
+  if (!p->floating || p->any_shared) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt c = 0; c < l->ncell; c++) {
+    if (p->cell_body && p->cell_body[c] >= 0) continue;
+    sum[0] += r[c * p->nk];
+    sum[1]++;
+  }
+  sum[1] -= (PetscReal)p->nburied;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  if (sum[1] <= 0) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt c = 0; c < l->ncell; c++)
+    if (!(p->cell_body && p->cell_body[c] >= 0)) r[c * p->nk] -= sum[0] / sum[1];
+  for (PetscInt i = 0; i < p->nburied; i++) r[p->buried[i] * p->nk] = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

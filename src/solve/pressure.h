@@ -47,6 +47,12 @@ PetscErrorCode PressureCreateConstant(Pressure, Vec like, PetscInt before, MatNu
 /* Is the constant pressure in the null space (closed domain, no shared cells)? After PressureUpdate. */
 PetscErrorCode PressureIsSingular(Pressure, PetscBool *singular);
 
+/* Take from r [own cells][dim + 1], a residual of continuity, what no velocity can cause: in closed domains its sum,
+   from the cells with flow, and all of it in cells inside of bodies. It is round-off, but spread over all cells it
+   would be divided by the softness of the latter, a million times larger than the pressures that matter. After
+   PressureUpdate. Collective. */
+PetscErrorCode PressureMakeConsistent(Pressure, PetscReal r[]);
+
 /* The operator and the matrix for preconditioners (the same object when no body is unknown). Borrowed. */
 PetscErrorCode PressureGetMats(Pressure, Mat *operator, Mat * matrix);
 /* Its diagonal. */

@@ -103,6 +103,28 @@ PetscErrorCode PressureFindShared(Pressure p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode PressureFindBuried(Pressure p)
+{
+  const MeshLocal *l    = p->loc;
+  const PetscInt  *body = p->constraint->node_body;
+
+  PetscFunctionBeginUser;
+  p->nburied = 0;
+  for (PetscInt t = 0; t < p->ntouched; t++) {
+    const PetscInt *node = l->cell_node + p->touched[t] * l->nb;
+    PetscInt        j    = 0;
+
+    while (j < l->nb && body[node[j]] >= 0 && body[node[j]] == body[node[0]]) j++;
+    if (j < l->nb || (p->cell_body && p->cell_body[p->touched[t]] >= 0)) continue;
+    if (p->nburied == p->buried_room) {
+      p->buried_room = 2 * p->buried_room + 64;
+      PetscCall(PetscRealloc(p->buried_room * sizeof(PetscInt), &p->buried));
+    }
+    p->buried[p->nburied++] = p->touched[t];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* The body that node i moves with, if it is unknown, and its share in the motion */
 static PetscInt holder(const struct _p_Constraint *c, const PetscReal share[], PetscInt i, PetscReal *part)
 {

@@ -22,6 +22,8 @@ struct _p_Pressure {
   PetscInt   ncut, room, *cut_cell, *cut_body;
   PetscReal *cut_w; /* [ncut][nk][nr] B R_k L_k with L_k L_k^T = M_k^{-1} */
   PetscReal *work;  /* [nbodies][nr] */
+  /* cells in which no flow is left: inside of a body, all nodes rigid */
+  PetscInt nburied, buried_room, *buried;
   /* cells between two constrained surfaces, see find_shared_cells() */
   PetscReal    eps_shared, *shared_block; /* [nshared][nk][nk] */
   PetscInt     nshared, shared_room, *shared_cell;
@@ -48,10 +50,11 @@ PetscErrorCode PressureUpdateMatrix(Pressure, const PetscReal weight[], PetscInt
 void PressureStartList(Pressure);
 void PressureListCellsOfNode(Pressure, PetscInt node);
 
-/* pressurecut.c: cells touched by bodies, and among them those between two surfaces and dead ones; then pairs of cell
-   and body where the body moves some nodes, but not all of them rigidly (a cell may meet two bodies). Not collective.
-   */
+/* pressurecut.c: cells touched by bodies, and among them those between two surfaces and dead ones; then those inside of
+   bodies, and pairs of cell and body where the body moves some nodes, but not all of them rigidly (a cell may meet two
+   bodies). Not collective. */
 PetscErrorCode PressureFindShared(Pressure);
+PetscErrorCode PressureFindBuried(Pressure);
 PetscErrorCode PressureFindCut(Pressure, const PetscReal share[], const PetscReal mass_inverse[]);
 /* y = matrix x + W W^T x = matrix x + sum_k (B R_k) M_k^{-1} (B R_k)^T x. Collective. */
 PetscErrorCode PressureMult(Mat shell, Vec x, Vec y);

@@ -8,14 +8,16 @@ PetscErrorCode ConstraintFetchRigid(Constraint c, const PetscReal rigid[])
   PetscFunctionBeginUser;
   PetscCall(PetscSFBcastBegin(c->rigid_sf, c->rigid_type, rigid, c->local_rigid, MPI_REPLACE));
   PetscCall(PetscSFBcastEnd(c->rigid_sf, c->rigid_type, rigid, c->local_rigid, MPI_REPLACE));
+  for (PetscInt e = 0; e < c->nlocal * c->nr; e++) c->local_rigid[e] *= ConstraintSlotUnit(c, c->local_list[e / c->nr], e % c->nr);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode ConstraintDeliverRigid(Constraint c, const PetscReal local[], PetscReal rigid[])
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscSFReduceBegin(c->rigid_sf, c->rigid_type, local, rigid, MPIU_SUM));
-  PetscCall(PetscSFReduceEnd(c->rigid_sf, c->rigid_type, local, rigid, MPIU_SUM));
+  for (PetscInt e = 0; e < c->nlocal * c->nr; e++) c->packed[e] = ConstraintSlotUnit(c, c->local_list[e / c->nr], e % c->nr) * local[e];
+  PetscCall(PetscSFReduceBegin(c->rigid_sf, c->rigid_type, c->packed, rigid, MPIU_SUM));
+  PetscCall(PetscSFReduceEnd(c->rigid_sf, c->rigid_type, c->packed, rigid, MPIU_SUM));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -99,7 +101,11 @@ PetscErrorCode ConstraintRestrict(Constraint c, const PetscReal u[], const Petsc
     x[c->follow_slot[j]] -= c->known[c->follow_slot[j]];
     for (PetscInt s = 0; s < c->nr; s++) x[c->follow_slot[j]] -= c->follow_coef[j * c->nr + s] * U[c->follow_body[j] * c->nr + s];
   }
-  for (PetscInt i = 0; i < c->count * c->nr; i++) x[n + i] = (c->unknown[c->first + i / c->nr] >> (i % c->nr)) & 1 ? U[c->first * c->nr + i] : 0;
+  for (PetscInt i = 0; i < c->count * c->nr; i++) {
+    const PetscInt k = c->first + i / c->nr, s = i % c->nr;
+
+    x[n + i] = (c->unknown[k] >> s) & 1 ? U[k * c->nr + s] / ConstraintSlotUnit(c, k, s) : 0;
+  }
   PetscCall(VecRestoreArray(ur, &x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -121,7 +127,7 @@ PetscErrorCode ConstraintGatherRigid(Constraint c, Vec ur, PetscReal U[])
   PetscCallMPI(MPI_Allgatherv(x + n, mine, MPIU_REAL, all, counts, starts, MPIU_REAL, PETSC_COMM_WORLD));
   PetscCall(VecRestoreArrayRead(ur, &x));
   for (PetscInt i = 0; i < c->nbodies * c->nr; i++)
-    if ((c->unknown[i / c->nr] >> (i % c->nr)) & 1) U[i] = all[i];
+    if ((c->unknown[i / c->nr] >> (i % c->nr)) & 1) U[i] = all[i] * ConstraintSlotUnit(c, i / c->nr, i % c->nr);
   PetscCall(PetscFree3(all, counts, starts));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -155,13 +161,16 @@ PetscErrorCode ConstraintCreateMat(Constraint c, Mat *P)
     if (j < c->ninert && c->slot[j] == i) {
       if (c->body[j] >= 0)
         for (PetscInt s = 0; s < c->nr; s++)
-          if (c->coef[j * c->nr + s] != 0) PetscCall(MatSetValue(*P, row0 + i, column[c->body[j]] + s, c->coef[j * c->nr + s], INSERT_VALUES));
+          if (c->coef[j * c->nr + s] != 0)
+            PetscCall(
+              MatSetValue(*P, row0 + i, column[c->body[j]] + s, ConstraintSlotUnit(c, c->body[j], s) * c->coef[j * c->nr + s], INSERT_VALUES));
       j++;
     } else PetscCall(MatSetValue(*P, row0 + i, col0 + i, 1, INSERT_VALUES));
     if (f < c->nfollow && c->follow_slot[f] == i) {
       for (PetscInt s = 0; s < c->nr; s++)
         if (c->follow_coef[f * c->nr + s] != 0)
-          PetscCall(MatSetValue(*P, row0 + i, column[c->follow_body[f]] + s, c->follow_coef[f * c->nr + s], INSERT_VALUES));
+          PetscCall(MatSetValue(*P, row0 + i, column[c->follow_body[f]] + s,
+                                ConstraintSlotUnit(c, c->follow_body[f], s) * c->follow_coef[f * c->nr + s], INSERT_VALUES));
       f++;
     }
   }

@@ -18,8 +18,9 @@ struct _p_Constraint {
   PetscInt        *unknown;                    /* [nbodies] bit mask of rigid velocities */
   PetscReal       *value, *known;              /* [nnode_all][dim] at walls; the known part c */
   PetscReal (*X)[3], *U;                       /* [nbodies] centres; rigid velocities as given, [nbodies][nr] */
-  PetscBool have_bodies;
-  PetscInt  nbody_nodes, body_node_room, *body_node; /* local nodes (ghosts too) that lie in a body or follow one,
+  PetscReal *length;                           /* [nbodies] see ConstraintSetLengths */
+  PetscBool  have_bodies;
+  PetscInt   nbody_nodes, body_node_room, *body_node; /* local nodes (ghosts too) that lie in a body or follow one,
                                                         ascending */
   /* inert slots; body -1: walls, and bodies without unknowns */
   PetscInt   ninert, *slot, *body, *local_body;
@@ -33,9 +34,17 @@ struct _p_Constraint {
   PetscInt     nlocal, *local_index; /* [nbodies] body -> local or -1 */
   PetscInt    *local_list;
   PetscReal   *local_rigid; /* [nlocal][nr] as ConstraintFetchRigid left them */
+  PetscReal   *packed;      /* [nlocal][nr] work of ConstraintDeliverRigid */
   PetscSF      rigid_sf;
   MPI_Datatype rigid_type; /* the nr slots of one body */
 };
+
+/* Rigid velocity s of body k, in the units of the scene, for 1 in its slot; the row of the slot is that times the force
+   or torque. */
+static inline PetscReal ConstraintSlotUnit(const struct _p_Constraint *c, PetscInt k, PetscInt s)
+{
+  return s < c->loc->dim ? 1 : 1 / c->length[k];
+}
 
 /* Local size of u_r and number of those that are nodal (own nodes x dim). Either may be NULL. */
 PetscErrorCode ConstraintGetSizes(Constraint, PetscInt *nodal, PetscInt *total);
@@ -50,8 +59,9 @@ PetscErrorCode ConstraintGetRigidColumns(Constraint, PetscInt column[]);
 PetscErrorCode ConstraintExpandInPlace(Constraint, const PetscReal rigid[], PetscReal v[], PetscReal saved[]);
 PetscErrorCode ConstraintPutBack(Constraint, const PetscReal saved[], PetscReal v[]);
 PetscErrorCode ConstraintReduceInPlace(Constraint, PetscReal r[], PetscReal rigid[]);
-/* Rigid velocities between their owner and the bodies this rank knows. Fetch: local_rigid = rigid, as Expand does on
-   its way. Deliver: rigid += sum of local [nlocal][nr] over ranks. Collective. */
+/* Rigid velocities between the slots of their owner and, in the units of the scene, the bodies this rank knows. Fetch:
+   local_rigid = rigid, as Expand does on its way. Deliver: rigid += sum of local [nlocal][nr] (forces, torques) over
+   ranks. Collective. */
 PetscErrorCode ConstraintFetchRigid(Constraint, const PetscReal rigid[]);
 PetscErrorCode ConstraintDeliverRigid(Constraint, const PetscReal local[], PetscReal rigid[]);
 

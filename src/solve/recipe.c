@@ -309,3 +309,29 @@ PetscErrorCode FlowSolverSetTolerance(FlowSolver fs, PetscBool *enough)
       KSPSetTolerances(fs->ksp, PetscMin(PetscMax(target / whole, LEAST_TOLERANCE), MOST_TOLERANCE), PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
+
+/* PETSc's own test, but not before the least number of iterations */
+static PetscErrorCode test_convergence(KSP ksp, PetscInt it, PetscReal norm, KSPConvergedReason *reason, void *ctx)
+{
+  const FlowSolver fs = (FlowSolver)ctx;
+
+  PetscFunctionBeginUser;
+  PetscCall(KSPConvergedDefault(ksp, it, norm, reason, fs->test));
+  if (*reason == KSP_CONVERGED_RTOL && it < fs->least) *reason = KSP_CONVERGED_ITERATING;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode destroy_test(void *ctx)
+{
+  PetscFunctionBeginUser;
+  PetscCall(KSPConvergedDefaultDestroy(((FlowSolver)ctx)->test));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverSetTest(FlowSolver fs)
+{
+  PetscFunctionBeginUser;
+  PetscCall(KSPConvergedDefaultCreate(&fs->test));
+  PetscCall(KSPSetConvergenceTest(fs->ksp, test_convergence, fs, destroy_test));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -102,9 +102,9 @@ static void factorise_row(Relax s, PetscInt i, const PetscInt ai[], const PetscI
   for (PetscInt q = begin; q < ai[i + 1]; q++) where[aj[q]] = -1;
 }
 
-/* A pivot that elimination has nearly used up, against the diagonal or against its row, is replaced by the diagonal, or
-   more where the row is longer: the factors would overflow where convection that the mesh does not resolve outweighs
-   the diagonal (runs/studies/flow-solver) */
+/* A pivot that elimination has nearly used up, against the diagonal or against its row of U, is replaced by the
+   diagonal, or more where the row is longer: the factors would overflow where convection that the mesh does not resolve
+   outweighs the diagonal (runs/studies/flow-solver) */
 #define PIVOT_OF_DIAGONAL 0.05
 #define PIVOT_OF_ROW      0.03
 #define INSTEAD_OF_ROW    0.1
@@ -130,7 +130,7 @@ static PetscErrorCode factorise(Relax s, const Rows *r)
       factorise_row(s, i, ai, aj, aa, pivot, row);
       for (PetscInt q = ai[i]; q < ai[i + 1]; q++) {
         s->lu[q] = (float)row[q - ai[i]];
-        size += PetscAbsReal(row[q - ai[i]]);
+        if (q >= s->diagonal[i]) size += PetscAbsReal(row[q - ai[i]]); /* before it stand factors, which have no unit */
       }
       entry = row[s->diagonal[i] - ai[i]];
       if (entry * pivot[i] > PIVOT_OF_DIAGONAL && entry > PIVOT_OF_ROW * size) pivot[i] = 1 / entry;

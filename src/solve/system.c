@@ -10,6 +10,8 @@
 /* Diagonal entries of A in the sweeps, at least, in lumped masses: convection that the mesh does not resolve takes from
    the entry, and would leave nothing or less (runs/studies/flow-solver) */
 #define LEAST_DIAGONAL 0.1
+/* Weight of the continuity rows, see system.h, in mean cell sizes (runs/studies/flow-solver, "Rows of one unit") */
+#define BALANCE 12
 
 /* ---- numeric set-up ---- */
 
@@ -56,6 +58,21 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode update_blocks(FlowSolver fs)
+{
+  const struct _p_Constraint *c  = fs->constraint;
+  const PetscInt              nr = fs->nr, nn = nr * nr;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodyBlocksUpdate(fs->blocks, fs->share, FlowSolverIsSoft(fs) ? fs->soft : NULL, fs->D, fs->scale, fs->body_inverse, fs->mass_inverse));
+  for (PetscInt e = 0; e < c->count * nn; e++) {
+    const PetscInt k = c->first + e / nn, i = e % nn / nr, j = e % nr;
+
+    if ((c->unknown[k] >> i) & 1 && (c->unknown[k] >> j) & 1) fs->body_inverse[e] /= ConstraintSlotUnit(c, k, i) * ConstraintSlotUnit(c, k, j);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode assemble_on_demand(FlowSolver fs)
 {
   Mat P;
@@ -66,7 +83,7 @@ static PetscErrorCode assemble_on_demand(FlowSolver fs)
   PetscCall(MatDestroy(&fs->whole));
   PetscCall(ConstraintCreateMat(fs->constraint, &P));
   PetscCall(AssembledCreateVelocity(fs->constraint, fs->A, P, fs->D, FlowSolverIsSoft(fs) ? fs->soft : NULL, &fs->Ar_assembled));
-  if (fs->need_whole) PetscCall(AssembledCreateWhole(fs->flow, fs->pressure, fs->scale, P, fs->Ar_assembled, &fs->whole));
+  if (fs->need_whole) PetscCall(AssembledCreateWhole(fs->flow, fs->pressure, fs->scale, fs->balance, P, fs->Ar_assembled, &fs->whole));
   PetscCall(MatDestroy(&P));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -87,6 +104,7 @@ static PetscErrorCode create_operators(FlowSolver fs)
   PetscCall(MatCreateNest(PETSC_COMM_WORLD, 2, NULL, 2, NULL, block, &fs->nest));
   PetscCall(MatCreateVecs(fs->nest, &fs->x, &fs->b));
   PetscCall(VecDuplicate(fs->x, &fs->r));
+  PetscCall(VecDuplicate(fs->x, &fs->t_x));
   PetscCall(VecDuplicate(fs->x, &fs->y));
   PetscCall(ConstraintCreateVec(fs->constraint, &fs->t_u));
   PetscCall(VecDuplicate(fs->t_u, &fs->t_u2));
@@ -98,17 +116,6 @@ static PetscErrorCode create_operators(FlowSolver fs)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* PETSc's own test, but not before the least number of iterations */
-static PetscErrorCode test_convergence(KSP ksp, PetscInt it, PetscReal norm, KSPConvergedReason *reason, void *ctx)
-{
-  const FlowSolver fs = (FlowSolver)ctx;
-
-  PetscFunctionBeginUser;
-  PetscCall(KSPConvergedDefault(ksp, it, norm, reason, fs->test));
-  if (*reason == KSP_CONVERGED_RTOL && it < fs->least) *reason = KSP_CONVERGED_ITERATING;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode create_solvers(FlowSolver fs)
 {
   PC pc;
@@ -116,13 +123,22 @@ static PetscErrorCode create_solvers(FlowSolver fs)
   PetscFunctionBeginUser;
   PetscCall(KSPCreate(PETSC_COMM_WORLD, &fs->ksp));
   PetscCall(KSPSetOptionsPrefix(fs->ksp, "flow_"));
-  PetscCall(KSPConvergedDefaultCreate(&fs->test));
-  PetscCall(KSPSetConvergenceTest(fs->ksp, test_convergence, fs, NULL));
+  PetscCall(FlowSolverSetTest(fs));
   PetscCall(KSPGetPC(fs->ksp, &pc));
   if (!fs->need_whole) PetscCall(FlowSolverCreateProjection(fs, pc));
   PetscCall(KSPSetFromOptions(fs->ksp));
   PetscCall(KSPGetTolerances(fs->ksp, &fs->rtol, NULL, NULL, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Edge of a cube that is this share of the domain's box: nothing that moving nodes, a restart or the number of ranks
+   could change */
+static PetscReal mean_size(const MeshLocal *l)
+{
+  PetscReal volume = 1;
+
+  for (PetscInt d = 0; d < l->dim; d++) volume *= l->upper[d] - l->lower[d];
+  return PetscPowReal(volume / (PetscReal)l->ncell_global, 1 / (PetscReal)l->dim);
 }
 
 PetscErrorCode FlowSolverCreate(Flow flow, Constraint constraint, PetscBool moving, FlowSolver *solver)
@@ -143,6 +159,7 @@ PetscErrorCode FlowSolverCreate(Flow flow, Constraint constraint, PetscBool movi
   PetscCall(FlowGetCellSize(flow, &h));
   for (PetscInt e = 0; e < fs->loc->ncell; e++) fs->h_max = PetscMax(fs->h_max, h[e]);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &fs->h_max, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  fs->balance = BALANCE * mean_size(fs->loc);
   PetscCall(FlowSolverSetRecipe(fs, moving));
   PetscCall(FlowGetMatrix(flow, &fs->S));
   PetscCall(MatCreateMAIJ(fs->S, fs->loc->dim, &fs->S_all));
@@ -169,7 +186,6 @@ PetscErrorCode FlowSolverDestroy(FlowSolver *solver)
   PetscFunctionBeginUser;
   if (!fs) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(KSPDestroy(&fs->ksp));
-  PetscCall(KSPConvergedDefaultDestroy(fs->test));
   PetscCall(TwoStageDestroy(&fs->two));
   PetscCall(FlowSolverDestroyHeld(fs));
   PetscCall(PetscFree(fs->sub));
@@ -182,6 +198,7 @@ PetscErrorCode FlowSolverDestroy(FlowSolver *solver)
   PetscCall(MatDestroy(&fs->B));
   PetscCall(MatDestroy(&fs->C));
   PetscCall(MatDestroy(&fs->nest));
+  PetscCall(MatDestroy(&fs->K));
   PetscCall(MatDestroy(&fs->Ar_assembled));
   PetscCall(MatDestroy(&fs->whole));
   PetscCall(VecDestroy(&fs->xn));
@@ -190,6 +207,7 @@ PetscErrorCode FlowSolverDestroy(FlowSolver *solver)
   PetscCall(VecDestroy(&fs->x));
   PetscCall(VecDestroy(&fs->r));
   PetscCall(VecDestroy(&fs->y));
+  PetscCall(VecDestroy(&fs->t_x));
   PetscCall(VecDestroy(&fs->t_u));
   PetscCall(VecDestroy(&fs->t_u2));
   PetscCall(VecDestroy(&fs->t_p));
@@ -269,12 +287,12 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
   PetscCall(PetscLogEventBegin(TB_VEL_FACTOR, 0, 0, 0, 0));
   PetscCall(RelaxUpdate(fs->sweep, fs->diagonal_inverse, fs->factorise));
   PetscCall(PetscLogEventEnd(TB_VEL_FACTOR, 0, 0, 0, 0));
-  if (fs->nbodies)
-    PetscCall(BodyBlocksUpdate(fs->blocks, fs->share, FlowSolverIsSoft(fs) ? fs->soft : NULL, fs->D, fs->scale, fs->body_inverse, fs->mass_inverse));
+  if (fs->nbodies) PetscCall(update_blocks(fs));
   PetscCall(PressureUpdate(fs->pressure, fs->weight, FlowSolverIsSoft(fs) ? fs->share : NULL, fs->mass_inverse));
   if (fs->two_stage) PetscCall(TwoStageSetUp(fs->two, fs));
   PetscCall(PressureIsSingular(fs->pressure, &singular));
   PetscCall(MatSetNullSpace(fs->nest, singular ? fs->constant_pressure : NULL));
+  PetscCall(MatSetNullSpace(fs->K, singular ? fs->constant_pressure : NULL));
   PetscCall(assemble_on_demand(fs));
   PetscCall(MatAssemblyBegin(fs->Ar, MAT_FINAL_ASSEMBLY)); /* tell PETSc that the values behind the shells have
                                                               changed */
@@ -291,7 +309,9 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
     PetscCall(PCFieldSplitSetDiagUseAmat(fs->split, PETSC_TRUE));
     PetscCall(PCFieldSplitSetOffDiagUseAmat(fs->split, PETSC_TRUE));
   }
-  PetscCall(KSPSetOperators(fs->ksp, fs->nest, fs->need_whole ? fs->whole : fs->nest));
+  PetscCall(MatAssemblyBegin(fs->K, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(fs->K, MAT_FINAL_ASSEMBLY));
+  PetscCall(KSPSetOperators(fs->ksp, fs->K, fs->need_whole ? fs->whole : fs->K));
   PetscCall(KSPSetUp(fs->ksp));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -316,7 +336,8 @@ static PetscErrorCode add_known_soft(FlowSolver fs, const PetscReal c[], PetscRe
   for (PetscInt k = 0; k < P->count; k++)
     for (PetscInt m = 0; m < nn; m++)
       if ((P->unknown[P->first + k] >> (m / nr)) & 1 && !((P->unknown[P->first + k] >> (m % nr)) & 1))
-        rigid[k * nr + m / nr] -= fs->soft->H[(P->first + k) * nn + m] * P->U[(P->first + k) * nr + m % nr];
+        rigid[k * nr + m / nr] -= ConstraintSlotUnit(P, P->first + k, m / nr) * fs->soft->H[(P->first + k) * nn + m] *
+                                  P->U[(P->first + k) * nr + m % nr];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -333,7 +354,7 @@ static PetscErrorCode spread_net_flux(FlowSolver fs, const PetscReal c[])
   PetscCall(MatGetNullSpace(fs->nest, &constant));
   if (!constant) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(VecGetArrayRead(fs->b, &b));
-  for (PetscInt i = fs->nur; i < fs->nur + fs->np; i += l->dim + 1) flux += b[i] / fs->scale;
+  for (PetscInt i = fs->nur; i < fs->nur + fs->np; i += l->dim + 1) flux += b[i] / (fs->scale * fs->balance);
   PetscCall(VecRestoreArrayRead(fs->b, &b));
   for (PetscInt i = 0; i < fs->nodal; i++) speed = PetscMax(speed, PetscAbsReal(c[i]));
   for (PetscInt d = 0; d < l->dim; d++) length = PetscMax(length, l->upper[d] - l->lower[d]);
@@ -360,13 +381,16 @@ static PetscErrorCode build_rhs(FlowSolver fs, const PetscReal r[], const PetscR
   PetscCall(MatMult(fs->A, fs->xn, fs->yn));
   PetscCall(VecResetArray(fs->xn));
   PetscCall(VecResetArray(fs->yn));
-  for (PetscInt i = 0; i < P->count * fs->nr; i++)
-    b[fs->nodal + i] = (P->unknown[P->first + i / fs->nr] >> (i % fs->nr)) & 1 ? g[P->first * fs->nr + i] : 0;
+  for (PetscInt i = 0; i < P->count * fs->nr; i++) {
+    const PetscInt k = P->first + i / fs->nr, s = i % fs->nr;
+
+    b[fs->nodal + i] = (P->unknown[k] >> s) & 1 ? g[k * fs->nr + s] * ConstraintSlotUnit(P, k, s) : 0;
+  }
   if (FlowSolverIsSoft(fs)) PetscCall(add_known_soft(fs, c, b, b + fs->nodal));
   for (PetscInt i = 0; i < fs->nodal; i++) b[i] = r[i] - b[i];
   PetscCall(ConstraintReduceInPlace(fs->constraint, b, b + fs->nodal));
   PetscCall(FlowDivergence(fs->flow, c, b + fs->nur));
-  for (PetscInt i = fs->nur; i < fs->nur + fs->np; i++) b[i] *= -fs->scale;
+  for (PetscInt i = fs->nur; i < fs->nur + fs->np; i++) b[i] *= -fs->scale * fs->balance;
   PetscCall(VecRestoreArray(fs->b, &b));
   PetscCall(spread_net_flux(fs, c));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -382,7 +406,7 @@ PetscErrorCode FlowSolverCreateVec(FlowSolver fs, Vec *x)
 PetscErrorCode FlowSolverGetOperator(FlowSolver fs, Mat *K)
 {
   PetscFunctionBeginUser;
-  *K = fs->nest;
+  *K = fs->K;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -426,20 +450,32 @@ PetscErrorCode FlowSolverResidual(FlowSolver fs, const PetscReal r[], const Pets
 {
   PetscFunctionBeginUser;
   PetscCall(build_rhs(fs, r, g));
-  PetscCall(MatMult(fs->nest, x, f));
+  PetscCall(MatMult(fs->K, x, f));
   PetscCall(VecAXPY(f, -1, fs->b));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverMakeConsistent(FlowSolver fs, Vec r)
+{
+  MatNullSpace constant;
+  PetscReal   *a;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatGetNullSpace(fs->nest, &constant));
+  if (fs->nbodies) {
+    PetscCall(VecGetArray(r, &a));
+    PetscCall(PressureMakeConsistent(fs->pressure, a + fs->nur));
+    PetscCall(VecRestoreArray(r, &a));
+  } else if (constant) PetscCall(MatNullSpaceRemove(constant, r));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode FlowSolverCorrect(FlowSolver fs, Vec f, Vec y, PetscInt *its, KSPConvergedReason *reason)
 {
-  MatNullSpace constant;
-
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_FLOW_SOLVE, 0, 0, 0, 0));
   PetscCall(VecCopy(f, fs->b));
-  PetscCall(MatGetNullSpace(fs->nest, &constant));
-  if (constant) PetscCall(MatNullSpaceRemove(constant, fs->b)); /* the round-off of a small residual would dominate */
+  PetscCall(FlowSolverMakeConsistent(fs, fs->b));
   PetscCall(VecZeroEntries(y));
   PetscCall(KSPSetTolerances(fs->ksp, fs->rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
   PetscCall(KSPSolve(fs->ksp, fs->b, y));
@@ -481,7 +517,10 @@ static PetscErrorCode shift_pressure(FlowSolver fs, const PetscReal dp[])
   PetscCall(take_known_pressures(fs, dp, known));
   PetscCall(VecRestoreArrayWrite(fs->t_p, &known));
   PetscCall(MatMult(fs->G, fs->t_p, fs->t_u));
-  if (fs->C) PetscCall(MatMult(fs->C, fs->t_p, fs->t_p2));
+  if (fs->C) {
+    PetscCall(MatMult(fs->C, fs->t_p, fs->t_p2));
+    PetscCall(VecScale(fs->t_p2, fs->balance));
+  }
   PetscCall(VecGetArray(fs->x, &x));
   PetscCall(VecGetArray(fs->r, &r));
   PetscCall(VecGetArrayRead(fs->t_u, &g));
@@ -514,14 +553,11 @@ static PetscErrorCode shift_pressure(FlowSolver fs, const PetscReal dp[])
 /* r = b - K x with the start value x, its pressure improved */
 static PetscErrorCode start_from(FlowSolver fs, const PetscReal dp[])
 {
-  MatNullSpace constant;
-
   PetscFunctionBeginUser;
-  PetscCall(MatMult(fs->nest, fs->x, fs->r));
+  PetscCall(MatMult(fs->K, fs->x, fs->r));
   PetscCall(VecAYPX(fs->r, -1, fs->b));
   if (dp && !fs->single && !fs->need_whole) PetscCall(shift_pressure(fs, dp));
-  PetscCall(MatGetNullSpace(fs->nest, &constant));
-  if (constant) PetscCall(MatNullSpaceRemove(constant, fs->r)); /* the round-off of a small residual would dominate */
+  PetscCall(FlowSolverMakeConsistent(fs, fs->r));
   PetscCall(VecZeroEntries(fs->y));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -547,10 +583,6 @@ PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscRe
     PetscCall(KSPSolve(fs->ksp, fs->r, fs->y));
     PetscCall(KSPGetIterationNumber(fs->ksp, its));
     PetscCall(KSPGetConvergedReason(fs->ksp, reason));
-    if (fs->least) { /* they may leave much less than they need */
-      PetscCall(KSPGetResidualNorm(fs->ksp, &size));
-      fs->target = PetscMin(fs->target, size);
-    }
     PetscCall(VecAXPY(fs->x, 1, fs->y));
   }
   PetscCall(FlowSolverUnpack(fs, fs->x, u, p, U));

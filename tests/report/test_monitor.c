@@ -357,7 +357,7 @@ static void options_are_kept(void **state)
 }
 
 /* Lines of progress of n steps; the heading comes once, the last line says that nothing is left */
-static PetscInt count_progress(PetscInt n, const char name[])
+static PetscInt count_progress(PetscInt n, const char name[], const char unit[])
 {
   char     dir[PETSC_MAX_PATH_LEN], path[PETSC_MAX_PATH_LEN];
   Bodies   bodies = create_bodies();
@@ -383,21 +383,22 @@ static PetscInt count_progress(PetscInt n, const char name[])
   OK(PetscBarrier(NULL));
   text  = read_text(dir, "stdout");
   lines = count_lines(text) - 1;
-  assert_non_null(strstr(text, "time [s]"));
-  assert_null(strstr(strstr(text, "time [s]") + 1, "time [s]"));
+  assert_non_null(strstr(text, unit));
+  assert_null(strstr(strstr(text, unit) + 1, unit));
   assert_non_null(strstr(line_number(text, lines), "0:00:00"));
   return lines;
 }
 
 static void progress_fits_on_a_page(void **state)
 {
-  const PetscInt few = count_progress(7, "progress7"), many = count_progress(3300, "progress3300");
+  const PetscInt few = count_progress(7, "progress7", "  time          dt "), many = count_progress(3300, "progress3300", "  time          dt ");
 
   (void)state;
   assert_int_equal(few, 7);
   if (many < 20 || many > 60) fail_msg("%d lines of progress for 3300 steps, wanted 20 to 60", (int)many);
   set_option("-output_progress", "1000");
-  assert_int_equal(count_progress(3300, "progress_set"), 5); /* first, three, last */
+  set_option("-units_time", "ms");
+  assert_int_equal(count_progress(3300, "progress_set", "time [ms]     dt [ms]"), 5); /* first, three, last */
   set_option("-output_progress", NULL);
 }
 

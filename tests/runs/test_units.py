@@ -1,0 +1,126 @@
+"""The units of a scene are the user's: in any of them a run takes the same iterations in every step and gives the same results, converted.
+
+A scene is written once with the exponents of length, time and mass behind every number, and converted from cgs to other systems.
+"""
+import csv
+import json
+
+import pytest
+
+# one cm, s, g in these units: SI; micrometres, microseconds, picograms
+SYSTEMS = {"cgs": (1, 1, 1), "si": (1e-2, 1, 1e-3), "micro": (1e4, 1e6, 1e12)}
+NUMBER, LENGTH, TIME, SPEED, ACCELERATION = (0, 0, 0), (1, 0, 0), (0, 1, 0), (1, -1, 0), (1, -2, 0)
+DENSITY, VISCOSITY = (-3, 0, 1), (-1, -1, 1)
+
+DISC = {
+    "mesh_cells": "24,72", "mesh_lower": "0,0", "mesh_upper": ((2, 6), LENGTH), "flow_density": ((1,), DENSITY), "flow_viscosity": ((0.1,), VISCOSITY),
+    "flow_gravity": ((0, -981), ACCELERATION), "particle_groups": "disc", "particle_disc_shape": "circle", "particle_disc_radius": ((0.125,), LENGTH),
+    "particle_disc_density": ((1.25,), DENSITY), "particle_disc_position": ((0.9, 4), LENGTH), "particle_disc_velocity": ((0.1, 0), SPEED),
+    "sim_dt": ((0.01,), TIME), "sim_steps": "8",
+}
+# 20 um in a box of 100 x 200 um of water
+SMALL = {**DISC, "mesh_cells": "32,64", "mesh_upper": ((0.01, 0.02), LENGTH), "flow_viscosity": ((0.01,), VISCOSITY), "particle_disc_radius": ((0.001,), LENGTH),
+         "particle_disc_position": ((0.0045, 0.0136), LENGTH), "particle_disc_velocity": "0,0", "sim_dt": ((0.001,), TIME), "sim_steps": "5"}
+# comes to rest on the floor within the run
+LANDING = {**DISC, "particle_disc_position": ((0.9, 0.2), LENGTH), "particle_disc_velocity": ((0, -3), SPEED), "sim_steps": "12"}
+ELLIPSE = {**DISC, "particle_disc_shape": "ellipse", "particle_disc_a": ((0.25,), LENGTH), "particle_disc_b": ((0.125,), LENGTH), "particle_disc_angle": "0.5"}
+del ELLIPSE["particle_disc_radius"]
+
+RUNS = {
+    "demo-nodal": (DISC, 2, ["-couple_boundary", "nodal"]),
+    "demo-penalty": (DISC, 1, ["-couple_boundary", "penalty"]),
+    "demo-snap": (DISC, 1, ["-couple_boundary", "snap"]),
+    "demo-fast": (DISC, 1, ["-flow_recipe", "fast", "-couple_boundary", "penalty"]),
+    "demo-direct": (DISC, 1, ["-flow_recipe", "direct", "-mesh_cells", "16,48"]),
+    "demo-explicit": (DISC, 1, ["-couple_type", "explicit", "-particle_disc_density"]),
+    "demo-adaptive": (DISC, 1, ["-sim_adapt", "true", "-couple_boundary", "penalty"]),
+    "demo-deform": (DISC, 1, ["-mesh_deform", "true"]),
+    "small-nodal": (SMALL, 1, ["-couple_boundary", "nodal"]),
+    "small-penalty": (SMALL, 2, ["-couple_boundary", "penalty"]),
+    "small-snap": (SMALL, 1, ["-couple_boundary", "snap"]),
+    "landing": (LANDING, 1, ["-couple_boundary", "penalty"]),
+    "spring": (LANDING, 1, ["-couple_boundary", "nodal", "-contact_law", "spring"]),
+    "ellipse-snap": (ELLIPSE, 1, ["-couple_boundary", "snap"]),
+}
+IN_ALL = {"demo-nodal", "demo-snap", "small-penalty"}  # the others in two systems, to save time
+RATE, FORCE, TORQUE = (0, -1, 0), (0, -2, 1), (1, -2, 1)  # in the plane: of a unit of depth
+BODIES = {
+    "time_s": TIME, "x": LENGTH, "y": LENGTH, "angle_rad": NUMBER, "u": SPEED, "v": SPEED, "omega_z": RATE,
+    "force_x": FORCE, "force_y": FORCE, "torque_z": TORQUE,
+}
+SERIES = {"time_s": TIME, "dt_s": TIME, "cfl": NUMBER, "kinetic_energy": (1, -2, 1)}
+
+
+def factor(exponents, system):
+    product = 1
+    for unit, exponent in zip(SYSTEMS[system], exponents):
+        product *= unit**exponent
+    return product
+
+
+def options(scene, system):
+    words = []
+    for name, value in scene.items():
+        if not isinstance(value, str):
+            value = ",".join(repr(number * factor(value[1], system)) for number in value[0])
+        words += ["-" + name, value]
+    return words
+
+
+def table(folder, name):
+    with open(folder / name / "series.csv") as series, open(folder / name / "bodies.csv") as bodies:
+        return list(csv.DictReader(series)), list(csv.DictReader(bodies))
+
+
+def deviations(rows, others, exponents, system, radius):
+    """Largest difference of each column, relative to the largest number of its unit: what vanishes counts beside what does not, rotation
+    by the speed it gives the surface, torque by the force's lever."""
+    size, worst = {NUMBER: 1}, {}
+    for name, unit in exponents.items():
+        size[unit] = max(size.get(unit, 0), max(abs(float(row[name])) for row in rows))
+    for unit, of, factor_of in ((RATE, SPEED, 1 / radius), (TORQUE, FORCE, radius)):
+        size[unit] = max(size.get(unit, 0), size.get(of, 0) * factor_of)
+    for name, unit in exponents.items():
+        far = max(abs(float(a[name]) - float(b[name]) / factor(unit, system)) for a, b in zip(rows, others))
+        worst[name] = far / size[unit]
+    return worst
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_units_change_nothing(name, run, scene, tmp_path):
+    numbers, ranks, extra = RUNS[name]
+    if extra[-1] == "-particle_disc_density":
+        numbers, extra = {**numbers, "particle_disc_density": ((4,), DENSITY)}, extra[:-1]
+    file = scene("output: {every: 0}\n", "empty.yaml")
+    systems = [system for system in SYSTEMS if system != "si" or name in IN_ALL]
+    for system in systems:
+        result = run([file, *options(numbers, system), *extra, "-output_dir", system], ranks)
+        assert result.status == 0, result
+    series, bodies = table(tmp_path, "cgs")
+    radius = numbers.get("particle_disc_radius", numbers.get("particle_disc_b"))[0][0]
+    assert len(series) > 4 and sum(int(row["outer_iterations"]) for row in series) > 4
+    for system in systems:
+        others, their_bodies = table(tmp_path, system)
+        assert [row["outer_iterations"] for row in others] == [row["outer_iterations"] for row in series], system
+        worst = {**deviations(series, others, SERIES, system, radius), **deviations(bodies, their_bodies, BODIES, system, radius)}
+        assert max(worst.values()) < 1e-9, (system, worst)
+
+
+def test_names_of_units(run, scene, tmp_path):
+    """A scene that names its units has them in headings and summary; one that does not has none."""
+    text = "mesh: {cells: [4, 4]}\nsim: {dt: 0.5, steps: 1}\n"
+    plain = run([scene(text, "plain.yaml"), "-output_dir", "plain"])
+    named = run([scene(text + "units: {length: um, time: ms, mass: pg}\n", "named.yaml"), "-output_dir", "named"])
+    assert plain.status == 0 and named.status == 0, (plain, named)
+    assert "time [" not in plain.out and "to t = 0.5\n" in plain.out
+    assert "time [ms]" in named.out and "dt [ms]" in named.out and "to t = 0.5 ms\n" in named.out
+    assert json.loads((tmp_path / "plain/summary.json").read_text())["units"] == {}
+    assert json.loads((tmp_path / "named/summary.json").read_text())["units"] == {"length": "um", "time": "ms", "mass": "pg"}
+    wrong = run([scene(text + "units: {length: yard}\n", "wrong.yaml")])
+    assert wrong.status != 0 and "-units_length" in wrong.text and "yard" in wrong.text, wrong
+
+
+def test_tiny_numbers_are_above_zero(run, scene):
+    """1e-17 is a length like any other: what must be positive is compared with zero."""
+    result = run([scene("mesh: {cells: [4, 4], upper: [4e-17, 4e-17]}\nflow: {viscosity: 1e-20, density: 1e-18}\nsim: {dt: 1e-17, steps: 1}\n")])
+    assert result.status == 0, result
