@@ -81,11 +81,15 @@ typedef struct {
      stopped [n]                        the body rests on its lower (-1) or upper (1) stop, or not (0)
      gap [n]                            smallest gap to a wall or another body (set by contact; PETSC_MAX_REAL if far)
      gone [n]                           has left the domain and takes part in nothing any more
+     travels, frame, frame_next,        the box travels: its displacement now and at the end of the step, its velocity
+     frame_u                            in the step. x is the place in the box; in the laboratory it is x + frame.
+                                        Velocities are those of the laboratory
    The list is a macro, because write.h has it once more without the const. */
 /* clang-format off */
 #define BODY_STATE(CONST) \
   PetscInt n, ngroups, dim; \
-  PetscReal time, dt_old; \
+  PetscReal time, dt_old, frame[3], frame_next[3], frame_u[3]; \
+  PetscBool travels; \
   CONST BodyGroup *group; \
   CONST PetscInt *body_group, *stopped; \
   CONST PetscReal *scale, *density; \
@@ -194,14 +198,21 @@ PetscErrorCode BodiesAdvancePosition(Bodies, PetscReal dt, PetscReal theta);
 PetscErrorCode BodiesRelease(Bodies, PetscInt k, PetscReal rho_f, const PetscReal gravity[3]);
 /* Is no degree of freedom free, none moved by _motion, and every velocity 0? Then positions need no update. */
 PetscErrorCode BodiesAreStill(Bodies, PetscBool *still);
-/* Speed of the fastest point of body k (of a disc: its centre), under the velocities extrapolated by r of their last
-   change; r = 0: the present ones. Not collective. */
+/* Speed of the fastest point of body k (of a disc: its centre) in the box, under the velocities extrapolated by r of
+   their last change; r = 0: the present ones. Not collective. */
 PetscReal BodiesFastestPoint(BodyState *, PetscInt k, PetscReal r);
 /* Where body k is predicted to be at the next step: X + dt u (order 1), X + dt (u + r/2 (u - u_old)) with r = dt/dt_old
-   (order 2; r = 1 at the start) or X (order 0); likewise orientation. What is not free is where its prescribed motion
-   puts it at time + dt, whatever the order. Stops are kept. */
+   (order 2; r = 1 at the start) or X (order 0: in the box, if that travels); likewise orientation. What is not free is
+   where its prescribed motion puts it at time + dt, whatever the order. Stops are kept. */
 PetscErrorCode BodiesPredict(Bodies, PetscInt k, PetscReal dt, PetscInt order, PetscReal X[3], PetscReal q[4],
                              PetscReal *angle);
+
+/* The box travels from now on; period [3] of its axes, 0: none. Before anything asks whether bodies are still. Set: its
+   displacement at the end of the step, and its velocity in the step; for BodiesPredict and BodiesAdvancePosition.
+   Accept: it is there. Not collective. */
+PetscErrorCode BodiesStartFrame(Bodies, const PetscReal period[3]);
+PetscErrorCode BodiesSetFrame(Bodies, const PetscReal next[3], const PetscReal velocity[3]);
+PetscErrorCode BodiesAcceptFrame(Bodies);
 
 /* StateVisit of Bodies: motion and forces of all bodies. Error of loading: other groups (names, numbers, volumes). */
 PetscErrorCode BodiesVisitState(void *bodies, State);

@@ -24,6 +24,9 @@ PetscErrorCode ConditionsPressureIsFloating(Conditions, PetscBool *floating);
 /* Along which axes can a uniform force change the mean velocity? Along periodic ones, and between outflows across the
    axis at different places; elsewhere what is prescribed says what flows. Bit mask of axes. Collective. */
 PetscErrorCode ConditionsGetOpenAxes(Conditions, PetscInt *axes);
+/* Along which axes can the mesh travel as a whole, without taking a wall with it that is not parallel to the way? Bit
+   mask of axes. Collective. */
+PetscErrorCode ConditionsGetSlidingAxes(Conditions, PetscInt *axes);
 /* Bit mask of solid faces of the box (no_slip or moving_wall): bit 2 axis for lower, 2 axis + 1 for upper. Boundaries
    of other names do not count. */
 PetscErrorCode ConditionsGetSolidFaces(Conditions, PetscInt *faces);

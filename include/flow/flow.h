@@ -55,8 +55,9 @@ typedef struct {
   PetscReal dt_old;     /* length of the step before, 0: none */
   PetscReal ct, d0, d1; /* du/dt is c_t u - d with d(y) = d0 y^n + d1 y^{n-1} */
   PetscReal theta;
-  PetscInt  order; /* of the scheme in this step: 1 or 2 */
-  PetscReal error; /* the scheme's local error over dt^(order + 1) and the derivative of that order (leading part;
+  PetscReal frame[3]; /* velocity of the whole mesh, FlowSetFrame */
+  PetscInt  order;    /* of the scheme in this step: 1 or 2 */
+  PetscReal error;    /* the scheme's local error over dt^(order + 1) and the derivative of that order (leading part;
                       fstheta: 0, not known) */
 } FlowStep;
 
@@ -111,6 +112,11 @@ PetscErrorCode FlowBeginSteady(Flow, PetscReal rate);
    taken at the new places. After FlowBeginStep, in every step once it was called. Errors: schemes other than be and
    bdf2, no convection, skew form, quadratic extrapolation. Local. */
 PetscErrorCode FlowSetDrift(Flow, const PetscReal drift[]);
+/* The whole mesh travels at v in this step (c_t X - d(X) of its displacement X): w.grad u becomes (w - v).grad u, as in
+   FlowSetDrift and beside it, with every scheme. Velocities, conditions and the pressure stay those of the space in
+   which it travels; what depends on the place sees that in the mesh. After FlowBeginStep, until the next call. Local.
+ */
+PetscErrorCode FlowSetFrame(Flow, const PetscReal v[3]);
 /* Convecting velocity w of the next FlowAssemble, [nnode_all][dim] synced. Local. */
 PetscErrorCode FlowSetConvection(Flow, const PetscReal w[]);
 

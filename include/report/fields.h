@@ -24,6 +24,10 @@ PetscErrorCode OutputGetOverwrite(Output, PetscBool *overwrite);
 /* StateVisit of an Output: the snapshots so far. Once loaded, OutputOpen goes on with the results in the directory. */
 PetscErrorCode OutputVisitState(void *output, State);
 
+/* The mesh of the next snapshots is displaced by place [3] as a whole: coordinates in the files are those of the
+   laboratory. */
+PetscErrorCode OutputMove(Output, const PetscReal place[3]);
+
 /* Write one snapshot: u [nnode_all][dim] (ghosts are not read), p [own cells][dim + 1] (value at the cell centre,
    then gradient: p(x) = p0 + g.(x - xc)), body [nnode_all] index of the body that a node lies in or -1 (may be NULL).
    Files fields_<step>.h5 and a temporal collection fields.xmf, rewritten after every snapshot so that a running or

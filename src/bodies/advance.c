@@ -7,6 +7,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "base/algebra.h"
+#include "base/domain.h"
 
 /* ---- what is not free ---- */
 
@@ -117,7 +118,8 @@ static PetscErrorCode place_known(Bodies b, PetscInt k, PetscReal time, PetscRea
   if (u) cross(w, arm, spin);
   for (PetscInt a = 0; a < b->state.dim; a++) {
     if (BodiesIsFree(b, k, a)) continue;
-    X[a] = x[a] + arm[a];
+    X[a] = x[a] + arm[a] - b->state.frame_next[a];
+    if (b->state.travels) X[a] = DomainWrap(b->period[a], X[a], b->lower[a]); /* period 0: as it is */
     if (u) u[a] = uk[a] + spin[a];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -332,6 +334,7 @@ PetscErrorCode BodiesAdvancePosition(Bodies b, PetscReal dt, PetscReal theta)
 
     for (PetscInt a = 0; a < 3; a++) {
       if (a < s->dim) s->x[k][a] += dt * (theta * s->u[k][a] + (1 - theta) * s->u_old[k][a]);
+      s->x[k][a] -= s->frame_next[a] - s->frame[a];
       w[a] = theta * s->w[k][a] + (1 - theta) * s->w_old[k][a];
     }
     s->angle[k] += dt * dot3(w, BodiesGetGroup(&b->view, k)->motion.hinge);
@@ -348,10 +351,33 @@ PetscErrorCode BodiesAdvancePosition(Bodies b, PetscReal dt, PetscReal theta)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode BodiesStartFrame(Bodies b, const PetscReal period[3])
+{
+  PetscFunctionBeginUser;
+  b->state.travels = PETSC_TRUE;
+  for (PetscInt a = 0; a < b->state.dim; a++) b->period[a] = period[a];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodiesSetFrame(Bodies b, const PetscReal next[3], const PetscReal velocity[3])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscArraycpy(b->state.frame_next, next, 3));
+  PetscCall(PetscArraycpy(b->state.frame_u, velocity, 3));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodiesAcceptFrame(Bodies b)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscArraycpy(b->state.frame, b->state.frame_next, 3));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode BodiesAreStill(Bodies b, PetscBool *still)
 {
   PetscFunctionBeginUser;
-  *still = PETSC_TRUE;
+  *still = (PetscBool)(!b->state.travels || !b->state.n);
   for (PetscInt g = 0; g < b->state.ngroups; g++) *still = (PetscBool)(*still && !b->state.group[g].free && !b->state.group[g].motion.given);
   for (PetscInt i = 0; i < 3 * b->state.n && *still; i++) *still = (PetscBool)(b->state.u[i / 3][i % 3] == 0 && b->state.w[i / 3][i % 3] == 0);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -363,7 +389,7 @@ PetscReal BodiesFastestPoint(BodyState *s, PetscInt k, PetscReal r)
   PetscReal        u = 0, w = 0;
 
   for (PetscInt d = 0; d < 3; d++) {
-    u += PetscSqr(s->u[k][d] + r * (s->u[k][d] - s->u_old[k][d]));
+    u += PetscSqr(s->u[k][d] + r * (s->u[k][d] - s->u_old[k][d]) - s->frame_u[d]);
     w += PetscSqr(s->w[k][d] + r * (s->w[k][d] - s->w_old[k][d]));
   }
   return PetscSqrtReal(u) + (g->disc > 0 ? 0 : s->scale[k] * g->radius * PetscSqrtReal(w));
@@ -383,6 +409,7 @@ PetscErrorCode BodiesPredict(Bodies b, PetscInt k, PetscReal dt, PetscInt order,
   now = PetscMin(order, 1) - old;
   for (PetscInt a = 0; a < 3; a++) {
     X[a] = s->x[k][a] + dt * (now * s->u[k][a] + old * s->u_old[k][a]);
+    if (order) X[a] -= s->frame_next[a] - s->frame[a];
     w[a] = now * s->w[k][a] + old * s->w_old[k][a];
   }
   *angle = s->angle[k] + dt * dot3(w, m->hinge);

@@ -12,6 +12,7 @@ struct _p_Bodies {
     struct _n_BodyState view;
   };
   PetscReal   lower[3], upper[3]; /* domain */
+  PetscReal   period[3];          /* of a box that travels */
   PetscBool   held;               /* BodiesHold */
   Placement **start;              /* [ngroups][count] what prescribed motion starts from; NULL for groups that have
                                      none */

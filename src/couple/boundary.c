@@ -219,12 +219,14 @@ PetscErrorCode BoundariesShare(Boundaries d, PetscInt c, PetscInt j, const Petsc
 
 PetscErrorCode BoundariesFinish(Boundaries d, const PetscReal u[])
 {
-  const PetscInt dim = d->loc->dim;
+  const PetscInt  dim = d->loc->dim;
+  const FlowStep *step;
 
   PetscFunctionBeginUser;
+  PetscCall(FlowGetStep(d->flow, &step));
   for (PetscInt b = 0; b < d->n; b++) {
     for (PetscInt i = d->begin[b]; i < d->begin[b + 1] && d->boundary[b].open; i++)
-      for (PetscInt a = 0; a < dim; a++) d->sum[4 * b + 3] += d->weight[i * dim + a] * u[d->node[i] * dim + a];
+      for (PetscInt a = 0; a < dim; a++) d->sum[4 * b + 3] += d->weight[i * dim + a] * (u[d->node[i] * dim + a] - step->frame[a]);
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, d->sum, 4 * d->n, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   for (PetscInt b = 0; b < d->n; b++) {

@@ -55,7 +55,7 @@ static PetscErrorCode add_fluid(Couple c, const FlowParameters *par, PetscReal *
     PetscReal        out = 0, square = 0;
 
     for (PetscInt a = 0; a < dim; a++) {
-      out += c->outward[i * dim + a] * u[a];
+      out += c->outward[i * dim + a] * (u[a] - c->step->frame[a]);
       square += u[a] * u[a];
       *power += (par->force[a] + (source ? source[i * dim + a] : 0)) * m[i] * u[a];
     }

@@ -345,6 +345,22 @@ PetscErrorCode ConditionsGetOpenAxes(Conditions f, PetscInt *axes)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode ConditionsGetSlidingAxes(Conditions f, PetscInt *axes)
+{
+  PetscFunctionBeginUser;
+  *axes = (1 << f->loc->dim) - 1;
+  for (PetscInt b = 0; b < f->n; b++) {
+    const Condition *bc   = f->condition + b;
+    PetscInt         flat = -1;
+
+    if (bc->type == BC_INFLOW || bc->type == BC_OUTFLOW) continue;
+    for (PetscInt d = 0; d < f->loc->dim; d++)
+      if (bc->upper[d] - bc->lower[d] < 1e-10 * (f->loc->upper[d] - f->loc->lower[d])) flat = d;
+    *axes &= flat < 0 || bc->type == BC_ROTATING_WALL ? 0 : ~(1 << flat);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ConditionsGetSolidFaces(Conditions f, PetscInt *faces)
 {
   PetscFunctionBeginUser;

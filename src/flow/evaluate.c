@@ -158,12 +158,15 @@ PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], FlowDiagnostics *out)
       sum[0] += 0.5 * f->par.density * m.weight[q] * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
     }
     for (PetscInt j = 0; j < nb; j++) {
-      PetscReal speed = 0;
+      PetscReal speed = 0, through = 0;
 
-      for (PetscInt a = 0; a < dim; a++) speed += ul[j * dim + a] * ul[j * dim + a];
-      speed  = PetscSqrtReal(speed);
-      top[1] = PetscMax(top[1], speed);
-      if (f->det[c] == 0) continue; /* no cell of the fluid */
+      for (PetscInt a = 0; a < dim; a++) {
+        speed += ul[j * dim + a] * ul[j * dim + a];
+        through += PetscSqr(ul[j * dim + a] - f->step.frame[a]);
+      }
+      top[1] = PetscMax(top[1], PetscSqrtReal(speed));
+      speed  = PetscSqrtReal(through); /* as the cells see it */
+      if (f->det[c] == 0) continue;    /* no cell of the fluid */
       top[0] = PetscMax(top[0], speed * f->step.dt / f->size[c]);
       top[2] = PetscMax(top[2], speed * f->size[c]);
     }

@@ -10,6 +10,8 @@ void FlowExtrapolateConvection(Flow f)
   for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->bend > 0; i++)
     f->w[i] += f->bend * ((f->u[i] - f->u_old[i]) / f->dt_old - (f->u_old[i] - f->u_older[i]) / f->dt_older);
   for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->drift; i++) f->w[i] -= f->drift[i];
+  if (f->step.frame[0] == 0 && f->step.frame[1] == 0 && f->step.frame[2] == 0) return;
+  for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->par.convection; i++) f->w[i] -= f->step.frame[i % f->loc->dim];
 }
 
 PetscErrorCode FlowGetSubsteps(Flow f, PetscInt *n, const PetscReal *fraction[])
@@ -90,6 +92,14 @@ PetscErrorCode FlowSetDrift(Flow f, const PetscReal drift[])
   FlowExtrapolateConvection(f);
   PetscCall(FlowEvaluateForces(f));
   PetscCall(ConditionsSetTime(f->boundary, f->step.time));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSetFrame(Flow f, const PetscReal v[3])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscArraycpy(f->step.frame, v, 3));
+  FlowExtrapolateConvection(f);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

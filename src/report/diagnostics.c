@@ -49,6 +49,7 @@ struct _p_Diagnostics {
   const DeformResult   *deform;                 /* NULL: the mesh does not follow bodies */
   const CoupleDrive    *drive;                  /* or NULL */
   PetscInt              drive_column;           /* force, then, with a back-flow condition, its error */
+  PetscInt              frame_column;           /* of a box that travels */
   PetscInt              flow_column, nboundary; /* mean velocity, then each boundary's flow rate or force */
   const CoupleBoundary *boundary;
   PetscReal            *value; /* [ncolumn] of this step */
@@ -260,6 +261,19 @@ static PetscErrorCode add_drive_columns(Diagnostics b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Place and velocity of a box that travels */
+static PetscErrorCode add_frame_columns(Diagnostics b)
+{
+  char name[128];
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; b->s->travels && i < 2 * b->loc->dim; i++) {
+    PetscCall(PetscSNPrintf(name, sizeof(name), "frame_%s%c", i < b->loc->dim ? "" : "velocity_", (char)('x' + i % b->loc->dim)));
+    PetscCall(add_column(b, name, i ? NULL : &b->frame_column));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode DiagnosticsCreate(Flow flow, Bodies bodies, Couple couple, Monitor monitor, Diagnostics *probe)
 {
   Diagnostics b;
@@ -280,6 +294,7 @@ PetscErrorCode DiagnosticsCreate(Flow flow, Bodies bodies, Couple couple, Monito
   PetscCall(add_mesh_columns(b));
   PetscCall(add_flow_columns(b));
   PetscCall(add_drive_columns(b));
+  PetscCall(add_frame_columns(b));
   PetscCall(OptReal("-monitor_from", &b->from));
   PetscCall(PetscCalloc1(b->ncolumn, &b->value));
   PetscCall(HistoryCreate(b->ncolumn, &b->history));
@@ -369,6 +384,10 @@ PetscErrorCode DiagnosticsStep(Diagnostics b, const CoupleBalance *balance)
   for (PetscInt i = 0; i < b->ncount; i++) b->value[b->count_column + i] = (PetscReal)b->count[i].value;
   for (PetscInt i = 0; b->deform && i < 3; i++) b->value[b->deform_column + i] = i < 2 ? b->deform->area[i] : b->deform->jacobian;
   if (balance) measure_flow(b, balance);
+  for (PetscInt a = 0; b->s->travels && a < b->loc->dim; a++) {
+    b->value[b->frame_column + a]               = b->s->frame_next[a];
+    b->value[b->frame_column + b->loc->dim + a] = b->s->frame_u[a];
+  }
   for (PetscInt a = 0; b->drive && a < b->loc->dim; a++) b->value[b->drive_column + a] = b->drive->force[a];
   if (b->drive && b->drive->backflow) b->value[b->drive_column + b->loc->dim] = b->drive->error;
   for (PetscInt i = 0; i < b->ncolumn; i++) PetscCall(MonitorSetColumn(b->monitor, i, b->value[i]));

@@ -36,7 +36,8 @@ struct _p_Output {
   PetscBool        overwrite, restarted, mesh_written;
   /* snapshots refer to mesh.h5 (0) or mesh_<mesh_step>.h5 */
   PetscInt  mesh_step;
-  PetscInt  moves; /* MeshLocal.moves when it was written */
+  PetscInt  moves;                   /* MeshLocal.moves when it was written */
+  PetscReal place[3], place_mesh[3]; /* of the box in the laboratory: now, when it was written */
   Points    points;
   PetscInt  nsnap, room;
   Snapshot *snap;
@@ -131,6 +132,7 @@ static PetscErrorCode write_points(Output o, Hdf5 file)
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(3 * o->points.n, &x));
   PetscCall(PointsGetPlaces(&o->points, o->mesh, x));
+  for (PetscInt i = 0; i < 3 * o->points.n; i++) x[i] += o->place[i % 3];
   PetscCall(Hdf5WriteReals(file, "coordinates", o->points.n, 3, x));
   PetscCall(PetscFree(x));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -172,6 +174,7 @@ static PetscErrorCode write_mesh(Output o)
   PetscCall(close_hdf5(o, name, &file));
   o->mesh_written = PETSC_TRUE;
   o->moves        = o->loc->moves;
+  PetscCall(PetscArraycpy(o->place_mesh, o->place, 3));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -383,14 +386,23 @@ PetscErrorCode OutputVisitState(void *output, State state)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode OutputMove(Output o, const PetscReal place[3])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscArraycpy(o->place, place, 3));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode OutputFields(Output o, PetscInt step, PetscReal time, const PetscReal u[], const PetscReal p[], const PetscInt body[])
 {
-  Hdf5 file;
-  char name[64];
+  Hdf5      file;
+  char      name[64];
+  PetscBool same;
 
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_OUTPUT, 0, 0, 0, 0));
-  if (o->loc->moves != o->moves) {
+  PetscCall(PetscArraycmp(o->place, o->place_mesh, 3, &same));
+  if (o->loc->moves != o->moves || !same) {
     o->mesh_written = PETSC_FALSE;
     o->mesh_step    = step;
   }

@@ -118,9 +118,13 @@ static PetscErrorCode write_bodies(Outlines b, Hdf5 file, const Field f[NFIELDS]
   const BodyState *s = b->s;
   const PetscInt   n = b->rank ? 0 : s->n;
   PetscInt        *number;
+  PetscReal(*x)[3];
 
   PetscFunctionBeginUser;
-  PetscCall(Hdf5WriteReals(file, "position", n, 3, &s->x[0][0]));
+  PetscCall(PetscMalloc1(s->n, &x));
+  for (PetscInt i = 0; i < 3 * s->n; i++) x[i / 3][i % 3] = s->x[i / 3][i % 3] + s->frame[i % 3];
+  PetscCall(Hdf5WriteReals(file, "position", n, 3, &x[0][0]));
+  PetscCall(PetscFree(x));
   for (PetscInt i = 0; i < NFIELDS; i++) PetscCall(Hdf5WriteReals(file, f[i].name, n, f[i].bs, f[i].value));
   PetscCall(Hdf5WriteInts(file, "group", n, 1, s->body_group));
   PetscCall(PetscMalloc1(s->n, &number));
@@ -148,7 +152,7 @@ static PetscErrorCode write_points(Outlines b, Hdf5 file, const Scene *d, const 
     RotationMatrix(s->q[k], R);
     for (PetscInt j = 0; j < p->n; j++, y += 3) {
       for (PetscInt a = 0; a < 3; a++) {
-        y[a] = s->x[k][a] + d->shift[i][a];
+        y[a] = s->x[k][a] + s->frame[a] + d->shift[i][a];
         for (PetscInt e = 0; e < dim && a < dim && !s->gone[k]; e++) y[a] += s->scale[k] * R[3 * a + e] * p->x[j * dim + e];
       }
     }

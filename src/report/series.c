@@ -34,7 +34,7 @@ const MonitorColumn MONITOR_BODIES[] = {
   {"time_s", "time", 12, "at the end of the step"},
   {"body", "", 12, "number of the body, from 0"},
   {"group", "", 0, "name of its group"},
-  {"x", "length", 12, "centre of mass"},
+  {"x", "length", 12, "centre of mass; with -sim_frame in the laboratory, of the image in the box"},
   {"y", "length", 12, ""},
   {"z", "length", 12, "0 in 2D"},
   {"angle_rad", "rad", 12, "not wrapped in 2D; in 3D of the rotation out of the initial position"},
@@ -88,10 +88,12 @@ const MonitorColumn MONITOR_FURTHER[] = {
   {"deform_area_max", "", 12, "the same: largest"},
   {"deform_jacobian", "", 12, "the same: smallest Jacobian in a cell over the cell's mean"},
   {"mean_velocity_<x|y|z>", "length/time", 12, "mean over the domain, fluid and bodies"},
+  {"frame_<x|y|z>", "length", 12, "with -sim_frame: displacement of the box since the start"},
+  {"frame_velocity_<x|y|z>", "length/time", 12, "the same: velocity of the box in the step"},
   {"flow_force_<x|y|z>", "force/volume", 12, "with -flow_rate or -couple_backflow: the uniform force on fluid and bodies, -flow_force included"},
   {"backflow_error", "", 12,
    "with -couple_backflow flux: mean velocity along gravity over its root mean square; force: what accelerates all, over the weights"},
-  {"flow_rate_<boundary>", "length^3/time (2D: length^2/time)", 12, "out of the domain through an inflow or outflow"},
+  {"flow_rate_<boundary>", "length^3/time (2D: length^2/time)", 12, "out of the domain, or of the box that travels, through an inflow or outflow"},
   {"wall_force_<boundary>_<x|y|z>", "force", 12, "of the fluid on a wall, in 2D of unit depth"},
   {"step_error", "", 12, "with -sim_adapt: estimated error of the step over the tolerance"},
   {"rejected_steps", "", 12, "with -sim_adapt: steps taken back so far"},
@@ -226,10 +228,11 @@ static void print_body(FILE *f, const MonitorStep *s, const BodyState *b, PetscI
 {
   const BodyGroup *g = BodiesGetGroup(b, k);
   const PetscReal *x = b->x[k], *u = b->u[k], *w = b->w[k], *F = b->force[k], *T = b->torque[k], *q = b->q[k];
-  const PetscReal  gap = b->gap[k] < PETSC_MAX_REAL ? b->gap[k] : (PetscReal)INFINITY;
+  const PetscReal  at[3] = {x[0] + b->frame[0], x[1] + b->frame[1], x[2] + b->frame[2]};
+  const PetscReal  gap   = b->gap[k] < PETSC_MAX_REAL ? b->gap[k] : (PetscReal)INFINITY;
   const PetscReal  value[NBODIES] =
-    {s->step, s->time, k,    0,    x[0], x[1], x[2], body_angle(b, k),    u[0],        u[1],          u[2], w[0], w[1], w[2],
-     F[0],    F[1],    F[2], T[0], T[1], T[2], gap,  BodiesGetDisc(b, k), b->scale[k], b->density[k], q[0], q[1], q[2], q[3]};
+    {s->step, s->time, k,    0,    at[0], at[1], at[2], body_angle(b, k),    u[0],        u[1],          u[2], w[0], w[1], w[2],
+     F[0],    F[1],    F[2], T[0], T[1],  T[2],  gap,   BodiesGetDisc(b, k), b->scale[k], b->density[k], q[0], q[1], q[2], q[3]};
 
   for (size_t i = 0; i < n; i++) {
     if (i == GROUP) fprintf(f, ",%s", g->name);

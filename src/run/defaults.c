@@ -147,16 +147,20 @@ static PetscErrorCode list_replaced(const char preset[], const Replaced *replace
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode refuse_sweep_in_steady_scene(void)
+/* Neither for a steady scene nor for a start from a steady flow */
+static PetscErrorCode refuse_sweep(PetscBool steady)
 {
-  char      recipe[64];
-  PetscBool fast;
+  char      recipe[64], initial[64];
+  PetscBool fast, start;
 
   PetscFunctionBeginUser;
   PetscCall(OptPeek("-flow_recipe", recipe, sizeof(recipe)));
+  PetscCall(OptPeek("-flow_initial", initial, sizeof(initial)));
   PetscCall(PetscStrcasecmp(recipe, "fast", &fast));
-  PetscCheck(!fast, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-             "-flow_recipe fast takes a sweep or two of a time step and solves no steady problem: use direct, balanced or accurate with -sim_steady");
+  PetscCall(PetscStrcasecmp(initial, "steady", &start));
+  PetscCheck(!fast || !(steady || start), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "-flow_recipe fast takes a sweep or two of a time step and solves no steady problem: use direct, balanced or accurate with %s",
+             steady ? "-sim_steady" : "-flow_initial steady");
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -233,9 +237,9 @@ PetscErrorCode DefaultsApply(const MeshLocal *l, Bodies bodies, PetscBool steady
   commanded = OptIsArgument("-preset");
   PetscCall(find_situation(l, bodies, steady, &situation));
   if (commanded) PetscCall(take_from_scene(situation, &replaced));
-  if (steady) PetscCall(refuse_sweep_in_steady_scene());
   if (given && bodies) PetscCall(refuse_promise(l, bodies, preset, situation));
   PetscCall(apply_rules(situation));
+  PetscCall(refuse_sweep(steady));
   PetscCall(list_replaced(PRESETS[preset], &replaced));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -125,9 +125,9 @@ static PetscErrorCode build(SimParts *part)
     PetscCall(DeformCreate(part->mesh, part->bodies, &part->deform));
     deformed = (PetscBool)(part->deform != NULL);
     if (deformed) PetscCall(DeformMesh(part->deform, &deformation));
-    if (deformed) PetscCall(drop_deform(part, steady));
     PetscCall(FlowCreate(part->mesh, &part->flow));
     PetscCall(FlowGetParameters(part->flow, &par));
+    if (!steady) PetscCall(FrameCreate(part->flow, part->bodies, l, &part->frame));
     PetscCall(OptHas("-sim_restart", &restarted));
     PetscCall(FlowGetInitial(part->flow, &initial, NULL));
     PetscCheck(!steady || initial != FLOW_START_STEADY, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
@@ -135,11 +135,12 @@ static PetscErrorCode build(SimParts *part)
     if (!restarted) PetscCall(StartRead(part->mesh, part->flow, part->bodies));
   }
   if (active) {
+    if (deformed) PetscCall(drop_deform(part, steady));
     PetscCall(CoupleCreate(part->flow, part->bodies, &part->couple));
     PetscCall(remark_backflow(l, par, part->bodies, part->couple));
     if (part->deform) PetscCall(CoupleSetDeform(part->couple, part->deform));
     if (steady) PetscCall(SteadyCreate(part->flow, part->couple, "1e-10", &part->steady));
-    if (initial == FLOW_START_STEADY) PetscCall(SteadyCreate(part->flow, part->couple, "1e-7", &part->steady_start));
+    if (initial == FLOW_START_STEADY) PetscCall(SteadyCreate(part->flow, part->couple, "1e-5", &part->steady_start));
     PetscCall(ConditionsGetSolidFaces(FlowConditions(part->flow), &walls));
     PetscCall(ContactCreate(part->bodies, l->h, par->density, par->gravity, l->lower, l->upper, walls, &part->contact));
     PetscCall(ContactSetViscosity(part->contact, par->viscosity));
@@ -170,6 +171,7 @@ static PetscErrorCode destroy(SimParts *part)
   PetscCall(LeaveDestroy(&part->border));
   PetscCall(ContactDestroy(&part->contact));
   PetscCall(CoupleDestroy(&part->couple));
+  PetscCall(FrameDestroy(&part->frame));
   PetscCall(BodiesDestroy(&part->bodies));
   PetscCall(FlowDestroy(&part->flow));
   PetscCall(DeformDestroy(&part->deform));
@@ -201,6 +203,7 @@ static PetscErrorCode describe(const SimParts *part, Sim sim)
   PetscCall(BodiesView(part->bodies, out));
   if (part->flow) PetscCall(CoupleView(part->couple, out));
   PetscCall(ContactView(part->contact, out));
+  PetscCall(FrameView(part->frame, out));
   PetscCall(SimView(sim, out));
   PetscCall(CheckpointView(part->checkpoint, out));
   if (part->flow) {

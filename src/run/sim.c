@@ -65,6 +65,7 @@ static PetscErrorCode add_states(Sim s)
   PetscCall(CheckpointAdd(p->checkpoint, "sim", s, visit_state));
   PetscCall(CheckpointAdd(p->checkpoint, "bodies", p->bodies, BodiesVisitState));
   if (p->flow) PetscCall(CheckpointAdd(p->checkpoint, "flow", p->flow, FlowVisitState));
+  if (p->frame) PetscCall(CheckpointAdd(p->checkpoint, "frame", p->frame, FrameVisitState));
   if (p->flow) PetscCall(CheckpointAdd(p->checkpoint, "couple", p->couple, CoupleVisitState));
   PetscCall(CheckpointAdd(p->checkpoint, "contact", p->contact, ContactVisitState));
   PetscCall(CheckpointAdd(p->checkpoint, "output", p->output, OutputVisitState));
@@ -163,6 +164,7 @@ static PetscErrorCode write_fields(Sim s)
   PetscCall(PetscMalloc2(l->ncell * (l->dim + 1), &gradient, l->nnode_all, &body));
   PetscCall(FlowGetPressureGradient(s->part.flow, p, gradient));
   PetscCall(CoupleMarkInside(s->part.couple, body));
+  PetscCall(OutputMove(s->part.output, s->s->frame));
   PetscCall(OutputFields(s->part.output, s->step, s->time, u, gradient, body));
   PetscCall(PetscFree2(gradient, body));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -285,6 +287,7 @@ static PetscErrorCode finish_part(Sim s, PetscReal dt, PetscInt its)
   PetscCall(begin_phase(s, MONITOR_PARTICLE));
   if (s->adapt) PetscCall(AdaptAccept(s->adapt, s->diag.cfl));
   PetscCall(CoupleAdvance(s->part.couple));
+  if (s->part.frame) PetscCall(FrameAccept(s->part.frame));
   if (s->judge) PetscCall(JudgeWay(s->judge, s->time + dt, dt, (PetscBool)(s->adapt != NULL)));
   PetscCall(ContactFinishStep(s->part.contact));
   PetscCall(ContactCountWork(s->part.contact, dt));
@@ -345,6 +348,7 @@ static PetscErrorCode solve_part(Sim s, PetscReal dt, PetscInt *its, KSPConverge
   PetscFunctionBeginUser;
   PetscCall(begin_phase(s, MONITOR_PARTICLE));
   PetscCall(FlowBeginStep(s->part.flow, s->time + dt, dt));
+  if (s->part.frame) PetscCall(FrameBegin(s->part.frame));
   if (s->s->n) {
     PetscCall(FlowGetParameters(s->part.flow, &par));
     PetscCall(ContactSetGravity(s->part.contact, par->gravity));
@@ -496,6 +500,7 @@ PetscErrorCode SimSetUp(Sim s)
   }
   PetscCall(FlowGetSubsteps(s->part.flow, &n, &fraction));
   PetscCall(FlowBeginStep(s->part.flow, s->time + fraction[0] * s->dt, fraction[0] * s->dt));
+  if (s->part.frame) PetscCall(FrameBegin(s->part.frame));
   PetscCall(CoupleDraw(s->part.couple));
   PetscCall(FlowAssemble(s->part.flow));
   PetscCall(CoupleGetSolver(s->part.couple, &solver));

@@ -15,6 +15,7 @@
 #include "report/monitor.h"
 #include "report/fields.h"
 #include "report/diagnostics.h"
+#include "frame.h"
 #include "steady.h"
 
 /* The parts of a simulation, built by the scene; contact and bodies may be inactive but exist. Without a flow: flow
@@ -22,6 +23,7 @@
 typedef struct {
   const char *scene;
   Mesh        mesh;
+  Frame       frame;  /* NULL: the box stays */
   Deform      deform; /* NULL: the mesh stays */
   Flow        flow;
   Bodies      bodies;

@@ -214,7 +214,7 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
   PetscCall(FlowGetParameters(fs->flow, &par));
   PetscCall(FlowGetStep(fs->flow, &step));
   PetscCall(FlowGetFields(fs->flow, &u, NULL, NULL));
-  for (PetscInt i = 0; i < fs->nodal; i++) speed = PetscMax(speed, PetscAbsReal(u[i]));
+  for (PetscInt i = 0; i < fs->nodal; i++) speed = PetscMax(speed, PetscAbsReal(u[i] - step->frame[i % fs->loc->dim]));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &speed, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
   t          = step->ct > 0 ? step->theta / (step->ct * fs->loc->h) : PETSC_MAX_REAL;
   viscous    = par->viscosity * t / (par->density * fs->loc->h);

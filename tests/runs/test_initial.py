@@ -84,6 +84,7 @@ BAD = {
     "no profile": (["-flow_initial", "plug"], "Option -flow_initial = plug is not known"),
     "two velocities": (["-particle_disc_start", "fluid", "-particle_disc_velocity", "1,0"], "and -particle_disc_velocity gives one"),
     "not free": (["-particle_disc_start", "fluid", "-particle_disc_free", "none"], "no degree of freedom of group 'disc' is free"),
+    "sweep": (["-flow_recipe", "fast", "-flow_initial", "steady"], "solves no steady problem: use direct, balanced or accurate with -flow_initial steady"),
     "held": (["-particle_disc_start", "fluid", "-flow_initial", "steady"], "the fluid in the body's place is held"),
 }
 

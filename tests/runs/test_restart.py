@@ -85,6 +85,7 @@ CASES = {
     "adaptive friction": (CROWD, ["-sim_adapt", "-sim_adapt_tolerance", "1e-3", "-contact_law", "spring", "-contact_friction", "0.3"]),
     "crank nicolson": (DISC, ["-flow_time", "cn"]),
     "fractional step": (DISC, ["-flow_time", "fstheta"]),
+    "frame follows": (edited("upper: [1, 1.5]}", "upper: [1, 1.5], periodic: [y]}", CROWD), ["-sim_frame", "body", "-output_every", "4"]),
     "no bodies": (BOX, []),
     "flow rate": (edited("upper: [1, 2]}", "upper: [1, 2], periodic: [x, y]}", DISC), ["-flow_rate", "1,0.5"]),
     "three velocities": (BOX, ["-flow_extrapolation", "quadratic"]),
@@ -131,7 +132,7 @@ def good(run):
 # ---- the same run ----
 
 
-@pytest.mark.parametrize("case, ranks", [("axes", 1), ("one disc", 2), ("crowd", 1), ("crowd", 2), ("snap", 2), ("plate", 1), ("mesh follows", 2), ("mesh follows, adaptive", 1), ("friction", 1), ("explicit", 1), ("crank nicolson", 1), ("fractional step", 1), ("formulas", 1), ("adaptive", 2), ("adaptive friction", 1), ("no bodies", 2), ("flow rate", 1), ("three velocities", 2)])
+@pytest.mark.parametrize("case, ranks", [("axes", 1), ("one disc", 2), ("crowd", 1), ("crowd", 2), ("snap", 2), ("plate", 1), ("mesh follows", 2), ("mesh follows, adaptive", 1), ("friction", 1), ("explicit", 1), ("crank nicolson", 1), ("fractional step", 1), ("formulas", 1), ("adaptive", 2), ("adaptive friction", 1), ("no bodies", 2), ("frame follows", 1), ("flow rate", 1), ("three velocities", 2)])
 def test_restart_is_identical(good, scene, tmp_path, case, ranks):
     text, args = CASES[case]
     name = scene(text)

@@ -1,0 +1,68 @@
+#!/usr/bin/env python3
+"""How far must a step be solved? Six scenes, each against itself solved to 1e-9 of the right-hand side:
+
+    runs/studies/flow-solver/stopping.py [SCENE ...] [--build build] [-- OPTIONS]
+
+Prints, for bounds -flow_rtol_most (or OPTIONS), the mean number of outer iterations a step and the largest deviation of the bodies' velocity, in
+the largest speed, of their force, in the largest force, and of the kinetic energy. README.md has the table.
+"""
+import argparse
+import csv
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+RUNS = Path(__file__).resolve().parents[2]
+SCENES = {  # scene, options, steps
+    "settling": ("sedimentation", ["-mesh_cells", "48,144"], 40),
+    "two discs": ("dkt", ["-mesh_cells", "48,144"], 20),
+    "504 discs": ("sedimentation-504", ["-output_bodies", "0,503"], 5),
+    "light, heavy": ("light-and-heavy", [], 30),
+    "ellipse": ("ellipse-falling", [], 20),
+    "container": ("rotating-container", ["-preset", "balanced"], 20),
+}
+REFERENCE = ["-flow_ksp_rtol", "1e-9"]
+BOUNDS = [["-flow_rtol_most", bound] for bound in ("1e-6", "1e-5", "1e-4")]
+
+
+def solve(build, name, options, out):
+    scene, more, steps = SCENES[name]
+    text = (RUNS / f"{scene}.yaml").read_text().replace("  ksp_rtol: 1e-4\n", "")
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "scene.yaml").write_text(text)
+    words = [build / "tumble", out / "scene.yaml", *more, "-sim_steps", steps, "-output_every", 0, "-output_dir", out, "-output_overwrite", *options]
+    subprocess.run([str(word) for word in words], check=True, stdout=subprocess.DEVNULL)
+    return [list(csv.DictReader((out / f"{table}.csv").open())) for table in ("series", "bodies")]
+
+
+def deviation(rows, others, x, y):
+    size = max(math.hypot(float(row[x]), float(row[y])) for row in rows)
+    far = max(math.hypot(float(a[x]) - float(b[x]), float(a[y]) - float(b[y])) for a, b in zip(rows, others, strict=True))
+    return far / size if size > 0 else 0
+
+
+def main():
+    own, extra = sys.argv[1:], []
+    if "--" in own:
+        own, extra = own[: own.index("--")], own[own.index("--") + 1 :]
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scenes", nargs="*", metavar="SCENE", default=list(SCENES), help=", ".join(SCENES))
+    parser.add_argument("--build", type=Path, default=RUNS.parent / "build")
+    options = parser.parse_args(own)
+    print("| scene | options | iterations | velocity | force | energy |\n| --- | --- | --- | --- | --- | --- |")
+    for name in options.scenes:
+        out = Path("out/stopping") / name.replace(", ", "-").replace(" ", "-")
+        series, bodies = solve(options.build, name, REFERENCE, out / "reference")
+        for words in [extra] if extra else BOUNDS:
+            other, moved = solve(options.build, name, words, out / "-".join(words).strip("-"))
+            outer = sum(int(row["outer_iterations"]) for row in other) / len(other)
+            energy = max(abs(float(a["kinetic_energy"]) - float(b["kinetic_energy"])) for a, b in zip(series, other, strict=True))
+            energy /= max(float(row["kinetic_energy"]) for row in series)
+            u, v = ("omega_z", "omega_z") if name == "container" else ("u", "v")  # its centre is at rest
+            velocity, force = deviation(bodies, moved, u, v), deviation(bodies, moved, "force_x", "force_y")
+            print(f"| {name} | {' '.join(words)} | {outer:.2f} | {velocity:.0e} | {force:.0e} | {energy:.0e} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
