@@ -17,7 +17,7 @@
    below hold w times that length, residuals f have rows of that kind.
 
    Start value x0: velocity extrapolated, pressure of the last step, shifted along its last change by what makes the
-   residual r0 smallest (recipe fast: not shifted, which would make the single sweep unstable: Guermond, Minev, Shen
+   residual r0 smallest (a single sweep: not shifted, which would make it unstable: Guermond, Minev, Shen
    2006). The correction of x0 is solved for until |r| <= -flow_ksp_rtol |b|, or |r| <= min(-flow_rtol_start |r0|,
    -flow_rtol_most |b|). r0 is what the step adds that could not be foreseen, of second order in dt like the error of
    the scheme, so that a share of it is the right tolerance at every step size, where a share of |b| is too loose for
@@ -28,7 +28,13 @@
    -flow_fieldsplit_pressure_. Products with the projected operators are matrix-free; matrices are assembled only when a
    chosen preconditioner needs them (hypre, gamg, lu, ... of the velocity; any -flow_pc_type other than the default).
    Options: -flow_recipe fast|balanced|accurate|direct, -flow_schur auto|projection|commutator|two_stage,
-   -flow_velocity_sweep auto|sor|ilu (relax.h), -flow_rtol_start, -flow_rtol_most, -flow_pressure_softness eps. */
+   -flow_velocity_sweep auto|sor|ilu (relax.h), -flow_rtol_start, -flow_rtol_most, -flow_iterations_least,
+   -flow_pressure_softness eps.
+
+   Recipe fast: without bodies a single sweep of the projection, unscaled and without norms. Around bodies that is a
+   fixed-point iteration for the pressure whose eigenvalues reach 3 in cells that a penalty cuts, and grows; there it
+   takes two iterations of FGMRES around the two stages of twostage.h, more if a tenth of |r0| is left
+   (runs/studies/fast). */
 #pragma once
 #include "solve/constraint.h"
 #include "flow/flow.h"
@@ -36,8 +42,8 @@
 
 typedef struct _p_FlowSolver *FlowSolver;
 
-/* Collective. Reads the recipe and sets the defaults of all solvers. moving: there are bodies that do not stand still;
-   the single sweep of recipe fast is then scaled so as not to add to the residual. */
+/* Collective. Reads the recipe and sets the defaults of all solvers. moving: there are bodies that do not stand still.
+   */
 PetscErrorCode FlowSolverCreate(Flow, Constraint, PetscBool moving, FlowSolver *);
 PetscErrorCode FlowSolverDestroy(FlowSolver *);
 PetscErrorCode FlowSolverView(FlowSolver, PetscViewer);
@@ -82,7 +88,7 @@ PetscErrorCode FlowSolverSolve(FlowSolver, const PetscReal r[], const PetscReal 
 
 /* How many inner solves for the velocity and for the pressure ended in the last FlowSolverSolve without meeting their
    tolerance (-flow_fieldsplit_velocity_ksp_max_it, -flow_fieldsplit_pressure_ksp_max_it). The outer iteration makes up
-   for them where there is one; recipe fast has none. Not collective, same on all ranks. */
+   for them where there is one; recipe fast has none, or a short one. Not collective, same on all ranks. */
 PetscErrorCode FlowSolverGetLimited(FlowSolver, PetscInt limited[2]);
 
 /* For nonlinear problems, whose solver repeats these. x holds on every rank the reduced velocity (own nodes x dim,

@@ -6,6 +6,6 @@
 /* Apply the table of defaults.c, for a scene with a flow, when its mesh and its bodies (NULL: none) are known and
    before anything else is created. Reads -preset, balanced unless given. What scene or command line give wins, but a
    preset of the command line replaces what the scene gives for its options, and lists it in one line.
-   Collective. Errors: recipe fast, one projection sweep of a time step, in a steady scene; a preset that is asked for
+   Collective. Errors: recipe fast, a sweep or two of a time step, in a steady scene; a preset that is asked for
    and known not to keep its promise in this scene. */
 PetscErrorCode DefaultsApply(const MeshLocal *, Bodies bodies, PetscBool steady);

@@ -14,13 +14,12 @@
                inside, E flickers with the nodes that bodies cover. Therefore the bound leaves room (0.2), and one step
                alone is no reason to stop. What it finds is energy out of nothing, as unstable schemes make it.
    inner solve 1 if the solve for velocity or pressure inside of the preconditioner ended at its largest number of
-               iterations, which counts as failed: for recipe fast, which has no outer iteration to make up for it, it
-               is out of bounds; for others a remark, once.
+               iterations, which counts as failed: for recipe fast, which has no outer iteration to make up for it
+               (around bodies two), it is out of bounds; for others a remark, once.
 
-   Bounds are 0.1, 0.05, 0.2 (recipe fast: momentum 0.3). Measured, largest of 5 steps in a row over the scenes of
-   runs/: balanced 2e-5, 3e-3, 0 (0.06 where a grate is two cells thick, rung nodal); fast 0.011, 0.032, 0.02. The demo
-   in recipe fast at dt .01 blows up with 0.03 to 0.3, 0.1 to 0.9, 0.2 to 5. Dense beds in recipe fast
-   (runs/sedimentation-504.yaml: 0.6, 0.7) do not move for 10 steps.
+   Bounds are 0.1, 0.05, 0.2 (recipe fast without bodies: momentum 0.3). Measured, largest of 5 steps in a row over the
+   scenes of runs/: balanced 2e-5, 3e-3, 0 (0.06 where a grate is two cells thick, rung nodal). A single sweep around
+   the disc of the demo at dt .01, which no recipe takes any more, blew up with 0.03 to 0.3, 0.1 to 0.9, 0.2 to 5.
 
    A step that exceeds a bound is in doubt; -sim_judge_steps of them in a row (5; 0: never) stop the run, as does a
    whole run of fewer; with steps in doubt at its end it gets a remark. A step in doubt is no checkpoint. Not for

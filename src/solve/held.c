@@ -130,7 +130,7 @@ static PetscErrorCode improve_row(FlowSolver fs, PetscInt i, PetscReal rtol, Pet
 
   PetscFunctionBeginUser;
   PetscCall(FlowSolverMakeConsistent(fs, fs->held_r[i]));
-  if (!fs->fixed) PetscCall(KSPSetTolerances(fs->ksp, rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
+  if (!fs->single) PetscCall(KSPSetTolerances(fs->ksp, rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
   PetscCall(KSPSolve(fs->ksp, fs->held_r[i], fs->y));
   PetscCall(KSPGetIterationNumber(fs->ksp, &n));
   PetscCall(KSPGetConvergedReason(fs->ksp, reason));
@@ -165,12 +165,17 @@ PetscErrorCode FlowSolverHold(FlowSolver fs, PetscReal u[], PetscReal p[], Petsc
 {
   FlowHeld *h = fs->held;
   PetscReal deficit[3];
+  PetscReal left;
   PetscBool ok, enough = PETSC_FALSE;
 
   PetscFunctionBeginUser;
+  if (fs->least) { /* the iterations may have left much less than they needed */
+    PetscCall(KSPGetResidualNorm(fs->ksp, &left));
+    fs->target = PetscMin(fs->target, left);
+  }
   for (PetscInt i = 0; i < h->n; i++) PetscCall(begin_row(fs, i));
   PetscCall(find_deficit(fs, u, U, deficit));
-  for (PetscInt round = 0; round < (fs->fixed ? 1 : ROUNDS) && !enough && *reason >= 0; round++) {
+  for (PetscInt round = 0; round < (fs->single ? 1 : ROUNDS) && !enough && *reason >= 0; round++) {
     PetscCall(find_force(fs, deficit, h->force, &ok));
     PetscCall(improve_rows(fs, h->force, ok, its, reason, &enough));
   }

@@ -56,11 +56,13 @@ struct _p_FlowSolver {
   PC                 split; /* the inner PCFIELDSPLIT */
   KSP               *sub;
   PetscInt           limited[2];                      /* solves for velocity, pressure that stopped at their limit */
-  PetscBool          fixed;                           /* recipe fast: a fixed number of iterations, without norms */
+  PetscBool          single;                          /* recipe fast without bodies: one sweep, without norms */
+  PetscInt           least;                           /* iterations of a solve */
+  void              *test;                            /* of KSPConvergedDefault */
   PetscReal          share_of_pressure;               /* see WHOLE_PRESSURE */
   PetscReal          rtol, rtol_start, rtol_most;     /* see the header */
   TwoStage           two;                             /* or NULL: not wanted */
-  PetscReal          target;                          /* residual that the last solve was to leave */
+  PetscReal          target;                          /* residual that the last solve was to leave, or left */
   FlowHeld          *held;                            /* or NULL */
   Vec                held_s[3], held_z[3], held_r[3]; /* see held.c */
   Vec                b, x, r, y, t_x, t_u, t_u2, t_p, t_p2;
@@ -94,6 +96,8 @@ PetscErrorCode FlowSolverSetRecipe(FlowSolver, PetscBool moving);
 PetscErrorCode FlowSolverChooseMethods(FlowSolver);
 /* The tolerance of the correction y; enough: the start value (or zero, if that is better) meets it. Collective. */
 PetscErrorCode FlowSolverSetTolerance(FlowSolver, PetscBool *enough);
+/* The outer iteration's convergence test, which minds -flow_iterations_least. Collective. */
+PetscErrorCode FlowSolverSetTest(FlowSolver);
 /* Make pc the projection preconditioner around a fieldsplit. Collective. */
 PetscErrorCode FlowSolverCreateProjection(FlowSolver, PC pc);
 /* After the solve for fs->x, which u, p, U are: add the forces of fs->held and what they do. Adds to *its; *reason < 0:

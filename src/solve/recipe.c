@@ -50,6 +50,11 @@ static const struct {
 #define SHARE_BELOW 0.5  /* of the pressure correction, below WHOLE_PRESSURE */
 #define LOOSE       1e-3 /* tolerance from which a single projection is enough around bodies */
 
+/* Recipe fast around bodies: iterations at least, and residual that they leave as share of the start value's
+   (runs/studies/fast) */
+#define FAST_ITERATIONS "2"
+#define FAST_RESIDUAL   "0.1"
+
 typedef enum {
   SWEEP_AUTO,
   SWEEP_SOR,
@@ -90,54 +95,83 @@ static PetscErrorCode choose_stages(FlowSolver fs, PetscBool direct)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSolverSetRecipe(FlowSolver fs, PetscBool moving)
+/* Recipe fast: without bodies a single sweep, which must end with the projection; around bodies some iterations with
+   two stages, unless another preconditioner of the whole system is wanted */
+static PetscErrorCode choose_fast(FlowSolver fs)
 {
-  const char *outer[][2] = {{"1", "1e-10"}, {"200", "1e-8"}, {"200", "1e-9"}, {"20", "1e-10"}};
-  const char *inner[][2] = {{"1e-2", "1e-1"}, {"1e-2", "1e-2"}, {"1e-2", "1e-2"}, {"1e-2", "1e-2"}};
-  PetscInt    recipe     = 1;
-  PetscBool   sweep_only, given;
+  PetscBool whole;
 
   PetscFunctionBeginUser;
-  PetscCall(OptChoice("-flow_recipe", RECIPES, &recipe));
-  fs->fixed = (PetscBool)(recipe == 0);
-  if (recipe == 0) fs->schur = SCHUR_PROJECTION; /* a single sweep must end with the projection */
-  PetscCall(OptChoice("-flow_schur", SCHURS, &fs->schur));
-  PetscCall(OptChoice("-flow_velocity_sweep", SWEEPS, &fs->sweep_type));
+  PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_pc_type", &whole));
+  fs->single = (PetscBool)(fs->nbodies == 0);
+  if (fs->single) fs->schur = SCHUR_PROJECTION;
+  else if (!whole) fs->schur = SCHUR_TWO_STAGE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The outer iteration: how far, and how many at least. What depends on the recipe is set as options, which a restart
+   finds in its checkpoint. */
+static PetscErrorCode set_outer(FlowSolver fs, PetscInt recipe, PetscBool moving)
+{
+  const char *rtol[] = {"1e-8", "1e-8", "1e-9", "1e-10"};
+  PetscBool   given;
+
+  PetscFunctionBeginUser;
   PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_ksp_rtol", &given));
-  /* as an option: a restart finds both in its checkpoint */
+  if (recipe == 0 && !fs->single) {
+    if (!given) PetscCall(OptDefault("-flow_rtol_start", FAST_RESIDUAL));
+    PetscCall(OptDefault("-flow_rtol_most", "1"));
+    PetscCall(OptDefault("-flow_iterations_least", FAST_ITERATIONS));
+  } else if (moving) { /* the momentum of a heavy body is most of the right-hand side */
+    PetscCall(OptDefault("-flow_rtol_most", "1e-6"));
+  }
   if (recipe == 1 && !given) PetscCall(OptDefault("-flow_rtol_start", "1e-2"));
-  /* the momentum of a heavy body is most of the right-hand side */
-  if (moving) PetscCall(OptDefault("-flow_rtol_most", "1e-6"));
   fs->rtol_most = 1e-5;
   PetscCall(OptReal("-flow_rtol_start", &fs->rtol_start));
   PetscCall(OptReal("-flow_rtol_most", &fs->rtol_most));
-  /* with bodies that move the sweep must not add to the residual: two falling discs blow up within 20 steps
-     otherwise */
-  sweep_only = (PetscBool)(recipe == 0 && !moving);
-  PetscCall(OptDefault("-flow_ksp_type", sweep_only ? "richardson" : "fgmres"));
-  PetscCall(OptDefault("-flow_ksp_max_it", outer[recipe][0]));
-  PetscCall(OptDefault("-flow_ksp_rtol", outer[recipe][1]));
+  PetscCall(OptInt("-flow_iterations_least", &fs->least));
+  PetscCall(OptDefault("-flow_ksp_type", fs->single ? "richardson" : "fgmres"));
+  PetscCall(OptDefault("-flow_ksp_max_it", fs->single ? "1" : recipe == 3 ? "20" : "200"));
+  PetscCall(OptDefault("-flow_ksp_rtol", rtol[recipe]));
+  if (fs->single) {
+    PetscCall(OptDefault("-flow_ksp_convergence_test", "skip"));
+    PetscCall(OptDefault("-flow_ksp_norm_type", "none")); /* or the sweep would run a second time for it */
+  } else PetscCall(OptDefault("-flow_ksp_gmres_restart", "60"));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode set_inner(FlowSolver fs, PetscInt recipe)
+{
+  PetscFunctionBeginUser;
+  PetscCall(OptDefault("-flow_fieldsplit_velocity_ksp_type", "gcr")); /* half the sweeps of bcgs */
+  PetscCall(OptDefault("-flow_fieldsplit_velocity_ksp_gcr_restart", "10"));
+  PetscCall(OptDefault("-flow_fieldsplit_velocity_ksp_rtol", "1e-2"));
+  PetscCall(OptDefault("-flow_fieldsplit_velocity_ksp_max_it", "200"));
+  PetscCall(OptDefault("-flow_fieldsplit_velocity_pc_type", "sor"));
+  PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_type", "cg"));
+  PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_rtol", recipe == 0 ? "1e-1" : fs->stages ? "3e-2" : "1e-2"));
+  PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_max_it", "200"));
+  PetscCall(PressureSetDefaults());
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverSetRecipe(FlowSolver fs, PetscBool moving)
+{
+  PetscInt recipe = 1;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptChoice("-flow_recipe", RECIPES, &recipe));
+  if (recipe == 0) PetscCall(choose_fast(fs));
+  PetscCall(OptChoice("-flow_schur", SCHURS, &fs->schur));
+  PetscCall(OptChoice("-flow_velocity_sweep", SWEEPS, &fs->sweep_type));
+  PetscCall(set_outer(fs, recipe, moving));
   PetscCall(choose_stages(fs, (PetscBool)(recipe == 3)));
-  if (recipe == 0) PetscCall(OptDefault("-flow_ksp_convergence_test", "skip"));
-  /* or the sweep would run a second time for the norm */
-  if (sweep_only) PetscCall(OptDefault("-flow_ksp_norm_type", "none"));
-  if (recipe > 0) PetscCall(OptDefault("-flow_ksp_gmres_restart", "60"));
   if (recipe == 3) {
     PetscCall(OptDefault("-flow_pc_type", "lu"));
     PetscCall(OptDefault("-flow_pc_factor_mat_solver_type", "mumps"));
     PetscCall(OptDefault("-flow_mat_mumps_icntl_24", "1")); /* leave null pivots out: pressures of cut cells without a
                                                                free velocity */
-  } else {
-    PetscCall(OptDefault("-flow_fieldsplit_velocity_ksp_type", "gcr")); /* half the sweeps of bcgs */
-    PetscCall(OptDefault("-flow_fieldsplit_velocity_ksp_gcr_restart", "10"));
-    PetscCall(OptDefault("-flow_fieldsplit_velocity_ksp_rtol", inner[recipe][0]));
-    PetscCall(OptDefault("-flow_fieldsplit_velocity_ksp_max_it", "200"));
-    PetscCall(OptDefault("-flow_fieldsplit_velocity_pc_type", "sor"));
-    PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_type", "cg"));
-    PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_rtol", fs->stages ? "3e-2" : inner[recipe][1]));
-    PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_max_it", "200"));
-    PetscCall(PressureSetDefaults());
-  }
+  } else PetscCall(set_inner(fs, recipe));
   PetscCall(choose_assembly(fs));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -192,7 +226,7 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
   fs->factorise         = (PetscBool)(fs->sweep_type == SWEEP_ILU ||
                               (fs->sweep_type == SWEEP_AUTO && (above[FACTORISE_CONVECTION] || above[FACTORISE_VISCOUS] ||
                                                                 (above[FACTORISE_UNRESOLVED] && convective > 5 * viscous))));
-  fs->share_of_pressure = fs->fixed && !above[WHOLE_PRESSURE] ? SHARE_BELOW : 1;
+  fs->share_of_pressure = fs->single && !above[WHOLE_PRESSURE] ? SHARE_BELOW : 1;
   /* the projection is for time steps only */
   fs->commute      = (PetscBool)(fs->schur == SCHUR_COMMUTATOR || step->dt == 0);
   fs->viscous_only = PETSC_FALSE;
@@ -212,6 +246,7 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
    ratio (1e9 without: no iteration at all, and a fluid that does not move out of the way). */
 #define HEAVIEST        100
 #define LEAST_TOLERANCE 1e-13 /* of a correction; less is round-off */
+#define MOST_TOLERANCE  0.99  /* PETSc wants less than 1 */
 
 /* By what the rows of body k count, from the fluid's share in the inertia of a row: of a translation, or of the only
    rotation (in space those are coupled, and D M_r^{-1} says nothing) */
@@ -257,7 +292,7 @@ PetscErrorCode FlowSolverSetTolerance(FlowSolver fs, PetscBool *enough)
 
   PetscFunctionBeginUser;
   *enough = PETSC_FALSE;
-  if (fs->fixed) PetscFunctionReturn(PETSC_SUCCESS);
+  if (fs->single) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(take_norm(fs, fs->r, &start));
   PetscCall(take_norm(fs, fs->b, &rhs));
   if (start > rhs) { /* such as when all comes to rest within a step */
@@ -267,9 +302,36 @@ PetscErrorCode FlowSolverSetTolerance(FlowSolver fs, PetscBool *enough)
   }
   target     = PetscMax(fs->rtol * rhs, PetscMin(fs->rtol_start * start, fs->rtol_most * rhs));
   fs->target = target;
-  *enough    = (PetscBool)(start <= target);
+  *enough    = (PetscBool)(start == 0 || (start <= target && !fs->least));
   PetscCall(VecNorm(fs->r, NORM_2, &whole));
   if (!*enough && start < PETSC_MAX_REAL)
-    PetscCall(KSPSetTolerances(fs->ksp, PetscMax(target / whole, LEAST_TOLERANCE), PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
+    PetscCall(
+      KSPSetTolerances(fs->ksp, PetscMin(PetscMax(target / whole, LEAST_TOLERANCE), MOST_TOLERANCE), PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* PETSc's own test, but not before the least number of iterations */
+static PetscErrorCode test_convergence(KSP ksp, PetscInt it, PetscReal norm, KSPConvergedReason *reason, void *ctx)
+{
+  const FlowSolver fs = (FlowSolver)ctx;
+
+  PetscFunctionBeginUser;
+  PetscCall(KSPConvergedDefault(ksp, it, norm, reason, fs->test));
+  if (*reason == KSP_CONVERGED_RTOL && it < fs->least) *reason = KSP_CONVERGED_ITERATING;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode destroy_test(void *ctx)
+{
+  PetscFunctionBeginUser;
+  PetscCall(KSPConvergedDefaultDestroy(((FlowSolver)ctx)->test));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverSetTest(FlowSolver fs)
+{
+  PetscFunctionBeginUser;
+  PetscCall(KSPConvergedDefaultCreate(&fs->test));
+  PetscCall(KSPSetConvergenceTest(fs->ksp, test_convergence, fs, destroy_test));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -123,6 +123,7 @@ static PetscErrorCode create_solvers(FlowSolver fs)
   PetscFunctionBeginUser;
   PetscCall(KSPCreate(PETSC_COMM_WORLD, &fs->ksp));
   PetscCall(KSPSetOptionsPrefix(fs->ksp, "flow_"));
+  PetscCall(FlowSolverSetTest(fs));
   PetscCall(KSPGetPC(fs->ksp, &pc));
   if (!fs->need_whole) PetscCall(FlowSolverCreateProjection(fs, pc));
   PetscCall(KSPSetFromOptions(fs->ksp));
@@ -555,7 +556,7 @@ static PetscErrorCode start_from(FlowSolver fs, const PetscReal dp[])
   PetscFunctionBeginUser;
   PetscCall(MatMult(fs->K, fs->x, fs->r));
   PetscCall(VecAYPX(fs->r, -1, fs->b));
-  if (dp && !fs->fixed && !fs->need_whole) PetscCall(shift_pressure(fs, dp));
+  if (dp && !fs->single && !fs->need_whole) PetscCall(shift_pressure(fs, dp));
   PetscCall(FlowSolverMakeConsistent(fs, fs->r));
   PetscCall(VecZeroEntries(fs->y));
   PetscFunctionReturn(PETSC_SUCCESS);

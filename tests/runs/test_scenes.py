@@ -117,13 +117,13 @@ def test_scene_in_a_moving_frame(bodies):
         assert abs(float(row["u"]) + 0.044) < 1e-8 and abs(float(row["v"])) < 1e-8, row
 
 
-def test_two_falling_discs_with_one_sweep(bodies):
-    """Recipe fast beside the coupled solve on a coarse mesh: the sweep must not add to the residual, or the discs blow up within 20 steps."""
+def test_two_falling_discs_with_two_iterations(bodies):
+    """Recipe fast beside the coupled solve on a coarse mesh; a single sweep blew up within 20 steps."""
     speed = []
     for recipe in ("fast", "balanced"):
         rows, _ = bodies("dkt", "trailer", "-mesh_cells", "32,96", "-sim_dt", "2e-3", "-sim_time", "0.06", "-flow_recipe", recipe, "-output_overwrite")
         speed.append(float(rows[-1]["v"]))
-    assert speed[1] < -5 and abs(speed[0] / speed[1] - 1) < 0.05, speed
+    assert speed[1] < -5 and abs(speed[0] / speed[1] - 1) < 0.01, speed
 
 
 def test_dense_bed_on_many_ranks(run):

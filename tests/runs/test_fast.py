@@ -1,0 +1,50 @@
+"""Recipe fast around bodies: two iterations a step, stable at any way of the bodies, and how far from the step solved whole."""
+import csv
+
+import pytest
+
+from collector import ROOT
+
+DEMO = ROOT / "runs" / "sedimentation.yaml"
+RISING = ["-particle_disc_position", "1,1"]
+# options beyond a coarse mesh (4 cells a diameter), largest deviation as share of the largest speed
+CASES = {
+    "CFL 1.8": (["-sim_dt", 0.02, "-sim_time", 0.5], 0.01),
+    "CFL 3.3": (["-sim_dt", 0.04, "-sim_time", 0.6], 0.01),
+    "light": (["-sim_dt", 0.005, "-sim_time", 0.08, "-particle_disc_density", 0.01, *RISING], 0.015),
+    "heavy": (["-sim_dt", 0.004, "-sim_time", 0.08, "-particle_disc_density", 10], 0.01),
+    "little viscosity": (["-sim_dt", 0.01, "-sim_time", 0.2, "-flow_viscosity", 1e-3], 0.01),
+    "nodal": (["-sim_dt", 0.02, "-sim_time", 0.4, "-couple_boundary", "nodal"], 0.1),  # where its noise is, the solver's error is
+    "snap": (["-sim_dt", 0.02, "-sim_time", 0.4, "-couple_boundary", "snap"], 0.1),
+}
+
+
+def speeds(run, recipe, options, ranks=1):
+    result = run([DEMO, "-mesh_cells", "32,96", *options, "-flow_recipe", recipe, "-output_every", 0, "-output_dir", recipe, "-output_overwrite"], ranks)
+    assert result.status == 0, str(result)
+    with open(result.folder / recipe / "bodies.csv") as file:
+        found = [float(row["v"]) for row in csv.DictReader(file)]
+    with open(result.folder / recipe / "series.csv") as file:
+        return found, [int(row["outer_iterations"]) for row in csv.DictReader(file)]
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_as_solved_whole(run, case):
+    options, bound = CASES[case]
+    (ours, iterations), (whole, most) = (speeds(run, recipe, options) for recipe in ("fast", "balanced"))
+    size = max(map(abs, whole))
+    off = max(abs(a - b) for a, b in zip(ours, whole, strict=True)) / size
+    assert size > 1 and off < bound, f"{off:.2%} of the largest speed off, at most {bound:.1%} expected: {ours} against {whole}"
+    assert min(iterations) == 2 and sum(iterations) < 2.3 * len(iterations) < sum(most), f"{iterations} iterations, whole {most}"
+
+
+def test_ranks_agree(run):
+    one, two = (speeds(run, "fast", CASES["CFL 1.8"][0], ranks)[0] for ranks in (1, 2))
+    assert max(abs(a - b) for a, b in zip(one, two, strict=True)) < 5e-3 * max(map(abs, one)), f"{one}\n{two}"
+
+
+def test_least_iterations(run):
+    """They hold for every recipe, and a residual that need not fall any more ends the solve after them."""
+    for least in 1, 3:
+        _, iterations = speeds(run, "balanced", ["-sim_steps", 4, "-flow_iterations_least", least, "-flow_rtol_start", 1, "-flow_rtol_most", 1])
+        assert iterations == [least] * 4
