@@ -21,16 +21,18 @@
 
 /* What a scene says about the motion of a group beyond "free"; see motion.h in src/bodies. */
 typedef struct {
-  PetscInt  dim;
-  PetscBool constant, rotate; /* do velocity and angular velocity of the start act? */
-  PetscBool given;            /* -particle_<g>_motion, or velocities that change in time */
-  Expr      velocity, omega;  /* those of the start as expressions of t; NULL: numbers, which each body has */
-  PetscReal amplitude[3], period[3], phase[3];
-  PetscReal swing[3]; /* amplitude, period, phase of the angle about z */
-  PetscReal ramp;
-  PetscBool has_pivot, has_stops, has_hinge, has_slide;
-  PetscReal pivot[3];            /* in the frame of the shape */
+  PetscInt         dim;
+  PetscBool        constant, rotate; /* do velocity and angular velocity of the start act? */
+  PetscBool        given;            /* -particle_<g>_motion, or velocities that change in time */
+  Expr             velocity, omega;  /* those of the start as expressions of t; NULL: numbers, which each body has */
+  struct _p_Track *track;            /* motion from a file; NULL: none */
+  PetscReal        amplitude[3], period[3], phase[3];
+  PetscReal        swing[3]; /* amplitude, period, phase of the angle about z */
+  PetscReal        ramp;
+  PetscBool        has_pivot, has_stops, has_hinge, has_slide;
+  PetscReal        pivot[3];     /* in the frame of the shape */
   PetscReal hinge[3], slide[3];  /* unit vectors in space: axis of the angle (2D: z), the only direction of travel */
+  PetscReal axis[3];             /* unit vector: of the angle at the start and of the turn of a file */
   PetscReal stops[2];            /* rad */
   PetscReal restitution;         /* of the stops */
   PetscReal force[3], torque[3]; /* external, on each body */

@@ -305,22 +305,27 @@ static PetscErrorCode share_fault(Expr e, Fault *fault)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ExprEvaluate(Expr e, PetscReal time, PetscInt m, const PetscReal x[], PetscReal value[])
+static void evaluate_all(Expr e, PetscReal time, PetscInt m, const PetscReal x[], PetscReal value[], Fault *fault)
 {
-  Fault fault = {.i = -1};
-
-  PetscFunctionBeginUser;
   e->variable[TIME] = time;
   for (PetscInt i = 0; i < e->n; i++) {
     const PetscBool place = (PetscBool)(x && (e->uses[i][0] || e->uses[i][1] || e->uses[i][2]));
 
     for (PetscInt p = 0; p < m; p++) {
       for (PetscInt d = 0; d < e->dim && place; d++) e->variable[d] = x[p * e->dim + d];
-      if (p == 0 || place) evaluate_one(e, i, &value[p * e->n + i], &fault);
+      if (p == 0 || place) evaluate_one(e, i, &value[p * e->n + i], fault);
       else value[p * e->n + i] = value[i];
     }
   }
-  if (x) PetscCall(share_fault(e, &fault));
+}
+
+PetscErrorCode ExprEvaluate(Expr e, PetscReal time, PetscInt m, const PetscReal x[], PetscReal value[])
+{
+  Fault fault = {.i = -1};
+
+  PetscFunctionBeginUser;
+  evaluate_all(e, time, m, x, value, &fault);
+  if (ExprUsesPlace(e)) PetscCall(share_fault(e, &fault)); /* a rank without points takes part; its x may be NULL */
   else if (fault.i >= 0) PetscCall(refuse_value(e, &fault));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -331,7 +336,7 @@ PetscErrorCode ExprKeep(Expr e, PetscReal time, PetscInt m, const PetscReal x[],
 
   PetscFunctionBeginUser;
   if (same) PetscCall(PetscArraycmp(e->x, x, m * e->dim, &same));
-  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &same, 1, MPIU_BOOL, MPI_LAND, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &same, 1, COMPAT_MPI_BOOL, MPI_LAND, PETSC_COMM_WORLD));
   if (!same) {
     if (e->m != m) {
       PetscCall(PetscFree(e->x));

@@ -47,7 +47,7 @@ static void turn_from_start(Bodies b, PetscInt k, const PetscReal turn[3], Petsc
 {
   const Placement *p = start_of(b, k);
 
-  *angle = p->angle + turn[2];
+  *angle = p->angle + dot3(turn, BodiesGetGroup(&b->view, k)->motion.axis);
   if (p->turned) (void)PetscArraycpy(q, p->q, 4);
   else RotationFromAngle(b->state.dim == 2 ? *angle : p->angle, q);
   if (b->state.dim == 3) RotationAdvance(1, turn, q);

@@ -150,7 +150,7 @@ static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim, Start *s)
 
 /* Orientation of bodies in space: -particle_<g>_quaternion, then turned by the angle about -particle_<g>_axis (or the
    hinge, or z) */
-static PetscErrorCode orient_bodies(const BodyGroup *g, PetscInt dim, Placement body[])
+static PetscErrorCode orient_bodies(BodyGroup *g, PetscInt dim, Placement body[])
 {
   PetscReal axis[3] = {g->motion.hinge[0], g->motion.hinge[1], g->motion.hinge[2]}, q[4] = {1, 0, 0, 0}, length;
   PetscBool has_axis, has_q;
@@ -164,16 +164,15 @@ static PetscErrorCode orient_bodies(const BodyGroup *g, PetscInt dim, Placement 
   PetscCheck(!has_axis || !g->motion.has_hinge, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "%s: the angle of a body with -particle_%s_hinge is that about the hinge: remove it, or turn the body by -particle_%s_quaternion", name,
              g->name, g->name);
+  for (PetscInt a = 0; a < 3; a++) g->motion.axis[a] = axis[a] / length;
   PetscCall(OptRealArray(OptJoin("-particle_", g->name, "_quaternion", name), 4, q, &has_q));
   PetscCheck(q[0] != 0 || q[1] != 0 || q[2] != 0 || q[3] != 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "%s is zero: give w,x,y,z with w = cos(a/2) and x,y,z = sin(a/2) times the axis", name);
   if (!has_axis && !has_q && !g->motion.has_hinge) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt i = 0; i < g->count; i++) {
     if (body[i].turned) continue; /* at random */
-    const PetscReal w[3] = {axis[0] / length, axis[1] / length, axis[2] / length};
-
     PetscCall(PetscArraycpy(body[i].q, q, 4));
-    RotationAdvance(body[i].angle, w, body[i].q); /* makes it a unit quaternion, too */
+    RotationAdvance(body[i].angle, g->motion.axis, body[i].q); /* makes it a unit quaternion, too */
     body[i].turned = PETSC_TRUE;
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -125,10 +125,13 @@ PetscErrorCode MotionRead(const char group[], PetscInt dim, Motion *m, PetscReal
   m->dim      = dim;
   PetscCall(read_parts(group, m, &oscillate));
   PetscCall(read_velocities(group, dim, m, u, w));
+  PetscCall(TrackRead(group, dim, &m->track));
+  if (m->track) m->given = PETSC_TRUE;
   if (oscillate) PetscCall(read_oscillation(group, dim, m));
   if (m->given) { PetscCall(OptReal(OptJoin("-particle_", group, "_motion_ramp", name), &m->ramp)); }
   PetscCall(OptRealArray(OptJoin("-particle_", group, "_pivot", name), dim, m->pivot, &m->has_pivot));
   PetscCall(read_axes(group, dim, m));
+  PetscCall(PetscArraycpy(m->axis, m->hinge, 3));
   PetscCall(read_stops(group, dim, m));
   PetscCall(OptRealArray(OptJoin("-particle_", group, "_force", name), dim, m->force, NULL));
   PetscCall(OptRealArray(OptJoin("-particle_", group, "_torque", name), dim == 2 ? 1 : 3, dim == 2 ? m->torque + 2 : m->torque, NULL));
@@ -140,6 +143,7 @@ PetscErrorCode MotionDestroy(Motion *m)
   PetscFunctionBeginUser;
   PetscCall(ExprDestroy(&m->velocity));
   PetscCall(ExprDestroy(&m->omega));
+  PetscCall(TrackDestroy(&m->track));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -147,12 +151,33 @@ PetscBool MotionChanges(const Motion *m, PetscInt a)
 {
   if (a < 3 && m->velocity && m->constant && a < m->dim && ExprValueUsesTime(m->velocity, a)) return PETSC_TRUE;
   if (a == 3 && m->omega && m->rotate) return PETSC_TRUE;
+  if (TrackHas(m->track, a)) return PETSC_TRUE;
   return MotionOscillates(m, a);
 }
 
 PetscBool MotionOscillates(const Motion *m, PetscInt a)
 {
   return a < 3 ? (PetscBool)(m->amplitude[a] != 0) : (PetscBool)(m->swing[0] != 0);
+}
+
+/* Adds the motion of the file */
+static void add_track(const Motion *m, PetscReal s, PetscReal u[3], PetscReal way[3], PetscReal w[3], PetscReal turn[3])
+{
+  for (PetscInt a = 0; a < 4; a++) {
+    PetscReal gained, velocity;
+
+    if (!TrackHas(m->track, a)) continue;
+    TrackEvaluate(m->track, a, s, &gained, &velocity);
+    for (PetscInt d = 0; d < 3; d++) {
+      if (a == 3) {
+        w[d] += velocity * m->axis[d];
+        turn[d] += gained * m->axis[d];
+      } else if (a == d) {
+        u[d] += velocity;
+        way[d] += gained;
+      }
+    }
+  }
 }
 
 /* Velocities of the start at the motion's own time s and their integrals: u, way, w, turn [3] each */
@@ -176,6 +201,7 @@ static PetscErrorCode evaluate_start(const Motion *m, const Placement *start, Pe
     PetscCall(ExprEvaluate(m->omega, s, 1, NULL, w + first));
     PetscCall(ExprIntegrate(m->omega, s, turn + first));
   }
+  add_track(m, s, u, way, w, turn);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -8,14 +8,15 @@
    s = t without ramp; with ramp R the motion gathers speed smoothly: ds/dt = (1 - cos(pi t/R))/2 until R, then 1.
    Where velocity or angular velocity are expressions of t, as for all bodies of the group, their integrals from 0 to s
    stand in place of velocity s and angular_velocity s (in 3D about an axis that stays).
-   So the oscillation starts where its phase says; `position` is its middle.
+   So the oscillation starts where its phase says; `position` is its middle. A file (track.h) adds its way and turn.
 
-   With -particle_<g>_motion, or a velocity with t, nothing is free unless _free says so. Without it, degrees of freedom
+   With -particle_<g>_motion, a file, or a velocity with t, nothing is free unless _free says so. Without it, degrees of freedom
    that are not free keep the velocities of _velocity and _angular_velocity (or of the table). A pivot is placed by
    _position; translation is then never free. External force and torque act at the centre of mass. */
 #pragma once
 #include "bodies/bodies.h"
 #include "place.h"
+#include "track.h"
 
 /* Read the options of a group, and its velocities u [3], w [3] at the start. Not collective, same result on every
    rank. Errors: unknown word, a part without its parameters, stops that are not lower < upper, stops in 3D without

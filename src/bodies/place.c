@@ -2,16 +2,13 @@
 
    Lattice: of all splits of the box into nx x ny (x nz) cells that hold `count` bodies, the one with the widest
    smallest cell side. Random: sequential dart throwing; bodies are listed in a search grid with the distance that a new
-   centre has to keep, so that a dart looks into one cell only. Table: a CSV reader for numbers (no quoting). Lengths in
-   the unit of the scene. Knows no shapes: bodies are kept apart by their bounding radius. */
+   centre has to keep, so that a dart looks into one cell only. Lengths in the unit of the scene. Knows no shapes: bodies are kept apart by their bounding radius. */
 #include "compat.h"
+#include "base/csv.h"
 #include "base/grid.h"
 #include "place.h"
-#include <ctype.h>
-#include <stdlib.h>
 
-#define MAX_TRIES   20000 /* darts for one body before the box counts as full */
-#define MAX_COLUMNS 16
+#define MAX_TRIES 20000 /* darts for one body before the box counts as full */
 
 /* ---- lattice ---- */
 
@@ -182,173 +179,67 @@ PetscErrorCode PlaceRandom(const char name[], PetscInt dim, const PetscReal lowe
 
 /* ---- table ---- */
 
+/* What a column of the table means */
 typedef struct {
-  const char *file;
-  PetscInt    line, ncolumns, dim;
-  PetscBool   positive[MAX_COLUMNS];
-  size_t      offset[MAX_COLUMNS]; /* where in a Placement the column goes */
-  char        name[MAX_COLUMNS][16];
-} Table;
+  const char *name;
+  size_t      offset; /* where in a Placement it goes */
+  PetscInt    dim;    /* smallest dimension in which it means something */
+  PetscBool   positive;
+} Column;
 
-/* All ranks get the text of the file, or all raise the same error. */
-static PetscErrorCode read_text(const char file[], char **text)
+static const Column COLUMNS[] = {{"x", offsetof(Placement, x), 2, PETSC_FALSE},
+                                 {"y", offsetof(Placement, x) + sizeof(PetscReal), 2, PETSC_FALSE},
+                                 {"angle", offsetof(Placement, angle), 2, PETSC_FALSE},
+                                 {"u", offsetof(Placement, u), 2, PETSC_FALSE},
+                                 {"v", offsetof(Placement, u) + sizeof(PetscReal), 2, PETSC_FALSE},
+                                 {"omega", offsetof(Placement, omega) + 2 * sizeof(PetscReal), 2, PETSC_FALSE},
+                                 {"size", offsetof(Placement, scale), 2, PETSC_TRUE},
+                                 {"radius", offsetof(Placement, radius), 2, PETSC_TRUE},
+                                 {"density", offsetof(Placement, density), 2, PETSC_TRUE},
+                                 {"z", offsetof(Placement, x) + 2 * sizeof(PetscReal), 3, PETSC_FALSE},
+                                 {"w", offsetof(Placement, u) + 2 * sizeof(PetscReal), 3, PETSC_FALSE}};
+
+static PetscErrorCode find_column(const Csv *t, PetscInt dim, const char name[], const Column **column)
 {
-  PetscMPIInt rank;
-  PetscInt    length = -1;
-
   PetscFunctionBeginUser;
-  *text = NULL;
-  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
-  if (!rank) {
-    FILE *f = fopen(file, "rb");
-
-    if (f) {
-      if (!fseek(f, 0, SEEK_END)) length = (PetscInt)ftell(f);
-      rewind(f);
-      if (length >= 0) {
-        PetscCall(PetscMalloc1(length + 1, text));
-        if (fread(*text, 1, (size_t)length, f) != (size_t)length) length = -1;
-      }
-      fclose(f);
-    }
-  }
-  PetscCallMPI(MPI_Bcast(&length, 1, MPIU_INT, 0, PETSC_COMM_WORLD));
-  if (length < 0) PetscCall(PetscFree(*text));
-  PetscCheck(length >= 0, PETSC_COMM_SELF, PETSC_ERR_FILE_OPEN,
-             "Table '%s' cannot be read: check the path and its permissions (in a scene it is relative to the scene file)", file);
-  if (rank) PetscCall(PetscMalloc1(length + 1, text));
-  PetscCallMPI(MPI_Bcast(*text, (PetscMPIInt)length, MPI_CHAR, 0, PETSC_COMM_WORLD));
-  (*text)[length] = 0;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static char *trim(char *s)
-{
-  char *end = s + strlen(s);
-
-  while (end > s && isspace((unsigned char)end[-1])) *--end = 0;
-  while (isspace((unsigned char)*s)) s++;
-  return s;
-}
-
-/* Cut the next item off a comma-separated line; NULL at the end. */
-static char *cut_field(char **rest)
-{
-  char *start = *rest, *comma;
-
-  if (!start) return NULL;
-  comma = strchr(start, ',');
-  *rest = comma ? comma + 1 : NULL;
-  if (comma) *comma = 0;
-  return trim(start);
-}
-
-static PetscErrorCode add_column(Table *t, const char name[])
-{
-  const struct {
-    const char *name;
-    size_t      offset;
-    PetscInt    dim; /* smallest dimension in which the column means something */
-  } known[]  = {{"x", offsetof(Placement, x), 2},
-                {"y", offsetof(Placement, x) + sizeof(PetscReal), 2},
-                {"angle", offsetof(Placement, angle), 2},
-                {"u", offsetof(Placement, u), 2},
-                {"v", offsetof(Placement, u) + sizeof(PetscReal), 2},
-                {"omega", offsetof(Placement, omega) + 2 * sizeof(PetscReal), 2},
-                {"size", offsetof(Placement, scale), 2},
-                {"radius", offsetof(Placement, radius), 2},
-                {"density", offsetof(Placement, density), 2},
-                {"z", offsetof(Placement, x) + 2 * sizeof(PetscReal), 3},
-                {"w", offsetof(Placement, u) + 2 * sizeof(PetscReal), 3}};
-  PetscInt k = -1;
-
-  PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < (PetscInt)(sizeof(known) / sizeof(known[0])); i++)
-    if (!strcmp(known[i].name, name) && known[i].dim <= t->dim) k = i;
-  PetscCheck(k >= 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+  *column = NULL;
+  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(COLUMNS); i++)
+    if (!strcmp(COLUMNS[i].name, name) && COLUMNS[i].dim <= dim) *column = COLUMNS + i;
+  PetscCheck(*column, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "%s:%" PetscInt_FMT ": column '%s' is not known (known in %" PetscInt_FMT "D: x, y, angle, u, v, omega, size, radius, density%s)",
-             t->file, t->line, name, t->dim, t->dim == 3 ? ", z, w" : "");
-  for (PetscInt i = 0; i < t->ncolumns; i++)
-    PetscCheck(strcmp(t->name[i], name), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": column '%s' appears twice: remove one",
-               t->file, t->line, name);
-  t->positive[t->ncolumns] = (PetscBool)(!strcmp(name, "size") || !strcmp(name, "radius") || !strcmp(name, "density"));
-  t->offset[t->ncolumns]   = known[k].offset;
-  PetscCall(PetscStrncpy(t->name[t->ncolumns++], name, sizeof(t->name[0])));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscBool has_column(const Table *t, const char name[])
-{
-  for (PetscInt i = 0; i < t->ncolumns; i++)
-    if (!strcmp(t->name[i], name)) return PETSC_TRUE;
-  return PETSC_FALSE;
-}
-
-static PetscErrorCode parse_header(Table *t, char *line)
-{
-  const char *const axes[] = {"x", "y", "z"};
-
-  PetscFunctionBeginUser;
-  for (char *field, *rest = line; (field = cut_field(&rest));) PetscCall(add_column(t, field));
-  for (PetscInt a = 0; a < t->dim; a++)
-    PetscCheck(has_column(t, axes[a]), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": the header line has no column '%s': add it",
-               t->file, t->line, axes[a]);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode parse_body(const Table *t, char *line, Placement *p)
-{
-  PetscInt i = 0;
-
-  PetscFunctionBeginUser;
-  for (char *field, *rest = line, *end; (field = cut_field(&rest)); i++) {
-    double value;
-
-    PetscCheck(i < t->ncolumns, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-               "%s:%" PetscInt_FMT ": more values than the %" PetscInt_FMT " columns of the header line", t->file, t->line, t->ncolumns);
-    value = strtod(field, &end);
-    PetscCheck(end != field && !*end && !PetscIsInfOrNanReal((PetscReal)value), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-               "%s:%" PetscInt_FMT ": '%s' in column '%s' is not a finite number", t->file, t->line, field, t->name[i]);
-    PetscCheck(value > 0 || !t->positive[i], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": %s %s must be positive", t->file, t->line,
-               t->name[i], field);
-    *(PetscReal *)((char *)p + t->offset[i]) = (PetscReal)value;
-  }
-  PetscCheck(i == t->ncolumns, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "%s:%" PetscInt_FMT ": %" PetscInt_FMT " values, the header line names %" PetscInt_FMT " columns", t->file, t->line, i, t->ncolumns);
+             t->file, t->header, name, dim, dim == 3 ? ", z, w" : "");
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode PlaceTable(const char file[], PetscInt dim, const Placement *base, PetscInt *n, Placement **p, PetscBool *sizes, PetscBool *densities)
 {
-  Table    t = {.file = file, .dim = dim};
-  char    *text;
-  PetscInt room = 1;
+  const char *const axes[] = {"x", "y", "z"};
+  Csv               t;
 
   PetscFunctionBeginUser;
-  *n = 0;
-  PetscCall(read_text(file, &text));
-  for (const char *s = text; *s; s++) room += *s == '\n';
-  PetscCall(PetscMalloc1(room, p));
-  for (char *next = text; next;) {
-    char *line = next, *end = strchr(line, '\n');
+  PetscCall(CsvRead(file, dim == 3 ? "x,y,z" : "x,y", &t));
+  PetscCall(PetscMalloc1(t.nrow, p));
+  *n = t.nrow;
+  for (PetscInt i = 0; i < t.nrow; i++) (*p)[i] = *base;
+  for (PetscInt c = 0; c < t.ncolumn; c++) {
+    const Column *column = NULL;
 
-    next = end ? end + 1 : NULL;
-    if (end) *end = 0;
-    t.line++;
-    line = trim(line);
-    if (!*line || *line == '#') continue;
-    if (!t.ncolumns) PetscCall(parse_header(&t, line));
-    else {
-      (*p)[*n] = *base;
-      PetscCall(parse_body(&t, line, &(*p)[(*n)++]));
+    PetscCall(find_column(&t, dim, t.name[c], &column));
+    for (PetscInt i = 0; i < t.nrow; i++) {
+      const PetscReal value = t.value[i * t.ncolumn + c];
+
+      PetscCheck(value > 0 || !column->positive, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": %s %g must be positive", file,
+                 t.line[i], column->name, (double)value);
+      *(PetscReal *)((char *)(*p + i) + column->offset) = value;
     }
   }
-  PetscCheck(t.ncolumns, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": the table is empty: its first line names the columns x,y%s",
-             file, t.line, dim == 3 ? ",z" : "");
-  PetscCheck(!has_column(&t, "size") || !has_column(&t, "radius"), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+  for (PetscInt a = 0; a < dim; a++)
+    PetscCheck(CsvColumn(&t, axes[a]) >= 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": the header line has no column '%s': add it",
+               file, t.header, axes[a]);
+  *sizes     = (PetscBool)(CsvColumn(&t, "size") >= 0 || CsvColumn(&t, "radius") >= 0);
+  *densities = (PetscBool)(CsvColumn(&t, "density") >= 0);
+  PetscCheck(CsvColumn(&t, "size") < 0 || CsvColumn(&t, "radius") < 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "%s: the columns 'size' and 'radius' both give the size of a body: remove one", file);
-  *sizes     = (PetscBool)(has_column(&t, "size") || has_column(&t, "radius"));
-  *densities = has_column(&t, "density");
-  PetscCall(PetscFree(text));
+  PetscCall(CsvDestroy(&t));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

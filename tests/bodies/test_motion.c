@@ -268,6 +268,118 @@ static void test_expressions(void **state)
   OK(BodiesDestroy(&b));
 }
 
+/* One file a program: ranks write their own */
+static const char *write_track(const char text[])
+{
+  static char path[64];
+  FILE       *f;
+
+  (void)snprintf(path, sizeof(path), "track.%d.csv", (int)getpid());
+  f = fopen(path, "w");
+  assert_non_null(f);
+  assert_true(fputs(text, f) >= 0);
+  assert_int_equal(fclose(f), 0);
+  return path;
+}
+
+/* Largest error of x = sin(2 pi t/3), angle from its rate cos(2 pi t/3), at times between the n + 1 lines of a period */
+static void check_track(PetscInt n, PetscBool repeat, PetscReal *place, PetscReal *speed, PetscReal *angle)
+{
+  const PetscReal c = 2 * PETSC_PI / 3;
+  char            text[8192], option[512];
+  size_t          used = (size_t)snprintf(text, sizeof(text), "# a wave\nt, x, omega\n");
+  Bodies          b;
+  BodyArrays     *s;
+  PetscReal       t = 0;
+
+  for (PetscInt i = 0; i <= n; i++) {
+    const PetscReal at = i * 3.0 / n, value = i < n ? PetscSinReal(c * at) : 0, rate = i < n ? PetscCosReal(c * at) : 1;
+
+    used += (size_t)snprintf(text + used, sizeof(text) - used, "%.17g, %.17g, %.17g\n", (double)at, (double)value, (double)rate);
+  }
+  (void)snprintf(option, sizeof(option), CIRCLE "-particle_a_motion_file %s -particle_a_motion_repeat %s", write_track(text),
+                 repeat ? "true" : "false");
+  create(2, option, &b, &s);
+  assert_int_equal(s->group[0].free, 0);
+  *place = *speed = *angle = 0;
+  for (PetscInt i = 0; i < (repeat ? 70 : 14); i++) {
+    *place = PetscMax(*place, PetscAbsReal(s->x[0][0] - 1 - PetscSinReal(c * t)));
+    *speed = PetscMax(*speed, PetscAbsReal(s->u[0][0] - c * PetscCosReal(c * t)));
+    *angle = PetscMax(*angle, PetscAbsReal(s->angle[0] - PetscSinReal(c * t) / c));
+    BELOW(PetscAbsReal(s->x[0][1] - 2), 0);
+    step(b, 0.17, down);
+    t += 0.17;
+  }
+  if (!repeat) { /* held: the place stays, the rate goes on */
+    step(b, 1, down);
+    NEAR(s->x[0][0], 1, 1e-12);
+    BELOW(PetscAbsReal(s->u[0][0]), 1e-12);
+    NEAR(s->w[0][2], 1, 1e-12);
+  }
+  OK(BodiesDestroy(&b));
+}
+
+/* Splines: fourth order in places, third in velocities; over many periods without drift */
+static void test_file(void **state)
+{
+  PetscReal coarse[3], fine[3];
+
+  (void)state;
+  check_track(12, PETSC_TRUE, &coarse[0], &coarse[1], &coarse[2]);
+  check_track(24, PETSC_TRUE, &fine[0], &fine[1], &fine[2]);
+  expect_rate("place", coarse[0], fine[0], 4);
+  expect_rate("velocity", coarse[1], fine[1], 3);
+  expect_rate("angle", coarse[2], fine[2], 4);
+  check_track(48, PETSC_FALSE, &fine[0], &fine[1], &fine[2]); /* its ends differ: velocity zero at the last line */
+  BELOW(fine[0], 0.05);
+}
+
+/* A screw: what a place gains in a period is added each time; the turn is about the axis */
+static void test_screw(void **state)
+{
+  char        option[512];
+  Bodies      b;
+  BodyArrays *s;
+
+  (void)state;
+  (void)snprintf(option, sizeof(option),
+                 "-particle_groups a -particle_a_shape circle -particle_a_radius 0.1 -particle_a_position 1,2,3 -particle_a_axis 2,0,0 "
+                 "-particle_a_motion_file %s -particle_a_motion_repeat true",
+                 write_track("t,x,angle\n0,5,0\n1,5.5,1\n2,6,2\n3,6.5,3\n4,7,4\n"));
+  create(3, option, &b, &s);
+  for (PetscInt i = 0; i < 9; i++) step(b, 1.1, zero);
+  NEAR(s->x[0][0], 1 + 0.5 * 9.9, 1e-12);
+  NEAR(s->u[0][0], 0.5, 1e-12);
+  NEAR(s->w[0][0], 1, 1e-12);
+  NEAR(s->angle[0], 9.9, 1e-12);
+  OK(BodiesDestroy(&b));
+}
+
+static void refuse_track(const char text[], const char more[], const char message[])
+{
+  char option[512];
+
+  (void)snprintf(option, sizeof(option), CIRCLE "-particle_a_motion_file %s %s", write_track(text), more);
+  refuse(2, option, message);
+}
+
+static void test_bad_files(void **state)
+{
+  (void)state;
+  refuse(2, CIRCLE "-particle_a_motion_file nowhere.csv", "Table 'nowhere.csv' cannot be read");
+  refuse_track("", "", "the table is empty");
+  refuse_track("x,y\n0,1\n", "", ":1: the header line has no column 't'");
+  refuse_track("t,x,z\n0,1,2\n", "", ":1: column 'z' is not known (known in 2D");
+  refuse_track("t\n0\n1\n", "", ":1: nothing moves");
+  refuse_track("t,x,u\n0,1,2\n1,1,2\n", "", ":1: columns 'x' and 'u' say the same");
+  refuse_track("t,x\n0,1\n", "", "1 line of numbers, a motion needs at least 2");
+  refuse_track("t,x\n0,1\n0,2\n", "", ":3: t = 0. does not come after 0.");
+  refuse_track("t,x\n0,1\n1,two\n", "", ":3: 'two' in column 'x' is not a finite number");
+  refuse_track("t,x\n0,1\n1,2\n2,1\n", "-particle_a_motion_repeat true", "needs at least 4 to be repeated");
+  refuse_track("t,u\n0,1\n1,2\n2,1\n3,5\n", "-particle_a_motion_repeat true", ":5: u ends at 5. and begins at 1.");
+  refuse_track("t,x\n0,1\n1,2\n", "-particle_a_free x", "-particle_a_free");
+}
+
 static void test_refusals(void **state)
 {
   refuse(2, CIRCLE "-particle_a_velocity sin(x),0", "Option -particle_a_velocity = sin(x),0 is wrong at character 5: ");
@@ -297,7 +409,8 @@ int main(int argc, char **argv)
                                      cmocka_unit_test(test_partly_free), cmocka_unit_test(test_prescribed_rotation_about_pivot),
                                      cmocka_unit_test(test_pendulum),    cmocka_unit_test(test_accelerated_pivot),
                                      cmocka_unit_test(test_stops),       cmocka_unit_test(test_expressions),
-                                     cmocka_unit_test(test_refusals)};
+                                     cmocka_unit_test(test_refusals),    cmocka_unit_test(test_file),
+                                     cmocka_unit_test(test_screw),       cmocka_unit_test(test_bad_files)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

@@ -168,12 +168,11 @@ static void forced_vortex(PetscReal t, const PetscReal x[], PetscReal u[], Petsc
 /* The formula with `factor` in place of @ */
 static void give_vortex(const char name[], const char factor[])
 {
-  char text[512] = "";
+  char text[512];
+  int  n = 0;
 
-  for (const char *c = VORTEX; *c; c++) {
-    if (*c == '@') strcat(text, factor);
-    else strncat(text, c, 1);
-  }
+  for (const char *c = VORTEX; *c; c++)
+    n += *c == '@' ? snprintf(text + n, sizeof(text) - n, "%s", factor) : snprintf(text + n, sizeof(text) - n, "%c", *c);
   OK(PetscOptionsSetValue(NULL, name, text));
 }
 

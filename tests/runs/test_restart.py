@@ -56,11 +56,13 @@ flow:
   velocity: "y*(1 - y), 0"
   bc: {top: {type: moving_wall, velocity: ["-0.1*sin(2*pi*x)*t", "0"]}}
 particle:
-  groups: [disc, rod]
+  groups: [disc, rod, tip]
   disc: {shape: circle, radius: 0.1, density: 2, position: [0.5, 0.6], start: fluid}
+  tip: {shape: ellipse, a: 0.1, b: 0.06, position: [0.5, 0.85], motion_file: way.csv, motion_repeat: true}
   rod: {shape: ellipse, a: 0.15, b: 0.08, position: [0.5, 0.25], angular_velocity: "-2*cos(3*t)", velocity: "0.1*sin(5*t), 0"}
 sim: {dt: 0.02, steps: 10}
 """
+WAY = "t, x, omega\n0, 0, 1\n0.02, 0.01, -1\n0.05, 0.02, 0\n0.07, 0, 1\n"
 # in space: a rod on a hinge falls on its stop, a ball slides
 AXES = """\
 mesh: {cells: [5, 5, 5], lower: [0, 0, 0], upper: [1, 1, 1]}
@@ -136,6 +138,7 @@ def good(run):
 def test_restart_is_identical(good, scene, tmp_path, case, ranks):
     text, args = CASES[case]
     name = scene(text)
+    (tmp_path / "way.csv").write_text(WAY)
     args = [name, "-checkpoint_every", "4", *args]
     good([*args, "-output_dir", "whole"], ranks)
     good([*args, "-output_dir", "parts", "-sim_steps", "4"], ranks)
