@@ -25,8 +25,8 @@ PetscBool   ExprValueUsesTime(Expr, PetscInt i);
 PetscBool   ExprUsesPlace(Expr);
 const char *ExprText(Expr); /* as read, without blanks. Borrowed. */
 
-/* value [m][n] at points x [m][dim] (NULL: expressions of t alone) and a time. Collective where any value depends on the
-   place; else all ranks ask for the same. Error: not finite. */
+/* value [m][n] at points x [m][dim] (NULL: expressions of t alone) and a time. Collective where any value depends
+   on the place; else all ranks ask for the same. Error: not finite. */
 PetscErrorCode ExprEvaluate(Expr, PetscReal time, PetscInt m, const PetscReal x[], PetscReal value[]);
 /* The same, kept: evaluated anew only if points or (with t) time differ from the last call. Borrowed until the next.
    Collective. */

@@ -10,9 +10,9 @@
    stand in place of velocity s and angular_velocity s (in 3D about an axis that stays).
    So the oscillation starts where its phase says; `position` is its middle. A file (track.h) adds its way and turn.
 
-   With -particle_<g>_motion, a file, or a velocity with t, nothing is free unless _free says so. Without it, degrees of freedom
-   that are not free keep the velocities of _velocity and _angular_velocity (or of the table). A pivot is placed by
-   _position; translation is then never free. External force and torque act at the centre of mass. */
+   With -particle_<g>_motion, a file, or a velocity with t, nothing is free unless _free says so. Without it, degrees
+   of freedom that are not free keep the velocities of _velocity and _angular_velocity (or of the table). A pivot is
+   placed by _position; translation is then never free. External force and torque act at the centre of mass. */
 #pragma once
 #include "bodies/bodies.h"
 #include "place.h"

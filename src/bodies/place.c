@@ -1,8 +1,9 @@
 /* Place: first positions of the bodies of a group, see place.h.
 
    Lattice: of all splits of the box into nx x ny (x nz) cells that hold `count` bodies, the one with the widest
-   smallest cell side. Random: sequential dart throwing; bodies are listed in a search grid with the distance that a new
-   centre has to keep, so that a dart looks into one cell only. Lengths in the unit of the scene. Knows no shapes: bodies are kept apart by their bounding radius. */
+   smallest cell side. Random: sequential dart throwing; bodies are listed in a search grid with the distance that a
+   new centre has to keep, so that a dart looks into one cell only. Lengths in the unit of the scene. Knows no
+   shapes: bodies are kept apart by their bounding radius. */
 #include "compat.h"
 #include "base/csv.h"
 #include "base/grid.h"

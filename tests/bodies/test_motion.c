@@ -282,7 +282,8 @@ static const char *write_track(const char text[])
   return path;
 }
 
-/* Largest error of x = sin(2 pi t/3), angle from its rate cos(2 pi t/3), at times between the n + 1 lines of a period */
+/* Largest error of x = sin(2 pi t/3), angle from its rate cos(2 pi t/3), at times between the n + 1 lines of a
+   period */
 static void check_track(PetscInt n, PetscBool repeat, PetscReal *place, PetscReal *speed, PetscReal *angle)
 {
   const PetscReal c = 2 * PETSC_PI / 3;
