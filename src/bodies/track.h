@@ -3,12 +3,11 @@
 
    Between the lines each column is a cubic spline with continuous second derivatives (de Boor 1978, chapter IV), so
    that velocities and accelerations are smooth; its motion counts from the first line, wherever a body starts.
-   Before the first line and after the last one, held
-   (default): places and angles stay, the spline ends with
+
+   Before the first line and after the last one: held (default), places and angles stay, the spline ends with
    velocity zero there (at the first line only if its t is positive; else the motion begins with the velocity of the
-   natural spline); velocities stay as they are.
-   Repeated (_motion_repeat): the file begins anew, one turn later:
-   what a place gained in a period is added each time; velocities have to end as they began. */
+   natural spline), velocities stay as they are; repeated (_motion_repeat), the file begins anew, one turn later:
+   what a place gained in a period is added each time, velocities have to end as they began. */
 #pragma once
 #include <petscsys.h>
 
