@@ -42,7 +42,7 @@ FAULTS = [  # number of the fault in faulty.c, what the suite must say
     (4, "FAIL 2D Euclidean near the surface"),
     (5, "FAIL 2D normals"),
     (6, "FAIL 2D normals"),
-    (7, "FAIL 2D bounding radius"),
+    (7, "outside its bounding radius"),
     (8, "FAIL 2D mass properties"),
     (9, "run clockwise"),
     (10, "FAIL 2D surface points"),

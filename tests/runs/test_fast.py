@@ -10,9 +10,9 @@ RISING = ["-particle_disc_position", "1,1"]
 # options beyond a coarse mesh (4 cells a diameter), largest deviation as share of the largest speed
 CASES = {
     "CFL 1.8": (["-sim_dt", 0.02, "-sim_time", 0.5], 0.01),
-    "CFL 3.3": (["-sim_dt", 0.04, "-sim_time", 0.6], 0.01),
+    "CFL 3.3": (["-sim_dt", 0.04, "-sim_time", 0.6, "-sim_move_max", 2], 0.01),
     "light": (["-sim_dt", 0.005, "-sim_time", 0.08, "-particle_disc_density", 0.01, *RISING], 0.015),
-    "heavy": (["-sim_dt", 0.004, "-sim_time", 0.08, "-particle_disc_density", 10], 0.01),
+    "heavy": (["-sim_dt", 0.004, "-sim_time", 0.08, "-sim_move_max", 2, "-particle_disc_density", 10], 0.01),
     "little viscosity": (["-sim_dt", 0.01, "-sim_time", 0.2, "-flow_viscosity", 1e-3], 0.01),
     "nodal": (["-sim_dt", 0.02, "-sim_time", 0.4, "-couple_boundary", "nodal"], 0.1),  # where its noise is, the solver's error is
     "snap": (["-sim_dt", 0.02, "-sim_time", 0.4, "-couple_boundary", "snap"], 0.1),

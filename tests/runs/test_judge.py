@@ -150,7 +150,7 @@ def test_plugin_is_fine(run, scene):
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_no_distance(run, scene, ranks):
     result = run([scene(CRASHING), "-particle_disc_how", 5], ranks)
-    stopped(result, "The distance of shape 'crashing' is no distance: from (-0.625", "must be 1-Lipschitz", "crashing.so")
+    stopped(result, "The distance of shape 'crashing' is no distance: from (-0.6", "must be 1-Lipschitz", "crashing.so")
 
 
 def test_flat_distance(run, scene):

@@ -82,7 +82,7 @@ CASES = {
     "crowd": (CROWD, []),
     "mixed": (MIXED, []),
     "friction": (CROWD, ["-contact_law", "spring", "-contact_friction", "0.3"]),
-    "explicit": (DISC, ["-couple_type", "explicit", "-particle_disc_density", "10"]),
+    "explicit": (DISC, ["-couple_type", "explicit", "-particle_disc_density", "10", "-sim_dt", "0.004"]),
     "adaptive": (DISC, ["-sim_adapt", "-sim_adapt_tolerance", "2e-3", "-couple_boundary", "penalty", "-sim_steps", "14"]),
     "adaptive friction": (CROWD, ["-sim_adapt", "-sim_adapt_tolerance", "1e-3", "-contact_law", "spring", "-contact_friction", "0.3"]),
     "crank nicolson": (DISC, ["-flow_time", "cn"]),

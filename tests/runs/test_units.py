@@ -32,7 +32,7 @@ RUNS = {
     "demo-snap": (DISC, 1, ["-couple_boundary", "snap"]),
     "demo-fast": (DISC, 1, ["-flow_recipe", "fast", "-couple_boundary", "penalty"]),
     "demo-direct": (DISC, 1, ["-flow_recipe", "direct", "-mesh_cells", "16,48"]),
-    "demo-explicit": (DISC, 1, ["-couple_type", "explicit", "-particle_disc_density"]),
+    "demo-explicit": (DISC, 1, ["-couple_type", "explicit", "-sim_move_max", "2", "-particle_disc_density"]),
     "demo-adaptive": (DISC, 1, ["-sim_adapt", "true", "-couple_boundary", "penalty"]),
     "demo-deform": (DISC, 1, ["-mesh_deform", "true"]),
     "small-nodal": (SMALL, 1, ["-couple_boundary", "nodal"]),
