@@ -565,6 +565,25 @@ PetscErrorCode OptTake(const char name[], char text[], size_t len)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* "-name a, b c" -> "-name a,b,c": a file of options ends a value at a blank, and lists may have either between words */
+static void join_words(char line[])
+{
+  char *value = strchr(line, ' '), *o = value ? value + 1 : NULL;
+
+  if (!value) return;
+  for (const char *c = value + 1; *c;) {
+    const size_t    gap   = strspn(c, " ,");
+    const PetscBool blank = (PetscBool)(memchr(c, ' ', gap) != NULL);
+
+    if (!blank) *o++ = *c++;
+    else {
+      c += gap;
+      if (*c && o > value + 1) *o++ = ',';
+    }
+  }
+  *o = 0;
+}
+
 PetscErrorCode OptGetAll(char **text)
 {
   char  *all, *cursor, *line;
@@ -575,6 +594,7 @@ PetscErrorCode OptGetAll(char **text)
   len = strlen(all) + 2;
   PetscCall(PetscCalloc1(len, text));
   for (cursor = all; (line = next_option(&cursor));) {
+    join_words(line);
     PetscCall(PetscStrlcat(*text, line, len));
     PetscCall(PetscStrlcat(*text, "\n", len));
   }

@@ -226,7 +226,7 @@ static PetscErrorCode forget_place(int argc, char **argv)
   for (int k = 0; k < 3; k++) {
     PetscBool given = PETSC_FALSE;
 
-    for (int i = 2; i < argc; i++) given = (PetscBool)(given || !strcasecmp(argv[i], names[k]));
+    for (int i = 1; i < argc; i++) given = (PetscBool)(given || !strcasecmp(argv[i], names[k]));
     if (!given) PetscCall(PetscOptionsClearValue(NULL, names[k]));
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -269,6 +269,8 @@ def test_options_are_a_scene(results, run):
         assert strip[0] == strip[1] and len(strip[0]) >= 2
     twice = run([str(out / "options.txt")])
     assert twice.status and "already holds the results" in str(twice)
+    elsewhere = run([str(out / "options.txt"), "-output_dir", "elsewhere"])
+    assert elsewhere.status == 0 and (elsewhere.folder / "elsewhere" / "series.csv").exists(), str(elsewhere)
     (out / "broken-options.txt").write_text("# fine\n-sim_dt 1\nsim_steps 2\n")
     broken = run([str(out / "broken-options.txt")])
     assert broken.status and "broken-options.txt:3: options.txt is a list of '-name value'" in str(broken)
