@@ -478,6 +478,7 @@ static PetscErrorCode read_array(const char name[], PetscInt n, PetscReal real[]
     if (real) PetscCall(parse_real(spec, label, item, &real[i]));
     else PetscCall(parse_int(spec, label, item, &integer[i]));
   }
+  PetscCall(OptJoinItems(name));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -517,6 +518,7 @@ PetscErrorCode OptStringArray(const char name[], PetscInt *n, char *words[])
     }
     PetscCall(PetscStrallocpy(item, &words[*n]));
   }
+  PetscCall(OptJoinItems(name));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -565,25 +567,6 @@ PetscErrorCode OptTake(const char name[], char text[], size_t len)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* "-name a, b c" -> "-name a,b,c": a file of options ends a value at a blank, and lists may have either between words */
-static void join_words(char line[])
-{
-  char *value = strchr(line, ' '), *o = value ? value + 1 : NULL;
-
-  if (!value) return;
-  for (const char *c = value + 1; *c;) {
-    const size_t    gap   = strspn(c, " ,");
-    const PetscBool blank = (PetscBool)(memchr(c, ' ', gap) != NULL);
-
-    if (!blank) *o++ = *c++;
-    else {
-      c += gap;
-      if (*c && o > value + 1) *o++ = ',';
-    }
-  }
-  *o = 0;
-}
-
 PetscErrorCode OptGetAll(char **text)
 {
   char  *all, *cursor, *line;
@@ -594,7 +577,6 @@ PetscErrorCode OptGetAll(char **text)
   len = strlen(all) + 2;
   PetscCall(PetscCalloc1(len, text));
   for (cursor = all; (line = next_option(&cursor));) {
-    join_words(line);
     PetscCall(PetscStrlcat(*text, line, len));
     PetscCall(PetscStrlcat(*text, "\n", len));
   }

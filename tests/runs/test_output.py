@@ -250,7 +250,7 @@ def test_meshio_reads(results):
 
 # as thick as the preset that options.txt names asks for
 THICK = """\
-mesh: {cells: [16, 8], lower: [0, 0], upper: [2, 1], periodic: x}
+mesh: {cells: [16, 8], lower: "0, 0", upper: [2, 1], periodic: x}
 flow: {density: 1, viscosity: 0.1, force: [1, 0]}
 particle: {groups: disc, disc: {shape: circle, radius: 0.3, density: 1.5, position: [1, 0.5]}}
 sim: {dt: 0.01, steps: 2}

@@ -1,0 +1,23 @@
+/* Lists in the database: see optimpl.h. */
+#include "compat.h"
+#include "optimpl.h"
+#include <string.h>
+
+PetscErrorCode OptJoinItems(const char name[])
+{
+  const char *text, *cursor;
+  char        item[OPT_LINE], *joined;
+  PetscBool   given;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscOptionsFindPair(NULL, NULL, name, &text, &given));
+  if (!given || !text || !strchr(text, ' ')) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscCalloc1(strlen(text) + 1, &joined));
+  for (cursor = text; OptNextItem(&cursor, item, sizeof(item));) {
+    if (joined[0]) strcat(joined, ",");
+    strcat(joined, item);
+  }
+  PetscCall(PetscOptionsSetValue(NULL, name, joined));
+  PetscCall(PetscFree(joined));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
