@@ -98,6 +98,9 @@ PetscErrorCode OptHas(const char name[], PetscBool *found);
    depend on other options. */
 PetscErrorCode OptPeek(const char name[], char text[], size_t len);
 
+/* How many values the list of an option has, 0 when it is absent. Does not count as reading it. */
+PetscErrorCode OptCountItems(const char name[], PetscInt *n);
+
 /* Set a default: kept only if neither scene nor command line gives the option. Of two for one name the later holds.
    Such a default never counts as an unused option. For PETSc's solver objects where they are made; those of our own
    options stand in src/run/defaults.c. */

@@ -203,6 +203,8 @@ PetscErrorCode BodiesAreStill(Bodies, PetscBool *still);
 /* Speed of the fastest point of body k (of a disc: its centre) in the box, under the velocities extrapolated by r of
    their last change; r = 0: the present ones. Not collective. */
 PetscReal BodiesFastestPoint(BodyState *, PetscInt k, PetscReal r);
+/* The same under the velocities u of the centre and w. */
+PetscReal BodiesPointSpeed(BodyState *, PetscInt k, const PetscReal u[3], const PetscReal w[3]);
 /* Where body k is predicted to be at the next step: X + dt u (order 1), X + dt (u + r/2 (u - u_old)) with r = dt/dt_old
    (order 2; r = 1 at the start) or X (order 0: in the box, if that travels); likewise orientation. What is not free is
    where its prescribed motion puts it at time + dt, whatever the order. Stops are kept. */

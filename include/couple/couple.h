@@ -81,8 +81,10 @@ PetscErrorCode CoupleForceForms(Couple, PetscInt k, PetscReal residual[6], Petsc
 /* Forget what the solver carries from step to step, as a restart does: all depends on the state alone. Collective. */
 PetscErrorCode CoupleRenewSolver(Couple);
 /* The mesh has been made anew, and the flow knows (FlowRemesh): what goes by cells and nodes is made anew, the bodies'
-   history stays. Collective. Errors: what cannot follow. */
+   history stays. Collective. */
 PetscErrorCode CoupleRemesh(Couple);
+/* Before the first step of a mesh that will be made anew. Error: what cannot follow. */
+PetscErrorCode CoupleCheckRemesh(Couple);
 /* StateVisit of a Couple: velocities that the flow saw in the last steps, history of explicit coupling. */
 PetscErrorCode CoupleVisitState(void *couple, State);
 /* Balance of momentum over the step: fluid = bodies + walls + openings + volume. Each [3], force units. Where the

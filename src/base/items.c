@@ -3,6 +3,25 @@
 #include "optimpl.h"
 #include <string.h>
 
+PetscInt OptCountWords(const char text[])
+{
+  char     item[2];
+  PetscInt n = 0;
+
+  while (OptNextItem(&text, item, sizeof(item))) n++;
+  return n;
+}
+
+PetscErrorCode OptCountItems(const char name[], PetscInt *n)
+{
+  char text[OPT_LINE];
+
+  PetscFunctionBeginUser;
+  PetscCall(OptPeek(name, text, sizeof(text)));
+  *n = text[0] ? OptCountWords(text) : 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode OptJoinItems(const char name[])
 {
   const char *text, *cursor;

@@ -216,15 +216,6 @@ const char *OptJoin(const char before[], const char word[], const char after[], 
   return name;
 }
 
-static PetscInt count_items(const char text[])
-{
-  char     item[2];
-  PetscInt n = 0;
-
-  while (OptNextItem(&text, item, sizeof(item))) n++;
-  return n;
-}
-
 /* ---- the PETSc database ---- */
 
 /* Text of the option as given, NULL when absent; marks it as used. */
@@ -356,7 +347,7 @@ static PetscErrorCode parse_int(const OptSpec *spec, const char label[], const c
 
 static PetscErrorCode check_count(const OptSpec *spec, const char name[], const char text[], PetscInt wanted)
 {
-  const PetscInt got = count_items(text);
+  const PetscInt got = OptCountWords(text);
   char           meaning[OPT_LINE];
 
   PetscFunctionBeginUser;
@@ -509,8 +500,8 @@ PetscErrorCode OptStringArray(const char name[], PetscInt *n, char *words[])
   PetscCall(OptBeginReading(name, OPT_STRINGS, PETSC_FALSE, &spec));
   PetscCall(PetscOptionsFindPair(NULL, NULL, name, &text, &given));
   if (!given || !text) PetscFunctionReturn(PETSC_SUCCESS); /* absent, or the empty list */
-  PetscCheck(count_items(text) <= room, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-             "Option %s has %" PetscInt_FMT " values, at most %" PetscInt_FMT " fit: %s", name, count_items(text), room, spec->help);
+  PetscCheck(OptCountWords(text) <= room, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "Option %s has %" PetscInt_FMT " values, at most %" PetscInt_FMT " fit: %s", name, OptCountWords(text), room, spec->help);
   for (const char *cursor = text; OptNextItem(&cursor, item, sizeof(item)); ++*n) {
     if (!item[0]) { /* nothing may leak when the caller goes on after the error */
       for (; *n > 0; --*n) PetscCall(PetscFree(words[*n - 1]));

@@ -47,6 +47,8 @@ void OptFormatRange(const OptSpec *spec, char text[], size_t len);
 
 /* The next item of a comma-separated list, without blanks around it. *cursor becomes NULL after the last. */
 PetscBool OptNextItem(const char **cursor, char item[], size_t len);
+/* Items of a list */
+PetscInt OptCountWords(const char text[]);
 /* Give the list of an option in the database commas without blanks, since a file of options ends a value at a blank. */
 PetscErrorCode OptJoinItems(const char name[]);
 /* Paths in value[len] of an option as seen from the working folder; absolute in the database. */

@@ -383,16 +383,23 @@ PetscErrorCode BodiesAreStill(Bodies b, PetscBool *still)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscReal BodiesPointSpeed(BodyState *s, PetscInt k, const PetscReal u[3], const PetscReal w[3])
+{
+  PetscReal speed = 0;
+
+  for (PetscInt d = 0; d < 3; d++) speed += PetscSqr(u[d] - s->frame_u[d]);
+  return PetscSqrtReal(speed) + (BodiesGetDisc(s, k) > 0 ? 0 : BodiesGetRadius(s, k) * PetscSqrtReal(dot3(w, w)));
+}
+
 PetscReal BodiesFastestPoint(BodyState *s, PetscInt k, PetscReal r)
 {
-  const BodyGroup *g = BodiesGetGroup(s, k);
-  PetscReal        u = 0, w = 0;
+  PetscReal u[3], w[3];
 
   for (PetscInt d = 0; d < 3; d++) {
-    u += PetscSqr(s->u[k][d] + r * (s->u[k][d] - s->u_old[k][d]) - s->frame_u[d]);
-    w += PetscSqr(s->w[k][d] + r * (s->w[k][d] - s->w_old[k][d]));
+    u[d] = s->u[k][d] + r * (s->u[k][d] - s->u_old[k][d]);
+    w[d] = s->w[k][d] + r * (s->w[k][d] - s->w_old[k][d]);
   }
-  return PetscSqrtReal(u) + (g->disc > 0 ? 0 : s->scale[k] * g->radius * PetscSqrtReal(w));
+  return BodiesPointSpeed(s, k, u, w);
 }
 
 PetscErrorCode BodiesPredict(Bodies b, PetscInt k, PetscReal dt, PetscInt order, PetscReal X[3], PetscReal q[4], PetscReal *angle)

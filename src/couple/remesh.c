@@ -93,12 +93,18 @@ PetscErrorCode CoupleDestroyParts(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CoupleRemesh(Couple c)
+PetscErrorCode CoupleCheckRemesh(Couple c)
 {
   PetscFunctionBeginUser;
   PetscCheck(!c->rung->moves && !c->drive && !c->follow, PETSC_COMM_WORLD, PETSC_ERR_SUP,
              "-mesh_follow makes cells anew, and -couple_boundary %s%s cannot follow that: use penalty or nodal, or remove -mesh_follow",
              c->rung->name, c->drive ? " with -flow_rate" : "");
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleRemesh(Couple c)
+{
+  PetscFunctionBeginUser;
   PetscCall(CoupleDestroyParts(c));
   PetscCall(CoupleCreateParts(c));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -136,12 +136,9 @@ static PetscErrorCode read_dimension(MeshKind k)
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < 3; i++) {
-    char     text[PETSC_MAX_PATH_LEN] = "", **word;
     PetscInt n;
 
-    PetscCall(OptPeek(given[i], text, sizeof(text)));
-    PetscCall(PetscStrToArray(text, ',', &n, &word));
-    PetscCall(PetscStrToArrayDestroy(n, word));
+    PetscCall(OptCountItems(given[i], &n));
     if (n == 3) k->dim = 3;
   }
   PetscCall(OptInt("-mesh_dimension", &k->dim));

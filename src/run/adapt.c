@@ -186,15 +186,10 @@ static PetscErrorCode measure_way(Adapt a, PetscReal dt, PetscReal *share)
   *share = 0;
   PetscCall(CoupleGetSystem(a->couple, NULL, NULL, &U, NULL, NULL));
   for (PetscInt k = 0; k < a->s->n; k++) {
-    const BodyGroup *g     = BodiesGetGroup(a->s, k);
-    PetscReal        speed = 0, spin = 0;
+    PetscReal u[3] = {0, 0, 0}, w[3] = {0, 0, 0}; /* of w the size counts */
 
-    for (PetscInt i = 0; i < nr; i++) {
-      if (i < dim) speed += PetscSqr(U[k * nr + i]);
-      else spin += PetscSqr(U[k * nr + i]);
-    }
-    speed = PetscSqrtReal(speed) + (g->disc > 0 ? 0 : BodiesGetRadius(a->s, k) * PetscSqrtReal(spin));
-    if (!a->s->gone[k]) *share = PetscMax(*share, speed * dt / (a->move * a->l->h));
+    for (PetscInt i = 0; i < nr; i++) (i < dim ? u : w)[i < dim ? i : i - dim] = U[k * nr + i];
+    if (!a->s->gone[k]) *share = PetscMax(*share, BodiesPointSpeed(a->s, k, u, w) * dt / (a->move * a->l->h));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

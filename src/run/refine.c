@@ -5,7 +5,7 @@
 #include "base/opt.h"
 #include "mesh/carry.h"
 
-#define TEN 10
+#define AHEAD 10 /* steps that a new mesh looks ahead */
 
 typedef struct {
   Bodies     bodies;
@@ -89,7 +89,7 @@ static PetscErrorCode place_bodies(Refine r, PetscReal dt)
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < s->n; k++) {
-    PetscReal speed = 0, ahead = TEN * dt;
+    PetscReal speed = 0, ahead = AHEAD * dt;
 
     for (PetscInt a = 0; a < s->dim; a++) speed += PetscSqr(s->u[k][a]);
     speed = PetscSqrtReal(speed);
@@ -141,10 +141,9 @@ static PetscErrorCode create_follower(MPI_Comm comm, const Surface *surface, Ref
 
 PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool around, Bodies *bodies, Mesh *mesh, Refine *refine)
 {
-  Surface          surface = {0}, *s = &surface;
-  const MeshLocal *l;
-  PetscReal        lower[3], upper[3];
-  PetscBool        still;
+  Surface   surface = {0}, *s = &surface;
+  PetscReal lower[3], upper[3];
+  PetscBool still;
 
   PetscFunctionBeginUser;
   PetscCall(MeshReadBox(comm, &s->dim, lower, upper, s->period));
@@ -165,7 +164,6 @@ PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool around, Bodies *bodies,
   if (*refine) PetscCall(MeshReadFinest(comm, &s->margin));
   if (*refine) s->margin *= 0.5 * (*refine)->way;
   PetscCall(MeshCreateAround(comm, s->s->n ? &(MeshSurface){measure_distance, s} : NULL, mesh));
-  PetscCall(MeshGetLocal(*mesh, &l));
   PetscCall(remark_cut_jumps(s, *mesh));
   if (*refine) (*refine)->mesh = *mesh;
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -140,6 +140,7 @@ static PetscErrorCode build(SimParts *part)
     PetscCall(CoupleCreate(part->flow, part->bodies, &part->couple));
     PetscCall(remark_backflow(l, par, part->bodies, part->couple));
     if (part->deform) PetscCall(CoupleSetDeform(part->couple, part->deform));
+    if (part->refine) PetscCall(CoupleCheckRemesh(part->couple));
     if (steady) PetscCall(SteadyCreate(part->flow, part->couple, "1e-10", &part->steady));
     if (initial == FLOW_START_STEADY) PetscCall(SteadyCreate(part->flow, part->couple, "1e-5", &part->steady_start));
     PetscCall(ConditionsGetSolidFaces(FlowConditions(part->flow), &walls));
