@@ -81,6 +81,18 @@ static inline PetscReal DenseDeterminant(PetscInt dim, const PetscReal J[])
   return J[0] * (J[4] * J[8] - J[5] * J[7]) + J[1] * (J[5] * J[6] - J[3] * J[8]) + J[2] * (J[3] * J[7] - J[4] * J[6]);
 }
 
+/* A x = b for three unknowns, A row-major and not singular: Cramer's rule */
+static inline void solve3(const PetscReal A[9], const PetscReal b[3], PetscReal x[3])
+{
+  PetscReal c0[3], c1[3], c2[3], det;
+
+  cross(A + 3, A + 6, c0);
+  cross(A + 6, A, c1);
+  cross(A, A + 3, c2);
+  det = A[0] * c0[0] + A[1] * c0[1] + A[2] * c0[2];
+  for (PetscInt i = 0; i < 3; i++) x[i] = (c0[i] * b[0] + c1[i] * b[1] + c2[i] * b[2]) / det;
+}
+
 /* Its inverse inv [dim][dim] by cofactors; returns the determinant (if that is zero, inv is not finite) */
 static inline PetscReal DenseInvertMap(PetscInt dim, const PetscReal J[], PetscReal inv[])
 {

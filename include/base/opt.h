@@ -91,6 +91,9 @@ PetscErrorCode OptIntArray(const char name[], PetscInt n, PetscInt value[], Pets
    Each string is allocated; free it with PetscFree. */
 PetscErrorCode OptStringArray(const char name[], PetscInt *n, char *list[]);
 
+/* A list of axes, out of x, y (, z), as bits of *axes. Error: what is no axis of `dim` dimensions. */
+PetscErrorCode OptAxes(const char name[], PetscInt dim, PetscInt *axes, PetscBool *found);
+
 /* Was this option given at all? Counts as reading it. */
 PetscErrorCode OptHas(const char name[], PetscBool *found);
 

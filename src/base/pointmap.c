@@ -1,6 +1,7 @@
 /* PointMap: see pointmap.h. Points travel as records of four numbers: coordinates and an index. */
 #include "compat.h"
 #include "base/pointmap.h"
+#include "base/mix.h"
 #include <stdint.h>
 #include <stdlib.h>
 
@@ -21,17 +22,12 @@ typedef struct {
 
 /* ---- hashes ---- */
 
-/* Integer mixing of splitmix64 (Steele et al. 2014) over the rounded coordinates */
+/* Of the rounded coordinates */
 static uint64_t hash_box(const PetscInt64 box[3])
 {
   uint64_t z = 0;
 
-  for (int d = 0; d < 3; d++) {
-    z += (uint64_t)box[d] + 0x9e3779b97f4a7c15u;
-    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
-    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
-    z ^= z >> 31;
-  }
+  for (int d = 0; d < 3; d++) { z = Mix64(z + (uint64_t)box[d] + MIX_STEP); }
   return z;
 }
 

@@ -136,18 +136,6 @@ PetscErrorCode BodiesApplyKnown(Bodies b, PetscInt k, PetscReal time)
 
 /* ---- motion ---- */
 
-/* Cramer's rule; A row-major, not singular (the caller's matrices are an inertia tensor plus a skew part) */
-static void solve3(const PetscReal A[9], const PetscReal b[3], PetscReal x[3])
-{
-  PetscReal c0[3], c1[3], c2[3], det;
-
-  cross(A + 3, A + 6, c0);
-  cross(A + 6, A, c1);
-  cross(A, A + 3, c2);
-  det = A[0] * c0[0] + A[1] * c0[1] + A[2] * c0[2];
-  for (PetscInt i = 0; i < 3; i++) x[i] = (c0[i] * b[0] + c1[i] * b[1] + c2[i] * b[2]) / det;
-}
-
 /* I (w' - w)/dt + m x (I m) = T with m = (w + w')/2, for w': Newton's method from w, in 3 to 5 steps. */
 static void advance_spin(PetscReal dt, const PetscReal inertia[6], const PetscReal T[3], PetscReal w[3])
 {

@@ -18,9 +18,9 @@
 #include "place.h"
 #include "track.h"
 
-/* Read the options of a group, and its velocities u [3], w [3] at the start. Not collective, same result on every
-   rank. Errors: unknown word, a part without its parameters, stops that are not lower < upper, stops in 3D without
-   hinge, a direction without length, pivot and slide, an axis that turns in time. */
+/* Read the options of a group, and its velocities u [3], w [3] at the start. Collective: a file is read once. Errors:
+   unknown word, a part without its parameters, stops that are not lower < upper, stops in 3D without hinge, a
+   direction without length, pivot and slide, an axis that turns in time. */
 PetscErrorCode MotionRead(const char group[], PetscInt dim, Motion *, PetscReal u[3], PetscReal w[3]);
 PetscErrorCode MotionDestroy(Motion *);
 /* Is the motion along axis a (0, 1, 2) or the turn (3) one that changes in time? For checks against what is free. */

@@ -7,6 +7,7 @@
 #include "compat.h"
 #include "base/csv.h"
 #include "base/grid.h"
+#include "base/mix.h"
 #include "place.h"
 
 #define MAX_TRIES 20000 /* darts for one body before the box counts as full */
@@ -69,13 +70,10 @@ PetscErrorCode PlaceLattice(const char name[], PetscInt dim, const PetscReal low
 /* splitmix64 (Steele, Lea, Flood 2014): uniform in [0, 1), the same on every machine */
 PetscReal PlaceUniform(PetscInt64 *state)
 {
-  unsigned long long z = (unsigned long long)*state + 0x9e3779b97f4a7c15ULL;
+  const uint64_t z = (uint64_t)*state + MIX_STEP;
 
   *state = (PetscInt64)z;
-  z      = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9ULL;
-  z      = (z ^ (z >> 27)) * 0x94d049bb133111ebULL;
-  z ^= z >> 31;
-  return (PetscReal)((double)(z >> 11) / 9007199254740992.0);
+  return (PetscReal)((double)(Mix64(z) >> 11) / 9007199254740992.0);
 }
 
 PetscInt64 PlaceStream(PetscInt seed, PetscInt stream)

@@ -224,7 +224,8 @@ static PetscErrorCode check_scale(Contact c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ContactCreateBare(Bodies bodies, const PetscReal lower[3], const PetscReal upper[3], Contact *contact)
+/* Bodies in a box: all but kinds, which go by the fluid */
+static PetscErrorCode begin(Bodies bodies, const PetscReal lower[3], const PetscReal upper[3], Contact *contact)
 {
   Contact c;
 
@@ -238,11 +239,21 @@ PetscErrorCode ContactCreateBare(Bodies bodies, const PetscReal lower[3], const 
     c->lower[a] = lower[a];
     c->upper[a] = upper[a];
   }
+  PetscCall(PetscCalloc1(c->s->ngroups, &c->point));
+  PetscCall(PetscCalloc1(c->s->n, &c->present));
+  *contact = c;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ContactCreateBare(Bodies bodies, const PetscReal lower[3], const PetscReal upper[3], Contact *contact)
+{
+  Contact c;
+
+  PetscFunctionBeginUser;
+  PetscCall(begin(bodies, lower, upper, &c));
   c->law = contact_laws[0];
   c->x   = c->s->x;
   c->q   = c->s->q;
-  PetscCall(PetscCalloc1(c->s->ngroups, &c->point));
-  PetscCall(PetscCalloc1(c->s->n, &c->present));
   PetscCall(create_kinds(c));
   *contact = c;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -256,25 +267,15 @@ PetscErrorCode ContactCreate(Bodies bodies, PetscReal h, PetscReal rho_f, const 
   PetscFunctionBeginUser;
   PetscCheck(h > 0 && rho_f >= 0, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Contact needs a positive cell size and a fluid density, not %g and %g",
              (double)h, (double)rho_f);
-  PetscCall(PetscNew(&c));
-  c->bodies = bodies;
-  PetscCall(BodiesGetState(bodies, &c->state));
-  PetscCall(BodiesGetArrays(bodies, &c->s));
-  c->dim   = c->s->dim;
+  PetscCall(begin(bodies, lower, upper, &c));
   c->h     = h;
   c->rho_f = rho_f;
   c->walls = walls;
-  for (PetscInt a = 0; a < c->dim; a++) {
-    c->g[a]     = gravity[a];
-    c->lower[a] = lower[a];
-    c->upper[a] = upper[a];
-  }
+  PetscCall(ContactSetGravity(c, gravity));
   PetscCall(ContactReadLaws(c));
   PetscCall(OptInt("-contact_substeps", &c->substeps));
   c->separate = PETSC_TRUE;
   if (c->s->n) PetscCall(OptBool("-contact_separate", &c->separate));
-  PetscCall(PetscCalloc1(c->s->ngroups, &c->point));
-  PetscCall(PetscCalloc1(c->s->n, &c->present));
   PetscCall(create_kinds(c));
   PetscCall(ContactCreatePoints(c, CONTACT_MAX_POINTS));
   PetscCall(check_scale(c));

@@ -26,12 +26,6 @@ static void add_point(const PetscReal r[3], const PetscReal u[3], PetscReal weig
   for (PetscInt i = 0; i < 6; i++) f->inertia[i] += weight * ((row[i] == col[i] ? square : 0) - r[row[i]] * r[col[i]]);
 }
 
-static PetscReal determinant(PetscInt dim, const PetscReal J[])
-{
-  if (dim == 2) return J[0] * J[3] - J[1] * J[2];
-  return J[0] * (J[4] * J[8] - J[5] * J[7]) - J[1] * (J[3] * J[8] - J[5] * J[6]) + J[2] * (J[3] * J[7] - J[4] * J[6]);
-}
-
 /* Points of a lattice in cell c that lie in body k */
 static PetscErrorCode add_cell(Mesh mesh, Bodies bodies, PetscInt k, PetscInt c, const PetscReal u[], Fluid *f)
 {
@@ -65,7 +59,7 @@ static PetscErrorCode add_cell(Mesh mesh, Bodies bodies, PetscInt k, PetscInt c,
       r[a] = x[a] - s->x[k][a];
       for (PetscInt j = 0; j < l->nb; j++) v[a] += phi[j] * uc[j * l->dim + a];
     }
-    add_point(r, v, determinant(l->dim, J) * PetscPowRealInt(2. / n, (int)l->dim), f);
+    add_point(r, v, DenseDeterminant(l->dim, J) * PetscPowRealInt(2. / n, (int)l->dim), f);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -103,17 +97,11 @@ static PetscErrorCode add_body(Mesh mesh, Bodies bodies, PetscInt k, PetscReal r
 /* A x = b for a symmetric A (xx yy zz xy xz yz), in the plane about z alone */
 static void solve_spin(PetscInt dim, const PetscReal A[6], const PetscReal b[3], PetscReal x[3])
 {
-  const PetscReal M[9] = {A[0], A[3], A[4], A[3], A[1], A[5], A[4], A[5], A[2]}, det = determinant(3, M);
-
-  PetscReal c0[3], c1[3], c2[3];
+  const PetscReal M[9] = {A[0], A[3], A[4], A[3], A[1], A[5], A[4], A[5], A[2]};
 
   x[0] = x[1] = 0;
   x[2]        = A[2] > 0 ? b[2] / A[2] : 0;
-  if (dim == 2 || det <= 0) return;
-  cross(M + 3, M + 6, c0);
-  cross(M + 6, M, c1);
-  cross(M, M + 3, c2);
-  for (PetscInt i = 0; i < 3; i++) x[i] = (c0[i] * b[0] + c1[i] * b[1] + c2[i] * b[2]) / det;
+  if (dim == 3 && DenseDeterminant(3, M) > 0) solve3(M, b, x);
 }
 
 /* Velocity of the centre and angular velocity of the rigid motion with the momenta of f */

@@ -27,29 +27,6 @@ static PetscErrorCode read_parameters(Flow f)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Bit mask of the axes of -flow_rate_axes */
-static PetscErrorCode read_axes(PetscInt dim, PetscInt *axes, PetscBool *found)
-{
-  const char names[] = "xyz";
-  char      *list[3];
-  PetscInt   n = 3;
-
-  PetscFunctionBeginUser;
-  PetscCall(OptStringArray("-flow_rate_axes", &n, list));
-  *axes = 0;
-  for (PetscInt i = 0; i < n; i++) {
-    PetscInt d = 0;
-
-    while (d < dim && (list[i][0] != names[d] || list[i][1])) d++;
-    PetscCheck(d < dim, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option -flow_rate_axes: '%s' is no axis of this scene: give some of %s", list[i],
-               dim == 2 ? "x, y" : "x, y, z");
-    *axes |= 1 << d;
-    PetscCall(PetscFree(list[i]));
-  }
-  *found = (PetscBool)(n > 0);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* -flow_rate: which mean velocities are held, and the fluid starts with them */
 static PetscErrorCode read_rate(Flow f)
 {
@@ -62,7 +39,7 @@ static PetscErrorCode read_rate(Flow f)
   PetscCall(OptRealArray("-flow_rate", dim, p->rate, &given));
   if (!given) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ConditionsGetOpenAxes(f->boundary, &open));
-  PetscCall(read_axes(dim, &axes, &chosen));
+  PetscCall(OptAxes("-flow_rate_axes", dim, &axes, &chosen));
   PetscCheck(chosen || open, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "Option -flow_rate: the mean velocity of this scene is that of its boundaries, and no force changes it: remove it, or make an axis periodic "
              "(-mesh_periodic) or two opposite boundaries outflow (-flow_bc_<boundary>_type)");

@@ -27,7 +27,7 @@ static PetscMPIInt owner_of(const Leaves *t, const PetscInt quarter[3], uint64_t
 static PetscErrorCode begin_travel(const Leaves *t, PetscInt n, const PetscInt quarter[], Travel *w)
 {
   PetscInt    *send;
-  PetscMPIInt *next;
+  PetscMPIInt *next, *owner;
   uint64_t     key;
 
   PetscFunctionBeginUser;
@@ -35,8 +35,11 @@ static PetscErrorCode begin_travel(const Leaves *t, PetscInt n, const PetscInt q
   PetscCallMPI(MPI_Comm_size(t->comm, &w->size));
   PetscCall(PetscCalloc4(w->size, &w->ask, w->size, &w->asked, w->size + 1, &w->ask_at, w->size + 1, &w->asked_at));
   PetscCall(PetscMalloc1(n, &w->slot));
-  PetscCall(PetscMalloc2(3 * n, &send, w->size, &next));
-  for (PetscInt i = 0; i < n; i++) w->ask[owner_of(t, quarter + 3 * i, &key)] += 3;
+  PetscCall(PetscMalloc3(3 * n, &send, w->size, &next, n, &owner));
+  for (PetscInt i = 0; i < n; i++) {
+    owner[i] = owner_of(t, quarter + 3 * i, &key);
+    w->ask[owner[i]] += 3;
+  }
   PetscCallMPI(MPI_Alltoall(w->ask, 1, MPI_INT, w->asked, 1, MPI_INT, t->comm));
   for (PetscMPIInt r = 0; r < w->size; r++) {
     w->ask_at[r + 1]   = w->ask_at[r] + w->ask[r];
@@ -44,13 +47,13 @@ static PetscErrorCode begin_travel(const Leaves *t, PetscInt n, const PetscInt q
     next[r]            = w->ask_at[r] / 3;
   }
   for (PetscInt i = 0; i < n; i++) {
-    w->slot[i] = next[owner_of(t, quarter + 3 * i, &key)]++;
+    w->slot[i] = next[owner[i]]++;
     PetscCall(PetscArraycpy(send + 3 * w->slot[i], quarter + 3 * i, 3));
   }
   w->nasked = w->asked_at[w->size] / 3;
   PetscCall(PetscMalloc1(3 * w->nasked, &w->place));
   PetscCallMPI(MPI_Alltoallv(send, w->ask, w->ask_at, MPIU_INT, w->place, w->asked, w->asked_at, MPIU_INT, t->comm));
-  PetscCall(PetscFree2(send, next));
+  PetscCall(PetscFree3(send, next, owner));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -1,19 +1,12 @@
 /* Keys: see keys.h. */
 #include "compat.h"
 #include "keys.h"
-
-/* Finalizer of splitmix64 (Steele, Lea & Flood, OOPSLA 2014) */
-static uint64_t mix(uint64_t z)
-{
-  z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9u;
-  z = (z ^ (z >> 27)) * 0x94D049BB133111EBu;
-  return z ^ (z >> 31);
-}
+#include "base/mix.h"
 
 /* Where a key is or belongs */
 static PetscInt place(const Keys *t, uint64_t key)
 {
-  PetscInt i = (PetscInt)(mix(key) & (uint64_t)(t->room - 1));
+  PetscInt i = (PetscInt)(Mix64(key) & (uint64_t)(t->room - 1));
 
   while (t->value[i] >= 0 && t->key[i] != key) i = (i + 1) & (t->room - 1);
   return i;

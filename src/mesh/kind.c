@@ -9,6 +9,7 @@
 #include "kindimpl.h"
 #include "ogrid.h"
 #include "base/domain.h"
+#include "base/mix.h"
 #include "base/opt.h"
 
 static const char *const kind_names[] = {"box", "channel", "fitted", "disc", "annulus", "file", NULL};
@@ -36,16 +37,10 @@ static PetscErrorCode read_periodic(MeshKind k)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* A fraction from -1/2 to 1/2 that depends on seed and axis, the same on every machine (mixing steps of splitmix64:
-   Steele, Lea & Flood, OOPSLA 2014) */
+/* A fraction from -1/2 to 1/2 that depends on seed and axis, the same on every machine */
 static PetscReal random_fraction(PetscInt seed, PetscInt axis)
 {
-  uint64_t z = 0x9E3779B97F4A7C15u * (uint64_t)(3 * seed + axis + 1);
-
-  z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9u;
-  z = (z ^ (z >> 27)) * 0x94D049BB133111EBu;
-  z ^= z >> 31;
-  return (PetscReal)(z >> 11) / 9007199254740992.0 - 0.5;
+  return (PetscReal)(Mix64(MIX_STEP * (uint64_t)(3 * seed + axis + 1)) >> 11) / 9007199254740992.0 - 0.5;
 }
 
 typedef struct {

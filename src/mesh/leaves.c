@@ -86,6 +86,16 @@ static PetscBool box_refines(const Leaves *t, PetscInt level, const PetscReal x[
   return PETSC_FALSE;
 }
 
+/* Lattice place beside a cell: false if it is outside of the domain */
+static PetscBool wrap(const Leaves *t, PetscInt x[])
+{
+  for (PetscInt d = 0; d < t->dim; d++) {
+    if (t->periodic[d]) x[d] = (x[d] + t->cells[d]) % t->cells[d];
+    else if (x[d] < 0 || x[d] >= t->cells[d]) return PETSC_FALSE;
+  }
+  return PETSC_TRUE;
+}
+
 static PetscErrorCode surface_refines(Leaves *t, PetscInt level, const PetscInt x[], PetscBool *refine);
 
 /* Would a cell of the next level that touches a child of this one be refined? */
@@ -95,15 +105,10 @@ static PetscErrorCode neighbours_refine(Leaves *t, PetscInt level, const PetscIn
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < n && !*refine; i++) {
-    PetscInt  y[3] = {0, 0, 0};
-    PetscBool in   = PETSC_TRUE;
+    PetscInt y[3] = {0, 0, 0};
 
-    for (PetscInt d = 0; d < t->dim; d++) {
-      y[d] = x[d] + w * (((i >> (2 * d)) & 3) - 1);
-      if (t->periodic[d]) y[d] = (y[d] + t->cells[d]) % t->cells[d];
-      else if (y[d] < 0 || y[d] >= t->cells[d]) in = PETSC_FALSE;
-    }
-    if (in) PetscCall(surface_refines(t, level + 1, y, refine));
+    for (PetscInt d = 0; d < t->dim; d++) y[d] = x[d] + w * (((i >> (2 * d)) & 3) - 1);
+    if (wrap(t, y)) PetscCall(surface_refines(t, level + 1, y, refine));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -212,16 +217,6 @@ PetscErrorCode LeavesFind(Leaves *t, const PetscInt x[], Leaf *out)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Lattice place beside a cell: false if it is outside of the domain */
-static PetscBool wrap(const Leaves *t, PetscInt x[])
-{
-  for (PetscInt d = 0; d < t->dim; d++) {
-    if (t->periodic[d]) x[d] = (x[d] + t->cells[d]) % t->cells[d];
-    else if (x[d] < 0 || x[d] >= t->cells[d]) return PETSC_FALSE;
-  }
-  return PETSC_TRUE;
-}
-
 PetscErrorCode LeavesLevelBeside(Leaves *t, const Leaf *leaf, const PetscInt step[], PetscInt *level)
 {
   const PetscInt w    = LeavesWidth(t, leaf->level);
@@ -306,7 +301,7 @@ static PetscErrorCode walk(Leaves *t, PetscInt level, const PetscInt x[], PetscI
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static int compare_keys(const void *a, const void *b)
+int LeavesCompare(const void *a, const void *b)
 {
   const uint64_t x = ((const Leaf *)a)->key, y = ((const Leaf *)b)->key;
 
@@ -324,7 +319,7 @@ static PetscErrorCode list_roots(const Leaves *t, PetscInt nroot, Leaf root[])
     for (PetscInt d = 0; d < t->dim; d++) root[i].x[d] = at[d] << t->levels;
     root[i].key = curve_key(t->dim, root[i].x);
   }
-  qsort(root, (size_t)nroot, sizeof(*root), compare_keys);
+  qsort(root, (size_t)nroot, sizeof(*root), LeavesCompare);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

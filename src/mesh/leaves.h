@@ -67,6 +67,8 @@ PetscErrorCode LeavesLevelBeside(Leaves *, const Leaf *, const PetscInt step[], 
 /* Rank of a leaf, and its place in the list of this rank if it is an own one, else -1. */
 PetscMPIInt LeavesOwner(const Leaves *, uint64_t key);
 PetscInt    LeavesOwnIndex(const Leaves *, uint64_t key);
+/* Order of leaves along the curve, for qsort */
+int LeavesCompare(const void *, const void *);
 /* The last own leaf that starts at a key or before; key of a finest cell. What remains after LeavesClose. */
 PetscInt LeavesOwnBefore(const Leaves *, uint64_t key);
 uint64_t LeavesKey(const Leaves *, const PetscInt x[]);

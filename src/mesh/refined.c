@@ -10,6 +10,7 @@
 #include "hangimpl.h"
 #include "kindimpl.h"
 #include "memory.h"
+#include "base/room.h"
 
 #define LAYERS 3
 
@@ -92,10 +93,7 @@ static PetscErrorCode add_ghost(Builder *b, const Leaf *leaf, Keys *known)
   PetscFunctionBeginUser;
   PetscCall(KeysAdd(known, leaf->key, b->nghost, &found));
   if (found < b->nghost) PetscFunctionReturn(PETSC_SUCCESS);
-  if (b->nghost == b->room) {
-    b->room = 2 * b->room + 256;
-    PetscCall(PetscRealloc((size_t)b->room * sizeof(*b->ghost), &b->ghost));
-  }
+  PetscCall(RoomFor(b->nghost + 1, &b->room, &b->ghost, sizeof(*b->ghost), NULL));
   b->ghost[b->nghost++] = *leaf;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -127,13 +125,6 @@ static PetscErrorCode list_layers(Builder *b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static int compare_leaves(const void *x, const void *y)
-{
-  const uint64_t a = ((const Leaf *)x)->key, b = ((const Leaf *)y)->key;
-
-  return a < b ? -1 : a > b;
-}
-
 /* Keep those that share a node with an own cell, along the curve */
 static PetscErrorCode choose_ghosts(Builder *b)
 {
@@ -160,7 +151,7 @@ static PetscErrorCode choose_ghosts(Builder *b)
     if (shares) b->ghost[n++] = b->ghost[i];
   }
   b->nghost = n;
-  qsort(b->ghost, (size_t)n, sizeof(*b->ghost), compare_leaves);
+  qsort(b->ghost, (size_t)n, sizeof(*b->ghost), LeavesCompare);
   PetscCall(KeysDestroy(&own));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -226,11 +217,7 @@ static PetscErrorCode meet_nodes(Builder *b, PetscInt *mine[])
       place_slot(b, leaf, b->code[c], j, half);
       PetscCall(KeysAdd(&nodes, node_key(half), b->nnode, at));
       if (*at == b->nnode) {
-        if (b->nnode == room) {
-          room = 2 * room + 4096;
-          PetscCall(PetscRealloc((size_t)room * 3 * sizeof(PetscInt), &b->half));
-          PetscCall(PetscRealloc((size_t)room * sizeof(PetscInt), mine));
-        }
+        PetscCall(RoomFor(b->nnode + 1, &room, &b->half, 3 * sizeof(PetscInt), mine, sizeof(PetscInt), NULL));
         PetscCall(PetscArraycpy(b->half + 3 * b->nnode, half, 3));
         (*mine)[b->nnode++] = c < b->nown ? 1 : -1;
       }

@@ -228,7 +228,7 @@ static PetscErrorCode measure_layer(const MeshLocal *l, Bodies bodies, PetscInt 
   for (PetscInt i = 0; i < 3; i++) PetscCall(OptPeek(names[i], text[i], sizeof(text[i])));
   if (text[0][0] && sscanf(text[0], "%lf", &density) != 1) PetscFunctionReturn(PETSC_SUCCESS);
   if (text[1][0] && sscanf(text[1], "%lf", &viscosity) != 1) PetscFunctionReturn(PETSC_SUCCESS);
-  if (l->dim != 2 || !s->group[group].count || sscanf(text[2], "%lf,%lf", &x, &y) != 2) PetscFunctionReturn(PETSC_SUCCESS);
+  if (l->dim != 2 || !s->group[group].count || sscanf(text[2], "%lf%*[ ,]%lf", &x, &y) != 2) PetscFunctionReturn(PETSC_SUCCESS);
   if (!(s->group[group].free & (BODY_FREE_X | BODY_FREE_Y)) || s->group[group].motion.has_pivot) PetscFunctionReturn(PETSC_SUCCESS);
   d     = 2 * BodiesGetRadius(s, s->group[group].first);
   speed = PetscSqrtReal(0.5 * PETSC_PI * d * PetscAbsReal(s->density[s->group[group].first] / density - 1) * PetscSqrtReal(x * x + y * y));

@@ -21,27 +21,6 @@ struct _p_Frame {
   PetscReal        now[3], old[3], next[3];
 };
 
-static PetscErrorCode read_axes(Frame f, PetscInt open, PetscBool *given)
-{
-  char    *list[4];
-  PetscInt n = 4;
-
-  PetscFunctionBeginUser;
-  PetscCall(OptStringArray("-sim_frame_axes", &n, list));
-  for (PetscInt i = 0; i < n; i++) {
-    PetscInt d = 0;
-
-    while (d < f->loc->dim && (list[i][0] != "xyz"[d] || list[i][1])) d++;
-    PetscCheck(d < f->loc->dim, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option -sim_frame_axes: '%s' is no axis of this scene: give some of %s",
-               list[i], f->loc->dim == 2 ? "x, y" : "x, y, z");
-    f->axes |= 1 << d;
-    PetscCall(PetscFree(list[i]));
-  }
-  *given = (PetscBool)(n > 0);
-  if (!n) f->axes = open;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode read_body(Frame f, PetscInt open)
 {
   BodyState *s;
@@ -52,7 +31,8 @@ static PetscErrorCode read_body(Frame f, PetscInt open)
   PetscCall(OptInt("-sim_frame_body", &f->body));
   PetscCheck(f->body < s->n, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "Option -sim_frame_body %" PetscInt_FMT ": this scene has %" PetscInt_FMT " bodies, numbered from 0 as in bodies.csv", f->body, s->n);
-  PetscCall(read_axes(f, open, &given));
+  PetscCall(OptAxes("-sim_frame_axes", f->loc->dim, &f->axes, &given));
+  if (!given) f->axes = open;
   PetscCheck(given || open, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "Option -sim_frame body: walls stand across every axis and would travel with the box: make the ends of the way inflow (of the fluid ahead, as seen "
              "from the laboratory), outflow or periodic");

@@ -4,6 +4,7 @@
 #include "compat.h"
 #include "cellrelax.h"
 #include "base/algebra.h"
+#include "base/room.h"
 #include <petscblaslapack.h>
 
 #define MAX_NB MESH_MAX_NB
@@ -56,12 +57,8 @@ static PetscErrorCode choose_cells(CellRelax c, Pressure pressure, const Penalty
   c->n = 0;
   for (PetscInt cell = 0; cell < l->ncell; cell++) {
     if (!is_cut(c, pressure, soft, body, cell)) continue;
-    if (c->n == c->room) {
-      c->room = 2 * c->room + 64;
-      PetscCall(PetscRealloc(c->room * sizeof(PetscInt), &c->cell));
-      PetscCall(PetscRealloc(c->room * l->nb * l->nb * sizeof(PetscReal), &c->L));
-      PetscCall(PetscRealloc(c->room * c->nk * c->nk * sizeof(PetscReal), &c->T));
-    }
+    PetscCall(RoomFor(c->n + 1, &c->room, &c->cell, sizeof(PetscInt), &c->L, l->nb * l->nb * sizeof(PetscReal), &c->T,
+                      c->nk * c->nk * sizeof(PetscReal), NULL));
     c->cell[c->n++] = cell;
   }
   PetscCall(MPIU_Allreduce(&c->n, &c->total, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));

@@ -268,18 +268,25 @@ static void test_expressions(void **state)
   OK(BodiesDestroy(&b));
 }
 
-/* One file a program: ranks write their own */
+/* One file a program, removed at its end: ranks write their own */
+static char track_path[64];
+
+static void remove_track(void)
+{
+  if (track_path[0]) (void)remove(track_path);
+}
+
 static const char *write_track(const char text[])
 {
-  static char path[64];
-  FILE       *f;
+  FILE *f;
 
-  (void)snprintf(path, sizeof(path), "track.%d.csv", (int)getpid());
-  f = fopen(path, "w");
+  if (!track_path[0]) assert_int_equal(atexit(remove_track), 0);
+  (void)snprintf(track_path, sizeof(track_path), "track.%d.csv", (int)getpid());
+  f = fopen(track_path, "w");
   assert_non_null(f);
   assert_true(fputs(text, f) >= 0);
   assert_int_equal(fclose(f), 0);
-  return path;
+  return track_path;
 }
 
 /* Largest error of x = sin(2 pi t/3), angle from its rate cos(2 pi t/3), at times between the n + 1 lines of a

@@ -16,7 +16,7 @@ OTHER_MODES = {
     "-mesh_focus_h 0.1": "-mesh_focus",
     "-mesh_deform_size 2": "-mesh_deform true",
 }
-READER = r"\b(ExprRead|Opt(?:Real|Int|Bool|Choice|String|RealArray|IntArray|StringArray))\((\"-[^\"]+\"|\w+),"
+READER = r"\b(ExprRead|Opt(?:Real|Int|Bool|Choice|String|RealArray|IntArray|StringArray|Axes))\((\"-[^\"]+\"|\w+),"
 TWO_READERS = {"-mesh_centre"}  # of two mesh kinds, of which a scene has one
 
 
