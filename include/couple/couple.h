@@ -80,9 +80,11 @@ PetscErrorCode CoupleGetSystem(Couple, PetscReal *u[], PetscReal *p[], PetscReal
 PetscErrorCode CoupleForceForms(Couple, PetscInt k, PetscReal residual[6], PetscReal volume[6]);
 /* Forget what the solver carries from step to step, as a restart does: all depends on the state alone. Collective. */
 PetscErrorCode CoupleRenewSolver(Couple);
-/* The mesh has been made anew, and the flow knows (FlowRemesh): what goes by cells and nodes is made anew, the bodies'
-   history stays. Collective. */
-PetscErrorCode CoupleRemesh(Couple);
+/* Around a change of cells (mesh/carry.h): Leave before the mesh is made anew, Remesh when it is and the flow knows
+   (FlowRemesh): what goes by cells and nodes is made anew, the bodies' history stays. *old may be taken over, then it
+   is NULL. Collective. */
+PetscErrorCode CoupleLeave(Couple);
+PetscErrorCode CoupleRemesh(Couple, Mesh *old);
 /* Before the first step of a mesh that will be made anew. Error: what cannot follow. */
 PetscErrorCode CoupleCheckRemesh(Couple);
 /* StateVisit of a Couple: velocities that the flow saw in the last steps, history of explicit coupling. */

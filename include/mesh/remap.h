@@ -33,3 +33,10 @@ typedef struct {
 PetscErrorCode RemapEvaluate(Remap, PetscInt n, const PetscInt nodes[], const PetscReal x[], const PetscInt side[],
                              RemapCells, PetscInt nfield, const PetscReal *const field[], PetscReal out[],
                              RemapCount *);
+/* The same for places of another mesh, in cells of these sizes [n] (RemapCellSize of theirs); out has on entry what (d)
+   leaves. Collective. */
+PetscErrorCode RemapEvaluateAt(Remap, PetscInt n, const PetscReal x[], const PetscReal size[], const PetscInt side[],
+                               RemapCells, PetscInt nfield, const PetscReal *const field[], PetscReal out[],
+                               RemapCount *);
+/* Size of the cells around local node i before they moved: the largest extent along an axis. Not collective. */
+PetscReal RemapCellSize(Remap, PetscInt i);

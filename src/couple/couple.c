@@ -385,9 +385,8 @@ PetscErrorCode CoupleGetSolver(Couple c, FlowSolver *solver)
 PetscErrorCode CoupleGetCounts(Couple c, PetscInt *n, const CoupleCount *count[])
 {
   PetscFunctionBeginUser;
-  *n     = 0;
-  *count = NULL;
-  if (c->rung->report) PetscCall((*c->rung->report)(c->rung_data, n, count));
+  *n     = c->ncount;
+  *count = c->count;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -29,7 +29,10 @@ struct _p_Couple {
   PetscInt           implicit, use_volume, nr;
   const Rung        *rung;
   void              *rung_data; /* what its create made */
-  const PenaltyTerm *terms;     /* its terms in this step; NULL: none */
+  PetscInt           ncount;    /* numbers that it reports of every step */
+  CoupleCount        count[RUNG_COUNTS];
+  void              *left;  /* what it keeps of an old mesh between CoupleLeave and CoupleRemesh */
+  const PenaltyTerm *terms; /* its terms in this step; NULL: none */
   Moved              moved;
   Drive              drive;            /* uniform force that the scene asks for; NULL: none */
   Ale                follow;           /* -mesh_deform with bodies that move */

@@ -87,6 +87,7 @@ PetscErrorCode CoupleDestroyParts(Couple c)
   if (c->rung->destroy && c->rung_data) PetscCall((*c->rung->destroy)(c->rung_data));
   c->rung_data = NULL;
   c->terms     = NULL;
+  c->hollow    = NULL;
   PetscCall(AleDestroy(&c->follow));
   PetscCall(MovedDestroy(&c->moved));
   PetscCall(PetscFree4(c->u, c->p, c->dp, c->rhs));
@@ -96,16 +97,23 @@ PetscErrorCode CoupleDestroyParts(Couple c)
 PetscErrorCode CoupleCheckRemesh(Couple c)
 {
   PetscFunctionBeginUser;
-  PetscCheck(!c->rung->moves && !c->drive && !c->follow, PETSC_COMM_WORLD, PETSC_ERR_SUP,
-             "-mesh_follow makes cells anew, and -couple_boundary %s%s cannot follow that: use penalty or nodal, or remove -mesh_follow",
-             c->rung->name, c->drive ? " with -flow_rate" : "");
+  PetscCheck(!c->drive, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+             "-mesh_follow makes cells anew, and what holds the flow by -flow_rate or -couple_backflow cannot follow that: remove one of them");
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CoupleRemesh(Couple c)
+PetscErrorCode CoupleLeave(Couple c)
+{
+  PetscFunctionBeginUser;
+  if (c->rung->leave) PetscCall((*c->rung->leave)(c->rung_data, &c->left));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleRemesh(Couple c, Mesh *old)
 {
   PetscFunctionBeginUser;
   PetscCall(CoupleDestroyParts(c));
   PetscCall(CoupleCreateParts(c));
+  if (c->rung->arrive) PetscCall((*c->rung->arrive)(c->rung_data, &c->left, old));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -5,9 +5,12 @@
 #include "couple/couple.h"
 #include "solve/penaltyterm.h"
 
+#define RUNG_COUNTS 4
+
 typedef struct {
   const char *name;
   PetscBool   moves; /* moves nodes of the mesh itself, so that -mesh_deform cannot */
+  /* names what it will count in c->count, at most RUNG_COUNTS numbers */
   PetscErrorCode (*create)(Couple, void **rung);
   /* Bodies are at c->X, c->q, c->P: claim the nodes that move rigidly in c->mark, prepare the rung's own terms, set
      c->hollow. *terms: these terms, for the solver, the constraint and the forces; NULL: none */
@@ -16,10 +19,12 @@ typedef struct {
   PetscErrorCode (*force)(Couple, void *rung, const PetscInt fixed[], PetscReal out[3]);
   /* the mesh has another form as a whole */
   PetscErrorCode (*moved)(void *rung);
+  /* cells are made anew (CoupleLeave, CoupleRemesh): what it keeps of the old mesh, and what another one, just made for
+     the new mesh, is given; it may take over the old mesh */
+  PetscErrorCode (*leave)(void *rung, void **left);
+  PetscErrorCode (*arrive)(void *rung, void **left, Mesh *old);
   /* bodies have moved, the step is about to be accepted */
   PetscErrorCode (*accept)(Couple, void *rung);
-  /* borrowed, the same place and names in every step */
-  PetscErrorCode (*report)(void *rung, PetscInt *n, const CoupleCount *count[]);
   PetscErrorCode (*state)(void *rung, State);
   PetscErrorCode (*view)(void *rung, PetscViewer);
   PetscErrorCode (*destroy)(void *rung);

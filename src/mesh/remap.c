@@ -177,17 +177,18 @@ static PetscErrorCode evaluate(Remap r, const Answer *answer, PetscInt nfield, c
   dxi[0] = (J[3] * answer->offset[0] - J[1] * answer->offset[1]) / det;
   dxi[1] = (J[0] * answer->offset[1] - J[2] * answer->offset[0]) / det;
   ElementBasis(2, answer->xi, phi, &dphi[0][0]);
+  for (PetscInt j = 0; j < 9; j++) phi[j] += dxi[0] * dphi[0][j] + dxi[1] * dphi[1][j];
+  MeshCellScatter(r->loc, answer->cell, 1, phi);
   for (PetscInt f = 0; f < nfield; f++) {
     for (PetscInt a = 0; a < 2; a++) {
       v[2 * f + a] = 0;
-      for (PetscInt j = 0; j < 9; j++) v[2 * f + a] += (phi[j] + dxi[0] * dphi[0][j] + dxi[1] * dphi[1][j]) * field[f][2 * node[j] + a];
+      for (PetscInt j = 0; j < 9; j++) v[2 * f + a] += phi[j] * field[f][2 * node[j] + a];
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Size of the cells around node i before they moved: the largest extent along an axis */
-static PetscReal cell_size(Remap r, PetscInt i)
+PetscReal RemapCellSize(Remap r, PetscInt i)
 {
   const MeshLocal *l    = r->loc;
   PetscReal        size = 0;
@@ -214,9 +215,9 @@ typedef struct {
   int       rank;
 } KeyRank;
 
-/* Places that no local cell contains, on every rank: open [nopen] indices into nodes; the answers of all ranks compete.
+/* Places that no local cell contains, on every rank: open [nopen] indices into x; the answers of all ranks compete.
    counts of (b), (c), (d) are added. */
-static PetscErrorCode ask_all(Remap r, PetscInt nopen, const PetscInt open[], const PetscInt nodes[], const PetscReal x[], const PetscInt side[],
+static PetscErrorCode ask_all(Remap r, PetscInt nopen, const PetscInt open[], const PetscReal x[], const PetscReal cell_size[], const PetscInt side[],
                               RemapCells cells, PetscInt nfield, const PetscReal *const field[], PetscReal out[], RemapCount *count)
 {
   const PetscInt bs = 2 * nfield;
@@ -232,7 +233,7 @@ static PetscErrorCode ask_all(Remap r, PetscInt nopen, const PetscInt open[], co
   for (PetscInt e = 0; e < nopen; e++) {
     send[PLACE * e]     = x[2 * open[e]];
     send[PLACE * e + 1] = x[2 * open[e] + 1];
-    send[PLACE * e + 2] = cell_size(r, nodes[open[e]]);
+    send[PLACE * e + 2] = cell_size[open[e]];
     send[PLACE * e + 3] = (PetscReal)side[open[e]];
   }
   PetscCallMPI(MPI_Allgather(&mine, 1, MPI_INT, n, 1, MPI_INT, PETSC_COMM_WORLD));
@@ -266,6 +267,31 @@ static PetscErrorCode ask_all(Remap r, PetscInt nopen, const PetscInt open[], co
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* At places x [n] in cells of these sizes; nodes [n] (NULL: of another mesh) are where to look first */
+static PetscErrorCode evaluate_all(Remap r, PetscInt n, const PetscInt nodes[], const PetscReal x[], const PetscReal size[], const PetscInt side[],
+                                   RemapCells cells, PetscInt nfield, const PetscReal *const field[], PetscReal out[], RemapCount *count)
+{
+  PetscInt *open, nopen = 0, inside;
+
+  PetscFunctionBeginUser;
+  *count = (RemapCount){0, 0, 0, 0};
+  PetscCall(PetscMalloc1(n, &open));
+  for (PetscInt e = 0; e < n; e++) {
+    Answer best = {.key = 3000};
+
+    if (nodes) PetscCall(try_around(r, nodes[e], x + 2 * e, side[e], cells, &best));
+    if (best.key > 0) PetscCall(find_answer(r, x + 2 * e, size[e], side[e], cells, PETSC_FALSE, &best));
+    if (best.key == 0) PetscCall(evaluate(r, &best, nfield, field, out + 2 * e * nfield));
+    else open[nopen++] = e;
+  }
+  inside = n - nopen;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &inside, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+  PetscCall(ask_all(r, nopen, open, x, size, side, cells, nfield, field, out, count));
+  count->inside += inside;
+  PetscCall(PetscFree(open));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* ---- public ---- */
 
 PetscErrorCode RemapCreate(Mesh mesh, Remap *remap)
@@ -292,25 +318,24 @@ PetscErrorCode RemapDestroy(Remap *remap)
 PetscErrorCode RemapEvaluate(Remap r, PetscInt n, const PetscInt nodes[], const PetscReal x[], const PetscInt side[], RemapCells cells,
                              PetscInt nfield, const PetscReal *const field[], PetscReal out[], RemapCount *count)
 {
-  PetscInt *open, nopen = 0, inside;
+  PetscReal *size;
 
   PetscFunctionBeginUser;
-  *count = (RemapCount){0, 0, 0, 0};
-  PetscCall(PetscMalloc1(n, &open));
+  PetscCall(PetscMalloc1(n, &size));
   for (PetscInt e = 0; e < n; e++) {
-    Answer best;
-
+    size[e] = RemapCellSize(r, nodes[e]);
     for (PetscInt f = 0; f < nfield; f++)
       for (PetscInt a = 0; a < 2; a++) out[(e * nfield + f) * 2 + a] = field[f][2 * nodes[e] + a];
-    PetscCall(try_around(r, nodes[e], x + 2 * e, side[e], cells, &best));
-    if (best.key > 0) PetscCall(find_answer(r, x + 2 * e, cell_size(r, nodes[e]), side[e], cells, PETSC_FALSE, &best));
-    if (best.key == 0) PetscCall(evaluate(r, &best, nfield, field, out + 2 * e * nfield));
-    else open[nopen++] = e;
   }
-  inside = n - nopen;
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &inside, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
-  PetscCall(ask_all(r, nopen, open, nodes, x, side, cells, nfield, field, out, count));
-  count->inside += inside;
-  PetscCall(PetscFree(open));
+  PetscCall(evaluate_all(r, n, nodes, x, size, side, cells, nfield, field, out, count));
+  PetscCall(PetscFree(size));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode RemapEvaluateAt(Remap r, PetscInt n, const PetscReal x[], const PetscReal size[], const PetscInt side[], RemapCells cells,
+                               PetscInt nfield, const PetscReal *const field[], PetscReal out[], RemapCount *count)
+{
+  PetscFunctionBeginUser;
+  PetscCall(evaluate_all(r, n, NULL, x, size, side, cells, nfield, field, out, count));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

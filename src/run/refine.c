@@ -220,9 +220,10 @@ PetscErrorCode RefineFollow(Refine r, Flow flow, Couple couple, PetscReal dt)
   if (!due) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscTime(&begin));
   PetscCall(place_bodies(r, dt));
+  PetscCall(CoupleLeave(couple));
   PetscCall(MeshRemesh(r->mesh, &(MeshSurface){measure_distance, &r->surface}, &old));
   PetscCall(FlowRemesh(flow, old));
-  PetscCall(CoupleRemesh(couple));
+  PetscCall(CoupleRemesh(couple, &old));
   PetscCall(MeshDestroy(&old));
   PetscCall(PetscTime(&end));
   r->seconds += end - begin;

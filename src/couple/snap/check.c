@@ -24,6 +24,7 @@ static PetscReal cell_quality(Snap s, PetscInt c, PetscReal *area)
       x[2 * j + a] += s->d[2 * node[j] + a];
     }
   }
+  MeshCellGather(l, c, 2, x);
   for (PetscInt p = 0; p < NPOINT; p++) {
     PetscReal J[4] = {0, 0, 0, 0}, det;
 
@@ -35,6 +36,29 @@ static PetscReal cell_quality(Snap s, PetscInt c, PetscReal *area)
     if (p >= 16) *area += weight[(p - 16) % 3] * weight[(p - 16) / 3] * det;
   }
   return high > 0 ? low / high : -1;
+}
+
+PetscErrorCode SnapCheckLevels(Snap s)
+{
+  const MeshLocal *l     = s->loc;
+  PetscReal        at[3] = {0, -PETSC_MAX_REAL, -PETSC_MAX_REAL}; /* how many, and a place of one */
+
+  PetscFunctionBeginUser;
+  if (!l->hang) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt e = 0; e < s->touched.n; e++) {
+    const PetscInt c = s->touched.i[e];
+
+    if (c >= l->ncell || !MeshCellHang(l, c)) continue;
+    for (PetscInt a = 0; a < 2; a++) at[1 + a] = l->x_start[2 * SnapCellNodes(s, c)[4] + a];
+    at[0]++;
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &at[0], 1, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  if (at[0] == 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &at[1], 2, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+          "Levels of the mesh jump at %g cells that -couple_boundary snap would move (near (%g, %g)): it needs four cells of one size around a surface. "
+          "Raise -mesh_band (3 leaves six), move or enlarge the boxes of -mesh_refine, or use -couple_boundary penalty",
+          (double)at[0], (double)at[1], (double)at[2]);
 }
 
 PetscErrorCode SnapCheckCells(Snap s, PetscReal *quality)

@@ -2,6 +2,18 @@
 #include "compat.h"
 #include "driver.h"
 #include "base/room.h"
+#include "mesh/carry.h"
+
+/* Of a mesh that is no more */
+struct _n_SnapLeft {
+  Mesh       mesh; /* NULL until it arrives */
+  Remap      remap;
+  PetscInt   n, done;
+  PetscBool *fitted;      /* [n] */
+  PetscReal *u[2];        /* [nnode_all][2] of that mesh */
+  PetscInt  *dead, *side; /* [ncell_all] of that mesh */
+  PetscReal *near;        /* [nnode_all] of the new mesh: not 0 where the old one was lined up */
+};
 
 struct _p_SnapDriver {
   Flow             flow;
@@ -21,6 +33,7 @@ struct _p_SnapDriver {
   /* own nodes that need values: where they will be, and what they get */
   PetscInt   ntarget, room, *target, *side;
   PetscReal *x, *value;
+  SnapLeft  *left; /* the mesh before, until the next update; NULL: it is this one */
 };
 
 /* Are all cells around node i dead? */
@@ -81,6 +94,20 @@ static PetscErrorCode find_targets(SnapDriver f)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* On a mesh that was made anew: own fluid nodes that the fit moves, or where the old mesh was lined up with bodies */
+static PetscErrorCode find_new_targets(SnapDriver f)
+{
+  const SnapResult *r = &f->result;
+
+  PetscFunctionBeginUser;
+  f->now++;
+  f->ntarget = 0;
+  for (PetscInt e = 0; e < r->nnode; e++) PetscCall(add_target(f, r->node[e], r->x + 2 * e));
+  for (PetscInt i = 0; i < f->loc->nnode; i++)
+    if (f->left->near[i] != 0) PetscCall(add_target(f, i, f->loc->x + 2 * i));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Of the two values of a node on a path, which come one after the other, the mean */
 static void join_pairs(SnapDriver f)
 {
@@ -108,6 +135,29 @@ static PetscErrorCode carry_over(SnapDriver f)
   PetscCall(RemapEvaluate(f->remap, f->ntarget, f->target, f->x, f->side, (RemapCells){r->cell_before, r->side_before}, 2,
                           (const PetscReal *const *)u, f->value, &f->count));
   join_pairs(f);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The same from the mesh before, where this one was made anew */
+static PetscErrorCode carry_from_old(SnapDriver f)
+{
+  SnapLeft        *left = f->left;
+  const PetscReal *from[2];
+  PetscReal       *u[2], *size;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetFields(f->flow, &u[0], &u[1], NULL));
+  PetscCall(find_new_targets(f));
+  PetscCall(PetscMalloc1(f->ntarget, &size));
+  for (PetscInt t = 0; t < f->ntarget; t++) {
+    size[t] = RemapCellSize(f->remap, f->target[t]);
+    for (PetscInt e = 0; e < 4; e++) f->value[4 * t + e] = u[e / 2][2 * f->target[t] + e % 2];
+  }
+  for (PetscInt k = 0; k < 2; k++) from[k] = left->u[k];
+  PetscCall(RemapEvaluateAt(left->remap, f->ntarget, f->x, size, f->side, (RemapCells){left->dead, left->side}, 2, from, f->value, &f->count));
+  join_pairs(f);
+  PetscCall(PetscFree(size));
+  PetscCall(SnapLeftDestroy(&f->left));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -143,6 +193,7 @@ PetscErrorCode SnapDriverDestroy(SnapDriver *fit)
 
   PetscFunctionBeginUser;
   if (!f) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(SnapLeftDestroy(&f->left));
   PetscCall(SnapDestroy(&f->snap));
   PetscCall(RemapDestroy(&f->remap));
   PetscCall(PetscFree6(f->wanted, f->fitted, f->before, f->X, f->q, f->stamp));
@@ -170,12 +221,85 @@ PetscErrorCode SnapDriverUpdate(SnapDriver f, PetscReal (*X)[3], PetscReal (*q)[
   f->ntarget = 0;
   f->count   = (RemapCount){0, 0, 0, 0};
   PetscCall(MovedBegin(f->moved, f->result.ncell, f->result.cell, &any));
-  if (any) PetscCall(carry_over(f));
+  if (f->left) PetscCall(carry_from_old(f));
+  else if (any) PetscCall(carry_over(f));
   to = new_mesh(f);
   PetscCall(MovedCommit(f->moved, &to));
   *fitted = f->fitted;
   *result = &f->result;
   *count  = &f->count;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SnapDriverLeave(SnapDriver f, SnapLeft **left)
+{
+  const MeshLocal *l = f->loc;
+  SnapLeft        *s;
+  PetscReal       *u[2];
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&s));
+  PetscCall(FlowGetFields(f->flow, &u[0], &u[1], NULL));
+  PetscCall(PetscMalloc5(f->n, &s->fitted, 2 * l->nnode_all, &s->u[0], 2 * l->nnode_all, &s->u[1], l->ncell_all, &s->dead, l->ncell_all, &s->side));
+  for (PetscInt k = 0; k < 2; k++) PetscCall(PetscArraycpy(s->u[k], u[k], 2 * l->nnode_all));
+  for (PetscInt c = 0; c < l->ncell_all; c++) {
+    s->dead[c] = f->done ? f->result.cell_body[c] : -1;
+    s->side[c] = f->done ? f->result.cell_side[c] : 0;
+  }
+  PetscCall(PetscArraycpy(s->fitted, f->fitted, f->n));
+  s->done = f->done;
+  *left   = s;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SnapLeftDestroy(SnapLeft **left)
+{
+  SnapLeft *s = *left;
+
+  PetscFunctionBeginUser;
+  if (!s) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(RemapDestroy(&s->remap));
+  PetscCall(MeshDestroy(&s->mesh));
+  PetscCall(PetscFree5(s->fitted, s->u[0], s->u[1], s->dead, s->side));
+  PetscCall(PetscFree(s->near));
+  PetscCall(PetscFree(*left));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* 1 at the nodes of cells of the old mesh that were lined up or dead, brought over as a velocity is */
+static PetscErrorCode find_near(SnapLeft *s, Mesh now)
+{
+  const MeshLocal *l, *m;
+  PetscReal       *at;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshGetLocal(s->mesh, &l));
+  PetscCall(MeshGetLocal(now, &m));
+  PetscCall(PetscCalloc1(l->nnode_all, &at));
+  PetscCall(PetscMalloc1(m->nnode_all, &s->near));
+  for (PetscInt c = 0; c < l->ncell_all; c++) {
+    const PetscInt *node   = l->cell_node + c * l->nb;
+    PetscBool       placed = (PetscBool)(s->dead[c] >= 0);
+
+    for (PetscInt i = 0; i < 2 * l->nb && !placed; i++) placed = (PetscBool)(l->x[2 * node[i / 2] + i % 2] != l->x_start[2 * node[i / 2] + i % 2]);
+    for (PetscInt j = 0; j < l->nb && placed; j++) at[node[j]] = 1;
+  }
+  PetscCall(MeshCarryNodes(s->mesh, now, 1, at, s->near));
+  PetscCall(PetscFree(at));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SnapDriverArrive(SnapDriver f, SnapLeft **left, Mesh *old)
+{
+  PetscFunctionBeginUser;
+  f->left       = *left;
+  f->left->mesh = *old;
+  *left         = NULL;
+  *old          = NULL;
+  f->done       = f->left->done;
+  PetscCall(PetscArraycpy(f->fitted, f->left->fitted, f->n));
+  PetscCall(RemapCreate(f->left->mesh, &f->left->remap));
+  PetscCall(find_near(f->left, f->mesh));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

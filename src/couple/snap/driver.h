@@ -22,6 +22,15 @@ PetscErrorCode SnapDriverDestroy(SnapDriver *);
 PetscErrorCode SnapDriverUpdate(SnapDriver, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *fitted[], const SnapResult **result,
                                 const RemapCount **count);
 
+/* When the cells of a mesh are made anew (mesh/carry.h): what the driver knows of the old one and the velocities there,
+   taken before the flow forgets them, then given to the driver of the new mesh with the old mesh. Its next update
+   takes from there what belongs where the old mesh was lined up, or where nodes will be; elsewhere the flow has
+   brought its values over. Left, and with Arrive the old mesh, are taken over. Collective. */
+typedef struct _n_SnapLeft SnapLeft;
+PetscErrorCode             SnapDriverLeave(SnapDriver, SnapLeft **);
+PetscErrorCode             SnapDriverArrive(SnapDriver, SnapLeft **, Mesh *old);
+PetscErrorCode             SnapLeftDestroy(SnapLeft **);
+
 /* Part of the state of the coupling, visited after that of the flow. Loading lines the mesh up as it was; fields
    that were loaded before belong to that mesh. The flow's solver must then be made anew (MovedSetSolver).
    Collective. */

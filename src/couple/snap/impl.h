@@ -124,6 +124,8 @@ PetscErrorCode SnapPlaceOtherNodes(Snap, PetscReal (*X)[3], PetscReal (*q)[4]);
 
 /* Derivatives of the Q2 basis at the points of the check. */
 void SnapTabulate(Snap);
+/* Error: a cell that moves has nodes of a larger one. Collective. */
+PetscErrorCode SnapCheckLevels(Snap);
 /* Bodies with a cell around them that cannot be used: those whose wall the cell has a vertex on, or, where there is
    none, those whose rings it is in. s->flags [nbodies]: bad cells; [nbodies] those that are bad only for bodies that
    were left alone before; [2 nbodies]: is its wall drawn back?; s->area [nbodies]: of the dead cells; summed over

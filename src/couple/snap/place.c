@@ -139,6 +139,16 @@ static PetscInt ring_around(Snap s, PetscInt i, PetscInt ring)
   return best ? best + 1 : 0;
 }
 
+/* Vertices that the outermost ring leaves where they are: those of cells with nodes of a larger one */
+static PetscBool is_beside_jump(Snap s, PetscInt i)
+{
+  const MeshLocal *l = s->loc;
+
+  for (PetscInt e = l->node_cell_ptr[i]; e < l->node_cell_ptr[i + 1]; e++)
+    if (MeshCellHang(l, l->node_cell[e])) return PETSC_TRUE;
+  return PETSC_FALSE;
+}
+
 PetscErrorCode SnapFindRings(Snap s)
 {
   const MeshLocal *l     = s->loc;
@@ -155,7 +165,7 @@ PetscErrorCode SnapFindRings(Snap s)
         for (PetscInt v = 0; v < 4; v++) {
           const PetscInt i = SnapCellNodes(s, l->node_cell[e])[CORNER[v]];
 
-          if (i >= l->nnode || s->level[i] || s->code[i] || s->boundary[i]) continue;
+          if (i >= l->nnode || s->level[i] || s->code[i] || s->boundary[i] || (ring == NRING && is_beside_jump(s, i))) continue;
           s->level[i] = ring_around(s, i, ring - 1);
           PetscCall(SnapListAdd(&s->ring, i));
         }

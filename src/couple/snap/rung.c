@@ -20,11 +20,15 @@ enum {
 };
 
 typedef struct {
-  SnapDriver  driver;
-  Penalty     penalty;
-  CoupleCount count[NCOUNT];
-  PetscBool   remarked; /* that a body goes too far in a step */
+  SnapDriver driver;
+  Penalty    penalty;
+  PetscBool  remarked; /* that a body goes too far in a step */
 } SnapRung;
+
+typedef struct {
+  SnapLeft *driver;
+  PetscBool remarked;
+} RungLeft;
 
 static PetscErrorCode create_snap(Couple c, void **rung)
 {
@@ -34,10 +38,11 @@ static PetscErrorCode create_snap(Couple c, void **rung)
   PetscCall(PetscNew(&r));
   PetscCall(PenaltyCreate(c->flow, c->bodies, &r->penalty));
   PetscCall(SnapDriverCreate(c->flow, c->bodies, c->moved, &r->driver));
-  r->count[FALLBACK].name = "snap_fallback";
-  r->count[NARROW].name   = "snap_narrow";
-  r->count[TAYLOR].name   = "snap_taylor";
-  r->count[KEPT].name     = "snap_kept";
+  c->count[FALLBACK].name = "snap_fallback";
+  c->count[NARROW].name   = "snap_narrow";
+  c->count[TAYLOR].name   = "snap_taylor";
+  c->count[KEPT].name     = "snap_kept";
+  c->ncount               = NCOUNT;
   *rung                   = r;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -45,7 +50,7 @@ static PetscErrorCode create_snap(Couple c, void **rung)
 static PetscErrorCode draw_snap(Couple c, void *rung, const PenaltyTerm **terms)
 {
   SnapRung         *r      = (SnapRung *)rung;
-  const PetscInt    before = r->count[FALLBACK].value;
+  const PetscInt    before = c->count[FALLBACK].value;
   const SnapResult *s;
   const RemapCount *remap;
   const PetscBool  *fitted;
@@ -54,14 +59,14 @@ static PetscErrorCode draw_snap(Couple c, void *rung, const PenaltyTerm **terms)
   PetscCall(SnapDriverUpdate(r->driver, c->X, c->q, &fitted, &s, &remap));
   c->hollow = s->hollow;
   for (PetscInt e = 0; e < s->nmarked; e++) PetscCall(IndicatorClaim(c->mark, s->marked[e], s->node_body[s->marked[e]]));
-  r->count[NARROW].value = s->nnarrow;
-  r->count[TAYLOR].value += remap->taylor;
-  r->count[KEPT].value += remap->kept;
-  r->count[FALLBACK].value = 0;
+  c->count[NARROW].value = s->nnarrow;
+  c->count[TAYLOR].value += remap->taylor;
+  c->count[KEPT].value += remap->kept;
+  c->count[FALLBACK].value = 0;
   for (PetscInt k = 0; k < c->s->n; k++)
-    if (!fitted[k] && !c->s->gone[k] && !BodiesGetGroup(c->s, k)->hole) r->count[FALLBACK].value++;
+    if (!fitted[k] && !c->s->gone[k] && !BodiesGetGroup(c->s, k)->hole) c->count[FALLBACK].value++;
   *terms = NULL;
-  if (!r->count[FALLBACK].value && !before) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!c->count[FALLBACK].value && !before) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PenaltyDraw(r->penalty, c->X, c->q, c->P, fitted, c->mark));
   PetscCall(PenaltyGetSoft(r->penalty, terms));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -82,7 +87,7 @@ static PetscErrorCode accept_step(Couple c, void *rung)
   const BodyState *s = c->s;
 
   PetscFunctionBeginUser;
-  r->count[TAYLOR].value = r->count[KEPT].value = 0;
+  c->count[TAYLOR].value = c->count[KEPT].value = 0;
   for (PetscInt k = 0; k < s->n && !r->remarked; k++) {
     const PetscReal way = BodiesFastestPoint(s, k, 0) * c->step->dt / c->loc->h;
 
@@ -97,18 +102,35 @@ static PetscErrorCode accept_step(Couple c, void *rung)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode report_counts(void *rung, PetscInt *n, const CoupleCount *count[])
-{
-  PetscFunctionBeginUser;
-  *n     = NCOUNT;
-  *count = ((SnapRung *)rung)->count;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode visit_state(void *rung, State state)
 {
   PetscFunctionBeginUser;
   PetscCall(SnapDriverVisitState(((SnapRung *)rung)->driver, state));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode leave_mesh(void *rung, void **left)
+{
+  SnapRung *r = (SnapRung *)rung;
+  RungLeft *l;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&l));
+  l->remarked = r->remarked;
+  PetscCall(SnapDriverLeave(r->driver, &l->driver));
+  *left = l;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode arrive_on_mesh(void *rung, void **left, Mesh *old)
+{
+  SnapRung *r = (SnapRung *)rung;
+  RungLeft *l = (RungLeft *)*left;
+
+  PetscFunctionBeginUser;
+  r->remarked = l->remarked;
+  PetscCall(SnapDriverArrive(r->driver, &l->driver, old));
+  PetscCall(PetscFree(*left));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -135,8 +157,9 @@ const Rung rung_snap = {.name    = "snap",
                         .create  = create_snap,
                         .draw    = draw_snap,
                         .force   = add_force,
+                        .leave   = leave_mesh,
+                        .arrive  = arrive_on_mesh,
                         .accept  = accept_step,
-                        .report  = report_counts,
                         .state   = visit_state,
                         .view    = view_snap,
                         .destroy = destroy_snap};

@@ -47,6 +47,7 @@ static PetscErrorCode try_fit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], cons
     PetscCall(SnapFindRings(s));
     PetscCall(SnapSmoothRings(s));
     PetscCall(SnapPlaceOtherNodes(s, X, q));
+    PetscCall(SnapCheckLevels(s));
     PetscCall(SnapCheckCells(s, quality));
     if (i == NTRY) break;
     PetscCall(SnapOpenBadCorners(s, &any));
@@ -130,6 +131,7 @@ static PetscErrorCode publish(Snap s, const PetscInt old_marked[], PetscInt nold
   r->cell_before = s->cell_before;
   r->hollow      = s->hollow;
   r->node_side   = s->node_side;
+  r->cell_side   = s->cell_side[0];
   r->side_before = s->cell_side[1];
   r->nnode       = s->node.n;
   r->node        = s->node.i;
@@ -182,8 +184,6 @@ PetscErrorCode SnapCreate(Mesh mesh, Bodies bodies, Snap *snap)
   s->mesh   = mesh;
   s->bodies = bodies;
   PetscCall(MeshGetLocal(mesh, &s->loc));
-  PetscCheck(!s->loc->hang, PETSC_COMM_WORLD, PETSC_ERR_SUP,
-             "-couple_boundary snap does not line up refined meshes: use -couple_boundary penalty or nodal, or remove -mesh_levels");
   PetscCheck(s->loc->dim == 2, PETSC_COMM_WORLD, PETSC_ERR_SUP,
              "-couple_boundary snap lines up plane meshes only, this one has dimension %" PetscInt_FMT ": use -couple_boundary penalty or nodal",
              s->loc->dim);

@@ -7,6 +7,8 @@
    boundary of the domain stay. Dead cells that meet a dead cell of another body or the boundary are given back to
    the fluid, until at least one layer of fluid cells is left between two walls; those at a corner that leaves a
    fluid cell no room as well.
+   On a refined mesh (mesh/hang.h) all of this happens in cells of one size around the surface; the outermost ring stays
+   where it meets larger cells.
    Walls closer than half a cell to another wall are drawn back, so that the gap g in the mesh is w + g^2/(4w) with w
    = 1/4 cell (w where they overlap). The resistance of a closing gap then grows to that of w without a jump, and the
    cells in the gap stay valid; what is missing below about a quarter of a cell belongs to the contact forces.
@@ -39,7 +41,8 @@ typedef struct {
   const PetscInt  *cell_body;   /* [ncell_all] owner of a dead cell, -1: fluid */
   const PetscInt  *cell_before; /* [ncell_all] the same of the fit before */
   const PetscInt  *node_side;   /* [nnode_all] body + 1 or minus that: left or right of its path; 0: neither */
-  const PetscInt  *side_before; /* [ncell_all] the same of the cells in the fit before */
+  const PetscInt  *cell_side;   /* [ncell_all] the same of the cells */
+  const PetscInt  *side_before; /* [ncell_all] and in the fit before */
   const PetscBool *hollow;      /* [nbodies] fitted, and its inside is no part of the fluid: not so a body that is a
                                    path of edges */
   PetscInt         nnode;
