@@ -47,6 +47,10 @@ PetscErrorCode StateDestroy(State *);
    checkpoint, another format, another mesh. */
 PetscErrorCode StateBeginSave(State, const char path[]);
 PetscErrorCode StateBeginLoad(State, const char path[]);
+/* Look into a file whose mesh may be any: what is the same on all ranks can be visited (an array of nodes or cells with
+   one value each by StateReals: all of it on every rank). Collective. Errors: those of StateBeginLoad but another
+   mesh. */
+PetscErrorCode StateBeginLook(State, const char path[]);
 /* End either. Saving: the file appears under its name when it is complete and on disk (written as path.part,
    synchronised, renamed). Collective.
    Errors: the file could not be written (disk full). */

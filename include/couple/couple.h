@@ -82,11 +82,9 @@ PetscErrorCode CoupleForceForms(Couple, PetscInt k, PetscReal residual[6], Petsc
 PetscErrorCode CoupleRenewSolver(Couple);
 /* Around a change of cells (mesh/carry.h): Leave before the mesh is made anew, Remesh when it is and the flow knows
    (FlowRemesh): what goes by cells and nodes is made anew, the bodies' history stays. *old may be taken over, then it
-   is NULL. Collective. */
+   is NULL. Without Leave nothing of the old mesh is kept: fields are about to be loaded. Collective. */
 PetscErrorCode CoupleLeave(Couple);
 PetscErrorCode CoupleRemesh(Couple, Mesh *old);
-/* Before the first step of a mesh that will be made anew. Error: what cannot follow. */
-PetscErrorCode CoupleCheckRemesh(Couple);
 /* StateVisit of a Couple: velocities that the flow saw in the last steps, history of explicit coupling. */
 PetscErrorCode CoupleVisitState(void *couple, State);
 /* Balance of momentum over the step: fluid = bodies + walls + openings + volume. Each [3], force units. Where the

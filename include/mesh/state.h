@@ -3,6 +3,6 @@
 #include "base/state.h"
 #include "mesh/mesh.h"
 
-/* A State (base/state.h) whose nodes and cells are those of the mesh, told apart by where they are now: create it
-   before the mesh moves. The mesh is borrowed. Collective. */
+/* A State (base/state.h) whose nodes and cells are those of the mesh, told apart by where they are before any
+   MeshMoveNodes. The mesh is borrowed. Collective. */
 PetscErrorCode MeshCreateState(Mesh, State *);

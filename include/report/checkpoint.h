@@ -14,7 +14,8 @@
    Options: -checkpoint_every steps (0: none), -checkpoint_minutes wall clock (0: none), -sim_restart FILE or latest
    (the newest whole checkpoint in -output_dir). With either of the first two the last state of the run is written as
    well, so that it can be prolonged. What may change at a restart: everything but mesh and bodies; changed options
-   are listed. */
+   are listed. A refined mesh (-mesh_levels) has its tree in the file and may change within its box: base cells, levels,
+   what it is refined around. */
 #pragma once
 #include "report/fields.h"
 
@@ -28,6 +29,10 @@ PetscErrorCode CheckpointView(Checkpoint, PetscViewer);
 /* A module with state, visited by `visit` under its name; loading follows the order of these calls. `module` is
    borrowed. Not collective. */
 PetscErrorCode CheckpointAdd(Checkpoint, const char name[], void *module, StateVisit visit);
+
+/* Before any of them is loaded, `restore` sees the module of this name in a file that may have another mesh
+   (StateBeginLook) and can give the mesh the cells of the file. Not collective. */
+PetscErrorCode CheckpointSetRestore(Checkpoint, const char name[], void *module, StateVisit restore);
 
 /* Load the state of all modules if -sim_restart is given. Call when all modules are built and added, before the first
    step. Collective.

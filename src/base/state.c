@@ -303,7 +303,7 @@ static PetscErrorCode check_format(State s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode StateBeginLoad(State s, const char path[])
+PetscErrorCode StateBeginLook(State s, const char path[])
 {
   char      reason[256] = "";
   PetscBool good;
@@ -317,6 +317,15 @@ PetscErrorCode StateBeginLoad(State s, const char path[])
   PetscCheck(good, s->comm, PETSC_ERR_FILE_READ,
              "Cannot restart from '%s': HDF5 cannot open it, it is damaged. Give another checkpoint as -sim_restart", path);
   PetscCall(check_format(s));
+  PetscCall(StateModule(s, NULL));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode StateBeginLoad(State s, const char path[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(StateBeginLook(s, path));
+  PetscCall(StateModule(s, "mesh"));
   PetscCall(load_mesh(s));
   PetscCall(StateModule(s, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -356,6 +356,7 @@ PetscErrorCode CoupleDestroy(Couple *couple)
   PetscFunctionBeginUser;
   if (!c) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(CoupleDestroyParts(c));
+  PetscCall(DriveDestroy(&c->drive));
   PetscCall(PetscFree7(c->X, c->q, c->P, c->unknown, c->du_old, c->growth, c->force_old));
   PetscCall(PetscFree6(c->U, c->U_old, c->U_older, c->D, c->g, c->residual));
   PetscCall(PetscFree(*couple));

@@ -61,7 +61,7 @@ PetscErrorCode CoupleCreateParts(Couple c)
   PetscCall(set_lengths(c));
   PetscCall(unite_obstacles(c));
   PetscCall(ConstraintGetRigidSize(c->constraint, &c->nr));
-  PetscCall(DriveCreate(c, &c->drive));
+  if (!c->drive) PetscCall(DriveCreate(c, &c->drive)); /* goes by no mesh, but by the number of rigid velocities */
   PetscCall(CoupleCreateSolver(c));
   PetscCall(IndicatorCreate(c->mesh, c->bodies, &c->mark));
   PetscCall(MovedCreate(c->flow, tell_rung, c, &c->moved));
@@ -76,7 +76,6 @@ PetscErrorCode CoupleDestroyParts(Couple c)
 {
   PetscFunctionBeginUser;
   PetscCall(FlowSolverDestroy(&c->solver));
-  PetscCall(DriveDestroy(&c->drive));
   PetscCall(FittedDestroy(&c->hole));
   PetscCall(BoundariesDestroy(&c->boundaries));
   PetscCall(PetscFree(c->prescribed));
@@ -94,14 +93,6 @@ PetscErrorCode CoupleDestroyParts(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CoupleCheckRemesh(Couple c)
-{
-  PetscFunctionBeginUser;
-  PetscCheck(!c->drive, PETSC_COMM_WORLD, PETSC_ERR_SUP,
-             "-mesh_follow makes cells anew, and what holds the flow by -flow_rate or -couple_backflow cannot follow that: remove one of them");
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode CoupleLeave(Couple c)
 {
   PetscFunctionBeginUser;
@@ -114,6 +105,6 @@ PetscErrorCode CoupleRemesh(Couple c, Mesh *old)
   PetscFunctionBeginUser;
   PetscCall(CoupleDestroyParts(c));
   PetscCall(CoupleCreateParts(c));
-  if (c->rung->arrive) PetscCall((*c->rung->arrive)(c->rung_data, &c->left, old));
+  if (c->left) PetscCall((*c->rung->arrive)(c->rung_data, &c->left, old));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

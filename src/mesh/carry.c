@@ -1,9 +1,11 @@
-/* Carry: see mesh/carry.h. Places are in quarters of finest cells. Who has the old cell at a place is told by the
-   ranks' first keys, without looking for the cell. */
+/* Carry: see mesh/carry.h. Places are in finest cells of the old mesh: exact, as they are quarters of it, where both
+   meshes have the same lattice. Who has the old cell at a place is told by the ranks' first keys, without looking for
+   the cell. */
 #include "compat.h"
 #include "mesh/carry.h"
 #include "impl.h"
 #include "leaves.h"
+#include "refined.h"
 #include "mesh/element.h"
 
 /* n places, wanted by this rank, on their way to the owners of the old cells there */
@@ -11,22 +13,22 @@ typedef struct {
   const Leaves *leaves;
   PetscMPIInt   size, *ask, *asked, *ask_at, *asked_at;
   PetscInt      n, nasked, *slot; /* slot [n]: where place i stands among those sent */
-  PetscInt     *place;            /* [nasked][3] what others want */
+  PetscReal    *place;            /* [nasked][3] what others want */
 } Travel;
 
 /* Owner of the old finest cell at a place; the upper end of the box belongs to the last one */
-static PetscMPIInt owner_of(const Leaves *t, const PetscInt quarter[3], uint64_t *key)
+static PetscMPIInt owner_of(const Leaves *t, const PetscReal place[3], uint64_t *key)
 {
   PetscInt x[3] = {0, 0, 0};
 
-  for (PetscInt d = 0; d < t->dim; d++) x[d] = PetscMin(quarter[d] / 4, t->cells[d] - 1);
+  for (PetscInt d = 0; d < t->dim; d++) x[d] = PetscMin((PetscInt)place[d], t->cells[d] - 1);
   *key = LeavesKey(t, x);
   return LeavesOwner(t, *key);
 }
 
-static PetscErrorCode begin_travel(const Leaves *t, PetscInt n, const PetscInt quarter[], Travel *w)
+static PetscErrorCode begin_travel(const Leaves *t, PetscInt n, const PetscReal place[], Travel *w)
 {
-  PetscInt    *send;
+  PetscReal   *send;
   PetscMPIInt *next, *owner;
   uint64_t     key;
 
@@ -37,7 +39,7 @@ static PetscErrorCode begin_travel(const Leaves *t, PetscInt n, const PetscInt q
   PetscCall(PetscMalloc1(n, &w->slot));
   PetscCall(PetscMalloc3(3 * n, &send, w->size, &next, n, &owner));
   for (PetscInt i = 0; i < n; i++) {
-    owner[i] = owner_of(t, quarter + 3 * i, &key);
+    owner[i] = owner_of(t, place + 3 * i, &key);
     w->ask[owner[i]] += 3;
   }
   PetscCallMPI(MPI_Alltoall(w->ask, 1, MPI_INT, w->asked, 1, MPI_INT, t->comm));
@@ -48,11 +50,11 @@ static PetscErrorCode begin_travel(const Leaves *t, PetscInt n, const PetscInt q
   }
   for (PetscInt i = 0; i < n; i++) {
     w->slot[i] = next[owner[i]]++;
-    PetscCall(PetscArraycpy(send + 3 * w->slot[i], quarter + 3 * i, 3));
+    PetscCall(PetscArraycpy(send + 3 * w->slot[i], place + 3 * i, 3));
   }
   w->nasked = w->asked_at[w->size] / 3;
   PetscCall(PetscMalloc1(3 * w->nasked, &w->place));
-  PetscCallMPI(MPI_Alltoallv(send, w->ask, w->ask_at, MPIU_INT, w->place, w->asked, w->asked_at, MPIU_INT, t->comm));
+  PetscCallMPI(MPI_Alltoallv(send, w->ask, w->ask_at, MPIU_REAL, w->place, w->asked, w->asked_at, MPIU_REAL, t->comm));
   PetscCall(PetscFree3(send, next, owner));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -80,30 +82,38 @@ static PetscErrorCode end_travel(Travel *w, PetscInt bs, const PetscReal answer[
 }
 
 /* Own cell at a place that this rank is asked about, and the place in it, -1 to 1 */
-static PetscErrorCode find_place(const Leaves *t, const PetscInt quarter[3], PetscInt *cell, PetscReal xi[3])
+static PetscErrorCode find_place(const Leaves *t, const PetscReal place[3], PetscInt *cell, PetscReal xi[3])
 {
   uint64_t    key;
   const Leaf *leaf;
 
   PetscFunctionBeginUser;
-  (void)owner_of(t, quarter, &key);
+  (void)owner_of(t, place, &key);
   *cell = LeavesOwnBefore(t, key);
   leaf  = t->leaf + *cell;
-  for (PetscInt d = 0; d < t->dim; d++) xi[d] = (PetscReal)(quarter[d] - 4 * leaf->x[d]) / (PetscReal)(2 * LeavesWidth(t, leaf->level)) - 1;
+  for (PetscInt d = 0; d < t->dim; d++) xi[d] = 2 * (place[d] - (PetscReal)leaf->x[d]) / (PetscReal)LeavesWidth(t, leaf->level) - 1;
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Places of the new lattice, n counts of 1/parts of its finest cells, in those of the old one */
+static void convert_places(const Leaves *now, const Leaves *old, PetscInt parts, PetscInt n, const PetscInt count[], PetscReal place[])
+{
+  for (PetscInt i = 0; i < n; i++) {
+    for (PetscInt d = 0; d < 3; d++)
+      place[3 * i + d] = d < now->dim ? (PetscReal)count[3 * i + d] * (PetscReal)old->cells[d] / (PetscReal)(parts * now->cells[d]) : 0;
+  }
 }
 
 PetscErrorCode MeshCarryNodes(Mesh old, Mesh now, PetscInt bs, const PetscReal v[], PetscReal w[])
 {
   const MeshLocal *l = &old->loc, *m = &now->loc;
-  PetscInt        *quarter;
-  PetscReal       *answer;
+  PetscReal       *answer, *place;
   Travel           t;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(3 * m->nnode, &quarter));
-  for (PetscInt i = 0; i < 3 * m->nnode; i++) quarter[i] = 2 * now->half[i];
-  PetscCall(begin_travel(old->leaves, m->nnode, quarter, &t));
+  PetscCall(PetscMalloc1(3 * m->nnode, &place));
+  convert_places(now->leaves, old->leaves, 2, m->nnode, now->half, place);
+  PetscCall(begin_travel(old->leaves, m->nnode, place, &t));
   PetscCall(PetscMalloc1(t.nasked * bs, &answer));
   for (PetscInt i = 0; i < t.nasked; i++) {
     PetscReal xi[3] = {0, 0, 0}, phi[MESH_MAX_NB], dphi[3 * MESH_MAX_NB], value[MESH_MAX_NB];
@@ -121,7 +131,7 @@ PetscErrorCode MeshCarryNodes(Mesh old, Mesh now, PetscInt bs, const PetscReal v
   PetscCall(end_travel(&t, bs, answer, w));
   PetscCall(MeshSyncNodes(now, bs, w));
   PetscCall(PetscFree(answer));
-  PetscCall(PetscFree(quarter));
+  PetscCall(PetscFree(place));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -131,12 +141,12 @@ PetscErrorCode MeshCarryCells(Mesh old, Mesh now, const PetscReal p[], PetscReal
   const MeshLocal *m   = &now->loc;
   const PetscInt   dim = m->dim, nk = dim + 1, ns = 1 << dim;
   PetscInt        *quarter;
-  PetscReal       *answer, *sample;
+  PetscReal       *answer, *sample, *place;
   Travel           t;
 
   PetscFunctionBeginUser;
   PetscCall(PetscCalloc1(3 * ns * m->ncell, &quarter));
-  PetscCall(PetscMalloc1(ns * m->ncell, &sample));
+  PetscCall(PetscMalloc2(ns * m->ncell, &sample, 3 * ns * m->ncell, &place));
   for (PetscInt c = 0; c < m->ncell; c++) {
     const Leaf *leaf = now->leaves->leaf + c;
 
@@ -144,7 +154,8 @@ PetscErrorCode MeshCarryCells(Mesh old, Mesh now, const PetscReal p[], PetscReal
       for (PetscInt d = 0; d < dim; d++)
         quarter[3 * (c * ns + s) + d] = 4 * leaf->x[d] + ((s >> d) & 1 ? 3 : 1) * LeavesWidth(now->leaves, leaf->level);
   }
-  PetscCall(begin_travel(old->leaves, ns * m->ncell, quarter, &t));
+  convert_places(now->leaves, old->leaves, 4, ns * m->ncell, quarter, place);
+  PetscCall(begin_travel(old->leaves, ns * m->ncell, place, &t));
   PetscCall(PetscMalloc1(t.nasked, &answer));
   for (PetscInt i = 0; i < t.nasked; i++) {
     PetscReal xi[3];
@@ -163,22 +174,115 @@ PetscErrorCode MeshCarryCells(Mesh old, Mesh now, const PetscReal p[], PetscReal
     }
   }
   PetscCall(PetscFree(answer));
-  PetscCall(PetscFree(sample));
+  PetscCall(PetscFree2(sample, place));
   PetscCall(PetscFree(quarter));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MeshRemesh(Mesh m, const MeshSurface *surface, Mesh *old)
+/* The mesh m becomes what `now` is, and the other way round */
+static void change_places(Mesh m, Mesh now)
 {
-  Mesh           now;
-  struct _p_Mesh was = *m;
+  const struct _p_Mesh was = *m;
 
-  PetscFunctionBeginUser;
-  PetscCall(MeshCreateAround(m->comm, surface, &now));
   *m            = *now;
   *now          = was;
   m->loc.moves  = was.loc.moves + 1;
   m->loc.meshes = was.loc.meshes + 1;
-  *old          = now;
+}
+
+PetscErrorCode MeshRemesh(Mesh m, const MeshSurface *surface, Mesh *old)
+{
+  PetscFunctionBeginUser;
+  PetscCall(MeshCreateAround(m->comm, surface, old));
+  change_places(m, *old);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshIsAround(Mesh m, const MeshSurface *surface, PetscBool *same)
+{
+  PetscInt  levels;
+  PetscBool around;
+  MeshKind  kind;
+  Leaves    leaves;
+
+  PetscFunctionBeginUser;
+  *same = PETSC_FALSE;
+  PetscCall(MeshReadLevels(&levels, &around));
+  if (!levels || !m->leaves) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(MeshKindReadBox(m->comm, &kind));
+  PetscCall(LeavesCreate(m->comm, kind, levels, surface, &leaves));
+  PetscCall(LeavesAreSame(m->leaves, &leaves, same));
+  PetscCall(LeavesDestroy(&leaves));
+  PetscCall(MeshKindDestroy(&kind));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- trees in checkpoints ---- */
+
+static const char *const PLACE[] = {"x", "y", "z"};
+
+PetscErrorCode MeshVisitTree(void *mesh, State s)
+{
+  const Mesh    m = (Mesh)mesh;
+  const Leaves *t = m->leaves;
+  PetscReal    *v;
+  PetscInt      cells[3] = {1, 1, 1}, levels;
+
+  PetscFunctionBeginUser;
+  if (!t || StateIsLoading(s)) PetscFunctionReturn(PETSC_SUCCESS);
+  levels = t->levels;
+  PetscCall(PetscArraycpy(cells, t->n, t->dim));
+  PetscCall(StateInts(s, "levels", 1, &levels));
+  PetscCall(StateInts(s, "cells", 3, cells));
+  PetscCall(PetscMalloc1(t->nleaf, &v));
+  for (PetscInt d = 0; d <= t->dim; d++) {
+    for (PetscInt i = 0; i < t->nleaf; i++) v[i] = (PetscReal)(d < t->dim ? t->leaf[i].x[d] : t->leaf[i].level);
+    PetscCall(StateCells(s, d < t->dim ? PLACE[d] : "level", 1, v));
+  }
+  PetscCall(PetscFree(v));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* All leaves of the file, on every rank: leaf [n], to be freed */
+static PetscErrorCode load_leaves(const Leaves *t, State look, PetscInt n, Leaf **leaf)
+{
+  PetscReal *v;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(n, &v));
+  PetscCall(PetscCalloc1(n, leaf));
+  for (PetscInt d = 0; d <= t->dim; d++) {
+    PetscCall(StateReals(look, d < t->dim ? PLACE[d] : "level", n, v));
+    for (PetscInt i = 0; i < n; i++) *(d < t->dim ? &(*leaf)[i].x[d] : &(*leaf)[i].level) = (PetscInt)v[i];
+  }
+  for (PetscInt i = 0; i < n; i++) (*leaf)[i].key = LeavesKey(t, (*leaf)[i].x);
+  PetscCall(PetscFree(v));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshRestore(Mesh m, State look, Mesh *old)
+{
+  PetscInt  n, cells[3], levels, space;
+  PetscBool same;
+  Leaf     *leaf;
+  Mesh      now;
+
+  PetscFunctionBeginUser;
+  *old = NULL;
+  PetscCall(StateGetSize(look, "level", &n));
+  PetscCall(StateGetSize(look, "z", &space));
+  if (n < 0 || !m->leaves || (space >= 0) != (m->loc.dim == 3)) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(StateInts(look, "levels", 1, &levels));
+  PetscCall(StateInts(look, "cells", 3, cells));
+  PetscCall(load_leaves(m->leaves, look, n, &leaf));
+  PetscCall(MeshCreateOf(m->comm, cells, levels, n, leaf, &now));
+  PetscCall(PetscFree(leaf));
+  PetscCall(LeavesAreSame(m->leaves, now->leaves, &same));
+  if (same) {
+    PetscCall(MeshDestroy(&now));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  change_places(m, now);
+  *old = now;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -438,6 +438,19 @@ PetscErrorCode MeshKindReadBox(MPI_Comm comm, MeshKind *kind)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode MeshKindSetCells(MeshKind k, const PetscInt cells[3])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt d = 0; d < k->dim; d++) {
+    PetscCheck(k->cells[d] == cells[d] || k->map.type == MESHMAP_IDENTITY, k->comm, PETSC_ERR_USER_INPUT,
+               "The checkpoint has %" PetscInt_FMT " base cells along axis %c, this scene %" PetscInt_FMT
+               ", and cells that grow cannot be told from these numbers: restart with the -mesh_ options of the run that wrote it",
+               cells[d], (char)('x' + d), k->cells[d]);
+    k->cells[d] = cells[d];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode MeshKindDestroy(MeshKind *kind)
 {
   PetscFunctionBeginUser;

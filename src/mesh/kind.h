@@ -30,6 +30,8 @@ PetscErrorCode MeshKindCreate(MPI_Comm, MeshKind *, DM *dm);
 /* Read the options alone: of a box or channel, of which a refined mesh is made. Errors: another kind. */
 PetscErrorCode MeshKindReadBox(MPI_Comm, MeshKind *);
 PetscErrorCode MeshKindDestroy(MeshKind *);
+/* Other base cells of a box. Error: it is graded (-mesh_focus, channel) and has others. */
+PetscErrorCode MeshKindSetCells(MeshKind, const PetscInt cells[3]);
 
 PetscErrorCode MeshKindGetBoundaries(MeshKind, PetscInt *n, const char (**names)[64]);
 /* Longest side of the smallest cell of a box or channel */

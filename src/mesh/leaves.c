@@ -174,17 +174,22 @@ uint64_t LeavesKey(const Leaves *t, const PetscInt x[])
   return curve_key(t->dim, x);
 }
 
-PetscInt LeavesOwnBefore(const Leaves *t, uint64_t key)
+static PetscInt find_before(PetscInt n, const Leaf leaf[], uint64_t key)
 {
-  PetscInt lo = -1, hi = t->nleaf;
+  PetscInt lo = -1, hi = n;
 
   while (hi - lo > 1) {
     const PetscInt mid = (lo + hi) / 2;
 
-    if (t->leaf[mid].key <= key) lo = mid;
+    if (leaf[mid].key <= key) lo = mid;
     else hi = mid;
   }
   return lo;
+}
+
+PetscInt LeavesOwnBefore(const Leaves *t, uint64_t key)
+{
+  return find_before(t->nleaf, t->leaf, key);
 }
 
 PetscInt LeavesOwnIndex(const Leaves *t, uint64_t key)
@@ -204,6 +209,10 @@ PetscErrorCode LeavesFind(Leaves *t, const PetscInt x[], Leaf *out)
   PetscCallMPI(MPI_Comm_rank(t->comm, &rank));
   if (t->first && LeavesOwner(t, key) == rank) {
     *out = t->leaf[LeavesOwnBefore(t, key)];
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  if (t->list) {
+    *out = t->list[find_before(t->nlist, t->list, key)];
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   for (out->level = 0;; out->level++) {
@@ -347,34 +356,52 @@ static PetscErrorCode count_leaves(Leaves *t, PetscInt nroot, const Leaf root[],
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode find_own_leaves(Leaves *t)
+/* The range of this rank out of t->total leaves */
+static PetscErrorCode take_range(Leaves *t)
 {
-  PetscInt    nroot = t->n[0] * t->n[1] * (t->dim == 3 ? t->n[2] : 1), *count;
-  PetscInt64  from, to, at = 0;
   PetscMPIInt size, rank;
-  Leaf       *root;
 
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_size(t->comm, &size));
   PetscCallMPI(MPI_Comm_rank(t->comm, &rank));
+  PetscCheck(t->total >= size, t->comm, PETSC_ERR_USER_INPUT, "%d cells are too few for %d ranks: raise -mesh_cells or use fewer ranks",
+             (int)t->total, size);
+  t->start = (PetscInt)(t->total * rank / size);
+  t->nleaf = (PetscInt)(t->total * (rank + 1) / size) - t->start;
+  PetscCall(PetscMalloc1(t->nleaf, &t->leaf));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode share_first_keys(Leaves *t)
+{
+  PetscMPIInt size;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_size(t->comm, &size));
+  PetscCall(PetscMalloc1(size, &t->first));
+  PetscCallMPI(MPI_Allgather(&t->leaf[0].key, 1, MPI_UINT64_T, t->first, 1, MPI_UINT64_T, t->comm));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode find_own_leaves(Leaves *t)
+{
+  PetscInt   nroot = t->n[0] * t->n[1] * (t->dim == 3 ? t->n[2] : 1), *count;
+  PetscInt64 to, at = 0;
+  Leaf      *root;
+
+  PetscFunctionBeginUser;
   PetscCall(PetscMalloc2(nroot, &root, nroot, &count));
   PetscCall(list_roots(t, nroot, root));
   PetscCall(count_leaves(t, nroot, root, count));
   for (PetscInt i = 0; i < nroot; i++) t->total += count[i];
-  PetscCheck(t->total >= size, t->comm, PETSC_ERR_USER_INPUT, "%d cells are too few for %d ranks: raise -mesh_cells or use fewer ranks",
-             (int)t->total, size);
-  from     = t->total * rank / size;
-  to       = t->total * (rank + 1) / size;
-  t->start = (PetscInt)from;
-  t->nleaf = (PetscInt)(to - from);
-  PetscCall(PetscMalloc1(t->nleaf, &t->leaf));
+  PetscCall(take_range(t));
+  to = t->start + t->nleaf;
   for (PetscInt i = 0; i < nroot; at += count[i++]) {
     PetscInt64 m = at;
 
-    if (at < to && at + count[i] > from) PetscCall(walk(t, 0, root[i].x, from, to, &m));
+    if (at < to && at + count[i] > t->start) PetscCall(walk(t, 0, root[i].x, t->start, to, &m));
   }
-  PetscCall(PetscMalloc1(size, &t->first));
-  PetscCallMPI(MPI_Allgather(&t->leaf[0].key, 1, MPI_UINT64_T, t->first, 1, MPI_UINT64_T, t->comm));
+  PetscCall(share_first_keys(t));
   PetscCall(PetscFree2(root, count));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -444,12 +471,9 @@ static PetscErrorCode read_regions(Leaves *t)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode read_options(Leaves *t)
+static PetscErrorCode set_lattice(Leaves *t)
 {
   PetscFunctionBeginUser;
-  t->band = 3;
-  PetscCall(OptReal("-mesh_band", &t->band));
-  PetscCall(read_regions(t));
   for (PetscInt d = 0; d < t->dim; d++) {
     t->n[d]        = t->kind->cells[d];
     t->periodic[d] = (PetscBool)(t->kind->period[d] > 0);
@@ -464,9 +488,32 @@ static PetscErrorCode read_options(Leaves *t)
 PetscErrorCode LeavesCreate(MPI_Comm comm, MeshKind kind, PetscInt levels, const MeshSurface *surface, Leaves *t)
 {
   PetscFunctionBeginUser;
-  *t = (Leaves){.comm = comm, .kind = kind, .dim = kind->dim, .levels = levels, .surface = surface};
-  PetscCall(read_options(t));
+  *t = (Leaves){.comm = comm, .kind = kind, .dim = kind->dim, .levels = levels, .surface = surface, .band = 3};
+  PetscCall(OptReal("-mesh_band", &t->band));
+  PetscCall(read_regions(t));
+  PetscCall(set_lattice(t));
   PetscCall(find_own_leaves(t));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode LeavesCreateFromList(MPI_Comm comm, MeshKind kind, PetscInt levels, PetscInt n, const Leaf list[], Leaves *t)
+{
+  PetscFunctionBeginUser;
+  *t = (Leaves){.comm = comm, .kind = kind, .dim = kind->dim, .levels = levels, .total = n, .nlist = n, .list = list};
+  PetscCall(set_lattice(t));
+  PetscCall(take_range(t));
+  PetscCall(PetscArraycpy(t->leaf, list + t->start, t->nleaf));
+  PetscCall(share_first_keys(t));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode LeavesAreSame(const Leaves *a, const Leaves *b, PetscBool *same)
+{
+  PetscFunctionBeginUser;
+  *same = (PetscBool)(a->levels == b->levels && a->total == b->total && a->start == b->start && a->nleaf == b->nleaf);
+  for (PetscInt d = 0; d < a->dim; d++) *same = (PetscBool)(*same && a->n[d] == b->n[d]);
+  for (PetscInt i = 0; i < a->nleaf && *same; i++) *same = (PetscBool)(a->leaf[i].key == b->leaf[i].key && a->leaf[i].level == b->leaf[i].level);
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, same, 1, COMPAT_MPI_BOOL, MPI_LAND, a->comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -475,6 +522,7 @@ PetscErrorCode LeavesClose(Leaves *t)
   PetscFunctionBeginUser;
   for (PetscInt l = 0; l <= LEAVES_MAX_LEVELS; l++) PetscCall(KeysDestroy(&t->memo[l]));
   t->surface = NULL;
+  t->list    = NULL;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -39,6 +39,8 @@ typedef struct _n_Leaves {
   PetscBool          periodic[3], around;         /* refine around the surfaces? */
   PetscReal          band;
   const MeshSurface *surface; /* borrowed during construction */
+  PetscInt           nlist;
+  const Leaf        *list; /* [nlist] all leaves, in place of the formula; borrowed during construction */
   PetscInt           nbox;
   LeavesBox          box[LEAVES_MAX_BOXES];
   Keys               memo[LEAVES_MAX_LEVELS + 1]; /* is a cell refined? */
@@ -53,7 +55,12 @@ PetscErrorCode LeavesReadRefine(PetscBool *bodies, PetscInt *nbox, char box[][LE
 /* Read -mesh_refine, -mesh_band and boxes and find the leaves of this rank. Collective. Errors: nothing to refine
    around, unknown or empty boxes, a band too narrow, fewer cells than ranks, too many cells for the lattice. */
 PetscErrorCode LeavesCreate(MPI_Comm, MeshKind, PetscInt levels, const MeshSurface *, Leaves *);
+/* The same with leaves that are given: all of them, along the curve, on every rank (borrowed until LeavesClose).
+   Collective. Error: fewer cells than ranks. */
+PetscErrorCode LeavesCreateFromList(MPI_Comm, MeshKind, PetscInt levels, PetscInt n, const Leaf[], Leaves *);
 PetscErrorCode LeavesDestroy(Leaves *);
+/* Have both the same base cells, levels, and leaves of this rank? Collective, the same on all ranks. */
+PetscErrorCode LeavesAreSame(const Leaves *, const Leaves *, PetscBool *same);
 /* Forget the surface, and with it the leaves of other ranks. */
 PetscErrorCode LeavesClose(Leaves *);
 

@@ -353,20 +353,10 @@ PetscErrorCode MeshReadFinest(MPI_Comm comm, PetscReal *h)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MeshCreateAround(MPI_Comm comm, const MeshSurface *surface, Mesh *mesh)
+/* What follows from cells and nodes */
+static PetscErrorCode complete(Mesh m)
 {
-  Mesh      m;
-  PetscInt  levels;
-  PetscBool around;
-
   PetscFunctionBeginUser;
-  PetscCall(PetscNew(&m));
-  m->comm = comm;
-  PetscCall(MeshReadLevels(&levels, &around));
-  if (levels) {
-    PetscCall(MeshKindReadBox(comm, &m->kind));
-    PetscCall(RefinedBuild(m, levels, surface));
-  } else PetscCall(build_plain(m));
   m->x_start = m->x;
   PetscCall(MeshCreateBins(m));
   m->loc.cell_node     = m->cell_node;
@@ -377,7 +367,44 @@ PetscErrorCode MeshCreateAround(MPI_Comm comm, const MeshSurface *surface, Mesh 
   m->loc.centre_cell   = m->centre_cell;
   m->loc.x             = m->x;
   m->loc.x_start       = m->x_start;
-  *mesh                = m;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshCreateAround(MPI_Comm comm, const MeshSurface *surface, Mesh *mesh)
+{
+  Mesh      m;
+  PetscInt  levels;
+  PetscBool around;
+  Leaves    leaves;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&m));
+  m->comm = comm;
+  PetscCall(MeshReadLevels(&levels, &around));
+  if (levels) {
+    PetscCall(MeshKindReadBox(comm, &m->kind));
+    PetscCall(LeavesCreate(comm, m->kind, levels, surface, &leaves));
+    PetscCall(RefinedBuild(m, &leaves));
+  } else PetscCall(build_plain(m));
+  PetscCall(complete(m));
+  *mesh = m;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshCreateOf(MPI_Comm comm, const PetscInt cells[3], PetscInt levels, PetscInt n, const Leaf leaf[], Mesh *mesh)
+{
+  Mesh   m;
+  Leaves leaves;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&m));
+  m->comm = comm;
+  PetscCall(MeshKindReadBox(comm, &m->kind));
+  PetscCall(MeshKindSetCells(m->kind, cells));
+  PetscCall(LeavesCreateFromList(comm, m->kind, levels, n, leaf, &leaves));
+  PetscCall(RefinedBuild(m, &leaves));
+  PetscCall(complete(m));
+  *mesh = m;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

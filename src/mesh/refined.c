@@ -408,13 +408,12 @@ static PetscErrorCode build_cells(Builder *b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode RefinedBuild(Mesh m, PetscInt levels, const MeshSurface *surface)
+PetscErrorCode RefinedBuild(Mesh m, Leaves *leaves)
 {
-  Builder        b = {.mesh = m};
+  Builder        b = {.mesh = m, .leaves = *leaves};
   const PetscInt d = m->kind->dim;
 
   PetscFunctionBeginUser;
-  PetscCall(LeavesCreate(m->comm, m->kind, levels, surface, &b.leaves));
   PetscCall(MeshCheckMemory(m->comm, d, (const PetscInt[3]){(PetscInt)b.leaves.total, 1, 1}));
   PetscCall(build_cells(&b));
   PetscCall(number_locally(&b));

@@ -4,7 +4,10 @@
 #include "leaves.h"
 
 /* Fill a mesh that has its kind: cells, ghosts (all cells that share a node with an own one, also over a jump), nodes,
-   boundaries. Nodes of a cell are slots (mesh/hang.h): those of the large face where a face hangs. Collective. Errors:
-   those of LeavesCreate. */
-PetscErrorCode RefinedBuild(Mesh, PetscInt levels, const MeshSurface *);
+   boundaries. Nodes of a cell are slots (mesh/hang.h): those of the large face where a face hangs. Takes the leaves
+   over, closed. Collective. Errors: more memory than there is; levels that jump. */
+PetscErrorCode RefinedBuild(Mesh, Leaves *);
 PetscErrorCode RefinedDestroy(Mesh);
+/* The whole mesh of leaves that are known: those of LeavesCreateFromList, in the box of the options with these base
+   cells. Collective. */
+PetscErrorCode MeshCreateOf(MPI_Comm, const PetscInt cells[3], PetscInt levels, PetscInt n, const Leaf[], Mesh *);

@@ -38,7 +38,7 @@ struct _p_Checkpoint {
   PetscLogDouble   written; /* wall clock of the last checkpoint */
   char             from[PETSC_MAX_PATH_LEN];
   PetscBool        restarted, stopped;
-  Module           module[MAX_MODULES];
+  Module           module[MAX_MODULES], restore;
   struct sigaction usual[3];
   int              signal; /* that stopped the run */
 };
@@ -326,6 +326,38 @@ PetscErrorCode CheckpointAdd(Checkpoint c, const char name[], void *module, Stat
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode CheckpointSetRestore(Checkpoint c, const char name[], void *module, StateVisit restore)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscStrncpy(c->restore.name, name, sizeof(c->restore.name)));
+  c->restore.module = module;
+  c->restore.visit  = restore;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* A state of the cells and nodes that there are now */
+static PetscErrorCode renew_state(Checkpoint c)
+{
+  PetscFunctionBeginUser;
+  if (c->loc->meshes == c->meshes) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(StateDestroy(&c->state));
+  PetscCall(MeshCreateState(c->mesh, &c->state));
+  c->meshes = c->loc->meshes;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode restore_mesh(Checkpoint c)
+{
+  PetscFunctionBeginUser;
+  if (!c->restore.visit) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(StateBeginLook(c->state, c->from));
+  PetscCall(StateModule(c->state, c->restore.name));
+  PetscCall((*c->restore.visit)(c->restore.module, c->state));
+  PetscCall(StateEnd(c->state));
+  PetscCall(renew_state(c));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CheckpointLoad(Checkpoint c, PetscBool *restarted)
 {
   const char *dir;
@@ -341,6 +373,7 @@ PetscErrorCode CheckpointLoad(Checkpoint c, PetscBool *restarted)
     PetscCheck(c->from[0], PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
                "-sim_restart latest: '%s' holds no whole checkpoint. Give a file, another -output_dir, or start without -sim_restart", dir);
   }
+  PetscCall(restore_mesh(c));
   PetscCall(StateBeginLoad(c->state, c->from));
   PetscCall(visit_modules(c));
   PetscCall(StateEnd(c->state));
@@ -401,11 +434,7 @@ PetscErrorCode CheckpointWrite(Checkpoint c, PetscInt step, PetscReal time)
   PetscCall(PetscLogEventBegin(TB_CHECKPOINT, 0, 0, 0, 0));
   PetscCall(OutputGetDirectory(c->output, &dir));
   PetscCall(PetscSNPrintf(path, sizeof(path), "%s/checkpoint_%" PetscInt_FMT ".h5", dir, step));
-  if (c->loc->meshes != c->meshes) { /* cells and nodes are others */
-    PetscCall(StateDestroy(&c->state));
-    PetscCall(MeshCreateState(c->mesh, &c->state));
-    c->meshes = c->loc->meshes;
-  }
+  PetscCall(renew_state(c));
   PetscCall(StateBeginSave(c->state, path));
   PetscCall(visit_modules(c));
   PetscCall(StateEnd(c->state));

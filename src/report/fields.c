@@ -360,31 +360,41 @@ PetscErrorCode OutputGetOverwrite(Output o, PetscBool *overwrite)
 PetscErrorCode OutputVisitState(void *output, State state)
 {
   Output     o = output;
-  PetscInt   n = o->nsnap, *number;
+  PetscInt   n = o->nsnap, *number, *size, sized = 1;
   PetscReal *time;
 
   PetscFunctionBeginUser;
   if (StateIsLoading(state)) PetscCall(StateGetSize(state, "snapshot_time", &n));
-  PetscCall(PetscMalloc2(3 * n, &number, n, &time));
+  PetscCall(PetscMalloc3(3 * n, &number, 2 * n, &size, n, &time));
   for (PetscInt i = 0; i < o->nsnap; i++) {
     number[3 * i]     = o->snap[i].step;
     number[3 * i + 1] = o->snap[i].mesh;
     number[3 * i + 2] = o->snap[i].body;
+    size[2 * i]       = o->snap[i].ncell;
+    size[2 * i + 1]   = o->snap[i].npoint;
     time[i]           = o->snap[i].time;
   }
   PetscCall(StateInts(state, "snapshot", 3 * n, number));
   PetscCall(StateReals(state, "snapshot_time", n, time));
+  /* -1: of a version whose meshes stayed */
+  if (StateIsLoading(state)) PetscCall(StateGetSize(state, "snapshot_size", &sized));
+  if (sized >= 0) PetscCall(StateInts(state, "snapshot_size", 2 * n, size));
   PetscCall(StateInts(state, "mesh_step", 1, &o->mesh_step));
   if (StateIsLoading(state)) {
     o->restarted = PETSC_TRUE;
     o->nsnap = o->room = n;
     PetscCall(PetscRealloc(n * sizeof(Snapshot), &o->snap));
     for (PetscInt i = 0; i < n; i++)
-      o->snap[i] = (Snapshot){number[3 * i], number[3 * i + 1], o->loc->ncell_global, o->points.total, time[i], (PetscBool)number[3 * i + 2]};
+      o->snap[i] = (Snapshot){number[3 * i],
+                              number[3 * i + 1],
+                              sized < 0 ? o->loc->ncell_global : size[2 * i],
+                              sized < 0 ? o->points.total : size[2 * i + 1],
+                              time[i],
+                              (PetscBool)number[3 * i + 2]};
     /* a name that no earlier part of the run has used */
     if (!StateIsSamePartition(state) && n) o->mesh_step = o->snap[n - 1].step + 1;
   }
-  PetscCall(PetscFree2(number, time));
+  PetscCall(PetscFree3(number, size, time));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

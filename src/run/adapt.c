@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "adapt.h"
 #include "base/opt.h"
+#include "mesh/carry.h"
 
 #define SAFETY  0.9
 #define REJECT  2.0 /* error of a rejected step in tolerances */
@@ -426,6 +427,25 @@ PetscErrorCode AdaptView(Adapt a, PetscViewer viewer)
                            (double)a->tolerance, (double)a->cfl_max, (double)a->move, (double)a->gap, (double)a->min));
   if (a->max < PETSC_MAX_REAL) PetscCall(PetscViewerASCIIPrintf(viewer, " to %g", (double)a->max));
   PetscCall(PetscViewerASCIIPrintf(viewer, "\n"));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* A node between disturbed ones counts as one */
+PetscErrorCode AdaptRemesh(Adapt a, Mesh old)
+{
+  const MeshLocal *l = a->l;
+  Mesh             now;
+  PetscReal       *u, *age;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetMesh(a->flow, &now));
+  PetscCall(PetscMalloc2(l->nnode_all * l->dim, &u, l->nnode_all, &age));
+  PetscCall(MeshCarryNodes(old, now, l->dim, a->u_older, u));
+  PetscCall(MeshCarryNodes(old, now, 1, a->age, age));
+  PetscCall(PetscFree2(a->u_older, a->age));
+  a->u_older = u;
+  a->age     = age;
+  for (PetscInt i = 0; i < l->nnode_all; i++) a->age[i] = PetscMax(0, PetscMin(REST, PetscFloorReal(a->age[i] + 1e-9)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -46,5 +46,8 @@ PetscErrorCode AdaptJudge(Adapt, KSPConvergedReason, PetscBool *accept);
 PetscErrorCode AdaptAccept(Adapt, PetscReal cfl);
 /* Quantities of the run: rejected_steps, dt_min, dt_max. */
 PetscErrorCode AdaptFinish(Adapt);
+/* The mesh has been made anew, and the flow knows (FlowRemesh): what the estimate remembers is carried over from the
+   old one. Collective. */
+PetscErrorCode AdaptRemesh(Adapt, Mesh old);
 /* StateVisit of an Adapt. */
 PetscErrorCode AdaptVisitState(void *adapt, State);

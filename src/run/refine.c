@@ -19,11 +19,17 @@ typedef struct {
 } Surface;
 
 struct _p_Refine {
-  MPI_Comm comm;
-  Mesh     mesh;
-  Surface  surface;
-  PetscReal (*X)[3], (*q)[4], way, seconds; /* way: -mesh_follow_way */
+  MPI_Comm  comm;
+  Mesh      mesh;
+  Surface   surface;
+  PetscBool follows;
+  /* of a mesh that follows. way: -mesh_follow_way */
+  PetscReal (*X)[3], (*q)[4], way, seconds;
   PetscInt changes;
+  /* what stands on the mesh */
+  Flow   flow;
+  Couple couple;
+  Adapt  adapt;
 };
 
 /* Smallest distance of x to any body, looked at closely for those within reach only */
@@ -82,7 +88,8 @@ static PetscErrorCode remark_cut_jumps(Surface *s, Mesh mesh)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Where bodies are, and as far ahead as half of the way allows; dt 0: at the start, where they are */
+/* Where bodies are in a box that may travel, and as far ahead as half of the way allows; dt 0: at the start, where they
+   are */
 static PetscErrorCode place_bodies(Refine r, PetscReal dt)
 {
   BodyState *s = r->surface.s;
@@ -91,10 +98,10 @@ static PetscErrorCode place_bodies(Refine r, PetscReal dt)
   for (PetscInt k = 0; k < s->n; k++) {
     PetscReal speed = 0, ahead = AHEAD * dt;
 
-    for (PetscInt a = 0; a < s->dim; a++) speed += PetscSqr(s->u[k][a]);
+    for (PetscInt a = 0; a < s->dim; a++) speed += PetscSqr(s->u[k][a] - s->frame_u[a]);
     speed = PetscSqrtReal(speed);
     if (speed * ahead > r->surface.margin) ahead = r->surface.margin / speed;
-    for (PetscInt a = 0; a < 3; a++) r->X[k][a] = s->x[k][a] + ahead * s->u[k][a];
+    for (PetscInt a = 0; a < 3; a++) r->X[k][a] = s->x[k][a] + ahead * (s->u[k][a] - s->frame_u[a]);
     PetscCall(PetscArraycpy(r->q[k], s->q[k], 4));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -108,6 +115,8 @@ static PetscErrorCode find_way(Refine r, PetscInt k, PetscReal dt, PetscReal *wa
 
   PetscFunctionBeginUser;
   PetscCall(BodiesPredict(r->surface.bodies, k, dt, 1, X, q, &angle));
+  /* the step of the box is not known yet: as fast as in the last one */
+  for (PetscInt a = 0; a < s->dim; a++) X[a] += s->frame_next[a] - s->frame[a] - dt * s->frame_u[a];
   *way = 0;
   for (PetscInt a = 0; a < s->dim; a++) *way += PetscSqr(DomainNearest(r->surface.period[a], X[a] - r->X[k][a], 0));
   for (PetscInt a = 0; a < 4; a++) dot += q[a] * r->q[k][a];
@@ -116,36 +125,34 @@ static PetscErrorCode find_way(Refine r, PetscInt k, PetscReal dt, PetscReal *wa
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode create_follower(MPI_Comm comm, const Surface *surface, Refine *refine)
+static PetscErrorCode start_following(Refine r)
 {
-  Refine    r;
-  PetscReal way    = 2;
-  PetscBool follow = PETSC_FALSE;
+  Surface *s = &r->surface;
 
   PetscFunctionBeginUser;
-  *refine = NULL;
-  PetscCall(OptBool("-mesh_follow", &follow));
-  if (!follow) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(OptReal("-mesh_follow_way", &way));
-  PetscCall(PetscNew(&r));
-  r->comm    = comm;
-  r->surface = *surface;
-  r->way     = way;
-  PetscCall(PetscCalloc2(surface->s->n, &r->X, surface->s->n, &r->q));
+  r->way = 2;
+  PetscCall(OptReal("-mesh_follow_way", &r->way));
+  PetscCall(PetscCalloc2(s->s->n, &r->X, s->s->n, &r->q));
   PetscCall(place_bodies(r, 0));
-  r->surface.X = r->X;
-  r->surface.q = r->q;
-  *refine      = r;
+  s->X = r->X;
+  s->q = r->q;
+  /* the size of the finest cells is known when there are some */
+  PetscCall(MeshReadFinest(r->comm, &s->margin));
+  s->margin *= 0.5 * r->way;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool around, Bodies *bodies, Mesh *mesh, Refine *refine)
 {
-  Surface   surface = {0}, *s = &surface;
+  Refine    r;
+  Surface  *s;
   PetscReal lower[3], upper[3];
   PetscBool still;
 
   PetscFunctionBeginUser;
+  PetscCall(PetscNew(&r));
+  r->comm = comm;
+  s       = &r->surface;
   PetscCall(MeshReadBox(comm, &s->dim, lower, upper, s->period));
   PetscCall(BodiesCreate(s->dim, lower, upper, bodies));
   s->bodies = *bodies;
@@ -154,18 +161,15 @@ PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool around, Bodies *bodies,
   s->inside = (PetscBool)!still;
   s->X      = s->s->x;
   s->q      = s->s->q;
-  *refine   = NULL;
-  if (!still && around) PetscCall(create_follower(comm, s, refine));
-  PetscCheck(still || !around || *refine, comm, PETSC_ERR_USER_INPUT,
+  if (!still && around) PetscCall(OptBool("-mesh_follow", &r->follows));
+  PetscCheck(still || !around || r->follows, comm, PETSC_ERR_USER_INPUT,
              "-mesh_refine bodies refines where bodies are at the start, and these move: give -mesh_follow, or name a box around their way "
              "(-mesh_refine <box>, -mesh_box_<box>_corners)");
-  if (*refine) s = &(*refine)->surface;
-  /* the size of the finest cells is known when there are some */
-  if (*refine) PetscCall(MeshReadFinest(comm, &s->margin));
-  if (*refine) s->margin *= 0.5 * (*refine)->way;
+  if (r->follows) PetscCall(start_following(r));
   PetscCall(MeshCreateAround(comm, s->s->n ? &(MeshSurface){measure_distance, s} : NULL, mesh));
   PetscCall(remark_cut_jumps(s, *mesh));
-  if (*refine) (*refine)->mesh = *mesh;
+  r->mesh = *mesh;
+  *refine = r;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -180,36 +184,45 @@ PetscErrorCode RefineDestroy(Refine *refine)
 
 PetscErrorCode RefineCheck(Refine r)
 {
-  static const char *const OTHERS[] = {"-sim_adapt", "-sim_steady", "-sim_frame"};
-  char                     from[8]  = "";
+  PetscBool steady = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  if (!r) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt i = 0; i < 3; i++) {
-    char      text[8];
-    PetscBool given, off, none;
-
-    PetscCall(OptHas(OTHERS[i], &given));
-    PetscCall(OptPeek(OTHERS[i], text, sizeof(text)));
-    PetscCall(PetscStrcasecmp(text, "false", &off));
-    PetscCall(PetscStrcasecmp(text, "none", &none));
-    PetscCheck(!given || off || none || text[0] == '0', r->comm, PETSC_ERR_SUP,
-               "-mesh_follow does not work with %s: switch that off (a preset may have chosen it), or remove -mesh_follow", OTHERS[i]);
-  }
-  PetscCall(OptPeek("-sim_restart", from, sizeof(from)));
-  PetscCheck(!from[0], r->comm, PETSC_ERR_SUP,
-             "-sim_restart does not know where a mesh that follows bodies was: run from the start, or without -mesh_follow");
+  if (!r || !r->follows) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(OptBool("-sim_steady", &steady));
+  PetscCheck(!steady, r->comm, PETSC_ERR_SUP, "-mesh_follow does not work with -sim_steady, where no body moves: remove one of them");
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode RefineFollow(Refine r, Flow flow, Couple couple, PetscReal dt)
+/* The one door for a changed mesh: what stands on it is made anew, its fields come from the old one, which goes. Before
+   the change CoupleLeave, but where fields will be loaded. */
+static PetscErrorCode renew_above(Refine r, Mesh old)
 {
-  Mesh           old;
+  PetscFunctionBeginUser;
+  if (r->flow) PetscCall(FlowRemesh(r->flow, old));
+  if (r->adapt) PetscCall(AdaptRemesh(r->adapt, old));
+  if (r->couple) PetscCall(CoupleRemesh(r->couple, &old));
+  PetscCall(MeshDestroy(&old));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode remesh(Refine r)
+{
+  Mesh old;
+
+  PetscFunctionBeginUser;
+  if (r->couple) PetscCall(CoupleLeave(r->couple));
+  PetscCall(MeshRemesh(r->mesh, r->surface.s->n ? &(MeshSurface){measure_distance, &r->surface} : NULL, &old));
+  PetscCall(renew_above(r, old));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode RefineFollow(Refine r, PetscReal dt)
+{
   PetscLogDouble begin, end;
   PetscBool      due = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  if (!r) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!r || !r->follows) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt k = 0; k < r->surface.s->n && !due; k++) {
     PetscReal way = 0;
 
@@ -220,11 +233,7 @@ PetscErrorCode RefineFollow(Refine r, Flow flow, Couple couple, PetscReal dt)
   if (!due) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscTime(&begin));
   PetscCall(place_bodies(r, dt));
-  PetscCall(CoupleLeave(couple));
-  PetscCall(MeshRemesh(r->mesh, &(MeshSurface){measure_distance, &r->surface}, &old));
-  PetscCall(FlowRemesh(flow, old));
-  PetscCall(CoupleRemesh(couple, &old));
-  PetscCall(MeshDestroy(&old));
+  PetscCall(remesh(r));
   PetscCall(PetscTime(&end));
   r->seconds += end - begin;
   r->changes++;
@@ -234,8 +243,63 @@ PetscErrorCode RefineFollow(Refine r, Flow flow, Couple couple, PetscReal dt)
 PetscErrorCode RefineReport(Refine r, Monitor monitor)
 {
   PetscFunctionBeginUser;
-  if (!r) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!r || !r->follows) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MonitorQuantity(monitor, "mesh_changes", (PetscReal)r->changes));
   PetscCall(MonitorQuantity(monitor, "mesh_seconds", r->seconds));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- checkpoints ---- */
+
+static PetscErrorCode restore(void *refine, State look)
+{
+  Refine r = refine;
+  Mesh   old;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshRestore(r->mesh, look, &old));
+  if (old) PetscCall(renew_above(r, old));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The run before may have followed no body: then the present one begins with where they are */
+static PetscErrorCode visit_state(void *refine, State state)
+{
+  Refine         r     = refine;
+  const PetscInt n     = r->surface.s->n;
+  PetscInt       known = 3 * n;
+
+  PetscFunctionBeginUser;
+  if (!r->follows) PetscFunctionReturn(PETSC_SUCCESS);
+  if (StateIsLoading(state)) PetscCall(StateGetSize(state, "place", &known));
+  if (known == 3 * n) {
+    PetscCall(StateReals(state, "place", 3 * n, (PetscReal *)r->X));
+    PetscCall(StateReals(state, "orientation", 4 * n, (PetscReal *)r->q));
+    PetscCall(StateInts(state, "changes", 1, &r->changes));
+  } else PetscCall(place_bodies(r, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode RefineConnect(Refine r, Flow flow, Couple couple, Adapt adapt, Checkpoint checkpoint)
+{
+  PetscFunctionBeginUser;
+  if (!r) PetscFunctionReturn(PETSC_SUCCESS);
+  r->flow   = flow;
+  r->couple = couple;
+  r->adapt  = adapt;
+  PetscCall(CheckpointSetRestore(checkpoint, "tree", r, restore));
+  PetscCall(CheckpointAdd(checkpoint, "tree", r->mesh, MeshVisitTree));
+  PetscCall(CheckpointAdd(checkpoint, "refine", r, visit_state));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode RefineMatch(Refine r)
+{
+  PetscBool same;
+
+  PetscFunctionBeginUser;
+  if (!r) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(MeshIsAround(r->mesh, r->surface.s->n ? &(MeshSurface){measure_distance, &r->surface} : NULL, &same));
+  if (!same) PetscCall(remesh(r));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

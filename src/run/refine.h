@@ -6,22 +6,30 @@
    surface keeps its clearance from jumps of levels. Velocities of both times are carried over, nothing is projected,
    and the scheme goes on: with a step of first order after each change the force is four times as rough. */
 #pragma once
-#include "couple/couple.h"
+#include "adapt.h"
 #include "bodies/bodies.h"
+#include "couple/couple.h"
 #include "mesh/mesh.h"
+#include "report/checkpoint.h"
 #include "report/monitor.h"
 
 typedef struct _p_Refine *Refine;
 
 /* Bodies first, then the mesh, around them or in boxes alone (MeshReadLevels). Bodies that stand still are fine at
-   their surface, others also inside. *refine is NULL unless the mesh follows. Collective. Errors: those of both; a
-   body that moves away from its fine cells. */
-PetscErrorCode RefineCreateMesh(MPI_Comm, PetscBool around, Bodies *, Mesh *, Refine *refine);
+   their surface, others also inside. Collective. Errors: those of both; a body that moves away from its fine cells. */
+PetscErrorCode RefineCreateMesh(MPI_Comm, PetscBool around, Bodies *, Mesh *, Refine *);
 PetscErrorCode RefineDestroy(Refine *);
-/* What does not go with it; after the options of others are known. Error: -sim_adapt, -sim_steady, -sim_restart. */
+/* In all that follows NULL, and a mesh that does not follow where that is asked for, does nothing. */
+
+/* What does not go with a mesh that follows; after the options of others are known. Error: -sim_steady. */
 PetscErrorCode RefineCheck(Refine);
-/* Before a step of length dt: where cells are to be made anew, mesh, flow and couple are. NULL does nothing.
-   Collective. */
-PetscErrorCode RefineFollow(Refine, Flow, Couple, PetscReal dt);
+/* What stands on the mesh and is made anew with it (any may be NULL), and the state of a checkpoint, after that of the
+   bodies and before those above: its tree, which the mesh has again before anything is loaded, and where the mesh has
+   the bodies. Borrowed. Not collective. */
+PetscErrorCode RefineConnect(Refine, Flow, Couple, Adapt, Checkpoint);
+/* After all is loaded: cells that the options want otherwise are made anew, and the fields carried over. Collective. */
+PetscErrorCode RefineMatch(Refine);
+/* Before a step of length dt: where cells are to be made anew, mesh and what stands on it are. Collective. */
+PetscErrorCode RefineFollow(Refine, PetscReal dt);
 /* Quantities of the run: how often, and the seconds of it */
 PetscErrorCode RefineReport(Refine, Monitor);

@@ -140,7 +140,6 @@ static PetscErrorCode build(SimParts *part)
     PetscCall(CoupleCreate(part->flow, part->bodies, &part->couple));
     PetscCall(remark_backflow(l, par, part->bodies, part->couple));
     if (part->deform) PetscCall(CoupleSetDeform(part->couple, part->deform));
-    if (part->refine) PetscCall(CoupleCheckRemesh(part->couple));
     if (steady) PetscCall(SteadyCreate(part->flow, part->couple, "1e-10", &part->steady));
     if (initial == FLOW_START_STEADY) PetscCall(SteadyCreate(part->flow, part->couple, "1e-5", &part->steady_start));
     PetscCall(ConditionsGetSolidFaces(FlowConditions(part->flow), &walls));
@@ -245,6 +244,7 @@ PetscErrorCode SceneRun(const char name[])
   PetscCall(build(&part));
   PetscCall(SimCreate(&part, &sim));
   PetscCall(CheckpointLoad(part.checkpoint, &restarted));
+  if (restarted) PetscCall(RefineMatch(part.refine));
   if (part.flow && !part.steady && !restarted && !dry) PetscCall(StartSolve(&part));
   PetscCall(SimSetUp(sim));
   PetscCall(OptCheckUnused()); /* every module has read its options, and nothing is written yet */

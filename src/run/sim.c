@@ -64,6 +64,7 @@ static PetscErrorCode add_states(Sim s)
   PetscFunctionBeginUser;
   PetscCall(CheckpointAdd(p->checkpoint, "sim", s, visit_state));
   PetscCall(CheckpointAdd(p->checkpoint, "bodies", p->bodies, BodiesVisitState));
+  PetscCall(RefineConnect(p->refine, p->flow, p->couple, s->adapt, p->checkpoint));
   if (p->flow) PetscCall(CheckpointAdd(p->checkpoint, "flow", p->flow, FlowVisitState));
   if (p->frame) PetscCall(CheckpointAdd(p->checkpoint, "frame", p->frame, FrameVisitState));
   if (p->flow) PetscCall(CheckpointAdd(p->checkpoint, "couple", p->couple, CoupleVisitState));
@@ -349,7 +350,7 @@ static PetscErrorCode solve_part(Sim s, PetscReal dt, PetscInt *its, KSPConverge
 
   PetscFunctionBeginUser;
   PetscCall(begin_phase(s, MONITOR_PARTICLE));
-  PetscCall(RefineFollow(s->part.refine, s->part.flow, s->part.couple, dt));
+  PetscCall(RefineFollow(s->part.refine, dt));
   PetscCall(FlowBeginStep(s->part.flow, s->time + dt, dt));
   if (s->part.frame) PetscCall(FrameBegin(s->part.frame));
   if (s->s->n) {

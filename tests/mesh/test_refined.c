@@ -246,6 +246,9 @@ static void test_carry(void **state)
 
     if (t == 1 || t == 4) continue; /* a polynomial is not periodic */
     create_random(t, &m, &l);
+    /* other base cells and levels in the same box */
+    if (t == 0) give("-mesh_cells 7,5 -mesh_levels 2 -mesh_band 0.8");
+    if (t == 3) give("-mesh_dimension 3 -mesh_cells 4,3,5 -mesh_levels 1 -mesh_band 0.8");
     OK(MeshRemesh(m, &(MeshSurface){ball_distance, &b}, &old));
     OK(MeshGetLocal(old, &lo));
     assert_int_equal(l->meshes, 1);

@@ -75,7 +75,22 @@ particle:
 sim: {dt: 0.02, steps: 10}
 output: {every: 0}
 """
+# two discs, cells around both; ranks have other cells after each change
+LEVELS = """\
+mesh: {cells: [6, 12], upper: [1, 2], levels: 2, follow: true, follow_way: 1}
+flow: {density: 1, viscosity: 0.1, gravity: [0, -981]}
+particle:
+  groups: [disc, light]
+  disc: {shape: circle, radius: 0.125, density: 1.5, position: [0.45, 1.4], velocity: [0, -5]}
+  light: {shape: ellipse, a: 0.15, b: 0.1, density: 0.8, angle: 0.5, position: [0.6, 0.5], velocity: [0, 4]}
+sim: {dt: 0.004, steps: 10}
+output: {every: 3}
+"""
 CASES = {
+    "levels follow": (LEVELS, []),
+    "levels follow, snap": (LEVELS, ["-couple_boundary", "snap", "-mesh_band", "4"]),
+    "levels follow, adaptive": (LEVELS, ["-sim_adapt", "-sim_adapt_tolerance", "2e-3", "-couple_boundary", "nodal"]),
+    "levels follow, driven": (edited("levels: 2,", "periodic: y, levels: 2,", LEVELS), ["-flow_rate", "0,1", "-sim_frame", "velocity", "-sim_frame_velocity", "0,2"]),
     "axes": (AXES, []),
     "formulas": (FORMULAS, []),
     "one disc": (DISC, []),
@@ -134,7 +149,7 @@ def good(run):
 # ---- the same run ----
 
 
-@pytest.mark.parametrize("case, ranks", [("axes", 1), ("one disc", 2), ("crowd", 1), ("crowd", 2), ("snap", 2), ("plate", 1), ("mesh follows", 2), ("mesh follows, adaptive", 1), ("friction", 1), ("explicit", 1), ("crank nicolson", 1), ("fractional step", 1), ("formulas", 1), ("adaptive", 2), ("adaptive friction", 1), ("no bodies", 2), ("frame follows", 1), ("flow rate", 1), ("three velocities", 2)])
+@pytest.mark.parametrize("case, ranks", [("levels follow", 2), ("levels follow, snap", 2), ("levels follow, adaptive", 1), ("levels follow, driven", 1), ("axes", 1), ("one disc", 2), ("crowd", 1), ("crowd", 2), ("snap", 2), ("plate", 1), ("mesh follows", 2), ("mesh follows, adaptive", 1), ("friction", 1), ("explicit", 1), ("crank nicolson", 1), ("fractional step", 1), ("formulas", 1), ("adaptive", 2), ("adaptive friction", 1), ("no bodies", 2), ("frame follows", 1), ("flow rate", 1), ("three velocities", 2)])
 def test_restart_is_identical(good, scene, tmp_path, case, ranks):
     text, args = CASES[case]
     name = scene(text)

@@ -1,0 +1,195 @@
+"""Meshes that follow bodies (-mesh_follow): in space, with adaptive steps, in a box that travels, with a mean velocity that is held; from a checkpoint, with other ranks and other cells."""
+import csv
+import json
+import xml.etree.ElementTree as xml
+
+import h5py
+import pytest
+
+from conftest import edited
+
+FOLLOWS = ", levels: 3, follow: true, follow_way: 0.8"
+FALLING = f"""\
+mesh: {{upper: [2, 6], cells: [8, 24]{FOLLOWS}}}
+flow: {{density: 1, viscosity: 0.1, gravity: [0, -981]}}
+particle:
+  groups: disc
+  disc: {{shape: circle, radius: 0.125, density: 1.25, position: [1, 4], velocity: [0, -4]}}
+sim: {{dt: 0.002, steps: 16}}
+output: {{every: 0}}
+"""
+# the same in a box without ends
+ROUND = edited("upper: [2, 6], cells: [8, 24]", "upper: [2, 4], cells: [8, 16], periodic: y", FALLING).replace("[1, 4], velocity", "[1, 2], velocity")
+WAY = ["-mesh_refine", "way", "-mesh_box_way_corners", "0.5,1.2,1.5,4.5", "-mesh_levels", "3"]
+BALL = """\
+mesh: {dimension: 3, upper: [1.5, 1.5, 2.5], cells: [3, 3, 5], levels: 2, band: 1.5, follow: true, follow_way: 0.3}
+flow: {density: 1, viscosity: 0.1, gravity: [0, 0, -981], recipe: balanced, ksp_rtol: 1e-9}
+particle:
+  groups: ball
+  ball: {shape: circle, radius: 0.2, density: 1.5, position: [0.75, 0.75, 1.7], velocity: [0, 0, -4]}
+sim: {dt: 0.004, steps: 4}
+output: {every: 0}
+"""
+
+
+def rows(folder, name="bodies.csv"):
+    with open(folder / name, newline="") as file:
+        return [{k: v for k, v in row.items() if not k.startswith("seconds")} for row in csv.DictReader(file)]
+
+
+def changes(folder):
+    return json.loads((folder / "summary.json").read_text())["quantities"].get("mesh_changes", 0)
+
+
+@pytest.fixture
+def good(run, tmp_path):
+    """good(folder, args, ranks=1): a run into the folder that must succeed; returns the folder."""
+
+    def start(folder, args, ranks=1):
+        done = run([*args, "-output_dir", folder], ranks)
+        assert done.status == 0, done
+        return tmp_path / folder
+
+    return start
+
+
+def check_near(one, two, rel, columns=("v",)):
+    for a, b in zip(rows(one), rows(two), strict=True):
+        for column in columns:
+            assert float(a[column]) == pytest.approx(float(b[column]), rel=rel), (column, a, b)
+
+
+def fixed(text, name, scene):
+    """The scene with cells that stay."""
+    return scene(edited(FOLLOWS, "", text), name)
+
+
+# ---- together with others ----
+
+
+def test_adaptive_steps(good, scene):
+    """As many steps as on cells that stay, but for one, of nearly the same lengths: re-meshing is no error in time."""
+    adapt = ["-sim_adapt", "-sim_adapt_tolerance", 1e-3, "-sim_time", 0.06, "-sim_steps", 100]
+    one = good("follows", [scene(FALLING), *adapt])
+    two = good("stays", [fixed(FALLING, "stays.yaml", scene), *WAY, *adapt])
+    assert changes(one) >= 4
+    assert abs(len(rows(one)) - len(rows(two))) <= 1
+    for a, b in list(zip(rows(one, "series.csv"), rows(two, "series.csv")))[:12]:
+        assert float(a["dt_s"]) == pytest.approx(float(b["dt_s"]), rel=0.06), (a, b)
+        assert float(a["step_error"]) == pytest.approx(float(b["step_error"]), rel=0.2), (a, b)
+    assert float(rows(one)[-1]["v"]) == pytest.approx(float(rows(two)[-1]["v"]), rel=5e-4)
+
+
+def test_travelling_box(good, scene):
+    """A box that goes with the disc keeps its cells; one that goes the other way makes them anew more often than one at rest, and the fall is the same."""
+    name, rest = scene(edited(", velocity: [0, -4]", "", ROUND)), 0
+    flux = ["-couple_backflow", "flux", "-sim_steps", 24]
+    still = good("rest", [name, *flux])
+    body = good("body", [name, *flux, "-sim_frame", "body"])
+    against = good("against", [name, *flux, "-sim_frame", "velocity", "-sim_frame_velocity", "0,3"])
+    rest = changes(still)
+    assert rest >= 2 and changes(body) == 0 and changes(against) > rest, (rest, changes(against))
+    for travels in body, against:
+        assert float(rows(travels)[-1]["y"]) == pytest.approx(float(rows(still)[-1]["y"]), rel=2e-4)
+        assert float(rows(travels)[-1]["v"]) == pytest.approx(float(rows(still)[-1]["v"]), rel=3e-3)
+
+
+def test_rate_is_held(good, scene):
+    """The force that holds the mean velocity is found on the new cells as on the old ones: 0.7 % off in the step after a change, 1e-5 in others."""
+    moves = edited("velocity: [0, -4]", "velocity: [0, -2]", edited("gravity: [0, -981]", "gravity: [0, -981], velocity: [0, -2], rate: [0, -2], recipe: balanced, ksp_rtol: 1e-9", ROUND))
+    moves = edited("periodic: y", "periodic: [x, y]", moves)
+    one = good("follows", [scene(moves)])
+    two = good("stays", [fixed(moves, "stays.yaml", scene), *WAY, "-mesh_box_way_corners", "0.5,1.2,1.5,2.8"])
+    assert changes(one) >= 4
+    for a, b in zip(rows(one, "series.csv"), rows(two, "series.csv"), strict=True):
+        assert float(a["mean_velocity_y"]) == pytest.approx(-2, abs=1e-8), a
+        assert float(a["flow_force_y"]) == pytest.approx(float(b["flow_force_y"]), rel=1e-2), (a, b)
+
+
+def test_in_space(good, scene):
+    """A ball falls on one rank as on two, and as on cells that are fine all the way."""
+    one = good("one", [scene(BALL)])
+    two = good("two", [scene(BALL), "-sim_steps", 3], 2)
+    stays = edited(", follow: true, follow_way: 0.3", ", refine: way, box_way_corners: [0, 0, 0.9, 1.5, 1.5, 2.3]", BALL)
+    stays = good("stays", [scene(stays, "stays.yaml")])
+    assert changes(one) >= 1 and changes(two) >= 1
+    for a, b in zip(rows(two), rows(one)):
+        for column in "z", "w", "force_z":
+            assert float(a[column]) == pytest.approx(float(b[column]), rel=1e-6), (a, b)
+    check_near(one, stays, 1e-3, ["w"])
+
+
+# ---- checkpoints ----
+
+
+def test_restart_on_other_ranks(good, scene):
+    name = scene(FALLING)
+    tight = [name, "-flow_recipe", "balanced", "-flow_ksp_rtol", 1e-9, "-checkpoint_every", 5]
+    whole = good("whole", tight)
+    parts = good("parts", [*tight, "-sim_steps", 5])
+    good("parts", [*tight, "-sim_steps", 8, "-sim_restart", "latest"], 2)
+    good("parts", [*tight, "-sim_restart", "latest"])
+    assert changes(whole) == changes(parts) >= 2
+    check_near(parts, whole, 1e-7, ["y", "v", "force_y"])
+
+
+OTHERS = {
+    "a level more": ["-mesh_levels", 4],
+    "other base cells": ["-mesh_cells", "12,36"],
+    "a wider band": ["-mesh_band", 4],
+}
+
+
+@pytest.mark.parametrize("case", OTHERS)
+def test_restart_with_other_cells(good, scene, case):
+    """The fields go over to the new cells, and the fall goes on as it has begun on them."""
+    name = scene(FALLING)
+    first = good("first", [name, "-sim_steps", 8, "-checkpoint_every", 8])
+    whole = good("whole", [name, *OTHERS[case]])
+    parts = good("parts", [name, *OTHERS[case], "-sim_restart", first / "checkpoint_8.h5"])
+    cells = [json.loads((folder / "summary.json").read_text())["cells"] for folder in (first, whole, parts)]
+    assert cells[1] != cells[0] and cells[2] != cells[0], cells
+    for a, b in zip(rows(parts), rows(whole)[8:], strict=True):
+        assert float(a["v"]) == pytest.approx(float(b["v"]), rel=4e-3), (a, b)
+
+
+def test_restart_with_cells_that_stay(good, scene):
+    """From a mesh that followed to one that is fine all the way, and back."""
+    follows, stays = scene(FALLING), [fixed(FALLING, "stays.yaml", scene), *WAY]
+    one = good("one", [follows, "-sim_steps", 8, "-checkpoint_every", 8])
+    two = good("two", [*stays, "-sim_restart", one / "checkpoint_8.h5", "-checkpoint_every", 12, "-sim_steps", 12])
+    three = good("three", [follows, "-sim_restart", two / "checkpoint_12.h5"])
+    whole = rows(good("whole", [follows]))
+    for part, of in ((rows(two), whole[8:12]), (rows(three), whole[12:])):
+        for a, b in zip(part, of, strict=True):
+            assert float(a["v"]) == pytest.approx(float(b["v"]), rel=1e-3), (a, b)
+
+
+def test_restart_without_levels(run, good, scene):
+    """A file whose cells the scene cannot have is refused by name, in both directions."""
+    follows, plain = scene(FALLING), fixed(FALLING, "plain.yaml", scene)
+    one = good("one", [follows, "-sim_steps", 2, "-checkpoint_every", 2])
+    two = good("two", [plain, "-sim_steps", 2, "-checkpoint_every", 2])
+    for name, file in ((plain, one), (follows, two)):
+        done = run([name, "-output_dir", "no", "-sim_restart", file / "checkpoint_2.h5"])
+        assert done.status != 0 and done.text.count("error:") == 1 and "has another mesh" in done.text, done
+
+
+def test_snapshots_after_restart(good, scene):
+    """Every snapshot of the index has the mesh it was written with, of the size that the index tells, also those from before the restart."""
+    name = scene(FALLING)
+    good("out", [name, "-output_every", 4, "-sim_steps", 8, "-checkpoint_every", 8])
+    out = good("out", [name, "-output_every", 4, "-sim_restart", "latest"])
+    grids = [grid for grid in xml.parse(out / "fields.xmf").iter("Grid") if grid.get("GridType") != "Collection"]
+    assert len(grids) == 4
+    meshes = set()
+    for grid in grids:
+        for item in grid.iter("DataItem"):
+            if not item.text or ":" not in item.text:
+                continue
+            file, dataset = item.text.strip().split(":")
+            meshes |= {file} if dataset == "/coordinates" else set()
+            with h5py.File(out / file) as data:
+                shape = [int(n) for n in item.get("Dimensions").split()]
+                assert list(data[dataset].shape) == shape or data[dataset].size == shape[0], (file, dataset, shape)
+    assert len(meshes) >= 3, meshes
