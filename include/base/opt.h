@@ -78,6 +78,9 @@ PetscErrorCode OptChoice(const char name[], const char *const list[], PetscInt *
 /* The scene file, to be told once before the first option is read: paths that a scene gives are relative to the folder
    of its file, those of the command line (and of PETSC_OPTIONS) to the working folder. Not collective. */
 void OptSetScene(const char file[]);
+/* The option `name` (with dash) stands in another file, one that the scene includes: its paths are relative to that.
+   May be called before PetscInitialize; kept until OptFinalize. Not collective. */
+PetscErrorCode OptSetFile(const char name[], const char file[]);
 
 /* A string; `value` has room for `len` characters and holds the default on entry. A path comes as seen from the working
    folder, and stands in the database (hence in options.txt) as an absolute one from then on. */

@@ -26,6 +26,13 @@ int SceneFileIsList(const char path[]);
 
 /* Returns 0 when PETSc can read the file as it was meant. Otherwise 1, with the first fault in message: unreadable or
    empty file, tabs in the indentation, syntax, duplicate keys (also two spellings of one option), lists of maps,
-   several documents, keys that cannot be an option name, more options than PETSc's table holds. Anchors, aliases and
-   merge keys are allowed, as in PETSc. */
+   several documents, keys that cannot be an option name, more options than PETSc's table holds; an include that is not
+   there, leads back to a scene that includes it, or has a fault itself; "~" that takes away nothing. Anchors and
+   aliases are allowed, as in PETSc. */
 int SceneFileCheck(const char path[], char message[], size_t len);
+
+/* The same check, and what PETSc cannot read by itself: a scene with 'include: other.yaml' (path relative to the scene)
+   says what the other one says, but for what it says itself; '~' as value takes away an option, or all of a mapping.
+   *options: "name\0value\0file\0..." of *size characters, names flattened and without dash, file where the option
+   stands; to be freed. NULL: the scene includes nothing, and PETSc reads it. */
+int SceneFileRead(const char path[], char **options, size_t *size, char message[], size_t len);

@@ -585,5 +585,6 @@ PetscErrorCode OptFinalize(void)
   free(list.known);
   list.known = NULL;
   list.n = list.room = 0;
+  OptForgetFiles();
   PetscFunctionReturn(PETSC_SUCCESS);
 }

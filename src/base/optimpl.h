@@ -54,4 +54,7 @@ PetscErrorCode OptJoinItems(const char name[]);
 /* Paths in value[len] of an option as seen from the working folder; absolute in the database. */
 PetscErrorCode OptResolvePaths(const char name[], OptPaths kind, char value[], size_t len);
 
+/* Forget what OptSetFile was told. */
+void OptForgetFiles(void);
+
 PetscBool OptSameName(const char a[], const char b[]); /* PETSc's option names do not tell upper from lower case */

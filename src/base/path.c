@@ -9,11 +9,55 @@
 
 static char scene_folder[PETSC_MAX_PATH_LEN]; /* with a slash at its end; "" for the working folder */
 
-void OptSetScene(const char file[])
+/* Options that stand in a file which the scene includes */
+static struct {
+  struct {
+    char *name, *folder;
+  } * option;
+  size_t n;
+} elsewhere;
+
+/* Length of "folder/" in "folder/file" */
+static int folder_length(const char file[])
 {
   const char *slash = strrchr(file, '/');
 
-  snprintf(scene_folder, sizeof(scene_folder), "%.*s", slash ? (int)(slash - file) + 1 : 0, file);
+  return slash ? (int)(slash - file) + 1 : 0;
+}
+
+void OptSetScene(const char file[])
+{
+  snprintf(scene_folder, sizeof(scene_folder), "%.*s", folder_length(file), file);
+}
+
+PetscErrorCode OptSetFile(const char name[], const char file[])
+{
+  void *more = realloc(elsewhere.option, (elsewhere.n + 1) * sizeof(*elsewhere.option));
+
+  if (!more) return PETSC_ERR_MEM;
+  elsewhere.option                     = more;
+  elsewhere.option[elsewhere.n].name   = strdup(name);
+  elsewhere.option[elsewhere.n].folder = strndup(file, (size_t)folder_length(file));
+  elsewhere.n++;
+  return PETSC_SUCCESS;
+}
+
+void OptForgetFiles(void)
+{
+  for (size_t i = 0; i < elsewhere.n; i++) {
+    free(elsewhere.option[i].name);
+    free(elsewhere.option[i].folder);
+  }
+  free(elsewhere.option);
+  elsewhere.option = NULL;
+  elsewhere.n      = 0;
+}
+
+static const char *folder_of(const char name[])
+{
+  for (size_t i = 0; i < elsewhere.n; i++)
+    if (OptSameName(elsewhere.option[i].name, name)) return elsewhere.option[i].folder;
+  return scene_folder;
 }
 
 PetscBool OptIsArgument(const char name[])
@@ -71,7 +115,7 @@ PetscErrorCode OptResolvePaths(const char name[], OptPaths kind, char value[], s
   char            seen[16 * PETSC_MAX_PATH_LEN], absolute[16 * PETSC_MAX_PATH_LEN], here[PETSC_MAX_PATH_LEN];
 
   PetscFunctionBeginUser;
-  PetscCall(place_paths(typed ? "" : scene_folder, kind, value, seen, PetscMin(len, sizeof(seen))));
+  PetscCall(place_paths(typed ? "" : folder_of(name), kind, value, seen, PetscMin(len, sizeof(seen))));
   PetscCall(PetscStrncpy(value, seen, len));
   if (!seen[0] || !getcwd(here, sizeof(here) - 1)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscStrlcat(here, "/", sizeof(here)));

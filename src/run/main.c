@@ -135,17 +135,39 @@ static int leave_after_error(void)
   return 1;
 }
 
-/* Rank 0 checks the file, all learn the verdict. */
-static int check_scene(const char path[])
+/* Rank 0 reads the file, all learn the verdict and what PETSc cannot read by itself (SceneFileRead). */
+static int read_scene(const char path[], char **options, size_t *size)
 {
   char message[1024] = "";
-  int  rank, bad = 0;
+  int  rank, told[2] = {0, 0};
 
   MPI_Comm_rank(MPI_COMM_WORLD, &rank);
-  if (rank == 0) bad = SceneFileCheck(path, message, sizeof(message));
-  (void)MPI_Bcast(&bad, 1, MPI_INT, 0, MPI_COMM_WORLD);
-  if (bad && rank == 0) fprintf(stderr, "tumble: error: %s\n", message);
-  return bad;
+  if (rank == 0) {
+    told[0] = SceneFileRead(path, options, size, message, sizeof(message));
+    told[1] = *options ? (int)*size : -1;
+  }
+  (void)MPI_Bcast(told, 2, MPI_INT, 0, MPI_COMM_WORLD);
+  if (told[0] && rank == 0) fprintf(stderr, "tumble: error: %s\n", message);
+  if (told[0] || told[1] < 0) return told[0];
+  if (rank && !(*options = malloc(told[1]))) MPI_Abort(MPI_COMM_WORLD, 1);
+  *size = (size_t)told[1];
+  (void)MPI_Bcast(*options, told[1], MPI_CHAR, 0, MPI_COMM_WORLD);
+  return 0;
+}
+
+/* The options of a scene that includes another one, before PetscInitialize, so that the command line goes over them */
+static PetscErrorCode insert_options(const char options[], size_t size)
+{
+  for (const char *name = options, *value; name && name < options + size; name = value + strlen(value) + 1) {
+    char dashed[512];
+
+    snprintf(dashed, sizeof(dashed), "-%s", name);
+    value = name + strlen(name) + 1;
+    PetscCall(PetscOptionsSetValue(NULL, dashed, value));
+    value += strlen(value) + 1;
+    PetscCall(OptSetFile(dashed, value));
+  }
+  return PETSC_SUCCESS;
 }
 
 /* What the command line asks for instead of a run */
@@ -234,7 +256,8 @@ static PetscErrorCode forget_place(int argc, char **argv)
 
 int main(int argc, char **argv)
 {
-  char           path[PETSC_MAX_PATH_LEN] = "", name[256] = "scene";
+  char           path[PETSC_MAX_PATH_LEN] = "", name[256] = "scene", *options = NULL;
+  size_t         size = 0;
   PetscErrorCode ierr;
   OptFormat      format;
   Wish           wish;
@@ -250,12 +273,14 @@ int main(int argc, char **argv)
     MPI_Finalize();
     return 1;
   }
-  if (path[0] && (check_scene(path) || SceneFileStem(path, name, sizeof(name)))) {
+  if (path[0] && (read_scene(path, &options, &size) || SceneFileStem(path, name, sizeof(name)))) {
     MPI_Finalize();
     return 1;
   }
-  ierr = PetscInitialize(&argc, &argv, path[0] ? path : NULL, help);
+  ierr = insert_options(options, size);
+  if (!ierr) ierr = PetscInitialize(&argc, &argv, path[0] && !options ? path : NULL, help);
   if (ierr) return 1;
+  free(options);
   OptSetScene(path);
   PetscCall(PetscPushErrorHandler(note_error, NULL));
   if (wish == HELP_PETSC) PetscCall(PetscOptionsSetValue(NULL, "-scene_dry_run", "1"));

@@ -1,4 +1,4 @@
-/* Scene file: find it among the arguments and check it before PETSc reads it.
+/* Scene file: find it among the arguments and check it before PETSc reads it. Includes are in include.c.
 
    The checks follow PETSc's own reader (src/sys/objects/optionsyaml.c, 3.18 to current): nested keys are joined by '_'
    into one option name, upper case counts as lower case, lists of scalars become "a,b,c", and keys that start with "$$"
@@ -6,6 +6,7 @@
    A key that would lose its value on that way is refused, with its line. Merges ("<<") are refused too.
    It does not interpret values and does not know which options exist. */
 #include "run/scenefile.h"
+#include "scenecheck.h"
 #include <ctype.h>
 #include <errno.h>
 #include <stdarg.h>
@@ -16,26 +17,10 @@
 #include <sys/stat.h>
 #include <yaml.h>
 
-#define SCENE_NAME_MAX    512 /* PETSc's limit for an option name */
-#define SCENE_DEPTH_MAX   20  /* PETSc 3.18 allows 25 nested prefixes */
-#define SCENE_OPTIONS_MAX 450 /* of the 512 places of PETSc 3.18; the rest is for command line and solver defaults */
+#define SCENE_NAME_MAX  512 /* PETSc's limit for an option name */
+#define SCENE_DEPTH_MAX 20  /* PETSc 3.18 allows 25 nested prefixes */
 
-typedef struct {
-  char  *name; /* flattened, without dash */
-  size_t line;
-} SceneOption;
-
-typedef struct {
-  const char      *path;
-  char            *message;
-  size_t           len;
-  yaml_document_t *doc;
-  SceneOption     *option;
-  size_t           n, room;
-} SceneCheck;
-
-/* Puts "path:line: ..." (line 0: "path: ...") into the message and returns 1. */
-__attribute__((format(printf, 3, 4))) static int report_fault(SceneCheck *check, size_t line, const char format[], ...)
+int SceneCheckFault(SceneCheck *check, size_t line, const char format[], ...)
 {
   va_list args;
   int     n;
@@ -73,9 +58,9 @@ static int report_missing(SceneCheck *check)
   snprintf(guess[1], sizeof(guess[1]), "runs/%s", base);
   snprintf(guess[2], sizeof(guess[2]), "runs/%s.yaml", base);
   for (int i = 0; i < 3; i++) {
-    if (!stat(guess[i], &info) && S_ISREG(info.st_mode)) return report_fault(check, 0, "no such scene file; did you mean %s?", guess[i]);
+    if (!stat(guess[i], &info) && S_ISREG(info.st_mode)) return SceneCheckFault(check, 0, "no such scene file; did you mean %s?", guess[i]);
   }
-  return report_fault(check, 0, "no such scene file");
+  return SceneCheckFault(check, 0, "no such scene file");
 }
 
 static int has_ending(const char text[], const char ending[])
@@ -98,18 +83,18 @@ static int read_file(SceneCheck *check, char **text, size_t *size)
 
   *text = NULL;
   if (stat(check->path, &info))
-    return errno == ENOENT || errno == ENOTDIR ? report_missing(check) : report_fault(check, 0, "cannot read the scene file: %s", strerror(errno));
-  if (S_ISDIR(info.st_mode)) return report_fault(check, 0, "is a directory; wanted is a scene file");
+    return errno == ENOENT || errno == ENOTDIR ? report_missing(check) : SceneCheckFault(check, 0, "cannot read the scene file: %s", strerror(errno));
+  if (S_ISDIR(info.st_mode)) return SceneCheckFault(check, 0, "is a directory; wanted is a scene file");
   if (!has_ending(check->path, ".yaml") && !has_ending(check->path, ".yml") && !SceneFileIsList(check->path))
-    return report_fault(check, 0, "a scene file must end in .yaml or .yml (PETSc tells the format by it)");
+    return SceneCheckFault(check, 0, "a scene file must end in .yaml or .yml (PETSc tells the format by it)");
   file = fopen(check->path, "r");
-  if (!file) return report_fault(check, 0, "cannot read the scene file: %s", strerror(errno));
+  if (!file) return SceneCheckFault(check, 0, "cannot read the scene file: %s", strerror(errno));
   *text = (char *)malloc((size_t)info.st_size + 1);
   *size = *text ? fread(*text, 1, (size_t)info.st_size, file) : 0;
   fclose(file);
-  if (!*text || *size != (size_t)info.st_size) return report_fault(check, 0, "cannot read the scene file to its end");
+  if (!*text || *size != (size_t)info.st_size) return SceneCheckFault(check, 0, "cannot read the scene file to its end");
   (*text)[*size] = 0;
-  if (strlen(*text) != *size) return report_fault(check, 0, "holds zero bytes: not a text file (save it as UTF-8)");
+  if (strlen(*text) != *size) return SceneCheckFault(check, 0, "holds zero bytes: not a text file (save it as UTF-8)");
   return 0;
 }
 
@@ -119,7 +104,7 @@ static int check_tabs(SceneCheck *check, const char text[])
   size_t line = 1;
 
   for (const char *s = text; *s; line++) {
-    if (memchr(s, '\t', strspn(s, " \t"))) return report_fault(check, line, "tab character in the indentation: use blanks");
+    if (memchr(s, '\t', strspn(s, " \t"))) return SceneCheckFault(check, line, "tab character in the indentation: use blanks");
     s += strcspn(s, "\n");
     if (*s) s++;
   }
@@ -161,13 +146,13 @@ static int report_syntax(SceneCheck *check, const yaml_parser_t *parser, const c
 
   /* libyaml notices a missing colon only where the next line has one; the key itself is where the scan began */
   if (parser->context && !strcmp(parser->context, "while scanning a simple key"))
-    return report_fault(check, parser->context_mark.line + 1, "syntax error: %s%s", problem, find_hint(problem));
+    return SceneCheckFault(check, parser->context_mark.line + 1, "syntax error: %s%s", problem, find_hint(problem));
   if (parser->error == YAML_READER_ERROR)
-    return report_fault(check, count_lines(text, parser->problem_offset), "%s (save the file as UTF-8 text)", problem);
+    return SceneCheckFault(check, count_lines(text, parser->problem_offset), "%s (save the file as UTF-8 text)", problem);
   if (parser->context && parser->context_mark.line != parser->problem_mark.line)
-    return report_fault(check, parser->problem_mark.line + 1, "syntax error %s that starts at line %zu: %s%s", parser->context,
-                        parser->context_mark.line + 1, problem, find_hint(problem));
-  return report_fault(check, parser->problem_mark.line + 1, "syntax error: %s%s", problem, find_hint(problem));
+    return SceneCheckFault(check, parser->problem_mark.line + 1, "syntax error %s that starts at line %zu: %s%s", parser->context,
+                           parser->context_mark.line + 1, problem, find_hint(problem));
+  return SceneCheckFault(check, parser->problem_mark.line + 1, "syntax error: %s%s", problem, find_hint(problem));
 }
 
 /* ---- keys and options ---- */
@@ -177,18 +162,18 @@ static int check_key(SceneCheck *check, const yaml_node_t *key, int nested)
   const char  *text;
   const size_t line = find_line(key);
 
-  if (key->type != YAML_SCALAR_NODE) return report_fault(check, line, "a list or mapping cannot be a key: write 'name: value'");
+  if (key->type != YAML_SCALAR_NODE) return SceneCheckFault(check, line, "a list or mapping cannot be a key: write 'name: value'");
   text = get_text(key);
-  if (!text[0]) return report_fault(check, line, "empty key: write 'name: value'");
+  if (!text[0]) return SceneCheckFault(check, line, "empty key: write 'name: value'");
   if (text[0] == '-')
-    return report_fault(check, line, "key '%s' starts with a dash: write '%s' (the dash belongs to the command line)", text,
-                        text + strspn(text, "-"));
-  if (strchr(text, ':')) return report_fault(check, line, "key '%s' holds a colon: put a blank after the colon ('key: value')", text);
+    return SceneCheckFault(check, line, "key '%s' starts with a dash: write '%s' (the dash belongs to the command line)", text,
+                           text + strspn(text, "-"));
+  if (strchr(text, ':')) return SceneCheckFault(check, line, "key '%s' holds a colon: put a blank after the colon ('key: value')", text);
   if (!isalpha((unsigned char)text[0]) && !(nested && isdigit((unsigned char)text[0])))
-    return report_fault(check, line, "key '%s' must start with a letter", text);
+    return SceneCheckFault(check, line, "key '%s' must start with a letter", text);
   for (const char *s = text; *s; s++) {
     if (!isalnum((unsigned char)*s) && *s != '_' && *s != '-')
-      return report_fault(check, line, "key '%s' cannot be an option name: use letters, digits and '_' only", text);
+      return SceneCheckFault(check, line, "key '%s' cannot be an option name: use letters, digits and '_' only", text);
   }
   return 0;
 }
@@ -203,40 +188,68 @@ static int check_duplicates(SceneCheck *check, const yaml_node_t *map)
       const yaml_node_t *other = yaml_document_get_node(check->doc, before->key);
 
       if (other->type == YAML_SCALAR_NODE && !strcasecmp(get_text(key), get_text(other)))
-        return report_fault(check, find_line(key), "duplicate key '%s' (first at line %zu): keep one of them", get_text(key), find_line(other));
+        return SceneCheckFault(check, find_line(key), "duplicate key '%s' (first at line %zu): keep one of them", get_text(key), find_line(other));
     }
   }
   return 0;
 }
 
-static int append_option(SceneCheck *check, const char name[], size_t line)
+/* What PETSc makes of a value: text, or "a,b,c"; NULL: no memory */
+static char *copy_value(const SceneCheck *check, const yaml_node_t *node)
 {
-  if (check->n == SCENE_OPTIONS_MAX)
-    return report_fault(check, line,
-                        "more than %d options; PETSc's table holds 512 in all: move per-body values into a table file (particle: <group>: table: bodies.csv)",
-                        SCENE_OPTIONS_MAX);
-  if (check->n == check->room) {
-    const size_t room   = check->room ? 2 * check->room : 64;
-    SceneOption *option = (SceneOption *)realloc(check->option, room * sizeof(*option));
+  const yaml_node_item_t *begin = NULL, *end = NULL;
+  size_t                  size = 1;
+  char                   *value;
 
-    if (!option) return report_fault(check, 0, "no memory");
+  if (node->type == YAML_SCALAR_NODE) return strdup(get_text(node));
+  begin = node->data.sequence.items.start;
+  end   = node->data.sequence.items.top;
+  for (const yaml_node_item_t *item = begin; item < end; item++) size += strlen(get_text(yaml_document_get_node(check->doc, *item))) + 1;
+  value = (char *)calloc(size, 1);
+  for (const yaml_node_item_t *item = begin; value && item < end; item++) {
+    if (item > begin) strcat(value, ",");
+    strcat(value, get_text(yaml_document_get_node(check->doc, *item)));
+  }
+  return value;
+}
+
+/* '~' and 'null' without quotes take away what an included scene says */
+static int is_null(const yaml_node_t *node)
+{
+  if (node->type != YAML_SCALAR_NODE || node->data.scalar.style != YAML_PLAIN_SCALAR_STYLE) return 0;
+  return !strcmp(get_text(node), "~") || !strcmp(get_text(node), "null");
+}
+
+static int append_option(SceneCheck *check, const char name[], size_t line, const yaml_node_t *value)
+{
+  SceneOption *option;
+
+  if (check->n == SCENE_OPTIONS_MAX)
+    return SceneCheckFault(check, line,
+                           "more than %d options; PETSc's table holds 512 in all: move per-body values into a table file (particle: <group>: table: bodies.csv)",
+                           SCENE_OPTIONS_MAX);
+  if (check->n == check->room) {
+    const size_t room = check->room ? 2 * check->room : 64;
+
+    option = (SceneOption *)realloc(check->option, room * sizeof(*option));
+    if (!option) return SceneCheckFault(check, 0, "no memory");
     check->option = option;
     check->room   = room;
   }
-  check->option[check->n].name = strdup(name);
-  check->option[check->n].line = line;
-  if (!check->option[check->n].name) return report_fault(check, 0, "no memory");
-  check->n++;
-  return 0;
+  option        = check->option + check->n++;
+  option->name  = strdup(name);
+  option->line  = line;
+  option->value = is_null(value) ? NULL : copy_value(check, value);
+  return option->name && (option->value || is_null(value)) ? 0 : SceneCheckFault(check, 0, "no memory");
 }
 
-static int add_option(SceneCheck *check, const char name[], size_t line)
+static int add_option(SceneCheck *check, const char name[], size_t line, const yaml_node_t *value)
 {
   for (size_t i = 0; i < check->n; i++) {
     if (!strcasecmp(check->option[i].name, name))
-      return report_fault(check, line, "option -%s is given twice (first at line %zu): keep one of them", name, check->option[i].line);
+      return SceneCheckFault(check, line, "option -%s is given twice (first at line %zu): keep one of them", name, check->option[i].line);
   }
-  return append_option(check, name, line);
+  return append_option(check, name, line, value);
 }
 
 static int check_list(SceneCheck *check, const char name[], const yaml_node_t *key, const yaml_node_t *list)
@@ -245,36 +258,47 @@ static int check_list(SceneCheck *check, const char name[], const yaml_node_t *k
     const yaml_node_t *node = yaml_document_get_node(check->doc, *item);
 
     if (node->type == YAML_MAPPING_NODE)
-      return report_fault(check, find_line(node),
-                          "'%s' is a list of maps, which PETSc's options cannot hold: give each entry a name (groups: disc, ball) and its settings under that name (disc: {shape: circle})",
-                          get_text(key));
+      return SceneCheckFault(check, find_line(node),
+                             "'%s' is a list of maps, which PETSc's options cannot hold: give each entry a name (groups: disc, ball) and its settings under that name (disc: {shape: circle})",
+                             get_text(key));
     if (node->type == YAML_SEQUENCE_NODE)
-      return report_fault(check, find_line(node), "'%s' is a list of lists, which PETSc's options cannot hold: write one flat list, or a table file",
-                          get_text(key));
+      return SceneCheckFault(check, find_line(node),
+                             "'%s' is a list of lists, which PETSc's options cannot hold: write one flat list, or a table file", get_text(key));
     if (!get_text(node)[0])
-      return report_fault(check, find_line(node), "empty entry in the list '%s', which PETSc would skip: give it a value or remove it",
-                          get_text(key));
+      return SceneCheckFault(check, find_line(node), "empty entry in the list '%s', which PETSc would skip: give it a value or remove it",
+                             get_text(key));
   }
-  return add_option(check, name, find_line(key));
+  return add_option(check, name, find_line(key), list);
 }
 
 static int check_map(SceneCheck *check, const yaml_node_t *map, const char prefix[], int depth);
+
+/* include: other.yaml */
+static int take_include(SceneCheck *check, const yaml_node_t *key, const yaml_node_t *value)
+{
+  if (value->type != YAML_SCALAR_NODE || !get_text(value)[0] || is_null(value))
+    return SceneCheckFault(check, find_line(key), "'include' takes the path of one scene file, relative to this one: include: other.yaml");
+  check->include_line = find_line(key);
+  check->include      = strdup(get_text(value));
+  return check->include ? 0 : SceneCheckFault(check, 0, "no memory");
+}
 
 static int check_pair(SceneCheck *check, const yaml_node_t *key, const yaml_node_t *value, const char prefix[], int depth)
 {
   char name[SCENE_NAME_MAX];
 
   if (key->type == YAML_SCALAR_NODE && !strcmp(get_text(key), "<<"))
-    return report_fault(check, find_line(key), "merges ('<<') are not allowed in a scene: write the keys out");
+    return SceneCheckFault(check, find_line(key), "merges ('<<') are not allowed in a scene: write the keys out");
   if (key->type == YAML_SCALAR_NODE && !strncmp(get_text(key), "$$", 2)) {
     if (has_ending((const char *)value->tag, "!include"))
-      return report_fault(check, find_line(key), "!include is not allowed: a scene is one file (give more options with -options_file_yaml)");
+      return SceneCheckFault(check, find_line(key), "!include is not allowed: write 'include: other.yaml' on the top level of the scene");
     return 0;
   }
   if (check_key(check, key, prefix[0] != 0)) return 1;
   if (snprintf(name, sizeof(name), "%s%s", prefix, get_text(key)) >= (int)sizeof(name) - 2)
-    return report_fault(check, find_line(key), "option name is longer than %d characters", SCENE_NAME_MAX - 2);
-  if (value->type == YAML_SCALAR_NODE) return add_option(check, name, find_line(key));
+    return SceneCheckFault(check, find_line(key), "option name is longer than %d characters", SCENE_NAME_MAX - 2);
+  if (!strcasecmp(name, "include")) return take_include(check, key, value);
+  if (value->type == YAML_SCALAR_NODE) return add_option(check, name, find_line(key), value);
   if (value->type == YAML_SEQUENCE_NODE) return check_list(check, name, key, value);
   strcat(name, "_");
   return check_map(check, value, name, depth + 1);
@@ -283,7 +307,7 @@ static int check_pair(SceneCheck *check, const yaml_node_t *key, const yaml_node
 static int check_map(SceneCheck *check, const yaml_node_t *map, const char prefix[], int depth)
 {
   if (depth > SCENE_DEPTH_MAX)
-    return report_fault(check, find_line(map), "nested deeper than %d levels (an alias inside its own anchor?)", SCENE_DEPTH_MAX);
+    return SceneCheckFault(check, find_line(map), "nested deeper than %d levels (an alias inside its own anchor?)", SCENE_DEPTH_MAX);
   if (check_duplicates(check, map)) return 1;
   for (const yaml_node_pair_t *pair = map->data.mapping.pairs.start; pair < map->data.mapping.pairs.top; pair++) {
     if (check_pair(check, yaml_document_get_node(check->doc, pair->key), yaml_document_get_node(check->doc, pair->value), prefix, depth)) return 1;
@@ -298,10 +322,11 @@ static int check_document(SceneCheck *check, yaml_document_t *doc)
   const yaml_node_t *root = yaml_document_get_root_node(doc);
 
   check->doc = doc;
-  if (!root || (root->type == YAML_SCALAR_NODE && !get_text(root)[0])) return report_fault(check, 0, "the scene file is empty: it holds no options");
+  if (!root || (root->type == YAML_SCALAR_NODE && !get_text(root)[0]))
+    return SceneCheckFault(check, 0, "the scene file is empty: it holds no options");
   if (root->type != YAML_MAPPING_NODE)
-    return report_fault(check, find_line(root), "a scene is made of 'key: value' lines, not of a %s",
-                        root->type == YAML_SEQUENCE_NODE ? "list" : "single value");
+    return SceneCheckFault(check, find_line(root), "a scene is made of 'key: value' lines, not of a %s",
+                           root->type == YAML_SEQUENCE_NODE ? "list" : "single value");
   return check_map(check, root, "", 0);
 }
 
@@ -314,7 +339,7 @@ static int check_end(SceneCheck *check, yaml_parser_t *parser, const char text[]
 
   if (!yaml_parser_load(parser, &doc)) return report_syntax(check, parser, text);
   root = yaml_document_get_root_node(&doc);
-  if (root) fault = report_fault(check, doc.start_mark.line + 1, "a second document ('---') starts here: a scene is one document");
+  if (root) fault = SceneCheckFault(check, doc.start_mark.line + 1, "a second document ('---') starts here: a scene is one document");
   yaml_document_delete(&doc);
   return fault;
 }
@@ -325,7 +350,7 @@ static int check_text(SceneCheck *check, const char text[], size_t size)
   yaml_document_t doc;
   int             fault;
 
-  if (!yaml_parser_initialize(&parser)) return report_fault(check, 0, "no memory");
+  if (!yaml_parser_initialize(&parser)) return SceneCheckFault(check, 0, "no memory");
   yaml_parser_set_input_string(&parser, (const unsigned char *)text, size);
   if (!yaml_parser_load(&parser, &doc)) fault = report_syntax(check, &parser, text);
   else {
@@ -398,26 +423,32 @@ static int check_list_file(SceneCheck *check, const char text[])
 
     any |= c[0] == '-';
     if (c[0] != '-' && c[0] != '#' && blank < n)
-      return report_fault(check, line, "options.txt is a list of '-name value' and of comments that begin with '#'; a scene must end in .yaml");
+      return SceneCheckFault(check, line, "options.txt is a list of '-name value' and of comments that begin with '#'; a scene must end in .yaml");
     c += n + (c[n] == '\n');
   }
-  return any ? 0 : report_fault(check, 0, "the list of options is empty");
+  return any ? 0 : SceneCheckFault(check, 0, "the list of options is empty");
 }
 
-int SceneFileCheck(const char path[], char message[], size_t len)
+int SceneCheckFile(SceneCheck *check)
 {
-  SceneCheck check = {.path = path, .message = message, .len = len};
-  char      *text;
-  size_t     size = 0;
-  int        fault;
+  const int list = SceneFileIsList(check->path);
+  char     *text;
+  size_t    size  = 0;
+  int       fault = read_file(check, &text, &size);
 
-  if (len) message[0] = 0;
-  fault = read_file(&check, &text, &size);
-  if (!fault && SceneFileIsList(path)) fault = check_list_file(&check, text);
-  else if (!fault) fault = check_tabs(&check, text);
-  if (!fault && !SceneFileIsList(path)) fault = check_text(&check, text, size);
-  for (size_t i = 0; i < check.n; i++) free(check.option[i].name);
-  free(check.option);
+  if (!fault && list) fault = check_list_file(check, text);
+  else if (!fault) fault = check_tabs(check, text);
+  if (!fault && !list) fault = check_text(check, text, size);
   free(text);
   return fault;
+}
+
+void SceneCheckFree(SceneCheck *check)
+{
+  for (size_t i = 0; i < check->n; i++) {
+    free(check->option[i].name);
+    free(check->option[i].value);
+  }
+  free(check->option);
+  free(check->include);
 }

@@ -246,12 +246,90 @@ static void petsc_reads_the_same(void **state)
   assert_int_equal(PetscOptionsClear(NULL), 0);
 }
 
-static int clean_up(void **state)
+static void write_other(const char name[], const char text[])
 {
-  const char *const names[] = {"x.yaml", "x.txt", "other.yaml"};
+  write_bytes(name, text, strlen(text));
+}
+
+/* The first option of this name in what SceneFileRead gives, with its file; NULL: there is none */
+static const char *find_value(const char options[], size_t size, const char name[], const char **file)
+{
+  for (const char *at = options; at < options + size;) {
+    const char *value = at + strlen(at) + 1;
+
+    *file = value + strlen(value) + 1;
+    if (!strcmp(at, name)) return value;
+    at = *file + strlen(*file) + 1;
+  }
+  return NULL;
+}
+
+/* What the including scene says goes over the included one, through two files */
+static void includes(void **state)
+{
+  const char *const wanted[][3] = {{"flow_viscosity", "0.1", "other.yaml"},
+                                   {"flow_gravity", "0,-9", "x.yaml"},
+                                   {"mesh_cells", "8,4", "base.yaml"},
+                                   {"mesh_lower", "1,1", "x.yaml"}};
+  const char       *gone[] = {"include", "particle_disc_radius", "particle_disc_density", "particle_disc", "flow_density"}, *file = "";
+  char             *options;
+  size_t            size, n = 0;
 
   (void)state;
-  for (int i = 0; i < 3; i++) {
+  write_other("base.yaml", "mesh: {cells: [8, 4], lower: [0, 0]}\nflow: {density: 2, gravity: [0, -1]}\n");
+  write_other("other.yaml",
+              "flow: {viscosity: 0.1, density: ~}\ninclude: base.yaml\nparticle: {disc: {radius: 1, density: 2}, discs: {radius: 3}}\n");
+  write_other("x.yaml", "include: other.yaml\nflow_Gravity: [0, -9]\nmesh: {lower: [1, 1]}\nparticle: {disc: null}\n");
+  assert_int_equal(SceneFileRead(path, &options, &size, message, sizeof(message)), 0);
+  assert_non_null(options);
+  for (size_t i = 0; i < sizeof(wanted) / sizeof(wanted[0]); i++) {
+    const char *value = find_value(options, size, wanted[i][0], &file);
+
+    if (!value && !strcmp(wanted[i][0], "flow_gravity")) value = find_value(options, size, "flow_Gravity", &file);
+    assert_non_null(value);
+    assert_string_equal(value, wanted[i][1]);
+    assert_non_null(strstr(file, wanted[i][2]));
+  }
+  for (size_t i = 0; i < sizeof(gone) / sizeof(gone[0]); i++) assert_null(find_value(options, size, gone[i], &file));
+  assert_non_null(find_value(options, size, "particle_discs_radius", &file));
+  for (size_t i = 0; i < size; i++) n += !options[i];
+  assert_int_equal(n, 3 * 5);
+  free(options);
+  accept("include: other.yaml\n");
+  assert_int_equal(SceneFileRead(path, &options, &size, message, sizeof(message)), 0);
+  free(options);
+  accept("flow: {viscosity: 1}\n");
+  assert_int_equal(SceneFileRead(path, &options, &size, message, sizeof(message)), 0);
+  assert_null(options);
+}
+
+static void refuses_bad_includes(void **state)
+{
+  (void)state;
+  refuse(2, "flow: {viscosity: 1}\ninclude: missing.yaml\n", "there is no scene", "missing.yaml", "relative to the scene that includes", NULL);
+  refuse(1, "include: x.yaml\n", "includes itself", NULL);
+  refuse(1, "include: [a.yaml, b.yaml]\n", "path of one scene file", NULL);
+  refuse(1, "include:\n", "path of one scene file", NULL);
+  refuse(1, "include: out/options.txt\n", "list of options", NULL);
+  write_other("other.yaml", "flow: {viscosity: 1}\n");
+  refuse(2, "include: other.yaml\nflow: {viscosty: ~}\n", "takes away", "other.yaml says nothing of -flow_viscosty", NULL);
+  refuse(1, "flow: {viscosity: ~}\n", "includes none", "-flow_viscosity", NULL);
+  write_other("other.yaml", "include: x.yaml\n");
+  write_other("x.yaml", "include: other.yaml\n");
+  assert_int_equal(SceneFileCheck(path, message, sizeof(message)), 1);
+  if (!strstr(message, "other.yaml:1: ") || !strstr(message, "x.yaml' includes itself by way of")) fail_msg("%s", message);
+  write_other("other.yaml", "flow: {viscosity: 1\n");
+  write_other("x.yaml", "include: other.yaml\n");
+  assert_int_equal(SceneFileCheck(path, message, sizeof(message)), 1);
+  if (!strstr(message, "other.yaml:") || !strstr(message, "syntax error")) fail_msg("%s", message);
+}
+
+static int clean_up(void **state)
+{
+  const char *const names[] = {"x.yaml", "x.txt", "other.yaml", "base.yaml"};
+
+  (void)state;
+  for (int i = 0; i < 4; i++) {
     snprintf(path, sizeof(path), "%s/%s", folder, names[i]);
     unlink(path);
   }
@@ -261,11 +339,21 @@ static int clean_up(void **state)
 int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {
-    cmocka_unit_test(finds_the_name),        cmocka_unit_test(cuts_the_stem),         cmocka_unit_test(refuses_what_is_no_file),
-    cmocka_unit_test(refuses_empty),         cmocka_unit_test(refuses_tabs),          cmocka_unit_test(refuses_bad_syntax),
-    cmocka_unit_test(refuses_duplicates),    cmocka_unit_test(refuses_lists_of_maps), cmocka_unit_test(refuses_bad_keys),
-    cmocka_unit_test(refuses_two_documents), cmocka_unit_test(refuses_too_many),      cmocka_unit_test(refuses_merges),
+    cmocka_unit_test(finds_the_name),
+    cmocka_unit_test(cuts_the_stem),
+    cmocka_unit_test(refuses_what_is_no_file),
+    cmocka_unit_test(refuses_empty),
+    cmocka_unit_test(refuses_tabs),
+    cmocka_unit_test(refuses_bad_syntax),
+    cmocka_unit_test(refuses_duplicates),
+    cmocka_unit_test(refuses_lists_of_maps),
+    cmocka_unit_test(refuses_bad_keys),
+    cmocka_unit_test(refuses_two_documents),
+    cmocka_unit_test(refuses_too_many),
+    cmocka_unit_test(refuses_merges),
     cmocka_unit_test(petsc_reads_the_same),
+    cmocka_unit_test(includes),
+    cmocka_unit_test(refuses_bad_includes),
   };
   int failed;
 

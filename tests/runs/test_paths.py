@@ -27,8 +27,12 @@ def below(tmp_path):
     return folder
 
 
+def bodies_of(result, name):
+    return [line.split(",")[3] for line in (result.folder / "out" / name / "bodies.csv").read_text().splitlines()[1:]]
+
+
 def bodies(result):
-    return [line.split(",")[3] for line in (result.folder / "out" / "s" / "bodies.csv").read_text().splitlines()[1:]]
+    return bodies_of(result, "s")
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
@@ -69,3 +73,26 @@ def test_groups_by_blanks_or_commas(run, scene, groups):
     text = edited("groups: disc", f"groups: {groups}").replace("position: [1, 4]}", "position: [1, 4]}\n  ball: {shape: circle, radius: 0.125, density: 1.25, position: [1, 2]}")
     done = run([scene(text), "-scene_dry_run"])
     assert done.status == 0 and "ball" in done.out, done
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_included_scene(run, below, ranks):
+    """The including scene lies elsewhere: each file's paths are relative to itself; the command line goes over both; options.txt repeats it."""
+    (below.parent / "own.csv").write_text("x,y\n0.5,3\n1.2,4\n1.2,2\n")
+    (below.parent / "more.yaml").write_text("include: scenes/s.yaml\nparticle:\n  balls: {table: own.csv, radius: 0.25}\nsim: {steps: 7}\n")
+    done = run(["more.yaml", "-sim_steps", "1"], ranks)
+    assert done.status == 0 and bodies_of(done, "more") == ["wedge", "balls", "balls", "balls"], done
+    options = (done.folder / "out" / "more" / "options.txt").read_text()
+    assert f"-particle_wedge_file {below}/wedge.csv\n" in options and f"-particle_balls_table {below.parent}/own.csv\n" in options
+    assert "-sim_steps 1\n" in options and "-particle_balls_radius 0.25\n" in options and "-include" not in options
+    again = run(["out/more/options.txt"], ranks)
+    assert again.status == 0 and bodies_of(again, "more-again") == bodies_of(done, "more"), again
+
+
+def test_included_group_is_taken_away(run, below):
+    (below / "less.yaml").write_text("include: s.yaml\nparticle:\n  groups: wedge\n  balls: ~\n")
+    done = run(["scenes/less.yaml"])
+    assert done.status == 0 and bodies_of(done, "less") == ["wedge"], done
+    (below / "less.yaml").write_text("include: s.yaml\nparticle:\n  groups: wedge\n  bals: ~\n")
+    done = run(["scenes/less.yaml"])
+    assert done.status and "scenes/less.yaml:4: " in done.err and "s.yaml says nothing of -particle_bals" in done.err, done
