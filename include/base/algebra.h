@@ -142,6 +142,19 @@ static inline void RotationMatrix(const PetscReal q[4], PetscReal R[9])
   R[8] = 1 - 2 * (x * x + y * y);
 }
 
+/* y = exp(side turn) x, of the rotation vector `turn` (side -1: turned back) */
+static inline void RotationApply(const PetscReal turn[3], PetscReal side, const PetscReal x[3], PetscReal y[3])
+{
+  const PetscReal angle = PetscSqrtReal(dot3(turn, turn)), half = 0.5 * angle;
+  const PetscReal s     = angle > 0 ? PetscSinReal(angle) / angle : 1,
+                  c     = half > 0 ? 0.5 * PetscSqr(PetscSinReal(half) / half) : 0.5;
+  const PetscReal along = c * dot3(turn, x);
+  PetscReal       tx[3];
+
+  cross(turn, x, tx);
+  for (int a = 0; a < 3; a++) y[a] = PetscCosReal(angle) * x[a] + side * s * tx[a] + along * turn[a];
+}
+
 /* q <- exp(dt w / 2) q, renormalised; w is the angular velocity in space axes (rad/s), constant during dt */
 static inline void RotationAdvance(PetscReal dt, const PetscReal w[3], PetscReal q[4])
 {

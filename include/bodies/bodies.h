@@ -77,7 +77,8 @@ typedef struct {
      scale, density [n]                 size of body k in that of its group's shape (1: the shape itself); rho_s
      x, u, w [n][3]                     centre of mass, its velocity, angular velocity [rad/s] in space axes; u_old,
                                         w_old: one step earlier
-     q [n][4], angle [n]                orientation; 2D, hinge: angle, rad (else the integral of w_z, for reports)
+     q [n][4], angle [n]                orientation; 2D, hinge: angle, rad (else the integral of w_z, for reports);
+                                        q_old: one step earlier
      force, torque [n][3]               of the fluid, buoyancy excluded; torque about the centre of mass. contact_force,
                                         contact_torque: of contact
      stopped [n]                        the body rests on its lower (-1) or upper (1) stop, or not (0)
@@ -95,7 +96,7 @@ typedef struct {
   CONST BodyGroup *group; \
   CONST PetscInt *body_group, *stopped; \
   CONST PetscReal *scale, *density; \
-  CONST PetscReal (*x)[3], (*q)[4], *angle, (*u)[3], (*w)[3], (*u_old)[3], (*w_old)[3]; \
+  CONST PetscReal (*x)[3], (*q)[4], (*q_old)[4], *angle, (*u)[3], (*w)[3], (*u_old)[3], (*w_old)[3]; \
   CONST PetscReal (*force)[3], (*torque)[3], (*contact_force)[3], (*contact_torque)[3], *gap; \
   CONST PetscBool *gone;
 /* clang-format on */
@@ -152,10 +153,10 @@ PetscErrorCode BodiesHold(Bodies, PetscBool held);
 PetscErrorCode BodiesPlace(Bodies, PetscInt k, const PetscReal x[3], const PetscReal q[4], PetscReal angle);
 PetscErrorCode BodiesSetHole(Bodies, PetscInt group); /* the bodies of a group are holes of the mesh */
 
-/* Volume (area) of body k, and its inertia tensor in space axes at the present orientation (xx yy zz xy xz yz; 2D: zz
-   only), times density if `per_density` is false. */
+/* Volume (area) of body k, and its inertia tensor in space axes at orientation q[4] (NULL: the current one; xx yy zz xy
+   xz yz; 2D: zz only), times density if `per_density` is false. */
 PetscErrorCode BodiesGetVolume(Bodies, PetscInt k, PetscReal *volume);
-PetscErrorCode BodiesGetInertia(Bodies, PetscInt k, PetscBool per_density, PetscReal inertia[6]);
+PetscErrorCode BodiesGetInertia(Bodies, PetscInt k, const PetscReal q[], PetscBool per_density, PetscReal inertia[6]);
 
 /* Kinetic energy of all bodies, translation and rotation. */
 PetscErrorCode BodiesGetEnergy(Bodies, PetscReal *energy);
@@ -185,13 +186,13 @@ PetscErrorCode BodiesGetLoad(Bodies, PetscInt k, PetscReal rho_f, const PetscRea
                              PetscReal torque[3]);
 
 /* Explicit coupling: u_old, w_old <- u, w, then advance u, w by dt under force + contact + load + (M - M_f) g with
-   fluid density rho_f. Euler step (semi-implicit together with BodiesAdvancePosition, theta = 1); the gyroscopic term
-   of 3D by the implicit midpoint rule; about a pivot with the inertia of the parallel axis. What is not free gets its
+   fluid density rho_f. Euler step (semi-implicit together with BodiesAdvancePosition, theta = 1); in 3D the
+   rotation by BodySpin; about a pivot with the inertia of the parallel axis. What is not free gets its
    prescribed velocity at the end of the step. Releases bodies from their stops. Does not move the bodies. Implicit
    coupling calls BodiesStepVelocity instead. */
 PetscErrorCode BodiesAdvanceVelocity(Bodies, PetscReal dt, PetscReal rho_f, const PetscReal gravity[3]);
-/* Move: x += dt U, orientation alike, with U = `theta` u + (1 - theta) u_old (be: theta = 1; bdf2, cn: 1/2); what is
-   not free goes to its prescribed place at time + dt. A body that passes a stop in the step is put back by the rebound:
+/* Move: x += dt U, orientation alike, with U = `theta` u + (1 - theta) u_old (be: theta = 1; bdf2, cn: 1/2); in 3D,
+   without hinge, orientation by BodyTurn. What is not free goes to its prescribed place at time + dt. A body that passes a stop in the step is put back by the rebound:
    angle and angular velocities (w and w_old by the same jump, so that their difference stays the acceleration); one
    that arrives no faster than two steps of its acceleration rests there. Advances the time of the state. Wraps nothing.
    Error: not finite. */

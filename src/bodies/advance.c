@@ -1,13 +1,14 @@
 /* Bodies, motion: Newton-Euler equations, and what is prescribed instead. See bodies.h.
 
-   Velocity: Euler step under the force of the step; rotation in 3D by the implicit midpoint rule for the gyroscopic
-   term w x (I w), which keeps the energy of a torque-free body (Newton's method on 3 unknowns). Position: explicit with
-   a weighted mean of old and new velocity, orientation by the exponential map. A pivot reduces the body to its rotation
+   Velocity: Euler step under the force of the step; rotation in 3D by spin.h, which keeps energy and angular momentum of
+   a torque-free body. Position: explicit with a weighted mean of old and new velocity, orientation by the exponential
+   map. A pivot reduces the body to its rotation
    about that point: inertia of the parallel axis, centre of mass from the angle. */
 #include "compat.h"
 #include "impl.h"
 #include "base/algebra.h"
 #include "base/domain.h"
+#include "bodies/spin.h"
 
 /* ---- what is not free ---- */
 
@@ -68,8 +69,8 @@ void BodiesKeepAxes(BodyState *s, PetscInt k, PetscReal u[3], PetscReal w[3])
   if (w && m->has_hinge) keep_along(m->hinge, w);
 }
 
-/* Orientation of body k at an angle; in space it turns about its hinge, or by w for a time */
-static void turn_body(Bodies b, PetscInt k, PetscReal angle, PetscReal time, const PetscReal w[3], PetscReal q[4])
+/* Orientation of body k at an angle; in space it turns about its hinge, or by the vector `turn` */
+static void turn_body(Bodies b, PetscInt k, PetscReal angle, const PetscReal turn[3], PetscReal q[4])
 {
   const Motion *m = &BodiesGetGroup(&b->view, k)->motion;
 
@@ -77,7 +78,7 @@ static void turn_body(Bodies b, PetscInt k, PetscReal angle, PetscReal time, con
   else if (m->has_hinge) {
     (void)PetscArraycpy(q, start_of(b, k)->q, 4);
     RotationAdvance(angle - start_of(b, k)->angle, m->hinge, q);
-  } else RotationAdvance(time, w, q);
+  } else RotationAdvance(1, turn, q);
 }
 
 PetscErrorCode BodiesGetKnownVelocity(Bodies b, PetscInt k, PetscReal time, PetscReal u[3], PetscReal w[3])
@@ -136,42 +137,6 @@ PetscErrorCode BodiesApplyKnown(Bodies b, PetscInt k, PetscReal time)
 
 /* ---- motion ---- */
 
-/* I (w' - w)/dt + m x (I m) = T with m = (w + w')/2, for w': Newton's method from w, in 3 to 5 steps. */
-static void advance_spin(PetscReal dt, const PetscReal inertia[6], const PetscReal T[3], PetscReal w[3])
-{
-  const PetscReal w0[3] = {w[0], w[1], w[2]};
-
-  for (PetscInt it = 0; it < 20; it++) {
-    PetscReal m[3], Im[3], gyro[3], dw[3], Idw[3], r[3], J[9], e[3], size = 0, change = 0;
-
-    for (PetscInt a = 0; a < 3; a++) {
-      m[a]  = 0.5 * (w0[a] + w[a]);
-      dw[a] = w[a] - w0[a];
-    }
-    apply_tensor(inertia, m, Im);
-    apply_tensor(inertia, dw, Idw);
-    cross(m, Im, gyro);
-    for (PetscInt a = 0; a < 3; a++) r[a] = dt * T[a] - Idw[a] - dt * gyro[a];
-    /* column c of the derivative: inertia e + dt/2 (e x inertia m + m x inertia e) */
-    for (PetscInt c = 0; c < 3; c++) {
-      const PetscReal unit[3] = {c == 0, c == 1, c == 2};
-      PetscReal       Ie[3], a1[3], a2[3];
-
-      apply_tensor(inertia, unit, Ie);
-      cross(unit, Im, a1);
-      cross(m, Ie, a2);
-      for (PetscInt a = 0; a < 3; a++) J[3 * a + c] = Ie[a] + 0.5 * dt * (a1[a] + a2[a]);
-    }
-    solve3(J, r, e);
-    for (PetscInt a = 0; a < 3; a++) {
-      w[a] += e[a];
-      size   = PetscMax(size, PetscAbsReal(w[a]));
-      change = PetscMax(change, PetscAbsReal(e[a]));
-    }
-    if (change <= 4 * PETSC_MACHINE_EPSILON * size) break;
-  }
-}
-
 PetscErrorCode BodiesGetLoad(Bodies b, PetscInt k, PetscReal rho_f, const PetscReal gravity[3], PetscReal force[3], PetscReal torque[3])
 {
   const BodyGroup *g;
@@ -221,7 +186,7 @@ static PetscErrorCode reference_inertia(Bodies b, PetscInt k, PetscReal inertia[
   PetscReal       arm[3], square;
 
   PetscFunctionBeginUser;
-  PetscCall(BodiesGetInertia(b, k, PETSC_FALSE, inertia));
+  PetscCall(BodiesGetInertia(b, k, NULL, PETSC_FALSE, inertia));
   PetscCall(BodiesGetArm(b, k, NULL, arm));
   square = arm[0] * arm[0] + arm[1] * arm[1] + arm[2] * arm[2];
   for (PetscInt i = 0; i < 6; i++) inertia[i] += mass * ((row[i] == col[i] ? square : 0) - arm[row[i]] * arm[col[i]]);
@@ -253,7 +218,7 @@ static PetscErrorCode advance_rotation(Bodies b, PetscInt k, PetscReal dt, Petsc
 
     apply_tensor(inertia, g->motion.hinge, Ie);
     for (PetscInt d = 0; d < 3; d++) s->w[k][d] += dt * dot3(T, g->motion.hinge) / dot3(Ie, g->motion.hinge) * g->motion.hinge[d];
-  } else advance_spin(dt, inertia, T, s->w[k]);
+  } else BodySpin(dt, inertia, T, s->w[k]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -318,7 +283,7 @@ PetscErrorCode BodiesAdvancePosition(Bodies b, PetscReal dt, PetscReal theta)
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < s->n; k++) {
-    PetscReal w[3];
+    PetscReal w[3], turn[3] = {0};
 
     for (PetscInt a = 0; a < 3; a++) {
       if (a < s->dim) s->x[k][a] += dt * (theta * s->u[k][a] + (1 - theta) * s->u_old[k][a]);
@@ -327,7 +292,9 @@ PetscErrorCode BodiesAdvancePosition(Bodies b, PetscReal dt, PetscReal theta)
     }
     s->angle[k] += dt * dot3(w, BodiesGetGroup(&b->view, k)->motion.hinge);
     keep_stops(b, k, dt);
-    turn_body(b, k, s->angle[k], dt, w, s->q[k]);
+    PetscCall(PetscArraycpy(s->q_old[k], s->q[k], 4));
+    if (s->dim == 3) BodyTurn(dt, s->w_old[k], s->w[k], turn);
+    turn_body(b, k, s->angle[k], turn, s->q[k]);
     PetscCall(BodiesApplyKnown(b, k, s->time + dt));
     for (PetscInt a = 0; a < s->dim; a++)
       PetscCheck(!PetscIsInfOrNanReal(s->x[k][a]) && !PetscIsInfOrNanReal(s->angle[k]), PETSC_COMM_SELF, PETSC_ERR_FP,
@@ -394,7 +361,7 @@ PetscErrorCode BodiesPredict(Bodies b, PetscInt k, PetscReal dt, PetscInt order,
 {
   const BodyArrays *s = &b->state;
   const Motion     *m;
-  PetscReal         w[3], now, old;
+  PetscReal         turn[3], now, old;
 
   PetscFunctionBeginUser;
   PetscCall(check_body(b, k));
@@ -405,12 +372,12 @@ PetscErrorCode BodiesPredict(Bodies b, PetscInt k, PetscReal dt, PetscInt order,
   for (PetscInt a = 0; a < 3; a++) {
     X[a] = s->x[k][a] + dt * (now * s->u[k][a] + old * s->u_old[k][a]);
     if (order) X[a] -= s->frame_next[a] - s->frame[a];
-    w[a] = now * s->w[k][a] + old * s->w_old[k][a];
+    turn[a] = dt * (now * s->w[k][a] + old * s->w_old[k][a]);
   }
-  *angle = s->angle[k] + dt * dot3(w, m->hinge);
+  *angle = s->angle[k] + dot3(turn, m->hinge);
   if (m->has_stops) *angle = PetscMin(PetscMax(*angle, m->stops[0]), m->stops[1]);
   PetscCall(PetscArraycpy(q, s->q[k], 4));
-  turn_body(b, k, *angle, dt, w, q);
+  turn_body(b, k, *angle, turn, q);
   PetscCall(place_known(b, k, s->time + dt, X, q, angle, NULL, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

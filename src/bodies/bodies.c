@@ -18,6 +18,7 @@ static const struct {
   PetscInt    width;
 } FIELDS[] = {{"x", offsetof(BodyArrays, x), 3},
               {"q", offsetof(BodyArrays, q), 4},
+              {"q_old", offsetof(BodyArrays, q_old), 4},
               {"angle", offsetof(BodyArrays, angle), 1},
               {"u", offsetof(BodyArrays, u), 3},
               {"w", offsetof(BodyArrays, w), 3},
@@ -65,6 +66,7 @@ static PetscErrorCode store_start(Bodies b, PetscInt group, const Placement p[])
     s->angle[k]      = p[i].angle;
     if (p[i].turned) PetscCall(PetscArraycpy(s->q[k], p[i].q, 4));
     else RotationFromAngle(p[i].angle, s->q[k]);
+    PetscCall(PetscArraycpy(s->q_old[k], s->q[k], 4));
     for (PetscInt a = 0; a < 3; a++) {
       s->x[k][a] = p[i].x[a];
       s->u[k][a] = p[i].u[a];
@@ -267,7 +269,7 @@ PetscErrorCode BodiesPlace(Bodies b, PetscInt k, const PetscReal x[3], const Pet
   PetscFunctionBeginUser;
   PetscCall(check_body(b, k));
   for (PetscInt a = 0; a < 3; a++) s->x[k][a] = x[a];
-  for (PetscInt a = 0; a < 4; a++) s->q[k][a] = q[a];
+  for (PetscInt a = 0; a < 4; a++) s->q[k][a] = s->q_old[k][a] = q[a];
   s->angle[k] = angle;
   if (b->start[g]) { /* what is not free stays there */
     Placement *p = &b->start[g][k - s->group[g].first];
@@ -310,7 +312,7 @@ static void rotate_tensor(const PetscReal q[4], const PetscReal t[6], PetscReal 
   }
 }
 
-PetscErrorCode BodiesGetInertia(Bodies b, PetscInt k, PetscBool per_density, PetscReal inertia[6])
+PetscErrorCode BodiesGetInertia(Bodies b, PetscInt k, const PetscReal q[], PetscBool per_density, PetscReal inertia[6])
 {
   const BodyGroup *g;
   PetscReal        scale;
@@ -321,7 +323,7 @@ PetscErrorCode BodiesGetInertia(Bodies b, PetscInt k, PetscBool per_density, Pet
   scale = (per_density ? 1 : b->state.density[k]) * PetscPowRealInt(b->state.scale[k], b->state.dim + 2);
   PetscCall(PetscArrayzero(inertia, 6));
   if (b->state.dim == 2) inertia[2] = g->mass.inertia[2];
-  else rotate_tensor(b->state.q[k], g->mass.inertia, inertia);
+  else rotate_tensor(q ? q : b->state.q[k], g->mass.inertia, inertia);
   for (PetscInt i = 0; i < 6; i++) inertia[i] *= scale;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -360,7 +362,7 @@ PetscErrorCode BodiesGetEnergy(Bodies b, PetscReal *energy)
       continue;
     }
     mass = s->density[k] * BodiesVolume(&b->view, k);
-    PetscCall(BodiesGetInertia(b, k, PETSC_FALSE, inertia));
+    PetscCall(BodiesGetInertia(b, k, NULL, PETSC_FALSE, inertia));
     apply_tensor(inertia, s->w[k], L);
     for (PetscInt a = 0; a < 3; a++) *energy += 0.5 * (mass * PetscSqr(s->u[k][a]) + s->w[k][a] * L[a]);
   }

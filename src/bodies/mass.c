@@ -4,12 +4,12 @@
 #include "bodies/mass.h"
 
 /* Space inertia of body k as a full 3 x 3 matrix per unit density */
-static PetscErrorCode get_inertia(Bodies bodies, PetscInt k, PetscInt dim, PetscReal J[3][3])
+static PetscErrorCode get_inertia(Bodies bodies, PetscInt k, const PetscReal q[], PetscInt dim, PetscReal J[3][3])
 {
   PetscReal t[6];
 
   PetscFunctionBeginUser;
-  PetscCall(BodiesGetInertia(bodies, k, PETSC_TRUE, t));
+  PetscCall(BodiesGetInertia(bodies, k, q, PETSC_TRUE, t));
   if (dim == 2) {
     PetscCall(PetscMemzero(J, 9 * sizeof(PetscReal)));
     J[2][2] = t[2];
@@ -40,7 +40,7 @@ PetscErrorCode RigidGetMass(Bodies bodies, PetscInt k, const PetscReal q[4], Pet
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetVolume(bodies, k, &volume));
-  PetscCall(get_inertia(bodies, k, dim, J));
+  PetscCall(get_inertia(bodies, k, q, dim, J));
   for (PetscInt i = 0; i < nr * nr; i++) M[i] = 0;
   for (PetscInt a = 0; a < dim; a++) M[a * (nr + 1)] = volume;
   if (dim == 2) M[8] = J[2][2];

@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "base/log.h"
+#include "bodies/spin.h"
 
 #define MANY 100 /* kinds of bodies, above which not every pair of them is looked at */
 
@@ -98,6 +99,26 @@ static PetscReal alone_time(Contact c)
   return least;
 }
 
+/* In space a body that is not a sphere turns about no axis that stays */
+static PetscErrorCode turn_body(Contact c, PetscInt k, PetscReal h)
+{
+  const PetscReal  none[3] = {0, 0, 0}, w[3] = {c->w[k][0], c->w[k][1], c->w[k][2]};
+  const BodyGroup *g = BodiesGetGroup(c->state, k);
+  PetscReal        inertia[6], turn[3];
+
+  PetscFunctionBeginUser;
+  if (ContactKind(c, k)->disc > 0 || g->motion.has_hinge || !(g->free & BODY_FREE_ROTATION)) {
+    RotationAdvance(h, w, c->q[k]);
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCall(ContactGetMass(c, k, &(PetscReal){0}, inertia));
+  BodySpin(h, inertia, none, c->w[k]);
+  BodyTurn(h, w, c->w[k], turn);
+  RotationAdvance(1, turn, c->q[k]);
+  PetscCall(ContactSetInertia(c, k));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode advance_alone(Contact c, PetscReal h, PetscReal share)
 {
   PetscFunctionBeginUser;
@@ -109,7 +130,7 @@ static PetscErrorCode advance_alone(Contact c, PetscReal h, PetscReal share)
     for (PetscInt a = 0; a < c->dim; a++) c->x[k][a] += h * c->u[k][a];
     c->s->angle[k] += h * dot3(c->w[k], BodiesGetGroup(c->state, k)->motion.hinge);
     if (c->dim == 2) RotationFromAngle(c->s->angle[k], c->q[k]);
-    else RotationAdvance(h, c->w[k], c->q[k]);
+    else PetscCall(turn_body(c, k, h));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

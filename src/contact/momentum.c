@@ -38,7 +38,7 @@ PetscReal ContactMass(Contact c, PetscInt k)
 static PetscErrorCode effective_inertia(Contact c, PetscInt k, PetscReal inertia[6])
 {
   PetscFunctionBeginUser;
-  PetscCall(BodiesGetInertia(c->bodies, k, PETSC_TRUE, inertia));
+  PetscCall(BodiesGetInertia(c->bodies, k, NULL, PETSC_TRUE, inertia));
   for (PetscInt i = 0; i < 6; i++) inertia[i] *= c->state->density[k] + 0.1 * c->rho_f;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

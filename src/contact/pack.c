@@ -454,7 +454,7 @@ static PetscErrorCode set_weights(Pack *p)
     n++;
     p->inverse_mass[k] = 1 / BodiesVolume(c->state, k);
     if (!packing(p, k)->turns || ContactKind(c, k)->disc > 0) continue;
-    PetscCall(BodiesGetInertia(c->bodies, k, PETSC_TRUE, inertia));
+    PetscCall(BodiesGetInertia(c->bodies, k, NULL, PETSC_TRUE, inertia));
     p->inverse_spin[k] = c->dim == 2 ? 1 / inertia[2] : 3 / (inertia[0] + inertia[1] + inertia[2]);
   }
   p->mean /= n;

@@ -94,6 +94,28 @@ PetscBool CoupleHoldAxes(Couple c, PetscInt k, const PetscReal M[], PetscReal K[
   return (PetscBool)(m->has_slide || m->has_hinge);
 }
 
+PetscErrorCode CoupleHistory(Couple c, PetscInt k, const PetscReal M[], const PetscReal now[], const PetscReal old[], PetscReal out[])
+{
+  const PetscInt nr = c->nr, dim = c->loc->dim;
+  PetscReal      M0[36], M1[36];
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < nr; i++) {
+    out[i] = 0;
+    for (PetscInt j = 0; j < nr; j++) out[i] += M[i * nr + j] * (c->step->d0 * now[j] + c->step->d1 * old[j]);
+  }
+  if (dim == 2) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(RigidGetMass(c->bodies, k, c->s->q[k], M0));
+  PetscCall(RigidGetMass(c->bodies, k, c->s->q_old[k], M1));
+  for (PetscInt i = dim; i < nr; i++)
+    for (PetscInt j = dim; j < nr; j++) {
+      const PetscInt e = i * nr + j;
+
+      out[i] += c->step->d0 * (M0[e] - M[e]) * now[j] + c->step->d1 * (M1[e] - M[e]) * old[j];
+    }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Inertia D = c_t (rho_s - rho_i) (Vol; I) and right-hand side (rho_s - rho_i) (Vol; I) d(U) + (rho_s - rho_f) Vol g
    + contact + load of the rigid rows, rho_i: density of the fluid inside. Known velocities that share an inertia
    with unknown ones (a pivot that moves) count on the right. */
@@ -104,7 +126,7 @@ static PetscErrorCode fill_rigid_rows(Couple c)
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < c->s->n; k++) {
     const PetscReal excess = c->s->density[k] - CoupleInnerDensity(c, k, c->par);
-    PetscReal       M[36], K[36], *g = c->g + k * nr, spin, L[3], force[3], torque[3], dead[6];
+    PetscReal       M[36], K[36], *g = c->g + k * nr, spin, force[3], torque[3], dead[6], now[6], old[6], momentum[6];
 
     PetscCall(RigidGetMass(c->bodies, k, c->q[k], M));
     PetscCall(BodiesGetLoad(c->bodies, k, c->par->density, c->par->gravity, force, torque));
@@ -114,14 +136,12 @@ static PetscErrorCode fill_rigid_rows(Couple c)
     }
     PetscCall(RigidReduceForce(c->bodies, k, c->q[k], force, torque, g));
     PetscCall(CoupleDeadForce(c, k, c->par, dead));
+    for (PetscInt i = 0; i < nr; i++) get_history(c, k, i, &now[i], &old[i]);
+    PetscCall(CoupleHistory(c, k, M, now, old, momentum));
     for (PetscInt i = 0; i < nr; i++) {
-      g[i] += dead[i];
+      g[i] += dead[i] + excess * momentum[i];
       for (PetscInt j = 0; j < nr; j++) {
-        PetscReal now, old;
-
-        get_history(c, k, j, &now, &old);
         c->D[(k * nr + i) * nr + j] = c->step->ct * excess * M[i * nr + j];
-        g[i] += excess * M[i * nr + j] * (c->step->d0 * now + c->step->d1 * old);
         if (!((c->unknown[k] >> j) & 1)) g[i] -= c->D[(k * nr + i) * nr + j] * c->U[k * nr + j];
       }
     }
@@ -131,11 +151,6 @@ static PetscErrorCode fill_rigid_rows(Couple c)
     if (spin > 0) {
       c->D[(k * nr + dim) * nr + dim] += c->step->theta * spin;
       g[dim] -= (1 - c->step->theta) * spin * c->U_old[k * nr + dim];
-    }
-    if (dim == 3) { /* gyroscopic torque - w x (J w), at the beginning of the step */
-      for (PetscInt a = 0; a < 3; a++)
-        L[a] = M[(3 + a) * nr + 3] * c->s->w[k][0] + M[(3 + a) * nr + 4] * c->s->w[k][1] + M[(3 + a) * nr + 5] * c->s->w[k][2];
-      for (PetscInt a = 0; a < 3; a++) g[3 + a] -= excess * (c->s->w[k][(a + 1) % 3] * L[(a + 2) % 3] - c->s->w[k][(a + 2) % 3] * L[(a + 1) % 3]);
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -154,7 +154,7 @@ static PetscErrorCode residual_force(Couple c, PetscInt k, PetscReal out[])
 {
   const PetscInt  nr    = c->nr;
   const PetscReal rho_s = c->s->density[k];
-  PetscReal       M[36], K[36], a[6], extra[3], dead[6], rho_i, spin;
+  PetscReal       M[36], K[36], momentum[6], extra[3], dead[6], rho_i, spin;
 
   PetscFunctionBeginUser;
   PetscCall(RigidGetMass(c->bodies, k, c->q[k], M));
@@ -163,12 +163,12 @@ static PetscErrorCode residual_force(Couple c, PetscInt k, PetscReal out[])
   PetscCall(CoupleSpinStress(c, k, c->par, &spin));
   (void)CoupleHoldAxes(c, k, M, K);
   PetscCall(RigidCentripetal(c->bodies, k, c->q[k], c->U + k * c->nr + c->loc->dim, extra));
-  for (PetscInt i = 0; i < nr; i++) a[i] = c->step->ct * c->U[k * nr + i] - c->step->d0 * c->U_old[k * nr + i] - c->step->d1 * c->U_older[k * nr + i];
+  PetscCall(CoupleHistory(c, k, M, c->U_old + k * nr, c->U_older + k * nr, momentum));
   for (PetscInt i = 0; i < nr; i++) {
-    PetscReal inertia = dead[i] + (i < c->loc->dim ? rho_i * M[0] * extra[i] : 0), excess = 0;
+    PetscReal inertia = dead[i] + (i < c->loc->dim ? rho_i * M[0] * extra[i] : 0) - rho_i * momentum[i], excess = 0;
 
     for (PetscInt j = 0; j < nr; j++) {
-      inertia += rho_i * M[i * nr + j] * a[j];
+      inertia += rho_i * M[i * nr + j] * c->step->ct * c->U[k * nr + j];
       if ((c->unknown[k] >> j) & 1) excess += (c->step->ct * (rho_s - rho_i) * M[i * nr + j] + K[i * nr + j]) * c->U[k * nr + j];
     }
     /* rows of the solved system: R^T residual = g - D U = g - excess */

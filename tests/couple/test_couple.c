@@ -123,7 +123,7 @@ static void assembled_force(Case *c, PetscInt k, const PetscReal accel[3], Petsc
     force[2] -= (c->l->x[2 * i] - X[0]) * f[1] - (c->l->x[2 * i + 1] - X[1]) * f[0];
   }
   OK(BodiesGetVolume(c->bodies, k, &volume));
-  OK(BodiesGetInertia(c->bodies, k, PETSC_TRUE, inertia));
+  OK(BodiesGetInertia(c->bodies, k, NULL, PETSC_TRUE, inertia));
   for (PetscInt d = 0; d < 3; d++) force[d] = total(force[d]) + par->density * (d < 2 ? volume : inertia[2]) * accel[d];
   OK(PetscFree(r));
   OK(PetscFree(a));
@@ -339,7 +339,7 @@ static void check_free_motion(const char scheme[], const char more[])
     for (PetscInt d = 0; d < 3; d++) c.s->x[0][d] = keep[d];
   }
   OK(BodiesGetVolume(c.bodies, 0, &volume));
-  OK(BodiesGetInertia(c.bodies, 0, PETSC_TRUE, inertia));
+  OK(BodiesGetInertia(c.bodies, 0, NULL, PETSC_TRUE, inertia));
   NEAR(force[0], want[0], 1e-8);
   NEAR(force[1], want[1], 1e-8);
   NEAR(torque[2], want[2], 1e-8);
@@ -622,7 +622,7 @@ static void test_pivot(void **state)
     NEAR(c.s->w[0][2], wn, 1e-11);
     /* about the pivot: (I + M L^2) alpha = T + arm x (F + (M - M_f) g - M a_p) */
     OK(BodiesGetVolume(c.bodies, 0, &volume));
-    OK(BodiesGetInertia(c.bodies, 0, PETSC_FALSE, inertia));
+    OK(BodiesGetInertia(c.bodies, 0, NULL, PETSC_FALSE, inertia));
     NEAR((inertia[2] + rho * volume * (arm[0] * arm[0] + arm[1] * arm[1])) * alpha,
          torque + (i == 2 ? 0.2 : 0) + arm[0] * (force[1] - (rho - 1.3) * volume * 9 - rho * volume * ap[1]) -
            arm[1] * (force[0] + (rho - 1.3) * volume * 0.5 - rho * volume * ap[0]),
