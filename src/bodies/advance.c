@@ -1,9 +1,9 @@
 /* Bodies, motion: Newton-Euler equations, and what is prescribed instead. See bodies.h.
 
-   Velocity: Euler step under the force of the step; rotation in 3D by spin.h, which keeps energy and angular momentum of
-   a torque-free body. Position: explicit with a weighted mean of old and new velocity, orientation by the exponential
-   map. A pivot reduces the body to its rotation
-   about that point: inertia of the parallel axis, centre of mass from the angle. */
+   Velocity: Euler step under the force of the step; rotation in 3D by spin.h, which keeps energy and angular momentum
+   of a torque-free body. Position: explicit with a weighted mean of old and new velocity, orientation by the
+   exponential map. A pivot reduces the body to its rotation about that point: inertia of the parallel axis, centre of
+   mass from the angle. */
 #include "compat.h"
 #include "impl.h"
 #include "base/algebra.h"

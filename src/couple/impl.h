@@ -73,8 +73,8 @@ static inline PetscReal CoupleInnerDensity(Couple c, PetscInt k, const FlowParam
   return c->hollow && c->hollow[k] ? 0 : par->density;
 }
 
-/* out [nr] = d0 M now + d1 M old: momentum per density that body k brings into the step, M its inertia at the end of it,
-   now and old [nr] its slots one and two steps before. In space the inertia about the reference point turns with the
+/* out [nr] = d0 M now + d1 M old: momentum per density that body k brings into the step, M its inertia at the end of
+   it, now and old [nr] its slots one and two steps before. In space the inertia about the reference point turns with the
    body, so each spin counts with the orientation of its own time: no gyroscopic torque is left over, and angular
    momentum is kept. */
 PetscErrorCode CoupleHistory(Couple, PetscInt k, const PetscReal M[], const PetscReal now[], const PetscReal old[], PetscReal out[]);

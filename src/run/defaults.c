@@ -41,6 +41,7 @@ static const struct {
   /* a tighter solver changes nothing in six digits; the surface and the step do */
   {"-preset", "accurate", UNSTEADY, "-flow_recipe", "balanced"},
   {"-preset", "accurate", UNSTEADY, "-flow_ksp_rtol", NULL},
+  {"-preset", "accurate", UNSTEADY | MOVING, "-flow_rtol_most", "1e-6"},
   {"-preset", "accurate", PLANE, "-couple_boundary", "snap"},
   {"-preset", "accurate", SPATIAL, "-couple_boundary", "penalty"},
   {"-preset", "accurate", UNSTEADY | MOVING, "-sim_adapt", "true"},

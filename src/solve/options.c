@@ -14,7 +14,7 @@ static const OptSpec SPECS[] = {
    .when = FLOW, .choices = "auto, sor, ilu"},
   {"-flow_rtol_start", OPT_REAL, "", 0, 1, "0, with recipe balanced 1e-2, fast around bodies 0.1",
    .help = "residual that a solve leaves as share of its start value's (0: only -flow_ksp_rtol counts)", .when = FLOW, .expert = PETSC_TRUE},
-  {"-flow_rtol_most", OPT_REAL, "", 0, 1, "1e-5, with bodies that move 1e-6, with recipe fast around bodies 1",
+  {"-flow_rtol_most", OPT_REAL, "", 0, 1, "1e-5, with bodies that move 2e-5 (1e-6 with preset accurate), with recipe fast around bodies 1",
    .help = "bound for -flow_rtol_start, as share of the right-hand side", .when = FLOW, .expert = PETSC_TRUE},
   {"-flow_iterations_least", OPT_INT, "", 0, 100, "0, with recipe fast around bodies 2",
    .help = "outer iterations of a step before its residual is looked at", .when = FLOW, .expert = PETSC_TRUE},
