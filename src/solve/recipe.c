@@ -244,7 +244,7 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
 /* Density ratio, roughly, up to which rows of bodies count as they are. The right-hand side of a body much heavier is
    its own momentum, of which the fluid beside it is less than any tolerance: such rows count as those of a body of this
    ratio (1e9 without: no iteration at all, and a fluid that does not move out of the way). */
-#define HEAVIEST        100
+#define HEAVIEST        10
 #define LEAST_TOLERANCE 1e-13 /* of a correction; less is round-off */
 #define MOST_TOLERANCE  0.99  /* PETSc wants less than 1 */
 

@@ -125,7 +125,8 @@ def test_heavy_body(run):
     for density in 1e3, 1e9:
         args = ["-mesh_cells", "16,48", "-particle_disc_density", density, "-sim_dt", 0.005, "-sim_steps", 5, "-output_every", 0, "-output_dir", "out"]
         result = run([DEMO, *args, "-output_overwrite"])
-        assert result.status == 0 and min(series(result, "outer_iterations")) > 2 and max(series(result, "divergence")) < 1e-3, str(result)
+        assert result.status == 0 and min(series(result, "outer_iterations")) > 2, str(result)
+        assert max(series(result, "divergence")) < 1e-4 * 24 / 0.125, str(result)  # its speed over its radius
         found.append(series(result, "kinetic_energy")[-1])
     assert found[0] == pytest.approx(found[1], rel=0.01)
 
