@@ -77,8 +77,7 @@ static inline PetscReal CoupleInnerDensity(Couple c, PetscInt k, const FlowParam
    it, now and old [nr] its slots one and two steps before. In space the inertia about the reference point turns with
    the body, so each spin counts with the orientation of its own time: no gyroscopic torque is left over, and angular
    momentum is kept. */
-PetscErrorCode CoupleHistory(Couple, PetscInt k, const PetscReal M[], const PetscReal now[], const PetscReal old[],
-                             PetscReal out[]);
+PetscErrorCode CoupleHistory(Couple, PetscInt k, const PetscReal M[], const PetscReal now[], const PetscReal old[], PetscReal out[]);
 /* K [nr][nr], M the inertia per density: what resists motion across the hinge or slide of body k in its rigid rows, so
    stiff that K U is the force (torque) with which they hold it. Is there any? */
 PetscBool CoupleHoldAxes(Couple, PetscInt k, const PetscReal M[], PetscReal K[]);

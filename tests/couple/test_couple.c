@@ -455,7 +455,8 @@ static void test_volume_force_at_rest(void **state)
     PetscReal residual[6], volume[6];
 
     snprintf(options, sizeof(options),
-             CAVITY DISC "-particle_disc_position 0.42,0.53 -particle_disc_density 1.3 -flow_gravity 0,0 -flow_force 2,-3 -flow_rtol_most 1e-6 -couple_boundary %s",
+             CAVITY DISC
+             "-particle_disc_position 0.42,0.53 -particle_disc_density 1.3 -flow_gravity 0,0 -flow_force 2,-3 -flow_rtol_most 1e-6 -couple_boundary %s",
              rung[i]);
     open_case(&c, options);
     take_steps(&c, 2, 0.05);
