@@ -38,6 +38,7 @@ typedef enum {
   MONITOR_FORCE,    /* forces on bodies */
   MONITOR_PARTICLE, /* marking of nodes, motion and contact of bodies */
   MONITOR_OUTPUT,
+  MONITOR_MESH, /* cells made anew, with all that stands on them; shown where the mesh has levels of refinement */
   MONITOR_NPHASES
 } MonitorPhase;
 

@@ -23,7 +23,7 @@ struct _p_Mesh {
   struct _n_Leaves *leaves; /* own ones, in the order of the own cells */
   PetscInt         *half;   /* [nnode_all][3] places of the nodes in halves of finest cells */
   MeshHang        **hang, **hang_table;
-  PetscInt          levels, *level_count, hanging_cells; /* [levels + 1] cells of all ranks */
+  PetscInt          levels, *level_count, hanging; /* [levels + 1] cells of all ranks; hanging places */
 };
 
 /* Number the nodes in the order in which the cells touch them, own ones first; cell_node holds mesh points on entry,

@@ -452,7 +452,7 @@ PetscErrorCode MeshView(Mesh m, PetscViewer viewer)
                                    (double)l->lower[1], (double)l->upper[1]));
   for (PetscInt i = 0; i <= m->levels && m->level_count; i++) {
     PetscCall(PetscViewerASCIIPrintf(viewer, "%s%" PetscInt_FMT, i ? ", " : "  cells by level: ", m->level_count[i]));
-    if (i == m->levels) PetscCall(PetscViewerASCIIPrintf(viewer, "; %" PetscInt_FMT " with hanging places\n", m->hanging_cells));
+    if (i == m->levels) PetscCall(PetscViewerASCIIPrintf(viewer, "; %" PetscInt_FMT " hanging nodes\n", m->hanging));
   }
   PetscCall(PetscViewerASCIIPrintf(viewer, "  boundaries:"));
   for (PetscInt b = 0; b < m->nboundary; b++) PetscCall(PetscViewerASCIIPrintf(viewer, " %s", m->boundary_name[b]));

@@ -343,10 +343,43 @@ static PetscErrorCode collect_boundaries(Builder *b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Places of cell c that hang: new ones in `known` with this value; *n counts them */
+static PetscErrorCode note_hanging(const Builder *b, PetscInt c, Keys *known, PetscInt *n)
+{
+  const MeshHang *h = b->mesh->hang[c];
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; h && i < h->n; i++) {
+    const PetscInt before = known->n;
+    PetscInt       half[3], found;
+
+    if (h->start[i + 1] - h->start[i] == 1) continue; /* a node, but of another slot */
+    place_slot(b, get_leaf(b, c), 0, h->slot[i], half);
+    PetscCall(KeysAdd(known, node_key(half), 0, &found));
+    *n += known->n - before;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* How many places hang, on all ranks, each once: by the first cell on the curve that has it */
+static PetscErrorCode count_hanging(Builder *b)
+{
+  Keys     known = {0};
+  PetscInt n     = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt c = b->nown; c < b->nall; c++)
+    if (get_leaf(b, c)->key < b->leaves.leaf[0].key) PetscCall(note_hanging(b, c, &known, &n));
+  n = 0;
+  for (PetscInt c = 0; c < b->nown; c++) PetscCall(note_hanging(b, c, &known, &n));
+  PetscCall(KeysDestroy(&known));
+  PetscCall(MPIU_Allreduce(&n, &b->mesh->hanging, 1, MPIU_INT, MPI_SUM, b->leaves.comm));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode attach_hanging(Builder *b)
 {
-  Mesh     m     = b->mesh;
-  PetscInt count = 0;
+  Mesh m = b->mesh;
 
   PetscFunctionBeginUser;
   PetscCall(PetscCalloc1(HANG_CODES, &m->hang_table));
@@ -360,11 +393,9 @@ static PetscErrorCode attach_hanging(Builder *b)
       HangCreate(b->dim, code, m->hang_table[code]);
     }
     m->hang[c] = m->hang_table[code];
-    count += c < b->nown;
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &count, 1, MPIU_INT, MPI_SUM, b->leaves.comm));
-  m->hanging_cells = count;
-  m->loc.hang      = (const MeshHang *const *)m->hang;
+  PetscCall(count_hanging(b));
+  m->loc.hang = (const MeshHang *const *)m->hang;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

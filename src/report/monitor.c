@@ -186,6 +186,7 @@ PetscErrorCode MonitorVisitState(void *monitor, State state)
 {
   Monitor        m      = monitor;
   PetscReal      max[3] = {m->fall_speed_max, m->speed_max, m->overlap_max};
+  PetscInt       nphase = MONITOR_NPHASES; /* as loaded: fewer in older files */
   PetscLogDouble now;
 
   PetscFunctionBeginUser;
@@ -198,7 +199,8 @@ PetscErrorCode MonitorVisitState(void *monitor, State state)
   PetscCall(StateReals(state, "file_length", 2, m->length));
   PetscCall(StateReals(state, "time_start", 1, &m->time_start));
   PetscCall(StateReals(state, "wall", 1, &m->wall_before));
-  PetscCall(StateReals(state, "seconds", MONITOR_NPHASES, m->seconds));
+  if (StateIsLoading(state)) PetscCall(StateGetSize(state, "seconds", &nphase));
+  PetscCall(StateReals(state, "seconds", PetscMin(nphase, MONITOR_NPHASES), m->seconds));
   PetscCall(StateReals(state, "max", 3, max));
   PetscCall(StateInts(state, "solves", 1, &m->nsolve));
   PetscCall(StateReals(state, "iterations_sum", 1, &m->iterations_sum));

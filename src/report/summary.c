@@ -8,7 +8,7 @@
 #include <petsctime.h>
 #include <sys/resource.h>
 
-static const char *const PHASE[MONITOR_NPHASES] = {"setup", "nse", "force", "particle", "output"};
+static const char *const PHASE[MONITOR_NPHASES] = {"setup", "nse", "force", "particle", "output", "mesh"};
 
 typedef struct {
   const char *scene;
@@ -112,10 +112,16 @@ static void print_json_units(FILE *f, Monitor m)
   fprintf(f, "},\n");
 }
 
+static PetscBool is_shown(const Summary *s, PetscInt phase)
+{
+  return (PetscBool)(phase != MONITOR_MESH || s->seconds[phase] > 0);
+}
+
 static void print_json_seconds(FILE *f, const Summary *s)
 {
   fprintf(f, "  \"seconds\": {");
-  for (PetscInt i = 0; i < MONITOR_NPHASES; i++) fprintf(f, "\"%s\": %.6g, ", PHASE[i], (double)s->seconds[i]);
+  for (PetscInt i = 0; i < MONITOR_NPHASES; i++)
+    if (is_shown(s, i)) fprintf(f, "\"%s\": %.6g, ", PHASE[i], (double)s->seconds[i]);
   fprintf(f, "\"total\": %.6g},\n", (double)s->total);
 }
 
@@ -204,7 +210,8 @@ static PetscErrorCode print_summary(Monitor m, const Summary *s)
   PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  outer iterations a step: mean %.3g, largest %" PetscInt_FMT "\n", (double)s->iterations_mean,
                         m->iterations_max));
   PetscCall(PetscPrintf(PETSC_COMM_WORLD, "\n  %-16s %12s %8s %14s\n", "phase", "wall [s]", "[%]", "a step [s]"));
-  for (PetscInt i = 0; i < MONITOR_NPHASES; i++) PetscCall(print_phase(PHASE[i], s->seconds[i], s, i == MONITOR_SETUP ? PETSC_FALSE : PETSC_TRUE));
+  for (PetscInt i = 0; i < MONITOR_NPHASES; i++)
+    if (is_shown(s, i)) PetscCall(print_phase(PHASE[i], s->seconds[i], s, i == MONITOR_SETUP ? PETSC_FALSE : PETSC_TRUE));
   PetscCall(print_phase("total", s->total, s, PETSC_FALSE));
   if (m->nquantity) PetscCall(PetscPrintf(PETSC_COMM_WORLD, "\n  %-24s %14s\n", "quantity", "value"));
   for (PetscInt i = 0; i < m->nquantity; i++)

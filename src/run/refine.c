@@ -1,70 +1,39 @@
 /* Refine: see refine.h. */
 #include "compat.h"
 #include "refine.h"
+#include "around.h"
 #include "base/log.h"
 #include "base/opt.h"
 #include "mesh/carry.h"
 
 #define AHEAD 10 /* steps that a new mesh looks ahead */
 
-typedef struct {
-  Bodies     bodies;
-  BodyState *s;
-  PetscInt   dim;
-  PetscReal  period[3];
-  PetscBool  inside; /* insides count as surface */
-  PetscReal  margin; /* bands are wider by this */
-  /* where the bodies are */
-  const PetscReal (*X)[3], (*q)[4];
-} Surface;
-
 struct _p_Refine {
   MPI_Comm  comm;
   Mesh      mesh;
-  Surface   surface;
+  Around    surface;
   PetscBool follows;
   /* of a mesh that follows. way: -mesh_follow_way */
-  PetscReal (*X)[3], (*q)[4], way, seconds;
+  PetscReal (*X)[3], (*q)[4], way;
   PetscInt changes;
   /* what stands on the mesh */
-  Flow   flow;
-  Couple couple;
-  Adapt  adapt;
+  Flow    flow;
+  Couple  couple;
+  Adapt   adapt;
+  Monitor monitor;
 };
 
-/* Smallest distance of x to any body, looked at closely for those within reach only */
-static PetscErrorCode measure_distance(void *context, const PetscReal x[3], PetscReal reach, PetscReal *d)
-{
-  const Surface *s = context;
-
-  PetscFunctionBeginUser;
-  *d = PETSC_MAX_REAL;
-  for (PetscInt k = 0; k < s->s->n; k++) {
-    PetscReal y[3] = {0, 0, 0}, r = 0, at;
-
-    for (PetscInt a = 0; a < s->dim; a++) {
-      y[a] = DomainNearest(s->period[a], x[a], s->X[k][a]);
-      r += PetscSqr(y[a] - s->X[k][a]);
-    }
-    r = PetscSqrtReal(r) - BodiesGetRadius(s->s, k);
-    r -= s->margin;
-    if (s->s->gone[k] || r > reach || r > *d) continue;
-    PetscCall(BodiesDistance(s->bodies, k, s->X[k], s->q[k], 1, y, &at));
-    *d = PetscMin(*d, s->inside ? PetscMax(at - s->margin, 0) : PetscAbsReal(at));
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* Cells that a surface cuts and that have nodes of a larger cell cost iterations: 11 become 19, 30 become 45 */
-static PetscErrorCode remark_cut_jumps(Surface *s, Mesh mesh)
+static PetscErrorCode remark_cut_jumps(Around *s, Mesh mesh)
 {
   const MeshLocal *l;
   PetscInt         cut   = 0;
-  Surface          plain = *s;
+  Around           plain = *s;
 
   PetscFunctionBeginUser;
   plain.inside = PETSC_FALSE;
   plain.margin = 0;
+  plain.ngrid  = 0;
   PetscCall(MeshGetLocal(mesh, &l));
   for (PetscInt c = 0; c < l->ncell && s->s->n; c++) {
     PetscReal xc[MESH_MAX_NB * 3], centre[3] = {0, 0, 0}, r = 0, d;
@@ -76,9 +45,10 @@ static PetscErrorCode remark_cut_jumps(Surface *s, Mesh mesh)
       r += PetscSqr(centre[a] - xc[a]);
     }
     r = PetscSqrtReal(r);
-    PetscCall(measure_distance(&plain, centre, r, &d));
+    PetscCall(AroundDistance(&plain, centre, r, &d));
     cut += d < r;
   }
+  PetscCall(AroundForget(&plain));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &cut, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
   if (cut)
     PetscCall(LogRemark("levels of the mesh jump at %" PetscInt_FMT
@@ -127,7 +97,7 @@ static PetscErrorCode find_way(Refine r, PetscInt k, PetscReal dt, PetscReal *wa
 
 static PetscErrorCode start_following(Refine r)
 {
-  Surface *s = &r->surface;
+  Around *s = &r->surface;
 
   PetscFunctionBeginUser;
   r->way = 2;
@@ -145,16 +115,15 @@ static PetscErrorCode start_following(Refine r)
 PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool around, Bodies *bodies, Mesh *mesh, Refine *refine)
 {
   Refine    r;
-  Surface  *s;
-  PetscReal lower[3], upper[3];
+  Around   *s;
   PetscBool still;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&r));
   r->comm = comm;
   s       = &r->surface;
-  PetscCall(MeshReadBox(comm, &s->dim, lower, upper, s->period));
-  PetscCall(BodiesCreate(s->dim, lower, upper, bodies));
+  PetscCall(MeshReadBox(comm, &s->dim, s->lower, s->upper, s->period));
+  PetscCall(BodiesCreate(s->dim, s->lower, s->upper, bodies));
   s->bodies = *bodies;
   PetscCall(BodiesGetState(*bodies, &s->s));
   PetscCall(BodiesAreStill(*bodies, &still));
@@ -166,7 +135,8 @@ PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool around, Bodies *bodies,
              "-mesh_refine bodies refines where bodies are at the start, and these move: give -mesh_follow, or name a box around their way "
              "(-mesh_refine <box>, -mesh_box_<box>_corners)");
   if (r->follows) PetscCall(start_following(r));
-  PetscCall(MeshCreateAround(comm, s->s->n ? &(MeshSurface){measure_distance, s} : NULL, mesh));
+  PetscCall(MeshCreateAround(comm, s->s->n ? &(MeshSurface){AroundDistance, s} : NULL, mesh));
+  PetscCall(AroundForget(s));
   PetscCall(remark_cut_jumps(s, *mesh));
   r->mesh = *mesh;
   *refine = r;
@@ -211,7 +181,8 @@ static PetscErrorCode remesh(Refine r)
 
   PetscFunctionBeginUser;
   if (r->couple) PetscCall(CoupleLeave(r->couple));
-  PetscCall(MeshRemesh(r->mesh, r->surface.s->n ? &(MeshSurface){measure_distance, &r->surface} : NULL, &old));
+  PetscCall(MeshRemesh(r->mesh, r->surface.s->n ? &(MeshSurface){AroundDistance, &r->surface} : NULL, &old));
+  PetscCall(AroundForget(&r->surface));
   PetscCall(renew_above(r, old));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -235,17 +206,16 @@ PetscErrorCode RefineFollow(Refine r, PetscReal dt)
   PetscCall(place_bodies(r, dt));
   PetscCall(remesh(r));
   PetscCall(PetscTime(&end));
-  r->seconds += end - begin;
+  PetscCall(MonitorPhaseSeconds(r->monitor, MONITOR_MESH, end - begin));
   r->changes++;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode RefineReport(Refine r, Monitor monitor)
+PetscErrorCode RefineReport(Refine r)
 {
   PetscFunctionBeginUser;
   if (!r || !r->follows) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MonitorQuantity(monitor, "mesh_changes", (PetscReal)r->changes));
-  PetscCall(MonitorQuantity(monitor, "mesh_seconds", r->seconds));
+  PetscCall(MonitorQuantity(r->monitor, "mesh_changes", (PetscReal)r->changes));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -280,13 +250,14 @@ static PetscErrorCode visit_state(void *refine, State state)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode RefineConnect(Refine r, Flow flow, Couple couple, Adapt adapt, Checkpoint checkpoint)
+PetscErrorCode RefineConnect(Refine r, Flow flow, Couple couple, Adapt adapt, Checkpoint checkpoint, Monitor monitor)
 {
   PetscFunctionBeginUser;
   if (!r) PetscFunctionReturn(PETSC_SUCCESS);
-  r->flow   = flow;
-  r->couple = couple;
-  r->adapt  = adapt;
+  r->flow    = flow;
+  r->couple  = couple;
+  r->adapt   = adapt;
+  r->monitor = monitor;
   PetscCall(CheckpointSetRestore(checkpoint, "tree", r, restore));
   PetscCall(CheckpointAdd(checkpoint, "tree", r->mesh, MeshVisitTree));
   PetscCall(CheckpointAdd(checkpoint, "refine", r, visit_state));
@@ -299,7 +270,8 @@ PetscErrorCode RefineMatch(Refine r)
 
   PetscFunctionBeginUser;
   if (!r) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MeshIsAround(r->mesh, r->surface.s->n ? &(MeshSurface){measure_distance, &r->surface} : NULL, &same));
+  PetscCall(MeshIsAround(r->mesh, r->surface.s->n ? &(MeshSurface){AroundDistance, &r->surface} : NULL, &same));
+  PetscCall(AroundForget(&r->surface));
   if (!same) PetscCall(remesh(r));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

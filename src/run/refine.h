@@ -26,10 +26,10 @@ PetscErrorCode RefineCheck(Refine);
 /* What stands on the mesh and is made anew with it (any may be NULL), and the state of a checkpoint, after that of the
    bodies and before those above: its tree, which the mesh has again before anything is loaded, and where the mesh has
    the bodies. Borrowed. Not collective. */
-PetscErrorCode RefineConnect(Refine, Flow, Couple, Adapt, Checkpoint);
+PetscErrorCode RefineConnect(Refine, Flow, Couple, Adapt, Checkpoint, Monitor);
 /* After all is loaded: cells that the options want otherwise are made anew, and the fields carried over. Collective. */
 PetscErrorCode RefineMatch(Refine);
 /* Before a step of length dt: where cells are to be made anew, mesh and what stands on it are. Collective. */
 PetscErrorCode RefineFollow(Refine, PetscReal dt);
-/* Quantities of the run: how often, and the seconds of it */
-PetscErrorCode RefineReport(Refine, Monitor);
+/* Quantity of the run: how often */
+PetscErrorCode RefineReport(Refine);

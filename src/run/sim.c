@@ -64,7 +64,7 @@ static PetscErrorCode add_states(Sim s)
   PetscFunctionBeginUser;
   PetscCall(CheckpointAdd(p->checkpoint, "sim", s, visit_state));
   PetscCall(CheckpointAdd(p->checkpoint, "bodies", p->bodies, BodiesVisitState));
-  PetscCall(RefineConnect(p->refine, p->flow, p->couple, s->adapt, p->checkpoint));
+  PetscCall(RefineConnect(p->refine, p->flow, p->couple, s->adapt, p->checkpoint, p->monitor));
   if (p->flow) PetscCall(CheckpointAdd(p->checkpoint, "flow", p->flow, FlowVisitState));
   if (p->frame) PetscCall(CheckpointAdd(p->checkpoint, "frame", p->frame, FrameVisitState));
   if (p->flow) PetscCall(CheckpointAdd(p->checkpoint, "couple", p->couple, CoupleVisitState));
@@ -349,8 +349,8 @@ static PetscErrorCode solve_part(Sim s, PetscReal dt, PetscInt *its, KSPConverge
   const FlowParameters *par;
 
   PetscFunctionBeginUser;
-  PetscCall(begin_phase(s, MONITOR_PARTICLE));
   PetscCall(RefineFollow(s->part.refine, dt));
+  PetscCall(begin_phase(s, MONITOR_PARTICLE));
   PetscCall(FlowBeginStep(s->part.flow, s->time + dt, dt));
   if (s->part.frame) PetscCall(FrameBegin(s->part.frame));
   if (s->s->n) {
@@ -562,7 +562,7 @@ static PetscErrorCode finish_flow(Sim s, PetscInt *cells, PetscInt *unknowns)
   PetscCall(ContactGetSeparation(s->part.contact, &separation));
   if (separation > 0) PetscCall(MonitorQuantity(s->part.monitor, "separation_max", separation));
   if (s->adapt) PetscCall(AdaptFinish(s->adapt));
-  PetscCall(RefineReport(s->part.refine, s->part.monitor));
+  PetscCall(RefineReport(s->part.refine));
   PetscCall(FlowGetMatrix(s->part.flow, &S));
   PetscCall(MonitorYardstick(s->part.monitor, S));
   *cells = l->ncell_global;

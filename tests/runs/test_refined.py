@@ -108,7 +108,7 @@ def test_follows(run, scene, boundary):
     done = run([name, "-couple_boundary", boundary, "-output_every", 5, "-output_dir", "follows"])
     assert done.status == 0, done
     summary = json.loads((done.folder / "follows" / "summary.json").read_text())
-    assert summary["quantities"]["mesh_changes"] >= 2, summary
+    assert summary["quantities"]["mesh_changes"] >= 2 and summary["seconds"]["mesh"] > 0 and "\n  mesh  " in done.text, summary
     for mesh in (done.folder / "follows").glob("mesh*.h5"):
         with h5py.File(mesh) as file:
             assert file["cells"][:].max() + 1 == len(file["coordinates"]), mesh
@@ -170,3 +170,46 @@ def test_dry_run(run, scene):
     """Cells by level, and the remark on a surface at a jump."""
     done = run([scene(edited("0.2, 1, 0.7, 1.7", "0.4, 1.35, 0.5, 1.45", SETTLING)), "-scene_dry_run"])
     assert done.status == 0 and "cells by level:" in done.text and "levels of the mesh jump at" in done.text, done
+
+
+@pytest.mark.parametrize("ranks", [1, 3])
+@pytest.mark.parametrize("mesh, nodes", [("cells: [4, 4], box_half_corners: [0, 0, 0.5, 1]", 8), ("cells: [4, 4, 4], box_half_corners: [0, 0, 0, 0.5, 1, 1]", 208)])
+def test_hanging_nodes(run, scene, mesh, nodes, ranks):
+    """One half refined: two on each of 4 edges; of 17 x 17 points on 4 x 4 faces those that are none of 9 x 9 nodes."""
+    name = scene(f"mesh: {{{mesh}, levels: 1, refine: half}}\nflow: {{viscosity: 0.1}}\nsim: {{dt: 0.1, steps: 1}}\n")
+    done = run([name, "-scene_dry_run"], ranks)
+    assert done.status == 0 and f"; {nodes} hanging nodes" in done.text, done
+
+
+MANY = """\
+mesh: {upper: [4, 4], cells: [12, 12], levels: 3, band: 1, periodic: x, follow: true}
+flow: {active: false, density: 1, gravity: [0, -981]}
+particle: {groups: GROUPS}
+sim: {dt: 0.001, steps: 1}
+"""
+
+
+def test_search_among_bodies(run, scene):
+    """Cells around 9 bodies, which are looked up in a grid, are those around 8 and 1, which are tried one by one."""
+
+    def leaves(name, text, *options):
+        done = run([scene(text, f"{name}.yaml"), "-output_dir", name, "-checkpoint_every", 1, *options])
+        assert done.status == 0, done
+        with h5py.File(done.folder / name / "checkpoint_1.h5") as file:
+            return {tuple(row) for row in numpy.stack([file["tree"][k][:, 0] for k in ("x", "y", "level")]).T}
+
+    place = [[0.02, 1.5], [3.97, 2.9], [0.9, 0.4], [1.6, 1.5], [2.0, 3.93], [2.4, 1.1], [2.5, 1.6], [3.1, 3], [1.2, 3.3]]
+
+    def discs(numbers):
+        groups = [f"d{i}: {{shape: circle, radius: 0.05, density: 1.25, position: {place[i]}}}" for i in numbers]
+        return edited("GROUPS", f"[{', '.join(f'd{i}' for i in numbers)}], {', '.join(groups)}", MANY)
+
+    whole = leaves("nine", discs(range(9)))
+    eight, one = (leaves(name, discs(p)) for name, p in (("eight", range(8)), ("one", [8])))
+    # a cell of both meshes is as small as the smaller of the two
+    level = {}
+    for x, y, l in eight | one:
+        level[x, y] = max(l, level.get((x, y), 0))
+    assert len(whole) > 400
+    for x, y, l in whole:
+        assert level.get((x, y), l) == l, (x, y, l)

@@ -1,0 +1,90 @@
+/* Around: see around.h. */
+#include "compat.h"
+#include "around.h"
+#include "base/room.h"
+#include <math.h>
+
+#define FEW 8 /* so many bodies need no grid */
+
+PetscErrorCode AroundForget(Around *s)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < s->ngrid; i++) {
+    PetscCall(GridDestroy(&s->grid[i]));
+    PetscCall(PetscFree(s->body[i]));
+  }
+  s->ngrid = 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Bodies and their images whose boxes, larger by `reach`, meet the domain */
+static PetscErrorCode fill_grid(const Around *s, PetscReal reach, Grid *grid, PetscInt **body)
+{
+  PetscInt  n = 0, room = 0;
+  PetscReal mean = 0;
+
+  PetscFunctionBeginUser;
+  *body = NULL;
+  for (PetscInt k = 0; k < s->s->n; k++) mean += BodiesGetRadius(s->s, k) / (PetscReal)s->s->n;
+  PetscCall(GridCreate(s->dim, s->lower, s->upper, 2 * (mean + s->margin + reach), 8 * s->s->n, grid));
+  for (PetscInt k = 0; k < s->s->n; k++) {
+    const PetscReal half = BodiesGetRadius(s->s, k) + s->margin + reach;
+
+    if (s->s->gone[k]) continue;
+    for (DomainImages i = {0}; DomainNextImage(s->period, s->lower, s->upper, s->X[k], half, &i);) {
+      PetscCall(RoomFor(n + 1, &room, body, sizeof(**body), NULL));
+      (*body)[n] = k;
+      PetscCall(GridInsert(*grid, n++, i.at, half));
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The grid for a reach, by its number */
+static PetscErrorCode find_grid(Around *s, PetscReal reach, PetscInt *number)
+{
+  int power;
+
+  PetscFunctionBeginUser;
+  (void)frexp(reach, &power); /* reach <= 2^power */
+  for (*number = 0; *number < s->ngrid && s->power[*number] != power; (*number)++) {}
+  if (*number < s->ngrid) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCheck(s->ngrid < AROUND_GRIDS, PETSC_COMM_SELF, PETSC_ERR_PLIB, "Distances to bodies are asked for with too many reaches");
+  PetscCall(fill_grid(s, ldexp(1, power), &s->grid[s->ngrid], &s->body[s->ngrid]));
+  s->power[s->ngrid++] = power;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* *d becomes the distance to body k, looked at closely only within reach, if that is less */
+static PetscErrorCode try_body(const Around *s, PetscInt k, const PetscReal x[3], PetscReal reach, PetscReal *d)
+{
+  PetscReal y[3] = {0, 0, 0}, r = 0, at;
+
+  PetscFunctionBeginUser;
+  for (PetscInt a = 0; a < s->dim; a++) {
+    y[a] = DomainNearest(s->period[a], x[a], s->X[k][a]);
+    r += PetscSqr(y[a] - s->X[k][a]);
+  }
+  r = PetscSqrtReal(r) - BodiesGetRadius(s->s, k) - s->margin;
+  if (s->s->gone[k] || r > reach || r > *d) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(BodiesDistance(s->bodies, k, s->X[k], s->q[k], 1, y, &at));
+  *d = PetscMin(*d, s->inside ? PetscMax(at - s->margin, 0) : PetscAbsReal(at));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode AroundDistance(void *around, const PetscReal x[3], PetscReal reach, PetscReal *d)
+{
+  Around  *s = around;
+  PetscInt number;
+
+  PetscFunctionBeginUser;
+  *d = PETSC_MAX_REAL;
+  if (s->s->n <= FEW) {
+    for (PetscInt k = 0; k < s->s->n; k++) PetscCall(try_body(s, k, x, reach, d));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCall(find_grid(s, reach, &number));
+  for (PetscInt e = GridFirst(s->grid[number], x); e >= 0 && *d > 0; e = GridNext(s->grid[number], e))
+    PetscCall(try_body(s, s->body[number][GridItem(s->grid[number], e)], x, reach, d));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,29 @@
+/* Around: how far places are from the bodies of a scene, for meshes that are refined around them (MeshSurface).
+
+   Asked for a distance within some reach, it looks at those bodies alone whose box, so much larger, holds the place: a
+   search grid (base/grid.h) for every power of two of the reach, made when it is first asked for. */
+#pragma once
+#include "base/grid.h"
+#include "bodies/bodies.h"
+#include "mesh/mesh.h"
+
+#define AROUND_GRIDS 64
+
+typedef struct {
+  Bodies     bodies;
+  BodyState *s;
+  PetscInt   dim;
+  PetscReal  lower[3], upper[3], period[3];
+  PetscBool  inside; /* insides count as surface */
+  PetscReal  margin; /* distances are less by this */
+  /* where the bodies are */
+  const PetscReal (*X)[3], (*q)[4];
+  PetscInt  ngrid, power[AROUND_GRIDS]; /* of two, of the reach */
+  Grid      grid[AROUND_GRIDS];
+  PetscInt *body[AROUND_GRIDS]; /* of an item: one or an image of one */
+} Around;
+
+/* MeshSurface.distance with an Around as context: smallest distance of x to any body that is not gone, from inside 0 or
+   positive; grids stay until AroundForget, which is due when bodies have moved. Not collective. */
+PetscErrorCode AroundDistance(void *around, const PetscReal x[3], PetscReal reach, PetscReal *d);
+PetscErrorCode AroundForget(Around *);
