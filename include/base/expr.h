@@ -28,8 +28,10 @@ const char *ExprText(Expr); /* as read, without blanks. Borrowed. */
 /* value [m][n] at points x [m][dim] (NULL: expressions of t alone) and a time. Collective where any value depends
    on the place; else all ranks ask for the same. Error: not finite. */
 PetscErrorCode ExprEvaluate(Expr, PetscReal time, PetscInt m, const PetscReal x[], PetscReal value[]);
-/* The same, kept: evaluated anew only if points or (with t) time differ from the last call. Borrowed until the next.
-   Collective. */
+/* At one place of this rank alone, at time 0. Not collective. Error: not finite, raised by this rank. */
+PetscErrorCode ExprEvaluateAlone(Expr, const PetscReal x[], PetscReal value[]);
+/* The same as ExprEvaluate, kept: evaluated anew only if points or (with t) time differ from the last call. Borrowed
+   until the next. Collective. */
 PetscErrorCode ExprKeep(Expr, PetscReal time, PetscInt m, const PetscReal x[], const PetscReal *value[]);
 /* value [n] = integral of expressions of t alone from 0 to time: adaptive Gauss-Kronrod quadrature (7, 15 points;
    Piessens et al. 1983) to 1e-13 of the integral of the absolute value, at kinks in pieces of time/2^18. A function of

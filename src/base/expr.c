@@ -268,15 +268,15 @@ typedef struct {
   double i, value, variable[4]; /* i < 0: none */
 } Fault;
 
-static PetscErrorCode refuse_value(Expr e, const Fault *f)
+static PetscErrorCode refuse_value(MPI_Comm comm, Expr e, const Fault *f)
 {
   const PetscReal *v = f->variable;
   char             place[96];
 
   PetscFunctionBeginUser;
   (void)snprintf(place, sizeof(place), e->dim == 3 ? "x = %g, y = %g, z = %g" : "x = %g, y = %g", v[0], v[1], v[2]);
-  SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s: value %d is %g%s%s, t = %g: write expressions that are finite everywhere", e->name,
-          e->text, (int)f->i + 1, f->value, ExprUsesPlace(e) ? " at " : "", ExprUsesPlace(e) ? place : "", v[TIME]);
+  SETERRQ(comm, PETSC_ERR_USER_INPUT, "Option %s = %s: value %d is %g%s%s, t = %g: write expressions that are finite everywhere", e->name, e->text,
+          (int)f->i + 1, f->value, ExprUsesPlace(e) ? " at " : "", ExprUsesPlace(e) ? place : "", v[TIME]);
 }
 
 /* Value i of the variables as they are */
@@ -301,7 +301,7 @@ static PetscErrorCode share_fault(Expr e, Fault *fault)
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &first, 1, MPI_INT, MPI_MIN, PETSC_COMM_WORLD));
   if (first == size) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCallMPI(MPI_Bcast(fault, sizeof(*fault) / sizeof(double), MPI_DOUBLE, first, PETSC_COMM_WORLD));
-  PetscCall(refuse_value(e, fault));
+  PetscCall(refuse_value(PETSC_COMM_WORLD, e, fault));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -326,7 +326,17 @@ PetscErrorCode ExprEvaluate(Expr e, PetscReal time, PetscInt m, const PetscReal 
   PetscFunctionBeginUser;
   evaluate_all(e, time, m, x, value, &fault);
   if (ExprUsesPlace(e)) PetscCall(share_fault(e, &fault)); /* a rank without points takes part; its x may be NULL */
-  else if (fault.i >= 0) PetscCall(refuse_value(e, &fault));
+  else if (fault.i >= 0) PetscCall(refuse_value(PETSC_COMM_WORLD, e, &fault));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ExprEvaluateAlone(Expr e, const PetscReal x[], PetscReal value[])
+{
+  Fault fault = {.i = -1};
+
+  PetscFunctionBeginUser;
+  evaluate_all(e, 0, 1, x, value, &fault);
+  if (fault.i >= 0) PetscCall(refuse_value(PETSC_COMM_SELF, e, &fault));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -416,7 +426,7 @@ PetscErrorCode ExprIntegrate(Expr e, PetscReal time, PetscReal value[])
       value[i] *= time;
     }
   }
-  if (fault.i >= 0) PetscCall(refuse_value(e, &fault));
+  if (fault.i >= 0) PetscCall(refuse_value(PETSC_COMM_WORLD, e, &fault));
   e->last[e->next] = time;
   PetscCall(PetscArraycpy(e->integral + e->next * e->n, value, e->n));
   e->next = 1 - e->next;

@@ -113,6 +113,20 @@ static PetscErrorCode neighbours_refine(Leaves *t, PetscInt level, const PetscIn
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Of x to what is to be fine, but for boxes; beyond reach any larger number */
+static PetscErrorCode find_distance(Leaves *t, const PetscReal x[3], PetscReal reach, PetscReal *d)
+{
+  PetscReal more = t->constant;
+
+  PetscFunctionBeginUser;
+  *d = PETSC_MAX_REAL;
+  if (t->around) PetscCall((*t->surface->distance)(t->surface->context, x, reach, d));
+  if (!t->given) PetscFunctionReturn(PETSC_SUCCESS);
+  if (t->distance) PetscCall(ExprEvaluateAlone(t->distance, x, &more));
+  *d = PetscMin(*d, PetscMax(more, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Around surfaces, remembered: a narrow band asks again and again */
 static PetscErrorCode surface_refines(Leaves *t, PetscInt level, const PetscInt x[], PetscBool *refine)
 {
@@ -123,7 +137,7 @@ static PetscErrorCode surface_refines(Leaves *t, PetscInt level, const PetscInt 
 
   PetscFunctionBeginUser;
   *refine = PETSC_FALSE;
-  if (!t->around || level >= t->levels) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!(t->around || t->given) || level >= t->levels) PetscFunctionReturn(PETSC_SUCCESS);
   known = KeysFind(&t->memo[level], key);
   if (known >= 0) {
     *refine = (PetscBool)known;
@@ -131,7 +145,7 @@ static PetscErrorCode surface_refines(Leaves *t, PetscInt level, const PetscInt 
   }
   PetscCall(measure(t, level, x, centre, &h));
   if (narrow) far = (1.5 * PetscSqrtReal((PetscReal)t->dim) + 0.5 * t->band) * h; /* beyond, nothing finer forces it */
-  PetscCall((*t->surface->distance)(t->surface->context, centre, PetscMax(far, t->band * h), &d));
+  PetscCall(find_distance(t, centre, PetscMax(far, t->band * h), &d));
   *refine = (PetscBool)(d < t->band * h);
   if (!*refine && d < far && level + 1 < t->levels) PetscCall(neighbours_refine(t, level, x, refine));
   PetscCall(KeysAdd(&t->memo[level], key, *refine, &known));
@@ -433,7 +447,7 @@ static PetscErrorCode read_box(Leaves *t, const char name[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode LeavesReadRefine(PetscBool *bodies, PetscInt *nbox, char box[][LEAVES_NAME])
+PetscErrorCode LeavesReadRefine(PetscBool *bodies, PetscBool *expression, PetscInt *nbox, char box[][LEAVES_NAME])
 {
   PetscInt  n                           = LEAVES_MAX_BOXES + 1;
   char     *names[LEAVES_MAX_BOXES + 1] = {NULL};
@@ -442,15 +456,18 @@ PetscErrorCode LeavesReadRefine(PetscBool *bodies, PetscInt *nbox, char box[][LE
   PetscFunctionBeginUser;
   PetscCall(OptHas("-mesh_refine", &given));
   PetscCall(OptStringArray("-mesh_refine", &n, names));
-  *bodies = (PetscBool)!given;
-  *nbox   = 0;
+  *bodies     = (PetscBool)!given;
+  *expression = PETSC_FALSE;
+  *nbox       = 0;
   for (PetscInt i = 0; i < n; i++) {
-    PetscBool same;
+    PetscBool same, formula;
 
     PetscCall(PetscStrcmp(names[i], "bodies", &same));
-    PetscCheck(same || *nbox < LEAVES_MAX_BOXES, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "-mesh_refine names more than %d boxes: leave out some",
-               LEAVES_MAX_BOXES);
+    PetscCall(PetscStrcmp(names[i], "expression", &formula));
+    PetscCheck(same || formula || *nbox < LEAVES_MAX_BOXES, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "-mesh_refine names more than %d boxes: leave out some", LEAVES_MAX_BOXES);
     if (same) *bodies = PETSC_TRUE;
+    else if (formula) *expression = PETSC_TRUE;
     else PetscCall(PetscStrncpy(box[(*nbox)++], names[i], LEAVES_NAME));
     PetscCall(PetscFree(names[i]));
   }
@@ -459,11 +476,15 @@ PetscErrorCode LeavesReadRefine(PetscBool *bodies, PetscInt *nbox, char box[][LE
 
 static PetscErrorCode read_regions(Leaves *t)
 {
-  PetscInt n;
-  char     names[LEAVES_MAX_BOXES][LEAVES_NAME];
+  PetscInt  n;
+  PetscBool given = PETSC_TRUE;
+  char      names[LEAVES_MAX_BOXES][LEAVES_NAME];
 
   PetscFunctionBeginUser;
-  PetscCall(LeavesReadRefine(&t->around, &n, names));
+  PetscCall(LeavesReadRefine(&t->around, &t->given, &n, names));
+  if (t->given) PetscCall(ExprRead("-mesh_distance", t->dim, 1, &t->constant, &t->distance, &given));
+  PetscCheck(given, t->comm, PETSC_ERR_USER_INPUT,
+             "-mesh_refine expression needs the distance to what is to be fine: give it by -mesh_distance, such as \"sqrt(x^2 + y^2) - 0.5\"");
   for (PetscInt i = 0; i < n; i++) PetscCall(read_box(t, names[i]));
   PetscCheck(!t->around || t->surface, t->comm, PETSC_ERR_USER_INPUT,
              "-mesh_levels %" PetscInt_FMT " refines around bodies, and the scene has none: name a box by -mesh_refine, or remove -mesh_levels",
@@ -521,6 +542,7 @@ PetscErrorCode LeavesClose(Leaves *t)
 {
   PetscFunctionBeginUser;
   for (PetscInt l = 0; l <= LEAVES_MAX_LEVELS; l++) PetscCall(KeysDestroy(&t->memo[l]));
+  PetscCall(ExprDestroy(&t->distance));
   t->surface = NULL;
   t->list    = NULL;
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -6,7 +6,8 @@
    cells that touch, corners included, differ by more than one level; for narrower bands a cell is also refined if one
    of its children's neighbours would otherwise be two levels finer than a cell beside it (Sundar, Sampath & Biros,
    SIAM J. Sci. Comput. 30, 2008, balance such trees from a list; here it is part of the formula). Whether a cell
-   exists can thus be told anywhere without communication.
+   exists can thus be told anywhere without communication. What -mesh_distance gives counts as the distance to one more
+   surface, filled where it is negative.
 
    Cells are ordered along the Z curve (Morton 1966) of the lattice of finest cells; a rank has a contiguous range,
    found from the counts of base cells, the only thing all ranks know of. Places on the lattice: [0, n 2^levels) an
@@ -14,6 +15,7 @@
 #pragma once
 #include "keys.h"
 #include "kind.h"
+#include "base/expr.h"
 #include "mesh/mesh.h"
 
 typedef struct {
@@ -36,7 +38,9 @@ typedef struct _n_Leaves {
   MPI_Comm           comm;
   MeshKind           kind;                        /* borrowed */
   PetscInt           dim, levels, n[3], cells[3]; /* base cells, finest cells an axis */
-  PetscBool          periodic[3], around;         /* refine around the surfaces? */
+  PetscBool          periodic[3], around, given;  /* refine around the surfaces? where -mesh_distance is small? */
+  Expr               distance;                    /* of that; NULL: the number `constant` */
+  PetscReal          constant;
   PetscReal          band;
   const MeshSurface *surface; /* borrowed during construction */
   PetscInt           nlist;
@@ -50,8 +54,8 @@ typedef struct _n_Leaves {
   uint64_t          *first; /* [size] key of every rank's first leaf */
 } Leaves;
 
-/* What -mesh_refine names: bodies? and boxes [LEAVES_MAX_BOXES]. Collective. Error: too many. */
-PetscErrorCode LeavesReadRefine(PetscBool *bodies, PetscInt *nbox, char box[][LEAVES_NAME]);
+/* What -mesh_refine names: bodies? an expression? and boxes [LEAVES_MAX_BOXES]. Collective. Error: too many. */
+PetscErrorCode LeavesReadRefine(PetscBool *bodies, PetscBool *expression, PetscInt *nbox, char box[][LEAVES_NAME]);
 /* Read -mesh_refine, -mesh_band and boxes and find the leaves of this rank. Collective. Errors: nothing to refine
    around, unknown or empty boxes, a band too narrow, fewer cells than ranks, too many cells for the lattice. */
 PetscErrorCode LeavesCreate(MPI_Comm, MeshKind, PetscInt levels, const MeshSurface *, Leaves *);

@@ -316,14 +316,15 @@ static PetscErrorCode build_plain(Mesh m)
 
 PetscErrorCode MeshReadLevels(PetscInt *levels, PetscBool *around)
 {
-  PetscInt n;
-  char     box[LEAVES_MAX_BOXES][LEAVES_NAME];
+  PetscInt  n;
+  PetscBool expression;
+  char      box[LEAVES_MAX_BOXES][LEAVES_NAME];
 
   PetscFunctionBeginUser;
   *levels = 0;
   *around = PETSC_FALSE;
   PetscCall(OptInt("-mesh_levels", levels));
-  if (*levels) PetscCall(LeavesReadRefine(around, &n, box));
+  if (*levels) PetscCall(LeavesReadRefine(around, &expression, &n, box));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -152,13 +152,10 @@ PetscErrorCode RefineDestroy(Refine *refine)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode RefineCheck(Refine r)
+PetscErrorCode RefineCheck(Refine r, PetscBool steady)
 {
-  PetscBool steady = PETSC_FALSE;
-
   PetscFunctionBeginUser;
   if (!r || !r->follows) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(OptBool("-sim_steady", &steady));
   PetscCheck(!steady, r->comm, PETSC_ERR_SUP, "-mesh_follow does not work with -sim_steady, where no body moves: remove one of them");
   PetscFunctionReturn(PETSC_SUCCESS);
 }

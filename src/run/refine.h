@@ -21,8 +21,8 @@ PetscErrorCode RefineCreateMesh(MPI_Comm, PetscBool around, Bodies *, Mesh *, Re
 PetscErrorCode RefineDestroy(Refine *);
 /* In all that follows NULL, and a mesh that does not follow where that is asked for, does nothing. */
 
-/* What does not go with a mesh that follows; after the options of others are known. Error: -sim_steady. */
-PetscErrorCode RefineCheck(Refine);
+/* What does not go with a mesh that follows. steady: of -sim_steady. Collective. Error: it is. */
+PetscErrorCode RefineCheck(Refine, PetscBool steady);
 /* What stands on the mesh and is made anew with it (any may be NULL), and the state of a checkpoint, after that of the
    bodies and before those above: its tree, which the mesh has again before anything is loaded, and where the mesh has
    the bodies. Borrowed. Not collective. */

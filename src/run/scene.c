@@ -121,7 +121,7 @@ static PetscErrorCode build(SimParts *part)
   PetscCall(create_mesh_and_bodies(part, &l));
   PetscCall(ContactPack(part->bodies, l->lower, l->upper, l->period, &packing));
   if (active) PetscCall(DefaultsApply(l, part->bodies, steady));
-  PetscCall(RefineCheck(part->refine));
+  PetscCall(RefineCheck(part->refine, steady));
   if (active) {
     PetscCall(DeformCreate(part->mesh, part->bodies, &part->deform));
     deformed = (PetscBool)(part->deform != NULL);

@@ -213,3 +213,32 @@ def test_search_among_bodies(run, scene):
     assert len(whole) > 400
     for x, y, l in whole:
         assert level.get((x, y), l) == l, (x, y, l)
+
+
+PLAIN = ["-mesh_refine", "expression", "-mesh_distance"]
+
+
+def test_expression(run, scene):
+    """Around a circle that a formula gives as around one that is a body: the cells and nodes of p4est; with a filled disc and a box as well."""
+    name = scene("mesh: {cells: [16, 16], levels: 4, band: 1.2}\nflow: {viscosity: 0.1}\nsim: {dt: 0.1, steps: 1}\n")
+    for ranks in (1, 2):
+        done = run([name, "-scene_dry_run", *PLAIN, "abs(sqrt((x-0.5)^2+(y-0.5)^2)-0.25)"], ranks)
+        assert done.status == 0 and "3268 cells, 12193 Q2 nodes" in done.text, done
+    filled = run([name, "-scene_dry_run", "-mesh_refine", "expression,corner", "-mesh_distance", "sqrt((x-0.5)^2+(y-0.5)^2)-0.25", "-mesh_box_corner_corners", "0,0,0.1,0.1"])
+    assert filled.status == 0 and int(filled.text.split(" cells,")[0].split()[-1]) > 12000, filled
+
+
+WRONG = {
+    "none given": (["-mesh_refine", "expression"], "give it by -mesh_distance"),
+    "no distance": ([*PLAIN, "x<0.3?0:1"], "distances to a body are no distances"),
+    "not finite": ([*PLAIN, "1/(x-x)"], "write expressions that are finite everywhere"),
+    "of time": ([*PLAIN, "x-t"], "-mesh_distance"),
+    "not asked for": (["-mesh_refine", "a", "-mesh_box_a_corners", "0,0,0.1,0.1", "-mesh_distance", "x"], "-mesh_refine expression"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_wrong_expression(run, scene, case):
+    options, words = WRONG[case]
+    done = run([scene("mesh: {cells: [16, 16], levels: 4, band: 1.2}\nflow: {viscosity: 0.1}\nsim: {dt: 0.1, steps: 1}\n"), *options])
+    assert done.status != 0 and words in done.text and done.text.count("error:") == 1, done
