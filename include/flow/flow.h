@@ -24,9 +24,12 @@
    though div w is zero on the average over a cell only, which helps where the flow is under-resolved (the discs of
    runs/dkt.yaml). Not the default, being less accurate elsewhere (runs/studies/flow-solver).
 
-   The velocity operator is the same scalar matrix S = rho c_t M + theta (rho C(w) + mu K) for every component. Nodal
-   arrays are [nnode_all][dim], velocity in length/time; pressure arrays [own cells][dim + 1]. Boundary conditions:
-   condition.h. */
+   The velocity operator is the same scalar matrix S = rho c_t M + theta (rho C(w) + mu K) for every component. With
+   -flow_rheology the viscosity mu(g) varies with the rate of strain g (src/flow/rheology.h), is taken at the velocity
+   of FlowSetStrain, and the viscous term is the symmetric one, mu (grad u + grad u^T, grad v): S then has its part
+   within a component, for the preconditioner, the operator is a matrix of all components, and outflow means that the
+   stress sigma n is zero. Nodal arrays are [nnode_all][dim], velocity in length/time; pressure arrays [own cells]
+   [dim + 1]. Boundary conditions: condition.h. */
 #pragma once
 #include "flow/condition.h"
 #include "mesh/mesh.h"
@@ -45,6 +48,8 @@ typedef struct {
   PetscReal velocity[3]; /* at the start, where numbers give it */
   PetscInt  held;        /* bit mask of axes along which -flow_rate holds the mean velocity */
   PetscReal rate[3];     /* and the mean velocities there */
+  PetscBool
+    varying; /* the viscosity varies by -flow_rheology: `viscosity` is that of the law, stress in symmetric form */
   PetscBool convection;
   PetscReal skew;      /* share of (div w) u in the convection: 0 convective, 1/2 skew-symmetric form */
   PetscInt  quadratic; /* extrapolation of the convecting velocity: 0 linear, 1 quadratic */
@@ -164,7 +169,8 @@ PetscErrorCode FlowDivergence(Flow, const PetscReal u[], PetscReal y[]);
 PetscErrorCode FlowGradient(Flow, PetscReal scale, const PetscReal p[], PetscReal r[]);
 /* Cell matrices of B, [ncell_all][dim + 1][nb*dim], for operators built from B. */
 PetscErrorCode FlowGetCellDivergence(Flow, const PetscReal *b[]);
-/* y += scale Mp^{-1} r with the mass matrix of the pressure (own cells). Local. */
+/* y += scale Mp^{-1} r with the mass matrix of the pressure (own cells), times mean viscosity of the cell over that of
+   the parameters where it varies. Local. */
 PetscErrorCode FlowPressureMassSolve(Flow, PetscReal scale, const PetscReal r[], PetscReal y[]);
 /* Size h = volume^(1/dim) of the local cells [ncell_all]. */
 PetscErrorCode FlowGetCellSize(Flow, const PetscReal *h[]);
@@ -187,10 +193,25 @@ PetscErrorCode FlowVisitState(void *flow, State);
 /* Pressure of cell c at the point x [dim], evaluated there also when it lies outside of the cell. Not collective. */
 PetscErrorCode FlowCellPressure(Flow, PetscInt c, const PetscReal p[], const PetscReal x[], PetscReal *value);
 
+/* With -flow_rheology, the velocity [nnode_all][dim] (synced) whose rate of strain sets the viscosity from the next
+   FlowAssemble or FlowRhs on; until then that of the step: extrapolated to its point theta, u^n in a steady problem. A
+   fluid that is at rest everywhere has, in a steady problem, the viscosity of the parameters. Local. */
+PetscErrorCode FlowSetStrain(Flow, const PetscReal v[]);
+/* Its mean over each local cell [ncell_all] and around each local node [nnode_all]; NULL where it does not vary. May be
+   NULL. Borrowed. Collective. */
+PetscErrorCode FlowGetViscosity(Flow, const PetscReal *cell[], const PetscReal *node[]);
+/* The velocity matrix of all components (own nodes x dim), that FlowAssemble has made where the viscosity varies; NULL
+   elsewhere: S for each component is the whole operator. Borrowed. */
+PetscErrorCode FlowGetComponents(Flow, Mat *A);
+/* The same for any fluid, after FlowAssemble: S for every component, what couples them, and the terms of Newton's
+   method at u [nnode_all][dim] (NULL: without). *A is the matrix of FlowGetComponents with other values. Collective. */
+PetscErrorCode FlowAssembleComponents(Flow, const PetscReal u[], Mat *A);
+
 /* What cell c adds to the momentum residual with the step's solution u, p: r [nb][dim]. Not collective. */
 PetscErrorCode FlowCellResidual(Flow, PetscInt c, const PetscReal u[], const PetscReal p[], PetscReal r[]);
 /* What Newton's method adds to S: n [nb*dim][nb*dim] = rho theta int phi_i (phi_j du_a/dx_b + skew u_a dphi_j/dx_b),
-   row (i, a), column (j, b), of cell c. Zero without convection. Not collective. */
+   row (i, a), column (j, b), of cell c; where the viscosity varies also theta (mu grad u^T, grad v) and what its
+   derivative adds, which is all there is for u = NULL but for the derivative. Not collective. */
 PetscErrorCode FlowCellNewton(Flow, PetscInt c, const PetscReal u[], PetscReal n[]);
 /* Integral over cell c of -sigma_sym . grad(alpha) and of its moment about X, alpha [nb] nodal: adds to force [3],
    torque [3]. Not collective. */

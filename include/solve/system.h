@@ -93,9 +93,10 @@ PetscErrorCode FlowSolverGetLimited(FlowSolver, PetscInt limited[2]);
 
 /* For nonlinear problems, whose solver repeats these. x holds on every rank the reduced velocity (own nodes x dim,
    rigid slots of own bodies), then the pressure of own cells. SetVelocity: velocity matrix of all components (own nodes
-   x dim) to use in place of S from the next SetUp on, NULL: S again; S stays the preconditioner of the matrix-free
-   solvers. Borrowed. Pack, Unpack: between x and nodal arrays as in FlowSolverSolve. Residual: f = K x - b with the
-   system's K and right-hand side b. Correct: solve K y = f from y = 0. Collective. */
+   x dim) to use in place of S from the next SetUp on, NULL: that of the flow again (FlowGetComponents, or S); S stays
+   the preconditioner of the matrix-free solvers. Borrowed. Pack, Unpack: between x and nodal arrays as in
+   FlowSolverSolve. Residual: f = K x - b with the system's K and right-hand side b. Correct: solve K y = f from y = 0.
+   Collective. */
 PetscErrorCode FlowSolverCreateVec(FlowSolver, Vec *x);
 PetscErrorCode FlowSolverSetVelocity(FlowSolver, Mat A);
 PetscErrorCode FlowSolverPack(FlowSolver, const PetscReal u[], const PetscReal p[], const PetscReal U[], Vec x);

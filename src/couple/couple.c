@@ -202,6 +202,7 @@ PetscErrorCode CoupleAssemble(Couple c)
 {
   PetscFunctionBeginUser;
   PetscCall(FlowAssemble(c->flow));
+  PetscCall(FlowSolverSetVelocity(c->solver, NULL));
   PetscCall(FlowRhs(c->flow, c->rhs));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -8,7 +8,7 @@ PetscErrorCode CoupleSpinStress(Couple c, PetscInt k, const FlowParameters *par,
 {
   PetscFunctionBeginUser;
   *coefficient = 0;
-  if (!c->hollow || !c->hollow[k]) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!c->hollow || !c->hollow[k] || par->varying) PetscFunctionReturn(PETSC_SUCCESS); /* symmetric form: none */
   PetscCall(BodiesGetVolume(c->bodies, k, coefficient));
   *coefficient *= 2 * par->viscosity;
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -139,7 +139,9 @@ static PetscErrorCode assemble_matrix(Flow f)
       FlowCellGather(l, c, f->w, wl);
       for (PetscInt i = 0; i < size; i++) wl[i] *= f->par.density * s->theta;
     }
-    ElementOperator(&f->element, &m, f->par.density * s->ct, f->par.viscosity * s->theta, f->par.convection ? wl : NULL, f->par.skew, ce);
+    ElementOperator(&f->element, &m, f->par.density * s->ct, f->rheology ? 0 : f->par.viscosity * s->theta, f->par.convection ? wl : NULL,
+                    f->par.skew, ce);
+    if (f->rheology) FlowAddDiffusion(f, c, &m, ce);
     MeshCellMatrix(l, c, 1, nbp, ce);
     add_cell(f, c, nbp, ce, value[0], value[1]);
   }
@@ -155,10 +157,14 @@ static PetscErrorCode assemble_matrix(Flow f)
 
 PetscErrorCode FlowAssemble(Flow f)
 {
+  Mat A;
+
   PetscFunctionBeginUser;
-  if (!f->par.convection && f->s_ct == f->step.ct && f->s_theta == f->step.theta) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!f->par.convection && !f->rheology && f->s_ct == f->step.ct && f->s_theta == f->step.theta) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogEventBegin(f->par.convection ? TB_FLOW_CONVECT : TB_FLOW_ASSEMBLE, 0, 0, 0, 0));
+  PetscCall(FlowUpdateViscosity(f));
   PetscCall(assemble_matrix(f));
+  if (f->rheology) PetscCall(FlowAssembleComponents(f, NULL, &A));
   PetscCall(PetscLogEventEnd(f->par.convection ? TB_FLOW_CONVECT : TB_FLOW_ASSEMBLE, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -181,6 +187,7 @@ PetscErrorCode FlowRhs(Flow f, PetscReal r[])
 
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_FLOW_RHS, 0, 0, 0, 0));
+  PetscCall(FlowUpdateViscosity(f));
   PetscCall(PetscArrayzero(r, l->nnode_all * dim));
   for (PetscInt c = 0; c < l->ncell; c++) {
     const PetscInt *node = l->cell_node + c * nb;
@@ -200,8 +207,7 @@ PetscErrorCode FlowRhs(Flow f, PetscReal r[])
     MeshCellGather(l, c, dim, vl);
     MeshCellGather(l, c, dim, wl);
     PetscCall(FlowCellMetric(f, c, &m));
-    ElementResidual(&f->element, &m, f->par.density, f->par.viscosity, f->par.force, al, s->theta < 1 ? vl : NULL, f->par.convection ? wl : NULL,
-                    f->par.skew, rl);
+    FlowCellMomentum(f, c, &m, al, s->theta < 1 ? vl : NULL, wl, rl);
     MeshCellScatter(l, c, dim, rl);
     for (PetscInt j = 0; j < nb; j++)
       for (PetscInt a = 0; a < dim; a++) r[node[j] * dim + a] -= rl[j * dim + a];
@@ -242,8 +248,11 @@ PetscErrorCode FlowPressureMassSolve(Flow f, PetscReal scale, const PetscReal r[
   const PetscInt nk = f->loc->dim + 1;
 
   PetscFunctionBeginUser;
-  for (PetscInt c = 0; c < f->loc->ncell; c++)
+  for (PetscInt c = 0; c < f->loc->ncell; c++) {
+    const PetscReal factor = f->rheology ? scale * f->mu_cell[c] / f->par.viscosity : scale;
+
     for (PetscInt k = 0; k < nk; k++)
-      for (PetscInt n = 0; n < nk; n++) y[c * nk + k] += scale * f->pmass[(c * nk + k) * nk + n] * r[c * nk + n];
+      for (PetscInt n = 0; n < nk; n++) y[c * nk + k] += factor * f->pmass[(c * nk + k) * nk + n] * r[c * nk + n];
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -35,40 +35,10 @@ PetscErrorCode FlowCellResidual(Flow f, PetscInt c, const PetscReal u[], const P
   PetscFunctionBeginUser;
   gather_step(f, c, u, al, vl, wl);
   PetscCall(FlowCellMetric(f, c, &m));
-  ElementResidual(&f->element, &m, f->par.density, f->par.viscosity, f->par.force, al, vl, f->par.convection ? wl : NULL, f->par.skew, r);
+  FlowCellMomentum(f, c, &m, al, vl, wl, r);
   MeshCellScatter(f->loc, c, f->loc->dim, r);
   for (PetscInt k = 0; k < nk; k++)
     for (PetscInt i = 0; i < n; i++) r[i] -= p[c * nk + k] * f->b[(c * nk + k) * n + i];
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode FlowCellNewton(Flow f, PetscInt c, const PetscReal u[], PetscReal n[])
-{
-  const MeshLocal *l   = f->loc;
-  const PetscInt   dim = l->dim, nb = l->nb, rows = nb * dim;
-  PetscReal        ul[MESH_MAX_NB * 3];
-  ElementMetric    m;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscArrayzero(n, rows * rows));
-  if (!f->par.convection) PetscFunctionReturn(PETSC_SUCCESS);
-  FlowCellGather(l, c, u, ul);
-  PetscCall(FlowCellMetric(f, c, &m));
-  for (PetscInt q = 0; q < f->element.nq; q++) {
-    const PetscReal *phi = f->element.phi + q * f->element.nbp, scale = f->par.density * f->step.theta * m.weight[q];
-    PetscReal        g[3][ELEMENT_MAX_NBP], grad[3][3] = {{0}}, v[3] = {0, 0, 0};
-
-    ElementGradients(&f->element, &m, q, g);
-    for (PetscInt j = 0; j < nb; j++)
-      for (PetscInt a = 0; a < dim; a++) v[a] += phi[j] * ul[j * dim + a];
-    for (PetscInt j = 0; j < nb; j++)
-      for (PetscInt a = 0; a < dim; a++)
-        for (PetscInt b = 0; b < dim; b++) grad[a][b] += scale * g[b][j] * ul[j * dim + a];
-    for (PetscInt i = 0; i < rows; i++)
-      for (PetscInt j = 0; j < rows; j++)
-        n[i * rows + j] += phi[i / dim] * (phi[j / dim] * grad[i % dim][j % dim] + f->par.skew * scale * g[j % dim][j / dim] * v[i % dim]);
-  }
-  MeshCellMatrix(l, c, dim, rows, n);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -99,6 +69,7 @@ PetscErrorCode FlowCellStressForce(Flow f, PetscInt c, const PetscReal u[], cons
   PetscCall(FlowCellMetric(f, c, &m));
   for (PetscInt q = 0; q < f->element.nq; q++) {
     const PetscReal *phi = f->element.phi + q * f->element.nbp, *centre = xc + (nb / 2) * dim;
+    const PetscReal  mu = f->rheology ? f->mu[c * f->element.nq + q] : f->par.viscosity;
     PetscReal        g[3][ELEMENT_MAX_NBP], grad[3][3] = {{0}}, ga[3] = {0, 0, 0}, x[3] = {0, 0, 0}, t[3] = {0, 0, 0}, r[3] = {0, 0, 0},
                                      pressure = p[c * nk];
 
@@ -116,7 +87,7 @@ PetscErrorCode FlowCellStressForce(Flow f, PetscInt c, const PetscReal u[], cons
     }
     for (PetscInt d = 0; d < dim; d++) {
       t[d] = pressure * ga[d];
-      for (PetscInt e = 0; e < dim; e++) t[d] -= f->par.viscosity * (grad[d][e] + grad[e][d]) * ga[e];
+      for (PetscInt e = 0; e < dim; e++) t[d] -= mu * (grad[d][e] + grad[e][d]) * ga[e];
       t[d] *= m.weight[q];
     }
     for (PetscInt d = 0; d < 3; d++) {
@@ -144,7 +115,7 @@ PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], FlowDiagnostics *out)
     FlowCellGather(l, c, u, ul);
     gather_step(f, c, u, al, vl, wl);
     PetscCall(FlowCellMetric(f, c, &m));
-    ElementResidual(&f->element, &m, f->par.density, f->par.viscosity, f->par.force, al, vl, f->par.convection ? wl : NULL, f->par.skew, r);
+    FlowCellMomentum(f, c, &m, al, vl, wl, r);
     for (PetscInt i = 0; i < n; i++) {
       sum[2 + i % dim] += r[i]; /* viscous parts add up to zero over a cell */
       div += b[i] * us[i];
@@ -168,7 +139,7 @@ PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], FlowDiagnostics *out)
       speed  = PetscSqrtReal(through); /* as the cells see it */
       if (f->det[c] == 0) continue;    /* no cell of the fluid */
       top[0] = PetscMax(top[0], speed * f->step.dt / f->size[c]);
-      top[2] = PetscMax(top[2], speed * f->size[c]);
+      top[2] = PetscMax(top[2], speed * f->size[c] * (f->rheology ? f->par.viscosity / f->mu_cell[c] : 1));
     }
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 5, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));

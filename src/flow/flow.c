@@ -19,6 +19,8 @@ static PetscErrorCode read_parameters(Flow f)
   f->scheme     = SCHEME_BDF2;
   PetscCall(FlowReadForces(f));
   PetscCall(OptReal("-flow_viscosity", &p->viscosity));
+  PetscCall(RheologyCreate(p->viscosity, &f->rheology));
+  p->varying = (PetscBool)(f->rheology != NULL);
   PetscCall(OptBool("-flow_convection", &p->convection));
   PetscCall(OptChoice("-flow_convection_form", FORMS, &form));
   p->skew = form == 1 ? 0.5 : 0;
@@ -93,6 +95,7 @@ PetscErrorCode FlowDestroy(Flow *flow)
   if (!f) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowDestroyParts(f));
   PetscCall(ElementDestroy(&f->element));
+  PetscCall(RheologyDestroy(&f->rheology));
   PetscCall(ExprDestroy(&f->formula));
   PetscCall(ExprDestroy(&f->gravity));
   PetscCall(ExprDestroy(&f->force));
@@ -106,6 +109,7 @@ PetscErrorCode FlowView(Flow f, PetscViewer viewer)
   PetscCall(PetscViewerASCIIPrintf(viewer, "flow: density %g, viscosity %g, time scheme %s, %s\n", (double)f->par.density, (double)f->par.viscosity,
                                    SCHEMES[f->scheme],
                                    f->par.convection ? "Navier-Stokes (convection extrapolated)" : "Stokes (no convection assembled)"));
+  if (f->rheology) PetscCall(RheologyView(f->rheology, viewer));
   PetscCall(ConditionsView(f->boundary, viewer));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

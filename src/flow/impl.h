@@ -1,9 +1,11 @@
 /* Inside of Flow; for its files only. flow.c: parameters, fields, life cycle. cells.c: what depends on the shape of
-   cells. assemble.c: matrix, right-hand side, products with B. time.c: schemes. evaluate.c: what a solution amounts to,
-   cell by cell; it changes nothing. remesh.c: what goes by the mesh. */
+   cells. assemble.c: matrix, right-hand side, products with B. components.c: matrix of all components. rheology.c,
+   stress.c: viscosity that varies. time.c: schemes. evaluate.c: what a solution amounts to, cell by cell; it changes
+   nothing. remesh.c: what goes by the mesh. */
 #pragma once
 #include "mesh/element.h"
 #include "flow/flow.h"
+#include "rheology.h"
 
 /* In the order of the values of -flow_time */
 enum {
@@ -41,6 +43,13 @@ struct _p_Flow {
   PetscInt         nterm; /* further terms of S */
   const PetscInt  *term_cell;
   const PetscReal *term;
+  /* viscosity that varies; all NULL for a Newtonian fluid */
+  Rheology   rheology;
+  PetscReal *strain;            /* [nnode_all][dim] velocity whose rate of strain sets it */
+  PetscReal *mu;                /* [ncell_all][nq] at the quadrature points */
+  PetscReal *mu_cell, *mu_node; /* [ncell_all], [nnode_all] means */
+  PetscBool  mu_current;        /* these belong to strain */
+  Mat        A;                 /* of all components, or NULL */
   /* fields; u_older: NULL but for quadratic extrapolation */
   PetscReal       *u, *u_old, *u_older, *w, *p, *p_old;
   const PetscReal *drift; /* [nnode_all][dim] velocity of the nodes, NULL: they stand still */
@@ -76,7 +85,7 @@ PetscErrorCode FlowDestroyParts(Flow);
 PetscErrorCode FlowComputeCells(Flow);
 /* S without values. Collective. */
 PetscErrorCode FlowCreateMatrix(Flow);
-/* w of the step from the fields in use. Local. */
+/* w of the step, and the velocity that sets the viscosity, from the fields in use. Local. */
 void FlowExtrapolateConvection(Flow);
 
 /* Read the conditions. Collective. Errors: inflow or moving wall without velocity, slip on a boundary that is no plane
@@ -87,6 +96,15 @@ PetscErrorCode ConditionsView(Conditions, PetscViewer);
 /* Evaluate the prescribed values at a time; PETSC_MAX_REAL: those of the steady state, after all ramps. Local.
    Error: a steady state is wanted and a boundary never stops changing (_factor). */
 PetscErrorCode ConditionsSetTime(Conditions, PetscReal time);
+
+/* Viscosity of the present strain, where it varies and is not known yet. Collective. */
+PetscErrorCode FlowUpdateViscosity(Flow);
+/* Parts of the symmetric stress in cell c at its lattice places, with the viscosity of the last update (stress.c), from
+   nodal velocities ul [nb][dim]: r [nb][dim] += (mu (grad u + grad u^T), grad v); ce [nb][nbp] += theta (mu grad u,
+   grad v); n [nb*dim][nb*dim] += theta (mu grad u^T, grad v), and the derivative of mu at ul if not NULL. Local. */
+void FlowAddStress(Flow, PetscInt c, const ElementMetric *, const PetscReal ul[], PetscReal r[]);
+void FlowAddDiffusion(Flow, PetscInt c, const ElementMetric *, PetscReal ce[]);
+void FlowAddCoupling(Flow, PetscInt c, const ElementMetric *, const PetscReal ul[], PetscReal n[]);
 
 /* The functions below are called once a cell and are therefore inlined. */
 
@@ -106,6 +124,16 @@ static inline PetscErrorCode FlowCellMetric(Flow f, PetscInt c, ElementMetric *m
     ElementSetMetric(&f->element, xc, m);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* r [nb][dim] = momentum residual of cell c without pressure: nodal acceleration al, velocity vl (NULL: zero),
+   convecting velocity wl, all [nb][dim] */
+static inline void FlowCellMomentum(Flow f, PetscInt c, const ElementMetric *m, const PetscReal al[], const PetscReal vl[], const PetscReal wl[],
+                                    PetscReal r[])
+{
+  ElementResidual(&f->element, m, f->par.density, f->rheology ? 0 : f->par.viscosity, f->par.force, al, vl, f->par.convection ? wl : NULL,
+                  f->par.skew, r);
+  if (f->rheology && vl) FlowAddStress(f, c, m, vl, r);
 }
 
 /* Values vl [nb][dim] of a nodal array v [nnode_all][dim] in the slots of cell c, and at its lattice places. */

@@ -4,12 +4,33 @@
 #define FLOW      "-flow_active true"
 #define RUNS_IN   "-flow_bc_<boundary>_type inflow or moving_wall"
 #define ROTATES   "-flow_bc_<boundary>_type rotating_wall"
+#define ANY_LAW   "-flow_rheology power_law, carreau, cross or herschel_bulkley"
+#define POWER     "-flow_rheology power_law or herschel_bulkley"
+#define BOUNDED   "-flow_rheology carreau or cross"
+#define YIELDS    "-flow_rheology bingham or herschel_bulkley"
 #define HAS_SPEED "-flow_bc_<boundary>_type inflow, moving_wall or rotating_wall"
 
 static const OptSpec SPECS[] = {
   {"-flow_density", OPT_REAL, "mass/length^dim", OPT_ABOVE_ZERO, "1 or, without a flow, 0",
    .help = "density of the fluid (without a flow: for buoyancy and added mass)"},
-  {"-flow_viscosity", OPT_REAL, "mass/(length time)", OPT_ABOVE_ZERO, "0.01", .help = "dynamic viscosity of the fluid", .when = FLOW},
+  {"-flow_viscosity", OPT_REAL, "mass/(length time)", OPT_ABOVE_ZERO, "0.01",
+   .help = "dynamic viscosity of the fluid; with -flow_rheology that of the law", .when = FLOW},
+  {"-flow_rheology", OPT_CHOICE, "", OPT_ANY, "newton", .help = "law for the viscosity by the rate of strain g", .when = FLOW,
+   .choices = "newton, power_law, carreau, cross, bingham, herschel_bulkley"},
+  {"-flow_rheology_index", OPT_REAL, "", 0.1, 4, "",
+   .help = "exponent n: stress as g^n, below 1 thinner, above 1 thicker the faster it is sheared (cross: below 1)", .when = ANY_LAW},
+  {"-flow_rheology_time", OPT_REAL, "time", OPT_ABOVE_ZERO, "1",
+   .help = "time L of the law: a power law has the consistency viscosity L^(n-1), carreau and cross leave -flow_viscosity where g L is 1",
+   .when = ANY_LAW},
+  {"-flow_rheology_limits", OPT_REALS, "", OPT_ABOVE_ZERO, "1e-3,1e3",
+   .help = "least and largest viscosity of a power of g, in multiples of -flow_viscosity", .when = POWER},
+  {"-flow_rheology_viscosity_infinity", OPT_REAL, "mass/(length time)", OPT_FROM(0), "0", .help = "viscosity at large g", .when = BOUNDED},
+  {"-flow_rheology_yasuda", OPT_REAL, "", 0.1, 20, "2", .help = "exponent a of (1 + (L g)^a)^((n-1)/a)", .when = "-flow_rheology carreau"},
+  {"-flow_rheology_yield", OPT_REAL, "mass/(length time^2)", OPT_ABOVE_ZERO, "", .help = "yield stress", .when = YIELDS},
+  {"-flow_rheology_rigid", OPT_REAL, "", 1, INFINITY, "1000", .help = "viscosity of the fluid that does not yield, in multiples of -flow_viscosity",
+   .when = YIELDS},
+  {"-flow_rheology_papanastasiou", OPT_REAL, "time", OPT_ABOVE_ZERO, "rigid viscosity/yield",
+   .help = "m of the regularised yield stress (1 - exp(-m g)) yield, in place of -flow_rheology_rigid", .when = YIELDS},
   {"-flow_gravity", OPT_REALS, "length/time^2", OPT_ANY, "0", .help = "gravity (acts through M - M_f)", .variables = "t"},
   {"-flow_force", OPT_REALS, "force/volume", OPT_ANY, "0", .help = "body force on the fluid, and on the bodies in it alike", .when = FLOW,
    .variables = "x, y, z, t"},

@@ -23,6 +23,12 @@ PetscErrorCode FlowCreateParts(Flow f)
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->w));
   PetscCall(PetscCalloc2(l->ncell * (dim + 1), &f->p, l->ncell * (dim + 1), &f->p_old));
   f->source = NULL;
+  f->strain = f->mu = f->mu_cell = f->mu_node = NULL;
+  f->A                                        = NULL;
+  if (f->rheology)
+    PetscCall(
+      PetscCalloc4(l->nnode_all * dim, &f->strain, l->ncell_all * f->element.nq, &f->mu, l->ncell_all, &f->mu_cell, l->nnode_all, &f->mu_node));
+  f->mu_current = PETSC_FALSE;
   PetscCall(FlowCreateMatrix(f));
   f->s_ct  = 0;
   f->nterm = 0;
@@ -33,6 +39,8 @@ PetscErrorCode FlowDestroyParts(Flow f)
 {
   PetscFunctionBeginUser;
   PetscCall(MatDestroy(&f->S));
+  PetscCall(MatDestroy(&f->A));
+  PetscCall(PetscFree4(f->strain, f->mu, f->mu_cell, f->mu_node));
   PetscCall(PetscFree(f->entry));
   PetscCall(PetscFree(f->b));
   PetscCall(PetscFree(f->pmass));

@@ -4,8 +4,16 @@
 
 #define FSTHETA 0.29289321881345247560 /* 1 - sqrt(1/2) */
 
+/* The viscosity is that of the velocity at the point theta of the step */
+static void extrapolate_strain(Flow f)
+{
+  for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim; i++) f->strain[i] = f->u[i] + f->ahead * (f->u[i] - f->u_old[i]);
+  f->mu_current = PETSC_FALSE;
+}
+
 void FlowExtrapolateConvection(Flow f)
 {
+  if (f->rheology) extrapolate_strain(f);
   for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->par.convection; i++) f->w[i] = f->u[i] + f->ahead * (f->u[i] - f->u_old[i]);
   for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->bend > 0; i++)
     f->w[i] += f->bend * ((f->u[i] - f->u_old[i]) / f->dt_old - (f->u_old[i] - f->u_older[i]) / f->dt_older);
@@ -77,6 +85,7 @@ PetscErrorCode FlowBeginSteady(Flow f, PetscReal rate)
   s->order = 1;
   f->ahead = 0;
   PetscCall(FlowSetConvection(f, f->u));
+  PetscCall(FlowSetStrain(f, f->u));
   PetscCall(FlowEvaluateForces(f));
   PetscCall(ConditionsSetTime(f->boundary, PETSC_MAX_REAL));
   PetscFunctionReturn(PETSC_SUCCESS);

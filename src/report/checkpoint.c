@@ -202,7 +202,8 @@ static int same_line(const char a[], const char b[])
 /* Is it an option of the physics, which a run that goes on should rarely change? A remark keeps it in the summary. */
 static PetscErrorCode remark_physics(const char line[], const char was[])
 {
-  static const char *const PHYSICS[] = {"-flow_density", "-flow_viscosity", "-flow_gravity", "-flow_force", "-flow_bc_", "-flow_convection ", NULL};
+  static const char *const PHYSICS[] = {"-flow_density", "-flow_viscosity", "-flow_rheology",    "-flow_gravity",
+                                        "-flow_force",   "-flow_bc_",       "-flow_convection ", NULL};
 
   PetscFunctionBeginUser;
   for (int i = 0; PHYSICS[i]; i++)

@@ -12,7 +12,6 @@ struct _p_Steady {
   const MeshLocal *loc;
   SNES             snes;
   Vec              x, f, y;
-  Mat              newton;   /* velocity matrix of all components */
   Mat              jacobian; /* products with the system of the linear solver, all that SNES needs */
   PetscInt         linearization, picard_steps, pseudo_steps;
   PetscInt         its, linear, last_linear; /* iterations so far: nonlinear, linear; linear of the last solve */
@@ -21,102 +20,6 @@ struct _p_Steady {
 };
 
 static const char *const LINEARIZATIONS[] = {"newton", "picard", NULL};
-
-/* ---- the velocity matrix of Newton's method ---- */
-
-/* Pattern and values of S for every component, zero between components */
-static PetscErrorCode insert_components(Mat S, PetscInt dim, Mat A)
-{
-  PetscInt  start, end, most = 0;
-  PetscInt *column;
-
-  PetscFunctionBeginUser;
-  PetscCall(MatGetOwnershipRange(S, &start, &end));
-  for (PetscInt i = start; i < end; i++) {
-    PetscInt n;
-
-    PetscCall(MatGetRow(S, i, &n, NULL, NULL));
-    most = PetscMax(most, n);
-    PetscCall(MatRestoreRow(S, i, &n, NULL, NULL));
-  }
-  PetscReal *value;
-
-  PetscCall(PetscMalloc2(most * dim, &column, most * dim, &value));
-  for (PetscInt i = start; i < end; i++) {
-    const PetscInt    *col;
-    const PetscScalar *s;
-    PetscInt           n;
-
-    PetscCall(MatGetRow(S, i, &n, &col, &s));
-    for (PetscInt a = 0; a < dim; a++) {
-      const PetscInt row = i * dim + a;
-
-      for (PetscInt j = 0; j < n * dim; j++) {
-        column[j] = col[j / dim] * dim + j % dim;
-        value[j]  = j % dim == a ? s[j / dim] : 0;
-      }
-      PetscCall(MatSetValues(A, 1, &row, n * dim, column, value, INSERT_VALUES));
-    }
-    PetscCall(MatRestoreRow(S, i, &n, &col, &s));
-  }
-  PetscCall(PetscFree2(column, value));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode create_newton_matrix(Steady s, Mat S)
-{
-  const PetscInt dim = s->loc->dim, n = s->loc->nnode * dim;
-  PetscInt      *on, *off, start, end;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscCalloc2(n, &on, n, &off));
-  PetscCall(MatGetOwnershipRange(S, &start, &end));
-  for (PetscInt i = 0; i < s->loc->nnode; i++) {
-    const PetscInt *col;
-    PetscInt        m;
-
-    PetscCall(MatGetRow(S, start + i, &m, &col, NULL));
-    for (PetscInt j = 0; j < m; j++) {
-      if (col[j] >= start && col[j] < end) on[i * dim] += dim;
-      else off[i * dim] += dim;
-    }
-    PetscCall(MatRestoreRow(S, start + i, &m, &col, NULL));
-    for (PetscInt a = 1; a < dim; a++) {
-      on[i * dim + a]  = on[i * dim];
-      off[i * dim + a] = off[i * dim];
-    }
-  }
-  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, n, n, PETSC_DETERMINE, PETSC_DETERMINE, 0, on, 0, off, &s->newton));
-  PetscCall(PetscFree2(on, off));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* S for every component plus rho (du.grad) u, with u of all local nodes */
-static PetscErrorCode assemble_newton(Steady s, const PetscReal u[])
-{
-  const MeshLocal *l = s->loc;
-  const PetscInt   n = l->nb * l->dim;
-  PetscInt        *slot;
-  PetscReal       *value;
-  Mat              S;
-
-  PetscFunctionBeginUser;
-  PetscCall(FlowGetMatrix(s->flow, &S));
-  if (!s->newton) PetscCall(create_newton_matrix(s, S));
-  PetscCall(insert_components(S, l->dim, s->newton));
-  PetscCall(MatAssemblyBegin(s->newton, MAT_FLUSH_ASSEMBLY));
-  PetscCall(MatAssemblyEnd(s->newton, MAT_FLUSH_ASSEMBLY));
-  PetscCall(PetscMalloc2(n, &slot, n * n, &value));
-  for (PetscInt c = 0; c < l->ncell; c++) {
-    PetscCall(FlowCellNewton(s->flow, c, u, value));
-    for (PetscInt i = 0; i < n; i++) slot[i] = l->node_global[l->cell_node[c * l->nb + i / l->dim]] * l->dim + i % l->dim;
-    PetscCall(MatSetValues(s->newton, n, slot, n, slot, value, ADD_VALUES));
-  }
-  PetscCall(PetscFree2(slot, value));
-  PetscCall(MatAssemblyBegin(s->newton, MAT_FINAL_ASSEMBLY));
-  PetscCall(MatAssemblyEnd(s->newton, MAT_FINAL_ASSEMBLY));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
 
 /* ---- residual and Jacobian ---- */
 
@@ -129,6 +32,7 @@ static PetscErrorCode linearize_at(Steady s, Vec x)
   PetscCall(CoupleGetSystem(s->couple, &u, &p, &U, NULL, NULL));
   PetscCall(FlowSolverUnpack(s->solver, x, u, p, U));
   PetscCall(FlowSetConvection(s->flow, u));
+  PetscCall(FlowSetStrain(s->flow, u));
   PetscCall(CoupleAssemble(s->couple));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -151,6 +55,7 @@ static PetscErrorCode evaluate_residual(SNES snes, Vec x, Vec f, void *ctx)
 static PetscErrorCode set_up_solver(Steady s, Vec x, PetscBool newton)
 {
   PetscReal *u;
+  Mat        A = NULL;
 
   PetscFunctionBeginUser;
   if (s->fresh) {
@@ -160,9 +65,9 @@ static PetscErrorCode set_up_solver(Steady s, Vec x, PetscBool newton)
   PetscCall(linearize_at(s, x));
   if (newton) {
     PetscCall(CoupleGetSystem(s->couple, &u, NULL, NULL, NULL, NULL));
-    PetscCall(assemble_newton(s, u));
+    PetscCall(FlowAssembleComponents(s->flow, u, &A));
   }
-  PetscCall(FlowSolverSetVelocity(s->solver, newton ? s->newton : NULL));
+  PetscCall(FlowSolverSetVelocity(s->solver, A));
   PetscCall(FlowSolverSetUp(s->solver));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -174,18 +79,33 @@ static PetscBool use_newton(const struct _p_Steady *s, PetscInt its)
 
   PetscFunctionBeginUser;
   PetscCallAbort(PETSC_COMM_SELF, FlowGetParameters(s->flow, &par));
-  PetscFunctionReturn((PetscBool)(par->convection && s->linearization == 0 && its >= s->picard_steps));
+  PetscFunctionReturn((PetscBool)((par->convection || par->varying) && s->linearization == 0 && its >= s->picard_steps));
+}
+
+/* A step of Picard's iteration for a viscosity that varies is taken whole: the residual may rise in it */
+static PetscErrorCode choose_search(Steady s, SNES snes, PetscBool newton)
+{
+  const FlowParameters *par;
+  SNESLineSearch        search;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetParameters(s->flow, &par));
+  if (!par->varying) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(SNESGetLineSearch(snes, &search));
+  PetscCall(SNESLineSearchSetType(search, newton ? SNESLINESEARCHBT : SNESLINESEARCHBASIC));
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode set_up_jacobian(SNES snes, Vec x, Mat J, Mat pre, void *ctx)
 {
-  Steady s = (Steady)ctx;
+  Steady          s      = (Steady)ctx;
+  const PetscBool newton = use_newton(s, s->its);
 
   PetscFunctionBeginUser;
-  (void)snes;
   (void)J;
   (void)pre;
-  PetscCall(set_up_solver(s, x, use_newton(s, s->its)));
+  PetscCall(choose_search(s, snes, newton));
+  PetscCall(set_up_solver(s, x, newton));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -440,7 +360,6 @@ PetscErrorCode SteadyDestroy(Steady *steady)
   PetscFunctionBeginUser;
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(SNESDestroy(&s->snes));
-  PetscCall(MatDestroy(&s->newton));
   PetscCall(MatDestroy(&s->jacobian));
   PetscCall(VecDestroy(&s->x));
   PetscCall(VecDestroy(&s->f));
@@ -465,12 +384,15 @@ PetscErrorCode SteadyView(Steady s, PetscViewer viewer)
 
 PetscErrorCode SteadySetUp(Steady s)
 {
+  const FlowParameters *par;
+
   PetscFunctionBeginUser;
   PetscCall(FlowBeginSteady(s->flow, 0));
   PetscCall(CoupleDraw(s->couple));
   PetscCall(CoupleAssemble(s->couple));
   PetscCall(FlowSolverSetVelocity(s->solver, NULL));
   PetscCall(FlowSolverSetUp(s->solver));
-  s->fresh = PETSC_TRUE;
+  PetscCall(FlowGetParameters(s->flow, &par));
+  s->fresh = (PetscBool)!par->varying; /* a viscosity of moving walls and bodies is another one */
   PetscFunctionReturn(PETSC_SUCCESS);
 }

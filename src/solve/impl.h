@@ -1,6 +1,6 @@
 /* Inside of FlowSolver; for its files only. system.c: life cycle, set-up, solve. recipe.c: choice of methods and
    tolerances. precondition.c: the projection preconditioner. operator.c: products with the operators of the system.
-   held.c: mean velocities held by uniform forces. */
+   held.c: mean velocities held by uniform forces. nonlinear.c: for solvers of nonlinear problems. */
 #pragma once
 #include "bodyblocks.h"
 #include "solve/system.h"
@@ -32,6 +32,9 @@ struct _p_FlowSolver {
   PetscBool          need_Ar, need_whole;
   Vec                xn, yn;           /* nodal views of parts of reduced vectors */
   PetscReal          viscous;          /* mu theta / scale */
+  PetscReal          reference;        /* mu of the flow's parameters */
+  PetscBool          steady;           /* no time step: the mass of the commutator is then divided by sqrt(mu) where
+                                          that varies (w-BFBT: Rudi, Stadler & Ghattas 2017) */
   PetscReal          h_max;            /* largest cell of the whole mesh */
   PetscReal          scale;            /* rho c_t (steady: mu/h^2): of B, C and the masses */
   PetscReal          balance;          /* length: of the continuity rows in the outer iteration, see the header */

@@ -21,7 +21,7 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs)
   const struct _p_Constraint *c   = fs->constraint;
   const MeshLocal            *l   = fs->loc;
   const PetscInt              dim = l->dim, *fixed;
-  const PetscReal            *m, *d;
+  const PetscReal            *m, *d, *mu;
   const PetscReal             part = fs->two_stage ? TWO_STAGE_SHARE : 1;
   PetscReal                   hold = 1;
   Vec                         diagonal;
@@ -29,6 +29,7 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs)
   PetscFunctionBeginUser;
   PetscCall(ConditionsGetValues(FlowConditions(fs->flow), &fixed, NULL));
   PetscCall(FlowGetLumpedMass(fs->flow, &m));
+  PetscCall(FlowGetViscosity(fs->flow, NULL, &mu));
   /* strong nodes among soft ones are to yield less than these */
   if (FlowSolverIsSoft(fs)) hold = 1 + fs->soft->strength / fs->scale;
   PetscCall(MatCreateVecs(fs->S, &diagonal, NULL));
@@ -44,11 +45,14 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs)
   PetscCall(VecDestroy(&diagonal));
   for (PetscInt i = 0; i < l->nnode_all; i++) {
     const PetscReal soft = FlowSolverIsSoft(fs) ? part * fs->soft->weight[i] / fs->scale : 0, mass = c->node_body[i] >= 0 ? m[i] : m[i] + soft;
-    const PetscReal w = mass > 0 ? 1 / mass : 0; /* no mass: buried in a dead cell */
+    /* no mass: buried in a dead cell; lift: see impl.h */
+    const PetscReal w = mass > 0 ? 1 / mass : 0, lift = mu && fs->steady ? PetscSqrtReal(fs->reference / mu[i]) : 1;
 
     fs->share[i] = c->node_body[i] >= 0 ? 1 : soft * w;
     for (PetscInt a = 0; a < dim; a++)
-      fs->weight[i * dim + a] = c->node_body[i] >= 0 ? w / hold * PressureGetSoftness(fs->pressure, c->node_body[i]) : (fixed[i] >> a) & 1 ? 0 : w;
+      fs->weight[i * dim + a] = lift * (c->node_body[i] >= 0  ? w / hold * PressureGetSoftness(fs->pressure, c->node_body[i])
+                                        : (fixed[i] >> a) & 1 ? 0
+                                                              : w);
   }
   if (fs->nsaved < c->ninert + c->nfollow) {
     PetscCall(PetscFree(fs->saved));
@@ -280,8 +284,10 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
   PetscFunctionBeginUser;
   PetscCall(FlowGetParameters(fs->flow, &par));
   PetscCall(FlowGetStep(fs->flow, &step));
-  fs->scale   = step->dt > 0 ? par->density * step->ct : par->viscosity / (fs->loc->h * fs->loc->h);
-  fs->viscous = par->viscosity * step->theta / fs->scale;
+  fs->steady    = (PetscBool)(step->dt == 0);
+  fs->reference = par->viscosity;
+  fs->scale     = step->dt > 0 ? par->density * step->ct : par->viscosity / (fs->loc->h * fs->loc->h);
+  fs->viscous   = par->viscosity * step->theta / fs->scale;
   PetscCall(FlowSolverChooseMethods(fs));
   PetscCall(set_up_diagonals(fs));
   PetscCall(PetscLogEventBegin(TB_VEL_FACTOR, 0, 0, 0, 0));
@@ -396,27 +402,6 @@ static PetscErrorCode build_rhs(FlowSolver fs, const PetscReal r[], const PetscR
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSolverCreateVec(FlowSolver fs, Vec *x)
-{
-  PetscFunctionBeginUser;
-  PetscCall(VecDuplicate(fs->x, x));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode FlowSolverGetOperator(FlowSolver fs, Mat *K)
-{
-  PetscFunctionBeginUser;
-  *K = fs->K;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode FlowSolverSetVelocity(FlowSolver fs, Mat A)
-{
-  PetscFunctionBeginUser;
-  fs->A = A ? A : fs->S_all;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode FlowSolverPack(FlowSolver fs, const PetscReal u[], const PetscReal p[], const PetscReal U[], Vec xv)
 {
   PetscReal *x;
@@ -467,21 +452,6 @@ PetscErrorCode FlowSolverMakeConsistent(FlowSolver fs, Vec r)
     PetscCall(PressureMakeConsistent(fs->pressure, a + fs->nur));
     PetscCall(VecRestoreArray(r, &a));
   } else if (constant) PetscCall(MatNullSpaceRemove(constant, r));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode FlowSolverCorrect(FlowSolver fs, Vec f, Vec y, PetscInt *its, KSPConvergedReason *reason)
-{
-  PetscFunctionBeginUser;
-  PetscCall(PetscLogEventBegin(TB_FLOW_SOLVE, 0, 0, 0, 0));
-  PetscCall(VecCopy(f, fs->b));
-  PetscCall(FlowSolverMakeConsistent(fs, fs->b));
-  PetscCall(VecZeroEntries(y));
-  PetscCall(KSPSetTolerances(fs->ksp, fs->rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
-  PetscCall(KSPSolve(fs->ksp, fs->b, y));
-  PetscCall(KSPGetIterationNumber(fs->ksp, its));
-  PetscCall(KSPGetConvergedReason(fs->ksp, reason));
-  PetscCall(PetscLogEventEnd(TB_FLOW_SOLVE, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -1,0 +1,184 @@
+/* Flow, matrix A of all components (flow.h): S for every component, with what couples components. Rows and columns are
+   numbered by node, then component; every row of a node has the pattern of its row in S for each component. Values go
+   straight to their places, found from those of S: rows of own nodes from own and ghost cells, no communication. */
+#include "compat.h"
+#include "impl.h"
+
+static PetscErrorCode create_matrix(Flow f)
+{
+  const PetscInt dim = f->loc->dim, n = f->loc->nnode;
+  PetscInt      *row, *column = NULL, begin, length = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatGetOwnershipRange(f->S, &begin, NULL));
+  PetscCall(PetscMalloc1(n * dim + 1, &row));
+  row[0] = 0;
+  for (PetscInt pass = 0; pass < 2; pass++) {
+    length = 0;
+    for (PetscInt i = 0; i < n; i++) {
+      const PetscInt *col;
+      PetscInt        m;
+
+      PetscCall(MatGetRow(f->S, begin + i, &m, &col, NULL));
+      for (PetscInt a = 0; a < dim; a++) {
+        for (PetscInt j = 0; j < m * dim && pass; j++) column[length + j] = col[j / dim] * dim + j % dim;
+        length += m * dim;
+        row[i * dim + a + 1] = length;
+      }
+      PetscCall(MatRestoreRow(f->S, begin + i, &m, &col, NULL));
+    }
+    if (!pass) PetscCall(PetscMalloc1(length, &column));
+  }
+  PetscCall(MatCreate(PETSC_COMM_WORLD, &f->A));
+  PetscCall(MatSetSizes(f->A, n * dim, n * dim, PETSC_DETERMINE, PETSC_DETERMINE));
+  PetscCall(MatSetType(f->A, MATAIJ));
+  PetscCall(MatSeqAIJSetPreallocationCSR(f->A, row, column, NULL));
+  PetscCall(MatMPIAIJSetPreallocationCSR(f->A, row, column, NULL));
+  PetscCall(PetscFree(row));
+  PetscCall(PetscFree(column));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* One part, of own or of other columns, of S and A: where rows of S start, and values */
+typedef struct {
+  Mat              S, A;
+  const PetscInt  *start, *column;
+  PetscInt         n;
+  const PetscReal *s;
+  PetscReal       *a;
+} Part;
+
+static PetscErrorCode open_part(Part *p)
+{
+  PetscBool done;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatGetRowIJ(p->S, 0, PETSC_FALSE, PETSC_FALSE, &p->n, &p->start, &p->column, &done));
+  PetscCall(MatSeqAIJGetArrayRead(p->S, &p->s));
+  PetscCall(MatSeqAIJGetArray(p->A, &p->a));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode close_part(Part *p)
+{
+  PetscBool done;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatSeqAIJRestoreArray(p->A, &p->a));
+  PetscCall(MatSeqAIJRestoreArrayRead(p->S, &p->s));
+  PetscCall(MatRestoreRowIJ(p->S, 0, PETSC_FALSE, PETSC_FALSE, &p->n, &p->start, &p->column, &done));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The values in A that belong to entry `at` in row i of S: component b of row a is [a * stride + b] */
+static inline PetscReal *block(const Part *p, PetscInt dim, PetscInt i, PetscInt at, PetscInt *stride)
+{
+  *stride = dim * (p->start[i + 1] - p->start[i]);
+  return p->a + dim * dim * p->start[i] + dim * (at - p->start[i]);
+}
+
+static void copy_components(const Part *p, PetscInt dim)
+{
+  for (PetscInt i = 0; i < p->n; i++)
+    for (PetscInt at = p->start[i]; at < p->start[i + 1]; at++) {
+      PetscInt   stride;
+      PetscReal *v = block(p, dim, i, at, &stride);
+
+      for (PetscInt a = 0; a < dim; a++)
+        for (PetscInt b = 0; b < dim; b++) v[a * stride + b] = a == b ? p->s[at] : 0;
+    }
+}
+
+/* parts += matrix n [nb*dim][nb*dim] of cell c */
+static void add_cell(const struct _p_Flow *f, PetscInt c, const PetscReal n[], const Part part[2])
+{
+  const PetscInt nb = f->loc->nb, dim = f->loc->dim, *node = f->loc->cell_node + c * nb;
+
+  for (PetscInt i = 0; i < nb; i++)
+    for (PetscInt j = 0; j < nb; j++) {
+      const PetscInt at = f->entry[(c * nb + i) * nb + j];
+      PetscInt       stride;
+      PetscReal     *v;
+
+      if (at == -1) continue;
+      v = block(&part[at < 0], dim, node[i], at < 0 ? -2 - at : at, &stride);
+      for (PetscInt a = 0; a < dim; a++)
+        for (PetscInt b = 0; b < dim; b++) v[a * stride + b] += n[(i * dim + a) * nb * dim + j * dim + b];
+    }
+}
+
+/* n += rho theta int phi_i (phi_j du_a/dx_b + skew u_a dphi_j/dx_b) */
+static void add_convective(const struct _p_Flow *f, const ElementMetric *m, const PetscReal ul[], PetscReal n[])
+{
+  const PetscInt dim = f->loc->dim, nb = f->loc->nb, rows = nb * dim;
+
+  for (PetscInt q = 0; q < f->element.nq; q++) {
+    const PetscReal *phi = f->element.phi + q * f->element.nbp, scale = f->par.density * f->step.theta * m->weight[q];
+    PetscReal        g[3][ELEMENT_MAX_NBP], grad[3][3] = {{0}}, v[3] = {0, 0, 0};
+
+    ElementGradients(&f->element, m, q, g);
+    for (PetscInt j = 0; j < nb; j++)
+      for (PetscInt a = 0; a < dim; a++) v[a] += phi[j] * ul[j * dim + a];
+    for (PetscInt j = 0; j < nb; j++)
+      for (PetscInt a = 0; a < dim; a++)
+        for (PetscInt b = 0; b < dim; b++) grad[a][b] += scale * g[b][j] * ul[j * dim + a];
+    for (PetscInt i = 0; i < rows; i++)
+      for (PetscInt j = 0; j < rows; j++)
+        n[i * rows + j] += phi[i / dim] * (phi[j / dim] * grad[i % dim][j % dim] + f->par.skew * scale * g[j % dim][j / dim] * v[i % dim]);
+  }
+}
+
+PetscErrorCode FlowCellNewton(Flow f, PetscInt c, const PetscReal u[], PetscReal n[])
+{
+  const PetscInt rows = f->loc->nb * f->loc->dim;
+  PetscReal      ul[MESH_MAX_NB * 3];
+  ElementMetric  m;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(n, rows * rows));
+  if (u) FlowCellGather(f->loc, c, u, ul);
+  PetscCall(FlowCellMetric(f, c, &m));
+  if (u && f->par.convection) add_convective(f, &m, ul, n);
+  if (f->rheology) FlowAddCoupling(f, c, &m, u ? ul : NULL, n);
+  MeshCellMatrix(f->loc, c, f->loc->dim, rows, n);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowAssembleComponents(Flow f, const PetscReal u[], Mat *A)
+{
+  Part            part[2] = {{0}, {0}};
+  Mat             s[2], a[2];
+  const PetscInt *unused;
+  PetscReal      *n;
+
+  PetscFunctionBeginUser;
+  if (!f->A) PetscCall(create_matrix(f));
+  *A = f->A;
+  PetscCall(FlowGetMatrixParts(f, s, &unused));
+  a[0] = f->A;
+  a[1] = NULL;
+  if (s[1]) PetscCall(MatMPIAIJGetSeqAIJ(f->A, &a[0], &a[1], NULL));
+  for (PetscInt k = 0; k < 2 && s[k]; k++) {
+    part[k].S = s[k];
+    part[k].A = a[k];
+    PetscCall(open_part(&part[k]));
+    copy_components(&part[k], f->loc->dim);
+  }
+  PetscCall(PetscMalloc1(PetscSqr(f->loc->nb * f->loc->dim), &n));
+  for (PetscInt c = 0; c < f->loc->ncell_all; c++) {
+    PetscCall(FlowCellNewton(f, c, u, n));
+    add_cell(f, c, n, part);
+  }
+  PetscCall(PetscFree(n));
+  for (PetscInt k = 0; k < 2 && s[k]; k++) PetscCall(close_part(&part[k]));
+  PetscCall(MatAssemblyBegin(f->A, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(f->A, MAT_FINAL_ASSEMBLY));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowGetComponents(Flow f, Mat *A)
+{
+  PetscFunctionBeginUser;
+  *A = f->rheology ? f->A : NULL;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

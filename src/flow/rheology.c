@@ -1,0 +1,204 @@
+/* Rheology: see rheology.h. */
+#include "compat.h"
+#include "rheology.h"
+#include "base/opt.h"
+
+struct _p_Rheology {
+  const char *name;
+  void (*law)(const struct _p_Rheology *, PetscReal g, PetscReal *mu, PetscReal *slope);
+  PetscReal viscosity, infinity, time, index, yasuda, yield, papanastasiou;
+  PetscReal least, most; /* of a power law */
+  PetscReal round;       /* e^2 */
+};
+
+#define TINY_RATE 1e-12 /* share of 1/time below which slopes are those at this rate: slope g^2 is round-off there */
+
+/* ---- laws: mu and (dmu/dg)/g at g > 0 ---- */
+
+static void power(const struct _p_Rheology *r, PetscReal g, PetscReal *mu, PetscReal *slope)
+{
+  const PetscReal square = g * g + r->round;
+
+  *mu    = r->viscosity * PetscPowReal(r->time * PetscSqrtReal(square), r->index - 1);
+  *slope = (r->index - 1) * *mu / square;
+  if (*mu >= r->least && *mu <= r->most) return;
+  *mu    = PetscMin(r->most, PetscMax(r->least, *mu));
+  *slope = 0;
+}
+
+static void carreau(const struct _p_Rheology *r, PetscReal g, PetscReal *mu, PetscReal *slope)
+{
+  const PetscReal x    = PetscPowReal(r->time * g, r->yasuda);
+  const PetscReal part = (r->viscosity - r->infinity) * PetscPowReal(1 + x, (r->index - 1) / r->yasuda);
+
+  *mu    = r->infinity + part;
+  *slope = part * (r->index - 1) * x / ((1 + x) * g * g);
+}
+
+static void cross(const struct _p_Rheology *r, PetscReal g, PetscReal *mu, PetscReal *slope)
+{
+  const PetscReal x    = PetscPowReal(r->time * g, 1 - r->index);
+  const PetscReal part = (r->viscosity - r->infinity) / (1 + x);
+
+  *mu    = r->infinity + part;
+  *slope = part * (r->index - 1) * x / ((1 + x) * g * g);
+}
+
+/* t_0 (1 - exp(-m g))/g */
+static void add_yield(const struct _p_Rheology *r, PetscReal g, PetscReal *mu, PetscReal *slope)
+{
+  const PetscReal x = r->papanastasiou * g, share = -expm1(-x) / x; /* of m t_0 */
+
+  *mu += r->yield * r->papanastasiou * share;
+  /* x exp(-x) - (1 - exp(-x)) loses all digits at small x */
+  *slope += x > 1e-4 ? r->yield * (PetscExpReal(-x) - share) * r->papanastasiou / (g * g)
+                     : r->yield * PetscSqr(r->papanastasiou) * (-0.5 + x / 3) / g;
+}
+
+static void bingham(const struct _p_Rheology *r, PetscReal g, PetscReal *mu, PetscReal *slope)
+{
+  *mu    = r->viscosity;
+  *slope = 0;
+  add_yield(r, g, mu, slope);
+}
+
+static void herschel_bulkley(const struct _p_Rheology *r, PetscReal g, PetscReal *mu, PetscReal *slope)
+{
+  power(r, g, mu, slope);
+  add_yield(r, g, mu, slope);
+}
+
+void RheologyEvaluate(Rheology r, PetscReal g, PetscReal *mu, PetscReal *slope)
+{
+  PetscReal unused;
+
+  (*r->law)(r, PetscMax(g, TINY_RATE / r->time), mu, slope ? slope : &unused);
+}
+
+/* ---- options ---- */
+
+typedef enum {
+  NEWTON,
+  POWER_LAW,
+  CARREAU,
+  CROSS,
+  BINGHAM,
+  HERSCHEL_BULKLEY
+} Law;
+
+static const char *const LAWS[] = {"newton", "power_law", "carreau", "cross", "bingham", "herschel_bulkley", NULL};
+
+/* A number that no default could stand for */
+static PetscErrorCode read_required(Rheology r, const char option[], PetscReal *value)
+{
+  PetscBool given;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptHas(option, &given));
+  PetscCheck(given, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option -flow_rheology %s needs %s: give it, or use -flow_rheology newton", r->name,
+             option);
+  PetscCall(OptReal(option, value));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* n, and the limits of a power of the rate */
+static PetscErrorCode read_power(Rheology r)
+{
+  PetscReal limits[2] = {1e-3, 1e3}, at_rest;
+
+  PetscFunctionBeginUser;
+  PetscCall(read_required(r, "-flow_rheology_index", &r->index));
+  PetscCall(OptRealArray("-flow_rheology_limits", 2, limits, NULL));
+  PetscCheck(limits[0] < 1 && limits[1] > 1, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "Option -flow_rheology_limits %g,%g: least and largest viscosity in multiples of -flow_viscosity, which is to lie between them: give a number below 1 and "
+             "one above 1, such as 1e-3,1e3",
+             (double)limits[0], (double)limits[1]);
+  r->least = limits[0] * r->viscosity;
+  r->most  = limits[1] * r->viscosity;
+  if (r->index == 1) PetscFunctionReturn(PETSC_SUCCESS);
+  at_rest  = r->index < 1 ? limits[1] : limits[0];
+  r->round = PetscSqr(PetscPowReal(at_rest, 1 / (r->index - 1)) / r->time);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_bounded(Rheology r, PetscBool yasuda)
+{
+  PetscFunctionBeginUser;
+  PetscCall(read_required(r, "-flow_rheology_index", &r->index));
+  PetscCheck(yasuda || r->index < 1, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "Option -flow_rheology_index %g: a Cross fluid falls from -flow_viscosity to -flow_rheology_viscosity_infinity, with an index from 0 to below 1: lower it, "
+             "or use -flow_rheology carreau or power_law",
+             (double)r->index);
+  PetscCall(OptReal("-flow_rheology_viscosity_infinity", &r->infinity));
+  if (yasuda) PetscCall(OptReal("-flow_rheology_yasuda", &r->yasuda));
+  PetscCheck(r->infinity < r->viscosity || r->index >= 1, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "Option -flow_rheology_viscosity_infinity %g: it must be below -flow_viscosity %g, the viscosity at rest, for -flow_rheology_index %g: lower it, or raise "
+             "-flow_viscosity",
+             (double)r->infinity, (double)r->viscosity, (double)r->index);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_yield(Rheology r)
+{
+  PetscReal rigid = 1000;
+  PetscBool given;
+
+  PetscFunctionBeginUser;
+  PetscCall(read_required(r, "-flow_rheology_yield", &r->yield));
+  PetscCall(OptHas("-flow_rheology_papanastasiou", &given));
+  if (given) {
+    PetscCall(OptReal("-flow_rheology_papanastasiou", &r->papanastasiou));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCall(OptReal("-flow_rheology_rigid", &rigid));
+  r->papanastasiou = rigid * r->viscosity / r->yield;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode RheologyCreate(PetscReal viscosity, Rheology *rheology)
+{
+  static void (*const laws[])(const struct _p_Rheology *, PetscReal, PetscReal *, PetscReal *) = {NULL,  power,   carreau,
+                                                                                                  cross, bingham, herschel_bulkley};
+  PetscInt law                                                                                 = NEWTON;
+  Rheology r;
+
+  PetscFunctionBeginUser;
+  *rheology = NULL;
+  PetscCall(OptChoice("-flow_rheology", LAWS, &law));
+  if (law == NEWTON) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscNew(&r));
+  r->name      = LAWS[law];
+  r->law       = laws[law];
+  r->viscosity = viscosity;
+  r->time      = 1;
+  r->index     = 1;
+  r->yasuda    = 2;
+  if (law != BINGHAM) PetscCall(OptReal("-flow_rheology_time", &r->time));
+  if (law == POWER_LAW || law == HERSCHEL_BULKLEY) PetscCall(read_power(r));
+  if (law == CARREAU || law == CROSS) PetscCall(read_bounded(r, (PetscBool)(law == CARREAU)));
+  if (law == BINGHAM || law == HERSCHEL_BULKLEY) PetscCall(read_yield(r));
+  *rheology = r;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode RheologyDestroy(Rheology *rheology)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscFree(*rheology));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode RheologyView(Rheology r, PetscViewer viewer)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscViewerASCIIPrintf(viewer, "  rheology: %s", r->name));
+  if (r->law != bingham) PetscCall(PetscViewerASCIIPrintf(viewer, ", index %g, time %g", (double)r->index, (double)r->time));
+  if (r->law == carreau) PetscCall(PetscViewerASCIIPrintf(viewer, ", exponent a %g", (double)r->yasuda));
+  if (r->law == carreau || r->law == cross) PetscCall(PetscViewerASCIIPrintf(viewer, ", viscosity at infinity %g", (double)r->infinity));
+  if (r->most > 0) PetscCall(PetscViewerASCIIPrintf(viewer, ", power within %g and %g", (double)r->least, (double)r->most));
+  if (r->yield > 0)
+    PetscCall(PetscViewerASCIIPrintf(viewer, ", yield stress %g regularised with m = %g (viscosity at rest %g)", (double)r->yield,
+                                     (double)r->papanastasiou, (double)(r->yield * r->papanastasiou)));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "; stress in symmetric form\n"));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,195 @@
+/* Flow, stress of a viscosity that varies (flow.h): viscosity at the quadrature points, and what the symmetric form
+   mu (grad u + grad u^T) adds to residuals, to the scalar matrix S and to the matrix A of all components.
+
+     residual    (mu (grad u + grad u^T), grad v)
+     S           (mu grad u, grad v): that of a component alone, for the preconditioner
+     A           S for every component + (mu grad u^T, grad v); for Newton's method also (s (D_u : D) D_u, D_v) 4 with
+                 s = (dmu/dg)/g, which is the derivative of mu 2 D_u */
+#include "compat.h"
+#include "impl.h"
+
+typedef PetscReal Gradients[3][ELEMENT_MAX_NBP];
+
+/* grad [a][b] = du_a/dx_b of nodal values ul [nb][dim], from gradients g of the basis */
+static void get_gradient(const struct _p_Flow *f, Gradients g, const PetscReal ul[], PetscReal grad[3][3])
+{
+  const PetscInt dim = f->loc->dim;
+
+  for (PetscInt a = 0; a < dim; a++)
+    for (PetscInt b = 0; b < dim; b++) grad[a][b] = 0;
+  for (PetscInt j = 0; j < f->loc->nb; j++)
+    for (PetscInt a = 0; a < dim; a++)
+      for (PetscInt b = 0; b < dim; b++) grad[a][b] += g[b][j] * ul[j * dim + a];
+}
+
+/* D = (grad + grad^T)/2; returns sqrt(2 D:D) */
+static PetscReal get_strain(PetscInt dim, PetscReal grad[3][3], PetscReal D[3][3])
+{
+  PetscReal square = 0;
+
+  for (PetscInt a = 0; a < dim; a++)
+    for (PetscInt b = 0; b < dim; b++) {
+      D[a][b] = 0.5 * (grad[a][b] + grad[b][a]);
+      square += D[a][b] * D[a][b];
+    }
+  return PetscSqrtReal(2 * square);
+}
+
+/* ---- viscosity ---- */
+
+/* Of every local cell: rates of strain at the quadrature points in f->mu; *most: the largest */
+static PetscErrorCode compute_rates(Flow f, PetscReal *most)
+{
+  const MeshLocal *l  = f->loc;
+  const PetscInt   nq = f->element.nq;
+
+  PetscFunctionBeginUser;
+  *most = 0;
+  for (PetscInt c = 0; c < l->ncell_all; c++) {
+    PetscReal     ul[MESH_MAX_NB * 3];
+    ElementMetric m;
+
+    if (f->det[c] == 0) continue; /* no cell of the fluid */
+    FlowCellGather(l, c, f->strain, ul);
+    PetscCall(FlowCellMetric(f, c, &m));
+    for (PetscInt q = 0; q < nq; q++) {
+      Gradients g;
+      PetscReal grad[3][3], D[3][3];
+
+      ElementGradients(&f->element, &m, q, g);
+      get_gradient(f, g, ul, grad);
+      f->mu[c * nq + q] = get_strain(l->dim, grad, D);
+      *most             = PetscMax(*most, f->mu[c * nq + q]);
+    }
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Means over cells, and over the cells of a node: mean logarithms, which favour neither end */
+static PetscErrorCode compute_means(Flow f)
+{
+  const MeshLocal *l  = f->loc;
+  const PetscInt   nq = f->element.nq;
+
+  PetscFunctionBeginUser;
+  for (PetscInt c = 0; c < l->ncell_all; c++) {
+    PetscReal sum = 0;
+
+    for (PetscInt q = 0; q < nq; q++) sum += PetscLogReal(f->mu[c * nq + q]);
+    f->mu_cell[c] = PetscExpReal(sum / nq);
+  }
+  for (PetscInt i = 0; i < l->nnode; i++) {
+    const PetscInt begin = l->node_cell_ptr[i], end = l->node_cell_ptr[i + 1];
+    PetscReal      sum = 0;
+
+    for (PetscInt t = begin; t < end; t++) sum += PetscLogReal(f->mu_cell[l->node_cell[t]]);
+    f->mu_node[i] = end > begin ? PetscExpReal(sum / (end - begin)) : f->par.viscosity;
+  }
+  PetscCall(MeshSyncNodes(f->mesh, 1, f->mu_node));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowUpdateViscosity(Flow f)
+{
+  const PetscInt nq = f->element.nq;
+  PetscReal      most;
+
+  PetscFunctionBeginUser;
+  if (!f->rheology || f->mu_current) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(compute_rates(f, &most));
+  for (PetscInt i = 0; i < f->loc->ncell_all * nq; i++) {
+    if (f->det[i / nq] == 0 || (most == 0 && f->step.dt == 0)) f->mu[i] = f->par.viscosity;
+    else RheologyEvaluate(f->rheology, f->mu[i], &f->mu[i], NULL);
+  }
+  PetscCall(compute_means(f));
+  f->mu_current = PETSC_TRUE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSetStrain(Flow f, const PetscReal v[])
+{
+  PetscFunctionBeginUser;
+  if (!f->rheology) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscArraycpy(f->strain, v, f->loc->nnode_all * f->loc->dim));
+  f->mu_current = PETSC_FALSE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowGetViscosity(Flow f, const PetscReal *cell[], const PetscReal *node[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(FlowUpdateViscosity(f));
+  if (cell) *cell = f->mu_cell;
+  if (node) *node = f->mu_node;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- forms ---- */
+
+void FlowAddStress(Flow f, PetscInt c, const ElementMetric *m, const PetscReal ul[], PetscReal r[])
+{
+  const PetscInt dim = f->loc->dim, nq = f->element.nq;
+
+  for (PetscInt q = 0; q < nq; q++) {
+    const PetscReal scale = f->mu[c * nq + q] * m->weight[q];
+    Gradients       g;
+    PetscReal       grad[3][3];
+
+    ElementGradients(&f->element, m, q, g);
+    get_gradient(f, g, ul, grad);
+    for (PetscInt j = 0; j < f->loc->nb; j++)
+      for (PetscInt a = 0; a < dim; a++)
+        for (PetscInt b = 0; b < dim; b++) r[j * dim + a] += scale * (grad[a][b] + grad[b][a]) * g[b][j];
+  }
+}
+
+void FlowAddDiffusion(Flow f, PetscInt c, const ElementMetric *m, PetscReal ce[])
+{
+  const PetscInt dim = f->loc->dim, nb = f->loc->nb, nbp = f->element.nbp, nq = f->element.nq;
+
+  for (PetscInt q = 0; q < nq; q++) {
+    const PetscReal scale = f->step.theta * f->mu[c * nq + q] * m->weight[q];
+    Gradients       g;
+
+    ElementGradients(&f->element, m, q, g);
+    for (PetscInt i = 0; i < nb; i++)
+      for (PetscInt d = 0; d < dim; d++)
+        for (PetscInt j = 0; j < nbp; j++) ce[i * nbp + j] += scale * g[d][i] * g[d][j];
+  }
+}
+
+/* n [nb*dim][nb*dim] += weight 4 s (D grad phi_i) (D grad phi_j)^T */
+static void add_tangent(const struct _p_Flow *f, Gradients g, const PetscReal ul[], PetscReal weight, PetscReal n[])
+{
+  const PetscInt dim = f->loc->dim, rows = f->loc->nb * dim;
+  PetscReal      grad[3][3], D[3][3], v[MESH_MAX_NB * 3], mu, slope, rate;
+
+  get_gradient(f, g, ul, grad);
+  rate = get_strain(dim, grad, D);
+  RheologyEvaluate(f->rheology, rate, &mu, &slope);
+  for (PetscInt i = 0; i < rows; i++) {
+    v[i] = 0;
+    for (PetscInt b = 0; b < dim; b++) v[i] += D[i % dim][b] * g[b][i / dim];
+  }
+  for (PetscInt i = 0; i < rows; i++)
+    for (PetscInt j = 0; j < rows; j++) n[i * rows + j] += 4 * slope * weight * v[i] * v[j];
+}
+
+void FlowAddCoupling(Flow f, PetscInt c, const ElementMetric *m, const PetscReal ul[], PetscReal n[])
+{
+  const PetscInt dim = f->loc->dim, nb = f->loc->nb, rows = nb * dim, nq = f->element.nq;
+
+  for (PetscInt q = 0; q < nq; q++) {
+    const PetscReal weight = f->step.theta * m->weight[q];
+    Gradients       g;
+
+    if (weight == 0) continue;
+    ElementGradients(&f->element, m, q, g);
+    for (PetscInt i = 0; i < nb; i++)
+      for (PetscInt a = 0; a < dim; a++)
+        for (PetscInt j = 0; j < nb; j++)
+          for (PetscInt b = 0; b < dim; b++) n[(i * dim + a) * rows + j * dim + b] += weight * f->mu[c * nq + q] * g[b][i] * g[a][j];
+    if (ul) add_tangent(f, g, ul, weight, n);
+  }
+}

@@ -1,0 +1,60 @@
+"""Fluids whose viscosity varies: scenes of runs/ against exact solutions, at reduced size, and mistakes of users."""
+import csv
+import math
+from pathlib import Path
+
+import pytest
+
+RUNS = Path(__file__).resolve().parent.parent.parent / "runs"
+
+
+def last(run, scene, table, *args):
+    result = run([RUNS / f"{scene}.yaml", "-output_dir", "out", "-output_overwrite", *args])
+    assert result.status == 0, str(result)
+    with open(result.folder / "out" / f"{table}.csv") as file:
+        return list(csv.DictReader(file))[-1]
+
+
+@pytest.mark.parametrize("n, bound", [(0.5, 2.5e-4), (0.8, 2.5e-5), (1.5, 6e-5)])
+def test_channel(run, n, bound):
+    """Eight cells across; the bound is what the element leaves, and twice the cells leave at least six times less."""
+    force = ["-flow_rheology_index", str(n), "-flow_force", f"{(2 + 1 / n) ** n:.12g},0"]
+    errors = [abs(float(last(run, "rheology-channel", "series", "-mesh_cells", f"4,{cells}", *force)["mean_velocity_x"]) - 1) for cells in (8, 16)]
+    assert errors[0] < bound and errors[1] < errors[0] / 6, f"errors {errors}"
+
+
+def test_channel_in_time(run):
+    """Time steps with the extrapolated viscosity end at the steady state, whose mean velocity is 1 but for the mesh."""
+    row = last(run, "rheology-channel", "series", "-sim_steady", "false", "-sim_dt", "0.1", "-sim_time", "15", "-mesh_cells", "4,8")
+    steady = last(run, "rheology-channel", "series", "-mesh_cells", "4,8")
+    assert abs(float(row["mean_velocity_x"]) / float(steady["mean_velocity_x"]) - 1) < 1e-5
+
+
+def test_bingham(run):
+    """The plug of a regularised yield stress creeps: the error of the mean velocity falls as the inverse of the rigid viscosity."""
+    errors = [float(last(run, "rheology-bingham", "series", "-flow_rheology_rigid", rigid)["mean_velocity_x"]) - 1 for rigid in ("100", "1000")]
+    assert 0 < errors[1] < 0.002 and 8 < errors[0] / errors[1] < 12, f"errors {errors}"
+
+
+@pytest.mark.parametrize("form", ["residual", "volume"])
+def test_couette_torque(run, form):
+    row = last(run, "rheology-couette", "bodies", "-mesh_cells", "27,27", "-couple_force", form)
+    exact = 2 * math.pi * (4 / (1 - 2**-4)) ** 0.5
+    bound = {"residual": 2e-3, "volume": 2e-2}[form]
+    assert abs(-float(row["torque_z"]) / exact - 1) < bound, f"torque {row['torque_z']}, exact {exact}"
+
+
+MISTAKES = [
+    (["-flow_rheology", "cross", "-flow_rheology_index", "1.5"], "Cross"),
+    (["-flow_rheology", "bingham"], "needs -flow_rheology_yield"),
+    (["-flow_rheology_limits", "2,1e3"], "-flow_rheology_limits"),
+    (["-flow_rheology", "carreau", "-flow_rheology_viscosity_infinity", "3"], "below -flow_viscosity"),
+    (["-flow_rheology_yield", "3"], "-flow_rheology bingham or herschel_bulkley"),
+    (["-flow_rheology", "jelly"], "herschel_bulkley"),
+]
+
+
+@pytest.mark.parametrize("args, phrase", MISTAKES)
+def test_mistakes(run, args, phrase):
+    result = run([RUNS / "rheology-channel.yaml", "-output_dir", "out", *args])
+    assert result.status != 0 and phrase in str(result), str(result)
