@@ -88,8 +88,8 @@ typedef enum {
 
 static const char *const LAWS[] = {"newton", "power_law", "carreau", "cross", "bingham", "herschel_bulkley", NULL};
 
-/* A number that no default could stand for */
-static PetscErrorCode read_required(Rheology r, const char option[], PetscReal *value)
+/* Error: an option is missing for which no default could stand */
+static PetscErrorCode require(Rheology r, const char option[])
 {
   PetscBool given;
 
@@ -97,17 +97,15 @@ static PetscErrorCode read_required(Rheology r, const char option[], PetscReal *
   PetscCall(OptHas(option, &given));
   PetscCheck(given, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option -flow_rheology %s needs %s: give it, or use -flow_rheology newton", r->name,
              option);
-  PetscCall(OptReal(option, value));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* n, and the limits of a power of the rate */
+/* Limits of a power of the rate */
 static PetscErrorCode read_power(Rheology r)
 {
   PetscReal limits[2] = {1e-3, 1e3}, at_rest;
 
   PetscFunctionBeginUser;
-  PetscCall(read_required(r, "-flow_rheology_index", &r->index));
   PetscCall(OptRealArray("-flow_rheology_limits", 2, limits, NULL));
   PetscCheck(limits[0] < 1 && limits[1] > 1, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "Option -flow_rheology_limits %g,%g: least and largest viscosity in multiples of -flow_viscosity, which is to lie between them: give a number below 1 and "
@@ -124,7 +122,6 @@ static PetscErrorCode read_power(Rheology r)
 static PetscErrorCode read_bounded(Rheology r, PetscBool yasuda)
 {
   PetscFunctionBeginUser;
-  PetscCall(read_required(r, "-flow_rheology_index", &r->index));
   PetscCheck(yasuda || r->index < 1, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "Option -flow_rheology_index %g: a Cross fluid falls from -flow_viscosity to -flow_rheology_viscosity_infinity, with an index from 0 to below 1: lower it, "
              "or use -flow_rheology carreau or power_law",
@@ -141,15 +138,12 @@ static PetscErrorCode read_bounded(Rheology r, PetscBool yasuda)
 static PetscErrorCode read_yield(Rheology r)
 {
   PetscReal rigid = 1000;
-  PetscBool given;
 
   PetscFunctionBeginUser;
-  PetscCall(read_required(r, "-flow_rheology_yield", &r->yield));
-  PetscCall(OptHas("-flow_rheology_papanastasiou", &given));
-  if (given) {
-    PetscCall(OptReal("-flow_rheology_papanastasiou", &r->papanastasiou));
-    PetscFunctionReturn(PETSC_SUCCESS);
-  }
+  PetscCall(require(r, "-flow_rheology_yield"));
+  PetscCall(OptReal("-flow_rheology_yield", &r->yield));
+  PetscCall(OptReal("-flow_rheology_papanastasiou", &r->papanastasiou));
+  if (r->papanastasiou > 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(OptReal("-flow_rheology_rigid", &rigid));
   r->papanastasiou = rigid * r->viscosity / r->yield;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -173,7 +167,11 @@ PetscErrorCode RheologyCreate(PetscReal viscosity, Rheology *rheology)
   r->time      = 1;
   r->index     = 1;
   r->yasuda    = 2;
-  if (law != BINGHAM) PetscCall(OptReal("-flow_rheology_time", &r->time));
+  if (law != BINGHAM) {
+    PetscCall(require(r, "-flow_rheology_index"));
+    PetscCall(OptReal("-flow_rheology_index", &r->index));
+    PetscCall(OptReal("-flow_rheology_time", &r->time));
+  }
   if (law == POWER_LAW || law == HERSCHEL_BULKLEY) PetscCall(read_power(r));
   if (law == CARREAU || law == CROSS) PetscCall(read_bounded(r, (PetscBool)(law == CARREAU)));
   if (law == BINGHAM || law == HERSCHEL_BULKLEY) PetscCall(read_yield(r));
