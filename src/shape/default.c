@@ -50,7 +50,6 @@ PetscErrorCode ShapeDefaultNormal(Shape s, PetscReal r, PetscInt dim, PetscInt n
 /* ---- mass ---- */
 
 #define MOST_CELLS 100000 /* that may be cut, of a level that is refined once more: 2 s, 50 MB */
-#define SPEAK      1e-5
 
 /* Raw moments about the body origin to centroid and inertia about it. */
 static void ConvertMoments(PetscInt dim, const Moments *m, ShapeMass *mass)
@@ -68,14 +67,48 @@ static void ConvertMoments(PetscInt dim, const Moments *m, ShapeMass *mass)
   for (PetscInt k = 3; k < 6; k++) mass->inertia[k] = -s[k];
 }
 
-/* The cut is linear in a cell, so that moments converge with the square of its width: the error of the finer level is a
-   third of the difference. In space, where levels are dear, it is taken off. */
-static void extrapolate(const Moments *coarse, const Moments *fine, Moments *out)
-{
-  const PetscReal *a = &coarse->v, *b = &fine->v;
-  PetscReal       *c = &out->v;
+#define BEND   0.05 /* in cells at the first level, half as much at each next one: as smooth surfaces bend less */
+#define DEEPER 6    /* levels, where the surface bends more: at edges the number of cells doubles with each */
 
-  for (size_t i = 0; i < sizeof(Moments) / sizeof(PetscReal); i++) c[i] = b[i] + (b[i] - a[i]) / 3;
+/* Add the moments of the inside of the cells that may be cut; in space those that bend are refined first. */
+static PetscErrorCode add_cut_cells(const Tree *t, PetscReal bend, Moments *m)
+{
+  Tree part = *t;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(t->n * t->dim, &part.cell));
+  PetscCall(PetscArraycpy(part.cell, t->cell, t->n * t->dim));
+  for (PetscInt level = 0; t->dim == 3 && level < DEEPER && part.n && part.n <= MOST_CELLS; level++) {
+    Tree rough;
+
+    PetscCall(TreeSplit(&part, bend, &rough));
+    PetscCall(TreeAddCutCells(&part, m));
+    PetscCall(TreeAddBends(&part, m));
+    PetscCall(TreeDestroy(&part));
+    PetscCall(TreeRefine(&rough));
+    for (size_t i = 0; i < sizeof(Moments) / sizeof(PetscReal); i++) (&m->v)[i] += (&rough.full.v)[i];
+    PetscCall(PetscMemzero(&rough.full, sizeof(rough.full)));
+    part = rough;
+  }
+  PetscCall(TreeAddCutCells(&part, m));
+  if (t->dim == 3) PetscCall(TreeAddBends(&part, m));
+  PetscCall(TreeDestroy(&part));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Largest relative change of volume and moment of inertia */
+static PetscReal compare_masses(const ShapeMass *a, const ShapeMass *b)
+{
+  return PetscMax(PetscAbsReal(b->volume - a->volume) / b->volume, PetscAbsReal(b->inertia[2] - a->inertia[2]) / b->inertia[2]);
+}
+
+/* Error of the last of three levels whose moments changed by `before` and by `now`: four times smaller from level to
+   level at edges and where the cut is linear, sixteen times where smooth surfaces bend */
+static PetscReal estimate_error(PetscReal before, PetscReal now)
+{
+  const PetscReal ratio = now > 0 ? before / now : 16;
+
+  return now / (PetscMax(4, PetscMin(16, ratio)) - 1);
 }
 
 PetscErrorCode ShapeDefaultMass(Shape s, PetscReal r, PetscInt dim, ShapeMass *mass)
@@ -83,9 +116,9 @@ PetscErrorCode ShapeDefaultMass(Shape s, PetscReal r, PetscInt dim, ShapeMass *m
   const PetscInt  first = dim == 2 ? 8 : 4, last = dim == 2 ? 14 : 12;
   const PetscReal tolerance = 1e-6;
   Tree            t;
-  Moments         m, better, coarse = {0};
+  Moments         m;
   ShapeMass       old;
-  PetscReal       error = 1;
+  PetscReal       change = 0, error = 1;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMemzero(&old, sizeof(old)));
@@ -94,21 +127,23 @@ PetscErrorCode ShapeDefaultMass(Shape s, PetscReal r, PetscInt dim, ShapeMass *m
     PetscCall(TreeRefine(&t));
     if (level < first) continue;
     m = t.full;
-    PetscCall(TreeAddCutCells(&t, &m));
+    PetscCall(add_cut_cells(&t, ldexp(BEND, (int)(first - level)), &m));
     PetscCheck(m.v > 0 || level < last, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
                "A shape has no inside: its distance is nowhere negative within its bounding radius %g, or it is thinner than %g", (double)r,
                (double)TreeCellWidth(&t));
     if (m.v <= 0) continue;
-    better = m;
-    if (dim == 3 && coarse.v > 0) extrapolate(&coarse, &m, &better);
-    coarse = m;
-    ConvertMoments(dim, &better, mass);
-    error = PetscMax(PetscAbsReal(mass->volume - old.volume) / mass->volume, PetscAbsReal(mass->inertia[2] - old.inertia[2]) / mass->inertia[2]);
+    ConvertMoments(dim, &m, mass);
+    if (old.volume > 0) {
+      const PetscReal now = compare_masses(&old, mass);
+
+      error  = dim == 2 ? now : estimate_error(change, now);
+      change = now;
+    }
     if (error <= tolerance) break;
     old = *mass;
   }
   PetscCall(TreeDestroy(&t));
-  if (dim == 3 && error > SPEAK)
+  if (dim == 3 && error > tolerance)
     PetscCall(LogRemark("volume and inertia of shape '%s' by quadrature of its distance are uncertain by %.1g: give it the operation mass",
                         s->loaded->type, (double)error));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -43,9 +43,9 @@ PetscErrorCode ShapeCheck(Shape);
    shape. Not collective. */
 PetscErrorCode ShapeDefaultNormal(Shape, PetscReal r, PetscInt dim, PetscInt n, const PetscReal x[], PetscReal normal[]);
 
-/* Moments by quadrature, refined until they change by less than 1e-6 or the deepest level is reached (3D: moments of
-   two levels extrapolated; a remark where more than 1e-5 is left). r: bounding
-   radius about the body origin. Error: nothing inside. */
+/* Moments by quadrature, refined until they are within 1e-6 or the deepest level is reached (3D: cells that bend are
+   refined further, bend.c; a remark where more than 1e-6 is left). r: bounding radius about the body origin. Error:
+   nothing inside. */
 PetscErrorCode ShapeDefaultMass(Shape, PetscReal r, PetscInt dim, ShapeMass *m);
 
 /* n surface points. 2D: evenly spaced in arc length along the zero contour, counter-clockwise, equal weights. 3D:

@@ -72,9 +72,6 @@ PetscErrorCode TreeRefine(Tree *t)
 
 /* ---- simplices ---- */
 
-/* Corners of the simplices of the unit cell, as bit patterns: paths from 0 to 1...1, one for each order of the axes. */
-static const int tetrahedron[6][4] = {{0, 1, 3, 7}, {0, 3, 2, 7}, {0, 2, 6, 7}, {0, 6, 4, 7}, {0, 4, 5, 7}, {0, 5, 1, 7}};
-
 static PetscReal SimplexVolume(PetscInt dim, PetscReal v[][3])
 {
   PetscReal e[3][3], c[3];
@@ -234,7 +231,7 @@ PetscErrorCode TreeEvaluateCorners(const Tree *t, PetscInt m, const PetscInt cel
 void TreeTakeSimplex(PetscInt dim, PetscInt k, const PetscReal x[], const PetscReal d[], PetscReal v[][3], PetscReal dv[])
 {
   for (PetscInt i = 0; i <= dim; i++) {
-    const int c = dim == 2 ? TREE_TRIANGLE[k][i] : tetrahedron[k][i];
+    const int c = dim == 2 ? TREE_TRIANGLE[k][i] : TREE_TETRAHEDRON[k][i];
 
     v[i][2] = 0;
     for (PetscInt a = 0; a < dim; a++) v[i][a] = x[c * dim + a];

@@ -20,6 +20,8 @@ typedef struct {
 static const PetscInt TREE_PAIR[6][2] = {{0, 0}, {1, 1}, {2, 2}, {0, 1}, {0, 2}, {1, 2}};
 /* Corners of the triangles of a square, as bit patterns, counter-clockwise */
 static const int TREE_TRIANGLE[2][3] = {{0, 1, 3}, {0, 3, 2}};
+/* Of the tetrahedra of a cube: paths from 0 to 7, one for each order of the axes */
+static const int TREE_TETRAHEDRON[6][4] = {{0, 1, 3, 7}, {0, 3, 2, 7}, {0, 2, 6, 7}, {0, 6, 4, 7}, {0, 4, 5, 7}, {0, 5, 1, 7}};
 
 static inline PetscReal VectorLength(PetscInt dim, const PetscReal v[])
 {
@@ -56,5 +58,10 @@ PetscErrorCode TreeEvaluateCorners(const Tree *, PetscInt m, const PetscInt cell
 void TreeTakeSimplex(PetscInt dim, PetscInt k, const PetscReal x[], const PetscReal d[], PetscReal v[][3], PetscReal dv[]);
 /* Add the moments of the inside of the cells that may be cut. */
 PetscErrorCode TreeAddCutCells(const Tree *, Moments *);
+/* In space: add what the bend of the surface within these cells adds to that. */
+PetscErrorCode TreeAddBends(const Tree *, Moments *);
+/* In space: move the cells in which the distance bends by more than so many cell widths (a ball of n cells' radius by
+   1/8n, edges and thin parts by more at every level) from a tree into another (full: none). */
+PetscErrorCode TreeSplit(Tree *, PetscReal bend, Tree *rough);
 /* Add area, and area times centre, of the cut through a tetrahedron. Changes the order of v and d. */
 void TreeAddCut(PetscReal v[][3], PetscReal d[], PetscReal *area, PetscReal centre[]);
