@@ -10,7 +10,8 @@
    velocity of the body. penalty: the body's part of cut cells is held by a force. Both leave fictitious fluid
    inside, so that the rigid rows carry c_t (rho_s - rho_f) (Vol; I) with exact Vol and I of the shape. snap: the
    mesh lines up with the bodies, whose inside is no part of the fluid. The volume form of the force is taken around
-   all held nodes, one or two cells out, and misses what flows through there.
+   all held nodes, one or two cells out, and misses what flows through there; under penalty around the nodes held whole,
+   with the force that holds the cut cells.
 
    -mesh_deform with bodies that move: the mesh follows them in every step, its velocity is part of the convection;
    not with rung snap.

@@ -1,6 +1,7 @@
 /* Couple, forces: what the flow exerts on the bodies in both forms, balance of momentum; defined in couple.h. */
 #include "compat.h"
 #include "impl.h"
+#include "base/algebra.h"
 #include "base/log.h"
 #include "bodies/mass.h"
 
@@ -106,8 +107,34 @@ static PetscErrorCode add_volume_force(Couple c, PetscInt only, PetscReal (*forc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The volume integral -int (sigma . grad alpha_k - alpha_k f) of all bodies (only = -1) or of one, with f on dead
-   insides: force and torque [n][3] */
+/* What the penalty holds in cells that the surface cuts: alpha_k is one at the nodes held whole alone, well inside of
+   the body, and the stress there is the smaller part. Added to force and torque [n][3] before they are summed. */
+static PetscErrorCode add_penalty_force(Couple c, PetscInt only, PetscReal (*force)[3], PetscReal (*torque)[3])
+{
+  PetscReal *held;
+
+  PetscFunctionBeginUser;
+  if (!c->terms) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscCalloc1(c->s->n * c->nr, &held));
+  PetscCall(PenaltyTermAddForce(c->terms, c->constraint, c->u, c->U, held));
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    PetscReal f[2][3] = {{0}}, arm[3], moment[3];
+
+    if (only >= 0 && k != only) continue;
+    for (PetscInt i = 0; i < c->nr; i++) *CoupleRigidComponent(c, f, f + 1, 0, i) = held[k * c->nr + i];
+    PetscCall(BodiesGetArm(c->bodies, k, c->q[k], arm));
+    cross(arm, f[0], moment);
+    for (PetscInt a = 0; a < 3; a++) {
+      force[k][a] += f[0][a];
+      torque[k][a] += f[1][a] - moment[a];
+    }
+  }
+  PetscCall(PetscFree(held));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The volume integral -int (sigma . grad alpha_k - alpha_k f) of all bodies (only = -1) or of one, with what the
+   penalty holds, and f on dead insides: force and torque [n][3] */
 static PetscErrorCode integrate_stress(Couple c, PetscInt only, PetscReal (*force)[3], PetscReal (*torque)[3])
 {
   const MeshLocal *l = c->loc;
@@ -137,6 +164,7 @@ static PetscErrorCode integrate_stress(Couple c, PetscInt only, PetscReal (*forc
     }
   }
   PetscCall(add_volume_force(c, only, force, torque));
+  PetscCall(add_penalty_force(c, only, force, torque));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, force, (PetscMPIInt)(3 * c->s->n), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, torque, (PetscMPIInt)(3 * c->s->n), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   for (PetscInt k = 0; k < c->s->n; k++) {

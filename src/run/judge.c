@@ -159,7 +159,7 @@ static PetscErrorCode refuse_way(Judge j, PetscInt k, PetscReal way, PetscReal t
   PetscFunctionBeginUser;
   SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
           "Body %" PetscInt_FMT
-          " (group '%s') goes %.3g of its radii in the step to t = %g, more than -sim_move_max (%g), and would pass through what is in its way: lower %s (the step "
+          " (group '%s') goes %.4g of its radii in the step to t = %g, more than -sim_move_max (%g), and would pass through what is in its way: lower %s (the step "
           "was %g), such as to %.2g",
           k, BodiesGetGroup(j->s, k)->name, (double)way, (double)time, (double)j->way_max, adapted ? "-sim_adapt_min" : "-sim_dt", (double)dt,
           (double)(0.5 * dt * j->way_max / way));

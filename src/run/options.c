@@ -46,7 +46,7 @@ static const OptSpec SPECS[] = {
   {"-sim_adapt_speed", OPT_REAL, "length/time", OPT_FROM(0), "0", .help = "speed that errors refer to, 0: the largest so far", .when = ADAPT},
   {"-sim_adapt_cfl", OPT_REAL, "", OPT_FROM(0), "5", .help = "largest CFL number of a step, 0: any", .when = ADAPT},
   {"-sim_adapt_min", OPT_REAL, "time", OPT_ABOVE_ZERO, "-sim_dt / 100", .help = "smallest step", .when = ADAPT},
-  {"-sim_adapt_max", OPT_REAL, "time", OPT_ABOVE_ZERO, "", .help = "largest step", .when = ADAPT},
+  {"-sim_adapt_max", OPT_REAL, "time", OPT_ABOVE_ZERO, "", .help = "largest step, also the first", .when = ADAPT},
   {"-sim_adapt_move", OPT_REAL, "cells", OPT_POSITIVE, 1, "0.5", .help = "largest way of a body in a step", .when = ADAPT, .expert = PETSC_TRUE},
   {"-sim_adapt_gap", OPT_REAL, "", 0, 1, "0.5", .help = "largest part of its gap that a body closes in a step, 0: any", .when = ADAPT,
    .expert = PETSC_TRUE},

@@ -60,7 +60,8 @@ struct _p_FlowSolver {
   KSP               *sub;
   PetscInt           limited[2];                      /* solves for velocity, pressure that stopped at their limit */
   PetscBool          single;                          /* recipe fast without bodies: one sweep, without norms */
-  PetscInt           least;                           /* iterations of a solve */
+  PetscInt           least;                           /* iterations of a solve, unless fewer leave less than `small` */
+  PetscReal          small;                           /* residual that recipe balanced leaves around moving bodies */
   void              *test;                            /* of KSPConvergedDefault */
   PetscReal          share_of_pressure;               /* see WHOLE_PRESSURE */
   PetscReal          rtol, rtol_start, rtol_most;     /* see the header */

@@ -17,7 +17,7 @@ static const OptSpec SPECS[] = {
   {"-flow_rtol_most", OPT_REAL, "", 0, 1, "1e-5, with bodies that move 2e-5 (1e-6 with preset accurate), with recipe fast around bodies 1",
    .help = "bound for -flow_rtol_start, as share of the right-hand side", .when = FLOW, .expert = PETSC_TRUE},
   {"-flow_iterations_least", OPT_INT, "", 0, 100, "0, with recipe fast around bodies 2",
-   .help = "outer iterations of a step before its residual is looked at", .when = FLOW, .expert = PETSC_TRUE},
+   .help = "outer iterations of a step, unless fewer do for recipe balanced", .when = FLOW, .expert = PETSC_TRUE},
   {"-flow_pressure_softness", OPT_REAL, "", OPT_POSITIVE, 1, "1e-6",
    .help = "share of their inverse mass that body nodes keep in the pressure preconditioner", .when = FLOW, .expert = PETSC_TRUE},
   {"-flow_pressure_shared", OPT_REAL, "", 0, 1, "1e-3",

@@ -54,6 +54,9 @@ static const struct {
    (runs/studies/fast) */
 #define FAST_ITERATIONS "2"
 #define FAST_RESIDUAL   "0.1"
+/* Recipe balanced: residual as share of the start value's, and of the right-hand side with bodies that move */
+#define BALANCED_RESIDUAL "1e-2"
+#define BALANCED_MOST     "2e-5"
 
 typedef enum {
   SWEEP_AUTO,
@@ -123,9 +126,9 @@ static PetscErrorCode set_outer(FlowSolver fs, PetscInt recipe, PetscBool moving
     PetscCall(OptDefault("-flow_rtol_most", "1"));
     PetscCall(OptDefault("-flow_iterations_least", FAST_ITERATIONS));
   } else if (moving) { /* velocities of bodies 4e-4 off at most: runs/studies/flow-solver */
-    PetscCall(OptDefault("-flow_rtol_most", recipe == 1 ? "2e-5" : "1e-6"));
+    PetscCall(OptDefault("-flow_rtol_most", recipe == 1 ? BALANCED_MOST : "1e-6"));
   }
-  if (recipe == 1 && !given) PetscCall(OptDefault("-flow_rtol_start", "1e-2"));
+  if (recipe == 1 && !given) PetscCall(OptDefault("-flow_rtol_start", BALANCED_RESIDUAL));
   fs->rtol_most = 1e-5;
   PetscCall(OptReal("-flow_rtol_start", &fs->rtol_start));
   PetscCall(OptReal("-flow_rtol_most", &fs->rtol_most));
@@ -302,6 +305,7 @@ PetscErrorCode FlowSolverSetTolerance(FlowSolver fs, PetscBool *enough)
   }
   target     = PetscMax(fs->rtol * rhs, PetscMin(fs->rtol_start * start, fs->rtol_most * rhs));
   fs->target = target;
+  fs->small  = PetscMax(fs->rtol * rhs, PetscMin(atof(BALANCED_RESIDUAL) * start, atof(BALANCED_MOST) * rhs));
   *enough    = (PetscBool)(start == 0 || (start <= target && !fs->least));
   PetscCall(VecNorm(fs->r, NORM_2, &whole));
   if (!*enough && start < PETSC_MAX_REAL)
@@ -310,14 +314,14 @@ PetscErrorCode FlowSolverSetTolerance(FlowSolver fs, PetscBool *enough)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* PETSc's own test, but not before the least number of iterations */
+/* PETSc's own test, but not before the least number of iterations, or what recipe balanced is content with */
 static PetscErrorCode test_convergence(KSP ksp, PetscInt it, PetscReal norm, KSPConvergedReason *reason, void *ctx)
 {
   const FlowSolver fs = (FlowSolver)ctx;
 
   PetscFunctionBeginUser;
   PetscCall(KSPConvergedDefault(ksp, it, norm, reason, fs->test));
-  if (*reason == KSP_CONVERGED_RTOL && it < fs->least) *reason = KSP_CONVERGED_ITERATING;
+  if (*reason == KSP_CONVERGED_RTOL && it < fs->least && norm > fs->small) *reason = KSP_CONVERGED_ITERATING;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -23,6 +23,18 @@ def test_steady_benchmark(run):
     assert found["force_difference"] < 2e-3, found  # two forms of the force: 6e-4 at this mesh
 
 
+def test_two_forms_of_the_force_under_penalty(run):
+    """A circle of three cells in the mesh: the stress around the nodes held whole alone is a quarter of the drag, the rest is held in cut cells."""
+    args = [ROOT / "runs" / "cylinder-2d1.yaml", "-mesh_kind", "box", "-mesh_upper", "2.2,0.41", "-mesh_cells", "66,12", "-couple_boundary", "penalty"]
+    forms = []
+    for form in ("residual", "volume"):
+        done = run([*args, "-couple_force", form, "-output_every", 0, "-output_dir", form])
+        assert done.status == 0, done
+        forms.append(json.loads((done.folder / form / "summary.json").read_text())["quantities"])
+    assert forms[0]["cd"] == pytest.approx(5.8235, rel=1e-4) and forms[1]["cd"] == pytest.approx(forms[0]["cd"], rel=2e-3), forms
+    assert forms[1]["cl"] == pytest.approx(forms[0]["cl"], abs=0.01), forms
+
+
 def test_same_on_more_ranks(run):
     one, two = solve(run, "one", 4), solve(run, "two", 4, ranks=2)
     for name in REFERENCE:

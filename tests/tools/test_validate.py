@@ -153,6 +153,61 @@ def test_presets(program, tmp_path):
     assert "6 kept, 3 not, 0 not run" in validate(tmp_path, program, "--presets", "--show").stdout
 
 
+STEADY = """\
+mesh: {cells: [6, 4], lower: [0, 0], upper: [1, 1]}
+flow: {density: 1, viscosity: 0.1, bc_top: {type: moving_wall, velocity: [1, 0]}}
+sim: {steady: true}
+"""
+ALIKE = """\
+[presets.box]
+scene = "box.yaml"
+minutes = 0.1
+quantities = [{{ value = "steps", converged = 1, source = "exact" }}]
+
+[presets.bed]
+scene = "bed.yaml"
+reason = "chaotic"
+"""
+
+
+def test_presets_that_are_alike(program, tmp_path):
+    """Without bodies balanced and accurate are one direct solve: no seconds of its own. A scene without a value has its reason as row."""
+    (tmp_path / "box.yaml").write_text(STEADY)
+    declare(tmp_path, ALIKE.replace("box.yaml", str(tmp_path / "box.yaml")))
+    done = validate(tmp_path, program, "--presets")
+    assert done.returncode == 0 and "3 kept, 0 not, 0 not run" in done.stdout, done.stdout + done.stderr
+    with open(tmp_path / "results" / "presets.csv", newline="") as file:
+        rows = {(row["scene"], row["preset"]): row for row in csv.DictReader(file)}
+    assert float(rows["box", "fast"]["cpu_seconds"]) > 0 and rows["box", "accurate"]["cpu_seconds"].startswith("= ")
+    assert rows["bed", "-"]["verdict"] == "no promise: chaotic"
+    declare(tmp_path, ALIKE.replace('"chaotic"', '"chaotic"\nminutes = 1'))
+    assert "a scene with a reason has nothing else" in validate(tmp_path, program, "--presets").stderr
+
+
+def test_prices(program, tmp_path):
+    """A preset that is cheaper than the one before is told."""
+    declare(tmp_path, PRESETS.replace("[presets.coarse]", "[presets.other]"))
+    heads = "scene,preset,quantity,value,converged,deviation_percent,promise_percent,cpu_seconds,verdict"
+    rows = [f"disc,{preset},{name},{value},2,0,5,{seconds},within" for preset, seconds in (("fast", 2), ("balanced", 1), ("accurate", 3)) for name, value in (("steps", 2), ("rank", 0))]
+    (tmp_path / "results").mkdir(exist_ok=True)
+    (tmp_path / "results" / "presets.csv").write_text("\n".join([heads, *rows]) + "\n")
+    done = validate(tmp_path, program, "--presets", "--show", "disc")
+    assert done.returncode == 1 and "6 kept, 0 not" in done.stdout and "not dearer: disc: balanced takes 1 s, fast 2 s" in done.stdout, done.stdout
+
+
+def test_table_of_the_tree(program, tmp_path):
+    """Every scene is in the table, without a hole; all that is asked for is kept, and dearer from left to right."""
+    table = tmp_path / "presets.csv"
+    table.write_text((ROOT / "runs" / "validate" / "presets.csv").read_text())
+    words = ["--presets", "--show", "--build", str(program.parent), "--table", str(table)]
+    done = subprocess.run([sys.executable, str(ROOT / "tools" / "validate"), *words], cwd=ROOT, env=environment(), capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0 and " 0 not, 0 not run" in done.stdout, done.stdout + done.stderr
+    with open(table, newline="") as file:
+        listed = {row["scene"] for row in csv.DictReader(file)}
+    assert listed == {path.stem for path in (ROOT / "runs").glob("*.yaml")}
+    assert table.with_suffix(".md").read_text() == (ROOT / "runs" / "validate" / "presets.md").read_text()
+
+
 def test_mistakes_of_presets(program, tmp_path):
     for text, phrase in ((PRESETS.replace("minutes", "hours", 1), "unknown key 'hours'"), (PRESETS.replace(', scale = 1', ""), "converges to 0"), (CASE, "no list of cases declares")):
         declare(tmp_path, text)

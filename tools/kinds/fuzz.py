@@ -1,9 +1,10 @@
 """Random scenes: every one ends well, or with one clear message.
 
-  tools/fuzz                                   seeds 1 to 200; writes runs/fuzz/outcomes.csv and README.md (make fuzz)
+  tools/fuzz                                   seeds 1 to 260; writes runs/fuzz/outcomes.csv and README.md (make fuzz)
   tools/fuzz --seeds 3,17,40-49                these; what the table holds of others stays
   tools/fuzz --seeds 17 --point                one of them, with its scene and everything the program prints
-  tools/fuzz --seeds 300-999 --output out/fuzz others than those of the tree
+  tools/fuzz --seeds 300-999 --output out/fuzz others than those of the tree; beyond 200 also with local refinement, packed suspensions, hinges and
+                                               surfaces from files in space, initial flows, held mean velocities, boxes that travel
 
 A seed is a scene: sizes, densities, steps, viscosities, units, shapes, groups, conditions at the walls, rungs, presets, ranks are drawn from it.
 A run ends as
@@ -25,11 +26,13 @@ from toolbox import ROOT, count_cores, make_parser, read_rows, run_scene, write_
 
 FOLDER = ROOT / "runs" / "fuzz"
 COLUMNS = "seed,ranks,verdict,divergence,momentum,speed,seconds,scene,message".split(",")
-LAST = 200  # seeds of the tree: 1 to this
+LAST = 260  # seeds of the tree: 1 to this
 VERDICTS = ["ok", "warned", "stopped", "BUG"]
 DIVERGENCE, MOMENTUM, MOMENTUM_FAST = 0.1, 0.05, 0.3  # as the program itself judges: velocities a cell, share of the largest force
 SPEED = 3  # times what gravity, forces and the stream can have made
 SHAPES = {2: ["circle", "circle", "ellipse", "airfoil", "leaflet", "ring", "polygon"], 3: ["circle", "circle", "ellipse", "leaflet"]}
+NEWER = 200  # seeds beyond have what the program has learnt since: draw_newer
+CORNERS, FACES = [(0, 0, 0), (2, 0, 0), (0, 2, 0), (0, 0, 2)], [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]  # a tetrahedron
 OUTLINE = "0 0\n3 0\n3 1\n1 1\n1 2\n0 2\n"  # an L
 
 
@@ -67,8 +70,8 @@ def some(draw, chance):
 class Scales:
     """Sizes that belong together: cells, a body of some cells, its speed from a Reynolds number, a step from a CFL number, all in units of their own."""
 
-    def __init__(self, draw):
-        self.dim = 3 if some(draw, 0.1) else 2
+    def __init__(self, draw, chance_of_space):
+        self.dim = 3 if some(draw, chance_of_space) else 2
         self.cells = [draw.randint(4, 7) if self.dim == 3 else draw.randint(5, 24) for _ in range(self.dim)]
         self.h = power(draw, -5, 2)
         self.size = self.h * power(draw, 0, 1)  # of a body
@@ -188,10 +191,65 @@ def draw_bodies(draw, s):
     return particle
 
 
+def write_surface(path):
+    facets = ["facet normal 0 0 0\nouter loop\n" + "".join("vertex {} {} {}\n".format(*CORNERS[i]) for i in face) + "endloop\nendfacet\n" for face in FACES]
+    path.write_text("solid tetrahedron\n" + "".join(facets) + "endsolid tetrahedron\n")
+
+
+def draw_start(draw, s, scene):
+    """Initial flow, a held mean velocity, a box that travels."""
+    flow, periodic = scene["flow"], scene["mesh"].get("periodic", [])
+    if some(draw, 0.4):
+        flow["initial"] = draw.choice(["uniform", "shear" if "top" in flow.get("bc", {}) else "steady", "poiseuille", "expression"])
+        if flow["initial"] not in ("shear", "steady"):
+            s.stream = s.speed * draw.uniform(-1, 1)
+            flow["velocity"] = [f"{s.stream:g} * cos(y / {s.upper[1]:g})" if flow["initial"] == "expression" else s.stream] + [0] * (s.dim - 1)
+        body = scene["particle"][scene["particle"]["groups"][0]]
+        if some(draw, 0.5) and "motion" not in body:
+            body.pop("velocity", None), body.pop("angular_velocity", None)
+            body["start"] = "fluid"
+    if periodic and some(draw, 0.6):
+        s.stream = s.speed * draw.uniform(-1, 1)
+        flow["rate"] = [s.stream if axis in periodic else 0 for axis in "xyz"[: s.dim]]
+        flow["rate_axes"] = periodic
+    if "follow" not in scene["mesh"] and (periodic or "left" in flow.get("bc", {})) and some(draw, 0.5):
+        scene["sim"]["frame"] = draw.choice(["body", "velocity"])
+        if scene["sim"]["frame"] == "velocity":
+            scene["sim"]["frame_velocity"] = [s.speed * draw.uniform(-1, 1) for _ in range(s.dim)]
+
+
+def draw_newer(draw, s, scene):
+    """Local refinement, packed suspensions, hinges and surfaces from files in space."""
+    particle = scene.get("particle")
+    if not particle:
+        return
+    body = particle[particle["groups"][0]]
+    if some(draw, 0.35):
+        scene["mesh"]["levels"] = 1 if s.dim == 3 else draw.randint(1, 2)
+        if some(draw, 0.9):
+            scene["mesh"]["follow"] = True
+            scene["sim"].pop("adapt", None)
+    if some(draw, 0.25):
+        for name in ("position", "angle", "count", "free", "pivot", "stops", "motion", "motion_amplitude", "motion_period"):
+            body.pop(name, None)
+        body.update(place="pack", fraction=draw.uniform(0.05, 0.35), seed=draw.randint(0, 99))
+        if some(draw, 0.5):
+            body.update(sizes="lognormal", sizes_deviation=draw.uniform(0.05, 0.3))
+        scene["output"] = {"suspension": True}
+    elif s.dim == 3 and some(draw, 0.4):
+        for name in ("radius", "a", "b", "c", "length", "thickness"):
+            body.pop(name, None)
+        body.update(shape="stl", file="surface.stl", scale=s.size / 3)
+    if s.dim == 3 and "position" in body and "motion" not in body and some(draw, 0.4):
+        body.pop("free", None)
+        body.update(pivot=[0.2 * s.size, 0, 0], hinge=[draw.uniform(-1, 1) for _ in range(3)])
+    draw_start(draw, s, scene)
+
+
 def draw_scene(seed):
     """The scene of a seed, its ranks and its scales."""
     draw = random.Random(seed)
-    s = Scales(draw)
+    s = Scales(draw, 0.1 if seed <= NEWER else 0.25)
     s.stream, s.thick = 0, some(draw, 0.4)
     if s.thick:
         s.cells = [n + 4 for n in s.cells]
@@ -210,7 +268,10 @@ def draw_scene(seed):
     scene["sim"] = {"dt": s.dt, "steps": draw.randint(3, 4 if s.dim == 3 else 10)}
     if some(draw, 0.15):
         scene["sim"]["adapt"] = True
-    return scene, 2 if some(draw, 0.12) else 1, s
+    ranks = 2 if some(draw, 0.12) else 1
+    if seed > NEWER:
+        draw_newer(draw, s, scene)
+    return scene, ranks, s
 
 
 def in_a_word(scene):
@@ -218,6 +279,8 @@ def in_a_word(scene):
     mesh, bodies = scene["mesh"], scene.get("particle", {"groups": []})
     words = ["3D" if mesh.get("dimension") == 3 else "2D", mesh.get("kind", "box") + (f" {''.join(mesh['periodic'])}-periodic" if "periodic" in mesh else "") + (" deformed" if "deform" in mesh else "")]
     words += [f"{bodies[name]['shape']} {bodies[name]['density'] / scene['flow']['density']:.2g}" for name in bodies["groups"]] or ["no bodies"]
+    mesh_words = [f"{mesh['levels']} levels" if "levels" in mesh else "", "following" if "follow" in mesh else ""]
+    words += [*mesh_words, *(name for name in ("initial", "rate") if name in scene["flow"]), scene["sim"].get("frame", ""), "packed" if "output" in scene else ""]
     words += [scene.get("preset", ""), scene["flow"].get("recipe", ""), *scene.get("couple", {}).values(), "adaptive" if "adapt" in scene["sim"] else ""]
     return ", ".join(word for word in words if word)
 
@@ -226,7 +289,9 @@ def in_a_word(scene):
 
 
 def find_lost(rows, scene, s):
-    """A body whose centre is outside the domain, or None."""
+    """A body whose centre is outside the domain, or None; a box that travels leaves places of the laboratory behind."""
+    if "frame" in scene["sim"]:
+        return None
     periodic = scene["mesh"].get("periodic", "")
     for row in rows:
         for axis, name in enumerate("xyz"[: s.dim]):
@@ -283,6 +348,7 @@ def execute(seed, args, folder):
     """The row of a seed, its scene and its run."""
     scene, ranks, s = draw_scene(seed)
     (folder / "outline.txt").write_text(OUTLINE)
+    write_surface(folder / "surface.stl")
     (folder / "scene.yaml").write_text(json.dumps(scene, indent=1))
     run = run_scene(folder / "scene.yaml", {}, ranks, folder / "run", args.build, args.limit, cwd=ROOT)
     row = {"seed": seed, "ranks": ranks, "verdict": "ok", "divergence": "", "momentum": "", "speed": "", "message": "", "scene": in_a_word(scene)}

@@ -1,7 +1,9 @@
 """The promise of the presets: every scene that runs/validate/*.toml declares under [presets], with each preset on the command line.
 
 Called by 'tools/validate --presets'. Rows that were measured before and are not measured now stay in the table; what was never run is a hole and
-says so. A preset that refuses a scene keeps its promise by that, and its message is the row.
+says so. A preset that refuses a scene keeps its promise by that, and its message is the row. A preset costs more than the cheaper ones, or its run is
+the same to the last digit of series.csv (where one direct solve is all there is to choose): then '= fast' stands in place of its seconds. A scene
+without a value that is known well enough declares a reason in place of quantities, which is its row.
 """
 
 import csv
@@ -13,14 +15,19 @@ from toolbox import ROOT, check_keys, children_seconds, print_table, read_option
 
 PROMISE = {"fast": 5, "balanced": 1, "accurate": 0.2}  # % of the converged value; README.md
 COLUMNS = ["scene", "preset", "quantity", "value", "converged", "deviation_percent", "promise_percent", "cpu_seconds", "verdict"]
-SCENE_KEYS = {"scene", "options", "ranks", "minutes", "quantities"}
+SCENE_KEYS = {"scene", "options", "ranks", "minutes", "quantities", "reason"}
 QUANTITY_KEYS = {"name", "value", "converged", "scale", "source"}
 HOLE = "not run"
+CLOCK = 1.1  # seconds of one run on a busy machine are known to a tenth
 SLACK = 10  # a run is ended after so many times its declared minutes
 
 
 def check_entry(parser, where, entry):
     check_keys(parser, where, entry, SCENE_KEYS)
+    if "reason" in entry:
+        if entry.keys() - {"scene", "reason"}:
+            parser.error(f"{where}: a scene with a reason has nothing else")
+        return
     if missing := {"scene", "minutes", "quantities"} - set(entry):
         parser.error(f"{where}: key '{min(missing)}' is missing")
     for quantity in entry["quantities"]:
@@ -48,6 +55,43 @@ def read_declarations(parser, folder):
 
 def describe(quantity):
     return quantity.get("name", quantity["value"])
+
+
+def without_clocks(folder):
+    """series.csv but for the seconds that steps took."""
+    with open(Path(folder) / "series.csv", newline="") as file:
+        rows = list(csv.reader(file))
+    kept = [i for i, name in enumerate(rows[0]) if not name.startswith("seconds")]
+    return [[row[i] for i in kept] for row in rows]
+
+
+def find_same(name, preset, results):
+    """The cheapest preset whose run, in the folder of the results, was the same as this one to the last digit, or None."""
+    order = list(PROMISE)
+    for other in order[: order.index(preset)]:
+        try:
+            if without_clocks(Path(results) / f"{name}-{other}") == without_clocks(Path(results) / f"{name}-{preset}"):
+                return other
+        except FileNotFoundError:
+            pass
+    return None
+
+
+def read_seconds(row):
+    """Seconds of a row that kept its promise with a run of its own, or None."""
+    return None if not row or row[7].startswith("=") or row[-1] != "within" else float(row[7])
+
+
+def find_prices(rows):
+    """Scenes and presets that are not dearer than a cheaper one, as sentences."""
+    first = {(row[0], row[1]): row for row in reversed(rows)}
+    wrong = []
+    for name in dict.fromkeys(row[0] for row in rows):
+        paid = [(preset, seconds) for preset in PROMISE if (seconds := read_seconds(first.get((name, preset)))) is not None]
+        for (cheap, less), (dear, more) in zip(paid, paid[1:]):
+            if CLOCK * more <= less:
+                wrong.append(f"{name}: {dear} takes {more:g} s, {cheap} {less:g} s")
+    return wrong
 
 
 def row_of(name, preset, quantity, ours, seconds, verdict):
@@ -89,6 +133,9 @@ def fill(entries, known):
     """All rows in the order of the declarations: known values judged by the converged ones of today, holes for what was never run."""
     rows = []
     for name, entry in entries.items():
+        if "reason" in entry:
+            rows.append([name, "-", "-", "", "", "", "", "", f"no promise: {entry['reason']}"])
+            continue
         for preset in PROMISE:
             for quantity in entry["quantities"]:
                 row = known.get((name, preset, describe(quantity)))
@@ -118,7 +165,11 @@ def run_one(name, preset, entry, args):
     folder = Path(args.results) / f"{name}-{preset}"
     before = children_seconds()
     run = run_scene(entry["scene"], options, entry.get("ranks", 1), folder, args.build, 60 * SLACK * entry["minutes"] + 60, cwd=ROOT)
-    return rows_of(name, preset, entry, run, children_seconds() - before)
+    rows = rows_of(name, preset, entry, run, children_seconds() - before)
+    if run.ended == "ok" and (same := find_same(name, preset, args.results)):
+        for row in rows:
+            row[7] = f"= {same}"
+    return rows
 
 
 def run_presets(parser, args):
@@ -128,7 +179,8 @@ def run_presets(parser, args):
             parser.error(f"no scene '{name}' (there are: {', '.join(entries)})")
     if wrong := set(args.choose.split(",")) - set(PROMISE):
         parser.error(f"no preset '{min(wrong)}' (there are: {', '.join(PROMISE)})")
-    chosen = [name for name in entries if (not args.names or name in args.names) and (args.longest is None or entries[name]["minutes"] <= args.longest)]
+    measured = {name: entry for name, entry in entries.items() if "reason" not in entry}
+    chosen = [name for name in measured if (not args.names or name in args.names) and (args.longest is None or entries[name]["minutes"] <= args.longest)]
     table = Path(args.table or Path(args.results) / "presets.csv")
     known = read_table(table)
     if args.list:
@@ -141,8 +193,11 @@ def run_presets(parser, args):
             write_table(fill(entries, known), table)
     write_table(fill(entries, known), table)
     rows = [row for row in fill(entries, known) if row[0] in chosen]
+    prices = find_prices(rows)
     print_table(COLUMNS, rows)
     kept = sum(row[-1] == "within" or row[-1].startswith("refused") for row in rows)
     holes = sum(row[-1] == HOLE for row in rows)
     print(f"{kept} kept, {len(rows) - kept - holes} not, {holes} not run")
-    return 0 if kept == len(rows) else 1
+    for sentence in prices:
+        print(f"not dearer: {sentence}")
+    return 0 if kept == len(rows) and not prices else 1
