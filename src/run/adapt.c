@@ -358,9 +358,10 @@ static PetscErrorCode read_options(Adapt a)
   PetscCall(OptReal("-sim_adapt_max", &a->max));
   PetscCall(OptReal("-sim_adapt_growth", &a->growth));
   PetscCall(OptReal("-sim_adapt_hysteresis", &a->hysteresis));
+  PetscCheck(a->min <= PetscMin(a->dt, a->max), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "The first step, the smaller one of -sim_dt %g and -sim_adapt_max %g, is below -sim_adapt_min %g: change one of them", (double)a->dt,
+             (double)a->max, (double)a->min);
   a->dt = PetscMin(a->dt, a->max);
-  PetscCheck(a->min <= a->dt, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-             "The first step, %g by -sim_dt and -sim_adapt_max, is below -sim_adapt_min %g: change one of them", (double)a->dt, (double)a->min);
   PetscCheck(a->hysteresis <= a->growth, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "-sim_adapt_hysteresis %g exceeds -sim_adapt_growth %g: no step could ever grow. Lower the first or raise the second",
              (double)a->hysteresis, (double)a->growth);
