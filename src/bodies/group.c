@@ -148,8 +148,22 @@ static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim, Start *s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Orientation of a body in space whose line of the table has an axis or a quaternion, else that of the group */
+static PetscErrorCode orient_body(const BodyGroup *g, const PetscReal q[4], Placement *p)
+{
+  PetscReal axis[3];
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArraycpy(axis, g->motion.axis, 3));
+  for (PetscInt a = 0; a < 3 && p->has_axis; a++) axis[a] = p->axis[a] / PetscSqrtReal(dot3(p->axis, p->axis));
+  if (!p->has_quaternion) PetscCall(PetscArraycpy(p->q, q, 4));
+  RotationAdvance(p->angle, axis, p->q); /* makes it a unit quaternion, too */
+  p->turned = PETSC_TRUE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Orientation of bodies in space: -particle_<g>_quaternion, then turned by the angle about -particle_<g>_axis (or the
-   hinge, or z) */
+   hinge, or z); a table may give each body its own */
 static PetscErrorCode orient_bodies(BodyGroup *g, PetscInt dim, Placement body[])
 {
   PetscReal axis[3] = {g->motion.hinge[0], g->motion.hinge[1], g->motion.hinge[2]}, q[4] = {1, 0, 0, 0}, length;
@@ -168,12 +182,15 @@ static PetscErrorCode orient_bodies(BodyGroup *g, PetscInt dim, Placement body[]
   PetscCall(OptRealArray(OptJoin("-particle_", g->name, "_quaternion", name), 4, q, &has_q));
   PetscCheck(q[0] != 0 || q[1] != 0 || q[2] != 0 || q[3] != 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "%s is zero: give w,x,y,z with w = cos(a/2) and x,y,z = sin(a/2) times the axis", name);
-  if (!has_axis && !has_q && !g->motion.has_hinge) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt i = 0; i < g->count; i++) {
+    const PetscBool own = (PetscBool)(body[i].has_axis || body[i].has_quaternion);
+
+    PetscCheck(!body[i].has_axis || !g->motion.has_hinge, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "The angle of a body with -particle_%s_hinge is that about the hinge: remove the columns axis_x, axis_y, axis_z of its table, or turn the "
+               "bodies by q_w, q_x, q_y, q_z",
+               g->name);
     if (body[i].turned) continue; /* at random */
-    PetscCall(PetscArraycpy(body[i].q, q, 4));
-    RotationAdvance(body[i].angle, g->motion.axis, body[i].q); /* makes it a unit quaternion, too */
-    body[i].turned = PETSC_TRUE;
+    if (own || has_axis || has_q || g->motion.has_hinge) PetscCall(orient_body(g, q, body + i));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -225,10 +242,10 @@ static PetscErrorCode check_place(const BodyGroup *g, const Start *s)
 
 static PetscErrorCode start_table(BodyGroup *g, PetscInt dim, Start *s)
 {
-  PetscBool sizes, densities;
+  PetscBool sizes, densities, angles;
 
   PetscFunctionBeginUser;
-  PetscCall(PlaceTable(s->table, dim, &s->base, &g->count, &s->body, &sizes, &densities));
+  PetscCall(PlaceTable(s->table, dim, &s->base, &g->count, &s->body, &sizes, &densities, &angles));
   PetscCheck(!s->has_count || s->count == g->count, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-particle_%s_count is %" PetscInt_FMT ", the table %s has %" PetscInt_FMT " bodies: remove the option", g->name, s->count, s->table,
              g->count);
@@ -236,6 +253,9 @@ static PetscErrorCode start_table(BodyGroup *g, PetscInt dim, Start *s)
              "The table %s gives the sizes of the bodies, and so does -particle_%s_sizes: remove one of them", s->table, g->name);
   PetscCheck(!densities || s->spread.density.kind == SPREAD_SAME, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "The table %s gives the densities of the bodies, and so does -particle_%s_densities: remove one of them", s->table, g->name);
+  PetscCheck(!angles || !s->spread.turned, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "The table %s gives the orientations of the bodies, and -particle_%s_orientation random draws them: remove one of the two", s->table,
+             g->name);
   for (PetscInt i = 0; i < g->count; i++) {
     if (s->body[i].radius > 0) s->body[i].scale = s->body[i].radius / g->radius;
     PetscCall(SpreadNext(g->name, dim, &s->spread, &s->body[i]));

@@ -65,7 +65,7 @@ static const OptSpec SPECS[] = {
   SPREAD("densities", "mass/length^3", "-particle_<group>_density"),
   {"-particle_<group>_table", OPT_STRING, "", OPT_ANY, "",
    .help = "CSV file with one line a body, for place table: columns x, y, z; if wanted angle, u, v, w, omega, size (in that of the shape) or radius "
-           "(bounding radius), density",
+           "(bounding radius), density; in 3D axis_x, axis_y, axis_z of the angle, q_w, q_x, q_y, q_z before it turns",
    .when = GROUP, .path = OPT_PATH},
   {"-particle_<group>_angle", OPT_REAL, "rad", OPT_ANY, "0", .help = "angle at the start, about z, the axis or the hinge", .when = GROUP},
   {"-particle_<group>_axis", OPT_REALS, "", OPT_ANY, "0,0,1", .help = "axis of the angle at the start, and of that of a file, of any length (3D)",

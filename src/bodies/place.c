@@ -186,6 +186,9 @@ typedef struct {
   PetscBool   positive;
 } Column;
 
+/* The orientation in 3D: all columns of a set or none; the angle turns about the axis */
+static const char *const AXIS[] = {"axis_x", "axis_y", "axis_z", NULL}, *const QUATERNION[] = {"q_w", "q_x", "q_y", "q_z", NULL};
+
 static const Column COLUMNS[] = {{"x", offsetof(Placement, x), 2, PETSC_FALSE},
                                  {"y", offsetof(Placement, x) + sizeof(PetscReal), 2, PETSC_FALSE},
                                  {"angle", offsetof(Placement, angle), 2, PETSC_FALSE},
@@ -196,7 +199,14 @@ static const Column COLUMNS[] = {{"x", offsetof(Placement, x), 2, PETSC_FALSE},
                                  {"radius", offsetof(Placement, radius), 2, PETSC_TRUE},
                                  {"density", offsetof(Placement, density), 2, PETSC_TRUE},
                                  {"z", offsetof(Placement, x) + 2 * sizeof(PetscReal), 3, PETSC_FALSE},
-                                 {"w", offsetof(Placement, u) + 2 * sizeof(PetscReal), 3, PETSC_FALSE}};
+                                 {"w", offsetof(Placement, u) + 2 * sizeof(PetscReal), 3, PETSC_FALSE},
+                                 {"axis_x", offsetof(Placement, axis), 3, PETSC_FALSE},
+                                 {"axis_y", offsetof(Placement, axis) + sizeof(PetscReal), 3, PETSC_FALSE},
+                                 {"axis_z", offsetof(Placement, axis) + 2 * sizeof(PetscReal), 3, PETSC_FALSE},
+                                 {"q_w", offsetof(Placement, q), 3, PETSC_FALSE},
+                                 {"q_x", offsetof(Placement, q) + sizeof(PetscReal), 3, PETSC_FALSE},
+                                 {"q_y", offsetof(Placement, q) + 2 * sizeof(PetscReal), 3, PETSC_FALSE},
+                                 {"q_z", offsetof(Placement, q) + 3 * sizeof(PetscReal), 3, PETSC_FALSE}};
 
 static PetscErrorCode find_column(const Csv *t, PetscInt dim, const char name[], const Column **column)
 {
@@ -206,13 +216,39 @@ static PetscErrorCode find_column(const Csv *t, PetscInt dim, const char name[],
     if (!strcmp(COLUMNS[i].name, name) && COLUMNS[i].dim <= dim) *column = COLUMNS + i;
   PetscCheck(*column, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "%s:%" PetscInt_FMT ": column '%s' is not known (known in %" PetscInt_FMT "D: x, y, angle, u, v, omega, size, radius, density%s)",
-             t->file, t->header, name, dim, dim == 3 ? ", z, w" : "");
+             t->file, t->header, name, dim, dim == 3 ? ", z, w; axis_x, axis_y, axis_z; q_w, q_x, q_y, q_z" : "");
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PlaceTable(const char file[], PetscInt dim, const Placement *base, PetscInt *n, Placement **p, PetscBool *sizes, PetscBool *densities)
+/* *has: are all columns of a set there? Some of them are an error, as is a line in which they are all zero. */
+static PetscErrorCode find_set(const Csv *t, const char *const name[], PetscBool *has)
+{
+  const char *missing = NULL;
+  PetscInt    found   = 0, total;
+
+  PetscFunctionBeginUser;
+  for (total = 0; name[total]; total++) {
+    if (CsvColumn(t, name[total]) >= 0) found++;
+    else missing = name[total];
+  }
+  PetscCheck(!found || !missing, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": the columns %s .. %s belong together: '%s' is missing",
+             t->file, t->header, name[0], name[total - 1], missing);
+  *has = (PetscBool)(found > 0);
+  for (PetscInt i = 0; i < t->nrow && *has; i++) {
+    PetscReal sum = 0;
+
+    for (PetscInt k = 0; k < total; k++) sum += PetscAbsReal(t->value[i * t->ncolumn + CsvColumn(t, name[k])]);
+    PetscCheck(sum > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": %s .. %s are all zero: %s", t->file, t->line[i], name[0],
+               name[total - 1], total == 3 ? "an axis needs a length" : "a rotation is w = cos(a/2) and x,y,z = sin(a/2) times the axis");
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PlaceTable(const char file[], PetscInt dim, const Placement *base, PetscInt *n, Placement **p, PetscBool *sizes, PetscBool *densities,
+                          PetscBool *angles)
 {
   const char *const axes[] = {"x", "y", "z"};
+  PetscBool         axis, quaternion;
   Csv               t;
 
   PetscFunctionBeginUser;
@@ -235,8 +271,15 @@ PetscErrorCode PlaceTable(const char file[], PetscInt dim, const Placement *base
   for (PetscInt a = 0; a < dim; a++)
     PetscCheck(CsvColumn(&t, axes[a]) >= 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s:%" PetscInt_FMT ": the header line has no column '%s': add it",
                file, t.header, axes[a]);
+  PetscCall(find_set(&t, AXIS, &axis));
+  PetscCall(find_set(&t, QUATERNION, &quaternion));
+  for (PetscInt i = 0; i < t.nrow; i++) {
+    (*p)[i].has_axis       = axis;
+    (*p)[i].has_quaternion = quaternion;
+  }
   *sizes     = (PetscBool)(CsvColumn(&t, "size") >= 0 || CsvColumn(&t, "radius") >= 0);
   *densities = (PetscBool)(CsvColumn(&t, "density") >= 0);
+  *angles    = (PetscBool)(axis || quaternion || CsvColumn(&t, "angle") >= 0);
   PetscCheck(CsvColumn(&t, "size") < 0 || CsvColumn(&t, "radius") < 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "%s: the columns 'size' and 'radius' both give the size of a body: remove one", file);
   PetscCall(CsvDestroy(&t));

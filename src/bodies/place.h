@@ -5,12 +5,14 @@
 /* First state of one body. 2D: third components zero. */
 typedef struct {
   PetscReal x[3], u[3]; /* centre of mass, its velocity */
-  PetscReal angle;      /* rad, about z or the axis of the group */
+  PetscReal angle;      /* rad, about z, the axis of the group, or its own */
+  PetscReal axis[3];    /* its own, of any length, if has_axis */
   PetscReal omega[3];   /* angular velocity, rad/s */
   PetscReal q[4];       /* orientation in 3D, if `turned`, the angle included */
   PetscReal scale;      /* size in that of the shape */
   PetscReal radius;     /* bounding radius, which gives the size; 0: the size is given */
   PetscReal density;
+  PetscBool has_axis, has_quaternion; /* q holds what the angle turns, of any length */
   PetscBool turned;
 } Placement;
 
@@ -32,8 +34,10 @@ PetscErrorCode PlaceRandom(const char name[], PetscInt dim, const PetscReal lowe
                            PetscInt seed, PetscInt n, PetscReal (*other_x)[3], const PetscReal other_radius[], PetscInt count, Placement p[]);
 
 /* Read a CSV table: a header line that names the columns x, y (and z in 3D), and if wanted angle [rad], u, v (w in
-   3D), omega [rad/s, about z], size or radius, density, in any order; then one line a body. Empty lines and lines
-   that start with # are skipped. `base` holds what missing columns get; *sizes, *densities: the table has such
-   columns. Collective on PETSC_COMM_WORLD (rank 0 reads the file). *p is allocated, free with PetscFree. Errors: as
-   file:line. */
-PetscErrorCode PlaceTable(const char file[], PetscInt dim, const Placement *base, PetscInt *n, Placement **p, PetscBool *sizes, PetscBool *densities);
+   3D), omega [rad/s, about z], size or radius, density, and in 3D axis_x .. axis_z (that of the angle) and q_w .. q_z
+   (orientation before the angle turns it), in any order; then one line a body. Empty lines and lines that start with #
+   are skipped. `base` holds what missing columns get; *sizes, *densities, *angles (any of the orientation): the table
+   has such columns. Collective on PETSC_COMM_WORLD (rank 0 reads the file). *p is allocated, free with PetscFree.
+   Errors: as file:line. */
+PetscErrorCode PlaceTable(const char file[], PetscInt dim, const Placement *base, PetscInt *n, Placement **p, PetscBool *sizes, PetscBool *densities,
+                          PetscBool *angles);

@@ -183,6 +183,49 @@ static void test_random(void **state)
          "of the box");
 }
 
+/* Axis and angle, a quaternion, and both: the angle turns what the quaternion has turned */
+static void test_table_of_orientations(void **state)
+{
+  const char *scene =
+    "-particle_groups a -particle_a_shape ellipse -particle_a_a 0.05 -particle_a_b 0.02 -particle_a_density 2 -particle_a_place table -particle_a_table test_bodies_table.csv";
+  const char     *bad[][2] = {{"x,y,z,axis_x,axis_z\n0.1,0.2,0.3,1,0\n",
+                               "test_bodies_table.csv:1: the columns axis_x .. axis_z belong together: 'axis_y'"},
+                              {"x,y,z,q_w,q_x,q_y,q_z\n0.1,0.2,0.3,1,0,0,0\n0.1,0.2,0.6,0,0,0,0\n", "test_bodies_table.csv:3: q_w .. q_z are all zero"},
+                              {"x,y,z,axis_x,axis_y,axis_z\n0.1,0.2,0.3,0,0,0\n", "test_bodies_table.csv:2: axis_x .. axis_z are all zero"},
+                              {"x,y,z,qx\n0.1,0.2,0.3,0\n", "q_w, q_x, q_y, q_z"}};
+  const PetscReal c = PetscCosReal(0.25), h = PetscSqrtReal(0.5);
+  char            more[512];
+  Bodies          b;
+  BodyArrays     *s;
+
+  (void)state;
+  write_table("test_bodies_table.csv", "x,y,z,angle,axis_x,axis_y,axis_z\n0.2,0.2,0.2,0.5,0,2,0\n0.5,0.5,0.5,0,0,0,1\n");
+  create(3, scene, &b, &s);
+  near(s->q[0][0], c, 1e-15);
+  near(s->q[0][2], PetscSinReal(0.25), 1e-15);
+  near(s->q[1][0], 1, 1e-15);
+  OK(BodiesDestroy(&b));
+  write_table("test_bodies_table.csv",
+              "x,y,z,q_w,q_x,q_y,q_z,angle,axis_x,axis_y,axis_z\n0.2,0.2,0.2,3,3,0,0,0,0,0,1\n0.5,0.5,0.5,1,1,0,0,3.141592653589793,0,0,1\n");
+  create(3, scene, &b, &s);
+  near(s->q[0][0], h, 1e-15);
+  near(s->q[0][1], h, 1e-15);
+  near(PetscAbsReal(s->q[1][2]), h, 1e-15); /* k (1 + i)/sqrt 2 = (k + j)/sqrt 2 */
+  near(PetscAbsReal(s->q[1][3]), h, 1e-15);
+  OK(BodiesDestroy(&b));
+  for (size_t i = 0; i < sizeof(bad) / sizeof(bad[0]); i++) {
+    write_table("test_bodies_table.csv", bad[i][0]);
+    refuse(3, scene, bad[i][1]);
+  }
+  write_table("test_bodies_table.csv", "x,y,z,axis_x,axis_y,axis_z\n0.1,0.2,0.3,0,0,1\n");
+  refuse(3, strcat(strcpy(more, scene), " -particle_a_orientation random"), "-particle_a_orientation random draws them");
+  refuse(3, strcat(strcpy(more, scene), " -particle_a_hinge 0,0,1 -particle_a_pivot 0,0,0"), "remove the columns axis_x, axis_y, axis_z");
+  write_table("test_bodies_table.csv", "x,y,angle\n0.1,0.2,1\n");
+  refuse(2, strcat(strcpy(more, scene), " -particle_a_orientation random"), "-particle_a_orientation random draws them");
+  OK(MPI_Barrier(PETSC_COMM_WORLD));
+  remove("test_bodies_table.csv");
+}
+
 static void test_table(void **state)
 {
   const char *scene =
@@ -414,12 +457,12 @@ static void test_prediction(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test_setup(test_empty, clear),     cmocka_unit_test_setup(test_single, clear),
-                                     cmocka_unit_test_setup(test_lattice, clear),   cmocka_unit_test_setup(test_random, clear),
-                                     cmocka_unit_test_setup(test_table, clear),     cmocka_unit_test_setup(test_refusals, clear),
-                                     cmocka_unit_test_setup(test_distance, clear),  cmocka_unit_test_setup(test_inertia_3d, clear),
-                                     cmocka_unit_test_setup(test_tumbling, clear),  cmocka_unit_test_setup(test_forces, clear),
-                                     cmocka_unit_test_setup(test_prediction, clear)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test_setup(test_empty, clear),      cmocka_unit_test_setup(test_single, clear),
+                                     cmocka_unit_test_setup(test_lattice, clear),    cmocka_unit_test_setup(test_random, clear),
+                                     cmocka_unit_test_setup(test_table, clear),      cmocka_unit_test_setup(test_table_of_orientations, clear),
+                                     cmocka_unit_test_setup(test_refusals, clear),   cmocka_unit_test_setup(test_distance, clear),
+                                     cmocka_unit_test_setup(test_inertia_3d, clear), cmocka_unit_test_setup(test_tumbling, clear),
+                                     cmocka_unit_test_setup(test_forces, clear),     cmocka_unit_test_setup(test_prediction, clear)};
   int                     failed;
 
   if (PetscInitialize(&argc, &argv, NULL, NULL)) return 1;
