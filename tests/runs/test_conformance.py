@@ -27,6 +27,8 @@ SHAPES = [
     ["box"],
     ["box", "-conformance_dim", "3", "-shape_size", "1,0.2,0.4", "-shape_rounding", "0.1"],
     ["cylinder", "-shape_length", "0.5", "-shape_rounding", "0.1"],
+    ["superellipsoid"],
+    ["superellipsoid", "-shape_b", "0.2", "-shape_exponent", "10", "-conformance_dim", "2"],
     ["torus"],
     ["composite", "-conformance_dim", "2", *PARTS, "-shape_beam_size", "0.4,0.02", "-shape_beam_offset", "0.2,0"],
     ["composite", "-conformance_dim", "2", *PARTS, "-shape_beam_size", "0.12,0.03", "-shape_beam_operation", "difference",

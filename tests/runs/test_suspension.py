@@ -68,6 +68,26 @@ def test_ellipses_do_not_overlap(run, scene, tmp_path):
     assert abs(sum(turned)) < 4 * math.sqrt(len(turned) / 2), "orientations are not random"
 
 
+def test_superellipses_do_not_overlap(run, scene, tmp_path):
+    """Points of each superellipse of exponent 4 in the inequality of every other."""
+    result = run([scene(grains("shape: superellipsoid, a: 0.05, b: 0.035", ", orientation: random")), "-output_dir", "out", "-output_bodies", "0,76"], 1)
+    assert result.status == 0, str(result)
+    bodies = start(tmp_path / "out")
+    assert len(bodies) == 77  # 0.5 of the box over 4 a b Gamma(5/4)^2/Gamma(3/2) = 0.00649, cut to the nearest
+    outline = [(0.05 * math.copysign(abs(math.cos(t)) ** 0.5, math.cos(t)), 0.035 * math.copysign(abs(math.sin(t)) ** 0.5, math.sin(t))) for t in [math.pi * k / 90 for k in range(180)]]
+    for b in bodies:
+        c, s = math.cos(b["angle_rad"]), math.sin(b["angle_rad"])
+        points = [(b["x"] + c * x - s * y, b["y"] + s * x + c * y) for x, y in outline]
+        assert all(-1e-6 < x < 1 + 1e-6 and -1e-6 < y < 1 + 1e-6 for x, y in points), b
+        for o in bodies:
+            if o is b or math.dist((b["x"], b["y"]), (o["x"], o["y"])) > 0.13:
+                continue
+            c, s = math.cos(o["angle_rad"]), math.sin(o["angle_rad"])
+            for x, y in points:
+                dx, dy = x - o["x"], y - o["y"]
+                assert ((c * dx + s * dy) / 0.05) ** 4 + ((c * dy - s * dx) / 0.035) ** 4 > 0.99, (b, o)
+
+
 def test_spheres_in_a_periodic_box(run, scene, tmp_path):
     text = grains().replace("cells: [10, 10], lower: [0, 0], upper: [1, 1]", "dimension: 3, cells: [3, 3, 3], lower: [0, 0, 0], upper: [1, 1, 1], periodic: [x, y, z]")
     text = text.replace("gravity: [0, 0]", "gravity: [0, 0, 0]").replace("radius: 0.02", "radius: 0.08").replace("fraction: 0.5", "fraction: 0.45")

@@ -490,6 +490,49 @@ static void test_disc(void **state)
 }
 
 /* Closest points by dense sampling of the outline. */
+/* Volumes and moments of superellipsoids: an ellipsoid for the exponent 2; else against the default quadrature, in 2D
+   also against the area 4 a b Gamma(1 + 1/n)^2/Gamma(1 + 2/n); and distances against points of the surface */
+static void test_superellipsoid(void **state)
+{
+  const PetscReal g = 0.906402477055477, g2 = 0.886226925452758; /* Gamma(5/4), Gamma(3/2) */
+  PetscReal       r, nearest                = 0;
+  ShapeMass       m;
+  Shape           s;
+
+  (void)state;
+  SetOption("-t_a", "0.5");
+  SetOption("-t_b", "0.3");
+  SetOption("-t_exponent", "4");
+  s = Make("superellipsoid", 2);
+  MustWork(ShapeGetMass(s, &m));
+  MustBeNear(m.volume, 4 * 0.5 * 0.3 * g * g / g2, 1e-14, "area of a superellipse");
+  MustWork(ShapeGetReach(s, &r));
+  MustBeNear(r, PetscPowReal(PetscPowReal(0.5, 4) + PetscPowReal(0.3, 4), 0.25), 1e-14, "reach of a superellipse");
+  for (PetscInt i = 0; i < 40; i++) {
+    const PetscReal x[2] = {0.7 * PetscCosReal(1.7 * i), 0.02 * i * PetscSinReal(1.7 * i)};
+    PetscReal       d, best = PETSC_MAX_REAL;
+
+    for (PetscInt k = 0; k < 20000; k++) { /* even angles in the plane of squares */
+      const PetscReal t = 2 * PETSC_PI * k / 20000, c = PetscCosReal(t), q = PetscSinReal(t), n = PetscPowReal(c * c * c * c + q * q * q * q, 0.25);
+
+      best = PetscMin(best, PetscSqr(x[0] - 0.5 * c / n) + PetscSqr(x[1] - 0.3 * q / n));
+    }
+    MustWork(ShapeDistance(s, 1, x, &d));
+    nearest = PetscMax(nearest, PetscAbsReal(PetscAbsReal(d) - PetscSqrtReal(best)));
+  }
+  MustBeNear(nearest, 0, 1e-4, "distance to a superellipse");
+  MustWork(ShapeDestroy(&s));
+  SetOption("-t_exponent", "2");
+  SetOption("-t_c", "0.2");
+  s = Make("superellipsoid", 3);
+  MustWork(ShapeGetMass(s, &m));
+  MustBeNear(m.volume, 4 * PETSC_PI / 3 * 0.5 * 0.3 * 0.2, 1e-14, "volume of an ellipsoid");
+  MustBeNear(m.inertia[0], 0.2 * m.volume * (0.09 + 0.04), 1e-14, "inertia of an ellipsoid");
+  MustBeNear(m.inertia[2], 0.2 * m.volume * (0.25 + 0.09), 1e-14, "inertia of an ellipsoid");
+  MustWork(ShapeDestroy(&s));
+  for (size_t i = 0; i < 4; i++) SetOption((const char *const[]){"-t_a", "-t_b", "-t_c", "-t_exponent"}[i], NULL);
+}
+
 static void test_ellipse_distance_by_sampling(void **state)
 {
   Shape s = Make("ellipse", 2);
@@ -638,6 +681,7 @@ int main(int argc, char **argv)
     cmocka_unit_test(test_project_from_kinks),
     cmocka_unit_test(test_disc),
     cmocka_unit_test(test_ellipse_distance_by_sampling),
+    cmocka_unit_test(test_superellipsoid),
     cmocka_unit_test(test_airfoil_landmarks),
     cmocka_unit_test(test_polygon_properties),
     cmocka_unit_test(test_polygon_errors),
