@@ -1,10 +1,10 @@
-/* Remap: nodal fields of a mesh that is about to move, evaluated where its nodes will be. Plane meshes only.
+/* Remap: nodal fields of a mesh that is about to move, evaluated where its nodes will be.
 
    The value at a new place is, in this order:
      (a) that of the old fluid cell that contains it;
      (b) outside all old fluid cells (a body has uncovered the place): that of the Q2 polynomial of the nearest one in
-     reference coordinates, as far as |xi|, |eta| <= 1.8; (c) where no map can be inverted (flat corner cells of a
-     staircase): first-order Taylor from the nearest of the points (0, +-0.77)^2 of old fluid cells, up to 1.5 cells
+     reference coordinates, as far as |xi| <= 1.8; (c) where no map can be inverted (flat corner cells of a
+     staircase): first-order Taylor from the nearest of the points (0, +-0.77)^dim of old fluid cells, up to 1.5 cells
      away; (d) the value the node has now; counted.
    The rigid velocity at uncovered places instead would give the torque of a translating disc a bias of 1.8 % that no
    time step removes. Where a thin body has swept over a place, the cell that contains it was on the

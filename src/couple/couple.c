@@ -148,9 +148,9 @@ static PetscErrorCode fill_rigid_rows(Couple c)
     if (CoupleHoldAxes(c, k, M, K))
       for (PetscInt i = 0; i < nr * nr; i++) c->D[k * nr * nr + i] += K[i];
     PetscCall(CoupleSpinStress(c, k, c->par, &spin));
-    if (spin > 0) {
-      c->D[(k * nr + dim) * nr + dim] += c->step->theta * spin;
-      g[dim] -= (1 - c->step->theta) * spin * c->U_old[k * nr + dim];
+    for (PetscInt i = dim; i < nr && spin > 0; i++) {
+      c->D[(k * nr + i) * nr + i] += c->step->theta * spin;
+      g[i] -= (1 - c->step->theta) * spin * c->U_old[k * nr + i];
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);

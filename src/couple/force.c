@@ -201,7 +201,7 @@ static PetscErrorCode residual_force(Couple c, PetscInt k, PetscReal out[])
     }
     /* rows of the solved system: R^T residual = g - D U = g - excess */
     out[i] = inertia + ((c->unknown[k] >> i) & 1 ? excess - c->g[k * nr + i] : c->residual[k * nr + i]);
-    if (i == c->loc->dim && spin > 0)
+    if (i >= c->loc->dim && spin > 0)
       out[i] -= spin * ((c->unknown[k] >> i) & 1 ? (1 - c->step->theta) * c->U_old[k * nr + i]
                                                  : c->step->theta * c->U[k * nr + i] + (1 - c->step->theta) * c->U_old[k * nr + i]);
   }

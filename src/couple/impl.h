@@ -85,8 +85,8 @@ PetscBool CoupleHoldAxes(Couple, PetscInt k, const PetscReal M[], PetscReal K[])
    with growing velocity. */
 PetscErrorCode CoupleAdvanceExplicitly(Couple);
 /* In gradient form a rotating wall seems to feel 2 mu w Vol more than the true torque, which the gradient form
-   inside would take away again; where the inside is no part of the fluid, this coefficient of w does (plane bodies;
-   design section 2) */
+   inside would take away again; where the inside is no part of the fluid, this coefficient of w does. In space as in
+   the plane: the integral over the surface of x x (grad u)^T n is -curl u times the volume, and curl u is 2 w */
 PetscErrorCode CoupleSpinStress(Couple, PetscInt k, const FlowParameters *, PetscReal *coefficient);
 /* -flow_force on the fluid that body k displaces, on its rigid slots: it stands for a pressure gradient, which acts
    on bodies too. Fluid inside receives it; where there is none, the body does. */

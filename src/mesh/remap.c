@@ -1,21 +1,21 @@
-/* Remap: see remap.h. Candidates are the cells of a patch of 5 x 5 around the place, found by their centre nodes in the
-   background grid of the mesh. */
+/* Remap: see remap.h. Candidates are the cells of a patch of 5 x 5 (x 5) around the place, found by their centre nodes
+   in the background grid of the mesh. */
 #include "compat.h"
 #include "mesh/remap.h"
 #include "base/algebra.h"
 #include "mesh/element.h"
 
-#define MAX_PATCH 64
+#define MAX_PATCH 128
 #define REACH     1.8  /* of (b), reference coordinates */
 #define TAYLOR    1.5  /* of (c), cell sizes */
 #define POINT     0.77 /* of (c) */
-#define PLACE     4    /* numbers that describe a place to other ranks: itself, cell size, side */
+#define PLACE     5    /* numbers that describe a place to other ranks: itself, cell size, side */
 
 /* How good an answer is: kind 0 (a) .. 3 (d), then a measure, the smaller the better */
 typedef struct {
   PetscReal key; /* 1000 kind + measure */
   PetscInt  cell;
-  PetscReal xi[2], offset[2]; /* (c): evaluate at xi and go on by offset in space */
+  PetscReal xi[3], offset[3]; /* (c): evaluate at xi and go on by offset in space */
 } Answer;
 
 struct _p_Remap {
@@ -26,54 +26,81 @@ struct _p_Remap {
 /* ---- one cell ---- */
 
 /* Place y and Jacobian J[a][e] = dx_a/dxi_e of a cell with nodes xc; returns det J */
-static PetscReal map_cell(const PetscReal xc[], const PetscReal xi[2], PetscReal y[2], PetscReal J[4])
+static PetscReal map_cell(PetscInt dim, const PetscReal xc[], const PetscReal xi[], PetscReal y[], PetscReal J[])
 {
-  ElementMap(2, xc, xi, y, J);
-  return DenseDeterminant(2, J);
+  ElementMap(dim, xc, xi, y, J);
+  return DenseDeterminant(dim, J);
+}
+
+/* J dxi = r */
+static void solve_map(PetscInt dim, const PetscReal J[], PetscReal det, const PetscReal r[], PetscReal dxi[])
+{
+  if (dim == 3) solve3(J, r, dxi);
+  else {
+    dxi[0] = (J[3] * r[0] - J[1] * r[1]) / det;
+    dxi[1] = (J[0] * r[1] - J[2] * r[0]) / det;
+  }
+}
+
+static PetscReal largest_of(PetscInt dim, const PetscReal v[])
+{
+  PetscReal top = 0;
+
+  for (PetscInt a = 0; a < dim; a++) top = PetscMax(top, PetscAbsReal(v[a]));
+  return top;
 }
 
 /* Newton's method for x(xi) = x from the middle of the cell; false if it goes too far or meets a Jacobian <= 0 */
-static PetscBool invert_map(const PetscReal xc[], const PetscReal x[2], PetscReal xi[2])
+static PetscBool invert_map(PetscInt dim, const PetscReal xc[], const PetscReal x[], PetscReal xi[])
 {
   PetscReal change = 1;
 
-  xi[0] = xi[1] = 0;
+  for (PetscInt e = 0; e < dim; e++) xi[e] = 0;
   for (PetscInt it = 0; it < 25 && change > 1e-13; it++) {
-    PetscReal y[2], J[4], det = map_cell(xc, xi, y, J), dxi[2];
+    PetscReal y[3], J[9], det = map_cell(dim, xc, xi, y, J), r[3], dxi[3];
 
     if (det <= 0) return PETSC_FALSE;
-    dxi[0] = (J[3] * (x[0] - y[0]) - J[1] * (x[1] - y[1])) / det;
-    dxi[1] = (J[0] * (x[1] - y[1]) - J[2] * (x[0] - y[0])) / det;
-    for (PetscInt e = 0; e < 2; e++) xi[e] += dxi[e];
-    change = PetscMax(PetscAbsReal(dxi[0]), PetscAbsReal(dxi[1]));
-    if (!(PetscMax(PetscAbsReal(xi[0]), PetscAbsReal(xi[1])) < 4)) return PETSC_FALSE;
+    for (PetscInt a = 0; a < dim; a++) r[a] = x[a] - y[a];
+    solve_map(dim, J, det, r, dxi);
+    for (PetscInt e = 0; e < dim; e++) xi[e] += dxi[e];
+    change = largest_of(dim, dxi);
+    if (!(largest_of(dim, xi) < 4)) return PETSC_FALSE;
   }
-  return (PetscBool)(change < 1e-9 && PetscMax(PetscAbsReal(xi[0]), PetscAbsReal(xi[1])) <= REACH);
+  return (PetscBool)(change < 1e-9 && largest_of(dim, xi) <= REACH);
+}
+
+static Answer answer_at(PetscReal key, PetscInt cell, PetscInt dim, const PetscReal xi[])
+{
+  return (Answer){key, cell, {xi[0], xi[1], dim == 3 ? xi[2] : 0}, {0, 0, 0}};
 }
 
 /* Try cell c for x (the image nearest to the cell): a better answer replaces *best */
-static PetscErrorCode try_cell(Remap r, PetscInt c, const PetscReal at[2], PetscReal size, Answer *best)
+static PetscErrorCode try_cell(Remap r, PetscInt c, const PetscReal at[], PetscReal size, Answer *best)
 {
-  const MeshLocal *l = r->loc;
-  PetscReal        xc[18], x[2], xi[2], outside;
-  const PetscReal *centre = xc + 8;
+  const MeshLocal *l   = r->loc;
+  const PetscInt   dim = l->dim;
+  PetscReal        xc[3 * MESH_MAX_NB], x[3] = {0}, xi[3], outside;
+  const PetscReal *centre = xc + dim * (l->nb / 2);
 
   PetscFunctionBeginUser;
   PetscCall(MeshCellCoordinates(r->mesh, c, xc));
-  for (PetscInt a = 0; a < 2; a++) x[a] = DomainNearest(l->period[a], at[a], centre[a]);
-  if (invert_map(xc, x, xi)) {
-    outside = PetscMax(PetscAbsReal(xi[0]), PetscAbsReal(xi[1]));
-    if (outside < 1 + 1e-10) *best = (Answer){0, c, {xi[0], xi[1]}, {0, 0}};
-    else if (1000 + outside < best->key) *best = (Answer){1000 + outside, c, {xi[0], xi[1]}, {0, 0}};
+  for (PetscInt a = 0; a < dim; a++) x[a] = DomainNearest(l->period[a], at[a], centre[a]);
+  if (invert_map(dim, xc, x, xi)) {
+    outside = largest_of(dim, xi);
+    if (outside < 1 + 1e-10) *best = answer_at(0, c, dim, xi);
+    else if (1000 + outside < best->key) *best = answer_at(1000 + outside, c, dim, xi);
   }
   if (best->key < 2000) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt p = 0; p < 9; p++) {
-    const PetscReal point[2] = {POINT * (p % 3 - 1), POINT * (p / 3 - 1)};
-    PetscReal       y[2], J[4], distance;
+  for (PetscInt p = 0; p < l->nb; p++) {
+    const PetscReal point[3] = {POINT * (p % 3 - 1), POINT * (p / 3 % 3 - 1), POINT * (p / 9 - 1)};
+    PetscReal       y[3], J[9], distance = 0;
 
-    (void)map_cell(xc, point, y, J);
-    distance = PetscSqrtReal(PetscSqr(x[0] - y[0]) + PetscSqr(x[1] - y[1])) / size;
-    if (distance <= TAYLOR && 2000 + distance < best->key) *best = (Answer){2000 + distance, c, {point[0], point[1]}, {x[0] - y[0], x[1] - y[1]}};
+    (void)map_cell(dim, xc, point, y, J);
+    for (PetscInt a = 0; a < dim; a++) distance += PetscSqr(x[a] - y[a]);
+    distance = PetscSqrtReal(distance) / size;
+    if (distance > TAYLOR || 2000 + distance >= best->key) continue;
+    *best = answer_at(2000 + distance, c, dim, point);
+    for (PetscInt a = 0; a < dim; a++) best->offset[a] = x[a] - y[a];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -86,7 +113,7 @@ static PetscBool may_answer(RemapCells cells, PetscInt c, PetscInt side)
 }
 
 /* Fluid cells of the patch around x, nearest first: cell [MAX_PATCH]. own: only cells of this rank */
-static PetscErrorCode find_patch(Remap r, const PetscReal x[2], PetscReal size, PetscInt side, RemapCells cells, PetscBool own, PetscInt *n,
+static PetscErrorCode find_patch(Remap r, const PetscReal x[], PetscReal size, PetscInt side, RemapCells cells, PetscBool own, PetscInt *n,
                                  PetscInt cell[])
 {
   const MeshLocal *l = r->loc;
@@ -94,7 +121,7 @@ static PetscErrorCode find_patch(Remap r, const PetscReal x[2], PetscReal size, 
 
   PetscFunctionBeginUser;
   *n = 0;
-  for (DomainImages image = {0}; MeshNextImage(l, (const PetscReal[3]){x[0], x[1], 0}, 3 * size, &image);) {
+  for (DomainImages image = {0}; MeshNextImage(l, (const PetscReal[3]){x[0], x[1], l->dim == 3 ? x[2] : 0}, 3 * size, &image);) {
     const PetscInt *list;
     PetscInt        m;
 
@@ -105,7 +132,7 @@ static PetscErrorCode find_patch(Remap r, const PetscReal x[2], PetscReal size, 
       PetscInt       at;
 
       if (c < 0 || !may_answer(cells, c, side) || (own && c >= l->ncell)) continue;
-      for (PetscInt a = 0; a < 2; a++) d += PetscSqr(l->x[2 * list[e] + a] - image.at[a]);
+      for (PetscInt a = 0; a < l->dim; a++) d += PetscSqr(l->x[l->dim * list[e] + a] - image.at[a]);
       if (*n == MAX_PATCH && d >= distance[MAX_PATCH - 1]) continue;
       for (at = *n == MAX_PATCH ? MAX_PATCH - 1 : *n; at > 0 && distance[at - 1] > d; at--) {
         distance[at] = distance[at - 1];
@@ -119,26 +146,26 @@ static PetscErrorCode find_patch(Remap r, const PetscReal x[2], PetscReal size, 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode find_answer(Remap r, const PetscReal x[2], PetscReal size, PetscInt side, RemapCells cells, PetscBool own, Answer *best)
+static PetscErrorCode find_answer(Remap r, const PetscReal x[], PetscReal size, PetscInt side, RemapCells cells, PetscBool own, Answer *best)
 {
   PetscInt n, cell[MAX_PATCH];
 
   PetscFunctionBeginUser;
-  *best = (Answer){3000, -1, {0, 0}, {0, 0}};
+  *best = (Answer){.key = 3000, .cell = -1};
   PetscCall(find_patch(r, x, size, side, cells, own, &n, cell));
   for (PetscInt e = 0; e < n && best->key > 0; e++) PetscCall(try_cell(r, cell[e], x, size, best));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* May a cell with these nodes contain x? Edges, parabolas through their nodes, hardly leave the box of the nodes. */
-static PetscBool is_in_box(const PetscReal xc[], const PetscReal x[2])
+static PetscBool is_in_box(PetscInt dim, PetscInt nb, const PetscReal xc[], const PetscReal x[])
 {
-  for (PetscInt a = 0; a < 2; a++) {
+  for (PetscInt a = 0; a < dim; a++) {
     PetscReal lo = xc[a], hi = xc[a];
 
-    for (PetscInt j = 1; j < 9; j++) {
-      lo = PetscMin(lo, xc[2 * j + a]);
-      hi = PetscMax(hi, xc[2 * j + a]);
+    for (PetscInt j = 1; j < nb; j++) {
+      lo = PetscMin(lo, xc[dim * j + a]);
+      hi = PetscMax(hi, xc[dim * j + a]);
     }
     if (x[a] < lo - 0.1 * (hi - lo) || x[a] > hi + 0.1 * (hi - lo)) return PETSC_FALSE;
   }
@@ -146,43 +173,43 @@ static PetscBool is_in_box(const PetscReal xc[], const PetscReal x[2])
 }
 
 /* Most nodes move within the cells around them: is x in one of those of own node i? */
-static PetscErrorCode try_around(Remap r, PetscInt i, const PetscReal at[2], PetscInt side, RemapCells cells, Answer *best)
+static PetscErrorCode try_around(Remap r, PetscInt i, const PetscReal at[], PetscInt side, RemapCells cells, Answer *best)
 {
-  const MeshLocal *l = r->loc;
+  const MeshLocal *l   = r->loc;
+  const PetscInt   dim = l->dim;
 
   PetscFunctionBeginUser;
   best->key = 3000;
   for (PetscInt e = l->node_cell_ptr[i]; e < l->node_cell_ptr[i + 1] && best->key > 0; e++) {
     const PetscInt c = l->node_cell[e];
-    PetscReal      xc[18], x[2], xi[2];
+    PetscReal      xc[3 * MESH_MAX_NB], x[3], xi[3];
 
     if (!may_answer(cells, c, side)) continue;
     PetscCall(MeshCellCoordinates(r->mesh, c, xc));
-    for (PetscInt a = 0; a < 2; a++) x[a] = DomainNearest(l->period[a], at[a], xc[8 + a]);
-    if (is_in_box(xc, x) && invert_map(xc, x, xi) && PetscMax(PetscAbsReal(xi[0]), PetscAbsReal(xi[1])) < 1 + 1e-10)
-      *best = (Answer){0, c, {xi[0], xi[1]}, {0, 0}};
+    for (PetscInt a = 0; a < dim; a++) x[a] = DomainNearest(l->period[a], at[a], xc[dim * (l->nb / 2) + a]);
+    if (is_in_box(dim, l->nb, xc, x) && invert_map(dim, xc, x, xi) && largest_of(dim, xi) < 1 + 1e-10) *best = answer_at(0, c, dim, xi);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Values of the fields: v [nfield][2] */
+/* Values of the fields: v [nfield][dim] */
 static PetscErrorCode evaluate(Remap r, const Answer *answer, PetscInt nfield, const PetscReal *const field[], PetscReal v[])
 {
-  const PetscInt *node = r->loc->cell_node + answer->cell * r->loc->nb;
-  PetscReal       xc[18], y[2], J[4], phi[9], dphi[2][9], det, dxi[2];
+  const PetscInt *node = r->loc->cell_node + answer->cell * r->loc->nb, dim = r->loc->dim, nb = r->loc->nb;
+  PetscReal       xc[3 * MESH_MAX_NB], y[3], J[9], phi[MESH_MAX_NB], dphi[3 * MESH_MAX_NB], det, dxi[3];
 
   PetscFunctionBeginUser;
   PetscCall(MeshCellCoordinates(r->mesh, answer->cell, xc));
-  det    = map_cell(xc, answer->xi, y, J);
-  dxi[0] = (J[3] * answer->offset[0] - J[1] * answer->offset[1]) / det;
-  dxi[1] = (J[0] * answer->offset[1] - J[2] * answer->offset[0]) / det;
-  ElementBasis(2, answer->xi, phi, &dphi[0][0]);
-  for (PetscInt j = 0; j < 9; j++) phi[j] += dxi[0] * dphi[0][j] + dxi[1] * dphi[1][j];
+  det = map_cell(dim, xc, answer->xi, y, J);
+  solve_map(dim, J, det, answer->offset, dxi);
+  ElementBasis(dim, answer->xi, phi, dphi);
+  for (PetscInt j = 0; j < nb; j++)
+    for (PetscInt e = 0; e < dim; e++) phi[j] += dxi[e] * dphi[e * nb + j];
   MeshCellScatter(r->loc, answer->cell, 1, phi);
   for (PetscInt f = 0; f < nfield; f++) {
-    for (PetscInt a = 0; a < 2; a++) {
-      v[2 * f + a] = 0;
-      for (PetscInt j = 0; j < 9; j++) v[2 * f + a] += phi[j] * field[f][2 * node[j] + a];
+    for (PetscInt a = 0; a < dim; a++) {
+      v[dim * f + a] = 0;
+      for (PetscInt j = 0; j < nb; j++) v[dim * f + a] += phi[j] * field[f][dim * node[j] + a];
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -190,15 +217,16 @@ static PetscErrorCode evaluate(Remap r, const Answer *answer, PetscInt nfield, c
 
 PetscReal RemapCellSize(Remap r, PetscInt i)
 {
-  const MeshLocal *l    = r->loc;
+  const MeshLocal *l       = r->loc;
+  const PetscInt   step[3] = {1, 3, 9}, mid = l->nb / 2;
   PetscReal        size = 0;
 
   for (PetscInt e = l->node_cell_ptr[i]; e < l->node_cell_ptr[i + 1]; e++) {
     const PetscInt *node = l->cell_node + l->node_cell[e] * l->nb;
 
-    for (PetscInt a = 0; a < 2; a++) {
-      for (PetscInt j = 0; j < 2; j++) { /* along both directions of the lattice */
-        PetscReal d = PetscAbsReal(l->x_start[2 * node[j ? 5 : 7] + a] - l->x_start[2 * node[j ? 3 : 1] + a]);
+    for (PetscInt a = 0; a < l->dim; a++) {
+      for (PetscInt j = 0; j < l->dim; j++) { /* along the directions of the lattice */
+        PetscReal d = PetscAbsReal(l->x_start[l->dim * node[mid + step[j]] + a] - l->x_start[l->dim * node[mid - step[j]] + a]);
 
         if (l->period[a] > 0) d = PetscMin(d, l->period[a] - d);
         size = PetscMax(size, d);
@@ -220,7 +248,7 @@ typedef struct {
 static PetscErrorCode ask_all(Remap r, PetscInt nopen, const PetscInt open[], const PetscReal x[], const PetscReal cell_size[], const PetscInt side[],
                               RemapCells cells, PetscInt nfield, const PetscReal *const field[], PetscReal out[], RemapCount *count)
 {
-  const PetscInt bs = 2 * nfield;
+  const PetscInt dim = r->loc->dim, bs = dim * nfield;
   PetscMPIInt    size, rank, mine = (PetscMPIInt)(PLACE * nopen), *n, *start, total = 0;
   PetscReal     *send, *place, *value;
   Answer        *answer;
@@ -231,10 +259,9 @@ static PetscErrorCode ask_all(Remap r, PetscInt nopen, const PetscInt open[], co
   PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
   PetscCall(PetscMalloc3(size, &n, size, &start, PLACE * nopen, &send));
   for (PetscInt e = 0; e < nopen; e++) {
-    send[PLACE * e]     = x[2 * open[e]];
-    send[PLACE * e + 1] = x[2 * open[e] + 1];
-    send[PLACE * e + 2] = cell_size[open[e]];
-    send[PLACE * e + 3] = (PetscReal)side[open[e]];
+    for (PetscInt a = 0; a < 3; a++) send[PLACE * e + a] = a < dim ? x[dim * open[e] + a] : 0;
+    send[PLACE * e + 3] = cell_size[open[e]];
+    send[PLACE * e + 4] = (PetscReal)side[open[e]];
   }
   PetscCallMPI(MPI_Allgather(&mine, 1, MPI_INT, n, 1, MPI_INT, PETSC_COMM_WORLD));
   for (PetscMPIInt i = 0; i < size; i++) {
@@ -245,7 +272,7 @@ static PetscErrorCode ask_all(Remap r, PetscInt nopen, const PetscInt open[], co
   PetscCallMPI(MPI_Allgatherv(send, mine, MPIU_REAL, place, n, start, MPIU_REAL, PETSC_COMM_WORLD));
   total /= PLACE;
   for (PetscInt i = 0; i < total; i++) {
-    PetscCall(find_answer(r, place + PLACE * i, place[PLACE * i + 2], (PetscInt)place[PLACE * i + 3], cells, PETSC_TRUE, &answer[i]));
+    PetscCall(find_answer(r, place + PLACE * i, place[PLACE * i + 3], (PetscInt)place[PLACE * i + 4], cells, PETSC_TRUE, &answer[i]));
     key[i] = (KeyRank){answer[i].key, rank};
   }
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, key, total, MPI_DOUBLE_INT, MPI_MINLOC, PETSC_COMM_WORLD));
@@ -271,7 +298,8 @@ static PetscErrorCode ask_all(Remap r, PetscInt nopen, const PetscInt open[], co
 static PetscErrorCode evaluate_all(Remap r, PetscInt n, const PetscInt nodes[], const PetscReal x[], const PetscReal size[], const PetscInt side[],
                                    RemapCells cells, PetscInt nfield, const PetscReal *const field[], PetscReal out[], RemapCount *count)
 {
-  PetscInt *open, nopen = 0, inside;
+  const PetscInt dim = r->loc->dim;
+  PetscInt      *open, nopen = 0, inside;
 
   PetscFunctionBeginUser;
   *count = (RemapCount){0, 0, 0, 0};
@@ -279,9 +307,9 @@ static PetscErrorCode evaluate_all(Remap r, PetscInt n, const PetscInt nodes[], 
   for (PetscInt e = 0; e < n; e++) {
     Answer best = {.key = 3000};
 
-    if (nodes) PetscCall(try_around(r, nodes[e], x + 2 * e, side[e], cells, &best));
-    if (best.key > 0) PetscCall(find_answer(r, x + 2 * e, size[e], side[e], cells, PETSC_FALSE, &best));
-    if (best.key == 0) PetscCall(evaluate(r, &best, nfield, field, out + 2 * e * nfield));
+    if (nodes) PetscCall(try_around(r, nodes[e], x + dim * e, side[e], cells, &best));
+    if (best.key > 0) PetscCall(find_answer(r, x + dim * e, size[e], side[e], cells, PETSC_FALSE, &best));
+    if (best.key == 0) PetscCall(evaluate(r, &best, nfield, field, out + dim * e * nfield));
     else open[nopen++] = e;
   }
   inside = n - nopen;
@@ -302,8 +330,6 @@ PetscErrorCode RemapCreate(Mesh mesh, Remap *remap)
   PetscCall(PetscNew(&r));
   r->mesh = mesh;
   PetscCall(MeshGetLocal(mesh, &r->loc));
-  PetscCheck(r->loc->dim == 2, PETSC_COMM_WORLD, PETSC_ERR_SUP,
-             "Fields are carried to moved nodes on plane meshes only, this one has dimension %" PetscInt_FMT, r->loc->dim);
   *remap = r;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -318,14 +344,15 @@ PetscErrorCode RemapDestroy(Remap *remap)
 PetscErrorCode RemapEvaluate(Remap r, PetscInt n, const PetscInt nodes[], const PetscReal x[], const PetscInt side[], RemapCells cells,
                              PetscInt nfield, const PetscReal *const field[], PetscReal out[], RemapCount *count)
 {
-  PetscReal *size;
+  const PetscInt dim = r->loc->dim;
+  PetscReal     *size;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(n, &size));
   for (PetscInt e = 0; e < n; e++) {
     size[e] = RemapCellSize(r, nodes[e]);
     for (PetscInt f = 0; f < nfield; f++)
-      for (PetscInt a = 0; a < 2; a++) out[(e * nfield + f) * 2 + a] = field[f][2 * nodes[e] + a];
+      for (PetscInt a = 0; a < dim; a++) out[(e * nfield + f) * dim + a] = field[f][dim * nodes[e] + a];
   }
   PetscCall(evaluate_all(r, n, nodes, x, size, side, cells, nfield, field, out, count));
   PetscCall(PetscFree(size));

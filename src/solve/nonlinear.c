@@ -29,8 +29,10 @@ PetscErrorCode FlowSolverSetVelocity(FlowSolver fs, Mat A)
 /* Newton's method needs no more of a linear solve: near its end round-off may leave that more than its tolerance */
 #define ENOUGH 1e-3
 
-PetscErrorCode FlowSolverCorrect(FlowSolver fs, Vec f, Vec y, PetscInt *its, KSPConvergedReason *reason)
+PetscErrorCode FlowSolverCorrect(FlowSolver fs, Vec f, PetscReal enough, Vec y, PetscInt *its, KSPConvergedReason *reason)
 {
+  PetscReal least;
+
   PetscReal first, last;
 
   PetscFunctionBeginUser;
@@ -38,10 +40,12 @@ PetscErrorCode FlowSolverCorrect(FlowSolver fs, Vec f, Vec y, PetscInt *its, KSP
   PetscCall(VecCopy(f, fs->b));
   PetscCall(FlowSolverMakeConsistent(fs, fs->b));
   PetscCall(VecZeroEntries(y));
-  PetscCall(KSPSetTolerances(fs->ksp, fs->rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
+  PetscCall(KSPGetTolerances(fs->ksp, NULL, &least, NULL, NULL));
+  PetscCall(KSPSetTolerances(fs->ksp, fs->rtol, PetscMax(least, enough), PETSC_DEFAULT, PETSC_DEFAULT));
   PetscCall(KSPSolve(fs->ksp, fs->b, y));
   PetscCall(KSPGetIterationNumber(fs->ksp, its));
   PetscCall(KSPGetConvergedReason(fs->ksp, reason));
+  PetscCall(KSPSetTolerances(fs->ksp, fs->rtol, least, PETSC_DEFAULT, PETSC_DEFAULT));
   PetscCall(VecNorm(fs->b, NORM_2, &first));
   PetscCall(KSPGetResidualNorm(fs->ksp, &last));
   if (*reason == KSP_DIVERGED_ITS && last <= ENOUGH * first) *reason = KSP_CONVERGED_ITS;

@@ -261,6 +261,7 @@ class _Search:
     """The cell that holds a place: bins over the cells' boxes, then Newton's method for the inverse of the cell's map."""
 
     OUTSIDE = 1e-6  # of a cell: a place on its border belongs to it
+    MISS = 1e-5  # of a cell: what Newton's method may leave; where a map is nearly flat it is slow
 
     def __init__(self, points, cells):
         self.x = points[cells]  # [cells][nodes][dim]
@@ -288,8 +289,8 @@ class _Search:
         place, cell = np.array(pairs).T
         inside = ((places[place] >= self.lower[cell]) & (places[place] <= self.upper[cell])).all(1)
         place, cell = place[inside], cell[inside]
-        xi = self._invert(places[place], self.x[cell])
-        good = (abs(xi) <= 1 + self.OUTSIDE).all(1)
+        xi, miss = self._invert(places[place], self.x[cell])
+        good = (abs(xi) <= 1 + self.OUTSIDE).all(1) & (miss <= self.MISS * (self.upper - self.lower)[cell].max(1))
         place, cell, xi = place[good], cell[good], xi[good]
         found[place] = cell
         last = {p: i for i, p in enumerate(place)}  # of several cells that share the place, the one taken above
@@ -299,12 +300,16 @@ class _Search:
 
     @staticmethod
     def _invert(places, x):
+        """Reference coordinates by damped steps, and how far from the places they are."""
         xi = np.zeros_like(places)
-        for _ in range(20):
+        for _ in range(40):
             value, slope = _shape_functions(xi)
             miss = places - np.einsum("nk,nkd->nd", value, x)
-            step = np.linalg.solve(np.einsum("nke,nkd->nde", slope, x), miss[:, :, None])[:, :, 0] if len(places) else miss
+            jacobian = np.einsum("nke,nkd->nde", slope, x)
+            jacobian[np.linalg.det(jacobian) == 0] += 1e-12 * np.eye(places.shape[1])
+            step = np.linalg.solve(jacobian, miss[:, :, None])[:, :, 0] if len(places) else miss
+            step /= np.maximum(1, 2 * abs(step).max(1, initial=0))[:, None]
             xi = np.clip(xi + step, -3, 3)
             if not len(places) or abs(step).max() < 1e-13:
                 break
-        return xi
+        return xi, abs(places - np.einsum("nk,nkd->nd", _shape_functions(xi)[0], x)).max(1, initial=0)

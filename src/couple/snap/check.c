@@ -1,47 +1,47 @@
 /* Snap, check: is what came out a mesh, and does it follow the bodies? */
 #include "compat.h"
 #include "impl.h"
+#include "base/algebra.h"
 
 #define FLATTEST 0.002 /* Jacobians below this share of the largest one in the cell count as not positive */
 #define MISSING  0.1   /* largest difference between the area of the dead cells and that of the body, as its share */
 #define STRICT   4     /* factor on both limits for bodies that were left alone before */
+#define MENDED   2     /* on the first one in space, where cells are mended to 0.005 and no further */
 
-/* Smallest Jacobian of cell c at the Gauss points over the largest one, with the displacements added, and its area
-   by the 3 x 3 points */
-static PetscReal cell_quality(Snap s, PetscInt c, PetscReal *area)
+PetscReal SnapCellQuality(Snap s, PetscInt c, PetscReal *area)
 {
-  const MeshLocal *l         = s->loc;
-  const PetscInt  *node      = SnapCellNodes(s, c);
-  const PetscReal  weight[3] = {5 / 9.0, 8 / 9.0, 5 / 9.0};
-  PetscReal        x[18], low = PETSC_MAX_REAL, high = 0;
+  const MeshLocal *l    = s->loc;
+  const PetscInt  *node = SnapCellNodes(s, c), dim = l->dim, nb = l->nb;
+  PetscReal        x[3 * MESH_MAX_NB], low = PETSC_MAX_REAL, high = 0, sum = 0;
 
-  *area = 0;
-
-  for (PetscInt j = 0; j < 9; j++) {
-    for (PetscInt a = 0; a < 2; a++) {
-      x[2 * j + a] = l->x_start[2 * node[j] + a];
-      if (l->period[a] > 0) x[2 * j + a] -= l->period[a] * PetscFloorReal((x[2 * j + a] - l->x_start[2 * node[4] + a]) / l->period[a] + 0.5);
-      x[2 * j + a] += s->d[2 * node[j] + a];
+  for (PetscInt j = 0; j < nb; j++) {
+    for (PetscInt a = 0; a < dim; a++) {
+      x[dim * j + a] = l->x_start[dim * node[j] + a];
+      if (l->period[a] > 0)
+        x[dim * j + a] -= l->period[a] * PetscFloorReal((x[dim * j + a] - l->x_start[dim * node[s->cell_kind.centre] + a]) / l->period[a] + 0.5);
+      x[dim * j + a] += s->d[dim * node[j] + a];
     }
   }
-  MeshCellGather(l, c, 2, x);
-  for (PetscInt p = 0; p < NPOINT; p++) {
-    PetscReal J[4] = {0, 0, 0, 0}, det;
+  MeshCellGather(l, c, dim, x);
+  for (PetscInt p = 0; p < s->npoint; p++) {
+    PetscReal J[9] = {0}, det;
 
-    for (PetscInt j = 0; j < 9; j++)
-      for (PetscInt e = 0; e < 4; e++) J[e] += s->dphi[p][e % 2][j] * x[2 * j + e / 2];
-    det  = J[0] * J[3] - J[1] * J[2];
+    for (PetscInt j = 0; j < nb; j++)
+      for (PetscInt e = 0; e < dim * dim; e++) J[e] += s->dphi[p][e % dim * nb + j] * x[dim * j + e / dim];
+    det  = DenseDeterminant(dim, J);
     low  = PetscMin(low, det);
     high = PetscMax(high, det);
-    if (p >= 16) *area += weight[(p - 16) % 3] * weight[(p - 16) / 3] * det;
+    sum += s->weight[p] * det;
   }
+  if (area) *area = sum;
   return high > 0 ? low / high : -1;
 }
 
 PetscErrorCode SnapCheckLevels(Snap s)
 {
   const MeshLocal *l     = s->loc;
-  PetscReal        at[3] = {0, -PETSC_MAX_REAL, -PETSC_MAX_REAL}; /* how many, and a place of one */
+  PetscReal        at[4] = {0, -PETSC_MAX_REAL, -PETSC_MAX_REAL, -PETSC_MAX_REAL}; /* how many, and a place of one */
+  char             where[96];
 
   PetscFunctionBeginUser;
   if (!l->hang) PetscFunctionReturn(PETSC_SUCCESS);
@@ -49,16 +49,17 @@ PetscErrorCode SnapCheckLevels(Snap s)
     const PetscInt c = s->touched.i[e];
 
     if (c >= l->ncell || !MeshCellHang(l, c)) continue;
-    for (PetscInt a = 0; a < 2; a++) at[1 + a] = l->x_start[2 * SnapCellNodes(s, c)[4] + a];
+    for (PetscInt a = 0; a < l->dim; a++) at[1 + a] = l->x_start[l->dim * SnapCentre(s, c) + a];
     at[0]++;
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &at[0], 1, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   if (at[0] == 0) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &at[1], 2, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &at[1], 3, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  (void)snprintf(where, sizeof(where), l->dim == 2 ? "%g, %g" : "%g, %g, %g", (double)at[1], (double)at[2], (double)at[3]);
   SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-          "Levels of the mesh jump at %g cells that -couple_boundary snap would move (near (%g, %g)): it needs four cells of one size around a surface. "
+          "Levels of the mesh jump at %g cells that -couple_boundary snap would move (near (%s)): it needs four cells of one size around a surface. "
           "Raise -mesh_band (3 leaves six), move or enlarge the boxes of -mesh_refine, or use -couple_boundary penalty",
-          (double)at[0], (double)at[1], (double)at[2]);
+          (double)at[0], where);
 }
 
 PetscErrorCode SnapCheckCells(Snap s, PetscReal *quality)
@@ -74,21 +75,21 @@ PetscErrorCode SnapCheckCells(Snap s, PetscReal *quality)
     PetscReal area;
 
     if (s->dead.i[e] >= l->ncell) continue;
-    (void)cell_quality(s, s->dead.i[e], &area);
+    (void)SnapCellQuality(s, s->dead.i[e], &area);
     s->area[s->cover[s->dead.i[e]] - 1] += area;
   }
   for (PetscInt e = 0; e < s->touched.n; e++) {
     const PetscInt c = s->touched.i[e];
-    PetscReal      share, area;
+    PetscReal      share;
     PetscBool      at_wall = PETSC_FALSE;
 
     if (c >= l->ncell || s->cover[c]) continue;
-    share    = cell_quality(s, c, &area);
+    share    = SnapCellQuality(s, c, NULL);
     *quality = PetscMin(*quality, share);
-    if (share > STRICT * FLATTEST) continue;
+    if (share > (l->dim == 2 ? STRICT : MENDED) * FLATTEST) continue;
     if (share <= FLATTEST) PetscCall(SnapListAdd(&s->bad, c));
-    for (PetscInt v = 0; v < 4; v++) at_wall = (PetscBool)(at_wall || s->level[SnapCellNodes(s, c)[CORNER[v]]] % 8 == 1);
-    for (PetscInt v = 0; v < 4; v++) {
+    for (PetscInt v = 0; v < s->cell_kind.ncorner; v++) at_wall = (PetscBool)(at_wall || s->level[SnapCellNodes(s, c)[CORNER[v]]] % 8 == 1);
+    for (PetscInt v = 0; v < s->cell_kind.ncorner; v++) {
       const PetscInt t = s->level[SnapCellNodes(s, c)[CORNER[v]]];
 
       if (t && (!at_wall || t % 8 == 1)) s->flags[t / 8 + (share > FLATTEST ? s->nbodies : 0)]++;
@@ -123,14 +124,14 @@ PetscErrorCode SnapOpenBadCorners(Snap s, PetscBool *any)
 
         if (!s->cover[c]) continue;
         if (best >= 0) {
-          const PetscReal gain = s->depth[SnapCellNodes(s, c)[4]] - s->depth[SnapCellNodes(s, best)[4]];
+          const PetscReal gain = s->depth[SnapCentre(s, c)] - s->depth[SnapCentre(s, best)];
 
           if (gain < 0 || (gain == 0 && l->cell_global[c] < l->cell_global[best])) continue;
         }
         best = c;
       }
     }
-    if (best >= 0) s->work[SnapCellNodes(s, best)[4]] = 1;
+    if (best >= 0) s->work[SnapCentre(s, best)] = 1;
   }
   PetscCall(SnapOpenMarkedCells(s, any));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -147,15 +148,27 @@ PetscErrorCode SnapJudgeBody(Snap s, PetscInt k, PetscBool strict, PetscBool *go
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* In the plane 4 x 4 and 3 x 3 points, of which the latter give the area; in space those that the flow uses: where
+   three faces of a cell are on a wall, it is flat at their corner, which does no harm */
 void SnapTabulate(Snap s)
 {
   const PetscReal g3 = PetscSqrtReal(0.6), a = 2 / 7.0 * PetscSqrtReal(1.2), outer = PetscSqrtReal(3 / 7.0 + a), inner = PetscSqrtReal(3 / 7.0 - a);
-  const PetscReal four[4] = {-outer, -inner, inner, outer}, three[3] = {-g3, 0, g3};
+  const PetscReal four[4] = {-outer, -inner, inner, outer}, three[3] = {-g3, 0, g3}, weight[3] = {5 / 9.0, 8 / 9.0, 5 / 9.0};
+  const PetscInt  dim = s->loc->dim, first = dim == 2 ? 16 : 0;
 
-  for (PetscInt p = 0; p < NPOINT; p++) {
-    const PetscReal xi[2] = {p < 16 ? four[p % 4] : three[(p - 16) % 3], p < 16 ? four[p / 4] : three[(p - 16) / 3]};
-    PetscReal       phi[9];
+  s->npoint = dim == 2 ? 25 : 27;
+  for (PetscInt p = 0; p < s->npoint; p++) {
+    const PetscInt  i      = p - first;
+    const PetscReal xi4[2] = {four[p % 4], four[p / 4 % 4]};
+    PetscReal       phi[MESH_MAX_NB];
 
-    ElementBasis(2, xi, phi, &s->dphi[p][0][0]);
+    s->weight[p] = 0;
+    if (i < 0) ElementBasis(dim, xi4, phi, s->dphi[p]);
+    else {
+      const PetscReal xi[3] = {three[i % 3], three[i / 3 % 3], three[i / 9 % 3]};
+
+      ElementBasis(dim, xi, phi, s->dphi[p]);
+      s->weight[p] = weight[i % 3] * weight[i / 3 % 3] * (dim == 2 ? 1 : weight[i / 9]);
+    }
   }
 }

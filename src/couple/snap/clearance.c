@@ -23,7 +23,7 @@ static PetscBool is_near(Clearance c, PetscReal (*X)[3], PetscInt k, PetscInt j)
 {
   PetscReal d2 = 0;
 
-  for (PetscInt a = 0; a < 2; a++) {
+  for (PetscInt a = 0; a < c->loc->dim; a++) {
     const PetscReal r = MeshNearest(c->loc, a, X[j][a] - X[k][a]);
 
     d2 += r * r;
@@ -100,14 +100,14 @@ PetscErrorCode ClearanceUpdate(Clearance c, PetscReal (*X)[3])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ClearanceMeasure(Clearance c, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool counts[], PetscInt k, const PetscReal y[2],
+PetscErrorCode ClearanceMeasure(Clearance c, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool counts[], PetscInt k, const PetscReal y[],
                                 PetscReal gap[2])
 {
   const MeshLocal *l = c->loc;
 
   PetscFunctionBeginUser;
   gap[0] = gap[1] = PETSC_MAX_REAL;
-  for (PetscInt a = 0; a < 2; a++)
+  for (PetscInt a = 0; a < l->dim; a++)
     if (l->period[a] == 0) gap[1] = PetscMin(gap[1], PetscMin(y[a] - l->lower[a], l->upper[a] - y[a]));
   for (PetscInt e = c->ptr[k]; e < c->ptr[k + 1]; e++) {
     const PetscInt j = c->near[e];
@@ -116,7 +116,7 @@ PetscErrorCode ClearanceMeasure(Clearance c, PetscReal (*X)[3], PetscReal (*q)[4
     if (!counts[j]) continue;
     for (PetscInt a = 0; a < 3; a++) {
       at[a] = X[j][a];
-      if (a < 2 && l->period[a] > 0) at[a] += l->period[a] * PetscFloorReal((y[a] - at[a]) / l->period[a] + 0.5);
+      if (a < l->dim && l->period[a] > 0) at[a] += l->period[a] * PetscFloorReal((y[a] - at[a]) / l->period[a] + 0.5);
     }
     PetscCall(BodiesDistance(c->bodies, j, at, q[j], 1, y, &d));
     gap[0] = PetscMin(gap[0], d);

@@ -1,5 +1,5 @@
 /* Clearance: how far a point on the wall of a body is from the next other wall, that of another body or a side of
-   the domain. Plane bodies only.
+   the domain.
 
    Pairs of bodies that may come within reach are found by a sweep over their bounding circles, so that the cost
    follows the pairs, not the square of the bodies. The sides of the domain are those of its bounding box. */
@@ -16,5 +16,5 @@ PetscErrorCode ClearanceDestroy(Clearance *);
 PetscErrorCode ClearanceUpdate(Clearance, PetscReal (*X)[3]);
 /* Distances of point y of body k from the next other body (gap[0]) and from the next side of the domain (gap[1]);
    negative where walls overlap, large where none is in reach. Bodies j count if counts[j]. Not collective. */
-PetscErrorCode ClearanceMeasure(Clearance, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool counts[], PetscInt k, const PetscReal y[2],
+PetscErrorCode ClearanceMeasure(Clearance, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool counts[], PetscInt k, const PetscReal y[],
                                 PetscReal gap[2]);

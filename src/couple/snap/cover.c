@@ -8,15 +8,14 @@ static PetscErrorCode cover_image(Snap s, PetscInt k, const PetscReal X[3], cons
   const MeshLocal *l = s->loc;
   const PetscInt  *list;
   PetscInt         n, m = 0, node[CHUNK];
-  PetscReal        x[2 * CHUNK], dist[CHUNK];
+  PetscReal        x[3 * CHUNK], dist[CHUNK];
 
   PetscFunctionBeginUser;
   PetscCall(MeshNodesInBox(s->mesh, X, radius, &n, &list));
   for (PetscInt e = 0; e <= n; e++) {
     if (e < n && s->kind[list[e]] == NODE_CENTRE && list[e] < l->nnode) {
-      x[2 * m]     = l->x_start[2 * list[e]];
-      x[2 * m + 1] = l->x_start[2 * list[e] + 1];
-      node[m++]    = list[e];
+      for (PetscInt a = 0; a < l->dim; a++) x[l->dim * m + a] = l->x_start[l->dim * list[e] + a];
+      node[m++] = list[e];
     }
     if (m < CHUNK && e < n) continue;
     PetscCall(BodiesDistance(s->bodies, k, X, q, m, x, dist));
@@ -33,20 +32,20 @@ static PetscErrorCode cover_image(Snap s, PetscInt k, const PetscReal X[3], cons
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Tell the ghosts; the code of the centre nodes carries the message */
-static PetscErrorCode share_cover(Snap s)
+/* The code of the centre nodes carries the message */
+PetscErrorCode SnapShareCover(Snap s)
 {
   const MeshLocal *l = s->loc;
 
   PetscFunctionBeginUser;
-  for (PetscInt e = 0; e < s->dead.n; e++) s->code[SnapCellNodes(s, s->dead.i[e])[4]] = s->cover[s->dead.i[e]];
+  for (PetscInt e = 0; e < s->dead.n; e++) s->code[SnapCentre(s, s->dead.i[e])] = s->cover[s->dead.i[e]];
   PetscCall(MeshSyncNodesInt(s->mesh, s->code));
   PetscCall(MeshSyncNodes(s->mesh, 1, s->depth));
-  for (PetscInt e = 0; e < s->dead.n; e++) s->code[SnapCellNodes(s, s->dead.i[e])[4]] = 0;
+  for (PetscInt e = 0; e < s->dead.n; e++) s->code[SnapCentre(s, s->dead.i[e])] = 0;
   for (PetscInt i = l->nnode; i < l->nnode_all; i++) {
     if (s->code[i]) {
+      if (!s->cover[l->centre_cell[i]]) PetscCall(SnapListAdd(&s->dead, l->centre_cell[i]));
       s->cover[l->centre_cell[i]] = s->code[i];
-      PetscCall(SnapListAdd(&s->dead, l->centre_cell[i]));
     }
     s->code[i] = 0;
   }
@@ -62,7 +61,7 @@ PetscErrorCode SnapCoverCells(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], cons
     if (!fitted[k] || s->is_path[k]) continue;
     for (DomainImages i = {0}; MeshNextImage(s->loc, X[k], radius, &i);) PetscCall(cover_image(s, k, i.at, q[k], radius));
   }
-  PetscCall(share_cover(s));
+  PetscCall(SnapShareCover(s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -75,20 +74,20 @@ static void choose_open(Snap s, PetscInt i)
   PetscBool        two = PETSC_FALSE;
 
   for (PetscInt e = l->node_cell_ptr[i]; e < l->node_cell_ptr[i + 1]; e++) {
-    const PetscInt c = l->node_cell[e], centre = SnapCellNodes(s, c)[4];
+    const PetscInt c = l->node_cell[e], centre = SnapCentre(s, c);
 
     if (!s->cover[c]) continue;
     if (s->boundary[i]) s->work[centre] = 1;
     if (first && s->cover[c] != first) two = PETSC_TRUE;
     first = s->cover[c];
     if (last >= 0) {
-      const PetscReal gain = s->depth[centre] - s->depth[SnapCellNodes(s, last)[4]];
+      const PetscReal gain = s->depth[centre] - s->depth[SnapCentre(s, last)];
 
       if (gain < 0 || (gain == 0 && l->cell_global[c] < l->cell_global[last])) continue;
     }
     last = c;
   }
-  if (two) s->work[SnapCellNodes(s, last)[4]] = 1;
+  if (two) s->work[SnapCentre(s, last)] = 1;
 }
 
 PetscErrorCode SnapOpenMarkedCells(Snap s, PetscBool *any)
@@ -100,7 +99,7 @@ PetscErrorCode SnapOpenMarkedCells(Snap s, PetscBool *any)
   PetscCall(MeshSumNodes(s->mesh, 1, s->work));
   PetscCall(MeshSyncNodes(s->mesh, 1, s->work));
   for (PetscInt e = 0; e < s->dead.n; e++) {
-    const PetscInt c = s->dead.i[e], centre = SnapCellNodes(s, c)[4];
+    const PetscInt c = s->dead.i[e], centre = SnapCentre(s, c);
 
     if (s->work[centre] > 0) {
       s->cover[c] = 0;
@@ -121,7 +120,7 @@ PetscErrorCode SnapOpenGaps(Snap s)
   PetscFunctionBeginUser;
   do {
     for (PetscInt e = 0; e < s->dead.n; e++)
-      for (PetscInt v = 0; v < 4; v++) {
+      for (PetscInt v = 0; v < s->cell_kind.ncorner; v++) {
         const PetscInt i = SnapCellNodes(s, s->dead.i[e])[CORNER[v]];
 
         if (i < l->nnode) choose_open(s, i);

@@ -10,7 +10,7 @@ struct _n_SnapLeft {
   Remap      remap;
   PetscInt   n, done;
   PetscBool *fitted;      /* [n] */
-  PetscReal *u[2];        /* [nnode_all][2] of that mesh */
+  PetscReal *u[2];        /* [nnode_all][dim] of that mesh */
   PetscInt  *dead, *side; /* [ncell_all] of that mesh */
   PetscReal *near;        /* [nnode_all] of the new mesh: not 0 where the old one was lined up */
 };
@@ -46,13 +46,14 @@ static PetscBool is_buried(const MeshLocal *l, PetscInt i, const PetscInt cell_b
 
 static PetscErrorCode append_target(SnapDriver f, PetscInt i, const PetscReal x[], PetscInt side)
 {
+  const PetscInt dim = f->loc->dim;
+
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(f->ntarget + 1, &f->room, &f->target, sizeof(*f->target), &f->side, sizeof(*f->side), &f->x, 2 * sizeof(*f->x), &f->value,
-                    4 * sizeof(*f->value), NULL));
-  f->target[f->ntarget]    = i;
-  f->side[f->ntarget]      = side;
-  f->x[2 * f->ntarget]     = x[0];
-  f->x[2 * f->ntarget + 1] = x[1];
+  PetscCall(RoomFor(f->ntarget + 1, &f->room, &f->target, sizeof(*f->target), &f->side, sizeof(*f->side), &f->x, dim * sizeof(*f->x), &f->value,
+                    2 * dim * sizeof(*f->value), NULL));
+  f->target[f->ntarget] = i;
+  f->side[f->ntarget]   = side;
+  for (PetscInt a = 0; a < dim; a++) f->x[dim * f->ntarget + a] = x[a];
   f->ntarget++;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -84,12 +85,12 @@ static PetscErrorCode find_targets(SnapDriver f)
   PetscFunctionBeginUser;
   f->now++;
   f->ntarget = 0;
-  for (PetscInt e = 0; e < r->nnode; e++) PetscCall(add_target(f, r->node[e], r->x + 2 * e));
+  for (PetscInt e = 0; e < r->nnode; e++) PetscCall(add_target(f, r->node[e], r->x + l->dim * e));
   for (PetscInt e = 0; e < r->ncell * l->nb; e++) {
     const PetscInt i = l->cell_node[r->cell[e / l->nb] * l->nb + e % l->nb];
 
     if (f->stamp[i] == f->now || i >= l->nnode || !is_buried(l, i, r->cell_before)) continue;
-    if (f->fitted[r->cell_before[l->node_cell[l->node_cell_ptr[i]]]]) PetscCall(add_target(f, i, l->x + 2 * i));
+    if (f->fitted[r->cell_before[l->node_cell[l->node_cell_ptr[i]]]]) PetscCall(add_target(f, i, l->x + l->dim * i));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -102,21 +103,22 @@ static PetscErrorCode find_new_targets(SnapDriver f)
   PetscFunctionBeginUser;
   f->now++;
   f->ntarget = 0;
-  for (PetscInt e = 0; e < r->nnode; e++) PetscCall(add_target(f, r->node[e], r->x + 2 * e));
+  for (PetscInt e = 0; e < r->nnode; e++) PetscCall(add_target(f, r->node[e], r->x + f->loc->dim * e));
   for (PetscInt i = 0; i < f->loc->nnode; i++)
-    if (f->left->near[i] != 0) PetscCall(add_target(f, i, f->loc->x + 2 * i));
+    if (f->left->near[i] != 0) PetscCall(add_target(f, i, f->loc->x + f->loc->dim * i));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Of the two values of a node on a path, which come one after the other, the mean */
 static void join_pairs(SnapDriver f)
 {
-  PetscInt n = 0;
+  const PetscInt bs = 2 * f->loc->dim;
+  PetscInt       n  = 0;
 
   for (PetscInt t = 0; t < f->ntarget; n++) {
     const PetscBool pair = (PetscBool)(t + 1 < f->ntarget && f->target[t + 1] == f->target[t]);
 
-    for (PetscInt e = 0; e < 4; e++) f->value[4 * n + e] = pair ? 0.5 * (f->value[4 * t + e] + f->value[4 * t + 4 + e]) : f->value[4 * t + e];
+    for (PetscInt e = 0; e < bs; e++) f->value[bs * n + e] = pair ? 0.5 * (f->value[bs * t + e] + f->value[bs * t + bs + e]) : f->value[bs * t + e];
     f->target[n] = f->target[t];
     t += pair ? 2 : 1;
   }
@@ -142,6 +144,7 @@ static PetscErrorCode carry_over(SnapDriver f)
 static PetscErrorCode carry_from_old(SnapDriver f)
 {
   SnapLeft        *left = f->left;
+  const PetscInt   dim  = f->loc->dim;
   const PetscReal *from[2];
   PetscReal       *u[2], *size;
 
@@ -151,7 +154,7 @@ static PetscErrorCode carry_from_old(SnapDriver f)
   PetscCall(PetscMalloc1(f->ntarget, &size));
   for (PetscInt t = 0; t < f->ntarget; t++) {
     size[t] = RemapCellSize(f->remap, f->target[t]);
-    for (PetscInt e = 0; e < 4; e++) f->value[4 * t + e] = u[e / 2][2 * f->target[t] + e % 2];
+    for (PetscInt e = 0; e < 2 * dim; e++) f->value[2 * dim * t + e] = u[e / dim][dim * f->target[t] + e % dim];
   }
   for (PetscInt k = 0; k < 2; k++) from[k] = left->u[k];
   PetscCall(RemapEvaluateAt(left->remap, f->ntarget, f->x, size, f->side, (RemapCells){left->dead, left->side}, 2, from, f->value, &f->count));
@@ -240,8 +243,9 @@ PetscErrorCode SnapDriverLeave(SnapDriver f, SnapLeft **left)
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&s));
   PetscCall(FlowGetFields(f->flow, &u[0], &u[1], NULL));
-  PetscCall(PetscMalloc5(f->n, &s->fitted, 2 * l->nnode_all, &s->u[0], 2 * l->nnode_all, &s->u[1], l->ncell_all, &s->dead, l->ncell_all, &s->side));
-  for (PetscInt k = 0; k < 2; k++) PetscCall(PetscArraycpy(s->u[k], u[k], 2 * l->nnode_all));
+  PetscCall(
+    PetscMalloc5(f->n, &s->fitted, l->dim * l->nnode_all, &s->u[0], l->dim * l->nnode_all, &s->u[1], l->ncell_all, &s->dead, l->ncell_all, &s->side));
+  for (PetscInt k = 0; k < 2; k++) PetscCall(PetscArraycpy(s->u[k], u[k], l->dim * l->nnode_all));
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     s->dead[c] = f->done ? f->result.cell_body[c] : -1;
     s->side[c] = f->done ? f->result.cell_side[c] : 0;
@@ -281,7 +285,8 @@ static PetscErrorCode find_near(SnapLeft *s, Mesh now)
     const PetscInt *node   = l->cell_node + c * l->nb;
     PetscBool       placed = (PetscBool)(s->dead[c] >= 0);
 
-    for (PetscInt i = 0; i < 2 * l->nb && !placed; i++) placed = (PetscBool)(l->x[2 * node[i / 2] + i % 2] != l->x_start[2 * node[i / 2] + i % 2]);
+    for (PetscInt j = 0; j < l->nb && !placed; j++)
+      for (PetscInt a = 0; a < l->dim; a++) placed = (PetscBool)(placed || l->x[l->dim * node[j] + a] != l->x_start[l->dim * node[j] + a]);
     for (PetscInt j = 0; j < l->nb && placed; j++) at[node[j]] = 1;
   }
   PetscCall(MeshCarryNodes(s->mesh, now, 1, at, s->near));

@@ -1,4 +1,4 @@
-/* SnapDriver: keeps the mesh lined up with moving bodies, for the boundary rung snap. Plane meshes only. A client of
+/* SnapDriver: keeps the mesh lined up with moving bodies, for the boundary rung snap. A client of
    moved.h.
 
    In every step: the mesh is fitted to the bodies (snap.h); u^n and u^{n-1} are evaluated where nodes will be
@@ -13,7 +13,7 @@
 
 typedef struct _p_SnapDriver *SnapDriver;
 
-/* Error: three-dimensional mesh. Collective. */
+/* Error: in space, a body thinner than a cell. Collective. */
 PetscErrorCode SnapDriverCreate(Flow, Bodies, Moved, SnapDriver *);
 PetscErrorCode SnapDriverDestroy(SnapDriver *);
 

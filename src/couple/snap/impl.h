@@ -1,5 +1,6 @@
 /* Inside of the snap module; for its files only. snap.c: the fit and its result. cover.c: the cells of thick bodies.
-   place.c: walls, gaps, rings. check.c: is it a mesh? path.c, graph.c: bodies thinner than a cell. */
+   repair.c: a staircase of hexahedra that is a surface. place.c: walls, gaps, rings. check.c: is it a mesh? mend.c:
+   hexahedra that would be too flat. path.c, graph.c: bodies thinner than a cell. */
 #pragma once
 #include "base/room.h"
 #include "clearance.h"
@@ -9,7 +10,7 @@
 
 #define CHUNK  256
 #define CLEAR  0.25 /* smallest width of a gap in the mesh, cell sizes */
-#define NPOINT 25   /* 4 x 4 and 3 x 3 Gauss points */
+#define NPOINT 27   /* at most: 4 x 4 and 3 x 3 Gauss points, in space 3 x 3 x 3 */
 
 typedef struct {
   PetscInt n, room, *i;
@@ -18,6 +19,7 @@ typedef struct {
 typedef enum {
   NODE_VERTEX,
   NODE_EDGE,
+  NODE_FACE, /* in space */
   NODE_CENTRE
 } NodeKind;
 
@@ -27,6 +29,13 @@ typedef struct {
   PetscReal *t;              /* [n] in the order of the path: length along the mid-line */
 } SnapPath;
 
+/* Slots of a cell: corners in the order of their bits, middles of edges and their ends, faces as 3 x 3 lattices (in the
+   plane the one face is the cell), its middle */
+typedef struct {
+  PetscInt dim, ncorner, nedge, nface, centre;
+  PetscInt edge[12], end[12][2], face[6][9];
+} SnapCell;
+
 struct _p_Snap {
   Mesh             mesh;
   const MeshLocal *loc;
@@ -35,22 +44,24 @@ struct _p_Snap {
   PetscInt         nbodies;
   NodeKind        *kind;     /* [nnode_all] */
   PetscBool       *boundary; /* [nnode_all] on the boundary of the domain */
-  PetscReal        dphi[NPOINT][2][9];
+  SnapCell         cell_kind;
+  PetscInt         npoint; /* of the check */
+  PetscReal        dphi[NPOINT][3 * MESH_MAX_NB], weight[NPOINT];
   /* the fit in work; entries that are not listed are zero */
   PetscInt        *cover;    /* [ncell_all] body + 1 */
   PetscInt        *code;     /* [nnode_all] 2 body + 1: on its wall, 2 body + 2: inside */
   PetscInt        *level;    /* [nnode_all] vertices: 8 body + ring + 1, ring 0 = wall */
-  PetscReal       *d;        /* [nnode_all][2] displacement */
+  PetscReal       *d;        /* [nnode_all][dim] displacement */
   PetscReal       *depth;    /* [nnode_all] distance at centre nodes of covered cells */
   PetscReal       *work;     /* [nnode_all] zero between uses */
   PetscInt        *stamp[2]; /* [nnode_all], [ncell_all] */
   PetscInt         now;
   List             dead, marked, ring, touched, placed, bad;
   PetscInt        *flags; /* [3 nbodies] */
-  PetscReal       *area;  /* [nbodies] of the dead cells and of what the walls were drawn back */
+  PetscReal       *area;  /* [nbodies] (volume) of the dead cells and of what the walls were drawn back */
   Clearance        clearance;
   PetscReal       *lost;   /* [nbodies] area that their walls were drawn back */
-  PetscReal       *size;   /* [nnode_all] node_size() */
+  PetscReal       *size;   /* [nnode_all] SnapNodeSize() */
   const PetscBool *fitted; /* [nbodies] in the fit in work */
   /* the last result */
   PetscInt  *node_body, *cell_body, *cell_before;
@@ -78,8 +89,8 @@ static inline PetscErrorCode SnapListAdd(List *l, PetscInt i)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static const PetscInt CORNER[4] = {0, 2, 6, 8};
-static const PetscInt EDGE[4] = {1, 3, 5, 7}, EDGE_END[4][2] = {{0, 2}, {0, 6}, {2, 8}, {6, 8}};
+static const PetscInt CORNER[8] = {0, 2, 6, 8, 18, 20, 24, 26};
+static const PetscInt EDGE[4]   = {1, 3, 5, 7}; /* of a cell in the plane, or of a face */
 
 static inline const PetscInt *SnapCellNodes(Snap s, PetscInt c)
 {
@@ -92,8 +103,21 @@ static inline void SnapEdgeEnds(Snap s, PetscInt i, PetscInt end[2])
   const PetscInt *node = SnapCellNodes(s, s->loc->node_cell[s->loc->node_cell_ptr[i]]);
   PetscInt        j    = 0;
 
-  while (node[EDGE[j]] != i) j++;
-  for (PetscInt v = 0; v < 2; v++) end[v] = node[EDGE_END[j][v]];
+  while (node[s->cell_kind.edge[j]] != i) j++;
+  for (PetscInt v = 0; v < 2; v++) end[v] = node[s->cell_kind.end[j][v]];
+}
+
+static inline PetscInt SnapCentre(Snap s, PetscInt c)
+{
+  return SnapCellNodes(s, c)[s->cell_kind.centre];
+}
+
+/* Place of local node i as the image that is nearest to y, before it moves */
+static inline void SnapPlaceNear(Snap s, PetscInt i, const PetscReal y[], PetscReal x[])
+{
+  const PetscInt dim = s->loc->dim;
+
+  for (PetscInt a = 0; a < dim; a++) x[a] = y[a] + MeshNearest(s->loc, a, s->loc->x_start[dim * i + a] - y[a]);
 }
 
 static inline PetscBool SnapIsOnWall(Snap s, PetscInt i)
@@ -101,16 +125,23 @@ static inline PetscBool SnapIsOnWall(Snap s, PetscInt i)
   return (PetscBool)(s->code[i] % 2);
 }
 
+/* Slots of a cell of this dimension. */
+void SnapDescribeCell(PetscInt dim, SnapCell *);
+
 /* Cells with their centre in a fitted body that is no path are its own: s->cover, s->dead, s->depth. Collective. */
 PetscErrorCode SnapCoverCells(Snap, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool fitted[]);
 /* Give back the cells that are marked in s->work on some rank; *any: are there any? Collective. */
 PetscErrorCode SnapOpenMarkedCells(Snap, PetscBool *any);
 /* Give dead cells back until no vertex touches two bodies, or a body and the boundary. Collective. */
 PetscErrorCode SnapOpenGaps(Snap);
+/* Tell the ghosts which cells are dead: s->cover, s->dead, s->depth. Collective. */
+PetscErrorCode SnapShareCover(Snap);
+/* In space: live cells become dead until the staircase is a surface without folds, see repair.c. Collective. */
+PetscErrorCode SnapRepair(Snap, PetscReal (*X)[3], PetscReal (*q)[4]);
 /* Nodes of dead cells are marked: on the wall if a fluid cell touches them, otherwise inside. Collective. */
 PetscErrorCode SnapClassifyNodes(Snap);
 
-/* Size of the cells around own node i before they move: square root of their mean area. */
+/* Size of the cells around own node i before they move: root of their mean area (volume). */
 PetscReal SnapNodeSize(Snap, PetscInt i);
 /* Own wall vertices to the wall; all wall vertices are ring 0. Collective. */
 PetscErrorCode SnapPlaceWallVertices(Snap, PetscReal (*X)[3], PetscReal (*q)[4]);
@@ -119,13 +150,25 @@ PetscErrorCode SnapFindRings(Snap);
 /* Jacobi sweeps: own ring vertices take the mean displacement of their neighbours along edges (every edge is seen
    from two cells). Collective. */
 PetscErrorCode SnapSmoothRings(Snap);
-/* Mid-edge and centre nodes of all cells with a displaced vertex. Not collective. */
+/* All nodes but the vertices of all cells with a displaced vertex. Not collective. */
 PetscErrorCode SnapPlaceOtherNodes(Snap, PetscReal (*X)[3], PetscReal (*q)[4]);
+/* Again in n of these cells, where vertices have been displaced anew. Not collective. */
+PetscErrorCode SnapPlaceAgain(Snap, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt n, const PetscInt cells[]);
+/* Displacements of the n listed wall nodes to the closest point of their wall, or behind it in narrow gaps; count: what
+   the walls were drawn back is added up in s->lost. Not collective. */
+PetscErrorCode SnapProjectNodes(Snap, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt n, const PetscInt list[], PetscBool count);
+/* Outward normal of body k at point y on or beside its wall, by differences of the distance. */
+PetscErrorCode SnapWallNormal(Snap, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt k, const PetscReal y[], PetscReal step, PetscReal normal[]);
 
 /* Derivatives of the Q2 basis at the points of the check. */
 void SnapTabulate(Snap);
 /* Error: a cell that moves has nodes of a larger one. Collective. */
 PetscErrorCode SnapCheckLevels(Snap);
+/* Smallest Jacobian of cell c at these points over the largest one, with the displacements added; area (may be NULL):
+   its area or volume by 3 points an axis. */
+PetscReal SnapCellQuality(Snap, PetscInt c, PetscReal *area);
+/* In space: vertices of cells that are too flat take small steps to better places, see mend.c. Collective. */
+PetscErrorCode SnapMend(Snap, PetscReal (*X)[3], PetscReal (*q)[4]);
 /* Bodies with a cell around them that cannot be used: those whose wall the cell has a vertex on, or, where there is
    none, those whose rings it is in. s->flags [nbodies]: bad cells; [nbodies] those that are bad only for bodies that
    were left alone before; [2 nbodies]: is its wall drawn back?; s->area [nbodies]: of the dead cells; summed over
@@ -139,9 +182,12 @@ PetscErrorCode SnapJudgeBody(Snap, PetscInt k, PetscBool strict, PetscBool *good
 /* How much wider a gap is in the mesh than it is, see snap.h */
 PetscReal SnapWidening(PetscReal gap, PetscReal width);
 
-/* Around the life of s: mid-lines of all groups. After the node sizes are known. Collective. */
+/* Around the life of s: mid-lines of all groups. After the node sizes are known. Error: in space, a body thinner than a
+   cell. Collective. */
 PetscErrorCode SnapPathSetUp(Snap);
 PetscErrorCode SnapPathTearDown(Snap);
+/* Error: in space, a group of bodies that are wide and thinner than a cell. Collective. */
+PetscErrorCode SnapRefusePlates(Snap);
 /* Which of the wanted bodies are paths rather than cells: s->is_path. Collective. */
 PetscErrorCode SnapPathChoose(Snap, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool wanted[]);
 /* Paths of those of them that s->fitted has: their nodes are marked, their vertices displaced and ring 0. After the

@@ -517,7 +517,8 @@ PetscErrorCode SnapPathSetUp(Snap s)
   PetscCall(PetscCalloc4(s->nbodies, &s->line, s->nbodies, &s->is_path, s->nbodies, &s->path, s->nbodies, &s->smallest));
   PetscCall(PetscCalloc1(s->loc->nnode_all, &s->node_side));
   for (PetscInt j = 0; j < 2; j++) PetscCall(PetscCalloc1(s->loc->ncell_all, &s->cell_side[j]));
-  for (PetscInt g = 0; g < s->state->ngroups; g++) PetscCall(create_lines(s, &s->state->group[g]));
+  if (s->loc->dim == 3) PetscCall(SnapRefusePlates(s));
+  for (PetscInt g = 0; g < s->state->ngroups && s->loc->dim == 2; g++) PetscCall(create_lines(s, &s->state->group[g]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

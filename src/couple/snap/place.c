@@ -1,55 +1,97 @@
 /* Snap, place: where the nodes go. */
 #include "compat.h"
 #include "impl.h"
+#include "base/algebra.h"
 
 #define NRING  3
 #define NSWEEP 20
+
+/* ---- slots ---- */
+
+void SnapDescribeCell(PetscInt dim, SnapCell *cell)
+{
+  const PetscInt step[3] = {1, 3, 9}, nb = dim == 2 ? 9 : 27;
+
+  cell->dim     = dim;
+  cell->ncorner = 1 << dim;
+  cell->centre  = nb / 2;
+  cell->nedge = cell->nface = 0;
+  for (PetscInt j = 0; j < nb; j++) {
+    const PetscInt odd[3] = {j % 3 == 1, j / 3 % 3 == 1, dim == 3 && j / 9 == 1}, a = odd[0] ? 0 : odd[1] ? 1 : 2, b = odd[2] ? 2 : 1;
+
+    if (odd[0] + odd[1] + odd[2] == 1) {
+      cell->edge[cell->nedge] = j;
+      for (PetscInt e = 0; e < 2; e++) cell->end[cell->nedge][e] = j + (e ? step[a] : -step[a]);
+      cell->nedge++;
+    }
+    if (odd[0] + odd[1] + odd[2] != 2) continue;
+    for (PetscInt i = 0; i < 9; i++) cell->face[cell->nface][i] = j + (i % 3 - 1) * step[a] + (i / 3 - 1) * step[b];
+    cell->nface++;
+  }
+}
 
 /* ---- narrow gaps ---- */
 
 PetscReal SnapNodeSize(Snap s, PetscInt i)
 {
-  const MeshLocal *l   = s->loc;
+  const MeshLocal *l       = s->loc;
+  const PetscInt   step[3] = {1, 3, 9}, dim = l->dim, n = l->node_cell_ptr[i + 1] - l->node_cell_ptr[i], mid = s->cell_kind.centre;
   PetscReal        sum = 0;
 
   for (PetscInt e = l->node_cell_ptr[i]; e < l->node_cell_ptr[i + 1]; e++) {
     const PetscInt *node = SnapCellNodes(s, l->node_cell[e]);
-    PetscReal       axis[2][2];
+    PetscReal       axis[9];
 
-    for (PetscInt a = 0; a < 2; a++) {
-      for (PetscInt b = 0; b < 2; b++) { axis[b][a] = MeshNearest(l, a, l->x_start[2 * node[b ? 7 : 5] + a] - l->x_start[2 * node[b ? 1 : 3] + a]); }
-    }
-    sum += PetscAbsReal(axis[0][0] * axis[1][1] - axis[0][1] * axis[1][0]);
+    for (PetscInt a = 0; a < dim; a++)
+      for (PetscInt b = 0; b < dim; b++)
+        axis[dim * b + a] = MeshNearest(l, a, l->x_start[dim * node[mid + step[b]] + a] - l->x_start[dim * node[mid - step[b]] + a]);
+    sum += PetscAbsReal(DenseDeterminant(dim, axis));
   }
-  return PetscSqrtReal(sum / PetscMax(1, l->node_cell_ptr[i + 1] - l->node_cell_ptr[i]));
+  return dim == 2 ? PetscSqrtReal(sum / PetscMax(1, n)) : PetscCbrtReal(sum / PetscMax(1, n));
 }
 
-/* Outward normal at wall point y of body k, from differences of the distance */
-static PetscErrorCode wall_normal(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt k, const PetscReal y[2], PetscReal step, PetscReal normal[2])
+PetscErrorCode SnapWallNormal(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt k, const PetscReal y[], PetscReal step, PetscReal normal[])
 {
-  const PetscReal x[8] = {y[0] + step, y[1], y[0] - step, y[1], y[0], y[1] + step, y[0], y[1] - step};
-  PetscReal       d[4], size;
+  const PetscInt dim   = s->loc->dim;
+  PetscReal      x[18] = {0}, d[6], size = 0;
 
   PetscFunctionBeginUser;
-  PetscCall(BodiesDistance(s->bodies, k, X[k], q[k], 4, x, d));
-  /* a sharp tip has none */
-  size      = PetscMax(PetscSqrtReal(PetscSqr(d[0] - d[1]) + PetscSqr(d[2] - d[3])), 0.1 * step);
-  normal[0] = (d[0] - d[1]) / size;
-  normal[1] = (d[2] - d[3]) / size;
+  for (PetscInt e = 0; e < 2 * dim; e++)
+    for (PetscInt a = 0; a < dim; a++) x[dim * e + a] = y[a] + (e / 2 == a ? (e % 2 ? -step : step) : 0);
+  PetscCall(BodiesDistance(s->bodies, k, X[k], q[k], 2 * dim, x, d));
+  for (PetscInt a = 0; a < dim; a++) size += PetscSqr(d[2 * a] - d[2 * a + 1]);
+  size = PetscMax(PetscSqrtReal(size), 0.1 * step); /* a sharp tip has none */
+  for (PetscInt a = 0; a < dim; a++) normal[a] = (d[2 * a] - d[2 * a + 1]) / size;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Length of the wall edge with mid-edge node i */
-static PetscReal edge_length(Snap s, PetscInt i)
+/* From displaced vertex i to displaced vertex j */
+static void way_between(Snap s, PetscInt i, PetscInt j, PetscReal r[])
 {
   const MeshLocal *l = s->loc;
-  PetscInt         end[2];
-  PetscReal        r[2];
 
-  SnapEdgeEnds(s, i, end);
-  for (PetscInt a = 0; a < 2; a++)
-    r[a] = MeshNearest(l, a, l->x_start[2 * end[1] + a] - l->x_start[2 * end[0] + a]) + s->d[2 * end[1] + a] - s->d[2 * end[0] + a];
-  return PetscSqrtReal(r[0] * r[0] + r[1] * r[1]);
+  for (PetscInt a = 0; a < l->dim; a++)
+    r[a] = MeshNearest(l, a, l->x_start[l->dim * j + a] - l->x_start[l->dim * i + a]) + s->d[l->dim * j + a] - s->d[l->dim * i + a];
+}
+
+/* Length of the wall edge, in space area of the wall face, with middle node i */
+static PetscReal wall_share(Snap s, PetscInt i)
+{
+  const PetscInt *node = SnapCellNodes(s, s->loc->node_cell[s->loc->node_cell_ptr[i]]), *face;
+  PetscInt        end[2], f = 0;
+  PetscReal       r[3], t[3], n[3];
+
+  if (s->loc->dim == 2) {
+    SnapEdgeEnds(s, i, end);
+    way_between(s, end[0], end[1], r);
+    return PetscSqrtReal(r[0] * r[0] + r[1] * r[1]);
+  }
+  while (node[s->cell_kind.face[f][4]] != i) f++;
+  face = s->cell_kind.face[f];
+  way_between(s, node[face[0]], node[face[8]], r);
+  way_between(s, node[face[2]], node[face[6]], t);
+  cross(r, t, n);
+  return 0.5 * PetscSqrtReal(dot3(n, n));
 }
 
 PetscReal SnapWidening(PetscReal gap, PetscReal width)
@@ -60,45 +102,49 @@ PetscReal SnapWidening(PetscReal gap, PetscReal width)
 
 /* Draw walls back in narrow gaps, half of the way each between two bodies: y [n] are the wall points of body k for
    the listed nodes */
-static PetscErrorCode draw_back(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt k, PetscInt n, const PetscInt list[], PetscReal y[])
+static PetscErrorCode draw_back(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt k, PetscInt n, const PetscInt list[], PetscBool count,
+                                PetscReal y[])
 {
+  const PetscInt dim    = s->loc->dim;
+  const NodeKind middle = dim == 2 ? NODE_EDGE : NODE_FACE;
+
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < n; e++) {
     const PetscInt  i      = list[e];
     const PetscReal h      = s->size[i];
-    PetscReal       gap[2] = {0, 0}, back, normal[2] = {0, 0};
+    PetscReal       gap[2] = {0, 0}, back, normal[3] = {0, 0, 0};
 
-    PetscCall(ClearanceMeasure(s->clearance, X, q, s->fitted, k, y + 2 * e, gap));
+    PetscCall(ClearanceMeasure(s->clearance, X, q, s->fitted, k, y + dim * e, gap));
     back = PetscMax(0.5 * SnapWidening(gap[0], CLEAR * h), SnapWidening(gap[1], CLEAR * h));
     if (back == 0) continue;
-    PetscCall(wall_normal(s, X, q, k, y + 2 * e, 0.01 * h, normal));
-    for (PetscInt a = 0; a < 2; a++) y[2 * e + a] -= back * normal[a];
-    if (s->kind[i] == NODE_EDGE && i < s->loc->nnode) s->lost[k] += back * edge_length(s, i);
+    PetscCall(SnapWallNormal(s, X, q, k, y + dim * e, 0.01 * h, normal));
+    for (PetscInt a = 0; a < dim; a++) y[dim * e + a] -= back * normal[a];
+    if (count && s->kind[i] == middle && i < s->loc->nnode) s->lost[k] += back * wall_share(s, i);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- where the nodes go ---- */
 
-/* Displacements of the n listed nodes to the closest point of their wall, or behind it in narrow gaps */
-static PetscErrorCode project_nodes(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt n, const PetscInt list[])
+PetscErrorCode SnapProjectNodes(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt n, const PetscInt list[], PetscBool count)
 {
-  const MeshLocal *l = s->loc;
+  const PetscInt dim = s->loc->dim;
 
   PetscFunctionBeginUser;
   for (PetscInt begin = 0, m; begin < n; begin += m) {
     const PetscInt k = (s->code[list[begin]] - 1) / 2;
-    PetscReal      x[2 * CHUNK], y[2 * CHUNK];
+    PetscReal      x[3 * CHUNK], y[3 * CHUNK];
 
     for (m = 0; m < CHUNK && begin + m < n; m++) {
       const PetscInt i = list[begin + m];
 
       if ((s->code[i] - 1) / 2 != k) break;
-      for (PetscInt a = 0; a < 2; a++) { x[2 * m + a] = X[k][a] + MeshNearest(l, a, l->x_start[2 * i + a] + s->d[2 * i + a] - X[k][a]); }
+      for (PetscInt a = 0; a < dim; a++)
+        x[dim * m + a] = X[k][a] + MeshNearest(s->loc, a, s->loc->x_start[dim * i + a] + s->d[dim * i + a] - X[k][a]);
     }
     PetscCall(BodiesProject(s->bodies, k, X[k], q[k], m, x, y));
-    PetscCall(draw_back(s, X, q, k, m, list + begin, y));
-    for (PetscInt e = 0; e < 2 * m; e++) s->d[2 * list[begin + e / 2] + e % 2] += y[e] - x[e];
+    PetscCall(draw_back(s, X, q, k, m, list + begin, count, y));
+    for (PetscInt e = 0; e < dim * m; e++) s->d[dim * list[begin + e / dim] + e % dim] += y[e] - x[e];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -117,9 +163,9 @@ PetscErrorCode SnapPlaceWallVertices(Snap s, PetscReal (*X)[3], PetscReal (*q)[4
     PetscCall(SnapListAdd(&s->ring, i));
     if (i < l->nnode) PetscCall(SnapListAdd(&own, i));
   }
-  PetscCall(project_nodes(s, X, q, own.n, own.i));
+  PetscCall(SnapProjectNodes(s, X, q, own.n, own.i, PETSC_TRUE));
   PetscCall(PetscFree(own.i));
-  PetscCall(MeshSyncNodes(s->mesh, 2, s->d));
+  PetscCall(MeshSyncNodes(s->mesh, l->dim, s->d));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -130,7 +176,7 @@ static PetscInt ring_around(Snap s, PetscInt i, PetscInt ring)
   PetscInt         best = 0;
 
   for (PetscInt e = l->node_cell_ptr[i]; e < l->node_cell_ptr[i + 1]; e++) {
-    for (PetscInt v = 0; v < 4; v++) {
+    for (PetscInt v = 0; v < s->cell_kind.ncorner; v++) {
       const PetscInt t = s->level[SnapCellNodes(s, l->node_cell[e])[CORNER[v]]];
 
       if (t % 8 == ring + 1 && (!best || t < best)) best = t;
@@ -162,7 +208,7 @@ PetscErrorCode SnapFindRings(Snap s)
       const PetscInt at = s->ring.i[f];
 
       for (PetscInt e = l->node_cell_ptr[at]; e < l->node_cell_ptr[at + 1]; e++) {
-        for (PetscInt v = 0; v < 4; v++) {
+        for (PetscInt v = 0; v < s->cell_kind.ncorner; v++) {
           const PetscInt i = SnapCellNodes(s, l->node_cell[e])[CORNER[v]];
 
           if (i >= l->nnode || s->level[i] || s->code[i] || s->boundary[i] || (ring == NRING && is_beside_jump(s, i))) continue;
@@ -181,7 +227,8 @@ PetscErrorCode SnapFindRings(Snap s)
 
 PetscErrorCode SnapSmoothRings(Snap s)
 {
-  const MeshLocal *l = s->loc;
+  const MeshLocal *l   = s->loc;
+  const PetscInt   dim = l->dim;
   PetscInt         n = 0, *vertex, *start, *next, total = 0;
   PetscReal       *mean;
 
@@ -193,10 +240,10 @@ PetscErrorCode SnapSmoothRings(Snap s)
 
     if (i >= l->nnode || s->level[i] % 8 == 1) continue;
     vertex[n++] = i;
-    total += 2 * (l->node_cell_ptr[i + 1] - l->node_cell_ptr[i]);
+    total += dim * (l->node_cell_ptr[i + 1] - l->node_cell_ptr[i]);
     start[n] = total;
   }
-  PetscCall(PetscMalloc2(total, &next, 2 * n, &mean));
+  PetscCall(PetscMalloc2(total, &next, dim * n, &mean));
   for (PetscInt e = 0; e < n; e++) {
     PetscInt at = start[e];
 
@@ -205,28 +252,120 @@ PetscErrorCode SnapSmoothRings(Snap s)
       PetscInt        v    = 0;
 
       while (node[CORNER[v]] != vertex[e]) v++;
-      next[at++] = node[CORNER[v ^ 1]];
-      next[at++] = node[CORNER[v ^ 2]];
+      for (PetscInt a = 0; a < dim; a++) next[at++] = node[CORNER[v ^ (1 << a)]];
     }
   }
   for (PetscInt sweep = 0; sweep < NSWEEP; sweep++) {
     for (PetscInt e = 0; e < n; e++) {
-      mean[2 * e] = mean[2 * e + 1] = 0;
+      for (PetscInt a = 0; a < dim; a++) mean[dim * e + a] = 0;
       for (PetscInt m = start[e]; m < start[e + 1]; m++)
-        for (PetscInt a = 0; a < 2; a++) mean[2 * e + a] += s->d[2 * next[m] + a] / (start[e + 1] - start[e]);
+        for (PetscInt a = 0; a < dim; a++) mean[dim * e + a] += s->d[dim * next[m] + a] / (start[e + 1] - start[e]);
     }
-    for (PetscInt e = 0; e < 2 * n; e++) s->d[2 * vertex[e / 2] + e % 2] = mean[e];
-    PetscCall(MeshSyncNodes(s->mesh, 2, s->d));
+    for (PetscInt e = 0; e < dim * n; e++) s->d[dim * vertex[e / dim] + e % dim] = mean[e];
+    PetscCall(MeshSyncNodes(s->mesh, dim, s->d));
   }
   PetscCall(PetscFree2(next, mean));
   PetscCall(PetscFree2(vertex, start));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* ---- the other nodes ---- */
+
+/* Is node i on a wall of cells, not on a path of edges? */
+static PetscBool is_at_wall(Snap s, PetscInt i)
+{
+  return (PetscBool)(SnapIsOnWall(s, i) && !s->path[(s->code[i] - 1) / 2].n);
+}
+
+static PetscErrorCode place_edges(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt n, const PetscInt cells[], PetscBool count)
+{
+  const PetscInt dim  = s->loc->dim;
+  List           wall = {0, 0, NULL};
+
+  PetscFunctionBeginUser;
+  s->now++;
+  for (PetscInt e = 0; e < n; e++) {
+    const PetscInt *node = SnapCellNodes(s, cells[e]);
+
+    for (PetscInt j = 0; j < s->cell_kind.nedge; j++) {
+      const PetscInt i = node[s->cell_kind.edge[j]], *end = s->cell_kind.end[j];
+
+      if (s->stamp[0][i] == s->now) continue;
+      s->stamp[0][i] = s->now;
+      for (PetscInt a = 0; a < dim; a++) s->d[dim * i + a] = 0.5 * (s->d[dim * node[end[0]] + a] + s->d[dim * node[end[1]] + a]);
+      if (is_at_wall(s, i)) PetscCall(SnapListAdd(&wall, i));
+    }
+  }
+  PetscCall(SnapProjectNodes(s, X, q, wall.n, wall.i, count));
+  PetscCall(PetscFree(wall.i));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Transfinite interpolation over faces, in the plane over cells */
+static PetscErrorCode place_faces(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt n, const PetscInt cells[], PetscBool count)
+{
+  const PetscInt dim  = s->loc->dim;
+  List           wall = {0, 0, NULL};
+
+  PetscFunctionBeginUser;
+  s->now++;
+  for (PetscInt e = 0; e < n * s->cell_kind.nface; e++) {
+    const PetscInt *node = SnapCellNodes(s, cells[e / s->cell_kind.nface]), *face = s->cell_kind.face[e % s->cell_kind.nface], i = node[face[4]];
+
+    if (s->stamp[0][i] == s->now) continue;
+    s->stamp[0][i] = s->now;
+    for (PetscInt a = 0; a < dim; a++) {
+      PetscReal sum = 0;
+
+      for (PetscInt v = 0; v < 4; v++) sum += 0.5 * s->d[dim * node[face[EDGE[v]]] + a] - 0.25 * s->d[dim * node[face[CORNER[v]]] + a];
+      s->d[dim * i + a] = sum;
+    }
+    if (dim == 3 && is_at_wall(s, i)) PetscCall(SnapListAdd(&wall, i));
+  }
+  PetscCall(SnapProjectNodes(s, X, q, wall.n, wall.i, count));
+  PetscCall(PetscFree(wall.i));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* In space: the same over hexahedra */
+static void place_centres(Snap s, PetscInt n, const PetscInt cells[])
+{
+  const SnapCell *kind = &s->cell_kind;
+
+  for (PetscInt e = 0; e < n; e++) {
+    const PetscInt *node = SnapCellNodes(s, cells[e]);
+
+    for (PetscInt a = 0; a < 3; a++) {
+      PetscReal sum = 0;
+
+      for (PetscInt f = 0; f < kind->nface; f++) sum += 0.5 * s->d[3 * node[kind->face[f][4]] + a];
+      for (PetscInt j = 0; j < kind->nedge; j++) sum -= 0.25 * s->d[3 * node[kind->edge[j]] + a];
+      for (PetscInt v = 0; v < kind->ncorner; v++) sum += 0.125 * s->d[3 * node[CORNER[v]] + a];
+      s->d[3 * node[kind->centre] + a] = sum;
+    }
+  }
+}
+
+static PetscErrorCode place_others(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt n, const PetscInt cells[], PetscBool count)
+{
+  PetscFunctionBeginUser;
+  PetscCall(place_edges(s, X, q, n, cells, count));
+  PetscCall(SnapPathPlaceEdges(s, X, q));
+  PetscCall(place_faces(s, X, q, n, cells, count));
+  if (s->loc->dim == 3) place_centres(s, n, cells);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SnapPlaceAgain(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt n, const PetscInt cells[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(place_others(s, X, q, n, cells, PETSC_FALSE));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode SnapPlaceOtherNodes(Snap s, PetscReal (*X)[3], PetscReal (*q)[4])
 {
-  const MeshLocal *l    = s->loc;
-  List             wall = {0, 0, NULL};
+  const MeshLocal *l = s->loc;
 
   PetscFunctionBeginUser;
   s->now++;
@@ -245,27 +384,7 @@ PetscErrorCode SnapPlaceOtherNodes(Snap s, PetscReal (*X)[3], PetscReal (*q)[4])
       s->stamp[0][node[j]] = s->now;
       PetscCall(SnapListAdd(&s->placed, node[j]));
     }
-    for (PetscInt j = 0; j < 4; j++) {
-      const PetscInt i = node[EDGE[j]];
-
-      for (PetscInt a = 0; a < 2; a++) s->d[2 * i + a] = 0.5 * (s->d[2 * node[EDGE_END[j][0]] + a] + s->d[2 * node[EDGE_END[j][1]] + a]);
-    }
   }
-  for (PetscInt e = 0; e < s->placed.n; e++)
-    if (s->kind[s->placed.i[e]] == NODE_EDGE && SnapIsOnWall(s, s->placed.i[e]) && !s->path[(s->code[s->placed.i[e]] - 1) / 2].n)
-      PetscCall(SnapListAdd(&wall, s->placed.i[e]));
-  PetscCall(project_nodes(s, X, q, wall.n, wall.i));
-  PetscCall(SnapPathPlaceEdges(s, X, q));
-  PetscCall(PetscFree(wall.i));
-  for (PetscInt e = 0; e < s->touched.n; e++) {
-    const PetscInt *node = SnapCellNodes(s, s->touched.i[e]);
-
-    for (PetscInt a = 0; a < 2; a++) {
-      PetscReal sum = 0;
-
-      for (PetscInt v = 0; v < 4; v++) sum += 0.5 * s->d[2 * node[EDGE[v]] + a] - 0.25 * s->d[2 * node[CORNER[v]] + a];
-      s->d[2 * node[4] + a] = sum;
-    }
-  }
+  PetscCall(place_others(s, X, q, s->touched.n, s->touched.i, PETSC_TRUE));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

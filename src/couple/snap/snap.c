@@ -20,7 +20,8 @@ static void clear_places(Snap s)
 {
   for (PetscInt e = 0; e < s->marked.n; e++) s->code[s->marked.i[e]] = 0;
   for (PetscInt e = 0; e < s->ring.n; e++) s->level[s->ring.i[e]] = 0;
-  for (PetscInt e = 0; e < s->placed.n; e++) s->d[2 * s->placed.i[e]] = s->d[2 * s->placed.i[e] + 1] = 0;
+  for (PetscInt e = 0; e < s->placed.n; e++)
+    for (PetscInt a = 0; a < s->loc->dim; a++) s->d[s->loc->dim * s->placed.i[e] + a] = 0;
   s->ring.n = s->touched.n = 0;
 }
 
@@ -40,6 +41,7 @@ static PetscErrorCode try_fit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], cons
   PetscCall(SnapCoverCells(s, X, q, fitted));
   for (PetscInt i = 0; i <= NTRY; i++) {
     PetscCall(SnapOpenGaps(s));
+    if (s->loc->dim == 3) PetscCall(SnapRepair(s, X, q));
     PetscCall(SnapClassifyNodes(s));
     PetscCall(PetscArrayzero(s->lost, s->nbodies));
     PetscCall(SnapPlaceWallVertices(s, X, q));
@@ -48,8 +50,9 @@ static PetscErrorCode try_fit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], cons
     PetscCall(SnapSmoothRings(s));
     PetscCall(SnapPlaceOtherNodes(s, X, q));
     PetscCall(SnapCheckLevels(s));
+    if (s->loc->dim == 3) PetscCall(SnapMend(s, X, q));
     PetscCall(SnapCheckCells(s, quality));
-    if (i == NTRY) break;
+    if (i == NTRY || s->loc->dim == 3) break;
     PetscCall(SnapOpenBadCorners(s, &any));
     if (!any) break;
     clear_places(s);
@@ -61,20 +64,25 @@ static PetscErrorCode try_fit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], cons
 /* Nodes (of the last fit and of this one) whose place changes */
 static PetscErrorCode collect_nodes(Snap s)
 {
-  const MeshLocal *l = s->loc;
+  const MeshLocal *l   = s->loc;
+  const PetscInt   dim = l->dim;
 
   PetscFunctionBeginUser;
   s->now++;
   s->node.n = 0;
-  PetscCall(RoomFor(s->placed.n + s->old_placed.n, &s->x_room, &s->x, 2 * sizeof(*s->x), NULL));
+  PetscCall(RoomFor(s->placed.n + s->old_placed.n, &s->x_room, &s->x, dim * sizeof(*s->x), NULL));
   for (PetscInt e = 0; e < s->placed.n + s->old_placed.n; e++) {
-    const PetscInt  i    = e < s->placed.n ? s->placed.i[e] : s->old_placed.i[e - s->placed.n];
-    const PetscReal x[2] = {l->x_start[2 * i] + s->d[2 * i], l->x_start[2 * i + 1] + s->d[2 * i + 1]};
+    const PetscInt i     = e < s->placed.n ? s->placed.i[e] : s->old_placed.i[e - s->placed.n];
+    PetscReal     *x     = s->x + dim * s->node.n;
+    PetscBool      moves = PETSC_FALSE;
 
-    if (s->stamp[0][i] == s->now || (x[0] == l->x[2 * i] && x[1] == l->x[2 * i + 1])) continue;
-    s->stamp[0][i]          = s->now;
-    s->x[2 * s->node.n]     = x[0];
-    s->x[2 * s->node.n + 1] = x[1];
+    if (s->stamp[0][i] == s->now) continue;
+    for (PetscInt a = 0; a < dim; a++) {
+      x[a]  = l->x_start[dim * i + a] + s->d[dim * i + a];
+      moves = (PetscBool)(moves || x[a] != l->x[dim * i + a]);
+    }
+    if (!moves) continue;
+    s->stamp[0][i] = s->now;
     PetscCall(SnapListAdd(&s->node, i));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -151,9 +159,9 @@ static PetscErrorCode know_nodes(Snap s)
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < l->ncell_all * l->nb; i++) {
-    const PetscInt j = i % l->nb, odd = j % 3 % 2 + j / 3 % 2;
+    const PetscInt j = i % l->nb, odd = j % 3 % 2 + j / 3 % 3 % 2 + j / 9 % 2;
 
-    s->kind[l->cell_node[i]] = odd == 2 ? NODE_CENTRE : odd ? NODE_EDGE : NODE_VERTEX;
+    s->kind[l->cell_node[i]] = odd == l->dim ? NODE_CENTRE : (NodeKind)odd;
   }
   PetscCall(MeshGetBoundaryCount(s->mesh, &nboundary));
   for (PetscInt b = 0; b < nboundary; b++) {
@@ -184,13 +192,11 @@ PetscErrorCode SnapCreate(Mesh mesh, Bodies bodies, Snap *snap)
   s->mesh   = mesh;
   s->bodies = bodies;
   PetscCall(MeshGetLocal(mesh, &s->loc));
-  PetscCheck(s->loc->dim == 2, PETSC_COMM_WORLD, PETSC_ERR_SUP,
-             "-couple_boundary snap lines up plane meshes only, this one has dimension %" PetscInt_FMT ": use -couple_boundary penalty or nodal",
-             s->loc->dim);
+  SnapDescribeCell(s->loc->dim, &s->cell_kind);
   PetscCall(BodiesGetState(bodies, &s->state));
   s->nbodies = s->state->n;
   n          = s->loc->nnode_all;
-  PetscCall(PetscCalloc5(n, &s->kind, n, &s->boundary, n, &s->code, n, &s->level, 2 * n, &s->d));
+  PetscCall(PetscCalloc5(n, &s->kind, n, &s->boundary, n, &s->code, n, &s->level, s->loc->dim * n, &s->d));
   PetscCall(PetscCalloc6(n, &s->depth, n, &s->work, n, &s->stamp[0], n, &s->node_body, n, &s->on_wall, n, &s->size));
   PetscCall(PetscCalloc5(s->loc->ncell_all, &s->cover, s->loc->ncell_all, &s->stamp[1], s->loc->ncell_all, &s->cell_body, s->loc->ncell_all,
                          &s->cell_before, 3 * s->nbodies, &s->flags));

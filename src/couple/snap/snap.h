@@ -1,4 +1,4 @@
-/* Snap: lines a mesh up with the surfaces of bodies, without changing its topology. Plane meshes only.
+/* Snap: lines a mesh up with the surfaces of bodies, without changing its topology.
 
    Cells whose centre lies inside a body are its own ("dead"). The vertices of the staircase between them and the
    fluid go to the closest point of the wall, the vertices of three rings around follow (Jacobi sweeps on the
@@ -19,9 +19,15 @@
    cells, has its jump across the path. What the body displaces is carried along by the fluid on both sides. In
    narrow gaps the path is drawn aside as walls are drawn back; a tip within 0.4 cells of a side of the domain closes
    the gap, its path ends at a vertex of the side.
+   In space the same holds for hexahedra, whose mid-face nodes on the staircase go onto the surface, too. Before, live
+   cells are filled in until the staircase is a surface (repair.c); after it, vertices of cells that are too flat are
+   shifted a little (mend.c), instead of giving back dead ones. There is no path: bodies thinner than a cell are
+   refused. Between a body and its own periodic image no layer of cells is kept and no wall drawn back: there must be
+   one.
    A body is left alone when no cell is its own, when a cell around it would get a Jacobian that is not positive (4 x
-   4 and 3 x 3 Gauss points), or when its cells would not have its size (parts thinner than a cell). For a body that
-   was left alone before the limits are stricter, so that it does not change sides in every step.
+   4 and 3 x 3 Gauss points; in space the 27 of the flow alone, runs/studies/snap-space), or when its cells would not
+   have its size (parts thinner than a cell). For a body that was left alone before the limits are stricter, so that
+   it does not change sides in every step.
 
    Pure geometry: nothing here knows the flow, and nothing is moved; the caller moves the nodes (MeshMoveNodes) after
    he has read what he needs at the old places. The result does not depend on the number of ranks. Method and tests:
@@ -54,7 +60,7 @@ typedef struct {
   PetscReal        quality; /* smallest over largest Jacobian of a cell, smallest over all cells that were touched */
 } SnapResult;
 
-/* Error: three-dimensional mesh. Collective. */
+/* Error: in space, a body thinner than a cell. Collective. */
 PetscErrorCode SnapCreate(Mesh, Bodies, Snap *);
 PetscErrorCode SnapDestroy(Snap *);
 

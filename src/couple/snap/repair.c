@@ -1,0 +1,206 @@
+/* Snap, repair: the dead cells of bodies in space, made such that their surface is one: it can then be laid onto the
+   wall without folds. Around a ball that always holds (sums of squared distances over both diagonals of a square are
+   equal); other bodies need a cell now and then.
+
+   Cells are added to a body, never taken away, so that it ends: a live cell between two opposite faces of the body, and
+   where the dead or the live cells around an edge or a vertex do not hang together through faces, the one of the live
+   cells that is least outside. Decisions are made by the owner of the cell, edge or vertex on what was there before the
+   sweep, so that the result does not depend on the ranks. A cell whose filling would make the body touch another one or
+   the boundary stays live; whether the mesh can do with that is for the check to say. */
+#include "compat.h"
+#include "impl.h"
+
+#define AROUND 64 /* cells around a vertex, at most */
+
+/* Body of the dead cell on the other side of the face with middle node i of cell c, + 1; 0: none */
+static PetscInt beyond_face(Snap s, PetscInt c, PetscInt i)
+{
+  const MeshLocal *l = s->loc;
+
+  for (PetscInt e = l->node_cell_ptr[i]; e < l->node_cell_ptr[i + 1]; e++)
+    if (l->node_cell[e] != c) return s->cover[l->node_cell[e]];
+  return 0;
+}
+
+/* Has live cell c dead cells of the same body beyond two opposite faces? */
+static PetscBool is_between(Snap s, PetscInt c)
+{
+  const PetscInt *node = SnapCellNodes(s, c), mid = s->cell_kind.centre;
+
+  for (PetscInt step = 1; step <= 9; step *= 3) {
+    const PetscInt k = beyond_face(s, c, node[mid - step]);
+
+    if (k && k == beyond_face(s, c, node[mid + step])) return PETSC_TRUE;
+  }
+  return PETSC_FALSE;
+}
+
+static PetscBool share_face(Snap s, PetscInt c, PetscInt e)
+{
+  const PetscInt *a = SnapCellNodes(s, c), *b = SnapCellNodes(s, e);
+
+  for (PetscInt f = 0; f < 36; f++)
+    if (a[s->cell_kind.face[f / 6][4]] == b[s->cell_kind.face[f % 6][4]]) return PETSC_TRUE;
+  return PETSC_FALSE;
+}
+
+/* Do the n cells hang together through faces? */
+static PetscBool hang_together(Snap s, PetscInt n, const PetscInt cell[])
+{
+  PetscInt queue[AROUND], reached = 1, seen[AROUND] = {1};
+
+  queue[0] = 0;
+  for (PetscInt at = 0; at < reached; at++)
+    for (PetscInt e = 1; e < n; e++) {
+      if (seen[e] || !share_face(s, cell[queue[at]], cell[e])) continue;
+      seen[e]          = 1;
+      queue[reached++] = e;
+    }
+  return (PetscBool)(n == 0 || reached == n);
+}
+
+/* Distance of the middle of cell c from body k */
+static PetscErrorCode cell_distance(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt k, PetscInt c, PetscReal *d)
+{
+  PetscReal x[3];
+
+  PetscFunctionBeginUser;
+  SnapPlaceNear(s, SnapCentre(s, c), X[k], x);
+  PetscCall(BodiesDistance(s->bodies, k, X[k], q[k], 1, x, d));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Of live cells, the one least outside of body k, ties by place */
+static PetscErrorCode mark_least_outside(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt k, PetscInt n, const PetscInt cell[])
+{
+  const PetscReal tie  = 1e-9;
+  PetscReal       low  = PETSC_MAX_REAL;
+  PetscInt        best = -1;
+
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e < n; e++) {
+    const PetscInt   i = SnapCentre(s, cell[e]);
+    const PetscReal *x = s->loc->x_start + 3 * i, margin = tie * s->size[i];
+    PetscReal        d;
+    PetscBool        first = PETSC_TRUE;
+
+    PetscCall(cell_distance(s, X, q, k, cell[e], &d));
+    if (best >= 0 && PetscAbsReal(d - low) <= margin) {
+      const PetscReal *y = s->loc->x_start + 3 * best;
+
+      first = (PetscBool)(x[2] != y[2] ? x[2] < y[2] : x[1] != y[1] ? x[1] < y[1] : x[0] < y[0]);
+    } else if (best >= 0 && d > low) first = PETSC_FALSE;
+    if (!first) continue;
+    low  = d;
+    best = i;
+  }
+  if (best >= 0) s->work[best] = 1;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Cells around own edge or vertex i */
+static PetscErrorCode repair_around(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt i)
+{
+  const MeshLocal *l = s->loc;
+  PetscInt         dead[AROUND], live[AROUND], ndead = 0, nlive = 0;
+
+  PetscFunctionBeginUser;
+  if (s->boundary[i] || l->node_cell_ptr[i + 1] - l->node_cell_ptr[i] > AROUND) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt e = l->node_cell_ptr[i]; e < l->node_cell_ptr[i + 1]; e++) {
+    if (s->cover[l->node_cell[e]]) dead[ndead++] = l->node_cell[e];
+    else live[nlive++] = l->node_cell[e];
+  }
+  if (!ndead || !nlive || (hang_together(s, ndead, dead) && hang_together(s, nlive, live))) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(mark_least_outside(s, X, q, s->cover[dead[0]] - 1, nlive, live));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Own cells, edges and vertices of the dead cells */
+static PetscErrorCode find_defects(Snap s, PetscReal (*X)[3], PetscReal (*q)[4])
+{
+  const MeshLocal *l = s->loc;
+
+  PetscFunctionBeginUser;
+  s->now++;
+  for (PetscInt e = 0; e < s->dead.n * l->nb; e++) {
+    const PetscInt i = SnapCellNodes(s, s->dead.i[e / l->nb])[e % l->nb];
+
+    if (s->stamp[0][i] == s->now) continue;
+    s->stamp[0][i] = s->now;
+    if (s->kind[i] == NODE_FACE) {
+      for (PetscInt m = l->node_cell_ptr[i]; m < l->node_cell_ptr[i + 1]; m++)
+        if (l->node_cell[m] < l->ncell && !s->cover[l->node_cell[m]] && is_between(s, l->node_cell[m])) s->work[SnapCentre(s, l->node_cell[m])] = 1;
+    } else if (s->kind[i] != NODE_CENTRE && i < l->nnode) PetscCall(repair_around(s, X, q, i));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The one body whose dead cells own live cell c touches, + 1; 0: none, several, or the boundary */
+static PetscInt only_body(Snap s, PetscInt c)
+{
+  const MeshLocal *l = s->loc;
+  PetscInt         k = 0;
+
+  for (PetscInt v = 0; v < s->cell_kind.ncorner; v++) {
+    const PetscInt i = SnapCellNodes(s, c)[CORNER[v]];
+
+    if (s->boundary[i]) return 0;
+    for (PetscInt e = l->node_cell_ptr[i]; e < l->node_cell_ptr[i + 1]; e++) {
+      const PetscInt j = s->cover[l->node_cell[e]];
+
+      if (j && k && j != k) return 0;
+      if (j) k = j;
+    }
+  }
+  return k;
+}
+
+/* Own live cells that were marked on some rank become dead, all at once; *any: was there one? */
+static PetscErrorCode fill_marked(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscBool *any)
+{
+  const MeshLocal *l    = s->loc;
+  List             fill = {0, 0, NULL}, body = {0, 0, NULL};
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshSumNodes(s->mesh, 1, s->work));
+  for (PetscInt e = 0; e < s->dead.n; e++) /* marked cells touch dead ones */
+    for (PetscInt v = 0; v < s->cell_kind.ncorner; v++) {
+      const PetscInt i = SnapCellNodes(s, s->dead.i[e])[CORNER[v]];
+
+      for (PetscInt m = l->node_cell_ptr[i]; m < l->node_cell_ptr[i + 1]; m++) {
+        const PetscInt c = l->node_cell[m], centre = SnapCentre(s, c);
+
+        if (c < l->ncell && s->work[centre] > 0 && !s->cover[c] && only_body(s, c)) {
+          PetscCall(SnapListAdd(&fill, c));
+          PetscCall(SnapListAdd(&body, only_body(s, c)));
+        }
+        s->work[centre] = 0;
+      }
+    }
+  for (PetscInt e = 0; e < fill.n; e++) {
+    const PetscInt c = fill.i[e], k = body.i[e] - 1;
+
+    s->cover[c] = k + 1;
+    PetscCall(cell_distance(s, X, q, k, c, &s->depth[SnapCentre(s, c)]));
+    PetscCall(SnapListAdd(&s->dead, c));
+  }
+  *any = (PetscBool)(fill.n > 0);
+  PetscCall(PetscFree(fill.i));
+  PetscCall(PetscFree(body.i));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, any, 1, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
+  if (*any) PetscCall(SnapShareCover(s));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SnapRepair(Snap s, PetscReal (*X)[3], PetscReal (*q)[4])
+{
+  PetscBool any;
+
+  PetscFunctionBeginUser;
+  do {
+    PetscCall(find_defects(s, X, q));
+    PetscCall(fill_marked(s, X, q, &any));
+  } while (any);
+  PetscCall(SnapOpenGaps(s)); /* two bodies that were filled towards each other at once */
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,49 @@
+/* Snap, thin bodies in space: no cell has its middle in a plate thinner than a cell, and there is no surface of faces
+   that takes the place of the plane's path of edges. */
+#include "compat.h"
+#include "impl.h"
+
+#define WIDE 3    /* from how many cells on a body thinner than one is a plate */
+#define FINE 0.05 /* how exactly thickness is measured, cell sizes */
+
+/* Largest depth in body k, or more than enough: cubes in which there may be a deeper point are halved. The distance
+   changes by no more than the way. */
+static PetscErrorCode find_deepest(Snap s, PetscInt k, const PetscReal x[3], PetscReal half, PetscReal enough, PetscReal *depth)
+{
+  PetscReal d;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesDistance(s->bodies, k, s->state->x[k], s->state->q[k], 1, x, &d));
+  *depth = PetscMax(*depth, -d);
+  if (*depth >= enough || half < FINE * enough || PetscSqrtReal(3) * half - d <= *depth) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt v = 0; v < 8; v++) {
+    PetscReal y[3];
+
+    for (PetscInt a = 0; a < 3; a++) y[a] = x[a] + (v >> a & 1 ? 0.5 : -0.5) * half;
+    PetscCall(find_deepest(s, k, y, 0.5 * half, enough, depth));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SnapRefusePlates(Snap s)
+{
+  const PetscReal h = s->loc->h;
+
+  PetscFunctionBeginUser;
+  for (PetscInt g = 0; g < s->state->ngroups; g++) {
+    const BodyGroup *group = &s->state->group[g];
+    PetscInt         k     = group->first;
+    PetscReal        depth = 0;
+
+    if (group->hole || !group->count) continue;
+    for (PetscInt j = k; j < group->first + group->count; j++)
+      if (s->state->scale[j] < s->state->scale[k]) k = j;
+    if (2 * BodiesGetRadius(s->state, k) < WIDE * h) continue;
+    PetscCall(find_deepest(s, k, s->state->x[k], BodiesGetRadius(s->state, k), 0.5 * h, &depth));
+    PetscCheck(depth >= 0.5 * h, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+               "Group '%s' has bodies that are %.2g thick, thinner than a cell (%.2g), and wider than %d cells: -couple_boundary snap follows such "
+               "plates in the plane only. Use smaller cells (-mesh_cells, at most %.2g), a thicker body, or -couple_boundary penalty",
+               group->name, (double)(2 * depth), (double)h, WIDE, (double)(2 * depth));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,237 @@
+/* Snap in space: valid cells around bodies wherever they lie and however they are turned, surfaces met exactly, volume,
+   gaps, plates refused, and the same mesh on any number of ranks. */
+/* ranks: 1 2 3 */
+#include "core.h"
+#include "bodies/write.h"
+#include "mesh/element.h"
+#include "snap/snap.h"
+
+#define BALL "-particle_groups a -particle_a_free none -particle_a_position 0.5,0.5,0.5 -particle_a_shape "
+
+typedef struct {
+  Mesh             mesh;
+  const MeshLocal *l;
+  Bodies           bodies;
+  BodyArrays      *state;
+  Snap             snap;
+  SnapResult       r;
+  PetscBool        wanted[8], fitted[8];
+  PetscReal        quality; /* worst so far */
+  PetscInt         failed;  /* bodies that were left alone so far */
+} Case;
+
+static void open_case(Case *c, PetscInt cells, const char options[])
+{
+  char text[1024];
+
+  snprintf(text, sizeof(text), "-mesh_cells %d,%d,%d -mesh_lower 0,0,0 -mesh_upper 1,1,1 %s", (int)cells, (int)cells, (int)cells, options);
+  give(text);
+  OK(MeshCreate(PETSC_COMM_WORLD, &c->mesh));
+  OK(MeshGetLocal(c->mesh, &c->l));
+  OK(BodiesCreate(3, c->l->lower, c->l->upper, &c->bodies));
+  OK(BodiesGetArrays(c->bodies, &c->state));
+  OK(SnapCreate(c->mesh, c->bodies, &c->snap));
+  for (int k = 0; k < 8; k++) c->wanted[k] = PETSC_TRUE;
+  c->quality = 1;
+  c->failed  = 0;
+}
+
+static void fit(Case *c, PetscInt nbody)
+{
+  OK(SnapFit(c->snap, c->state->x, c->state->q, c->wanted, NULL, c->fitted, &c->r));
+  OK(MeshMoveNodes(c->mesh, c->r.nnode, c->r.node, c->r.x));
+  c->quality = PetscMin(c->quality, c->r.quality);
+  for (PetscInt k = 0; k < nbody; k++) c->failed += c->wanted[k] && !c->fitted[k];
+}
+
+static void close_case(Case *c)
+{
+  OK(SnapDestroy(&c->snap));
+  OK(BodiesDestroy(&c->bodies));
+  OK(MeshDestroy(&c->mesh));
+}
+
+static void turn(Case *c, PetscInt k, PetscInt key)
+{
+  PetscReal size = 0;
+
+  for (PetscInt a = 0; a < 4; a++) {
+    c->state->q[k][a] = noise(key + a) + (a ? 0 : 0.1);
+    size += PetscSqr(c->state->q[k][a]);
+  }
+  for (PetscInt a = 0; a < 4; a++) c->state->q[k][a] /= PetscSqrtReal(size);
+}
+
+/* Largest distance of a wall node from its wall */
+static PetscReal miss(Case *c)
+{
+  PetscReal top = 0;
+
+  for (PetscInt e = 0; e < c->r.nmarked; e++) {
+    const PetscInt i = c->r.marked[e], k = c->r.node_body[i];
+    PetscReal      d, x[3];
+
+    if (!c->r.on_wall[i]) continue;
+    for (PetscInt a = 0; a < 3; a++) x[a] = DomainNearest(c->l->period[a], c->l->x[3 * i + a], c->state->x[k][a]);
+    OK(BodiesDistance(c->bodies, k, c->state->x[k], c->state->q[k], 1, x, &d));
+    top = PetscMax(top, PetscAbsReal(d));
+  }
+  return largest(top);
+}
+
+/* Volume of the fluid by the quadrature of the flow; no cell of it may have a Jacobian <= 0 there */
+static PetscReal fluid_volume(Case *c)
+{
+  ElementTables t;
+  PetscReal     sum = 0;
+
+  OK(ElementCreate(3, &t));
+  for (PetscInt cell = 0; cell < c->l->ncell; cell++) {
+    PetscReal     xc[81];
+    ElementMetric m;
+
+    if (c->r.cell_body[cell] >= 0) continue;
+    OK(MeshCellCoordinates(c->mesh, cell, xc));
+    ElementSetMetric(&t, xc, &m);
+    for (PetscInt q = 0; q < t.nq; q++) {
+      assert_true(m.weight[q] > 0);
+      sum += m.weight[q];
+    }
+  }
+  OK(ElementDestroy(&t));
+  return total(sum);
+}
+
+/* A number that changes with every displacement */
+static PetscReal signature(Case *c)
+{
+  PetscReal sum = 0;
+
+  for (PetscInt i = 0; i < c->l->nnode; i++)
+    for (PetscInt a = 0; a < 3; a++) sum += (c->l->x[3 * i + a] - c->l->x_start[3 * i + a]) * PetscSinReal(40 * c->l->x_start[3 * i + a] + a);
+  return total(sum);
+}
+
+/* A shape at random places and angles: valid cells, surface met, volume within tolerance (0: not measured), and the
+   mesh that one rank makes (sign) */
+typedef struct {
+  const char *shape;
+  PetscInt    cells;
+  PetscReal   volume, tolerance, sign;
+} Kind;
+
+static const Kind KINDS[] = {
+  {"circle -particle_a_radius 0.25", 8, 0.06544984694978735, 3e-3, -1.810456861275},
+  {"circle -particle_a_radius 0.25", 16, 0.06544984694978735, 1e-4, -4.148680735705},
+  {"circle -particle_a_radius 0.125", 8, 0, 0, -1.530138132467},
+  {"ellipse -particle_a_a 0.25 -particle_a_b 0.125 -particle_a_c 0.125", 8, 0, 0, -0.414706599543},
+  {"ellipse -particle_a_a 0.25 -particle_a_b 0.125 -particle_a_c 0.125", 16, 0.016362461737446838, 4e-3, -2.804016471366},
+  {"ellipse -particle_a_a 0.3 -particle_a_b 0.3 -particle_a_c 0.15", 12, 0, 0, 0.784254777358},
+  {"box -particle_a_size 0.4,0.4,0.4 -particle_a_rounding 0.06", 16, 0, 0, -7.347441496957},
+  {"box -particle_a_size 0.4,0.4,0.4 -particle_a_rounding 0.1", 16, 0, 0, 0.625435322019},
+  {"leaflet -particle_a_length 0.5 -particle_a_thickness 0.2 -particle_a_origin 0.5", 16, 0, 0, -4.154165223544},
+  {"cylinder -particle_a_radius 0.2 -particle_a_length 0.4 -particle_a_rounding 0.06", 16, 0, 0, -2.132914368456},
+  {"torus -particle_a_radius 0.25 -particle_a_tube 0.12", 16, 0, 0, -2.051902672317},
+};
+
+/* SNAP_SURVEY=200: that many placements of each shape, and what came of them (runs/studies/snap-space) */
+static void test_shapes(void **state)
+{
+  const char    *many = getenv("SNAP_SURVEY");
+  const PetscInt n    = many ? atoi(many) : 2;
+
+  (void)state;
+  for (size_t kind = 0; kind < PETSC_STATIC_ARRAY_LENGTH(KINDS); kind++) {
+    const Kind    *g    = KINDS + kind;
+    const PetscInt key  = 100 * (PetscInt)(kind + 1) - (kind > 5 ? 100 : kind == 5 ? 50 : 0);
+    PetscReal      sign = 0;
+    Case           c;
+    char           options[512];
+
+    snprintf(options, sizeof(options), BALL "%s", g->shape);
+    open_case(&c, g->cells, options);
+    for (PetscInt t = 0; t < n; t++) {
+      for (PetscInt a = 0; a < 3; a++) c.state->x[0][a] = 0.5 + 0.5 / (PetscReal)g->cells * noise(key + 7 * t + a);
+      turn(&c, 0, key + 7 * t + 3);
+      fit(&c, 1);
+      BELOW(miss(&c), 1e-9);
+      if (g->volume > 0) NEAR(1 - fluid_volume(&c), g->volume, g->tolerance * g->volume);
+      sign += signature(&c);
+    }
+    if (many)
+      print_message("%s, %d cells: %d placements, %d left alone, smallest ratio %.4f, sum %.12f\n", g->shape, (int)g->cells, (int)n, (int)c.failed,
+                    (double)c.quality, (double)sign);
+    else NEAR(sign, g->sign, 1e-9);
+    assert_int_equal(c.failed, 0);
+    assert_true(c.quality > 0.0049);
+    close_case(&c);
+  }
+}
+
+#define PAIR \
+  "-particle_groups a,b -particle_a_shape circle -particle_a_radius 0.2 -particle_a_free none -particle_a_position 0.3,0.5,0.5 " \
+  "-particle_b_shape circle -particle_b_radius 0.2 -particle_b_free none -particle_b_position 0.7,0.5,0.5 -mesh_periodic x,y,z"
+
+/* Two spheres close together, across periodic boundaries as well: surfaces are met down to half a cell, and drawn back
+   by an eighth of a cell at most below */
+static void test_gaps(void **state)
+{
+  const PetscReal gap[] = {1, 0.5, 0.3, 0.2, 0.1};
+  Case            c;
+
+  (void)state;
+  open_case(&c, 14, PAIR);
+  for (PetscInt t = 0; t < 10; t++) {
+    const PetscReal D = 0.4 + gap[t % 5] / 14;
+    PetscReal       r[3], size = 0;
+
+    for (PetscInt a = 0; a < 3; a++) {
+      r[a] = noise(11 * t + a);
+      size += PetscSqr(r[a]);
+    }
+    for (PetscInt k = 0; k < 2; k++)
+      for (PetscInt a = 0; a < 3; a++)
+        c.state->x[k][a] = (a ? 0.5 : 0.95) + noise(11 * t + 5 + a) / 28 + (k ? 0.5 : -0.5) * D * r[a] / PetscSqrtReal(size);
+    fit(&c, 2);
+    assert_int_equal(c.failed, 0);
+    assert_int_equal(c.r.nnarrow, t % 5 < 2 ? 0 : 2);
+    BELOW(miss(&c), t % 5 < 2 ? 1e-13 : 0.125 / 14);
+  }
+  assert_true(c.quality > 0.002);
+  close_case(&c);
+}
+
+/* A sphere that comes to a side of the domain, and touches it at last; that is unwanted then, and the mesh goes back */
+static void test_side(void **state)
+{
+  Case c;
+
+  (void)state;
+  open_case(&c, 8, BALL "circle -particle_a_radius 0.25");
+  for (PetscInt t = 0; t <= 8; t++) {
+    c.state->x[0][0] = 0.25 + (8 - t) / 8.0 * 0.1;
+    c.state->x[0][1] = 0.5 + 0.1 * noise(t);
+    fit(&c, 1);
+    BELOW(miss(&c), 0.25 / 8);
+    for (PetscInt i = 0; i < c.l->nnode_all; i++)
+      if (c.l->x_start[3 * i] == 0) assert_true(c.l->x[3 * i] == 0);
+  }
+  assert_int_equal(c.failed, 0);
+  assert_int_equal(c.r.nnarrow, 1);
+  c.wanted[0] = PETSC_FALSE;
+  fit(&c, 1);
+  for (PetscInt i = 0; i < 3 * c.l->nnode_all; i++) assert_true(c.l->x[i] == c.l->x_start[i]);
+  assert_int_equal(c.r.nmarked, 0);
+  close_case(&c);
+}
+
+int main(int argc, char **argv)
+{
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_shapes), cmocka_unit_test(test_gaps), cmocka_unit_test(test_side)};
+  int                     failed;
+
+  if (PetscInitialize(&argc, &argv, NULL, NULL)) return 1;
+  failed = cmocka_run_group_tests(tests, NULL, NULL);
+  if (OptFinalize() || ShapeFinalize() || PetscFinalize()) return 1;
+  return failed;
+}
