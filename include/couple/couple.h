@@ -54,6 +54,11 @@ PetscErrorCode CoupleGetNodeBody(Couple, const PetscInt *node_body[]);
    bodies. Not collective. */
 PetscErrorCode CoupleMarkInside(Couple, PetscInt body[]);
 
+/* Does the mesh line up with surfaces (rung snap)? */
+PetscErrorCode CoupleIsLinedUp(Couple, PetscBool *lined_up);
+/* Own cells that are fluid alone, as the flow last saw the bodies: fluid [ncell]. Not those that a surface cuts or that
+   are lined up with it. Not collective. */
+PetscErrorCode CoupleMarkFluid(Couple, PetscBool fluid[]);
 /* What the bodies give this rank to do in this step: own cells with a node in a body, and bodies that cover an own
    node. Not collective. */
 PetscErrorCode CoupleGetLoad(Couple, PetscInt *ncells, PetscInt *nbodies);

@@ -226,5 +226,9 @@ typedef struct {
   PetscReal speed_max;
   PetscReal cell_reynolds; /* largest of |u| h/nu, infinite without viscosity */
 } FlowDiagnostics;
+/* Where the accepted steady solution is wrong: eta [own cells], what its residual and the jumps of its stress amount to
+   in a cell, as an error of the velocity gradient times sqrt(mu); fluid [own cells]: which cells count, eta is 0 in
+   others; *relative: root of the sum of the squares over that of the dissipation. Collective. Error: no viscosity. */
+PetscErrorCode FlowEstimate(Flow, const PetscBool fluid[], PetscReal eta[], PetscReal *relative);
 /* Of the solution u (synced) of the step, before FlowAcceptStep. Collective. */
 PetscErrorCode FlowDiagnose(Flow, const PetscReal u[], FlowDiagnostics *);

@@ -12,6 +12,8 @@
    with other contents, and *old has what they were (destroyed by the caller). Whoever has arrays by cells or nodes must
    make them anew. Collective. Errors: those of MeshCreateAround. */
 PetscErrorCode MeshRemesh(Mesh, const MeshSurface *, Mesh *old);
+/* The same with a mesh that is there: *now becomes the old one. Not collective. */
+PetscErrorCode MeshReplace(Mesh, Mesh now);
 /* Are its cells those that the options ask for around this surface? Collective. */
 PetscErrorCode MeshIsAround(Mesh, const MeshSurface *, PetscBool *same);
 

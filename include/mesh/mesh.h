@@ -47,11 +47,14 @@ typedef struct _p_Mesh *Mesh;
    quadrilaterals/hexahedra, inverted cells (named by their centre), fewer than 3 cells along a periodic axis. */
 PetscErrorCode MeshCreate(MPI_Comm, Mesh *);
 
-/* What -mesh_levels refines around: d [1] the distance of x to it (0 where all is to be fine), which changes by at most
-   the way; beyond `reach` any larger number does. The same on every rank; not collective. */
+/* What -mesh_levels refines around: d [1] the distance of x to it (0 where all is to be fine), which changes by at
+   most the way; beyond `reach` any larger number does. The same on every rank; not collective. With marks (mesh/mark.h)
+   cells are also refined one by one, and the surface may be left out (NULL). */
 typedef struct {
   PetscErrorCode (*distance)(void *context, const PetscReal x[3], PetscReal reach, PetscReal *d);
-  void *context;
+  void                      *context;
+  PetscInt                   coarser; /* so many levels less than -mesh_levels around it */
+  const struct _p_MeshMarks *marks;   /* borrowed during construction; NULL: none */
 } MeshSurface;
 
 /* MeshCreate with -mesh_levels around `surface` (NULL: there is none). Collective. More errors: what -mesh_levels does

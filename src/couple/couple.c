@@ -449,6 +449,29 @@ PetscErrorCode CoupleMarkInside(Couple c, PetscInt body[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode CoupleIsLinedUp(Couple c, PetscBool *lined_up)
+{
+  PetscFunctionBeginUser;
+  *lined_up = c->rung->moves;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleMarkFluid(Couple c, PetscBool fluid[])
+{
+  const MeshLocal *l = c->loc;
+  PetscInt        *body;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(l->nnode_all, &body));
+  PetscCall(CoupleMarkInside(c, body));
+  for (PetscInt e = 0; e < l->ncell; e++) {
+    fluid[e] = PETSC_TRUE;
+    for (PetscInt j = 0; j < l->nb; j++) fluid[e] = (PetscBool)(fluid[e] && body[l->cell_node[e * l->nb + j]] < 0);
+  }
+  PetscCall(PetscFree(body));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoupleGetLoad(Couple c, PetscInt *ncells, PetscInt *nbodies)
 {
   const PetscInt *node_body, *node;

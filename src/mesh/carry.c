@@ -179,22 +179,23 @@ PetscErrorCode MeshCarryCells(Mesh old, Mesh now, const PetscReal p[], PetscReal
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The mesh m becomes what `now` is, and the other way round */
-static void change_places(Mesh m, Mesh now)
+PetscErrorCode MeshReplace(Mesh m, Mesh now)
 {
   const struct _p_Mesh was = *m;
 
+  PetscFunctionBeginUser;
   *m            = *now;
   *now          = was;
   m->loc.moves  = was.loc.moves + 1;
   m->loc.meshes = was.loc.meshes + 1;
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode MeshRemesh(Mesh m, const MeshSurface *surface, Mesh *old)
 {
   PetscFunctionBeginUser;
   PetscCall(MeshCreateAround(m->comm, surface, old));
-  change_places(m, *old);
+  PetscCall(MeshReplace(m, *old));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -282,7 +283,7 @@ PetscErrorCode MeshRestore(Mesh m, State look, Mesh *old)
     PetscCall(MeshDestroy(&now));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  change_places(m, now);
+  PetscCall(MeshReplace(m, now));
   *old = now;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "leaves.h"
 #include "kindimpl.h"
+#include "marks.h"
 #include "base/opt.h"
 
 #define MAX_LATTICE (1 << 20)
@@ -113,14 +114,15 @@ static PetscErrorCode neighbours_refine(Leaves *t, PetscInt level, const PetscIn
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Of x to what is to be fine, but for boxes; beyond reach any larger number */
-static PetscErrorCode find_distance(Leaves *t, const PetscReal x[3], PetscReal reach, PetscReal *d)
+/* Of x to what is to be finer than a level, but for boxes; beyond reach any larger number */
+static PetscErrorCode find_distance(Leaves *t, PetscInt level, const PetscReal x[3], PetscReal reach, PetscReal *d)
 {
   PetscReal more = t->constant;
 
   PetscFunctionBeginUser;
   *d = PETSC_MAX_REAL;
-  if (t->around) PetscCall((*t->surface->distance)(t->surface->context, x, reach, d));
+  if (t->around && t->surface->distance && level < t->levels - t->surface->coarser)
+    PetscCall((*t->surface->distance)(t->surface->context, x, reach, d));
   if (!t->given) PetscFunctionReturn(PETSC_SUCCESS);
   if (t->distance) PetscCall(ExprEvaluateAlone(t->distance, x, &more));
   *d = PetscMin(*d, PetscMax(more, 0));
@@ -145,7 +147,7 @@ static PetscErrorCode surface_refines(Leaves *t, PetscInt level, const PetscInt 
   }
   PetscCall(measure(t, level, x, centre, &h));
   if (narrow) far = (1.5 * PetscSqrtReal((PetscReal)t->dim) + 0.5 * t->band) * h; /* beyond, nothing finer forces it */
-  PetscCall(find_distance(t, centre, PetscMax(far, t->band * h), &d));
+  PetscCall(find_distance(t, level, centre, PetscMax(far, t->band * h), &d));
   *refine = (PetscBool)(d < t->band * h);
   if (!*refine && d < far && level + 1 < t->levels) PetscCall(neighbours_refine(t, level, x, refine));
   PetscCall(KeysAdd(&t->memo[level], key, *refine, &known));
@@ -160,6 +162,7 @@ static PetscErrorCode refines(Leaves *t, PetscInt level, const PetscInt x[], Pet
   *refine = PETSC_FALSE;
   if (level >= t->levels) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(surface_refines(t, level, x, refine));
+  if (!*refine && t->surface && t->surface->marks) *refine = MarksHave(t->surface->marks, level, curve_key(t->dim, x));
   if (*refine || !t->nbox) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(measure(t, level, x, centre, &h));
   *refine = box_refines(t, level, centre, h);

@@ -23,7 +23,7 @@ typedef struct {
   PetscInt  step, mesh; /* mesh: see mesh_step below */
   PetscInt  ncell, npoint;
   PetscReal time;
-  PetscBool body;
+  PetscBool body, error;
 } Snapshot;
 
 struct _p_Output {
@@ -249,6 +249,7 @@ static void print_snapshot(FILE *f, const Output o, const Snapshot *s)
   if (s->body) XdmfAttribute(f, PETSC_TRUE, s->npoint, 1, "Node", "body", file, "body");
   XdmfAttribute(f, PETSC_FALSE, s->ncell, 1, "Cell", "pressure_mean", file, "pressure_mean");
   XdmfAttribute(f, PETSC_FALSE, s->ncell, 3, "Cell", "pressure_gradient", file, "pressure_gradient");
+  if (s->error) XdmfAttribute(f, PETSC_FALSE, s->ncell, 1, "Cell", "error_indicator", file, "error_indicator");
   fprintf(f, "      </Grid>\n");
 }
 
@@ -264,7 +265,7 @@ static int write_index(const Output o, const char path[])
 }
 
 /* A step written twice takes the place of its first version */
-static PetscErrorCode add_snapshot(Output o, PetscInt step, PetscReal time, PetscBool body)
+static PetscErrorCode add_snapshot(Output o, PetscInt step, PetscReal time, PetscBool body, PetscBool error)
 {
   char path[PETSC_MAX_PATH_LEN];
 
@@ -274,7 +275,7 @@ static PetscErrorCode add_snapshot(Output o, PetscInt step, PetscReal time, Pets
     o->room = 2 * o->room + 16;
     PetscCall(PetscRealloc(o->room * sizeof(Snapshot), &o->snap));
   }
-  o->snap[o->nsnap++] = (Snapshot){step, o->mesh_step, o->loc->ncell_global, o->points.total, time, body};
+  o->snap[o->nsnap++] = (Snapshot){step, o->mesh_step, o->loc->ncell_global, o->points.total, time, body, error};
   PetscCall(join_path(o, "fields.xmf", path, sizeof(path)));
   PetscCall(FileCheck(o->rank ? 0 : write_index(o, path), path));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -390,7 +391,8 @@ PetscErrorCode OutputVisitState(void *output, State state)
                               sized < 0 ? o->loc->ncell_global : size[2 * i],
                               sized < 0 ? o->points.total : size[2 * i + 1],
                               time[i],
-                              (PetscBool)number[3 * i + 2]};
+                              (PetscBool)number[3 * i + 2],
+                              PETSC_FALSE};
     /* a name that no earlier part of the run has used */
     if (!StateIsSamePartition(state) && n) o->mesh_step = o->snap[n - 1].step + 1;
   }
@@ -405,7 +407,8 @@ PetscErrorCode OutputMove(Output o, const PetscReal place[3])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode OutputFields(Output o, PetscInt step, PetscReal time, const PetscReal u[], const PetscReal p[], const PetscInt body[])
+PetscErrorCode OutputFields(Output o, PetscInt step, PetscReal time, const PetscReal u[], const PetscReal p[], const PetscInt body[],
+                            const PetscReal error[])
 {
   Hdf5      file;
   char      name[64];
@@ -430,8 +433,9 @@ PetscErrorCode OutputFields(Output o, PetscInt step, PetscReal time, const Petsc
   PetscCall(write_velocity(o, file, u));
   PetscCall(write_pressure(o, file, p, body));
   if (body) PetscCall(write_nodal_integers(o, file, "body", body));
+  if (error) PetscCall(Hdf5WriteReals(file, "error_indicator", o->loc->ncell, 1, error));
   PetscCall(close_hdf5(o, name, &file));
-  PetscCall(add_snapshot(o, step, time, (PetscBool)(body != NULL)));
+  PetscCall(add_snapshot(o, step, time, (PetscBool)(body != NULL), (PetscBool)(error != NULL)));
   PetscCall(PetscLogEventEnd(TB_OUTPUT, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -48,6 +48,7 @@ PetscErrorCode HistoryDestroy(History *history)
 PetscErrorCode HistoryAdd(History h, PetscReal time, const PetscReal value[])
 {
   PetscFunctionBeginUser;
+  if (h->n && time == h->time[h->n - 1]) h->n--;
   PetscCheck(!h->n || time > h->time[h->n - 1], PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Sample at time %g after one at %g: times must increase",
              (double)time, (double)h->time[h->n - 1]);
   if (h->n == h->room) {

@@ -11,7 +11,8 @@ typedef struct _p_History *History;
 
 PetscErrorCode HistoryCreate(PetscInt ncolumns, History *);
 PetscErrorCode HistoryDestroy(History *);
-/* Samples of all columns, value [ncolumns], at a time later than the last one. Values that are not finite are kept,
+/* Samples of all columns, value [ncolumns], at a time later than the last one, or in place of the last one at the same
+   time (steady problems solved again on finer meshes). Values that are not finite are kept,
    and ignored below. */
 PetscErrorCode HistoryAdd(History, PetscReal time, const PetscReal value[]);
 

@@ -2,6 +2,7 @@
 #include "base/opt.h"
 
 #define ADAPT  "-sim_adapt true"
+#define REFINE "-mesh_adapt"
 #define FLOW   "-flow_active true and without -sim_steady"
 #define STEADY "-sim_steady true or -flow_initial steady"
 
@@ -53,6 +54,13 @@ static const OptSpec SPECS[] = {
   {"-sim_adapt_growth", OPT_REAL, "", 1.01, 2.4, "1.5", .help = "largest ratio of a step to the one before (bdf2 is stable below 2.41)",
    .when = ADAPT, .expert = PETSC_TRUE},
   {"-sim_adapt_hysteresis", OPT_REAL, "", 1, 2.4, "1.2", .help = "smallest ratio by which a step grows", .when = ADAPT, .expert = PETSC_TRUE},
+  {"-mesh_adapt", OPT_BOOL, "", OPT_ANY, "false", .help = "cells are halved where the steady solution is wrong, and it is solved for again",
+   .when = "-sim_steady and -mesh_levels"},
+  {"-mesh_adapt_tolerance", OPT_REAL, "", OPT_FROM(0), "0", .help = "ends when the error indicator is below, as a share of the velocity gradients",
+   .when = REFINE},
+  {"-mesh_adapt_unknowns", OPT_INT, "", OPT_FROM(0), "0", .help = "ends where a mesh of more unknowns would follow, 0: never", .when = REFINE},
+  {"-mesh_adapt_share", OPT_REAL, "", OPT_POSITIVE, 1, "0.5", .help = "share of the squared errors whose cells are halved in a round", .when = REFINE,
+   .expert = PETSC_TRUE},
   {"-mesh_follow", OPT_BOOL, "", OPT_ANY, "false", .help = "cells are made anew where bodies move to",
    .when = "-mesh_levels, around bodies that move"},
   {"-mesh_follow_way", OPT_REAL, "cells", 0.1, 100, "2", .help = "finest cells that a body moves on one mesh", .when = "-mesh_follow",

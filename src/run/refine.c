@@ -2,17 +2,20 @@
 #include "compat.h"
 #include "refine.h"
 #include "around.h"
+#include "meshadapt.h"
 #include "base/log.h"
 #include "base/opt.h"
 #include "mesh/carry.h"
 
 #define AHEAD 10 /* steps that a new mesh looks ahead */
+#define START 8  /* cells along the smallest body on the first mesh that is refined by the flow */
 
 struct _p_Refine {
   MPI_Comm  comm;
   Mesh      mesh;
   Around    surface;
   PetscBool follows;
+  PetscInt  coarser; /* levels less than -mesh_levels around bodies on the first mesh */
   /* of a mesh that follows. way: -mesh_follow_way */
   PetscReal (*X)[3], (*q)[4], way;
   PetscInt changes;
@@ -95,6 +98,12 @@ static PetscErrorCode find_way(Refine r, PetscInt k, PetscReal dt, PetscReal *wa
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* What a mesh is made around */
+static MeshSurface mesh_surface(Refine r)
+{
+  return (MeshSurface){.distance = r->surface.s->n ? AroundDistance : NULL, .context = &r->surface, .coarser = r->coarser};
+}
+
 static PetscErrorCode start_following(Refine r)
 {
   Around *s = &r->surface;
@@ -112,11 +121,34 @@ static PetscErrorCode start_following(Refine r)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Refined by the flow: with the first levels that lead to eight cells along the smallest body */
+static PetscErrorCode start_coarse(Refine r)
+{
+  PetscReal smallest = PETSC_MAX_REAL, h;
+  PetscInt  levels;
+  PetscBool around;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshReadLevels(&levels, &around));
+  PetscCall(MeshReadFinest(r->comm, &h));
+  for (PetscInt k = 0; k < r->surface.s->n; k++) smallest = PetscMin(smallest, 2 * BodiesGetRadius(r->surface.s, k));
+  for (; r->coarser < levels && 2 * h * START <= smallest; r->coarser++) h *= 2;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode RefineGetSurface(Refine r, MeshSurface *surface)
+{
+  PetscFunctionBeginUser;
+  *surface = mesh_surface(r);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool around, Bodies *bodies, Mesh *mesh, Refine *refine)
 {
-  Refine    r;
-  Around   *s;
-  PetscBool still;
+  Refine      r;
+  Around     *s;
+  MeshSurface surface;
+  PetscBool   still, adapt = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&r));
@@ -135,7 +167,10 @@ PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool around, Bodies *bodies,
              "-mesh_refine bodies refines where bodies are at the start, and these move: give -mesh_follow, or name a box around their way "
              "(-mesh_refine <box>, -mesh_box_<box>_corners)");
   if (r->follows) PetscCall(start_following(r));
-  PetscCall(MeshCreateAround(comm, s->s->n ? &(MeshSurface){AroundDistance, s} : NULL, mesh));
+  if (still) PetscCall(MeshAdaptIsWanted(&adapt));
+  if (adapt) PetscCall(start_coarse(r));
+  surface = mesh_surface(r);
+  PetscCall(MeshCreateAround(comm, s->s->n || adapt ? &surface : NULL, mesh));
   PetscCall(AroundForget(s));
   PetscCall(remark_cut_jumps(s, *mesh));
   r->mesh = *mesh;
@@ -147,6 +182,7 @@ PetscErrorCode RefineDestroy(Refine *refine)
 {
   PetscFunctionBeginUser;
   if (!*refine) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(AroundForget(&(*refine)->surface));
   PetscCall(PetscFree2((*refine)->X, (*refine)->q));
   PetscCall(PetscFree(*refine));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -174,13 +210,23 @@ static PetscErrorCode renew_above(Refine r, Mesh old)
 
 static PetscErrorCode remesh(Refine r)
 {
-  Mesh old;
+  MeshSurface surface = mesh_surface(r);
+  Mesh        old;
 
   PetscFunctionBeginUser;
   if (r->couple) PetscCall(CoupleLeave(r->couple));
-  PetscCall(MeshRemesh(r->mesh, r->surface.s->n ? &(MeshSurface){AroundDistance, &r->surface} : NULL, &old));
+  PetscCall(MeshRemesh(r->mesh, r->surface.s->n ? &surface : NULL, &old));
   PetscCall(AroundForget(&r->surface));
   PetscCall(renew_above(r, old));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode RefineReplace(Refine r, Mesh now)
+{
+  PetscFunctionBeginUser;
+  if (r->couple) PetscCall(CoupleLeave(r->couple));
+  PetscCall(MeshReplace(r->mesh, now));
+  PetscCall(renew_above(r, now));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -263,11 +309,13 @@ PetscErrorCode RefineConnect(Refine r, Flow flow, Couple couple, Adapt adapt, Ch
 
 PetscErrorCode RefineMatch(Refine r)
 {
-  PetscBool same;
+  MeshSurface surface;
+  PetscBool   same;
 
   PetscFunctionBeginUser;
   if (!r) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MeshIsAround(r->mesh, r->surface.s->n ? &(MeshSurface){AroundDistance, &r->surface} : NULL, &same));
+  surface = mesh_surface(r);
+  PetscCall(MeshIsAround(r->mesh, r->surface.s->n ? &surface : NULL, &same));
   PetscCall(AroundForget(&r->surface));
   if (!same) PetscCall(remesh(r));
   PetscFunctionReturn(PETSC_SUCCESS);

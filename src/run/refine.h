@@ -29,6 +29,10 @@ PetscErrorCode RefineCheck(Refine, PetscBool steady);
 PetscErrorCode RefineConnect(Refine, Flow, Couple, Adapt, Checkpoint, Monitor);
 /* After all is loaded: cells that the options want otherwise are made anew, and the fields carried over. Collective. */
 PetscErrorCode RefineMatch(Refine);
+/* For meshes refined by the flow (meshadapt.h). What the mesh was made around at first; not collective. Another mesh in
+   its place, with what stands on it; takes it over; collective. */
+PetscErrorCode RefineGetSurface(Refine, MeshSurface *);
+PetscErrorCode RefineReplace(Refine, Mesh now);
 /* Before a step of length dt: where cells are to be made anew, mesh and what stands on it are. Collective. */
 PetscErrorCode RefineFollow(Refine, PetscReal dt);
 /* Quantity of the run: how often */

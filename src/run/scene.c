@@ -156,6 +156,7 @@ static PetscErrorCode build(SimParts *part)
   if (packing.bodies) PetscCall(report_packing(part->monitor, &packing));
   PetscCall(CheckpointCreate(part->mesh, part->output, &part->checkpoint));
   if (active) PetscCall(DiagnosticsCreate(part->flow, part->bodies, part->couple, part->monitor, &part->probe));
+  if (active) PetscCall(MeshAdaptCreate(part->refine, steady, part->flow, part->couple, part->bodies, part->monitor, &part->meshadapt));
   PetscCall(SuspensionCreate(part->bodies, part->contact, part->monitor, l->lower, l->upper, l->period, &part->suspension));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -179,6 +180,7 @@ static PetscErrorCode destroy(SimParts *part)
   PetscCall(FlowDestroy(&part->flow));
   PetscCall(DeformDestroy(&part->deform));
   PetscCall(ExprDestroy(&part->gravity));
+  PetscCall(MeshAdaptDestroy(&part->meshadapt));
   PetscCall(RefineDestroy(&part->refine));
   PetscCall(MeshDestroy(&part->mesh));
   PetscFunctionReturn(PETSC_SUCCESS);

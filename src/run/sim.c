@@ -22,24 +22,11 @@ struct _p_Sim {
   FlowDiagnostics diag;
   CoupleBalance   balance;
   PetscReal (*a)[3], (*alpha)[3]; /* acceleration of the bodies without contact, for the sub-steps of contact */
-  PetscBool      has_acceleration, renew;
-  MonitorPhase   phase; /* begun at the clock `since` */
-  PetscLogDouble since;
+  PetscBool        has_acceleration, renew;
+  const PetscReal *eta;   /* [own cells] error of the steady solution, NULL: not known */
+  MonitorPhase     phase; /* begun at the clock `since` */
+  PetscLogDouble   since;
 };
-
-static PetscErrorCode refuse_time_options(void)
-{
-  const char *const names[] = {"-sim_dt", "-sim_time", "-sim_steps"};
-  PetscBool         found;
-
-  PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < 3; i++) {
-    PetscCall(OptHas(names[i], &found));
-    PetscCheck(!found, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-               "%s is given, but a steady scene takes no time steps: remove it, or set -sim_steady false", names[i]);
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
 
 static PetscErrorCode visit_state(void *sim, State state)
 {
@@ -86,7 +73,7 @@ PetscErrorCode SimCreate(const SimParts *part, Sim *sim)
   s->dt        = 0.01;
   s->time_end  = PETSC_MAX_REAL;
   s->steps_max = PETSC_MAX_INT;
-  if (part->steady) PetscCall(refuse_time_options());
+  if (part->steady) PetscCall(SteadyRefuseTime());
   PetscCall(OptReal("-sim_dt", &s->dt));
   PetscCall(OptReal("-sim_time", &s->time_end));
   PetscCall(OptInt("-sim_steps", &s->steps_max));
@@ -121,6 +108,7 @@ PetscErrorCode SimView(Sim s, PetscViewer viewer)
   PetscFunctionBeginUser;
   if (s->part.steady) {
     PetscCall(SteadyView(s->part.steady, viewer));
+    PetscCall(MeshAdaptView(s->part.meshadapt, viewer));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(PetscViewerASCIIPrintf(viewer, "time: step %g", (double)s->dt));
@@ -166,7 +154,7 @@ static PetscErrorCode write_fields(Sim s)
   PetscCall(FlowGetPressureGradient(s->part.flow, p, gradient));
   PetscCall(CoupleMarkInside(s->part.couple, body));
   PetscCall(OutputMove(s->part.output, s->s->frame));
-  PetscCall(OutputFields(s->part.output, s->step, s->time, u, gradient, body));
+  PetscCall(OutputFields(s->part.output, s->step, s->time, u, gradient, body, s->eta));
   PetscCall(PetscFree2(gradient, body));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -450,10 +438,12 @@ static PetscErrorCode take_step(Sim s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode solve_steady(Sim s)
+/* On one mesh; *more: there is another one to solve on */
+static PetscErrorCode solve_steady(Sim s, PetscBool *more)
 {
   PetscLogDouble start;
-  PetscInt       its, linear;
+  PetscInt       its, linear, unknowns;
+  FlowSolver     solver;
 
   PetscFunctionBeginUser;
   PetscCall(begin_phase(s, MONITOR_NSE));
@@ -462,7 +452,13 @@ static PetscErrorCode solve_steady(Sim s)
   PetscCall(end_phase(s));
   PetscCall(MonitorQuantity(s->part.monitor, "nonlinear_iterations", its));
   PetscCall(finish_part(s, 0, linear));
+  PetscCall(CoupleGetSolver(s->part.couple, &solver));
+  PetscCall(FlowSolverGetUnknowns(solver, &unknowns));
+  PetscCall(MeshAdaptEstimate(s->part.meshadapt, unknowns, &s->eta));
   PetscCall(finish_step(s, 0, start));
+  PetscCall(begin_phase(s, MONITOR_PARTICLE));
+  PetscCall(MeshAdaptRefine(s->part.meshadapt, s->part.steady, more));
+  PetscCall(end_phase(s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -571,13 +567,13 @@ static PetscErrorCode finish_flow(Sim s, PetscInt *cells, PetscInt *unknowns)
 
 PetscErrorCode SimRun(Sim s)
 {
-  PetscBool   stop  = PETSC_FALSE;
+  PetscBool   stop = PETSC_FALSE, more = (PetscBool)(s->part.steady != NULL);
   PetscInt    cells = 0, unknowns = 0, removed;
   const char *dir;
 
   PetscFunctionBeginUser;
-  if (s->part.steady) PetscCall(solve_steady(s));
-  else if (s->step > 0 && is_at_end(s))
+  while (more) PetscCall(solve_steady(s, &more));
+  if (!s->part.steady && s->step > 0 && is_at_end(s))
     PetscCall(LogRemark("nothing is left to do: the checkpoint is at step %" PetscInt_FMT
                         ", t = %g, the end of the run. Raise -sim_time or -sim_steps",
                         s->step, (double)s->time));

@@ -18,6 +18,7 @@
 #include "report/suspension.h"
 #include "refine.h"
 #include "frame.h"
+#include "meshadapt.h"
 #include "steady.h"
 
 /* The parts of a simulation, built by the scene; contact and bodies may be inactive but exist. Without a flow: flow
@@ -25,9 +26,10 @@
 typedef struct {
   const char *scene;
   Mesh        mesh;
-  Frame       frame;  /* NULL: the box stays */
-  Deform      deform; /* NULL: the mesh stays */
-  Refine      refine; /* NULL: cells stay */
+  Frame       frame;     /* NULL: the box stays */
+  Deform      deform;    /* NULL: the mesh stays */
+  Refine      refine;    /* NULL: cells stay */
+  MeshAdapt   meshadapt; /* NULL: not refined by the flow */
   Flow        flow;
   Bodies      bodies;
   Couple      couple;

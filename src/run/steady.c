@@ -17,6 +17,7 @@ struct _p_Steady {
   PetscInt         its, linear, last_linear; /* iterations so far: nonlinear, linear; linear of the last solve */
   PetscBool        fresh;                    /* the solver is set up for the first Picard iteration */
   PetscReal        first;                    /* size of the residual at the start */
+  char             rtol[16];
 };
 
 static const char *const LINEARIZATIONS[] = {"newton", "picard", NULL};
@@ -328,6 +329,29 @@ static PetscErrorCode create_snes(Steady s, const char rtol[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* What goes by the mesh */
+static PetscErrorCode create_parts(Steady s)
+{
+  PetscFunctionBeginUser;
+  PetscCall(CoupleGetSolver(s->couple, &s->solver));
+  PetscCall(FlowSolverCreateVec(s->solver, &s->x));
+  PetscCall(VecDuplicate(s->x, &s->f));
+  PetscCall(VecDuplicate(s->x, &s->y));
+  PetscCall(create_snes(s, s->rtol));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode destroy_parts(Steady s)
+{
+  PetscFunctionBeginUser;
+  PetscCall(SNESDestroy(&s->snes));
+  PetscCall(MatDestroy(&s->jacobian));
+  PetscCall(VecDestroy(&s->x));
+  PetscCall(VecDestroy(&s->f));
+  PetscCall(VecDestroy(&s->y));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode SteadyCreate(Flow flow, Couple couple, const char rtol[], Steady *steady)
 {
   Steady             s;
@@ -343,16 +367,13 @@ PetscErrorCode SteadyCreate(Flow flow, Couple couple, const char rtol[], Steady 
   s->couple       = couple;
   s->picard_steps = 3;
   s->pseudo_steps = 200;
-  PetscCall(CoupleGetSolver(couple, &s->solver));
   PetscCall(FlowGetMesh(flow, &mesh));
   PetscCall(MeshGetLocal(mesh, &s->loc));
   PetscCall(OptChoice("-flow_linearization", LINEARIZATIONS, &s->linearization));
   if (s->linearization == 0) PetscCall(OptInt("-flow_picard_steps", &s->picard_steps));
   PetscCall(OptInt("-flow_pseudo_steps", &s->pseudo_steps));
-  PetscCall(FlowSolverCreateVec(s->solver, &s->x));
-  PetscCall(VecDuplicate(s->x, &s->f));
-  PetscCall(VecDuplicate(s->x, &s->y));
-  PetscCall(create_snes(s, rtol));
+  PetscCall(PetscStrncpy(s->rtol, rtol, sizeof(s->rtol)));
+  PetscCall(create_parts(s));
   *steady = s;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -363,12 +384,31 @@ PetscErrorCode SteadyDestroy(Steady *steady)
 
   PetscFunctionBeginUser;
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(SNESDestroy(&s->snes));
-  PetscCall(MatDestroy(&s->jacobian));
-  PetscCall(VecDestroy(&s->x));
-  PetscCall(VecDestroy(&s->f));
-  PetscCall(VecDestroy(&s->y));
+  PetscCall(destroy_parts(s));
   PetscCall(PetscFree(*steady));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SteadyRemesh(Steady s)
+{
+  PetscFunctionBeginUser;
+  PetscCall(destroy_parts(s));
+  PetscCall(create_parts(s));
+  PetscCall(SteadySetUp(s));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SteadyRefuseTime(void)
+{
+  const char *const names[] = {"-sim_dt", "-sim_time", "-sim_steps"};
+  PetscBool         found;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < 3; i++) {
+    PetscCall(OptHas(names[i], &found));
+    PetscCheck(!found, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "%s is given, but a steady scene takes no time steps: remove it, or set -sim_steady false", names[i]);
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

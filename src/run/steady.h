@@ -21,6 +21,11 @@ typedef struct _p_Steady *Steady;
 /* Reads the options; rtol: default of -flow_snes_rtol. Collective. */
 PetscErrorCode SteadyCreate(Flow, Couple, const char rtol[], Steady *);
 PetscErrorCode SteadyDestroy(Steady *);
+/* The mesh has been made anew, and flow and couple know: SteadySetUp is done again, from the fields there.
+   Collective. */
+PetscErrorCode SteadyRemesh(Steady);
+/* Error: options of time steps. Collective. */
+PetscErrorCode SteadyRefuseTime(void);
 PetscErrorCode SteadyView(Steady, PetscViewer);
 /* Draw the bodies, assemble and set up the linear solver for the first iteration, so that all its options are read.
    Collective. */

@@ -47,7 +47,7 @@ static Balls one_ball(PetscInt dim)
 
 static void create(const char options[], Balls *b, Mesh *m)
 {
-  MeshSurface s = {ball_distance, b};
+  MeshSurface s = {.distance = ball_distance, .context = b};
 
   give(options);
   OK(MeshCreateAround(PETSC_COMM_WORLD, &s, m));
@@ -249,7 +249,7 @@ static void test_carry(void **state)
     /* other base cells and levels in the same box */
     if (t == 0) give("-mesh_cells 7,5 -mesh_levels 2 -mesh_band 0.8");
     if (t == 3) give("-mesh_dimension 3 -mesh_cells 4,3,5 -mesh_levels 1 -mesh_band 0.8");
-    OK(MeshRemesh(m, &(MeshSurface){ball_distance, &b}, &old));
+    OK(MeshRemesh(m, &(MeshSurface){.distance = ball_distance, .context = &b}, &old));
     OK(MeshGetLocal(old, &lo));
     assert_int_equal(l->meshes, 1);
     assert_true(l->ncell_global != lo->ncell_global);

@@ -1,0 +1,147 @@
+/* Mark: see mesh/mark.h. */
+#include "compat.h"
+#include "marks.h"
+#include "impl.h"
+#include "base/room.h"
+
+#define PLACE 4 /* numbers of a cell on its way to other ranks: its place, its level */
+
+typedef struct {
+  PetscInt n, room, (*x)[3];
+} Cells;
+
+struct _p_MeshMarks {
+  Keys  known[LEAVES_MAX_LEVELS + 1];
+  Cells cell[LEAVES_MAX_LEVELS + 1]; /* in the order of coming */
+};
+
+PetscBool MarksHave(const struct _p_MeshMarks *m, PetscInt level, uint64_t key)
+{
+  return (PetscBool)(KeysFind(&m->known[level], key) >= 0);
+}
+
+PetscErrorCode MeshMarksCreate(MeshMarks *marks)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(marks));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshMarksDestroy(MeshMarks *marks)
+{
+  PetscFunctionBeginUser;
+  if (!*marks) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt l = 0; l <= LEAVES_MAX_LEVELS; l++) {
+    PetscCall(KeysDestroy(&(*marks)->known[l]));
+    PetscCall(PetscFree((*marks)->cell[l].x));
+  }
+  PetscCall(PetscFree(*marks));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The cell of a level that holds the finest cell x */
+static PetscErrorCode add_cell(MeshMarks m, const Leaves *t, PetscInt level, const PetscInt x[3])
+{
+  const PetscInt w    = LeavesWidth(t, level);
+  Cells         *list = &m->cell[level];
+  PetscInt       y[3] = {0, 0, 0}, at;
+
+  PetscFunctionBeginUser;
+  for (PetscInt d = 0; d < t->dim; d++) y[d] = x[d] & ~(w - 1);
+  PetscCall(KeysAdd(&m->known[level], LeavesKey(t, y), list->n, &at));
+  if (at < list->n) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(RoomFor(list->n + 1, &list->room, &list->x, sizeof(*list->x), NULL));
+  PetscCall(PetscArraycpy(list->x[list->n++], y, 3));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Cells around one of a level exist if their parents are refined */
+static PetscErrorCode add_parents_around(MeshMarks m, const Leaves *t, PetscInt level, const PetscInt x[3])
+{
+  const PetscInt w = LeavesWidth(t, level);
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < (t->dim == 2 ? 9 : 27); i++) {
+    const PetscInt step[3] = {i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1};
+    PetscInt       y[3]    = {0, 0, 0};
+    PetscBool      inside  = PETSC_TRUE;
+
+    for (PetscInt d = 0; d < t->dim; d++) {
+      y[d] = x[d] + w * step[d];
+      if (t->periodic[d]) y[d] = (y[d] + t->cells[d]) % t->cells[d];
+      else inside = (PetscBool)(inside && y[d] >= 0 && y[d] < t->cells[d]);
+    }
+    if (inside) PetscCall(add_cell(m, t, level - 1, y));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Parents of own leaves and marked ones: list [*n][PLACE] */
+static PetscErrorCode list_own(const Leaves *t, const PetscBool mark[], PetscInt *n, PetscInt **list)
+{
+  PetscInt room = 0;
+
+  PetscFunctionBeginUser;
+  *n    = 0;
+  *list = NULL;
+  for (PetscInt c = 0; c < t->nleaf; c++) {
+    const Leaf    *leaf  = t->leaf + c;
+    const PetscInt level = mark[c] && leaf->level < t->levels ? leaf->level : leaf->level - 1;
+
+    if (level < 0) continue; /* parents of parents follow from the closure */
+    PetscCall(RoomFor(*n + 1, &room, list, PLACE * sizeof(PetscInt), NULL));
+    PetscCall(PetscArraycpy(*list + PLACE * *n, leaf->x, 3));
+    (*list)[PLACE * (*n)++ + 3] = level;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Lists of all ranks: all [*n][PLACE], to be freed */
+static PetscErrorCode share(MPI_Comm comm, PetscInt nown, const PetscInt own[], PetscInt *n, PetscInt **all)
+{
+  PetscMPIInt size, mine = (PetscMPIInt)(PLACE * nown), *count, *start, total = 0;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_size(comm, &size));
+  PetscCall(PetscMalloc2(size, &count, size, &start));
+  PetscCallMPI(MPI_Allgather(&mine, 1, MPI_INT, count, 1, MPI_INT, comm));
+  for (PetscMPIInt r = 0; r < size; r++) {
+    start[r] = total;
+    total += count[r];
+  }
+  PetscCall(PetscMalloc1(total, all));
+  PetscCallMPI(MPI_Allgatherv(own, mine, MPIU_INT, *all, count, start, MPIU_INT, comm));
+  PetscCall(PetscFree2(count, start));
+  *n = total / PLACE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshMarksGrow(Mesh mesh, const PetscBool mark[], MeshMarks *marks)
+{
+  const Leaves *t = mesh->leaves;
+  PetscInt      nown, n, *own, *all;
+  MeshMarks     m;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshMarksCreate(&m));
+  PetscCall(list_own(t, mark, &nown, &own));
+  PetscCall(share(mesh->comm, nown, own, &n, &all));
+  for (PetscInt i = 0; i < n; i++) PetscCall(add_cell(m, t, all[PLACE * i + 3], all + PLACE * i));
+  for (PetscInt level = t->levels; level > 0; level--)
+    for (PetscInt i = 0; i < m->cell[level].n; i++) {
+      const PetscInt x[3] = {m->cell[level].x[i][0], m->cell[level].x[i][1], m->cell[level].x[i][2]};
+
+      PetscCall(add_parents_around(m, t, level, x));
+    }
+  PetscCall(PetscFree(own));
+  PetscCall(PetscFree(all));
+  *marks = m;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshGetLevel(Mesh mesh, PetscInt c, PetscInt *level)
+{
+  PetscFunctionBeginUser;
+  *level = mesh->leaves ? mesh->leaves->leaf[c].level : 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
