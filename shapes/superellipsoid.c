@@ -9,9 +9,10 @@
    starts from every point of a table of surface points that is closer than its neighbours. */
 #include "shape.h"
 
-#define K      33 /* angles of the table in a quarter turn */
-#define STARTS 6  /* most searches for one point */
-#define STEPS  60 /* of Newton's method */
+#define K      33   /* angles of the table in a quarter turn */
+#define STARTS 6    /* most searches for one point */
+#define STEPS  60   /* of Newton's method */
+#define LAST   1e-7 /* step in sizes after which none follows: the distance changes by its square */
 
 typedef struct {
   PetscInt  dim;
@@ -106,6 +107,16 @@ static void FindStep(const Super *p, const PetscReal x[], const PetscReal y[], P
   for (PetscInt a = 0; a < 3; a++) step[a] = b[0] * t[0][a] + b[1] * t[1][a];
 }
 
+/* The point of the surface that the step leads to, back from the tangent plane and from other octants */
+static void Follow(const Super *p, const PetscReal y[], PetscReal share, const PetscReal step[], PetscReal next[])
+{
+  PetscReal norm;
+
+  for (PetscInt a = 0; a < 3; a++) next[a] = PetscAbsReal(y[a] + share * step[a]);
+  norm = EvaluateNorm(p, next, NULL, NULL);
+  for (PetscInt a = 0; a < 3; a++) next[a] /= norm;
+}
+
 /* From the surface point y to one that is no farther from x, both in the positive octant; nu: normal there */
 static void Descend(const Super *p, const PetscReal x[], PetscReal y[], PetscReal nu[])
 {
@@ -113,20 +124,19 @@ static void Descend(const Super *p, const PetscReal x[], PetscReal y[], PetscRea
 
   for (PetscInt it = 0; it < STEPS; it++) {
     PetscReal share = 1;
+    PetscBool last;
 
     FindStep(p, x, y, nu, step);
-    if (Dot(step, step) <= PetscSqr(1e-15 * p->size)) return;
+    last = (PetscBool)(Dot(step, step) <= PetscSqr(LAST * p->size));
     for (; share > 1e-9; share *= 0.5) {
-      for (PetscInt a = 0; a < 3; a++) next[a] = PetscAbsReal(y[a] + share * step[a]);
-      const PetscReal norm = EvaluateNorm(p, next, NULL, NULL);
-
-      for (PetscInt a = 0; a < 3; a++) next[a] /= norm;
+      Follow(p, y, share, step, next);
       then = Separation2(x, next);
-      if (then < now) break;
+      if (last || then < now) break;
     }
-    if (!(then < now)) return;
+    if (!last && !(then < now)) return;
     for (PetscInt a = 0; a < 3; a++) y[a] = next[a];
     now = then;
+    if (last) break;
   }
   FindStep(p, x, y, nu, step);
 }

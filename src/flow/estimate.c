@@ -178,10 +178,6 @@ PetscErrorCode FlowEstimate(Flow f, const PetscBool fluid[], PetscReal eta[], Pe
   CellFields       cell;
 
   PetscFunctionBeginUser;
-  PetscCheck(!f->par.varying, PETSC_COMM_WORLD, PETSC_ERR_SUP,
-             "-mesh_adapt estimates the error of flows with one viscosity: remove -flow_rheology, or refine by -mesh_refine");
-  PetscCheck(f->par.viscosity > 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-             "-mesh_adapt needs viscosity: give -flow_viscosity, or remove -mesh_adapt");
   PetscCall(PetscMalloc1(l->ncell * (l->dim + 1), &p));
   PetscCall(PetscCalloc1(l->nnode_all * (e.ns + 1), &mean));
   PetscCall(FlowGetPressureGradient(f, f->p, p));

@@ -40,10 +40,11 @@ PetscErrorCode MeshAdaptIsWanted(PetscBool *wanted)
 
 PetscErrorCode MeshAdaptCreate(Refine refine, PetscBool steady, Flow flow, Couple couple, Bodies bodies, Monitor monitor, MeshAdapt *adapt)
 {
-  const char *const column[3] = {"cells", "unknowns", "error_indicator"};
-  MeshAdapt         a;
-  PetscBool         wanted, around, still;
-  PetscInt          levels;
+  const char *const     column[3] = {"cells", "unknowns", "error_indicator"};
+  MeshAdapt             a;
+  const FlowParameters *par;
+  PetscBool             wanted, around, still;
+  PetscInt              levels;
 
   PetscFunctionBeginUser;
   *adapt = NULL;
@@ -56,6 +57,10 @@ PetscErrorCode MeshAdaptCreate(Refine refine, PetscBool steady, Flow flow, Coupl
   PetscCall(BodiesAreStill(bodies, &still));
   PetscCheck(still, PETSC_COMM_WORLD, PETSC_ERR_SUP,
              "-mesh_adapt refines around bodies that stand still, and some are free to move: hold them (-particle_<group>_free none), or remove it");
+  PetscCall(FlowGetParameters(flow, &par));
+  PetscCheck(!par->varying, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+             "-mesh_adapt estimates the error of flows with one viscosity: remove -flow_rheology, or refine by -mesh_refine");
+  PetscCheck(par->viscosity > 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "-mesh_adapt needs viscosity: give -flow_viscosity, or remove -mesh_adapt");
   PetscCall(PetscNew(&a));
   a->refine  = refine;
   a->flow    = flow;

@@ -104,7 +104,7 @@ static void refuses_bad_reals(void **state)
     {"nan", "= nan is not a finite number"},
     {"inf", "= inf is not a finite number"},
     {"1e999", "= 1e999 is not a finite number"},
-    {"thick", "= thick is not a number; wanted: dynamic viscosity of the fluid [mass/(length time)] (> 0)"},
+    {"thick", "= thick is not a number; wanted: dynamic viscosity of the fluid; with -flow_rheology that of the law [mass/(length time)] (> 0)"},
     {"0.1x", "= 0.1x is not a number"},
     {"1,2", "= 1,2 is not a number"},
     {"default", "= default is not a number"},
