@@ -108,7 +108,7 @@ static void refuses_bad_reals(void **state)
     {"0.1x", "= 0.1x is not a number"},
     {"1,2", "= 1,2 is not a number"},
     {"default", "= default is not a number"},
-    {NULL, "has no value; wanted: dynamic viscosity of the fluid [mass/(length time)] (> 0)"},
+    {NULL, "has no value; wanted: dynamic viscosity of the fluid; with -flow_rheology that of the law [mass/(length time)] (> 0)"},
   };
 
   (void)state;
