@@ -58,3 +58,12 @@ MISTAKES = [
 def test_mistakes(run, args, phrase):
     result = run([RUNS / "rheology-channel.yaml", "-output_dir", "out", *args])
     assert result.status != 0 and phrase in str(result), str(result)
+
+
+def test_penalty_is_told(run):
+    """Where the law and the blurred surface do not go together, a remark says what it costs and what does not."""
+    words = ["-particle_disc_shape", "circle", "-flow_rheology", "carreau", "-flow_rheology_index", "0.5", "-mesh_cells", "8,24", "-sim_steps", "1"]
+    told = run([RUNS / "sedimentation.yaml", "-output_dir", "out", *words])
+    assert told.status == 0 and told.text.count("blurs -flow_rheology") == 1, str(told)
+    snap = run([RUNS / "sedimentation.yaml", "-output_dir", "snap", "-couple_boundary", "snap", *words])
+    assert snap.status == 0 and "blurs" not in snap.text, str(snap)
