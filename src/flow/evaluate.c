@@ -107,7 +107,8 @@ PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], FlowDiagnostics *out)
 
   PetscFunctionBeginUser;
   for (PetscInt c = 0; c < l->ncell; c++) {
-    PetscReal al[MESH_MAX_NB * 3], vl[MESH_MAX_NB * 3], wl[MESH_MAX_NB * 3], r[MESH_MAX_NB * 3], div = 0, ul[MESH_MAX_NB * 3], us[MESH_MAX_NB * 3];
+    PetscReal        al[MESH_MAX_NB * 3], vl[MESH_MAX_NB * 3], wl[MESH_MAX_NB * 3], ul[MESH_MAX_NB * 3], us[MESH_MAX_NB * 3];
+    PetscReal        rate[3], div = 0, fastest = 0, through = 0;
     const PetscReal *b = f->b + c * (dim + 1) * n;
     ElementMetric    m;
 
@@ -115,32 +116,26 @@ PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], FlowDiagnostics *out)
     FlowCellGather(l, c, u, ul);
     gather_step(f, c, u, al, vl, wl);
     PetscCall(FlowCellMetric(f, c, &m));
-    FlowCellMomentum(f, c, &m, al, vl, wl, r);
-    for (PetscInt i = 0; i < n; i++) {
-      sum[2 + i % dim] += r[i]; /* viscous parts add up to zero over a cell */
-      div += b[i] * us[i];
-    }
-    sum[1] += div * div / PetscPowReal(f->size[c], dim);
-    for (PetscInt q = 0; q < f->element.nq; q++) {
-      PetscReal v[3] = {0, 0, 0};
-
-      for (PetscInt j = 0; j < nb; j++)
-        for (PetscInt a = 0; a < dim; a++) v[a] += f->element.phi[q * f->element.nbp + j] * ul[j * dim + a];
-      sum[0] += 0.5 * f->par.density * m.weight[q] * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
-    }
+    ElementRate(&f->element, &m, f->par.density, f->par.force, al, vl, f->par.convection ? wl : NULL, f->par.skew, rate);
+    for (PetscInt d = 0; d < dim; d++) sum[2 + d] += rate[d];
+    for (PetscInt i = 0; i < n; i++) div += b[i] * us[i];
+    sum[1] += div * div / PetscPowRealInt(f->size[c], (int)dim);
+    sum[0] += 0.5 * f->par.density * ElementSquare(&f->element, &m, ul);
     for (PetscInt j = 0; j < nb; j++) {
-      PetscReal speed = 0, through = 0;
+      PetscReal speed = 0, seen = 0; /* squares; as the cells see it */
 
       for (PetscInt a = 0; a < dim; a++) {
         speed += ul[j * dim + a] * ul[j * dim + a];
-        through += PetscSqr(ul[j * dim + a] - f->step.frame[a]);
+        seen += PetscSqr(ul[j * dim + a] - f->step.frame[a]);
       }
-      top[1] = PetscMax(top[1], PetscSqrtReal(speed));
-      speed  = PetscSqrtReal(through); /* as the cells see it */
-      if (f->det[c] == 0) continue;    /* no cell of the fluid */
-      top[0] = PetscMax(top[0], speed * f->step.dt / f->size[c]);
-      top[2] = PetscMax(top[2], speed * f->size[c] * (f->rheology ? f->par.viscosity / f->mu_cell[c] : 1));
+      fastest = PetscMax(fastest, speed);
+      through = PetscMax(through, seen);
     }
+    top[1] = PetscMax(top[1], PetscSqrtReal(fastest));
+    if (f->det[c] == 0) continue; /* no cell of the fluid */
+    through = PetscSqrtReal(through);
+    top[0]  = PetscMax(top[0], through * f->step.dt / f->size[c]);
+    top[2]  = PetscMax(top[2], through * f->size[c] * (f->rheology ? f->par.viscosity / f->mu_cell[c] : 1));
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 5, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, top, 3, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
