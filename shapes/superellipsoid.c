@@ -6,7 +6,7 @@
    to the surface. Closest point: in the octant of the point, Newton's method for the squared distance over the tangent
    plane, with the curvature of the surface in the Hessian, each step taken back to the surface and halved until the
    distance falls. From outside there is one minimum; from inside there are several, one for each face, and the search
-   starts from every point of a table of surface points that is closer than its neighbours. */
+   starts from every point of a table of surface points that is closer than its neighbours and not too far to matter. */
 #include "shape.h"
 
 #define K      33   /* angles of the table in a quarter turn */
@@ -15,12 +15,13 @@
 #define LAST   1e-7 /* step in sizes after which none follows: the distance changes by its square */
 
 typedef struct {
-  PetscInt  dim;
-  PetscReal e[3];        /* semi-axes, m */
-  PetscReal n, m;        /* exponents in the plane x-y, and of z against that plane */
-  PetscReal size;        /* bounding radius, m */
-  PetscInt  rows;        /* of the table: 1 in 2D */
-  PetscReal (*table)[3]; /* [rows * K] */
+  PetscInt   dim;
+  PetscReal  e[3];     /* semi-axes, m */
+  PetscReal  n, m;     /* exponents in the plane x-y, and of z against that plane */
+  PetscReal  size;     /* bounding radius, m */
+  PetscInt   rows;     /* of the table: 1 in 2D */
+  PetscReal *table[3]; /* [rows * K] coordinates */
+  PetscReal  reach;    /* no point of an octant is farther from the table, m */
 } Super;
 
 /* Norm of x, and if wanted gradient and Hessian of its m-th power (2D: n-th) at x >= 0, in true lengths */
@@ -159,16 +160,17 @@ static PetscReal FindClosest(const Super *p, const PetscReal at[], PetscReal nu[
   PetscReal       d[K * K];
   PetscInt        starts = 0;
 
-  for (PetscInt i = 0; i < p->rows * K && norm < 1; i++) d[i] = Separation2(x, p->table[i]);
   if (norm > 1e-3) { /* straight out or in from the point */
     for (PetscInt a = 0; a < 3; a++) to[a] = x[a] / norm;
     Descend(p, x, to, nu);
     best = Separation2(x, to);
   }
+  for (PetscInt i = 0; i < p->rows * K && norm < 1; i++)
+    d[i] = PetscSqr(x[0] - p->table[0][i]) + PetscSqr(x[1] - p->table[1][i]) + PetscSqr(x[2] - p->table[2][i]);
   for (PetscInt i = 0; i < p->rows && norm < 1; i++)
     for (PetscInt j = 0; j < K && starts < STARTS; j++) {
-      if (!IsValley(p, d, i, j)) continue;
-      for (PetscInt a = 0; a < 3; a++) y[a] = p->table[i * K + j][a];
+      if (d[i * K + j] > PetscSqr(PetscSqrtReal(best) + p->reach) || !IsValley(p, d, i, j)) continue;
+      for (PetscInt a = 0; a < 3; a++) y[a] = p->table[a][i * K + j];
       Descend(p, x, y, n);
       starts++;
       if (Separation2(x, y) >= best) continue;
@@ -246,18 +248,27 @@ static PetscErrorCode ShapeSetUp_Super(Shape s)
   p->rows = p->dim == 3 ? K : 1;
   MakeAngles(p->m, ups);
   MakeAngles(p->n, rounds);
-  PetscCall(PetscMalloc1(p->rows * K, &p->table));
+  for (PetscInt a = 0; a < 3; a++) PetscCall(PetscMalloc1(p->rows * K, &p->table[a]));
   for (PetscInt i = 0; i < p->rows; i++)
     for (PetscInt j = 0; j < K; j++) {
       const PetscReal up = ups[i], round = rounds[j];
-      PetscReal      *y = p->table[i * K + j], norm;
+      PetscReal       y[3], norm;
 
       y[0] = p->e[0] * PetscCosReal(up) * PetscCosReal(round);
       y[1] = p->e[1] * PetscCosReal(up) * PetscSinReal(round);
       y[2] = p->dim == 3 ? p->e[2] * PetscSinReal(up) : 0;
       for (PetscInt a = 0; a < 3; a++) y[a] = PetscMax(y[a], 0.0);
       norm = EvaluateNorm(p, y, NULL, NULL);
-      for (PetscInt a = 0; a < 3; a++) y[a] /= norm;
+      for (PetscInt a = 0; a < 3; a++) p->table[a][i * K + j] = y[a] / norm;
+    }
+  p->reach = 0; /* the longest diagonal of a mesh of the table, twice what is needed */
+  for (PetscInt i = 0; i < p->rows; i++)
+    for (PetscInt j = 0; j < K - 1; j++) {
+      const PetscInt at = i * K + j, next = PetscMin(i + 1, p->rows - 1) * K + j + 1;
+      PetscReal      far = 0;
+
+      for (PetscInt a = 0; a < 3; a++) far += PetscSqr(p->table[a][at] - p->table[a][next]);
+      p->reach = PetscMax(p->reach, PetscSqrtReal(far));
     }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -352,7 +363,7 @@ static PetscErrorCode ShapeDestroy_Super(Shape s)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &p));
-  if (p) PetscCall(PetscFree(p->table));
+  for (PetscInt a = 0; p && a < 3; a++) PetscCall(PetscFree(p->table[a]));
   PetscCall(PetscFree(p));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
