@@ -107,6 +107,22 @@ static PetscErrorCode add_volume_force(Couple c, PetscInt only, PetscReal (*forc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Force and torque about the centre, of generalised forces on the rigid slots: added */
+static PetscErrorCode add_slots(Couple c, PetscInt k, const PetscReal f[], PetscReal force[3], PetscReal torque[3])
+{
+  PetscReal part[2][1][3] = {{{0}}}, arm[3], moment[3];
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < c->nr; i++) *CoupleRigidComponent(c, part[0], part[1], 0, i) = f[i];
+  PetscCall(BodiesGetArm(c->bodies, k, c->q[k], arm));
+  cross(arm, part[0][0], moment);
+  for (PetscInt a = 0; a < 3; a++) {
+    force[a] += part[0][0][a];
+    torque[a] += part[1][0][a] - moment[a];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* What the penalty holds in cells that the surface cuts: alpha_k is one at the nodes held whole alone, well inside of
    the body, and the stress there is the smaller part. Added to force and torque [n][3] before they are summed. */
 static PetscErrorCode add_penalty_force(Couple c, PetscInt only, PetscReal (*force)[3], PetscReal (*torque)[3])
@@ -117,18 +133,8 @@ static PetscErrorCode add_penalty_force(Couple c, PetscInt only, PetscReal (*for
   if (!c->terms) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscCalloc1(c->s->n * c->nr, &held));
   PetscCall(PenaltyTermAddForce(c->terms, c->constraint, c->u, c->U, held));
-  for (PetscInt k = 0; k < c->s->n; k++) {
-    PetscReal f[2][3] = {{0}}, arm[3], moment[3];
-
-    if (only >= 0 && k != only) continue;
-    for (PetscInt i = 0; i < c->nr; i++) *CoupleRigidComponent(c, f, f + 1, 0, i) = held[k * c->nr + i];
-    PetscCall(BodiesGetArm(c->bodies, k, c->q[k], arm));
-    cross(arm, f[0], moment);
-    for (PetscInt a = 0; a < 3; a++) {
-      force[k][a] += f[0][a];
-      torque[k][a] += f[1][a] - moment[a];
-    }
-  }
+  for (PetscInt k = 0; k < c->s->n; k++)
+    if (only < 0 || k == only) PetscCall(add_slots(c, k, held + k * c->nr, force[k], torque[k]));
   PetscCall(PetscFree(held));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -208,15 +214,12 @@ static PetscErrorCode residual_force(Couple c, PetscInt k, PetscReal out[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Force and torque about the centre, of generalised forces on the rigid slots */
 static PetscErrorCode store_force(Couple c, PetscInt k, const PetscReal f[], PetscReal (*force)[3], PetscReal (*torque)[3])
 {
-  PetscReal arm[3];
-
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < c->nr; i++) *CoupleRigidComponent(c, force, torque, k, i) = f[i];
-  PetscCall(BodiesGetArm(c->bodies, k, c->q[k], arm));
-  for (PetscInt a = 0; a < 3; a++) torque[k][a] -= arm[(a + 1) % 3] * force[k][(a + 2) % 3] - arm[(a + 2) % 3] * force[k][(a + 1) % 3];
+  PetscCall(PetscArrayzero(force[k], 3));
+  PetscCall(PetscArrayzero(torque[k], 3));
+  PetscCall(add_slots(c, k, f, force[k], torque[k]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -28,20 +28,19 @@ static void place_xi(PetscInt dim, PetscInt j, PetscReal xi[3])
   for (PetscInt a = 0; a < dim; a++) xi[a] = (PetscReal)(at[a] - 1);
 }
 
-/* Derivatives in space g [nb][dim] of the basis at xi; returns det J */
-static PetscReal gradients(PetscInt dim, PetscInt nb, const PetscReal xc[], const PetscReal xi[], PetscReal phi[], PetscReal g[])
+/* Derivatives in space g [nb][dim] of the basis at xi */
+static void gradients(PetscInt dim, PetscInt nb, const PetscReal xc[], const PetscReal xi[], PetscReal g[])
 {
-  PetscReal J[9], inverse[9], x[3], dphi[3 * MESH_MAX_NB], det;
+  PetscReal J[9], inverse[9], x[3], phi[MESH_MAX_NB], dphi[3 * MESH_MAX_NB];
 
   ElementBasis(dim, xi, phi, dphi);
   ElementMap(dim, xc, xi, x, J);
-  det = DenseInvertMap(dim, J, inverse);
+  (void)DenseInvertMap(dim, J, inverse);
   for (PetscInt j = 0; j < nb; j++)
     for (PetscInt a = 0; a < dim; a++) {
       g[j * dim + a] = 0;
       for (PetscInt e = 0; e < dim; e++) g[j * dim + a] += dphi[e * nb + j] * inverse[e * dim + a];
     }
-  return det;
 }
 
 static PetscErrorCode gather(const Estimate *e, PetscInt c, CellFields *cell)
@@ -57,10 +56,10 @@ static PetscErrorCode gather(const Estimate *e, PetscInt c, CellFields *cell)
   centre  = cell->x + (nb / 2) * dim;
   cell->h = e->f->size[c];
   for (PetscInt j = 0; j < nb; j++) {
-    PetscReal xi[3], phi[MESH_MAX_NB], g[3 * MESH_MAX_NB], *s = cell->stress + j * e->ns, pressure = p[0];
+    PetscReal xi[3], g[3 * MESH_MAX_NB], *s = cell->stress + j * e->ns, pressure = p[0];
 
     place_xi(dim, j, xi);
-    (void)gradients(dim, nb, cell->x, xi, phi, g);
+    gradients(dim, nb, cell->x, xi, g);
     for (PetscInt a = 0; a < dim; a++) pressure += p[1 + a] * (cell->x[j * dim + a] - centre[a]);
     for (PetscInt a = 0; a < dim; a++)
       for (PetscInt b = 0; b < dim; b++) {
@@ -112,20 +111,18 @@ static PetscErrorCode average(const Estimate *e, const PetscBool fluid[], PetscR
 /* int |residual|^2 over a cell; adds the dissipation, mu int |grad u|^2 */
 static void inner_part(const Estimate *e, const CellFields *cell, PetscReal *part, PetscReal *dissipation)
 {
+  const ElementTables  *t   = &e->f->element;
   const FlowParameters *par = &e->f->par;
   const PetscInt        nb = e->l->nb, dim = e->l->dim;
-  const PetscReal       point[3] = {-PetscSqrtReal(0.6), 0, PetscSqrtReal(0.6)}, weight[3] = {5. / 9, 8. / 9, 5. / 9};
+  ElementMetric         m;
 
+  ElementSetMetric(t, cell->x, &m);
   *part = 0;
-  for (PetscInt q = 0; q < nb; q++) { /* as many points as places */
-    const PetscInt at[3] = {q % 3, q / 3 % 3, q / 9};
-    PetscReal      phi[MESH_MAX_NB], g[3 * MESH_MAX_NB], xi[3], u[3] = {0, 0, 0}, r[3], w = 1;
+  for (PetscInt q = 0; q < t->nq; q++) {
+    const PetscReal *phi = t->phi + q * t->nbp, w = m.weight[q];
+    PetscReal        g[3][ELEMENT_MAX_NBP], u[3]  = {0, 0, 0}, r[3];
 
-    for (PetscInt a = 0; a < dim; a++) {
-      xi[a] = point[at[a]];
-      w *= weight[at[a]];
-    }
-    w *= gradients(dim, nb, cell->x, xi, phi, g);
+    ElementGradients(t, &m, q, g);
     for (PetscInt j = 0; j < nb; j++)
       for (PetscInt a = 0; a < dim; a++) u[a] += phi[j] * cell->u[j * dim + a];
     for (PetscInt a = 0; a < dim; a++) {
@@ -135,8 +132,8 @@ static void inner_part(const Estimate *e, const CellFields *cell, PetscReal *par
         PetscReal slope = 0;
 
         for (PetscInt j = 0; j < nb; j++) {
-          slope += g[j * dim + b] * cell->u[j * dim + a];
-          r[a] -= g[j * dim + b] * cell->stress[j * e->ns + a * dim + b];
+          slope += g[b][j] * cell->u[j * dim + a];
+          r[a] -= g[b][j] * cell->stress[j * e->ns + a * dim + b];
         }
         if (par->convection) r[a] += par->density * u[b] * slope;
         *dissipation += w * par->viscosity * slope * slope;

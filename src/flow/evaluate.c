@@ -70,15 +70,15 @@ PetscErrorCode FlowCellStressForce(Flow f, PetscInt c, const PetscReal u[], cons
   for (PetscInt q = 0; q < f->element.nq; q++) {
     const PetscReal *phi = f->element.phi + q * f->element.nbp, *centre = xc + (nb / 2) * dim;
     const PetscReal  mu = f->rheology ? f->mu[c * f->element.nq + q] : f->par.viscosity;
-    PetscReal        g[3][ELEMENT_MAX_NBP], grad[3][3] = {{0}}, ga[3] = {0, 0, 0}, x[3] = {0, 0, 0}, t[3] = {0, 0, 0}, r[3] = {0, 0, 0},
-                                     pressure = p[c * nk];
+    FlowGradients    g;
+    PetscReal        grad[3][3], ga[3] = {0, 0, 0}, x[3] = {0, 0, 0}, t[3] = {0, 0, 0}, r[3] = {0, 0, 0}, pressure = p[c * nk];
 
     ElementGradients(&f->element, &m, q, g);
+    FlowVelocityGradient(f, g, ul, grad);
     for (PetscInt j = 0; j < nb; j++) {
       for (PetscInt d = 0; d < dim; d++) {
         x[d] += phi[j] * xc[j * dim + d];
         ga[d] += al[j] * g[d][j];
-        for (PetscInt e = 0; e < dim; e++) grad[d][e] += g[e][j] * ul[j * dim + d];
       }
     }
     for (PetscInt d = 0; d < dim; d++) {

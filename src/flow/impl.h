@@ -136,6 +136,21 @@ static inline void FlowCellMomentum(Flow f, PetscInt c, const ElementMetric *m, 
   if (f->rheology && vl) FlowAddStress(f, c, m, vl, r);
 }
 
+/* Gradients of the basis at a quadrature point, [axis][j] */
+typedef PetscReal FlowGradients[3][ELEMENT_MAX_NBP];
+
+/* grad [a][b] = du_a/dx_b of nodal values ul [nb][dim] */
+static inline void FlowVelocityGradient(const struct _p_Flow *f, FlowGradients g, const PetscReal ul[], PetscReal grad[3][3])
+{
+  const PetscInt dim = f->loc->dim;
+
+  for (PetscInt a = 0; a < dim; a++)
+    for (PetscInt b = 0; b < dim; b++) grad[a][b] = 0;
+  for (PetscInt j = 0; j < f->loc->nb; j++)
+    for (PetscInt a = 0; a < dim; a++)
+      for (PetscInt b = 0; b < dim; b++) grad[a][b] += g[b][j] * ul[j * dim + a];
+}
+
 /* Values vl [nb][dim] of a nodal array v [nnode_all][dim] in the slots of cell c, and at its lattice places. */
 static inline void FlowCellSlots(const MeshLocal *l, PetscInt c, const PetscReal v[], PetscReal vl[])
 {

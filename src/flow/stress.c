@@ -8,20 +8,6 @@
 #include "compat.h"
 #include "impl.h"
 
-typedef PetscReal Gradients[3][ELEMENT_MAX_NBP];
-
-/* grad [a][b] = du_a/dx_b of nodal values ul [nb][dim], from gradients g of the basis */
-static void get_gradient(const struct _p_Flow *f, Gradients g, const PetscReal ul[], PetscReal grad[3][3])
-{
-  const PetscInt dim = f->loc->dim;
-
-  for (PetscInt a = 0; a < dim; a++)
-    for (PetscInt b = 0; b < dim; b++) grad[a][b] = 0;
-  for (PetscInt j = 0; j < f->loc->nb; j++)
-    for (PetscInt a = 0; a < dim; a++)
-      for (PetscInt b = 0; b < dim; b++) grad[a][b] += g[b][j] * ul[j * dim + a];
-}
-
 /* D = (grad + grad^T)/2; returns sqrt(2 D:D) */
 static PetscReal get_strain(PetscInt dim, PetscReal grad[3][3], PetscReal D[3][3])
 {
@@ -53,11 +39,11 @@ static PetscErrorCode compute_rates(Flow f, PetscReal *most)
     FlowCellGather(l, c, f->strain, ul);
     PetscCall(FlowCellMetric(f, c, &m));
     for (PetscInt q = 0; q < nq; q++) {
-      Gradients g;
-      PetscReal grad[3][3], D[3][3];
+      FlowGradients g;
+      PetscReal     grad[3][3], D[3][3];
 
       ElementGradients(&f->element, &m, q, g);
-      get_gradient(f, g, ul, grad);
+      FlowVelocityGradient(f, g, ul, grad);
       f->mu[c * nq + q] = get_strain(l->dim, grad, D);
       *most             = PetscMax(*most, f->mu[c * nq + q]);
     }
@@ -133,11 +119,11 @@ void FlowAddStress(Flow f, PetscInt c, const ElementMetric *m, const PetscReal u
 
   for (PetscInt q = 0; q < nq; q++) {
     const PetscReal scale = f->mu[c * nq + q] * m->weight[q];
-    Gradients       g;
+    FlowGradients   g;
     PetscReal       grad[3][3];
 
     ElementGradients(&f->element, m, q, g);
-    get_gradient(f, g, ul, grad);
+    FlowVelocityGradient(f, g, ul, grad);
     for (PetscInt j = 0; j < f->loc->nb; j++)
       for (PetscInt a = 0; a < dim; a++)
         for (PetscInt b = 0; b < dim; b++) r[j * dim + a] += scale * (grad[a][b] + grad[b][a]) * g[b][j];
@@ -150,7 +136,7 @@ void FlowAddDiffusion(Flow f, PetscInt c, const ElementMetric *m, PetscReal ce[]
 
   for (PetscInt q = 0; q < nq; q++) {
     const PetscReal scale = f->step.theta * f->mu[c * nq + q] * m->weight[q];
-    Gradients       g;
+    FlowGradients   g;
 
     ElementGradients(&f->element, m, q, g);
     for (PetscInt i = 0; i < nb; i++)
@@ -160,12 +146,12 @@ void FlowAddDiffusion(Flow f, PetscInt c, const ElementMetric *m, PetscReal ce[]
 }
 
 /* n [nb*dim][nb*dim] += weight 4 s (D grad phi_i) (D grad phi_j)^T */
-static void add_tangent(const struct _p_Flow *f, Gradients g, const PetscReal ul[], PetscReal weight, PetscReal n[])
+static void add_tangent(const struct _p_Flow *f, FlowGradients g, const PetscReal ul[], PetscReal weight, PetscReal n[])
 {
   const PetscInt dim = f->loc->dim, rows = f->loc->nb * dim;
   PetscReal      grad[3][3], D[3][3], v[MESH_MAX_NB * 3], mu, slope, rate;
 
-  get_gradient(f, g, ul, grad);
+  FlowVelocityGradient(f, g, ul, grad);
   rate = get_strain(dim, grad, D);
   RheologyEvaluate(f->rheology, rate, &mu, &slope);
   for (PetscInt i = 0; i < rows; i++) {
@@ -182,7 +168,7 @@ void FlowAddCoupling(Flow f, PetscInt c, const ElementMetric *m, const PetscReal
 
   for (PetscInt q = 0; q < nq; q++) {
     const PetscReal weight = f->step.theta * m->weight[q];
-    Gradients       g;
+    FlowGradients   g;
 
     if (weight == 0) continue;
     ElementGradients(&f->element, m, q, g);

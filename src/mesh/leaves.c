@@ -87,8 +87,7 @@ static PetscBool box_refines(const Leaves *t, PetscInt level, const PetscReal x[
   return PETSC_FALSE;
 }
 
-/* Lattice place beside a cell: false if it is outside of the domain */
-static PetscBool wrap(const Leaves *t, PetscInt x[])
+PetscBool LeavesWrap(const Leaves *t, PetscInt x[])
 {
   for (PetscInt d = 0; d < t->dim; d++) {
     if (t->periodic[d]) x[d] = (x[d] + t->cells[d]) % t->cells[d];
@@ -109,7 +108,7 @@ static PetscErrorCode neighbours_refine(Leaves *t, PetscInt level, const PetscIn
     PetscInt y[3] = {0, 0, 0};
 
     for (PetscInt d = 0; d < t->dim; d++) y[d] = x[d] + w * (((i >> (2 * d)) & 3) - 1);
-    if (wrap(t, y)) PetscCall(surface_refines(t, level + 1, y, refine));
+    if (LeavesWrap(t, y)) PetscCall(surface_refines(t, level + 1, y, refine));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -252,7 +251,7 @@ PetscErrorCode LeavesLevelBeside(Leaves *t, const Leaf *leaf, const PetscInt ste
   PetscFunctionBeginUser;
   *level = -1;
   for (PetscInt d = 0; d < t->dim; d++) x[d] = leaf->x[d] + step[d] * w;
-  if (!wrap(t, x)) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!LeavesWrap(t, x)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(LeavesFind(t, x, &other));
   *level = PetscMin(other.level, leaf->level);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -289,7 +288,7 @@ PetscErrorCode LeavesNeighbours(Leaves *t, const Leaf *leaf, PetscInt *n, Leaf o
       inner += where == 1 || where == 2;
       twice = (PetscBool)(twice || (where == 2 && !half));
     }
-    if (twice || inner == t->dim || !wrap(t, x)) continue;
+    if (twice || inner == t->dim || !LeavesWrap(t, x)) continue;
     PetscCall(LeavesFind(t, x, &other));
     while (k < *n && out[k].key != other.key) k++;
     if (k < *n) continue;

@@ -64,14 +64,9 @@ static PetscErrorCode add_parents_around(MeshMarks m, const Leaves *t, PetscInt 
   for (PetscInt i = 0; i < (t->dim == 2 ? 9 : 27); i++) {
     const PetscInt step[3] = {i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1};
     PetscInt       y[3]    = {0, 0, 0};
-    PetscBool      inside  = PETSC_TRUE;
 
-    for (PetscInt d = 0; d < t->dim; d++) {
-      y[d] = x[d] + w * step[d];
-      if (t->periodic[d]) y[d] = (y[d] + t->cells[d]) % t->cells[d];
-      else inside = (PetscBool)(inside && y[d] >= 0 && y[d] < t->cells[d]);
-    }
-    if (inside) PetscCall(add_cell(m, t, level - 1, y));
+    for (PetscInt d = 0; d < t->dim; d++) y[d] = x[d] + w * step[d];
+    if (LeavesWrap(t, y)) PetscCall(add_cell(m, t, level - 1, y));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -231,17 +231,15 @@ static PetscInt count_unknowns(const MeshLocal *l)
 }
 
 /* *now: the mesh with the cells that make this share of the error halved, NULL if none can be */
-static PetscErrorCode try_share(MeshAdapt a, PetscReal share, MeshSurface *surface, MeshMarks *marks, Mesh *now)
+static PetscErrorCode try_share(MeshAdapt a, const Way way[], PetscReal share, MeshSurface *surface, MeshMarks *marks, Mesh *now)
 {
-  PetscReal  bound;
-  PetscBool *mark, any;
-  Way       *way;
+  PetscReal  bound = 0;
+  PetscBool *mark, any = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   *now   = NULL;
   *marks = NULL;
-  PetscCall(PetscMalloc2(a->loc->ncell, &mark, a->loc->ncell, &way));
-  PetscCall(sort_cells(a, way));
+  PetscCall(PetscMalloc1(a->loc->ncell, &mark));
   PetscCall(find_bound(a, way, share, &bound));
   *surface = a->surface;
   PetscCall(mark_cells(a, way, bound, mark, &surface->coarser, &any));
@@ -250,7 +248,7 @@ static PetscErrorCode try_share(MeshAdapt a, PetscReal share, MeshSurface *surfa
     surface->marks = *marks;
     PetscCall(MeshCreateAround(PETSC_COMM_WORLD, surface, now));
   }
-  PetscCall(PetscFree2(mark, way));
+  PetscCall(PetscFree(mark));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -262,12 +260,15 @@ static PetscErrorCode make_mesh(MeshAdapt a, Mesh *now)
   PetscBool   full  = PETSC_FALSE;
   MeshSurface surface;
   MeshMarks   marks;
+  Way        *way;
 
   PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(a->loc->ncell, &way));
+  PetscCall(sort_cells(a, way));
   for (PetscInt i = 0; i < NTRY; i++, share *= 0.5) {
     const MeshLocal *l;
 
-    PetscCall(try_share(a, share, &surface, &marks, now));
+    PetscCall(try_share(a, way, share, &surface, &marks, now));
     if (!*now) break;
     PetscCall(MeshGetLocal(*now, &l));
     full = (PetscBool)(full || (a->most > 0 && count_unknowns(l) > a->most));
@@ -275,6 +276,7 @@ static PetscErrorCode make_mesh(MeshAdapt a, Mesh *now)
     PetscCall(MeshDestroy(now));
     PetscCall(MeshMarksDestroy(&marks));
   }
+  PetscCall(PetscFree(way));
   if (!*now && !full)
     PetscCall(
       LogRemark("-mesh_adapt ends before its target: all cells with errors have been halved %" PetscInt_FMT " times. Raise -mesh_levels", a->levels));

@@ -56,7 +56,7 @@ static PetscErrorCode evaluate_residual(SNES snes, Vec x, Vec f, void *ctx)
 static PetscErrorCode set_up_solver(Steady s, Vec x, PetscBool newton)
 {
   PetscReal *u;
-  Mat        A = NULL;
+  Mat        A;
 
   PetscFunctionBeginUser;
   if (s->fresh) {
@@ -67,8 +67,8 @@ static PetscErrorCode set_up_solver(Steady s, Vec x, PetscBool newton)
   if (newton) {
     PetscCall(CoupleGetSystem(s->couple, &u, NULL, NULL, NULL, NULL));
     PetscCall(FlowAssembleComponents(s->flow, u, &A));
+    PetscCall(FlowSolverSetVelocity(s->solver, A));
   }
-  PetscCall(FlowSolverSetVelocity(s->solver, A));
   PetscCall(FlowSolverSetUp(s->solver));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -434,7 +434,6 @@ PetscErrorCode SteadySetUp(Steady s)
   PetscCall(FlowBeginSteady(s->flow, 0));
   PetscCall(CoupleDraw(s->couple));
   PetscCall(CoupleAssemble(s->couple));
-  PetscCall(FlowSolverSetVelocity(s->solver, NULL));
   PetscCall(FlowSolverSetUp(s->solver));
   PetscCall(FlowGetParameters(s->flow, &par));
   s->fresh = (PetscBool)!par->varying; /* a viscosity of moving walls and bodies is another one */

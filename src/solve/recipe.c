@@ -55,8 +55,8 @@ static const struct {
 #define FAST_ITERATIONS "2"
 #define FAST_RESIDUAL   "0.1"
 /* Recipe balanced: residual as share of the start value's, and of the right-hand side with bodies that move */
-#define BALANCED_RESIDUAL "1e-2"
-#define BALANCED_MOST     "2e-5"
+#define BALANCED_RESIDUAL 1e-2
+#define BALANCED_MOST     2e-5
 
 typedef enum {
   SWEEP_AUTO,
@@ -125,10 +125,10 @@ static PetscErrorCode set_outer(FlowSolver fs, PetscInt recipe, PetscBool moving
     if (!given) PetscCall(OptDefault("-flow_rtol_start", FAST_RESIDUAL));
     PetscCall(OptDefault("-flow_rtol_most", "1"));
     PetscCall(OptDefault("-flow_iterations_least", FAST_ITERATIONS));
-  } else if (moving) { /* velocities of bodies 4e-4 off at most: runs/studies/flow-solver */
-    PetscCall(OptDefault("-flow_rtol_most", recipe == 1 ? BALANCED_MOST : "1e-6"));
+  } else if (moving) { /* velocities of bodies 1e-4 off at most: runs/studies/flow-solver */
+    PetscCall(OptDefault("-flow_rtol_most", recipe == 1 ? PetscStringize(BALANCED_MOST) : "1e-6"));
   }
-  if (recipe == 1 && !given) PetscCall(OptDefault("-flow_rtol_start", BALANCED_RESIDUAL));
+  if (recipe == 1 && !given) PetscCall(OptDefault("-flow_rtol_start", PetscStringize(BALANCED_RESIDUAL)));
   fs->rtol_most = 1e-5;
   PetscCall(OptReal("-flow_rtol_start", &fs->rtol_start));
   PetscCall(OptReal("-flow_rtol_most", &fs->rtol_most));
@@ -305,7 +305,7 @@ PetscErrorCode FlowSolverSetTolerance(FlowSolver fs, PetscBool *enough)
   }
   target     = PetscMax(fs->rtol * rhs, PetscMin(fs->rtol_start * start, fs->rtol_most * rhs));
   fs->target = target;
-  fs->small  = PetscMax(fs->rtol * rhs, PetscMin(atof(BALANCED_RESIDUAL) * start, atof(BALANCED_MOST) * rhs));
+  fs->small  = PetscMax(fs->rtol * rhs, PetscMin(BALANCED_RESIDUAL * start, BALANCED_MOST * rhs));
   *enough    = (PetscBool)(start == 0 || (start <= target && !fs->least));
   PetscCall(VecNorm(fs->r, NORM_2, &whole));
   if (!*enough && start < PETSC_MAX_REAL)

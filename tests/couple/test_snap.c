@@ -1,19 +1,7 @@
 /* Snap: valid cells around circles and ellipses wherever they lie, walls met exactly, gaps, wall, period, fallback, and
    the same mesh on any number of ranks. */
 /* ranks: 1 2 */
-#include "core.h"
-#include "bodies/write.h"
-#include "snap/snap.h"
-
-typedef struct {
-  Mesh             mesh;
-  const MeshLocal *l;
-  Bodies           bodies;
-  BodyArrays      *state;
-  Snap             snap;
-  SnapResult       r;
-  PetscBool        wanted[8], fitted[8];
-} Case;
+#include "snapcase.h"
 
 static void open_case(Case *c, const char options[])
 {
@@ -32,39 +20,11 @@ static void fit(Case *c)
   OK(MeshMoveNodes(c->mesh, c->r.nnode, c->r.node, c->r.x));
 }
 
-static void close_case(Case *c)
-{
-  OK(SnapDestroy(&c->snap));
-  OK(BodiesDestroy(&c->bodies));
-  OK(MeshDestroy(&c->mesh));
-}
-
 static void turn(Case *c, PetscInt k, PetscReal angle)
 {
   c->state->q[k][0] = PetscCosReal(angle / 2);
   c->state->q[k][1] = c->state->q[k][2] = 0;
   c->state->q[k][3]                     = PetscSinReal(angle / 2);
-}
-
-/* Largest distance of a wall node from its wall */
-static PetscReal miss(Case *c)
-{
-  PetscReal top = 0;
-
-  for (PetscInt e = 0; e < c->r.nmarked; e++) {
-    const PetscInt i = c->r.marked[e], k = c->r.node_body[i];
-    PetscReal      d, x[2];
-
-    if (!c->r.on_wall[i]) continue;
-    for (PetscInt a = 0; a < 2; a++) {
-      const PetscReal r = c->l->x[2 * i + a] - c->state->x[k][a], T = c->l->period[a];
-
-      x[a] = c->state->x[k][a] + (T > 0 ? r - T * PetscFloorReal(r / T + 0.5) : r);
-    }
-    OK(BodiesDistance(c->bodies, k, c->state->x[k], c->state->q[k], 1, x, &d));
-    top = PetscMax(top, PetscAbsReal(d));
-  }
-  return largest(top);
 }
 
 static PetscReal area(Case *c, PetscBool dead)

@@ -1,24 +1,10 @@
 /* Snap in space: valid cells around bodies wherever they lie and however they are turned, surfaces met exactly, volume,
    gaps, plates refused, and the same mesh on any number of ranks. */
 /* ranks: 1 2 3 */
-#include "core.h"
-#include "bodies/write.h"
+#include "snapcase.h"
 #include "mesh/element.h"
-#include "snap/snap.h"
 
 #define BALL "-particle_groups a -particle_a_free none -particle_a_position 0.5,0.5,0.5 -particle_a_shape "
-
-typedef struct {
-  Mesh             mesh;
-  const MeshLocal *l;
-  Bodies           bodies;
-  BodyArrays      *state;
-  Snap             snap;
-  SnapResult       r;
-  PetscBool        wanted[8], fitted[8];
-  PetscReal        quality; /* worst so far */
-  PetscInt         failed;  /* bodies that were left alone so far */
-} Case;
 
 static void open_case(Case *c, PetscInt cells, const char options[])
 {
@@ -44,13 +30,6 @@ static void fit(Case *c, PetscInt nbody)
   for (PetscInt k = 0; k < nbody; k++) c->failed += c->wanted[k] && !c->fitted[k];
 }
 
-static void close_case(Case *c)
-{
-  OK(SnapDestroy(&c->snap));
-  OK(BodiesDestroy(&c->bodies));
-  OK(MeshDestroy(&c->mesh));
-}
-
 static void turn(Case *c, PetscInt k, PetscInt key)
 {
   PetscReal size = 0;
@@ -60,23 +39,6 @@ static void turn(Case *c, PetscInt k, PetscInt key)
     size += PetscSqr(c->state->q[k][a]);
   }
   for (PetscInt a = 0; a < 4; a++) c->state->q[k][a] /= PetscSqrtReal(size);
-}
-
-/* Largest distance of a wall node from its wall */
-static PetscReal miss(Case *c)
-{
-  PetscReal top = 0;
-
-  for (PetscInt e = 0; e < c->r.nmarked; e++) {
-    const PetscInt i = c->r.marked[e], k = c->r.node_body[i];
-    PetscReal      d, x[3];
-
-    if (!c->r.on_wall[i]) continue;
-    for (PetscInt a = 0; a < 3; a++) x[a] = DomainNearest(c->l->period[a], c->l->x[3 * i + a], c->state->x[k][a]);
-    OK(BodiesDistance(c->bodies, k, c->state->x[k], c->state->q[k], 1, x, &d));
-    top = PetscMax(top, PetscAbsReal(d));
-  }
-  return largest(top);
 }
 
 /* Volume of the fluid by the quadrature of the flow; no cell of it may have a Jacobian <= 0 there */

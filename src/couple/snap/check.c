@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "base/algebra.h"
+#include "base/domain.h"
 
 #define FLATTEST 0.002 /* Jacobians below this share of the largest one in the cell count as not positive */
 #define MISSING  0.1   /* largest difference between the area of the dead cells and that of the body, as its share */
@@ -15,12 +16,9 @@ PetscReal SnapCellQuality(Snap s, PetscInt c, PetscReal *area)
   PetscReal        x[3 * MESH_MAX_NB], low = PETSC_MAX_REAL, high = 0, sum = 0;
 
   for (PetscInt j = 0; j < nb; j++) {
-    for (PetscInt a = 0; a < dim; a++) {
-      x[dim * j + a] = l->x_start[dim * node[j] + a];
-      if (l->period[a] > 0)
-        x[dim * j + a] -= l->period[a] * PetscFloorReal((x[dim * j + a] - l->x_start[dim * node[s->cell_kind.centre] + a]) / l->period[a] + 0.5);
-      x[dim * j + a] += s->d[dim * node[j] + a];
-    }
+    for (PetscInt a = 0; a < dim; a++)
+      x[dim * j + a] = DomainNearest(l->period[a], l->x_start[dim * node[j] + a], l->x_start[dim * node[s->cell_kind.centre] + a]) +
+                       s->d[dim * node[j] + a];
   }
   MeshCellGather(l, c, dim, x);
   for (PetscInt p = 0; p < s->npoint; p++) {

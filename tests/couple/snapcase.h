@@ -1,0 +1,41 @@
+/* A mesh, bodies and their snap, as the tests of snap in the plane and in space open them. */
+#pragma once
+#include "core.h"
+#include "bodies/write.h"
+#include "snap/snap.h"
+
+typedef struct {
+  Mesh             mesh;
+  const MeshLocal *l;
+  Bodies           bodies;
+  BodyArrays      *state;
+  Snap             snap;
+  SnapResult       r;
+  PetscBool        wanted[8], fitted[8];
+  PetscReal        quality; /* worst so far */
+  PetscInt         failed;  /* bodies that were left alone so far */
+} Case;
+
+static void close_case(Case *c)
+{
+  OK(SnapDestroy(&c->snap));
+  OK(BodiesDestroy(&c->bodies));
+  OK(MeshDestroy(&c->mesh));
+}
+
+/* Largest distance of a wall node from its wall */
+static PetscReal miss(Case *c)
+{
+  PetscReal top = 0;
+
+  for (PetscInt e = 0; e < c->r.nmarked; e++) {
+    const PetscInt i = c->r.marked[e], k = c->r.node_body[i];
+    PetscReal      d, x[3];
+
+    if (!c->r.on_wall[i]) continue;
+    for (PetscInt a = 0; a < c->l->dim; a++) x[a] = DomainNearest(c->l->period[a], c->l->x[c->l->dim * i + a], c->state->x[k][a]);
+    OK(BodiesDistance(c->bodies, k, c->state->x[k], c->state->q[k], 1, x, &d));
+    top = PetscMax(top, PetscAbsReal(d));
+  }
+  return largest(top);
+}
