@@ -92,7 +92,9 @@ demo-now: all
 	$(PYTHON) tools/plot out/sedimentation
 	@echo "Pictures:" && ls -1 out/sedimentation/*.png
 check-now check-unit-now check-e2e-now: tests
-	@TUMBLE_BUILD=$(BUILD) MPIEXEC="$(MPIEXEC)" $(PYTHON) -m pytest $(CHECK_$(@:check-%-now=%)) $(ARGS)
+	@TUMBLE_BUILD=$(BUILD) MPIEXEC="$(MPIEXEC)" $(PYTHON) -m pytest $(WORKERS) $(CHECK_$(@:check-%-now=%)) $(ARGS)
+# As many tests at a time as there are cores, if pytest-xdist is there.
+WORKERS = $(shell $(PYTHON) -c 'import os, xdist; print("-n", min(len(os.sched_getaffinity(0)), 8), "--dist loadgroup")' 2> /dev/null)
 CHECK_unit = $(wildcard tests/*/test_*.c)
 CHECK_e2e  = $(wildcard tests/*/test_*.py)
 test-shape: all $(BUILD)/tests/shape/conformance ## conformance suite on one plugin: SHAPE=path/to/x.so

@@ -3,11 +3,12 @@
 BUILD/tests/<room>/test_* is built from tests/<room>/test_*.c. A comment such as /* ranks: 1 2 3 */ in the source asks for a run on each of
 these numbers of MPI ranks; the default is 1. Every case on every number of ranks is a test, but the program runs once for each number of
 ranks: in the set-up of the first of its tests. A case passes when it passes on every rank. -k "test_mesh and [2]" chooses the runs on two ranks.
-All is run one after the other: programs on two and three ranks and the tests that measure times want the cores for themselves.
+All is run one after the other; with pytest-xdist, "-n 2 --dist loadgroup" runs two at a time ("make check" does so on two cores). A program
+goes to one worker with all its cases.
 
 A program without progress for 60 s and an end-to-end test of more than 600 s fail (TUMBLE_LIMIT and TUMBLE_LIMIT_E2E change these), and
 everything they started is killed: all processes of a test carry a mark in their environment, by which they are found even when they left
-their process group. A failed test is shown with the command that repeats it. The last line is "N passed, N failed"; the exit status is 1
+their process group. The mark of a test begins with that of its worker, and the worker's with that of the process that started it. A failed test is shown with the command that repeats it. The last line is "N passed, N failed"; the exit status is 1
 when something failed, or nothing passed.
 """
 import os
@@ -70,12 +71,17 @@ def set_environment(mark):
     os.environ.setdefault("UBSAN_OPTIONS", "print_stacktrace=1:halt_on_error=1")
 
 
+def longer_mark():
+    """A new mark that begins with ours, if we have one."""
+    return f"{os.environ.get(MARK, '')}{uuid.uuid4().hex}/"
+
+
 def find_marked(mark):
-    """Process ids (other than ours) whose environment carries the mark."""
+    """Process ids (other than ours) whose environment carries the mark, or one that begins with it."""
     wanted = f"{MARK}={mark}".encode()
     for entry in Path("/proc").glob("[0-9]*"):
         try:
-            if int(entry.name) != os.getpid() and wanted in (entry / "environ").read_bytes().split(b"\0"):
+            if int(entry.name) != os.getpid() and any(word.startswith(wanted) for word in (entry / "environ").read_bytes().split(b"\0")):
                 yield int(entry.name)
         except OSError:  # ended meanwhile, or not ours
             pass
@@ -134,7 +140,7 @@ def wait_for(process, folder):
 
 def run_program(program, nranks):
     """Run a test program; returns how it ended ("" for status 0), output by rank, output of the launcher."""
-    mark = uuid.uuid4().hex
+    mark = longer_mark()
     buffer = "stdbuf -oL" if shutil.which("stdbuf") else ""
     with tempfile.TemporaryDirectory(prefix="tumble-test-") as name:
         folder = Path(name)
@@ -212,6 +218,7 @@ class Case(pytest.Item):
     def __init__(self, *, case, nranks, **rest):
         super().__init__(**rest)
         self.case, self.nranks = case, nranks
+        self.add_marker(pytest.mark.xdist_group(str(relative(self.path))))
 
     def setup(self):
         if self.nranks not in self.parent.runs:
@@ -307,9 +314,11 @@ class Counter:
 
 
 def pytest_configure(config):
-    set_environment(uuid.uuid4().hex)
+    config.addinivalue_line("markers", "xdist_group(name): tests of one group go to one worker of pytest-xdist")
+    set_environment(longer_mark())
     signal.signal(signal.SIGTERM, lambda *_: pytest.exit("ended by SIGTERM", 143))  # an exception, so that running tests are killed on the way out
-    config.pluginmanager.register(Counter())
+    if not hasattr(config, "workerinput"):  # the workers of pytest-xdist report to one that counts
+        config.pluginmanager.register(Counter())
 
 
 def pytest_unconfigure():
