@@ -38,12 +38,57 @@ static PetscInt moment_count(Parts p)
   return p->loc->dim == 2 ? NPAIR * NPAIR : NPAIR * NPAIR * NPAIR;
 }
 
+/* As below in space, one axis after the other (sum factorisation): v holds the place and its slopes along the axes
+   that are done, at what is still nodes (last axis) or samples already (first) */
+static void place_samples_in_space(Parts p, const PetscReal xc[], PetscReal x[], PetscReal w[])
+{
+  const PetscInt  n    = p->nsample;
+  const PetscReal part = PetscPowRealInt(2.0 / n, 3);
+
+  for (PetscInt z = 0; z < n; z++) {
+    PetscReal plane[9][2][3] = {{{0}}}; /* [node of the plane][place, slope along z][component] */
+
+    for (PetscInt j = 0; j < 27; j++)
+      for (PetscInt a = 0; a < 3; a++) {
+        plane[j % 9][0][a] += p->phi[z][j / 9] * xc[j * 3 + a];
+        plane[j % 9][1][a] += p->dphi[z][j / 9] * xc[j * 3 + a];
+      }
+    for (PetscInt y = 0; y < n; y++) {
+      PetscReal line[3][3][3] = {{{0}}}; /* [node of the line][place, slope along y, along z][component] */
+
+      for (PetscInt j = 0; j < 9; j++)
+        for (PetscInt a = 0; a < 3; a++) {
+          line[j % 3][0][a] += p->phi[y][j / 3] * plane[j][0][a];
+          line[j % 3][1][a] += p->dphi[y][j / 3] * plane[j][0][a];
+          line[j % 3][2][a] += p->phi[y][j / 3] * plane[j][1][a];
+        }
+      for (PetscInt i = 0; i < n; i++) {
+        const PetscReal *f = p->phi[i], *g = p->dphi[i];
+        const PetscInt   q = (z * n + y) * n + i;
+        PetscReal        J[9];
+
+        for (PetscInt a = 0; a < 3; a++) {
+          x[q * 3 + a] = f[0] * line[0][0][a] + f[1] * line[1][0][a] + f[2] * line[2][0][a];
+          J[a * 3]     = g[0] * line[0][0][a] + g[1] * line[1][0][a] + g[2] * line[2][0][a];
+          J[a * 3 + 1] = f[0] * line[0][1][a] + f[1] * line[1][1][a] + f[2] * line[2][1][a];
+          J[a * 3 + 2] = f[0] * line[0][2][a] + f[1] * line[1][2][a] + f[2] * line[2][2][a];
+        }
+        w[q] = part * DenseDeterminant(3, J);
+      }
+    }
+  }
+}
+
 /* Places x [samples][dim] and volumes w [samples] of the samples of a cell with node coordinates xc */
 static void place_samples(Parts p, const PetscReal xc[], PetscReal x[], PetscReal w[])
 {
   const PetscInt  dim = p->loc->dim, nb = p->loc->nb, n = p->nsample, total = sample_count(p);
   const PetscReal part = PetscPowRealInt(2.0 / n, (int)dim);
 
+  if (dim == 3) {
+    place_samples_in_space(p, xc, x, w);
+    return;
+  }
   for (PetscInt q = 0; q < total; q++) {
     const PetscInt s[3] = {q % n, (q / n) % n, q / (n * n)};
     PetscReal      J[9] = {0};

@@ -238,9 +238,7 @@ static PetscErrorCode choose_operator(Coarse s)
 
   PetscFunctionBeginUser;
   PetscCall(OptChoice("-flow_pressure_coarse", OPERATORS, &choice));
-  PetscCheck(choice != 2 || !s->loc->hang, PETSC_COMM_WORLD, PETSC_ERR_SUP,
-             "-flow_pressure_coarse laplacian does not know the vertices of refined meshes: use galerkin, or remove -mesh_levels");
-  if (choice == 2 || (choice == 0 && s->loc->dim == 3 && !s->loc->hang)) PetscCall(LaplacianCreate(s->mesh, &s->laplacian));
+  if (choice == 2 || (choice == 0 && s->loc->dim == 3)) PetscCall(LaplacianCreate(s->mesh, &s->laplacian));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -264,6 +262,7 @@ PetscErrorCode CoarseCreate(Mesh mesh, PetscInt nk, PetscBool floating, PetscRea
   PetscCall(choose_operator(s));
   if (s->laplacian) room = s->loc->dim == 2 ? 9 : 27;
   else room = s->loc->dim == 2 ? 25 : 125; /* vertices within two cells */
+  if (s->loc->hang) room *= 2;             /* small cells around a large one */
   PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, n, n, PETSC_DETERMINE, PETSC_DETERMINE, room, NULL, room, NULL, &s->matrix));
   PetscCall(MatSetOption(s->matrix, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE)); /* irregular meshes may have more */
   PetscCall(MatSetOption(s->matrix, MAT_SYMMETRIC, PETSC_TRUE));

@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "laplacian.h"
 #include "base/algebra.h"
+#include "mesh/hang.h"
 
 struct _p_Laplacian {
   Mesh             mesh;
@@ -18,14 +19,26 @@ struct _p_Laplacian {
 
 /* ---- geometry ---- */
 
-/* Share of node j in its cell's volume: what Simpson's rule gives it */
-static PetscReal node_share(PetscInt dim, PetscInt j)
+/* Share of place j in its cell's volume: what Simpson's rule gives it */
+static PetscReal place_share(PetscInt dim, PetscInt j)
 {
-  const PetscInt l[3]  = {j % 3, (j / 3) % 3, j / 9};
+  const PetscInt at[3] = {j % 3, (j / 3) % 3, j / 9};
   PetscReal      share = 1;
 
-  for (PetscInt a = 0; a < dim; a++) share *= l[a] == 1 ? 4.0 / 6 : 1.0 / 6;
+  for (PetscInt a = 0; a < dim; a++) share *= at[a] == 1 ? 4.0 / 6 : 1.0 / 6;
   return share;
+}
+
+/* Share of the node in slot j of cell c. Where a cell hangs, places on its faces give theirs to the nodes of the larger
+   one; a node that the cell does not touch may get up to -1/12 along an axis. */
+static PetscReal node_share(const MeshLocal *l, PetscInt c, PetscInt j)
+{
+  PetscReal share[MESH_MAX_NB];
+
+  if (!MeshCellHang(l, c)) return place_share(l->dim, j);
+  for (PetscInt i = 0; i < l->nb; i++) share[i] = place_share(l->dim, i);
+  MeshHangScatter(MeshCellHang(l, c), 1, share);
+  return share[j];
 }
 
 /* Local numbers in the cell of its corners, first axis fastest */
@@ -69,6 +82,19 @@ static PetscErrorCode cell_volume(Laplacian s, PetscInt c, PetscReal *volume)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* From the corners of a cell to its corner slots, the vertices of large faces where these hang: K <- T^T K T */
+static void move_to_slots(const MeshHang *h, PetscInt nv, PetscReal K[])
+{
+  PetscReal KT[64] = {0};
+
+  for (PetscInt e = 0; e < nv * nv; e++)
+    for (PetscInt v = 0; v < nv; v++) KT[e] += K[e / nv * nv + v] * h->corner[v][e % nv];
+  for (PetscInt e = 0; e < nv * nv; e++) {
+    K[e] = 0;
+    for (PetscInt v = 0; v < nv; v++) K[e] += h->corner[v][e / nv] * KT[v * nv + e % nv];
+  }
+}
+
 /* K [2^dim][2^dim] = sum over axes a of k[a] int (d phi_u/da) (d phi_v/da) over a cell, by two points an axis */
 static PetscErrorCode cell_matrix(Laplacian s, PetscInt c, const PetscReal k[], PetscReal K[])
 {
@@ -95,6 +121,7 @@ static PetscErrorCode cell_matrix(Laplacian s, PetscInt c, const PetscReal k[], 
       for (PetscInt v = 0; v < nv; v++)
         for (PetscInt a = 0; a < dim; a++) K[u * nv + v] += weight * k[a] * grad[u * dim + a] * grad[v * dim + a];
   }
+  if (MeshCellHang(s->loc, c)) move_to_slots(MeshCellHang(s->loc, c), nv, K);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -171,16 +198,17 @@ PetscErrorCode LaplacianAddNode(Laplacian s, const PetscReal b[], PetscInt nk, P
     for (PetscInt q = 0; q < n; q++) {
       const PetscInt c = l->node_cell[begin + q];
       PetscInt       j = 0;
-      PetscReal      size;
+      PetscReal      size, share;
 
       if (is_dead(l, b, nk, c)) continue;
       while (l->cell_node[c * l->nb + j] != i) j++;
+      share = node_share(l, c, j);
       if (pass == 0) {
         PetscCall(cell_volume(s, c, &size));
-        volume += node_share(dim, j) * size;
+        volume += share * size;
         continue;
       }
-      for (PetscInt a = 0; a < dim; a++) s->change[c * dim + a] += change[a] * volume * node_share(dim, j) / s->inner[c];
+      for (PetscInt a = 0; a < dim; a++) s->change[c * dim + a] += change[a] * volume * PetscAbsReal(share) / s->inner[c];
       touch(s->listed, &s->ncell, s->cell, c);
     }
   }
@@ -234,7 +262,7 @@ static PetscErrorCode find_walls(Laplacian s)
   }
   for (PetscInt c = 0; c < l->ncell_all; c++)
     for (PetscInt j = 0; j < l->nb; j++)
-      if (!s->wall[l->cell_node[c * l->nb + j]]) s->inner[c] += node_share(l->dim, j);
+      if (!s->wall[l->cell_node[c * l->nb + j]]) s->inner[c] += PetscAbsReal(node_share(l, c, j));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

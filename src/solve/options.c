@@ -24,7 +24,7 @@ static const OptSpec SPECS[] = {
    .help = "compressibility of cells between two bodies, or body and wall, as share of their nodes' inverse mass", .when = FLOW,
    .expert = PETSC_TRUE},
   {"-flow_pressure_coarse", OPT_CHOICE, "", OPT_ANY, "auto",
-   .help = "operator on the vertices below the pressure's two levels (auto: galerkin in 2D and on refined meshes, laplacian in 3D)",
+   .help = "operator on the vertices below the pressure's two levels (auto: galerkin in 2D, laplacian in 3D)",
    .when = "-flow_fieldsplit_pressure_pc_type mg", .choices = "auto, galerkin, laplacian", .expert = PETSC_TRUE},
   {"-flow_pressure_keep", OPT_REAL, "", 0, 1, "0.03",
    .help = "share of the vertices that may change before the multigrid hierarchy of the pressure is built anew",

@@ -4,6 +4,9 @@
 #include "core.h"
 #include "laplacian.h"
 #include "flow/flow.h"
+#include "mesh/hang.h"
+
+#define CORNER "-mesh_refine corner -mesh_box_corner_corners "
 
 typedef struct {
   Mesh             mesh;
@@ -15,30 +18,33 @@ typedef struct {
   PetscReal       *mass; /* [nnode_all] volumes of the nodes */
 } Case;
 
-static PetscReal share_of(PetscInt dim, PetscInt j)
+/* Volumes of the nodes of cell c, a box */
+static void weigh_cell(const Case *c, PetscInt cell, PetscReal share[])
 {
-  const PetscInt l[3]  = {j % 3, (j / 3) % 3, j / 9};
-  PetscReal      share = 1;
+  const MeshLocal *l = c->l;
+  PetscReal        xc[MESH_MAX_NB * 3], volume = 1;
 
-  for (PetscInt a = 0; a < dim; a++) share *= l[a] == 1 ? 4.0 / 6 : 1.0 / 6;
-  return share;
+  OK(MeshCellCoordinates(c->mesh, cell, xc));
+  for (PetscInt a = 0; a < l->dim; a++) volume *= xc[(l->nb - 1) * l->dim + a] - xc[a];
+  for (PetscInt j = 0; j < l->nb; j++) {
+    const PetscInt at[3] = {j % 3, (j / 3) % 3, j / 9};
+
+    share[j] = volume;
+    for (PetscInt a = 0; a < l->dim; a++) share[j] *= at[a] == 1 ? 4.0 / 6 : 1.0 / 6;
+  }
+  if (MeshCellHang(l, cell)) MeshHangScatter(MeshCellHang(l, cell), 1, share);
 }
 
-/* Volumes of the nodes of a box of equal cells */
 static void weigh_nodes(Case *c)
 {
-  const MeshLocal *l      = c->l;
-  PetscReal        volume = 1;
+  const MeshLocal *l = c->l;
 
-  for (PetscInt a = 0; a < l->dim; a++) volume *= l->upper[a] - l->lower[a];
   OK(PetscCalloc1(l->nnode_all, &c->mass));
-  for (PetscInt i = 0; i < l->nnode_all; i++) {
-    for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++) {
-      PetscInt j = 0;
+  for (PetscInt cell = 0; cell < l->ncell_all; cell++) {
+    PetscReal share[MESH_MAX_NB];
 
-      while (l->cell_node[l->node_cell[q] * l->nb + j] != i) j++;
-      c->mass[i] += share_of(l->dim, j) * volume / l->ncell_global;
-    }
+    weigh_cell(c, cell, share);
+    for (PetscInt j = 0; j < l->nb; j++) c->mass[l->cell_node[cell * l->nb + j]] += share[j];
   }
   OK(MeshSyncNodes(c->mesh, 1, c->mass));
 }
@@ -54,7 +60,7 @@ static void open_case(Case *c, const char options[])
   OK(LaplacianCreate(c->mesh, &c->laplacian));
   OK(PetscMalloc1(c->l->nnode_all, &c->vertex));
   OK(MeshNumberVertices(c->mesh, c->vertex, &nown));
-  OK(MatCreateAIJ(PETSC_COMM_WORLD, nown, nown, PETSC_DETERMINE, PETSC_DETERMINE, 27, NULL, 27, NULL, &c->A));
+  OK(MatCreateAIJ(PETSC_COMM_WORLD, nown, nown, PETSC_DETERMINE, PETSC_DETERMINE, 54, NULL, 54, NULL, &c->A));
   weigh_nodes(c);
 }
 
@@ -134,6 +140,8 @@ static void test_linear_functions(void **state)
   check_linear("-mesh_cells 6,5", 1);
   check_linear("-mesh_cells 3,5 -mesh_upper 4,1", 4);
   check_linear("-mesh_cells 3,4,5 -mesh_upper 1,2,0.5", 1);
+  check_linear("-mesh_cells 4,4 -mesh_levels 2 " CORNER "0,0,0.3,0.4", 1); /* vertices that hang are means of others */
+  check_linear("-mesh_cells 3,2,3 -mesh_levels 2 " CORNER "0,0,0,0.3,0.4,0.2", 1);
 }
 
 /* Slots on an open side hold a constant: (int phi n)^2 / mass of every node of the side, 36 / (6 h) for a unit side */
