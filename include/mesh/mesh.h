@@ -47,12 +47,22 @@ typedef struct _p_Mesh *Mesh;
    quadrilaterals/hexahedra, inverted cells (named by their centre), fewer than 3 cells along a periodic axis. */
 PetscErrorCode MeshCreate(MPI_Comm, Mesh *);
 
+/* Bodies that boxes of -mesh_refine go with: place, velocity (0: at rest), and has it left? [n] each, borrowed */
+typedef struct {
+  PetscInt n;
+  const PetscReal (*x)[3], (*u)[3];
+  const PetscBool *gone;
+} MeshCarriers;
+
 /* What -mesh_levels refines around: d [1] the distance of x to it (0 where all is to be fine), which changes by at
    most the way; beyond `reach` any larger number does. The same on every rank; not collective. With marks (mesh/mark.h)
    cells are also refined one by one, and the surface may be left out (NULL). */
 typedef struct {
   PetscErrorCode (*distance)(void *context, const PetscReal x[3], PetscReal reach, PetscReal *d);
-  void                      *context;
+  void *context;
+  /* Bodies of a group, for boxes against their motion or along the axes; the same on every rank. x stays NULL: there is
+     no such group. The function NULL: there are none at all. */
+  PetscErrorCode (*carriers)(void *context, const char group[], PetscBool motion, MeshCarriers *);
   PetscInt                   coarser; /* so many levels less than -mesh_levels around it */
   const struct _p_MeshMarks *marks;   /* borrowed during construction; NULL: none */
 } MeshSurface;
@@ -60,8 +70,8 @@ typedef struct {
 /* MeshCreate with -mesh_levels around `surface` (NULL: there is none). Collective. More errors: what -mesh_levels does
    not work with. */
 PetscErrorCode MeshCreateAround(MPI_Comm, const MeshSurface *, Mesh *);
-/* Before a mesh is made: its levels of refinement (0: none), around bodies or in boxes alone, and the box it will fill.
-   Collective. */
+/* Before a mesh is made: its levels of refinement (0: none), around bodies and in boxes that go with them or elsewhere
+   alone, and the box it will fill. Collective. */
 PetscErrorCode MeshReadLevels(PetscInt *levels, PetscBool *around);
 /* Longest side of the smallest cells that -mesh_levels can make. Collective. */
 PetscErrorCode MeshReadFinest(MPI_Comm, PetscReal *h);

@@ -71,22 +71,6 @@ static PetscErrorCode measure(const Leaves *t, PetscInt level, const PetscInt x[
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Cells that overlap a box by half get its levels; outside, levels fall off with a slope that keeps the balance */
-static PetscBool box_refines(const Leaves *t, PetscInt level, const PetscReal x[], PetscReal h)
-{
-  for (PetscInt i = 0; i < t->nbox; i++) {
-    const LeavesBox *b    = t->box + i;
-    const PetscInt   less = PetscMax(0, b->levels - 1 - level);
-    const PetscReal  last = h / (PetscReal)((PetscInt)1 << less); /* side of what is halved last */
-    PetscReal        d    = 0;
-
-    if (level >= b->levels) continue;
-    for (PetscInt a = 0; a < t->dim; a++) d += PetscSqr(PetscMax(0, PetscMax(b->lower[a] - x[a], x[a] - b->upper[a])));
-    if (PetscSqrtReal(d) < 3 * (h - last) + 0.5 * last) return PETSC_TRUE;
-  }
-  return PETSC_FALSE;
-}
-
 PetscBool LeavesWrap(const Leaves *t, PetscInt x[])
 {
   for (PetscInt d = 0; d < t->dim; d++) {
@@ -162,9 +146,9 @@ static PetscErrorCode refines(Leaves *t, PetscInt level, const PetscInt x[], Pet
   if (level >= t->levels) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(surface_refines(t, level, x, refine));
   if (!*refine && t->surface && t->surface->marks) *refine = MarksHave(t->surface->marks, level, curve_key(t->dim, x));
-  if (*refine || !t->nbox) PetscFunctionReturn(PETSC_SUCCESS);
+  if (*refine || !t->boxes.n) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(measure(t, level, x, centre, &h));
-  *refine = box_refines(t, level, centre, h);
+  *refine = BoxesRefine(&t->boxes, t->dim, level, centre, h);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -424,70 +408,19 @@ static PetscErrorCode find_own_leaves(Leaves *t)
 
 /* ---- options ---- */
 
-static PetscErrorCode read_box(Leaves *t, const char name[])
-{
-  LeavesBox *b = t->box + t->nbox++;
-  char       option[OPT_NAME];
-  PetscReal  corner[6];
-  PetscBool  given;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscStrncpy(b->name, name, sizeof(b->name)));
-  PetscCall(OptRealArray(OptJoin("-mesh_box_", name, "_corners", option), 2 * t->dim, corner, &given));
-  PetscCheck(given, t->comm, PETSC_ERR_USER_INPUT, "-mesh_refine names a box '%s' that nobody gave: give its lower and upper corner by %s", name,
-             option);
-  for (PetscInt d = 0; d < t->dim; d++) {
-    b->lower[d] = corner[d];
-    b->upper[d] = corner[t->dim + d];
-    PetscCheck(b->upper[d] > b->lower[d], t->comm, PETSC_ERR_USER_INPUT, "%s: [%g, %g] along axis %c is empty", option, (double)b->lower[d],
-               (double)b->upper[d], (char)('x' + d));
-  }
-  b->levels = t->levels;
-  PetscCall(OptInt(OptJoin("-mesh_box_", name, "_levels", option), &b->levels));
-  PetscCheck(b->levels <= t->levels, t->comm, PETSC_ERR_USER_INPUT, "%s %" PetscInt_FMT " is more than -mesh_levels %" PetscInt_FMT, option,
-             b->levels, t->levels);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode LeavesReadRefine(PetscBool *bodies, PetscBool *expression, PetscInt *nbox, char box[][LEAVES_NAME])
-{
-  PetscInt  n                           = LEAVES_MAX_BOXES + 1;
-  char     *names[LEAVES_MAX_BOXES + 1] = {NULL};
-  PetscBool given;
-
-  PetscFunctionBeginUser;
-  PetscCall(OptHas("-mesh_refine", &given));
-  PetscCall(OptStringArray("-mesh_refine", &n, names));
-  *bodies     = (PetscBool)!given;
-  *expression = PETSC_FALSE;
-  *nbox       = 0;
-  for (PetscInt i = 0; i < n; i++) {
-    PetscBool same, formula;
-
-    PetscCall(PetscStrcmp(names[i], "bodies", &same));
-    PetscCall(PetscStrcmp(names[i], "expression", &formula));
-    PetscCheck(same || formula || *nbox < LEAVES_MAX_BOXES, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-               "-mesh_refine names more than %d boxes: leave out some", LEAVES_MAX_BOXES);
-    if (same) *bodies = PETSC_TRUE;
-    else if (formula) *expression = PETSC_TRUE;
-    else PetscCall(PetscStrncpy(box[(*nbox)++], names[i], LEAVES_NAME));
-    PetscCall(PetscFree(names[i]));
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode read_regions(Leaves *t)
 {
-  PetscInt  n;
-  PetscBool given = PETSC_TRUE;
-  char      names[LEAVES_MAX_BOXES][LEAVES_NAME];
+  BoxesNames names;
+  PetscBool  given = PETSC_TRUE;
 
   PetscFunctionBeginUser;
-  PetscCall(LeavesReadRefine(&t->around, &t->given, &n, names));
+  PetscCall(BoxesReadNames(&names));
+  t->around = names.bodies;
+  t->given  = names.expression;
   if (t->given) PetscCall(ExprRead("-mesh_distance", t->dim, 1, &t->constant, &t->distance, &given));
   PetscCheck(given, t->comm, PETSC_ERR_USER_INPUT,
              "-mesh_refine expression needs the distance to what is to be fine: give it by -mesh_distance, such as \"sqrt(x^2 + y^2) - 0.5\"");
-  for (PetscInt i = 0; i < n; i++) PetscCall(read_box(t, names[i]));
+  PetscCall(BoxesRead(t->comm, t->kind, t->levels, t->surface, &names, &t->boxes));
   PetscCheck(!t->around || t->surface, t->comm, PETSC_ERR_USER_INPUT,
              "-mesh_levels %" PetscInt_FMT " refines around bodies, and the scene has none: name a box by -mesh_refine, or remove -mesh_levels",
              t->levels);
@@ -545,6 +478,7 @@ PetscErrorCode LeavesClose(Leaves *t)
   PetscFunctionBeginUser;
   for (PetscInt l = 0; l <= LEAVES_MAX_LEVELS; l++) PetscCall(KeysDestroy(&t->memo[l]));
   PetscCall(ExprDestroy(&t->distance));
+  PetscCall(BoxesDestroy(&t->boxes));
   t->surface = NULL;
   t->list    = NULL;
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -13,6 +13,7 @@
    found from the counts of base cells, the only thing all ranks know of. Places on the lattice: [0, n 2^levels) an
    axis, at most 2^20. */
 #pragma once
+#include "boxes.h"
 #include "keys.h"
 #include "kind.h"
 #include "base/expr.h"
@@ -23,16 +24,8 @@ typedef struct {
   PetscInt x[3], level;
 } Leaf;
 
-#define LEAVES_NAME           32
-#define LEAVES_MAX_BOXES      16
 #define LEAVES_MAX_NEIGHBOURS 64
 #define LEAVES_MAX_LEVELS     12
-
-typedef struct {
-  char      name[LEAVES_NAME];
-  PetscReal lower[3], upper[3];
-  PetscInt  levels;
-} LeavesBox;
 
 typedef struct _n_Leaves {
   MPI_Comm           comm;
@@ -45,8 +38,7 @@ typedef struct _n_Leaves {
   const MeshSurface *surface; /* borrowed during construction */
   PetscInt           nlist;
   const Leaf        *list; /* [nlist] all leaves, in place of the formula; borrowed during construction */
-  PetscInt           nbox;
-  LeavesBox          box[LEAVES_MAX_BOXES];
+  Boxes              boxes;
   Keys               memo[LEAVES_MAX_LEVELS + 1]; /* is a cell refined? */
   PetscInt           nleaf, start;
   PetscInt64         total;
@@ -54,10 +46,8 @@ typedef struct _n_Leaves {
   uint64_t          *first; /* [size] key of every rank's first leaf */
 } Leaves;
 
-/* What -mesh_refine names: bodies? an expression? and boxes [LEAVES_MAX_BOXES]. Collective. Error: too many. */
-PetscErrorCode LeavesReadRefine(PetscBool *bodies, PetscBool *expression, PetscInt *nbox, char box[][LEAVES_NAME]);
 /* Read -mesh_refine, -mesh_band and boxes and find the leaves of this rank. Collective. Errors: nothing to refine
-   around, unknown or empty boxes, a band too narrow, fewer cells than ranks, too many cells for the lattice. */
+   around, a band too narrow, fewer cells than ranks, too many cells for the lattice; those of BoxesRead. */
 PetscErrorCode LeavesCreate(MPI_Comm, MeshKind, PetscInt levels, const MeshSurface *, Leaves *);
 /* The same with leaves that are given: all of them, along the curve, on every rank (borrowed until LeavesClose).
    Collective. Error: fewer cells than ranks. */

@@ -316,15 +316,15 @@ static PetscErrorCode build_plain(Mesh m)
 
 PetscErrorCode MeshReadLevels(PetscInt *levels, PetscBool *around)
 {
-  PetscInt  n;
-  PetscBool expression;
-  char      box[LEAVES_MAX_BOXES][LEAVES_NAME];
+  BoxesNames names;
 
   PetscFunctionBeginUser;
   *levels = 0;
   *around = PETSC_FALSE;
   PetscCall(OptInt("-mesh_levels", levels));
-  if (*levels) PetscCall(LeavesReadRefine(around, &expression, &n, box));
+  if (!*levels) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(BoxesReadNames(&names));
+  *around = (PetscBool)(names.bodies || names.carried);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -455,6 +455,8 @@ PetscErrorCode MeshView(Mesh m, PetscViewer viewer)
     PetscCall(PetscViewerASCIIPrintf(viewer, "%s%" PetscInt_FMT, i ? ", " : "  cells by level: ", m->level_count[i]));
     if (i == m->levels) PetscCall(PetscViewerASCIIPrintf(viewer, "; %" PetscInt_FMT " hanging nodes\n", m->hanging));
   }
+  if (m->leaves && m->leaves->boxes.carried)
+    PetscCall(PetscViewerASCIIPrintf(viewer, "  fine boxes that go with bodies: %" PetscInt_FMT "\n", m->leaves->boxes.carried));
   PetscCall(PetscViewerASCIIPrintf(viewer, "  boundaries:"));
   for (PetscInt b = 0; b < m->nboundary; b++) PetscCall(PetscViewerASCIIPrintf(viewer, " %s", m->boundary_name[b]));
   for (PetscInt d = 0; d < l->dim; d++)

@@ -88,3 +88,21 @@ PetscErrorCode AroundDistance(void *around, const PetscReal x[3], PetscReal reac
     PetscCall(try_body(s, s->body[number][GridItem(s->grid[number], e)], x, reach, d));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
+
+PetscErrorCode AroundCarriers(void *around, const char group[], PetscBool motion, MeshCarriers *c)
+{
+  const Around *s = around;
+  PetscBool     same;
+
+  PetscFunctionBeginUser;
+  for (PetscInt g = 0; g < s->s->ngroups; g++) {
+    const BodyGroup *of = s->s->group + g;
+
+    PetscCall(PetscStrcmp(of->name, group, &same));
+    if (!same) continue;
+    PetscCheck(!motion || of->free || of->motion.given, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+               "A box of -mesh_refine lies against the motion of group '%s', which stands still: put -mesh_box_<box>_along axes", group);
+    *c = (MeshCarriers){.n = of->count, .x = s->X + of->first, .u = s->u + of->first, .gone = s->s->gone + of->first};
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

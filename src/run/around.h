@@ -16,8 +16,8 @@ typedef struct {
   PetscReal  lower[3], upper[3], period[3];
   PetscBool  inside; /* insides count as surface */
   PetscReal  margin; /* distances are less by this */
-  /* where the bodies are */
-  const PetscReal (*X)[3], (*q)[4];
+  /* where the bodies are, and where their wakes lie: against these velocities */
+  const PetscReal (*X)[3], (*q)[4], (*u)[3];
   PetscInt  ngrid, power[AROUND_GRIDS]; /* of two, of the reach */
   Grid      grid[AROUND_GRIDS];
   PetscInt *body[AROUND_GRIDS]; /* of an item: one or an image of one */
@@ -27,3 +27,5 @@ typedef struct {
    positive; grids stay until AroundForget, which is due when bodies have moved. Not collective. */
 PetscErrorCode AroundDistance(void *around, const PetscReal x[3], PetscReal reach, PetscReal *d);
 PetscErrorCode AroundForget(Around *);
+/* MeshSurface.carriers with an Around as context. Error: a wake of bodies that stand still. */
+PetscErrorCode AroundCarriers(void *around, const char group[], PetscBool motion, MeshCarriers *);

@@ -3,12 +3,14 @@
 #include "refine.h"
 #include "around.h"
 #include "meshadapt.h"
+#include "base/algebra.h"
 #include "base/log.h"
 #include "base/opt.h"
 #include "mesh/carry.h"
 
-#define AHEAD 10 /* steps that a new mesh looks ahead */
-#define START 8  /* cells along the smallest body on the first mesh that is refined by the flow */
+#define AHEAD  10   /* steps that a new mesh looks ahead */
+#define CREEPS 1e-3 /* a body that goes less of its margin in these steps has no wake */
+#define START  8    /* cells along the smallest body on the first mesh that is refined by the flow */
 
 struct _p_Refine {
   MPI_Comm  comm;
@@ -17,7 +19,7 @@ struct _p_Refine {
   PetscBool follows;
   PetscInt  coarser; /* levels less than -mesh_levels around bodies on the first mesh */
   /* of a mesh that follows. way: -mesh_follow_way */
-  PetscReal (*X)[3], (*q)[4], way;
+  PetscReal (*X)[3], (*q)[4], (*u)[3], way;
   PetscInt changes;
   /* what stands on the mesh */
   Flow    flow;
@@ -62,7 +64,7 @@ static PetscErrorCode remark_cut_jumps(Around *s, Mesh mesh)
 }
 
 /* Where bodies are in a box that may travel, and as far ahead as half of the way allows; dt 0: at the start, where they
-   are */
+   are. Their velocity, for wakes: 0 of those that creep. */
 static PetscErrorCode place_bodies(Refine r, PetscReal dt)
 {
   BodyState *s = r->surface.s;
@@ -76,6 +78,8 @@ static PetscErrorCode place_bodies(Refine r, PetscReal dt)
     if (speed * ahead > r->surface.margin) ahead = r->surface.margin / speed;
     for (PetscInt a = 0; a < 3; a++) r->X[k][a] = s->x[k][a] + ahead * (s->u[k][a] - s->frame_u[a]);
     PetscCall(PetscArraycpy(r->q[k], s->q[k], 4));
+    speed = PetscSqrtReal(dot3(s->u[k], s->u[k]));
+    for (PetscInt a = 0; a < 3; a++) r->u[k][a] = dt == 0 || speed * AHEAD * dt > CREEPS * r->surface.margin ? s->u[k][a] : 0;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -101,7 +105,8 @@ static PetscErrorCode find_way(Refine r, PetscInt k, PetscReal dt, PetscReal *wa
 /* What a mesh is made around */
 static MeshSurface mesh_surface(Refine r)
 {
-  return (MeshSurface){.distance = r->surface.s->n ? AroundDistance : NULL, .context = &r->surface, .coarser = r->coarser};
+  return (
+    MeshSurface){.distance = r->surface.s->n ? AroundDistance : NULL, .carriers = AroundCarriers, .context = &r->surface, .coarser = r->coarser};
 }
 
 static PetscErrorCode start_following(Refine r)
@@ -111,10 +116,11 @@ static PetscErrorCode start_following(Refine r)
   PetscFunctionBeginUser;
   r->way = 2;
   PetscCall(OptReal("-mesh_follow_way", &r->way));
-  PetscCall(PetscCalloc2(s->s->n, &r->X, s->s->n, &r->q));
+  PetscCall(PetscCalloc3(s->s->n, &r->X, s->s->n, &r->q, s->s->n, &r->u));
   PetscCall(place_bodies(r, 0));
   s->X = r->X;
   s->q = r->q;
+  s->u = r->u;
   /* the size of the finest cells is known when there are some */
   PetscCall(MeshReadFinest(r->comm, &s->margin));
   s->margin *= 0.5 * r->way;
@@ -162,9 +168,10 @@ PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool around, Bodies *bodies,
   s->inside = (PetscBool)!still;
   s->X      = s->s->x;
   s->q      = s->s->q;
+  s->u      = s->s->u;
   if (!still && around) PetscCall(OptBool("-mesh_follow", &r->follows));
   PetscCheck(still || !around || r->follows, comm, PETSC_ERR_USER_INPUT,
-             "-mesh_refine bodies refines where bodies are at the start, and these move: give -mesh_follow, or name a box around their way "
+             "-mesh_refine bodies, or a box with a group, refines where bodies are at the start, and these move: give -mesh_follow, or name a box around their way "
              "(-mesh_refine <box>, -mesh_box_<box>_corners)");
   if (r->follows) PetscCall(start_following(r));
   if (still) PetscCall(MeshAdaptIsWanted(&adapt));
@@ -183,7 +190,7 @@ PetscErrorCode RefineDestroy(Refine *refine)
   PetscFunctionBeginUser;
   if (!*refine) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(AroundForget(&(*refine)->surface));
-  PetscCall(PetscFree2((*refine)->X, (*refine)->q));
+  PetscCall(PetscFree3((*refine)->X, (*refine)->q, (*refine)->u));
   PetscCall(PetscFree(*refine));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -289,6 +296,8 @@ static PetscErrorCode visit_state(void *refine, State state)
     PetscCall(StateReals(state, "place", 3 * n, (PetscReal *)r->X));
     PetscCall(StateReals(state, "orientation", 4 * n, (PetscReal *)r->q));
     PetscCall(StateInts(state, "changes", 1, &r->changes));
+    if (StateIsLoading(state)) PetscCall(StateGetSize(state, "velocity", &known));
+    if (known == 3 * n) PetscCall(StateReals(state, "velocity", 3 * n, (PetscReal *)r->u));
   } else PetscCall(place_bodies(r, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

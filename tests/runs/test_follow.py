@@ -193,3 +193,73 @@ def test_snapshots_after_restart(good, scene):
                 shape = [int(n) for n in item.get("Dimensions").split()]
                 assert list(data[dataset].shape) == shape or data[dataset].size == shape[0], (file, dataset, shape)
     assert len(meshes) >= 3, meshes
+
+
+# ---- boxes that go with bodies ----
+
+WAKE = edited(FOLLOWS, FOLLOWS + ", refine: [bodies, wake], box_wake_corners: [0, -0.1, 0.9, 0.1], box_wake_group: disc, box_wake_along: motion, box_wake_levels: 2", FALLING)
+
+
+def levels_at(checkpoint, upper, *places):
+    """Levels of the cells at places, from the tree of a checkpoint."""
+    with h5py.File(checkpoint) as file:
+        tree = file["tree"]
+        deepest, base = int(tree["levels"][:].ravel()[0]), tree["cells"][:].ravel()
+        x, y, level = (tree[k][:, 0] for k in ("x", "y", "level"))
+    finest = [length / (n * 2**deepest) for length, n in zip(upper, base)]
+    size, found = 2.0 ** (deepest - level), []
+    for place in places:
+        at = [c / h for c, h in zip(place, finest)]
+        inside = (x <= at[0]) & (at[0] < x + size) & (y <= at[1]) & (at[1] < y + size)
+        assert inside.sum() == 1, place
+        found.append(int(level[inside][0]))
+    return found
+
+
+def test_wake_box(good, scene):
+    """Behind a disc on its way cells are halved twice, beside and before it they are not; the box turns with the way, and a restart has the cells of the whole run."""
+    name = scene(edited("velocity: [0, -4]", "velocity: [3, -4]", WAKE))
+    whole = good("whole", [name, "-checkpoint_every", 1, "-sim_steps", 1])
+    behind, before, above = levels_at(whole / "checkpoint_1.h5", [2, 6], (0.52, 4.64), (1.48, 3.36), (1, 4.8))
+    assert behind >= 2 and before < 2 and above < 2, (behind, before, above)
+    down = [scene(WAKE, "down.yaml"), "-checkpoint_every", 5]
+    whole = good("down", [*down, "-sim_steps", 10])
+    above, below = levels_at(whole / "checkpoint_10.h5", [2, 6], (1, 4.7), (1, 3.2))
+    assert above >= 2 and below < 2, (above, below)
+    parts = good("parts", [*down, "-sim_steps", 5])
+    good("parts", [*down, "-sim_restart", "latest", "-sim_steps", 10])
+    assert changes(parts) == changes(whole) >= 1 and rows(parts)[-1] == rows(whole)[-1]
+
+
+HELD = """\
+mesh: {upper: [2, 2], cells: [8, 8], periodic: [x, y], levels: 3, refine: [bodies, wake], box_wake_corners: [0, -0.1, 0.6, 0.1], box_wake_group: post}
+flow: {viscosity: 0.1, velocity: [1, 0]}
+particle: {groups: [post], post: {shape: circle, radius: 0.1, place: table, table: posts.csv, free: none}}
+sim: {dt: 0.01, steps: 1}
+output: {every: 0}
+"""
+
+
+def test_boxes_of_bodies_that_stand(good, scene, tmp_path):
+    """Behind each of two posts, along the axes, and over a periodic border."""
+    (tmp_path / "posts.csv").write_text("x,y\n0.5,0.5\n1.7,1.5\n")
+    out = good("out", [scene(HELD), "-checkpoint_every", 1])
+    levels = levels_at(out / "checkpoint_1.h5", [2, 2], (1, 0.5), (0.2, 1.5), (0, 0.55), (1.15, 1.5))
+    assert levels[:2] == [3, 3] and max(levels[2:]) < 3, levels
+
+
+CARRIED = {
+    "no such group": (["-mesh_box_wake_group", "ball"], "the scene has no group 'ball'"),
+    "no group": (["-mesh_refine", "bodies,a", "-mesh_box_a_corners", "0,0,1,1", "-mesh_box_a_along", "motion"], "name their group by -mesh_box_a_group"),
+    "stays": (["-mesh_follow", "false"], "or a box with a group, refines where bodies are at the start"),
+    "stays, alone": (["-mesh_follow", "false", "-mesh_refine", "wake"], "or a box with a group, refines where bodies are at the start"),
+    "stands": (["-mesh_follow", "false", "-particle_disc_free", "none", "-particle_disc_velocity", "0,0"], "put -mesh_box_<box>_along axes"),
+    "direction": (["-mesh_box_wake_along", "wind"], "-mesh_box_wake_along"),
+}
+
+
+@pytest.mark.parametrize("case", CARRIED)
+def test_wrong_boxes(run, scene, case):
+    options, words = CARRIED[case]
+    done = run([scene(WAKE), *options])
+    assert done.status != 0 and words in done.text and done.text.count("error:") == 1, done

@@ -339,6 +339,16 @@ def test_no_slice_of_a_plane_run(run_dir):
     assert_one_line(plot(run_dir, "--slice", "x=1"), ["this one is plane"])
 
 
+def test_cells(run_dir, tmp_path):
+    """--cells draws the cells over the field; a run in space is told that it has none to draw."""
+    picture = run_dir / "field_160.png"
+    assert plot(run_dir).returncode == 0
+    without = picture.read_bytes()
+    assert plot(run_dir, "--cells").returncode == 0 and picture.read_bytes() != without
+    assert animate(run_dir, "--frame", 40, "--cells").returncode == 0
+    assert_one_line(plot(write_space(tmp_path / "space"), "--cells"), ["--cells is for the meshes of plane runs"])
+
+
 # ---- the film ----
 
 

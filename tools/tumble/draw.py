@@ -49,6 +49,11 @@ def split_cells(cells):
     return np.concatenate([squares[:, [0, 1, 2]], squares[:, [0, 2, 3]]])
 
 
+def cell_edges(shot):
+    """Outlines [cells][9][2] of Quadrilateral_9 cells, with the middles of their edges."""
+    return shot.points[shot.cells[:, [0, 4, 1, 5, 2, 6, 3, 7, 0]], :2]
+
+
 def find_box(shot):
     """Lower and upper corner of the domain."""
     return shot.points[:, : shot.dim].min(0), shot.points[:, : shot.dim].max(0)
