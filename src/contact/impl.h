@@ -163,8 +163,14 @@ PetscErrorCode ContactFindPairs(Contact);
 void ContactDiscGap(Contact, PetscInt i, PetscReal radius_i, PetscInt j, PetscReal radius_j, PetscReal normal[3], PetscReal *gap);
 /* All touching points of a pair in c->touch, sum of weights one, and its smallest gap (PETSC_MAX_REAL: none). */
 PetscErrorCode ContactFindTouch(Contact, PetscInt i, PetscInt j, PetscInt *n, PetscReal *gap);
-/* Sum of both surfaces' curvatures at a touch (3D: mean), at least that of the larger bounding circle. */
-PetscErrorCode ContactCurvature(Contact, PetscInt i, PetscInt j, const Touch *, PetscReal *curvature);
+/* How two surfaces curve where they are nearest */
+typedef struct {
+  PetscReal principal[2]; /* of the gap between them: of the sum of both; at least a share of that of the larger bounding ball */
+  PetscReal of[2];        /* mean curvature of i and of j (0: a wall) */
+} Curvature;
+/* From a touch near it to the place where the gap is narrowest: surface points lie too far apart for a film that is thinner
+   than the range. One step of Newton's method from where ri is nearest to the surface of i; gap, ri and rj change. */
+PetscErrorCode ContactFindNarrowest(Contact, PetscInt i, PetscInt j, Touch *, Curvature *);
 /* Surface points of all groups, at most `most` each; once more: others. */
 PetscErrorCode ContactCreatePoints(Contact, PetscInt most);
 /* Options of all laws; the unused laws' ones count as unknown. */

@@ -11,9 +11,12 @@
    within half the range: k = 4 m u_ref^2/r^2. Friction: a tangential spring of stiffness 2/7 k that moves with the pair
    and slides at mu times the normal force.
 
-   Lubrication: squeezed film between surfaces of curvature 1/R (sum of both): 3 sqrt(2) pi mu v (R/gap)^(3/2) a unit
-   depth in 2D, 6 pi mu v R^2/gap in 3D, for approach and separation; minus its value at the gap from which the mesh
-   resolves the film, so that it blends in; gaps below the roughness count as the roughness. */
+   Lubrication: squeezed film between two surfaces. 2D: 3 sqrt(2) pi mu v (R/gap)^(3/2) a unit depth, 1/R the sum of
+   both curvatures. 3D, with k1 and k2 the principal curvatures of the gap: 12 pi mu v/((k1 + k2) sqrt(k1 k2) gap), which
+   is 6 pi mu v R^2/gap for spheres (the pressure 6 mu v/((k1 + k2) gap^2) solves Reynolds' equation), and the next
+   term, 6 pi mu v R/5 (1 + 5 ci cj R^2) ln(1/gap), that of spheres of curvatures ci and cj (Jeffrey & Onishi 1984; a
+   wall: Brenner 1961). For approach and separation; minus its value at the gap from which the mesh resolves the film, so
+   that it blends in; gaps below the roughness count as the roughness. */
 #include "compat.h"
 #include "impl.h"
 #include "base/opt.h"
@@ -274,21 +277,30 @@ static void add_friction(Contact c, const Pair *p, const Touch *t, PetscReal nor
   add_force(sum, f, t->ri, t->rj);
 }
 
-static PetscReal film_resistance(Contact c, PetscReal gap, PetscReal curvature)
+/* Resistance of the film at a gap less that at the gap from which the mesh resolves it */
+static PetscReal film_resistance(Contact c, PetscReal gap, const Curvature *k)
 {
-  const PetscReal R = 1 / curvature;
+  const PetscReal open = c->lubrication_range, *p = k->principal, R = 2 / (p[0] + p[1]);
 
-  return c->dim == 2 ? 3 * PetscSqrtReal(2) * PETSC_PI * c->viscosity * PetscPowReal(R / gap, 1.5) : 6 * PETSC_PI * c->viscosity * R * R / gap;
+  if (c->dim == 2) {
+    const PetscReal scale = 3 * PetscSqrtReal(2) * PETSC_PI * c->viscosity;
+
+    return scale * PetscPowReal(R / gap, 1.5) - scale * PetscPowReal(R / open, 1.5);
+  }
+  return 6 * PETSC_PI * c->viscosity *
+         (R / PetscSqrtReal(p[0] * p[1]) * (1 / gap - 1 / open) + R / 5 * (1 + 5 * k->of[0] * k->of[1] * R * R) * PetscLogReal(open / gap));
 }
 
-static PetscErrorCode add_lubrication(Contact c, const Pair *p, const Touch *t, PetscReal h, Impulse *sum)
+static PetscErrorCode add_lubrication(Contact c, const Pair *p, Touch *t, PetscReal h, Impulse *sum)
 {
-  PetscReal curvature, rate, v[3], f[3], value;
+  Curvature curvature;
+  PetscReal rate, v[3], f[3], value;
 
   PetscFunctionBeginUser;
-  if (t->gap >= c->lubrication_range || c->viscosity <= 0) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(ContactCurvature(c, p->i, p->j, t, &curvature));
-  rate = film_resistance(c, PetscMax(t->gap, c->roughness), curvature) - film_resistance(c, c->lubrication_range, curvature);
+  if (c->viscosity <= 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ContactFindNarrowest(c, p->i, p->j, t, &curvature));
+  if (t->gap >= c->lubrication_range) PetscFunctionReturn(PETSC_SUCCESS);
+  rate = film_resistance(c, PetscMax(t->gap, c->roughness), &curvature);
   relative_velocity(c, p->i, p->j, t, v);
   value = -rate * dot3(v, t->normal) / (1 + h * rate * pair_inverse_mass(c, p->i, p->j, t, t->normal));
   for (PetscInt a = 0; a < 3; a++) f[a] = value * t->normal[a];

@@ -9,7 +9,8 @@
 #include "compat.h"
 #include "impl.h"
 
-#define POINT_DECAY 0.25 /* in r */
+#define POINT_DECAY     0.25 /* in r */
+#define LEAST_CURVATURE 0.1  /* of a film in space, in that of the bounding ball: spheroids of 10 to 1 have it */
 
 void ContactDiscGap(Contact c, PetscInt i, PetscReal radius_i, PetscInt j, PetscReal radius_j, PetscReal normal[3], PetscReal *gap)
 {
@@ -158,48 +159,130 @@ PetscErrorCode ContactFindTouch(Contact c, PetscInt i, PetscInt j, PetscInt *n, 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* ---- curvature ---- */
+/* ---- where the gap is narrowest ---- */
 
-/* Mean curvature of the surface of body k where r (from its centre) is nearest: divergence of the normal, by
-   differences along the tangents. */
-static PetscErrorCode surface_curvature(Contact c, PetscInt k, const PetscReal r[3], PetscReal *curvature)
+/* A place on a surface, all in space axes */
+typedef struct {
+  PetscReal r[3];      /* from the body's centre */
+  PetscReal normal[3]; /* outward */
+  PetscReal K[9];      /* gradient of the normal: the curvatures, and none along the normal */
+} Place;
+
+static void place_on_disc(PetscInt dim, PetscReal radius, const PetscReal r[3], Place *p)
+{
+  const PetscReal length = PetscSqrtReal(dot3(r, r));
+
+  for (PetscInt a = 0; a < 3; a++) {
+    p->normal[a] = r[a] / length;
+    p->r[a]      = radius * p->normal[a];
+  }
+  for (PetscInt a = 0; a < dim; a++)
+    for (PetscInt b = 0; b < dim; b++) p->K[3 * a + b] = ((a == b) - p->normal[a] * p->normal[b]) / radius;
+}
+
+/* Where r (from its centre) is nearest to the surface of body k; the curvature by differences */
+static PetscErrorCode find_place(Contact c, PetscInt k, const PetscReal r[3], Place *p)
 {
   const BodyGroup *g    = BodiesGetGroup(c->state, k);
   const Kind      *kind = ContactKind(c, k);
   const PetscReal  step = 0.02 * g->radius;
-  PetscReal        R[9], y[3], s[3], nrm[3], p[6], m[6], sum = 0;
+  const PetscInt   dim  = c->dim;
+  PetscReal        R[9], y[3] = {0}, s[3] = {0}, x[7 * 3], n[7 * 3], body[9] = {0};
 
   PetscFunctionBeginUser;
-  if (g->disc > 0) {
-    *curvature = 1 / kind->disc;
+  *p = (Place){{0}, {0}, {0}};
+  if (kind->disc > 0) {
+    place_on_disc(dim, kind->disc, r, p);
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   RotationMatrix(c->q[k], R);
-  to_body_frame(c->dim, R, g, kind->scale, r, y);
+  to_body_frame(dim, R, g, kind->scale, r, y);
   PetscCall(ShapeProject(g->shape, 1, y, s));
-  PetscCall(ShapeNormal(g->shape, 1, s, nrm));
-  for (PetscInt b = 0; b < c->dim; b++) { /* div n = sum_b d n_b/d x_b; along the normal it does not change */
-    for (PetscInt side = 0; side < 2; side++) {
-      for (PetscInt a = 0; a < c->dim; a++) p[side * c->dim + a] = s[a] + (a == b ? (side ? 1 : -1) * step : 0);
-    }
-    PetscCall(ShapeNormal(g->shape, 2, p, m));
-    sum += (m[c->dim + b] - m[b]) / (2 * step);
-  }
-  *curvature = sum / (c->dim - 1) / kind->scale;
+  for (PetscInt e = 0; e <= 2 * dim; e++) /* the place itself, then steps to either side along each axis */
+    for (PetscInt a = 0; a < dim; a++) x[e * dim + a] = s[a] + (e > 0 && a == (e - 1) / 2 ? (e % 2 ? -1 : 1) * step : 0);
+  PetscCall(ShapeNormal(g->shape, 2 * dim + 1, x, n));
+  for (PetscInt a = 0; a < dim; a++) s[a] -= g->mass.centroid[a];
+  turn_point(dim, R, kind->scale, s, p->r);
+  turn_point(dim, R, 1, n, p->normal);
+  for (PetscInt a = 0; a < dim; a++)
+    for (PetscInt b = 0; b < dim; b++) body[3 * a + b] = (n[(2 * b + 2) * dim + a] - n[(2 * b + 1) * dim + a]) / (2 * step * kind->scale);
+  for (PetscInt e = 0; e < 9; e++)
+    for (PetscInt f = 0; f < 9; f++) p->K[e] += R[3 * (e / 3) + f / 3] * body[f] * R[3 * (e % 3) + f % 3];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ContactCurvature(Contact c, PetscInt i, PetscInt j, const Touch *t, PetscReal *curvature)
+/* The place on the partner of i that is nearest to place pi; its r is from the partner's centre (0: a wall) */
+static PetscErrorCode find_partner(Contact c, PetscInt i, PetscInt j, const Place *pi, Touch *t, Place *pj)
 {
-  PetscReal ci, cj = 0, least = 1 / ContactKind(c, i)->radius;
+  PetscReal apart[3];
 
   PetscFunctionBeginUser;
-  PetscCall(surface_curvature(c, i, t->ri, &ci));
-  if (j >= 0) {
-    PetscCall(surface_curvature(c, j, t->rj, &cj));
-    least = PetscMin(least, 1 / ContactKind(c, j)->radius);
+  for (PetscInt a = 0; a < 3; a++) t->ri[a] = pi->r[a];
+  if (j < 0) {
+    const PetscInt face = -1 - j, a = face / 2;
+
+    *pj           = (Place){{0}, {0}, {0}};
+    pj->normal[a] = face % 2 ? -1 : 1;
+    t->gap        = pj->normal[a] * (c->x[i][a] + pi->r[a] - (face % 2 ? c->upper[a] : c->lower[a]));
+    PetscFunctionReturn(PETSC_SUCCESS);
   }
-  *curvature = PetscMax(ci + cj, least);
+  for (PetscInt a = 0; a < 3; a++) apart[a] = c->x[i][a] - c->x[j][a];
+  ContactWrap(c, apart);
+  for (PetscInt a = 0; a < 3; a++) t->rj[a] = apart[a] + pi->r[a];
+  PetscCall(find_place(c, j, t->rj, pj));
+  t->gap = 0;
+  for (PetscInt a = 0; a < 3; a++) t->gap += (t->rj[a] - pj->r[a]) * pj->normal[a];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Trace, and sum of the principal minors: with the normal as null direction sum and product of principal curvatures */
+static void invariants(const PetscReal K[9], PetscReal *sum, PetscReal *product)
+{
+  *sum     = K[0] + K[4] + K[8];
+  *product = K[0] * K[4] + K[4] * K[8] + K[8] * K[0] - 0.25 * (PetscSqr(K[1] + K[3]) + PetscSqr(K[2] + K[6]) + PetscSqr(K[5] + K[7]));
+}
+
+/* The quadratic gap of curvatures K and the slope that both normals tell, to its minimum; none far away (flat sides) */
+static void go_to_minimum(PetscInt dim, const PetscReal K[9], const PetscReal ni[3], const PetscReal n[3], PetscReal far, Touch *t)
+{
+  const PetscReal down = -dot3(ni, n), scale = K[0] + K[4] + K[8];
+  PetscReal       M[9], slope[3], way[3], drop;
+
+  if (down < 0.5 || scale <= 0) return;
+  for (PetscInt a = 0; a < 3; a++) slope[a] = (ni[a] + down * n[a]) / down;
+  for (PetscInt e = 0; e < 9; e++) M[e] = K[e] + scale * n[e / 3] * n[e % 3] + (dim == 2 && e == 8 ? scale : 0);
+  solve3(M, slope, way);
+  drop = 0.5 * dot3(slope, way);
+  if (dot3(way, way) > far * far || drop < 0) return;
+  t->gap -= drop;
+  for (PetscInt a = 0; a < 3; a++) {
+    t->ri[a] -= way[a];
+    t->rj[a] -= way[a];
+  }
+}
+
+PetscErrorCode ContactFindNarrowest(Contact c, PetscInt i, PetscInt j, Touch *t, Curvature *curvature)
+{
+  PetscReal least = 1 / ContactKind(c, i)->radius, K[9], sum, product, root;
+  Place     pi, pj;
+
+  PetscFunctionBeginUser;
+  PetscCall(find_place(c, i, t->ri, &pi));
+  PetscCall(find_partner(c, i, j, &pi, t, &pj));
+  if (j >= 0) least = PetscMin(least, 1 / ContactKind(c, j)->radius);
+  invariants(pi.K, &sum, &product);
+  curvature->of[0] = sum / (c->dim - 1);
+  invariants(pj.K, &sum, &product);
+  curvature->of[1] = sum / (c->dim - 1);
+  for (PetscInt e = 0; e < 9; e++) K[e] = pi.K[e] + pj.K[e];
+  go_to_minimum(c->dim, K, pi.normal, pj.normal, 0.25 / least, t);
+  if (j < 0) t->rj[0] = t->rj[1] = t->rj[2] = 0;
+  invariants(K, &sum, &product);
+  root = c->dim == 2 ? 0 : PetscSqrtReal(PetscMax(0, 0.25 * sum * sum - product));
+  sum  = c->dim == 2 ? 2 * sum : sum;
+  if (c->dim == 3) least *= LEAST_CURVATURE;
+  curvature->principal[0] = PetscMax(0.5 * sum - root, least);
+  curvature->principal[1] = PetscMax(0.5 * sum + root, least);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -104,9 +104,11 @@ static void test_slope(void **state)
 
 /* ---- lubrication ---- */
 
+/* Two discs, or two equal spheres, of radius 2 R: 1/(4 xi) + 9/40 ln(1/xi), xi the gap over the radius */
 static PetscReal film(PetscInt dim, PetscReal R, PetscReal gap)
 {
-  return dim == 2 ? 3 * PetscSqrtReal(2) * PETSC_PI * PetscPowReal(R / gap, 1.5) : 6 * PETSC_PI * R * R / gap;
+  if (dim == 2) return 3 * PetscSqrtReal(2) * PETSC_PI * PetscPowReal(R / gap, 1.5);
+  return 6 * PETSC_PI * 2 * R * (0.25 * 2 * R / gap - 9. / 40 * PetscLogReal(gap));
 }
 
 static PetscReal film_force(PetscInt dim, const char shape[], PetscReal apart, PetscReal angle)
@@ -151,7 +153,39 @@ static void test_film(void **state)
   /* not below the roughness */
   near(film_force(2, "circle -particle_a_radius 0.2", 0.40001, 0), film(2, 0.1, 1e-4) - film(2, 0.1, 0.04), 1e-9);
   /* the flat sides of two ellipses: radius of curvature a^2/b each */
-  near(film_force(2, "ellipse -particle_a_a 0.24 -particle_a_b 0.16", 0.33, 0.5 * PETSC_PI) / (film(2, 0.18, 0.01) - film(2, 0.18, 0.04)), 1, 0.04);
+  near(film_force(2, "ellipse -particle_a_a 0.24 -particle_a_b 0.16", 0.33, 0.5 * PETSC_PI) / (film(2, 0.18, 0.01) - film(2, 0.18, 0.04)), 1, 0.01);
+}
+
+/* Force over viscosity and speed on a body at the lower wall, as the film law has it */
+static PetscReal wall_force(const char shape[], PetscReal height)
+{
+  char      options[512];
+  Fixture   f;
+  PetscReal force;
+
+  snprintf(options, sizeof(options),
+           "-particle_groups a -particle_a_shape %s -particle_a_density 1 -particle_a_place lattice -particle_a_count 1 -contact_lubrication "
+           "-contact_range 0.01 -contact_lubrication_range 0.04 -contact_roughness 1e-4 -contact_stiffness 1e-9",
+           shape);
+  create(&f, 3, 0.04, zero, zero, (const PetscReal[3]){2, 2, 2}, 63, options);
+  OK(ContactSetViscosity(f.c, 0.7));
+  f.s->x[0][2] = height;
+  f.s->u[0][2] = -0.5;
+  evaluate(&f);
+  force = f.force[0][2] / (0.7 * 0.5);
+  destroy(&f);
+  return force;
+}
+
+/* A sphere, a/gap + 1/5 ln(a/gap) (Brenner), and an ellipsoid on its flat side, which curves differently each way */
+static void test_film_at_wall(void **state)
+{
+  const PetscReal g = 0.01, open = 0.04, k1 = 0.15 / 0.24 / 0.24, k2 = 0.15 / 0.2 / 0.2;
+  PetscReal       lead = 2 / ((k1 + k2) * PetscSqrtReal(k1 * k2)) * (1 / g - 1 / open), next = 2 / (k1 + k2) / 5 * PetscLogReal(open / g);
+
+  (void)state;
+  near(wall_force("circle -particle_a_radius 0.2", 0.2 + g) / (6 * PETSC_PI * (0.04 * (1 / g - 1 / open) + 0.04 * PetscLogReal(open / g))), 1, 1e-12);
+  near(wall_force("ellipse -particle_a_a 0.24 -particle_a_b 0.2 -particle_a_c 0.15", 0.15 + g) / (6 * PETSC_PI * (lead + next)), 1, 0.02);
 }
 
 /* A disc thrown at a wall through a film comes to rest before it touches; without it, it bounces. */
@@ -407,10 +441,10 @@ static void test_eps(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_restitution), cmocka_unit_test(test_sliding),    cmocka_unit_test(test_slope),
-                                     cmocka_unit_test(test_film),        cmocka_unit_test(test_film_stops), cmocka_unit_test(test_zoo),
-                                     cmocka_unit_test(test_search),      cmocka_unit_test(test_energy),     cmocka_unit_test(test_mistakes),
-                                     cmocka_unit_test(test_eps)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_restitution), cmocka_unit_test(test_sliding),      cmocka_unit_test(test_slope),
+                                     cmocka_unit_test(test_film),        cmocka_unit_test(test_film_at_wall), cmocka_unit_test(test_film_stops),
+                                     cmocka_unit_test(test_zoo),         cmocka_unit_test(test_search),       cmocka_unit_test(test_energy),
+                                     cmocka_unit_test(test_mistakes),    cmocka_unit_test(test_eps)};
   int                     failed;
 
   if (PetscInitialize(&argc, &argv, NULL, NULL)) return 1;
