@@ -165,11 +165,12 @@ void ContactDiscGap(Contact, PetscInt i, PetscReal radius_i, PetscInt j, PetscRe
 PetscErrorCode ContactFindTouch(Contact, PetscInt i, PetscInt j, PetscInt *n, PetscReal *gap);
 /* How two surfaces curve where they are nearest */
 typedef struct {
-  PetscReal principal[2]; /* of the gap between them: of the sum of both; at least a share of that of the larger bounding ball */
+  PetscReal principal[2]; /* of the gap (the sum of both), at least a share of that of the larger bounding ball */
   PetscReal of[2];        /* mean curvature of i and of j (0: a wall) */
 } Curvature;
-/* From a touch near it to the place where the gap is narrowest: surface points lie too far apart for a film that is thinner
-   than the range. One step of Newton's method from where ri is nearest to the surface of i; gap, ri and rj change. */
+/* From a touch near it to the place where the gap is narrowest: surface points lie too far apart for a film that is
+   thinner than the range. One step of Newton's method from where ri is nearest to the surface of i; gap, ri and rj
+   change. */
 PetscErrorCode ContactFindNarrowest(Contact, PetscInt i, PetscInt j, Touch *, Curvature *);
 /* Surface points of all groups, at most `most` each; once more: others. */
 PetscErrorCode ContactCreatePoints(Contact, PetscInt most);

@@ -12,11 +12,11 @@
    and slides at mu times the normal force.
 
    Lubrication: squeezed film between two surfaces. 2D: 3 sqrt(2) pi mu v (R/gap)^(3/2) a unit depth, 1/R the sum of
-   both curvatures. 3D, with k1 and k2 the principal curvatures of the gap: 12 pi mu v/((k1 + k2) sqrt(k1 k2) gap), which
-   is 6 pi mu v R^2/gap for spheres (the pressure 6 mu v/((k1 + k2) gap^2) solves Reynolds' equation), and the next
-   term, 6 pi mu v R/5 (1 + 5 ci cj R^2) ln(1/gap), that of spheres of curvatures ci and cj (Jeffrey & Onishi 1984; a
-   wall: Brenner 1961). For approach and separation; minus its value at the gap from which the mesh resolves the film, so
-   that it blends in; gaps below the roughness count as the roughness. */
+   both curvatures. 3D, with k1 and k2 the principal curvatures of the gap: 12 pi mu v/((k1 + k2) sqrt(k1 k2) gap),
+   which is 6 pi mu v R^2/gap for spheres (the pressure 6 mu v/((k1 + k2) gap^2) solves Reynolds' equation), and the
+   next term, 6 pi mu v R/5 (1 + 5 ci cj R^2) ln(1/gap), that of spheres of curvatures ci and cj (Jeffrey & Onishi
+   1984; a wall: Brenner 1961). For approach and separation; minus its value at the gap from which the mesh resolves
+   the film, so that it blends in; gaps below the roughness count as the roughness. */
 #include "compat.h"
 #include "impl.h"
 #include "base/opt.h"
