@@ -91,7 +91,7 @@ PetscErrorCode FlowRemesh(Flow f, Mesh old)
   to[1]   = f->u_old;
   to[2]   = f->u_older;
   for (PetscInt i = 0; i < 3; i++)
-    if (from[i]) PetscCall(MeshCarryNodes(old, f->mesh, f->loc->dim, from[i], to[i]));
+    if (from[i]) PetscCall(MeshCarryVelocity(old, f->mesh, from[i], to[i]));
   for (PetscInt i = 0; i < 2; i++) {
     PetscReal *p = i ? was.p_old : was.p, *q = i ? f->p_old : f->p;
 

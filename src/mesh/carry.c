@@ -82,17 +82,15 @@ static PetscErrorCode end_travel(Travel *w, PetscInt bs, const PetscReal answer[
 }
 
 /* Own cell at a place that this rank is asked about, and the place in it, -1 to 1 */
-static PetscErrorCode find_place(const Leaves *t, const PetscReal place[3], PetscInt *cell, PetscReal xi[3])
+static void find_place(const Leaves *t, const PetscReal place[3], PetscInt *cell, PetscReal xi[3])
 {
   uint64_t    key;
   const Leaf *leaf;
 
-  PetscFunctionBeginUser;
   (void)owner_of(t, place, &key);
   *cell = LeavesOwnBefore(t, key);
   leaf  = t->leaf + *cell;
   for (PetscInt d = 0; d < t->dim; d++) xi[d] = 2 * (place[d] - (PetscReal)leaf->x[d]) / (PetscReal)LeavesWidth(t, leaf->level) - 1;
-  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Places of the new lattice, n counts of 1/parts of its finest cells, in those of the old one */
@@ -104,22 +102,103 @@ static void convert_places(const Leaves *now, const Leaves *old, PetscInt parts,
   }
 }
 
-PetscErrorCode MeshCarryNodes(Mesh old, Mesh now, PetscInt bs, const PetscReal v[], PetscReal w[])
+/* Where the old field is asked for on behalf of each new node, in quarters of finest cells of the new lattice */
+typedef struct {
+  PetscInt   n, *start, *count; /* start [nnode + 1], count [n][3] */
+  PetscReal *weight;            /* [n] */
+} Samples;
+
+/* Side, in finest cells, of the largest cell around a node: twice its middle is an odd multiple of it */
+static PetscInt largest_width(const MeshLocal *l, const PetscInt half[], PetscInt node)
 {
-  const MeshLocal *l = &old->loc, *m = &now->loc;
-  PetscReal       *answer, *place;
-  Travel           t;
+  PetscInt width = 1;
+
+  for (PetscInt e = l->node_cell_ptr[node]; e < l->node_cell_ptr[node + 1]; e++) {
+    const PetscInt middle = half[3 * l->cell_node[l->node_cell[e] * l->nb + l->nb / 2]];
+
+    width = PetscMax(width, middle & -middle);
+  }
+  return width;
+}
+
+/* Axes along which a node is the middle of its largest cells, if those may have been smaller ones before: bits */
+static PetscInt middle_axes(Mesh old, Mesh now, PetscInt node, PetscInt *width)
+{
+  const MeshLocal *l    = &now->loc;
+  PetscInt         axes = 0;
+
+  *width = largest_width(l, now->half, node);
+  if (*width * old->leaves->cells[0] <= now->leaves->cells[0]) return 0;
+  for (PetscInt d = 0; d < l->dim; d++) axes |= (now->half[3 * node + d] & *width ? 1 : 0) << d;
+  return axes;
+}
+
+/* The value at a middle that keeps the integral along an edge, by Simpson's rule on its two halves before: the weights
+   of five places; along every axis of a face or a cell of which the node is the middle */
+static void add_samples(PetscInt dim, PetscInt axes, PetscInt width, const PetscInt half[3], PetscInt *n, Samples *s)
+{
+  static const PetscReal weight[5] = {-0.125, 0.5, 0.25, 0.5, -0.125};
+
+  for (PetscInt i = 0; i < (dim == 2 ? 25 : 125); i++) {
+    const PetscInt at[3] = {i % 5, i / 5 % 5, i / 25};
+    PetscBool      apart = PETSC_FALSE;
+
+    for (PetscInt d = 0; d < dim; d++) apart = (PetscBool)(apart || (!((axes >> d) & 1) && at[d] != 2));
+    if (apart) continue;
+    if (s->count) {
+      s->weight[*n] = 1;
+      for (PetscInt d = 0; d < 3; d++) {
+        s->count[3 * *n + d] = 2 * half[d];
+        if (d >= dim || !((axes >> d) & 1)) continue;
+        s->count[3 * *n + d] += (at[d] - 2) * width;
+        s->weight[*n] *= weight[at[d]];
+      }
+    }
+    (*n)++;
+  }
+}
+
+static PetscErrorCode list_samples(Mesh old, Mesh now, PetscBool conserve, Samples *s)
+{
+  const MeshLocal *l = &now->loc;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(3 * m->nnode, &place));
-  convert_places(now->leaves, old->leaves, 2, m->nnode, now->half, place);
-  PetscCall(begin_travel(old->leaves, m->nnode, place, &t));
-  PetscCall(PetscMalloc1(t.nasked * bs, &answer));
-  for (PetscInt i = 0; i < t.nasked; i++) {
+  *s = (Samples){0};
+  PetscCall(PetscMalloc1(l->nnode + 1, &s->start));
+  for (PetscInt pass = 0; pass < 2; pass++) {
+    PetscInt n = 0;
+
+    for (PetscInt i = 0; i < l->nnode; i++) {
+      PetscInt       width = 0;
+      const PetscInt axes  = conserve ? middle_axes(old, now, i, &width) : 0;
+
+      s->start[i] = n;
+      add_samples(l->dim, axes, width, now->half + 3 * i, &n, s);
+    }
+    s->start[l->nnode] = s->n = n;
+    if (!pass) PetscCall(PetscMalloc2(3 * n, &s->count, n, &s->weight));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode destroy_samples(Samples *s)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscFree(s->start));
+  PetscCall(PetscFree2(s->count, s->weight));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Old values [nasked][bs] at the places that this rank is asked about */
+static void evaluate_places(Mesh old, const Travel *t, PetscInt bs, const PetscReal v[], PetscReal answer[])
+{
+  const MeshLocal *l = &old->loc;
+
+  for (PetscInt i = 0; i < t->nasked; i++) {
     PetscReal xi[3] = {0, 0, 0}, phi[MESH_MAX_NB], dphi[3 * MESH_MAX_NB], value[MESH_MAX_NB];
     PetscInt  c;
 
-    PetscCall(find_place(old->leaves, t.place + 3 * i, &c, xi));
+    find_place(old->leaves, t->place + 3 * i, &c, xi);
     ElementBasis(l->dim, xi, phi, dphi);
     for (PetscInt b = 0; b < bs; b++) {
       for (PetscInt j = 0; j < l->nb; j++) value[j] = v[l->cell_node[c * l->nb + j] * bs + b];
@@ -128,10 +207,47 @@ PetscErrorCode MeshCarryNodes(Mesh old, Mesh now, PetscInt bs, const PetscReal v
       for (PetscInt j = 0; j < l->nb; j++) answer[i * bs + b] += phi[j] * value[j];
     }
   }
-  PetscCall(end_travel(&t, bs, answer, w));
+}
+
+static PetscErrorCode carry(Mesh old, Mesh now, PetscBool conserve, PetscInt bs, const PetscReal v[], PetscReal w[])
+{
+  const MeshLocal *m = &now->loc;
+  PetscReal       *answer, *place, *sample;
+  Samples          s;
+  Travel           t;
+
+  PetscFunctionBeginUser;
+  PetscCall(list_samples(old, now, conserve, &s));
+  PetscCall(PetscMalloc2(3 * s.n, &place, bs * s.n, &sample));
+  convert_places(now->leaves, old->leaves, 4, s.n, s.count, place);
+  PetscCall(begin_travel(old->leaves, s.n, place, &t));
+  PetscCall(PetscMalloc1(t.nasked * bs, &answer));
+  evaluate_places(old, &t, bs, v, answer);
+  PetscCall(end_travel(&t, bs, answer, sample));
+  for (PetscInt i = 0; i < m->nnode; i++) {
+    for (PetscInt b = 0; b < bs; b++) {
+      w[i * bs + b] = 0;
+      for (PetscInt e = s.start[i]; e < s.start[i + 1]; e++) w[i * bs + b] += s.weight[e] * sample[e * bs + b];
+    }
+  }
   PetscCall(MeshSyncNodes(now, bs, w));
   PetscCall(PetscFree(answer));
-  PetscCall(PetscFree(place));
+  PetscCall(PetscFree2(place, sample));
+  PetscCall(destroy_samples(&s));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshCarryNodes(Mesh old, Mesh now, PetscInt bs, const PetscReal v[], PetscReal w[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(carry(old, now, PETSC_FALSE, bs, v, w));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshCarryVelocity(Mesh old, Mesh now, const PetscReal v[], PetscReal w[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(carry(old, now, PETSC_TRUE, now->loc.dim, v, w));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -161,7 +277,7 @@ PetscErrorCode MeshCarryCells(Mesh old, Mesh now, const PetscReal p[], PetscReal
     PetscReal xi[3];
     PetscInt  c;
 
-    PetscCall(find_place(old->leaves, t.place + 3 * i, &c, xi));
+    find_place(old->leaves, t.place + 3 * i, &c, xi);
     answer[i] = p[c * nk];
     for (PetscInt d = 0; d < dim; d++) answer[i] += p[c * nk + 1 + d] * xi[d];
   }

@@ -255,12 +255,15 @@ static void test_carry(void **state)
     assert_true(l->ncell_global != lo->ncell_global);
     OK(PetscMalloc4(lo->nnode_all * l->dim, &u, lo->ncell * (l->dim + 1), &p, l->nnode_all * l->dim, &v, l->ncell * (l->dim + 1), &q));
     for (PetscInt i = 0; i < lo->nnode_all; i++) parabolic(lo->x + i * l->dim, u + i * l->dim, l->dim);
-    OK(MeshCarryNodes(old, m, l->dim, u, v));
-    for (PetscInt i = 0; i < l->nnode_all; i++) {
-      PetscReal want[3];
+    for (PetscInt pass = 0; pass < 2; pass++) {
+      if (pass) OK(MeshCarryVelocity(old, m, u, v));
+      else OK(MeshCarryNodes(old, m, l->dim, u, v));
+      for (PetscInt i = 0; i < l->nnode_all; i++) {
+        PetscReal want[3];
 
-      parabolic(l->x + i * l->dim, want, l->dim);
-      for (PetscInt a = 0; a < l->dim; a++) NEAR(v[i * l->dim + a], want[a], 1e-13);
+        parabolic(l->x + i * l->dim, want, l->dim);
+        for (PetscInt a = 0; a < l->dim; a++) NEAR(v[i * l->dim + a], want[a], 1e-13);
+      }
     }
     for (PetscInt pass = 0; pass < 2; pass++) {
       for (PetscInt c = 0; c < (pass ? l : lo)->ncell; c++) {
@@ -284,10 +287,70 @@ static void test_carry(void **state)
   }
 }
 
+/* Of a field [nnode_all][dim], by Simpson's rule in every cell */
+static void integrate(Mesh m, const PetscReal v[], PetscReal sum[3])
+{
+  const MeshLocal *l;
+
+  OK(MeshGetLocal(m, &l));
+  for (PetscInt a = 0; a < 3; a++) sum[a] = 0;
+  for (PetscInt c = 0; c < l->ncell; c++) {
+    PetscReal xc[MESH_MAX_NB * 3], vc[MESH_MAX_NB * 3], volume = 1;
+
+    OK(MeshCellCoordinates(m, c, xc));
+    for (PetscInt j = 0; j < l->nb * l->dim; j++) vc[j] = v[l->cell_node[c * l->nb + j / l->dim] * l->dim + j % l->dim];
+    MeshCellGather(l, c, l->dim, vc);
+    for (PetscInt a = 0; a < l->dim; a++) volume *= (xc[(l->nb - 1) * l->dim + a] - xc[a]) / 6;
+    for (PetscInt j = 0; j < l->nb; j++) {
+      const PetscReal weight = volume * (j % 3 == 1 ? 4 : 1) * (j / 3 % 3 == 1 ? 4 : 1) * (l->dim == 3 && j / 9 == 1 ? 4 : 1);
+
+      for (PetscInt a = 0; a < l->dim; a++) sum[a] += weight * vc[j * l->dim + a];
+    }
+  }
+  for (PetscInt a = 0; a < 3; a++) sum[a] = total(sum[a]);
+}
+
+/* Where a ball has moved on, cells are joined and halved: any velocity keeps its integral, which its values alone do
+   not */
+static void test_carry_conserves(void **state)
+{
+  (void)state;
+  for (PetscInt dim = 2; dim <= 3; dim++) {
+    Mesh             m, old;
+    const MeshLocal *l, *lo;
+    Balls            b = one_ball(dim);
+    PetscReal       *u, *v, before[3], after[3], plain[3], lost = 0;
+
+    for (PetscInt a = 0; a < dim; a++) b.period[a] = 1;
+    create(dim == 2 ? "-mesh_cells 4,4 -mesh_levels 3 -mesh_periodic x,y"
+                    : "-mesh_dimension 3 -mesh_cells 3,3,3 -mesh_levels 2 -mesh_band 1 -mesh_periodic x,y,z",
+           &b, &m);
+    b.x[0][0] += dim == 2 ? 0.07 : 0.15;
+    OK(MeshRemesh(m, &(MeshSurface){.distance = ball_distance, .context = &b}, &old));
+    OK(MeshGetLocal(old, &lo));
+    OK(MeshGetLocal(m, &l));
+    OK(PetscMalloc2(lo->nnode_all * dim, &u, l->nnode_all * dim, &v));
+    for (PetscInt i = 0; i < lo->nnode_all * dim; i++) u[i] = noise((int)lo->node_global[i / dim] * 3 + i % dim);
+    integrate(old, u, before);
+    OK(MeshCarryNodes(old, m, dim, u, v));
+    integrate(m, v, plain);
+    OK(MeshCarryVelocity(old, m, u, v));
+    integrate(m, v, after);
+    for (PetscInt a = 0; a < dim; a++) {
+      NEAR(after[a], before[a], 1e-14);
+      lost = PetscMax(lost, PetscAbsReal(plain[a] - before[a]));
+    }
+    assert_true(lost > 1e-5);
+    OK(PetscFree2(u, v));
+    OK(MeshDestroy(&old));
+    OK(MeshDestroy(&m));
+  }
+}
+
 int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {cmocka_unit_test(test_counts), cmocka_unit_test(test_places), cmocka_unit_test(test_ghosts),
-                                     cmocka_unit_test(test_patch), cmocka_unit_test(test_carry)};
+                                     cmocka_unit_test(test_patch),  cmocka_unit_test(test_carry),  cmocka_unit_test(test_carry_conserves)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

@@ -95,7 +95,7 @@ def test_travelling_box(good, scene):
 
 
 def test_rate_is_held(good, scene):
-    """The force that holds the mean velocity is found on the new cells as on the old ones: 0.7 % off in the step after a change, 1e-5 in others."""
+    """The force that holds the mean velocity is found on the new cells as on the old ones, within 2.4e-5 also in the step after a change: momentum is carried whole (7e-3 where values alone are)."""
     moves = edited("velocity: [0, -4]", "velocity: [0, -2]", edited("gravity: [0, -981]", "gravity: [0, -981], velocity: [0, -2], rate: [0, -2], recipe: balanced, ksp_rtol: 1e-9", ROUND))
     moves = edited("periodic: y", "periodic: [x, y]", moves)
     one = good("follows", [scene(moves)])
@@ -103,7 +103,7 @@ def test_rate_is_held(good, scene):
     assert changes(one) >= 4
     for a, b in zip(rows(one, "series.csv"), rows(two, "series.csv"), strict=True):
         assert float(a["mean_velocity_y"]) == pytest.approx(-2, abs=1e-8), a
-        assert float(a["flow_force_y"]) == pytest.approx(float(b["flow_force_y"]), rel=1e-2), (a, b)
+        assert float(a["flow_force_y"]) == pytest.approx(float(b["flow_force_y"]), rel=1e-4), (a, b)
 
 
 def test_in_space(good, scene):
