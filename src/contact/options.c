@@ -31,8 +31,8 @@ static const OptSpec SPECS[] = {
    .when = SPRING, .expert = PETSC_TRUE},
   {"-contact_lubrication", OPT_BOOL, "", OPT_ANY, "false", .help = "add the resistance of films that are thinner than the mesh resolves",
    .when = "-contact_law repulsive or spring"},
-  {"-contact_lubrication_range", OPT_REAL, "length", OPT_ABOVE_ZERO, "one cell", .help = "gap from which on the mesh resolves the film",
-   .when = LUBRICATION},
+  {"-contact_lubrication_range", OPT_REAL, "length", OPT_ABOVE_ZERO, "one cell",
+   .help = "gap from which on the mesh resolves the film (in space it resolves part of thinner ones, too)", .when = LUBRICATION},
   {"-contact_roughness", OPT_REAL, "length", OPT_ABOVE_ZERO, "1/50 of -contact_lubrication_range, its upper bound",
    .help = "gap below which the resistance of the film grows no more", .when = LUBRICATION},
 };
