@@ -11,8 +11,9 @@
 #pragma once
 #include "compat.h"
 
-/* Changes when ShapeOps or ShapePlugin change; a plugin built for another number is refused. */
-#define SHAPE_INTERFACE 1
+/* Changes when ShapeOps or ShapePlugin change. A plugin built for 1, before there was `corners`, is loaded as one
+   without it; one built for another number is refused. */
+#define SHAPE_INTERFACE 2
 
 #define SHAPE_POSITIVE 2.2250738585072014e-308 /* as lower bound of an option: must be > 0 */
 
@@ -45,6 +46,10 @@ typedef struct {
   PetscErrorCode (*surface)(Shape, PetscInt n, PetscReal x[], PetscReal w[]);
   PetscErrorCode (*view)(Shape, PetscViewer); /* optional: one line of parameters, ASCII */
   PetscErrorCode (*destroy)(Shape);           /* optional: free data */
+  /* optional: *n = number of points of the surface where its normal jumps (3D: where edges meet), of which the first
+     `most` go to x [most][dim]; outline corners that turn by less than 26 degrees are none. Default 2D: found on the
+     outline; 3D: none are known */
+  PetscErrorCode (*corners)(Shape, PetscInt most, PetscInt *n, PetscReal x[]);
 } ShapeOps;
 
 /* The record a plugin exports under the symbol `tumble_shape`. */

@@ -349,6 +349,18 @@ static PetscErrorCode ShapeSurface_Airfoil(Shape s, PetscInt n, PetscReal x[], P
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* The trailing edge */
+static PetscErrorCode ShapeCorners_Airfoil(Shape s, PetscInt most, PetscInt *n, PetscReal x[])
+{
+  Airfoil *f;
+
+  PetscFunctionBeginUser;
+  PetscCall(ShapeGetData(s, &f));
+  *n = 1;
+  for (PetscInt a = 0; a < 2 && most > 0; a++) x[a] = f->end[0].c[a];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode ShapeView_Airfoil(Shape s, PetscViewer viewer)
 {
   Airfoil *f;
@@ -385,5 +397,6 @@ TUMBLE_SHAPE_REGISTER = {
                   .normal   = ShapeNormal_Airfoil,
                   .surface  = ShapeSurface_Airfoil,
                   .view     = ShapeView_Airfoil,
-                  .destroy  = ShapeDestroy_Airfoil},
+                  .destroy  = ShapeDestroy_Airfoil,
+                  .corners  = ShapeCorners_Airfoil},
 };

@@ -141,6 +141,19 @@ static PetscErrorCode ShapeMass_Box(Shape s, ShapeMass *mass)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Rounded edges have none. */
+static PetscErrorCode ShapeCorners_Box(Shape s, PetscInt most, PetscInt *n, PetscReal x[])
+{
+  Box *b;
+
+  PetscFunctionBeginUser;
+  PetscCall(ShapeGetData(s, &b));
+  *n = b->rounding > 0 ? 0 : 1 << b->dim;
+  for (PetscInt i = 0; i < PetscMin(*n, most); i++)
+    for (PetscInt a = 0; a < b->dim; a++) x[i * b->dim + a] = (i >> a & 1 ? 1 : -1) * b->core[a];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode ShapeView_Box(Shape s, PetscViewer viewer)
 {
   Box *b;
@@ -178,5 +191,6 @@ TUMBLE_SHAPE_REGISTER = {
                   .normal   = ShapeNormal_Box,
                   .mass     = ShapeMass_Box,
                   .view     = ShapeView_Box,
-                  .destroy  = ShapeDestroy_Box},
+                  .destroy  = ShapeDestroy_Box,
+                  .corners  = ShapeCorners_Box},
 };

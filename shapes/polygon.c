@@ -12,6 +12,7 @@
 #include <strings.h>
 
 #define MAX_CORNERS 100000
+#define COS_TURN    0.9 /* of an edge against the one before, below which they make a corner */
 
 typedef struct {
   char       file[PETSC_MAX_PATH_LEN];
@@ -330,6 +331,25 @@ static PetscErrorCode ShapeSurface_Polygon(Shape s, PetscInt n, PetscReal x[], P
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* A smooth curve drawn with many short edges has none. */
+static PetscErrorCode ShapeCorners_Polygon(Shape s, PetscInt most, PetscInt *n, PetscReal x[])
+{
+  Polygon *p;
+
+  PetscFunctionBeginUser;
+  PetscCall(ShapeGetData(s, &p));
+  *n = 0;
+  for (PetscInt i = 0, j = p->n - 1; i < p->n; j = i++) {
+    if (p->ex[i] * p->ex[j] + p->ey[i] * p->ey[j] > COS_TURN / PetscSqrtReal(p->inv2[i] * p->inv2[j])) continue;
+    if (*n < most) {
+      x[2 * *n]     = p->x[i];
+      x[2 * *n + 1] = p->y[i];
+    }
+    (*n)++;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode ShapeView_Polygon(Shape s, PetscViewer viewer)
 {
   Polygon *p;
@@ -366,5 +386,6 @@ TUMBLE_SHAPE_REGISTER = {
                   .mass     = ShapeMass_Polygon,
                   .surface  = ShapeSurface_Polygon,
                   .view     = ShapeView_Polygon,
-                  .destroy  = ShapeDestroy_Polygon},
+                  .destroy  = ShapeDestroy_Polygon,
+                  .corners  = ShapeCorners_Polygon},
 };

@@ -168,6 +168,9 @@ PetscErrorCode BodiesDistance(Bodies, PetscInt k, const PetscReal X[], const Pet
 /* Closest points y [n][dim] on the surface, likewise (ShapeProject in space). */
 PetscErrorCode BodiesProject(Bodies, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt n,
                              const PetscReal x[], PetscReal y[]);
+/* Corners of body k drawn there (ShapeGetCorners): number, and the first `most` of them x [most][dim] in space. */
+PetscErrorCode BodiesGetCorners(Bodies, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt most,
+                                PetscInt *n, PetscReal x[]);
 
 /* Vector from the reference point to the centre of body k at orientation q[4] (NULL: the current one), space axes: zero
    without a pivot. */

@@ -9,6 +9,8 @@ PetscErrorCode ShapeGetType(Shape, const char *type[]);
 PetscErrorCode ShapeProject(Shape, PetscInt n, const PetscReal x[], PetscReal y[]);
 PetscErrorCode ShapeGetRadius(Shape, PetscReal *r);                           /* bounding radius about the CENTROID */
 PetscErrorCode ShapeSurface(Shape, PetscInt n, PetscReal x[], PetscReal w[]); /* see ShapeOps.surface */
+/* Corners (see ShapeOps.corners): x [n][dim], owned by the shape, found once. */
+PetscErrorCode ShapeGetCorners(Shape, PetscInt *n, const PetscReal *x[]);
 /* Is the shape a disc/sphere about its centroid? Then *r is its radius, otherwise 0. Closed forms in contact use it. */
 PetscErrorCode ShapeGetDisc(Shape, PetscReal *r);
 /* Numeric option i = 0, 1, ... that the plugin read, without prefix, and its closed range; *name is NULL past the last

@@ -383,6 +383,18 @@ static void into_frame(const BodyGroup *g, PetscReal scale, PetscInt dim, const 
   }
 }
 
+/* The other way: y [n][dim] in the frame of the shape, x in space */
+static void out_of_frame(const BodyGroup *g, PetscReal scale, PetscInt dim, const PetscReal X[], const PetscReal R[9], PetscInt n,
+                         const PetscReal y[], PetscReal x[])
+{
+  for (PetscInt p = 0; p < n; p++) {
+    PetscReal r[3] = {0, 0, 0};
+
+    for (PetscInt a = 0; a < dim; a++) r[a] = scale * (y[p * dim + a] - g->mass.centroid[a]);
+    for (PetscInt a = 0; a < dim; a++) x[p * dim + a] = X[a] + R[3 * a] * r[0] + R[3 * a + 1] * r[1] + R[3 * a + 2] * r[2];
+  }
+}
+
 PetscErrorCode BodiesDistance(Bodies b, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt n, const PetscReal x[], PetscReal d[])
 {
   const PetscInt   dim = b->state.dim;
@@ -422,13 +434,23 @@ PetscErrorCode BodiesProject(Bodies b, PetscInt k, const PetscReal X[], const Pe
 
     into_frame(g, scale, dim, X, R, m, x + start * dim, local);
     PetscCall(ShapeProject(g->shape, m, local, wall));
-    for (PetscInt p = 0; p < m; p++) {
-      PetscReal r[3] = {0, 0, 0};
-
-      for (PetscInt a = 0; a < dim; a++) r[a] = scale * (wall[p * dim + a] - g->mass.centroid[a]);
-      for (PetscInt a = 0; a < dim; a++) y[(start + p) * dim + a] = X[a] + R[3 * a] * r[0] + R[3 * a + 1] * r[1] + R[3 * a + 2] * r[2];
-    }
+    out_of_frame(g, scale, dim, X, R, m, wall, y + start * dim);
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodiesGetCorners(Bodies b, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt most, PetscInt *n, PetscReal x[])
+{
+  const BodyGroup *g;
+  const PetscReal *corner;
+  PetscReal        R[9];
+
+  PetscFunctionBeginUser;
+  PetscCall(check_body(b, k));
+  g = BodiesGetGroup(&b->view, k);
+  PetscCall(ShapeGetCorners(g->shape, n, &corner));
+  RotationMatrix(q ? q : b->state.q[k], R);
+  out_of_frame(g, b->state.scale[k], b->state.dim, X ? X : b->state.x[k], R, PetscMin(*n, most), corner, x);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -5,7 +5,7 @@
 #include "couple/couple.h"
 #include "solve/penaltyterm.h"
 
-#define RUNG_COUNTS 4
+#define RUNG_COUNTS 5
 
 typedef struct {
   const char *name;

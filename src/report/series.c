@@ -84,6 +84,7 @@ const MonitorColumn MONITOR_FURTHER[] = {
   {"snap_narrow", "", 12, "with rung snap: bodies whose walls were drawn back in narrow gaps"},
   {"snap_taylor", "", 12, "with rung snap: moved nodes whose old values came from Taylor's formula"},
   {"snap_kept", "", 12, "with rung snap: moved nodes for which there was no old value"},
+  {"snap_corners", "", 12, "with rung snap: corners of bodies that the mesh cuts off"},
   {"deform_area_min", "", 12, "with -mesh_deform and bodies that move: smallest size of a cell over the wanted one"},
   {"deform_area_max", "", 12, "the same: largest"},
   {"deform_jacobian", "", 12, "the same: smallest Jacobian in a cell over the cell's mean"},

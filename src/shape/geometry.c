@@ -173,6 +173,27 @@ PetscErrorCode ShapeSurface(Shape s, PetscInt n, PetscReal x[], PetscReal w[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode ShapeGetCorners(Shape s, PetscInt *n, const PetscReal *x[])
+{
+  PetscFunctionBeginUser;
+  if (!s->have_corners) {
+    if (s->ops.corners) {
+      PetscInt again = 0;
+
+      GUARDED(s, corners, (s, 0, &s->ncorner, NULL));
+      PetscCall(PetscMalloc1(s->ncorner * s->dim, &s->corner));
+      GUARDED(s, corners, (s, s->ncorner, &again, s->corner));
+      PetscCheck(again == s->ncorner, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+                 "Shape '%s' counts %" PetscInt_FMT " corners, then %" PetscInt_FMT ": check the plugin with 'tumble-test-shape %s'", s->loaded->type,
+                 s->ncorner, again, s->loaded->file);
+    } else if (s->dim == 2) PetscCall(ShapeDefaultCorners(s, &s->ncorner, &s->corner));
+    s->have_corners = PETSC_TRUE;
+  }
+  *n = s->ncorner;
+  *x = s->corner;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Project points around the body onto it and compare their radii; the volume rules out holes. 1e-6 leaves room for a
    centroid found by quadrature. */
 PetscErrorCode ShapeGetDisc(Shape s, PetscReal *r)

@@ -1,6 +1,7 @@
 /* The inside of a shape, for the files of this room. shape.c: plugins, options. check.c: what is asked of
    a new one. geometry.c: what users ask of a shape.
-   default.c, surface.c: what a plugin leaves out, from the distance alone, by the tree of tree.h. */
+   default.c, surface.c, triangulate.c (corners): what a plugin leaves out, from the distance
+   alone, by the tree of tree.h. */
 #pragma once
 #include "shape/host.h"
 
@@ -30,6 +31,9 @@ struct _p_Shape {
   PetscBool     have_mass, have_centroid_radius, have_disc;
   ShapeMass     mass;
   PetscReal     centroid_radius, disc;
+  PetscBool     have_corners;
+  PetscInt      ncorner;
+  PetscReal    *corner; /* [ncorner][dim] */
   PetscInt      noptions;
   OptionRange   option[SHAPE_MAX_OPTIONS];
 };
@@ -52,6 +56,10 @@ PetscErrorCode ShapeDefaultMass(Shape, PetscReal r, PetscInt dim, ShapeMass *m);
    spread over the surface by farthest-point selection, weights from the area nearest to each point. Parts thinner than
    r/2000 (3D: r/60) may be missed. */
 PetscErrorCode ShapeDefaultSurface(Shape, PetscReal r, PetscInt dim, PetscInt n, PetscReal x[], PetscReal w[]);
+
+/* Corners of the outline in 2D: where the normal turns by more than 26 degrees between neighbours of a dense trace, on
+   the surface and with a wedge of the inside that is no half plane. *x [*n][2] is freed by the caller. */
+PetscErrorCode ShapeDefaultCorners(Shape, PetscInt *n, PetscReal *x[]);
 
 /* An upper bound of the largest |x - c| over the body, at most 1e-4 r too large (3D, many far points: 2e-2 r). */
 PetscErrorCode ShapeDefaultRadius(Shape, PetscReal r, PetscInt dim, const PetscReal c[3], PetscReal *radius);

@@ -15,11 +15,13 @@
 #include <dirent.h>
 #include <dlfcn.h>
 #include <stdarg.h>
+#include <stddef.h>
 #include <stdlib.h>
 #include <unistd.h>
 
-#define MAX_PLUGINS 64
-#define MAX_PATHS   4096
+#define MAX_PLUGINS    64
+#define MAX_PATHS      4096
+#define BEFORE_CORNERS 1 /* the interface whose records end before that operation */
 
 static Loaded   table[MAX_PLUGINS];
 static PetscInt ntable = 0;
@@ -156,7 +158,7 @@ static PetscErrorCode CheckPlugin(const ShapePlugin *p, const char type[], const
     PetscCall(Complain(message, len,
                        "%s does not register a shape (no symbol 'tumble_shape'): add TUMBLE_SHAPE_REGISTER = {...} at its end, see shapes/template.c",
                        file));
-  } else if (p->interface != SHAPE_INTERFACE) {
+  } else if (p->interface != SHAPE_INTERFACE && p->interface != BEFORE_CORNERS) {
     PetscCall(Complain(message, len, "%s was built for shape interface %d, this program has %d: rebuild it with this program's shape.h", file,
                        p->interface, SHAPE_INTERFACE));
   } else if (!p->type || strcmp(p->type, type)) {
@@ -345,6 +347,14 @@ PetscErrorCode ShapeOptionPath(Shape s, const char name[], const char help[], ch
 
 /* ---- create, destroy ---- */
 
+/* Those that the record has; the others stay NULL */
+static void take_operations(Shape s)
+{
+  const ShapePlugin *p = s->loaded->plugin;
+
+  memcpy(&s->ops, &p->ops, p->interface == BEFORE_CORNERS ? offsetof(ShapeOps, corners) : sizeof(s->ops));
+}
+
 static PetscErrorCode SetUpShape(Shape s)
 {
   PetscFunctionBeginUser;
@@ -366,8 +376,8 @@ static PetscErrorCode DeclareOptions(const char type[])
   PetscCall(PetscNew(&s));
   nalive++;
   s->loaded = loaded;
-  s->ops    = loaded->plugin->ops;
-  s->dim    = loaded->plugin->dims & 2 ? 3 : 2;
+  take_operations(s);
+  s->dim = loaded->plugin->dims & 2 ? 3 : 2;
   PetscCall(PetscStrncpy(s->prefix, "particle_<group>_", sizeof(s->prefix)));
   if (s->ops.create) GUARDED(s, create, (s));
   if (s->ops.options) GUARDED(s, options, (s));
@@ -405,8 +415,8 @@ PetscErrorCode ShapeCreate(const char type[], const char prefix[], PetscInt dim,
   PetscCall(PetscNew(&s));
   nalive++;
   s->loaded = loaded;
-  s->ops    = loaded->plugin->ops;
-  s->dim    = dim;
+  take_operations(s);
+  s->dim = dim;
   PetscCall(PetscStrncpy(s->prefix, prefix ? prefix : "", sizeof(s->prefix)));
   ierr = SetUpShape(s);
   if (PetscUnlikely(ierr)) { /* free what the plugin has, so that a caller who goes on does not leak */
@@ -425,6 +435,7 @@ PetscErrorCode ShapeDestroy(Shape *shape)
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
   if (s->ops.destroy) GUARDED(s, destroy, (s));
   nalive--;
+  PetscCall(PetscFree(s->corner));
   PetscCall(PetscFree(*shape));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

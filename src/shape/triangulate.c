@@ -1,4 +1,5 @@
-/* Pictures of a shape: its outline in 2D, a triangulation of its surface in 3D (see shape/host.h).
+/* Pictures of a shape: its outline in 2D, whose corners snap asks for, too, a triangulation of its surface in 3D (see
+   shape/host.h).
 
    Outline: the surface points of the shape, many, with the corners between them, thinned to what a tolerance needs
    (Douglas & Peucker 1973). A corner lies where the normal turns by more than a polygon of that many sides would; it is
@@ -12,6 +13,7 @@
 
 #define DENSE      1536 /* points that are thinned */
 #define CORNER_COS 0.9  /* of the turn between neighbours that is a corner */
+#define AROUND     256  /* directions in which a corner is looked at */
 
 static PetscReal dot2(const PetscReal a[], const PetscReal b[])
 {
@@ -76,6 +78,51 @@ static PetscErrorCode trace_curve(Shape s, PetscInt *n, PetscReal x[], PetscBool
     if (found) corner[(*n)++] = PETSC_TRUE;
   }
   PetscCall(PetscFree3(y, normal, w));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Does the outline turn at the point c on it? By the wedge of the inside on a small circle around it: nothing inside is
+   a cusp, more than one wedge two parts that touch */
+static PetscErrorCode is_corner(Shape s, const PetscReal c[], PetscBool *yes)
+{
+  PetscReal x[2 * AROUND], d[AROUND];
+  PetscInt  inside = 0, change = 0;
+
+  PetscFunctionBeginUser;
+  *yes = PETSC_FALSE;
+  PetscCall(ShapeDistance(s, 1, c, d));
+  if (PetscAbsReal(d[0]) > 1e-8 * s->radius) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt i = 0; i < AROUND; i++) {
+    x[2 * i]     = c[0] + 1e-4 * s->radius * PetscCosReal(2 * PETSC_PI * (PetscReal)i / AROUND);
+    x[2 * i + 1] = c[1] + 1e-4 * s->radius * PetscSinReal(2 * PETSC_PI * (PetscReal)i / AROUND);
+  }
+  PetscCall(ShapeDistance(s, AROUND, x, d));
+  for (PetscInt i = 0; i < AROUND; i++) {
+    inside += d[i] < 0;
+    change += (d[i] < 0) != (d[(i + 1) % AROUND] < 0);
+  }
+  *yes = (PetscBool)(change <= 2 && PetscAbsReal(1 - 2 * (PetscReal)inside / AROUND) * PETSC_PI > acos(CORNER_COS));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeDefaultCorners(Shape s, PetscInt *n, PetscReal *points[])
+{
+  PetscReal *x;
+  PetscBool *corner, yes;
+  PetscInt   m = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc2(4 * DENSE, &x, 2 * DENSE, &corner));
+  PetscCall(trace_curve(s, &m, x, corner));
+  *n = 0;
+  for (PetscInt i = 0; i < m; i++) {
+    if (!corner[i]) continue;
+    PetscCall(is_corner(s, x + 2 * i, &yes));
+    if (yes) PetscCall(PetscArraymove(x + 2 * (*n)++, x + 2 * i, 2));
+  }
+  PetscCall(PetscMalloc1(2 * *n, points));
+  PetscCall(PetscArraycpy(*points, x, 2 * *n));
+  PetscCall(PetscFree2(x, corner));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

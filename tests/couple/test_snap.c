@@ -139,6 +139,59 @@ static void test_gaps(void **state)
   }
 }
 
+/* Distance of the closest wall node from point x */
+static PetscReal nearest_node(Case *c, const PetscReal x[])
+{
+  PetscReal best = PETSC_MAX_REAL;
+
+  for (PetscInt e = 0; e < c->r.nmarked; e++) {
+    const PetscInt i = c->r.marked[e];
+
+    if (c->r.on_wall[i]) best = PetscMin(best, PetscHypotReal(c->l->x[2 * i] - x[0], c->l->x[2 * i + 1] - x[1]));
+  }
+  return -largest(-best);
+}
+
+/* A box, and an L with its re-entrant corner, anywhere and at any angle: nodes on all corners, and then the
+   mesh has the area of the body to round-off, as its sides are straight */
+static void test_corners(void **state)
+{
+  const char *shape[] =
+    {"box -particle_a_size 0.3,0.11 ",
+     "composite -particle_a_parts b,c -particle_a_b_shape box -particle_a_b_size 0.3,0.11 -particle_a_c_shape box -particle_a_c_size "
+     "0.11,0.3 -particle_a_c_offset -0.095,0.095 "};
+  PetscReal worst = 1;
+
+  (void)state;
+  for (PetscInt n = 0; n < 2; n++) {
+    Case c;
+    char options[512];
+
+    snprintf(options, sizeof(options),
+             "-mesh_cells 40,40 -mesh_upper 1,1 -particle_groups a -particle_a_free none -particle_a_position 0.5,0.5 -particle_a_shape %s",
+             shape[n]);
+    open_case(&c, options);
+    for (PetscInt trial = 0; trial < 60; trial++) {
+      PetscReal x[2 * 6];
+      PetscInt  ncorner;
+
+      for (PetscInt a = 0; a < 2; a++) c.state->x[0][a] = 0.5 + 0.0125 * noise(3 * trial + a);
+      turn(&c, 0, PETSC_PI * noise(3 * trial + 2));
+      fit(&c);
+      OK(BodiesGetCorners(c.bodies, 0, c.state->x[0], c.state->q[0], 6, &ncorner, x));
+      assert_int_equal(ncorner, n ? 6 : 4);
+      assert_true(c.fitted[0]);
+      assert_int_equal(c.r.ncut, 0);
+      worst = PetscMin(worst, c.r.quality);
+      BELOW(miss(&c), 1e-12);
+      NEAR(area(&c, PETSC_TRUE), n ? 0.0539 : 0.033, 1e-12);
+      for (PetscInt i = 0; i < ncorner; i++) BELOW(nearest_node(&c, x + 2 * i), 1e-12);
+    }
+    close_case(&c);
+    print_message("worst %g\n", (double)worst);
+  }
+}
+
 /* A disc that comes to a side of the domain, and touches it at last */
 static void test_side(void **state)
 {
@@ -275,8 +328,9 @@ static void test_hinged_plates(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_circles), cmocka_unit_test(test_ellipses), cmocka_unit_test(test_gaps),
-                                     cmocka_unit_test(test_side),    cmocka_unit_test(test_plates),   cmocka_unit_test(test_hinged_plates)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_circles),      cmocka_unit_test(test_ellipses), cmocka_unit_test(test_gaps),
+                                     cmocka_unit_test(test_corners),      cmocka_unit_test(test_side),     cmocka_unit_test(test_plates),
+                                     cmocka_unit_test(test_hinged_plates)};
   int                     failed;
 
   if (PetscInitialize(&argc, &argv, NULL, NULL)) return 1;

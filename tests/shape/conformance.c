@@ -462,6 +462,112 @@ static PetscErrorCode CheckSurface(Suite *t, char why[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Does the normal turn by more than 25 degrees between surface points close to corner c? */
+static PetscErrorCode NormalJumps(const Suite *t, const PetscReal c[], PetscBool *yes)
+{
+  enum {
+    AROUND = 64
+  };
+  const PetscInt  dim = t->dim;
+  const PetscReal eps = 1e-4 * t->radius;
+  PetscReal       y[3 * AROUND], normal[3 * AROUND], least = 1;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < AROUND * dim; i++) y[i] = c[i % dim] + eps * Random(-1, 1);
+  PetscCall(ShapeProject(t->shape, AROUND, y, y));
+  PetscCall(ShapeNormal(t->shape, AROUND, y, normal));
+  for (PetscInt i = 0; i < AROUND * AROUND; i++) {
+    const PetscInt j = i / AROUND, k = i % AROUND;
+    PetscReal      dot = 0;
+
+    /* on it: any normal */
+    if (Separation(dim, y + dim * j, c) < 1e-3 * eps || Separation(dim, y + dim * k, c) < 1e-3 * eps) continue;
+    for (PetscInt a = 0; a < dim; a++) dot += normal[dim * j + a] * normal[dim * k + a];
+    least = PetscMin(least, dot);
+  }
+  *yes = (PetscBool)(least < 0.906);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Between surface points x and y, whose normals differ: halve the way to the largest turn of the normal until it is as
+   short as round-off lets it be; *at: where, if the turn is still 45 degrees */
+static PetscErrorCode FollowTurn(const Suite *t, const PetscReal x[], const PetscReal y[], PetscReal at[], PetscBool *jumps)
+{
+  PetscReal p[6] = {x[0], x[1], 0, 0, y[0], y[1]}, normal[6];
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < 12; i++) {
+    PetscReal dot[2];
+
+    for (PetscInt a = 0; a < 2; a++) p[2 + a] = 0.5 * (p[a] + p[4 + a]);
+    PetscCall(ShapeProject(t->shape, 3, p, p));
+    PetscCall(ShapeNormal(t->shape, 3, p, normal));
+    for (PetscInt v = 0; v < 2; v++) dot[v] = normal[2 * v] * normal[2 * v + 2] + normal[2 * v + 1] * normal[2 * v + 3];
+    if (dot[0] < dot[1]) PetscCall(PetscArraycpy(p + 4, p + 2, 2));
+    else PetscCall(PetscArraycpy(p, p + 2, 2));
+    *jumps = (PetscBool)(PetscMin(dot[0], dot[1]) < PETSC_SQRT2 / 2);
+    if (!*jumps) break;
+  }
+  for (PetscInt a = 0; a < 2; a++) at[a] = 0.5 * (p[a] + p[4 + a]);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode FindMissingCorner(const Suite *t, PetscInt n, const PetscReal c[], char why[])
+{
+  const PetscReal even = t->total / (PetscReal)t->nsurface;
+  PetscReal      *normal, at[2];
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(2 * t->nsurface, &normal));
+  PetscCall(ShapeNormal(t->shape, t->nsurface, t->xs, normal));
+  for (PetscInt i = 0; i < t->nsurface && !why[0]; i++) {
+    const PetscInt j     = (i + 1) % t->nsurface;
+    PetscBool      jumps = PETSC_FALSE, named = PETSC_FALSE;
+
+    if (normal[2 * i] * normal[2 * j] + normal[2 * i + 1] * normal[2 * j + 1] > PETSC_SQRT2 / 2) continue;
+    if (Separation(2, t->xs + 2 * i, t->xs + 2 * j) > 1.5 * even) continue; /* another loop */
+    PetscCall(FollowTurn(t, t->xs + 2 * i, t->xs + 2 * j, at, &jumps));
+    for (PetscInt k = 0; k < n; k++) named = (PetscBool)(named || Separation(2, c + 2 * k, at) < 2 * even);
+    if (jumps && !named) PetscCall(Blame(t, why, at, "the outline has a corner here that the shape does not name"));
+  }
+  PetscCall(PetscFree(normal));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Corners: on the surface, the normal jumps there, no two the same, and the count does not depend on the room given.
+   In 2D there is one wherever the normal turns by 45 degrees within next to nothing. */
+static PetscErrorCode CheckCorners(Suite *t, char why[])
+{
+  const ShapePlugin *plugin;
+  const PetscReal   *c;
+  PetscInt           n, dim = t->dim;
+
+  PetscFunctionBeginUser;
+  PetscCall(ShapeGetPlugin(t->shape, &plugin));
+  PetscCall(ShapeGetCorners(t->shape, &n, &c));
+  for (PetscInt i = 0; i < n && !why[0]; i++) {
+    PetscReal d;
+    PetscBool jumps;
+
+    PetscCall(ShapeDistance(t->shape, 1, c + dim * i, &d));
+    PetscCall(NormalJumps(t, c + dim * i, &jumps));
+    if (!(PetscAbsReal(d) <= 1e-8 * t->radius)) PetscCall(Blame(t, why, c + dim * i, "corner %d has distance %g", (int)i, (double)d));
+    else if (!jumps) PetscCall(Blame(t, why, c + dim * i, "the normal does not jump at corner %d", (int)i));
+    for (PetscInt j = 0; j < i && !why[0]; j++)
+      if (Separation(dim, c + dim * i, c + dim * j) < 1e-8 * t->radius)
+        PetscCall(Blame(t, why, c + dim * i, "corners %d and %d are the same", (int)j, (int)i));
+  }
+  if (!why[0] && plugin->interface == SHAPE_INTERFACE && plugin->ops.corners) {
+    PetscReal none[3] = {0};
+    PetscInt  again;
+
+    PetscCall(plugin->ops.corners(t->shape, 0, &again, none));
+    if (again != n) PetscCall(PetscSNPrintf(why, WHY, "%d corners with room for them, %d without", (int)n, (int)again));
+  }
+  if (!why[0] && dim == 2) PetscCall(FindMissingCorner(t, n, c, why));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Same bits from a second call and a second object; the same to round-off one point at a time (vector and scalar code
    may round differently). */
 static PetscErrorCode CheckDeterminism(Suite *t, char why[])
@@ -662,6 +768,7 @@ static PetscErrorCode RunDimension(const char type[], PetscInt dim, PetscInt n, 
   RunCheck(&t, "bounding radius", CheckRadius);
   RunCheck(&t, "mass properties", CheckMass);
   RunCheck(&t, "surface points", CheckSurface);
+  RunCheck(&t, "corners", CheckCorners);
   RunCheck(&t, "far points", CheckFarPoints);
   RunCheck(&t, "determinism", CheckDeterminism);
   RunCheck(&t, "empty batch", CheckEmptyBatch);

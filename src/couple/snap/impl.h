@@ -1,5 +1,6 @@
 /* Inside of the snap module; for its files only. snap.c: the fit and its result. cover.c: the cells of thick bodies.
-   repair.c: a staircase of hexahedra that is a surface. place.c: walls, gaps, rings. check.c: is it a mesh? mend.c:
+   repair.c: a staircase of hexahedra that is a surface. place.c: walls, gaps, rings. corners.c: vertices on
+   corners. check.c: is it a mesh? mend.c:
    hexahedra that would be too flat. path.c, graph.c: bodies thinner than a cell. */
 #pragma once
 #include "base/room.h"
@@ -63,6 +64,11 @@ struct _p_Snap {
   PetscReal       *lost;   /* [nbodies] area that their walls were drawn back */
   PetscReal       *size;   /* [nnode_all] SnapNodeSize() */
   const PetscBool *fitted; /* [nbodies] in the fit in work */
+  /* corners of bodies in the plane */
+  PetscBool *follow;           /* [nbodies] do wall vertices go there? */
+  PetscInt  *ncorner, *ntaken; /* [nbodies] how many there are, how many have a vertex */
+  PetscReal *at_corner;        /* [nnode_all] 0, on a corner: where on an edge its middle node goes, 1/2 or less */
+  List       corner;           /* local vertices that lie there */
   /* the last result */
   PetscInt  *node_body, *cell_body, *cell_before;
   PetscBool *on_wall;
@@ -145,6 +151,14 @@ PetscErrorCode SnapClassifyNodes(Snap);
 PetscReal SnapNodeSize(Snap, PetscInt i);
 /* Own wall vertices to the wall; all wall vertices are ring 0. Collective. */
 PetscErrorCode SnapPlaceWallVertices(Snap, PetscReal (*X)[3], PetscReal (*q)[4]);
+/* The n own wall vertices have their displacements: in the plane one goes to each corner of a body with s->follow, its
+   neighbours along the wall are spread anew; counts in s->ncorner, s->ntaken. Collective. */
+PetscErrorCode SnapPlaceCorners(Snap, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt n, const PetscInt own[]);
+/* Of n placed wall nodes of the plane, those in the middle of an edge to a corner go back to its chord if their closest
+   point is on the other side of the corner. Not collective. */
+void SnapKeepSides(Snap, PetscInt n, const PetscInt list[]);
+/* Displacement d of the node in the middle of the edge between vertices a and b: nearer to one that lies on a corner */
+void SnapPlaceOnChord(Snap, PetscInt a, PetscInt b, PetscReal d[]);
 /* Rings of fluid vertices around the walls, by cells that share a vertex with the ring before. Collective. */
 PetscErrorCode SnapFindRings(Snap);
 /* Jacobi sweeps: own ring vertices take the mean displacement of their neighbours along edges (every edge is seen

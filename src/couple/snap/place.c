@@ -164,6 +164,7 @@ PetscErrorCode SnapPlaceWallVertices(Snap s, PetscReal (*X)[3], PetscReal (*q)[4
     if (i < l->nnode) PetscCall(SnapListAdd(&own, i));
   }
   PetscCall(SnapProjectNodes(s, X, q, own.n, own.i, PETSC_TRUE));
+  PetscCall(SnapPlaceCorners(s, X, q, own.n, own.i));
   PetscCall(PetscFree(own.i));
   PetscCall(MeshSyncNodes(s->mesh, l->dim, s->d));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -292,11 +293,12 @@ static PetscErrorCode place_edges(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], 
 
       if (s->stamp[0][i] == s->now) continue;
       s->stamp[0][i] = s->now;
-      for (PetscInt a = 0; a < dim; a++) s->d[dim * i + a] = 0.5 * (s->d[dim * node[end[0]] + a] + s->d[dim * node[end[1]] + a]);
+      SnapPlaceOnChord(s, node[end[0]], node[end[1]], s->d + dim * i);
       if (is_at_wall(s, i)) PetscCall(SnapListAdd(&wall, i));
     }
   }
   PetscCall(SnapProjectNodes(s, X, q, wall.n, wall.i, count));
+  if (dim == 2) SnapKeepSides(s, wall.n, wall.i);
   PetscCall(PetscFree(wall.i));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -4,7 +4,7 @@
 
    Columns of series.csv: snap_fallback, bodies held by the penalty; snap_narrow, bodies whose walls are drawn back
    in narrow gaps; snap_taylor, nodes whose old values came from Taylor's formula; snap_kept, nodes for which there
-   was none (remap.h). */
+   was none (remap.h); snap_corners, corners of bodies that the mesh cuts off. */
 #include "compat.h"
 #include "../impl.h"
 #include "../penalty.h"
@@ -16,6 +16,7 @@ enum {
   NARROW,
   TAYLOR,
   KEPT,
+  CORNERS,
   NCOUNT
 };
 
@@ -42,6 +43,7 @@ static PetscErrorCode create_snap(Couple c, void **rung)
   c->count[NARROW].name   = "snap_narrow";
   c->count[TAYLOR].name   = "snap_taylor";
   c->count[KEPT].name     = "snap_kept";
+  c->count[CORNERS].name  = "snap_corners";
   c->ncount               = NCOUNT;
   *rung                   = r;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -59,7 +61,8 @@ static PetscErrorCode draw_snap(Couple c, void *rung, const PenaltyTerm **terms)
   PetscCall(SnapDriverUpdate(r->driver, c->X, c->q, &fitted, &s, &remap));
   c->hollow = s->hollow;
   for (PetscInt e = 0; e < s->nmarked; e++) PetscCall(IndicatorClaim(c->mark, s->marked[e], s->node_body[s->marked[e]]));
-  c->count[NARROW].value = s->nnarrow;
+  c->count[NARROW].value  = s->nnarrow;
+  c->count[CORNERS].value = s->ncut;
   c->count[TAYLOR].value += remap->taylor;
   c->count[KEPT].value += remap->kept;
   c->count[FALLBACK].value = 0;

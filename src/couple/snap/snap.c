@@ -22,7 +22,8 @@ static void clear_places(Snap s)
   for (PetscInt e = 0; e < s->ring.n; e++) s->level[s->ring.i[e]] = 0;
   for (PetscInt e = 0; e < s->placed.n; e++)
     for (PetscInt a = 0; a < s->loc->dim; a++) s->d[s->loc->dim * s->placed.i[e] + a] = 0;
-  s->ring.n = s->touched.n = 0;
+  for (PetscInt e = 0; e < s->corner.n; e++) s->at_corner[s->corner.i[e]] = 0;
+  s->ring.n = s->touched.n = s->corner.n = 0;
 }
 
 static void clear_entries(Snap s)
@@ -201,6 +202,7 @@ PetscErrorCode SnapCreate(Mesh mesh, Bodies bodies, Snap *snap)
   PetscCall(PetscCalloc5(s->loc->ncell_all, &s->cover, s->loc->ncell_all, &s->stamp[1], s->loc->ncell_all, &s->cell_body, s->loc->ncell_all,
                          &s->cell_before, 3 * s->nbodies, &s->flags));
   PetscCall(PetscCalloc3(s->nbodies, &s->area, s->nbodies, &s->lost, s->nbodies, &s->hollow));
+  PetscCall(PetscCalloc4(s->nbodies, &s->follow, s->nbodies, &s->ncorner, s->nbodies, &s->ntaken, n, &s->at_corner));
   for (PetscInt i = 0; i < n; i++) s->node_body[i] = -1;
   for (PetscInt c = 0; c < s->loc->ncell_all; c++) s->cell_body[c] = s->cell_before[c] = -1;
   PetscCall(know_nodes(s));
@@ -211,8 +213,8 @@ PetscErrorCode SnapCreate(Mesh mesh, Bodies bodies, Snap *snap)
 
 static PetscErrorCode free_lists(Snap s)
 {
-  List *const list[] = {&s->dead,       &s->marked, &s->ring, &s->touched,   &s->bad,       &s->placed,       &s->old_dead,    &s->older_dead,
-                        &s->old_placed, &s->node,   &s->cell, &s->side_node, &s->path_edge, &s->side_cell[0], &s->side_cell[1]};
+  List *const list[] = {&s->dead,       &s->marked, &s->ring, &s->touched,   &s->bad,       &s->placed,       &s->old_dead,     &s->older_dead,
+                        &s->old_placed, &s->node,   &s->cell, &s->side_node, &s->path_edge, &s->side_cell[0], &s->side_cell[1], &s->corner};
 
   PetscFunctionBeginUser;
   for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(list); i++) PetscCall(PetscFree(list[i]->i));
@@ -230,6 +232,7 @@ PetscErrorCode SnapDestroy(Snap *snap)
   PetscCall(PetscFree6(s->depth, s->work, s->stamp[0], s->node_body, s->on_wall, s->size));
   PetscCall(PetscFree5(s->cover, s->stamp[1], s->cell_body, s->cell_before, s->flags));
   PetscCall(PetscFree3(s->area, s->lost, s->hollow));
+  PetscCall(PetscFree4(s->follow, s->ncorner, s->ntaken, s->at_corner));
   PetscCall(SnapPathTearDown(s));
   PetscCall(ClearanceDestroy(&s->clearance));
   PetscCall(PetscFree(s->x));
@@ -245,6 +248,7 @@ PetscErrorCode SnapFit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const Petsc
 
   PetscFunctionBeginUser;
   PetscCall(PetscArraycpy(fitted, wanted, s->nbodies));
+  for (PetscInt k = 0; k < s->nbodies; k++) s->follow[k] = PETSC_TRUE;
   swap_lists(&s->marked, &old_marked);
   PetscCall(ClearanceUpdate(s->clearance, X));
   PetscCall(SnapPathChoose(s, X, q, wanted));
@@ -256,6 +260,11 @@ PetscErrorCode SnapFit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const Petsc
 
       if (!fitted[k]) continue;
       PetscCall(SnapJudgeBody(s, k, (PetscBool)(before && !before[k]), &good));
+      if (!good && s->follow[k] && s->ntaken[k]) { /* once more without its corners */
+        s->follow[k] = PETSC_FALSE;
+        again        = PETSC_TRUE;
+        continue;
+      }
       again     = (PetscBool)(again || (!good && s->area[k] != 0));
       fitted[k] = good;
     }
@@ -263,9 +272,10 @@ PetscErrorCode SnapFit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const Petsc
     clear_entries(s);
     s->dead.n = s->marked.n = s->placed.n = 0;
   }
-  result->nnarrow = 0;
+  result->nnarrow = result->ncut = 0;
   for (PetscInt k = 0; k < s->nbodies; k++) {
     result->nnarrow += fitted[k] && s->flags[2 * s->nbodies + k];
+    result->ncut += fitted[k] ? s->ncorner[k] - s->ntaken[k] : 0;
     s->hollow[k] = (PetscBool)(fitted[k] && !s->is_path[k]);
   }
   PetscCall(collect_nodes(s));

@@ -7,6 +7,8 @@
    boundary of the domain stay. Dead cells that meet a dead cell of another body or the boundary are given back to
    the fluid, until at least one layer of fluid cells is left between two walls; those at a corner that leaves a
    fluid cell no room as well.
+   In the plane a wall vertex goes onto every corner that a shape has (corners.c); where the mesh then has a cell that
+   cannot be used, the body is fitted once more without. In space corners and edges are not followed.
    On a refined mesh (mesh/hang.h) all of this happens in cells of one size around the surface; the outermost ring stays
    where it meets larger cells.
    Walls closer than half a cell to another wall are drawn back, so that the gap g in the mesh is w + g^2/(4w) with w
@@ -57,6 +59,7 @@ typedef struct {
   PetscInt         ncell;
   const PetscInt  *cell;    /* [ncell] local cells with such a node, or dead only before or only now */
   PetscInt         nnarrow; /* bodies whose wall was drawn back from another one */
+  PetscInt         ncut;    /* corners of fitted bodies that the mesh does not follow */
   PetscReal        quality; /* smallest over largest Jacobian of a cell, smallest over all cells that were touched */
 } SnapResult;
 
