@@ -1,7 +1,7 @@
 """Values of a run: what an expression such as "largest('cd', 4, 8)" or "body(0).at('y', 2)" may use, and its analysis of signals.
 
 Names: the quantities and numbers of summary.json; columns of series.csv through at, first, last, largest, smallest, mean, period; the same of one
-body of bodies.csv through body(k); kiss_time; published, rms; the functions of math with abs, min, max, int, str.
+body of bodies.csv through body(k); sample(field, time, x, y) in its fields; kiss_time; published, rms; the functions of math with abs, min, max, int, str.
 """
 
 import bisect
@@ -100,6 +100,13 @@ def rms(values):
     return math.sqrt(sum(value * value for value in values) / len(values))
 
 
+def sample(folder, field, time, *place):
+    """First number of a field at a place, in the snapshot nearest to the time."""
+    import tumble
+
+    return tumble.open(str(folder)).snapshot(time=time).sample(field, [list(place)]).ravel()[0]
+
+
 def names_of_run(folder):
     """What the expression of a quantity may use."""
     summary = json.loads((folder / "summary.json").read_text())
@@ -110,6 +117,7 @@ def names_of_run(folder):
         **Table(read_numbers(folder / "series.csv")).names(),
         "published": published,
         "rms": rms,
+        "sample": lambda *what: sample(folder, *what),
         "kiss_time": lambda a=0, b=1, factor=1.05: kiss_time(bodies, a, b, factor),
         "body": lambda k=0: Body([row for row in bodies if row["body"] == k]),
     }

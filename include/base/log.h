@@ -7,6 +7,7 @@ extern PetscLogStage TB_STAGE_SETUP, TB_STAGE_FLOW, TB_STAGE_BODIES, TB_STAGE_OU
 extern PetscLogEvent TB_FLOW_ASSEMBLE; /* FlowAssemble: velocity matrix of the step, without convection */
 extern PetscLogEvent TB_FLOW_CONVECT;  /* FlowConvect: the same with convection */
 extern PetscLogEvent TB_FLOW_RHS;      /* FlowRhs: old-time terms and body force */
+extern PetscLogEvent TB_FLOW_STRESS;   /* FlowStress: conformation of viscoelastic fluids over a step */
 extern PetscLogEvent TB_FLOW_DIV;      /* FlowDiv: B u and B^T p */
 extern PetscLogEvent TB_VEL_SWEEP;     /* VelocitySweep: SOR sweeps or one incomplete factorisation applied, over all
                                           components at once */

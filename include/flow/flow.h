@@ -50,6 +50,9 @@ typedef struct {
   PetscReal rate[3];     /* and the mean velocities there */
   PetscBool
     varying; /* the viscosity varies by -flow_rheology: `viscosity` is that of the law, stress in symmetric form */
+  PetscBool elastic; /* -flow_rheology is viscoelastic: `viscosity` is that of solvent and polymer */
+  PetscReal solvent; /* viscosity of the gradient form alone, `viscosity` where the fluid is not viscoelastic */
+  PetscReal matrix;  /* viscosity in the matrix of the step: solvent, with what stands for a part of the polymer */
   PetscBool convection;
   PetscReal skew;      /* share of (div w) u in the convection: 0 convective, 1/2 skew-symmetric form */
   PetscInt  quadratic; /* extrapolation of the convecting velocity: 0 linear, 1 quadratic */
@@ -226,6 +229,19 @@ typedef struct {
   PetscReal speed_max;
   PetscReal cell_reynolds; /* largest of |u| h/nu, infinite without viscosity */
 } FlowDiagnostics;
+/* Viscoelastic fluids (src/flow/conformation.h), of the step's solution; all over the fluid */
+typedef struct {
+  PetscReal energy; /* free energy of the polymer, 0 at rest */
+  PetscReal trace;  /* largest trace of the conformation (three axes; 3 at rest) */
+  PetscReal least;  /* its smallest eigenvalue */
+} FlowElasticity;
+/* As the last FlowDiagnose found it; NULL: the fluid is not viscoelastic. Borrowed. */
+PetscErrorCode FlowGetElasticity(Flow, const FlowElasticity **);
+/* Logarithm of the conformation at the beginning of the step, [nnode_all][2 dim]: xx yy xy zz in the plane, xx yy zz xy
+   xz yz in space; NULL: none. Writable, synced. */
+PetscErrorCode FlowGetLogConformation(Flow, PetscReal *psi[]);
+/* The conformation itself, c [nnode_all][6]: xx xy xz yy yz zz. Error: the fluid is not viscoelastic. Local. */
+PetscErrorCode FlowGetConformation(Flow, PetscReal c[]);
 /* Where the accepted steady solution is wrong: eta [own cells], what its residual and the jumps of its stress amount to
    in a cell, as an error of the velocity gradient times sqrt(mu); fluid [own cells]: which cells count, eta is 0 in
    others; *relative: root of the sum of the squares over that of the dissipation. Collective. Error: no viscosity. */

@@ -30,8 +30,8 @@ PetscErrorCode OutputMove(Output, const PetscReal place[3]);
 
 /* Write one snapshot: u [nnode_all][dim] (ghosts are not read), p [own cells][dim + 1] (value at the cell centre,
    then gradient: p(x) = p0 + g.(x - xc)), body [nnode_all] index of the body that a node lies in or -1 (may be NULL),
-   error [own cells] error_indicator of -mesh_adapt (may be NULL).
-   Files fields_<step>.h5 and a temporal collection fields.xmf, rewritten after every snapshot so that a running or
-   killed job can be opened. Collective. */
+   error [own cells] error_indicator of -mesh_adapt (may be NULL), conformation [nnode_all][6] of a viscoelastic fluid,
+   xx xy xz yy yz zz (may be NULL). Files fields_<step>.h5 and a temporal collection fields.xmf, rewritten after every
+   snapshot so that a running or killed job can be opened. Collective. */
 PetscErrorCode OutputFields(Output, PetscInt step, PetscReal time, const PetscReal u[], const PetscReal p[],
-                            const PetscInt body[], const PetscReal error[]);
+                            const PetscInt body[], const PetscReal error[], const PetscReal conformation[]);

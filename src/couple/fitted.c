@@ -247,7 +247,7 @@ PetscErrorCode FittedForce(Fitted h, const PetscReal u[], const PetscReal p[], P
     PetscCall(MPIU_Allreduce(MPI_IN_PLACE, f, 12, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
     PetscCall(BodiesGetVolume(h->bodies, s->body, &volume));
     for (PetscInt d = 0; d < 3; d++) {
-      if (!par->varying) f[1][d] -= 2 * par->viscosity * volume * h->s->w[s->body][d]; /* gradient form */
+      if (!par->varying) f[1][d] -= 2 * par->solvent * volume * h->s->w[s->body][d]; /* gradient form */
       if (force) force[s->body][d] = f[0][d];
       if (torque) torque[s->body][d] = f[1][d];
       if (volume_force) volume_force[s->body][d] = f[2][d];

@@ -11,7 +11,7 @@ PetscErrorCode CoupleSpinStress(Couple c, PetscInt k, const FlowParameters *par,
   *coefficient = 0;
   if (!c->hollow || !c->hollow[k] || par->varying) PetscFunctionReturn(PETSC_SUCCESS); /* symmetric form: none */
   PetscCall(BodiesGetVolume(c->bodies, k, coefficient));
-  *coefficient *= 2 * par->viscosity;
+  *coefficient *= 2 * par->solvent;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -75,7 +75,8 @@ PetscErrorCode MovedBegin(Moved m, PetscInt n, const PetscInt cell[], PetscBool 
 static PetscErrorCode move_nodes(Moved m, const MovedMesh *to)
 {
   const PetscInt dim = m->loc->dim;
-  PetscReal     *u[2];
+  PetscReal     *u[2], *psi;
+  PetscInt       nfield;
 
   PetscFunctionBeginUser;
   if (to->nnode || !to->whole) PetscCall(MeshMoveNodes(m->mesh, to->nnode, to->node, to->x));
@@ -84,8 +85,16 @@ static PetscErrorCode move_nodes(Moved m, const MovedMesh *to)
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(FlowGetFields(m->flow, &u[0], &u[1], NULL));
-  for (PetscInt i = 0; i < 2 * dim * to->ncarried; i++) u[i / dim % 2][dim * to->carried[i / (2 * dim)] + i % dim] = to->value[i];
+  PetscCall(FlowGetLogConformation(m->flow, &psi));
+  nfield = psi ? 4 : 2;
+  for (PetscInt e = 0; e < to->ncarried; e++) {
+    const PetscReal *value = to->value + e * nfield * dim;
+
+    for (PetscInt k = 0; k < 2; k++) PetscCall(PetscArraycpy(u[k] + dim * to->carried[e], value + k * dim, dim));
+    if (psi) PetscCall(PetscArraycpy(psi + 2 * dim * to->carried[e], value + 2 * dim, 2 * dim));
+  }
   for (PetscInt k = 0; k < 2; k++) PetscCall(MeshSyncNodes(m->mesh, dim, u[k]));
+  if (psi) PetscCall(MeshSyncNodes(m->mesh, 2 * dim, psi));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -24,7 +24,8 @@ typedef struct {
   const PetscBool *resolved; /* [nbodies] bodies whose surface the mesh follows; goes with dead */
   PetscInt         ncarried; /* own nodes that get other old velocities */
   const PetscInt  *carried;
-  const PetscReal *value; /* [ncarried][2][dim] u^n and u^(n-1) there */
+  const PetscReal *value; /* [ncarried][nfield][dim] u^n, u^(n-1) there, and of a viscoelastic fluid (nfield 4, else 2)
+                             the logarithm of the conformation, first and second half */
 } MovedMesh;
 
 /* told: after a change of the whole mesh, may be NULL. Collective. */

@@ -139,9 +139,10 @@ static PetscErrorCode assemble_matrix(Flow f)
       FlowCellGather(l, c, f->w, wl);
       for (PetscInt i = 0; i < size; i++) wl[i] *= f->par.density * s->theta;
     }
-    ElementOperator(&f->element, &m, f->par.density * s->ct, f->rheology ? 0 : f->par.viscosity * s->theta, f->par.convection ? wl : NULL,
-                    f->par.skew, ce);
+    ElementOperator(&f->element, &m, f->par.density * s->ct, f->rheology ? 0 : f->par.matrix * s->theta, f->par.convection ? wl : NULL, f->par.skew,
+                    ce);
     if (f->rheology) FlowAddDiffusion(f, c, &m, ce);
+    if (f->tensors) FlowAddStiffness(f, c, &m, ce);
     MeshCellMatrix(l, c, 1, nbp, ce);
     add_cell(f, c, nbp, ce, value[0], value[1]);
   }
@@ -163,6 +164,7 @@ PetscErrorCode FlowAssemble(Flow f)
   if (!f->par.convection && !f->rheology && f->s_ct == f->step.ct && f->s_theta == f->step.theta) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogEventBegin(f->par.convection ? TB_FLOW_CONVECT : TB_FLOW_ASSEMBLE, 0, 0, 0, 0));
   PetscCall(FlowUpdateViscosity(f));
+  if (f->conformation) PetscCall(ConformationPredict(f->conformation));
   PetscCall(assemble_matrix(f));
   if (f->rheology) PetscCall(FlowAssembleComponents(f, NULL, &A));
   PetscCall(PetscLogEventEnd(f->par.convection ? TB_FLOW_CONVECT : TB_FLOW_ASSEMBLE, 0, 0, 0, 0));
@@ -188,6 +190,7 @@ PetscErrorCode FlowRhs(Flow f, PetscReal r[])
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_FLOW_RHS, 0, 0, 0, 0));
   PetscCall(FlowUpdateViscosity(f));
+  if (f->conformation) PetscCall(ConformationPredict(f->conformation));
   PetscCall(PetscArrayzero(r, l->nnode_all * dim));
   for (PetscInt c = 0; c < l->ncell; c++) {
     const PetscInt *node = l->cell_node + c * nb;

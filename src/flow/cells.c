@@ -189,6 +189,7 @@ PetscErrorCode FlowUpdateCells(Flow f, PetscInt n, const PetscInt cells[], const
   for (PetscInt e = 0; e < naround; e++) PetscCall(lump_cell(f, f->around[e]));
   PetscCall(MeshSyncNodes(f->mesh, 1, f->lumped));
   f->s_ct = 0;
+  if (f->conformation) ConformationForget(f->conformation);
   FlowExtrapolateConvection(f);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

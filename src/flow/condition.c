@@ -411,6 +411,13 @@ PetscErrorCode ConditionsGetKind(Conditions f, PetscInt b, PetscBool *wall, Pets
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode ConditionsIsOutflow(Conditions f, PetscInt b, PetscBool *outflow)
+{
+  PetscFunctionBeginUser;
+  *outflow = (PetscBool)(f->condition[b].type == BC_OUTFLOW);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ConditionsGetOwners(Conditions f, PetscInt owner[])
 {
   const PetscInt dim = f->loc->dim;

@@ -19,13 +19,18 @@ static PetscErrorCode read_parameters(Flow f)
   f->scheme     = SCHEME_BDF2;
   PetscCall(FlowReadForces(f));
   PetscCall(OptReal("-flow_viscosity", &p->viscosity));
-  PetscCall(RheologyCreate(p->viscosity, &f->rheology));
+  PetscCall(RheologyCreate(p->viscosity, &f->rheology, &f->polymer));
   p->varying = (PetscBool)(f->rheology != NULL);
+  p->elastic = (PetscBool)(f->polymer.name != NULL);
+  p->solvent = p->matrix = p->elastic ? f->polymer.solvent : p->viscosity;
   PetscCall(OptBool("-flow_convection", &p->convection));
   PetscCall(OptChoice("-flow_convection_form", FORMS, &form));
   p->skew = form == 1 ? 0.5 : 0;
   PetscCall(OptChoice("-flow_time", SCHEMES, &f->scheme));
   PetscCall(OptChoice("-flow_extrapolation", EXTRAPOLATIONS, &p->quadratic));
+  PetscCheck(!p->elastic || f->scheme == SCHEME_BE || f->scheme == SCHEME_BDF2, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "Option -flow_time %s: the stress of -flow_rheology %s belongs to the end of a step: use -flow_time bdf2 or be", SCHEMES[f->scheme],
+             f->polymer.name);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -110,6 +115,7 @@ PetscErrorCode FlowView(Flow f, PetscViewer viewer)
                                    SCHEMES[f->scheme],
                                    f->par.convection ? "Navier-Stokes (convection extrapolated)" : "Stokes (no convection assembled)"));
   if (f->rheology) PetscCall(RheologyView(f->rheology, viewer));
+  if (f->par.elastic) PetscCall(PolymerView(&f->polymer, viewer));
   PetscCall(ConditionsView(f->boundary, viewer));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -179,6 +185,38 @@ PetscErrorCode FlowGetPressureGradient(Flow f, const PetscReal p[], PetscReal ou
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode FlowGetElasticity(Flow f, const FlowElasticity **elastic)
+{
+  PetscFunctionBeginUser;
+  *elastic = f->conformation ? &f->elastic : NULL;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowGetLogConformation(Flow f, PetscReal *psi[])
+{
+  PetscFunctionBeginUser;
+  *psi = f->conformation ? ConformationField(f->conformation) : NULL;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowGetConformation(Flow f, PetscReal c[])
+{
+  const PetscInt   dim = f->loc->dim;
+  const PetscReal *psi;
+
+  PetscFunctionBeginUser;
+  PetscCheck(f->conformation, PETSC_COMM_SELF, PETSC_ERR_ARG_WRONGSTATE, "The fluid is not viscoelastic");
+  psi = ConformationField(f->conformation);
+  for (PetscInt i = 0; i < f->loc->nnode_all; i++) {
+    PetscReal C[3][3];
+
+    PolymerConformation(dim, psi + 2 * dim * i, C);
+    for (PetscInt a = 0, k = 0; a < 3; a++)
+      for (PetscInt b = a; b < 3; b++) c[6 * i + k++] = C[a][b];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowVisitState(void *flow, State state)
 {
   Flow           f     = flow;
@@ -191,6 +229,7 @@ PetscErrorCode FlowVisitState(void *flow, State state)
   PetscCall(StateNodes(state, "velocity_old", dim, f->u_old));
   PetscCall(StateCells(state, "pressure", dim + 1, f->p));
   PetscCall(StateCells(state, "pressure_old", dim + 1, f->p_old));
+  if (f->conformation) PetscCall(StateNodes(state, "log_conformation", 2 * dim, ConformationField(f->conformation)));
   PetscCall(StateReals(state, "dt_old", 1, &f->dt_old));
   if (f->u_older && StateIsLoading(state)) PetscCall(StateGetSize(state, "velocity_older", &older));
   if (older >= 0) PetscCall(StateNodes(state, "velocity_older", dim, f->u_older));

@@ -5,6 +5,7 @@
 #pragma once
 #include "mesh/element.h"
 #include "flow/flow.h"
+#include "conformation.h"
 #include "rheology.h"
 
 /* In the order of the values of -flow_time */
@@ -44,12 +45,16 @@ struct _p_Flow {
   const PetscInt  *term_cell;
   const PetscReal *term;
   /* viscosity that varies; all NULL for a Newtonian fluid */
-  Rheology   rheology;
-  PetscReal *strain;            /* [nnode_all][dim] velocity whose rate of strain sets it */
-  PetscReal *mu;                /* [ncell_all][nq] at the quadrature points */
-  PetscReal *mu_cell, *mu_node; /* [ncell_all], [nnode_all] means */
-  PetscBool  mu_current;        /* these belong to strain */
-  Mat        A;                 /* of all components, or NULL */
+  Rheology       rheology;
+  PetscReal     *strain;            /* [nnode_all][dim] velocity whose rate of strain sets it */
+  PetscReal     *mu;                /* [ncell_all][nq] at the quadrature points */
+  PetscReal     *mu_cell, *mu_node; /* [ncell_all], [nnode_all] means */
+  PetscBool      mu_current;        /* these belong to strain */
+  Mat            A;                 /* of all components, or NULL */
+  Polymer        polymer;           /* viscoelastic fluids, with the field of it, else NULL */
+  Conformation   conformation;
+  FlowElasticity elastic;
+  PetscBool      tensors; /* the last step had tensors in its matrix */
   /* fields; u_older: NULL but for quadratic extrapolation */
   PetscReal       *u, *u_old, *u_older, *w, *p, *p_old;
   const PetscReal *drift; /* [nnode_all][dim] velocity of the nodes, NULL: they stand still */
@@ -93,6 +98,8 @@ void FlowExtrapolateConvection(Flow);
 PetscErrorCode ConditionsCreate(Mesh, Conditions *);
 PetscErrorCode ConditionsDestroy(Conditions *);
 PetscErrorCode ConditionsView(Conditions, PetscViewer);
+/* Is boundary b of type outflow? */
+PetscErrorCode ConditionsIsOutflow(Conditions, PetscInt b, PetscBool *outflow);
 /* Evaluate the prescribed values at a time; PETSC_MAX_REAL: those of the steady state, after all ramps. Local.
    Error: a steady state is wanted and a boundary never stops changing (_factor). */
 PetscErrorCode ConditionsSetTime(Conditions, PetscReal time);
@@ -105,6 +112,19 @@ PetscErrorCode FlowUpdateViscosity(Flow);
 void FlowAddStress(Flow, PetscInt c, const ElementMetric *, const PetscReal ul[], PetscReal r[]);
 void FlowAddDiffusion(Flow, PetscInt c, const ElementMetric *, PetscReal ce[]);
 void FlowAddCoupling(Flow, PetscInt c, const ElementMetric *, const PetscReal ul[], PetscReal n[]);
+/* Viscoelastic fluids, as conformation.h has the momentum: r [nb][dim] += (T, grad v) with T = tau - P(grad u^n) E, at
+   nodes of an outflow -(div T, v), and with nodal velocities ul [nb][dim] (NULL: none) (grad u (E - rest), grad v),
+   where rest is what E is there, part of the viscosity of the matrix; ce [nb][nbp] += theta times the latter. Local.
+   */
+void FlowAddPolymer(Flow, PetscInt c, const ElementMetric *, const PetscReal ul[], PetscReal r[]);
+void FlowAddStiffness(Flow, PetscInt c, const ElementMetric *, PetscReal ce[]);
+/* The stress of the polymer in it at quadrature point q, where the velocity gradient is grad: stress [dim][dim].
+   Local. */
+void FlowPolymerStress(const struct _p_Flow *, PetscInt c, PetscInt q, PetscReal grad[3][3], PetscReal stress[3][3]);
+/* E of cell c, [dim*dim]. Local. */
+void FlowGetStiffness(const struct _p_Flow *, PetscInt c, PetscReal E[9]);
+/* Viscosity of the matrix in a step of length dt. Collective. */
+PetscErrorCode FlowSetMatrixViscosity(Flow, PetscReal dt);
 
 /* The functions below are called once a cell and are therefore inlined. */
 
@@ -131,9 +151,10 @@ static inline PetscErrorCode FlowCellMetric(Flow f, PetscInt c, ElementMetric *m
 static inline void FlowCellMomentum(Flow f, PetscInt c, const ElementMetric *m, const PetscReal al[], const PetscReal vl[], const PetscReal wl[],
                                     PetscReal r[])
 {
-  ElementResidual(&f->element, m, f->par.density, f->rheology ? 0 : f->par.viscosity, f->par.force, al, vl, f->par.convection ? wl : NULL,
-                  f->par.skew, r);
+  ElementResidual(&f->element, m, f->par.density, f->rheology ? 0 : f->par.matrix, f->par.force, al, vl, f->par.convection ? wl : NULL, f->par.skew,
+                  r);
   if (f->rheology && vl) FlowAddStress(f, c, m, vl, r);
+  if (f->conformation) FlowAddPolymer(f, c, m, vl, r);
 }
 
 /* Gradients of the basis at a quadrature point, [axis][j] */

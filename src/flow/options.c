@@ -7,6 +7,7 @@
 #define ANY_LAW   "-flow_rheology power_law, carreau, cross or herschel_bulkley"
 #define POWER     "-flow_rheology power_law or herschel_bulkley"
 #define BOUNDED   "-flow_rheology carreau or cross"
+#define ELASTIC   "-flow_rheology oldroyd_b, giesekus or fene_p"
 #define YIELDS    "-flow_rheology bingham or herschel_bulkley"
 #define HAS_SPEED "-flow_bc_<boundary>_type inflow, moving_wall or rotating_wall"
 
@@ -15,13 +16,24 @@ static const OptSpec SPECS[] = {
    .help = "density of the fluid (without a flow: for buoyancy and added mass)"},
   {"-flow_viscosity", OPT_REAL, "mass/(length time)", OPT_ABOVE_ZERO, "0.01",
    .help = "dynamic viscosity of the fluid; with -flow_rheology that of the law", .when = FLOW},
-  {"-flow_rheology", OPT_CHOICE, "", OPT_ANY, "newton", .help = "law for the viscosity by the rate of strain g", .when = FLOW,
-   .choices = "newton, power_law, carreau, cross, bingham, herschel_bulkley"},
+  {"-flow_rheology", OPT_CHOICE, "", OPT_ANY, "newton", .help = "law for the viscosity by the rate of strain g, or for the stress of a polymer",
+   .when = FLOW, .choices = "newton, power_law, carreau, cross, bingham, herschel_bulkley, oldroyd_b, giesekus, fene_p"},
   {"-flow_rheology_index", OPT_REAL, "", 0.1, 4, "",
    .help = "exponent n: stress as g^n, below 1 thinner, above 1 thicker the faster it is sheared (cross: below 1)", .when = ANY_LAW},
   {"-flow_rheology_time", OPT_REAL, "time", OPT_ABOVE_ZERO, "1",
-   .help = "time L of the law: a power law has the consistency viscosity L^(n-1), carreau and cross leave -flow_viscosity where g L is 1",
-   .when = ANY_LAW},
+   .help = "time L of the law: a power law has the consistency viscosity L^(n-1), carreau and cross leave -flow_viscosity where g L is 1; "
+           "relaxation time of a polymer",
+   .when = ANY_LAW ", or a polymer: oldroyd_b, giesekus, fene_p"},
+  {"-flow_rheology_solvent", OPT_REAL, "", 0, 1, "", .help = "share of the solvent in -flow_viscosity, the polymer has the rest", .when = ELASTIC},
+  {"-flow_rheology_mobility", OPT_REAL, "", 0, 1, "", .help = "mobility a: relaxation is faster by 1 + a (c - 1)", .when = "-flow_rheology giesekus"},
+  {"-flow_rheology_extensibility", OPT_REAL, "", 3.001, INFINITY, "", .help = "largest trace of the conformation, which is 3 at rest",
+   .when = "-flow_rheology fene_p"},
+  {"-flow_rheology_implicit", OPT_CHOICE, "", OPT_ANY, "auto",
+   .help    = "what the stress gains by a change of the velocity in the step is in its matrix: not, as at rest, or as it is stretched now",
+   .choices = "auto, none, rest, stretched", .when = ELASTIC},
+  {"-flow_rheology_devss", OPT_REAL, "", OPT_FROM(0), "0",
+   .help = "this share of the viscosity of the polymer times the difference of the velocity gradient and its projection in the momentum",
+   .when = ELASTIC, .expert = PETSC_TRUE},
   {"-flow_rheology_limits", OPT_REALS, "", OPT_ABOVE_ZERO, "1e-3,1e3",
    .help = "least and largest viscosity of a power of g, in multiples of -flow_viscosity", .when = POWER},
   {"-flow_rheology_viscosity_infinity", OPT_REAL, "mass/(length time)", OPT_FROM(0), "0", .help = "viscosity at large g", .when = BOUNDED},

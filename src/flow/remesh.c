@@ -28,7 +28,9 @@ PetscErrorCode FlowCreateParts(Flow f)
   if (f->rheology)
     PetscCall(
       PetscCalloc4(l->nnode_all * dim, &f->strain, l->ncell_all * f->element.nq, &f->mu, l->ncell_all, &f->mu_cell, l->nnode_all, &f->mu_node));
-  f->mu_current = PETSC_FALSE;
+  f->mu_current   = PETSC_FALSE;
+  f->conformation = NULL;
+  if (f->par.elastic) PetscCall(ConformationCreate(f, &f->polymer, &f->conformation));
   PetscCall(FlowCreateMatrix(f));
   f->s_ct  = 0;
   f->nterm = 0;
@@ -41,6 +43,7 @@ PetscErrorCode FlowDestroyParts(Flow f)
   PetscCall(MatDestroy(&f->S));
   PetscCall(MatDestroy(&f->A));
   PetscCall(PetscFree4(f->strain, f->mu, f->mu_cell, f->mu_node));
+  PetscCall(ConformationDestroy(&f->conformation));
   PetscCall(PetscFree(f->entry));
   PetscCall(PetscFree(f->b));
   PetscCall(PetscFree(f->pmass));
@@ -92,6 +95,8 @@ PetscErrorCode FlowRemesh(Flow f, Mesh old)
   to[2]   = f->u_older;
   for (PetscInt i = 0; i < 3; i++)
     if (from[i]) PetscCall(MeshCarryVelocity(old, f->mesh, from[i], to[i]));
+  if (f->conformation)
+    PetscCall(MeshCarryNodes(old, f->mesh, 2 * f->loc->dim, ConformationField(was.conformation), ConformationField(f->conformation)));
   for (PetscInt i = 0; i < 2; i++) {
     PetscReal *p = i ? was.p_old : was.p, *q = i ? f->p_old : f->p;
 

@@ -83,10 +83,13 @@ typedef enum {
   CARREAU,
   CROSS,
   BINGHAM,
-  HERSCHEL_BULKLEY
+  HERSCHEL_BULKLEY,
+  OLDROYD_B,
+  GIESEKUS,
+  FENE_P
 } Law;
 
-static const char *const LAWS[] = {"newton", "power_law", "carreau", "cross", "bingham", "herschel_bulkley", NULL};
+static const char *const LAWS[] = {"newton", "power_law", "carreau", "cross", "bingham", "herschel_bulkley", "oldroyd_b", "giesekus", "fene_p", NULL};
 
 /* Error: an option is missing for which no default could stand */
 static PetscErrorCode require(Rheology r, const char option[])
@@ -149,28 +152,31 @@ static PetscErrorCode read_yield(Rheology r)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode RheologyCreate(PetscReal viscosity, Rheology *rheology)
+PetscErrorCode RheologyCreate(PetscReal viscosity, Rheology *rheology, Polymer *polymer)
 {
   static void (*const laws[])(const struct _p_Rheology *, PetscReal, PetscReal *, PetscReal *) = {NULL,  power,   carreau,
                                                                                                   cross, bingham, herschel_bulkley};
-  PetscInt law                                                                                 = NEWTON;
-  Rheology r;
+  PetscInt  law                                                                                = NEWTON;
+  PetscReal time                                                                               = 1;
+  Rheology  r;
 
   PetscFunctionBeginUser;
   *rheology = NULL;
   PetscCall(OptChoice("-flow_rheology", LAWS, &law));
-  if (law == NEWTON) PetscFunctionReturn(PETSC_SUCCESS);
+  *polymer = (Polymer){0};
+  if (law != NEWTON && law != BINGHAM) PetscCall(OptReal("-flow_rheology_time", &time));
+  if (law >= OLDROYD_B) PetscCall(PolymerCreate(LAWS[law], viscosity, time, polymer));
+  if (law == NEWTON || law >= OLDROYD_B) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscNew(&r));
   r->name      = LAWS[law];
   r->law       = laws[law];
   r->viscosity = viscosity;
-  r->time      = 1;
+  r->time      = time;
   r->index     = 1;
   r->yasuda    = 2;
   if (law != BINGHAM) {
     PetscCall(require(r, "-flow_rheology_index"));
     PetscCall(OptReal("-flow_rheology_index", &r->index));
-    PetscCall(OptReal("-flow_rheology_time", &r->time));
   }
   if (law == POWER_LAW || law == HERSCHEL_BULKLEY) PetscCall(read_power(r));
   if (law == CARREAU || law == CROSS) PetscCall(read_bounded(r, (PetscBool)(law == CARREAU)));

@@ -1,10 +1,12 @@
-/* Flow, stress of a viscosity that varies (flow.h): viscosity at the quadrature points, and what the symmetric form
+/* Flow, stress that is not Newtonian (flow.h): viscosity at the quadrature points, and what the symmetric form
    mu (grad u + grad u^T) adds to residuals, to the scalar matrix S and to the matrix A of all components.
 
      residual    (mu (grad u + grad u^T), grad v)
      S           (mu grad u, grad v): that of a component alone, for the preconditioner
      A           S for every component + (mu grad u^T, grad v); for Newton's method also (s (D_u : D) D_u, D_v) 4 with
-                 s = (dmu/dg)/g, which is the derivative of mu 2 D_u */
+                 s = (dmu/dg)/g, which is the derivative of mu 2 D_u
+
+   And the stress of viscoelastic fluids (conformation.h) in the same places. */
 #include "compat.h"
 #include "impl.h"
 
@@ -112,6 +114,123 @@ PetscErrorCode FlowGetViscosity(Flow f, const PetscReal *cell[], const PetscReal
 }
 
 /* ---- forms ---- */
+
+void FlowGetStiffness(const struct _p_Flow *f, PetscInt c, PetscReal E[9])
+{
+  const PetscInt   dim = f->loc->dim, n = dim * dim;
+  const PetscReal *tensor = ConformationTensors(f->conformation), rest = ConformationImplicit(f->conformation);
+
+  for (PetscInt k = 0; k < n; k++) E[k] = tensor ? tensor[c * n + k] : k % (dim + 1) ? 0 : rest;
+}
+
+/* tau and P(grad u^n) at the lattice places of cell c: [nb][dim*dim] each; returns whether a node is one of an
+   outflow */
+static PetscBool gather_polymer(const struct _p_Flow *f, PetscInt c, PetscReal tau[], PetscReal grad[])
+{
+  const PetscInt   nb = f->loc->nb, n = f->loc->dim * f->loc->dim, *node = f->loc->cell_node + c * nb;
+  const PetscReal *stress = ConformationStress(f->conformation), *gradient = ConformationGradient(f->conformation);
+  const PetscBool *open = ConformationOpen(f->conformation);
+  PetscBool        any  = PETSC_FALSE;
+
+  for (PetscInt j = 0; j < nb; j++) {
+    any = (PetscBool)(any || open[node[j]]);
+    for (PetscInt k = 0; k < n; k++) {
+      tau[j * n + k]  = stress[node[j] * n + k];
+      grad[j * n + k] = gradient[node[j] * n + k];
+    }
+  }
+  MeshCellGather(f->loc, c, n, tau);
+  MeshCellGather(f->loc, c, n, grad);
+  return any;
+}
+
+/* tau [nb][dim*dim] becomes T */
+static void combine_polymer(PetscInt nb, PetscInt dim, const PetscReal E[9], const PetscReal grad[], PetscReal tau[])
+{
+  const PetscInt n = dim * dim;
+
+  for (PetscInt j = 0; j < nb; j++)
+    for (PetscInt k = 0; k < n; k++)
+      for (PetscInt b = 0; b < dim; b++) tau[j * n + k] -= grad[j * n + k / dim * dim + b] * E[b * dim + k % dim];
+}
+
+void FlowAddPolymer(Flow f, PetscInt c, const ElementMetric *m, const PetscReal ul[], PetscReal r[])
+{
+  const PetscInt   dim = f->loc->dim, nb = f->loc->nb, n = dim * dim, *node = f->loc->cell_node + c * nb;
+  const PetscBool *open = ConformationOpen(f->conformation);
+  const PetscReal  rest = ConformationImplicit(f->conformation);
+  PetscReal        T[MESH_MAX_NB * 9], G[MESH_MAX_NB * 9], E[9];
+  PetscBool        any;
+
+  if (f->det[c] == 0) return;
+  any = gather_polymer(f, c, T, G);
+  FlowGetStiffness(f, c, E);
+  combine_polymer(nb, dim, E, G, T);
+  for (PetscInt a = 0; a < dim; a++) E[a * dim + a] -= rest;
+  for (PetscInt q = 0; q < f->element.nq; q++) {
+    const PetscReal *phi  = f->element.phi + q * f->element.nbp;
+    PetscReal        t[9] = {0}, s[9] = {0}, div[3] = {0, 0, 0}, grad[3][3];
+    FlowGradients    g;
+
+    ElementGradients(&f->element, m, q, g);
+    for (PetscInt j = 0; j < nb; j++)
+      for (PetscInt k = 0; k < n; k++) t[k] += m->weight[q] * phi[j] * T[j * n + k];
+    for (PetscInt j = 0; j < nb && any; j++)
+      for (PetscInt k = 0; k < n; k++) div[k / dim] += m->weight[q] * g[k % dim][j] * T[j * n + k];
+    if (ul && f->tensors) {
+      FlowVelocityGradient(f, g, ul, grad);
+      for (PetscInt k = 0; k < n; k++)
+        for (PetscInt b = 0; b < dim; b++) s[k] += m->weight[q] * grad[k / dim][b] * E[b * dim + k % dim];
+    }
+    for (PetscInt j = 0; j < nb; j++)
+      for (PetscInt k = 0; k < n; k++) {
+        r[j * dim + k / dim] += s[k] * g[k % dim][j];
+        if (!open[node[j]]) r[j * dim + k / dim] += t[k] * g[k % dim][j];
+        else if (k % dim == 0) r[j * dim + k / dim] -= phi[j] * div[k / dim];
+      }
+  }
+}
+
+void FlowAddStiffness(Flow f, PetscInt c, const ElementMetric *m, PetscReal ce[])
+{
+  const PetscInt  dim = f->loc->dim, nb = f->loc->nb, nbp = f->element.nbp;
+  const PetscReal rest = ConformationImplicit(f->conformation);
+  PetscReal       E[9];
+
+  if (f->det[c] == 0) return;
+  FlowGetStiffness(f, c, E);
+  for (PetscInt a = 0; a < dim; a++) E[a * dim + a] -= rest;
+  for (PetscInt q = 0; q < f->element.nq; q++) {
+    const PetscReal scale = f->step.theta * m->weight[q];
+    FlowGradients   g;
+
+    ElementGradients(&f->element, m, q, g);
+    for (PetscInt i = 0; i < nb; i++)
+      for (PetscInt a = 0; a < dim; a++) {
+        PetscReal along = 0;
+
+        for (PetscInt b = 0; b < dim; b++) along += scale * E[a * dim + b] * g[b][i];
+        for (PetscInt j = 0; j < nbp; j++) ce[i * nbp + j] += along * g[a][j];
+      }
+  }
+}
+
+void FlowPolymerStress(const struct _p_Flow *f, PetscInt c, PetscInt q, PetscReal grad[3][3], PetscReal stress[3][3])
+{
+  const PetscInt   dim = f->loc->dim, nb = f->loc->nb, n = dim * dim;
+  const PetscReal *phi = f->element.phi + q * f->element.nbp;
+  PetscReal        T[MESH_MAX_NB * 9], G[MESH_MAX_NB * 9], E[9];
+
+  (void)gather_polymer(f, c, T, G);
+  FlowGetStiffness(f, c, E);
+  combine_polymer(nb, dim, E, G, T);
+  for (PetscInt a = 0; a < dim; a++)
+    for (PetscInt b = 0; b < dim; b++) {
+      stress[a][b] = 0;
+      for (PetscInt e = 0; e < dim; e++) stress[a][b] += grad[a][e] * E[e * dim + b];
+      for (PetscInt j = 0; j < nb; j++) stress[a][b] += phi[j] * T[j * n + a * dim + b];
+    }
+}
 
 void FlowAddStress(Flow f, PetscInt c, const ElementMetric *m, const PetscReal ul[], PetscReal r[])
 {

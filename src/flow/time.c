@@ -32,6 +32,19 @@ PetscErrorCode FlowGetSubsteps(Flow f, PetscInt *n, const PetscReal *fraction[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode FlowSetMatrixViscosity(Flow f, PetscReal dt)
+{
+  const PetscReal before = f->par.matrix;
+
+  PetscFunctionBeginUser;
+  if (!f->conformation) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ConformationBegin(f->conformation, dt));
+  f->par.matrix = f->par.solvent + ConformationImplicit(f->conformation);
+  if (f->par.matrix != before || ConformationTensors(f->conformation) || f->tensors) f->s_ct = 0; /* another matrix */
+  f->tensors = (PetscBool)(ConformationTensors(f->conformation) != NULL);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowBeginStep(Flow f, PetscReal time, PetscReal dt)
 {
   FlowStep       *s     = &f->step;
@@ -64,6 +77,7 @@ PetscErrorCode FlowBeginStep(Flow f, PetscReal time, PetscReal dt)
   }
   /* Newton's interpolation */
   f->bend = f->dt_older > 0 ? f->ahead * (f->ahead + 1) * f->dt_old * f->dt_old / (f->dt_old + f->dt_older) : 0;
+  PetscCall(FlowSetMatrixViscosity(f, dt));
   FlowExtrapolateConvection(f);
   PetscCall(FlowEvaluateForces(f));
   PetscCall(ConditionsSetTime(f->boundary, time));
@@ -75,6 +89,10 @@ PetscErrorCode FlowBeginSteady(Flow f, PetscReal rate)
   FlowStep *s = &f->step;
 
   PetscFunctionBeginUser;
+  PetscCheck(!f->par.elastic, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+             "-flow_rheology %s remembers what was, and finds its steady state in time alone: remove -sim_steady (and -flow_initial steady), and run with -sim_dt for "
+             "some ten times -flow_rheology_time %g",
+             f->polymer.name, (double)f->polymer.time);
   PetscCall(FlowRefuseTime(f));
   s->time  = 0;
   s->dt    = 0;
@@ -98,6 +116,7 @@ PetscErrorCode FlowSetDrift(Flow f, const PetscReal drift[])
              "A mesh that follows bodies (-mesh_deform) carries its velocity in the convection at the end of a step: use -flow_time bdf2 or be, -flow_convection true, "
              "-flow_convection_form convective and -flow_extrapolation linear, or remove -mesh_deform");
   f->drift = drift;
+  if (f->conformation) ConformationForget(f->conformation);
   FlowExtrapolateConvection(f);
   PetscCall(FlowEvaluateForces(f));
   PetscCall(ConditionsSetTime(f->boundary, f->step.time));
@@ -108,6 +127,7 @@ PetscErrorCode FlowSetFrame(Flow f, const PetscReal v[3])
 {
   PetscFunctionBeginUser;
   PetscCall(PetscArraycpy(f->step.frame, v, 3));
+  if (f->conformation) ConformationForget(f->conformation);
   FlowExtrapolateConvection(f);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -142,6 +162,7 @@ PetscErrorCode FlowAcceptStep(Flow f, const PetscReal u[], const PetscReal p[])
   PetscReal *swap;
 
   PetscFunctionBeginUser;
+  if (f->conformation) PetscCall(ConformationAccept(f->conformation, u));
   swap        = f->u_older ? f->u_older : f->u_old;
   f->u_older  = f->u_older ? f->u_old : NULL;
   f->dt_older = f->u_older && f->nsteps ? f->dt_old : 0;

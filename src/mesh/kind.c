@@ -140,6 +140,22 @@ static PetscErrorCode read_dimension(MeshKind k)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode read_corners(MeshKind k)
+{
+  PetscFunctionBeginUser;
+  PetscCall(OptRealArray("-mesh_lower", k->dim, k->lower, NULL));
+  PetscCall(OptRealArray("-mesh_upper", k->dim, k->upper, NULL));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_circle(MeshKind k)
+{
+  PetscFunctionBeginUser;
+  PetscCall(OptRealArray("-mesh_centre", 2, k->map.centre, NULL));
+  PetscCall(OptReal("-mesh_radius", &k->map.radius[0]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode read_box(MeshKind k)
 {
   PetscFunctionBeginUser;
@@ -148,8 +164,7 @@ static PetscErrorCode read_box(MeshKind k)
     k->upper[d] = 1;
   }
   PetscCall(read_dimension(k));
-  PetscCall(OptRealArray("-mesh_lower", k->dim, k->lower, NULL));
-  PetscCall(OptRealArray("-mesh_upper", k->dim, k->upper, NULL));
+  PetscCall(read_corners(k));
   for (PetscInt d = 0; d < k->dim; d++) {
     PetscCheck(k->upper[d] > k->lower[d], k->comm, PETSC_ERR_USER_INPUT, "The box is empty along axis %c: -mesh_upper %g is not above -mesh_lower %g",
                (char)('x' + d), (double)k->upper[d], (double)k->lower[d]);
@@ -192,8 +207,9 @@ static PetscErrorCode read_channel(MeshKind k)
 /* An O-grid between the cylinder and a square of twice its diameter */
 static PetscErrorCode read_fitted(MeshKind k)
 {
-  Grading  g          = {.h = 0.05, .growth = {0.3, 0.3}, .coarsest = {8, 8}};
-  PetscInt resolution = 16, n[2][3];
+  Grading   g          = {.growth = {0.3, 0.3}, .coarsest = {8, 8}};
+  PetscInt  resolution = 16, n[2][3];
+  PetscReal radius;
 
   PetscFunctionBeginUser;
   k->map.ring_ratio = 3;
@@ -202,21 +218,30 @@ static PetscErrorCode read_fitted(MeshKind k)
   PetscCall(read_growth(2, &g));
   for (PetscInt d = 0; d < 2; d++) {
     k->upper[d]      = channel_upper[d];
-    g.lower[d]       = cylinder_centre[d] - 2 * cylinder_radius;
-    g.upper[d]       = cylinder_centre[d] + 2 * cylinder_radius;
     k->map.centre[d] = cylinder_centre[d];
+  }
+  k->map.radius[0] = cylinder_radius;
+  PetscCall(read_corners(k));
+  PetscCall(read_circle(k));
+  radius = g.h = k->map.radius[0];
+  for (PetscInt d = 0; d < 2; d++) {
+    g.lower[d] = k->map.centre[d] - 2 * radius;
+    g.upper[d] = k->map.centre[d] + 2 * radius;
+    PetscCheck(g.lower[d] >= k->lower[d] && g.upper[d] <= k->upper[d], k->comm, PETSC_ERR_USER_INPUT,
+               "-mesh_kind fitted puts the cylinder into a square of twice its diameter, [%g, %g] along %c, which must lie within [%g, %g]: change -mesh_centre, "
+               "-mesh_radius %g, -mesh_lower or -mesh_upper",
+               (double)g.lower[d], (double)g.upper[d], (char)('x' + d), (double)k->lower[d], (double)k->upper[d], (double)radius);
   }
   PetscCall(set_lines(k, &g, resolution / 4.0, n));
   for (PetscInt d = 0; d < 2; d++) {
     k->block[d]      = n[d][0];
     k->map.middle[d] = n[d][0] + 0.5 * resolution;
   }
-  k->block[2]      = resolution;
-  k->nring         = round_count(0.5 * resolution);
-  k->map.type      = MESHMAP_FITTED;
-  k->map.radius[0] = cylinder_radius;
-  k->map.outer     = 0.5 * resolution;
-  k->map.inner     = 0.5 * k->map.outer;
+  k->block[2]  = resolution;
+  k->nring     = round_count(0.5 * resolution);
+  k->map.type  = MESHMAP_FITTED;
+  k->map.outer = 0.5 * resolution;
+  k->map.inner = 0.5 * k->map.outer;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -227,8 +252,7 @@ static PetscErrorCode read_disc(MeshKind k)
   k->map.radius[0] = 1;
   k->map.type      = MESHMAP_DISC;
   PetscFunctionBeginUser;
-  PetscCall(OptRealArray("-mesh_centre", 2, k->map.centre, NULL));
-  PetscCall(OptReal("-mesh_radius", &k->map.radius[0]));
+  PetscCall(read_circle(k));
   PetscCall(read_resolution(1, &k->block[2]));
   k->nring     = round_count(0.3 * k->block[2]);
   k->map.inner = 0.5 * k->block[2];

@@ -2,6 +2,7 @@
 #include "base/opt.h"
 
 #define BOX     "-mesh_kind box"
+#define CORNERS "-mesh_kind box or fitted"
 #define FITTED  "-mesh_kind fitted"
 #define ROUND   "-mesh_kind disc or annulus"
 #define LEVELED "-mesh_kind box or channel"
@@ -12,8 +13,8 @@ static const OptSpec SPECS[] = {
   {"-mesh_kind", OPT_CHOICE, "", OPT_ANY, "box", .help = "where the mesh comes from", .choices = "box, channel, fitted, disc, annulus, file"},
   {"-mesh_dimension", OPT_INT, "", 2, 3, "3 if -mesh_cells, -mesh_lower or -mesh_upper have three numbers, else 2",
    .help = "space dimension of a box mesh", .when = BOX},
-  {"-mesh_lower", OPT_REALS, "length", OPT_ANY, "0", .help = "lower corner of the box", .when = BOX},
-  {"-mesh_upper", OPT_REALS, "length", OPT_ANY, "1", .help = "upper corner of the box", .when = BOX},
+  {"-mesh_lower", OPT_REALS, "length", OPT_ANY, "0", .help = "lower corner of the box", .when = CORNERS},
+  {"-mesh_upper", OPT_REALS, "length", OPT_ANY, "by mesh: box 1, fitted 2.2,0.41", .help = "upper corner of the box", .when = CORNERS},
   {"-mesh_cells", OPT_INTS, "", 1, 1000000, "16", .help = "cells along each axis", .when = BOX " and without -mesh_focus"},
   {"-mesh_memory", OPT_REAL, "", OPT_FROM(0), "1", .help = "largest share of the machines' memory that a box of cells may need in a run, 0: any",
    .when = BOX, .expert = PETSC_TRUE},
@@ -32,8 +33,10 @@ static const OptSpec SPECS[] = {
    .when = "-mesh_kind channel, fitted, disc or annulus"},
   {"-mesh_ring_ratio", OPT_REAL, "", 0.01, 100, "3",
    .help = "thickness of the outermost layer of cells around the cylinder over that of the innermost", .when = FITTED},
-  {"-mesh_centre", OPT_REALS, "length", OPT_ANY, "0", .help = "centre of the disc or of both circles", .when = ROUND},
-  {"-mesh_radius", OPT_REAL, "length", OPT_ABOVE_ZERO, "1", .help = "radius of the disc", .when = "-mesh_kind disc"},
+  {"-mesh_centre", OPT_REALS, "length", OPT_ANY, "by mesh: 0, fitted 0.2,0.2", .help = "centre of the disc, of both circles or of the cylinder",
+   .when = "-mesh_kind disc, annulus or fitted"},
+  {"-mesh_radius", OPT_REAL, "length", OPT_ABOVE_ZERO, "by mesh: disc 1, fitted 0.05", .help = "radius of the disc or the cylinder",
+   .when = "-mesh_kind disc or fitted"},
   {"-mesh_radii", OPT_REALS, "length", OPT_ABOVE_ZERO, "1,2", .help = "radii of the inner and the outer circle", .when = "-mesh_kind annulus"},
   {"-mesh_file", OPT_STRING, "", OPT_ANY, "", .help = "Gmsh file of quadrilaterals or hexahedra", .when = "-mesh_kind file", .path = OPT_PATH},
   {"-mesh_round_<boundary>", OPT_REALS, "length", OPT_ANY, "", .help = "the boundary is this circle: centre x, y and radius",

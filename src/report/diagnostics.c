@@ -18,6 +18,7 @@ enum {
 };
 static const char *const COEFFICIENTS[NCOEFFICIENTS] = {"cd", "cl", "cd_residual", "cl_residual", "cd_volume", "cl_volume"};
 static const char *const PARTS[]                     = {"fluid", "bodies", "walls", "openings", "volume"};
+static const char *const ELASTIC[]                   = {"elastic_energy", "conformation_trace_max", "conformation_eigenvalue_min"};
 static const char *const DEFORM[]                    = {"deform_area_min", "deform_area_max", "deform_jacobian"};
 
 typedef struct {
@@ -45,11 +46,13 @@ struct _p_Diagnostics {
   Point                 point[2];
   PetscReal             from;
   PetscInt              dp_column, momentum_column, count_column, deform_column, ncolumn, ncount;
-  const CoupleCount    *count;                  /* [ncount] of the boundary rung */
-  const DeformResult   *deform;                 /* NULL: the mesh does not follow bodies */
-  const CoupleDrive    *drive;                  /* or NULL */
-  PetscInt              drive_column;           /* force, then, with a back-flow condition, its error */
-  PetscInt              frame_column;           /* of a box that travels */
+  const CoupleCount    *count;        /* [ncount] of the boundary rung */
+  const DeformResult   *deform;       /* NULL: the mesh does not follow bodies */
+  const CoupleDrive    *drive;        /* or NULL */
+  PetscInt              drive_column; /* force, then, with a back-flow condition, its error */
+  PetscInt              frame_column; /* of a box that travels */
+  PetscInt              elastic_column;
+  const FlowElasticity *elastic;                /* or NULL */
   PetscInt              flow_column, nboundary; /* mean velocity, then each boundary's flow rate or force */
   const CoupleBoundary *boundary;
   PetscReal            *value; /* [ncolumn] of this step */
@@ -262,6 +265,14 @@ static PetscErrorCode add_drive_columns(Diagnostics b)
 }
 
 /* Place and velocity of a box that travels */
+static PetscErrorCode add_elastic_columns(Diagnostics b)
+{
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetElasticity(b->flow, &b->elastic));
+  for (PetscInt i = 0; b->elastic && i < 3; i++) PetscCall(add_column(b, ELASTIC[i], i ? NULL : &b->elastic_column));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode add_frame_columns(Diagnostics b)
 {
   char name[128];
@@ -295,6 +306,7 @@ PetscErrorCode DiagnosticsCreate(Flow flow, Bodies bodies, Couple couple, Monito
   PetscCall(add_flow_columns(b));
   PetscCall(add_drive_columns(b));
   PetscCall(add_frame_columns(b));
+  PetscCall(add_elastic_columns(b));
   PetscCall(OptReal("-monitor_from", &b->from));
   PetscCall(PetscCalloc1(b->ncolumn, &b->value));
   PetscCall(HistoryCreate(b->ncolumn, &b->history));
@@ -391,6 +403,11 @@ PetscErrorCode DiagnosticsStep(Diagnostics b, const CoupleBalance *balance)
   }
   for (PetscInt a = 0; b->drive && a < b->loc->dim; a++) b->value[b->drive_column + a] = b->drive->force[a];
   if (b->drive && b->drive->backflow) b->value[b->drive_column + b->loc->dim] = b->drive->error;
+  if (b->elastic) {
+    b->value[b->elastic_column]     = b->elastic->energy;
+    b->value[b->elastic_column + 1] = b->elastic->trace;
+    b->value[b->elastic_column + 2] = b->elastic->least;
+  }
   for (PetscInt i = 0; i < b->ncolumn; i++) PetscCall(MonitorSetColumn(b->monitor, i, b->value[i]));
   if (b->ncolumn) PetscCall(HistoryAdd(b->history, step->time - (1 - step->theta) * step->dt, b->value));
   PetscFunctionReturn(PETSC_SUCCESS);

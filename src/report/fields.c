@@ -23,7 +23,7 @@ typedef struct {
   PetscInt  step, mesh; /* mesh: see mesh_step below */
   PetscInt  ncell, npoint;
   PetscReal time;
-  PetscBool body, error;
+  PetscBool body, error, conformation;
 } Snapshot;
 
 struct _p_Output {
@@ -247,6 +247,7 @@ static void print_snapshot(FILE *f, const Output o, const Snapshot *s)
   XdmfAttribute(f, PETSC_FALSE, s->npoint, m->dim == 2 ? 1 : 3, "Node", "vorticity", file, "vorticity");
   XdmfAttribute(f, PETSC_FALSE, s->npoint, 1, "Node", "pressure", file, "pressure");
   if (s->body) XdmfAttribute(f, PETSC_TRUE, s->npoint, 1, "Node", "body", file, "body");
+  if (s->conformation) XdmfAttribute(f, PETSC_FALSE, s->npoint, 6, "Node", "conformation", file, "conformation");
   XdmfAttribute(f, PETSC_FALSE, s->ncell, 1, "Cell", "pressure_mean", file, "pressure_mean");
   XdmfAttribute(f, PETSC_FALSE, s->ncell, 3, "Cell", "pressure_gradient", file, "pressure_gradient");
   if (s->error) XdmfAttribute(f, PETSC_FALSE, s->ncell, 1, "Cell", "error_indicator", file, "error_indicator");
@@ -265,7 +266,7 @@ static int write_index(const Output o, const char path[])
 }
 
 /* A step written twice takes the place of its first version */
-static PetscErrorCode add_snapshot(Output o, PetscInt step, PetscReal time, PetscBool body, PetscBool error)
+static PetscErrorCode add_snapshot(Output o, PetscInt step, PetscReal time, PetscBool body, PetscBool error, PetscBool conformation)
 {
   char path[PETSC_MAX_PATH_LEN];
 
@@ -275,7 +276,7 @@ static PetscErrorCode add_snapshot(Output o, PetscInt step, PetscReal time, Pets
     o->room = 2 * o->room + 16;
     PetscCall(PetscRealloc(o->room * sizeof(Snapshot), &o->snap));
   }
-  o->snap[o->nsnap++] = (Snapshot){step, o->mesh_step, o->loc->ncell_global, o->points.total, time, body, error};
+  o->snap[o->nsnap++] = (Snapshot){step, o->mesh_step, o->loc->ncell_global, o->points.total, time, body, error, conformation};
   PetscCall(join_path(o, "fields.xmf", path, sizeof(path)));
   PetscCall(FileCheck(o->rank ? 0 : write_index(o, path), path));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -370,7 +371,7 @@ PetscErrorCode OutputVisitState(void *output, State state)
   for (PetscInt i = 0; i < o->nsnap; i++) {
     number[3 * i]     = o->snap[i].step;
     number[3 * i + 1] = o->snap[i].mesh;
-    number[3 * i + 2] = o->snap[i].body;
+    number[3 * i + 2] = o->snap[i].body + 2 * o->snap[i].conformation;
     size[2 * i]       = o->snap[i].ncell;
     size[2 * i + 1]   = o->snap[i].npoint;
     time[i]           = o->snap[i].time;
@@ -391,8 +392,9 @@ PetscErrorCode OutputVisitState(void *output, State state)
                               sized < 0 ? o->loc->ncell_global : size[2 * i],
                               sized < 0 ? o->points.total : size[2 * i + 1],
                               time[i],
-                              (PetscBool)number[3 * i + 2],
-                              PETSC_FALSE};
+                              (PetscBool)(number[3 * i + 2] & 1),
+                              PETSC_FALSE,
+                              (PetscBool)(number[3 * i + 2] > 1)};
     /* a name that no earlier part of the run has used */
     if (!StateIsSamePartition(state) && n) o->mesh_step = o->snap[n - 1].step + 1;
   }
@@ -408,7 +410,7 @@ PetscErrorCode OutputMove(Output o, const PetscReal place[3])
 }
 
 PetscErrorCode OutputFields(Output o, PetscInt step, PetscReal time, const PetscReal u[], const PetscReal p[], const PetscInt body[],
-                            const PetscReal error[])
+                            const PetscReal error[], const PetscReal conformation[])
 {
   Hdf5      file;
   char      name[64];
@@ -434,8 +436,9 @@ PetscErrorCode OutputFields(Output o, PetscInt step, PetscReal time, const Petsc
   PetscCall(write_pressure(o, file, p, body));
   if (body) PetscCall(write_nodal_integers(o, file, "body", body));
   if (error) PetscCall(Hdf5WriteReals(file, "error_indicator", o->loc->ncell, 1, error));
+  if (conformation) PetscCall(write_nodal(o, file, "conformation", 6, conformation));
   PetscCall(close_hdf5(o, name, &file));
-  PetscCall(add_snapshot(o, step, time, (PetscBool)(body != NULL), (PetscBool)(error != NULL)));
+  PetscCall(add_snapshot(o, step, time, (PetscBool)(body != NULL), (PetscBool)(error != NULL), (PetscBool)(conformation != NULL)));
   PetscCall(PetscLogEventEnd(TB_OUTPUT, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -69,7 +69,7 @@ void XdmfItem(FILE *f, PetscBool integer, PetscInt n, PetscInt bs, const char fi
 
 void XdmfAttribute(FILE *f, PetscBool integer, PetscInt n, PetscInt bs, const char centre[], const char name[], const char file[], const char item[])
 {
-  fprintf(f, "        <Attribute Name=\"%s\" AttributeType=\"%s\" Center=\"%s\">", name, bs > 1 ? "Vector" : "Scalar", centre);
+  fprintf(f, "        <Attribute Name=\"%s\" AttributeType=\"%s\" Center=\"%s\">", name, bs == 6 ? "Tensor6" : bs > 1 ? "Vector" : "Scalar", centre);
   XdmfItem(f, integer, n, bs, file, item);
   fprintf(f, "</Attribute>\n");
 }

@@ -89,12 +89,14 @@ PetscErrorCode JudgeDestroy(Judge *judge)
 
 static PetscErrorCode measure_growth(Judge j, const FlowDiagnostics *d, PetscReal dt)
 {
-  CouplePower p;
-  PetscReal   energy, made;
+  const FlowElasticity *elastic;
+  CouplePower           p;
+  PetscReal             energy, made;
 
   PetscFunctionBeginUser;
   PetscCall(CoupleGetPower(j->couple, &p));
-  energy           = d->kinetic_energy + p.energy;
+  PetscCall(FlowGetElasticity(j->flow, &elastic));
+  energy           = d->kinetic_energy + p.energy + (elastic ? elastic->energy : 0);
   made             = energy - j->energy - dt * PetscMax(0, p.power);
   j->energy_max    = PetscMax(j->energy_max, d->kinetic_energy + p.size);
   j->value[GROWTH] = j->started && made > 0 ? made / (PetscAbsReal(j->energy) + REST * j->energy_max) : 0;

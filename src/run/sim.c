@@ -144,7 +144,7 @@ static PetscErrorCode write_fields(Sim s)
 {
   const MeshLocal *l;
   PetscInt        *body;
-  PetscReal       *u, *p, *gradient;
+  PetscReal       *u, *p, *gradient, *psi, *conformation = NULL;
 
   PetscFunctionBeginUser;
   if (!s->part.flow) PetscFunctionReturn(PETSC_SUCCESS);
@@ -154,7 +154,11 @@ static PetscErrorCode write_fields(Sim s)
   PetscCall(FlowGetPressureGradient(s->part.flow, p, gradient));
   PetscCall(CoupleMarkInside(s->part.couple, body));
   PetscCall(OutputMove(s->part.output, s->s->frame));
-  PetscCall(OutputFields(s->part.output, s->step, s->time, u, gradient, body, s->eta));
+  PetscCall(FlowGetLogConformation(s->part.flow, &psi));
+  if (psi) PetscCall(PetscMalloc1(6 * l->nnode_all, &conformation));
+  if (psi) PetscCall(FlowGetConformation(s->part.flow, conformation));
+  PetscCall(OutputFields(s->part.output, s->step, s->time, u, gradient, body, s->eta, conformation));
+  PetscCall(PetscFree(conformation));
   PetscCall(PetscFree2(gradient, body));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

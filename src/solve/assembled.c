@@ -147,7 +147,7 @@ static PetscErrorCode create_pressure_block(Flow flow, Pressure pressure, PetscR
   PetscCall(VecReciprocal(t));
   PetscCall(VecScale(t, par->density * step->ct / scale));
   PetscCall(VecGetArray(t, &d));
-  PetscCall(FlowPressureMassSolve(flow, par->viscosity * step->theta / scale, one, d));
+  PetscCall(FlowPressureMassSolve(flow, par->matrix * step->theta / scale, one, d));
   for (PetscInt i = 0; i < np; i++) /* cells that are no part of the fluid have no mass, and a block of their own */
     PetscCall(MatSetValue(*C, start + i, start + i, d[i] > 0 ? 1e-10 / d[i] : 0, ADD_VALUES));
   PetscCall(VecRestoreArray(t, &d));

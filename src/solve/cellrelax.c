@@ -219,7 +219,7 @@ static PetscErrorCode project_cell(CellRelax c, PetscInt i)
   PetscCall(FlowGetCellSize(c->flow, &h));
   PetscCall(FlowGetParameters(c->flow, &par));
   PetscCall(FlowGetStep(c->flow, &step));
-  stiff = STIFF * par->viscosity * step->theta / PetscSqr(h[c->cell[i]]);
+  stiff = STIFF * par->matrix * step->theta / PetscSqr(h[c->cell[i]]);
   PetscCall(PetscArrayzero(T, nk * nk));
   for (PetscInt a = 0; a < l->dim; a++) {
     get_divergence(c, b, c->cell[i], a, ba);

@@ -220,7 +220,7 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
   for (PetscInt i = 0; i < fs->nodal; i++) speed = PetscMax(speed, PetscAbsReal(u[i] - step->frame[i % fs->loc->dim]));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &speed, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
   t          = step->ct > 0 ? step->theta / (step->ct * fs->loc->h) : PETSC_MAX_REAL;
-  viscous    = par->viscosity * t / (par->density * fs->loc->h);
+  viscous    = par->matrix * t / (par->density * fs->loc->h);
   convective = speed * t;
   PetscCall(compare_numbers(fs,
                             (const PetscReal

@@ -286,8 +286,8 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
   PetscCall(FlowGetStep(fs->flow, &step));
   fs->steady    = (PetscBool)(step->dt == 0);
   fs->reference = par->viscosity;
-  fs->scale     = step->dt > 0 ? par->density * step->ct : par->viscosity / (fs->loc->h * fs->loc->h);
-  fs->viscous   = par->viscosity * step->theta / fs->scale;
+  fs->scale     = step->dt > 0 ? par->density * step->ct : par->matrix / (fs->loc->h * fs->loc->h);
+  fs->viscous   = par->matrix * step->theta / fs->scale;
   PetscCall(FlowSolverChooseMethods(fs));
   PetscCall(set_up_diagonals(fs));
   PetscCall(PetscLogEventBegin(TB_VEL_FACTOR, 0, 0, 0, 0));

@@ -235,7 +235,7 @@ static void write_snapshots(const char name[], PetscInt n, PetscBool constant, P
   OK(OutputOpen(o));
   OK(OutputGetDirectory(o, &d));
   assert_string_equal(d, dir);
-  for (PetscInt i = 0; i < n; i++) OK(OutputFields(o, 10 * i, 0.25 * i, f.u, f.p, with_body ? f.body : NULL, NULL));
+  for (PetscInt i = 0; i < n; i++) OK(OutputFields(o, 10 * i, 0.25 * i, f.u, f.p, with_body ? f.body : NULL, NULL, NULL));
   OK(OutputDestroy(&o));
   assert_null(o);
   destroy_fields(&f);
@@ -391,7 +391,7 @@ static void solid_cells_stay_out_of_the_average(void **state)
   }
   OK(OutputCreate(f.mesh, "box", &o));
   OK(OutputOpen(o));
-  OK(OutputFields(o, 0, 0, f.u, f.p, f.body, NULL));
+  OK(OutputFields(o, 0, 0, f.u, f.p, f.body, NULL, NULL));
   OK(OutputDestroy(&o));
   destroy_fields(&f);
   OK(PetscBarrier(NULL));

@@ -4,15 +4,17 @@
 #include "base/room.h"
 #include "mesh/carry.h"
 
+#define MAX_FIELDS 4
+
 /* Of a mesh that is no more */
 struct _n_SnapLeft {
   Mesh       mesh; /* NULL until it arrives */
   Remap      remap;
   PetscInt   n, done;
-  PetscBool *fitted;      /* [n] */
-  PetscReal *u[2];        /* [nnode_all][dim] of that mesh */
-  PetscInt  *dead, *side; /* [ncell_all] of that mesh */
-  PetscReal *near;        /* [nnode_all] of the new mesh: not 0 where the old one was lined up */
+  PetscBool *fitted;            /* [n] */
+  PetscReal *field[MAX_FIELDS]; /* [nnode_all][dim] of that mesh */
+  PetscInt  *dead, *side;       /* [ncell_all] of that mesh */
+  PetscReal *near;              /* [nnode_all] of the new mesh: not 0 where the old one was lined up */
 };
 
 struct _p_SnapDriver {
@@ -30,6 +32,7 @@ struct _p_SnapDriver {
   SnapResult result;
   RemapCount count;
   PetscInt  *stamp, now; /* [nnode_all] */
+  PetscInt   nfield;     /* u^n, u^{n-1}, and two halves of the logarithm of the conformation, if there is one */
   /* own nodes that need values: where they will be, and what they get */
   PetscInt   ntarget, room, *target, *side;
   PetscReal *x, *value;
@@ -50,7 +53,7 @@ static PetscErrorCode append_target(SnapDriver f, PetscInt i, const PetscReal x[
 
   PetscFunctionBeginUser;
   PetscCall(RoomFor(f->ntarget + 1, &f->room, &f->target, sizeof(*f->target), &f->side, sizeof(*f->side), &f->x, dim * sizeof(*f->x), &f->value,
-                    2 * dim * sizeof(*f->value), NULL));
+                    f->nfield * dim * sizeof(*f->value), NULL));
   f->target[f->ntarget] = i;
   f->side[f->ntarget]   = side;
   for (PetscInt a = 0; a < dim; a++) f->x[dim * f->ntarget + a] = x[a];
@@ -112,7 +115,7 @@ static PetscErrorCode find_new_targets(SnapDriver f)
 /* Of the two values of a node on a path, which come one after the other, the mean */
 static void join_pairs(SnapDriver f)
 {
-  const PetscInt bs = 2 * f->loc->dim;
+  const PetscInt bs = f->nfield * f->loc->dim;
   PetscInt       n  = 0;
 
   for (PetscInt t = 0; t < f->ntarget; n++) {
@@ -125,40 +128,65 @@ static void join_pairs(SnapDriver f)
   f->ntarget = n;
 }
 
-/* u^n and u^{n-1} where the nodes will be */
-static PetscErrorCode carry_over(SnapDriver f)
+/* Copies of the fields that are carried, [nnode_all][dim] each */
+static PetscErrorCode copy_fields(SnapDriver f, PetscReal *field[])
 {
-  const SnapResult *r = &f->result;
-  PetscReal        *u[2];
+  const PetscInt n = f->loc->nnode_all, dim = f->loc->dim;
+  PetscReal     *u[2], *psi;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetFields(f->flow, &u[0], &u[1], NULL));
+  PetscCall(FlowGetLogConformation(f->flow, &psi));
+  for (PetscInt k = 0; k < f->nfield; k++) {
+    PetscCall(PetscMalloc1(n * dim, &field[k]));
+    if (k < 2) PetscCall(PetscArraycpy(field[k], u[k], n * dim));
+    for (PetscInt i = 0; i < n * dim && k >= 2; i++) field[k][i] = psi[2 * (i - i % dim) + (k - 2) * dim + i % dim];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode free_fields(PetscInt n, PetscReal *field[])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < n; k++) PetscCall(PetscFree(field[k]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The fields where the nodes will be */
+static PetscErrorCode carry_over(SnapDriver f)
+{
+  const SnapResult *r = &f->result;
+  PetscReal        *field[MAX_FIELDS];
+
+  PetscFunctionBeginUser;
+  PetscCall(copy_fields(f, field));
   PetscCall(find_targets(f));
-  PetscCall(RemapEvaluate(f->remap, f->ntarget, f->target, f->x, f->side, (RemapCells){r->cell_before, r->side_before}, 2,
-                          (const PetscReal *const *)u, f->value, &f->count));
+  PetscCall(RemapEvaluate(f->remap, f->ntarget, f->target, f->x, f->side, (RemapCells){r->cell_before, r->side_before}, f->nfield,
+                          (const PetscReal *const *)field, f->value, &f->count));
   join_pairs(f);
+  PetscCall(free_fields(f->nfield, field));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* The same from the mesh before, where this one was made anew */
 static PetscErrorCode carry_from_old(SnapDriver f)
 {
-  SnapLeft        *left = f->left;
-  const PetscInt   dim  = f->loc->dim;
-  const PetscReal *from[2];
-  PetscReal       *u[2], *size;
+  SnapLeft      *left = f->left;
+  const PetscInt dim = f->loc->dim, bs = f->nfield * dim;
+  PetscReal     *now[MAX_FIELDS], *size;
 
   PetscFunctionBeginUser;
-  PetscCall(FlowGetFields(f->flow, &u[0], &u[1], NULL));
+  PetscCall(copy_fields(f, now));
   PetscCall(find_new_targets(f));
   PetscCall(PetscMalloc1(f->ntarget, &size));
   for (PetscInt t = 0; t < f->ntarget; t++) {
     size[t] = RemapCellSize(f->remap, f->target[t]);
-    for (PetscInt e = 0; e < 2 * dim; e++) f->value[2 * dim * t + e] = u[e / dim][dim * f->target[t] + e % dim];
+    for (PetscInt e = 0; e < bs; e++) f->value[bs * t + e] = now[e / dim][dim * f->target[t] + e % dim];
   }
-  for (PetscInt k = 0; k < 2; k++) from[k] = left->u[k];
-  PetscCall(RemapEvaluateAt(left->remap, f->ntarget, f->x, size, f->side, (RemapCells){left->dead, left->side}, 2, from, f->value, &f->count));
+  PetscCall(RemapEvaluateAt(left->remap, f->ntarget, f->x, size, f->side, (RemapCells){left->dead, left->side}, f->nfield,
+                            (const PetscReal *const *)left->field, f->value, &f->count));
   join_pairs(f);
+  PetscCall(free_fields(f->nfield, now));
   PetscCall(PetscFree(size));
   PetscCall(SnapLeftDestroy(&f->left));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -174,6 +202,7 @@ static MovedMesh new_mesh(SnapDriver f)
 PetscErrorCode SnapDriverCreate(Flow flow, Bodies bodies, Moved moved, SnapDriver *fit)
 {
   SnapDriver f;
+  PetscReal *psi;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&f));
@@ -184,7 +213,9 @@ PetscErrorCode SnapDriverCreate(Flow flow, Bodies bodies, Moved moved, SnapDrive
   PetscCall(BodiesGetState(bodies, &f->state));
   PetscCall(SnapCreate(f->mesh, bodies, &f->snap));
   PetscCall(RemapCreate(f->mesh, &f->remap));
-  f->n = f->state->n;
+  PetscCall(FlowGetLogConformation(flow, &psi));
+  f->nfield = psi ? 4 : 2;
+  f->n      = f->state->n;
   PetscCall(PetscCalloc6(f->n, &f->wanted, f->n, &f->fitted, f->n, &f->before, f->n, &f->X, f->n, &f->q, f->loc->nnode_all, &f->stamp));
   *fit = f;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -238,14 +269,11 @@ PetscErrorCode SnapDriverLeave(SnapDriver f, SnapLeft **left)
 {
   const MeshLocal *l = f->loc;
   SnapLeft        *s;
-  PetscReal       *u[2];
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&s));
-  PetscCall(FlowGetFields(f->flow, &u[0], &u[1], NULL));
-  PetscCall(
-    PetscMalloc5(f->n, &s->fitted, l->dim * l->nnode_all, &s->u[0], l->dim * l->nnode_all, &s->u[1], l->ncell_all, &s->dead, l->ncell_all, &s->side));
-  for (PetscInt k = 0; k < 2; k++) PetscCall(PetscArraycpy(s->u[k], u[k], l->dim * l->nnode_all));
+  PetscCall(copy_fields(f, s->field));
+  PetscCall(PetscMalloc3(f->n, &s->fitted, l->ncell_all, &s->dead, l->ncell_all, &s->side));
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     s->dead[c] = f->done ? f->result.cell_body[c] : -1;
     s->side[c] = f->done ? f->result.cell_side[c] : 0;
@@ -264,7 +292,8 @@ PetscErrorCode SnapLeftDestroy(SnapLeft **left)
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(RemapDestroy(&s->remap));
   PetscCall(MeshDestroy(&s->mesh));
-  PetscCall(PetscFree5(s->fitted, s->u[0], s->u[1], s->dead, s->side));
+  PetscCall(free_fields(MAX_FIELDS, s->field));
+  PetscCall(PetscFree3(s->fitted, s->dead, s->side));
   PetscCall(PetscFree(s->near));
   PetscCall(PetscFree(*left));
   PetscFunctionReturn(PETSC_SUCCESS);

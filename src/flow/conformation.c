@@ -1,0 +1,516 @@
+/* Conformation: see conformation.h. */
+#include "compat.h"
+#include "impl.h"
+#include "base/log.h"
+
+#define COURANT  0.5  /* largest way in a substep in distances of nodes, summed over the axes of the cell */
+#define RATE     0.7  /* largest change of psi in a substep by its own rates */
+#define SUBSTEPS 200  /* more are no use: the step is far beyond what the stress can follow */
+#define EXPLICIT 0.5  /* largest explicit share of the stretched stiffness in the viscosity */
+#define LARGEST  23.0 /* of |psi|: conformations beyond 1e10 */
+
+struct _p_Conformation {
+  Flow       f;
+  Polymer    law;
+  PetscInt   nc; /* 2 dim */
+  PetscBool  current;
+  PetscBool *inflow, *open;    /* [nnode_all] */
+  PetscReal *psi, *next;       /* [nnode_all][nc] psi^n, psi* */
+  PetscReal *tau;              /* [nnode_all][dim*dim] tau(psi*) */
+  PetscReal *tensor;           /* [ncell_all][dim*dim] E, where it is one */
+  PetscBool  stretched;        /* it is */
+  PetscReal  implicit;         /* what it is at rest */
+  PetscReal *grad[2];          /* [nnode_all][dim*dim] P(grad u) at the beginning and at the end */
+  PetscReal *w[2];             /* [nnode_all][dim] convecting velocity likewise */
+  PetscReal *stage, *rate, *g; /* [nnode_all][nc] */
+};
+
+/* ---- projections ---- */
+
+/* r [nnode_all][bs], summed over cells own and ghost, becomes its projection: complete at own nodes, synced */
+static PetscErrorCode finish_projection(Conformation s, PetscInt bs, PetscReal r[])
+{
+  const MeshLocal *l = s->f->loc;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < l->nnode; i++) {
+    const PetscReal m = s->f->lumped[i];
+
+    for (PetscInt k = 0; k < bs; k++) r[i * bs + k] = m > 0 ? r[i * bs + k] / m : 0;
+  }
+  PetscCall(MeshSyncNodes(s->f->mesh, bs, r));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Values of a nodal field [nnode_all][bs] at the lattice places of cell c */
+static void gather(const MeshLocal *l, PetscInt c, PetscInt bs, const PetscReal v[], PetscReal vl[])
+{
+  for (PetscInt j = 0; j < l->nb; j++)
+    for (PetscInt k = 0; k < bs; k++) vl[j * bs + k] = v[l->cell_node[c * l->nb + j] * bs + k];
+  MeshCellGather(l, c, bs, vl);
+}
+
+static void scatter(const MeshLocal *l, PetscInt c, PetscInt bs, PetscReal rl[], PetscReal r[])
+{
+  MeshCellScatter(l, c, bs, rl);
+  for (PetscInt j = 0; j < l->nb; j++)
+    for (PetscInt k = 0; k < bs; k++) r[l->cell_node[c * l->nb + j] * bs + k] += rl[j * bs + k];
+}
+
+/* grad [nnode_all][dim*dim] = P(grad u) */
+static PetscErrorCode project_gradient(Conformation s, const PetscReal u[], PetscReal grad[])
+{
+  const struct _p_Flow *f   = s->f;
+  const MeshLocal      *l   = f->loc;
+  const PetscInt        dim = l->dim, n = dim * dim;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(grad, l->nnode_all * n));
+  for (PetscInt c = 0; c < l->ncell_all; c++) {
+    PetscReal     ul[MESH_MAX_NB * 3], rl[MESH_MAX_NB * 9];
+    ElementMetric m;
+
+    if (f->det[c] == 0) continue;
+    FlowCellGather(l, c, u, ul);
+    PetscCall(FlowCellMetric(s->f, c, &m));
+    PetscCall(PetscArrayzero(rl, l->nb * n));
+    for (PetscInt q = 0; q < f->element.nq; q++) {
+      const PetscReal *phi = f->element.phi + q * f->element.nbp;
+      FlowGradients    g;
+      PetscReal        L[3][3];
+
+      ElementGradients(&f->element, &m, q, g);
+      FlowVelocityGradient(f, g, ul, L);
+      for (PetscInt j = 0; j < l->nb; j++)
+        for (PetscInt k = 0; k < n; k++) rl[j * n + k] += m.weight[q] * phi[j] * L[k / dim][k % dim];
+    }
+    scatter(l, c, n, rl, grad);
+  }
+  PetscCall(finish_projection(s, n, grad));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- rates ---- */
+
+/* Convection of the cell's psi pl [nb][nc] with wl [nb][dim] at a quadrature point: a [nc] = w . grad psi, and
+   way [nb] = w . grad phi; returns the speed in distances of nodes, summed over the axes */
+static PetscReal convect(const struct _p_Flow *f, const ElementMetric *m, PetscInt q, PetscInt nc, const PetscReal wl[], const PetscReal pl[],
+                         PetscReal a[], PetscReal way[])
+{
+  const PetscInt   dim = f->loc->dim, nb = f->loc->nb;
+  const PetscReal *phi = f->element.phi + q * f->element.nbp, *dphi = f->element.dphi + q * dim * f->element.nbp, *inverse = ElementInverse(m, q);
+  PetscReal        w[3] = {0, 0, 0}, speed = 0;
+
+  for (PetscInt j = 0; j < nb; j++) {
+    way[j] = 0;
+    for (PetscInt b = 0; b < dim; b++) w[b] += phi[j] * wl[j * dim + b];
+  }
+  for (PetscInt e = 0; e < dim; e++) {
+    PetscReal along = 0; /* reference coordinates a time */
+
+    for (PetscInt b = 0; b < dim; b++) along += inverse[e * dim + b] * w[b];
+    for (PetscInt j = 0; j < nb; j++) way[j] += along * dphi[e * f->element.nbp + j];
+    speed += PetscAbsReal(along);
+  }
+  for (PetscInt k = 0; k < nc; k++) a[k] = 0;
+  for (PetscInt j = 0; j < nb; j++)
+    for (PetscInt k = 0; k < nc; k++) a[k] += way[j] * pl[j * nc + k];
+  return speed;
+}
+
+/* r = P(w . grad psi) (g NULL), or the stabilisation P(tau (w . grad psi - g), w . grad v) */
+static PetscErrorCode project_convection(Conformation s, const PetscReal w[], const PetscReal psi[], const PetscReal g[], PetscReal r[])
+{
+  const struct _p_Flow *f  = s->f;
+  const MeshLocal      *l  = f->loc;
+  const PetscInt        nc = s->nc, nb = l->nb;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(r, l->nnode_all * nc));
+  for (PetscInt c = 0; c < l->ncell_all; c++) {
+    PetscReal     wl[MESH_MAX_NB * 3], pl[MESH_MAX_NB * POLYMER_MAX_NC], gl[MESH_MAX_NB * POLYMER_MAX_NC], rl[MESH_MAX_NB * POLYMER_MAX_NC];
+    ElementMetric m;
+
+    if (f->det[c] == 0) continue;
+    FlowCellGather(l, c, w, wl);
+    gather(l, c, nc, psi, pl);
+    if (g) gather(l, c, nc, g, gl);
+    PetscCall(FlowCellMetric(s->f, c, &m));
+    PetscCall(PetscArrayzero(rl, nb * nc));
+    for (PetscInt q = 0; q < f->element.nq; q++) {
+      const PetscReal *phi = f->element.phi + q * f->element.nbp;
+      PetscReal        a[POLYMER_MAX_NC], way[MESH_MAX_NB], speed = convect(f, &m, q, nc, wl, pl, a, way);
+
+      for (PetscInt j = 0; j < nb && g; j++)
+        for (PetscInt k = 0; k < nc; k++) a[k] -= phi[j] * gl[j * nc + k];
+      for (PetscInt j = 0; j < nb; j++) {
+        const PetscReal test = m.weight[q] * (g ? (speed > 0 ? 0.25 / speed * way[j] : 0) : phi[j]);
+
+        for (PetscInt k = 0; k < nc; k++) rl[j * nc + k] += test * a[k];
+      }
+    }
+    scatter(l, c, nc, rl, r);
+  }
+  PetscCall(finish_projection(s, nc, r));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Velocity gradient and convecting velocity of node i at the part `at` of the step */
+static void interpolate(const struct _p_Conformation *s, PetscInt i, PetscReal at, PetscReal L[3][3])
+{
+  const PetscInt dim = s->f->loc->dim;
+
+  for (PetscInt a = 0; a < 3; a++)
+    for (PetscInt b = 0; b < 3; b++) {
+      const PetscInt k = (i * dim + a) * dim + b;
+
+      L[a][b] = a < dim && b < dim ? (1 - at) * s->grad[0][k] + at * s->grad[1][k] : 0;
+    }
+  if (!s->inflow[i]) return;
+  PetscReal w[3] = {0, 0, 0}, square = 0;
+
+  for (PetscInt a = 0; a < dim; a++) {
+    w[a] = (1 - at) * s->w[0][i * dim + a] + at * s->w[1][i * dim + a];
+    square += w[a] * w[a];
+  }
+  for (PetscInt a = 0; a < dim && square > 0; a++) { /* without the derivative along the streamline */
+    PetscReal along = 0;
+
+    for (PetscInt b = 0; b < dim; b++) along += L[a][b] * w[b] / square;
+    for (PetscInt b = 0; b < dim; b++) L[a][b] -= along * w[b];
+  }
+}
+
+/* rate [nnode_all][nc] of psi at the part `at` of the step, synced */
+static PetscErrorCode compute_rate(Conformation s, PetscReal at, const PetscReal psi[], PetscReal w[], PetscReal rate[])
+{
+  const MeshLocal *l  = s->f->loc;
+  const PetscInt   nc = s->nc;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < l->nnode_all * l->dim; i++) w[i] = (1 - at) * s->w[0][i] + at * s->w[1][i];
+  PetscCall(project_convection(s, w, psi, NULL, s->g));
+  PetscCall(project_convection(s, w, psi, s->g, rate));
+  for (PetscInt i = 0; i < l->nnode_all; i++) {
+    PetscReal local[POLYMER_MAX_NC], L[3][3], speed;
+
+    interpolate(s, i, at, L);
+    PolymerRate(&s->law, l->dim, psi + i * nc, L, local, &speed);
+    for (PetscInt k = 0; k < nc; k++) rate[i * nc + k] = local[k] - (s->inflow[i] ? 0 : s->g[i * nc + k] + rate[i * nc + k]);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- a step ---- */
+
+/* Substeps that a step of length dt needs */
+static PetscErrorCode count_substeps(Conformation s, PetscReal dt, PetscInt *n)
+{
+  const struct _p_Flow *f   = s->f;
+  const MeshLocal      *l   = f->loc;
+  PetscReal             top = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt side = 0; side < 2; side++) {
+    for (PetscInt c = 0; c < l->ncell; c++) {
+      PetscReal     wl[MESH_MAX_NB * 3], none[MESH_MAX_NB * POLYMER_MAX_NC] = {0}, a[POLYMER_MAX_NC], way[MESH_MAX_NB];
+      ElementMetric m;
+
+      if (f->det[c] == 0) continue;
+      FlowCellGather(l, c, s->w[side], wl);
+      PetscCall(FlowCellMetric(s->f, c, &m));
+      for (PetscInt q = 0; q < f->element.nq; q++) top = PetscMax(top, convect(f, &m, q, 0, wl, none, a, way) / COURANT);
+    }
+    for (PetscInt i = 0; i < l->nnode; i++) {
+      PetscReal rate[POLYMER_MAX_NC], L[3][3], speed;
+
+      if (f->lumped[i] <= 0) continue;
+      interpolate(s, i, side, L);
+      PolymerRate(&s->law, l->dim, s->psi + i * s->nc, L, rate, &speed);
+      top = PetscMax(top, speed / RATE);
+    }
+  }
+  top *= dt;
+  if (PetscIsInfOrNanReal(top)) top = 10 * SUBSTEPS;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &top, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCheck(top < SUBSTEPS, PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
+             "The conformation of -flow_rheology %s would need more than %d substeps in the step to t = %g, whose length is %g: the flow changes too fast "
+             "for it, or has blown up. Lower -sim_dt, or lower -flow_rheology_time",
+             s->law.name, SUBSTEPS, (double)f->step.time, (double)dt);
+  *n = PetscMax(1, (PetscInt)PetscCeilReal(top));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Is psi of the own nodes finite, within bounds, and within what the law knows? */
+static PetscErrorCode check_field(Conformation s, const PetscReal psi[])
+{
+  const MeshLocal *l      = s->f->loc;
+  PetscReal        top[2] = {0, 0}; /* |psi|; beyond the extensibility */
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < l->nnode; i++) {
+    PetscReal trace = 0;
+
+    for (PetscInt k = 0; k < s->nc; k++) {
+      const PetscReal value = PetscAbsReal(psi[i * s->nc + k]);
+
+      top[0] = value < LARGEST ? PetscMax(top[0], value) : 2 * LARGEST; /* also for NaN */
+    }
+    if (s->law.extensibility <= 0 || top[0] > LARGEST) continue;
+    PolymerState(&s->law, l->dim, psi + i * s->nc, NULL, &trace, NULL);
+    top[1] = PetscMax(top[1], trace / s->law.extensibility);
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, top, 2, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCheck(top[0] < LARGEST, PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
+             "The conformation of -flow_rheology %s has blown up in the step to t = %g: eigenvalues beyond 1e10. Lower -sim_dt (the step was %g), refine the mesh, or "
+             "lower -flow_rheology_time; -flow_rheology fene_p or giesekus bound the stretch",
+             s->law.name, (double)s->f->step.time, (double)s->f->step.dt);
+  PetscCheck(top[1] < 1, PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
+             "The polymer of -flow_rheology fene_p is stretched beyond -flow_rheology_extensibility %g in the step to t = %g: lower -sim_dt (the step was %g), or raise "
+             "-flow_rheology_extensibility",
+             (double)s->law.extensibility, (double)s->f->step.time, (double)s->f->step.dt);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* psi^n over the step, in substeps, with gradients and velocities linear in time: to [nnode_all][nc], not psi */
+static PetscErrorCode advance(Conformation s, PetscReal dt, PetscReal to[])
+{
+  static const PetscReal PART[3] = {1, 0.25, 2. / 3}, AT[3] = {0, 1, 0.5}; /* Shu & Osher 1988 */
+  const MeshLocal       *l = s->f->loc;
+  const PetscInt         n = l->nnode_all * s->nc;
+  PetscInt               nsub;
+  PetscReal             *w;
+
+  PetscFunctionBeginUser;
+  PetscCall(count_substeps(s, dt, &nsub));
+  PetscCall(PetscMalloc1(l->nnode_all * l->dim, &w));
+  PetscCall(PetscArraycpy(to, s->psi, n));
+  for (PetscInt t = 0; t < nsub; t++) {
+    PetscCall(PetscArraycpy(s->stage, to, n));
+    for (PetscInt k = 0; k < 3; k++) {
+      PetscCall(compute_rate(s, (t + AT[k]) / nsub, s->stage, w, s->rate));
+      for (PetscInt i = 0; i < n; i++) s->stage[i] = (1 - PART[k]) * to[i] + PART[k] * (s->stage[i] + dt / nsub * s->rate[i]);
+    }
+    PetscCall(PetscArraycpy(to, s->stage, n));
+  }
+  PetscCall(PetscFree(w));
+  PetscCall(check_field(s, to));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Velocity that convects psi when the fluid has u: seen from the nodes */
+static void set_convection(Conformation s, const PetscReal u[], PetscReal w[])
+{
+  const struct _p_Flow *f = s->f;
+
+  for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim; i++) w[i] = u[i] - (f->drift ? f->drift[i] : 0) - f->step.frame[i % f->loc->dim];
+}
+
+void ConformationForget(Conformation s)
+{
+  s->current = PETSC_FALSE;
+}
+
+/* Largest eigenvalue of f c among the own nodes of all ranks */
+static PetscErrorCode find_stretch(Conformation s, PetscReal *stretch)
+{
+  const MeshLocal *l = s->f->loc;
+
+  PetscFunctionBeginUser;
+  *stretch = 1;
+  for (PetscInt i = 0; i < l->nnode; i++) {
+    PetscReal c[3][3];
+
+    PolymerStiffness(&s->law, l->dim, s->psi + i * s->nc, c);
+    *stretch = PetscMax(*stretch, c[0][0] + c[1][1] + c[2][2] - 2); /* never less, and the same at rest */
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, stretch, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConformationBegin(Conformation s, PetscReal dt)
+{
+  const Polymer  *p       = &s->law;
+  const PetscReal gain    = p->viscosity * PetscMin(1, dt / p->time);
+  PetscReal       stretch = 0;
+
+  PetscFunctionBeginUser;
+  s->current   = PETSC_FALSE;
+  s->implicit  = p->viscosity * p->devss + (p->implicit == POLYMER_NONE ? 0 : gain);
+  s->stretched = (PetscBool)(p->implicit == POLYMER_STRETCHED);
+  if (p->implicit == POLYMER_AUTO) PetscCall(find_stretch(s, &stretch));
+  if (p->implicit == POLYMER_AUTO) s->stretched = (PetscBool)(gain * (stretch - 1) > EXPLICIT * (p->solvent + s->implicit));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscReal ConformationImplicit(Conformation s)
+{
+  return s->implicit;
+}
+
+const PetscReal *ConformationTensors(Conformation s)
+{
+  return s->stretched ? s->tensor : NULL;
+}
+
+/* E of the cells: with the mean of f c over their nodes, which is positive as they are */
+static PetscErrorCode compute_tensors(Conformation s)
+{
+  static const PetscReal SIMPSON[3] = {1. / 6, 4. / 6, 1. / 6};
+  const MeshLocal       *l          = s->f->loc;
+  const PetscInt         dim = l->dim, n = dim * dim;
+  const PetscReal        gain = s->law.viscosity * PetscMin(1, s->f->step.dt / s->law.time);
+  PetscReal             *c;
+
+  PetscFunctionBeginUser;
+  if (!s->stretched) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!s->tensor) PetscCall(PetscMalloc1(l->ncell_all * n, &s->tensor));
+  PetscCall(PetscMalloc1(l->nnode_all * n, &c));
+  for (PetscInt i = 0; i < l->nnode_all; i++) {
+    PetscReal here[3][3];
+
+    PolymerStiffness(&s->law, dim, s->psi + i * s->nc, here);
+    for (PetscInt k = 0; k < n; k++) c[i * n + k] = here[k / dim][k % dim];
+  }
+  for (PetscInt e = 0; e < l->ncell_all; e++) {
+    PetscReal *E = s->tensor + e * n;
+
+    for (PetscInt k = 0; k < n; k++) E[k] = k % (dim + 1) ? 0 : s->implicit - gain;
+    for (PetscInt j = 0; j < l->nb; j++) { /* slots: of a hanging node the one that it hangs on */
+      const PetscReal share = gain * SIMPSON[j % 3] * SIMPSON[j / 3 % 3] * (dim == 3 ? SIMPSON[j / 9] : 1);
+
+      for (PetscInt k = 0; k < n; k++) E[k] += share * c[l->cell_node[e * l->nb + j] * n + k];
+    }
+  }
+  PetscCall(PetscFree(c));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConformationPredict(Conformation s)
+{
+  const struct _p_Flow *f   = s->f;
+  const PetscInt        dim = f->loc->dim, n = dim * dim;
+
+  PetscFunctionBeginUser;
+  if (s->current) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscLogEventBegin(TB_FLOW_STRESS, 0, 0, 0, 0));
+  PetscCall(project_gradient(s, f->u, s->grad[0]));
+  PetscCall(PetscArraycpy(s->grad[1], s->grad[0], f->loc->nnode_all * n));
+  set_convection(s, f->u, s->w[0]);
+  PetscCall(PetscArraycpy(s->w[1], s->w[0], f->loc->nnode_all * dim));
+  PetscCall(advance(s, f->step.dt, s->next));
+  for (PetscInt i = 0; i < f->loc->nnode_all; i++) {
+    PetscReal tau[3][3];
+
+    PolymerStress(&s->law, dim, s->next + i * s->nc, tau);
+    for (PetscInt k = 0; k < n; k++) s->tau[i * n + k] = tau[k / dim][k % dim];
+  }
+  PetscCall(compute_tensors(s));
+  s->current = PETSC_TRUE;
+  PetscCall(PetscLogEventEnd(TB_FLOW_STRESS, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConformationAccept(Conformation s, const PetscReal u[])
+{
+  PetscReal *swap = s->psi;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscLogEventBegin(TB_FLOW_STRESS, 0, 0, 0, 0));
+  PetscCall(project_gradient(s, u, s->grad[1]));
+  set_convection(s, u, s->w[1]);
+  PetscCall(advance(s, s->f->step.dt, s->next));
+  s->psi     = s->next;
+  s->next    = swap;
+  s->current = PETSC_FALSE;
+  PetscCall(PetscLogEventEnd(TB_FLOW_STRESS, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- life cycle ---- */
+
+static PetscErrorCode mark_openings(Conformation s)
+{
+  const PetscInt *fixed, *wall;
+  PetscInt        n;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConditionsGetValues(s->f->boundary, &fixed, NULL));
+  PetscCall(ConditionsGetWalls(s->f->boundary, &wall));
+  PetscCall(MeshGetBoundaryCount(s->f->mesh, &n));
+  for (PetscInt b = 0; b < n; b++) {
+    const PetscInt *node;
+    PetscInt        nnode;
+    PetscBool       is_wall, open, outflow;
+
+    PetscCall(ConditionsGetKind(s->f->boundary, b, &is_wall, &open));
+    PetscCall(ConditionsIsOutflow(s->f->boundary, b, &outflow));
+    PetscCall(MeshGetBoundaryNodes(s->f->mesh, b, &nnode, &node));
+    for (PetscInt i = 0; i < nnode && open; i++) {
+      s->open[node[i]]   = (PetscBool)(s->open[node[i]] || outflow);
+      s->inflow[node[i]] = (PetscBool)(s->inflow[node[i]] || (!outflow && !wall[node[i]] && fixed[node[i]]));
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConformationCreate(Flow f, const Polymer *law, Conformation *conformation)
+{
+  const PetscInt dim = f->loc->dim, n = f->loc->nnode_all, nc = 2 * dim;
+  Conformation   s;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&s));
+  s->f   = f;
+  s->law = *law;
+  s->nc  = nc;
+  PetscCall(PetscCalloc2(n, &s->inflow, n, &s->open));
+  PetscCall(PetscCalloc1(n * nc, &s->psi)); /* each on its own: accepted steps swap them */
+  PetscCall(PetscCalloc1(n * nc, &s->next));
+  PetscCall(PetscCalloc5(n * dim * dim, &s->tau, n * dim * dim, &s->grad[0], n * dim * dim, &s->grad[1], n * dim, &s->w[0], n * dim, &s->w[1]));
+  PetscCall(PetscCalloc3(n * nc, &s->stage, n * nc, &s->rate, n * nc, &s->g));
+  PetscCall(mark_openings(s));
+  *conformation = s;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConformationDestroy(Conformation *conformation)
+{
+  Conformation s = *conformation;
+
+  PetscFunctionBeginUser;
+  if (!s) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree2(s->inflow, s->open));
+  PetscCall(PetscFree(s->psi));
+  PetscCall(PetscFree(s->next));
+  PetscCall(PetscFree(s->tensor));
+  PetscCall(PetscFree5(s->tau, s->grad[0], s->grad[1], s->w[0], s->w[1]));
+  PetscCall(PetscFree3(s->stage, s->rate, s->g));
+  PetscCall(PetscFree(*conformation));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscReal *ConformationField(Conformation s)
+{
+  return s->psi;
+}
+
+const PetscReal *ConformationPredicted(Conformation s)
+{
+  return s->next;
+}
+
+const PetscReal *ConformationStress(Conformation s)
+{
+  return s->tau;
+}
+
+const PetscReal *ConformationGradient(Conformation s)
+{
+  return s->grad[0];
+}
+
+const PetscBool *ConformationOpen(Conformation s)
+{
+  return s->open;
+}
