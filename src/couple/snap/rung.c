@@ -24,11 +24,12 @@ typedef struct {
   SnapDriver driver;
   Penalty    penalty;
   PetscBool  remarked; /* that a body goes too far in a step */
+  PetscBool  cut;      /* likewise, that the mesh cuts corners off */
 } SnapRung;
 
 typedef struct {
   SnapLeft *driver;
-  PetscBool remarked;
+  PetscBool remarked, cut;
 } RungLeft;
 
 static PetscErrorCode create_snap(Couple c, void **rung)
@@ -91,6 +92,13 @@ static PetscErrorCode accept_step(Couple c, void *rung)
 
   PetscFunctionBeginUser;
   c->count[TAYLOR].value = c->count[KEPT].value = 0;
+  if (c->count[CORNERS].value && !r->cut) {
+    r->cut = PETSC_TRUE;
+    PetscCall(LogRemark("-couple_boundary snap cuts %" PetscInt_FMT " corners of bodies off at t = %g (column snap_corners of series.csv): %s",
+                        c->count[CORNERS].value, (double)c->step->time,
+                        c->loc->dim == 3 ? "in space it follows smooth surfaces only; round the edges, or watch forces under refinement"
+                                         : "forces on such a body depend more on the mesh; refine it there, or round the corners"));
+  }
   for (PetscInt k = 0; k < s->n && !r->remarked; k++) {
     const PetscReal way = BodiesFastestPoint(s, k, 0) * c->step->dt / c->loc->h;
 
@@ -120,6 +128,7 @@ static PetscErrorCode leave_mesh(void *rung, void **left)
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&l));
   l->remarked = r->remarked;
+  l->cut      = r->cut;
   PetscCall(SnapDriverLeave(r->driver, &l->driver));
   *left = l;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -132,6 +141,7 @@ static PetscErrorCode arrive_on_mesh(void *rung, void **left, Mesh *old)
 
   PetscFunctionBeginUser;
   r->remarked = l->remarked;
+  r->cut      = l->cut;
   PetscCall(SnapDriverArrive(r->driver, &l->driver, old));
   PetscCall(PetscFree(*left));
   PetscFunctionReturn(PETSC_SUCCESS);
