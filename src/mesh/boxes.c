@@ -30,7 +30,8 @@ PetscErrorCode BoxesReadNames(BoxesNames *s)
     else {
       PetscCall(PetscStrncpy(s->box[s->nbox], names[i], BOXES_NAME));
       PetscCall(OptString(OptJoin("-mesh_box_", names[i], "_group", option), s->group[s->nbox], BOXES_NAME));
-      s->carried = (PetscBool)(s->carried || s->group[s->nbox++][0]);
+      s->carried = (PetscBool)(s->carried || s->group[s->nbox][0]);
+      s->nbox++;
     }
     PetscCall(PetscFree(names[i]));
   }

@@ -232,7 +232,7 @@ def test_wake_box(good, scene):
 
 
 HELD = """\
-mesh: {upper: [2, 2], cells: [8, 8], periodic: [x, y], levels: 3, refine: [bodies, wake], box_wake_corners: [0, -0.1, 0.6, 0.1], box_wake_group: post}
+mesh: {upper: [2, 2], cells: [8, 8], periodic: [x, y], levels: 3, refine: [bodies, wake, above], box_wake_corners: [0, -0.1, 0.6, 0.1], box_wake_group: post, box_above_corners: [-0.1, 0, 0.1, 0.6], box_above_group: post}
 flow: {viscosity: 0.1, velocity: [1, 0]}
 particle: {groups: [post], post: {shape: circle, radius: 0.1, place: table, table: posts.csv, free: none}}
 sim: {dt: 0.01, steps: 1}
@@ -241,11 +241,11 @@ output: {every: 0}
 
 
 def test_boxes_of_bodies_that_stand(good, scene, tmp_path):
-    """Behind each of two posts, along the axes, and over a periodic border."""
+    """Behind and above each of two posts, along the axes, and over a periodic border."""
     (tmp_path / "posts.csv").write_text("x,y\n0.5,0.5\n1.7,1.5\n")
     out = good("out", [scene(HELD), "-checkpoint_every", 1])
-    levels = levels_at(out / "checkpoint_1.h5", [2, 2], (1, 0.5), (0.2, 1.5), (0, 0.55), (1.15, 1.5))
-    assert levels[:2] == [3, 3] and max(levels[2:]) < 3, levels
+    levels = levels_at(out / "checkpoint_1.h5", [2, 2], (1, 0.5), (0.2, 1.5), (0.5, 1), (1.7, 0.05), (0, 0.55), (1.15, 1.5), (0.5, 0.05))
+    assert levels[:4] == [3, 3, 3, 3] and max(levels[4:]) < 3, levels
 
 
 CARRIED = {
