@@ -68,9 +68,11 @@ PetscErrorCode StateGetSize(State, const char name[], PetscInt *rows);
    checksum.
    Reals, Ints, Text: the same on all ranks, n values, in the file those of rank 0. Text: zero-terminated; loading
    allocates *text, free it with PetscFree.
+   Rows: n values of 64 bits of each rank, reals or PetscInt64, one rank after the other; loading: as many altogether.
    Nodes: v [nnode_all][bs], own values saved, ghosts synchronised after loading. Cells: v [ncell][bs], own cells. */
 PetscErrorCode StateReals(State, const char name[], PetscInt n, PetscReal v[]);
 PetscErrorCode StateInts(State, const char name[], PetscInt n, PetscInt v[]);
+PetscErrorCode StateRows(State, const char name[], PetscBool integers, PetscInt n, void *v);
 PetscErrorCode StateText(State, const char name[], char **text);
 PetscErrorCode StateNodes(State, const char name[], PetscInt bs, PetscReal v[]);
 PetscErrorCode StateCells(State, const char name[], PetscInt bs, PetscReal v[]);

@@ -61,7 +61,7 @@ typedef struct {
   PetscBool with_fluid;   /* what is free starts with the velocity of the fluid (-particle_<g>_start) */
   Motion    motion;       /* of what is not free; pivot, stops, external load */
   PetscReal arm[3];       /* from the reference point to the centroid, body axes */
-  PetscInt  first, count; /* bodies [first, first + count) */
+  PetscInt  first, count; /* bodies with the numbers [first, first + count) */
   ShapeMass mass;   /* of the shape, for unit density; a body of size s has s^dim its volume, s^(dim + 2) its inertia */
   PetscReal radius; /* of the shape: bounding radius about the centroid */
   PetscReal disc;   /* of the shape: radius if it is a disc/sphere, else 0 */
@@ -71,8 +71,11 @@ typedef struct {
   PetscBool obstacle; /* part of the geometry: held, may overlap walls and other obstacles, stick out of the domain */
 } BodyGroup;
 
-/* The state, replicated on all ranks: a view that only reads, of arrays that Bodies owns. n = number of bodies, m
-   = number of groups; time: of this state, advanced by BodiesAdvancePosition; dt_old: length of the last step, 0: none.
+/* The state: a view that only reads, of arrays that Bodies owns. n = number of bodies that this rank knows, mostly all
+   of nall (local.h says when not); m = number of groups; time: of this state, advanced by BodiesAdvancePosition;
+   dt_old: length of the last step, 0: none.
+     number [n]                         permanent number of body k, ascending; where all are known, k itself
+     own [n]                            does this rank own it? Sums over all bodies count these alone
      group [m], body_group [n]          the group of body k is group[body_group[k]]: BodiesGetGroup
      scale, density [n]                 size of body k in that of its group's shape (1: the shape itself); rho_s
      x, u, w [n][3]                     centre of mass, its velocity, angular velocity [rad/s] in space axes; u_old,
@@ -90,15 +93,15 @@ typedef struct {
    The list is a macro, because write.h has it once more without the const. */
 /* clang-format off */
 #define BODY_STATE(CONST) \
-  PetscInt n, ngroups, dim; \
+  PetscInt n, nall, ngroups, dim; \
   PetscReal time, dt_old, frame[3], frame_next[3], frame_u[3]; \
   PetscBool travels; \
   CONST BodyGroup *group; \
-  CONST PetscInt *body_group, *stopped; \
+  CONST PetscInt *number, *body_group, *stopped; \
   CONST PetscReal *scale, *density; \
   CONST PetscReal (*x)[3], (*q)[4], (*q_old)[4], *angle, (*u)[3], (*w)[3], (*u_old)[3], (*w_old)[3]; \
   CONST PetscReal (*force)[3], (*torque)[3], (*contact_force)[3], (*contact_torque)[3], *gap; \
-  CONST PetscBool *gone;
+  CONST PetscBool *gone, *own;
 /* clang-format on */
 
 struct _n_BodyState {
@@ -121,6 +124,12 @@ static inline PetscReal BodiesGetRadius(BodyState *s, PetscInt k)
 static inline PetscReal BodiesGetDisc(BodyState *s, PetscInt k)
 {
   return s->scale[k] * BodiesGetGroup(s, k)->disc;
+}
+
+/* Number of body k within its group, for messages */
+static inline PetscInt BodiesPlaceInGroup(BodyState *s, PetscInt k)
+{
+  return s->number[k] - BodiesGetGroup(s, k)->first;
 }
 
 static inline PetscReal BodiesVolume(BodyState *s, PetscInt k)

@@ -14,7 +14,7 @@ PetscErrorCode LeaveCreate(Bodies, const PetscReal lower[3], const PetscReal upp
                            Leave *);
 PetscErrorCode LeaveDestroy(Leave *);
 /* To be called when the bodies have moved: moves, removes or complains. The centre of a body decides; bodies that
-   cannot move are left alone. Not collective, same result on all ranks. */
+   cannot move are left alone. Not collective, same result wherever a body is known. */
 PetscErrorCode LeaveApply(Leave);
-/* Number of bodies removed so far. */
+/* Number of bodies removed so far, on all ranks. Collective. */
 PetscErrorCode LeaveGetRemoved(Leave, PetscInt *n);

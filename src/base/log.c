@@ -12,7 +12,7 @@
 PetscLogStage TB_STAGE_SETUP, TB_STAGE_FLOW, TB_STAGE_BODIES, TB_STAGE_OUTPUT;
 PetscLogEvent TB_FLOW_ASSEMBLE, TB_FLOW_CONVECT, TB_FLOW_RHS, TB_FLOW_STRESS, TB_FLOW_DIV, TB_VEL_SWEEP, TB_VEL_FACTOR, TB_VEL_MULT, TB_PRES_BUILD,
   TB_FLOW_SOLVE;
-PetscLogEvent TB_MARK, TB_PROJECT, TB_FORCE, TB_ADVANCE, TB_CONTACT, TB_SEARCH, TB_OUTPUT, TB_CHECKPOINT;
+PetscLogEvent TB_MARK, TB_PROJECT, TB_FORCE, TB_ADVANCE, TB_CONTACT, TB_SEARCH, TB_MIGRATE, TB_SYNC, TB_OUTPUT, TB_CHECKPOINT;
 
 PetscErrorCode LogInitialize(void)
 {
@@ -40,6 +40,8 @@ PetscErrorCode LogInitialize(void)
   PetscCall(PetscLogEventRegister("BodyAdvance", class, &TB_ADVANCE));
   PetscCall(PetscLogEventRegister("Contact", class, &TB_CONTACT));
   PetscCall(PetscLogEventRegister("ContactSearch", class, &TB_SEARCH));
+  PetscCall(PetscLogEventRegister("BodyMigrate", class, &TB_MIGRATE));
+  PetscCall(PetscLogEventRegister("BodySync", class, &TB_SYNC));
   PetscCall(PetscLogEventRegister("Output", class, &TB_OUTPUT));
   PetscCall(PetscLogEventRegister("Checkpoint", class, &TB_CHECKPOINT));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -400,6 +400,16 @@ PetscErrorCode StateInts(State s, const char name[], PetscInt n, PetscInt v[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode StateRows(State s, const char name[], PetscBool integers, PetscInt n, void *v)
+{
+  Hdf5Rows rows;
+
+  PetscFunctionBeginUser;
+  PetscCall(Hdf5SpreadRows(s->comm, n, &rows));
+  PetscCall(transfer(s, name, integers ? HDF5_INT64 : HDF5_REAL, rows, 1, v));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode StateText(State s, const char name[], char **text)
 {
   PetscInt n;

@@ -40,7 +40,7 @@ static const Placement *start_of(Bodies b, PetscInt k)
 {
   const PetscInt g = b->state.body_group[k];
 
-  return &b->start[g][k - b->state.group[g].first];
+  return &b->start[g][b->state.number[k] - b->state.group[g].first];
 }
 
 /* Orientation that is `turn` away from the start */
@@ -298,7 +298,7 @@ PetscErrorCode BodiesAdvancePosition(Bodies b, PetscReal dt, PetscReal theta)
     PetscCall(BodiesApplyKnown(b, k, s->time + dt));
     for (PetscInt a = 0; a < s->dim; a++)
       PetscCheck(!PetscIsInfOrNanReal(s->x[k][a]) && !PetscIsInfOrNanReal(s->angle[k]), PETSC_COMM_SELF, PETSC_ERR_FP,
-                 "Body %" PetscInt_FMT " of group '%s' has left all bounds (velocity %g): lower -sim_dt", k - BodiesGetGroup(&b->view, k)->first,
+                 "Body %" PetscInt_FMT " of group '%s' has left all bounds (velocity %g): lower -sim_dt", BodiesPlaceInGroup(&b->view, k),
                  BodiesGetGroup(&b->view, k)->name, (double)s->u[k][a]);
   }
   s->time += dt;

@@ -6,6 +6,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "base/algebra.h"
+#include "bodies/local.h"
 
 #define CHUNK 256 /* points handled at a time on the stack */
 
@@ -38,43 +39,56 @@ static void **field(BodyArrays *s, PetscInt f)
   return (void **)((char *)s + FIELDS[f].offset);
 }
 
-static PetscErrorCode create_state(BodyArrays *s)
+static PetscErrorCode create_columns(Bodies b)
 {
+  BodyArrays *s = &b->state;
+
   PetscFunctionBeginUser;
-  for (PetscInt f = 0; f < NFIELDS; f++) PetscCall(PetscCalloc(s->n * FIELDS[f].width * sizeof(PetscReal), field(s, f)));
-  PetscCall(PetscCalloc1(s->n, &s->body_group));
-  PetscCall(PetscMalloc2(s->n, &s->scale, s->n, &s->density));
-  PetscCall(PetscCalloc1(s->n, &s->stopped));
-  PetscCall(PetscCalloc1(s->n, &s->gone));
-  for (PetscInt k = 0; k < s->n; k++) s->gap[k] = PETSC_MAX_REAL;
+  PetscCall(BodyAddColumn(b, sizeof(PetscInt), (void **)&s->number));
+  for (PetscInt f = 0; f < NFIELDS; f++) PetscCall(BodyAddColumn(b, FIELDS[f].width * sizeof(PetscReal), field(s, f)));
+  PetscCall(BodyAddColumn(b, sizeof(PetscReal), (void **)&s->scale));
+  PetscCall(BodyAddColumn(b, sizeof(PetscReal), (void **)&s->density));
+  PetscCall(BodyAddColumn(b, sizeof(PetscInt), (void **)&s->body_group));
+  PetscCall(BodyAddColumn(b, sizeof(PetscInt), (void **)&s->stopped));
+  PetscCall(BodyAddColumn(b, sizeof(PetscBool), (void **)&s->gone));
+  PetscCall(BodyAddColumn(b, sizeof(PetscBool), (void **)&s->own));
+  if (!b->parts) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(BodyAddColumn(b, sizeof(PetscMPIInt), (void **)&b->owner));
+  PetscCall(BodyAddColumn(b, sizeof(PetscInt), (void **)&b->home));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* First state: what is prescribed has the value of its motion at time 0. */
-static PetscErrorCode store_start(Bodies b, PetscInt group, const Placement p[])
+static PetscErrorCode store_start(Bodies b, PetscInt group, const Placed *placed)
 {
   BodyArrays      *s = &b->state;
   const BodyGroup *g = &s->group[group];
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < g->count; i++) {
-    const PetscInt k = g->first + i;
+  for (PetscInt i = 0; i < placed->n; i++) {
+    const Placement *p = placed->body + i;
+    const PetscInt   k = s->n;
 
+    if (!placed->number && !BodyPartsHold(b->parts, p->x)) continue;
+    s->n++;
+    s->number[k]     = g->first + (placed->number ? placed->number[i] : i);
+    s->own[k]        = PETSC_TRUE;
+    s->gap[k]        = PETSC_MAX_REAL;
     s->body_group[k] = group;
-    s->scale[k]      = p[i].scale;
-    s->density[k]    = p[i].density;
-    s->angle[k]      = p[i].angle;
-    if (p[i].turned) PetscCall(PetscArraycpy(s->q[k], p[i].q, 4));
-    else RotationFromAngle(p[i].angle, s->q[k]);
+    s->scale[k]      = p->scale;
+    s->density[k]    = p->density;
+    s->angle[k]      = p->angle;
+    if (p->turned) PetscCall(PetscArraycpy(s->q[k], p->q, 4));
+    else RotationFromAngle(p->angle, s->q[k]);
     PetscCall(PetscArraycpy(s->q_old[k], s->q[k], 4));
     for (PetscInt a = 0; a < 3; a++) {
-      s->x[k][a] = p[i].x[a];
-      s->u[k][a] = p[i].u[a];
-      s->w[k][a] = p[i].omega[a];
+      s->x[k][a] = p->x[a];
+      s->u[k][a] = p->u[a];
+      s->w[k][a] = p->omega[a];
     }
-    PetscCheck(!g->motion.has_stops || (p[i].angle >= g->motion.stops[0] && p[i].angle <= g->motion.stops[1]), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-               "Body %" PetscInt_FMT " of group '%s' starts at the angle %g, beyond -particle_%s_stops %g,%g", i, g->name, (double)p[i].angle,
-               g->name, (double)g->motion.stops[0], (double)g->motion.stops[1]);
+    PetscCheck(!g->motion.has_stops || (p->angle >= g->motion.stops[0] && p->angle <= g->motion.stops[1]), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "Body %" PetscInt_FMT " of group '%s' starts at the angle %g, beyond -particle_%s_stops %g,%g", s->number[k] - g->first, g->name,
+               (double)p->angle, g->name, (double)g->motion.stops[0], (double)g->motion.stops[1]);
     PetscCall(BodiesApplyKnown(b, k, 0));
     BodiesKeepAxes(&b->view, k, s->u[k], s->w[k]);
     PetscCall(PetscArraycpy(s->u_old[k], s->u[k], 3));
@@ -93,40 +107,69 @@ static PetscErrorCode check_domain(Bodies b)
       PetscCheck(s->x[k][a] >= b->lower[a] && s->x[k][a] <= b->upper[a], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
                  "Body %" PetscInt_FMT " of group '%s' starts outside the domain: coordinate %" PetscInt_FMT
                  " is %g, the domain is %g .. %g. Move the body (-particle_%s_*), widen the mesh, or make it an obstacle (-particle_%s_obstacle)",
-                 k - BodiesGetGroup(&b->view, k)->first, BodiesGetGroup(&b->view, k)->name, a, (double)s->x[k][a], (double)b->lower[a],
-                 (double)b->upper[a], BodiesGetGroup(&b->view, k)->name, BodiesGetGroup(&b->view, k)->name);
+                 BodiesPlaceInGroup(&b->view, k), BodiesGetGroup(&b->view, k)->name, a, (double)s->x[k][a], (double)b->lower[a], (double)b->upper[a],
+                 BodiesGetGroup(&b->view, k)->name, BodiesGetGroup(&b->view, k)->name);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscBool is_all_free(const BodyGroup *g, PetscInt dim)
+/* Bodies that this rank will hold, at least */
+static PetscInt count_placed(Bodies b, const Placed placed[])
 {
-  const PetscInt all = BODY_FREE_X | BODY_FREE_Y | (dim == 3 ? BODY_FREE_Z : 0) | BODY_FREE_ROTATION;
+  PetscInt n = 0;
 
-  return (PetscBool)((g->free & all) == all && !g->motion.has_stops && !g->motion.has_pivot && !g->motion.has_hinge);
+  for (PetscInt g = 0; g < b->state.ngroups; g++)
+    for (PetscInt i = 0; i < placed[g].n; i++) n += placed[g].number || BodyPartsHold(b->parts, placed[g].body[i].x);
+  return n;
 }
 
-PetscErrorCode BodiesCreate(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], Bodies *bodies)
+/* Takes the parts over */
+static PetscErrorCode create_bodies(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], BodyParts *parts, Bodies *bodies)
 {
   Bodies      b;
   BodyArrays *s;
+  Placed     *placed;
 
   PetscFunctionBeginUser;
   PetscCheck(dim == 2 || dim == 3, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Bodies of dimension %" PetscInt_FMT ": use 2 or 3", dim);
   PetscCall(PetscNew(&b));
-  s      = &b->state;
-  s->dim = dim;
+  b->parts = parts;
+  s        = &b->state;
+  s->dim   = dim;
   for (PetscInt a = 0; a < dim; a++) {
     b->lower[a] = lower[a];
     b->upper[a] = upper[a];
   }
-  PetscCall(BodyGroupsRead(s, b->lower, b->upper, &b->start));
-  PetscCall(create_state(s));
+  PetscCall(BodyGroupsRead(s, parts, b->lower, b->upper, &placed));
+  b->room = count_placed(b, placed);
+  PetscCall(create_columns(b));
+  PetscCall(PetscCalloc1(s->ngroups, &b->start));
   for (PetscInt g = 0; g < s->ngroups; g++) {
-    PetscCall(store_start(b, g, b->start[g]));
-    if (is_all_free(&s->group[g], dim)) PetscCall(PetscFree(b->start[g])); /* a million of them would count */
+    b->start[g] = placed[g].body;
+    PetscCall(store_start(b, g, &placed[g]));
+    if (BodyIsAllFree(&s->group[g], dim)) PetscCall(PetscFree(b->start[g])); /* a million of them would count */
+    PetscCall(PetscFree(placed[g].number));
   }
+  PetscCall(PetscFree(placed));
   PetscCall(check_domain(b));
   *bodies = b;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodiesCreate(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], Bodies *bodies)
+{
+  PetscFunctionBeginUser;
+  PetscCall(create_bodies(dim, lower, upper, NULL, bodies));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodiesCreateLocal(MPI_Comm comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3],
+                                 Bodies *bodies)
+{
+  BodyParts *parts;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodyPartsCreate(comm, dim, lower, upper, period, &parts));
+  PetscCall(create_bodies(dim, lower, upper, parts, bodies));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -142,11 +185,8 @@ PetscErrorCode BodiesDestroy(Bodies *bodies)
     PetscCall(MotionDestroy(&s->group[g].motion));
   }
   PetscCall(PetscFree(s->group));
-  for (PetscInt f = 0; f < NFIELDS; f++) PetscCall(PetscFree(*field(s, f)));
-  PetscCall(PetscFree(s->body_group));
-  PetscCall(PetscFree2(s->scale, s->density));
-  PetscCall(PetscFree(s->stopped));
-  PetscCall(PetscFree(s->gone));
+  for (PetscInt i = 0; i < (*bodies)->ncolumns; i++) PetscCall(PetscFree(*(*bodies)->column[i].array));
+  PetscCall(BodyPartsDestroy(&(*bodies)->parts));
   for (PetscInt g = 0; g < s->ngroups; g++) PetscCall(PetscFree((*bodies)->start[g]));
   PetscCall(PetscFree((*bodies)->start));
   PetscCall(PetscFree(*bodies));
@@ -154,20 +194,21 @@ PetscErrorCode BodiesDestroy(Bodies *bodies)
 }
 
 /* Sizes and densities of a group whose bodies differ */
-static PetscErrorCode view_spread(const BodyArrays *s, const BodyGroup *g, PetscViewer viewer)
+static PetscErrorCode view_spread(Bodies b, const BodyGroup *g, PetscViewer viewer)
 {
-  PetscReal size[2] = {PETSC_MAX_REAL, 0}, density[2] = {PETSC_MAX_REAL, 0};
+  const BodyArrays *s    = &b->state;
+  PetscReal         v[4] = {-PETSC_MAX_REAL, 0, -PETSC_MAX_REAL, 0}; /* - smallest, largest size; likewise density */
 
   PetscFunctionBeginUser;
-  for (PetscInt k = g->first; k < g->first + g->count; k++) {
-    size[0]    = PetscMin(size[0], s->scale[k]);
-    size[1]    = PetscMax(size[1], s->scale[k]);
-    density[0] = PetscMin(density[0], s->density[k]);
-    density[1] = PetscMax(density[1], s->density[k]);
+  for (PetscInt k = 0; k < s->n; k++) {
+    const PetscReal now[4] = {-s->scale[k], s->scale[k], -s->density[k], s->density[k]};
+
+    for (PetscInt i = 0; i < 4 && BodiesGetGroup(&b->view, k) == g; i++) v[i] = PetscMax(v[i], now[i]);
   }
-  if (g->count && (size[0] != 1 || size[1] != 1 || density[0] != g->density || density[1] != g->density))
-    PetscCall(PetscViewerASCIIPrintf(viewer, "  sizes %g to %g of the shape's, densities %g to %g\n", (double)size[0], (double)size[1],
-                                     (double)density[0], (double)density[1]));
+  PetscCall(BodiesMax(b, 4, v));
+  if (g->count && (v[0] != -1 || v[1] != 1 || v[2] != -g->density || v[3] != g->density))
+    PetscCall(PetscViewerASCIIPrintf(viewer, "  sizes %g to %g of the shape's, densities %g to %g\n", (double)-v[0], (double)v[1], (double)-v[2],
+                                     (double)v[3]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -186,7 +227,7 @@ PetscErrorCode BodiesView(Bodies b, PetscViewer viewer)
                                      (double)group->mass.volume, (double)group->radius, group->free & BODY_FREE_X ? " x" : "",
                                      group->free & BODY_FREE_Y ? " y" : "", group->free & BODY_FREE_Z ? " z" : "",
                                      group->free & BODY_FREE_ROTATION ? " rotation" : "", group->free ? "" : " none"));
-    PetscCall(view_spread(s, group, viewer));
+    PetscCall(view_spread(b, group, viewer));
     if (group->motion.has_pivot)
       PetscCall(PetscViewerASCIIPrintf(viewer, "  turns about a pivot at distance %g from its centre of mass\n",
                                        (double)PetscSqrtReal(PetscSqr(group->arm[0]) + PetscSqr(group->arm[1]) + PetscSqr(group->arm[2]))));
@@ -272,7 +313,7 @@ PetscErrorCode BodiesPlace(Bodies b, PetscInt k, const PetscReal x[3], const Pet
   for (PetscInt a = 0; a < 4; a++) s->q[k][a] = s->q_old[k][a] = q[a];
   s->angle[k] = angle;
   if (b->start[g]) { /* what is not free stays there */
-    Placement *p = &b->start[g][k - s->group[g].first];
+    Placement *p = &b->start[g][s->number[k] - s->group[g].first];
 
     p->angle  = angle;
     p->turned = (PetscBool)(s->dim == 3);
@@ -347,25 +388,27 @@ PetscErrorCode BodiesGetEnergy(Bodies b, PetscReal *energy)
 {
   const BodyArrays *s = &b->state;
 
+  Exact sum = {{0}, 0, 0};
+
   PetscFunctionBeginUser;
-  *energy = 0;
   for (PetscInt k = 0; k < s->n; k++) {
     const BodyGroup *g = BodiesGetGroup(&b->view, k);
     PetscReal        inertia[6], L[3], mass;
 
-    if (s->gone[k]) continue;
+    if (s->gone[k] || !s->own[k]) continue;
     if (s->dim == 2) {
       const PetscReal square = PetscSqr(s->scale[k]);
 
-      *energy += 0.5 * s->density[k] * square *
-                 (g->mass.volume * (PetscSqr(s->u[k][0]) + PetscSqr(s->u[k][1])) + square * g->mass.inertia[2] * PetscSqr(s->w[k][2]));
+      ExactAdd(&sum, 0.5 * s->density[k] * square *
+                       (g->mass.volume * (PetscSqr(s->u[k][0]) + PetscSqr(s->u[k][1])) + square * g->mass.inertia[2] * PetscSqr(s->w[k][2])));
       continue;
     }
     mass = s->density[k] * BodiesVolume(&b->view, k);
     PetscCall(BodiesGetInertia(b, k, NULL, PETSC_FALSE, inertia));
     apply_tensor(inertia, s->w[k], L);
-    for (PetscInt a = 0; a < 3; a++) *energy += 0.5 * (mass * PetscSqr(s->u[k][a]) + s->w[k][a] * L[a]);
+    ExactAdd(&sum, 0.5 * (mass * dot3(s->u[k], s->u[k]) + dot3(s->w[k], L)));
   }
+  PetscCall(ExactGetSum(BodiesComm(b), &sum, energy));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -498,42 +541,47 @@ static PetscErrorCode visit_groups(const BodyArrays *s, State state)
 }
 
 /* Sizes come from the options, and must be those of the file; files of before sizes have none */
-static PetscErrorCode visit_sizes(const BodyArrays *s, State state)
+static PetscErrorCode visit_sizes(Bodies b, const BodyRows *rows, State state)
 {
-  PetscReal *scale;
-  PetscInt   n = s->n;
+  const BodyArrays *s = &b->state;
+  PetscReal        *scale;
+  PetscInt          n = s->nall;
 
   PetscFunctionBeginUser;
   if (StateIsLoading(state)) PetscCall(StateGetSize(state, "scale", &n));
-  if (n != s->n) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscMalloc1(n, &scale));
-  PetscCall(PetscArraycpy(scale, s->scale, n));
-  PetscCall(StateReals(state, "scale", n, scale));
-  for (PetscInt k = 0; k < n; k++)
+  if (n != s->nall) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscMalloc1(s->n, &scale));
+  PetscCall(PetscArraycpy(scale, s->scale, s->n));
+  PetscCall(BodiesVisitReals(b, rows, state, "scale", 1, scale));
+  for (PetscInt k = 0; k < s->n; k++)
     PetscCheck(PetscAbsReal(scale[k] - s->scale[k]) <= 1e-9 * scale[k], PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
                "Body %" PetscInt_FMT
                " has %g times the size of its shape, in the checkpoint %g times: restart with the options -particle_%s_* of the run that wrote it",
-               k, (double)s->scale[k], (double)scale[k], s->group[s->body_group[k]].name);
+               s->number[k], (double)s->scale[k], (double)scale[k], s->group[s->body_group[k]].name);
   PetscCall(PetscFree(scale));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode BodiesVisitState(void *bodies, State state)
 {
-  BodyArrays *s = &((Bodies)bodies)->state;
+  Bodies      b = bodies;
+  BodyArrays *s = &b->state;
   PetscInt   *gone;
+  BodyRows    rows;
 
   PetscFunctionBeginUser;
   PetscCall(visit_groups(s, state));
-  PetscCall(visit_sizes(s, state));
+  PetscCall(BodiesBeginRows(b, &rows));
+  PetscCall(visit_sizes(b, &rows, state));
   PetscCall(StateReals(state, "dt_old", 1, &s->dt_old));
-  for (PetscInt f = 0; f < NFIELDS; f++) PetscCall(StateReals(state, FIELDS[f].name, FIELDS[f].width * s->n, *field(s, f)));
+  for (PetscInt f = 0; f < NFIELDS; f++) PetscCall(BodiesVisitReals(b, &rows, state, FIELDS[f].name, FIELDS[f].width, *field(s, f)));
   PetscCall(StateReals(state, "time", 1, &s->time));
-  PetscCall(StateInts(state, "stopped", s->n, s->stopped));
+  PetscCall(BodiesVisitIntegers(b, &rows, state, "stopped", s->stopped));
   PetscCall(PetscMalloc1(s->n, &gone));
   for (PetscInt k = 0; k < s->n; k++) gone[k] = s->gone[k];
-  PetscCall(StateInts(state, "gone", s->n, gone));
+  PetscCall(BodiesVisitIntegers(b, &rows, state, "gone", gone));
   for (PetscInt k = 0; k < s->n; k++) s->gone[k] = (PetscBool)gone[k];
   PetscCall(PetscFree(gone));
+  PetscCall(BodiesEndRows(&rows));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -21,7 +21,9 @@ typedef struct {
   Placement  base; /* position, angle and velocities given for all bodies */
   PetscBool  has_position, has_count, has_fraction;
   char       table[PETSC_MAX_PATH_LEN];
-  Placement *body; /* [count of the group] */
+  PetscBool  streams; /* no list of all its bodies is wanted */
+  Placement *body;    /* [count of the group], or as in Placed */
+  PetscInt   n, *number;
 } Start;
 
 enum {
@@ -164,7 +166,7 @@ static PetscErrorCode orient_body(const BodyGroup *g, const PetscReal q[4], Plac
 
 /* Orientation of bodies in space: -particle_<g>_quaternion, then turned by the angle about -particle_<g>_axis (or the
    hinge, or z); a table may give each body its own */
-static PetscErrorCode orient_bodies(BodyGroup *g, PetscInt dim, Placement body[])
+static PetscErrorCode orient_bodies(BodyGroup *g, PetscInt dim, PetscInt n, Placement body[])
 {
   PetscReal axis[3] = {g->motion.hinge[0], g->motion.hinge[1], g->motion.hinge[2]}, q[4] = {1, 0, 0, 0}, length;
   PetscBool has_axis, has_q;
@@ -182,7 +184,7 @@ static PetscErrorCode orient_bodies(BodyGroup *g, PetscInt dim, Placement body[]
   PetscCall(OptRealArray(OptJoin("-particle_", g->name, "_quaternion", name), 4, q, &has_q));
   PetscCheck(q[0] != 0 || q[1] != 0 || q[2] != 0 || q[3] != 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "%s is zero: give w,x,y,z with w = cos(a/2) and x,y,z = sin(a/2) times the axis", name);
-  for (PetscInt i = 0; i < g->count; i++) {
+  for (PetscInt i = 0; i < n; i++) {
     const PetscBool own = (PetscBool)(body[i].has_axis || body[i].has_quaternion);
 
     PetscCheck(!body[i].has_axis || !g->motion.has_hinge, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
@@ -313,16 +315,51 @@ static PetscErrorCode start_pack(BodyGroup *g, PetscInt dim, Start *s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Bodies on a lattice, of which those that this rank owns stay; sizes and densities are drawn for all */
+static PetscErrorCode start_lattice(BodyGroup *g, PetscInt dim, const BodyParts *parts, Start *s)
+{
+  const Spread before = s->spread;
+  PetscInt     n[3], room = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < g->count; i++) {
+    Placement p = s->base;
+
+    PetscCall(SpreadNext(g->name, dim, &s->spread, &p));
+    g->largest = i ? PetscMax(g->largest, p.scale) : p.scale;
+  }
+  PetscCall(PlaceLattice(g->name, dim, s->lower, s->upper, g->largest * g->radius, s->margin, g->count, n));
+  if (!s->streams) PetscCall(PetscMalloc1(g->count + 1, &s->body));
+  s->spread = before;
+  for (PetscInt i = 0; i < g->count; i++) {
+    Placement p = s->base;
+
+    PetscCall(SpreadNext(g->name, dim, &s->spread, &p));
+    PlaceOnLattice(dim, s->lower, s->upper, n, g->count, i, p.x);
+    if (s->streams && !BodyPartsHold(parts, p.x)) continue;
+    if (s->streams) {
+      PetscCall(RoomFor(s->n + 1, &room, &s->body, sizeof(*s->body), &s->number, sizeof(*s->number), NULL));
+      s->number[s->n] = i;
+    }
+    s->body[s->n++] = p;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Everything but random positions, which need to know where the other bodies are. */
-static PetscErrorCode start_group(BodyGroup *g, PetscInt dim, Start *s)
+static PetscErrorCode start_group(BodyGroup *g, PetscInt dim, const BodyParts *parts, Start *s)
 {
   PetscFunctionBeginUser;
   s->base.scale   = 1;
   s->base.density = g->density;
+  g->count        = s->place == PLACE_SINGLE ? 1 : s->count;
+  if (s->place == PLACE_LATTICE) {
+    PetscCall(start_lattice(g, dim, parts, s));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   if (s->place == PLACE_TABLE) PetscCall(start_table(g, dim, s));
   else if (s->has_fraction) PetscCall(draw_fraction(g, dim, s));
   else {
-    g->count = s->place == PLACE_SINGLE ? 1 : s->count;
     PetscCall(PetscMalloc1(g->count + 1, &s->body));
     for (PetscInt i = 0; i < g->count; i++) {
       s->body[i] = s->base;
@@ -330,13 +367,13 @@ static PetscErrorCode start_group(BodyGroup *g, PetscInt dim, Start *s)
     }
   }
   for (PetscInt i = 0; i < g->count; i++) g->largest = i ? PetscMax(g->largest, s->body[i].scale) : s->body[i].scale;
-  if (s->place == PLACE_LATTICE) PetscCall(PlaceLattice(g->name, dim, s->lower, s->upper, g->largest * g->radius, s->margin, g->count, s->body));
+  s->n = g->count;
   if (s->place == PLACE_PACK) PetscCall(start_pack(g, dim, s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* All about one group but its place among the others. */
-static PetscErrorCode read_group(BodyGroup *g, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], Start *s)
+static PetscErrorCode read_group(BodyGroup *g, PetscInt dim, const BodyParts *parts, const PetscReal lower[3], const PetscReal upper[3], Start *s)
 {
   PetscFunctionBeginUser;
   PetscCall(read_shape(g, dim, s));
@@ -346,8 +383,9 @@ static PetscErrorCode read_group(BodyGroup *g, PetscInt dim, const PetscReal low
   PetscCall(read_place(g->name, dim, s));
   PetscCall(check_place(g, s));
   PetscCall(SpreadRead(g->name, g->density, s->seed, &s->spread));
-  PetscCall(start_group(g, dim, s));
-  PetscCall(orient_bodies(g, dim, s->body));
+  s->streams = (PetscBool)(s->streams && BodyIsAllFree(g, dim));
+  PetscCall(start_group(g, dim, parts, s));
+  PetscCall(orient_bodies(g, dim, s->n, s->body));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -383,8 +421,11 @@ static PetscErrorCode start_random(BodyArrays *s, Start start[])
   PetscInt n = 0;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(s->n, &x));
-  PetscCall(PetscMalloc1(s->n, &radius));
+  for (PetscInt g = 0; g < s->ngroups; g++) n += start[g].place == PLACE_RANDOM;
+  if (!n) PetscFunctionReturn(PETSC_SUCCESS);
+  n = 0;
+  PetscCall(PetscMalloc1(s->nall, &x));
+  PetscCall(PetscMalloc1(s->nall, &radius));
   for (PetscInt pass = 0; pass < 2; pass++)
     for (PetscInt g = 0; g < s->ngroups; g++) {
       const BodyGroup *group = &s->group[g];
@@ -403,21 +444,54 @@ static PetscErrorCode start_random(BodyArrays *s, Start start[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodyGroupsRead(BodyArrays *s, const PetscReal lower[3], const PetscReal upper[3], Placement ***body)
+PetscErrorCode BodiesHavePacking(PetscBool *packed)
 {
-  Start *start;
+  char     name[OPT_NAME], place[16], *list[BODIES_MAX_GROUPS + 1];
+  PetscInt n = BODIES_MAX_GROUPS + 1;
+
+  PetscFunctionBeginUser;
+  *packed = PETSC_FALSE;
+  PetscCall(OptStringArray("-particle_groups", &n, list));
+  for (PetscInt g = 0; g < n; g++) {
+    PetscCall(OptPeek(OptJoin("-particle_", list[g], "_place", name), place, sizeof(place)));
+    if (!strcasecmp(place, "pack")) *packed = PETSC_TRUE;
+    PetscCall(PetscFree(list[g]));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Is there a group whose places need those of all others? */
+static PetscErrorCode look_for_random(const BodyArrays *s, PetscBool *random)
+{
+  char name[OPT_NAME], place[16];
+
+  PetscFunctionBeginUser;
+  *random = PETSC_FALSE;
+  for (PetscInt g = 0; g < s->ngroups; g++) {
+    PetscCall(OptPeek(OptJoin("-particle_", s->group[g].name, "_place", name), place, sizeof(place)));
+    if (!strcasecmp(place, "random")) *random = PETSC_TRUE;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodyGroupsRead(BodyArrays *s, const BodyParts *parts, const PetscReal lower[3], const PetscReal upper[3], Placed **placed)
+{
+  Start    *start;
+  PetscBool random;
 
   PetscFunctionBeginUser;
   PetscCall(name_groups(s));
+  PetscCall(look_for_random(s, &random));
   PetscCall(PetscCalloc1(s->ngroups, &start));
   for (PetscInt g = 0; g < s->ngroups; g++) {
-    PetscCall(read_group(&s->group[g], s->dim, lower, upper, &start[g]));
-    s->group[g].first = s->n;
-    s->n += s->group[g].count;
+    start[g].streams = (PetscBool)(parts && !random);
+    PetscCall(read_group(&s->group[g], s->dim, parts, lower, upper, &start[g]));
+    s->group[g].first = s->nall;
+    s->nall += s->group[g].count;
   }
   PetscCall(start_random(s, start));
-  PetscCall(PetscCalloc1(s->ngroups, body));
-  for (PetscInt g = 0; g < s->ngroups; g++) (*body)[g] = start[g].body;
+  PetscCall(PetscCalloc1(s->ngroups, placed));
+  for (PetscInt g = 0; g < s->ngroups; g++) (*placed)[g] = (Placed){start[g].n, start[g].number, start[g].body};
   PetscCall(PetscFree(start));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

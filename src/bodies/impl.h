@@ -1,28 +1,68 @@
 /* Inside of Bodies; for its files only. bodies.c: the state. advance.c: its motion. group.c: options of the groups,
    where their bodies start. */
 #pragma once
-#include "bodies/write.h"
+#include "bodies/local.h"
 #include "motion.h"
 
-#define BODIES_MAX_GROUPS 256 /* of a scene */
+#define BODIES_MAX_GROUPS  256 /* of a scene */
+#define BODIES_MAX_COLUMNS 40
+
+/* An array per known body */
+typedef struct {
+  void **array;
+  size_t bytes; /* of an entry */
+} BodyColumn;
+
+/* Which part of the domain is whose: see local.h. NULL: all know all. */
+typedef struct _p_BodyParts BodyParts;
+
+PetscErrorCode BodyPartsCreate(MPI_Comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3], BodyParts **);
+PetscErrorCode BodyPartsDestroy(BodyParts **);
+/* Does a body with this centre belong to this rank? */
+PetscBool BodyPartsHold(const BodyParts *, const PetscReal x[3]);
+
+/* First state of bodies of a group: of all, or of those that this rank owns */
+typedef struct {
+  PetscInt   n;
+  PetscInt  *number; /* [n] within the group; NULL: of all, n is the group's count */
+  Placement *body;   /* [n] */
+} Placed;
 
 struct _p_Bodies {
   union { /* the same fields */
     BodyArrays          state;
     struct _n_BodyState view;
   };
-  PetscReal   lower[3], upper[3]; /* domain */
-  PetscReal   period[3];          /* of a box that travels */
-  PetscBool   held;               /* BodiesHold */
-  Placement **start;              /* [ngroups][count] what prescribed motion starts from; NULL for groups that have
+  PetscReal    lower[3], upper[3]; /* domain */
+  PetscReal    period[3];          /* of a box that travels */
+  PetscBool    held;               /* BodiesHold */
+  Placement  **start;              /* [ngroups][count] what prescribed motion starts from; NULL for groups that have
                                      none */
+  BodyParts   *parts;
+  PetscInt     ncolumns, room; /* room: entries that all columns have */
+  BodyColumn   column[BODIES_MAX_COLUMNS];
+  PetscMPIInt *owner; /* [n] of ghosts: rank, and number k there; with parts */
+  PetscInt    *home;
 };
 
+/* Columns of the state, made with room for `room` bodies; zeros. Reserve: for n of them. */
+PetscErrorCode BodyAddColumn(Bodies, size_t bytes, void **array);
+PetscErrorCode BodyReserve(Bodies, PetscInt n);
+
 /* Read -particle_groups and the options of all groups, load their shapes, place their bodies in the domain lower ..
-   upper. Needs s->dim; sets s->n, s->ngroups and s->group, of which all but `hole`; the rest of the state is not
-   touched. body [ngroups][count]: first state of every body, of its centre of mass or its pivot; the caller frees the
-   rows and the array. Collective. Errors: those of BodiesCreate but for bodies outside the domain. */
-PetscErrorCode BodyGroupsRead(BodyArrays *s, const PetscReal lower[3], const PetscReal upper[3], Placement ***body);
+   upper. Needs s->dim; sets s->nall, s->ngroups and s->group, of which all but `hole`; the rest of the state is not
+   touched. placed [ngroups]: first state of bodies, of the centre of mass or the pivot; with parts, of groups that need
+   no list, only the own ones; the caller frees the arrays. Collective. Errors: those of BodiesCreate but for bodies
+   outside the domain. */
+PetscErrorCode BodyGroupsRead(BodyArrays *s, const BodyParts *, const PetscReal lower[3], const PetscReal upper[3], Placed **placed);
+
+/* Is all of the motion of a group free, and needs no start? */
+static inline PetscBool BodyIsAllFree(const BodyGroup *g, PetscInt dim)
+{
+  const PetscInt all = BODY_FREE_X | BODY_FREE_Y | (dim == 3 ? BODY_FREE_Z : 0) | BODY_FREE_ROTATION;
+
+  return (PetscBool)((g->free & all) == all && !g->motion.has_stops && !g->motion.has_pivot && !g->motion.has_hinge);
+}
 
 static inline PetscErrorCode check_body(Bodies b, PetscInt k)
 {
@@ -34,3 +74,6 @@ static inline PetscErrorCode check_body(Bodies b, PetscInt k)
 
 /* Put what is not free to its prescribed value at `time`: place, orientation and velocities of body k. */
 PetscErrorCode BodiesApplyKnown(Bodies, PetscInt k, PetscReal time);
+/* rows.c: an array per known body, saved or loaded in the order of the numbers. Collective. */
+PetscErrorCode BodiesVisitReals(Bodies, const BodyRows *, State, const char name[], PetscInt width, PetscReal v[]);
+PetscErrorCode BodiesVisitIntegers(Bodies, const BodyRows *, State, const char name[], PetscInt v[]);

@@ -1,6 +1,7 @@
 /* Leave: see leave.h. A removed body keeps its last place in the state, at rest, and is marked as gone. */
 #include "compat.h"
 #include "bodies/leave.h"
+#include "bodies/local.h"
 #include "impl.h"
 #include "base/domain.h"
 #include "base/opt.h"
@@ -46,7 +47,7 @@ PetscErrorCode LeaveCreate(Bodies bodies, const PetscReal lower[3], const PetscR
     b->upper[a]  = upper[a];
     b->period[a] = period[a];
   }
-  if (b->s->n) PetscCall(read_faces(b));
+  if (b->s->nall) PetscCall(read_faces(b));
   *border = b;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -64,11 +65,12 @@ static PetscErrorCode leave(Leave b, PetscInt k, PetscInt f)
   const BodyGroup *g = BodiesGetGroup(&b->bodies->view, k);
 
   PetscFunctionBeginUser;
+  if (!b->s->own[k] && !(b->remove >> f & 1)) PetscFunctionReturn(PETSC_SUCCESS); /* its owner says so */
   PetscCheck(b->remove >> f & 1, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "Body %" PetscInt_FMT " of group '%s' has left the domain through boundary '%s': its coordinate %" PetscInt_FMT
              " is %g, the domain is %g .. %g. Lower -sim_dt if contact should have kept it in, or let it go with -particle_remove %s",
-             k - g->first, g->name, DOMAIN_SIDE[f], f / 2, (double)b->s->x[k][f / 2], (double)b->lower[f / 2], (double)b->upper[f / 2],
-             DOMAIN_SIDE[f]);
+             BodiesPlaceInGroup(&b->bodies->view, k), g->name, DOMAIN_SIDE[f], f / 2, (double)b->s->x[k][f / 2], (double)b->lower[f / 2],
+             (double)b->upper[f / 2], DOMAIN_SIDE[f]);
   b->s->gone[k] = PETSC_TRUE;
   b->s->gap[k]  = PETSC_MAX_REAL;
   for (PetscInt a = 0; a < 3; a++) {
@@ -100,8 +102,13 @@ PetscErrorCode LeaveApply(Leave b)
 
 PetscErrorCode LeaveGetRemoved(Leave b, PetscInt *n)
 {
+  const MPI_Comm comm = BodiesComm(b->bodies);
+  PetscMPIInt    size;
+
   PetscFunctionBeginUser;
   *n = 0;
-  for (PetscInt k = 0; k < b->s->n; k++) *n += b->s->gone[k] ? 1 : 0;
+  for (PetscInt k = 0; k < b->s->n; k++) *n += b->s->gone[k] && b->s->own[k] ? 1 : 0;
+  PetscCallMPI(MPI_Comm_size(comm, &size));
+  if (size > 1) PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, n, 1, MPIU_INT, MPI_SUM, comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -41,12 +41,12 @@ static void split_box(PetscInt dim, const PetscReal size[3], PetscInt count, Pet
 }
 
 PetscErrorCode PlaceLattice(const char name[], PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], PetscReal radius, PetscReal margin,
-                            PetscInt count, Placement p[])
+                            PetscInt count, PetscInt n[3])
 {
   PetscReal size[3] = {0, 0, 0}, side;
-  PetscInt  n[3]    = {1, 1, 1};
 
   PetscFunctionBeginUser;
+  n[0] = n[1] = n[2] = 1;
   if (!count) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt a = 0; a < dim; a++) size[a] = upper[a] - lower[a];
   split_box(dim, size, count, n, &side);
@@ -54,15 +54,15 @@ PetscErrorCode PlaceLattice(const char name[], PetscInt dim, const PetscReal low
              "Lattice of group '%s' does not fit: %" PetscInt_FMT
              " bodies leave cells of width %g, a body with margin needs more than %g. Lower -particle_%s_count or widen -particle_%s_lower .. _upper",
              name, count, (double)side, (double)(2 * radius + margin), name, name);
-  for (PetscInt i = 0; i < count; i++) {
-    const PetscInt row    = i / n[0];
-    const PetscInt in_row = PetscMin(n[0], count - row * n[0]); /* the last row may be short */
-
-    p[i].x[0] = lower[0] + size[0] * (i % n[0] + 0.5) / in_row;
-    p[i].x[1] = lower[1] + size[1] * (row % n[1] + 0.5) / n[1];
-    p[i].x[2] = dim == 3 ? lower[2] + size[2] * (row / n[1] + 0.5) / n[2] : 0;
-  }
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+void PlaceOnLattice(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], const PetscInt n[3], PetscInt count, PetscInt i, PetscReal x[3])
+{
+  const PetscInt row = i / n[0], at[3] = {i % n[0], row % n[1], row / n[1]};
+  const PetscInt in_row = PetscMin(n[0], count - row * n[0]); /* the last row may be short */
+
+  for (PetscInt a = 0; a < 3; a++) x[a] = a < dim ? lower[a] + (upper[a] - lower[a]) * (at[a] + 0.5) / (a ? n[a] : in_row) : 0;
 }
 
 /* ---- random ---- */

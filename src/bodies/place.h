@@ -21,15 +21,18 @@ typedef struct {
 PetscReal  PlaceUniform(PetscInt64 *state);
 PetscInt64 PlaceStream(PetscInt seed, PetscInt stream);
 
-/* Both fill p[i].x, i < count, with bodies of bounding radius `radius` (random: times p[i].scale) that lie inside
+/* Both place `count` bodies of bounding radius `radius` (random: times p[i].scale) that lie inside
    lower .. upper and stay `margin` apart from each other; `name` is the group's name for messages. Not collective,
    same result on every rank. Error: they do not fit. Lattice: rows along x, one cell of the box for each body, as
-   even as possible in all directions; a last row that is not full is spread over the width. Random: dart throwing
+   even as possible in all directions, n [3] of them; a last row that is not full is spread over the width. OnLattice: x
+   of body i. Random: dart throwing
    that also keeps clear of the n bodies (other_x, other_radius) placed before; the sequence depends on seed alone,
    not on the machine. The error names the share of the box that was filled; dart throwing cannot go beyond 0.54
    (2D), 0.38 (3D). */
 PetscErrorCode PlaceLattice(const char name[], PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], PetscReal radius, PetscReal margin,
-                            PetscInt count, Placement p[]);
+                            PetscInt count, PetscInt n[3]);
+void           PlaceOnLattice(PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], const PetscInt n[3], PetscInt count, PetscInt i,
+                              PetscReal x[3]);
 PetscErrorCode PlaceRandom(const char name[], PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], PetscReal radius, PetscReal margin,
                            PetscInt seed, PetscInt n, PetscReal (*other_x)[3], const PetscReal other_radius[], PetscInt count, Placement p[]);
 

@@ -20,12 +20,12 @@ static PetscErrorCode complain(Contact c, const Pair *p, PetscReal overlap)
   char             partner[128];
 
   PetscFunctionBeginUser;
-  if (j) (void)snprintf(partner, sizeof(partner), "body %" PetscInt_FMT " of group '%s'", p->j - j->first, j->name);
+  if (j) (void)snprintf(partner, sizeof(partner), "body %" PetscInt_FMT " of group '%s'", BodiesPlaceInGroup(c->state, p->j), j->name);
   else (void)snprintf(partner, sizeof(partner), "wall '%s'", DOMAIN_SIDE[-1 - p->j]);
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
           "Body %" PetscInt_FMT
           " of group '%s' overlaps %s by %g at the start: move one of them (-particle_%s_position, _lower, _upper, _margin, _table)",
-          p->i - i->first, i->name, partner, (double)overlap, i->name);
+          BodiesPlaceInGroup(c->state, p->i), i->name, partner, (double)overlap, i->name);
 }
 
 PetscErrorCode ContactCheckStart(Contact c)
@@ -40,7 +40,7 @@ PetscErrorCode ContactCheckStart(Contact c)
     PetscInt    n;
     PetscReal   gap;
 
-    if (!can_travel(c, p->i) && !can_travel(c, p->j)) continue;
+    if (!c->s->own[p->i] || (!can_travel(c, p->i) && !can_travel(c, p->j))) continue;
     PetscCall(ContactFindTouch(c, p->i, p->j, &n, &gap));
     if (gap < -1e-6 * ContactKind(c, p->i)->radius) PetscCall(complain(c, p, -gap));
   }
@@ -62,6 +62,8 @@ PetscErrorCode ContactCountWork(Contact c, PetscReal dt)
 
 PetscErrorCode ContactGetEnergy(Contact c, PetscReal *stored, PetscReal *work)
 {
+  Exact sum = {{0}, 0, 0};
+
   PetscFunctionBeginUser;
   *stored = 0;
   *work   = c->work;
@@ -71,9 +73,11 @@ PetscErrorCode ContactGetEnergy(Contact c, PetscReal *stored, PetscReal *work)
   for (PetscInt p = 0; p < c->npairs; p++) {
     PetscReal energy;
 
+    if (!c->s->own[c->pair[p].i]) continue;
     PetscCall(ContactPairEnergy(c, p, &energy));
-    *stored += energy;
+    ExactAdd(&sum, energy);
   }
+  PetscCall(ExactGetSum(BodiesComm(c->bodies), &sum, stored));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -147,9 +151,11 @@ PetscErrorCode ContactView(Contact c, PetscViewer viewer)
     PetscReal        top   = 0;
 
     if (!group->count) continue;
-    for (PetscInt k = group->first; k < group->first + group->count; k++) top = PetscMax(top, ContactKind(c, k)->terminal);
+    for (PetscInt i = 0; i < c->nkinds; i++)
+      if (c->kind[i].group == g) top = PetscMax(top, c->kind[i].terminal);
+    PetscCall(BodiesMax(c->bodies, 1, &top));
     PetscCall(PetscViewerASCIIPrintf(viewer, "  group %s: terminal speed scale %g, %" PetscInt_FMT " surface points\n", group->name, (double)top,
-                                     ContactKind(c, group->first)->npoints));
+                                     c->npoints[g]));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -189,19 +195,20 @@ static void fill_kind(Contact c, PetscInt b, Kind *k)
 /* One kind for all bodies of a group that are alike; of a group of many sizes or densities each body has its own. */
 static PetscErrorCode create_kinds(Contact c)
 {
-  const BodyArrays *s    = c->s;
-  PetscInt          room = 0, first = 0;
+  const BodyArrays *s     = c->s;
+  PetscInt          first = 0;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(s->n, &c->body_kind));
+  PetscCall(PetscRealloc(PetscMax(1, s->n) * sizeof(*c->body_kind), &c->body_kind));
+  c->nkinds = 0;
   for (PetscInt b = 0; b < s->n; b++) {
     PetscInt i = c->nkinds - 1, oldest;
 
-    if (b == s->group[s->body_group[b]].first) first = c->nkinds;
+    if (!b || s->body_group[b] != s->body_group[b - 1]) first = c->nkinds;
     oldest = PetscMax(first, c->nkinds - ALIKE);
     while (i >= oldest && (s->scale[b] != c->kind[i].scale || s->density[b] != c->kind[i].density)) i--;
     if (i < oldest) {
-      PetscCall(RoomFor(c->nkinds + 1, &room, &c->kind, sizeof(*c->kind), NULL));
+      PetscCall(RoomFor(c->nkinds + 1, &c->kind_room, &c->kind, sizeof(*c->kind), NULL));
       i = c->nkinds++;
       PetscCall(PetscMemzero(&c->kind[i], sizeof(c->kind[i])));
       fill_kind(c, b, &c->kind[i]);
@@ -211,15 +218,30 @@ static PetscErrorCode create_kinds(Contact c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode ContactMeetBodies(Contact c)
+{
+  PetscFunctionBeginUser;
+  PetscCall(create_kinds(c));
+  ContactSharePoints(c);
+  ContactScaleKinds(c);
+  c->x = c->s->x;
+  c->q = c->s->q;
+  c->u = c->s->u;
+  c->w = c->s->w;
+  for (PetscInt k = 0; k < c->s->n && c->inverse_inertia; k++) PetscCall(ContactSetInertia(c, k));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode check_scale(Contact c)
 {
   PetscReal top = 0;
 
   PetscFunctionBeginUser;
-  c->spring_speed = ContactFastest(c);
+  PetscCall(ContactFastest(c, &c->spring_speed));
   for (PetscInt i = 0; i < c->nkinds; i++) top = PetscMax(top, c->kind[i].terminal);
+  PetscCall(BodiesMax(c->bodies, 1, &top));
   c->spring_speed = PetscMax(c->spring_speed, top);
-  PetscCheck(c->law->lookahead != 1 || c->spring > 0 || c->spring_speed > 0 || !c->s->n, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+  PetscCheck(c->law->lookahead != 1 || c->spring > 0 || c->spring_speed > 0 || !c->s->nall, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-contact_law %s finds no scale for its stiffness (no buoyancy, no initial velocity): give -contact_spring_stiffness", c->law->name);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -240,7 +262,8 @@ static PetscErrorCode begin(Bodies bodies, const PetscReal lower[3], const Petsc
     c->upper[a] = upper[a];
   }
   PetscCall(PetscCalloc1(c->s->ngroups, &c->point));
-  PetscCall(PetscCalloc1(c->s->n, &c->present));
+  PetscCall(PetscCalloc1(c->s->ngroups, &c->npoints));
+  PetscCall(BodiesAttach(bodies, sizeof(*c->present), (void **)&c->present));
   *contact = c;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -275,11 +298,11 @@ PetscErrorCode ContactCreate(Bodies bodies, PetscReal h, PetscReal rho_f, const 
   PetscCall(ContactReadLaws(c));
   PetscCall(OptInt("-contact_substeps", &c->substeps));
   c->separate = PETSC_TRUE;
-  if (c->s->n) PetscCall(OptBool("-contact_separate", &c->separate));
+  if (c->s->nall) PetscCall(OptBool("-contact_separate", &c->separate));
   PetscCall(create_kinds(c));
   PetscCall(ContactCreatePoints(c, CONTACT_MAX_POINTS));
   PetscCall(check_scale(c));
-  if (c->dim == 3) PetscCall(PetscCalloc1(c->s->n, &c->inverse_inertia));
+  if (c->dim == 3) PetscCall(BodiesAttach(bodies, sizeof(*c->inverse_inertia), (void **)&c->inverse_inertia));
   *contact = c;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -315,9 +338,11 @@ PetscErrorCode ContactDestroy(Contact *contact)
   PetscCall(PetscFree(c->point));
   PetscCall(PetscFree(c->kind));
   PetscCall(PetscFree(c->body_kind));
-  PetscCall(PetscFree(c->present));
+  PetscCall(PetscFree(c->npoints));
+  PetscCall(BodiesDetach(c->bodies, (void **)&c->present));
+  PetscCall(PetscFree2(c->sum_f, c->sum_t));
   PetscCall(PetscFree4(c->copy_x, c->copy_q, c->copy_u, c->copy_w));
-  PetscCall(PetscFree(c->inverse_inertia));
+  PetscCall(BodiesDetach(c->bodies, (void **)&c->inverse_inertia));
   PetscCall(PetscFree(c->pair));
   PetscCall(PetscFree(c->slip));
   PetscCall(PetscFree(c->kept));

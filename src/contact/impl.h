@@ -5,6 +5,7 @@
 #pragma once
 #include "base/algebra.h"
 #include "base/domain.h"
+#include "bodies/local.h"
 #include "bodies/write.h"
 #include "contact/contact.h"
 
@@ -47,7 +48,8 @@ typedef struct {
   PetscReal approach;     /* closing speed along the normal */
   PetscReal inverse_mass; /* of the pair along the normal */
   PetscReal stiffness, speed;
-  PetscReal h; /* sub-step: damping acts on the speed after it (implicit, stable). 0: the law alone, without damping */
+  PetscReal h;        /* sub-step: damping acts on the speed after it. 0: the law alone, without damping */
+  PetscReal together; /* 0: pairs act one after the other; else all at once: see alone.c */
 } Meeting;
 
 /* A law of contact. Forces act along the normal, positive apart. */
@@ -82,16 +84,21 @@ struct _p_Contact {
   PetscReal   spring, restitution, friction, tangential, damping_ratio, spring_speed; /* spring */
   PetscBool   lubricate;
   PetscReal   lubrication_range, roughness;
-  PetscInt    nkinds;
-  PetscInt   *body_kind; /* [n] */
-  Kind       *kind;      /* [nkinds] */
-  PetscReal **point;     /* [ngroups] that kinds of the group share */
-  PetscReal   floor;     /* u_ref of bodies without buoyancy */
-  PetscReal  *present;   /* [n] speed of a body's fastest point when the scales were set */
+  PetscInt    nkinds, kind_room;
+  PetscInt   *body_kind;  /* [n] */
+  Kind       *kind;       /* [nkinds] */
+  PetscReal **point;      /* [ngroups] that kinds of the group share */
+  PetscInt   *npoints;    /* [ngroups] */
+  PetscReal   floor, top; /* u_ref of bodies without buoyancy; speed of the fastest when the scales were set */
+  PetscReal  *present;    /* [n] speed of a body's fastest point when the scales were set */
+  PetscReal   together;   /* of Meeting: set by ContactAdvanceAlone */
+  PetscBool   alone;      /* it has moved the bodies */
   /* where the bodies are: the state's own arrays or copies */
   PetscReal (*x)[3], (*q)[4], (*u)[3], (*w)[3];
   PetscReal (*copy_x)[3], (*copy_q)[4], (*copy_u)[3], (*copy_w)[3]; /* [n], allocated when first needed */
   PetscReal (*inverse_inertia)[6];                                  /* [n] 3D only, space axes */
+  PetscReal (*sum_f)[3], (*sum_t)[3];                               /* [n] of all pairs in a sub-step without a flow */
+  PetscInt sum_room;
   /* the list of pairs, ascending in i, then j */
   Pair *pair;
   PetscReal (*slip)[3]; /* [npairs] elongation of the tangential spring; NULL without friction */
@@ -157,7 +164,8 @@ static inline void ContactSpin(Contact c, PetscInt k, const PetscReal torque[3],
 /* A contact that knows bodies and domain, but no options, no walls and no scales; for the search and for touches.
    Give it range, horizon and points. */
 PetscErrorCode ContactCreateBare(Bodies, const PetscReal lower[3], const PetscReal upper[3], Contact *);
-/* Make the list of all pairs that can come within the horizon, from x and reach; kept while it is still good. */
+/* Make the list of all pairs that can come within the horizon, from x and reach; kept while it is still good. Bodies
+   that are spread over the ranks go to their owners before (BodiesMigrate). Collective. */
 PetscErrorCode ContactFindPairs(Contact);
 /* Gap between two discs (spheres), j >= 0, or of a disc to a wall; the unit normal points at i. */
 void ContactDiscGap(Contact, PetscInt i, PetscReal radius_i, PetscInt j, PetscReal radius_j, PetscReal normal[3], PetscReal *gap);
@@ -172,8 +180,9 @@ typedef struct {
    thinner than the range. One step of Newton's method from where ri is nearest to the surface of i; gap, ri and rj
    change. */
 PetscErrorCode ContactFindNarrowest(Contact, PetscInt i, PetscInt j, Touch *, Curvature *);
-/* Surface points of all groups, at most `most` each; once more: others. */
+/* Surface points of all groups, at most `most` each; once more: others. Share: every kind has those of its group. */
 PetscErrorCode ContactCreatePoints(Contact, PetscInt most);
+void           ContactSharePoints(Contact);
 /* Options of all laws; the unused laws' ones count as unknown. */
 PetscErrorCode ContactReadLaws(Contact);
 /* Force and torques of pair number p where its bodies are now; the tangential spring moves on by h. */
@@ -185,10 +194,12 @@ PetscBool ContactDiscForce(Contact, const Pair *, PetscReal h, PetscReal f[3], P
 PetscErrorCode ContactPairEnergy(Contact, PetscInt p, PetscReal *energy);
 
 /* momentum.c. Effective mass of body k; speed of the fastest body; u_ref and stiffness of the kinds and
-   speeds of the bodies for a step dt, a: frozen accelerations or NULL; effective inertia of body k, inverted (3D). */
+   speeds of the bodies for a step dt (collective), a: frozen accelerations or NULL; effective inertia of body k,
+   inverted (3D). */
 PetscReal      ContactMass(Contact, PetscInt k);
-PetscReal      ContactFastest(Contact);
-void           ContactSetScales(Contact, PetscReal dt, PetscReal (*a)[3]);
+PetscErrorCode ContactFastest(Contact, PetscReal *top); /* collective */
+PetscErrorCode ContactSetScales(Contact, PetscReal dt, PetscReal (*a)[3]);
+void           ContactScaleKinds(Contact);
 PetscErrorCode ContactSetInertia(Contact, PetscInt k);
 /* Adds an impulse times `scale` to forces and torques of a pair; changes its velocities by that of the time h. */
 void ContactScatter(const Pair *, const Impulse *, PetscReal scale, PetscReal (*force)[3], PetscReal (*torque)[3]);
@@ -199,5 +210,7 @@ void ContactMobility(Contact, PetscInt k, const PetscReal force[3], PetscReal ou
 PetscErrorCode ContactChooseSubsteps(Contact, PetscReal dt, PetscReal time, PetscInt *n);
 /* x, q, u, w of the contact become copies of these. */
 PetscErrorCode ContactUseCopies(Contact, PetscReal (*x)[3], PetscReal (*q)[4], PetscReal (*u)[3], PetscReal (*w)[3]);
+/* Other bodies are known than before: their kinds, scales, inertia. */
+PetscErrorCode ContactMeetBodies(Contact);
 /* No contact forces, no gaps. */
 void ContactClear(BodyArrays *);

@@ -76,6 +76,8 @@ static PetscReal repulsive_force(Contact c, const Meeting *m)
 
   if (gap >= c->range) return 0;
   if (m->h <= 0) return value;
+  /* all pairs at once: a force that the damping of its own pair lessens could not carry what lies on the body */
+  if (m->together > 0) return PetscMax(0, value + rate * m->approach / (1 + m->h * rate * m->together * m->inverse_mass));
   return PetscMax(0, (value + rate * m->approach) / (1 + m->h * rate * m->inverse_mass));
 }
 
@@ -317,7 +319,7 @@ static PetscErrorCode add_lubrication(Contact c, const Pair *p, Touch *t, PetscR
   if (t->gap >= c->lubrication_range) PetscFunctionReturn(PETSC_SUCCESS);
   rate = film_resistance(c, p, PetscMax(t->gap, c->roughness), &curvature);
   relative_velocity(c, p->i, p->j, t, v);
-  value = -rate * dot3(v, t->normal) / (1 + h * rate * pair_inverse_mass(c, p->i, p->j, t, t->normal));
+  value = -rate * dot3(v, t->normal) / (1 + h * rate * PetscMax(1, c->together) * pair_inverse_mass(c, p->i, p->j, t, t->normal));
   for (PetscInt a = 0; a < 3; a++) f[a] = value * t->normal[a];
   add_force(sum, f, t->ri, t->rj);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -331,6 +333,7 @@ static void fill_meeting(Contact c, const Pair *p, PetscReal h, Meeting *m)
   m->stiffness = c->law->combine(c, ki, kj, speed);
   m->speed     = PetscMax(speed, kj && kj->stiffness > ki->stiffness ? kj->speed : ki->speed);
   m->h         = h;
+  m->together  = c->together;
 }
 
 PetscBool ContactDiscForce(Contact c, const Pair *p, PetscReal h, PetscReal f[3], PetscReal *gap)

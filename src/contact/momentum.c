@@ -70,31 +70,41 @@ static PetscReal present_speed(Contact c, PetscInt k)
   return c->s->gone[k] ? 0 : BodiesFastestPoint(c->state, k, 0);
 }
 
-PetscReal ContactFastest(Contact c)
+PetscErrorCode ContactFastest(Contact c, PetscReal *top)
 {
-  PetscReal top = 0;
-
-  for (PetscInt k = 0; k < c->s->n; k++) top = PetscMax(top, present_speed(c, k));
-  return top;
+  PetscFunctionBeginUser;
+  *top = 0;
+  for (PetscInt k = 0; k < c->s->n; k++) *top = PetscMax(*top, present_speed(c, k));
+  PetscCall(BodiesMax(c->bodies, 1, top));
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-void ContactSetScales(Contact c, PetscReal dt, PetscReal (*a)[3])
+void ContactScaleKinds(Contact c)
 {
-  PetscReal push = 0, top = 0;
-
-  for (PetscInt k = 0; k < c->s->n; k++) {
-    c->present[k] = present_speed(c, k);
-    top           = PetscMax(top, c->present[k]);
-  }
-  for (PetscInt k = 0; a && k < c->s->n; k++)
-    if (ContactKind(c, k)->moves) push = PetscMax(push, dot3(a[k], a[k]));
-  if (dt > 0) c->floor = PetscMax(SPEED_FLOOR * c->range / dt, PetscSqrtReal(8. / 3. * c->range * PetscSqrtReal(push)));
   for (PetscInt i = 0; i < c->nkinds; i++) {
     Kind *k = &c->kind[i];
 
-    k->speed     = k->terminal > 0 ? k->terminal : PetscMax(top, c->floor);
+    k->speed     = k->terminal > 0 ? k->terminal : PetscMax(c->top, c->floor);
     k->stiffness = c->law->stiffness ? c->law->stiffness(c, k) : 0;
   }
+}
+
+PetscErrorCode ContactSetScales(Contact c, PetscReal dt, PetscReal (*a)[3])
+{
+  PetscReal push = 0;
+
+  PetscFunctionBeginUser;
+  c->top = 0;
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    c->present[k] = present_speed(c, k);
+    c->top        = PetscMax(c->top, c->present[k]);
+  }
+  PetscCall(BodiesMax(c->bodies, 1, &c->top));
+  for (PetscInt k = 0; a && k < c->s->n; k++)
+    if (ContactKind(c, k)->moves) push = PetscMax(push, dot3(a[k], a[k]));
+  if (dt > 0) c->floor = PetscMax(SPEED_FLOOR * c->range / dt, PetscSqrtReal(8. / 3. * c->range * PetscSqrtReal(push)));
+  ContactScaleKinds(c);
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- momentum ---- */

@@ -37,16 +37,19 @@ static PetscReal half_width(Contact c, PetscInt k)
   return ContactKind(c, k)->radius + 0.5 * c->horizon + c->listed[k].reach;
 }
 
-static PetscBool list_is_good(Contact c)
+/* Of some rank? */
+static PetscErrorCode list_is_old(Contact c, PetscBool *old)
 {
-  if (!c->have_list) return PETSC_FALSE;
-  for (PetscInt k = 0; k < c->s->n; k++) {
+  PetscFunctionBeginUser;
+  *old = (PetscBool)!c->have_list;
+  for (PetscInt k = 0; k < c->s->n && !*old; k++) {
     const PetscReal d[3] = {c->x[k][0] - c->listed[k].x[0], c->x[k][1] - c->listed[k].x[1], c->x[k][2] - c->listed[k].x[2]};
     const PetscReal left = c->listed[k].reach - reach_of(c, k);
 
-    if (left < 0 || dot3(d, d) > left * left) return PETSC_FALSE;
+    *old = (PetscBool)(left < 0 || dot3(d, d) > left * left);
   }
-  return PETSC_TRUE;
+  PetscCall(BodiesAny(c->bodies, old));
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode add_pair(Contact c, PetscInt i, PetscInt j)
@@ -67,7 +70,7 @@ static PetscErrorCode test_pair(Contact c, PetscInt i, PetscInt j, const PetscRe
 
   PetscFunctionBeginUser;
   c->tests++;
-  if ((!ki->moves && !kj->moves) || c->s->gone[i] || c->s->gone[j]) PetscFunctionReturn(PETSC_SUCCESS);
+  if ((!c->s->own[i] && !c->s->own[j]) || (!ki->moves && !kj->moves) || c->s->gone[i] || c->s->gone[j]) PetscFunctionReturn(PETSC_SUCCESS);
   place_body(c, i, xi);
   place_body(c, j, xj);
   for (PetscInt a = 0; a < c->dim; a++) {
@@ -99,7 +102,7 @@ static PetscErrorCode find_walls(Contact c, PetscInt k)
   const PetscReal reach = kind->radius + c->horizon + c->listed[k].reach;
 
   PetscFunctionBeginUser;
-  if (!kind->moves || c->s->gone[k]) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!kind->moves || c->s->gone[k] || !c->s->own[k]) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt face = 0; face < 2 * c->dim; face++) {
     const PetscInt  a = face / 2;
     const PetscReal d = face % 2 ? c->upper[a] - c->x[k][a] : c->x[k][a] - c->lower[a];
@@ -148,16 +151,35 @@ static PetscErrorCode add_images(Items *it, Grid cells, PetscInt k)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* The box of the bodies that this rank knows: images beyond it fall into its outermost cells */
+static void bound_bodies(Contact c, PetscReal lower[3], PetscReal upper[3])
+{
+  PetscReal x[3];
+
+  for (PetscInt a = 0; a < 3; a++) {
+    lower[a] = c->upper[a];
+    upper[a] = c->lower[a];
+  }
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    place_body(c, k, x);
+    for (PetscInt a = 0; a < c->dim && !c->s->gone[k]; a++) {
+      lower[a] = PetscMax(c->lower[a], PetscMin(lower[a], x[a]));
+      upper[a] = PetscMin(c->upper[a], PetscMax(upper[a], x[a]));
+    }
+  }
+}
+
 static PetscErrorCode search_cells(Contact c)
 {
   const PetscInt  n        = c->s->n;
   const PetscBool periodic = (PetscBool)(c->period[0] > 0 || c->period[1] > 0 || c->period[2] > 0);
   Items           it       = {.c = c, .n = n};
-  PetscReal       x[3];
+  PetscReal       x[3], lower[3], upper[3];
   Grid            cells;
 
   PetscFunctionBeginUser;
-  PetscCall(GridCreate(c->dim, c->lower, c->upper, choose_cell_size(c), 4 * n + 64, &cells));
+  bound_bodies(c, lower, upper);
+  PetscCall(GridCreate(c->dim, lower, upper, choose_cell_size(c), 4 * n + 64, &cells));
   for (PetscInt k = 0; k < n; k++) {
     place_body(c, k, x);
     it.widest = PetscMax(it.widest, half_width(c, k));
@@ -233,28 +255,35 @@ static PetscErrorCode search_bodies(Contact c)
 
 PetscErrorCode ContactFindPairs(Contact c)
 {
-  const PetscInt n    = c->s->n;
+  const MPI_Comm comm = BodiesComm(c->bodies);
   Pair          *old  = NULL;
   PetscInt       nold = 0;
+  PetscBool      anew;
 
   PetscFunctionBeginUser;
-  if (!n || !c->law->lookahead) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!c->s->nall || !c->law->lookahead) PetscFunctionReturn(PETSC_SUCCESS);
   c->tests = 0;
-  if (list_is_good(c)) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(list_is_old(c, &anew));
+  if (!anew) PetscFunctionReturn(PETSC_SUCCESS);
+  if (comm != PETSC_COMM_SELF) {
+    PetscCall(BodiesMigrate(c->bodies, c->horizon, 1 + SKIN));
+    PetscCall(ContactMeetBodies(c));
+    PetscCall(PetscFree(c->listed));
+  }
   if (c->friction > 0) {
     old          = c->pair;
     nold         = c->npairs;
     c->pair      = NULL;
     c->pair_room = 0;
   }
-  if (!c->listed) PetscCall(PetscMalloc1(n, &c->listed));
-  for (PetscInt k = 0; k < n; k++) {
+  if (!c->listed) PetscCall(PetscMalloc1(PetscMax(1, c->s->n), &c->listed));
+  for (PetscInt k = 0; k < c->s->n; k++) {
     PetscCall(PetscArraycpy(c->listed[k].x, c->x[k], 3));
     c->listed[k].reach = reach_of(c, k) + SKIN * ContactKind(c, k)->radius;
   }
   c->npairs = 0;
   PetscCall(search_bodies(c));
-  for (PetscInt k = 0; k < n; k++) PetscCall(find_walls(c, k));
+  for (PetscInt k = 0; k < c->s->n; k++) PetscCall(find_walls(c, k));
   PetscCall(sort_pairs(c));
   if (c->friction > 0) PetscCall(move_slip(c, nold, old));
   PetscCall(PetscFree(old));
@@ -304,11 +333,13 @@ PetscErrorCode ContactVisitState(void *contact, State state)
 {
   Contact         c       = contact;
   const PetscBool loading = StateIsLoading(state);
-  PetscInt        n = c->s->n, have = c->have_list, nslip;
+  PetscInt        n       = c->s->n, have, nslip;
 
   PetscFunctionBeginUser;
   PetscCall(StateReals(state, "work", 1, &c->work));
   PetscCall(StateReals(state, "separation", 1, &c->separation));
+  if (c->alone && !c->slip) c->have_list = PETSC_FALSE; /* as after a restart, on other ranks perhaps */
+  have = c->have_list;
   PetscCall(StateInts(state, "have_list", 1, &have));
   c->have_list = (PetscBool)have;
   if (!have) PetscFunctionReturn(PETSC_SUCCESS);

@@ -205,7 +205,7 @@ PetscErrorCode ContactStep(Contact c, PetscReal dt, PetscReal (*a)[3], PetscReal
   c->steps_done = c->nnear = 0;
   if (!c->law->lookahead) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogEventBegin(TB_CONTACT, 0, 0, 0, 0));
-  ContactSetScales(c, dt, a);
+  PetscCall(ContactSetScales(c, dt, a));
   PetscCall(ContactUseCopies(c, s->x, s->q, s->u, s->w));
   PetscCall(PetscMalloc1(s->n, &w.drift));
   PetscCall(start_drift(c, dt, a, alpha, w.drift));

@@ -312,20 +312,21 @@ static PetscErrorCode create_points(Contact c, const BodyGroup *g, PetscInt most
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ContactCreatePoints(Contact c, PetscInt most)
+void ContactSharePoints(Contact c)
 {
-  PetscInt *n;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscCalloc1(c->s->ngroups, &n));
-  for (PetscInt g = 0; g < c->s->ngroups; g++) {
-    PetscCall(PetscFree(c->point[g]));
-    PetscCall(create_points(c, &c->s->group[g], most, &n[g], &c->point[g]));
-  }
   for (PetscInt i = 0; i < c->nkinds; i++) {
-    c->kind[i].npoints = n[c->kind[i].group];
+    c->kind[i].npoints = c->npoints[c->kind[i].group];
     c->kind[i].point   = c->point[c->kind[i].group];
   }
-  PetscCall(PetscFree(n));
+}
+
+PetscErrorCode ContactCreatePoints(Contact c, PetscInt most)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt g = 0; g < c->s->ngroups; g++) {
+    PetscCall(PetscFree(c->point[g]));
+    PetscCall(create_points(c, &c->s->group[g], most, &c->npoints[g], &c->point[g]));
+  }
+  ContactSharePoints(c);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

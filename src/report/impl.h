@@ -27,6 +27,7 @@ typedef struct {
 } Balance;
 
 struct _p_Monitor {
+  Bodies         all;
   BodyState     *bodies;
   PetscMPIInt    rank, size;
   char           dir[PETSC_MAX_PATH_LEN];

@@ -4,6 +4,7 @@
 #include "base/opt.h"
 #include "files.h"
 #include "impl.h"
+#include "bodies/local.h"
 #include "versions.h"
 #include <petsctime.h>
 #include <string.h>
@@ -31,19 +32,26 @@ static PetscErrorCode write_options(Monitor m)
 
 /* ---- tracked quantities ---- */
 
-static void track_bodies(Monitor m)
+static PetscErrorCode track_bodies(Monitor m)
 {
-  const BodyState *b = m->bodies;
+  const BodyState *b    = m->bodies;
+  PetscReal        v[3] = {m->overlap_max, m->fall_speed_max, m->speed_max};
 
+  PetscFunctionBeginUser;
   for (PetscInt k = 0; k < b->n; k++) {
     const BodyGroup *g = BodiesGetGroup(b, k);
     const PetscReal *u = b->u[k];
 
-    m->overlap_max = PetscMax(m->overlap_max, -b->gap[k] / (2 * BodiesGetRadius(b, k)));
+    v[0] = PetscMax(v[0], -b->gap[k] / (2 * BodiesGetRadius(b, k)));
     if (!(g->free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z))) continue;
-    m->fall_speed_max = PetscMax(m->fall_speed_max, -u[b->dim - 1]);
-    m->speed_max      = PetscMax(m->speed_max, PetscSqrtReal(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]));
+    v[1] = PetscMax(v[1], -u[b->dim - 1]);
+    v[2] = PetscMax(v[2], PetscSqrtReal(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]));
   }
+  PetscCall(BodiesMax(m->all, 3, v));
+  m->overlap_max    = v[0];
+  m->fall_speed_max = v[1];
+  m->speed_max      = v[2];
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static void track_iterations(Monitor m, const MonitorStep *s)
@@ -69,7 +77,7 @@ static PetscErrorCode start_run(Monitor m, const MonitorStep *s)
 
 static PetscErrorCode read_options(Monitor m)
 {
-  PetscInt  range[2] = {0, m->bodies->n - 1};
+  PetscInt  range[2] = {0, m->bodies->nall - 1};
   PetscBool found;
 
   PetscFunctionBeginUser;
@@ -78,11 +86,11 @@ static PetscErrorCode read_options(Monitor m)
   PetscCall(OptBool("-output_yardstick", &m->measure));
   PetscCall(OptInt("-output_progress", &m->progress_every));
   PetscCall(OptIntArray("-output_bodies", 2, range, &found));
-  PetscCheck(!found || (range[0] <= range[1] && range[1] < m->bodies->n), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(!found || (range[0] <= range[1] && range[1] < m->bodies->nall), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "Option -output_bodies %" PetscInt_FMT ",%" PetscInt_FMT " does not name bodies of this scene, which has %" PetscInt_FMT
              ": give first,last with 0 <= first <= last < %" PetscInt_FMT,
-             range[0], range[1], m->bodies->n, m->bodies->n);
-  if (!found && m->bodies->n > MAX_BODIES) range[1] = -1;
+             range[0], range[1], m->bodies->nall, m->bodies->nall);
+  if (!found && m->bodies->nall > MAX_BODIES) range[1] = -1;
   m->first_body = range[0];
   m->last_body  = range[1];
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -113,6 +121,7 @@ PetscErrorCode MonitorCreate(Bodies bodies, Monitor *monitor)
   PetscCall(PetscNew(&m));
   PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &m->rank));
   PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &m->size));
+  m->all = bodies;
   PetscCall(BodiesGetState(bodies, &m->bodies));
   m->fall_speed_max = m->speed_max = m->overlap_max = PETSC_MIN_REAL;
   PetscCall(read_options(m));
@@ -228,7 +237,7 @@ PetscErrorCode MonitorWrite(Monitor m, const MonitorStep *s, PetscReal time_end)
   }
   if (first) PetscCall(start_run(m, s));
   if (!m->progress_every) m->progress_every = s->dt > 0 ? ProgressChoose(s, time_end) : 0;
-  track_bodies(m);
+  PetscCall(track_bodies(m));
   track_iterations(m, s);
   if (last || s->step % m->series_every == 0) PetscCall(SeriesAppend(m, s, seconds));
   if (first || last || (m->progress_every && s->step % m->progress_every == 0)) PetscCall(ProgressPrint(m, s, time_end));

@@ -1,8 +1,11 @@
-/* Outlines: see outlines.h. The state is replicated: rank 0 hands over all rows and the others none. */
+/* Outlines: see outlines.h. Bodies are written and drawn in the order of their numbers, in even shares of the ranks;
+   where all ranks know all, by rank 0. */
 #include "compat.h"
 #include "base/hdf5.h"
 #include "report/outlines.h"
 #include "base/algebra.h"
+#include "base/room.h"
+#include "bodies/local.h"
 #include "files.h"
 #include <stdio.h>
 
@@ -35,37 +38,63 @@ struct _p_Outlines {
   Snapshot   *snap;
 };
 
-/* What is drawn in a snapshot: bodies, then their images across the period */
+/* What is known of a body to draw it */
 typedef struct {
-  PetscInt  n, npoint, ncell;
-  PetscInt *body;
+  PetscReal x[3], q[4], velocity[2][3], scale, radius, group; /* radius 0: has left */
+} Drawn;
+
+/* What this rank draws in a snapshot: every body of its rows with its images across the period */
+typedef struct {
+  PetscInt  n, room, npoint, ncell;
+  BodyRows  rows;
+  Drawn    *drawn; /* [rows.n] */
+  PetscInt *body;  /* [n] row */
   PetscReal (*shift)[3];
 } Scene;
 
 /* ---- images ---- */
 
-static PetscErrorCode list_images(Outlines b, Scene *d)
+static PetscErrorCode gather_drawn(Outlines b, Scene *d)
 {
-  const BodyState *s      = b->s;
-  const PetscInt   nimage = s->dim == 2 ? 9 : 27;
+  const BodyState *s = b->s;
+  Drawn           *known;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc2(s->n * 8, &d->body, s->n * 8, &d->shift));
-  d->n = s->n;
+  PetscCall(PetscMalloc1(s->n, &known));
+  PetscCall(PetscMalloc1(d->rows.n, &d->drawn));
   for (PetscInt k = 0; k < s->n; k++) {
-    const PetscReal r = BodiesGetRadius(s, k);
+    known[k] = (Drawn){.scale = s->scale[k], .radius = s->gone[k] ? 0 : BodiesGetRadius(s, k), .group = s->body_group[k]};
+    PetscCall(PetscArraycpy(known[k].q, s->q[k], 4));
+    for (PetscInt a = 0; a < 3; a++) {
+      known[k].x[a]           = s->x[k][a];
+      known[k].velocity[0][a] = s->u[k][a];
+      known[k].velocity[1][a] = s->w[k][a];
+    }
+  }
+  PetscCall(BodiesGatherRows(b->bodies, &d->rows, sizeof(Drawn), known, d->drawn));
+  PetscCall(PetscFree(known));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
 
-    d->body[k] = k;
-    for (PetscInt a = 0; a < 3; a++) d->shift[k][a] = 0;
-    for (PetscInt i = 0, found = 1; i < nimage && found < 8 && !s->gone[k]; i++) {
-      const PetscInt digit[3] = {i % 3 - 1, i / 3 % 3 - 1, s->dim == 2 ? 0 : i / 9 - 1};
-      PetscBool      seen     = (PetscBool)(digit[0] || digit[1] || digit[2]);
+static PetscErrorCode list_images(Outlines b, Scene *d)
+{
+  const PetscInt nimage = b->s->dim == 2 ? 9 : 27;
 
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < d->rows.n; k++) {
+    const Drawn *body = d->drawn + k;
+
+    for (PetscInt i = 0, found = 0; i < nimage && found < 8; i++) {
+      const PetscInt middle = b->s->dim == 2 ? 4 : 13, which = i ? i - (i <= middle) : middle; /* itself first */
+      const PetscInt digit[3] = {which % 3 - 1, which / 3 % 3 - 1, b->s->dim == 2 ? 0 : which / 9 - 1};
+      PetscBool      seen     = (PetscBool)(!i || body->radius > 0);
+
+      PetscCall(RoomFor(d->n + 1, &d->room, &d->body, sizeof(*d->body), &d->shift, sizeof(*d->shift), NULL));
       for (PetscInt a = 0; a < 3; a++) {
-        const PetscReal x = s->x[k][a] + digit[a] * b->period[a];
+        const PetscReal x = body->x[a] + digit[a] * b->period[a];
 
         d->shift[d->n][a] = digit[a] * b->period[a];
-        if (digit[a] && (b->period[a] <= 0 || x + r < b->lower[a] || x - r > b->upper[a])) seen = PETSC_FALSE;
+        if (digit[a] && (b->period[a] <= 0 || x + body->radius < b->lower[a] || x - body->radius > b->upper[a])) seen = PETSC_FALSE;
       }
       if (!seen) continue;
       d->body[d->n++] = k;
@@ -78,14 +107,15 @@ static PetscErrorCode list_images(Outlines b, Scene *d)
 /* What a body of a picture has: its cells, or one line */
 static const Picture *get_picture(Outlines b, const Scene *d, PetscInt i)
 {
-  return b->picture + b->s->body_group[d->body[i]];
+  return b->picture + (PetscInt)d->drawn[d->body[i]].group;
 }
 
 static PetscErrorCode begin_scene(Outlines b, Scene *d)
 {
   PetscFunctionBeginUser;
+  PetscCall(BodiesBeginRows(b->bodies, &d->rows));
+  PetscCall(gather_drawn(b, d));
   PetscCall(list_images(b, d));
-  d->npoint = d->ncell = 0;
   for (PetscInt i = 0; i < d->n; i++) {
     d->npoint += get_picture(b, d, i)->n;
     d->ncell += get_picture(b, d, i)->ncell;
@@ -113,51 +143,75 @@ static void list_fields(const BodyState *s, const PetscReal radius[], Field f[NF
   for (PetscInt i = 0; i < NFIELDS; i++) f[i] = all[i];
 }
 
-static PetscErrorCode write_bodies(Outlines b, Hdf5 file, const Field f[NFIELDS])
+/* v [known][bs] of all bodies, in the order of their numbers */
+static PetscErrorCode write_rows(Outlines b, const BodyRows *rows, Hdf5 file, const char name[], PetscInt bs, const PetscReal v[])
+{
+  PetscReal *row;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(rows->n * bs, &row));
+  PetscCall(BodiesGatherRows(b->bodies, rows, bs * sizeof(*row), v, row));
+  PetscCall(Hdf5WriteReals(file, name, rows->n, bs, row));
+  PetscCall(PetscFree(row));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode write_groups(Outlines b, const BodyRows *rows, Hdf5 file)
 {
   const BodyState *s = b->s;
-  const PetscInt   n = b->rank ? 0 : s->n;
   PetscInt        *number;
+  PetscReal       *group, *row;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc3(s->n, &group, rows->n, &row, rows->n, &number));
+  for (PetscInt k = 0; k < s->n; k++) group[k] = s->body_group[k];
+  PetscCall(BodiesGatherRows(b->bodies, rows, sizeof(*row), group, row));
+  for (PetscInt i = 0; i < rows->n; i++) number[i] = (PetscInt)row[i];
+  PetscCall(Hdf5WriteInts(file, "group", rows->n, 1, number));
+  for (PetscInt i = 0; i < rows->n; i++) number[i] = rows->start + i;
+  PetscCall(Hdf5WriteInts(file, "body", rows->n, 1, number));
+  PetscCall(PetscFree3(group, row, number));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode write_bodies(Outlines b, Hdf5 file, const BodyRows *rows, const Field f[NFIELDS])
+{
+  const BodyState *s = b->s;
   PetscReal(*x)[3];
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(s->n, &x));
   for (PetscInt i = 0; i < 3 * s->n; i++) x[i / 3][i % 3] = s->x[i / 3][i % 3] + s->frame[i % 3];
-  PetscCall(Hdf5WriteReals(file, "position", n, 3, &x[0][0]));
+  PetscCall(write_rows(b, rows, file, "position", 3, &x[0][0]));
   PetscCall(PetscFree(x));
-  for (PetscInt i = 0; i < NFIELDS; i++) PetscCall(Hdf5WriteReals(file, f[i].name, n, f[i].bs, f[i].value));
-  PetscCall(Hdf5WriteInts(file, "group", n, 1, s->body_group));
-  PetscCall(PetscMalloc1(s->n, &number));
-  for (PetscInt k = 0; k < s->n; k++) number[k] = k;
-  PetscCall(Hdf5WriteInts(file, "body", n, 1, number));
-  PetscCall(PetscFree(number));
+  for (PetscInt i = 0; i < NFIELDS; i++) PetscCall(write_rows(b, rows, file, f[i].name, f[i].bs, f[i].value));
+  PetscCall(write_groups(b, rows, file));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Points of what is drawn, in space; a body that has left shrinks to its centre */
 static PetscErrorCode write_points(Outlines b, Hdf5 file, const Scene *d, const char name[])
 {
-  const BodyState *s   = b->s;
-  const PetscInt   dim = s->dim;
-  PetscReal       *x, *y;
+  const PetscInt dim = b->s->dim;
+  PetscReal     *x, *y;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(3 * d->npoint, &x));
   y = x;
   for (PetscInt i = 0; i < d->n; i++) {
-    const PetscInt k = d->body[i];
-    const Picture *p = get_picture(b, d, i);
+    const Drawn   *body = d->drawn + d->body[i];
+    const Picture *p    = get_picture(b, d, i);
     PetscReal      R[9];
 
-    RotationMatrix(s->q[k], R);
+    RotationMatrix(body->q, R);
     for (PetscInt j = 0; j < p->n; j++, y += 3) {
       for (PetscInt a = 0; a < 3; a++) {
-        y[a] = s->x[k][a] + s->frame[a] + d->shift[i][a];
-        for (PetscInt e = 0; e < dim && a < dim && !s->gone[k]; e++) y[a] += s->scale[k] * R[3 * a + e] * p->x[j * dim + e];
+        y[a] = body->x[a] + b->s->frame[a] + d->shift[i][a];
+        for (PetscInt e = 0; e < dim && a < dim && body->radius > 0; e++) y[a] += body->scale * R[3 * a + e] * p->x[j * dim + e];
       }
     }
   }
-  PetscCall(Hdf5WriteReals(file, name, b->rank ? 0 : d->npoint, 3, x));
+  PetscCall(Hdf5WriteReals(file, name, d->npoint, 3, x));
   PetscCall(PetscFree(x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -168,6 +222,7 @@ static PetscErrorCode write_cells(Outlines b, Hdf5 file, const Scene *d, PetscIn
   PetscInt *cell, *c, first = 0;
 
   PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Exscan(&d->npoint, &first, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
   PetscCall(PetscMalloc1(d->ncell * bs, &cell));
   c = cell;
   for (PetscInt i = 0; i < d->n; i++) {
@@ -176,31 +231,31 @@ static PetscErrorCode write_cells(Outlines b, Hdf5 file, const Scene *d, PetscIn
     for (PetscInt j = 0; j < p->ncell * bs; j++) *c++ = first + (p->cell ? p->cell[j] : j % p->n);
     first += p->n;
   }
-  PetscCall(Hdf5WriteInts(file, b->s->dim == 2 ? "line" : "triangle", b->rank ? 0 : d->ncell, bs, cell));
+  PetscCall(Hdf5WriteInts(file, b->s->dim == 2 ? "line" : "triangle", d->ncell, bs, cell));
   PetscCall(PetscFree(cell));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Which body a line or triangle belongs to, and what this body has */
-static PetscErrorCode write_cell_fields(Outlines b, Hdf5 file, const Scene *d, const Field f[NFIELDS])
+static PetscErrorCode write_cell_fields(Outlines b, Hdf5 file, const Scene *d)
 {
-  PetscInt  *body, n = 0;
-  PetscReal *value;
-  char       name[64];
+  static const char *const name[] = {"cell_velocity", "cell_angular_velocity"};
+  PetscInt                *body, *number, n = 0;
+  PetscReal(*value)[3];
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc2(d->ncell, &body, 4 * d->ncell, &value));
+  PetscCall(PetscMalloc3(d->ncell, &body, d->ncell, &number, d->ncell, &value));
   for (PetscInt i = 0; i < d->n; i++)
     for (PetscInt j = 0; j < get_picture(b, d, i)->ncell; j++) body[n++] = d->body[i];
-  PetscCall(Hdf5WriteInts(file, "cell_body", b->rank ? 0 : n, 1, body));
-  for (PetscInt i = 0; i < 2; i++) { /* velocity, angular velocity */
-    for (PetscInt j = 0; j < n; j++) PetscCall(PetscArraycpy(value + j * f[i].bs, f[i].value + body[j] * f[i].bs, f[i].bs));
-    PetscCall(PetscSNPrintf(name, sizeof(name), "cell_%s", f[i].name));
-    PetscCall(Hdf5WriteReals(file, name, b->rank ? 0 : n, f[i].bs, value));
+  for (PetscInt j = 0; j < n; j++) number[j] = d->rows.start + body[j];
+  PetscCall(Hdf5WriteInts(file, "cell_body", n, 1, number));
+  for (PetscInt i = 0; i < 2; i++) {
+    for (PetscInt j = 0; j < n; j++) PetscCall(PetscArraycpy(value[j], d->drawn[body[j]].velocity[i], 3));
+    PetscCall(Hdf5WriteReals(file, name[i], n, 3, &value[0][0]));
   }
-  for (PetscInt j = 0; j < n; j++) body[j] = b->s->body_group[body[j]];
-  PetscCall(Hdf5WriteInts(file, "cell_group", b->rank ? 0 : n, 1, body));
-  PetscCall(PetscFree2(body, value));
+  for (PetscInt j = 0; j < n; j++) number[j] = (PetscInt)d->drawn[body[j]].group;
+  PetscCall(Hdf5WriteInts(file, "cell_group", n, 1, number));
+  PetscCall(PetscFree3(body, number, value));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -208,7 +263,7 @@ static PetscErrorCode write_cell_fields(Outlines b, Hdf5 file, const Scene *d, c
 static PetscErrorCode write_file(Outlines b, const char path[], Snapshot *snap)
 {
   const BodyState *s = b->s;
-  Scene            d;
+  Scene            d = {0};
   Hdf5             file;
   Field            f[NFIELDS];
   PetscReal       *radius;
@@ -216,21 +271,24 @@ static PetscErrorCode write_file(Outlines b, const char path[], Snapshot *snap)
 
   PetscFunctionBeginUser;
   PetscCall(begin_scene(b, &d));
-  snap->npoint = d.npoint;
-  snap->ncell  = d.ncell;
-  snap->nline  = s->dim == 2 ? b->picture[0].n + 1 : 0;
+  PetscCallMPI(MPI_Allreduce(&d.npoint, &snap->npoint, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Allreduce(&d.ncell, &snap->ncell, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+  snap->nline = s->dim == 2 ? b->picture[0].n + 1 : 0;
   PetscCall(PetscMalloc1(s->n, &radius));
   for (PetscInt k = 0; k < s->n; k++) radius[k] = s->gone[k] ? 0 : BodiesGetRadius(s, k);
   list_fields(s, radius, f);
   PetscCall(Hdf5Create(PETSC_COMM_WORLD, path, &file));
   PetscCall(Hdf5WriteReals(file, "time", b->rank ? 0 : 1, 1, &snap->time));
-  PetscCall(write_bodies(b, file, f));
+  PetscCall(write_bodies(b, file, &d.rows, f));
   PetscCall(write_points(b, file, &d, s->dim == 2 ? "outline" : "surface"));
   PetscCall(write_cells(b, file, &d, s->dim == 2 ? snap->nline : 3));
-  PetscCall(write_cell_fields(b, file, &d, f));
+  PetscCall(write_cell_fields(b, file, &d));
   PetscCall(Hdf5Close(&file, reason, sizeof(reason)));
   PetscCall(PetscFree(radius));
-  PetscCall(PetscFree2(d.body, d.shift));
+  PetscCall(BodiesEndRows(&d.rows));
+  PetscCall(PetscFree(d.drawn));
+  PetscCall(PetscFree(d.body));
+  PetscCall(PetscFree(d.shift));
   PetscCheck(!reason[0], PETSC_COMM_WORLD, PETSC_ERR_FILE_WRITE, "Cannot write '%s': %s. Check the disk or choose another -output_dir", path, reason);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -281,7 +339,7 @@ static int write_index(Outlines b, const char path[], PetscBool drawn)
   for (PetscInt i = 0; i < b->nsnap; i++) {
     (void)snprintf(file, sizeof(file), "bodies_%" PetscInt_FMT ".h5", b->snap[i].step);
     if (drawn) print_drawn(f, b->snap + i, file);
-    else print_centres(f, b->snap + i, b->s->n, file);
+    else print_centres(f, b->snap + i, b->s->nall, file);
   }
   return XdmfEnd(path, &f);
 }
@@ -320,7 +378,7 @@ static PetscErrorCode fill_outline(Picture *p, PetscInt n)
 static PetscErrorCode draw_groups(Outlines b)
 {
   const BodyState *s    = b->s;
-  const PetscInt   most = PetscMin(TRIANGLES_BODY, TRIANGLES / PetscMax(1, s->n));
+  const PetscInt   most = PetscMin(TRIANGLES_BODY, TRIANGLES / PetscMax(1, s->nall));
   PetscInt         n    = 0;
 
   PetscFunctionBeginUser;
@@ -329,7 +387,7 @@ static PetscErrorCode draw_groups(Outlines b)
     Picture         *p     = b->picture + g;
 
     p->ncell = 1;
-    if (s->dim == 2) PetscCall(ShapeOutline(group->shape, s->n > MANY ? TOLERANCE_MANY : TOLERANCE, &p->n, &p->x));
+    if (s->dim == 2) PetscCall(ShapeOutline(group->shape, s->nall > MANY ? TOLERANCE_MANY : TOLERANCE, &p->n, &p->x));
     else PetscCall(ShapeTriangulate(group->shape, most, &p->n, &p->x, &p->ncell, &p->cell));
     for (PetscInt i = 0; i < s->dim * p->n; i++) p->x[i] -= group->mass.centroid[i % s->dim];
     n = PetscMax(n, p->n);
@@ -388,7 +446,7 @@ PetscErrorCode OutlinesWrite(Outlines b, const char dir[], PetscInt step, PetscR
   char                     path[PETSC_MAX_PATH_LEN];
 
   PetscFunctionBeginUser;
-  if (!b->s->n) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!b->s->nall) PetscFunctionReturn(PETSC_SUCCESS);
   if (!b->picture) { /* not before the first snapshot: many runs write none */
     PetscCall(PetscCalloc1(b->s->ngroups, &b->picture));
     PetscCall(draw_groups(b));

@@ -3,6 +3,7 @@
    on all ranks: rank 0 writes, and nothing is gathered. */
 #include "compat.h"
 #include "impl.h"
+#include "bodies/local.h"
 #include "files.h"
 #include <errno.h>
 #include <math.h>
@@ -28,7 +29,8 @@ const MonitorColumn MONITOR_SERIES[] = {
   {NULL, NULL, 0, NULL},
 };
 
-#define GROUP 3 /* the one column of text */
+#define NUMBER 2
+#define GROUP  3 /* the one column of text */
 const MonitorColumn MONITOR_BODIES[] = {
   {"step", "", 12, "number of the step"},
   {"time_s", "time", 12, "at the end of the step"},
@@ -232,21 +234,85 @@ static PetscReal body_angle(const BodyState *b, PetscInt k)
   return b->dim == 2 ? b->angle[k] : 2 * PetscAtan2Real(PetscSqrtReal(q[1] * q[1] + q[2] * q[2] + q[3] * q[3]), q[0]);
 }
 
-static void print_body(FILE *f, const MonitorStep *s, const BodyState *b, PetscInt k, size_t n)
+/* group, last of line: its number */
+static void fill_line(const MonitorStep *s, const BodyState *b, PetscInt k, PetscReal line[NBODIES])
 {
-  const BodyGroup *g = BodiesGetGroup(b, k);
   const PetscReal *x = b->x[k], *u = b->u[k], *w = b->w[k], *F = b->force[k], *T = b->torque[k], *q = b->q[k];
-  const PetscReal  at[3] = {x[0] + b->frame[0], x[1] + b->frame[1], x[2] + b->frame[2]};
-  const PetscReal  gap   = b->gap[k] < PETSC_MAX_REAL ? b->gap[k] : (PetscReal)INFINITY;
-  const PetscReal  value[NBODIES] =
-    {s->step, s->time, k,    0,    at[0], at[1], at[2], body_angle(b, k),    u[0],        u[1],          u[2], w[0], w[1], w[2],
-     F[0],    F[1],    F[2], T[0], T[1],  T[2],  gap,   BodiesGetDisc(b, k), b->scale[k], b->density[k], q[0], q[1], q[2], q[3]};
+  const PetscReal  at[3]          = {x[0] + b->frame[0], x[1] + b->frame[1], x[2] + b->frame[2]};
+  const PetscReal  gap            = b->gap[k] < PETSC_MAX_REAL ? b->gap[k] : (PetscReal)INFINITY;
+  const PetscReal  value[NBODIES] = {s->step,      s->time,
+                                     b->number[k], b->body_group[k],
+                                     at[0],        at[1],
+                                     at[2],        body_angle(b, k),
+                                     u[0],         u[1],
+                                     u[2],         w[0],
+                                     w[1],         w[2],
+                                     F[0],         F[1],
+                                     F[2],         T[0],
+                                     T[1],         T[2],
+                                     gap,          BodiesGetDisc(b, k),
+                                     b->scale[k],  b->density[k],
+                                     q[0],         q[1],
+                                     q[2],         q[3]};
 
-  for (size_t i = 0; i < n; i++) {
-    if (i == GROUP) fprintf(f, ",%s", g->name);
-    else fprintf(f, "%s%.*g", i ? "," : "", (int)MONITOR_BODIES[i].digits, (double)value[i]);
+  memcpy(line, value, sizeof(value));
+}
+
+static void print_line(Monitor m, const PetscReal line[NBODIES])
+{
+  for (size_t i = 0; i < count_body_columns(m); i++) {
+    if (i == GROUP) fprintf(m->body_file, ",%s", m->bodies->group[(PetscInt)line[i]].name);
+    else fprintf(m->body_file, "%s%.*g", i ? "," : "", (int)MONITOR_BODIES[i].digits, (double)line[i]);
   }
-  fprintf(f, "\n");
+  fprintf(m->body_file, "\n");
+}
+
+/* The lines of bodies that are asked for come from their owners to rank 0, which prints them by number. Collective. */
+static PetscErrorCode print_spread(Monitor m, const MonitorStep *s)
+{
+  const BodyState *b = m->bodies;
+  PetscReal(*mine)[NBODIES], (*line)[NBODIES] = NULL;
+  PetscMPIInt  n = 0, *count = NULL, *start = NULL;
+  PetscInt     total = 0, *number = NULL, *order = NULL;
+  MPI_Datatype type;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(PetscMin(b->n, m->last_body - m->first_body + 1), &mine));
+  for (PetscInt k = 0; k < b->n; k++)
+    if (b->own[k] && b->number[k] >= m->first_body && b->number[k] <= m->last_body) fill_line(s, b, k, mine[n++]);
+  if (m->rank == 0) PetscCall(PetscMalloc2(m->size, &count, m->size, &start));
+  PetscCallMPI(MPI_Gather(&n, 1, MPI_INT, count, 1, MPI_INT, 0, PETSC_COMM_WORLD));
+  for (PetscMPIInt r = 0; r < m->size && m->rank == 0; total += count[r++]) start[r] = (PetscMPIInt)total;
+  PetscCall(PetscMalloc3(total, &line, total, &number, total, &order));
+  PetscCallMPI(MPI_Type_contiguous(NBODIES, MPIU_REAL, &type));
+  PetscCallMPI(MPI_Type_commit(&type));
+  PetscCallMPI(MPI_Gatherv(mine, n, type, line, count, start, type, 0, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Type_free(&type));
+  for (PetscInt i = 0; i < total; i++) {
+    number[i] = (PetscInt)line[i][NUMBER];
+    order[i]  = i;
+  }
+  PetscCall(PetscSortIntWithArray(total, number, order));
+  for (PetscInt i = 0; i < total; i++) print_line(m, line[order[i]]);
+  PetscCall(PetscFree(mine));
+  PetscCall(PetscFree2(count, start));
+  PetscCall(PetscFree3(line, number, order));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode print_bodies(Monitor m, const MonitorStep *s)
+{
+  PetscReal line[NBODIES];
+
+  PetscFunctionBeginUser;
+  if (m->last_body < m->first_body) PetscFunctionReturn(PETSC_SUCCESS);
+  if (BodiesComm(m->all) != PETSC_COMM_SELF) PetscCall(print_spread(m, s));
+  else if (m->rank == 0)
+    for (PetscInt k = m->first_body; k <= m->last_body; k++) {
+      fill_line(s, m->bodies, k, line);
+      print_line(m, line);
+    }
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* seconds: of the phases in this step */
@@ -278,9 +344,9 @@ PetscErrorCode SeriesAppend(Monitor m, const MonitorStep *s, const PetscReal sec
   int err[2] = {0, 0};
 
   PetscFunctionBeginUser;
+  PetscCall(print_bodies(m, s));
   if (m->rank == 0) {
     print_series(m, s, seconds);
-    for (PetscInt k = m->first_body; k <= m->last_body; k++) print_body(m->body_file, s, m->bodies, k, count_body_columns(m));
     if (fflush(m->series) || ferror(m->series)) err[0] = errno ? errno : EIO;
     if (fflush(m->body_file) || ferror(m->body_file)) err[1] = errno ? errno : EIO;
   }

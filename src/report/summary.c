@@ -170,7 +170,7 @@ static int write_json(Monitor m, const Summary *s, const char path[])
   fprintf(f,
           ",\n  \"ranks\": %d,\n  \"cells\": %" PetscInt_FMT ",\n  \"unknowns\": %" PetscInt_FMT ",\n  \"bodies\": %" PetscInt_FMT
           ",\n  \"steps\": %" PetscInt_FMT,
-          (int)m->size, s->cells, s->unknowns, m->bodies->n, s->steps);
+          (int)m->size, s->cells, s->unknowns, m->bodies->nall, s->steps);
   fprintf(f, ",\n  \"time_end\": ");
   print_json_real(f, s->time_end);
   fprintf(f, ",\n");
@@ -205,7 +205,7 @@ static PetscErrorCode print_summary(Monitor m, const Summary *s)
   PetscCall(PetscPrintf(PETSC_COMM_WORLD, "\nSummary of %s: %" PetscInt_FMT " steps to t = %.6g%s%s\n", s->scene, s->steps, (double)s->time_end,
                         m->unit[UNIT_TIME][0] ? " " : "", m->unit[UNIT_TIME]));
   PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  %" PetscInt_FMT " cells, %" PetscInt_FMT " unknowns, %" PetscInt_FMT " bod%s, %d rank%s, %.0f MB\n",
-                        s->cells, s->unknowns, m->bodies->n, m->bodies->n == 1 ? "y" : "ies", (int)m->size, m->size > 1 ? "s" : "",
+                        s->cells, s->unknowns, m->bodies->nall, m->bodies->nall == 1 ? "y" : "ies", (int)m->size, m->size > 1 ? "s" : "",
                         (double)s->memory_mb));
   PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  outer iterations a step: mean %.3g, largest %" PetscInt_FMT "\n", (double)s->iterations_mean,
                         m->iterations_max));
@@ -226,7 +226,7 @@ static PetscErrorCode set_tracked(Monitor m)
   PetscFunctionBeginUser;
   if (m->fall_speed_max > PETSC_MIN_REAL) PetscCall(MonitorQuantity(m, "fall_speed_max", m->fall_speed_max));
   if (m->speed_max > PETSC_MIN_REAL) PetscCall(MonitorQuantity(m, "speed_max", m->speed_max));
-  if (m->bodies->n) PetscCall(MonitorQuantity(m, "overlap_max", PetscMax(0, m->overlap_max)));
+  if (m->bodies->nall) PetscCall(MonitorQuantity(m, "overlap_max", PetscMax(0, m->overlap_max)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -35,7 +35,7 @@ static const Dataset BODIES[] = {
   {"angle", "rad", "[bodies]", "not wrapped; in 3D the integral of the angular velocity about z"},
   {"radius", "length", "[bodies]", "of the bounding circle or sphere, 0: has left the domain"},
   {"group, body", "", "[bodies]", "numbers of the group and of the body, from 0"},
-  {"outline", "length", "[lines * points][3]", "2D: of the bodies and then of their images across a period; begins on the body's first axis"},
+  {"outline", "length", "[lines * points][3]", "2D: of every body and then of its images across a period; begins on the body's first axis"},
   {"line", "", "[lines][points + 1]", "2D: points of a closed line"},
   {"surface", "length", "[points][3]", "3D: points of the triangles, bodies and images"},
   {"triangle", "", "[triangles][3]", "3D: their points, normals outward"},

@@ -4,6 +4,7 @@
 #include "couple/deform.h"
 #include "base/log.h"
 #include "base/opt.h"
+#include "bodies/local.h"
 #include "defaults.h"
 #include "refine.h"
 #include "sim.h"
@@ -13,16 +14,18 @@
    by the size of the bodies. */
 static PetscErrorCode create_contact_alone(SimParts *part, const MeshLocal *l)
 {
-  PetscReal  density = 0, gravity[3] = {0, 0, 0}, h = PETSC_MAX_REAL;
+  PetscReal  density = 0, gravity[3] = {0, 0, 0}, h = -PETSC_MAX_REAL;
   PetscInt   walls = 0;
   BodyState *s;
 
   PetscFunctionBeginUser;
   PetscCall(FlowReadFluid(l->dim, &density, gravity, &part->gravity));
   PetscCall(BodiesGetState(part->bodies, &s));
-  PetscCheck(s->n, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(s->nall, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "A scene without flow and without bodies has nothing to do: give -particle_groups, or remove -flow_active");
-  for (PetscInt k = 0; k < s->n; k++) h = PetscMin(h, 0.2 * BodiesGetRadius(s, k));
+  for (PetscInt k = 0; k < s->n; k++) h = PetscMax(h, -0.2 * BodiesGetRadius(s, k));
+  PetscCall(BodiesMax(part->bodies, 1, &h));
+  h = -h;
   for (PetscInt g = 0; g < s->ngroups; g++)
     PetscCheck(!s->group[g].with_fluid, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
                "-particle_%s_start fluid needs a flow: remove it, or -flow_active false", s->group[g].name);
@@ -90,8 +93,28 @@ static PetscErrorCode remark_backflow(const MeshLocal *l, const FlowParameters *
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Bodies without a flow are spread over the ranks, where nothing in the scene needs all of them together: tangential
+   springs, packing, pictures of the suspension. Else every rank knows them all, and the results are the same. */
+static PetscErrorCode create_bodies(SimParts *part, const MeshLocal *l, PetscBool active)
+{
+  char        word[64];
+  PetscMPIInt size;
+  PetscBool   packed, spread;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
+  PetscCall(OptPeek("-contact_friction", word, sizeof(word)));
+  spread = (PetscBool)(!active && size > 1 && atof(word) <= 0);
+  PetscCall(OptPeek("-output_suspension", word, sizeof(word)));
+  PetscCall(BodiesHavePacking(&packed));
+  spread = (PetscBool)(spread && !word[0] && !packed);
+  if (spread) PetscCall(BodiesCreateLocal(PETSC_COMM_WORLD, l->dim, l->lower, l->upper, l->period, &part->bodies));
+  else PetscCall(BodiesCreate(l->dim, l->lower, l->upper, &part->bodies));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* A refined mesh is made around the bodies, others before them */
-static PetscErrorCode create_mesh_and_bodies(SimParts *part, const MeshLocal **l)
+static PetscErrorCode create_mesh_and_bodies(SimParts *part, PetscBool active, const MeshLocal **l)
 {
   PetscInt  levels;
   PetscBool around;
@@ -101,7 +124,7 @@ static PetscErrorCode create_mesh_and_bodies(SimParts *part, const MeshLocal **l
   if (levels) PetscCall(RefineCreateMesh(PETSC_COMM_WORLD, around, &part->bodies, &part->mesh, &part->refine));
   else PetscCall(MeshCreate(PETSC_COMM_WORLD, &part->mesh));
   PetscCall(MeshGetLocal(part->mesh, l));
-  if (!levels) PetscCall(BodiesCreate((*l)->dim, (*l)->lower, (*l)->upper, &part->bodies));
+  if (!levels) PetscCall(create_bodies(part, *l, active));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -118,7 +141,7 @@ static PetscErrorCode build(SimParts *part)
   PetscFunctionBeginUser;
   PetscCall(OptBool("-flow_active", &active));
   if (active) PetscCall(OptBool("-sim_steady", &steady));
-  PetscCall(create_mesh_and_bodies(part, &l));
+  PetscCall(create_mesh_and_bodies(part, active, &l));
   PetscCall(ContactPack(part->bodies, l->lower, l->upper, l->period, &packing));
   if (active) PetscCall(DefaultsApply(l, part->bodies, steady));
   PetscCall(RefineCheck(part->refine, steady));
@@ -218,10 +241,10 @@ static PetscErrorCode describe(const SimParts *part, Sim sim)
   } else absent[i++] = "flow";
   PetscCall(BodiesGetState(part->bodies, &s));
   PetscCall(BodiesAreStill(part->bodies, &still));
-  if (!s->n) absent[i++] = "bodies, projection, contact, force integrals";
+  if (!s->nall) absent[i++] = "bodies, projection, contact, force integrals";
   else if (still) absent[i++] = "motion of bodies (marked once, not integrated), rigid unknowns, pair search";
-  if (s->n == 1) absent[i++] = "contact between bodies";
-  if (s->n == 1 && !still) absent[i++] = "pair search";
+  if (s->nall == 1) absent[i++] = "contact between bodies";
+  if (s->nall == 1 && !still) absent[i++] = "pair search";
   PetscCall(PetscViewerASCIIPrintf(out, "not active:"));
   for (PetscInt k = 0; k < i; k++) PetscCall(PetscViewerASCIIPrintf(out, "%s %s", k ? "," : "", absent[k]));
   PetscCall(PetscMemoryGetCurrentUsage(&memory));

@@ -39,6 +39,38 @@ def test_a_body_falls_and_rests(run, scene, ranks, tmp_path):
     assert 0.05 < float(last["y"]) < 0.06 and abs(float(last["v"])) < 0.01, last
 
 
+CROWD = """mesh: {cells: [8, 4], lower: [0, 0], upper: [2, 1], periodic: x}
+flow: {active: false, gravity: [3, -5]}
+particle:
+  groups: small, spread, rod, wheel, rock
+  small: {shape: circle, radius: 0.025, density: 2, place: lattice, count: 60, velocity: [1, 0], lower: [0, 0.5], upper: [2, 1]}
+  spread: {shape: circle, radius: 0.03, density: 1.5, place: random, count: 20, lower: [0, 0.3], upper: [2, 0.5], sizes: uniform, sizes_range: [0.5, 1.3]}
+  rod: {shape: ellipse, a: 0.04, b: 0.02, density: 3, place: random, count: 6, lower: [0, 0.3], upper: [2, 0.5], angle: 0.4}
+  wheel: {shape: ellipse, a: 0.1, b: 0.02, density: 1, position: [0.6, 0.15], free: rotation, angular_velocity: 8}
+  rock: {shape: circle, radius: 0.21, position: [1.5, 0.1], obstacle: true}
+contact: {range: 0.01}
+sim: {dt: 2e-3, steps: 40}
+output: {progress: 20, bodies: [0, 87], every: 40}
+checkpoint: {every: 20}
+"""
+
+
+def test_crowd_on_any_ranks(run, scene, tmp_path):
+    """Bodies that cross the borders of parts and of the period, a rock larger than a part, sizes, stops: bit for bit the same, and after a restart on others."""
+    for ranks in 1, 2, 3:
+        result = run([scene(CROWD), "-output_dir", str(ranks)], ranks)
+        assert result.status == 0, str(result)
+    tables = [(tmp_path / str(ranks) / "bodies.csv").read_bytes() for ranks in (1, 2, 3)]
+    assert tables[0] == tables[1] == tables[2]
+    columns = [[{name: row[name] for name in ("bodies_energy", "contact_energy", "contact_work")} for row in csv.DictReader(open(tmp_path / str(ranks) / "series.csv"))]
+               for ranks in (1, 2, 3)]
+    assert len(columns[0]) == 40 and columns[0] == columns[1] == columns[2]
+    again = run([scene(CROWD), "-output_dir", "again", "-sim_restart", str(next((tmp_path / "3").glob("**/*20*.h5"))), "-checkpoint_every", "0"], 2)
+    assert again.status == 0, str(again)
+    end = lambda table: table.decode().splitlines()[-88 * 20:]
+    assert end((tmp_path / "again" / "bodies.csv").read_bytes()) == end(tables[0])
+
+
 def test_bed_on_one_and_two_ranks(run, tmp_path):
     for ranks in 1, 2:
         result = run([ROOT / "runs/bench/bodies-only.yaml", "-particle_bed_count", "400", "-particle_bed_radius", "0.0218", "-contact_range", "0.0065", "-sim_dt", "1e-3",

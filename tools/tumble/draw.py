@@ -89,12 +89,13 @@ def find_outlines(shot):
     lines = points[table["line"]] if "line" in table else points.reshape(len(radius), -1, 2)
     centres = table["position"].reshape(-1, 3)[:, :2] if "position" in table else lines.mean(1)
     owner = np.ravel(table["cell_body"]) if "cell_body" in table else np.arange(len(lines)) if len(lines) == len(radius) else np.full(len(lines), -1)
+    first = dict(zip(*np.unique(owner, return_index=True)))  # the body itself, before its images across a period
     found = []
-    for k, line in enumerate(lines):  # images across a period follow the bodies
+    for k, line in enumerate(lines):
         body = owner[k]
         if body >= 0 and radius[body] <= 0:
             continue
-        centre = centres[body] + (line[0] - lines[body][0]) if body >= 0 else line.mean(0)
+        centre = centres[body] + (line[0] - lines[first[body]][0]) if body >= 0 else line.mean(0)
         arm = line - centre
         if body >= 0 and np.ptp(np.hypot(*arm.T)) < 1e-6 * radius[body]:
             start = np.arctan2(arm[0, 1], arm[0, 0])

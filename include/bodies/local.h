@@ -1,0 +1,57 @@
+/* BodiesLocal: which bodies a rank knows.
+
+   A body is *owned* by the rank in whose part of the domain its centre lies, and is a *ghost* on the ranks whose bodies
+   it may meet. Owned bodies and ghosts together are the *known* ones: all arrays per body hold these alone, in the
+   order of their permanent numbers (BodyState: n, number, own). A rank that knows all bodies is the special case: there
+   number[k] = k, and nothing below communicates. So loops over k < n stay what they are, and only sums count own ones.
+
+   Parts: the box is cut along its axes, so that as many bodies lie between two cuts as between any other two; the rank
+   of a place is found by bisection. Bodies that are large beside a part are known to all ranks, and the ranks that own
+   them know all that may touch them.
+
+   Design and measurements: runs/studies/scaling/README.md. */
+#pragma once
+#include "base/exact.h"
+#include "bodies/write.h"
+
+/* BodiesCreate for bodies that are spread over the ranks of comm: each knows those of its part; period [3] of the
+   domain's axes, 0: none. No rank holds a list of all, but of groups that are not all free, that come from tables or
+   that are placed at random. Collective. Errors: those of BodiesCreate. */
+PetscErrorCode BodiesCreateLocal(MPI_Comm comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
+                                 const PetscReal period[3], Bodies *);
+/* Does the scene have groups that ContactPack places? It needs all bodies on every rank. */
+PetscErrorCode BodiesHavePacking(PetscBool *packed);
+/* The ranks among which bodies are spread; PETSC_COMM_SELF where all know all. */
+MPI_Comm BodiesComm(Bodies);
+
+/* Arrays of others per known body: [n] entries of so many bytes, which move with the body and begin as zeros; *array
+   changes its place when bodies move between ranks. Detach frees it. Not collective. */
+PetscErrorCode BodiesAttach(Bodies, size_t bytes, void **array);
+PetscErrorCode BodiesDetach(Bodies, void **array);
+
+/* Bodies have moved: they go to their owners, and come as ghosts to whoever owns a body whose centre may be nearer than
+   range + skin (r_i + r_j). All arrays of the state and the attached ones change places; k stands for other bodies
+   afterwards. Nothing happens where all know all. Collective. */
+PetscErrorCode BodiesMigrate(Bodies, PetscReal range, PetscReal skin);
+/* Ghosts get x and u of their owners, if `turns` also q and w. Collective. */
+PetscErrorCode BodiesSync(Bodies, PetscBool turns);
+
+/* v [n] over all ranks: the largest. Collective. */
+PetscErrorCode BodiesMax(Bodies, PetscInt n, PetscReal v[]);
+/* Of any rank? Collective. */
+PetscErrorCode BodiesAny(Bodies, PetscBool *any);
+
+/* Rows: all bodies by their numbers, in even shares of the ranks of the world, for files. RowsBegin tells this rank's
+   share. Gather: unit of `bytes` of every own body at from [n] goes to row [own rows]; Scatter: back to all known ones
+   (`bytes`: a multiple of the size of a real). Where all know all, rank 0 has all rows. Collective. */
+typedef struct {
+  PetscInt n, start;
+  PetscSF  sf; /* NULL: all know all */
+} BodyRows;
+PetscErrorCode BodiesBeginRows(Bodies, BodyRows *);
+PetscErrorCode BodiesGatherRows(Bodies, const BodyRows *, size_t bytes, const void *from, void *row);
+PetscErrorCode BodiesScatterRows(Bodies, const BodyRows *, size_t bytes, const void *row, void *to);
+PetscErrorCode BodiesEndRows(BodyRows *);
+/* v: `width` numbers of 64 bits per known body, saved or loaded in the order of the rows. Collective. */
+PetscErrorCode BodiesVisitRows(Bodies, const BodyRows *, State, const char name[], PetscBool integers, PetscInt width,
+                               void *v);
