@@ -159,9 +159,18 @@ PetscErrorCode FlowAssemble(Flow);
    call. Borrowed: they must stay valid. A boundary rung of the bodies adds its penalty here; residuals, forces and
    diagnostics of this module do not contain it. */
 PetscErrorCode FlowSetCellTerms(Flow, PetscInt n, const PetscInt cell[], const PetscReal matrix[]);
-PetscErrorCode FlowGetMatrix(Flow, Mat *S); /* borrowed; rows: own nodes */
-/* Own columns, part[0], and those of other ranks, part[1] (NULL on one rank), with their global numbers. Borrowed. */
+/* -flow_velocity_operator: matrix-free, FlowAssemble prepares FlowMultiply alone, and S is assembled when FlowGetMatrix
+   asks for it; else FlowAssemble assembles it. */
+PetscBool FlowIsMatrixFree(Flow);
+/* S of the step. Borrowed; rows: own nodes. Collective. */
+PetscErrorCode FlowGetMatrix(Flow, Mat *S);
+/* Of the S that FlowGetMatrix gave: own columns, part[0], and those of other ranks, part[1] (NULL on one rank), with
+   their global numbers. Borrowed. */
 PetscErrorCode FlowGetMatrixParts(Flow, Mat part[2], const PetscInt *columns[]);
+/* Matrix-free: y = S x for every component; x, y [own nodes][dim]. Collective. */
+PetscErrorCode FlowMultiply(Flow, const PetscReal x[], PetscReal y[]);
+/* Diagonal of S, d [nnode_all], complete on own nodes. Collective. */
+PetscErrorCode FlowGetDiagonal(Flow, PetscReal d[]);
 /* r = right-hand side (rho d, v) + (f, v) - (1 - theta) (...)^n for all nodes, complete on own nodes. r
    [nnode_all][dim]. Collective. */
 PetscErrorCode FlowRhs(Flow, PetscReal r[]);

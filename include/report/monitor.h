@@ -95,8 +95,9 @@ PetscErrorCode MonitorQuantity(Monitor, const char name[], PetscReal value);
    balance.<name>. Again: the new value holds. Collective. */
 PetscErrorCode MonitorBalance(Monitor, const char name[], PetscReal mine);
 
-/* With -output_yardstick: measure memory bandwidth and one product with S (bandwidth.h) for summary.json; memory and
-   wall clock of the run are taken before. Does nothing without the option. Once, after the last step. Collective. */
+/* After the last step, with -output_yardstick (*wanted): memory and wall clock of the run are taken, before Yardstick
+   measures memory bandwidth and one product with S (bandwidth.h) for summary.json. Collective. */
+PetscErrorCode MonitorEnd(Monitor, PetscBool *wanted);
 PetscErrorCode MonitorYardstick(Monitor, Mat S);
 
 /* Write summary.json and print the summary. seconds.total is the set-up plus the wall clock from the beginning of the

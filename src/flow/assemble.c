@@ -117,11 +117,30 @@ static void add_cell(const struct _p_Flow *f, PetscInt c, PetscInt stride, const
   }
 }
 
-static PetscErrorCode assemble_matrix(Flow f)
+PetscErrorCode FlowCellMatrix(Flow f, PetscInt c, PetscReal ce[])
 {
   const MeshLocal *l    = f->loc;
-  const PetscInt   size = l->nb * l->dim, nbp = f->element.nbp;
-  const FlowStep  *s        = &f->step;
+  const PetscInt   size = l->nb * l->dim;
+  const FlowStep  *s    = &f->step;
+  PetscReal        wl[MESH_MAX_NB * 3];
+  ElementMetric    m;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowCellMetric(f, c, &m));
+  if (f->par.convection) {
+    FlowCellGather(l, c, f->w, wl);
+    for (PetscInt i = 0; i < size; i++) wl[i] *= f->par.density * s->theta;
+  }
+  ElementOperator(&f->element, &m, f->par.density * s->ct, f->rheology ? 0 : f->par.matrix * s->theta, f->par.convection ? wl : NULL, f->par.skew, ce);
+  if (f->rheology) FlowAddDiffusion(f, c, &m, ce);
+  if (f->tensors) FlowAddStiffness(f, c, &m, ce);
+  MeshCellMatrix(l, c, 1, f->element.nbp, ce);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode assemble_matrix(Flow f)
+{
+  const MeshLocal *l        = f->loc;
   PetscReal       *value[2] = {NULL, NULL};
   Mat              part[2];
   const PetscInt  *columns;
@@ -131,27 +150,16 @@ static PetscErrorCode assemble_matrix(Flow f)
   PetscCall(MatZeroEntries(f->S));
   for (PetscInt k = 0; k < 2 && part[k]; k++) PetscCall(MatSeqAIJGetArray(part[k], &value[k]));
   for (PetscInt c = 0; c < l->ncell_all; c++) {
-    ElementMetric m;
-    PetscReal     wl[MESH_MAX_NB * 3], ce[MESH_MAX_NB * ELEMENT_MAX_NBP];
+    PetscReal ce[MESH_MAX_NB * ELEMENT_MAX_NBP];
 
-    PetscCall(FlowCellMetric(f, c, &m));
-    if (f->par.convection) {
-      FlowCellGather(l, c, f->w, wl);
-      for (PetscInt i = 0; i < size; i++) wl[i] *= f->par.density * s->theta;
-    }
-    ElementOperator(&f->element, &m, f->par.density * s->ct, f->rheology ? 0 : f->par.matrix * s->theta, f->par.convection ? wl : NULL, f->par.skew,
-                    ce);
-    if (f->rheology) FlowAddDiffusion(f, c, &m, ce);
-    if (f->tensors) FlowAddStiffness(f, c, &m, ce);
-    MeshCellMatrix(l, c, 1, nbp, ce);
-    add_cell(f, c, nbp, ce, value[0], value[1]);
+    PetscCall(FlowCellMatrix(f, c, ce));
+    add_cell(f, c, f->element.nbp, ce, value[0], value[1]);
   }
   for (PetscInt t = 0; t < f->nterm; t++) add_cell(f, f->term_cell[t], l->nb, f->term + t * l->nb * l->nb, value[0], value[1]);
   for (PetscInt k = 0; k < 2 && part[k]; k++) PetscCall(MatSeqAIJRestoreArray(part[k], &value[k]));
   PetscCall(MatAssemblyBegin(f->S, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(f->S, MAT_FINAL_ASSEMBLY));
-  f->s_ct    = s->ct;
-  f->s_theta = s->theta;
+  f->matrix_current = PETSC_TRUE;
   PetscCall(PetscLogFlops(2.0 * l->ncell_all * f->element.nq * l->nb * (l->nb + 3 * l->dim)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -165,9 +173,23 @@ PetscErrorCode FlowAssemble(Flow f)
   PetscCall(PetscLogEventBegin(f->par.convection ? TB_FLOW_CONVECT : TB_FLOW_ASSEMBLE, 0, 0, 0, 0));
   PetscCall(FlowUpdateViscosity(f));
   if (f->conformation) PetscCall(ConformationPredict(f->conformation));
-  PetscCall(assemble_matrix(f));
+  if (f->product) {
+    PetscCall(FlowUpdateProduct(f));
+    f->matrix_current = PETSC_FALSE;
+  } else PetscCall(assemble_matrix(f));
+  f->s_ct    = f->step.ct;
+  f->s_theta = f->step.theta;
   if (f->rheology) PetscCall(FlowAssembleComponents(f, NULL, &A));
   PetscCall(PetscLogEventEnd(f->par.convection ? TB_FLOW_CONVECT : TB_FLOW_ASSEMBLE, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowGetMatrix(Flow f, Mat *S)
+{
+  PetscFunctionBeginUser;
+  if (!f->S) PetscCall(FlowCreateMatrix(f));
+  if (f->product && !f->matrix_current) PetscCall(assemble_matrix(f));
+  *S = f->S;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -147,11 +147,12 @@ PetscErrorCode FlowCellNewton(Flow f, PetscInt c, const PetscReal u[], PetscReal
 PetscErrorCode FlowAssembleComponents(Flow f, const PetscReal u[], Mat *A)
 {
   Part            part[2] = {{0}, {0}};
-  Mat             s[2], a[2];
+  Mat             S, s[2], a[2];
   const PetscInt *unused;
   PetscReal      *n;
 
   PetscFunctionBeginUser;
+  PetscCall(FlowGetMatrix(f, &S));
   if (!f->A) PetscCall(create_matrix(f));
   *A = f->A;
   PetscCall(FlowGetMatrixParts(f, s, &unused));

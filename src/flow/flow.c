@@ -6,6 +6,20 @@
 static const char *const SCHEMES[]        = {"be", "cn", "bdf2", "fstheta", NULL};
 static const char *const EXTRAPOLATIONS[] = {"linear", "quadratic", NULL};
 static const char *const FORMS[]          = {"convective", "skew", NULL};
+static const char *const OPERATORS[]      = {"auto", "matrix_free", "assembled", NULL};
+
+/* Without a matrix in space: its rows have 64 entries, and no part of the solver wants them as they are */
+static PetscErrorCode choose_operator(Flow f)
+{
+  PetscInt kind = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptChoice("-flow_velocity_operator", OPERATORS, &kind));
+  PetscCheck(kind != 1 || (!f->rheology && !f->par.elastic), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "Option -flow_velocity_operator matrix_free knows one viscosity only, not that of -flow_rheology: leave it at auto");
+  f->matrix_free = (PetscBool)(kind == 1 || (kind == 0 && f->loc->dim == 3 && !f->rheology && !f->par.elastic));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
 
 static PetscErrorCode read_parameters(Flow f)
 {
@@ -23,6 +37,7 @@ static PetscErrorCode read_parameters(Flow f)
   p->varying = (PetscBool)(f->rheology != NULL);
   p->elastic = (PetscBool)(f->polymer.name != NULL);
   p->solvent = p->matrix = p->elastic ? f->polymer.solvent : p->viscosity;
+  PetscCall(choose_operator(f));
   PetscCall(OptBool("-flow_convection", &p->convection));
   PetscCall(OptChoice("-flow_convection_form", FORMS, &form));
   p->skew = form == 1 ? 0.5 : 0;
@@ -134,16 +149,14 @@ PetscErrorCode FlowGetMesh(Flow f, Mesh *mesh)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscBool FlowIsMatrixFree(Flow f)
+{
+  return f->matrix_free;
+}
+
 Conditions FlowConditions(Flow f)
 {
   return f->boundary;
-}
-
-PetscErrorCode FlowGetMatrix(Flow f, Mat *S)
-{
-  PetscFunctionBeginUser;
-  *S = f->S;
-  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode FlowGetCellDivergence(Flow f, const PetscReal *b[])

@@ -1,5 +1,6 @@
 /* Inside of Flow; for its files only. flow.c: parameters, fields, life cycle. cells.c: what depends on the shape of
-   cells. assemble.c: matrix, right-hand side, products with B. components.c: matrix of all components. rheology.c,
+   cells. assemble.c: matrix, right-hand side, products with B. product.c with batch.c: products
+   without a matrix. components.c: matrix of all components. rheology.c,
    stress.c: viscosity that varies. time.c: schemes. evaluate.c: what a solution amounts to, cell by cell; it changes
    nothing. remesh.c: what goes by the mesh. */
 #pragma once
@@ -44,6 +45,9 @@ struct _p_Flow {
   PetscInt         nterm; /* further terms of S */
   const PetscInt  *term_cell;
   const PetscReal *term;
+  /* matrix-free: S is made when FlowGetMatrix wants it, and belongs to the step if it is current */
+  struct _p_Product *product; /* or NULL: S is assembled in every step */
+  PetscBool          matrix_free, matrix_current;
   /* viscosity that varies; all NULL for a Newtonian fluid */
   Rheology       rheology;
   PetscReal     *strain;            /* [nnode_all][dim] velocity whose rate of strain sets it */
@@ -90,6 +94,12 @@ PetscErrorCode FlowDestroyParts(Flow);
 PetscErrorCode FlowComputeCells(Flow);
 /* S without values. Collective. */
 PetscErrorCode FlowCreateMatrix(Flow);
+/* The velocity operator without a matrix (product.c); update: to the step's coefficients. Collective. */
+PetscErrorCode FlowCreateProduct(Flow);
+PetscErrorCode FlowDestroyProduct(Flow);
+PetscErrorCode FlowUpdateProduct(Flow);
+/* Matrix of local cell c in S, ce [nb][nbp], between its nodes; without the terms of FlowSetCellTerms. Local. */
+PetscErrorCode FlowCellMatrix(Flow, PetscInt c, PetscReal ce[]);
 /* w of the step, and the velocity that sets the viscosity, from the fields in use. Local. */
 void FlowExtrapolateConvection(Flow);
 

@@ -28,10 +28,15 @@ PetscErrorCode FlowCreateParts(Flow f)
   if (f->rheology)
     PetscCall(
       PetscCalloc4(l->nnode_all * dim, &f->strain, l->ncell_all * f->element.nq, &f->mu, l->ncell_all, &f->mu_cell, l->nnode_all, &f->mu_node));
-  f->mu_current   = PETSC_FALSE;
   f->conformation = NULL;
   if (f->par.elastic) PetscCall(ConformationCreate(f, &f->polymer, &f->conformation));
-  PetscCall(FlowCreateMatrix(f));
+  f->mu_current     = PETSC_FALSE;
+  f->S              = NULL;
+  f->entry          = NULL;
+  f->product        = NULL;
+  f->matrix_current = PETSC_FALSE;
+  if (f->matrix_free) PetscCall(FlowCreateProduct(f));
+  else PetscCall(FlowCreateMatrix(f));
   f->s_ct  = 0;
   f->nterm = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -41,6 +46,7 @@ PetscErrorCode FlowDestroyParts(Flow f)
 {
   PetscFunctionBeginUser;
   PetscCall(MatDestroy(&f->S));
+  PetscCall(FlowDestroyProduct(f));
   PetscCall(MatDestroy(&f->A));
   PetscCall(PetscFree4(f->strain, f->mu, f->mu_cell, f->mu_node));
   PetscCall(ConformationDestroy(&f->conformation));

@@ -230,12 +230,19 @@ static PetscErrorCode set_tracked(Monitor m)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MonitorYardstick(Monitor m, Mat S)
+PetscErrorCode MonitorEnd(Monitor m, PetscBool *wanted)
 {
   PetscFunctionBeginUser;
+  *wanted = m->measure;
   if (!m->measure) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(get_memory(&m->memory_mb));
   PetscCall(PetscTime(&m->wall_end));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MonitorYardstick(Monitor m, Mat S)
+{
+  PetscFunctionBeginUser;
   PetscCall(BandwidthMeasure(S, &m->yardstick));
   m->measured = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -546,6 +546,7 @@ static PetscErrorCode finish_flow(Sim s, PetscInt *cells, PetscInt *unknowns)
   FlowSolver       solver;
   PetscInt         ncut, nbodies;
   PetscReal        separation;
+  PetscBool        measure;
   Mat              S;
 
   PetscFunctionBeginUser;
@@ -563,8 +564,11 @@ static PetscErrorCode finish_flow(Sim s, PetscInt *cells, PetscInt *unknowns)
   if (separation > 0) PetscCall(MonitorQuantity(s->part.monitor, "separation_max", separation));
   if (s->adapt) PetscCall(AdaptFinish(s->adapt));
   PetscCall(RefineReport(s->part.refine));
-  PetscCall(FlowGetMatrix(s->part.flow, &S));
-  PetscCall(MonitorYardstick(s->part.monitor, S));
+  PetscCall(MonitorEnd(s->part.monitor, &measure));
+  if (measure) {
+    PetscCall(FlowGetMatrix(s->part.flow, &S));
+    PetscCall(MonitorYardstick(s->part.monitor, S));
+  }
   *cells = l->ncell_global;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -18,6 +18,7 @@ static PetscErrorCode map_ghost_columns(BodyBlocks b)
   Mat              part[2];
 
   PetscFunctionBeginUser;
+  if (b->ghost_of_column) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowGetMatrixParts(b->flow, part, &garray));
   if (!part[1]) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MatGetLocalSize(part[1], NULL, &n));
@@ -134,12 +135,14 @@ PetscErrorCode BodyBlocksUpdate(BodyBlocks b, const PetscReal share[], const Pen
   const PetscReal            *value[2] = {NULL, NULL}, *m;
   PetscReal                  *block;
   PetscInt                    n;
-  Mat                         part[2];
+  Mat                         S, part[2];
   PetscBool                   done;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetLumpedMass(b->flow, &m));
   PetscCall(PetscCalloc1(2 * b->nbodies * nn, &block));
+  PetscCall(FlowGetMatrix(b->flow, &S));
+  PetscCall(map_ghost_columns(b));
   PetscCall(FlowGetMatrixParts(b->flow, part, &map));
   for (PetscInt s = 0; s < 2 && part[s]; s++) {
     PetscCall(MatGetRowIJ(part[s], 0, PETSC_FALSE, PETSC_FALSE, &n, &row_start[s], &column[s], &done));
@@ -197,8 +200,7 @@ PetscErrorCode BodyBlocksCreate(Flow flow, Constraint constraint, BodyBlocks *bl
   PetscCall(MeshGetLocal(mesh, &b->loc));
   b->nr      = constraint->nr;
   b->nbodies = constraint->nbodies;
-  PetscCall(map_ghost_columns(b));
-  *blocks = b;
+  *blocks    = b;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -267,6 +267,7 @@ PetscErrorCode CellRelaxUpdate(CellRelax c, Pressure pressure, const PenaltyTerm
   PetscCall(choose_cells(c, pressure, soft));
   if (c->total == 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(count_cells(c));
+  PetscCall(FlowGetMatrix(c->flow, &c->S));
   PetscCall(fetch_rows(c, &fetched));
   for (PetscInt i = 0; i < c->n; i++) PetscCall(invert_velocity(c, &fetched, i));
   for (PetscInt i = 0; i < c->n; i++) PetscCall(project_cell(c, i));
@@ -368,7 +369,6 @@ PetscErrorCode CellRelaxCreate(Flow flow, Constraint constraint, CellRelax *rela
   c->constraint = constraint;
   PetscCall(FlowGetMesh(flow, &c->mesh));
   PetscCall(MeshGetLocal(c->mesh, &c->loc));
-  PetscCall(FlowGetMatrix(flow, &c->S));
   c->nk = c->loc->dim + 1;
   n     = c->loc->nnode_all;
   PetscCall(PetscCalloc5(n, &c->free, n, &c->part, n * c->loc->dim, &c->e, n * c->loc->dim, &c->v, n, &c->moved));

@@ -23,8 +23,8 @@ struct _p_FlowSolver {
   PetscInt         nodal, nur, np, nbodies, nr;   /* local sizes: nodal slots, u_r, p */
   PetscInt         schur, sweep_type;             /* what the user wants */
   PetscBool        fitted, commute, viscous_only; /* no staircase of rigid nodes; in this step */
-  Mat              S, S_all, A;                   /* scalar; for all components; in use: that, or of
-                                                     FlowSolverSetVelocity */
+  Mat              S_all, A;                      /* scalar matrix or product of the flow for all components; in use:
+                                                     that, or of FlowSolverSetVelocity */
   PetscBool        stages;                        /* two stages may be taken */
   PetscBool        two_stage, relax_cells;        /* in this step, see twostage.h */
   Mat              Ar, G, B, C, nest, Ar_assembled,
@@ -51,7 +51,7 @@ struct _p_FlowSolver {
   PetscReal         *saved, *local;    /* work: values at inert slots; nodal array with ghosts */
   PetscInt           nsaved;
   Relax              sweep;
-  PetscBool          factorise; /* in this step */
+  RelaxKind          relax; /* in this step */
   BodyBlocks         blocks;
   Pressure           pressure; /* the projected pressure operator */
   MatNullSpace       constant_pressure;
@@ -83,7 +83,7 @@ static inline PetscBool FlowSolverIsSoft(FlowSolver fs)
    of freedom count, and the unknown rows of rigid are served. Local. */
 PetscErrorCode PenaltyTermMultAdd(const PenaltyTerm *, Constraint, PetscBool of_unknown, const PetscReal U[], const PetscReal u[], PetscReal r[],
                                   PetscReal rigid[]);
-/* Create the shells K, Ar (with its diagonal and its sweep), G, B and, where there are bodies, C. Collective. */
+/* Create fs->S_all; the shells K, Ar (with its diagonal and its sweep), G, B and, where there are bodies, C. Collective. */
 PetscErrorCode FlowSolverCreateShells(FlowSolver);
 /* Take from a residual what nothing can take away: the round-off of a small one would be most of it. Collective. */
 PetscErrorCode FlowSolverMakeConsistent(FlowSolver, Vec r);

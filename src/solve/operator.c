@@ -43,6 +43,23 @@ static void mult_body(FlowSolver fs, PetscInt k, const PetscReal x[], PetscReal 
   for (PetscInt s = 0; s < nr; s++) y[s] *= ConstraintSlotUnit(fs->constraint, k, s);
 }
 
+/* y = A x without a matrix, own nodes */
+static PetscErrorCode mult_free(Mat mat, Vec x, Vec y)
+{
+  FlowSolver       fs;
+  const PetscReal *xa;
+  PetscReal       *ya;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(mat, &fs));
+  PetscCall(VecGetArrayRead(x, &xa));
+  PetscCall(VecGetArrayWrite(y, &ya));
+  PetscCall(FlowMultiply(fs->flow, xa, ya));
+  PetscCall(VecRestoreArrayWrite(y, &ya));
+  PetscCall(VecRestoreArrayRead(x, &xa));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* y = (P^T A P + D) x with identity on inert slots. x is changed for the moment of the product and put back. */
 static PetscErrorCode mult_velocity(Mat mat, Vec x, Vec y)
 {
@@ -272,7 +289,16 @@ static PetscErrorCode create_shell(FlowSolver fs, PetscInt m, PetscInt n, PetscE
 
 PetscErrorCode FlowSolverCreateShells(FlowSolver fs)
 {
+  Mat S;
+
   PetscFunctionBeginUser;
+  if (FlowIsMatrixFree(fs->flow) && !fs->need_Ar && !fs->need_whole) {
+    PetscCall(create_shell(fs, fs->nodal, fs->nodal, mult_free, &fs->S_all));
+  } else {
+    PetscCall(FlowGetMatrix(fs->flow, &S));
+    PetscCall(MatCreateMAIJ(S, fs->loc->dim, &fs->S_all));
+  }
+  fs->A = fs->S_all;
   PetscCall(create_shell(fs, fs->nur, fs->nur, mult_velocity, &fs->Ar));
   PetscCall(MatShellSetOperation(fs->Ar, MATOP_GET_DIAGONAL, (void (*)(void))diagonal_velocity));
   PetscCall(MatShellSetOperation(fs->Ar, MATOP_SOR, (void (*)(void))sor_velocity));

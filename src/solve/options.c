@@ -11,7 +11,7 @@ static const OptSpec SPECS[] = {
    .help = "how the pressure is found (auto: two stages with bodies, else by the viscous number of the step)", .when = FLOW,
    .choices = "auto, projection, commutator, two_stage"},
   {"-flow_velocity_sweep", OPT_CHOICE, "", OPT_ANY, "auto", .help = "preconditioner of the velocity (auto: by the convective number of the step)",
-   .when = FLOW, .choices = "auto, sor, ilu"},
+   .when = FLOW, .choices = "jacobi, sor, ilu, auto"},
   {"-flow_rtol_start", OPT_REAL, "", 0, 1, "0, with recipe balanced 1e-2, fast around bodies 0.1",
    .help = "residual that a solve leaves as share of its start value's (0: only -flow_ksp_rtol counts)", .when = FLOW, .expert = PETSC_TRUE},
   {"-flow_rtol_most", OPT_REAL, "", 0, 1, "1e-5, with bodies that move 2e-5 (1e-6 with preset accurate), with recipe fast around bodies 1",

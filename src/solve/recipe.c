@@ -58,15 +58,10 @@ static const struct {
 #define BALANCED_RESIDUAL 1e-2
 #define BALANCED_MOST     2e-5
 
-typedef enum {
-  SWEEP_AUTO,
-  SWEEP_SOR,
-  SWEEP_ILU
-} RelaxType;
-
 static const char *const RECIPES[] = {"fast", "balanced", "accurate", "direct", NULL};
 static const char *const SCHURS[]  = {"auto", "projection", "commutator", "two_stage", NULL};
-static const char *const SWEEPS[]  = {"auto", "sor", "ilu", NULL};
+static const char *const SWEEPS[]  = {"jacobi", "sor", "ilu", "auto", NULL}; /* in the order of RelaxKind */
+#define SWEEP_AUTO (RELAX_ILU + 1)
 
 /* Which preconditioners need assembled matrices */
 static PetscErrorCode choose_assembly(FlowSolver fs)
@@ -166,6 +161,7 @@ PetscErrorCode FlowSolverSetRecipe(FlowSolver fs, PetscBool moving)
   PetscCall(OptChoice("-flow_recipe", RECIPES, &recipe));
   if (recipe == 0) PetscCall(choose_fast(fs));
   PetscCall(OptChoice("-flow_schur", SCHURS, &fs->schur));
+  fs->sweep_type = SWEEP_AUTO;
   PetscCall(OptChoice("-flow_velocity_sweep", SWEEPS, &fs->sweep_type));
   PetscCall(set_outer(fs, recipe, moving));
   PetscCall(choose_stages(fs, (PetscBool)(recipe == 3)));
@@ -210,7 +206,7 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
   const FlowParameters *par;
   const FlowStep       *step;
   PetscReal            *u, speed = 0, t, viscous, convective;
-  PetscBool             moves = PETSC_FALSE, staircase, convection, above[NTHRESHOLDS];
+  PetscBool             moves = PETSC_FALSE, staircase, convection, factorise, above[NTHRESHOLDS];
 
   PetscFunctionBeginUser;
   PetscCall(find_free_bodies(fs, &moves));
@@ -226,9 +222,11 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
                             (const PetscReal
                                []){[VISCOUS] = viscous, [VISCOUS_OF_LARGEST] = viscous * PetscSqr(fs->loc->h / fs->h_max), [CONVECTIVE] = convective},
                             above));
-  fs->factorise         = (PetscBool)(fs->sweep_type == SWEEP_ILU ||
-                              (fs->sweep_type == SWEEP_AUTO && (above[FACTORISE_CONVECTION] || above[FACTORISE_VISCOUS] ||
-                                                                (above[FACTORISE_UNRESOLVED] && convective > 5 * viscous))));
+  factorise = (PetscBool)(above[FACTORISE_CONVECTION] || above[FACTORISE_VISCOUS] || (above[FACTORISE_UNRESOLVED] && convective > 5 * viscous));
+  fs->relax = fs->sweep_type != SWEEP_AUTO ? (RelaxKind)fs->sweep_type
+            : factorise                    ? RELAX_ILU
+            : FlowIsMatrixFree(fs->flow)   ? RELAX_JACOBI
+                                           : RELAX_SOR;
   fs->share_of_pressure = fs->single && !above[WHOLE_PRESSURE] ? SHARE_BELOW : 1;
   /* the projection is for time steps only */
   fs->commute      = (PetscBool)(fs->schur == SCHUR_COMMUTATOR || step->dt == 0);

@@ -14,10 +14,10 @@ typedef struct {
 
 struct _p_Relax {
   Mat              S;
+  RelaxKind        kind;
   PetscInt         dim, n;
   const PetscReal *diagonal_inverse;
   /* factorisation */
-  PetscBool factorised;
   float    *lu;               /* [entries of the own part] L without its unit diagonal and U; the diagonal of U stands
                                  apart */
   float    *pivot_inverse;    /* [n][dim], zero at inert slots */
@@ -166,14 +166,15 @@ INLINE void solve_kernel(const int dim, PetscInt n, const PetscInt *restrict ai,
 
 /* ---- public ---- */
 
-PetscErrorCode RelaxUpdate(Relax s, const PetscReal diagonal_inverse[], PetscBool wanted)
+PetscErrorCode RelaxUpdate(Relax s, RelaxKind kind, Mat S, const PetscReal diagonal_inverse[])
 {
   Rows r;
 
   PetscFunctionBeginUser;
+  s->S                = S;
+  s->kind             = kind;
   s->diagonal_inverse = diagonal_inverse;
-  s->factorised       = wanted;
-  if (!wanted) PetscFunctionReturn(PETSC_SUCCESS);
+  if (kind != RELAX_ILU) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(get_rows(s, &r));
   if (!s->lu) {
     PetscCall(PetscMalloc4(r.start[r.n], &s->lu, r.n * s->dim, &s->pivot_inverse, r.n, &s->diagonal, r.n, &s->where));
@@ -194,12 +195,16 @@ PetscErrorCode RelaxApply(Relax s, MatSORType flag, PetscInt its, const PetscRea
   Rows            r;
 
   PetscFunctionBeginUser;
-  PetscCheck(!s->factorised || (zero && its == 1), PETSC_COMM_SELF, PETSC_ERR_SUP,
-             "The incomplete factorisation of the velocity starts from zero and is applied once, not %" PetscInt_FMT
+  PetscCheck(s->kind == RELAX_SOR || (zero && its == 1), PETSC_COMM_SELF, PETSC_ERR_SUP,
+             "%s starts from zero and is applied once, not %" PetscInt_FMT
              " times: leave -flow_fieldsplit_velocity_pc_sor_its at 1 or give -flow_velocity_sweep sor",
-             its);
+             s->kind == RELAX_ILU ? "The incomplete factorisation of the velocity" : "The diagonal of the velocity", its);
+  if (s->kind == RELAX_JACOBI) {
+    for (PetscInt i = 0; i < s->n * s->dim; i++) x[i] = s->diagonal_inverse[i] * b[i];
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCall(get_rows(s, &r));
-  if (s->factorised) {
+  if (s->kind == RELAX_ILU) {
     if (s->dim == 2) solve_kernel(2, r.n, r.start, r.column, s->diagonal, s->lu, s->pivot_inverse, b, x);
     else solve_kernel(3, r.n, r.start, r.column, s->diagonal, s->lu, s->pivot_inverse, b, x);
   } else {
@@ -213,15 +218,14 @@ PetscErrorCode RelaxApply(Relax s, MatSORType flag, PetscInt its, const PetscRea
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode RelaxCreate(Mat S, PetscInt dim, Relax *sweep)
+PetscErrorCode RelaxCreate(PetscInt n, PetscInt dim, Relax *sweep)
 {
   Relax s;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&s));
-  s->S   = S;
+  s->n   = n;
   s->dim = dim;
-  PetscCall(MatGetLocalSize(S, &s->n, NULL));
   *sweep = s;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

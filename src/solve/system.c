@@ -21,10 +21,9 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs)
   const struct _p_Constraint *c   = fs->constraint;
   const MeshLocal            *l   = fs->loc;
   const PetscInt              dim = l->dim, *fixed;
-  const PetscReal            *m, *d, *mu;
+  const PetscReal            *m, *mu;
   const PetscReal             part = fs->two_stage ? TWO_STAGE_SHARE : 1;
-  PetscReal                   hold = 1;
-  Vec                         diagonal;
+  PetscReal                   hold = 1, *d;
 
   PetscFunctionBeginUser;
   PetscCall(ConditionsGetValues(FlowConditions(fs->flow), &fixed, NULL));
@@ -32,17 +31,15 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs)
   PetscCall(FlowGetViscosity(fs->flow, NULL, &mu));
   /* strong nodes among soft ones are to yield less than these */
   if (FlowSolverIsSoft(fs)) hold = 1 + fs->soft->strength / fs->scale;
-  PetscCall(MatCreateVecs(fs->S, &diagonal, NULL));
-  PetscCall(MatGetDiagonal(fs->S, diagonal));
-  PetscCall(VecGetArrayRead(diagonal, &d));
+  PetscCall(PetscMalloc1(l->nnode_all, &d));
+  PetscCall(FlowGetDiagonal(fs->flow, d));
   for (PetscInt i = 0; i < fs->nodal; i++) {
     const PetscReal least = LEAST_DIAGONAL * fs->scale * m[i / dim];
 
     fs->diagonal_inverse[i] = d[i / dim] != 0 ? 1 / PetscMax(d[i / dim], least) : 0;
   }
   for (PetscInt j = 0; j < c->ninert; j++) fs->diagonal_inverse[c->slot[j]] = 0;
-  PetscCall(VecRestoreArrayRead(diagonal, &d));
-  PetscCall(VecDestroy(&diagonal));
+  PetscCall(PetscFree(d));
   for (PetscInt i = 0; i < l->nnode_all; i++) {
     const PetscReal soft = FlowSolverIsSoft(fs) ? part * fs->soft->weight[i] / fs->scale : 0, mass = c->node_body[i] >= 0 ? m[i] : m[i] + soft;
     /* no mass: buried in a dead cell; lift: see impl.h */
@@ -59,6 +56,19 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs)
     fs->nsaved = c->ninert + c->nfollow + (c->ninert + c->nfollow) / 4;
     PetscCall(PetscMalloc1(fs->nsaved, &fs->saved));
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What approximates the inverse of the velocity operator */
+static PetscErrorCode update_relaxation(FlowSolver fs)
+{
+  Mat S = NULL;
+
+  PetscFunctionBeginUser;
+  if (fs->relax != RELAX_JACOBI) PetscCall(FlowGetMatrix(fs->flow, &S));
+  PetscCall(PetscLogEventBegin(TB_VEL_FACTOR, 0, 0, 0, 0));
+  PetscCall(RelaxUpdate(fs->sweep, fs->relax, S, fs->diagonal_inverse));
+  PetscCall(PetscLogEventEnd(TB_VEL_FACTOR, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -79,10 +89,11 @@ static PetscErrorCode update_blocks(FlowSolver fs)
 
 static PetscErrorCode assemble_on_demand(FlowSolver fs)
 {
-  Mat P;
+  Mat P, S;
 
   PetscFunctionBeginUser;
   if (!fs->need_Ar && !fs->need_whole) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(FlowGetMatrix(fs->flow, &S)); /* its values, which fs->A looks at */
   PetscCall(MatDestroy(&fs->Ar_assembled));
   PetscCall(MatDestroy(&fs->whole));
   PetscCall(ConstraintCreateMat(fs->constraint, &P));
@@ -165,10 +176,7 @@ PetscErrorCode FlowSolverCreate(Flow flow, Constraint constraint, PetscBool movi
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &fs->h_max, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
   fs->balance = BALANCE * mean_size(fs->loc);
   PetscCall(FlowSolverSetRecipe(fs, moving));
-  PetscCall(FlowGetMatrix(flow, &fs->S));
-  PetscCall(MatCreateMAIJ(fs->S, fs->loc->dim, &fs->S_all));
-  fs->A = fs->S_all;
-  PetscCall(RelaxCreate(fs->S, fs->loc->dim, &fs->sweep));
+  PetscCall(RelaxCreate(fs->loc->nnode, fs->loc->dim, &fs->sweep));
   PetscCall(BodyBlocksCreate(flow, constraint, &fs->blocks));
   PetscCall(PetscCalloc3(fs->nbodies * fs->nr * fs->nr, &fs->D, constraint->count * fs->nr * fs->nr, &fs->body_inverse, fs->nbodies * fs->nr * fs->nr,
                          &fs->mass_inverse));
@@ -234,7 +242,9 @@ PetscErrorCode FlowSolverView(FlowSolver fs, PetscViewer viewer)
   PetscCall(FlowSolverGetUnknowns(fs, &n));
   PetscCall(PetscViewerASCIIPrintf(viewer, "solver: %" PetscInt_FMT " unknowns, %s, velocity matrix %s\n", n,
                                    fs->need_whole ? "assembled saddle point system" : "fieldsplit with projected operators",
-                                   fs->need_Ar || fs->need_whole ? "assembled" : "matrix-free over one scalar matrix"));
+                                   fs->need_Ar || fs->need_whole ? "assembled"
+                                   : FlowIsMatrixFree(fs->flow)  ? "matrix-free"
+                                                                 : "matrix-free over one scalar matrix"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -290,9 +300,7 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
   fs->viscous   = par->matrix * step->theta / fs->scale;
   PetscCall(FlowSolverChooseMethods(fs));
   PetscCall(set_up_diagonals(fs));
-  PetscCall(PetscLogEventBegin(TB_VEL_FACTOR, 0, 0, 0, 0));
-  PetscCall(RelaxUpdate(fs->sweep, fs->diagonal_inverse, fs->factorise));
-  PetscCall(PetscLogEventEnd(TB_VEL_FACTOR, 0, 0, 0, 0));
+  PetscCall(update_relaxation(fs));
   if (fs->nbodies) PetscCall(update_blocks(fs));
   PetscCall(PressureUpdate(fs->pressure, fs->weight, FlowSolverIsSoft(fs) ? fs->share : NULL, fs->mass_inverse));
   if (fs->two_stage) PetscCall(TwoStageSetUp(fs->two, fs));

@@ -152,6 +152,68 @@ static void apply_matrix(const Case *c, const PetscReal u[], PetscReal y[])
   OK(VecDestroy(&z));
 }
 
+/* ---- products without a matrix ---- */
+
+/* Product and diagonal are those of the assembled matrix, with a further term in the first cell and the last */
+static void check_product(Case *c)
+{
+  const PetscInt nb = c->l->nb, cells[2] = {0, c->l->ncell_all - 1};
+  PetscReal     *u = new_field(c), *p = new_pressure(c), *y = new_field(c), *z = new_field(c), *d = new_field(c), *term;
+  Mat            S;
+  Vec            diagonal;
+  PetscReal      size;
+
+  OK(PetscMalloc1(2 * nb * nb, &term));
+  for (PetscInt e = 0; e < 2 * nb * nb; e++) term[e] = 0.1 * noise(e);
+  fill_noise(c->l, 5, u);
+  OK(MeshSyncNodes(c->mesh, c->dim, u));
+  OK(FlowBeginStep(c->flow, 0.1, 0.1));
+  OK(FlowAcceptStep(c->flow, u, p));
+  if (c->l->ncell_global == c->l->ncell) OK(FlowSetCellTerms(c->flow, 2, cells, term)); /* one rank: the same cell is known to others */
+  OK(FlowBeginStep(c->flow, 0.25, 0.15));
+  OK(FlowAssemble(c->flow));
+  fill_noise(c->l, 6, u);
+  assert_true(FlowIsMatrixFree(c->flow));
+  OK(FlowMultiply(c->flow, u, z));
+  OK(FlowGetDiagonal(c->flow, d));
+  apply_matrix(c, u, y);
+  size = 0;
+  for (PetscInt i = 0; i < c->own; i++) size = PetscMax(size, PetscAbsReal(y[i]));
+  BELOW(max_difference(c->own, y, z), 1e-13 * size);
+  OK(FlowGetMatrix(c->flow, &S));
+  OK(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, c->l->nnode, PETSC_DETERMINE, z, &diagonal));
+  OK(MatGetDiagonal(S, diagonal));
+  OK(VecDestroy(&diagonal));
+  BELOW(max_difference(c->l->nnode, d, z), 1e-13 * size);
+  OK(FlowSetCellTerms(c->flow, 0, NULL, NULL));
+  OK(PetscFree(term));
+  OK(PetscFree(u));
+  OK(PetscFree(p));
+  OK(PetscFree(y));
+  OK(PetscFree(z));
+  OK(PetscFree(d));
+}
+
+static void test_product_without_matrix(void **state)
+{
+#define FREE "-flow_velocity_operator matrix_free -flow_density 3 -flow_viscosity 0.7 "
+  Case c;
+
+  (void)state;
+  for_all(check_product, FREE);
+  for_all(check_product, FREE "-flow_convection 0");
+  for_all(check_product, FREE "-flow_convection_form skew");
+  for (PetscInt dim = 2; dim <= 3; dim++) { /* with nodes that hang */
+    open_case(&c, dim, PETSC_FALSE,
+              dim == 2 ? FREE "-mesh_levels 1 -mesh_refine a -mesh_box_a_corners 0,0,0.4,0.4"
+                       : FREE "-mesh_levels 1 -mesh_refine a -mesh_box_a_corners 0,0,0,0.4,0.4,0.4");
+    assert_non_null(c.l->hang);
+    check_product(&c);
+    close_case(&c);
+  }
+#undef FREE
+}
+
 /* ---- B ---- */
 
 /* Translation, rotations, and quadratics without divergence */
@@ -839,6 +901,7 @@ int main(int argc, char **argv)
                                      cmocka_unit_test(test_mass_and_stiffness),
                                      cmocka_unit_test(test_matrix_follows_the_step),
                                      cmocka_unit_test(test_convection),
+                                     cmocka_unit_test(test_product_without_matrix),
                                      cmocka_unit_test(test_residual_is_the_system),
                                      cmocka_unit_test(test_stress_integral),
                                      cmocka_unit_test(test_diagnose),

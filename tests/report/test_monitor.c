@@ -109,6 +109,7 @@ static void run_steps(const char name[], const char scene[], char dir[])
   Bodies      bodies = create_bodies();
   BodyArrays *state;
   Monitor     m = start_monitor(name, bodies, dir);
+  PetscBool   measure;
   Mat         S;
 
   OK(MatCreateConstantDiagonal(PETSC_COMM_WORLD, 100, 100, PETSC_DETERMINE, PETSC_DETERMINE, 2, &S));
@@ -124,6 +125,8 @@ static void run_steps(const char name[], const char scene[], char dir[])
   OK(MonitorPhaseSeconds(m, MONITOR_SETUP, 2));
   OK(MonitorBalance(m, "cells", 100));
   OK(MonitorBalance(m, "cells", 10. * (1 + my_rank())));
+  OK(MonitorEnd(m, &measure));
+  assert_true(measure);
   OK(MonitorYardstick(m, S));
   OK(MatDestroy(&S));
   OK(MonitorQuantity(m, "cd", 1));

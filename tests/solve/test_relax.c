@@ -70,8 +70,8 @@ static void compare(PetscBool factorise, MatSORType flag, PetscReal bound)
   for (PetscInt i = 0; i < n * DIM; i++) inverse[i] = 1 / ya[i / DIM];
   OK(VecRestoreArrayRead(d, &ya));
   fill(n * DIM, b);
-  OK(RelaxCreate(S, DIM, &s));
-  OK(RelaxUpdate(s, inverse, factorise));
+  OK(RelaxCreate(n, DIM, &s));
+  OK(RelaxUpdate(s, factorise ? RELAX_ILU : RELAX_SOR, S, inverse));
   OK(RelaxApply(s, (MatSORType)(flag | SOR_ZERO_INITIAL_GUESS), 1, b, x));
   for (PetscInt a = 0; a < DIM; a++) {
     apply_petsc(own, factorise ? PCILU : NULL, flag, n, a, b, y);
@@ -121,8 +121,8 @@ static void inert_nodes_drop_out(void **state)
   OK(PetscMalloc3(n * DIM, &b, n * DIM, &x, n * DIM, &inverse));
   for (PetscInt i = 0; i < n * DIM; i++) inverse[i] = i / DIM < half || i == n * DIM - 1 ? 0 : 1.0 / 9;
   fill(n * DIM, b);
-  OK(RelaxCreate(S, DIM, &s));
-  OK(RelaxUpdate(s, inverse, PETSC_TRUE));
+  OK(RelaxCreate(n, DIM, &s));
+  OK(RelaxUpdate(s, RELAX_ILU, S, inverse));
   OK(RelaxApply(s, SOR_ZERO_INITIAL_GUESS, 1, b, x));
   for (PetscInt i = 0; i < half * DIM; i++) assert_true(x[i] == 0);
   assert_true(x[n * DIM - 1] == 0);

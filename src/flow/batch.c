@@ -1,0 +1,322 @@
+/* Batch: see batch.h. Kernels are written for a general dimension and inlined with constants.
+
+   Coefficients of boxes: mass, diffusion along each axis, then for every point the convection along each reference axis
+   [dim] and, with skew, that of the divergence. Of other cells, for every point: mass, diffusion tensor (upper triangle
+   by rows), convection, divergence. Quadrature weights are in all but the first two of boxes. */
+#include "compat.h"
+#include "batch.h"
+
+#define INLINE       static inline __attribute__((always_inline))
+#define NPOINT(dim)  ((dim) == 2 ? 9 : 27)
+#define NTENSOR(dim) ((dim) * ((dim) + 1) / 2)
+
+void BatchSetTables(PetscInt dim, BatchTables *t)
+{
+  const PetscReal at = PetscSqrtReal(0.6), point[3] = {-at, 0, at}, weight[3] = {5.0 / 9, 8.0 / 9, 5.0 / 9};
+  PetscReal       line[2][3][3]; /* values and derivatives of the basis at the points */
+
+  t->dim = dim;
+  t->n   = NPOINT(dim);
+  for (PetscInt q = 0; q < 3; q++) {
+    PetscReal v[3], dv[3];
+
+    ElementLine(point[q], line[0][q], line[1][q]);
+    for (PetscInt j = 0; j < 3; j++) t->value[q][j] = t->value_t[j][q] = line[0][q][j];
+    ElementLine(point[q] / at, v, dv); /* the basis of the points is that of the nodes, stretched */
+    for (PetscInt j = 0; j < 3; j++) t->slope[q][j] = t->slope_t[j][q] = dv[j] / at;
+  }
+  for (PetscInt q = 0; q < t->n; q++) {
+    const PetscInt qd[3] = {q % 3, q / 3 % 3, q / 9};
+
+    t->weight[q] = 1;
+    for (PetscInt d = 0; d < dim; d++) t->weight[q] *= weight[qd[d]];
+    for (PetscInt j = 0; j < t->n; j++) {
+      const PetscInt jd[3] = {j % 3, j / 3 % 3, j / 9};
+
+      t->phi[q][j] = 1;
+      for (PetscInt d = 0; d < dim; d++) t->phi[q][j] *= line[0][qd[d]][jd[d]];
+      for (PetscInt e = 0; e < dim; e++) {
+        t->dphi[q][e][j] = 1;
+        for (PetscInt d = 0; d < dim; d++) t->dphi[q][e][j] *= line[d == e][qd[d]][jd[d]];
+      }
+    }
+  }
+}
+
+PetscInt BatchCoefficients(const BatchTables *t, const BatchForm *f)
+{
+  const PetscInt flow = f->convection ? t->dim + (f->skew != 0) : 0;
+
+  return f->box ? 1 + t->dim + t->n * flow : t->n * (1 + NTENSOR(t->dim) + flow);
+}
+
+/* out = (add: +=) M along an axis of in; the same array may be both */
+INLINE void contract(const int dim, const int axis, const PetscBool add, const PetscReal M[3][3], const Lanes *in, Lanes *out)
+{
+  const int s = axis == 0 ? 1 : axis == 1 ? 3 : 9;
+
+  for (int line = 0; line < NPOINT(dim) / 3; line++) {
+    const int   at = line / s * 3 * s + line % s;
+    const Lanes a = in[at], b = in[at + s], c = in[at + 2 * s];
+
+    for (int q = 0; q < 3; q++) {
+      const Lanes v = M[q][0] * a + M[q][1] * b + M[q][2] * c;
+
+      out[at + q * s] = add ? out[at + q * s] + v : v;
+    }
+  }
+}
+
+/* v [n] <- values at the points of component a of x [n][dim] */
+INLINE void evaluate(const int dim, const BatchTables *t, const Lanes *x, const int a, Lanes *v)
+{
+  for (int j = 0; j < NPOINT(dim); j++) v[j] = x[j * dim + a];
+  for (int e = 0; e < dim; e++) contract(dim, e, PETSC_FALSE, t->value, v, v);
+}
+
+/* ---- coefficients ---- */
+
+/* inverse [e][a] = dxi_e/dx_a and det of J [a][e] */
+INLINE Lanes invert(const int dim, Lanes J[3][3], Lanes inverse[3][3])
+{
+  Lanes det = {0};
+
+  if (dim == 2) {
+    det           = J[0][0] * J[1][1] - J[0][1] * J[1][0];
+    inverse[0][0] = J[1][1] / det;
+    inverse[0][1] = -J[0][1] / det;
+    inverse[1][0] = -J[1][0] / det;
+    inverse[1][1] = J[0][0] / det;
+    return det;
+  }
+  for (int e = 0; e < 3; e++) {
+    const int f = (e + 1) % 3, g = (e + 2) % 3;
+
+    for (int a = 0; a < 3; a++) {
+      const int b = (a + 1) % 3, c = (a + 2) % 3;
+
+      inverse[e][a] = J[b][f] * J[c][g] - J[b][g] * J[c][f];
+    }
+  }
+  for (int a = 0; a < 3; a++) det += inverse[0][a] * J[a][0];
+  for (int e = 0; e < 3; e++)
+    for (int a = 0; a < 3; a++) inverse[e][a] /= det;
+  return det;
+}
+
+/* Convection at point q: w [dim] there, slope [e][a] of it in reference coordinates; scale: weight and det */
+INLINE void set_convection(const int dim, const BatchForm *f, Lanes scale, Lanes inverse[3][3], const Lanes w[3], Lanes slope[3][3], Lanes *c)
+{
+  Lanes div = {0};
+
+  for (int e = 0; e < dim; e++) {
+    c[e] = inverse[e][0] * w[0];
+    for (int a = 1; a < dim; a++) c[e] += inverse[e][a] * w[a];
+    c[e] *= scale;
+    for (int a = 0; a < dim && f->skew != 0; a++) div += inverse[e][a] * slope[e][a];
+  }
+  if (f->skew != 0) c[dim] = f->skew * scale * div;
+}
+
+typedef struct {
+  Lanes value[3][MESH_MAX_NB], slope[3][3][MESH_MAX_NB]; /* [a], [e][a] */
+} AtPoints;
+
+INLINE void evaluate_all(const int dim, const BatchTables *t, const PetscBool slopes, const Lanes *x, AtPoints *p)
+{
+  for (int a = 0; a < dim; a++) {
+    evaluate(dim, t, x, a, p->value[a]);
+    for (int e = 0; e < dim && slopes; e++) contract(dim, e, PETSC_FALSE, t->slope, p->value[a], p->slope[e][a]);
+  }
+}
+
+INLINE void at_point(const int dim, const AtPoints *p, const int q, const PetscBool slopes, Lanes value[3], Lanes slope[3][3])
+{
+  for (int a = 0; a < dim; a++) value[a] = p->value[a][q];
+  for (int e = 0; e < dim && slopes; e++)
+    for (int a = 0; a < dim; a++) slope[e][a] = p->slope[e][a][q];
+}
+
+INLINE void set_boxes(const int dim, const BatchTables *t, const BatchForm *f, Lanes det, const Lanes *inverse, const Lanes *w, Lanes *c)
+{
+  Lanes    inv[3][3] = {{{0}}};
+  AtPoints p;
+
+  c[0] = f->a * det;
+  for (int e = 0; e < dim; e++) {
+    inv[e][e] = inverse[e];
+    c[1 + e]  = f->b * det * inverse[e] * inverse[e];
+  }
+  if (!f->convection) return;
+  c += 1 + dim;
+  evaluate_all(dim, t, (PetscBool)(f->skew != 0), w, &p);
+  for (int q = 0; q < NPOINT(dim); q++, c += dim + (f->skew != 0)) {
+    Lanes value[3], slope[3][3] = {{{0}}};
+
+    at_point(dim, &p, q, (PetscBool)(f->skew != 0), value, slope);
+    set_convection(dim, f, t->weight[q] * det, inv, value, slope, c);
+  }
+}
+
+INLINE void set_cells(const int dim, const BatchTables *t, const BatchForm *f, const Lanes *xc, const Lanes *w, Lanes *c)
+{
+  AtPoints place, p;
+
+  evaluate_all(dim, t, PETSC_TRUE, xc, &place);
+  if (f->convection) evaluate_all(dim, t, (PetscBool)(f->skew != 0), w, &p);
+  for (int q = 0; q < NPOINT(dim); q++) {
+    Lanes J[3][3], inverse[3][3], scale;
+
+    for (int a = 0; a < dim; a++)
+      for (int e = 0; e < dim; e++) J[a][e] = place.slope[e][a][q];
+    scale = t->weight[q] * invert(dim, J, inverse);
+    *c++  = f->a * scale;
+    for (int e = 0; e < dim; e++)
+      for (int g = e; g < dim; g++) {
+        Lanes s = inverse[e][0] * inverse[g][0];
+
+        for (int a = 1; a < dim; a++) s += inverse[e][a] * inverse[g][a];
+        *c++ = f->b * scale * s;
+      }
+    if (f->convection) {
+      Lanes value[3], slope[3][3] = {{{0}}};
+
+      at_point(dim, &p, q, (PetscBool)(f->skew != 0), value, slope);
+      set_convection(dim, f, scale, inverse, value, slope, c);
+      c += dim + (f->skew != 0);
+    }
+  }
+}
+
+void BatchSetBoxes(const BatchTables *t, const BatchForm *f, Lanes det, const Lanes inverse[], const Lanes w[], Lanes coefficient[])
+{
+  if (t->dim == 2) set_boxes(2, t, f, det, inverse, w, coefficient);
+  else set_boxes(3, t, f, det, inverse, w, coefficient);
+}
+
+void BatchSetCells(const BatchTables *t, const BatchForm *f, const Lanes xc[], const Lanes w[], Lanes coefficient[])
+{
+  if (t->dim == 2) set_cells(2, t, f, xc, w, coefficient);
+  else set_cells(3, t, f, xc, w, coefficient);
+}
+
+/* ---- product ---- */
+
+/* Values v [n] and slopes g [e][n] at the points <- what tests them, by component */
+INLINE void apply_boxes(const int dim, const PetscBool convection, const BatchTables *t, const BatchForm *f, const Lanes *c, Lanes *v,
+                        Lanes g[3][MESH_MAX_NB])
+{
+  const Lanes *flow = c + 1 + dim;
+  const int    skew = convection && f->skew != 0;
+
+  for (int q = 0; q < NPOINT(dim); q++) {
+    Lanes r = t->weight[q] * c[0] * v[q];
+
+    if (convection) {
+      for (int e = 0; e < dim; e++) r += flow[e] * g[e][q];
+      if (skew) r += flow[dim] * v[q];
+      flow += dim + skew;
+    }
+    v[q] = r;
+    for (int e = 0; e < dim; e++) g[e][q] *= t->weight[q] * c[1 + e];
+  }
+}
+
+INLINE void apply_cells(const int dim, const PetscBool convection, const BatchForm *f, const Lanes *c, Lanes *v, Lanes g[3][MESH_MAX_NB])
+{
+  const int skew = convection && f->skew != 0;
+
+  for (int q = 0; q < NPOINT(dim); q++) {
+    const Lanes *k = c + 1;
+    Lanes        r = c[0] * v[q], flux[3] = {{0}};
+
+    for (int e = 0; e < dim; e++)
+      for (int h = e; h < dim; h++, k++) {
+        flux[e] += *k * g[h][q];
+        if (h > e) flux[h] += *k * g[e][q];
+      }
+    c += 1 + NTENSOR(dim);
+    if (convection) {
+      for (int e = 0; e < dim; e++) r += c[e] * g[e][q];
+      if (skew) r += c[dim] * v[q];
+      c += dim + skew;
+    }
+    v[q] = r;
+    for (int e = 0; e < dim; e++) g[e][q] = flux[e];
+  }
+}
+
+INLINE void multiply(const int dim, const PetscBool box, const PetscBool convection, const BatchTables *t, const BatchForm *f, const Lanes *c,
+                     Lanes *x)
+{
+  for (int a = 0; a < dim; a++) {
+    Lanes v[MESH_MAX_NB], g[3][MESH_MAX_NB];
+
+    evaluate(dim, t, x, a, v);
+    for (int e = 0; e < dim; e++) contract(dim, e, PETSC_FALSE, t->slope, v, g[e]);
+    if (box) apply_boxes(dim, convection, t, f, c, v, g);
+    else apply_cells(dim, convection, f, c, v, g);
+    for (int e = 0; e < dim; e++) contract(dim, e, PETSC_TRUE, t->slope_t, g[e], v);
+    for (int e = 0; e < dim; e++) contract(dim, e, PETSC_FALSE, t->value_t, v, v);
+    for (int j = 0; j < NPOINT(dim); j++) x[j * dim + a] = v[j];
+  }
+}
+
+void BatchMultiply(const BatchTables *t, const BatchForm *f, const Lanes c[], Lanes x[])
+{
+  if (t->dim == 2) multiply(2, f->box, f->convection, t, f, c, x);
+  else if (f->box && f->convection) multiply(3, PETSC_TRUE, PETSC_TRUE, t, f, c, x);
+  else if (f->box) multiply(3, PETSC_TRUE, PETSC_FALSE, t, f, c, x);
+  else if (f->convection) multiply(3, PETSC_FALSE, PETSC_TRUE, t, f, c, x);
+  else multiply(3, PETSC_FALSE, PETSC_FALSE, t, f, c, x);
+}
+
+/* ---- diagonal ---- */
+
+/* k [NTENSOR]: diffusion at point q; returns mass and divergence there; *flow: convection, or NULL */
+INLINE Lanes read_point(const int dim, const BatchTables *t, const BatchForm *f, const Lanes *c, const int q, Lanes *k, const Lanes **flow)
+{
+  const int nflow = f->convection ? dim + (f->skew != 0) : 0;
+  Lanes     mass;
+
+  if (f->box) {
+    mass = t->weight[q] * c[0];
+    for (int e = 0, at = 0; e < dim; e++)
+      for (int h = e; h < dim; h++, at++) k[at] = e == h ? t->weight[q] * c[1 + e] : (Lanes){0};
+    *flow = c + 1 + dim + q * nflow;
+  } else {
+    c += q * (1 + NTENSOR(dim) + nflow);
+    mass = c[0];
+    for (int at = 0; at < NTENSOR(dim); at++) k[at] = c[1 + at];
+    *flow = c + 1 + NTENSOR(dim);
+  }
+  if (!f->convection) *flow = NULL;
+  else if (f->skew != 0) mass += (*flow)[dim];
+  return mass;
+}
+
+INLINE void diagonal(const int dim, const BatchTables *t, const BatchForm *f, const Lanes *c, Lanes *d)
+{
+  for (int j = 0; j < NPOINT(dim); j++) d[j] = (Lanes){0};
+  for (int q = 0; q < NPOINT(dim); q++) {
+    const Lanes *flow;
+    Lanes        k[6], mass = read_point(dim, t, f, c, q, k, &flow);
+
+    for (int j = 0; j < NPOINT(dim); j++) {
+      PetscReal slope[3];
+      Lanes     s = t->phi[q][j] * mass;
+
+      for (int e = 0; e < dim; e++) slope[e] = t->dphi[q][e][j];
+      for (int e = 0; e < dim && flow; e++) s += slope[e] * flow[e];
+      d[j] += t->phi[q][j] * s;
+      for (int e = 0, at = 0; e < dim; e++)
+        for (int h = e; h < dim; h++, at++) d[j] += (e == h ? 1 : 2) * slope[e] * slope[h] * k[at];
+    }
+  }
+}
+
+void BatchDiagonal(const BatchTables *t, const BatchForm *f, const Lanes c[], Lanes d[])
+{
+  if (t->dim == 2) diagonal(2, t, f, c, d);
+  else diagonal(3, t, f, c, d);
+}

@@ -1,0 +1,39 @@
+/* Batch: the velocity operator on LANES cells at once, without a matrix. Sum factorisation over the axes of the cell
+   (Orszag 1980) with derivatives taken among the quadrature points (collocation; Kronbichler & Kormann 2012), cells in
+   the lanes of vectors: 12 small products an axis and component, and no entry is loaded that is not used at once.
+
+   Arrays are [..][LANES]: the same number of several cells side by side. Node j and quadrature point q of a cell are at
+   lattice position (j % 3, (j/3) % 3, j/9), as in mesh/element.h, whose 3-point Gauss rule and matrices these are up to
+   round-off. Nothing here is collective, and nothing calls PETSc. */
+#pragma once
+#include "mesh/element.h"
+
+#define BATCH_LANES 8
+typedef PetscReal Lanes __attribute__((vector_size(BATCH_LANES * sizeof(PetscReal))));
+
+/* On a line: values of the basis at the points [point][node], derivatives at the points from values there
+   [point][point], both also transposed */
+typedef struct {
+  PetscInt  dim, n; /* nodes of a cell, quadrature points */
+  PetscReal value[3][3], value_t[3][3], slope[3][3], slope_t[3][3];
+  PetscReal weight[MESH_MAX_NB];
+  PetscReal phi[MESH_MAX_NB][MESH_MAX_NB], dphi[MESH_MAX_NB][3][MESH_MAX_NB]; /* basis at the points: [point]..[node] */
+} BatchTables;
+
+/* The operator a (u, v) + b (grad u, grad v) + (w . grad u + skew div w u, v) */
+typedef struct {
+  PetscBool box, convection; /* edges along the axes; w is there */
+  PetscReal a, b, skew;
+} BatchForm;
+
+void BatchSetTables(PetscInt dim, BatchTables *);
+/* Lanes that the coefficients of a form take */
+PetscInt BatchCoefficients(const BatchTables *, const BatchForm *);
+/* Coefficients of the form: for boxes from det J and the diagonal `inverse` [dim] of J^{-1}, else from node coordinates
+   xc [n][dim]; w [n][dim] or NULL. Cells with det 0 give zero. */
+void BatchSetBoxes(const BatchTables *, const BatchForm *, Lanes det, const Lanes inverse[], const Lanes w[], Lanes coefficient[]);
+void BatchSetCells(const BatchTables *, const BatchForm *, const Lanes xc[], const Lanes w[], Lanes coefficient[]);
+/* x [n][dim] <- the operator times x */
+void BatchMultiply(const BatchTables *, const BatchForm *, const Lanes coefficient[], Lanes x[]);
+/* Its diagonal d [n], the same for all components */
+void BatchDiagonal(const BatchTables *, const BatchForm *, const Lanes coefficient[], Lanes d[]);

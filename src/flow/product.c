@@ -1,0 +1,290 @@
+/* Flow: products with the velocity operator without a matrix (flow.h), in batches of own cells of one kind. Ghost nodes
+   get their values before and give their sums after. */
+#include "compat.h"
+#include "impl.h"
+#include "batch.h"
+
+typedef struct {
+  PetscInt  n, cell[BATCH_LANES]; /* cells in the first lanes */
+  PetscBool box;
+  size_t    at; /* where its coefficients begin */
+} Batch;
+
+struct _p_Product {
+  BatchTables tables;
+  BatchForm   form;
+  PetscInt    n, room;
+  Batch      *batch;
+  size_t      size; /* of the coefficients */
+  Lanes      *coefficient;
+  void       *memory; /* which they lie in, at an address that vectors want */
+  PetscReal  *x, *y;  /* [nnode_all][dim] with ghosts, on more than one rank */
+};
+
+static inline PetscReal *lane(Lanes v[], PetscInt k)
+{
+  return (PetscReal *)v + k;
+}
+
+/* Edges along the axes: nothing beside the diagonal of the inverse Jacobian */
+static PetscBool is_box(const struct _p_Flow *f, PetscInt c)
+{
+  const PetscInt   dim     = f->loc->dim;
+  const PetscReal *inverse = f->inverse + c * dim * dim;
+
+  if (!f->affine[c]) return PETSC_FALSE;
+  for (PetscInt e = 0; e < dim; e++)
+    for (PetscInt a = 0; a < dim; a++)
+      if (a != e && PetscAbsReal(inverse[e * dim + a]) > 1e-13 * PetscAbsReal(inverse[e * dim + e])) return PETSC_FALSE;
+  return PETSC_TRUE;
+}
+
+/* Own cells of the fluid into batches of boxes and of others, both in ascending order */
+static PetscErrorCode group_cells(Flow f, struct _p_Product *p)
+{
+  Batch    *open[2] = {NULL, NULL};
+  PetscInt  most    = f->loc->ncell / BATCH_LANES + 2;
+  BatchForm form    = p->form;
+  size_t    lanes[2];
+
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < 2; k++) {
+    form.box = (PetscBool)k;
+    lanes[k] = (size_t)BatchCoefficients(&p->tables, &form);
+  }
+  if (p->room < most) {
+    PetscCall(PetscFree(p->batch));
+    PetscCall(PetscMalloc1(most, &p->batch));
+    p->room = most;
+  }
+  p->n    = 0;
+  p->size = 0;
+  for (PetscInt c = 0; c < f->loc->ncell; c++) {
+    const PetscBool box = is_box(f, c);
+    Batch          *b   = open[box];
+
+    if (f->det[c] == 0 && f->affine[c]) continue; /* no part of the fluid */
+    if (!b) {
+      b      = &p->batch[p->n++];
+      b->n   = 0;
+      b->box = box;
+      b->at  = p->size;
+      p->size += lanes[box];
+    }
+    b->cell[b->n++] = c;
+    open[box]       = b->n < BATCH_LANES ? b : NULL;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode make_room(struct _p_Product *p, size_t before)
+{
+  PetscFunctionBeginUser;
+  if (p->size <= before) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree(p->memory));
+  PetscCall(PetscMalloc((p->size + 1) * sizeof(Lanes), &p->memory));
+  p->coefficient = (Lanes *)(((size_t)p->memory + sizeof(Lanes) - 1) / sizeof(Lanes) * sizeof(Lanes));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* x [nb][dim] of the cells of a batch, times factor, at their lattice places; lanes without a cell repeat the first */
+static void gather(const MeshLocal *l, const Batch *b, const PetscReal v[], PetscReal factor, Lanes x[])
+{
+  const PetscInt nb = l->nb, dim = l->dim;
+
+  for (PetscInt k = 0; k < BATCH_LANES; k++) {
+    const PetscInt c = b->cell[k < b->n ? k : 0], *node = l->cell_node + c * nb;
+    PetscReal     *to = lane(x, k), xl[MESH_MAX_NB * 3];
+
+    if (MeshCellHang(l, c)) {
+      for (PetscInt i = 0; i < nb * dim; i++) xl[i] = factor * v[node[i / dim] * dim + i % dim];
+      MeshCellGather(l, c, dim, xl);
+      for (PetscInt i = 0; i < nb * dim; i++) to[i * BATCH_LANES] = xl[i];
+    } else {
+      for (PetscInt j = 0; j < nb; j++)
+        for (PetscInt a = 0; a < dim; a++) to[(j * dim + a) * BATCH_LANES] = factor * v[node[j] * dim + a];
+    }
+  }
+}
+
+/* v += x [nb][bs] of the cells of a batch */
+static void scatter(const MeshLocal *l, const Batch *b, PetscInt bs, Lanes x[], PetscReal v[])
+{
+  const PetscInt nb = l->nb;
+
+  for (PetscInt k = 0; k < b->n; k++) {
+    const PetscInt   c = b->cell[k], *node = l->cell_node + c * nb;
+    const PetscReal *from = lane(x, k);
+    PetscReal        xl[MESH_MAX_NB * 3];
+
+    if (MeshCellHang(l, c)) {
+      for (PetscInt i = 0; i < nb * bs; i++) xl[i] = from[i * BATCH_LANES];
+      MeshCellScatter(l, c, bs, xl);
+      for (PetscInt i = 0; i < nb * bs; i++) v[node[i / bs] * bs + i % bs] += xl[i];
+    } else {
+      for (PetscInt j = 0; j < nb; j++)
+        for (PetscInt a = 0; a < bs; a++) v[node[j] * bs + a] += from[(j * bs + a) * BATCH_LANES];
+    }
+  }
+}
+
+static PetscErrorCode set_batch(Flow f, struct _p_Product *p, const Batch *b)
+{
+  const MeshLocal *l   = f->loc;
+  const PetscInt   dim = l->dim;
+  Lanes            w[MESH_MAX_NB * 3], xc[MESH_MAX_NB * 3], det, inverse[3];
+
+  PetscFunctionBeginUser;
+  p->form.box = b->box;
+  if (p->form.convection) gather(l, b, f->w, f->par.density * f->step.theta, w);
+  for (PetscInt k = 0; k < BATCH_LANES; k++) {
+    const PetscInt c = b->cell[k < b->n ? k : 0];
+    PetscReal      x[MESH_MAX_NB * 3];
+
+    if (b->box) {
+      *lane(&det, k) = f->det[c];
+      for (PetscInt e = 0; e < dim; e++) *lane(&inverse[e], k) = f->inverse[(c * dim + e) * dim + e];
+    } else {
+      PetscCall(MeshCellCoordinates(f->mesh, c, x));
+      for (PetscInt i = 0; i < l->nb * dim; i++) *lane(&xc[i], k) = x[i];
+    }
+  }
+  if (b->box) BatchSetBoxes(&p->tables, &p->form, det, inverse, w, p->coefficient + b->at);
+  else BatchSetCells(&p->tables, &p->form, xc, w, p->coefficient + b->at);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowUpdateProduct(Flow f)
+{
+  struct _p_Product *p      = f->product;
+  const size_t       before = p->size;
+
+  PetscFunctionBeginUser;
+  p->form = (BatchForm){.a          = f->par.density * f->step.ct,
+                        .b          = f->par.viscosity * f->step.theta,
+                        .skew       = f->par.skew,
+                        .convection = f->par.convection};
+  PetscCall(group_cells(f, p));
+  PetscCall(make_room(p, before));
+  p->size = PetscMax(p->size, before);
+  for (PetscInt i = 0; i < p->n; i++) PetscCall(set_batch(f, p, &p->batch[i]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* y += the further terms of own cells times x */
+static void add_terms(const struct _p_Flow *f, const PetscReal x[], PetscReal y[])
+{
+  const MeshLocal *l   = f->loc;
+  const PetscInt   dim = l->dim, nb = l->nb;
+
+  for (PetscInt t = 0; t < f->nterm; t++) {
+    const PetscInt  *node = l->cell_node + f->term_cell[t] * nb;
+    const PetscReal *term = f->term + t * nb * nb;
+
+    if (f->term_cell[t] >= l->ncell) continue;
+    for (PetscInt i = 0; i < nb; i++) {
+      PetscReal s[3] = {0, 0, 0};
+
+      for (PetscInt j = 0; j < nb; j++)
+        for (PetscInt a = 0; a < dim; a++) s[a] += term[i * nb + j] * x[node[j] * dim + a];
+      for (PetscInt a = 0; a < dim; a++) y[node[i] * dim + a] += s[a];
+    }
+  }
+}
+
+PetscErrorCode FlowMultiply(Flow f, const PetscReal x[], PetscReal y[])
+{
+  struct _p_Product *p = f->product;
+  const MeshLocal   *l = f->loc;
+  const PetscInt     n = l->nnode * l->dim, n_all = l->nnode_all * l->dim;
+  const PetscBool    alone = (PetscBool)(l->nnode == l->nnode_all);
+  const PetscReal   *from  = alone ? x : p->x;
+  PetscReal         *to    = alone ? y : p->y;
+  BatchForm          form  = p->form;
+
+  PetscFunctionBeginUser;
+  if (!alone) PetscCall(PetscArraycpy(p->x, x, n));
+  PetscCall(MeshSyncNodes(f->mesh, l->dim, (PetscReal *)from));
+  PetscCall(PetscArrayzero(to, n_all));
+  for (PetscInt i = 0; i < p->n; i++) {
+    const Batch *b = &p->batch[i];
+    Lanes        v[MESH_MAX_NB * 3];
+
+    form.box = b->box;
+    gather(l, b, from, 1, v);
+    BatchMultiply(&p->tables, &form, p->coefficient + b->at, v);
+    scatter(l, b, l->dim, v, to);
+  }
+  add_terms(f, from, to);
+  PetscCall(MeshSumNodes(f->mesh, l->dim, to));
+  if (!alone) PetscCall(PetscArraycpy(y, p->y, n));
+  PetscCall(PetscLogFlops((PetscLogDouble)l->ncell * l->dim * l->nb * (24 * l->dim + 8)));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* d += diagonal of a batch; of cells where something hangs that of H^T K H */
+static PetscErrorCode add_diagonal(Flow f, const struct _p_Product *p, const Batch *b, PetscReal d[])
+{
+  const MeshLocal *l    = f->loc;
+  BatchForm        form = p->form;
+  Lanes            v[MESH_MAX_NB];
+
+  PetscFunctionBeginUser;
+  form.box = b->box;
+  BatchDiagonal(&p->tables, &form, p->coefficient + b->at, v);
+  for (PetscInt k = 0; k < b->n; k++) {
+    const PetscInt  c = b->cell[k], *node = l->cell_node + c * l->nb;
+    PetscReal       ce[MESH_MAX_NB * ELEMENT_MAX_NBP];
+    const PetscBool hangs = (PetscBool)(MeshCellHang(l, c) != NULL);
+
+    if (hangs) PetscCall(FlowCellMatrix(f, c, ce));
+    for (PetscInt j = 0; j < l->nb; j++) d[node[j]] += hangs ? ce[j * (f->element.nbp + 1)] : lane(v, k)[j * BATCH_LANES];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowGetDiagonal(Flow f, PetscReal d[])
+{
+  const MeshLocal *l = f->loc;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(d, l->nnode_all));
+  if (f->product) {
+    for (PetscInt i = 0; i < f->product->n; i++) PetscCall(add_diagonal(f, f->product, &f->product->batch[i], d));
+    for (PetscInt t = 0; t < f->nterm; t++)
+      for (PetscInt j = 0; j < l->nb && f->term_cell[t] < l->ncell; j++)
+        d[l->cell_node[f->term_cell[t] * l->nb + j]] += f->term[(t * l->nb + j) * l->nb + j];
+    PetscCall(MeshSumNodes(f->mesh, 1, d));
+  } else {
+    Vec diagonal;
+
+    PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, l->nnode, PETSC_DETERMINE, d, &diagonal));
+    PetscCall(MatGetDiagonal(f->S, diagonal));
+    PetscCall(VecDestroy(&diagonal));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowCreateProduct(Flow f)
+{
+  const MeshLocal *l = f->loc;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&f->product));
+  BatchSetTables(l->dim, &f->product->tables);
+  if (l->nnode < l->nnode_all) PetscCall(PetscMalloc2(l->nnode_all * l->dim, &f->product->x, l->nnode_all * l->dim, &f->product->y));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowDestroyProduct(Flow f)
+{
+  struct _p_Product *p = f->product;
+
+  PetscFunctionBeginUser;
+  if (!p) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree(p->batch));
+  PetscCall(PetscFree(p->memory));
+  PetscCall(PetscFree2(p->x, p->y));
+  PetscCall(PetscFree(f->product));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
