@@ -3,6 +3,7 @@
 #include "compat.h"
 #include "blockgs.h"
 #include "base/algebra.h"
+#include "rowpool.h"
 
 #define MAX_NK   4
 #define RANK(nk) ((nk) == 3 ? 3 : 6) /* columns of a block of the low-rank part: rigid motions in 2 and 3 dimensions */
@@ -15,7 +16,8 @@ typedef struct {
   Mat              A, part[2]; /* whole matrix; own and other columns (NULL on one rank) */
   PetscInt         nk, n;      /* block size, own block rows */
   const PetscInt  *start[2], *column[2];
-  float           *value[2], *inverse; /* [blocks][nk][nk] column by column; [n][nk][nk] likewise */
+  RowPool          own;             /* values of own columns: blocks [nk][nk] column by column */
+  float           *other, *inverse; /* of other columns, [blocks][nk][nk]; [n][nk][nk]; likewise */
   PetscInt         nghost;
   PetscReal       *ghost, *rest; /* [nghost][nk]; [n][nk] right-hand side less what other ranks' unknowns do */
   PetscSF          sf;
@@ -34,12 +36,14 @@ INLINE wide load_column(const float *v)
   return __builtin_convertvector(*(const narrow *)v, wide);
 }
 
-/* Sum of the blocks [begin, end) times x; one sum a column, so that additions do not wait for each other */
-INLINE wide sum_row(const int nk, PetscInt begin, PetscInt end, const PetscInt *restrict column, const float *restrict value, const PetscReal *x)
+/* Sum of the first n own blocks of row i times x; one sum a column, so that additions do not wait for each other */
+INLINE wide sum_row(const int nk, const BlockGS *restrict g, PetscInt i, PetscInt n, const PetscReal *x)
 {
-  wide s[MAX_NK] = {{0}};
+  const PetscInt *column    = g->column[0] + g->start[0][i];
+  const float    *value     = g->own.value + g->own.at[i] * nk * nk;
+  wide            s[MAX_NK] = {{0}};
 
-  for (PetscInt q = begin; q < end; q++)
+  for (PetscInt q = 0; q < n; q++)
     for (int m = 0; m < nk; m++) s[m] += load_column(value + (q * nk + m) * nk) * x[column[q] * nk + m];
   return nk == 3 ? s[0] + s[1] + s[2] : s[0] + s[1] + (s[2] + s[3]);
 }
@@ -79,7 +83,7 @@ INLINE void sweep(const int nk, const BlockGS *restrict g, PetscBool forward, Pe
 
     if (lower)
       for (end = g->start[0][i]; g->column[0][end] < i;) end++;
-    s = sum_row(nk, g->start[0][i], end, g->column[0], g->value[0], x);
+    s = sum_row(nk, g, i, end - g->start[0][i], x);
     for (int k = 0; k < nk; k++) rest[k] = b[i * nk + k] - s[k];
     for (; at >= 0 && at < g->nw && g->w_row[at] == i; at += step) subtract_low_rank(nk, g, at, rest);
     for (int m = 0; m < nk; m++) d += load_column(g->inverse + (i * nk + m) * nk) * rest[m];
@@ -92,7 +96,7 @@ INLINE void sweep(const int nk, const BlockGS *restrict g, PetscBool forward, Pe
 INLINE void multiply(const int nk, const BlockGS *restrict g, const PetscReal *restrict x, PetscReal *restrict y)
 {
   for (PetscInt i = 0; i < g->n; i++) {
-    const wide s = sum_row(nk, g->start[0][i], g->start[0][i + 1], g->column[0], g->value[0], x);
+    const wide s = sum_row(nk, g, i, g->start[0][i + 1] - g->start[0][i], x);
 
     for (int k = 0; k < nk; k++) y[i * nk + k] = s[k];
   }
@@ -106,7 +110,7 @@ static void add_ghosts(const BlockGS *g, PetscReal scale, PetscReal y[])
   for (PetscInt i = 0; i < g->n; i++)
     for (PetscInt q = g->start[1][i]; q < g->start[1][i + 1]; q++)
       for (PetscInt m = 0; m < nk; m++)
-        for (PetscInt k = 0; k < nk; k++) y[i * nk + k] += scale * g->value[1][(q * nk + m) * nk + k] * g->ghost[g->column[1][q] * nk + m];
+        for (PetscInt k = 0; k < nk; k++) y[i * nk + k] += scale * g->other[(q * nk + m) * nk + k] * g->ghost[g->column[1][q] * nk + m];
 }
 
 /* t = W^T x over all ranks. Collective. */
@@ -123,6 +127,37 @@ static PetscErrorCode gather_low_rank(BlockGS *g, const PetscReal x[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* y = the blocks alone times x */
+static PetscErrorCode mult_sparse(BlockGS *g, const PetscReal xa[], PetscReal ya[])
+{
+  PetscFunctionBeginUser;
+  if (g->sf) PetscCall(PetscSFBcastBegin(g->sf, g->unit, xa, g->ghost, MPI_REPLACE));
+  if (g->nk == 3) multiply(3, g, xa, ya);
+  else multiply(4, g, xa, ya);
+  if (g->sf) {
+    PetscCall(PetscSFBcastEnd(g->sf, g->unit, xa, g->ghost, MPI_REPLACE));
+    add_ghosts(g, 1, ya);
+  }
+  PetscCall(PetscLogFlops(2.0 * g->nk * g->nk * g->start[0][g->n]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BlockGSMultiplySparse(Mat shell, Vec x, Vec y)
+{
+  BlockGS         *g;
+  const PetscReal *xa;
+  PetscReal       *ya;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(shell, &g));
+  PetscCall(VecGetArrayRead(x, &xa));
+  PetscCall(VecGetArrayWrite(y, &ya));
+  PetscCall(mult_sparse(g, xa, ya));
+  PetscCall(VecRestoreArrayRead(x, &xa));
+  PetscCall(VecRestoreArrayWrite(y, &ya));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode mult_blocks(Mat shell, Vec x, Vec y)
 {
   BlockGS         *g;
@@ -133,13 +168,7 @@ static PetscErrorCode mult_blocks(Mat shell, Vec x, Vec y)
   PetscCall(MatShellGetContext(shell, &g));
   PetscCall(VecGetArrayRead(x, &xa));
   PetscCall(VecGetArrayWrite(y, &ya));
-  if (g->sf) PetscCall(PetscSFBcastBegin(g->sf, g->unit, xa, g->ghost, MPI_REPLACE));
-  if (g->nk == 3) multiply(3, g, xa, ya);
-  else multiply(4, g, xa, ya);
-  if (g->sf) {
-    PetscCall(PetscSFBcastEnd(g->sf, g->unit, xa, g->ghost, MPI_REPLACE));
-    add_ghosts(g, 1, ya);
-  }
+  PetscCall(mult_sparse(g, xa, ya));
   PetscCall(gather_low_rank(g, xa));
   for (PetscInt i = 0; i < g->nt; i++) g->t[i] = -g->t[i];
   for (PetscInt e = 0; e < g->nw; e++) {
@@ -148,7 +177,6 @@ static PetscErrorCode mult_blocks(Mat shell, Vec x, Vec y)
   }
   PetscCall(VecRestoreArrayRead(x, &xa));
   PetscCall(VecRestoreArrayWrite(y, &ya));
-  PetscCall(PetscLogFlops(2.0 * g->nk * g->nk * g->start[0][g->n]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -222,13 +250,16 @@ static void invert_diagonal(BlockGS *g, PetscInt i, const PetscReal value[], Pet
 }
 
 /* One row of both parts, and the inverse of its diagonal block */
-static void copy_row(BlockGS *g, PetscInt i, PetscReal *const value[2])
+static PetscErrorCode copy_row(BlockGS *g, PetscInt i, PetscReal *const value[2], PetscBool many)
 {
-  const PetscInt nn = g->nk * g->nk;
+  const PetscInt nn = g->nk * g->nk, begin = g->start[0][i];
 
-  for (PetscInt s = 0; s < 2 && g->part[s]; s++)
-    for (PetscInt e = g->start[s][i] * nn; e < g->start[s][i + 1] * nn; e++) g->value[s][e] = (float)value[s][e];
+  PetscFunctionBeginUser;
+  PetscCall(RowPoolSet(&g->own, i, g->start[0][i + 1] - begin, value[0] + begin * nn, many));
+  if (g->part[1])
+    for (PetscInt e = g->start[1][i] * nn; e < g->start[1][i + 1] * nn; e++) g->other[e] = (float)value[1][e];
   invert_diagonal(g, i, value[0], 0, 0);
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode BlockGSUpdate(Mat shell, PetscInt n, const PetscInt rows[])
@@ -239,7 +270,9 @@ PetscErrorCode BlockGSUpdate(Mat shell, PetscInt n, const PetscInt rows[])
   PetscFunctionBeginUser;
   PetscCall(MatShellGetContext(shell, &g));
   for (PetscInt s = 0; s < 2 && g->part[s]; s++) PetscCall(MatSeqBAIJGetArray(g->part[s], &value[s]));
-  for (PetscInt r = 0; r < (rows ? n : g->n); r++) copy_row(g, rows ? rows[r] : r, value);
+  if (!rows) n = g->n;
+  if (n == g->n) RowPoolClear(&g->own);
+  for (PetscInt r = 0; r < n; r++) PetscCall(copy_row(g, rows ? rows[r] : r, value, (PetscBool)(2 * n > g->n)));
   for (PetscInt s = 0; s < 2 && g->part[s]; s++) PetscCall(MatSeqBAIJRestoreArray(g->part[s], &value[s]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -306,8 +339,8 @@ static PetscErrorCode destroy_blocks(Mat shell)
   PetscCall(MatShellGetContext(shell, &g));
   for (PetscInt s = 0; s < 2 && g->part[s]; s++)
     PetscCall(MatRestoreRowIJ(g->part[s], 0, PETSC_FALSE, PETSC_TRUE, &n, &g->start[s], &g->column[s], &done));
-  PetscCall(PetscFree(g->value[0]));
-  PetscCall(PetscFree(g->value[1]));
+  PetscCall(RowPoolDestroy(&g->own));
+  PetscCall(PetscFree(g->other));
   PetscCall(PetscFree(g->inverse));
   PetscCall(PetscFree2(g->ghost, g->rest));
   PetscCall(PetscFree5(g->w_row, g->w_column, g->w, g->t, g->factor));
@@ -359,8 +392,9 @@ PetscErrorCode BlockGSCreate(Mat A, Mat *shell)
   for (PetscInt s = 0; s < 2 && g->part[s]; s++) {
     PetscCall(MatGetRowIJ(g->part[s], 0, PETSC_FALSE, PETSC_TRUE, &g->n, &g->start[s], &g->column[s], &done));
     PetscCheck(done, PETSC_COMM_SELF, PETSC_ERR_SUP, "The rows of a block matrix are not accessible");
-    PetscCall(PetscCalloc1(g->start[s][g->n] * g->nk * g->nk + SLACK, &g->value[s]));
   }
+  PetscCall(RowPoolCreate(g->n, nk * nk, &g->own));
+  if (g->part[1]) PetscCall(PetscCalloc1(g->start[1][g->n] * nk * nk, &g->other));
   PetscCall(PetscCalloc1(g->n * g->nk * g->nk + SLACK, &g->inverse));
   PetscCallMPI(MPI_Type_contiguous((PetscMPIInt)g->nk, MPIU_REAL, &g->unit));
   PetscCallMPI(MPI_Type_commit(&g->unit));

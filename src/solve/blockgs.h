@@ -13,6 +13,8 @@
 PetscErrorCode BlockGSCreate(Mat A, Mat *shell);
 /* Copy anew what changed in A: n local block rows, or all with rows = NULL. Not collective. */
 PetscErrorCode BlockGSUpdate(Mat shell, PetscInt n, const PetscInt rows[]);
+/* y = A x in single precision, without the part of low rank. Collective. */
+PetscErrorCode BlockGSMultiplySparse(Mat shell, Vec x, Vec y);
 /* Sweeps (not products) add extra [own block rows][nk][nk], symmetric, to the blocks on the diagonal: what keeps a
    sweep there and back definite although ranks sweep at the same time. NULL: none. Borrowed, read by BlockGSUpdate. Not
    collective. */

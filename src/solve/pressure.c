@@ -5,6 +5,9 @@
 #include "base/log.h"
 #include "base/opt.h"
 
+/* Tolerance from which the operator in single precision does: its error is some 1e-7 of the solution */
+#define LEAST_SINGLE 1e-4
+
 PetscErrorCode PressureGetShared(Pressure p, PetscInt *n, const PetscInt *cell[], const PetscReal *block[])
 {
   PetscFunctionBeginUser;
@@ -175,7 +178,7 @@ PetscErrorCode PressureCreate(Flow flow, Constraint constraint, Pressure *pressu
 {
   Pressure  p;
   PetscBool two_level;
-  PetscReal keep = 0.03;
+  PetscReal keep = 0.03, rtol = 0;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&p));
@@ -193,6 +196,8 @@ PetscErrorCode PressureCreate(Flow flow, Constraint constraint, Pressure *pressu
   PetscCall(PetscCalloc1(p->nbodies, &p->resolved));
   p->eps_shared = 1e-3;
   PetscCall(OptReal("-flow_pressure_shared", &p->eps_shared));
+  PetscCall(PetscOptionsGetReal(NULL, NULL, "-flow_fieldsplit_pressure_ksp_rtol", &rtol, NULL));
+  p->single = (PetscBool)(rtol >= LEAST_SINGLE);
   PetscCall(find_two_level(&two_level));
   PetscCall(ConditionsPressureIsFloating(FlowConditions(flow), &p->floating));
   if (two_level) {

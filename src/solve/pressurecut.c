@@ -2,6 +2,7 @@
    dead ones, and the bodies' part W W^T of S_p. */
 #include "compat.h"
 #include "pressureimpl.h"
+#include "blockgs.h"
 #include "base/algebra.h"
 
 /* Block C = eps_shared B_c M_c^{-1} B_c^T of one cell over its constrained nodes */
@@ -214,7 +215,8 @@ PetscErrorCode PressureMult(Mat mat, Vec x, Vec y)
   nr = p->nr;
   nk = p->nk;
   t  = p->work;
-  PetscCall(MatMult(p->matrix, x, y));
+  if (p->single && p->sweeps) PetscCall(BlockGSMultiplySparse(p->sweeps, x, y));
+  else PetscCall(MatMult(p->matrix, x, y));
   if (!p->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(VecGetArrayRead(x, &xa));
   PetscCall(VecGetArray(y, &ya));
