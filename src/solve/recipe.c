@@ -23,6 +23,8 @@ typedef enum {
   FACTORISE_VISCOUS,
   FACTORISE_CONVECTION,
   FACTORISE_UNRESOLVED,
+  ASSEMBLE_VISCOUS,
+  ASSEMBLE_CONVECTION,
   NTHRESHOLDS
 } Threshold;
 
@@ -45,6 +47,8 @@ static const struct {
   [FACTORISE_VISCOUS]     = {VISCOUS, 1, "incomplete factorisation of the velocity", STUDY},
   [FACTORISE_CONVECTION]  = {CONVECTIVE, 1, "incomplete factorisation of the velocity", STUDY},
   [FACTORISE_UNRESOLVED]  = {CONVECTIVE, 0.3, "incomplete factorisation in under-resolved flow", STUDY},
+  [ASSEMBLE_VISCOUS]      = {VISCOUS, 5, "the same where it is matrix-free and would have to be assembled for that", STUDY},
+  [ASSEMBLE_CONVECTION]   = {CONVECTIVE, 2, "the same where it is matrix-free", STUDY},
 };
 
 #define SHARE_BELOW 0.5  /* of the pressure correction, below WHOLE_PRESSURE */
@@ -222,11 +226,10 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
                             (const PetscReal
                                []){[VISCOUS] = viscous, [VISCOUS_OF_LARGEST] = viscous * PetscSqr(fs->loc->h / fs->h_max), [CONVECTIVE] = convective},
                             above));
-  factorise = (PetscBool)(above[FACTORISE_CONVECTION] || above[FACTORISE_VISCOUS] || (above[FACTORISE_UNRESOLVED] && convective > 5 * viscous));
-  fs->relax = fs->sweep_type != SWEEP_AUTO ? (RelaxKind)fs->sweep_type
-            : factorise                    ? RELAX_ILU
-            : FlowIsMatrixFree(fs->flow)   ? RELAX_JACOBI
-                                           : RELAX_SOR;
+  if (FlowIsMatrixFree(fs->flow)) factorise = (PetscBool)(above[ASSEMBLE_CONVECTION] || above[ASSEMBLE_VISCOUS]);
+  else factorise = (PetscBool)(above[FACTORISE_CONVECTION] || above[FACTORISE_VISCOUS] || (above[FACTORISE_UNRESOLVED] && convective > 5 * viscous));
+  fs->relax = factorise ? RELAX_ILU : FlowIsMatrixFree(fs->flow) ? RELAX_JACOBI : RELAX_SOR;
+  if (fs->sweep_type != SWEEP_AUTO) fs->relax = (RelaxKind)fs->sweep_type;
   fs->share_of_pressure = fs->single && !above[WHOLE_PRESSURE] ? SHARE_BELOW : 1;
   /* the projection is for time steps only */
   fs->commute      = (PetscBool)(fs->schur == SCHUR_COMMUTATOR || step->dt == 0);
