@@ -75,6 +75,22 @@ static PetscErrorCode invert_blocks(PetscInt nr, PetscInt k, PetscInt unknown, c
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode invert_all(BodyBlocks b, const PetscReal D[], PetscReal scale, PetscReal block[], PetscReal stiff_inverse[],
+                                 PetscReal mass_inverse[])
+{
+  const struct _p_Constraint *c  = b->constraint;
+  const PetscInt              nn = b->nr * b->nr;
+
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < b->nbodies; k++) {
+    const PetscBool own = (PetscBool)(k >= c->first && k < c->first + c->count);
+
+    PetscCall(invert_blocks(b->nr, k, c->unknown[k], D + k * nn, scale, block + 2 * k * nn, own ? stiff_inverse + (k - c->first) * nn : NULL,
+                            mass_inverse + k * nn));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Sum over the entries of the penalty: block of body k -= R^T G + G^T R (of nodes that follow it); with H it is what
    the penalty adds to the diagonal block of the body */
 static PetscErrorCode add_soft_blocks(BodyBlocks b, const PenaltyTerm *s, PetscReal block[])
@@ -177,12 +193,7 @@ PetscErrorCode BodyBlocksUpdate(BodyBlocks b, const PetscReal share[], const Pen
   }
   if (soft) PetscCall(add_soft_blocks(b, soft, block));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, block, (PetscMPIInt)(2 * b->nbodies * nn), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
-  for (PetscInt k = 0; k < b->nbodies; k++) {
-    const PetscBool own = (PetscBool)(k >= c->first && k < c->first + c->count);
-
-    PetscCall(invert_blocks(nr, k, c->unknown[k], D + k * nn, scale, block + 2 * k * nn, own ? stiff_inverse + (k - c->first) * nn : NULL,
-                            mass_inverse + k * nn));
-  }
+  PetscCall(invert_all(b, D, scale, block, stiff_inverse, mass_inverse));
   PetscCall(PetscFree(block));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

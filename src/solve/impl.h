@@ -83,7 +83,8 @@ static inline PetscBool FlowSolverIsSoft(FlowSolver fs)
    of freedom count, and the unknown rows of rigid are served. Local. */
 PetscErrorCode PenaltyTermMultAdd(const PenaltyTerm *, Constraint, PetscBool of_unknown, const PetscReal U[], const PetscReal u[], PetscReal r[],
                                   PetscReal rigid[]);
-/* Create fs->S_all; the shells K, Ar (with its diagonal and its sweep), G, B and, where there are bodies, C. Collective. */
+/* Create fs->S_all; the shells K, Ar (with its diagonal and its sweep), G, B and, where there are bodies, C.
+   Collective. */
 PetscErrorCode FlowSolverCreateShells(FlowSolver);
 /* Take from a residual what nothing can take away: the round-off of a small one would be most of it. Collective. */
 PetscErrorCode FlowSolverMakeConsistent(FlowSolver, Vec r);

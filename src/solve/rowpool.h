@@ -8,7 +8,7 @@
 
 typedef struct {
   PetscInt   n, unit; /* rows; numbers of a block: rows are whole blocks long */
-  float     *value;   /* rows, one after the other; may move when a row is set. Four numbers behind the end may be read */
+  float     *value;   /* rows, one after the other, and four numbers behind the end; moves when a row is set */
   PetscInt  *at;      /* [n] where the values of a row begin, in blocks */
   PetscInt  *own;     /* [n] where a row has a place of its own, or -1 */
   PetscInt   used, room, nkind, *kind_at, *kind_length;

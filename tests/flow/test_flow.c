@@ -169,7 +169,7 @@ static void check_product(Case *c)
   OK(MeshSyncNodes(c->mesh, c->dim, u));
   OK(FlowBeginStep(c->flow, 0.1, 0.1));
   OK(FlowAcceptStep(c->flow, u, p));
-  if (c->l->ncell_global == c->l->ncell) OK(FlowSetCellTerms(c->flow, 2, cells, term)); /* one rank: the same cell is known to others */
+  if (c->l->ncell_global == c->l->ncell) OK(FlowSetCellTerms(c->flow, 2, cells, term)); /* ranks share cells */
   OK(FlowBeginStep(c->flow, 0.25, 0.15));
   OK(FlowAssemble(c->flow));
   fill_noise(c->l, 6, u);
