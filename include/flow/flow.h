@@ -179,8 +179,9 @@ PetscErrorCode FlowRhs(Flow, PetscReal r[]);
 PetscErrorCode FlowDivergence(Flow, const PetscReal u[], PetscReal y[]);
 /* r = scale B^T p, complete on own nodes. Collective. */
 PetscErrorCode FlowGradient(Flow, PetscReal scale, const PetscReal p[], PetscReal r[]);
-/* Cell matrices of B, [ncell_all][dim + 1][nb*dim], for operators built from B. */
-PetscErrorCode FlowGetCellDivergence(Flow, const PetscReal *b[]);
+/* Cell matrices of B, [ncell_all] places of [dim + 1][nb*dim], for operators built from B. Cells of one form (their
+   matrices differ by round-off) share one. Borrowed; valid until cells change their shape. */
+PetscErrorCode FlowGetCellDivergence(Flow, const PetscReal *const *b[]);
 /* y += scale Mp^{-1} r with the mass matrix of the pressure (own cells), times mean viscosity of the cell over that of
    the parameters where it varies. Local. */
 PetscErrorCode FlowPressureMassSolve(Flow, PetscReal scale, const PetscReal r[], PetscReal y[]);

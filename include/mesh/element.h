@@ -81,7 +81,7 @@ void ElementRate(const ElementTables *, const ElementMetric *, PetscReal rho, co
 PetscReal ElementSquare(const ElementTables *, const ElementMetric *, const PetscReal u[]);
 /* y = B u and r += scale B^T p with the cells' matrices b [ncell][dim + 1][nb * dim] and nodes [ncell][nb]; u, r
    [nodes][dim], y, p [ncell][dim + 1]. Local. */
-void ElementDivergence(PetscInt dim, PetscInt ncell, const PetscInt cell_node[], const PetscReal b[],
+void ElementDivergence(PetscInt dim, PetscInt ncell, const PetscInt cell_node[], const PetscReal *const b[],
                        const PetscReal u[], PetscReal y[]);
-void ElementGradient(PetscInt dim, PetscInt ncell, const PetscInt cell_node[], const PetscReal b[], PetscReal scale,
-                     const PetscReal p[], PetscReal r[]);
+void ElementGradient(PetscInt dim, PetscInt ncell, const PetscInt cell_node[], const PetscReal *const b[],
+                     PetscReal scale, const PetscReal p[], PetscReal r[]);

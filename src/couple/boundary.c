@@ -192,15 +192,15 @@ PetscErrorCode BoundariesShare(Boundaries d, PetscInt c, PetscInt j, const Petsc
 {
   const MeshLocal *l    = d->loc;
   const PetscInt   node = l->cell_node[c * l->nb + j], dim = l->dim;
-  const PetscReal *B, *w;
-  PetscReal        xc[MESH_MAX_NB * 3], pressure;
+  const PetscReal *w, *const *B;
+  PetscReal xc[MESH_MAX_NB * 3], pressure;
 
   PetscFunctionBeginUser;
   if (!is_shared(d, node)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowGetCellDivergence(d->flow, &B));
   PetscCall(MeshSlotCoordinates(d->mesh, c, xc));
   PetscCall(FlowCellPressure(d->flow, c, p, xc + j * dim, &pressure));
-  w = B + c * (dim + 1) * l->nb * dim + j * dim;
+  w = B[c] + j * dim;
   for (PetscInt b = 0; b < PetscMin(d->n, MAX_BITS); b++) {
     const PetscReal along = part_along(d, b, w);
 

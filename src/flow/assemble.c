@@ -248,7 +248,7 @@ PetscErrorCode FlowDivergence(Flow f, const PetscReal u[], PetscReal y[])
 
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_FLOW_DIV, 0, 0, 0, 0));
-  ElementDivergence(l->dim, l->ncell, l->cell_node, f->b, u, y);
+  ElementDivergence(l->dim, l->ncell, l->cell_node, (const PetscReal *const *)f->b, u, y);
   PetscCall(PetscLogFlops(2.0 * l->ncell * (l->dim + 1) * l->nb * l->dim));
   PetscCall(PetscLogEventEnd(TB_FLOW_DIV, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -261,7 +261,7 @@ PetscErrorCode FlowGradient(Flow f, PetscReal scale, const PetscReal p[], PetscR
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_FLOW_DIV, 0, 0, 0, 0));
   PetscCall(PetscArrayzero(r, l->nnode_all * l->dim));
-  ElementGradient(l->dim, l->ncell, l->cell_node, f->b, scale, p, r);
+  ElementGradient(l->dim, l->ncell, l->cell_node, (const PetscReal *const *)f->b, scale, p, r);
   PetscCall(MeshSumNodes(f->mesh, l->dim, r));
   PetscCall(PetscLogFlops(2.0 * l->ncell * (l->dim + 1) * l->nb * l->dim));
   PetscCall(PetscLogEventEnd(TB_FLOW_DIV, 0, 0, 0, 0));

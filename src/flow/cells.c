@@ -7,27 +7,96 @@
 /* A cell that is no part of the fluid has zero weights: every kernel then gives zero. Its size stays as it was. */
 static PetscErrorCode empty_cell(Flow f, PetscInt c)
 {
-  const PetscInt dim = f->loc->dim, nk = dim + 1;
+  const PetscInt nk = f->loc->dim + 1;
 
   PetscFunctionBeginUser;
   f->affine[c] = PETSC_TRUE;
   f->det[c]    = 0;
-  PetscCall(PetscArrayzero(f->b + c * nk * f->loc->nb * dim, nk * f->loc->nb * dim));
+  f->b[c]      = f->kind[0];
   if (c < f->loc->ncell) PetscCall(PetscArrayzero(f->pmass + c * nk * nk, nk * nk));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Most forms of cells whose matrices of B are shared: sizes of refined meshes, ways in which nodes hang, hardly more */
+#define MOST_KINDS 128
+#define ALIKE      1e-13 /* of the largest entry: round-off of coordinates */
+
+static PetscBool is_alike(PetscInt n, const PetscReal a[], const PetscReal b[])
+{
+  PetscReal size = 0, difference = 0;
+
+  for (PetscInt i = 0; i < n; i++) {
+    size       = PetscMax(size, PetscAbsReal(a[i]));
+    difference = PetscMax(difference, PetscAbsReal(a[i] - b[i]));
+  }
+  return (PetscBool)(difference <= ALIKE * size);
+}
+
+/* Matrix b of cell c: that of a kind where it is alike, else its own, or when all are computed for the first time a new
+   kind (what comes later would depend on the past) */
+static PetscErrorCode keep_divergence(Flow f, PetscInt c, const PetscReal b[], PetscBool first_time)
+{
+  const PetscInt n = (f->loc->dim + 1) * f->loc->nb * f->loc->dim;
+
+  PetscFunctionBeginUser;
+  for (PetscInt k = 1; k < f->nkind; k++) {
+    if (PetscAbsReal(f->size[c] - f->kind_size[k]) > 1e-12 * f->size[c] || !is_alike(n, b, f->kind[k])) continue;
+    f->b[c] = f->kind[k];
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  if (first_time && f->nkind < MOST_KINDS) {
+    f->kind_size[f->nkind] = f->size[c];
+    PetscCall(PetscMalloc1(n, &f->kind[f->nkind]));
+    f->b[c] = f->kind[f->nkind++];
+  } else {
+    if (!f->b_own[c]) PetscCall(PetscMalloc1(n, &f->b_own[c]));
+    f->b[c] = f->b_own[c];
+  }
+  PetscCall(PetscArraycpy(f->b[c], b, n));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowCreateCells(Flow f)
+{
+  const MeshLocal *l   = f->loc;
+  const PetscInt   dim = l->dim;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc5(l->ncell_all, &f->affine, l->ncell_all * dim * dim, &f->inverse, l->ncell_all, &f->det, l->ncell_all, &f->size, l->nnode_all,
+                         &f->lumped));
+  PetscCall(PetscMalloc1(l->ncell * (dim + 1) * (dim + 1), &f->pmass));
+  PetscCall(PetscCalloc4(l->nnode_all, &f->open, l->ncell_all, &f->visited, l->ncell_all, &f->around, l->ncell_all * dim, &f->centre));
+  PetscCall(PetscCalloc4(l->ncell_all, &f->b, l->ncell_all, &f->b_own, MOST_KINDS, &f->kind, MOST_KINDS, &f->kind_size));
+  PetscCall(PetscCalloc1((dim + 1) * l->nb * dim, &f->kind[0]));
+  f->nkind = 1;
+  f->ncell = l->ncell_all;
+  f->now   = 0;
+  PetscCall(FlowComputeCells(f));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowDestroyCells(Flow f)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt c = 0; c < f->ncell; c++) PetscCall(PetscFree(f->b_own[c])); /* the mesh may have changed */
+  for (PetscInt k = 0; k < f->nkind; k++) PetscCall(PetscFree(f->kind[k]));
+  PetscCall(PetscFree4(f->b, f->b_own, f->kind, f->kind_size));
+  PetscCall(PetscFree(f->pmass));
+  PetscCall(PetscFree4(f->open, f->visited, f->around, f->centre));
+  PetscCall(PetscFree5(f->affine, f->inverse, f->det, f->size, f->lumped));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Affine test, size, cell matrices of B and inverse pressure mass of a cell */
-static PetscErrorCode compute_cell(Flow f, PetscInt c)
+static PetscErrorCode compute_cell(Flow f, PetscInt c, PetscBool first_time)
 {
   const MeshLocal *l   = f->loc;
   const PetscInt   dim = l->dim, nb = l->nb, nk          = dim + 1;
-  PetscReal        xc[MESH_MAX_NB * 3], first[9], volume = 0, mass[16] = {0}, *b = f->b + c * nk * nb * dim;
+  PetscReal        xc[MESH_MAX_NB * 3], first[9], volume = 0, mass[16] = {0}, b[4 * MESH_MAX_NB * 3] = {0};
   const PetscReal *centre = xc + (nb / 2) * dim;
   ElementMetric    m;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscArrayzero(b, nk * nb * dim));
   PetscCall(MeshCellCoordinates(f->mesh, c, xc));
   f->affine[c] = PETSC_FALSE;
   PetscCall(PetscArraycpy(f->centre + c * dim, centre, dim));
@@ -66,6 +135,7 @@ static PetscErrorCode compute_cell(Flow f, PetscInt c)
     }
   }
   for (PetscInt k = 0; k < nk; k++) MeshCellScatter(l, c, dim, b + k * nb * dim);
+  PetscCall(keep_divergence(f, c, b, first_time));
   if (c < l->ncell) DenseInvert(nk, mass, f->pmass + c * nk * nk);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -99,7 +169,7 @@ PetscErrorCode FlowComputeCells(Flow f)
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(f->lumped, f->loc->nnode_all));
   for (PetscInt c = 0; c < f->loc->ncell_all; c++) {
-    PetscCall(compute_cell(f, c));
+    PetscCall(compute_cell(f, c, PETSC_TRUE));
     PetscCall(lump_cell(f, c));
   }
   PetscCall(MeshSyncNodes(f->mesh, 1, f->lumped)); /* own nodes see all their cells; outer ghosts do not */
@@ -156,7 +226,7 @@ PetscErrorCode FlowUpdateCells(Flow f, PetscInt n, const PetscInt cells[], const
     const PetscBool dead = (PetscBool)(f->det[c] == 0);
 
     if (cell_body[c] >= 0) PetscCall(empty_cell(f, c));
-    else PetscCall(compute_cell(f, c));
+    else PetscCall(compute_cell(f, c, PETSC_FALSE));
     if (dead) f->visited[c] = f->now;
     for (PetscInt s = 0; s < 2 && c < l->ncell; s++) {
       PetscReal *pc = (s ? f->p_old : f->p) + c * (dim + 1);

@@ -38,7 +38,7 @@ PetscErrorCode FlowCellResidual(Flow f, PetscInt c, const PetscReal u[], const P
   FlowCellMomentum(f, c, &m, al, vl, wl, r);
   MeshCellScatter(f->loc, c, f->loc->dim, r);
   for (PetscInt k = 0; k < nk; k++)
-    for (PetscInt i = 0; i < n; i++) r[i] -= p[c * nk + k] * f->b[(c * nk + k) * n + i];
+    for (PetscInt i = 0; i < n; i++) r[i] -= p[c * nk + k] * f->b[c][k * n + i];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -157,7 +157,7 @@ PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], FlowDiagnostics *out)
   for (PetscInt c = 0; c < l->ncell; c++) {
     PetscReal        al[MESH_MAX_NB * 3], vl[MESH_MAX_NB * 3], wl[MESH_MAX_NB * 3], ul[MESH_MAX_NB * 3], us[MESH_MAX_NB * 3];
     PetscReal        rate[3], div = 0, fastest = 0, through = 0;
-    const PetscReal *b = f->b + c * (dim + 1) * n;
+    const PetscReal *b = f->b[c];
     ElementMetric    m;
 
     FlowCellSlots(l, c, u, us);

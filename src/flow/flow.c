@@ -159,10 +159,10 @@ Conditions FlowConditions(Flow f)
   return f->boundary;
 }
 
-PetscErrorCode FlowGetCellDivergence(Flow f, const PetscReal *b[])
+PetscErrorCode FlowGetCellDivergence(Flow f, const PetscReal *const *b[])
 {
   PetscFunctionBeginUser;
-  *b = f->b;
+  *b = (const PetscReal *const *)f->b;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -29,12 +29,15 @@ struct _p_Flow {
   PetscReal dt_old, dt_older;        /* last steps (0: none) */
   PetscReal ahead, bend;             /* extrapolation of w in units of the old step, and the factor of its parabola */
   /* geometry of the cells */
-  PetscBool *affine;
-  PetscReal *inverse, *det;                /* [ncell_all][dim*dim], [ncell_all] */
-  PetscReal *centre, *size;                /* [ncell_all][dim] where the pressures of a cell are centred; [ncell_all] */
-  PetscReal *b, *pmass;                    /* [ncell_all] cell matrices of B; [ncell][dim+1][dim+1] pressure mass^-1 */
-  PetscReal *lumped;                       /* [nnode_all] */
-  PetscInt  *open, *visited, *around, now; /* stamps: [nnode_all] mass is being computed, [ncell_all] done; [ncell_all]
+  PetscBool  *affine;
+  PetscReal  *inverse, *det;                /* [ncell_all][dim*dim], [ncell_all] */
+  PetscReal  *centre, *size;                /* [ncell_all][dim] where the pressures of a cell are centred; [ncell_all] */
+  PetscReal  *pmass;                        /* [ncell][dim+1][dim+1] pressure mass^-1 */
+  PetscReal **b, **b_own;                   /* [ncell_all] cell matrices of B: own ones (or NULL), or of a kind */
+  PetscReal **kind, *kind_size;             /* those that cells share, the first is zero; size of the cells */
+  PetscInt    nkind, ncell;                 /* local cells */
+  PetscReal  *lumped;                       /* [nnode_all] */
+  PetscInt   *open, *visited, *around, now; /* stamps: [nnode_all] mass is being computed, [ncell_all] done; [ncell_all]
                                               scratch */
   /* velocity matrix of the step */
   Mat       S;
@@ -90,7 +93,10 @@ PetscErrorCode FlowRefuseTime(Flow);
 /* Arrays by cells and nodes, conditions, matrix; fields are zero. Collective. */
 PetscErrorCode FlowCreateParts(Flow);
 PetscErrorCode FlowDestroyParts(Flow);
-/* Everything that depends on the shape of the local cells. Collective. */
+/* What is kept of the cells (cells.c), and, anew after all have changed, everything that depends on their shape.
+   Collective. */
+PetscErrorCode FlowCreateCells(Flow);
+PetscErrorCode FlowDestroyCells(Flow);
 PetscErrorCode FlowComputeCells(Flow);
 /* S without values. Collective. */
 PetscErrorCode FlowCreateMatrix(Flow);

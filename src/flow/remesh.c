@@ -9,13 +9,7 @@ PetscErrorCode FlowCreateParts(Flow f)
   const PetscInt   dim = l->dim;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc5(l->ncell_all, &f->affine, l->ncell_all * dim * dim, &f->inverse, l->ncell_all, &f->det, l->ncell_all, &f->size, l->nnode_all,
-                         &f->lumped));
-  PetscCall(PetscMalloc1(l->ncell_all * (dim + 1) * l->nb * dim, &f->b));
-  PetscCall(PetscMalloc1(l->ncell * (dim + 1) * (dim + 1), &f->pmass));
-  PetscCall(PetscCalloc4(l->nnode_all, &f->open, l->ncell_all, &f->visited, l->ncell_all, &f->around, l->ncell_all * dim, &f->centre));
-  f->now = 0;
-  PetscCall(FlowComputeCells(f));
+  PetscCall(FlowCreateCells(f));
   PetscCall(ConditionsCreate(f->mesh, &f->boundary));
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u)); /* each on its own: accepted steps swap them */
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u_old));
@@ -51,10 +45,7 @@ PetscErrorCode FlowDestroyParts(Flow f)
   PetscCall(PetscFree4(f->strain, f->mu, f->mu_cell, f->mu_node));
   PetscCall(ConformationDestroy(&f->conformation));
   PetscCall(PetscFree(f->entry));
-  PetscCall(PetscFree(f->b));
-  PetscCall(PetscFree(f->pmass));
-  PetscCall(PetscFree4(f->open, f->visited, f->around, f->centre));
-  PetscCall(PetscFree5(f->affine, f->inverse, f->det, f->size, f->lumped));
+  PetscCall(FlowDestroyCells(f));
   PetscCall(ConditionsDestroy(&f->boundary));
   PetscCall(PetscFree(f->u));
   PetscCall(PetscFree(f->u_old));

@@ -413,12 +413,13 @@ PetscBool ElementLocate(PetscInt dim, const PetscReal xc[], const PetscReal x[],
 /* ---- divergence ---- */
 
 /* Sums in four parts, so that a compiler may use vectors of four */
-INLINE void divergence(const int dim, const int nb, PetscInt ncell, const PetscInt *restrict cell_node, const PetscReal *restrict b,
+INLINE void divergence(const int dim, const int nb, PetscInt ncell, const PetscInt *restrict cell_node, const PetscReal *const *bs,
                        const PetscReal *restrict u, PetscReal *restrict y)
 {
   const int n = nb * dim, whole = n / 4 * 4;
 
   for (PetscInt c = 0; c < ncell; c++) {
+    const PetscReal *restrict b = bs[c];
     PetscReal ul[ELEMENT_MAX_NBP * 3];
 
     for (int j = 0; j < nb; j++)
@@ -434,12 +435,13 @@ INLINE void divergence(const int dim, const int nb, PetscInt ncell, const PetscI
   }
 }
 
-INLINE void gradient(const int dim, const int nb, PetscInt ncell, const PetscInt *restrict cell_node, const PetscReal *restrict b, PetscReal scale,
+INLINE void gradient(const int dim, const int nb, PetscInt ncell, const PetscInt *restrict cell_node, const PetscReal *const *bs, PetscReal scale,
                      const PetscReal *restrict p, PetscReal *restrict r)
 {
   const int n = nb * dim;
 
   for (PetscInt c = 0; c < ncell; c++) {
+    const PetscReal *restrict b       = bs[c];
     PetscReal rl[ELEMENT_MAX_NBP * 3] = {0};
 
     for (int k = 0; k < dim + 1; k++, b += n)
@@ -449,13 +451,13 @@ INLINE void gradient(const int dim, const int nb, PetscInt ncell, const PetscInt
   }
 }
 
-void ElementDivergence(PetscInt dim, PetscInt ncell, const PetscInt cell_node[], const PetscReal b[], const PetscReal u[], PetscReal y[])
+void ElementDivergence(PetscInt dim, PetscInt ncell, const PetscInt cell_node[], const PetscReal *const b[], const PetscReal u[], PetscReal y[])
 {
   if (dim == 2) divergence(2, 9, ncell, cell_node, b, u, y);
   else divergence(3, 27, ncell, cell_node, b, u, y);
 }
 
-void ElementGradient(PetscInt dim, PetscInt ncell, const PetscInt cell_node[], const PetscReal b[], PetscReal scale, const PetscReal p[],
+void ElementGradient(PetscInt dim, PetscInt ncell, const PetscInt cell_node[], const PetscReal *const b[], PetscReal scale, const PetscReal p[],
                      PetscReal r[])
 {
   if (dim == 2) gradient(2, 9, ncell, cell_node, b, scale, p, r);

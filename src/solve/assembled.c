@@ -40,8 +40,8 @@ static PetscErrorCode create_rigid_diagonal(Constraint c, const PetscReal D[], c
 /* B as a matrix (own cells x own nodes) */
 static PetscErrorCode create_divergence_matrix(Flow flow, const MeshLocal *l, Mat *B)
 {
-  const PetscInt   dim = l->dim, n = l->nb * dim, nk = dim + 1;
-  const PetscReal *b;
+  const PetscInt          dim = l->dim, n = l->nb * dim, nk = dim + 1;
+  const PetscReal *const *b;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetCellDivergence(flow, &b));
@@ -51,7 +51,7 @@ static PetscErrorCode create_divergence_matrix(Flow flow, const MeshLocal *l, Ma
 
     for (PetscInt k = 0; k < nk; k++) row[k] = (l->cell_start + c) * nk + k;
     for (PetscInt j = 0; j < n; j++) col[j] = l->node_global[l->cell_node[c * l->nb + j / dim]] * dim + j % dim;
-    PetscCall(MatSetValues(*B, nk, row, n, col, b + c * nk * n, INSERT_VALUES));
+    PetscCall(MatSetValues(*B, nk, row, n, col, b[c], INSERT_VALUES));
   }
   PetscCall(MatAssemblyBegin(*B, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(*B, MAT_FINAL_ASSEMBLY));

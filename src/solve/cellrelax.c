@@ -194,22 +194,22 @@ static PetscErrorCode invert_velocity(CellRelax c, const Fetched *f, PetscInt i)
 }
 
 /* b_a [nk][nb] of a cell without what is prescribed */
-static void get_divergence(CellRelax c, const PetscReal b[], PetscInt cell, PetscInt a, PetscReal ba[])
+static void get_divergence(CellRelax c, const PetscReal *const b[], PetscInt cell, PetscInt a, PetscReal ba[])
 {
   const MeshLocal *l   = c->loc;
   const PetscInt   dim = l->dim, nb = l->nb, *node = l->cell_node + cell * nb;
 
   for (PetscInt k = 0; k < c->nk; k++)
-    for (PetscInt j = 0; j < nb; j++) ba[k * nb + j] = (c->free[node[j]] >> a) & 1 ? b[((cell * c->nk + k) * nb + j) * dim + a] : 0;
+    for (PetscInt j = 0; j < nb; j++) ba[k * nb + j] = (c->free[node[j]] >> a) & 1 ? b[cell][(k * nb + j) * dim + a] : 0;
 }
 
 /* T of relaxed cell i without C */
 static PetscErrorCode project_cell(CellRelax c, PetscInt i)
 {
-  const MeshLocal      *l  = c->loc;
-  const PetscInt        nb = l->nb, nk = c->nk;
-  PetscReal            *T = c->T + i * nk * nk, *L = c->L + i * nb * nb, ba[4 * MAX_NB], size = 0, stiff;
-  const PetscReal      *b, *m, *h;
+  const MeshLocal *l  = c->loc;
+  const PetscInt   nb = l->nb, nk = c->nk;
+  PetscReal       *T = c->T + i * nk * nk, *L = c->L + i * nb * nb, ba[4 * MAX_NB], size = 0, stiff;
+  const PetscReal *m, *h, *const *b;
   const FlowParameters *par;
   const FlowStep       *step;
 
@@ -232,7 +232,7 @@ static PetscErrorCode project_cell(CellRelax c, PetscInt i)
       }
     }
     for (PetscInt k = 0; k < nk * nb; k++)
-      size += PetscSqr(b[(c->cell[i] * nk * nb + k) * l->dim + a]) / ((c->scale + stiff) * m[l->cell_node[c->cell[i] * nb + k % nb]]);
+      size += PetscSqr(b[c->cell[i]][k * l->dim + a]) / ((c->scale + stiff) * m[l->cell_node[c->cell[i] * nb + k % nb]]);
   }
   for (PetscInt k = 0; k < nk; k++) T[k * (nk + 1)] += SMALL * size / nk;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -334,9 +334,9 @@ static void relax_cell(CellRelax c, PetscInt i, const PetscReal b[], const Petsc
 
 PetscErrorCode CellRelaxApply(CellRelax c, const PetscReal e[], const PetscReal r[], PetscReal u[], PetscReal p[])
 {
-  const MeshLocal *l   = c->loc;
-  const PetscInt   dim = l->dim, nb = l->nb, nk = c->nk;
-  const PetscReal *b;
+  const MeshLocal        *l   = c->loc;
+  const PetscInt          dim = l->dim, nb = l->nb, nk = c->nk;
+  const PetscReal *const *b;
 
   PetscFunctionBeginUser;
   if (c->total == 0) PetscFunctionReturn(PETSC_SUCCESS);
@@ -348,7 +348,7 @@ PetscErrorCode CellRelaxApply(CellRelax c, const PetscReal e[], const PetscReal 
     const PetscInt cell = c->cell[i], *node = l->cell_node + cell * nb;
     PetscReal      v[MAX_NB * 3], q[4];
 
-    relax_cell(c, i, b + cell * nk * nb * dim, r + cell * nk, v, q);
+    relax_cell(c, i, b[cell], r + cell * nk, v, q);
     for (PetscInt j = 0; j < nb * dim; j++) c->v[node[j / dim] * dim + j % dim] += v[j];
     for (PetscInt k = 0; k < nk; k++) p[cell * nk + k] += q[k];
   }

@@ -108,7 +108,7 @@ static PetscErrorCode create_interpolation(Coarse s)
 
 /* g = I^T b_i for component a of node i: what the node sees of the vertices around it. The Galerkin operator I^T S_p I
    is the sum of weight g g^T over all slots. */
-static PetscErrorCode vertex_gradient(Coarse s, const PetscReal b[], PetscInt i, PetscInt *n, PetscInt col[], PetscReal g[])
+static PetscErrorCode vertex_gradient(Coarse s, const PetscReal *const b[], PetscInt i, PetscInt *n, PetscInt col[], PetscReal g[])
 {
   const MeshLocal *l  = s->loc;
   const PetscInt   nv = 1 << l->dim, dim = l->dim, nd = l->nb * dim;
@@ -131,7 +131,7 @@ static PetscErrorCode vertex_gradient(Coarse s, const PetscReal b[], PetscInt i,
         for (PetscInt a = 0; a < dim; a++) g[at * dim + a] = 0;
       }
       for (PetscInt k = 0; k < s->nk; k++)
-        for (PetscInt a = 0; a < dim; a++) g[at * dim + a] += fit[k * nv + v] * b[c * s->nk * nd + k * nd + j * dim + a];
+        for (PetscInt a = 0; a < dim; a++) g[at * dim + a] += fit[k * nv + v] * b[c][k * nd + j * dim + a];
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -286,7 +286,7 @@ PetscErrorCode CoarseDestroy(Coarse *coarse)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CoarseAddNode(Coarse s, const PetscReal b[], PetscInt i, const PetscReal change[])
+PetscErrorCode CoarseAddNode(Coarse s, const PetscReal *const b[], PetscInt i, const PetscReal change[])
 {
   const PetscInt dim = s->loc->dim;
   PetscInt       n, col[MAX_VERTICES];

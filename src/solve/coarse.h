@@ -18,7 +18,7 @@ PetscErrorCode CoarseDestroy(Coarse *);
 
 /* operator += sum over the components a of own node i of change[a] g_a g_a^T; b [ncell_all][nk][nb dim]: the cells'
    divergence. Not collective. */
-PetscErrorCode CoarseAddNode(Coarse, const PetscReal b[], PetscInt i, const PetscReal change[]);
+PetscErrorCode CoarseAddNode(Coarse, const PetscReal *const b[], PetscInt i, const PetscReal change[]);
 /* What CoarseAddNode gathered becomes part of the operator: before cells change their shape. Not collective. */
 PetscErrorCode CoarseFlush(Coarse);
 /* operator += scale times sum of I^T block I over n own cells; block [n][nk][nk]. Not collective. */

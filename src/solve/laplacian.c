@@ -128,10 +128,10 @@ static PetscErrorCode cell_matrix(Laplacian s, PetscInt c, const PetscReal k[], 
 /* ---- changes ---- */
 
 /* Cells within a body have lost their divergence; they have no coefficient */
-static PetscBool is_dead(const MeshLocal *l, const PetscReal b[], PetscInt nk, PetscInt c)
+static PetscBool is_dead(const MeshLocal *l, const PetscReal *const b[], PetscInt nk, PetscInt c)
 {
   const PetscInt   dim = l->dim, nd = l->nb * dim;
-  const PetscReal *slopes = b + c * nk * nd + (l->nb / 2) * dim; /* at the centre node */
+  const PetscReal *slopes = b[c] + (l->nb / 2) * dim; /* at the centre node */
 
   for (PetscInt k = 1; k < nk; k++)
     for (PetscInt a = 0; a < dim; a++)
@@ -165,10 +165,10 @@ static void hold_vertices(Laplacian s, PetscInt c, PetscInt j, PetscReal value)
   }
 }
 
-static PetscErrorCode add_boundary_node(Laplacian s, const PetscReal b[], PetscInt nk, PetscInt i, const PetscReal change[])
+static PetscErrorCode add_boundary_node(Laplacian s, const PetscReal *const b[], PetscInt i, const PetscReal change[])
 {
-  const MeshLocal *l   = s->loc;
-  const PetscInt   dim = l->dim, nd = l->nb * dim;
+  const MeshLocal *l       = s->loc;
+  const PetscInt   dim     = l->dim;
   PetscReal        flux[3] = {0, 0, 0}, value = 0;
   PetscInt         c = -1, j = 0;
 
@@ -176,14 +176,14 @@ static PetscErrorCode add_boundary_node(Laplacian s, const PetscReal b[], PetscI
   for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++) {
     c = l->node_cell[q];
     for (j = 0; l->cell_node[c * l->nb + j] != i;) j++;
-    for (PetscInt a = 0; a < dim; a++) flux[a] += b[c * nk * nd + j * dim + a];
+    for (PetscInt a = 0; a < dim; a++) flux[a] += b[c][j * dim + a];
   }
   for (PetscInt a = 0; a < dim; a++) value += change[a] * PetscSqr(flux[a]);
   if (value != 0) hold_vertices(s, c, j, value);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode LaplacianAddNode(Laplacian s, const PetscReal b[], PetscInt nk, PetscInt i, const PetscReal change[])
+PetscErrorCode LaplacianAddNode(Laplacian s, const PetscReal *const b[], PetscInt nk, PetscInt i, const PetscReal change[])
 {
   const MeshLocal *l   = s->loc;
   const PetscInt   dim = l->dim, begin = l->node_cell_ptr[i], n = l->node_cell_ptr[i + 1] - begin;
@@ -191,7 +191,7 @@ PetscErrorCode LaplacianAddNode(Laplacian s, const PetscReal b[], PetscInt nk, P
 
   PetscFunctionBeginUser;
   if (s->wall[i]) {
-    PetscCall(add_boundary_node(s, b, nk, i, change));
+    PetscCall(add_boundary_node(s, b, i, change));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   for (PetscInt pass = 0; pass < 2; pass++) { /* the node's volume, then its part in the cells' coefficients */

@@ -66,9 +66,9 @@ static PetscErrorCode create_shell(Pressure p)
 /* Changes of weights are added, so a moving body costs what it touches. */
 static PetscErrorCode update_coarse(Pressure p, const PetscReal weight[])
 {
-  const MeshLocal *l   = p->loc;
-  const PetscInt   dim = l->dim;
-  const PetscReal *b;
+  const MeshLocal        *l   = p->loc;
+  const PetscInt          dim = l->dim;
+  const PetscReal *const *b;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetCellDivergence(p->flow, &b));
@@ -245,9 +245,9 @@ PetscReal PressureGetSoftness(Pressure p, PetscInt k)
 
 PetscErrorCode PressureForgetCells(Pressure p, PetscInt n, const PetscInt cells[])
 {
-  const MeshLocal *l   = p->loc;
-  const PetscInt   dim = l->dim;
-  const PetscReal *b;
+  const MeshLocal        *l   = p->loc;
+  const PetscInt          dim = l->dim;
+  const PetscReal *const *b;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetCellDivergence(p->flow, &b));

@@ -10,7 +10,7 @@ static PetscErrorCode shared_block(Pressure p, const PetscInt fixed[], PetscInt 
 {
   const MeshLocal *l   = p->loc;
   const PetscInt   dim = l->dim, n = l->nb * dim, nk = p->nk;
-  const PetscReal *b, *m;
+  const PetscReal *m, *const *b;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetCellDivergence(p->flow, &b));
@@ -20,7 +20,7 @@ static PetscErrorCode shared_block(Pressure p, const PetscInt fixed[], PetscInt 
     const PetscInt i = l->cell_node[c * l->nb + j / dim];
 
     if (p->constraint->node_body[i] < 0 && !((fixed[i] >> (j % dim)) & 1)) continue;
-    for (PetscInt e = 0; e < nk * nk; e++) block[e] += p->eps_shared / m[i] * b[(c * nk + e / nk) * n + j] * b[(c * nk + e % nk) * n + j];
+    for (PetscInt e = 0; e < nk * nk; e++) block[e] += p->eps_shared / m[i] * b[c][e / nk * n + j] * b[c][e % nk * n + j];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -137,7 +137,8 @@ static PetscInt holder(const struct _p_Constraint *c, const PetscReal share[], P
 
 /* w [nk][nr] = B_c R_k L over the nodes of cell c that move with body k, times their share; fixed components do not
    move, whatever share of a wall's node the body covers */
-static PetscErrorCode cut_rows(Pressure p, const PetscReal share[], const PetscReal b[], PetscInt c, PetscInt k, const PetscReal L[], PetscReal w[])
+static PetscErrorCode cut_rows(Pressure p, const PetscReal share[], const PetscReal *const b[], PetscInt c, PetscInt k, const PetscReal L[],
+                               PetscReal w[])
 {
   const MeshLocal *l   = p->loc;
   const PetscInt   dim = l->dim, n = l->nb * dim, *fixed;
@@ -156,7 +157,7 @@ static PetscErrorCode cut_rows(Pressure p, const PetscReal share[], const PetscR
     for (PetscInt m = 0; m < p->nk; m++)
       for (PetscInt s = 0; s < p->nr; s++)
         for (PetscInt a = 0; a < dim; a++)
-          if (!((fixed[i] >> a) & 1)) q[m * p->nr + s] += part * b[c * p->nk * n + m * n + j * dim + a] * R[a * p->nr + s];
+          if (!((fixed[i] >> a) & 1)) q[m * p->nr + s] += part * b[c][m * n + j * dim + a] * R[a * p->nr + s];
   }
   for (PetscInt e = 0; e < p->nk * p->nr; e++)
     for (PetscInt s = 0; s < p->nr; s++) w[e] += q[e / p->nr * p->nr + s] * L[s * p->nr + e % p->nr];
@@ -167,7 +168,7 @@ PetscErrorCode PressureFindCut(Pressure p, const PetscReal share[], const PetscR
 {
   const struct _p_Constraint *P = p->constraint;
   const MeshLocal            *l = p->loc;
-  const PetscReal            *b;
+  const PetscReal *const     *b;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetCellDivergence(p->flow, &b));

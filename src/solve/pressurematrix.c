@@ -75,7 +75,7 @@ PetscErrorCode PressureCreateMatrix(Pressure p)
 }
 
 /* Set the row of blocks of cell c: sum over shared nodes of B_c weight B_c2^T */
-static PetscErrorCode set_row(Pressure p, const PetscReal b[], const PetscReal weight[], PetscInt c)
+static PetscErrorCode set_row(Pressure p, const PetscReal *const b[], const PetscReal weight[], PetscInt c)
 {
   const MeshLocal *l   = p->loc;
   const PetscInt   dim = l->dim, nb = l->nb, n = nb * dim, nk = p->nk;
@@ -92,7 +92,7 @@ static PetscErrorCode set_row(Pressure p, const PetscReal b[], const PetscReal w
     PetscReal      wb[4][3];
 
     for (PetscInt k = 0; k < nk; k++)
-      for (PetscInt a = 0; a < dim; a++) wb[k][a] = weight[i * dim + a] * b[c * nk * n + k * n + j * dim + a];
+      for (PetscInt a = 0; a < dim; a++) wb[k][a] = weight[i * dim + a] * b[c][k * n + j * dim + a];
     for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++) {
       const PetscInt c2 = l->node_cell[q];
       PetscInt       j2 = 0, at = 0;
@@ -101,7 +101,7 @@ static PetscErrorCode set_row(Pressure p, const PetscReal b[], const PetscReal w
       while (neighbour[at] != c2) at++;
       for (PetscInt k = 0; k < nk; k++)
         for (PetscInt m = 0; m < nk; m++)
-          for (PetscInt a = 0; a < dim; a++) out[(k * nn + at) * nk + m] += wb[k][a] * b[c2 * nk * n + m * n + j2 * dim + a];
+          for (PetscInt a = 0; a < dim; a++) out[(k * nn + at) * nk + m] += wb[k][a] * b[c2][m * n + j2 * dim + a];
     }
   }
   PetscCall(MatSetValuesBlocked(p->matrix, 1, &row, nn, col, out, INSERT_VALUES));
@@ -154,7 +154,7 @@ static PetscReal count_excess(Pressure p, const PetscInt ranges[], PetscInt i)
    (g_a.p_a)^2; the diagonal has w (g_a.p_a)^2 of that, and half of the rest is to be added for a sweep there and back
    to be definite. Only nodes of more than two cells have any. Without it a sweep may be indefinite on several ranks
    (runs/studies/flow-solver, "Many bodies"). */
-static PetscErrorCode set_overlap(Pressure p, const PetscInt ranges[], const PetscReal b[], const PetscReal weight[], PetscInt c)
+static PetscErrorCode set_overlap(Pressure p, const PetscInt ranges[], const PetscReal *const b[], const PetscReal weight[], PetscInt c)
 {
   const MeshLocal *l   = p->loc;
   const PetscInt   dim = l->dim, n = l->nb * dim, nk = p->nk;
@@ -168,13 +168,13 @@ static PetscErrorCode set_overlap(Pressure p, const PetscInt ranges[], const Pet
 
     for (PetscInt e = 0; e < nk * nk && excess > 0; e++)
       for (PetscInt a = 0; a < dim; a++)
-        block[e] += 0.5 * excess * weight[i * dim + a] * b[(c * nk + e / nk) * n + j * dim + a] * b[(c * nk + e % nk) * n + j * dim + a];
+        block[e] += 0.5 * excess * weight[i * dim + a] * b[c][e / nk * n + j * dim + a] * b[c][e % nk * n + j * dim + a];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* The single-precision copy of the listed rows; the first call creates it (the matrix has its pattern then). */
-static PetscErrorCode update_sweeps(Pressure p, const PetscReal b[], const PetscReal weight[])
+static PetscErrorCode update_sweeps(Pressure p, const PetscReal *const b[], const PetscReal weight[])
 {
   char            type[64];
   PetscBool       set, sor = PETSC_TRUE;
@@ -204,9 +204,9 @@ static PetscErrorCode update_sweeps(Pressure p, const PetscReal b[], const Petsc
 
 PetscErrorCode PressureUpdateMatrix(Pressure p, const PetscReal weight[], PetscInt nold, const PetscInt old[])
 {
-  const MeshLocal *l   = p->loc;
-  const PetscInt   dim = l->dim;
-  const PetscReal *b;
+  const MeshLocal        *l   = p->loc;
+  const PetscInt          dim = l->dim;
+  const PetscReal *const *b;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetCellDivergence(p->flow, &b));

@@ -77,8 +77,8 @@ static void close_case(Case *c)
 /* Inverse masses grow by `by` / volume, on the boundary of the domain by `wall` / volume */
 static void add_all(Case *c, PetscReal by, PetscReal wall)
 {
-  const MeshLocal *l = c->l;
-  const PetscReal *b;
+  const MeshLocal        *l = c->l;
+  const PetscReal *const *b;
 
   OK(FlowGetCellDivergence(c->flow, &b));
   for (PetscInt i = 0; i < l->nnode; i++) {
