@@ -131,7 +131,8 @@ PetscErrorCode FlowCellMatrix(Flow f, PetscInt c, PetscReal ce[])
     FlowCellGather(l, c, f->w, wl);
     for (PetscInt i = 0; i < size; i++) wl[i] *= f->par.density * s->theta;
   }
-  ElementOperator(&f->element, &m, f->par.density * s->ct, f->rheology ? 0 : f->par.matrix * s->theta, f->par.convection ? wl : NULL, f->par.skew, ce);
+  ElementOperator(&f->element, &m, f->par.density * s->ct, f->rheology ? 0 : f->par.matrix * s->theta, f->par.convection ? wl : NULL, f->par.skew,
+                  ce);
   if (f->rheology) FlowAddDiffusion(f, c, &m, ce);
   if (f->tensors) FlowAddStiffness(f, c, &m, ce);
   MeshCellMatrix(l, c, 1, f->element.nbp, ce);

@@ -31,7 +31,7 @@ struct _p_Flow {
   /* geometry of the cells */
   PetscBool  *affine;
   PetscReal  *inverse, *det;                /* [ncell_all][dim*dim], [ncell_all] */
-  PetscReal  *centre, *size;                /* [ncell_all][dim] where the pressures of a cell are centred; [ncell_all] */
+  PetscReal  *centre, *size;                /* [ncell_all][dim] where its pressures are centred; [ncell_all] */
   PetscReal  *pmass;                        /* [ncell][dim+1][dim+1] pressure mass^-1 */
   PetscReal **b, **b_own;                   /* [ncell_all] cell matrices of B: own ones (or NULL), or of a kind */
   PetscReal **kind, *kind_size;             /* those that cells share, the first is zero; size of the cells */
