@@ -391,13 +391,22 @@ static PetscErrorCode read_group(BodyGroup *g, PetscInt dim, const BodyParts *pa
 
 /* ---- all groups ---- */
 
+/* list [n]: names of the groups, one more than there may be at most; the caller frees each */
+static PetscErrorCode read_names(PetscInt *n, char *list[])
+{
+  PetscFunctionBeginUser;
+  *n = BODIES_MAX_GROUPS + 1;
+  PetscCall(OptStringArray("-particle_groups", n, list));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode name_groups(BodyArrays *s)
 {
   char    *list[BODIES_MAX_GROUPS + 1];
-  PetscInt n = BODIES_MAX_GROUPS + 1;
+  PetscInt n;
 
   PetscFunctionBeginUser;
-  PetscCall(OptStringArray("-particle_groups", &n, list));
+  PetscCall(read_names(&n, list));
   PetscCheck(n <= BODIES_MAX_GROUPS, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-particle_groups has more than %d names: join bodies of one shape in one group with -particle_<group>_place table", BODIES_MAX_GROUPS);
   s->ngroups = n;
@@ -447,11 +456,11 @@ static PetscErrorCode start_random(BodyArrays *s, Start start[])
 PetscErrorCode BodiesHavePacking(PetscBool *packed)
 {
   char     name[OPT_NAME], place[16], *list[BODIES_MAX_GROUPS + 1];
-  PetscInt n = BODIES_MAX_GROUPS + 1;
+  PetscInt n;
 
   PetscFunctionBeginUser;
   *packed = PETSC_FALSE;
-  PetscCall(OptStringArray("-particle_groups", &n, list));
+  PetscCall(read_names(&n, list));
   for (PetscInt g = 0; g < n; g++) {
     PetscCall(OptPeek(OptJoin("-particle_", list[g], "_place", name), place, sizeof(place)));
     if (!strcasecmp(place, "pack")) *packed = PETSC_TRUE;

@@ -61,7 +61,7 @@ static const OptSpec SPECS[] = {
   {"-flow_convection", OPT_BOOL, "", OPT_ANY, "true", .help = "convection term; false gives the unsteady Stokes equations", .when = FLOW},
   {"-flow_velocity_operator", OPT_CHOICE, "", OPT_ANY, "auto",
    .help = "products with the velocity matrix (auto: matrix_free in 3D for a Newtonian fluid)", .when = FLOW,
-   .choices = "auto, matrix_free, assembled", .expert = PETSC_TRUE},
+   .choices = "auto, matrix_free, assembled"},
   {"-flow_convection_form", OPT_CHOICE, "", OPT_ANY, "convective",
    .help = "w.grad u, or with half of (div w) u, which keeps the energy whatever the divergence of w", .when = FLOW, .choices = "convective, skew"},
   {"-flow_time", OPT_CHOICE, "", OPT_ANY, "bdf2", .help = "time scheme (default with -couple_type explicit: be)", .when = FLOW,

@@ -94,20 +94,20 @@ static PetscErrorCode remark_backflow(const MeshLocal *l, const FlowParameters *
 }
 
 /* Bodies without a flow are spread over the ranks, where nothing in the scene needs all of them together: tangential
-   springs, packing, pictures of the suspension. Else every rank knows them all, and the results are the same. */
+   springs, packing, statistics of the suspension. Else every rank knows them all, and the results are the same. */
 static PetscErrorCode create_bodies(SimParts *part, const MeshLocal *l, PetscBool active)
 {
   char        word[64];
   PetscMPIInt size;
-  PetscBool   packed, spread;
+  PetscBool   packed, counted, spread;
 
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
   PetscCall(OptPeek("-contact_friction", word, sizeof(word)));
   spread = (PetscBool)(!active && size > 1 && atof(word) <= 0);
-  PetscCall(OptPeek("-output_suspension", word, sizeof(word)));
+  PetscCall(OptHas("-output_suspension", &counted));
   PetscCall(BodiesHavePacking(&packed));
-  spread = (PetscBool)(spread && !word[0] && !packed);
+  spread = (PetscBool)(spread && !counted && !packed);
   if (spread) PetscCall(BodiesCreateLocal(PETSC_COMM_WORLD, l->dim, l->lower, l->upper, l->period, &part->bodies));
   else PetscCall(BodiesCreate(l->dim, l->lower, l->upper, &part->bodies));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -4,6 +4,7 @@
 #include "compat.h"
 #include "sim.h"
 #include "adapt.h"
+#include "finish.h"
 #include "judge.h"
 #include "base/log.h"
 #include "base/opt.h"
@@ -539,40 +540,6 @@ static PetscErrorCode renew_solvers(Sim s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* What only a run with a flow has to tell at its end */
-static PetscErrorCode finish_flow(Sim s, PetscInt *cells, PetscInt *unknowns)
-{
-  const MeshLocal *l;
-  FlowSolver       solver;
-  PetscInt         ncut, nbodies;
-  PetscReal        separation;
-  PetscBool        measure;
-  Mat              S;
-
-  PetscFunctionBeginUser;
-  PetscCall(MeshGetLocal(s->part.mesh, &l));
-  PetscCall(CoupleGetSolver(s->part.couple, &solver));
-  PetscCall(FlowSolverGetUnknowns(solver, unknowns));
-  PetscCall(CoupleGetLoad(s->part.couple, &ncut, &nbodies));
-  PetscCall(MonitorBalance(s->part.monitor, "cells", l->ncell));
-  PetscCall(MonitorBalance(s->part.monitor, "nodes", l->nnode));
-  PetscCall(MonitorBalance(s->part.monitor, "ghost_nodes", l->nnode_all - l->nnode));
-  PetscCall(MonitorBalance(s->part.monitor, "body_cells", ncut));
-  PetscCall(MonitorBalance(s->part.monitor, "bodies", nbodies));
-  PetscCall(DiagnosticsFinish(s->part.probe));
-  PetscCall(ContactGetSeparation(s->part.contact, &separation));
-  if (separation > 0) PetscCall(MonitorQuantity(s->part.monitor, "separation_max", separation));
-  if (s->adapt) PetscCall(AdaptFinish(s->adapt));
-  PetscCall(RefineReport(s->part.refine));
-  PetscCall(MonitorEnd(s->part.monitor, &measure));
-  if (measure) {
-    PetscCall(FlowGetMatrix(s->part.flow, &S));
-    PetscCall(MonitorYardstick(s->part.monitor, S));
-  }
-  *cells = l->ncell_global;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode SimRun(Sim s)
 {
   PetscBool   stop = PETSC_FALSE, more = (PetscBool)(s->part.steady != NULL);
@@ -595,7 +562,8 @@ PetscErrorCode SimRun(Sim s)
   if (removed) PetscCall(MonitorQuantity(s->part.monitor, "bodies_removed", removed));
   PetscCall(OutputGetDirectory(s->part.output, &dir));
   PetscCall(SuspensionWrite(s->part.suspension, dir, s->step));
-  if (s->part.flow) PetscCall(finish_flow(s, &cells, &unknowns));
+  if (s->adapt) PetscCall(AdaptFinish(s->adapt));
+  if (s->part.flow) PetscCall(FinishFlow(&s->part, &cells, &unknowns));
   else PetscCall(MonitorQuantity(s->part.monitor, "contact_substeps", s->substeps));
   PetscCall(MonitorFinish(s->part.monitor, s->part.scene, cells, unknowns, s->step, s->time));
   PetscCall(CheckpointFinish(s->part.checkpoint, s->step, s->time));

@@ -5,7 +5,8 @@
 #include "base/log.h"
 #include "base/opt.h"
 
-/* Tolerance from which the operator in single precision does: its error is some 1e-7 of the solution */
+/* Tolerance from which the operator in single precision does: its error is some 1e-7 of its largest entries. Cells in
+   bodies, whose entries are smaller than that, want it as it is. */
 #define LEAST_SINGLE 1e-4
 
 PetscErrorCode PressureGetShared(Pressure p, PetscInt *n, const PetscInt *cell[], const PetscReal *block[])
@@ -197,7 +198,7 @@ PetscErrorCode PressureCreate(Flow flow, Constraint constraint, Pressure *pressu
   p->eps_shared = 1e-3;
   PetscCall(OptReal("-flow_pressure_shared", &p->eps_shared));
   PetscCall(PetscOptionsGetReal(NULL, NULL, "-flow_fieldsplit_pressure_ksp_rtol", &rtol, NULL));
-  p->single = (PetscBool)(rtol >= LEAST_SINGLE);
+  p->single = (PetscBool)(rtol >= LEAST_SINGLE && p->nbodies == 0);
   PetscCall(find_two_level(&two_level));
   PetscCall(ConditionsPressureIsFloating(FlowConditions(flow), &p->floating));
   if (two_level) {

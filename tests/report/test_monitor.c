@@ -126,8 +126,7 @@ static void run_steps(const char name[], const char scene[], char dir[])
   OK(MonitorBalance(m, "cells", 100));
   OK(MonitorBalance(m, "cells", 10. * (1 + my_rank())));
   OK(MonitorEnd(m, &measure));
-  assert_true(measure);
-  OK(MonitorYardstick(m, S));
+  if (measure) OK(MonitorYardstick(m, S));
   OK(MatDestroy(&S));
   OK(MonitorQuantity(m, "cd", 1));
   OK(MonitorQuantity(m, "cd", 3.25));

@@ -46,7 +46,7 @@ def readers():
         names = re.findall(READER, text)
         names = [name.strip('"') for _, name in names if name[0] == '"']
         names += [re.sub("%s", "<group>", name) for name in re.findall(r"SNPrintf\(\w+, [^,]+, \"(-particle_%s_[a-z]\w*)\"", text)]
-        joined = re.findall(r"OptJoin\(\"(-\w+)\", [^,]+, \"(\w*)\"", text)
+        joined = re.findall(r"(?<!OptPeek\()OptJoin\(\"(-\w+)\", [^,]+, \"(\w*)\"", text)
         names += [before + {"-particle_": "<group>", "-mesh_box_": "<box>"}.get(before, "<boundary>") + after for before, after in joined]
         for name in names:
             found[name] = found.get(name, 0) + 1

@@ -150,20 +150,20 @@ def test_outline_has_corners_and_images(results):
     with h5py.File(results(PERIODIC, "periodic") / "bodies_2.h5") as file:
         line, outline, owner = file["line"][:], file["outline"][:], np.ravel(file["cell_body"][:])
         position, angle = file["position"][:], np.ravel(file["angle"][:])
-    assert owner.tolist() == [0, 1, 0]  # the square reaches over the left side, and has an image at the right one
+    assert owner.tolist() == [0, 0, 1]  # the square reaches over the left side, and has an image at the right one
     cos, sin = np.cos(angle), np.sin(angle)
 
     def local(i, k, shift=0):
         r = outline[line[i]][:, :2] - position[k, :2] - [shift, 0]
         return r @ np.array([[cos[k], -sin[k]], [sin[k], cos[k]]])
 
-    for i, shift in ((0, 0), (2, 2)):
+    for i, shift in ((0, 0), (1, 2)):
         x = local(i, 0, shift)
         assert np.abs(x).max(1) == pytest.approx(np.full(len(x), 0.1), abs=1e-9)  # all points on the sides
         for corner in ((-0.1, -0.1), (0.1, -0.1), (0.1, 0.1), (-0.1, 0.1)):
             assert np.abs(x - corner).max(1).min() < 1e-9, corner
         assert x[0] == pytest.approx([0.1, 0], abs=1e-9) and x[0] == pytest.approx(x[-1])  # closed, begins on the axis
-    x = local(1, 1)
+    x = local(2, 1)
     assert np.hypot(x[:, 0] / 0.2, x[:, 1] / 0.02) == pytest.approx(np.ones(len(x)), abs=0.1) and x[0] == pytest.approx([0.2, 0], abs=1e-6)
 
 
@@ -236,6 +236,7 @@ def ask(python, program, out):
 SCENES = [("channel", CHANNEL), ("periodic", PERIODIC), ("ball", BALL)]
 
 
+@pytest.mark.xdist_group("readers")  # which one worker installs
 @pytest.mark.parametrize("name, text", SCENES)
 def test_vtk_reads(results, readers, name, text):
     kind = 29 if name == "ball" else 28
@@ -265,6 +266,7 @@ print(json.dumps(found))
 """
 
 
+@pytest.mark.xdist_group("readers")
 @pytest.mark.parametrize("name, text", SCENES)
 def test_meshio_reads(results, readers, name, text):
     kinds = ("hexahedron27", "triangle", "vertex") if name == "ball" else ("quad9", "line", "vertex")
