@@ -47,7 +47,7 @@ static const struct {
   [FACTORISE_VISCOUS]     = {VISCOUS, 1, "incomplete factorisation of the velocity", STUDY},
   [FACTORISE_CONVECTION]  = {CONVECTIVE, 1, "incomplete factorisation of the velocity", STUDY},
   [FACTORISE_UNRESOLVED]  = {CONVECTIVE, 0.3, "incomplete factorisation in under-resolved flow", STUDY},
-  [ASSEMBLE_VISCOUS]      = {VISCOUS, 5, "the same where it is matrix-free and would have to be assembled for that", STUDY},
+  [ASSEMBLE_VISCOUS]      = {VISCOUS, 2, "the same where it is matrix-free and would have to be assembled for that", STUDY},
   [ASSEMBLE_CONVECTION]   = {CONVECTIVE, 2, "the same where it is matrix-free", STUDY},
 };
 
