@@ -3,7 +3,8 @@
 #include "rowpool.h"
 
 #define MOST_KINDS 256    /* a box in space has some 30 */
-#define ALIKE      2.4e-7 /* of the largest entry: twice the unit round-off of floats */
+#define ALIKE      2.4e-7 /* of the entry: twice the unit round-off of floats */
+#define NOTHING    1e-13  /* of the largest entry: what should be zero */
 #define SLACK      4
 
 /* A sum that tells most rows apart; its terms are of the size of the entries */
@@ -22,7 +23,7 @@ static PetscReal add_up(PetscInt n, const PetscReal value[], PetscReal *size)
 static PetscBool is_alike(PetscInt n, const PetscReal value[], const float row[], PetscReal size)
 {
   for (PetscInt e = 0; e < n; e++)
-    if (PetscAbsReal(value[e] - row[e]) > ALIKE * size) return PETSC_FALSE;
+    if (PetscAbsReal(value[e] - row[e]) > ALIKE * PetscAbsReal(value[e]) + NOTHING * size) return PETSC_FALSE;
   return PETSC_TRUE;
 }
 
