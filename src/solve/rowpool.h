@@ -2,7 +2,8 @@
 
    Away from bodies and boundaries the rows of a uniform mesh hold the same numbers in the same order, and what sweeps
    and products must load falls from the whole matrix to a few rows, which stay in the cache. Alike means: no entry
-   differs by more than its own round-off as a float (small ones are those of nodes in bodies, and count there). Nothing here is collective. */
+   differs by more than its own round-off as a float (small ones are those of nodes in bodies, and count there).
+   Nothing here is collective. */
 #pragma once
 #include <petscsys.h>
 
