@@ -38,7 +38,7 @@ static PetscInt moment_count(Parts p)
   return p->loc->dim == 2 ? NPAIR * NPAIR : NPAIR * NPAIR * NPAIR;
 }
 
-/* As below in space, one axis after the other (sum factorisation): v holds the place and its slopes along the axes
+/* In space one axis after the other (sum factorisation): v holds the place and its slopes along the axes
    that are done, at what is still nodes (last axis) or samples already (first) */
 static void place_samples_in_space(Parts p, const PetscReal xc[], PetscReal x[], PetscReal w[])
 {
@@ -79,36 +79,31 @@ static void place_samples_in_space(Parts p, const PetscReal xc[], PetscReal x[],
   }
 }
 
+static void place_samples_in_plane(Parts p, const PetscReal xc[], PetscReal x[], PetscReal w[])
+{
+  const PetscInt  n    = p->nsample;
+  const PetscReal part = PetscPowRealInt(2.0 / n, 2);
+
+  for (PetscInt q = 0; q < n * n; q++) {
+    const PetscReal *f[2] = {p->phi[q % n], p->phi[q / n]}, *g[2] = {p->dphi[q % n], p->dphi[q / n]};
+    PetscReal        J[4] = {0};
+
+    x[q * 2] = x[q * 2 + 1] = 0;
+    for (PetscInt j = 0; j < 9; j++)
+      for (PetscInt a = 0; a < 2; a++) {
+        x[q * 2 + a] += f[0][j % 3] * f[1][j / 3] * xc[j * 2 + a];
+        J[a * 2] += g[0][j % 3] * f[1][j / 3] * xc[j * 2 + a];
+        J[a * 2 + 1] += f[0][j % 3] * g[1][j / 3] * xc[j * 2 + a];
+      }
+    w[q] = part * DenseDeterminant(2, J);
+  }
+}
+
 /* Places x [samples][dim] and volumes w [samples] of the samples of a cell with node coordinates xc */
 static void place_samples(Parts p, const PetscReal xc[], PetscReal x[], PetscReal w[])
 {
-  const PetscInt  dim = p->loc->dim, nb = p->loc->nb, n = p->nsample, total = sample_count(p);
-  const PetscReal part = PetscPowRealInt(2.0 / n, (int)dim);
-
-  if (dim == 3) {
-    place_samples_in_space(p, xc, x, w);
-    return;
-  }
-  for (PetscInt q = 0; q < total; q++) {
-    const PetscInt s[3] = {q % n, (q / n) % n, q / (n * n)};
-    PetscReal      J[9] = {0};
-
-    for (PetscInt a = 0; a < dim; a++) x[q * dim + a] = 0;
-    for (PetscInt j = 0; j < nb; j++) {
-      const PetscInt l[3]  = {j % 3, (j / 3) % 3, j / 9};
-      PetscReal      value = 1;
-
-      for (PetscInt e = 0; e < dim; e++) value *= p->phi[s[e]][l[e]];
-      for (PetscInt a = 0; a < dim; a++) x[q * dim + a] += value * xc[j * dim + a];
-      for (PetscInt e = 0; e < dim; e++) {
-        PetscReal slope = 1;
-
-        for (PetscInt o = 0; o < dim; o++) slope *= o == e ? p->dphi[s[o]][l[o]] : p->phi[s[o]][l[o]];
-        for (PetscInt a = 0; a < dim; a++) J[a * dim + e] += slope * xc[j * dim + a];
-      }
-    }
-    w[q] = part * DenseDeterminant(dim, J);
-  }
+  if (p->loc->dim == 3) place_samples_in_space(p, xc, x, w);
+  else place_samples_in_plane(p, xc, x, w);
 }
 
 /* m [6]^dim: sums of the weights with the products of functions of each axis, first axis fastest */

@@ -13,33 +13,24 @@
 void BatchSetTables(PetscInt dim, BatchTables *t)
 {
   const PetscReal at = PetscSqrtReal(0.6), point[3] = {-at, 0, at}, weight[3] = {5.0 / 9, 8.0 / 9, 5.0 / 9};
-  PetscReal       line[2][3][3]; /* values and derivatives of the basis at the points */
 
   t->dim = dim;
   t->n   = NPOINT(dim);
   for (PetscInt q = 0; q < 3; q++) {
     PetscReal v[3], dv[3];
 
-    ElementLine(point[q], line[0][q], line[1][q]);
-    for (PetscInt j = 0; j < 3; j++) t->value[q][j] = t->value_t[j][q] = line[0][q][j];
+    ElementLine(point[q], v, dv);
+    for (PetscInt j = 0; j < 3; j++) t->value[q][j] = t->value_t[j][q] = v[j];
     ElementLine(point[q] / at, v, dv); /* the basis of the points is that of the nodes, stretched */
     for (PetscInt j = 0; j < 3; j++) t->slope[q][j] = t->slope_t[j][q] = dv[j] / at;
   }
   for (PetscInt q = 0; q < t->n; q++) {
-    const PetscInt qd[3] = {q % 3, q / 3 % 3, q / 9};
+    const PetscInt  qd[3] = {q % 3, q / 3 % 3, q / 9};
+    const PetscReal xi[3] = {point[qd[0]], point[qd[1]], point[qd[2]]};
 
     t->weight[q] = 1;
     for (PetscInt d = 0; d < dim; d++) t->weight[q] *= weight[qd[d]];
-    for (PetscInt j = 0; j < t->n; j++) {
-      const PetscInt jd[3] = {j % 3, j / 3 % 3, j / 9};
-
-      t->phi[q][j] = 1;
-      for (PetscInt d = 0; d < dim; d++) t->phi[q][j] *= line[0][qd[d]][jd[d]];
-      for (PetscInt e = 0; e < dim; e++) {
-        t->dphi[q][e][j] = 1;
-        for (PetscInt d = 0; d < dim; d++) t->dphi[q][e][j] *= line[d == e][qd[d]][jd[d]];
-      }
-    }
+    ElementBasis(dim, xi, t->phi[q], t->dphi[q]);
   }
 }
 
@@ -306,7 +297,7 @@ INLINE void diagonal(const int dim, const BatchTables *t, const BatchForm *f, co
       PetscReal slope[3];
       Lanes     s = t->phi[q][j] * mass;
 
-      for (int e = 0; e < dim; e++) slope[e] = t->dphi[q][e][j];
+      for (int e = 0; e < dim; e++) slope[e] = t->dphi[q][e * NPOINT(dim) + j];
       for (int e = 0; e < dim && flow; e++) s += slope[e] * flow[e];
       d[j] += t->phi[q][j] * s;
       for (int e = 0, at = 0; e < dim; e++)

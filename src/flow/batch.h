@@ -17,7 +17,8 @@ typedef struct {
   PetscInt  dim, n; /* nodes of a cell, quadrature points */
   PetscReal value[3][3], value_t[3][3], slope[3][3], slope_t[3][3];
   PetscReal weight[MESH_MAX_NB];
-  PetscReal phi[MESH_MAX_NB][MESH_MAX_NB], dphi[MESH_MAX_NB][3][MESH_MAX_NB]; /* basis at the points: [point]..[node] */
+  PetscReal phi[MESH_MAX_NB][MESH_MAX_NB];      /* basis at the points: [point][node] */
+  PetscReal dphi[MESH_MAX_NB][3 * MESH_MAX_NB]; /* [point][axis, node] */
 } BatchTables;
 
 /* The operator a (u, v) + b (grad u, grad v) + (w . grad u + skew div w u, v) */

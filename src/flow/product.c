@@ -13,9 +13,9 @@ typedef struct {
 struct _p_Product {
   BatchTables tables;
   BatchForm   form;
-  PetscInt    n, room;
+  PetscInt    n, batch_room;
   Batch      *batch;
-  size_t      size; /* of the coefficients */
+  size_t      used, room; /* coefficients */
   Lanes      *coefficient;
   void       *memory; /* which they lie in, at an address that vectors want */
   PetscReal  *x, *y;  /* [nnode_all][dim] with ghosts, on more than one rank */
@@ -52,13 +52,13 @@ static PetscErrorCode group_cells(Flow f, struct _p_Product *p)
     form.box = (PetscBool)k;
     lanes[k] = (size_t)BatchCoefficients(&p->tables, &form);
   }
-  if (p->room < most) {
+  if (p->batch_room < most) {
     PetscCall(PetscFree(p->batch));
     PetscCall(PetscMalloc1(most, &p->batch));
-    p->room = most;
+    p->batch_room = most;
   }
   p->n    = 0;
-  p->size = 0;
+  p->used = 0;
   for (PetscInt c = 0; c < f->loc->ncell; c++) {
     const PetscBool box = is_box(f, c);
     Batch          *b   = open[box];
@@ -68,8 +68,8 @@ static PetscErrorCode group_cells(Flow f, struct _p_Product *p)
       b      = &p->batch[p->n++];
       b->n   = 0;
       b->box = box;
-      b->at  = p->size;
-      p->size += lanes[box];
+      b->at  = p->used;
+      p->used += lanes[box];
     }
     b->cell[b->n++] = c;
     open[box]       = b->n < BATCH_LANES ? b : NULL;
@@ -77,12 +77,13 @@ static PetscErrorCode group_cells(Flow f, struct _p_Product *p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode make_room(struct _p_Product *p, size_t before)
+static PetscErrorCode make_room(struct _p_Product *p)
 {
   PetscFunctionBeginUser;
-  if (p->size <= before) PetscFunctionReturn(PETSC_SUCCESS);
+  if (p->used <= p->room) PetscFunctionReturn(PETSC_SUCCESS);
+  p->room = p->used;
   PetscCall(PetscFree(p->memory));
-  PetscCall(PetscMalloc((p->size + 1) * sizeof(Lanes), &p->memory));
+  PetscCall(PetscMalloc((p->room + 1) * sizeof(Lanes), &p->memory));
   p->coefficient = (Lanes *)(((size_t)p->memory + sizeof(Lanes) - 1) / sizeof(Lanes) * sizeof(Lanes));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -156,8 +157,7 @@ static PetscErrorCode set_batch(Flow f, struct _p_Product *p, const Batch *b)
 
 PetscErrorCode FlowUpdateProduct(Flow f)
 {
-  struct _p_Product *p      = f->product;
-  const size_t       before = p->size;
+  struct _p_Product *p = f->product;
 
   PetscFunctionBeginUser;
   p->form = (BatchForm){.a          = f->par.density * f->step.ct,
@@ -165,8 +165,7 @@ PetscErrorCode FlowUpdateProduct(Flow f)
                         .skew       = f->par.skew,
                         .convection = f->par.convection};
   PetscCall(group_cells(f, p));
-  PetscCall(make_room(p, before));
-  p->size = PetscMax(p->size, before);
+  PetscCall(make_room(p));
   for (PetscInt i = 0; i < p->n; i++) PetscCall(set_batch(f, p, &p->batch[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
