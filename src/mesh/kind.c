@@ -1,25 +1,24 @@
 /* Meshkind: serial meshes built from options (see kind.h).
 
-   Boxes come from PETSc, O-grids from ogrid.c, the boundaries of mesh files from gmsh.c. Sizes
-   of the graded channel meshes are fixed by a basic resolution and its cell counts, and other resolutions multiply the
-   counts, so that meshes of twice the resolution contain the lines of the coarser ones. Lengths in the unit of the
+   Boxes come from PETSc, what is round from round.c, the boundaries of mesh files from gmsh.c. Sizes of the graded
+   channel meshes are fixed by a basic resolution and its cell counts, and other resolutions multiply the counts, so
+   that meshes of twice the resolution contain the lines of the coarser ones. Lengths in the unit of the
    scene. Does not refine or distribute. */
 #include "compat.h"
 #include "memory.h"
 #include "kindimpl.h"
-#include "ogrid.h"
 #include "base/domain.h"
 #include "base/mix.h"
 #include "base/opt.h"
 
-static const char *const kind_names[] = {"box", "channel", "fitted", "disc", "annulus", "file", NULL};
+static const char *const kind_names[] = {"box", "channel", "fitted", "disc", "annulus", "tube", "ball", "shell", "file", NULL};
 
 /* Channel of Schaefer & Turek, and the sizes on which its meshes are based */
 static const PetscReal channel_upper[2] = {2.2, 0.41}, cylinder_centre[2] = {0.2, 0.2}, cylinder_radius = 0.05;
 
 /* ---- options ---- */
 
-static PetscErrorCode read_periodic(MeshKind k)
+PetscErrorCode MeshKindReadPeriodic(MeshKind k)
 {
   PetscInt n = 3;
   char    *names[3];
@@ -57,17 +56,12 @@ static PetscErrorCode read_growth(PetscInt dim, Grading *g)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscInt round_count(PetscReal n)
-{
-  return PetscMax(1, (PetscInt)PetscFloorReal(n + 0.5));
-}
-
-/* Mesh lines of all axes; cell counts are those of the grading times scale. n, if not NULL, returns the counts before,
-   in and behind the fine part of each axis */
-static PetscErrorCode set_lines(MeshKind k, const Grading *g, PetscReal scale, PetscInt (*n)[3])
+/* Mesh lines of the first dim axes; cell counts are those of the grading times scale. n, if not NULL, returns the
+   counts before, in and behind the fine part of each axis */
+static PetscErrorCode set_lines(MeshKind k, PetscInt dim, const Grading *g, PetscReal scale, PetscInt (*n)[3])
 {
   PetscFunctionBeginUser;
-  for (PetscInt d = 0; d < k->dim; d++) {
+  for (PetscInt d = 0; d < dim; d++) {
     PetscReal end[4] = {k->lower[d], g->lower[d], g->upper[d], k->upper[d]}, shift = 0, room = PETSC_MAX_REAL;
     PetscInt  count[3] = {0, 0, 0};
 
@@ -75,10 +69,10 @@ static PetscErrorCode set_lines(MeshKind k, const Grading *g, PetscReal scale, P
       const PetscReal length = end[part + 1] - end[part];
 
       if (length <= 0) continue;
-      count[part] = round_count(scale * round_count(MeshMapCountCells(length, g->h, g->growth[d], g->coarsest[d])));
+      count[part] = MeshKindCount(scale * MeshKindCount(MeshMapCountCells(length, g->h, g->growth[d], g->coarsest[d])));
       room        = PetscMin(room, length);
     }
-    count[1] = round_count(scale * round_count((end[2] - end[1]) / g->h));
+    count[1] = MeshKindCount(scale * MeshKindCount((end[2] - end[1]) / g->h));
     if (g->seed && count[0] && count[2]) shift = random_fraction(g->seed, d) * PetscMin((end[2] - end[1]) / count[1], room);
     end[1] += shift;
     end[2] += shift;
@@ -120,7 +114,7 @@ static PetscErrorCode read_focus(MeshKind k)
   }
   PetscCall(read_growth(k->dim, &g));
   PetscCall(read_seed(&g));
-  PetscCall(set_lines(k, &g, 1, NULL));
+  PetscCall(set_lines(k, k->dim, &g, 1, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -148,11 +142,13 @@ static PetscErrorCode read_corners(MeshKind k)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode read_circle(MeshKind k)
+static PetscErrorCode check_corners(MeshKind k)
 {
   PetscFunctionBeginUser;
-  PetscCall(OptRealArray("-mesh_centre", 2, k->map.centre, NULL));
-  PetscCall(OptReal("-mesh_radius", &k->map.radius[0]));
+  for (PetscInt d = 0; d < k->dim; d++) {
+    PetscCheck(k->upper[d] > k->lower[d], k->comm, PETSC_ERR_USER_INPUT, "The box is empty along axis %c: -mesh_upper %g is not above -mesh_lower %g",
+               (char)('x' + d), (double)k->upper[d], (double)k->lower[d]);
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -165,11 +161,8 @@ static PetscErrorCode read_box(MeshKind k)
   }
   PetscCall(read_dimension(k));
   PetscCall(read_corners(k));
-  for (PetscInt d = 0; d < k->dim; d++) {
-    PetscCheck(k->upper[d] > k->lower[d], k->comm, PETSC_ERR_USER_INPUT, "The box is empty along axis %c: -mesh_upper %g is not above -mesh_lower %g",
-               (char)('x' + d), (double)k->upper[d], (double)k->lower[d]);
-  }
-  PetscCall(read_periodic(k));
+  PetscCall(check_corners(k));
+  PetscCall(MeshKindReadPeriodic(k));
   PetscCall(read_focus(k));
   if (k->map.type == MESHMAP_IDENTITY) PetscCall(OptIntArray("-mesh_cells", k->dim, k->cells, NULL));
   for (PetscInt d = 0; d < k->dim; d++) {
@@ -180,15 +173,6 @@ static PetscErrorCode read_box(MeshKind k)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode read_resolution(PetscInt least, PetscInt *resolution)
-{
-  PetscFunctionBeginUser;
-  PetscCall(OptInt("-mesh_resolution", resolution));
-  PetscCheck(*resolution >= least, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-             "-mesh_resolution %" PetscInt_FMT " is too coarse for this mesh: at least %" PetscInt_FMT, *resolution, least);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* 2,211 cells at 10 cells a diameter, 8,844 at 20: the mesh on which the boundary treatments were compared */
 static PetscErrorCode read_channel(MeshKind k)
 {
@@ -196,11 +180,11 @@ static PetscErrorCode read_channel(MeshKind k)
   PetscInt resolution = 10;
 
   PetscFunctionBeginUser;
-  PetscCall(read_resolution(2, &resolution));
+  PetscCall(MeshKindReadResolution(2, &resolution));
   PetscCall(read_growth(2, &g));
   PetscCall(read_seed(&g));
   for (PetscInt d = 0; d < 2; d++) k->upper[d] = channel_upper[d];
-  PetscCall(set_lines(k, &g, resolution / 10.0, NULL));
+  PetscCall(set_lines(k, 2, &g, resolution / 10.0, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -213,16 +197,19 @@ static PetscErrorCode read_fitted(MeshKind k)
 
   PetscFunctionBeginUser;
   k->map.ring_ratio = 3;
-  PetscCall(read_resolution(2, &resolution));
-  PetscCall(OptReal("-mesh_ring_ratio", &k->map.ring_ratio));
+  PetscCall(read_dimension(k));
+  PetscCall(MeshKindReadResolution(2, &resolution));
+  PetscCall(MeshKindReadRatio(k));
   PetscCall(read_growth(2, &g));
   for (PetscInt d = 0; d < 2; d++) {
     k->upper[d]      = channel_upper[d];
     k->map.centre[d] = cylinder_centre[d];
   }
+  k->upper[2]      = channel_upper[1];
   k->map.radius[0] = cylinder_radius;
   PetscCall(read_corners(k));
-  PetscCall(read_circle(k));
+  PetscCall(check_corners(k));
+  PetscCall(MeshKindReadCircle(k));
   radius = g.h = k->map.radius[0];
   for (PetscInt d = 0; d < 2; d++) {
     g.lower[d] = k->map.centre[d] - 2 * radius;
@@ -232,51 +219,20 @@ static PetscErrorCode read_fitted(MeshKind k)
                "-mesh_radius %g, -mesh_lower or -mesh_upper",
                (double)g.lower[d], (double)g.upper[d], (char)('x' + d), (double)k->lower[d], (double)k->upper[d], (double)radius);
   }
-  PetscCall(set_lines(k, &g, resolution / 4.0, n));
+  PetscCall(set_lines(k, 2, &g, resolution / 4.0, n));
   for (PetscInt d = 0; d < 2; d++) {
     k->block[d]      = n[d][0];
     k->map.middle[d] = n[d][0] + 0.5 * resolution;
   }
   k->block[2]  = resolution;
-  k->nring     = round_count(0.5 * resolution);
+  k->nring     = MeshKindCount(0.5 * resolution);
   k->map.type  = MESHMAP_FITTED;
   k->map.outer = 0.5 * resolution;
   k->map.inner = 0.5 * k->map.outer;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Rings of cells that are about as thick as long */
-static PetscErrorCode read_disc(MeshKind k)
-{
-  k->block[2]      = 4;
-  k->map.radius[0] = 1;
-  k->map.type      = MESHMAP_DISC;
-  PetscFunctionBeginUser;
-  PetscCall(read_circle(k));
-  PetscCall(read_resolution(1, &k->block[2]));
-  k->nring     = round_count(0.3 * k->block[2]);
-  k->map.inner = 0.5 * k->block[2];
-  k->map.outer = k->map.inner + k->nring;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode read_annulus(MeshKind k)
-{
-  PetscReal *r = k->map.radius;
-
-  PetscFunctionBeginUser;
-  k->block[2] = 4;
-  r[0]        = 1;
-  r[1]        = 2;
-  k->map.type = MESHMAP_ANNULUS;
-  PetscCall(OptRealArray("-mesh_centre", 2, k->map.centre, NULL));
-  PetscCall(OptRealArray("-mesh_radii", 2, r, NULL));
-  PetscCheck(r[1] > r[0], k->comm, PETSC_ERR_USER_INPUT, "-mesh_radii %g,%g: the outer radius must be larger than the inner one", (double)r[0],
-             (double)r[1]);
-  PetscCall(read_resolution(1, &k->block[2]));
-  k->nring     = round_count((r[1] - r[0]) / (0.25 * PETSC_PI * (r[0] + r[1])) * k->block[2]);
-  k->map.inner = 0.5 * k->block[2];
-  k->map.outer = k->map.inner + k->nring;
+  if (k->dim == 2) PetscFunctionReturn(PETSC_SUCCESS);
+  /* layers twice as thick as cells beside the block */
+  PetscCall(MeshKindReadLayers(k, MeshKindCount((k->upper[2] - k->lower[2]) / (8 * radius) * resolution)));
+  PetscCall(MeshKindCheckMemory(k, k->cells[2] * (k->cells[0] * k->cells[1] + resolution * (4 * k->nring - resolution))));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -294,11 +250,13 @@ static PetscErrorCode read_file(MeshKind k)
 
 static PetscErrorCode read_options(MeshKind k)
 {
-  PetscErrorCode (*const read[])(MeshKind) = {read_box, read_channel, read_fitted, read_disc, read_annulus, read_file};
+  PetscErrorCode (*const read[])(MeshKind) = {read_box,         read_channel,     read_fitted,       MeshKindReadDisc, MeshKindReadAnnulus,
+                                              MeshKindReadTube, MeshKindReadBall, MeshKindReadShell, read_file};
 
   PetscFunctionBeginUser;
   k->dim = 2;
   PetscCall(OptChoice("-mesh_kind", kind_names, &k->kind));
+  k->name = kind_names[k->kind];
   PetscCall(read[k->kind](k));
   k->map.dim = k->dim;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -313,22 +271,33 @@ static PetscErrorCode add_boundary(MeshKind k, const char name[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Boundary of a mesh we made that holds the outer face at q; NULL: the face is inside a periodic axis */
-static const char *boundary_of_face(MeshKind k, const PetscReal q[])
+/* Side of a box that holds the outer face at q, of the axes from the first one on; O-grids in index coordinates */
+static const char *side_of_face(MeshKind k, PetscInt first, const PetscReal q[])
 {
-  const PetscReal s = PetscMax(PetscAbsReal(q[0]), PetscAbsReal(q[1]));
+  const PetscBool box = (PetscBool)(k->kind == KIND_BOX || k->kind == KIND_CHANNEL);
 
-  if (k->kind == KIND_DISC) return "outer";
-  if (k->kind == KIND_ANNULUS) return s > 0.5 * (k->map.inner + k->map.outer) ? "outer" : "inner";
-  for (PetscInt d = 0; d < k->dim; d++) {
-    const PetscReal lower = k->kind == KIND_FITTED ? 0 : k->lower[d], upper = k->kind == KIND_FITTED ? k->cells[d] : k->upper[d],
-                    tol = 1e-6 * (upper - lower) / k->cells[d];
+  for (PetscInt d = first; d < k->dim; d++) {
+    const PetscReal lower = box ? k->lower[d] : 0, upper = box ? k->upper[d] : k->cells[d], tol = 1e-6 * (upper - lower) / k->cells[d];
 
     if (k->period[d] > 0) continue;
     if (PetscAbsReal(q[d] - lower) < tol) return DOMAIN_SIDE[2 * d];
     if (PetscAbsReal(q[d] - upper) < tol) return DOMAIN_SIDE[2 * d + 1];
   }
-  return k->kind == KIND_FITTED ? "cylinder" : NULL;
+  return NULL;
+}
+
+/* Boundary of a mesh we made that holds the outer face at q; NULL: the face is inside a periodic axis */
+static const char *boundary_of_face(MeshKind k, const PetscReal q[])
+{
+  const PetscBool cubes = (PetscBool)(k->kind == KIND_BALL || k->kind == KIND_SHELL);
+  const PetscReal s     = PetscMax(PetscMax(PetscAbsReal(q[0]), PetscAbsReal(q[1])), cubes ? PetscAbsReal(q[2]) : 0);
+  const char     *side;
+
+  if (k->kind == KIND_DISC || k->kind == KIND_BALL) return "outer";
+  if (k->kind == KIND_ANNULUS || k->kind == KIND_SHELL) return s > 0.5 * (k->map.inner + k->map.outer) ? "outer" : "inner";
+  side = side_of_face(k, k->kind == KIND_TUBE ? 2 : 0, q);
+  if (side) return side;
+  return k->kind == KIND_FITTED ? "cylinder" : k->kind == KIND_TUBE ? "outer" : NULL;
 }
 
 static PetscErrorCode label_faces(MeshKind k, DM dm)
@@ -354,13 +323,13 @@ static PetscErrorCode label_faces(MeshKind k, DM dm)
 
 static PetscErrorCode name_boundaries(MeshKind k)
 {
+  const PetscBool rings = (PetscBool)(k->kind == KIND_ANNULUS || k->kind == KIND_SHELL);
+  const PetscBool round = (PetscBool)(rings || k->kind == KIND_DISC || k->kind == KIND_BALL);
+
   PetscFunctionBeginUser;
-  if (k->kind == KIND_ANNULUS) PetscCall(add_boundary(k, "inner"));
-  if (k->kind == KIND_ANNULUS || k->kind == KIND_DISC) {
-    PetscCall(add_boundary(k, "outer"));
-    PetscFunctionReturn(PETSC_SUCCESS);
-  }
-  for (PetscInt i = 0; i < 2 * k->dim; i++)
+  if (rings) PetscCall(add_boundary(k, "inner"));
+  if (round || k->kind == KIND_TUBE) PetscCall(add_boundary(k, "outer"));
+  for (PetscInt i = k->kind == KIND_TUBE ? 4 : 0; i < 2 * k->dim && !round; i++)
     if (k->period[i / 2] == 0) PetscCall(add_boundary(k, DOMAIN_SIDE[i]));
   if (k->kind == KIND_FITTED) PetscCall(add_boundary(k, "cylinder"));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -384,21 +353,6 @@ static PetscErrorCode read_round(MeshKind k, DM dm)
 }
 
 /* ---- creation ---- */
-
-static PetscErrorCode create_rings(MeshKind k, DM *dm)
-{
-  OGrid g = {.nring = k->nring, .n = k->block[2], .middle = (PetscBool)(k->kind == KIND_DISC)};
-
-  PetscFunctionBeginUser;
-  for (PetscInt d = 0; d < 2; d++) {
-    if (k->kind == KIND_FITTED) {
-      g.nsquare[d] = k->map.ncell[d];
-      g.block[d]   = k->block[d];
-    } else if (k->kind == KIND_DISC) g.nsquare[d] = g.n;
-  }
-  PetscCall(OGridCreate(k->comm, &g, &k->map, dm));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
 
 static PetscErrorCode create_from_file(MeshKind k, DM *dm)
 {
@@ -439,7 +393,7 @@ PetscErrorCode MeshKindCreate(MPI_Comm comm, MeshKind *kind, DM *dm)
     PetscCall(create_from_file(k, dm));
   } else {
     if (k->kind == KIND_BOX || k->kind == KIND_CHANNEL) PetscCall(create_box(k, dm));
-    else PetscCall(create_rings(k, dm));
+    else PetscCall(MeshKindCreateRound(k, dm));
     PetscCall(name_boundaries(k));
     PetscCall(label_faces(k, *dm));
   }

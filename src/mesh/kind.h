@@ -7,9 +7,15 @@
               cells a diameter (10: 2,211 cells)
      fitted   the same channel with the cylinder (centre (0.2,0.2), radius 0.05) as a hole in an O-grid:
               -mesh_resolution cells a quarter of the circle (16: 2,176 cells; 4: 136, a coarse mesh for -dm_refine),
-              -mesh_ring_ratio thickness of the outermost layer of the O-grid over the innermost
+              -mesh_ring_ratio thickness of the outermost layer of the O-grid over the innermost. With -mesh_dimension 3
+              the same in layers of cells along z, -mesh_layers n, -mesh_layer_ratio thickness of the middle one over
+              those at the ends, -mesh_periodic z
      disc     -mesh_centre, -mesh_radius, -mesh_resolution cells a quarter of the circle (4)
      annulus  -mesh_centre, -mesh_radii inner,outer, -mesh_resolution
+     tube     the disc in layers of cells along z from 0 to -mesh_length; -mesh_layers, -mesh_layer_ratio,
+              -mesh_periodic z, -mesh_ring_ratio
+     ball     -mesh_centre x,y,z, -mesh_radius, -mesh_resolution cells a quarter of a great circle, -mesh_ring_ratio
+     shell    -mesh_centre x,y,z, -mesh_radii inner,outer, -mesh_resolution, -mesh_ring_ratio
      file     -mesh_file name.msh of quadrilaterals or hexahedra; its physical names are the boundaries;
               -mesh_round_<boundary> cx,cy,r bends a boundary that is a polygon in the file to the circle, on every
               level of refinement (2D)

@@ -1,4 +1,5 @@
-/* The inside of a MeshKind, for kind.c (options, boxes) and gmsh.c (what mesh files need). */
+/* The inside of a MeshKind, for kind.c (options, boxes), round.c (circles, spheres) and gmsh.c (what mesh files need).
+ */
 #pragma once
 #include "kind.h"
 #include "map.h"
@@ -11,20 +12,24 @@ enum {
   KIND_FITTED,
   KIND_DISC,
   KIND_ANNULUS,
+  KIND_TUBE,
+  KIND_BALL,
+  KIND_SHELL,
   KIND_FILE
 };
 
 struct _p_MeshKind {
-  MPI_Comm  comm;
-  PetscInt  kind, dim;
-  PetscInt  cells[3];
-  PetscReal lower[3], upper[3], period[3];
-  PetscInt  block[3]; /* fitted: first line of the O-grid block along x, y; O-grids: cells along a side */
-  PetscInt  nring;
-  char      file[PETSC_MAX_PATH_LEN];
-  MeshMap   map;
-  PetscInt  nboundary;
-  char      boundary[MAX_BOUNDARIES][64];
+  MPI_Comm    comm;
+  PetscInt    kind, dim;
+  const char *name; /* of the kind */
+  PetscInt    cells[3];
+  PetscReal   lower[3], upper[3], period[3];
+  PetscInt    block[3]; /* fitted: first line of the O-grid block along x, y; what is round: cells along a side */
+  PetscInt    nring;
+  char        file[PETSC_MAX_PATH_LEN];
+  MeshMap     map;
+  PetscInt    nboundary;
+  char        boundary[MAX_BOUNDARIES][64];
 };
 
 /* The physical names of a Gmsh file that hold faces become the boundaries; the mesh is on rank 0. Collective.
@@ -33,3 +38,28 @@ PetscErrorCode MeshKindFindFileBoundaries(MeshKind, DM);
 /* This boundary of a 2D file is the circle {x, y, radius}: its vertices move there, its cells are bent. Collective.
    Error: a vertex that is not near the circle. */
 PetscErrorCode MeshKindMakeRound(MeshKind, DM, const char boundary[], const PetscReal circle[3]);
+
+/* Readers of options, collective: -mesh_periodic for the box from lower to upper; centre and radius of a circle;
+   -mesh_ring_ratio;
+   -mesh_resolution (error: below `least`); layers of an O-grid along z (n: as many unless told otherwise) and their
+   periodicity. */
+PetscErrorCode MeshKindReadPeriodic(MeshKind);
+PetscErrorCode MeshKindReadCircle(MeshKind);
+PetscErrorCode MeshKindReadRatio(MeshKind);
+PetscErrorCode MeshKindReadResolution(PetscInt least, PetscInt *resolution);
+PetscErrorCode MeshKindReadLayers(MeshKind, PetscInt n);
+/* Error: so many cells in space do not fit into memory. Collective. */
+PetscErrorCode MeshKindCheckMemory(MeshKind, PetscInt ncell);
+/* The whole number nearest to n, at least 1 */
+static inline PetscInt MeshKindCount(PetscReal n)
+{
+  return PetscMax(1, (PetscInt)PetscFloorReal(n + 0.5));
+}
+
+/* Options of these kinds, and the mesh of them and of the fitted channel on rank 0. Collective. */
+PetscErrorCode MeshKindReadDisc(MeshKind);
+PetscErrorCode MeshKindReadAnnulus(MeshKind);
+PetscErrorCode MeshKindReadTube(MeshKind);
+PetscErrorCode MeshKindReadBall(MeshKind);
+PetscErrorCode MeshKindReadShell(MeshKind);
+PetscErrorCode MeshKindCreateRound(MeshKind, DM *dm);

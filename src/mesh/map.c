@@ -3,12 +3,15 @@
    Rings around a circle are square rings in reference coordinates: a point at half-width s on side k = 0..3 with -1 <=
    t <= 1 along the side goes to the angle pi/2 k + pi/4 t. Between a circle and a square the map blends linearly along
    straight rays (ruled surface, Gordon & Hall, Numer. Math. 21, 1973). The middle of a disc is a square bulged half-way
-   towards the map of a square onto a disc, so that its corners stay well below 180 degrees. */
+   towards the map of a square onto a disc, so that its corners stay well below 180 degrees. Around a sphere the same: a
+   point of a cube goes to the direction tan(pi/4 t), the cube in the middle is bulged half-way towards the map of a
+   cube onto a ball. */
 #include "compat.h"
 #include "map.h"
 
 #define DISC_SQUARE 0.55 /* half-width of the middle square over the radius of the disc */
 #define DISC_BULGE  0.5
+#define BALL_CUBE   0.5 /* half-width of the middle cube over the radius of the ball */
 
 /* Polar coordinates on squares: half-width of the square through q, angle of the point on the circle in place of q */
 static void square_polar(const PetscReal q[2], PetscReal *s, PetscReal *angle)
@@ -35,6 +38,14 @@ static void on_circle(const PetscReal centre[2], PetscReal radius, PetscReal ang
   x[1] = centre[1] + radius * PetscSinReal(angle);
 }
 
+/* Share of the way outwards at the share w of the layers */
+static PetscReal grade(PetscReal ratio, PetscReal w)
+{
+  const PetscReal beta = ratio > 0 ? PetscLogReal(ratio) : 0;
+
+  return PetscAbsReal(beta) > 1e-6 ? (PetscExpReal(beta * w) - 1) / (ratio - 1) : w;
+}
+
 /* Position at the real-valued index i among the lines of an axis */
 static PetscReal between_lines(const MeshMap *m, PetscInt axis, PetscReal i)
 {
@@ -51,7 +62,7 @@ static void map_lines(const MeshMap *m, const PetscReal q[], PetscReal x[])
 
 static void map_fitted(const MeshMap *m, const PetscReal q[], PetscReal x[])
 {
-  const PetscReal from[2] = {q[0] - m->middle[0], q[1] - m->middle[1]}, beta = PetscLogReal(m->ring_ratio);
+  const PetscReal from[2] = {q[0] - m->middle[0], q[1] - m->middle[1]};
   PetscReal       s, angle, layer, in[2], out[2];
 
   square_polar(from, &s, &angle);
@@ -59,8 +70,7 @@ static void map_fitted(const MeshMap *m, const PetscReal q[], PetscReal x[])
     for (PetscInt d = 0; d < 2; d++) x[d] = between_lines(m, d, q[d]);
     return;
   }
-  layer = (s - m->inner) / (m->outer - m->inner);
-  if (PetscAbsReal(beta) > 1e-6) layer = (PetscExpReal(beta * layer) - 1) / (m->ring_ratio - 1);
+  layer = grade(m->ring_ratio, (s - m->inner) / (m->outer - m->inner));
   on_circle(m->centre, m->radius[0], angle, in);
   for (PetscInt d = 0; d < 2; d++) out[d] = between_lines(m, d, m->middle[d] + from[d] * m->outer / s);
   blend(layer, in, out, x);
@@ -84,7 +94,7 @@ static void map_disc(const MeshMap *m, const PetscReal q[], PetscReal x[])
   in[0] = x[0];
   in[1] = x[1];
   on_circle(m->centre, m->radius[0], angle, out);
-  blend((s - m->inner) / (m->outer - m->inner), in, out, x);
+  blend(grade(m->ring_ratio, (s - m->inner) / (m->outer - m->inner)), in, out, x);
 }
 
 static void map_annulus(const MeshMap *m, const PetscReal q[], PetscReal x[])
@@ -94,6 +104,49 @@ static void map_annulus(const MeshMap *m, const PetscReal q[], PetscReal x[])
   square_polar(q, &s, &angle);
   w = (s - m->inner) / (m->outer - m->inner);
   on_circle(m->centre, (1 - w) * m->radius[0] + w * m->radius[1], angle, x);
+}
+
+/* Unit vector of the point of a sphere in place of q on a cube of half-width s > 0 */
+static void direction_of(const PetscReal q[3], PetscReal s, PetscReal e[3])
+{
+  PetscReal square = 0;
+
+  for (PetscInt d = 0; d < 3; d++) {
+    e[d] = PetscTanReal(0.25 * PETSC_PI * q[d] / s);
+    square += e[d] * e[d];
+  }
+  for (PetscInt d = 0; d < 3; d++) e[d] /= PetscSqrtReal(square);
+}
+
+static PetscReal cube_size(const PetscReal q[3])
+{
+  return PetscMax(PetscMax(PetscAbsReal(q[0]), PetscAbsReal(q[1])), PetscAbsReal(q[2]));
+}
+
+static void map_ball(const MeshMap *m, const PetscReal q[], PetscReal x[])
+{
+  const PetscReal s = cube_size(q);
+  PetscReal       u[3], e[3], w;
+
+  for (PetscInt d = 0; d < 3; d++) u[d] = q[d] / PetscMax(s, m->inner);
+  for (PetscInt d = 0; d < 3; d++) {
+    const PetscReal a = PetscSqr(u[(d + 1) % 3]), b = PetscSqr(u[(d + 2) % 3]);
+
+    x[d] = m->centre[d] + m->radius[0] * BALL_CUBE * u[d] * (1 - DISC_BULGE + DISC_BULGE * PetscSqrtReal(1 - a / 2 - b / 2 + a * b / 3));
+  }
+  if (s <= m->inner) return;
+  w = grade(m->ring_ratio, (s - m->inner) / (m->outer - m->inner));
+  direction_of(q, s, e);
+  for (PetscInt d = 0; d < 3; d++) x[d] = (1 - w) * x[d] + w * (m->centre[d] + m->radius[0] * e[d]);
+}
+
+static void map_shell(const MeshMap *m, const PetscReal q[], PetscReal x[])
+{
+  const PetscReal s = cube_size(q), w = grade(m->ring_ratio, (s - m->inner) / (m->outer - m->inner));
+  PetscReal       e[3];
+
+  direction_of(q, s, e);
+  for (PetscInt d = 0; d < 3; d++) x[d] = m->centre[d] + ((1 - w) * m->radius[0] + w * m->radius[1]) * e[d];
 }
 
 /* Where in a convex quadrilateral is x? Newton's method for the bilinear map of [0,1]^2; false if x is outside */
@@ -171,10 +224,13 @@ void MeshMapEvaluate(const MeshMap *m, const PetscReal from[], PetscReal x[])
   case MESHMAP_FITTED: map_fitted(m, q, x); break;
   case MESHMAP_DISC: map_disc(m, q, x); break;
   case MESHMAP_ANNULUS: map_annulus(m, q, x); break;
+  case MESHMAP_BALL: map_ball(m, q, x); break;
+  case MESHMAP_SHELL: map_shell(m, q, x); break;
   case MESHMAP_ROUND: map_round(m, q, x); break;
   default: /* identity */
     for (PetscInt d = 0; d < m->dim; d++) x[d] = q[d];
   }
+  if (m->dim == 3 && (m->type == MESHMAP_FITTED || m->type == MESHMAP_DISC || m->type == MESHMAP_ANNULUS)) x[2] = between_lines(m, 2, q[2]);
 }
 
 PetscReal MeshMapCountCells(PetscReal d, PetscReal h, PetscReal growth, PetscReal coarsest)
@@ -215,6 +271,26 @@ PetscErrorCode MeshMapSetLines(MeshMap *m, PetscInt axis, const PetscReal end[4]
   m->ncell[axis] = total;
   m->lower[axis] = end[0];
   m->upper[axis] = end[3];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshMapSetLayers(MeshMap *m, PetscInt axis, PetscReal lower, PetscReal upper, PetscInt n, PetscReal ratio)
+{
+  PetscReal *x, sum = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(n + 1, &x));
+  x[0] = 0;
+  for (PetscInt i = 0; i < n; i++) {
+    sum += PetscPowReal(ratio, n > 2 ? 2.0 * PetscMin(i, n - 1 - i) / (n - 1) : 0);
+    x[i + 1] = sum;
+  }
+  for (PetscInt i = 0; i <= n; i++) x[i] = lower + (upper - lower) * (x[i] / sum);
+  PetscCall(PetscFree(m->line[axis]));
+  m->line[axis]  = x;
+  m->ncell[axis] = n;
+  m->lower[axis] = lower;
+  m->upper[axis] = upper;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

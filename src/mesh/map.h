@@ -7,12 +7,15 @@
 #pragma once
 #include <petscsys.h>
 
+/* Fitted, disc and annulus in space: the same in every plane, the lines of axis z by their index. */
 typedef enum {
   MESHMAP_IDENTITY,
   MESHMAP_LINES,   /* box; its mesh lines moved along each axis */
   MESHMAP_FITTED,  /* mesh lines in index space, with a square block of O-grid around a circle */
   MESHMAP_DISC,    /* square of half-width inner in the middle, rings around it up to half-width outer */
   MESHMAP_ANNULUS, /* square rings of half-width inner to outer become circles */
+  MESHMAP_BALL,    /* cube of half-width inner in the middle, cubes around it up to half-width outer */
+  MESHMAP_SHELL,   /* cubes of half-width inner to outer become spheres */
   MESHMAP_ROUND    /* mesh of a file: cells with an edge on a circle are bent, the rest stays */
 } MeshMapType;
 
@@ -31,9 +34,9 @@ typedef struct {
   PetscReal   *line[3];            /* [ncell + 1] position of the mesh lines, increasing */
   PetscReal    middle[2];          /* q of the centre of the rings */
   PetscReal    inner, outer;       /* half-widths of the innermost and outermost square of the rings, in q */
-  PetscReal    centre[2];          /* of the circle or circles */
-  PetscReal    radius[2];          /* fitted, disc: radius[0]; annulus: inner, outer */
-  PetscReal    ring_ratio;         /* fitted: thickness of the outermost layer over that of the innermost */
+  PetscReal    centre[3];          /* of the circle or circles, the sphere or spheres */
+  PetscReal    radius[2];          /* fitted, disc, ball: radius[0]; annulus, shell: inner, outer */
+  PetscReal    ring_ratio;         /* thickness of the outermost layer over that of the innermost; 0: the same */
   PetscInt     nbent;
   MeshMapBent *bent;
 } MeshMap;
@@ -51,6 +54,10 @@ PetscReal MeshMapDistance(PetscReal count, PetscReal h, PetscReal growth, PetscR
    end[3]; the outer ones grow away from the equal ones. A part of length zero has no cells. */
 PetscErrorCode MeshMapSetLines(MeshMap *, PetscInt axis, const PetscReal end[4], const PetscInt n[3], PetscReal h, PetscReal growth,
                                PetscReal coarsest);
+
+/* Lines of an axis: n layers, thinner towards both ends, by a factor each; the one in the middle is `ratio` times as
+   thick as those at the ends. n >= 1, ratio > 0. */
+PetscErrorCode MeshMapSetLayers(MeshMap *, PetscInt axis, PetscReal lower, PetscReal upper, PetscInt n, PetscReal ratio);
 
 /* Bend the first edge of the cell with these corners to the circle through its ends; sets all but the corners. */
 void MeshMapBend(MeshMapBent *, const PetscReal centre[2], PetscReal radius);

@@ -35,7 +35,7 @@ PetscErrorCode MeshCheckMemory(MPI_Comm comm, PetscInt dim, const PetscInt cells
   for (PetscInt d = 0; d < dim; d++) n *= (PetscReal)cells[d];
   PetscCall(get_memory(comm, &have));
   PetscCheck(share == 0 || have == 0 || n * need <= share * have, comm, PETSC_ERR_USER_INPUT,
-             "%.3g cells need at least %.3g GB of memory (%g kB a cell, measured), and there are %.3g GB: lower -mesh_cells or raise -mesh_focus_h, use "
+             "%.3g cells need at least %.3g GB of memory (%g kB a cell, measured), and there are %.3g GB: lower -mesh_cells or -mesh_resolution or raise -mesh_focus_h, use "
              "more machines, or go on with -mesh_memory 0",
              (double)n, (double)(n * need / 1e9), (double)(need / 1e3), (double)(have / 1e9));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -1,47 +1,7 @@
 /* Ogrid: lists of cells in index coordinates, where every cell is a unit square or a trapezoid (see ogrid.h). */
 #include "compat.h"
 #include "ogrid.h"
-
-/* A mesh of quadrilaterals in the making; cells counter-clockwise */
-typedef struct {
-  PetscInt   nvertex, ncell, room_vertex, room_cell;
-  PetscReal *x;    /* [nvertex][2] */
-  PetscInt  *cell; /* [ncell][4] */
-} CellList;
-
-static PetscErrorCode create_list(PetscInt room_vertex, PetscInt room_cell, CellList *l)
-{
-  PetscFunctionBeginUser;
-  PetscCall(PetscMemzero(l, sizeof(*l)));
-  l->room_vertex = room_vertex;
-  l->room_cell   = room_cell;
-  PetscCall(PetscMalloc2(2 * room_vertex, &l->x, 4 * room_cell, &l->cell));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode add_vertex(CellList *l, PetscReal x, PetscReal y, PetscInt *id)
-{
-  PetscFunctionBeginUser;
-  PetscCheck(l->nvertex < l->room_vertex, PETSC_COMM_SELF, PETSC_ERR_PLIB, "More than %" PetscInt_FMT " vertices", l->room_vertex);
-  l->x[2 * l->nvertex]     = x;
-  l->x[2 * l->nvertex + 1] = y;
-  *id                      = l->nvertex++;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode add_cell(CellList *l, PetscInt a, PetscInt b, PetscInt c, PetscInt d)
-{
-  PetscInt *cell = l->cell + 4 * l->ncell;
-
-  PetscFunctionBeginUser;
-  PetscCheck(l->ncell < l->room_cell, PETSC_COMM_SELF, PETSC_ERR_PLIB, "More than %" PetscInt_FMT " cells", l->room_cell);
-  cell[0] = a;
-  cell[1] = b;
-  cell[2] = c;
-  cell[3] = d;
-  l->ncell++;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
+#include "celllist.h"
 
 /* Unit squares with corners (i, j) + origin, but for the n x n cells of a hole from line hole[0], hole[1] on (n = 0:
    none). vertex [(nx + 1)(ny + 1)], -1 in the hole */
@@ -55,7 +15,7 @@ static PetscErrorCode add_squares(CellList *l, PetscInt nx, PetscInt ny, PetscRe
       const PetscBool out = (PetscBool)(i > hole[0] && i < hole[0] + n && j > hole[1] && j < hole[1] + n);
 
       vertex[j * row + i] = -1;
-      if (!out) PetscCall(add_vertex(l, origin + i, origin + j, &vertex[j * row + i]));
+      if (!out) PetscCall(CellListAddVertex(l, (const PetscReal[]){origin + i, origin + j}, &vertex[j * row + i]));
     }
   }
   for (PetscInt j = 0; j < ny; j++) {
@@ -63,7 +23,7 @@ static PetscErrorCode add_squares(CellList *l, PetscInt nx, PetscInt ny, PetscRe
       const PetscInt *v = vertex + j * row + i;
 
       if (i >= hole[0] && i < hole[0] + n && j >= hole[1] && j < hole[1] + n) continue;
-      PetscCall(add_cell(l, v[0], v[1], v[row + 1], v[row]));
+      PetscCall(CellListAddCell(l, (const PetscInt[]){v[0], v[1], v[row + 1], v[row]}));
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -90,7 +50,7 @@ static PetscErrorCode add_ring(CellList *l, const PetscReal middle[2], PetscReal
     const PetscReal t       = -1 + 2.0 * (p % n) / n;
     const PetscReal q[4][2] = {{1, t}, {-t, 1}, {-1, -t}, {t, -1}};
 
-    PetscCall(add_vertex(l, middle[0] + s * q[p / n][0], middle[1] + s * q[p / n][1], &ring[p]));
+    PetscCall(CellListAddVertex(l, (const PetscReal[]){middle[0] + s * q[p / n][0], middle[1] + s * q[p / n][1]}, &ring[p]));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -98,7 +58,11 @@ static PetscErrorCode add_ring(CellList *l, const PetscReal middle[2], PetscReal
 static PetscErrorCode join_rings(CellList *l, PetscInt n, const PetscInt in[], const PetscInt out[])
 {
   PetscFunctionBeginUser;
-  for (PetscInt p = 0; p < 4 * n; p++) PetscCall(add_cell(l, in[p], out[p], out[(p + 1) % (4 * n)], in[(p + 1) % (4 * n)]));
+  for (PetscInt p = 0; p < 4 * n; p++) {
+    const PetscInt next = (p + 1) % (4 * n);
+
+    PetscCall(CellListAddCell(l, (const PetscInt[]){in[p], out[p], out[next], in[next]}));
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -127,7 +91,7 @@ static PetscErrorCode list_cells(const OGrid *g, const MeshMap *map, CellList *l
   PetscInt      *vertex, *rim;
 
   PetscFunctionBeginUser;
-  PetscCall(create_list(nvertex + 4 * n * (g->nring + 1), nx * ny + 4 * n * g->nring, l));
+  PetscCall(CellListCreate(2, nvertex + 4 * n * (g->nring + 1), nx * ny + 4 * n * g->nring, l));
   PetscCall(PetscMalloc2(nvertex, &vertex, 4 * n, &rim));
   if (nx) {
     PetscCall(add_squares(l, nx, ny, g->middle ? -0.5 * n : 0, g->block, g->middle ? 0 : n, vertex));
@@ -140,13 +104,16 @@ static PetscErrorCode list_cells(const OGrid *g, const MeshMap *map, CellList *l
 
 PetscErrorCode OGridCreate(MPI_Comm comm, const OGrid *g, const MeshMap *map, DM *dm)
 {
-  CellList    l = {0};
+  CellList    plane = {0}, solid = {0};
   PetscMPIInt rank;
 
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_rank(comm, &rank));
-  if (rank == 0) PetscCall(list_cells(g, map, &l));
-  PetscCall(DMPlexCreateFromCellListPetsc(comm, 2, l.ncell, l.nvertex, 4, PETSC_TRUE, l.cell, 2, l.x, dm));
-  PetscCall(PetscFree2(l.x, l.cell));
+  if (rank == 0) PetscCall(list_cells(g, map, &plane));
+  if (rank == 0 && g->nlayer) PetscCall(CellListExtrude(&plane, g->nlayer, g->periodic, &solid));
+  if (g->nlayer) PetscCall(CellListCreateDM(comm, 3, &solid, g->periodic ? (PetscReal)g->nlayer : 0, dm));
+  else PetscCall(CellListCreateDM(comm, 2, &plane, 0, dm));
+  PetscCall(CellListClear(&plane));
+  PetscCall(CellListClear(&solid));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

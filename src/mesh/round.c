@@ -1,0 +1,209 @@
+/* Meshkind: discs, annuli, tubes, balls and shells, and what the channel around a cylinder shares with them (see
+   kindimpl.h). */
+#include "compat.h"
+#include "memory.h"
+#include "kindimpl.h"
+#include "ogrid.h"
+#include "cubed.h"
+#include "base/opt.h"
+
+/* Layers of an O-grid in space, from lower to upper along z, and their periodicity; n: as many unless told otherwise */
+PetscErrorCode MeshKindReadLayers(MeshKind k, PetscInt n)
+{
+  PetscReal ratio = 1;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptInt("-mesh_layers", &n));
+  PetscCall(OptReal("-mesh_layer_ratio", &ratio));
+  PetscCall(MeshKindReadPeriodic(k));
+  for (PetscInt d = 0; d < 2; d++) {
+    PetscCheck(k->period[d] == 0, k->comm, PETSC_ERR_USER_INPUT, "-mesh_periodic %c: -mesh_kind %s can be periodic along z only", (char)('x' + d),
+               k->name);
+  }
+  PetscCheck(k->period[2] == 0 || n >= 3, k->comm, PETSC_ERR_USER_INPUT,
+             "Axis z is periodic with %" PetscInt_FMT " cells: -mesh_layers needs at least 3 there", n);
+  PetscCall(MeshMapSetLayers(&k->map, 2, k->lower[2], k->upper[2], n, ratio));
+  k->cells[2] = n;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* So many cells in all, in space */
+PetscErrorCode MeshKindCheckMemory(MeshKind k, PetscInt ncell)
+{
+  PetscFunctionBeginUser;
+  PetscCall(MeshCheckMemory(k->comm, 3, (const PetscInt[]){ncell, 1, 1}));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_centre(MeshKind k, PetscInt axes)
+{
+  PetscFunctionBeginUser;
+  PetscCall(OptRealArray("-mesh_centre", axes, k->map.centre, NULL));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_radius(MeshKind k)
+{
+  PetscFunctionBeginUser;
+  PetscCall(OptReal("-mesh_radius", &k->map.radius[0]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshKindReadCircle(MeshKind k)
+{
+  PetscFunctionBeginUser;
+  PetscCall(read_centre(k, 2));
+  PetscCall(read_radius(k));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshKindReadRatio(MeshKind k)
+{
+  PetscFunctionBeginUser;
+  PetscCall(OptReal("-mesh_ring_ratio", &k->map.ring_ratio));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshKindReadResolution(PetscInt least, PetscInt *resolution)
+{
+  PetscFunctionBeginUser;
+  PetscCall(OptInt("-mesh_resolution", resolution));
+  PetscCheck(*resolution >= least, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "-mesh_resolution %" PetscInt_FMT " is too coarse for this mesh: at least %" PetscInt_FMT, *resolution, least);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Rings of cells that are about as thick as long */
+PetscErrorCode MeshKindReadDisc(MeshKind k)
+{
+  k->block[2]      = 4;
+  k->map.radius[0] = 1;
+  k->map.type      = MESHMAP_DISC;
+  PetscFunctionBeginUser;
+  PetscCall(MeshKindReadCircle(k));
+  PetscCall(MeshKindReadResolution(1, &k->block[2]));
+  k->nring     = MeshKindCount(0.3 * k->block[2]);
+  k->map.inner = 0.5 * k->block[2];
+  k->map.outer = k->map.inner + k->nring;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode read_radii(MeshKind k)
+{
+  PetscReal *r = k->map.radius;
+
+  PetscFunctionBeginUser;
+  r[0] = 1;
+  r[1] = 2;
+  PetscCall(OptRealArray("-mesh_radii", 2, r, NULL));
+  PetscCheck(r[1] > r[0], k->comm, PETSC_ERR_USER_INPUT, "-mesh_radii %g,%g: the outer radius must be larger than the inner one", (double)r[0],
+             (double)r[1]);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshKindReadAnnulus(MeshKind k)
+{
+  const PetscReal *r = k->map.radius;
+
+  PetscFunctionBeginUser;
+  k->block[2] = 4;
+  k->map.type = MESHMAP_ANNULUS;
+  PetscCall(read_centre(k, 2));
+  PetscCall(read_radii(k));
+  PetscCall(MeshKindReadResolution(1, &k->block[2]));
+  k->nring     = MeshKindCount((r[1] - r[0]) / (0.25 * PETSC_PI * (r[0] + r[1])) * k->block[2]);
+  k->map.inner = 0.5 * k->block[2];
+  k->map.outer = k->map.inner + k->nring;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The disc in layers of cells */
+PetscErrorCode MeshKindReadTube(MeshKind k)
+{
+  PetscInt n = 4;
+
+  PetscFunctionBeginUser;
+  k->dim           = 3;
+  k->map.radius[0] = 1;
+  k->map.type      = MESHMAP_DISC;
+  k->upper[2]      = 1;
+  PetscCall(MeshKindReadCircle(k));
+  for (PetscInt d = 0; d < 2; d++) {
+    k->lower[d] = k->map.centre[d] - k->map.radius[0];
+    k->upper[d] = k->map.centre[d] + k->map.radius[0];
+  }
+  PetscCall(OptReal("-mesh_length", &k->upper[2]));
+  PetscCall(MeshKindReadRatio(k));
+  PetscCall(MeshKindReadResolution(1, &n));
+  k->block[2]  = n;
+  k->nring     = MeshKindCount(0.3 * n);
+  k->map.inner = 0.5 * n;
+  k->map.outer = k->map.inner + k->nring;
+  PetscCall(MeshKindReadLayers(k, PetscMax(3, MeshKindCount(k->upper[2] / (0.5 * PETSC_PI * k->map.radius[0]) * n))));
+  PetscCall(MeshKindCheckMemory(k, k->cells[2] * (n * n + 4 * n * k->nring)));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Ball and shell: layers from the cube of half-width n/2 on */
+static PetscErrorCode read_cubes(MeshKind k, PetscReal layers)
+{
+  PetscInt n = 4;
+
+  PetscFunctionBeginUser;
+  k->dim = 3;
+  PetscCall(read_centre(k, 3));
+  PetscCall(MeshKindReadRatio(k));
+  PetscCall(MeshKindReadResolution(1, &n));
+  k->block[2]  = n;
+  k->nring     = MeshKindCount(layers * n);
+  k->map.inner = 0.5 * n;
+  k->map.outer = k->map.inner + k->nring;
+  PetscCall(MeshKindCheckMemory(k, (k->kind == KIND_BALL ? n * n * n : 0) + 6 * n * n * k->nring));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshKindReadBall(MeshKind k)
+{
+  PetscFunctionBeginUser;
+  k->map.type      = MESHMAP_BALL;
+  k->map.radius[0] = 1;
+  PetscCall(read_radius(k));
+  PetscCall(read_cubes(k, 0.3));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshKindReadShell(MeshKind k)
+{
+  const PetscReal *r = k->map.radius;
+
+  PetscFunctionBeginUser;
+  k->map.type = MESHMAP_SHELL;
+  PetscCall(read_radii(k));
+  PetscCall(read_cubes(k, (r[1] - r[0]) / (0.25 * PETSC_PI * (r[0] + r[1]))));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshKindCreateRound(MeshKind k, DM *dm)
+{
+  OGrid g = {.nring    = k->nring,
+             .n        = k->block[2],
+             .middle   = (PetscBool)(k->kind == KIND_DISC || k->kind == KIND_TUBE),
+             .nlayer   = k->dim == 3 ? k->cells[2] : 0,
+             .periodic = (PetscBool)(k->period[2] > 0)};
+
+  PetscFunctionBeginUser;
+  if (k->kind == KIND_BALL || k->kind == KIND_SHELL) {
+    const Cubed c = {.n = k->block[2], .nring = k->nring, .middle = (PetscBool)(k->kind == KIND_BALL)};
+
+    PetscCall(CubedCreate(k->comm, &c, &k->map, dm));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  for (PetscInt d = 0; d < 2; d++) {
+    if (k->kind == KIND_FITTED) {
+      g.nsquare[d] = k->map.ncell[d];
+      g.block[d]   = k->block[d];
+    } else if (g.middle) g.nsquare[d] = g.n;
+  }
+  PetscCall(OGridCreate(k->comm, &g, &k->map, dm));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
