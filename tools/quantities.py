@@ -1,7 +1,7 @@
 """Values of a run: what an expression such as "largest('cd', 4, 8)" or "body(0).at('y', 2)" may use, and its analysis of signals.
 
 Names: the quantities and numbers of summary.json; columns of series.csv through at, first, last, largest, smallest, mean, period; the same of one
-body of bodies.csv through body(k); sample(field, time, x, y) in its fields; kiss_time; published, rms; the functions of math with abs, min, max, int, str.
+body of bodies.csv through body(k); sample(field, time, x, y) in its fields; kiss_time, distance; published, rms; the functions of math with abs, min, max, int, str, zip.
 """
 
 import bisect
@@ -12,7 +12,7 @@ import statistics
 
 from toolbox import ROOT, read_numbers
 
-PLAIN = {**{name: value for name, value in vars(math).items() if name[0] != "_"}, "abs": abs, "min": min, "max": max, "int": int, "str": str}
+PLAIN = {**{name: value for name, value in vars(math).items() if name[0] != "_"}, "abs": abs, "min": min, "max": max, "int": int, "str": str, "zip": zip}
 
 
 def compute(expression, **names):
@@ -45,6 +45,14 @@ class Table:
         share = (time - self.time[i - 1]) / (self.time[i] - self.time[i - 1])
         return values[i - 1] + share * (values[i] - values[i - 1])
 
+    def crossing(self, name, value):
+        """First time at which a column passes a value, linear between the rows."""
+        values = self.column(name)
+        for t, s, a, b in zip(self.time, self.time[1:], values, values[1:]):
+            if min(a, b) <= value <= max(a, b):
+                return t + (s - t) * (value - a) / (b - a) if a != b else t
+        raise ValueError(f"'{name}' does not pass {value:g}")
+
     def period(self, name, since=-math.inf, until=math.inf):
         """Mean time between upward crossings of the mean of the largest and the smallest value."""
         values, times = self.column(name, since, until), [time for time in self.time if since <= time <= until]
@@ -58,6 +66,8 @@ class Table:
     def names(self):
         return {
             "at": self.at,
+            "column": self.column,
+            "crossing": self.crossing,
             "period": self.period,
             "first": lambda name: self.column(name)[0],
             "last": lambda name: self.column(name)[-1],
@@ -75,15 +85,22 @@ class Body:
 
 
 def kiss_time(bodies, a=0, b=1, factor=1.05):
-    """First time at which the centres of two discs are `factor` mean diameters apart, linear between the rows."""
+    """First time at which the centres of two discs or spheres are `factor` mean diameters apart, linear between the rows."""
     rows = [sorted((row for row in bodies if row["body"] == k), key=lambda row: row["time_s"]) for k in (a, b)]
     before = None
     for one, two in zip(*rows):
-        now = (one["time_s"], math.hypot(one["x"] - two["x"], one["y"] - two["y"]) - factor * (one["radius"] + two["radius"]))
+        apart = math.hypot(*(one[axis] - two[axis] for axis in "xyz" if axis in one))
+        now = (one["time_s"], apart - factor * (one["radius"] + two["radius"]))
         if now[1] <= 0:
             return now[0] if before is None else before[0] + (now[0] - before[0]) * before[1] / (before[1] - now[1])
         before = now
     raise ValueError(f"bodies {a} and {b} do not come within {factor} diameters")
+
+
+def distance(bodies, time, a=0, b=1):
+    """Distance of the centres of two bodies."""
+    tables = [Table([row for row in bodies if row["body"] == k]) for k in (a, b)]
+    return math.hypot(*(tables[0].at(axis, time) - tables[1].at(axis, time) for axis in "xyz" if axis in bodies[0]))
 
 
 def published(scene, quantity):
@@ -119,6 +136,7 @@ def names_of_run(folder):
         "rms": rms,
         "sample": lambda *what: sample(folder, *what),
         "kiss_time": lambda a=0, b=1, factor=1.05: kiss_time(bodies, a, b, factor),
+        "distance": lambda time, a=0, b=1: distance(bodies, time, a, b),
         "body": lambda k=0: Body([row for row in bodies if row["body"] == k]),
     }
 

@@ -3,6 +3,7 @@ import csv
 import subprocess
 import sys
 
+import pytest
 from conftest import ROOT, SCENE, environment
 
 CASE = """\
@@ -35,6 +36,9 @@ source = "exact"
 quantities = [
   {{ value = "kiss_time()", reference = 0.3, tolerance = 1e-6 }},
   {{ value = "kiss_time(1, 0, 1.5)", reference = 0.255, tolerance = 1e-6 }},
+  {{ value = "distance(0.21)", reference = 0.195, tolerance = 1e-6 }},
+  {{ value = "body(0).crossing('x', 0.34)", reference = 0.19, tolerance = 1e-6 }},
+  {{ value = "rms([x + y for x, y in zip(body(0).column('x'), body(1).column('x'))])", reference = 0.895, tolerance = 1e-6 }},
 ]
 """
 MEET = """mesh: {cells: [4, 4], lower: [0, 0], upper: [1, 1]}
@@ -66,10 +70,15 @@ def test_verdicts(program, tmp_path):
     assert shown.returncode == 1 and shown.stdout.splitlines()[-7:] == done.stdout.splitlines()[-7:]
 
 
-def test_kiss_time(program, tmp_path):
-    """Two discs 0.405 apart approach with speed 1: 1.05 diameters after 0.3, 1.5 after 0.255."""
-    declare(tmp_path, KISS)
-    (tmp_path / "disc.yaml").write_text(MEET)
+SPACE = MEET.replace("[4, 4], lower: [0, 0], upper: [1, 1]", "[4, 4, 4], lower: [0, 0, 0], upper: [1, 1, 1]")
+SPACE = SPACE.replace("[0.245, 0.5], velocity: [0.5, 0]", "[0.5, 0.5, 0.245], velocity: [0, 0, 0.5]").replace("[0.65, 0.5], velocity: [-0.5, 0]", "[0.5, 0.5, 0.65], velocity: [0, 0, -0.5]")
+
+
+@pytest.mark.parametrize("scene, axis", [(MEET, "x"), (SPACE, "z")])
+def test_kiss_time(program, tmp_path, scene, axis):
+    """Two discs, or spheres, 0.405 apart approach with speed 1: 1.05 diameters after 0.3, 1.5 after 0.255."""
+    declare(tmp_path, KISS.replace("'x'", f"'{axis}'"))
+    (tmp_path / "disc.yaml").write_text(scene)
     done = validate(tmp_path, program)
     assert done.returncode == 0, done.stdout + done.stderr
 
