@@ -156,15 +156,14 @@ static PetscErrorCode fill_rigid_rows(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Nodes and cells of bodies that have moved since they were drawn; what stands still is drawn once */
-static PetscErrorCode draw_bodies(Couple c)
+/* Nodes and cells of bodies that have moved since they were drawn; what stands still is drawn once (*drawn: before) */
+static PetscErrorCode draw_bodies(Couple c, PetscBool *drawn)
 {
-  PetscBool drawn = PETSC_TRUE;
-
   PetscFunctionBeginUser;
-  PetscCall(place_bodies(c, &drawn));
-  if (c->follow) PetscCall(AleUpdate(c->follow, drawn ? NULL : c->X, c->q));
-  if (drawn) PetscFunctionReturn(PETSC_SUCCESS);
+  *drawn = PETSC_TRUE;
+  PetscCall(place_bodies(c, drawn));
+  if (c->follow) PetscCall(AleUpdate(c->follow, *drawn ? NULL : c->X, c->q));
+  if (*drawn) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogEventBegin(TB_MARK, 0, 0, 0, 0));
   PetscCall(IndicatorClear(c->mark));
   PetscCall((*c->rung->draw)(c, c->rung_data, &c->terms));
@@ -181,17 +180,19 @@ PetscErrorCode CoupleDraw(Couple c)
 {
   const PetscInt  *fixed, *node_body;
   const PetscReal *value;
+  PetscBool        drawn;
 
   PetscFunctionBeginUser;
   PetscCall(ConditionsGetValues(FlowConditions(c->flow), &fixed, &value));
   PetscCall(FittedSetMotion(c->hole));
-  PetscCall(draw_bodies(c));
+  PetscCall(draw_bodies(c, &drawn));
   PetscCall(IndicatorGetNodes(c->mark, &node_body, NULL, NULL));
   PetscCall(set_rigid_velocities(c));
   PetscCall(ConstraintSetBoundary(c->constraint, fixed, value));
   if (c->drive) PetscCall(DriveDraw(c->drive));
   if (c->s->n) {
     PetscCall(ConstraintSetBodies(c->constraint, node_body, c->P, c->unknown, c->U, NULL));
+    if (c->terms && !drawn) PetscCall(PenaltyTermSum(c->terms, c->constraint));
     PetscCall(fill_rigid_rows(c));
     PetscCall(FlowSolverSetRigid(c->solver, c->D));
   }

@@ -154,7 +154,7 @@ static PetscErrorCode add_part_penalty(Penalty p, const Part *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* H of all bodies, lumped weights and the body that each node follows, from the entries */
+/* This rank's part of H, lumped weights and the body that each node follows, from the entries */
 static PetscErrorCode finish_soft(Penalty p, PetscReal (*P)[3])
 {
   const MeshLocal *l  = p->loc;
@@ -188,7 +188,6 @@ static PetscErrorCode finish_soft(Penalty p, PetscReal (*P)[3])
   s->any = (PetscBool)(s->n > 0);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &s->any, 1, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &s->strength, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, s->H, (PetscMPIInt)(s->nbodies * nr * nr), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   PetscCall(MeshSyncNodes(p->mesh, 1, s->weight));
   PetscCall(MeshSyncNodesInt(p->mesh, s->follow));
   PetscFunctionReturn(PETSC_SUCCESS);

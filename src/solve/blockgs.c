@@ -25,8 +25,10 @@ typedef struct {
   const PetscReal *extra; /* [n][nk][nk] or NULL, see BlockGSSetExtra */
   /* W, see BlockGSSetLowRank */
   PetscInt   nt, nw, *w_row, *w_column;
-  PetscReal *w, *t;  /* [nw][nk][nr]; [nt] W^T x, nr numbers for every block column */
-  PetscReal *factor; /* [ncolumn] what a sweep multiplies the column's part by: ranks that sweep it at the same time */
+  Sharing    sharing; /* of the block columns, borrowed */
+  PetscBool  any;     /* a part of low rank has been set */
+  PetscReal *w, *t;   /* [nw][nk][nr]; [nt] W^T x, nr numbers for every block column */
+  PetscReal *factor;  /* [ncolumn] what a sweep multiplies the column's part by: ranks that sweep it at the same time */
 } BlockGS;
 
 #define INLINE static inline __attribute__((always_inline))
@@ -117,13 +119,13 @@ static void add_ghosts(const BlockGS *g, PetscReal scale, PetscReal y[])
 static PetscErrorCode gather_low_rank(BlockGS *g, const PetscReal x[])
 {
   PetscFunctionBeginUser;
-  if (!g->nt) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!g->any) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscArrayzero(g->t, g->nt));
   for (PetscInt e = 0; e < g->nw; e++) {
     if (g->nk == 3) add_to_low_rank(3, g, e, 1, x + g->w_row[e] * 3);
     else add_to_low_rank(4, g, e, 1, x + g->w_row[e] * 4);
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, g->t, (PetscMPIInt)(g->nt), MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)g->A)));
+  PetscCall(SharingSum(g->sharing, RANK(g->nk), g->t));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -291,10 +293,12 @@ static PetscErrorCode drop_low_rank(BlockGS *g)
   PetscCall(MatSeqBAIJRestoreArray(g->part[0], &value));
   PetscCall(PetscFree5(g->w_row, g->w_column, g->w, g->t, g->factor));
   g->nw = g->nt = 0;
+  g->any        = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BlockGSSetLowRank(Mat shell, PetscInt ncolumn, PetscInt n, const PetscInt row[], const PetscInt column[], const PetscReal w[])
+PetscErrorCode BlockGSSetLowRank(Mat shell, Sharing sharing, PetscInt ncolumn, PetscInt n, const PetscInt row[], const PetscInt column[],
+                                 const PetscReal w[])
 {
   BlockGS   *g;
   PetscReal *value;
@@ -303,16 +307,18 @@ PetscErrorCode BlockGSSetLowRank(Mat shell, PetscInt ncolumn, PetscInt n, const 
   PetscFunctionBeginUser;
   PetscCall(MatShellGetContext(shell, &g));
   PetscCall(drop_low_rank(g));
-  nr    = RANK(g->nk);
-  g->nt = ncolumn * nr;
-  g->nw = n;
+  nr         = RANK(g->nk);
+  g->nt      = ncolumn * nr;
+  g->nw      = n;
+  g->any     = (PetscBool)(sharing != NULL);
+  g->sharing = sharing;
   PetscCall(PetscMalloc5(n, &g->w_row, n, &g->w_column, n * g->nk * nr, &g->w, g->nt, &g->t, ncolumn, &g->factor));
   PetscCall(PetscArraycpy(g->w_row, row, n));
   PetscCall(PetscArraycpy(g->w_column, column, n));
   PetscCall(PetscArraycpy(g->w, w, n * g->nk * nr));
   PetscCall(PetscArrayzero(g->factor, ncolumn));
   for (PetscInt e = 0; e < n; e++) g->factor[column[e]] = 1;
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, g->factor, (PetscMPIInt)ncolumn, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)g->A)));
+  PetscCall(SharingSum(sharing, 1, g->factor));
   PetscCall(MatSeqBAIJGetArray(g->part[0], &value));
   for (PetscInt begin = 0, end = 0; begin < n; begin = end) {
     while (end < n && row[end] == row[begin]) end++;

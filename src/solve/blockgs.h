@@ -7,6 +7,7 @@
    be added, which would fill A. */
 #pragma once
 #include <petscmat.h>
+#include "sharing.h"
 
 /* The shell keeps a reference to A and starts without values: call BlockGSUpdate. Collective. Errors: another matrix
    type or block size. */
@@ -20,8 +21,9 @@ PetscErrorCode BlockGSMultiplySparse(Mat shell, Vec x, Vec y);
    collective. */
 PetscErrorCode BlockGSSetExtra(Mat shell, const PetscReal extra[]);
 /* From now on the shell stands for A + W W^T, W given by n blocks value [n][nk][nr] at own block rows row [n]
-   (ascending) and block columns column [n] < ncolumn (all ranks count the same columns; one column may be on several
-   ranks); nr is 3 for blocks of 3 and 6 for blocks of 4, as rigid motions have. Nothing is filled in: W^T x follows the
-   sweep. A sweep takes the part of a column that p ranks share p times (W W^T is at most p times the ranks' own parts,
-   so that the error cannot grow). Copied; after every BlockGSUpdate. Collective. */
-PetscErrorCode BlockGSSetLowRank(Mat shell, PetscInt ncolumn, PetscInt n, const PetscInt row[], const PetscInt column[], const PetscReal w[]);
+   (ascending) and block columns column [n] < ncolumn, the entries of a Sharing, which says what columns of other ranks
+   are the same (borrowed); nr is 3 for blocks of 3 and 6 for blocks of 4, as rigid motions have. Nothing is filled in:
+   W^T x follows the sweep. A sweep takes the part of a column that p ranks share p times (W W^T is at most p times the
+   ranks' own parts, so that the error cannot grow). Copied; after every BlockGSUpdate. Collective. */
+PetscErrorCode BlockGSSetLowRank(Mat shell, Sharing, PetscInt ncolumn, PetscInt n, const PetscInt row[], const PetscInt column[],
+                                 const PetscReal w[]);

@@ -40,10 +40,10 @@ static PetscErrorCode map_ghost_columns(BodyBlocks b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* block: P^T A P and M_r / scale of body k, without D, which is added. Inverse of the first if wanted (own bodies), and
-   of the second */
-static PetscErrorCode invert_blocks(PetscInt nr, PetscInt k, PetscInt unknown, const PetscReal D[], PetscReal scale, PetscReal block[],
-                                    PetscReal stiff_inverse[], PetscReal mass_inverse[])
+/* block: P^T A P and M_r / scale of body k, without D, which is added. Inverses of both;
+   *massless: there is none */
+static PetscErrorCode invert_blocks(PetscInt nr, PetscInt unknown, const PetscReal D[], PetscReal scale, PetscReal block[], PetscReal stiff_inverse[],
+                                    PetscReal mass_inverse[], PetscBool *massless)
 {
   const PetscInt nn       = nr * nr;
   PetscBool      positive = PETSC_TRUE;
@@ -61,39 +61,45 @@ static PetscErrorCode invert_blocks(PetscInt nr, PetscInt k, PetscInt unknown, c
       M[e] = active ? M[e] + share * D[e] / (s ? scale : 1) : (PetscReal)(e / nr == e % nr);
     }
     for (PetscInt a = 0; a < nr; a++) {
-      PetscCheck(!s || M[a * (nr + 1)] > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-                 "Body %" PetscInt_FMT " covers no node of the mesh and is lighter than the fluid: refine the mesh (-mesh_cells)", k);
-      positive = (PetscBool)(positive && M[a * (nr + 1)] > 0);
+      if (M[a * (nr + 1)] > 0) continue;
+      positive  = PETSC_FALSE;
+      *massless = (PetscBool)(*massless || s);
     }
   }
   /* convection in long steps outweighs the mass: the mass alone */
+  if (*massless) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt e = 0; e < nn && !positive; e++) block[e] = scale * block[nn + e];
-  if (stiff_inverse) DenseInvert(nr, block, stiff_inverse);
+  DenseInvert(nr, block, stiff_inverse);
   DenseInvert(nr, block + nn, mass_inverse);
   for (PetscInt a = 0; a < nr; a++)
     if (!((unknown >> a) & 1)) mass_inverse[a * (nr + 1)] = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode invert_all(BodyBlocks b, const PetscReal D[], PetscReal scale, PetscReal block[], PetscReal stiff_inverse[],
+static PetscErrorCode invert_own(BodyBlocks b, const PetscReal D[], PetscReal scale, PetscReal block[], PetscReal stiff_inverse[],
                                  PetscReal mass_inverse[])
 {
   const struct _p_Constraint *c  = b->constraint;
   const PetscInt              nn = b->nr * b->nr;
 
-  PetscFunctionBeginUser;
-  for (PetscInt k = 0; k < b->nbodies; k++) {
-    const PetscBool own = (PetscBool)(k >= c->first && k < c->first + c->count);
+  PetscInt worst = -1;
 
-    PetscCall(invert_blocks(b->nr, k, c->unknown[k], D + k * nn, scale, block + 2 * k * nn, own ? stiff_inverse + (k - c->first) * nn : NULL,
-                            mass_inverse + k * nn));
+  PetscFunctionBeginUser;
+  for (PetscInt k = c->first; k < c->first + c->count; k++) {
+    PetscBool massless = PETSC_FALSE;
+
+    PetscCall(invert_blocks(b->nr, c->unknown[k], D + k * nn, scale, block + 2 * k * nn, stiff_inverse + (k - c->first) * nn, mass_inverse + k * nn,
+                            &massless));
+    if (massless) worst = k;
   }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &worst, 1, MPIU_INT, MPI_MAX, PETSC_COMM_WORLD));
+  PetscCheck(worst < 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "Body %" PetscInt_FMT " covers no node of the mesh and is lighter than the fluid: refine the mesh (-mesh_cells)", worst);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Sum over the entries of the penalty: block of body k -= R^T G + G^T R (of nodes that follow it); with H it is what
-   the penalty adds to the diagonal block of the body */
-static PetscErrorCode add_soft_blocks(BodyBlocks b, const PenaltyTerm *s, PetscReal block[])
+/* Sum over the entries of the penalty: block of body k -= R^T G + G^T R (of nodes that follow it) */
+static PetscErrorCode subtract_soft_blocks(BodyBlocks b, const PenaltyTerm *s, PetscReal block[])
 {
   const struct _p_Constraint *c  = b->constraint;
   const PetscInt              nr = b->nr, nn = nr * nr;
@@ -110,9 +116,17 @@ static PetscErrorCode add_soft_blocks(BodyBlocks b, const PenaltyTerm *s, PetscR
       for (PetscInt a = 0; a < b->loc->dim; a++)
         block[2 * k * nn + m] -= R[a * nr + m / nr] * G[a * nr + m % nr] + G[a * nr + m / nr] * R[a * nr + m % nr];
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* With H it is what the penalty adds to the diagonal block of a body. */
+static void add_own_soft(BodyBlocks b, const PenaltyTerm *s, PetscReal block[])
+{
+  const struct _p_Constraint *c  = b->constraint;
+  const PetscInt              nn = b->nr * b->nr;
+
   for (PetscInt k = c->first; k < c->first + c->count; k++)
     for (PetscInt m = 0; m < nn; m++) block[2 * k * nn + m] += s->H[k * nn + m];
-  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* moment [1 + dim] += value times (1, x_j - x_i) */
@@ -191,9 +205,11 @@ PetscErrorCode BodyBlocksUpdate(BodyBlocks b, const PetscReal share[], const Pen
     PetscCall(MatSeqAIJRestoreArrayRead(part[s], &value[s]));
     PetscCall(MatRestoreRowIJ(part[s], 0, PETSC_FALSE, PETSC_FALSE, &n, &row_start[s], &column[s], &done));
   }
-  if (soft) PetscCall(add_soft_blocks(b, soft, block));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, block, (PetscMPIInt)(2 * b->nbodies * nn), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
-  PetscCall(invert_all(b, D, scale, block, stiff_inverse, mass_inverse));
+  if (soft) PetscCall(subtract_soft_blocks(b, soft, block));
+  PetscCall(ConstraintSumRows(b->constraint, 2 * nn, block));
+  if (soft) add_own_soft(b, soft, block);
+  PetscCall(invert_own(b, D, scale, block, stiff_inverse, mass_inverse));
+  PetscCall(ConstraintCopyRows(b->constraint, nn, mass_inverse));
   PetscCall(PetscFree(block));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -17,7 +17,7 @@ PetscErrorCode BodyBlocksCreate(Flow, Constraint, BodyBlocks *);
 PetscErrorCode BodyBlocksDestroy(BodyBlocks *);
 
 /* share [nnode_all]; soft (may be NULL): the penalty in the flow's matrix; D [nbodies][nr][nr] inertia; masses are
-   divided by scale. Collective. stiff_inverse [own bodies][nr][nr], mass_inverse [nbodies][nr][nr] (the same on all
-   ranks). Error: a light body covers no node. */
+   divided by scale. Collective. stiff_inverse [own bodies][nr][nr], mass_inverse [nbodies][nr][nr] of these and of the
+   bodies this rank knows (see projection.h). Error: a light body covers no node. */
 PetscErrorCode BodyBlocksUpdate(BodyBlocks, const PetscReal share[], const PenaltyTerm *soft, const PetscReal D[], PetscReal scale,
                                 PetscReal stiff_inverse[], PetscReal mass_inverse[]);

@@ -22,7 +22,8 @@ struct _p_Coarse {
   PetscBool       *buried;    /* [nnode_all] vertex without fluid around */
   /* the bodies' part, see CoarseSetBodies */
   Mat              whole; /* matrix and bodies, NULL without any */
-  PetscInt         nbodies, nr, ncut;
+  Constraint       bodies;
+  PetscInt         nr, ncut;
   const PetscInt  *cell, *body;
   const PetscReal *w;
 };
@@ -174,18 +175,18 @@ static PetscErrorCode bury(Coarse s, PetscInt i, const PetscInt cell_body[])
 static PetscErrorCode list_entries(Coarse s, PetscInt *n, PetscInt row[], PetscInt col[], PetscReal value[])
 {
   const PetscInt nv = 1 << s->loc->dim, most = s->loc->dim == 2 ? 24 : 120;
-  PetscInt      *count;
+  PetscReal     *count;
 
   PetscFunctionBeginUser;
   *n = 0;
-  PetscCall(PetscCalloc1(s->nbodies, &count));
-  for (PetscInt i = 0; i < s->ncut; i++) count[s->body[i]]++;
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, count, (PetscMPIInt)s->nbodies, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+  PetscCall(PetscCalloc1(s->bodies->nlocal, &count));
+  for (PetscInt i = 0; i < s->ncut; i++) count[s->bodies->local_index[s->body[i]]]++;
+  PetscCall(SharingSum(s->bodies->sharing, 1, count));
   for (PetscInt i = 0; i < s->ncut; i++) {
     PetscInt  node[8];
     PetscReal fit[4 * 8];
 
-    if (count[s->body[i]] > most) continue;
+    if (count[s->bodies->local_index[s->body[i]]] > most) continue;
     PetscCall(fit_vertices(s, s->cell[i], node, fit));
     for (PetscInt e = 0; e < s->nr * nv; e++) {
       PetscReal sum = 0;
@@ -211,14 +212,14 @@ static PetscErrorCode add_bodies(Coarse s)
 
   PetscFunctionBeginUser;
   PetscCall(MatDestroy(&s->whole));
-  if (!s->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!s->bodies) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscMalloc3(room, &row, room, &col, room, &value));
   PetscCall(list_entries(s, &n, row, col, value));
   PetscCall(MPIU_Allreduce(&n, &total, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
   if (total) {
     PetscCall(MatGetLocalSize(s->matrix, &nown, NULL));
     PetscCall(MatCreate(PETSC_COMM_WORLD, &WtI));
-    PetscCall(MatSetSizes(WtI, PETSC_DECIDE, nown, s->nbodies * s->nr, PETSC_DETERMINE));
+    PetscCall(MatSetSizes(WtI, PETSC_DECIDE, nown, s->bodies->nbodies * s->nr, PETSC_DETERMINE));
     PetscCall(MatSetType(WtI, MATAIJ));
     PetscCall(MatSetPreallocationCOO(WtI, n, row, col));
     PetscCall(MatSetValuesCOO(WtI, value, INSERT_VALUES));
@@ -356,15 +357,15 @@ PetscErrorCode CoarseAssemble(Coarse s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CoarseSetBodies(Coarse s, PetscInt nbodies, PetscInt nr, PetscInt n, const PetscInt cell[], const PetscInt body[], const PetscReal w[])
+PetscErrorCode CoarseSetBodies(Coarse s, Constraint bodies, PetscInt n, const PetscInt cell[], const PetscInt body[], const PetscReal w[])
 {
   PetscFunctionBeginUser;
-  s->nbodies = nbodies;
-  s->nr      = nr;
-  s->ncut    = n;
-  s->cell    = cell;
-  s->body    = body;
-  s->w       = w;
+  s->bodies = bodies;
+  s->nr     = bodies->nr;
+  s->ncut   = n;
+  s->cell   = cell;
+  s->body   = body;
+  s->w      = w;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

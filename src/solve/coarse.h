@@ -7,6 +7,7 @@
    added when the solver of this level is set up. No units of its own. */
 #pragma once
 #include "mesh/mesh.h"
+#include "projection.h"
 #include <petscksp.h>
 
 typedef struct _p_Coarse *Coarse;
@@ -29,9 +30,9 @@ PetscErrorCode CoarseUpdateCells(Coarse, PetscInt n, const PetscInt cell[], cons
 /* After additions. Collective. */
 PetscErrorCode CoarseAssemble(Coarse);
 
-/* The bodies' part W W^T of S_p: n blocks w [n][nk][nr] of own cells cell [n] and bodies body [n] < nbodies. Borrowed
-   until the next call. Not collective. */
-PetscErrorCode CoarseSetBodies(Coarse, PetscInt nbodies, PetscInt nr, PetscInt n, const PetscInt cell[], const PetscInt body[], const PetscReal w[]);
+/* The bodies' part W W^T of S_p: n blocks w [n][nk][nr] of own cells cell [n] and bodies body [n] of the constraint
+   that this rank knows. Borrowed until the next call. Not collective. */
+PetscErrorCode CoarseSetBodies(Coarse, Constraint, PetscInt n, const PetscInt cell[], const PetscInt body[], const PetscReal w[]);
 
 /* Give interpolation and operator to a PCMG of two levels, always the same one. Its solver on this level is set up
    where too much has changed. Collective. */

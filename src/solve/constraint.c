@@ -109,28 +109,38 @@ static void know_body(Constraint c, PetscInt k)
   c->local_list[c->nlocal++] = k;
 }
 
-/* List the bodies known here and connect them to their slots. */
+/* Bodies that local nodes, ghosts too, lie in or follow, and more: ascending */
+static PetscErrorCode know_bodies(Constraint c)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt l = 0; l < c->nlocal; l++) c->local_index[c->local_list[l]] = -1;
+  c->nlocal = 0;
+  for (PetscInt i = 0; i < c->loc->nnode_all; i++) {
+    const PetscInt k = c->node_body[i] >= 0 ? c->node_body[i] : c->follow[i];
+
+    if (k >= 0 && c->unknown[k]) know_body(c, k);
+  }
+  for (PetscInt j = 0; j < c->nmore; j++) know_body(c, c->more[j]);
+  PetscCall(PetscSortInt(c->nlocal, c->local_list));
+  for (PetscInt l = 0; l < c->nlocal; l++) c->local_index[c->local_list[l]] = l;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* List the bodies known here and connect them to their slots and to the other ranks that know them. */
 static PetscErrorCode connect_rigid_slots(Constraint c)
 {
   PetscLayout layout;
 
   PetscFunctionBeginUser;
-  c->nlocal = 0;
-  for (PetscInt k = 0; k < c->nbodies; k++) c->local_index[k] = -1;
-  for (PetscInt j = 0; j < c->ninert; j++) {
-    const PetscInt k = c->body[j];
-
-    if (k < 0) continue;
-    know_body(c, k);
-    c->local_body[j] = c->local_index[k];
-  }
-  for (PetscInt j = 0; j < c->nfollow; j++) know_body(c, c->follow_body[j]);
-  for (PetscInt j = 0; j < c->nmore; j++) know_body(c, c->more[j]);
+  PetscCall(know_bodies(c));
+  for (PetscInt j = 0; j < c->ninert; j++) c->local_body[j] = c->body[j] < 0 ? -1 : c->local_index[c->body[j]];
   PetscCall(PetscSFDestroy(&c->rigid_sf));
   PetscCall(PetscLayoutCreateFromSizes(PETSC_COMM_WORLD, c->count, PETSC_DETERMINE, 1, &layout));
   PetscCall(PetscSFCreate(PETSC_COMM_WORLD, &c->rigid_sf));
   PetscCall(PetscSFSetGraphLayout(c->rigid_sf, layout, c->nlocal, NULL, PETSC_OWN_POINTER, c->local_list));
   PetscCall(PetscLayoutDestroy(&layout));
+  PetscCall(SharingDestroy(&c->sharing));
+  PetscCall(SharingCreate(c->rigid_sf, c->nlocal, c->nr, &c->sharing));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -178,7 +188,10 @@ PetscErrorCode ConstraintCreate(Mesh mesh, PetscInt nbodies, Constraint *constra
   PetscCall(PetscCalloc6(nbodies, &c->unknown, nbodies, &c->X, nbodies * c->nr, &c->U, nbodies, &c->local_index, nbodies, &c->local_list,
                          nbodies * c->nr, &c->local_rigid));
   PetscCall(PetscMalloc2(nbodies, &c->length, nbodies * c->nr, &c->packed));
-  for (PetscInt k = 0; k < nbodies; k++) c->length[k] = 1;
+  for (PetscInt k = 0; k < nbodies; k++) {
+    c->length[k]      = 1;
+    c->local_index[k] = -1;
+  }
   PetscCall(PetscCalloc1(nbodies, &c->united));
   for (PetscInt i = 0; i < c->loc->nnode_all; i++) c->node_body[i] = c->follow[i] = -1;
   PetscCallMPI(MPI_Type_contiguous((int)c->nr, MPIU_REAL, &c->rigid_type));
@@ -206,6 +219,7 @@ PetscErrorCode ConstraintDestroy(Constraint *constraint)
   PetscCall(PetscFree(c->united));
   PetscCall(PetscFree(c->body_node));
   PetscCall(PetscSFDestroy(&c->rigid_sf));
+  PetscCall(SharingDestroy(&c->sharing));
   PetscCallMPI(MPI_Type_free(&c->rigid_type));
   PetscCall(PetscFree(*constraint));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -41,7 +41,7 @@ struct _p_FlowSolver {
   Mat                K;                /* shell: nest with balanced rows */
   PetscReal         *D;                /* [nbodies][nr][nr] */
   PetscReal         *body_inverse;     /* [own bodies][nr][nr] inverse of the body's diagonal block of Ar */
-  PetscReal         *mass_inverse;     /* [nbodies][nr][nr] of M_r / scale, on every rank; zero where known */
+  PetscReal         *mass_inverse;     /* [nbodies][nr][nr] of M_r / scale, of own and known bodies; zero where known */
   PetscReal         *diagonal_inverse; /* [nodal] of A, zero at inert slots */
   PetscReal         *weight;           /* [nnode_all][dim] of M_r / scale, inverse; times eps on body nodes, 0 at
                                           walls */

@@ -44,6 +44,13 @@ PetscErrorCode PenaltyTermMultAdd(const PenaltyTerm *s, Constraint c, PetscBool 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode PenaltyTermSum(const PenaltyTerm *s, Constraint c)
+{
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintSumRows(c, s->nr * s->nr, s->H));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode PenaltyTermAddForce(const PenaltyTerm *s, Constraint c, const PetscReal u[], const PetscReal U[], PetscReal out[])
 {
   const PetscInt nr = s->nr, dim = s->dim;

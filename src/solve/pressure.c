@@ -229,6 +229,7 @@ PetscErrorCode PressureDestroy(Pressure *pressure)
   PetscCall(PetscFree(p->buried));
   PetscCall(PetscFree(p->cut_cell));
   PetscCall(PetscFree(p->cut_body));
+  PetscCall(PetscFree(p->cut_local));
   PetscCall(PetscFree(p->cut_w));
   PetscCall(PetscFree3(p->stamp, p->touched, p->listed));
   PetscCall(PetscFree(p->resolved));
@@ -319,8 +320,9 @@ PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscR
   if (p->nbodies) {
     PetscCall(PressureFindBuried(p));
     PetscCall(PressureFindCut(p, share, mass_inverse));
-    if (p->sweeps) PetscCall(BlockGSSetLowRank(p->sweeps, p->nbodies, p->ncut, p->cut_cell, p->cut_body, p->cut_w));
-    if (p->coarse) PetscCall(CoarseSetBodies(p->coarse, p->nbodies, p->nr, p->ncut, p->cut_cell, p->cut_body, p->cut_w));
+    if (p->sweeps)
+      PetscCall(BlockGSSetLowRank(p->sweeps, p->constraint->sharing, p->constraint->nlocal, p->ncut, p->cut_cell, p->cut_local, p->cut_w));
+    if (p->coarse) PetscCall(CoarseSetBodies(p->coarse, p->constraint, p->ncut, p->cut_cell, p->cut_body, p->cut_w));
   }
   PetscCall(MatAssemblyBegin(p->shell, MAT_FINAL_ASSEMBLY)); /* its values have changed */
   PetscCall(MatAssemblyEnd(p->shell, MAT_FINAL_ASSEMBLY));

@@ -192,10 +192,12 @@ PetscErrorCode PressureFindCut(Pressure p, const PetscReal share[], const PetscR
         p->room = 2 * p->room + 64;
         PetscCall(PetscRealloc(p->room * sizeof(PetscInt), &p->cut_cell));
         PetscCall(PetscRealloc(p->room * sizeof(PetscInt), &p->cut_body));
+        PetscCall(PetscRealloc(p->room * sizeof(PetscInt), &p->cut_local));
         PetscCall(PetscRealloc(p->room * p->nk * p->nr * sizeof(PetscReal), &p->cut_w));
       }
-      p->cut_cell[p->ncut] = c;
-      p->cut_body[p->ncut] = k;
+      p->cut_cell[p->ncut]  = c;
+      p->cut_body[p->ncut]  = k;
+      p->cut_local[p->ncut] = P->local_index[k];
       DenseFactor(p->nr, mass_inverse + k * p->nr * p->nr, L);
       PetscCall(cut_rows(p, share, b, c, k, L, p->cut_w + p->ncut * p->nk * p->nr));
       p->ncut++;
@@ -221,12 +223,12 @@ PetscErrorCode PressureMult(Mat mat, Vec x, Vec y)
   if (!p->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(VecGetArrayRead(x, &xa));
   PetscCall(VecGetArray(y, &ya));
-  PetscCall(PetscArrayzero(t, p->nbodies * nr));
+  PetscCall(PetscArrayzero(t, p->constraint->nlocal * nr));
   for (PetscInt i = 0; i < p->ncut; i++)
-    for (PetscInt e = 0; e < nk * nr; e++) t[p->cut_body[i] * nr + e % nr] += p->cut_w[i * nk * nr + e] * xa[p->cut_cell[i] * nk + e / nr];
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, t, (PetscMPIInt)(p->nbodies * nr), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+    for (PetscInt e = 0; e < nk * nr; e++) t[p->cut_local[i] * nr + e % nr] += p->cut_w[i * nk * nr + e] * xa[p->cut_cell[i] * nk + e / nr];
+  PetscCall(SharingSum(p->constraint->sharing, nr, t));
   for (PetscInt i = 0; i < p->ncut; i++)
-    for (PetscInt e = 0; e < nk * nr; e++) ya[p->cut_cell[i] * nk + e / nr] += p->cut_w[i * nk * nr + e] * t[p->cut_body[i] * nr + e % nr];
+    for (PetscInt e = 0; e < nk * nr; e++) ya[p->cut_cell[i] * nk + e / nr] += p->cut_w[i * nk * nr + e] * t[p->cut_local[i] * nr + e % nr];
   PetscCall(VecRestoreArrayRead(x, &xa));
   PetscCall(VecRestoreArray(y, &ya));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -20,9 +20,9 @@ struct _p_Pressure {
   PetscInt        *neighbour_ptr, *neighbour; /* [ncell + 1]; local cells that share a node with a cell */
   PetscReal       *weight;                    /* as of the last update; zero before the first */
   /* bodies: cells where B R_k is not zero */
-  PetscInt   ncut, room, *cut_cell, *cut_body;
-  PetscReal *cut_w; /* [ncut][nk][nr] B R_k L_k with L_k L_k^T = M_k^{-1} */
-  PetscReal *work;  /* [nbodies][nr] */
+  PetscInt   ncut, room, *cut_cell, *cut_body, *cut_local; /* cell; body, and its index among those known here */
+  PetscReal *cut_w;                                        /* [ncut][nk][nr] B R_k L_k with L_k L_k^T = M_k^{-1} */
+  PetscReal *work;                                         /* [bodies known here][nr] */
   /* cells in which no flow is left: inside of a body, all nodes rigid */
   PetscInt nburied, buried_room, *buried;
   /* cells between two constrained surfaces, see find_shared_cells() */

@@ -21,6 +21,53 @@ PetscErrorCode ConstraintDeliverRigid(Constraint c, const PetscReal local[], Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Rows of the known bodies, from (or to) their places in value [nbodies][n] */
+static PetscErrorCode pack_rows(Constraint c, PetscInt n, PetscReal value[], PetscReal **row, MPI_Datatype *type)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(c->nlocal * n, row));
+  for (PetscInt e = 0; e < c->nlocal * n; e++) (*row)[e] = value[c->local_list[e / n] * n + e % n];
+  PetscCallMPI(MPI_Type_contiguous((PetscMPIInt)n, MPIU_REAL, type));
+  PetscCallMPI(MPI_Type_commit(type));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintSumRows(Constraint c, PetscInt n, PetscReal value[])
+{
+  PetscReal   *row, *own = value + c->first * n;
+  PetscMPIInt  size;
+  MPI_Datatype type;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
+  if (size == 1) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(pack_rows(c, n, value, &row, &type));
+  PetscCall(PetscArrayzero(own, c->count * n));
+  PetscCall(PetscSFReduceBegin(c->rigid_sf, type, row, own, MPIU_SUM));
+  PetscCall(PetscSFReduceEnd(c->rigid_sf, type, row, own, MPIU_SUM));
+  PetscCallMPI(MPI_Type_free(&type));
+  PetscCall(PetscFree(row));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintCopyRows(Constraint c, PetscInt n, PetscReal value[])
+{
+  PetscReal   *row;
+  PetscMPIInt  size;
+  MPI_Datatype type;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
+  if (size == 1) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(pack_rows(c, n, value, &row, &type));
+  PetscCall(PetscSFBcastBegin(c->rigid_sf, type, value + c->first * n, row, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(c->rigid_sf, type, value + c->first * n, row, MPI_REPLACE));
+  for (PetscInt e = 0; e < c->nlocal * n; e++) value[c->local_list[e / n] * n + e % n] = row[e];
+  PetscCallMPI(MPI_Type_free(&type));
+  PetscCall(PetscFree(row));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ConstraintExpandInPlace(Constraint c, const PetscReal rigid[], PetscReal v[], PetscReal saved[])
 {
   const PetscInt nr = c->nr;

@@ -7,6 +7,7 @@
    degrees of freedom, coef [slots][nr]. */
 #pragma once
 #include "solve/constraint.h"
+#include "sharing.h"
 
 struct _p_Constraint {
   Mesh             mesh;
@@ -30,12 +31,14 @@ struct _p_Constraint {
   PetscReal *follow_coef;
   PetscInt   nmore, more_room, *more;
   PetscBool  followers_changed;
-  /* bodies that own nodes of this rank belong to or follow, and more; the way to their slots */
+  /* bodies that nodes of this rank and its ghosts belong to or follow, and more, ascending; the way to their slots, and
+     to the other ranks that know them */
   PetscInt     nlocal, *local_index; /* [nbodies] body -> local or -1 */
   PetscInt    *local_list;
   PetscReal   *local_rigid; /* [nlocal][nr] as ConstraintFetchRigid left them */
   PetscReal   *packed;      /* [nlocal][nr] work of ConstraintDeliverRigid */
   PetscSF      rigid_sf;
+  Sharing      sharing;    /* of the nlocal bodies, up to nr numbers each */
   MPI_Datatype rigid_type; /* the nr slots of one body */
 };
 
@@ -64,6 +67,10 @@ PetscErrorCode ConstraintReduceInPlace(Constraint, PetscReal r[], PetscReal rigi
    ranks. Collective. */
 PetscErrorCode ConstraintFetchRigid(Constraint, const PetscReal rigid[]);
 PetscErrorCode ConstraintDeliverRigid(Constraint, const PetscReal local[], PetscReal rigid[]);
+/* Rows value [nbodies][n] of numbers a body. Sum: rows of own bodies become the sum of the rows of the ranks that know
+   them; other rows are undefined then. Copy: rows of own bodies go to the ranks that know them. Collective. */
+PetscErrorCode ConstraintSumRows(Constraint, PetscInt n, PetscReal value[]);
+PetscErrorCode ConstraintCopyRows(Constraint, PetscInt n, PetscReal value[]);
 
 /* u = P ur + c on own nodes and ghosts, u [nnode_all][dim]. Collective. */
 PetscErrorCode ConstraintExpand(Constraint, Vec ur, PetscReal u[]);

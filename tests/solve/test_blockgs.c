@@ -160,6 +160,21 @@ static void fill_low_rank(PetscInt nk, PetscInt ncolumn, PetscInt nr, Mat A, Pet
   OK(MatAssemblyEnd(*whole, MAT_FINAL_ASSEMBLY));
 }
 
+/* All ranks have all columns, which the first one owns. */
+static void share_columns(PetscInt ncolumn, PetscInt nr, Sharing *sharing)
+{
+  PetscMPIInt rank;
+  PetscSFNode remote[8];
+  PetscSF     sf;
+
+  MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
+  for (PetscInt k = 0; k < ncolumn; k++) remote[k] = (PetscSFNode){.rank = 0, .index = k};
+  OK(PetscSFCreate(PETSC_COMM_WORLD, &sf));
+  OK(PetscSFSetGraph(sf, rank ? 0 : ncolumn, ncolumn, NULL, PETSC_COPY_VALUES, remote, PETSC_COPY_VALUES));
+  OK(SharingCreate(sf, ncolumn, nr, sharing));
+  OK(PetscSFDestroy(&sf));
+}
+
 /* A part of low rank acts as if it were filled in, and is gone when taken back; what is extra is in the sweeps only */
 static void test_low_rank(void **state)
 {
@@ -171,6 +186,7 @@ static void test_low_rank(void **state)
     PetscInt       first, last, n = 0, row[NROW * 4], column[NROW * 4];
     PetscReal     *w, extra[NROW * 16];
     Mat            A, whole, sweep, shell;
+    Sharing        sharing;
 
     create(nk, &A);
     for (PetscInt e = 0; e < NROW * nk * nk; e++) extra[e] = e % (nk * nk) % (nk + 1) == 0 ? 1 + noise(e) : 0.1;
@@ -189,13 +205,15 @@ static void test_low_rank(void **state)
         column[n++] = k;
       }
     }
-    OK(BlockGSSetLowRank(shell, ncolumn, n, row, column, w));
+    share_columns(ncolumn, nr, &sharing);
+    OK(BlockGSSetLowRank(shell, sharing, ncolumn, n, row, column, w));
     compare(whole, sweep, shell);
     OK(BlockGSSetExtra(shell, NULL));
-    OK(BlockGSSetLowRank(shell, 0, 0, NULL, NULL, NULL));
+    OK(BlockGSSetLowRank(shell, NULL, 0, 0, NULL, NULL, NULL));
     OK(BlockGSUpdate(shell, 0, NULL));
     compare(A, A, shell);
     OK(PetscFree(w));
+    OK(SharingDestroy(&sharing));
     OK(MatDestroy(&shell));
     OK(MatDestroy(&whole));
     OK(MatDestroy(&sweep));

@@ -1,0 +1,22 @@
+/* Sharing: sums over the ranks that know a body.
+
+   A body touches the nodes of one rank or of a few. What these have for it is added between them alone: each sends its
+   part to each of the others, one message a pair of ranks, and adds the parts in the order of ranks, so that all have
+   the same bits. Bodies on more than SHARING_MANY ranks, whose number does not grow with the number of bodies, are
+   summed over all ranks at once. What a rank sends is proportional to the bodies at its border. */
+#pragma once
+#include <petscsf.h>
+
+#define SHARING_MANY 8 /* as many ranks as parts that meet in a corner in space */
+
+typedef struct _p_Sharing *Sharing;
+
+/* From a star forest whose n leaves (contiguous) are the entries of this rank and whose roots say which are the same
+   one: leaves in the order of roots. Sums have up to `most` numbers an entry. The forest is not kept. Collective. */
+PetscErrorCode SharingCreate(PetscSF, PetscInt n, PetscInt most, Sharing *);
+PetscErrorCode SharingDestroy(Sharing *);
+/* value [n][unit], unit <= most: becomes the sum over all entries of the same root; nothing is done on one rank, and
+   without a Sharing. Collective. */
+PetscErrorCode SharingSum(Sharing, PetscInt unit, PetscReal value[]);
+/* Entries that other ranks have too, and numbers that one number an entry sends to them. Either may be NULL. Local. */
+PetscErrorCode SharingGetSizes(Sharing, PetscInt *shared, PetscInt *sent);

@@ -1,0 +1,98 @@
+"""What the ranks send one another in a time step, counted through the profiling interface of MPI (tools/mpicount.c).
+
+Nothing that all ranks take part in may grow with the number of bodies, or of ranks, but for what stands here as known:
+* with a flow the rigid velocities of all bodies, gathered once a step: every rank still knows all bodies;
+* the lengths of new vectors and matrices, a number a rank (PetscLayout), a bounded number of times a step.
+"""
+import os
+import shlex
+import subprocess
+from collections import defaultdict
+
+import pytest
+
+from collector import ROOT, build_folder, launch_words
+
+FLOW = """mesh: {cells: [20, 20], lower: [0, 0], upper: [1, 1], periodic: [x]}
+flow: {density: 1, viscosity: 0.02, gravity: [0, -10]}
+particle:
+  groups: grain
+  grain: {shape: circle, radius: 0.02, density: 1.5, place: lattice}
+contact: {range: 0.01, stiffness: 1e-4}
+sim: {dt: 0.005}
+output: {every: 0}
+"""
+ALONE = """mesh: {cells: [4, 4], lower: [0, 0], upper: [1, 1], periodic: x}
+flow: {active: false, gravity: [3, -5]}
+particle:
+  groups: grain
+  grain: {shape: circle, radius: 0.002, density: 2, place: lattice, velocity: [1, 0]}
+contact: {range: 1e-3}
+sim: {dt: 1e-3}
+output: {every: 0, progress: 1000}
+"""
+BALANCE = 24576  # bytes: bodies in bins along the axes, by which parts are cut; a fixed length
+
+
+@pytest.fixture(scope="module")
+def counter(tmp_path_factory):
+    compiler = shlex.split((build_folder() / "flags").read_text())[0]
+    path = tmp_path_factory.mktemp("counter") / "mpicount.so"
+    subprocess.run([compiler, "-O1", "-shared", "-fPIC", "-o", path, ROOT / "tools" / "mpicount.c"], check=True)
+    return path
+
+
+def count(counter, program, scene, ranks, steps, bodies, folder):
+    """{kind: [calls, bytes, long calls, long bytes, longest]}, the largest of the ranks"""
+    out = folder / f"{ranks}-{steps}-{bodies}"
+    words = launch_words(["env", f"LD_PRELOAD={counter}", f"MPICOUNT={out}.count", program, scene, "-sim_steps", steps, "-particle_grain_count", bodies,
+                          "-output_dir", out], ranks)
+    done = subprocess.run([str(word) for word in words], cwd=folder, capture_output=True, text=True, timeout=120, env=dict(os.environ))
+    assert not done.returncode, done.stdout + done.stderr
+    most = defaultdict(lambda: [0] * 5)
+    for line in (folder / f"{out}.count").read_text().splitlines():
+        _, kind, *numbers = line.split()
+        most[kind] = [max(a, int(b)) for a, b in zip(most[kind], numbers)]
+    return most
+
+
+@pytest.fixture
+def steps(counter, program, tmp_path):
+    """steps(scene, ranks, bodies, n): what n steps take, after n others and the set-up"""
+
+    def subtract(text, ranks, bodies, n):
+        scene = tmp_path / "scene.yaml"
+        scene.write_text(text)
+        short, long = (count(counter, program, scene, ranks, m, bodies, tmp_path) for m in (n, 2 * n))
+        return {kind: [(b - a) / n for a, b in zip(short[kind][:4], long[kind][:4])] + [long[kind][4]] for kind in long}
+
+    return subtract
+
+
+COLLECTIVES = "allreduce", "reduce", "bcast", "scan", "allgather", "alltoall", "gather"
+
+
+def test_collectives_do_not_grow_with_the_bodies_of_a_flow(steps):
+    few, many, spread = steps(FLOW, 3, 60, 2), steps(FLOW, 3, 120, 2), steps(FLOW, 6, 120, 2)
+    for n, ranks, sent in (60, 3, few), (120, 3, many), (120, 6, spread):
+        gathered = 3 * 8 * n
+        assert sent["allgather"][2] <= 1 and sent["allgather"][3] <= gathered, (n, ranks, dict(sent))
+        for kind in COLLECTIVES:
+            calls, total, long_calls, _, _ = sent[kind]
+            if kind != "allgather":
+                assert long_calls == 0, (kind, n, ranks, sent[kind])
+            else:
+                assert total - gathered <= 8 * ranks * calls, (kind, n, ranks, sent[kind])
+    for other in many, spread:
+        for kind in COLLECTIVES:
+            assert other[kind][0] <= 1.3 * few[kind][0] + 2, (kind, few[kind], other[kind])
+            if kind != "allgather":
+                assert other[kind][1] <= 1.3 * few[kind][1] + 64, (kind, few[kind], other[kind])
+
+
+def test_collectives_of_bodies_alone_have_a_fixed_length(steps):
+    for ranks in 2, 5:
+        sent = steps(ALONE, ranks, 7000, 10)
+        assert sent["message"][1] > 0, sent
+        for kind in COLLECTIVES:
+            assert sent[kind][4] <= BALANCE and sent[kind][0] < 100, (kind, ranks, sent[kind])

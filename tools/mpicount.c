@@ -1,0 +1,249 @@
+/* mpicount: counts what a program sends, through the profiling interface of MPI; to be put before it (LD_PRELOAD).
+
+   MPI_Finalize appends to the file MPICOUNT names, one line a rank and kind:
+     rank kind calls bytes long_calls long_bytes longest
+   kind: the name of a collective (bytes: what this rank contributes, or gets if that is more), or "message" (point to
+   point, persistent ones too). Long: more than LONG bytes. Without MPICOUNT nothing is written. */
+#include <mpi.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#define LONG 512
+#define ROOM 65536 /* persistent requests, a power of two */
+
+enum {
+  ALLREDUCE,
+  REDUCE,
+  BCAST,
+  SCAN,
+  ALLGATHER,
+  ALLTOALL,
+  GATHER,
+  MESSAGE,
+  NKIND
+};
+
+static const char *const NAME[] = {"allreduce", "reduce", "bcast", "scan", "allgather", "alltoall", "gather", "message"};
+
+static struct {
+  long calls, bytes, long_calls, long_bytes, longest;
+} kind[NKIND];
+
+static struct {
+  MPI_Request request;
+  long        bytes;
+} persistent[ROOM];
+
+static long bytes_of(long n, MPI_Datatype type)
+{
+  int size = 0;
+
+  if (type != MPI_DATATYPE_NULL) PMPI_Type_size(type, &size);
+  return n * size;
+}
+
+static void count(int k, long bytes)
+{
+  kind[k].calls++;
+  kind[k].bytes += bytes;
+  if (bytes > kind[k].longest) kind[k].longest = bytes;
+  if (bytes <= LONG) return;
+  kind[k].long_calls++;
+  kind[k].long_bytes += bytes;
+}
+
+static long sum(const int n[], MPI_Comm comm)
+{
+  int  size;
+  long total = 0;
+
+  PMPI_Comm_size(comm, &size);
+  for (int i = 0; i < size; i++) total += n[i];
+  return total;
+}
+
+static long of_all(long n, MPI_Comm comm)
+{
+  int size;
+
+  PMPI_Comm_size(comm, &size);
+  return n * size;
+}
+
+/* ---- collectives ---- */
+
+int MPI_Allreduce(const void *in, void *out, int n, MPI_Datatype type, MPI_Op op, MPI_Comm comm)
+{
+  count(ALLREDUCE, bytes_of(n, type));
+  return PMPI_Allreduce(in, out, n, type, op, comm);
+}
+
+int MPI_Iallreduce(const void *in, void *out, int n, MPI_Datatype type, MPI_Op op, MPI_Comm comm, MPI_Request *r)
+{
+  count(ALLREDUCE, bytes_of(n, type));
+  return PMPI_Iallreduce(in, out, n, type, op, comm, r);
+}
+
+int MPI_Reduce_scatter(const void *in, void *out, const int n[], MPI_Datatype type, MPI_Op op, MPI_Comm comm)
+{
+  count(REDUCE, bytes_of(sum(n, comm), type));
+  return PMPI_Reduce_scatter(in, out, n, type, op, comm);
+}
+
+int MPI_Reduce_scatter_block(const void *in, void *out, int n, MPI_Datatype type, MPI_Op op, MPI_Comm comm)
+{
+  count(REDUCE, bytes_of(of_all(n, comm), type));
+  return PMPI_Reduce_scatter_block(in, out, n, type, op, comm);
+}
+
+int MPI_Reduce(const void *in, void *out, int n, MPI_Datatype type, MPI_Op op, int root, MPI_Comm comm)
+{
+  count(REDUCE, bytes_of(n, type));
+  return PMPI_Reduce(in, out, n, type, op, root, comm);
+}
+
+int MPI_Bcast(void *v, int n, MPI_Datatype type, int root, MPI_Comm comm)
+{
+  count(BCAST, bytes_of(n, type));
+  return PMPI_Bcast(v, n, type, root, comm);
+}
+
+int MPI_Scan(const void *in, void *out, int n, MPI_Datatype type, MPI_Op op, MPI_Comm comm)
+{
+  count(SCAN, bytes_of(n, type));
+  return PMPI_Scan(in, out, n, type, op, comm);
+}
+
+int MPI_Exscan(const void *in, void *out, int n, MPI_Datatype type, MPI_Op op, MPI_Comm comm)
+{
+  count(SCAN, bytes_of(n, type));
+  return PMPI_Exscan(in, out, n, type, op, comm);
+}
+
+int MPI_Allgather(const void *in, int n, MPI_Datatype type, void *out, int m, MPI_Datatype other, MPI_Comm comm)
+{
+  count(ALLGATHER, of_all(bytes_of(m, other), comm));
+  return PMPI_Allgather(in, n, type, out, m, other, comm);
+}
+
+int MPI_Allgatherv(const void *in, int n, MPI_Datatype type, void *out, const int m[], const int at[], MPI_Datatype other, MPI_Comm comm)
+{
+  count(ALLGATHER, bytes_of(sum(m, comm), other));
+  return PMPI_Allgatherv(in, n, type, out, m, at, other, comm);
+}
+
+int MPI_Alltoall(const void *in, int n, MPI_Datatype type, void *out, int m, MPI_Datatype other, MPI_Comm comm)
+{
+  count(ALLTOALL, of_all(bytes_of(n, type), comm));
+  return PMPI_Alltoall(in, n, type, out, m, other, comm);
+}
+
+int MPI_Alltoallv(const void *in, const int n[], const int at[], MPI_Datatype type, void *out, const int m[], const int to[], MPI_Datatype other,
+                  MPI_Comm comm)
+{
+  count(ALLTOALL, bytes_of(sum(n, comm), type));
+  return PMPI_Alltoallv(in, n, at, type, out, m, to, other, comm);
+}
+
+int MPI_Gather(const void *in, int n, MPI_Datatype type, void *out, int m, MPI_Datatype other, int root, MPI_Comm comm)
+{
+  count(GATHER, bytes_of(n, type));
+  return PMPI_Gather(in, n, type, out, m, other, root, comm);
+}
+
+int MPI_Gatherv(const void *in, int n, MPI_Datatype type, void *out, const int m[], const int at[], MPI_Datatype other, int root, MPI_Comm comm)
+{
+  count(GATHER, bytes_of(n, type));
+  return PMPI_Gatherv(in, n, type, out, m, at, other, root, comm);
+}
+
+int MPI_Scatterv(const void *in, const int n[], const int at[], MPI_Datatype type, void *out, int m, MPI_Datatype other, int root, MPI_Comm comm)
+{
+  count(GATHER, bytes_of(m, other));
+  return PMPI_Scatterv(in, n, at, type, out, m, other, root, comm);
+}
+
+/* ---- messages ---- */
+
+int MPI_Send(const void *v, int n, MPI_Datatype type, int to, int tag, MPI_Comm comm)
+{
+  count(MESSAGE, bytes_of(n, type));
+  return PMPI_Send(v, n, type, to, tag, comm);
+}
+
+int MPI_Isend(const void *v, int n, MPI_Datatype type, int to, int tag, MPI_Comm comm, MPI_Request *r)
+{
+  count(MESSAGE, bytes_of(n, type));
+  return PMPI_Isend(v, n, type, to, tag, comm, r);
+}
+
+int MPI_Issend(const void *v, int n, MPI_Datatype type, int to, int tag, MPI_Comm comm, MPI_Request *r)
+{
+  count(MESSAGE, bytes_of(n, type));
+  return PMPI_Issend(v, n, type, to, tag, comm, r);
+}
+
+/* Where a request stands, or a free place. Freed ones stay until their handle comes again. */
+static size_t place(MPI_Request r)
+{
+  size_t i = ((size_t)r >> 4) & (ROOM - 1);
+
+  for (size_t tries = 0; persistent[i].request && persistent[i].request != r; tries++) {
+    if (tries == ROOM) abort();
+    i = (i + 1) & (ROOM - 1);
+  }
+  return i;
+}
+
+int MPI_Send_init(const void *v, int n, MPI_Datatype type, int to, int tag, MPI_Comm comm, MPI_Request *r)
+{
+  const int err = PMPI_Send_init(v, n, type, to, tag, comm, r);
+
+  persistent[place(*r)].bytes   = bytes_of(n, type);
+  persistent[place(*r)].request = *r;
+  return err;
+}
+
+int MPI_Recv_init(void *v, int n, MPI_Datatype type, int from, int tag, MPI_Comm comm, MPI_Request *r)
+{
+  const int    err = PMPI_Recv_init(v, n, type, from, tag, comm, r);
+  const size_t i   = place(*r);
+
+  if (persistent[i].request) persistent[i].bytes = -1; /* a handle that was of a message before */
+  return err;
+}
+
+static void count_start(MPI_Request r)
+{
+  const size_t i = place(r);
+
+  if (persistent[i].request && persistent[i].bytes >= 0) count(MESSAGE, persistent[i].bytes);
+}
+
+int MPI_Start(MPI_Request *r)
+{
+  count_start(*r);
+  return PMPI_Start(r);
+}
+
+int MPI_Startall(int n, MPI_Request r[])
+{
+  for (int i = 0; i < n; i++) count_start(r[i]);
+  return PMPI_Startall(n, r);
+}
+
+int MPI_Finalize(void)
+{
+  const char *name = getenv("MPICOUNT");
+  int         rank;
+
+  PMPI_Comm_rank(MPI_COMM_WORLD, &rank);
+  if (name) {
+    FILE *f = fopen(name, "a");
+
+    for (int k = 0; f && k < NKIND; k++)
+      fprintf(f, "%d %s %ld %ld %ld %ld %ld\n", rank, NAME[k], kind[k].calls, kind[k].bytes, kind[k].long_calls, kind[k].long_bytes, kind[k].longest);
+    if (f) fclose(f);
+  }
+  return PMPI_Finalize();
+}
