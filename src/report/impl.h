@@ -37,6 +37,7 @@ struct _p_Monitor {
   PetscReal      length[2];          /* of series.csv and bodies.csv then, bytes */
   PetscReal      wall_before;
   PetscInt       series_every, progress_every, first_body, last_body;
+  PetscBool      tables;  /* bodies in table_<step>.h5 in place of bodies.csv */
   PetscBool      started; /* MonitorWrite has been called; then the next two are set */
   PetscReal      time_start;
   PetscLogDouble wall_start;

@@ -9,7 +9,8 @@
 #include <petsctime.h>
 #include <string.h>
 
-#define MAX_BODIES 64 /* with more, bodies.csv holds only those that are asked for */
+#define MAX_BODIES 64    /* with more, bodies.csv holds only those that are asked for */
+#define MAX_CSV    10000 /* and with more of these they are written in parallel */
 
 static PetscErrorCode write_options(Monitor m)
 {
@@ -77,8 +78,9 @@ static PetscErrorCode start_run(Monitor m, const MonitorStep *s)
 
 static PetscErrorCode read_options(Monitor m)
 {
-  PetscInt  range[2] = {0, m->bodies->nall - 1};
-  PetscBool found;
+  static const char *const FORMATS[] = {"auto", "csv", "hdf5", NULL};
+  PetscInt                 range[2] = {0, m->bodies->nall - 1}, format = 0;
+  PetscBool                found;
 
   PetscFunctionBeginUser;
   m->series_every = 1;
@@ -91,6 +93,8 @@ static PetscErrorCode read_options(Monitor m)
              ": give first,last with 0 <= first <= last < %" PetscInt_FMT,
              range[0], range[1], m->bodies->nall, m->bodies->nall);
   if (!found && m->bodies->nall > MAX_BODIES) range[1] = -1;
+  PetscCall(OptChoice("-output_bodies_format", FORMATS, &format));
+  m->tables     = (PetscBool)(format == 2 || (format == 0 && range[1] - range[0] >= MAX_CSV));
   m->first_body = range[0];
   m->last_body  = range[1];
   PetscFunctionReturn(PETSC_SUCCESS);

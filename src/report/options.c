@@ -14,6 +14,9 @@ static const OptSpec SPECS[] = {
   {"-output_interval", OPT_REAL, "time", OPT_FROM(0), "0", .help = "time between two snapshots, at which time steps end, 0 for none"},
   {"-output_series", OPT_INT, "steps", OPT_FROM(1), "1", .help = "steps between two lines of series.csv and bodies.csv"},
   {"-output_bodies", OPT_INTS, "", OPT_FROM(0), "all of at most 64, else none", .help = "first and last body in bodies.csv"},
+  {"-output_bodies_format", OPT_CHOICE, "", OPT_ANY, "auto",
+   .help    = "lines of bodies.csv, or datasets of table_<step>.h5, which all ranks write together; auto: csv up to 10000 bodies",
+   .choices = "auto, csv, hdf5"},
   {"-output_progress", OPT_INT, "steps", OPT_FROM(0), "0", .help = "steps between two lines of progress, 0 for some 20 to 50 lines in a run"},
   {"-output_suspension", OPT_BOOL, "", OPT_ANY, "false",
    .help =

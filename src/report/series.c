@@ -2,6 +2,7 @@
    Columns stand in tables below, which are also the documentation of the files. The state of the bodies is the same
    on all ranks: rank 0 writes, and nothing is gathered. */
 #include "compat.h"
+#include "base/hdf5.h"
 #include "impl.h"
 #include "bodies/local.h"
 #include "files.h"
@@ -29,6 +30,7 @@ const MonitorColumn MONITOR_SERIES[] = {
   {NULL, NULL, 0, NULL},
 };
 
+#define TIME   1
 #define NUMBER 2
 #define GROUP  3 /* the one column of text */
 const MonitorColumn MONITOR_BODIES[] = {
@@ -300,13 +302,80 @@ static PetscErrorCode print_spread(Monitor m, const MonitorStep *s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Column i of n lines of this rank. Collective. */
+static PetscErrorCode write_column(Hdf5 file, size_t i, PetscInt n, const PetscReal (*line)[NBODIES])
+{
+  PetscReal *value;
+  PetscInt  *number;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc2(n, &value, n, &number));
+  for (PetscInt r = 0; r < n; r++) {
+    value[r]  = line[r][i];
+    number[r] = (PetscInt)(i == NUMBER || i == GROUP ? value[r] : 0);
+  }
+  if (i == NUMBER || i == GROUP) PetscCall(Hdf5WriteInts(file, MONITOR_BODIES[i].name, n, 1, number));
+  else PetscCall(Hdf5WriteReals(file, MONITOR_BODIES[i].name, n, 1, value));
+  PetscCall(PetscFree2(value, number));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* As an attribute of the file, with commas between them. Collective. */
+static PetscErrorCode write_group_names(Monitor m, Hdf5 file)
+{
+  const size_t room = 1 + (size_t)m->bodies->ngroups * sizeof(m->bodies->group->name);
+  size_t       length;
+  char        *names;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc1(room, &names));
+  for (PetscInt g = 0; g < m->bodies->ngroups; g++) {
+    if (g) PetscCall(PetscStrlcat(names, ",", room));
+    PetscCall(PetscStrlcat(names, m->bodies->group[g].name, room));
+  }
+  PetscCall(PetscStrlen(names, &length));
+  PetscCall(Hdf5WriteAttribute(file, "/", "groups", HDF5_BYTE, (PetscInt)length + 1, names));
+  PetscCall(PetscFree(names));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The lines of a step as table_<step>.h5, a dataset a column, written by all ranks that have rows. Collective. */
+static PetscErrorCode write_table(Monitor m, const MonitorStep *s)
+{
+  const BodyState *b = m->bodies;
+  BodyRows         rows;
+  Hdf5             file;
+  PetscReal(*mine)[NBODIES], (*line)[NBODIES];
+  PetscInt first, last;
+  char     path[PETSC_MAX_PATH_LEN], reason[256];
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesBeginRows(m->all, &rows));
+  PetscCall(PetscMalloc2(b->n, &mine, rows.n, &line));
+  for (PetscInt k = 0; k < b->n; k++) fill_line(s, b, k, mine[k]);
+  PetscCall(BodiesGatherRows(m->all, &rows, sizeof(*mine), mine, line));
+  first = PetscMin(PetscMax(m->first_body - rows.start, 0), rows.n);
+  last  = PetscMax(PetscMin(m->last_body + 1 - rows.start, rows.n), first);
+  PetscCall(PetscSNPrintf(path, sizeof(path), "%s/table_%" PetscInt_FMT ".h5", m->dir, s->step));
+  PetscCall(Hdf5Create(PETSC_COMM_WORLD, path, &file));
+  PetscCall(Hdf5WriteReals(file, MONITOR_BODIES[TIME].name, m->rank ? 0 : 1, 1, &s->time));
+  PetscCall(write_group_names(m, file));
+  for (size_t i = NUMBER; i < count_body_columns(m); i++) PetscCall(write_column(file, i, last - first, (const PetscReal(*)[NBODIES])(line + first)));
+  PetscCall(Hdf5Close(&file, reason, sizeof(reason)));
+  PetscCall(PetscFree2(mine, line));
+  PetscCall(BodiesEndRows(&rows));
+  PetscCheck(!reason[0], PETSC_COMM_WORLD, PETSC_ERR_FILE_WRITE, "Cannot write '%s': %s. Check the disk or choose another -output_dir", path, reason);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode print_bodies(Monitor m, const MonitorStep *s)
 {
   PetscReal line[NBODIES];
 
   PetscFunctionBeginUser;
   if (m->last_body < m->first_body) PetscFunctionReturn(PETSC_SUCCESS);
-  if (BodiesComm(m->all) != PETSC_COMM_SELF) PetscCall(print_spread(m, s));
+  if (m->tables) PetscCall(write_table(m, s));
+  else if (BodiesComm(m->all) != PETSC_COMM_SELF) PetscCall(print_spread(m, s));
   else if (m->rank == 0)
     for (PetscInt k = m->first_body; k <= m->last_body; k++) {
       fill_line(s, m->bodies, k, line);

@@ -104,7 +104,8 @@ void MonitorPrintTables(FILE *file)
           "is that of the row above.\n");
   print_columns(file, "series.csv: a line a step", MONITOR_SERIES);
   print_columns(file, "series.csv: further columns, where a scene has what they tell", MONITOR_FURTHER);
-  print_columns(file, "bodies.csv: a line a step and body", MONITOR_BODIES);
+  print_columns(file, "bodies.csv: a line a step and body; or table_<step>.h5: a dataset [bodies] each but step and time [1] (-output_bodies_format)",
+                MONITOR_BODIES);
   print_columns(file, "pairs_<step>.csv, with -output_suspension at snapshots and after the last step", SUSPENSION_PAIRS);
   print_columns(file, "profile_<step>.csv, likewise: a line a slab", SUSPENSION_PROFILE);
   print_columns(file, "contacts_<step>.csv, likewise: a line a contact", SUSPENSION_CONTACTS);

@@ -1,6 +1,7 @@
 """Bodies without a flow: the bed, what happens at the faces of the domain, and starts that are refused."""
 import csv
 import json
+import sys
 
 import pytest
 
@@ -134,3 +135,26 @@ def test_bodies_in_a_flow_on_one_and_two_ranks(run, tmp_path):
     largest = max(map(abs, found[0]))
     assert len(found[0]) == 36 * 4 * 5 and largest > 0
     assert max(abs(a - b) for a, b in zip(*found)) < 1e-9 * largest
+
+
+def test_tables_of_many_bodies_are_hdf5(run, scene, tmp_path):
+    """The same rows as bodies.csv, from all ranks; by themselves above 10,000 bodies."""
+    sys.path.insert(0, str(ROOT / "tools"))
+    import tumble
+
+    crowd = scene(CROWD)
+    for name in "csv", "hdf5":
+        result = run([crowd, "-output_dir", name, "-output_bodies", "3,70", "-output_bodies_format", name, "-output_series", "20", "-output_every", "0"], 3)
+        assert result.status == 0, str(result)
+    csv_rows, rows = tumble.open(tmp_path / "csv").bodies, tumble.open(tmp_path / "hdf5").bodies
+    assert list(rows) == list(csv_rows) and len(rows) == len(csv_rows) == 2 * 68
+    for name in rows:
+        if name == "group":
+            assert (rows[name] == csv_rows[name]).all()
+        else:
+            assert rows[name] == pytest.approx(csv_rows[name], rel=1e-6, abs=1e-9), name
+    many = scene("mesh: {cells: [4, 4]}\nflow: {active: false}\nparticle: {groups: a, a: {shape: circle, radius: 1e-3, density: 1, place: lattice, count: 10001}}\n"
+                 "contact: {range: 1e-4}\nsim: {dt: 1e-3, steps: 1}\n", "many.yaml")
+    for last, expected in ("9999", False), ("10000", True):
+        assert run([many, "-output_dir", last, "-output_bodies", f"0,{last}"], 2).status == 0
+        assert (tmp_path / last / "table_1.h5").exists() == expected

@@ -124,8 +124,28 @@ class Run:
 
     @property
     def bodies(self):
-        """A row a step and body: bodies.csv."""
+        """A row a step and body: bodies.csv, or where that has no lines table_<step>.h5 of the steps of series.csv."""
+        if not len(self._table("bodies.csv").get("body", ())):
+            self._tables["bodies.csv"] = self._read_body_tables()
         return self._table("bodies.csv")
+
+    def _read_body_tables(self):
+        paths = {int(step): self.directory / f"table_{int(step)}.h5" for step in self.series.get("step", ())}
+        if not any(path.exists() for path in paths.values()):
+            return self._table("bodies.csv")
+        import h5py
+
+        steps = []
+        for step, path in paths.items():
+            if path.exists():
+                with h5py.File(path) as file:
+                    columns = {name: file[name][()].reshape(-1) for name in file}
+                    groups = bytes(file.attrs["groups"]).decode().rstrip("\0").split(",")
+                time, n = columns.pop("time_s")[0], len(columns["body"])
+                columns["group"] = np.array(groups)[columns["group"]]
+                steps.append({"step": np.full(n, float(step)), "time_s": np.full(n, time), **columns})
+        order = [name for name in self._table("bodies.csv") if name in steps[0]]
+        return Table({name: np.concatenate([columns[name] for columns in steps]) for name in order or steps[0]})
 
     def body(self, number):
         """The rows of one body of bodies.csv."""
