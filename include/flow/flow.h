@@ -159,6 +159,13 @@ PetscErrorCode FlowAssemble(Flow);
    call. Borrowed: they must stay valid. A boundary rung of the bodies adds its penalty here; residuals, forces and
    diagnostics of this module do not contain it. */
 PetscErrorCode FlowSetCellTerms(Flow, PetscInt n, const PetscInt cell[], const PetscReal matrix[]);
+/* Local cells, own and ghost, that bodies cover at least in part and are part of the fluid all the same (a cell may
+   appear twice), until the next call: what -flow_rheology makes of the velocity there is replaced by that of the fluid
+   beside them, continued. Nothing to do for a Newtonian fluid. Copied. Collective. */
+PetscErrorCode FlowSetCovered(Flow, PetscInt n, const PetscInt cell[]);
+/* Keep the viscosity of these cells from now on if its logarithm changed by less than this the last time, else let it
+   go. Local, the same on all ranks. */
+void FlowHoldCovered(Flow, PetscReal change);
 /* -flow_velocity_operator: matrix-free, FlowAssemble prepares FlowMultiply alone, and S is assembled when FlowGetMatrix
    asks for it; else FlowAssemble assembles it. */
 PetscBool FlowIsMatrixFree(Flow);

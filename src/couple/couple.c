@@ -201,7 +201,11 @@ PetscErrorCode CoupleDraw(Couple c)
 
 PetscErrorCode CoupleAssemble(Couple c)
 {
+  PetscBool changed = PETSC_FALSE;
+
   PetscFunctionBeginUser;
+  if (c->par->varying && c->terms && c->rung->stiffen) PetscCall((*c->rung->stiffen)(c->rung_data, &changed));
+  if (changed) PetscCall(PenaltyTermSum(c->terms, c->constraint));
   PetscCall(FlowAssemble(c->flow));
   PetscCall(FlowSolverSetVelocity(c->solver, NULL));
   PetscCall(FlowRhs(c->flow, c->rhs));

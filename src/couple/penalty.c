@@ -13,6 +13,7 @@ struct _p_Penalty {
   PetscReal        viscous, inertial; /* a, b of sigma */
   PetscInt         nsample;
   Parts            parts;
+  PetscBool        fresh; /* drawn, and not stiffened since */
   /* scalar part for the flow */
   PetscInt   nterm, term_room, *term_cell, *term_body;
   PetscReal *term; /* [nterm][nb*nb] */
@@ -66,13 +67,14 @@ static PetscErrorCode get_strength(Penalty p, PetscInt cell, PetscReal *sigma)
 {
   const FlowParameters *par;
   const FlowStep       *step;
-  const PetscReal      *size;
+  const PetscReal      *size, *mu;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetParameters(p->flow, &par));
   PetscCall(FlowGetStep(p->flow, &step));
   PetscCall(FlowGetCellSize(p->flow, &size));
-  *sigma = p->viscous * par->viscosity / PetscSqr(size[cell]) + p->inertial * par->density * step->ct;
+  PetscCall(FlowGetViscosity(p->flow, &mu, NULL)); /* known: add_penalties */
+  *sigma = p->viscous * (mu ? mu[cell] : par->viscosity) / PetscSqr(size[cell]) + p->inertial * par->density * step->ct;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -193,7 +195,8 @@ static PetscErrorCode finish_soft(Penalty p, PetscReal (*P)[3])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PenaltyDraw(Penalty p, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*P)[3], const PetscBool omit[], Indicator mark)
+/* All terms from the parts as they are cut */
+static PetscErrorCode add_penalties(Penalty p)
 {
   const Part *part;
   PetscInt    npart;
@@ -202,11 +205,55 @@ PetscErrorCode PenaltyDraw(Penalty p, PetscReal (*X)[3], PetscReal (*q)[4], Pets
   for (PetscInt e = 0; e < p->soft.n; e++) p->first[p->soft.node[e]] = -1;
   p->soft.n = p->nterm = 0;
   p->soft.strength     = 0;
+  PetscCall(FlowGetViscosity(p->flow, NULL, NULL)); /* by all ranks, before each asks for that of its cells */
+  PetscCall(PartsGet(p->parts, &npart, &part));
+  for (PetscInt t = 0; t < npart; t++) PetscCall(add_part_penalty(p, part + t));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The flow learns which cells its velocity is not that of the fluid alone in */
+static PetscErrorCode tell_covered(Penalty p)
+{
+  const FlowParameters *par;
+  const Part           *part;
+  PetscInt              npart, *cell;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetParameters(p->flow, &par));
+  if (!par->varying && !par->elastic) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PartsGet(p->parts, &npart, &part));
+  PetscCall(PetscMalloc1(npart, &cell));
+  for (PetscInt t = 0; t < npart; t++) cell[t] = part[t].cell;
+  PetscCall(FlowSetCovered(p->flow, npart, cell));
+  PetscCall(PetscFree(cell));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PenaltyStiffen(Penalty p, PetscBool *changed)
+{
+  const FlowStep *step;
+  PetscBool       fresh = p->fresh;
+
+  PetscFunctionBeginUser;
+  p->fresh = PETSC_FALSE;
+  PetscCall(FlowGetStep(p->flow, &step));
+  *changed = (PetscBool) !(fresh && step->dt > 0);
+  if (!*changed) PetscFunctionReturn(PETSC_SUCCESS); /* the viscosity of a step is known when it is drawn */
+  PetscCall(add_penalties(p));
+  PetscCall(finish_soft(p, p->P));
+  PetscCall(FlowSetCellTerms(p->flow, p->nterm, p->term_cell, p->term));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PenaltyDraw(Penalty p, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*P)[3], const PetscBool omit[], Indicator mark)
+{
+  PetscFunctionBeginUser;
   PetscCall(PetscArraycpy((PetscReal *)p->P, (PetscReal *)P, 3 * p->s->n));
   PetscCall(PartsCut(p->parts, X, q, P, omit));
-  PetscCall(PartsGet(p->parts, &npart, &part));
   PetscCall(claim_strong_nodes(p, mark));
-  for (PetscInt t = 0; t < npart; t++) PetscCall(add_part_penalty(p, part + t));
+  PetscCall(tell_covered(p));
+  PetscCall(add_penalties(p));
+  p->fresh = PETSC_TRUE;
   for (PetscInt e = 0; e < p->soft.n; e++) PetscCall(IndicatorTouch(mark, p->soft.node[e]));
   PetscCall(finish_soft(p, P));
   PetscCall(FlowSetCellTerms(p->flow, p->nterm, p->term_cell, p->term));

@@ -1,11 +1,11 @@
 /* Penalty: boundary rung `penalty`.
 
-   The velocity in the body's part of a cell is held at the rigid velocity by a force per volume sigma (u - U - w x
-   r), sigma = a mu/h^2 + b rho_f c_t with the size h of the cell. With a = 200, b = 12 the thin layer in which the
-   flow adapts compensates the missing wall within the cell, so that the body keeps its true radius (study
-   runs/studies/boundary). Parts of cells: parts.h. Nodes all of whose cells lie inside the body move rigidly (strong
-   nodes), which keeps light bodies and the operator well conditioned. Angot, Bruneau, Fabrie 1999 (volume
-   penalisation); Glowinski, Pan, Hesla, Joseph 1999 (fictitious fluid inside). */
+   The velocity in the body's part of a cell is held at the rigid velocity by a force per volume sigma (u - U - w x r),
+   sigma = a mu/h^2 + b rho_f c_t with the size h of the cell and, where it varies, its mean mu. With a = 200, b = 12
+   the thin layer in which the flow adapts compensates the missing wall within the cell, so that the body keeps its true
+   radius (study runs/studies/boundary). Parts of cells: parts.h. Nodes all of whose cells lie inside the body move
+   rigidly (strong nodes), which keeps light bodies and the operator well conditioned. Angot, Bruneau, Fabrie 1999
+   (volume penalisation); Glowinski, Pan, Hesla, Joseph 1999 (fictitious fluid inside). */
 #pragma once
 #include "bodies/bodies.h"
 #include "flow/flow.h"
@@ -23,6 +23,9 @@ PetscErrorCode PenaltyView(Penalty, PetscViewer);
    nodes, computes the penalty and hands its scalar part to the flow. Bodies k with omit[k] (NULL: none) are no
    concern of the penalty. Collective. */
 PetscErrorCode PenaltyDraw(Penalty, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal (*P)[3], const PetscBool omit[], Indicator);
+/* The viscosity of the flow has changed since (-flow_rheology): the same parts, held with that of their cells.
+   *changed: they are anew, with this rank's part of H as after PenaltyDraw. Collective. */
+PetscErrorCode PenaltyStiffen(Penalty, PetscBool *changed);
 /* The rest of the penalty of the last PenaltyDraw. Borrowed. */
 PetscErrorCode PenaltyGetSoft(Penalty, const PenaltyTerm **);
 

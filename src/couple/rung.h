@@ -15,6 +15,8 @@ typedef struct {
   /* Bodies are at c->X, c->q, c->P: claim the nodes that move rigidly in c->mark, prepare the rung's own terms, set
      c->hollow. *terms: these terms, for the solver, the constraint and the forces; NULL: none */
   PetscErrorCode (*draw)(Couple, void *rung, const PenaltyTerm **terms);
+  /* The viscosity varies and may have changed since: terms and what the flow has of them again, in place */
+  PetscErrorCode (*stiffen)(void *rung, PetscBool *changed);
   /* What these terms exert at prescribed components (fixed [nnode_all] bits), added to out [3] of this rank */
   PetscErrorCode (*force)(Couple, void *rung, const PetscInt fixed[], PetscReal out[3]);
   /* the mesh has another form as a whole */

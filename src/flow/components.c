@@ -139,7 +139,7 @@ PetscErrorCode FlowCellNewton(Flow f, PetscInt c, const PetscReal u[], PetscReal
   if (u) FlowCellGather(f->loc, c, u, ul);
   PetscCall(FlowCellMetric(f, c, &m));
   if (u && f->par.convection) add_convective(f, &m, ul, n);
-  if (f->rheology) FlowAddCoupling(f, c, &m, u ? ul : NULL, n);
+  if (f->rheology) FlowAddCoupling(f, c, &m, u && !FlowIsCovered(f, c) ? ul : NULL, n);
   MeshCellMatrix(f->loc, c, f->loc->dim, rows, n);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -17,6 +17,8 @@ enum {
   SCHEME_FSTHETA
 };
 
+typedef struct _p_Extension *Extension;
+
 struct _p_Flow {
   Mesh             mesh;
   const MeshLocal *loc;
@@ -58,6 +60,7 @@ struct _p_Flow {
   PetscReal     *mu_cell, *mu_node; /* [ncell_all], [nnode_all] means */
   PetscBool      mu_current;        /* these belong to strain */
   Mat            A;                 /* of all components, or NULL */
+  Extension      extension;         /* cells that bodies cover, or NULL: nobody said */
   Polymer        polymer;           /* viscoelastic fluids, with the field of it, else NULL */
   Conformation   conformation;
   FlowElasticity elastic;
@@ -122,6 +125,10 @@ PetscErrorCode ConditionsSetTime(Conditions, PetscReal time);
 
 /* Viscosity of the present strain, where it varies and is not known yet. Collective. */
 PetscErrorCode FlowUpdateViscosity(Flow);
+/* The viscosity in covered cells becomes that of the fluid beside them (extend.c); of FlowSetCovered. Collective. */
+PetscErrorCode FlowExtendViscosity(Flow);
+PetscBool      FlowIsCovered(const struct _p_Flow *, PetscInt c);
+PetscErrorCode FlowDestroyExtension(Flow);
 /* Parts of the symmetric stress in cell c at its lattice places, with the viscosity of the last update (stress.c), from
    nodal velocities ul [nb][dim]: r [nb][dim] += (mu (grad u + grad u^T), grad v); ce [nb][nbp] += theta (mu grad u,
    grad v); n [nb*dim][nb*dim] += theta (mu grad u^T, grad v), and the derivative of mu at ul if not NULL. Local. */

@@ -19,6 +19,7 @@ PetscErrorCode FlowCreateParts(Flow f)
   f->source = NULL;
   f->strain = f->mu = f->mu_cell = f->mu_node = NULL;
   f->A                                        = NULL;
+  f->extension                                = NULL;
   if (f->rheology)
     PetscCall(
       PetscCalloc4(l->nnode_all * dim, &f->strain, l->ncell_all * f->element.nq, &f->mu, l->ncell_all, &f->mu_cell, l->nnode_all, &f->mu_node));
@@ -42,6 +43,7 @@ PetscErrorCode FlowDestroyParts(Flow f)
   PetscCall(MatDestroy(&f->S));
   PetscCall(FlowDestroyProduct(f));
   PetscCall(MatDestroy(&f->A));
+  PetscCall(FlowDestroyExtension(f));
   PetscCall(PetscFree4(f->strain, f->mu, f->mu_cell, f->mu_node));
   PetscCall(ConformationDestroy(&f->conformation));
   PetscCall(PetscFree(f->entry));

@@ -90,6 +90,7 @@ PetscErrorCode FlowUpdateViscosity(Flow f)
     if (f->det[i / nq] == 0 || (most == 0 && f->step.dt == 0)) f->mu[i] = f->par.viscosity;
     else RheologyEvaluate(f->rheology, f->mu[i], &f->mu[i], NULL);
   }
+  PetscCall(FlowExtendViscosity(f));
   PetscCall(compute_means(f));
   f->mu_current = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);

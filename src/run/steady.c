@@ -20,6 +20,10 @@ struct _p_Steady {
   char             rtol[16];
 };
 
+/* Change of an iteration below which the viscosity of cells that bodies cut, and the penalty that goes with it, stay:
+   they depend on what is beside them, which Newton's matrix does not know (runs/studies/rheology) */
+#define HOLD 1e-3
+
 static const char *const LINEARIZATIONS[] = {"newton", "picard", NULL};
 
 /* ---- residual and Jacobian ---- */
@@ -155,6 +159,7 @@ static PetscErrorCode monitor(SNES snes, PetscInt it, PetscReal norm, void *ctx)
 
   PetscFunctionBeginUser;
   (void)snes;
+  FlowHoldCovered(s->flow, HOLD);
   if (it > 0 || s->its == 0) PetscCall(print_residual(s, use_newton(s, s->its - 1) ? "newton" : "picard", norm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -228,6 +233,7 @@ static PetscErrorCode solve_nonlinear(Steady s, PetscBool *ok)
   PetscCall(VecDuplicate(s->x, &before));
   PetscCall(VecCopy(s->x, before));
   PetscCall(FlowBeginSteady(s->flow, 0));
+  FlowHoldCovered(s->flow, 0);
   PetscCall(SNESGetTolerances(s->snes, &atol, &rtol, &stol, &max_it, &max_f));
   /* relative to the residual of the very start */
   PetscCall(SNESSetTolerances(s->snes, PetscMax(atol, rtol * s->first), rtol, stol, max_it, max_f));

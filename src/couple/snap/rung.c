@@ -25,11 +25,12 @@ typedef struct {
   Penalty    penalty;
   PetscBool  remarked; /* that a body goes too far in a step */
   PetscBool  cut;      /* likewise, that the mesh cuts corners off */
+  PetscBool  held;     /* likewise, that the penalty holds a body */
 } SnapRung;
 
 typedef struct {
   SnapLeft *driver;
-  PetscBool remarked, cut;
+  PetscBool remarked, cut, held;
 } RungLeft;
 
 static PetscErrorCode create_snap(Couple c, void **rung)
@@ -47,6 +48,20 @@ static PetscErrorCode create_snap(Couple c, void **rung)
   c->count[CORNERS].name  = "snap_corners";
   c->ncount               = NCOUNT;
   *rung                   = r;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* That the mesh does not follow body k, once */
+static PetscErrorCode remark_held(Couple c, SnapRung *r, PetscInt k)
+{
+  PetscFunctionBeginUser;
+  if (r->held) PetscFunctionReturn(PETSC_SUCCESS);
+  r->held = PETSC_TRUE;
+  PetscCall(
+    LogRemark("-couple_boundary snap cannot follow body %" PetscInt_FMT
+              " (group '%s') at t = %g, and the penalty holds it (column snap_fallback of series.csv): less accurate. The cells are too large for it, or it "
+              "reaches out of the domain: refine the mesh, or leave a cell between the body and the boundary",
+              k, BodiesGetGroup(c->s, k)->name, (double)c->step->time));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -68,11 +83,21 @@ static PetscErrorCode draw_snap(Couple c, void *rung, const PenaltyTerm **terms)
   c->count[KEPT].value += remap->kept;
   c->count[FALLBACK].value = 0;
   for (PetscInt k = 0; k < c->s->n; k++)
-    if (!fitted[k] && !c->s->gone[k] && !BodiesGetGroup(c->s, k)->hole) c->count[FALLBACK].value++;
+    if (!fitted[k] && !c->s->gone[k] && !BodiesGetGroup(c->s, k)->hole) {
+      c->count[FALLBACK].value++;
+      PetscCall(remark_held(c, r, k));
+    }
   *terms = NULL;
   if (!c->count[FALLBACK].value && !before) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PenaltyDraw(r->penalty, c->X, c->q, c->P, fitted, c->mark));
   PetscCall(PenaltyGetSoft(r->penalty, terms));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode stiffen_snap(void *rung, PetscBool *changed)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PenaltyStiffen(((SnapRung *)rung)->penalty, changed));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -129,6 +154,7 @@ static PetscErrorCode leave_mesh(void *rung, void **left)
   PetscCall(PetscNew(&l));
   l->remarked = r->remarked;
   l->cut      = r->cut;
+  l->held     = r->held;
   PetscCall(SnapDriverLeave(r->driver, &l->driver));
   *left = l;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -142,6 +168,7 @@ static PetscErrorCode arrive_on_mesh(void *rung, void **left, Mesh *old)
   PetscFunctionBeginUser;
   r->remarked = l->remarked;
   r->cut      = l->cut;
+  r->held     = l->held;
   PetscCall(SnapDriverArrive(r->driver, &l->driver, old));
   PetscCall(PetscFree(*left));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -169,6 +196,7 @@ const Rung rung_snap = {.name    = "snap",
                         .moves   = PETSC_TRUE,
                         .create  = create_snap,
                         .draw    = draw_snap,
+                        .stiffen = stiffen_snap,
                         .force   = add_force,
                         .leave   = leave_mesh,
                         .arrive  = arrive_on_mesh,

@@ -1,0 +1,289 @@
+/* Flow, cells that bodies cover in part (flow.h, FlowSetCovered): their velocity is a compromise between the fluid and
+   a body, so that neither its gradient nor what a polymer makes of it is that of the fluid. Nodal fields of the fluid
+   are continued into them: at nodes of a bare cell they and their gradients come from bare cells alone, at nodes that
+   no bare cell has from the known nodes of their cells by Taylor's formula, a layer of nodes at a time. What the fluid
+   has beside the body is so continued linearly, with an error of second order in the size of the cells. */
+#include "compat.h"
+#include "impl.h"
+
+#define LAYERS 3   /* of nodes: a covered cell lies within one cell of the fluid, mostly */
+#define FAR    1.0 /* largest change from node to node (logarithm): a factor e */
+
+struct _p_Extension {
+  PetscBool *covered;      /* [ncell_all] */
+  PetscInt   ncell, *cell; /* covered cells, own and ghost */
+  PetscInt   nnode, *node; /* own nodes of them */
+  PetscInt  *layer;        /* [nnode_all] 1: of a bare cell, 2 and on: known from the layers before; 0: unknown */
+  PetscBool  held;         /* the viscosity stays what it is */
+  PetscReal *mu, change;   /* [ncell][nq] of the covered cells; of the last evaluation, a logarithm */
+  PetscReal *taylor;       /* [nnode_all][bs][dim + 1] value and gradient of every component */
+};
+
+static PetscBool is_bare(const struct _p_Flow *f, PetscInt c)
+{
+  return (PetscBool)(!f->extension->covered[c] && f->det[c] != 0);
+}
+
+/* ---- which cells, which nodes ---- */
+
+static PetscErrorCode allocate(Flow f)
+{
+  const MeshLocal *l = f->loc;
+  Extension        e;
+
+  PetscFunctionBeginUser;
+  if (f->extension) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscNew(&e));
+  PetscCall(PetscCalloc2(l->ncell_all, &e->covered, l->ncell_all, &e->cell));
+  PetscCall(PetscCalloc2(l->nnode, &e->node, l->nnode_all, &e->layer));
+  PetscCall(PetscCalloc2(l->nnode_all * (l->dim + 1) * (f->conformation ? l->dim * l->dim : 1), &e->taylor,
+                         f->rheology ? l->ncell_all * f->element.nq : 0, &e->mu));
+  f->extension = e;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowDestroyExtension(Flow f)
+{
+  Extension e = f->extension;
+
+  PetscFunctionBeginUser;
+  if (!e) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree2(e->covered, e->cell));
+  PetscCall(PetscFree2(e->node, e->layer));
+  PetscCall(PetscFree2(e->taylor, e->mu));
+  PetscCall(PetscFree(f->extension));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Own nodes of covered cells */
+static void list_nodes(Flow f)
+{
+  const MeshLocal *l = f->loc;
+  Extension        e = f->extension;
+
+  e->nnode = 0;
+  for (PetscInt i = 0; i < l->nnode; i++) {
+    PetscBool any = PETSC_FALSE, bare = PETSC_FALSE;
+
+    for (PetscInt t = l->node_cell_ptr[i]; t < l->node_cell_ptr[i + 1]; t++) {
+      any  = (PetscBool)(any || e->covered[l->node_cell[t]]);
+      bare = (PetscBool)(bare || is_bare(f, l->node_cell[t]));
+    }
+    e->layer[i] = any && bare;
+    if (any) e->node[e->nnode++] = i;
+  }
+}
+
+/* Is one of the cells of node i known to a layer before `layer`? */
+static PetscBool has_known(const struct _p_Flow *f, PetscInt i, PetscInt layer)
+{
+  const MeshLocal *l = f->loc;
+
+  for (PetscInt t = l->node_cell_ptr[i]; t < l->node_cell_ptr[i + 1]; t++)
+    for (PetscInt j = 0; j < l->nb; j++) {
+      const PetscInt other = f->extension->layer[l->cell_node[l->node_cell[t] * l->nb + j]];
+
+      if (other > 0 && other < layer) return PETSC_TRUE;
+    }
+  return PETSC_FALSE;
+}
+
+PetscErrorCode FlowSetCovered(Flow f, PetscInt n, const PetscInt cell[])
+{
+  const MeshLocal *l = f->loc;
+  Extension        e;
+
+  PetscFunctionBeginUser;
+  if (!f->rheology && !f->conformation) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(allocate(f));
+  e = f->extension;
+  for (PetscInt c = 0; c < e->ncell; c++) e->covered[e->cell[c]] = PETSC_FALSE;
+  e->ncell = 0;
+  for (PetscInt c = 0; c < n; c++) {
+    if (e->covered[cell[c]]) continue;
+    e->covered[cell[c]] = PETSC_TRUE;
+    e->cell[e->ncell++] = cell[c];
+  }
+  e->held = PETSC_FALSE;
+  if (f->rheology) PetscCall(PetscArrayzero(e->mu, l->ncell_all * f->element.nq));
+  list_nodes(f);
+  PetscCall(MeshSyncNodesInt(f->mesh, e->layer));
+  for (PetscInt layer = 2; layer < 2 + LAYERS; layer++) {
+    for (PetscInt k = 0; k < e->nnode; k++)
+      if (!e->layer[e->node[k]] && has_known(f, e->node[k], layer)) e->layer[e->node[k]] = layer;
+    PetscCall(MeshSyncNodesInt(f->mesh, e->layer));
+  }
+  f->mu_current = PETSC_FALSE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- values ---- */
+
+/* Taylor's formula at own node i from the nodes of the layers before it, the nearer the more */
+static PetscErrorCode continue_node(Flow f, PetscInt i, PetscInt bs, PetscReal far)
+{
+  const MeshLocal *l   = f->loc;
+  const PetscInt   dim = l->dim, width = bs * (dim + 1);
+  Extension        e  = f->extension;
+  PetscReal       *to = e->taylor + i * width, sum = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(to, width));
+  for (PetscInt t = l->node_cell_ptr[i]; t < l->node_cell_ptr[i + 1]; t++) {
+    const PetscInt   c = l->node_cell[t], *node = l->cell_node + c * l->nb;
+    PetscReal        xs[MESH_MAX_NB * 3];
+    const PetscReal *x = NULL;
+
+    PetscCall(MeshSlotCoordinates(f->mesh, c, xs));
+    for (PetscInt j = 0; j < l->nb; j++)
+      if (node[j] == i) x = xs + j * dim;
+    for (PetscInt j = 0; j < l->nb && x; j++) {
+      const PetscReal *from = e->taylor + node[j] * width;
+      PetscReal        d[3], square = 0;
+
+      if (!e->layer[node[j]] || e->layer[node[j]] >= e->layer[i]) continue;
+      for (PetscInt a = 0; a < dim; a++) {
+        d[a] = x[a] - xs[j * dim + a];
+        square += d[a] * d[a];
+      }
+      sum += 1 / square;
+      for (PetscInt k = 0; k < bs; k++) {
+        const PetscReal *g    = from + k * (dim + 1);
+        PetscReal        step = 0;
+
+        for (PetscInt a = 0; a < dim; a++) step += g[1 + a] * d[a];
+        to[k * (dim + 1)] += (g[0] + PetscMax(-far, PetscMin(far, step))) / square;
+        for (PetscInt a = 0; a < dim; a++) to[k * (dim + 1) + 1 + a] += g[1 + a] / square;
+      }
+    }
+  }
+  for (PetscInt k = 0; k < width; k++) to[k] /= sum;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* From the first layer, which the caller has filled in at own nodes, to all others. Collective. */
+static PetscErrorCode continue_field(Flow f, PetscInt bs, PetscReal far)
+{
+  const Extension e = f->extension;
+
+  PetscFunctionBeginUser;
+  for (PetscInt layer = 1; layer < 2 + LAYERS; layer++) {
+    for (PetscInt k = 0; k < e->nnode && layer > 1; k++)
+      if (e->layer[e->node[k]] == layer) PetscCall(continue_node(f, e->node[k], bs, far));
+    PetscCall(MeshSyncNodes(f->mesh, bs * (f->loc->dim + 1), e->taylor));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- viscosity ---- */
+
+/* The logarithm of mu in bare cell c as a linear function: value at the centre and gradient, line [dim + 1] */
+static PetscErrorCode fit_cell(Flow f, PetscInt c, PetscReal line[])
+{
+  const PetscInt   dim = f->loc->dim, nb = f->loc->nb, nq = f->element.nq;
+  PetscReal        slope[3] = {0, 0, 0}, square[3] = {0, 0, 0};
+  const PetscReal *inverse;
+  ElementMetric    m;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowCellMetric(f, c, &m));
+  inverse = ElementInverse(&m, nq / 2);
+  for (PetscInt a = 0; a <= dim; a++) line[a] = 0;
+  for (PetscInt q = 0; q < nq; q++) {
+    const PetscReal value = PetscLogReal(f->mu[c * nq + q]);
+
+    line[0] += value / nq;
+    for (PetscInt e = 0, place = 1; e < dim; e++, place *= 3) {
+      PetscReal xi = 0;
+
+      for (PetscInt j = 0; j < nb; j++) xi += (j / place % 3 - 1) * f->element.phi[q * f->element.nbp + j];
+      slope[e] += xi * value;
+      square[e] += xi * xi;
+    }
+  }
+  for (PetscInt a = 0; a < dim; a++)
+    for (PetscInt e = 0; e < dim; e++) line[1 + a] += slope[e] / square[e] * inverse[e * dim + a];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* First layer: means over the bare cells of own node i */
+static PetscErrorCode start_viscosity(Flow f, PetscInt i)
+{
+  const MeshLocal *l     = f->loc;
+  const PetscInt   dim   = l->dim;
+  PetscReal       *to    = f->extension->taylor + i * (dim + 1);
+  PetscInt         count = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(to, dim + 1));
+  for (PetscInt t = l->node_cell_ptr[i]; t < l->node_cell_ptr[i + 1]; t++) {
+    const PetscInt c = l->node_cell[t];
+    PetscReal      xs[MESH_MAX_NB * 3], line[4];
+
+    if (!is_bare(f, c)) continue;
+    PetscCall(MeshSlotCoordinates(f->mesh, c, xs));
+    PetscCall(fit_cell(f, c, line));
+    for (PetscInt j = 0; j < l->nb; j++)
+      for (PetscInt a = 0; a < dim && l->cell_node[c * l->nb + j] == i; a++) to[0] += line[1 + a] * (xs[j * dim + a] - xs[l->nb / 2 * dim + a]);
+    for (PetscInt a = 0; a <= dim; a++) to[a] += line[a];
+    count++;
+  }
+  for (PetscInt a = 0; a <= dim; a++) to[a] /= count;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* mu of covered cell number k, or as it is where a node is not known */
+static void interpolate_viscosity(const struct _p_Flow *f, PetscInt k, PetscReal mu[])
+{
+  const MeshLocal *l   = f->loc;
+  const Extension  e   = f->extension;
+  const PetscInt   dim = l->dim, nb = l->nb, *node = l->cell_node + e->cell[k] * nb;
+  PetscReal        v[MESH_MAX_NB];
+
+  for (PetscInt j = 0; j < nb; j++) {
+    if (!e->layer[node[j]]) return; /* deep inside, where nothing moves */
+    v[j] = e->taylor[node[j] * (dim + 1)];
+  }
+  MeshCellGather(l, e->cell[k], 1, v);
+  for (PetscInt q = 0; q < f->element.nq; q++) {
+    PetscReal value = 0;
+
+    for (PetscInt j = 0; j < nb; j++) value += f->element.phi[q * f->element.nbp + j] * v[j];
+    mu[q] = PetscExpReal(value);
+  }
+}
+
+void FlowHoldCovered(Flow f, PetscReal change)
+{
+  if (f->extension) f->extension->held = (PetscBool)(f->extension->change < change);
+}
+
+PetscErrorCode FlowExtendViscosity(Flow f)
+{
+  const PetscInt  nq = f->element.nq;
+  const Extension e  = f->extension;
+
+  PetscFunctionBeginUser;
+  if (!e) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt k = 0; k < e->nnode && !e->held; k++)
+    if (e->layer[e->node[k]] == 1) PetscCall(start_viscosity(f, e->node[k]));
+  if (!e->held) PetscCall(continue_field(f, 1, FAR));
+  e->change = 0;
+  for (PetscInt k = 0; k < e->ncell; k++) {
+    PetscReal *mu = f->mu + e->cell[k] * nq, *kept = e->mu + k * nq;
+
+    if (e->held) PetscCall(PetscArraycpy(mu, kept, nq));
+    else interpolate_viscosity(f, k, mu);
+    for (PetscInt q = 0; q < nq; q++) {
+      e->change = PetscMax(e->change, kept[q] > 0 ? PetscAbsReal(PetscLogReal(mu[q] / kept[q])) : PETSC_MAX_REAL);
+      kept[q]   = mu[q];
+    }
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &e->change, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscBool FlowIsCovered(const struct _p_Flow *f, PetscInt c)
+{
+  return (PetscBool)(f->extension && f->extension->covered[c]);
+}
