@@ -49,7 +49,7 @@ SCRIPTS  = $(shell grep -slE '^\#!.*python3' tools/*) $(wildcard tools/*.py tool
 
 .DEFAULT_GOAL := all
 .DELETE_ON_ERROR:
-.PHONY: all tests shapes demo bench scaling extremes fuzz validate check check-unit check-e2e demo-now check-now check-unit-now check-e2e-now style format test-shape options install deps clean help FORCE
+.PHONY: all tests shapes demo bench scaling extremes fuzz validate check check-64 check-unit check-e2e demo-now check-now check-unit-now check-e2e-now style format test-shape options install deps clean help FORCE
 
 all: $(BUILD)/tumble shapes ## build the program and the shapes (default)
 shapes: $(SHAPES)           ## build the shape plugins only
@@ -97,6 +97,14 @@ check-now check-unit-now check-e2e-now: tests
 WORKERS = $(shell $(PYTHON) -c 'import os, xdist; print("-n", min(len(os.sched_getaffinity(0)), 8), "--dist loadgroup")' 2> /dev/null)
 CHECK_unit = $(wildcard tests/*/test_*.c)
 CHECK_e2e  = $(wildcard tests/*/test_*.py)
+# A PETSc with 64-bit numbers: Debian's libpetsc64-real-dev, or PETSC64=PETSC_DIR/PETSC_ARCH. What CHECK_64 selects of the unit tests, a short fall.
+PETSC64  ?= $(firstword $(wildcard /usr/lib/petscdir/petsc64*/*-real))
+CHECK_64 ?= numbers or refined or partition or constraint or blockgs or sharing or system or state
+IN_64     = BUILD=build-64 PETSC_DIR=$(patsubst %/,%,$(dir $(PETSC64))) PETSC_ARCH=$(notdir $(PETSC64))
+check-64: ## build in build-64/ with a PETSc of 64-bit numbers, tests of numbers and solvers, a short fall on two ranks (Debian: libpetsc64-real-dev; PETSC64=dir/arch)
+	$(if $(PETSC64),,$(error no PETSc with 64-bit numbers: apt-get install libpetsc64-real-dev, or give PETSC64=PETSC_DIR/PETSC_ARCH))
+	@$(MAKE) $(IN_64) check-unit-now ARGS="-k '$(CHECK_64)'"
+	$(MPIEXEC) -n 2 build-64/tumble runs/sedimentation.yaml -sim_time 0.02 -output_dir out/check-64 -output_overwrite
 test-shape: all $(BUILD)/tests/shape/conformance ## conformance suite on one plugin: SHAPE=path/to/x.so
 	$(if $(SHAPE),,$(error give the plugin: make test-shape SHAPE=path/to/x.so))
 	$(BUILD)/tests/shape/conformance $(SHAPE) $(ARGS)
@@ -149,7 +157,7 @@ $(BUILD)/tumble.pc: FORCE
 deps: ## install missing Debian packages
 	tools/setup
 clean: ## remove what was built
-	rm -rf build build-asan
+	rm -rf build build-asan build-64
 help: ## this list
 	@sed -nE 's/^([a-z0-9-]+):.*## (.*)/  \1|\2/p' Makefile | awk -F'|' '{printf "%-14s %s\n", $$1, $$2}'
 	@sed -n '2,4s/^# *//p' Makefile

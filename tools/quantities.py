@@ -1,7 +1,7 @@
 """Values of a run: what an expression such as "largest('cd', 4, 8)" or "body(0).at('y', 2)" may use, and its analysis of signals.
 
 Names: the quantities and numbers of summary.json; columns of series.csv through at, first, last, largest, smallest, mean, period; the same of one
-body of bodies.csv through body(k); sample(field, time, x, y) in its fields; kiss_time, distance; published, rms; the functions of math with abs, min, max, int, str, zip.
+body of bodies.csv through body(k); sample(field, time, x, y) in its fields; kiss_time, distance, momentum_drift; published, rms; the functions of math with abs, min, max, int, str, zip.
 """
 
 import bisect
@@ -103,6 +103,22 @@ def distance(bodies, time, a=0, b=1):
     return math.hypot(*(tables[0].at(axis, time) - tables[1].at(axis, time) for axis in "xyz" if axis in bodies[0]))
 
 
+def momentum_drift(bodies, count, dim=2):
+    """Largest change of the momentum of `count` discs (3: spheres) from the first time on, over the sum of their |m u| then; every time must have each of them once."""
+    times, change, start, size = {}, 0, None, 0
+    for row in bodies:
+        times.setdefault(row["time_s"], []).append(row)
+    for time, rows in sorted(times.items()):
+        if sorted(row["body"] for row in rows) != list(range(count)):
+            raise ValueError(f"at time {time:g} there are {len(rows)} rows of {len({row['body'] for row in rows})} bodies in place of {count}")
+        parts = [[row["density"] * row["radius"] ** dim * row[name] for name in "uvw"] for row in rows]
+        momentum = [math.fsum(column) for column in zip(*parts)]
+        if start is None:
+            start, size = momentum, math.fsum(math.hypot(*part) for part in parts)
+        change = max(change, math.dist(momentum, start) / size)
+    return change
+
+
 def published(scene, quantity):
     """(time, value) of the points of runs/reference/<scene>.csv."""
     with open(ROOT / "runs" / "reference" / f"{scene}.csv") as file:
@@ -137,6 +153,7 @@ def names_of_run(folder):
         "sample": lambda *what: sample(folder, *what),
         "kiss_time": lambda a=0, b=1, factor=1.05: kiss_time(bodies, a, b, factor),
         "distance": lambda time, a=0, b=1: distance(bodies, time, a, b),
+        "momentum_drift": lambda count, dim=2: momentum_drift(bodies, count, dim),
         "body": lambda k=0: Body([row for row in bodies if row["body"] == k]),
     }
 

@@ -1,6 +1,7 @@
 /* Leaves: see leaves.h. */
 #include "compat.h"
 #include "leaves.h"
+#include "numbers.h"
 #include "kindimpl.h"
 #include "marks.h"
 #include "base/opt.h"
@@ -366,6 +367,7 @@ static PetscErrorCode take_range(Leaves *t)
   PetscCallMPI(MPI_Comm_rank(t->comm, &rank));
   PetscCheck(t->total >= size, t->comm, PETSC_ERR_USER_INPUT, "%d cells are too few for %d ranks: raise -mesh_cells or use fewer ranks",
              (int)t->total, size);
+  PetscCall(NumbersCheck(t->comm, t->dim, (PetscReal)t->total));
   t->start = (PetscInt)(t->total * rank / size);
   t->nleaf = (PetscInt)(t->total * (rank + 1) / size) - t->start;
   PetscCall(PetscMalloc1(t->nleaf, &t->leaf));

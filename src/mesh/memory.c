@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "memory.h"
 #include "base/opt.h"
+#include "numbers.h"
 #include <unistd.h>
 
 /* Bytes a cell of a whole run, the least that was measured: cavity in recipe fast, growth of the peak from 10,000 to
@@ -33,6 +34,7 @@ PetscErrorCode MeshCheckMemory(MPI_Comm comm, PetscInt dim, const PetscInt cells
   PetscFunctionBeginUser;
   PetscCall(OptReal("-mesh_memory", &share));
   for (PetscInt d = 0; d < dim; d++) n *= (PetscReal)cells[d];
+  PetscCall(NumbersCheck(comm, dim, n));
   PetscCall(get_memory(comm, &have));
   PetscCheck(share == 0 || have == 0 || n * need <= share * have, comm, PETSC_ERR_USER_INPUT,
              "%.3g cells need at least %.3g GB of memory (%g kB a cell, measured), and there are %.3g GB: lower -mesh_cells or -mesh_resolution or raise -mesh_focus_h, use "

@@ -1,6 +1,7 @@
 /* Nodes of a mesh: numbers, and exchange of values between ranks (see impl.h, mesh.h). */
 #include "compat.h"
 #include "impl.h"
+#include "numbers.h"
 
 PetscErrorCode MeshNumberNodes(Mesh m, const PetscBool ghost[], PetscInt pEnd, PetscInt number[])
 {
@@ -23,17 +24,14 @@ PetscErrorCode MeshNumberNodes(Mesh m, const PetscBool ghost[], PetscInt pEnd, P
 /* Global numbers of cells and nodes: own ones count up from the rank's start, ghosts learn theirs from the owner. */
 static PetscErrorCode number_globally(Mesh m, PetscInt pEnd, const PetscInt order[], const PetscInt number[])
 {
-  MeshLocal *l      = &m->loc;
-  PetscInt   own[2] = {l->ncell, l->nnode}, start[2] = {0, 0}, total[2], *root, *leaf, nroot;
+  MeshLocal *l = &m->loc;
+  PetscInt  *root, *leaf, nroot;
   PetscSF    sf;
 
   PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Exscan(own, start, 2, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
-  PetscCall(MPIU_Allreduce(own, total, 2, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
-  l->cell_start   = start[0];
-  l->node_start   = start[1];
-  l->ncell_global = total[0];
-  l->nnode_global = total[1];
+  PetscCall(NumbersSpread(PETSC_COMM_WORLD, "cells", l->ncell, l->dim + 1, &l->cell_start, &l->ncell_global));
+  PetscCall(NumbersSpread(PETSC_COMM_WORLD, "nodes", l->nnode, l->dim, &l->node_start, &l->nnode_global));
+  PetscCall(NumbersCheck(PETSC_COMM_WORLD, l->dim, (PetscReal)l->ncell_global));
   PetscCall(PetscMalloc2(pEnd, &root, pEnd, &leaf));
   PetscCall(DMGetPointSF(m->dm, &sf));
   PetscCall(PetscSFGetGraph(sf, &nroot, NULL, NULL, NULL));
@@ -152,8 +150,8 @@ PetscErrorCode MeshSyncNodesInt(Mesh m, PetscInt v[])
 
 PetscErrorCode MeshNumberVertices(Mesh m, PetscInt vertex[], PetscInt *nown)
 {
-  const MeshLocal *l     = &m->loc;
-  PetscInt         start = 0;
+  const MeshLocal *l = &m->loc;
+  PetscInt         start;
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < l->nnode_all; i++) vertex[i] = -1;
@@ -165,8 +163,7 @@ PetscErrorCode MeshNumberVertices(Mesh m, PetscInt vertex[], PetscInt *nown)
   *nown = 0;
   for (PetscInt i = 0; i < l->nnode; i++)
     if (vertex[i] == 0) vertex[i] = (*nown)++;
-  PetscCallMPI(MPI_Scan(nown, &start, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
-  start -= *nown;
+  PetscCall(NumbersSpread(PETSC_COMM_WORLD, "vertices", *nown, 1, &start, NULL));
   for (PetscInt i = 0; i < l->nnode; i++)
     if (vertex[i] >= 0) vertex[i] += start;
   PetscCall(MeshSyncNodesInt(m, vertex));

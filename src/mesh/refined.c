@@ -10,6 +10,7 @@
 #include "hangimpl.h"
 #include "kindimpl.h"
 #include "memory.h"
+#include "numbers.h"
 #include "base/room.h"
 
 #define LAYERS 3
@@ -255,15 +256,14 @@ static PetscErrorCode number_locally(Builder *b)
 /* Numbers travel with the cells: first those of nodes that the owner of a cell owns, then all of its own cells */
 static PetscErrorCode number_globally(Builder *b)
 {
-  MeshLocal     *l      = &b->mesh->loc;
-  const PetscInt nb     = b->nb;
-  PetscInt       own[1] = {l->nnode}, start = 0, *global = NULL, *cell, missing = 0;
+  MeshLocal     *l  = &b->mesh->loc;
+  const PetscInt nb = b->nb;
+  PetscInt       start, *global = NULL, *cell, missing = 0;
   PetscSF        sf;
   MPI_Datatype   row;
 
   PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Exscan(own, &start, 1, MPIU_INT, MPI_SUM, b->leaves.comm));
-  PetscCall(MPIU_Allreduce(own, &l->nnode_global, 1, MPIU_INT, MPI_SUM, b->leaves.comm));
+  PetscCall(NumbersSpread(b->leaves.comm, "nodes", l->nnode, l->dim, &start, &l->nnode_global));
   l->node_start = start;
   PetscCall(PetscMalloc1(l->nnode_all, &b->mesh->node_global));
   global = b->mesh->node_global;

@@ -158,3 +158,23 @@ def test_tables_of_many_bodies_are_hdf5(run, scene, tmp_path):
     for last, expected in ("9999", False), ("10000", True):
         assert run([many, "-output_dir", last, "-output_bodies", f"0,{last}"], 2).status == 0
         assert (tmp_path / last / "table_1.h5").exists() == expected
+
+
+def test_crossing_borders_in_every_step(run, tmp_path):
+    """Parts smaller than the way of some steps, periodic along both axes: the bits of one rank, every body once, momentum kept."""
+    sys.path.insert(0, str(ROOT / "tools"))
+    from quantities import names_of_run
+
+    for ranks in 1, 7:
+        result = run([str(ROOT / "runs" / "studies" / "scaling" / "crossing.yaml"), "-sim_steps", "20", "-output_dir", f"{ranks}"], ranks)
+        assert result.status == 0, str(result)
+    assert (tmp_path / "1" / "bodies.csv").read_bytes() == (tmp_path / "7" / "bodies.csv").read_bytes()
+    assert names_of_run(tmp_path / "7")["momentum_drift"](88) < 1e-10
+    cells = [{row["body"]: (int(8 * float(row["x"])), int(8 * float(row["y"]))) for row in step} for step in steps_of(tmp_path / "7")]
+    assert min(sum(a[body] != b[body] for body in a) for a, b in zip(cells, cells[1:])) > 0
+
+
+def steps_of(folder):
+    with open(folder / "bodies.csv") as file:
+        rows = list(csv.DictReader(file))
+    return [rows[i:i + 88] for i in range(0, len(rows), 88)]
