@@ -118,6 +118,27 @@ static PetscErrorCode read_focus(MeshKind k)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* -mesh_stretch: cells that gather at both ends of an axis */
+static PetscErrorCode read_stretch(MeshKind k)
+{
+  PetscReal s[3] = {0, 0, 0};
+  PetscBool given;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptRealArray("-mesh_stretch", k->dim, s, &given));
+  if (!given) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCheck(k->map.type == MESHMAP_IDENTITY, k->comm, PETSC_ERR_USER_INPUT,
+             "-mesh_stretch and -mesh_focus both say where cells are fine: remove one of them");
+  for (PetscInt d = 0; d < k->dim; d++) {
+    PetscCheck(k->period[d] == 0 || s[d] == 0, k->comm, PETSC_ERR_USER_INPUT,
+               "-mesh_stretch gives %g along %c, which is periodic and has no ends for cells to gather at: give 0 there", (double)s[d],
+               (char)('x' + d));
+    PetscCall(MeshMapSetStretched(&k->map, d, k->lower[d], k->upper[d], k->cells[d], s[d]));
+  }
+  k->map.type = MESHMAP_LINES;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Three numbers in an option that has one for each axis mean three dimensions */
 static PetscErrorCode read_dimension(MeshKind k)
 {
@@ -165,6 +186,7 @@ static PetscErrorCode read_box(MeshKind k)
   PetscCall(MeshKindReadPeriodic(k));
   PetscCall(read_focus(k));
   if (k->map.type == MESHMAP_IDENTITY) PetscCall(OptIntArray("-mesh_cells", k->dim, k->cells, NULL));
+  PetscCall(read_stretch(k));
   for (PetscInt d = 0; d < k->dim; d++) {
     PetscCheck(k->period[d] == 0 || k->cells[d] >= 3, k->comm, PETSC_ERR_USER_INPUT,
                "Axis %c is periodic with %" PetscInt_FMT " cells: -mesh_cells needs at least 3 there", (char)('x' + d), k->cells[d]);

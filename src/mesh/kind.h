@@ -2,7 +2,8 @@
 
      box      [lower, upper] with -mesh_cells nx,ny[,nz] equal cells, -mesh_lower, -mesh_upper, -mesh_periodic x,y,z,
               -mesh_dimension 2|3. With -mesh_focus lo..,hi.. cells of size -mesh_focus_h inside that box, outside
-              h (1 + growth d/h) at distance d: -mesh_growth, up to h times -mesh_coarsest (one value an axis)
+              h (1 + growth d/h) at distance d: -mesh_growth, up to h times -mesh_coarsest (one value an axis).
+              -mesh_stretch sx,sy[,sz]: cells gather at both ends of an axis
      channel  the Schaefer-Turek channel [0,2.2] x [0,0.41] without hole, fine around the cylinder: -mesh_resolution
               cells a diameter (10: 2,211 cells)
      fitted   the same channel with the cylinder (centre (0.2,0.2), radius 0.05) as a hole in an O-grid:

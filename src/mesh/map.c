@@ -294,6 +294,27 @@ PetscErrorCode MeshMapSetLayers(MeshMap *m, PetscInt axis, PetscReal lower, Pets
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode MeshMapSetStretched(MeshMap *m, PetscInt axis, PetscReal lower, PetscReal upper, PetscInt n, PetscReal s)
+{
+  PetscReal *x;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(n + 1, &x));
+  for (PetscInt i = 0; i <= n; i++) {
+    const PetscReal eta = (2. * i - n) / n, share = s > 0 ? PetscTanhReal(s * eta) / PetscTanhReal(s) : eta;
+
+    x[i] = 0.5 * (lower + upper) + 0.5 * (upper - lower) * share;
+  }
+  x[0] = lower;
+  x[n] = upper;
+  PetscCall(PetscFree(m->line[axis]));
+  m->line[axis]  = x;
+  m->ncell[axis] = n;
+  m->lower[axis] = lower;
+  m->upper[axis] = upper;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode MeshMapClear(MeshMap *m)
 {
   PetscFunctionBeginUser;

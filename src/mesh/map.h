@@ -58,6 +58,9 @@ PetscErrorCode MeshMapSetLines(MeshMap *, PetscInt axis, const PetscReal end[4],
 /* Lines of an axis: n layers, thinner towards both ends, by a factor each; the one in the middle is `ratio` times as
    thick as those at the ends. n >= 1, ratio > 0. */
 PetscErrorCode MeshMapSetLayers(MeshMap *, PetscInt axis, PetscReal lower, PetscReal upper, PetscInt n, PetscReal ratio);
+/* Lines of an axis: n cells between lower and upper, finest at both ends: the line i lies at the share
+   tanh(s eta)/tanh(s) of the half width, eta = 2 i/n - 1 (Vinokur, J. Comput. Phys. 50, 1983); s = 0: equal cells. */
+PetscErrorCode MeshMapSetStretched(MeshMap *, PetscInt axis, PetscReal lower, PetscReal upper, PetscInt n, PetscReal s);
 
 /* Bend the first edge of the cell with these corners to the circle through its ends; sets all but the corners. */
 void MeshMapBend(MeshMapBent *, const PetscReal centre[2], PetscReal radius);

@@ -27,6 +27,10 @@ static const OptSpec SPECS[] = {
    .help = "growth of the cell size per distance from the fine part, one value an axis", .when = GRADED},
   {"-mesh_coarsest", OPT_REALS, "", OPT_FROM(1), "by mesh: 8, channel 8,2", .help = "largest cell size over that of the fine part, one value an axis",
    .when = GRADED},
+  {"-mesh_stretch", OPT_REALS, "", 0, 6, "0",
+   .help =
+     "cells gather at both ends of an axis, at walls: lines at tanh(s eta)/tanh(s), s one value an axis (2: the outermost a fifth of equal ones)",
+   .when = BOX " and without -mesh_focus"},
   {"-mesh_shift_seed", OPT_INT, "", 0, 1000000000, "0",
    .help = "moves the fine part of the mesh by a random fraction of its cell size, another for each number; 0 for none",
    .when = "-mesh_focus, or -mesh_kind channel"},
