@@ -107,6 +107,19 @@ PetscErrorCode FlowUpdateCells(Flow, PetscInt n, const PetscInt cells[], const P
 /* The same where the pressures already belong to the cells as they are now, as those of a checkpoint do. Collective. */
 PetscErrorCode FlowRestoreCells(Flow, PetscInt n, const PetscInt cells[], const PetscInt cell_body[]);
 
+/* Surfaces in the fluid, for laws that know how far they are (-flow_rheology smagorinsky): at n points x [n][dim],
+   distance [n], zero inside, and velocity v [n][3] of the nearest surface replace what is there where it is nearer, and
+   nearer than `reach`. Not collective. */
+typedef PetscErrorCode (*FlowSurfaces)(void *ctx, PetscReal reach, PetscInt n, const PetscReal x[],
+                                       PetscReal distance[], PetscReal v[]);
+/* From the next step on; NULL: none. ctx is borrowed. Not collective. */
+PetscErrorCode FlowSetSurfaces(Flow, FlowSurfaces, void *ctx);
+/* Does the law ask for them? */
+PetscBool FlowSeesSurfaces(Flow);
+/* Kinematic viscosity of the eddies at the nodes, nu [nnode_all], zeros without large-eddy simulation: the mean over
+   the cells around a node, weighted with its basis. Collective. */
+PetscErrorCode FlowGetEddies(Flow, PetscReal nu[]);
+
 /* Parts into which the scheme divides a time step, to be taken one after another: fraction [n], sum 1 (may be NULL). */
 PetscErrorCode FlowGetSubsteps(Flow, PetscInt *n, const PetscReal *fraction[]);
 /* Begin the step (or substep) that ends at time and has length dt: sets the coefficients. */

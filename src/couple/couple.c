@@ -186,6 +186,7 @@ PetscErrorCode CoupleDraw(Couple c)
   PetscCall(ConditionsGetValues(FlowConditions(c->flow), &fixed, &value));
   PetscCall(FittedSetMotion(c->hole));
   PetscCall(draw_bodies(c, &drawn));
+  PetscCall(SurfacesForget(c->surfaces));
   PetscCall(IndicatorGetNodes(c->mark, &node_body, NULL, NULL));
   PetscCall(set_rigid_velocities(c));
   PetscCall(ConstraintSetBoundary(c->constraint, fixed, value));
@@ -340,6 +341,7 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   PetscCall(PetscCalloc7(n, &c->X, n, &c->q, n, &c->P, n, &c->unknown, 3 * n, &c->du_old, n, &c->growth, 6 * n, &c->force_old));
   PetscCall(PetscCalloc6(nn, &c->U, nn, &c->U_old, nn, &c->U_older, nn * c->nr, &c->D, nn, &c->g, nn, &c->residual));
   PetscCall(set_history(c));
+  PetscCall(SurfacesCreate(c, &c->surfaces));
   *couple = c;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -377,6 +379,7 @@ PetscErrorCode CoupleDestroy(Couple *couple)
   PetscFunctionBeginUser;
   if (!c) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(CoupleDestroyParts(c));
+  PetscCall(SurfacesDestroy(&c->surfaces));
   PetscCall(DriveDestroy(&c->drive));
   PetscCall(PetscFree7(c->X, c->q, c->P, c->unknown, c->du_old, c->growth, c->force_old));
   PetscCall(PetscFree6(c->U, c->U_old, c->U_older, c->D, c->g, c->residual));

@@ -10,6 +10,7 @@
 #include "indicator.h"
 #include "moved.h"
 #include "rung.h"
+#include "surfaces.h"
 
 struct _p_Couple {
   const FlowStep       *step; /* of the flow, as are these */
@@ -35,6 +36,7 @@ struct _p_Couple {
   const PenaltyTerm *terms; /* its terms in this step; NULL: none */
   Moved              moved;
   Drive              drive;            /* uniform force that the scene asks for; NULL: none */
+  Surfaces           surfaces;         /* what the flow knows of the bodies' distance; NULL: nothing */
   Ale                follow;           /* -mesh_deform with bodies that move */
   const PetscBool   *hollow;           /* [n] the inside of the body is no part of the fluid; NULL: none */
   Indicator          mark;             /* nodes that move rigidly */

@@ -133,7 +133,7 @@ PetscErrorCode FlowCellMatrix(Flow f, PetscInt c, PetscReal ce[])
   }
   ElementOperator(&f->element, &m, f->par.density * s->ct, f->rheology ? 0 : f->par.matrix * s->theta, f->par.convection ? wl : NULL, f->par.skew,
                   ce);
-  if (f->rheology) FlowAddDiffusion(f, c, &m, ce);
+  if (f->mu) FlowAddDiffusion(f, c, &m, ce);
   if (f->tensors) FlowAddStiffness(f, c, &m, ce);
   MeshCellMatrix(l, c, 1, f->element.nbp, ce);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -170,7 +170,7 @@ PetscErrorCode FlowAssemble(Flow f)
   Mat A;
 
   PetscFunctionBeginUser;
-  if (!f->par.convection && !f->rheology && f->s_ct == f->step.ct && f->s_theta == f->step.theta) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!f->par.convection && !f->mu && f->s_ct == f->step.ct && f->s_theta == f->step.theta) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogEventBegin(f->par.convection ? TB_FLOW_CONVECT : TB_FLOW_ASSEMBLE, 0, 0, 0, 0));
   PetscCall(FlowUpdateViscosity(f));
   if (f->conformation) PetscCall(ConformationPredict(f->conformation));

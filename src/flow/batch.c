@@ -1,7 +1,8 @@
 /* Batch: see batch.h. Kernels are written for a general dimension and inlined with constants.
 
    Coefficients of boxes: mass, diffusion along each axis, then for every point the convection along each reference axis
-   [dim] and, with skew, that of the divergence. Of other cells, for every point: mass, diffusion tensor (upper triangle
+   [dim] and, with skew, that of the divergence, and with `vary` the factor of the diffusion, which stands for b + nu.
+   Of other cells, for every point: mass, diffusion tensor (upper triangle
    by rows), convection, divergence. Quadrature weights are in all but the first two of boxes. */
 #include "compat.h"
 #include "batch.h"
@@ -38,7 +39,7 @@ PetscInt BatchCoefficients(const BatchTables *t, const BatchForm *f)
 {
   const PetscInt flow = f->convection ? t->dim + (f->skew != 0) : 0;
 
-  return f->box ? 1 + t->dim + t->n * flow : t->n * (1 + NTENSOR(t->dim) + flow);
+  return f->box ? 1 + t->dim + t->n * (flow + (f->vary ? 1 : 0)) : t->n * (1 + NTENSOR(t->dim) + flow);
 }
 
 /* out = (add: +=) M along an axis of in; the same array may be both */
@@ -128,20 +129,23 @@ INLINE void at_point(const int dim, const AtPoints *p, const int q, const PetscB
     for (int a = 0; a < dim; a++) slope[e][a] = p->slope[e][a][q];
 }
 
-INLINE void set_boxes(const int dim, const BatchTables *t, const BatchForm *f, Lanes det, const Lanes *inverse, const Lanes *w, Lanes *c)
+INLINE void set_boxes(const int dim, const BatchTables *t, const BatchForm *f, Lanes det, const Lanes *inverse, const Lanes *w, const Lanes *nu,
+                      Lanes *c)
 {
-  Lanes    inv[3][3] = {{{0}}};
-  AtPoints p;
+  const int nflow     = f->convection ? dim + (f->skew != 0) : 0;
+  Lanes     inv[3][3] = {{{0}}};
+  AtPoints  p;
 
   c[0] = f->a * det;
   for (int e = 0; e < dim; e++) {
     inv[e][e] = inverse[e];
-    c[1 + e]  = f->b * det * inverse[e] * inverse[e];
+    c[1 + e]  = (f->vary ? 1 : f->b) * det * inverse[e] * inverse[e];
   }
-  if (!f->convection) return;
   c += 1 + dim;
+  for (int q = 0; q < NPOINT(dim) && f->vary; q++) c[q * (nflow + 1) + nflow] = f->b + nu[q];
+  if (!f->convection) return;
   evaluate_all(dim, t, (PetscBool)(f->skew != 0), w, &p);
-  for (int q = 0; q < NPOINT(dim); q++, c += dim + (f->skew != 0)) {
+  for (int q = 0; q < NPOINT(dim); q++, c += nflow + (f->vary ? 1 : 0)) {
     Lanes value[3], slope[3][3] = {{{0}}};
 
     at_point(dim, &p, q, (PetscBool)(f->skew != 0), value, slope);
@@ -149,7 +153,7 @@ INLINE void set_boxes(const int dim, const BatchTables *t, const BatchForm *f, L
   }
 }
 
-INLINE void set_cells(const int dim, const BatchTables *t, const BatchForm *f, const Lanes *xc, const Lanes *w, Lanes *c)
+INLINE void set_cells(const int dim, const BatchTables *t, const BatchForm *f, const Lanes *xc, const Lanes *w, const Lanes *nu, Lanes *c)
 {
   AtPoints place, p;
 
@@ -167,7 +171,7 @@ INLINE void set_cells(const int dim, const BatchTables *t, const BatchForm *f, c
         Lanes s = inverse[e][0] * inverse[g][0];
 
         for (int a = 1; a < dim; a++) s += inverse[e][a] * inverse[g][a];
-        *c++ = f->b * scale * s;
+        *c++ = f->vary ? (f->b + nu[q]) * scale * s : f->b * scale * s;
       }
     if (f->convection) {
       Lanes value[3], slope[3][3] = {{{0}}};
@@ -179,23 +183,23 @@ INLINE void set_cells(const int dim, const BatchTables *t, const BatchForm *f, c
   }
 }
 
-void BatchSetBoxes(const BatchTables *t, const BatchForm *f, Lanes det, const Lanes inverse[], const Lanes w[], Lanes coefficient[])
+void BatchSetBoxes(const BatchTables *t, const BatchForm *f, Lanes det, const Lanes inverse[], const Lanes w[], const Lanes nu[], Lanes coefficient[])
 {
-  if (t->dim == 2) set_boxes(2, t, f, det, inverse, w, coefficient);
-  else set_boxes(3, t, f, det, inverse, w, coefficient);
+  if (t->dim == 2) set_boxes(2, t, f, det, inverse, w, nu, coefficient);
+  else set_boxes(3, t, f, det, inverse, w, nu, coefficient);
 }
 
-void BatchSetCells(const BatchTables *t, const BatchForm *f, const Lanes xc[], const Lanes w[], Lanes coefficient[])
+void BatchSetCells(const BatchTables *t, const BatchForm *f, const Lanes xc[], const Lanes w[], const Lanes nu[], Lanes coefficient[])
 {
-  if (t->dim == 2) set_cells(2, t, f, xc, w, coefficient);
-  else set_cells(3, t, f, xc, w, coefficient);
+  if (t->dim == 2) set_cells(2, t, f, xc, w, nu, coefficient);
+  else set_cells(3, t, f, xc, w, nu, coefficient);
 }
 
 /* ---- product ---- */
 
 /* Values v [n] and slopes g [e][n] at the points <- what tests them, by component */
-INLINE void apply_boxes(const int dim, const PetscBool convection, const BatchTables *t, const BatchForm *f, const Lanes *c, Lanes *v,
-                        Lanes g[3][MESH_MAX_NB])
+INLINE void apply_boxes(const int dim, const PetscBool convection, const PetscBool vary, const BatchTables *t, const BatchForm *f, const Lanes *c,
+                        Lanes *v, Lanes g[3][MESH_MAX_NB])
 {
   const Lanes *flow = c + 1 + dim;
   const int    skew = convection && f->skew != 0;
@@ -210,6 +214,10 @@ INLINE void apply_boxes(const int dim, const PetscBool convection, const BatchTa
     }
     v[q] = r;
     for (int e = 0; e < dim; e++) g[e][q] *= t->weight[q] * c[1 + e];
+    if (vary) {
+      for (int e = 0; e < dim; e++) g[e][q] *= *flow;
+      flow++;
+    }
   }
 }
 
@@ -237,15 +245,15 @@ INLINE void apply_cells(const int dim, const PetscBool convection, const BatchFo
   }
 }
 
-INLINE void multiply(const int dim, const PetscBool box, const PetscBool convection, const BatchTables *t, const BatchForm *f, const Lanes *c,
-                     Lanes *x)
+INLINE void multiply(const int dim, const PetscBool box, const PetscBool convection, const PetscBool vary, const BatchTables *t, const BatchForm *f,
+                     const Lanes *c, Lanes *x)
 {
   for (int a = 0; a < dim; a++) {
     Lanes v[MESH_MAX_NB], g[3][MESH_MAX_NB];
 
     evaluate(dim, t, x, a, v);
     for (int e = 0; e < dim; e++) contract(dim, e, PETSC_FALSE, t->slope, v, g[e]);
-    if (box) apply_boxes(dim, convection, t, f, c, v, g);
+    if (box) apply_boxes(dim, convection, vary, t, f, c, v, g);
     else apply_cells(dim, convection, f, c, v, g);
     for (int e = 0; e < dim; e++) contract(dim, e, PETSC_TRUE, t->slope_t, g[e], v);
     for (int e = 0; e < dim; e++) contract(dim, e, PETSC_FALSE, t->value_t, v, v);
@@ -255,11 +263,12 @@ INLINE void multiply(const int dim, const PetscBool box, const PetscBool convect
 
 void BatchMultiply(const BatchTables *t, const BatchForm *f, const Lanes c[], Lanes x[])
 {
-  if (t->dim == 2) multiply(2, f->box, f->convection, t, f, c, x);
-  else if (f->box && f->convection) multiply(3, PETSC_TRUE, PETSC_TRUE, t, f, c, x);
-  else if (f->box) multiply(3, PETSC_TRUE, PETSC_FALSE, t, f, c, x);
-  else if (f->convection) multiply(3, PETSC_FALSE, PETSC_TRUE, t, f, c, x);
-  else multiply(3, PETSC_FALSE, PETSC_FALSE, t, f, c, x);
+  if (t->dim == 2) multiply(2, f->box, f->convection, f->vary, t, f, c, x);
+  else if (f->box && f->vary) multiply(3, PETSC_TRUE, f->convection, PETSC_TRUE, t, f, c, x);
+  else if (f->box && f->convection) multiply(3, PETSC_TRUE, PETSC_TRUE, PETSC_FALSE, t, f, c, x);
+  else if (f->box) multiply(3, PETSC_TRUE, PETSC_FALSE, PETSC_FALSE, t, f, c, x);
+  else if (f->convection) multiply(3, PETSC_FALSE, PETSC_TRUE, PETSC_FALSE, t, f, c, x);
+  else multiply(3, PETSC_FALSE, PETSC_FALSE, PETSC_FALSE, t, f, c, x);
 }
 
 /* ---- diagonal ---- */
@@ -271,10 +280,10 @@ INLINE Lanes read_point(const int dim, const BatchTables *t, const BatchForm *f,
   Lanes     mass;
 
   if (f->box) {
-    mass = t->weight[q] * c[0];
+    mass  = t->weight[q] * c[0];
+    *flow = c + 1 + dim + q * (nflow + (f->vary ? 1 : 0));
     for (int e = 0, at = 0; e < dim; e++)
-      for (int h = e; h < dim; h++, at++) k[at] = e == h ? t->weight[q] * c[1 + e] : (Lanes){0};
-    *flow = c + 1 + dim + q * nflow;
+      for (int h = e; h < dim; h++, at++) k[at] = e != h ? (Lanes){0} : f->vary ? t->weight[q] * c[1 + e] * (*flow)[nflow] : t->weight[q] * c[1 + e];
   } else {
     c += q * (1 + NTENSOR(dim) + nflow);
     mass = c[0];

@@ -21,9 +21,10 @@ typedef struct {
   PetscReal dphi[MESH_MAX_NB][3 * MESH_MAX_NB]; /* [point][axis, node] */
 } BatchTables;
 
-/* The operator a (u, v) + b (grad u, grad v) + (w . grad u + skew div w u, v) */
+/* The operator a (u, v) + ((b + nu) grad u, grad v) + (w . grad u + skew div w u, v) */
 typedef struct {
   PetscBool box, convection; /* edges along the axes; w is there */
+  PetscBool vary;            /* nu is there, a number for every point */
   PetscReal a, b, skew;
 } BatchForm;
 
@@ -31,9 +32,9 @@ void BatchSetTables(PetscInt dim, BatchTables *);
 /* Lanes that the coefficients of a form take */
 PetscInt BatchCoefficients(const BatchTables *, const BatchForm *);
 /* Coefficients of the form: for boxes from det J and the diagonal `inverse` [dim] of J^{-1}, else from node coordinates
-   xc [n][dim]; w [n][dim] or NULL. Cells with det 0 give zero. */
-void BatchSetBoxes(const BatchTables *, const BatchForm *, Lanes det, const Lanes inverse[], const Lanes w[], Lanes coefficient[]);
-void BatchSetCells(const BatchTables *, const BatchForm *, const Lanes xc[], const Lanes w[], Lanes coefficient[]);
+   xc [n][dim]; w [n][dim] or NULL, nu [n] or NULL. Cells with det 0 give zero. */
+void BatchSetBoxes(const BatchTables *, const BatchForm *, Lanes det, const Lanes inverse[], const Lanes w[], const Lanes nu[], Lanes coefficient[]);
+void BatchSetCells(const BatchTables *, const BatchForm *, const Lanes xc[], const Lanes w[], const Lanes nu[], Lanes coefficient[]);
 /* x [n][dim] <- the operator times x */
 void BatchMultiply(const BatchTables *, const BatchForm *, const Lanes coefficient[], Lanes x[]);
 /* Its diagonal d [n], the same for all components */

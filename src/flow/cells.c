@@ -220,6 +220,7 @@ PetscErrorCode FlowUpdateCells(Flow f, PetscInt n, const PetscInt cells[], const
 
   PetscFunctionBeginUser;
   f->now++;
+  if (f->walls) PetscCall(WallsForget(f->walls, n, cells));
   for (PetscInt e = 0; e < n; e++) {
     const PetscInt  c = cells[e], dim = l->dim;
     const PetscReal size = f->size[c], centre[3] = {f->centre[c * dim], f->centre[c * dim + 1], dim == 3 ? f->centre[c * dim + 2] : 0};

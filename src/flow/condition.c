@@ -411,6 +411,16 @@ PetscErrorCode ConditionsGetKind(Conditions f, PetscInt b, PetscBool *wall, Pets
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode ConditionsSticks(Conditions f, PetscInt b, PetscBool *sticks, PetscBool *moves)
+{
+  const ConditionsType type = f->condition[b].type;
+
+  PetscFunctionBeginUser;
+  *sticks = (PetscBool)(type == BC_NO_SLIP || type == BC_MOVING_WALL || type == BC_ROTATING_WALL);
+  *moves  = (PetscBool)(type == BC_MOVING_WALL || type == BC_ROTATING_WALL);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ConditionsIsOutflow(Conditions f, PetscInt b, PetscBool *outflow)
 {
   PetscFunctionBeginUser;

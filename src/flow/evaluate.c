@@ -69,7 +69,7 @@ PetscErrorCode FlowCellStressForce(Flow f, PetscInt c, const PetscReal u[], cons
   PetscCall(FlowCellMetric(f, c, &m));
   for (PetscInt q = 0; q < f->element.nq; q++) {
     const PetscReal *phi = f->element.phi + q * f->element.nbp, *centre = xc + (nb / 2) * dim;
-    const PetscReal  mu = f->rheology ? f->mu[c * f->element.nq + q] : f->par.solvent;
+    const PetscReal  mu = f->rheology ? f->mu[c * f->element.nq + q] : f->par.solvent + (f->eddy.name ? f->mu[c * f->element.nq + q] : 0);
     FlowGradients    g;
     PetscReal        grad[3][3], extra[3][3] = {{0}}, ga[3] = {0, 0, 0}, x[3] = {0, 0, 0}, t[3] = {0, 0, 0}, r[3] = {0, 0, 0}, pressure = p[c * nk];
 

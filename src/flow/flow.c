@@ -33,7 +33,7 @@ static PetscErrorCode read_parameters(Flow f)
   f->scheme     = SCHEME_BDF2;
   PetscCall(FlowReadForces(f));
   PetscCall(OptReal("-flow_viscosity", &p->viscosity));
-  PetscCall(RheologyCreate(p->viscosity, &f->rheology, &f->polymer));
+  PetscCall(RheologyCreate(p->viscosity, &f->rheology, &f->polymer, &f->eddy));
   p->varying = (PetscBool)(f->rheology != NULL);
   p->elastic = (PetscBool)(f->polymer.name != NULL);
   p->solvent = p->matrix = p->elastic ? f->polymer.solvent : p->viscosity;
@@ -131,6 +131,7 @@ PetscErrorCode FlowView(Flow f, PetscViewer viewer)
                                    f->par.convection ? "Navier-Stokes (convection extrapolated)" : "Stokes (no convection assembled)"));
   if (f->rheology) PetscCall(RheologyView(f->rheology, viewer));
   if (f->par.elastic) PetscCall(PolymerView(&f->polymer, viewer));
+  if (f->eddy.name) PetscCall(EddyView(&f->eddy, viewer));
   PetscCall(ConditionsView(f->boundary, viewer));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -147,6 +148,19 @@ PetscErrorCode FlowGetMesh(Flow f, Mesh *mesh)
   PetscFunctionBeginUser;
   *mesh = f->mesh;
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSetSurfaces(Flow f, FlowSurfaces surfaces, void *ctx)
+{
+  PetscFunctionBeginUser;
+  f->surfaces     = surfaces;
+  f->surfaces_ctx = ctx;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscBool FlowSeesSurfaces(Flow f)
+{
+  return f->eddy.damped;
 }
 
 PetscBool FlowIsMatrixFree(Flow f)

@@ -8,6 +8,7 @@
 #include "flow/flow.h"
 #include "conformation.h"
 #include "rheology.h"
+#include "walls.h"
 
 /* In the order of the values of -flow_time */
 enum {
@@ -53,7 +54,7 @@ struct _p_Flow {
   /* matrix-free: S is made when FlowGetMatrix wants it, and belongs to the step if it is current */
   struct _p_Product *product; /* or NULL: S is assembled in every step */
   PetscBool          matrix_free, matrix_current;
-  /* viscosity that varies; all NULL for a Newtonian fluid */
+  /* viscosity that varies; all NULL for a Newtonian fluid. Large-eddy simulation: `mu` is that of the eddies alone */
   Rheology       rheology;
   PetscReal     *strain;            /* [nnode_all][dim] velocity whose rate of strain sets it */
   PetscReal     *mu;                /* [ncell_all][nq] at the quadrature points */
@@ -61,7 +62,11 @@ struct _p_Flow {
   PetscBool      mu_current;        /* these belong to strain */
   Mat            A;                 /* of all components, or NULL */
   Extension      extension;         /* cells that bodies cover, or NULL: nobody said */
-  Polymer        polymer;           /* viscoelastic fluids, with the field of it, else NULL */
+  Eddy           eddy;              /* large-eddy simulation; its walls, NULL: not needed, or not yet */
+  Walls          walls;
+  FlowSurfaces   surfaces; /* bodies, NULL: none are near */
+  void          *surfaces_ctx;
+  Polymer        polymer; /* viscoelastic fluids, with the field of it, else NULL */
   Conformation   conformation;
   FlowElasticity elastic;
   PetscBool      tensors; /* the last step had tensors in its matrix */
@@ -119,6 +124,8 @@ PetscErrorCode ConditionsDestroy(Conditions *);
 PetscErrorCode ConditionsView(Conditions, PetscViewer);
 /* Is boundary b of type outflow? */
 PetscErrorCode ConditionsIsOutflow(Conditions, PetscInt b, PetscBool *outflow);
+/* Does the fluid stick to boundary b (no_slip, moving_wall, rotating_wall), and may that move? */
+PetscErrorCode ConditionsSticks(Conditions, PetscInt b, PetscBool *sticks, PetscBool *moves);
 /* Evaluate the prescribed values at a time; PETSC_MAX_REAL: those of the steady state, after all ramps. Local.
    Error: a steady state is wanted and a boundary never stops changing (_factor). */
 PetscErrorCode ConditionsSetTime(Conditions, PetscReal time);
@@ -135,6 +142,11 @@ PetscErrorCode FlowDestroyExtension(Flow);
 void FlowAddStress(Flow, PetscInt c, const ElementMetric *, const PetscReal ul[], PetscReal r[]);
 void FlowAddDiffusion(Flow, PetscInt c, const ElementMetric *, PetscReal ce[]);
 void FlowAddCoupling(Flow, PetscInt c, const ElementMetric *, const PetscReal ul[], PetscReal n[]);
+/* Large-eddy simulation (eddy.c): viscosity of the eddies for the present strain; collective. r [nb][dim] += (mu_t
+   (2 grad u + grad w^T - grad w), grad v) in cell c at its lattice places, u from nodal values ul [nb][dim] (NULL:
+   zero), w the strain; local. */
+PetscErrorCode FlowUpdateEddies(Flow);
+void           FlowAddEddies(Flow, PetscInt c, const ElementMetric *, const PetscReal ul[], PetscReal r[]);
 /* Viscoelastic fluids, as conformation.h has the momentum: r [nb][dim] += (T, grad v) with T = tau - P(grad u^n) E, at
    nodes of an outflow -(div T, v), and with nodal velocities ul [nb][dim] (NULL: none) (grad u (E - rest), grad v),
    where rest is what E is there, part of the viscosity of the matrix; ce [nb][nbp] += theta times the latter. Local.
@@ -177,6 +189,7 @@ static inline void FlowCellMomentum(Flow f, PetscInt c, const ElementMetric *m, 
   ElementResidual(&f->element, m, f->par.density, f->rheology ? 0 : f->par.matrix, f->par.force, al, vl, f->par.convection ? wl : NULL, f->par.skew,
                   r);
   if (f->rheology && vl) FlowAddStress(f, c, m, vl, r);
+  if (f->eddy.name) FlowAddEddies(f, c, m, vl, r);
   if (f->conformation) FlowAddPolymer(f, c, m, vl, r);
 }
 

@@ -9,6 +9,7 @@
 #define BOUNDED   "-flow_rheology carreau or cross"
 #define ELASTIC   "-flow_rheology oldroyd_b, giesekus or fene_p"
 #define YIELDS    "-flow_rheology bingham or herschel_bulkley"
+#define EDDIES    "-flow_rheology smagorinsky or wale"
 #define HAS_SPEED "-flow_bc_<boundary>_type inflow, moving_wall or rotating_wall"
 
 static const OptSpec SPECS[] = {
@@ -16,8 +17,10 @@ static const OptSpec SPECS[] = {
    .help = "density of the fluid (without a flow: for buoyancy and added mass)"},
   {"-flow_viscosity", OPT_REAL, "mass/(length time)", OPT_ABOVE_ZERO, "0.01",
    .help = "dynamic viscosity of the fluid; with -flow_rheology that of the law", .when = FLOW},
-  {"-flow_rheology", OPT_CHOICE, "", OPT_ANY, "newton", .help = "law for the viscosity by the rate of strain g, or for the stress of a polymer",
-   .when = FLOW, .choices = "newton, power_law, carreau, cross, bingham, herschel_bulkley, oldroyd_b, giesekus, fene_p"},
+  {"-flow_rheology", OPT_CHOICE, "", OPT_ANY, "newton",
+   .help =
+     "law for the viscosity by the rate of strain g, for the stress of a polymer, or for the eddies of a turbulent flow that the mesh does not carry",
+   .when = FLOW, .choices = "newton, power_law, carreau, cross, bingham, herschel_bulkley, oldroyd_b, giesekus, fene_p, smagorinsky, wale"},
   {"-flow_rheology_index", OPT_REAL, "", 0.1, 4, "",
    .help = "exponent n: stress as g^n, below 1 thinner, above 1 thicker the faster it is sheared (cross: below 1)", .when = ANY_LAW},
   {"-flow_rheology_time", OPT_REAL, "time", OPT_ABOVE_ZERO, "1",
@@ -43,6 +46,15 @@ static const OptSpec SPECS[] = {
    .when = YIELDS},
   {"-flow_rheology_papanastasiou", OPT_REAL, "time", OPT_ABOVE_ZERO, "rigid viscosity/yield",
    .help = "m of the regularised yield stress (1 - exp(-m g)) yield, in place of -flow_rheology_rigid", .when = YIELDS},
+  {"-flow_les_constant", OPT_REAL, "", OPT_FROM(0), "smagorinsky 0.1, wale 0.5",
+   .help = "constant of the eddy viscosity, the length over the filter width (isotropic turbulence: smagorinsky 0.17)", .when = EDDIES},
+  {"-flow_les_filter", OPT_REAL, "", OPT_POSITIVE, 10, "0.5", .help = "filter width in cube roots of the volume of a cell (square roots of its area)",
+   .when = EDDIES},
+  {"-flow_les_damping", OPT_CHOICE, "", OPT_ANY, "van_driest", .help = "how the length falls to zero at walls and bodies",
+   .when = "-flow_rheology smagorinsky", .choices = "van_driest, none"},
+  {"-flow_les_friction", OPT_REAL, "length/time", OPT_FROM(0), "0",
+   .help = "friction velocity of the wall units in the damping, 0: by the law of the wall through the velocity at the place",
+   .when = "-flow_les_damping van_driest"},
   {"-flow_gravity", OPT_REALS, "length/time^2", OPT_ANY, "0", .help = "gravity (acts through M - M_f)", .variables = "t"},
   {"-flow_force", OPT_REALS, "force/volume", OPT_ANY, "0", .help = "body force on the fluid, and on the bodies in it alike", .when = FLOW,
    .variables = "x, y, z, t"},

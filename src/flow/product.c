@@ -129,11 +129,24 @@ static void scatter(const MeshLocal *l, const Batch *b, PetscInt bs, Lanes x[], 
   }
 }
 
+/* nu at the points of cell c: twice that of the eddies (eddy.h). Points of the element run along the last axis first */
+static void gather_eddies(const struct _p_Flow *f, PetscInt c, PetscInt k, Lanes nu[])
+{
+  const PetscInt   nq = f->element.nq;
+  const PetscReal *mu = f->mu + c * nq;
+
+  for (PetscInt q = 0; q < nq; q++) {
+    const PetscInt there = nq == 9 ? q % 3 * 3 + q / 3 : q % 3 * 9 + q / 3 % 3 * 3 + q / 9;
+
+    *lane(&nu[q], k) = 2 * f->step.theta * mu[there];
+  }
+}
+
 static PetscErrorCode set_batch(Flow f, struct _p_Product *p, const Batch *b)
 {
   const MeshLocal *l   = f->loc;
   const PetscInt   dim = l->dim;
-  Lanes            w[MESH_MAX_NB * 3], xc[MESH_MAX_NB * 3], det, inverse[3];
+  Lanes            w[MESH_MAX_NB * 3], xc[MESH_MAX_NB * 3], nu[MESH_MAX_NB], det, inverse[3];
 
   PetscFunctionBeginUser;
   p->form.box = b->box;
@@ -142,6 +155,7 @@ static PetscErrorCode set_batch(Flow f, struct _p_Product *p, const Batch *b)
     const PetscInt c = b->cell[k < b->n ? k : 0];
     PetscReal      x[MESH_MAX_NB * 3];
 
+    if (p->form.vary) gather_eddies(f, c, k, nu);
     if (b->box) {
       *lane(&det, k) = f->det[c];
       for (PetscInt e = 0; e < dim; e++) *lane(&inverse[e], k) = f->inverse[(c * dim + e) * dim + e];
@@ -150,8 +164,8 @@ static PetscErrorCode set_batch(Flow f, struct _p_Product *p, const Batch *b)
       for (PetscInt i = 0; i < l->nb * dim; i++) *lane(&xc[i], k) = x[i];
     }
   }
-  if (b->box) BatchSetBoxes(&p->tables, &p->form, det, inverse, w, p->coefficient + b->at);
-  else BatchSetCells(&p->tables, &p->form, xc, w, p->coefficient + b->at);
+  if (b->box) BatchSetBoxes(&p->tables, &p->form, det, inverse, w, nu, p->coefficient + b->at);
+  else BatchSetCells(&p->tables, &p->form, xc, w, nu, p->coefficient + b->at);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -163,7 +177,8 @@ PetscErrorCode FlowUpdateProduct(Flow f)
   p->form = (BatchForm){.a          = f->par.density * f->step.ct,
                         .b          = f->par.viscosity * f->step.theta,
                         .skew       = f->par.skew,
-                        .convection = f->par.convection};
+                        .convection = f->par.convection,
+                        .vary       = (PetscBool)(f->mu != NULL)};
   PetscCall(group_cells(f, p));
   PetscCall(make_room(p));
   for (PetscInt i = 0; i < p->n; i++) PetscCall(set_batch(f, p, &p->batch[i]));

@@ -20,9 +20,10 @@ PetscErrorCode FlowCreateParts(Flow f)
   f->strain = f->mu = f->mu_cell = f->mu_node = NULL;
   f->A                                        = NULL;
   f->extension                                = NULL;
-  if (f->rheology)
+  if (f->rheology || f->eddy.name)
     PetscCall(
       PetscCalloc4(l->nnode_all * dim, &f->strain, l->ncell_all * f->element.nq, &f->mu, l->ncell_all, &f->mu_cell, l->nnode_all, &f->mu_node));
+  f->walls        = NULL;
   f->conformation = NULL;
   if (f->par.elastic) PetscCall(ConformationCreate(f, &f->polymer, &f->conformation));
   f->mu_current     = PETSC_FALSE;
@@ -45,6 +46,7 @@ PetscErrorCode FlowDestroyParts(Flow f)
   PetscCall(MatDestroy(&f->A));
   PetscCall(FlowDestroyExtension(f));
   PetscCall(PetscFree4(f->strain, f->mu, f->mu_cell, f->mu_node));
+  PetscCall(WallsDestroy(&f->walls));
   PetscCall(ConformationDestroy(&f->conformation));
   PetscCall(PetscFree(f->entry));
   PetscCall(FlowDestroyCells(f));

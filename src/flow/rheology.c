@@ -86,10 +86,13 @@ typedef enum {
   HERSCHEL_BULKLEY,
   OLDROYD_B,
   GIESEKUS,
-  FENE_P
+  FENE_P,
+  SMAGORINSKY,
+  WALE
 } Law;
 
-static const char *const LAWS[] = {"newton", "power_law", "carreau", "cross", "bingham", "herschel_bulkley", "oldroyd_b", "giesekus", "fene_p", NULL};
+static const char *const LAWS[] = {"newton",    "power_law", "carreau", "cross",       "bingham", "herschel_bulkley",
+                                   "oldroyd_b", "giesekus",  "fene_p",  "smagorinsky", "wale",    NULL};
 
 /* Error: an option is missing for which no default could stand */
 static PetscErrorCode require(Rheology r, const char option[])
@@ -152,7 +155,7 @@ static PetscErrorCode read_yield(Rheology r)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode RheologyCreate(PetscReal viscosity, Rheology *rheology, Polymer *polymer)
+PetscErrorCode RheologyCreate(PetscReal viscosity, Rheology *rheology, Polymer *polymer, Eddy *eddy)
 {
   static void (*const laws[])(const struct _p_Rheology *, PetscReal, PetscReal *, PetscReal *) = {NULL,  power,   carreau,
                                                                                                   cross, bingham, herschel_bulkley};
@@ -164,6 +167,11 @@ PetscErrorCode RheologyCreate(PetscReal viscosity, Rheology *rheology, Polymer *
   *rheology = NULL;
   PetscCall(OptChoice("-flow_rheology", LAWS, &law));
   *polymer = (Polymer){0};
+  *eddy    = (Eddy){0};
+  if (law >= SMAGORINSKY) {
+    PetscCall(EddyCreate(LAWS[law], eddy));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   if (law != NEWTON && law != BINGHAM) PetscCall(OptReal("-flow_rheology_time", &time));
   if (law >= OLDROYD_B) PetscCall(PolymerCreate(LAWS[law], viscosity, time, polymer));
   if (law == NEWTON || law >= OLDROYD_B) PetscFunctionReturn(PETSC_SUCCESS);

@@ -16,16 +16,17 @@
    A power has no value at g = 0: sqrt(g^2 + e^2) takes the place of g there, with e such that the viscosity at rest is
    the most (n < 1) or the least (n > 1) of -flow_rheology_limits; at large g it is cut at the other limit. Limits are
    multiples of mu_0.
-   Viscoelastic fluids are the subject of polymer.h. */
+   Viscoelastic fluids are the subject of polymer.h, large-eddy simulation that of eddy.h. */
 #pragma once
+#include "eddy.h"
 #include "polymer.h"
 
 typedef struct _p_Rheology *Rheology;
 
 /* Read the options for a fluid of reference viscosity mu_0. *rheology is NULL for a Newtonian or a viscoelastic fluid;
-   the latter has a polymer with a name. Collective.
+   the latter has a polymer with a name, large-eddy simulation an eddy. Collective.
    Errors: a yield stress or a viscosity at infinity that does not fit, see the messages. */
-PetscErrorCode RheologyCreate(PetscReal viscosity, Rheology *, Polymer *);
+PetscErrorCode RheologyCreate(PetscReal viscosity, Rheology *, Polymer *, Eddy *);
 PetscErrorCode RheologyDestroy(Rheology *);
 PetscErrorCode RheologyView(Rheology, PetscViewer);
 

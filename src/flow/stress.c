@@ -84,7 +84,11 @@ PetscErrorCode FlowUpdateViscosity(Flow f)
   PetscReal      most;
 
   PetscFunctionBeginUser;
-  if (!f->rheology || f->mu_current) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!f->mu || f->mu_current) PetscFunctionReturn(PETSC_SUCCESS);
+  if (f->eddy.name) {
+    PetscCall(FlowUpdateEddies(f));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCall(compute_rates(f, &most));
   for (PetscInt i = 0; i < f->loc->ncell_all * nq; i++) {
     if (f->det[i / nq] == 0 || (most == 0 && f->step.dt == 0)) f->mu[i] = f->par.viscosity;
@@ -99,7 +103,7 @@ PetscErrorCode FlowUpdateViscosity(Flow f)
 PetscErrorCode FlowSetStrain(Flow f, const PetscReal v[])
 {
   PetscFunctionBeginUser;
-  if (!f->rheology) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!f->strain) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscArraycpy(f->strain, v, f->loc->nnode_all * f->loc->dim));
   f->mu_current = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -109,8 +113,8 @@ PetscErrorCode FlowGetViscosity(Flow f, const PetscReal *cell[], const PetscReal
 {
   PetscFunctionBeginUser;
   PetscCall(FlowUpdateViscosity(f));
-  if (cell) *cell = f->mu_cell;
-  if (node) *node = f->mu_node;
+  if (cell) *cell = f->rheology ? f->mu_cell : NULL;
+  if (node) *node = f->rheology ? f->mu_node : NULL;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -255,7 +259,7 @@ void FlowAddDiffusion(Flow f, PetscInt c, const ElementMetric *m, PetscReal ce[]
   const PetscInt dim = f->loc->dim, nb = f->loc->nb, nbp = f->element.nbp, nq = f->element.nq;
 
   for (PetscInt q = 0; q < nq; q++) {
-    const PetscReal scale = f->step.theta * f->mu[c * nq + q] * m->weight[q];
+    const PetscReal scale = (f->eddy.name ? 2 : 1) * f->step.theta * f->mu[c * nq + q] * m->weight[q];
     FlowGradients   g;
 
     ElementGradients(&f->element, m, q, g);

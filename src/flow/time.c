@@ -13,7 +13,7 @@ static void extrapolate_strain(Flow f)
 
 void FlowExtrapolateConvection(Flow f)
 {
-  if (f->rheology) extrapolate_strain(f);
+  if (f->strain) extrapolate_strain(f);
   for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->par.convection; i++) f->w[i] = f->u[i] + f->ahead * (f->u[i] - f->u_old[i]);
   for (PetscInt i = 0; i < f->loc->nnode_all * f->loc->dim && f->bend > 0; i++)
     f->w[i] += f->bend * ((f->u[i] - f->u_old[i]) / f->dt_old - (f->u_old[i] - f->u_older[i]) / f->dt_older);
@@ -93,6 +93,9 @@ PetscErrorCode FlowBeginSteady(Flow f, PetscReal rate)
              "-flow_rheology %s remembers what was, and finds its steady state in time alone: remove -sim_steady (and -flow_initial steady), and run with -sim_dt for "
              "some ten times -flow_rheology_time %g",
              f->polymer.name, (double)f->polymer.time);
+  PetscCheck(!f->eddy.name, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+             "-flow_rheology %s models a flow that changes in time and has no steady state: remove -sim_steady (and -flow_initial steady), and run with -sim_dt",
+             f->eddy.name);
   PetscCall(FlowRefuseTime(f));
   s->time  = 0;
   s->dt    = 0;

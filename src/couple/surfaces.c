@@ -1,0 +1,125 @@
+/* Surfaces: see surfaces.h. */
+#include "compat.h"
+#include "impl.h"
+#include "surfaces.h"
+#include "base/grid.h"
+#include "base/room.h"
+
+#define FEW 8 /* so many bodies need no grid */
+
+struct _p_Surfaces {
+  Couple    couple;
+  Grid      grid; /* NULL: not made since bodies have moved */
+  PetscReal half; /* boxes in it are larger by this than their bodies */
+  PetscInt  room, *body;
+};
+
+static PetscErrorCode fill_grid(Surfaces s, PetscReal half)
+{
+  const Couple     c    = s->couple;
+  const MeshLocal *l    = c->loc;
+  PetscReal        mean = 0;
+  PetscInt         n    = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(GridDestroy(&s->grid));
+  s->half = half;
+  for (PetscInt k = 0; k < c->s->n; k++) mean += BodiesGetRadius(c->s, k) / (PetscReal)c->s->n;
+  PetscCall(GridCreate(l->dim, l->lower, l->upper, 2 * (mean + half), 8 * c->s->n, &s->grid));
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    const PetscReal size = BodiesGetRadius(c->s, k) + half;
+
+    if (c->s->gone[k]) continue;
+    for (DomainImages i = {0}; MeshNextImage(l, c->X[k], size, &i);) {
+      PetscCall(RoomFor(n + 1, &s->room, &s->body, sizeof(*s->body), NULL));
+      s->body[n] = k;
+      PetscCall(GridInsert(s->grid, n++, i.at, size));
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Body k, for n <= MESH_MAX_NB points around `middle`, the farthest `radius` away */
+static PetscErrorCode try_body(Couple c, PetscInt k, PetscReal reach, const PetscReal middle[3], PetscReal radius, PetscInt n, const PetscReal x[],
+                               PetscReal distance[], PetscReal v[])
+{
+  const MeshLocal *l   = c->loc;
+  const PetscInt   dim = l->dim;
+  const PetscReal *U   = c->U + k * c->nr;
+  PetscReal        y[MESH_MAX_NB * 3], d[MESH_MAX_NB], away = 0, farthest = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt a = 0; a < dim; a++) away += PetscSqr(MeshNearest(l, a, middle[a] - c->X[k][a]));
+  away = PetscSqrtReal(away) - BodiesGetRadius(c->s, k) - radius;
+  for (PetscInt i = 0; i < n; i++) farthest = PetscMax(farthest, distance[i]);
+  if (c->s->gone[k] || away > reach || away > farthest) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt i = 0; i < n * dim; i++) y[i] = DomainNearest(l->period[i % dim], x[i], c->X[k][i % dim]);
+  PetscCall(BodiesDistance(c->bodies, k, c->X[k], c->q[k], n, y, d));
+  for (PetscInt i = 0; i < n; i++) {
+    PetscReal r[3] = {0, 0, 0};
+
+    if (d[i] > reach || d[i] >= distance[i]) continue;
+    distance[i] = PetscMax(d[i], 0);
+    for (PetscInt a = 0; a < dim; a++) r[a] = y[i * dim + a] - c->P[k][a];
+    if (dim == 2) {
+      v[3 * i]     = U[0] - U[2] * r[1];
+      v[3 * i + 1] = U[1] + U[2] * r[0];
+    } else {
+      for (PetscInt a = 0; a < 3; a++) v[3 * i + a] = U[a] + U[3 + (a + 1) % 3] * r[(a + 2) % 3] - U[3 + (a + 2) % 3] * r[(a + 1) % 3];
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode find_nearest(void *ctx, PetscReal reach, PetscInt n, const PetscReal x[], PetscReal distance[], PetscReal v[])
+{
+  Surfaces       s         = ctx;
+  const Couple   c         = s->couple;
+  const PetscInt dim       = c->loc->dim;
+  PetscReal      middle[3] = {0, 0, 0}, radius = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < n * dim; i++) middle[i % dim] += x[i] / n;
+  for (PetscInt i = 0; i < n; i++) {
+    PetscReal r = 0;
+
+    for (PetscInt a = 0; a < dim; a++) r += PetscSqr(x[i * dim + a] - middle[a]);
+    radius = PetscMax(radius, PetscSqrtReal(r));
+  }
+  if (c->s->n <= FEW) {
+    for (PetscInt k = 0; k < c->s->n; k++) PetscCall(try_body(c, k, reach, middle, radius, n, x, distance, v));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  if (!s->grid || s->half < reach + radius) PetscCall(fill_grid(s, reach + radius));
+  for (PetscInt e = GridFirst(s->grid, middle); e >= 0; e = GridNext(s->grid, e))
+    PetscCall(try_body(c, s->body[GridItem(s->grid, e)], reach, middle, radius, n, x, distance, v));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SurfacesCreate(Couple c, Surfaces *surfaces)
+{
+  PetscFunctionBeginUser;
+  *surfaces = NULL;
+  if (!FlowSeesSurfaces(c->flow) || !c->s->n) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscNew(surfaces));
+  (*surfaces)->couple = c;
+  PetscCall(FlowSetSurfaces(c->flow, find_nearest, *surfaces));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SurfacesDestroy(Surfaces *surfaces)
+{
+  PetscFunctionBeginUser;
+  if (!*surfaces) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(GridDestroy(&(*surfaces)->grid));
+  PetscCall(PetscFree((*surfaces)->body));
+  PetscCall(PetscFree(*surfaces));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SurfacesForget(Surfaces s)
+{
+  PetscFunctionBeginUser;
+  if (s) PetscCall(GridDestroy(&s->grid));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,244 @@
+/* Eddy: see eddy.h for the laws. Below them, what they add to the flow: viscosity at the quadrature points, and the
+   stress that is not in the scalar operator. */
+#include "compat.h"
+#include "impl.h"
+#include "base/opt.h"
+
+#define KAPPA      0.4 /* of the law of the wall, with B */
+#define B          5.5
+#define VAN_DRIEST 25  /* A+ */
+#define FAR        500 /* y+ from where on there is no damping to speak of */
+#define FAR_SPEED  21  /* u+ there */
+
+/* ---- laws ---- */
+
+static const char *const DAMPINGS[] = {"van_driest", "none", NULL};
+
+PetscErrorCode EddyCreate(const char name[], Eddy *e)
+{
+  PetscInt damping = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscStrcmp(name, "wale", &e->wale));
+  e->name     = name;
+  e->constant = e->wale ? 0.5 : 0.1;
+  e->filter   = 0.5;
+  e->friction = 0;
+  PetscCall(OptReal("-flow_les_constant", &e->constant));
+  PetscCall(OptReal("-flow_les_filter", &e->filter));
+  if (!e->wale) PetscCall(OptChoice("-flow_les_damping", DAMPINGS, &damping));
+  e->damped = (PetscBool)(!e->wale && damping == 0);
+  if (e->damped) PetscCall(OptReal("-flow_les_friction", &e->friction));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode EddyView(const Eddy *e, PetscViewer viewer)
+{
+  PetscFunctionBeginUser;
+  PetscCall(
+    PetscViewerASCIIPrintf(viewer, "  large-eddy simulation: %s, constant %g, filter %g of a cell", e->name, (double)e->constant, (double)e->filter));
+  if (e->damped && e->friction > 0)
+    PetscCall(PetscViewerASCIIPrintf(viewer, ", damped at walls and bodies with the friction velocity %g", (double)e->friction));
+  else if (e->damped) PetscCall(PetscViewerASCIIPrintf(viewer, ", damped at walls and bodies with the law of the wall"));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "\n"));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscReal EddyRate(const Eddy *e, PetscReal g[3][3])
+{
+  PetscReal S2 = 0, Sd2 = 0, trace = 0, square[3][3], below;
+
+  for (PetscInt a = 0; a < 3; a++)
+    for (PetscInt b = 0; b < 3; b++) S2 += 0.25 * PetscSqr(g[a][b] + g[b][a]);
+  if (!e->wale) return PetscSqrtReal(2 * S2);
+  for (PetscInt a = 0; a < 3; a++)
+    for (PetscInt b = 0; b < 3; b++) square[a][b] = g[a][0] * g[0][b] + g[a][1] * g[1][b] + g[a][2] * g[2][b];
+  for (PetscInt a = 0; a < 3; a++) trace += square[a][a] / 3;
+  for (PetscInt a = 0; a < 3; a++)
+    for (PetscInt b = 0; b < 3; b++) Sd2 += PetscSqr(0.5 * (square[a][b] + square[b][a]) - (a == b ? trace : 0));
+  below = S2 * S2 * PetscSqrtReal(S2) + Sd2 * PetscSqrtReal(PetscSqrtReal(Sd2));
+  return below > 0 ? Sd2 * PetscSqrtReal(Sd2) / below : 0;
+}
+
+/* y+ at u+ and, if wanted, its slope */
+static PetscReal spalding(PetscReal u, PetscReal *slope)
+{
+  const PetscReal k = KAPPA * u, e = PetscExpReal(k), c = PetscExpReal(-KAPPA * B);
+
+  *slope = 1 + c * KAPPA * (e - 1 - k - 0.5 * k * k);
+  return u + c * (e - 1 - k - 0.5 * k * k - k * k * k / 6);
+}
+
+/* u+ y+ = speed y/nu by Newton's method from above, where it is convex */
+PetscReal EddyWallUnits(PetscReal speed, PetscReal y, PetscReal nu)
+{
+  const PetscReal product = speed * y / nu;
+  PetscReal       u = PetscMin(PetscSqrtReal(product), FAR_SPEED), at = 0, slope;
+
+  if (product >= FAR * FAR_SPEED) return FAR;
+  if (u < 1e-3) return u; /* there is the sublayer alone */
+  for (PetscInt i = 0; i < 50; i++) {
+    PetscReal step;
+
+    at   = spalding(u, &slope);
+    step = (u * at - product) / (at + u * slope);
+    u -= step;
+    if (PetscAbsReal(step) < 1e-10 * u) break;
+  }
+  return PetscMin(at, FAR);
+}
+
+PetscReal EddyDamping(PetscReal y_plus)
+{
+  return -expm1(-y_plus / VAN_DRIEST);
+}
+
+/* ---- viscosity ---- */
+
+/* Velocity gradients grad [a][b][q] at all quadrature points of a cell */
+typedef PetscReal Gradients[3][3][ELEMENT_MAX_NQ];
+
+static void find_gradients(const ElementTables *t, const ElementMetric *m, const PetscReal ul[], Gradients grad)
+{
+  const PetscInt dim = t->dim, n = t->nqp;
+  PetscReal      ref[3][3][ELEMENT_MAX_NQ];
+
+  for (PetscInt i = 0; i < 9; i++)
+    for (PetscInt q = 0; q < n; q++) ref[i / 3][i % 3][q] = grad[i / 3][i % 3][q] = 0;
+  for (PetscInt j = 0; j < t->nb; j++)
+    for (PetscInt e = 0; e < dim; e++) {
+      const PetscReal *restrict d = t->dphi_t + (j * dim + e) * n;
+
+      for (PetscInt a = 0; a < dim; a++)
+        for (PetscInt q = 0; q < n; q++) ref[a][e][q] += d[q] * ul[j * dim + a];
+    }
+  for (PetscInt a = 0; a < dim; a++)
+    for (PetscInt b = 0; b < dim; b++)
+      for (PetscInt e = 0; e < dim; e++)
+        for (PetscInt q = 0; q < t->nq; q++) grad[a][b][q] += ref[a][e][q] * ElementInverse(m, q)[e * dim + b];
+}
+
+/* y+ at the quadrature points of cell c, where the velocity is that of `strain` ul */
+static PetscErrorCode find_wall_units(Flow f, PetscInt c, const PetscReal ul[], PetscReal y_plus[])
+{
+  const PetscInt  dim = f->loc->dim, nb = f->loc->nb, nq = f->element.nq;
+  const PetscReal nu = f->par.viscosity / f->par.density;
+  PetscReal       y[ELEMENT_MAX_NQ], v[ELEMENT_MAX_NQ * 3];
+
+  PetscFunctionBeginUser;
+  for (PetscInt q = 0; q < nq; q++) y[q] = WallsDistance(f->walls, c, q, v + 3 * q);
+  if (f->surfaces) {
+    PetscReal xc[MESH_MAX_NB * 3], x[ELEMENT_MAX_NQ * 3];
+
+    PetscCall(MeshCellCoordinates(f->mesh, c, xc));
+    for (PetscInt i = 0; i < nq * dim; i++) {
+      x[i] = 0;
+      for (PetscInt j = 0; j < nb; j++) x[i] += f->element.phi[i / dim * f->element.nbp + j] * xc[j * dim + i % dim];
+    }
+    PetscCall((*f->surfaces)(f->surfaces_ctx, EDDY_REACH * f->size[c], nq, x, y, v));
+  }
+  for (PetscInt q = 0; q < nq; q++) {
+    PetscReal speed = 0, u[3] = {0, 0, 0};
+
+    for (PetscInt j = 0; j < nb; j++)
+      for (PetscInt a = 0; a < dim; a++) u[a] += f->element.phi[q * f->element.nbp + j] * ul[j * dim + a];
+    for (PetscInt a = 0; a < dim; a++) speed += PetscSqr(u[a] - v[3 * q + a]);
+    if (y[q] == PETSC_MAX_REAL) y_plus[q] = FAR;
+    else y_plus[q] = f->eddy.friction > 0 ? y[q] * f->eddy.friction / nu : EddyWallUnits(PetscSqrtReal(speed), y[q], nu);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode update_cell(Flow f, PetscInt c)
+{
+  const PetscInt  nq    = f->element.nq;
+  const PetscReal width = f->eddy.constant * f->eddy.filter * f->size[c];
+  PetscReal       ul[MESH_MAX_NB * 3], y_plus[ELEMENT_MAX_NQ], sum = 0, volume = 0, *mu = f->mu + c * nq;
+  ElementMetric   m;
+  Gradients       grad;
+
+  PetscFunctionBeginUser;
+  FlowCellGather(f->loc, c, f->strain, ul);
+  PetscCall(FlowCellMetric(f, c, &m));
+  find_gradients(&f->element, &m, ul, grad);
+  if (f->eddy.damped) PetscCall(find_wall_units(f, c, ul, y_plus));
+  for (PetscInt q = 0; q < nq; q++) {
+    PetscReal g[3][3], length = width;
+
+    for (PetscInt i = 0; i < 9; i++) g[i / 3][i % 3] = grad[i / 3][i % 3][q];
+    if (f->eddy.damped) length *= EddyDamping(y_plus[q]);
+    mu[q] = f->par.density * length * length * EddyRate(&f->eddy, g);
+    sum += m.weight[q] * mu[q];
+    volume += m.weight[q];
+  }
+  f->mu_cell[c] = sum / volume;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowUpdateEddies(Flow f)
+{
+  PetscFunctionBeginUser;
+  if (f->eddy.damped && !f->walls) PetscCall(WallsCreate(f, &f->walls));
+  if (f->walls) PetscCall(WallsUpdate(f->walls));
+  for (PetscInt c = 0; c < f->loc->ncell_all; c++) {
+    if (f->det[c] == 0) { /* no cell of the fluid */
+      f->mu_cell[c] = 0;
+      PetscCall(PetscArrayzero(f->mu + c * f->element.nq, f->element.nq));
+    } else PetscCall(update_cell(f, c));
+  }
+  f->mu_current = PETSC_TRUE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- stress ---- */
+
+void FlowAddEddies(Flow f, PetscInt c, const ElementMetric *m, const PetscReal ul[], PetscReal r[])
+{
+  const ElementTables *t   = &f->element;
+  const PetscInt       dim = t->dim, nbp                              = t->nbp;
+  PetscReal            before[MESH_MAX_NB * 3], R[3][ELEMENT_MAX_NBP] = {{0}};
+  Gradients            now, old;
+
+  if (f->det[c] == 0) return;
+  FlowCellGather(f->loc, c, f->strain, before);
+  find_gradients(t, m, before, old);
+  if (ul) find_gradients(t, m, ul, now);
+  for (PetscInt q = 0; q < t->nq; q++) {
+    const PetscReal *inverse = ElementInverse(m, q), scale = m->weight[q] * f->mu[c * t->nq + q];
+
+    for (PetscInt a = 0; a < dim; a++)
+      for (PetscInt e = 0; e < dim; e++) {
+        const PetscReal *restrict d = t->dphi + (q * dim + e) * nbp;
+        PetscReal s                 = 0;
+
+        for (PetscInt b = 0; b < dim; b++) s += (old[b][a][q] - old[a][b][q] + (ul ? 2 * now[a][b][q] : 0)) * inverse[e * dim + b];
+        s *= scale;
+        for (PetscInt j = 0; j < nbp; j++) R[a][j] += s * d[j];
+      }
+  }
+  for (PetscInt j = 0; j < t->nb; j++)
+    for (PetscInt a = 0; a < dim; a++) r[j * dim + a] += R[a][j];
+}
+
+PetscErrorCode FlowGetEddies(Flow f, PetscReal nu[])
+{
+  const MeshLocal *l = f->loc;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(nu, l->nnode_all));
+  if (!f->eddy.name || !f->mu_current) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt c = 0; c < l->ncell; c++) {
+    PetscReal     r[MESH_MAX_NB] = {0};
+    ElementMetric m;
+
+    PetscCall(FlowCellMetric(f, c, &m));
+    for (PetscInt q = 0; q < f->element.nq; q++)
+      for (PetscInt j = 0; j < l->nb; j++) r[j] += m.weight[q] * f->element.phi[q * f->element.nbp + j] * f->mu[c * f->element.nq + q];
+    MeshCellScatter(l, c, 1, r);
+    for (PetscInt j = 0; j < l->nb; j++) nu[l->cell_node[c * l->nb + j]] += r[j];
+  }
+  PetscCall(MeshSumNodes(f->mesh, 1, nu));
+  for (PetscInt i = 0; i < l->nnode; i++) nu[i] = f->lumped[i] > 0 ? nu[i] / (f->par.density * f->lumped[i]) : 0;
+  PetscCall(MeshSyncNodes(f->mesh, 1, nu));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
