@@ -101,6 +101,7 @@ const MonitorColumn MONITOR_FURTHER[] = {
   {"bodies_velocity_<x|y|z>", "length/time", 12, "with -output_suspension: mean of the bodies free to travel, by volume"},
   {"flow_rate_<boundary>", "length^3/time (2D: length^2/time)", 12, "out of the domain, or of the box that travels, through an inflow or outflow"},
   {"wall_force_<boundary>_<x|y|z>", "force", 12, "of the fluid on a wall, in 2D of unit depth"},
+  {"probe_<number>_<u|v|w>", "length/time", 12, "with -monitor_probes: velocity there"},
   {"elastic_energy", "energy", 12, "viscoelastic fluids (-flow_rheology): free energy of the polymer, 0 at rest"},
   {"conformation_trace_max", "", 12, "the same: largest trace of the conformation, of three axes, 3 at rest"},
   {"conformation_eigenvalue_min", "", 12, "the same: its smallest eigenvalue, 1 at rest"},

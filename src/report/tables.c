@@ -1,6 +1,7 @@
 /* Tables: what is in the files of a run, in print (runs/OUTPUT.md, -help output). */
 #include "compat.h"
 #include "report/monitor.h"
+#include "report/statistics.h"
 #include "report/suspension.h"
 #include <string.h>
 
@@ -109,6 +110,7 @@ void MonitorPrintTables(FILE *file)
   print_columns(file, "pairs_<step>.csv, with -output_suspension at snapshots and after the last step", SUSPENSION_PAIRS);
   print_columns(file, "profile_<step>.csv, likewise: a line a slab", SUSPENSION_PROFILE);
   print_columns(file, "contacts_<step>.csv, likewise: a line a contact", SUSPENSION_CONTACTS);
+  print_columns(file, "statistics.csv, with -output_statistics at snapshots and after the last step: a line a plane of nodes", STATISTICS);
   print_datasets(file, "mesh.h5, mesh_<step>.h5", MESH);
   print_datasets(file, "fields_<step>.h5, described by fields.xmf", FIELDS);
   print_datasets(file, "bodies_<step>.h5, described by bodies.xmf (what is drawn) and centres.xmf", BODIES);

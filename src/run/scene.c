@@ -180,6 +180,7 @@ static PetscErrorCode build(SimParts *part)
   PetscCall(CheckpointCreate(part->mesh, part->output, &part->checkpoint));
   if (active) PetscCall(DiagnosticsCreate(part->flow, part->bodies, part->couple, part->monitor, &part->probe));
   if (active) PetscCall(MeshAdaptCreate(part->refine, steady, part->flow, part->couple, part->bodies, part->monitor, &part->meshadapt));
+  if (active && !steady) PetscCall(StatisticsCreate(part->flow, part->monitor, &part->statistics));
   PetscCall(SuspensionCreate(part->bodies, part->contact, part->monitor, l->lower, l->upper, l->period, &part->suspension));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -188,6 +189,7 @@ static PetscErrorCode destroy(SimParts *part)
 {
   PetscFunctionBeginUser;
   PetscCall(SuspensionDestroy(&part->suspension));
+  PetscCall(StatisticsDestroy(&part->statistics));
   PetscCall(DiagnosticsDestroy(&part->probe));
   PetscCall(CheckpointDestroy(&part->checkpoint));
   PetscCall(MonitorDestroy(&part->monitor));

@@ -59,6 +59,7 @@ static PetscErrorCode add_states(Sim s)
   PetscCall(CheckpointAdd(p->checkpoint, "contact", p->contact, ContactVisitState));
   PetscCall(CheckpointAdd(p->checkpoint, "output", p->output, OutputVisitState));
   if (s->adapt) PetscCall(CheckpointAdd(p->checkpoint, "adapt", s->adapt, AdaptVisitState));
+  if (p->statistics) PetscCall(CheckpointAdd(p->checkpoint, "statistics", p->statistics, StatisticsVisitState));
   PetscCall(CheckpointAdd(p->checkpoint, "bodyfile", p->bodyfile, OutlinesVisitState));
   PetscCall(CheckpointAdd(p->checkpoint, "monitor", p->monitor, MonitorVisitState));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -236,6 +237,7 @@ static PetscErrorCode write_snapshot(Sim s)
   PetscCall(OutputGetDirectory(s->part.output, &dir));
   PetscCall(OutlinesWrite(s->part.bodyfile, dir, s->step, s->time));
   PetscCall(SuspensionWrite(s->part.suspension, dir, s->step));
+  PetscCall(StatisticsWrite(s->part.statistics, dir));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -257,6 +259,7 @@ static PetscErrorCode report(Sim s, PetscReal dt, PetscReal seconds)
   PetscCall(BodiesGetEnergy(s->part.bodies, &m.bodies_energy));
   PetscCall(ContactGetEnergy(s->part.contact, &m.contact_energy, &m.contact_work));
   PetscCall(SuspensionStep(s->part.suspension));
+  PetscCall(StatisticsStep(s->part.statistics, s->time, dt));
   PetscCall(MonitorWrite(s->part.monitor, &m, s->time_end < PETSC_MAX_REAL ? s->time_end : s->steps_max * s->dt));
   PetscCall(OutputGetEvery(s->part.output, &every));
   if ((every > 0 && (s->part.steady || s->step % every == 0)) || (s->hits && s->snapshot)) PetscCall(write_snapshot(s));
@@ -562,6 +565,7 @@ PetscErrorCode SimRun(Sim s)
   if (removed) PetscCall(MonitorQuantity(s->part.monitor, "bodies_removed", removed));
   PetscCall(OutputGetDirectory(s->part.output, &dir));
   PetscCall(SuspensionWrite(s->part.suspension, dir, s->step));
+  PetscCall(StatisticsWrite(s->part.statistics, dir));
   if (s->adapt) PetscCall(AdaptFinish(s->adapt));
   if (s->part.flow) PetscCall(FinishFlow(&s->part, &cells, &unknowns));
   else PetscCall(MonitorQuantity(s->part.monitor, "contact_substeps", s->substeps));

@@ -15,6 +15,7 @@
 #include "report/monitor.h"
 #include "report/fields.h"
 #include "report/diagnostics.h"
+#include "report/statistics.h"
 #include "report/suspension.h"
 #include "refine.h"
 #include "frame.h"
@@ -39,6 +40,7 @@ typedef struct {
   Outlines    bodyfile;
   Monitor     monitor;
   Diagnostics probe;
+  Statistics  statistics;   /* NULL: not wanted */
   Suspension  suspension;   /* NULL: not wanted */
   Steady      steady;       /* NULL: time steps */
   Steady      steady_start; /* NULL, or the solver of the flow at the start (-flow_initial steady) */
