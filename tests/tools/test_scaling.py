@@ -49,3 +49,14 @@ def test_mistakes(program, tmp_path):
         assert done.returncode == 2 and phrase in done.stderr, done.stderr
     done = scaling(tmp_path, program, "runs/bench/cavity.yaml", "-mesh_cells", "8,8", "-nonsense", "1")
     assert done.returncode == 1 and "-nonsense" in done.stderr, done.stderr
+
+
+def test_counts_and_the_model_made_of_them(program, tmp_path):
+    done = scaling(tmp_path, program, "--counts", "runs/studies/scaling/crowd.yaml", "--ranks", "1,2", "--steps", "1", "-mesh_cells", "{12 * n},12", "-mesh_upper", "{n},1", "-particle_grain_count", "{9 * n}")
+    assert done.returncode == 0, done.stdout + done.stderr
+    one, two = rows(tmp_path, "crowd-counts.csv")
+    assert (one["cells"], two["cells"], one["bodies"], two["bodies"]) == ("144", "288", "9", "18")
+    assert float(one["messages"]) == 0 and float(two["messages"]) > 100 and float(two["kbytes"]) > 10
+    assert float(two["gathered_bytes"]) >= 3 * 8 * 18 and 0 < float(two["collective_bytes"]) < 64 * float(two["collectives"])
+    report = (tmp_path / "result" / "crowd-counts.md").read_text()
+    assert "PREDICTED from these counts, not measured" in report and "\n| 131072 |" in report

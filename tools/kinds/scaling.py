@@ -4,6 +4,7 @@
   tools/scaling --ranks 1,2,4,8,16 --only cavity-strong
   tools/scaling runs/sedimentation.yaml --ranks 1,2 -mesh_cells 256,768                          one strong series
   tools/scaling runs/bench/cavity.yaml --ranks 1,2 -mesh_cells '332,{332 * n}' -mesh_upper '1,{n}'  one weak series
+  tools/scaling --counts --ranks 1,2,4,8,16 SCENE ...      what is sent, counted on more ranks than cores, and a model to 131,072 ranks: tools/kinds/counts.py
   tools/scaling --read                                     tables, model and plots from the rows that are there
 
 Options with one dash go to the program; {...} in their values is computed with n, the number of ranks. Writes <series>.csv, <series>.md
@@ -19,6 +20,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+from kinds import counts
 from quantities import compute
 from toolbox import (
     ROOT, check_columns, choose, launcher, make_parser, option_text, print_table, printable, pyplot, read_options, read_rows, read_toml, run_scene, save_figure, split_words, write_rows,
@@ -42,6 +44,9 @@ def parse_arguments():
     parser.add_argument("--ranks", metavar="N[,N]", help="numbers of ranks instead of those of the list")
     parser.add_argument("--only", metavar="SERIES[,SERIES]", help="these series of the list")
     parser.add_argument("--steps", type=int, default=STEPS, metavar="N", help=f"steps a run; the first {SKIP} are not counted (default: %(default)s)")
+    parser.add_argument("--counts", action="store_true", help="count messages and bytes in place of time; of one SCENE")
+    parser.add_argument("--work", type=float, default=2e-6, metavar="S", help="seconds a step and unknown, for the model of --counts (default: %(default)g)")
+    parser.add_argument("--body", type=float, default=2e-7, metavar="S", help="seconds a step and body, for the model of --counts (default: %(default)g)")
     parser.add_argument("--read", action="store_true", help="run nothing")
     parser.add_argument("--node", type=int, metavar="N", help="cores of a node that share its memory bandwidth, for the model (default: the largest number of ranks run)")
     parser.add_argument("--latency", type=float, default=LATENCY, metavar="S", help="of the network, for the model (default: %(default)s)")
@@ -213,6 +218,11 @@ def draw(path, name, entry, rows, predicted):
 
 def main():
     parser, args, rest = parse_arguments()
+    if args.counts:
+        if not args.scene:
+            parser.error("--counts needs a SCENE")
+        options = read_options(rest, parser.error)
+        return counts.main(args, args.scene, lambda n: options if n == "n" else {name: fill(value, n) for name, value in options.items()})
     output = Path(args.output)
     output.mkdir(parents=True, exist_ok=True)
     for name, entry in read_series(parser, args, rest).items():
