@@ -17,30 +17,35 @@ static PetscErrorCode empty_cell(Flow f, PetscInt c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Most forms of cells whose matrices of B are shared: sizes of refined meshes, ways in which nodes hang, hardly more */
-#define MOST_KINDS 128
-#define ALIKE      1e-13 /* of the largest entry: round-off of coordinates */
+/* Most forms of cells whose matrices of B are shared: sizes of refined meshes times ways in which nodes hang */
+#define MOST_KINDS 1024
+#define ALIKE      1e-11 /* of the largest entry: round-off of coordinates, in units of a cell */
 
-static PetscBool is_alike(PetscInt n, const PetscReal a[], const PetscReal b[])
+static PetscReal find_largest(PetscInt n, const PetscReal a[])
 {
-  PetscReal size = 0, difference = 0;
+  PetscReal largest = 0;
 
-  for (PetscInt i = 0; i < n; i++) {
-    size       = PetscMax(size, PetscAbsReal(a[i]));
-    difference = PetscMax(difference, PetscAbsReal(a[i] - b[i]));
-  }
-  return (PetscBool)(difference <= ALIKE * size);
+  for (PetscInt i = 0; i < n; i++) largest = PetscMax(largest, PetscAbsReal(a[i]));
+  return largest;
+}
+
+static PetscBool is_alike(PetscInt n, const PetscReal a[], const PetscReal b[], PetscReal difference)
+{
+  for (PetscInt i = 0; i < n; i++)
+    if (PetscAbsReal(a[i] - b[i]) > difference) return PETSC_FALSE;
+  return PETSC_TRUE;
 }
 
 /* Matrix b of cell c: that of a kind where it is alike, else its own, or when all are computed for the first time a new
    kind (what comes later would depend on the past) */
 static PetscErrorCode keep_divergence(Flow f, PetscInt c, const PetscReal b[], PetscBool first_time)
 {
-  const PetscInt n = (f->loc->dim + 1) * f->loc->nb * f->loc->dim;
+  const PetscInt  n          = (f->loc->dim + 1) * f->loc->nb * f->loc->dim;
+  const PetscReal difference = ALIKE * find_largest(n, b);
 
   PetscFunctionBeginUser;
   for (PetscInt k = 1; k < f->nkind; k++) {
-    if (PetscAbsReal(f->size[c] - f->kind_size[k]) > 1e-12 * f->size[c] || !is_alike(n, b, f->kind[k])) continue;
+    if (PetscAbsReal(f->size[c] - f->kind_size[k]) > ALIKE * f->size[c] || !is_alike(n, b, f->kind[k], difference)) continue;
     f->b[c] = f->kind[k];
     PetscFunctionReturn(PETSC_SUCCESS);
   }

@@ -1,5 +1,5 @@
-/* BlockGS: see blockgs.h. Rows are sums over their blocks, column by column as PETSc stores them: one column is one
-   vector of four numbers, of which the fourth is read for nothing when blocks have three rows. */
+/* BlockGS: see blockgs.h. Rows are sums over their blocks, stored column by column: one column is one vector of four
+   numbers, of which the fourth is read for nothing when blocks have three rows. */
 #include "compat.h"
 #include "blockgs.h"
 #include "base/algebra.h"
@@ -10,19 +10,21 @@
 #define SLACK    4                   /* numbers behind the end of an array that a vector may read */
 
 typedef double wide __attribute__((vector_size(32)));
+typedef double loose __attribute__((vector_size(32), aligned(8)));
 typedef float  narrow __attribute__((vector_size(16), aligned(4)));
 
 typedef struct {
-  Mat              A, part[2]; /* whole matrix; own and other columns (NULL on one rank) */
-  PetscInt         nk, n;      /* block size, own block rows */
-  const PetscInt  *start[2], *column[2];
-  RowPool          own;             /* values of own columns: blocks [nk][nk] column by column */
-  float           *other, *inverse; /* of other columns, [blocks][nk][nk]; [n][nk][nk]; likewise */
-  PetscInt         nghost;
-  PetscReal       *ghost, *rest; /* [nghost][nk]; [n][nk] right-hand side less what other ranks' unknowns do */
-  PetscSF          sf;
-  MPI_Datatype     unit;  /* nk reals */
-  const PetscReal *extra; /* [n][nk][nk] or NULL, see BlockGSSetExtra */
+  MPI_Comm         comm;
+  PetscInt         nk, n, nghost; /* block size, own block rows, columns of other ranks */
+  const PetscInt  *start, *column;
+  PetscInt        *own;              /* [n] own columns of a row, which come first */
+  RowPool          pool;             /* blocks [nk][nk] column by column */
+  float           *inverse;          /* [n][nk][nk], likewise */
+  PetscInt         nborder, *border; /* rows with columns of other ranks */
+  PetscReal       *ghost, *rest;     /* [nghost][nk]; [n][nk] right-hand side less what other ranks' unknowns do */
+  PetscSF          sf;               /* NULL on one rank */
+  MPI_Datatype     unit;             /* nk reals */
+  const PetscReal *extra;            /* [n][nk][nk] or NULL, see BlockGSSetExtra */
   /* W, see BlockGSSetLowRank */
   PetscInt   nt, nw, *w_row, *w_column;
   Sharing    sharing; /* of the block columns, borrowed */
@@ -38,15 +40,21 @@ INLINE wide load_column(const float *v)
   return __builtin_convertvector(*(const narrow *)v, wide);
 }
 
-/* Sum of the first n own blocks of row i times x; one sum a column, so that additions do not wait for each other */
-INLINE wide sum_row(const int nk, const BlockGS *restrict g, PetscInt i, PetscInt n, const PetscReal *x)
+/* Sum of the blocks [begin, end) of row i times x, whose columns begin at `first`; one sum a column, so that additions
+   do not wait for each other. exact: of the entries as they are. */
+INLINE wide sum_row(const int nk, const PetscBool exact, const BlockGS *restrict g, PetscInt i, PetscInt begin, PetscInt end, PetscInt first,
+                    const PetscReal *x)
 {
-  const PetscInt *column    = g->column[0] + g->start[0][i];
-  const float    *value     = g->own.value + g->own.at[i] * nk * nk;
+  const PetscInt *column    = g->column + g->start[i];
+  const size_t    at        = (size_t)(g->pool.at[i] * nk * nk);
   wide            s[MAX_NK] = {{0}};
 
-  for (PetscInt q = 0; q < n; q++)
-    for (int m = 0; m < nk; m++) s[m] += load_column(value + (q * nk + m) * nk) * x[column[q] * nk + m];
+  for (PetscInt q = begin; q < end; q++)
+    for (int m = 0; m < nk; m++) {
+      const size_t place = at + (size_t)((q * nk + m) * nk);
+
+      s[m] += (exact ? (wide) * (const loose *)(g->pool.exact + place) : load_column(g->pool.value + place)) * x[(column[q] - first) * nk + m];
+    }
   return nk == 3 ? s[0] + s[1] + s[2] : s[0] + s[1] + (s[2] + s[3]);
 }
 
@@ -79,13 +87,13 @@ INLINE void sweep(const int nk, const BlockGS *restrict g, PetscBool forward, Pe
 
   for (PetscInt r = 0; r < g->n; r++) {
     const PetscInt i = forward ? r : g->n - 1 - r, first = at;
-    PetscInt       end = g->start[0][i + 1];
+    PetscInt       end = g->own[i];
     PetscReal      rest[MAX_NK];
     wide           s, d = {0};
 
     if (lower)
-      for (end = g->start[0][i]; g->column[0][end] < i;) end++;
-    s = sum_row(nk, g, i, end - g->start[0][i], x);
+      for (end = 0; g->column[g->start[i] + end] < i;) end++;
+    s = sum_row(nk, PETSC_FALSE, g, i, 0, end, 0, x);
     for (int k = 0; k < nk; k++) rest[k] = b[i * nk + k] - s[k];
     for (; at >= 0 && at < g->nw && g->w_row[at] == i; at += step) subtract_low_rank(nk, g, at, rest);
     for (int m = 0; m < nk; m++) d += load_column(g->inverse + (i * nk + m) * nk) * rest[m];
@@ -95,24 +103,24 @@ INLINE void sweep(const int nk, const BlockGS *restrict g, PetscBool forward, Pe
   }
 }
 
-INLINE void multiply(const int nk, const BlockGS *restrict g, const PetscReal *restrict x, PetscReal *restrict y)
+INLINE void multiply(const int nk, const PetscBool exact, const BlockGS *restrict g, const PetscReal *restrict x, PetscReal *restrict y)
 {
   for (PetscInt i = 0; i < g->n; i++) {
-    const wide s = sum_row(nk, g, i, g->start[0][i + 1] - g->start[0][i], x);
+    const wide s = sum_row(nk, exact, g, i, 0, g->own[i], 0, x);
 
     for (int k = 0; k < nk; k++) y[i * nk + k] = s[k];
   }
 }
 
 /* y += scale times the part of other ranks' columns */
-static void add_ghosts(const BlockGS *g, PetscReal scale, PetscReal y[])
+INLINE void add_ghosts(const int nk, const PetscBool exact, const BlockGS *restrict g, PetscReal scale, PetscReal *restrict y)
 {
-  const PetscInt nk = g->nk;
+  for (PetscInt e = 0; e < g->nborder; e++) {
+    const PetscInt i = g->border[e];
+    const wide     s = sum_row(nk, exact, g, i, g->own[i], g->start[i + 1] - g->start[i], g->n, g->ghost);
 
-  for (PetscInt i = 0; i < g->n; i++)
-    for (PetscInt q = g->start[1][i]; q < g->start[1][i + 1]; q++)
-      for (PetscInt m = 0; m < nk; m++)
-        for (PetscInt k = 0; k < nk; k++) y[i * nk + k] += scale * g->other[(q * nk + m) * nk + k] * g->ghost[g->column[1][q] * nk + m];
+    for (int k = 0; k < nk; k++) y[i * nk + k] += scale * s[k];
+  }
 }
 
 /* t = W^T x over all ranks. Collective. */
@@ -129,26 +137,37 @@ static PetscErrorCode gather_low_rank(BlockGS *g, const PetscReal x[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BlockGSMultiplySparse(Mat shell, Vec x, Vec y)
+static PetscErrorCode multiply_sparse(BlockGS *g, PetscBool exact, Vec x, Vec y)
 {
-  BlockGS         *g;
   const PetscReal *xa;
   PetscReal       *ya;
 
   PetscFunctionBeginUser;
-  PetscCall(MatShellGetContext(shell, &g));
   PetscCall(VecGetArrayRead(x, &xa));
   PetscCall(VecGetArrayWrite(y, &ya));
   if (g->sf) PetscCall(PetscSFBcastBegin(g->sf, g->unit, xa, g->ghost, MPI_REPLACE));
-  if (g->nk == 3) multiply(3, g, xa, ya);
-  else multiply(4, g, xa, ya);
+  if (g->nk == 3 && exact) multiply(3, PETSC_TRUE, g, xa, ya);
+  else if (g->nk == 3) multiply(3, PETSC_FALSE, g, xa, ya);
+  else if (exact) multiply(4, PETSC_TRUE, g, xa, ya);
+  else multiply(4, PETSC_FALSE, g, xa, ya);
   if (g->sf) {
     PetscCall(PetscSFBcastEnd(g->sf, g->unit, xa, g->ghost, MPI_REPLACE));
-    add_ghosts(g, 1, ya);
+    if (g->nk == 3) add_ghosts(3, exact, g, 1, ya);
+    else add_ghosts(4, exact, g, 1, ya);
   }
   PetscCall(VecRestoreArrayRead(x, &xa));
   PetscCall(VecRestoreArrayWrite(y, &ya));
-  PetscCall(PetscLogFlops(2.0 * g->nk * g->nk * g->start[0][g->n]));
+  PetscCall(PetscLogFlops(2.0 * g->nk * g->nk * g->start[g->n]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BlockGSMultiplySparse(Mat shell, Vec x, Vec y)
+{
+  BlockGS *g;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(shell, &g));
+  PetscCall(multiply_sparse(g, g->pool.keep, x, y));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -159,9 +178,9 @@ static PetscErrorCode mult_blocks(Mat shell, Vec x, Vec y)
   PetscReal       *ya;
 
   PetscFunctionBeginUser;
-  PetscCall(BlockGSMultiplySparse(shell, x, y));
   PetscCall(MatShellGetContext(shell, &g));
-  if (g->nt == 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(multiply_sparse(g, PETSC_FALSE, x, y));
+  if (!g->any) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(VecGetArrayRead(x, &xa));
   PetscCall(VecGetArray(y, &ya));
   PetscCall(gather_low_rank(g, xa));
@@ -182,7 +201,8 @@ static PetscErrorCode subtract_ghosts(BlockGS *g, const PetscReal x[], const Pet
   PetscCall(PetscSFBcastBegin(g->sf, g->unit, x, g->ghost, MPI_REPLACE));
   PetscCall(PetscArraycpy(g->rest, *b, g->n * g->nk));
   PetscCall(PetscSFBcastEnd(g->sf, g->unit, x, g->ghost, MPI_REPLACE));
-  add_ghosts(g, -1, g->rest);
+  if (g->nk == 3) add_ghosts(3, PETSC_FALSE, g, -1, g->rest);
+  else add_ghosts(4, PETSC_FALSE, g, -1, g->rest);
   *b = g->rest;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -223,18 +243,19 @@ static PetscErrorCode sweep_blocks(Mat shell, Vec bv, PetscReal omega, MatSORTyp
   }
   PetscCall(VecRestoreArray(xv, &x));
   PetscCall(VecRestoreArrayRead(bv, &b));
-  PetscCall(PetscLogFlops(2.0 * its * lits * g->nk * g->nk * g->start[0][g->n]));
+  PetscCall(PetscLogFlops(2.0 * its * lits * g->nk * g->nk * g->start[g->n]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The inverse of the diagonal block of row i, with the entries [begin, end) of W in this row and the extra part */
+/* The inverse of the diagonal block of row i, given its blocks, with the entries [begin, end) of W in this row and the
+   extra part */
 static void invert_diagonal(BlockGS *g, PetscInt i, const PetscReal value[], PetscInt begin, PetscInt end)
 {
   const PetscInt nk = g->nk, nn = nk * nk, nr = RANK(nk);
   PetscReal      block[MAX_NK * MAX_NK], inverse[MAX_NK * MAX_NK];
-  PetscInt       q = g->start[0][i];
+  PetscInt       q = 0;
 
-  while (g->column[0][q] != i) q++;
+  while (g->column[g->start[i] + q] != i) q++;
   for (PetscInt e = 0; e < nn; e++) block[e] = value[q * nn + e];
   for (PetscInt e = begin; e < end; e++)
     for (PetscInt k = 0; k < nn; k++)
@@ -244,31 +265,24 @@ static void invert_diagonal(BlockGS *g, PetscInt i, const PetscReal value[], Pet
   for (PetscInt e = 0; e < nn; e++) g->inverse[i * nn + e] = (float)inverse[e];
 }
 
-/* One row of both parts, and the inverse of its diagonal block */
-static PetscErrorCode copy_row(BlockGS *g, PetscInt i, PetscReal *const value[2], PetscBool many)
+PetscErrorCode BlockGSClear(Mat shell)
 {
-  const PetscInt nn = g->nk * g->nk, begin = g->start[0][i];
-
-  PetscFunctionBeginUser;
-  PetscCall(RowPoolSet(&g->own, i, g->start[0][i + 1] - begin, value[0] + begin * nn, many));
-  if (g->part[1])
-    for (PetscInt e = g->start[1][i] * nn; e < g->start[1][i + 1] * nn; e++) g->other[e] = (float)value[1][e];
-  invert_diagonal(g, i, value[0], 0, 0);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode BlockGSUpdate(Mat shell, PetscInt n, const PetscInt rows[])
-{
-  BlockGS   *g;
-  PetscReal *value[2] = {NULL, NULL};
+  BlockGS *g;
 
   PetscFunctionBeginUser;
   PetscCall(MatShellGetContext(shell, &g));
-  for (PetscInt s = 0; s < 2 && g->part[s]; s++) PetscCall(MatSeqBAIJGetArray(g->part[s], &value[s]));
-  if (!rows) n = g->n;
-  if (n == g->n) RowPoolClear(&g->own);
-  for (PetscInt r = 0; r < n; r++) PetscCall(copy_row(g, rows ? rows[r] : r, value, (PetscBool)(2 * n > g->n)));
-  for (PetscInt s = 0; s < 2 && g->part[s]; s++) PetscCall(MatSeqBAIJRestoreArray(g->part[s], &value[s]));
+  RowPoolClear(&g->pool);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BlockGSSetRow(Mat shell, PetscInt i, const PetscReal value[], PetscBool many)
+{
+  BlockGS *g;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(shell, &g));
+  PetscCall(RowPoolSet(&g->pool, i, g->start[i + 1] - g->start[i], value, many));
+  invert_diagonal(g, i, value, 0, 0);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -282,15 +296,16 @@ PetscErrorCode BlockGSSetExtra(Mat shell, const PetscReal extra[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static const PetscReal *exact_row(const BlockGS *g, PetscInt i)
+{
+  return g->pool.exact + g->pool.at[i] * g->pool.unit;
+}
+
 /* Give up W; rows that had a part of it get the inverses of their own blocks. */
 static PetscErrorCode drop_low_rank(BlockGS *g)
 {
-  PetscReal *value;
-
   PetscFunctionBeginUser;
-  PetscCall(MatSeqBAIJGetArray(g->part[0], &value));
-  for (PetscInt e = 0; e < g->nw; e++) invert_diagonal(g, g->w_row[e], value, 0, 0);
-  PetscCall(MatSeqBAIJRestoreArray(g->part[0], &value));
+  for (PetscInt e = 0; e < g->nw; e++) invert_diagonal(g, g->w_row[e], exact_row(g, g->w_row[e]), 0, 0);
   PetscCall(PetscFree5(g->w_row, g->w_column, g->w, g->t, g->factor));
   g->nw = g->nt = 0;
   g->any        = PETSC_FALSE;
@@ -300,12 +315,12 @@ static PetscErrorCode drop_low_rank(BlockGS *g)
 PetscErrorCode BlockGSSetLowRank(Mat shell, Sharing sharing, PetscInt ncolumn, PetscInt n, const PetscInt row[], const PetscInt column[],
                                  const PetscReal w[])
 {
-  BlockGS   *g;
-  PetscReal *value;
-  PetscInt   nr;
+  BlockGS *g;
+  PetscInt nr;
 
   PetscFunctionBeginUser;
   PetscCall(MatShellGetContext(shell, &g));
+  PetscCheck(n == 0 || g->pool.keep, PETSC_COMM_SELF, PETSC_ERR_ARG_WRONGSTATE, "A part of low rank needs exact entries");
   PetscCall(drop_low_rank(g));
   nr         = RANK(g->nk);
   g->nt      = ncolumn * nr;
@@ -319,33 +334,25 @@ PetscErrorCode BlockGSSetLowRank(Mat shell, Sharing sharing, PetscInt ncolumn, P
   PetscCall(PetscArrayzero(g->factor, ncolumn));
   for (PetscInt e = 0; e < n; e++) g->factor[column[e]] = 1;
   PetscCall(SharingSum(sharing, 1, g->factor));
-  PetscCall(MatSeqBAIJGetArray(g->part[0], &value));
   for (PetscInt begin = 0, end = 0; begin < n; begin = end) {
     while (end < n && row[end] == row[begin]) end++;
-    invert_diagonal(g, row[begin], value, begin, end);
+    invert_diagonal(g, row[begin], exact_row(g, row[begin]), begin, end);
   }
-  PetscCall(MatSeqBAIJRestoreArray(g->part[0], &value));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode destroy_blocks(Mat shell)
 {
-  BlockGS  *g;
-  PetscInt  n;
-  PetscBool done;
+  BlockGS *g;
 
   PetscFunctionBeginUser;
   PetscCall(MatShellGetContext(shell, &g));
-  for (PetscInt s = 0; s < 2 && g->part[s]; s++)
-    PetscCall(MatRestoreRowIJ(g->part[s], 0, PETSC_FALSE, PETSC_TRUE, &n, &g->start[s], &g->column[s], &done));
-  PetscCall(RowPoolDestroy(&g->own));
-  PetscCall(PetscFree(g->other));
-  PetscCall(PetscFree(g->inverse));
+  PetscCall(RowPoolDestroy(&g->pool));
+  PetscCall(PetscFree3(g->own, g->inverse, g->border));
   PetscCall(PetscFree2(g->ghost, g->rest));
   PetscCall(PetscFree5(g->w_row, g->w_column, g->w, g->t, g->factor));
   PetscCall(PetscSFDestroy(&g->sf));
   PetscCallMPI(MPI_Type_free(&g->unit));
-  PetscCall(MatDestroy(&g->A));
   PetscCall(PetscFree(g));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -353,53 +360,53 @@ static PetscErrorCode destroy_blocks(Mat shell)
 static PetscErrorCode create_exchange(BlockGS *g, const PetscInt global[])
 {
   PetscLayout rows;
-  PetscInt    n;
 
   PetscFunctionBeginUser;
-  PetscCall(MatGetSize(g->part[1], NULL, &n));
-  g->nghost = n / g->nk;
-  PetscCall(PetscMalloc2(n, &g->ghost, g->n * g->nk, &g->rest));
-  PetscCall(PetscLayoutCreate(PetscObjectComm((PetscObject)g->A), &rows));
-  PetscCall(PetscLayoutSetLocalSize(rows, g->n));
-  PetscCall(PetscLayoutSetUp(rows));
-  PetscCall(PetscSFCreate(PetscObjectComm((PetscObject)g->A), &g->sf));
+  PetscCall(PetscMalloc2(g->nghost * g->nk, &g->ghost, g->n * g->nk, &g->rest));
+  PetscCall(PetscLayoutCreateFromSizes(g->comm, g->n, PETSC_DETERMINE, 1, &rows));
+  PetscCall(PetscSFCreate(g->comm, &g->sf));
   PetscCall(PetscSFSetGraphLayout(g->sf, rows, g->nghost, NULL, PETSC_OWN_POINTER, global));
   PetscCall(PetscSFSetUp(g->sf));
   PetscCall(PetscLayoutDestroy(&rows));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BlockGSCreate(Mat A, Mat *shell)
+/* Own columns of a row come before those of other ranks */
+static PetscErrorCode split_rows(BlockGS *g)
 {
-  BlockGS        *g;
-  const PetscInt *global = NULL;
-  PetscInt        m, n, nk;
-  PetscBool       seq, mpi, done;
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < g->n; i++) {
+    const PetscInt length = g->start[i + 1] - g->start[i];
+
+    while (g->own[i] < length && g->column[g->start[i] + g->own[i]] < g->n) g->own[i]++;
+    if (g->own[i] < length) g->border[g->nborder++] = i;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BlockGSCreate(MPI_Comm comm, const BlockPattern *pattern, PetscBool exact, Mat *shell)
+{
+  const PetscInt nk = pattern->nk, m = pattern->n * nk;
+  PetscMPIInt    size;
+  BlockGS       *g;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscObjectTypeCompare((PetscObject)A, MATSEQBAIJ, &seq));
-  PetscCall(PetscObjectTypeCompare((PetscObject)A, MATMPIBAIJ, &mpi));
-  PetscCall(MatGetBlockSize(A, &nk));
-  PetscCheck((seq || mpi) && (nk == 3 || nk == 4), PetscObjectComm((PetscObject)A), PETSC_ERR_ARG_WRONG,
-             "Block Gauss-Seidel needs a BAIJ matrix with blocks of 3 or 4, not of %" PetscInt_FMT, nk);
+  PetscCheck(nk == 3 || nk == 4, comm, PETSC_ERR_ARG_WRONG, "Block Gauss-Seidel needs blocks of 3 or 4, not of %" PetscInt_FMT, nk);
   PetscCall(PetscNew(&g));
-  g->nk = nk;
-  PetscCall(PetscObjectReference((PetscObject)A));
-  g->A       = A;
-  g->part[0] = A;
-  if (mpi) PetscCall(MatMPIBAIJGetSeqBAIJ(A, &g->part[0], &g->part[1], &global));
-  for (PetscInt s = 0; s < 2 && g->part[s]; s++) {
-    PetscCall(MatGetRowIJ(g->part[s], 0, PETSC_FALSE, PETSC_TRUE, &g->n, &g->start[s], &g->column[s], &done));
-    PetscCheck(done, PETSC_COMM_SELF, PETSC_ERR_SUP, "The rows of a block matrix are not accessible");
-  }
-  PetscCall(RowPoolCreate(g->n, nk * nk, &g->own));
-  if (g->part[1]) PetscCall(PetscCalloc1(g->start[1][g->n] * nk * nk, &g->other));
-  PetscCall(PetscCalloc1(g->n * g->nk * g->nk + SLACK, &g->inverse));
-  PetscCallMPI(MPI_Type_contiguous((PetscMPIInt)g->nk, MPIU_REAL, &g->unit));
+  g->comm   = comm;
+  g->nk     = nk;
+  g->n      = pattern->n;
+  g->nghost = pattern->nghost;
+  g->start  = pattern->start;
+  g->column = pattern->column;
+  PetscCall(PetscCalloc3(g->n, &g->own, g->n * nk * nk + SLACK, &g->inverse, g->n, &g->border));
+  PetscCall(split_rows(g));
+  PetscCall(RowPoolCreate(g->n, nk * nk, exact, &g->pool));
+  PetscCallMPI(MPI_Type_contiguous((PetscMPIInt)nk, MPIU_REAL, &g->unit));
   PetscCallMPI(MPI_Type_commit(&g->unit));
-  if (mpi) PetscCall(create_exchange(g, global));
-  PetscCall(MatGetLocalSize(A, &m, &n));
-  PetscCall(MatCreateShell(PetscObjectComm((PetscObject)A), m, n, PETSC_DETERMINE, PETSC_DETERMINE, g, shell));
+  PetscCallMPI(MPI_Comm_size(comm, &size));
+  if (size > 1) PetscCall(create_exchange(g, pattern->ghost));
+  PetscCall(MatCreateShell(comm, m, m, PETSC_DETERMINE, PETSC_DETERMINE, g, shell));
   PetscCall(MatShellSetOperation(*shell, MATOP_MULT, (void (*)(void))mult_blocks));
   PetscCall(MatShellSetOperation(*shell, MATOP_SOR, (void (*)(void))sweep_blocks));
   PetscCall(MatShellSetOperation(*shell, MATOP_DESTROY, (void (*)(void))destroy_blocks));

@@ -1,29 +1,43 @@
-/* BlockGS: smoother of a sparse matrix of small dense blocks with its entries in single precision.
+/* BlockGS: sparse matrix of small dense blocks, of which rows that are equal are stored once (rowpool.h), with
+   processor-local Gauss-Seidel sweeps by blocks.
 
-   A matrix shell over a BAIJ matrix with blocks of 3 or 4: product (so that multigrid forms its residual with it) and
-   processor-local Gauss-Seidel sweeps by blocks. A smoother is limited by the memory it reads, and the blocks and the
-   inverses of those on the diagonal are stored as floats; vectors and sums are double, so that it is a linear operator,
-   symmetric if A is, close to A by the round-off of its entries. For preconditioners only. A part W W^T of low rank may
-   be added, which would fill A. */
+   A smoother is limited by the memory it reads: sweeps, and the product from which multigrid forms its residual, take
+   the blocks and the inverses of those on the diagonal in single precision; vectors and sums are double, so that it is
+   a linear operator, symmetric if the matrix is, close to it by the round-off of its entries. A part W W^T of low rank
+   may be added to both, which would fill the matrix. BlockGSMultiplySparse is the product for a Krylov method: in
+   double precision where the entries are kept so, without the part of low rank. */
 #pragma once
 #include <petscmat.h>
 #include "sharing.h"
 
-/* The shell keeps a reference to A and starts without values: call BlockGSUpdate. Collective. Errors: another matrix
-   type or block size. */
-PetscErrorCode BlockGSCreate(Mat A, Mat *shell);
-/* Copy anew what changed in A: n local block rows, or all with rows = NULL. Not collective. */
-PetscErrorCode BlockGSUpdate(Mat shell, PetscInt n, const PetscInt rows[]);
-/* y = A x in single precision, without the part of low rank. Collective. */
+/* Pattern of the own rows: borrowed for the life of the matrix. */
+typedef struct {
+  PetscInt        nk, n;  /* size of a block: 3 or 4; own block rows */
+  const PetscInt *start;  /* [n + 1] */
+  const PetscInt *column; /* [start[n]] in row i first those < i, then < n (own), then n + ghost */
+  PetscInt        nghost; /* other ranks' block rows that columns name */
+  const PetscInt *ghost;  /* [nghost] their global numbers */
+} BlockPattern;
+
+/* A matrix shell without values: set all rows. exact: keep them in double precision too. Collective. Errors: another
+   size of blocks. */
+PetscErrorCode BlockGSCreate(MPI_Comm, const BlockPattern *, PetscBool exact, Mat *shell);
+/* Forget all rows: they are to be set anew. Not collective. */
+PetscErrorCode BlockGSClear(Mat shell);
+/* Block row i <- value [blocks of the row][nk][nk], each block column by column. many: most rows are being set. Not
+   collective. */
+PetscErrorCode BlockGSSetRow(Mat shell, PetscInt i, const PetscReal value[], PetscBool many);
+/* y = A x without the part of low rank, in double precision if it is exact. Collective. */
 PetscErrorCode BlockGSMultiplySparse(Mat shell, Vec x, Vec y);
 /* Sweeps (not products) add extra [own block rows][nk][nk], symmetric, to the blocks on the diagonal: what keeps a
-   sweep there and back definite although ranks sweep at the same time. NULL: none. Borrowed, read by BlockGSUpdate. Not
+   sweep there and back definite although ranks sweep at the same time. NULL: none. Borrowed, read by BlockGSSetRow. Not
    collective. */
 PetscErrorCode BlockGSSetExtra(Mat shell, const PetscReal extra[]);
 /* From now on the shell stands for A + W W^T, W given by n blocks value [n][nk][nr] at own block rows row [n]
    (ascending) and block columns column [n] < ncolumn, the entries of a Sharing, which says what columns of other ranks
    are the same (borrowed); nr is 3 for blocks of 3 and 6 for blocks of 4, as rigid motions have. Nothing is filled in:
    W^T x follows the sweep. A sweep takes the part of a column that p ranks share p times (W W^T is at most p times the
-   ranks' own parts, so that the error cannot grow). Copied; after every BlockGSUpdate. Collective. */
+   ranks' own parts, so that the error cannot grow). Only where entries are exact. Copied; after every change of rows.
+   Collective. */
 PetscErrorCode BlockGSSetLowRank(Mat shell, Sharing, PetscInt ncolumn, PetscInt n, const PetscInt row[], const PetscInt column[],
                                  const PetscReal w[]);

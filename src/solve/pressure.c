@@ -42,7 +42,7 @@ static PetscErrorCode find_constant(Pressure p)
 
   PetscFunctionBeginUser;
   if (!p->floating) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MatCreateVecs(p->matrix, &like, NULL));
+  PetscCall(MatCreateVecs(p->shell, &like, NULL));
   PetscCall(PressureCreateConstant(p, like, 0, &p->constant));
   PetscCall(VecDestroy(&like));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -89,7 +89,7 @@ static PetscErrorCode update_coarse(Pressure p, const PetscReal weight[])
 
 /* Down: one forward block Gauss-Seidel sweep, up: one backward sweep; together symmetric, at the cost of one and a half
    products with the matrix. Options win. */
-static PetscErrorCode set_smoothers(PC pc, Mat sweeps)
+static PetscErrorCode set_smoothers(Pressure p, PC pc)
 {
   const MatSORType sweep[2] = {SOR_LOCAL_FORWARD_SWEEP, SOR_LOCAL_BACKWARD_SWEEP};
   KSP              ksp[2];
@@ -100,7 +100,7 @@ static PetscErrorCode set_smoothers(PC pc, Mat sweeps)
   for (int i = 0; i < 2; i++) {
     PC smoother;
 
-    if (sweeps) PetscCall(KSPSetOperators(ksp[i], sweeps, sweeps));
+    PetscCall(KSPSetOperators(ksp[i], p->matrix, p->matrix));
     PetscCall(KSPSetType(ksp[i], KSPRICHARDSON));
     PetscCall(KSPSetTolerances(ksp[i], PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT, 1));
     PetscCall(KSPGetPC(ksp[i], &smoother));
@@ -127,7 +127,7 @@ PetscErrorCode PressureSetUpPC(Pressure p, KSP ksp)
              levels);
   PetscCall(PCSetUseAmat(pc, PETSC_FALSE)); /* the matrix on both levels, not the operator with the bodies' part */
   PetscCall(CoarseSetUpPC(p->coarse, pc));
-  if (!p->smoothers_set) PetscCall(set_smoothers(pc, p->sweeps));
+  if (!p->smoothers_set) PetscCall(set_smoothers(p, pc));
   p->smoothers_set = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -219,7 +219,6 @@ PetscErrorCode PressureDestroy(Pressure *pressure)
   if (!p) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MatDestroy(&p->matrix));
   PetscCall(MatDestroy(&p->shell));
-  PetscCall(MatDestroy(&p->sweeps));
   PetscCall(PetscFree(p->overlap));
   PetscCall(MatNullSpaceDestroy(&p->constant));
   PetscCall(CoarseDestroy(&p->coarse));
@@ -321,7 +320,7 @@ PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscR
     PetscCall(PressureFindBuried(p));
     PetscCall(PressureFindCut(p, share, mass_inverse));
     if (p->sweeps)
-      PetscCall(BlockGSSetLowRank(p->sweeps, p->constraint->sharing, p->constraint->nlocal, p->ncut, p->cut_cell, p->cut_local, p->cut_w));
+      PetscCall(BlockGSSetLowRank(p->matrix, p->constraint->sharing, p->constraint->nlocal, p->ncut, p->cut_cell, p->cut_local, p->cut_w));
     if (p->coarse) PetscCall(CoarseSetBodies(p->coarse, p->constraint, p->ncut, p->cut_cell, p->cut_body, p->cut_w));
   }
   PetscCall(MatAssemblyBegin(p->shell, MAT_FINAL_ASSEMBLY)); /* its values have changed */

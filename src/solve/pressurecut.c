@@ -218,7 +218,7 @@ PetscErrorCode PressureMult(Mat mat, Vec x, Vec y)
   nr = p->nr;
   nk = p->nk;
   t  = p->work;
-  if (p->single && p->sweeps) PetscCall(BlockGSMultiplySparse(p->sweeps, x, y));
+  if (p->sweeps) PetscCall(BlockGSMultiplySparse(p->matrix, x, y));
   else PetscCall(MatMult(p->matrix, x, y));
   if (!p->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(VecGetArrayRead(x, &xa));

@@ -11,8 +11,8 @@ struct _p_Pressure {
   Mesh             mesh;
   PetscInt         nk, nr, nbodies; /* pressures a cell; rigid slots a body */
   PetscReal        eps;
-  Mat              sweeps;  /* single-precision smoother of the matrix, or NULL: another one was asked for */
-  PetscBool        single;  /* products with it too: the tolerance is loose */
+  PetscBool        sweeps;  /* matrix is BlockGS, its own smoother; or it is AIJ: another one was asked for */
+  PetscBool        single;  /* products in single precision too: the tolerance is loose */
   PetscReal       *overlap; /* [ncell][nk][nk] or NULL on one rank, see set_overlap() */
   PetscBool        smoothers_set;
   Coarse           coarse; /* of the default preconditioner, PCMG with levels P1 discontinuous -> Q1; or NULL */

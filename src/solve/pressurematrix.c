@@ -3,69 +3,68 @@
 #include "compat.h"
 #include "pressureimpl.h"
 #include "blockgs.h"
+#include "base/room.h"
 
 #define MAX_CELLS 32 /* other ranks at a node */
 
+static PetscInt find_node(const MeshLocal *l, PetscInt c, PetscInt i)
+{
+  PetscInt j = 0;
+
+  while (l->cell_node[c * l->nb + j] != i) j++;
+  return j;
+}
+
+/* Neighbours of every cell: own ones before it, it and own ones behind it, those of other ranks; each in the order of
+   the first node that they share, and of its place in them, which is the same for cells that lie alike */
 static PetscErrorCode find_neighbours(Pressure p)
 {
   const MeshLocal *l = p->loc;
-  PetscInt         n = 0, room = 10 * l->ncell + 64;
+  PetscInt         n = 0, room = 10 * l->ncell + 64, key_room = 0, *key = NULL;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(l->ncell + 1, &p->neighbour_ptr));
   PetscCall(PetscMalloc1(room, &p->neighbour));
   p->neighbour_ptr[0] = 0;
   for (PetscInt c = 0; c < l->ncell; c++) {
-    const PetscInt begin = n;
+    const PetscInt begin = n, group = l->nb * l->nb;
 
     for (PetscInt j = 0; j < l->nb; j++) {
       const PetscInt i = l->cell_node[c * l->nb + j];
 
       for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++) {
-        PetscInt k = begin;
+        const PetscInt c2 = l->node_cell[q];
+        PetscInt       k  = begin;
 
-        while (k < n && p->neighbour[k] != l->node_cell[q]) k++;
+        while (k < n && p->neighbour[k] != c2) k++;
         if (k < n) continue;
-        if (n == room) {
-          room = 2 * room;
-          PetscCall(PetscRealloc(room * sizeof(PetscInt), &p->neighbour));
-        }
-        p->neighbour[n++] = l->node_cell[q];
+        PetscCall(RoomFor(n + 1, &room, &p->neighbour, sizeof(*p->neighbour), NULL));
+        PetscCall(RoomFor(n + 1 - begin, &key_room, &key, sizeof(*key), NULL));
+        key[n - begin]    = j * l->nb + find_node(l, c2, i) + (c2 < c ? 0 : c2 < l->ncell ? group : 2 * group);
+        p->neighbour[n++] = c2;
       }
     }
+    PetscCall(PetscSortIntWithArray(n - begin, key, p->neighbour + begin));
     p->neighbour_ptr[c + 1] = n;
   }
+  PetscCall(PetscFree(key));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Blocks in own and in other ranks' columns, for every own cell */
-static PetscErrorCode count_blocks(Pressure p, PetscInt own[], PetscInt other[])
+/* For preconditioners that know nothing else: blocks in own and in other ranks' columns, for every own cell */
+static PetscErrorCode create_aij(Pressure p)
 {
   const MeshLocal *l = p->loc;
+  PetscInt        *own, *other;
 
   PetscFunctionBeginUser;
-  for (PetscInt c = 0; c < l->ncell; c++) {
-    own[c] = other[c] = 0;
+  PetscCall(PetscCalloc2(l->ncell, &own, l->ncell, &other));
+  for (PetscInt c = 0; c < l->ncell; c++)
     for (PetscInt q = p->neighbour_ptr[c]; q < p->neighbour_ptr[c + 1]; q++) *(p->neighbour[q] < l->ncell ? &own[c] : &other[c]) += 1;
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Blocks of nk x nk: BAIJ for the default preconditioner (block SOR, less memory traffic), AIJ for those that know
-   nothing else */
-PetscErrorCode PressureCreateMatrix(Pressure p)
-{
-  const PetscInt n = p->loc->ncell;
-  PetscInt      *own, *other;
-
-  PetscFunctionBeginUser;
-  PetscCall(find_neighbours(p));
-  PetscCall(PetscMalloc2(n, &own, n, &other));
-  PetscCall(count_blocks(p, own, other));
   PetscCall(MatCreate(PETSC_COMM_WORLD, &p->matrix));
-  PetscCall(MatSetSizes(p->matrix, n * p->nk, n * p->nk, PETSC_DETERMINE, PETSC_DETERMINE));
+  PetscCall(MatSetSizes(p->matrix, l->ncell * p->nk, l->ncell * p->nk, PETSC_DETERMINE, PETSC_DETERMINE));
   PetscCall(MatSetBlockSize(p->matrix, p->nk));
-  PetscCall(MatSetType(p->matrix, p->coarse ? MATBAIJ : MATAIJ));
+  PetscCall(MatSetType(p->matrix, MATAIJ));
   PetscCall(MatXAIJSetPreallocation(p->matrix, p->nk, own, other, NULL, NULL));
   PetscCall(MatSetOption(p->matrix, MAT_NO_OFF_PROC_ENTRIES, PETSC_TRUE));
   PetscCall(MatSetOption(p->matrix, MAT_SYMMETRIC, PETSC_TRUE));
@@ -74,19 +73,50 @@ PetscErrorCode PressureCreateMatrix(Pressure p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Set the row of blocks of cell c: sum over shared nodes of B_c weight B_c2^T */
-static PetscErrorCode set_row(Pressure p, const PetscReal *const b[], const PetscReal weight[], PetscInt c)
+/* For the default preconditioner: blocks with sweeps */
+static PetscErrorCode create_blocks(Pressure p)
+{
+  const MeshLocal *l = p->loc;
+  PetscMPIInt      size;
+
+  PetscFunctionBeginUser;
+  PetscCall(BlockGSCreate(PETSC_COMM_WORLD,
+                          &(BlockPattern){.nk     = p->nk,
+                                          .n      = l->ncell,
+                                          .start  = p->neighbour_ptr,
+                                          .column = p->neighbour,
+                                          .nghost = l->ncell_all - l->ncell,
+                                          .ghost  = l->cell_global + l->ncell},
+                          (PetscBool)!p->single, &p->matrix));
+  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
+  if (size > 1) PetscCall(PetscCalloc1(l->ncell * p->nk * p->nk, &p->overlap));
+  PetscCall(BlockGSSetExtra(p->matrix, p->overlap));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PressureCreateMatrix(Pressure p)
+{
+  char      type[64];
+  PetscBool set;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscOptionsGetString(NULL, NULL, "-flow_fieldsplit_pressure_mg_levels_pc_type", type, sizeof(type), &set));
+  p->sweeps = (PetscBool)(p->coarse != NULL);
+  if (set && p->coarse) PetscCall(PetscStrcmp(type, "sor", &p->sweeps));
+  PetscCall(find_neighbours(p));
+  if (p->sweeps) PetscCall(create_blocks(p));
+  else PetscCall(create_aij(p));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* row [blocks of the row][nk][nk], each block column by column: sum over shared nodes of B_c weight B_c2^T */
+static void compute_row(Pressure p, const PetscReal *const b[], const PetscReal weight[], PetscInt c, PetscReal row[])
 {
   const MeshLocal *l   = p->loc;
   const PetscInt   dim = l->dim, nb = l->nb, n = nb * dim, nk = p->nk;
-  const PetscInt   nn = p->neighbour_ptr[c + 1] - p->neighbour_ptr[c], *neighbour = p->neighbour + p->neighbour_ptr[c], row = l->cell_start + c;
-  PetscInt        *col;
-  PetscReal       *out; /* [nk][nn][nk] */
+  const PetscInt   nn = p->neighbour_ptr[c + 1] - p->neighbour_ptr[c], *neighbour = p->neighbour + p->neighbour_ptr[c];
 
-  PetscFunctionBeginUser;
-  PetscCall(PetscMalloc2(nn, &col, nn * nk * nk, &out));
-  PetscCall(PetscArrayzero(out, nn * nk * nk));
-  for (PetscInt q = 0; q < nn; q++) col[q] = l->cell_global[neighbour[q]];
+  for (PetscInt e = 0; e < nn * nk * nk; e++) row[e] = 0;
   for (PetscInt j = 0; j < nb; j++) {
     const PetscInt i = l->cell_node[c * nb + j];
     PetscReal      wb[4][3];
@@ -94,18 +124,60 @@ static PetscErrorCode set_row(Pressure p, const PetscReal *const b[], const Pets
     for (PetscInt k = 0; k < nk; k++)
       for (PetscInt a = 0; a < dim; a++) wb[k][a] = weight[i * dim + a] * b[c][k * n + j * dim + a];
     for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++) {
-      const PetscInt c2 = l->node_cell[q];
-      PetscInt       j2 = 0, at = 0;
+      const PetscInt c2 = l->node_cell[q], j2 = find_node(l, c2, i);
+      PetscInt       at = 0;
 
-      while (l->cell_node[c2 * nb + j2] != i) j2++;
       while (neighbour[at] != c2) at++;
-      for (PetscInt k = 0; k < nk; k++)
-        for (PetscInt m = 0; m < nk; m++)
-          for (PetscInt a = 0; a < dim; a++) out[(k * nn + at) * nk + m] += wb[k][a] * b[c2][m * n + j2 * dim + a];
+      for (PetscInt m = 0; m < nk; m++)
+        for (PetscInt k = 0; k < nk; k++)
+          for (PetscInt a = 0; a < dim; a++) row[(at * nk + m) * nk + k] += wb[k][a] * b[c2][m * n + j2 * dim + a];
     }
   }
-  PetscCall(MatSetValuesBlocked(p->matrix, 1, &row, nn, col, out, INSERT_VALUES));
-  PetscCall(PetscFree2(col, out));
+}
+
+/* Entries become multiples of 1e-11 of the largest: sums of the same numbers in another order are equal then, and with
+   them the rows of cells that lie alike */
+static void round_row(PetscInt n, PetscReal row[])
+{
+  PetscReal size = 0, large;
+  int       exponent;
+
+  for (PetscInt e = 0; e < n; e++) size = PetscMax(size, PetscAbsReal(row[e]));
+  (void)frexp(size, &exponent);
+  large = ldexp(1.5, exponent - 37 + 52); /* its last bit is worth 2^-37 of the largest entry, or up to twice that */
+  for (PetscInt e = 0; e < n; e++) row[e] = row[e] + large - large;
+}
+
+/* Add the blocks of shared cell c (those of soft and of dead cells, both ascending), which are symmetric */
+static PetscErrorCode add_shared(Pressure p, PetscInt c, PetscReal row[])
+{
+  const PetscInt *neighbour = p->neighbour + p->neighbour_ptr[c], nn = p->nk * p->nk, first[3] = {0, p->nsoft, p->nshared};
+  PetscInt        at = 0;
+
+  PetscFunctionBeginUser;
+  while (neighbour[at] != c) at++;
+  for (PetscInt s = 0; s < 2; s++) {
+    PetscInt i;
+
+    PetscCall(PetscFindInt(c, first[s + 1] - first[s], p->shared_cell + first[s], &i));
+    for (PetscInt e = 0; e < nn && i >= 0; e++) row[at * nn + e] += p->shared_block[(first[s] + i) * nn + e];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The row among PETSc's, whose blocks stand side by side */
+static PetscErrorCode insert_row(Pressure p, PetscInt c, const PetscReal row[])
+{
+  const PetscInt nk = p->nk, nn = p->neighbour_ptr[c + 1] - p->neighbour_ptr[c], at = p->loc->cell_start + c;
+  PetscInt      *column;
+  PetscReal     *value;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc2(nn, &column, nn * nk * nk, &value));
+  for (PetscInt q = 0; q < nn; q++) column[q] = p->loc->cell_global[p->neighbour[p->neighbour_ptr[c] + q]];
+  for (PetscInt e = 0; e < nn * nk * nk; e++) value[(e % nk * nn + e / (nk * nk)) * nk + e / nk % nk] = row[e];
+  PetscCall(MatSetValuesBlocked(p->matrix, 1, &at, nn, column, value, INSERT_VALUES));
+  PetscCall(PetscFree2(column, value));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -173,32 +245,28 @@ static PetscErrorCode set_overlap(Pressure p, const PetscInt ranges[], const Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The single-precision copy of the listed rows; the first call creates it (the matrix has its pattern then). */
-static PetscErrorCode update_sweeps(Pressure p, const PetscReal *const b[], const PetscReal weight[])
+static PetscErrorCode set_rows(Pressure p, const PetscReal *const b[], const PetscReal weight[])
 {
-  char            type[64];
-  PetscBool       set, sor = PETSC_TRUE;
-  PetscMPIInt     size;
+  const PetscBool many = (PetscBool)(2 * p->nlisted > p->loc->ncell);
   const PetscInt *ranges;
+  PetscInt        longest = 0;
+  PetscReal      *row;
 
   PetscFunctionBeginUser;
-  if (!p->coarse) PetscFunctionReturn(PETSC_SUCCESS);
-  if (!p->sweeps) {
-    PetscCall(PetscOptionsGetString(NULL, NULL, "-flow_fieldsplit_pressure_mg_levels_pc_type", type, sizeof(type), &set));
-    if (set) PetscCall(PetscStrcmp(type, "sor", &sor));
-    if (!sor) PetscFunctionReturn(PETSC_SUCCESS);
-    PetscCall(BlockGSCreate(p->matrix, &p->sweeps));
-    PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
-    if (size > 1) PetscCall(PetscCalloc1(p->loc->ncell * p->nk * p->nk, &p->overlap));
-    PetscCall(BlockGSSetExtra(p->sweeps, p->overlap));
-    PressureStartList(p);
-    for (PetscInt c = 0; c < p->loc->ncell; c++) list_cell(p, c);
+  for (PetscInt c = 0; c < p->loc->ncell; c++) longest = PetscMax(longest, p->neighbour_ptr[c + 1] - p->neighbour_ptr[c]);
+  PetscCall(PetscMalloc1(longest * p->nk * p->nk, &row));
+  PetscCall(MatGetOwnershipRanges(p->matrix, &ranges));
+  if (p->sweeps && p->nlisted == p->loc->ncell) PetscCall(BlockGSClear(p->matrix));
+  for (PetscInt i = 0; i < p->nlisted; i++) {
+    compute_row(p, b, weight, p->listed[i], row);
+    PetscCall(add_shared(p, p->listed[i], row));
+    if (p->overlap) PetscCall(set_overlap(p, ranges, b, weight, p->listed[i]));
+    if (p->sweeps) {
+      round_row((p->neighbour_ptr[p->listed[i] + 1] - p->neighbour_ptr[p->listed[i]]) * p->nk * p->nk, row);
+      PetscCall(BlockGSSetRow(p->matrix, p->listed[i], row, many));
+    } else PetscCall(insert_row(p, p->listed[i], row));
   }
-  if (p->overlap) {
-    PetscCall(MatGetOwnershipRanges(p->matrix, &ranges));
-    for (PetscInt i = 0; i < p->nlisted; i++) PetscCall(set_overlap(p, ranges, b, weight, p->listed[i]));
-  }
-  PetscCall(BlockGSUpdate(p->sweeps, p->nlisted, p->listed));
+  PetscCall(PetscFree(row));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -219,16 +287,8 @@ PetscErrorCode PressureUpdateMatrix(Pressure p, const PetscReal weight[], PetscI
   }
   for (PetscInt i = 0; i < nold; i++) list_cell(p, old[i]);
   for (PetscInt i = 0; i < p->nshared; i++) list_cell(p, p->shared_cell[i]);
-  for (PetscInt i = 0; i < p->nlisted; i++) PetscCall(set_row(p, b, weight, p->listed[i]));
-  PetscCall(MatAssemblyBegin(p->matrix, MAT_FLUSH_ASSEMBLY));
-  PetscCall(MatAssemblyEnd(p->matrix, MAT_FLUSH_ASSEMBLY));
-  for (PetscInt i = 0; i < p->nshared; i++) {
-    const PetscInt row = l->cell_start + p->shared_cell[i];
-
-    PetscCall(MatSetValuesBlocked(p->matrix, 1, &row, 1, &row, p->shared_block + i * p->nk * p->nk, ADD_VALUES));
-  }
+  PetscCall(set_rows(p, b, weight));
   PetscCall(MatAssemblyBegin(p->matrix, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(p->matrix, MAT_FINAL_ASSEMBLY));
-  PetscCall(update_sweeps(p, b, weight));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

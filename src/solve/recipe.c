@@ -144,17 +144,26 @@ static PetscErrorCode set_outer(FlowSolver fs, PetscInt recipe, PetscBool moving
 
 static PetscErrorCode set_inner(FlowSolver fs, PetscInt recipe)
 {
+#define VELOCITY "-flow_fieldsplit_velocity_"
+  char      type[64] = "";
+  PetscBool gmres;
+
   PetscFunctionBeginUser;
-  PetscCall(OptDefault("-flow_fieldsplit_velocity_ksp_type", "gcr")); /* half the sweeps of bcgs */
-  PetscCall(OptDefault("-flow_fieldsplit_velocity_ksp_gcr_restart", "10"));
-  PetscCall(OptDefault("-flow_fieldsplit_velocity_ksp_rtol", "1e-2"));
-  PetscCall(OptDefault("-flow_fieldsplit_velocity_ksp_max_it", "200"));
-  PetscCall(OptDefault("-flow_fieldsplit_velocity_pc_type", "sor"));
+  /* gcr: half the sweeps of bcgs; gmres: half the vectors of gcr, for one application of the diagonal more */
+  PetscCall(OptDefault(VELOCITY "ksp_type", FlowIsMatrixFree(fs->flow) ? "gmres" : "gcr"));
+  PetscCall(PetscOptionsGetString(NULL, NULL, VELOCITY "ksp_type", type, sizeof(type), NULL));
+  PetscCall(PetscStrcmp(type, "gmres", &gmres));
+  if (gmres) PetscCall(OptDefault(VELOCITY "ksp_pc_side", "right")); /* the norm that the tolerance speaks of */
+  PetscCall(OptDefault(VELOCITY "ksp_gcr_restart", "10"));
+  PetscCall(OptDefault(VELOCITY "ksp_rtol", "1e-2"));
+  PetscCall(OptDefault(VELOCITY "ksp_max_it", "200"));
+  PetscCall(OptDefault(VELOCITY "pc_type", "sor"));
   PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_type", "cg"));
   PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_rtol", recipe == 0 ? "1e-1" : fs->stages ? "3e-2" : "1e-2"));
   PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_max_it", "200"));
   PetscCall(PressureSetDefaults());
   PetscFunctionReturn(PETSC_SUCCESS);
+#undef VELOCITY
 }
 
 PetscErrorCode FlowSolverSetRecipe(FlowSolver fs, PetscBool moving)

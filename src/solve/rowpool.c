@@ -1,30 +1,43 @@
 /* RowPool: see rowpool.h. */
 #include "compat.h"
 #include "rowpool.h"
+#include "base/room.h"
 
-#define MOST_KINDS 256    /* a box in space has some 30 */
-#define ALIKE      2.4e-7 /* of the entry: twice the unit round-off of floats */
-#define NOTHING    1e-13  /* of the largest entry: what should be zero */
-#define SLACK      4
+#define SLACK 4
 
-/* A sum that tells most rows apart; its terms are of the size of the entries */
-static PetscReal add_up(PetscInt n, const PetscReal value[], PetscReal *size)
+/* Of the bits that are kept (Fowler, Noll, Vo, by words instead of bytes) */
+static PetscInt64 compute_key(const RowPool *p, PetscInt n, const PetscReal value[])
 {
-  PetscReal sum = 0;
+  uint64_t key = 14695981039346656037u;
 
-  *size = 0;
   for (PetscInt e = 0; e < n; e++) {
-    sum += value[e] * (1 + (PetscReal)(e * 7 % 11) / 16);
-    *size = PetscMax(*size, PetscAbsReal(value[e]));
+    const PetscReal v = p->keep ? value[e] : (PetscReal)(float)value[e];
+    uint64_t        bits;
+
+    memcpy(&bits, &v, sizeof(bits));
+    key = (key ^ bits ^ bits >> 29) * 1099511628211u;
   }
-  return sum;
+  return (PetscInt64)(key ^ key >> 32);
 }
 
-static PetscBool is_alike(PetscInt n, const PetscReal value[], const float row[], PetscReal size)
+static PetscBool is_equal(const RowPool *p, PetscInt n, const PetscReal value[], PetscInt at)
 {
+  const float *row = p->value + at * p->unit;
+
+  if (p->keep) return (PetscBool)!memcmp(value, p->exact + at * p->unit, (size_t)n * sizeof(*value));
   for (PetscInt e = 0; e < n; e++)
-    if (PetscAbsReal(value[e] - row[e]) > ALIKE * PetscAbsReal(value[e]) + NOTHING * size) return PETSC_FALSE;
+    if ((float)value[e] != row[e]) return PETSC_FALSE;
   return PETSC_TRUE;
+}
+
+/* The slot of a row: with the kind that it is of, or empty. There are more slots than kinds. */
+static PetscInt find_slot(const RowPool *p, PetscInt64 key, PetscInt length, const PetscReal value[])
+{
+  for (PetscInt s = (PetscInt)(key & p->mask);; s = (s + 1) & p->mask) {
+    const RowKind *kind = p->kind + p->slot[s];
+
+    if (p->slot[s] < 0 || (kind->key == key && kind->length == length && is_equal(p, length * p->unit, value, kind->at))) return s;
+  }
 }
 
 /* A new place for length blocks */
@@ -32,9 +45,14 @@ static PetscErrorCode take_place(RowPool *p, PetscInt length, PetscInt *at)
 {
   PetscFunctionBeginUser;
   if (p->used + length > p->room) {
-    p->room = PetscMax(p->used + length, p->room + p->room / 4);
-    PetscCall(PetscRealloc((size_t)(p->room * p->unit + SLACK) * sizeof(float), &p->value));
-    PetscCall(PetscArrayzero(p->value + p->used * p->unit, (p->room - p->used) * p->unit + SLACK));
+    const PetscInt room  = PetscMax(p->used + length, p->room + p->room / 4);
+    const size_t   begin = (size_t)(p->used * p->unit), end = (size_t)(room * p->unit + SLACK);
+
+    p->room = room;
+    PetscCall(PetscRealloc(end * sizeof(float), &p->value));
+    PetscCall(PetscArrayzero(p->value + begin, end - begin));
+    if (p->keep) PetscCall(PetscRealloc(end * sizeof(PetscReal), &p->exact));
+    if (p->keep) PetscCall(PetscArrayzero(p->exact + begin, end - begin));
   }
   *at = p->used;
   p->used += length;
@@ -43,27 +61,26 @@ static PetscErrorCode take_place(RowPool *p, PetscInt length, PetscInt *at)
 
 PetscErrorCode RowPoolSet(RowPool *p, PetscInt i, PetscInt length, const PetscReal value[], PetscBool many)
 {
-  const PetscInt  n = length * p->unit;
-  PetscReal       size;
-  const PetscReal sum = add_up(n, value, &size);
-  PetscInt       *at;
+  const PetscInt   n    = length * p->unit;
+  const PetscInt64 key  = compute_key(p, n, value);
+  const PetscInt   slot = find_slot(p, key, length, value);
 
   PetscFunctionBeginUser;
-  for (PetscInt k = 0; k < p->nkind; k++) {
-    if (p->kind_length[k] != length || PetscAbsReal(p->kind_sum[k] - sum) > 2 * (PetscReal)n * ALIKE * size) continue;
-    if (!is_alike(n, value, p->value + p->kind_at[k] * p->unit, size)) continue;
-    p->at[i] = p->kind_at[k];
+  if (p->slot[slot] >= 0) {
+    p->at[i] = p->kind[p->slot[slot]].at;
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  if (many && p->nkind < MOST_KINDS) {
-    p->kind_length[p->nkind] = length;
-    p->kind_sum[p->nkind]    = sum;
-    at                       = &p->kind_at[p->nkind++];
-    *at                      = -1;
-  } else at = &p->own[i];
-  if (*at < 0) PetscCall(take_place(p, length, at));
-  p->at[i] = *at;
-  for (PetscInt e = 0; e < n; e++) p->value[*at * p->unit + e] = (float)value[e];
+  if (many && p->nkind < p->n) {
+    PetscCall(RoomFor(p->nkind + 1, &p->kind_room, &p->kind, sizeof(*p->kind), NULL));
+    PetscCall(take_place(p, length, &p->at[i]));
+    p->kind[p->nkind] = (RowKind){key, p->at[i], length};
+    p->slot[slot]     = p->nkind++;
+  } else {
+    if (p->own[i] < 0) PetscCall(take_place(p, length, &p->own[i]));
+    p->at[i] = p->own[i];
+  }
+  for (PetscInt e = 0; e < n; e++) p->value[p->at[i] * p->unit + e] = (float)value[e];
+  if (p->keep) PetscCall(PetscArraycpy(p->exact + p->at[i] * p->unit, value, n));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -71,15 +88,21 @@ void RowPoolClear(RowPool *p)
 {
   p->used = p->nkind = 0;
   for (PetscInt i = 0; i < p->n; i++) p->at[i] = 0, p->own[i] = -1;
+  for (PetscInt s = 0; s <= p->mask; s++) p->slot[s] = -1;
 }
 
-PetscErrorCode RowPoolCreate(PetscInt n, PetscInt unit, RowPool *p)
+PetscErrorCode RowPoolCreate(PetscInt n, PetscInt unit, PetscBool exact, RowPool *p)
 {
+  PetscInt slots = 2;
+
   PetscFunctionBeginUser;
   PetscCall(PetscMemzero(p, sizeof(*p)));
+  while (slots < 2 * n) slots *= 2;
   p->n    = n;
   p->unit = unit;
-  PetscCall(PetscMalloc5(n, &p->at, n, &p->own, MOST_KINDS, &p->kind_at, MOST_KINDS, &p->kind_length, MOST_KINDS, &p->kind_sum));
+  p->keep = exact;
+  p->mask = slots - 1;
+  PetscCall(PetscMalloc3(n, &p->at, n, &p->own, slots, &p->slot));
   RowPoolClear(p);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -87,7 +110,9 @@ PetscErrorCode RowPoolCreate(PetscInt n, PetscInt unit, RowPool *p)
 PetscErrorCode RowPoolDestroy(RowPool *p)
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscFree5(p->at, p->own, p->kind_at, p->kind_length, p->kind_sum));
+  PetscCall(PetscFree3(p->at, p->own, p->slot));
+  PetscCall(PetscFree(p->kind));
   PetscCall(PetscFree(p->value));
+  PetscCall(PetscFree(p->exact));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

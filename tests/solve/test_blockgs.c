@@ -1,8 +1,9 @@
-/* BlockGS: product and sweeps against PETSc's own in double precision, on any number of ranks; updates of single
-   rows. */
+/* BlockGS: product and sweeps against PETSc's own in double precision, on any number of ranks; updates of single rows;
+   rows that are equal. */
 /* ranks: 1 2 3 */
 #include "core.h"
 #include "blockgs.h"
+#include "rowpool.h"
 
 #define NROW 60 /* block rows of all ranks */
 
@@ -30,6 +31,63 @@ static void create(PetscInt nk, Mat *A)
   for (PetscInt r = first / nk; r < last / nk; r++) set_row(*A, nk, r, 1);
   OK(MatAssemblyBegin(*A, MAT_FINAL_ASSEMBLY));
   OK(MatAssemblyEnd(*A, MAT_FINAL_ASSEMBLY));
+}
+
+/* What the shell borrows, of A on this rank: other ranks' columns are numbered behind the own ones */
+typedef struct {
+  PetscInt     start[NROW + 1], column[NROW * 5], ghost[NROW];
+  BlockPattern pattern;
+} Pattern;
+
+static void list_columns(Mat A, PetscInt nk, Pattern *p)
+{
+  PetscInt first, last, n = 0;
+
+  OK(MatGetOwnershipRange(A, &first, &last));
+  first /= nk;
+  last /= nk;
+  *p = (Pattern){.pattern = {.nk = nk, .n = last - first, .start = p->start, .column = p->column, .ghost = p->ghost}};
+  for (PetscInt r = first; r < last; r++) {
+    for (PetscInt other = 0; other < 2; other++) {
+      for (size_t k = 0; k < PETSC_STATIC_ARRAY_LENGTH(reach); k++) {
+        const PetscInt col = r + reach[k], own = col >= first && col < last;
+        PetscInt       g = 0;
+
+        if (col < 0 || col >= NROW || own == other) continue;
+        while (!own && g < p->pattern.nghost && p->ghost[g] != col) g++;
+        if (!own && g == p->pattern.nghost) p->ghost[p->pattern.nghost++] = col;
+        p->column[n++] = own ? col - first : last - first + g;
+      }
+    }
+    p->start[r - first + 1] = n;
+  }
+}
+
+/* Row i of the shell as it stands in A */
+static void copy_row(Mat A, const Pattern *p, PetscInt i, PetscBool many, Mat shell)
+{
+  const PetscInt nk = p->pattern.nk, n = p->pattern.n;
+  PetscInt       first, row[4], col[4];
+  PetscReal      value[5 * 16], block[16];
+
+  OK(MatGetOwnershipRange(A, &first, NULL));
+  for (PetscInt q = p->start[i]; q < p->start[i + 1]; q++) {
+    const PetscInt c = p->column[q];
+
+    for (PetscInt k = 0; k < nk; k++) {
+      row[k] = first + i * nk + k;
+      col[k] = (c < n ? first / nk + c : p->ghost[c - n]) * nk + k;
+    }
+    OK(MatGetValues(A, nk, row, nk, col, block));
+    for (PetscInt e = 0; e < nk * nk; e++) value[(q - p->start[i]) * nk * nk + e] = block[e % nk * nk + e / nk];
+  }
+  OK(BlockGSSetRow(shell, i, value, many));
+}
+
+static void copy_all(Mat A, const Pattern *p, Mat shell)
+{
+  OK(BlockGSClear(shell));
+  for (PetscInt i = 0; i < p->pattern.n; i++) copy_row(A, p, i, PETSC_TRUE, shell);
 }
 
 static PetscReal difference(Vec x, Vec y)
@@ -92,23 +150,34 @@ static void compare(Mat A, Mat sweep, Mat shell)
 static void test_against_petsc(void **state)
 {
   (void)state;
-  for (PetscInt nk = 3; nk <= 4; nk++) {
-    Mat      A, shell;
-    PetscInt first, last, n = 0, rows[NROW];
+  for (PetscInt k = 0; k < 4; k++) {
+    const PetscInt  nk    = 3 + k % 2;
+    const PetscBool exact = (PetscBool)(k / 2);
+    Mat             A, shell;
+    Vec             b, x, y;
+    Pattern         p;
+    PetscInt        first, last;
 
     create(nk, &A);
-    OK(BlockGSCreate(A, &shell));
-    OK(BlockGSUpdate(shell, 0, NULL));
+    list_columns(A, nk, &p);
+    OK(BlockGSCreate(PETSC_COMM_WORLD, &p.pattern, exact, &shell));
+    copy_all(A, &p, shell);
     compare(A, A, shell);
     OK(MatGetOwnershipRange(A, &first, &last));
-    for (PetscInt r = first / nk; r < last / nk; r += 3) {
-      set_row(A, nk, r, 2);
-      rows[n++] = r - first / nk;
-    }
+    for (PetscInt r = first / nk; r < last / nk; r += 3) set_row(A, nk, r, 2);
     OK(MatAssemblyBegin(A, MAT_FINAL_ASSEMBLY));
     OK(MatAssemblyEnd(A, MAT_FINAL_ASSEMBLY));
-    OK(BlockGSUpdate(shell, n, rows));
+    for (PetscInt i = 0; i < p.pattern.n; i += 3) copy_row(A, &p, i, PETSC_FALSE, shell);
     compare(A, A, shell);
+    OK(MatCreateVecs(A, &x, &b));
+    OK(VecDuplicate(x, &y));
+    fill_noise_vec(3, b);
+    OK(BlockGSMultiplySparse(shell, b, x));
+    OK(MatMult(A, b, y));
+    BELOW(difference(x, y), exact ? 1e-15 : 1e-6);
+    OK(VecDestroy(&b));
+    OK(VecDestroy(&x));
+    OK(VecDestroy(&y));
     OK(MatDestroy(&shell));
     OK(MatDestroy(&A));
   }
@@ -187,14 +256,16 @@ static void test_low_rank(void **state)
     PetscReal     *w, extra[NROW * 16];
     Mat            A, whole, sweep, shell;
     Sharing        sharing;
+    Pattern        p;
 
     create(nk, &A);
     for (PetscInt e = 0; e < NROW * nk * nk; e++) extra[e] = e % (nk * nk) % (nk + 1) == 0 ? 1 + noise(e) : 0.1;
     fill_low_rank(nk, ncolumn, nr, A, PETSC_FALSE, NULL, &whole);
     fill_low_rank(nk, ncolumn, nr, A, PETSC_TRUE, extra, &sweep);
-    OK(BlockGSCreate(A, &shell));
+    list_columns(A, nk, &p);
+    OK(BlockGSCreate(PETSC_COMM_WORLD, &p.pattern, PETSC_TRUE, &shell));
     OK(BlockGSSetExtra(shell, extra));
-    OK(BlockGSUpdate(shell, 0, NULL));
+    copy_all(A, &p, shell);
     OK(MatGetOwnershipRange(A, &first, &last));
     OK(PetscMalloc1(NROW * ncolumn * nk * nr, &w));
     for (PetscInt r = first / nk; r < last / nk; r++) {
@@ -210,7 +281,7 @@ static void test_low_rank(void **state)
     compare(whole, sweep, shell);
     OK(BlockGSSetExtra(shell, NULL));
     OK(BlockGSSetLowRank(shell, NULL, 0, 0, NULL, NULL, NULL));
-    OK(BlockGSUpdate(shell, 0, NULL));
+    copy_all(A, &p, shell);
     compare(A, A, shell);
     OK(PetscFree(w));
     OK(SharingDestroy(&sharing));
@@ -224,20 +295,43 @@ static void test_low_rank(void **state)
 static void test_mistakes(void **state)
 {
   (void)state;
-  Mat A, shell;
+  Mat shell;
 
-  OK(MatCreateBAIJ(PETSC_COMM_WORLD, 2, PETSC_DECIDE, PETSC_DECIDE, 8, 8, 1, NULL, 1, NULL, &A));
-  OK(MatAssemblyBegin(A, MAT_FINAL_ASSEMBLY));
-  OK(MatAssemblyEnd(A, MAT_FINAL_ASSEMBLY));
   OK(PetscPushErrorHandler(PetscReturnErrorHandler, NULL));
-  assert_int_equal(BlockGSCreate(A, &shell), PETSC_ERR_ARG_WRONG);
+  assert_int_equal(BlockGSCreate(PETSC_COMM_WORLD, &(BlockPattern){.nk = 2}, PETSC_TRUE, &shell), PETSC_ERR_ARG_WRONG);
   OK(PetscPopErrorHandler());
-  OK(MatDestroy(&A));
+}
+
+/* Rows that are equal stand once, whether exact or not; a row that changes leaves the others alone */
+static void test_pool(void **state)
+{
+  (void)state;
+  for (PetscInt exact = 0; exact < 2; exact++) {
+    const PetscInt n = 1000;
+    RowPool        p;
+    PetscReal      value[6];
+
+    OK(RowPoolCreate(n, 3, (PetscBool)exact, &p));
+    for (PetscInt i = 0; i < n; i++) {
+      for (PetscInt e = 0; e < 6; e++) value[e] = noise(i % 7 * 6 + e) * (1 + (i % 14 > 6 ? 1e-12 : 0));
+      OK(RowPoolSet(&p, i, 1 + i % 7 % 2, value, PETSC_TRUE));
+    }
+    assert_int_equal(p.nkind, exact ? 14 : 7);
+    assert_int_equal(p.used, exact ? 20 : 10);
+    value[0] = 5;
+    OK(RowPoolSet(&p, 9, 1, value, PETSC_FALSE));
+    assert_true(p.at[9] != p.at[23] && p.at[23] == p.at[37]);
+    NEAR(p.value[p.at[9] * 3], 5, 1e-6);
+    NEAR(p.value[p.at[23] * 3], noise(2 * 6), 1e-6);
+    assert_true(exact == (p.exact != NULL));
+    OK(RowPoolDestroy(&p));
+  }
 }
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_against_petsc), cmocka_unit_test(test_low_rank), cmocka_unit_test(test_mistakes)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_against_petsc), cmocka_unit_test(test_low_rank), cmocka_unit_test(test_mistakes),
+                                     cmocka_unit_test(test_pool)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));
