@@ -196,6 +196,11 @@ static PetscErrorCode find_situation(const MeshLocal *l, Bodies bodies, PetscBoo
   PetscFunctionBeginUser;
   if (bodies) PetscCall(BodiesAreStill(bodies, &still));
   if (bodies) PetscCall(BodiesGetState(bodies, &s));
+  if (steady) { /* without time no body goes anywhere, whatever its velocity, unless that is sought */
+    still = PETSC_TRUE;
+    for (PetscInt g = 0; s && g < s->ngroups; g++)
+      if (s->group[g].free) still = PETSC_FALSE;
+  }
   *situation = (steady ? STEADY : UNSTEADY) | (l->dim == 2 ? PLANE : SPATIAL) | (l->hang ? 0 : EVEN);
   /* in space MUMPS costs 12 times as much as iterations at 14,000 unknowns (runs/README.md, sphere-array) */
   if (unknowns < (l->dim == 2 ? 1.5e6 : 1e4)) *situation |= SMALL;

@@ -5,6 +5,8 @@
 #include "base/log.h"
 #include "base/opt.h"
 
+#define MOST_SHARE 1e-2 /* of the residual, left by a linear solve */
+
 struct _p_Steady {
   Flow             flow;
   Couple           couple;
@@ -16,7 +18,7 @@ struct _p_Steady {
   PetscInt         linearization, picard_steps, pseudo_steps;
   PetscInt         its, linear, last_linear; /* iterations so far: nonlinear, linear; linear of the last solve */
   PetscBool        fresh;                    /* the solver is set up for the first Picard iteration */
-  PetscReal        first;                    /* size of the residual at the start */
+  PetscReal        first, last_norm;         /* size of the residual at the start, and at the last linear solve */
   char             rtol[16];
 };
 
@@ -114,15 +116,33 @@ static PetscErrorCode set_up_jacobian(SNES snes, Vec x, Mat J, Mat pre, void *ct
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Share of the residual that a linear solve may leave: no more than the nonlinear iteration leaves anyway. Picard's
+   takes it down by one digit or two; Newton's by the square of what it did last (Eisenstat & Walker, SIAM J. Sci.
+   Comput. 17, 16, 1996, choice 2). Of a linear problem nothing. */
+static PetscReal choose_share(const struct _p_Steady *s, PetscReal norm)
+{
+  const FlowParameters *par;
+  const PetscReal       last = s->last_norm;
+
+  PetscFunctionBeginUser;
+  PetscCallAbort(PETSC_COMM_SELF, FlowGetParameters(s->flow, &par));
+  if (!par->convection && !par->varying) PetscFunctionReturn(0);
+  if (!use_newton(s, s->its) || last <= 0) PetscFunctionReturn(MOST_SHARE);
+  PetscFunctionReturn(PetscMin(MOST_SHARE, 0.5 * PetscSqr(norm / last)));
+}
+
 /* y = J^{-1} f by the solver of the flow. A hundredth of what the nonlinear solver wants is enough: its last correction
    starts so close that the usual share of it may be lost in round-off. */
 static PetscErrorCode solve_linear(Steady s, Vec f, Vec y, KSPConvergedReason *reason)
 {
-  PetscReal rtol;
+  PetscReal rtol, norm, enough;
 
   PetscFunctionBeginUser;
   PetscCall(SNESGetTolerances(s->snes, NULL, &rtol, NULL, NULL, NULL));
-  PetscCall(FlowSolverCorrect(s->solver, f, 0.01 * rtol * s->first, y, &s->last_linear, reason));
+  PetscCall(VecNorm(f, NORM_2, &norm));
+  enough = PetscMax(0.01 * rtol * s->first, choose_share(s, norm) * norm);
+  PetscCall(FlowSolverCorrect(s->solver, f, enough, y, &s->last_linear, reason));
+  s->last_norm = norm;
   s->linear += s->last_linear;
   s->its++;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -279,7 +299,7 @@ PetscErrorCode SteadySolve(Steady s, PetscInt *its, PetscInt *linear)
 
   PetscFunctionBeginUser;
   s->its = s->linear = 0;
-  s->first           = 0;
+  s->first = s->last_norm = 0;
   PetscCall(CoupleGetSystem(s->couple, &u, &p, &U, NULL, NULL));
   PetscCall(FlowGetFields(s->flow, &u_field, NULL, &p_field));
   PetscCall(FlowSolverPack(s->solver, u_field, p_field, U, s->x));

@@ -38,6 +38,23 @@ def test_array(run, boundary, tolerance):
     assert int(row.get("snap_fallback", 0)) == 0
 
 
+def test_sphere_in_a_sphere(run):
+    """Exact (drag: Happel & Brenner); a mesh of curved cells, fitted to the container, that snap lines up with the sphere."""
+    drag = [RUNS / "sphere-in-sphere.yaml", "-output_dir", "out", "-output_overwrite", "-output_every", "0", "-mesh_resolution", "6"]
+    body = last(run(drag), "bodies.csv")
+    assert -float(body["force_z"]) / (6 * math.pi) == pytest.approx(7.29412, rel=0.006)
+    body = last(run([*drag, "-particle_ball_velocity", "0,0,0", "-particle_ball_angular_velocity", "0,0,1"]), "bodies.csv")
+    assert -float(body["torque_z"]) / (8 * math.pi) == pytest.approx(8 / 7, rel=0.002)
+
+
+def test_steady_cylinder_by_iteration(run):
+    """A coarse 3D-1Z: Newton's method with linear solves that go no further than they help (1e-6 each: 2.5 times the iterations)."""
+    coarse = ["-mesh_resolution", "3", "-mesh_layers", "3", "-mesh_layer_ratio", "1"]
+    row = last(run([RUNS / "cylinder-3d1z.yaml", "-output_dir", "out", "-output_every", "0", *coarse]))
+    assert float(row["cd_residual"]) == pytest.approx(6.18533, rel=0.015)
+    assert int(row["outer_iterations"]) < 130
+
+
 @pytest.mark.parametrize("axis", "xyz")
 def test_turning_sphere(run, axis):
     spin = {"x": "1,0,0", "y": "0,1,0", "z": "0,0,1"}[axis]
