@@ -51,3 +51,20 @@ def test_viscosity(settle, viscosity, most):
 def test_density(settle, density):
     count, _ = settle("two_stage", 1, "-couple_boundary", "penalty", "-particle_disc_density", density, "-sim_move_max", 10)
     assert count <= 9
+
+
+# the diagonal smooths there, cells are relaxed, and the velocity's solver is another one
+@pytest.mark.parametrize("solver", ["gmres", "bcgs"])
+def test_space(run, tmp_path, solver):
+    (tmp_path / "scene.yaml").write_text("""\
+mesh: {cells: [6, 6, 10], upper: [90, 90, 150]}
+flow: {density: 1, viscosity: 1, gravity: [0, 0, -9.81e-6]}
+particle:
+  groups: grain
+  grain: {shape: circle, radius: 22, density: 8, position: [45, 45, 100]}
+sim: {dt: 150, steps: 3}
+""")
+    result = run(["scene.yaml", "-output_dir", "out", "-output_every", "0", "-flow_fieldsplit_velocity_ksp_type", solver])
+    assert result.status == 0, str(result)
+    rows = list(csv.DictReader((result.folder / "out" / "series.csv").open()))
+    assert max(float(row["outer_iterations"]) for row in rows) <= 6
