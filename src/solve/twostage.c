@@ -89,8 +89,8 @@ static PetscErrorCode relax(TwoStage t, FlowSolver fs, Vec p, Vec y)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* e = x_u - A_r u of the velocity solve. PETSc's gcr has it; its gmres, asked after the solve, would add the correction a
-   second time. */
+/* e = x_u - A_r u of the velocity solve. PETSc's gcr has it; its gmres, asked after the solve, would add the correction
+   a second time. */
 static PetscErrorCode get_residual(TwoStage t, FlowSolver fs)
 {
   PetscBool gcr;
