@@ -123,12 +123,14 @@ def evaluate(name, case, options, run):
     }
 
 
-SHOWN = "case,options,ranks,cells,unknowns,bodies,nse_s,force_s,particle_s,total_s,spread,unknowns_per_s,bytes_per_unknown,outer_mean,triad_all_gbs,sweeps_per_step".split(",")
+SHOWN = "case,options,ranks,cells,unknowns,bodies,nse_s,force_s,particle_s,total_s,spread,unknowns_per_s,bytes_per_unknown,outer_mean,triad_all_gbs,sweeps_per_step,kb_per_cell".split(",")
 
 
 def show(path):
     rows = read_rows(path)
     rows = [row for row in rows if row["commit"] == rows[-1]["commit"]]
+    for row in rows:  # what the triad moves in the time of a step
+        row["kb_per_cell"] = f"{1e6 * float(row['total_s']) * float(row['triad_all_gbs']) / float(row['cells']):.3g}"
     print(f"commit {rows[-1]['commit']}, {rows[-1]['machine']}, PETSc {rows[-1]['petsc']}\n")
     print_table(SHOWN, [[row[name] for name in SHOWN] for row in rows])
 
