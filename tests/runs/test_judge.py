@@ -170,8 +170,8 @@ def test_suite_says_what_runs():
 
 
 def test_memory(run, scene):
-    result = run([scene(edited("[8, 24]", "[100000, 100000]"))])
-    stopped(result, "1e+10 cells need at least 8.8e+04 GB", "-mesh_memory 0")
+    result = run([scene(edited("[8, 24]", "[12000, 12000]"))])
+    stopped(result, "1.44e+08 cells need at least 1.27e+03 GB", "-mesh_memory 0")
 
 
 def start(program, tmp_path, *options):
