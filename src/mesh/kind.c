@@ -191,7 +191,7 @@ static PetscErrorCode read_box(MeshKind k)
     PetscCheck(k->period[d] == 0 || k->cells[d] >= 3, k->comm, PETSC_ERR_USER_INPUT,
                "Axis %c is periodic with %" PetscInt_FMT " cells: -mesh_cells needs at least 3 there", (char)('x' + d), k->cells[d]);
   }
-  PetscCall(MeshCheckMemory(k->comm, k->dim, k->cells));
+  PetscCall(MeshCheckMemory(k->comm, k->dim, (PetscReal)k->cells[0] * (PetscReal)k->cells[1] * (k->dim == 3 ? (PetscReal)k->cells[2] : 1)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -215,7 +215,7 @@ static PetscErrorCode read_fitted(MeshKind k)
 {
   Grading   g          = {.growth = {0.3, 0.3}, .coarsest = {8, 8}};
   PetscInt  resolution = 16, n[2][3];
-  PetscReal radius;
+  PetscReal radius, plane;
 
   PetscFunctionBeginUser;
   k->map.ring_ratio = 3;
@@ -254,7 +254,8 @@ static PetscErrorCode read_fitted(MeshKind k)
   if (k->dim == 2) PetscFunctionReturn(PETSC_SUCCESS);
   /* layers twice as thick as cells beside the block */
   PetscCall(MeshKindReadLayers(k, MeshKindCount((k->upper[2] - k->lower[2]) / (8 * radius) * resolution)));
-  PetscCall(MeshKindCheckMemory(k, k->cells[2] * (k->cells[0] * k->cells[1] + resolution * (4 * k->nring - resolution))));
+  plane = (PetscReal)k->cells[0] * (PetscReal)k->cells[1] + (PetscReal)resolution * (PetscReal)(4 * k->nring - resolution);
+  PetscCall(MeshCheckMemory(k->comm, 3, plane * (PetscReal)k->cells[2]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

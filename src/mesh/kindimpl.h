@@ -48,8 +48,6 @@ PetscErrorCode MeshKindReadCircle(MeshKind);
 PetscErrorCode MeshKindReadRatio(MeshKind);
 PetscErrorCode MeshKindReadResolution(PetscInt least, PetscInt *resolution);
 PetscErrorCode MeshKindReadLayers(MeshKind, PetscInt n);
-/* Error: so many cells in space do not fit into memory. Collective. */
-PetscErrorCode MeshKindCheckMemory(MeshKind, PetscInt ncell);
 /* The whole number nearest to n, at least 1 */
 static inline PetscInt MeshKindCount(PetscReal n)
 {

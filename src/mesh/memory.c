@@ -27,13 +27,12 @@ static PetscErrorCode get_memory(MPI_Comm comm, PetscReal *bytes)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MeshCheckMemory(MPI_Comm comm, PetscInt dim, const PetscInt cells[])
+PetscErrorCode MeshCheckMemory(MPI_Comm comm, PetscInt dim, PetscReal n)
 {
-  PetscReal share = 1, have, need = dim == 2 ? BYTES_PLANE : BYTES_SPACE, n = 1;
+  PetscReal share = 1, have, need = dim == 2 ? BYTES_PLANE : BYTES_SPACE;
 
   PetscFunctionBeginUser;
   PetscCall(OptReal("-mesh_memory", &share));
-  for (PetscInt d = 0; d < dim; d++) n *= (PetscReal)cells[d];
   PetscCall(NumbersCheck(comm, dim, n));
   PetscCall(get_memory(comm, &have));
   PetscCheck(share == 0 || have == 0 || n * need <= share * have, comm, PETSC_ERR_USER_INPUT,

@@ -2,6 +2,6 @@
 #pragma once
 #include <petscsys.h>
 
-/* cells [dim] along each axis. Collective. Error: a run needs more than -mesh_memory (1; 0: not checked) times the
-   memory of the machines the ranks run on. */
-PetscErrorCode MeshCheckMemory(MPI_Comm, PetscInt dim, const PetscInt cells[]);
+/* For so many cells (a product that PetscInt may not hold). Collective. Error: a run needs more than -mesh_memory (1; 0:
+   not checked) times the memory of the machines the ranks run on. */
+PetscErrorCode MeshCheckMemory(MPI_Comm, PetscInt dim, PetscReal cells);

@@ -445,7 +445,7 @@ PetscErrorCode RefinedBuild(Mesh m, Leaves *leaves)
   const PetscInt d = m->kind->dim;
 
   PetscFunctionBeginUser;
-  PetscCall(MeshCheckMemory(m->comm, d, (const PetscInt[3]){(PetscInt)b.leaves.total, 1, 1}));
+  PetscCall(MeshCheckMemory(m->comm, d, (PetscReal)b.leaves.total));
   PetscCall(build_cells(&b));
   PetscCall(number_locally(&b));
   PetscCall(number_globally(&b));

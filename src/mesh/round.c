@@ -27,14 +27,6 @@ PetscErrorCode MeshKindReadLayers(MeshKind k, PetscInt n)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* So many cells in all, in space */
-PetscErrorCode MeshKindCheckMemory(MeshKind k, PetscInt ncell)
-{
-  PetscFunctionBeginUser;
-  PetscCall(MeshCheckMemory(k->comm, 3, (const PetscInt[]){ncell, 1, 1}));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode read_centre(MeshKind k, PetscInt axes)
 {
   PetscFunctionBeginUser;
@@ -140,7 +132,7 @@ PetscErrorCode MeshKindReadTube(MeshKind k)
   k->map.inner = 0.5 * n;
   k->map.outer = k->map.inner + k->nring;
   PetscCall(MeshKindReadLayers(k, PetscMax(3, MeshKindCount(k->upper[2] / (0.5 * PETSC_PI * k->map.radius[0]) * n))));
-  PetscCall(MeshKindCheckMemory(k, k->cells[2] * (n * n + 4 * n * k->nring)));
+  PetscCall(MeshCheckMemory(k->comm, 3, (PetscReal)k->cells[2] * n * ((PetscReal)n + 4 * (PetscReal)k->nring)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -158,7 +150,7 @@ static PetscErrorCode read_cubes(MeshKind k, PetscReal layers)
   k->nring     = MeshKindCount(layers * n);
   k->map.inner = 0.5 * n;
   k->map.outer = k->map.inner + k->nring;
-  PetscCall(MeshKindCheckMemory(k, (k->kind == KIND_BALL ? n * n * n : 0) + 6 * n * n * k->nring));
+  PetscCall(MeshCheckMemory(k->comm, 3, (PetscReal)n * n * ((k->kind == KIND_BALL ? n : 0) + 6 * (PetscReal)k->nring)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -178,7 +178,7 @@ static void test_errors(void **state)
   expect_error("-mesh_kind tube -mesh_periodic x", "can be periodic along z only");
   expect_error("-mesh_kind tube -mesh_periodic z -mesh_layers 2", "-mesh_layers needs at least 3");
   expect_error("-mesh_kind fitted -mesh_dimension 3 -mesh_lower 0,0,1", "empty along axis z");
-  expect_error("-mesh_kind ball -mesh_resolution 800", "lower -mesh_cells or -mesh_resolution");
+  expect_error("-mesh_kind ball -mesh_resolution 2000", "2.24e+10 cells");
   expect_error("-mesh_kind ball -mesh_levels 1", "use box or channel");
 }
 
