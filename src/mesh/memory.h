@@ -2,6 +2,6 @@
 #pragma once
 #include <petscsys.h>
 
-/* For so many cells (a product that PetscInt may not hold). Collective. Error: a run needs more than -mesh_memory (1; 0:
+/* For so many cells (PetscInt may not hold their number). Collective. Error: a run needs more than -mesh_memory (1; 0:
    not checked) times the memory of the machines the ranks run on. */
 PetscErrorCode MeshCheckMemory(MPI_Comm, PetscInt dim, PetscReal cells);
