@@ -251,6 +251,18 @@ PetscReal MeshMapDistance(PetscReal count, PetscReal h, PetscReal growth, PetscR
   return (coarsest - 1) * h / growth + (count - most) * coarsest * h;
 }
 
+/* Takes over the n + 1 mesh lines x across an axis */
+static PetscErrorCode take_lines(MeshMap *m, PetscInt axis, PetscInt n, PetscReal x[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscFree(m->line[axis]));
+  m->line[axis]  = x;
+  m->ncell[axis] = n;
+  m->lower[axis] = x[0];
+  m->upper[axis] = x[n];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode MeshMapSetLines(MeshMap *m, PetscInt axis, const PetscReal end[4], const PetscInt n[3], PetscReal h, PetscReal growth,
                                PetscReal coarsest)
 {
@@ -266,11 +278,7 @@ PetscErrorCode MeshMapSetLines(MeshMap *m, PetscInt axis, const PetscReal end[4]
   for (PetscInt i = 1; i <= n[2]; i++) x[n[0] + n[1] + i] = end[2] + MeshMapDistance(count[1] * i / n[2], h, growth, coarsest);
   x[0]     = end[0];
   x[total] = end[3];
-  PetscCall(PetscFree(m->line[axis]));
-  m->line[axis]  = x;
-  m->ncell[axis] = total;
-  m->lower[axis] = end[0];
-  m->upper[axis] = end[3];
+  PetscCall(take_lines(m, axis, total, x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -285,12 +293,9 @@ PetscErrorCode MeshMapSetLayers(MeshMap *m, PetscInt axis, PetscReal lower, Pets
     sum += PetscPowReal(ratio, n > 2 ? 2.0 * PetscMin(i, n - 1 - i) / (n - 1) : 0);
     x[i + 1] = sum;
   }
-  for (PetscInt i = 0; i <= n; i++) x[i] = lower + (upper - lower) * (x[i] / sum);
-  PetscCall(PetscFree(m->line[axis]));
-  m->line[axis]  = x;
-  m->ncell[axis] = n;
-  m->lower[axis] = lower;
-  m->upper[axis] = upper;
+  for (PetscInt i = 0; i < n; i++) x[i] = lower + (upper - lower) * (x[i] / sum);
+  x[n] = upper;
+  PetscCall(take_lines(m, axis, n, x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -307,11 +312,7 @@ PetscErrorCode MeshMapSetStretched(MeshMap *m, PetscInt axis, PetscReal lower, P
   }
   x[0] = lower;
   x[n] = upper;
-  PetscCall(PetscFree(m->line[axis]));
-  m->line[axis]  = x;
-  m->ncell[axis] = n;
-  m->lower[axis] = lower;
-  m->upper[axis] = upper;
+  PetscCall(take_lines(m, axis, n, x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -247,15 +247,40 @@ static PetscErrorCode sweep_blocks(Mat shell, Vec bv, PetscReal omega, MatSORTyp
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Where the diagonal block stands in row i */
+static PetscInt find_diagonal(const BlockGS *g, PetscInt i)
+{
+  PetscInt q = 0;
+
+  while (g->column[g->start[i] + q] != i) q++;
+  return q;
+}
+
+PetscErrorCode BlockGSGetDiagonal(Mat shell, Vec d)
+{
+  BlockGS   *g;
+  PetscReal *da;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatShellGetContext(shell, &g));
+  PetscCall(VecGetArrayWrite(d, &da));
+  for (PetscInt i = 0; i < g->n; i++)
+    for (PetscInt k = 0; k < g->nk; k++) {
+      const PetscInt at = ((g->pool.at[i] + find_diagonal(g, i)) * g->nk + k) * g->nk + k;
+
+      da[i * g->nk + k] = g->pool.keep ? g->pool.exact[at] : (PetscReal)g->pool.value[at];
+    }
+  PetscCall(VecRestoreArrayWrite(d, &da));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* The inverse of the diagonal block of row i, given its blocks, with the entries [begin, end) of W in this row and the
    extra part */
 static void invert_diagonal(BlockGS *g, PetscInt i, const PetscReal value[], PetscInt begin, PetscInt end)
 {
-  const PetscInt nk = g->nk, nn = nk * nk, nr = RANK(nk);
+  const PetscInt nk = g->nk, nn = nk * nk, nr = RANK(nk), q = find_diagonal(g, i);
   PetscReal      block[MAX_NK * MAX_NK], inverse[MAX_NK * MAX_NK];
-  PetscInt       q = 0;
 
-  while (g->column[g->start[i] + q] != i) q++;
   for (PetscInt e = 0; e < nn; e++) block[e] = value[q * nn + e];
   for (PetscInt e = begin; e < end; e++)
     for (PetscInt k = 0; k < nn; k++)

@@ -29,6 +29,8 @@ PetscErrorCode BlockGSClear(Mat shell);
 PetscErrorCode BlockGSSetRow(Mat shell, PetscInt i, const PetscReal value[], PetscBool many);
 /* y = A x without the part of low rank, in double precision if it is exact. Collective. */
 PetscErrorCode BlockGSMultiplySparse(Mat shell, Vec x, Vec y);
+/* d = the diagonal of A, likewise without the part of low rank. Not collective. */
+PetscErrorCode BlockGSGetDiagonal(Mat shell, Vec d);
 /* Sweeps (not products) add extra [own block rows][nk][nk], symmetric, to the blocks on the diagonal: what keeps a
    sweep there and back definite although ranks sweep at the same time. NULL: none. Borrowed, read by BlockGSSetRow. Not
    collective. */

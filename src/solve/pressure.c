@@ -224,6 +224,7 @@ PetscErrorCode PressureDestroy(Pressure *pressure)
   PetscCall(CoarseDestroy(&p->coarse));
   PetscCall(PetscFree(p->neighbour_ptr));
   PetscCall(PetscFree(p->neighbour));
+  PetscCall(PetscFree(p->row));
   PetscCall(PetscFree2(p->weight, p->work));
   PetscCall(PetscFree(p->buried));
   PetscCall(PetscFree(p->cut_cell));
@@ -369,6 +370,7 @@ PetscErrorCode PressureGetMats(Pressure p, Mat *operator, Mat * matrix)
 PetscErrorCode PressureGetDiagonal(Pressure p, Vec d)
 {
   PetscFunctionBeginUser;
-  PetscCall(MatGetDiagonal(p->matrix, d));
+  if (p->sweeps) PetscCall(BlockGSGetDiagonal(p->matrix, d));
+  else PetscCall(MatGetDiagonal(p->matrix, d));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -18,6 +18,7 @@ struct _p_Pressure {
   Coarse           coarse; /* of the default preconditioner, PCMG with levels P1 discontinuous -> Q1; or NULL */
   Mat              matrix, shell;
   PetscInt        *neighbour_ptr, *neighbour; /* [ncell + 1]; local cells that share a node with a cell */
+  PetscReal       *row;                       /* scratch, the longest row */
   PetscReal       *weight;                    /* as of the last update; zero before the first */
   /* bodies: cells where B R_k is not zero */
   PetscInt   ncut, room, *cut_cell, *cut_body, *cut_local; /* cell; body, and its index among those known here */

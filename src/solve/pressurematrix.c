@@ -20,7 +20,7 @@ static PetscInt find_node(const MeshLocal *l, PetscInt c, PetscInt i)
 static PetscErrorCode find_neighbours(Pressure p)
 {
   const MeshLocal *l = p->loc;
-  PetscInt         n = 0, room = 10 * l->ncell + 64, key_room = 0, *key = NULL;
+  PetscInt         n = 0, room = 10 * l->ncell + 64, key_room = 0, *key = NULL, longest = 0;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(l->ncell + 1, &p->neighbour_ptr));
@@ -46,8 +46,10 @@ static PetscErrorCode find_neighbours(Pressure p)
     }
     PetscCall(PetscSortIntWithArray(n - begin, key, p->neighbour + begin));
     p->neighbour_ptr[c + 1] = n;
+    longest                 = PetscMax(longest, n - begin);
   }
   PetscCall(PetscFree(key));
+  PetscCall(PetscMalloc1(longest * p->nk * p->nk, &p->row));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -249,12 +251,9 @@ static PetscErrorCode set_rows(Pressure p, const PetscReal *const b[], const Pet
 {
   const PetscBool many = (PetscBool)(2 * p->nlisted > p->loc->ncell);
   const PetscInt *ranges;
-  PetscInt        longest = 0;
-  PetscReal      *row;
+  PetscReal      *row = p->row;
 
   PetscFunctionBeginUser;
-  for (PetscInt c = 0; c < p->loc->ncell; c++) longest = PetscMax(longest, p->neighbour_ptr[c + 1] - p->neighbour_ptr[c]);
-  PetscCall(PetscMalloc1(longest * p->nk * p->nk, &row));
   PetscCall(MatGetOwnershipRanges(p->matrix, &ranges));
   if (p->sweeps && p->nlisted == p->loc->ncell) PetscCall(BlockGSClear(p->matrix));
   for (PetscInt i = 0; i < p->nlisted; i++) {
@@ -266,7 +265,6 @@ static PetscErrorCode set_rows(Pressure p, const PetscReal *const b[], const Pet
       PetscCall(BlockGSSetRow(p->matrix, p->listed[i], row, many));
     } else PetscCall(insert_row(p, p->listed[i], row));
   }
-  PetscCall(PetscFree(row));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

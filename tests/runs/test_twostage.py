@@ -68,3 +68,9 @@ sim: {dt: 150, steps: 3}
     assert result.status == 0, str(result)
     rows = list(csv.DictReader((result.folder / "out" / "series.csv").open()))
     assert max(float(row["outer_iterations"]) for row in rows) <= 6
+
+
+def test_other_preconditioner_of_the_whole(settle):
+    """A factorisation of the assembled system beside the pressure's own matrix."""
+    count, _ = settle("auto", 1, "-flow_pc_type", "lu", "-flow_pc_factor_mat_solver_type", "mumps")
+    assert count <= 2

@@ -172,6 +172,9 @@ static void test_against_petsc(void **state)
     OK(MatCreateVecs(A, &x, &b));
     OK(VecDuplicate(x, &y));
     fill_noise_vec(3, b);
+    OK(BlockGSGetDiagonal(shell, x));
+    OK(MatGetDiagonal(A, y));
+    BELOW(difference(x, y), exact ? 1e-15 : 1e-6);
     OK(BlockGSMultiplySparse(shell, b, x));
     OK(MatMult(A, b, y));
     BELOW(difference(x, y), exact ? 1e-15 : 1e-6);
