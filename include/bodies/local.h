@@ -35,6 +35,8 @@ PetscErrorCode BodiesDetach(Bodies, void **array);
 PetscErrorCode BodiesMigrate(Bodies, PetscReal range, PetscReal skin);
 /* Ghosts get x and u of their owners, if `turns` also q and w. Collective. */
 PetscErrorCode BodiesSync(Bodies, PetscBool turns);
+/* v [n][width]: ghosts get what their owners have; width 3 or 4. Collective. */
+PetscErrorCode BodiesUpdateGhosts(Bodies, PetscInt width, void *v);
 
 /* v [n] over all ranks: the largest. Collective. */
 PetscErrorCode BodiesMax(Bodies, PetscInt n, PetscReal v[]);

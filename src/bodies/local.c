@@ -539,6 +539,19 @@ PetscErrorCode BodiesSync(Bodies b, PetscBool turns)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode BodiesUpdateGhosts(Bodies b, PetscInt width, void *v)
+{
+  BodyParts *p = b->parts;
+
+  PetscFunctionBeginUser;
+  if (!p || !p->ghosts) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscLogEventBegin(TB_SYNC, 0, 0, 0, 0));
+  PetscCall(PetscSFBcastBegin(p->ghosts, p->unit[width - 3], v, v, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(p->ghosts, p->unit[width - 3], v, v, MPI_REPLACE));
+  PetscCall(PetscLogEventEnd(TB_SYNC, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 MPI_Comm BodiesComm(Bodies b)
 {
   return b->parts ? b->parts->comm : PETSC_COMM_SELF;

@@ -1,11 +1,5 @@
-/* Contact, bodies without a flow: symplectic Euler under contact, gravity and buoyancy, in place in the state.
-
-   All forces of a sub-step come from the same places and velocities, and those on a body are summed in the
-   order of the pairs' numbers: so a rank needs to know no more than the neighbours of its own bodies, and the same bits
-   come out on any number of ranks. (In a flow, step.c, one pair acts after the other.) A damped pair is implicit by
-   itself; many of them on one body, all at once, would overshoot: the damping acts against dim + 1 times the inverse
-   mass of the pair, which keeps any packing of like bodies stable (largest eigenvalue of the dashpots of a close
-   packing by that of a pair: 3 in 2D, 4 in 3D), as in mass splitting (Tonge, Benevolenski, Voroshilov 2012). */
+/* Contact, bodies without a flow: symplectic Euler under contact, gravity and buoyancy, in place in the state. All
+   pairs act at once (atonce.c), so that any number of ranks gives the same bits; in a flow one by one (step.c). */
 #include "compat.h"
 #include "impl.h"
 #include "base/log.h"
@@ -43,49 +37,19 @@ static void drop_bodies(Contact c, PetscReal h)
   }
 }
 
-/* Discs are pushed along the line of centres: no torques */
-static PetscErrorCode sum_forces(Contact c, PetscReal h, PetscBool *turns)
-{
-  PetscFunctionBeginUser;
-  *turns = PETSC_FALSE;
-  PetscCall(PetscArrayzero(c->sum_f, c->s->n));
-  for (PetscInt p = 0; p < c->npairs; p++) {
-    const PetscInt i = c->pair[p].i, j = c->pair[p].j;
-    Impulse        now;
-    PetscReal      gap;
-
-    if (ContactDiscForce(c, &c->pair[p], h, now.f, &gap)) {
-      ContactNoteGap(&c->pair[p], gap, c->s->gap);
-      if (gap >= c->range) continue;
-      for (PetscInt a = 0; a < 3; a++) {
-        c->sum_f[i][a] += now.f[a];
-        if (j >= 0) c->sum_f[j][a] -= now.f[a];
-      }
-      continue;
-    }
-    PetscCall(ContactPairForce(c, p, h, &now, &gap));
-    ContactNoteGap(&c->pair[p], gap, c->s->gap);
-    if (gap >= c->horizon) continue;
-    if (!*turns) PetscCall(PetscArrayzero(c->sum_t, c->s->n));
-    *turns = PETSC_TRUE;
-    ContactScatter(&c->pair[p], &now, 1, c->sum_f, c->sum_t);
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* Velocity of body k after a sub-step under the forces of all pairs */
 static void push_body(Contact c, PetscInt k, PetscReal h, PetscReal share, PetscBool turns)
 {
   const Kind *kind  = ContactKind(c, k);
   PetscReal   dw[3] = {0, 0, 0};
 
-  if (turns) ContactSpin(c, k, c->sum_t[k], dw);
+  if (turns) ContactSpin(c, k, c->at_once.torque[k], dw);
   for (PetscInt a = 0; a < 3; a++) {
-    c->u[k][a] += h * kind->inverse_mass[a] * c->sum_f[k][a];
-    c->s->contact_force[k][a] += share * c->sum_f[k][a];
+    c->u[k][a] += h * kind->inverse_mass[a] * c->at_once.force[k][a];
+    c->s->contact_force[k][a] += share * c->at_once.force[k][a];
     if (!turns) continue;
     c->w[k][a] += h * dw[a];
-    c->s->contact_torque[k][a] += share * c->sum_t[k][a];
+    c->s->contact_torque[k][a] += share * c->at_once.torque[k][a];
   }
   BodiesKeepAxes(c->state, k, c->u[k], turns ? c->w[k] : NULL);
 }
@@ -134,17 +98,13 @@ static PetscErrorCode turn_body(Contact c, PetscInt k, PetscReal h)
 
 static PetscErrorCode advance_alone(Contact c, PetscReal h, PetscReal share)
 {
-  PetscBool turns, round = (PetscBool)(c->lubricate || c->slip);
+  PetscBool turns = (PetscBool)(c->lubricate || c->slip);
 
   PetscFunctionBeginUser;
+  for (PetscInt g = 0; g < c->s->ngroups; g++) turns = (PetscBool)(turns || c->s->group[g].disc <= 0);
   PetscCall(ContactFindPairs(c));
-  if (c->sum_room < c->s->n) {
-    PetscCall(PetscFree2(c->sum_f, c->sum_t));
-    c->sum_room = c->s->n + c->s->n / 16;
-    PetscCall(PetscMalloc2(c->sum_room, &c->sum_f, c->sum_room, &c->sum_t));
-  }
   drop_bodies(c, h);
-  PetscCall(sum_forces(c, h, &turns));
+  PetscCall(ContactForcesAtOnce(c, h, turns));
   for (PetscInt k = 0; k < c->s->n; k++) {
     if (c->s->gone[k] || !c->s->own[k]) continue;
     push_body(c, k, h, share, turns);
@@ -153,8 +113,7 @@ static PetscErrorCode advance_alone(Contact c, PetscReal h, PetscReal share)
     if (c->dim == 2) RotationFromAngle(c->s->angle[k], c->q[k]);
     else PetscCall(turn_body(c, k, h));
   }
-  for (PetscInt g = 0; g < c->s->ngroups; g++) round = (PetscBool)(round || c->s->group[g].disc <= 0);
-  PetscCall(BodiesSync(c->bodies, round));
+  PetscCall(BodiesSync(c->bodies, turns));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -167,8 +126,7 @@ PetscErrorCode ContactAdvanceAlone(Contact c, PetscReal dt)
   PetscFunctionBeginUser;
   PetscCheck(dt > 0, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Time step %g of the bodies must be positive", (double)dt);
   PetscCall(PetscLogEventBegin(TB_CONTACT, 0, 0, 0, 0));
-  c->alone    = PETSC_TRUE;
-  c->together = c->dim + 1;
+  c->alone = PETSC_TRUE;
   ContactClear(s);
   PetscCall(ContactSetScales(c, dt, NULL));
   c->x = s->x;

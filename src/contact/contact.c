@@ -340,7 +340,7 @@ PetscErrorCode ContactDestroy(Contact *contact)
   PetscCall(PetscFree(c->body_kind));
   PetscCall(PetscFree(c->npoints));
   PetscCall(BodiesDetach(c->bodies, (void **)&c->present));
-  PetscCall(PetscFree2(c->sum_f, c->sum_t));
+  PetscCall(ContactForgetAtOnce(c));
   PetscCall(PetscFree4(c->copy_x, c->copy_q, c->copy_u, c->copy_w));
   PetscCall(BodiesDetach(c->bodies, (void **)&c->inverse_inertia));
   PetscCall(PetscFree(c->pair));

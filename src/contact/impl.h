@@ -1,7 +1,7 @@
 /* Inside of the contact room; for its files only. contact.c: the object. step.c, alone.c: steps with and without a
-   flow. momentum.c: what they share. search.c: who is near whom. touch.c: where two bodies touch. law.c: the forces.
-   separate.c: gaps and overlaps after a step. Vectors have 3 components, 2D ones a zero; a tensor is xx yy zz xy xz
-   yz. */
+   flow. momentum.c: what they share. search.c: who is near whom. touch.c: where two bodies touch. law.c,
+   pairforce.c: the forces; atonce.c: of all pairs at once. separate.c: gaps and overlaps after a step. Vectors have 3
+   components, 2D ones a zero; a tensor is xx yy zz xy xz yz. */
 #pragma once
 #include "base/algebra.h"
 #include "base/domain.h"
@@ -45,22 +45,31 @@ typedef struct {
 /* What a law is asked at one touch. */
 typedef struct {
   PetscReal gap, weight;
-  PetscReal approach;     /* closing speed along the normal */
   PetscReal inverse_mass; /* of the pair along the normal */
   PetscReal stiffness, speed;
-  PetscReal h;        /* sub-step: damping acts on the speed after it. 0: the law alone, without damping */
-  PetscReal together; /* 0: pairs act one after the other; else all at once: see alone.c */
 } Meeting;
+
+/* A damped force along the normal at a touch */
+typedef struct {
+  PetscReal value, rate;        /* force without damping, and how it grows with the speed of approach */
+  PetscReal inverse_mass, of_i; /* of the pair along the normal, and the share of i */
+  PetscReal normal[3];
+  PetscReal ri[3], rj[3]; /* as in Touch */
+  PetscBool has_levers;   /* else it acts at the centres, and ri and rj are not set */
+  PetscBool film;         /* not of the law; has levers */
+} Dashpot;
 
 /* A law of contact. Forces act along the normal, positive apart. */
 typedef struct {
   const char *name;
   PetscInt    lookahead; /* steps that ContactStep integrates, see contact.c; 0: the law has no forces */
+  PetscReal   implicit;  /* its damping goes by 1: the speed after the sub-step, 0.5: the mean of before and after */
+  PetscBool   pulls;     /* the force may be negative */
   PetscErrorCode (*options)(Contact);
   PetscReal (*stiffness)(Contact, const Kind *); /* of a body, from its speed u_ref */
   /* stiffness of a pair that moves with speed; j NULL: a wall */
   PetscReal (*combine)(Contact, const Kind *i, const Kind *j, PetscReal speed);
-  PetscReal (*force)(Contact, const Meeting *);
+  PetscReal (*force)(Contact, const Meeting *, PetscReal *rate);   /* value and rate of a Dashpot, gap within range */
   PetscReal (*energy)(Contact, const Meeting *);                   /* stored */
   PetscReal (*time)(Contact, PetscReal stiffness, PetscReal mass); /* in which the force changes: sqrt(mass/slope) */
 } ContactLaw;
@@ -70,6 +79,20 @@ extern const ContactLaw *const contact_laws[]; /* NULL-terminated */
 typedef struct {
   PetscReal x[3], reach;
 } Listed;
+
+typedef struct {
+  PetscReal i[3], j[3];
+  PetscBool film;
+} Lever;
+
+/* The forces of all pairs at once: see atonce.c */
+typedef struct {
+  PetscInt room, nheld, held_room, nlevers, lever_room;
+  PetscReal (*force)[3], (*torque)[3]; /* [n] sums; torque, spin: NULL where no pair turns its bodies */
+  PetscReal (*after)[4], (*spin)[3];   /* [n] u and w after forces without damping; [3]: sum of rate x inverse mass */
+  struct _p_Held *held;                /* [nheld] dashpots */
+  Lever          *lever;
+} AtOnce;
 
 struct _p_Contact {
   Bodies            bodies;
@@ -91,14 +114,12 @@ struct _p_Contact {
   PetscInt   *npoints;    /* [ngroups] */
   PetscReal   floor, top; /* u_ref of bodies without buoyancy; speed of the fastest when the scales were set */
   PetscReal  *present;    /* [n] speed of a body's fastest point when the scales were set */
-  PetscReal   together;   /* of Meeting: set by ContactAdvanceAlone */
   PetscBool   alone;      /* it has moved the bodies */
   /* where the bodies are: the state's own arrays or copies */
   PetscReal (*x)[3], (*q)[4], (*u)[3], (*w)[3];
   PetscReal (*copy_x)[3], (*copy_q)[4], (*copy_u)[3], (*copy_w)[3]; /* [n], allocated when first needed */
   PetscReal (*inverse_inertia)[6];                                  /* [n] 3D only, space axes */
-  PetscReal (*sum_f)[3], (*sum_t)[3];                               /* [n] of all pairs in a sub-step without a flow */
-  PetscInt sum_room;
+  AtOnce at_once;
   /* the list of pairs, ascending in i, then j */
   Pair *pair;
   PetscReal (*slip)[3]; /* [npairs] elongation of the tangential spring; NULL without friction */
@@ -116,6 +137,7 @@ struct _p_Contact {
   PetscReal (*kept_slip)[3];
   PetscInt kept_npairs;
   Touch    touch[2 * CONTACT_MAX_POINTS];
+  Dashpot  dashpot[2 * CONTACT_MAX_POINTS + 1];
 };
 
 static inline Kind *ContactKind(Contact c, PetscInt k)
@@ -143,6 +165,11 @@ static inline PetscBool ContactWithin(Contact c, PetscInt i, PetscInt j, PetscRe
 static inline PetscReal ContactPairSpeed(Contact c, const Pair *p)
 {
   return p->j >= 0 ? PetscMax(c->present[p->i], c->present[p->j]) : c->present[p->i];
+}
+
+static inline PetscReal ContactImplicit(Contact c, PetscBool film)
+{
+  return film ? 1 : c->law->implicit;
 }
 
 static inline void ContactNoteGap(const Pair *p, PetscReal gap, PetscReal all[])
@@ -185,11 +212,20 @@ PetscErrorCode ContactCreatePoints(Contact, PetscInt most);
 void           ContactSharePoints(Contact);
 /* Options of all laws; the unused laws' ones count as unknown. */
 PetscErrorCode ContactReadLaws(Contact);
-/* Force and torques of pair number p where its bodies are now; the tangential spring moves on by h. */
+/* Force and torques of pair number p where its bodies are now, as if it were alone; the tangential spring moves on by
+   h. h = 0: without damping and friction. */
 PetscErrorCode ContactPairForce(Contact, PetscInt p, PetscReal h, Impulse *, PetscReal *gap);
-/* Discs (spheres) and walls without friction or film: force f on body i along the line of centres (zero beyond the
-   range), no torques. PETSC_FALSE: not such a pair. The common case of many bodies, in closed form. */
-PetscBool ContactDiscForce(Contact, const Pair *, PetscReal h, PetscReal f[3], PetscReal *gap);
+/* What that consists of: n dashpots in c->dashpot, and friction, added to *friction. */
+PetscErrorCode ContactPairDashpots(Contact, PetscInt p, PetscReal h, PetscInt *n, Impulse *friction, PetscReal *gap);
+/* Closing speed of a pair at a dashpot, by c->u and c->w. */
+PetscReal ContactApproach(Contact, const Pair *, const Dashpot *);
+/* Force of a dashpot that acts alone for the time h */
+PetscReal ContactDashpotForce(Contact, const Dashpot *, PetscReal approach, PetscReal h);
+void      ContactAddForce(const Dashpot *, PetscReal value, Impulse *sum);
+/* Forces, and where pairs are round (not discs alone) torques, of all pairs over a sub-step h from where the bodies are
+   now, in c->at_once; the gaps are noted. Collective. */
+PetscErrorCode ContactForcesAtOnce(Contact, PetscReal h, PetscBool turns);
+PetscErrorCode ContactForgetAtOnce(Contact);
 /* Energy stored in pair p. */
 PetscErrorCode ContactPairEnergy(Contact, PetscInt p, PetscReal *energy);
 

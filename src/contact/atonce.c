@@ -1,0 +1,176 @@
+/* Contact, the forces of all pairs at once, for steps without a flow (alone.c): all from the same places and
+   velocities, and those on a body summed in the order of the pairs' numbers. So a rank needs to know no more than the
+   neighbours of its own bodies, and the same bits come out on any number of ranks.
+
+   Two passes: first the forces without damping and the velocities that they give; then every dashpot damps what is left
+   of the speed at its touch. As the damping of all of them acts at once, each acts against the inverse masses of its
+   two bodies times the rates of all dashpots that hold on to them (sums of rows, as in mass splitting: Tonge,
+   Benevolenski, Voroshilov 2012; here by rates in place of numbers), so that the second pass takes energy out whatever
+   the rates and the packing: sum rate (a - b)^2/(S_i + S_j) <= sum rate (a^2/S_i + b^2/S_j), with S the sums of rate
+   times inverse mass. A pair that meets alone is damped as in a flow, to the last bit but rounding, and a force that a
+   body passes on is carried as it is, because the speed that is damped is that after all elastic forces. */
+#include "compat.h"
+#include "impl.h"
+#include "base/room.h"
+
+/* A dashpot until the second pass */
+struct _p_Held {
+  PetscInt  pair, lever; /* lever: -1: acts at the centres */
+  PetscReal value, rate, normal[3];
+};
+
+static PetscErrorCode make_room(Contact c, PetscBool turns)
+{
+  AtOnce        *a = &c->at_once;
+  const PetscInt n = c->s->n;
+
+  PetscFunctionBeginUser;
+  if (a->room < n || (turns && !a->torque)) {
+    PetscCall(PetscFree2(a->force, a->after));
+    PetscCall(PetscFree2(a->torque, a->spin));
+    a->room = n + n / 16;
+    PetscCall(PetscMalloc2(a->room, &a->force, a->room, &a->after));
+    if (turns) PetscCall(PetscMalloc2(a->room, &a->torque, a->room, &a->spin));
+  }
+  PetscCall(PetscArrayzero(a->force, n));
+  for (PetscInt k = 0; k < n; k++) a->after[k][3] = 0;
+  if (turns) PetscCall(PetscArrayzero(a->torque, n));
+  a->nheld = a->nlevers = 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static void add_impulse(AtOnce *a, const Pair *p, const Impulse *s, PetscBool turns)
+{
+  for (PetscInt b = 0; b < 3; b++) {
+    a->force[p->i][b] += s->f[b];
+    if (turns) a->torque[p->i][b] += s->ti[b];
+    if (p->j < 0) continue;
+    a->force[p->j][b] -= s->f[b];
+    if (turns) a->torque[p->j][b] += s->tj[b];
+  }
+}
+
+static PetscErrorCode hold(Contact c, PetscInt pair, const Dashpot *d)
+{
+  const Pair     *p    = &c->pair[pair];
+  AtOnce         *a    = &c->at_once;
+  const PetscReal rate = ContactImplicit(c, d->film) * d->rate;
+  struct _p_Held *held;
+
+  PetscFunctionBeginUser;
+  a->after[p->i][3] += rate * d->of_i;
+  if (p->j >= 0) a->after[p->j][3] += rate * (d->inverse_mass - d->of_i);
+  PetscCall(RoomFor(a->nheld + 1, &a->held_room, &a->held, sizeof(*a->held), NULL));
+  held  = &a->held[a->nheld++];
+  *held = (struct _p_Held){.pair = pair, .lever = d->has_levers ? a->nlevers : -1, .value = d->value, .rate = d->rate};
+  for (PetscInt b = 0; b < 3; b++) held->normal[b] = d->normal[b];
+  if (!d->has_levers) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(RoomFor(a->nlevers + 1, &a->lever_room, &a->lever, sizeof(*a->lever), NULL));
+  for (PetscInt b = 0; b < 3; b++) {
+    a->lever[a->nlevers].i[b] = d->ri[b];
+    a->lever[a->nlevers].j[b] = d->rj[b];
+  }
+  a->lever[a->nlevers++].film = d->film;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The first pass: forces without damping, and friction, which is implicit by itself */
+static PetscErrorCode sum_elastic(Contact c, PetscReal h, PetscBool turns)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt p = 0; p < c->npairs; p++) {
+    Impulse   sum = {{0}, {0}, {0}};
+    PetscInt  n;
+    PetscReal gap;
+
+    PetscCall(ContactPairDashpots(c, p, h, &n, &sum, &gap));
+    ContactNoteGap(&c->pair[p], gap, c->s->gap);
+    if (gap >= c->horizon) continue;
+    for (PetscInt k = 0; k < n; k++) {
+      ContactAddForce(&c->dashpot[k], c->dashpot[k].value, &sum);
+      if (c->dashpot[k].rate > 0) PetscCall(hold(c, p, &c->dashpot[k]));
+    }
+    add_impulse(&c->at_once, &c->pair[p], &sum, turns);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Velocity of body k after the forces of the first pass */
+static void kick_body(Contact c, PetscInt k, PetscReal h, PetscBool turns)
+{
+  AtOnce   *a     = &c->at_once;
+  PetscReal dw[3] = {0, 0, 0};
+
+  for (PetscInt b = 0; b < 3; b++) a->after[k][b] = c->u[k][b] + h * ContactKind(c, k)->inverse_mass[b] * a->force[k][b];
+  if (turns) ContactSpin(c, k, a->torque[k], dw);
+  for (PetscInt b = 0; b < 3 && turns; b++) a->spin[k][b] = c->w[k][b] + h * dw[b];
+  BodiesKeepAxes(c->state, k, a->after[k], turns ? a->spin[k] : NULL);
+}
+
+/* At which the bodies of a pair part along n: u has `stride` numbers a body */
+static PetscReal parting(const Pair *p, const Lever *lever, const PetscReal n[3], const PetscReal u[], PetscInt stride, PetscReal (*w)[3])
+{
+  PetscReal v[3] = {0, 0, 0}, wr[3];
+
+  for (PetscInt b = 0; b < 3; b++) v[b] = u[p->i * stride + b] - (p->j >= 0 ? u[p->j * stride + b] : 0);
+  if (lever) {
+    cross(w[p->i], lever->i, wr);
+    for (PetscInt b = 0; b < 3; b++) v[b] += wr[b];
+  }
+  if (lever && p->j >= 0) {
+    cross(w[p->j], lever->j, wr);
+    for (PetscInt b = 0; b < 3; b++) v[b] -= wr[b];
+  }
+  return dot3(v, n);
+}
+
+/* The second pass */
+static void add_damping(Contact c, PetscReal h, PetscBool turns)
+{
+  AtOnce *a = &c->at_once;
+
+  for (PetscInt k = 0; k < a->nheld; k++) {
+    const struct _p_Held *d        = &a->held[k];
+    const Pair           *p        = &c->pair[d->pair];
+    const Lever          *lever    = d->lever < 0 ? NULL : &a->lever[d->lever];
+    const PetscBool       film     = (PetscBool)(lever && lever->film);
+    const PetscReal       implicit = ContactImplicit(c, film), all = a->after[p->i][3] + (p->j >= 0 ? a->after[p->j][3] : 0);
+    PetscReal             speed = parting(p, lever, d->normal, (PetscReal *)a->after, 4, a->spin), damping;
+    Impulse               sum   = {{0}, {0}, {0}};
+
+    if (implicit < 1) speed = implicit * speed + (1 - implicit) * parting(p, lever, d->normal, (PetscReal *)c->u, 3, c->w);
+    damping = -d->rate * speed / (1 + h * all);
+    if (!film && !c->law->pulls) damping = PetscMax(-d->value, damping);
+    for (PetscInt b = 0; b < 3; b++) sum.f[b] = damping * d->normal[b];
+    if (lever) {
+      cross(lever->i, sum.f, sum.ti);
+      cross(sum.f, lever->j, sum.tj);
+    }
+    add_impulse(a, p, &sum, turns);
+  }
+}
+
+PetscErrorCode ContactForcesAtOnce(Contact c, PetscReal h, PetscBool turns)
+{
+  PetscFunctionBeginUser;
+  PetscCall(make_room(c, turns));
+  PetscCall(sum_elastic(c, h, turns));
+  for (PetscInt k = 0; k < c->s->n; k++)
+    if (c->s->own[k] && !c->s->gone[k]) kick_body(c, k, h, turns);
+  PetscCall(BodiesUpdateGhosts(c->bodies, 4, c->at_once.after));
+  if (turns) PetscCall(BodiesUpdateGhosts(c->bodies, 3, c->at_once.spin));
+  add_damping(c, h, turns);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ContactForgetAtOnce(Contact c)
+{
+  AtOnce *a = &c->at_once;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscFree2(a->force, a->after));
+  PetscCall(PetscFree2(a->torque, a->spin));
+  PetscCall(PetscFree(a->held));
+  PetscCall(PetscFree(a->lever));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

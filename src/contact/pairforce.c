@@ -1,0 +1,317 @@
+/* Contact, the force of a pair: what its law says at each touch, friction, the film between them. Laws and formulas:
+   law.c. All of it is a force and a rate of damping along a normal, a dashpot, but friction, which is a force. */
+#include "compat.h"
+#include "impl.h"
+
+/* Measured, spheres with 8 cells a diameter under rung penalty: runs/studies/contact, "Films" */
+#define FILM_CLOSED 0.136 /* what the mesh makes of a closed film at a wall, in ranges; twice that between bodies */
+#define FILM_POWER  2.8   /* how that blends with the true gap */
+
+static void add_force(Impulse *s, const PetscReal f[3], const PetscReal ri[3], const PetscReal rj[3])
+{
+  PetscReal ti[3], tj[3];
+
+  cross(ri, f, ti);
+  cross(f, rj, tj); /* the force on j is -f */
+  for (PetscInt a = 0; a < 3; a++) {
+    s->f[a] += f[a];
+    s->ti[a] += ti[a];
+    s->tj[a] += tj[a];
+  }
+}
+
+/* Inverse of the mass that body k opposes to a force along n at lever r. */
+static PetscReal inverse_mass_along(Contact c, PetscInt k, const PetscReal r[3], const PetscReal n[3])
+{
+  const Kind *kind = ContactKind(c, k);
+  PetscReal   rn[3], irn[3], sum = 0;
+
+  cross(r, n, rn);
+  ContactSpin(c, k, rn, irn);
+  for (PetscInt a = 0; a < 3; a++) sum += kind->inverse_mass[a] * n[a] * n[a];
+  return sum + dot3(rn, irn);
+}
+
+/* Velocity of i relative to j where they touch. */
+static void relative_velocity(Contact c, PetscInt i, PetscInt j, const PetscReal ri[3], const PetscReal rj[3], PetscReal v[3])
+{
+  PetscReal wr[3];
+
+  cross(c->w[i], ri, wr);
+  for (PetscInt a = 0; a < 3; a++) v[a] = c->u[i][a] + wr[a];
+  if (j < 0) return;
+  cross(c->w[j], rj, wr);
+  for (PetscInt a = 0; a < 3; a++) v[a] -= c->u[j][a] + wr[a];
+}
+
+static PetscReal pair_inverse_mass(Contact c, PetscInt i, PetscInt j, const Touch *t, const PetscReal n[3])
+{
+  return inverse_mass_along(c, i, t->ri, n) + (j >= 0 ? inverse_mass_along(c, j, t->rj, n) : 0);
+}
+
+/* At a touch, without force and damping */
+static void place_dashpot(Contact c, const Pair *p, const Touch *t, Dashpot *d)
+{
+  d->value        = 0;
+  d->has_levers   = PETSC_TRUE;
+  d->of_i         = inverse_mass_along(c, p->i, t->ri, t->normal);
+  d->inverse_mass = d->of_i + (p->j >= 0 ? inverse_mass_along(c, p->j, t->rj, t->normal) : 0);
+  for (PetscInt a = 0; a < 3; a++) {
+    d->normal[a] = t->normal[a];
+    d->ri[a]     = t->ri[a];
+    d->rj[a]     = t->rj[a];
+  }
+}
+
+/* One touch in place of many, weighted with `share`. */
+static void average_touch(PetscInt n, const Touch t[], const PetscReal share[], Touch *mean)
+{
+  PetscReal total = 0, length;
+
+  *mean = (Touch){.gap = PETSC_MAX_REAL, .weight = 1};
+  for (PetscInt k = 0; k < n; k++) {
+    total += share[k];
+    mean->gap = PetscMin(mean->gap, t[k].gap);
+    for (PetscInt a = 0; a < 3; a++) {
+      mean->normal[a] += share[k] * t[k].normal[a];
+      mean->ri[a] += share[k] * t[k].ri[a];
+      mean->rj[a] += share[k] * t[k].rj[a];
+    }
+  }
+  length = PetscSqrtReal(dot3(mean->normal, mean->normal));
+  for (PetscInt a = 0; a < 3; a++) {
+    mean->normal[a] /= length;
+    mean->ri[a] /= total;
+    mean->rj[a] /= total;
+  }
+}
+
+/* Tangential spring with sliding; normal is the force pressing the bodies together. Spring and damper act at the end of
+   the sub-step (implicit), so that a body at rest on a slope does not creep. */
+static void add_friction(Contact c, const Pair *p, const Touch *t, PetscReal normal, PetscReal stiffness, PetscReal h, PetscReal slip[3],
+                         Impulse *sum)
+{
+  const PetscReal k = c->tangential * stiffness;
+  PetscReal       v[3], f[3], unit[3], along, size, rate, inverse;
+
+  relative_velocity(c, p->i, p->j, t->ri, t->rj, v);
+  along = dot3(v, t->normal);
+  for (PetscInt a = 0; a < 3; a++) v[a] -= along * t->normal[a];
+  along = dot3(slip, t->normal); /* the plane of contact has turned */
+  for (PetscInt a = 0; a < 3; a++) {
+    slip[a] -= along * t->normal[a];
+    f[a] = slip[a] + h * v[a];
+  }
+  size = PetscSqrtReal(dot3(f, f));
+  for (PetscInt a = 0; a < 3; a++) unit[a] = size > 0 ? f[a] / size : 0;
+  inverse = pair_inverse_mass(c, p->i, p->j, t, unit);
+  if (inverse <= 0) return;
+  rate = 2 * c->damping_ratio * PetscSqrtReal(k / inverse);
+  for (PetscInt a = 0; a < 3; a++) f[a] = -(k * slip[a] + (k * h + rate) * v[a]) / (1 + h * inverse * (k * h + rate));
+  size = PetscSqrtReal(dot3(f, f));
+  if (size > c->friction * normal) {
+    for (PetscInt a = 0; a < 3; a++) {
+      f[a] *= c->friction * normal / size;
+      slip[a] = -f[a] / k; /* it slides: the spring keeps what it can hold */
+    }
+  } else
+    for (PetscInt a = 0; a < 3; a++) slip[a] += h * (v[a] + h * inverse * f[a]);
+  add_force(sum, f, t->ri, t->rj);
+}
+
+/* The gap at which the mesh resists as it does at this one (runs/studies/contact, "Films") */
+static PetscReal resolved_gap(Contact c, const Pair *p, PetscReal gap)
+{
+  const PetscReal closed = (p->j < 0 ? 1 : 2) * FILM_CLOSED * c->lubrication_range;
+
+  if (c->dim == 2) return c->lubrication_range;
+  return PetscPowReal(PetscPowReal(gap, FILM_POWER) + PetscPowReal(closed, FILM_POWER), 1 / FILM_POWER);
+}
+
+/* Resistance of the film at a gap less what the mesh resolves of it */
+static PetscReal film_resistance(Contact c, const Pair *pair, PetscReal gap, const Curvature *k)
+{
+  const PetscReal open = resolved_gap(c, pair, gap), *p = k->principal, R = 2 / (p[0] + p[1]);
+
+  if (c->dim == 2) {
+    const PetscReal scale = 3 * PetscSqrtReal(2) * PETSC_PI * c->viscosity;
+
+    return scale * PetscPowReal(R / gap, 1.5) - scale * PetscPowReal(R / open, 1.5);
+  }
+  return 6 * PETSC_PI * c->viscosity *
+         (R / PetscSqrtReal(p[0] * p[1]) * (1 / gap - 1 / open) + R / 5 * (1 + 5 * k->of[0] * k->of[1] * R * R) * PetscLogReal(open / gap));
+}
+
+/* Of the film at the mean touch t, which goes to where the gap is narrowest. PETSC_FALSE: the mesh resolves it. */
+static PetscErrorCode film_dashpot(Contact c, const Pair *p, Touch *t, Dashpot *d, PetscBool *thin)
+{
+  Curvature curvature;
+
+  PetscFunctionBeginUser;
+  *thin = PETSC_FALSE;
+  if (c->viscosity <= 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ContactFindNarrowest(c, p->i, p->j, t, &curvature));
+  *thin = (PetscBool)(t->gap < c->lubrication_range);
+  if (!*thin) PetscFunctionReturn(PETSC_SUCCESS);
+  place_dashpot(c, p, t, d);
+  d->rate = film_resistance(c, p, PetscMax(t->gap, c->roughness), &curvature);
+  d->film = PETSC_TRUE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static void fill_meeting(Contact c, const Pair *p, Meeting *m)
+{
+  const Kind     *ki = ContactKind(c, p->i), *kj = p->j >= 0 ? ContactKind(c, p->j) : NULL;
+  const PetscReal speed = ContactPairSpeed(c, p);
+
+  m->stiffness = c->law->combine(c, ki, kj, speed);
+  m->speed     = PetscMax(speed, kj && kj->stiffness > ki->stiffness ? kj->speed : ki->speed);
+}
+
+/* By the law, at a gap within the range */
+static void ask_law(Contact c, Meeting *m, PetscReal gap, PetscReal weight, PetscReal h, Dashpot *d)
+{
+  m->gap          = gap;
+  m->weight       = weight;
+  m->inverse_mass = d->inverse_mass;
+  d->value        = c->law->force(c, m, &d->rate);
+  d->film         = PETSC_FALSE;
+  if (h <= 0) d->rate = 0;
+}
+
+/* Discs (spheres) and walls without friction or film: along the line of centres, no torques. PETSC_FALSE: not such a
+   pair. The common case of many bodies, in closed form. */
+static PetscBool discs_dashpot(Contact c, const Pair *p, PetscReal h, PetscInt *n, Dashpot *d, PetscReal *gap)
+{
+  const Kind *ki = ContactKind(c, p->i), *kj = p->j >= 0 ? ContactKind(c, p->j) : NULL;
+  Meeting     m;
+
+  if (ki->disc <= 0 || (kj && kj->disc <= 0) || c->slip || c->lubricate) return PETSC_FALSE;
+  ContactDiscGap(c, p->i, ki->disc, p->j, kj ? kj->disc : 0, d->normal, gap);
+  *n = *gap < c->range;
+  if (!*n) return PETSC_TRUE;
+  d->inverse_mass = d->of_i = 0;
+  d->has_levers             = PETSC_FALSE;
+  for (PetscInt a = 0; a < 3; a++) {
+    d->inverse_mass += (ki->inverse_mass[a] + (kj ? kj->inverse_mass[a] : 0)) * d->normal[a] * d->normal[a];
+    d->of_i += ki->inverse_mass[a] * d->normal[a] * d->normal[a];
+  }
+  fill_meeting(c, p, &m);
+  ask_law(c, &m, *gap, 1, h, d);
+  return PETSC_TRUE;
+}
+
+PetscReal ContactApproach(Contact c, const Pair *p, const Dashpot *d)
+{
+  PetscReal v[3];
+
+  if (d->has_levers) relative_velocity(c, p->i, p->j, d->ri, d->rj, v);
+  else
+    for (PetscInt a = 0; a < 3; a++) v[a] = c->u[p->i][a] - (p->j >= 0 ? c->u[p->j][a] : 0);
+  return -dot3(v, d->normal);
+}
+
+PetscReal ContactDashpotForce(Contact c, const Dashpot *d, PetscReal approach, PetscReal h)
+{
+  const PetscReal f = (d->value + d->rate * approach) / (1 + ContactImplicit(c, d->film) * h * d->rate * d->inverse_mass);
+
+  return d->film || c->law->pulls ? f : PetscMax(0, f);
+}
+
+void ContactAddForce(const Dashpot *d, PetscReal value, Impulse *sum)
+{
+  const PetscReal f[3] = {value * d->normal[0], value * d->normal[1], value * d->normal[2]};
+
+  if (d->has_levers) add_force(sum, f, d->ri, d->rj);
+  else
+    for (PetscInt a = 0; a < 3; a++) sum->f[a] += f[a];
+}
+
+/* Friction and film of a pair whose n touches share the force as in share [n] */
+static PetscErrorCode add_others(Contact c, PetscInt number, PetscInt n, PetscReal share[], PetscReal pressing, PetscReal stiffness, PetscReal h,
+                                 PetscInt *dashpots, Impulse *friction)
+{
+  const Pair *p = &c->pair[number];
+  PetscBool   thin;
+  Touch       mean;
+
+  PetscFunctionBeginUser;
+  if (c->slip && pressing > 0 && h > 0) {
+    average_touch(n, c->touch, share, &mean);
+    add_friction(c, p, &mean, pressing, stiffness, h, c->slip[number], friction);
+  }
+  if (c->lubricate) {
+    for (PetscInt k = 0; k < n; k++) share[k] = c->touch[k].weight;
+    average_touch(n, c->touch, share, &mean);
+    PetscCall(film_dashpot(c, p, &mean, &c->dashpot[*dashpots], &thin));
+    *dashpots += thin;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ContactPairDashpots(Contact c, PetscInt number, PetscReal h, PetscInt *n, Impulse *friction, PetscReal *gap)
+{
+  const Pair *p = &c->pair[number];
+  PetscReal   share[2 * CONTACT_MAX_POINTS], pressing = 0;
+  PetscInt    touches;
+  Meeting     m;
+
+  PetscFunctionBeginUser;
+  *n = 0;
+  if (discs_dashpot(c, p, h, n, c->dashpot, gap)) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ContactFindTouch(c, p->i, p->j, &touches, gap));
+  if (*gap >= c->range && c->slip) c->slip[number][0] = c->slip[number][1] = c->slip[number][2] = 0;
+  if (*gap >= c->horizon) PetscFunctionReturn(PETSC_SUCCESS);
+  fill_meeting(c, p, &m);
+  for (PetscInt k = 0; k < touches; k++) {
+    const Touch *t = &c->touch[k];
+    Dashpot     *d = &c->dashpot[*n];
+
+    share[k] = 0;
+    if (t->weight <= 0 || t->gap >= c->range) continue;
+    place_dashpot(c, p, t, d);
+    ask_law(c, &m, t->gap, t->weight, h, d);
+    share[k] = PetscMax(0, ContactDashpotForce(c, d, ContactApproach(c, p, d), h));
+    pressing += share[k];
+    (*n)++;
+  }
+  PetscCall(add_others(c, number, touches, share, pressing, m.stiffness, h, n, friction));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ContactPairForce(Contact c, PetscInt number, PetscReal h, Impulse *sum, PetscReal *gap)
+{
+  const Pair *p = &c->pair[number];
+  PetscInt    n;
+
+  PetscFunctionBeginUser;
+  *sum = (Impulse){{0}, {0}, {0}};
+  PetscCall(ContactPairDashpots(c, number, h, &n, sum, gap));
+  for (PetscInt k = 0; k < n; k++) {
+    const Dashpot *d = &c->dashpot[k];
+
+    ContactAddForce(d, ContactDashpotForce(c, d, ContactApproach(c, p, d), h), sum);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ContactPairEnergy(Contact c, PetscInt number, PetscReal *energy)
+{
+  const Pair *p = &c->pair[number];
+  PetscInt    n;
+  PetscReal   gap;
+  Meeting     m;
+
+  PetscFunctionBeginUser;
+  *energy = 0;
+  PetscCall(ContactFindTouch(c, p->i, p->j, &n, &gap));
+  if (gap >= c->range) PetscFunctionReturn(PETSC_SUCCESS);
+  fill_meeting(c, p, &m);
+  for (PetscInt k = 0; k < n; k++) {
+    m.gap    = c->touch[k].gap;
+    m.weight = c->touch[k].weight;
+    if (m.weight > 0) *energy += c->law->energy(c, &m);
+  }
+  if (c->slip) *energy += 0.5 * c->tangential * m.stiffness * dot3(c->slip[number], c->slip[number]);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
