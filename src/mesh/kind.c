@@ -294,10 +294,15 @@ static PetscErrorCode add_boundary(MeshKind k, const char name[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscBool is_box(MeshKind k)
+{
+  return (PetscBool)(k->kind == KIND_BOX || k->kind == KIND_CHANNEL);
+}
+
 /* Side of a box that holds the outer face at q, of the axes from the first one on; O-grids in index coordinates */
 static const char *side_of_face(MeshKind k, PetscInt first, const PetscReal q[])
 {
-  const PetscBool box = (PetscBool)(k->kind == KIND_BOX || k->kind == KIND_CHANNEL);
+  const PetscBool box = is_box(k);
 
   for (PetscInt d = first; d < k->dim; d++) {
     const PetscReal lower = box ? k->lower[d] : 0, upper = box ? k->upper[d] : k->cells[d], tol = 1e-6 * (upper - lower) / k->cells[d];
@@ -404,38 +409,44 @@ static PetscErrorCode create_box(MeshKind k, DM *dm)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MeshKindCreate(MPI_Comm comm, MeshKind *kind, DM *dm)
+PetscErrorCode MeshKindRead(MPI_Comm comm, MeshKind *kind)
 {
-  MeshKind k;
-
   PetscFunctionBeginUser;
-  PetscCall(PetscNew(&k));
-  k->comm = comm;
-  PetscCall(read_options(k));
+  PetscCall(PetscNew(kind));
+  (*kind)->comm = comm;
+  PetscCall(read_options(*kind));
+  if ((*kind)->kind != KIND_FILE) PetscCall(name_boundaries(*kind));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshKindGetBoxCells(MeshKind k, PetscReal *n)
+{
+  PetscFunctionBeginUser;
+  *n = is_box(k);
+  for (PetscInt d = 0; d < k->dim; d++) *n *= k->cells[d];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshKindBuild(MeshKind k, DM *dm)
+{
+  PetscFunctionBeginUser;
   if (k->kind == KIND_FILE) {
     PetscCall(create_from_file(k, dm));
-  } else {
-    if (k->kind == KIND_BOX || k->kind == KIND_CHANNEL) PetscCall(create_box(k, dm));
-    else PetscCall(MeshKindCreateRound(k, dm));
-    PetscCall(name_boundaries(k));
-    PetscCall(label_faces(k, *dm));
+    PetscFunctionReturn(PETSC_SUCCESS);
   }
-  *kind = k;
+  if (is_box(k)) PetscCall(create_box(k, dm));
+  else PetscCall(MeshKindCreateRound(k, dm));
+  PetscCall(label_faces(k, *dm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode MeshKindReadBox(MPI_Comm comm, MeshKind *kind)
 {
-  MeshKind k;
-
   PetscFunctionBeginUser;
-  PetscCall(PetscNew(&k));
-  k->comm = comm;
-  PetscCall(read_options(k));
-  PetscCheck(k->kind == KIND_BOX || k->kind == KIND_CHANNEL, comm, PETSC_ERR_SUP,
-             "-mesh_levels refines boxes: it does not work with -mesh_kind %s, use box or channel, or remove -mesh_levels", kind_names[k->kind]);
-  PetscCall(name_boundaries(k));
-  *kind = k;
+  PetscCall(MeshKindRead(comm, kind));
+  PetscCheck(is_box(*kind), comm, PETSC_ERR_SUP,
+             "-mesh_levels refines boxes: it does not work with -mesh_kind %s, use box or channel, or remove -mesh_levels",
+             kind_names[(*kind)->kind]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

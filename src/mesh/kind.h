@@ -1,4 +1,4 @@
-/* Meshkind: the meshes a scene can ask for by name, still serial and not refined.
+/* Meshkind: the meshes a scene can ask for by name, those of a DMPlex still serial and not refined.
 
      box      [lower, upper] with -mesh_cells nx,ny[,nz] equal cells, -mesh_lower, -mesh_upper, -mesh_periodic x,y,z,
               -mesh_dimension 2|3. With -mesh_focus lo..,hi.. cells of size -mesh_focus_h inside that box, outside
@@ -31,10 +31,14 @@
 
 typedef struct _p_MeshKind *MeshKind;
 
-/* Read options, build the mesh on rank 0. The caller destroys dm and kind. Errors: empty box, no file, no named
-   boundaries in a file, a rounded boundary that is not near its circle, periodic files. */
-PetscErrorCode MeshKindCreate(MPI_Comm, MeshKind *, DM *dm);
-/* Read the options alone: of a box or channel, of which a refined mesh is made. Errors: another kind. */
+/* Read options. Errors: empty box, no file. */
+PetscErrorCode MeshKindRead(MPI_Comm, MeshKind *);
+/* Cells of a box or channel; 0: another kind */
+PetscErrorCode MeshKindGetBoxCells(MeshKind, PetscReal *n);
+/* Build the mesh on rank 0. The caller destroys dm. Errors: no named boundaries in a file, a rounded boundary that is
+   not near its circle, periodic files. */
+PetscErrorCode MeshKindBuild(MeshKind, DM *dm);
+/* Read the options of a box or channel, of which a refined mesh is made. Errors: another kind. */
 PetscErrorCode MeshKindReadBox(MPI_Comm, MeshKind *);
 PetscErrorCode MeshKindDestroy(MeshKind *);
 /* Other base cells of a box. Error: it is graded (-mesh_focus, channel) and has others. */

@@ -408,6 +408,32 @@ static PetscErrorCode find_own_leaves(Leaves *t)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Cells of a box that is not refined, below one of the lattice with sides `w`, along the curve: those with numbers of
+   the own range are listed, *at counts all. Cells of the lattice outside of the box are none. */
+static void list_equal(Leaves *t, const PetscInt x[], PetscInt w, PetscInt64 *at)
+{
+  PetscInt64 count = 1;
+
+  for (PetscInt d = 0; d < t->dim; d++) count *= PetscMax(0, PetscMin(t->cells[d], x[d] + w) - x[d]);
+  if (!count || *at + count <= t->start || *at >= t->start + t->nleaf) {
+    *at += count;
+    return;
+  }
+  if (w == 1) {
+    Leaf *leaf = t->leaf + ((*at)++ - t->start);
+
+    *leaf = (Leaf){.key = curve_key(t->dim, x)};
+    for (PetscInt d = 0; d < t->dim; d++) leaf->x[d] = x[d];
+    return;
+  }
+  for (PetscInt i = 0; i < 1 << t->dim; i++) {
+    PetscInt y[3] = {0, 0, 0};
+
+    for (PetscInt d = 0; d < t->dim; d++) y[d] = x[d] + ((i >> d) & 1) * (w / 2);
+    list_equal(t, y, w / 2, at);
+  }
+}
+
 /* ---- options ---- */
 
 static PetscErrorCode read_regions(Leaves *t)
@@ -451,6 +477,24 @@ PetscErrorCode LeavesCreate(MPI_Comm comm, MeshKind kind, PetscInt levels, const
   PetscCall(read_regions(t));
   PetscCall(set_lattice(t));
   PetscCall(find_own_leaves(t));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode LeavesCreateEqual(MPI_Comm comm, MeshKind kind, Leaves *t)
+{
+  PetscInt64 at = 0;
+  PetscInt   w  = 1;
+
+  PetscFunctionBeginUser;
+  *t = (Leaves){.comm = comm, .kind = kind, .dim = kind->dim, .total = 1};
+  PetscCall(set_lattice(t));
+  for (PetscInt d = 0; d < t->dim; d++) {
+    t->total *= t->cells[d];
+    while (w < t->cells[d]) w *= 2;
+  }
+  PetscCall(take_range(t));
+  list_equal(t, (const PetscInt[3]){0, 0, 0}, w, &at);
+  PetscCall(share_first_keys(t));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

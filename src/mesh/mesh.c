@@ -2,22 +2,24 @@
 
    A DMPlex of quadrilaterals or hexahedra (kind.h) is distributed, refined, and given one layer of ghost cells. Every
    mesh point then gets one node, numbered in the order in which the cells (in cache-friendly order) touch them:
-   neighbours in space are neighbours in memory. Lengths are in the unit of the scene. Cells of other types and adaptive
-   refinement are not handled. */
+   neighbours in space are neighbours in memory. Lengths are in the unit of the scene. Refined boxes (-mesh_levels), and
+   large ones on many ranks, which one rank should not have to hold, come from refined.c instead. */
 #include "compat.h"
 #include "impl.h"
 #include "base/opt.h"
 #include "partition.h"
 #include "refined.h"
 
+#define LARGE_BOX 2e5 /* cells; on many ranks such a box is made distributed, smaller ones are cut better by METIS */
+
 /* ---- the DMPlex ---- */
 
-static PetscErrorCode create_dm(Mesh m, MPI_Comm comm)
+static PetscErrorCode create_dm(Mesh m)
 {
   DM overlap;
 
   PetscFunctionBeginUser;
-  PetscCall(MeshKindCreate(comm, &m->kind, &m->dm));
+  PetscCall(MeshKindBuild(m->kind, &m->dm));
   PetscCall(MeshKindGetBoundaries(m->kind, &m->nboundary, &m->boundary_name));
   PetscCall(PetscCalloc2(m->nboundary, &m->boundary_node, m->nboundary, &m->boundary_count));
   PetscCall(DMSetBasicAdjacency(m->dm, PETSC_FALSE, PETSC_TRUE)); /* ghost cells: all that share a vertex */
@@ -296,7 +298,7 @@ static PetscErrorCode build_plain(Mesh m)
   PetscBool *ghost;
 
   PetscFunctionBeginUser;
-  PetscCall(create_dm(m, m->comm));
+  PetscCall(create_dm(m));
   PetscCall(DMGetDimension(m->dm, &m->loc.dim));
   m->loc.nb = m->loc.dim == 2 ? 9 : 27;
   PetscCall(DMPlexGetChart(m->dm, &pStart, &pEnd));
@@ -311,6 +313,22 @@ static PetscErrorCode build_plain(Mesh m)
   PetscCall(collect_boundary_nodes(m, number));
   PetscCall(PetscFree2(order, number));
   PetscCall(PetscFree(ghost));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* To be made without rank 0? Not if options ask for what a DMPlex can do. */
+static PetscErrorCode is_large_box(Mesh m, PetscBool *large)
+{
+  const char *const other[] = {"-petscpartitioner_type", "-dm_refine"};
+  PetscMPIInt       size;
+  PetscReal         n;
+  PetscBool         given = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_size(m->comm, &size));
+  PetscCall(MeshKindGetBoxCells(m->kind, &n));
+  for (size_t i = 0; i < 2 && !given; i++) PetscCall(PetscOptionsHasName(NULL, NULL, other[i], &given));
+  *large = (PetscBool)(size > 1 && n >= LARGE_BOX && !given);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -375,7 +393,7 @@ PetscErrorCode MeshCreateAround(MPI_Comm comm, const MeshSurface *surface, Mesh 
 {
   Mesh      m;
   PetscInt  levels;
-  PetscBool around;
+  PetscBool around, large = PETSC_FALSE;
   Leaves    leaves;
 
   PetscFunctionBeginUser;
@@ -385,8 +403,13 @@ PetscErrorCode MeshCreateAround(MPI_Comm comm, const MeshSurface *surface, Mesh 
   if (levels) {
     PetscCall(MeshKindReadBox(comm, &m->kind));
     PetscCall(LeavesCreate(comm, m->kind, levels, surface, &leaves));
-    PetscCall(RefinedBuild(m, &leaves));
-  } else PetscCall(build_plain(m));
+  } else {
+    PetscCall(MeshKindRead(comm, &m->kind));
+    PetscCall(is_large_box(m, &large));
+    if (large) PetscCall(LeavesCreateEqual(comm, m->kind, &leaves));
+  }
+  if (levels || large) PetscCall(RefinedBuild(m, &leaves));
+  else PetscCall(build_plain(m));
   PetscCall(complete(m));
   *mesh = m;
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -439,6 +439,19 @@ static PetscErrorCode build_cells(Builder *b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* What a refined mesh has beyond others */
+static PetscErrorCode keep_tree(Builder *b)
+{
+  PetscFunctionBeginUser;
+  PetscCall(attach_hanging(b));
+  PetscCall(count_levels(b));
+  PetscCall(LeavesClose(&b->leaves));
+  b->mesh->half = b->half;
+  PetscCall(PetscNew(&b->mesh->leaves));
+  *b->mesh->leaves = b->leaves;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode RefinedBuild(Mesh m, Leaves *leaves)
 {
   Builder        b = {.mesh = m, .leaves = *leaves};
@@ -452,14 +465,12 @@ PetscErrorCode RefinedBuild(Mesh m, Leaves *leaves)
   PetscCall(MeshConnectNodes(m));
   PetscCall(place_nodes(&b));
   PetscCall(collect_boundaries(&b));
-  PetscCall(attach_hanging(&b));
-  PetscCall(count_levels(&b));
+  if (leaves->levels) PetscCall(keep_tree(&b));
+  else { /* equal cells are as good as any others */ PetscCall(PetscFree(b.half));
+    PetscCall(LeavesDestroy(&b.leaves));
+  }
   PetscCall(PetscFree(b.ghost));
   PetscCall(PetscFree(b.code));
-  PetscCall(LeavesClose(&b.leaves));
-  m->half = b.half;
-  PetscCall(PetscNew(&m->leaves));
-  *m->leaves = b.leaves;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

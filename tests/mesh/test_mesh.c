@@ -8,6 +8,7 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <cmocka.h>
+#include <sys/resource.h>
 
 #define assert_near(a, b, tol) assert_true(PetscAbsReal((PetscReal)(a) - (PetscReal)(b)) <= (tol))
 
@@ -48,6 +49,34 @@ static void check_box(const char cells[], const char periodic[], PetscInt dim, c
     }
   }
   assert_int_equal(MeshDestroy(&m), 0);
+}
+
+static PetscReal peak_memory(void)
+{
+  struct rusage use;
+
+  assert_int_equal(getrusage(RUSAGE_SELF, &use), 0);
+  return (PetscReal)use.ru_maxrss;
+}
+
+/* A large box on many ranks: rank 0 takes no more memory to make it than others, at any time. To be called first: what
+   counts is the growth of the peak. */
+static void test_memory(void **state)
+{
+  const PetscReal before = peak_memory();
+  PetscReal       sum, most;
+  PetscMPIInt     size;
+  Mesh            m;
+
+  (void)state;
+  assert_int_equal(MPI_Comm_size(PETSC_COMM_WORLD, &size), 0);
+  if (size == 1) return;
+  assert_int_equal(create_mesh("650,320", NULL, 2, &m), 0);
+  sum = most = peak_memory() - before;
+  assert_int_equal(MeshDestroy(&m), 0);
+  assert_int_equal(MPI_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPI_SUM, PETSC_COMM_WORLD), 0);
+  assert_int_equal(MPI_Allreduce(MPI_IN_PLACE, &most, 1, MPIU_REAL, MPI_MAX, PETSC_COMM_WORLD), 0);
+  assert_true(sum > 0 && most < 1.3 * sum / size);
 }
 
 static void test_box(void **state)
@@ -103,6 +132,17 @@ static void test_exchange(void **state)
   check_exchange("4,3,5", NULL, 3);
 }
 
+/* Large boxes on many ranks come another way */
+static void test_large_box(void **state)
+{
+  PetscMPIInt size;
+
+  (void)state;
+  assert_int_equal(MPI_Comm_size(PETSC_COMM_WORLD, &size), 0);
+  if (size == 1) return;
+  check_exchange("650,320", "x", 2);
+}
+
 static void test_boundaries(void **state)
 {
   (void)state;
@@ -146,7 +186,8 @@ static void test_nodes_in_box(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_box), cmocka_unit_test(test_exchange), cmocka_unit_test(test_boundaries),
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_memory),      cmocka_unit_test(test_box),       cmocka_unit_test(test_large_box),
+                                     cmocka_unit_test(test_exchange),    cmocka_unit_test(test_large_box), cmocka_unit_test(test_boundaries),
                                      cmocka_unit_test(test_nodes_in_box)};
   int                     failed;
 
