@@ -1,5 +1,5 @@
-/* Inside of Bodies; for its files only. bodies.c: the state. advance.c: its motion. group.c: options of the groups,
-   where their bodies start. */
+/* Inside of Bodies; for its files only. bodies.c: the state. columns.c: its arrays. advance.c: its motion. group.c:
+   options of the groups, where their bodies start. parts.c, local.c: who knows which. */
 #pragma once
 #include "bodies/local.h"
 #include "motion.h"
@@ -48,6 +48,14 @@ struct _p_Bodies {
 /* Columns of the state, made with room for `room` bodies; zeros. Reserve: for n of them. */
 PetscErrorCode BodyAddColumn(Bodies, size_t bytes, void **array);
 PetscErrorCode BodyReserve(Bodies, PetscInt n);
+/* Bodies that are not kept go, the others close up. */
+void BodyKeep(Bodies, const PetscBool keep[]);
+/* Bodies of m parcels come, each at the place of its number: from the highest downwards, so that none is in the way.
+   own: of these bodies, if not that of the parcels; from [m]: the ranks they come from. */
+PetscErrorCode BodyJoin(Bodies, PetscInt m, const char *parcel, PetscBool own, const PetscMPIInt from[]);
+/* Parcels of bodies [n] to the ranks to [n], both of which are sorted; comes: parcels that come and the ranks they come
+   from, to be freed. Collective. */
+PetscErrorCode BodyExchange(Bodies, PetscInt n, PetscMPIInt to[], PetscInt body[], PetscInt *comes, char **in, PetscMPIInt **from);
 
 /* Read -particle_groups and the options of all groups, load their shapes, place their bodies in the domain lower ..
    upper. Needs s->dim; sets s->nall, s->ngroups and s->group, of which all but `hole`; the rest of the state is not

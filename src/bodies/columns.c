@@ -1,0 +1,159 @@
+/* Bodies, columns: the arrays per known body, and parcels of all of them in which a body goes from rank to rank. */
+#include "compat.h"
+#include "impl.h"
+#include "parts.h"
+
+PetscErrorCode BodyAddColumn(Bodies b, size_t bytes, void **array)
+{
+  PetscFunctionBeginUser;
+  PetscCheck(b->ncolumns < BODIES_MAX_COLUMNS, PETSC_COMM_SELF, PETSC_ERR_SUP, "Bodies have room for %d arrays", BODIES_MAX_COLUMNS);
+  b->column[b->ncolumns++] = (BodyColumn){array, bytes};
+  PetscCall(PetscCalloc(PetscMax(1, b->room) * bytes, array));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodyReserve(Bodies b, PetscInt n)
+{
+  PetscFunctionBeginUser;
+  if (n <= b->room) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt i = 0; i < b->ncolumns; i++) {
+    BodyColumn *c = b->column + i;
+
+    PetscCall(PetscRealloc((size_t)n * c->bytes, c->array));
+    PetscCall(PetscMemzero((char *)*c->array + (size_t)b->room * c->bytes, (size_t)(n - b->room) * c->bytes));
+  }
+  b->room = n;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodiesAttach(Bodies b, size_t bytes, void **array)
+{
+  PetscFunctionBeginUser;
+  PetscCall(BodyAddColumn(b, bytes, array));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodiesDetach(Bodies b, void **array)
+{
+  PetscInt i = 0;
+
+  PetscFunctionBeginUser;
+  while (i < b->ncolumns && b->column[i].array != array) i++;
+  if (i == b->ncolumns) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree(*array));
+  b->column[i] = b->column[--b->ncolumns];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static size_t parcel_size(Bodies b)
+{
+  size_t bytes = 0;
+
+  for (PetscInt i = 0; i < b->ncolumns; i++) bytes += b->column[i].bytes;
+  return bytes;
+}
+
+static void pack(Bodies b, PetscInt k, char *to)
+{
+  for (PetscInt i = 0; i < b->ncolumns; to += b->column[i++].bytes)
+    (void)PetscMemcpy(to, (char *)*b->column[i].array + (size_t)k * b->column[i].bytes, b->column[i].bytes);
+}
+
+static void unpack(Bodies b, const char *from, PetscInt k)
+{
+  for (PetscInt i = 0; i < b->ncolumns; from += b->column[i++].bytes)
+    (void)PetscMemcpy((char *)*b->column[i].array + (size_t)k * b->column[i].bytes, from, b->column[i].bytes);
+}
+
+static void move_body(Bodies b, PetscInt from, PetscInt to)
+{
+  for (PetscInt i = 0; i < b->ncolumns && from != to; i++) {
+    const BodyColumn *c = b->column + i;
+
+    (void)PetscMemcpy((char *)*c->array + (size_t)to * c->bytes, (char *)*c->array + (size_t)from * c->bytes, c->bytes);
+  }
+}
+
+void BodyKeep(Bodies b, const PetscBool keep[])
+{
+  PetscInt n = 0;
+
+  for (PetscInt k = 0; k < b->state.n; k++)
+    if (keep[k]) move_body(b, k, n++);
+  b->state.n = n;
+}
+
+PetscErrorCode BodyJoin(Bodies b, PetscInt m, const char *parcel, PetscBool own, const PetscMPIInt from[])
+{
+  const size_t bytes = parcel_size(b);
+  BodyArrays  *s     = &b->state;
+  PetscInt    *number, *order, i = s->n - 1;
+
+  PetscFunctionBeginUser;
+  if (s->n + m > b->room) PetscCall(BodyReserve(b, s->n + m + (s->n + m) / 16));
+  PetscCall(PetscMalloc2(m, &number, m, &order));
+  for (PetscInt j = 0, at = 0; at < b->ncolumns && j < m; j++) { /* where the number stands in a parcel */
+    size_t offset = 0;
+
+    for (at = 0; b->column[at].array != (void **)&s->number; at++) offset += b->column[at].bytes;
+    PetscCall(PetscMemcpy(number + j, parcel + (size_t)j * bytes + offset, sizeof(PetscInt)));
+    order[j] = j;
+  }
+  PetscCall(PetscSortIntWithArray(m, number, order));
+  for (PetscInt j = m - 1, at = s->n + m - 1; j >= 0; at--) {
+    if (i >= 0 && s->number[i] > number[j]) move_body(b, i--, at);
+    else {
+      unpack(b, parcel + (size_t)order[j] * bytes, at);
+      s->own[at]   = own;
+      b->owner[at] = from[order[j]];
+      j--;
+    }
+  }
+  s->n += m;
+  PetscCall(PetscFree2(number, order));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodyExchange(Bodies b, PetscInt n, PetscMPIInt to[], PetscInt body[], PetscInt *comes, char **in, PetscMPIInt **from)
+{
+  const BodyParts *p     = b->parts;
+  const size_t     bytes = parcel_size(b);
+  PetscMPIInt     *rank, *source, nto = 0, nfrom;
+  PetscInt        *count, *arrives;
+  char            *out;
+  MPI_Datatype     type;
+  MPI_Request     *request;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscSortMPIIntWithIntArray((PetscMPIInt)n, to, body));
+  PetscCall(PetscMalloc3(n, &rank, n, &count, (size_t)n * bytes, &out));
+  for (PetscInt i = 0; i < n; i++) {
+    if (!i || to[i] != to[i - 1]) {
+      rank[nto]    = to[i];
+      count[nto++] = 0;
+    }
+    count[nto - 1]++;
+    pack(b, body[i], out + (size_t)i * bytes);
+  }
+  PetscCall(PetscCommBuildTwoSided(p->comm, 1, MPIU_INT, nto, rank, count, &nfrom, &source, &arrives));
+  *comes = 0;
+  for (PetscMPIInt i = 0; i < nfrom; i++) *comes += arrives[i];
+  PetscCall(PetscMalloc1((size_t)*comes * bytes, in));
+  PetscCall(PetscMalloc1(*comes, from));
+  PetscCall(PetscMalloc1(nto + nfrom, &request));
+  PetscCallMPI(MPI_Type_contiguous((int)bytes, MPI_BYTE, &type));
+  PetscCallMPI(MPI_Type_commit(&type));
+  for (PetscInt i = 0, at = 0; i < nfrom; at += arrives[i++]) {
+    PetscCallMPI(MPI_Irecv(*in + (size_t)at * bytes, (PetscMPIInt)arrives[i], type, source[i], p->tag, p->comm, request + i));
+    for (PetscInt j = 0; j < arrives[i]; j++) (*from)[at + j] = source[i];
+  }
+  for (PetscInt i = 0, at = 0; i < nto; at += count[i++])
+    PetscCallMPI(MPI_Isend(out + (size_t)at * bytes, (PetscMPIInt)count[i], type, rank[i], p->tag, p->comm, request + nfrom + i));
+  PetscCallMPI(MPI_Waitall(nto + nfrom, request, MPI_STATUSES_IGNORE));
+  PetscCallMPI(MPI_Type_free(&type));
+  PetscCall(PetscFree(request));
+  PetscCall(PetscFree(source));
+  PetscCall(PetscFree(arrives));
+  PetscCall(PetscFree3(rank, count, out));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,25 @@
+/* Parts of the domain, one a rank: the box is cut along its axes, so that as many bodies lie between two cuts as
+   between any other two. For files of the room only. */
+#pragma once
+#include "impl.h"
+
+struct _p_BodyParts {
+  MPI_Comm     comm;
+  PetscMPIInt  rank, size;
+  PetscInt     dim, n[3], at[3]; /* parts along the axes, place of this rank's one */
+  PetscReal   *cut[3];           /* [n + 1] */
+  PetscReal    lower[3], upper[3], period[3];
+  PetscSF      ghosts; /* from known to known bodies; NULL before the first BodiesMigrate */
+  PetscMPIInt  tag;
+  MPI_Datatype unit[2]; /* 3 and 4 reals */
+};
+
+/* Centres outside of the domain count as on its face, but for an axis that is periodic */
+void        BodyPartsInside(const BodyParts *, const PetscReal x[3], PetscReal y[3]);
+PetscMPIInt BodyPartsRank(const BodyParts *, const PetscReal x[3]);
+/* Is part i of an axis nearer to y than reach? */
+PetscBool BodyPartsNear(const BodyParts *, PetscInt axis, PetscInt i, PetscReal y, PetscReal reach);
+/* Is y in the own part, farther than reach from all others? */
+PetscBool BodyPartsDeep(const BodyParts *, const PetscReal y[3], PetscReal reach);
+/* Cuts between which there are as many bodies, from counts in bins. Collective. */
+PetscErrorCode BodyPartsBalance(Bodies);
