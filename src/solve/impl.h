@@ -1,6 +1,7 @@
 /* Inside of FlowSolver; for its files only. system.c: life cycle, set-up, solve. recipe.c: choice of methods and
    tolerances. precondition.c: the projection preconditioner. operator.c: products with the operators of the system.
-   held.c: mean velocities held by uniform forces. nonlinear.c: for solvers of nonlinear problems. */
+   held.c: mean velocities held by uniform forces. conserve.c: the balance of momentum. nonlinear.c: for solvers of
+   nonlinear problems. */
 #pragma once
 #include "bodyblocks.h"
 #include "solve/system.h"
@@ -109,3 +110,6 @@ PetscErrorCode FlowSolverCreateProjection(FlowSolver, PC pc);
    a solve for that failed. Collective. */
 PetscErrorCode FlowSolverHold(FlowSolver, PetscReal u[], PetscReal p[], PetscReal U[], PetscInt *its, KSPConvergedReason *reason);
 PetscErrorCode FlowSolverDestroyHeld(FlowSolver);
+/* Add a linear pressure to a solution x of fs->b, so that its residual holds no momentum along axes that have ends,
+   unless that residual is large; fs->r is undefined then. Collective. */
+PetscErrorCode FlowSolverConserve(FlowSolver, Vec x);

@@ -563,6 +563,7 @@ PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscRe
     PetscCall(KSPGetConvergedReason(fs->ksp, reason));
     PetscCall(VecAXPY(fs->x, 1, fs->y));
   }
+  if (fs->nbodies && !fs->held && *reason >= 0) PetscCall(FlowSolverConserve(fs, fs->x));
   PetscCall(FlowSolverUnpack(fs, fs->x, u, p, U));
   if (fs->held && *reason >= 0) PetscCall(FlowSolverHold(fs, u, p, U, its, reason));
   PetscCall(PetscLogEventEnd(TB_FLOW_SOLVE, 0, 0, 0, 0));

@@ -165,7 +165,7 @@ def test_iterations_do_not_depend_on_the_mesh(go, place):
 
 def test_momentum_balance(go):
     error = max(row["momentum_error"] for row in go(DISC, "-sim_steps", "20", ranks=2).series)
-    assert error < 1e-4, f"momentum balance error {error:g}"
+    assert error < 1e-12, f"momentum balance error {error:g}, which a closed box keeps to round-off (src/solve/conserve.c)"
 
 
 # ---- motion ----
