@@ -15,6 +15,8 @@ typedef PetscErrorCode (*VectorField)(void *ctx, PetscReal time, const PetscReal
 /* Prescribed components everywhere follow a field in place of the conditions' own values, from the next step on; for
    verification. NULL: back. */
 PetscErrorCode ConditionsSetField(Conditions, VectorField, void *ctx);
+/* Nodes have moved within boundaries: values at the new places, at the time that was set last. Collective. */
+PetscErrorCode ConditionsRenew(Conditions);
 /* Prescribed components: fixed [nnode_all] bit mask, value [nnode_all][dim] (may be NULL). Borrowed. */
 PetscErrorCode ConditionsGetValues(Conditions, const PetscInt *fixed[], const PetscReal *value[]);
 /* Prescribed components of walls (no_slip, moving_wall, slip), not of an inflow: [nnode_all] bit mask. Borrowed. */

@@ -291,19 +291,20 @@ PetscErrorCode CoupleListPrescribedCells(Couple c)
 }
 
 /* What prescribed components supply: sums of the momentum residual over walls and over openings (holes are bodies
-   and left out), and *size, the sum of the sizes, by which errors are measured (in a closed box the forces of the
-   walls cancel) */
+   and left out, as are nodes that belong to a body), and *size, the sum of the sizes, by which errors are measured (in
+   a closed box the forces of the walls cancel) */
 static PetscErrorCode sum_prescribed(Couple c, PetscReal walls[3], PetscReal openings[3], PetscReal *size)
 {
   const MeshLocal *l = c->loc;
-  const PetscInt  *fixed, *wall, *hole;
+  const PetscInt  *fixed, *wall, *hole, *body;
   PetscReal        sum[7] = {0};
 
   PetscFunctionBeginUser;
   PetscCall(ConditionsGetValues(FlowConditions(c->flow), &fixed, NULL));
   PetscCall(ConditionsGetWalls(FlowConditions(c->flow), &wall));
   PetscCall(FittedGetNodeBody(c->hole, &hole));
-  if (c->follow) PetscCall(BoundariesUpdate(c->boundaries));
+  PetscCall(ConstraintGetNodeBody(c->constraint, &body));
+  if (c->follow || c->sides_move) PetscCall(BoundariesUpdate(c->boundaries));
   PetscCall(BoundariesBegin(c->boundaries));
   for (PetscInt i = 0; i < c->nprescribed; i++) {
     const PetscInt *node = l->cell_node + c->prescribed[i] * l->nb;
@@ -311,9 +312,9 @@ static PetscErrorCode sum_prescribed(Couple c, PetscReal walls[3], PetscReal ope
 
     PetscCall(FlowCellResidual(c->flow, c->prescribed[i], c->u, c->p, r));
     for (PetscInt j = 0; j < l->nb; j++) {
-      if (hole[node[j]] < 0) PetscCall(BoundariesShare(c->boundaries, c->prescribed[i], j, c->p));
+      if (hole[node[j]] < 0 && body[node[j]] < 0) PetscCall(BoundariesShare(c->boundaries, c->prescribed[i], j, c->p));
       for (PetscInt a = 0; a < l->dim; a++) {
-        if (!((fixed[node[j]] >> a) & 1) || hole[node[j]] >= 0) continue;
+        if (!((fixed[node[j]] >> a) & 1) || hole[node[j]] >= 0 || body[node[j]] >= 0) continue;
         sum[((wall[node[j]] >> a) & 1 ? 0 : 3) + a] += r[j * l->dim + a];
         BoundariesAdd(c->boundaries, node[j], a, r[j * l->dim + a]);
         sum[6] += PetscAbsReal(r[j * l->dim + a]);

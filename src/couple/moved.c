@@ -98,6 +98,20 @@ static PetscErrorCode move_nodes(Moved m, const MovedMesh *to)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Values that are prescribed at nodes which move within their boundary */
+static PetscErrorCode renew_conditions(Moved m, const MovedMesh *to)
+{
+  const PetscInt *fixed;
+  PetscBool       any = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConditionsGetValues(FlowConditions(m->flow), &fixed, NULL));
+  for (PetscInt e = 0; e < to->nnode && !to->whole; e++) any = (PetscBool)(any || fixed[to->node[e]]);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &any, 1, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
+  if (any) PetscCall(ConditionsRenew(FlowConditions(m->flow)));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static void remember_dead(Moved m, const MovedMesh *to)
 {
   if (!to->dead) return;
@@ -111,6 +125,7 @@ PetscErrorCode MovedCommit(Moved m, const MovedMesh *to)
   remember_dead(m, to);
   if (!m->any) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(move_nodes(m, to));
+  PetscCall(renew_conditions(m, to));
   PetscCall(FlowUpdateCells(m->flow, m->n, m->cell, m->dead ? m->dead : m->fluid));
   if (m->dead) PetscCall(FlowSolverSetDead(m->solver, m->dead, m->resolved));
   if (m->told && to->whole) PetscCall((*m->told)(m->ctx));
@@ -122,6 +137,7 @@ PetscErrorCode MovedRestore(Moved m, PetscInt n, const PetscInt cell[], const Mo
   PetscFunctionBeginUser;
   remember_dead(m, to);
   PetscCall(MeshMoveNodes(m->mesh, to->nnode, to->node, to->x));
+  PetscCall(renew_conditions(m, to));
   if (to->whole) PetscCall(MeshRebase(m->mesh));
   PetscCall(FlowRestoreCells(m->flow, n, cell, m->dead ? m->dead : m->fluid));
   if (m->told && to->whole) PetscCall((*m->told)(m->ctx));

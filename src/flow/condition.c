@@ -30,7 +30,8 @@ struct _p_Conditions {
   PetscInt         n, *fixed, *wall; /* bit masks of components: prescribed; prescribed by a wall */
   Condition       *condition;
   PetscReal       *value;
-  PetscBool        floating;
+  PetscBool        floating, timed; /* timed: has a time been set? */
+  PetscReal        time;
   VectorField      field; /* in place of the conditions' values */
   void            *field_ctx;
 };
@@ -229,6 +230,8 @@ PetscErrorCode ConditionsSetTime(Conditions f, PetscReal time)
   const PetscInt dim = f->loc->dim;
 
   PetscFunctionBeginUser;
+  f->time  = time;
+  f->timed = PETSC_TRUE;
   if (f->field) PetscCall(evaluate_field(f, time < PETSC_MAX_REAL ? time : 0));
   for (PetscInt pass = 0; pass < 5 && !f->field; pass++) {
     for (PetscInt b = 0; b < f->n; b++) {
@@ -252,6 +255,13 @@ PetscErrorCode ConditionsSetTime(Conditions f, PetscReal time)
       }
     }
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConditionsRenew(Conditions f)
+{
+  PetscFunctionBeginUser;
+  if (f->timed) PetscCall(ConditionsSetTime(f, f->time));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

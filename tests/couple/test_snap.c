@@ -209,6 +209,16 @@ static void test_side(void **state)
     BELOW(miss(&c), 0.25 / 40);
   }
   assert_int_equal(c.r.nnarrow, 1);
+  for (PetscInt t = 0; t <= 40; t++) { /* and on through it: from a cell deep on, the side ends on the disc */
+    c.state->x[0][0] = 0.1 - t / 400.0;
+    fit(&c);
+    if (t > 8 && t <= 10) continue; /* drawn back by a cell and more: left alone */
+    assert_true(c.fitted[0]);
+    assert_int_equal(c.r.npass, t > 10);
+    BELOW(miss(&c), t > 10 ? 1e-10 : 1.3 / 40);
+    for (PetscInt i = 0; i < c.l->nnode_all; i++)
+      if (c.l->x_start[2 * i] == 0) assert_true(c.l->x[2 * i] == 0);
+  }
   close_case(&c);
 }
 

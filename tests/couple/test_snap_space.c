@@ -1,5 +1,5 @@
 /* Snap in space: valid cells around bodies wherever they lie and however they are turned, surfaces met exactly, volume,
-   gaps, plates refused, and the same mesh on any number of ranks. */
+   gaps, passages through sides, plates refused, and the same mesh on any number of ranks. */
 /* ranks: 1 2 3 */
 #include "snapcase.h"
 #include "mesh/element.h"
@@ -187,9 +187,51 @@ static void test_side(void **state)
   close_case(&c);
 }
 
+/* Volume that a fitted case is off by from what it should be, and nodes of sides are still on them */
+static void check_passage(Case *c, PetscReal inside, PetscReal tolerance)
+{
+  fit(c, 1);
+  assert_int_equal(c->failed, 0);
+  BELOW(miss(c), 1e-8);
+  NEAR(1 - fluid_volume(c), inside, tolerance * inside);
+  for (PetscInt i = 0; i < 3 * c->l->nnode_all; i++)
+    if (c->l->period[i % 3] == 0 && (c->l->x_start[i] == 0 || c->l->x_start[i] == 1)) assert_true(c->l->x[i] == c->l->x_start[i]);
+}
+
+/* A cylinder through two sides, straight and at an angle, the same round a period; a ball cut by one side and by two */
+static void test_passages(void **state)
+{
+  const PetscReal angle = 0.2, R = 0.25, cut = 0.1, half = PETSC_PI * (R + cut) * (R + cut) * (2 * R - cut) / 3;
+  Case            c;
+
+  (void)state;
+  open_case(&c, 8, BALL "cylinder -particle_a_radius 0.25 -particle_a_length 1.6");
+  c.state->x[0][0] = 0.51;
+  check_passage(&c, PETSC_PI * R * R, 1e-3);
+  assert_int_equal(c.r.npass, 1);
+  c.state->q[0][0] = PetscCosReal(angle / 2);
+  c.state->q[0][1] = PetscSinReal(angle / 2);
+  check_passage(&c, PETSC_PI * R * R / PetscCosReal(angle), 2e-3);
+  close_case(&c);
+  open_case(&c, 8, BALL "cylinder -particle_a_radius 0.25 -particle_a_length 1.2 -mesh_periodic z");
+  check_passage(&c, PETSC_PI * R * R, 1e-3);
+  assert_int_equal(c.r.npass, 0);
+  close_case(&c);
+  open_case(&c, 8, BALL "circle -particle_a_radius 0.25");
+  for (PetscInt t = 0; t < 3; t++) {
+    c.state->x[0][0] = 0.5 + 0.06 * noise(t);
+    c.state->x[0][1] = t < 2 ? 0.1 : 0.9;
+    check_passage(&c, half, 5e-3);
+  }
+  c.state->x[0][0] = c.state->x[0][1] = 0;
+  check_passage(&c, PETSC_PI * R * R * R / 3, 5e-3);
+  close_case(&c);
+}
+
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_shapes), cmocka_unit_test(test_gaps), cmocka_unit_test(test_side)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_shapes), cmocka_unit_test(test_gaps), cmocka_unit_test(test_side),
+                                     cmocka_unit_test(test_passages)};
   int                     failed;
 
   if (PetscInitialize(&argc, &argv, NULL, NULL)) return 1;

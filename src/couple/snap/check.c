@@ -95,13 +95,14 @@ PetscErrorCode SnapCheckCells(Snap s, PetscReal *quality)
   }
   for (PetscInt k = 0; k < s->nbodies; k++) {
     s->area[k] += s->lost[k];
+    s->flags[k] += s->stray[k];
     s->flags[2 * s->nbodies + k] = s->lost[k] > 0;
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, s->flags, (PetscMPIInt)(3 * s->nbodies), MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, s->area, (PetscMPIInt)s->nbodies, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, quality, 1, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
   for (PetscInt k = 0; k < s->nbodies; k++)
-    if (s->path[k].n) PetscCall(BodiesGetVolume(s->bodies, k, &s->area[k])); /* a path has none to compare */
+    if (s->path[k].n) s->area[k] = s->inside[k]; /* a path has none to compare */
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -137,10 +138,9 @@ PetscErrorCode SnapOpenBadCorners(Snap s, PetscBool *any)
 
 PetscErrorCode SnapJudgeBody(Snap s, PetscInt k, PetscBool strict, PetscBool *good)
 {
-  PetscReal volume;
+  const PetscReal volume = s->inside[k];
 
   PetscFunctionBeginUser;
-  PetscCall(BodiesGetVolume(s->bodies, k, &volume));
   *good = (PetscBool)(!s->flags[k] && !(strict && s->flags[s->nbodies + k]) &&
                       PetscAbsReal(s->area[k] - volume) <= MISSING / (strict ? STRICT : 1) * volume);
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -11,6 +11,7 @@ struct _p_Clearance {
   PetscInt        *ptr, *near, room; /* [nbodies + 1]; near bodies of each */
   PetscInt        *order;            /* [nbodies] by their left ends */
   PetscReal       *left;             /* [nbodies] */
+  const PetscInt  *passes;           /* [nbodies] */
 };
 
 static PetscReal near_radius(Clearance c, PetscInt k)
@@ -82,11 +83,12 @@ PetscErrorCode ClearanceDestroy(Clearance *clearance)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ClearanceUpdate(Clearance c, PetscReal (*X)[3])
+PetscErrorCode ClearanceUpdate(Clearance c, PetscReal (*X)[3], const PetscInt passes[])
 {
   const PetscInt n = c->state->n;
 
   PetscFunctionBeginUser;
+  c->passes = passes;
   for (PetscInt k = 0; k < n; k++) {
     c->order[k] = k;
     c->left[k]  = DomainWrap(c->loc->period[0], X[k][0] - near_radius(c, k), c->loc->lower[0]);
@@ -107,8 +109,11 @@ PetscErrorCode ClearanceMeasure(Clearance c, PetscReal (*X)[3], PetscReal (*q)[4
 
   PetscFunctionBeginUser;
   gap[0] = gap[1] = PETSC_MAX_REAL;
-  for (PetscInt a = 0; a < l->dim; a++)
-    if (l->period[a] == 0) gap[1] = PetscMin(gap[1], PetscMin(y[a] - l->lower[a], l->upper[a] - y[a]));
+  for (PetscInt b = 0; b < 2 * l->dim; b++) {
+    const PetscInt a = b / 2;
+
+    if (l->period[a] == 0 && !(c->passes[k] >> b & 1)) gap[1] = PetscMin(gap[1], b % 2 ? l->upper[a] - y[a] : y[a] - l->lower[a]);
+  }
   for (PetscInt e = c->ptr[k]; e < c->ptr[k + 1]; e++) {
     const PetscInt j = c->near[e];
     PetscReal      at[3], d;

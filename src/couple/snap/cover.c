@@ -65,8 +65,8 @@ PetscErrorCode SnapCoverCells(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], cons
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Mark in work[] (at centre nodes) the cells that own vertex i must give back: all when it is on the boundary, the
-   least covered one when two bodies meet there */
+/* Mark in work[] (at centre nodes) the cells that own vertex i must give back: those of bodies that do not pass
+   through the side it is on, the least covered one when two bodies meet there */
 static void choose_open(Snap s, PetscInt i)
 {
   const MeshLocal *l     = s->loc;
@@ -77,7 +77,7 @@ static void choose_open(Snap s, PetscInt i)
     const PetscInt c = l->node_cell[e], centre = SnapCentre(s, c);
 
     if (!s->cover[c]) continue;
-    if (s->boundary[i]) s->work[centre] = 1;
+    if (SnapIsBarred(s, i, s->cover[c] - 1)) s->work[centre] = 1;
     if (first && s->cover[c] != first) two = PETSC_TRUE;
     first = s->cover[c];
     if (last >= 0) {

@@ -1,6 +1,6 @@
 /* Inside of the snap module; for its files only. snap.c: the fit and its result. cover.c: the cells of thick bodies.
-   repair.c: a staircase of hexahedra that is a surface. place.c: walls, gaps, rings. corners.c: vertices on
-   corners. check.c: is it a mesh? mend.c:
+   repair.c: a staircase of hexahedra that is a surface. place.c: walls, gaps, rings. sides.c: bodies
+   through sides of the domain. corners.c: vertices on corners. check.c: is it a mesh? mend.c:
    hexahedra that would be too flat. path.c, graph.c: bodies thinner than a cell. */
 #pragma once
 #include "base/room.h"
@@ -9,9 +9,10 @@
 #include "midline.h"
 #include "snap.h"
 
-#define CHUNK  256
-#define CLEAR  0.25 /* smallest width of a gap in the mesh, cell sizes */
-#define NPOINT 27   /* at most: 4 x 4 and 3 x 3 Gauss points, in space 3 x 3 x 3 */
+#define CHUNK       256
+#define CLEAR       0.25     /* smallest width of a gap in the mesh, cell sizes */
+#define SIDE_CURVED (1 << 6) /* a boundary that is no plane across an axis */
+#define NPOINT      27       /* at most: 4 x 4 and 3 x 3 Gauss points, in space 3 x 3 x 3 */
 
 typedef struct {
   PetscInt n, room, *i;
@@ -43,8 +44,8 @@ struct _p_Snap {
   Bodies           bodies;
   BodyState       *state;
   PetscInt         nbodies;
-  NodeKind        *kind;     /* [nnode_all] */
-  PetscBool       *boundary; /* [nnode_all] on the boundary of the domain */
+  NodeKind        *kind; /* [nnode_all] */
+  PetscInt        *side; /* [nnode_all] sides of the domain it is on: bits 2 axis + (upper one), SIDE_CURVED */
   SnapCell         cell_kind;
   PetscInt         npoint; /* of the check */
   PetscReal        dphi[NPOINT][3 * MESH_MAX_NB], weight[NPOINT];
@@ -64,6 +65,10 @@ struct _p_Snap {
   PetscReal       *lost;   /* [nbodies] area that their walls were drawn back */
   PetscReal       *size;   /* [nnode_all] SnapNodeSize() */
   const PetscBool *fitted; /* [nbodies] in the fit in work */
+  /* bodies that pass through sides of the domain */
+  PetscInt  *passes; /* [nbodies] bits of the sides */
+  PetscInt  *stray;  /* [nbodies] nodes on sides for which there was no place on the surface */
+  PetscReal *inside; /* [nbodies] volume within the domain */
   /* corners of bodies in the plane */
   PetscBool *follow;           /* [nbodies] do wall vertices go there? */
   PetscInt  *ncorner, *ntaken; /* [nbodies] how many there are, how many have a vertex */
@@ -126,6 +131,12 @@ static inline void SnapPlaceNear(Snap s, PetscInt i, const PetscReal y[], PetscR
   for (PetscInt a = 0; a < dim; a++) x[a] = y[a] + MeshNearest(s->loc, a, s->loc->x_start[dim * i + a] - y[a]);
 }
 
+/* Is local node i on a side that body k does not pass through? */
+static inline PetscBool SnapIsBarred(Snap s, PetscInt i, PetscInt k)
+{
+  return (PetscBool)((s->side[i] & ~s->passes[k]) != 0);
+}
+
 static inline PetscBool SnapIsOnWall(Snap s, PetscInt i)
 {
   return (PetscBool)(s->code[i] % 2);
@@ -138,7 +149,8 @@ void SnapDescribeCell(PetscInt dim, SnapCell *);
 PetscErrorCode SnapCoverCells(Snap, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool fitted[]);
 /* Give back the cells that are marked in s->work on some rank; *any: are there any? Collective. */
 PetscErrorCode SnapOpenMarkedCells(Snap, PetscBool *any);
-/* Give dead cells back until no vertex touches two bodies, or a body and the boundary. Collective. */
+/* Give dead cells back until no vertex touches two bodies, or a body and a side that it does not pass through.
+   Collective. */
 PetscErrorCode SnapOpenGaps(Snap);
 /* Tell the ghosts which cells are dead: s->cover, s->dead, s->depth. Collective. */
 PetscErrorCode SnapShareCover(Snap);
@@ -146,6 +158,17 @@ PetscErrorCode SnapShareCover(Snap);
 PetscErrorCode SnapRepair(Snap, PetscReal (*X)[3], PetscReal (*q)[4]);
 /* Nodes of dead cells are marked: on the wall if a fluid cell touches them, otherwise inside. Collective. */
 PetscErrorCode SnapClassifyNodes(Snap);
+
+/* Which nodes are on which sides of the domain: s->side. Collective. */
+PetscErrorCode SnapFindSides(Snap);
+/* Which of the wanted bodies pass through which sides: s->passes; what of them is within: s->inside. After it is known
+   which are paths. Collective. */
+PetscErrorCode SnapFindPassages(Snap, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool wanted[]);
+/* The displacement of local node i leaves it on its sides. */
+void SnapKeepOnSides(Snap, PetscInt i);
+/* Point y on the surface of body k and on the sides that node i is on, from x there; if there is none, x, and it is
+   counted in s->stray. Not collective. */
+PetscErrorCode SnapProjectOnSide(Snap, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt k, PetscInt i, const PetscReal x[], PetscReal y[]);
 
 /* Size of the cells around own node i before they move: root of their mean area (volume). */
 PetscReal SnapNodeSize(Snap, PetscInt i);

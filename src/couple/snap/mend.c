@@ -76,6 +76,7 @@ static PetscErrorCode move_vertex(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], 
     PetscReal       lack;
 
     for (PetscInt a = 0; a < 3; a++) d[a] = from[a] + step * (c[0] * t[0][a] + c[1] * t[1][a] + c[2] * n[a]);
+    if (s->side[i]) SnapKeepOnSides(s, i);
     if (wall) PetscCall(SnapProjectNodes(s, X, q, 1, &i, PETSC_FALSE));
     PetscCall(place_around(s, X, q, i));
     lack = shortfall(s, i);

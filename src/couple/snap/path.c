@@ -141,7 +141,7 @@ static PetscErrorCode add_record(Snap s, PetscInt k, PetscReal (*X)[3], PetscRea
 
     r[2 + 4 * v] = (PetscReal)s->loc->node_global[i];
     PetscCall(into_body(s, k, X, q, i, r + 3 + 4 * v));
-    r[5 + 4 * v] = s->code[i] ? CORNER_TAKEN : s->boundary[i] ? CORNER_SIDE : CORNER_FREE;
+    r[5 + 4 * v] = s->code[i] ? CORNER_TAKEN : s->side[i] ? CORNER_SIDE : CORNER_FREE;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -354,7 +354,7 @@ static PetscBool ends_on_side(Snap s, PetscInt i)
   PetscInt end[2];
 
   SnapEdgeEnds(s, i, end);
-  return (PetscBool)(s->boundary[end[0]] || s->boundary[end[1]]);
+  return (PetscBool)(s->side[end[0]] || s->side[end[1]]);
 }
 
 /* Nodes of the path of body k, which belong to it from now on; its vertices are ring 0 and get their displacement.
@@ -374,7 +374,7 @@ static PetscErrorCode mark_path(Snap s, PetscInt k, PetscReal (*X)[3], PetscReal
       const PetscInt i = list[e];
       PetscReal      t, x[2];
 
-      if (s->code[i] || s->boundary[i]) continue;
+      if (s->code[i] || s->side[i]) continue;
       PetscCall(place_on_path(s, s->path + k, i, &t));
       if (t < 0) continue;
       s->code[i] = 2 * k + 1;

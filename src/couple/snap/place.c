@@ -143,8 +143,13 @@ PetscErrorCode SnapProjectNodes(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], Pe
         x[dim * m + a] = X[k][a] + MeshNearest(s->loc, a, s->loc->x_start[dim * i + a] + s->d[dim * i + a] - X[k][a]);
     }
     PetscCall(BodiesProject(s->bodies, k, X[k], q[k], m, x, y));
+    for (PetscInt e = 0; e < m; e++)
+      if (s->side[list[begin + e]]) PetscCall(SnapProjectOnSide(s, X, q, k, list[begin + e], x + dim * e, y + dim * e));
     PetscCall(draw_back(s, X, q, k, m, list + begin, count, y));
-    for (PetscInt e = 0; e < dim * m; e++) s->d[dim * list[begin + e / dim] + e % dim] += y[e] - x[e];
+    for (PetscInt e = 0; e < m; e++) {
+      for (PetscInt a = 0; a < dim; a++) s->d[dim * list[begin + e] + a] += y[dim * e + a] - x[dim * e + a];
+      if (s->side[list[begin + e]]) SnapKeepOnSides(s, list[begin + e]);
+    }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -212,7 +217,8 @@ PetscErrorCode SnapFindRings(Snap s)
         for (PetscInt v = 0; v < s->cell_kind.ncorner; v++) {
           const PetscInt i = SnapCellNodes(s, l->node_cell[e])[CORNER[v]];
 
-          if (i >= l->nnode || s->level[i] || s->code[i] || s->boundary[i] || (ring == NRING && is_beside_jump(s, i))) continue;
+          if (i >= l->nnode || s->level[i] || s->code[i] || (ring == NRING && is_beside_jump(s, i))) continue;
+          if (s->side[i] && SnapIsBarred(s, i, ring_around(s, i, ring - 1) / 8)) continue;
           s->level[i] = ring_around(s, i, ring - 1);
           PetscCall(SnapListAdd(&s->ring, i));
         }
@@ -262,7 +268,10 @@ PetscErrorCode SnapSmoothRings(Snap s)
       for (PetscInt m = start[e]; m < start[e + 1]; m++)
         for (PetscInt a = 0; a < dim; a++) mean[dim * e + a] += s->d[dim * next[m] + a] / (start[e + 1] - start[e]);
     }
-    for (PetscInt e = 0; e < dim * n; e++) s->d[dim * vertex[e / dim] + e % dim] = mean[e];
+    for (PetscInt e = 0; e < n; e++) {
+      for (PetscInt a = 0; a < dim; a++) s->d[dim * vertex[e] + a] = mean[dim * e + a];
+      if (s->side[vertex[e]]) SnapKeepOnSides(s, vertex[e]);
+    }
     PetscCall(MeshSyncNodes(s->mesh, dim, s->d));
   }
   PetscCall(PetscFree2(next, mean));

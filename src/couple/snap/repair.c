@@ -6,7 +6,7 @@
    where the dead or the live cells around an edge or a vertex do not hang together through faces, the one of the live
    cells that is least outside. Decisions are made by the owner of the cell, edge or vertex on what was there before the
    sweep, so that the result does not depend on the ranks. A cell whose filling would make the body touch another one or
-   the boundary stays live; whether the mesh can do with that is for the check to say. */
+   a side that it does not pass through stays live; whether the mesh can do with that is for the check to say. */
 #include "compat.h"
 #include "impl.h"
 
@@ -105,12 +105,13 @@ static PetscErrorCode repair_around(Snap s, PetscReal (*X)[3], PetscReal (*q)[4]
   PetscInt         dead[AROUND], live[AROUND], ndead = 0, nlive = 0;
 
   PetscFunctionBeginUser;
-  if (s->boundary[i] || l->node_cell_ptr[i + 1] - l->node_cell_ptr[i] > AROUND) PetscFunctionReturn(PETSC_SUCCESS);
+  if (l->node_cell_ptr[i + 1] - l->node_cell_ptr[i] > AROUND) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt e = l->node_cell_ptr[i]; e < l->node_cell_ptr[i + 1]; e++) {
     if (s->cover[l->node_cell[e]]) dead[ndead++] = l->node_cell[e];
     else live[nlive++] = l->node_cell[e];
   }
-  if (!ndead || !nlive || (hang_together(s, ndead, dead) && hang_together(s, nlive, live))) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!ndead || !nlive || SnapIsBarred(s, i, s->cover[dead[0]] - 1) || (hang_together(s, ndead, dead) && hang_together(s, nlive, live)))
+    PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(mark_least_outside(s, X, q, s->cover[dead[0]] - 1, nlive, live));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -135,16 +136,17 @@ static PetscErrorCode find_defects(Snap s, PetscReal (*X)[3], PetscReal (*q)[4])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The one body whose dead cells own live cell c touches, + 1; 0: none, several, or the boundary */
+/* The one body whose dead cells own live cell c touches, + 1; 0: none, several, or also a side that it does not
+   pass through */
 static PetscInt only_body(Snap s, PetscInt c)
 {
   const MeshLocal *l = s->loc;
-  PetscInt         k = 0;
+  PetscInt         k = 0, side = 0;
 
   for (PetscInt v = 0; v < s->cell_kind.ncorner; v++) {
     const PetscInt i = SnapCellNodes(s, c)[CORNER[v]];
 
-    if (s->boundary[i]) return 0;
+    side |= s->side[i];
     for (PetscInt e = l->node_cell_ptr[i]; e < l->node_cell_ptr[i + 1]; e++) {
       const PetscInt j = s->cover[l->node_cell[e]];
 
@@ -152,7 +154,7 @@ static PetscInt only_body(Snap s, PetscInt c)
       if (j) k = j;
     }
   }
-  return k;
+  return k && (side & ~s->passes[k - 1]) ? 0 : k;
 }
 
 /* Own live cells that were marked on some rank become dead, all at once; *any: was there one? */

@@ -60,7 +60,7 @@ static PetscErrorCode remark_held(Couple c, SnapRung *r, PetscInt k)
   PetscCall(
     LogRemark("-couple_boundary snap cannot follow body %" PetscInt_FMT
               " (group '%s') at t = %g, and the penalty holds it (column snap_fallback of series.csv): less accurate. The cells are too large for it, or it "
-              "reaches out of the domain: refine the mesh, or leave a cell between the body and the boundary",
+              "ends at a side of the domain: refine the mesh, or let the body end a cell before or more than a cell beyond the side",
               k, BodiesGetGroup(c->s, k)->name, (double)c->step->time));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -75,7 +75,8 @@ static PetscErrorCode draw_snap(Couple c, void *rung, const PenaltyTerm **terms)
 
   PetscFunctionBeginUser;
   PetscCall(SnapDriverUpdate(r->driver, c->X, c->q, &fitted, &s, &remap));
-  c->hollow = s->hollow;
+  c->hollow     = s->hollow;
+  c->sides_move = (PetscBool)(c->sides_move || s->npass);
   for (PetscInt e = 0; e < s->nmarked; e++) PetscCall(IndicatorClaim(c->mark, s->marked[e], s->node_body[s->marked[e]]));
   c->count[NARROW].value  = s->nnarrow;
   c->count[CORNERS].value = s->ncut;

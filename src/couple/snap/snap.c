@@ -45,6 +45,7 @@ static PetscErrorCode try_fit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], cons
     if (s->loc->dim == 3) PetscCall(SnapRepair(s, X, q));
     PetscCall(SnapClassifyNodes(s));
     PetscCall(PetscArrayzero(s->lost, s->nbodies));
+    PetscCall(PetscArrayzero(s->stray, s->nbodies));
     PetscCall(SnapPlaceWallVertices(s, X, q));
     PetscCall(SnapPathPlaceVertices(s, X, q));
     PetscCall(SnapFindRings(s));
@@ -154,8 +155,7 @@ static PetscErrorCode publish(Snap s, const PetscInt old_marked[], PetscInt nold
 
 static PetscErrorCode know_nodes(Snap s)
 {
-  const MeshLocal *l = s->loc;
-  PetscInt         nboundary;
+  const MeshLocal *l     = s->loc;
   PetscReal        reach = 0;
 
   PetscFunctionBeginUser;
@@ -164,14 +164,7 @@ static PetscErrorCode know_nodes(Snap s)
 
     s->kind[l->cell_node[i]] = odd == l->dim ? NODE_CENTRE : (NodeKind)odd;
   }
-  PetscCall(MeshGetBoundaryCount(s->mesh, &nboundary));
-  for (PetscInt b = 0; b < nboundary; b++) {
-    const PetscInt *node;
-    PetscInt        n;
-
-    PetscCall(MeshGetBoundaryNodes(s->mesh, b, &n, &node));
-    for (PetscInt i = 0; i < n; i++) s->boundary[node[i]] = PETSC_TRUE;
-  }
+  PetscCall(SnapFindSides(s));
   for (PetscInt i = 0; i < l->nnode; i++) {
     s->size[i] = SnapNodeSize(s, i);
     reach      = PetscMax(reach, 2 * CLEAR * s->size[i]);
@@ -197,11 +190,12 @@ PetscErrorCode SnapCreate(Mesh mesh, Bodies bodies, Snap *snap)
   PetscCall(BodiesGetState(bodies, &s->state));
   s->nbodies = s->state->n;
   n          = s->loc->nnode_all;
-  PetscCall(PetscCalloc5(n, &s->kind, n, &s->boundary, n, &s->code, n, &s->level, s->loc->dim * n, &s->d));
+  PetscCall(PetscCalloc5(n, &s->kind, n, &s->side, n, &s->code, n, &s->level, s->loc->dim * n, &s->d));
   PetscCall(PetscCalloc6(n, &s->depth, n, &s->work, n, &s->stamp[0], n, &s->node_body, n, &s->on_wall, n, &s->size));
   PetscCall(PetscCalloc5(s->loc->ncell_all, &s->cover, s->loc->ncell_all, &s->stamp[1], s->loc->ncell_all, &s->cell_body, s->loc->ncell_all,
                          &s->cell_before, 3 * s->nbodies, &s->flags));
   PetscCall(PetscCalloc3(s->nbodies, &s->area, s->nbodies, &s->lost, s->nbodies, &s->hollow));
+  PetscCall(PetscCalloc3(s->nbodies, &s->passes, s->nbodies, &s->stray, s->nbodies, &s->inside));
   PetscCall(PetscCalloc4(s->nbodies, &s->follow, s->nbodies, &s->ncorner, s->nbodies, &s->ntaken, n, &s->at_corner));
   for (PetscInt i = 0; i < n; i++) s->node_body[i] = -1;
   for (PetscInt c = 0; c < s->loc->ncell_all; c++) s->cell_body[c] = s->cell_before[c] = -1;
@@ -228,10 +222,11 @@ PetscErrorCode SnapDestroy(Snap *snap)
   PetscFunctionBeginUser;
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(free_lists(s));
-  PetscCall(PetscFree5(s->kind, s->boundary, s->code, s->level, s->d));
+  PetscCall(PetscFree5(s->kind, s->side, s->code, s->level, s->d));
   PetscCall(PetscFree6(s->depth, s->work, s->stamp[0], s->node_body, s->on_wall, s->size));
   PetscCall(PetscFree5(s->cover, s->stamp[1], s->cell_body, s->cell_before, s->flags));
   PetscCall(PetscFree3(s->area, s->lost, s->hollow));
+  PetscCall(PetscFree3(s->passes, s->stray, s->inside));
   PetscCall(PetscFree4(s->follow, s->ncorner, s->ntaken, s->at_corner));
   PetscCall(SnapPathTearDown(s));
   PetscCall(ClearanceDestroy(&s->clearance));
@@ -250,8 +245,9 @@ PetscErrorCode SnapFit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const Petsc
   PetscCall(PetscArraycpy(fitted, wanted, s->nbodies));
   for (PetscInt k = 0; k < s->nbodies; k++) s->follow[k] = PETSC_TRUE;
   swap_lists(&s->marked, &old_marked);
-  PetscCall(ClearanceUpdate(s->clearance, X));
   PetscCall(SnapPathChoose(s, X, q, wanted));
+  PetscCall(SnapFindPassages(s, X, q, wanted));
+  PetscCall(ClearanceUpdate(s->clearance, X, s->passes));
   while (again) {
     PetscCall(try_fit(s, X, q, fitted, &result->quality));
     again = PETSC_FALSE;
@@ -272,9 +268,10 @@ PetscErrorCode SnapFit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const Petsc
     clear_entries(s);
     s->dead.n = s->marked.n = s->placed.n = 0;
   }
-  result->nnarrow = result->ncut = 0;
+  result->nnarrow = result->ncut = result->npass = 0;
   for (PetscInt k = 0; k < s->nbodies; k++) {
     result->nnarrow += fitted[k] && s->flags[2 * s->nbodies + k];
+    result->npass += fitted[k] && s->passes[k];
     result->ncut += fitted[k] ? s->ncorner[k] - s->ntaken[k] : 0;
     s->hollow[k] = (PetscBool)(fitted[k] && !s->is_path[k]);
   }

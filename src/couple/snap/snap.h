@@ -6,7 +6,8 @@
    too (isoparametric Q2), all other nodes follow by transfinite interpolation of the displacement. Vertices on the
    boundary of the domain stay. Dead cells that meet a dead cell of another body or the boundary are given back to
    the fluid, until at least one layer of fluid cells is left between two walls; those at a corner that leaves a
-   fluid cell no room as well.
+   fluid cell no room as well. A body that reaches a cell or more beyond a plane side of the domain passes through it
+   (sides.c): its dead cells stay there, and vertices of that side move within it.
    In the plane a wall vertex goes onto every corner that a shape has (corners.c); where the mesh then has a cell that
    cannot be used, the body is fitted once more without. In space corners and edges are not followed.
    On a refined mesh (mesh/hang.h) all of this happens in cells of one size around the surface; the outermost ring stays
@@ -59,6 +60,7 @@ typedef struct {
   PetscInt         ncell;
   const PetscInt  *cell;    /* [ncell] local cells with such a node, or dead only before or only now */
   PetscInt         nnarrow; /* bodies whose wall was drawn back from another one */
+  PetscInt         npass;   /* bodies that pass through a side of the domain */
   PetscInt         ncut;    /* corners of fitted bodies that the mesh does not follow */
   PetscReal        quality; /* smallest over largest Jacobian of a cell, smallest over all cells that were touched */
 } SnapResult;

@@ -1,0 +1,200 @@
+/* Snap, sides: bodies that pass through plane sides of the domain.
+
+   A body whose surface is at least DEEP cells outside of a side, measured on the side, passes through it: a cylinder
+   between the walls of a channel, half a sphere on a floor, a body that leaves through an opening. Its dead cells stay
+   dead there, and vertices of the side move with its surface as all others do, but within the side: where a wall node
+   goes is found by Newton's method on the distance there. Bodies that only come close to a side, or touch it, keep a
+   layer of fluid cells as before; so do those that end at a side or less than DEEP cells behind it, of which the
+   closest point may be the end. Sides that are not planes across an axis have nodes that do not move. */
+#include "compat.h"
+#include "impl.h"
+
+#define DEEP  1.0  /* cells */
+#define NSTEP 12   /* of Newton's method */
+#define LEVEL 0.2  /* least sine of the angle between surface and side */
+#define CLOSE 1e-9 /* to the surface, cells */
+
+/* ---- sides ---- */
+
+/* Of boundary b: bit 2 axis + (upper side), or SIDE_CURVED */
+static PetscErrorCode find_side(Snap s, PetscInt n, const PetscInt node[], PetscInt *side)
+{
+  const MeshLocal *l   = s->loc;
+  PetscInt         all = (1 << 2 * l->dim) - 1;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < n; i++)
+    for (PetscInt a = 0; a < l->dim; a++) {
+      const PetscReal x = l->x_start[l->dim * node[i] + a], small = 1e-10 * (l->upper[a] - l->lower[a]);
+
+      if (PetscAbsReal(x - l->lower[a]) > small) all &= ~(1 << 2 * a);
+      if (PetscAbsReal(x - l->upper[a]) > small) all &= ~(2 << 2 * a);
+    }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &all, 1, MPIU_INT, MPI_BAND, PETSC_COMM_WORLD));
+  *side = all ? all : SIDE_CURVED;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SnapFindSides(Snap s)
+{
+  PetscInt nboundary;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshGetBoundaryCount(s->mesh, &nboundary));
+  for (PetscInt b = 0; b < nboundary; b++) {
+    const PetscInt *node;
+    PetscInt        n, side;
+
+    PetscCall(MeshGetBoundaryNodes(s->mesh, b, &n, &node));
+    PetscCall(find_side(s, n, node, &side));
+    for (PetscInt i = 0; i < n; i++) s->side[node[i]] |= side;
+  }
+  PetscCall(MeshSyncNodesInt(s->mesh, s->side));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+void SnapKeepOnSides(Snap s, PetscInt i)
+{
+  for (PetscInt a = 0; a < s->loc->dim; a++)
+    if (s->side[i] & (3 << 2 * a | SIDE_CURVED)) s->d[s->loc->dim * i + a] = 0;
+}
+
+/* ---- who passes through which ---- */
+
+/* May body k at X reach out of the domain, or round a period into itself? */
+static void reaches(Snap s, PetscInt k, const PetscReal X[3], PetscBool *out, PetscBool *round)
+{
+  const MeshLocal *l      = s->loc;
+  const PetscReal  radius = BodiesGetRadius(s->state, k);
+
+  *out = *round = PETSC_FALSE;
+  for (PetscInt a = 0; a < l->dim; a++) {
+    if (l->period[a] > 0) *round = (PetscBool)(*round || 2 * radius > l->period[a]);
+    else *out = (PetscBool)(*out || X[a] - radius < l->lower[a] || X[a] + radius > l->upper[a]);
+  }
+}
+
+/* Deepest point of body k on each side, cells, among the own nodes of one image's list */
+static PetscErrorCode measure_depth(Snap s, PetscInt k, const PetscReal X[3], const PetscReal q[4], PetscInt n, const PetscInt list[],
+                                    PetscReal depth[6])
+{
+  const PetscInt dim = s->loc->dim;
+
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e < n; e++) {
+    const PetscInt i = list[e];
+    PetscReal      d;
+
+    if (i >= s->loc->nnode || !(s->side[i] & ~SIDE_CURVED)) continue;
+    PetscCall(BodiesDistance(s->bodies, k, X, q, 1, s->loc->x_start + dim * i, &d));
+    for (PetscInt b = 0; b < 2 * dim; b++)
+      if (s->side[i] >> b & 1) depth[b] = PetscMax(depth[b], -d / s->size[i]);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Volume of body k in cell c: Simpson's rule for its indicator, smoothed over the distance of two nodes */
+static PetscErrorCode volume_in_cell(Snap s, PetscInt k, const PetscReal X[3], const PetscReal q[4], PetscInt c, PetscReal *volume)
+{
+  const MeshLocal *l    = s->loc;
+  const PetscInt   dim  = l->dim;
+  const PetscReal  size = s->size[SnapCentre(s, c)];
+  PetscReal        x[3 * MESH_MAX_NB], d[MESH_MAX_NB], all = dim == 2 ? size * size : size * size * size;
+
+  PetscFunctionBeginUser;
+  for (PetscInt j = 0; j < l->nb; j++) SnapPlaceNear(s, SnapCellNodes(s, c)[j], X, x + dim * j);
+  PetscCall(BodiesDistance(s->bodies, k, X, q, l->nb, x, d));
+  for (PetscInt j = 0; j < l->nb; j++) {
+    PetscReal weight = PetscMax(0, PetscMin(1, 0.5 - 2 * d[j] / size));
+
+    for (PetscInt a = 0, m = j; a < dim; a++, m /= 3) weight *= m % 3 == 1 ? 2. / 3 : 1. / 6;
+    *volume += weight * all;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Of this rank: depths of body k on the sides, and its volume within the domain */
+static PetscErrorCode measure_body(Snap s, PetscInt k, const PetscReal X[3], const PetscReal q[4], PetscReal depth[6], PetscReal *volume)
+{
+  const PetscReal radius = BodiesGetRadius(s->state, k) * (1 + 1e-12);
+
+  PetscFunctionBeginUser;
+  s->now++;
+  for (DomainImages image = {0}; MeshNextImage(s->loc, X, radius, &image);) {
+    const PetscInt *list;
+    PetscInt        n;
+
+    PetscCall(MeshNodesInBox(s->mesh, image.at, radius, &n, &list));
+    PetscCall(measure_depth(s, k, image.at, q, n, list, depth));
+    for (PetscInt e = 0; e < n; e++) {
+      const PetscInt c = s->kind[list[e]] == NODE_CENTRE && list[e] < s->loc->nnode ? s->loc->centre_cell[list[e]] : -1;
+
+      if (c < 0 || s->stamp[1][c] == s->now) continue;
+      s->stamp[1][c] = s->now;
+      PetscCall(volume_in_cell(s, k, X, q, c, volume));
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SnapFindPassages(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool wanted[])
+{
+  PetscReal(*depth)[6], *volume;
+  PetscInt *body, n = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc3(s->nbodies, &depth, s->nbodies, &volume, s->nbodies, &body));
+  for (PetscInt k = 0; k < s->nbodies; k++) {
+    PetscBool out, round;
+
+    s->passes[k] = 0;
+    PetscCall(BodiesGetVolume(s->bodies, k, &s->inside[k]));
+    reaches(s, k, X[k], &out, &round);
+    if (!wanted[k] || s->is_path[k] || !(out || round)) continue;
+    PetscCall(measure_body(s, k, X[k], q[k], depth[n], &volume[n]));
+    body[n++] = k;
+  }
+  if (n) {
+    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, depth, (PetscMPIInt)(6 * n), MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, volume, (PetscMPIInt)n, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  }
+  for (PetscInt e = 0; e < n; e++) {
+    PetscBool out, round;
+
+    for (PetscInt b = 0; b < 6; b++) s->passes[body[e]] |= depth[e][b] >= DEEP ? 1 << b : 0;
+    reaches(s, body[e], X[body[e]], &out, &round);
+    if (s->passes[body[e]] || round) s->inside[body[e]] = volume[e];
+  }
+  PetscCall(PetscFree3(depth, volume, body));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- where surface and side meet ---- */
+
+PetscErrorCode SnapProjectOnSide(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt k, PetscInt i, const PetscReal x[], PetscReal y[])
+{
+  const PetscInt dim  = s->loc->dim;
+  PetscReal      z[3] = {0};
+
+  PetscFunctionBeginUser;
+  for (PetscInt a = 0; a < dim; a++) y[a] = x[a];
+  for (PetscInt step = 0; step < NSTEP; step++) {
+    PetscReal way = 0, along = 0;
+
+    PetscCall(BodiesProject(s->bodies, k, X[k], q[k], 1, y, z));
+    for (PetscInt a = 0; a < dim; a++) {
+      const PetscBool held = (PetscBool)((s->side[i] & (3 << 2 * a | SIDE_CURVED)) != 0);
+
+      z[a] -= y[a];
+      way += z[a] * z[a];
+      if (held) z[a] = 0;
+      along += z[a] * z[a];
+    }
+    if (way <= PetscSqr(CLOSE * s->size[i])) PetscFunctionReturn(PETSC_SUCCESS);
+    if (along < PetscSqr(LEVEL) * way) break;
+    for (PetscInt a = 0; a < dim; a++) y[a] += way / along * z[a];
+  }
+  for (PetscInt a = 0; a < dim; a++) y[a] = x[a];
+  s->stray[k]++;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
