@@ -316,6 +316,8 @@ def test_triangles_are_cut(tmp_path):
     assert cut.shape == (3, 2, 3) and np.allclose(cut[..., 2], 0.25)
     assert sorted(np.round(np.linalg.norm(cut[:, 0] - cut[:, 1], axis=1), 9)) == pytest.approx([0.75, 0.75, 0.75 * np.sqrt(2)])
     assert len(draw.cut_triangles(points, cells, 2, 1.5)) == 0
+    shot = types.SimpleNamespace(bodies={"surface": points, "triangle": cells, "cell_body": np.array([[0], [0], [0], [3]])})  # as bodies_<step>.h5 names them
+    assert (draw.triangles(shot)[1] == cells).all() and (draw.triangles(shot, {3})[1] == cells[:3]).all()
 
 
 def test_surface_picture(tmp_path):

@@ -178,7 +178,7 @@ class Slice:
             left = radius**2 - (centre[self.axis] - self.value) ** 2
             if left > 0:
                 found.append((number, centre[self.across] + np.sqrt(left) * np.stack([np.cos(ROUND), np.sin(ROUND)], 1)))
-        surface = triangles(shot)
+        surface = triangles(shot, {number for number, *_ in found})
         if surface is not None:
             found.append((None, cut_triangles(*surface, self.axis, self.value)[:, :, self.across]))
         return found
@@ -200,12 +200,15 @@ def spheres(run, shot):
     return [(int(b), np.array(x), r) for b, r, *x in zip(*(rows[name] for name in ("body", "radius", "x", "y", "z")))] if rows else []
 
 
-def triangles(shot):
-    """Points [n][3] and triangles [m][3] of the bodies' surfaces, None if the run has not written any."""
+def triangles(shot, without=()):
+    """Points [n][3] and triangles [m][3] of the surfaces of bodies, but for those numbered in `without`; None if the run has not written any."""
     table = shot.bodies
-    if "surface" not in table or "triangles" not in table:
+    if "surface" not in table or "triangle" not in table:
         return None
-    return table["surface"].reshape(-1, 3), table["triangles"].reshape(-1, 3).astype(int)
+    cells = table["triangle"].reshape(-1, 3).astype(int)
+    if without and "cell_body" in table:
+        cells = cells[~np.isin(np.ravel(table["cell_body"]), list(without))]
+    return table["surface"].reshape(-1, 3), cells
 
 
 def cut_triangles(points, cells, axis, value):

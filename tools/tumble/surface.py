@@ -177,7 +177,7 @@ def main(directory, step, axis, value, path, units=None):
     beside = add_slice(renderer, draw.Slice(shot, "speed", int(axis), float(value)), units)
     balls = draw.spheres(run, shot)
     add_spheres(renderer, balls)
-    surface = draw.triangles(shot)
+    surface = draw.triangles(shot, {number for number, *_ in balls})
     if surface is not None:
         add_actor(renderer, poly_data(*surface), (0.9, 0.6, 0.35))
     elif "body" in shot.names:
