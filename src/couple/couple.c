@@ -176,6 +176,24 @@ static PetscErrorCode draw_bodies(Couple c, PetscBool *drawn)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Velocities that the conditions prescribe, but for nodes on the surface of or inside a body that passes through a side
+   of the domain: these belong to the body. Elsewhere walls win over bodies. */
+static PetscErrorCode set_boundary(Couple c, const PetscInt node_body[], const PetscInt fixed[], const PetscReal value[])
+{
+  PetscInt *rest;
+
+  PetscFunctionBeginUser;
+  if (!c->sides_move) {
+    PetscCall(ConstraintSetBoundary(c->constraint, fixed, value));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCall(PetscMalloc1(c->loc->nnode_all, &rest));
+  for (PetscInt i = 0; i < c->loc->nnode_all; i++) rest[i] = node_body[i] >= 0 && c->hollow && c->hollow[node_body[i]] ? 0 : fixed[i];
+  PetscCall(ConstraintSetBoundary(c->constraint, rest, value));
+  PetscCall(PetscFree(rest));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoupleDraw(Couple c)
 {
   const PetscInt  *fixed, *node_body;
@@ -189,7 +207,7 @@ PetscErrorCode CoupleDraw(Couple c)
   PetscCall(SurfacesForget(c->surfaces));
   PetscCall(IndicatorGetNodes(c->mark, &node_body, NULL, NULL));
   PetscCall(set_rigid_velocities(c));
-  PetscCall(ConstraintSetBoundary(c->constraint, fixed, value));
+  PetscCall(set_boundary(c, node_body, fixed, value));
   if (c->drive) PetscCall(DriveDraw(c->drive));
   if (c->s->n) {
     PetscCall(ConstraintSetBodies(c->constraint, node_body, c->P, c->unknown, c->U, NULL));

@@ -24,10 +24,11 @@ PetscErrorCode CoupleFindNormals(Couple c)
 static PetscErrorCode add_prescribed(Couple c, PetscReal *power)
 {
   const MeshLocal *l = c->loc;
-  const PetscInt  *fixed;
+  const PetscInt  *fixed, *body;
 
   PetscFunctionBeginUser;
   PetscCall(ConditionsGetValues(FlowConditions(c->flow), &fixed, NULL));
+  PetscCall(ConstraintGetNodeBody(c->constraint, &body));
   for (PetscInt i = 0; i < c->nprescribed; i++) {
     const PetscInt *node = l->cell_node + c->prescribed[i] * l->nb;
     PetscReal       r[MESH_MAX_NB * 3];
@@ -35,7 +36,7 @@ static PetscErrorCode add_prescribed(Couple c, PetscReal *power)
     PetscCall(FlowCellResidual(c->flow, c->prescribed[i], c->u, c->p, r));
     for (PetscInt j = 0; j < l->nb; j++)
       for (PetscInt a = 0; a < l->dim; a++)
-        if ((fixed[node[j]] >> a) & 1) *power += r[j * l->dim + a] * c->u[node[j] * l->dim + a];
+        if (((fixed[node[j]] >> a) & 1) && body[node[j]] < 0) *power += r[j * l->dim + a] * c->u[node[j] * l->dim + a];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -1,4 +1,5 @@
 """Flow around the fixed cylinder on the mesh around it: benchmark 2D-1 on a coarse mesh, see runs/studies/cylinder."""
+import csv
 import json
 
 import pytest
@@ -56,3 +57,35 @@ def test_unstable_extrapolation_is_named(run):
     assert done.status != 0 and "use -flow_extrapolation linear" in done.text, done
     done = run([*coarse, "-flow_extrapolation", "linear", "-output_dir", "linear"], 1)
     assert done.status == 0, done
+
+
+HALF = """
+mesh: {lower: [0, 0], upper: [1, 0.2], cells: [40, 8]}
+flow:
+  density: 1
+  viscosity: 0.002
+  bc_left: {type: inflow, velocity: "1 - 25*y*y, 0"}
+  bc_right: {type: outflow}
+  bc_bottom: {type: slip}
+couple: {boundary: snap}
+particle:
+  groups: post
+  post: {shape: circle, radius: 0.06, position: [0.313, 0], free: none}
+sim: {steady: true}
+output: {every: 0}
+"""
+
+
+def last(run, scene, *options):
+    """Last line of series.csv and bodies.csv of the half cylinder."""
+    done = run([scene(HALF), "-output_dir", "out", "-output_overwrite", *options])
+    assert done.status == 0, str(done)
+    return [list(csv.DictReader((done.folder / "out" / name).open()))[-1] for name in ("series.csv", "bodies.csv")]
+
+
+def test_half_a_cylinder_on_a_side(run, scene):
+    """Cut by a plane of symmetry, on which the nodes at its surface move and belong to it, a cylinder has half of the drag."""
+    series, half = last(run, scene)
+    _, whole = last(run, scene, "-mesh_lower", "0,-0.2", "-mesh_cells", "40,16", "-flow_bc_bottom_type", "no_slip")
+    assert series["snap_fallback"] == "0" and float(series["momentum_error"]) < 1e-10, series
+    assert 2 * float(half["force_x"]) == pytest.approx(float(whole["force_x"]), rel=1e-8), (half, whole)
