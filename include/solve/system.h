@@ -22,14 +22,18 @@
    -flow_rtol_most |b|). r0 is what the step adds that could not be foreseen, of second order in dt like the error of
    the scheme, so that a share of it is the right tolerance at every step size, where a share of |b| is too loose for
    small steps (errors add up) and too tight for large ones (runs/studies/flow-solver). Recipe balanced: 1e-8, 1e-2,
-   1e-5 (with bodies that move 1e-6); if -flow_ksp_rtol is given, that alone holds. Recipe accurate: 1e-9, 0.
+   1e-5 (with bodies that move 2e-5); if -flow_ksp_rtol is given, that alone holds. Recipe accurate: 1e-9, 0.
+   Around bodies that move recipe balanced also stops where the estimated error of the velocities is at most the share
+   -flow_error_start of the start value's (stop.c): what users read, whatever a body's mass. Not where -flow_rtol_most
+   is given, nor on periodic meshes or with a held mean velocity, where the residual is what the balance of momentum
+   lacks.
 
    Everything is reachable with PETSc options under prefix -flow_ (outer), -flow_fieldsplit_velocity_,
    -flow_fieldsplit_pressure_. Products with the projected operators are matrix-free; matrices are assembled only when a
    chosen preconditioner needs them (hypre, gamg, lu, ... of the velocity; any -flow_pc_type other than the default).
    Options: -flow_recipe fast|balanced|accurate|direct, -flow_schur auto|projection|commutator|two_stage,
-   -flow_velocity_sweep auto|sor|ilu (relax.h), -flow_rtol_start, -flow_rtol_most, -flow_iterations_least,
-   -flow_pressure_softness eps.
+   -flow_velocity_sweep auto|sor|ilu (relax.h), -flow_rtol_start, -flow_rtol_most, -flow_error_start,
+   -flow_iterations_least, -flow_pressure_softness eps.
 
    Recipe fast: without bodies a single sweep of the projection, unscaled and without norms. Around bodies that is a
    fixed-point iteration for the pressure whose eigenvalues reach 3 in cells that a penalty cuts, and grows; there it

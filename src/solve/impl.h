@@ -1,7 +1,7 @@
-/* Inside of FlowSolver; for its files only. system.c: life cycle, set-up, solve. recipe.c: choice of methods and
-   tolerances. precondition.c: the projection preconditioner. operator.c: products with the operators of the system.
-   held.c: mean velocities held by uniform forces. conserve.c: the balance of momentum. nonlinear.c: for solvers of
-   nonlinear problems. */
+/* Inside of FlowSolver; for its files only. system.c: life cycle, set-up, solve. recipe.c: choice of methods. stop.c:
+   how far the outer iteration goes. precondition.c: the projection preconditioner. operator.c: products with the
+   operators of the system. held.c: mean velocities held by uniform forces. conserve.c: the balance of momentum.
+   nonlinear.c: for solvers of nonlinear problems. */
 #pragma once
 #include "bodyblocks.h"
 #include "solve/system.h"
@@ -15,6 +15,11 @@ typedef enum {
   SCHUR_COMMUTATOR,
   SCHUR_TWO_STAGE
 } SchurType;
+
+/* Recipe balanced: residual that it leaves as share of the start value's, and, with bodies that move, of the right-hand
+   side */
+#define FLOW_BALANCED_RESIDUAL 1e-2
+#define FLOW_BALANCED_MOST     2e-5
 
 struct _p_FlowSolver {
   Flow             flow;
@@ -67,6 +72,10 @@ struct _p_FlowSolver {
   PetscReal          share_of_pressure;               /* see WHOLE_PRESSURE */
   PetscReal          rtol, rtol_start, rtol_most;     /* see the header */
   TwoStage           two;                             /* or NULL: not wanted */
+  PetscReal          error_start;                     /* see the header */
+  PetscReal          rhs, last_norm, last_change[2];  /* of the outer iteration, see stop.c */
+  PetscBool          of_step;                         /* it solves for a step, not for what a force does or an update */
+  Vec                iterate[2];                      /* the last two, or NULL */
   PetscReal          target;                          /* residual that the last solve was to leave, or left */
   FlowHeld          *held;                            /* or NULL */
   Vec                held_s[3], held_z[3], held_r[3]; /* see held.c */

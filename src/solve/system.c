@@ -219,6 +219,7 @@ PetscErrorCode FlowSolverDestroy(FlowSolver *solver)
   PetscCall(VecDestroy(&fs->x));
   PetscCall(VecDestroy(&fs->r));
   PetscCall(VecDestroy(&fs->y));
+  for (PetscInt i = 0; i < 2; i++) PetscCall(VecDestroy(&fs->iterate[i]));
   PetscCall(VecDestroy(&fs->t_x));
   PetscCall(VecDestroy(&fs->t_u));
   PetscCall(VecDestroy(&fs->t_u2));
@@ -558,7 +559,9 @@ PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscRe
   *reason = KSP_CONVERGED_RTOL;
   PetscCall(PetscArrayzero(fs->limited, 2));
   if (!enough) {
+    fs->of_step = PETSC_TRUE;
     PetscCall(KSPSolve(fs->ksp, fs->r, fs->y));
+    fs->of_step = PETSC_FALSE;
     PetscCall(KSPGetIterationNumber(fs->ksp, its));
     PetscCall(KSPGetConvergedReason(fs->ksp, reason));
     PetscCall(VecAXPY(fs->x, 1, fs->y));

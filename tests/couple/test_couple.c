@@ -671,7 +671,8 @@ static void test_stops(void **state)
     Case     c;
     PetscInt rested = 0;
 
-    snprintf(options, sizeof(options), CAVITY FLAP "-particle_flap_density 8 -particle_flap_angle -0.2 -particle_flap_stops -0.5,0 -couple_type %s",
+    snprintf(options, sizeof(options),
+             CAVITY FLAP "-particle_flap_density 8 -particle_flap_angle -0.2 -particle_flap_stops -0.5,0 -flow_rtol_most 2e-5 -couple_type %s",
              type[i]);
     open_case(&c, options);
     for (PetscInt n = 0; n < 30; n++) {

@@ -1,0 +1,166 @@
+/* FlowSolver: how far the outer iteration goes (see system.h). */
+#include "compat.h"
+#include "impl.h"
+
+/* Density ratio, roughly, up to which rows of bodies count as they are. The right-hand side of a body much heavier is
+   its own momentum, of which the fluid beside it is less than any tolerance: such rows count as those of a body of this
+   ratio (1e9 without: no iteration at all, and a fluid that does not move out of the way). */
+#define HEAVIEST        10
+#define LEAST_TOLERANCE 1e-13 /* of a correction; less is round-off */
+#define MOST_TOLERANCE  0.99  /* PETSc wants less than 1 */
+
+/* By what the rows of body k count, from the fluid's share in the inertia of a row: of a translation, or of the only
+   rotation (in space those are coupled, and D M_r^{-1} says nothing) */
+static PetscReal get_weight(FlowSolver fs, PetscInt k)
+{
+  const PetscInt nr = fs->nr, rows = fs->loc->dim == 2 ? nr : fs->loc->dim;
+  PetscReal      share = 0;
+
+  for (PetscInt i = 0; i < rows; i++) {
+    const PetscInt at = (k * nr + i) * nr + i;
+
+    if ((fs->constraint->unknown[k] >> i) & 1) share = PetscMax(share, 1 - fs->D[at] / fs->scale * fs->mass_inverse[at]);
+  }
+  return share > 0 ? PetscMin(1, HEAVIEST * share) : 1;
+}
+
+/* Norm of v with the rows of heavy bodies reduced */
+static PetscErrorCode take_norm(FlowSolver fs, Vec v, PetscReal *norm)
+{
+  const struct _p_Constraint *c = fs->constraint;
+  PetscReal                  *a;
+  PetscBool                   heavy = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < fs->nbodies; k++) heavy = (PetscBool)(heavy || (c->unknown[k] && get_weight(fs, k) < 1));
+  if (!heavy) {
+    PetscCall(VecNorm(v, NORM_2, norm));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCall(VecCopy(v, fs->y));
+  PetscCall(VecGetArray(fs->y, &a));
+  for (PetscInt k = 0; k < c->count; k++)
+    for (PetscInt i = 0; i < fs->nr; i++) a[fs->nodal + k * fs->nr + i] *= get_weight(fs, c->first + k);
+  PetscCall(VecRestoreArray(fs->y, &a));
+  PetscCall(VecNorm(fs->y, NORM_2, norm));
+  PetscCall(VecZeroEntries(fs->y));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverSetTolerance(FlowSolver fs, PetscBool *enough)
+{
+  PetscReal start, rhs, target, whole;
+
+  PetscFunctionBeginUser;
+  *enough = PETSC_FALSE;
+  if (fs->single) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(take_norm(fs, fs->r, &start));
+  PetscCall(take_norm(fs, fs->b, &rhs));
+  if (start > rhs) { /* such as when all comes to rest within a step */
+    PetscCall(VecZeroEntries(fs->x));
+    PetscCall(VecCopy(fs->b, fs->r));
+    start = rhs;
+  }
+  target     = PetscMax(fs->rtol * rhs, PetscMin(fs->rtol_start * start, fs->rtol_most * rhs));
+  fs->target = target;
+  fs->rhs    = rhs;
+  fs->small  = PetscMax(fs->rtol * rhs, PetscMin(FLOW_BALANCED_RESIDUAL * start, FLOW_BALANCED_MOST * rhs));
+  *enough    = (PetscBool)(start == 0 || (start <= target && !fs->least));
+  PetscCall(VecNorm(fs->r, NORM_2, &whole));
+  if (!*enough && start < PETSC_MAX_REAL)
+    PetscCall(
+      KSPSetTolerances(fs->ksp, PetscMin(PetscMax(target / whole, LEAST_TOLERANCE), MOST_TOLERANCE), PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- what users read: velocities of bodies and of the flow ---- */
+
+#define LEAST_ITERATIONS 2    /* one change says nothing about the next */
+#define MOST_RATE        0.9  /* of convergence that an estimate takes for true */
+#define MOST_RESIDUAL    2e-4 /* of the right-hand side: dense packings converge slowly, which changes do not show */
+
+/* Lengths of a - b (b NULL: of a): largest velocity of a body, 2-norm of the nodal velocities. Collective. */
+static PetscErrorCode measure(FlowSolver fs, Vec va, Vec vb, PetscReal length[2])
+{
+  const PetscReal *a, *b = NULL;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecGetArrayRead(va, &a));
+  if (vb) PetscCall(VecGetArrayRead(vb, &b));
+  length[0] = length[1] = 0;
+  for (PetscInt i = fs->nodal; i < fs->nur; i++) length[0] = PetscMax(length[0], PetscAbsReal(a[i] - (b ? b[i] : 0)));
+  for (PetscInt i = 0; i < fs->nodal; i++) length[1] += PetscSqr(a[i] - (b ? b[i] : 0));
+  if (vb) PetscCall(VecRestoreArrayRead(vb, &b));
+  PetscCall(VecRestoreArrayRead(va, &a));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &length[0], 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &length[1], 1, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  length[1] = PetscSqrtReal(length[1]);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Is the error of both velocities at most the share error_start of what the start value's was? What an iterate lacks is
+   the sum of the changes to come, which shrink as the residual or the last changes do, whichever is slower; what the
+   start value lacked is the correction so far. */
+static PetscErrorCode velocities_suffice(FlowSolver fs, PetscInt it, PetscReal norm, PetscBool *enough)
+{
+  const PetscReal reduction = norm / fs->last_norm;
+  PetscReal       change[2], whole[2];
+  Vec             t;
+
+  PetscFunctionBeginUser;
+  PetscCall(KSPBuildSolution(fs->ksp, fs->iterate[1], NULL));
+  PetscCall(measure(fs, fs->iterate[1], fs->iterate[0], change));
+  PetscCall(measure(fs, fs->iterate[1], NULL, whole));
+  *enough = (PetscBool)(it >= LEAST_ITERATIONS && norm <= MOST_RESIDUAL * fs->rhs);
+  for (PetscInt i = 0; i < 2; i++) {
+    const PetscReal rate = PetscMin(PetscMax(reduction, change[i] / fs->last_change[i]), MOST_RATE);
+
+    *enough            = (PetscBool)(*enough && change[i] * rate / (1 - rate) <= fs->error_start * whole[i]);
+    fs->last_change[i] = change[i];
+  }
+  t              = fs->iterate[0];
+  fs->iterate[0] = fs->iterate[1];
+  fs->iterate[1] = t;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* PETSc's own test, but not before the least number of iterations, or what recipe balanced is content with; or enough
+   for those who read velocities */
+static PetscErrorCode test_convergence(KSP ksp, PetscInt it, PetscReal norm, KSPConvergedReason *reason, void *ctx)
+{
+  const FlowSolver fs     = (FlowSolver)ctx;
+  PetscBool        enough = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  PetscCall(KSPConvergedDefault(ksp, it, norm, reason, fs->test));
+  if (*reason == KSP_CONVERGED_RTOL && it < fs->least && norm > fs->small) *reason = KSP_CONVERGED_ITERATING;
+  if (fs->error_start == 0 || !fs->of_step || fs->held) PetscFunctionReturn(PETSC_SUCCESS);
+  if (it == 0) {
+    PetscCall(VecZeroEntries(fs->iterate[0]));
+    fs->last_change[0] = fs->last_change[1] = PETSC_MAX_REAL;
+  } else if (*reason == KSP_CONVERGED_ITERATING) {
+    PetscCall(velocities_suffice(fs, it, norm, &enough));
+    if (enough) *reason = KSP_CONVERGED_RTOL;
+  }
+  fs->last_norm = norm;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode destroy_test(void *ctx)
+{
+  PetscFunctionBeginUser;
+  PetscCall(KSPConvergedDefaultDestroy(((FlowSolver)ctx)->test));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverSetTest(FlowSolver fs)
+{
+  PetscFunctionBeginUser;
+  PetscCall(KSPConvergedDefaultCreate(&fs->test));
+  if (fs->error_start > 0) {
+    PetscCall(VecDuplicate(fs->y, &fs->iterate[0]));
+    PetscCall(VecDuplicate(fs->y, &fs->iterate[1]));
+  }
+  PetscCall(KSPSetConvergenceTest(fs->ksp, test_convergence, fs, destroy_test));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
