@@ -6,6 +6,7 @@
 #include "base/opt.h"
 
 #define MOST_SHARE 1e-2 /* of the residual, left by a linear solve */
+#define LEFT       0.1  /* of the nonlinear tolerance; the rest is for what is not linear (runs/studies/rheology) */
 
 struct _p_Steady {
   Flow             flow;
@@ -131,7 +132,7 @@ static PetscReal choose_share(const struct _p_Steady *s, PetscReal norm)
   PetscFunctionReturn(PetscMin(MOST_SHARE, 0.5 * PetscSqr(norm / last)));
 }
 
-/* y = J^{-1} f by the solver of the flow. A hundredth of what the nonlinear solver wants is enough: its last correction
+/* y = J^{-1} f by the solver of the flow. LEFT of what the nonlinear solver wants is enough: its last correction
    starts so close that the usual share of it may be lost in round-off. */
 static PetscErrorCode solve_linear(Steady s, Vec f, Vec y, KSPConvergedReason *reason)
 {
@@ -140,7 +141,7 @@ static PetscErrorCode solve_linear(Steady s, Vec f, Vec y, KSPConvergedReason *r
   PetscFunctionBeginUser;
   PetscCall(SNESGetTolerances(s->snes, NULL, &rtol, NULL, NULL, NULL));
   PetscCall(VecNorm(f, NORM_2, &norm));
-  enough = PetscMax(0.01 * rtol * s->first, choose_share(s, norm) * norm);
+  enough = PetscMax(LEFT * rtol * s->first, choose_share(s, norm) * norm);
   PetscCall(FlowSolverCorrect(s->solver, f, enough, y, &s->last_linear, reason));
   s->last_norm = norm;
   s->linear += s->last_linear;

@@ -29,6 +29,7 @@ struct _p_FlowSolver {
   PetscInt         nodal, nur, np, nbodies, nr;   /* local sizes: nodal slots, u_r, p */
   PetscInt         schur, sweep_type;             /* what the user wants */
   PetscBool        fitted, commute, viscous_only; /* no staircase of rigid nodes; in this step */
+  PetscBool        mass_only;                     /* likewise: the mass of the pressure, divided by the viscosity */
   Mat              S_all, A;                      /* scalar matrix or product of the flow for all components; in use:
                                                      that, or of FlowSolverSetVelocity */
   PetscBool        stages;                        /* two stages may be taken */

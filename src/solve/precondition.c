@@ -72,6 +72,24 @@ static PetscErrorCode count_limited(FlowSolver fs)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* u ~ A_r^{-1} x_u, p = mu theta Mp^{-1} (x_p - B u): of a steady flow without convection, with the mu of every cell */
+static PetscErrorCode apply_mass(FlowSolver fs, Vec x, Vec u, Vec p)
+{
+  const PetscReal *xa;
+  Vec              x_u;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecGetArrayRead(x, &xa));
+  PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, fs->nur, PETSC_DETERMINE, xa, &x_u));
+  PetscCall(KSPSolve(fs->sub[0], x_u, u));
+  PetscCall(count_limited(fs));
+  PetscCall(VecDestroy(&x_u));
+  PetscCall(VecRestoreArrayRead(x, &xa));
+  PetscCall(VecZeroEntries(p));
+  PetscCall(add_viscous(fs, x, u, p));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* y = fieldsplit (x), then projection or commutator, see the header */
 static PetscErrorCode apply_unbalanced(FlowSolver fs, Vec x, Vec y)
 {
@@ -79,8 +97,10 @@ static PetscErrorCode apply_unbalanced(FlowSolver fs, Vec x, Vec y)
   Vec        u, p;
 
   PetscFunctionBeginUser;
-  PetscCall(PCApply(fs->split, x, y));
-  PetscCall(count_limited(fs));
+  if (!fs->mass_only) {
+    PetscCall(PCApply(fs->split, x, y));
+    PetscCall(count_limited(fs));
+  }
   if (fs->two_stage) {
     PetscCall(TwoStageApply(fs->two, fs, y));
     PetscFunctionReturn(PETSC_SUCCESS);
@@ -88,7 +108,8 @@ static PetscErrorCode apply_unbalanced(FlowSolver fs, Vec x, Vec y)
   PetscCall(VecGetArray(y, &a));
   PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, fs->nur, PETSC_DETERMINE, a, &u));
   PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, fs->np, PETSC_DETERMINE, a + fs->nur, &p));
-  if (fs->viscous_only) PetscCall(add_viscous(fs, x, u, p));
+  if (fs->mass_only) PetscCall(apply_mass(fs, x, u, p));
+  else if (fs->viscous_only) PetscCall(add_viscous(fs, x, u, p));
   else if (fs->commute) PetscCall(commute(fs, p));
   else PetscCall(project(fs, x, u, p));
   PetscCall(VecDestroy(&u));
@@ -120,9 +141,10 @@ static PetscErrorCode view_projection(PC pc, PetscViewer viewer)
   PetscFunctionBeginUser;
   PetscCall(PCShellGetContext(pc, &fs));
   PetscCall(PetscViewerASCIIPrintf(viewer, "  fieldsplit, then %s\n",
-                                   fs->two_stage ? "two-stage pressure and relaxation of cut cells"
-                                   : fs->commute ? "least-squares commutator"
-                                                 : "projection with the lumped mass"));
+                                   fs->mass_only   ? "mass of the pressure over the viscosity"
+                                   : fs->two_stage ? "two-stage pressure and relaxation of cut cells"
+                                   : fs->commute   ? "least-squares commutator"
+                                                   : "projection with the lumped mass"));
   PetscCall(PetscViewerASCIIPushTab(viewer));
   PetscCall(PCView(fs->split, viewer));
   PetscCall(PetscViewerASCIIPopTab(viewer));

@@ -249,8 +249,10 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
   /* the projection is for time steps only */
   fs->commute      = (PetscBool)(fs->schur == SCHUR_COMMUTATOR || step->dt == 0);
   fs->viscous_only = PETSC_FALSE;
-  fs->two_stage    = (PetscBool)(fs->schur == SCHUR_TWO_STAGE && !fs->commute);
-  fs->relax_cells  = above[FlowSolverIsSoft(fs) ? RELAX_SOFT : RELAX_RIGID];
+  /* where a penalty makes no layers of its own, and for any mesh (runs/studies/rheology) */
+  fs->mass_only = (PetscBool)(fs->schur == SCHUR_AUTO && step->dt == 0 && step->ct == 0 && par->varying && !par->convection && !FlowSolverIsSoft(fs));
+  fs->two_stage = (PetscBool)(fs->schur == SCHUR_TWO_STAGE && !fs->commute);
+  fs->relax_cells = above[FlowSolverIsSoft(fs) ? RELAX_SOFT : RELAX_RIGID];
   if (fs->schur != SCHUR_AUTO || fs->commute) PetscFunctionReturn(PETSC_SUCCESS);
   convection       = (PetscBool)(above[COMMUTATOR_CONVECTION] || (above[COMMUTATOR_UNRESOLVED] && convective > 50 * viscous));
   fs->two_stage    = (PetscBool)(fs->stages && !convection);

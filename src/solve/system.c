@@ -41,9 +41,11 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs)
   for (PetscInt j = 0; j < c->ninert; j++) fs->diagonal_inverse[c->slot[j]] = 0;
   PetscCall(PetscFree(d));
   for (PetscInt i = 0; i < l->nnode_all; i++) {
-    const PetscReal soft = FlowSolverIsSoft(fs) ? part * fs->soft->weight[i] / fs->scale : 0, mass = c->node_body[i] >= 0 ? m[i] : m[i] + soft;
-    /* no mass: buried in a dead cell; lift: see impl.h */
-    const PetscReal w = mass > 0 ? 1 / mass : 0, lift = mu && fs->steady ? PetscSqrtReal(fs->reference / mu[i]) : 1;
+    const PetscReal thin = mu && fs->steady ? fs->reference / mu[i] : 1; /* see impl.h; the penalty goes with mu */
+    const PetscReal soft = FlowSolverIsSoft(fs) ? part * thin * fs->soft->weight[i] / fs->scale : 0;
+    const PetscReal mass = c->node_body[i] >= 0 ? m[i] : m[i] + soft;
+    const PetscReal w    = mass > 0 ? 1 / mass : 0; /* no mass: buried in a dead cell */
+    const PetscReal lift = PetscSqrtReal(thin);
 
     fs->share[i] = c->node_body[i] >= 0 ? 1 : soft * w;
     for (PetscInt a = 0; a < dim; a++)
