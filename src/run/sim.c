@@ -192,6 +192,12 @@ static PetscErrorCode end_phase(Sim s)
 #define UNRESOLVED      20
 #define QUADRATIC_UP_TO 2 /* CFL number: quadratic extrapolation of the convecting velocity may blow up */
 
+/* May the skew form help? A model of turbulence needs the momentum that it does not keep. */
+static PetscBool may_skew(const FlowParameters *par)
+{
+  return (PetscBool)(par->skew == 0 && !par->varying);
+}
+
 /* What the last step tells of why the solve of the next one fails, as further sentences of the message */
 static PetscErrorCode explain_failure(Sim s, char why[], size_t size)
 {
@@ -205,9 +211,8 @@ static PetscErrorCode explain_failure(Sim s, char why[], size_t size)
     PetscCall(PetscSNPrintf(why, size, ". Quadratic extrapolation may be unstable at the CFL number %.2g: use -flow_extrapolation linear",
                             (double)s->diag.cfl));
   else if (par->skew == 0 && s->diag.cell_reynolds > UNRESOLVED)
-    PetscCall(PetscSNPrintf(why, size,
-                            ". Convection may be unresolved (cell Reynolds number %.0f): refine the mesh, or use -flow_convection_form skew",
-                            (double)s->diag.cell_reynolds));
+    PetscCall(PetscSNPrintf(why, size, ". Convection may be unresolved (cell Reynolds number %.0f): refine the mesh%s", (double)s->diag.cell_reynolds,
+                            may_skew(par) ? ", or use -flow_convection_form skew" : ""));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -307,14 +312,16 @@ static PetscBool is_at_end(Sim s)
 /* Stop when the judge has seen enough; last: the run is at its end */
 static PetscErrorCode stop_doubted(Sim s, PetscReal dt, PetscBool last)
 {
-  const char *dir;
-  char        why[256], more[256], good[PETSC_MAX_PATH_LEN] = "No fields were written before it (-output_every)", recipe[64];
-  PetscBool   fast;
+  const char           *dir;
+  char                  why[256], more[256], good[PETSC_MAX_PATH_LEN] = "No fields were written before it (-output_every)", recipe[64];
+  PetscBool             fast;
+  const FlowParameters *par;
 
   PetscFunctionBeginUser;
   PetscCall(JudgeVerdict(s->judge, last, why, sizeof(why)));
   if (!why[0]) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(explain_failure(s, more, sizeof(more)));
+  PetscCall(FlowGetParameters(s->part.flow, &par));
   PetscCall(OptPeek("-flow_recipe", recipe, sizeof(recipe)));
   PetscCall(PetscStrcasecmp(recipe, "fast", &fast));
   PetscCall(OutputGetDirectory(s->part.output, &dir));
@@ -323,7 +330,7 @@ static PetscErrorCode stop_doubted(Sim s, PetscReal dt, PetscBool last)
   SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED, "The flow is no longer to be believed: at t = %g, %s. %s. Lower %s (the step was %g)%s%s%s",
           (double)s->time, why, good, s->adapt ? "-sim_adapt_tolerance" : "-sim_dt", (double)dt,
           fast ? ", or leave recipe fast: -preset balanced, or -flow_recipe balanced" : "",
-          strstr(more, "skew") ? "" : ", or try -flow_convection_form skew", more);
+          may_skew(par) && !strstr(more, "skew") ? ", or try -flow_convection_form skew" : "", more);
 }
 
 /* Count and report the time step dt that began at the clock `start` */
