@@ -19,7 +19,7 @@ static const OptSpec SPECS[] = {
   {"-flow_error_start", OPT_REAL, "", 0, 1, "0, with recipe balanced and bodies that move 3e-2, but not on periodic meshes",
    .help =
      "estimated error of velocities that a solve may leave as share of the start value's (0: only residuals count, as where -flow_rtol_most is given, and where a mean velocity is held)",
-   .when = FLOW, .expert = PETSC_TRUE},
+   .when = FLOW},
   {"-flow_iterations_least", OPT_INT, "", 0, 100, "0, with recipe fast around bodies 2",
    .help = "outer iterations of a step, unless fewer do for recipe balanced", .when = FLOW, .expert = PETSC_TRUE},
   {"-flow_pressure_softness", OPT_REAL, "", OPT_POSITIVE, 1, "1e-6",
