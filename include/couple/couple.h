@@ -56,6 +56,9 @@ PetscErrorCode CoupleMarkInside(Couple, PetscInt body[]);
 
 /* Does the mesh line up with surfaces (rung snap)? */
 PetscErrorCode CoupleIsLinedUp(Couple, PetscBool *lined_up);
+/* Under this rung a film in space of one cell or somewhat less resists as one that is wider by the recess, in cells.
+   Not collective. */
+PetscErrorCode CoupleGetRecess(Couple, PetscReal *recess);
 /* Own cells that are fluid alone, as the flow last saw the bodies: fluid [ncell]. Not those that a surface cuts or that
    are lined up with it. Not collective. */
 PetscErrorCode CoupleMarkFluid(Couple, PetscBool fluid[]);

@@ -144,8 +144,8 @@ PetscErrorCode ContactView(Contact c, PetscViewer viewer)
                                    c->walls & 1 ? " x-" : "", c->walls & 2 ? " x+" : "", c->walls & 4 ? " y-" : "", c->walls & 8 ? " y+" : "",
                                    c->walls & 16 ? " z-" : "", c->walls & 32 ? " z+" : "", c->walls ? "" : " none"));
   if (c->lubricate)
-    PetscCall(PetscViewerASCIIPrintf(viewer, "  lubrication below gap %g, roughness %g, viscosity %g\n", (double)c->lubrication_range,
-                                     (double)c->roughness, (double)c->viscosity));
+    PetscCall(PetscViewerASCIIPrintf(viewer, "  lubrication below gap %g, roughness %g, viscosity %g\n", (double)c->film_begin, (double)c->roughness,
+                                     (double)c->viscosity));
   for (PetscInt g = 0; g < c->s->ngroups; g++) {
     const BodyGroup *group = &c->s->group[g];
     PetscReal        top   = 0;
@@ -325,6 +325,16 @@ PetscErrorCode ContactSetViscosity(Contact c, PetscReal viscosity)
 {
   PetscFunctionBeginUser;
   c->viscosity = viscosity;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ContactSetRecess(Contact c, PetscReal recess)
+{
+  PetscFunctionBeginUser;
+  if (!c->lubricate || c->dim == 2) PetscFunctionReturn(PETSC_SUCCESS);
+  c->recess = c->widening = recess;
+  c->film_begin           = (recess > 0 ? FILM_OPEN : 1) * c->lubrication_range;
+  c->horizon              = PetscMax(c->range, c->film_begin);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -10,6 +10,7 @@
 #include "contact/contact.h"
 
 #define CONTACT_MAX_POINTS 1024 /* surface points of a shape */
+#define FILM_OPEN          2    /* gap in ranges from which on a mesh with a recess resolves films (pairforce.c) */
 
 typedef struct {
   PetscInt i, j; /* j = -1 - face for a wall */
@@ -106,7 +107,9 @@ struct _p_Contact {
   PetscReal   multiple, eps, eps_overlap, wall_factor, damping_speed;                 /* repulsive */
   PetscReal   spring, restitution, friction, tangential, damping_ratio, spring_speed; /* spring */
   PetscBool   lubricate;
-  PetscReal   lubrication_range, roughness;
+  PetscReal   lubrication_range, film_begin, roughness; /* films act below film_begin */
+  PetscReal   recess;                                   /* by which films count as wider, in ranges; */
+  PetscReal   widening;                                 /* and what is left of it in this step */
   PetscInt    nkinds, kind_room;
   PetscInt   *body_kind;  /* [n] */
   Kind       *kind;       /* [nkinds] */

@@ -12,9 +12,10 @@
 #include "compat.h"
 #include "impl.h"
 
-#define STEP_FACTOR  0.1  /* sub-step in the time in which a contact force changes */
-#define LIMIT_FACTOR 0.4  /* longest sub-step that -contact_substeps may ask for */
-#define SPEED_FLOOR  0.01 /* in r/dt */
+#define RECESS_NUMBER 0.18 /* viscosity dt/(density h^2) at which films have no recess */
+#define STEP_FACTOR   0.1  /* sub-step in the time in which a contact force changes */
+#define LIMIT_FACTOR  0.4  /* longest sub-step that -contact_substeps may ask for */
+#define SPEED_FLOOR   0.01 /* in r/dt */
 
 static void invert_tensor(const PetscReal t[6], PetscReal inv[6])
 {
@@ -89,12 +90,20 @@ void ContactScaleKinds(Contact c)
   }
 }
 
+/* The recess of films in a step: rung penalty is stiffer in short ones (runs/studies/contact, "Films") */
+static PetscReal widening(Contact c, PetscReal dt)
+{
+  if (dt <= 0 || c->viscosity <= 0) return c->recess;
+  return c->recess * PetscMax(0, 1 - RECESS_NUMBER * c->rho_f * PetscSqr(c->h) / (c->viscosity * dt));
+}
+
 PetscErrorCode ContactSetScales(Contact c, PetscReal dt, PetscReal (*a)[3])
 {
   PetscReal push = 0;
 
   PetscFunctionBeginUser;
-  c->top = 0;
+  c->widening = widening(c, dt);
+  c->top      = 0;
   for (PetscInt k = 0; k < c->s->n; k++) {
     c->present[k] = present_speed(c, k);
     c->top        = PetscMax(c->top, c->present[k]);

@@ -32,7 +32,8 @@ static const OptSpec SPECS[] = {
   {"-contact_lubrication", OPT_BOOL, "", OPT_ANY, "false", .help = "add the resistance of films that are thinner than the mesh resolves",
    .when = "-contact_law repulsive or spring"},
   {"-contact_lubrication_range", OPT_REAL, "length", OPT_ABOVE_ZERO, "one cell",
-   .help = "gap from which on the mesh resolves the film (in space it resolves part of thinner ones, too)", .when = LUBRICATION},
+   .help = "gap from which on the mesh resolves the film (in space it resolves part of thinner ones, and rung penalty all from twice that gap)",
+   .when = LUBRICATION},
   {"-contact_roughness", OPT_REAL, "length", OPT_ABOVE_ZERO, "1/50 of -contact_lubrication_range, its upper bound",
    .help = "gap below which the resistance of the film grows no more", .when = LUBRICATION},
 };

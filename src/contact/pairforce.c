@@ -3,9 +3,11 @@
 #include "compat.h"
 #include "impl.h"
 
-/* Measured, spheres with 8 cells a diameter under rung penalty: runs/studies/contact, "Films" */
-#define FILM_CLOSED 0.136 /* what the mesh makes of a closed film at a wall, in ranges; twice that between bodies */
-#define FILM_POWER  2.8   /* how that blends with the true gap */
+/* Measured, spheres with 8 and 12 cells a diameter under rung penalty: runs/studies/contact, "Films" */
+#define FILM_CLOSED 0.1525 /* what the mesh makes of a closed film at a wall, in ranges; twice that between bodies */
+#define FILM_POWER  4.0    /* how that blends with the true gap */
+#define FILM_NARROW 0.4    /* gap in ranges at which the recess begins to act, */
+#define FILM_WIDE   0.75   /* and at which all of it acts, to 1; FILM_OPEN: it is gone */
 
 static void add_force(Impulse *s, const PetscReal f[3], const PetscReal ri[3], const PetscReal rj[3])
 {
@@ -122,10 +124,12 @@ static void add_friction(Contact c, const Pair *p, const Touch *t, PetscReal nor
 /* The gap at which the mesh resists as it does at this one (runs/studies/contact, "Films") */
 static PetscReal resolved_gap(Contact c, const Pair *p, PetscReal gap)
 {
-  const PetscReal closed = (p->j < 0 ? 1 : 2) * FILM_CLOSED * c->lubrication_range;
+  const PetscReal closed = (p->j < 0 ? 1 : 2) * FILM_CLOSED * c->lubrication_range, x = gap / c->lubrication_range;
+  const PetscReal share = PetscMin(1, (x - FILM_NARROW) / (FILM_WIDE - FILM_NARROW)) * PetscMin(1, (FILM_OPEN - x) / (FILM_OPEN - 1));
+  const PetscReal wide  = gap + PetscMax(0, share) * c->widening * c->lubrication_range;
 
   if (c->dim == 2) return c->lubrication_range;
-  return PetscPowReal(PetscPowReal(gap, FILM_POWER) + PetscPowReal(closed, FILM_POWER), 1 / FILM_POWER);
+  return PetscPowReal(PetscPowReal(wide, FILM_POWER) + PetscPowReal(closed, FILM_POWER), 1 / FILM_POWER);
 }
 
 /* Resistance of the film at a gap less what the mesh resolves of it */
@@ -151,7 +155,7 @@ static PetscErrorCode film_dashpot(Contact c, const Pair *p, Touch *t, Dashpot *
   *thin = PETSC_FALSE;
   if (c->viscosity <= 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ContactFindNarrowest(c, p->i, p->j, t, &curvature));
-  *thin = (PetscBool)(t->gap < c->lubrication_range);
+  *thin = (PetscBool)(t->gap < c->film_begin);
   if (!*thin) PetscFunctionReturn(PETSC_SUCCESS);
   place_dashpot(c, p, t, d);
   d->rate = film_resistance(c, p, PetscMax(t->gap, c->roughness), &curvature);

@@ -482,6 +482,13 @@ PetscErrorCode CoupleIsLinedUp(Couple c, PetscBool *lined_up)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode CoupleGetRecess(Couple c, PetscReal *recess)
+{
+  PetscFunctionBeginUser;
+  *recess = c->rung->recess;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode CoupleMarkFluid(Couple c, PetscBool fluid[])
 {
   const MeshLocal *l = c->loc;

@@ -9,7 +9,8 @@
 
 typedef struct {
   const char *name;
-  PetscBool   moves; /* moves nodes of the mesh itself, so that -mesh_deform cannot */
+  PetscBool   moves;  /* moves nodes of the mesh itself, so that -mesh_deform cannot */
+  PetscReal   recess; /* by which a film in space counts as wider, in cells; see CoupleGetRecess */
   /* names what it will count in c->count, at most RUNG_COUNTS numbers */
   PetscErrorCode (*create)(Couple, void **rung);
   /* Bodies are at c->X, c->q, c->P: claim the nodes that move rigidly in c->mark, prepare the rung's own terms, set

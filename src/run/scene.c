@@ -133,6 +133,7 @@ static PetscErrorCode build(SimParts *part)
   const MeshLocal      *l;
   const FlowParameters *par;
   PetscInt              walls;
+  PetscReal             recess;
   PetscBool             active = PETSC_TRUE, steady = PETSC_FALSE, deformed = PETSC_FALSE, restarted;
   FlowInitial           initial;
   DeformResult          deformation;
@@ -168,6 +169,8 @@ static PetscErrorCode build(SimParts *part)
     PetscCall(ConditionsGetSolidFaces(FlowConditions(part->flow), &walls));
     PetscCall(ContactCreate(part->bodies, l->h, par->density, par->gravity, l->lower, l->upper, walls, &part->contact));
     PetscCall(ContactSetViscosity(part->contact, par->viscosity));
+    PetscCall(CoupleGetRecess(part->couple, &recess));
+    PetscCall(ContactSetRecess(part->contact, recess));
   } else PetscCall(create_contact_alone(part, l));
   PetscCall(ContactSetPeriod(part->contact, l->period));
   PetscCall(ContactCheckStart(part->contact));

@@ -139,10 +139,10 @@ static PetscReal film(PetscInt dim, PetscReal R, PetscReal gap)
 /* The gap that the mesh makes of a gap in space, `closed` of a closed one */
 static PetscReal on_mesh(PetscReal gap, PetscReal closed)
 {
-  return PetscPowReal(PetscPowReal(gap, 2.8) + PetscPowReal(closed, 2.8), 1 / 2.8);
+  return PetscPowReal(PetscPowReal(gap, 4) + PetscPowReal(closed, 4), 0.25);
 }
 
-static PetscReal film_force(PetscInt dim, const char shape[], PetscReal apart, PetscReal angle)
+static PetscReal film_force(PetscInt dim, const char shape[], PetscReal apart, PetscReal angle, PetscReal recess)
 {
   char      options[512];
   Fixture   f;
@@ -154,6 +154,7 @@ static PetscReal film_force(PetscInt dim, const char shape[], PetscReal apart, P
            shape, (double)angle);
   create(&f, dim, 0.04, zero, zero, (const PetscReal[3]){2, 2, 2}, 0, options);
   OK(ContactSetViscosity(f.c, 0.7));
+  OK(ContactSetRecess(f.c, recess));
   for (PetscInt k = 0; k < 2; k++)
     for (PetscInt a = 0; a < dim; a++) {
       f.s->x[k][a] = 1 + (a == 0) * (k - 0.5) * apart;
@@ -177,18 +178,19 @@ static void test_film(void **state)
   for (size_t i = 0; i < 3; i++) {
     const PetscReal g = gaps[i];
 
-    near(film_force(2, "circle -particle_a_radius 0.2", 0.4 + g, 0) / (film(2, 0.1, g) - film(2, 0.1, 0.04)), 1, 1e-12);
-    near(film_force(3, "circle -particle_a_radius 0.2", 0.4 + g, 0) / (film(3, 0.1, g) - film(3, 0.1, on_mesh(g, 0.272 * 0.04))), 1, 1e-11);
+    near(film_force(2, "circle -particle_a_radius 0.2", 0.4 + g, 0, 0) / (film(2, 0.1, g) - film(2, 0.1, 0.04)), 1, 1e-12);
+    near(film_force(3, "circle -particle_a_radius 0.2", 0.4 + g, 0, 0) / (film(3, 0.1, g) - film(3, 0.1, on_mesh(g, 0.305 * 0.04))), 1, 1e-11);
   }
-  near(film_force(2, "circle -particle_a_radius 0.2", 0.441, 0), 0, 0);
+  near(film_force(2, "circle -particle_a_radius 0.2", 0.441, 0, 0), 0, 0);
   /* not below the roughness */
-  near(film_force(2, "circle -particle_a_radius 0.2", 0.40001, 0), film(2, 0.1, 1e-4) - film(2, 0.1, 0.04), 1e-9);
+  near(film_force(2, "circle -particle_a_radius 0.2", 0.40001, 0, 0), film(2, 0.1, 1e-4) - film(2, 0.1, 0.04), 1e-9);
   /* the flat sides of two ellipses: radius of curvature a^2/b each */
-  near(film_force(2, "ellipse -particle_a_a 0.24 -particle_a_b 0.16", 0.33, 0.5 * PETSC_PI) / (film(2, 0.18, 0.01) - film(2, 0.18, 0.04)), 1, 0.01);
+  near(film_force(2, "ellipse -particle_a_a 0.24 -particle_a_b 0.16", 0.33, 0.5 * PETSC_PI, 0) / (film(2, 0.18, 0.01) - film(2, 0.18, 0.04)), 1,
+       0.01);
 }
 
 /* Force over viscosity and speed on a body at the lower wall, as the film law has it */
-static PetscReal wall_force(const char shape[], PetscReal height)
+static PetscReal wall_force(const char shape[], PetscReal height, PetscReal recess)
 {
   char      options[512];
   Fixture   f;
@@ -200,6 +202,7 @@ static PetscReal wall_force(const char shape[], PetscReal height)
            shape);
   create(&f, 3, 0.04, zero, zero, (const PetscReal[3]){2, 2, 2}, 63, options);
   OK(ContactSetViscosity(f.c, 0.7));
+  OK(ContactSetRecess(f.c, recess));
   f.s->x[0][2] = height;
   f.s->u[0][2] = -0.5;
   evaluate(&f);
@@ -211,12 +214,52 @@ static PetscReal wall_force(const char shape[], PetscReal height)
 /* A sphere, a/gap + 1/5 ln(a/gap) (Brenner), and an ellipsoid on its flat side, which curves differently each way */
 static void test_film_at_wall(void **state)
 {
-  const PetscReal g = 0.01, open = on_mesh(g, 0.136 * 0.04), k1 = 0.15 / 0.24 / 0.24, k2 = 0.15 / 0.2 / 0.2;
+  const PetscReal g = 0.01, open = on_mesh(g, 0.1525 * 0.04), k1 = 0.15 / 0.24 / 0.24, k2 = 0.15 / 0.2 / 0.2;
   PetscReal       lead = 2 / ((k1 + k2) * PetscSqrtReal(k1 * k2)) * (1 / g - 1 / open), next = 2 / (k1 + k2) / 5 * PetscLogReal(open / g);
 
   (void)state;
-  near(wall_force("circle -particle_a_radius 0.2", 0.2 + g) / (6 * PETSC_PI * (0.04 * (1 / g - 1 / open) + 0.04 * PetscLogReal(open / g))), 1, 1e-11);
-  near(wall_force("ellipse -particle_a_a 0.24 -particle_a_b 0.2 -particle_a_c 0.15", 0.15 + g) / (6 * PETSC_PI * (lead + next)), 1, 0.02);
+  near(wall_force("circle -particle_a_radius 0.2", 0.2 + g, 0) / (6 * PETSC_PI * (0.04 * (1 / g - 1 / open) + 0.04 * PetscLogReal(open / g))), 1,
+       1e-11);
+  near(wall_force("ellipse -particle_a_a 0.24 -particle_a_b 0.2 -particle_a_c 0.15", 0.15 + g, 0) / (6 * PETSC_PI * (lead + next)), 1, 0.02);
+}
+
+/* Films that the mesh resolves but for a recess of .035 cells count as wider by that, from .4 to 2 cells */
+static void test_film_recess(void **state)
+{
+  const PetscReal gap[] = {0.016, 0.023, 0.03, 0.04, 0.06, 0.079}, share[] = {0, 0.5, 1, 1, 0.5, 0.025};
+  const char      ball[] = "circle -particle_a_radius 0.2";
+
+  (void)state;
+  for (size_t i = 0; i < 6; i++) {
+    const PetscReal g = gap[i], wide = g + 0.035 * 0.04 * share[i], open = on_mesh(wide, 0.1525 * 0.04);
+    const PetscReal wall = 6 * PETSC_PI * 0.04 * (1 / g - 1 / open + PetscLogReal(open / g));
+
+    near(wall_force(ball, 0.2 + g, 0.035) / wall, 1, 1e-8);
+    near(film_force(3, ball, 0.4 + g, 0, 0.035) / (film(3, 0.1, g) - film(3, 0.1, on_mesh(wide, 0.305 * 0.04))), 1, 1e-8);
+  }
+  near(wall_force(ball, 0.281, 0.035), 0, 0);
+  near(wall_force(ball, 0.241, 0), 0, 0);
+  near(film_force(2, ball, 0.441, 0, 0.035), 0, 0); /* in the plane all as without */
+}
+
+/* The recess goes with the steps, below .18 h^2/nu to nothing; h .04, density 1, viscosity .7 */
+static void test_film_recess_in_steps(void **state)
+{
+  const PetscReal number[] = {18, 0.36, 0.17}, left[] = {0.99, 0.5, 0};
+
+  (void)state;
+  for (size_t i = 0; i < 3; i++) {
+    Fixture f;
+
+    create(&f, 3, 0.04, zero, zero, (const PetscReal[3]){2, 2, 2}, 63,
+           "-particle_groups a -particle_a_shape circle -particle_a_radius 0.2 -particle_a_density 1 -particle_a_place lattice -particle_a_count 1 -contact_lubrication");
+    f.c->rho_f = 1;
+    OK(ContactSetViscosity(f.c, 0.7));
+    OK(ContactSetRecess(f.c, 0.035));
+    OK(ContactSetScales(f.c, number[i] * 0.0016 / 0.7, NULL));
+    near(f.c->widening, 0.035 * left[i], 1e-12);
+    destroy(&f);
+  }
 }
 
 /* A disc thrown at a wall through a film comes to rest before it touches; without it, it bounces. */
@@ -475,6 +518,7 @@ int main(int argc, char **argv)
   const struct CMUnitTest tests[] = {cmocka_unit_test(test_restitution), cmocka_unit_test(test_repulsive_restitution),
                                      cmocka_unit_test(test_sliding),     cmocka_unit_test(test_slope),
                                      cmocka_unit_test(test_film),        cmocka_unit_test(test_film_at_wall),
+                                     cmocka_unit_test(test_film_recess), cmocka_unit_test(test_film_recess_in_steps),
                                      cmocka_unit_test(test_film_stops),  cmocka_unit_test(test_zoo),
                                      cmocka_unit_test(test_search),      cmocka_unit_test(test_energy),
                                      cmocka_unit_test(test_mistakes),    cmocka_unit_test(test_eps)};

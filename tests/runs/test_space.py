@@ -47,6 +47,13 @@ def test_sphere_in_a_sphere(run):
     assert -float(body["torque_z"]) / (8 * math.pi) == pytest.approx(8 / 7, rel=0.002)
 
 
+def test_film_of_a_rung(run):
+    """Rung penalty draws surfaces back in films of about a cell (runs/studies/contact): the law begins at twice the gap in space."""
+    scene = [RUNS / "studies" / "contact" / "film-wall.yaml", "-scene_dry_run", "-mesh_cells", "4,4,4", "-mesh_levels", "1", "-contact_lubrication"]
+    for rung, gap in ("penalty", "8."), ("snap", "4."):
+        assert f"lubrication below gap {gap}, roughness 0.08" in run([*scene, "-couple_boundary", rung]).text
+
+
 def test_steady_cylinder_by_iteration(run):
     """A coarse 3D-1Z: Newton's method with linear solves that go no further than they help (1e-6 each: 2.5 times the iterations)."""
     coarse = ["-mesh_resolution", "3", "-mesh_layers", "3", "-mesh_layer_ratio", "1"]

@@ -1,8 +1,9 @@
 #!/usr/bin/python3
 """Films between spheres, and sphere and wall: resistance by the mesh alone and with the film law, beside the exact one (README.md, "Films").
 
-  runs/studies/contact/films.py            runs film-wall.yaml and film-pair.yaml at some gaps (half a minute of one core each) and prints the table
-  runs/studies/contact/films.py wall 0.1   one gap, in radii
+  runs/studies/contact/films.py              runs film-wall.yaml and film-pair.yaml at some gaps (half a minute of one core each) and prints the table
+  runs/studies/contact/films.py wall 0.5     one gap, in cells; 4 cells a radius
+  runs/studies/contact/films.py pair 0.5 6   with 3, 4, 5, 6 or 8 cells a radius
 """
 
 import csv
@@ -13,8 +14,8 @@ from math import acosh, cosh, log, pi, sinh
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[3]
-CELL = 0.25  # size of the finest cells, in radii
-CLOSED, POWER = 0.136, 2.8  # of src/contact/law.c
+CLOSED, POWER, RECESS = 0.1525, 4, 0.035  # of src/contact/pairforce.c and src/couple/rung_penalty.c
+MESHES = {3: (6, 4), 4: (8, 4), 5: (10, 4), 6: (12, 4), 8: (8, 5)}  # cells a radius: coarse cells an axis and levels
 PLACE = "0.013,-0.021"
 
 
@@ -40,22 +41,26 @@ def pair(gap):
     return series(a, lambda n, m: (4 * cosh((n + 0.5) * a) ** 2 + m**2 * sinh(a) ** 2) / (2 * sinh(m * a) - m * sinh(2 * a)))
 
 
-def film(kind, gap):
-    """What -contact_lubrication adds, with a range of one cell"""
-    if gap >= CELL:
+def film(kind, gap, cell):
+    """What -contact_lubrication adds under rung penalty, with a range of one cell"""
+    x = gap / cell
+    if x >= 2:
         return 0
-    closed = CLOSED * CELL * (1 if kind == "wall" else 2)
-    resolved = (gap**POWER + closed**POWER) ** (1 / POWER)
+    closed = CLOSED * cell * (1 if kind == "wall" else 2)
+    wide = gap + RECESS * cell * max(0, min(1, (x - 0.4) / 0.35) * min(1, 2 - x))
+    resolved = (wide**POWER + closed**POWER) ** (1 / POWER)
     if kind == "wall":
         return 1 / gap - 1 / resolved + log(resolved / gap) / 5
     return 2 * ((1 / gap - 1 / resolved) / 4 + 9 / 40 * log(resolved / gap))
 
 
-def measure(kind, gap):
+def measure(kind, gap, cells):
     """Force over 6 pi by the mesh alone"""
+    coarse, levels = MESHES[cells]
     heights = {"ball": 1 + gap} if kind == "wall" else {"below": 0.01 - 1 - gap / 2, "above": 0.01 + 1 + gap / 2}
     with tempfile.TemporaryDirectory() as folder:
         words = [str(ROOT / "build" / "tumble"), str(ROOT / "runs/studies/contact" / f"film-{kind}.yaml"), "-output_every", "0", "-output_dir", folder, "-output_overwrite"]
+        words += ["-mesh_cells", f"{coarse},{coarse},{coarse}", "-mesh_levels", str(levels)]
         for name, z in heights.items():
             words += [f"-particle_{name}_position", f"{PLACE},{z}"]
         subprocess.run(words, check=True, stdout=subprocess.DEVNULL)
@@ -64,11 +69,13 @@ def measure(kind, gap):
 
 
 def main():
-    cases = [(sys.argv[1], float(sys.argv[2]))] if len(sys.argv) == 3 else [(kind, CELL * x) for kind in ("wall", "pair") for x in (2, 1, 0.5, 0.25, 0.125, 0.05, 0.02)]
+    cases = [(sys.argv[1], float(sys.argv[2]))] if len(sys.argv) > 2 else [(kind, x) for kind in ("wall", "pair") for x in (2, 1.5, 1, 0.7, 0.5, 0.25, 0.125, 0.05, 0.02)]
+    cells = int(sys.argv[3]) if len(sys.argv) > 3 else 4
     print("| | gap in cells | exact | mesh alone | off [%] | with film [%] |\n| --- | --- | --- | --- | --- | --- |")
-    for kind, gap in cases:
-        exact, ours = {"wall": wall, "pair": pair}[kind](gap), measure(kind, gap)
-        print(f"| {kind} | {gap / CELL:.3g} | {exact:.4g} | {ours:.4g} | {100 * (ours / exact - 1):+.1f} | {100 * ((ours + film(kind, gap)) / exact - 1):+.1f} |", flush=True)
+    for kind, x in cases:
+        gap = x / cells
+        exact, ours = {"wall": wall, "pair": pair}[kind](gap), measure(kind, gap, cells)
+        print(f"| {kind} | {x:.3g} | {exact:.4g} | {ours:.4g} | {100 * (ours / exact - 1):+.1f} | {100 * ((ours + film(kind, gap, 1 / cells)) / exact - 1):+.1f} |", flush=True)
 
 
 if __name__ == "__main__":
