@@ -465,8 +465,10 @@ PetscErrorCode RefinedBuild(Mesh m, Leaves *leaves)
   PetscCall(MeshConnectNodes(m));
   PetscCall(place_nodes(&b));
   PetscCall(collect_boundaries(&b));
-  if (leaves->levels) PetscCall(keep_tree(&b));
-  else { /* equal cells are as good as any others */ PetscCall(PetscFree(b.half));
+  if (leaves->levels) {
+    PetscCall(keep_tree(&b));
+  } else { /* equal cells are as good as any others */
+    PetscCall(PetscFree(b.half));
     PetscCall(LeavesDestroy(&b.leaves));
   }
   PetscCall(PetscFree(b.ghost));

@@ -277,12 +277,12 @@ static PetscErrorCode choose_operator(Coarse s)
 {
   static const char *const OPERATORS[] = {"auto", "galerkin", "laplacian", NULL};
   PetscInt                 choice      = 0;
-  PetscReal                aspect;
+  PetscReal                aspect      = 1;
 
   PetscFunctionBeginUser;
   PetscCall(OptChoice("-flow_pressure_coarse", OPERATORS, &choice));
-  PetscCall(find_aspect(s, &aspect));
-  if (choice == 0) choice = s->loc->dim == 3 || aspect <= MOST_ASPECT ? 2 : 1;
+  if (choice == 0 && s->loc->dim == 2) PetscCall(find_aspect(s, &aspect));
+  if (choice == 0) choice = aspect <= MOST_ASPECT ? 2 : 1;
   if (choice == 2) PetscCall(LaplacianCreate(s->mesh, &s->laplacian));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -16,18 +16,16 @@ static PetscErrorCode take_translation(FlowSolver fs, Vec e)
 {
   const PetscInt dim = fs->loc->dim, n = fs->loc->nnode_all * dim;
   PetscReal     *U;
-  Vec            none;
+  Vec            none = fs->t_u2;
 
   PetscFunctionBeginUser;
   PetscCall(PetscCalloc1(fs->nbodies * fs->nr, &U));
-  PetscCall(VecDuplicate(e, &none));
   PetscCall(PetscArrayzero(fs->local, n));
   PetscCall(ConstraintRestrict(fs->constraint, fs->local, U, none));
   for (PetscInt i = 0; i < n; i++) fs->local[i] = 1;
   for (PetscInt i = 0; i < fs->nbodies * fs->nr; i++) U[i] = i % fs->nr < dim;
   PetscCall(ConstraintRestrict(fs->constraint, fs->local, U, e));
   PetscCall(VecAXPY(e, -1, none)); /* nodes that follow a body: less what they are told */
-  PetscCall(VecDestroy(&none));
   PetscCall(PetscFree(U));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -35,19 +33,16 @@ static PetscErrorCode take_translation(FlowSolver fs, Vec e)
 /* q += factor.x in the cells whose pressure an equation knows */
 static PetscErrorCode add_linear(FlowSolver fs, const PetscReal factor[], PetscReal q[])
 {
-  const MeshLocal *l    = fs->loc;
-  const PetscInt  *body = fs->constraint->node_body, nk = l->dim + 1;
+  const MeshLocal *l  = fs->loc;
+  const PetscInt   nk = l->dim + 1;
   const PetscReal *h;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetCellSize(fs->flow, &h));
   for (PetscInt c = 0; c < l->ncell; c++) {
-    const PetscInt  *node = l->cell_node + c * l->nb;
-    const PetscReal *x    = l->x + node[l->nb / 2] * l->dim;
-    PetscInt         j    = 0;
+    const PetscReal *x = l->x + l->cell_node[c * l->nb + l->nb / 2] * l->dim;
 
-    while (fs->nbodies && j < l->nb && body[node[j]] >= 0) j++;
-    if (j == l->nb) continue;
+    if (FlowSolverCellIsRigid(fs, c)) continue;
     for (PetscInt d = 0; d < l->dim; d++) {
       q[c * nk] += factor[d] * (x[d] - l->lower[d]);
       q[c * nk + 1 + d] += factor[d] * h[c];

@@ -89,6 +89,16 @@ static inline PetscBool FlowSolverIsSoft(FlowSolver fs)
   return (PetscBool)(fs->soft && fs->soft->any);
 }
 
+/* Do bodies hold all nodes of own cell c? No equation knows its pressure then. */
+static inline PetscBool FlowSolverCellIsRigid(FlowSolver fs, PetscInt c)
+{
+  const MeshLocal *l = fs->loc;
+  PetscInt         j = 0;
+
+  while (fs->nbodies && j < l->nb && fs->constraint->node_body[l->cell_node[c * l->nb + j]] >= 0) j++;
+  return (PetscBool)(j == l->nb);
+}
+
 /* The operator of penaltyterm.h without Pen and H: r -= G U at own nodes, rigid -= G^T u. u, r [own nodes][dim]; U,
    rigid [nlocal][nr] by the local numbers of the constraint, of which the entries of U for unknown or for known degrees
    of freedom count, and the unknown rows of rigid are served. Local. */

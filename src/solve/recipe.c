@@ -149,8 +149,9 @@ static PetscErrorCode set_outer(FlowSolver fs, PetscInt recipe, PetscBool moving
 static PetscErrorCode set_inner(FlowSolver fs, PetscInt recipe)
 {
 #define VELOCITY "-flow_fieldsplit_velocity_"
-  char      type[64] = "";
-  PetscBool gmres;
+  const PetscBool loose    = (PetscBool)(recipe == 0 || (fs->stages && fs->error_start > 0));
+  char            type[64] = "";
+  PetscBool       gmres;
 
   PetscFunctionBeginUser;
   /* gcr: half the sweeps of bcgs; gmres: half the vectors of gcr, for one application of the diagonal more */
@@ -163,9 +164,7 @@ static PetscErrorCode set_inner(FlowSolver fs, PetscInt recipe)
   PetscCall(OptDefault(VELOCITY "ksp_max_it", "200"));
   PetscCall(OptDefault(VELOCITY "pc_type", "sor"));
   PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_type", "cg"));
-  PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_rtol", recipe == 0 || (fs->stages && fs->error_start > 0) ? "1e-1"
-                                                             : fs->stages                                       ? "3e-2"
-                                                                                                                : "1e-2"));
+  PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_rtol", loose ? "1e-1" : fs->stages ? "3e-2" : "1e-2"));
   PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_max_it", "200"));
   PetscCall(PressureSetDefaults());
   PetscFunctionReturn(PETSC_SUCCESS);

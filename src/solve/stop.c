@@ -79,22 +79,36 @@ PetscErrorCode FlowSolverSetTolerance(FlowSolver fs, PetscBool *enough)
 #define MOST_RATE        0.9  /* of convergence that an estimate takes for true */
 #define MOST_RESIDUAL    2e-4 /* of the right-hand side: dense packings converge slowly, which changes do not show */
 
-/* Lengths of a - b (b NULL: of a): largest velocity of a body, 2-norm of the nodal velocities. Collective. */
-static PetscErrorCode measure(FlowSolver fs, Vec va, Vec vb, PetscReal length[2])
+/* Lengths of the last change of the solution and of the solution itself, which is the correction so far: largest
+   velocity of a body, 2-norm of the nodal velocities. Collective. */
+static PetscErrorCode measure(FlowSolver fs, PetscReal change[2], PetscReal whole[2])
 {
-  const PetscReal *a, *b = NULL;
+  const PetscReal *y, *before;
+  PetscReal        most[2] = {0, 0}, sum[2] = {0, 0};
+  Vec              t = fs->iterate[0];
 
   PetscFunctionBeginUser;
-  PetscCall(VecGetArrayRead(va, &a));
-  if (vb) PetscCall(VecGetArrayRead(vb, &b));
-  length[0] = length[1] = 0;
-  for (PetscInt i = fs->nodal; i < fs->nur; i++) length[0] = PetscMax(length[0], PetscAbsReal(a[i] - (b ? b[i] : 0)));
-  for (PetscInt i = 0; i < fs->nodal; i++) length[1] += PetscSqr(a[i] - (b ? b[i] : 0));
-  if (vb) PetscCall(VecRestoreArrayRead(vb, &b));
-  PetscCall(VecRestoreArrayRead(va, &a));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &length[0], 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &length[1], 1, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
-  length[1] = PetscSqrtReal(length[1]);
+  PetscCall(KSPBuildSolution(fs->ksp, fs->iterate[1], NULL));
+  PetscCall(VecGetArrayRead(fs->iterate[1], &y));
+  PetscCall(VecGetArrayRead(fs->iterate[0], &before));
+  for (PetscInt i = 0; i < fs->nodal; i++) {
+    sum[0] += PetscSqr(y[i] - before[i]);
+    sum[1] += PetscSqr(y[i]);
+  }
+  for (PetscInt i = fs->nodal; i < fs->nur; i++) {
+    most[0] = PetscMax(most[0], PetscAbsReal(y[i] - before[i]));
+    most[1] = PetscMax(most[1], PetscAbsReal(y[i]));
+  }
+  PetscCall(VecRestoreArrayRead(fs->iterate[0], &before));
+  PetscCall(VecRestoreArrayRead(fs->iterate[1], &y));
+  fs->iterate[0] = fs->iterate[1];
+  fs->iterate[1] = t;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 2, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  change[0] = most[0];
+  whole[0]  = most[1];
+  change[1] = PetscSqrtReal(sum[0]);
+  whole[1]  = PetscSqrtReal(sum[1]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -103,24 +117,18 @@ static PetscErrorCode measure(FlowSolver fs, Vec va, Vec vb, PetscReal length[2]
    start value lacked is the correction so far. */
 static PetscErrorCode velocities_suffice(FlowSolver fs, PetscInt it, PetscReal norm, PetscBool *enough)
 {
-  const PetscReal reduction = norm / fs->last_norm;
-  PetscReal       change[2], whole[2];
-  Vec             t;
+  PetscReal change[2], whole[2];
 
   PetscFunctionBeginUser;
-  PetscCall(KSPBuildSolution(fs->ksp, fs->iterate[1], NULL));
-  PetscCall(measure(fs, fs->iterate[1], fs->iterate[0], change));
-  PetscCall(measure(fs, fs->iterate[1], NULL, whole));
+  PetscCall(measure(fs, change, whole));
   *enough = (PetscBool)(it >= LEAST_ITERATIONS && norm <= MOST_RESIDUAL * fs->rhs);
   for (PetscInt i = 0; i < 2; i++) {
-    const PetscReal rate = PetscMin(PetscMax(reduction, change[i] / fs->last_change[i]), MOST_RATE);
+    const PetscReal last = fs->last_change[i], shrunk = change[i] < MOST_RATE * last ? change[i] / last : MOST_RATE;
+    const PetscReal rate = PetscMin(PetscMax(norm / fs->last_norm, shrunk), MOST_RATE);
 
     *enough            = (PetscBool)(*enough && change[i] * rate / (1 - rate) <= fs->error_start * whole[i]);
     fs->last_change[i] = change[i];
   }
-  t              = fs->iterate[0];
-  fs->iterate[0] = fs->iterate[1];
-  fs->iterate[1] = t;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

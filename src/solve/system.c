@@ -470,17 +470,12 @@ PetscErrorCode FlowSolverMakeConsistent(FlowSolver fs, Vec r)
    added in every step */
 static PetscErrorCode take_known_pressures(FlowSolver fs, const PetscReal dp[], PetscReal q[])
 {
-  const MeshLocal *l    = fs->loc;
-  const PetscInt  *body = fs->constraint->node_body, nk = l->dim + 1;
+  const PetscInt nk = fs->loc->dim + 1;
 
   PetscFunctionBeginUser;
   PetscCall(PetscArraycpy(q, dp, fs->np));
-  for (PetscInt c = 0; c < l->ncell && fs->nbodies; c++) {
-    PetscInt j = 0;
-
-    while (j < l->nb && body[l->cell_node[c * l->nb + j]] >= 0) j++;
-    for (PetscInt k = 0; k < nk && j == l->nb; k++) q[c * nk + k] = 0;
-  }
+  for (PetscInt c = 0; c < fs->loc->ncell; c++)
+    if (FlowSolverCellIsRigid(fs, c)) PetscCall(PetscArrayzero(q + c * nk, nk));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

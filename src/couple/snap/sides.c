@@ -53,10 +53,16 @@ PetscErrorCode SnapFindSides(Snap s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Does a side hold local node i along axis a? */
+static PetscBool is_held(Snap s, PetscInt i, PetscInt a)
+{
+  return (PetscBool)((s->side[i] & (3 << 2 * a | SIDE_CURVED)) != 0);
+}
+
 void SnapKeepOnSides(Snap s, PetscInt i)
 {
   for (PetscInt a = 0; a < s->loc->dim; a++)
-    if (s->side[i] & (3 << 2 * a | SIDE_CURVED)) s->d[s->loc->dim * i + a] = 0;
+    if (is_held(s, i, a)) s->d[s->loc->dim * i + a] = 0;
 }
 
 /* ---- who passes through which ---- */
@@ -140,17 +146,18 @@ static PetscErrorCode measure_body(Snap s, PetscInt k, const PetscReal X[3], con
 PetscErrorCode SnapFindPassages(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool wanted[])
 {
   PetscReal(*depth)[6], *volume;
-  PetscInt *body, n = 0;
+  PetscInt  *body, n = 0;
+  PetscBool *round; /* of the bodies that are measured, as depth and volume */
 
   PetscFunctionBeginUser;
-  PetscCall(PetscCalloc3(s->nbodies, &depth, s->nbodies, &volume, s->nbodies, &body));
+  PetscCall(PetscCalloc4(s->nbodies, &depth, s->nbodies, &volume, s->nbodies, &body, s->nbodies, &round));
   for (PetscInt k = 0; k < s->nbodies; k++) {
-    PetscBool out, round;
+    PetscBool out;
 
     s->passes[k] = 0;
     PetscCall(BodiesGetVolume(s->bodies, k, &s->inside[k]));
-    reaches(s, k, X[k], &out, &round);
-    if (!wanted[k] || s->is_path[k] || !(out || round)) continue;
+    reaches(s, k, X[k], &out, &round[n]);
+    if (!wanted[k] || s->is_path[k] || !(out || round[n])) continue;
     PetscCall(measure_body(s, k, X[k], q[k], depth[n], &volume[n]));
     body[n++] = k;
   }
@@ -159,13 +166,10 @@ PetscErrorCode SnapFindPassages(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], co
     PetscCall(MPIU_Allreduce(MPI_IN_PLACE, volume, (PetscMPIInt)n, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   }
   for (PetscInt e = 0; e < n; e++) {
-    PetscBool out, round;
-
     for (PetscInt b = 0; b < 6; b++) s->passes[body[e]] |= depth[e][b] >= DEEP ? 1 << b : 0;
-    reaches(s, body[e], X[body[e]], &out, &round);
-    if (s->passes[body[e]] || round) s->inside[body[e]] = volume[e];
+    if (s->passes[body[e]] || round[e]) s->inside[body[e]] = volume[e];
   }
-  PetscCall(PetscFree3(depth, volume, body));
+  PetscCall(PetscFree4(depth, volume, body, round));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -183,11 +187,9 @@ PetscErrorCode SnapProjectOnSide(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], P
 
     PetscCall(BodiesProject(s->bodies, k, X[k], q[k], 1, y, z));
     for (PetscInt a = 0; a < dim; a++) {
-      const PetscBool held = (PetscBool)((s->side[i] & (3 << 2 * a | SIDE_CURVED)) != 0);
-
       z[a] -= y[a];
       way += z[a] * z[a];
-      if (held) z[a] = 0;
+      if (is_held(s, i, a)) z[a] = 0;
       along += z[a] * z[a];
     }
     if (way <= PetscSqr(CLOSE * s->size[i])) PetscFunctionReturn(PETSC_SUCCESS);
