@@ -70,6 +70,9 @@ def test_ladder(tradeoff, tmp_path):
     assert other.returncode == 0 and not re.match(re.escape(least) + r"[^/]", other.stdout), other.stdout + other.stderr
     none = tradeoff("--read", "--target", "1e-12")
     assert none.returncode == 1 and "the best is '" in none.stdout
+    (tmp_path / "ladders.toml").write_text(LADDERS + '[disc.presets]\nown = { flow_recipe = "direct" }\n')
+    report = tradeoff("--read").stdout  # presets of its own
+    assert re.search(r"\| direct dt \|.*\| own \|", report) and not re.search(r"\| fast dt \|.*\| fast \|", report)
 
 
 def test_mistakes(tradeoff, tmp_path):

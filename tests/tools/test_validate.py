@@ -70,6 +70,33 @@ def test_verdicts(program, tmp_path):
     assert shown.returncode == 1 and shown.stdout.splitlines()[-7:] == done.stdout.splitlines()[-7:]
 
 
+EACH = """\
+[disc]
+scene = "{scene}"
+options = "-sim_dt 0.01"
+each = ["-sim_steps 3", "-sim_steps 2", "-sim_steps 4"]
+minutes = 0.1
+quantities = [
+  {{ value = "steps", reference = 3.4, tolerance = 1.4 }},
+  {{ value = "steps", at_most = 4 }},
+  {{ value = "steps", at_least = 2.5 }},
+  {{ name = "spread", value = "steps", spread = true, reference = 0.6666667, relative = 1e-6 }},
+]
+"""
+
+
+def test_worst_of_several_runs(program, tmp_path):
+    """A case of three runs: the one farthest from the reference, the largest, the smallest, and how far they lie apart."""
+    declare(tmp_path, EACH)
+    (tmp_path / "disc.yaml").write_text(MEET)
+    done = validate(tmp_path, program)
+    with open(tmp_path / "results" / "table.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["ours"] for row in rows] == ["2", "4", "2", "0.66666667"], done.stdout + done.stderr
+    assert [row["verdict"].startswith("within") for row in rows] == [True, True, False, True]
+    assert validate(tmp_path, program, "--list").stdout.count("-sim_dt 0.01 -sim_steps") == 3
+
+
 SPACE = MEET.replace("[4, 4], lower: [0, 0], upper: [1, 1]", "[4, 4, 4], lower: [0, 0, 0], upper: [1, 1, 1]")
 SPACE = SPACE.replace("[0.245, 0.5], velocity: [0.5, 0]", "[0.5, 0.5, 0.245], velocity: [0, 0, 0.5]").replace("[0.65, 0.5], velocity: [-0.5, 0]", "[0.5, 0.5, 0.65], velocity: [0, 0, -0.5]")
 
@@ -116,6 +143,7 @@ def test_mistakes(program, tmp_path):
         (CASE.replace("minutes = 0.1\n", ""), (), "key 'minutes' is missing"),
         (CASE.replace("reference = 3, tolerance = 0", "reference = 3"), (), "'steps' needs tolerance (absolute) or relative"),
         (CASE.replace("at_most = 10", "at_most = 10, at_least = 1"), (), "one of reference, at_most, at_least"),
+        (CASE.replace('"steps", ', '"steps", spread = true, '), (), "the case needs two options or more in each"),
         (CASE, ("box",), "no case 'box' (there are: disc)"),
         (CASE, ("--longest", "0.05"), "no case is left"),
     ]

@@ -24,8 +24,8 @@ from toolbox import ROOT, check_keys, launcher, make_parser, print_table, printa
 
 CASES = ROOT / "runs" / "validate"
 COLUMNS = ["case", "quantity", "ours", "reference", "tolerance", "source", "verdict"]
-CASE_KEYS = {"scene", "options", "ranks", "minutes", "source", "quantities"}
-QUANTITY_KEYS = {"name", "value", "source", "reference", "tolerance", "relative", "at_most", "at_least"}
+CASE_KEYS = {"scene", "options", "each", "ranks", "minutes", "source", "quantities"}
+QUANTITY_KEYS = {"name", "value", "spread", "source", "reference", "tolerance", "relative", "at_most", "at_least"}
 SLACK = 10  # a run is ended after so many times its declared minutes
 
 
@@ -71,6 +71,8 @@ def read_cases(parser, folder):
                 parser.error(f"{where}: there is another case of this name")
             for quantity in case["quantities"]:
                 check_quantity(parser, where, quantity)
+                if quantity.get("spread") and len(case.get("each", [])) < 2:
+                    parser.error(f"{where}: '{quantity['value']}' asks for a spread: the case needs two options or more in each")
             cases[name] = case
     return cases
 
@@ -84,6 +86,12 @@ def choose(parser, cases, args):
     if not chosen:
         parser.error(f"no case is left (there are: {', '.join(cases)})")
     return chosen
+
+
+def runs_of(name, case):
+    """{folder: options} of the runs of a case: one, or one for each of its options `each`."""
+    options = case.get("options", "")
+    return {f"{name}/{k}": f"{options} {more}" for k, more in enumerate(case["each"], 1)} if "each" in case else {name: options}
 
 
 # ---- verdicts ----
@@ -109,12 +117,28 @@ def deviation(quantity, ours):
     return f" ({100 * difference / abs(quantity['reference']):+.2g} %)" if quantity["reference"] else f" ({difference:+.2g})"
 
 
-def rows_of(name, case, folder, failure):
+def worst(quantity, values):
+    """What a quantity is over the runs of a case: its spread, or the value that is worst off."""
+    if quantity.get("spread"):
+        return (max(values) - min(values)) / abs(sum(values) / len(values))
+    if "reference" in quantity:
+        return max(values, key=lambda value: abs(value - quantity["reference"]))
+    return max(values) if "at_most" in quantity else min(values)
+
+
+def measure_runs(quantity, runs):
+    """(value, None) or (None, what is wrong)."""
+    found = [measure(quantity["value"], names) for names in runs]
+    problem = next((problem for _, problem in found if problem), None)
+    return (None, problem) if problem else (worst(quantity, [value for value, _ in found]), None)
+
+
+def rows_of(name, case, results, failure):
     """One row a quantity."""
-    names = None if failure else names_of_run(folder)
+    runs = [] if failure else [names_of_run(results / folder) for folder in runs_of(name, case)]
     rows = []
     for quantity in case["quantities"]:
-        ours, problem = (None, failure) if failure else measure(quantity["value"], names)
+        ours, problem = (None, failure) if failure else measure_runs(quantity, runs)
         reference, tolerance, within = judge(quantity, ours)
         verdict = f"not: {problem}" if problem else ("within" if within else "NOT within") + deviation(quantity, ours)
         source = quantity.get("source", case.get("source", ""))
@@ -125,16 +149,18 @@ def rows_of(name, case, folder, failure):
 # ---- runs ----
 
 
-def command_of(case, args):
-    return [*launcher(case.get("ranks", 1)), str((ROOT / args.build / "tumble").resolve()), case["scene"], *shlex.split(case.get("options", ""))]
+def command_of(case, options, args):
+    return [*launcher(case.get("ranks", 1)), str((ROOT / args.build / "tumble").resolve()), case["scene"], *shlex.split(options)]
 
 
 def run_case(name, case, args):
     """What went wrong, or None."""
-    print(f"running {name}", file=sys.stderr, flush=True)
-    options = read_options(case.get("options", ""))
-    run = run_scene(case["scene"], options, case.get("ranks", 1), Path(args.results) / name, args.build, 60 * SLACK * case["minutes"] + 60, cwd=ROOT)
-    return None if run.ended == "ok" else f"{run.ended}: {run.message[:300]}" if run.message else f"{run.ended} after {run.seconds:.0f} s"
+    for folder, options in runs_of(name, case).items():
+        print(f"running {folder}", file=sys.stderr, flush=True)
+        run = run_scene(case["scene"], read_options(options), case.get("ranks", 1), Path(args.results) / folder, args.build, 60 * SLACK * case["minutes"] + 60, cwd=ROOT)
+        if run.ended != "ok":
+            return f"{run.ended}: {run.message[:300]}" if run.message else f"{run.ended} after {run.seconds:.0f} s"
+    return None
 
 
 def run_cases(cases, args):
@@ -144,12 +170,15 @@ def run_cases(cases, args):
 
 
 def missing_results(cases, args):
-    return {name: None if (Path(args.results) / name / "summary.json").is_file() else "not run" for name in cases}
+    there = lambda folder: (Path(args.results) / folder / "summary.json").is_file()
+    return {name: None if all(map(there, runs_of(name, case))) else "not run" for name, case in cases.items()}
 
 
 def print_plan(cases, args):
     for name, case in cases.items():
-        print(f"  {name:<28} {case['minutes']:6.1f} min  " + (printable(command_of(case, args)) if args.list else case["scene"]))
+        print(f"  {name:<28} {case['minutes']:6.1f} min  {case['scene']}" + (f", {len(case['each'])} runs" if "each" in case else ""))
+        for options in runs_of(name, case).values() if args.list else ():
+            print(f"    {printable(command_of(case, options, args))}")
     total = sum(case["minutes"] * case.get("ranks", 1) for case in cases.values())
     print(f"{len(cases)} cases, about {total:.0f} minutes of one core", flush=True)
 
@@ -166,7 +195,7 @@ def main():
     if args.list:
         return 0
     failures = missing_results(cases, args) if args.show else run_cases(cases, args)
-    rows = [row for name, case in cases.items() for row in rows_of(name, case, Path(args.results) / name, failures[name])]
+    rows = [row for name, case in cases.items() for row in rows_of(name, case, Path(args.results), failures[name])]
     Path(args.results).mkdir(parents=True, exist_ok=True)
     with open(Path(args.results) / "table.csv", "w", newline="") as file:
         csv.writer(file, lineterminator="\n").writerows([COLUMNS, *rows])
