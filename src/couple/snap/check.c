@@ -55,9 +55,10 @@ PetscErrorCode SnapCheckLevels(Snap s)
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &at[1], 3, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
   (void)snprintf(where, sizeof(where), l->dim == 2 ? "%g, %g" : "%g, %g, %g", (double)at[1], (double)at[2], (double)at[3]);
   SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-          "Levels of the mesh jump at %g cells that -couple_boundary snap would move (near (%s)): it needs four cells of one size around a surface. "
-          "Raise -mesh_band (3 leaves six), move or enlarge the boxes of -mesh_refine, or use -couple_boundary penalty",
-          (double)at[0], where);
+          "Levels of the mesh jump at %" PetscInt_FMT
+          " cells that -couple_boundary snap would move (near (%s)): it needs four cells of one size around a surface. "
+          "Raise -mesh_band (3 leaves six in the plane, 3.5 in space), move or enlarge the boxes of -mesh_refine, or use -couple_boundary penalty",
+          (PetscInt)at[0], where);
 }
 
 PetscErrorCode SnapCheckCells(Snap s, PetscReal *quality)
