@@ -1,7 +1,7 @@
 """Values of a run: what an expression such as "largest('cd', 4, 8)" or "body(0).at('y', 2)" may use, and its analysis of signals.
 
 Names: the quantities and numbers of summary.json; columns of series.csv through at, first, last, largest, smallest, mean, period; the same of one
-body of bodies.csv through body(k); sample(field, time, x, y) in its fields; kiss_time, distance, momentum_drift; published, rms; the functions of math with abs, min, max, int, str, zip.
+body of bodies.csv through body(k); sample(field, time, x, y) in its fields; kiss_time, distance, tilt, momentum_drift; published, rms; the functions of math with abs, min, max, int, str, zip.
 """
 
 import bisect
@@ -103,6 +103,14 @@ def distance(bodies, time, a=0, b=1):
     return math.hypot(*(tables[0].at(axis, time) - tables[1].at(axis, time) for axis in "xyz" if axis in bodies[0]))
 
 
+def tilt(bodies, time, a=0, b=1):
+    """Angle of the line from the centre of body a to that of body b against the last axis, in degrees: 0 where b is straight above a."""
+    axes = "xyz" if "z" in bodies[0] else "xy"
+    tables = [Table([row for row in bodies if row["body"] == k]) for k in (a, b)]
+    apart = [tables[1].at(axis, time) - tables[0].at(axis, time) for axis in axes]
+    return math.degrees(math.acos(apart[-1] / math.hypot(*apart)))
+
+
 def momentum_drift(bodies, count, dim=2):
     """Largest change of the momentum of `count` discs (3: spheres) from the first time on, over the sum of their |m u| then; every time must have each of them once."""
     times, change, start, size = {}, 0, None, 0
@@ -153,6 +161,7 @@ def names_of_run(folder):
         "sample": lambda *what: sample(folder, *what),
         "kiss_time": lambda a=0, b=1, factor=1.05: kiss_time(bodies, a, b, factor),
         "distance": lambda time, a=0, b=1: distance(bodies, time, a, b),
+        "tilt": lambda time, a=0, b=1: tilt(bodies, time, a, b),
         "momentum_drift": lambda count, dim=2: momentum_drift(bodies, count, dim),
         "body": lambda k=0: Body([row for row in bodies if row["body"] == k]),
     }

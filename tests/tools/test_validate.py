@@ -37,6 +37,7 @@ quantities = [
   {{ value = "kiss_time()", reference = 0.3, tolerance = 1e-6 }},
   {{ value = "kiss_time(1, 0, 1.5)", reference = 0.255, tolerance = 1e-6 }},
   {{ value = "distance(0.21)", reference = 0.195, tolerance = 1e-6 }},
+  {{ value = "tilt(0.21)", reference = 90, tolerance = 1e-9 }},
   {{ value = "body(0).crossing('x', 0.34)", reference = 0.19, tolerance = 1e-6 }},
   {{ value = "rms([x + y for x, y in zip(body(0).column('x'), body(1).column('x'))])", reference = 0.895, tolerance = 1e-6 }},
 ]
@@ -104,7 +105,7 @@ SPACE = SPACE.replace("[0.245, 0.5], velocity: [0.5, 0]", "[0.5, 0.5, 0.245], ve
 @pytest.mark.parametrize("scene, axis", [(MEET, "x"), (SPACE, "z")])
 def test_kiss_time(program, tmp_path, scene, axis):
     """Two discs, or spheres, 0.405 apart approach with speed 1: 1.05 diameters after 0.3, 1.5 after 0.255."""
-    declare(tmp_path, KISS.replace("'x'", f"'{axis}'"))
+    declare(tmp_path, KISS.replace("'x'", f"'{axis}'").replace("= 90", "= 90" if axis == "x" else "= 0"))
     (tmp_path / "disc.yaml").write_text(scene)
     done = validate(tmp_path, program)
     assert done.returncode == 0, done.stdout + done.stderr
