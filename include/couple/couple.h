@@ -122,7 +122,7 @@ typedef struct {
 /* NULL: neither is asked for. Borrowed. */
 PetscErrorCode CoupleGetDrive(Couple, const CoupleDrive **);
 
-/* Energy of fluid and bodies after CoupleForce, and the power of all that acts on them from outside: weight less
+/* Energy of fluid and bodies after CoupleMomentum, and the power of all that acts on them from outside: weight less
    buoyancy, external loads and contact on bodies that move freely, what moves walls and prescribed bodies, inflow (its
    pressure and its kinetic energy), -flow_force. Bodies with a degree of freedom that is prescribed and moves count as
    outside. In exact arithmetic and time the energy grows by no more than the work: viscosity takes the rest. */
@@ -135,8 +135,8 @@ typedef struct {
 /* Collective. */
 PetscErrorCode CoupleGetPower(Couple, CouplePower *);
 
-/* rate: momentum_rate of FlowDiagnose. Collective. */
-PetscErrorCode CoupleMomentum(Couple, const PetscReal rate[3], CoupleBalance *);
+/* After CoupleForce and FlowDiagnose. Collective. */
+PetscErrorCode CoupleMomentum(Couple, const FlowDiagnostics *, CoupleBalance *);
 
 /* A named boundary of the mesh: a wall, an opening (inflow, outflow), or neither (the surface of a body). */
 typedef struct {

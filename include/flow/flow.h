@@ -242,6 +242,10 @@ PetscErrorCode FlowAssembleComponents(Flow, const PetscReal u[], Mat *A);
 
 /* What cell c adds to the momentum residual with the step's solution u, p: r [nb][dim]. Not collective. */
 PetscErrorCode FlowCellResidual(Flow, PetscInt c, const PetscReal u[], const PetscReal p[], PetscReal r[]);
+/* The same of n <= FLOW_CELLS cells at the price of little more than one: r [n][nb][dim] */
+#define FLOW_CELLS 8
+PetscErrorCode FlowCellResiduals(Flow, PetscInt n, const PetscInt cells[], const PetscReal u[], const PetscReal p[],
+                                 PetscReal r[]);
 /* What Newton's method adds to S: n [nb*dim][nb*dim] = rho theta int phi_i (phi_j du_a/dx_b + skew u_a dphi_j/dx_b),
    row (i, a), column (j, b), of cell c; where the viscosity varies also theta (mu grad u^T, grad v) and what its
    derivative adds, which is all there is for u = NULL but for the derivative. Not collective. */
@@ -252,10 +256,12 @@ PetscErrorCode FlowCellStressForce(Flow, PetscInt c, const PetscReal u[], const 
                                    const PetscReal X[3], PetscReal force[3], PetscReal torque[3]);
 
 typedef struct {
-  PetscReal cfl;              /* largest |u| dt / h over cells */
-  PetscReal divergence;       /* L2 norm of the cell means of div u */
-  PetscReal kinetic_energy;   /* 1/2 rho int |u|^2 */
-  PetscReal momentum_rate[3]; /* rho int (c_t u - d + w.grad u_theta) - int f: what walls and bodies must supply */
+  PetscReal cfl;                           /* largest |u| dt / h over cells */
+  PetscReal divergence;                    /* L2 norm of the cell means of div u */
+  PetscReal kinetic_energy;                /* 1/2 rho int |u|^2 */
+  PetscReal change[3], flux[3], driven[3]; /* rho int (c_t u - d), rho int w.grad u_theta and int f over the fluid:
+                                              walls and bodies must supply change + flux - driven */
+  PetscReal velocity[3], volume;           /* int u, int 1 over it */
   PetscReal speed_max;
   PetscReal cell_reynolds; /* largest of |u| h/nu, infinite without viscosity */
 } FlowDiagnostics;

@@ -74,11 +74,6 @@ void ElementOperator(const ElementTables *, const ElementMetric *, PetscReal a, 
    acceleration s, velocity u (NULL: zero), convection w (NULL: none), all [nb][dim]; force [dim]. */
 void ElementResidual(const ElementTables *, const ElementMetric *, PetscReal rho, PetscReal mu, const PetscReal force[],
                      const PetscReal s[], const PetscReal u[], const PetscReal w[], PetscReal skew, PetscReal r[]);
-/* sum [dim]: that residual added up over all test functions, int rho (s + w . grad u + skew div w u) - force */
-void ElementRate(const ElementTables *, const ElementMetric *, PetscReal rho, const PetscReal force[],
-                 const PetscReal s[], const PetscReal u[], const PetscReal w[], PetscReal skew, PetscReal sum[]);
-/* int u . u of a nodal field [nb][dim] */
-PetscReal ElementSquare(const ElementTables *, const ElementMetric *, const PetscReal u[]);
 /* y = B u and r += scale B^T p with the cells' matrices b [ncell][dim + 1][nb * dim] and nodes [ncell][nb]; u, r
    [nodes][dim], y, p [ncell][dim + 1]. Local. */
 void ElementDivergence(PetscInt dim, PetscInt ncell, const PetscInt cell_node[], const PetscReal *const b[],

@@ -55,16 +55,18 @@ static PetscErrorCode sum_residuals(Couple c, PetscReal out[])
   const MeshLocal *l = c->loc;
   const PetscInt  *body, *touched, nr = c->nr, dim = l->dim;
   PetscInt         ntouched;
+  PetscReal        several[FLOW_CELLS * MESH_MAX_NB * 3];
 
   PetscFunctionBeginUser;
   PetscCall(ConstraintGetNodeBody(c->constraint, &body));
   PetscCall(IndicatorGetCells(c->mark, &ntouched, &touched));
   PetscCall(PetscArrayzero(out, c->s->n * nr));
   for (PetscInt t = 0; t < ntouched; t++) {
-    const PetscInt *node = l->cell_node + touched[t] * l->nb;
-    PetscReal       r[MESH_MAX_NB * 3], R[18];
+    const PetscInt  *node = l->cell_node + touched[t] * l->nb;
+    const PetscReal *r    = several + t % FLOW_CELLS * l->nb * dim;
+    PetscReal        R[18];
 
-    PetscCall(FlowCellResidual(c->flow, touched[t], c->u, c->p, r));
+    if (t % FLOW_CELLS == 0) PetscCall(FlowCellResiduals(c->flow, PetscMin(FLOW_CELLS, ntouched - t), touched + t, c->u, c->p, several));
     for (PetscInt j = 0; j < l->nb; j++) {
       const PetscInt k = body[node[j]];
 
@@ -292,12 +294,12 @@ PetscErrorCode CoupleListPrescribedCells(Couple c)
 
 /* What prescribed components supply: sums of the momentum residual over walls and over openings (holes are bodies
    and left out, as are nodes that belong to a body), and *size, the sum of the sizes, by which errors are measured (in
-   a closed box the forces of the walls cancel) */
+   a closed box the forces of the walls cancel); kept for CoupleGetPower the power of all of them, holes too */
 static PetscErrorCode sum_prescribed(Couple c, PetscReal walls[3], PetscReal openings[3], PetscReal *size)
 {
   const MeshLocal *l = c->loc;
   const PetscInt  *fixed, *wall, *hole, *body;
-  PetscReal        sum[7] = {0};
+  PetscReal        sum[8] = {0}, several[FLOW_CELLS * MESH_MAX_NB * 3];
 
   PetscFunctionBeginUser;
   PetscCall(ConditionsGetValues(FlowConditions(c->flow), &fixed, NULL));
@@ -307,14 +309,16 @@ static PetscErrorCode sum_prescribed(Couple c, PetscReal walls[3], PetscReal ope
   if (c->follow || c->sides_move) PetscCall(BoundariesUpdate(c->boundaries));
   PetscCall(BoundariesBegin(c->boundaries));
   for (PetscInt i = 0; i < c->nprescribed; i++) {
-    const PetscInt *node = l->cell_node + c->prescribed[i] * l->nb;
-    PetscReal       r[MESH_MAX_NB * 3];
+    const PetscInt  *node = l->cell_node + c->prescribed[i] * l->nb;
+    const PetscReal *r    = several + i % FLOW_CELLS * l->nb * l->dim;
 
-    PetscCall(FlowCellResidual(c->flow, c->prescribed[i], c->u, c->p, r));
+    if (i % FLOW_CELLS == 0) PetscCall(FlowCellResiduals(c->flow, PetscMin(FLOW_CELLS, c->nprescribed - i), c->prescribed + i, c->u, c->p, several));
     for (PetscInt j = 0; j < l->nb; j++) {
       if (hole[node[j]] < 0 && body[node[j]] < 0) PetscCall(BoundariesShare(c->boundaries, c->prescribed[i], j, c->p));
       for (PetscInt a = 0; a < l->dim; a++) {
-        if (!((fixed[node[j]] >> a) & 1) || hole[node[j]] >= 0 || body[node[j]] >= 0) continue;
+        if (!((fixed[node[j]] >> a) & 1) || body[node[j]] >= 0) continue;
+        sum[7] += r[j * l->dim + a] * c->u[node[j] * l->dim + a];
+        if (hole[node[j]] >= 0) continue;
         sum[((wall[node[j]] >> a) & 1 ? 0 : 3) + a] += r[j * l->dim + a];
         BoundariesAdd(c->boundaries, node[j], a, r[j * l->dim + a]);
         sum[6] += PetscAbsReal(r[j * l->dim + a]);
@@ -323,6 +327,7 @@ static PetscErrorCode sum_prescribed(Couple c, PetscReal walls[3], PetscReal ope
   }
   if (c->rung->force) PetscCall((*c->rung->force)(c, c->rung_data, fixed, sum));
   PetscCall(BoundariesFinish(c->boundaries, c->u));
+  c->supplied = sum[7];
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 7, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   PetscCall(PetscArraycpy(walls, sum, 3));
   PetscCall(PetscArraycpy(openings, sum + 3, 3));
@@ -366,62 +371,41 @@ static PetscErrorCode sum_bodies(Couple c, PetscReal out[3], PetscReal *size)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* rho int (c_t u - d) and int f over the fluid, and the mean velocity of fluid and bodies; the row sums of the mass
-   matrix integrate Q2 functions exactly */
-static PetscErrorCode sum_fluid(Couple c, PetscReal change[3], PetscReal volume[3], PetscReal mean[3])
+/* Mean velocity of fluid and bodies */
+static PetscErrorCode take_mean(Couple c, const FlowDiagnostics *d, PetscReal mean[3])
 {
-  const PetscReal *m, *source;
-  const PetscInt   dim = c->loc->dim;
-  PetscReal       *u, *u_old, sum[10] = {0}, all;
+  PetscReal sum[3] = {d->velocity[0], d->velocity[1], d->velocity[2]}, all = d->volume;
 
   PetscFunctionBeginUser;
-  PetscCall(FlowGetLumpedMass(c->flow, &m));
-  PetscCall(FlowGetFields(c->flow, &u, &u_old, NULL));
-  PetscCall(FlowGetSource(c->flow, &source));
-  for (PetscInt i = 0; i < c->loc->nnode; i++) {
-    for (PetscInt a = 0; a < dim; a++) {
-      const PetscInt j = i * dim + a;
-
-      sum[a] += m[i] * (c->step->ct * c->u[j] - c->step->d0 * u[j] - c->step->d1 * u_old[j]);
-      sum[4 + a] += m[i] * c->u[j];
-      if (source) sum[7 + a] += m[i] * source[j];
-    }
-    sum[3] += m[i];
-  }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 10, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
-  all = sum[3];
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscReal weight[3][6];
 
     if (!c->hollow || !c->hollow[k] || c->s->gone[k]) continue; /* else u inside is the body's */
     all += BodiesVolume(c->s, k);
     PetscCall(CoupleHollowWeights(c, k, weight));
-    for (PetscInt a = 0; a < dim; a++)
-      for (PetscInt j = 0; j < c->nr; j++) sum[4 + a] += weight[a][j] * c->U[k * c->nr + j];
+    for (PetscInt a = 0; a < c->loc->dim; a++)
+      for (PetscInt j = 0; j < c->nr; j++) sum[a] += weight[a][j] * c->U[k * c->nr + j];
   }
-  for (PetscInt a = 0; a < 3; a++) {
-    change[a] = c->par->density * sum[a];
-    volume[a] = c->par->force[a] * sum[3] + sum[7 + a];
-    mean[a]   = sum[4 + a] / all;
-  }
+  for (PetscInt a = 0; a < 3; a++) mean[a] = sum[a] / all;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CoupleMomentum(Couple c, const PetscReal rate[3], CoupleBalance *b)
+PetscErrorCode CoupleMomentum(Couple c, const FlowDiagnostics *d, CoupleBalance *b)
 {
   PetscReal size = 0, diff = 0;
 
   PetscFunctionBeginUser;
   PetscCall(sum_prescribed(c, b->walls, b->openings, &size));
   PetscCall(sum_bodies(c, b->bodies, &size));
-  PetscCall(sum_fluid(c, b->fluid, b->volume, b->mean));
+  PetscCall(take_mean(c, d, b->mean));
   for (PetscInt a = 0; a < 3; a++) {
-    /* rho int w.grad u: what leaves through the openings */
-    const PetscReal flux = rate[a] - b->fluid[a] + b->volume[a];
+    const PetscReal rate = d->change[a] + d->flux[a] - d->driven[a];
 
-    size += PetscAbsReal(rate[a]);
-    diff = PetscMax(diff, PetscAbsReal(rate[a] - b->walls[a] - b->openings[a] - b->bodies[a]));
-    b->openings[a] -= flux;
+    size += PetscAbsReal(rate);
+    diff         = PetscMax(diff, PetscAbsReal(rate - b->walls[a] - b->openings[a] - b->bodies[a]));
+    b->fluid[a]  = d->change[a];
+    b->volume[a] = d->driven[a];
+    b->openings[a] -= d->flux[a];
   }
   b->size  = size;
   b->error = size > 0 ? diff / size : 0;

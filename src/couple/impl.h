@@ -26,6 +26,7 @@ struct _p_Couple {
   Fitted             hole;                     /* bodies that are holes of the mesh: nothing is marked, forces are read
                                                   at the boundary */
   PetscInt           nprescribed, *prescribed; /* own cells with nodes of prescribed velocity */
+  PetscReal          supplied;                 /* power of these nodes on this rank (CoupleMomentum) */
   Boundaries         boundaries;
   PetscInt           implicit, use_volume, nr;
   const Rung        *rung;

@@ -1,5 +1,5 @@
-/* Couple: energy of flow and bodies, and the power of what acts on them from outside (CoupleGetPower). Costs what the
-   balance of momentum costs: cells with prescribed nodes, and one pass over nodes and bodies. */
+/* Couple: energy of flow and bodies, and the power of what acts on them from outside (CoupleGetPower). Costs one
+   pass over nodes and bodies: what prescribed nodes supply is known from the balance of momentum. */
 #include "compat.h"
 #include "impl.h"
 #include "bodies/mass.h"
@@ -20,47 +20,29 @@ PetscErrorCode CoupleFindNormals(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* What prescribed components supply, walls and openings and holes: momentum residual times velocity */
-static PetscErrorCode add_prescribed(Couple c, PetscReal *power)
-{
-  const MeshLocal *l = c->loc;
-  const PetscInt  *fixed, *body;
-
-  PetscFunctionBeginUser;
-  PetscCall(ConditionsGetValues(FlowConditions(c->flow), &fixed, NULL));
-  PetscCall(ConstraintGetNodeBody(c->constraint, &body));
-  for (PetscInt i = 0; i < c->nprescribed; i++) {
-    const PetscInt *node = l->cell_node + c->prescribed[i] * l->nb;
-    PetscReal       r[MESH_MAX_NB * 3];
-
-    PetscCall(FlowCellResidual(c->flow, c->prescribed[i], c->u, c->p, r));
-    for (PetscInt j = 0; j < l->nb; j++)
-      for (PetscInt a = 0; a < l->dim; a++)
-        if (((fixed[node[j]] >> a) & 1) && body[node[j]] < 0) *power += r[j * l->dim + a] * c->u[node[j] * l->dim + a];
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* Kinetic energy that flows in through the boundary, and the power of -flow_force */
 static PetscErrorCode add_fluid(Couple c, const FlowParameters *par, PetscReal *power)
 {
   const MeshLocal *l   = c->loc;
   const PetscInt   dim = l->dim;
   const PetscReal *m, *source;
+  PetscBool        driven = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetLumpedMass(c->flow, &m));
   PetscCall(FlowGetSource(c->flow, &source));
+  for (PetscInt a = 0; a < dim; a++) driven = (PetscBool)(driven || source || par->force[a] != 0);
   for (PetscInt i = 0; i < l->nnode; i++) {
     const PetscReal *u   = c->u + i * dim;
     PetscReal        out = 0, square = 0;
 
     for (PetscInt a = 0; a < dim; a++) {
       out += c->outward[i * dim + a] * (u[a] - c->step->frame[a]);
-      square += u[a] * u[a];
-      *power += (par->force[a] + (source ? source[i * dim + a] : 0)) * m[i] * u[a];
+      if (driven) *power += (par->force[a] + (source ? source[i * dim + a] : 0)) * m[i] * u[a];
     }
-    if (out < 0) *power -= 0.5 * par->density * square * out;
+    if (out >= 0) continue;
+    for (PetscInt a = 0; a < dim; a++) square += u[a] * u[a];
+    *power -= 0.5 * par->density * square * out;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -99,11 +81,10 @@ static PetscErrorCode add_body(Couple c, PetscInt k, const FlowParameters *par, 
 PetscErrorCode CoupleGetPower(Couple c, CouplePower *w)
 {
   const FlowParameters *par;
-  PetscReal             power = 0;
+  PetscReal             power = c->supplied;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetParameters(c->flow, &par));
-  PetscCall(add_prescribed(c, &power));
   PetscCall(add_fluid(c, par, &power));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &power, 1, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   *w = (CouplePower){.power = power};

@@ -4,6 +4,7 @@
    communication, and no second matrix for the constant part, which costs less to compute (element.h) than to load. */
 #include "compat.h"
 #include "impl.h"
+#include "lanes.h"
 #include "base/log.h"
 
 /* Rows of own nodes as compressed rows with global columns in ascending order; the caller frees both. */
@@ -204,41 +205,57 @@ PetscErrorCode FlowSetCellTerms(Flow f, PetscInt n, const PetscInt cell[], const
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowRhs(Flow f, PetscReal r[])
+/* r -= residual of the right-hand side in cell c, of fluids whose stress is their own */
+static PetscErrorCode take_residual(Flow f, PetscInt c, PetscReal r[])
 {
   const MeshLocal *l   = f->loc;
-  const PetscInt   dim = l->dim, nb = l->nb;
-  const FlowStep  *s = &f->step;
+  const FlowStep  *s   = &f->step;
+  const PetscInt   dim = l->dim, nb = l->nb, *node = l->cell_node + c * nb;
+  PetscReal        al[MESH_MAX_NB * 3], vl[MESH_MAX_NB * 3], wl[MESH_MAX_NB * 3], rl[MESH_MAX_NB * 3];
+  ElementMetric    m;
+
+  PetscFunctionBeginUser;
+  for (PetscInt j = 0; j < nb; j++) {
+    for (PetscInt a = 0; a < dim; a++) {
+      const PetscInt i = node[j] * dim + a;
+
+      al[j * dim + a] = -(s->d0 * f->u[i] + s->d1 * f->u_old[i]) - (f->source ? f->source[i] / f->par.density : 0);
+      vl[j * dim + a] = (1 - s->theta) * f->u[i];
+      wl[j * dim + a] = f->w[i];
+    }
+  }
+  MeshCellGather(l, c, dim, al);
+  MeshCellGather(l, c, dim, vl);
+  MeshCellGather(l, c, dim, wl);
+  PetscCall(FlowCellMetric(f, c, &m));
+  FlowCellMomentum(f, c, &m, al, s->theta < 1 ? vl : NULL, wl, rl);
+  MeshCellScatter(l, c, dim, rl);
+  for (PetscInt j = 0; j < nb; j++)
+    for (PetscInt a = 0; a < dim; a++) r[node[j] * dim + a] -= rl[j * dim + a];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowRhs(Flow f, PetscReal r[])
+{
+  const MeshLocal *l    = f->loc;
+  const PetscInt   n    = l->nb * l->dim;
+  LaneWalk         walk = {0};
+  LaneCells        next;
 
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_FLOW_RHS, 0, 0, 0, 0));
   PetscCall(FlowUpdateViscosity(f));
   if (f->conformation) PetscCall(ConformationPredict(f->conformation));
-  PetscCall(PetscArrayzero(r, l->nnode_all * dim));
-  for (PetscInt c = 0; c < l->ncell; c++) {
-    const PetscInt *node = l->cell_node + c * nb;
-    PetscReal       al[MESH_MAX_NB * 3], vl[MESH_MAX_NB * 3], wl[MESH_MAX_NB * 3], rl[MESH_MAX_NB * 3];
-    ElementMetric   m;
+  PetscCall(PetscArrayzero(r, l->nnode_all * l->dim));
+  for (PetscInt c = 0; c < l->ncell && !FlowIsPlain(f); c++) PetscCall(take_residual(f, c, r));
+  while (FlowIsPlain(f) && LanesNext(f, &walk, &next)) {
+    Lanes x[MESH_MAX_NB * 3];
 
-    for (PetscInt j = 0; j < nb; j++) {
-      for (PetscInt a = 0; a < dim; a++) {
-        const PetscInt i = node[j] * dim + a;
-
-        al[j * dim + a] = -(s->d0 * f->u[i] + s->d1 * f->u_old[i]) - (f->source ? f->source[i] / f->par.density : 0);
-        vl[j * dim + a] = (1 - s->theta) * f->u[i];
-        wl[j * dim + a] = f->w[i];
-      }
-    }
-    MeshCellGather(l, c, dim, al);
-    MeshCellGather(l, c, dim, vl);
-    MeshCellGather(l, c, dim, wl);
-    PetscCall(FlowCellMetric(f, c, &m));
-    FlowCellMomentum(f, c, &m, al, s->theta < 1 ? vl : NULL, wl, rl);
-    MeshCellScatter(l, c, dim, rl);
-    for (PetscInt j = 0; j < nb; j++)
-      for (PetscInt a = 0; a < dim; a++) r[node[j] * dim + a] -= rl[j * dim + a];
+    PetscCall(LanesMomentum(f, &next, NULL, x));
+    for (PetscInt i = 0; i < n; i++) x[i] = -x[i];
+    LanesScatter(l, &next, l->dim, x, r);
   }
-  PetscCall(MeshSumNodes(f->mesh, dim, r));
+  PetscCall(MeshSumNodes(f->mesh, l->dim, r));
   PetscCall(PetscLogEventEnd(TB_FLOW_RHS, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

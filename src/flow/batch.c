@@ -183,16 +183,12 @@ INLINE void set_cells(const int dim, const BatchTables *t, const BatchForm *f, c
   }
 }
 
-void BatchSetBoxes(const BatchTables *t, const BatchForm *f, Lanes det, const Lanes inverse[], const Lanes w[], const Lanes nu[], Lanes coefficient[])
+void BatchSet(const BatchTables *t, const BatchForm *f, const BatchGeometry *g, const Lanes w[], const Lanes nu[], Lanes coefficient[])
 {
-  if (t->dim == 2) set_boxes(2, t, f, det, inverse, w, nu, coefficient);
-  else set_boxes(3, t, f, det, inverse, w, nu, coefficient);
-}
-
-void BatchSetCells(const BatchTables *t, const BatchForm *f, const Lanes xc[], const Lanes w[], const Lanes nu[], Lanes coefficient[])
-{
-  if (t->dim == 2) set_cells(2, t, f, xc, w, nu, coefficient);
-  else set_cells(3, t, f, xc, w, nu, coefficient);
+  if (f->box && t->dim == 2) set_boxes(2, t, f, g->det, g->inverse, w, nu, coefficient);
+  else if (f->box) set_boxes(3, t, f, g->det, g->inverse, w, nu, coefficient);
+  else if (t->dim == 2) set_cells(2, t, f, g->xc, w, nu, coefficient);
+  else set_cells(3, t, f, g->xc, w, nu, coefficient);
 }
 
 /* ---- product ---- */
@@ -319,4 +315,49 @@ void BatchDiagonal(const BatchTables *t, const BatchForm *f, const Lanes c[], La
 {
   if (t->dim == 2) diagonal(2, t, f, c, d);
   else diagonal(3, t, f, c, d);
+}
+
+/* ---- integrals ---- */
+
+INLINE void integrate(const int dim, const PetscBool box, const BatchTables *t, const BatchGeometry *g, PetscReal skew, const Lanes *u,
+                      const Lanes *v, const Lanes *w, BatchIntegrals *out)
+{
+  const BatchForm form = {.skew = skew};
+  AtPoints        place, at_u, at_v, at_w;
+  const AtPoints *pv = v ? &at_v : &at_u;
+
+  *out = (BatchIntegrals){0};
+  evaluate_all(dim, t, PETSC_TRUE, u, &at_u);
+  if (v) evaluate_all(dim, t, PETSC_TRUE, v, &at_v);
+  if (w) evaluate_all(dim, t, (PetscBool)(skew != 0), w, &at_w);
+  if (!box) evaluate_all(dim, t, PETSC_TRUE, g->xc, &place);
+  for (int q = 0; q < NPOINT(dim); q++) {
+    Lanes inverse[3][3] = {{{0}}}, J[3][3], value[3], slope[3][3] = {{{0}}}, flow[4], scale;
+
+    for (int a = 0; a < dim; a++) {
+      if (box) inverse[a][a] = g->inverse[a];
+      for (int e = 0; e < dim && !box; e++) J[a][e] = place.slope[e][a][q];
+    }
+    scale = t->weight[q] * (box ? g->det : invert(dim, J, inverse));
+    for (int a = 0; a < dim; a++) {
+      out->square += scale * at_u.value[a][q] * at_u.value[a][q];
+      for (int e = 0; e < dim; e++) out->divergence += scale * inverse[e][a] * at_u.slope[e][a][q];
+    }
+    if (!w) continue;
+    at_point(dim, &at_w, q, (PetscBool)(skew != 0), value, slope);
+    set_convection(dim, &form, scale, inverse, value, slope, flow);
+    for (int a = 0; a < dim; a++) {
+      for (int e = 0; e < dim; e++) out->flux[a] += flow[e] * pv->slope[e][a][q];
+      if (skew != 0) out->flux[a] += flow[dim] * pv->value[a][q];
+    }
+  }
+}
+
+void BatchIntegrate(const BatchTables *t, PetscBool box, const BatchGeometry *g, PetscReal skew, const Lanes u[], const Lanes v[], const Lanes w[],
+                    BatchIntegrals *out)
+{
+  if (t->dim == 2 && box) integrate(2, PETSC_TRUE, t, g, skew, u, v, w, out);
+  else if (t->dim == 2) integrate(2, PETSC_FALSE, t, g, skew, u, v, w, out);
+  else if (box) integrate(3, PETSC_TRUE, t, g, skew, u, v, w, out);
+  else integrate(3, PETSC_FALSE, t, g, skew, u, v, w, out);
 }

@@ -28,14 +28,25 @@ typedef struct {
   PetscReal a, b, skew;
 } BatchForm;
 
+/* Of boxes det J and the diagonal `inverse` of J^{-1}, of others the node coordinates xc [n][dim] */
+typedef struct {
+  Lanes det, inverse[3], xc[MESH_MAX_NB * 3];
+} BatchGeometry;
+
+/* Over a cell: int u.u, int div u, int (w . grad v + skew div w v) */
+typedef struct {
+  Lanes square, divergence, flux[3];
+} BatchIntegrals;
+
 void BatchSetTables(PetscInt dim, BatchTables *);
 /* Lanes that the coefficients of a form take */
 PetscInt BatchCoefficients(const BatchTables *, const BatchForm *);
-/* Coefficients of the form: for boxes from det J and the diagonal `inverse` [dim] of J^{-1}, else from node coordinates
-   xc [n][dim]; w [n][dim] or NULL, nu [n] or NULL. Cells with det 0 give zero. */
-void BatchSetBoxes(const BatchTables *, const BatchForm *, Lanes det, const Lanes inverse[], const Lanes w[], const Lanes nu[], Lanes coefficient[]);
-void BatchSetCells(const BatchTables *, const BatchForm *, const Lanes xc[], const Lanes w[], const Lanes nu[], Lanes coefficient[]);
+/* Coefficients of the form; w [n][dim] or NULL, nu [n] or NULL. Cells with det 0 give zero. */
+void BatchSet(const BatchTables *, const BatchForm *, const BatchGeometry *, const Lanes w[], const Lanes nu[], Lanes coefficient[]);
 /* x [n][dim] <- the operator times x */
 void BatchMultiply(const BatchTables *, const BatchForm *, const Lanes coefficient[], Lanes x[]);
 /* Its diagonal d [n], the same for all components */
 void BatchDiagonal(const BatchTables *, const BatchForm *, const Lanes coefficient[], Lanes d[]);
+/* Integrals of nodal fields u, v (NULL: u) and w (NULL: none), all [n][dim] */
+void BatchIntegrate(const BatchTables *, PetscBool box, const BatchGeometry *, PetscReal skew, const Lanes u[], const Lanes v[], const Lanes w[],
+                    BatchIntegrals *);

@@ -5,6 +5,7 @@
    FlowSetCellTerms are not part of it. Changes nothing in the Flow. Only FlowDiagnose is collective. */
 #include "compat.h"
 #include "impl.h"
+#include "lanes.h"
 
 /* Nodal acceleration, theta-velocity and convecting velocity of a cell for the step's solution u */
 static void gather_step(const struct _p_Flow *f, PetscInt c, const PetscReal u[], PetscReal al[], PetscReal vl[], PetscReal wl[])
@@ -39,6 +40,30 @@ PetscErrorCode FlowCellResidual(Flow f, PetscInt c, const PetscReal u[], const P
   MeshCellScatter(f->loc, c, f->loc->dim, r);
   for (PetscInt k = 0; k < nk; k++)
     for (PetscInt i = 0; i < n; i++) r[i] -= p[c * nk + k] * f->b[c][k * n + i];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowCellResiduals(Flow f, PetscInt n, const PetscInt cells[], const PetscReal u[], const PetscReal p[], PetscReal r[])
+{
+  const MeshLocal *l  = f->loc;
+  const PetscInt   nk = l->dim + 1, size = l->nb * l->dim;
+  LaneCells        take;
+  Lanes            x[MESH_MAX_NB * 3];
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < n && !FlowIsPlain(f); i++) PetscCall(FlowCellResidual(f, cells[i], u, p, r + i * size));
+  if (!FlowIsPlain(f) || n == 0) PetscFunctionReturn(PETSC_SUCCESS);
+  LanesTake(f, n, cells, &take);
+  PetscCall(LanesMomentum(f, &take, u, x));
+  for (PetscInt k = 0; k < n; k++) {
+    const PetscInt c  = cells[k];
+    PetscReal     *rl = r + k * size;
+
+    for (PetscInt i = 0; i < size; i++) rl[i] = FlowIsDead(f, c) ? 0 : Lane(x, k)[i * BATCH_LANES];
+    MeshCellScatter(l, c, l->dim, rl);
+    for (PetscInt e = 0; e < nk; e++)
+      for (PetscInt i = 0; i < size; i++) rl[i] -= p[c * nk + e] * f->b[c][e * size + i];
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -146,54 +171,111 @@ static PetscErrorCode measure_elasticity(Flow f)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], FlowDiagnostics *out)
+/* What a step amounts to, of own cells and nodes: sums, then largest */
+typedef struct {
+  PetscReal square, divergence, flux[3]; /* int |u|^2, sum of squared means of div u, int w.grad u */
+  PetscReal change[3], driven[3], velocity[3], volume;
+  PetscReal cfl, speed, speed_size;
+} Amounts;
+#define AMOUNTS_SUMMED 15
+
+/* With nodal values x of u */
+static void add_speeds(const struct _p_Flow *f, const LaneCells *b, Lanes x[], Amounts *sum)
 {
-  const MeshLocal *l   = f->loc;
-  const PetscInt   dim = l->dim, nb = l->nb, n = nb * dim;
-  /* energy, divergence^2, momentum; cfl, speed, speed times size */
-  PetscReal sum[5] = {0, 0, 0, 0, 0}, top[3] = {0, 0, 0};
+  const PetscInt dim = f->loc->dim, nb = f->loc->nb;
 
-  PetscFunctionBeginUser;
-  for (PetscInt c = 0; c < l->ncell; c++) {
-    PetscReal        al[MESH_MAX_NB * 3], vl[MESH_MAX_NB * 3], wl[MESH_MAX_NB * 3], ul[MESH_MAX_NB * 3], us[MESH_MAX_NB * 3];
-    PetscReal        rate[3], div = 0, fastest = 0, through = 0;
-    const PetscReal *b = f->b[c];
-    ElementMetric    m;
+  for (PetscInt k = 0; k < b->n; k++) {
+    const PetscInt   c       = b->cell[k];
+    const PetscReal *ul      = Lane(x, k);
+    PetscReal        fastest = 0, through = 0; /* squares; the latter as the cells see it */
 
-    FlowCellSlots(l, c, u, us);
-    FlowCellGather(l, c, u, ul);
-    gather_step(f, c, u, al, vl, wl);
-    PetscCall(FlowCellMetric(f, c, &m));
-    ElementRate(&f->element, &m, f->par.density, f->par.force, al, vl, f->par.convection ? wl : NULL, f->par.skew, rate);
-    for (PetscInt d = 0; d < dim; d++) sum[2 + d] += rate[d];
-    for (PetscInt i = 0; i < n; i++) div += b[i] * us[i];
-    sum[1] += div * div / PetscPowRealInt(f->size[c], (int)dim);
-    sum[0] += 0.5 * f->par.density * ElementSquare(&f->element, &m, ul);
     for (PetscInt j = 0; j < nb; j++) {
-      PetscReal speed = 0, seen = 0; /* squares; as the cells see it */
+      PetscReal speed = 0, seen = 0;
 
       for (PetscInt a = 0; a < dim; a++) {
-        speed += ul[j * dim + a] * ul[j * dim + a];
-        seen += PetscSqr(ul[j * dim + a] - f->step.frame[a]);
+        const PetscReal v = ul[(j * dim + a) * BATCH_LANES];
+
+        speed += v * v;
+        seen += PetscSqr(v - f->step.frame[a]);
       }
       fastest = PetscMax(fastest, speed);
       through = PetscMax(through, seen);
     }
-    top[1] = PetscMax(top[1], PetscSqrtReal(fastest));
-    if (f->det[c] == 0) continue; /* no cell of the fluid */
-    through = PetscSqrtReal(through);
-    top[0]  = PetscMax(top[0], through * f->step.dt / f->size[c]);
-    top[2]  = PetscMax(top[2], through * f->size[c] * (f->rheology ? f->par.viscosity / f->mu_cell[c] : 1));
+    through         = PetscSqrtReal(through);
+    sum->speed      = PetscMax(sum->speed, PetscSqrtReal(fastest));
+    sum->cfl        = PetscMax(sum->cfl, through * f->step.dt / f->size[c]);
+    sum->speed_size = PetscMax(sum->speed_size, through * f->size[c] * (f->rheology ? f->par.viscosity / f->mu_cell[c] : 1));
   }
-  if (f->conformation) PetscCall(add_outflow(f, sum + 2));
+}
+
+static PetscErrorCode add_amounts(Flow f, const LaneCells *b, const PetscReal u[], Amounts *sum)
+{
+  const MeshLocal *l     = f->loc;
+  const PetscReal  theta = f->step.theta, one = 1;
+  Lanes            x[MESH_MAX_NB * 3], v[MESH_MAX_NB * 3], w[MESH_MAX_NB * 3];
+  BatchGeometry    g;
+  BatchIntegrals   out;
+
+  PetscFunctionBeginUser;
+  PetscCall(LanesGeometry(f, b, &g));
+  LanesGather(l, b, 1, &u, &one, x);
+  if (theta < 1) LanesGather(l, b, 2, (const PetscReal *[]){u, f->u}, (PetscReal[]){theta, 1 - theta}, v);
+  if (f->par.convection) LanesGather(l, b, 1, (const PetscReal *[]){f->w}, &one, w);
+  BatchIntegrate(f->tables, b->box, &g, f->par.skew, x, theta < 1 ? v : NULL, f->par.convection ? w : NULL, &out);
+  for (PetscInt k = 0; k < b->n; k++) {
+    sum->square += *Lane(&out.square, k);
+    sum->divergence += PetscSqr(*Lane(&out.divergence, k)) / PetscPowRealInt(f->size[b->cell[k]], (int)l->dim);
+    for (PetscInt d = 0; d < l->dim; d++) sum->flux[d] += *Lane(&out.flux[d], k);
+  }
+  add_speeds(f, b, x, sum);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Row sums of the mass matrix integrate nodal fields exactly */
+static void add_nodes(const struct _p_Flow *f, const PetscReal u[], Amounts *sum)
+{
+  const FlowStep *s   = &f->step;
+  const PetscInt  dim = f->loc->dim;
+
+  for (PetscInt i = 0; i < f->loc->nnode; i++) {
+    const PetscReal m = f->lumped[i];
+
+    for (PetscInt a = 0, k = i * dim; a < dim; a++, k++) {
+      sum->change[a] += m * (s->ct * u[k] - s->d0 * f->u[k] - s->d1 * f->u_old[k]);
+      sum->velocity[a] += m * u[k];
+      if (f->source) sum->driven[a] += m * f->source[k];
+    }
+    sum->volume += m;
+  }
+  for (PetscInt a = 0; a < dim; a++) sum->driven[a] += f->par.force[a] * sum->volume;
+}
+
+PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], FlowDiagnostics *out)
+{
+  const PetscReal rho  = f->par.density;
+  Amounts         of   = {0};
+  LaneWalk        walk = {0};
+  LaneCells       next;
+
+  PetscFunctionBeginUser;
+  while (LanesNext(f, &walk, &next)) PetscCall(add_amounts(f, &next, u, &of));
+  for (PetscInt d = 0; d < 3; d++) of.flux[d] *= rho;
+  add_nodes(f, u, &of);
+  if (f->conformation) PetscCall(add_outflow(f, of.flux));
   if (f->conformation) PetscCall(measure_elasticity(f));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 5, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, top, 3, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
-  out->kinetic_energy = sum[0];
-  out->divergence     = PetscSqrtReal(sum[1]);
-  for (PetscInt d = 0; d < 3; d++) out->momentum_rate[d] = sum[2 + d];
-  out->cfl           = top[0];
-  out->speed_max     = top[1];
-  out->cell_reynolds = f->par.density * top[2] / f->par.viscosity;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &of, AMOUNTS_SUMMED, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &of.cfl, 3, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  for (PetscInt d = 0; d < 3; d++) {
+    out->change[d]   = rho * of.change[d];
+    out->flux[d]     = of.flux[d];
+    out->driven[d]   = of.driven[d];
+    out->velocity[d] = of.velocity[d];
+  }
+  out->volume         = of.volume;
+  out->kinetic_energy = 0.5 * rho * of.square;
+  out->divergence     = PetscSqrtReal(of.divergence);
+  out->cfl            = of.cfl;
+  out->speed_max      = of.speed;
+  out->cell_reynolds  = rho * of.speed_size / f->par.viscosity;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

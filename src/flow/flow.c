@@ -100,6 +100,8 @@ PetscErrorCode FlowCreate(Mesh mesh, Flow *flow)
   dim = l->dim;
   PetscCall(read_parameters(f));
   PetscCall(ElementCreate(dim, &f->element));
+  PetscCall(PetscNew(&f->tables));
+  BatchSetTables(dim, f->tables);
   PetscCall(FlowCreateParts(f));
   PetscCall(read_rate(f));
   PetscCall(FlowSetInitial(f));
@@ -115,6 +117,7 @@ PetscErrorCode FlowDestroy(Flow *flow)
   if (!f) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowDestroyParts(f));
   PetscCall(ElementDestroy(&f->element));
+  PetscCall(PetscFree(f->tables));
   PetscCall(RheologyDestroy(&f->rheology));
   PetscCall(ExprDestroy(&f->formula));
   PetscCall(ExprDestroy(&f->gravity));

@@ -1,11 +1,12 @@
 /* Inside of Flow; for its files only. flow.c: parameters, fields, life cycle. cells.c: what depends on the shape of
-   cells. assemble.c: matrix, right-hand side, products with B. product.c with batch.c: products
+   cells. assemble.c: matrix, right-hand side, products with B. product.c with batch.c and lanes.c: products
    without a matrix. components.c: matrix of all components. rheology.c,
    stress.c: viscosity that varies. time.c: schemes. evaluate.c: what a solution amounts to, cell by cell; it changes
    nothing. remesh.c: what goes by the mesh. */
 #pragma once
 #include "mesh/element.h"
 #include "flow/flow.h"
+#include "batch.h"
 #include "conformation.h"
 #include "rheology.h"
 #include "walls.h"
@@ -27,6 +28,7 @@ struct _p_Flow {
   FlowStep         step;
   Conditions       boundary;
   ElementTables    element;
+  BatchTables     *tables; /* the same for cells side by side */
   /* time */
   PetscInt  scheme, nsteps, substep; /* steps taken; part of the time step that comes next */
   PetscReal dt_old, dt_older;        /* last steps (0: none) */
@@ -191,6 +193,18 @@ static inline void FlowCellMomentum(Flow f, PetscInt c, const ElementMetric *m, 
   if (f->rheology && vl) FlowAddStress(f, c, m, vl, r);
   if (f->eddy.name) FlowAddEddies(f, c, m, vl, r);
   if (f->conformation) FlowAddPolymer(f, c, m, vl, r);
+}
+
+/* A cell that is no part of the fluid */
+static inline PetscBool FlowIsDead(const struct _p_Flow *f, PetscInt c)
+{
+  return (PetscBool)(f->affine[c] && f->det[c] == 0);
+}
+
+/* Is the stress of the fluid mu grad u with one number mu? */
+static inline PetscBool FlowIsPlain(const struct _p_Flow *f)
+{
+  return (PetscBool)(!f->rheology && !f->eddy.name && !f->conformation);
 }
 
 /* Gradients of the basis at a quadrature point, [axis][j] */

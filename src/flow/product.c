@@ -2,57 +2,31 @@
    get their values before and give their sums after. */
 #include "compat.h"
 #include "impl.h"
-#include "batch.h"
+#include "lanes.h"
 
 typedef struct {
-  PetscInt  n, cell[BATCH_LANES]; /* cells in the first lanes */
-  PetscBool box;
+  LaneCells cells;
   size_t    at; /* where its coefficients begin */
 } Batch;
 
 struct _p_Product {
-  BatchTables tables;
-  BatchForm   form;
-  PetscInt    n, batch_room;
-  Batch      *batch;
-  size_t      used, room; /* coefficients */
-  Lanes      *coefficient;
-  void       *memory; /* which they lie in, at an address that vectors want */
-  PetscReal  *x, *y;  /* [nnode_all][dim] with ghosts, on more than one rank */
+  BatchForm  form;
+  PetscInt   n, batch_room;
+  Batch     *batch;
+  size_t     used, room; /* coefficients */
+  Lanes     *coefficient;
+  void      *memory; /* which they lie in, at an address that vectors want */
+  PetscReal *x, *y;  /* [nnode_all][dim] with ghosts, on more than one rank */
 };
 
-static inline PetscReal *lane(Lanes v[], PetscInt k)
-{
-  return (PetscReal *)v + k;
-}
-
-/* Edges along the axes: nothing beside the diagonal of the inverse Jacobian but round-off of coordinates, which counts
-   as it does where cells are found affine */
-static PetscBool is_box(const struct _p_Flow *f, PetscInt c)
-{
-  const PetscInt   dim     = f->loc->dim;
-  const PetscReal *inverse = f->inverse + c * dim * dim;
-
-  if (!f->affine[c]) return PETSC_FALSE;
-  for (PetscInt e = 0; e < dim; e++)
-    for (PetscInt a = 0; a < dim; a++)
-      if (a != e && PetscAbsReal(inverse[e * dim + a]) > 1e-10 * PetscAbsReal(inverse[e * dim + e])) return PETSC_FALSE;
-  return PETSC_TRUE;
-}
-
-/* Own cells of the fluid into batches of boxes and of others, both in ascending order */
+/* Batches of the fluid's own cells, and where their coefficients lie */
 static PetscErrorCode group_cells(Flow f, struct _p_Product *p)
 {
-  Batch    *open[2] = {NULL, NULL};
-  PetscInt  most    = f->loc->ncell / BATCH_LANES + 2;
-  BatchForm form    = p->form;
-  size_t    lanes[2];
+  PetscInt  most = f->loc->ncell / BATCH_LANES + 2;
+  LaneWalk  walk = {0};
+  LaneCells next;
 
   PetscFunctionBeginUser;
-  for (PetscInt k = 0; k < 2; k++) {
-    form.box = (PetscBool)k;
-    lanes[k] = (size_t)BatchCoefficients(&p->tables, &form);
-  }
   if (p->batch_room < most) {
     PetscCall(PetscFree(p->batch));
     PetscCall(PetscMalloc1(most, &p->batch));
@@ -60,20 +34,10 @@ static PetscErrorCode group_cells(Flow f, struct _p_Product *p)
   }
   p->n    = 0;
   p->used = 0;
-  for (PetscInt c = 0; c < f->loc->ncell; c++) {
-    const PetscBool box = is_box(f, c);
-    Batch          *b   = open[box];
-
-    if (f->det[c] == 0 && f->affine[c]) continue; /* no part of the fluid */
-    if (!b) {
-      b      = &p->batch[p->n++];
-      b->n   = 0;
-      b->box = box;
-      b->at  = p->used;
-      p->used += lanes[box];
-    }
-    b->cell[b->n++] = c;
-    open[box]       = b->n < BATCH_LANES ? b : NULL;
+  while (LanesNext(f, &walk, &next)) {
+    p->batch[p->n++] = (Batch){next, p->used};
+    p->form.box      = next.box;
+    p->used += (size_t)BatchCoefficients(f->tables, &p->form);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -89,47 +53,6 @@ static PetscErrorCode make_room(struct _p_Product *p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* x [nb][dim] of the cells of a batch, times factor, at their lattice places; lanes without a cell repeat the first */
-static void gather(const MeshLocal *l, const Batch *b, const PetscReal v[], PetscReal factor, Lanes x[])
-{
-  const PetscInt nb = l->nb, dim = l->dim;
-
-  for (PetscInt k = 0; k < BATCH_LANES; k++) {
-    const PetscInt c = b->cell[k < b->n ? k : 0], *node = l->cell_node + c * nb;
-    PetscReal     *to = lane(x, k), xl[MESH_MAX_NB * 3];
-
-    if (MeshCellHang(l, c)) {
-      for (PetscInt i = 0; i < nb * dim; i++) xl[i] = factor * v[node[i / dim] * dim + i % dim];
-      MeshCellGather(l, c, dim, xl);
-      for (PetscInt i = 0; i < nb * dim; i++) to[i * BATCH_LANES] = xl[i];
-    } else {
-      for (PetscInt j = 0; j < nb; j++)
-        for (PetscInt a = 0; a < dim; a++) to[(j * dim + a) * BATCH_LANES] = factor * v[node[j] * dim + a];
-    }
-  }
-}
-
-/* v += x [nb][bs] of the cells of a batch */
-static void scatter(const MeshLocal *l, const Batch *b, PetscInt bs, Lanes x[], PetscReal v[])
-{
-  const PetscInt nb = l->nb;
-
-  for (PetscInt k = 0; k < b->n; k++) {
-    const PetscInt   c = b->cell[k], *node = l->cell_node + c * nb;
-    const PetscReal *from = lane(x, k);
-    PetscReal        xl[MESH_MAX_NB * 3];
-
-    if (MeshCellHang(l, c)) {
-      for (PetscInt i = 0; i < nb * bs; i++) xl[i] = from[i * BATCH_LANES];
-      MeshCellScatter(l, c, bs, xl);
-      for (PetscInt i = 0; i < nb * bs; i++) v[node[i / bs] * bs + i % bs] += xl[i];
-    } else {
-      for (PetscInt j = 0; j < nb; j++)
-        for (PetscInt a = 0; a < bs; a++) v[node[j] * bs + a] += from[(j * bs + a) * BATCH_LANES];
-    }
-  }
-}
-
 /* nu at the points of cell c: twice that of the eddies (eddy.h). Points of the element run along the last axis first */
 static void gather_eddies(const struct _p_Flow *f, PetscInt c, PetscInt k, Lanes nu[])
 {
@@ -139,34 +62,22 @@ static void gather_eddies(const struct _p_Flow *f, PetscInt c, PetscInt k, Lanes
   for (PetscInt q = 0; q < nq; q++) {
     const PetscInt there = nq == 9 ? q % 3 * 3 + q / 3 : q % 3 * 9 + q / 3 % 3 * 3 + q / 9;
 
-    *lane(&nu[q], k) = 2 * f->step.theta * mu[there];
+    *Lane(&nu[q], k) = 2 * f->step.theta * mu[there];
   }
 }
 
 static PetscErrorCode set_batch(Flow f, struct _p_Product *p, const Batch *b)
 {
-  const MeshLocal *l   = f->loc;
-  const PetscInt   dim = l->dim;
-  Lanes            w[MESH_MAX_NB * 3], xc[MESH_MAX_NB * 3], nu[MESH_MAX_NB], det, inverse[3];
+  const PetscReal scale = f->par.density * f->step.theta;
+  BatchGeometry   g;
+  Lanes           w[MESH_MAX_NB * 3], nu[MESH_MAX_NB];
 
   PetscFunctionBeginUser;
-  p->form.box = b->box;
-  if (p->form.convection) gather(l, b, f->w, f->par.density * f->step.theta, w);
-  for (PetscInt k = 0; k < BATCH_LANES; k++) {
-    const PetscInt c = b->cell[k < b->n ? k : 0];
-    PetscReal      x[MESH_MAX_NB * 3];
-
-    if (p->form.vary) gather_eddies(f, c, k, nu);
-    if (b->box) {
-      *lane(&det, k) = f->det[c];
-      for (PetscInt e = 0; e < dim; e++) *lane(&inverse[e], k) = f->inverse[(c * dim + e) * dim + e];
-    } else {
-      PetscCall(MeshCellCoordinates(f->mesh, c, x));
-      for (PetscInt i = 0; i < l->nb * dim; i++) *lane(&xc[i], k) = x[i];
-    }
-  }
-  if (b->box) BatchSetBoxes(&p->tables, &p->form, det, inverse, w, nu, p->coefficient + b->at);
-  else BatchSetCells(&p->tables, &p->form, xc, w, nu, p->coefficient + b->at);
+  p->form.box = b->cells.box;
+  if (p->form.convection) LanesGather(f->loc, &b->cells, 1, (const PetscReal *[]){f->w}, &scale, w);
+  for (PetscInt k = 0; k < BATCH_LANES && p->form.vary; k++) gather_eddies(f, b->cells.cell[k < b->cells.n ? k : 0], k, nu);
+  PetscCall(LanesGeometry(f, &b->cells, &g));
+  BatchSet(f->tables, &p->form, &g, w, nu, p->coefficient + b->at);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -215,6 +126,7 @@ PetscErrorCode FlowMultiply(Flow f, const PetscReal x[], PetscReal y[])
   const PetscBool    alone = (PetscBool)(l->nnode == l->nnode_all);
   const PetscReal   *from  = alone ? x : p->x;
   PetscReal         *to    = alone ? y : p->y;
+  const PetscReal    one   = 1;
   BatchForm          form  = p->form;
 
   PetscFunctionBeginUser;
@@ -225,10 +137,10 @@ PetscErrorCode FlowMultiply(Flow f, const PetscReal x[], PetscReal y[])
     const Batch *b = &p->batch[i];
     Lanes        v[MESH_MAX_NB * 3];
 
-    form.box = b->box;
-    gather(l, b, from, 1, v);
-    BatchMultiply(&p->tables, &form, p->coefficient + b->at, v);
-    scatter(l, b, l->dim, v, to);
+    form.box = b->cells.box;
+    LanesGather(l, &b->cells, 1, &from, &one, v);
+    BatchMultiply(f->tables, &form, p->coefficient + b->at, v);
+    LanesScatter(l, &b->cells, l->dim, v, to);
   }
   add_terms(f, from, to);
   PetscCall(MeshSumNodes(f->mesh, l->dim, to));
@@ -245,15 +157,15 @@ static PetscErrorCode add_diagonal(Flow f, const struct _p_Product *p, const Bat
   Lanes            v[MESH_MAX_NB];
 
   PetscFunctionBeginUser;
-  form.box = b->box;
-  BatchDiagonal(&p->tables, &form, p->coefficient + b->at, v);
-  for (PetscInt k = 0; k < b->n; k++) {
-    const PetscInt  c = b->cell[k], *node = l->cell_node + c * l->nb;
+  form.box = b->cells.box;
+  BatchDiagonal(f->tables, &form, p->coefficient + b->at, v);
+  for (PetscInt k = 0; k < b->cells.n; k++) {
+    const PetscInt  c = b->cells.cell[k], *node = l->cell_node + c * l->nb;
     PetscReal       ce[MESH_MAX_NB * ELEMENT_MAX_NBP];
     const PetscBool hangs = (PetscBool)(MeshCellHang(l, c) != NULL);
 
     if (hangs) PetscCall(FlowCellMatrix(f, c, ce));
-    for (PetscInt j = 0; j < l->nb; j++) d[node[j]] += hangs ? ce[j * (f->element.nbp + 1)] : lane(v, k)[j * BATCH_LANES];
+    for (PetscInt j = 0; j < l->nb; j++) d[node[j]] += hangs ? ce[j * (f->element.nbp + 1)] : Lane(v, k)[j * BATCH_LANES];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -286,7 +198,6 @@ PetscErrorCode FlowCreateProduct(Flow f)
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&f->product));
-  BatchSetTables(l->dim, &f->product->tables);
   if (l->nnode < l->nnode_all) PetscCall(PetscMalloc2(l->nnode_all * l->dim, &f->product->x, l->nnode_all * l->dim, &f->product->y));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

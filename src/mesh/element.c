@@ -260,8 +260,7 @@ INLINE void evaluate(const int dim, const int nb, const int nqp, const PetscReal
       for (int q = 0; q < nqp; q++) v[d][q] += nodal[j * dim + d] * table[j * stride + q];
 }
 
-/* total: only the sum over all test functions, r [dim], in which the viscous part cancels */
-INLINE void residual(const int dim, const int nb, const int nbp, const int nq, const int nqp, const PetscBool total, const ElementTables *restrict t,
+INLINE void residual(const int dim, const int nb, const int nbp, const int nq, const int nqp, const ElementTables *restrict t,
                      const ElementMetric *restrict m, PetscReal rho, PetscReal mu, const PetscReal *restrict force, const PetscReal *restrict sl,
                      const PetscReal *restrict ul, const PetscReal *restrict wl, PetscReal skew, PetscReal *restrict r)
 {
@@ -294,7 +293,7 @@ INLINE void residual(const int dim, const int nb, const int nbp, const int nq, c
           for (int e = 0; e < dim; e++) space[a] += inverse[e * dim + a] * grad[e][d][q];
           if (wl) source[d][q] += rho * w[a][q] * space[a];
         }
-        for (int e = 0; e < dim && !total; e++) {
+        for (int e = 0; e < dim; e++) {
           PetscReal flux = 0;
 
           for (int a = 0; a < dim; a++) flux += inverse[e * dim + a] * space[a];
@@ -305,11 +304,6 @@ INLINE void residual(const int dim, const int nb, const int nbp, const int nq, c
     }
   }
   for (int d = 0; d < dim; d++) {
-    if (total) {
-      r[d] = 0;
-      for (int q = 0; q < nq; q++) r[d] += source[d][q];
-      continue;
-    }
     for (int j = 0; j < nbp; j++) out[d][j] = 0;
     for (int q = 0; q < nq; q++) {
       for (int j = 0; j < nbp; j++) out[d][j] += source[d][q] * t->phi[q * nbp + j];
@@ -318,38 +312,15 @@ INLINE void residual(const int dim, const int nb, const int nbp, const int nq, c
           for (int j = 0; j < nbp; j++) out[d][j] += grad[e][d][q] * t->dphi[(q * dim + e) * nbp + j];
     }
   }
-  for (int j = 0; j < nb && !total; j++)
+  for (int j = 0; j < nb; j++)
     for (int d = 0; d < dim; d++) r[j * dim + d] = out[d][j];
 }
 
 void ElementResidual(const ElementTables *t, const ElementMetric *m, PetscReal rho, PetscReal mu, const PetscReal force[], const PetscReal s[],
                      const PetscReal u[], const PetscReal w[], PetscReal skew, PetscReal r[])
 {
-  if (t->dim == 2) residual(2, 9, 12, 9, 12, PETSC_FALSE, t, m, rho, mu, force, s, u, w, skew, r);
-  else residual(3, 27, 28, 27, 28, PETSC_FALSE, t, m, rho, mu, force, s, u, w, skew, r);
-}
-
-void ElementRate(const ElementTables *t, const ElementMetric *m, PetscReal rho, const PetscReal force[], const PetscReal s[], const PetscReal u[],
-                 const PetscReal w[], PetscReal skew, PetscReal sum[])
-{
-  if (t->dim == 2) residual(2, 9, 12, 9, 12, PETSC_TRUE, t, m, rho, 0, force, s, w ? u : NULL, w, skew, sum);
-  else residual(3, 27, 28, 27, 28, PETSC_TRUE, t, m, rho, 0, force, s, w ? u : NULL, w, skew, sum);
-}
-
-INLINE PetscReal square(const int dim, const int nb, const int nq, const int nqp, const ElementTables *restrict t, const ElementMetric *restrict m,
-                        const PetscReal *restrict ul)
-{
-  PetscReal u[3][ELEMENT_MAX_NQ], sum = 0;
-
-  evaluate(dim, nb, nqp, t->phi_t, nqp, ul, u);
-  for (int d = 0; d < dim; d++)
-    for (int q = 0; q < nq; q++) sum += m->weight[q] * u[d][q] * u[d][q];
-  return sum;
-}
-
-PetscReal ElementSquare(const ElementTables *t, const ElementMetric *m, const PetscReal u[])
-{
-  return t->dim == 2 ? square(2, 9, 9, 12, t, m, u) : square(3, 27, 27, 28, t, m, u);
+  if (t->dim == 2) residual(2, 9, 12, 9, 12, t, m, rho, mu, force, s, u, w, skew, r);
+  else residual(3, 27, 28, 27, 28, t, m, rho, mu, force, s, u, w, skew, r);
 }
 
 /* ---- the map of a cell and its inverse ---- */

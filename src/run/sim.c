@@ -283,7 +283,7 @@ static PetscErrorCode finish_part(Sim s, PetscReal dt, PetscInt its)
   PetscCall(begin_phase(s, MONITOR_OUTPUT));
   PetscCall(CoupleGetSolution(s->part.couple, &u, &p));
   PetscCall(FlowDiagnose(s->part.flow, u, &s->diag));
-  PetscCall(CoupleMomentum(s->part.couple, s->diag.momentum_rate, &s->balance));
+  PetscCall(CoupleMomentum(s->part.couple, &s->diag, &s->balance));
   PetscCall(DiagnosticsStep(s->part.probe, &s->balance));
   if (PetscIsInfOrNanReal(s->diag.kinetic_energy)) PetscCall(stop_unsolved(s, KSP_DIVERGED_NANORINF, its, dt));
   if (s->judge) PetscCall(JudgeStep(s->judge, &s->diag, &s->balance, s->time + dt, dt));

@@ -76,7 +76,7 @@ static PetscReal momentum_error(Case *c)
 
   OK(CoupleGetSolution(c->couple, &u, &p));
   OK(FlowDiagnose(c->flow, u, &d));
-  OK(CoupleMomentum(c->couple, d.momentum_rate, &b));
+  OK(CoupleMomentum(c->couple, &d, &b));
   return b.error;
 }
 

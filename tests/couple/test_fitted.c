@@ -134,7 +134,7 @@ static void test_momentum(void **state)
     OK(CoupleForce(couple));
     OK(CoupleGetSolution(couple, &u, &p));
     OK(FlowDiagnose(c.flow, u, &d));
-    OK(CoupleMomentum(couple, d.momentum_rate, &b));
+    OK(CoupleMomentum(couple, &d, &b));
     for (PetscInt a = 0; a < 2; a++) NEAR(b.fluid[a], b.bodies[a] + b.walls[a] + b.openings[a] + b.volume[a], 1e-9);
     for (PetscInt a = 0; a < 2; a++) NEAR(b.bodies[a], -c.s->force[0][a], 1e-14);
     NEAR(b.volume[0], 0.3 * (2.2 * 0.41 - PETSC_PI * 0.05 * 0.05), 1e-5);

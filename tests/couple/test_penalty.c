@@ -171,7 +171,7 @@ static PetscReal balance_error(const char options[], PetscInt steps, PetscReal d
     OK(CoupleForce(couple));
     OK(CoupleGetSolution(couple, &u, &p));
     OK(FlowDiagnose(c.flow, u, &d));
-    OK(CoupleMomentum(couple, d.momentum_rate, &balance));
+    OK(CoupleMomentum(couple, &d, &balance));
     OK(CoupleAdvance(couple));
   }
   for (PetscInt a = 0; a < 3; a++) velocity[a] = a < 2 ? c.s->u[0][a] : c.s->w[0][2];

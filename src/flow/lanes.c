@@ -1,0 +1,147 @@
+/* Lanes: see lanes.h */
+#include "compat.h"
+#include "lanes.h"
+
+/* Edges along the axes: nothing beside the diagonal of the inverse Jacobian but round-off of coordinates, which counts
+   as it does where cells are found affine */
+static PetscBool is_box(const struct _p_Flow *f, PetscInt c)
+{
+  const PetscInt   dim     = f->loc->dim;
+  const PetscReal *inverse = f->inverse + c * dim * dim;
+
+  if (!f->affine[c]) return PETSC_FALSE;
+  for (PetscInt e = 0; e < dim; e++)
+    for (PetscInt a = 0; a < dim; a++)
+      if (a != e && PetscAbsReal(inverse[e * dim + a]) > 1e-10 * PetscAbsReal(inverse[e * dim + e])) return PETSC_FALSE;
+  return PETSC_TRUE;
+}
+
+PetscBool LanesNext(const struct _p_Flow *f, LaneWalk *walk, LaneCells *next)
+{
+  next->n = 0;
+  for (; walk->at < f->loc->ncell; walk->at++) {
+    const PetscInt  c   = walk->at;
+    const PetscBool box = is_box(f, c);
+    LaneCells      *b   = &walk->open[box];
+
+    if (FlowIsDead(f, c)) continue;
+    if (b->n == BATCH_LANES) b->n = 0;
+    b->box          = box;
+    b->cell[b->n++] = c;
+    if (b->n < BATCH_LANES) continue;
+    *next = *b;
+    walk->at++;
+    return PETSC_TRUE;
+  }
+  for (PetscInt k = 0; k < 2 && !next->n; k++) {
+    if (walk->open[k].n < BATCH_LANES) *next = walk->open[k];
+    walk->open[k].n = 0;
+  }
+  return (PetscBool)(next->n > 0);
+}
+
+void LanesTake(const struct _p_Flow *f, PetscInt n, const PetscInt cells[], LaneCells *b)
+{
+  b->n   = n;
+  b->box = PETSC_TRUE;
+  for (PetscInt k = 0; k < n; k++) {
+    b->cell[k] = cells[k];
+    b->box     = (PetscBool)(b->box && is_box(f, cells[k]));
+  }
+}
+
+PetscErrorCode LanesGeometry(const struct _p_Flow *f, const LaneCells *b, BatchGeometry *g)
+{
+  const MeshLocal *l   = f->loc;
+  const PetscInt   dim = l->dim;
+
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < BATCH_LANES; k++) {
+    const PetscInt c = b->cell[k < b->n ? k : 0];
+    PetscReal      x[MESH_MAX_NB * 3];
+
+    if (b->box) {
+      *Lane(&g->det, k) = f->det[c];
+      for (PetscInt e = 0; e < dim; e++) *Lane(&g->inverse[e], k) = f->inverse[(c * dim + e) * dim + e];
+    } else {
+      PetscCall(MeshCellCoordinates(f->mesh, c, x));
+      for (PetscInt i = 0; i < l->nb * dim; i++) *Lane(&g->xc[i], k) = x[i];
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+void LanesGather(const MeshLocal *l, const LaneCells *b, PetscInt n, const PetscReal *const v[], const PetscReal factor[], Lanes x[])
+{
+  const PetscInt nb = l->nb, dim = l->dim;
+
+  for (PetscInt k = 0; k < BATCH_LANES; k++) {
+    const PetscInt c = b->cell[k < b->n ? k : 0], *node = l->cell_node + c * nb;
+    PetscReal     *to = Lane(x, k), xl[MESH_MAX_NB * 3];
+
+    if (n == 1 && !MeshCellHang(l, c)) {
+      for (PetscInt j = 0; j < nb; j++)
+        for (PetscInt a = 0; a < dim; a++) to[(j * dim + a) * BATCH_LANES] = factor[0] * v[0][node[j] * dim + a];
+      continue;
+    }
+    for (PetscInt i = 0; i < nb * dim; i++) xl[i] = 0;
+    for (PetscInt m = 0; m < n; m++)
+      for (PetscInt j = 0; j < nb; j++)
+        for (PetscInt a = 0; a < dim; a++) xl[j * dim + a] += factor[m] * v[m][node[j] * dim + a];
+    MeshCellGather(l, c, dim, xl);
+    for (PetscInt i = 0; i < nb * dim; i++) to[i * BATCH_LANES] = xl[i];
+  }
+}
+
+void LanesScatter(const MeshLocal *l, const LaneCells *b, PetscInt bs, Lanes x[], PetscReal v[])
+{
+  const PetscInt nb = l->nb;
+
+  for (PetscInt k = 0; k < b->n; k++) {
+    const PetscInt   c = b->cell[k], *node = l->cell_node + c * nb;
+    const PetscReal *from = Lane(x, k);
+    PetscReal        xl[MESH_MAX_NB * 3];
+
+    if (MeshCellHang(l, c)) {
+      for (PetscInt i = 0; i < nb * bs; i++) xl[i] = from[i * BATCH_LANES];
+      MeshCellScatter(l, c, bs, xl);
+      for (PetscInt i = 0; i < nb * bs; i++) v[node[i / bs] * bs + i % bs] += xl[i];
+    } else {
+      for (PetscInt j = 0; j < nb; j++)
+        for (PetscInt a = 0; a < bs; a++) v[node[j] * bs + a] += from[(j * bs + a) * BATCH_LANES];
+    }
+  }
+}
+
+PetscErrorCode LanesMomentum(Flow f, const LaneCells *b, const PetscReal u[], Lanes r[])
+{
+  const MeshLocal *l   = f->loc;
+  const FlowStep  *s   = &f->step;
+  const PetscInt   n   = l->nb * l->dim;
+  const PetscReal *v[] = {f->u, f->u_old, f->source ? f->source : u, u}, rho = f->par.density, theta = s->theta;
+  BatchForm        mass = {.box = b->box, .a = rho}, motion = {.box = b->box, .b = f->par.matrix, .skew = f->par.skew};
+  BatchGeometry    g;
+  Lanes            x[MESH_MAX_NB * 3], coefficient[1 + 3 + MESH_MAX_NB * (1 + 6 + 4)];
+  PetscInt         nv        = 2;
+  PetscReal        factor[4] = {-s->d0, -s->d1};
+
+  PetscFunctionBeginUser;
+  PetscCall(LanesGeometry(f, b, &g));
+  if (f->source) factor[nv++] = -1 / rho;
+  if (u) {
+    v[nv]        = u;
+    factor[nv++] = s->ct;
+  }
+  LanesGather(l, b, nv, v, factor, r);
+  for (PetscInt i = 0; i < n; i++) r[i] -= f->par.force[i % l->dim] / rho;
+  BatchSet(f->tables, &mass, &g, NULL, NULL, coefficient);
+  BatchMultiply(f->tables, &mass, coefficient, r);
+  if (!u && theta == 1) PetscFunctionReturn(PETSC_SUCCESS);
+  motion.convection = f->par.convection;
+  if (motion.convection) LanesGather(l, b, 1, (const PetscReal *[]){f->w}, &rho, x);
+  BatchSet(f->tables, &motion, &g, x, NULL, coefficient);
+  LanesGather(l, b, u && theta < 1 ? 2 : 1, (const PetscReal *[]){u ? u : f->u, f->u}, (PetscReal[]){u ? theta : 1 - theta, 1 - theta}, x);
+  BatchMultiply(f->tables, &motion, coefficient, x);
+  for (PetscInt i = 0; i < n; i++) r[i] += x[i];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
