@@ -12,7 +12,7 @@ static PetscErrorCode empty_cell(Flow f, PetscInt c)
   PetscFunctionBeginUser;
   f->affine[c] = PETSC_TRUE;
   f->det[c]    = 0;
-  f->b[c]      = f->kind[0];
+  f->b[c]      = f->kind[0].b;
   if (c < f->loc->ncell) PetscCall(PetscArrayzero(f->pmass + c * nk * nk, nk * nk));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -45,14 +45,14 @@ static PetscErrorCode keep_divergence(Flow f, PetscInt c, const PetscReal b[], P
 
   PetscFunctionBeginUser;
   for (PetscInt k = 1; k < f->nkind; k++) {
-    if (PetscAbsReal(f->size[c] - f->kind_size[k]) > ALIKE * f->size[c] || !is_alike(n, b, f->kind[k], difference)) continue;
-    f->b[c] = f->kind[k];
+    if (PetscAbsReal(f->size[c] - f->kind[k].size) > ALIKE * f->size[c] || !is_alike(n, b, f->kind[k].b, difference)) continue;
+    f->b[c] = f->kind[k].b;
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   if (first_time && f->nkind < MOST_KINDS) {
-    f->kind_size[f->nkind] = f->size[c];
-    PetscCall(PetscMalloc1(n, &f->kind[f->nkind]));
-    f->b[c] = f->kind[f->nkind++];
+    f->kind[f->nkind].size = f->size[c];
+    PetscCall(PetscMalloc1(n, &f->kind[f->nkind].b));
+    f->b[c] = f->kind[f->nkind++].b;
   } else {
     if (!f->b_own[c]) PetscCall(PetscMalloc1(n, &f->b_own[c]));
     f->b[c] = f->b_own[c];
@@ -71,8 +71,8 @@ PetscErrorCode FlowCreateCells(Flow f)
                          &f->lumped));
   PetscCall(PetscMalloc1(l->ncell * (dim + 1) * (dim + 1), &f->pmass));
   PetscCall(PetscCalloc4(l->nnode_all, &f->open, l->ncell_all, &f->visited, l->ncell_all, &f->around, l->ncell_all * dim, &f->centre));
-  PetscCall(PetscCalloc4(l->ncell_all, &f->b, l->ncell_all, &f->b_own, MOST_KINDS, &f->kind, MOST_KINDS, &f->kind_size));
-  PetscCall(PetscCalloc1((dim + 1) * l->nb * dim, &f->kind[0]));
+  PetscCall(PetscCalloc3(l->ncell_all, &f->b, l->ncell_all, &f->b_own, MOST_KINDS, &f->kind));
+  PetscCall(PetscCalloc1((dim + 1) * l->nb * dim, &f->kind[0].b));
   f->nkind = 1;
   f->ncell = l->ncell_all;
   f->now   = 0;
@@ -84,12 +84,49 @@ PetscErrorCode FlowDestroyCells(Flow f)
 {
   PetscFunctionBeginUser;
   for (PetscInt c = 0; c < f->ncell; c++) PetscCall(PetscFree(f->b_own[c])); /* the mesh may have changed */
-  for (PetscInt k = 0; k < f->nkind; k++) PetscCall(PetscFree(f->kind[k]));
-  PetscCall(PetscFree4(f->b, f->b_own, f->kind, f->kind_size));
+  for (PetscInt k = 0; k < f->nkind; k++) PetscCall(PetscFree(f->kind[k].b));
+  PetscCall(PetscFree3(f->b, f->b_own, f->kind));
   PetscCall(PetscFree(f->pmass));
   PetscCall(PetscFree4(f->open, f->visited, f->around, f->centre));
   PetscCall(PetscFree5(f->affine, f->inverse, f->det, f->size, f->lumped));
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Is the cell with nodes xc [nb][dim] a box in which nothing hangs? Its edges. */
+static PetscBool is_box(const MeshLocal *l, PetscInt c, const PetscReal xc[], PetscReal edge[3])
+{
+  const PetscInt dim = l->dim;
+
+  for (PetscInt d = 0; d < dim; d++) edge[d] = xc[(l->nb - 1) * dim + d] - xc[d];
+  for (PetscInt j = 0; j < l->nb; j++) {
+    const PetscInt at[3] = {j % 3, j / 3 % 3, j / 9};
+
+    for (PetscInt d = 0; d < dim; d++)
+      if (!(PetscAbsReal(xc[d] + 0.5 * at[d] * edge[d] - xc[j * dim + d]) <= ALIKE * edge[d])) return PETSC_FALSE;
+  }
+  return (PetscBool)!MeshCellHang(l, c);
+}
+
+/* A box like one of a kind takes over all that is kept of it; false: there is none */
+static PetscBool copy_box(Flow f, PetscInt c, const PetscReal edge[3])
+{
+  const PetscInt dim = f->loc->dim, nk = dim + 1;
+
+  for (PetscInt k = 1; k < f->nkind; k++) {
+    const CellKind *kind = &f->kind[k];
+    PetscBool       same = PETSC_TRUE;
+
+    for (PetscInt d = 0; d < dim; d++) same = (PetscBool)(same && PetscAbsReal(edge[d] - kind->edge[d]) <= ALIKE * edge[d]);
+    if (!same) continue;
+    f->affine[c] = PETSC_TRUE;
+    f->det[c]    = kind->det;
+    f->size[c]   = kind->size;
+    f->b[c]      = kind->b;
+    for (PetscInt i = 0; i < dim * dim; i++) f->inverse[c * dim * dim + i] = i % (dim + 1) == 0 ? 2 / kind->edge[i / dim] : 0;
+    for (PetscInt i = 0; i < nk * nk && c < f->loc->ncell; i++) f->pmass[c * nk * nk + i] = kind->pmass[i];
+    return PETSC_TRUE;
+  }
+  return PETSC_FALSE;
 }
 
 /* Affine test, size, cell matrices of B and inverse pressure mass of a cell */
@@ -98,13 +135,18 @@ static PetscErrorCode compute_cell(Flow f, PetscInt c, PetscBool first_time)
   const MeshLocal *l   = f->loc;
   const PetscInt   dim = l->dim, nb = l->nb, nk          = dim + 1;
   PetscReal        xc[MESH_MAX_NB * 3], first[9], volume = 0, mass[16] = {0}, b[4 * MESH_MAX_NB * 3] = {0};
+  PetscReal        edge[3], pmass[16];
   const PetscReal *centre = xc + (nb / 2) * dim;
+  const PetscInt   before = f->nkind;
+  PetscBool        box;
   ElementMetric    m;
 
   PetscFunctionBeginUser;
   PetscCall(MeshCellCoordinates(f->mesh, c, xc));
-  f->affine[c] = PETSC_FALSE;
   PetscCall(PetscArraycpy(f->centre + c * dim, centre, dim));
+  box = is_box(l, c, xc, edge);
+  if (box && copy_box(f, c, edge)) PetscFunctionReturn(PETSC_SUCCESS);
+  f->affine[c] = PETSC_FALSE;
   PetscCall(FlowCellMetric(f, c, &m));
   PetscCall(PetscArraycpy(first, m.inverse[0], dim * dim));
   f->affine[c] = PETSC_TRUE;
@@ -141,7 +183,13 @@ static PetscErrorCode compute_cell(Flow f, PetscInt c, PetscBool first_time)
   }
   for (PetscInt k = 0; k < nk; k++) MeshCellScatter(l, c, dim, b + k * nb * dim);
   PetscCall(keep_divergence(f, c, b, first_time));
-  if (c < l->ncell) DenseInvert(nk, mass, f->pmass + c * nk * nk);
+  DenseInvert(nk, mass, pmass);
+  if (c < l->ncell) PetscCall(PetscArraycpy(f->pmass + c * nk * nk, pmass, nk * nk));
+  if (box && f->nkind > before) {
+    f->kind[before].det = f->det[c];
+    PetscCall(PetscArraycpy(f->kind[before].edge, edge, dim));
+    PetscCall(PetscArraycpy(f->kind[before].pmass, pmass, nk * nk));
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

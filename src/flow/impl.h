@@ -21,6 +21,12 @@ enum {
 
 typedef struct _p_Extension *Extension;
 
+/* What cells of one form share: matrix of B, size; of boxes in which nothing hangs also the edges (else 0), det J and
+   the inverse pressure mass */
+typedef struct {
+  PetscReal *b, size, edge[3], det, pmass[16];
+} CellKind;
+
 struct _p_Flow {
   Mesh             mesh;
   const MeshLocal *loc;
@@ -39,8 +45,8 @@ struct _p_Flow {
   PetscReal  *centre, *size;                /* [ncell_all][dim] where its pressures are centred; [ncell_all] */
   PetscReal  *pmass;                        /* [ncell][dim+1][dim+1] pressure mass^-1 */
   PetscReal **b, **b_own;                   /* [ncell_all] cell matrices of B: own ones (or NULL), or of a kind */
-  PetscReal **kind, *kind_size;             /* those that cells share, the first is zero; size of the cells */
-  PetscInt    nkind, ncell;                 /* local cells */
+  CellKind   *kind;                         /* forms that cells share, the first with zeros */
+  PetscInt    nkind, ncell;                 /* ncell: local cells */
   PetscReal  *lumped;                       /* [nnode_all] */
   PetscInt   *open, *visited, *around, now; /* stamps: [nnode_all] mass is being computed, [ncell_all] done; [ncell_all]
                                               scratch */

@@ -66,10 +66,11 @@ static PetscErrorCode add_corners(DM dm, PetscInt dim, PetscInt p, PetscInt nv, 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Points of the closure of cell c by lattice position, the mean of that of their vertices: point [nb] */
-static PetscErrorCode cell_lattice(DM dm, PetscInt dim, PetscInt c, PetscInt point[])
+/* Points of the closure of cell c by lattice position, the mean of that of their vertices: point [nb]; vertex [2^dim] in
+   the order of corner_position */
+static PetscErrorCode cell_lattice(DM dm, PetscInt dim, PetscInt c, PetscInt point[], PetscInt vertex[])
 {
-  PetscInt *closure = NULL, n, vStart, vEnd, vertex[8], nv = 0;
+  PetscInt *closure = NULL, n, vStart, vEnd, nv = 0;
 
   PetscFunctionBeginUser;
   PetscCall(DMPlexGetDepthStratum(dm, 0, &vStart, &vEnd));
@@ -77,7 +78,7 @@ static PetscErrorCode cell_lattice(DM dm, PetscInt dim, PetscInt c, PetscInt poi
   for (PetscInt i = 0; i < n; i++) {
     const PetscInt p = closure[2 * i];
 
-    if (p >= vStart && p < vEnd && nv < 8) vertex[nv++] = p;
+    if (p >= vStart && p < vEnd && nv < 1 << dim) vertex[nv++] = p;
   }
   PetscCheck(nv == 1 << dim && n == (dim == 2 ? 9 : 27), PETSC_COMM_SELF, PETSC_ERR_SUP,
              "Cell %" PetscInt_FMT " has %" PetscInt_FMT " vertices: the mesh must consist of quadrilaterals (2D) or hexahedra (3D)", c, nv);
@@ -188,33 +189,65 @@ static void measure_cell(PetscInt dim, const PetscReal xc[], PetscReal *smallest
   }
 }
 
-/* Q2 nodes of local cell c, which is `point` in the DM: xc [nb][dim], not unwrapped into the period */
-static PetscErrorCode place_cell_nodes(Mesh m, PetscInt point, PetscReal xc[])
+/* Coordinates of vertices; section NULL: only by cells, as in periodic meshes, or not of vertices alone */
+typedef struct {
+  PetscSection       section;
+  const PetscScalar *x;
+  Vec                v;
+} Corners;
+
+static PetscErrorCode open_corners(DM dm, PetscInt dim, Corners *k)
+{
+  PetscInt vStart, vEnd, size;
+  Vec      by_cell;
+
+  PetscFunctionBeginUser;
+  PetscCall(DMGetCellCoordinatesLocal(dm, &by_cell));
+  PetscCall(DMGetCoordinatesLocal(dm, &k->v));
+  PetscCall(DMGetCoordinateSection(dm, &k->section));
+  PetscCall(DMPlexGetDepthStratum(dm, 0, &vStart, &vEnd));
+  PetscCall(PetscSectionGetStorageSize(k->section, &size));
+  if (by_cell || size != (vEnd - vStart) * dim) k->section = NULL;
+  PetscCall(VecGetArrayRead(k->v, &k->x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Q2 nodes of a cell, which is `point` in the DM, with its vertices: xc [nb][dim], not unwrapped into the period */
+static PetscErrorCode place_cell_nodes(Mesh m, const Corners *k, PetscInt point, const PetscInt vertex[], PetscReal xc[])
 {
   const PetscInt     dim = m->loc.dim;
   PetscBool          dg;
   PetscInt           n;
   const PetscScalar *array;
-  PetscScalar       *qv = NULL;
+  PetscScalar       *qv = NULL, near[24];
 
   PetscFunctionBeginUser;
-  PetscCall(DMPlexGetCellCoordinates(m->dm, point, &dg, &n, &array, &qv));
-  PetscCheck(n == dim << dim, PETSC_COMM_SELF, PETSC_ERR_SUP,
-             "A mesh cell has %" PetscInt_FMT " coordinates instead of %" PetscInt_FMT ": save the mesh with first-order elements", n, dim << dim);
+  for (PetscInt v = 0; v < 1 << dim && k->section; v++) {
+    PetscInt at;
+
+    PetscCall(PetscSectionGetOffset(k->section, vertex[v], &at));
+    for (PetscInt d = 0; d < dim; d++) near[v * dim + d] = k->x[at + d];
+  }
+  if (!k->section) {
+    PetscCall(DMPlexGetCellCoordinates(m->dm, point, &dg, &n, &array, &qv));
+    PetscCheck(n == dim << dim, PETSC_COMM_SELF, PETSC_ERR_SUP,
+               "A mesh cell has %" PetscInt_FMT " coordinates instead of %" PetscInt_FMT ": save the mesh with first-order elements", n, dim << dim);
+  }
   for (PetscInt j = 0; j < m->loc.nb; j++) {
     PetscReal q[3];
 
-    interpolate_corners(dim, qv, j, q);
+    interpolate_corners(dim, qv ? qv : near, j, q);
     PetscCall(MeshKindEvaluate(m->kind, q, xc + j * dim));
   }
-  PetscCall(DMPlexRestoreCellCoordinates(m->dm, point, &dg, &n, &array, &qv));
+  if (!k->section) PetscCall(DMPlexRestoreCellCoordinates(m->dm, point, &dg, &n, &array, &qv));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode set_coordinates(Mesh m, const PetscInt order[])
+static PetscErrorCode set_coordinates(Mesh m, const PetscInt order[], const PetscInt vertex[])
 {
   MeshLocal       *l   = &m->loc;
   const PetscInt   dim = l->dim;
+  Corners          corners;
   const PetscReal *period, *end;
   PetscReal        hmin = PETSC_MAX_REAL, lower[3] = {PETSC_MAX_REAL, PETSC_MAX_REAL, PETSC_MAX_REAL},
             upper[3] = {-PETSC_MAX_REAL, -PETSC_MAX_REAL, -PETSC_MAX_REAL};
@@ -223,10 +256,11 @@ static PetscErrorCode set_coordinates(Mesh m, const PetscInt order[])
   PetscCall(PetscMalloc1(l->nnode_all * dim, &m->x));
   PetscCall(MeshKindGetPeriod(m->kind, &period, &end));
   PetscCall(PetscArraycpy(l->period, period, 3));
+  PetscCall(open_corners(m->dm, dim, &corners));
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     PetscReal xc[MESH_MAX_NB * 3], smallest, volume;
 
-    PetscCall(place_cell_nodes(m, order[c], xc));
+    PetscCall(place_cell_nodes(m, &corners, order[c], vertex + (c << dim), xc));
     measure_cell(dim, xc, &smallest, &volume);
     PetscCheck(smallest > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
                "Mesh cell %" PetscInt_FMT " near (%g, %g) is inverted or flat (Jacobian %g at a corner): repair the mesh", c, (double)xc[0],
@@ -243,6 +277,7 @@ static PetscErrorCode set_coordinates(Mesh m, const PetscInt order[])
       }
     }
   }
+  PetscCall(VecRestoreArrayRead(corners.v, &corners.x));
   PetscCallMPI(MPI_Allreduce(&hmin, &l->h, 1, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
   PetscCallMPI(MPI_Allreduce(lower, l->lower, 3, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
   PetscCallMPI(MPI_Allreduce(upper, l->upper, 3, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
@@ -294,7 +329,7 @@ static PetscErrorCode collect_boundary_nodes(Mesh m, const PetscInt number[])
 /* Of the cells of a DMPlex */
 static PetscErrorCode build_plain(Mesh m)
 {
-  PetscInt   pStart, pEnd, *order, *number;
+  PetscInt   pStart, pEnd, *order, *number, *vertex;
   PetscBool *ghost;
 
   PetscFunctionBeginUser;
@@ -306,10 +341,13 @@ static PetscErrorCode build_plain(Mesh m)
   PetscCall(PetscMalloc2(pEnd, &order, pEnd, &number));
   PetscCall(order_cells(m, ghost, order));
   PetscCall(PetscMalloc2(m->loc.ncell_all * m->loc.nb, &m->cell_node, m->loc.ncell_all, &m->cell_global));
-  for (PetscInt c = 0; c < m->loc.ncell_all; c++) PetscCall(cell_lattice(m->dm, m->loc.dim, order[c], m->cell_node + c * m->loc.nb));
+  PetscCall(PetscMalloc1(m->loc.ncell_all << m->loc.dim, &vertex));
+  for (PetscInt c = 0; c < m->loc.ncell_all; c++)
+    PetscCall(cell_lattice(m->dm, m->loc.dim, order[c], m->cell_node + c * m->loc.nb, vertex + (c << m->loc.dim)));
   PetscCall(MeshNumberNodes(m, ghost, pEnd, number));
   PetscCall(MeshNumberGlobally(m, pEnd, order, number));
-  PetscCall(set_coordinates(m, order));
+  PetscCall(set_coordinates(m, order, vertex));
+  PetscCall(PetscFree(vertex));
   PetscCall(collect_boundary_nodes(m, number));
   PetscCall(PetscFree2(order, number));
   PetscCall(PetscFree(ghost));
