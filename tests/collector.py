@@ -6,7 +6,7 @@ ranks: in the set-up of the first of its tests. A case passes when it passes on 
 All is run one after the other; with pytest-xdist, "-n 2 --dist loadgroup" runs two at a time ("make check" does so on two cores). A program
 goes to one worker with all its cases.
 
-A program without progress for 60 s and an end-to-end test of more than 600 s fail (TUMBLE_LIMIT and TUMBLE_LIMIT_E2E change these), and
+A program without progress for 180 s and an end-to-end test of more than 600 s fail (TUMBLE_LIMIT and TUMBLE_LIMIT_E2E change these), and
 everything they started is killed: all processes of a test carry a mark in their environment, by which they are found even when they left
 their process group. The mark of a test begins with that of its worker, and the worker's with that of the process that started it. A failed test is shown with the command that repeats it. The last line is "N passed, N failed"; the exit status is 1
 when something failed, or nothing passed.
@@ -27,7 +27,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 MARK = "TUMBLE_TEST_MARK"
-LIMIT = float(os.environ.get("TUMBLE_LIMIT", 60))
+LIMIT = float(os.environ.get("TUMBLE_LIMIT", 180))
 LIMIT_E2E = float(os.environ.get("TUMBLE_LIMIT_E2E", 600))
 POLL = 0.1  # s between two looks at a running test
 GRACE = 2.0  # s between asking a process to end and killing it

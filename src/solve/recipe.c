@@ -116,10 +116,11 @@ static PetscErrorCode choose_fast(FlowSolver fs)
 static PetscErrorCode set_outer(FlowSolver fs, PetscInt recipe, PetscBool moving)
 {
   const char *rtol[] = {"1e-8", "1e-8", "1e-9", "1e-10"};
-  PetscBool   given, bound, periodic = PETSC_FALSE; /* where nothing else balances the momentum: conserve.c */
+  PetscBool   given, bound, closed; /* elsewhere nothing but the residual balances the momentum: conserve.c */
 
   PetscFunctionBeginUser;
-  for (PetscInt a = 0; a < fs->loc->dim; a++) periodic = (PetscBool)(periodic || fs->loc->period[a] > 0);
+  PetscCall(ConditionsPressureIsFloating(FlowConditions(fs->flow), &closed));
+  for (PetscInt a = 0; a < fs->loc->dim; a++) closed = (PetscBool)(closed && fs->loc->period[a] == 0);
   PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_ksp_rtol", &given));
   PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_rtol_most", &bound));
   if (recipe == 0 && !fs->single) {
@@ -133,7 +134,7 @@ static PetscErrorCode set_outer(FlowSolver fs, PetscInt recipe, PetscBool moving
   fs->rtol_most = 1e-5;
   PetscCall(OptReal("-flow_rtol_start", &fs->rtol_start));
   PetscCall(OptReal("-flow_rtol_most", &fs->rtol_most));
-  if (moving && recipe == 1 && !given && !bound && !periodic) PetscCall(OptDefault("-flow_error_start", PetscStringize(BALANCED_ERROR)));
+  if (moving && recipe == 1 && !given && !bound && closed) PetscCall(OptDefault("-flow_error_start", PetscStringize(BALANCED_ERROR)));
   PetscCall(OptReal("-flow_error_start", &fs->error_start));
   PetscCall(OptInt("-flow_iterations_least", &fs->least));
   PetscCall(OptDefault("-flow_ksp_type", fs->single ? "richardson" : "fgmres"));
