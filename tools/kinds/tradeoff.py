@@ -27,7 +27,7 @@ from toolbox import (
 
 FOLDER = ROOT / "runs" / "studies" / "tradeoff"
 COLUMNS = "point,value,error,worst,cpu_s,unknowns,steps,front,ended,commit,options".split(",")
-KEYS = {"scene", "options", "quantity", "unit", "reference", "finest", "shift", "axes"}
+KEYS = {"scene", "options", "quantity", "name", "reference", "finest", "shift", "presets", "axes"}
 PLAIN = {
     "recipe": {"fast": "-flow_recipe fast", "balanced": "-flow_recipe balanced", "accurate": "-flow_recipe accurate"},
     "boundary": {rung: f"-couple_boundary {rung}" for rung in ("nodal", "penalty", "snap")},
@@ -71,7 +71,7 @@ def read_ladder(parser, args):
         parser.error(f"{args.ladders} has no ladder '{name}' (there are: {', '.join(found)}): give --quantity, such as --quantity cd")
     if args.shift and "shift" not in ladder:
         parser.error(f"the ladder of {name} has no key 'shift' (options with {{n}} that move the mesh against the body)")
-    return ladder, presets
+    return ladder, ladder.get("presets", presets)
 
 
 class Point:
@@ -196,8 +196,12 @@ def recommend(rows, target):
     return min(good, key=lambda row: float(row["cpu_s"])) if good else None
 
 
+def title_of(ladder):
+    return ladder.get("name", f"`{ladder['quantity']}`")
+
+
 def write_report(path, name, ladder, reference, presets, rows, file):
-    print(f"# {name}: error of `{ladder['quantity']}` against CPU time\n", file=file)
+    print(f"# {name}: error of {title_of(ladder)} against CPU time\n", file=file)
     kind = f"reference {reference:.8g}" if ladder.get("reference") is not None else f"the finest run, {reference:.8g}"
     print(f"{machine_name()}, one rank; error relative to {kind}. Points on the front first, then the others; CPU seconds with set-up.\n", file=file)
     good = sorted((row for row in rows if row["error"] and row["front"] != "reference"), key=lambda row: (row["front"] != "yes", float(row["cpu_s"])))
@@ -227,7 +231,7 @@ def draw(path, name, ladder, presets, rows):
         here = [place(row) for row in good if preset_of(row, ladder, presets) == preset]
         if here:
             ax.loglog(*zip(*here), "s", ms=9, mfc="none", mec=colour, label=f"-preset {preset}")
-    ax.set(xlabel="CPU time of a run on one core [s]", ylabel=f"error of {ladder['quantity']} [%]", title=name)
+    ax.set(xlabel="CPU time of a run on one core [s]", ylabel=f"error of {title_of(ladder).replace('`', '')} [%]", title=name)
     ax.set_xlim(right=1.8 * max(float(row["cpu_s"]) for row in good))
     ax.grid(True, which="major", color="0.92")
     save_figure(fig, path, [ax])
