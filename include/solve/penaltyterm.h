@@ -18,7 +18,8 @@ typedef struct {
   PetscInt   n;           /* entries: pairs of own node and body */
   PetscInt  *node, *body; /* [n] */
   PetscReal *g;           /* [n][dim + 1] */
-  PetscReal *H;           /* [nbodies][nr][nr], see PenaltyTermSum */
+  PetscReal *H;           /* [nbodies][nr][nr] what own nodes have in every body */
+  PetscReal *whole;       /* [nbodies][nr][nr] sums of H: those of this rank's slots, in their order */
   PetscReal  strength;    /* largest sigma, on any rank */
   PetscReal *weight;      /* [nnode_all] lumped penalty of a node, over all bodies, synced; zero elsewhere */
   PetscInt  *follow;      /* [nnode_all] the body that holds a node most, synced; -1 elsewhere */
@@ -29,8 +30,8 @@ typedef struct {
 /* G of entry e as a matrix [dim][nr] */
 void PenaltyTermGetBlock(const PenaltyTerm *, PetscInt e, PetscReal G[]);
 
-/* H holds what own nodes have in every body: sum that over ranks for the bodies whose slots are here; once for every H,
-   after ConstraintSetFollowers and ConstraintSetBodies. Collective. */
+/* whole = sum of H over ranks for the bodies whose slots are here; when H has changed, or ConstraintSetBodies says that
+   something has. Collective. */
 PetscErrorCode PenaltyTermSum(const PenaltyTerm *, Constraint);
 /* Force and torque of the penalty on all bodies, out [nbodies][nr] += G^T u - H U, to be summed over ranks; u [own
    nodes][dim], U [nbodies][nr] all rigid velocities. Local. */

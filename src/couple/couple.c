@@ -198,7 +198,7 @@ PetscErrorCode CoupleDraw(Couple c)
 {
   const PetscInt  *fixed, *node_body;
   const PetscReal *value;
-  PetscBool        drawn;
+  PetscBool        drawn, changed;
 
   PetscFunctionBeginUser;
   PetscCall(ConditionsGetValues(FlowConditions(c->flow), &fixed, &value));
@@ -210,8 +210,8 @@ PetscErrorCode CoupleDraw(Couple c)
   PetscCall(set_boundary(c, node_body, fixed, value));
   if (c->drive) PetscCall(DriveDraw(c->drive));
   if (c->s->n) {
-    PetscCall(ConstraintSetBodies(c->constraint, node_body, c->P, c->unknown, c->U, NULL));
-    if (c->terms && !drawn) PetscCall(PenaltyTermSum(c->terms, c->constraint));
+    PetscCall(ConstraintSetBodies(c->constraint, node_body, c->P, c->unknown, c->U, &changed));
+    if (c->terms && (!drawn || changed)) PetscCall(PenaltyTermSum(c->terms, c->constraint));
     PetscCall(fill_rigid_rows(c));
     PetscCall(FlowSolverSetRigid(c->solver, c->D));
   }

@@ -337,7 +337,7 @@ PetscErrorCode PenaltyCreate(Flow flow, Bodies bodies, Penalty *penalty)
   s->nr      = s->dim == 2 ? 3 : 6;
   s->nbodies = p->s->n;
   PetscCall(PetscMalloc3(n, &p->first, n, &p->strong, n, &p->count));
-  PetscCall(PetscCalloc4(s->nbodies, &p->P, s->nbodies * s->nr * s->nr, &s->H, n, &s->weight, n, &s->follow));
+  PetscCall(PetscCalloc5(s->nbodies, &p->P, s->nbodies * s->nr * s->nr, &s->H, s->nbodies * s->nr * s->nr, &s->whole, n, &s->weight, n, &s->follow));
   for (PetscInt i = 0; i < n; i++) p->first[i] = s->follow[i] = -1;
   *penalty = p;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -350,7 +350,7 @@ PetscErrorCode PenaltyDestroy(Penalty *penalty)
   PetscFunctionBeginUser;
   if (!p) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscFree3(p->first, p->strong, p->count));
-  PetscCall(PetscFree4(p->P, p->soft.H, p->soft.weight, p->soft.follow));
+  PetscCall(PetscFree5(p->P, p->soft.H, p->soft.whole, p->soft.weight, p->soft.follow));
   PetscCall(PartsDestroy(&p->parts));
   PetscCall(PetscFree(p->term_cell));
   PetscCall(PetscFree(p->term_body));

@@ -8,27 +8,28 @@ static PetscReal unit(Constraint c, PetscInt k, PetscInt i, PetscInt j)
   return ConstraintSlotUnit(c, k, i) * ConstraintSlotUnit(c, k, j);
 }
 
-/* D + H (may be NULL) and the identity of inert slots, as a matrix over u_r */
+/* D + H (of own bodies, may be NULL) and the identity of inert slots, as a matrix over u_r */
 static PetscErrorCode create_rigid_diagonal(Constraint c, const PetscReal D[], const PetscReal H[], Mat *E)
 {
-  PetscInt start, nodal, total;
+  const PetscInt nn = c->nr * c->nr;
+  PetscInt       start, nodal, total;
 
   PetscFunctionBeginUser;
   PetscCall(ConstraintGetSizes(c, &nodal, &total));
   PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, total, total, PETSC_DETERMINE, PETSC_DETERMINE, PetscMax(c->nr, 1), NULL, 0, NULL, E));
   PetscCall(MatGetOwnershipRange(*E, &start, NULL));
   for (PetscInt j = 0; j < c->ninert; j++) PetscCall(MatSetValue(*E, start + c->slot[j], start + c->slot[j], 1, INSERT_VALUES));
-  for (PetscInt k = 0; k < c->count; k++) {
-    for (PetscInt i = 0; i < c->nr; i++) {
-      const PetscInt row = start + nodal + k * c->nr;
+  for (PetscInt own = 0; own < c->count; own++) {
+    const PetscInt k = own < c->nown ? c->own[own] : -1, row = start + nodal + own * c->nr;
 
-      if (!((c->unknown[c->first + k] >> i) & 1)) PetscCall(MatSetValue(*E, row + i, row + i, 1, INSERT_VALUES));
+    for (PetscInt i = 0; i < c->nr; i++) {
+      if (k < 0 || !((c->unknown[k] >> i) & 1)) PetscCall(MatSetValue(*E, row + i, row + i, 1, INSERT_VALUES));
       else
         for (PetscInt j = 0; j < c->nr; j++) {
-          const PetscInt at = ((c->first + k) * c->nr + i) * c->nr + j;
+          const PetscInt at = i * c->nr + j;
 
-          if ((c->unknown[c->first + k] >> j) & 1)
-            PetscCall(MatSetValue(*E, row + i, row + j, unit(c, c->first + k, i, j) * (D[at] + (H ? H[at] : 0)), INSERT_VALUES));
+          if ((c->unknown[k] >> j) & 1)
+            PetscCall(MatSetValue(*E, row + i, row + j, unit(c, k, i, j) * (D[k * nn + at] + (H ? H[own * nn + at] : 0)), INSERT_VALUES));
         }
     }
   }
@@ -113,7 +114,7 @@ PetscErrorCode AssembledCreateVelocity(Constraint c, Mat A, Mat P, const PetscRe
   PetscCall(MatConvert(A, MATAIJ, MAT_INITIAL_MATRIX, &aij));
   PetscCall(MatPtAP(aij, P, MAT_INITIAL_MATRIX, 2, out));
   PetscCall(MatDestroy(&aij));
-  PetscCall(create_rigid_diagonal(c, D, soft ? soft->H : NULL, &E));
+  PetscCall(create_rigid_diagonal(c, D, soft ? soft->whole : NULL, &E));
   PetscCall(MatAXPY(*out, 1, E, DIFFERENT_NONZERO_PATTERN));
   if (soft) PetscCall(subtract_soft_coupling(c, P, soft, *out));
   PetscCall(MatDestroy(&E));

@@ -76,21 +76,21 @@ static PetscErrorCode invert_blocks(PetscInt nr, PetscInt unknown, const PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Of own bodies, block [nown][2][nr][nr] */
 static PetscErrorCode invert_own(BodyBlocks b, const PetscReal D[], PetscReal scale, PetscReal block[], PetscReal stiff_inverse[],
                                  PetscReal mass_inverse[])
 {
-  const struct _p_Constraint *c  = b->constraint;
-  const PetscInt              nn = b->nr * b->nr;
-
-  PetscInt worst = -1;
+  const struct _p_Constraint *c     = b->constraint;
+  const PetscInt              nn    = b->nr * b->nr;
+  PetscInt                    worst = -1;
 
   PetscFunctionBeginUser;
-  for (PetscInt k = c->first; k < c->first + c->count; k++) {
-    PetscBool massless = PETSC_FALSE;
+  for (PetscInt i = 0; i < c->nown; i++) {
+    const PetscInt k        = c->own[i];
+    PetscBool      massless = PETSC_FALSE;
 
-    PetscCall(invert_blocks(b->nr, c->unknown[k], D + k * nn, scale, block + 2 * k * nn, stiff_inverse + (k - c->first) * nn, mass_inverse + k * nn,
-                            &massless));
-    if (massless) worst = k;
+    PetscCall(invert_blocks(b->nr, c->unknown[k], D + k * nn, scale, block + 2 * i * nn, stiff_inverse + i * nn, mass_inverse + i * nn, &massless));
+    if (massless) worst = PetscMax(worst, k);
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &worst, 1, MPIU_INT, MPI_MAX, PETSC_COMM_WORLD));
   PetscCheck(worst < 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
@@ -98,7 +98,8 @@ static PetscErrorCode invert_own(BodyBlocks b, const PetscReal D[], PetscReal sc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Sum over the entries of the penalty: block of body k -= R^T G + G^T R (of nodes that follow it) */
+/* Sum over the entries of the penalty: block of body k -= R^T G + G^T R (of nodes that follow it). With the whole H it
+   is what the penalty adds to the diagonal block of a body. */
 static PetscErrorCode subtract_soft_blocks(BodyBlocks b, const PenaltyTerm *s, PetscReal block[])
 {
   const struct _p_Constraint *c  = b->constraint;
@@ -117,16 +118,6 @@ static PetscErrorCode subtract_soft_blocks(BodyBlocks b, const PenaltyTerm *s, P
         block[2 * k * nn + m] -= R[a * nr + m / nr] * G[a * nr + m % nr] + G[a * nr + m / nr] * R[a * nr + m % nr];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* With H it is what the penalty adds to the diagonal block of a body. */
-static void add_own_soft(BodyBlocks b, const PenaltyTerm *s, PetscReal block[])
-{
-  const struct _p_Constraint *c  = b->constraint;
-  const PetscInt              nn = b->nr * b->nr;
-
-  for (PetscInt k = c->first; k < c->first + c->count; k++)
-    for (PetscInt m = 0; m < nn; m++) block[2 * k * nn + m] += s->H[k * nn + m];
 }
 
 /* moment [1 + dim] += value times (1, x_j - x_i) */
@@ -163,14 +154,14 @@ PetscErrorCode BodyBlocksUpdate(BodyBlocks b, const PetscReal share[], const Pen
   const PetscInt              nr = b->nr, dim = l->dim, nn = nr * nr;
   const PetscInt             *row_start[2] = {NULL, NULL}, *column[2] = {NULL, NULL}, *map;
   const PetscReal            *value[2] = {NULL, NULL}, *m;
-  PetscReal                  *block;
+  PetscReal                  *block, *own, *own_inverse;
   PetscInt                    n;
   Mat                         S, part[2];
   PetscBool                   done;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetLumpedMass(b->flow, &m));
-  PetscCall(PetscCalloc1(2 * b->nbodies * nn, &block));
+  PetscCall(PetscCalloc3(2 * b->nbodies * nn, &block, 2 * c->nown * nn, &own, c->nown * nn, &own_inverse));
   PetscCall(FlowGetMatrix(b->flow, &S));
   PetscCall(map_ghost_columns(b));
   PetscCall(FlowGetMatrixParts(b->flow, part, &map));
@@ -206,11 +197,11 @@ PetscErrorCode BodyBlocksUpdate(BodyBlocks b, const PetscReal share[], const Pen
     PetscCall(MatRestoreRowIJ(part[s], 0, PETSC_FALSE, PETSC_FALSE, &n, &row_start[s], &column[s], &done));
   }
   if (soft) PetscCall(subtract_soft_blocks(b, soft, block));
-  PetscCall(ConstraintSumRows(b->constraint, 2 * nn, block));
-  if (soft) add_own_soft(b, soft, block);
-  PetscCall(invert_own(b, D, scale, block, stiff_inverse, mass_inverse));
-  PetscCall(ConstraintCopyRows(b->constraint, nn, mass_inverse));
-  PetscCall(PetscFree(block));
+  PetscCall(ConstraintSumRows(b->constraint, 2 * nn, block, own));
+  for (PetscInt e = 0; soft && e < c->nown * nn; e++) own[2 * nn * (e / nn) + e % nn] += soft->whole[e];
+  PetscCall(invert_own(b, D, scale, own, stiff_inverse, own_inverse));
+  PetscCall(ConstraintCopyRows(b->constraint, nn, own_inverse, mass_inverse));
+  PetscCall(PetscFree3(block, own, own_inverse));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -184,8 +184,8 @@ static PetscErrorCode bury(Coarse s, PetscInt i, const PetscInt cell_body[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Entries of W^T I (row, col and value have room for ncut nr 2^dim), without bodies that more than `most` cells meet:
-   those would fill the operator, and the fluid between them is resolved. */
+/* Entries of W^T I, rows by slots (row, col and value have room for ncut nr 2^dim), without bodies that more than
+   `most` cells meet: those would fill the operator, and the fluid between them is resolved. */
 static PetscErrorCode list_entries(Coarse s, PetscInt *n, PetscInt row[], PetscInt col[], PetscReal value[])
 {
   const PetscInt nv = 1 << s->loc->dim, most = s->loc->dim == 2 ? 24 : 120;
@@ -206,7 +206,7 @@ static PetscErrorCode list_entries(Coarse s, PetscInt *n, PetscInt row[], PetscI
       PetscReal sum = 0;
 
       for (PetscInt k = 0; k < s->nk; k++) sum += s->w[(i * s->nk + k) * s->nr + e / nv] * fit[k * nv + e % nv];
-      row[*n]   = s->body[i] * s->nr + e / nv;
+      row[*n]   = s->bodies->local_slot[s->bodies->local_index[s->body[i]]] * s->nr + e / nv;
       col[*n]   = s->vertex[node[e % nv]];
       value[*n] = sum;
       *n += 1;
@@ -233,7 +233,7 @@ static PetscErrorCode add_bodies(Coarse s)
   if (total) {
     PetscCall(MatGetLocalSize(s->matrix, &nown, NULL));
     PetscCall(MatCreate(PETSC_COMM_WORLD, &WtI));
-    PetscCall(MatSetSizes(WtI, PETSC_DECIDE, nown, s->bodies->nbodies * s->nr, PETSC_DETERMINE));
+    PetscCall(MatSetSizes(WtI, s->bodies->count * s->nr, nown, PETSC_DETERMINE, PETSC_DETERMINE));
     PetscCall(MatSetType(WtI, MATAIJ));
     PetscCall(MatSetPreallocationCOO(WtI, n, row, col));
     PetscCall(MatSetValuesCOO(WtI, value, INSERT_VALUES));

@@ -4,6 +4,9 @@
 #include "base/log.h"
 #include "base/room.h"
 
+/* Bodies that a rank has slots for, by those of an even share: its own share by number, and twice the mean by place */
+#define SLOTS 3
+
 static PetscInt bit_count(PetscInt bits)
 {
   PetscInt n = 0;
@@ -102,6 +105,8 @@ static PetscErrorCode collect_followers(Constraint c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* ---- slots of rigid velocities ---- */
+
 static void know_body(Constraint c, PetscInt k)
 {
   if (c->local_index[k] >= 0) return;
@@ -126,19 +131,90 @@ static PetscErrorCode know_bodies(Constraint c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* bid [nlocal]: own nodes of each known body, and this rank */
+static PetscErrorCode count_nodes(Constraint c, PetscMPIInt rank, PetscInt (*bid)[2])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt l = 0; l < c->nlocal; l++) {
+    bid[l][0] = 0;
+    bid[l][1] = rank;
+  }
+  for (PetscInt i = 0; i < c->loc->nnode; i++) {
+    const PetscInt k = c->node_body[i] >= 0 ? c->node_body[i] : c->follow[i];
+
+    if (k >= 0 && c->local_index[k] >= 0) bid[c->local_index[k]][0]++;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The slots of a body are on the rank that holds most of its nodes, so that they move with it; where that rank has no
+   room, or no rank a node, on the rank that its number belongs to, which always has. It is there, too, that the ranks
+   that know a body learn where its slots are. */
+static PetscErrorCode place_slots(Constraint c)
+{
+  const PetscInt share = c->numbers->n, first = c->numbers->rstart;
+  PetscInt       room = c->count - share, (*best)[2], (*bid)[2], *slot;
+  PetscMPIInt    rank;
+  PetscSF        sf;
+
+  PetscFunctionBeginUser;
+  if (c->numbers->size == 1) {
+    for (c->nown = 0; c->nown < share; c->nown++) c->own[c->nown] = c->nown;
+    PetscCall(PetscArraycpy(c->local_slot, c->local_list, c->nlocal));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
+  PetscCall(PetscSFCreate(PETSC_COMM_WORLD, &sf));
+  PetscCall(PetscSFSetGraphLayout(sf, c->numbers, c->nlocal, NULL, PETSC_OWN_POINTER, c->local_list));
+  PetscCall(PetscMalloc3(share, &best, c->nlocal, &bid, share, &slot));
+  PetscCall(count_nodes(c, rank, bid));
+  for (PetscInt k = 0; k < share; k++) {
+    best[k][0] = best[k][1] = -1;
+    slot[k]                 = -1;
+  }
+  PetscCall(PetscSFReduceBegin(sf, MPIU_2INT, bid, best, MPI_MAXLOC));
+  PetscCall(PetscSFReduceEnd(sf, MPIU_2INT, bid, best, MPI_MAXLOC));
+  PetscCall(PetscSFBcastBegin(sf, MPIU_2INT, best, bid, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(sf, MPIU_2INT, best, bid, MPI_REPLACE));
+  c->nown = 0;
+  for (PetscInt l = 0; l < c->nlocal; l++) {
+    const PetscInt  k     = c->local_list[l];
+    const PetscBool guest = (PetscBool)(k < first || k >= first + share);
+
+    c->local_slot[l] = -1;
+    if (bid[l][1] != rank || (guest && !room)) continue;
+    room -= guest;
+    c->local_slot[l]  = rank * c->count + c->nown;
+    c->own[c->nown++] = k;
+  }
+  PetscCall(PetscSFReduceBegin(sf, MPIU_INT, c->local_slot, slot, MPI_MAX));
+  PetscCall(PetscSFReduceEnd(sf, MPIU_INT, c->local_slot, slot, MPI_MAX));
+  for (PetscInt k = 0; k < share; k++) {
+    if (slot[k] >= 0) continue;
+    slot[k]           = rank * c->count + c->nown;
+    c->own[c->nown++] = first + k;
+  }
+  PetscCall(PetscSFBcastBegin(sf, MPIU_INT, slot, c->local_slot, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(sf, MPIU_INT, slot, c->local_slot, MPI_REPLACE));
+  PetscCall(PetscFree3(best, bid, slot));
+  PetscCall(PetscSFDestroy(&sf));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* List the bodies known here and connect them to their slots and to the other ranks that know them. */
 static PetscErrorCode connect_rigid_slots(Constraint c)
 {
-  PetscLayout layout;
+  PetscSFNode *root;
 
   PetscFunctionBeginUser;
   PetscCall(know_bodies(c));
   for (PetscInt j = 0; j < c->ninert; j++) c->local_body[j] = c->body[j] < 0 ? -1 : c->local_index[c->body[j]];
+  PetscCall(place_slots(c));
   PetscCall(PetscSFDestroy(&c->rigid_sf));
-  PetscCall(PetscLayoutCreateFromSizes(PETSC_COMM_WORLD, c->count, PETSC_DETERMINE, 1, &layout));
   PetscCall(PetscSFCreate(PETSC_COMM_WORLD, &c->rigid_sf));
-  PetscCall(PetscSFSetGraphLayout(c->rigid_sf, layout, c->nlocal, NULL, PETSC_OWN_POINTER, c->local_list));
-  PetscCall(PetscLayoutDestroy(&layout));
+  PetscCall(PetscMalloc1(c->nlocal, &root));
+  for (PetscInt l = 0; l < c->nlocal; l++) root[l] = (PetscSFNode){c->local_slot[l] / c->count, c->local_slot[l] % c->count};
+  PetscCall(PetscSFSetGraph(c->rigid_sf, c->count, c->nlocal, NULL, PETSC_OWN_POINTER, root, PETSC_OWN_POINTER));
   PetscCall(SharingDestroy(&c->sharing));
   PetscCall(SharingCreate(c->rigid_sf, c->nlocal, c->nr, &c->sharing));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -171,7 +247,7 @@ static PetscErrorCode set_known(Constraint c)
 PetscErrorCode ConstraintCreate(Mesh mesh, PetscInt nbodies, Constraint *constraint)
 {
   Constraint  c;
-  PetscMPIInt size, rank;
+  PetscMPIInt size;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&c));
@@ -180,14 +256,13 @@ PetscErrorCode ConstraintCreate(Mesh mesh, PetscInt nbodies, Constraint *constra
   PetscCall(MeshGetLocal(mesh, &c->loc));
   c->nr = c->loc->dim == 2 ? 3 : 6;
   PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
-  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
-  c->first = nbodies / size * rank + PetscMin(rank, nbodies % size);
-  c->count = nbodies / size + (rank < nbodies % size);
+  c->count = PetscMin(nbodies, SLOTS * ((nbodies + size - 1) / size));
+  PetscCall(PetscLayoutCreateFromSizes(PETSC_COMM_WORLD, PETSC_DECIDE, nbodies, 1, &c->numbers));
   PetscCall(PetscCalloc5(c->loc->nnode_all, &c->fixed, c->loc->nnode_all, &c->node_body, c->loc->nnode_all, &c->follow,
                          c->loc->nnode_all * c->loc->dim, &c->value, c->loc->nnode_all * c->loc->dim, &c->known));
   PetscCall(PetscCalloc6(nbodies, &c->unknown, nbodies, &c->X, nbodies * c->nr, &c->U, nbodies, &c->local_index, nbodies, &c->local_list,
                          nbodies * c->nr, &c->local_rigid));
-  PetscCall(PetscMalloc2(nbodies, &c->length, nbodies * c->nr, &c->packed));
+  PetscCall(PetscMalloc4(nbodies, &c->length, nbodies * c->nr, &c->packed, c->count, &c->own, nbodies, &c->local_slot));
   for (PetscInt k = 0; k < nbodies; k++) {
     c->length[k]      = 1;
     c->local_index[k] = -1;
@@ -215,10 +290,11 @@ PetscErrorCode ConstraintDestroy(Constraint *constraint)
   PetscCall(PetscFree(c->follow_coef));
   PetscCall(PetscFree(c->more));
   PetscCall(PetscFree6(c->unknown, c->X, c->U, c->local_index, c->local_list, c->local_rigid));
-  PetscCall(PetscFree2(c->length, c->packed));
+  PetscCall(PetscFree4(c->length, c->packed, c->own, c->local_slot));
   PetscCall(PetscFree(c->united));
   PetscCall(PetscFree(c->body_node));
   PetscCall(PetscSFDestroy(&c->rigid_sf));
+  PetscCall(PetscLayoutDestroy(&c->numbers));
   PetscCall(SharingDestroy(&c->sharing));
   PetscCallMPI(MPI_Type_free(&c->rigid_type));
   PetscCall(PetscFree(*constraint));

@@ -44,7 +44,7 @@ static void clear_known(FlowSolver fs, PetscReal x[])
 
   for (PetscInt j = 0; j < c->ninert; j++) x[c->slot[j]] = 0;
   for (PetscInt i = 0; i < c->count * fs->nr; i++)
-    if (!((c->unknown[c->first + i / fs->nr] >> (i % fs->nr)) & 1)) x[fs->nodal + i] = 0;
+    if (i >= c->nown * fs->nr || !((c->unknown[c->own[i / fs->nr]] >> (i % fs->nr)) & 1)) x[fs->nodal + i] = 0;
 }
 
 /* s of row i, the old z without what has become known, and r = s - K z */
@@ -61,8 +61,11 @@ static PetscErrorCode begin_row(FlowSolver fs, PetscInt i)
   PetscCall(VecZeroEntries(fs->held_s[i]));
   PetscCall(VecGetArray(fs->held_s[i], &s));
   for (PetscInt j = 0; j < fs->loc->nnode; j++) s[j * dim + h->axis[i]] = m[j];
-  for (PetscInt j = 0; j < c->count * fs->nr; j++)
-    s[fs->nodal + j] = ConstraintSlotUnit(c, c->first + j / fs->nr, j % fs->nr) * h->rigid[i][c->first * fs->nr + j];
+  for (PetscInt j = 0; j < c->nown * fs->nr; j++) {
+    const PetscInt k = c->own[j / fs->nr], m = j % fs->nr;
+
+    s[fs->nodal + j] = ConstraintSlotUnit(c, k, m) * h->rigid[i][k * fs->nr + m];
+  }
   PetscCall(ConstraintReduceInPlace(fs->constraint, s, s + fs->nodal));
   clear_known(fs, s);
   PetscCall(VecRestoreArray(fs->held_s[i], &s));

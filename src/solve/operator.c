@@ -31,15 +31,15 @@ static PetscErrorCode mult_soft(FlowSolver fs, const PetscReal x[], PetscReal y[
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* y = (D + H) x of body k, from and to its slots */
-static void mult_body(FlowSolver fs, PetscInt k, const PetscReal x[], PetscReal y[])
+/* y = (D + H) x of own body i, from and to its slots */
+static void mult_body(FlowSolver fs, PetscInt i, const PetscReal x[], PetscReal y[])
 {
-  const PetscInt nr = fs->nr;
+  const PetscInt nr = fs->nr, k = fs->constraint->own[i];
   PetscReal      U[6];
 
   for (PetscInt s = 0; s < nr; s++) U[s] = ConstraintSlotUnit(fs->constraint, k, s) * x[s];
   multiply_small(nr, fs->D + k * nr * nr, U, y);
-  if (FlowSolverIsSoft(fs)) add_small(nr, fs->soft->H + k * nr * nr, U, y);
+  if (FlowSolverIsSoft(fs)) add_small(nr, fs->soft->whole + i * nr * nr, U, y);
   for (PetscInt s = 0; s < nr; s++) y[s] *= ConstraintSlotUnit(fs->constraint, k, s);
 }
 
@@ -83,11 +83,12 @@ static PetscErrorCode mult_velocity(Mat mat, Vec x, Vec y)
   PetscCall(VecResetArray(fs->yn));
   if (FlowSolverIsSoft(fs)) PetscCall(mult_soft(fs, xa, ya));
   PetscCall(ConstraintPutBack(fs->constraint, fs->saved, xa));
-  for (PetscInt k = 0; k < c->count; k++) {
-    mult_body(fs, c->first + k, xr + fs->nodal + k * fs->nr, ya + fs->nodal + k * fs->nr);
+  for (PetscInt k = 0; k < c->nown; k++) {
+    mult_body(fs, k, xr + fs->nodal + k * fs->nr, ya + fs->nodal + k * fs->nr);
     for (PetscInt s = 0; s < fs->nr; s++)
-      if (!((c->unknown[c->first + k] >> s) & 1)) ya[fs->nodal + k * fs->nr + s] = xr[fs->nodal + k * fs->nr + s];
+      if (!((c->unknown[c->own[k]] >> s) & 1)) ya[fs->nodal + k * fs->nr + s] = xr[fs->nodal + k * fs->nr + s];
   }
+  for (PetscInt i = fs->nodal + c->nown * fs->nr; i < fs->nur; i++) ya[i] = xr[i];
   if (FlowSolverIsSoft(fs)) PetscCall(ConstraintDeliverRigid(fs->constraint, fs->rigid_work, ya + fs->nodal));
   PetscCall(ConstraintReduceInPlace(fs->constraint, ya, ya + fs->nodal));
   for (PetscInt j = 0; j < c->ninert; j++) ya[c->slot[j]] = xr[c->slot[j]];
@@ -108,8 +109,8 @@ static PetscErrorCode diagonal_velocity(Mat mat, Vec d)
   c = fs->constraint;
   PetscCall(VecGetArrayWrite(d, &a));
   for (PetscInt i = 0; i < fs->nodal; i++) a[i] = fs->diagonal_inverse[i] > 0 ? 1 / fs->diagonal_inverse[i] : 1;
-  for (PetscInt i = 0; i < c->count * fs->nr; i++)
-    a[fs->nodal + i] = 1 / fs->body_inverse[i / fs->nr * fs->nr * fs->nr + (i % fs->nr) * (fs->nr + 1)];
+  for (PetscInt i = fs->nodal; i < fs->nur; i++) a[i] = 1;
+  for (PetscInt i = 0; i < c->nown * fs->nr; i++) a[fs->nodal + i] = 1 / fs->body_inverse[i / fs->nr * fs->nr * fs->nr + (i % fs->nr) * (fs->nr + 1)];
   PetscCall(VecRestoreArrayWrite(d, &a));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -134,7 +135,8 @@ static PetscErrorCode sor_velocity(Mat mat, Vec bv, PetscReal omega, MatSORType 
   PetscCall(VecGetArray(xv, &x));
   PetscCall(RelaxApply(fs->sweep, flag, its * lits, b, x));
   for (PetscInt j = 0; j < c->ninert; j++) x[c->slot[j]] = b[c->slot[j]];
-  for (PetscInt k = 0; k < c->count; k++)
+  for (PetscInt i = fs->nodal + c->nown * fs->nr; i < fs->nur; i++) x[i] = b[i];
+  for (PetscInt k = 0; k < c->nown; k++)
     multiply_small(fs->nr, fs->body_inverse + k * fs->nr * fs->nr, b + fs->nodal + k * fs->nr, x + fs->nodal + k * fs->nr);
   PetscCall(VecRestoreArray(xv, &x));
   PetscCall(VecRestoreArrayRead(bv, &b));
@@ -251,7 +253,8 @@ PetscErrorCode FlowSolverApplyMassInverse(FlowSolver fs, Vec x, Vec y)
   for (PetscInt j = 0; j < c->ninert; j++) ya[c->slot[j]] = 0; /* the softness of body nodes belongs to S_p only */
   PetscCall(PetscArraycpy(t, xr + fs->nodal, c->count * fs->nr));
   if (FlowSolverIsSoft(fs)) PetscCall(lead_followers(fs, PETSC_TRUE, xr, NULL, t));
-  for (PetscInt k = 0; k < c->count; k++) invert_mass(fs, c->first + k, t + k * fs->nr, ya + fs->nodal + k * fs->nr);
+  PetscCall(PetscArrayzero(ya + fs->nodal, c->count * fs->nr));
+  for (PetscInt k = 0; k < c->nown; k++) invert_mass(fs, c->own[k], t + k * fs->nr, ya + fs->nodal + k * fs->nr);
   for (PetscInt i = fs->nodal; i < fs->nur; i++) ya[i] /= fs->scale;
   if (FlowSolverIsSoft(fs)) PetscCall(lead_followers(fs, PETSC_FALSE, NULL, ya, ya + fs->nodal));
   PetscCall(VecRestoreArray(y, &ya));

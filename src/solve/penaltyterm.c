@@ -47,7 +47,7 @@ PetscErrorCode PenaltyTermMultAdd(const PenaltyTerm *s, Constraint c, PetscBool 
 PetscErrorCode PenaltyTermSum(const PenaltyTerm *s, Constraint c)
 {
   PetscFunctionBeginUser;
-  PetscCall(ConstraintSumRows(c, s->nr * s->nr, s->H));
+  PetscCall(ConstraintSumRows(c, s->nr * s->nr, s->H, s->whole));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -63,7 +63,7 @@ PetscErrorCode PenaltyTermAddForce(const PenaltyTerm *s, Constraint c, const Pet
     for (PetscInt m = 0; m < nr; m++)
       for (PetscInt a = 0; a < dim; a++) out[s->body[e] * nr + m] += G[a * nr + m] * u[s->node[e] * dim + a];
   }
-  for (PetscInt k = c->first; k < c->first + c->count; k++)
-    for (PetscInt m = 0; m < nr * nr; m++) out[k * nr + m / nr] -= s->H[k * nr * nr + m] * U[k * nr + m % nr];
+  for (PetscInt i = 0; i < c->nown; i++)
+    for (PetscInt m = 0; m < nr * nr; m++) out[c->own[i] * nr + m / nr] -= s->whole[i * nr * nr + m] * U[c->own[i] * nr + m % nr];
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -21,28 +21,17 @@ PetscErrorCode ConstraintDeliverRigid(Constraint c, const PetscReal local[], Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Rows of the known bodies, from (or to) their places in value [nbodies][n] */
-static PetscErrorCode pack_rows(Constraint c, PetscInt n, PetscReal value[], PetscReal **row, MPI_Datatype *type)
+PetscErrorCode ConstraintSumRows(Constraint c, PetscInt n, const PetscReal value[], PetscReal own[])
 {
-  PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(c->nlocal * n, row));
-  for (PetscInt e = 0; e < c->nlocal * n; e++) (*row)[e] = value[c->local_list[e / n] * n + e % n];
-  PetscCallMPI(MPI_Type_contiguous((PetscMPIInt)n, MPIU_REAL, type));
-  PetscCallMPI(MPI_Type_commit(type));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ConstraintSumRows(Constraint c, PetscInt n, PetscReal value[])
-{
-  PetscReal   *row, *own = value + c->first * n;
-  PetscMPIInt  size;
+  PetscReal   *row;
   MPI_Datatype type;
 
   PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
-  if (size == 1) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(pack_rows(c, n, value, &row, &type));
-  PetscCall(PetscArrayzero(own, c->count * n));
+  PetscCall(PetscMalloc1(c->nlocal * n, &row));
+  for (PetscInt e = 0; e < c->nlocal * n; e++) row[e] = value[c->local_list[e / n] * n + e % n];
+  PetscCall(PetscArrayzero(own, c->nown * n));
+  PetscCallMPI(MPI_Type_contiguous((PetscMPIInt)n, MPIU_REAL, &type));
+  PetscCallMPI(MPI_Type_commit(&type));
   PetscCall(PetscSFReduceBegin(c->rigid_sf, type, row, own, MPIU_SUM));
   PetscCall(PetscSFReduceEnd(c->rigid_sf, type, row, own, MPIU_SUM));
   PetscCallMPI(MPI_Type_free(&type));
@@ -50,18 +39,18 @@ PetscErrorCode ConstraintSumRows(Constraint c, PetscInt n, PetscReal value[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ConstraintCopyRows(Constraint c, PetscInt n, PetscReal value[])
+PetscErrorCode ConstraintCopyRows(Constraint c, PetscInt n, const PetscReal own[], PetscReal value[])
 {
   PetscReal   *row;
-  PetscMPIInt  size;
   MPI_Datatype type;
 
   PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
-  if (size == 1) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(pack_rows(c, n, value, &row, &type));
-  PetscCall(PetscSFBcastBegin(c->rigid_sf, type, value + c->first * n, row, MPI_REPLACE));
-  PetscCall(PetscSFBcastEnd(c->rigid_sf, type, value + c->first * n, row, MPI_REPLACE));
+  PetscCall(PetscMalloc1(c->nlocal * n, &row));
+  PetscCallMPI(MPI_Type_contiguous((PetscMPIInt)n, MPIU_REAL, &type));
+  PetscCallMPI(MPI_Type_commit(&type));
+  PetscCall(PetscSFBcastBegin(c->rigid_sf, type, own, row, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(c->rigid_sf, type, own, row, MPI_REPLACE));
+  for (PetscInt e = 0; e < c->nown * n; e++) value[c->own[e / n] * n + e % n] = own[e];
   for (PetscInt e = 0; e < c->nlocal * n; e++) value[c->local_list[e / n] * n + e % n] = row[e];
   PetscCallMPI(MPI_Type_free(&type));
   PetscCall(PetscFree(row));
@@ -148,8 +137,9 @@ PetscErrorCode ConstraintRestrict(Constraint c, const PetscReal u[], const Petsc
     x[c->follow_slot[j]] -= c->known[c->follow_slot[j]];
     for (PetscInt s = 0; s < c->nr; s++) x[c->follow_slot[j]] -= c->follow_coef[j * c->nr + s] * U[c->follow_body[j] * c->nr + s];
   }
-  for (PetscInt i = 0; i < c->count * c->nr; i++) {
-    const PetscInt k = c->first + i / c->nr, s = i % c->nr;
+  PetscCall(PetscArrayzero(x + n, c->count * c->nr));
+  for (PetscInt i = 0; i < c->nown * c->nr; i++) {
+    const PetscInt k = c->own[i / c->nr], s = i % c->nr;
 
     x[n + i] = (c->unknown[k] >> s) & 1 ? U[k * c->nr + s] / ConstraintSlotUnit(c, k, s) : 0;
   }
@@ -157,39 +147,51 @@ PetscErrorCode ConstraintRestrict(Constraint c, const PetscReal u[], const Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* From the slots to the shares by number, which are in the order of all */
 PetscErrorCode ConstraintGatherRigid(Constraint c, Vec ur, PetscReal U[])
 {
-  const PetscInt   n = c->loc->nnode * c->loc->dim, own = c->count * c->nr;
+  const PetscInt   n = c->loc->nnode * c->loc->dim, own = c->numbers->n * c->nr;
   const PetscReal *x;
-  PetscReal       *all;
-  PetscMPIInt      size, mine, *counts, *starts;
+  PetscReal       *all, *mine;
+  PetscMPIInt      size, *counts, *starts;
+  PetscSF          sf;
 
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
-  PetscCall(PetscMPIIntCast(own, &mine));
-  PetscCall(PetscMalloc3(c->nbodies * c->nr, &all, size, &counts, size, &starts));
-  PetscCallMPI(MPI_Allgather(&mine, 1, MPI_INT, counts, 1, MPI_INT, PETSC_COMM_WORLD));
-  for (PetscMPIInt r = 0; r < size; r++) starts[r] = r ? starts[r - 1] + counts[r - 1] : 0;
+  PetscCall(PetscMalloc4(c->nbodies * c->nr, &all, own, &mine, size, &counts, size, &starts));
+  for (PetscMPIInt r = 0; r < size; r++) {
+    PetscCall(PetscMPIIntCast(c->numbers->range[r] * c->nr, &starts[r]));
+    PetscCall(PetscMPIIntCast((c->numbers->range[r + 1] - c->numbers->range[r]) * c->nr, &counts[r]));
+  }
+  PetscCall(PetscSFCreate(PETSC_COMM_WORLD, &sf));
+  PetscCall(PetscSFSetGraphLayout(sf, c->numbers, c->nown, NULL, PETSC_OWN_POINTER, c->own));
   PetscCall(VecGetArrayRead(ur, &x));
-  PetscCallMPI(MPI_Allgatherv(x + n, mine, MPIU_REAL, all, counts, starts, MPIU_REAL, PETSC_COMM_WORLD));
+  PetscCall(PetscSFReduceBegin(sf, c->rigid_type, x + n, mine, MPI_REPLACE));
+  PetscCall(PetscSFReduceEnd(sf, c->rigid_type, x + n, mine, MPI_REPLACE));
   PetscCall(VecRestoreArrayRead(ur, &x));
+  PetscCall(PetscSFDestroy(&sf));
+  PetscCallMPI(MPI_Allgatherv(mine, (PetscMPIInt)own, MPIU_REAL, all, counts, starts, MPIU_REAL, PETSC_COMM_WORLD));
   for (PetscInt i = 0; i < c->nbodies * c->nr; i++)
     if ((c->unknown[i / c->nr] >> (i % c->nr)) & 1) U[i] = all[i] * ConstraintSlotUnit(c, i / c->nr, i % c->nr);
-  PetscCall(PetscFree3(all, counts, starts));
+  PetscCall(PetscFree4(all, mine, counts, starts));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Every rank stores its bodies' slots behind its nodal ones. */
+/* Every rank stores its slots behind its nodal ones. */
 PetscErrorCode ConstraintGetRigidColumns(Constraint c, PetscInt column[])
 {
-  PetscInt nodal, total, start = 0;
+  PetscInt    total;
+  PetscLayout layout;
 
   PetscFunctionBeginUser;
-  PetscCall(ConstraintGetSizes(c, &nodal, &total));
-  PetscCallMPI(MPI_Exscan(&total, &start, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
-  PetscCall(PetscArrayzero(column, c->nbodies));
-  for (PetscInt k = 0; k < c->count; k++) column[c->first + k] = start + nodal + k * c->nr;
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, column, (PetscMPIInt)c->nbodies, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+  PetscCall(ConstraintGetSizes(c, NULL, &total));
+  PetscCall(PetscLayoutCreateFromSizes(PETSC_COMM_WORLD, total, PETSC_DETERMINE, 1, &layout));
+  for (PetscInt l = 0; l < c->nlocal; l++) {
+    const PetscInt rank = c->local_slot[l] / c->count;
+
+    column[c->local_list[l]] = layout->range[rank + 1] - ((rank + 1) * c->count - c->local_slot[l]) * c->nr;
+  }
+  PetscCall(PetscLayoutDestroy(&layout));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -12,7 +12,8 @@
 struct _p_Constraint {
   Mesh             mesh;
   const MeshLocal *loc;
-  PetscInt         nbodies, nr, first, count;  /* bodies; rigid slots each; own range */
+  PetscInt         nbodies, nr, count;         /* bodies; rigid slots each; bodies that this rank has slots for */
+  PetscInt         nown, *own;                 /* [nown] bodies in these slots, the rest of which are inert */
   PetscInt        *fixed, *node_body, *follow; /* [nnode_all] prescribed components; body a node lies in, follows, or
                                                   -1 */
   PetscBool       *united;                     /* [nbodies] */
@@ -33,11 +34,12 @@ struct _p_Constraint {
   PetscBool  followers_changed;
   /* bodies that nodes of this rank and its ghosts belong to or follow, and more, ascending; the way to their slots, and
      to the other ranks that know them */
-  PetscInt     nlocal, *local_index; /* [nbodies] body -> local or -1 */
-  PetscInt    *local_list;
-  PetscReal   *local_rigid; /* [nlocal][nr] as ConstraintFetchRigid left them */
-  PetscReal   *packed;      /* [nlocal][nr] work of ConstraintDeliverRigid */
+  PetscInt     nlocal, *local_index;    /* [nbodies] body -> local or -1 */
+  PetscInt    *local_list, *local_slot; /* [nlocal] body; rank of its slots x count + which of its bodies */
+  PetscReal   *local_rigid;             /* [nlocal][nr] as ConstraintFetchRigid left them */
+  PetscReal   *packed;                  /* [nlocal][nr] work of ConstraintDeliverRigid */
   PetscSF      rigid_sf;
+  PetscLayout  numbers;    /* an even share of all bodies by their numbers, for what goes by no place */
   Sharing      sharing;    /* of the nlocal bodies, up to nr numbers each */
   MPI_Datatype rigid_type; /* the nr slots of one body */
 };
@@ -52,13 +54,13 @@ static inline PetscReal ConstraintSlotUnit(const struct _p_Constraint *c, PetscI
 /* Local size of u_r and number of those that are nodal (own nodes x dim). Either may be NULL. */
 PetscErrorCode ConstraintGetSizes(Constraint, PetscInt *nodal, PetscInt *total);
 PetscErrorCode ConstraintCreateVec(Constraint, Vec *ur);
-/* Global column of the first rigid slot of every body in u_r, column [nbodies]. Collective. */
+/* Global columns of the first rigid slots in u_r of the bodies that this rank knows, column [nbodies]. Collective. */
 PetscErrorCode ConstraintGetRigidColumns(Constraint, PetscInt column[]);
 
-/* The two halves of an application of P^T A P, on the own part of nodal arrays. rigid: own bodies x nr. Expand: inert
-   and following slots of v are overwritten by P u_r (zero at walls); saved [inert + following slots] takes the old
-   values, which PutBack restores. Reduce: rigid += P^T r of the bodies' nodes, then the inert slots of r are zeroed.
-   Collective. */
+/* The two halves of an application of P^T A P, on the own part of nodal arrays. rigid: the slots of this rank, count x
+   nr. Expand: inert and following slots of v are overwritten by P u_r (zero at walls); saved [inert + following slots]
+   takes the old values, which PutBack restores. Reduce: rigid += P^T r of the bodies' nodes, then the inert slots of r
+   are zeroed. Collective. */
 PetscErrorCode ConstraintExpandInPlace(Constraint, const PetscReal rigid[], PetscReal v[], PetscReal saved[]);
 PetscErrorCode ConstraintPutBack(Constraint, const PetscReal saved[], PetscReal v[]);
 PetscErrorCode ConstraintReduceInPlace(Constraint, PetscReal r[], PetscReal rigid[]);
@@ -67,10 +69,11 @@ PetscErrorCode ConstraintReduceInPlace(Constraint, PetscReal r[], PetscReal rigi
    ranks. Collective. */
 PetscErrorCode ConstraintFetchRigid(Constraint, const PetscReal rigid[]);
 PetscErrorCode ConstraintDeliverRigid(Constraint, const PetscReal local[], PetscReal rigid[]);
-/* Rows value [nbodies][n] of numbers a body. Sum: rows of own bodies become the sum of the rows of the ranks that know
-   them; other rows are undefined then. Copy: rows of own bodies go to the ranks that know them. Collective. */
-PetscErrorCode ConstraintSumRows(Constraint, PetscInt n, PetscReal value[]);
-PetscErrorCode ConstraintCopyRows(Constraint, PetscInt n, PetscReal value[]);
+/* Rows of n numbers a body, value [nbodies][n] and own [nown][n] in the order of the slots. Sum: own becomes the sum of
+   the rows of the ranks that know a body. Copy: own rows go to value, here and on the ranks that know a body.
+   Collective. */
+PetscErrorCode ConstraintSumRows(Constraint, PetscInt n, const PetscReal value[], PetscReal own[]);
+PetscErrorCode ConstraintCopyRows(Constraint, PetscInt n, const PetscReal own[], PetscReal value[]);
 
 /* u = P ur + c on own nodes and ghosts, u [nnode_all][dim]. Collective. */
 PetscErrorCode ConstraintExpand(Constraint, Vec ur, PetscReal u[]);

@@ -12,7 +12,8 @@
 typedef struct _p_Sharing *Sharing;
 
 /* From a star forest whose n leaves (contiguous) are the entries of this rank and whose roots say which are the same
-   one: leaves in the order of roots. Sums have up to `most` numbers an entry. The forest is not kept. Collective. */
+   one: leaves in one order on all ranks. Sums have up to `most` numbers an entry. The forest is not kept.
+   Collective. */
 PetscErrorCode SharingCreate(PetscSF, PetscInt n, PetscInt most, Sharing *);
 PetscErrorCode SharingDestroy(Sharing *);
 /* value [n][unit], unit <= most: becomes the sum over all entries of the same root; nothing is done on one rank, and

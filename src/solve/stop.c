@@ -24,23 +24,22 @@ static PetscReal get_weight(FlowSolver fs, PetscInt k)
   return share > 0 ? PetscMin(1, HEAVIEST * share) : 1;
 }
 
-/* Norm of v with the rows of heavy bodies reduced */
+/* Norm of v with the rows of heavy bodies reduced; of a copy on all ranks, since PETSc, which remembers norms, would
+   else take it together on some of them only */
 static PetscErrorCode take_norm(FlowSolver fs, Vec v, PetscReal *norm)
 {
   const struct _p_Constraint *c = fs->constraint;
   PetscReal                  *a;
-  PetscBool                   heavy = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  for (PetscInt k = 0; k < fs->nbodies; k++) heavy = (PetscBool)(heavy || (c->unknown[k] && get_weight(fs, k) < 1));
-  if (!heavy) {
+  if (!fs->nbodies) {
     PetscCall(VecNorm(v, NORM_2, norm));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(VecCopy(v, fs->y));
   PetscCall(VecGetArray(fs->y, &a));
-  for (PetscInt k = 0; k < c->count; k++)
-    for (PetscInt i = 0; i < fs->nr; i++) a[fs->nodal + k * fs->nr + i] *= get_weight(fs, c->first + k);
+  for (PetscInt k = 0; k < c->nown; k++)
+    for (PetscInt i = 0; i < fs->nr && c->unknown[c->own[k]]; i++) a[fs->nodal + k * fs->nr + i] *= get_weight(fs, c->own[k]);
   PetscCall(VecRestoreArray(fs->y, &a));
   PetscCall(VecNorm(fs->y, NORM_2, norm));
   PetscCall(VecZeroEntries(fs->y));

@@ -81,8 +81,8 @@ static PetscErrorCode update_blocks(FlowSolver fs)
 
   PetscFunctionBeginUser;
   PetscCall(BodyBlocksUpdate(fs->blocks, fs->share, FlowSolverIsSoft(fs) ? fs->soft : NULL, fs->D, fs->scale, fs->body_inverse, fs->mass_inverse));
-  for (PetscInt e = 0; e < c->count * nn; e++) {
-    const PetscInt k = c->first + e / nn, i = e % nn / nr, j = e % nr;
+  for (PetscInt e = 0; e < c->nown * nn; e++) {
+    const PetscInt k = c->own[e / nn], i = e % nn / nr, j = e % nr;
 
     if ((c->unknown[k] >> i) & 1 && (c->unknown[k] >> j) & 1) fs->body_inverse[e] /= ConstraintSlotUnit(c, k, i) * ConstraintSlotUnit(c, k, j);
   }
@@ -350,11 +350,12 @@ static PetscErrorCode add_known_soft(FlowSolver fs, const PetscReal c[], PetscRe
   PetscCall(PenaltyTermMultAdd(fs->soft, fs->constraint, PETSC_FALSE, U_local, c, y, local));
   for (PetscInt i = 0; i < P->nlocal * nr; i++) local[i] = -local[i];
   PetscCall(ConstraintDeliverRigid(fs->constraint, local, rigid));
-  for (PetscInt k = 0; k < P->count; k++)
-    for (PetscInt m = 0; m < nn; m++)
-      if ((P->unknown[P->first + k] >> (m / nr)) & 1 && !((P->unknown[P->first + k] >> (m % nr)) & 1))
-        rigid[k * nr + m / nr] -= ConstraintSlotUnit(P, P->first + k, m / nr) * fs->soft->H[(P->first + k) * nn + m] *
-                                  P->U[(P->first + k) * nr + m % nr];
+  for (PetscInt e = 0; e < P->nown * nn; e++) {
+    const PetscInt k = P->own[e / nn], i = e % nn / nr, j = e % nr;
+
+    if ((P->unknown[k] >> i) & 1 && !((P->unknown[k] >> j) & 1))
+      rigid[e / nn * nr + i] -= ConstraintSlotUnit(P, k, i) * fs->soft->whole[e] * P->U[k * nr + j];
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -398,8 +399,9 @@ static PetscErrorCode build_rhs(FlowSolver fs, const PetscReal r[], const PetscR
   PetscCall(MatMult(fs->A, fs->xn, fs->yn));
   PetscCall(VecResetArray(fs->xn));
   PetscCall(VecResetArray(fs->yn));
-  for (PetscInt i = 0; i < P->count * fs->nr; i++) {
-    const PetscInt k = P->first + i / fs->nr, s = i % fs->nr;
+  PetscCall(PetscArrayzero(b + fs->nodal, P->count * fs->nr));
+  for (PetscInt i = 0; i < P->nown * fs->nr; i++) {
+    const PetscInt k = P->own[i / fs->nr], s = i % fs->nr;
 
     b[fs->nodal + i] = (P->unknown[k] >> s) & 1 ? g[k * fs->nr + s] * ConstraintSlotUnit(P, k, s) : 0;
   }

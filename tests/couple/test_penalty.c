@@ -135,7 +135,7 @@ static void test_rigid_motion_is_free(void **state)
       OK(PetscFree(x));
     }
     assert_true(largest(largest_term) > 1e-2);
-    for (PetscInt e = 0; e < 9; e++) soft->H[e] = total(soft->H[e]); /* as PenaltyTermSum does for a whole problem */
+    for (PetscInt e = 0; e < 9; e++) soft->whole[e] = total(soft->H[e]); /* as PenaltyTermSum does */
     OK(PenaltyTermAddForce(soft, constraint, u, U, out));
     for (PetscInt s = 0; s < 3; s++) BELOW(total(out[s]), 1e-11);
     OK(PetscFree2(u, y));
