@@ -187,8 +187,9 @@ PetscErrorCode FlowGetMatrix(Flow, Mat *S);
 /* Of the S that FlowGetMatrix gave: own columns, part[0], and those of other ranks, part[1] (NULL on one rank), with
    their global numbers. Borrowed. */
 PetscErrorCode FlowGetMatrixParts(Flow, Mat part[2], const PetscInt *columns[]);
-/* Matrix-free: y = S x for every component; x, y [own nodes][dim]. Collective. */
-PetscErrorCode FlowMultiply(Flow, const PetscReal x[], PetscReal y[]);
+/* Matrix-free: y = S x for every component; x, y [own nodes][dim]; few: cells where x is zero are passed over, at the
+   price of a look at the others. Collective. */
+PetscErrorCode FlowMultiply(Flow, PetscBool few, const PetscReal x[], PetscReal y[]);
 /* Diagonal of S, d [nnode_all], complete on own nodes. Collective. */
 PetscErrorCode FlowGetDiagonal(Flow, PetscReal d[]);
 /* r = right-hand side (rho d, v) + (f, v) - (1 - theta) (...)^n for all nodes, complete on own nodes. r

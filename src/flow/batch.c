@@ -21,17 +21,20 @@ void BatchSetTables(PetscInt dim, BatchTables *t)
     PetscReal v[3], dv[3];
 
     ElementLine(point[q], v, dv);
-    for (PetscInt j = 0; j < 3; j++) t->value[q][j] = t->value_t[j][q] = v[j];
+    for (PetscInt j = 0; j < 3; j++) {
+      t->value[q][j] = t->value_t[j][q] = v[j];
+      t->pair[0][j][q]                  = v[j] * v[j];
+      t->pair[1][j][q]                  = v[j] * dv[j];
+      t->pair[2][j][q]                  = dv[j] * dv[j];
+    }
     ElementLine(point[q] / at, v, dv); /* the basis of the points is that of the nodes, stretched */
     for (PetscInt j = 0; j < 3; j++) t->slope[q][j] = t->slope_t[j][q] = dv[j] / at;
   }
   for (PetscInt q = 0; q < t->n; q++) {
-    const PetscInt  qd[3] = {q % 3, q / 3 % 3, q / 9};
-    const PetscReal xi[3] = {point[qd[0]], point[qd[1]], point[qd[2]]};
+    const PetscInt qd[3] = {q % 3, q / 3 % 3, q / 9};
 
     t->weight[q] = 1;
     for (PetscInt d = 0; d < dim; d++) t->weight[q] *= weight[qd[d]];
-    ElementBasis(dim, xi, t->phi[q], t->dphi[q]);
   }
 }
 
@@ -291,24 +294,34 @@ INLINE Lanes read_point(const int dim, const BatchTables *t, const BatchForm *f,
   return mass;
 }
 
+/* d += sum over the points of x times the product over the axes of t->pair[order]; x is lost */
+INLINE void add_pairs(const int dim, const BatchTables *t, const int order[3], Lanes *x, Lanes *d)
+{
+  for (int e = 0; e < dim; e++) contract(dim, e, PETSC_FALSE, t->pair[order[e]], x, x);
+  for (int j = 0; j < NPOINT(dim); j++) d[j] += x[j];
+}
+
 INLINE void diagonal(const int dim, const BatchTables *t, const BatchForm *f, const Lanes *c, Lanes *d)
 {
-  for (int j = 0; j < NPOINT(dim); j++) d[j] = (Lanes){0};
+  Lanes mass[MESH_MAX_NB], convection[3][MESH_MAX_NB], diffusion[6][MESH_MAX_NB];
+
   for (int q = 0; q < NPOINT(dim); q++) {
     const Lanes *flow;
-    Lanes        k[6], mass = read_point(dim, t, f, c, q, k, &flow);
+    Lanes        k[6];
 
-    for (int j = 0; j < NPOINT(dim); j++) {
-      PetscReal slope[3];
-      Lanes     s = t->phi[q][j] * mass;
-
-      for (int e = 0; e < dim; e++) slope[e] = t->dphi[q][e * NPOINT(dim) + j];
-      for (int e = 0; e < dim && flow; e++) s += slope[e] * flow[e];
-      d[j] += t->phi[q][j] * s;
-      for (int e = 0, at = 0; e < dim; e++)
-        for (int h = e; h < dim; h++, at++) d[j] += (e == h ? 1 : 2) * slope[e] * slope[h] * k[at];
-    }
+    d[q]    = (Lanes){0};
+    mass[q] = read_point(dim, t, f, c, q, k, &flow);
+    for (int e = 0; e < dim && flow; e++) convection[e][q] = flow[e];
+    for (int at = 0; at < NTENSOR(dim); at++) diffusion[at][q] = k[at];
   }
+  add_pairs(dim, t, (const int[]){0, 0, 0}, mass, d);
+  for (int e = 0; e < dim && f->convection; e++) add_pairs(dim, t, (const int[]){e == 0, e == 1, e == 2}, convection[e], d);
+  for (int e = 0, at = 0; e < dim; e++)
+    for (int h = e; h < dim; h++, at++) {
+      if (e != h && f->box) continue;
+      for (int q = 0; q < NPOINT(dim) && e != h; q++) diffusion[at][q] *= 2;
+      add_pairs(dim, t, (const int[]){(e == 0) + (h == 0), (e == 1) + (h == 1), (e == 2) + (h == 2)}, diffusion[at], d);
+    }
 }
 
 void BatchDiagonal(const BatchTables *t, const BatchForm *f, const Lanes c[], Lanes d[])

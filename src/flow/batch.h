@@ -17,8 +17,7 @@ typedef struct {
   PetscInt  dim, n; /* nodes of a cell, quadrature points */
   PetscReal value[3][3], value_t[3][3], slope[3][3], slope_t[3][3];
   PetscReal weight[MESH_MAX_NB];
-  PetscReal phi[MESH_MAX_NB][MESH_MAX_NB];      /* basis at the points: [point][node] */
-  PetscReal dphi[MESH_MAX_NB][3 * MESH_MAX_NB]; /* [point][axis, node] */
+  PetscReal pair[3][3][3]; /* value^2, value times derivative, derivative^2 of a basis function: [which][node][point] */
 } BatchTables;
 
 /* The operator a (u, v) + ((b + nu) grad u, grad v) + (w . grad u + skew div w u, v) */

@@ -118,7 +118,16 @@ static void add_terms(const struct _p_Flow *f, const PetscReal x[], PetscReal y[
   }
 }
 
-PetscErrorCode FlowMultiply(Flow f, const PetscReal x[], PetscReal y[])
+static PetscBool all_zero(PetscInt n, const Lanes x[])
+{
+  const PetscReal *v = (const PetscReal *)x;
+
+  for (PetscInt i = 0; i < n * BATCH_LANES; i++)
+    if (v[i] != 0) return PETSC_FALSE;
+  return PETSC_TRUE;
+}
+
+PetscErrorCode FlowMultiply(Flow f, PetscBool few, const PetscReal x[], PetscReal y[])
 {
   struct _p_Product *p = f->product;
   const MeshLocal   *l = f->loc;
@@ -139,6 +148,7 @@ PetscErrorCode FlowMultiply(Flow f, const PetscReal x[], PetscReal y[])
 
     form.box = b->cells.box;
     LanesGather(l, &b->cells, 1, &from, &one, v);
+    if (few && all_zero(l->nb * l->dim, v)) continue;
     BatchMultiply(f->tables, &form, p->coefficient + b->at, v);
     LanesScatter(l, &b->cells, l->dim, v, to);
   }

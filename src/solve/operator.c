@@ -54,7 +54,7 @@ static PetscErrorCode mult_free(Mat mat, Vec x, Vec y)
   PetscCall(MatShellGetContext(mat, &fs));
   PetscCall(VecGetArrayRead(x, &xa));
   PetscCall(VecGetArrayWrite(y, &ya));
-  PetscCall(FlowMultiply(fs->flow, xa, ya));
+  PetscCall(FlowMultiply(fs->flow, PETSC_FALSE, xa, ya));
   PetscCall(VecRestoreArrayWrite(y, &ya));
   PetscCall(VecRestoreArrayRead(x, &xa));
   PetscFunctionReturn(PETSC_SUCCESS);

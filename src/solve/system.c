@@ -394,11 +394,15 @@ static PetscErrorCode build_rhs(FlowSolver fs, const PetscReal r[], const PetscR
   PetscFunctionBeginUser;
   PetscCall(VecGetArray(fs->b, &b));
   PetscCall(PetscArraycpy(c, P->known, fs->loc->nnode_all * fs->loc->dim));
-  PetscCall(VecPlaceArray(fs->xn, c));
-  PetscCall(VecPlaceArray(fs->yn, b));
-  PetscCall(MatMult(fs->A, fs->xn, fs->yn));
-  PetscCall(VecResetArray(fs->xn));
-  PetscCall(VecResetArray(fs->yn));
+  if (FlowIsMatrixFree(fs->flow)) {
+    PetscCall(FlowMultiply(fs->flow, PETSC_TRUE, c, b)); /* known: nodes of boundaries and of prescribed bodies */
+  } else {
+    PetscCall(VecPlaceArray(fs->xn, c));
+    PetscCall(VecPlaceArray(fs->yn, b));
+    PetscCall(MatMult(fs->A, fs->xn, fs->yn));
+    PetscCall(VecResetArray(fs->xn));
+    PetscCall(VecResetArray(fs->yn));
+  }
   PetscCall(PetscArrayzero(b + fs->nodal, P->count * fs->nr));
   for (PetscInt i = 0; i < P->nown * fs->nr; i++) {
     const PetscInt k = P->own[i / fs->nr], s = i % fs->nr;

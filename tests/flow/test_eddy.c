@@ -151,7 +151,7 @@ static void check_operator(PetscInt dim, const char kind[])
     }
   OK(MeshSumNodes(mesh, dim, sum));
   if (FlowIsMatrixFree(flow)) {
-    OK(FlowMultiply(flow, u, y));
+    OK(FlowMultiply(flow, PETSC_FALSE, u, y));
   } else {
     for (PetscInt a = 0; a < dim; a++) {
       Mat S;

@@ -174,7 +174,7 @@ static void check_product(Case *c)
   OK(FlowAssemble(c->flow));
   fill_noise(c->l, 6, u);
   assert_true(FlowIsMatrixFree(c->flow));
-  OK(FlowMultiply(c->flow, u, z));
+  OK(FlowMultiply(c->flow, PETSC_FALSE, u, z));
   OK(FlowGetDiagonal(c->flow, d));
   apply_matrix(c, u, y);
   size = 0;
