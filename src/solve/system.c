@@ -290,7 +290,7 @@ PetscErrorCode FlowSolverSetDead(FlowSolver fs, const PetscInt cell_body[], cons
 
 PetscErrorCode FlowSolverSetUp(FlowSolver fs)
 {
-  PetscBool             singular;
+  PetscBool             singular, split = PETSC_FALSE;
   const FlowParameters *par;
   const FlowStep       *step;
 
@@ -314,9 +314,12 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
   PetscCall(MatAssemblyBegin(fs->Ar, MAT_FINAL_ASSEMBLY)); /* tell PETSc that the values behind the shells have
                                                               changed */
   PetscCall(MatAssemblyEnd(fs->Ar, MAT_FINAL_ASSEMBLY));
-  PetscCall(MatAssemblyBegin(fs->nest, MAT_FINAL_ASSEMBLY));
-  PetscCall(MatAssemblyEnd(fs->nest, MAT_FINAL_ASSEMBLY));
-  if (fs->split) PetscCall(PCSetOperators(fs->split, fs->nest, fs->nest));
+  if (fs->split) PetscCall(PCGetOperatorsSet(fs->split, &split, NULL)); /* its blocks are the shells for good */
+  if (!split || fs->need_Ar) {
+    PetscCall(MatAssemblyBegin(fs->nest, MAT_FINAL_ASSEMBLY));
+    PetscCall(MatAssemblyEnd(fs->nest, MAT_FINAL_ASSEMBLY));
+    if (fs->split) PetscCall(PCSetOperators(fs->split, fs->nest, fs->nest));
+  }
   if (fs->need_Ar) {
     Mat block[4] = {fs->Ar_assembled, fs->G, fs->B, fs->C}, pre;
 
