@@ -260,9 +260,26 @@ INLINE void multiply(const int dim, const PetscBool box, const PetscBool convect
   }
 }
 
+/* The mass alone */
+INLINE void weigh(const int dim, const BatchTables *t, const BatchForm *f, const Lanes *c, Lanes *x)
+{
+  for (int a = 0; a < dim; a++) {
+    Lanes v[MESH_MAX_NB];
+
+    evaluate(dim, t, x, a, v);
+    for (int q = 0; q < NPOINT(dim); q++) v[q] *= f->box ? t->weight[q] * c[0] : c[q * (1 + NTENSOR(dim))];
+    for (int e = 0; e < dim; e++) contract(dim, e, PETSC_FALSE, t->value_t, v, v);
+    for (int j = 0; j < NPOINT(dim); j++) x[j * dim + a] = v[j];
+  }
+}
+
 void BatchMultiply(const BatchTables *t, const BatchForm *f, const Lanes c[], Lanes x[])
 {
-  if (t->dim == 2) multiply(2, f->box, f->convection, f->vary, t, f, c, x);
+  const PetscBool moving = (PetscBool)(f->b != 0 || f->vary || f->convection);
+
+  if (!moving && t->dim == 2) weigh(2, t, f, c, x);
+  else if (!moving) weigh(3, t, f, c, x);
+  else if (t->dim == 2) multiply(2, f->box, f->convection, f->vary, t, f, c, x);
   else if (f->box && f->vary) multiply(3, PETSC_TRUE, f->convection, PETSC_TRUE, t, f, c, x);
   else if (f->box && f->convection) multiply(3, PETSC_TRUE, PETSC_TRUE, PETSC_FALSE, t, f, c, x);
   else if (f->box) multiply(3, PETSC_TRUE, PETSC_FALSE, PETSC_FALSE, t, f, c, x);
