@@ -1,8 +1,8 @@
 /* Constraint: the projection u = P u_r + c of the nodal velocity onto what may move freely.
 
    The reduced vector u_r has one slot for every velocity component of every own node, followed by the rigid velocities
-   (translation, then rotation: 3 numbers in 2D, 6 in 3D) of the bodies this rank owns. The layout never changes; what
-   changes is the meaning of a slot:
+   (translation, then rotation: 3 numbers in 2D, 6 in 3D) of bodies that have most of their nodes here, and inert slots
+   in place of more of them. The layout never changes; what changes is the meaning of a slot:
      * node free                      u_i = its slot
      * component prescribed (wall)    slot inert (zero), value in c
      * node inside body k             slots inert, u_i = U_k + w_k x (x_i - X_k); degrees of freedom of the body that
