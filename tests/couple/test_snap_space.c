@@ -1,5 +1,5 @@
 /* Snap in space: valid cells around bodies wherever they lie and however they are turned, surfaces met exactly, volume,
-   gaps, passages through sides, plates refused, and the same mesh on any number of ranks. */
+   with sharp edges too, gaps, passages through sides, plates refused, and the same mesh on any number of ranks. */
 /* ranks: 1 2 3 */
 #include "snapcase.h"
 #include "mesh/element.h"
@@ -94,6 +94,8 @@ static const Kind KINDS[] = {
   {"leaflet -particle_a_length 0.5 -particle_a_thickness 0.2 -particle_a_origin 0.5", 16, 0, 0, -4.154165223544},
   {"cylinder -particle_a_radius 0.2 -particle_a_length 0.4 -particle_a_rounding 0.06", 16, 0, 0, -2.132914368456},
   {"torus -particle_a_radius 0.25 -particle_a_tube 0.12", 16, 0, 0, -2.051902672317},
+  {"box -particle_a_size 0.4,0.4,0.4", 16, 0.064, 1e-3, 1.328772007772},
+  {"cylinder -particle_a_radius 0.2 -particle_a_length 0.4", 16, 0.05026548245743669, 2e-3, 2.748018619088},
 };
 
 /* SNAP_SURVEY=200: that many placements of each shape, and what came of them (runs/studies/snap-space) */

@@ -8,8 +8,8 @@
    degrees: middle nodes near a quarter of the edges from there, instead of half, have such functions in the space
    (Barsoum 1976, Henshell & Shaw 1975). Without, the lift of a beam is half a per cent off, and its sign is that of the
    mesh (runs/studies/snap-corners).
-   In space, where corners and edges are not followed, they are only counted. A corner is also left as it is where no
-   wall vertex is within a cell of it, another one of its body is too close, or the wall is drawn back from another. */
+   A corner is left as it is where no wall vertex is within a cell of it, another one of its body is too close, or the
+   wall is drawn back from another. In space: edges.c. */
 #include "compat.h"
 #include "impl.h"
 
@@ -48,7 +48,7 @@ static PetscErrorCode list_corners(Snap s, PetscReal (*X)[3], PetscReal (*q)[4],
     s->ncorner[k] = s->ntaken[k] = 0;
     if (s->fitted[k] && !s->is_path[k]) PetscCall(BodiesGetCorners(s->bodies, k, X[k], q[k], 0, &n, NULL));
     s->ncorner[k]   = n;
-    c->first[k + 1] = c->first[k] + (s->loc->dim == 2 && s->follow[k] ? n : 0);
+    c->first[k + 1] = c->first[k] + (s->follow[k] ? n : 0);
   }
   c->n = c->first[s->nbodies];
   PetscCall(PetscMalloc5(2 * c->n, &c->x, c->n, &c->score, c->n, &c->vertex, c->n, &c->body, c->n, &c->outcome));

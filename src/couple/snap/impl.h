@@ -1,7 +1,7 @@
 /* Inside of the snap module; for its files only. snap.c: the fit and its result. cover.c: the cells of thick bodies.
    repair.c: a staircase of hexahedra that is a surface. place.c: walls, gaps, rings. sides.c: bodies
-   through sides of the domain. corners.c: vertices on corners. check.c: is it a mesh? mend.c:
-   hexahedra that would be too flat. path.c, graph.c: bodies thinner than a cell. */
+   through sides of the domain. corners.c: vertices on corners; edges.c: in space on edges. check.c:
+   is it a mesh? mend.c: hexahedra that would be too flat. path.c, graph.c: bodies thinner than a cell. */
 #pragma once
 #include "base/room.h"
 #include "clearance.h"
@@ -69,11 +69,12 @@ struct _p_Snap {
   PetscInt  *passes; /* [nbodies] bits of the sides */
   PetscInt  *stray;  /* [nbodies] nodes on sides for which there was no place on the surface */
   PetscReal *inside; /* [nbodies] volume within the domain */
-  /* corners of bodies in the plane */
+  /* corners of bodies; in space, wall vertices at their edges */
   PetscBool *follow;           /* [nbodies] do wall vertices go there? */
   PetscInt  *ncorner, *ntaken; /* [nbodies] how many there are, how many have a vertex */
-  PetscReal *at_corner;        /* [nnode_all] 0, on a corner: where on an edge its middle node goes, 1/2 or less */
-  List       corner;           /* local vertices that lie there */
+  PetscReal *at_corner;        /* [nnode_all] 0, there: where on an edge its middle node goes, 1/2 or less */
+  List       corner;           /* local nodes with an entry there */
+  List       left;             /* own vertices that stay off the edges in this fit */
   /* the last result */
   PetscInt  *node_body, *cell_body, *cell_before;
   PetscBool *on_wall;
@@ -177,6 +178,12 @@ PetscErrorCode SnapPlaceWallVertices(Snap, PetscReal (*X)[3], PetscReal (*q)[4])
 /* The n own wall vertices have their displacements: in the plane one goes to each corner of a body with s->follow, its
    neighbours along the wall are spread anew; counts in s->ncorner, s->ntaken. Collective. */
 PetscErrorCode SnapPlaceCorners(Snap, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt n, const PetscInt own[]);
+/* In space: some of the n own wall vertices, which have their displacements, go to edges and corners of bodies with
+   s->follow; counts in s->ncorner, s->ntaken. Collective. */
+PetscErrorCode SnapPlaceEdges(Snap, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt n, const PetscInt own[]);
+/* The farthest vertex on an edge of every bad cell is to stay off in the next attempt; *any: was there one?
+   Collective. */
+PetscErrorCode SnapLeaveBadEdges(Snap, PetscBool *any);
 /* Of n placed wall nodes of the plane, those in the middle of an edge to a corner go back to its chord if their closest
    point is on the other side of the corner. Not collective. */
 void SnapKeepSides(Snap, PetscInt n, const PetscInt list[]);

@@ -133,7 +133,7 @@ static PetscErrorCode find_waiting(Snap s, List *list, PetscBool *any)
 
     if (c >= l->ncell || s->cover[c] || SnapCellQuality(s, c, NULL) >= AIM) continue;
     for (PetscInt v = 0; v < 8; v++)
-      if (s->level[SnapCellNodes(s, c)[CORNER[v]]]) s->work[SnapCellNodes(s, c)[CORNER[v]]] = 1;
+      if (s->level[SnapCellNodes(s, c)[CORNER[v]]] && s->at_corner[SnapCellNodes(s, c)[CORNER[v]]] == 0) s->work[SnapCellNodes(s, c)[CORNER[v]]] = 1;
   }
   PetscCall(MeshSumNodes(s->mesh, 1, s->work));
   PetscCall(MeshSyncNodes(s->mesh, 1, s->work));

@@ -169,7 +169,7 @@ PetscErrorCode SnapPlaceWallVertices(Snap s, PetscReal (*X)[3], PetscReal (*q)[4
     if (i < l->nnode) PetscCall(SnapListAdd(&own, i));
   }
   PetscCall(SnapProjectNodes(s, X, q, own.n, own.i, PETSC_TRUE));
-  PetscCall(SnapPlaceCorners(s, X, q, own.n, own.i));
+  PetscCall((l->dim == 2 ? SnapPlaceCorners : SnapPlaceEdges)(s, X, q, own.n, own.i));
   PetscCall(PetscFree(own.i));
   PetscCall(MeshSyncNodes(s->mesh, l->dim, s->d));
   PetscFunctionReturn(PETSC_SUCCESS);

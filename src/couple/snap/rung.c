@@ -4,7 +4,8 @@
 
    Columns of series.csv: snap_fallback, bodies held by the penalty; snap_narrow, bodies whose walls are drawn back
    in narrow gaps; snap_taylor, nodes whose old values came from Taylor's formula; snap_kept, nodes for which there
-   was none (remap.h); snap_corners, corners of bodies that the mesh cuts off. */
+   was none (remap.h); snap_corners, corners of bodies that the mesh cuts off, in space its vertices off
+   their edges. */
 #include "compat.h"
 #include "../impl.h"
 #include "../penalty.h"
@@ -120,10 +121,9 @@ static PetscErrorCode accept_step(Couple c, void *rung)
   c->count[TAYLOR].value = c->count[KEPT].value = 0;
   if (c->count[CORNERS].value && !r->cut) {
     r->cut = PETSC_TRUE;
-    PetscCall(LogRemark("-couple_boundary snap cuts %" PetscInt_FMT " corners of bodies off at t = %g (column snap_corners of series.csv): %s",
-                        c->count[CORNERS].value, (double)c->step->time,
-                        c->loc->dim == 3 ? "in space it follows smooth surfaces only; round the edges, or watch forces under refinement"
-                                         : "forces on such a body depend more on the mesh; refine it there, or round the corners"));
+    PetscCall(LogRemark("-couple_boundary snap %s at %" PetscInt_FMT " places at t = %g (column snap_corners of series.csv): %s",
+                        c->loc->dim == 3 ? "cuts edges of bodies off" : "cuts corners of bodies off", c->count[CORNERS].value, (double)c->step->time,
+                        "forces on such a body depend more on the mesh; refine it there, or round the corners"));
   }
   for (PetscInt k = 0; k < s->n && !r->remarked; k++) {
     const PetscReal way = BodiesFastestPoint(s, k, 0) * c->step->dt / c->loc->h;

@@ -39,6 +39,7 @@ static PetscErrorCode try_fit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], cons
 
   PetscFunctionBeginUser;
   s->fitted = fitted;
+  s->left.n = 0;
   PetscCall(SnapCoverCells(s, X, q, fitted));
   for (PetscInt i = 0; i <= NTRY; i++) {
     PetscCall(SnapOpenGaps(s));
@@ -54,8 +55,9 @@ static PetscErrorCode try_fit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], cons
     PetscCall(SnapCheckLevels(s));
     if (s->loc->dim == 3) PetscCall(SnapMend(s, X, q));
     PetscCall(SnapCheckCells(s, quality));
-    if (i == NTRY || s->loc->dim == 3) break;
-    PetscCall(SnapOpenBadCorners(s, &any));
+    if (i == NTRY) break;
+    if (s->loc->dim == 2) PetscCall(SnapOpenBadCorners(s, &any));
+    else PetscCall(SnapLeaveBadEdges(s, &any));
     if (!any) break;
     clear_places(s);
     s->marked.n = s->placed.n = 0;
@@ -207,8 +209,9 @@ PetscErrorCode SnapCreate(Mesh mesh, Bodies bodies, Snap *snap)
 
 static PetscErrorCode free_lists(Snap s)
 {
-  List *const list[] = {&s->dead,       &s->marked, &s->ring, &s->touched,   &s->bad,       &s->placed,       &s->old_dead,     &s->older_dead,
-                        &s->old_placed, &s->node,   &s->cell, &s->side_node, &s->path_edge, &s->side_cell[0], &s->side_cell[1], &s->corner};
+  List *const list[] = {&s->dead,      &s->marked,       &s->ring,         &s->touched, &s->bad,  &s->placed,
+                        &s->old_dead,  &s->older_dead,   &s->old_placed,   &s->node,    &s->cell, &s->side_node,
+                        &s->path_edge, &s->side_cell[0], &s->side_cell[1], &s->corner,  &s->left};
 
   PetscFunctionBeginUser;
   for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(list); i++) PetscCall(PetscFree(list[i]->i));

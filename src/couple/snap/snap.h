@@ -9,7 +9,8 @@
    fluid cell no room as well. A body that reaches a cell or more beyond a plane side of the domain passes through it
    (sides.c): its dead cells stay there, and vertices of that side move within it.
    In the plane a wall vertex goes onto every corner that a shape has (corners.c); where the mesh then has a cell that
-   cannot be used, the body is fitted once more without. In space corners and edges are not followed.
+cannot be used, the body is fitted once more without. In space vertices go to edges and corners (edges.c), but for
+   those of cells that cannot be used then.
    On a refined mesh (mesh/hang.h) all of this happens in cells of one size around the surface; the outermost ring stays
    where it meets larger cells.
    Walls closer than half a cell to another wall are drawn back, so that the gap g in the mesh is w + g^2/(4w) with w
@@ -61,7 +62,7 @@ typedef struct {
   const PetscInt  *cell;    /* [ncell] local cells with such a node, or dead only before or only now */
   PetscInt         nnarrow; /* bodies whose wall was drawn back from another one */
   PetscInt         npass;   /* bodies that pass through a side of the domain */
-  PetscInt         ncut;    /* corners of fitted bodies that the mesh does not follow */
+  PetscInt         ncut;    /* corners of fitted bodies that are not followed; in space, vertices off their edges */
   PetscReal        quality; /* smallest over largest Jacobian of a cell, smallest over all cells that were touched */
 } SnapResult;
 
