@@ -231,8 +231,11 @@ PetscErrorCode FlowCellPressure(Flow, PetscInt c, const PetscReal p[], const Pet
    FlowAssemble or FlowRhs on; until then that of the step: extrapolated to its point theta, u^n in a steady problem. A
    fluid that is at rest everywhere has, in a steady problem, the viscosity of the parameters. Local. */
 PetscErrorCode FlowSetStrain(Flow, const PetscReal v[]);
-/* Its mean over each local cell [ncell_all] and around each local node [nnode_all]; NULL where it does not vary. May be
-   NULL. Borrowed. Collective. */
+/* A yield stress is regularised with a viscosity at rest of at most `rigid` times that of the sheared fluid;
+   *less: that is less than -flow_rheology_rigid, so that more is to follow. Other fluids: FALSE. Local. */
+PetscErrorCode FlowSoftenYield(Flow, PetscReal rigid, PetscBool *less);
+/* The mean of the viscosity over each local cell [ncell_all] and around each local node [nnode_all]; NULL where it does
+   not vary. May be NULL. Borrowed. Collective. */
 PetscErrorCode FlowGetViscosity(Flow, const PetscReal *cell[], const PetscReal *node[]);
 /* The velocity matrix of all components (own nodes x dim), that FlowAssemble has made where the viscosity varies; NULL
    elsewhere: S for each component is the whole operator. Borrowed. */

@@ -7,6 +7,7 @@ struct _p_Rheology {
   const char *name;
   void (*law)(const struct _p_Rheology *, PetscReal g, PetscReal *mu, PetscReal *slope);
   PetscReal viscosity, infinity, time, index, yasuda, yield, papanastasiou;
+  PetscReal whole;       /* papanastasiou of the options */
   PetscReal least, most; /* of a power law */
   PetscReal round;       /* e^2 */
 };
@@ -189,7 +190,21 @@ PetscErrorCode RheologyCreate(PetscReal viscosity, Rheology *rheology, Polymer *
   if (law == POWER_LAW || law == HERSCHEL_BULKLEY) PetscCall(read_power(r));
   if (law == CARREAU || law == CROSS) PetscCall(read_bounded(r, (PetscBool)(law == CARREAU)));
   if (law == BINGHAM || law == HERSCHEL_BULKLEY) PetscCall(read_yield(r));
+  r->whole  = r->papanastasiou;
   *rheology = r;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode RheologySoften(Rheology r, PetscReal rigid, PetscBool *less)
+{
+  PetscReal m;
+
+  PetscFunctionBeginUser;
+  *less = PETSC_FALSE;
+  if (!r || r->yield <= 0) PetscFunctionReturn(PETSC_SUCCESS);
+  m                = rigid * r->viscosity / r->yield;
+  *less            = (PetscBool)(m < r->whole);
+  r->papanastasiou = PetscMin(m, r->whole);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -109,6 +109,14 @@ PetscErrorCode FlowSetStrain(Flow f, const PetscReal v[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode FlowSoftenYield(Flow f, PetscReal rigid, PetscBool *less)
+{
+  PetscFunctionBeginUser;
+  PetscCall(RheologySoften(f->rheology, rigid, less));
+  if (f->rheology) f->mu_current = PETSC_FALSE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowGetViscosity(Flow f, const PetscReal *cell[], const PetscReal *node[])
 {
   PetscFunctionBeginUser;

@@ -6,6 +6,9 @@
 #include "base/opt.h"
 
 #define MOST_SHARE 1e-2 /* of the residual, left by a linear solve */
+/* The same where the viscosity varies, for Picard's iteration and for Newton's (runs/studies/rheology) */
+#define PICARD_VARYING 0.2
+#define NEWTON_VARYING 0.1
 #define LEFT       0.1  /* of the nonlinear tolerance; the rest is for what is not linear (runs/studies/rheology) */
 
 struct _p_Steady {
@@ -26,6 +29,11 @@ struct _p_Steady {
 /* Change of an iteration below which the viscosity of cells that bodies cut, and the penalty that goes with it, stay:
    they depend on what is beside them, which Newton's matrix does not know (runs/studies/rheology) */
 #define HOLD 1e-3
+
+/* Stages of a yield stress: viscosity at rest over that of the sheared fluid; what a stage leaves of the residual */
+#define RIGID_FIRST 10
+#define RIGID_RISE  3
+#define STAGE       1e-2
 
 static const char *const LINEARIZATIONS[] = {"newton", "picard", NULL};
 
@@ -119,7 +127,8 @@ static PetscErrorCode set_up_jacobian(SNES snes, Vec x, Mat J, Mat pre, void *ct
 
 /* Share of the residual that a linear solve may leave: no more than the nonlinear iteration leaves anyway. Picard's
    takes it down by one digit or two; Newton's by the square of what it did last (Eisenstat & Walker, SIAM J. Sci.
-   Comput. 17, 16, 1996, choice 2). Of a linear problem nothing. */
+   Comput. 17, 16, 1996, choice 2), or by a digit at a time where each costs the more iterations the more viscosities
+   differ. Of a linear problem nothing. */
 static PetscReal choose_share(const struct _p_Steady *s, PetscReal norm)
 {
   const FlowParameters *par;
@@ -128,6 +137,7 @@ static PetscReal choose_share(const struct _p_Steady *s, PetscReal norm)
   PetscFunctionBeginUser;
   PetscCallAbort(PETSC_COMM_SELF, FlowGetParameters(s->flow, &par));
   if (!par->convection && !par->varying) PetscFunctionReturn(0);
+  if (par->varying) PetscFunctionReturn(use_newton(s, s->its) ? NEWTON_VARYING : PICARD_VARYING);
   if (!use_newton(s, s->its) || last <= 0) PetscFunctionReturn(MOST_SHARE);
   PetscFunctionReturn(PetscMin(MOST_SHARE, 0.5 * PetscSqr(norm / last)));
 }
@@ -242,8 +252,9 @@ static PetscErrorCode choose_rate(Steady s, PetscReal *rate)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The nonlinear solver from x; *ok: converged. On failure x is what it was. */
-static PetscErrorCode solve_nonlinear(Steady s, PetscBool *ok)
+/* The nonlinear solver from x, to `share` of the first residual or, if that is zero, to its tolerance; *ok: converged.
+   On failure x is what it was. */
+static PetscErrorCode solve_nonlinear(Steady s, PetscReal share, PetscBool *ok)
 {
   SNESConvergedReason reason;
   PetscReal           atol, rtol, stol;
@@ -257,12 +268,28 @@ static PetscErrorCode solve_nonlinear(Steady s, PetscBool *ok)
   FlowHoldCovered(s->flow, 0);
   PetscCall(SNESGetTolerances(s->snes, &atol, &rtol, &stol, &max_it, &max_f));
   /* relative to the residual of the very start */
-  PetscCall(SNESSetTolerances(s->snes, PetscMax(atol, rtol * s->first), rtol, stol, max_it, max_f));
+  PetscCall(SNESSetTolerances(s->snes, PetscMax(atol, PetscMax(share, rtol) * s->first), PetscMax(share, rtol), stol, max_it, max_f));
   PetscCall(SNESSolve(s->snes, NULL, s->x));
   PetscCall(SNESGetConvergedReason(s->snes, &reason));
+  PetscCall(SNESSetTolerances(s->snes, atol, rtol, stol, max_it, max_f));
   *ok = (PetscBool)(reason > 0);
   if (!*ok) PetscCall(VecCopy(before, s->x));
   PetscCall(VecDestroy(&before));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* From x. A yield stress comes in stages: a viscosity at rest that is higher and higher, each from the flow before, as
+   Newton's method finds only what is near (runs/studies/rheology). */
+static PetscErrorCode solve_in_stages(Steady s, PetscBool *ok)
+{
+  PetscBool more;
+
+  PetscFunctionBeginUser;
+  for (PetscReal rigid = RIGID_FIRST;; rigid *= RIGID_RISE) {
+    PetscCall(FlowSoftenYield(s->flow, rigid, &more));
+    PetscCall(solve_nonlinear(s, more ? STAGE : 0, ok));
+    if (!more) break;
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -286,7 +313,7 @@ static PetscErrorCode march(Steady s, PetscBool *ok)
     if (k == 1) next_try = 1e-2 * norm;
     last = norm;
     if (k <= 1 || norm > next_try) continue;
-    PetscCall(solve_nonlinear(s, ok));
+    PetscCall(solve_nonlinear(s, 0, ok));
     if (*ok) PetscFunctionReturn(PETSC_SUCCESS);
     next_try = 1e-2 * norm;
   }
@@ -304,7 +331,7 @@ PetscErrorCode SteadySolve(Steady s, PetscInt *its, PetscInt *linear)
   PetscCall(CoupleGetSystem(s->couple, &u, &p, &U, NULL, NULL));
   PetscCall(FlowGetFields(s->flow, &u_field, NULL, &p_field));
   PetscCall(FlowSolverPack(s->solver, u_field, p_field, U, s->x));
-  PetscCall(solve_nonlinear(s, &ok));
+  PetscCall(solve_in_stages(s, &ok));
   if (!ok) PetscCall(march(s, &ok));
   if (!ok) PetscCall(stop_unconverged(s->snes, s->its, s->pseudo_steps));
   PetscCall(linearize_at(s, s->x)); /* fields, matrix and right-hand side of the solution, for forces and reports */

@@ -84,7 +84,14 @@ CARREAU = ["-flow_rheology", "carreau", "-flow_rheology_time", "30", "-flow_rheo
 
 @pytest.mark.parametrize("rung", ["snap", "penalty"])
 def test_steady_iterations(run, rung):
-    """Linear iterations of a steady problem with viscosities of a ratio 1e4, down to the round-off of its last correction."""
+    """Linear iterations of every correction in a steady problem with viscosities of a ratio 1e4."""
     result = run([RUNS / "rheology-couette.yaml", "-output_dir", "out", "-mesh_cells", "30,30", "-couple_boundary", rung, "-flow_recipe", "balanced", *CARREAU])
     counts = [int(n) for n in re.findall(r"(\d+) linear iterations", result.text)]
-    assert result.status == 0 and len(counts) < 12 and max(counts) < 22, f"iterations {counts}\n{result}"
+    assert result.status == 0 and len(counts) < 16 and max(counts) < 15 and sum(counts) < 115, f"iterations {counts}\n{result}"
+
+
+def test_yield_stress_in_stages(run):
+    """A plug three thousand times as stiff as what is sheared, in a box of many plugs' widths, where Newton's method alone finds nothing."""
+    words = ["-mesh_upper", "0.5,1", "-mesh_cells", "3,32", "-flow_rheology_rigid", "3000"]
+    row = last(run, "rheology-bingham", "series", *words)
+    assert float(row["mean_velocity_x"]) == pytest.approx(1, abs=1e-3)
