@@ -348,41 +348,46 @@ PetscReal ConformationImplicit(Conformation s)
   return s->implicit;
 }
 
+PetscReal ConformationDevss(Conformation s)
+{
+  return s->law.viscosity * s->law.devss;
+}
+
 const PetscReal *ConformationTensors(Conformation s)
 {
   return s->stretched ? s->tensor : NULL;
 }
 
-/* E of the cells: with the mean of f c over their nodes, which is positive as they are */
+/* E of the cells: with f c of the node where it is largest. A mean is too little for a node at a surface, where c falls
+   to a fraction within a cell (runs/studies/rheology). */
 static PetscErrorCode compute_tensors(Conformation s)
 {
-  static const PetscReal SIMPSON[3] = {1. / 6, 4. / 6, 1. / 6};
-  const MeshLocal       *l          = s->f->loc;
-  const PetscInt         dim = l->dim, n = dim * dim;
-  const PetscReal        gain = s->law.viscosity * PetscMin(1, s->f->step.dt / s->law.time);
-  PetscReal             *c;
+  const MeshLocal *l   = s->f->loc;
+  const PetscInt   dim = l->dim, n = dim * dim;
+  const PetscReal  gain = s->law.viscosity * PetscMin(1, s->f->step.dt / s->law.time);
+  PetscReal       *c, *trace;
 
   PetscFunctionBeginUser;
   if (!s->stretched) PetscFunctionReturn(PETSC_SUCCESS);
   if (!s->tensor) PetscCall(PetscMalloc1(l->ncell_all * n, &s->tensor));
-  PetscCall(PetscMalloc1(l->nnode_all * n, &c));
+  PetscCall(PetscMalloc2(l->nnode_all * n, &c, l->nnode_all, &trace));
   for (PetscInt i = 0; i < l->nnode_all; i++) {
     PetscReal here[3][3];
 
     PolymerStiffness(&s->law, dim, s->psi + i * s->nc, here);
+    trace[i] = 0;
     for (PetscInt k = 0; k < n; k++) c[i * n + k] = here[k / dim][k % dim];
+    for (PetscInt a = 0; a < dim; a++) trace[i] += here[a][a];
   }
   for (PetscInt e = 0; e < l->ncell_all; e++) {
-    PetscReal *E = s->tensor + e * n;
+    const PetscInt *node = l->cell_node + e * l->nb; /* slots: of a hanging node the one that it hangs on */
+    PetscInt        top  = node[0];
 
-    for (PetscInt k = 0; k < n; k++) E[k] = k % (dim + 1) ? 0 : s->implicit - gain;
-    for (PetscInt j = 0; j < l->nb; j++) { /* slots: of a hanging node the one that it hangs on */
-      const PetscReal share = gain * SIMPSON[j % 3] * SIMPSON[j / 3 % 3] * (dim == 3 ? SIMPSON[j / 9] : 1);
-
-      for (PetscInt k = 0; k < n; k++) E[k] += share * c[l->cell_node[e * l->nb + j] * n + k];
-    }
+    for (PetscInt j = 1; j < l->nb; j++)
+      if (trace[node[j]] > trace[top]) top = node[j];
+    for (PetscInt k = 0; k < n; k++) s->tensor[e * n + k] = gain * c[top * n + k] + (k % (dim + 1) ? 0 : s->implicit - gain);
   }
-  PetscCall(PetscFree(c));
+  PetscCall(PetscFree2(c, trace));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

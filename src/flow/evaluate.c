@@ -100,7 +100,7 @@ PetscErrorCode FlowCellStressForce(Flow f, PetscInt c, const PetscReal u[], cons
 
     ElementGradients(&f->element, &m, q, g);
     FlowVelocityGradient(f, g, ul, grad);
-    if (f->conformation) FlowPolymerStress(f, c, q, grad, extra);
+    if (f->conformation) FlowPolymerStress(f, &m, c, q, grad, extra);
     for (PetscInt j = 0; j < nb; j++) {
       for (PetscInt d = 0; d < dim; d++) {
         x[d] += phi[j] * xc[j * dim + d];

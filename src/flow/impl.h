@@ -155,7 +155,7 @@ void FlowAddCoupling(Flow, PetscInt c, const ElementMetric *, const PetscReal ul
    zero), w the strain; local. */
 PetscErrorCode FlowUpdateEddies(Flow);
 void           FlowAddEddies(Flow, PetscInt c, const ElementMetric *, const PetscReal ul[], PetscReal r[]);
-/* Viscoelastic fluids, as conformation.h has the momentum: r [nb][dim] += (T, grad v) with T = tau - P(grad u^n) E, at
+/* Viscoelastic fluids, as conformation.h has the momentum: r [nb][dim] += (T, grad v) with T = tau - grad u^n E, at
    nodes of an outflow -(div T, v), and with nodal velocities ul [nb][dim] (NULL: none) (grad u (E - rest), grad v),
    where rest is what E is there, part of the viscosity of the matrix; ce [nb][nbp] += theta times the latter. Local.
    */
@@ -163,7 +163,7 @@ void FlowAddPolymer(Flow, PetscInt c, const ElementMetric *, const PetscReal ul[
 void FlowAddStiffness(Flow, PetscInt c, const ElementMetric *, PetscReal ce[]);
 /* The stress of the polymer in it at quadrature point q, where the velocity gradient is grad: stress [dim][dim].
    Local. */
-void FlowPolymerStress(const struct _p_Flow *, PetscInt c, PetscInt q, PetscReal grad[3][3], PetscReal stress[3][3]);
+void FlowPolymerStress(const struct _p_Flow *, const ElementMetric *, PetscInt c, PetscInt q, PetscReal grad[3][3], PetscReal stress[3][3]);
 /* E of cell c, [dim*dim]. Local. */
 void FlowGetStiffness(const struct _p_Flow *, PetscInt c, PetscReal E[9]);
 /* Viscosity of the matrix in a step of length dt. Collective. */

@@ -157,29 +157,38 @@ static PetscBool gather_polymer(const struct _p_Flow *f, PetscInt c, PetscReal t
   return any;
 }
 
-/* tau [nb][dim*dim] becomes T */
-static void combine_polymer(PetscInt nb, PetscInt dim, const PetscReal E[9], const PetscReal grad[], PetscReal tau[])
+/* tau [nb][dim*dim] becomes T: less what devss adds to the matrix */
+static void combine_polymer(PetscInt n, PetscReal devss, const PetscReal grad[], PetscReal tau[])
 {
-  const PetscInt n = dim * dim;
+  for (PetscInt k = 0; k < n && devss > 0; k++) tau[k] -= devss * grad[k];
+}
 
-  for (PetscInt j = 0; j < nb; j++)
-    for (PetscInt k = 0; k < n; k++)
-      for (PetscInt b = 0; b < dim; b++) tau[j * n + k] -= grad[j * n + k / dim * dim + b] * E[b * dim + k % dim];
+/* s [dim*dim] += weight grad F */
+static void add_product(PetscInt dim, PetscReal weight, PetscReal grad[3][3], const PetscReal F[9], PetscReal s[9])
+{
+  for (PetscInt a = 0; a < dim; a++)
+    for (PetscInt b = 0; b < dim; b++)
+      for (PetscInt e = 0; e < dim; e++) s[a * dim + b] += weight * grad[a][e] * F[e * dim + b];
 }
 
 void FlowAddPolymer(Flow f, PetscInt c, const ElementMetric *m, const PetscReal ul[], PetscReal r[])
 {
   const PetscInt   dim = f->loc->dim, nb = f->loc->nb, n = dim * dim, *node = f->loc->cell_node + c * nb;
   const PetscBool *open = ConformationOpen(f->conformation);
-  const PetscReal  rest = ConformationImplicit(f->conformation);
-  PetscReal        T[MESH_MAX_NB * 9], G[MESH_MAX_NB * 9], E[9];
+  const PetscReal  rest = ConformationImplicit(f->conformation), devss = ConformationDevss(f->conformation);
+  PetscReal        T[MESH_MAX_NB * 9], G[MESH_MAX_NB * 9], E[9], F[9], un[MESH_MAX_NB * 3];
   PetscBool        any;
 
   if (f->det[c] == 0) return;
   any = gather_polymer(f, c, T, G);
+  FlowCellGather(f->loc, c, f->u, un);
   FlowGetStiffness(f, c, E);
-  combine_polymer(nb, dim, E, G, T);
-  for (PetscInt a = 0; a < dim; a++) E[a * dim + a] -= rest;
+  PetscCallAbort(PETSC_COMM_SELF, PetscArraycpy(F, E, n));
+  combine_polymer(nb * n, devss, G, T);
+  for (PetscInt a = 0; a < dim; a++) {
+    E[a * dim + a] -= rest;
+    F[a * dim + a] -= devss;
+  }
   for (PetscInt q = 0; q < f->element.nq; q++) {
     const PetscReal *phi  = f->element.phi + q * f->element.nbp;
     PetscReal        t[9] = {0}, s[9] = {0}, div[3] = {0, 0, 0}, grad[3][3];
@@ -190,10 +199,11 @@ void FlowAddPolymer(Flow f, PetscInt c, const ElementMetric *m, const PetscReal 
       for (PetscInt k = 0; k < n; k++) t[k] += m->weight[q] * phi[j] * T[j * n + k];
     for (PetscInt j = 0; j < nb && any; j++)
       for (PetscInt k = 0; k < n; k++) div[k / dim] += m->weight[q] * g[k % dim][j] * T[j * n + k];
+    FlowVelocityGradient(f, g, un, grad);
+    add_product(dim, -m->weight[q], grad, F, s);
     if (ul && f->tensors) {
       FlowVelocityGradient(f, g, ul, grad);
-      for (PetscInt k = 0; k < n; k++)
-        for (PetscInt b = 0; b < dim; b++) s[k] += m->weight[q] * grad[k / dim][b] * E[b * dim + k % dim];
+      add_product(dim, m->weight[q], grad, E, s);
     }
     for (PetscInt j = 0; j < nb; j++)
       for (PetscInt k = 0; k < n; k++) {
@@ -228,19 +238,25 @@ void FlowAddStiffness(Flow f, PetscInt c, const ElementMetric *m, PetscReal ce[]
   }
 }
 
-void FlowPolymerStress(const struct _p_Flow *f, PetscInt c, PetscInt q, PetscReal grad[3][3], PetscReal stress[3][3])
+void FlowPolymerStress(const struct _p_Flow *f, const ElementMetric *m, PetscInt c, PetscInt q, PetscReal grad[3][3], PetscReal stress[3][3])
 {
   const PetscInt   dim = f->loc->dim, nb = f->loc->nb, n = dim * dim;
-  const PetscReal *phi = f->element.phi + q * f->element.nbp;
-  PetscReal        T[MESH_MAX_NB * 9], G[MESH_MAX_NB * 9], E[9];
+  const PetscReal *phi = f->element.phi + q * f->element.nbp, devss = ConformationDevss(f->conformation);
+  PetscReal        T[MESH_MAX_NB * 9], G[MESH_MAX_NB * 9], E[9], un[MESH_MAX_NB * 3], before[3][3], s[9] = {0};
+  FlowGradients    g;
 
   (void)gather_polymer(f, c, T, G);
+  combine_polymer(nb * n, devss, G, T);
   FlowGetStiffness(f, c, E);
-  combine_polymer(nb, dim, E, G, T);
+  add_product(dim, 1, grad, E, s);
+  for (PetscInt a = 0; a < dim; a++) E[a * dim + a] -= devss;
+  FlowCellGather(f->loc, c, f->u, un);
+  ElementGradients(&f->element, m, q, g);
+  FlowVelocityGradient(f, g, un, before);
+  add_product(dim, -1, before, E, s);
   for (PetscInt a = 0; a < dim; a++)
     for (PetscInt b = 0; b < dim; b++) {
-      stress[a][b] = 0;
-      for (PetscInt e = 0; e < dim; e++) stress[a][b] += grad[a][e] * E[e * dim + b];
+      stress[a][b] = s[a * dim + b];
       for (PetscInt j = 0; j < nb; j++) stress[a][b] += phi[j] * T[j * n + a * dim + b];
     }
 }

@@ -9,7 +9,7 @@
 /* The same where the viscosity varies, for Picard's iteration and for Newton's (runs/studies/rheology) */
 #define PICARD_VARYING 0.2
 #define NEWTON_VARYING 0.1
-#define LEFT       0.1  /* of the nonlinear tolerance; the rest is for what is not linear (runs/studies/rheology) */
+#define LEFT           0.1 /* of the nonlinear tolerance; the rest is for what is not linear (runs/studies/rheology) */
 
 struct _p_Steady {
   Flow             flow;
