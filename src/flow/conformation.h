@@ -12,14 +12,15 @@
      psi*      from psi^n with u^n all through the step, when the step's matrix is asked for
      u^{n+1}   from the momentum with solvent grad u^{n+1} + tau(psi*) + (grad u^{n+1} - grad u^n) E
      psi^{n+1} from psi^n with the velocity linear in time from u^n to u^{n+1}, when the step is accepted
-   E stands for what the stress gains by a change of the velocity in the step (-flow_rheology_implicit): none; rest: G
-   dt (at most G L), a number, and the matrix of a Stokes flow stays; stretched: G dt f c, a tensor a cell, with the c
-   of its node where that is largest: that is how stiff stretched polymers are along their stretch (the other half of
-   the derivative, c grad u^T, has no divergence where c is uniform). auto: stretched where rest would leave more than half of the viscosity to explicit
-   stretch. All are of second order in time. By modes, with any solvent, none and no inertia included, E >= G dt is
-   stable for any step; without E, or with half of it, it is not (runs/studies/rheology). -flow_rheology_devss adds a
-   share of the polymer's viscosity times grad u^{n+1} - P(grad u^n): the difference of the gradient and its projection
-   stays in steady states, too (Liu et al. 1998), at first order in time.
+   E stands for what the stress gains by a change of the velocity in the step (-flow_rheology_implicit): none; rest:
+   G dt (at most G L), a number, and the matrix of a Stokes flow stays; stretched: G dt f c, a tensor a cell, with
+   the c of its node where that is largest: that is how stiff stretched polymers are along their stretch (the other
+   half of the derivative, c grad u^T, has no divergence where c is uniform). auto: stretched where rest would leave
+   more than half of the viscosity to explicit stretch. All are of second order in time. By modes, with any solvent,
+   none and no inertia included, E >= G dt is stable for any step; without E, or with half of it, it is not
+   (runs/studies/rheology). -flow_rheology_devss adds a share of the polymer's viscosity times grad u^{n+1} - P(grad
+   u^n): the difference of the gradient and its projection stays in steady states, too (Liu et al. 1998), at first
+   order in time.
 
    At an inflow nothing changes along streamlines: psi there is that of the developed flow with the prescribed profile.
    At an outflow the condition is that of the Newtonian part, -p n + mu du/dn = 0: the test functions of its nodes take
