@@ -4,10 +4,11 @@
 #include "impl.h"
 
 /* Measured, spheres with 8 and 12 cells a diameter under rung penalty: runs/studies/contact, "Films" */
-#define FILM_CLOSED 0.1525 /* what the mesh makes of a closed film at a wall, in ranges; twice that between bodies */
-#define FILM_POWER  4.0    /* how that blends with the true gap */
-#define FILM_NARROW 0.4    /* gap in ranges at which the recess begins to act, */
-#define FILM_WIDE   0.75   /* and at which all of it acts, to 1; FILM_OPEN: it is gone */
+#define FILM_NARROW 0.4  /* gap in ranges at which the recess begins to act, */
+#define FILM_WIDE   0.75 /* and at which all of it acts, to 1; FILM_OPEN: it is gone */
+
+/* At a wall, between bodies: what the mesh makes of a closed film, in ranges; how that blends with the true gap */
+static const PetscReal FILM_CLOSED[2] = {0.165, 0.305}, FILM_POWER[2] = {6, 4};
 
 static void add_force(Impulse *s, const PetscReal f[3], const PetscReal ri[3], const PetscReal rj[3])
 {
@@ -124,12 +125,13 @@ static void add_friction(Contact c, const Pair *p, const Touch *t, PetscReal nor
 /* The gap at which the mesh resists as it does at this one (runs/studies/contact, "Films") */
 static PetscReal resolved_gap(Contact c, const Pair *p, PetscReal gap)
 {
-  const PetscReal closed = (p->j < 0 ? 1 : 2) * FILM_CLOSED * c->lubrication_range, x = gap / c->lubrication_range;
+  const PetscInt  kind   = p->j < 0 ? 0 : 1;
+  const PetscReal closed = FILM_CLOSED[kind] * c->lubrication_range, power = FILM_POWER[kind], x = gap / c->lubrication_range;
   const PetscReal share = PetscMin(1, (x - FILM_NARROW) / (FILM_WIDE - FILM_NARROW)) * PetscMin(1, (FILM_OPEN - x) / (FILM_OPEN - 1));
   const PetscReal wide  = gap + PetscMax(0, share) * c->widening * c->lubrication_range;
 
   if (c->dim == 2) return c->lubrication_range;
-  return PetscPowReal(PetscPowReal(wide, FILM_POWER) + PetscPowReal(closed, FILM_POWER), 1 / FILM_POWER);
+  return PetscPowReal(PetscPowReal(wide, power) + PetscPowReal(closed, power), 1 / power);
 }
 
 /* Resistance of the film at a gap less what the mesh resolves of it */

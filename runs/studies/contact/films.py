@@ -14,7 +14,7 @@ from math import acosh, cosh, log, pi, sinh
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[3]
-CLOSED, POWER, RECESS = 0.1525, 4, 0.035  # of src/contact/pairforce.c and src/couple/rung_penalty.c
+CLOSED, POWER, RECESS = {"wall": 0.165, "pair": 0.305}, {"wall": 6, "pair": 4}, 0.035  # of src/contact/pairforce.c and src/couple/rung_penalty.c
 MESHES = {3: (6, 4), 4: (8, 4), 5: (10, 4), 6: (12, 4), 8: (8, 5)}  # cells a radius: coarse cells an axis and levels
 PLACE = "0.013,-0.021"
 
@@ -46,9 +46,9 @@ def film(kind, gap, cell):
     x = gap / cell
     if x >= 2:
         return 0
-    closed = CLOSED * cell * (1 if kind == "wall" else 2)
+    closed, power = CLOSED[kind] * cell, POWER[kind]
     wide = gap + RECESS * cell * max(0, min(1, (x - 0.4) / 0.35) * min(1, 2 - x))
-    resolved = (wide**POWER + closed**POWER) ** (1 / POWER)
+    resolved = (wide**power + closed**power) ** (1 / power)
     if kind == "wall":
         return 1 / gap - 1 / resolved + log(resolved / gap) / 5
     return 2 * ((1 / gap - 1 / resolved) / 4 + 9 / 40 * log(resolved / gap))
