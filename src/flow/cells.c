@@ -129,13 +129,43 @@ static PetscBool copy_box(Flow f, PetscInt c, const PetscReal edge[3])
   return PETSC_FALSE;
 }
 
+/* Metric of cell c with nodes xc [nb][dim]: whether it is affine, its Jacobian, its size */
+static PetscErrorCode measure_cell(Flow f, PetscInt c, const PetscReal xc[], ElementMetric *m)
+{
+  const PetscInt   dim    = f->loc->dim;
+  const PetscReal *centre = xc + (f->loc->nb / 2) * dim;
+  PetscReal        first[9], volume = 0;
+
+  PetscFunctionBeginUser;
+  f->affine[c] = PETSC_FALSE;
+  PetscCall(FlowCellMetric(f, c, m));
+  PetscCall(PetscArraycpy(first, m->inverse[0], dim * dim));
+  f->affine[c] = PETSC_TRUE;
+  for (PetscInt q = 0; q < f->element.nq; q++) {
+    PetscReal scale = 0, diff = 0;
+
+    PetscCheck(m->weight[q] > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "Mesh cell near (%g, %g) has a Jacobian of %g at a quadrature point: the mesh is tangled there", (double)centre[0], (double)centre[1],
+               (double)(m->weight[q] / f->element.weight[q]));
+    volume += m->weight[q];
+    for (PetscInt i = 0; i < dim * dim; i++) {
+      scale = PetscMax(scale, PetscAbsReal(first[i]));
+      diff  = PetscMax(diff, PetscAbsReal(first[i] - m->inverse[q][i]));
+    }
+    if (diff > 1e-10 * scale) f->affine[c] = PETSC_FALSE;
+  }
+  PetscCall(PetscArraycpy(f->inverse + c * dim * dim, first, dim * dim));
+  f->det[c]  = m->weight[0] / f->element.weight[0];
+  f->size[c] = PetscPowReal(volume, 1.0 / dim);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Affine test, size, cell matrices of B and inverse pressure mass of a cell */
 static PetscErrorCode compute_cell(Flow f, PetscInt c, PetscBool first_time)
 {
   const MeshLocal *l   = f->loc;
-  const PetscInt   dim = l->dim, nb = l->nb, nk          = dim + 1;
-  PetscReal        xc[MESH_MAX_NB * 3], first[9], volume = 0, mass[16] = {0}, b[4 * MESH_MAX_NB * 3] = {0};
-  PetscReal        edge[3], pmass[16];
+  const PetscInt   dim = l->dim, nb = l->nb, nk           = dim + 1;
+  PetscReal        xc[MESH_MAX_NB * 3], edge[3], mass[16] = {0}, pmass[16], b[4 * MESH_MAX_NB * 3] = {0};
   const PetscReal *centre = xc + (nb / 2) * dim;
   const PetscInt   before = f->nkind;
   PetscBool        box;
@@ -146,26 +176,7 @@ static PetscErrorCode compute_cell(Flow f, PetscInt c, PetscBool first_time)
   PetscCall(PetscArraycpy(f->centre + c * dim, centre, dim));
   box = is_box(l, c, xc, edge);
   if (box && copy_box(f, c, edge)) PetscFunctionReturn(PETSC_SUCCESS);
-  f->affine[c] = PETSC_FALSE;
-  PetscCall(FlowCellMetric(f, c, &m));
-  PetscCall(PetscArraycpy(first, m.inverse[0], dim * dim));
-  f->affine[c] = PETSC_TRUE;
-  for (PetscInt q = 0; q < f->element.nq; q++) {
-    PetscReal scale = 0, diff = 0;
-
-    PetscCheck(m.weight[q] > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-               "Mesh cell near (%g, %g) has a Jacobian of %g at a quadrature point: the mesh is tangled there", (double)centre[0], (double)centre[1],
-               (double)(m.weight[q] / f->element.weight[q]));
-    volume += m.weight[q];
-    for (PetscInt i = 0; i < dim * dim; i++) {
-      scale = PetscMax(scale, PetscAbsReal(first[i]));
-      diff  = PetscMax(diff, PetscAbsReal(first[i] - m.inverse[q][i]));
-    }
-    if (diff > 1e-10 * scale) f->affine[c] = PETSC_FALSE;
-  }
-  PetscCall(PetscArraycpy(f->inverse + c * dim * dim, first, dim * dim));
-  f->det[c]  = m.weight[0] / f->element.weight[0];
-  f->size[c] = PetscPowReal(volume, 1.0 / dim);
+  PetscCall(measure_cell(f, c, xc, &m));
   for (PetscInt q = 0; q < f->element.nq; q++) {
     const PetscReal *phi = f->element.phi + q * f->element.nbp;
     PetscReal        g[3][ELEMENT_MAX_NBP], x[3] = {0, 0, 0}, psi[4];

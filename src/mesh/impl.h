@@ -26,6 +26,15 @@ struct _p_Mesh {
   PetscInt          levels, *level_count, hanging; /* [levels + 1] cells of all ranks; hanging places */
 };
 
+/* Points of the closure of cell c of dm by lattice position, the mean of that of their vertices: point [nb]; vertex
+   [2^dim] in the order of the closure. Error: no quadrilateral or hexahedron. (lattice.c) */
+PetscErrorCode MeshCellLattice(DM dm, PetscInt dim, PetscInt c, PetscInt point[], PetscInt vertex[]);
+/* Smallest Jacobian over the corners of a cell with nodes xc [nb][dim], and a size: their mean (the volume where the
+   edges are straight in 2D or the cell a parallelepiped). Local. */
+void MeshMeasureCell(PetscInt dim, const PetscReal xc[], PetscReal *smallest, PetscReal *volume);
+/* Coordinates of the nodes, box and cell size; order [ncell_all] cells of the DM, vertex [ncell_all][2^dim] as above.
+   Collective. Errors: an inverted cell, curved cells. */
+PetscErrorCode MeshSetCoordinates(Mesh, const PetscInt order[], const PetscInt vertex[]);
 /* Number the nodes in the order in which the cells touch them, own ones first; cell_node holds mesh points on entry,
    nodes on exit. ghost [pEnd]: whether another rank owns a point; number [pEnd] returns the node of a point, or -1. Not
    collective. */

@@ -1,0 +1,208 @@
+/* Mesh: which points of a DMPlex lie at which lattice places of a cell, and where they are. */
+#include "compat.h"
+#include "impl.h"
+
+/* ---- lattice ---- */
+
+/* Lattice corner (0 or 2 along each axis) of vertex v in the closure of a PETSc quadrilateral or hexahedron */
+static void corner_position(PetscInt dim, PetscInt v, PetscInt pos[3])
+{
+  static const PetscInt quad[4][3] = {{0, 0, 0}, {2, 0, 0}, {2, 2, 0}, {0, 2, 0}};
+  static const PetscInt hex[8][3]  = {{0, 0, 0}, {0, 2, 0}, {2, 2, 0}, {2, 0, 0}, {0, 0, 2}, {2, 0, 2}, {2, 2, 2}, {0, 2, 2}};
+
+  for (PetscInt d = 0; d < 3; d++) pos[d] = dim == 2 ? quad[v][d] : hex[v][d];
+}
+
+/* pos += lattice positions of the vertices below point p, each as often as paths lead to it (equally often), *count of
+   them; vertex [nv] of the cell in the order of corner_position */
+static PetscErrorCode add_corners(DM dm, PetscInt dim, PetscInt p, PetscInt nv, const PetscInt vertex[], PetscInt pos[3], PetscInt *count)
+{
+  const PetscInt *cone;
+  PetscInt        n, corner[3], v = 0;
+
+  PetscFunctionBeginUser;
+  while (v < nv && vertex[v] != p) v++;
+  if (v < nv) {
+    corner_position(dim, v, corner);
+    for (PetscInt d = 0; d < 3; d++) pos[d] += corner[d];
+    *count += 1;
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCall(DMPlexGetConeSize(dm, p, &n));
+  PetscCall(DMPlexGetCone(dm, p, &cone));
+  for (PetscInt i = 0; i < n; i++) PetscCall(add_corners(dm, dim, cone[i], nv, vertex, pos, count));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshCellLattice(DM dm, PetscInt dim, PetscInt c, PetscInt point[], PetscInt vertex[])
+{
+  PetscInt *closure = NULL, n, vStart, vEnd, nv = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(DMPlexGetDepthStratum(dm, 0, &vStart, &vEnd));
+  PetscCall(DMPlexGetTransitiveClosure(dm, c, PETSC_TRUE, &n, &closure));
+  for (PetscInt i = 0; i < n; i++) {
+    const PetscInt p = closure[2 * i];
+
+    if (p >= vStart && p < vEnd && nv < 1 << dim) vertex[nv++] = p;
+  }
+  PetscCheck(nv == 1 << dim && n == (dim == 2 ? 9 : 27), PETSC_COMM_SELF, PETSC_ERR_SUP,
+             "Cell %" PetscInt_FMT " has %" PetscInt_FMT " vertices: the mesh must consist of quadrilaterals (2D) or hexahedra (3D)", c, nv);
+  for (PetscInt i = 0; i < n; i++) {
+    PetscInt count = 0, pos[3] = {0, 0, 0};
+
+    PetscCall(add_corners(dm, dim, closure[2 * i], nv, vertex, pos, &count));
+    point[pos[0] / count + 3 * (pos[1] / count) + 9 * (pos[2] / count)] = closure[2 * i];
+  }
+  PetscCall(DMPlexRestoreTransitiveClosure(dm, c, PETSC_TRUE, &n, &closure));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- coordinates ---- */
+
+/* Multilinear reference position of lattice point j of a cell with corners qv [2^dim][dim] in closure order */
+static void interpolate_corners(PetscInt dim, const PetscReal qv[], PetscInt j, PetscReal q[])
+{
+  const PetscInt lattice[3] = {j % 3, (j / 3) % 3, j / 9};
+
+  for (PetscInt d = 0; d < dim; d++) q[d] = 0;
+  for (PetscInt v = 0; v < 1 << dim; v++) {
+    PetscInt  corner[3];
+    PetscReal weight = 1;
+
+    corner_position(dim, v, corner);
+    for (PetscInt d = 0; d < dim; d++) weight *= corner[d] == 2 ? 0.5 * lattice[d] : 1 - 0.5 * lattice[d];
+    for (PetscInt d = 0; d < dim; d++) q[d] += weight * qv[v * dim + d];
+  }
+}
+
+/* Jacobian determinant on [0,1]^dim of the Q2 map of a cell at its corner (0 or 2 along each axis). xc [nb][dim] */
+static PetscReal corner_jacobian(PetscInt dim, const PetscReal xc[], const PetscInt corner[3])
+{
+  const PetscInt stride[3] = {1, 3, 9};
+  PetscReal      e[3][3];
+  PetscInt       at = 0;
+
+  for (PetscInt k = 0; k < dim; k++) at += corner[k] * stride[k];
+  for (PetscInt k = 0; k < dim; k++) {
+    const PetscInt step = corner[k] ? -stride[k] : stride[k];
+
+    for (PetscInt d = 0; d < dim; d++)
+      e[k][d] = (corner[k] ? -1 : 1) * (4 * xc[(at + step) * dim + d] - 3 * xc[at * dim + d] - xc[(at + 2 * step) * dim + d]);
+  }
+  if (dim == 2) return e[0][0] * e[1][1] - e[0][1] * e[1][0];
+  return e[0][0] * (e[1][1] * e[2][2] - e[1][2] * e[2][1]) - e[0][1] * (e[1][0] * e[2][2] - e[1][2] * e[2][0]) +
+         e[0][2] * (e[1][0] * e[2][1] - e[1][1] * e[2][0]);
+}
+
+void MeshMeasureCell(PetscInt dim, const PetscReal xc[], PetscReal *smallest, PetscReal *volume)
+{
+  *smallest = PETSC_MAX_REAL;
+  *volume   = 0;
+  for (PetscInt v = 0; v < 1 << dim; v++) {
+    PetscInt  corner[3];
+    PetscReal J;
+
+    corner_position(dim, v, corner);
+    J         = corner_jacobian(dim, xc, corner);
+    *smallest = PetscMin(*smallest, J);
+    *volume += J / (1 << dim);
+  }
+}
+
+/* Coordinates of vertices; section NULL: only by cells, as in periodic meshes, or not of vertices alone */
+typedef struct {
+  PetscSection       section;
+  const PetscScalar *x;
+  Vec                v;
+} Corners;
+
+static PetscErrorCode open_corners(DM dm, PetscInt dim, Corners *k)
+{
+  PetscInt vStart, vEnd, size;
+  Vec      by_cell;
+
+  PetscFunctionBeginUser;
+  PetscCall(DMGetCellCoordinatesLocal(dm, &by_cell));
+  PetscCall(DMGetCoordinatesLocal(dm, &k->v));
+  PetscCall(DMGetCoordinateSection(dm, &k->section));
+  PetscCall(DMPlexGetDepthStratum(dm, 0, &vStart, &vEnd));
+  PetscCall(PetscSectionGetStorageSize(k->section, &size));
+  if (by_cell || size != (vEnd - vStart) * dim) k->section = NULL;
+  PetscCall(VecGetArrayRead(k->v, &k->x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Q2 nodes of a cell, which is `point` in the DM, with its vertices: xc [nb][dim], not unwrapped into the period */
+static PetscErrorCode place_cell_nodes(Mesh m, const Corners *k, PetscInt point, const PetscInt vertex[], PetscReal xc[])
+{
+  const PetscInt     dim = m->loc.dim;
+  PetscBool          dg;
+  PetscInt           n;
+  const PetscScalar *array;
+  PetscScalar       *qv = NULL, near[24];
+
+  PetscFunctionBeginUser;
+  for (PetscInt v = 0; v < 1 << dim && k->section; v++) {
+    PetscInt at;
+
+    PetscCall(PetscSectionGetOffset(k->section, vertex[v], &at));
+    for (PetscInt d = 0; d < dim; d++) near[v * dim + d] = k->x[at + d];
+  }
+  if (!k->section) {
+    PetscCall(DMPlexGetCellCoordinates(m->dm, point, &dg, &n, &array, &qv));
+    PetscCheck(n == dim << dim, PETSC_COMM_SELF, PETSC_ERR_SUP,
+               "A mesh cell has %" PetscInt_FMT " coordinates instead of %" PetscInt_FMT ": save the mesh with first-order elements", n, dim << dim);
+  }
+  for (PetscInt j = 0; j < m->loc.nb; j++) {
+    PetscReal q[3];
+
+    interpolate_corners(dim, qv ? qv : near, j, q);
+    PetscCall(MeshKindEvaluate(m->kind, q, xc + j * dim));
+  }
+  if (!k->section) PetscCall(DMPlexRestoreCellCoordinates(m->dm, point, &dg, &n, &array, &qv));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshSetCoordinates(Mesh m, const PetscInt order[], const PetscInt vertex[])
+{
+  MeshLocal       *l   = &m->loc;
+  const PetscInt   dim = l->dim;
+  Corners          corners;
+  const PetscReal *period, *end;
+  PetscReal        hmin = PETSC_MAX_REAL, lower[3] = {PETSC_MAX_REAL, PETSC_MAX_REAL, PETSC_MAX_REAL},
+            upper[3] = {-PETSC_MAX_REAL, -PETSC_MAX_REAL, -PETSC_MAX_REAL};
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(l->nnode_all * dim, &m->x));
+  PetscCall(MeshKindGetPeriod(m->kind, &period, &end));
+  PetscCall(PetscArraycpy(l->period, period, 3));
+  PetscCall(open_corners(m->dm, dim, &corners));
+  for (PetscInt c = 0; c < l->ncell_all; c++) {
+    PetscReal xc[MESH_MAX_NB * 3], smallest, volume;
+
+    PetscCall(place_cell_nodes(m, &corners, order[c], vertex + (c << dim), xc));
+    MeshMeasureCell(dim, xc, &smallest, &volume);
+    PetscCheck(smallest > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "Mesh cell %" PetscInt_FMT " near (%g, %g) is inverted or flat (Jacobian %g at a corner): repair the mesh", c, (double)xc[0],
+               (double)xc[1], (double)smallest);
+    hmin = PetscMin(hmin, PetscPowReal(volume, 1.0 / dim));
+    for (PetscInt j = 0; j < l->nb; j++) {
+      PetscReal *x = m->x + m->cell_node[c * l->nb + j] * dim;
+
+      for (PetscInt d = 0; d < dim; d++) {
+        x[d]     = xc[j * dim + d];
+        lower[d] = PetscMin(lower[d], x[d]);
+        upper[d] = PetscMax(upper[d], x[d]);
+        if (period[d] > 0 && x[d] > end[d] - 1e-9 * period[d]) x[d] -= period[d];
+      }
+    }
+  }
+  PetscCall(VecRestoreArrayRead(corners.v, &corners.x));
+  PetscCallMPI(MPI_Allreduce(&hmin, &l->h, 1, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Allreduce(lower, l->lower, 3, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Allreduce(upper, l->upper, 3, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCall(MeshKindPlaceVertices(m->kind, m->dm));
+  PetscCall(DMViewFromOptions(m->dm, NULL, "-dm_view"));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
