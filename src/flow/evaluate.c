@@ -7,6 +7,8 @@
 #include "impl.h"
 #include "lanes.h"
 
+_Static_assert(FLOW_CELLS <= BATCH_LANES, "cells that are cheap together stand side by side");
+
 /* Nodal acceleration, theta-velocity and convecting velocity of a cell for the step's solution u */
 static void gather_step(const struct _p_Flow *f, PetscInt c, const PetscReal u[], PetscReal al[], PetscReal vl[], PetscReal wl[])
 {

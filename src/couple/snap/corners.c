@@ -64,24 +64,36 @@ static PetscErrorCode list_corners(Snap s, PetscReal (*X)[3], PetscReal (*q)[4],
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The vertices before and after own vertex i on the wall; false: there are not two */
-static PetscBool next_on_wall(Snap s, PetscInt i, PetscInt next[2])
+PetscInt SnapEdgesAt(Snap s, PetscInt i, PetscBool marked, PetscInt most, PetscInt ends[])
 {
   const MeshLocal *l = s->loc;
   PetscInt         n = 0;
 
-  for (PetscInt e = l->node_cell_ptr[i]; e < l->node_cell_ptr[i + 1]; e++) {
-    const PetscInt *node = SnapCellNodes(s, l->node_cell[e]);
+  for (PetscInt m = l->node_cell_ptr[i]; m < l->node_cell_ptr[i + 1]; m++) {
+    const PetscInt *node = SnapCellNodes(s, l->node_cell[m]);
 
     for (PetscInt j = 0; j < s->cell_kind.nedge; j++) {
-      const PetscInt a = node[s->cell_kind.end[j][0]], b = node[s->cell_kind.end[j][1]], other = a == i ? b : a;
+      const PetscInt a = node[s->cell_kind.end[j][0]], b = node[s->cell_kind.end[j][1]], middle = node[s->cell_kind.edge[j]];
+      const PetscInt other = a == i ? b : a;
+      PetscBool      known = PETSC_FALSE;
 
-      if ((a != i && b != i) || !s->cover[l->node_cell[e]] || !SnapIsOnWall(s, node[s->cell_kind.edge[j]])) continue;
-      if (n == 2) return PETSC_FALSE; /* every wall edge has one dead cell */
-      next[n++] = other;
+      if ((a != i && b != i) || !(marked ? s->at_corner[middle] != 0 : s->cover[l->node_cell[m]] && SnapIsOnWall(s, middle))) continue;
+      for (PetscInt e = 0; e < n; e++) known = (PetscBool)(known || ends[e] == other);
+      if (!known && n < most) ends[n++] = other;
     }
   }
-  return (PetscBool)(n == 2);
+  return n;
+}
+
+/* The vertices before and after own vertex i on the wall; false: there are not two */
+static PetscBool next_on_wall(Snap s, PetscInt i, PetscInt next[2])
+{
+  PetscInt ends[3];
+
+  if (SnapEdgesAt(s, i, PETSC_FALSE, 3, ends) != 2) return PETSC_FALSE;
+  next[0] = ends[0];
+  next[1] = ends[1];
+  return PETSC_TRUE;
 }
 
 /* Distance of vertex i, displaced or not, from point x */

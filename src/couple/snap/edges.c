@@ -256,29 +256,6 @@ static PetscErrorCode turn_faces(Snap s, Faces *faces)
 
 /* ---- vertices ---- */
 
-/* The other ends of the edges in chains at vertex i, at most `most`; their number */
-static PetscInt chain_ends(Snap s, PetscInt i, PetscInt most, PetscInt ends[])
-{
-  const MeshLocal *l = s->loc;
-  PetscInt         n = 0;
-
-  for (PetscInt m = l->node_cell_ptr[i]; m < l->node_cell_ptr[i + 1]; m++) {
-    const PetscInt *node = SnapCellNodes(s, l->node_cell[m]);
-
-    for (PetscInt j = 0; j < s->cell_kind.nedge; j++) {
-      const PetscInt a = node[s->cell_kind.end[j][0]], b = node[s->cell_kind.end[j][1]], other = a == i ? b : a;
-      PetscBool      known = PETSC_FALSE;
-
-      if ((a != i && b != i) || s->at_corner[node[s->cell_kind.edge[j]]] == 0) continue;
-      for (PetscInt e = 0; e < PetscMin(n, most); e++) known = (PetscBool)(known || ends[e] == other);
-      if (known) continue;
-      if (n < most) ends[n] = other;
-      n++;
-    }
-  }
-  return n;
-}
-
 /* Of the planes around a vertex the two or three that are farthest apart, in order; false: they are not */
 static PetscBool choose_planes(PetscInt n, const PetscReal *const plane[], PetscInt want, const PetscReal *pick[3])
 {
@@ -350,7 +327,7 @@ static PetscErrorCode place_vertices(Snap s, PetscReal (*X)[3], PetscReal (*q)[4
     PetscBool      found = PETSC_FALSE;
     Crease         c;
 
-    nend = chain_ends(s, i, 8, ends);
+    nend = SnapEdgesAt(s, i, PETSC_TRUE, 8, ends);
     if (nend == 0) continue;
     s->ncorner[k]++;
     if (!s->follow[k] || nend == 1 || s->side[i] || is_left(s, i)) continue;
@@ -387,28 +364,6 @@ static void add_place(Snap s, PetscInt i, PetscInt j, PetscReal share, PetscReal
     sum[a] += share * (MeshNearest(s->loc, a, s->loc->x_start[3 * j + a] - s->loc->x_start[3 * i + a]) + s->d[3 * j + a]);
 }
 
-/* Ends of the wall edges at own vertex i, at most `most` */
-static PetscInt wall_ends(Snap s, PetscInt i, PetscInt most, PetscInt ends[])
-{
-  const MeshLocal *l = s->loc;
-  PetscInt         n = 0;
-
-  for (PetscInt m = l->node_cell_ptr[i]; m < l->node_cell_ptr[i + 1]; m++) {
-    const PetscInt *node = SnapCellNodes(s, l->node_cell[m]);
-
-    if (!s->cover[l->node_cell[m]]) continue;
-    for (PetscInt j = 0; j < s->cell_kind.nedge; j++) {
-      const PetscInt a = node[s->cell_kind.end[j][0]], b = node[s->cell_kind.end[j][1]], other = a == i ? b : a;
-      PetscBool      known = PETSC_FALSE;
-
-      if ((a != i && b != i) || !SnapIsOnWall(s, node[s->cell_kind.edge[j]])) continue;
-      for (PetscInt e = 0; e < n; e++) known = (PetscBool)(known || ends[e] == other);
-      if (!known && n < most) ends[n++] = other;
-    }
-  }
-  return n;
-}
-
 /* Own wall vertices that are at most NEXT edges away from an edge of a body; s->work has their number on the way */
 static PetscErrorCode list_beside(Snap s, PetscInt n, const PetscInt own[], List *near)
 {
@@ -423,7 +378,7 @@ static PetscErrorCode list_beside(Snap s, PetscInt n, const PetscInt own[], List
       PetscBool reached = PETSC_FALSE;
 
       if (s->work[own[e]] != 0 || s->side[own[e]]) continue;
-      m = wall_ends(s, own[e], 12, ends);
+      m = SnapEdgesAt(s, own[e], PETSC_FALSE, 12, ends);
       for (PetscInt v = 0; v < m; v++) reached = (PetscBool)(reached || s->work[ends[v]] == way);
       if (reached) PetscCall(SnapListAdd(near, own[e]));
     }
@@ -451,7 +406,7 @@ static PetscErrorCode slide(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], Crease
       else PetscCall(PetscArraycpy(mean[e], s->d + 3 * c->vertex, 3));
     }
     for (PetscInt e = 0; e < near->n; e++) {
-      PetscInt ends[12], m = wall_ends(s, near->i[e], 12, ends);
+      PetscInt ends[12], m = SnapEdgesAt(s, near->i[e], PETSC_FALSE, 12, ends);
 
       for (PetscInt v = 0; v < m; v++) add_place(s, near->i[e], ends[v], 1.0 / m, mean[list->n + e]);
     }

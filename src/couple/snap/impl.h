@@ -178,6 +178,9 @@ PetscErrorCode SnapPlaceWallVertices(Snap, PetscReal (*X)[3], PetscReal (*q)[4])
 /* The n own wall vertices have their displacements: in the plane one goes to each corner of a body with s->follow, its
    neighbours along the wall are spread anew; counts in s->ncorner, s->ntaken. Collective. */
 PetscErrorCode SnapPlaceCorners(Snap, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt n, const PetscInt own[]);
+/* The other ends of the edges of the mesh at own vertex i that lie on a wall, or that are marked in s->at_corner: at
+   most `most`, each once; their number. Not collective. */
+PetscInt SnapEdgesAt(Snap, PetscInt i, PetscBool marked, PetscInt most, PetscInt ends[]);
 /* In space: some of the n own wall vertices, which have their displacements, go to edges and corners of bodies with
    s->follow; counts in s->ncorner, s->ntaken. Collective. */
 PetscErrorCode SnapPlaceEdges(Snap, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt n, const PetscInt own[]);

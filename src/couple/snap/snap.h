@@ -9,7 +9,7 @@
    fluid cell no room as well. A body that reaches a cell or more beyond a plane side of the domain passes through it
    (sides.c): its dead cells stay there, and vertices of that side move within it.
    In the plane a wall vertex goes onto every corner that a shape has (corners.c); where the mesh then has a cell that
-cannot be used, the body is fitted once more without. In space vertices go to edges and corners (edges.c), but for
+   cannot be used, the body is fitted once more without. In space vertices go to edges and corners (edges.c), but for
    those of cells that cannot be used then.
    On a refined mesh (mesh/hang.h) all of this happens in cells of one size around the surface; the outermost ring stays
    where it meets larger cells.
