@@ -88,12 +88,12 @@ PetscInt SnapEdgesAt(Snap s, PetscInt i, PetscBool marked, PetscInt most, PetscI
 /* The vertices before and after own vertex i on the wall; false: there are not two */
 static PetscBool next_on_wall(Snap s, PetscInt i, PetscInt next[2])
 {
-  PetscInt ends[3];
+  PetscInt       ends[3] = {i, i, i};
+  const PetscInt n       = SnapEdgesAt(s, i, PETSC_FALSE, 3, ends);
 
-  if (SnapEdgesAt(s, i, PETSC_FALSE, 3, ends) != 2) return PETSC_FALSE;
   next[0] = ends[0];
   next[1] = ends[1];
-  return PETSC_TRUE;
+  return (PetscBool)(n == 2);
 }
 
 /* Distance of vertex i, displaced or not, from point x */
