@@ -150,19 +150,26 @@ static PetscErrorCode set_outer(FlowSolver fs, PetscInt recipe, PetscBool moving
 static PetscErrorCode set_inner(FlowSolver fs, PetscInt recipe)
 {
 #define VELOCITY "-flow_fieldsplit_velocity_"
-  const PetscBool loose    = (PetscBool)(recipe == 0 || (fs->stages && fs->error_start > 0));
-  char            type[64] = "";
-  PetscBool       gmres;
+  const PetscBool       loose = (PetscBool)(recipe == 0 || (fs->stages && fs->error_start > 0));
+  const FlowParameters *par;
+  char                  type[64] = "";
+  PetscBool             gmres, cg, symmetric;
 
   PetscFunctionBeginUser;
-  /* gcr: half the sweeps of bcgs; gmres: half the vectors of gcr, for one application of the diagonal more */
-  PetscCall(OptDefault(VELOCITY "ksp_type", FlowIsMatrixFree(fs->flow) ? "gmres" : "gcr"));
+  PetscCall(FlowGetParameters(fs->flow, &par));
+  symmetric = (PetscBool)(par->varying && !par->convection);
+  /* gcr: half the sweeps of bcgs; gmres: half the vectors of gcr, for one application of the diagonal more; cg: where
+     viscosities differ the others lose by every restart what they need (runs/studies/rheology) */
+  PetscCall(OptDefault(VELOCITY "ksp_type", symmetric ? "cg" : FlowIsMatrixFree(fs->flow) ? "gmres" : "gcr"));
   PetscCall(PetscOptionsGetString(NULL, NULL, VELOCITY "ksp_type", type, sizeof(type), NULL));
   PetscCall(PetscStrcmp(type, "gmres", &gmres));
-  if (gmres) PetscCall(OptDefault(VELOCITY "ksp_pc_side", "right")); /* the norm that the tolerance speaks of */
+  PetscCall(PetscStrcmp(type, "cg", &cg));
+  /* the norm that the tolerance speaks of */
+  if (gmres) PetscCall(OptDefault(VELOCITY "ksp_pc_side", "right"));
+  if (cg && symmetric) PetscCall(OptDefault(VELOCITY "ksp_norm_type", "unpreconditioned"));
   PetscCall(OptDefault(VELOCITY "ksp_gcr_restart", "10"));
   PetscCall(OptDefault(VELOCITY "ksp_rtol", "1e-2"));
-  PetscCall(OptDefault(VELOCITY "ksp_max_it", "200"));
+  PetscCall(OptDefault(VELOCITY "ksp_max_it", symmetric ? "1000" : "200"));
   PetscCall(OptDefault(VELOCITY "pc_type", "sor"));
   PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_type", "cg"));
   PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_rtol", loose ? "1e-1" : fs->stages ? "3e-2" : "1e-2"));

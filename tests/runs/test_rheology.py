@@ -90,6 +90,17 @@ def test_steady_iterations(run, rung):
     assert result.status == 0 and len(counts) < 16 and max(counts) < 15 and sum(counts) < 115, f"iterations {counts}\n{result}"
 
 
+@pytest.mark.parametrize(
+    "scene, ranks, options, total",
+    [("rheology-channel", 1, ["-mesh_cells", "4,64"], 50), ("rheology-bingham", 2, ["-flow_rheology_rigid", "10000"], 125)],
+)
+def test_channel_iterations(run, scene, ranks, options, total):
+    """Linear iterations where viscosities of the law differ by ten thousand and more: what the velocity solve is for."""
+    result = run([RUNS / f"{scene}.yaml", "-output_dir", "out", "-flow_recipe", "balanced", *options], ranks=ranks)
+    counts = [int(n) for n in re.findall(r"(\d+) linear iterations", result.text)]
+    assert result.status == 0 and max(counts) < 15 and sum(counts) < total, f"iterations {counts}\n{result}"
+
+
 def test_yield_stress_in_stages(run):
     """A plug three thousand times as stiff as what is sheared, in a box of many plugs' widths, where Newton's method alone finds nothing."""
     words = ["-mesh_upper", "0.5,1", "-mesh_cells", "3,32", "-flow_rheology_rigid", "3000"]
