@@ -278,8 +278,10 @@ typedef struct {
 /* As the last FlowDiagnose found it; NULL: the fluid is not viscoelastic. Borrowed. */
 PetscErrorCode FlowGetElasticity(Flow, const FlowElasticity **);
 /* Logarithm of the conformation at the beginning of the step, [nnode_all][2 dim]: xx yy xy zz in the plane, xx yy zz xy
-   xz yz in space; NULL: none. Writable, synced. */
-PetscErrorCode FlowGetLogConformation(Flow, PetscReal *psi[]);
+   xz yz in space; NULL: none. shift (may be NULL): by how much it is more, at nodes that have gone with the surface of
+   a body, than at the point of the surface that has come there; such points keep theirs in the step. 0 after it. Both
+   writable, synced. */
+PetscErrorCode FlowGetLogConformation(Flow, PetscReal *psi[], PetscReal *shift[]);
 /* The conformation itself, c [nnode_all][6]: xx xy xz yy yz zz. Error: the fluid is not viscoelastic. Local. */
 PetscErrorCode FlowGetConformation(Flow, PetscReal c[]);
 /* Where the accepted steady solution is wrong: eta [own cells], what its residual and the jumps of its stress amount to

@@ -75,7 +75,7 @@ PetscErrorCode MovedBegin(Moved m, PetscInt n, const PetscInt cell[], PetscBool 
 static PetscErrorCode move_nodes(Moved m, const MovedMesh *to)
 {
   const PetscInt dim = m->loc->dim;
-  PetscReal     *u[2], *psi;
+  PetscReal     *u[2], *psi, *shift;
   PetscInt       nfield;
 
   PetscFunctionBeginUser;
@@ -85,7 +85,7 @@ static PetscErrorCode move_nodes(Moved m, const MovedMesh *to)
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(FlowGetFields(m->flow, &u[0], &u[1], NULL));
-  PetscCall(FlowGetLogConformation(m->flow, &psi));
+  PetscCall(FlowGetLogConformation(m->flow, &psi, &shift));
   nfield = psi ? 4 : 2;
   for (PetscInt e = 0; e < to->ncarried; e++) {
     const PetscReal *value = to->value + e * nfield * dim;
@@ -93,8 +93,15 @@ static PetscErrorCode move_nodes(Moved m, const MovedMesh *to)
     for (PetscInt k = 0; k < 2; k++) PetscCall(PetscArraycpy(u[k] + dim * to->carried[e], value + k * dim, dim));
     if (psi) PetscCall(PetscArraycpy(psi + 2 * dim * to->carried[e], value + 2 * dim, 2 * dim));
   }
+  for (PetscInt e = 0; e < to->nalong; e++)
+    for (PetscInt k = 0; k < 2 * dim; k++) {
+      const PetscInt at = 2 * dim * to->along[e] + k;
+
+      shift[at] = psi[at] - to->kept[2 * dim * e + k];
+    }
   for (PetscInt k = 0; k < 2; k++) PetscCall(MeshSyncNodes(m->mesh, dim, u[k]));
   if (psi) PetscCall(MeshSyncNodes(m->mesh, 2 * dim, psi));
+  if (psi) PetscCall(MeshSyncNodes(m->mesh, 2 * dim, shift));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

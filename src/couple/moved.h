@@ -24,8 +24,11 @@ typedef struct {
   const PetscBool *resolved; /* [nbodies] bodies whose surface the mesh follows; goes with dead */
   PetscInt         ncarried; /* own nodes that get other old velocities */
   const PetscInt  *carried;
-  const PetscReal *value; /* [ncarried][nfield][dim] u^n, u^(n-1) there, and of a viscoelastic fluid (nfield 4, else 2)
+  const PetscReal *value;  /* [ncarried][nfield][dim] u^n, u^(n-1) there, and of a viscoelastic fluid (nfield 4, else 2)
                              the logarithm of the conformation, first and second half */
+  PetscInt         nalong; /* own nodes, carried, that are now where another point of a surface comes to */
+  const PetscInt  *along;
+  const PetscReal *kept; /* [nalong][2][dim] logarithm of the conformation of that point */
 } MovedMesh;
 
 /* told: after a change of the whole mesh, may be NULL. Collective. */

@@ -7,8 +7,11 @@
 
 static PetscErrorCode create_penalty(Couple c, void **rung)
 {
+  PetscBool immersed = PETSC_FALSE;
+
   PetscFunctionBeginUser;
-  if (c->par->elastic && c->s->n) /* the polymer relaxes there (runs/studies/rheology) */
+  for (PetscInt k = 0; k < c->s->n; k++) immersed = (PetscBool)(immersed || !BodiesGetGroup(c->s, k)->hole);
+  if (c->par->elastic && immersed) /* the polymer relaxes there (runs/studies/rheology) */
     PetscCall(
       LogRemark("-couple_boundary penalty blurs the polymer of -flow_rheology beside bodies: the drag of a cylinder is 0.4 %% low at 12 cells a "
                 "radius and Weissenberg number 0.4, 0.2 %% high with -couple_boundary snap"));

@@ -16,6 +16,7 @@ struct _p_Conformation {
   PetscBool  current;
   PetscBool *inflow, *open;    /* [nnode_all] */
   PetscReal *psi, *next;       /* [nnode_all][nc] psi^n, psi* */
+  PetscReal *shift;            /* [nnode_all][nc] of psi^n at surfaces (ConformationShift) */
   PetscReal *tau;              /* [nnode_all][dim*dim] tau(psi*) */
   PetscReal *tensor;           /* [ncell_all][dim*dim] E, where it is one */
   PetscBool  stretched;        /* it is */
@@ -181,6 +182,20 @@ static void interpolate(const struct _p_Conformation *s, PetscInt i, PetscReal a
   }
 }
 
+/* Points of a surface keep their psi: what it was shifted by goes back in the course of the step, in place of
+   convection, whose one-sided differences let such nodes swing (runs/studies/rheology). Returns whether i is one. */
+static PetscBool shift_back(const struct _p_Conformation *s, PetscInt i, PetscReal rate[])
+{
+  const PetscReal *shift = s->shift + i * s->nc;
+  PetscBool        any   = PETSC_FALSE;
+
+  for (PetscInt k = 0; k < s->nc; k++) {
+    rate[k] -= shift[k] / s->f->step.dt;
+    any = (PetscBool)(any || shift[k] != 0);
+  }
+  return any;
+}
+
 /* rate [nnode_all][nc] of psi at the part `at` of the step, synced */
 static PetscErrorCode compute_rate(Conformation s, PetscReal at, const PetscReal psi[], PetscReal w[], PetscReal rate[])
 {
@@ -196,7 +211,9 @@ static PetscErrorCode compute_rate(Conformation s, PetscReal at, const PetscReal
 
     interpolate(s, i, at, L);
     PolymerRate(&s->law, l->dim, psi + i * nc, L, local, &speed);
-    for (PetscInt k = 0; k < nc; k++) rate[i * nc + k] = local[k] - (s->inflow[i] ? 0 : s->g[i * nc + k] + rate[i * nc + k]);
+    if (!shift_back(s, i, local) && !s->inflow[i])
+      for (PetscInt k = 0; k < nc; k++) local[k] -= s->g[i * nc + k] + rate[i * nc + k];
+    PetscCall(PetscArraycpy(rate + i * nc, local, nc));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -425,8 +442,9 @@ PetscErrorCode ConformationAccept(Conformation s, const PetscReal u[])
   PetscCall(project_gradient(s, u, s->grad[1]));
   set_convection(s, u, s->w[1]);
   PetscCall(advance(s, s->f->step.dt, s->next));
-  s->psi     = s->next;
-  s->next    = swap;
+  s->psi  = s->next;
+  s->next = swap;
+  PetscCall(PetscArrayzero(s->shift, s->f->loc->nnode_all * s->nc));
   s->current = PETSC_FALSE;
   PetscCall(PetscLogEventEnd(TB_FLOW_STRESS, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -472,6 +490,7 @@ PetscErrorCode ConformationCreate(Flow f, const Polymer *law, Conformation *conf
   PetscCall(PetscCalloc2(n, &s->inflow, n, &s->open));
   PetscCall(PetscCalloc1(n * nc, &s->psi)); /* each on its own: accepted steps swap them */
   PetscCall(PetscCalloc1(n * nc, &s->next));
+  PetscCall(PetscCalloc1(n * nc, &s->shift));
   PetscCall(PetscCalloc5(n * dim * dim, &s->tau, n * dim * dim, &s->grad[0], n * dim * dim, &s->grad[1], n * dim, &s->w[0], n * dim, &s->w[1]));
   PetscCall(PetscCalloc3(n * nc, &s->stage, n * nc, &s->rate, n * nc, &s->g));
   PetscCall(mark_openings(s));
@@ -488,6 +507,7 @@ PetscErrorCode ConformationDestroy(Conformation *conformation)
   PetscCall(PetscFree2(s->inflow, s->open));
   PetscCall(PetscFree(s->psi));
   PetscCall(PetscFree(s->next));
+  PetscCall(PetscFree(s->shift));
   PetscCall(PetscFree(s->tensor));
   PetscCall(PetscFree5(s->tau, s->grad[0], s->grad[1], s->w[0], s->w[1]));
   PetscCall(PetscFree3(s->stage, s->rate, s->g));
@@ -498,6 +518,11 @@ PetscErrorCode ConformationDestroy(Conformation *conformation)
 PetscReal *ConformationField(Conformation s)
 {
   return s->psi;
+}
+
+PetscReal *ConformationShift(Conformation s)
+{
+  return s->shift;
 }
 
 const PetscReal *ConformationPredicted(Conformation s)

@@ -48,6 +48,10 @@ PetscReal        ConformationDevss(Conformation); /* the part of it that -flow_r
 const PetscReal *ConformationTensors(Conformation);
 /* psi^n [nnode_all][2 dim], synced; writable */
 PetscReal *ConformationField(Conformation);
+/* [nnode_all][2 dim], synced; writable; 0 once a step is accepted: psi^n at a node of a surface that moves in this
+   step, less psi^n at the point of the surface that comes there. That point keeps its own: the shift goes back in the
+   step. */
+PetscReal *ConformationShift(Conformation);
 /* psi*, what T was made of */
 const PetscReal *ConformationPredicted(Conformation);
 /* Of the step: tau(psi*) and P(grad u^n), [nnode_all][dim*dim] */

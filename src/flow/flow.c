@@ -222,9 +222,10 @@ PetscErrorCode FlowGetElasticity(Flow f, const FlowElasticity **elastic)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowGetLogConformation(Flow f, PetscReal *psi[])
+PetscErrorCode FlowGetLogConformation(Flow f, PetscReal *psi[], PetscReal *shift[])
 {
   PetscFunctionBeginUser;
+  if (shift) *shift = f->conformation ? ConformationShift(f->conformation) : NULL;
   *psi = f->conformation ? ConformationField(f->conformation) : NULL;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

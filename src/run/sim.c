@@ -156,7 +156,7 @@ static PetscErrorCode write_fields(Sim s)
   PetscCall(FlowGetPressureGradient(s->part.flow, p, gradient));
   PetscCall(CoupleMarkInside(s->part.couple, body));
   PetscCall(OutputMove(s->part.output, s->s->frame));
-  PetscCall(FlowGetLogConformation(s->part.flow, &psi));
+  PetscCall(FlowGetLogConformation(s->part.flow, &psi, NULL));
   if (psi) PetscCall(PetscMalloc1(6 * l->nnode_all, &conformation));
   if (psi) PetscCall(FlowGetConformation(s->part.flow, conformation));
   PetscCall(OutputFields(s->part.output, s->step, s->time, u, gradient, body, s->eta, conformation));

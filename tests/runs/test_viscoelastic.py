@@ -25,8 +25,8 @@ def mean_velocity(time, elasticity, beta):
     return total
 
 
-def series(folder):
-    with open(folder / "series.csv") as file:
+def series(folder, name="series.csv"):
+    with open(folder / name) as file:
         return list(csv.DictReader(file))
 
 
@@ -101,6 +101,25 @@ def test_restart_is_identical(run, scene, rung, ranks):
     rest = run([*args, "-output_dir", "parts", "-sim_restart", "latest"], ranks)
     assert whole.status == first.status == rest.status == 0, str(rest)
     assert_identical(whole.folder / "whole", whole.folder / "parts")
+
+
+# Its surface's nodes swung, by the psi that was extrapolated to them, and stopped runs with either step at t = 0.2.
+HEAVY = """\
+mesh: {cells: [14, 21], lower: [-1, 0], upper: [1, 3]}
+flow: {density: 1, viscosity: 1, gravity: [0, -20], rheology: oldroyd_b, rheology_time: 0.5, rheology_solvent: 0.2}
+particle:
+  groups: disc
+  disc: {shape: circle, radius: 0.5, density: 4, position: [0, 2.2]}
+couple: {boundary: snap}
+sim: {time: 0.32}
+"""
+
+
+def test_surface_keeps_its_polymer(run, scene):
+    for dt in "0.04", "0.02":
+        out = run_well(run, [scene(HEAVY), "-sim_dt", dt, "-output_dir", "out", "-output_overwrite"])
+        speed = max(-float(row["v"]) for row in series(out, "bodies.csv"))
+        assert speed == pytest.approx(1.05, rel=0.01), f"largest speed with steps of {dt}: {speed}"
 
 
 def test_ranks_agree(run, scene):

@@ -1,6 +1,8 @@
 /* SnapDriver: see snap/driver.h. */
 #include "compat.h"
 #include "driver.h"
+#include "base/algebra.h"
+#include "base/domain.h"
 #include "base/room.h"
 #include "mesh/carry.h"
 
@@ -15,6 +17,7 @@ struct _n_SnapLeft {
   PetscReal *field[MAX_FIELDS]; /* [nnode_all][dim] of that mesh */
   PetscInt  *dead, *side;       /* [ncell_all] of that mesh */
   PetscReal *near;              /* [nnode_all] of the new mesh: not 0 where the old one was lined up */
+  PetscReal (*X)[3], (*q)[4];   /* [n] */
 };
 
 struct _p_SnapDriver {
@@ -28,6 +31,7 @@ struct _p_SnapDriver {
   PetscInt         n;                        /* bodies */
   PetscBool       *wanted, *fitted, *before; /* [n] */
   PetscReal (*X)[3], (*q)[4];                /* [n] where they were in the last fit */
+  PetscReal (*way)[3], (*turn)[9];           /* [n] from there to where they are now, and from axes now to axes then */
   PetscInt   done;                           /* has there been one? */
   SnapResult result;
   RemapCount count;
@@ -36,6 +40,9 @@ struct _p_SnapDriver {
   /* own nodes that need values: where they will be, and what they get */
   PetscInt   ntarget, room, *target, *side;
   PetscReal *x, *value;
+  /* those on surfaces, of viscoelastic fluids: where their point of the surface was, and what it keeps */
+  PetscInt   nalong, roomy, *along;
+  PetscReal *from, *kept;
   SnapLeft  *left; /* the mesh before, until the next update; NULL: it is this one */
 };
 
@@ -128,6 +135,51 @@ static void join_pairs(SnapDriver f)
   f->ntarget = n;
 }
 
+/* Of own nodes on the surfaces of bodies that were there before: where their points of the surface were */
+static PetscErrorCode find_along(SnapDriver f)
+{
+  const SnapResult *r   = &f->result;
+  const PetscInt    dim = f->loc->dim;
+
+  PetscFunctionBeginUser;
+  f->nalong = 0;
+  for (PetscInt t = 0; t < f->ntarget && f->nfield > 2 && f->done; t++) {
+    const PetscInt i = f->target[t], k = r->node_body[i];
+    PetscReal      arm[3] = {0, 0, 0};
+
+    if (k < 0 || !r->on_wall[i] || !r->hollow[k] || !f->before[k]) continue;
+    PetscCall(
+      RoomFor(f->nalong + 1, &f->roomy, &f->along, sizeof(*f->along), &f->from, dim * sizeof(*f->from), &f->kept, 2 * dim * sizeof(*f->kept), NULL));
+    for (PetscInt a = 0; a < dim; a++) arm[a] = DomainNearest(f->loc->period[a], f->x[dim * t + a], f->X[k][a]) - f->X[k][a];
+    for (PetscInt a = 0; a < dim; a++) f->from[dim * f->nalong + a] = f->X[k][a] - f->way[k][a] + dot3(f->turn[k] + 3 * a, arm);
+    f->along[f->nalong++] = i;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What these points keep: psi [2][nnode_all][dim] less its shift, if the step is taken again, on the mesh as it was */
+static PetscErrorCode take_along(SnapDriver f, PetscReal *const psi[])
+{
+  const SnapResult *r = &f->result;
+  const SnapLeft   *s = f->left;
+  PetscInt         *side;
+  PetscReal        *size;
+  RemapCount        count;
+
+  PetscFunctionBeginUser;
+  if (f->nfield == 2) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscCalloc2(f->nalong, &side, f->nalong, &size));
+  for (PetscInt e = 0; e < f->nalong; e++) size[e] = RemapCellSize(f->remap, f->along[e]);
+  if (s)
+    PetscCall(
+      RemapEvaluateAt(s->remap, f->nalong, f->from, size, side, (RemapCells){s->dead, s->side}, 2, (const PetscReal *const *)psi, f->kept, &count));
+  else
+    PetscCall(RemapEvaluate(f->remap, f->nalong, f->along, f->from, side, (RemapCells){r->cell_before, r->side_before}, 2,
+                            (const PetscReal *const *)psi, f->kept, &count));
+  PetscCall(PetscFree2(side, size));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Copies of the fields that are carried, [nnode_all][dim] each */
 static PetscErrorCode copy_fields(SnapDriver f, PetscReal *field[])
 {
@@ -136,12 +188,26 @@ static PetscErrorCode copy_fields(SnapDriver f, PetscReal *field[])
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetFields(f->flow, &u[0], &u[1], NULL));
-  PetscCall(FlowGetLogConformation(f->flow, &psi));
+  PetscCall(FlowGetLogConformation(f->flow, &psi, NULL));
   for (PetscInt k = 0; k < f->nfield; k++) {
     PetscCall(PetscMalloc1(n * dim, &field[k]));
     if (k < 2) PetscCall(PetscArraycpy(field[k], u[k], n * dim));
     for (PetscInt i = 0; i < n * dim && k >= 2; i++) field[k][i] = psi[2 * (i - i % dim) + (k - 2) * dim + i % dim];
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* If the step is taken again psi has its shift of the time before */
+static PetscErrorCode subtract_shift(SnapDriver f, PetscReal *field[])
+{
+  const PetscInt dim = f->loc->dim;
+  PetscReal     *psi, *shift;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetLogConformation(f->flow, &psi, &shift));
+  for (PetscInt k = 2; k < f->nfield; k++)
+    for (PetscInt i = 0; i < f->loc->nnode_all * dim; i++) field[k][i] -= shift[2 * (i - i % dim) + (k - 2) * dim + i % dim];
+  if (shift) PetscCall(PetscArrayzero(shift, f->loc->nnode_all * 2 * dim));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -163,7 +229,10 @@ static PetscErrorCode carry_over(SnapDriver f)
   PetscCall(find_targets(f));
   PetscCall(RemapEvaluate(f->remap, f->ntarget, f->target, f->x, f->side, (RemapCells){r->cell_before, r->side_before}, f->nfield,
                           (const PetscReal *const *)field, f->value, &f->count));
+  PetscCall(find_along(f));
   join_pairs(f);
+  PetscCall(subtract_shift(f, field));
+  PetscCall(take_along(f, field + 2));
   PetscCall(free_fields(f->nfield, field));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -185,7 +254,9 @@ static PetscErrorCode carry_from_old(SnapDriver f)
   }
   PetscCall(RemapEvaluateAt(left->remap, f->ntarget, f->x, size, f->side, (RemapCells){left->dead, left->side}, f->nfield,
                             (const PetscReal *const *)left->field, f->value, &f->count));
+  PetscCall(find_along(f));
   join_pairs(f);
+  PetscCall(take_along(f, left->field + 2));
   PetscCall(free_fields(f->nfield, now));
   PetscCall(PetscFree(size));
   PetscCall(SnapLeftDestroy(&f->left));
@@ -196,7 +267,7 @@ static MovedMesh new_mesh(SnapDriver f)
 {
   const SnapResult *r = &f->result;
 
-  return (MovedMesh){r->nnode, r->node, r->x, PETSC_FALSE, r->cell_body, f->fitted, f->ntarget, f->target, f->value};
+  return (MovedMesh){r->nnode, r->node, r->x, PETSC_FALSE, r->cell_body, f->fitted, f->ntarget, f->target, f->value, f->nalong, f->along, f->kept};
 }
 
 PetscErrorCode SnapDriverCreate(Flow flow, Bodies bodies, Moved moved, SnapDriver *fit)
@@ -213,10 +284,11 @@ PetscErrorCode SnapDriverCreate(Flow flow, Bodies bodies, Moved moved, SnapDrive
   PetscCall(BodiesGetState(bodies, &f->state));
   PetscCall(SnapCreate(f->mesh, bodies, &f->snap));
   PetscCall(RemapCreate(f->mesh, &f->remap));
-  PetscCall(FlowGetLogConformation(flow, &psi));
+  PetscCall(FlowGetLogConformation(flow, &psi, NULL));
   f->nfield = psi ? 4 : 2;
   f->n      = f->state->n;
   PetscCall(PetscCalloc6(f->n, &f->wanted, f->n, &f->fitted, f->n, &f->before, f->n, &f->X, f->n, &f->q, f->loc->nnode_all, &f->stamp));
+  PetscCall(PetscCalloc2(f->n, &f->way, f->n, &f->turn));
   *fit = f;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -231,12 +303,31 @@ PetscErrorCode SnapDriverDestroy(SnapDriver *fit)
   PetscCall(SnapDestroy(&f->snap));
   PetscCall(RemapDestroy(&f->remap));
   PetscCall(PetscFree6(f->wanted, f->fitted, f->before, f->X, f->q, f->stamp));
+  PetscCall(PetscFree2(f->way, f->turn));
+  PetscCall(PetscFree(f->along));
+  PetscCall(PetscFree(f->from));
+  PetscCall(PetscFree(f->kept));
   PetscCall(PetscFree(f->target));
   PetscCall(PetscFree(f->side));
   PetscCall(PetscFree(f->x));
   PetscCall(PetscFree(f->value));
   PetscCall(PetscFree(*fit));
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Bodies are at X, q now: the motion since the last fit */
+static void find_motion(SnapDriver f, PetscReal (*X)[3], PetscReal (*q)[4])
+{
+  for (PetscInt k = 0; k < f->n; k++) {
+    PetscReal now[9], then[9];
+
+    RotationMatrix(q[k], now);
+    RotationMatrix(f->q[k], then);
+    for (PetscInt a = 0; a < 3; a++) {
+      f->way[k][a] = X[k][a] - (a < f->loc->dim ? DomainNearest(f->loc->period[a], f->X[k][a], X[k][a]) : f->X[k][a]);
+      for (PetscInt b = 0; b < 3; b++) f->turn[k][3 * a + b] = dot3(then + 3 * a, now + 3 * b);
+    }
+  }
 }
 
 PetscErrorCode SnapDriverUpdate(SnapDriver f, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *fitted[], const SnapResult **result,
@@ -249,11 +340,12 @@ PetscErrorCode SnapDriverUpdate(SnapDriver f, PetscReal (*X)[3], PetscReal (*q)[
   for (PetscInt k = 0; k < f->n; k++) f->wanted[k] = (PetscBool)(!f->state->gone[k] && !BodiesGetGroup(f->state, k)->hole);
   PetscCall(PetscArraycpy(f->before, f->fitted, f->n));
   PetscCall(SnapFit(f->snap, X, q, f->wanted, f->done ? f->before : NULL, f->fitted, &f->result));
+  find_motion(f, X, q);
   PetscCall(PetscArraycpy((PetscReal *)f->X, (PetscReal *)X, 3 * f->n));
   PetscCall(PetscArraycpy((PetscReal *)f->q, (PetscReal *)q, 4 * f->n));
   f->done    = 1;
-  f->ntarget = 0;
-  f->count   = (RemapCount){0, 0, 0, 0};
+  f->ntarget = f->nalong = 0;
+  f->count               = (RemapCount){0, 0, 0, 0};
   PetscCall(MovedBegin(f->moved, f->result.ncell, f->result.cell, &any));
   if (f->left) PetscCall(carry_from_old(f));
   else if (any) PetscCall(carry_over(f));
@@ -273,7 +365,9 @@ PetscErrorCode SnapDriverLeave(SnapDriver f, SnapLeft **left)
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&s));
   PetscCall(copy_fields(f, s->field));
-  PetscCall(PetscMalloc3(f->n, &s->fitted, l->ncell_all, &s->dead, l->ncell_all, &s->side));
+  PetscCall(PetscMalloc5(f->n, &s->fitted, l->ncell_all, &s->dead, l->ncell_all, &s->side, f->n, &s->X, f->n, &s->q));
+  PetscCall(PetscArraycpy((PetscReal *)s->X, (PetscReal *)f->X, 3 * f->n));
+  PetscCall(PetscArraycpy((PetscReal *)s->q, (PetscReal *)f->q, 4 * f->n));
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     s->dead[c] = f->done ? f->result.cell_body[c] : -1;
     s->side[c] = f->done ? f->result.cell_side[c] : 0;
@@ -293,7 +387,7 @@ PetscErrorCode SnapLeftDestroy(SnapLeft **left)
   PetscCall(RemapDestroy(&s->remap));
   PetscCall(MeshDestroy(&s->mesh));
   PetscCall(free_fields(MAX_FIELDS, s->field));
-  PetscCall(PetscFree3(s->fitted, s->dead, s->side));
+  PetscCall(PetscFree5(s->fitted, s->dead, s->side, s->X, s->q));
   PetscCall(PetscFree(s->near));
   PetscCall(PetscFree(*left));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -332,6 +426,8 @@ PetscErrorCode SnapDriverArrive(SnapDriver f, SnapLeft **left, Mesh *old)
   *old          = NULL;
   f->done       = f->left->done;
   PetscCall(PetscArraycpy(f->fitted, f->left->fitted, f->n));
+  PetscCall(PetscArraycpy((PetscReal *)f->X, (PetscReal *)f->left->X, 3 * f->n));
+  PetscCall(PetscArraycpy((PetscReal *)f->q, (PetscReal *)f->left->q, 4 * f->n));
   PetscCall(RemapCreate(f->left->mesh, &f->left->remap));
   PetscCall(find_near(f->left, f->mesh));
   PetscFunctionReturn(PETSC_SUCCESS);
