@@ -17,7 +17,7 @@ static const char petsc_names[] = "ksp_type, ksp_rtol, ksp_atol, ksp_divtol, ksp
                                   "ksp_gmres_restart, ksp_gmres_modifiedgramschmidt, ksp_chebyshev_esteig, ksp_chebyshev_eigenvalues, "
                                   "ksp_richardson_scale, ksp_error_if_not_converged, ksp_constant_null_space, ksp_guess_type, pc_type, "
                                   "pc_side, pc_view, pc_factor_mat_solver_type, pc_factor_shift_type, pc_factor_levels, "
-                                  "pc_fieldsplit_type, pc_fieldsplit_schur_fact_type, pc_fieldsplit_schur_precondition, pc_mg_levels, "
+                                  "pc_mg_levels, "
                                   "pc_mg_type, pc_mg_cycle_type, pc_mg_galerkin, pc_gamg_type, pc_gamg_threshold, pc_gamg_agg_nsmooths, "
                                   "pc_hypre_type, pc_hypre_boomeramg_strong_threshold, pc_hypre_boomeramg_coarsen_type, "
                                   "pc_hypre_boomeramg_interp_type, pc_hypre_boomeramg_agg_nl, pc_hypre_boomeramg_relax_type_all, "

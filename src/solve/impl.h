@@ -34,8 +34,8 @@ struct _p_FlowSolver {
                                                      that, or of FlowSolverSetVelocity */
   PetscBool        stages;                        /* two stages may be taken */
   PetscBool        two_stage, relax_cells;        /* in this step, see twostage.h */
-  Mat              Ar, G, B, C, nest, Ar_assembled,
-    whole; /* shells P^T A P + D, -P^T B^T, B P, C of PressureGetShared; block operator; assembled forms when needed */
+  /* shells P^T A P + D, -P^T B^T, B P, C of PressureGetShared; assembled forms when needed */
+  Mat                Ar, G, B, C, Ar_assembled, whole;
   PetscBool          need_Ar, need_whole;
   Vec                xn, yn;           /* nodal views of parts of reduced vectors */
   PetscReal          viscous;          /* mu theta / scale */
@@ -45,7 +45,7 @@ struct _p_FlowSolver {
   PetscReal          h_max;            /* largest cell of the whole mesh */
   PetscReal          scale;            /* rho c_t (steady: mu/h^2): of B, C and the masses */
   PetscReal          balance;          /* length: of the continuity rows in the outer iteration, see the header */
-  Mat                K;                /* shell: nest with balanced rows */
+  Mat                K;                /* shell [Ar G; B C] with balanced rows */
   PetscReal         *D;                /* [nbodies][nr][nr] */
   PetscReal         *body_inverse;     /* [own bodies][nr][nr] inverse of the body's diagonal block of Ar */
   PetscReal         *mass_inverse;     /* [nbodies][nr][nr] of M_r / scale, of own and known bodies; zero where known */
@@ -63,8 +63,7 @@ struct _p_FlowSolver {
   Pressure           pressure; /* the projected pressure operator */
   MatNullSpace       constant_pressure;
   KSP                ksp;
-  PC                 split; /* the inner PCFIELDSPLIT */
-  KSP               *sub;
+  KSP                sub[2];                          /* of velocity and pressure */
   PetscInt           limited[2];                      /* solves for velocity, pressure that stopped at their limit */
   PetscBool          single;                          /* recipe fast without bodies: one sweep, without norms */
   PetscInt           least;                           /* iterations of a solve, unless fewer leave less than `small` */
@@ -80,7 +79,9 @@ struct _p_FlowSolver {
   PetscReal          target;                          /* residual that the last solve was to leave, or left */
   FlowHeld          *held;                            /* or NULL */
   Vec                held_s[3], held_z[3], held_r[3]; /* see held.c */
-  Vec                b, x, r, y, t_x, t_u, t_u2, t_p, t_p2;
+  Vec                b, x, r, y, t_u, t_u2, t_p, t_p2;
+  Vec                x_p;            /* the pressure's rows of what is preconditioned */
+  Vec                from[2], to[2]; /* see FlowSolverPlaceFields */
 };
 
 /* Is there a penalty in this step? */
@@ -109,6 +110,9 @@ PetscErrorCode PenaltyTermMultAdd(const PenaltyTerm *, Constraint, PetscBool of_
 PetscErrorCode FlowSolverCreateShells(FlowSolver);
 /* Take from a residual what nothing can take away: the round-off of a small one would be most of it. Collective. */
 PetscErrorCode FlowSolverMakeConsistent(FlowSolver, Vec r);
+/* Make fs->from, fs->to the velocities and pressures in arrays [nur + np], until FlowSolverResetFields. Local. */
+PetscErrorCode FlowSolverPlaceFields(FlowSolver, const PetscReal from[], const PetscReal to[]);
+PetscErrorCode FlowSolverResetFields(FlowSolver);
 /* Continuity rows of x [nur + np] times factor. Local. */
 void FlowSolverBalance(FlowSolver, PetscReal factor, PetscReal x[]);
 /* y = M_r^{-1} x with the projected lumped mass; inert slots give zero. Collective. */
@@ -124,7 +128,7 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver);
 PetscErrorCode FlowSolverSetTolerance(FlowSolver, PetscBool *enough);
 /* The outer iteration's convergence test, which minds -flow_iterations_least. Collective. */
 PetscErrorCode FlowSolverSetTest(FlowSolver);
-/* Make pc the projection preconditioner around a fieldsplit. Collective. */
+/* Make pc the projection preconditioner. Collective. */
 PetscErrorCode FlowSolverCreateProjection(FlowSolver, PC pc);
 /* After the solve for fs->x, which u, p, U are: add the forces of fs->held and what they do. Adds to *its; *reason < 0:
    a solve for that failed. Collective. */

@@ -10,6 +10,7 @@ struct _p_Laplacian {
   PetscBool       *wall;  /* [nnode_all] on the boundary of the domain */
   PetscReal       *inner; /* [ncell_all] shares of the nodes that are not */
   /* gathered since the last flush */
+  PetscReal *volume;           /* [ncell_all] or 0: not asked for yet */
   PetscReal *change;           /* [ncell_all][dim] of the coefficients */
   PetscReal *held;             /* [nnode_all] of the diagonal, at vertices */
   PetscInt   ncell, *cell;     /* cells with a change */
@@ -76,9 +77,12 @@ static PetscErrorCode cell_volume(Laplacian s, PetscInt c, PetscReal *volume)
   PetscReal       xc[MESH_MAX_NB * 3], J[9], slope[24];
 
   PetscFunctionBeginUser;
-  PetscCall(MeshCellCoordinates(s->mesh, c, xc));
-  corner_slopes(dim, xc, centre, J, slope);
-  *volume = PetscAbsReal(DenseDeterminant(dim, J)) * (1 << dim);
+  if (s->volume[c] == 0) {
+    PetscCall(MeshCellCoordinates(s->mesh, c, xc));
+    corner_slopes(dim, xc, centre, J, slope);
+    s->volume[c] = PetscAbsReal(DenseDeterminant(dim, J)) * (1 << dim);
+  }
+  *volume = s->volume[c];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -232,6 +236,7 @@ PetscErrorCode LaplacianFlush(Laplacian s, const PetscInt vertex[], Mat A)
     PetscCall(MatSetValues(A, nv, row, nv, row, K, ADD_VALUES));
     PetscCall(PetscArrayzero(s->change + c * dim, dim));
     s->listed[c] = PETSC_FALSE;
+    s->volume[c] = 0;
   }
   for (PetscInt n = 0; n < s->nvertex; n++) {
     const PetscInt i = s->vertex[n];
@@ -277,7 +282,8 @@ PetscErrorCode LaplacianCreate(Mesh mesh, Laplacian *laplacian)
   PetscCall(MeshGetLocal(mesh, &s->loc));
   l = s->loc;
   PetscCall(PetscCalloc4(l->nnode_all, &s->wall, l->nnode_all, &s->held, l->nnode_all, &s->vertex, l->nnode_all, &s->listed_vertex));
-  PetscCall(PetscCalloc4(l->ncell_all, &s->inner, l->ncell_all * l->dim, &s->change, l->ncell_all, &s->cell, l->ncell_all, &s->listed));
+  PetscCall(PetscCalloc5(l->ncell_all, &s->inner, l->ncell_all * l->dim, &s->change, l->ncell_all, &s->volume, l->ncell_all, &s->cell, l->ncell_all,
+                         &s->listed));
   PetscCall(find_walls(s));
   *laplacian = s;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -290,7 +296,7 @@ PetscErrorCode LaplacianDestroy(Laplacian *laplacian)
   PetscFunctionBeginUser;
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscFree4(s->wall, s->held, s->vertex, s->listed_vertex));
-  PetscCall(PetscFree4(s->inner, s->change, s->cell, s->listed));
+  PetscCall(PetscFree5(s->inner, s->change, s->volume, s->cell, s->listed));
   PetscCall(PetscFree(*laplacian));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

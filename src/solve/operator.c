@@ -267,18 +267,47 @@ void FlowSolverBalance(FlowSolver fs, PetscReal factor, PetscReal x[])
   for (PetscInt i = fs->nur; i < fs->nur + fs->np; i++) x[i] *= factor;
 }
 
+PetscErrorCode FlowSolverPlaceFields(FlowSolver fs, const PetscReal from[], const PetscReal to[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(VecPlaceArray(fs->from[0], from));
+  PetscCall(VecPlaceArray(fs->from[1], from + fs->nur));
+  PetscCall(VecPlaceArray(fs->to[0], to));
+  PetscCall(VecPlaceArray(fs->to[1], to + fs->nur));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverResetFields(FlowSolver fs)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < 2; i++) {
+    PetscCall(VecResetArray(fs->from[i]));
+    PetscCall(VecResetArray(fs->to[i]));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* y = K x with balanced rows */
 static PetscErrorCode mult_whole(Mat mat, Vec x, Vec y)
 {
-  FlowSolver fs;
-  PetscReal *ya;
+  FlowSolver       fs;
+  const PetscReal *xa;
+  PetscReal       *ya;
 
   PetscFunctionBeginUser;
   PetscCall(MatShellGetContext(mat, &fs));
-  PetscCall(MatMult(fs->nest, x, y));
-  PetscCall(VecGetArray(y, &ya));
+  PetscCall(VecGetArrayRead(x, &xa));
+  PetscCall(VecGetArrayWrite(y, &ya));
+  PetscCall(FlowSolverPlaceFields(fs, xa, ya));
+  PetscCall(MatMult(fs->Ar, fs->from[0], fs->to[0]));
+  PetscCall(MatMult(fs->G, fs->from[1], fs->t_u));
+  PetscCall(VecAXPY(fs->to[0], 1, fs->t_u));
+  PetscCall(MatMult(fs->B, fs->from[0], fs->to[1]));
+  if (fs->C) PetscCall(MatMultAdd(fs->C, fs->from[1], fs->to[1], fs->to[1]));
+  PetscCall(FlowSolverResetFields(fs));
   FlowSolverBalance(fs, fs->balance, ya);
-  PetscCall(VecRestoreArray(y, &ya));
+  PetscCall(VecRestoreArrayWrite(y, &ya));
+  PetscCall(VecRestoreArrayRead(x, &xa));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -25,6 +25,7 @@ typedef enum {
   FACTORISE_UNRESOLVED,
   ASSEMBLE_VISCOUS,
   ASSEMBLE_CONVECTION,
+  MANY_DIRECTIONS,
   NTHRESHOLDS
 } Threshold;
 
@@ -49,10 +50,15 @@ static const struct {
   [FACTORISE_UNRESOLVED]  = {CONVECTIVE, 0.3, "incomplete factorisation in under-resolved flow", STUDY},
   [ASSEMBLE_VISCOUS]      = {VISCOUS, 2, "the same where it is matrix-free and would have to be assembled for that", STUDY},
   [ASSEMBLE_CONVECTION]   = {CONVECTIVE, 2, "the same where it is matrix-free", STUDY},
+  [MANY_DIRECTIONS]       = {VISCOUS, 0.3, "thirty directions before gmres starts anew, without bodies below it six", STUDY},
 };
 
-#define SHARE_BELOW 0.5  /* of the pressure correction, below WHOLE_PRESSURE */
-#define LOOSE       1e-3 /* tolerance from which a single projection is enough around bodies */
+#define VELOCITY       "-flow_fieldsplit_velocity_"
+#define LOOSE_VELOCITY 1e-2
+#define FEW            6 /* directions of gmres, see MANY_DIRECTIONS */
+#define MANY           30
+#define SHARE_BELOW    0.5  /* of the pressure correction, below WHOLE_PRESSURE */
+#define LOOSE          1e-3 /* tolerance from which a single projection is enough around bodies */
 
 /* Recipe fast around bodies: iterations at least, and residual that they leave as share of the start value's
    (runs/studies/fast) */
@@ -116,7 +122,7 @@ static PetscErrorCode choose_fast(FlowSolver fs)
 static PetscErrorCode set_outer(FlowSolver fs, PetscInt recipe, PetscBool moving)
 {
   const char *rtol[] = {"1e-8", "1e-8", "1e-9", "1e-10"};
-  PetscBool   given, bound, closed; /* elsewhere nothing but the residual balances the momentum: conserve.c */
+  PetscBool   sweeps, given, bound, closed; /* elsewhere nothing but the residual balances the momentum: conserve.c */
 
   PetscFunctionBeginUser;
   PetscCall(ConditionsPressureIsFloating(FlowConditions(fs->flow), &closed));
@@ -137,7 +143,8 @@ static PetscErrorCode set_outer(FlowSolver fs, PetscInt recipe, PetscBool moving
   if (moving && recipe == 1 && !given && !bound && closed) PetscCall(OptDefault("-flow_error_start", PetscStringize(BALANCED_ERROR)));
   PetscCall(OptReal("-flow_error_start", &fs->error_start));
   PetscCall(OptInt("-flow_iterations_least", &fs->least));
-  PetscCall(OptDefault("-flow_ksp_type", fs->single ? "richardson" : "fgmres"));
+  PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_ksp_max_it", &sweeps));
+  PetscCall(OptDefault("-flow_ksp_type", !fs->single ? "fgmres" : sweeps ? "richardson" : "preonly"));
   PetscCall(OptDefault("-flow_ksp_max_it", fs->single ? "1" : recipe == 3 ? "20" : "200"));
   PetscCall(OptDefault("-flow_ksp_rtol", rtol[recipe]));
   if (fs->single) {
@@ -149,7 +156,6 @@ static PetscErrorCode set_outer(FlowSolver fs, PetscInt recipe, PetscBool moving
 
 static PetscErrorCode set_inner(FlowSolver fs, PetscInt recipe)
 {
-#define VELOCITY "-flow_fieldsplit_velocity_"
   const PetscBool       loose = (PetscBool)(recipe == 0 || (fs->stages && fs->error_start > 0));
   const FlowParameters *par;
   char                  type[64] = "";
@@ -168,7 +174,7 @@ static PetscErrorCode set_inner(FlowSolver fs, PetscInt recipe)
   if (gmres) PetscCall(OptDefault(VELOCITY "ksp_pc_side", "right"));
   if (cg && symmetric) PetscCall(OptDefault(VELOCITY "ksp_norm_type", "unpreconditioned"));
   PetscCall(OptDefault(VELOCITY "ksp_gcr_restart", "10"));
-  PetscCall(OptDefault(VELOCITY "ksp_rtol", "1e-2"));
+  PetscCall(OptDefault(VELOCITY "ksp_rtol", PetscStringize(LOOSE_VELOCITY)));
   PetscCall(OptDefault(VELOCITY "ksp_max_it", symmetric ? "1000" : "200"));
   PetscCall(OptDefault(VELOCITY "pc_type", "sor"));
   PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_type", "cg"));
@@ -176,7 +182,6 @@ static PetscErrorCode set_inner(FlowSolver fs, PetscInt recipe)
   PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_max_it", "200"));
   PetscCall(PressureSetDefaults());
   PetscFunctionReturn(PETSC_SUCCESS);
-#undef VELOCITY
 }
 
 PetscErrorCode FlowSolverSetRecipe(FlowSolver fs, PetscBool moving)
@@ -227,6 +232,20 @@ static PetscErrorCode compare_numbers(FlowSolver fs, const PetscReal number[], P
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* gmres takes memory for all its directions as soon as it needs more than two. A tight tolerance needs many. */
+static PetscErrorCode choose_directions(FlowSolver fs, PetscBool many)
+{
+  PetscBool given;
+  PetscReal rtol;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscOptionsHasName(NULL, NULL, VELOCITY "ksp_gmres_restart", &given));
+  if (given || fs->need_whole) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(KSPGetTolerances(fs->sub[0], &rtol, NULL, NULL, NULL));
+  PetscCall(KSPGMRESSetRestart(fs->sub[0], many || rtol < LOOSE_VELOCITY ? MANY : FEW));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
 {
   const FlowParameters *par;
@@ -252,6 +271,7 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
   else factorise = (PetscBool)(above[FACTORISE_CONVECTION] || above[FACTORISE_VISCOUS] || (above[FACTORISE_UNRESOLVED] && convective > 5 * viscous));
   fs->relax = factorise ? RELAX_ILU : FlowIsMatrixFree(fs->flow) ? RELAX_JACOBI : RELAX_SOR;
   if (fs->sweep_type != SWEEP_AUTO) fs->relax = (RelaxKind)fs->sweep_type;
+  PetscCall(choose_directions(fs, (PetscBool)(above[MANY_DIRECTIONS] || fs->nbodies)));
   fs->share_of_pressure = fs->single && !above[WHOLE_PRESSURE] ? SHARE_BELOW : 1;
   /* the projection is for time steps only */
   fs->commute      = (PetscBool)(fs->schur == SCHUR_COMMUTATOR || step->dt == 0);

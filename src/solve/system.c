@@ -109,24 +109,19 @@ static PetscErrorCode assemble_on_demand(FlowSolver fs)
 
 static PetscErrorCode create_operators(FlowSolver fs)
 {
-  Mat block[4];
-
   PetscFunctionBeginUser;
   PetscCall(FlowSolverCreateShells(fs));
-  block[0] = fs->Ar;
-  block[1] = fs->G;
-  block[2] = fs->B;
-  block[3] = NULL;
-  if (fs->nbodies) block[3] = fs->C;
-  PetscCall(MatCreateNest(PETSC_COMM_WORLD, 2, NULL, 2, NULL, block, &fs->nest));
-  PetscCall(MatCreateVecs(fs->nest, &fs->x, &fs->b));
+  PetscCall(VecCreateMPI(PETSC_COMM_WORLD, fs->nur + fs->np, PETSC_DETERMINE, &fs->x));
+  PetscCall(VecDuplicate(fs->x, &fs->b));
   PetscCall(VecDuplicate(fs->x, &fs->r));
-  PetscCall(VecDuplicate(fs->x, &fs->t_x));
   PetscCall(VecDuplicate(fs->x, &fs->y));
   PetscCall(ConstraintCreateVec(fs->constraint, &fs->t_u));
   PetscCall(VecDuplicate(fs->t_u, &fs->t_u2));
   PetscCall(VecCreateMPI(PETSC_COMM_WORLD, fs->np, PETSC_DETERMINE, &fs->t_p));
   PetscCall(VecDuplicate(fs->t_p, &fs->t_p2));
+  PetscCall(VecDuplicate(fs->t_p, &fs->x_p));
+  for (PetscInt i = 0; i < 4; i++)
+    PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, i % 2 ? fs->np : fs->nur, PETSC_DETERMINE, NULL, i < 2 ? &fs->from[i] : &fs->to[i - 2]));
   PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, fs->loc->dim, fs->nodal, PETSC_DETERMINE, NULL, &fs->xn));
   PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, fs->loc->dim, fs->nodal, PETSC_DETERMINE, NULL, &fs->yn));
   PetscCall(PressureCreateConstant(fs->pressure, fs->x, fs->nur, &fs->constant_pressure));
@@ -202,8 +197,11 @@ PetscErrorCode FlowSolverDestroy(FlowSolver *solver)
   PetscCall(KSPDestroy(&fs->ksp));
   PetscCall(TwoStageDestroy(&fs->two));
   PetscCall(FlowSolverDestroyHeld(fs));
-  PetscCall(PetscFree(fs->sub));
-  PetscCall(PCDestroy(&fs->split));
+  for (PetscInt i = 0; i < 2; i++) {
+    PetscCall(KSPDestroy(&fs->sub[i]));
+    PetscCall(VecDestroy(&fs->from[i]));
+    PetscCall(VecDestroy(&fs->to[i]));
+  }
   PetscCall(PressureDestroy(&fs->pressure));
   PetscCall(MatNullSpaceDestroy(&fs->constant_pressure));
   PetscCall(MatDestroy(&fs->S_all));
@@ -211,7 +209,6 @@ PetscErrorCode FlowSolverDestroy(FlowSolver *solver)
   PetscCall(MatDestroy(&fs->G));
   PetscCall(MatDestroy(&fs->B));
   PetscCall(MatDestroy(&fs->C));
-  PetscCall(MatDestroy(&fs->nest));
   PetscCall(MatDestroy(&fs->K));
   PetscCall(MatDestroy(&fs->Ar_assembled));
   PetscCall(MatDestroy(&fs->whole));
@@ -222,7 +219,7 @@ PetscErrorCode FlowSolverDestroy(FlowSolver *solver)
   PetscCall(VecDestroy(&fs->r));
   PetscCall(VecDestroy(&fs->y));
   for (PetscInt i = 0; i < 2; i++) PetscCall(VecDestroy(&fs->iterate[i]));
-  PetscCall(VecDestroy(&fs->t_x));
+  PetscCall(VecDestroy(&fs->x_p));
   PetscCall(VecDestroy(&fs->t_u));
   PetscCall(VecDestroy(&fs->t_u2));
   PetscCall(VecDestroy(&fs->t_p));
@@ -244,7 +241,7 @@ PetscErrorCode FlowSolverView(FlowSolver fs, PetscViewer viewer)
   PetscFunctionBeginUser;
   PetscCall(FlowSolverGetUnknowns(fs, &n));
   PetscCall(PetscViewerASCIIPrintf(viewer, "solver: %" PetscInt_FMT " unknowns, %s, velocity matrix %s\n", n,
-                                   fs->need_whole ? "assembled saddle point system" : "fieldsplit with projected operators",
+                                   fs->need_whole ? "assembled saddle point system" : "fields one after the other with projected operators",
                                    fs->need_Ar || fs->need_whole ? "assembled"
                                    : FlowIsMatrixFree(fs->flow)  ? "matrix-free"
                                                                  : "matrix-free over one scalar matrix"));
@@ -290,7 +287,7 @@ PetscErrorCode FlowSolverSetDead(FlowSolver fs, const PetscInt cell_body[], cons
 
 PetscErrorCode FlowSolverSetUp(FlowSolver fs)
 {
-  PetscBool             singular, split = PETSC_FALSE;
+  PetscBool             singular;
   const FlowParameters *par;
   const FlowStep       *step;
 
@@ -308,27 +305,11 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
   PetscCall(PressureUpdate(fs->pressure, fs->weight, FlowSolverIsSoft(fs) ? fs->share : NULL, fs->mass_inverse));
   if (fs->two_stage) PetscCall(TwoStageSetUp(fs->two, fs));
   PetscCall(PressureIsSingular(fs->pressure, &singular));
-  PetscCall(MatSetNullSpace(fs->nest, singular ? fs->constant_pressure : NULL));
   PetscCall(MatSetNullSpace(fs->K, singular ? fs->constant_pressure : NULL));
   PetscCall(assemble_on_demand(fs));
   PetscCall(MatAssemblyBegin(fs->Ar, MAT_FINAL_ASSEMBLY)); /* tell PETSc that the values behind the shells have
                                                               changed */
   PetscCall(MatAssemblyEnd(fs->Ar, MAT_FINAL_ASSEMBLY));
-  if (fs->split) PetscCall(PCGetOperatorsSet(fs->split, &split, NULL)); /* its blocks are the shells for good */
-  if (!split || fs->need_Ar) {
-    PetscCall(MatAssemblyBegin(fs->nest, MAT_FINAL_ASSEMBLY));
-    PetscCall(MatAssemblyEnd(fs->nest, MAT_FINAL_ASSEMBLY));
-    if (fs->split) PetscCall(PCSetOperators(fs->split, fs->nest, fs->nest));
-  }
-  if (fs->need_Ar) {
-    Mat block[4] = {fs->Ar_assembled, fs->G, fs->B, fs->C}, pre;
-
-    PetscCall(MatCreateNest(PETSC_COMM_WORLD, 2, NULL, 2, NULL, block, &pre));
-    PetscCall(PCSetOperators(fs->split, fs->nest, pre));
-    PetscCall(MatDestroy(&pre));
-    PetscCall(PCFieldSplitSetDiagUseAmat(fs->split, PETSC_TRUE));
-    PetscCall(PCFieldSplitSetOffDiagUseAmat(fs->split, PETSC_TRUE));
-  }
   PetscCall(MatAssemblyBegin(fs->K, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(fs->K, MAT_FINAL_ASSEMBLY));
   PetscCall(KSPSetOperators(fs->ksp, fs->K, fs->need_whole ? fs->whole : fs->K));
@@ -372,7 +353,7 @@ static PetscErrorCode spread_net_flux(FlowSolver fs, const PetscReal c[])
   MatNullSpace     constant;
 
   PetscFunctionBeginUser;
-  PetscCall(MatGetNullSpace(fs->nest, &constant));
+  PetscCall(MatGetNullSpace(fs->K, &constant));
   if (!constant) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(VecGetArrayRead(fs->b, &b));
   for (PetscInt i = fs->nur; i < fs->nur + fs->np; i += l->dim + 1) flux += b[i] / (fs->scale * fs->balance);
@@ -466,7 +447,7 @@ PetscErrorCode FlowSolverMakeConsistent(FlowSolver fs, Vec r)
   PetscReal   *a;
 
   PetscFunctionBeginUser;
-  PetscCall(MatGetNullSpace(fs->nest, &constant));
+  PetscCall(MatGetNullSpace(fs->K, &constant));
   if (fs->nbodies) {
     PetscCall(VecGetArray(r, &a));
     PetscCall(PressureMakeConsistent(fs->pressure, a + fs->nur));

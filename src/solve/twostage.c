@@ -67,10 +67,10 @@ static PetscErrorCode correct(TwoStage t, FlowSolver fs)
 /* Relax the cells. The residual of y = (u + v, p1 + q) needs no further product with A_r:
    e = x_u - A_r (u + v) + P^T B^T (p1 + q) = (x_u - A_r u) - w + P^T B^T q,
    whose first part the velocity's solver has. */
-static PetscErrorCode relax(TwoStage t, FlowSolver fs, Vec p, Vec y)
+static PetscErrorCode relax(TwoStage t, FlowSolver fs, Vec u, Vec p)
 {
   const PetscReal *e, *r;
-  PetscReal       *a;
+  PetscReal       *ua, *pa;
 
   PetscFunctionBeginUser;
   PetscCall(MatMultAdd(fs->G, t->q, t->w, t->w));
@@ -81,9 +81,11 @@ static PetscErrorCode relax(TwoStage t, FlowSolver fs, Vec p, Vec y)
   PetscCall(VecAXPY(t->g, -1, fs->t_p));
   PetscCall(VecGetArrayRead(t->w, &e));
   PetscCall(VecGetArrayRead(t->g, &r));
-  PetscCall(VecGetArray(y, &a));
-  PetscCall(CellRelaxApply(t->cells, e, r, a, a + fs->nur));
-  PetscCall(VecRestoreArray(y, &a));
+  PetscCall(VecGetArray(u, &ua));
+  PetscCall(VecGetArray(p, &pa));
+  PetscCall(CellRelaxApply(t->cells, e, r, ua, pa));
+  PetscCall(VecRestoreArray(p, &pa));
+  PetscCall(VecRestoreArray(u, &ua));
   PetscCall(VecRestoreArrayRead(t->g, &r));
   PetscCall(VecRestoreArrayRead(t->w, &e));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -109,26 +111,19 @@ static PetscErrorCode get_residual(TwoStage t, FlowSolver fs)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode TwoStageApply(TwoStage t, FlowSolver fs, Vec y)
+PetscErrorCode TwoStageApply(TwoStage t, FlowSolver fs, Vec u, Vec p)
 {
-  PetscReal *a;
-  Vec        u, p, g;
+  Vec g;
 
   PetscFunctionBeginUser;
   PetscCall(KSPGetRhs(fs->sub[1], &g));
   PetscCall(VecCopy(g, t->g));
   if (t->ncell) PetscCall(get_residual(t, fs));
-  PetscCall(VecGetArray(y, &a));
-  PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, fs->nur, PETSC_DETERMINE, a, &u));
-  PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, 1, fs->np, PETSC_DETERMINE, a + fs->nur, &p));
   PetscCall(project(t, fs, p));
   PetscCall(correct(t, fs));
   PetscCall(VecAXPY(u, 1, t->v));
   PetscCall(VecAXPY(p, 1, t->q));
-  PetscCall(VecRestoreArray(y, &a));
-  if (t->ncell) PetscCall(relax(t, fs, p, y));
-  PetscCall(VecDestroy(&u));
-  PetscCall(VecDestroy(&p));
+  if (t->ncell) PetscCall(relax(t, fs, u, p));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

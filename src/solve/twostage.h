@@ -22,5 +22,5 @@ PetscErrorCode TwoStageCreate(FlowSolver, TwoStage *);
 PetscErrorCode TwoStageDestroy(TwoStage *);
 /* For the operators of the step. After PressureUpdate. Collective. */
 PetscErrorCode TwoStageSetUp(TwoStage, FlowSolver);
-/* y: u and p1 on entry, as the solvers of the fieldsplit have just left them; u and p on exit. Collective. */
-PetscErrorCode TwoStageApply(TwoStage, FlowSolver, Vec y);
+/* u and p1 on entry, as the solvers of both fields have just left them; u and p on exit. Collective. */
+PetscErrorCode TwoStageApply(TwoStage, FlowSolver, Vec u, Vec p);
