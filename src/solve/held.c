@@ -134,7 +134,7 @@ static PetscErrorCode improve_row(FlowSolver fs, PetscInt i, PetscReal rtol, Pet
   PetscFunctionBeginUser;
   PetscCall(FlowSolverMakeConsistent(fs, fs->held_r[i]));
   if (!fs->single) PetscCall(KSPSetTolerances(fs->ksp, rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
-  PetscCall(KSPSolve(fs->ksp, fs->held_r[i], fs->y));
+  PetscCall(FlowSolverIterate(fs, fs->held_r[i], fs->y));
   PetscCall(KSPGetIterationNumber(fs->ksp, &n));
   PetscCall(KSPGetConvergedReason(fs->ksp, reason));
   *its += n;

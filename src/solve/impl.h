@@ -132,6 +132,8 @@ PetscErrorCode FlowSolverSetTest(FlowSolver);
 PetscErrorCode FlowSolverCreateProjection(FlowSolver, PC pc);
 /* After the solve for fs->x, which u, p, U are: add the forces of fs->held and what they do. Adds to *its; *reason < 0:
    a solve for that failed. Collective. */
+/* KSPSolve of the whole system; MUMPS gets more work space when it needs it (direct.c). Collective. */
+PetscErrorCode FlowSolverIterate(FlowSolver, Vec b, Vec x);
 PetscErrorCode FlowSolverHold(FlowSolver, PetscReal u[], PetscReal p[], PetscReal U[], PetscInt *its, KSPConvergedReason *reason);
 PetscErrorCode FlowSolverDestroyHeld(FlowSolver);
 /* Add a linear pressure to a solution x of fs->b, so that its residual holds no momentum along axes that have ends,

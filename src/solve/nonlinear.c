@@ -40,7 +40,7 @@ PetscErrorCode FlowSolverCorrect(FlowSolver fs, Vec f, PetscReal enough, Vec y, 
   PetscCall(VecZeroEntries(y));
   PetscCall(KSPGetTolerances(fs->ksp, NULL, &least, NULL, NULL));
   PetscCall(KSPSetTolerances(fs->ksp, fs->rtol, PetscMax(least, enough), PETSC_DEFAULT, PETSC_DEFAULT));
-  PetscCall(KSPSolve(fs->ksp, fs->b, y));
+  PetscCall(FlowSolverIterate(fs, fs->b, y));
   PetscCall(KSPGetIterationNumber(fs->ksp, its));
   PetscCall(KSPGetConvergedReason(fs->ksp, reason));
   PetscCall(KSPSetTolerances(fs->ksp, fs->rtol, least, PETSC_DEFAULT, PETSC_DEFAULT));

@@ -199,7 +199,8 @@ PetscErrorCode FlowSolverSetRecipe(FlowSolver fs, PetscBool moving)
   if (recipe == 3) {
     PetscCall(OptDefault("-flow_pc_type", "lu"));
     PetscCall(OptDefault("-flow_pc_factor_mat_solver_type", "mumps"));
-    PetscCall(OptDefault("-flow_mat_mumps_icntl_24", "1")); /* leave null pivots out: pressures of cut cells without a
+    PetscCall(OptDefault("-flow_mat_mumps_icntl_14", "100")); /* 64 ranks: runs/studies/scaling; more: direct.c */
+    PetscCall(OptDefault("-flow_mat_mumps_icntl_24", "1"));   /* leave null pivots out: pressures of cut cells without a
                                                                free velocity */
   } else PetscCall(set_inner(fs, recipe));
   PetscCall(choose_assembly(fs));

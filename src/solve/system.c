@@ -547,7 +547,7 @@ PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscRe
   PetscCall(PetscArrayzero(fs->limited, 2));
   if (!enough) {
     fs->of_step = PETSC_TRUE;
-    PetscCall(KSPSolve(fs->ksp, fs->r, fs->y));
+    PetscCall(FlowSolverIterate(fs, fs->r, fs->y));
     fs->of_step = PETSC_FALSE;
     PetscCall(KSPGetIterationNumber(fs->ksp, its));
     PetscCall(KSPGetConvergedReason(fs->ksp, reason));

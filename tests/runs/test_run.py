@@ -314,6 +314,19 @@ def test_convection_outweighs_the_diagonal(run):
     assert result.status == 0, str(result)
 
 
+MUMPS = """mesh: {cells: [8, 8], lower: [0, 0], upper: [1, 1]}
+flow: {density: 1, viscosity: 0.1, gravity: [0, -10], recipe: direct, mat_mumps_icntl_14: 0}
+particle: {groups: disc, disc: {shape: circle, radius: 0.15, density: 2, position: [0.5, 0.6]}}
+sim: {dt: 0.01, steps: 2}
+"""
+
+
+def test_direct_solver_takes_more_space(run, scene):
+    """Without spare work space MUMPS fails (INFOG(1) = -9): it gets more, once for all steps, and the run says so."""
+    result = run([scene(MUMPS), "-output_dir", "out"])
+    assert result.status == 0 and result.out.count("-flow_mat_mumps_icntl_14 0: goes on with 100") == 1, str(result)
+
+
 @pytest.mark.parametrize(
     "options, remark",
     [
