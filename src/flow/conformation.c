@@ -15,6 +15,7 @@ struct _p_Conformation {
   PetscInt   nc; /* 2 dim */
   PetscBool  current;
   PetscBool *inflow, *open;    /* [nnode_all] */
+  PetscReal *mass;             /* [nnode_all] lumped, of the measure of even_metric */
   PetscReal *psi, *next;       /* [nnode_all][nc] psi^n, psi* */
   PetscReal *shift;            /* [nnode_all][nc] of psi^n at surfaces (ConformationShift) */
   PetscReal *tau;              /* [nnode_all][dim*dim] tau(psi*) */
@@ -28,6 +29,24 @@ struct _p_Conformation {
 
 /* ---- projections ---- */
 
+/* Metric of cell c whose weights are those of the reference cell, times the volume. With its own ones the lumped mass
+   of a node at a corner that is nearly flat, as on surfaces in space, is next to nothing, or negative. */
+static PetscErrorCode even_metric(Conformation s, PetscInt c, ElementMetric *m)
+{
+  const ElementTables *e      = &s->f->element;
+  PetscReal            volume = 0, whole = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowCellMetric(s->f, c, m));
+  if (m->affine) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt q = 0; q < e->nq; q++) {
+    volume += m->weight[q];
+    whole += e->weight[q];
+  }
+  for (PetscInt q = 0; q < e->nq; q++) m->weight[q] = volume / whole * e->weight[q];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* r [nnode_all][bs], summed over cells own and ghost, becomes its projection: complete at own nodes, synced */
 static PetscErrorCode finish_projection(Conformation s, PetscInt bs, PetscReal r[])
 {
@@ -35,7 +54,7 @@ static PetscErrorCode finish_projection(Conformation s, PetscInt bs, PetscReal r
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < l->nnode; i++) {
-    const PetscReal m = s->f->lumped[i];
+    const PetscReal m = s->mass[i];
 
     for (PetscInt k = 0; k < bs; k++) r[i * bs + k] = m > 0 ? r[i * bs + k] / m : 0;
   }
@@ -58,6 +77,28 @@ static void scatter(const MeshLocal *l, PetscInt c, PetscInt bs, PetscReal rl[],
     for (PetscInt k = 0; k < bs; k++) r[l->cell_node[c * l->nb + j] * bs + k] += rl[j * bs + k];
 }
 
+/* Of the mesh as it is in this step */
+static PetscErrorCode lump_mass(Conformation s)
+{
+  const struct _p_Flow *f = s->f;
+  const MeshLocal      *l = f->loc;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(s->mass, l->nnode_all));
+  for (PetscInt c = 0; c < l->ncell_all; c++) {
+    PetscReal     rl[MESH_MAX_NB] = {0};
+    ElementMetric m;
+
+    if (f->det[c] == 0) continue;
+    PetscCall(even_metric(s, c, &m));
+    for (PetscInt q = 0; q < f->element.nq; q++)
+      for (PetscInt j = 0; j < l->nb; j++) rl[j] += m.weight[q] * f->element.phi[q * f->element.nbp + j];
+    scatter(l, c, 1, rl, s->mass);
+  }
+  PetscCall(MeshSyncNodes(f->mesh, 1, s->mass));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* grad [nnode_all][dim*dim] = P(grad u) */
 static PetscErrorCode project_gradient(Conformation s, const PetscReal u[], PetscReal grad[])
 {
@@ -73,7 +114,7 @@ static PetscErrorCode project_gradient(Conformation s, const PetscReal u[], Pets
 
     if (f->det[c] == 0) continue;
     FlowCellGather(l, c, u, ul);
-    PetscCall(FlowCellMetric(s->f, c, &m));
+    PetscCall(even_metric(s, c, &m));
     PetscCall(PetscArrayzero(rl, l->nb * n));
     for (PetscInt q = 0; q < f->element.nq; q++) {
       const PetscReal *phi = f->element.phi + q * f->element.nbp;
@@ -136,7 +177,7 @@ static PetscErrorCode project_convection(Conformation s, const PetscReal w[], co
     FlowCellGather(l, c, w, wl);
     gather(l, c, nc, psi, pl);
     if (g) gather(l, c, nc, g, gl);
-    PetscCall(FlowCellMetric(s->f, c, &m));
+    PetscCall(even_metric(s, c, &m));
     PetscCall(PetscArrayzero(rl, nb * nc));
     for (PetscInt q = 0; q < f->element.nq; q++) {
       const PetscReal *phi = f->element.phi + q * f->element.nbp;
@@ -241,7 +282,7 @@ static PetscErrorCode count_substeps(Conformation s, PetscReal dt, PetscInt *n)
     for (PetscInt i = 0; i < l->nnode; i++) {
       PetscReal rate[POLYMER_MAX_NC], L[3][3], speed;
 
-      if (f->lumped[i] <= 0) continue;
+      if (s->mass[i] <= 0) continue;
       interpolate(s, i, side, L);
       PolymerRate(&s->law, l->dim, s->psi + i * s->nc, L, rate, &speed);
       top = PetscMax(top, speed / RATE);
@@ -416,6 +457,7 @@ PetscErrorCode ConformationPredict(Conformation s)
   PetscFunctionBeginUser;
   if (s->current) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogEventBegin(TB_FLOW_STRESS, 0, 0, 0, 0));
+  PetscCall(lump_mass(s));
   PetscCall(project_gradient(s, f->u, s->grad[0]));
   PetscCall(PetscArraycpy(s->grad[1], s->grad[0], f->loc->nnode_all * n));
   set_convection(s, f->u, s->w[0]);
@@ -487,7 +529,7 @@ PetscErrorCode ConformationCreate(Flow f, const Polymer *law, Conformation *conf
   s->f   = f;
   s->law = *law;
   s->nc  = nc;
-  PetscCall(PetscCalloc2(n, &s->inflow, n, &s->open));
+  PetscCall(PetscCalloc3(n, &s->inflow, n, &s->open, n, &s->mass));
   PetscCall(PetscCalloc1(n * nc, &s->psi)); /* each on its own: accepted steps swap them */
   PetscCall(PetscCalloc1(n * nc, &s->next));
   PetscCall(PetscCalloc1(n * nc, &s->shift));
@@ -504,7 +546,7 @@ PetscErrorCode ConformationDestroy(Conformation *conformation)
 
   PetscFunctionBeginUser;
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscFree2(s->inflow, s->open));
+  PetscCall(PetscFree3(s->inflow, s->open, s->mass));
   PetscCall(PetscFree(s->psi));
   PetscCall(PetscFree(s->next));
   PetscCall(PetscFree(s->shift));
