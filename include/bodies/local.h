@@ -57,3 +57,5 @@ PetscErrorCode BodiesEndRows(BodyRows *);
 /* v: `width` numbers of 64 bits per known body, saved or loaded in the order of the rows. Collective. */
 PetscErrorCode BodiesVisitRows(Bodies, const BodyRows *, State, const char name[], PetscBool integers, PetscInt width,
                                void *v);
+/* The same of reals, also where all know all. */
+PetscErrorCode BodiesVisitReals(Bodies, const BodyRows *, State, const char name[], PetscInt width, PetscReal v[]);

@@ -83,5 +83,4 @@ static inline PetscErrorCode check_body(Bodies b, PetscInt k)
 /* Put what is not free to its prescribed value at `time`: place, orientation and velocities of body k. */
 PetscErrorCode BodiesApplyKnown(Bodies, PetscInt k, PetscReal time);
 /* rows.c: an array per known body, saved or loaded in the order of the numbers. Collective. */
-PetscErrorCode BodiesVisitReals(Bodies, const BodyRows *, State, const char name[], PetscInt width, PetscReal v[]);
 PetscErrorCode BodiesVisitIntegers(Bodies, const BodyRows *, State, const char name[], PetscInt v[]);

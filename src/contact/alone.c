@@ -98,7 +98,7 @@ static PetscErrorCode turn_body(Contact c, PetscInt k, PetscReal h)
 
 static PetscErrorCode advance_alone(Contact c, PetscReal h, PetscReal share)
 {
-  PetscBool turns = (PetscBool)(c->lubricate || c->slip);
+  PetscBool turns = (PetscBool)(c->lubricate || c->friction > 0);
 
   PetscFunctionBeginUser;
   for (PetscInt g = 0; g < c->s->ngroups; g++) turns = (PetscBool)(turns || c->s->group[g].disc <= 0);

@@ -355,9 +355,9 @@ PetscErrorCode ContactDestroy(Contact *contact)
   PetscCall(BodiesDetach(c->bodies, (void **)&c->inverse_inertia));
   PetscCall(PetscFree(c->pair));
   PetscCall(PetscFree(c->slip));
-  PetscCall(PetscFree(c->kept));
-  PetscCall(PetscFree(c->kept_pair));
-  PetscCall(PetscFree(c->kept_slip));
+  PetscCall(ContactForgetSlips(c, &c->going));
+  PetscCall(ContactForgetSlips(c, &c->kept_slips));
+  PetscCall(BodiesDetach(c->bodies, (void **)&c->kept));
   PetscCall(PetscFree(c->listed));
   PetscCall(PetscFree(c->reach));
   PetscCall(PetscFree(*contact));

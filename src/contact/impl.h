@@ -1,6 +1,7 @@
 /* Inside of the contact room; for its files only. contact.c: the object. step.c, alone.c: steps with and without a
    flow. momentum.c: what they share. search.c: who is near whom. touch.c: where two bodies touch. law.c,
-   pairforce.c: the forces; atonce.c: of all pairs at once. separate.c: gaps and overlaps after a step. Vectors have 3
+   pairforce.c: the forces; atonce.c: of all pairs at once. slip.c: tangential springs on their way. separate.c: gaps
+   and overlaps after a step. Vectors have 3
    components, 2D ones a zero; a tensor is xx yy zz xy xz yz. */
 #pragma once
 #include "base/algebra.h"
@@ -86,6 +87,12 @@ typedef struct {
   PetscBool film;
 } Lever;
 
+/* Tangential springs away from the list of pairs: see slip.c */
+typedef struct {
+  PetscInt   most;
+  PetscReal *slot; /* [n][most][4] partner (0: free), elongation */
+} Slips;
+
 /* The forces of all pairs at once: see atonce.c */
 typedef struct {
   PetscInt room, nheld, held_room, nlevers, lever_room;
@@ -134,13 +141,12 @@ struct _p_Contact {
   PetscBool  separate;
   PetscReal  separation; /* largest overlap that separation has found, in diameters */
   PetscReal  work;       /* done by contact on the bodies since the beginning */
+  Slips      going;      /* slips while the list is made anew */
   /* what ContactKeep keeps */
-  PetscReal *kept;      /* force [n][3], torque [n][3], gap [n] */
-  Pair      *kept_pair; /* [kept_npairs] with friction */
-  PetscReal (*kept_slip)[3];
-  PetscInt kept_npairs;
-  Touch    touch[2 * CONTACT_MAX_POINTS];
-  Dashpot  dashpot[2 * CONTACT_MAX_POINTS + 1];
+  PetscReal (*kept)[7]; /* [n] force, torque, gap */
+  Slips   kept_slips;
+  Touch   touch[2 * CONTACT_MAX_POINTS];
+  Dashpot dashpot[2 * CONTACT_MAX_POINTS + 1];
 };
 
 static inline Kind *ContactKind(Contact c, PetscInt k)
@@ -229,6 +235,12 @@ void      ContactAddForce(const Dashpot *, PetscReal value, Impulse *sum);
    now, in c->at_once; the gaps are noted. Collective. */
 PetscErrorCode ContactForcesAtOnce(Contact, PetscReal h, PetscBool turns);
 PetscErrorCode ContactForgetAtOnce(Contact);
+/* Slips of the list go into slots, in place of those there; back to the list, which may be another one, where the slots
+   stay; no slots; slots saved or loaded. Collective. */
+PetscErrorCode ContactStoreSlips(Contact, Slips *);
+PetscErrorCode ContactLoadSlips(Contact, const Slips *);
+PetscErrorCode ContactForgetSlips(Contact, Slips *);
+PetscErrorCode ContactVisitSlips(Contact, State, Slips *);
 /* Energy stored in pair p. */
 PetscErrorCode ContactPairEnergy(Contact, PetscInt p, PetscReal *energy);
 

@@ -222,23 +222,6 @@ static PetscErrorCode sort_pairs(Contact c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The tangential springs of the old list move to the new one; both are sorted. */
-static PetscErrorCode move_slip(Contact c, PetscInt nold, const Pair old[])
-{
-  PetscReal(*slip)[3];
-  PetscInt o = 0;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscCalloc1(c->npairs + 1, &slip));
-  for (PetscInt p = 0; p < c->npairs; p++) {
-    while (o < nold && (old[o].i < c->pair[p].i || (old[o].i == c->pair[p].i && old[o].j < c->pair[p].j))) o++;
-    if (o < nold && old[o].i == c->pair[p].i && old[o].j == c->pair[p].j) PetscCall(PetscArraycpy(slip[p], c->slip[o], 3));
-  }
-  PetscCall(PetscFree(c->slip));
-  c->slip = slip;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* Pairs of bodies: two bodies at least, and one that moves */
 static PetscErrorCode search_bodies(Contact c)
 {
@@ -253,29 +236,27 @@ static PetscErrorCode search_bodies(Contact c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Bodies go to their owners, and meet others there */
+static PetscErrorCode migrate(Contact c)
+{
+  PetscFunctionBeginUser;
+  PetscCall(BodiesMigrate(c->bodies, c->horizon, 1 + SKIN));
+  PetscCall(ContactMeetBodies(c));
+  PetscCall(PetscFree(c->listed));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ContactFindPairs(Contact c)
 {
-  const MPI_Comm comm = BodiesComm(c->bodies);
-  Pair          *old  = NULL;
-  PetscInt       nold = 0;
-  PetscBool      anew;
+  PetscBool anew;
 
   PetscFunctionBeginUser;
   if (!c->s->nall || !c->law->lookahead) PetscFunctionReturn(PETSC_SUCCESS);
   c->tests = 0;
   PetscCall(list_is_old(c, &anew));
   if (!anew) PetscFunctionReturn(PETSC_SUCCESS);
-  if (comm != PETSC_COMM_SELF) {
-    PetscCall(BodiesMigrate(c->bodies, c->horizon, 1 + SKIN));
-    PetscCall(ContactMeetBodies(c));
-    PetscCall(PetscFree(c->listed));
-  }
-  if (c->friction > 0) {
-    old          = c->pair;
-    nold         = c->npairs;
-    c->pair      = NULL;
-    c->pair_room = 0;
-  }
+  if (c->friction > 0 && c->have_list) PetscCall(ContactStoreSlips(c, &c->going));
+  if (BodiesComm(c->bodies) != PETSC_COMM_SELF) PetscCall(migrate(c));
   if (!c->listed) PetscCall(PetscMalloc1(PetscMax(1, c->s->n), &c->listed));
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscCall(PetscArraycpy(c->listed[k].x, c->x[k], 3));
@@ -285,8 +266,8 @@ PetscErrorCode ContactFindPairs(Contact c)
   PetscCall(search_bodies(c));
   for (PetscInt k = 0; k < c->s->n; k++) PetscCall(find_walls(c, k));
   PetscCall(sort_pairs(c));
-  if (c->friction > 0) PetscCall(move_slip(c, nold, old));
-  PetscCall(PetscFree(old));
+  if (c->friction > 0) PetscCall(ContactLoadSlips(c, &c->going));
+  PetscCall(ContactForgetSlips(c, &c->going));
   c->have_list = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -298,16 +279,13 @@ PetscErrorCode ContactKeep(Contact c)
   const BodyArrays *s = c->s;
 
   PetscFunctionBeginUser;
-  if (!c->kept) PetscCall(PetscMalloc1(7 * s->n, &c->kept));
-  PetscCall(PetscArraycpy(c->kept, (PetscReal *)s->contact_force, 3 * s->n));
-  PetscCall(PetscArraycpy(c->kept + 3 * s->n, (PetscReal *)s->contact_torque, 3 * s->n));
-  PetscCall(PetscArraycpy(c->kept + 6 * s->n, s->gap, s->n));
-  c->kept_npairs = c->slip ? c->npairs : 0;
-  if (!c->slip) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscRealloc((c->npairs + 1) * sizeof(Pair), &c->kept_pair));
-  PetscCall(PetscRealloc((c->npairs + 1) * sizeof(*c->kept_slip), &c->kept_slip));
-  PetscCall(PetscArraycpy(c->kept_pair, c->pair, c->npairs));
-  PetscCall(PetscArraycpy((PetscReal *)c->kept_slip, (PetscReal *)c->slip, 3 * c->npairs));
+  if (!c->kept) PetscCall(BodiesAttach(c->bodies, sizeof(*c->kept), (void **)&c->kept));
+  for (PetscInt k = 0; k < s->n; k++) {
+    PetscCall(PetscArraycpy(c->kept[k], s->contact_force[k], 3));
+    PetscCall(PetscArraycpy(c->kept[k] + 3, s->contact_torque[k], 3));
+    c->kept[k][6] = s->gap[k];
+  }
+  if (c->slip) PetscCall(ContactStoreSlips(c, &c->kept_slips));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -317,47 +295,48 @@ PetscErrorCode ContactRevert(Contact c)
 
   PetscFunctionBeginUser;
   PetscCheck(c->kept || !s->n, PETSC_COMM_SELF, PETSC_ERR_ORDER, "Nothing has been kept: call ContactKeep before the step");
-  PetscCall(PetscArraycpy((PetscReal *)s->contact_force, c->kept, 3 * s->n));
-  PetscCall(PetscArraycpy((PetscReal *)s->contact_torque, c->kept + 3 * s->n, 3 * s->n));
-  PetscCall(PetscArraycpy(s->gap, c->kept + 6 * s->n, s->n));
-  if (!c->slip) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscRealloc((c->kept_npairs + 1) * sizeof(*c->slip), &c->slip));
-  PetscCall(PetscArraycpy((PetscReal *)c->slip, (PetscReal *)c->kept_slip, 3 * c->kept_npairs));
-  PetscCall(move_slip(c, c->kept_npairs, c->kept_pair)); /* the list of pairs may be another one now */
+  for (PetscInt k = 0; k < s->n; k++) {
+    PetscCall(PetscArraycpy(s->contact_force[k], c->kept[k], 3));
+    PetscCall(PetscArraycpy(s->contact_torque[k], c->kept[k] + 3, 3));
+    s->gap[k] = c->kept[k][6];
+  }
+  if (c->slip) PetscCall(ContactLoadSlips(c, &c->kept_slips)); /* the list of pairs may be another one now */
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- state ---- */
 
+static PetscErrorCode visit_list(Contact c, State state)
+{
+  PetscInt n = c->s->n;
+
+  PetscFunctionBeginUser;
+  PetscCall(StateInts(state, "pairs", 1, &c->npairs));
+  if (StateIsLoading(state)) {
+    c->pair_room = c->npairs;
+    PetscCall(PetscRealloc(c->npairs * sizeof(Pair), &c->pair));
+    if (!c->listed) PetscCall(PetscMalloc1(n, &c->listed));
+  }
+  PetscCall(StateInts(state, "pair", 2 * c->npairs, (PetscInt *)c->pair));
+  PetscCall(StateReals(state, "listed", 4 * n, (PetscReal *)c->listed));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ContactVisitState(void *contact, State state)
 {
-  Contact         c       = contact;
-  const PetscBool loading = StateIsLoading(state);
-  PetscInt        n       = c->s->n, have, nslip;
+  Contact  c    = contact;
+  PetscInt have = c->have_list && !c->alone && BodiesComm(c->bodies) == PETSC_COMM_SELF;
 
   PetscFunctionBeginUser;
   PetscCall(StateReals(state, "work", 1, &c->work));
   PetscCall(StateReals(state, "separation", 1, &c->separation));
-  if (c->alone && !c->slip) c->have_list = PETSC_FALSE; /* as after a restart, on other ranks perhaps */
-  have = c->have_list;
+  if (c->slip && !StateIsLoading(state) && c->have_list) PetscCall(ContactStoreSlips(c, &c->going));
+  PetscCall(ContactVisitSlips(c, state, &c->going));
   PetscCall(StateInts(state, "have_list", 1, &have));
-  c->have_list = (PetscBool)have;
+  c->have_list = (PetscBool)have; /* else made anew, as after a restart, on other ranks perhaps */
   if (!have) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(StateInts(state, "pairs", 1, &c->npairs));
-  nslip = c->slip ? c->npairs : 0;
-  if (loading) {
-    c->pair_room = c->npairs;
-    PetscCall(PetscRealloc(c->npairs * sizeof(Pair), &c->pair));
-    if (!c->listed) PetscCall(PetscMalloc1(n, &c->listed));
-    PetscCall(StateGetSize(state, "slip", &nslip));
-    if (c->friction > 0) { /* also when the run before knew no friction */
-      PetscCall(PetscFree(c->slip));
-      PetscCall(PetscCalloc1(c->npairs + 1, &c->slip));
-      nslip = nslip > 0 ? c->npairs : 0;
-    } else nslip = 0;
-  }
-  PetscCall(StateInts(state, "pair", 2 * c->npairs, (PetscInt *)c->pair));
-  PetscCall(StateReals(state, "listed", 4 * n, (PetscReal *)c->listed));
-  if (!loading || nslip > 0) PetscCall(StateReals(state, "slip", 3 * nslip, (PetscReal *)c->slip));
+  PetscCall(visit_list(c, state));
+  if (c->friction > 0 && StateIsLoading(state)) PetscCall(ContactLoadSlips(c, &c->going));
+  PetscCall(ContactForgetSlips(c, &c->going));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

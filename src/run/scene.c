@@ -93,18 +93,16 @@ static PetscErrorCode remark_backflow(const MeshLocal *l, const FlowParameters *
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Bodies without a flow are spread over the ranks, where nothing in the scene needs all of them together: tangential
-   springs, packing, statistics of the suspension. Else every rank knows them all, and the results are the same. */
+/* Bodies without a flow are spread over the ranks, where nothing in the scene needs all of them together: packing,
+   statistics of the suspension. Else every rank knows them all, and the results are the same. */
 static PetscErrorCode create_bodies(SimParts *part, const MeshLocal *l, PetscBool active)
 {
-  char        word[64];
   PetscMPIInt size;
   PetscBool   packed, counted, spread;
 
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
-  PetscCall(OptPeek("-contact_friction", word, sizeof(word)));
-  spread = (PetscBool)(!active && size > 1 && atof(word) <= 0);
+  spread = (PetscBool)(!active && size > 1);
   PetscCall(OptHas("-output_suspension", &counted));
   PetscCall(BodiesHavePacking(&packed));
   spread = (PetscBool)(spread && !counted && !packed);

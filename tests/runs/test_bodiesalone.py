@@ -3,6 +3,7 @@ import csv
 import json
 import sys
 
+import h5py
 import pytest
 
 from conftest import ROOT
@@ -70,6 +71,34 @@ def test_crowd_on_any_ranks(run, scene, tmp_path):
     assert again.status == 0, str(again)
     end = lambda table: table.decode().splitlines()[-88 * 20:]
     assert end((tmp_path / "again" / "bodies.csv").read_bytes()) == end(tables[0])
+
+
+FRICTION = """mesh: {cells: [8, 4], lower: [0, 0], upper: [2, 1], periodic: x}
+flow: {active: false, gravity: [3, -5]}
+particle:
+  groups: low, high, rod, rock
+  low: {shape: circle, radius: 0.0125, density: 2, place: lattice, count: 190, velocity: [2, 4], lower: [0, 0.5], upper: [2, 0.7]}
+  high: {shape: circle, radius: 0.0125, density: 1, place: lattice, count: 190, velocity: [-2, -4], lower: [0, 0.7], upper: [2, 0.9]}
+  rod: {shape: ellipse, a: 0.03, b: 0.015, density: 3, place: random, count: 30, velocity: [0, 2], lower: [0, 0.4], upper: [2, 0.5], angle: 0.4}
+  rock: {shape: circle, radius: 0.21, position: [1.5, 0.1], obstacle: true}
+contact: {range: 0.006, law: spring, friction: 0.5}
+sim: {dt: 5e-4, steps: 30}
+output: {progress: 30, bodies: [0, 410], every: 0}
+checkpoint: {every: 15}
+"""
+
+
+def test_friction_on_any_ranks(run, scene, tmp_path):
+    """Tangential springs go with their bodies from rank to rank, and through a checkpoint to another number of ranks: bit for bit the same."""
+    for ranks in 1, 2, 3, 5:
+        result = run([scene(FRICTION), "-output_dir", str(ranks)], ranks)
+        assert result.status == 0, str(result)
+    again = run([scene(FRICTION), "-output_dir", "again", "-sim_restart", str(next((tmp_path / "5").glob("**/*15*.h5"))), "-checkpoint_every", "0"], 2)
+    assert again.status == 0, str(again)
+    with h5py.File(next((tmp_path / "5").glob("**/*15*.h5"))) as file:
+        assert (file["contact/slips"][:] != 0).sum() > 30
+    tables = [(tmp_path / name / "bodies.csv").read_bytes().splitlines()[-411 * 15:] for name in ("1", "2", "3", "5", "again")]
+    assert all(table == tables[0] for table in tables)
 
 
 def test_bed_on_one_and_two_ranks(run, tmp_path):

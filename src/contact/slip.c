@@ -1,0 +1,99 @@
+/* Contact, slip: tangential springs while the list of pairs is made anew, on other ranks perhaps, and in files. That of
+   a pair goes with the smaller of its bodies, so that none has many; the partner is known by its permanent number. All
+   ranks that know a pair compute the same spring, and the owner of the body that carries it knows the pair. */
+#include "compat.h"
+#include "impl.h"
+
+/* The body that carries the spring of a pair, and the name of the other: 1 + its number, or -1 - face */
+static PetscInt carrier(Contact c, const Pair *p, PetscReal *other)
+{
+  const PetscBool j = (PetscBool)(p->j >= 0 && ContactKind(c, p->j)->radius < ContactKind(c, p->i)->radius);
+
+  *other = p->j < 0 ? p->j : 1 + c->s->number[j ? p->i : p->j];
+  return j ? p->j : p->i;
+}
+
+/* In the slots of body k, of that partner (0: the first that is free); NULL: none */
+static PetscReal *find_slot(const Slips *s, PetscInt k, PetscReal partner)
+{
+  for (PetscInt m = 0; m < s->most; m++)
+    if (s->slot[(k * s->most + m) * 4] == partner) return s->slot + (k * s->most + m) * 4;
+  return NULL;
+}
+
+PetscErrorCode ContactForgetSlips(Contact c, Slips *s)
+{
+  PetscFunctionBeginUser;
+  PetscCall(BodiesDetach(c->bodies, (void **)&s->slot));
+  s->most = 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode make_slots(Contact c, PetscInt most, Slips *s)
+{
+  PetscFunctionBeginUser;
+  PetscCall(ContactForgetSlips(c, s));
+  s->most = most;
+  if (most) PetscCall(BodiesAttach(c->bodies, most * 4 * sizeof(PetscReal), (void **)&s->slot));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ContactStoreSlips(Contact c, Slips *s)
+{
+  PetscInt *count;
+  PetscReal most = 0, other;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc1(c->s->n, &count));
+  for (PetscInt p = 0; p < c->npairs; p++) {
+    const PetscInt k = carrier(c, &c->pair[p], &other);
+
+    if (dot3(c->slip[p], c->slip[p]) > 0) most = PetscMax(most, ++count[k]);
+  }
+  PetscCall(PetscFree(count));
+  PetscCall(BodiesMax(c->bodies, 1, &most));
+  PetscCall(make_slots(c, (PetscInt)most, s));
+  for (PetscInt p = 0; p < c->npairs; p++) {
+    const PetscInt k = carrier(c, &c->pair[p], &other);
+
+    if (dot3(c->slip[p], c->slip[p]) > 0) {
+      PetscReal *slot = find_slot(s, k, 0);
+
+      slot[0] = other;
+      for (PetscInt a = 0; a < 3; a++) slot[1 + a] = c->slip[p][a];
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ContactLoadSlips(Contact c, const Slips *s)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscFree(c->slip));
+  PetscCall(PetscCalloc1(c->npairs + 1, &c->slip));
+  for (PetscInt p = 0; p < c->npairs && s->most; p++) {
+    PetscReal        other;
+    const PetscInt   k    = carrier(c, &c->pair[p], &other);
+    const PetscReal *slot = find_slot(s, k, other);
+
+    for (PetscInt a = 0; a < 3 && slot; a++) c->slip[p][a] = slot[1 + a];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ContactVisitSlips(Contact c, State state, Slips *s)
+{
+  PetscInt size = 0;
+  BodyRows rows;
+
+  PetscFunctionBeginUser;
+  if (StateIsLoading(state)) {
+    PetscCall(StateGetSize(state, "slips", &size));
+    PetscCall(make_slots(c, c->friction > 0 && size > 0 ? size / (4 * c->s->nall) : 0, s));
+  }
+  if (!s->most) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(BodiesBeginRows(c->bodies, &rows));
+  PetscCall(BodiesVisitReals(c->bodies, &rows, state, "slips", 4 * s->most, s->slot));
+  PetscCall(BodiesEndRows(&rows));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
