@@ -215,14 +215,29 @@ static PetscErrorCode find_situation(const MeshLocal *l, Bodies bodies, PetscBoo
 
 /* What each preset promises, and for it: how many cells thick a body must be (balanced: a disc of 4 cells is 1.7 to
    2.5 % off, of 5 cells 0.6 %, an ellipse of 2 cells 1.9 %; accurate: 0.14 % there; a flap of 1.6 cells 1.6, 1.5 and
-   1.2 %), and the boundary layer of a falling one (two discs with 0.43 cells, at 8 cells a diameter: fast 3 % off,
-   accurate 3.6 %; an ellipse with 0.64 within 0.14 %), or of several that fall in each other's wakes (two discs with
-   0.64 cells: fast 1.6, balanced 1.6, accurate 1.3 % off; with 1.3 cells 0.5, 0.5, 0.3 %; with 2.6 accurate 0.06 %) */
+   1.2 %), also in other fluids (balanced: a disc of 7 cells 2.4 % off in a Carreau fluid, 2.1 % in Oldroyd-B, of 10
+   cells .1 and .8 %), and the boundary layer of a falling one (two discs with 0.43 cells, at 8 cells a diameter: fast
+   3 % off, accurate 3.6 %; an ellipse with 0.64 within 0.14 %), or of several that fall in each other's wakes (two
+   discs with 0.64 cells: fast 1.6, balanced 1.6, accurate 1.3 % off; with 1.3 cells 0.5, 0.5, 0.3 %; with 2.6
+   accurate 0.06 %) */
 static const char *const PRESETS[] = {"fast", "balanced", "accurate", NULL};
 static const struct {
   const char *percent;
-  PetscReal   cells, layer, wakes;
-} PROMISE[] = {{"5", 1.5, 0.25, 0.25}, {"1", 5, 0.5, 1}, {"0.2", 2, 0.5, 2}};
+  PetscReal   cells, other, layer, wakes;
+} PROMISE[] = {{"5", 1.5, 1.5, 0.25, 0.25}, {"1", 5, 10, 0.5, 1}, {"0.2", 2, 2, 0.5, 2}};
+
+/* Has the fluid a law that is not Newtonian, and not one of eddies? */
+static PetscErrorCode is_other_fluid(PetscBool *other)
+{
+  const char *const names[] = {"", "newton", "smagorinsky", "wale"};
+  char              law[64];
+
+  PetscFunctionBeginUser;
+  PetscCall(OptPeek("-flow_rheology", law, sizeof(law)));
+  *other = PETSC_TRUE;
+  for (int i = 0; i < 4; i++) *other = (PetscBool)(*other && strcmp(law, names[i]) != 0);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
 
 /* Thickness in cells about the centre of the smallest body of a group; 0: the centre is not inside */
 static PetscErrorCode measure_thickness(const MeshLocal *l, Bodies bodies, PetscInt group, PetscReal *cells)
@@ -268,10 +283,13 @@ static PetscErrorCode measure_layer(const MeshLocal *l, Bodies bodies, PetscInt 
 static PetscErrorCode refuse_promise(const MeshLocal *l, Bodies bodies, PetscInt preset, int situation)
 {
   BodyState *s;
-  PetscReal  cells = 0, least = PROMISE[preset].layer;
-  PetscInt   fall = 0;
+  PetscReal  cells = 0, thick, least = PROMISE[preset].layer;
+  PetscInt   fall  = 0;
+  PetscBool  other = PETSC_FALSE;
 
   PetscFunctionBeginUser;
+  PetscCall(is_other_fluid(&other));
+  thick = other ? PROMISE[preset].other : PROMISE[preset].cells;
   PetscCall(BodiesGetState(bodies, &s));
   for (PetscInt g = 0; g < s->ngroups; g++) {
     PetscCall(measure_layer(l, bodies, g, &cells));
@@ -280,10 +298,10 @@ static PetscErrorCode refuse_promise(const MeshLocal *l, Bodies bodies, PetscInt
   if (fall > 1) least = PROMISE[preset].wakes;
   for (PetscInt g = 0; g < s->ngroups; g++) {
     PetscCall(measure_thickness(l, bodies, g, &cells));
-    PetscCheck(cells == 0 || cells >= PROMISE[preset].cells * (1 - 1e-6), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+    PetscCheck(cells == 0 || cells >= thick * (1 - 1e-6), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
                "-preset %s cannot keep its %s %% here: group '%s' is %.1f cells thick and needs %.1f. Refine the mesh (-mesh_cells, -mesh_focus_h, "
                "-dm_refine)%s, or remove -preset",
-               PRESETS[preset], PROMISE[preset].percent, s->group[g].name, (double)cells, (double)PROMISE[preset].cells,
+               PRESETS[preset], PROMISE[preset].percent, s->group[g].name, (double)cells, (double)thick,
                preset == 1 && cells >= PROMISE[2].cells && (situation & PLANE) ? ", use -preset accurate" : "");
     PetscCall(measure_layer(l, bodies, g, &cells));
     PetscCheck(cells >= least, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
