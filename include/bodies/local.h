@@ -7,18 +7,28 @@
 
    Parts: the box is cut along its axes, so that as many bodies lie between two cuts as between any other two; the rank
    of a place is found by bisection. Bodies that are large beside a part are known to all ranks, and the ranks that own
-   them know all that may touch them.
+   them know all that may touch them. With a flow the parts are those of the mesh, so that a rank knows what its nodes
+   see; what moves the bodies then does so on all ranks that know them, from the same numbers: a copy has the bits of
+   its owner in all columns, and is never sent but by BodiesMigrate, contact forces excepted (BodiesUpdateGhosts).
 
    Design and measurements: runs/studies/scaling/README.md. */
 #pragma once
 #include "base/exact.h"
 #include "bodies/write.h"
 
+/* Boxes, lowest and highest corner, that cover this rank's part of a mesh; everything that the rank looks at is no
+   farther than `beyond` from one. A place in boxes of several ranks is the first one's. */
+typedef struct {
+  PetscInt n;
+  PetscReal (*box)[2][3], beyond;
+} BodyBoxes;
+
 /* BodiesCreate for bodies that are spread over the ranks of comm: each knows those of its part; period [3] of the
-   domain's axes, 0: none. No rank holds a list of all, but of groups that are not all free, that come from tables or
-   that are placed at random. Collective. Errors: those of BodiesCreate. */
+   domain's axes, 0: none. boxes: the parts, NULL: cut by the counts of bodies. No rank holds a list of all, but of
+   groups that are not all free, that come from tables or that are placed at random. Collective. Errors: those of
+   BodiesCreate. */
 PetscErrorCode BodiesCreateLocal(MPI_Comm comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
-                                 const PetscReal period[3], Bodies *);
+                                 const PetscReal period[3], const BodyBoxes *boxes, Bodies *);
 /* Does the scene have groups that ContactPack places? It needs all bodies on every rank. */
 PetscErrorCode BodiesHavePacking(PetscBool *packed);
 /* The ranks among which bodies are spread; PETSC_COMM_SELF where all know all. */
@@ -27,6 +37,9 @@ MPI_Comm BodiesComm(Bodies);
 /* Arrays of others per known body: [n] entries of so many bytes, which move with the body and begin as zeros; *array
    changes its place when bodies move between ranks. Detach frees it. Not collective. */
 PetscErrorCode BodiesAttach(Bodies, size_t bytes, void **array);
+/* The same for what is filled anew in every step: it does not move with the bodies, and holds anything after
+   BodiesMigrate. */
+PetscErrorCode BodiesAttachWork(Bodies, size_t bytes, void **array);
 PetscErrorCode BodiesDetach(Bodies, void **array);
 
 /* Bodies have moved: they go to their owners, and come as ghosts to whoever owns a body whose centre may be nearer than
@@ -37,9 +50,16 @@ PetscErrorCode BodiesMigrate(Bodies, PetscReal range, PetscReal skin);
 PetscErrorCode BodiesSync(Bodies, PetscBool turns);
 /* v [n][width]: ghosts get what their owners have; width 3 or 4. Collective. */
 PetscErrorCode BodiesUpdateGhosts(Bodies, PetscInt width, void *v);
+/* v [n][width] of every rank that knows a body becomes their sum, the same on all of them. Collective. */
+PetscErrorCode BodiesSumKnown(Bodies, PetscInt width, PetscReal v[]);
+/* Of the known bodies [n]: the rank of the owner, and which of its own ones, in ascending order of their numbers, it is
+   there. Not where all know all. Collective. */
+PetscErrorCode BodiesGetOwners(Bodies, PetscMPIInt rank[], PetscInt which[]);
 
 /* v [n] over all ranks: the largest. Collective. */
 PetscErrorCode BodiesMax(Bodies, PetscInt n, PetscReal v[]);
+/* v [n] over all ranks: the sum, of parts that count own bodies alone. Collective. */
+PetscErrorCode BodiesSum(Bodies, PetscInt n, PetscReal v[]);
 /* Of any rank? Collective. */
 PetscErrorCode BodiesAny(Bodies, PetscBool *any);
 
@@ -54,8 +74,9 @@ PetscErrorCode BodiesBeginRows(Bodies, BodyRows *);
 PetscErrorCode BodiesGatherRows(Bodies, const BodyRows *, size_t bytes, const void *from, void *row);
 PetscErrorCode BodiesScatterRows(Bodies, const BodyRows *, size_t bytes, const void *row, void *to);
 PetscErrorCode BodiesEndRows(BodyRows *);
+/* Arrays per known body, saved or loaded: the same file where all know all and where not. Collective. */
+PetscErrorCode BodiesVisitReals(Bodies, const BodyRows *, State, const char name[], PetscInt width, PetscReal v[]);
+PetscErrorCode BodiesVisitIntegers(Bodies, const BodyRows *, State, const char name[], PetscInt v[]);
 /* v: `width` numbers of 64 bits per known body, saved or loaded in the order of the rows. Collective. */
 PetscErrorCode BodiesVisitRows(Bodies, const BodyRows *, State, const char name[], PetscBool integers, PetscInt width,
                                void *v);
-/* The same of reals, also where all know all. */
-PetscErrorCode BodiesVisitReals(Bodies, const BodyRows *, State, const char name[], PetscInt width, PetscReal v[]);

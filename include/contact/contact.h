@@ -48,6 +48,10 @@ PetscErrorCode ContactSetGravity(Contact, const PetscReal gravity[]);
 PetscErrorCode ContactDestroy(Contact *);
 PetscErrorCode ContactView(Contact, PetscViewer);
 
+/* Before a step dt in a flow: bodies that are spread go to their owners, and are known where they may meet others or be
+   drawn in it; k then stands for others. a [n][3]: acceleration as for ContactStep, attached to the bodies; NULL: none.
+   The list of pairs is made anew. Nothing happens where all know all. Collective. */
+PetscErrorCode ContactMigrate(Contact, PetscReal dt, PetscReal (*a)[3]);
 /* Contact force to use for the step [t, t + dt]: sub-steps the bodies from their present state under the frozen
    remaining acceleration a, alpha [n][3] (their motion without contact: a = (U^n - U^{n-1})/dt - contact_force of the
    last step / ContactGetMass, alpha alike), with the effective mass and inertia of ContactGetMass, and stores force and

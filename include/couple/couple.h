@@ -66,6 +66,10 @@ PetscErrorCode CoupleMarkFluid(Couple, PetscBool fluid[]);
    node. Not collective. */
 PetscErrorCode CoupleGetLoad(Couple, PetscInt *ncells, PetscInt *nbodies);
 
+/* Bodies that are spread have gone to their owners (BodiesMigrate), and k stands for others: before the next
+   CoupleDraw. Nothing happens where all know all. Collective. */
+PetscErrorCode CoupleMeetBodies(Couple);
+
 /* The four parts of a step, in this order after FlowBeginStep. Collective. Draw: bodies at their predicted place,
    marks, constraint. Solve: assembly and the linear system; *reason < 0 reports failure without raising an error.
    The solution is not yet accepted. Force: hydrodynamic forces of all bodies, from the solution. Advance: velocities

@@ -20,6 +20,16 @@ typedef struct _p_Constraint *Constraint;
 
 /* nbodies: bodies that may have unknown rigid velocities. Collective. */
 PetscErrorCode ConstraintCreate(Mesh, PetscInt nbodies, Constraint *);
+/* The same where a rank knows some of the nbodies alone (bodies/local.h): arrays [nbodies] below are then those of the
+   bodies known here, of which there is room for so many, and each has its slots on the rank of its owner, which has
+   slots for `count` of them, the same on all ranks. None is known yet. Collective. */
+PetscErrorCode ConstraintCreateKnown(Mesh, PetscInt nbodies, PetscInt room, PetscInt count, Constraint *);
+PetscErrorCode ConstraintGetRoom(Constraint, PetscInt *room, PetscInt *count);
+/* The bodies known from now on: rank that owns each [n], and which of its own ones it is. Lengths and what bodies unite
+   with are to be set again; the next ConstraintSetBodies says that something has changed. Collective. */
+PetscErrorCode ConstraintSetKnown(Constraint, PetscInt n, const PetscMPIInt rank[], const PetscInt which[]);
+/* Bodies that a rank has slots for, if nothing else is said */
+PetscInt       ConstraintSlots(PetscInt nbodies);
 PetscErrorCode ConstraintDestroy(Constraint *);
 
 /* A length of every body, [nbodies], such as its radius; 1 before. The slots of rotation in u_r hold w times that

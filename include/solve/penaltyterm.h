@@ -13,7 +13,7 @@
 #include "solve/constraint.h"
 
 typedef struct {
-  PetscInt   dim, nr, nbodies;
+  PetscInt   dim, nr;
   PetscBool  any;         /* entries on any rank */
   PetscInt   n;           /* entries: pairs of own node and body */
   PetscInt  *node, *body; /* [n] */

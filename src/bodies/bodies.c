@@ -1,7 +1,8 @@
 /* Bodies: the state, what can be asked of it and how it is written, see bodies.h. How it moves is in advance.c, the
    options of the groups in group.c.
 
-   The state is replicated: every rank holds and advances all bodies, bit for bit the same, without communication.
+   Every rank holds and advances the bodies that it knows (local.h), bit for bit the same as others, without
+   communication.
    Does not know the flow (forces are written into the state by others), walls or contact. */
 #include "compat.h"
 #include "impl.h"
@@ -44,17 +45,17 @@ static PetscErrorCode create_columns(Bodies b)
   BodyArrays *s = &b->state;
 
   PetscFunctionBeginUser;
-  PetscCall(BodyAddColumn(b, sizeof(PetscInt), (void **)&s->number));
-  for (PetscInt f = 0; f < NFIELDS; f++) PetscCall(BodyAddColumn(b, FIELDS[f].width * sizeof(PetscReal), field(s, f)));
-  PetscCall(BodyAddColumn(b, sizeof(PetscReal), (void **)&s->scale));
-  PetscCall(BodyAddColumn(b, sizeof(PetscReal), (void **)&s->density));
-  PetscCall(BodyAddColumn(b, sizeof(PetscInt), (void **)&s->body_group));
-  PetscCall(BodyAddColumn(b, sizeof(PetscInt), (void **)&s->stopped));
-  PetscCall(BodyAddColumn(b, sizeof(PetscBool), (void **)&s->gone));
-  PetscCall(BodyAddColumn(b, sizeof(PetscBool), (void **)&s->own));
+  PetscCall(BodyAddColumn(b, sizeof(PetscInt), PETSC_FALSE, (void **)&s->number));
+  for (PetscInt f = 0; f < NFIELDS; f++) PetscCall(BodyAddColumn(b, FIELDS[f].width * sizeof(PetscReal), PETSC_FALSE, field(s, f)));
+  PetscCall(BodyAddColumn(b, sizeof(PetscReal), PETSC_FALSE, (void **)&s->scale));
+  PetscCall(BodyAddColumn(b, sizeof(PetscReal), PETSC_FALSE, (void **)&s->density));
+  PetscCall(BodyAddColumn(b, sizeof(PetscInt), PETSC_FALSE, (void **)&s->body_group));
+  PetscCall(BodyAddColumn(b, sizeof(PetscInt), PETSC_FALSE, (void **)&s->stopped));
+  PetscCall(BodyAddColumn(b, sizeof(PetscBool), PETSC_FALSE, (void **)&s->gone));
+  PetscCall(BodyAddColumn(b, sizeof(PetscBool), PETSC_FALSE, (void **)&s->own));
   if (!b->parts) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(BodyAddColumn(b, sizeof(PetscMPIInt), (void **)&b->owner));
-  PetscCall(BodyAddColumn(b, sizeof(PetscInt), (void **)&b->home));
+  PetscCall(BodyAddColumn(b, sizeof(PetscMPIInt), PETSC_FALSE, (void **)&b->owner));
+  PetscCall(BodyAddColumn(b, sizeof(PetscInt), PETSC_FALSE, (void **)&b->home));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -163,12 +164,12 @@ PetscErrorCode BodiesCreate(PetscInt dim, const PetscReal lower[3], const PetscR
 }
 
 PetscErrorCode BodiesCreateLocal(MPI_Comm comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3],
-                                 Bodies *bodies)
+                                 const BodyBoxes *boxes, Bodies *bodies)
 {
   BodyParts *parts;
 
   PetscFunctionBeginUser;
-  PetscCall(BodyPartsCreate(comm, dim, lower, upper, period, &parts));
+  PetscCall(BodyPartsCreate(comm, dim, lower, upper, period, boxes, &parts));
   PetscCall(create_bodies(dim, lower, upper, parts, bodies));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -3,11 +3,11 @@
 #include "impl.h"
 #include "parts.h"
 
-PetscErrorCode BodyAddColumn(Bodies b, size_t bytes, void **array)
+PetscErrorCode BodyAddColumn(Bodies b, size_t bytes, PetscBool stays, void **array)
 {
   PetscFunctionBeginUser;
   PetscCheck(b->ncolumns < BODIES_MAX_COLUMNS, PETSC_COMM_SELF, PETSC_ERR_SUP, "Bodies have room for %d arrays", BODIES_MAX_COLUMNS);
-  b->column[b->ncolumns++] = (BodyColumn){array, bytes};
+  b->column[b->ncolumns++] = (BodyColumn){array, bytes, stays};
   PetscCall(PetscCalloc(PetscMax(1, b->room) * bytes, array));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -29,7 +29,14 @@ PetscErrorCode BodyReserve(Bodies b, PetscInt n)
 PetscErrorCode BodiesAttach(Bodies b, size_t bytes, void **array)
 {
   PetscFunctionBeginUser;
-  PetscCall(BodyAddColumn(b, bytes, array));
+  PetscCall(BodyAddColumn(b, bytes, PETSC_FALSE, array));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodiesAttachWork(Bodies b, size_t bytes, void **array)
+{
+  PetscFunctionBeginUser;
+  PetscCall(BodyAddColumn(b, bytes, PETSC_TRUE, array));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -45,24 +52,29 @@ PetscErrorCode BodiesDetach(Bodies b, void **array)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static size_t sent_bytes(const BodyColumn *c)
+{
+  return c->stays ? 0 : c->bytes;
+}
+
 static size_t parcel_size(Bodies b)
 {
   size_t bytes = 0;
 
-  for (PetscInt i = 0; i < b->ncolumns; i++) bytes += b->column[i].bytes;
+  for (PetscInt i = 0; i < b->ncolumns; i++) bytes += sent_bytes(b->column + i);
   return bytes;
 }
 
 static void pack(Bodies b, PetscInt k, char *to)
 {
-  for (PetscInt i = 0; i < b->ncolumns; to += b->column[i++].bytes)
-    (void)PetscMemcpy(to, (char *)*b->column[i].array + (size_t)k * b->column[i].bytes, b->column[i].bytes);
+  for (PetscInt i = 0; i < b->ncolumns; to += sent_bytes(b->column + i++))
+    (void)PetscMemcpy(to, (char *)*b->column[i].array + (size_t)k * b->column[i].bytes, sent_bytes(b->column + i));
 }
 
 static void unpack(Bodies b, const char *from, PetscInt k)
 {
-  for (PetscInt i = 0; i < b->ncolumns; from += b->column[i++].bytes)
-    (void)PetscMemcpy((char *)*b->column[i].array + (size_t)k * b->column[i].bytes, from, b->column[i].bytes);
+  for (PetscInt i = 0; i < b->ncolumns; from += sent_bytes(b->column + i++))
+    (void)PetscMemcpy((char *)*b->column[i].array + (size_t)k * b->column[i].bytes, from, sent_bytes(b->column + i));
 }
 
 static void move_body(Bodies b, PetscInt from, PetscInt to)
@@ -70,7 +82,7 @@ static void move_body(Bodies b, PetscInt from, PetscInt to)
   for (PetscInt i = 0; i < b->ncolumns && from != to; i++) {
     const BodyColumn *c = b->column + i;
 
-    (void)PetscMemcpy((char *)*c->array + (size_t)to * c->bytes, (char *)*c->array + (size_t)from * c->bytes, c->bytes);
+    (void)PetscMemcpy((char *)*c->array + (size_t)to * c->bytes, (char *)*c->array + (size_t)from * c->bytes, sent_bytes(c));
   }
 }
 
@@ -95,7 +107,7 @@ PetscErrorCode BodyJoin(Bodies b, PetscInt m, const char *parcel, PetscBool own,
   for (PetscInt j = 0, at = 0; at < b->ncolumns && j < m; j++) { /* where the number stands in a parcel */
     size_t offset = 0;
 
-    for (at = 0; b->column[at].array != (void **)&s->number; at++) offset += b->column[at].bytes;
+    for (at = 0; b->column[at].array != (void **)&s->number; at++) offset += sent_bytes(b->column + at);
     PetscCall(PetscMemcpy(number + j, parcel + (size_t)j * bytes + offset, sizeof(PetscInt)));
     order[j] = j;
   }

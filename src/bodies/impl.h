@@ -5,18 +5,20 @@
 #include "motion.h"
 
 #define BODIES_MAX_GROUPS  256 /* of a scene */
-#define BODIES_MAX_COLUMNS 40
+#define BODIES_MAX_COLUMNS 64
 
 /* An array per known body */
 typedef struct {
-  void **array;
-  size_t bytes; /* of an entry */
+  void    **array;
+  size_t    bytes; /* of an entry */
+  PetscBool stays; /* has room for all known bodies, but does not go with them */
 } BodyColumn;
 
 /* Which part of the domain is whose: see local.h. NULL: all know all. */
 typedef struct _p_BodyParts BodyParts;
 
-PetscErrorCode BodyPartsCreate(MPI_Comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3], BodyParts **);
+PetscErrorCode BodyPartsCreate(MPI_Comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3],
+                               const BodyBoxes *, BodyParts **);
 PetscErrorCode BodyPartsDestroy(BodyParts **);
 /* Does a body with this centre belong to this rank? */
 PetscBool BodyPartsHold(const BodyParts *, const PetscReal x[3]);
@@ -46,7 +48,7 @@ struct _p_Bodies {
 };
 
 /* Columns of the state, made with room for `room` bodies; zeros. Reserve: for n of them. */
-PetscErrorCode BodyAddColumn(Bodies, size_t bytes, void **array);
+PetscErrorCode BodyAddColumn(Bodies, size_t bytes, PetscBool stays, void **array);
 PetscErrorCode BodyReserve(Bodies, PetscInt n);
 /* Bodies that are not kept go, the others close up. */
 void BodyKeep(Bodies, const PetscBool keep[]);
@@ -82,5 +84,3 @@ static inline PetscErrorCode check_body(Bodies b, PetscInt k)
 
 /* Put what is not free to its prescribed value at `time`: place, orientation and velocities of body k. */
 PetscErrorCode BodiesApplyKnown(Bodies, PetscInt k, PetscReal time);
-/* rows.c: an array per known body, saved or loaded in the order of the numbers. Collective. */
-PetscErrorCode BodiesVisitIntegers(Bodies, const BodyRows *, State, const char name[], PetscInt v[]);

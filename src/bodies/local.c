@@ -96,7 +96,9 @@ static PetscErrorCode go_near(const BodyParts *p, PetscInt k, const PetscReal x[
 
   PetscFunctionBeginUser;
   BodyPartsInside(p, x, y);
-  if (BodyPartsDeep(p, y, reach)) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt i = 0; i < p->nbox; i++)
+    if (BodyPartsNearBox(p, i, y, reach + p->beyond)) PetscCall(go(g, k, p->box_rank[i], p->rank));
+  if (p->nbox || BodyPartsDeep(p, y, reach)) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt l = 0; l < p->n[2]; l++) {
     if (p->dim == 3 && !BodyPartsNear(p, 2, l, y[2], reach)) continue;
     for (PetscInt j = 0; j < p->n[1]; j++) {
@@ -117,7 +119,7 @@ static PetscErrorCode choose_ghosts(Bodies b, PetscReal range, PetscReal skin, G
   Large           *list;
 
   PetscFunctionBeginUser;
-  for (PetscInt a = 0; a < p->dim; a++)
+  for (PetscInt a = 0; a < p->dim && !p->nbox; a++)
     for (PetscInt i = 0; i < p->n[a] && p->n[a] > 1; i++) narrow = PetscMin(narrow, LARGE * (p->cut[a][i + 1] - p->cut[a][i]));
   PetscCall(list_large(b, range, skin, narrow, &nlarge, &list));
   for (PetscInt k = 0; k < s->n; k++) {
@@ -129,7 +131,7 @@ static PetscErrorCode choose_ghosts(Bodies b, PetscReal range, PetscReal skin, G
   for (PetscInt k = 0; k < s->n; k++) {
     const PetscReal r = BodiesGetRadius(s, k);
 
-    if (s->gone[k]) continue;
+    if (s->gone[k] && !p->nbox) continue; /* a flow may still see where they were last */
     for (PetscMPIInt rank = 0; rank < p->size && r > narrow; rank++) PetscCall(go(g, k, rank, p->rank));
     if (r > narrow) continue;
     PetscCall(go_near(p, k, s->x[k], range + skin * (r + ordinary), g));
@@ -233,6 +235,39 @@ PetscErrorCode BodiesUpdateGhosts(Bodies b, PetscInt width, void *v)
   PetscCall(PetscSFBcastBegin(p->ghosts, p->unit[width - 3], v, v, MPI_REPLACE));
   PetscCall(PetscSFBcastEnd(p->ghosts, p->unit[width - 3], v, v, MPI_REPLACE));
   PetscCall(PetscLogEventEnd(TB_SYNC, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodiesSumKnown(Bodies b, PetscInt width, PetscReal v[])
+{
+  BodyParts   *p = b->parts;
+  MPI_Datatype unit;
+
+  PetscFunctionBeginUser;
+  if (!p || !p->ghosts) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCallMPI(MPI_Type_contiguous((PetscMPIInt)width, MPIU_REAL, &unit));
+  PetscCallMPI(MPI_Type_commit(&unit));
+  PetscCall(PetscSFReduceBegin(p->ghosts, unit, v, v, MPIU_SUM));
+  PetscCall(PetscSFReduceEnd(p->ghosts, unit, v, v, MPIU_SUM));
+  PetscCall(PetscSFBcastBegin(p->ghosts, unit, v, v, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(p->ghosts, unit, v, v, MPI_REPLACE));
+  PetscCallMPI(MPI_Type_free(&unit));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodiesGetOwners(Bodies b, PetscMPIInt rank[], PetscInt which[])
+{
+  BodyParts *p = b->parts;
+  PetscInt   n = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < b->state.n; k++) {
+    rank[k]  = b->state.own[k] ? p->rank : b->owner[k];
+    which[k] = b->state.own[k] ? n++ : -1;
+  }
+  if (!p->ghosts) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscSFBcastBegin(p->ghosts, MPIU_INT, which, which, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(p->ghosts, MPIU_INT, which, which, MPI_REPLACE));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

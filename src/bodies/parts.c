@@ -26,8 +26,31 @@ static void choose_parts(BodyParts *p)
     }
 }
 
+/* The boxes of all ranks. Collective. */
+static PetscErrorCode gather_boxes(BodyParts *p, const BodyBoxes *mine)
+{
+  const PetscMPIInt unit = 6;
+  PetscMPIInt      *count, *start, n;
+
+  PetscFunctionBeginUser;
+  p->beyond = mine->beyond;
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &p->beyond, 1, MPIU_REAL, MPIU_MAX, p->comm));
+  PetscCall(PetscMPIIntCast(unit * mine->n, &n));
+  PetscCall(PetscMalloc2(p->size, &count, p->size + 1, &start));
+  PetscCallMPI(MPI_Allgather(&n, 1, MPI_INT, count, 1, MPI_INT, p->comm));
+  start[0] = 0;
+  for (PetscMPIInt r = 0; r < p->size; r++) start[r + 1] = start[r] + count[r];
+  p->nbox = start[p->size] / unit;
+  PetscCall(PetscMalloc2(p->nbox, &p->box, p->nbox, &p->box_rank));
+  PetscCallMPI(MPI_Allgatherv(mine->box, n, MPIU_REAL, p->box, count, start, MPIU_REAL, p->comm));
+  for (PetscMPIInt r = 0; r < p->size; r++)
+    for (PetscInt i = start[r] / unit; i < start[r + 1] / unit; i++) p->box_rank[i] = r;
+  PetscCall(PetscFree2(count, start));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode BodyPartsCreate(MPI_Comm comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3],
-                               BodyParts **parts)
+                               const BodyBoxes *boxes, BodyParts **parts)
 {
   BodyParts *p;
 
@@ -46,6 +69,7 @@ PetscErrorCode BodyPartsCreate(MPI_Comm comm, PetscInt dim, const PetscReal lowe
     PetscCallMPI(MPI_Type_contiguous(3 + i, MPIU_REAL, &p->unit[i]));
     PetscCallMPI(MPI_Type_commit(&p->unit[i]));
   }
+  if (boxes) PetscCall(gather_boxes(p, boxes));
   choose_parts(p);
   p->at[0] = p->rank % p->n[0];
   p->at[1] = p->rank / p->n[0] % p->n[1];
@@ -63,6 +87,7 @@ PetscErrorCode BodyPartsDestroy(BodyParts **parts)
   PetscFunctionBeginUser;
   if (!*parts) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt a = 0; a < 3; a++) PetscCall(PetscFree((*parts)->cut[a]));
+  PetscCall(PetscFree2((*parts)->box, (*parts)->box_rank));
   PetscCall(PetscSFDestroy(&(*parts)->ghosts));
   for (int i = 0; i < 2; i++) PetscCallMPI(MPI_Type_free(&(*parts)->unit[i]));
   PetscCall(PetscCommDestroy(&(*parts)->comm));
@@ -75,12 +100,51 @@ void BodyPartsInside(const BodyParts *p, const PetscReal x[3], PetscReal y[3])
   for (PetscInt a = 0; a < p->dim; a++) y[a] = PetscMin(PetscMax(DomainWrap(p->period[a], x[a], p->lower[a]), p->lower[a]), p->upper[a]);
 }
 
+/* Square of the distance of y to a box or its nearest image */
+static PetscReal distance_to_box(const BodyParts *p, PetscInt box, const PetscReal y[3])
+{
+  PetscReal sum = 0;
+
+  for (PetscInt a = 0; a < p->dim; a++) {
+    PetscReal d = PETSC_MAX_REAL;
+
+    for (PetscInt image = p->period[a] > 0 ? -1 : 0; image <= (p->period[a] > 0 ? 1 : 0); image++) {
+      const PetscReal x = y[a] + image * p->period[a];
+
+      d = PetscMin(d, PetscMax(0, PetscMax(p->box[box][0][a] - x, x - p->box[box][1][a])));
+    }
+    sum += d * d;
+  }
+  return sum;
+}
+
+/* The first box that holds y, or else the nearest one */
+static PetscMPIInt rank_of_box(const BodyParts *p, const PetscReal y[3])
+{
+  PetscReal least = PETSC_MAX_REAL;
+  PetscInt  best  = 0;
+
+  for (PetscInt i = 0; i < p->nbox && least > 0; i++) {
+    const PetscReal d = distance_to_box(p, i, y);
+
+    if (d < least) best = i;
+    least = PetscMin(least, d);
+  }
+  return p->box_rank[best];
+}
+
+PetscBool BodyPartsNearBox(const BodyParts *p, PetscInt box, const PetscReal y[3], PetscReal reach)
+{
+  return (PetscBool)(distance_to_box(p, box, y) < reach * reach);
+}
+
 PetscMPIInt BodyPartsRank(const BodyParts *p, const PetscReal x[3])
 {
   PetscInt  at[3] = {0, 0, 0};
   PetscReal y[3];
 
   BodyPartsInside(p, x, y);
+  if (p->nbox) return rank_of_box(p, y);
   for (PetscInt a = 0; a < p->dim; a++)
     for (PetscInt low = 0, high = p->n[a]; high - low > 1; at[a] = low) {
       const PetscInt middle = (low + high) / 2;
@@ -120,6 +184,7 @@ PetscErrorCode BodyPartsBalance(Bodies b)
   PetscInt64        bin[3][BINS] = {{0}}, most[2] = {0, 0}, sum = 0;
 
   PetscFunctionBeginUser;
+  if (p->nbox) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt k = 0; k < s->n; k++) {
     PetscReal y[3];
 

@@ -31,6 +31,7 @@ static PetscErrorCode complain(Contact c, const Pair *p, PetscReal overlap)
 PetscErrorCode ContactCheckStart(Contact c)
 {
   PetscFunctionBeginUser;
+  PetscCall(ContactMigrate(c, 0, NULL));
   c->x = c->s->x;
   c->q = c->s->q;
   PetscCall(PetscFree(c->reach));
@@ -52,11 +53,15 @@ PetscErrorCode ContactCheckStart(Contact c)
 PetscErrorCode ContactCountWork(Contact c, PetscReal dt)
 {
   const BodyArrays *s = c->s;
+  PetscMPIInt       rank;
 
   PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_rank(BodiesComm(c->bodies), &rank));
+  if (rank) c->work = 0; /* the first rank begins with what all have */
   for (PetscInt k = 0; k < s->n; k++)
-    for (PetscInt a = 0; a < 3; a++)
+    for (PetscInt a = 0; a < 3 && s->own[k]; a++)
       c->work += 0.5 * dt * (s->contact_force[k][a] * (s->u[k][a] + s->u_old[k][a]) + s->contact_torque[k][a] * (s->w[k][a] + s->w_old[k][a]));
+  PetscCall(BodiesSum(c->bodies, 1, &c->work));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

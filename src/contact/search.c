@@ -237,12 +237,32 @@ static PetscErrorCode search_bodies(Contact c)
 }
 
 /* Bodies go to their owners, and meet others there */
-static PetscErrorCode migrate(Contact c)
+static PetscErrorCode migrate(Contact c, PetscReal range)
 {
   PetscFunctionBeginUser;
-  PetscCall(BodiesMigrate(c->bodies, c->horizon, 1 + SKIN));
+  PetscCall(BodiesMigrate(c->bodies, range, 1 + SKIN));
   PetscCall(ContactMeetBodies(c));
   PetscCall(PetscFree(c->listed));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ContactMigrate(Contact c, PetscReal dt, PetscReal (*a)[3])
+{
+  const BodyArrays *s    = c->s;
+  const PetscReal   time = 2 * dt; /* of the look-ahead; bodies are drawn nearer than twice their way */
+  PetscReal         way  = 0;
+
+  PetscFunctionBeginUser;
+  if (BodiesComm(c->bodies) == PETSC_COMM_SELF) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt k = 0; k < s->n; k++) {
+    const PetscReal speed = PetscSqrtReal(PetscMax(dot3(s->u[k], s->u[k]), dot3(s->u_old[k], s->u_old[k])));
+
+    way = PetscMax(way, time * (speed + (a ? 0.5 * time * PetscSqrtReal(dot3(a[k], a[k])) : 0)));
+  }
+  PetscCall(BodiesMax(c->bodies, 1, &way));
+  if (c->friction > 0 && c->have_list) PetscCall(ContactStoreSlips(c, &c->going));
+  PetscCall(migrate(c, c->horizon + c->range + 2 * way));
+  c->have_list = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -256,7 +276,7 @@ PetscErrorCode ContactFindPairs(Contact c)
   PetscCall(list_is_old(c, &anew));
   if (!anew) PetscFunctionReturn(PETSC_SUCCESS);
   if (c->friction > 0 && c->have_list) PetscCall(ContactStoreSlips(c, &c->going));
-  if (BodiesComm(c->bodies) != PETSC_COMM_SELF) PetscCall(migrate(c));
+  if (BodiesComm(c->bodies) != PETSC_COMM_SELF && c->alone) PetscCall(migrate(c, c->horizon));
   if (!c->listed) PetscCall(PetscMalloc1(PetscMax(1, c->s->n), &c->listed));
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscCall(PetscArraycpy(c->listed[k].x, c->x[k], 3));

@@ -10,6 +10,7 @@
 #include "impl.h"
 #include "base/log.h"
 #include "base/opt.h"
+#include "bodies/local.h"
 #include "bodies/mass.h"
 
 static const char *const TYPES[]  = {"implicit", "explicit", NULL};
@@ -209,7 +210,7 @@ PetscErrorCode CoupleDraw(Couple c)
   PetscCall(set_rigid_velocities(c));
   PetscCall(set_boundary(c, node_body, fixed, value));
   if (c->drive) PetscCall(DriveDraw(c->drive));
-  if (c->s->n) {
+  if (c->s->nall) {
     PetscCall(ConstraintSetBodies(c->constraint, node_body, c->P, c->unknown, c->U, &changed));
     if (c->terms && (!drawn || changed)) PetscCall(PenaltyTermSum(c->terms, c->constraint));
     PetscCall(fill_rigid_rows(c));
@@ -300,20 +301,22 @@ static PetscErrorCode check_extrapolation(Couple c)
 /* Bodies that the mesh hardly sees: runs/extremes, axis diameter */
 static PetscErrorCode remark_small_bodies(Couple c)
 {
-  const BodyState *s        = c->s;
-  PetscInt         smallest = -1;
+  const BodyState *s      = c->s;
+  PetscReal        radius = -PETSC_MAX_REAL, number = -PETSC_MAX_REAL; /* of the smallest, negative */
+  const BodyGroup *g = s->group;
 
   PetscFunctionBeginUser;
-  for (PetscInt k = 0; k < s->n; k++) {
-    const PetscReal r = BodiesGetRadius(s, k);
-
-    if (r < 0.999 * c->loc->h && (smallest < 0 || r < BodiesGetRadius(s, smallest))) smallest = k;
-  }
-  if (smallest < 0) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt k = 0; k < s->n; k++) radius = PetscMax(radius, -BodiesGetRadius(s, k));
+  PetscCall(BodiesMax(c->bodies, 1, &radius));
+  if (!s->nall || -radius >= 0.999 * c->loc->h) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt k = 0; k < s->n; k++)
+    if (-radius == BodiesGetRadius(s, k)) number = PetscMax(number, -(PetscReal)s->number[k]);
+  PetscCall(BodiesMax(c->bodies, 1, &number));
+  while (-number >= g->first + g->count) g++;
   PetscCall(
     LogRemark("body %" PetscInt_FMT
               " (group '%s') is %.2g of the smallest cells long; below 2 its force is off by 20 %% and more: refine the mesh, such as by -mesh_cells",
-              smallest, BodiesGetGroup(s, smallest)->name, (double)(2 * BodiesGetRadius(s, smallest) / c->loc->h)));
+              (PetscInt)-number, g->name, (double)(-2 * radius / c->loc->h)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -333,7 +336,7 @@ static PetscErrorCode set_history(Couple c)
 PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
 {
   Couple   c;
-  PetscInt n, nn, type = 0;
+  PetscInt type = 0;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&c));
@@ -344,20 +347,17 @@ PetscErrorCode CoupleCreate(Flow flow, Bodies bodies, Couple *couple)
   PetscCall(MeshGetLocal(c->mesh, &c->loc));
   PetscCall(FlowGetStep(flow, &c->step));
   PetscCall(FlowGetParameters(flow, &c->par));
-  n = c->s->n;
-  if (n) {
+  if (c->s->nall) {
     PetscCall(OptChoice("-couple_type", TYPES, &type));
     PetscCall(OptChoice("-couple_force", FORCES, &c->use_volume));
   }
   PetscCall(check_extrapolation(c));
   c->rung = rungs[0];
-  if (n) PetscCall(RungChoose(&c->rung));
+  if (c->s->nall) PetscCall(RungChoose(&c->rung));
   PetscCall(remark_small_bodies(c));
   c->implicit = type == 0;
   PetscCall(CoupleCreateParts(c));
-  nn = n * c->nr;
-  PetscCall(PetscCalloc7(n, &c->X, n, &c->q, n, &c->P, n, &c->unknown, 3 * n, &c->du_old, n, &c->growth, 6 * n, &c->force_old));
-  PetscCall(PetscCalloc6(nn, &c->U, nn, &c->U_old, nn, &c->U_older, nn * c->nr, &c->D, nn, &c->g, nn, &c->residual));
+  PetscCall(CoupleAttachArrays(c));
   PetscCall(set_history(c));
   PetscCall(SurfacesCreate(c, &c->surfaces));
   *couple = c;
@@ -399,8 +399,7 @@ PetscErrorCode CoupleDestroy(Couple *couple)
   PetscCall(CoupleDestroyParts(c));
   PetscCall(SurfacesDestroy(&c->surfaces));
   PetscCall(DriveDestroy(&c->drive));
-  PetscCall(PetscFree7(c->X, c->q, c->P, c->unknown, c->du_old, c->growth, c->force_old));
-  PetscCall(PetscFree6(c->U, c->U_old, c->U_older, c->D, c->g, c->residual));
+  PetscCall(CoupleDetachArrays(c));
   PetscCall(PetscFree(*couple));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -408,7 +407,7 @@ PetscErrorCode CoupleDestroy(Couple *couple)
 PetscErrorCode CoupleView(Couple c, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
-  if (c->s->n)
+  if (c->s->nall)
     PetscCall(
       PetscViewerASCIIPrintf(viewer, "coupling: %s, boundary %s, force in %s form\n", TYPES[!c->implicit], c->rung->name, FORCES[c->use_volume]));
   else PetscCall(PetscViewerASCIIPrintf(viewer, "coupling: none (no bodies)\n"));
@@ -549,6 +548,7 @@ PetscErrorCode CoupleGetSystem(Couple c, PetscReal *u[], PetscReal *p[], PetscRe
 PetscErrorCode CoupleRenewSolver(Couple c)
 {
   PetscFunctionBeginUser;
+  c->renewed = PETSC_TRUE;
   PetscCall(FlowSolverDestroy(&c->solver));
   PetscCall(CoupleCreateSolver(c));
   PetscCall(MovedSetSolver(c->moved, c->solver));
@@ -558,15 +558,17 @@ PetscErrorCode CoupleRenewSolver(Couple c)
 
 PetscErrorCode CoupleVisitState(void *couple, State state)
 {
-  Couple         c  = couple;
-  const PetscInt nn = c->s->n * c->nr;
+  Couple   c = couple;
+  BodyRows rows;
 
   PetscFunctionBeginUser;
-  PetscCall(StateReals(state, "U_old", nn, c->U_old));
-  PetscCall(StateReals(state, "U_older", nn, c->U_older));
-  PetscCall(StateReals(state, "du_old", 3 * c->s->n, c->du_old));
-  PetscCall(StateInts(state, "growth", c->s->n, c->growth));
-  PetscCall(StateReals(state, "force_old", 6 * c->s->n, c->force_old));
+  PetscCall(BodiesBeginRows(c->bodies, &rows));
+  PetscCall(BodiesVisitReals(c->bodies, &rows, state, "U_old", c->nr, c->U_old));
+  PetscCall(BodiesVisitReals(c->bodies, &rows, state, "U_older", c->nr, c->U_older));
+  PetscCall(BodiesVisitReals(c->bodies, &rows, state, "du_old", 3, c->du_old));
+  PetscCall(BodiesVisitIntegers(c->bodies, &rows, state, "growth", c->growth));
+  PetscCall(BodiesVisitReals(c->bodies, &rows, state, "force_old", 6, c->force_old));
+  PetscCall(BodiesEndRows(&rows));
   if (c->drive) PetscCall(DriveVisitState(c->drive, state));
   if (c->rung->state) PetscCall((*c->rung->state)(c->rung_data, state));
   if (c->follow) PetscCall(AleVisitState(c->follow, state));

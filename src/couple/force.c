@@ -1,6 +1,7 @@
 /* Couple, forces: what the flow exerts on the bodies in both forms, balance of momentum; defined in couple.h. */
 #include "compat.h"
 #include "impl.h"
+#include "bodies/local.h"
 #include "base/algebra.h"
 #include "base/log.h"
 #include "bodies/mass.h"
@@ -49,6 +50,15 @@ PetscErrorCode CoupleHollowWeights(Couple c, PetscInt k, PetscReal weight[3][6])
 
 /* ---- forces ---- */
 
+/* v [n][width]: of the ranks that know a body */
+static PetscErrorCode sum_parts(Couple c, PetscInt width, PetscReal v[])
+{
+  PetscFunctionBeginUser;
+  if (BodiesComm(c->bodies) != PETSC_COMM_SELF) PetscCall(BodiesSumKnown(c->bodies, width, v));
+  else PetscCall(MPIU_Allreduce(MPI_IN_PLACE, v, (PetscMPIInt)(width * c->s->n), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* -sum over the body's nodes of R^T (momentum residual), and the rung's own terms, for all bodies: out [n][nr] */
 static PetscErrorCode sum_residuals(Couple c, PetscReal out[])
 {
@@ -77,7 +87,7 @@ static PetscErrorCode sum_residuals(Couple c, PetscReal out[])
     }
   }
   if (c->terms) PetscCall(PenaltyTermAddForce(c->terms, c->constraint, c->u, c->U, out));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, out, (PetscMPIInt)(c->s->n * nr), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(sum_parts(c, nr, out));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -173,8 +183,8 @@ static PetscErrorCode integrate_stress(Couple c, PetscInt only, PetscReal (*forc
   }
   PetscCall(add_volume_force(c, only, force, torque));
   PetscCall(add_penalty_force(c, only, force, torque));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, force, (PetscMPIInt)(3 * c->s->n), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, torque, (PetscMPIInt)(3 * c->s->n), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(sum_parts(c, 3, (PetscReal *)force));
+  PetscCall(sum_parts(c, 3, (PetscReal *)torque));
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscReal dead[6];
 
@@ -231,10 +241,11 @@ PetscErrorCode CoupleForce(Couple c)
   PetscReal(*force)[3], (*torque)[3];
 
   PetscFunctionBeginUser;
-  if (!c->s->n) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!c->s->nall) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogEventBegin(TB_FORCE, 0, 0, 0, 0));
   PetscCall(BodiesWriteForces(c->bodies, &force, &torque));
   for (PetscInt k = 0; k < c->s->n; k++) known = (PetscBool)(known || c->unknown[k] != (1 << c->nr) - 1);
+  PetscCall(BodiesAny(c->bodies, &known));
   if (c->use_volume) {
     PetscCall(integrate_stress(c, -1, force, torque));
     PetscCall(FittedForce(c->hole, c->u, c->p, NULL, NULL, force, torque));
@@ -357,17 +368,22 @@ PetscErrorCode CoupleBodyPush(Couple c, PetscInt k, PetscReal inertia[3], PetscR
 /* Forces of the bodies on the fluid; adds their sizes to *size */
 static PetscErrorCode sum_bodies(Couple c, PetscReal out[3], PetscReal *size)
 {
+  PetscReal sum[4] = {0, 0, 0, CoupleCountsFirst(c) ? *size : 0};
+
   PetscFunctionBeginUser;
-  out[0] = out[1] = out[2] = 0;
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscReal inertia[3], push[3];
 
+    if (!c->s->own[k]) continue;
     PetscCall(CoupleBodyPush(c, k, inertia, push));
     for (PetscInt a = 0; a < c->loc->dim; a++) {
-      out[a] += push[a];
-      *size += PetscAbsReal(c->s->force[k][a]);
+      sum[a] += push[a];
+      sum[3] += PetscAbsReal(c->s->force[k][a]);
     }
   }
+  PetscCall(BodiesSum(c->bodies, 4, sum));
+  PetscCall(PetscArraycpy(out, sum, 3));
+  *size = sum[3];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -22,6 +22,8 @@ struct _p_Couple {
   Mesh               mesh;
   const MeshLocal   *loc;
   Constraint         constraint;
+  PetscInt           slots;   /* bodies that a rank has slots for, where not all are known */
+  PetscBool          renewed; /* the solver has been made anew, and slots may become fewer */
   FlowSolver         solver;
   Fitted             hole;                     /* bodies that are holes of the mesh: nothing is marked, forces are read
                                                   at the boundary */
@@ -71,6 +73,9 @@ static inline PetscReal CoupleRigidValue(Couple c, const PetscReal (*u)[3], cons
   return s < dim ? u[k][s] : w[k][dim == 2 ? 2 : s - dim];
 }
 
+/* Where sums of own bodies are added over the ranks: is this the one that begins with what all ranks have? */
+PetscBool CoupleCountsFirst(Couple);
+
 /* The density of the fluid inside body k */
 static inline PetscReal CoupleInnerDensity(Couple c, PetscInt k, const FlowParameters *par)
 {
@@ -105,6 +110,11 @@ PetscErrorCode CoupleBodyPush(Couple, PetscInt k, PetscReal inertia[3], PetscRea
 PetscErrorCode CoupleFindNormals(Couple);
 /* Own cells with prescribed nodes; these do not change */
 PetscErrorCode CoupleListPrescribedCells(Couple);
+/* Arrays per known body, zeros; detached before the bodies end */
+PetscErrorCode CoupleAttachArrays(Couple);
+PetscErrorCode CoupleDetachArrays(Couple);
+/* For the bodies known now; where these are not all, CoupleMeetBodies must follow. Collective. */
+PetscErrorCode CoupleCreateConstraint(Couple);
 /* What goes by the mesh: solver, marks, boundary rung, arrays. Collective. */
 PetscErrorCode CoupleCreateParts(Couple);
 PetscErrorCode CoupleDestroyParts(Couple);

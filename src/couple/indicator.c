@@ -1,6 +1,7 @@
 /* Indicator: see indicator.h. */
 #include "compat.h"
 #include "indicator.h"
+#include "bodies/local.h"
 
 #define CHUNK 256
 
@@ -27,7 +28,7 @@ PetscErrorCode IndicatorCreate(Mesh mesh, Bodies bodies, Indicator *mark)
   PetscCall(PetscMalloc4(m->loc->nnode_all, &m->node_body, m->loc->nnode_all, &m->node, m->loc->ncell, &m->cell, m->loc->ncell, &m->stamp));
   for (PetscInt i = 0; i < m->loc->nnode_all; i++) m->node_body[i] = -1;
   PetscCall(PetscArrayzero(m->stamp, m->loc->ncell));
-  PetscCall(PetscCalloc1(8 * m->s->n, &m->seen));
+  PetscCall(BodiesAttachWork(bodies, 8 * sizeof(PetscReal), (void **)&m->seen));
   PetscCall(IndicatorForget(m));
   *mark = m;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -38,7 +39,7 @@ PetscErrorCode IndicatorDestroy(Indicator *mark)
   PetscFunctionBeginUser;
   if (!*mark) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscFree4((*mark)->node_body, (*mark)->node, (*mark)->cell, (*mark)->stamp));
-  PetscCall(PetscFree((*mark)->seen));
+  PetscCall(BodiesDetach((*mark)->bodies, (void **)&(*mark)->seen));
   PetscCall(PetscFree(*mark));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -53,7 +54,7 @@ PetscErrorCode IndicatorForget(Indicator m)
 PetscErrorCode IndicatorIsCurrent(Indicator m, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal key, PetscBool *current)
 {
   PetscFunctionBeginUser;
-  *current = (PetscBool)(m->key == key || !m->s->n);
+  *current = (PetscBool)(m->key == key || !m->s->nall);
   for (PetscInt i = 0; i < 8 * m->s->n; i++) {
     const PetscInt  k = i / 8, a = i % 8;
     const PetscReal now = a < 3 ? X[k][a] : a < 7 ? q[k][a - 3] : m->s->gone[k];

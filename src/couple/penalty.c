@@ -3,6 +3,7 @@
 #include "penalty.h"
 #include "base/opt.h"
 #include "base/room.h"
+#include "bodies/local.h"
 
 struct _p_Penalty {
   Flow             flow;
@@ -24,6 +25,25 @@ struct _p_Penalty {
   PetscReal (*P)[3];        /* [nbodies] reference points of the last draw */
   PetscInt *strong, *count; /* [nnode_all] */
 };
+
+/* Bodies of nodes: ghosts get what their owners have, by the numbers that bodies have on all ranks. Collective. */
+static PetscErrorCode sync_bodies(Penalty p, PetscInt body[])
+{
+  const BodyState *s = p->s;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < p->loc->nnode; i++)
+    if (body[i] >= 0) body[i] = s->number[body[i]];
+  PetscCall(MeshSyncNodesInt(p->mesh, body));
+  for (PetscInt i = 0; i < p->loc->nnode_all && s->n < s->nall; i++) {
+    const PetscInt number = body[i];
+
+    if (number < 0) continue;
+    PetscCall(PetscFindInt(number, s->n, s->number, &body[i]));
+    PetscCheck(body[i] >= 0, PETSC_COMM_SELF, PETSC_ERR_PLIB, "Body %" PetscInt_FMT " holds a node of a rank that does not know it", number);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
 
 /* ---- strong nodes ---- */
 
@@ -54,7 +74,7 @@ static PetscErrorCode claim_strong_nodes(Penalty p, Indicator mark)
     for (PetscInt r = begin; r < t; r++)
       for (PetscInt j = 0; j < l->nb; j++) p->count[l->cell_node[part[r].cell * l->nb + j]] = 0;
   }
-  PetscCall(MeshSyncNodesInt(p->mesh, p->strong));
+  PetscCall(sync_bodies(p, p->strong));
   for (PetscInt i = 0; i < l->nnode_all; i++)
     if (p->strong[i] >= 0) PetscCall(IndicatorClaim(mark, i, p->strong[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -164,7 +184,7 @@ static PetscErrorCode finish_soft(Penalty p, PetscReal (*P)[3])
   const PetscInt   nr = s->nr, dim = s->dim;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscArrayzero(s->H, s->nbodies * nr * nr));
+  PetscCall(PetscArrayzero(s->H, p->s->n * nr * nr));
   PetscCall(PetscArrayzero(s->weight, l->nnode_all));
   for (PetscInt i = 0; i < l->nnode_all; i++) s->follow[i] = -1;
   PetscCall(RoomFor(s->n, &p->more_room, &s->more, sizeof(*s->more), NULL));
@@ -191,7 +211,7 @@ static PetscErrorCode finish_soft(Penalty p, PetscReal (*P)[3])
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &s->any, 1, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &s->strength, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
   PetscCall(MeshSyncNodes(p->mesh, 1, s->weight));
-  PetscCall(MeshSyncNodesInt(p->mesh, s->follow));
+  PetscCall(sync_bodies(p, s->follow));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -332,12 +352,14 @@ PetscErrorCode PenaltyCreate(Flow flow, Bodies bodies, Penalty *penalty)
   PetscCheck(p->viscous > 0 || p->inertial > 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "-couple_penalty_viscous and -couple_penalty_inertial are both 0: nothing would hold the fluid at the surface of the bodies");
   PetscCall(PartsCreate(flow, bodies, p->nsample, &p->parts));
-  n          = p->loc->nnode_all;
-  s->dim     = p->loc->dim;
-  s->nr      = s->dim == 2 ? 3 : 6;
-  s->nbodies = p->s->n;
+  n      = p->loc->nnode_all;
+  s->dim = p->loc->dim;
+  s->nr  = s->dim == 2 ? 3 : 6;
   PetscCall(PetscMalloc3(n, &p->first, n, &p->strong, n, &p->count));
-  PetscCall(PetscCalloc5(s->nbodies, &p->P, s->nbodies * s->nr * s->nr, &s->H, s->nbodies * s->nr * s->nr, &s->whole, n, &s->weight, n, &s->follow));
+  PetscCall(PetscCalloc2(n, &s->weight, n, &s->follow));
+  PetscCall(BodiesAttachWork(bodies, 3 * sizeof(PetscReal), (void **)&p->P));
+  PetscCall(BodiesAttachWork(bodies, (size_t)(s->nr * s->nr) * sizeof(PetscReal), (void **)&s->H));
+  PetscCall(BodiesAttachWork(bodies, (size_t)(s->nr * s->nr) * sizeof(PetscReal), (void **)&s->whole));
   for (PetscInt i = 0; i < n; i++) p->first[i] = s->follow[i] = -1;
   *penalty = p;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -350,7 +372,10 @@ PetscErrorCode PenaltyDestroy(Penalty *penalty)
   PetscFunctionBeginUser;
   if (!p) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscFree3(p->first, p->strong, p->count));
-  PetscCall(PetscFree5(p->P, p->soft.H, p->soft.whole, p->soft.weight, p->soft.follow));
+  PetscCall(PetscFree2(p->soft.weight, p->soft.follow));
+  PetscCall(BodiesDetach(p->bodies, (void **)&p->P));
+  PetscCall(BodiesDetach(p->bodies, (void **)&p->soft.H));
+  PetscCall(BodiesDetach(p->bodies, (void **)&p->soft.whole));
   PetscCall(PartsDestroy(&p->parts));
   PetscCall(PetscFree(p->term_cell));
   PetscCall(PetscFree(p->term_body));

@@ -13,37 +13,12 @@ PetscErrorCode CoupleCreateSolver(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode unite_obstacles(Couple c)
-{
-  PetscBool *united;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(c->s->n, &united));
-  for (PetscInt k = 0; k < c->s->n; k++) united[k] = BodiesGetGroup(c->s, k)->obstacle;
-  PetscCall(ConstraintSetUnited(c->constraint, united));
-  PetscCall(PetscFree(united));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode tell_rung(void *couple)
 {
   Couple c = (Couple)couple;
 
   PetscFunctionBeginUser;
   if (c->rung->moved) PetscCall((*c->rung->moved)(c->rung_data));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Rotation counts by the speed it gives the surface (that of the group's shape: no number of the state). */
-static PetscErrorCode set_lengths(Couple c)
-{
-  PetscReal *length;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(c->s->n, &length));
-  for (PetscInt k = 0; k < c->s->n; k++) length[k] = BodiesGetGroup(c->s, k)->radius;
-  PetscCall(ConstraintSetLengths(c->constraint, length));
-  PetscCall(PetscFree(length));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -57,9 +32,7 @@ PetscErrorCode CoupleCreateParts(Couple c)
   PetscCall(CoupleListPrescribedCells(c));
   PetscCall(BoundariesCreate(c->flow, c->hole, &c->boundaries));
   PetscCall(CoupleFindNormals(c));
-  PetscCall(ConstraintCreate(c->mesh, c->s->n, &c->constraint));
-  PetscCall(set_lengths(c));
-  PetscCall(unite_obstacles(c));
+  PetscCall(CoupleCreateConstraint(c));
   PetscCall(ConstraintGetRigidSize(c->constraint, &c->nr));
   if (!c->drive) PetscCall(DriveCreate(c, &c->drive)); /* goes by no mesh, but by the number of rigid velocities */
   PetscCall(CoupleCreateSolver(c));

@@ -100,7 +100,7 @@ PetscErrorCode SurfacesCreate(Couple c, Surfaces *surfaces)
 {
   PetscFunctionBeginUser;
   *surfaces = NULL;
-  if (!FlowSeesSurfaces(c->flow) || !c->s->n) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!FlowSeesSurfaces(c->flow) || !c->s->nall) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscNew(surfaces));
   (*surfaces)->couple = c;
   PetscCall(FlowSetSurfaces(c->flow, find_nearest, *surfaces));

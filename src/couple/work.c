@@ -2,6 +2,7 @@
    pass over nodes and bodies: what prescribed nodes supply is known from the balance of momentum. */
 #include "compat.h"
 #include "impl.h"
+#include "bodies/local.h"
 #include "bodies/mass.h"
 
 /* Nodal normals, area included and pointing out: int phi_i n over the boundary of the domain, as B^T 1; zero inside */
@@ -78,17 +79,30 @@ static PetscErrorCode add_body(Couple c, PetscInt k, const FlowParameters *par, 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscBool CoupleCountsFirst(Couple c)
+{
+  PetscMPIInt rank;
+
+  (void)MPI_Comm_rank(BodiesComm(c->bodies), &rank);
+  return (PetscBool)(rank == 0);
+}
+
 PetscErrorCode CoupleGetPower(Couple c, CouplePower *w)
 {
   const FlowParameters *par;
-  PetscReal             power = c->supplied;
+  PetscReal             power = c->supplied, sum[3];
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetParameters(c->flow, &par));
   PetscCall(add_fluid(c, par, &power));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &power, 1, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
-  *w = (CouplePower){.power = power};
+  *w = (CouplePower){.power = CoupleCountsFirst(c) ? power : 0};
   for (PetscInt k = 0; k < c->s->n; k++)
-    if (!c->s->gone[k] && !BodiesGetGroup(c->s, k)->hole) PetscCall(add_body(c, k, par, w));
+    if (c->s->own[k] && !c->s->gone[k] && !BodiesGetGroup(c->s, k)->hole) PetscCall(add_body(c, k, par, w));
+  sum[0] = w->energy;
+  sum[1] = w->power;
+  sum[2] = w->size;
+  PetscCall(BodiesSum(c->bodies, 3, sum));
+  *w = (CouplePower){.energy = sum[0], .power = sum[1], .size = sum[2]};
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -208,7 +208,7 @@ static PetscErrorCode find_situation(const MeshLocal *l, Bodies bodies, PetscBoo
   for (PetscInt g = 0; bodies && g < s->ngroups; g++)
     for (PetscInt d = 0; d < l->dim; d++)
       if (s->group[g].motion.given && s->group[g].motion.amplitude[d] != 0) *situation |= LED;
-  if (!s || s->n == 0) *situation |= EMPTY;
+  if (!s || s->nall == 0) *situation |= EMPTY;
   else if (still) *situation |= STILL;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -159,12 +159,12 @@ PetscErrorCode JudgeStep(Judge j, const FlowDiagnostics *d, const CoupleBalance 
 static PetscErrorCode refuse_way(Judge j, PetscInt k, PetscReal way, PetscReal time, PetscReal dt, PetscBool adapted)
 {
   PetscFunctionBeginUser;
-  SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
+  SETERRQ(j->s->n < j->s->nall ? PETSC_COMM_SELF : PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
           "Body %" PetscInt_FMT
           " (group '%s') goes %.4g of its radii in the step to t = %g, more than -sim_move_max (%g), and would pass through what is in its way: lower %s (the step "
           "was %g), such as to %.2g",
-          k, BodiesGetGroup(j->s, k)->name, (double)way, (double)time, (double)j->way_max, adapted ? "-sim_adapt_min" : "-sim_dt", (double)dt,
-          (double)(0.5 * dt * j->way_max / way));
+          j->s->number[k], BodiesGetGroup(j->s, k)->name, (double)way, (double)time, (double)j->way_max, adapted ? "-sim_adapt_min" : "-sim_dt",
+          (double)dt, (double)(0.5 * dt * j->way_max / way));
 }
 
 PetscErrorCode JudgePlan(Judge j, PetscReal (*a)[3], PetscBool start, PetscReal time, PetscReal dt, PetscBool adapted)

@@ -10,6 +10,8 @@
 #include "sim.h"
 #include "start.h"
 
+#define LARGE 0.25 /* radius by the width of a part, beyond which every rank knows all bodies of a flow */
+
 /* What contact needs to know of a scene without a flow: all faces that are not periodic are walls, and the range goes
    by the size of the bodies. */
 static PetscErrorCode create_contact_alone(SimParts *part, const MeshLocal *l)
@@ -93,21 +95,113 @@ static PetscErrorCode remark_backflow(const MeshLocal *l, const FlowParameters *
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Bodies without a flow are spread over the ranks, where nothing in the scene needs all of them together: packing,
-   statistics of the suspension. Else every rank knows them all, and the results are the same. */
+/* With other words than these an option needs all bodies on every rank in a flow */
+static const struct {
+  const char *option, *allowed;
+} NEED_ALL[] = {{"-couple_boundary", " penalty "},
+                {"-couple_type", " implicit "},
+                {"-couple_backflow", " none "},
+                {"-flow_rate", ""},
+                {"-flow_initial", " rest uniform shear poiseuille expression run "},
+                {"-flow_rheology", " newton "},
+                {"-flow_les", " none "},
+                {"-mesh_kind", " box "},
+                {"-mesh_deform", " false no 0 "},
+                {"-preset", ""},
+                {"-sim_adapt", " false no 0 "},
+                {"-sim_frame", " none "},
+                {"-sim_steady", " false no 0 "}};
+
+/* Does something in the scene need all bodies together? why: the option, empty: nothing */
+static PetscErrorCode find_need(PetscBool active, char why[], size_t size)
+{
+  char      text[64], word[66];
+  PetscBool is;
+
+  PetscFunctionBeginUser;
+  why[0] = 0;
+  PetscCall(OptHas("-output_suspension", &is));
+  if (is) PetscCall(PetscStrncpy(why, "-output_suspension", size));
+  PetscCall(BodiesHavePacking(&is));
+  if (is) PetscCall(PetscStrncpy(why, "-particle_<group>_place pack", size));
+  PetscCall(OptPeek("-contact_law", text, sizeof(text)));
+  PetscCall(PetscStrcasecmp(text, "none", &is));
+  if (active && !is) PetscCall(PetscStrncpy(why, "contact in a flow (-contact_law)", size));
+  for (size_t i = 0; active && i < sizeof(NEED_ALL) / sizeof(NEED_ALL[0]); i++) {
+    PetscCall(OptPeek(NEED_ALL[i].option, text, sizeof(text)));
+    (void)snprintf(word, sizeof(word), " %s ", text);
+    if (text[0] && !strstr(NEED_ALL[i].allowed, word)) PetscCall(PetscSNPrintf(why, size, "%s %s", NEED_ALL[i].option, text));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Does a group? In a flow: one whose motion is not all free, which is large beside a part, or has coefficients */
+static PetscErrorCode find_group(const MeshLocal *l, Bodies bodies, PetscMPIInt ranks, char why[], size_t size)
+{
+  const PetscInt all  = BODY_FREE_X | BODY_FREE_Y | (l->dim == 3 ? BODY_FREE_Z : 0) | BODY_FREE_ROTATION;
+  PetscReal      part = 1;
+  BodyState     *s;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetState(bodies, &s));
+  for (PetscInt a = 0; a < l->dim; a++) part *= l->upper[a] - l->lower[a];
+  part = PetscPowReal(part / ranks, 1. / l->dim);
+  for (PetscInt i = 0; i < s->ngroups; i++) {
+    const BodyGroup *g = s->group + i;
+    const Motion    *m = &g->motion;
+    char             option[128];
+    PetscBool        asked;
+
+    PetscCall(PetscSNPrintf(option, sizeof(option), "-particle_%s_reference_speed", g->name));
+    PetscCall(OptHas(option, &asked));
+    if ((g->free & all) != all || m->has_pivot || m->has_stops || m->has_hinge || m->has_slide || g->obstacle || g->with_fluid || asked)
+      PetscCall(PetscSNPrintf(why, size, "group '%s', which is not all free, starts with the fluid, or has coefficients", g->name));
+    if (g->largest * g->radius > LARGE * part) PetscCall(PetscSNPrintf(why, size, "group '%s', whose bodies are large beside a part", g->name));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode report_known(Bodies bodies, const char why[])
+{
+  BodyState  *s;
+  PetscMPIInt size;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetState(bodies, &s));
+  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
+  if (size > 1 && s->nall) PetscCall(PetscPrintf(PETSC_COMM_WORLD, "every rank knows all bodies, because of %s\n", why));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode create_spread(SimParts *part, const MeshLocal *l, PetscBool active)
+{
+  BodyBoxes boxes = {0};
+
+  PetscFunctionBeginUser;
+  if (active) PetscCall(MeshCover(part->mesh, &boxes.n, &boxes.box, &boxes.beyond));
+  PetscCall(BodiesCreateLocal(PETSC_COMM_WORLD, l->dim, l->lower, l->upper, l->period, active ? &boxes : NULL, &part->bodies));
+  PetscCall(PetscFree(boxes.box));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Bodies are spread over the ranks where nothing in the scene needs all of them together; else every rank knows them
+   all, and the results are the same. */
 static PetscErrorCode create_bodies(SimParts *part, const MeshLocal *l, PetscBool active)
 {
+  char        why[256];
   PetscMPIInt size;
-  PetscBool   packed, counted, spread;
 
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
-  spread = (PetscBool)(!active && size > 1);
-  PetscCall(OptHas("-output_suspension", &counted));
-  PetscCall(BodiesHavePacking(&packed));
-  spread = (PetscBool)(spread && !counted && !packed);
-  if (spread) PetscCall(BodiesCreateLocal(PETSC_COMM_WORLD, l->dim, l->lower, l->upper, l->period, &part->bodies));
-  else PetscCall(BodiesCreate(l->dim, l->lower, l->upper, &part->bodies));
+  PetscCall(find_need(active, why, sizeof(why)));
+  if (size > 1 && !why[0]) {
+    PetscCall(create_spread(part, l, active));
+    if (active) PetscCall(find_group(l, part->bodies, size, why, sizeof(why)));
+    if (!why[0]) PetscFunctionReturn(PETSC_SUCCESS);
+    PetscCall(BodiesDestroy(&part->bodies));
+  }
+  PetscCall(BodiesCreate(l->dim, l->lower, l->upper, &part->bodies));
+  PetscCall(report_known(part->bodies, why));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -123,6 +217,7 @@ static PetscErrorCode create_mesh_and_bodies(SimParts *part, PetscBool active, c
   else PetscCall(MeshCreate(PETSC_COMM_WORLD, &part->mesh));
   PetscCall(MeshGetLocal(part->mesh, l));
   if (!levels) PetscCall(create_bodies(part, *l, active));
+  else PetscCall(report_known(part->bodies, "-mesh_levels"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -8,6 +8,7 @@
 #include "judge.h"
 #include "base/log.h"
 #include "base/opt.h"
+#include "bodies/local.h"
 
 struct _p_Sim {
   SimParts        part;
@@ -90,7 +91,8 @@ PetscErrorCode SimCreate(const SimParts *part, Sim *sim)
   if (part->flow && !part->steady) PetscCall(JudgeCreate(part->flow, part->bodies, part->couple, &s->judge));
   s->fields_good = -1;
   PetscCall(add_states(s));
-  if (part->flow) PetscCall(PetscCalloc2(s->s->n, &s->a, s->s->n, &s->alpha));
+  if (part->flow) PetscCall(BodiesAttach(part->bodies, sizeof(*s->a), (void **)&s->a));
+  if (part->flow) PetscCall(BodiesAttach(part->bodies, sizeof(*s->alpha), (void **)&s->alpha));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -100,7 +102,8 @@ PetscErrorCode SimDestroy(Sim *sim)
   if (!*sim) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(AdaptDestroy(&(*sim)->adapt));
   PetscCall(JudgeDestroy(&(*sim)->judge));
-  PetscCall(PetscFree2((*sim)->a, (*sim)->alpha));
+  PetscCall(BodiesDetach((*sim)->part.bodies, (void **)&(*sim)->a));
+  PetscCall(BodiesDetach((*sim)->part.bodies, (void **)&(*sim)->alpha));
   PetscCall(PetscFree(*sim));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -139,6 +142,16 @@ static PetscErrorCode estimate_acceleration(Sim s, PetscReal dt)
                                            : 0;
     }
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Bodies that are spread go to the ranks that need them in the step dt to come; a: its acceleration without contact,
+   NULL: none */
+static PetscErrorCode know_bodies(Sim s, PetscReal (*a)[3], PetscReal dt)
+{
+  PetscFunctionBeginUser;
+  PetscCall(ContactMigrate(s->part.contact, dt, a));
+  PetscCall(CoupleMeetBodies(s->part.couple));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -356,11 +369,12 @@ static PetscErrorCode solve_part(Sim s, PetscReal dt, PetscInt *its, KSPConverge
   PetscCall(begin_phase(s, MONITOR_PARTICLE));
   PetscCall(FlowBeginStep(s->part.flow, s->time + dt, dt));
   if (s->part.frame) PetscCall(FrameBegin(s->part.frame));
-  if (s->s->n) {
+  if (s->s->nall) {
     PetscCall(FlowGetParameters(s->part.flow, &par));
     PetscCall(ContactSetGravity(s->part.contact, par->gravity));
     PetscCall(estimate_acceleration(s, dt));
     PetscCall(JudgePlan(s->judge, s->a, (PetscBool)!s->has_acceleration, s->time + dt, dt, (PetscBool)(s->adapt != NULL)));
+    PetscCall(know_bodies(s, s->a, dt));
     PetscCall(ContactStep(s->part.contact, dt, s->a, s->alpha));
   }
   PetscCall(CoupleDraw(s->part.couple));
@@ -516,6 +530,7 @@ PetscErrorCode SimSetUp(Sim s)
   PetscCall(FlowGetSubsteps(s->part.flow, &n, &fraction));
   PetscCall(FlowBeginStep(s->part.flow, s->time + fraction[0] * s->dt, fraction[0] * s->dt));
   if (s->part.frame) PetscCall(FrameBegin(s->part.frame));
+  PetscCall(know_bodies(s, NULL, fraction[0] * s->dt));
   PetscCall(CoupleDraw(s->part.couple));
   PetscCall(FlowAssemble(s->part.flow));
   PetscCall(CoupleGetSolver(s->part.couple, &solver));

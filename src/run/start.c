@@ -72,6 +72,8 @@ static PetscErrorCode project(const SimParts *p)
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &speed, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
   if (speed == 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowBeginStep(p->flow, tiny * l->h / speed, tiny * l->h / speed));
+  PetscCall(ContactMigrate(p->contact, 0, NULL));
+  PetscCall(CoupleMeetBodies(p->couple));
   PetscCall(CoupleDraw(p->couple));
   PetscCall(CoupleSolve(p->couple, &its, &reason));
   PetscCheck(reason > 0, PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,

@@ -67,7 +67,7 @@ static PetscErrorCode create_soft_matrix(Constraint c, const PenaltyTerm *s, Mat
 
   PetscFunctionBeginUser;
   PetscCall(ConstraintGetSizes(c, &nodal, &total));
-  PetscCall(PetscMalloc1(s->nbodies, &column));
+  PetscCall(PetscMalloc1(c->nbodies, &column));
   PetscCall(ConstraintGetRigidColumns(c, column));
   PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, nodal, total, PETSC_DETERMINE, PETSC_DETERMINE, 2 * nr, NULL, 2 * nr, NULL,
                          G)); /* rarely more than two bodies at a node */

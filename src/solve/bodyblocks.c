@@ -7,7 +7,7 @@ struct _p_BodyBlocks {
   Flow             flow;
   Constraint       constraint;
   const MeshLocal *loc;
-  PetscInt         nbodies, nr, *ghost_of_column; /* off-diagonal columns of S -> local nodes */
+  PetscInt         nr, *ghost_of_column; /* off-diagonal columns of S -> local nodes */
 };
 
 static PetscErrorCode map_ghost_columns(BodyBlocks b)
@@ -161,7 +161,7 @@ PetscErrorCode BodyBlocksUpdate(BodyBlocks b, const PetscReal share[], const Pen
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetLumpedMass(b->flow, &m));
-  PetscCall(PetscCalloc3(2 * b->nbodies * nn, &block, 2 * c->nown * nn, &own, c->nown * nn, &own_inverse));
+  PetscCall(PetscCalloc3(2 * c->nbodies * nn, &block, 2 * c->nown * nn, &own, c->nown * nn, &own_inverse));
   PetscCall(FlowGetMatrix(b->flow, &S));
   PetscCall(map_ghost_columns(b));
   PetscCall(FlowGetMatrixParts(b->flow, part, &map));
@@ -216,9 +216,8 @@ PetscErrorCode BodyBlocksCreate(Flow flow, Constraint constraint, BodyBlocks *bl
   b->constraint = constraint;
   PetscCall(FlowGetMesh(flow, &mesh));
   PetscCall(MeshGetLocal(mesh, &b->loc));
-  b->nr      = constraint->nr;
-  b->nbodies = constraint->nbodies;
-  *blocks    = b;
+  b->nr   = constraint->nr;
+  *blocks = b;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -19,11 +19,11 @@ static PetscErrorCode take_translation(FlowSolver fs, Vec e)
   Vec            none = fs->t_u2;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscCalloc1(fs->nbodies * fs->nr, &U));
+  PetscCall(PetscCalloc1(fs->constraint->nbodies * fs->nr, &U));
   PetscCall(PetscArrayzero(fs->local, n));
   PetscCall(ConstraintRestrict(fs->constraint, fs->local, U, none));
   for (PetscInt i = 0; i < n; i++) fs->local[i] = 1;
-  for (PetscInt i = 0; i < fs->nbodies * fs->nr; i++) U[i] = i % fs->nr < dim;
+  for (PetscInt i = 0; i < fs->constraint->nbodies * fs->nr; i++) U[i] = i % fs->nr < dim;
   PetscCall(ConstraintRestrict(fs->constraint, fs->local, U, e));
   PetscCall(VecAXPY(e, -1, none)); /* nodes that follow a body: less what they are told */
   PetscCall(PetscFree(U));

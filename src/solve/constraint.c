@@ -7,6 +7,14 @@
 /* Bodies that a rank has slots for, by those of an even share: its own share by number, and twice the mean by place */
 #define SLOTS 3
 
+PetscInt ConstraintSlots(PetscInt nbodies)
+{
+  PetscMPIInt size;
+
+  (void)MPI_Comm_size(PETSC_COMM_WORLD, &size);
+  return PetscMin(nbodies, SLOTS * ((nbodies + size - 1) / size));
+}
+
 static PetscInt bit_count(PetscInt bits)
 {
   PetscInt n = 0;
@@ -158,6 +166,10 @@ static PetscErrorCode place_slots(Constraint c)
   PetscSF        sf;
 
   PetscFunctionBeginUser;
+  if (c->slot_of) {
+    for (PetscInt l = 0; l < c->nlocal; l++) c->local_slot[l] = c->slot_of[c->local_list[l]];
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   if (c->numbers->size == 1) {
     for (c->nown = 0; c->nown < share; c->nown++) c->own[c->nown] = c->nown;
     PetscCall(PetscArraycpy(c->local_slot, c->local_list, c->nlocal));
@@ -244,36 +256,84 @@ static PetscErrorCode set_known(Constraint c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ConstraintCreate(Mesh mesh, PetscInt nbodies, Constraint *constraint)
+/* nbodies: of all ranks, of which arrays have room for so many; all of them are known now, or none; count: as in
+   ConstraintCreateKnown */
+static PetscErrorCode create(Mesh mesh, PetscInt nbodies, PetscInt room, PetscInt count, PetscBool all, Constraint *constraint)
 {
-  Constraint  c;
-  PetscMPIInt size;
+  Constraint c;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&c));
   c->mesh    = mesh;
-  c->nbodies = nbodies;
+  c->nall    = nbodies;
+  c->nbodies = all ? nbodies : 0;
+  c->room    = room;
+  c->count   = count;
   PetscCall(MeshGetLocal(mesh, &c->loc));
   c->nr = c->loc->dim == 2 ? 3 : 6;
-  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
-  c->count = PetscMin(nbodies, SLOTS * ((nbodies + size - 1) / size));
+  if (!all) PetscCall(PetscMalloc1(room, &c->slot_of));
   PetscCall(PetscLayoutCreateFromSizes(PETSC_COMM_WORLD, PETSC_DECIDE, nbodies, 1, &c->numbers));
   PetscCall(PetscCalloc5(c->loc->nnode_all, &c->fixed, c->loc->nnode_all, &c->node_body, c->loc->nnode_all, &c->follow,
                          c->loc->nnode_all * c->loc->dim, &c->value, c->loc->nnode_all * c->loc->dim, &c->known));
-  PetscCall(PetscCalloc6(nbodies, &c->unknown, nbodies, &c->X, nbodies * c->nr, &c->U, nbodies, &c->local_index, nbodies, &c->local_list,
-                         nbodies * c->nr, &c->local_rigid));
-  PetscCall(PetscMalloc4(nbodies, &c->length, nbodies * c->nr, &c->packed, c->count, &c->own, nbodies, &c->local_slot));
-  for (PetscInt k = 0; k < nbodies; k++) {
+  PetscCall(
+    PetscCalloc6(room, &c->unknown, room, &c->X, room * c->nr, &c->U, room, &c->local_index, room, &c->local_list, room * c->nr, &c->local_rigid));
+  PetscCall(PetscMalloc4(room, &c->length, room * c->nr, &c->packed, c->count, &c->own, room, &c->local_slot));
+  for (PetscInt k = 0; k < room; k++) {
     c->length[k]      = 1;
     c->local_index[k] = -1;
   }
-  PetscCall(PetscCalloc1(nbodies, &c->united));
+  PetscCall(PetscCalloc1(room, &c->united));
   for (PetscInt i = 0; i < c->loc->nnode_all; i++) c->node_body[i] = c->follow[i] = -1;
   PetscCallMPI(MPI_Type_contiguous((int)c->nr, MPIU_REAL, &c->rigid_type));
   PetscCallMPI(MPI_Type_commit(&c->rigid_type));
   PetscCall(collect_rows(c));
   PetscCall(connect_rigid_slots(c));
   *constraint = c;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintCreate(Mesh mesh, PetscInt nbodies, Constraint *constraint)
+{
+  PetscFunctionBeginUser;
+  PetscCall(create(mesh, nbodies, nbodies, ConstraintSlots(nbodies), PETSC_TRUE, constraint));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintCreateKnown(Mesh mesh, PetscInt nbodies, PetscInt room, PetscInt count, Constraint *constraint)
+{
+  PetscFunctionBeginUser;
+  PetscCall(create(mesh, nbodies, room, count, PETSC_FALSE, constraint));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintGetRoom(Constraint c, PetscInt *room, PetscInt *count)
+{
+  PetscFunctionBeginUser;
+  *room  = c->room;
+  *count = c->count;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintSetKnown(Constraint c, PetscInt n, const PetscMPIInt rank[], const PetscInt which[])
+{
+  PetscMPIInt  self;
+  PetscSFNode *root;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &self));
+  for (PetscInt l = 0; l < c->nlocal; l++) c->local_index[c->local_list[l]] = -1;
+  c->nlocal = c->nown = 0;
+  c->nbodies          = n;
+  c->have_bodies      = PETSC_FALSE;
+  PetscCall(PetscMalloc1(n, &root));
+  for (PetscInt k = 0; k < n; k++) {
+    c->slot_of[k] = rank[k] * c->count + which[k];
+    root[k]       = (PetscSFNode){rank[k], which[k]};
+    if (rank[k] == self) c->own[c->nown++] = k;
+  }
+  PetscCall(PetscSFDestroy(&c->known_sf));
+  PetscCall(PetscSFCreate(PETSC_COMM_WORLD, &c->known_sf));
+  PetscCall(PetscSFSetGraph(c->known_sf, c->count, n, NULL, PETSC_OWN_POINTER, root, PETSC_OWN_POINTER));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -294,6 +354,8 @@ PetscErrorCode ConstraintDestroy(Constraint *constraint)
   PetscCall(PetscFree(c->united));
   PetscCall(PetscFree(c->body_node));
   PetscCall(PetscSFDestroy(&c->rigid_sf));
+  PetscCall(PetscSFDestroy(&c->known_sf));
+  PetscCall(PetscFree(c->slot_of));
   PetscCall(PetscLayoutDestroy(&c->numbers));
   PetscCall(SharingDestroy(&c->sharing));
   PetscCallMPI(MPI_Type_free(&c->rigid_type));

@@ -93,7 +93,7 @@ static PetscErrorCode find_deficit(FlowSolver fs, const PetscReal u[], const Pet
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, deficit, (PetscMPIInt)h->n, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   for (PetscInt i = 0; i < h->n; i++) {
     deficit[i] += h->target[i];
-    for (PetscInt j = 0; j < fs->nbodies * fs->nr; j++) deficit[i] -= h->rigid[i][j] * U[j];
+    for (PetscInt j = 0; j < fs->constraint->nbodies * fs->nr; j++) deficit[i] -= h->rigid[i][j] * U[j];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -26,7 +26,8 @@ struct _p_FlowSolver {
   Constraint       constraint;
   Mesh             mesh;
   const MeshLocal *loc;
-  PetscInt         nodal, nur, np, nbodies, nr;   /* local sizes: nodal slots, u_r, p */
+  PetscInt         nodal, nur, np, nr;            /* local sizes: nodal slots, u_r, p */
+  PetscInt         nbodies, room;                 /* of all ranks; that the arrays below have room for */
   PetscInt         schur, sweep_type;             /* what the user wants */
   PetscBool        fitted, commute, viscous_only; /* no staircase of rigid nodes; in this step */
   PetscBool        mass_only;                     /* likewise: the mass of the pressure, divided by the viscosity */
@@ -46,15 +47,15 @@ struct _p_FlowSolver {
   PetscReal          scale;            /* rho c_t (steady: mu/h^2): of B, C and the masses */
   PetscReal          balance;          /* length: of the continuity rows in the outer iteration, see the header */
   Mat                K;                /* shell [Ar G; B C] with balanced rows */
-  PetscReal         *D;                /* [nbodies][nr][nr] */
+  PetscReal         *D;                /* [room][nr][nr] */
   PetscReal         *body_inverse;     /* [own bodies][nr][nr] inverse of the body's diagonal block of Ar */
-  PetscReal         *mass_inverse;     /* [nbodies][nr][nr] of M_r / scale, of own and known bodies; zero where known */
+  PetscReal         *mass_inverse;     /* [room][nr][nr] of M_r / scale, of own and known bodies; zero where known */
   PetscReal         *diagonal_inverse; /* [nodal] of A, zero at inert slots */
   PetscReal         *weight;           /* [nnode_all][dim] of M_r / scale, inverse; times eps on body nodes, 0 at
                                           walls */
   const PenaltyTerm *soft;             /* or NULL */
   PetscReal         *share;            /* [nnode_all] see PressureUpdate */
-  PetscReal         *rigid_work;       /* [2][nbodies][nr] by local numbers of the constraint */
+  PetscReal         *rigid_work;       /* [2][room][nr] by local numbers of the constraint */
   PetscReal         *saved, *local;    /* work: values at inert slots; nodal array with ghosts */
   PetscInt           nsaved;
   Relax              sweep;

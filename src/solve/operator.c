@@ -244,7 +244,7 @@ PetscErrorCode FlowSolverApplyMassInverse(FlowSolver fs, Vec x, Vec y)
 {
   const struct _p_Constraint *c = fs->constraint;
   const PetscReal            *xr;
-  PetscReal                  *ya, *t = fs->rigid_work + fs->nbodies * fs->nr;
+  PetscReal                  *ya, *t = fs->rigid_work + fs->room * fs->nr;
 
   PetscFunctionBeginUser;
   PetscCall(VecGetArrayRead(x, &xr));

@@ -188,13 +188,13 @@ PetscErrorCode PressureCreate(Flow flow, Constraint constraint, Pressure *pressu
   PetscCall(FlowGetMesh(flow, &p->mesh));
   PetscCall(MeshGetLocal(p->mesh, &p->loc));
   p->nr      = constraint->nr;
-  p->nbodies = constraint->nbodies;
+  p->nbodies = constraint->nall;
   p->nk      = p->loc->dim + 1;
   p->eps     = 1e-6;
   PetscCall(OptReal("-flow_pressure_softness", &p->eps));
-  PetscCall(PetscCalloc2(p->loc->nnode_all * p->loc->dim, &p->weight, p->nbodies * p->nr, &p->work));
+  PetscCall(PetscCalloc2(p->loc->nnode_all * p->loc->dim, &p->weight, constraint->room * p->nr, &p->work));
   PetscCall(PetscCalloc3(p->loc->ncell, &p->stamp, p->loc->ncell, &p->touched, p->loc->ncell, &p->listed));
-  PetscCall(PetscCalloc1(p->nbodies, &p->resolved));
+  PetscCall(PetscCalloc1(constraint->room, &p->resolved));
   p->eps_shared = 1e-3;
   PetscCall(OptReal("-flow_pressure_shared", &p->eps_shared));
   PetscCall(PetscOptionsGetReal(NULL, NULL, "-flow_fieldsplit_pressure_ksp_rtol", &rtol, NULL));
@@ -282,7 +282,7 @@ PetscErrorCode PressureSetDead(Pressure p, const PetscInt cell_body[], const Pet
 {
   PetscFunctionBeginUser;
   p->cell_body = cell_body;
-  PetscCall(PetscArraycpy(p->resolved, resolved, p->nbodies));
+  PetscCall(PetscArraycpy(p->resolved, resolved, p->constraint->nbodies));
   PetscCall(find_constant(p));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -9,7 +9,7 @@ struct _p_Pressure {
   Constraint       constraint;
   const MeshLocal *loc;
   Mesh             mesh;
-  PetscInt         nk, nr, nbodies; /* pressures a cell; rigid slots a body */
+  PetscInt         nk, nr, nbodies; /* pressures a cell; rigid slots a body; bodies of all ranks */
   PetscReal        eps;
   PetscBool        sweeps;  /* matrix is BlockGS, its own smoother; or it is AIJ: another one was asked for */
   PetscBool        single;  /* products in single precision too: the tolerance is loose */

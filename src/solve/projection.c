@@ -147,6 +147,29 @@ PetscErrorCode ConstraintRestrict(Constraint c, const PetscReal u[], const Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static void take_unknown(Constraint c, const PetscReal from[], PetscReal U[])
+{
+  for (PetscInt i = 0; i < c->nbodies * c->nr; i++)
+    if ((c->unknown[i / c->nr] >> (i % c->nr)) & 1) U[i] = from[i] * ConstraintSlotUnit(c, i / c->nr, i % c->nr);
+}
+
+/* From the slots to the ranks that know their bodies */
+static PetscErrorCode gather_known(Constraint c, Vec ur, PetscReal U[])
+{
+  const PetscReal *x;
+  PetscReal       *known;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(c->nbodies * c->nr, &known));
+  PetscCall(VecGetArrayRead(ur, &x));
+  PetscCall(PetscSFBcastBegin(c->known_sf, c->rigid_type, x + c->loc->nnode * c->loc->dim, known, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(c->known_sf, c->rigid_type, x + c->loc->nnode * c->loc->dim, known, MPI_REPLACE));
+  PetscCall(VecRestoreArrayRead(ur, &x));
+  take_unknown(c, known, U);
+  PetscCall(PetscFree(known));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* From the slots to the shares by number, which are in the order of all */
 PetscErrorCode ConstraintGatherRigid(Constraint c, Vec ur, PetscReal U[])
 {
@@ -157,6 +180,10 @@ PetscErrorCode ConstraintGatherRigid(Constraint c, Vec ur, PetscReal U[])
   PetscSF          sf;
 
   PetscFunctionBeginUser;
+  if (c->slot_of) {
+    PetscCall(gather_known(c, ur, U));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
   PetscCall(PetscMalloc4(c->nbodies * c->nr, &all, own, &mine, size, &counts, size, &starts));
   for (PetscMPIInt r = 0; r < size; r++) {
@@ -171,8 +198,7 @@ PetscErrorCode ConstraintGatherRigid(Constraint c, Vec ur, PetscReal U[])
   PetscCall(VecRestoreArrayRead(ur, &x));
   PetscCall(PetscSFDestroy(&sf));
   PetscCallMPI(MPI_Allgatherv(mine, (PetscMPIInt)own, MPIU_REAL, all, counts, starts, MPIU_REAL, PETSC_COMM_WORLD));
-  for (PetscInt i = 0; i < c->nbodies * c->nr; i++)
-    if ((c->unknown[i / c->nr] >> (i % c->nr)) & 1) U[i] = all[i] * ConstraintSlotUnit(c, i / c->nr, i % c->nr);
+  take_unknown(c, all, U);
   PetscCall(PetscFree4(all, mine, counts, starts));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

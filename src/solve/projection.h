@@ -12,7 +12,8 @@
 struct _p_Constraint {
   Mesh             mesh;
   const MeshLocal *loc;
-  PetscInt         nbodies, nr, count;         /* bodies; rigid slots each; bodies that this rank has slots for */
+  PetscInt         nbodies, nall, room;        /* bodies known here, now; of all ranks; known ones that arrays hold */
+  PetscInt         nr, count;                  /* rigid slots a body; bodies that this rank has slots for */
   PetscInt         nown, *own;                 /* [nown] bodies in these slots, the rest of which are inert */
   PetscInt        *fixed, *node_body, *follow; /* [nnode_all] prescribed components; body a node lies in, follows, or
                                                   -1 */
@@ -40,6 +41,8 @@ struct _p_Constraint {
   PetscReal   *packed;                  /* [nlocal][nr] work of ConstraintDeliverRigid */
   PetscSF      rigid_sf;
   PetscLayout  numbers;    /* an even share of all bodies by their numbers, for what goes by no place */
+  PetscInt    *slot_of;    /* [nbodies] as local_slot, where not all are known; NULL: place_slots finds them */
+  PetscSF      known_sf;   /* from these slots to the known bodies */
   Sharing      sharing;    /* of the nlocal bodies, up to nr numbers each */
   MPI_Datatype rigid_type; /* the nr slots of one body */
 };
@@ -80,7 +83,8 @@ PetscErrorCode ConstraintExpand(Constraint, Vec ur, PetscReal u[]);
 /* ur = free nodal values of u (relative to the body at nodes that follow one) and, in the rigid slots, the unknown
    entries of U [nbodies][nr]; inert slots zero. Local. */
 PetscErrorCode ConstraintRestrict(Constraint, const PetscReal u[], const PetscReal U[], Vec ur);
-/* Rigid velocities of ur on every rank: unknown entries of U [nbodies][nr] are set, known ones kept. Collective. */
+/* Rigid velocities of ur on every rank that knows a body: unknown entries of U [nbodies][nr] are set, known ones kept.
+   Collective. */
 PetscErrorCode ConstraintGatherRigid(Constraint, Vec ur, PetscReal U[]);
 
 /* P as an assembled matrix, rows: own nodes x dim, columns: u_r. Inert columns are empty. Collective; caller destroys.

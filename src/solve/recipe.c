@@ -207,15 +207,13 @@ PetscErrorCode FlowSolverSetRecipe(FlowSolver fs, PetscBool moving)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Sets *has if the velocity of some body is unknown */
-static PetscErrorCode find_free_bodies(FlowSolver fs, PetscBool *has)
+/* Is the velocity of some body that this rank knows unknown? */
+static PetscBool has_free_bodies(const struct _p_Constraint *c)
 {
-  const struct _p_Constraint *c = fs->constraint;
+  PetscInt k = 0;
 
-  PetscFunctionBeginUser;
-  for (PetscInt k = 0; k < fs->nbodies; k++)
-    if (c->unknown[k]) *has = PETSC_TRUE;
-  PetscFunctionReturn(PETSC_SUCCESS);
+  while (k < c->nbodies && !c->unknown[k]) k++;
+  return (PetscBool)(k < c->nbodies);
 }
 
 /* Which thresholds of the table the step exceeds */
@@ -251,19 +249,19 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
 {
   const FlowParameters *par;
   const FlowStep       *step;
-  PetscReal            *u, speed = 0, t, viscous, convective;
-  PetscBool             moves = PETSC_FALSE, staircase, convection, factorise, above[NTHRESHOLDS];
+  PetscReal            *u, most[2] = {0, has_free_bodies(fs->constraint)}, t, viscous, convective; /* speed; any? */
+  PetscBool             moves, staircase, convection, factorise, above[NTHRESHOLDS];
 
   PetscFunctionBeginUser;
-  PetscCall(find_free_bodies(fs, &moves));
   PetscCall(FlowGetParameters(fs->flow, &par));
   PetscCall(FlowGetStep(fs->flow, &step));
   PetscCall(FlowGetFields(fs->flow, &u, NULL, NULL));
-  for (PetscInt i = 0; i < fs->nodal; i++) speed = PetscMax(speed, PetscAbsReal(u[i] - step->frame[i % fs->loc->dim]));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &speed, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  for (PetscInt i = 0; i < fs->nodal; i++) most[0] = PetscMax(most[0], PetscAbsReal(u[i] - step->frame[i % fs->loc->dim]));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 2, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  moves      = (PetscBool)(most[1] > 0);
   t          = step->ct > 0 ? step->theta / (step->ct * fs->loc->h) : PETSC_MAX_REAL;
   viscous    = par->matrix * t / (par->density * fs->loc->h);
-  convective = speed * t;
+  convective = most[0] * t;
   PetscCall(compare_numbers(fs,
                             (const PetscReal
                                []){[VISCOUS] = viscous, [VISCOUS_OF_LARGEST] = viscous * PetscSqr(fs->loc->h / fs->h_max), [CONVECTIVE] = convective},

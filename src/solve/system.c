@@ -166,7 +166,8 @@ PetscErrorCode FlowSolverCreate(Flow flow, Constraint constraint, PetscBool movi
   PetscCall(MeshGetLocal(fs->mesh, &fs->loc));
   PetscCall(ConstraintGetSizes(constraint, &fs->nodal, &fs->nur));
   fs->nr      = constraint->nr;
-  fs->nbodies = constraint->nbodies;
+  fs->nbodies = constraint->nall;
+  fs->room    = PetscMax(constraint->room, constraint->count);
   fs->np      = fs->loc->ncell * (fs->loc->dim + 1);
   PetscCall(FlowGetCellSize(flow, &h));
   for (PetscInt e = 0; e < fs->loc->ncell; e++) fs->h_max = PetscMax(fs->h_max, h[e]);
@@ -175,11 +176,11 @@ PetscErrorCode FlowSolverCreate(Flow flow, Constraint constraint, PetscBool movi
   PetscCall(FlowSolverSetRecipe(fs, moving));
   PetscCall(RelaxCreate(fs->loc->nnode, fs->loc->dim, &fs->sweep));
   PetscCall(BodyBlocksCreate(flow, constraint, &fs->blocks));
-  PetscCall(PetscCalloc3(fs->nbodies * fs->nr * fs->nr, &fs->D, constraint->count * fs->nr * fs->nr, &fs->body_inverse, fs->nbodies * fs->nr * fs->nr,
+  PetscCall(PetscCalloc3(fs->room * fs->nr * fs->nr, &fs->D, constraint->count * fs->nr * fs->nr, &fs->body_inverse, fs->room * fs->nr * fs->nr,
                          &fs->mass_inverse));
   PetscCall(
     PetscCalloc3(fs->nodal, &fs->diagonal_inverse, fs->loc->nnode_all * fs->loc->dim, &fs->weight, fs->loc->nnode_all * fs->loc->dim, &fs->local));
-  PetscCall(PetscCalloc2(fs->loc->nnode_all, &fs->share, 2 * fs->nbodies * fs->nr, &fs->rigid_work));
+  PetscCall(PetscCalloc2(fs->loc->nnode_all, &fs->share, 2 * fs->room * fs->nr, &fs->rigid_work));
   PetscCall(PressureCreate(flow, constraint, &fs->pressure));
   PetscCall(create_operators(fs));
   PetscCall(create_solvers(fs));
@@ -265,7 +266,7 @@ PetscErrorCode FlowSolverSetSoft(FlowSolver fs, const PenaltyTerm *soft)
 PetscErrorCode FlowSolverSetRigid(FlowSolver fs, const PetscReal D[])
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscArraycpy(fs->D, D, fs->nbodies * fs->nr * fs->nr));
+  PetscCall(PetscArraycpy(fs->D, D, fs->constraint->nbodies * fs->nr * fs->nr));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -323,10 +324,10 @@ static PetscErrorCode add_known_soft(FlowSolver fs, const PetscReal c[], PetscRe
 {
   const struct _p_Constraint *P  = fs->constraint;
   const PetscInt              nr = fs->nr, nn = nr * nr;
-  PetscReal                  *local = fs->rigid_work, *U_local = fs->rigid_work + fs->nbodies * nr;
+  PetscReal                  *local = fs->rigid_work, *U_local = fs->rigid_work + fs->room * nr;
 
   PetscFunctionBeginUser;
-  for (PetscInt k = 0; k < fs->nbodies; k++)
+  for (PetscInt k = 0; k < P->nbodies; k++)
     for (PetscInt s = 0; s < nr && P->local_index[k] >= 0; s++) {
       U_local[P->local_index[k] * nr + s] = P->U[k * nr + s];
       local[P->local_index[k] * nr + s]   = 0;

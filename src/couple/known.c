@@ -1,0 +1,130 @@
+/* Couple: the bodies that this rank knows, in the arrays of the coupling and in the constraint. Bodies that are spread
+   (bodies/local.h) go to their owners before every step, and k then stands for others: what a step needs of the one
+   before goes with them, all else is filled anew. */
+#include "compat.h"
+#include "impl.h"
+#include "bodies/local.h"
+
+#define ROOM 64 /* bodies, for which arrays of the solver have room at least */
+
+/* ---- arrays ---- */
+
+PetscErrorCode CoupleAttachArrays(Couple c)
+{
+  const size_t real = sizeof(PetscReal), slots = (size_t)c->nr * sizeof(PetscReal);
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesAttach(c->bodies, slots, (void **)&c->U_old));
+  PetscCall(BodiesAttach(c->bodies, slots, (void **)&c->U_older));
+  PetscCall(BodiesAttach(c->bodies, 3 * real, (void **)&c->du_old));
+  PetscCall(BodiesAttach(c->bodies, sizeof(PetscInt), (void **)&c->growth));
+  PetscCall(BodiesAttach(c->bodies, 6 * real, (void **)&c->force_old));
+  PetscCall(BodiesAttachWork(c->bodies, 3 * real, (void **)&c->X));
+  PetscCall(BodiesAttachWork(c->bodies, 4 * real, (void **)&c->q));
+  PetscCall(BodiesAttachWork(c->bodies, 3 * real, (void **)&c->P));
+  PetscCall(BodiesAttachWork(c->bodies, sizeof(PetscInt), (void **)&c->unknown));
+  PetscCall(BodiesAttachWork(c->bodies, slots, (void **)&c->U));
+  PetscCall(BodiesAttachWork(c->bodies, (size_t)c->nr * slots, (void **)&c->D));
+  PetscCall(BodiesAttachWork(c->bodies, slots, (void **)&c->g));
+  PetscCall(BodiesAttachWork(c->bodies, slots, (void **)&c->residual));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleDetachArrays(Couple c)
+{
+  void **const array[] = {(void **)&c->U_old, (void **)&c->U_older, (void **)&c->du_old,  (void **)&c->growth,  (void **)&c->force_old,
+                          (void **)&c->X,     (void **)&c->q,       (void **)&c->P,       (void **)&c->unknown, (void **)&c->U,
+                          (void **)&c->D,     (void **)&c->g,       (void **)&c->residual};
+
+  PetscFunctionBeginUser;
+  for (size_t i = 0; i < sizeof(array) / sizeof(array[0]); i++) PetscCall(BodiesDetach(c->bodies, array[i]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- the constraint ---- */
+
+static PetscErrorCode unite_obstacles(Couple c)
+{
+  PetscBool *united;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(c->s->n, &united));
+  for (PetscInt k = 0; k < c->s->n; k++) united[k] = BodiesGetGroup(c->s, k)->obstacle;
+  PetscCall(ConstraintSetUnited(c->constraint, united));
+  PetscCall(PetscFree(united));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Rotation counts by the speed it gives the surface (that of the group's shape: no number of the state). */
+static PetscErrorCode set_lengths(Couple c)
+{
+  PetscReal *length;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(c->s->n, &length));
+  for (PetscInt k = 0; k < c->s->n; k++) length[k] = BodiesGetGroup(c->s, k)->radius;
+  PetscCall(ConstraintSetLengths(c->constraint, length));
+  PetscCall(PetscFree(length));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleCreateConstraint(Couple c)
+{
+  PetscFunctionBeginUser;
+  if (BodiesComm(c->bodies) == PETSC_COMM_SELF) {
+    PetscCall(ConstraintCreate(c->mesh, c->s->n, &c->constraint));
+    PetscCall(set_lengths(c));
+    PetscCall(unite_obstacles(c));
+  } else {
+    c->slots = PetscMax(c->slots, ConstraintSlots(c->s->nall));
+    PetscCall(ConstraintCreateKnown(c->mesh, c->s->nall, c->s->n + c->s->n / 4 + ROOM, c->slots, &c->constraint));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Slots for the own bodies of the fullest rank: a function of where the bodies are, so that a restart has as many. */
+static PetscErrorCode choose_slots(Couple c, PetscInt *slots, PetscBool *short_of_room)
+{
+  PetscInt  room, count;
+  PetscReal most[2] = {0, 0}; /* own bodies; is there too little room? */
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetRoom(c->constraint, &room, &count));
+  for (PetscInt k = 0; k < c->s->n; k++) most[0] += c->s->own[k];
+  most[1] = c->s->n > room;
+  PetscCall(BodiesMax(c->bodies, 2, most));
+  *slots         = ConstraintSlots(c->s->nall);
+  *short_of_room = (PetscBool)(most[1] > 0);
+  while (*slots < most[0]) *slots *= 2;
+  if (!c->renewed) *slots = PetscMax(*slots, count);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleMeetBodies(Couple c)
+{
+  PetscInt     slots = 0, *which;
+  PetscMPIInt *rank;
+  PetscBool    small = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  if (BodiesComm(c->bodies) == PETSC_COMM_SELF) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(choose_slots(c, &slots, &small));
+  if (small || slots != c->slots) {
+    c->slots = slots;
+    PetscCall(FlowSolverDestroy(&c->solver));
+    PetscCall(ConstraintDestroy(&c->constraint));
+    PetscCall(CoupleCreateConstraint(c));
+    PetscCall(CoupleCreateSolver(c));
+    PetscCall(MovedSetSolver(c->moved, c->solver));
+  }
+  c->renewed = PETSC_FALSE;
+  PetscCall(PetscMalloc2(c->s->n, &rank, c->s->n, &which));
+  PetscCall(BodiesGetOwners(c->bodies, rank, which));
+  PetscCall(ConstraintSetKnown(c->constraint, c->s->n, rank, which));
+  PetscCall(PetscFree2(rank, which));
+  PetscCall(PetscInfo(NULL, "couple: %" PetscInt_FMT " bodies known\n", c->s->n));
+  PetscCall(set_lengths(c));
+  PetscCall(unite_obstacles(c));
+  PetscCall(IndicatorForget(c->mark));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

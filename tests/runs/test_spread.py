@@ -1,0 +1,43 @@
+"""Bodies in a flow that each rank knows where it needs them alone (bodies/local.h)."""
+import csv
+
+CROWD = """mesh: {cells: [24, 24], lower: [0, 0], upper: [1, 1], periodic: x}
+flow: {density: 1, viscosity: 0.02, gravity: [2, -10], ksp_rtol: 1e-9}
+particle:
+  groups: disc, rod
+  disc: {shape: circle, radius: 0.04, density: 1.5, place: lattice, count: 30, velocity: [2, 0], lower: [0, 0.05], upper: [1, 0.6], sizes: uniform, sizes_range: [0.7, 1.2]}
+  rod: {shape: ellipse, a: 0.06, b: 0.04, density: 1.2, place: lattice, count: 6, velocity: [2, -1], lower: [0, 0.6], upper: [1, 0.95]}
+contact: {law: none}
+sim: {dt: 0.005, steps: 12}
+checkpoint: {every: 6}
+output: {every: 0}
+"""
+ALL = "every rank knows all bodies"
+
+
+def table(folder):
+    with open(folder / "bodies.csv") as file:
+        return list(csv.DictReader(file))
+
+
+def test_a_crowd_in_a_flow_on_some_ranks(run, scene, tmp_path):
+    """Bodies that drift over the borders of parts (no contact): as on one rank, also after a restart on others."""
+    for ranks in 1, 3:
+        result = run([scene(CROWD), "-output_dir", str(ranks)], ranks)
+        assert result.status == 0 and ALL not in result.out, str(result)
+    one, three = table(tmp_path / "1"), table(tmp_path / "3")
+    assert len(one) == len(three) == 12 * 36
+    for name, size in ("x", 1), ("y", 1), ("u", 2), ("v", 2), ("angle_rad", 1), ("omega_z", 10):
+        assert max(abs(float(a[name]) - float(b[name])) for a, b in zip(one, three)) < 1e-6 * size, name
+    begin = next((tmp_path / "3").glob("**/checkpoint_6.h5"))
+    for ranks in 3, 2, 1:
+        again = run([scene(CROWD), "-output_dir", f"again-{ranks}", "-sim_restart", str(begin), "-checkpoint_every", "0"], ranks)
+        assert again.status == 0, str(again)
+        for a, b in zip(table(tmp_path / f"again-{ranks}")[-36:], three[-36:]):
+            assert all(abs(float(a[name]) - float(b[name])) < 1e-6 for name in ("x", "y", "u", "v")), ranks
+
+
+def test_what_needs_all_bodies_says_so(run, scene):
+    for more, why in (["-couple_type", "explicit"], "-couple_type"), (["-particle_disc_radius", "0.2", "-particle_disc_count", "1"], "large"):
+        result = run([scene(CROWD), "-scene_dry_run", *more], 2)
+        assert result.status == 0 and any(ALL in line and why in line for line in result.out.splitlines()), str(result)
