@@ -234,6 +234,9 @@ PetscErrorCode FlowSetStrain(Flow, const PetscReal v[]);
 /* A yield stress is regularised with a viscosity at rest of at most `rigid` times that of the sheared fluid;
    *less: that is less than -flow_rheology_rigid, so that more is to follow. Other fluids: FALSE. Local. */
 PetscErrorCode FlowSoftenYield(Flow, PetscReal rigid, PetscBool *less);
+/* Is the viscosity at rest by -flow_rheology, with a yield stress by FlowSoftenYield, above that of the parameters?
+   Local. */
+PetscBool FlowIsStifferAtRest(Flow);
 /* The mean of the viscosity over each local cell [ncell_all] and around each local node [nnode_all]; NULL where it does
    not vary. May be NULL. Borrowed. Collective. */
 PetscErrorCode FlowGetViscosity(Flow, const PetscReal *cell[], const PetscReal *node[]);

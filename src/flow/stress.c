@@ -117,6 +117,14 @@ PetscErrorCode FlowSoftenYield(Flow f, PetscReal rigid, PetscBool *less)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscBool FlowIsStifferAtRest(Flow f)
+{
+  PetscReal mu = 0;
+
+  if (f->rheology) RheologyEvaluate(f->rheology, 0, &mu, NULL);
+  return (PetscBool)(mu > f->par.viscosity);
+}
+
 PetscErrorCode FlowGetViscosity(Flow f, const PetscReal *cell[], const PetscReal *node[])
 {
   PetscFunctionBeginUser;

@@ -23,6 +23,8 @@ struct _p_Steady {
   PetscInt         its, linear, last_linear; /* iterations so far: nonlinear, linear; linear of the last solve */
   PetscBool        fresh;                    /* the solver is set up for the first Picard iteration */
   PetscReal        first, last_norm;         /* size of the residual at the start, and at the last linear solve */
+  PetscInt         shown;                    /* iterations at the last printed residual */
+  PetscReal       *at_rest;                  /* [nnode_all][dim] zeros, of which the viscosity is to be; or NULL */
   char             rtol[16];
 };
 
@@ -48,7 +50,7 @@ static PetscErrorCode linearize_at(Steady s, Vec x)
   PetscCall(CoupleGetSystem(s->couple, &u, &p, &U, NULL, NULL));
   PetscCall(FlowSolverUnpack(s->solver, x, u, p, U));
   PetscCall(FlowSetConvection(s->flow, u));
-  PetscCall(FlowSetStrain(s->flow, u));
+  PetscCall(FlowSetStrain(s->flow, s->at_rest ? s->at_rest : u));
   PetscCall(CoupleAssemble(s->couple));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -181,6 +183,7 @@ static PetscErrorCode print_residual(Steady s, const char method[], PetscReal no
                         (double)(s->first > 0 ? norm / s->first : 0)));
   if (s->its) PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  %-11s %3" PetscInt_FMT " linear iterations", method, s->last_linear));
   PetscCall(PetscPrintf(PETSC_COMM_WORLD, "\n"));
+  s->shown = s->its;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -190,8 +193,9 @@ static PetscErrorCode monitor(SNES snes, PetscInt it, PetscReal norm, void *ctx)
 
   PetscFunctionBeginUser;
   (void)snes;
+  (void)it;
   FlowHoldCovered(s->flow, HOLD);
-  if (it > 0 || s->its == 0) PetscCall(print_residual(s, use_newton(s, s->its - 1) ? "newton" : "picard", norm));
+  if (s->its != s->shown) PetscCall(print_residual(s, use_newton(s, s->its - 1) ? "newton" : "picard", norm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -320,6 +324,29 @@ static PetscErrorCode march(Steady s, PetscBool *ok)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* From rest the first correction of a fluid that is stiffer at rest is that of a fluid of one viscosity: its own would
+   be that of a thin layer beside what moves, and of nothing else (runs/studies/rheology) */
+static PetscErrorCode start_newtonian(Steady s)
+{
+  PetscReal          norm;
+  KSPConvergedReason reason;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecNorm(s->x, NORM_2, &norm));
+  if (norm > 0 || !FlowIsStifferAtRest(s->flow)) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(FlowBeginSteady(s->flow, 0));
+  PetscCall(evaluate_residual(s->snes, s->x, s->f, s)); /* the law's own, of which the solution is to leave a share */
+  PetscCall(VecNorm(s->f, NORM_2, &norm));
+  PetscCall(print_residual(s, "", norm));
+  PetscCall(PetscCalloc1(s->loc->nnode_all * s->loc->dim, &s->at_rest));
+  PetscCall(evaluate_residual(s->snes, s->x, s->f, s));
+  PetscCall(set_up_solver(s, s->x, PETSC_FALSE));
+  PetscCall(solve_linear(s, s->f, s->y, &reason));
+  PetscCall(PetscFree(s->at_rest));
+  if (reason > 0) PetscCall(VecAXPY(s->x, -1, s->y));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode SteadySolve(Steady s, PetscInt *its, PetscInt *linear)
 {
   PetscReal *u, *p, *U, *u_field, *p_field;
@@ -327,10 +354,12 @@ PetscErrorCode SteadySolve(Steady s, PetscInt *its, PetscInt *linear)
 
   PetscFunctionBeginUser;
   s->its = s->linear = 0;
+  s->shown           = -1;
   s->first = s->last_norm = 0;
   PetscCall(CoupleGetSystem(s->couple, &u, &p, &U, NULL, NULL));
   PetscCall(FlowGetFields(s->flow, &u_field, NULL, &p_field));
   PetscCall(FlowSolverPack(s->solver, u_field, p_field, U, s->x));
+  PetscCall(start_newtonian(s));
   PetscCall(solve_in_stages(s, &ok));
   if (!ok) PetscCall(march(s, &ok));
   if (!ok) PetscCall(stop_unconverged(s->snes, s->its, s->pseudo_steps));

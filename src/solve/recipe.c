@@ -159,23 +159,24 @@ static PetscErrorCode set_inner(FlowSolver fs, PetscInt recipe)
   const PetscBool       loose = (PetscBool)(recipe == 0 || (fs->stages && fs->error_start > 0));
   const FlowParameters *par;
   char                  type[64] = "";
-  PetscBool             gmres, cg, symmetric;
+  PetscBool             gmres, cg;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetParameters(fs->flow, &par));
-  symmetric = (PetscBool)(par->varying && !par->convection);
-  /* gcr: half the sweeps of bcgs; gmres: half the vectors of gcr, for one application of the diagonal more; cg: where
-     viscosities differ the others lose by every restart what they need (runs/studies/rheology) */
-  PetscCall(OptDefault(VELOCITY "ksp_type", symmetric ? "cg" : FlowIsMatrixFree(fs->flow) ? "gmres" : "gcr"));
+  /* gcr: half the sweeps of bcgs; gmres: half the vectors of gcr, for one application of the diagonal more. Where
+     viscosities differ every restart loses what is needed (runs/studies/rheology). */
+  if (par->varying && !par->convection) PetscCall(OptDefault(VELOCITY "ksp_type", "cg"));
+  else PetscCall(OptDefault(VELOCITY "ksp_type", par->varying || FlowIsMatrixFree(fs->flow) ? "gmres" : "gcr"));
   PetscCall(PetscOptionsGetString(NULL, NULL, VELOCITY "ksp_type", type, sizeof(type), NULL));
   PetscCall(PetscStrcmp(type, "gmres", &gmres));
   PetscCall(PetscStrcmp(type, "cg", &cg));
   /* the norm that the tolerance speaks of */
   if (gmres) PetscCall(OptDefault(VELOCITY "ksp_pc_side", "right"));
-  if (cg && symmetric) PetscCall(OptDefault(VELOCITY "ksp_norm_type", "unpreconditioned"));
+  if (cg && par->varying) PetscCall(OptDefault(VELOCITY "ksp_norm_type", "unpreconditioned"));
   PetscCall(OptDefault(VELOCITY "ksp_gcr_restart", "10"));
+  if (par->varying) PetscCall(OptDefault(VELOCITY "ksp_gmres_restart", "100"));
   PetscCall(OptDefault(VELOCITY "ksp_rtol", PetscStringize(LOOSE_VELOCITY)));
-  PetscCall(OptDefault(VELOCITY "ksp_max_it", symmetric ? "1000" : "200"));
+  PetscCall(OptDefault(VELOCITY "ksp_max_it", par->varying ? "1000" : "200"));
   PetscCall(OptDefault(VELOCITY "pc_type", "sor"));
   PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_type", "cg"));
   PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_rtol", loose ? "1e-1" : fs->stages ? "3e-2" : "1e-2"));
@@ -283,7 +284,7 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
   convection       = (PetscBool)(above[COMMUTATOR_CONVECTION] || (above[COMMUTATOR_UNRESOLVED] && convective > 50 * viscous));
   fs->two_stage    = (PetscBool)(fs->stages && !convection);
   fs->viscous_only = (PetscBool)(fs->nbodies == 0 && above[MASS_ALONE] && convective * convective < 10 * viscous);
-  staircase        = (PetscBool)(fs->nbodies > 0 && !fs->fitted && !FlowSolverIsSoft(fs));
+  staircase        = (PetscBool)(fs->nbodies > 0 && !fs->fitted);
   fs->commute      = (PetscBool)(convection || (!fs->two_stage && staircase && above[moves ? COMMUTATOR_FREE : COMMUTATOR_KNOWN]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

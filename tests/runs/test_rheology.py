@@ -92,9 +92,13 @@ def test_steady_iterations(run, rung):
 
 @pytest.mark.parametrize(
     "scene, ranks, options, total",
-    [("rheology-channel", 1, ["-mesh_cells", "4,64"], 50), ("rheology-bingham", 2, ["-flow_rheology_rigid", "10000"], 125)],
+    [
+        ("rheology-channel", 1, ["-mesh_cells", "4,64"], 50),
+        ("rheology-bingham", 2, ["-flow_rheology_rigid", "10000"], 125),
+        ("rheology-couette", 1, ["-mesh_cells", "30,30"], 50),
+    ],
 )
-def test_channel_iterations(run, scene, ranks, options, total):
+def test_iterations_of_laws(run, scene, ranks, options, total):
     """Linear iterations where viscosities of the law differ by ten thousand and more: what the velocity solve is for."""
     result = run([RUNS / f"{scene}.yaml", "-output_dir", "out", "-flow_recipe", "balanced", *options], ranks=ranks)
     counts = [int(n) for n in re.findall(r"(\d+) linear iterations", result.text)]
