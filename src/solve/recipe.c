@@ -284,7 +284,7 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
   convection       = (PetscBool)(above[COMMUTATOR_CONVECTION] || (above[COMMUTATOR_UNRESOLVED] && convective > 50 * viscous));
   fs->two_stage    = (PetscBool)(fs->stages && !convection);
   fs->viscous_only = (PetscBool)(fs->nbodies == 0 && above[MASS_ALONE] && convective * convective < 10 * viscous);
-  staircase        = (PetscBool)(fs->nbodies > 0 && !fs->fitted);
+  staircase        = (PetscBool)(fs->nbodies > 0 && !fs->fitted && !FlowSolverIsSoft(fs));
   fs->commute      = (PetscBool)(convection || (!fs->two_stage && staircase && above[moves ? COMMUTATOR_FREE : COMMUTATOR_KNOWN]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
