@@ -6,10 +6,10 @@
    node with an own cell); own nodes first, then ghost nodes. Local indices everywhere; global = node_start + local for
    own nodes.
 
-   PETSc's -dm_refine and -petscpartitioner_type act on it; without them boxes of 200,000 cells or more on many ranks,
-   and of 10,000 in space on one, are made without a DMPlex, by each rank its own cells. With -mesh_levels cells are
-   refined where it is wanted: a cell beside a larger one then has nodes of the larger one in its slots, and values at
-   its lattice places come from them by an interpolation of the element (mesh/hang.h). */
+   PETSc's -dm_refine and -petscpartitioner_type act on it; without them boxes of 200,000 cells or more are made
+   distributed on many ranks, without a DMPlex. With -mesh_levels cells are refined where it is wanted: a
+   cell beside a larger one then has nodes of the larger one in its slots, and values at its lattice places come from
+   them by an interpolation of the element (mesh/hang.h). */
 #pragma once
 #include "base/domain.h"
 #include "mesh/hang.h"

@@ -7,7 +7,7 @@
 
 struct _p_Mesh {
   MPI_Comm     comm;
-  DM           dm; /* NULL where the mesh is refined */
+  DM           dm; /* while the mesh is built of one, else NULL */
   MeshKind     kind;
   MeshLocal    loc;
   PetscInt    *cell_node, *cell_global, *node_global, *node_cell_ptr, *node_cell, *centre_cell;

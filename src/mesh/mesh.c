@@ -10,11 +10,7 @@
 #include "partition.h"
 #include "refined.h"
 
-/* Cells from which on a box is made without a DMPlex: on many ranks, where rank 0 would make it whole, but METIS cuts
-   smaller ones better; on one in space, where it would be a third of the set-up (runs/bench). In the plane it is less,
-   and the other order of the cells costs the factorisation of the velocity some iterations among many bodies. */
-#define LARGE_BOX    2e5
-#define LARGE_ON_ONE 1e4
+#define LARGE_BOX 2e5 /* cells; on many ranks such a box is made distributed, smaller ones are cut better by METIS */
 
 /* ---- the DMPlex ---- */
 
@@ -148,24 +144,23 @@ static PetscErrorCode build_plain(Mesh m)
   PetscCall(collect_boundary_nodes(m, number));
   PetscCall(PetscFree2(order, number));
   PetscCall(PetscFree(ghost));
+  PetscCall(DMDestroy(&m->dm)); /* all that is needed of it stands in the mesh now */
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* To be made without a DMPlex? Not if options ask for what one can do. */
+/* To be made without rank 0? Not if options ask for what a DMPlex can do. */
 static PetscErrorCode is_large_box(Mesh m, PetscBool *large)
 {
   const char *const other[] = {"-petscpartitioner_type", "-dm_refine"};
   PetscMPIInt       size;
-  PetscInt          dim;
-  PetscReal         n, lower[3], upper[3], period[3];
+  PetscReal         n;
   PetscBool         given = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_size(m->comm, &size));
   PetscCall(MeshKindGetBoxCells(m->kind, &n));
-  PetscCall(MeshKindGetBox(m->kind, &dim, lower, upper, period));
   for (size_t i = 0; i < 2 && !given; i++) PetscCall(PetscOptionsHasName(NULL, NULL, other[i], &given));
-  *large = (PetscBool)(n >= (size == 1 && dim == 3 ? LARGE_ON_ONE : LARGE_BOX) && (size > 1 || dim == 3) && !given);
+  *large = (PetscBool)(size > 1 && n >= LARGE_BOX && !given);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
