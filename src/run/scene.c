@@ -149,12 +149,10 @@ static PetscErrorCode find_group(const MeshLocal *l, Bodies bodies, PetscMPIInt 
   for (PetscInt i = 0; i < s->ngroups; i++) {
     const BodyGroup *g = s->group + i;
     const Motion    *m = &g->motion;
-    char             option[128];
-    PetscBool        asked;
+    char             name[OPT_NAME], speed[64];
 
-    PetscCall(PetscSNPrintf(option, sizeof(option), "-particle_%s_reference_speed", g->name));
-    PetscCall(OptHas(option, &asked));
-    if ((g->free & all) != all || m->has_pivot || m->has_stops || m->has_hinge || m->has_slide || g->obstacle || g->with_fluid || asked)
+    PetscCall(OptPeek(OptJoin("-particle_", g->name, "_reference_speed", name), speed, sizeof(speed)));
+    if ((g->free & all) != all || m->has_pivot || m->has_stops || m->has_hinge || m->has_slide || g->obstacle || g->with_fluid || speed[0])
       PetscCall(PetscSNPrintf(why, size, "group '%s', which is not all free, starts with the fluid, or has coefficients", g->name));
     if (g->largest * g->radius > LARGE * part) PetscCall(PetscSNPrintf(why, size, "group '%s', whose bodies are large beside a part", g->name));
   }
