@@ -5,11 +5,11 @@
                                                                 C = 0 but in cells between two surfaces
 
    FGMRES around a preconditioner in three steps: the fields as PCFIELDSPLIT splits them (Schur, lower: velocity solve,
-   then pressure solve with the projected operator), then the projection u_r += M_r^{-1} P^T B^T p, or, when viscosity or convection dominates,
-   the least-squares commutator in place of the projection. M_r is the projected lumped mass. Without bodies, and where
-   viscosity dominates convection too, p += mu theta Mp^{-1} takes its place (Cahouet & Chabard 1988). The pressure
-   operator is S_p = B_r M_r^{-1} B_r^T + eps B_c M_c^{-1} B_c^T (Turek 1999, ch. 2; Elman, Silvester, Wathen 2014, ch.
-   9; the softness eps keeps cut cells well conditioned and is in the preconditioner only).
+   then pressure solve with the projected operator), then the projection u_r += M_r^{-1} P^T B^T p, or, when viscosity
+   or convection dominates, the least-squares commutator in place of the projection. M_r is the projected lumped mass.
+   Without bodies, and where viscosity dominates convection too, p += mu theta Mp^{-1} takes its place (Cahouet &
+   Chabard 1988). The pressure operator is S_p = B_r M_r^{-1} B_r^T + eps B_c M_c^{-1} B_c^T (Turek 1999, ch. 2; Elman,
+   Silvester, Wathen 2014, ch. 9; the softness eps keeps cut cells well conditioned and is in the preconditioner only).
 
    The outer iteration measures one norm over rows of one unit, force, so that it takes the same iterations whatever the
    units of a scene (tests/runs/test_units.py): continuity rows are multiplied by rho c_t, which makes them a pressure
@@ -29,8 +29,9 @@
    lacks.
 
    Everything is reachable with PETSc options under prefix -flow_ (outer), -flow_fieldsplit_velocity_,
-   -flow_fieldsplit_pressure_, names of that split. Products with the projected operators are matrix-free; matrices are assembled only when a
-   chosen preconditioner needs them (hypre, gamg, lu, ... of the velocity; any -flow_pc_type other than the default).
+   -flow_fieldsplit_pressure_, names of that split. Products with the projected operators are matrix-free; matrices are
+   assembled only when a chosen preconditioner needs them (hypre, gamg, lu, ... of the velocity; any -flow_pc_type other
+   than the default).
    Options: -flow_recipe fast|balanced|accurate|direct, -flow_schur auto|projection|commutator|two_stage,
    -flow_velocity_sweep auto|sor|ilu (relax.h), -flow_rtol_start, -flow_rtol_most, -flow_error_start,
    -flow_iterations_least, -flow_pressure_softness eps.
