@@ -97,7 +97,6 @@ static PetscErrorCode look_at_pairs(Contact c, PetscInt close[], PetscInt *nclos
     if (gap < MARGIN * r) close[(*nclose)++] = p;
     *worst = PetscMax(*worst, -gap / r);
   }
-  PetscCall(BodiesMax(c->bodies, 1, worst));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -112,8 +111,6 @@ static PetscErrorCode sweep_pairs(Contact c, const PetscInt close[], PetscInt nc
       PetscCall(push_apart(c, &c->pair[close[p]], &overlap));
       worst = PetscMax(worst, overlap);
     }
-    PetscCall(BodiesUpdateGhosts(c->bodies, 3, c->x));
-    PetscCall(BodiesMax(c->bodies, 1, &worst));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

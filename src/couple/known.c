@@ -43,28 +43,22 @@ PetscErrorCode CoupleDetachArrays(Couple c)
 
 /* ---- the constraint ---- */
 
-static PetscErrorCode unite_obstacles(Couple c)
+/* What the constraint is to know of each body: whether it unites with others, and a length, since rotation counts by
+   the speed it gives the surface (that of the group's shape: no number of the state). */
+static PetscErrorCode describe_bodies(Couple c)
 {
   PetscBool *united;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(c->s->n, &united));
-  for (PetscInt k = 0; k < c->s->n; k++) united[k] = BodiesGetGroup(c->s, k)->obstacle;
-  PetscCall(ConstraintSetUnited(c->constraint, united));
-  PetscCall(PetscFree(united));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Rotation counts by the speed it gives the surface (that of the group's shape: no number of the state). */
-static PetscErrorCode set_lengths(Couple c)
-{
   PetscReal *length;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(c->s->n, &length));
-  for (PetscInt k = 0; k < c->s->n; k++) length[k] = BodiesGetGroup(c->s, k)->radius;
+  PetscCall(PetscMalloc2(c->s->n, &united, c->s->n, &length));
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    united[k] = BodiesGetGroup(c->s, k)->obstacle;
+    length[k] = BodiesGetGroup(c->s, k)->radius;
+  }
+  PetscCall(ConstraintSetUnited(c->constraint, united));
   PetscCall(ConstraintSetLengths(c->constraint, length));
-  PetscCall(PetscFree(length));
+  PetscCall(PetscFree2(united, length));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -73,8 +67,7 @@ PetscErrorCode CoupleCreateConstraint(Couple c)
   PetscFunctionBeginUser;
   if (BodiesComm(c->bodies) == PETSC_COMM_SELF) {
     PetscCall(ConstraintCreate(c->mesh, c->s->n, &c->constraint));
-    PetscCall(set_lengths(c));
-    PetscCall(unite_obstacles(c));
+    PetscCall(describe_bodies(c));
   } else {
     c->slots = PetscMax(c->slots, ConstraintSlots(c->s->nall));
     PetscCall(ConstraintCreateKnown(c->mesh, c->s->nall, c->s->n + c->s->n / 4 + ROOM, c->slots, &c->constraint));
@@ -123,8 +116,7 @@ PetscErrorCode CoupleMeetBodies(Couple c)
   PetscCall(ConstraintSetKnown(c->constraint, c->s->n, rank, which));
   PetscCall(PetscFree2(rank, which));
   PetscCall(PetscInfo(NULL, "couple: %" PetscInt_FMT " bodies known\n", c->s->n));
-  PetscCall(set_lengths(c));
-  PetscCall(unite_obstacles(c));
+  PetscCall(describe_bodies(c));
   PetscCall(IndicatorForget(c->mark));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -59,7 +59,7 @@ static PetscErrorCode give_space(KSP ksp, PetscInt space)
 PetscErrorCode FlowSolverIterate(FlowSolver fs, Vec b, Vec x)
 {
   KSPConvergedReason reason;
-  PetscInt           error, space;
+  PetscInt           error, space, more;
   Mat                factor;
 
   PetscFunctionBeginUser;
@@ -75,10 +75,11 @@ PetscErrorCode FlowSolverIterate(FlowSolver fs, Vec b, Vec x)
                "MUMPS ran out of work space (INFOG(1) = %" PetscInt_FMT ") with -flow_mat_mumps_icntl_14 %" PetscInt_FMT
                ": raise it, or use -flow_recipe balanced",
                error, space);
-    PetscCall(give_space(fs->ksp, PetscMax(100, 2 * space)));
+    more = PetscMax(100, 2 * space);
+    PetscCall(give_space(fs->ksp, more));
     PetscCall(LogRemark("MUMPS ran out of work space (INFOG(1) = %" PetscInt_FMT ") with -flow_mat_mumps_icntl_14 %" PetscInt_FMT
                         ": goes on with %" PetscInt_FMT,
-                        error, space, PetscMax(100, 2 * space)));
+                        error, space, more));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
