@@ -39,11 +39,10 @@ typedef struct {
 } Motion;
 
 /* A group whose places ContactPack finds: in lower .. upper, at least `margin` apart from all others and from the faces
-   of the box; bodies with random orientations may turn on the way. state: of random numbers. */
+   of the box; bodies with random orientations may turn on the way. */
 typedef struct {
-  PetscBool  wanted, turns;
-  PetscReal  lower[3], upper[3], margin;
-  PetscInt64 state;
+  PetscBool wanted, turns;
+  PetscReal lower[3], upper[3], margin;
 } Packing;
 
 typedef enum {

@@ -29,8 +29,6 @@ typedef struct {
    BodiesCreate. */
 PetscErrorCode BodiesCreateLocal(MPI_Comm comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
                                  const PetscReal period[3], const BodyBoxes *boxes, Bodies *);
-/* Does the scene have groups that ContactPack places? It needs all bodies on every rank. */
-PetscErrorCode BodiesHavePacking(PetscBool *packed);
 /* The ranks among which bodies are spread; PETSC_COMM_SELF where all know all. */
 MPI_Comm BodiesComm(Bodies);
 

@@ -25,7 +25,8 @@ typedef struct {
 
 /* Find places for the bodies of the groups that are packed (bodies.h: Packing): no overlaps with any body, gaps of at
    least their margins, inside of their boxes or across the faces of axes with a period (else 0) that their box spans.
-   All others stay. To be called right after BodiesCreate. Every rank does the same work. Error: they do not fit. */
+   All others stay. To be called right after BodiesCreate or BodiesCreateLocal: the same places on any number of ranks.
+   Collective. Error: they do not fit. */
 PetscErrorCode ContactPack(Bodies, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3],
                            ContactPacking *);
 

@@ -20,7 +20,6 @@ PetscErrorCode BodyReserve(Bodies b, PetscInt n)
     BodyColumn *c = b->column + i;
 
     PetscCall(PetscRealloc((size_t)n * c->bytes, c->array));
-    PetscCall(PetscMemzero((char *)*c->array + (size_t)b->room * c->bytes, (size_t)(n - b->room) * c->bytes));
   }
   b->room = n;
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -265,42 +265,40 @@ static PetscErrorCode start_table(BodyGroup *g, PetscInt dim, Start *s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Sizes of the bodies of a group that is to fill a share of its box, drawn until one more would bring the volume
-   further away from what is wanted */
-static PetscErrorCode draw_fraction(BodyGroup *g, PetscInt dim, Start *s)
+/* How many bodies there are, and the size of the largest, from draws of which nothing is kept. A group that is to fill
+   a share of its box gets bodies until one more would bring the volume further away from what is wanted. */
+static PetscErrorCode draw_sizes(BodyGroup *g, PetscInt dim, Start *s)
 {
-  PetscReal box = 1, sum = 0;
-  PetscInt  room = 0;
+  const Spread before = s->spread;
+  PetscReal    box = 1, sum = 0;
 
   PetscFunctionBeginUser;
   for (PetscInt a = 0; a < dim; a++) box *= s->upper[a] - s->lower[a];
-  for (g->count = 0;; g->count++) {
+  for (g->count = 0; s->has_fraction || g->count < s->count; g->count++) {
     Placement p = s->base;
     PetscReal volume;
 
     PetscCall(SpreadNext(g->name, dim, &s->spread, &p));
     volume = g->mass.volume * PetscPowRealInt(p.scale, dim);
-    if (sum + 0.5 * volume > s->fraction * box) break;
-    PetscCheck(g->count < MOST, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+    if (s->has_fraction && sum + 0.5 * volume > s->fraction * box) break;
+    PetscCheck(!s->has_fraction || g->count < MOST, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
                "-particle_%s_fraction %g needs more than %d bodies of volume %g: raise their size or make the box smaller", g->name,
                (double)s->fraction, MOST, (double)g->mass.volume);
-    PetscCall(RoomFor(g->count + 1, &room, &s->body, sizeof(*s->body), NULL));
-    s->body[g->count] = p;
+    g->largest = g->count ? PetscMax(g->largest, p.scale) : p.scale;
     sum += volume;
   }
-  PetscCheck(g->count, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+  PetscCheck(g->count || !s->has_fraction, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-particle_%s_fraction %g is less than half a body: a body has %g of the box. Raise it, or make the bodies smaller", g->name,
              (double)s->fraction, (double)(g->mass.volume / box));
+  s->spread = before;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ContactPack finds the places; until then bodies are anywhere in their box */
-static PetscErrorCode start_pack(BodyGroup *g, PetscInt dim, Start *s)
+static PetscErrorCode begin_pack(BodyGroup *g, PetscInt dim, const Start *s)
 {
-  PetscInt64 state = PlaceStream(s->seed, 4);
-
   PetscFunctionBeginUser;
-  g->pack = (Packing){.wanted = PETSC_TRUE, .turns = s->spread.turned, .margin = s->margin, .state = PlaceStream(s->seed, 5)};
+  g->pack = (Packing){.wanted = PETSC_TRUE, .turns = s->spread.turned, .margin = s->margin};
   PetscCheck(g->free, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-particle_%s_place pack moves the bodies to their places, and -particle_%s_free none holds them: use place random", g->name, g->name);
   for (PetscInt a = 0; a < dim; a++) {
@@ -310,32 +308,28 @@ static PetscErrorCode start_pack(BodyGroup *g, PetscInt dim, Start *s)
     g->pack.lower[a] = s->lower[a];
     g->pack.upper[a] = s->upper[a];
   }
-  for (PetscInt i = 0; i < g->count; i++)
-    for (PetscInt a = 0; a < dim; a++) s->body[i].x[a] = s->lower[a] + (s->upper[a] - s->lower[a]) * PlaceUniform(&state);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Bodies on a lattice, of which those that this rank owns stay; sizes and densities are drawn for all */
-static PetscErrorCode start_lattice(BodyGroup *g, PetscInt dim, const BodyParts *parts, Start *s)
+/* Bodies on a lattice, or to be packed, of which those that this rank owns stay; sizes and densities are drawn for all
+   of them */
+static PetscErrorCode start_stream(BodyGroup *g, PetscInt dim, const BodyParts *parts, Start *s)
 {
-  const Spread before = s->spread;
-  PetscInt     n[3], room = 0;
+  const PetscBool lattice = (PetscBool)(s->place == PLACE_LATTICE);
+  PetscInt64      state   = PlaceStream(s->seed, 4);
+  PetscInt        n[3], room = 0;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < g->count; i++) {
-    Placement p = s->base;
-
-    PetscCall(SpreadNext(g->name, dim, &s->spread, &p));
-    g->largest = i ? PetscMax(g->largest, p.scale) : p.scale;
-  }
-  PetscCall(PlaceLattice(g->name, dim, s->lower, s->upper, g->largest * g->radius, s->margin, g->count, n));
+  PetscCall(draw_sizes(g, dim, s));
+  if (lattice) PetscCall(PlaceLattice(g->name, dim, s->lower, s->upper, g->largest * g->radius, s->margin, g->count, n));
+  else PetscCall(begin_pack(g, dim, s));
   if (!s->streams) PetscCall(PetscMalloc1(g->count + 1, &s->body));
-  s->spread = before;
   for (PetscInt i = 0; i < g->count; i++) {
     Placement p = s->base;
 
     PetscCall(SpreadNext(g->name, dim, &s->spread, &p));
-    PlaceOnLattice(dim, s->lower, s->upper, n, g->count, i, p.x);
+    if (lattice) PlaceOnLattice(dim, s->lower, s->upper, n, g->count, i, p.x);
+    for (PetscInt a = 0; a < dim && !lattice; a++) p.x[a] = s->lower[a] + (s->upper[a] - s->lower[a]) * PlaceUniform(&state);
     if (s->streams && !BodyPartsHold(parts, p.x)) continue;
     if (s->streams) {
       PetscCall(RoomFor(s->n + 1, &room, &s->body, sizeof(*s->body), &s->number, sizeof(*s->number), NULL));
@@ -353,12 +347,11 @@ static PetscErrorCode start_group(BodyGroup *g, PetscInt dim, const BodyParts *p
   s->base.scale   = 1;
   s->base.density = g->density;
   g->count        = s->place == PLACE_SINGLE ? 1 : s->count;
-  if (s->place == PLACE_LATTICE) {
-    PetscCall(start_lattice(g, dim, parts, s));
+  if (s->place == PLACE_LATTICE || s->place == PLACE_PACK) {
+    PetscCall(start_stream(g, dim, parts, s));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   if (s->place == PLACE_TABLE) PetscCall(start_table(g, dim, s));
-  else if (s->has_fraction) PetscCall(draw_fraction(g, dim, s));
   else {
     PetscCall(PetscMalloc1(g->count + 1, &s->body));
     for (PetscInt i = 0; i < g->count; i++) {
@@ -368,7 +361,6 @@ static PetscErrorCode start_group(BodyGroup *g, PetscInt dim, const BodyParts *p
   }
   for (PetscInt i = 0; i < g->count; i++) g->largest = i ? PetscMax(g->largest, s->body[i].scale) : s->body[i].scale;
   s->n = g->count;
-  if (s->place == PLACE_PACK) PetscCall(start_pack(g, dim, s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -450,22 +442,6 @@ static PetscErrorCode start_random(BodyArrays *s, Start start[])
     }
   PetscCall(PetscFree(x));
   PetscCall(PetscFree(radius));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode BodiesHavePacking(PetscBool *packed)
-{
-  char     name[OPT_NAME], place[16], *list[BODIES_MAX_GROUPS + 1];
-  PetscInt n;
-
-  PetscFunctionBeginUser;
-  *packed = PETSC_FALSE;
-  PetscCall(read_names(&n, list));
-  for (PetscInt g = 0; g < n; g++) {
-    PetscCall(OptPeek(OptJoin("-particle_", list[g], "_place", name), place, sizeof(place)));
-    if (!strcasecmp(place, "pack")) *packed = PETSC_TRUE;
-    PetscCall(PetscFree(list[g]));
-  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -47,7 +47,7 @@ struct _p_Bodies {
   PetscInt    *home;
 };
 
-/* Columns of the state, made with room for `room` bodies; zeros. Reserve: for n of them. */
+/* Columns of the state, made with room for `room` bodies; zeros. Reserve: room for n, which is not filled. */
 PetscErrorCode BodyAddColumn(Bodies, size_t bytes, PetscBool stays, void **array);
 PetscErrorCode BodyReserve(Bodies, PetscInt n);
 /* Bodies that are not kept go, the others close up. */

@@ -197,6 +197,19 @@ static void fill_kind(Contact c, PetscInt b, Kind *k)
     k->inverse_spin = 1 / (PetscPowRealInt(k->scale, c->dim + 2) * g->mass.inertia[2] * (c->s->density[b] + 0.1 * c->rho_f));
 }
 
+static void pack_kinds(Contact c)
+{
+  for (PetscInt i = 0; i < c->nkinds; i++) {
+    Kind *k = &c->kind[i];
+
+    k->moves = c->s->group[k->group].pack.wanted;
+    if (!k->moves) continue;
+    k->scale *= c->packing;
+    k->radius *= c->packing;
+    k->disc *= c->packing;
+  }
+}
+
 /* One kind for all bodies of a group that are alike; of a group of many sizes or densities each body has its own. */
 static PetscErrorCode create_kinds(Contact c)
 {
@@ -220,6 +233,7 @@ static PetscErrorCode create_kinds(Contact c)
     }
     c->body_kind[b] = i;
   }
+  if (c->packing > 0) pack_kinds(c);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

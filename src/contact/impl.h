@@ -1,8 +1,8 @@
 /* Inside of the contact room; for its files only. contact.c: the object. step.c, alone.c: steps with and without a
    flow. momentum.c: what they share. search.c: who is near whom. touch.c: where two bodies touch. law.c,
    pairforce.c: the forces; atonce.c: of all pairs at once. slip.c: tangential springs on their way. separate.c: gaps
-   and overlaps after a step. Vectors have 3
-   components, 2D ones a zero; a tensor is xx yy zz xy xz yz. */
+   and overlaps after a step. pack.c, packgap.c: packing, with pack.h. Vectors have 3 components, 2D ones a zero; a
+   tensor is xx yy zz xy xz yz. */
 #pragma once
 #include "base/algebra.h"
 #include "base/domain.h"
@@ -11,6 +11,7 @@
 #include "contact/contact.h"
 
 #define CONTACT_MAX_POINTS 1024 /* surface points of a shape */
+#define CONTACT_SKIN       0.1  /* of a list of pairs, in radii */
 #define FILM_OPEN          2    /* gap in ranges from which on a mesh with a recess resolves films (pairforce.c) */
 
 typedef struct {
@@ -137,16 +138,19 @@ struct _p_Contact {
   Listed    *listed; /* [n] place and reach when the list was made */
   PetscReal *reach;  /* [n] way a body may go before the next search; NULL: none */
   PetscBool  have_list;
-  PetscInt   tests, steps_done, nnear;
+  PetscInt   tests, steps_done, nnear, nlists; /* nlists: that were made */
   PetscBool  separate;
   PetscReal  separation; /* largest overlap that separation has found, in diameters */
   PetscReal  work;       /* done by contact on the bodies since the beginning */
   Slips      going;      /* slips while the list is made anew */
   /* what ContactKeep keeps */
   PetscReal (*kept)[7]; /* [n] force, torque, gap */
-  Slips   kept_slips;
-  Touch   touch[2 * CONTACT_MAX_POINTS];
-  Dashpot dashpot[2 * CONTACT_MAX_POINTS + 1];
+  Slips kept_slips;
+  /* packing: if > 0, how much farther than to own bodies ghosts are known, whose pairs are listed then; size of the
+     bodies that are packed, in their own: they alone move */
+  PetscReal halo, packing;
+  Touch     touch[2 * CONTACT_MAX_POINTS];
+  Dashpot   dashpot[2 * CONTACT_MAX_POINTS + 1];
 };
 
 static inline Kind *ContactKind(Contact c, PetscInt k)

@@ -9,51 +9,52 @@
    first that of surface points; at the end it is sought on the surface between the points, so that no overlap is
    left that the points do not see.
 
-   Works for convex shapes; others may hook into each other and still come apart. Replicated: every rank computes
-   the same places, from the seeds of the groups. */
+   The order of the pairs is that of blocks of 2^dim cells, which a pair lies in: first those whose lowest cell is even
+   along all axes, then those where it is odd along x, and so on. Blocks of one such colour have no body in common. So
+   the cells alone decide what comes of a sweep, whichever rank does it: a rank does the blocks in which it has bodies,
+   for which it knows all bodies of the cells around its own, and ghosts hear of their owners after each colour.
+
+   Works for convex shapes; others may hook into each other and still come apart. */
 #include "compat.h"
-#include "impl.h"
+#include "pack.h"
 #include "base/log.h"
 #include "base/room.h"
 #include <petsctime.h>
 
-#define START            0.25 /* share of the box that bounding circles fill at first; a third of it in 3D */
-#define GROWTH           1.04 /* of the size in a stage */
-#define SHRINK           1.02 /* where they do not fit */
-#define STAGE_SWEEPS     15
-#define MOST_SWEEPS      4000
-#define PATIENCE         400  /* sweeps without a tenth less overlap, after which it is given up */
-#define SLACK            0.02 /* in mean radii */
-#define SLACK_SWEEPS     100  /* after which the slack is halved */
-#define LOOK             0.15 /* gaps that are computed, in mean radii */
-#define DOUBT            0.04 /* gaps that surface points may miss, in radii */
-#define POINTS(dim)      ((dim) == 2 ? 64 : 200)
-#define SEARCH_STEP(dim) ((dim) == 2 ? 0.06 : 0.15) /* first step of a search on a surface, in radii */
-#define SEARCH_HALVINGS  14
+#define START        0.25 /* share of the box that bounding circles fill at first; a third of it in 3D */
+#define GROWTH       1.04 /* of the size in a stage */
+#define SHRINK       1.02 /* where they do not fit */
+#define STAGE_SWEEPS 15
+#define MOST_SWEEPS  4000
+#define PATIENCE     400  /* sweeps without a tenth less overlap, after which it is given up */
+#define SLACK        0.02 /* in mean radii */
+#define SLACK_SWEEPS 100  /* after which the slack is halved */
+#define LOOK         0.15 /* gaps that are computed, in mean radii */
+#define POINTS(dim)  ((dim) == 2 ? 64 : 200)
+#define MOST_CELLS   1e6 /* along an axis */
+#define NOWHERE      -1  /* cell of a body that does not move */
 
-typedef struct {
-  Contact    c;
-  PetscReal  size, slack, mean;                 /* of all packed bodies; mean radius */
-  PetscBool  round;                             /* bodies count as their bounding circles */
-  PetscBool  fine;                              /* gaps are sought between the surface points */
-  PetscReal *inverse_mass, *inverse_spin, *way; /* [n] way: that a body has gone */
-  PetscReal *bound, *mark;                      /* [room] of pairs: a gap it had, ways of the two bodies then */
-  PetscInt   room, sweeps;
-  PetscReal  worst;                   /* that gaps lacked in the last sweep */
-  PetscReal (*lower)[3], (*upper)[3]; /* [ngroups] where a body must stay; infinite along periodic axes */
-} Pack;
-
-static const Packing *packing(const Pack *p, PetscInt k)
+static PetscReal box_of(const BodyGroup *g, PetscInt dim)
 {
-  return &BodiesGetGroup(p->c->state, k)->pack;
+  PetscReal volume = 1;
+
+  for (PetscInt a = 0; a < dim; a++) volume *= g->pack.upper[a] - g->pack.lower[a];
+  return volume;
 }
 
-/* Gap that a pair, or body i and a face of its box, must have */
-static PetscReal margin_of(const Pack *p, PetscInt i, PetscInt j)
+/* Of the box of a group that its bodies fill. Collective. */
+static PetscErrorCode find_share(Bodies bodies, PetscInt group, PetscReal *share)
 {
-  const Packing *a = packing(p, i), *b = j >= 0 ? packing(p, j) : a;
+  Exact      sum = {{0}, 0, 0};
+  BodyState *s;
 
-  return PetscMax(a->wanted ? a->margin : 0, b->wanted ? b->margin : 0);
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetState(bodies, &s));
+  for (PetscInt k = 0; k < s->n; k++)
+    if (s->own[k] && s->body_group[k] == group) ExactAdd(&sum, BodiesVolume(s, k));
+  PetscCall(ExactGetSum(BodiesComm(bodies), &sum, share));
+  *share /= box_of(&s->group[group], s->dim);
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- moving ---- */
@@ -97,151 +98,120 @@ static void part(Pack *p, PetscInt i, PetscInt j, const Touch *t, PetscReal miss
   if (j >= 0) shift_body(p, j, -PetscMin(missing, most) / inverse, t->normal, t->rj);
 }
 
-/* ---- gaps ---- */
+/* ---- blocks ---- */
 
-/* Distance of the point at r from the centre of body i to body j (apart: centre of i from that of j), or its place
-   along the inner normal of a face of the box, from the centre */
-static PetscErrorCode measure(Pack *p, PetscInt j, const PetscReal apart[3], const PetscReal r[3], PetscReal *d)
+/* Of a block along one axis, from cells of the bodies of a pair, which are the same or neighbours */
+static PetscInt lowest_cell(PetscInt n, PetscInt i, PetscInt j)
 {
-  const PetscReal zero[3] = {0, 0, 0}, x[3] = {apart[0] + r[0], apart[1] + r[1], apart[2] + r[2]};
-
-  PetscFunctionBeginUser;
-  if (j >= 0) PetscCall(BodiesDistance(p->c->bodies, j, zero, p->c->q[j], 1, x, d));
-  else *d = ((-1 - j) % 2 ? -1 : 1) * r[(-1 - j) / 2];
-  PetscFunctionReturn(PETSC_SUCCESS);
+  if (i == NOWHERE || j == NOWHERE) return PetscMax(i, j);
+  if (i == j) return i;
+  return PetscAbsInt(i - j) == 1 ? PetscMin(i, j) : n - 1; /* across the period */
 }
 
-/* From a point near the surface of body i at r to the surface point nearby that is nearest to j: steps along two
-   tangents, halved where none of them gains */
-static PetscErrorCode search_surface(Pack *p, PetscInt i, PetscInt j, const PetscReal apart[3], const PetscReal normal[3], PetscReal r[3],
-                                     PetscReal *gap)
+/* Cells as wide as bodies that move may be apart in a list of pairs, an even number along a period: blocks of one
+   colour must not meet across it. The contact shall know ghosts as far as blocks of own bodies reach. Collective. */
+static PetscErrorCode choose_cells(Pack *p)
 {
-  const PetscInt  dim     = p->c->dim;
-  const PetscReal zero[3] = {0, 0, 0}, axis[3] = {dim == 3 && PetscAbsReal(normal[2]) > 0.7, 0, dim == 2 || PetscAbsReal(normal[2]) <= 0.7};
-  PetscReal       t[2][3], step                = SEARCH_STEP(dim) * ContactKind(p->c, i)->radius;
+  Contact   c    = p->c;
+  PetscReal wide = 0, sum = 0;
 
   PetscFunctionBeginUser;
-  cross(axis, normal, t[0]);
-  cross(normal, t[0], t[1]);
-  PetscCall(BodiesProject(p->c->bodies, i, zero, p->c->q[i], 1, r, r));
-  PetscCall(measure(p, j, apart, r, gap));
-  for (PetscInt halving = 0; halving < SEARCH_HALVINGS; halving++) {
-    PetscReal best[3], least = *gap;
-
-    for (PetscInt e = 0; e < 2 * (dim - 1); e++) {
-      PetscReal y[3] = {0, 0, 0}, d;
-
-      for (PetscInt a = 0; a < dim; a++) y[a] = r[a] + (e % 2 ? -step : step) * t[e / 2][a];
-      PetscCall(BodiesProject(p->c->bodies, i, zero, p->c->q[i], 1, y, y));
-      PetscCall(measure(p, j, apart, y, &d));
-      if (d >= least) continue;
-      least = d;
-      PetscCall(PetscArraycpy(best, y, 3));
-    }
-    if (least < *gap) {
-      PetscCall(PetscArraycpy(r, best, 3));
-      *gap = least;
-    } else step *= 0.5;
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Bounding circles, where body j stays as it is only that of i. At first, because bodies that lie on each other have
-   surface points that seem not to overlap. */
-static PetscErrorCode look_at_circles(Pack *p, PetscInt i, PetscInt j, Touch *t)
-{
-  Contact         c  = p->c;
-  const PetscReal ri = ContactKind(c, i)->radius, rj = ContactKind(c, j)->radius, zero[3] = {0, 0, 0};
-  PetscReal       apart[3], y[3] = {0, 0, 0}, d;
-
-  PetscFunctionBeginUser;
-  ContactDiscGap(c, i, ri, j, rj, t->normal, &t->gap);
-  for (PetscInt a = 0; a < 3; a++) apart[a] = (t->gap + ri + rj) * t->normal[a];
-  if (p->inverse_mass[j] == 0) {
-    PetscCall(BodiesDistance(c->bodies, j, zero, c->q[j], 1, apart, &d));
-    PetscCall(BodiesProject(c->bodies, j, zero, c->q[j], 1, apart, y));
-    t->gap = d - ri;
-    if (d != 0)
-      for (PetscInt a = 0; a < c->dim; a++) t->normal[a] = (apart[a] - y[a]) / d;
-  }
+  for (PetscInt i = 0; i < c->nkinds; i++)
+    if (c->kind[i].moves) wide = PetscMax(wide, c->kind[i].radius);
+  PetscCall(BodiesMax(c->bodies, 1, &wide));
+  wide = c->horizon + 2 * (1 + CONTACT_SKIN) * wide;
   for (PetscInt a = 0; a < 3; a++) {
-    t->ri[a] = -ri * t->normal[a];
-    t->rj[a] = apart[a] + t->ri[a];
+    const PetscReal length = a < c->dim ? c->upper[a] - c->lower[a] : 0;
+
+    p->ncells[a] = PetscMax(1, (PetscInt)PetscMin(length / wide, MOST_CELLS));
+    if (c->period[a] > 0 && p->ncells[a] > 1) p->ncells[a] -= p->ncells[a] % 2;
+    sum += PetscSqr(2 * length / p->ncells[a]);
   }
+  c->halo = PetscSqrtReal(sum);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Centres in each other: only bodies that lie on each other */
-static PetscErrorCode lie_on_each_other(Pack *p, PetscInt i, PetscInt j, const PetscReal apart[3], PetscBool *yes)
+/* The cells of all bodies that move, [n][3]; low: at most the lowest along the axes, even; room: for how many of each
+   parity there must be room */
+static void find_cells(const Pack *p, PetscInt (*cell)[3], PetscInt low[3], PetscInt room[3])
 {
-  const PetscReal zero[3] = {0, 0, 0}, back[3] = {-apart[0], -apart[1], -apart[2]};
-  PetscReal       di, dj;
+  const Contact c       = p->c;
+  PetscInt      high[3] = {0, 0, 0};
+
+  for (PetscInt a = 0; a < 3; a++) {
+    const PetscReal inverse = a < c->dim ? p->ncells[a] / (c->upper[a] - c->lower[a]) : 0;
+
+    low[a] = p->ncells[a] - 1;
+    for (PetscInt k = 0; k < c->s->n; k++) {
+      const PetscReal at = inverse * (DomainWrap(c->period[a], c->x[k][a], c->lower[a]) - c->lower[a]);
+
+      cell[k][a] = p->inverse_mass[k] > 0 ? (PetscInt)PetscMax(0, PetscMin(p->ncells[a] - 1, at)) : NOWHERE;
+      if (cell[k][a] == NOWHERE) continue;
+      low[a]  = PetscMin(low[a], cell[k][a]);
+      high[a] = PetscMax(high[a], cell[k][a]);
+    }
+    low[a] -= low[a] % 2;
+    room[a] = PetscMax(0, high[a] - low[a]) / 2 + 1;
+  }
+}
+
+/* Pairs by the colours of their blocks, then by blocks, then as they were; without those of blocks that have no own
+   bodies */
+static PetscErrorCode order_pairs(Pack *p)
+{
+  Contact    c = p->c;
+  Pair      *pair;
+  PetscInt   low[3], room[3], ncolours = 1 << c->dim, size, n = 0, (*cell)[3], *start, *at;
+  PetscBool *mine;
 
   PetscFunctionBeginUser;
-  PetscCall(BodiesDistance(p->c->bodies, j, zero, p->c->q[j], 1, apart, &dj));
-  PetscCall(BodiesDistance(p->c->bodies, i, zero, p->c->q[i], 1, back, &di));
-  *yes = (PetscBool)(di < 0 || dj < 0);
+  PetscCall(PetscMalloc3(c->s->n, &cell, c->npairs, &at, c->npairs, &pair));
+  find_cells(p, cell, low, room);
+  size = room[0] * room[1] * room[2];
+  PetscCall(PetscCalloc2(ncolours * size + 1, &start, ncolours * size, &mine));
+  for (PetscInt k = 0; k < c->npairs; k++) {
+    const Pair *now    = &c->pair[k];
+    PetscInt    colour = 0, place = 0;
+
+    for (PetscInt a = 2; a >= 0; a--) {
+      const PetscInt low_cell = lowest_cell(p->ncells[a], cell[now->i][a], cell[now->j][a]);
+
+      colour += low_cell % 2 << a;
+      place = place * room[a] + (low_cell - low[a]) / 2;
+    }
+    at[k]       = colour * size + place;
+    mine[at[k]] = (PetscBool)(mine[at[k]] || c->s->own[now->i] || c->s->own[now->j]);
+    start[at[k] + 1]++;
+  }
+  for (PetscInt i = 0; i < ncolours * size; i++) { /* counts become first places */
+    if (i % size == 0) p->colour[i / size] = n;
+    n += mine[i] ? start[i + 1] : 0;
+    start[i + 1] = n;
+  }
+  p->colour[ncolours] = n;
+  for (PetscInt k = 0; k < c->npairs; k++)
+    if (mine[at[k]]) pair[start[at[k]]++] = c->pair[k];
+  c->npairs = n;
+  PetscCall(PetscArraycpy(c->pair, pair, n));
+  PetscCall(PetscFree3(cell, at, pair));
+  PetscCall(PetscFree2(start, mine));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The deepest point of a pair; gap PETSC_MAX_REAL: not near */
-static PetscErrorCode look_at_pair(Pack *p, PetscInt i, PetscInt j, Touch *t)
+/* The list of pairs for where the bodies are now; what was known of the gaps is forgotten with the old one.
+   Collective. */
+static PetscErrorCode renew_list(Pack *p)
 {
-  Contact     c  = p->c;
-  const Kind *ki = ContactKind(c, i), *kj = ContactKind(c, j);
-  PetscReal   gap, apart[3];
-  PetscInt    n;
-  PetscBool   inside = PETSC_FALSE;
+  Contact c = p->c;
 
   PetscFunctionBeginUser;
-  t->gap = PETSC_MAX_REAL;
-  if (p->round && p->inverse_mass[i] > 0) {
-    PetscCall(look_at_circles(p, i, j, t));
-    PetscFunctionReturn(PETSC_SUCCESS);
-  }
-  PetscCall(ContactFindTouch(c, i, j, &n, &gap));
-  for (PetscInt k = 0; k < n; k++)
-    if (c->touch[k].gap < t->gap) *t = c->touch[k];
-  if (!p->fine || (ki->disc > 0 && kj->disc > 0)) PetscFunctionReturn(PETSC_SUCCESS);
-  if (t->gap > margin_of(p, i, j) + p->slack + DOUBT * PetscMin(ki->radius, kj->radius)) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt a = 0; a < 3; a++) apart[a] = t->rj[a] - t->ri[a];
-  PetscCall(lie_on_each_other(p, i, j, apart, &inside));
-  if (inside) PetscCall(look_at_circles(p, i, j, t));
-  else PetscCall(search_surface(p, i, j, apart, t->normal, t->ri, &t->gap));
-  for (PetscInt a = 0; a < 3; a++) t->rj[a] = t->ri[a] + apart[a];
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Body k and a face of its box; gap PETSC_MAX_REAL: not near */
-static PetscErrorCode look_at_face(Pack *p, PetscInt k, PetscInt face, Touch *t)
-{
-  Contact         c    = p->c;
-  const Kind     *kind = ContactKind(c, k);
-  const PetscInt  a = face / 2, g = c->s->body_group[k];
-  const PetscReal sign = face % 2 ? -1 : 1, from = sign * (c->x[k][a] - (face % 2 ? p->upper[g][a] : p->lower[g][a]));
-  PetscReal       R[9], lowest = PETSC_MAX_REAL, zero[3] = {0, 0, 0};
-
-  PetscFunctionBeginUser;
-  t->gap = PETSC_MAX_REAL;
-  for (PetscInt b = 0; b < 3; b++) t->normal[b] = b == a ? sign : 0;
-  if (from > kind->radius + margin_of(p, k, -1) + p->slack) PetscFunctionReturn(PETSC_SUCCESS);
-  if (kind->disc > 0) {
-    for (PetscInt b = 0; b < 3; b++) t->ri[b] = -kind->disc * t->normal[b];
-    t->gap = from - kind->disc;
-    PetscFunctionReturn(PETSC_SUCCESS);
-  }
-  RotationMatrix(c->q[k], R);
-  for (PetscInt i = 0; i < kind->npoints; i++) {
-    const PetscReal *y = kind->point + i * c->dim;
-    PetscReal        r[3];
-
-    for (PetscInt b = 0; b < 3; b++) r[b] = kind->scale * (R[3 * b] * y[0] + R[3 * b + 1] * y[1] + (c->dim == 3 ? R[3 * b + 2] * y[2] : 0));
-    if (sign * r[a] >= lowest) continue;
-    lowest = sign * r[a];
-    PetscCall(PetscArraycpy(t->ri, r, 3));
-  }
-  if (p->fine) PetscCall(search_surface(p, k, -1 - face, zero, t->normal, t->ri, &lowest));
-  t->gap = from + lowest;
+  PetscCall(ContactFindPairs(c));
+  if (c->nlists == p->lists) PetscFunctionReturn(PETSC_SUCCESS); /* it was still good */
+  p->lists = c->nlists;
+  PetscCall(order_pairs(p));
+  PetscCall(RoomFor(c->npairs, &p->room, &p->bound, sizeof(*p->bound), &p->mark, sizeof(*p->mark), NULL));
+  for (PetscInt n = 0; n < c->npairs; n++) p->bound[n] = -PETSC_MAX_REAL;
+  for (PetscInt n = 0; n < c->npairs; n++) p->mark[n] = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -252,18 +222,18 @@ static void note_gap(Pack *p, PetscReal gap, PetscReal margin)
   p->worst = PetscMax(p->worst, margin - gap);
 }
 
-static PetscErrorCode sweep_pairs(Pack *p, PetscBool moving)
+static PetscErrorCode sweep_pairs(Pack *p, PetscInt first, PetscInt end, PetscBool moving)
 {
   Contact c = p->c;
   Touch   t;
 
   PetscFunctionBeginUser;
-  for (PetscInt n = 0; n < c->npairs; n++) {
+  for (PetscInt n = first; n < end; n++) {
     const PetscInt  i = c->pair[n].i, j = c->pair[n].j;
-    const PetscReal margin = margin_of(p, i, j), way = p->way[i] + p->way[j];
+    const PetscReal margin = PackMargin(p, i, j), way = p->way[i] + p->way[j];
 
     if (p->bound[n] - (way - p->mark[n]) >= margin + p->slack) continue; /* not nearer since */
-    PetscCall(look_at_pair(p, i, j, &t));
+    PetscCall(PackLookAtPair(p, i, j, &t));
     p->bound[n] = PetscMin(t.gap, c->horizon);
     p->mark[n]  = way;
     note_gap(p, t.gap, margin);
@@ -279,10 +249,10 @@ static PetscErrorCode sweep_faces(Pack *p, PetscBool moving)
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < c->s->n; k++) {
-    const PetscReal margin = margin_of(p, k, -1);
+    const PetscReal margin = PackMargin(p, k, -1);
 
-    for (PetscInt face = 0; face < 2 * c->dim && packing(p, k)->wanted; face++) {
-      PetscCall(look_at_face(p, k, face, &t));
+    for (PetscInt face = 0; face < 2 * c->dim && PackingOf(p, k)->wanted; face++) {
+      PetscCall(PackLookAtFace(p, k, face, &t));
       if (t.gap >= PETSC_MAX_REAL) continue;
       note_gap(p, t.gap, margin);
       if (moving && t.gap < margin + p->slack) part(p, k, -1, &t, margin + p->slack - t.gap);
@@ -291,28 +261,43 @@ static PetscErrorCode sweep_faces(Pack *p, PetscBool moving)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The list of pairs for where the bodies are now; what was known of the gaps is forgotten with the old one */
-static PetscErrorCode renew_list(Pack *p)
+/* Ghosts are where their owners are. Collective. */
+static PetscErrorCode tell_ghosts(Pack *p)
 {
-  Contact c = p->c;
+  Contact         c    = p->c;
+  const PetscBool flat = (PetscBool)(c->dim == 2);
 
   PetscFunctionBeginUser;
-  PetscCall(ContactFindPairs(c));
-  if (c->tests == 0) PetscFunctionReturn(PETSC_SUCCESS); /* it was still good */
-  PetscCall(RoomFor(c->npairs, &p->room, &p->bound, sizeof(*p->bound), &p->mark, sizeof(*p->mark), NULL));
-  for (PetscInt n = 0; n < c->npairs; n++) p->bound[n] = -PETSC_MAX_REAL;
-  for (PetscInt n = 0; n < c->npairs; n++) p->mark[n] = 0;
+  if (BodiesComm(c->bodies) == PETSC_COMM_SELF) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    for (PetscInt a = 0; a < 3; a++) p->heard[k][a] = a == 2 && flat ? c->s->angle[k] : c->x[k][a];
+    p->heard[k][3] = p->way[k];
+  }
+  PetscCall(BodiesUpdateGhosts(c->bodies, 4, p->heard));
+  if (!flat) PetscCall(BodiesUpdateGhosts(c->bodies, 4, c->q));
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    if (c->s->own[k]) continue;
+    for (PetscInt a = 0; a < c->dim; a++) c->x[k][a] = p->heard[k][a];
+    p->way[k] = p->heard[k][3];
+    if (!flat) continue;
+    c->s->angle[k] = p->heard[k][2];
+    RotationFromAngle(c->s->angle[k], c->q[k]);
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* What gaps lack, after or without moving bodies apart */
+/* What gaps lack, after or without moving bodies apart. Collective. */
 static PetscErrorCode sweep(Pack *p, PetscBool moving)
 {
   PetscFunctionBeginUser;
   p->worst = -PETSC_MAX_REAL;
   PetscCall(renew_list(p));
-  PetscCall(sweep_pairs(p, moving));
+  for (PetscInt i = 0; i < 1 << p->c->dim; i++) {
+    PetscCall(sweep_pairs(p, p->colour[i], p->colour[i + 1], moving));
+    if (moving) PetscCall(tell_ghosts(p));
+  }
   PetscCall(sweep_faces(p, moving));
+  PetscCall(BodiesMax(p->c->bodies, 1, &p->worst));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -342,93 +327,74 @@ static PetscErrorCode relax(Pack *p, PetscInt most, PetscBool *done)
 
 /* ---- growth ---- */
 
-/* All packed bodies at `size` times their own */
-static void set_size(Pack *p, PetscReal size)
+/* All packed bodies at `size` times their own. Collective. */
+static PetscErrorCode set_size(Pack *p, PetscReal size)
 {
-  Contact c = p->c;
-
-  for (PetscInt i = 0; i < c->nkinds; i++) {
-    Kind           *k = &c->kind[i];
-    const PetscReal s = size / p->size;
-
-    if (!k->moves) continue;
-    k->scale *= s;
-    k->radius *= s;
-    k->disc *= s;
-  }
-  c->have_list = PETSC_FALSE;
-  p->size      = size;
-  p->slack     = SLACK * p->mean * size;
+  PetscFunctionBeginUser;
+  p->c->packing   = size;
+  p->c->have_list = PETSC_FALSE;
+  PetscCall(ContactMeetBodies(p->c));
+  PetscCall(choose_cells(p));
+  p->size  = size;
+  p->slack = SLACK * p->mean * size;
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Bodies at their true size, free of the round-off of the growth */
-static void set_true_size(Pack *p)
-{
-  Contact c = p->c;
-
-  set_size(p, 1);
-  for (PetscInt k = 0; k < c->s->n; k++) {
-    ContactKind(c, k)->scale  = c->s->scale[k];
-    ContactKind(c, k)->radius = BodiesGetRadius(c->state, k);
-    ContactKind(c, k)->disc   = BodiesGetDisc(c->state, k);
-  }
-}
-
-/* The size at which bounding circles fill a small share of the smallest box */
-static PetscReal first_size(const Pack *p)
+/* The size at which bounding circles fill a small share of the smallest box. Collective. */
+static PetscErrorCode first_size(const Pack *p, PetscReal *size)
 {
   const BodyArrays *s   = p->c->s;
-  PetscReal         sum = 0, box = PETSC_MAX_REAL;
+  PetscReal         box = PETSC_MAX_REAL, filled;
+  Exact             sum = {{0}, 0, 0};
 
+  PetscFunctionBeginUser;
   for (PetscInt k = 0; k < s->n; k++)
-    if (packing(p, k)->wanted) sum += (s->dim == 2 ? PETSC_PI : 4 * PETSC_PI / 3) * PetscPowRealInt(BodiesGetRadius(p->c->state, k), s->dim);
-  for (PetscInt g = 0; g < s->ngroups; g++) {
-    const Packing *b      = &s->group[g].pack;
-    PetscReal      volume = 1;
-
-    for (PetscInt a = 0; a < s->dim; a++) volume *= b->upper[a] - b->lower[a];
-    if (b->wanted) box = PetscMin(box, volume);
-  }
-  return PetscMin(1, PetscPowReal((s->dim == 2 ? START : START / 3) * box / sum, 1. / s->dim));
+    if (PackingOf(p, k)->wanted && s->own[k])
+      ExactAdd(&sum, (s->dim == 2 ? PETSC_PI : 4 * PETSC_PI / 3) * PetscPowRealInt(BodiesGetRadius(p->c->state, k), s->dim));
+  PetscCall(ExactGetSum(BodiesComm(p->c->bodies), &sum, &filled));
+  for (PetscInt g = 0; g < s->ngroups; g++)
+    if (s->group[g].pack.wanted) box = PetscMin(box, box_of(&s->group[g], s->dim));
+  *size = PetscMin(1, PetscPowReal((s->dim == 2 ? START : START / 3) * box / filled, 1. / s->dim));
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* They do not fit: say what they would fill, shrunk until they do */
+/* They do not fit: say what they would fill, shrunk until they do. Collective. */
 static PetscErrorCode refuse(Pack *p)
 {
-  const BodyArrays *s      = p->c->s;
-  const PetscReal   worst  = p->worst;
-  PetscReal         volume = 0, box = 1;
+  const BodyArrays *s     = p->c->s;
+  const PetscReal   worst = p->worst;
+  PetscReal         share;
   PetscInt          g    = 0;
   PetscBool         done = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   while (!s->group[g].pack.wanted) g++;
-  for (PetscInt a = 0; a < s->dim; a++) box *= s->group[g].pack.upper[a] - s->group[g].pack.lower[a];
-  for (PetscInt k = s->group[g].first; k < s->group[g].first + s->group[g].count; k++) volume += BodiesVolume(p->c->state, k);
+  PetscCall(find_share(p->c->bodies, g, &share));
   p->fine = PETSC_FALSE;
   for (PetscReal size = 1 / SHRINK; size > 0.2 && !done; size /= SHRINK) {
-    set_size(p, size);
+    PetscCall(set_size(p, size));
     PetscCall(relax(p, SLACK_SWEEPS, &done));
   }
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
           "Bodies cannot be packed: group '%s' is to fill %.3g of its box, about %.2g is within reach (overlaps of %.2g were left at full size). Lower "
           "-particle_%s_fraction, _count or _margin, or widen -particle_%s_lower .. _upper",
-          s->group[g].name, (double)(volume / box), (double)(volume / box * PetscPowRealInt(p->size, s->dim)), (double)worst, s->group[g].name,
-          s->group[g].name);
+          s->group[g].name, (double)share, (double)(share * PetscPowRealInt(p->size, s->dim)), (double)worst, s->group[g].name, s->group[g].name);
 }
 
 static PetscErrorCode grow(Pack *p)
 {
+  PetscReal first = 1;
   PetscBool done;
 
   PetscFunctionBeginUser;
   p->round = PETSC_TRUE;
-  for (PetscReal size = first_size(p); size < 1; size *= GROWTH) {
-    set_size(p, size);
+  PetscCall(first_size(p, &first));
+  for (PetscReal size = first; size < 1; size *= GROWTH) {
+    PetscCall(set_size(p, size));
     PetscCall(relax(p, p->round ? MOST_SWEEPS : STAGE_SWEEPS, &done));
     p->round = PETSC_FALSE;
   }
-  set_true_size(p);
+  PetscCall(set_size(p, 1));
   PetscCall(relax(p, MOST_SWEEPS, &done));
   if (!done) PetscCall(refuse(p));
   p->fine         = PETSC_TRUE;
@@ -444,19 +410,20 @@ static PetscErrorCode set_weights(Pack *p)
 {
   Contact   c = p->c;
   PetscReal inertia[6];
-  PetscInt  n = 0;
+  PetscInt  n   = 0;
+  Exact     sum = {{0}, 0, 0};
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < c->nkinds; i++) c->kind[i].moves = c->s->group[c->kind[i].group].pack.wanted;
   for (PetscInt k = 0; k < c->s->n; k++) {
-    if (!packing(p, k)->wanted) continue;
-    p->mean += BodiesGetRadius(c->state, k);
-    n++;
+    if (!PackingOf(p, k)->wanted) continue;
+    if (c->s->own[k]) ExactAdd(&sum, BodiesGetRadius(c->state, k));
     p->inverse_mass[k] = 1 / BodiesVolume(c->state, k);
-    if (!packing(p, k)->turns || ContactKind(c, k)->disc > 0) continue;
+    if (!PackingOf(p, k)->turns || ContactKind(c, k)->disc > 0) continue;
     PetscCall(BodiesGetInertia(c->bodies, k, NULL, PETSC_TRUE, inertia));
     p->inverse_spin[k] = c->dim == 2 ? 1 / inertia[2] : 3 / (inertia[0] + inertia[1] + inertia[2]);
   }
+  for (PetscInt g = 0; g < c->s->ngroups; g++) n += c->s->group[g].pack.wanted ? c->s->group[g].count : 0;
+  PetscCall(ExactGetSum(BodiesComm(c->bodies), &sum, &p->mean));
   p->mean /= n;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -484,7 +451,7 @@ static PetscErrorCode store_places(Pack *p)
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscReal x[3];
 
-    if (!packing(p, k)->wanted) continue;
+    if (!PackingOf(p, k)->wanted) continue;
     for (PetscInt a = 0; a < 3; a++) x[a] = DomainWrap(c->period[a], c->x[k][a], c->lower[a]);
     PetscCall(BodiesPlace(c->bodies, k, x, c->q[k], c->s->angle[k]));
   }
@@ -493,38 +460,31 @@ static PetscErrorCode store_places(Pack *p)
 
 static PetscErrorCode pack_bodies(Pack *p)
 {
-  const PetscInt n = p->c->s->n, m = p->c->s->ngroups;
+  Contact        c = p->c;
+  const PetscInt m = c->s->ngroups;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscCalloc3(n, &p->inverse_mass, n, &p->inverse_spin, n, &p->way));
+  PetscCall(BodiesAttach(c->bodies, sizeof(PetscReal), (void **)&p->inverse_mass));
+  PetscCall(BodiesAttach(c->bodies, sizeof(PetscReal), (void **)&p->inverse_spin));
+  PetscCall(BodiesAttach(c->bodies, sizeof(PetscReal), (void **)&p->way));
+  PetscCall(BodiesAttachWork(c->bodies, sizeof(*p->heard), (void **)&p->heard));
   PetscCall(PetscCalloc2(m, &p->lower, m, &p->upper));
   PetscCall(set_weights(p));
   set_faces(p);
-  p->c->range = p->c->horizon = LOOK * p->mean;
-  for (PetscInt g = 0; g < m; g++) p->c->horizon = PetscMax(p->c->horizon, p->c->s->group[g].pack.margin + LOOK * p->mean);
-  PetscCall(ContactCreatePoints(p->c, POINTS(p->c->dim)));
-  p->size = 1;
+  c->range = c->horizon = LOOK * p->mean;
+  for (PetscInt g = 0; g < m; g++) c->horizon = PetscMax(c->horizon, c->s->group[g].pack.margin + LOOK * p->mean);
+  PetscCall(ContactCreatePoints(c, POINTS(c->dim)));
+  c->alone = PETSC_TRUE; /* bodies go to their owners when a list is made */
   PetscCall(grow(p));
   PetscCall(store_places(p));
   PetscCall(PetscFree2(p->lower, p->upper));
-  PetscCall(PetscFree3(p->inverse_mass, p->inverse_spin, p->way));
+  PetscCall(BodiesDetach(c->bodies, (void **)&p->inverse_mass));
+  PetscCall(BodiesDetach(c->bodies, (void **)&p->inverse_spin));
+  PetscCall(BodiesDetach(c->bodies, (void **)&p->way));
+  PetscCall(BodiesDetach(c->bodies, (void **)&p->heard));
   PetscCall(PetscFree(p->bound));
   PetscCall(PetscFree(p->mark));
   PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static void find_fraction(const BodyState *s, ContactPacking *result)
-{
-  for (PetscInt g = 0; g < s->ngroups; g++) {
-    const BodyGroup *group = &s->group[g];
-    PetscReal        box = 1, sum = 0;
-
-    if (!group->pack.wanted) continue;
-    for (PetscInt a = 0; a < s->dim; a++) box *= group->pack.upper[a] - group->pack.lower[a];
-    for (PetscInt k = group->first; k < group->first + group->count; k++) sum += BodiesVolume(s, k);
-    result->bodies += group->count;
-    result->fraction += sum / box;
-  }
 }
 
 PetscErrorCode ContactPack(Bodies bodies, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3], ContactPacking *result)
@@ -536,7 +496,14 @@ PetscErrorCode ContactPack(Bodies bodies, const PetscReal lower[3], const PetscR
   PetscFunctionBeginUser;
   *result = (ContactPacking){0};
   PetscCall(BodiesGetState(bodies, &s));
-  find_fraction(s, result);
+  for (PetscInt g = 0; g < s->ngroups; g++) {
+    PetscReal share;
+
+    if (!s->group[g].pack.wanted) continue;
+    PetscCall(find_share(bodies, g, &share));
+    result->fraction += share;
+    result->bodies += s->group[g].count;
+  }
   if (!result->bodies) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscTime(&begin));
   PetscCall(PetscLogEventBegin(TB_CONTACT, 0, 0, 0, 0));

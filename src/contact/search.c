@@ -11,8 +11,6 @@
 #include "impl.h"
 #include "base/log.h"
 
-#define SKIN 0.1 /* in radii */
-
 typedef struct {
   Contact   c;
   PetscInt  n, nimages, room; /* items: n bodies, then images */
@@ -70,7 +68,8 @@ static PetscErrorCode test_pair(Contact c, PetscInt i, PetscInt j, const PetscRe
 
   PetscFunctionBeginUser;
   c->tests++;
-  if ((!c->s->own[i] && !c->s->own[j]) || (!ki->moves && !kj->moves) || c->s->gone[i] || c->s->gone[j]) PetscFunctionReturn(PETSC_SUCCESS);
+  if ((!c->s->own[i] && !c->s->own[j] && c->halo == 0) || (!ki->moves && !kj->moves) || c->s->gone[i] || c->s->gone[j])
+    PetscFunctionReturn(PETSC_SUCCESS);
   place_body(c, i, xi);
   place_body(c, j, xj);
   for (PetscInt a = 0; a < c->dim; a++) {
@@ -240,7 +239,7 @@ static PetscErrorCode search_bodies(Contact c)
 static PetscErrorCode migrate(Contact c, PetscReal range)
 {
   PetscFunctionBeginUser;
-  PetscCall(BodiesMigrate(c->bodies, range, 1 + SKIN));
+  PetscCall(BodiesMigrate(c->bodies, range, 1 + CONTACT_SKIN));
   PetscCall(ContactMeetBodies(c));
   PetscCall(PetscFree(c->listed));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -276,11 +275,11 @@ PetscErrorCode ContactFindPairs(Contact c)
   PetscCall(list_is_old(c, &anew));
   if (!anew) PetscFunctionReturn(PETSC_SUCCESS);
   if (c->friction > 0 && c->have_list) PetscCall(ContactStoreSlips(c, &c->going));
-  if (BodiesComm(c->bodies) != PETSC_COMM_SELF && c->alone) PetscCall(migrate(c, c->horizon));
+  if (BodiesComm(c->bodies) != PETSC_COMM_SELF && c->alone) PetscCall(migrate(c, c->horizon + c->halo));
   if (!c->listed) PetscCall(PetscMalloc1(PetscMax(1, c->s->n), &c->listed));
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscCall(PetscArraycpy(c->listed[k].x, c->x[k], 3));
-    c->listed[k].reach = reach_of(c, k) + SKIN * ContactKind(c, k)->radius;
+    c->listed[k].reach = reach_of(c, k) + CONTACT_SKIN * ContactKind(c, k)->radius;
   }
   c->npairs = 0;
   PetscCall(search_bodies(c));
@@ -289,6 +288,7 @@ PetscErrorCode ContactFindPairs(Contact c)
   if (c->friction > 0) PetscCall(ContactLoadSlips(c, &c->going));
   PetscCall(ContactForgetSlips(c, &c->going));
   c->have_list = PETSC_TRUE;
+  c->nlists++;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

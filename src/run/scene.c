@@ -122,8 +122,6 @@ static PetscErrorCode find_need(PetscBool active, char why[], size_t size)
   why[0] = 0;
   PetscCall(OptHas("-output_suspension", &is));
   if (is) PetscCall(PetscStrncpy(why, "-output_suspension", size));
-  PetscCall(BodiesHavePacking(&is));
-  if (is) PetscCall(PetscStrncpy(why, "-particle_<group>_place pack", size));
   PetscCall(OptPeek("-contact_law", text, sizeof(text)));
   PetscCall(PetscStrcasecmp(text, "none", &is));
   if (active && !is) PetscCall(PetscStrncpy(why, "contact in a flow (-contact_law)", size));
@@ -135,8 +133,9 @@ static PetscErrorCode find_need(PetscBool active, char why[], size_t size)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Does a group? In a flow: one whose motion is not all free, which is large beside a part, or has coefficients */
-static PetscErrorCode find_group(const MeshLocal *l, Bodies bodies, PetscMPIInt ranks, char why[], size_t size)
+/* Does a group? One that is packed and whose motion is not all free, since it is known where each of its bodies starts
+   from. In a flow: one whose motion is not all free, which is large beside a part, or has coefficients */
+static PetscErrorCode find_group(const MeshLocal *l, Bodies bodies, PetscBool active, PetscMPIInt ranks, char why[], size_t size)
 {
   const PetscInt all  = BODY_FREE_X | BODY_FREE_Y | (l->dim == 3 ? BODY_FREE_Z : 0) | BODY_FREE_ROTATION;
   PetscReal      part = 1;
@@ -151,6 +150,8 @@ static PetscErrorCode find_group(const MeshLocal *l, Bodies bodies, PetscMPIInt 
     const Motion    *m = &g->motion;
     char             name[OPT_NAME], speed[64];
 
+    if ((g->free & all) != all && g->pack.wanted) PetscCall(PetscSNPrintf(why, size, "group '%s', which is packed, and not all free", g->name));
+    if (!active) continue;
     PetscCall(OptPeek(OptJoin("-particle_", g->name, "_reference_speed", name), speed, sizeof(speed)));
     if ((g->free & all) != all || m->has_pivot || m->has_stops || m->has_hinge || m->has_slide || g->obstacle || g->with_fluid || speed[0])
       PetscCall(PetscSNPrintf(why, size, "group '%s', which is not all free, starts with the fluid, or has coefficients", g->name));
@@ -194,7 +195,7 @@ static PetscErrorCode create_bodies(SimParts *part, const MeshLocal *l, PetscBoo
   PetscCall(find_need(active, why, sizeof(why)));
   if (size > 1 && !why[0]) {
     PetscCall(create_spread(part, l, active));
-    if (active) PetscCall(find_group(l, part->bodies, size, why, sizeof(why)));
+    PetscCall(find_group(l, part->bodies, active, size, why, sizeof(why)));
     if (!why[0]) PetscFunctionReturn(PETSC_SUCCESS);
     PetscCall(BodiesDestroy(&part->bodies));
   }
