@@ -53,6 +53,13 @@ PetscErrorCode BodiesSumKnown(Bodies, PetscInt width, PetscReal v[]);
 /* Of the known bodies [n]: the rank of the owner, and which of its own ones, in ascending order of their numbers, it is
    there. Not where all know all. Collective. */
 PetscErrorCode BodiesGetOwners(Bodies, PetscMPIInt rank[], PetscInt which[]);
+/* Parcels out [n] of so many bytes go to the ranks to [n], ascending, of BodiesComm; *in [*comes] come from the ranks
+   *from [*comes], both the caller's to free; in: a pointer to a pointer. Not where all know all. Collective. */
+PetscErrorCode BodiesExchange(Bodies, PetscInt n, const PetscMPIInt to[], size_t bytes, const void *out,
+                              PetscInt *comes, void *in, PetscMPIInt **from);
+/* Centres of bodies that have not left: of those that lie in the part of this rank (mine), whoever owns them, and
+   after them of those nearer to it than reach. *x [*n] is the caller's to free. Collective. */
+PetscErrorCode BodiesGetPlaces(Bodies, PetscReal reach, PetscInt *mine, PetscInt *n, PetscReal (**x)[3]);
 
 /* v [n] over all ranks: the largest. Collective. */
 PetscErrorCode BodiesMax(Bodies, PetscInt n, PetscReal v[]);

@@ -102,9 +102,10 @@ PetscErrorCode ContactGetStart(Contact, PetscInt k, PetscReal dt, PetscReal a[3]
 PetscErrorCode ContactGetWork(Contact, PetscInt *tests, PetscInt *pairs, PetscInt *substeps);
 /* Largest overlap, in diameters of the smaller body, that ContactFinishStep has found since the beginning. */
 PetscErrorCode ContactGetSeparation(Contact, PetscReal *overlap);
-/* Contacts of the present places: pairs (j < 0: wall number -1 - j, as in DOMAIN_SIDE) whose gap is below the
-   range, where they are nearest and the direction from j to i. *link [*n] is the caller's to free. None with law
-   none. Not collective. */
+/* Contacts of the present places: pairs of permanent numbers i < j (j < 0: wall number -1 - j, as in DOMAIN_SIDE), i of
+   an own body, whose gap is below the range, where they are nearest and the direction from j to i; ascending in i,
+   then j. *link [*n] is the caller's to free. None with law none. Bodies that are spread may go to their owners.
+   Collective. */
 typedef struct {
   PetscInt  i, j;
   PetscReal gap, x[3], normal[3];

@@ -125,46 +125,59 @@ PetscErrorCode BodyJoin(Bodies b, PetscInt m, const char *parcel, PetscBool own,
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodyExchange(Bodies b, PetscInt n, PetscMPIInt to[], PetscInt body[], PetscInt *comes, char **in, PetscMPIInt **from)
+PetscErrorCode BodiesExchange(Bodies b, PetscInt n, const PetscMPIInt to[], size_t bytes, const void *out, PetscInt *comes, void *in,
+                              PetscMPIInt **from)
 {
-  const BodyParts *p     = b->parts;
-  const size_t     bytes = parcel_size(b);
+  const BodyParts *p = b->parts;
   PetscMPIInt     *rank, *source, nto = 0, nfrom;
   PetscInt        *count, *arrives;
-  char            *out;
+  char            *into;
   MPI_Datatype     type;
   MPI_Request     *request;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscSortMPIIntWithIntArray((PetscMPIInt)n, to, body));
-  PetscCall(PetscMalloc3(n, &rank, n, &count, (size_t)n * bytes, &out));
+  PetscCall(PetscMalloc2(n, &rank, n, &count));
   for (PetscInt i = 0; i < n; i++) {
     if (!i || to[i] != to[i - 1]) {
       rank[nto]    = to[i];
       count[nto++] = 0;
     }
     count[nto - 1]++;
-    pack(b, body[i], out + (size_t)i * bytes);
   }
   PetscCall(PetscCommBuildTwoSided(p->comm, 1, MPIU_INT, nto, rank, count, &nfrom, &source, &arrives));
   *comes = 0;
   for (PetscMPIInt i = 0; i < nfrom; i++) *comes += arrives[i];
-  PetscCall(PetscMalloc1((size_t)*comes * bytes, in));
+  PetscCall(PetscMalloc1((size_t)*comes * bytes, &into));
   PetscCall(PetscMalloc1(*comes, from));
   PetscCall(PetscMalloc1(nto + nfrom, &request));
   PetscCallMPI(MPI_Type_contiguous((int)bytes, MPI_BYTE, &type));
   PetscCallMPI(MPI_Type_commit(&type));
   for (PetscInt i = 0, at = 0; i < nfrom; at += arrives[i++]) {
-    PetscCallMPI(MPI_Irecv(*in + (size_t)at * bytes, (PetscMPIInt)arrives[i], type, source[i], p->tag, p->comm, request + i));
+    PetscCallMPI(MPI_Irecv(into + (size_t)at * bytes, (PetscMPIInt)arrives[i], type, source[i], p->tag, p->comm, request + i));
     for (PetscInt j = 0; j < arrives[i]; j++) (*from)[at + j] = source[i];
   }
   for (PetscInt i = 0, at = 0; i < nto; at += count[i++])
-    PetscCallMPI(MPI_Isend(out + (size_t)at * bytes, (PetscMPIInt)count[i], type, rank[i], p->tag, p->comm, request + nfrom + i));
+    PetscCallMPI(MPI_Isend((const char *)out + (size_t)at * bytes, (PetscMPIInt)count[i], type, rank[i], p->tag, p->comm, request + nfrom + i));
   PetscCallMPI(MPI_Waitall(nto + nfrom, request, MPI_STATUSES_IGNORE));
   PetscCallMPI(MPI_Type_free(&type));
   PetscCall(PetscFree(request));
   PetscCall(PetscFree(source));
   PetscCall(PetscFree(arrives));
-  PetscCall(PetscFree3(rank, count, out));
+  PetscCall(PetscFree2(rank, count));
+  *(char **)in = into;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodyExchange(Bodies b, PetscInt n, PetscMPIInt to[], PetscInt body[], PetscInt *comes, char **in, PetscMPIInt **from)
+{
+  const size_t bytes = parcel_size(b);
+  char        *out;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscSortMPIIntWithIntArray((PetscMPIInt)n, to, body));
+  PetscCall(PetscMalloc1((size_t)n * bytes, &out));
+  for (PetscInt i = 0; i < n; i++) pack(b, body[i], out + (size_t)i * bytes);
+  PetscCall(BodiesExchange(b, n, to, bytes, out, comes, in, from));
+  PetscCall(PetscFree(out));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -271,6 +271,53 @@ PetscErrorCode BodiesGetOwners(Bodies b, PetscMPIInt rank[], PetscInt which[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* As BodiesGetPlaces, of the bodies of others */
+static PetscErrorCode hear_places(Bodies b, PetscReal reach, PetscInt *m, PetscReal (**in)[3])
+{
+  const BodyArrays *s = &b->state;
+  Going             g = {0};
+  PetscMPIInt      *from;
+  PetscReal(*out)[3];
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc1(b->parts->size, &g.mark));
+  for (PetscInt k = 0; k < s->n; k++)
+    if (s->own[k] && !s->gone[k]) PetscCall(go_near(b->parts, k, s->x[k], reach, &g));
+  PetscCall(PetscSortMPIIntWithIntArray((PetscMPIInt)g.n, g.to, g.body));
+  PetscCall(PetscMalloc1(g.n, &out));
+  for (PetscInt i = 0; i < g.n; i++) PetscCall(PetscArraycpy(out[i], s->x[g.body[i]], 3));
+  PetscCall(BodiesExchange(b, g.n, g.to, sizeof(*out), out, m, in, &from));
+  PetscCall(PetscFree(out));
+  PetscCall(PetscFree(from));
+  PetscCall(PetscFree(g.mark));
+  PetscCall(PetscFree(g.body));
+  PetscCall(PetscFree(g.to));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodiesGetPlaces(Bodies b, PetscReal reach, PetscInt *mine, PetscInt *n, PetscReal (**x)[3])
+{
+  const BodyArrays *s = &b->state;
+  PetscInt          m = 0;
+  PetscReal(*in)[3]   = NULL;
+
+  PetscFunctionBeginUser;
+  if (b->parts) PetscCall(hear_places(b, reach, &m, &in));
+  PetscCall(PetscMalloc1(s->n + m, x));
+  *n = 0;
+  for (PetscInt pass = 0; pass < 2; pass++) {
+    for (PetscInt i = 0; i < s->n + m; i++) {
+      const PetscReal *y = i < s->n ? s->x[i] : in[i - s->n];
+
+      if (i < s->n && (!s->own[i] || s->gone[i])) continue;
+      if (BodyPartsHold(b->parts, y) == (PetscBool)(pass == 0)) PetscCall(PetscArraycpy((*x)[(*n)++], y, 3));
+    }
+    if (pass == 0) *mine = *n;
+  }
+  PetscCall(PetscFree(in));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 MPI_Comm BodiesComm(Bodies b)
 {
   return b->parts ? b->parts->comm : PETSC_COMM_SELF;

@@ -127,12 +127,14 @@ PetscErrorCode ContactGetLinks(Contact c, PetscInt *n, ContactLink *link[])
     PetscInt     m;
     PetscReal    gap;
 
+    if (!c->s->own[c->pair[p].i]) continue;
     PetscCall(ContactFindTouch(c, c->pair[p].i, c->pair[p].j, &m, &gap));
     for (PetscInt t = 0; t < m; t++)
       if (c->touch[t].gap < c->range && (!best || c->touch[t].gap < best->gap)) best = &c->touch[t];
     if (!best) continue;
     PetscCall(RoomFor(*n + 1, &room, link, sizeof(**link), NULL));
-    (*link)[*n] = (ContactLink){.i = c->pair[p].i, .j = c->pair[p].j, .gap = best->gap};
+    (*link)[*n] = (ContactLink){.i = c->s->number[c->pair[p].i], .j = c->pair[p].j, .gap = best->gap};
+    if (c->pair[p].j >= 0) (*link)[*n].j = c->s->number[c->pair[p].j];
     for (PetscInt a = 0; a < 3; a++) {
       (*link)[*n].x[a]      = c->x[c->pair[p].i][a] + best->ri[a];
       (*link)[*n].normal[a] = best->normal[a];

@@ -1,5 +1,5 @@
-/* Suspension: see suspension.h. The state of the bodies is the same on all ranks: rank 0 computes and writes the
-   tables.
+/* Suspension: see suspension.h. Where all ranks know all bodies, rank 0 computes the tables; else each rank does for
+   its own bodies, or those in its part, and sums of fixed length go over the ranks. Rank 0 writes.
 
    Volume in slabs: points inside of each shape, evenly spread, stand for equal parts of a body's volume. Pairs: a
    grid of the centres, each listed within the largest distance. Expected pairs: the share of the box that is still
@@ -11,6 +11,7 @@
 #include "base/domain.h"
 #include "base/grid.h"
 #include "base/opt.h"
+#include "bodies/local.h"
 #include "files.h"
 #include <errno.h>
 
@@ -49,6 +50,7 @@ struct _p_Suspension {
   PetscInt   *nfill;                       /* [ngroups] */
   PetscReal **fill;                        /* [ngroups][nfill][dim] points inside of a shape, from its centroid */
   PetscMPIInt rank;
+  PetscBool   computes; /* not where rank 0 does it for all */
 };
 
 /* ---- creation ---- */
@@ -91,7 +93,7 @@ static PetscErrorCode read_options(Suspension b)
   PetscCall(OptChoice("-output_suspension_axis", axes, &b->axis));
   PetscCall(OptInt("-output_suspension_bins", &b->bins));
   PetscCheck(b->axis < b->s->dim, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "-output_suspension_axis z: the scene has two dimensions, give x or y");
-  PetscCheck(b->s->n, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "-output_suspension needs bodies: give -particle_groups, or remove the option");
+  PetscCheck(b->s->nall, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "-output_suspension needs bodies: give -particle_groups, or remove the option");
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -112,6 +114,7 @@ PetscErrorCode SuspensionCreate(Bodies bodies, Contact contact, Monitor monitor,
   b->written = -1;
   PetscCall(BodiesGetState(bodies, &b->s));
   PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &b->rank));
+  b->computes = (PetscBool)(!b->rank || BodiesComm(bodies) != PETSC_COMM_SELF);
   PetscCall(read_options(b));
   for (PetscInt a = 0; a < b->s->dim; a++) {
     char           name[32];
@@ -125,7 +128,7 @@ PetscErrorCode SuspensionCreate(Bodies bodies, Contact contact, Monitor monitor,
     if (a) b->column = first;
   }
   PetscCall(PetscCalloc2(b->s->ngroups, &b->nfill, b->s->ngroups, &b->fill));
-  for (PetscInt g = 0; g < b->s->ngroups && !b->rank; g++) PetscCall(fill_shape(&b->s->group[g], b->s->dim, &b->nfill[g], &b->fill[g]));
+  for (PetscInt g = 0; g < b->s->ngroups && b->computes; g++) PetscCall(fill_shape(&b->s->group[g], b->s->dim, &b->nfill[g], &b->fill[g]));
   *suspension = b;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -146,18 +149,20 @@ PetscErrorCode SuspensionDestroy(Suspension *suspension)
 
 PetscErrorCode SuspensionStep(Suspension b)
 {
-  PetscReal sum[3] = {0, 0, 0}, volume = 0;
+  Exact     sum[4] = {{{0}, 0, 0}}; /* volume times velocity; volume */
+  PetscReal value[4];
 
   PetscFunctionBeginUser;
   if (!b) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt k = 0; k < b->s->n; k++) {
     const PetscReal v = BodiesVolume(b->s, k);
 
-    if (b->s->gone[k] || !(BodiesGetGroup(b->s, k)->free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z))) continue;
-    volume += v;
-    for (PetscInt a = 0; a < 3; a++) sum[a] += v * b->s->u[k][a];
+    if (!b->s->own[k] || b->s->gone[k] || !(BodiesGetGroup(b->s, k)->free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z))) continue;
+    for (PetscInt a = 0; a < 3; a++) ExactAdd(&sum[a], v * b->s->u[k][a]);
+    ExactAdd(&sum[3], v);
   }
-  for (PetscInt a = 0; a < b->s->dim; a++) PetscCall(MonitorSetColumn(b->monitor, b->column + a, volume > 0 ? sum[a] / volume : 0));
+  for (PetscInt a = 0; a < 4; a++) PetscCall(ExactGetSum(BodiesComm(b->bodies), &sum[a], &value[a]));
+  for (PetscInt a = 0; a < b->s->dim; a++) PetscCall(MonitorSetColumn(b->monitor, b->column + a, value[3] > 0 ? value[a] / value[3] : 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -188,39 +193,60 @@ static PetscReal kept_share(Suspension b, const PetscReal side[3], PetscReal r)
   return sum;
 }
 
-static PetscErrorCode count_pairs(Suspension b, PetscReal reach, PetscReal count[], PetscInt *bodies)
+/* Pairs nearer than reach in intervals, half a pair on either side, and the bodies. Collective. */
+static PetscErrorCode count_pairs(Suspension b, PetscReal reach, PetscReal count[], PetscReal *bodies)
 {
-  BodyState *s = b->s;
-  Grid       cells;
+  PetscReal(*x)[3], lower[3], upper[3];
+  PetscInt mine, n;
+  Grid     cells;
 
   PetscFunctionBeginUser;
-  *bodies = 0;
-  PetscCall(GridCreate(s->dim, b->lower, b->upper, 2 * reach, 4 * s->n + 64, &cells));
-  for (PetscInt k = 0; k < s->n; k++)
-    if (!s->gone[k]) PetscCall(GridInsert(cells, k, s->x[k], reach));
-  for (PetscInt k = 0; k < s->n; k++) {
-    if (s->gone[k]) continue;
-    (*bodies)++;
-    for (DomainImages i = {0}; DomainNextImage(b->period, b->lower, b->upper, s->x[k], reach, &i);)
+  PetscCall(BodiesGetPlaces(b->bodies, reach, &mine, &n, &x));
+  for (PetscInt a = 0; a < 3; a++) {
+    lower[a] = upper[a] = n ? x[0][a] : 0;
+    for (PetscInt i = 1; i < n; i++) {
+      lower[a] = PetscMin(lower[a], x[i][a]);
+      upper[a] = PetscMax(upper[a], x[i][a]);
+    }
+  }
+  PetscCall(GridCreate(b->s->dim, lower, upper, 2 * reach, 4 * n + 64, &cells));
+  for (PetscInt i = 0; i < n; i++) PetscCall(GridInsert(cells, i, x[i], reach));
+  for (PetscInt k = 0; k < mine; k++)
+    for (DomainImages i = {0}; DomainNextImage(b->period, b->lower, b->upper, x[k], reach, &i);)
       for (PetscInt e = GridFirst(cells, i.at); e >= 0; e = GridNext(cells, e)) {
-        const PetscReal *y    = s->x[GridItem(cells, e)];
+        const PetscReal *y    = x[GridItem(cells, e)];
         const PetscReal  d[3] = {i.at[0] - y[0], i.at[1] - y[1], i.at[2] - y[2]}, r = PetscSqrtReal(dot3(d, d));
 
         if (GridItem(cells, e) != k && r < reach) count[(PetscInt)(r / reach * b->bins)] += 0.5;
       }
-  }
   PetscCall(GridDestroy(&cells));
+  PetscCall(PetscFree(x));
+  *bodies = mine;
+  PetscCall(BodiesSum(b->bodies, 1, bodies));
+  PetscCall(BodiesSum(b->bodies, b->bins, count));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode find_mean_radius(Suspension b, PetscReal *mean)
+{
+  Exact sum = {{0}, 0, 0};
+
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < b->s->n; k++)
+    if (b->s->own[k]) ExactAdd(&sum, BodiesGetRadius(b->s, k));
+  PetscCall(ExactGetSum(BodiesComm(b->bodies), &sum, mean));
+  *mean /= b->s->nall;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode print_pairs(Suspension b, FILE *f)
 {
-  const PetscInt dim   = b->s->dim;
-  PetscReal      reach = 0, *count, box = 1, width, side[3] = {0, 0, 0};
-  PetscInt       n;
+  const PetscInt dim = b->s->dim;
+  PetscReal      reach, *count, box = 1, width, side[3] = {0, 0, 0}, n;
 
   PetscFunctionBeginUser;
-  for (PetscInt k = 0; k < b->s->n; k++) reach += 2 * REACH * BodiesGetRadius(b->s, k) / b->s->n;
+  PetscCall(find_mean_radius(b, &reach));
+  reach *= 2 * REACH;
   for (PetscInt a = 0; a < dim; a++) { /* centres keep a radius away from walls */
     side[a] = PetscMax(b->upper[a] - b->lower[a] - (b->period[a] > 0 ? 0 : reach / REACH), reach / REACH);
     box *= side[a];
@@ -229,7 +255,7 @@ static PetscErrorCode print_pairs(Suspension b, FILE *f)
   width = reach / b->bins;
   PetscCall(PetscCalloc1(b->bins, &count));
   PetscCall(count_pairs(b, reach, count, &n));
-  for (PetscInt i = 0; i < b->bins; i++) {
+  for (PetscInt i = 0; i < b->bins && f; i++) {
     const PetscReal r = (i + 0.5) * width, r0 = i * width, r1 = r0 + width;
     const PetscReal shell    = dim == 2 ? PETSC_PI * (r1 * r1 - r0 * r0) : 4 * PETSC_PI / 3 * (r1 * r1 * r1 - r0 * r0 * r0);
     const PetscReal expected = 0.5 * n * (n - 1.) * shell * kept_share(b, side, r) / box;
@@ -269,14 +295,85 @@ static PetscErrorCode print_profile(Suspension b, FILE *f)
   for (PetscInt a = 0; a < b->s->dim; a++) volume *= a == b->axis ? width : b->upper[a] - b->lower[a];
   PetscCall(PetscCalloc1(4 * b->bins, &slab));
   for (PetscInt k = 0; k < b->s->n; k++)
-    if (!b->s->gone[k]) add_body(b, k, slab);
-  for (PetscInt i = 0; i < b->bins; i++) {
+    if (b->s->own[k] && !b->s->gone[k]) add_body(b, k, slab);
+  PetscCall(BodiesSum(b->bodies, 4 * b->bins, slab));
+  for (PetscInt i = 0; i < b->bins && f; i++) {
     const PetscReal *here = slab + 4 * i, scale = here[0] > 0 ? 1 / here[0] : 0;
 
     fprintf(f, "%.8g,%.8g,%.8g,%.8g,%.8g\n", (double)(b->lower[b->axis] + (i + 0.5) * width), (double)(here[0] / volume), (double)(scale * here[1]),
             (double)(scale * here[2]), (double)(scale * here[3]));
   }
   PetscCall(PetscFree(slab));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static int compare_links(const void *a, const void *b)
+{
+  const ContactLink *one = a, *two = b;
+
+  if (one->i != two->i) return one->i < two->i ? -1 : 1;
+  return one->j < two->j ? -1 : one->j > two->j;
+}
+
+/* Even shares of the numbers: links go to the rank in whose share i is, so that ranks have them in the order of the
+   table */
+static PetscErrorCode order_links(Suspension b, PetscInt *n, ContactLink **link)
+{
+  PetscMPIInt  size, *to, *from;
+  ContactLink *in;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_size(BodiesComm(b->bodies), &size));
+  PetscCall(PetscMalloc1(*n, &to));
+  for (PetscInt i = 0; i < *n; i++) to[i] = (PetscMPIInt)((PetscInt64)(*link)[i].i * size / b->s->nall);
+  PetscCall(BodiesExchange(b->bodies, *n, to, sizeof(**link), *link, n, &in, &from));
+  PetscCall(PetscFree(to));
+  PetscCall(PetscFree(from));
+  PetscCall(PetscFree(*link));
+  qsort(in, (size_t)*n, sizeof(*in), compare_links);
+  *link = in;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static void print_links(FILE *f, PetscInt n, const ContactLink link[])
+{
+  for (PetscInt i = 0; i < n && f; i++) {
+    const ContactLink *l = &link[i];
+
+    if (l->j >= 0) fprintf(f, "%" PetscInt_FMT ",%" PetscInt_FMT, l->i, l->j);
+    else fprintf(f, "%" PetscInt_FMT ",%s", l->i, DOMAIN_SIDE[-1 - l->j]);
+    fprintf(f, ",%.8g", (double)l->gap);
+    for (PetscInt a = 0; a < 3; a++) fprintf(f, ",%.8g", (double)l->x[a]);
+    for (PetscInt a = 0; a < 3; a++) fprintf(f, ",%.8g", (double)l->normal[a]);
+    fprintf(f, "\n");
+  }
+}
+
+/* Rank 0 prints what the ranks have, one after the other: never more than one share of it is there. Collective. */
+static PetscErrorCode print_shares(Suspension b, PetscInt n, ContactLink link[], FILE *f)
+{
+  const MPI_Comm comm = BodiesComm(b->bodies);
+  PetscMPIInt    size, tag, m;
+  MPI_Datatype   type;
+  MPI_Status     status;
+  ContactLink   *other;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_size(comm, &size));
+  PetscCall(PetscCommGetNewTag(comm, &tag));
+  PetscCallMPI(MPI_Type_contiguous((int)sizeof(*link), MPI_BYTE, &type));
+  PetscCallMPI(MPI_Type_commit(&type));
+  if (b->rank) PetscCallMPI(MPI_Send(link, (PetscMPIInt)n, type, 0, tag, comm));
+  else print_links(f, n, link);
+  for (PetscMPIInt r = 1; r < size && !b->rank; r++) {
+    PetscCallMPI(MPI_Probe(r, tag, comm, &status));
+    PetscCallMPI(MPI_Get_count(&status, type, &m));
+    PetscCall(PetscMalloc1(m, &other));
+    PetscCallMPI(MPI_Recv(other, m, type, r, tag, comm, MPI_STATUS_IGNORE));
+    print_links(f, m, other);
+    PetscCall(PetscFree(other));
+  }
+  PetscCallMPI(MPI_Type_free(&type));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -287,15 +384,10 @@ static PetscErrorCode print_contacts(Suspension b, FILE *f)
 
   PetscFunctionBeginUser;
   PetscCall(ContactGetLinks(b->contact, &n, &link));
-  for (PetscInt i = 0; i < n && f; i++) {
-    const ContactLink *l = &link[i];
-
-    if (l->j >= 0) fprintf(f, "%" PetscInt_FMT ",%" PetscInt_FMT, l->i, l->j);
-    else fprintf(f, "%" PetscInt_FMT ",%s", l->i, DOMAIN_SIDE[-1 - l->j]);
-    fprintf(f, ",%.8g", (double)l->gap);
-    for (PetscInt a = 0; a < 3; a++) fprintf(f, ",%.8g", (double)l->x[a]);
-    for (PetscInt a = 0; a < 3; a++) fprintf(f, ",%.8g", (double)l->normal[a]);
-    fprintf(f, "\n");
+  if (BodiesComm(b->bodies) == PETSC_COMM_SELF) print_links(f, n, link);
+  else {
+    PetscCall(order_links(b, &n, &link));
+    PetscCall(print_shares(b, n, link, f));
   }
   PetscCall(PetscFree(link));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -322,8 +414,8 @@ PetscErrorCode SuspensionWrite(Suspension b, const char dir[], PetscInt step)
     PetscCall(PetscSNPrintf(path, sizeof(path), "%s/%s_%" PetscInt_FMT ".csv", dir, table[i].name, step));
     if (!b->rank) err = FileBegin(path, &f);
     if (f) print_heading(f, table[i].column);
-    /* all ranks look at the contacts: the list of pairs stays the same on all of them */
-    if (!err && (f || table[i].print == print_contacts)) PetscCall(table[i].print(b, f));
+    /* all ranks look at the contacts: the list of pairs stays the same on all of them; f may be NULL on rank 0 too */
+    if (b->computes || table[i].print == print_contacts) PetscCall(table[i].print(b, f));
     if (f) err = FileEnd(path, &f);
     PetscCall(FileCheck(err, path));
   }

@@ -120,8 +120,6 @@ static PetscErrorCode find_need(PetscBool active, char why[], size_t size)
 
   PetscFunctionBeginUser;
   why[0] = 0;
-  PetscCall(OptHas("-output_suspension", &is));
-  if (is) PetscCall(PetscStrncpy(why, "-output_suspension", size));
   PetscCall(OptPeek("-contact_law", text, sizeof(text)));
   PetscCall(PetscStrcasecmp(text, "none", &is));
   if (active && !is) PetscCall(PetscStrncpy(why, "contact in a flow (-contact_law)", size));

@@ -118,17 +118,25 @@ particle:
   rod: {shape: ellipse, a: 0.06, b: 0.03, density: 1, place: pack, count: 30, lower: [0, 0.3], upper: [2, 0.9], margin: 0.002, orientation: random}
   post: {shape: circle, radius: 0.15, position: [0.4, 0.4], free: none}
 sim: {dt: 1e-6, steps: 1}
-contact: {law: none}
+contact: {range: 0.008}
+output: {suspension: true, suspension_axis: x, suspension_bins: 20}
 """
 
 
 def test_packing_on_any_ranks(run, scene, tmp_path):
-    """Every rank packs the bodies that it knows: bit for bit the same places."""
+    """Every rank packs the bodies that it knows, bit for bit to the same places, and has its part in what is told of them."""
     for ranks in 1, 3, 5:
         result = run([scene(MIXED), "-output_dir", str(ranks), "-output_bodies", "0,216"], ranks)
         assert result.status == 0 and "every rank knows all bodies" not in result.out, str(result)
     tables = [(tmp_path / str(ranks) / "bodies.csv").read_bytes() for ranks in (1, 3, 5)]
-    assert tables[0].count(b"\n") == 218 and all(table == tables[0] for table in tables)
+    assert tables[0].count(b"\n") == 218 and all(one == tables[0] for one in tables)
+    for name in "pairs_1.csv", "contacts_1.csv":
+        texts = [(tmp_path / str(ranks) / name).read_text() for ranks in (1, 3, 5)]
+        assert texts[0].count("\n") > 20 and texts[1] == texts[0] == texts[2], name
+    for name in "profile_1.csv", "series.csv":
+        one, *others = [table(tmp_path / str(ranks) / name) for ranks in (1, 3, 5)]
+        for a, b in ((a, b) for other in others for a, b in zip(one, other, strict=True)):
+            assert all(a[key] == pytest.approx(b[key], rel=1e-7, abs=1e-12) for key in a if "second" not in key), name
 
 
 def test_distributions(run, scene, tmp_path):
