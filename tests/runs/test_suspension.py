@@ -137,6 +137,8 @@ def test_packing_on_any_ranks(run, scene, tmp_path):
         one, *others = [table(tmp_path / str(ranks) / name) for ranks in (1, 3, 5)]
         for a, b in ((a, b) for other in others for a, b in zip(one, other, strict=True)):
             assert all(a[key] == pytest.approx(b[key], rel=1e-7, abs=1e-12) for key in a if "second" not in key), name
+    held = run([scene(MIXED), "-particle_rod_free", "x,y", "-scene_dry_run"], 2)
+    assert held.status == 0 and "every rank knows all bodies, because of group 'rod', which is packed, and not all free" in held.out, str(held)
 
 
 def test_distributions(run, scene, tmp_path):
