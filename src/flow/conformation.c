@@ -1,6 +1,7 @@
 /* Conformation: see conformation.h. */
 #include "compat.h"
 #include "impl.h"
+#include "project.h"
 #include "base/log.h"
 
 #define COURANT  0.5  /* largest way in a substep in distances of nodes, summed over the axes of the cell */
@@ -12,10 +13,10 @@
 struct _p_Conformation {
   Flow       f;
   Polymer    law;
+  Projection projection;
   PetscInt   nc; /* 2 dim */
   PetscBool  current;
   PetscBool *inflow, *open;    /* [nnode_all] */
-  PetscReal *mass;             /* [nnode_all] lumped, of the measure of even_metric */
   PetscReal *psi, *next;       /* [nnode_all][nc] psi^n, psi* */
   PetscReal *shift;            /* [nnode_all][nc] of psi^n at surfaces (ConformationShift) */
   PetscReal *tau;              /* [nnode_all][dim*dim] tau(psi*) */
@@ -26,111 +27,6 @@ struct _p_Conformation {
   PetscReal *w[2];             /* [nnode_all][dim] convecting velocity likewise */
   PetscReal *stage, *rate, *g; /* [nnode_all][nc] */
 };
-
-/* ---- projections ---- */
-
-/* Metric of cell c whose weights are those of the reference cell, times the volume. With its own ones the lumped mass
-   of a node at a corner that is nearly flat, as on surfaces in space, is next to nothing, or negative. */
-static PetscErrorCode even_metric(Conformation s, PetscInt c, ElementMetric *m)
-{
-  const ElementTables *e      = &s->f->element;
-  PetscReal            volume = 0, whole = 0;
-
-  PetscFunctionBeginUser;
-  PetscCall(FlowCellMetric(s->f, c, m));
-  if (m->affine) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt q = 0; q < e->nq; q++) {
-    volume += m->weight[q];
-    whole += e->weight[q];
-  }
-  for (PetscInt q = 0; q < e->nq; q++) m->weight[q] = volume / whole * e->weight[q];
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* r [nnode_all][bs], summed over cells own and ghost, becomes its projection: complete at own nodes, synced */
-static PetscErrorCode finish_projection(Conformation s, PetscInt bs, PetscReal r[])
-{
-  const MeshLocal *l = s->f->loc;
-
-  PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < l->nnode; i++) {
-    const PetscReal m = s->mass[i];
-
-    for (PetscInt k = 0; k < bs; k++) r[i * bs + k] = m > 0 ? r[i * bs + k] / m : 0;
-  }
-  PetscCall(MeshSyncNodes(s->f->mesh, bs, r));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Values of a nodal field [nnode_all][bs] at the lattice places of cell c */
-static void gather(const MeshLocal *l, PetscInt c, PetscInt bs, const PetscReal v[], PetscReal vl[])
-{
-  for (PetscInt j = 0; j < l->nb; j++)
-    for (PetscInt k = 0; k < bs; k++) vl[j * bs + k] = v[l->cell_node[c * l->nb + j] * bs + k];
-  MeshCellGather(l, c, bs, vl);
-}
-
-static void scatter(const MeshLocal *l, PetscInt c, PetscInt bs, PetscReal rl[], PetscReal r[])
-{
-  MeshCellScatter(l, c, bs, rl);
-  for (PetscInt j = 0; j < l->nb; j++)
-    for (PetscInt k = 0; k < bs; k++) r[l->cell_node[c * l->nb + j] * bs + k] += rl[j * bs + k];
-}
-
-/* Of the mesh as it is in this step */
-static PetscErrorCode lump_mass(Conformation s)
-{
-  const struct _p_Flow *f = s->f;
-  const MeshLocal      *l = f->loc;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscArrayzero(s->mass, l->nnode_all));
-  for (PetscInt c = 0; c < l->ncell_all; c++) {
-    PetscReal     rl[MESH_MAX_NB] = {0};
-    ElementMetric m;
-
-    if (f->det[c] == 0) continue;
-    PetscCall(even_metric(s, c, &m));
-    for (PetscInt q = 0; q < f->element.nq; q++)
-      for (PetscInt j = 0; j < l->nb; j++) rl[j] += m.weight[q] * f->element.phi[q * f->element.nbp + j];
-    scatter(l, c, 1, rl, s->mass);
-  }
-  PetscCall(MeshSyncNodes(f->mesh, 1, s->mass));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* grad [nnode_all][dim*dim] = P(grad u) */
-static PetscErrorCode project_gradient(Conformation s, const PetscReal u[], PetscReal grad[])
-{
-  const struct _p_Flow *f   = s->f;
-  const MeshLocal      *l   = f->loc;
-  const PetscInt        dim = l->dim, n = dim * dim;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscArrayzero(grad, l->nnode_all * n));
-  for (PetscInt c = 0; c < l->ncell_all; c++) {
-    PetscReal     ul[MESH_MAX_NB * 3], rl[MESH_MAX_NB * 9];
-    ElementMetric m;
-
-    if (f->det[c] == 0) continue;
-    FlowCellGather(l, c, u, ul);
-    PetscCall(even_metric(s, c, &m));
-    PetscCall(PetscArrayzero(rl, l->nb * n));
-    for (PetscInt q = 0; q < f->element.nq; q++) {
-      const PetscReal *phi = f->element.phi + q * f->element.nbp;
-      FlowGradients    g;
-      PetscReal        L[3][3];
-
-      ElementGradients(&f->element, &m, q, g);
-      FlowVelocityGradient(f, g, ul, L);
-      for (PetscInt j = 0; j < l->nb; j++)
-        for (PetscInt k = 0; k < n; k++) rl[j * n + k] += m.weight[q] * phi[j] * L[k / dim][k % dim];
-    }
-    scatter(l, c, n, rl, grad);
-  }
-  PetscCall(finish_projection(s, n, grad));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
 
 /* ---- rates ---- */
 
@@ -175,9 +71,9 @@ static PetscErrorCode project_convection(Conformation s, const PetscReal w[], co
 
     if (f->det[c] == 0) continue;
     FlowCellGather(l, c, w, wl);
-    gather(l, c, nc, psi, pl);
-    if (g) gather(l, c, nc, g, gl);
-    PetscCall(even_metric(s, c, &m));
+    ProjectionGather(l, c, nc, psi, pl);
+    if (g) ProjectionGather(l, c, nc, g, gl);
+    PetscCall(ProjectionMetric(&s->projection, c, &m));
     PetscCall(PetscArrayzero(rl, nb * nc));
     for (PetscInt q = 0; q < f->element.nq; q++) {
       const PetscReal *phi = f->element.phi + q * f->element.nbp;
@@ -191,9 +87,9 @@ static PetscErrorCode project_convection(Conformation s, const PetscReal w[], co
         for (PetscInt k = 0; k < nc; k++) rl[j * nc + k] += test * a[k];
       }
     }
-    scatter(l, c, nc, rl, r);
+    ProjectionScatter(l, c, nc, rl, r);
   }
-  PetscCall(finish_projection(s, nc, r));
+  PetscCall(ProjectionFinish(&s->projection, nc, r));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -237,6 +133,16 @@ static PetscBool shift_back(const struct _p_Conformation *s, PetscInt i, PetscRe
   return any;
 }
 
+/* Is node i one of a surface and at rest? Nothing is convected there; the projections say so to their order alone. */
+static PetscBool rests(const struct _p_Conformation *s, PetscInt i, const PetscReal w[])
+{
+  const PetscInt dim   = s->f->loc->dim;
+  PetscBool      moves = PETSC_FALSE;
+
+  for (PetscInt a = 0; a < dim; a++) moves = (PetscBool)(moves || w[i * dim + a] != 0);
+  return (PetscBool)(!moves && ProjectionIsSurface(&s->projection, i));
+}
+
 /* rate [nnode_all][nc] of psi at the part `at` of the step, synced */
 static PetscErrorCode compute_rate(Conformation s, PetscReal at, const PetscReal psi[], PetscReal w[], PetscReal rate[])
 {
@@ -252,7 +158,7 @@ static PetscErrorCode compute_rate(Conformation s, PetscReal at, const PetscReal
 
     interpolate(s, i, at, L);
     PolymerRate(&s->law, l->dim, psi + i * nc, L, local, &speed);
-    if (!shift_back(s, i, local) && !s->inflow[i])
+    if (!shift_back(s, i, local) && !s->inflow[i] && !rests(s, i, w))
       for (PetscInt k = 0; k < nc; k++) local[k] -= s->g[i * nc + k] + rate[i * nc + k];
     PetscCall(PetscArraycpy(rate + i * nc, local, nc));
   }
@@ -282,7 +188,7 @@ static PetscErrorCode count_substeps(Conformation s, PetscReal dt, PetscInt *n)
     for (PetscInt i = 0; i < l->nnode; i++) {
       PetscReal rate[POLYMER_MAX_NC], L[3][3], speed;
 
-      if (s->mass[i] <= 0) continue;
+      if (s->projection.mass[i] <= 0) continue;
       interpolate(s, i, side, L);
       PolymerRate(&s->law, l->dim, s->psi + i * s->nc, L, rate, &speed);
       top = PetscMax(top, speed / RATE);
@@ -457,8 +363,8 @@ PetscErrorCode ConformationPredict(Conformation s)
   PetscFunctionBeginUser;
   if (s->current) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogEventBegin(TB_FLOW_STRESS, 0, 0, 0, 0));
-  PetscCall(lump_mass(s));
-  PetscCall(project_gradient(s, f->u, s->grad[0]));
+  PetscCall(ProjectionUpdate(&s->projection));
+  PetscCall(ProjectionGradient(&s->projection, f->u, s->grad[0]));
   PetscCall(PetscArraycpy(s->grad[1], s->grad[0], f->loc->nnode_all * n));
   set_convection(s, f->u, s->w[0]);
   PetscCall(PetscArraycpy(s->w[1], s->w[0], f->loc->nnode_all * dim));
@@ -481,7 +387,7 @@ PetscErrorCode ConformationAccept(Conformation s, const PetscReal u[])
 
   PetscFunctionBeginUser;
   PetscCall(PetscLogEventBegin(TB_FLOW_STRESS, 0, 0, 0, 0));
-  PetscCall(project_gradient(s, u, s->grad[1]));
+  PetscCall(ProjectionGradient(&s->projection, u, s->grad[1]));
   set_convection(s, u, s->w[1]);
   PetscCall(advance(s, s->f->step.dt, s->next));
   s->psi  = s->next;
@@ -529,13 +435,14 @@ PetscErrorCode ConformationCreate(Flow f, const Polymer *law, Conformation *conf
   s->f   = f;
   s->law = *law;
   s->nc  = nc;
-  PetscCall(PetscCalloc3(n, &s->inflow, n, &s->open, n, &s->mass));
+  PetscCall(PetscCalloc2(n, &s->inflow, n, &s->open));
   PetscCall(PetscCalloc1(n * nc, &s->psi)); /* each on its own: accepted steps swap them */
   PetscCall(PetscCalloc1(n * nc, &s->next));
   PetscCall(PetscCalloc1(n * nc, &s->shift));
   PetscCall(PetscCalloc5(n * dim * dim, &s->tau, n * dim * dim, &s->grad[0], n * dim * dim, &s->grad[1], n * dim, &s->w[0], n * dim, &s->w[1]));
   PetscCall(PetscCalloc3(n * nc, &s->stage, n * nc, &s->rate, n * nc, &s->g));
   PetscCall(mark_openings(s));
+  PetscCall(ProjectionCreate(f, &s->projection));
   *conformation = s;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -546,7 +453,8 @@ PetscErrorCode ConformationDestroy(Conformation *conformation)
 
   PetscFunctionBeginUser;
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscFree3(s->inflow, s->open, s->mass));
+  PetscCall(ProjectionDestroy(&s->projection));
+  PetscCall(PetscFree2(s->inflow, s->open));
   PetscCall(PetscFree(s->psi));
   PetscCall(PetscFree(s->next));
   PetscCall(PetscFree(s->shift));

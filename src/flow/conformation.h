@@ -3,10 +3,10 @@
    psi, the logarithm of the conformation (polymer.h), is a continuous Q2 field like the velocity: one set of 2 dim
    numbers a node, so that halos, hanging nodes, snapped and remeshed cells carry it as they carry a velocity. Its rate
    at a node is -P(w . grad psi) - P'(tau (w . grad psi - P(w . grad psi)), w . grad v) + rate at a point with L =
-   P(grad u), where P is the projection with the lumped mass and the second term the orthogonal subscale stabilisation
-   (Codina 2002; tau = 1/(4 |w|) in units of the node distance), consistent to the order of the element. It is advanced
-   explicitly by the third-order Runge-Kutta method of Shu & Osher in as many substeps as its rates want: no matrix, no
-   solve.
+   P(grad u), where P is the projection with the lumped mass (project.h, also for L at surfaces) and the second term the
+   orthogonal subscale stabilisation (Codina 2002; tau = 1/(4 |w|) in units of the node distance), consistent to the
+   order of the element; at a surface that rests nothing is convected. It is advanced explicitly by the third-order
+   Runge-Kutta method of Shu & Osher in as many substeps as its rates want: no matrix, no solve.
 
    One step is a predictor and a corrector around the linear solve for the flow:
      psi*      from psi^n with u^n all through the step, when the step's matrix is asked for
