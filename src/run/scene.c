@@ -115,14 +115,10 @@ static const struct {
 /* Does something in the scene need all bodies together? why: the option, empty: nothing */
 static PetscErrorCode find_need(PetscBool active, char why[], size_t size)
 {
-  char      text[64], word[66];
-  PetscBool is;
+  char text[64], word[66];
 
   PetscFunctionBeginUser;
   why[0] = 0;
-  PetscCall(OptPeek("-contact_law", text, sizeof(text)));
-  PetscCall(PetscStrcasecmp(text, "none", &is));
-  if (active && !is) PetscCall(PetscStrncpy(why, "contact in a flow (-contact_law)", size));
   for (size_t i = 0; active && i < sizeof(NEED_ALL) / sizeof(NEED_ALL[0]); i++) {
     PetscCall(OptPeek(NEED_ALL[i].option, text, sizeof(text)));
     (void)snprintf(word, sizeof(word), " %s ", text);
