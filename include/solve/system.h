@@ -10,6 +10,8 @@
    Without bodies, and where viscosity dominates convection too, p += mu theta Mp^{-1} takes its place (Cahouet &
    Chabard 1988). The pressure operator is S_p = B_r M_r^{-1} B_r^T + eps B_c M_c^{-1} B_c^T (Turek 1999, ch. 2; Elman,
    Silvester, Wathen 2014, ch. 9; the softness eps keeps cut cells well conditioned and is in the preconditioner only).
+   Where the viscosity varies, M_r is weighted by its root, and a steady flow takes a mean of the commutator and of the
+   mass of the pressure over the viscosity (runs/studies/rheology).
 
    The outer iteration measures one norm over rows of one unit, force, so that it takes the same iterations whatever the
    units of a scene (tests/runs/test_units.py): continuity rows are multiplied by rho c_t, which makes them a pressure

@@ -30,7 +30,7 @@ struct _p_FlowSolver {
   PetscInt         nbodies, room;                 /* of all ranks; that the arrays below have room for */
   PetscInt         schur, sweep_type;             /* what the user wants */
   PetscBool        fitted, commute, viscous_only; /* no staircase of rigid nodes; in this step */
-  PetscBool        mass_only;                     /* likewise: the mass of the pressure, divided by the viscosity */
+  PetscReal        share_of_mass;                 /* likewise: of Mp^{-1} over the viscosity beside the commutator */
   Mat              S_all, A;                      /* scalar matrix or product of the flow for all components; in use:
                                                      that, or of FlowSolverSetVelocity */
   PetscBool        stages;                        /* two stages may be taken */
@@ -41,8 +41,8 @@ struct _p_FlowSolver {
   Vec                xn, yn;           /* nodal views of parts of reduced vectors */
   PetscReal          viscous;          /* mu theta / scale */
   PetscReal          reference;        /* mu of the flow's parameters */
-  PetscBool          steady;           /* no time step: the mass of the commutator is then divided by sqrt(mu) where
-                                          that varies (w-BFBT: Rudi, Stadler & Ghattas 2017) */
+  PetscReal          thinnest;         /* mu of the thinnest fluid, where that varies in a time step */
+  PetscBool          steady;           /* no time step */
   PetscReal          h_max;            /* largest cell of the whole mesh */
   PetscReal          scale;            /* rho c_t (steady: mu/h^2): of B, C and the masses */
   PetscReal          balance;          /* length: of the continuity rows in the outer iteration, see the header */
@@ -89,6 +89,16 @@ struct _p_FlowSolver {
 static inline PetscBool FlowSolverIsSoft(FlowSolver fs)
 {
   return (PetscBool)(fs->soft && fs->soft->any);
+}
+
+/* Where the viscosity varies: by what the lumped mass in M_r is multiplied where it is mu. The mass of the commutator
+   is best weighted by sqrt(mu) (w-BFBT: Rudi, Stadler & Ghattas 2017), and by the density alone where that rules; in a
+   time step against the thinnest fluid. */
+static inline PetscReal FlowSolverGetLift(FlowSolver fs, PetscReal mu)
+{
+  const PetscReal number = fs->viscous / (fs->reference * PetscSqr(fs->loc->h));
+
+  return PetscSqrtReal(fs->steady ? mu / fs->reference : (1 + number * mu) / (1 + number * fs->thinnest));
 }
 
 /* Do bodies hold all nodes of own cell c? No equation knows its pressure then. */

@@ -13,8 +13,8 @@ static PetscErrorCode take_divergence(FlowSolver fs, Vec u)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* p += mu theta Mp^{-1} (x_p - B u) */
-static PetscErrorCode add_viscous(FlowSolver fs, Vec u, Vec p)
+/* p += share mu theta Mp^{-1} (x_p - B u) */
+static PetscErrorCode add_viscous(FlowSolver fs, PetscReal share, Vec u, Vec p)
 {
   const PetscReal *r;
   PetscReal       *pa;
@@ -23,7 +23,7 @@ static PetscErrorCode add_viscous(FlowSolver fs, Vec u, Vec p)
   PetscCall(take_divergence(fs, u));
   PetscCall(VecGetArray(p, &pa));
   PetscCall(VecGetArrayRead(fs->t_p, &r));
-  PetscCall(FlowPressureMassSolve(fs->flow, fs->viscous, r, pa));
+  PetscCall(FlowPressureMassSolve(fs->flow, share * fs->viscous, r, pa));
   PetscCall(VecRestoreArrayRead(fs->t_p, &r));
   PetscCall(VecRestoreArray(p, &pa));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -37,13 +37,14 @@ static PetscErrorCode project(FlowSolver fs, Vec u, Vec p)
   PetscCall(MatMult(fs->G, p, fs->t_u));
   PetscCall(FlowSolverApplyMassInverse(fs, fs->t_u, fs->t_u2));
   if (fs->share_of_pressure < 1) PetscCall(VecScale(p, fs->share_of_pressure));
-  PetscCall(add_viscous(fs, u, p));
+  PetscCall(add_viscous(fs, 1, u, p));
   PetscCall(VecAXPY(u, -1, fs->t_u2));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* p <- S_p^{-1} (B M_r^{-1} A_r M_r^{-1} P^T B^T + C) p, the least-squares commutator */
-static PetscErrorCode commute(FlowSolver fs, Vec p)
+/* p <- S_p^{-1} (B M_r^{-1} A_r M_r^{-1} P^T B^T + C) p, the least-squares commutator, or a mean of that and of the
+   mass of the pressure over the viscosity */
+static PetscErrorCode commute(FlowSolver fs, Vec u, Vec p)
 {
   PetscFunctionBeginUser;
   PetscCall(MatMult(fs->G, p, fs->t_u));
@@ -57,6 +58,10 @@ static PetscErrorCode commute(FlowSolver fs, Vec p)
     PetscCall(VecAXPY(fs->t_p, 1, fs->t_p2));
   }
   PetscCall(KSPSolve(fs->sub[1], fs->t_p, p));
+  if (fs->share_of_mass > 0) {
+    PetscCall(VecScale(p, 1 - fs->share_of_mass));
+    PetscCall(add_viscous(fs, fs->share_of_mass, u, p));
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -79,21 +84,17 @@ static PetscErrorCode count_limited(FlowSolver fs)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* u ~ A_r^{-1} x_u, then p = mu theta Mp^{-1} (x_p - B u), or from p ~ S_p^{-1} (x_p - B u) on with projection or
-   commutator, see the header */
+/* u ~ A_r^{-1} x_u, p ~ S_p^{-1} (x_p - B u), then projection or commutator, see the header */
 static PetscErrorCode solve_fields(FlowSolver fs, Vec x_u, Vec u, Vec p)
 {
   PetscFunctionBeginUser;
   PetscCall(KSPSolve(fs->sub[0], x_u, u));
-  if (fs->mass_only) PetscCall(VecZeroEntries(p));
-  else {
-    PetscCall(take_divergence(fs, u));
-    PetscCall(KSPSolve(fs->sub[1], fs->t_p, p));
-  }
+  PetscCall(take_divergence(fs, u));
+  PetscCall(KSPSolve(fs->sub[1], fs->t_p, p));
   PetscCall(count_limited(fs));
   if (fs->two_stage) PetscCall(TwoStageApply(fs->two, fs, u, p));
-  else if (fs->mass_only || fs->viscous_only) PetscCall(add_viscous(fs, u, p));
-  else if (fs->commute) PetscCall(commute(fs, p));
+  else if (fs->viscous_only) PetscCall(add_viscous(fs, 1, u, p));
+  else if (fs->commute) PetscCall(commute(fs, u, p));
   else PetscCall(project(fs, u, p));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -127,10 +128,9 @@ static PetscErrorCode view_projection(PC pc, PetscViewer viewer)
   PetscFunctionBeginUser;
   PetscCall(PCShellGetContext(pc, &fs));
   PetscCall(PetscViewerASCIIPrintf(viewer, "  velocity, pressure, then %s\n",
-                                   fs->mass_only   ? "mass of the pressure over the viscosity"
-                                   : fs->two_stage ? "two-stage pressure and relaxation of cut cells"
-                                   : fs->commute   ? "least-squares commutator"
-                                                   : "projection with the lumped mass"));
+                                   fs->two_stage ? "two-stage pressure and relaxation of cut cells"
+                                   : fs->commute ? "least-squares commutator"
+                                                 : "projection with the lumped mass"));
   PetscCall(PetscViewerASCIIPushTab(viewer));
   for (PetscInt i = 0; i < 2; i++) PetscCall(KSPView(fs->sub[i], viewer));
   PetscCall(PetscViewerASCIIPopTab(viewer));

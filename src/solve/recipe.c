@@ -58,6 +58,8 @@ static const struct {
 #define FEW            6 /* directions of gmres, see MANY_DIRECTIONS */
 #define MANY           30
 #define SHARE_BELOW    0.5  /* of the pressure correction, below WHOLE_PRESSURE */
+#define MASS_STEADY    0.9  /* of the pressure's mass beside the commutator where the viscosity varies */
+#define MASS_OTHER     0.6  /* with convection or a penalty, which that does not know (runs/studies/rheology) */
 #define LOOSE          1e-3 /* tolerance from which a single projection is enough around bodies */
 
 /* Recipe fast around bodies: iterations at least, and residual that they leave as share of the start value's
@@ -274,12 +276,12 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
   PetscCall(choose_directions(fs, (PetscBool)(above[MANY_DIRECTIONS] || fs->nbodies)));
   fs->share_of_pressure = fs->single && !above[WHOLE_PRESSURE] ? SHARE_BELOW : 1;
   /* the projection is for time steps only */
-  fs->commute      = (PetscBool)(fs->schur == SCHUR_COMMUTATOR || step->dt == 0);
-  fs->viscous_only = PETSC_FALSE;
-  /* where a penalty makes no layers of its own, and for any mesh (runs/studies/rheology) */
-  fs->mass_only = (PetscBool)(fs->schur == SCHUR_AUTO && step->dt == 0 && step->ct == 0 && par->varying && !par->convection && !FlowSolverIsSoft(fs));
-  fs->two_stage = (PetscBool)(fs->schur == SCHUR_TWO_STAGE && !fs->commute);
-  fs->relax_cells = above[FlowSolverIsSoft(fs) ? RELAX_SOFT : RELAX_RIGID];
+  fs->commute       = (PetscBool)(fs->schur == SCHUR_COMMUTATOR || step->dt == 0);
+  fs->viscous_only  = PETSC_FALSE;
+  fs->share_of_mass = fs->schur == SCHUR_AUTO && step->dt == 0 && par->varying ? (par->convection || FlowSolverIsSoft(fs) ? MASS_OTHER : MASS_STEADY)
+                                                                               : 0;
+  fs->two_stage     = (PetscBool)(fs->schur == SCHUR_TWO_STAGE && !fs->commute);
+  fs->relax_cells   = above[FlowSolverIsSoft(fs) ? RELAX_SOFT : RELAX_RIGID];
   if (fs->schur != SCHUR_AUTO || fs->commute) PetscFunctionReturn(PETSC_SUCCESS);
   convection       = (PetscBool)(above[COMMUTATOR_CONVECTION] || (above[COMMUTATOR_UNRESOLVED] && convective > 50 * viscous));
   fs->two_stage    = (PetscBool)(fs->stages && !convection);

@@ -15,6 +15,16 @@
 
 /* ---- numeric set-up ---- */
 
+static PetscErrorCode find_thinnest(FlowSolver fs, const PetscReal m[], const PetscReal mu[])
+{
+  PetscFunctionBeginUser;
+  fs->thinnest = PETSC_MAX_REAL;
+  for (PetscInt i = 0; i < fs->loc->nnode; i++)
+    if (fs->constraint->node_body[i] < 0 && m[i] > 0) fs->thinnest = PetscMin(fs->thinnest, mu[i]);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &fs->thinnest, 1, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Inverse diagonal of A (zero at inert slots) and inverse lumped mass of M_r with softness at body nodes */
 static PetscErrorCode set_up_diagonals(FlowSolver fs)
 {
@@ -24,11 +34,14 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs)
   const PetscReal            *m, *mu;
   const PetscReal             part = fs->two_stage ? TWO_STAGE_SHARE : 1;
   PetscReal                   hold = 1, *d;
+  PetscBool                   weigh;
 
   PetscFunctionBeginUser;
   PetscCall(ConditionsGetValues(FlowConditions(fs->flow), &fixed, NULL));
   PetscCall(FlowGetLumpedMass(fs->flow, &m));
   PetscCall(FlowGetViscosity(fs->flow, NULL, &mu));
+  weigh = (PetscBool)(mu && (fs->steady || fs->two_stage || fs->commute)); /* a projection has no commutator */
+  if (weigh) PetscCall(find_thinnest(fs, m, mu));
   /* strong nodes among soft ones are to yield less than these */
   if (FlowSolverIsSoft(fs)) hold = 1 + fs->soft->strength / fs->scale;
   PetscCall(PetscMalloc1(l->nnode_all, &d));
@@ -41,17 +54,18 @@ static PetscErrorCode set_up_diagonals(FlowSolver fs)
   for (PetscInt j = 0; j < c->ninert; j++) fs->diagonal_inverse[c->slot[j]] = 0;
   PetscCall(PetscFree(d));
   for (PetscInt i = 0; i < l->nnode_all; i++) {
-    const PetscReal thin = mu && fs->steady ? fs->reference / mu[i] : 1; /* see impl.h; the penalty goes with mu */
-    const PetscReal soft = FlowSolverIsSoft(fs) ? part * thin * fs->soft->weight[i] / fs->scale : 0;
+    const PetscReal lift = weigh ? FlowSolverGetLift(fs, mu[i]) : 1;
+    /* the penalty goes with mu, and in a time step is taken as it is */
+    const PetscReal soft = FlowSolverIsSoft(fs) ? part * fs->soft->weight[i] / (fs->scale * lift * (fs->steady ? lift : 1)) : 0;
     const PetscReal mass = c->node_body[i] >= 0 ? m[i] : m[i] + soft;
     const PetscReal w    = mass > 0 ? 1 / mass : 0; /* no mass: buried in a dead cell */
-    const PetscReal lift = PetscSqrtReal(thin);
 
     fs->share[i] = c->node_body[i] >= 0 ? 1 : soft * w;
     for (PetscInt a = 0; a < dim; a++)
-      fs->weight[i * dim + a] = lift * (c->node_body[i] >= 0  ? w / hold * PressureGetSoftness(fs->pressure, c->node_body[i])
-                                        : (fixed[i] >> a) & 1 ? 0
-                                                              : w);
+      fs->weight[i * dim + a] = (c->node_body[i] >= 0  ? w / hold * PressureGetSoftness(fs->pressure, c->node_body[i])
+                                 : (fixed[i] >> a) & 1 ? 0
+                                                       : w) /
+                                lift;
   }
   if (fs->nsaved < c->ninert + c->nfollow) {
     PetscCall(PetscFree(fs->saved));

@@ -44,9 +44,45 @@ static PetscErrorCode solve_again(KSP ksp, Vec r, Vec q)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* q = (1 - om) S_p^{-1} B X^{-1} w + om mu theta Mp^{-1} g */
-static PetscErrorCode correct(TwoStage t, FlowSolver fs)
+/* om of cells where the viscosity is mu times that of the parameters */
+static PetscReal get_blend(FlowSolver fs, PetscReal mu)
 {
+  const PetscReal viscous = mu * fs->viscous / PetscSqr(fs->loc->h);
+
+  return BLEND_MOST * viscous / (viscous + BLEND_HALF);
+}
+
+/* q = (1 - om) q + om (mu theta Mp^{-1} g + p1/lift - p1) with om of each cell: the lift of the mass in S_p is the
+   commutator's */
+static PetscErrorCode blend_cells(TwoStage t, FlowSolver fs, const PetscReal mu[], Vec p1)
+{
+  const PetscInt   nk = fs->loc->dim + 1;
+  const PetscReal *g, *p;
+  PetscReal       *q, *part;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecGetArrayRead(t->g, &g));
+  PetscCall(VecGetArrayRead(p1, &p));
+  PetscCall(VecGetArray(t->q, &q));
+  PetscCall(VecGetArray(fs->t_p, &part));
+  for (PetscInt i = 0; i < fs->np; i++) {
+    const PetscReal om = get_blend(fs, mu[i / nk] / fs->reference);
+
+    part[i] = om * g[i];
+    q[i]    = (1 - om) * q[i] + om * (1 / FlowSolverGetLift(fs, mu[i / nk]) - 1) * p[i];
+  }
+  PetscCall(FlowPressureMassSolve(fs->flow, fs->viscous, part, q));
+  PetscCall(VecRestoreArray(fs->t_p, &part));
+  PetscCall(VecRestoreArray(t->q, &q));
+  PetscCall(VecRestoreArrayRead(p1, &p));
+  PetscCall(VecRestoreArrayRead(t->g, &g));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* q = (1 - om) S_p^{-1} B X^{-1} w + om mu theta Mp^{-1} g */
+static PetscErrorCode correct(TwoStage t, FlowSolver fs, Vec p1)
+{
+  const PetscReal *mu;
   const PetscReal *g;
   PetscReal       *q;
 
@@ -54,6 +90,11 @@ static PetscErrorCode correct(TwoStage t, FlowSolver fs)
   PetscCall(FlowSolverApplyMassInverse(fs, t->w, fs->t_u));
   PetscCall(MatMult(fs->B, fs->t_u, fs->t_p));
   PetscCall(solve_again(fs->sub[1], fs->t_p, t->q));
+  PetscCall(FlowGetViscosity(fs->flow, &mu, NULL));
+  if (mu) {
+    PetscCall(blend_cells(t, fs, mu, p1));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   if (t->blend == 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(VecScale(t->q, 1 - t->blend));
   PetscCall(VecGetArrayRead(t->g, &g));
@@ -120,7 +161,7 @@ PetscErrorCode TwoStageApply(TwoStage t, FlowSolver fs, Vec u, Vec p)
   PetscCall(VecCopy(g, t->g));
   if (t->ncell) PetscCall(get_residual(t, fs));
   PetscCall(project(t, fs, p));
-  PetscCall(correct(t, fs));
+  PetscCall(correct(t, fs, p));
   PetscCall(VecAXPY(u, 1, t->v));
   PetscCall(VecAXPY(p, 1, t->q));
   if (t->ncell) PetscCall(relax(t, fs, u, p));
@@ -129,10 +170,8 @@ PetscErrorCode TwoStageApply(TwoStage t, FlowSolver fs, Vec u, Vec p)
 
 PetscErrorCode TwoStageSetUp(TwoStage t, FlowSolver fs)
 {
-  const PetscReal viscous = fs->viscous / PetscSqr(fs->loc->h);
-
   PetscFunctionBeginUser;
-  t->blend = BLEND_MOST * viscous / (viscous + BLEND_HALF);
+  t->blend = get_blend(fs, 1);
   t->ncell = 0;
   if (t->cells && fs->relax_cells) {
     PetscCall(CellRelaxUpdate(t->cells, fs->pressure, FlowSolverIsSoft(fs) ? fs->soft : NULL, fs->scale));

@@ -8,7 +8,10 @@
    p1 is the projection's pressure and q what the least-squares commutator adds to it: as a correction its solve may be
    loose, and the softness of S_p drops out of the product. X v is at hand. The commutator knows walls and surfaces,
    which mu Mp^{-1} does not; under a penalty it overshoots in cut cells, hence th, om and the relaxation
-   (runs/studies/flow-solver). For time steps only: u += v needs the pressure of a projection. */
+   (runs/studies/flow-solver). For time steps only: u += v needs the pressure of a projection.
+
+   Where the viscosity varies, om is each cell's own, the mass in X is multiplied by its lift (FlowSolverGetLift), and
+   the share om of p1 is divided by that: the pressure of a projection knows densities alone (runs/studies/rheology). */
 #pragma once
 #include "solve/system.h"
 
