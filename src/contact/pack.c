@@ -21,18 +21,18 @@
 #include "base/room.h"
 #include <petsctime.h>
 
-#define START        0.25 /* share of the box that bounding circles fill at first; a third of it in 3D */
-#define GROWTH       1.04 /* of the size in a stage */
-#define SHRINK       1.02 /* where they do not fit */
-#define STAGE_SWEEPS 15
-#define MOST_SWEEPS  4000
-#define PATIENCE     400  /* sweeps without a tenth less overlap, after which it is given up */
-#define SLACK        0.02 /* in mean radii */
-#define SLACK_SWEEPS 100  /* after which the slack is halved */
-#define LOOK         0.15 /* gaps that are computed, in mean radii */
-#define POINTS(dim)  ((dim) == 2 ? 64 : 200)
-#define MOST_CELLS   1e6 /* along an axis */
-#define NOWHERE      -1  /* cell of a body that does not move */
+#define START         0.25 /* share of the box that bounding circles fill at first; a third of it in 3D */
+#define GROWTH        1.04 /* of the size in a stage */
+#define SHRINK        1.02 /* where they do not fit */
+#define STAGE_SWEEPS  15
+#define MOST_SWEEPS   4000
+#define PATIENCE      400  /* sweeps without a tenth less overlap, after which it is given up */
+#define SLACK         0.02 /* in mean radii */
+#define SLACK_SWEEPS  100  /* after which the slack is halved */
+#define LOOK          0.15 /* gaps that are computed, in mean radii */
+#define POINTS(dim)   ((dim) == 2 ? 64 : 200)
+#define MOST_CELLS(n) (4. * (n) + 64)
+#define NOWHERE       -1 /* cell of a body that does not move */
 
 static PetscReal box_of(const BodyGroup *g, PetscInt dim)
 {
@@ -108,24 +108,27 @@ static PetscInt lowest_cell(PetscInt n, PetscInt i, PetscInt j)
   return PetscAbsInt(i - j) == 1 ? PetscMin(i, j) : n - 1; /* across the period */
 }
 
-/* Cells as wide as bodies that move may be apart in a list of pairs, an even number along a period: blocks of one
-   colour must not meet across it. The contact shall know ghosts as far as blocks of own bodies reach. Collective. */
+/* Cells as wide as bodies that move may be apart in a list of pairs, or wider where there would be many more of them
+   than bodies; an even number along a period: blocks of one colour must not meet across it. The contact shall know
+   ghosts as far as blocks of own bodies reach. Collective. */
 static PetscErrorCode choose_cells(Pack *p)
 {
   Contact   c    = p->c;
-  PetscReal wide = 0, sum = 0;
+  PetscReal wide = 0, total = PETSC_MAX_REAL, sum = 0, length[3] = {0, 0, 0};
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < c->nkinds; i++)
     if (c->kind[i].moves) wide = PetscMax(wide, c->kind[i].radius);
   PetscCall(BodiesMax(c->bodies, 1, &wide));
-  wide = c->horizon + 2 * (1 + CONTACT_SKIN) * wide;
+  for (PetscInt a = 0; a < c->dim; a++) length[a] = c->upper[a] - c->lower[a];
+  for (wide = c->horizon + 2 * (1 + CONTACT_SKIN) * wide; total > MOST_CELLS(c->s->nall); wide *= 2) {
+    total = 1;
+    for (PetscInt a = 0; a < 3; a++) total *= PetscMax(1, PetscFloorReal(length[a] / wide));
+    for (PetscInt a = 0; a < 3 && total <= MOST_CELLS(c->s->nall); a++) p->ncells[a] = (PetscInt)PetscMax(1, PetscFloorReal(length[a] / wide));
+  }
   for (PetscInt a = 0; a < 3; a++) {
-    const PetscReal length = a < c->dim ? c->upper[a] - c->lower[a] : 0;
-
-    p->ncells[a] = PetscMax(1, (PetscInt)PetscMin(length / wide, MOST_CELLS));
     if (c->period[a] > 0 && p->ncells[a] > 1) p->ncells[a] -= p->ncells[a] % 2;
-    sum += PetscSqr(2 * length / p->ncells[a]);
+    sum += PetscSqr(2 * length[a] / p->ncells[a]);
   }
   c->halo = PetscSqrtReal(sum);
   PetscFunctionReturn(PETSC_SUCCESS);
