@@ -148,10 +148,10 @@ static PetscErrorCode build_plain(Mesh m)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* To be made without rank 0? Not if options ask for what a DMPlex can do. */
-static PetscErrorCode is_large_box(Mesh m, PetscBool *large)
+/* To be made without a DMPlex? Not if options ask for what one can do. */
+static PetscErrorCode is_bare_box(Mesh m, PetscBool *bare)
 {
-  const char *const other[] = {"-petscpartitioner_type", "-dm_refine"};
+  const char *const other[] = {"-petscpartitioner_type", "-dm_refine", "-mesh_order"};
   PetscMPIInt       size;
   PetscReal         n;
   PetscBool         given = PETSC_FALSE;
@@ -159,8 +159,8 @@ static PetscErrorCode is_large_box(Mesh m, PetscBool *large)
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_size(m->comm, &size));
   PetscCall(MeshKindGetBoxCells(m->kind, &n));
-  for (size_t i = 0; i < 2 && !given; i++) PetscCall(PetscOptionsHasName(NULL, NULL, other[i], &given));
-  *large = (PetscBool)(size > 1 && n >= LARGE_BOX && !given);
+  for (size_t i = 0; i < sizeof(other) / sizeof(other[0]) && !given; i++) PetscCall(PetscOptionsHasName(NULL, NULL, other[i], &given));
+  *bare = (PetscBool)(n >= (size > 1 ? LARGE_BOX : 1) && !given);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -225,7 +225,7 @@ PetscErrorCode MeshCreateAround(MPI_Comm comm, const MeshSurface *surface, Mesh 
 {
   Mesh      m;
   PetscInt  levels;
-  PetscBool around, large = PETSC_FALSE;
+  PetscBool around, bare = PETSC_FALSE;
   Leaves    leaves;
 
   PetscFunctionBeginUser;
@@ -237,10 +237,10 @@ PetscErrorCode MeshCreateAround(MPI_Comm comm, const MeshSurface *surface, Mesh 
     PetscCall(LeavesCreate(comm, m->kind, levels, surface, &leaves));
   } else {
     PetscCall(MeshKindRead(comm, &m->kind));
-    PetscCall(is_large_box(m, &large));
-    if (large) PetscCall(LeavesCreateEqual(comm, m->kind, &leaves));
+    PetscCall(is_bare_box(m, &bare));
+    if (bare) PetscCall(LeavesCreateEqual(comm, m->kind, &leaves));
   }
-  if (levels || large) PetscCall(RefinedBuild(m, &leaves));
+  if (levels || bare) PetscCall(RefinedBuild(m, &leaves));
   else PetscCall(build_plain(m));
   PetscCall(complete(m));
   *mesh = m;

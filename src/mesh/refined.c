@@ -133,7 +133,7 @@ static PetscErrorCode choose_ghosts(Builder *b)
   PetscInt n   = 0, half[3], found, code;
 
   PetscFunctionBeginUser;
-  PetscCall(list_layers(b));
+  if (b->nown < b->leaves.total || b->leaves.levels) PetscCall(list_layers(b));
   if (!b->nghost) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt c = 0; c < b->nown; c++) {
     for (PetscInt j = 0; j < b->nb; j++) {
