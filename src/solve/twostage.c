@@ -3,13 +3,14 @@
 #include "cellrelax.h"
 #include "impl.h"
 
-/* om = BLEND_MOST vn/(vn + BLEND_HALF) for the viscous number vn of the smallest cell */
-#define BLEND_MOST 0.5
-#define BLEND_HALF 0.4
-/* The second solve need not be better; where cut cells make its right-hand side rough, in dense packings, it would take
-   ten iterations and gain nothing (runs/studies/flow-solver) */
+/* om = most vn/(vn + BLEND_HALF) for the viscous number vn of the smallest cell; most of it with a penalty, which in
+   dense packings leaves little to commute (runs/studies/flow-solver) */
+#define BLEND_PENALTY 0.9
+#define BLEND_RIGID   0.5
+#define BLEND_HALF    0.4
+/* The second solve need not be better, but one that ends short of this spoils the correction in dense packings */
 #define SECOND_RTOL 0.1
-#define SECOND_MOST 2
+#define SECOND_MOST 10
 
 struct _p_TwoStage {
   CellRelax cells;
@@ -49,7 +50,7 @@ static PetscReal get_blend(FlowSolver fs, PetscReal mu)
 {
   const PetscReal viscous = mu * fs->viscous / PetscSqr(fs->loc->h);
 
-  return BLEND_MOST * viscous / (viscous + BLEND_HALF);
+  return (FlowSolverIsSoft(fs) ? BLEND_PENALTY : BLEND_RIGID) * viscous / (viscous + BLEND_HALF);
 }
 
 /* q = (1 - om) q + om (mu theta Mp^{-1} g + p1/lift - p1) with om of each cell: the lift of the mass in S_p is the
