@@ -440,7 +440,7 @@ static void list_rows(Leaves *t)
   for (PetscInt i = 0; i < t->nleaf; i++) {
     Leaf *leaf = t->leaf + i;
 
-    *leaf     = (Leaf){.x = {i % t->cells[0], i / t->cells[0]}};
+    *leaf = (Leaf){.x = {i % t->cells[0], i / t->cells[0]}};
     if (t->dim == 3) {
       leaf->x[2] = leaf->x[1] / t->cells[1];
       leaf->x[1] %= t->cells[1];
