@@ -104,7 +104,6 @@ static const struct {
                 {"-flow_rate", ""},
                 {"-flow_initial", " rest uniform shear poiseuille expression run "},
                 {"-flow_rheology", " newton "},
-                {"-flow_les", " none "},
                 {"-mesh_kind", " box "},
                 {"-mesh_deform", " false no 0 "},
                 {"-preset", ""},
@@ -115,14 +114,16 @@ static const struct {
 /* Does something in the scene need all bodies together? why: the option, empty: nothing */
 static PetscErrorCode find_need(PetscBool active, char why[], size_t size)
 {
-  char text[64], word[66];
+  char      text[64], word[66];
+  PetscBool given;
 
   PetscFunctionBeginUser;
   why[0] = 0;
   for (size_t i = 0; active && i < sizeof(NEED_ALL) / sizeof(NEED_ALL[0]); i++) {
     PetscCall(OptPeek(NEED_ALL[i].option, text, sizeof(text)));
+    PetscCall(PetscOptionsHasName(NULL, NULL, NEED_ALL[i].option, &given)); /* perhaps without a word, as flags are */
     (void)snprintf(word, sizeof(word), " %s ", text);
-    if (text[0] && !strstr(NEED_ALL[i].allowed, word)) PetscCall(PetscSNPrintf(why, size, "%s %s", NEED_ALL[i].option, text));
+    if (given && !strstr(NEED_ALL[i].allowed, word)) PetscCall(PetscSNPrintf(why, size, "%s %s", NEED_ALL[i].option, text));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -35,8 +35,9 @@ RUNS = {
     "demo-explicit": (DISC, 1, ["-couple_type", "explicit", "-sim_move_max", "2", "-particle_disc_density"]),
     "demo-adaptive": (DISC, 1, ["-sim_adapt", "true", "-couple_boundary", "penalty"]),
     "demo-deform": (DISC, 1, ["-mesh_deform", "true"]),
-    "small-nodal": (SMALL, 1, ["-couple_boundary", "nodal", "-flow_rtol_most", "2e-5"]),  # what is left holds round-off of single precision
-    "small-penalty": (SMALL, 2, ["-couple_boundary", "penalty"]),
+    # what is left holds round-off of single precision
+    "small-nodal": (SMALL, 1, ["-couple_boundary", "nodal", "-flow_rtol_most", "2e-5"]),
+    "small-penalty": (SMALL, 2, ["-couple_boundary", "penalty", "-flow_rtol_most", "2e-5"]),
     "small-snap": (SMALL, 1, ["-couple_boundary", "snap"]),
     "landing": (LANDING, 1, ["-couple_boundary", "penalty"]),
     "spring": (LANDING, 1, ["-couple_boundary", "nodal", "-contact_law", "spring"]),
