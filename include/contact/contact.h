@@ -58,13 +58,13 @@ PetscErrorCode ContactMigrate(Contact, PetscReal dt, PetscReal (*a)[3]);
    last step / ContactGetMass, alpha alike), with the effective mass and inertia of ContactGetMass, and stores force and
    torque in contact_force, contact_torque of the state. Repulsive law: the force of a pair is its mean over the step,
    or over a look-ahead of two steps where that is larger (step.c says why). The state itself does not move. Bodies out
-   of range of everything cost nothing but the search. Collective, the same bits on any number of ranks. Safe while a
-   body moves at most h in a step. Error when -contact_substeps is given and too small for the stiffness: names option,
-   value and the needed number. */
+   of range of everything cost nothing but the search. Not collective, same result on all ranks. Safe while a body moves
+   at most h in a step. Error when -contact_substeps is given and too small for the stiffness: names option, value and
+   the needed number. */
 PetscErrorCode ContactStep(Contact, PetscReal dt, PetscReal (*a)[3], PetscReal (*alpha)[3]);
 /* After the bodies have moved in the flow: fills gap of the state (PETSC_MAX_REAL: far) and, with -contact_separate,
-   moves bodies that overlap apart (separate.c says why and how) until 1e-3 radii are left; velocities stay.
-   Collective, same bits on any number of ranks. */
+   moves bodies that overlap apart (separate.c says why and how) until 1e-3 radii are left; velocities stay. Not
+   collective, same result on all ranks. */
 PetscErrorCode ContactFinishStep(Contact);
 /* Take steps back: Keep before ContactStep, Revert after it; contact_force, contact_torque, gap and the tangential
    springs are what they were. Not collective. */

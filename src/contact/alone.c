@@ -1,5 +1,5 @@
 /* Contact, bodies without a flow: symplectic Euler under contact, gravity and buoyancy, in place in the state. All
-   pairs act at once (atonce.c), so that any number of ranks gives the same bits. */
+   pairs act at once (atonce.c), so that any number of ranks gives the same bits; in a flow one by one (step.c). */
 #include "compat.h"
 #include "impl.h"
 #include "base/log.h"
@@ -98,12 +98,13 @@ static PetscErrorCode turn_body(Contact c, PetscInt k, PetscReal h)
 
 static PetscErrorCode advance_alone(Contact c, PetscReal h, PetscReal share)
 {
-  const PetscBool turns = ContactTurns(c);
+  PetscBool turns = (PetscBool)(c->lubricate || c->friction > 0);
 
   PetscFunctionBeginUser;
+  for (PetscInt g = 0; g < c->s->ngroups; g++) turns = (PetscBool)(turns || c->s->group[g].disc <= 0);
   PetscCall(ContactFindPairs(c));
   drop_bodies(c, h);
-  PetscCall(ContactForcesAtOnce(c, h, turns, &(Crowd){.npairs = c->npairs, .nbodies = c->s->n}));
+  PetscCall(ContactForcesAtOnce(c, h, turns));
   for (PetscInt k = 0; k < c->s->n; k++) {
     if (c->s->gone[k] || !c->s->own[k]) continue;
     push_body(c, k, h, share, turns);

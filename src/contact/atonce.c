@@ -1,21 +1,21 @@
-/* Contact, the forces of all pairs at once: all from the same places and velocities, and those on a body summed in the
-   order of the pairs' numbers. So a rank needs to know no more than the neighbours of its own bodies, and the same bits
-   come out on any number of ranks.
+/* Contact, the forces of all pairs at once, for steps without a flow (alone.c): all from the same places and
+   velocities, and those on a body summed in the order of the pairs' numbers. So a rank needs to know no more than the
+   neighbours of its own bodies, and the same bits come out on any number of ranks.
 
    Two passes: first the forces without damping and the velocities that they give; then every dashpot damps what is left
    of the speed at its touch. As the damping of all of them acts at once, each acts against the inverse masses of its
    two bodies times the rates of all dashpots that hold on to them (sums of rows, as in mass splitting: Tonge,
    Benevolenski, Voroshilov 2012; here by rates in place of numbers), so that the second pass takes energy out whatever
    the rates and the packing: sum rate (a - b)^2/(S_i + S_j) <= sum rate (a^2/S_i + b^2/S_j), with S the sums of rate
-   times inverse mass. A pair that meets alone is damped by its speed after the sub-step, and a force that a body
-   passes on is carried as it is, because the speed that is damped is that after all elastic forces. */
+   times inverse mass. A pair that meets alone is damped as in a flow, to the last bit but rounding, and a force that a
+   body passes on is carried as it is, because the speed that is damped is that after all elastic forces. */
 #include "compat.h"
 #include "impl.h"
 #include "base/room.h"
 
 /* A dashpot until the second pass */
 struct _p_Held {
-  PetscInt  near, lever; /* number in the crowd; lever: -1: acts at the centres */
+  PetscInt  pair, lever; /* lever: -1: acts at the centres */
   PetscReal value, rate, normal[3];
 };
 
@@ -50,8 +50,9 @@ static void add_impulse(AtOnce *a, const Pair *p, const Impulse *s, PetscBool tu
   }
 }
 
-static PetscErrorCode hold(Contact c, PetscInt near, const Pair *p, const Dashpot *d)
+static PetscErrorCode hold(Contact c, PetscInt pair, const Dashpot *d)
 {
+  const Pair     *p    = &c->pair[pair];
   AtOnce         *a    = &c->at_once;
   const PetscReal rate = ContactImplicit(c, d->film) * d->rate;
   struct _p_Held *held;
@@ -61,7 +62,7 @@ static PetscErrorCode hold(Contact c, PetscInt near, const Pair *p, const Dashpo
   if (p->j >= 0) a->after[p->j][3] += rate * (d->inverse_mass - d->of_i);
   PetscCall(RoomFor(a->nheld + 1, &a->held_room, &a->held, sizeof(*a->held), NULL));
   held  = &a->held[a->nheld++];
-  *held = (struct _p_Held){.near = near, .lever = d->has_levers ? a->nlevers : -1, .value = d->value, .rate = d->rate};
+  *held = (struct _p_Held){.pair = pair, .lever = d->has_levers ? a->nlevers : -1, .value = d->value, .rate = d->rate};
   for (PetscInt b = 0; b < 3; b++) held->normal[b] = d->normal[b];
   if (!d->has_levers) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(RoomFor(a->nlevers + 1, &a->lever_room, &a->lever, sizeof(*a->lever), NULL));
@@ -73,36 +74,23 @@ static PetscErrorCode hold(Contact c, PetscInt near, const Pair *p, const Dashpo
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Two discs out of reach of each other: most of a crowd in most sub-steps */
-static PetscBool discs_apart(Contact c, const Pair *p)
-{
-  const PetscReal ri = ContactKind(c, p->i)->disc, rj = p->j >= 0 ? ContactKind(c, p->j)->disc : 0;
-
-  return (PetscBool)(ri > 0 && rj > 0 && !ContactWithin(c, p->i, p->j, c->horizon + (ri + rj)));
-}
-
 /* The first pass: forces without damping, and friction, which is implicit by itself */
-static PetscErrorCode sum_elastic(Contact c, PetscReal h, PetscBool turns, const Crowd *w)
+static PetscErrorCode sum_elastic(Contact c, PetscReal h, PetscBool turns)
 {
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < w->npairs; i++) {
-    const PetscInt number = w->pair ? w->pair[i] : i;
-    const Pair    *p      = &c->pair[number];
-    Impulse        sum    = {{0}, {0}, {0}};
-    PetscInt       n;
-    PetscReal      gap;
+  for (PetscInt p = 0; p < c->npairs; p++) {
+    Impulse   sum = {{0}, {0}, {0}};
+    PetscInt  n;
+    PetscReal gap;
 
-    if (w->force) w->force[i] = sum;
-    if (w->force && !c->slip && discs_apart(c, p)) continue; /* a tangential spring ends where the bodies part */
-    PetscCall(ContactPairDashpots(c, number, h, &n, &sum, &gap));
-    if (!w->force) ContactNoteGap(p, gap, c->s->gap);
+    PetscCall(ContactPairDashpots(c, p, h, &n, &sum, &gap));
+    ContactNoteGap(&c->pair[p], gap, c->s->gap);
     if (gap >= c->horizon) continue;
     for (PetscInt k = 0; k < n; k++) {
       ContactAddForce(&c->dashpot[k], c->dashpot[k].value, &sum);
-      if (c->dashpot[k].rate > 0) PetscCall(hold(c, i, p, &c->dashpot[k]));
+      if (c->dashpot[k].rate > 0) PetscCall(hold(c, p, &c->dashpot[k]));
     }
-    add_impulse(&c->at_once, p, &sum, turns);
-    if (w->force) w->force[i] = sum;
+    add_impulse(&c->at_once, &c->pair[p], &sum, turns);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -137,13 +125,13 @@ static PetscReal parting(const Pair *p, const Lever *lever, const PetscReal n[3]
 }
 
 /* The second pass */
-static void add_damping(Contact c, PetscReal h, PetscBool turns, const Crowd *w)
+static void add_damping(Contact c, PetscReal h, PetscBool turns)
 {
   AtOnce *a = &c->at_once;
 
   for (PetscInt k = 0; k < a->nheld; k++) {
     const struct _p_Held *d        = &a->held[k];
-    const Pair           *p        = &c->pair[w->pair ? w->pair[d->near] : d->near];
+    const Pair           *p        = &c->pair[d->pair];
     const Lever          *lever    = d->lever < 0 ? NULL : &a->lever[d->lever];
     const PetscBool       film     = (PetscBool)(lever && lever->film);
     const PetscReal       implicit = ContactImplicit(c, film), all = a->after[p->i][3] + (p->j >= 0 ? a->after[p->j][3] : 0);
@@ -159,23 +147,19 @@ static void add_damping(Contact c, PetscReal h, PetscBool turns, const Crowd *w)
       cross(sum.f, lever->j, sum.tj);
     }
     add_impulse(a, p, &sum, turns);
-    if (w->force) ImpulseAdd(1, &sum, &w->force[d->near]);
   }
 }
 
-PetscErrorCode ContactForcesAtOnce(Contact c, PetscReal h, PetscBool turns, const Crowd *w)
+PetscErrorCode ContactForcesAtOnce(Contact c, PetscReal h, PetscBool turns)
 {
   PetscFunctionBeginUser;
   PetscCall(make_room(c, turns));
-  PetscCall(sum_elastic(c, h, turns, w));
-  for (PetscInt i = 0; i < w->nbodies; i++) {
-    const PetscInt k = w->body ? w->body[i] : i;
-
+  PetscCall(sum_elastic(c, h, turns));
+  for (PetscInt k = 0; k < c->s->n; k++)
     if (c->s->own[k] && !c->s->gone[k]) kick_body(c, k, h, turns);
-  }
   PetscCall(BodiesUpdateGhosts(c->bodies, 4, c->at_once.after));
   if (turns) PetscCall(BodiesUpdateGhosts(c->bodies, 3, c->at_once.spin));
-  add_damping(c, h, turns, w);
+  add_damping(c, h, turns);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

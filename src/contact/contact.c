@@ -372,10 +372,7 @@ PetscErrorCode ContactDestroy(Contact *contact)
   PetscCall(PetscFree(c->npoints));
   PetscCall(BodiesDetach(c->bodies, (void **)&c->present));
   PetscCall(ContactForgetAtOnce(c));
-  PetscCall(BodiesDetach(c->bodies, (void **)&c->copy_x));
-  PetscCall(BodiesDetach(c->bodies, (void **)&c->copy_q));
-  PetscCall(BodiesDetach(c->bodies, (void **)&c->copy_u));
-  PetscCall(BodiesDetach(c->bodies, (void **)&c->copy_w));
+  PetscCall(PetscFree4(c->copy_x, c->copy_q, c->copy_u, c->copy_w));
   PetscCall(BodiesDetach(c->bodies, (void **)&c->inverse_inertia));
   PetscCall(PetscFree(c->pair));
   PetscCall(PetscFree(c->slip));

@@ -185,15 +185,6 @@ static inline PetscReal ContactImplicit(Contact c, PetscBool film)
   return film ? 1 : c->law->implicit;
 }
 
-static inline void ImpulseAdd(PetscReal scale, const Impulse *s, Impulse *sum)
-{
-  for (PetscInt a = 0; a < 3; a++) {
-    sum->f[a] += scale * s->f[a];
-    sum->ti[a] += scale * s->ti[a];
-    sum->tj[a] += scale * s->tj[a];
-  }
-}
-
 static inline void ContactNoteGap(const Pair *p, PetscReal gap, PetscReal all[])
 {
   all[p->i] = PetscMin(all[p->i], gap);
@@ -244,18 +235,9 @@ PetscReal ContactApproach(Contact, const Pair *, const Dashpot *);
 /* Force of a dashpot that acts alone for the time h */
 PetscReal ContactDashpotForce(Contact, const Dashpot *, PetscReal approach, PetscReal h);
 void      ContactAddForce(const Dashpot *, PetscReal value, Impulse *sum);
-/* Which pairs act, and which bodies they move (NULL: all). force [npairs]: of each pair, to be filled; NULL: not
-   wanted, and the gaps are noted instead. */
-typedef struct {
-  PetscInt  npairs, nbodies;
-  PetscInt *pair, *body;
-  Impulse  *force;
-} Crowd;
-/* Forces, and where pairs turn bodies (not discs alone) torques, of these pairs over a sub-step h from where the bodies
-   are now, in c->at_once. Collective. */
-PetscErrorCode ContactForcesAtOnce(Contact, PetscReal h, PetscBool turns, const Crowd *);
-/* Do pairs turn the bodies, as they do but where discs meet without friction and films? */
-PetscBool      ContactTurns(Contact);
+/* Forces, and where pairs are round (not discs alone) torques, of all pairs over a sub-step h from where the bodies are
+   now, in c->at_once; the gaps are noted. Collective. */
+PetscErrorCode ContactForcesAtOnce(Contact, PetscReal h, PetscBool turns);
 PetscErrorCode ContactForgetAtOnce(Contact);
 /* Slips of the list go into slots, in place of those there; back to the list, which may be another one, where the slots
    stay; no slots; slots saved or loaded. Collective. */
@@ -274,8 +256,9 @@ PetscErrorCode ContactFastest(Contact, PetscReal *top); /* collective */
 PetscErrorCode ContactSetScales(Contact, PetscReal dt, PetscReal (*a)[3]);
 void           ContactScaleKinds(Contact);
 PetscErrorCode ContactSetInertia(Contact, PetscInt k);
-/* Adds an impulse times `scale` to forces and torques of a pair. */
+/* Adds an impulse times `scale` to forces and torques of a pair; changes its velocities by that of the time h. */
 void ContactScatter(const Pair *, const Impulse *, PetscReal scale, PetscReal (*force)[3], PetscReal (*torque)[3]);
+void ContactKick(Contact, const Pair *, PetscReal h, const Impulse *);
 /* Acceleration of body k under a force, with what is held taken away: inverse mass times force */
 void ContactMobility(Contact, PetscInt k, const PetscReal force[3], PetscReal out[3]);
 /* Sub-steps of a step dt when forces change within `time`. Error: -contact_substeps too few. */

@@ -111,7 +111,6 @@ PetscErrorCode ContactSetScales(Contact c, PetscReal dt, PetscReal (*a)[3])
   PetscCall(BodiesMax(c->bodies, 1, &c->top));
   for (PetscInt k = 0; a && k < c->s->n; k++)
     if (ContactKind(c, k)->moves) push = PetscMax(push, dot3(a[k], a[k]));
-  if (a) PetscCall(BodiesMax(c->bodies, 1, &push));
   if (dt > 0) c->floor = PetscMax(SPEED_FLOOR * c->range / dt, PetscSqrtReal(8. / 3. * c->range * PetscSqrtReal(push)));
   ContactScaleKinds(c);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -130,18 +129,29 @@ void ContactScatter(const Pair *p, const Impulse *s, PetscReal scale, PetscReal 
   }
 }
 
-PetscBool ContactTurns(Contact c)
+static void kick(Contact c, PetscInt k, PetscReal h, const PetscReal f[3], const PetscReal torque[3])
 {
-  PetscBool turns = (PetscBool)(c->lubricate || c->friction > 0);
+  const Kind *kind = ContactKind(c, k);
+  PetscReal   dw[3];
 
-  for (PetscInt g = 0; g < c->s->ngroups; g++) turns = (PetscBool)(turns || c->s->group[g].disc <= 0);
-  return turns;
+  ContactSpin(c, k, torque, dw);
+  for (PetscInt a = 0; a < 3; a++) {
+    c->u[k][a] += h * f[a] * kind->inverse_mass[a];
+    c->w[k][a] += h * dw[a];
+  }
+  BodiesKeepAxes(c->state, k, c->u[k], c->w[k]);
 }
 
 void ContactMobility(Contact c, PetscInt k, const PetscReal force[3], PetscReal out[3])
 {
   for (PetscInt a = 0; a < 3; a++) out[a] = force[a] * ContactKind(c, k)->inverse_mass[a];
   BodiesKeepAxes(c->state, k, out, NULL);
+}
+
+void ContactKick(Contact c, const Pair *p, PetscReal h, const Impulse *s)
+{
+  kick(c, p->i, h, s->f, s->ti);
+  if (p->j >= 0) kick(c, p->j, -h, s->f, (const PetscReal[3]){-s->tj[0], -s->tj[1], -s->tj[2]});
 }
 
 /* e e^T / (e . I e) */
@@ -191,12 +201,7 @@ PetscErrorCode ContactUseCopies(Contact c, PetscReal (*x)[3], PetscReal (*q)[4],
   const PetscInt n = c->s->n;
 
   PetscFunctionBeginUser;
-  if (!c->copy_x) {
-    PetscCall(BodiesAttachWork(c->bodies, sizeof(*x), (void **)&c->copy_x));
-    PetscCall(BodiesAttachWork(c->bodies, sizeof(*q), (void **)&c->copy_q));
-    PetscCall(BodiesAttachWork(c->bodies, sizeof(*u), (void **)&c->copy_u));
-    PetscCall(BodiesAttachWork(c->bodies, sizeof(*w), (void **)&c->copy_w));
-  }
+  if (!c->copy_x) PetscCall(PetscMalloc4(n, &c->copy_x, n, &c->copy_q, n, &c->copy_u, n, &c->copy_w));
   PetscCall(PetscArraycpy((PetscReal *)c->copy_x, (PetscReal *)x, 3 * n));
   PetscCall(PetscArraycpy((PetscReal *)c->copy_q, (PetscReal *)q, 4 * n));
   PetscCall(PetscArraycpy((PetscReal *)c->copy_u, (PetscReal *)u, 3 * n));

@@ -115,10 +115,13 @@ static const struct {
 static PetscErrorCode find_need(PetscBool active, char why[], size_t size)
 {
   char      text[64], word[66];
-  PetscBool given;
+  PetscBool given, apart;
 
   PetscFunctionBeginUser;
   why[0] = 0;
+  PetscCall(OptPeek("-contact_law", text, sizeof(text)));
+  PetscCall(PetscStrcasecmp(text, "none", &apart));
+  if (active && !apart) PetscCall(PetscStrncpy(why, "contact in a flow (-contact_law)", size));
   for (size_t i = 0; active && i < sizeof(NEED_ALL) / sizeof(NEED_ALL[0]); i++) {
     PetscCall(OptPeek(NEED_ALL[i].option, text, sizeof(text)));
     PetscCall(PetscOptionsHasName(NULL, NULL, NEED_ALL[i].option, &given)); /* perhaps without a word, as flags are */
