@@ -47,12 +47,16 @@ static PetscErrorCode find_normals(const Projection *p)
   PetscFunctionBeginUser;
   PetscCall(PetscCalloc2(l->nnode_all, &beside[0], l->nnode_all, &beside[1]));
   PetscCall(PetscArrayzero(p->normal, l->nnode_all * dim));
-  for (PetscInt c = 0; c < l->ncell_all; c++) {
-    PetscReal     rl[MESH_MAX_NB * 3] = {0};
-    ElementMetric m;
-
+  for (PetscInt c = 0; c < l->ncell_all; c++)
     for (PetscInt j = 0; j < l->nb && !MeshCellHang(l, c); j++) beside[f->det[c] == 0][l->cell_node[c * l->nb + j]] = PETSC_TRUE;
-    if (f->det[c] == 0) continue;
+  for (PetscInt c = 0; c < l->ncell_all; c++) {
+    const PetscInt *node                = l->cell_node + c * l->nb;
+    PetscReal       rl[MESH_MAX_NB * 3] = {0};
+    PetscBool       any                 = PETSC_FALSE;
+    ElementMetric   m;
+
+    for (PetscInt j = 0; j < l->nb; j++) any = (PetscBool)(any || (beside[0][node[j]] && beside[1][node[j]]));
+    if (f->det[c] == 0 || !any) continue;
     PetscCall(FlowCellMetric(p->f, c, &m));
     for (PetscInt q = 0; q < f->element.nq; q++) {
       FlowGradients g;

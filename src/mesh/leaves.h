@@ -49,7 +49,8 @@ typedef struct _n_Leaves {
 /* Read -mesh_refine, -mesh_band and boxes and find the leaves of this rank. Collective. Errors: nothing to refine
    around, a band too narrow, fewer cells than ranks, too many cells for the lattice; those of BoxesRead. */
 PetscErrorCode LeavesCreate(MPI_Comm, MeshKind, PetscInt levels, const MeshSurface *, Leaves *);
-/* The base cells themselves, unrefined; no rank lists more than its own. Collective. Error: fewer cells than ranks. */
+/* The base cells themselves, unrefined; no rank lists more than its own. On one rank row by row, where only
+   LeavesPlace may be asked. Collective. Error: fewer cells than ranks. */
 PetscErrorCode LeavesCreateEqual(MPI_Comm, MeshKind, Leaves *);
 /* The same with leaves that are given: all of them, along the curve, on every rank (borrowed until LeavesClose).
    Collective. Error: fewer cells than ranks. */

@@ -2,8 +2,8 @@
 
    A DMPlex of quadrilaterals or hexahedra (kind.h) is distributed, refined, and given one layer of ghost cells. Every
    mesh point then gets one node, numbered in the order in which the cells (in cache-friendly order) touch them:
-   neighbours in space are neighbours in memory. Lengths are in the unit of the scene. Refined boxes (-mesh_levels), and
-   large ones on many ranks, which one rank should not have to hold, come from refined.c instead. */
+   neighbours in space are neighbours in memory. Lengths are in the unit of the scene. Refined boxes (-mesh_levels),
+   boxes on one rank, and large ones on many, which one rank should not have to hold, come from refined.c instead. */
 #include "compat.h"
 #include "impl.h"
 #include "base/opt.h"
