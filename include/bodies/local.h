@@ -46,7 +46,7 @@ PetscErrorCode BodiesDetach(Bodies, void **array);
 PetscErrorCode BodiesMigrate(Bodies, PetscReal range, PetscReal skin);
 /* Ghosts get x and u of their owners, if `turns` also q and w. Collective. */
 PetscErrorCode BodiesSync(Bodies, PetscBool turns);
-/* v [n][width]: ghosts get what their owners have; width 3 or 4. Collective. */
+/* v [n][width]: ghosts get what their owners have. Collective. */
 PetscErrorCode BodiesUpdateGhosts(Bodies, PetscInt width, void *v);
 /* v [n][width] of every rank that knows a body becomes their sum, the same on all of them. Collective. */
 PetscErrorCode BodiesSumKnown(Bodies, PetscInt width, PetscReal v[]);

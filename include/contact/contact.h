@@ -62,9 +62,24 @@ PetscErrorCode ContactMigrate(Contact, PetscReal dt, PetscReal (*a)[3]);
    at most h in a step. Error when -contact_substeps is given and too small for the stiffness: names option, value and
    the needed number. */
 PetscErrorCode ContactStep(Contact, PetscReal dt, PetscReal (*a)[3], PetscReal (*alpha)[3]);
+/* A force at a touch of bodies i and j (j < 0: a wall), for the end of a step: value - rate v along the normal, which
+   points from j to i, v the speed at which they part there; ri, rj from their centres (0: it acts there). */
+typedef struct {
+  PetscInt  i, j;
+  PetscReal value, rate, normal[3], ri[3], rj[3];
+} ContactSpring;
+/* In place of ContactStep, for a flow that is solved with the contact: all forces of the step [t, t + dt] (spring.c),
+   where contact_force and contact_torque are zero until ContactTakeForces has been told what they came to, force [n].
+   a as for ContactStep, for the scales of bodies without buoyancy; start: bodies will have gathered the speed dt a. Owned by the contact, until the next call. Of bodies
+   that are spread pairs are found on every rank that owns one of the two. Collective. */
+PetscErrorCode ContactFindSprings(Contact, PetscReal dt, PetscBool start, PetscReal (*a)[3], PetscInt *n,
+                                  const ContactSpring *spring[]);
+PetscErrorCode ContactTakeForces(Contact, const PetscReal force[]);
+/* Are forces of this law to be solved with the flow (-contact_coupling)? */
+PetscErrorCode ContactIsImplicit(Contact, PetscBool *);
 /* After the bodies have moved in the flow: fills gap of the state (PETSC_MAX_REAL: far) and, with -contact_separate,
-   moves bodies that overlap apart (separate.c says why and how) until 1e-3 radii are left; velocities stay. Not
-   collective, same result on all ranks. */
+   moves bodies that overlap apart (separate.c says why and how) until 1e-3 radii are left; velocities stay.
+   Collective, same bits on any number of ranks. */
 PetscErrorCode ContactFinishStep(Contact);
 /* Take steps back: Keep before ContactStep, Revert after it; contact_force, contact_torque, gap and the tangential
    springs are what they were. Not collective. */

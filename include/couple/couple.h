@@ -21,6 +21,7 @@
    force on their surface alone. */
 #pragma once
 #include "bodies/bodies.h"
+#include "contact/contact.h"
 #include "couple/deform.h"
 #include "flow/flow.h"
 #include "solve/system.h"
@@ -69,6 +70,12 @@ PetscErrorCode CoupleGetLoad(Couple, PetscInt *ncells, PetscInt *nbodies);
 /* Bodies that are spread have gone to their owners (BodiesMigrate), and k stands for others: before the next
    CoupleDraw. Nothing happens where all know all. Collective. */
 PetscErrorCode CoupleMeetBodies(Couple);
+
+/* Forces of contact to solve with the flow, before CoupleDraw (ContactFindSprings; NULL with n 0: none), and what they
+   came to after CoupleSolve, force [n], borrowed. Implicit coupling only. Copied. Collective. */
+PetscErrorCode CoupleSetContact(Couple, PetscInt n, const ContactSpring spring[]);
+PetscErrorCode CoupleGetContact(Couple, const PetscReal *force[]);
+PetscErrorCode CoupleIsImplicit(Couple, PetscBool *);
 
 /* The four parts of a step, in this order after FlowBeginStep. Collective. Draw: bodies at their predicted place,
    marks, constraint. Solve: assembly and the linear system; *reason < 0 reports failure without raising an error.

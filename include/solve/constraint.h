@@ -44,6 +44,9 @@ PetscErrorCode ConstraintSetBoundary(Constraint, const PetscInt fixed[], const P
    node; further bodies
    [nmore] whose rigid velocities this rank needs. Takes effect in the next ConstraintSetBodies. Copied. */
 PetscErrorCode ConstraintSetFollowers(Constraint, const PetscInt follow[], PetscInt nmore, const PetscInt more[]);
+/* Pairs of bodies [n][2] (second < 0: none) whose rigid velocities are wanted in one place, the rank of the slots of
+   either. Takes effect in the next ConstraintSetBodies. Copied. Local. */
+PetscErrorCode ConstraintSetPartners(Constraint, PetscInt n, const PetscInt pair[][2]);
 /* Bodies of this step: node_body [nnode_all] index of the body a node lies in or -1; X [nbodies][3] the centres;
    unknown [nbodies] bit mask of unknown rigid velocities in the order of the rigid slots; U [nbodies][nr] the values of
    the known ones (unknown entries ignored). Walls win over bodies. *changed (may be NULL): has the set of constrained

@@ -59,6 +59,17 @@ PetscErrorCode FlowSolverView(FlowSolver, PetscViewer);
    velocities only. Copied. */
 PetscErrorCode FlowSolverSetRigid(FlowSolver, const PetscReal D[]);
 
+/* A force between two bodies, or on one, that resists their motion: f = -stiffness (row_0 . U_0 + row_1 . U_1), with
+   f row_s on the rigid rows of body s. In the plane rows have three numbers, in space six, as the rigid slots. */
+typedef struct {
+  PetscInt  body[2]; /* body[1] < 0: none */
+  PetscReal row[2][6];
+  PetscReal stiffness; /* force a speed */
+} BodyTie;
+/* The ties of the step, after ConstraintSetBodies, which has been told of their bodies (ConstraintSetPartners): a tie is
+   given on every rank that knows both, and counts once. Known velocities do not count here. Copied. Collective. */
+PetscErrorCode FlowSolverSetTies(FlowSolver, PetscInt n, const BodyTie tie[]);
+
 /* Penalty of the bodies, whose scalar part is in the flow's matrix; NULL: none. Borrowed; what it points to may change
    between steps. */
 PetscErrorCode FlowSolverSetSoft(FlowSolver, const PenaltyTerm *);

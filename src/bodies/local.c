@@ -227,13 +227,17 @@ PetscErrorCode BodiesSync(Bodies b, PetscBool turns)
 
 PetscErrorCode BodiesUpdateGhosts(Bodies b, PetscInt width, void *v)
 {
-  BodyParts *p = b->parts;
+  BodyParts   *p = b->parts;
+  MPI_Datatype unit;
 
   PetscFunctionBeginUser;
   if (!p || !p->ghosts) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogEventBegin(TB_SYNC, 0, 0, 0, 0));
-  PetscCall(PetscSFBcastBegin(p->ghosts, p->unit[width - 3], v, v, MPI_REPLACE));
-  PetscCall(PetscSFBcastEnd(p->ghosts, p->unit[width - 3], v, v, MPI_REPLACE));
+  PetscCallMPI(MPI_Type_contiguous((PetscMPIInt)width, MPIU_REAL, &unit));
+  PetscCallMPI(MPI_Type_commit(&unit));
+  PetscCall(PetscSFBcastBegin(p->ghosts, unit, v, v, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(p->ghosts, unit, v, v, MPI_REPLACE));
+  PetscCallMPI(MPI_Type_free(&unit));
   PetscCall(PetscLogEventEnd(TB_SYNC, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

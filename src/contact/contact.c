@@ -144,6 +144,13 @@ PetscErrorCode ContactGetLinks(Contact c, PetscInt *n, ContactLink *link[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode ContactIsImplicit(Contact c, PetscBool *implicit)
+{
+  PetscFunctionBeginUser;
+  *implicit = c->implicit;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ContactView(Contact c, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
@@ -372,10 +379,14 @@ PetscErrorCode ContactDestroy(Contact *contact)
   PetscCall(PetscFree(c->npoints));
   PetscCall(BodiesDetach(c->bodies, (void **)&c->present));
   PetscCall(ContactForgetAtOnce(c));
-  PetscCall(PetscFree4(c->copy_x, c->copy_q, c->copy_u, c->copy_w));
+  PetscCall(BodiesDetach(c->bodies, (void **)&c->copy_x));
+  PetscCall(BodiesDetach(c->bodies, (void **)&c->copy_q));
+  PetscCall(BodiesDetach(c->bodies, (void **)&c->copy_u));
+  PetscCall(BodiesDetach(c->bodies, (void **)&c->copy_w));
   PetscCall(BodiesDetach(c->bodies, (void **)&c->inverse_inertia));
   PetscCall(PetscFree(c->pair));
   PetscCall(PetscFree(c->slip));
+  PetscCall(PetscFree(c->springs));
   PetscCall(ContactForgetSlips(c, &c->going));
   PetscCall(ContactForgetSlips(c, &c->kept_slips));
   PetscCall(BodiesDetach(c->bodies, (void **)&c->kept));

@@ -58,6 +58,7 @@ typedef struct {
   PetscReal inverse_mass, of_i; /* of the pair along the normal, and the share of i */
   PetscReal normal[3];
   PetscReal ri[3], rj[3]; /* as in Touch */
+  PetscReal gap, weight;  /* likewise; not of films */
   PetscBool has_levers;   /* else it acts at the centres, and ri and rj are not set */
   PetscBool film;         /* not of the law; has levers */
 } Dashpot;
@@ -113,6 +114,7 @@ struct _p_Contact {
   PetscReal         rho_f, viscosity, g[3], lower[3], upper[3], period[3];
   /* parameters of the laws */
   PetscReal   multiple, eps, eps_overlap, wall_factor, damping_speed;                 /* repulsive */
+  PetscBool   implicit;                                                               /* likewise: with the flow */
   PetscReal   spring, restitution, friction, tangential, damping_ratio, spring_speed; /* spring */
   PetscBool   lubricate;
   PetscReal   lubrication_range, film_begin, roughness; /* films act below film_begin */
@@ -126,6 +128,7 @@ struct _p_Contact {
   PetscReal   floor, top; /* u_ref of bodies without buoyancy; speed of the fastest when the scales were set */
   PetscReal  *present;    /* [n] speed of a body's fastest point when the scales were set */
   PetscBool   alone;      /* it has moved the bodies */
+  PetscBool   with_flow;  /* it finds springs */
   /* where the bodies are: the state's own arrays or copies */
   PetscReal (*x)[3], (*q)[4], (*u)[3], (*w)[3];
   PetscReal (*copy_x)[3], (*copy_q)[4], (*copy_u)[3], (*copy_w)[3]; /* [n], allocated when first needed */
@@ -146,6 +149,9 @@ struct _p_Contact {
   /* what ContactKeep keeps */
   PetscReal (*kept)[7]; /* [n] force, torque, gap */
   Slips kept_slips;
+  /* what ContactFindSprings has found */
+  PetscInt       nspring, spring_room;
+  ContactSpring *springs;
   /* packing: if > 0, how much farther than to own bodies ghosts are known, whose pairs are listed then; size of the
      bodies that are packed, in their own: they alone move */
   PetscReal halo, packing;
@@ -172,12 +178,6 @@ static inline PetscBool ContactWithin(Contact c, PetscInt i, PetscInt j, PetscRe
   for (PetscInt a = 0; a < c->dim; a++) d[a] = c->x[i][a] - c->x[j][a];
   ContactWrap(c, d);
   return (PetscBool)(dot3(d, d) < reach * reach);
-}
-
-/* The larger present speed of a pair */
-static inline PetscReal ContactPairSpeed(Contact c, const Pair *p)
-{
-  return p->j >= 0 ? PetscMax(c->present[p->i], c->present[p->j]) : c->present[p->i];
 }
 
 static inline PetscReal ContactImplicit(Contact c, PetscBool film)
@@ -230,6 +230,13 @@ PetscErrorCode ContactReadLaws(Contact);
 PetscErrorCode ContactPairForce(Contact, PetscInt p, PetscReal h, Impulse *, PetscReal *gap);
 /* What that consists of: n dashpots in c->dashpot, and friction, added to *friction. */
 PetscErrorCode ContactPairDashpots(Contact, PetscInt p, PetscReal h, PetscInt *n, Impulse *friction, PetscReal *gap);
+/* The speed of a pair that scales its stiffness: the larger present one; where contact is solved with the flow that at
+   which the centres approach each other, since a spring that stiffens as its bodies part would make energy */
+PetscReal ContactPairSpeed(Contact, const Pair *);
+/* Stiffness and scale of speed of a pair */
+void ContactFillMeeting(Contact, const Pair *, Meeting *);
+/* Can the pair come within the horizon, with the ways in c->reach? The list holds also those that its skin brought in. */
+PetscBool ContactCanMeet(Contact, const Pair *);
 /* Closing speed of a pair at a dashpot, by c->u and c->w. */
 PetscReal ContactApproach(Contact, const Pair *, const Dashpot *);
 /* Force of a dashpot that acts alone for the time h */

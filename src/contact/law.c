@@ -28,7 +28,12 @@
 
 static PetscErrorCode read_repulsive(Contact c)
 {
+  static const char *const COUPLINGS[] = {"implicit", "explicit", NULL};
+  PetscInt                 coupling    = 0;
+
   PetscFunctionBeginUser;
+  PetscCall(OptChoice("-contact_coupling", COUPLINGS, &coupling));
+  c->implicit = (PetscBool)(coupling == 0);
   PetscCall(OptReal("-contact_stiffness", &c->multiple));
   PetscCall(OptReal("-contact_eps", &c->eps));
   PetscCall(OptReal("-contact_eps_overlap", &c->eps_overlap));

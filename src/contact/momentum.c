@@ -111,6 +111,7 @@ PetscErrorCode ContactSetScales(Contact c, PetscReal dt, PetscReal (*a)[3])
   PetscCall(BodiesMax(c->bodies, 1, &c->top));
   for (PetscInt k = 0; a && k < c->s->n; k++)
     if (ContactKind(c, k)->moves) push = PetscMax(push, dot3(a[k], a[k]));
+  if (a) PetscCall(BodiesMax(c->bodies, 1, &push));
   if (dt > 0) c->floor = PetscMax(SPEED_FLOOR * c->range / dt, PetscSqrtReal(8. / 3. * c->range * PetscSqrtReal(push)));
   ContactScaleKinds(c);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -180,6 +181,18 @@ PetscErrorCode ContactSetInertia(Contact c, PetscInt k)
 
 /* ---- sub-steps ---- */
 
+PetscBool ContactCanMeet(Contact c, const Pair *p)
+{
+  PetscReal reach = c->horizon + ContactKind(c, p->i)->radius + c->reach[p->i];
+
+  if (p->j < 0) {
+    const PetscInt face = -1 - p->j, a = face / 2;
+
+    return (PetscBool)((face % 2 ? c->upper[a] - c->x[p->i][a] : c->x[p->i][a] - c->lower[a]) < reach);
+  }
+  return ContactWithin(c, p->i, p->j, reach + ContactKind(c, p->j)->radius + c->reach[p->j]);
+}
+
 PetscErrorCode ContactChooseSubsteps(Contact c, PetscReal dt, PetscReal time, PetscInt *n)
 {
   const PetscReal wanted = PetscCeilReal(dt / (STEP_FACTOR * time)), needed = PetscCeilReal(dt / (LIMIT_FACTOR * time));
@@ -201,7 +214,12 @@ PetscErrorCode ContactUseCopies(Contact c, PetscReal (*x)[3], PetscReal (*q)[4],
   const PetscInt n = c->s->n;
 
   PetscFunctionBeginUser;
-  if (!c->copy_x) PetscCall(PetscMalloc4(n, &c->copy_x, n, &c->copy_q, n, &c->copy_u, n, &c->copy_w));
+  if (!c->copy_x) {
+    PetscCall(BodiesAttachWork(c->bodies, sizeof(*x), (void **)&c->copy_x));
+    PetscCall(BodiesAttachWork(c->bodies, sizeof(*q), (void **)&c->copy_q));
+    PetscCall(BodiesAttachWork(c->bodies, sizeof(*u), (void **)&c->copy_u));
+    PetscCall(BodiesAttachWork(c->bodies, sizeof(*w), (void **)&c->copy_w));
+  }
   PetscCall(PetscArraycpy((PetscReal *)c->copy_x, (PetscReal *)x, 3 * n));
   PetscCall(PetscArraycpy((PetscReal *)c->copy_q, (PetscReal *)q, 4 * n));
   PetscCall(PetscArraycpy((PetscReal *)c->copy_u, (PetscReal *)u, 3 * n));

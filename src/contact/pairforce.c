@@ -165,7 +165,21 @@ static PetscErrorCode film_dashpot(Contact c, const Pair *p, Touch *t, Dashpot *
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static void fill_meeting(Contact c, const Pair *p, Meeting *m)
+PetscReal ContactPairSpeed(Contact c, const Pair *p)
+{
+  PetscReal v[3] = {0}, d[3] = {0};
+
+  if (!c->with_flow) return p->j >= 0 ? PetscMax(c->present[p->i], c->present[p->j]) : c->present[p->i];
+  if (p->j < 0) d[(-1 - p->j) / 2] = (-1 - p->j) % 2 ? -1 : 1;
+  for (PetscInt a = 0; a < c->dim; a++) {
+    v[a] = c->u[p->i][a] - (p->j >= 0 ? c->u[p->j][a] : 0);
+    if (p->j >= 0) d[a] = c->x[p->i][a] - c->x[p->j][a];
+  }
+  ContactWrap(c, d);
+  return PetscMax(0, -dot3(v, d)) / PetscMax(PetscSqrtReal(dot3(d, d)), PETSC_SMALL);
+}
+
+void ContactFillMeeting(Contact c, const Pair *p, Meeting *m)
 {
   const Kind     *ki = ContactKind(c, p->i), *kj = p->j >= 0 ? ContactKind(c, p->j) : NULL;
   const PetscReal speed = ContactPairSpeed(c, p);
@@ -181,6 +195,8 @@ static void ask_law(Contact c, Meeting *m, PetscReal gap, PetscReal weight, Pets
   m->weight       = weight;
   m->inverse_mass = d->inverse_mass;
   d->value        = c->law->force(c, m, &d->rate);
+  d->gap          = gap;
+  d->weight       = weight;
   d->film         = PETSC_FALSE;
   if (h <= 0) d->rate = 0;
 }
@@ -202,7 +218,7 @@ static PetscBool discs_dashpot(Contact c, const Pair *p, PetscReal h, PetscInt *
     d->inverse_mass += (ki->inverse_mass[a] + (kj ? kj->inverse_mass[a] : 0)) * d->normal[a] * d->normal[a];
     d->of_i += ki->inverse_mass[a] * d->normal[a] * d->normal[a];
   }
-  fill_meeting(c, p, &m);
+  ContactFillMeeting(c, p, &m);
   ask_law(c, &m, *gap, 1, h, d);
   return PETSC_TRUE;
 }
@@ -268,7 +284,7 @@ PetscErrorCode ContactPairDashpots(Contact c, PetscInt number, PetscReal h, Pets
   PetscCall(ContactFindTouch(c, p->i, p->j, &touches, gap));
   if (*gap >= c->range && c->slip) c->slip[number][0] = c->slip[number][1] = c->slip[number][2] = 0;
   if (*gap >= c->horizon) PetscFunctionReturn(PETSC_SUCCESS);
-  fill_meeting(c, p, &m);
+  ContactFillMeeting(c, p, &m);
   for (PetscInt k = 0; k < touches; k++) {
     const Touch *t = &c->touch[k];
     Dashpot     *d = &c->dashpot[*n];
@@ -312,7 +328,7 @@ PetscErrorCode ContactPairEnergy(Contact c, PetscInt number, PetscReal *energy)
   *energy = 0;
   PetscCall(ContactFindTouch(c, p->i, p->j, &n, &gap));
   if (gap >= c->range) PetscFunctionReturn(PETSC_SUCCESS);
-  fill_meeting(c, p, &m);
+  ContactFillMeeting(c, p, &m);
   for (PetscInt k = 0; k < n; k++) {
     m.gap    = c->touch[k].gap;
     m.weight = c->touch[k].weight;

@@ -2,10 +2,12 @@
 
    Bodies that meet in the same cut cells have no fluid between them there: the flow answers their contact force with an
    equal one, and a pair that overlaps stays so however stiff the law is (runs/studies/contact). So the places are
-   projected on those without overlap: the smallest sum of m |dx|^2 under the linearised gaps, by Gauss-Seidel over the
-   pairs, as Maury (2006, Numer. Math. 102, 649) does with velocities. Velocities stay, and so does the momentum; a pair
-   moves apart about its common centre of mass. Bodies move, they do not turn: pairs that cannot travel along their
-   normal are left to the law. */
+   projected on those without overlap: the smallest sum of m |dx|^2 under the linearised gaps, as Maury (2006, Numer.
+   Math. 102, 649) does with velocities, by sweeps in which all pairs act at once: a body takes part in each of its
+   pairs with an equal share of its mass, as in atonce.c, so that no sweep makes more overlap than it takes away, and
+   any number of ranks gives the same bits. Velocities stay, and so does the momentum; a pair moves apart about its
+   common centre of mass. Bodies move, they do not turn: pairs that cannot travel along their normal are left to the
+   law. */
 #include "compat.h"
 #include "impl.h"
 #include "base/log.h"
@@ -14,6 +16,7 @@
 #define MARGIN   0.05 /* gaps watched during the sweeps, in radii of the smaller body */
 #define SWEEPS   200
 #define RENEWALS 5
+#define FIXED    1e-3 /* mobility of a pair along its normal, by that of its lighter body, below which it stays */
 
 static PetscReal smaller_radius(Contact c, const Pair *p)
 {
@@ -34,48 +37,25 @@ static PetscErrorCode find_gap(Contact c, const Pair *p, PetscReal normal[3], Pe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The same where a body slides: its mobility is a tensor, not one number an axis */
-static void push_along(Contact c, const Pair *p, const PetscReal normal[3], PetscReal gap)
+/* A pair that overlaps: the direction to body i, and how far bodies i and j move along it, or as they slide, under a
+   unit force */
+typedef struct {
+  PetscReal gap, normal[3], of_i, of_j, way[2][3];
+} Overlap;
+
+static PetscErrorCode find_overlap(Contact c, const Pair *p, Overlap *o)
 {
-  PetscReal way[2][3] = {{0}}, inverse;
-
-  ContactMobility(c, p->i, normal, way[0]);
-  if (p->j >= 0) ContactMobility(c, p->j, normal, way[1]);
-  inverse = dot3(way[0], normal) + dot3(way[1], normal);
-  if (inverse <= 1e-3 / ContactKind(c, p->i)->mass) return;
-  for (PetscInt a = 0; a < 3; a++) {
-    c->x[p->i][a] -= gap / inverse * way[0][a];
-    if (p->j >= 0) c->x[p->j][a] += gap / inverse * way[1][a];
-  }
-}
-
-static PetscBool slides(Contact c, PetscInt k)
-{
-  return (PetscBool)(k >= 0 && BodiesGetGroup(c->state, k)->motion.has_slide);
-}
-
-/* Move a pair apart by its overlap; returns the overlap in radii of the smaller body */
-static PetscErrorCode push_apart(Contact c, const Pair *p, PetscReal *overlap)
-{
-  const Kind *ki = ContactKind(c, p->i), *kj = p->j >= 0 ? ContactKind(c, p->j) : NULL;
-  PetscReal   normal[3] = {0, 0, 0}, gap, inverse = 0;
-
   PetscFunctionBeginUser;
-  *overlap = 0;
-  PetscCall(find_gap(c, p, normal, &gap));
-  if (gap >= 0) PetscFunctionReturn(PETSC_SUCCESS);
-  if (slides(c, p->i) || slides(c, p->j)) {
-    push_along(c, p, normal, gap);
-    *overlap = -gap / smaller_radius(c, p);
-    PetscFunctionReturn(PETSC_SUCCESS);
-  }
-  for (PetscInt a = 0; a < 3; a++) inverse += (ki->inverse_mass[a] + (kj ? kj->inverse_mass[a] : 0)) * normal[a] * normal[a];
-  if (inverse <= 1e-3 * (kj ? PetscMin(1 / ki->mass, 1 / kj->mass) : 1 / ki->mass)) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt a = 0; a < 3; a++) {
-    c->x[p->i][a] -= gap / inverse * ki->inverse_mass[a] * normal[a];
-    if (kj) c->x[p->j][a] += gap / inverse * kj->inverse_mass[a] * normal[a];
-  }
-  *overlap = -gap / smaller_radius(c, p);
+  *o = (Overlap){0};
+  PetscCall(find_gap(c, p, o->normal, &o->gap));
+  if (o->gap >= 0) PetscFunctionReturn(PETSC_SUCCESS);
+  ContactMobility(c, p->i, o->normal, o->way[0]);
+  if (p->j >= 0) ContactMobility(c, p->j, o->normal, o->way[1]);
+  o->of_i = dot3(o->way[0], o->normal);
+  o->of_j = dot3(o->way[1], o->normal);
+  if (o->of_i + o->of_j <=
+      FIXED * (p->j >= 0 ? PetscMin(1 / ContactKind(c, p->i)->mass, 1 / ContactKind(c, p->j)->mass) : 1 / ContactKind(c, p->i)->mass))
+    o->gap = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -97,21 +77,61 @@ static PetscErrorCode look_at_pairs(Contact c, PetscInt close[], PetscInt *nclos
     if (gap < MARGIN * r) close[(*nclose)++] = p;
     *worst = PetscMax(*worst, -gap / r);
   }
+  PetscCall(BodiesMax(c->bodies, 1, worst));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* share [n]: pairs in which a body overlaps; way [n]: its sum of theirs. worst: the largest overlap before, in radii of
+   the smaller body */
+static PetscErrorCode sweep_once(Contact c, const PetscInt close[], PetscInt nclose, Overlap *overlap, PetscReal (*share)[3], PetscReal (*way)[3],
+                                 PetscReal *worst)
+{
+  const PetscInt n = c->s->n;
+
+  PetscFunctionBeginUser;
+  *worst = 0;
+  PetscCall(PetscArrayzero(share, n));
+  PetscCall(PetscArrayzero(way, n));
+  for (PetscInt m = 0; m < nclose; m++) {
+    const Pair *p = &c->pair[close[m]];
+
+    PetscCall(find_overlap(c, p, &overlap[m]));
+    if (overlap[m].gap >= 0) continue;
+    share[p->i][0]++;
+    if (p->j >= 0) share[p->j][0]++;
+    *worst = PetscMax(*worst, -overlap[m].gap / smaller_radius(c, p));
+  }
+  PetscCall(BodiesUpdateGhosts(c->bodies, 3, share));
+  for (PetscInt m = 0; m < nclose; m++) {
+    const Pair    *p = &c->pair[close[m]];
+    const Overlap *o = &overlap[m];
+    PetscReal      push;
+
+    if (o->gap >= 0) continue;
+    push = -o->gap / (o->of_i * share[p->i][0] + (p->j >= 0 ? o->of_j * share[p->j][0] : 0));
+    for (PetscInt a = 0; a < c->dim; a++) {
+      way[p->i][a] += push * o->way[0][a];
+      if (p->j >= 0) way[p->j][a] -= push * o->way[1][a];
+    }
+  }
+  PetscCall(BodiesUpdateGhosts(c->bodies, 3, way));
+  for (PetscInt k = 0; k < n; k++)
+    for (PetscInt a = 0; a < c->dim; a++) c->x[k][a] += way[k][a];
+  PetscCall(BodiesMax(c->bodies, 1, worst));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode sweep_pairs(Contact c, const PetscInt close[], PetscInt nclose)
 {
-  PetscReal worst = 1, overlap;
+  const PetscInt n     = c->s->n;
+  PetscReal      worst = 1;
+  Overlap       *overlap;
+  PetscReal(*share)[3], (*way)[3];
 
   PetscFunctionBeginUser;
-  for (PetscInt sweep = 0; sweep < SWEEPS && worst > OVERLAP; sweep++) {
-    worst = 0;
-    for (PetscInt p = 0; p < nclose; p++) {
-      PetscCall(push_apart(c, &c->pair[close[p]], &overlap));
-      worst = PetscMax(worst, overlap);
-    }
-  }
+  PetscCall(PetscMalloc3(nclose, &overlap, n, &share, n, &way));
+  for (PetscInt sweep = 0; sweep < SWEEPS && worst > OVERLAP; sweep++) PetscCall(sweep_once(c, close, nclose, overlap, share, way, &worst));
+  PetscCall(PetscFree3(overlap, share, way));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -94,19 +94,6 @@ static PetscErrorCode start_drift(Contact c, PetscReal dt, PetscReal (*a)[3], Pe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Can the pair meet during the step? The list holds also those that its skin brought in. */
-static PetscBool can_meet(Contact c, const Pair *p)
-{
-  PetscReal reach = c->horizon + ContactKind(c, p->i)->radius + c->reach[p->i];
-
-  if (p->j < 0) {
-    const PetscInt face = -1 - p->j, a = face / 2;
-
-    return (PetscBool)((face % 2 ? c->upper[a] - c->x[p->i][a] : c->x[p->i][a] - c->lower[a]) < reach);
-  }
-  return ContactWithin(c, p->i, p->j, reach + ContactKind(c, p->j)->radius + c->reach[p->j]);
-}
-
 static PetscErrorCode gather_crowd(Contact c, Crowd *w)
 {
   PetscBool *listed;
@@ -117,7 +104,7 @@ static PetscErrorCode gather_crowd(Contact c, Crowd *w)
   PetscCall(PetscCalloc1(c->s->n, &listed));
   PetscCall(PetscMalloc1(c->s->n, &w->active));
   for (PetscInt p = 0; p < c->npairs; p++) {
-    if (!can_meet(c, &c->pair[p])) continue;
+    if (!ContactCanMeet(c, &c->pair[p])) continue;
     w->near[w->nnear++] = (Near){.pair = p};
     for (PetscInt side = 0; side < 2; side++) {
       const PetscInt k = side ? c->pair[p].j : c->pair[p].i;

@@ -211,9 +211,11 @@ PetscErrorCode CoupleDraw(Couple c)
   PetscCall(set_boundary(c, node_body, fixed, value));
   if (c->drive) PetscCall(DriveDraw(c->drive));
   if (c->s->nall) {
+    PetscCall(CoupleTellPartners(c));
     PetscCall(ConstraintSetBodies(c->constraint, node_body, c->P, c->unknown, c->U, &changed));
     if (c->terms && (!drawn || changed)) PetscCall(PenaltyTermSum(c->terms, c->constraint));
     PetscCall(fill_rigid_rows(c));
+    PetscCall(CoupleAddTies(c));
     PetscCall(FlowSolverSetRigid(c->solver, c->D));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -239,6 +241,7 @@ PetscErrorCode CoupleSolve(Couple c, PetscInt *its, KSPConvergedReason *reason)
   PetscCall(FlowSolverSetUp(c->solver));
   PetscCall(FlowExtrapolate(c->flow, c->u, c->p, c->dp));
   PetscCall(FlowSolverSolve(c->solver, c->rhs, c->g, c->u, c->p, c->dp, c->U, its, reason));
+  PetscCall(CoupleTakeTies(c));
   if (c->drive) PetscCall(DriveTake(c->drive));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -400,6 +403,8 @@ PetscErrorCode CoupleDestroy(Couple *couple)
   PetscCall(SurfacesDestroy(&c->surfaces));
   PetscCall(DriveDestroy(&c->drive));
   PetscCall(CoupleDetachArrays(c));
+  PetscCall(PetscFree(c->spring));
+  PetscCall(PetscFree(c->pushed));
   PetscCall(PetscFree(*couple));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -414,6 +419,13 @@ PetscErrorCode CoupleView(Couple c, PetscViewer viewer)
   if (c->rung->view) PetscCall((*c->rung->view)(c->rung_data, viewer));
   if (c->drive) PetscCall(DriveView(c->drive, viewer));
   if (c->follow) PetscCall(PetscViewerASCIIPrintf(viewer, "  the mesh follows the bodies (-mesh_deform), its velocity is part of the convection\n"));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleIsImplicit(Couple c, PetscBool *implicit)
+{
+  PetscFunctionBeginUser;
+  *implicit = (PetscBool)c->implicit;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -46,16 +46,19 @@ struct _p_Couple {
   Indicator          mark;             /* nodes that move rigidly */
   PetscReal (*X)[3], (*q)[4], (*P)[3]; /* where the bodies are drawn: centre, orientation, reference point (of the rigid
                                           velocities) */
-  PetscInt  *unknown;
-  PetscReal *U, *U_old, *U_older; /* [n][nr]: rigid velocities that the flow sees in this step and saw in the two
+  PetscInt      *unknown;
+  PetscReal     *U, *U_old, *U_older; /* [n][nr]: rigid velocities that the flow sees in this step and saw in the two
                                      before */
-  PetscReal *D, *g;               /* [n][nr][nr] inertia, [n][nr] right-hand side of the rigid rows */
-  PetscReal *residual;            /* [n][nr]: -sum of the momentum residual over the body's nodes */
-  PetscReal *u, *p, *dp, *rhs;
-  PetscReal *du_old; /* [n] explicit coupling: size of the last velocity change, for the detection of blow-up */
-  PetscInt  *growth;
-  PetscReal *outward;   /* [nnode_all][dim], CoupleFindNormals */
-  PetscReal *force_old; /* [n][3][2] force and torque of the last step */
+  PetscReal     *D, *g;               /* [n][nr][nr] inertia, [n][nr] right-hand side of the rigid rows */
+  PetscInt       nspring, spring_room;
+  ContactSpring *spring;   /* of CoupleSetContact */
+  PetscReal     *pushed;   /* [nspring] the forces */
+  PetscReal     *residual; /* [n][nr]: -sum of the momentum residual over the body's nodes */
+  PetscReal     *u, *p, *dp, *rhs;
+  PetscReal     *du_old; /* [n] explicit coupling: size of the last velocity change, for the detection of blow-up */
+  PetscInt      *growth;
+  PetscReal     *outward;   /* [nnode_all][dim], CoupleFindNormals */
+  PetscReal     *force_old; /* [n][3][2] force and torque of the last step */
 };
 
 /* Component s (0 .. nr - 1) of a rigid velocity as element of 3-vectors: translation s < dim, otherwise rotation */
@@ -106,6 +109,11 @@ PetscErrorCode CoupleHollowWeights(Couple, PetscInt k, PetscReal weight[3][6]);
 /* Of body k in the step solved, [dim]: inertia, rate of change of the momentum of what moves with it, per unit density;
    push, its force on the fluid */
 PetscErrorCode CoupleBodyPush(Couple, PetscInt k, PetscReal inertia[3], PetscReal push[3]);
+/* touch.c. Before ConstraintSetBodies; when the rigid rows are filled; when the step is solved: what the forces came
+   to, in pushed and on the right of the rigid rows. Collective. */
+PetscErrorCode CoupleTellPartners(Couple);
+PetscErrorCode CoupleAddTies(Couple);
+PetscErrorCode CoupleTakeTies(Couple);
 /* Fill `outward`, of the domain without bodies. Collective. */
 PetscErrorCode CoupleFindNormals(Couple);
 /* Own cells with prescribed nodes; these do not change */

@@ -98,7 +98,9 @@ static PetscErrorCode remark_backflow(const MeshLocal *l, const FlowParameters *
 /* With other words than these an option needs all bodies on every rank in a flow */
 static const struct {
   const char *option, *allowed;
-} NEED_ALL[] = {{"-couple_boundary", " penalty "},
+} NEED_ALL[] = {{"-contact_coupling", " implicit "},
+                {"-contact_law", " repulsive none "},
+                {"-couple_boundary", " penalty "},
                 {"-couple_type", " implicit "},
                 {"-couple_backflow", " none "},
                 {"-flow_rate", ""},
@@ -115,13 +117,10 @@ static const struct {
 static PetscErrorCode find_need(PetscBool active, char why[], size_t size)
 {
   char      text[64], word[66];
-  PetscBool given, apart;
+  PetscBool given;
 
   PetscFunctionBeginUser;
   why[0] = 0;
-  PetscCall(OptPeek("-contact_law", text, sizeof(text)));
-  PetscCall(PetscStrcasecmp(text, "none", &apart));
-  if (active && !apart) PetscCall(PetscStrncpy(why, "contact in a flow (-contact_law)", size));
   for (size_t i = 0; active && i < sizeof(NEED_ALL) / sizeof(NEED_ALL[0]); i++) {
     PetscCall(OptPeek(NEED_ALL[i].option, text, sizeof(text)));
     PetscCall(PetscOptionsHasName(NULL, NULL, NEED_ALL[i].option, &given)); /* perhaps without a word, as flags are */

@@ -6,6 +6,7 @@
 #include "adapt.h"
 #include "finish.h"
 #include "judge.h"
+#include "meet.h"
 #include "base/log.h"
 #include "base/opt.h"
 #include "bodies/local.h"
@@ -121,27 +122,6 @@ PetscErrorCode SimView(Sim s, PetscViewer viewer)
   if (s->steps_max < PETSC_MAX_INT) PetscCall(PetscViewerASCIIPrintf(viewer, ", at most %" PetscInt_FMT " steps", s->steps_max));
   PetscCall(PetscViewerASCIIPrintf(viewer, "\n"));
   PetscCall(AdaptView(s->adapt, viewer));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* The bodies' acceleration without contact over the last step, with the inertia that the contact module counts with;
-   at the start that of a free body over the step dt to come */
-static PetscErrorCode estimate_acceleration(Sim s, PetscReal dt)
-{
-  PetscFunctionBeginUser;
-  for (PetscInt k = 0; k < s->s->n; k++) {
-    PetscReal mass, inertia[6], start[3];
-
-    PetscCall(ContactGetMass(s->part.contact, k, &mass, inertia));
-    PetscCall(ContactGetStart(s->part.contact, k, dt, start));
-    for (PetscInt d = 0; d < 3; d++) {
-      const PetscReal moment = inertia[d];
-
-      s->a[k][d]     = s->has_acceleration ? (s->s->u[k][d] - s->s->u_old[k][d]) / s->dt_old - s->s->contact_force[k][d] / mass : start[d];
-      s->alpha[k][d] = s->has_acceleration ? (s->s->w[k][d] - s->s->w_old[k][d]) / s->dt_old - (moment > 0 ? s->s->contact_torque[k][d] / moment : 0)
-                                           : 0;
-    }
-  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -363,6 +343,7 @@ static PetscErrorCode finish_step(Sim s, PetscReal dt, PetscLogDouble start)
 static PetscErrorCode solve_part(Sim s, PetscReal dt, PetscInt *its, KSPConvergedReason *reason)
 {
   const FlowParameters *par;
+  PetscBool             solved;
 
   PetscFunctionBeginUser;
   PetscCall(RefineFollow(s->part.refine, dt));
@@ -372,15 +353,18 @@ static PetscErrorCode solve_part(Sim s, PetscReal dt, PetscInt *its, KSPConverge
   if (s->s->nall) {
     PetscCall(FlowGetParameters(s->part.flow, &par));
     PetscCall(ContactSetGravity(s->part.contact, par->gravity));
-    PetscCall(estimate_acceleration(s, dt));
-    PetscCall(JudgePlan(s->judge, s->a, (PetscBool)!s->has_acceleration, s->time + dt, dt, (PetscBool)(s->adapt != NULL)));
+    PetscCall(MeetEstimate(&s->part, dt, s->has_acceleration ? s->dt_old : 0, s->a, s->alpha));
+    PetscCall(MeetIsSolved(&s->part, &solved));
+    if (!solved || !s->has_acceleration)
+      PetscCall(JudgePlan(s->judge, s->a, (PetscBool)!s->has_acceleration, s->time + dt, dt, (PetscBool)(s->adapt != NULL)));
     PetscCall(know_bodies(s, s->a, dt));
-    PetscCall(ContactStep(s->part.contact, dt, s->a, s->alpha));
+    PetscCall(MeetFind(&s->part, dt, !s->has_acceleration, s->a, s->alpha));
   }
   PetscCall(CoupleDraw(s->part.couple));
   PetscCall(end_phase(s));
   PetscCall(begin_phase(s, MONITOR_NSE));
   PetscCall(CoupleSolve(s->part.couple, its, reason));
+  PetscCall(MeetTake(&s->part));
   PetscCall(end_phase(s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

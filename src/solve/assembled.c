@@ -106,7 +106,7 @@ static PetscErrorCode subtract_soft_coupling(Constraint c, Mat P, const PenaltyT
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode AssembledCreateVelocity(Constraint c, Mat A, Mat P, const PetscReal D[], const PenaltyTerm *soft, Mat *out)
+PetscErrorCode AssembledCreateVelocity(Constraint c, Mat A, Mat P, const PetscReal D[], const PenaltyTerm *soft, Ties ties, Mat *out)
 {
   Mat aij, E;
 
@@ -116,8 +116,13 @@ PetscErrorCode AssembledCreateVelocity(Constraint c, Mat A, Mat P, const PetscRe
   PetscCall(MatDestroy(&aij));
   PetscCall(create_rigid_diagonal(c, D, soft ? soft->whole : NULL, &E));
   PetscCall(MatAXPY(*out, 1, E, DIFFERENT_NONZERO_PATTERN));
-  if (soft) PetscCall(subtract_soft_coupling(c, P, soft, *out));
   PetscCall(MatDestroy(&E));
+  if (TiesAny(ties)) {
+    PetscCall(TiesCreateMat(ties, &E));
+    PetscCall(MatAXPY(*out, 1, E, DIFFERENT_NONZERO_PATTERN));
+    PetscCall(MatDestroy(&E));
+  }
+  if (soft) PetscCall(subtract_soft_coupling(c, P, soft, *out));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -5,10 +5,11 @@
 #include "flow/flow.h"
 #include "pressure.h"
 #include "solve/penaltyterm.h"
+#include "ties.h"
 
 /* out = P^T A P + D with the identity on inert slots, and the soft part of a penalty (may be NULL); A: velocity matrix
-   of all components, P of ConstraintCreateMat, D [nbodies][nr][nr]. Collective; caller destroys. */
-PetscErrorCode AssembledCreateVelocity(Constraint, Mat A, Mat P, const PetscReal D[], const PenaltyTerm *, Mat *out);
+   of all components, P of ConstraintCreateMat, D [nbodies][nr][nr]; with the ties. Collective; caller destroys. */
+PetscErrorCode AssembledCreateVelocity(Constraint, Mat A, Mat P, const PetscReal D[], const PenaltyTerm *, Ties, Mat *out);
 /* out = [Ar, -P^T B^T; balance scale B P, balance C'], with C' = C of shared cells plus a tiny multiple of the Schur
    complement's size, which gives undetermined pressures a value. The outer iteration removes its effect. Collective;
    caller destroys. */

@@ -122,6 +122,35 @@ static void know_body(Constraint c, PetscInt k)
   c->local_list[c->nlocal++] = k;
 }
 
+/* May the slots of body k, which is known by its nodes or not, be here? */
+static PetscBool may_hold(Constraint c, PetscMPIInt rank, PetscInt k)
+{
+  if (c->slot_of) return (PetscBool)(c->slot_of[k] / c->count == rank);
+  return (PetscBool)(c->local_index[k] >= 0 || (k >= c->numbers->rstart && k < c->numbers->rend));
+}
+
+/* Both bodies of a pair where the slots of one may be */
+static PetscErrorCode know_partners(Constraint c)
+{
+  PetscMPIInt rank;
+  PetscBool  *here;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
+  PetscCall(PetscMalloc1(c->npartners, &here));
+  for (PetscInt j = 0; j < c->npartners; j++) {
+    here[j] = may_hold(c, rank, c->partner[j][0]);
+    if (c->partner[j][1] >= 0) here[j] = (PetscBool)(here[j] || may_hold(c, rank, c->partner[j][1]));
+  }
+  for (PetscInt j = 0; j < 2 * c->npartners; j++) {
+    const PetscInt k = c->partner[j / 2][j % 2];
+
+    if (here[j / 2] && k >= 0 && c->unknown[k]) know_body(c, k);
+  }
+  PetscCall(PetscFree(here));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Bodies that local nodes, ghosts too, lie in or follow, and more: ascending */
 static PetscErrorCode know_bodies(Constraint c)
 {
@@ -134,6 +163,7 @@ static PetscErrorCode know_bodies(Constraint c)
     if (k >= 0 && c->unknown[k]) know_body(c, k);
   }
   for (PetscInt j = 0; j < c->nmore; j++) know_body(c, c->more[j]);
+  PetscCall(know_partners(c));
   PetscCall(PetscSortInt(c->nlocal, c->local_list));
   for (PetscInt l = 0; l < c->nlocal; l++) c->local_index[c->local_list[l]] = l;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -349,6 +379,7 @@ PetscErrorCode ConstraintDestroy(Constraint *constraint)
   PetscCall(PetscFree(c->follow_body));
   PetscCall(PetscFree(c->follow_coef));
   PetscCall(PetscFree(c->more));
+  PetscCall(PetscFree(c->partner));
   PetscCall(PetscFree6(c->unknown, c->X, c->U, c->local_index, c->local_list, c->local_rigid));
   PetscCall(PetscFree4(c->length, c->packed, c->own, c->local_slot));
   PetscCall(PetscFree(c->united));
@@ -405,6 +436,20 @@ PetscErrorCode ConstraintSetFollowers(Constraint c, const PetscInt follow[], Pet
   PetscCall(RoomFor(nmore, &c->more_room, &c->more, sizeof(*c->more), NULL));
   PetscCall(PetscArraycpy(c->more, more, nmore));
   c->nmore = nmore;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConstraintSetPartners(Constraint c, PetscInt n, const PetscInt pair[][2])
+{
+  PetscBool same = (PetscBool)(n == c->npartners);
+
+  PetscFunctionBeginUser;
+  for (PetscInt j = 0; j < n && same; j++) same = (PetscBool)(pair[j][0] == c->partner[j][0] && pair[j][1] == c->partner[j][1]);
+  if (same) PetscFunctionReturn(PETSC_SUCCESS);
+  c->followers_changed = PETSC_TRUE;
+  PetscCall(RoomFor(n, &c->partner_room, &c->partner, sizeof(*c->partner), NULL));
+  if (n) PetscCall(PetscMemcpy(c->partner, pair, (size_t)n * sizeof(*c->partner)));
+  c->npartners = n;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

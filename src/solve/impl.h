@@ -7,6 +7,7 @@
 #include "solve/system.h"
 #include "pressure.h"
 #include "relax.h"
+#include "ties.h"
 #include "twostage.h"
 
 typedef enum {
@@ -61,6 +62,7 @@ struct _p_FlowSolver {
   Relax              sweep;
   RelaxKind          relax; /* in this step */
   BodyBlocks         blocks;
+  Ties               ties;
   Pressure           pressure; /* the projected pressure operator */
   MatNullSpace       constant_pressure;
   KSP                ksp;

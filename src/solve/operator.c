@@ -19,15 +19,22 @@ static void add_small(PetscInt n, const PetscReal M[], const PetscReal x[], Pets
 
 /* ---- the projected velocity operator ---- */
 
-/* The penalty's part outside the scalar matrix: y -= G U, rigid_work = -G^T x, with x and the rigid velocities as
-   ConstraintExpandInPlace left them */
-static PetscErrorCode mult_soft(FlowSolver fs, const PetscReal x[], PetscReal y[])
+/* Do bodies known here have rows beside those of their nodes? */
+static PetscBool has_more_rows(FlowSolver fs)
+{
+  return (PetscBool)(FlowSolverIsSoft(fs) || TiesAny(fs->ties));
+}
+
+/* The penalty's part outside the scalar matrix and the ties: y -= G U, rigid_work = -G^T x + ties U, with x and the
+   rigid velocities as ConstraintExpandInPlace left them */
+static PetscErrorCode mult_more_rows(FlowSolver fs, const PetscReal x[], PetscReal y[])
 {
   const struct _p_Constraint *c = fs->constraint;
 
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(fs->rigid_work, c->nlocal * fs->nr));
-  PetscCall(PenaltyTermMultAdd(fs->soft, fs->constraint, PETSC_TRUE, c->local_rigid, x, y, fs->rigid_work));
+  if (FlowSolverIsSoft(fs)) PetscCall(PenaltyTermMultAdd(fs->soft, fs->constraint, PETSC_TRUE, c->local_rigid, x, y, fs->rigid_work));
+  TiesMultAdd(fs->ties, c->local_rigid, fs->rigid_work);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -81,7 +88,7 @@ static PetscErrorCode mult_velocity(Mat mat, Vec x, Vec y)
   PetscCall(MatMult(fs->A, fs->xn, fs->yn));
   PetscCall(VecResetArray(fs->xn));
   PetscCall(VecResetArray(fs->yn));
-  if (FlowSolverIsSoft(fs)) PetscCall(mult_soft(fs, xa, ya));
+  if (has_more_rows(fs)) PetscCall(mult_more_rows(fs, xa, ya));
   PetscCall(ConstraintPutBack(fs->constraint, fs->saved, xa));
   for (PetscInt k = 0; k < c->nown; k++) {
     mult_body(fs, k, xr + fs->nodal + k * fs->nr, ya + fs->nodal + k * fs->nr);
@@ -89,7 +96,7 @@ static PetscErrorCode mult_velocity(Mat mat, Vec x, Vec y)
       if (!((c->unknown[c->own[k]] >> s) & 1)) ya[fs->nodal + k * fs->nr + s] = xr[fs->nodal + k * fs->nr + s];
   }
   for (PetscInt i = fs->nodal + c->nown * fs->nr; i < fs->nur; i++) ya[i] = xr[i];
-  if (FlowSolverIsSoft(fs)) PetscCall(ConstraintDeliverRigid(fs->constraint, fs->rigid_work, ya + fs->nodal));
+  if (has_more_rows(fs)) PetscCall(ConstraintDeliverRigid(fs->constraint, fs->rigid_work, ya + fs->nodal));
   PetscCall(ConstraintReduceInPlace(fs->constraint, ya, ya + fs->nodal));
   for (PetscInt j = 0; j < c->ninert; j++) ya[c->slot[j]] = xr[c->slot[j]];
   PetscCall(VecRestoreArrayRead(x, &xr));
@@ -138,6 +145,7 @@ static PetscErrorCode sor_velocity(Mat mat, Vec bv, PetscReal omega, MatSORType 
   for (PetscInt i = fs->nodal + c->nown * fs->nr; i < fs->nur; i++) x[i] = b[i];
   for (PetscInt k = 0; k < c->nown; k++)
     multiply_small(fs->nr, fs->body_inverse + k * fs->nr * fs->nr, b + fs->nodal + k * fs->nr, x + fs->nodal + k * fs->nr);
+  PetscCall(TiesSolveStiff(fs->ties, b + fs->nodal, x + fs->nodal));
   PetscCall(VecRestoreArray(xv, &x));
   PetscCall(VecRestoreArrayRead(bv, &b));
   PetscCall(PetscLogEventEnd(TB_VEL_SWEEP, 0, 0, 0, 0));
@@ -232,11 +240,13 @@ static PetscErrorCode lead_followers(FlowSolver fs, PetscBool before, const Pets
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* y = mass_inverse x of body k, from and to its slots; x is changed */
-static void invert_mass(FlowSolver fs, PetscInt k, PetscReal x[], PetscReal y[])
+/* y = mass_inverse x of body k, from and to its slots */
+static void invert_mass(FlowSolver fs, PetscInt k, const PetscReal x[], PetscReal y[])
 {
-  for (PetscInt s = 0; s < fs->nr; s++) x[s] /= ConstraintSlotUnit(fs->constraint, k, s);
-  multiply_small(fs->nr, fs->mass_inverse + k * fs->nr * fs->nr, x, y);
+  PetscReal force[6];
+
+  for (PetscInt s = 0; s < fs->nr; s++) force[s] = x[s] / ConstraintSlotUnit(fs->constraint, k, s);
+  multiply_small(fs->nr, fs->mass_inverse + k * fs->nr * fs->nr, force, y);
   for (PetscInt s = 0; s < fs->nr; s++) y[s] /= ConstraintSlotUnit(fs->constraint, k, s);
 }
 
@@ -255,6 +265,7 @@ PetscErrorCode FlowSolverApplyMassInverse(FlowSolver fs, Vec x, Vec y)
   if (FlowSolverIsSoft(fs)) PetscCall(lead_followers(fs, PETSC_TRUE, xr, NULL, t));
   PetscCall(PetscArrayzero(ya + fs->nodal, c->count * fs->nr));
   for (PetscInt k = 0; k < c->nown; k++) invert_mass(fs, c->own[k], t + k * fs->nr, ya + fs->nodal + k * fs->nr);
+  PetscCall(TiesSolveMass(fs->ties, t, ya + fs->nodal));
   for (PetscInt i = fs->nodal; i < fs->nur; i++) ya[i] /= fs->scale;
   if (FlowSolverIsSoft(fs)) PetscCall(lead_followers(fs, PETSC_FALSE, NULL, ya, ya + fs->nodal));
   PetscCall(VecRestoreArray(y, &ya));

@@ -330,6 +330,13 @@ PetscErrorCode PressureUpdate(Pressure p, const PetscReal weight[], const PetscR
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode PressureSetTies(Pressure p, Ties ties)
+{
+  PetscFunctionBeginUser;
+  p->ties = ties;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode PressureIsSingular(Pressure p, PetscBool *singular)
 {
   PetscFunctionBeginUser;

@@ -227,6 +227,7 @@ PetscErrorCode PressureMult(Mat mat, Vec x, Vec y)
   for (PetscInt i = 0; i < p->ncut; i++)
     for (PetscInt e = 0; e < nk * nr; e++) t[p->cut_local[i] * nr + e % nr] += p->cut_w[i * nk * nr + e] * xa[p->cut_cell[i] * nk + e / nr];
   PetscCall(SharingSum(p->constraint->sharing, nr, t));
+  if (p->ties) PetscCall(TiesFilter(p->ties, t));
   for (PetscInt i = 0; i < p->ncut; i++)
     for (PetscInt e = 0; e < nk * nr; e++) ya[p->cut_cell[i] * nk + e / nr] += p->cut_w[i * nk * nr + e] * t[p->cut_local[i] * nr + e % nr];
   PetscCall(VecRestoreArrayRead(x, &xa));

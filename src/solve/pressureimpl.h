@@ -7,6 +7,7 @@
 struct _p_Pressure {
   Flow             flow;
   Constraint       constraint;
+  Ties             ties; /* NULL: none */
   const MeshLocal *loc;
   Mesh             mesh;
   PetscInt         nk, nr, nbodies; /* pressures a cell; rigid slots a body; bodies of all ranks */

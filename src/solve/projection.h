@@ -33,6 +33,7 @@ struct _p_Constraint {
   PetscReal *follow_coef;
   PetscInt   nmore, more_room, *more;
   PetscBool  followers_changed;
+  PetscInt   npartners, partner_room, (*partner)[2]; /* see ConstraintSetPartners */
   /* bodies that nodes of this rank and its ghosts belong to or follow, and more, ascending; the way to their slots, and
      to the other ranks that know them */
   PetscInt     nlocal, *local_index;    /* [nbodies] body -> local or -1 */

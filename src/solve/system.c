@@ -95,6 +95,7 @@ static PetscErrorCode update_blocks(FlowSolver fs)
 
   PetscFunctionBeginUser;
   PetscCall(BodyBlocksUpdate(fs->blocks, fs->share, FlowSolverIsSoft(fs) ? fs->soft : NULL, fs->D, fs->scale, fs->body_inverse, fs->mass_inverse));
+  PetscCall(TiesUpdate(fs->ties, fs->body_inverse, fs->mass_inverse, fs->scale));
   for (PetscInt e = 0; e < c->nown * nn; e++) {
     const PetscInt k = c->own[e / nn], i = e % nn / nr, j = e % nr;
 
@@ -113,7 +114,7 @@ static PetscErrorCode assemble_on_demand(FlowSolver fs)
   PetscCall(MatDestroy(&fs->Ar_assembled));
   PetscCall(MatDestroy(&fs->whole));
   PetscCall(ConstraintCreateMat(fs->constraint, &P));
-  PetscCall(AssembledCreateVelocity(fs->constraint, fs->A, P, fs->D, FlowSolverIsSoft(fs) ? fs->soft : NULL, &fs->Ar_assembled));
+  PetscCall(AssembledCreateVelocity(fs->constraint, fs->A, P, fs->D, FlowSolverIsSoft(fs) ? fs->soft : NULL, fs->ties, &fs->Ar_assembled));
   if (fs->need_whole) PetscCall(AssembledCreateWhole(fs->flow, fs->pressure, fs->scale, fs->balance, P, fs->Ar_assembled, &fs->whole));
   PetscCall(MatDestroy(&P));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -190,12 +191,14 @@ PetscErrorCode FlowSolverCreate(Flow flow, Constraint constraint, PetscBool movi
   PetscCall(FlowSolverSetRecipe(fs, moving));
   PetscCall(RelaxCreate(fs->loc->nnode, fs->loc->dim, &fs->sweep));
   PetscCall(BodyBlocksCreate(flow, constraint, &fs->blocks));
+  PetscCall(TiesCreate(constraint, &fs->ties));
   PetscCall(PetscCalloc3(fs->room * fs->nr * fs->nr, &fs->D, constraint->count * fs->nr * fs->nr, &fs->body_inverse, fs->room * fs->nr * fs->nr,
                          &fs->mass_inverse));
   PetscCall(
     PetscCalloc3(fs->nodal, &fs->diagonal_inverse, fs->loc->nnode_all * fs->loc->dim, &fs->weight, fs->loc->nnode_all * fs->loc->dim, &fs->local));
   PetscCall(PetscCalloc2(fs->loc->nnode_all, &fs->share, 2 * fs->room * fs->nr, &fs->rigid_work));
   PetscCall(PressureCreate(flow, constraint, &fs->pressure));
+  PetscCall(PressureSetTies(fs->pressure, fs->ties));
   PetscCall(create_operators(fs));
   PetscCall(create_solvers(fs));
   if (fs->stages) PetscCall(TwoStageCreate(fs, &fs->two));
@@ -245,6 +248,7 @@ PetscErrorCode FlowSolverDestroy(FlowSolver *solver)
   PetscCall(PetscFree(fs->saved));
   PetscCall(RelaxDestroy(&fs->sweep));
   PetscCall(BodyBlocksDestroy(&fs->blocks));
+  PetscCall(TiesDestroy(&fs->ties));
   PetscCall(PetscFree(*solver));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -281,6 +285,13 @@ PetscErrorCode FlowSolverSetRigid(FlowSolver fs, const PetscReal D[])
 {
   PetscFunctionBeginUser;
   PetscCall(PetscArraycpy(fs->D, D, fs->constraint->nbodies * fs->nr * fs->nr));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverSetTies(FlowSolver fs, PetscInt n, const BodyTie tie[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(TiesSet(fs->ties, n, tie));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

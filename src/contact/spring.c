@@ -1,0 +1,161 @@
+/* Contact, forces that are solved with the flow (law repulsive with implicit coupling): every touch becomes a spring and
+   a dashpot, F = value - rate v with the speed v at which the bodies part there at the end of the step, for the linear
+   system of flow and bodies. So a force is as large as the gap in which the step ends asks for, whatever the flow does
+   to the bodies: it may hold them, press them, or move others with them (runs/studies/contact, "Contact that is solved
+   with the flow").
+
+   F is the law's at two speeds w = -v of approach and linear between and beyond: where the flow holds the bodies, 0; and
+   where an implicit step of the two alone would end, m (w0 - w)/dt = F(w), F(w) = f(gap - w dt) (1 + w/damping speed).
+   f falls with the gap and the damping grows with the speed, so F is monotone in w and that end unique. The gap of the
+   end counts by backward Euler, with which a stiff contact damps whatever the scheme of the flow. The stiffness goes by
+   the speed of approach. Pairs are looked at where they come within reach on a straight way. */
+#include "compat.h"
+#include "impl.h"
+#include "base/log.h"
+#include "base/room.h"
+
+#define PLACES     4    /* parts of the way of a step at whose ends a pair is looked at */
+#define BISECTIONS 40   /* of the speed */
+#define DIFFERENCE 1e-4 /* for the slope of the force, in the range of speeds */
+
+/* The pair where its bodies are after `time` on a straight way */
+static void place_pair(Contact c, const Pair *p, PetscReal time)
+{
+  for (PetscInt side = 0; side < 2; side++) {
+    const PetscInt k = side ? p->j : p->i;
+
+    if (k < 0) continue;
+    for (PetscInt a = 0; a < 3; a++) c->x[k][a] = c->s->x[k][a] + time * c->u[k][a];
+    if (ContactKind(c, k)->disc > 0) continue;
+    for (PetscInt a = 0; a < 4; a++) c->q[k][a] = c->s->q[k][a];
+    RotationAdvance(time, c->s->w[k], c->q[k]);
+  }
+}
+
+/* What a touch needs to know of the law */
+typedef struct {
+  Meeting   m;
+  PetscReal gap, dt; /* at the beginning */
+} Approach;
+
+/* Force at speed w of approach */
+static PetscReal force_at(Contact c, Approach *t, PetscReal w)
+{
+  PetscReal rate, value;
+
+  t->m.gap = t->gap - w * t->dt;
+  if (t->m.gap >= c->range) return 0;
+  value = c->law->force(c, &t->m, &rate);
+  return PetscMax(0, value + rate * w);
+}
+
+/* The speed of approach at which two bodies that come with w0 end the step; no force below `free` */
+static PetscReal end_speed(Contact c, Approach *t, PetscReal w0, PetscReal free)
+{
+  PetscReal low = free, high = w0;
+
+  for (PetscInt i = 0; i < BISECTIONS; i++) {
+    const PetscReal w = 0.5 * (low + high);
+
+    if (w0 - w > t->dt * t->m.inverse_mass * force_at(c, t, w)) low = w;
+    else high = w;
+  }
+  return 0.5 * (low + high);
+}
+
+/* Spring of a dashpot that was found after `time`; PETSC_FALSE: no force in this step */
+static PetscBool make_spring(Contact c, const Pair *p, const Dashpot *d, PetscReal time, PetscReal dt, ContactSpring *s)
+{
+  const PetscReal w0 = ContactApproach(c, p, d), gap = d->gap + time * w0, free = (gap - c->range) / dt;
+  Approach        t = {.gap = gap, .dt = dt};
+  PetscReal       w, step, from, force;
+
+  *s = (ContactSpring){.i = p->i, .j = p->j, .rate = d->rate};
+  for (PetscInt a = 0; a < 3; a++) {
+    s->normal[a] = d->normal[a];
+    s->ri[a]     = d->has_levers ? d->ri[a] : 0;
+    s->rj[a]     = d->has_levers ? d->rj[a] : 0;
+  }
+  if (d->film) return PETSC_TRUE;
+  if (w0 <= free || d->inverse_mass <= 0) return PETSC_FALSE;
+  ContactFillMeeting(c, p, &t.m);
+  t.m.weight       = d->weight;
+  t.m.inverse_mass = d->inverse_mass;
+  w                = end_speed(c, &t, w0, free);
+  force            = force_at(c, &t, w);
+  step             = DIFFERENCE * (w0 - free);
+  from             = PetscAbsReal(w) > step ? 0 : w + (w > 0 ? -step : step);
+  s->rate          = (force - force_at(c, &t, from)) / (w - from);
+  s->value         = force - s->rate * w;
+  return (PetscBool)(s->rate > 0);
+}
+
+static PetscErrorCode add_springs(Contact c, PetscInt number, PetscReal dt)
+{
+  const Pair *p    = &c->pair[number];
+  Impulse     none = {{0}, {0}, {0}};
+  PetscInt    n    = 0;
+  PetscReal   gap, time = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i <= PLACES && !n; i++) {
+    time = i * dt / PLACES;
+    place_pair(c, p, time);
+    PetscCall(ContactPairDashpots(c, number, dt, &n, &none, &gap));
+  }
+  PetscCall(RoomFor(c->nspring + n, &c->spring_room, &c->springs, sizeof(*c->springs), NULL));
+  for (PetscInt k = 0; k < n; k++) c->nspring += make_spring(c, p, &c->dashpot[k], time, dt, &c->springs[c->nspring]);
+  place_pair(c, p, 0);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ContactFindSprings(Contact c, PetscReal dt, PetscBool start, PetscReal (*a)[3], PetscInt *n, const ContactSpring *spring[])
+{
+  BodyArrays *s = c->s;
+
+  PetscFunctionBeginUser;
+  PetscCheck(dt > 0, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Time step %g of the contact must be positive", (double)dt);
+  ContactClear(s);
+  c->with_flow = PETSC_TRUE;
+  c->nspring = c->nnear = 0;
+  c->steps_done         = 1;
+  *n                    = 0;
+  if (!c->law->lookahead) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscLogEventBegin(TB_CONTACT, 0, 0, 0, 0));
+  PetscCall(ContactSetScales(c, dt, a));
+  PetscCall(ContactUseCopies(c, s->x, s->q, s->u, s->w));
+  for (PetscInt k = 0; k < s->n && start; k++)
+    for (PetscInt b = 0; b < c->dim; b++)
+      if (ContactKind(c, k)->inverse_mass[b] > 0) c->u[k][b] += dt * a[k][b];
+  if (!c->reach) PetscCall(PetscMalloc1(s->n, &c->reach));
+  for (PetscInt k = 0; k < s->n; k++) c->reach[k] = PetscSqrtReal(dot3(c->u[k], c->u[k])) * dt + 0.5 * c->range;
+  PetscCall(ContactFindPairs(c));
+  for (PetscInt k = 0; k < s->n && c->inverse_inertia; k++) PetscCall(ContactSetInertia(c, k));
+  for (PetscInt p = 0; p < c->npairs; p++) {
+    if (!ContactCanMeet(c, &c->pair[p])) continue;
+    c->nnear++;
+    PetscCall(add_springs(c, p, dt));
+  }
+  *n      = c->nspring;
+  *spring = c->springs;
+  PetscCall(PetscLogEventEnd(TB_CONTACT, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ContactTakeForces(Contact c, const PetscReal force[])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < c->nspring; k++) {
+    const ContactSpring *s   = &c->springs[k];
+    const Pair           p   = {s->i, s->j};
+    Impulse              sum = {{0}, {0}, {0}};
+
+    for (PetscInt a = 0; a < 3; a++) sum.f[a] = force[k] * s->normal[a];
+    cross(s->ri, sum.f, sum.ti);
+    cross(sum.f, s->rj, sum.tj);
+    ContactScatter(&p, &sum, 1, c->s->contact_force, c->s->contact_torque);
+  }
+  PetscCall(BodiesUpdateGhosts(c->bodies, 3, c->s->contact_force));
+  PetscCall(BodiesUpdateGhosts(c->bodies, 3, c->s->contact_torque));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -1,0 +1,365 @@
+/* Ties: see ties.h. Every tie is on one rank, that of the slots of its first body that may move. */
+#include "compat.h"
+#include "ties.h"
+#include "base/algebra.h"
+#include "base/room.h"
+
+enum {
+  STIFF,
+  MASS
+};
+
+struct _p_Ties {
+  Constraint constraint;
+  PetscInt   n, room;
+  PetscBool  any;
+  BodyTie   *tie;                 /* [n] of this rank; rows without known degrees of freedom */
+  PetscInt  *number;              /* [nbodies] of a body among the tied ones of all ranks, -1: it is none */
+  PetscInt   ntied, *tied, first; /* own tied bodies, of which are in which own slots; number of the first */
+  PetscInt   nblock;              /* largest number of blocks in a row */
+  PetscReal *factor;              /* [ntied][nr][nr] L of the own ones */
+  PetscReal *slots;               /* [count][nr] work */
+  Mat        mat[2];              /* STIFF, MASS */
+  KSP        ksp[2];
+  Vec        b, x;
+};
+
+PetscErrorCode TiesCreate(Constraint constraint, Ties *ties)
+{
+  Ties t;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&t));
+  t->constraint = constraint;
+  PetscCall(PetscMalloc4(constraint->room, &t->number, constraint->count, &t->tied, constraint->count * constraint->nr * constraint->nr, &t->factor,
+                         constraint->count * constraint->nr, &t->slots));
+  *ties = t;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode forget_systems(Ties t)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < 2; i++) {
+    PetscCall(MatDestroy(&t->mat[i]));
+    PetscCall(KSPDestroy(&t->ksp[i]));
+  }
+  PetscCall(VecDestroy(&t->b));
+  PetscCall(VecDestroy(&t->x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode TiesDestroy(Ties *ties)
+{
+  PetscFunctionBeginUser;
+  if (!*ties) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(forget_systems(*ties));
+  PetscCall(PetscFree((*ties)->tie));
+  PetscCall(PetscFree4((*ties)->number, (*ties)->tied, (*ties)->factor, (*ties)->slots));
+  PetscCall(PetscFree(*ties));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscBool TiesAny(Ties t)
+{
+  return t->any;
+}
+
+/* ---- which ones ---- */
+
+/* Is the tie this rank's? */
+static PetscBool is_mine(Constraint c, PetscMPIInt rank, const BodyTie *tie)
+{
+  for (PetscInt s = 0; s < 2; s++) {
+    const PetscInt k = tie->body[s];
+
+    if (k >= 0 && c->unknown[k]) return (PetscBool)(c->local_index[k] >= 0 && c->local_slot[c->local_index[k]] / c->count == rank);
+  }
+  return PETSC_FALSE;
+}
+
+static void mask_rows(Constraint c, BodyTie *tie)
+{
+  for (PetscInt s = 0; s < 2; s++)
+    for (PetscInt i = 0; i < c->nr; i++)
+      if (tie->body[s] < 0 || !((c->unknown[tie->body[s]] >> i) & 1)) tie->row[s][i] = 0;
+}
+
+/* Numbers of the tied bodies, by ranks */
+static PetscErrorCode number_bodies(Ties t)
+{
+  Constraint c = t->constraint;
+  PetscReal *value, *own, most = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc2(c->nbodies, &value, c->count, &own));
+  for (PetscInt i = 0; i < 2 * t->n; i++)
+    if (t->tie[i / 2].body[i % 2] >= 0) value[t->tie[i / 2].body[i % 2]]++;
+  PetscCall(ConstraintSumRows(c, 1, value, own));
+  t->ntied = 0;
+  for (PetscInt i = 0; i < c->nown; i++) {
+    most = PetscMax(most, own[i]);
+    if (own[i] > 0 && c->unknown[c->own[i]]) t->tied[t->ntied++] = i;
+    own[i] = -1;
+  }
+  t->nblock = (PetscInt)most + 1;
+  t->first  = 0;
+  PetscCallMPI(MPI_Exscan(&t->ntied, &t->first, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+  for (PetscInt i = 0; i < t->ntied; i++) own[t->tied[i]] = (PetscReal)(t->first + i);
+  for (PetscInt k = 0; k < c->nbodies; k++) value[k] = -1;
+  PetscCall(ConstraintCopyRows(c, 1, own, value));
+  for (PetscInt k = 0; k < c->nbodies; k++) t->number[k] = (PetscInt)value[k];
+  PetscCall(PetscFree2(value, own));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode TiesSet(Ties t, PetscInt n, const BodyTie tie[])
+{
+  Constraint  c = t->constraint;
+  PetscMPIInt rank;
+
+  PetscFunctionBeginUser;
+  PetscCall(forget_systems(t));
+  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
+  t->n = 0;
+  PetscCall(RoomFor(n, &t->room, &t->tie, sizeof(*t->tie), NULL));
+  for (PetscInt i = 0; i < n; i++) {
+    if (tie[i].stiffness <= 0 || !is_mine(c, rank, &tie[i])) continue;
+    t->tie[t->n] = tie[i];
+    mask_rows(c, &t->tie[t->n++]);
+  }
+  t->any = (PetscBool)(t->n > 0);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &t->any, 1, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
+  if (t->any) PetscCall(number_bodies(t));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- products ---- */
+
+void TiesMultAdd(Ties t, const PetscReal U[], PetscReal out[])
+{
+  const Constraint c  = t->constraint;
+  const PetscInt   nr = c->nr;
+
+  for (PetscInt i = 0; i < t->n; i++) {
+    const BodyTie *tie      = &t->tie[i];
+    PetscReal      speed    = 0;
+    PetscInt       local[2] = {0, 0};
+
+    for (PetscInt s = 0; s < 2; s++) {
+      if (tie->body[s] < 0 || !c->unknown[tie->body[s]]) continue;
+      local[s] = c->local_index[tie->body[s]] * nr;
+      for (PetscInt a = 0; a < nr; a++) speed += tie->row[s][a] * U[local[s] + a];
+    }
+    for (PetscInt s = 0; s < 2; s++) {
+      if (tie->body[s] < 0 || !c->unknown[tie->body[s]]) continue;
+      for (PetscInt a = 0; a < nr; a++) out[local[s] + a] += tie->stiffness * speed * tie->row[s][a];
+    }
+  }
+}
+
+/* out = L^T row of body k, with L of mass_inverse [nbodies][nr][nr]; NULL: the row in the units of its slots */
+static void transform_row(Constraint c, const PetscReal mass_inverse[], PetscInt k, const PetscReal row[], PetscReal out[])
+{
+  const PetscInt nr = c->nr;
+  PetscReal      L[36];
+
+  if (mass_inverse) DenseFactor(nr, mass_inverse + k * nr * nr, L);
+  for (PetscInt a = 0; a < nr; a++) {
+    out[a] = mass_inverse ? 0 : row[a] * ConstraintSlotUnit(c, k, a);
+    for (PetscInt b = 0; b < nr && mass_inverse; b++) out[a] += L[b * nr + a] * row[b];
+  }
+}
+
+/* mat += ties/scale, at the columns of bodies [nbodies], with rows as transform_row makes them */
+static PetscErrorCode add_ties(Ties t, const PetscInt column[], const PetscReal mass_inverse[], PetscReal scale, Mat mat)
+{
+  const Constraint c  = t->constraint;
+  const PetscInt   nr = c->nr;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < t->n; i++) {
+    const BodyTie *tie = &t->tie[i];
+    PetscReal      row[2][6], block[144];
+    PetscInt       at[12], n = 0;
+
+    for (PetscInt s = 0; s < 2; s++) {
+      if (tie->body[s] < 0 || !c->unknown[tie->body[s]]) continue;
+      transform_row(c, mass_inverse, tie->body[s], tie->row[s], row[n / nr]);
+      for (PetscInt a = 0; a < nr; a++) at[n + a] = column[tie->body[s]] + a;
+      n += nr;
+    }
+    for (PetscInt e = 0; e < n * n; e++) block[e] = tie->stiffness / scale * row[e / n / nr][e / n % nr] * row[e % n / nr][e % n % nr];
+    PetscCall(MatSetValues(mat, n, at, n, at, block, ADD_VALUES));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode TiesCreateMat(Ties t, Mat *mat)
+{
+  Constraint c = t->constraint;
+  PetscInt   total, *column;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetSizes(c, NULL, &total));
+  PetscCall(PetscMalloc1(c->nbodies, &column));
+  PetscCall(ConstraintGetRigidColumns(c, column));
+  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, total, total, PETSC_DETERMINE, PETSC_DETERMINE, c->nr, NULL, c->nr, NULL, mat));
+  PetscCall(MatSetOption(*mat, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
+  PetscCall(add_ties(t, column, NULL, 1, *mat));
+  PetscCall(MatAssemblyBegin(*mat, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(*mat, MAT_FINAL_ASSEMBLY));
+  PetscCall(PetscFree(column));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- systems of the tied bodies ---- */
+
+static PetscErrorCode create_system(Ties t, PetscInt which)
+{
+  static const char *const prefix[] = {"flow_ties_stiff_", "flow_ties_mass_"};
+  const PetscInt           nr = t->constraint->nr, n = t->ntied * nr, most = t->nblock * nr;
+  PC                       pc;
+  PetscMPIInt              size;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
+  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, n, n, PETSC_DETERMINE, PETSC_DETERMINE, most, NULL, most, NULL, &t->mat[which]));
+  PetscCall(MatSetOption(t->mat[which], MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
+  if (!t->b) PetscCall(MatCreateVecs(t->mat[which], &t->x, &t->b));
+  PetscCall(KSPCreate(PETSC_COMM_WORLD, &t->ksp[which]));
+  PetscCall(KSPSetOptionsPrefix(t->ksp[which], prefix[which]));
+  PetscCall(KSPSetType(t->ksp[which], KSPPREONLY));
+  PetscCall(KSPGetPC(t->ksp[which], &pc));
+  PetscCall(PCSetType(pc, PCLU));
+  PetscCall(PCFactorSetMatSolverType(pc, size > 1 ? MATSOLVERMUMPS : MATSOLVERPETSC));
+  PetscCall(KSPSetFromOptions(t->ksp[which]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The block of an own body in the units of its slots; identity where it is known */
+static void get_block(Constraint c, PetscInt k, const PetscReal inverse[], PetscReal block[])
+{
+  PetscReal M[36];
+
+  for (PetscInt e = 0; e < c->nr * c->nr; e++) {
+    const PetscInt i = e / c->nr, j = e % c->nr;
+
+    M[e] = (c->unknown[k] >> i) & 1 && (c->unknown[k] >> j) & 1 ? inverse[e] : (PetscReal)(i == j);
+  }
+  DenseInvert(c->nr, M, block);
+  for (PetscInt e = 0; e < c->nr * c->nr; e++) block[e] *= ConstraintSlotUnit(c, k, e / c->nr) * ConstraintSlotUnit(c, k, e % c->nr);
+}
+
+/* inverse: of the blocks of own bodies, without mass_inverse; with it they are the identity */
+static PetscErrorCode update_system(Ties t, PetscInt which, const PetscReal inverse[], const PetscReal mass_inverse[], PetscReal scale)
+{
+  Constraint     c  = t->constraint;
+  const PetscInt nr = c->nr;
+  PetscInt      *column;
+
+  PetscFunctionBeginUser;
+  PetscCall(create_system(t, which));
+  for (PetscInt i = 0; i < t->ntied; i++) {
+    PetscReal block[36];
+    PetscInt  row[6];
+
+    for (PetscInt e = 0; e < nr * nr; e++) block[e] = (PetscReal)(e % (nr + 1) == 0);
+    if (inverse) get_block(c, c->own[t->tied[i]], inverse + t->tied[i] * nr * nr, block);
+    for (PetscInt a = 0; a < nr; a++) row[a] = (t->first + i) * nr + a;
+    PetscCall(MatSetValues(t->mat[which], nr, row, nr, row, block, ADD_VALUES));
+  }
+  PetscCall(PetscMalloc1(c->nbodies, &column));
+  for (PetscInt k = 0; k < c->nbodies; k++) column[k] = t->number[k] * nr;
+  PetscCall(add_ties(t, column, mass_inverse, scale, t->mat[which]));
+  PetscCall(PetscFree(column));
+  PetscCall(MatAssemblyBegin(t->mat[which], MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(t->mat[which], MAT_FINAL_ASSEMBLY));
+  PetscCall(KSPSetOperators(t->ksp[which], t->mat[which], t->mat[which]));
+  PetscCall(KSPSetUp(t->ksp[which]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode TiesUpdate(Ties t, const PetscReal inverse[], const PetscReal mass_inverse[], PetscReal scale)
+{
+  const PetscInt nr = t->constraint->nr;
+
+  PetscFunctionBeginUser;
+  if (!t->any) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(forget_systems(t));
+  PetscCall(update_system(t, STIFF, inverse, NULL, 1));
+  PetscCall(update_system(t, MASS, NULL, mass_inverse, scale));
+  for (PetscInt i = 0; i < t->ntied; i++) DenseFactor(nr, mass_inverse + t->constraint->own[t->tied[i]] * nr * nr, t->factor + i * nr * nr);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Of tied own bodies, slots [count][nr] */
+static PetscErrorCode solve_system(Ties t, PetscInt which, const PetscReal x[], PetscReal y[])
+{
+  const PetscInt   nr = t->constraint->nr;
+  PetscReal       *b;
+  const PetscReal *z;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecGetArrayWrite(t->b, &b));
+  for (PetscInt i = 0; i < t->ntied; i++) PetscCall(PetscArraycpy(b + i * nr, x + t->tied[i] * nr, nr));
+  PetscCall(VecRestoreArrayWrite(t->b, &b));
+  PetscCall(KSPSolve(t->ksp[which], t->b, t->x));
+  PetscCall(VecGetArrayRead(t->x, &z));
+  for (PetscInt i = 0; i < t->ntied; i++) PetscCall(PetscArraycpy(y + t->tied[i] * nr, z + i * nr, nr));
+  PetscCall(VecRestoreArrayRead(t->x, &z));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode TiesSolveStiff(Ties t, const PetscReal x[], PetscReal y[])
+{
+  PetscFunctionBeginUser;
+  if (t->any) PetscCall(solve_system(t, STIFF, x, y));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode TiesSolveMass(Ties t, const PetscReal x[], PetscReal y[])
+{
+  const Constraint c  = t->constraint;
+  const PetscInt   nr = c->nr;
+
+  PetscFunctionBeginUser;
+  if (!t->any) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt i = 0; i < t->ntied; i++) {
+    const PetscReal *L = t->factor + i * nr * nr, *force = x + t->tied[i] * nr;
+    PetscReal       *z = t->slots + t->tied[i] * nr;
+
+    for (PetscInt a = 0; a < nr; a++) {
+      z[a] = 0;
+      for (PetscInt b = 0; b < nr; b++) z[a] += L[b * nr + a] * force[b] / ConstraintSlotUnit(c, c->own[t->tied[i]], b);
+    }
+  }
+  PetscCall(solve_system(t, MASS, t->slots, t->slots));
+  for (PetscInt i = 0; i < t->ntied; i++) {
+    const PetscReal *L = t->factor + i * nr * nr, *z = t->slots + t->tied[i] * nr;
+    PetscReal       *u = y + t->tied[i] * nr;
+
+    for (PetscInt a = 0; a < nr; a++) {
+      u[a] = 0;
+      for (PetscInt b = 0; b < nr; b++) u[a] += L[a * nr + b] * z[b];
+      u[a] /= ConstraintSlotUnit(c, c->own[t->tied[i]], a);
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode TiesFilter(Ties t, PetscReal z[])
+{
+  Constraint     c  = t->constraint;
+  const PetscInt nr = c->nr;
+
+  PetscFunctionBeginUser;
+  if (!t->any) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt i = 0; i < t->ntied; i++) PetscCall(PetscArraycpy(t->slots + t->tied[i] * nr, z + c->local_index[c->own[t->tied[i]]] * nr, nr));
+  PetscCall(solve_system(t, MASS, t->slots, t->slots));
+  PetscCall(PetscSFBcastBegin(c->rigid_sf, c->rigid_type, t->slots, c->packed, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(c->rigid_sf, c->rigid_type, t->slots, c->packed, MPI_REPLACE));
+  for (PetscInt l = 0; l < c->nlocal; l++)
+    if (t->number[c->local_list[l]] >= 0) PetscCall(PetscArraycpy(z + l * nr, c->packed + l * nr, nr));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
