@@ -235,7 +235,8 @@ PetscErrorCode ContactPairDashpots(Contact, PetscInt p, PetscReal h, PetscInt *n
 PetscReal ContactPairSpeed(Contact, const Pair *);
 /* Stiffness and scale of speed of a pair */
 void ContactFillMeeting(Contact, const Pair *, Meeting *);
-/* Can the pair come within the horizon, with the ways in c->reach? The list holds also those that its skin brought in. */
+/* Can the pair come within the horizon, with the ways in c->reach? The list holds also those that its skin brought
+   in. */
 PetscBool ContactCanMeet(Contact, const Pair *);
 /* Closing speed of a pair at a dashpot, by c->u and c->w. */
 PetscReal ContactApproach(Contact, const Pair *, const Dashpot *);

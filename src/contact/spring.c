@@ -1,20 +1,21 @@
-/* Contact, forces that are solved with the flow (law repulsive with implicit coupling): every touch becomes a spring and
-   a dashpot, F = value - rate v with the speed v at which the bodies part there at the end of the step, for the linear
-   system of flow and bodies. So a force is as large as the gap in which the step ends asks for, whatever the flow does
-   to the bodies: it may hold them, press them, or move others with them (runs/studies/contact, "Contact that is solved
-   with the flow").
+/* Contact, forces that are solved with the flow (law repulsive with implicit coupling): every touch becomes a spring
+   and a dashpot, F = value - rate v with the speed v at which the bodies part there at the end of the step, for the
+   linear system of flow and bodies. So a force is as large as the gap in which the step ends asks for, whatever the
+   flow does to the bodies: it may hold them, press them, or move others with them (runs/studies/contact, "Contact that
+   is solved with the flow").
 
-   F is the law's at two speeds w = -v of approach and linear between and beyond: where the flow holds the bodies, 0; and
-   where an implicit step of the two alone would end, m (w0 - w)/dt = F(w), F(w) = f(gap - w dt) (1 + w/damping speed).
-   f falls with the gap and the damping grows with the speed, so F is monotone in w and that end unique. The gap of the
-   end counts by backward Euler, with which a stiff contact damps whatever the scheme of the flow. The stiffness goes by
-   the speed of approach. Pairs are looked at where they come within reach on a straight way. */
+   F is the law's at two speeds w = -v of approach and linear between and beyond: 0, where the flow holds the bodies;
+   and where an implicit step of the two alone would end, m (w0 - w)/dt = F(w), F(w) = f(gap - w dt) (1 + w/damping
+   speed). f falls with the gap and the damping grows with the speed, so F is monotone in w and that end unique. The gap
+   of the end counts by backward Euler, with which a stiff contact damps whatever the scheme of the flow. The stiffness
+   goes by the speed of approach. Pairs are looked at where they come within reach on a straight way. */
 #include "compat.h"
 #include "impl.h"
 #include "base/log.h"
 #include "base/room.h"
 
-#define PLACES     4    /* parts of the way of a step at whose ends a pair is looked at */
+#define AHEAD      2    /* steps that an approach counts: bdf2 moves a body that is stopped by half of the speed it had */
+#define PLACES     6    /* parts of the way of a step at whose ends a pair is looked at */
 #define BISECTIONS 40   /* of the speed */
 #define DIFFERENCE 1e-4 /* for the slope of the force, in the range of speeds */
 
@@ -43,7 +44,7 @@ static PetscReal force_at(Contact c, Approach *t, PetscReal w)
 {
   PetscReal rate, value;
 
-  t->m.gap = t->gap - w * t->dt;
+  t->m.gap = t->gap - (w > 0 ? AHEAD : 1) * w * t->dt;
   if (t->m.gap >= c->range) return 0;
   value = c->law->force(c, &t->m, &rate);
   return PetscMax(0, value + rate * w);
@@ -66,7 +67,7 @@ static PetscReal end_speed(Contact c, Approach *t, PetscReal w0, PetscReal free)
 /* Spring of a dashpot that was found after `time`; PETSC_FALSE: no force in this step */
 static PetscBool make_spring(Contact c, const Pair *p, const Dashpot *d, PetscReal time, PetscReal dt, ContactSpring *s)
 {
-  const PetscReal w0 = ContactApproach(c, p, d), gap = d->gap + time * w0, free = (gap - c->range) / dt;
+  const PetscReal w0 = ContactApproach(c, p, d), gap = d->gap + time * w0, free = (gap - c->range) / (gap > c->range ? AHEAD * dt : dt);
   Approach        t = {.gap = gap, .dt = dt};
   PetscReal       w, step, from, force;
 
@@ -99,7 +100,7 @@ static PetscErrorCode add_springs(Contact c, PetscInt number, PetscReal dt)
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i <= PLACES && !n; i++) {
-    time = i * dt / PLACES;
+    time = i * AHEAD * dt / PLACES;
     place_pair(c, p, time);
     PetscCall(ContactPairDashpots(c, number, dt, &n, &none, &gap));
   }
@@ -128,7 +129,7 @@ PetscErrorCode ContactFindSprings(Contact c, PetscReal dt, PetscBool start, Pets
     for (PetscInt b = 0; b < c->dim; b++)
       if (ContactKind(c, k)->inverse_mass[b] > 0) c->u[k][b] += dt * a[k][b];
   if (!c->reach) PetscCall(PetscMalloc1(s->n, &c->reach));
-  for (PetscInt k = 0; k < s->n; k++) c->reach[k] = PetscSqrtReal(dot3(c->u[k], c->u[k])) * dt + 0.5 * c->range;
+  for (PetscInt k = 0; k < s->n; k++) c->reach[k] = PetscSqrtReal(dot3(c->u[k], c->u[k])) * AHEAD * dt + 0.5 * c->range;
   PetscCall(ContactFindPairs(c));
   for (PetscInt k = 0; k < s->n && c->inverse_inertia; k++) PetscCall(ContactSetInertia(c, k));
   for (PetscInt p = 0; p < c->npairs; p++) {

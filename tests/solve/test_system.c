@@ -22,6 +22,7 @@ typedef struct {
   PetscInt         dim, nr, own, np, n, *node_body, unknown[MAX_BODIES];
   PetscReal        X[MAX_BODIES][3], radius[MAX_BODIES], U[MAX_BODIES * 6], D[MAX_BODIES * 36], g[MAX_BODIES * 6];
   PetscReal       *rhs;
+  PetscReal        stiffness; /* of TIES in the case; 0: none */
 } Case;
 
 typedef struct {
@@ -36,6 +37,12 @@ static const Ball BALLS[MAX_BODIES + 1] = {{{0.30, 0.33, 0}, 0.15, 6, 63},
                                            {{0.66, 0.60, 0}, 0.16, 0.1, 63},
                                            {{0.25, 0.78, 0}, 0.13, 2, 0},
                                            {{0.51, 0.49, 0.50}, 0.25, 0.1, 63}};
+
+/* Between two that are free, one that is free and one that is not, and on one alone */
+static const BodyTie TIES[] = {{{0, 1}, {{-0.8, -0.6, 0.02}, {0.8, 0.6, 0.03}}, 1},
+                               {{2, 0}, {{0.1, -1, 0}, {-0.1, 1, 0.1}}, 0.7},
+                               {{1, -1}, {{0, 1, -0.05}}, 0.5}};
+#define NTIES (PetscInt)(sizeof(TIES) / sizeof(TIES[0]))
 
 /* Smooth, without divergence, zero at the walls of the unit square */
 static void whirl(PetscInt dim, const PetscReal x[], PetscReal v[])
@@ -106,6 +113,12 @@ static void open_case(Case *c, PetscInt dim, PetscInt n, const char options[])
   OK(ConditionsGetValues(FlowConditions(c->flow), &fixed, &value));
   OK(ConstraintSetBoundary(c->constraint, fixed, value));
   mark(c);
+  if (c->stiffness > 0) {
+    PetscInt pair[NTIES][2];
+
+    for (PetscInt i = 0; i < 2 * NTIES; i++) pair[i / 2][i % 2] = TIES[i / 2].body[i % 2];
+    OK(ConstraintSetPartners(c->constraint, NTIES, (const PetscInt(*)[2])pair));
+  }
   if (n) OK(ConstraintSetBodies(c->constraint, c->node_body, c->X, c->unknown, c->U, NULL));
   OK(FlowAssemble(c->flow));
   OK(FlowRhs(c->flow, c->rhs));
@@ -126,6 +139,15 @@ static void solve(const Case *c, const char options[], const PetscReal rhs[], co
   OK(PetscOptionsInsertString(NULL, options));
   OK(FlowSolverCreate(c->flow, c->constraint, PETSC_TRUE, &solver));
   if (c->n) OK(FlowSolverSetRigid(solver, c->D));
+  if (c->stiffness > 0) {
+    BodyTie tie[NTIES];
+
+    for (PetscInt i = 0; i < NTIES; i++) {
+      tie[i] = TIES[i];
+      tie[i].stiffness *= c->stiffness;
+    }
+    OK(FlowSolverSetTies(solver, NTIES, tie));
+  }
   OK(FlowSolverSetUp(solver));
   OK(PetscCalloc2(c->l->nnode_all * c->dim, &a->u, c->np, &a->p));
   OK(PetscArraycpy(a->U, c->U, MAX_BODIES * 6));
@@ -162,13 +184,25 @@ static void momentum_residual(const Case *c, const PetscReal u[], const PetscRea
   OK(VecDestroy(&y));
 }
 
+/* What a tie takes from the rigid rows; known velocities do not count */
+static void push_apart(const Case *c, const PetscReal U[], const BodyTie *t, PetscReal rigid[])
+{
+  PetscReal speed = 0;
+
+  for (PetscInt e = 0; e < 2 * c->nr; e++)
+    if (t->body[e / c->nr] >= 0 && (c->unknown[t->body[e / c->nr]] >> (e % c->nr)) & 1)
+      speed += t->row[e / c->nr][e % c->nr] * U[t->body[e / c->nr] * c->nr + e % c->nr];
+  for (PetscInt e = 0; e < 2 * c->nr; e++)
+    if (t->body[e / c->nr] >= 0) rigid[t->body[e / c->nr] * c->nr + e % c->nr] += c->stiffness * t->stiffness * speed * t->row[e / c->nr][e % c->nr];
+}
+
 /* Walls and bodies have their velocities, free rows and rigid rows balance, the flow has no divergence (or, with
    `shared` cells between two surfaces, no net outflow) */
 static void check_solution(const Case *c, const Answer *a, PetscBool shared, PetscReal tolerance)
 {
   const PetscInt  *fixed, *body;
   const PetscReal *value;
-  PetscReal       *r, *y, rigid[MAX_BODIES * 6] = {0}, top = 0, scale;
+  PetscReal       *r, *y, rigid[MAX_BODIES * 6] = {0}, pushed[MAX_BODIES * 6] = {0}, top = 0, scale;
 
   OK(PetscCalloc2(c->l->nnode_all * c->dim, &r, c->np, &y));
   OK(ConditionsGetValues(FlowConditions(c->flow), &fixed, &value));
@@ -199,9 +233,10 @@ static void check_solution(const Case *c, const Answer *a, PetscBool shared, Pet
     }
   }
   BELOW(largest(top), tolerance * scale);
+  for (PetscInt i = 0; i < NTIES && c->stiffness > 0; i++) push_apart(c, a->U, &TIES[i], pushed);
   for (PetscInt k = 0; k < c->n; k++) {
     for (PetscInt s = 0; s < c->nr; s++) {
-      PetscReal sum = total(rigid[k * c->nr + s]);
+      PetscReal sum = total(rigid[k * c->nr + s]) + pushed[k * c->nr + s];
 
       for (PetscInt q = 0; q < c->nr; q++) sum += c->D[(k * c->nr + s) * c->nr + q] * a->U[k * c->nr + q];
       if ((c->unknown[k] >> s) & 1) NEAR(sum, c->g[k * c->nr + s], tolerance * scale);
@@ -232,7 +267,7 @@ static void compare_pressure(const Case *c, const PetscReal p[], const PetscReal
 #define TIGHT "-flow_ksp_rtol 1e-12 -flow_ksp_max_it 300 "
 
 /* All ways to solve the same scene: every row holds for each, and their answers agree */
-static void compare_solvers(PetscInt dim, PetscInt n, const char scene[], PetscBool viscous, PetscInt its_most)
+static void compare_tied(PetscInt dim, PetscInt n, const char scene[], PetscBool viscous, PetscReal stiffness, PetscInt its_most)
 {
   const char *const way[] = {"",
                              "-flow_schur projection",
@@ -242,11 +277,12 @@ static void compare_solvers(PetscInt dim, PetscInt n, const char scene[], PetscB
                              "-flow_recipe accurate",
                              "-flow_recipe direct"};
   Answer            first;
-  Case              c;
+  Case              c = {0};
 
   for (PetscInt i = 0; i < 7; i++) {
     Answer a;
 
+    c.stiffness = stiffness;
     if (viscous && i == 1) continue; /* the projection is not made for this */
     open_case(&c, dim, n, scene);
     OK(PetscOptionsInsertString(NULL, TIGHT));
@@ -264,6 +300,11 @@ static void compare_solvers(PetscInt dim, PetscInt n, const char scene[], PetscB
     if (i == 6) free_answer(&first);
     close_case(&c);
   }
+}
+
+static void compare_solvers(PetscInt dim, PetscInt n, const char scene[], PetscBool viscous, PetscInt its_most)
+{
+  compare_tied(dim, n, scene, viscous, 0, its_most);
 }
 
 static void test_cavity(void **state)
@@ -285,6 +326,14 @@ static void test_bodies(void **state)
   compare_solvers(2, 3, "-flow_viscosity 2", PETSC_TRUE, 60);
 }
 
+/* Forces between bodies that resist their motion: a tenth of their inertia, and so stiff that they move as one */
+static void test_ties(void **state)
+{
+  (void)state;
+  compare_tied(2, 3, "", PETSC_FALSE, 0.1, 60);
+  compare_tied(2, 3, "", PETSC_FALSE, 1e4, 60);
+}
+
 static void test_bodies_periodic(void **state)
 {
   (void)state;
@@ -294,7 +343,7 @@ static void test_bodies_periodic(void **state)
 static void test_bodies_3d(void **state)
 {
   (void)state;
-  Case   c;
+  Case   c = {0};
   Answer fine, direct;
 
   open_case(&c, 3, 1, "");
@@ -320,7 +369,7 @@ static void test_steady(void **state)
   Answer            a[2];
 
   for (PetscInt i = 0; i < 2; i++) {
-    Case c;
+    Case c = {0};
 
     open_case(&c, 2, 3, "-flow_convection 0 -flow_time be " TIGHT);
     OK(FlowBeginStep(c.flow, 1e6, 1e6));
@@ -342,7 +391,7 @@ static void test_steady(void **state)
 static void test_bad_guess(void **state)
 {
   (void)state;
-  Case       c;
+  Case       c = {0};
   Answer     zero, bad;
   FlowSolver solver;
 
@@ -372,7 +421,7 @@ static void test_close_bodies(void **state)
     Answer a, direct;
 
     for (PetscInt way = 0; way < 2; way++) {
-      Case   c;
+      Case   c = {0};
       Answer b;
 
       open_case(&c, 2, 2, TIGHT);
@@ -405,7 +454,7 @@ static void test_symmetry(void **state)
 {
   (void)state;
   for (PetscInt n = 0; n <= 2; n += 2) {
-    Case       c;
+    Case       c = {0};
     Answer     a[2];
     PetscReal *f[2], g[2][MAX_BODIES * 6], work[2][2];
 
@@ -437,7 +486,7 @@ static void test_symmetry(void **state)
 static void test_set_up_again(void **state)
 {
   (void)state;
-  Case       c;
+  Case       c = {0};
   Answer     fresh, again;
   FlowSolver solver;
 
@@ -476,7 +525,7 @@ static void test_start_value(void **state)
 {
   (void)state;
   for (PetscInt n = 0; n <= 2; n += 2) {
-    Case       c;
+    Case       c = {0};
     Answer     a, b;
     FlowSolver solver;
     PetscReal *dp;
@@ -522,7 +571,7 @@ static void test_tolerance(void **state)
 
   (void)state;
   for (PetscInt k = 0; k < 5; k++) {
-    Case       c;
+    Case       c = {0};
     FlowSolver solver;
     Answer     a;
     Vec        x, f;
@@ -660,7 +709,7 @@ static void check_pressure(const Case *c, Pressure p, const PetscReal weight[], 
 
 static void check_pressure_scene(PetscInt dim, PetscInt n, const char scene[], PetscBool floating)
 {
-  Case       c;
+  Case       c = {0};
   Pressure   p, fresh;
   PetscReal *weight, mass_inverse[MAX_BODIES * 36];
 
@@ -767,7 +816,7 @@ static void check_levels(const Case *c, Pressure p, KSP ksp)
 
 static void check_levels_scene(PetscInt dim, PetscInt n, const char scene[])
 {
-  Case       c;
+  Case       c = {0};
   Pressure   p;
   KSP        ksp;
   PetscReal *weight, mass_inverse[MAX_BODIES * 36];
@@ -804,13 +853,21 @@ static void test_pressure_levels(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_cavity),          cmocka_unit_test(test_outflow),
-                                     cmocka_unit_test(test_bodies),          cmocka_unit_test(test_bodies_periodic),
-                                     cmocka_unit_test(test_bodies_3d),       cmocka_unit_test(test_symmetry),
-                                     cmocka_unit_test(test_set_up_again),    cmocka_unit_test(test_start_value),
-                                     cmocka_unit_test(test_tolerance),       cmocka_unit_test(test_steady),
-                                     cmocka_unit_test(test_close_bodies),    cmocka_unit_test(test_pressure_operator),
-                                     cmocka_unit_test(test_pressure_levels), cmocka_unit_test(test_bad_guess)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_cavity),
+                                     cmocka_unit_test(test_outflow),
+                                     cmocka_unit_test(test_bodies),
+                                     cmocka_unit_test(test_bodies_periodic),
+                                     cmocka_unit_test(test_ties),
+                                     cmocka_unit_test(test_bodies_3d),
+                                     cmocka_unit_test(test_symmetry),
+                                     cmocka_unit_test(test_set_up_again),
+                                     cmocka_unit_test(test_start_value),
+                                     cmocka_unit_test(test_tolerance),
+                                     cmocka_unit_test(test_steady),
+                                     cmocka_unit_test(test_close_bodies),
+                                     cmocka_unit_test(test_pressure_operator),
+                                     cmocka_unit_test(test_pressure_levels),
+                                     cmocka_unit_test(test_bad_guess)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));
