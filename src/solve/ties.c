@@ -4,6 +4,8 @@
 #include "base/algebra.h"
 #include "base/room.h"
 
+#define AS_EXACT 1e-4 /* tolerance of solves on several ranks, which stand for factors in preconditioners */
+
 enum {
   STIFF,
   MASS
@@ -229,10 +231,10 @@ static PetscErrorCode create_system(Ties t, PetscInt which)
   if (!t->b) PetscCall(MatCreateVecs(t->mat[which], &t->x, &t->b));
   PetscCall(KSPCreate(PETSC_COMM_WORLD, &t->ksp[which]));
   PetscCall(KSPSetOptionsPrefix(t->ksp[which], prefix[which]));
-  PetscCall(KSPSetType(t->ksp[which], KSPPREONLY));
   PetscCall(KSPGetPC(t->ksp[which], &pc));
-  PetscCall(PCSetType(pc, PCLU));
-  PetscCall(PCFactorSetMatSolverType(pc, size > 1 ? MATSOLVERMUMPS : MATSOLVERPETSC));
+  PetscCall(KSPSetType(t->ksp[which], size == 1 ? KSPPREONLY : which == MASS ? KSPCG : KSPBCGS));
+  PetscCall(PCSetType(pc, size == 1 ? PCLU : PCBJACOBI));
+  PetscCall(KSPSetTolerances(t->ksp[which], AS_EXACT, 0, PETSC_DEFAULT, PETSC_DEFAULT));
   PetscCall(KSPSetFromOptions(t->ksp[which]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -249,6 +251,26 @@ static void get_block(Constraint c, PetscInt k, const PetscReal inverse[], Petsc
   }
   DenseInvert(c->nr, M, block);
   for (PetscInt e = 0; e < c->nr * c->nr; e++) block[e] *= ConstraintSlotUnit(c, k, e / c->nr) * ConstraintSlotUnit(c, k, e % c->nr);
+}
+
+/* The ties of a rank's own bodies are solved for at once; those across ranks take iterations */
+static PetscErrorCode factor_blocks(KSP ksp)
+{
+  PetscInt  n;
+  PetscBool blocks;
+  KSP      *sub;
+  PC        pc;
+
+  PetscFunctionBeginUser;
+  PetscCall(KSPGetPC(ksp, &pc));
+  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCBJACOBI, &blocks));
+  if (!blocks) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PCBJacobiGetSubKSP(pc, &n, NULL, &sub));
+  for (PetscInt i = 0; i < n; i++) {
+    PetscCall(KSPGetPC(sub[i], &pc));
+    PetscCall(PCSetType(pc, PCLU));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* inverse: of the blocks of own bodies, without mass_inverse; with it they are the identity */
@@ -277,6 +299,7 @@ static PetscErrorCode update_system(Ties t, PetscInt which, const PetscReal inve
   PetscCall(MatAssemblyEnd(t->mat[which], MAT_FINAL_ASSEMBLY));
   PetscCall(KSPSetOperators(t->ksp[which], t->mat[which], t->mat[which]));
   PetscCall(KSPSetUp(t->ksp[which]));
+  PetscCall(factor_blocks(t->ksp[which]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -1,7 +1,7 @@
 /* Ties: linear forces between bodies (BodyTie, solve/system.h) in the operators of the system, and in what approximates
    their inverses. A tie makes two bodies move as one along it where it is stiff, which blocks of single bodies do not
-   know: so the blocks of all tied bodies are solved as one sparse system with the ties in it, by a factorisation
-   (prefixes of its options: flow_ties_stiff_, flow_ties_mass_), small beside that of the flow. */
+   know: so the blocks of all tied bodies are solved as one sparse system with the ties in it, small beside that of the
+   flow: factorised, on several ranks iterated over the factors of each (options flow_ties_stiff_, flow_ties_mass_). */
 #pragma once
 #include "projection.h"
 #include "solve/system.h"

@@ -1,7 +1,7 @@
 """What the ranks send one another in a time step, counted through the profiling interface of MPI (tools/mpicount.c).
 
 Nothing that all ranks take part in may grow with the number of bodies, or of ranks, but for what stands here as known:
-* with contact in a flow the rigid velocities of all bodies, gathered once a step: every rank still knows all bodies;
+* with -contact_coupling explicit the rigid velocities of all bodies, gathered once a step: every rank knows all bodies then;
 * the lengths of new vectors and matrices, a number a rank (PetscLayout), a bounded number of times a step.
 """
 import os
@@ -73,14 +73,15 @@ def steps(counter, program, tmp_path):
 COLLECTIVES = "allreduce", "reduce", "bcast", "scan", "allgather", "alltoall", "gather"
 
 
-@pytest.mark.parametrize("law", ["repulsive", "none"])
-def test_collectives_do_not_grow_with_the_bodies_of_a_flow(steps, law):
-    """Where all ranks know all bodies, because of contact, and where they know them by place"""
-    scene = FLOW if law == "repulsive" else FLOW.replace("{range: 0.01, stiffness: 1e-4}", "{law: none}")
+@pytest.mark.parametrize("contact", ["{range: 0.01, stiffness: 1e-4, coupling: explicit}", "{range: 0.03}", "{law: none}"])
+def test_collectives_do_not_grow_with_the_bodies_of_a_flow(steps, contact):
+    """Where all ranks know all bodies, and where they know them by place, with some that meet and without contact"""
+    scene = FLOW.replace("{range: 0.01, stiffness: 1e-4}", contact)
+    everywhere = "explicit" in contact
     few, many, spread = steps(scene, 3, 60, 2), steps(scene, 3, 120, 2), steps(scene, 6, 120, 2)
     for n, ranks, sent in (60, 3, few), (120, 3, many), (120, 6, spread):
-        gathered = 3 * 8 * n if law == "repulsive" else 0
-        assert sent["allgather"][2] <= (law == "repulsive") and sent["allgather"][3] <= gathered, (n, ranks, dict(sent))
+        gathered = 3 * 8 * n if everywhere else 0
+        assert sent["allgather"][2] <= everywhere and sent["allgather"][3] <= gathered, (n, ranks, dict(sent))
         for kind in COLLECTIVES:
             calls, total, long_calls, long_bytes, _ = sent[kind]
             if kind != "allgather":

@@ -1,13 +1,15 @@
 """Bodies in a flow that each rank knows where it needs them alone (bodies/local.h)."""
 import csv
 
+import pytest
+
 CROWD = """mesh: {cells: [24, 24], lower: [0, 0], upper: [1, 1], periodic: x}
 flow: {density: 1, viscosity: 0.02, gravity: [2, -10], ksp_rtol: 1e-9}
 particle:
   groups: disc, rod
   disc: {shape: circle, radius: 0.04, density: 1.5, place: lattice, count: 30, velocity: [2, 0], lower: [0, 0.05], upper: [1, 0.6], sizes: uniform, sizes_range: [0.7, 1.2]}
   rod: {shape: ellipse, a: 0.06, b: 0.04, density: 1.2, place: lattice, count: 6, velocity: [2, -1], lower: [0, 0.6], upper: [1, 0.95]}
-contact: {law: none}
+contact: {range: 0.04}
 sim: {dt: 0.005, steps: 8}
 checkpoint: {every: 4}
 output: {every: 0}
@@ -20,24 +22,29 @@ def table(folder):
         return list(csv.DictReader(file))
 
 
-def test_a_crowd_in_a_flow_on_some_ranks(run, scene, tmp_path):
-    """Bodies that drift over the borders of parts (no contact): as on one rank, also after a restart on others."""
+@pytest.mark.parametrize("law", ["repulsive", "none"])
+def test_a_crowd_in_a_flow_on_some_ranks(run, scene, tmp_path, law):
+    """Bodies that drift over the borders of parts and meet there: as on one rank, also after a restart on others."""
+    text = CROWD if law == "repulsive" else CROWD.replace("{range: 0.04}", "{law: none}")
     for ranks in 1, 3:
-        result = run([scene(CROWD), "-output_dir", str(ranks)], ranks)
+        result = run([scene(text), "-output_dir", str(ranks)], ranks)
         assert result.status == 0 and ALL not in result.out, str(result)
+    with open(tmp_path / "3" / "series.csv") as file:
+        assert (abs(float(list(csv.DictReader(file))[-1]["contact_work"])) > 1e-6) == (law == "repulsive")
     one, three = table(tmp_path / "1"), table(tmp_path / "3")
     assert len(one) == len(three) == 8 * 36
     for name, size in ("x", 1), ("y", 1), ("u", 2), ("v", 2), ("angle_rad", 1), ("omega_z", 10):
         assert max(abs(float(a[name]) - float(b[name])) for a, b in zip(one, three)) < 1e-6 * size, name
     begin = next((tmp_path / "3").glob("**/checkpoint_4.h5"))
     for ranks in 3, 2:
-        again = run([scene(CROWD), "-output_dir", f"again-{ranks}", "-sim_restart", str(begin), "-checkpoint_every", "0"], ranks)
+        again = run([scene(text), "-output_dir", f"again-{ranks}", "-sim_restart", str(begin), "-checkpoint_every", "0"], ranks)
         assert again.status == 0, str(again)
         for a, b in zip(table(tmp_path / f"again-{ranks}")[-36:], three[-36:]):
             assert all(abs(float(a[name]) - float(b[name])) < 1e-6 for name in ("x", "y", "u", "v")), ranks
 
 
 def test_what_needs_all_bodies_says_so(run, scene):
-    for more, why in (["-couple_type", "explicit"], "-couple_type"), (["-particle_disc_radius", "0.2", "-particle_disc_count", "1"], "large"):
+    large = ["-particle_disc_radius", "0.2", "-particle_disc_count", "1"]
+    for more, why in (["-couple_type", "explicit"], "-couple_type"), (large, "large"), (["-contact_coupling", "explicit"], "-contact_coupling"):
         result = run([scene(CROWD), "-scene_dry_run", *more], 2)
         assert result.status == 0 and any(ALL in line and why in line for line in result.out.splitlines()), str(result)
