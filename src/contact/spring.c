@@ -14,7 +14,7 @@
 #include "base/log.h"
 #include "base/room.h"
 
-#define AHEAD      2    /* steps that an approach counts: bdf2 moves a body that is stopped by half of the speed it had */
+#define AHEAD      2    /* steps that an approach counts: bdf2 moves a body that stops by half of the speed it had */
 #define PLACES     6    /* parts of the way of a step at whose ends a pair is looked at */
 #define BISECTIONS 40   /* of the speed */
 #define DIFFERENCE 1e-4 /* for the slope of the force, in the range of speeds */
