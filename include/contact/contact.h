@@ -70,8 +70,9 @@ typedef struct {
 } ContactSpring;
 /* In place of ContactStep, for a flow that is solved with the contact: all forces of the step [t, t + dt] (spring.c),
    where contact_force and contact_torque are zero until ContactTakeForces has been told what they came to, force [n].
-   a as for ContactStep, for the scales of bodies without buoyancy; start: bodies will have gathered the speed dt a. Owned by the contact, until the next call. Of bodies
-   that are spread pairs are found on every rank that owns one of the two. Collective. */
+   a as for ContactStep, for the scales of bodies without buoyancy; start: bodies will have gathered the speed dt a.
+   Owned by the contact, until the next call. Of bodies that are spread pairs are found on every rank that owns one of
+   the two. Collective. */
 PetscErrorCode ContactFindSprings(Contact, PetscReal dt, PetscBool start, PetscReal (*a)[3], PetscInt *n,
                                   const ContactSpring *spring[]);
 PetscErrorCode ContactTakeForces(Contact, const PetscReal force[]);
