@@ -38,7 +38,7 @@ static PetscInt moment_count(Parts p)
   return p->loc->dim == 2 ? NPAIR * NPAIR : NPAIR * NPAIR * NPAIR;
 }
 
-/* In space one axis after the other (sum factorisation): v holds the place and its slopes along the axes
+/* One axis after the other (sum factorisation): v holds the place and its slopes along the axes
    that are done, at what is still nodes (last axis) or samples already (first) */
 static void place_samples_in_space(Parts p, const PetscReal xc[], PetscReal x[], PetscReal w[])
 {
@@ -84,18 +84,26 @@ static void place_samples_in_plane(Parts p, const PetscReal xc[], PetscReal x[],
   const PetscInt  n    = p->nsample;
   const PetscReal part = PetscPowRealInt(2.0 / n, 2);
 
-  for (PetscInt q = 0; q < n * n; q++) {
-    const PetscReal *f[2] = {p->phi[q % n], p->phi[q / n]}, *g[2] = {p->dphi[q % n], p->dphi[q / n]};
-    PetscReal        J[4] = {0};
+  for (PetscInt y = 0; y < n; y++) {
+    PetscReal line[3][2][2]; /* [node of the line][place, slope along y][component] */
 
-    x[q * 2] = x[q * 2 + 1] = 0;
-    for (PetscInt j = 0; j < 9; j++)
+    for (PetscInt j = 0; j < 3; j++)
       for (PetscInt a = 0; a < 2; a++) {
-        x[q * 2 + a] += f[0][j % 3] * f[1][j / 3] * xc[j * 2 + a];
-        J[a * 2] += g[0][j % 3] * f[1][j / 3] * xc[j * 2 + a];
-        J[a * 2 + 1] += f[0][j % 3] * g[1][j / 3] * xc[j * 2 + a];
+        line[j][0][a] = p->phi[y][0] * xc[j * 2 + a] + p->phi[y][1] * xc[(j + 3) * 2 + a] + p->phi[y][2] * xc[(j + 6) * 2 + a];
+        line[j][1][a] = p->dphi[y][0] * xc[j * 2 + a] + p->dphi[y][1] * xc[(j + 3) * 2 + a] + p->dphi[y][2] * xc[(j + 6) * 2 + a];
       }
-    w[q] = part * DenseDeterminant(2, J);
+    for (PetscInt i = 0; i < n; i++) {
+      const PetscReal *f = p->phi[i], *g = p->dphi[i];
+      const PetscInt   q = y * n + i;
+      PetscReal        J[4];
+
+      for (PetscInt a = 0; a < 2; a++) {
+        x[q * 2 + a] = f[0] * line[0][0][a] + f[1] * line[1][0][a] + f[2] * line[2][0][a];
+        J[a * 2]     = g[0] * line[0][0][a] + g[1] * line[1][0][a] + g[2] * line[2][0][a];
+        J[a * 2 + 1] = f[0] * line[0][1][a] + f[1] * line[1][1][a] + f[2] * line[2][1][a];
+      }
+      w[q] = part * DenseDeterminant(2, J);
+    }
   }
 }
 

@@ -2,6 +2,8 @@
 #include "compat.h"
 #include "lanes.h"
 
+#define INLINE static inline __attribute__((always_inline))
+
 /* Edges along the axes: nothing beside the diagonal of the inverse Jacobian but round-off of coordinates, which counts
    as it does where cells are found affine */
 static PetscBool is_box(const struct _p_Flow *f, PetscInt c)
@@ -71,26 +73,48 @@ PetscErrorCode LanesGeometry(const struct _p_Flow *f, const LaneCells *b, BatchG
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Nodal values of one cell, every `stride` numbers; dimensions as constants */
+INLINE void gather_cell(const int dim, const int nb, const int stride, const PetscInt *restrict node, const PetscInt n, const PetscReal *const v[],
+                        const PetscReal factor[], PetscReal *restrict to)
+{
+  for (int j = 0; j < nb; j++)
+    for (int a = 0; a < dim; a++) {
+      const PetscInt i   = node[j] * dim + a;
+      PetscReal      sum = factor[0] * v[0][i];
+
+      for (PetscInt m = 1; m < n; m++) sum += factor[m] * v[m][i];
+      to[(j * dim + a) * stride] = sum;
+    }
+}
+
+static void gather_hanging(const MeshLocal *l, PetscInt c, PetscInt n, const PetscReal *const v[], const PetscReal factor[], PetscReal to[])
+{
+  const PetscInt size = l->nb * l->dim, *node = l->cell_node + c * l->nb;
+  PetscReal      xl[MESH_MAX_NB * 3];
+
+  if (l->dim == 2) gather_cell(2, 9, 1, node, n, v, factor, xl);
+  else gather_cell(3, 27, 1, node, n, v, factor, xl);
+  MeshCellGather(l, c, l->dim, xl);
+  for (PetscInt i = 0; i < size; i++) to[i * BATCH_LANES] = xl[i];
+}
+
 void LanesGather(const MeshLocal *l, const LaneCells *b, PetscInt n, const PetscReal *const v[], const PetscReal factor[], Lanes x[])
 {
-  const PetscInt nb = l->nb, dim = l->dim;
-
   for (PetscInt k = 0; k < BATCH_LANES; k++) {
-    const PetscInt c = b->cell[k < b->n ? k : 0], *node = l->cell_node + c * nb;
-    PetscReal     *to = Lane(x, k), xl[MESH_MAX_NB * 3];
+    const PetscInt c = b->cell[k < b->n ? k : 0], *node = l->cell_node + c * l->nb;
+    PetscReal     *to = Lane(x, k);
 
-    if (n == 1 && !MeshCellHang(l, c)) {
-      for (PetscInt j = 0; j < nb; j++)
-        for (PetscInt a = 0; a < dim; a++) to[(j * dim + a) * BATCH_LANES] = factor[0] * v[0][node[j] * dim + a];
-      continue;
-    }
-    for (PetscInt i = 0; i < nb * dim; i++) xl[i] = 0;
-    for (PetscInt m = 0; m < n; m++)
-      for (PetscInt j = 0; j < nb; j++)
-        for (PetscInt a = 0; a < dim; a++) xl[j * dim + a] += factor[m] * v[m][node[j] * dim + a];
-    MeshCellGather(l, c, dim, xl);
-    for (PetscInt i = 0; i < nb * dim; i++) to[i * BATCH_LANES] = xl[i];
+    if (MeshCellHang(l, c)) gather_hanging(l, c, n, v, factor, to);
+    else if (l->dim == 2) gather_cell(2, 9, BATCH_LANES, node, n, v, factor, to);
+    else if (n == 1) gather_cell(3, 27, BATCH_LANES, node, 1, v, factor, to);
+    else gather_cell(3, 27, BATCH_LANES, node, n, v, factor, to);
   }
+}
+
+INLINE void scatter_lane(const int bs, const int nb, const PetscInt *restrict node, const PetscReal *restrict from, PetscReal *restrict v)
+{
+  for (int j = 0; j < nb; j++)
+    for (int a = 0; a < bs; a++) v[node[j] * bs + a] += from[(j * bs + a) * BATCH_LANES];
 }
 
 void LanesScatter(const MeshLocal *l, const LaneCells *b, PetscInt bs, Lanes x[], PetscReal v[])
@@ -106,10 +130,8 @@ void LanesScatter(const MeshLocal *l, const LaneCells *b, PetscInt bs, Lanes x[]
       for (PetscInt i = 0; i < nb * bs; i++) xl[i] = from[i * BATCH_LANES];
       MeshCellScatter(l, c, bs, xl);
       for (PetscInt i = 0; i < nb * bs; i++) v[node[i / bs] * bs + i % bs] += xl[i];
-    } else {
-      for (PetscInt j = 0; j < nb; j++)
-        for (PetscInt a = 0; a < bs; a++) v[node[j] * bs + a] += from[(j * bs + a) * BATCH_LANES];
-    }
+    } else if (bs == 3) scatter_lane(3, 27, node, from, v);
+    else scatter_lane((int)bs, (int)nb, node, from, v);
   }
 }
 

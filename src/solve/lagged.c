@@ -2,20 +2,45 @@
 #include "compat.h"
 #include "lagged.h"
 
-#define CHANGED 1.1 /* a diagonal entry by this factor, up or down */
-/* Applications from one change to the next above which a set-up pays: sweeps and residual cost about a tenth of the
-   set-up of BoomerAMG, and some iterations are added */
-#define WORTH 10
+#define CHANGED 1.1  /* a diagonal entry by this factor, up or down */
+#define ALIKE   1e-3 /* and relative change of one whose row is swept */
 
 typedef struct {
   Mat       A;
   PC        M;
   PetscReal keep;
-  PetscInt  applications;  /* since the last update */
   PetscBool corrected;     /* A is no longer the matrix of M */
   Vec       before, scale; /* diagonal of the matrix of M; D */
+  PetscInt  n, *row;       /* own rows that differ from the matrix of M, ascending */
+  Mat       rows, square;  /* of A: these rows, and of them these columns */
   Vec       r, z;          /* scratch */
+  Vec       b_row, x_row;  /* of these rows */
 } Lagged;
+
+/* v_row = v in the rows that differ, or (add) v += v_row there */
+static PetscErrorCode move_rows(Lagged *s, PetscBool add, Vec v, Vec v_row)
+{
+  PetscReal *a, *part;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecGetArray(v, &a));
+  PetscCall(VecGetArray(v_row, &part));
+  for (PetscInt k = 0; k < s->n; k++) {
+    if (add) a[s->row[k]] += part[k];
+    else part[k] = a[s->row[k]];
+  }
+  PetscCall(VecRestoreArray(v_row, &part));
+  PetscCall(VecRestoreArray(v, &a));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* One sweep over the rows that differ, from zero */
+static PetscErrorCode sweep(Lagged *s, MatSORType direction)
+{
+  PetscFunctionBeginUser;
+  PetscCall(MatSOR(s->square, s->b_row, 1, (MatSORType)(direction | SOR_ZERO_INITIAL_GUESS), 0, 1, 1, s->x_row));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
 
 static PetscErrorCode apply(PC pc, Vec b, Vec x)
 {
@@ -23,18 +48,23 @@ static PetscErrorCode apply(PC pc, Vec b, Vec x)
 
   PetscFunctionBeginUser;
   PetscCall(PCShellGetContext(pc, &s));
-  s->applications++;
   if (!s->corrected) {
     PetscCall(PCApply(s->M, b, x));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  PetscCall(MatSOR(s->A, b, 1, (MatSORType)(SOR_LOCAL_FORWARD_SWEEP | SOR_ZERO_INITIAL_GUESS), 0, 1, 1, x));
-  PetscCall(MatResidual(s->A, b, x, s->r));
+  PetscCall(VecCopy(b, s->r));
+  PetscCall(move_rows(s, PETSC_FALSE, s->r, s->b_row));
+  PetscCall(sweep(s, SOR_LOCAL_FORWARD_SWEEP));
+  PetscCall(MatMultTranspose(s->rows, s->x_row, s->z)); /* A is symmetric */
+  PetscCall(VecAXPY(s->r, -1, s->z));
   PetscCall(VecPointwiseMult(s->r, s->r, s->scale));
   PetscCall(PCApply(s->M, s->r, s->z));
-  PetscCall(VecPointwiseMult(s->z, s->z, s->scale));
-  PetscCall(VecAXPY(x, 1, s->z));
-  PetscCall(MatSOR(s->A, b, 1, SOR_LOCAL_BACKWARD_SWEEP, 0, 1, 1, x));
+  PetscCall(VecPointwiseMult(x, s->z, s->scale));
+  PetscCall(move_rows(s, PETSC_TRUE, x, s->x_row));
+  PetscCall(MatMult(s->rows, x, s->x_row));
+  PetscCall(VecAXPY(s->b_row, -1, s->x_row));
+  PetscCall(sweep(s, SOR_LOCAL_BACKWARD_SWEEP));
+  PetscCall(move_rows(s, PETSC_TRUE, x, s->x_row));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -51,12 +81,24 @@ static PetscErrorCode view(PC pc, PetscViewer viewer)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode forget_rows(Lagged *s)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscFree(s->row));
+  PetscCall(MatDestroy(&s->rows));
+  PetscCall(MatDestroy(&s->square));
+  PetscCall(VecDestroy(&s->b_row));
+  PetscCall(VecDestroy(&s->x_row));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode destroy(PC pc)
 {
   Lagged *s;
 
   PetscFunctionBeginUser;
   PetscCall(PCShellGetContext(pc, &s));
+  PetscCall(forget_rows(s));
   PetscCall(MatDestroy(&s->A));
   PetscCall(PCDestroy(&s->M));
   PetscCall(VecDestroy(&s->before));
@@ -67,7 +109,7 @@ static PetscErrorCode destroy(PC pc)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* D of the present matrix, and the share of its rows that differ from the matrix of M */
+/* D of the present matrix, its rows that differ from the matrix of M, and the share of those that differ much */
 static PetscErrorCode compare(Lagged *s, PetscReal *share)
 {
   PetscReal       *d;
@@ -79,10 +121,13 @@ static PetscErrorCode compare(Lagged *s, PetscReal *share)
   PetscCall(VecGetLocalSize(s->scale, &n));
   PetscCall(VecGetArray(s->scale, &d));
   PetscCall(VecGetArrayRead(s->before, &before));
+  PetscCall(PetscMalloc1(n, &s->row));
+  s->n = 0;
   for (PetscInt i = 0; i < n; i++) {
     const PetscReal ratio = before[i] / d[i];
 
     if (!(ratio < CHANGED && ratio > 1 / CHANGED)) count[0]++;
+    if (!(PetscAbsReal(ratio - 1) < ALIKE)) s->row[s->n++] = i;
     d[i] = PetscSqrtReal(PetscMin(1, ratio));
   }
   PetscCall(VecRestoreArrayRead(s->before, &before));
@@ -90,6 +135,22 @@ static PetscErrorCode compare(Lagged *s, PetscReal *share)
   count[1] = n;
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, count, 2, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)s->A)));
   *share = (PetscReal)count[0] / PetscMax(1, count[1]);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode take_rows(Lagged *s)
+{
+  PetscInt begin;
+  IS       list;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatGetOwnershipRange(s->A, &begin, NULL));
+  PetscCall(ISCreateGeneral(PetscObjectComm((PetscObject)s->A), s->n, s->row, PETSC_COPY_VALUES, &list));
+  PetscCall(ISShift(list, begin, list));
+  PetscCall(MatCreateSubMatrix(s->A, list, NULL, MAT_INITIAL_MATRIX, &s->rows));
+  PetscCall(MatCreateSubMatrix(s->A, list, list, MAT_INITIAL_MATRIX, &s->square));
+  PetscCall(MatCreateVecs(s->square, &s->b_row, &s->x_row));
+  PetscCall(ISDestroy(&list));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -148,14 +209,15 @@ PetscErrorCode LaggedUpdate(PC pc, Mat A)
   PetscCall(PCShellGetContext(pc, &s));
   PetscCall(PetscObjectReference((PetscObject)A));
   PetscCall(MatDestroy(&s->A));
-  s->A            = A;
-  anew            = (PetscBool)(!s->before || s->keep <= 0 || s->applications > WORTH);
-  s->applications = 0;
+  s->A = A;
+  anew = (PetscBool)(!s->before || s->keep <= 0);
+  PetscCall(forget_rows(s));
   if (!anew) {
     PetscCall(compare(s, &share));
     anew = (PetscBool)(share > s->keep);
   }
   if (anew) PetscCall(build(s));
+  else PetscCall(take_rows(s));
   s->corrected = (PetscBool)!anew;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -7,12 +7,10 @@
      forward Gauss-Seidel sweep with A,   x += D M^{-1} D (b - A x),   backward sweep,   D_i = min(1, sqrt(A_0ii/A_ii))
 
    corrects it: D takes back where A has grown, so that the old hierarchy does not overshoot there (which sweeps cannot
-   make good), the sweeps supply what is missing where A has shrunk (runs/studies/flow-solver, "Many bodies"). M is
-   built anew when more than a share of the diagonal has changed by a tenth, and where M is applied so often between two
-   changes that a set-up costs less than the correction (the coupled solves of recipe balanced). While nothing has
-   changed, the application is that of M alone. Symmetric and positive definite if A and M are, however far apart these
-   are: the cycle is a symmetric sweep plus a part that is not negative. The sweeps are those of the rank's own rows
-   (-pc_type sor). */
+   make good), the sweeps supply what is missing where A has shrunk (runs/studies/flow-solver, "Many bodies"). They go
+   over the rows that have changed, so that the correction costs next to nothing. M is built anew when more than a share
+   of the diagonal has changed by a tenth. While nothing has changed, the application is that of M alone. Symmetric and
+   positive definite if A and M are, however far apart these are. The sweeps are those of the rank's own rows. */
 #pragma once
 #include <petscksp.h>
 

@@ -73,10 +73,16 @@ static PetscErrorCode mult_velocity(Mat mat, Vec x, Vec y)
   const struct _p_Constraint *c;
   FlowSolver                  fs;
   const PetscReal            *xr;
-  PetscReal                  *xa, *ya;
+  PetscReal                  *xa, *ya, norm;
+  PetscBool                   known;
 
   PetscFunctionBeginUser;
   PetscCall(MatShellGetContext(mat, &fs));
+  PetscCall(VecNormAvailable(x, NORM_INFINITY, &known, &norm));
+  if (known && norm == 0) { /* PETSc's gcr multiplies its start value, too */
+    PetscCall(VecZeroEntries(y));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCall(PetscLogEventBegin(TB_VEL_MULT, 0, 0, 0, 0));
   c = fs->constraint;
   PetscCall(VecGetArrayRead(x, &xr));

@@ -2,15 +2,17 @@
 #include "compat.h"
 #include "impl.h"
 
-void PenaltyTermGetBlock(const PenaltyTerm *s, PetscInt e, PetscReal G[])
+#define INLINE static inline __attribute__((always_inline))
+
+INLINE void get_block(const PetscInt dim, const PetscInt nr, const PetscReal *restrict g, PetscReal *restrict G)
 {
-  const PetscReal *g = s->g + e * (s->dim + 1), *r = g + 1;
+  const PetscReal *r = g + 1;
 
-  for (PetscInt a = 0; a < s->dim; a++) {
-    PetscReal *row = G + a * s->nr;
+  for (PetscInt a = 0; a < dim; a++) {
+    PetscReal *row = G + a * nr;
 
-    for (PetscInt d = 0; d < s->dim; d++) row[d] = d == a ? g[0] : 0;
-    if (s->dim == 2) row[2] = a == 0 ? -r[1] : r[0];
+    for (PetscInt d = 0; d < dim; d++) row[d] = d == a ? g[0] : 0;
+    if (dim == 2) row[2] = a == 0 ? -r[1] : r[0];
     else {
       row[3 + a]           = 0; /* (w x r)_a = w_{a+1} r_{a+2} - w_{a+2} r_{a+1} */
       row[3 + (a + 1) % 3] = r[(a + 2) % 3];
@@ -19,28 +21,48 @@ void PenaltyTermGetBlock(const PenaltyTerm *s, PetscInt e, PetscReal G[])
   }
 }
 
+void PenaltyTermGetBlock(const PenaltyTerm *s, PetscInt e, PetscReal G[])
+{
+  if (s->dim == 2) get_block(2, 3, s->g + e * 3, G);
+  else get_block(3, 6, s->g + e * 4, G);
+}
+
+/* One entry with block G [dim][nr] of a body whose velocities `bits` are unknown */
+INLINE void mult_entry(const PetscInt dim, const PetscInt nr, PetscInt bits, PetscBool of_unknown, const PetscReal *restrict G,
+                       const PetscReal *restrict U, const PetscReal *restrict u, PetscReal *restrict r, PetscReal *restrict rigid)
+{
+  for (PetscInt m = 0; m < nr; m++) {
+    const PetscBool is_unknown = (PetscBool)((bits >> m) & 1);
+
+    for (PetscInt a = 0; a < dim; a++) {
+      if (is_unknown == of_unknown) r[a] -= G[a * nr + m] * U[m];
+      if (is_unknown) rigid[m] -= G[a * nr + m] * u[a];
+    }
+  }
+}
+
+INLINE void mult_entries(const PetscInt dim, const PetscInt nr, const PenaltyTerm *s, Constraint c, PetscBool of_unknown, const PetscReal *restrict U,
+                         const PetscReal *restrict u, PetscReal *restrict r, PetscReal *restrict rigid)
+{
+  const PetscInt all = (1 << nr) - 1;
+
+  for (PetscInt e = 0; e < s->n; e++) {
+    const PetscInt k = s->body[e], bits = c->unknown[k], at = s->node[e] * dim, slot = c->local_index[k] * nr;
+    PetscReal      G[18];
+
+    if (!bits && of_unknown) continue;
+    get_block(dim, nr, s->g + e * (dim + 1), G);
+    if (bits == all && of_unknown) mult_entry(dim, nr, all, PETSC_TRUE, G, U + slot, u + at, r + at, rigid + slot);
+    else mult_entry(dim, nr, bits, of_unknown, G, U + slot, u + at, r + at, rigid + slot);
+  }
+}
+
 PetscErrorCode PenaltyTermMultAdd(const PenaltyTerm *s, Constraint c, PetscBool of_unknown, const PetscReal U[], const PetscReal u[], PetscReal r[],
                                   PetscReal rigid[])
 {
-  const PetscInt nr = s->nr, dim = s->dim;
-
   PetscFunctionBeginUser;
-  for (PetscInt e = 0; e < s->n; e++) {
-    const PetscInt   k = s->body[e], bits = c->unknown[k];
-    const PetscReal *ue = u + s->node[e] * dim;
-    PetscReal       *re = r + s->node[e] * dim, G[18];
-
-    if (!bits && of_unknown) continue;
-    PenaltyTermGetBlock(s, e, G);
-    for (PetscInt m = 0; m < nr; m++) {
-      const PetscBool is_unknown = (PetscBool)((bits >> m) & 1);
-
-      for (PetscInt a = 0; a < dim; a++) {
-        if (is_unknown == of_unknown) re[a] -= G[a * nr + m] * U[c->local_index[k] * nr + m];
-        if (is_unknown) rigid[c->local_index[k] * nr + m] -= G[a * nr + m] * ue[a];
-      }
-    }
-  }
+  if (s->dim == 2) mult_entries(2, 3, s, c, of_unknown, U, u, r, rigid);
+  else mult_entries(3, 6, s, c, of_unknown, U, u, r, rigid);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

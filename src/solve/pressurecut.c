@@ -206,30 +206,51 @@ PetscErrorCode PressureFindCut(Pressure p, const PetscReal share[], const PetscR
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* t += W^T x and y += W t, entry by entry of W, with dimensions as constants */
+static inline __attribute__((always_inline)) void gather_bodies(const PetscInt nk, const PetscInt nr, Pressure p, const PetscReal *restrict x,
+                                                                PetscReal *restrict t)
+{
+  for (PetscInt i = 0; i < p->ncut; i++) {
+    const PetscReal *w = p->cut_w + i * nk * nr, *xi = x + p->cut_cell[i] * nk;
+    PetscReal       *ti = t + p->cut_local[i] * nr;
+
+    for (PetscInt k = 0; k < nk; k++)
+      for (PetscInt s = 0; s < nr; s++) ti[s] += w[k * nr + s] * xi[k];
+  }
+}
+
+static inline __attribute__((always_inline)) void spread_bodies(const PetscInt nk, const PetscInt nr, Pressure p, const PetscReal *restrict t,
+                                                                PetscReal *restrict y)
+{
+  for (PetscInt i = 0; i < p->ncut; i++) {
+    const PetscReal *w = p->cut_w + i * nk * nr, *ti = t + p->cut_local[i] * nr;
+    PetscReal       *yi = y + p->cut_cell[i] * nk;
+
+    for (PetscInt k = 0; k < nk; k++)
+      for (PetscInt s = 0; s < nr; s++) yi[k] += w[k * nr + s] * ti[s];
+  }
+}
+
 PetscErrorCode PressureMult(Mat mat, Vec x, Vec y)
 {
   Pressure         p;
   const PetscReal *xa;
-  PetscReal       *ya, *t;
-  PetscInt         nr, nk;
+  PetscReal       *ya;
 
   PetscFunctionBeginUser;
   PetscCall(MatShellGetContext(mat, &p));
-  nr = p->nr;
-  nk = p->nk;
-  t  = p->work;
   if (p->sweeps) PetscCall(BlockGSMultiplySparse(p->matrix, x, y));
   else PetscCall(MatMult(p->matrix, x, y));
   if (!p->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(VecGetArrayRead(x, &xa));
   PetscCall(VecGetArray(y, &ya));
-  PetscCall(PetscArrayzero(t, p->constraint->nlocal * nr));
-  for (PetscInt i = 0; i < p->ncut; i++)
-    for (PetscInt e = 0; e < nk * nr; e++) t[p->cut_local[i] * nr + e % nr] += p->cut_w[i * nk * nr + e] * xa[p->cut_cell[i] * nk + e / nr];
-  PetscCall(SharingSum(p->constraint->sharing, nr, t));
-  if (p->ties) PetscCall(TiesFilter(p->ties, t));
-  for (PetscInt i = 0; i < p->ncut; i++)
-    for (PetscInt e = 0; e < nk * nr; e++) ya[p->cut_cell[i] * nk + e / nr] += p->cut_w[i * nk * nr + e] * t[p->cut_local[i] * nr + e % nr];
+  PetscCall(PetscArrayzero(p->work, p->constraint->nlocal * p->nr));
+  if (p->nk == 3) gather_bodies(3, 3, p, xa, p->work);
+  else gather_bodies(4, 6, p, xa, p->work);
+  PetscCall(SharingSum(p->constraint->sharing, p->nr, p->work));
+  if (p->ties) PetscCall(TiesFilter(p->ties, p->work));
+  if (p->nk == 3) spread_bodies(3, 3, p, p->work, ya);
+  else spread_bodies(4, 6, p, p->work, ya);
   PetscCall(VecRestoreArrayRead(x, &xa));
   PetscCall(VecRestoreArray(y, &ya));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -3,6 +3,8 @@
 #include "compat.h"
 #include "projection.h"
 
+#define INLINE static inline __attribute__((always_inline))
+
 PetscErrorCode ConstraintFetchRigid(Constraint c, const PetscReal rigid[])
 {
   PetscFunctionBeginUser;
@@ -73,26 +75,34 @@ PetscErrorCode ConstraintCopyRows(Constraint c, PetscInt n, const PetscReal own[
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ConstraintExpandInPlace(Constraint c, const PetscReal rigid[], PetscReal v[], PetscReal saved[])
+/* nr as a constant */
+INLINE void expand(const PetscInt nr, Constraint c, const PetscReal *restrict rigid, PetscReal *restrict v, PetscReal *restrict saved)
 {
-  const PetscInt nr = c->nr;
-
-  PetscFunctionBeginUser;
-  PetscCall(ConstraintFetchRigid(c, rigid));
   for (PetscInt j = 0; j < c->ninert; j++) {
     PetscReal value = 0;
 
     if (c->body[j] >= 0)
-      for (PetscInt s = 0; s < nr; s++) value += c->coef[j * nr + s] * c->local_rigid[c->local_body[j] * nr + s];
+      for (PetscInt s = 0; s < nr; s++) value += c->coef[j * nr + s] * rigid[c->local_body[j] * nr + s];
     if (saved) saved[j] = v[c->slot[j]];
     v[c->slot[j]] = value;
   }
   for (PetscInt j = 0; j < c->nfollow; j++) {
-    const PetscReal *U = c->local_rigid + c->local_index[c->follow_body[j]] * nr;
+    const PetscReal *U    = rigid + c->local_index[c->follow_body[j]] * nr;
+    const PetscInt   slot = c->follow_slot[j];
+    PetscReal        sum  = v[slot];
 
-    if (saved) saved[c->ninert + j] = v[c->follow_slot[j]];
-    for (PetscInt s = 0; s < nr; s++) v[c->follow_slot[j]] += c->follow_coef[j * nr + s] * U[s];
+    if (saved) saved[c->ninert + j] = sum;
+    for (PetscInt s = 0; s < nr; s++) sum += c->follow_coef[j * nr + s] * U[s];
+    v[slot] = sum;
   }
+}
+
+PetscErrorCode ConstraintExpandInPlace(Constraint c, const PetscReal rigid[], PetscReal v[], PetscReal saved[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintFetchRigid(c, rigid));
+  if (c->nr == 3) expand(3, c, c->local_rigid, v, saved);
+  else expand(6, c, c->local_rigid, v, saved);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -104,21 +114,29 @@ PetscErrorCode ConstraintPutBack(Constraint c, const PetscReal saved[], PetscRea
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ConstraintReduceInPlace(Constraint c, PetscReal r[], PetscReal rigid[])
+INLINE void reduce(const PetscInt nr, Constraint c, PetscReal *restrict r, PetscReal *restrict rigid)
 {
-  const PetscInt nr = c->nr;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscArrayzero(c->local_rigid, c->nlocal * nr));
   for (PetscInt j = 0; j < c->ninert; j++) {
     const PetscReal value = r[c->slot[j]];
 
     r[c->slot[j]] = 0;
     if (c->body[j] < 0) continue;
-    for (PetscInt s = 0; s < nr; s++) c->local_rigid[c->local_body[j] * nr + s] += c->coef[j * nr + s] * value;
+    for (PetscInt s = 0; s < nr; s++) rigid[c->local_body[j] * nr + s] += c->coef[j * nr + s] * value;
   }
-  for (PetscInt j = 0; j < c->nfollow; j++)
-    for (PetscInt s = 0; s < nr; s++) c->local_rigid[c->local_index[c->follow_body[j]] * nr + s] += c->follow_coef[j * nr + s] * r[c->follow_slot[j]];
+  for (PetscInt j = 0; j < c->nfollow; j++) {
+    const PetscReal value = r[c->follow_slot[j]];
+    PetscReal      *sum   = rigid + c->local_index[c->follow_body[j]] * nr;
+
+    for (PetscInt s = 0; s < nr; s++) sum[s] += c->follow_coef[j * nr + s] * value;
+  }
+}
+
+PetscErrorCode ConstraintReduceInPlace(Constraint c, PetscReal r[], PetscReal rigid[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(c->local_rigid, c->nlocal * c->nr));
+  if (c->nr == 3) reduce(3, c, r, c->local_rigid);
+  else reduce(6, c, r, c->local_rigid);
   PetscCall(ConstraintDeliverRigid(c, c->local_rigid, rigid));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
