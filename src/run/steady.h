@@ -8,9 +8,9 @@
    falls: switched evolution relaxation, Mulder & van Leer 1985, Kelley & Keyes 1998) lead from rest to where Newton's
    method converges.
 
-   Where the viscosity varies, cells that a penalty cuts take theirs from the fluid beside them: Newton's method holds it,
-   and evaluates it again, damped by Aitken's method, until that no longer changes the stress. A yield stress, and what
-   does not converge at once, comes in stages of the viscosity at rest (runs/studies/rheology).
+   Where the viscosity varies, cells that a penalty cuts take theirs from the fluid beside them: Newton's method holds
+   it, and evaluates it again, damped by Aitken's method, until that no longer changes the stress. A yield stress, and
+   what does not converge at once, comes in stages of the viscosity at rest (runs/studies/rheology).
 
    Options: -flow_linearization newton|picard, -flow_picard_steps n (Picard iterations before Newton's),
    -flow_pseudo_steps n (at most; 0: none), -flow_settle_steps n (evaluations, at most), and those of SNES under prefix
