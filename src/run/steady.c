@@ -19,7 +19,7 @@ struct _p_Steady {
   SNES             snes;
   Vec              x, f, y;
   Mat              jacobian; /* products with the system of the linear solver, all that SNES needs */
-  PetscInt         linearization, picard_steps, pseudo_steps, settle_steps;
+  PetscInt         linearization, picard_steps, pseudo_steps;
   PetscInt         its, linear, last_linear; /* iterations so far: nonlinear, linear; linear of the last solve */
   PetscBool        fresh;                    /* the solver is set up for the first Picard iteration */
   PetscReal        first, last_norm;         /* size of the residual at the start, and at the last linear solve */
@@ -32,7 +32,8 @@ struct _p_Steady {
 
 /* The viscosity of cells that bodies cut, and the penalty that goes with it, depend on what is beside them, which
    Newton's matrix does not know: it is held while Newton's method takes a SETTLE_SHARE of the residual, and evaluated
-   again, until that changes the stress by less than HOLD of the largest one (runs/studies/rheology) */
+   again, -flow_snes_max_it times at most, until that changes the stress by less than HOLD of the largest one
+   (runs/studies/rheology) */
 #define HOLD         1e-3
 #define SETTLE_SHARE 1e-2
 
@@ -211,14 +212,14 @@ static PetscErrorCode stop_unconverged(Steady s)
   PetscInt            max_it;
 
   PetscFunctionBeginUser;
+  PetscCall(SNESGetTolerances(s->snes, NULL, NULL, NULL, &max_it, NULL));
   PetscCheck(s->unsettled == 0, PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
              "The steady problem did not converge: the viscosity of cells that bodies cut still changes the stress there by %g of the largest after %" PetscInt_FMT
-             " iterations. Use -couple_boundary snap, raise -flow_settle_steps (now %" PetscInt_FMT
+             " iterations. Use -couple_boundary snap, raise -flow_snes_max_it (now %" PetscInt_FMT
              "), refine the mesh around the bodies (-dm_refine), or run in time without -sim_steady",
-             (double)s->unsettled, s->its, s->settle_steps);
+             (double)s->unsettled, s->its, max_it);
   PetscCall(SNESGetConvergedReason(s->snes, &reason));
   PetscCall(SNESGetFunctionNorm(s->snes, &norm));
-  PetscCall(SNESGetTolerances(s->snes, NULL, NULL, NULL, &max_it, NULL));
   SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
           "The steady problem did not converge (%s, residual %g after %" PetscInt_FMT " iterations). Raise -flow_snes_max_it (now %" PetscInt_FMT
           ") or -flow_pseudo_steps (now %" PetscInt_FMT
@@ -291,13 +292,15 @@ static PetscErrorCode solve_nonlinear(Steady s, PetscReal target, PetscReal hold
 {
   Vec       before;
   PetscReal change = 1;
+  PetscInt  most;
 
   PetscFunctionBeginUser;
+  PetscCall(SNESGetTolerances(s->snes, NULL, NULL, NULL, &most, NULL));
   PetscCall(VecDuplicate(s->x, &before));
   PetscCall(VecCopy(s->x, before));
   PetscCall(FlowBeginSteady(s->flow, 0));
   *ok = PETSC_TRUE;
-  for (PetscInt k = 0; k < s->settle_steps && change > hold && *ok; k++) {
+  for (PetscInt k = 0; k < most && change > hold && *ok; k++) {
     PetscCall(FlowHoldCovered(s->flow, k ? COVERED_SETTLES : COVERED_FREE, &change));
     if (k) PetscCall(evaluate_residual(s->snes, s->x, s->f, s));
     if (k) PetscCall(FlowHoldCovered(s->flow, COVERED_HELD, &change));
@@ -515,12 +518,10 @@ PetscErrorCode SteadyCreate(Flow flow, Couple couple, const char rtol[], Steady 
   s->couple       = couple;
   s->picard_steps = 3;
   s->pseudo_steps = 200;
-  s->settle_steps = 30;
   PetscCall(FlowGetMesh(flow, &mesh));
   PetscCall(MeshGetLocal(mesh, &s->loc));
   PetscCall(OptChoice("-flow_linearization", LINEARIZATIONS, &s->linearization));
   if (s->linearization == 0) PetscCall(OptInt("-flow_picard_steps", &s->picard_steps));
-  if (s->linearization == 0) PetscCall(OptInt("-flow_settle_steps", &s->settle_steps));
   PetscCall(OptInt("-flow_pseudo_steps", &s->pseudo_steps));
   PetscCall(PetscStrncpy(s->rtol, rtol, sizeof(s->rtol)));
   PetscCall(create_parts(s));
