@@ -176,9 +176,16 @@ PetscErrorCode FlowSetCellTerms(Flow, PetscInt n, const PetscInt cell[], const P
    appear twice), until the next call: what -flow_rheology makes of the velocity there is replaced by that of the fluid
    beside them, continued. Nothing to do for a Newtonian fluid. Copied. Collective. */
 PetscErrorCode FlowSetCovered(Flow, PetscInt n, const PetscInt cell[]);
-/* Keep the viscosity of these cells from now on if its logarithm changed by less than this the last time, else let it
-   go. Local, the same on all ranks. */
-void FlowHoldCovered(Flow, PetscReal change);
+/* Steady problems: the viscosity of these cells goes with the velocity (FREE, the default), stays what it was evaluated
+   last (HELD), or is evaluated once more, damped against swinging, and then held (SETTLES). change: by how much the
+   last evaluation wanted to change the stress there, over the largest stress in such cells (0: there are none, largest
+   number: none since they are FREE); may be NULL. Not collective, the same on all ranks. */
+typedef enum {
+  COVERED_FREE,
+  COVERED_HELD,
+  COVERED_SETTLES
+} FlowCovered;
+PetscErrorCode FlowHoldCovered(Flow, FlowCovered, PetscReal *change);
 /* -flow_velocity_operator: matrix-free, FlowAssemble prepares FlowMultiply alone, and S is assembled when FlowGetMatrix
    asks for it; else FlowAssemble assembles it. */
 PetscBool FlowIsMatrixFree(Flow);
@@ -231,10 +238,13 @@ PetscErrorCode FlowCellPressure(Flow, PetscInt c, const PetscReal p[], const Pet
    FlowAssemble or FlowRhs on; until then that of the step: extrapolated to its point theta, u^n in a steady problem. A
    fluid that is at rest everywhere has, in a steady problem, the viscosity of the parameters. Local. */
 PetscErrorCode FlowSetStrain(Flow, const PetscReal v[]);
-/* A yield stress is regularised with a viscosity at rest of at most `rigid` times that of the sheared fluid;
-   *less: that is less than -flow_rheology_rigid, so that more is to follow. Other fluids: FALSE. Local. */
-PetscErrorCode FlowSoftenYield(Flow, PetscReal rigid, PetscBool *less);
-/* Is the viscosity at rest by -flow_rheology, with a yield stress by FlowSoftenYield, above that of the parameters?
+/* A yield stress and a power of the rate below 1 are regularised with a viscosity at rest of at most `rigid` times that
+   of the parameters; *less: that is less than the options say (-flow_rheology_rigid, -flow_rheology_limits), so that
+   more is to follow. Other fluids: FALSE. Local. */
+PetscErrorCode FlowSoften(Flow, PetscReal rigid, PetscBool *less);
+/* Is there a yield stress? */
+PetscBool FlowHasYield(Flow);
+/* Is the viscosity at rest by -flow_rheology, as FlowSoften leaves it, above that of the parameters?
    Local. */
 PetscBool FlowIsStifferAtRest(Flow);
 /* The mean of the viscosity over each local cell [ncell_all] and around each local node [nnode_all]; NULL where it does

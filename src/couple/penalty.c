@@ -82,8 +82,8 @@ static PetscErrorCode claim_strong_nodes(Penalty p, Indicator mark)
 
 /* ---- the penalty ---- */
 
-/* sigma in a cell */
-static PetscErrorCode get_strength(Penalty p, PetscInt cell, PetscReal *sigma)
+/* sigma in a cell; stiff: its viscosity over that of the parameters */
+static PetscErrorCode get_strength(Penalty p, PetscInt cell, PetscReal *sigma, PetscReal *stiff)
 {
   const FlowParameters *par;
   const FlowStep       *step;
@@ -94,6 +94,7 @@ static PetscErrorCode get_strength(Penalty p, PetscInt cell, PetscReal *sigma)
   PetscCall(FlowGetStep(p->flow, &step));
   PetscCall(FlowGetCellSize(p->flow, &size));
   PetscCall(FlowGetViscosity(p->flow, &mu, NULL)); /* known: add_penalties */
+  *stiff = mu ? mu[cell] / par->viscosity : 1;
   *sigma = p->viscous * (mu ? mu[cell] : par->viscosity) / PetscSqr(size[cell]) + p->inertial * par->density * step->ct;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -152,14 +153,14 @@ static PetscErrorCode add_part_penalty(Penalty p, const Part *part)
 {
   const MeshLocal *l  = p->loc;
   const PetscInt   nb = l->nb, *node                     = l->cell_node + part->cell * nb;
-  PetscReal        pen[MESH_MAX_NB * MESH_MAX_NB], sigma = 0, sum = 0, trace = 0;
+  PetscReal        pen[MESH_MAX_NB * MESH_MAX_NB], sigma = 0, stiff = 1, sum = 0, trace = 0;
   PetscBool        weak = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   for (PetscInt j = 0; j < nb; j++) weak = (PetscBool)(weak || p->strong[node[j]] != part->body);
   if (!weak) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(get_strength(p, part->cell, &sigma));
-  p->soft.strength = PetscMax(p->soft.strength, sigma);
+  PetscCall(get_strength(p, part->cell, &sigma, &stiff));
+  p->soft.strength = PetscMax(p->soft.strength, sigma / stiff);
   PetscCall(PartsGetMatrix(p->parts, part, sigma, pen));
   for (PetscInt i = 0; i < nb * nb; i++) {
     sum += pen[i];

@@ -8,15 +8,20 @@
 
 #define LAYERS 3   /* of nodes: a covered cell lies within one cell of the fluid, mostly */
 #define FAR    1.0 /* largest change from node to node (logarithm): a factor e */
+/* Of a change of the viscosity that is asked for, when it settles */
+#define LEAST_SHARE 0.1
+#define MOST_SHARE  1.5
 
 struct _p_Extension {
-  PetscBool *covered;      /* [ncell_all] */
-  PetscInt   ncell, *cell; /* covered cells, own and ghost */
-  PetscInt   nnode, *node; /* own nodes of them */
-  PetscInt  *layer;        /* [nnode_all] 1: of a bare cell, 2 and on: known from the layers before; 0: unknown */
-  PetscBool  held;         /* the viscosity stays what it is */
-  PetscReal *mu, change;   /* [ncell][nq] of the covered cells; of the last evaluation, a logarithm */
-  PetscReal *taylor;       /* [nnode_all][bs][dim + 1] value and gradient of every component */
+  PetscBool  *covered;      /* [ncell_all] */
+  PetscInt    ncell, *cell; /* covered cells, own and ghost */
+  PetscInt    nnode, *node; /* own nodes of them */
+  PetscInt   *layer;        /* [nnode_all] 1: of a bare cell, 2 and on: known from the layers before; 0: unknown */
+  FlowCovered mode;
+  PetscReal  *mu, *rate;   /* [ncell][nq] of the covered cells: viscosity, rate of strain */
+  PetscReal  *last, share; /* [ncell][nq] change of the logarithm that was asked for last; what was taken of it */
+  PetscReal   change;      /* of the last evaluation, see FlowHoldCovered */
+  PetscReal  *taylor;      /* [nnode_all][bs][dim + 1] value and gradient of every component */
 };
 
 static PetscBool is_bare(const struct _p_Flow *f, PetscInt c)
@@ -36,8 +41,9 @@ static PetscErrorCode allocate(Flow f)
   PetscCall(PetscNew(&e));
   PetscCall(PetscCalloc2(l->ncell_all, &e->covered, l->ncell_all, &e->cell));
   PetscCall(PetscCalloc2(l->nnode, &e->node, l->nnode_all, &e->layer));
-  PetscCall(PetscCalloc2(l->nnode_all * (l->dim + 1) * (f->conformation ? l->dim * l->dim : 1), &e->taylor,
-                         f->rheology ? l->ncell_all * f->element.nq : 0, &e->mu));
+  PetscCall(PetscCalloc1(l->nnode_all * (l->dim + 1) * (f->conformation ? l->dim * l->dim : 1), &e->taylor));
+  if (f->rheology)
+    PetscCall(PetscCalloc3(l->ncell_all * f->element.nq, &e->mu, l->ncell_all * f->element.nq, &e->rate, l->ncell_all * f->element.nq, &e->last));
   f->extension = e;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -50,7 +56,8 @@ PetscErrorCode FlowDestroyExtension(Flow f)
   if (!e) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscFree2(e->covered, e->cell));
   PetscCall(PetscFree2(e->node, e->layer));
-  PetscCall(PetscFree2(e->taylor, e->mu));
+  PetscCall(PetscFree(e->taylor));
+  PetscCall(PetscFree3(e->mu, e->rate, e->last));
   PetscCall(PetscFree(f->extension));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -104,7 +111,7 @@ PetscErrorCode FlowSetCovered(Flow f, PetscInt n, const PetscInt cell[])
     e->covered[cell[c]] = PETSC_TRUE;
     e->cell[e->ncell++] = cell[c];
   }
-  e->held = PETSC_FALSE;
+  e->mode = COVERED_FREE;
   if (f->rheology) PetscCall(PetscArrayzero(e->mu, l->ncell_all * f->element.nq));
   list_nodes(f);
   PetscCall(MeshSyncNodesInt(f->mesh, e->layer));
@@ -253,9 +260,93 @@ static void interpolate_viscosity(const struct _p_Flow *f, PetscInt k, PetscReal
   }
 }
 
-void FlowHoldCovered(Flow f, PetscReal change)
+PetscErrorCode FlowHoldCovered(Flow f, FlowCovered mode, PetscReal *change)
 {
-  if (f->extension) f->extension->held = (PetscBool)(f->extension->change < change);
+  Extension e = f->extension;
+
+  PetscFunctionBeginUser;
+  if (change) *change = 0;
+  if (!e) PetscFunctionReturn(PETSC_SUCCESS);
+  if (mode == COVERED_FREE) e->share = 0; /* settles anew */
+  if (mode == COVERED_FREE) e->change = PETSC_MAX_REAL;
+  if (change) *change = e->change;
+  e->mode       = mode;
+  f->mu_current = (PetscBool)(f->mu_current && mode == COVERED_HELD);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+void FlowKeepRates(Flow f)
+{
+  const PetscInt  nq = f->element.nq;
+  const Extension e  = f->extension;
+
+  for (PetscInt i = 0; e && i < e->ncell * nq; i++) e->rate[i] = f->mu[e->cell[i / nq] * nq + i % nq];
+}
+
+/* What the viscosities mu [nq] of covered cell number k, in place of those that are kept, make of the stress; *most:
+   the largest stress so far */
+static PetscReal get_change(const struct _p_Flow *f, PetscInt k, const PetscReal mu[], PetscReal *most)
+{
+  const Extension e      = f->extension;
+  PetscReal       change = 0;
+
+  for (PetscInt q = 0; q < f->element.nq; q++) {
+    const PetscReal kept = e->mu[k * f->element.nq + q], rate = e->rate[k * f->element.nq + q];
+
+    change = PetscMax(change, kept > 0 ? PetscAbsReal(mu[q] - kept) * rate : PETSC_MAX_REAL);
+    *most  = PetscMax(*most, mu[q] * rate);
+  }
+  return change;
+}
+
+/* The viscosities that are asked for are in f->mu: which share of the change to take (Aitken's method after Irons &
+   Tuck, Int. J. Numer. Meth. Engng 1, 275, 1969), weighted by the stress */
+static PetscErrorCode choose_share(Flow f)
+{
+  const PetscInt nq     = f->element.nq;
+  Extension      e      = f->extension;
+  PetscReal      sum[2] = {0, 0};
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < e->ncell * nq; i++) {
+    const PetscReal mu = f->mu[e->cell[i / nq] * nq + i % nq], change = PetscLogReal(mu / e->mu[i]), gain = change - e->last[i];
+
+    if (e->cell[i / nq] < f->loc->ncell) {
+      sum[0] += PetscSqr(mu * e->rate[i]) * e->last[i] * gain;
+      sum[1] += PetscSqr(mu * e->rate[i] * gain);
+    }
+    e->last[i] = change;
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  if (e->share == 0 || sum[1] == 0) e->share = 1;
+  else e->share = PetscMin(MOST_SHARE, PetscMax(LEAST_SHARE, -e->share * sum[0] / sum[1]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Viscosities of covered cells from what is beside them, by the mode all or in part */
+static PetscErrorCode continue_viscosity(Flow f)
+{
+  const PetscInt nq      = f->element.nq;
+  Extension      e       = f->extension;
+  PetscReal      size[2] = {0, 0}; /* change, largest stress */
+
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < e->nnode; k++)
+    if (e->layer[e->node[k]] == 1) PetscCall(start_viscosity(f, e->node[k]));
+  PetscCall(continue_field(f, 1, FAR));
+  for (PetscInt k = 0; k < e->ncell; k++) {
+    interpolate_viscosity(f, k, f->mu + e->cell[k] * nq);
+    size[0] = PetscMax(size[0], get_change(f, k, f->mu + e->cell[k] * nq, &size[1]));
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, size, 2, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  e->change = size[1] > 0 ? size[0] / size[1] : PETSC_MAX_REAL;
+  if (e->mode == COVERED_SETTLES) PetscCall(choose_share(f));
+  for (PetscInt i = 0; i < e->ncell * nq; i++) {
+    if (e->mode == COVERED_FREE) e->mu[i] = f->mu[e->cell[i / nq] * nq + i % nq];
+    else e->mu[i] *= PetscExpReal(e->share * e->last[i]);
+  }
+  if (e->mode == COVERED_SETTLES) e->mode = COVERED_HELD;
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode FlowExtendViscosity(Flow f)
@@ -265,21 +356,8 @@ PetscErrorCode FlowExtendViscosity(Flow f)
 
   PetscFunctionBeginUser;
   if (!e) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt k = 0; k < e->nnode && !e->held; k++)
-    if (e->layer[e->node[k]] == 1) PetscCall(start_viscosity(f, e->node[k]));
-  if (!e->held) PetscCall(continue_field(f, 1, FAR));
-  e->change = 0;
-  for (PetscInt k = 0; k < e->ncell; k++) {
-    PetscReal *mu = f->mu + e->cell[k] * nq, *kept = e->mu + k * nq;
-
-    if (e->held) PetscCall(PetscArraycpy(mu, kept, nq));
-    else interpolate_viscosity(f, k, mu);
-    for (PetscInt q = 0; q < nq; q++) {
-      e->change = PetscMax(e->change, kept[q] > 0 ? PetscAbsReal(PetscLogReal(mu[q] / kept[q])) : PETSC_MAX_REAL);
-      kept[q]   = mu[q];
-    }
-  }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &e->change, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  if (e->mode != COVERED_HELD) PetscCall(continue_viscosity(f));
+  for (PetscInt k = 0; k < e->ncell; k++) PetscCall(PetscArraycpy(f->mu + e->cell[k] * nq, e->mu + k * nq, nq));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

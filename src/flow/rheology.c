@@ -7,9 +7,9 @@ struct _p_Rheology {
   const char *name;
   void (*law)(const struct _p_Rheology *, PetscReal g, PetscReal *mu, PetscReal *slope);
   PetscReal viscosity, infinity, time, index, yasuda, yield, papanastasiou;
-  PetscReal whole;       /* papanastasiou of the options */
   PetscReal least, most; /* of a power law */
   PetscReal round;       /* e^2 */
+  PetscReal whole[2];    /* papanastasiou and most of the options */
 };
 
 #define TINY_RATE 1e-12 /* share of 1/time below which slopes are those at this rate: slope g^2 is round-off there */
@@ -107,10 +107,18 @@ static PetscErrorCode require(Rheology r, const char option[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* e of the power of the rate by its limits */
+static void round_power(Rheology r)
+{
+  const PetscReal at_rest = r->index < 1 ? r->most : r->least;
+
+  if (r->index != 1) r->round = PetscSqr(PetscPowReal(at_rest / r->viscosity, 1 / (r->index - 1)) / r->time);
+}
+
 /* Limits of a power of the rate */
 static PetscErrorCode read_power(Rheology r)
 {
-  PetscReal limits[2] = {1e-3, 1e3}, at_rest;
+  PetscReal limits[2] = {1e-3, 1e3};
 
   PetscFunctionBeginUser;
   PetscCall(OptRealArray("-flow_rheology_limits", 2, limits, NULL));
@@ -120,9 +128,7 @@ static PetscErrorCode read_power(Rheology r)
              (double)limits[0], (double)limits[1]);
   r->least = limits[0] * r->viscosity;
   r->most  = limits[1] * r->viscosity;
-  if (r->index == 1) PetscFunctionReturn(PETSC_SUCCESS);
-  at_rest  = r->index < 1 ? limits[1] : limits[0];
-  r->round = PetscSqr(PetscPowReal(at_rest, 1 / (r->index - 1)) / r->time);
+  round_power(r);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -190,8 +196,9 @@ PetscErrorCode RheologyCreate(PetscReal viscosity, Rheology *rheology, Polymer *
   if (law == POWER_LAW || law == HERSCHEL_BULKLEY) PetscCall(read_power(r));
   if (law == CARREAU || law == CROSS) PetscCall(read_bounded(r, (PetscBool)(law == CARREAU)));
   if (law == BINGHAM || law == HERSCHEL_BULKLEY) PetscCall(read_yield(r));
-  r->whole  = r->papanastasiou;
-  *rheology = r;
+  r->whole[0] = r->papanastasiou;
+  r->whole[1] = r->most;
+  *rheology   = r;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -201,11 +208,22 @@ PetscErrorCode RheologySoften(Rheology r, PetscReal rigid, PetscBool *less)
 
   PetscFunctionBeginUser;
   *less = PETSC_FALSE;
-  if (!r || r->yield <= 0) PetscFunctionReturn(PETSC_SUCCESS);
-  m                = rigid * r->viscosity / r->yield;
-  *less            = (PetscBool)(m < r->whole);
-  r->papanastasiou = PetscMin(m, r->whole);
+  if (r && r->yield > 0) {
+    m                = rigid * r->viscosity / r->yield;
+    *less            = (PetscBool)(m < r->whole[0]);
+    r->papanastasiou = PetscMin(m, r->whole[0]);
+  }
+  if (r && r->most > 0 && r->index < 1) {
+    *less   = (PetscBool)(*less || rigid * r->viscosity < r->whole[1]);
+    r->most = PetscMin(rigid * r->viscosity, r->whole[1]);
+    round_power(r);
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscBool RheologyHasYield(Rheology r)
+{
+  return (PetscBool)(r && r->yield > 0);
 }
 
 PetscErrorCode RheologyDestroy(Rheology *rheology)

@@ -27,9 +27,11 @@ typedef struct _p_Rheology *Rheology;
    the latter has a polymer with a name, large-eddy simulation an eddy. Collective.
    Errors: a yield stress or a viscosity at infinity that does not fit, see the messages. */
 PetscErrorCode RheologyCreate(PetscReal viscosity, Rheology *, Polymer *, Eddy *);
-/* A yield stress is regularised as with -flow_rheology_rigid `rigid`, if that is less than what the options say;
-   *less: it is. Others: FALSE. Local. */
+/* A yield stress is regularised as with -flow_rheology_rigid `rigid`, a power below 1 as with that as the largest of
+   -flow_rheology_limits, if it is less than what the options say; *less: it is. Others: FALSE. Local. */
 PetscErrorCode RheologySoften(Rheology, PetscReal rigid, PetscBool *less);
+/* NULL: no */
+PetscBool      RheologyHasYield(Rheology);
 PetscErrorCode RheologyDestroy(Rheology *);
 PetscErrorCode RheologyView(Rheology, PetscViewer);
 

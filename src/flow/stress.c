@@ -90,6 +90,7 @@ PetscErrorCode FlowUpdateViscosity(Flow f)
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(compute_rates(f, &most));
+  FlowKeepRates(f);
   for (PetscInt i = 0; i < f->loc->ncell_all * nq; i++) {
     if (f->det[i / nq] == 0 || (most == 0 && f->step.dt == 0)) f->mu[i] = f->par.viscosity;
     else RheologyEvaluate(f->rheology, f->mu[i], &f->mu[i], NULL);
@@ -109,12 +110,17 @@ PetscErrorCode FlowSetStrain(Flow f, const PetscReal v[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSoftenYield(Flow f, PetscReal rigid, PetscBool *less)
+PetscErrorCode FlowSoften(Flow f, PetscReal rigid, PetscBool *less)
 {
   PetscFunctionBeginUser;
   PetscCall(RheologySoften(f->rheology, rigid, less));
   if (f->rheology) f->mu_current = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscBool FlowHasYield(Flow f)
+{
+  return RheologyHasYield(f->rheology);
 }
 
 PetscBool FlowIsStifferAtRest(Flow f)

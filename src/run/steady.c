@@ -23,18 +23,25 @@ struct _p_Steady {
   PetscInt         its, linear, last_linear; /* iterations so far: nonlinear, linear; linear of the last solve */
   PetscBool        fresh;                    /* the solver is set up for the first Picard iteration */
   PetscReal        first, last_norm;         /* size of the residual at the start, and at the last linear solve */
+  PetscReal        share, target;            /* share of the first residual to reach; residual to reach now */
+  PetscReal        unsettled;                /* change of the stress that kept it from converging, or 0 */
   PetscInt         shown;                    /* iterations at the last printed residual */
   PetscReal       *at_rest;                  /* [nnode_all][dim] zeros, of which the viscosity is to be; or NULL */
   char             rtol[16];
 };
 
-/* Change of an iteration below which the viscosity of cells that bodies cut, and the penalty that goes with it, stay:
-   they depend on what is beside them, which Newton's matrix does not know (runs/studies/rheology) */
-#define HOLD 1e-3
+/* The viscosity of cells that bodies cut, and the penalty that goes with it, depend on what is beside them, which
+   Newton's matrix does not know: it is held while Newton's method takes a SETTLE_SHARE of the residual, and evaluated
+   again, -flow_snes_max_it times at most, until that changes the stress by less than HOLD of the largest one
+   (runs/studies/rheology) */
+#define HOLD         1e-4
+#define SETTLE_SHARE 1e-2
 
-/* Stages of a yield stress: viscosity at rest over that of the sheared fluid; what a stage leaves of the residual */
+/* Stages of a fluid that is stiffer at rest: viscosity at rest over that of the parameters, from which one on, times
+   what, at least what; what a stage leaves of the residual, and how far it settles */
 #define RIGID_FIRST 10
 #define RIGID_RISE  3
+#define RISE_LEAST  1.2
 #define STAGE       1e-2
 
 static const char *const LINEARIZATIONS[] = {"newton", "picard", NULL};
@@ -148,12 +155,11 @@ static PetscReal choose_share(const struct _p_Steady *s, PetscReal norm)
    starts so close that the usual share of it may be lost in round-off. */
 static PetscErrorCode solve_linear(Steady s, Vec f, Vec y, KSPConvergedReason *reason)
 {
-  PetscReal rtol, norm, enough;
+  PetscReal norm, enough;
 
   PetscFunctionBeginUser;
-  PetscCall(SNESGetTolerances(s->snes, NULL, &rtol, NULL, NULL, NULL));
   PetscCall(VecNorm(f, NORM_2, &norm));
-  enough = PetscMax(LEFT * rtol * s->first, choose_share(s, norm) * norm);
+  enough = PetscMax(LEFT * PetscMax(s->target, s->share * s->first), choose_share(s, norm) * norm);
   PetscCall(FlowSolverCorrect(s->solver, f, enough, y, &s->last_linear, reason));
   s->last_norm = norm;
   s->linear += s->last_linear;
@@ -194,27 +200,32 @@ static PetscErrorCode monitor(SNES snes, PetscInt it, PetscReal norm, void *ctx)
   PetscFunctionBeginUser;
   (void)snes;
   (void)it;
-  FlowHoldCovered(s->flow, HOLD);
+  if (use_newton(s, s->its)) PetscCall(FlowHoldCovered(s->flow, COVERED_HELD, NULL));
   if (s->its != s->shown) PetscCall(print_residual(s, use_newton(s, s->its - 1) ? "newton" : "picard", norm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode stop_unconverged(SNES snes, PetscInt its, PetscInt pseudo_steps)
+static PetscErrorCode stop_unconverged(Steady s)
 {
   SNESConvergedReason reason;
   PetscReal           norm;
   PetscInt            max_it;
 
   PetscFunctionBeginUser;
-  PetscCall(SNESGetConvergedReason(snes, &reason));
-  PetscCall(SNESGetFunctionNorm(snes, &norm));
-  PetscCall(SNESGetTolerances(snes, NULL, NULL, NULL, &max_it, NULL));
+  PetscCall(SNESGetTolerances(s->snes, NULL, NULL, NULL, &max_it, NULL));
+  PetscCheck(s->unsettled == 0, PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
+             "The steady problem did not converge: the viscosity of cells that bodies cut still changes the stress there by %g of the largest after %" PetscInt_FMT
+             " iterations. Use -couple_boundary snap, raise -flow_snes_max_it (now %" PetscInt_FMT
+             "), refine the mesh around the bodies (-dm_refine), or run in time without -sim_steady",
+             (double)s->unsettled, s->its, max_it);
+  PetscCall(SNESGetConvergedReason(s->snes, &reason));
+  PetscCall(SNESGetFunctionNorm(s->snes, &norm));
   SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
           "The steady problem did not converge (%s, residual %g after %" PetscInt_FMT " iterations). Raise -flow_snes_max_it (now %" PetscInt_FMT
           ") or -flow_pseudo_steps (now %" PetscInt_FMT
           "), use -flow_recipe direct, refine the mesh (-dm_refine), or, if the flow has no stable steady state, run in time without -sim_steady; "
           "-flow_snes_monitor and -flow_ksp_converged_reason show more",
-          SNESConvergedReasons[reason], (double)norm, its, max_it, pseudo_steps);
+          SNESConvergedReasons[reason], (double)norm, s->its, max_it, s->pseudo_steps);
 }
 
 /* ---- pseudo-time ---- */
@@ -256,44 +267,100 @@ static PetscErrorCode choose_rate(Steady s, PetscReal *rate)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The nonlinear solver from x, to `share` of the first residual or, if that is zero, to its tolerance; *ok: converged.
-   On failure x is what it was. */
-static PetscErrorCode solve_nonlinear(Steady s, PetscReal share, PetscBool *ok)
+/* SNES from x, until the residual is `target` or, of the present one, the share rtol or that of the tolerance; *ok: it
+   is */
+static PetscErrorCode run_snes(Steady s, PetscReal target, PetscReal rtol, PetscBool *ok)
 {
   SNESConvergedReason reason;
-  PetscReal           atol, rtol, stol;
+  PetscReal           before[3];
   PetscInt            max_it, max_f;
-  Vec                 before;
 
   PetscFunctionBeginUser;
+  PetscCall(SNESGetTolerances(s->snes, &before[0], &before[1], &before[2], &max_it, &max_f));
+  s->target = PetscMax(before[0], target);
+  PetscCall(SNESSetTolerances(s->snes, s->target, PetscMax(before[1], rtol), before[2], max_it, max_f));
+  PetscCall(SNESSolve(s->snes, NULL, s->x));
+  PetscCall(SNESGetConvergedReason(s->snes, &reason));
+  PetscCall(SNESSetTolerances(s->snes, before[0], before[1], before[2], max_it, max_f));
+  *ok = (PetscBool)(reason > 0);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The nonlinear solver from x, until the residual is `target` and cells that bodies cut change the stress by no more
+   than `hold`; *ok: converged. On failure x is what it was. */
+static PetscErrorCode solve_nonlinear(Steady s, PetscReal target, PetscReal hold, PetscBool *ok)
+{
+  Vec       before;
+  PetscReal change = 1;
+  PetscInt  most;
+
+  PetscFunctionBeginUser;
+  PetscCall(SNESGetTolerances(s->snes, NULL, NULL, NULL, &most, NULL));
   PetscCall(VecDuplicate(s->x, &before));
   PetscCall(VecCopy(s->x, before));
   PetscCall(FlowBeginSteady(s->flow, 0));
-  FlowHoldCovered(s->flow, 0);
-  PetscCall(SNESGetTolerances(s->snes, &atol, &rtol, &stol, &max_it, &max_f));
-  /* relative to the residual of the very start */
-  PetscCall(SNESSetTolerances(s->snes, PetscMax(atol, PetscMax(share, rtol) * s->first), PetscMax(share, rtol), stol, max_it, max_f));
-  PetscCall(SNESSolve(s->snes, NULL, s->x));
-  PetscCall(SNESGetConvergedReason(s->snes, &reason));
-  PetscCall(SNESSetTolerances(s->snes, atol, rtol, stol, max_it, max_f));
-  *ok = (PetscBool)(reason > 0);
+  *ok = PETSC_TRUE;
+  for (PetscInt k = 0; k < most && change > hold && *ok; k++) {
+    PetscCall(FlowHoldCovered(s->flow, k ? COVERED_SETTLES : COVERED_FREE, &change));
+    if (k) PetscCall(evaluate_residual(s->snes, s->x, s->f, s));
+    if (k) PetscCall(FlowHoldCovered(s->flow, COVERED_HELD, &change));
+    if (k == 1) change = 1;           /* what is kept is of the last iterate, whatever it is worth */
+    if (s->linearization) change = 0; /* Picard's iteration needs no derivative */
+    PetscCall(SNESSetForceIteration(s->snes, (PetscBool)(change > hold)));
+    PetscCall(run_snes(s, target, change > hold ? SETTLE_SHARE : 0, ok));
+  }
+  s->unsettled = *ok ? change : 0;
+  *ok          = (PetscBool)(*ok && change <= hold);
   if (!*ok) PetscCall(VecCopy(before, s->x));
   PetscCall(VecDestroy(&before));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* From x. A yield stress comes in stages: a viscosity at rest that is higher and higher, each from the flow before, as
-   Newton's method finds only what is near (runs/studies/rheology). */
+/* What the stages of solve_in_stages are to leave of the residual */
+static PetscErrorCode measure_stage(Steady s, PetscReal *target)
+{
+  PetscFunctionBeginUser;
+  PetscCall(FlowBeginSteady(s->flow, 0));
+  PetscCall(FlowHoldCovered(s->flow, COVERED_FREE, NULL));
+  PetscCall(evaluate_residual(s->snes, s->x, s->f, s));
+  PetscCall(VecNorm(s->f, NORM_2, target));
+  *target *= STAGE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* From x, with a viscosity at rest that is higher and higher, each from the flow before, as Newton's method finds only
+   what is near (runs/studies/rheology). After a stage that fails, the next ones are closer. */
 static PetscErrorCode solve_in_stages(Steady s, PetscBool *ok)
 {
+  PetscReal rigid = RIGID_FIRST, rise = RIGID_RISE, solved = 0, target = 0;
   PetscBool more;
 
   PetscFunctionBeginUser;
-  for (PetscReal rigid = RIGID_FIRST;; rigid *= RIGID_RISE) {
-    PetscCall(FlowSoftenYield(s->flow, rigid, &more));
-    PetscCall(solve_nonlinear(s, more ? STAGE : 0, ok));
-    if (!more) break;
+  for (PetscBool first = PETSC_TRUE;; first = PETSC_FALSE) {
+    PetscCall(FlowSoften(s->flow, rigid, &more));
+    if (first) PetscCall(measure_stage(s, &target));
+    PetscCall(solve_nonlinear(s, more ? target : s->share * s->first, more ? STAGE : HOLD, ok));
+    if (*ok && !more) PetscFunctionReturn(PETSC_SUCCESS);
+    if (*ok) solved = rigid;
+    else rise = PetscSqrtReal(rise);
+    if (!*ok && (solved == 0 || rise < RISE_LEAST)) break;
+    rigid = solved * rise;
   }
+  PetscCall(FlowSoften(s->flow, PETSC_MAX_REAL, &more));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* From x: a yield stress in stages, others at once and, if that fails, in stages */
+static PetscErrorCode solve_from(Steady s, PetscBool *ok)
+{
+  const PetscBool staged = FlowHasYield(s->flow);
+  PetscBool       can;
+
+  PetscFunctionBeginUser;
+  if (!staged) PetscCall(solve_nonlinear(s, s->share * s->first, HOLD, ok));
+  if (!staged && *ok) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(FlowSoften(s->flow, RIGID_FIRST, &can));
+  if (can || staged) PetscCall(solve_in_stages(s, ok));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -317,7 +384,7 @@ static PetscErrorCode march(Steady s, PetscBool *ok)
     if (k == 1) next_try = 1e-2 * norm;
     last = norm;
     if (k <= 1 || norm > next_try) continue;
-    PetscCall(solve_nonlinear(s, 0, ok));
+    PetscCall(solve_nonlinear(s, s->share * s->first, HOLD, ok));
     if (*ok) PetscFunctionReturn(PETSC_SUCCESS);
     next_try = 1e-2 * norm;
   }
@@ -359,10 +426,12 @@ PetscErrorCode SteadySolve(Steady s, PetscInt *its, PetscInt *linear)
   PetscCall(CoupleGetSystem(s->couple, &u, &p, &U, NULL, NULL));
   PetscCall(FlowGetFields(s->flow, &u_field, NULL, &p_field));
   PetscCall(FlowSolverPack(s->solver, u_field, p_field, U, s->x));
+  PetscCall(SNESGetTolerances(s->snes, NULL, &s->share, NULL, NULL, NULL));
+  s->target = 0;
   PetscCall(start_newtonian(s));
-  PetscCall(solve_in_stages(s, &ok));
+  PetscCall(solve_from(s, &ok));
   if (!ok) PetscCall(march(s, &ok));
-  if (!ok) PetscCall(stop_unconverged(s->snes, s->its, s->pseudo_steps));
+  if (!ok) PetscCall(stop_unconverged(s));
   PetscCall(linearize_at(s, s->x)); /* fields, matrix and right-hand side of the solution, for forces and reports */
   *its    = s->its;
   *linear = s->linear;

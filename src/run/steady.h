@@ -8,6 +8,10 @@
    falls: switched evolution relaxation, Mulder & van Leer 1985, Kelley & Keyes 1998) lead from rest to where Newton's
    method converges.
 
+   Where the viscosity varies, cells that a penalty cuts take theirs from the fluid beside them: Newton's method holds
+   it, and evaluates it again, damped by Aitken's method, until that no longer changes the stress. A yield stress, and
+   what does not converge at once, comes in stages of the viscosity at rest (runs/studies/rheology).
+
    Options: -flow_linearization newton|picard, -flow_picard_steps n (Picard iterations before Newton's),
    -flow_pseudo_steps n (at most; 0: none), and those of SNES under prefix -flow_: -flow_snes_rtol, -flow_snes_max_it,
    -flow_snes_monitor, -flow_snes_linesearch_type, ... The linear solver is that of the time step under -flow_ksp_,

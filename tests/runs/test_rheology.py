@@ -82,10 +82,11 @@ def test_snap_follows_what_it_can(run):
 CARREAU = ["-flow_rheology", "carreau", "-flow_rheology_time", "30", "-flow_rheology_index", "0.2", "-flow_rheology_viscosity_infinity", "1e-4"]
 
 
-@pytest.mark.parametrize("rung", ["snap", "penalty"])
-def test_steady_iterations(run, rung):
+@pytest.mark.parametrize("rung, convection", [("snap", "false"), ("penalty", "false"), ("penalty", "true")])
+def test_steady_iterations(run, rung, convection):
     """Linear iterations of every correction in a steady problem with viscosities of a ratio 1e4."""
-    result = run([RUNS / "rheology-couette.yaml", "-output_dir", "out", "-mesh_cells", "30,30", "-couple_boundary", rung, "-flow_recipe", "balanced", *CARREAU])
+    words = ["-couple_boundary", rung, "-flow_recipe", "balanced", "-flow_convection", convection, *CARREAU]
+    result = run([RUNS / "rheology-couette.yaml", "-output_dir", "out", "-mesh_cells", "30,30", *words])
     counts = [int(n) for n in re.findall(r"(\d+) linear iterations", result.text)]
     assert result.status == 0 and len(counts) < 16 and max(counts) < 15 and sum(counts) < 115, f"iterations {counts}\n{result}"
 
@@ -120,3 +121,35 @@ def test_yield_stress_in_stages(run):
     words = ["-mesh_upper", "0.5,1", "-mesh_cells", "3,32", "-flow_rheology_rigid", "3000"]
     row = last(run, "rheology-bingham", "series", *words)
     assert float(row["mean_velocity_x"]) == pytest.approx(1, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    "ranks, options, bound",
+    [
+        (1, ["-flow_rheology_index", "0.3"], 10),
+        (2, ["-flow_rheology", "herschel_bulkley", "-flow_rheology_index", "1", "-flow_rheology_yield", "5"], 8),
+    ],
+)
+def test_penalty_in_stiff_fluids(run, ranks, options, bound):
+    """The penalty of a fluid that is a thousand times as stiff at rest: Newton's method settles what cut cells take from the fluid beside them."""
+    words = ["-couple_boundary", "penalty", "-mesh_cells", "30,30", "-flow_recipe", "balanced", *options]
+    result = run([RUNS / "rheology-couette.yaml", "-output_dir", "out", *words], ranks=ranks)
+    counts = [int(n) for n in re.findall(r"(\d+) linear iterations", result.text)]
+    assert result.status == 0 and max(counts) < bound and "pseudo-time steps from" not in result.text, f"iterations {counts}\n{result}"
+    if "-flow_rheology_yield" in options:
+        with open(result.folder / "out" / "bodies.csv") as file:
+            torque = -float(list(csv.DictReader(file))[-1]["torque_z"])
+        assert torque == pytest.approx(68.4475, rel=0.025)  # sheared up to the radius 1.476, 3 cells away
+
+
+def test_power_in_stages(run):
+    """A stress as the tenth root of the rate: from the jump at the wall Newton's method alone ends in pseudo-time, which finds nothing."""
+    row = last(run, "rheology-channel", "series", "-mesh_cells", "4,16", "-flow_rheology_index", "0.1", "-flow_force", f"{12**0.1:.12g},0")
+    assert float(row["mean_velocity_x"]) == pytest.approx(1, abs=5e-3)
+
+
+def test_unsettled(run):
+    """What stops a run whose cut cells do not settle is said with what helps."""
+    words = ["-flow_rheology", "herschel_bulkley", "-flow_rheology_yield", "5", "-couple_boundary", "penalty", "-mesh_cells", "20,20"]
+    result = run([RUNS / "rheology-couette.yaml", "-output_dir", "out", "-flow_snes_max_it", "5", "-flow_pseudo_steps", "0", *words])
+    assert result.status != 0 and "cells that bodies cut" in str(result) and "-couple_boundary snap" in str(result), str(result)
