@@ -12,7 +12,7 @@ static const OptSpec SPECS[] = {
   {"-contact_substeps", OPT_INT, "", 0, PETSC_MAX_INT / 2, "0", .help = "sub-steps of the contact in a time step, 0: from the stiffness"},
   {"-contact_coupling", OPT_CHOICE, "", OPT_ANY, "implicit",
    .help    = "forces of contact: solved with the flow, or found in sub-steps before it (with -couple_type explicit always)",
-   .choices = "implicit, explicit", .when = REPULSIVE, .expert = PETSC_TRUE},
+   .choices = "implicit, explicit", .when = REPULSIVE},
   {"-contact_separate", OPT_BOOL, "", OPT_ANY, "true", .help = "bodies that overlap after a step of the flow are moved apart", .when = BODIES,
    .expert = PETSC_TRUE},
   {"-contact_stiffness", OPT_REAL, "", OPT_ABOVE_ZERO, "1",

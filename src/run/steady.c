@@ -34,7 +34,7 @@ struct _p_Steady {
    Newton's matrix does not know: it is held while Newton's method takes a SETTLE_SHARE of the residual, and evaluated
    again, -flow_snes_max_it times at most, until that changes the stress by less than HOLD of the largest one
    (runs/studies/rheology) */
-#define HOLD         1e-4
+#define HOLD         1e-3
 #define SETTLE_SHARE 1e-2
 
 /* Stages of a fluid that is stiffer at rest: viscosity at rest over that of the parameters, from which one on, times

@@ -73,7 +73,7 @@ def steps(counter, program, tmp_path):
 COLLECTIVES = "allreduce", "reduce", "bcast", "scan", "allgather", "alltoall", "gather"
 
 
-@pytest.mark.parametrize("contact", ["{range: 0.01, stiffness: 1e-4, coupling: explicit}", "{range: 0.03}", "{law: none}"])
+@pytest.mark.parametrize("contact", ["{range: 0.01, stiffness: 1e-4, coupling: explicit}", "{range: 0.095}", "{law: none}"])
 def test_collectives_do_not_grow_with_the_bodies_of_a_flow(steps, contact):
     """Where all ranks know all bodies, and where they know them by place, with some that meet and without contact"""
     scene = FLOW.replace("{range: 0.01, stiffness: 1e-4}", contact)

@@ -82,13 +82,13 @@ def test_snap_follows_what_it_can(run):
 CARREAU = ["-flow_rheology", "carreau", "-flow_rheology_time", "30", "-flow_rheology_index", "0.2", "-flow_rheology_viscosity_infinity", "1e-4"]
 
 
-@pytest.mark.parametrize("rung, convection", [("snap", "false"), ("penalty", "false"), ("penalty", "true")])
-def test_steady_iterations(run, rung, convection):
-    """Linear iterations of every correction in a steady problem with viscosities of a ratio 1e4."""
+@pytest.mark.parametrize("rung, convection, most, total", [("snap", "false", 15, 115), ("penalty", "false", 33, 200), ("penalty", "true", 33, 290)])
+def test_steady_iterations(run, rung, convection, most, total):
+    """Linear iterations of every correction in a steady problem with viscosities of a ratio 1e4; cut cells settle between corrections."""
     words = ["-couple_boundary", rung, "-flow_recipe", "balanced", "-flow_convection", convection, *CARREAU]
     result = run([RUNS / "rheology-couette.yaml", "-output_dir", "out", "-mesh_cells", "30,30", *words])
     counts = [int(n) for n in re.findall(r"(\d+) linear iterations", result.text)]
-    assert result.status == 0 and len(counts) < 16 and max(counts) < 15 and sum(counts) < 115, f"iterations {counts}\n{result}"
+    assert result.status == 0 and len(counts) <= most and max(counts) < 15 and sum(counts) < total, f"iterations {counts}\n{result}"
 
 
 @pytest.mark.parametrize(
