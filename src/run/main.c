@@ -30,6 +30,7 @@ static const char
 /* The error this rank stops with; told by rank 0 when all ranks have come to the end, so that it is told once. */
 static struct {
   char      message[2048]; /* PETSc cuts messages there */
+  char      place[128];    /* in the code */
   PetscBool alone;         /* raised by fewer than all ranks */
   PetscBool traced;        /* PETSc's trace was wanted, and this rank is the one to print it */
 } failure;
@@ -62,6 +63,7 @@ static PetscErrorCode note_error(MPI_Comm comm, int line, const char *function, 
     MPI_Comm_size(MPI_COMM_WORLD, &world);
     MPI_Comm_rank(comm, &rank);
     snprintf(failure.message, sizeof(failure.message), "%s", message && message[0] ? message : "PETSc gives no reason");
+    snprintf(failure.place, sizeof(failure.place), "%d %s", line, file);
     failure.alone  = (PetscBool)(size < world);
     failure.traced = (PetscBool)(!is_user_mistake(code) && rank == 0);
   }
@@ -82,22 +84,21 @@ static void tell_checkpoint(void)
   fflush(stderr);
 }
 
-/* All ranks are here: rank 0 tells what happened, each message once. */
+/* All ranks are here: rank 0 tells what happened, once where ranks came to the same line with bodies of their own. */
 static void tell_errors(void)
 {
-  const size_t len = sizeof(failure.message);
-  char        *all = NULL;
-  int          size, rank;
+  typeof(failure) *all = NULL;
+  int              size, rank;
 
   MPI_Comm_size(MPI_COMM_WORLD, &size);
   MPI_Comm_rank(MPI_COMM_WORLD, &rank);
-  if (rank == 0) all = malloc(size * len);
-  (void)MPI_Gather(failure.message, (int)len, MPI_CHAR, all, (int)len, MPI_CHAR, 0, MPI_COMM_WORLD);
+  if (rank == 0) all = malloc(size * sizeof(*all));
+  (void)MPI_Gather(&failure, sizeof(*all), MPI_BYTE, all, sizeof(*all), MPI_BYTE, 0, MPI_COMM_WORLD);
   for (int i = 0; rank == 0 && i < size; i++) {
     int j = 0;
 
-    while (j < i && strcmp(all + j * len, all + i * len)) j++;
-    if (j == i) tell_error(all + i * len);
+    while (j < i && strcmp(all[j].place, all[i].place)) j++;
+    if (j == i) tell_error(all[i].message);
   }
   if (rank == 0) tell_checkpoint();
   free(all);

@@ -48,3 +48,9 @@ def test_what_needs_all_bodies_says_so(run, scene):
     for more, why in (["-couple_type", "explicit"], "-couple_type"), (large, "large"), (["-contact_coupling", "explicit"], "-contact_coupling"):
         result = run([scene(CROWD), "-scene_dry_run", *more], 2)
         assert result.status == 0 and any(ALL in line and why in line for line in result.out.splitlines()), str(result)
+
+
+def test_one_error_for_bodies_of_several_ranks(run, scene):
+    """Every rank finds a body of its own that is too fast: one of them is named."""
+    result = run([scene(CROWD), "-sim_dt", "0.5"], 3)
+    assert result.status != 0 and result.text.count("tumble: error") == 1 and "-sim_move_max" in result.text, str(result)
