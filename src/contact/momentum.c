@@ -179,7 +179,7 @@ PetscErrorCode ContactSetInertia(Contact c, PetscInt k)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* ---- sub-steps ---- */
+/* ---- which can meet ---- */
 
 PetscBool ContactCanMeet(Contact c, const Pair *p)
 {
@@ -192,6 +192,8 @@ PetscBool ContactCanMeet(Contact c, const Pair *p)
   }
   return ContactWithin(c, p->i, p->j, reach + ContactKind(c, p->j)->radius + c->reach[p->j]);
 }
+
+/* ---- sub-steps ---- */
 
 PetscErrorCode ContactChooseSubsteps(Contact c, PetscReal dt, PetscReal time, PetscInt *n)
 {

@@ -404,6 +404,7 @@ PetscErrorCode CoupleDestroy(Couple *couple)
   PetscCall(DriveDestroy(&c->drive));
   PetscCall(CoupleDetachArrays(c));
   PetscCall(PetscFree(c->spring));
+  PetscCall(PetscFree(c->tie));
   PetscCall(PetscFree(c->pushed));
   PetscCall(PetscFree(*couple));
   PetscFunctionReturn(PETSC_SUCCESS);

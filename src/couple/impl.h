@@ -52,7 +52,8 @@ struct _p_Couple {
   PetscReal     *D, *g;               /* [n][nr][nr] inertia, [n][nr] right-hand side of the rigid rows */
   PetscInt       nspring, spring_room;
   ContactSpring *spring;   /* of CoupleSetContact */
-  PetscReal     *pushed;   /* [nspring] the forces */
+  BodyTie       *tie;      /* [nspring] */
+  PetscReal     *pushed;   /* [nspring] the forces on the right of the rigid rows: by known velocities, then all */
   PetscReal     *residual; /* [n][nr]: -sum of the momentum residual over the body's nodes */
   PetscReal     *u, *p, *dp, *rhs;
   PetscReal     *du_old; /* [n] explicit coupling: size of the last velocity change, for the detection of blow-up */

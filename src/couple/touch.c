@@ -11,7 +11,7 @@
 PetscErrorCode CoupleSetContact(Couple c, PetscInt n, const ContactSpring spring[])
 {
   PetscFunctionBeginUser;
-  PetscCall(RoomFor(n, &c->spring_room, &c->spring, sizeof(*c->spring), &c->pushed, sizeof(*c->pushed), NULL));
+  PetscCall(RoomFor(n, &c->spring_room, &c->spring, sizeof(*c->spring), &c->tie, sizeof(*c->tie), &c->pushed, sizeof(*c->pushed), NULL));
   if (n) PetscCall(PetscArraycpy(c->spring, spring, n));
   c->nspring = n;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -72,16 +72,13 @@ static void add_force(Couple c, const BodyTie *tie, PetscReal force)
 
 PetscErrorCode CoupleAddTies(Couple c)
 {
-  BodyTie *tie;
-
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(c->nspring, &tie));
   for (PetscInt i = 0; i < c->nspring; i++) {
-    PetscCall(make_tie(c, &c->spring[i], &tie[i]));
-    add_force(c, &tie[i], c->spring[i].value - c->spring[i].rate * parting_speed(c, &tie[i], PETSC_FALSE));
+    PetscCall(make_tie(c, &c->spring[i], &c->tie[i]));
+    c->pushed[i] = c->spring[i].value - c->spring[i].rate * parting_speed(c, &c->tie[i], PETSC_FALSE);
+    add_force(c, &c->tie[i], c->pushed[i]);
   }
-  PetscCall(FlowSolverSetTies(c->solver, c->nspring, tie));
-  PetscCall(PetscFree(tie));
+  PetscCall(FlowSolverSetTies(c->solver, c->nspring, c->tie));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -89,13 +86,10 @@ PetscErrorCode CoupleTakeTies(Couple c)
 {
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < c->nspring; i++) {
-    BodyTie   tie;
-    PetscReal by_known;
+    const PetscReal force = c->spring[i].value - c->spring[i].rate * parting_speed(c, &c->tie[i], PETSC_TRUE);
 
-    PetscCall(make_tie(c, &c->spring[i], &tie));
-    by_known     = c->spring[i].value - c->spring[i].rate * parting_speed(c, &tie, PETSC_FALSE);
-    c->pushed[i] = c->spring[i].value - c->spring[i].rate * parting_speed(c, &tie, PETSC_TRUE);
-    add_force(c, &tie, c->pushed[i] - by_known);
+    add_force(c, &c->tie[i], force - c->pushed[i]);
+    c->pushed[i] = force;
   }
   PetscCall(BodiesUpdateGhosts(c->bodies, c->nr, c->g));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -13,6 +13,18 @@ PetscErrorCode MeetIsSolved(const SimParts *part, PetscBool *solved)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode MeetCheckOptions(const SimParts *part)
+{
+  PetscBool solved, given;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeetIsSolved(part, &solved));
+  PetscCall(PetscOptionsHasName(NULL, NULL, "-contact_substeps", &given));
+  PetscCheck(!solved || !given, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "-contact_substeps has no meaning where contact is solved with the flow: remove it, or give -contact_coupling explicit");
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode MeetEstimate(const SimParts *part, PetscReal dt, PetscReal dt_old, PetscReal (*a)[3], PetscReal (*alpha)[3])
 {
   BodyState *s;

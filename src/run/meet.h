@@ -5,6 +5,8 @@
 
 /* Is contact solved with the flow? Not collective. */
 PetscErrorCode MeetIsSolved(const SimParts *, PetscBool *solved);
+/* Refuse -contact_substeps where there are none: contact is solved with the flow. Not collective. */
+PetscErrorCode MeetCheckOptions(const SimParts *);
 /* Accelerations of the bodies without contact, a, alpha [n][3], over the last step, of length dt_old, with the inertia
    that the contact counts with; dt_old 0, at the start: that of free bodies over the step dt to come. Not
    collective. */

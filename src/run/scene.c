@@ -6,6 +6,7 @@
 #include "base/opt.h"
 #include "bodies/local.h"
 #include "defaults.h"
+#include "meet.h"
 #include "refine.h"
 #include "sim.h"
 #include "start.h"
@@ -260,6 +261,7 @@ static PetscErrorCode build(SimParts *part)
     PetscCall(ContactSetViscosity(part->contact, par->viscosity));
     PetscCall(CoupleGetRecess(part->couple, &recess));
     PetscCall(ContactSetRecess(part->contact, recess));
+    PetscCall(MeetCheckOptions(part));
   } else PetscCall(create_contact_alone(part, l));
   PetscCall(ContactSetPeriod(part->contact, l->period));
   PetscCall(ContactCheckStart(part->contact));

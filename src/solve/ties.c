@@ -160,16 +160,26 @@ void TiesMultAdd(Ties t, const PetscReal U[], PetscReal out[])
   }
 }
 
+/* y = L x, or L^T x */
+static void times_factor(PetscInt nr, const PetscReal L[], PetscBool transposed, const PetscReal x[], PetscReal y[])
+{
+  for (PetscInt a = 0; a < nr; a++) {
+    y[a] = 0;
+    for (PetscInt b = 0; b < nr; b++) y[a] += L[transposed ? b * nr + a : a * nr + b] * x[b];
+  }
+}
+
 /* out = L^T row of body k, with L of mass_inverse [nbodies][nr][nr]; NULL: the row in the units of its slots */
 static void transform_row(Constraint c, const PetscReal mass_inverse[], PetscInt k, const PetscReal row[], PetscReal out[])
 {
   const PetscInt nr = c->nr;
   PetscReal      L[36];
 
-  if (mass_inverse) DenseFactor(nr, mass_inverse + k * nr * nr, L);
-  for (PetscInt a = 0; a < nr; a++) {
-    out[a] = mass_inverse ? 0 : row[a] * ConstraintSlotUnit(c, k, a);
-    for (PetscInt b = 0; b < nr && mass_inverse; b++) out[a] += L[b * nr + a] * row[b];
+  if (mass_inverse) {
+    DenseFactor(nr, mass_inverse + k * nr * nr, L);
+    times_factor(nr, L, PETSC_TRUE, row, out);
+  } else {
+    for (PetscInt a = 0; a < nr; a++) out[a] = row[a] * ConstraintSlotUnit(c, k, a);
   }
 }
 
@@ -349,24 +359,17 @@ PetscErrorCode TiesSolveMass(Ties t, const PetscReal x[], PetscReal y[])
   PetscFunctionBeginUser;
   if (!t->any) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt i = 0; i < t->ntied; i++) {
-    const PetscReal *L = t->factor + i * nr * nr, *force = x + t->tied[i] * nr;
-    PetscReal       *z = t->slots + t->tied[i] * nr;
+    PetscReal force[6];
 
-    for (PetscInt a = 0; a < nr; a++) {
-      z[a] = 0;
-      for (PetscInt b = 0; b < nr; b++) z[a] += L[b * nr + a] * force[b] / ConstraintSlotUnit(c, c->own[t->tied[i]], b);
-    }
+    for (PetscInt a = 0; a < nr; a++) force[a] = x[t->tied[i] * nr + a] / ConstraintSlotUnit(c, c->own[t->tied[i]], a);
+    times_factor(nr, t->factor + i * nr * nr, PETSC_TRUE, force, t->slots + t->tied[i] * nr);
   }
   PetscCall(solve_system(t, MASS, t->slots, t->slots));
   for (PetscInt i = 0; i < t->ntied; i++) {
-    const PetscReal *L = t->factor + i * nr * nr, *z = t->slots + t->tied[i] * nr;
-    PetscReal       *u = y + t->tied[i] * nr;
+    PetscReal *u = y + t->tied[i] * nr;
 
-    for (PetscInt a = 0; a < nr; a++) {
-      u[a] = 0;
-      for (PetscInt b = 0; b < nr; b++) u[a] += L[a * nr + b] * z[b];
-      u[a] /= ConstraintSlotUnit(c, c->own[t->tied[i]], a);
-    }
+    times_factor(nr, t->factor + i * nr * nr, PETSC_FALSE, t->slots + t->tied[i] * nr, u);
+    for (PetscInt a = 0; a < nr; a++) u[a] /= ConstraintSlotUnit(c, c->own[t->tied[i]], a);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

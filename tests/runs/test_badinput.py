@@ -267,3 +267,9 @@ def test_body_that_the_mesh_does_not_see(run, scene, ranks):
 def test_mesh_that_cannot_follow(run, scene, ranks):
     refused(run([scene(), "-mesh_deform", "-couple_boundary", "snap"], ranks), "snap moves the nodes around bodies itself", "use -couple_boundary nodal or penalty")
     refused(run([scene(), "-mesh_deform", "-flow_time", "cn"], ranks), "carries its velocity in the convection", "use -flow_time bdf2")
+
+
+@TWO
+def test_substeps_of_contact_that_is_solved_with_the_flow(run, scene, ranks):
+    refused(run([scene(), "-contact_substeps", "9"], ranks), "-contact_substeps has no meaning", "-contact_coupling explicit")
+    assert run([scene(), "-contact_substeps", "99999", "-contact_coupling", "explicit", "-sim_steps", "1"], ranks).status == 0
