@@ -3,7 +3,8 @@
 #include "indicator.h"
 #include "bodies/local.h"
 
-#define CHUNK 256
+#define CHUNK      256
+#define ON_SURFACE 1e-9 /* of a cell, the distance at which a node counts as inside, whatever the last bit of its place */
 
 struct _p_Indicator {
   Mesh             mesh;
@@ -103,7 +104,7 @@ static PetscErrorCode claim_inside(Indicator m, PetscInt k, const PetscReal X[3]
       for (PetscInt a = 0; a < dim; a++) x[i * dim + a] = m->loc->x[list[begin + i] * dim + a];
     PetscCall(BodiesDistance(m->bodies, k, X, q, size, x, d));
     for (PetscInt i = 0; i < size; i++)
-      if (d[i] <= 0) PetscCall(IndicatorClaim(m, list[begin + i], k));
+      if (d[i] <= ON_SURFACE * m->loc->h) PetscCall(IndicatorClaim(m, list[begin + i], k));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

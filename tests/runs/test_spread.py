@@ -1,7 +1,10 @@
 """Bodies in a flow that each rank knows where it needs them alone (bodies/local.h)."""
 import csv
+from pathlib import Path
 
 import pytest
+
+RUNS = Path(__file__).resolve().parent.parent.parent / "runs"
 
 CROWD = """mesh: {cells: [24, 24], lower: [0, 0], upper: [1, 1], periodic: x}
 flow: {density: 1, viscosity: 0.02, gravity: [2, -10], ksp_rtol: 1e-9}
@@ -54,3 +57,15 @@ def test_one_error_for_bodies_of_several_ranks(run, scene):
     """Every rank finds a body of its own that is too fast: one of them is named."""
     result = run([scene(CROWD), "-sim_dt", "0.5"], 3)
     assert result.status != 0 and result.text.count("tumble: error") == 1 and "-sim_move_max" in result.text, str(result)
+
+
+def test_nodes_on_a_surface_on_some_ranks(run, tmp_path):
+    """Rung nodal, bars of a grate whose surfaces pass through nodes: the last bit of a node's place, which knows how the mesh was made, decides nothing."""
+    energy = {}
+    for ranks in 1, 2:
+        words = ["-sim_steps", "1", "-output_every", "0", "-flow_ksp_rtol", "1e-8", "-flow_error_start", "0", "-flow_rtol_start", "0"]
+        result = run([RUNS / "fluidization.yaml", "-output_dir", str(ranks), *words], ranks)
+        assert result.status == 0, str(result)
+        with open(tmp_path / str(ranks) / "series.csv") as file:
+            energy[ranks] = float(list(csv.DictReader(file))[-1]["kinetic_energy"])
+    assert energy[1] == pytest.approx(energy[2], rel=1e-7)
