@@ -4,6 +4,8 @@
 #include "project.h"
 #include "base/log.h"
 
+#define INLINE static inline __attribute__((always_inline)) /* the dimensions become constants */
+
 #define COURANT  0.5  /* largest way in a substep in distances of nodes, summed over the axes of the cell */
 #define RATE     0.7  /* largest change of psi in a substep by its own rates */
 #define SUBSTEPS 200  /* more are no use: the step is far beyond what the stress can follow */
@@ -32,28 +34,44 @@ struct _p_Conformation {
 
 /* Convection of the cell's psi pl [nb][nc] with wl [nb][dim] at a quadrature point: a [nc] = w . grad psi, and
    way [nb] = w . grad phi; returns the speed in distances of nodes, summed over the axes */
-static PetscReal convect(const struct _p_Flow *f, const ElementMetric *m, PetscInt q, PetscInt nc, const PetscReal wl[], const PetscReal pl[],
-                         PetscReal a[], PetscReal way[])
+INLINE PetscReal convect(const PetscInt dim, const PetscInt nb, const PetscInt nc, const struct _p_Flow *f, const ElementMetric *m, PetscInt q,
+                         const PetscReal wl[], const PetscReal pl[], PetscReal a[], PetscReal way[])
 {
-  const PetscInt   dim = f->loc->dim, nb = f->loc->nb;
   const PetscReal *phi = f->element.phi + q * f->element.nbp, *dphi = f->element.dphi + q * dim * f->element.nbp, *inverse = ElementInverse(m, q);
-  PetscReal        w[3] = {0, 0, 0}, speed = 0;
+  PetscReal        w[3] = {0, 0, 0}, along[3], speed = 0;
 
-  for (PetscInt j = 0; j < nb; j++) {
-    way[j] = 0;
+  for (PetscInt j = 0; j < nb; j++)
     for (PetscInt b = 0; b < dim; b++) w[b] += phi[j] * wl[j * dim + b];
-  }
   for (PetscInt e = 0; e < dim; e++) {
-    PetscReal along = 0; /* reference coordinates a time */
-
-    for (PetscInt b = 0; b < dim; b++) along += inverse[e * dim + b] * w[b];
-    for (PetscInt j = 0; j < nb; j++) way[j] += along * dphi[e * f->element.nbp + j];
-    speed += PetscAbsReal(along);
+    along[e] = 0; /* reference coordinates a time */
+    for (PetscInt b = 0; b < dim; b++) along[e] += inverse[e * dim + b] * w[b];
+    speed += PetscAbsReal(along[e]);
   }
   for (PetscInt k = 0; k < nc; k++) a[k] = 0;
-  for (PetscInt j = 0; j < nb; j++)
+  for (PetscInt j = 0; j < nb; j++) {
+    way[j] = 0;
+    for (PetscInt e = 0; e < dim; e++) way[j] += along[e] * dphi[e * f->element.nbp + j];
     for (PetscInt k = 0; k < nc; k++) a[k] += way[j] * pl[j * nc + k];
+  }
   return speed;
+}
+
+/* Adds the integrals of project_convection over a cell to rl [nb][nc] */
+INLINE void integrate_convection(const PetscInt dim, const PetscInt nb, const PetscInt nc, const struct _p_Flow *f, const ElementMetric *m,
+                                 const PetscReal wl[], const PetscReal pl[], const PetscReal *restrict gl, PetscReal *restrict rl)
+{
+  for (PetscInt q = 0; q < f->element.nq; q++) {
+    const PetscReal *phi = f->element.phi + q * f->element.nbp;
+    PetscReal        a[POLYMER_MAX_NC], way[MESH_MAX_NB], speed = convect(dim, nb, nc, f, m, q, wl, pl, a, way);
+
+    for (PetscInt j = 0; j < nb && gl; j++)
+      for (PetscInt k = 0; k < nc; k++) a[k] -= phi[j] * gl[j * nc + k];
+    for (PetscInt j = 0; j < nb; j++) {
+      const PetscReal test = m->weight[q] * (gl ? (speed > 0 ? 0.25 / speed * way[j] : 0) : phi[j]);
+
+      for (PetscInt k = 0; k < nc; k++) rl[j * nc + k] += test * a[k];
+    }
+  }
 }
 
 /* r = P(w . grad psi) (g NULL), or the stabilisation P(tau (w . grad psi - g), w . grad v) */
@@ -61,7 +79,7 @@ static PetscErrorCode project_convection(Conformation s, const PetscReal w[], co
 {
   const struct _p_Flow *f  = s->f;
   const MeshLocal      *l  = f->loc;
-  const PetscInt        nc = s->nc, nb = l->nb;
+  const PetscInt        nc = s->nc;
 
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(r, l->nnode_all * nc));
@@ -74,19 +92,9 @@ static PetscErrorCode project_convection(Conformation s, const PetscReal w[], co
     ProjectionGather(l, c, nc, psi, pl);
     if (g) ProjectionGather(l, c, nc, g, gl);
     PetscCall(ProjectionMetric(&s->projection, c, &m));
-    PetscCall(PetscArrayzero(rl, nb * nc));
-    for (PetscInt q = 0; q < f->element.nq; q++) {
-      const PetscReal *phi = f->element.phi + q * f->element.nbp;
-      PetscReal        a[POLYMER_MAX_NC], way[MESH_MAX_NB], speed = convect(f, &m, q, nc, wl, pl, a, way);
-
-      for (PetscInt j = 0; j < nb && g; j++)
-        for (PetscInt k = 0; k < nc; k++) a[k] -= phi[j] * gl[j * nc + k];
-      for (PetscInt j = 0; j < nb; j++) {
-        const PetscReal test = m.weight[q] * (g ? (speed > 0 ? 0.25 / speed * way[j] : 0) : phi[j]);
-
-        for (PetscInt k = 0; k < nc; k++) rl[j * nc + k] += test * a[k];
-      }
-    }
+    PetscCall(PetscArrayzero(rl, l->nb * nc));
+    if (l->dim == 2) integrate_convection(2, 9, 4, f, &m, wl, pl, g ? gl : NULL, rl);
+    else integrate_convection(3, 27, 6, f, &m, wl, pl, g ? gl : NULL, rl);
     ProjectionScatter(l, c, nc, rl, r);
   }
   PetscCall(ProjectionFinish(&s->projection, nc, r));
@@ -177,13 +185,13 @@ static PetscErrorCode count_substeps(Conformation s, PetscReal dt, PetscInt *n)
   PetscFunctionBeginUser;
   for (PetscInt side = 0; side < 2; side++) {
     for (PetscInt c = 0; c < l->ncell; c++) {
-      PetscReal     wl[MESH_MAX_NB * 3], none[MESH_MAX_NB * POLYMER_MAX_NC] = {0}, a[POLYMER_MAX_NC], way[MESH_MAX_NB];
+      PetscReal     wl[MESH_MAX_NB * 3], a[POLYMER_MAX_NC], way[MESH_MAX_NB];
       ElementMetric m;
 
       if (f->det[c] == 0) continue;
       FlowCellGather(l, c, s->w[side], wl);
       PetscCall(FlowCellMetric(s->f, c, &m));
-      for (PetscInt q = 0; q < f->element.nq; q++) top = PetscMax(top, convect(f, &m, q, 0, wl, none, a, way) / COURANT);
+      for (PetscInt q = 0; q < f->element.nq; q++) top = PetscMax(top, convect(l->dim, l->nb, 0, f, &m, q, wl, NULL, a, way) / COURANT);
     }
     for (PetscInt i = 0; i < l->nnode; i++) {
       PetscReal rate[POLYMER_MAX_NC], L[3][3], speed;
