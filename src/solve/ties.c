@@ -4,12 +4,7 @@
 #include "base/algebra.h"
 #include "base/room.h"
 
-#define AS_EXACT 1e-4 /* tolerance of solves on several ranks, which stand for factors in preconditioners */
-
-enum {
-  STIFF,
-  MASS
-};
+#define AS_EXACT 1e-3 /* tolerance of solves on several ranks, which stand for factors in preconditioners */
 
 struct _p_Ties {
   Constraint constraint;
@@ -21,10 +16,31 @@ struct _p_Ties {
   PetscInt   nblock;              /* largest number of blocks in a row */
   PetscReal *factor;              /* [ntied][nr][nr] L of the own ones */
   PetscReal *slots;               /* [count][nr] work */
-  Mat        mat[2];              /* STIFF, MASS */
-  KSP        ksp[2];
+  Mat        mat;                 /* of the masses */
+  KSP        ksp;
   Vec        b, x;
 };
+
+/* By factors; on several ranks the ties of a rank's own bodies so, and those across ranks by CG with one reduction an
+   iteration */
+static PetscErrorCode create_solver(KSP *ksp)
+{
+  PC          pc;
+  PetscMPIInt size;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
+  PetscCall(KSPCreate(PETSC_COMM_WORLD, ksp));
+  PetscCall(KSPSetOptionsPrefix(*ksp, "flow_ties_"));
+  PetscCall(KSPGetPC(*ksp, &pc));
+  PetscCall(PCSetType(pc, size == 1 ? PCLU : PCBJACOBI));
+  PetscCall(KSPSetType(*ksp, size == 1 ? KSPPREONLY : KSPCG));
+  if (size > 1) PetscCall(KSPSetNormType(*ksp, KSP_NORM_NATURAL));
+  if (size > 1) PetscCall(KSPCGUseSingleReduction(*ksp, PETSC_TRUE));
+  PetscCall(KSPSetTolerances(*ksp, AS_EXACT, 0, PETSC_DEFAULT, PETSC_DEFAULT));
+  PetscCall(KSPSetFromOptions(*ksp));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
 
 PetscErrorCode TiesCreate(Constraint constraint, Ties *ties)
 {
@@ -35,17 +51,16 @@ PetscErrorCode TiesCreate(Constraint constraint, Ties *ties)
   t->constraint = constraint;
   PetscCall(PetscMalloc4(constraint->room, &t->number, constraint->count, &t->tied, constraint->count * constraint->nr * constraint->nr, &t->factor,
                          constraint->count * constraint->nr, &t->slots));
+  PetscCall(create_solver(&t->ksp));
   *ties = t;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode forget_systems(Ties t)
+static PetscErrorCode forget_system(Ties t)
 {
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < 2; i++) {
-    PetscCall(MatDestroy(&t->mat[i]));
-    PetscCall(KSPDestroy(&t->ksp[i]));
-  }
+  PetscCall(KSPReset(t->ksp));
+  PetscCall(MatDestroy(&t->mat));
   PetscCall(VecDestroy(&t->b));
   PetscCall(VecDestroy(&t->x));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -55,7 +70,8 @@ PetscErrorCode TiesDestroy(Ties *ties)
 {
   PetscFunctionBeginUser;
   if (!*ties) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(forget_systems(*ties));
+  PetscCall(forget_system(*ties));
+  PetscCall(KSPDestroy(&(*ties)->ksp));
   PetscCall(PetscFree((*ties)->tie));
   PetscCall(PetscFree4((*ties)->number, (*ties)->tied, (*ties)->factor, (*ties)->slots));
   PetscCall(PetscFree(*ties));
@@ -121,7 +137,7 @@ PetscErrorCode TiesSet(Ties t, PetscInt n, const BodyTie tie[])
   PetscMPIInt rank;
 
   PetscFunctionBeginUser;
-  PetscCall(forget_systems(t));
+  PetscCall(forget_system(t));
   PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
   t->n = 0;
   PetscCall(RoomFor(n, &t->room, &t->tie, sizeof(*t->tie), NULL));
@@ -225,32 +241,10 @@ PetscErrorCode TiesCreateMat(Ties t, Mat *mat)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* ---- systems of the tied bodies ---- */
+/* ---- the blocks of bodies ---- */
 
-static PetscErrorCode create_system(Ties t, PetscInt which)
-{
-  static const char *const prefix[] = {"flow_ties_stiff_", "flow_ties_mass_"};
-  const PetscInt           nr = t->constraint->nr, n = t->ntied * nr, most = t->nblock * nr;
-  PC                       pc;
-  PetscMPIInt              size;
-
-  PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
-  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, n, n, PETSC_DETERMINE, PETSC_DETERMINE, most, NULL, most, NULL, &t->mat[which]));
-  PetscCall(MatSetOption(t->mat[which], MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
-  if (!t->b) PetscCall(MatCreateVecs(t->mat[which], &t->x, &t->b));
-  PetscCall(KSPCreate(PETSC_COMM_WORLD, &t->ksp[which]));
-  PetscCall(KSPSetOptionsPrefix(t->ksp[which], prefix[which]));
-  PetscCall(KSPGetPC(t->ksp[which], &pc));
-  PetscCall(KSPSetType(t->ksp[which], size == 1 ? KSPPREONLY : which == MASS ? KSPCG : KSPBCGS));
-  PetscCall(PCSetType(pc, size == 1 ? PCLU : PCBJACOBI));
-  PetscCall(KSPSetTolerances(t->ksp[which], AS_EXACT, 0, PETSC_DEFAULT, PETSC_DEFAULT));
-  PetscCall(KSPSetFromOptions(t->ksp[which]));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* The block of an own body in the units of its slots; identity where it is known */
-static void get_block(Constraint c, PetscInt k, const PetscReal inverse[], PetscReal block[])
+/* The block of an own body with what the ties add to it; identity where it is known */
+static void get_block(Constraint c, PetscInt k, const PetscReal inverse[], const PetscReal added[], PetscReal block[])
 {
   PetscReal M[36];
 
@@ -260,10 +254,40 @@ static void get_block(Constraint c, PetscInt k, const PetscReal inverse[], Petsc
     M[e] = (c->unknown[k] >> i) & 1 && (c->unknown[k] >> j) & 1 ? inverse[e] : (PetscReal)(i == j);
   }
   DenseInvert(c->nr, M, block);
-  for (PetscInt e = 0; e < c->nr * c->nr; e++) block[e] *= ConstraintSlotUnit(c, k, e / c->nr) * ConstraintSlotUnit(c, k, e % c->nr);
+  for (PetscInt e = 0; e < c->nr * c->nr; e++) block[e] += added[e];
 }
 
-/* The ties of a rank's own bodies are solved for at once; those across ranks take iterations */
+static PetscErrorCode stiffen_blocks(Ties t, PetscReal inverse[])
+{
+  Constraint     c  = t->constraint;
+  const PetscInt nr = c->nr, nn = nr * nr;
+  PetscReal     *sum, *own;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc2(c->nbodies * nn, &sum, c->count * nn, &own));
+  for (PetscInt i = 0; i < 2 * t->n; i++) {
+    const BodyTie   *tie = &t->tie[i / 2];
+    const PetscReal *row = tie->row[i % 2];
+
+    for (PetscInt e = 0; e < nn && tie->body[i % 2] >= 0; e++) sum[tie->body[i % 2] * nn + e] += tie->stiffness * row[e / nr] * row[e % nr];
+  }
+  PetscCall(ConstraintSumRows(c, nn, sum, own));
+  for (PetscInt i = 0; i < t->ntied; i++) {
+    const PetscInt at = t->tied[i] * nn, k = c->own[t->tied[i]];
+    PetscReal      block[36], with[36];
+
+    get_block(c, k, inverse + at, own + at, block);
+    DenseInvert(nr, block, with);
+    for (PetscInt e = 0; e < nn; e++)
+      if ((c->unknown[k] >> e / nr) & 1 && (c->unknown[k] >> e % nr) & 1) inverse[at + e] = with[e];
+  }
+  PetscCall(PetscFree2(sum, own));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- the system of masses ---- */
+
+/* The ties of a rank's own bodies are solved for at once */
 static PetscErrorCode factor_blocks(KSP ksp)
 {
   PetscInt  n;
@@ -283,71 +307,55 @@ static PetscErrorCode factor_blocks(KSP ksp)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* inverse: of the blocks of own bodies, without mass_inverse; with it they are the identity */
-static PetscErrorCode update_system(Ties t, PetscInt which, const PetscReal inverse[], const PetscReal mass_inverse[], PetscReal scale)
+static PetscErrorCode update_masses(Ties t, const PetscReal mass_inverse[], PetscReal scale)
 {
   Constraint     c  = t->constraint;
-  const PetscInt nr = c->nr;
+  const PetscInt nr = c->nr, n = t->ntied * nr, most = t->nblock * nr;
   PetscInt      *column;
 
   PetscFunctionBeginUser;
-  PetscCall(create_system(t, which));
-  for (PetscInt i = 0; i < t->ntied; i++) {
-    PetscReal block[36];
-    PetscInt  row[6];
-
-    for (PetscInt e = 0; e < nr * nr; e++) block[e] = (PetscReal)(e % (nr + 1) == 0);
-    if (inverse) get_block(c, c->own[t->tied[i]], inverse + t->tied[i] * nr * nr, block);
-    for (PetscInt a = 0; a < nr; a++) row[a] = (t->first + i) * nr + a;
-    PetscCall(MatSetValues(t->mat[which], nr, row, nr, row, block, ADD_VALUES));
-  }
+  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, n, n, PETSC_DETERMINE, PETSC_DETERMINE, most, NULL, most, NULL, &t->mat));
+  PetscCall(MatSetOption(t->mat, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
+  PetscCall(MatCreateVecs(t->mat, &t->x, &t->b));
+  for (PetscInt row = t->first * nr; row < t->first * nr + n; row++) PetscCall(MatSetValue(t->mat, row, row, 1, ADD_VALUES));
   PetscCall(PetscMalloc1(c->nbodies, &column));
   for (PetscInt k = 0; k < c->nbodies; k++) column[k] = t->number[k] * nr;
-  PetscCall(add_ties(t, column, mass_inverse, scale, t->mat[which]));
+  PetscCall(add_ties(t, column, mass_inverse, scale, t->mat));
   PetscCall(PetscFree(column));
-  PetscCall(MatAssemblyBegin(t->mat[which], MAT_FINAL_ASSEMBLY));
-  PetscCall(MatAssemblyEnd(t->mat[which], MAT_FINAL_ASSEMBLY));
-  PetscCall(KSPSetOperators(t->ksp[which], t->mat[which], t->mat[which]));
-  PetscCall(KSPSetUp(t->ksp[which]));
-  PetscCall(factor_blocks(t->ksp[which]));
+  PetscCall(MatAssemblyBegin(t->mat, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(t->mat, MAT_FINAL_ASSEMBLY));
+  PetscCall(KSPSetOperators(t->ksp, t->mat, t->mat));
+  PetscCall(KSPSetUp(t->ksp));
+  PetscCall(factor_blocks(t->ksp));
+  for (PetscInt i = 0; i < t->ntied; i++) DenseFactor(nr, mass_inverse + c->own[t->tied[i]] * nr * nr, t->factor + i * nr * nr);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode TiesUpdate(Ties t, const PetscReal inverse[], const PetscReal mass_inverse[], PetscReal scale)
+PetscErrorCode TiesUpdate(Ties t, PetscReal inverse[], const PetscReal mass_inverse[], PetscReal scale)
 {
-  const PetscInt nr = t->constraint->nr;
-
   PetscFunctionBeginUser;
   if (!t->any) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(forget_systems(t));
-  PetscCall(update_system(t, STIFF, inverse, NULL, 1));
-  PetscCall(update_system(t, MASS, NULL, mass_inverse, scale));
-  for (PetscInt i = 0; i < t->ntied; i++) DenseFactor(nr, mass_inverse + t->constraint->own[t->tied[i]] * nr * nr, t->factor + i * nr * nr);
+  PetscCall(forget_system(t));
+  PetscCall(stiffen_blocks(t, inverse));
+  PetscCall(update_masses(t, mass_inverse, scale));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Of tied own bodies, slots [count][nr] */
-static PetscErrorCode solve_system(Ties t, PetscInt which, const PetscReal x[], PetscReal y[])
+/* Q of tied own bodies, in place in their slots [count][nr] */
+static PetscErrorCode solve_masses(Ties t, PetscReal slots[])
 {
   const PetscInt   nr = t->constraint->nr;
   PetscReal       *b;
-  const PetscReal *z;
+  const PetscReal *x;
 
   PetscFunctionBeginUser;
   PetscCall(VecGetArrayWrite(t->b, &b));
-  for (PetscInt i = 0; i < t->ntied; i++) PetscCall(PetscArraycpy(b + i * nr, x + t->tied[i] * nr, nr));
+  for (PetscInt i = 0; i < t->ntied; i++) PetscCall(PetscArraycpy(b + i * nr, slots + t->tied[i] * nr, nr));
   PetscCall(VecRestoreArrayWrite(t->b, &b));
-  PetscCall(KSPSolve(t->ksp[which], t->b, t->x));
-  PetscCall(VecGetArrayRead(t->x, &z));
-  for (PetscInt i = 0; i < t->ntied; i++) PetscCall(PetscArraycpy(y + t->tied[i] * nr, z + i * nr, nr));
-  PetscCall(VecRestoreArrayRead(t->x, &z));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode TiesSolveStiff(Ties t, const PetscReal x[], PetscReal y[])
-{
-  PetscFunctionBeginUser;
-  if (t->any) PetscCall(solve_system(t, STIFF, x, y));
+  PetscCall(KSPSolve(t->ksp, t->b, t->x));
+  PetscCall(VecGetArrayRead(t->x, &x));
+  for (PetscInt i = 0; i < t->ntied; i++) PetscCall(PetscArraycpy(slots + t->tied[i] * nr, x + i * nr, nr));
+  PetscCall(VecRestoreArrayRead(t->x, &x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -364,7 +372,7 @@ PetscErrorCode TiesSolveMass(Ties t, const PetscReal x[], PetscReal y[])
     for (PetscInt a = 0; a < nr; a++) force[a] = x[t->tied[i] * nr + a] / ConstraintSlotUnit(c, c->own[t->tied[i]], a);
     times_factor(nr, t->factor + i * nr * nr, PETSC_TRUE, force, t->slots + t->tied[i] * nr);
   }
-  PetscCall(solve_system(t, MASS, t->slots, t->slots));
+  PetscCall(solve_masses(t, t->slots));
   for (PetscInt i = 0; i < t->ntied; i++) {
     PetscReal *u = y + t->tied[i] * nr;
 
@@ -382,7 +390,7 @@ PetscErrorCode TiesFilter(Ties t, PetscReal z[])
   PetscFunctionBeginUser;
   if (!t->any) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt i = 0; i < t->ntied; i++) PetscCall(PetscArraycpy(t->slots + t->tied[i] * nr, z + c->local_index[c->own[t->tied[i]]] * nr, nr));
-  PetscCall(solve_system(t, MASS, t->slots, t->slots));
+  PetscCall(solve_masses(t, t->slots));
   PetscCall(PetscSFBcastBegin(c->rigid_sf, c->rigid_type, t->slots, c->packed, MPI_REPLACE));
   PetscCall(PetscSFBcastEnd(c->rigid_sf, c->rigid_type, t->slots, c->packed, MPI_REPLACE));
   for (PetscInt l = 0; l < c->nlocal; l++)

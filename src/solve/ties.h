@@ -1,7 +1,9 @@
 /* Ties: linear forces between bodies (BodyTie, solve/system.h) in the operators of the system, and in what approximates
-   their inverses. A tie makes two bodies move as one along it where it is stiff, which blocks of single bodies do not
-   know: so the blocks of all tied bodies are solved as one sparse system with the ties in it, small beside that of the
-   flow: factorised, on several ranks iterated over the factors of each (options flow_ties_stiff_, flow_ties_mass_). */
+   their inverses. The blocks of single bodies in the velocity operator get the ties' parts on the diagonal: more, such
+   as the system of all tied bodies there, takes as many iterations and hides motions of whole chains from the tests
+   that end them (runs/studies/contact). In the pressure, where a tie makes two bodies move as one along it, the masses
+   of the tied bodies are one sparse system with the ties in it, small beside that of the flow: factorised, on several
+   ranks iterated over the factors of each (options flow_ties_). */
 #pragma once
 #include "projection.h"
 #include "solve/system.h"
@@ -17,14 +19,12 @@ PetscBool TiesAny(Ties);
 /* out += N R N^T U, with the rigid velocities U of the bodies known here and what to deliver to them in the local
    numbers of the constraint [nlocal][nr], in the units of the scene. Local. */
 void TiesMultAdd(Ties, const PetscReal U[], PetscReal out[]);
-/* The systems of the tied bodies. Stiff: inverse [nown][nr][nr] of the blocks of own bodies in the velocity operator.
-   Mass: mass_inverse [nbodies][nr][nr] of M_r/scale; with factors L of that, L L^T, the system is Q^{-1} = 1 + L^T N R
-   N^T L/scale, and (M_r + N R N^T)^{-1} = L Q L^T/scale. Blocks in the units of the scene; those of known degrees of
-   freedom are ignored. Collective. */
-PetscErrorCode TiesUpdate(Ties, const PetscReal inverse[], const PetscReal mass_inverse[], PetscReal scale);
-/* Of tied own bodies, from and to the slots: y = block^{-1} x with the ties in the block; y = L Q L^T x. The others' y
-   stay. Collective. */
-PetscErrorCode TiesSolveStiff(Ties, const PetscReal x[], PetscReal y[]);
+/* Adds the ties to the blocks of own bodies in the velocity operator, of which inverse [nown][nr][nr] is what the name
+   says, and makes the system of masses: mass_inverse [nbodies][nr][nr] of M_r/scale; with factors L of that, L L^T, the
+   system is Q^{-1} = 1 + L^T N R N^T L/scale, and (M_r + N R N^T)^{-1} = L Q L^T/scale. Blocks in the units of the
+   scene; those of known degrees of freedom are left. Collective. */
+PetscErrorCode TiesUpdate(Ties, PetscReal inverse[], const PetscReal mass_inverse[], PetscReal scale);
+/* Of tied own bodies, from and to the slots: y = L Q L^T x. The others' y stay. Collective. */
 PetscErrorCode TiesSolveMass(Ties, const PetscReal x[], PetscReal y[]);
 /* z = Q z, z [nlocal][nr] by the local numbers of the constraint, the same on all ranks that know a body.
    Collective. */
