@@ -4,7 +4,7 @@
 #include "bodies/local.h"
 
 #define CHUNK      256
-#define ON_SURFACE 1e-9 /* of a cell, the distance at which a node counts as inside, whatever the last bit of its place */
+#define ON_SURFACE 1e-9 /* of a cell, distance of a node that counts as inside, whatever the last bit of its place */
 
 struct _p_Indicator {
   Mesh             mesh;
