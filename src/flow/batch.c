@@ -6,8 +6,8 @@
    by rows), convection, divergence. Quadrature weights are in all but the first two of boxes. */
 #include "compat.h"
 #include "batch.h"
+#include "base/inline.h"
 
-#define INLINE       static inline __attribute__((always_inline))
 #define NPOINT(dim)  ((dim) == 2 ? 9 : 27)
 #define NTENSOR(dim) ((dim) * ((dim) + 1) / 2)
 

@@ -2,9 +2,8 @@
 #include "compat.h"
 #include "impl.h"
 #include "project.h"
+#include "base/inline.h"
 #include "base/log.h"
-
-#define INLINE static inline __attribute__((always_inline)) /* the dimensions become constants */
 
 #define COURANT  0.5  /* largest way in a substep in distances of nodes, summed over the axes of the cell */
 #define RATE     0.7  /* largest change of psi in a substep by its own rates */

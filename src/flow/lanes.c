@@ -1,8 +1,7 @@
 /* Lanes: see lanes.h */
 #include "compat.h"
 #include "lanes.h"
-
-#define INLINE static inline __attribute__((always_inline))
+#include "base/inline.h"
 
 /* Edges along the axes: nothing beside the diagonal of the inverse Jacobian but round-off of coordinates, which counts
    as it does where cells are found affine */

@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "mesh/element.h"
 #include "base/algebra.h"
+#include "base/inline.h"
 #include <petscfe.h>
 
 /* ---- tables ---- */
@@ -135,8 +136,6 @@ void ElementGradients(const ElementTables *t, const ElementMetric *m, PetscInt q
 }
 
 /* ---- operator ---- */
-
-#define INLINE static inline __attribute__((always_inline))
 
 /* g [nq][nbp] += weight (w . grad phi_j + skew div w phi_j) */
 INLINE void add_convection(const int dim, const int nb, const int nbp, const int nq, const ElementTables *restrict t, const ElementMetric *restrict m,

@@ -3,6 +3,7 @@
 #include "compat.h"
 #include "blockgs.h"
 #include "base/algebra.h"
+#include "base/inline.h"
 #include "rowpool.h"
 
 #define MAX_NK   4
@@ -32,8 +33,6 @@ typedef struct {
   PetscReal *w, *t;   /* [nw][nk][nr]; [nt] W^T x, nr numbers for every block column */
   PetscReal *factor;  /* [ncolumn] what a sweep multiplies the column's part by: ranks that sweep it at the same time */
 } BlockGS;
-
-#define INLINE static inline __attribute__((always_inline))
 
 INLINE wide load_column(const float *v)
 {

@@ -1,8 +1,7 @@
 /* PenaltyTerm: see penaltyterm.h. */
 #include "compat.h"
 #include "impl.h"
-
-#define INLINE static inline __attribute__((always_inline))
+#include "base/inline.h"
 
 INLINE void get_block(const PetscInt dim, const PetscInt nr, const PetscReal *restrict g, PetscReal *restrict G)
 {

@@ -4,6 +4,7 @@
 #include "pressureimpl.h"
 #include "blockgs.h"
 #include "base/algebra.h"
+#include "base/inline.h"
 
 /* Block C = eps_shared B_c M_c^{-1} B_c^T of one cell over its constrained nodes */
 static PetscErrorCode shared_block(Pressure p, const PetscInt fixed[], PetscInt c, PetscReal block[])
@@ -207,8 +208,7 @@ PetscErrorCode PressureFindCut(Pressure p, const PetscReal share[], const PetscR
 }
 
 /* t += W^T x and y += W t, entry by entry of W, with dimensions as constants */
-static inline __attribute__((always_inline)) void gather_bodies(const PetscInt nk, const PetscInt nr, Pressure p, const PetscReal *restrict x,
-                                                                PetscReal *restrict t)
+INLINE void gather_bodies(const PetscInt nk, const PetscInt nr, Pressure p, const PetscReal *restrict x, PetscReal *restrict t)
 {
   for (PetscInt i = 0; i < p->ncut; i++) {
     const PetscReal *w = p->cut_w + i * nk * nr, *xi = x + p->cut_cell[i] * nk;
@@ -219,8 +219,7 @@ static inline __attribute__((always_inline)) void gather_bodies(const PetscInt n
   }
 }
 
-static inline __attribute__((always_inline)) void spread_bodies(const PetscInt nk, const PetscInt nr, Pressure p, const PetscReal *restrict t,
-                                                                PetscReal *restrict y)
+INLINE void spread_bodies(const PetscInt nk, const PetscInt nr, Pressure p, const PetscReal *restrict t, PetscReal *restrict y)
 {
   for (PetscInt i = 0; i < p->ncut; i++) {
     const PetscReal *w = p->cut_w + i * nk * nr, *ti = t + p->cut_local[i] * nr;

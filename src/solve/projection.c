@@ -2,8 +2,7 @@
    holds their slots and the ranks whose nodes follow them through a PetscSF. */
 #include "compat.h"
 #include "projection.h"
-
-#define INLINE static inline __attribute__((always_inline))
+#include "base/inline.h"
 
 PetscErrorCode ConstraintFetchRigid(Constraint c, const PetscReal rigid[])
 {

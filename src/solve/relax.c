@@ -1,8 +1,7 @@
 /* Relax: see relax.h. The kernels take the dimension as a constant, so that the loop over components disappears. */
 #include "compat.h"
 #include "relax.h"
-
-#define INLINE static inline __attribute__((always_inline))
+#include "base/inline.h"
 
 /* The rank's own part of the matrix as compressed rows */
 typedef struct {
