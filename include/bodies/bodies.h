@@ -114,6 +114,28 @@ static inline const BodyGroup *BodiesGetGroup(BodyState *s, PetscInt k)
   return &s->group[s->body_group[k]];
 }
 
+/* The known body with that permanent number, -1: this rank does not know it */
+static inline PetscInt BodiesFind(BodyState *s, PetscInt number)
+{
+  PetscInt from = 0, to = s->n;
+
+  while (to - from > 1) {
+    const PetscInt middle = (from + to) / 2;
+
+    if (s->number[middle] <= number) from = middle;
+    else to = middle;
+  }
+  return to > from && s->number[from] == number ? from : -1;
+}
+
+/* The same among those that this rank owns */
+static inline PetscInt BodiesFindOwn(BodyState *s, PetscInt number)
+{
+  const PetscInt k = BodiesFind(s, number);
+
+  return k >= 0 && s->own[k] ? k : -1;
+}
+
 /* Bounding radius of body k about its centroid; its radius if it is a disc or sphere, else 0; its volume (area). */
 static inline PetscReal BodiesGetRadius(BodyState *s, PetscInt k)
 {

@@ -96,8 +96,10 @@ PetscErrorCode CoupleGetSolution(Couple, const PetscReal *u[], const PetscReal *
    of the step, for solvers of their own. Any may be NULL. */
 PetscErrorCode CoupleGetSystem(Couple, PetscReal *u[], PetscReal *p[], PetscReal *U[], PetscReal *rhs[],
                                PetscReal *g[]);
-/* Both forms of force and torque on body k, whatever -couple_force says. Collective. */
-PetscErrorCode CoupleForceForms(Couple, PetscInt k, PetscReal residual[6], PetscReal volume[6]);
+/* Both forms of force and torque on the body with this permanent number, whatever -couple_force says, and (NULL: not)
+   the force that the step has. The same on all ranks. Collective. */
+PetscErrorCode CoupleForceForms(Couple, PetscInt number, PetscReal force[3], PetscReal residual[6],
+                                PetscReal volume[6]);
 /* Forget what the solver carries from step to step, as a restart does: all depends on the state alone. Collective. */
 PetscErrorCode CoupleRenewSolver(Couple);
 /* Around a change of cells (mesh/carry.h): Leave before the mesh is made anew, Remesh when it is and the flow knows

@@ -85,6 +85,8 @@ PetscErrorCode MeshGetComm(Mesh, MPI_Comm *);
 /* Boundaries: names such as left right bottom top back front (box) or the physical names of a Gmsh file. */
 PetscErrorCode MeshGetBoundaryCount(Mesh, PetscInt *n);
 PetscErrorCode MeshGetBoundaryName(Mesh, PetscInt b, const char **name);
+/* That of a name, -1: none */
+PetscErrorCode MeshFindBoundary(Mesh, const char name[], PetscInt *b);
 /* Local nodes (own and ghost) on boundary b. */
 PetscErrorCode MeshGetBoundaryNodes(Mesh, PetscInt b, PetscInt *n, const PetscInt *nodes[]);
 

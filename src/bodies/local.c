@@ -5,8 +5,9 @@
 #include "base/domain.h"
 #include "base/log.h"
 #include "base/room.h"
+#include "base/rowtype.h"
 
-#define LARGE 0.25 /* radius by the width of the narrowest part, beyond which a body is known to all ranks */
+#define LARGE 0.25 /* radius by the width of a part, beyond which a body is known to all ranks */
 
 /* A body that is large: its place, how far its centre keeps others away, its owner */
 typedef struct {
@@ -110,30 +111,41 @@ static PetscErrorCode go_near(const BodyParts *p, PetscInt k, const PetscReal x[
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Radius beyond which a body is known to all ranks: by the narrowest part, those of a mesh by their mean */
+static PetscReal find_large(const BodyParts *p)
+{
+  PetscReal least = PETSC_MAX_REAL, mean = 1. / p->size;
+
+  for (PetscInt a = 0; a < p->dim; a++) {
+    mean *= p->upper[a] - p->lower[a];
+    for (PetscInt i = 0; i < p->n[a] && p->n[a] > 1 && !p->nbox; i++) least = PetscMin(least, p->cut[a][i + 1] - p->cut[a][i]);
+  }
+  return LARGE * (p->nbox ? PetscPowReal(mean, 1. / p->dim) : least);
+}
+
 static PetscErrorCode choose_ghosts(Bodies b, PetscReal range, PetscReal skin, Going *g)
 {
-  const BodyParts *p      = b->parts;
-  BodyState       *s      = &b->view;
-  PetscReal        narrow = PETSC_MAX_REAL, ordinary = 0;
+  const BodyParts *p        = b->parts;
+  BodyState       *s        = &b->view;
+  const PetscReal  large    = find_large(p);
+  PetscReal        ordinary = 0;
   PetscInt         nlarge;
   Large           *list;
 
   PetscFunctionBeginUser;
-  for (PetscInt a = 0; a < p->dim && !p->nbox; a++)
-    for (PetscInt i = 0; i < p->n[a] && p->n[a] > 1; i++) narrow = PetscMin(narrow, LARGE * (p->cut[a][i + 1] - p->cut[a][i]));
-  PetscCall(list_large(b, range, skin, narrow, &nlarge, &list));
+  PetscCall(list_large(b, range, skin, large, &nlarge, &list));
   for (PetscInt k = 0; k < s->n; k++) {
     const PetscReal r = BodiesGetRadius(s, k);
 
-    if (r <= narrow) ordinary = PetscMax(ordinary, r);
+    if (r <= large) ordinary = PetscMax(ordinary, r);
   }
   PetscCall(BodiesMax(b, 1, &ordinary));
   for (PetscInt k = 0; k < s->n; k++) {
     const PetscReal r = BodiesGetRadius(s, k);
 
     if (s->gone[k] && !p->nbox) continue; /* a flow may still see where they were last */
-    for (PetscMPIInt rank = 0; rank < p->size && r > narrow; rank++) PetscCall(go(g, k, rank, p->rank));
-    if (r > narrow) continue;
+    for (PetscMPIInt rank = 0; rank < p->size && r > large; rank++) PetscCall(go(g, k, rank, p->rank));
+    if (r > large) continue;
     PetscCall(go_near(p, k, s->x[k], range + skin * (r + ordinary), g));
     for (PetscInt i = 0; i < nlarge; i++) {
       PetscReal d[3] = {0, 0, 0};
@@ -233,11 +245,10 @@ PetscErrorCode BodiesUpdateGhosts(Bodies b, PetscInt width, void *v)
   PetscFunctionBeginUser;
   if (!p || !p->ghosts) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogEventBegin(TB_SYNC, 0, 0, 0, 0));
-  PetscCallMPI(MPI_Type_contiguous((PetscMPIInt)width, MPIU_REAL, &unit));
-  PetscCallMPI(MPI_Type_commit(&unit));
+  PetscCall(RowTypeCreate(width, &unit));
   PetscCall(PetscSFBcastBegin(p->ghosts, unit, v, v, MPI_REPLACE));
   PetscCall(PetscSFBcastEnd(p->ghosts, unit, v, v, MPI_REPLACE));
-  PetscCallMPI(MPI_Type_free(&unit));
+  PetscCall(RowTypeDestroy(&unit));
   PetscCall(PetscLogEventEnd(TB_SYNC, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -248,14 +259,14 @@ PetscErrorCode BodiesSumKnown(Bodies b, PetscInt width, PetscReal v[])
   MPI_Datatype unit;
 
   PetscFunctionBeginUser;
+  if (!p) PetscCall(MPIU_Allreduce(MPI_IN_PLACE, v, (PetscMPIInt)(width * b->state.n), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   if (!p || !p->ghosts) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCallMPI(MPI_Type_contiguous((PetscMPIInt)width, MPIU_REAL, &unit));
-  PetscCallMPI(MPI_Type_commit(&unit));
+  PetscCall(RowTypeCreate(width, &unit));
   PetscCall(PetscSFReduceBegin(p->ghosts, unit, v, v, MPIU_SUM));
   PetscCall(PetscSFReduceEnd(p->ghosts, unit, v, v, MPIU_SUM));
   PetscCall(PetscSFBcastBegin(p->ghosts, unit, v, v, MPI_REPLACE));
   PetscCall(PetscSFBcastEnd(p->ghosts, unit, v, v, MPI_REPLACE));
-  PetscCallMPI(MPI_Type_free(&unit));
+  PetscCall(RowTypeDestroy(&unit));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

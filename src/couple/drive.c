@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "drive.h"
 #include "base/opt.h"
+#include "bodies/local.h"
 #include "bodies/mass.h"
 #include "impl.h"
 
@@ -36,7 +37,7 @@ static PetscErrorCode read_backflow(Couple c, PetscInt *backflow, PetscInt *axes
   PetscFunctionBeginUser;
   *backflow = NONE;
   *axes     = 0;
-  if (!c->s->n) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!c->s->nall) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(OptChoice("-couple_backflow", BACKFLOWS, backflow));
   if (*backflow == NONE) PetscFunctionReturn(PETSC_SUCCESS);
   *axes = find_axes(c);
@@ -72,7 +73,7 @@ PetscErrorCode DriveCreate(Couple c, Drive *drive)
     if (!((d->out.held >> a) & 1)) continue;
     d->rate[a]              = (c->par->held >> a) & 1 ? c->par->rate[a] : 0;
     d->held.axis[d->held.n] = a;
-    PetscCall(PetscCalloc1(c->s->n * c->nr, &d->held.rigid[d->held.n]));
+    PetscCall(BodiesAttachWork(c->bodies, (size_t)c->nr * sizeof(PetscReal), (void **)&d->held.rigid[d->held.n]));
     d->held.n++;
   }
   *drive = d;
@@ -83,7 +84,7 @@ PetscErrorCode DriveDestroy(Drive *drive)
 {
   PetscFunctionBeginUser;
   if (!*drive) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt i = 0; i < 3; i++) PetscCall(PetscFree((*drive)->held.rigid[i]));
+  for (PetscInt i = 0; i < 3; i++) PetscCall(BodiesDetach((*drive)->c->bodies, (void **)&(*drive)->held.rigid[i]));
   PetscCall(PetscFree(*drive));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -100,7 +101,7 @@ static PetscErrorCode weigh(Drive d)
 {
   const Couple     c = d->c;
   const PetscReal *m;
-  PetscReal        volume = 0;
+  PetscReal        volume = 0, hollow = 0;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetLumpedMass(c->flow, &m));
@@ -111,10 +112,11 @@ static PetscErrorCode weigh(Drive d)
     PetscReal weight[3][6];
 
     PetscCall(CoupleHollowWeights(c, k, weight));
-    if (c->hollow && c->hollow[k] && !c->s->gone[k]) volume += BodiesVolume(c->s, k);
+    if (c->hollow && c->hollow[k] && c->s->own[k] && !c->s->gone[k]) hollow += BodiesVolume(c->s, k);
     for (PetscInt i = 0; i < d->held.n; i++) PetscCall(PetscArraycpy(d->held.rigid[i] + k * c->nr, weight[d->held.axis[i]], c->nr));
   }
-  d->volume = volume;
+  PetscCall(BodiesSum(c->bodies, 1, &hollow));
+  d->volume = volume + hollow;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -132,6 +134,7 @@ static PetscErrorCode sum_loads(Couple c, PetscReal load[3], PetscReal size[3])
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscReal force[3], torque[3];
 
+    if (!c->s->own[k]) continue;
     PetscCall(BodiesGetLoad(c->bodies, k, c->par->density, c->par->gravity, force, torque));
     for (PetscInt a = 0; a < c->loc->dim; a++) {
       if (!is_carried(c, k, a)) continue;
@@ -139,6 +142,8 @@ static PetscErrorCode sum_loads(Couple c, PetscReal load[3], PetscReal size[3])
       size[a] += PetscAbsReal(force[a]);
     }
   }
+  PetscCall(BodiesSum(c->bodies, 3, load));
+  PetscCall(BodiesSum(c->bodies, 3, size));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -195,11 +200,12 @@ static PetscErrorCode measure_force(Drive d, const CoupleBalance *b, PetscReal n
   const Couple c = d->c;
 
   PetscFunctionBeginUser;
-  for (PetscInt a = 0; a < 3; a++) net[a] = b->fluid[a] - b->walls[a] - b->openings[a];
+  for (PetscInt a = 0; a < 3; a++) net[a] = 0;
   for (PetscInt k = 0; k < c->s->n; k++) {
     const PetscReal excess = c->s->density[k] - CoupleInnerDensity(c, k, c->par);
     PetscReal       inertia[3], push[3], dead[6], weight[3][6];
 
+    if (!c->s->own[k]) continue;
     PetscCall(CoupleBodyPush(c, k, inertia, push));
     PetscCall(CoupleDeadForce(c, k, c->par, dead)); /* the uniform force on a body that is held counts as if on fluid */
     PetscCall(CoupleHollowWeights(c, k, weight));
@@ -208,7 +214,8 @@ static PetscErrorCode measure_force(Drive d, const CoupleBalance *b, PetscReal n
       net[a] -= dead[a] - weight[a][a] * d->force[a];
     }
   }
-  for (PetscInt a = 0; a < c->loc->dim; a++) net[a] -= b->volume[a] - d->fluid * d->force[a];
+  PetscCall(BodiesSum(c->bodies, 3, net));
+  for (PetscInt a = 0; a < c->loc->dim; a++) net[a] += b->fluid[a] - b->walls[a] - b->openings[a] - (b->volume[a] - d->fluid * d->force[a]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

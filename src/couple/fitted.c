@@ -23,24 +23,6 @@ struct _p_Fitted {
 
 /* ---- set-up ---- */
 
-static PetscErrorCode find_boundary(Mesh mesh, const char name[], PetscInt *boundary)
-{
-  PetscInt n;
-
-  PetscFunctionBeginUser;
-  *boundary = -1;
-  PetscCall(MeshGetBoundaryCount(mesh, &n));
-  for (PetscInt b = 0; b < n; b++) {
-    const char *other;
-    PetscBool   same;
-
-    PetscCall(MeshGetBoundaryName(mesh, b, &other));
-    PetscCall(PetscStrcmp(name, other, &same));
-    if (same) *boundary = b;
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode check_surface(Fitted h, const BodyGroup *g, const Surface *s)
 {
   const PetscInt dim   = h->loc->dim;
@@ -112,7 +94,7 @@ PetscErrorCode FittedCreate(Flow flow, Bodies bodies, Fitted *hole)
   for (PetscInt g = 0; g < h->s->ngroups; g++) {
     PetscInt boundary;
 
-    PetscCall(find_boundary(h->mesh, h->s->group[g].name, &boundary));
+    PetscCall(MeshFindBoundary(h->mesh, h->s->group[g].name, &boundary));
     if (boundary >= 0) PetscCall(add_surface(h, h->s->group + g, boundary));
   }
   *hole = h;

@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "couple/follow.h"
 #include "base/algebra.h"
+#include "bodies/local.h"
 #include "mesh/element.h"
 
 /* Integrals over what lies in the body, r from its centre: 1, r, u, r x u, r^2 1 - r r (xx yy zz xy xz yz) */
@@ -129,9 +130,9 @@ static PetscErrorCode set_motion(Bodies bodies, PetscInt k, const Fluid *f)
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(bodies, &s));
-  PetscCheck(f->volume > 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(f->volume > 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-particle_%s_start fluid: the mesh has no point in body %" PetscInt_FMT ": refine it, or give the velocities",
-             BodiesGetGroup(s, k)->name, k);
+             BodiesGetGroup(s, k)->name, s->number[k]);
   fit_motion(s->dim, f, u, w);
   for (PetscInt a = 0; a < 3; a++) {
     if (!BodiesIsFree(bodies, k, a) || BodiesGetGroup(s, k)->motion.has_pivot) u[a] = s->u[k][a];
@@ -152,6 +153,7 @@ PetscErrorCode FollowFluid(Mesh mesh, Flow flow, Bodies bodies)
 
   PetscFunctionBeginUser;
   PetscCall(MeshGetLocal(mesh, &l));
+  PetscCall(BodiesMigrate(bodies, 0, 1)); /* every rank that a body reaches into is to know it */
   PetscCall(BodiesGetState(bodies, &s));
   PetscCall(FlowGetFields(flow, &u, NULL, NULL));
   PetscCall(PetscCalloc2(l->ncell, &stamp, s->n, &fluid));
@@ -164,7 +166,7 @@ PetscErrorCode FollowFluid(Mesh mesh, Flow flow, Bodies bodies)
   }
   for (PetscInt k = 0; k < s->n; k++)
     if (BodiesGetGroup(s, k)->with_fluid) PetscCall(add_body(mesh, bodies, k, reach, stamp, u, &fluid[k]));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, fluid, (PetscMPIInt)(NFLUID * s->n), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(BodiesSumKnown(bodies, NFLUID, (PetscReal *)fluid));
   for (PetscInt k = 0; k < s->n; k++)
     if (BodiesGetGroup(s, k)->with_fluid) PetscCall(set_motion(bodies, k, &fluid[k]));
   PetscCall(PetscFree2(stamp, fluid));

@@ -6,6 +6,11 @@
 #include "base/log.h"
 #include "bodies/mass.h"
 
+enum {
+  EVERY  = -1,
+  NOBODY = -2
+};
+
 PetscErrorCode CoupleSpinStress(Couple c, PetscInt k, const FlowParameters *par, PetscReal *coefficient)
 {
   PetscFunctionBeginUser;
@@ -50,15 +55,6 @@ PetscErrorCode CoupleHollowWeights(Couple c, PetscInt k, PetscReal weight[3][6])
 
 /* ---- forces ---- */
 
-/* v [n][width]: of the ranks that know a body */
-static PetscErrorCode sum_parts(Couple c, PetscInt width, PetscReal v[])
-{
-  PetscFunctionBeginUser;
-  if (BodiesComm(c->bodies) != PETSC_COMM_SELF) PetscCall(BodiesSumKnown(c->bodies, width, v));
-  else PetscCall(MPIU_Allreduce(MPI_IN_PLACE, v, (PetscMPIInt)(width * c->s->n), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* -sum over the body's nodes of R^T (momentum residual), and the rung's own terms, for all bodies: out [n][nr] */
 static PetscErrorCode sum_residuals(Couple c, PetscReal out[])
 {
@@ -87,7 +83,7 @@ static PetscErrorCode sum_residuals(Couple c, PetscReal out[])
     }
   }
   if (c->terms) PetscCall(PenaltyTermAddForce(c->terms, c->constraint, c->u, c->U, out));
-  PetscCall(sum_parts(c, nr, out));
+  PetscCall(BodiesSumKnown(c->bodies, nr, out));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -107,7 +103,7 @@ static PetscErrorCode add_volume_force(Couple c, PetscInt only, PetscReal (*forc
     const PetscInt k = body[node[e]];
     PetscReal      R[18];
 
-    if (k < 0 || node[e] >= c->loc->nnode || (only >= 0 && k != only)) continue;
+    if (k < 0 || node[e] >= c->loc->nnode || (only != EVERY && k != only)) continue;
     ConstraintRigidAt(c->loc, node[e], c->X[k], R);
     for (PetscInt a = 0; a < dim; a++) {
       const PetscReal share = m[node[e]] * (c->par->force[a] + (source ? source[node[e] * dim + a] : 0));
@@ -146,13 +142,13 @@ static PetscErrorCode add_penalty_force(Couple c, PetscInt only, PetscReal (*for
   PetscCall(PetscCalloc1(c->s->n * c->nr, &held));
   PetscCall(PenaltyTermAddForce(c->terms, c->constraint, c->u, c->U, held));
   for (PetscInt k = 0; k < c->s->n; k++)
-    if (only < 0 || k == only) PetscCall(add_slots(c, k, held + k * c->nr, force[k], torque[k]));
+    if (only == EVERY || k == only) PetscCall(add_slots(c, k, held + k * c->nr, force[k], torque[k]));
   PetscCall(PetscFree(held));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The volume integral -int (sigma . grad alpha_k - alpha_k f) of all bodies (only = -1) or of one, with what the
-   penalty holds, and f on dead insides: force and torque [n][3] */
+/* The volume integral -int (sigma . grad alpha_k - alpha_k f) of all bodies (only = EVERY), of one or of none that this
+   rank knows (NOBODY), with what the penalty holds, and f on dead insides: force and torque [n][3] */
 static PetscErrorCode integrate_stress(Couple c, PetscInt only, PetscReal (*force)[3], PetscReal (*torque)[3])
 {
   const MeshLocal *l = c->loc;
@@ -172,7 +168,7 @@ static PetscErrorCode integrate_stress(Couple c, PetscInt only, PetscReal (*forc
       PetscReal      alpha[MESH_MAX_NB];
       PetscBool      first = PETSC_TRUE, whole = PETSC_TRUE;
 
-      if (k < 0 || (only >= 0 && k != only)) continue;
+      if (k < 0 || (only != EVERY && k != only)) continue;
       for (PetscInt m = 0; m < l->nb; m++) {
         alpha[m] = body[node[m]] == k;
         if (m < j && alpha[m] > 0) first = PETSC_FALSE;
@@ -183,13 +179,13 @@ static PetscErrorCode integrate_stress(Couple c, PetscInt only, PetscReal (*forc
   }
   PetscCall(add_volume_force(c, only, force, torque));
   PetscCall(add_penalty_force(c, only, force, torque));
-  PetscCall(sum_parts(c, 3, (PetscReal *)force));
-  PetscCall(sum_parts(c, 3, (PetscReal *)torque));
+  PetscCall(BodiesSumKnown(c->bodies, 3, (PetscReal *)force));
+  PetscCall(BodiesSumKnown(c->bodies, 3, (PetscReal *)torque));
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscReal dead[6];
 
     PetscCall(CoupleDeadForce(c, k, c->par, dead));
-    for (PetscInt a = 0; a < l->dim && (only < 0 || k == only); a++) force[k][a] += dead[a];
+    for (PetscInt a = 0; a < l->dim && (only == EVERY || k == only); a++) force[k][a] += dead[a];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -247,7 +243,7 @@ PetscErrorCode CoupleForce(Couple c)
   for (PetscInt k = 0; k < c->s->n; k++) known = (PetscBool)(known || c->unknown[k] != (1 << c->nr) - 1);
   PetscCall(BodiesAny(c->bodies, &known));
   if (c->use_volume) {
-    PetscCall(integrate_stress(c, -1, force, torque));
+    PetscCall(integrate_stress(c, EVERY, force, torque));
     PetscCall(FittedForce(c->hole, c->u, c->p, NULL, NULL, force, torque));
   } else {
     if (known) PetscCall(sum_residuals(c, c->residual));
@@ -263,24 +259,34 @@ PetscErrorCode CoupleForce(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode CoupleForceForms(Couple c, PetscInt k, PetscReal residual[6], PetscReal volume[6])
+PetscErrorCode CoupleForceForms(Couple c, PetscInt number, PetscReal force[3], PetscReal residual[6], PetscReal volume[6])
 {
-  PetscReal(*force)[3], (*torque)[3], f[6];
+  const PetscInt known = BodiesFind(c->s, number), k = BodiesFindOwn(c->s, number);
+  PetscReal(*f)[3], (*torque)[3], slots[6], out[15] = {0}; /* of the owner */
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc2(c->s->n, &force, c->s->n, &torque));
-  PetscCall(integrate_stress(c, k, force, torque));
-  PetscCall(FittedForce(c->hole, c->u, c->p, NULL, NULL, force, torque));
-  PetscCall(PetscArraycpy(volume, force[k], 3));
-  PetscCall(PetscArraycpy(volume + 3, torque[k], 3));
+  PetscCall(PetscMalloc2(c->s->n, &f, c->s->n, &torque));
+  PetscCall(integrate_stress(c, known >= 0 ? known : NOBODY, f, torque));
+  PetscCall(FittedForce(c->hole, c->u, c->p, NULL, NULL, f, torque));
+  for (PetscInt a = 0; a < 3 && k >= 0; a++) {
+    out[a]      = c->s->force[k][a];
+    out[9 + a]  = f[k][a];
+    out[12 + a] = torque[k][a];
+  }
   PetscCall(sum_residuals(c, c->residual));
-  PetscCall(residual_force(c, k, f));
-  PetscCall(store_force(c, k, f, force, torque));
-  PetscCall(FittedForce(c->hole, c->u, c->p, force, torque, NULL, NULL));
-  PetscCall(PetscArraycpy(residual, force[k], 3));
-  PetscCall(PetscArraycpy(residual + 3, torque[k], 3));
+  if (k >= 0) PetscCall(residual_force(c, k, slots));
+  if (k >= 0) PetscCall(store_force(c, k, slots, f, torque));
+  PetscCall(FittedForce(c->hole, c->u, c->p, f, torque, NULL, NULL));
+  for (PetscInt a = 0; a < 3 && k >= 0; a++) {
+    out[3 + a] = f[k][a];
+    out[6 + a] = torque[k][a];
+  }
+  PetscCall(BodiesSum(c->bodies, 15, out));
+  if (force) PetscCall(PetscArraycpy(force, out, 3));
+  PetscCall(PetscArraycpy(residual, out + 3, 6));
+  PetscCall(PetscArraycpy(volume, out + 9, 6));
   if (c->loc->dim == 2) residual[2] = residual[3] = residual[4] = 0;
-  PetscCall(PetscFree2(force, torque));
+  PetscCall(PetscFree2(f, torque));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -390,19 +396,20 @@ static PetscErrorCode sum_bodies(Couple c, PetscReal out[3], PetscReal *size)
 /* Mean velocity of fluid and bodies */
 static PetscErrorCode take_mean(Couple c, const FlowDiagnostics *d, PetscReal mean[3])
 {
-  PetscReal sum[3] = {d->velocity[0], d->velocity[1], d->velocity[2]}, all = d->volume;
+  PetscReal inside[4] = {0, 0, 0, 0}; /* of hollow bodies: velocity over volume, volume */
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscReal weight[3][6];
 
-    if (!c->hollow || !c->hollow[k] || c->s->gone[k]) continue; /* else u inside is the body's */
-    all += BodiesVolume(c->s, k);
+    if (!c->hollow || !c->hollow[k] || !c->s->own[k] || c->s->gone[k]) continue; /* else u inside is the body's */
+    inside[3] += BodiesVolume(c->s, k);
     PetscCall(CoupleHollowWeights(c, k, weight));
     for (PetscInt a = 0; a < c->loc->dim; a++)
-      for (PetscInt j = 0; j < c->nr; j++) sum[a] += weight[a][j] * c->U[k * c->nr + j];
+      for (PetscInt j = 0; j < c->nr; j++) inside[a] += weight[a][j] * c->U[k * c->nr + j];
   }
-  for (PetscInt a = 0; a < 3; a++) mean[a] = sum[a] / all;
+  PetscCall(BodiesSum(c->bodies, 4, inside));
+  for (PetscInt a = 0; a < 3; a++) mean[a] = (d->velocity[a] + inside[a]) / (d->volume + inside[3]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

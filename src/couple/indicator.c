@@ -127,20 +127,20 @@ PetscErrorCode IndicatorInside(Indicator m, PetscReal (*X)[3], PetscReal (*q)[4]
 PetscErrorCode IndicatorCheckSeen(Indicator m)
 {
   const MeshLocal *l = m->loc;
-  char            *seen;
+  PetscReal       *seen;
 
   PetscFunctionBeginUser;
   PetscCall(PetscCalloc1(m->s->n, &seen));
   for (PetscInt i = 0; i < m->nnode; i++) seen[m->node_body[m->node[i]]] = 1;
-  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, seen, (PetscMPIInt)m->s->n, MPI_CHAR, MPI_MAX, PETSC_COMM_WORLD));
+  PetscCall(BodiesSumKnown(m->bodies, 1, seen));
   for (PetscInt k = 0; k < m->s->n; k++) {
     const BodyGroup *g = BodiesGetGroup(m->s, k);
 
-    PetscCheck(seen[k] || m->s->gone[k] || g->hole, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+    PetscCheck(seen[k] > 0 || m->s->gone[k] || g->hole, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
                "Body %" PetscInt_FMT
                " (group '%s', at %g,%g) covers no node of the mesh, so the flow does not see it; nodes are half a cell apart, the smallest cell is %g: "
                "refine the mesh (-mesh_cells, -dm_refine), make the body thicker, or use another -couple_boundary than nodal",
-               k, g->name, (double)m->s->x[k][0], (double)m->s->x[k][1], (double)l->h);
+               m->s->number[k], g->name, (double)m->s->x[k][0], (double)m->s->x[k][1], (double)l->h);
   }
   PetscCall(PetscFree(seen));
   PetscFunctionReturn(PETSC_SUCCESS);

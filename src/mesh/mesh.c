@@ -348,6 +348,19 @@ PetscErrorCode MeshGetBoundaryName(Mesh m, PetscInt b, const char **name)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode MeshFindBoundary(Mesh m, const char name[], PetscInt *b)
+{
+  PetscFunctionBeginUser;
+  *b = -1;
+  for (PetscInt i = 0; i < m->nboundary; i++) {
+    PetscBool same;
+
+    PetscCall(PetscStrcmp(name, m->boundary_name[i], &same));
+    if (same) *b = i;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode MeshGetBoundaryNodes(Mesh m, PetscInt b, PetscInt *n, const PetscInt *nodes[])
 {
   PetscFunctionBeginUser;

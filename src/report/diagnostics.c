@@ -22,7 +22,7 @@ static const char *const ELASTIC[]                   = {"elastic_energy", "confo
 static const char *const DEFORM[]                    = {"deform_area_min", "deform_area_max", "deform_jacobian"};
 
 typedef struct {
-  PetscInt  body, column; /* first of its columns */
+  PetscInt  body, column; /* permanent number; first of its columns */
   PetscReal speed, length, scale;
   PetscReal difference, largest; /* of the two forms of the force, over the run */
   char      suffix[72];          /* of the names: "" or _<group> */
@@ -332,11 +332,10 @@ PetscErrorCode DiagnosticsDestroy(Diagnostics *probe)
 
 static PetscErrorCode measure_coefficient(Diagnostics b, Coefficient *c)
 {
-  const PetscReal *force = b->s->force[c->body];
-  PetscReal        residual[6], volume[6], size = 0, difference = 0, *v = b->value + c->column;
+  PetscReal force[3], residual[6], volume[6], size = 0, difference = 0, *v = b->value + c->column;
 
   PetscFunctionBeginUser;
-  PetscCall(CoupleForceForms(b->couple, c->body, residual, volume));
+  PetscCall(CoupleForceForms(b->couple, c->body, force, residual, volume));
   for (PetscInt d = 0; d < 2; d++) {
     v[CD + d]          = c->scale * force[d];
     v[CD_RESIDUAL + d] = c->scale * residual[d];

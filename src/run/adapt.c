@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "adapt.h"
 #include "base/opt.h"
+#include "bodies/local.h"
 #include "mesh/carry.h"
 
 #define SAFETY  0.9
@@ -104,26 +105,27 @@ static PetscErrorCode measure_bodies(Adapt a, PetscReal dt, const PetscReal weig
 {
   const BodyState *s   = a->s;
   const PetscInt   dim = a->l->dim;
-  PetscReal       *U, sum = 0;
-  PetscInt         nr = dim == 2 ? 3 : 6, n = 0;
+  PetscReal       *U, sum[2] = {0, 0};
+  PetscInt         nr = dim == 2 ? 3 : 6;
 
   PetscFunctionBeginUser;
   PetscCall(CoupleGetSystem(a->couple, NULL, NULL, &U, NULL, NULL));
   for (PetscInt k = 0; k < s->n; k++) {
     const BodyGroup *g = BodiesGetGroup(s, k);
 
-    if (!g->free || g->motion.has_pivot || a->calm[k] < REST) continue;
+    if (!s->own[k] || !g->free || g->motion.has_pivot || a->calm[k] < REST) continue;
     for (PetscInt i = 0; i < nr; i++) {
       const PetscInt  d   = i < dim ? i : dim == 2 ? 5 : i;
       const PetscReal now = d < 3 ? s->u[k][d] : s->w[k][d - 3], old = d < 3 ? s->u_old[k][d] : s->w_old[k][d - 3];
 
       if (BodiesIsFree(a->bodies, k, d < 3 ? d : 3))
-        sum += PetscSqr(dt * (d < 3 ? 1 / BodiesGetRadius(s, k) : 1) *
-                        (U[k * nr + i] - weight[0] * now - weight[1] * old - weight[2] * a->U_older[k][d]));
+        sum[0] += PetscSqr(dt * (d < 3 ? 1 / BodiesGetRadius(s, k) : 1) *
+                           (U[k * nr + i] - weight[0] * now - weight[1] * old - weight[2] * a->U_older[k][d]));
     }
-    n++;
+    sum[1]++;
   }
-  *square = n ? sum / n : 0;
+  PetscCall(BodiesSum(a->bodies, 2, sum));
+  *square = sum[1] > 0 ? sum[0] / sum[1] : 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -145,23 +147,28 @@ static PetscErrorCode estimate_error(Adapt a, const FlowStep *step, PetscBool *k
 /* ---- limits ---- */
 
 /* Time in which the fastest point of a body goes `move` cells, under its velocity extrapolated to the middle of the
-   step */
-static PetscReal limit_motion(Adapt a)
+   step. Collective. */
+static PetscErrorCode limit_motion(Adapt a, PetscReal *dt)
 {
   const BodyState *s     = a->s;
-  PetscReal        least = PETSC_MAX_REAL;
+  PetscReal        least = -PETSC_MAX_REAL;
 
+  PetscFunctionBeginUser;
   for (PetscInt k = 0; k < s->n; k++) {
     const PetscReal u = BodiesFastestPoint(s, k, s->dt_old > 0 ? 0.5 * a->dt / s->dt_old : 0);
 
-    if (!s->gone[k] && u > 0) least = PetscMin(least, a->move * a->l->h / u);
+    if (!s->gone[k] && u > 0) least = PetscMax(least, -a->move * a->l->h / u);
   }
-  return least;
+  PetscCall(BodiesMax(a->bodies, 1, &least));
+  *dt = PetscMin(*dt, -least);
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* The same for the first step, in which bodies gather speed under gravity: *dt is made shorter. */
 static PetscErrorCode limit_start(Adapt a, PetscReal *dt)
 {
+  PetscReal least;
+
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < a->s->n; k++) {
     while (*dt > a->min) {
@@ -174,6 +181,9 @@ static PetscErrorCode limit_start(Adapt a, PetscReal *dt)
       *dt = PetscMax(a->min, SHORTER * *dt);
     }
   }
+  least = -*dt;
+  PetscCall(BodiesMax(a->bodies, 1, &least));
+  *dt = -least;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -192,6 +202,7 @@ static PetscErrorCode measure_way(Adapt a, PetscReal dt, PetscReal *share)
     for (PetscInt i = 0; i < nr; i++) (i < dim ? u : w)[i < dim ? i : i - dim] = U[k * nr + i];
     if (!a->s->gone[k]) *share = PetscMax(*share, BodiesPointSpeed(a->s, k, u, w) * dt / (a->move * a->l->h));
   }
+  PetscCall(BodiesMax(a->bodies, 1, share));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -200,18 +211,20 @@ static PetscErrorCode measure_way(Adapt a, PetscReal dt, PetscReal *share)
 static PetscErrorCode limit_approach(Adapt a, PetscReal dt, PetscReal *least)
 {
   const BodyState *s = a->s;
-  PetscReal        range;
+  PetscReal        range, longest = -*least;
 
   PetscFunctionBeginUser;
   PetscCall(ContactGetRange(a->contact, &range));
   for (PetscInt k = 0; k < s->n; k++) {
     PetscReal closing;
 
-    if (s->gone[k] || s->gap[k] >= PETSC_MAX_REAL) continue;
+    if (!s->own[k] || s->gone[k] || s->gap[k] >= PETSC_MAX_REAL) continue;
     closing = a->gap_last[k] < PETSC_MAX_REAL ? (a->gap_last[k] - s->gap[k]) / dt
                                               : 2 * PetscSqrtReal(PetscSqr(s->u[k][0]) + PetscSqr(s->u[k][1]) + PetscSqr(s->u[k][2]));
-    if (closing > 0) *least = PetscMin(*least, a->gap * PetscMax(s->gap[k], range) / closing);
+    if (closing > 0) longest = PetscMax(longest, -a->gap * PetscMax(s->gap[k], range) / closing);
   }
+  PetscCall(BodiesMax(a->bodies, 1, &longest));
+  *least = -longest;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -222,7 +235,9 @@ PetscErrorCode AdaptGetStep(Adapt a, PetscReal time, PetscReal until, PetscReal 
   const PetscReal left = until - time;
 
   PetscFunctionBeginUser;
-  *dt = PetscMax(a->min, PetscMin(PetscMin(a->dt, a->max), PetscMin(a->limit, limit_motion(a))));
+  *dt = PetscMin(PetscMin(a->dt, a->max), a->limit);
+  PetscCall(limit_motion(a, dt));
+  *dt = PetscMax(a->min, *dt);
   if (a->last > 0) *dt = PetscMin(*dt, RESUME * a->last);
   else PetscCall(limit_start(a, dt));
   *hits = (PetscBool)(left <= *dt * (1 + 1e-6));
@@ -396,7 +411,9 @@ PetscErrorCode AdaptCreate(Flow flow, Bodies bodies, Couple couple, Contact cont
   PetscCall(MeshGetLocal(mesh, &a->l));
   n = a->s->n;
   PetscCall(PetscCalloc2(a->l->nnode_all * a->l->dim, &a->u_older, a->l->nnode_all, &a->age));
-  PetscCall(PetscCalloc3(n, &a->U_older, n, &a->calm, n, &a->gap_last));
+  PetscCall(BodiesAttach(bodies, sizeof(*a->U_older), (void **)&a->U_older));
+  PetscCall(BodiesAttach(bodies, sizeof(*a->calm), (void **)&a->calm));
+  PetscCall(BodiesAttach(bodies, sizeof(*a->gap_last), (void **)&a->gap_last));
   for (PetscInt i = 0; i < a->l->nnode_all; i++) a->age[i] = REST;
   for (PetscInt k = 0; k < n; k++) {
     a->calm[k]     = REST;
@@ -413,7 +430,9 @@ PetscErrorCode AdaptDestroy(Adapt *adapt)
   PetscFunctionBeginUser;
   if (!*adapt) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscFree2((*adapt)->u_older, (*adapt)->age));
-  PetscCall(PetscFree3((*adapt)->U_older, (*adapt)->calm, (*adapt)->gap_last));
+  PetscCall(BodiesDetach((*adapt)->bodies, (void **)&(*adapt)->U_older));
+  PetscCall(BodiesDetach((*adapt)->bodies, (void **)&(*adapt)->calm));
+  PetscCall(BodiesDetach((*adapt)->bodies, (void **)&(*adapt)->gap_last));
   PetscCall(PetscFree(*adapt));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -455,6 +474,7 @@ PetscErrorCode AdaptVisitState(void *adapt, State state)
   Adapt      a         = adapt;
   PetscInt   count[3]  = {a->accepted, a->rejected, a->smooth};
   PetscReal *number[7] = {&a->dt, &a->limit, &a->speed_max, &a->dt_older, &a->shortest, &a->longest, &a->last}, value[7];
+  BodyRows   rows;
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < 7; i++) value[i] = *number[i];
@@ -466,8 +486,10 @@ PetscErrorCode AdaptVisitState(void *adapt, State state)
   a->smooth   = count[2];
   PetscCall(StateNodes(state, "velocity_older", a->l->dim, a->u_older));
   PetscCall(StateNodes(state, "age", 1, a->age));
-  PetscCall(StateReals(state, "U_older", 6 * a->s->n, (PetscReal *)a->U_older));
-  PetscCall(StateReals(state, "calm", a->s->n, a->calm));
-  PetscCall(StateReals(state, "gap_last", a->s->n, a->gap_last));
+  PetscCall(BodiesBeginRows(a->bodies, &rows));
+  PetscCall(BodiesVisitReals(a->bodies, &rows, state, "U_older", 6, (PetscReal *)a->U_older));
+  PetscCall(BodiesVisitReals(a->bodies, &rows, state, "calm", 1, a->calm));
+  PetscCall(BodiesVisitReals(a->bodies, &rows, state, "gap_last", 1, a->gap_last));
+  PetscCall(BodiesEndRows(&rows));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "defaults.h"
 #include "base/opt.h"
+#include "bodies/local.h"
 
 /* Situations of a scene, to be or-ed */
 enum {
@@ -243,15 +244,20 @@ static PetscErrorCode is_other_fluid(PetscBool *other)
 static PetscErrorCode measure_thickness(const MeshLocal *l, Bodies bodies, PetscInt group, PetscReal *cells)
 {
   BodyState *s;
-  PetscReal  d        = 0;
+  PetscReal  d = 0, scale = -PETSC_MAX_REAL; /* of the smallest, negative */
   PetscInt   smallest = -1;
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(bodies, &s));
-  for (PetscInt k = s->group[group].first; k < s->group[group].first + s->group[group].count; k++)
-    if (smallest < 0 || s->scale[k] < s->scale[smallest]) smallest = k;
-  if (smallest >= 0) PetscCall(BodiesDistance(bodies, smallest, NULL, NULL, 1, s->x[smallest], &d));
+  for (PetscInt k = 0; k < s->n; k++) {
+    if (s->body_group[k] != group || -s->scale[k] <= scale) continue;
+    smallest = k;
+    scale    = -s->scale[k];
+  }
+  PetscCall(BodiesMax(bodies, 1, &scale));
+  if (smallest >= 0 && -s->scale[smallest] == scale) PetscCall(BodiesDistance(bodies, smallest, NULL, NULL, 1, s->x[smallest], &d));
   *cells = d < 0 ? -2 * d / l->h : 0;
+  PetscCall(BodiesMax(bodies, 1, cells));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -263,7 +269,8 @@ static PetscErrorCode measure_layer(const MeshLocal *l, Bodies bodies, PetscInt 
   BodyState        *s;
   char              text[3][64];
   double            density = 1, viscosity = 0.01, x = 0, y = 0;
-  PetscReal         d, speed;
+  PetscReal         first[2] = {0, 0}, d, speed; /* size and density of its first body */
+  PetscInt          k;
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(bodies, &s));
@@ -273,8 +280,12 @@ static PetscErrorCode measure_layer(const MeshLocal *l, Bodies bodies, PetscInt 
   if (text[1][0] && sscanf(text[1], "%lf", &viscosity) != 1) PetscFunctionReturn(PETSC_SUCCESS);
   if (l->dim != 2 || !s->group[group].count || sscanf(text[2], "%lf%*[ ,]%lf", &x, &y) != 2) PetscFunctionReturn(PETSC_SUCCESS);
   if (!(s->group[group].free & (BODY_FREE_X | BODY_FREE_Y)) || s->group[group].motion.has_pivot) PetscFunctionReturn(PETSC_SUCCESS);
-  d     = 2 * BodiesGetRadius(s, s->group[group].first);
-  speed = PetscSqrtReal(0.5 * PETSC_PI * d * PetscAbsReal(s->density[s->group[group].first] / density - 1) * PetscSqrtReal(x * x + y * y));
+  k = BodiesFind(s, s->group[group].first);
+  if (k >= 0) first[0] = BodiesGetRadius(s, k);
+  if (k >= 0) first[1] = s->density[k];
+  PetscCall(BodiesMax(bodies, 2, first));
+  d     = 2 * first[0];
+  speed = PetscSqrtReal(0.5 * PETSC_PI * d * PetscAbsReal(first[1] / density - 1) * PetscSqrtReal(x * x + y * y));
   if (speed > 0) *cells = d / PetscSqrtReal(density * speed * d / viscosity) / l->h;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

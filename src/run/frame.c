@@ -3,6 +3,7 @@
 #include "frame.h"
 #include "base/domain.h"
 #include "base/opt.h"
+#include "bodies/local.h"
 
 enum {
   NONE,
@@ -25,18 +26,21 @@ static PetscErrorCode read_body(Frame f, PetscInt open)
 {
   BodyState *s;
   PetscBool  given = PETSC_FALSE;
+  PetscInt   k;
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(f->bodies, &s));
   PetscCall(OptInt("-sim_frame_body", &f->body));
-  PetscCheck(f->body < s->n, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-             "Option -sim_frame_body %" PetscInt_FMT ": this scene has %" PetscInt_FMT " bodies, numbered from 0 as in bodies.csv", f->body, s->n);
+  PetscCheck(f->body < s->nall, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+             "Option -sim_frame_body %" PetscInt_FMT ": this scene has %" PetscInt_FMT " bodies, numbered from 0 as in bodies.csv", f->body, s->nall);
   PetscCall(OptAxes("-sim_frame_axes", f->loc->dim, &f->axes, &given));
   if (!given) f->axes = open;
   PetscCheck(given || open, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "Option -sim_frame body: walls stand across every axis and would travel with the box: make the ends of the way inflow (of the fluid ahead, as seen "
              "from the laboratory), outflow or periodic");
-  PetscCall(PetscArraycpy(f->start, s->x[f->body], 3));
+  k = BodiesFindOwn(s, f->body);
+  if (k >= 0) PetscCall(PetscArraycpy(f->start, s->x[k], 3));
+  PetscCall(BodiesSum(f->bodies, 3, f->start));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -118,20 +122,24 @@ static PetscErrorCode follow(Frame f)
 {
   const FlowStep *step;
   BodyState      *s;
-  PetscReal       X[3], q[4], angle;
+  PetscReal       X[3], q[4], angle, way[3] = {0, 0, 0};
+  PetscInt        k;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetStep(f->flow, &step));
   PetscCall(BodiesGetState(f->bodies, &s));
-  PetscCheck(!s->gone[f->body], PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  k = BodiesFindOwn(s, f->body);
+  PetscCheck(k < 0 || !s->gone[k], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "Body %" PetscInt_FMT
              " has left the domain, and -sim_frame body cannot follow it any more: widen the domain, or end the run before t = %g",
              f->body, (double)s->time);
   PetscCall(BodiesSetFrame(f->bodies, f->now, step->frame));
   PetscCall(BodiesSetTime(f->bodies, step->time - step->dt));
-  PetscCall(BodiesPredict(f->bodies, f->body, step->dt, step->order, X, q, &angle));
-  for (PetscInt a = 0; a < f->loc->dim; a++)
-    if ((f->axes >> a) & 1) f->next[a] = f->now[a] + DomainNearest(f->loc->period[a], X[a] - f->start[a], 0);
+  if (k >= 0) PetscCall(BodiesPredict(f->bodies, k, step->dt, step->order, X, q, &angle));
+  for (PetscInt a = 0; a < f->loc->dim && k >= 0; a++)
+    if ((f->axes >> a) & 1) way[a] = DomainNearest(f->loc->period[a], X[a] - f->start[a], 0);
+  PetscCall(BodiesSum(f->bodies, 3, way));
+  for (PetscInt a = 0; a < 3; a++) f->next[a] = f->now[a] + way[a];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

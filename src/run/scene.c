@@ -11,8 +11,6 @@
 #include "sim.h"
 #include "start.h"
 
-#define LARGE 0.25 /* radius by the width of a part, beyond which every rank knows all bodies of a flow */
-
 /* What contact needs to know of a scene without a flow: all faces that are not periodic are walls, and the range goes
    by the size of the bodies. */
 static PetscErrorCode create_contact_alone(SimParts *part, const MeshLocal *l)
@@ -77,6 +75,7 @@ static PetscErrorCode remark_backflow(const MeshLocal *l, const FlowParameters *
   const CoupleDrive *drive;
   BodyState         *s;
   PetscInt           heavy = 0, open = 0;
+  PetscReal          falls[3] = {0, 0, 0}; /* does a body, along this axis? */
 
   PetscFunctionBeginUser;
   PetscCall(CoupleGetDrive(couple, &drive));
@@ -84,8 +83,10 @@ static PetscErrorCode remark_backflow(const MeshLocal *l, const FlowParameters *
   for (PetscInt d = 0; d < l->dim; d++) {
     open |= (l->period[d] > 0) << d;
     for (PetscInt k = 0; k < s->n && l->period[d] > 0 && par->gravity[d] != 0; k++)
-      if (s->density[k] != par->density && BodiesIsFree(bodies, k, d)) heavy |= 1 << d;
+      if (s->density[k] != par->density && BodiesIsFree(bodies, k, d)) falls[d] = 1;
   }
+  PetscCall(BodiesMax(bodies, 3, falls));
+  for (PetscInt d = 0; d < l->dim; d++) heavy |= (falls[d] > 0) << d;
   if (drive && drive->backflow)
     PetscCall(LogRemark("back-flow: zero %s along gravity in the periodic box (-couple_backflow), judged every step (column backflow_error)",
                         drive->held & drive->backflow ? "net flux of fluid and bodies" : "mean force on fluid and bodies"));
@@ -101,18 +102,11 @@ static const struct {
   const char *option, *allowed;
 } NEED_ALL[] = {{"-contact_coupling", " implicit "},
                 {"-contact_law", " repulsive none "},
-                {"-couple_boundary", " penalty "},
+                {"-couple_boundary", " penalty nodal "},
                 {"-couple_type", " implicit "},
-                {"-couple_backflow", " none "},
-                {"-flow_rate", ""},
-                {"-flow_initial", " rest uniform shear poiseuille expression run "},
-                {"-flow_rheology", " newton "},
-                {"-mesh_kind", " box "},
-                {"-mesh_deform", " false no 0 "},
-                {"-preset", ""},
-                {"-sim_adapt", " false no 0 "},
-                {"-sim_frame", " none "},
-                {"-sim_steady", " false no 0 "}};
+                /* Smagorinsky's law looks farther for surfaces than a rank knows bodies */
+                {"-flow_rheology", " newton power_law carreau cross bingham herschel_bulkley oldroyd_b giesekus fene_p wale "},
+                {"-mesh_deform", " false no 0 "}};
 
 /* Does something in the scene need all bodies together? why: the option, empty: nothing */
 static PetscErrorCode find_need(PetscBool active, char why[], size_t size)
@@ -132,28 +126,21 @@ static PetscErrorCode find_need(PetscBool active, char why[], size_t size)
 }
 
 /* Does a group? One that is packed and whose motion is not all free, since it is known where each of its bodies starts
-   from. In a flow: one whose motion is not all free, which is large beside a part, or has coefficients */
-static PetscErrorCode find_group(const MeshLocal *l, Bodies bodies, PetscBool active, PetscMPIInt ranks, char why[], size_t size)
+   from; in a flow one whose body is a hole of the mesh. */
+static PetscErrorCode find_group(const SimParts *part, const MeshLocal *l, PetscBool active, char why[], size_t size)
 {
-  const PetscInt all  = BODY_FREE_X | BODY_FREE_Y | (l->dim == 3 ? BODY_FREE_Z : 0) | BODY_FREE_ROTATION;
-  PetscReal      part = 1;
+  const PetscInt all = BODY_FREE_X | BODY_FREE_Y | (l->dim == 3 ? BODY_FREE_Z : 0) | BODY_FREE_ROTATION;
   BodyState     *s;
 
   PetscFunctionBeginUser;
-  PetscCall(BodiesGetState(bodies, &s));
-  for (PetscInt a = 0; a < l->dim; a++) part *= l->upper[a] - l->lower[a];
-  part = PetscPowReal(part / ranks, 1. / l->dim);
+  PetscCall(BodiesGetState(part->bodies, &s));
   for (PetscInt i = 0; i < s->ngroups; i++) {
-    const BodyGroup *g = s->group + i;
-    const Motion    *m = &g->motion;
-    char             name[OPT_NAME], speed[64];
+    const BodyGroup *g        = s->group + i;
+    PetscInt         boundary = -1;
 
     if ((g->free & all) != all && g->pack.wanted) PetscCall(PetscSNPrintf(why, size, "group '%s', which is packed, and not all free", g->name));
-    if (!active) continue;
-    PetscCall(OptPeek(OptJoin("-particle_", g->name, "_reference_speed", name), speed, sizeof(speed)));
-    if ((g->free & all) != all || m->has_pivot || m->has_stops || m->has_hinge || m->has_slide || g->obstacle || g->with_fluid || speed[0])
-      PetscCall(PetscSNPrintf(why, size, "group '%s', which is not all free, starts with the fluid, or has coefficients", g->name));
-    if (g->largest * g->radius > LARGE * part) PetscCall(PetscSNPrintf(why, size, "group '%s', whose bodies are large beside a part", g->name));
+    if (active) PetscCall(MeshFindBoundary(part->mesh, g->name, &boundary));
+    if (boundary >= 0) PetscCall(PetscSNPrintf(why, size, "group '%s', which is a hole of the mesh", g->name));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -170,33 +157,33 @@ static PetscErrorCode report_known(Bodies bodies, const char why[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode create_spread(SimParts *part, const MeshLocal *l, PetscBool active)
-{
-  BodyBoxes boxes = {0};
-
-  PetscFunctionBeginUser;
-  if (active) PetscCall(MeshCover(part->mesh, &boxes.n, &boxes.box, &boxes.beyond));
-  PetscCall(BodiesCreateLocal(PETSC_COMM_WORLD, l->dim, l->lower, l->upper, l->period, active ? &boxes : NULL, &part->bodies));
-  PetscCall(PetscFree(boxes.box));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Bodies are spread over the ranks where nothing in the scene needs all of them together; else every rank knows them
-   all, and the results are the same. */
+/* Bodies are spread over the ranks... */
 static PetscErrorCode create_bodies(SimParts *part, const MeshLocal *l, PetscBool active)
 {
-  char        why[256];
+  BodyBoxes   boxes = {0};
   PetscMPIInt size;
 
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
+  if (active && size > 1) PetscCall(MeshCover(part->mesh, &boxes.n, &boxes.box, &boxes.beyond));
+  if (size > 1) PetscCall(BodiesCreateLocal(PETSC_COMM_WORLD, l->dim, l->lower, l->upper, l->period, active ? &boxes : NULL, &part->bodies));
+  else PetscCall(BodiesCreate(l->dim, l->lower, l->upper, &part->bodies));
+  PetscCall(PetscFree(boxes.box));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ...where nothing in the scene, with all its defaults, needs all of them together; else every rank knows them all, and
+   the results are the same. */
+static PetscErrorCode settle_bodies(SimParts *part, const MeshLocal *l, PetscBool active)
+{
+  char why[256];
+
+  PetscFunctionBeginUser;
+  if (BodiesComm(part->bodies) == PETSC_COMM_SELF) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(find_need(active, why, sizeof(why)));
-  if (size > 1 && !why[0]) {
-    PetscCall(create_spread(part, l, active));
-    PetscCall(find_group(l, part->bodies, active, size, why, sizeof(why)));
-    if (!why[0]) PetscFunctionReturn(PETSC_SUCCESS);
-    PetscCall(BodiesDestroy(&part->bodies));
-  }
+  PetscCall(find_group(part, l, active, why, sizeof(why)));
+  if (!why[0]) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(BodiesDestroy(&part->bodies));
   PetscCall(BodiesCreate(l->dim, l->lower, l->upper, &part->bodies));
   PetscCall(report_known(part->bodies, why));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -218,6 +205,19 @@ static PetscErrorCode create_mesh_and_bodies(SimParts *part, PetscBool active, c
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* What solves for a steady flow, on the bodies that are known now */
+static PetscErrorCode create_steady(SimParts *part, PetscBool steady)
+{
+  FlowInitial initial;
+
+  PetscFunctionBeginUser;
+  PetscCall(CoupleMeetBodies(part->couple));
+  PetscCall(FlowGetInitial(part->flow, &initial, NULL));
+  if (steady) PetscCall(SteadyCreate(part->flow, part->couple, "1e-10", &part->steady));
+  if (initial == FLOW_START_STEADY) PetscCall(SteadyCreate(part->flow, part->couple, "1e-5", &part->steady_start));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode build(SimParts *part)
 {
   const MeshLocal      *l;
@@ -233,8 +233,9 @@ static PetscErrorCode build(SimParts *part)
   PetscCall(OptBool("-flow_active", &active));
   if (active) PetscCall(OptBool("-sim_steady", &steady));
   PetscCall(create_mesh_and_bodies(part, active, &l));
-  PetscCall(ContactPack(part->bodies, l->lower, l->upper, l->period, &packing));
   if (active) PetscCall(DefaultsApply(l, part->bodies, steady));
+  PetscCall(settle_bodies(part, l, active));
+  PetscCall(ContactPack(part->bodies, l->lower, l->upper, l->period, &packing));
   PetscCall(RefineCheck(part->refine, steady));
   if (active) {
     PetscCall(DeformCreate(part->mesh, part->bodies, &part->deform));
@@ -254,8 +255,6 @@ static PetscErrorCode build(SimParts *part)
     PetscCall(CoupleCreate(part->flow, part->bodies, &part->couple));
     PetscCall(remark_backflow(l, par, part->bodies, part->couple));
     if (part->deform) PetscCall(CoupleSetDeform(part->couple, part->deform));
-    if (steady) PetscCall(SteadyCreate(part->flow, part->couple, "1e-10", &part->steady));
-    if (initial == FLOW_START_STEADY) PetscCall(SteadyCreate(part->flow, part->couple, "1e-5", &part->steady_start));
     PetscCall(ConditionsGetSolidFaces(FlowConditions(part->flow), &walls));
     PetscCall(ContactCreate(part->bodies, l->h, par->density, par->gravity, l->lower, l->upper, walls, &part->contact));
     PetscCall(ContactSetViscosity(part->contact, par->viscosity));
@@ -265,6 +264,7 @@ static PetscErrorCode build(SimParts *part)
   } else PetscCall(create_contact_alone(part, l));
   PetscCall(ContactSetPeriod(part->contact, l->period));
   PetscCall(ContactCheckStart(part->contact));
+  if (active) PetscCall(create_steady(part, steady));
   PetscCall(LeaveCreate(part->bodies, l->lower, l->upper, l->period, &part->border));
   PetscCall(OutputCreate(part->mesh, part->scene, &part->output));
   PetscCall(OutlinesCreate(part->bodies, l->lower, l->upper, l->period, &part->bodyfile));

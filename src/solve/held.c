@@ -80,21 +80,24 @@ static PetscErrorCode begin_row(FlowSolver fs, PetscInt i)
 /* What the rows lack with the velocities u, U: t less the integral */
 static PetscErrorCode find_deficit(FlowSolver fs, const PetscReal u[], const PetscReal U[], PetscReal deficit[3])
 {
-  const FlowHeld  *h   = fs->held;
-  const PetscInt   dim = fs->loc->dim;
-  const PetscReal *m;
+  const struct _p_Constraint *c   = fs->constraint;
+  const FlowHeld             *h   = fs->held;
+  const PetscInt              dim = fs->loc->dim;
+  const PetscReal            *m;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetLumpedMass(fs->flow, &m));
   for (PetscInt i = 0; i < h->n; i++) {
     deficit[i] = 0;
     for (PetscInt j = 0; j < fs->loc->nnode; j++) deficit[i] -= m[j] * u[j * dim + h->axis[i]];
+    for (PetscInt j = 0; j < c->nown * fs->nr; j++) {
+      const PetscInt e = c->own[j / fs->nr] * fs->nr + j % fs->nr;
+
+      deficit[i] -= h->rigid[i][e] * U[e];
+    }
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, deficit, (PetscMPIInt)h->n, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
-  for (PetscInt i = 0; i < h->n; i++) {
-    deficit[i] += h->target[i];
-    for (PetscInt j = 0; j < fs->constraint->nbodies * fs->nr; j++) deficit[i] -= h->rigid[i][j] * U[j];
-  }
+  for (PetscInt i = 0; i < h->n; i++) deficit[i] += h->target[i];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -3,6 +3,7 @@
 #include "compat.h"
 #include "projection.h"
 #include "base/inline.h"
+#include "base/rowtype.h"
 
 PetscErrorCode ConstraintFetchRigid(Constraint c, const PetscReal rigid[])
 {
@@ -22,24 +23,6 @@ PetscErrorCode ConstraintDeliverRigid(Constraint c, const PetscReal local[], Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* n numbers; PETSc does not see that sums of a row of one are sums of a number */
-static PetscErrorCode create_row_type(PetscInt n, MPI_Datatype *type)
-{
-  PetscFunctionBeginUser;
-  *type = MPIU_REAL;
-  if (n == 1) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCallMPI(MPI_Type_contiguous((PetscMPIInt)n, MPIU_REAL, type));
-  PetscCallMPI(MPI_Type_commit(type));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode free_row_type(MPI_Datatype *type)
-{
-  PetscFunctionBeginUser;
-  if (*type != MPIU_REAL) PetscCallMPI(MPI_Type_free(type));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode ConstraintSumRows(Constraint c, PetscInt n, const PetscReal value[], PetscReal own[])
 {
   PetscReal   *row;
@@ -49,10 +32,10 @@ PetscErrorCode ConstraintSumRows(Constraint c, PetscInt n, const PetscReal value
   PetscCall(PetscMalloc1(c->nlocal * n, &row));
   for (PetscInt e = 0; e < c->nlocal * n; e++) row[e] = value[c->local_list[e / n] * n + e % n];
   PetscCall(PetscArrayzero(own, c->nown * n));
-  PetscCall(create_row_type(n, &type));
+  PetscCall(RowTypeCreate(n, &type));
   PetscCall(PetscSFReduceBegin(c->rigid_sf, type, row, own, MPIU_SUM));
   PetscCall(PetscSFReduceEnd(c->rigid_sf, type, row, own, MPIU_SUM));
-  PetscCall(free_row_type(&type));
+  PetscCall(RowTypeDestroy(&type));
   PetscCall(PetscFree(row));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -64,12 +47,12 @@ PetscErrorCode ConstraintCopyRows(Constraint c, PetscInt n, const PetscReal own[
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(c->nlocal * n, &row));
-  PetscCall(create_row_type(n, &type));
+  PetscCall(RowTypeCreate(n, &type));
   PetscCall(PetscSFBcastBegin(c->rigid_sf, type, own, row, MPI_REPLACE));
   PetscCall(PetscSFBcastEnd(c->rigid_sf, type, own, row, MPI_REPLACE));
   for (PetscInt e = 0; e < c->nown * n; e++) value[c->own[e / n] * n + e % n] = own[e];
   for (PetscInt e = 0; e < c->nlocal * n; e++) value[c->local_list[e / n] * n + e % n] = row[e];
-  PetscCall(free_row_type(&type));
+  PetscCall(RowTypeDestroy(&type));
   PetscCall(PetscFree(row));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -152,7 +152,7 @@ static void test_force_of_a_fixed_body(void **state)
     open_case(&c, options);
     take_steps(&c, 2, 0.05);
     solve_step(&c, 0.05);
-    OK(CoupleForceForms(c.couple, 0, residual, volume));
+    OK(CoupleForceForms(c.couple, 0, NULL, residual, volume));
     assembled_force(&c, 0, zero, want);
     assert_true(want[0] > 0.05);
     NEAR(residual[0], want[0], 1e-10);
@@ -202,7 +202,7 @@ static void test_spurious_pressure(void **state)
             "-particle_disc_position 0.6,0.47 -particle_disc_free none -flow_bc_right_type inflow -flow_bc_right_velocity 1,0 -flow_bc_right_profile parabolic");
   take_steps(&c, 1, 0.05);
   solve_step(&c, 0.05);
-  OK(CoupleForceForms(c.couple, 0, before, volume));
+  OK(CoupleForceForms(c.couple, 0, NULL, before, volume));
   OK(CoupleGetSolution(c.couple, &u, &p));
   OK(CoupleGetNodeBody(c.couple, &body));
   q = (PetscReal *)p;
@@ -215,7 +215,7 @@ static void test_spurious_pressure(void **state)
     inside += whole;
   }
   assert_true(total(inside) > 3);
-  OK(CoupleForceForms(c.couple, 0, after, volume));
+  OK(CoupleForceForms(c.couple, 0, NULL, after, volume));
   for (PetscInt d = 0; d < 6; d++) NEAR(after[d], before[d], 1e-11);
   close_case(&c);
 
@@ -223,7 +223,7 @@ static void test_spurious_pressure(void **state)
             "-flow_recipe direct -flow_ksp_rtol 1e-11 -particle_disc_position 0.6,0.47 -particle_disc_free none -flow_bc_right_type inflow -flow_bc_right_velocity 1,0 -flow_bc_right_profile parabolic");
   take_steps(&c, 1, 0.05);
   solve_step(&c, 0.05);
-  OK(CoupleForceForms(c.couple, 0, after, volume));
+  OK(CoupleForceForms(c.couple, 0, NULL, after, volume));
   for (PetscInt d = 0; d < 6; d++) NEAR(after[d], before[d], 1e-8);
   close_case(&c);
 }
@@ -241,7 +241,7 @@ static void test_forms_agree(void **state)
                      "-flow_bc_left_type moving_wall -flow_bc_left_velocity 1,0 -flow_bc_right_type moving_wall -flow_bc_right_velocity 1,0 "
                      "-flow_bc_top_type moving_wall -flow_bc_top_velocity 1,0 -flow_bc_bottom_type moving_wall -flow_bc_bottom_velocity 1,0");
   solve_step(&c, 1e6);
-  OK(CoupleForceForms(c.couple, 0, residual, volume));
+  OK(CoupleForceForms(c.couple, 0, NULL, residual, volume));
   assert_true(residual[0] > 5); /* of the order of 4 pi mu U / ln(...) */
   NEAR(volume[0], residual[0], 0.03 * residual[0]);
   BELOW(volume[1] - residual[1], 0.03 * residual[0]);
@@ -251,7 +251,7 @@ static void test_forms_agree(void **state)
                      "-particle_disc_radius 0.25 -particle_disc_position 0.5,0.5 -particle_disc_free none "
                      "-particle_disc_angular_velocity 2");
   solve_step(&c, 1e6);
-  OK(CoupleForceForms(c.couple, 0, residual, volume));
+  OK(CoupleForceForms(c.couple, 0, NULL, residual, volume));
   /* between two circles: T = -4 pi mu w / (1/r^2 - 1/R^2); the square lies between R = 1/2 and R = 1/sqrt 2 */
   assert_true(-residual[5] < 4 * PETSC_PI * 0.5 * 2 / (16 - 4) * 1.05 && -residual[5] > 4 * PETSC_PI * 0.5 * 2 / (16 - 2) * 0.95);
   NEAR(volume[5], residual[5], 0.05 * PetscAbsReal(residual[5]));
@@ -461,7 +461,7 @@ static void test_volume_force_at_rest(void **state)
     open_case(&c, options);
     take_steps(&c, 2, 0.05);
     solve_step(&c, 0.05);
-    OK(CoupleForceForms(c.couple, 0, residual, volume));
+    OK(CoupleForceForms(c.couple, 0, NULL, residual, volume));
     for (PetscInt d = 0; d < 2; d++) {
       BELOW(c.s->u[0][d], i > 1 ? 1e-5 : 1e-7); /* the area of curved cells is not quite the body's */
       BELOW(residual[d], i > 1 ? 1e-5 : 1e-7);

@@ -113,7 +113,7 @@ static void test_turning(void **state)
     open_case(&c, 24 << level, "-particle_disc_free none -flow_time be -flow_recipe direct");
     for (PetscInt step = 0; step < 6; step++) take_step(&c, 1e4, step < 5);
     error[level] = velocity_error(&c);
-    OK(CoupleForceForms(c.couple, 0, residual, volume));
+    OK(CoupleForceForms(c.couple, 0, NULL, residual, volume));
     NEAR(residual[5], -TORQUE, (level ? 3e-6 : 1e-5) * TORQUE);
     NEAR(volume[5], -TORQUE, (level ? 2e-4 : 2e-3) * TORQUE);
     BELOW(PetscAbsReal(residual[0]) + PetscAbsReal(residual[1]), 1e-5);

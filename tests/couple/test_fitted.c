@@ -91,7 +91,7 @@ static void test_drag_in_a_ring(void **state)
     OK(CoupleSolve(couple, &its, &reason));
     assert_true(reason > 0);
     OK(CoupleForce(couple));
-    OK(CoupleForceForms(couple, 0, residual, volume));
+    OK(CoupleForceForms(couple, 0, NULL, residual, volume));
     NEAR(c.s->force[0][0], residual[0], 1e-12);
     NEAR(c.s->w[0][2], 0, 1e-12); /* a translation does not turn */
     BELOW(residual[1], 1e-6);
