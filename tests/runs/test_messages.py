@@ -73,11 +73,19 @@ def steps(counter, program, tmp_path):
 COLLECTIVES = "allreduce", "reduce", "bcast", "scan", "allgather", "alltoall", "gather"
 
 
-@pytest.mark.parametrize("contact", ["{range: 0.01, stiffness: 1e-4, coupling: explicit}", "{range: 0.095}", "{law: none}"])
-def test_collectives_do_not_grow_with_the_bodies_of_a_flow(steps, contact):
+SCENES = {
+    "explicit": FLOW.replace("stiffness: 1e-4}", "stiffness: 1e-4, coupling: explicit}"),
+    "meet": FLOW.replace("{range: 0.01, stiffness: 1e-4}", "{range: 0.095}"),
+    "no contact": FLOW.replace("{range: 0.01, stiffness: 1e-4}", "{law: none}"),
+    "nodal, adaptive": FLOW.replace("[20, 20]", "[30, 30]").replace("{dt: 0.005}", "{dt: 0.005, adapt: true, adapt_max: 0.005, adapt_tolerance: 1}\ncouple: {boundary: nodal}"),
+}
+
+
+@pytest.mark.parametrize("kind", SCENES)
+def test_collectives_do_not_grow_with_the_bodies_of_a_flow(steps, kind):
     """Where all ranks know all bodies, and where they know them by place, with some that meet and without contact"""
-    scene = FLOW.replace("{range: 0.01, stiffness: 1e-4}", contact)
-    everywhere = "explicit" in contact
+    scene = SCENES[kind]
+    everywhere = kind == "explicit"
     few, many, spread = steps(scene, 3, 60, 2), steps(scene, 3, 120, 2), steps(scene, 6, 120, 2)
     for n, ranks, sent in (60, 3, few), (120, 3, many), (120, 6, spread):
         gathered = 3 * 8 * n if everywhere else 0
