@@ -28,7 +28,8 @@
    Around bodies that move recipe balanced also stops where the estimated error of the velocities is at most the share
    -flow_error_start of the start value's (stop.c): what users read, whatever a body's mass. Not where -flow_rtol_most
    is given, nor on periodic meshes or with a held mean velocity, where the residual is what the balance of momentum
-   lacks.
+   lacks. With ties the estimated error is to be at most 1e-3 of the largest speed, also on such meshes and where the
+   residual would do, up to 60 iterations.
 
    Everything is reachable with PETSc options under prefix -flow_ (outer), -flow_fieldsplit_velocity_,
    -flow_fieldsplit_pressure_, names of that split. Products with the projected operators are matrix-free; matrices are

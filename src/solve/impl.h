@@ -77,6 +77,8 @@ struct _p_FlowSolver {
   TwoStage           two;                             /* or NULL: not wanted */
   PetscReal          error_start;                     /* see the header */
   PetscReal          rhs, last_norm, last_change[2];  /* of the outer iteration, see stop.c */
+  PetscReal          steepest[2];                     /* largest change by the residual before it, likewise */
+  PetscBool          judge_tied;                      /* velocities count with ties, without error_start, too */
   PetscBool          of_step;                         /* it solves for a step, not for what a force does or an update */
   Vec                iterate[2];                      /* the last two, or NULL */
   PetscReal          target;                          /* residual that the last solve was to leave, or left */

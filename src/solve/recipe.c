@@ -124,13 +124,15 @@ static PetscErrorCode choose_fast(FlowSolver fs)
 static PetscErrorCode set_outer(FlowSolver fs, PetscInt recipe, PetscBool moving)
 {
   const char *rtol[] = {"1e-8", "1e-8", "1e-9", "1e-10"};
-  PetscBool   sweeps, given, bound, closed; /* elsewhere nothing but the residual balances the momentum: conserve.c */
+  PetscBool   sweeps, given, bound, error;
+  PetscBool   closed; /* elsewhere nothing but the residual balances the momentum: conserve.c */
 
   PetscFunctionBeginUser;
   PetscCall(ConditionsPressureIsFloating(FlowConditions(fs->flow), &closed));
   for (PetscInt a = 0; a < fs->loc->dim; a++) closed = (PetscBool)(closed && fs->loc->period[a] == 0);
   PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_ksp_rtol", &given));
   PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_rtol_most", &bound));
+  PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_error_start", &error));
   if (recipe == 0 && !fs->single) {
     if (!given) PetscCall(OptDefault("-flow_rtol_start", FAST_RESIDUAL));
     PetscCall(OptDefault("-flow_rtol_most", "1"));
@@ -144,6 +146,8 @@ static PetscErrorCode set_outer(FlowSolver fs, PetscInt recipe, PetscBool moving
   PetscCall(OptReal("-flow_rtol_most", &fs->rtol_most));
   if (moving && recipe == 1 && !given && !bound && closed) PetscCall(OptDefault("-flow_error_start", PetscStringize(BALANCED_ERROR)));
   PetscCall(OptReal("-flow_error_start", &fs->error_start));
+  /* by what it is content with, since a restart finds all options given */
+  fs->judge_tied = (PetscBool)(moving && recipe == 1 && !error && fs->rtol_start > 0 && fs->rtol_most == FLOW_BALANCED_MOST);
   PetscCall(OptInt("-flow_iterations_least", &fs->least));
   PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_ksp_max_it", &sweeps));
   PetscCall(OptDefault("-flow_ksp_type", !fs->single ? "fgmres" : sweeps ? "richardson" : "preonly"));

@@ -113,3 +113,24 @@ def test_a_pile_is_solved_as_far_as_promised(run, tmp_path, ranks):
         with open(tmp_path / str(number) / "series.csv") as file:
             energy.append([float(row["kinetic_energy"]) for row in csv.DictReader(file)])
     assert max(abs(a - b) for a, b in zip(*energy)) < 1e-3 * max(energy[0])
+
+
+def velocities(folder):
+    """By step, of all bodies: u, v and the speed of the surface."""
+    steps = {}
+    for row in table(folder):
+        steps.setdefault(int(row["step"]), []).append((float(row["u"]), float(row["v"]), float(row["omega_z"]) * float(row["radius"])))
+    return steps
+
+
+@pytest.mark.parametrize("rung, density, dt, more", [("penalty", 50, 0.01, []), ("nodal", 2, 0.001, []), ("nodal", 2, 0.001, ["-mesh_periodic", "x"])])
+def test_bodies_of_a_stiff_pile_are_as_fast_as_promised(run, tmp_path, rung, density, dt, more):
+    """Contact ten times as stiff, whose forces are most of the right-hand side: shares of that, or of the change, left 3e-3, 2e-1 and 8e-2 of the largest speed."""
+    pile = ["-couple_boundary", rung, "-particle_disc_density", str(density), "-sim_dt", str(dt), "-contact_stiffness", "10", "-sim_steps", "4", *more]
+    for name, words in ("solved", ["-flow_ksp_rtol", "1e-9", "-flow_error_start", "0", "-flow_rtol_start", "0"]), ("balanced", []):
+        result = run([RUNS / "studies" / "contact" / "pile.yaml", "-output_dir", name, *pile, *words])
+        assert result.status == 0, str(result)
+    solved, balanced = velocities(tmp_path / "solved"), velocities(tmp_path / "balanced")
+    for step, bodies in solved.items():
+        error = max(abs(a - b) for one, other in zip(bodies, balanced[step]) for a, b in zip(one, other))
+        assert error < 1e-3 * max(max(abs(u), abs(v)) for u, v, _ in bodies), step
