@@ -331,10 +331,16 @@ PetscErrorCode BodiesAcceptFrame(Bodies b)
 
 PetscErrorCode BodiesAreStill(Bodies b, PetscBool *still)
 {
+  const BodyArrays *s     = &b->state;
+  PetscBool         moves = (PetscBool)(s->travels && s->nall);
+
   PetscFunctionBeginUser;
-  *still = (PetscBool)(!b->state.travels || !b->state.n);
-  for (PetscInt g = 0; g < b->state.ngroups; g++) *still = (PetscBool)(*still && !b->state.group[g].free && !b->state.group[g].motion.given);
-  for (PetscInt i = 0; i < 3 * b->state.n && *still; i++) *still = (PetscBool)(b->state.u[i / 3][i % 3] == 0 && b->state.w[i / 3][i % 3] == 0);
+  for (PetscInt g = 0; g < s->ngroups; g++) moves = (PetscBool)(moves || s->group[g].free || s->group[g].motion.given);
+  if (!moves) { /* all ranks have come here */
+    for (PetscInt i = 0; i < 3 * s->n && !moves; i++) moves = (PetscBool)(s->u[i / 3][i % 3] != 0 || s->w[i / 3][i % 3] != 0);
+    PetscCall(BodiesAny(b, &moves));
+  }
+  *still = (PetscBool)!moves;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -10,7 +10,7 @@ static PetscErrorCode create_penalty(Couple c, void **rung)
   PetscBool immersed = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  for (PetscInt k = 0; k < c->s->n; k++) immersed = (PetscBool)(immersed || !BodiesGetGroup(c->s, k)->hole);
+  for (PetscInt g = 0; g < c->s->ngroups; g++) immersed = (PetscBool)(immersed || (c->s->group[g].count && !c->s->group[g].hole));
   if (c->par->elastic && immersed) /* the polymer relaxes there (runs/studies/rheology) */
     PetscCall(
       LogRemark("-couple_boundary penalty blurs the polymer of -flow_rheology beside bodies: the drag of a cylinder is 0.4 %% low at 12 cells a "

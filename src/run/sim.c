@@ -24,10 +24,10 @@ struct _p_Sim {
   PetscInt        its;                        /* outer iterations of the time step so far */
   FlowDiagnostics diag;
   CoupleBalance   balance;
-  PetscReal (*a)[3], (*alpha)[3]; /* acceleration of the bodies without contact, for the sub-steps of contact */
-  PetscBool        has_acceleration, renew;
-  const PetscReal *eta;   /* [own cells] error of the steady solution, NULL: not known */
-  MonitorPhase     phase; /* begun at the clock `since` */
+  PetscReal (*a)[3], (*alpha)[3];                  /* acceleration of the bodies without contact, for the sub-steps of contact */
+  PetscBool        has_acceleration, renew, known; /* known: bodies have gone to the ranks that need them */
+  const PetscReal *eta;                            /* [own cells] error of the steady solution, NULL: not known */
+  MonitorPhase     phase;                          /* begun at the clock `since` */
   PetscLogDouble   since;
 };
 
@@ -126,10 +126,15 @@ PetscErrorCode SimView(Sim s, PetscViewer viewer)
 }
 
 /* Bodies that are spread go to the ranks that need them in the step dt to come; a: its acceleration without contact,
-   NULL: none */
+   NULL: none. Those that stand still, once. */
 static PetscErrorCode know_bodies(Sim s, PetscReal (*a)[3], PetscReal dt)
 {
+  PetscBool still;
+
   PetscFunctionBeginUser;
+  PetscCall(BodiesAreStill(s->part.bodies, &still));
+  if (still && s->known) PetscFunctionReturn(PETSC_SUCCESS);
+  s->known = PETSC_TRUE;
   PetscCall(ContactMigrate(s->part.contact, dt, a));
   PetscCall(CoupleMeetBodies(s->part.couple));
   PetscFunctionReturn(PETSC_SUCCESS);
