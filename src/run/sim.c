@@ -24,10 +24,11 @@ struct _p_Sim {
   PetscInt        its;                        /* outer iterations of the time step so far */
   FlowDiagnostics diag;
   CoupleBalance   balance;
-  PetscReal (*a)[3], (*alpha)[3];                  /* acceleration of the bodies without contact, for the sub-steps of contact */
-  PetscBool        has_acceleration, renew, known; /* known: bodies have gone to the ranks that need them */
-  const PetscReal *eta;                            /* [own cells] error of the steady solution, NULL: not known */
-  MonitorPhase     phase;                          /* begun at the clock `since` */
+  PetscReal (*a)[3], (*alpha)[3]; /* acceleration of the bodies without contact, for the sub-steps of contact */
+  PetscBool        known;         /* bodies that are spread have gone to the ranks that need them */
+  PetscBool        has_acceleration, renew;
+  const PetscReal *eta;   /* [own cells] error of the steady solution, NULL: not known */
+  MonitorPhase     phase; /* begun at the clock `since` */
   PetscLogDouble   since;
 };
 
