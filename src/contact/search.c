@@ -353,8 +353,9 @@ PetscErrorCode ContactVisitState(void *contact, State state)
   if (c->slip && !StateIsLoading(state) && c->have_list) PetscCall(ContactStoreSlips(c, &c->going));
   PetscCall(ContactVisitSlips(c, state, &c->going));
   PetscCall(StateInts(state, "have_list", 1, &have));
-  if (c->alone || BodiesComm(c->bodies) != PETSC_COMM_SELF) have = 0; /* one rank, which knew all, may have had one */
-  c->have_list = (PetscBool)have;                                     /* else made anew, as after a restart, on other ranks perhaps */
+  /* else made anew, as after a restart, perhaps of one rank that knew all and had one */
+  if (c->alone || BodiesComm(c->bodies) != PETSC_COMM_SELF) have = 0;
+  c->have_list = (PetscBool)have;
   if (!have) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(visit_list(c, state));
   if (c->friction > 0 && StateIsLoading(state)) PetscCall(ContactLoadSlips(c, &c->going));
