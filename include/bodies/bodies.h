@@ -232,7 +232,8 @@ PetscErrorCode BodiesAdvanceVelocity(Bodies, PetscReal dt, PetscReal rho_f, cons
 PetscErrorCode BodiesAdvancePosition(Bodies, PetscReal dt, PetscReal theta);
 /* Release body k from a stop if the torque on it now points away. */
 PetscErrorCode BodiesRelease(Bodies, PetscInt k, PetscReal rho_f, const PetscReal gravity[3]);
-/* Is no degree of freedom free, none moved by _motion, and every velocity 0? Then positions need no update. Collective. */
+/* Is no degree of freedom free, none moved by _motion, and every velocity 0? Then positions need no update.
+   Collective. */
 PetscErrorCode BodiesAreStill(Bodies, PetscBool *still);
 /* Speed of the fastest point of body k (of a disc: its centre) in the box, under the velocities extrapolated by r of
    their last change; r = 0: the present ones. Not collective. */
