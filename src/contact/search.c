@@ -344,8 +344,9 @@ static PetscErrorCode visit_list(Contact c, State state)
 
 PetscErrorCode ContactVisitState(void *contact, State state)
 {
-  Contact  c    = contact;
-  PetscInt have = c->have_list && !c->alone && BodiesComm(c->bodies) == PETSC_COMM_SELF;
+  Contact         c     = contact;
+  const PetscBool keeps = (PetscBool)(!c->alone && BodiesComm(c->bodies) == PETSC_COMM_SELF);
+  PetscInt        have  = c->have_list && keeps;
 
   PetscFunctionBeginUser;
   PetscCall(StateReals(state, "work", 1, &c->work));
@@ -353,10 +354,8 @@ PetscErrorCode ContactVisitState(void *contact, State state)
   if (c->slip && !StateIsLoading(state) && c->have_list) PetscCall(ContactStoreSlips(c, &c->going));
   PetscCall(ContactVisitSlips(c, state, &c->going));
   PetscCall(StateInts(state, "have_list", 1, &have));
-  /* else made anew, as after a restart, perhaps of one rank that knew all and had one */
-  if (c->alone || BodiesComm(c->bodies) != PETSC_COMM_SELF) have = 0;
-  c->have_list = (PetscBool)have;
-  if (!have) PetscFunctionReturn(PETSC_SUCCESS);
+  c->have_list = (PetscBool)(have && keeps); /* else made anew, also where the file is of one rank, which knew all */
+  if (!c->have_list) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(visit_list(c, state));
   if (c->friction > 0 && StateIsLoading(state)) PetscCall(ContactLoadSlips(c, &c->going));
   PetscCall(ContactForgetSlips(c, &c->going));

@@ -211,8 +211,9 @@ static PetscErrorCode create_steady(SimParts *part, PetscBool steady)
   FlowInitial initial;
 
   PetscFunctionBeginUser;
-  PetscCall(CoupleMeetBodies(part->couple));
   PetscCall(FlowGetInitial(part->flow, &initial, NULL));
+  if (!steady && initial != FLOW_START_STEADY) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(CoupleMeetBodies(part->couple));
   if (steady) PetscCall(SteadyCreate(part->flow, part->couple, "1e-10", &part->steady));
   if (initial == FLOW_START_STEADY) PetscCall(SteadyCreate(part->flow, part->couple, "1e-5", &part->steady_start));
   PetscFunctionReturn(PETSC_SUCCESS);
