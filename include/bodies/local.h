@@ -62,8 +62,9 @@ PetscErrorCode BodiesExchange(Bodies, PetscInt n, const PetscMPIInt to[], size_t
    after them of those nearer to it than reach. *x [*n] is the caller's to free. Collective. */
 PetscErrorCode BodiesGetPlaces(Bodies, PetscReal reach, PetscInt *mine, PetscInt *n, PetscReal (**x)[3]);
 
-/* v [n] over all ranks: the largest. Collective. */
+/* v [n] over all ranks: the largest, the smallest. Collective. */
 PetscErrorCode BodiesMax(Bodies, PetscInt n, PetscReal v[]);
+PetscErrorCode BodiesMin(Bodies, PetscInt n, PetscReal v[]);
 /* v [n] over all ranks: the sum, of parts that count own bodies alone. Collective. */
 PetscErrorCode BodiesSum(Bodies, PetscInt n, PetscReal v[]);
 /* Of any rank? Collective. */

@@ -12,6 +12,13 @@ PetscErrorCode BodiesMax(Bodies b, PetscInt n, PetscReal v[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode BodiesMin(Bodies b, PetscInt n, PetscReal v[])
+{
+  PetscFunctionBeginUser;
+  if (b->parts) PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, v, (PetscMPIInt)n, MPIU_REAL, MPIU_MIN, BodiesComm(b)));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode BodiesSum(Bodies b, PetscInt n, PetscReal v[])
 {
   PetscFunctionBeginUser;

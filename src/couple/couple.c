@@ -305,21 +305,21 @@ static PetscErrorCode check_extrapolation(Couple c)
 static PetscErrorCode remark_small_bodies(Couple c)
 {
   const BodyState *s      = c->s;
-  PetscReal        radius = -PETSC_MAX_REAL, number = -PETSC_MAX_REAL; /* of the smallest, negative */
+  PetscReal        radius = PETSC_MAX_REAL, number = PETSC_MAX_REAL; /* of the smallest */
   const BodyGroup *g = s->group;
 
   PetscFunctionBeginUser;
-  for (PetscInt k = 0; k < s->n; k++) radius = PetscMax(radius, -BodiesGetRadius(s, k));
-  PetscCall(BodiesMax(c->bodies, 1, &radius));
-  if (!s->nall || -radius >= 0.999 * c->loc->h) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt k = 0; k < s->n; k++) radius = PetscMin(radius, BodiesGetRadius(s, k));
+  PetscCall(BodiesMin(c->bodies, 1, &radius));
+  if (!s->nall || radius >= 0.999 * c->loc->h) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt k = 0; k < s->n; k++)
-    if (-radius == BodiesGetRadius(s, k)) number = PetscMax(number, -(PetscReal)s->number[k]);
-  PetscCall(BodiesMax(c->bodies, 1, &number));
-  while (-number >= g->first + g->count) g++;
+    if (radius == BodiesGetRadius(s, k)) number = PetscMin(number, (PetscReal)s->number[k]);
+  PetscCall(BodiesMin(c->bodies, 1, &number));
+  while (number >= g->first + g->count) g++;
   PetscCall(
     LogRemark("body %" PetscInt_FMT
               " (group '%s') is %.2g of the smallest cells long; below 2 its force is off by 20 %% and more: refine the mesh, such as by -mesh_cells",
-              (PetscInt)-number, g->name, (double)(-2 * radius / c->loc->h)));
+              (PetscInt)number, g->name, (double)(2 * radius / c->loc->h)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -151,24 +151,22 @@ static PetscErrorCode estimate_error(Adapt a, const FlowStep *step, PetscBool *k
 static PetscErrorCode limit_motion(Adapt a, PetscReal *dt)
 {
   const BodyState *s     = a->s;
-  PetscReal        least = -PETSC_MAX_REAL;
+  PetscReal        least = PETSC_MAX_REAL;
 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < s->n; k++) {
     const PetscReal u = BodiesFastestPoint(s, k, s->dt_old > 0 ? 0.5 * a->dt / s->dt_old : 0);
 
-    if (!s->gone[k] && u > 0) least = PetscMax(least, -a->move * a->l->h / u);
+    if (!s->gone[k] && u > 0) least = PetscMin(least, a->move * a->l->h / u);
   }
-  PetscCall(BodiesMax(a->bodies, 1, &least));
-  *dt = PetscMin(*dt, -least);
+  PetscCall(BodiesMin(a->bodies, 1, &least));
+  *dt = PetscMin(*dt, least);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* The same for the first step, in which bodies gather speed under gravity: *dt is made shorter. */
 static PetscErrorCode limit_start(Adapt a, PetscReal *dt)
 {
-  PetscReal least;
-
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < a->s->n; k++) {
     while (*dt > a->min) {
@@ -181,9 +179,7 @@ static PetscErrorCode limit_start(Adapt a, PetscReal *dt)
       *dt = PetscMax(a->min, SHORTER * *dt);
     }
   }
-  least = -*dt;
-  PetscCall(BodiesMax(a->bodies, 1, &least));
-  *dt = -least;
+  PetscCall(BodiesMin(a->bodies, 1, dt));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -211,7 +207,7 @@ static PetscErrorCode measure_way(Adapt a, PetscReal dt, PetscReal *share)
 static PetscErrorCode limit_approach(Adapt a, PetscReal dt, PetscReal *least)
 {
   const BodyState *s = a->s;
-  PetscReal        range, longest = -*least;
+  PetscReal        range;
 
   PetscFunctionBeginUser;
   PetscCall(ContactGetRange(a->contact, &range));
@@ -221,10 +217,9 @@ static PetscErrorCode limit_approach(Adapt a, PetscReal dt, PetscReal *least)
     if (!s->own[k] || s->gone[k] || s->gap[k] >= PETSC_MAX_REAL) continue;
     closing = a->gap_last[k] < PETSC_MAX_REAL ? (a->gap_last[k] - s->gap[k]) / dt
                                               : 2 * PetscSqrtReal(PetscSqr(s->u[k][0]) + PetscSqr(s->u[k][1]) + PetscSqr(s->u[k][2]));
-    if (closing > 0) longest = PetscMax(longest, -a->gap * PetscMax(s->gap[k], range) / closing);
+    if (closing > 0) *least = PetscMin(*least, a->gap * PetscMax(s->gap[k], range) / closing);
   }
-  PetscCall(BodiesMax(a->bodies, 1, &longest));
-  *least = -longest;
+  PetscCall(BodiesMin(a->bodies, 1, least));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

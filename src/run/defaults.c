@@ -244,18 +244,18 @@ static PetscErrorCode is_other_fluid(PetscBool *other)
 static PetscErrorCode measure_thickness(const MeshLocal *l, Bodies bodies, PetscInt group, PetscReal *cells)
 {
   BodyState *s;
-  PetscReal  d = 0, scale = -PETSC_MAX_REAL; /* of the smallest, negative */
+  PetscReal  d = 0, scale = PETSC_MAX_REAL; /* of the smallest */
   PetscInt   smallest = -1;
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(bodies, &s));
   for (PetscInt k = 0; k < s->n; k++) {
-    if (s->body_group[k] != group || -s->scale[k] <= scale) continue;
+    if (s->body_group[k] != group || s->scale[k] >= scale) continue;
     smallest = k;
-    scale    = -s->scale[k];
+    scale    = s->scale[k];
   }
-  PetscCall(BodiesMax(bodies, 1, &scale));
-  if (smallest >= 0 && -s->scale[smallest] == scale) PetscCall(BodiesDistance(bodies, smallest, NULL, NULL, 1, s->x[smallest], &d));
+  PetscCall(BodiesMin(bodies, 1, &scale));
+  if (smallest >= 0 && s->scale[smallest] == scale) PetscCall(BodiesDistance(bodies, smallest, NULL, NULL, 1, s->x[smallest], &d));
   *cells = d < 0 ? -2 * d / l->h : 0;
   PetscCall(BodiesMax(bodies, 1, cells));
   PetscFunctionReturn(PETSC_SUCCESS);

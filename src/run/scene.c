@@ -15,7 +15,7 @@
    by the size of the bodies. */
 static PetscErrorCode create_contact_alone(SimParts *part, const MeshLocal *l)
 {
-  PetscReal  density = 0, gravity[3] = {0, 0, 0}, h = -PETSC_MAX_REAL;
+  PetscReal  density = 0, gravity[3] = {0, 0, 0}, h = PETSC_MAX_REAL;
   PetscInt   walls = 0;
   BodyState *s;
 
@@ -24,9 +24,8 @@ static PetscErrorCode create_contact_alone(SimParts *part, const MeshLocal *l)
   PetscCall(BodiesGetState(part->bodies, &s));
   PetscCheck(s->nall, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "A scene without flow and without bodies has nothing to do: give -particle_groups, or remove -flow_active");
-  for (PetscInt k = 0; k < s->n; k++) h = PetscMax(h, -0.2 * BodiesGetRadius(s, k));
-  PetscCall(BodiesMax(part->bodies, 1, &h));
-  h = -h;
+  for (PetscInt k = 0; k < s->n; k++) h = PetscMin(h, 0.2 * BodiesGetRadius(s, k));
+  PetscCall(BodiesMin(part->bodies, 1, &h));
   for (PetscInt g = 0; g < s->ngroups; g++)
     PetscCheck(!s->group[g].with_fluid, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
                "-particle_%s_start fluid needs a flow: remove it, or -flow_active false", s->group[g].name);
