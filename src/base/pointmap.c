@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "base/pointmap.h"
 #include "base/mix.h"
+#include "base/rowtype.h"
 #include <stdint.h>
 #include <stdlib.h>
 
@@ -112,10 +113,9 @@ static PetscErrorCode exchange(const Context *c, PetscInt bs, const PetscMPIInt 
     total[1] += back[r];
   }
   PetscCall(PetscMalloc1(total[1] * bs, in));
-  PetscCallMPI(MPI_Type_contiguous((PetscMPIInt)bs, MPIU_REAL, &block));
-  PetscCallMPI(MPI_Type_commit(&block));
+  PetscCall(RowTypeCreate(bs, &block));
   PetscCallMPI(MPI_Alltoallv(out, count, offset, block, *in, back, offset + c->size, block, c->comm));
-  PetscCallMPI(MPI_Type_free(&block));
+  PetscCall(RowTypeDestroy(&block));
   PetscCall(PetscFree(offset));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

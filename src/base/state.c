@@ -4,6 +4,7 @@
 #include "base/state.h"
 #include "base/hdf5.h"
 #include "base/pointmap.h"
+#include "base/rowtype.h"
 #include <errno.h>
 #include <fcntl.h>
 #include <stdint.h>
@@ -437,11 +438,10 @@ static PetscErrorCode transfer_entities(State s, const char name[], const Entiti
   }
   PetscCall(PetscMalloc1(t->share.n * bs, &share));
   PetscCall(load_array(s, name, HDF5_REAL, t->share, bs, share));
-  PetscCallMPI(MPI_Type_contiguous((PetscMPIInt)bs, MPIU_REAL, &block));
-  PetscCallMPI(MPI_Type_commit(&block));
+  PetscCall(RowTypeCreate(bs, &block));
   PetscCall(PetscSFBcastBegin(t->sf, block, share, v, MPI_REPLACE));
   PetscCall(PetscSFBcastEnd(t->sf, block, share, v, MPI_REPLACE));
-  PetscCallMPI(MPI_Type_free(&block));
+  PetscCall(RowTypeDestroy(&block));
   PetscCall(PetscFree(share));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

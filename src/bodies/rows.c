@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "bodies/local.h"
+#include "base/rowtype.h"
 
 /* ---- over all ranks ---- */
 
@@ -71,8 +72,7 @@ static PetscErrorCode transfer_rows(const BodyRows *rows, PetscInt known, size_t
     PetscCall(PetscMemcpy(to, from, (size_t)(gather ? rows->n : known) * bytes));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  PetscCallMPI(MPI_Type_contiguous((int)(bytes / sizeof(PetscReal)), MPIU_REAL, &unit));
-  PetscCallMPI(MPI_Type_commit(&unit));
+  PetscCall(RowTypeCreate((PetscInt)(bytes / sizeof(PetscReal)), &unit));
   if (gather) {
     PetscCall(PetscSFReduceBegin(rows->sf, unit, from, to, MPI_REPLACE));
     PetscCall(PetscSFReduceEnd(rows->sf, unit, from, to, MPI_REPLACE));
@@ -80,7 +80,7 @@ static PetscErrorCode transfer_rows(const BodyRows *rows, PetscInt known, size_t
     PetscCall(PetscSFBcastBegin(rows->sf, unit, from, to, MPI_REPLACE));
     PetscCall(PetscSFBcastEnd(rows->sf, unit, from, to, MPI_REPLACE));
   }
-  PetscCallMPI(MPI_Type_free(&unit));
+  PetscCall(RowTypeDestroy(&unit));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

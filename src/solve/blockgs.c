@@ -4,6 +4,7 @@
 #include "blockgs.h"
 #include "base/algebra.h"
 #include "base/inline.h"
+#include "base/rowtype.h"
 #include "rowpool.h"
 
 #define MAX_NK   4
@@ -376,7 +377,7 @@ static PetscErrorCode destroy_blocks(Mat shell)
   PetscCall(PetscFree2(g->ghost, g->rest));
   PetscCall(PetscFree5(g->w_row, g->w_column, g->w, g->t, g->factor));
   PetscCall(PetscSFDestroy(&g->sf));
-  PetscCallMPI(MPI_Type_free(&g->unit));
+  PetscCall(RowTypeDestroy(&g->unit));
   PetscCall(PetscFree(g));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -426,8 +427,7 @@ PetscErrorCode BlockGSCreate(MPI_Comm comm, const BlockPattern *pattern, PetscBo
   PetscCall(PetscCalloc3(g->n, &g->own, g->n * nk * nk + SLACK, &g->inverse, g->n, &g->border));
   PetscCall(split_rows(g));
   PetscCall(RowPoolCreate(g->n, nk * nk, exact, &g->pool));
-  PetscCallMPI(MPI_Type_contiguous((PetscMPIInt)nk, MPIU_REAL, &g->unit));
-  PetscCallMPI(MPI_Type_commit(&g->unit));
+  PetscCall(RowTypeCreate(nk, &g->unit));
   PetscCallMPI(MPI_Comm_size(comm, &size));
   if (size > 1) PetscCall(create_exchange(g, pattern->ghost));
   PetscCall(MatCreateShell(comm, m, m, PETSC_DETERMINE, PETSC_DETERMINE, g, shell));

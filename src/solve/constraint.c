@@ -3,6 +3,7 @@
 #include "projection.h"
 #include "base/log.h"
 #include "base/room.h"
+#include "base/rowtype.h"
 
 /* Bodies that a rank has slots for, by those of an even share: its own share by number, and twice the mean by place */
 #define SLOTS 3
@@ -314,8 +315,7 @@ static PetscErrorCode create(Mesh mesh, PetscInt nbodies, PetscInt room, PetscIn
   }
   PetscCall(PetscCalloc1(room, &c->united));
   for (PetscInt i = 0; i < c->loc->nnode_all; i++) c->node_body[i] = c->follow[i] = -1;
-  PetscCallMPI(MPI_Type_contiguous((int)c->nr, MPIU_REAL, &c->rigid_type));
-  PetscCallMPI(MPI_Type_commit(&c->rigid_type));
+  PetscCall(RowTypeCreate(c->nr, &c->rigid_type));
   PetscCall(collect_rows(c));
   PetscCall(connect_rigid_slots(c));
   *constraint = c;
@@ -389,7 +389,7 @@ PetscErrorCode ConstraintDestroy(Constraint *constraint)
   PetscCall(PetscFree(c->slot_of));
   PetscCall(PetscLayoutDestroy(&c->numbers));
   PetscCall(SharingDestroy(&c->sharing));
-  PetscCallMPI(MPI_Type_free(&c->rigid_type));
+  PetscCall(RowTypeDestroy(&c->rigid_type));
   PetscCall(PetscFree(*constraint));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
