@@ -157,7 +157,7 @@ INLINE void solve_kernel(const int dim, PetscInt n, const PetscInt *restrict ai,
     PetscReal s[3];
 
     for (int a = 0; a < dim; a++) s[a] = x[i * dim + a];
-    for (PetscInt q = diagonal[i] + 1; q < ai[i + 1]; q++)
+    for (PetscInt q = ai[i + 1]; q-- > diagonal[i] + 1;) /* ascending, all would wait for the last row */
       for (int a = 0; a < dim; a++) s[a] -= (PetscReal)lu[q] * x[aj[q] * dim + a];
     for (int a = 0; a < dim; a++) x[i * dim + a] = (PetscReal)pivot[i * dim + a] * s[a];
   }
