@@ -1,8 +1,11 @@
 /* Judge: see judge.h. All numbers are the same on all ranks. */
 #include "compat.h"
 #include "judge.h"
+#include "base/algebra.h"
+#include "base/domain.h"
 #include "base/log.h"
 #include "base/opt.h"
+#include "bodies/local.h"
 #include <string.h>
 
 enum {
@@ -37,9 +40,31 @@ struct _p_Judge {
   PetscReal          speed_max, force_max, energy_max;   /* L2 norm of the velocity; sum of forces; so far */
   PetscReal          energy;                             /* of the step before */
   PetscBool          started, volume, fast, remarked[2];
-  PetscInt           steps, doubts, judged;
+  PetscBool          box;                          /* no boundaries but the faces of a box */
+  PetscBool          far;                          /* it was remarked that a body goes far */
+  PetscInt           steps, doubts, judged, walls; /* walls: ConditionsGetSolidFaces */
+  const MeshLocal   *loc;
   const CoupleDrive *drive; /* NULL: no back-flow to judge */
 };
+
+/* Are the faces of a box all boundaries that there are? */
+static PetscErrorCode is_box(Mesh mesh, PetscBool *box)
+{
+  PetscInt n;
+
+  PetscFunctionBeginUser;
+  *box = PETSC_TRUE;
+  PetscCall(MeshGetBoundaryCount(mesh, &n));
+  for (PetscInt b = 0; b < n; b++) {
+    const char *name;
+    PetscBool   face = PETSC_FALSE;
+
+    PetscCall(MeshGetBoundaryName(mesh, b, &name));
+    for (PetscInt i = 0; i < 6 && !face; i++) PetscCall(PetscStrcmp(name, DOMAIN_SIDE[i], &face));
+    *box = (PetscBool)(*box && face);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
 
 PetscErrorCode JudgeCreate(Flow flow, Bodies bodies, Couple couple, Judge *judge)
 {
@@ -56,6 +81,9 @@ PetscErrorCode JudgeCreate(Flow flow, Bodies bodies, Couple couple, Judge *judge
   PetscCall(BodiesGetState(bodies, &j->s));
   PetscCall(FlowGetMesh(flow, &mesh));
   PetscCall(MeshGetLocal(mesh, &l));
+  PetscCall(is_box(mesh, &j->box));
+  PetscCall(ConditionsGetSolidFaces(FlowConditions(flow), &j->walls));
+  j->loc    = l;
   j->h      = l->h;
   j->domain = 1;
   for (PetscInt d = 0; d < l->dim; d++) j->domain *= l->upper[d] - l->lower[d];
@@ -155,6 +183,65 @@ PetscErrorCode JudgeStep(Judge j, const FlowDiagnostics *d, const CoupleBalance 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* ---- how far bodies go ---- */
+
+/* Does body k come upon a wall, going straight from x for dt v? */
+static PetscBool meets_wall(Judge j, PetscInt k, const PetscReal x[3], const PetscReal v[3], PetscReal dt)
+{
+  const PetscReal radius = BodiesGetRadius(j->s, k);
+
+  for (PetscInt face = 0; face < 2 * j->s->dim; face++) {
+    const PetscInt  a  = face / 2;
+    const PetscReal to = x[a] + dt * v[a];
+
+    if ((j->walls >> face & 1) && (face % 2 ? j->loc->upper[a] - to : to - j->loc->lower[a]) < radius) return PETSC_TRUE;
+  }
+  return PETSC_FALSE;
+}
+
+/* Upon body i, which is at y beside it, or beside its nearest image, and goes for dt w? */
+static PetscBool meets_body(Judge j, PetscInt k, const PetscReal x[3], const PetscReal v[3], PetscInt i, const PetscReal y[3], const PetscReal w[3],
+                            PetscReal dt)
+{
+  const PetscReal reach = BodiesGetRadius(j->s, k) + BodiesGetRadius(j->s, i);
+  PetscReal       r[3] = {0, 0, 0}, way[3] = {0, 0, 0}, part;
+
+  for (PetscInt a = 0; a < j->s->dim; a++) {
+    r[a]   = DomainNearest(j->loc->period[a], x[a], y[a]) - y[a];
+    way[a] = dt * (v[a] - w[a]);
+    /* or upon another image */
+    if (j->loc->period[a] > 0 && PetscAbsReal(way[a]) > 0.5 * j->loc->period[a] - reach) return PETSC_TRUE;
+  }
+  part = dot3(way, way) > 0 ? PetscMin(1, PetscMax(0, -dot3(r, way) / dot3(way, way))) : 0;
+  for (PetscInt a = 0; a < 3; a++) r[a] += part * way[a];
+  return (PetscBool)(dot3(r, r) < reach * reach);
+}
+
+/* Where body k is in the box at the beginning of a way, and its velocity there */
+static void find_start(Judge j, PetscInt k, const PetscReal v[3], PetscReal back, PetscReal x[3], PetscReal w[3])
+{
+  for (PetscInt a = 0; a < 3; a++) {
+    w[a] = v[a] - j->s->frame_u[a];
+    x[a] = j->s->x[k][a] - back * w[a];
+  }
+}
+
+/* Is something in the way of body k, if all go at v [n][3] for dt, or have gone so (done)? By bounding spheres. */
+static PetscBool is_barred(Judge j, PetscInt k, const PetscReal (*v)[3], PetscReal dt, PetscBool done)
+{
+  const PetscReal back = done ? dt : 0;
+  PetscReal       x[3], y[3], u[3], w[3];
+
+  find_start(j, k, v[k], back, x, u);
+  if (!j->box || meets_wall(j, k, x, u, dt)) return PETSC_TRUE;
+  for (PetscInt i = 0; i < j->s->n; i++) {
+    if (i == k || j->s->gone[i]) continue;
+    find_start(j, i, v[i], back, y, w);
+    if (meets_body(j, k, x, u, i, y, w, dt)) return PETSC_TRUE;
+  }
+  return PETSC_FALSE;
+}
+
 /* way in radii of body k that the message is about */
 static PetscErrorCode refuse_way(Judge j, PetscInt k, PetscReal way, PetscReal time, PetscReal dt, PetscBool adapted)
 {
@@ -169,29 +256,46 @@ static PetscErrorCode refuse_way(Judge j, PetscInt k, PetscReal way, PetscReal t
 
 PetscErrorCode JudgePlan(Judge j, PetscReal (*a)[3], PetscBool start, PetscReal time, PetscReal dt, PetscBool adapted)
 {
+  PetscReal(*v)[3];
+
   PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(j->s->n, &v));
+  for (PetscInt k = 0; k < j->s->n; k++)
+    for (PetscInt d = 0; d < 3; d++) v[k][d] = j->s->u[k][d] + (d < j->s->dim && BodiesIsFree(j->bodies, k, d) ? dt * a[k][d] : 0);
   for (PetscInt k = 0; k < j->s->n && j->way_max > 0; k++) {
     PetscReal way = 0, held = start ? 1 : 0;
 
     for (PetscInt d = 0; d < j->s->dim; d++) {
-      if (BodiesIsFree(j->bodies, k, d)) way += PetscSqr(a[k][d] * dt * dt / BodiesGetRadius(j->s, k));
+      way += PetscSqr(dt * (v[k][d] - j->s->u[k][d]));
       held += PetscAbsReal(j->s->contact_force[k][d]);
     }
     if (j->s->gone[k] || held == 0) continue;
-    way = PetscSqrtReal(way);
-    if (way > j->way_max) PetscCall(refuse_way(j, k, way, time, dt, adapted));
+    way = PetscSqrtReal(way) / BodiesGetRadius(j->s, k);
+    if (way > j->way_max && is_barred(j, k, v, dt, PETSC_FALSE)) PetscCall(refuse_way(j, k, way, time, dt, adapted));
   }
+  PetscCall(PetscFree(v));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode JudgeWay(Judge j, PetscReal time, PetscReal dt, PetscBool adapted)
 {
+  PetscBool far = PETSC_FALSE;
+
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < j->s->n && j->way_max > 0; k++) {
     const PetscReal way = BodiesFastestPoint(j->s, k, 0) * dt / BodiesGetRadius(j->s, k);
 
-    if (way > j->way_max && !j->s->gone[k]) PetscCall(refuse_way(j, k, way, time, dt, adapted));
+    if (way <= j->way_max || j->s->gone[k]) continue;
+    if (is_barred(j, k, j->s->u, dt, PETSC_TRUE)) PetscCall(refuse_way(j, k, way, time, dt, adapted));
+    far = PETSC_TRUE;
   }
+  if (!j->far) PetscCall(BodiesAny(j->bodies, &far));
+  if (far && !j->far)
+    PetscCall(
+      LogRemark("a body goes more than %g of its radii (-sim_move_max) in the step to t = %g. Nothing is in its way, but the flow does not see "
+                "the places between: less accurate; lower %s (%g)",
+                (double)j->way_max, (double)time, adapted ? "-sim_adapt_max" : "-sim_dt", (double)dt));
+  j->far = (PetscBool)(j->far || far);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

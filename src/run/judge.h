@@ -26,8 +26,9 @@
    steady scenes, whose solver has a residual of its own.
 
    way         a body that goes more than -sim_move_max (1) of its bounding radii in a step, with its fastest point, is
-               refused at once: it has left the place where it was altogether, would pass through walls and bodies, and
-               the flow would not see the way between.
+               refused at once where a wall or another body is in its way, through which it would pass: it has left
+               the place where it was altogether. Elsewhere that is remarked, once: the flow does not see the way
+               between. On a mesh that is no box what is in the way is not known, and all of them are refused.
 
    Options (expert): -sim_judge_divergence, _momentum, _growth (0: not judged), _steps; -sim_move_max. */
 #pragma once
@@ -44,8 +45,7 @@ PetscErrorCode JudgeStep(Judge, const FlowDiagnostics *, const CoupleBalance *, 
    Error: what it adds to a body's way in the step is too far; of bodies that contact held in the last step or, at the
    start, of all. (That of a body elsewhere may be a jump which does not go on.) As JudgeWay. */
 PetscErrorCode JudgePlan(Judge, PetscReal (*a)[3], PetscBool start, PetscReal time, PetscReal dt, PetscBool adapted);
-/* After CoupleAdvance. Error: a body goes too far. adapted: by which option it can be shortened. Not collective, same
-   result on all ranks. */
+/* After CoupleAdvance. Error: a body goes too far. adapted: by which option it can be shortened. Collective. */
 PetscErrorCode JudgeWay(Judge, PetscReal time, PetscReal dt, PetscBool adapted);
 /* Is the last step in doubt? Not collective. */
 PetscBool JudgeDoubts(Judge);
