@@ -51,6 +51,8 @@ PetscErrorCode BodiesUpdateGhosts(Bodies, PetscInt width, void *v);
 /* v [n][width] of every rank that knows a body becomes their sum, the same on all of them; where all know all, of those
    of the world. Collective. */
 PetscErrorCode BodiesSumKnown(Bodies, PetscInt width, PetscReal v[]);
+/* The same with the largest in place of the sum. */
+PetscErrorCode BodiesMaxKnown(Bodies, PetscInt width, PetscReal v[]);
 /* Of the known bodies [n]: the rank of the owner, and which of its own ones, in ascending order of their numbers, it is
    there. Not where all know all. Collective. */
 PetscErrorCode BodiesGetOwners(Bodies, PetscMPIInt rank[], PetscInt which[]);

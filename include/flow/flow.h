@@ -116,6 +116,8 @@ typedef PetscErrorCode (*FlowSurfaces)(void *ctx, PetscReal reach, PetscInt n, c
 PetscErrorCode FlowSetSurfaces(Flow, FlowSurfaces, void *ctx);
 /* Does the law ask for them? */
 PetscBool FlowSeesSurfaces(Flow);
+/* How many cells away the law of -flow_rheology looks for them, 0: not at all. Before FlowCreate. Not collective. */
+PetscErrorCode FlowFindReach(PetscInt *reach);
 /* Kinematic viscosity of the eddies at the nodes, nu [nnode_all], zeros without large-eddy simulation: the mean over
    the cells around a node, weighted with its basis. Collective. */
 PetscErrorCode FlowGetEddies(Flow, PetscReal nu[]);

@@ -5,7 +5,7 @@
 #include "motion.h"
 
 #define BODIES_MAX_GROUPS  256 /* of a scene */
-#define BODIES_MAX_COLUMNS 64
+#define BODIES_MAX_COLUMNS 96
 
 /* An array per known body */
 typedef struct {

@@ -253,20 +253,34 @@ PetscErrorCode BodiesUpdateGhosts(Bodies b, PetscInt width, void *v)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodiesSumKnown(Bodies b, PetscInt width, PetscReal v[])
+static PetscErrorCode reduce_known(Bodies b, MPI_Op op, PetscInt width, PetscReal v[])
 {
   BodyParts   *p = b->parts;
   MPI_Datatype unit;
 
   PetscFunctionBeginUser;
-  if (!p) PetscCall(MPIU_Allreduce(MPI_IN_PLACE, v, (PetscMPIInt)(width * b->state.n), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  if (!p) PetscCall(MPIU_Allreduce(MPI_IN_PLACE, v, (PetscMPIInt)(width * b->state.n), MPIU_REAL, op, PETSC_COMM_WORLD));
   if (!p || !p->ghosts) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(RowTypeCreate(width, &unit));
-  PetscCall(PetscSFReduceBegin(p->ghosts, unit, v, v, MPIU_SUM));
-  PetscCall(PetscSFReduceEnd(p->ghosts, unit, v, v, MPIU_SUM));
+  PetscCall(PetscSFReduceBegin(p->ghosts, unit, v, v, op));
+  PetscCall(PetscSFReduceEnd(p->ghosts, unit, v, v, op));
   PetscCall(PetscSFBcastBegin(p->ghosts, unit, v, v, MPI_REPLACE));
   PetscCall(PetscSFBcastEnd(p->ghosts, unit, v, v, MPI_REPLACE));
   PetscCall(RowTypeDestroy(&unit));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodiesSumKnown(Bodies b, PetscInt width, PetscReal v[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(reduce_known(b, MPIU_SUM, width, v));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodiesMaxKnown(Bodies b, PetscInt width, PetscReal v[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(reduce_known(b, MPIU_MAX, width, v));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -7,6 +7,18 @@
 
 #define ROOM 64 /* bodies, for which arrays of the solver have room at least */
 
+PetscErrorCode CoupleFindReach(Mesh mesh, Bodies bodies, PetscInt *reach, const BodyGroup **group)
+{
+  const Rung *rung;
+
+  PetscFunctionBeginUser;
+  *group = NULL;
+  PetscCall(RungChoose(&rung));
+  *reach = rung->reach;
+  if (rung->all) PetscCall((*rung->all)(mesh, bodies, group));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* ---- arrays ---- */
 
 PetscErrorCode CoupleAttachArrays(Couple c)

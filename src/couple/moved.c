@@ -139,6 +139,13 @@ PetscErrorCode MovedCommit(Moved m, const MovedMesh *to)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode MovedTellBodies(Moved m)
+{
+  PetscFunctionBeginUser;
+  if (m->dead) PetscCall(FlowSolverSetDead(m->solver, m->dead, m->resolved));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode MovedRestore(Moved m, PetscInt n, const PetscInt cell[], const MovedMesh *to)
 {
   PetscFunctionBeginUser;

@@ -42,6 +42,9 @@ PetscErrorCode MovedSetSolver(Moved, FlowSolver);
 PetscErrorCode MovedBegin(Moved, PetscInt n, const PetscInt cell[], PetscBool *any);
 /* Where no cell of any rank changes, only the dead cells are remembered. Collective. Error: FlowUpdateCells'. */
 PetscErrorCode MovedCommit(Moved, const MovedMesh *);
+/* k stands for other bodies than before, and no cell changes: the solver learns again which of them are resolved.
+   Collective. */
+PetscErrorCode MovedTellBodies(Moved);
 /* Begin and commit for fields that already belong to the mesh as it will be, as those of a checkpoint do. The solver
    is not told: it must be made anew and set. Collective. */
 PetscErrorCode MovedRestore(Moved, PetscInt n, const PetscInt cell[], const MovedMesh *);

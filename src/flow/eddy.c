@@ -14,6 +14,18 @@
 
 static const char *const DAMPINGS[] = {"van_driest", "none", NULL};
 
+PetscErrorCode FlowFindReach(PetscInt *reach)
+{
+  char      law[64];
+  PetscBool looks;
+
+  PetscFunctionBeginUser;
+  PetscCall(OptPeek("-flow_rheology", law, sizeof(law)));
+  PetscCall(PetscStrcasecmp(law, "smagorinsky", &looks));
+  *reach = looks ? EDDY_REACH : 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode EddyCreate(const char name[], Eddy *e)
 {
   PetscInt damping = 0;

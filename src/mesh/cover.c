@@ -64,16 +64,17 @@ static PetscReal distance_to(const Cover *v, PetscInt c, PetscInt nbox, PetscRea
   return PetscSqrtReal(least);
 }
 
-PetscErrorCode MeshCover(Mesh mesh, PetscInt *n, PetscReal (**box)[2][3], PetscReal *beyond)
+PetscErrorCode MeshCover(Mesh mesh, PetscInt reach, PetscInt *n, PetscReal (**box)[2][3], PetscReal *beyond)
 {
-  Cover     v = {0};
+  Cover     v      = {0};
+  PetscReal widest = 0; /* square of the diagonal of a cell */
   PetscInt *cell;
 
   PetscFunctionBeginUser;
   PetscCall(MeshGetLocal(mesh, &v.l));
   PetscCall(PetscMalloc4(v.l->ncell_all, &v.lower, v.l->ncell_all, &v.upper, v.l->ncell, &v.middle, v.l->ncell, &cell));
   for (PetscInt c = 0; c < v.l->ncell_all; c++) {
-    PetscReal x[MESH_MAX_NB * 3];
+    PetscReal x[MESH_MAX_NB * 3], diagonal = 0;
 
     PetscCall(MeshCellCoordinates(mesh, c, x));
     for (PetscInt a = 0; a < v.l->dim; a++) {
@@ -82,14 +83,17 @@ PetscErrorCode MeshCover(Mesh mesh, PetscInt *n, PetscReal (**box)[2][3], PetscR
         v.lower[c][a] = PetscMin(v.lower[c][a], x[j * v.l->dim + a]);
         v.upper[c][a] = PetscMax(v.upper[c][a], x[j * v.l->dim + a]);
       }
+      diagonal += PetscSqr(v.upper[c][a] - v.lower[c][a]);
     }
     if (c < v.l->ncell) cell[c] = c;
+    widest = PetscMax(widest, diagonal);
   }
   *n      = 0;
   *beyond = 0;
   PetscCall(PetscMalloc1(1 << HALVINGS, box));
   PetscCall(halve(&v, v.l->ncell, cell, HALVINGS, n, *box));
   for (PetscInt c = v.l->ncell; c < v.l->ncell_all; c++) *beyond = PetscMax(*beyond, distance_to(&v, c, *n, *box));
+  *beyond += (PetscReal)reach * PetscSqrtReal(widest);
   PetscCall(PetscFree4(v.lower, v.upper, v.middle, cell));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

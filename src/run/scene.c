@@ -101,10 +101,7 @@ static const struct {
   const char *option, *allowed;
 } NEED_ALL[] = {{"-contact_coupling", " implicit "},
                 {"-contact_law", " repulsive none "},
-                {"-couple_boundary", " penalty nodal "},
                 {"-couple_type", " implicit "},
-                /* Smagorinsky's law looks farther for surfaces than a rank knows bodies */
-                {"-flow_rheology", " newton power_law carreau cross bingham herschel_bulkley oldroyd_b giesekus fene_p wale "},
                 {"-mesh_deform", " false no 0 "}};
 
 /* Does something in the scene need all bodies together? why: the option, empty: nothing */
@@ -156,15 +153,15 @@ static PetscErrorCode report_known(Bodies bodies, const char why[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Bodies are spread over the ranks... */
-static PetscErrorCode create_bodies(SimParts *part, const MeshLocal *l, PetscBool active)
+/* Bodies are spread over the ranks, which know those within so many cells of their own... */
+static PetscErrorCode create_bodies(SimParts *part, const MeshLocal *l, PetscBool active, PetscInt reach)
 {
   BodyBoxes   boxes = {0};
   PetscMPIInt size;
 
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
-  if (active && size > 1) PetscCall(MeshCover(part->mesh, &boxes.n, &boxes.box, &boxes.beyond));
+  if (active && size > 1) PetscCall(MeshCover(part->mesh, reach, &boxes.n, &boxes.box, &boxes.beyond));
   if (size > 1) PetscCall(BodiesCreateLocal(PETSC_COMM_WORLD, l->dim, l->lower, l->upper, l->period, active ? &boxes : NULL, &part->bodies));
   else PetscCall(BodiesCreate(l->dim, l->lower, l->upper, &part->bodies));
   PetscCall(PetscFree(boxes.box));
@@ -175,14 +172,25 @@ static PetscErrorCode create_bodies(SimParts *part, const MeshLocal *l, PetscBoo
    the results are the same. */
 static PetscErrorCode settle_bodies(SimParts *part, const MeshLocal *l, PetscBool active)
 {
-  char why[256];
+  char             why[256];
+  const BodyGroup *group    = NULL;
+  PetscInt         reach[2] = {0, 0};
+  BodyState       *s;
 
   PetscFunctionBeginUser;
   if (BodiesComm(part->bodies) == PETSC_COMM_SELF) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(find_need(active, why, sizeof(why)));
   PetscCall(find_group(part, l, active, why, sizeof(why)));
-  if (!why[0]) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(BodiesGetState(part->bodies, &s));
+  if (active) PetscCall(FlowFindReach(&reach[0]));
+  if (active && s->nall) PetscCall(CoupleFindReach(part->mesh, part->bodies, &reach[1], &group));
+  if (group) PetscCall(PetscSNPrintf(why, sizeof(why), "group '%s', whose bodies may be thinner than a cell", group->name));
+  if (!why[0] && !reach[0] && !reach[1]) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(BodiesDestroy(&part->bodies));
+  if (!why[0]) {
+    PetscCall(create_bodies(part, l, active, PetscMax(reach[0], reach[1])));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCall(BodiesCreate(l->dim, l->lower, l->upper, &part->bodies));
   PetscCall(report_known(part->bodies, why));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -199,7 +207,7 @@ static PetscErrorCode create_mesh_and_bodies(SimParts *part, PetscBool active, c
   if (levels) PetscCall(RefineCreateMesh(PETSC_COMM_WORLD, around, &part->bodies, &part->mesh, &part->refine));
   else PetscCall(MeshCreate(PETSC_COMM_WORLD, &part->mesh));
   PetscCall(MeshGetLocal(part->mesh, l));
-  if (!levels) PetscCall(create_bodies(part, *l, active));
+  if (!levels) PetscCall(create_bodies(part, *l, active, 0));
   else PetscCall(report_known(part->bodies, "-mesh_levels"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

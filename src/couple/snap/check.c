@@ -1,6 +1,7 @@
 /* Snap, check: is what came out a mesh, and does it follow the bodies? */
 #include "compat.h"
 #include "impl.h"
+#include "bodies/local.h"
 #include "base/algebra.h"
 #include "base/domain.h"
 
@@ -64,6 +65,7 @@ PetscErrorCode SnapCheckLevels(Snap s)
 PetscErrorCode SnapCheckCells(Snap s, PetscReal *quality)
 {
   const MeshLocal *l = s->loc;
+  PetscReal(*sum)[4];
 
   PetscFunctionBeginUser;
   *quality = 1;
@@ -94,13 +96,20 @@ PetscErrorCode SnapCheckCells(Snap s, PetscReal *quality)
       if (t && (!at_wall || t % 8 == 1)) s->flags[t / 8 + (share > FLATTEST ? s->nbodies : 0)]++;
     }
   }
+  PetscCall(PetscMalloc1(s->nbodies, &sum));
   for (PetscInt k = 0; k < s->nbodies; k++) {
     s->area[k] += s->lost[k];
     s->flags[k] += s->stray[k];
     s->flags[2 * s->nbodies + k] = s->lost[k] > 0;
+    for (PetscInt i = 0; i < 3; i++) sum[k][i] = (PetscReal)s->flags[i * s->nbodies + k];
+    sum[k][3] = s->area[k];
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, s->flags, (PetscMPIInt)(3 * s->nbodies), MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, s->area, (PetscMPIInt)s->nbodies, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(BodiesSumKnown(s->bodies, 4, (PetscReal *)sum));
+  for (PetscInt k = 0; k < s->nbodies; k++) {
+    for (PetscInt i = 0; i < 3; i++) s->flags[i * s->nbodies + k] = (PetscInt)sum[k][i];
+    s->area[k] = sum[k][3];
+  }
+  PetscCall(PetscFree(sum));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, quality, 1, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
   for (PetscInt k = 0; k < s->nbodies; k++)
     if (s->path[k].n) s->area[k] = s->inside[k]; /* a path has none to compare */

@@ -8,6 +8,7 @@ struct _p_Clearance {
   Bodies           bodies;
   BodyState       *state;
   PetscReal        reach;
+  PetscInt         n;                /* bodies for which there is room */
   PetscInt        *ptr, *near, room; /* [nbodies + 1]; near bodies of each */
   PetscInt        *order;            /* [nbodies] by their left ends */
   PetscReal       *left;             /* [nbodies] */
@@ -68,7 +69,6 @@ PetscErrorCode ClearanceCreate(Mesh mesh, Bodies bodies, PetscReal reach, Cleara
   c->reach  = reach;
   PetscCall(MeshGetLocal(mesh, &c->loc));
   PetscCall(BodiesGetState(bodies, &c->state));
-  PetscCall(PetscCalloc3(c->state->n + 1, &c->ptr, c->state->n, &c->order, c->state->n, &c->left));
   *clearance = c;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -88,6 +88,11 @@ PetscErrorCode ClearanceUpdate(Clearance c, PetscReal (*X)[3], const PetscInt pa
   const PetscInt n = c->state->n;
 
   PetscFunctionBeginUser;
+  if (!c->ptr || n > c->n) {
+    PetscCall(PetscFree3(c->ptr, c->order, c->left));
+    PetscCall(PetscMalloc3(n + 1, &c->ptr, n, &c->order, n, &c->left));
+    c->n = n;
+  }
   c->passes = passes;
   for (PetscInt k = 0; k < n; k++) {
     c->order[k] = k;

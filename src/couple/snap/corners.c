@@ -12,6 +12,7 @@
    wall is drawn back from another. In space: edges.c. */
 #include "compat.h"
 #include "impl.h"
+#include "bodies/local.h"
 
 #define REACH   1.0 /* farthest place of the vertex that a corner takes, cells */
 #define APART   0.3 /* corners closer than that share a vertex, cells */
@@ -28,9 +29,10 @@ typedef enum {
   LEFT
 } Outcome;
 
-/* All corners of the bodies that are followed, the same on all ranks */
+/* All corners of the bodies that are followed, the same on all ranks that know the body */
 typedef struct {
   PetscInt   n, *first, *body; /* those of body k: first[k] to first[k + 1] */
+  PetscInt   most;             /* of a body, on any rank */
   PetscReal *x;                /* [n][2] in space */
   PetscReal *score;            /* [n] of the best vertex of all ranks, the least */
   PetscInt  *vertex;           /* [n] own vertex that has this score, -1: none */
@@ -39,6 +41,8 @@ typedef struct {
 
 static PetscErrorCode list_corners(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], Corners *c)
 {
+  PetscReal most = 0;
+
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(s->nbodies + 1, &c->first));
   c->first[0] = 0;
@@ -50,7 +54,10 @@ static PetscErrorCode list_corners(Snap s, PetscReal (*X)[3], PetscReal (*q)[4],
     s->ncorner[k]   = n;
     c->first[k + 1] = c->first[k] + (s->follow[k] ? n : 0);
   }
-  c->n = c->first[s->nbodies];
+  for (PetscInt k = 0; k < s->nbodies; k++) most = PetscMax(most, (PetscReal)(c->first[k + 1] - c->first[k]));
+  PetscCall(BodiesMax(s->bodies, 1, &most));
+  c->most = (PetscInt)most;
+  c->n    = c->first[s->nbodies];
   PetscCall(PetscMalloc5(2 * c->n, &c->x, c->n, &c->score, c->n, &c->vertex, c->n, &c->body, c->n, &c->outcome));
   for (PetscInt k = 0; k < s->nbodies; k++) {
     PetscInt n;
@@ -176,33 +183,52 @@ static PetscErrorCode place_middles(Snap s, PetscReal (*X)[3], PetscReal (*q)[4]
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* v [n] becomes the largest of all ranks */
+static PetscErrorCode take_largest(Snap s, const Corners *c, PetscReal v[])
+{
+  PetscReal *row;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc1(s->nbodies * c->most, &row));
+  for (PetscInt i = 0; i < c->n; i++) row[c->body[i] * c->most + i - c->first[c->body[i]]] = v[i];
+  PetscCall(BodiesMaxKnown(s->bodies, c->most, row));
+  for (PetscInt i = 0; i < c->n; i++) v[i] = row[c->body[i] * c->most + i - c->first[c->body[i]]];
+  PetscCall(PetscFree(row));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* One round: open corners choose among the n own wall vertices; *any: is one still open? */
 static PetscErrorCode choose_vertices(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt n, const PetscInt own[], Corners *c, PetscBool *any)
 {
-  PetscReal *mine;
+  PetscReal *v;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(c->n, &mine));
+  PetscCall(PetscMalloc1(c->n, &v));
   rate_vertices(s, n, own, c);
-  PetscCall(PetscArraycpy(mine, c->score, c->n));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, c->score, (PetscMPIInt)c->n, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
-  for (PetscInt i = 0; i < c->n; i++)
-    if (c->score[i] == PETSC_MAX_REAL || mine[i] != c->score[i]) c->vertex[i] = -1;
-  PetscCall(PetscFree(mine));
+  for (PetscInt i = 0; i < c->n; i++) v[i] = -c->score[i];
+  PetscCall(take_largest(s, c, v));
+  for (PetscInt i = 0; i < c->n; i++) {
+    if (c->score[i] == PETSC_MAX_REAL || c->score[i] != -v[i]) c->vertex[i] = -1;
+    c->score[i] = -v[i];
+  }
   *any = PETSC_FALSE;
   for (PetscInt i = 0; i < c->n; i++) {
     if (c->outcome[i] != OPEN) continue;
     if (c->score[i] == PETSC_MAX_REAL) c->outcome[i] = LEFT;
     else if (c->vertex[i] >= 0) PetscCall(judge_vertex(s, X, q, c, i, &c->outcome[i]));
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, c->outcome, (PetscMPIInt)c->n, MPIU_INT, MPI_MAX, PETSC_COMM_WORLD));
+  for (PetscInt i = 0; i < c->n; i++) v[i] = (PetscReal)c->outcome[i];
+  PetscCall(take_largest(s, c, v));
   for (PetscInt i = 0; i < c->n; i++) {
-    *any = (PetscBool)(*any || c->outcome[i] == OPEN);
+    c->outcome[i] = (PetscInt)v[i];
+    *any          = (PetscBool)(*any || c->outcome[i] == OPEN);
     if (c->outcome[i] != TAKNEXT || c->vertex[i] < 0) continue;
     PetscCall(place_middles(s, X, q, c->body[i], c->x + 2 * i, s->size[c->vertex[i]], &s->at_corner[c->vertex[i]]));
     PetscCall(SnapListAdd(&s->corner, c->vertex[i]));
     for (PetscInt a = 0; a < 2; a++) s->d[2 * c->vertex[i] + a] = MeshNearest(s->loc, a, c->x[2 * i + a] - s->loc->x_start[2 * c->vertex[i] + a]);
   }
+  PetscCall(PetscFree(v));
+  PetscCall(BodiesAny(s->bodies, any));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -275,10 +301,10 @@ PetscErrorCode SnapPlaceCorners(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], Pe
 
   PetscFunctionBeginUser;
   PetscCall(list_corners(s, X, q, &c));
-  any = (PetscBool)(c.n > 0);
+  any = (PetscBool)(c.most > 0);
   for (PetscInt round = 0; any && round < NROUND; round++) PetscCall(choose_vertices(s, X, q, n, own, &c, &any));
   for (PetscInt i = 0; i < c.n; i++) s->ntaken[c.body[i]] += c.outcome[i] == TAKNEXT;
-  if (c.n) {
+  if (c.most) {
     PetscCall(list_neighbours(s, n, own, &near));
     PetscCall(slide(s, X, q, &near));
   }

@@ -39,7 +39,7 @@ PetscErrorCode SnapShareCover(Snap s)
 
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < s->dead.n; e++) s->code[SnapCentre(s, s->dead.i[e])] = s->cover[s->dead.i[e]];
-  PetscCall(MeshSyncNodesInt(s->mesh, s->code));
+  PetscCall(SnapSyncBodies(s, 1, s->code));
   PetscCall(MeshSyncNodes(s->mesh, 1, s->depth));
   for (PetscInt e = 0; e < s->dead.n; e++) s->code[SnapCentre(s, s->dead.i[e])] = 0;
   for (PetscInt i = l->nnode; i < l->nnode_all; i++) {
@@ -146,7 +146,7 @@ PetscErrorCode SnapClassifyNodes(Snap s)
       PetscCall(SnapListAdd(&s->marked, i));
     }
   }
-  PetscCall(MeshSyncNodesInt(s->mesh, s->code));
+  PetscCall(SnapSyncBodies(s, 2, s->code));
   for (PetscInt i = l->nnode; i < l->nnode_all; i++)
     if (s->code[i]) PetscCall(SnapListAdd(&s->marked, i));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -4,6 +4,7 @@
 #include "base/algebra.h"
 #include "base/domain.h"
 #include "base/room.h"
+#include "bodies/local.h"
 #include "mesh/carry.h"
 
 #define MAX_FIELDS 4
@@ -28,8 +29,8 @@ struct _p_SnapDriver {
   const MeshLocal *loc;
   Snap             snap;
   Remap            remap;
-  PetscInt         n;                        /* bodies */
-  PetscBool       *wanted, *fitted, *before; /* [n] */
+  Bodies           bodies;
+  PetscBool       *wanted, *fitted, *before; /* [n] of the state */
   PetscReal (*X)[3], (*q)[4];                /* [n] where they were in the last fit */
   PetscReal (*way)[3], (*turn)[9];           /* [n] from there to where they are now, and from axes now to axes then */
   PetscInt   done;                           /* has there been one? */
@@ -277,8 +278,9 @@ PetscErrorCode SnapDriverCreate(Flow flow, Bodies bodies, Moved moved, SnapDrive
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&f));
-  f->flow  = flow;
-  f->moved = moved;
+  f->flow   = flow;
+  f->moved  = moved;
+  f->bodies = bodies;
   PetscCall(FlowGetMesh(flow, &f->mesh));
   PetscCall(MeshGetLocal(f->mesh, &f->loc));
   PetscCall(BodiesGetState(bodies, &f->state));
@@ -286,24 +288,31 @@ PetscErrorCode SnapDriverCreate(Flow flow, Bodies bodies, Moved moved, SnapDrive
   PetscCall(RemapCreate(f->mesh, &f->remap));
   PetscCall(FlowGetLogConformation(flow, &psi, NULL));
   f->nfield = psi ? 4 : 2;
-  f->n      = f->state->n;
-  PetscCall(PetscCalloc6(f->n, &f->wanted, f->n, &f->fitted, f->n, &f->before, f->n, &f->X, f->n, &f->q, f->loc->nnode_all, &f->stamp));
-  PetscCall(PetscCalloc2(f->n, &f->way, f->n, &f->turn));
+  PetscCall(PetscCalloc1(f->loc->nnode_all, &f->stamp));
+  PetscCall(BodiesAttach(bodies, sizeof(*f->fitted), (void **)&f->fitted));
+  PetscCall(BodiesAttach(bodies, sizeof(*f->X), (void **)&f->X));
+  PetscCall(BodiesAttach(bodies, sizeof(*f->q), (void **)&f->q));
+  PetscCall(BodiesAttachWork(bodies, sizeof(*f->wanted), (void **)&f->wanted));
+  PetscCall(BodiesAttachWork(bodies, sizeof(*f->before), (void **)&f->before));
+  PetscCall(BodiesAttachWork(bodies, sizeof(*f->way), (void **)&f->way));
+  PetscCall(BodiesAttachWork(bodies, sizeof(*f->turn), (void **)&f->turn));
   *fit = f;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode SnapDriverDestroy(SnapDriver *fit)
 {
-  SnapDriver f = *fit;
+  SnapDriver   f       = *fit;
+  void **const array[] = {(void **)&f->fitted, (void **)&f->X,   (void **)&f->q,   (void **)&f->wanted,
+                          (void **)&f->before, (void **)&f->way, (void **)&f->turn};
 
   PetscFunctionBeginUser;
   if (!f) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(SnapLeftDestroy(&f->left));
   PetscCall(SnapDestroy(&f->snap));
   PetscCall(RemapDestroy(&f->remap));
-  PetscCall(PetscFree6(f->wanted, f->fitted, f->before, f->X, f->q, f->stamp));
-  PetscCall(PetscFree2(f->way, f->turn));
+  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(array); i++) PetscCall(BodiesDetach(f->bodies, array[i]));
+  PetscCall(PetscFree(f->stamp));
   PetscCall(PetscFree(f->along));
   PetscCall(PetscFree(f->from));
   PetscCall(PetscFree(f->kept));
@@ -318,7 +327,7 @@ PetscErrorCode SnapDriverDestroy(SnapDriver *fit)
 /* Bodies are at X, q now: the motion since the last fit */
 static void find_motion(SnapDriver f, PetscReal (*X)[3], PetscReal (*q)[4])
 {
-  for (PetscInt k = 0; k < f->n; k++) {
+  for (PetscInt k = 0; k < f->state->n; k++) {
     PetscReal now[9], then[9];
 
     RotationMatrix(q[k], now);
@@ -333,16 +342,17 @@ static void find_motion(SnapDriver f, PetscReal (*X)[3], PetscReal (*q)[4])
 PetscErrorCode SnapDriverUpdate(SnapDriver f, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool *fitted[], const SnapResult **result,
                                 const RemapCount **count)
 {
-  MovedMesh to;
-  PetscBool any;
+  const PetscInt n = f->state->n;
+  MovedMesh      to;
+  PetscBool      any;
 
   PetscFunctionBeginUser;
-  for (PetscInt k = 0; k < f->n; k++) f->wanted[k] = (PetscBool)(!f->state->gone[k] && !BodiesGetGroup(f->state, k)->hole);
-  PetscCall(PetscArraycpy(f->before, f->fitted, f->n));
+  for (PetscInt k = 0; k < n; k++) f->wanted[k] = (PetscBool)(!f->state->gone[k] && !BodiesGetGroup(f->state, k)->hole);
+  PetscCall(PetscArraycpy(f->before, f->fitted, n));
   PetscCall(SnapFit(f->snap, X, q, f->wanted, f->done ? f->before : NULL, f->fitted, &f->result));
   find_motion(f, X, q);
-  PetscCall(PetscArraycpy((PetscReal *)f->X, (PetscReal *)X, 3 * f->n));
-  PetscCall(PetscArraycpy((PetscReal *)f->q, (PetscReal *)q, 4 * f->n));
+  PetscCall(PetscArraycpy((PetscReal *)f->X, (PetscReal *)X, 3 * n));
+  PetscCall(PetscArraycpy((PetscReal *)f->q, (PetscReal *)q, 4 * n));
   f->done    = 1;
   f->ntarget = f->nalong = 0;
   f->count               = (RemapCount){0, 0, 0, 0};
@@ -351,6 +361,7 @@ PetscErrorCode SnapDriverUpdate(SnapDriver f, PetscReal (*X)[3], PetscReal (*q)[
   else if (any) PetscCall(carry_over(f));
   to = new_mesh(f);
   PetscCall(MovedCommit(f->moved, &to));
+  if (!any && BodiesComm(f->bodies) != PETSC_COMM_SELF) PetscCall(MovedTellBodies(f->moved));
   *fitted = f->fitted;
   *result = &f->result;
   *count  = &f->count;
@@ -360,19 +371,20 @@ PetscErrorCode SnapDriverUpdate(SnapDriver f, PetscReal (*X)[3], PetscReal (*q)[
 PetscErrorCode SnapDriverLeave(SnapDriver f, SnapLeft **left)
 {
   const MeshLocal *l = f->loc;
+  const PetscInt   n = f->state->n;
   SnapLeft        *s;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&s));
   PetscCall(copy_fields(f, s->field));
-  PetscCall(PetscMalloc5(f->n, &s->fitted, l->ncell_all, &s->dead, l->ncell_all, &s->side, f->n, &s->X, f->n, &s->q));
-  PetscCall(PetscArraycpy((PetscReal *)s->X, (PetscReal *)f->X, 3 * f->n));
-  PetscCall(PetscArraycpy((PetscReal *)s->q, (PetscReal *)f->q, 4 * f->n));
+  PetscCall(PetscMalloc5(n, &s->fitted, l->ncell_all, &s->dead, l->ncell_all, &s->side, n, &s->X, n, &s->q));
+  PetscCall(PetscArraycpy((PetscReal *)s->X, (PetscReal *)f->X, 3 * n));
+  PetscCall(PetscArraycpy((PetscReal *)s->q, (PetscReal *)f->q, 4 * n));
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     s->dead[c] = f->done ? f->result.cell_body[c] : -1;
     s->side[c] = f->done ? f->result.cell_side[c] : 0;
   }
-  PetscCall(PetscArraycpy(s->fitted, f->fitted, f->n));
+  PetscCall(PetscArraycpy(s->fitted, f->fitted, n));
   s->done = f->done;
   *left   = s;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -419,26 +431,30 @@ static PetscErrorCode find_near(SnapLeft *s, Mesh now)
 
 PetscErrorCode SnapDriverArrive(SnapDriver f, SnapLeft **left, Mesh *old)
 {
+  const PetscInt n = f->state->n;
+
   PetscFunctionBeginUser;
   f->left       = *left;
   f->left->mesh = *old;
   *left         = NULL;
   *old          = NULL;
   f->done       = f->left->done;
-  PetscCall(PetscArraycpy(f->fitted, f->left->fitted, f->n));
-  PetscCall(PetscArraycpy((PetscReal *)f->X, (PetscReal *)f->left->X, 3 * f->n));
-  PetscCall(PetscArraycpy((PetscReal *)f->q, (PetscReal *)f->left->q, 4 * f->n));
+  PetscCall(PetscArraycpy(f->fitted, f->left->fitted, n));
+  PetscCall(PetscArraycpy((PetscReal *)f->X, (PetscReal *)f->left->X, 3 * n));
+  PetscCall(PetscArraycpy((PetscReal *)f->q, (PetscReal *)f->left->q, 4 * n));
   PetscCall(RemapCreate(f->left->mesh, &f->left->remap));
   PetscCall(find_near(f->left, f->mesh));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The mesh of the fields that are there */
+/* The mesh of the fields that are there. Bodies that are spread are still known where the scene has put them. */
 static PetscErrorCode restore_mesh(SnapDriver f)
 {
   MovedMesh to;
 
   PetscFunctionBeginUser;
+  PetscCall(BodiesMigrate(f->bodies, 0, 1));
+  PetscCall(PetscArraycpy(f->wanted, f->fitted, f->state->n));
   PetscCall(SnapFit(f->snap, f->X, f->q, f->wanted, NULL, f->fitted, &f->result));
   to = new_mesh(f);
   PetscCall(MovedRestore(f->moved, f->result.ncell, f->result.cell, &to));
@@ -447,17 +463,21 @@ static PetscErrorCode restore_mesh(SnapDriver f)
 
 PetscErrorCode SnapDriverVisitState(SnapDriver f, State state)
 {
-  PetscInt *fitted;
+  const PetscInt n = f->state->n;
+  PetscInt      *fitted;
+  BodyRows       rows;
 
   PetscFunctionBeginUser;
   PetscCall(StateInts(state, "fit_done", 1, &f->done));
-  PetscCall(StateReals(state, "fit_X", 3 * f->n, (PetscReal *)f->X));
-  PetscCall(StateReals(state, "fit_q", 4 * f->n, (PetscReal *)f->q));
-  PetscCall(PetscMalloc1(f->n, &fitted));
-  for (PetscInt k = 0; k < f->n; k++) fitted[k] = f->fitted[k];
-  PetscCall(StateInts(state, "fitted", f->n, fitted));
-  for (PetscInt k = 0; k < f->n; k++) f->wanted[k] = (PetscBool)fitted[k];
+  PetscCall(BodiesBeginRows(f->bodies, &rows));
+  PetscCall(BodiesVisitReals(f->bodies, &rows, state, "fit_X", 3, (PetscReal *)f->X));
+  PetscCall(BodiesVisitReals(f->bodies, &rows, state, "fit_q", 4, (PetscReal *)f->q));
+  PetscCall(PetscMalloc1(n, &fitted));
+  for (PetscInt k = 0; k < n; k++) fitted[k] = f->fitted[k];
+  PetscCall(BodiesVisitIntegers(f->bodies, &rows, state, "fitted", fitted));
+  for (PetscInt k = 0; k < n; k++) f->fitted[k] = (PetscBool)fitted[k];
   PetscCall(PetscFree(fitted));
+  PetscCall(BodiesEndRows(&rows));
   if (StateIsLoading(state) && f->done) PetscCall(restore_mesh(f));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -10,6 +10,7 @@
    nodes of mesh edges from there are not drawn towards them, as they are in the plane (runs/studies/snap-corners). */
 #include "compat.h"
 #include "impl.h"
+#include "bodies/local.h"
 #include "base/algebra.h"
 
 #define ONE     0.9 /* normals less than 26 degrees apart, the cosine, are of one surface */
@@ -429,6 +430,26 @@ static PetscErrorCode slide(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], Crease
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Vertices at edges of all ranks */
+static PetscErrorCode sum_counts(Snap s)
+{
+  PetscReal(*sum)[2];
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(s->nbodies, &sum));
+  for (PetscInt k = 0; k < s->nbodies; k++) {
+    sum[k][0] = (PetscReal)s->ncorner[k];
+    sum[k][1] = (PetscReal)s->ntaken[k];
+  }
+  PetscCall(BodiesSumKnown(s->bodies, 2, (PetscReal *)sum));
+  for (PetscInt k = 0; k < s->nbodies; k++) {
+    s->ncorner[k] = (PetscInt)sum[k][0];
+    s->ntaken[k]  = (PetscInt)sum[k][1];
+  }
+  PetscCall(PetscFree(sum));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode SnapPlaceEdges(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt n, const PetscInt own[])
 {
   Faces     faces = {{0, 0, NULL}, NULL, NULL};
@@ -440,6 +461,7 @@ PetscErrorCode SnapPlaceEdges(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], Pets
   PetscCall(PetscArrayzero(s->ncorner, s->nbodies));
   PetscCall(PetscArrayzero(s->ntaken, s->nbodies));
   for (PetscInt k = 0; k < s->nbodies; k++) edgy = (PetscBool)(edgy || has_edges(s, k));
+  PetscCall(BodiesAny(s->bodies, &edgy));
   if (!edgy) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscCalloc2(6 * s->loc->nnode_all, &faces.plane, s->loc->nnode_all, &faces.dead));
   PetscCall(list_faces(s, X, q, &faces));
@@ -452,8 +474,7 @@ PetscErrorCode SnapPlaceEdges(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], Pets
     PetscCall(place_vertices(s, X, q, &faces, n, own, &list));
     PetscCall(list_beside(s, n, own, &near));
     PetscCall(slide(s, X, q, &list, &near));
-    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, s->ncorner, (PetscMPIInt)s->nbodies, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
-    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, s->ntaken, (PetscMPIInt)s->nbodies, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+    PetscCall(sum_counts(s));
   }
   PetscCall(PetscFree(near.i));
   PetscCall(PetscFree(list.c));
@@ -467,6 +488,7 @@ PetscErrorCode SnapLeaveBadEdges(Snap s, PetscBool *any)
   PetscFunctionBeginUser;
   *any = PETSC_FALSE;
   for (PetscInt k = 0; k < s->nbodies; k++) *any = (PetscBool)(*any || s->ntaken[k]);
+  PetscCall(BodiesAny(s->bodies, any));
   if (!*any) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt e = 0; e < s->bad.n; e++) {
     PetscReal longest = 0;

@@ -43,9 +43,9 @@ struct _p_Snap {
   const MeshLocal *loc;
   Bodies           bodies;
   BodyState       *state;
-  PetscInt         nbodies;
-  NodeKind        *kind; /* [nnode_all] */
-  PetscInt        *side; /* [nnode_all] sides of the domain it is on: bits 2 axis + (upper one), SIDE_CURVED */
+  PetscInt         nbodies; /* known to this rank in the fit in work; k speaks of these */
+  NodeKind        *kind;    /* [nnode_all] */
+  PetscInt        *side;    /* [nnode_all] sides of the domain it is on: bits 2 axis + (upper one), SIDE_CURVED */
   SnapCell         cell_kind;
   PetscInt         npoint; /* of the check */
   PetscReal        dphi[NPOINT][3 * MESH_MAX_NB], weight[NPOINT];
@@ -75,8 +75,8 @@ struct _p_Snap {
   PetscReal *at_corner;        /* [nnode_all] 0, there: where on an edge its middle node goes, 1/2 or less */
   List       corner;           /* local nodes with an entry there */
   List       left;             /* own vertices that stay off the edges in this fit */
-  /* the last result */
-  PetscInt  *node_body, *cell_body, *cell_before;
+  /* the last result, in which k speaks of the bodies that were known then: number [nnumber] */
+  PetscInt  *node_body, *cell_body, *cell_before, *number, nnumber, number_room;
   PetscBool *on_wall;
   List       old_dead, older_dead, old_placed, node, cell;
   PetscReal *x;
@@ -142,6 +142,10 @@ static inline PetscBool SnapIsOnWall(Snap s, PetscInt i)
 {
   return (PetscBool)(s->code[i] % 2);
 }
+
+/* The ghosts get v of local nodes, in which the owner says v - 1 = per k + rest of a body k and 0 of none: k is what each
+   rank calls the body. Collective. */
+PetscErrorCode SnapSyncBodies(Snap, PetscInt per, PetscInt v[]);
 
 /* Slots of a cell of this dimension. */
 void SnapDescribeCell(PetscInt dim, SnapCell *);

@@ -9,6 +9,7 @@
 #include "graph.h"
 #include "impl.h"
 #include "base/algebra.h"
+#include "bodies/local.h"
 
 #define THIN    1.0 /* thickness below which a body is a path, smallest cell size along it */
 #define LONG    3   /* smallest length, cell sizes */
@@ -502,9 +503,64 @@ static PetscErrorCode create_lines(Snap s, const BodyGroup *g)
   if (!g->hole && g->count) PetscCall(MidlineCreate(g->shape, &line));
   if (!line) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MidlineGetSize(line, NULL, &thickness));
-  for (PetscInt k = g->first; k < g->first + g->count; k++)
-    if (s->state->scale[k] * thickness < THIN * s->coarsest) PetscCall(MidlineScale(line, s->state->scale[k], &s->line[k]));
+  for (PetscInt k = 0; k < s->nbodies; k++)
+    if (BodiesGetGroup(s->state, k) == g && s->state->scale[k] * thickness < THIN * s->coarsest)
+      PetscCall(MidlineScale(line, s->state->scale[k], &s->line[k]));
   PetscCall(MidlineDestroy(&line));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Root of the area of the largest cell, or more */
+static PetscErrorCode find_largest_cell(Mesh mesh, PetscReal *size)
+{
+  const MeshLocal *l;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshGetLocal(mesh, &l));
+  *size = 0;
+  for (PetscInt c = 0; c < l->ncell; c++) {
+    PetscReal x[MESH_MAX_NB * 3], area = 1;
+
+    PetscCall(MeshCellCoordinates(mesh, c, x));
+    for (PetscInt a = 0; a < 2; a++) {
+      PetscReal lower = x[a], upper = x[a];
+
+      for (PetscInt j = 1; j < l->nb; j++) {
+        lower = PetscMin(lower, x[2 * j + a]);
+        upper = PetscMax(upper, x[2 * j + a]);
+      }
+      area *= upper - lower;
+    }
+    *size = PetscMax(*size, PetscSqrtReal(area));
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, size, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SnapFindThin(Mesh mesh, Bodies bodies, const BodyGroup **thin)
+{
+  BodyState *s;
+  PetscReal  cell;
+
+  PetscFunctionBeginUser;
+  *thin = NULL;
+  PetscCall(BodiesGetState(bodies, &s));
+  if (s->dim == 3) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(find_largest_cell(mesh, &cell));
+  for (PetscInt i = 0; i < s->ngroups; i++) {
+    const BodyGroup *g         = &s->group[i];
+    Midline          line      = NULL;
+    PetscReal        thickness = PETSC_MAX_REAL, least = PETSC_MAX_REAL;
+
+    if (!g->hole && g->count) PetscCall(MidlineCreate(g->shape, &line));
+    if (!line) continue;
+    PetscCall(MidlineGetSize(line, NULL, &thickness));
+    PetscCall(MidlineDestroy(&line));
+    for (PetscInt k = 0; k < s->n; k++)
+      if (BodiesGetGroup(s, k) == g) least = PetscMin(least, s->scale[k]);
+    PetscCall(BodiesMin(bodies, 1, &least));
+    if (least * thickness < THIN * cell) *thin = g;
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -514,20 +570,21 @@ PetscErrorCode SnapPathSetUp(Snap s)
   s->coarsest = 0;
   for (PetscInt i = 0; i < s->loc->nnode; i++) s->coarsest = PetscMax(s->coarsest, s->size[i]);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &s->coarsest, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
-  PetscCall(PetscCalloc4(s->nbodies, &s->line, s->nbodies, &s->is_path, s->nbodies, &s->path, s->nbodies, &s->smallest));
   PetscCall(PetscCalloc1(s->loc->nnode_all, &s->node_side));
   for (PetscInt j = 0; j < 2; j++) PetscCall(PetscCalloc1(s->loc->ncell_all, &s->cell_side[j]));
   if (s->loc->dim == 3) PetscCall(SnapRefusePlates(s));
-  for (PetscInt g = 0; g < s->state->ngroups && s->loc->dim == 2; g++) PetscCall(create_lines(s, &s->state->group[g]));
+  for (PetscInt g = 0; g < s->state->ngroups && s->loc->dim == 2 && BodiesComm(s->bodies) == PETSC_COMM_SELF; g++)
+    PetscCall(create_lines(s, &s->state->group[g]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode SnapPathTearDown(Snap s)
 {
   PetscFunctionBeginUser;
-  PetscCall(clear_paths(s));
-  for (PetscInt k = 0; k < s->nbodies; k++) PetscCall(MidlineDestroy(&s->line[k]));
-  PetscCall(PetscFree4(s->line, s->is_path, s->path, s->smallest));
+  if (BodiesComm(s->bodies) == PETSC_COMM_SELF) {
+    PetscCall(clear_paths(s));
+    for (PetscInt k = 0; k < s->nbodies; k++) PetscCall(MidlineDestroy(&s->line[k]));
+  }
   PetscCall(PetscFree(s->node_side));
   for (PetscInt j = 0; j < 2; j++) PetscCall(PetscFree(s->cell_side[j]));
   PetscFunctionReturn(PETSC_SUCCESS);

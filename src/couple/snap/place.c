@@ -3,7 +3,6 @@
 #include "impl.h"
 #include "base/algebra.h"
 
-#define NRING  3
 #define NSWEEP 20
 
 /* ---- slots ---- */
@@ -207,7 +206,7 @@ PetscErrorCode SnapFindRings(Snap s)
   PetscInt         begin = 0;
 
   PetscFunctionBeginUser;
-  for (PetscInt ring = 1; ring <= NRING; ring++) {
+  for (PetscInt ring = 1; ring <= SNAP_RINGS; ring++) {
     const PetscInt end = s->ring.n;
 
     for (PetscInt f = begin; f < end; f++) {
@@ -217,14 +216,14 @@ PetscErrorCode SnapFindRings(Snap s)
         for (PetscInt v = 0; v < s->cell_kind.ncorner; v++) {
           const PetscInt i = SnapCellNodes(s, l->node_cell[e])[CORNER[v]];
 
-          if (i >= l->nnode || s->level[i] || s->code[i] || (ring == NRING && is_beside_jump(s, i))) continue;
+          if (i >= l->nnode || s->level[i] || s->code[i] || (ring == SNAP_RINGS && is_beside_jump(s, i))) continue;
           if (s->side[i] && SnapIsBarred(s, i, ring_around(s, i, ring - 1) / 8)) continue;
           s->level[i] = ring_around(s, i, ring - 1);
           PetscCall(SnapListAdd(&s->ring, i));
         }
       }
     }
-    PetscCall(MeshSyncNodesInt(s->mesh, s->level));
+    PetscCall(SnapSyncBodies(s, 8, s->level));
     for (PetscInt i = l->nnode; i < l->nnode_all; i++)
       if (s->level[i] % 8 == ring + 1) PetscCall(SnapListAdd(&s->ring, i));
     begin = end;

@@ -11,6 +11,7 @@
 #include "../penalty.h"
 #include "driver.h"
 #include "base/log.h"
+#include "bodies/local.h"
 
 enum {
   FALLBACK,
@@ -52,17 +53,42 @@ static PetscErrorCode create_snap(Couple c, void **rung)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* That the mesh does not follow body k, once */
-static PetscErrorCode remark_held(Couple c, SnapRung *r, PetscInt k)
+/* The group of the body with that permanent number */
+static const char *group_of(BodyState *s, PetscReal number)
+{
+  PetscInt g = 0;
+
+  while (s->group[g].first + s->group[g].count <= number) g++;
+  return s->group[g].name;
+}
+
+/* That the mesh does not follow this body, once */
+static PetscErrorCode remark_held(Couple c, SnapRung *r, PetscReal number)
 {
   PetscFunctionBeginUser;
-  if (r->held) PetscFunctionReturn(PETSC_SUCCESS);
+  if (r->held || number == PETSC_MAX_REAL) PetscFunctionReturn(PETSC_SUCCESS);
   r->held = PETSC_TRUE;
   PetscCall(
     LogRemark("-couple_boundary snap cannot follow body %" PetscInt_FMT
               " (group '%s') at t = %g, and the penalty holds it (column snap_fallback of series.csv): less accurate. The cells are too large for it, or it "
               "ends at a side of the domain: refine the mesh, or let the body end a cell before or more than a cell beyond the side",
-              k, BodiesGetGroup(c->s, k)->name, (double)c->step->time));
+              (PetscInt)number, group_of(c->s, number), (double)c->step->time));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Bodies that the penalty holds, and the first of them */
+static PetscErrorCode count_held(Couple c, const PetscBool fitted[], PetscReal *count, PetscReal *first)
+{
+  PetscFunctionBeginUser;
+  *count = 0;
+  *first = PETSC_MAX_REAL;
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    if (fitted[k] || c->s->gone[k] || BodiesGetGroup(c->s, k)->hole || !c->s->own[k]) continue;
+    (*count)++;
+    *first = PetscMin(*first, (PetscReal)c->s->number[k]);
+  }
+  PetscCall(BodiesSum(c->bodies, 1, count));
+  PetscCall(BodiesMin(c->bodies, 1, first));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -73,6 +99,7 @@ static PetscErrorCode draw_snap(Couple c, void *rung, const PenaltyTerm **terms)
   const SnapResult *s;
   const RemapCount *remap;
   const PetscBool  *fitted;
+  PetscReal         held, first;
 
   PetscFunctionBeginUser;
   PetscCall(SnapDriverUpdate(r->driver, c->X, c->q, &fitted, &s, &remap));
@@ -83,13 +110,10 @@ static PetscErrorCode draw_snap(Couple c, void *rung, const PenaltyTerm **terms)
   c->count[CORNERS].value = s->ncut;
   c->count[TAYLOR].value += remap->taylor;
   c->count[KEPT].value += remap->kept;
-  c->count[FALLBACK].value = 0;
-  for (PetscInt k = 0; k < c->s->n; k++)
-    if (!fitted[k] && !c->s->gone[k] && !BodiesGetGroup(c->s, k)->hole) {
-      c->count[FALLBACK].value++;
-      PetscCall(remark_held(c, r, k));
-    }
-  *terms = NULL;
+  PetscCall(count_held(c, fitted, &held, &first));
+  PetscCall(remark_held(c, r, first));
+  c->count[FALLBACK].value = (PetscInt)held;
+  *terms                   = NULL;
   if (!c->count[FALLBACK].value && !before) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PenaltyDraw(r->penalty, c->X, c->q, c->P, fitted, c->mark));
   PetscCall(PenaltyGetSoft(r->penalty, terms));
@@ -114,8 +138,9 @@ static PetscErrorCode add_force(Couple c, void *rung, const PetscInt fixed[], Pe
    accuracy (runs/studies/tradeoff), which the run should not keep to itself (once) */
 static PetscErrorCode accept_step(Couple c, void *rung)
 {
-  SnapRung        *r = (SnapRung *)rung;
-  const BodyState *s = c->s;
+  SnapRung        *r      = (SnapRung *)rung;
+  const BodyState *s      = c->s;
+  PetscReal        far[2] = {PETSC_MAX_REAL, 0}, first; /* the first body that goes too far, and minus its way */
 
   PetscFunctionBeginUser;
   c->count[TAYLOR].value = c->count[KEPT].value = 0;
@@ -125,17 +150,25 @@ static PetscErrorCode accept_step(Couple c, void *rung)
                         c->loc->dim == 3 ? "cuts edges of bodies off" : "cuts corners of bodies off", c->count[CORNERS].value, (double)c->step->time,
                         "forces on such a body depend more on the mesh; refine it there, or round the corners"));
   }
-  for (PetscInt k = 0; k < s->n && !r->remarked; k++) {
+  if (r->remarked) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt k = 0; k < s->n; k++) {
     const PetscReal way = BodiesFastestPoint(s, k, 0) * c->step->dt / c->loc->h;
 
-    if (s->gone[k] || way <= 0.5) continue;
-    r->remarked = PETSC_TRUE;
-    PetscCall(
-      LogRemark("body %" PetscInt_FMT
-                " (group '%s') goes %.2g of the smallest cells in the step to t = %g; -couple_boundary snap loses accuracy beyond 0.5: lower -sim_dt (%g), or "
-                "use -sim_adapt",
-                k, BodiesGetGroup(s, k)->name, (double)way, (double)c->step->time, (double)c->step->dt));
+    if (s->gone[k] || way <= 0.5 || s->number[k] >= far[0]) continue;
+    far[0] = (PetscReal)s->number[k];
+    far[1] = -way;
   }
+  first = far[0];
+  PetscCall(BodiesMin(c->bodies, 1, &far[0]));
+  if (first != far[0]) far[1] = 0;
+  PetscCall(BodiesMin(c->bodies, 1, &far[1]));
+  if (far[0] == PETSC_MAX_REAL) PetscFunctionReturn(PETSC_SUCCESS);
+  r->remarked = PETSC_TRUE;
+  PetscCall(
+    LogRemark("body %" PetscInt_FMT
+              " (group '%s') goes %.2g of the smallest cells in the step to t = %g; -couple_boundary snap loses accuracy beyond 0.5: lower -sim_dt (%g), or "
+              "use -sim_adapt",
+              (PetscInt)far[0], group_of(c->s, far[0]), (double)-far[1], (double)c->step->time, (double)c->step->dt));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -195,6 +228,8 @@ static PetscErrorCode destroy_snap(void *rung)
 
 const Rung rung_snap = {.name    = "snap",
                         .moves   = PETSC_TRUE,
+                        .reach   = SNAP_RINGS + 2,
+                        .all     = SnapFindThin,
                         .create  = create_snap,
                         .draw    = draw_snap,
                         .stiffen = stiffen_snap,

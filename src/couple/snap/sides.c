@@ -8,6 +8,7 @@
    closest point may be the end. Sides that are not planes across an axis have nodes that do not move. */
 #include "compat.h"
 #include "impl.h"
+#include "bodies/local.h"
 
 #define DEEP  1.0  /* cells */
 #define NSTEP 12   /* of Newton's method */
@@ -146,30 +147,28 @@ static PetscErrorCode measure_body(Snap s, PetscInt k, const PetscReal X[3], con
 PetscErrorCode SnapFindPassages(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool wanted[])
 {
   PetscReal(*depth)[6], *volume;
-  PetscInt  *body, n = 0;
-  PetscBool *round; /* of the bodies that are measured, as depth and volume */
+  PetscBool *measured, *round, any = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscCalloc4(s->nbodies, &depth, s->nbodies, &volume, s->nbodies, &body, s->nbodies, &round));
+  PetscCall(PetscCalloc4(s->nbodies, &depth, s->nbodies, &volume, s->nbodies, &measured, s->nbodies, &round));
   for (PetscInt k = 0; k < s->nbodies; k++) {
     PetscBool out;
 
     s->passes[k] = 0;
     PetscCall(BodiesGetVolume(s->bodies, k, &s->inside[k]));
-    reaches(s, k, X[k], &out, &round[n]);
-    if (!wanted[k] || s->is_path[k] || !(out || round[n])) continue;
-    PetscCall(measure_body(s, k, X[k], q[k], depth[n], &volume[n]));
-    body[n++] = k;
+    reaches(s, k, X[k], &out, &round[k]);
+    measured[k] = (PetscBool)(wanted[k] && !s->is_path[k] && (out || round[k]));
+    if (measured[k]) PetscCall(measure_body(s, k, X[k], q[k], depth[k], &volume[k]));
+    any = (PetscBool)(any || measured[k]);
   }
-  if (n) {
-    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, depth, (PetscMPIInt)(6 * n), MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
-    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, volume, (PetscMPIInt)n, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(BodiesAny(s->bodies, &any));
+  if (any) PetscCall(BodiesMaxKnown(s->bodies, 6, (PetscReal *)depth));
+  if (any) PetscCall(BodiesSumKnown(s->bodies, 1, volume));
+  for (PetscInt k = 0; k < s->nbodies; k++) {
+    for (PetscInt b = 0; b < 6 && measured[k]; b++) s->passes[k] |= depth[k][b] >= DEEP ? 1 << b : 0;
+    if (measured[k] && (s->passes[k] || round[k])) s->inside[k] = volume[k];
   }
-  for (PetscInt e = 0; e < n; e++) {
-    for (PetscInt b = 0; b < 6; b++) s->passes[body[e]] |= depth[e][b] >= DEEP ? 1 << b : 0;
-    if (s->passes[body[e]] || round[e]) s->inside[body[e]] = volume[e];
-  }
-  PetscCall(PetscFree4(depth, volume, body, round));
+  PetscCall(PetscFree4(depth, volume, measured, round));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

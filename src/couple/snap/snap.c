@@ -2,6 +2,7 @@
    sent to the ghosts; all work is on lists of what bodies touch. */
 #include "compat.h"
 #include "impl.h"
+#include "bodies/local.h"
 
 #define NTRY 6 /* times that dead cells beside a bad one are given back */
 
@@ -11,6 +12,54 @@ static void swap_lists(List *a, List *b)
 
   *a = *b;
   *b = t;
+}
+
+/* ---- bodies by their numbers ---- */
+
+PetscErrorCode SnapSyncBodies(Snap s, PetscInt per, PetscInt v[])
+{
+  const MeshLocal *l = s->loc;
+  BodyState       *b = s->state;
+
+  PetscFunctionBeginUser;
+  if (BodiesComm(s->bodies) == PETSC_COMM_SELF) {
+    PetscCall(MeshSyncNodesInt(s->mesh, v));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  for (PetscInt i = 0; i < l->nnode; i++)
+    if (v[i]) v[i] = 1 + per * b->number[(v[i] - 1) / per] + (v[i] - 1) % per;
+  PetscCall(MeshSyncNodesInt(s->mesh, v));
+  for (PetscInt i = 0; i < l->nnode_all; i++) {
+    PetscInt k;
+
+    if (!v[i]) continue;
+    k = BodiesFind(b, (v[i] - 1) / per);
+    PetscCheck(k >= 0, PETSC_COMM_SELF, PETSC_ERR_PLIB, "Cells around body %" PetscInt_FMT " are on a rank that does not know it", (v[i] - 1) / per);
+    v[i] = 1 + per * k + (v[i] - 1) % per;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Bodies have moved between ranks since the last fit: its dead cells by what k is now, -1 where the body is not known
+   any more; nothing else is kept */
+static PetscErrorCode meet_bodies(Snap s)
+{
+  const PetscInt n = s->state->n;
+
+  PetscFunctionBeginUser;
+  if (BodiesComm(s->bodies) == PETSC_COMM_SELF) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt e = 0; e < s->old_dead.n; e++) {
+    PetscInt *k = &s->cell_body[s->old_dead.i[e]];
+
+    if (*k >= 0) *k = BodiesFind(s->state, s->number[*k]);
+  }
+  PetscCall(RoomFor(n, &s->number_room, &s->number, sizeof(*s->number), NULL));
+  PetscCall(PetscArraycpy(s->number, s->state->number, n));
+  PetscCall(PetscArrayzero(s->line, n)); /* no body is thinner than a cell, see SnapFindThin */
+  PetscCall(PetscArrayzero(s->is_path, n));
+  PetscCall(PetscArrayzero(s->path, n));
+  s->nbodies = n;
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- the result ---- */
@@ -178,6 +227,22 @@ static PetscErrorCode know_nodes(Snap s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* What a fit fills anew for every body */
+static const struct {
+  size_t where, bytes;
+} PER_BODY[] = {{offsetof(struct _p_Snap, flags), 3 * sizeof(PetscInt)}, {offsetof(struct _p_Snap, area), sizeof(PetscReal)},
+                {offsetof(struct _p_Snap, lost), sizeof(PetscReal)},     {offsetof(struct _p_Snap, hollow), sizeof(PetscBool)},
+                {offsetof(struct _p_Snap, passes), sizeof(PetscInt)},    {offsetof(struct _p_Snap, stray), sizeof(PetscInt)},
+                {offsetof(struct _p_Snap, inside), sizeof(PetscReal)},   {offsetof(struct _p_Snap, follow), sizeof(PetscBool)},
+                {offsetof(struct _p_Snap, ncorner), sizeof(PetscInt)},   {offsetof(struct _p_Snap, ntaken), sizeof(PetscInt)},
+                {offsetof(struct _p_Snap, line), sizeof(Midline)},       {offsetof(struct _p_Snap, is_path), sizeof(PetscBool)},
+                {offsetof(struct _p_Snap, path), sizeof(SnapPath)},      {offsetof(struct _p_Snap, smallest), sizeof(PetscReal)}};
+
+static void **per_body(Snap s, size_t i)
+{
+  return (void **)((char *)s + PER_BODY[i].where);
+}
+
 PetscErrorCode SnapCreate(Mesh mesh, Bodies bodies, Snap *snap)
 {
   Snap     s;
@@ -195,10 +260,8 @@ PetscErrorCode SnapCreate(Mesh mesh, Bodies bodies, Snap *snap)
   PetscCall(PetscCalloc5(n, &s->kind, n, &s->side, n, &s->code, n, &s->level, s->loc->dim * n, &s->d));
   PetscCall(PetscCalloc6(n, &s->depth, n, &s->work, n, &s->stamp[0], n, &s->node_body, n, &s->on_wall, n, &s->size));
   PetscCall(PetscCalloc5(s->loc->ncell_all, &s->cover, s->loc->ncell_all, &s->stamp[1], s->loc->ncell_all, &s->cell_body, s->loc->ncell_all,
-                         &s->cell_before, 3 * s->nbodies, &s->flags));
-  PetscCall(PetscCalloc3(s->nbodies, &s->area, s->nbodies, &s->lost, s->nbodies, &s->hollow));
-  PetscCall(PetscCalloc3(s->nbodies, &s->passes, s->nbodies, &s->stray, s->nbodies, &s->inside));
-  PetscCall(PetscCalloc4(s->nbodies, &s->follow, s->nbodies, &s->ncorner, s->nbodies, &s->ntaken, n, &s->at_corner));
+                         &s->cell_before, n, &s->at_corner));
+  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(PER_BODY); i++) PetscCall(BodiesAttachWork(bodies, PER_BODY[i].bytes, per_body(s, i)));
   for (PetscInt i = 0; i < n; i++) s->node_body[i] = -1;
   for (PetscInt c = 0; c < s->loc->ncell_all; c++) s->cell_body[c] = s->cell_before[c] = -1;
   PetscCall(know_nodes(s));
@@ -227,11 +290,10 @@ PetscErrorCode SnapDestroy(Snap *snap)
   PetscCall(free_lists(s));
   PetscCall(PetscFree5(s->kind, s->side, s->code, s->level, s->d));
   PetscCall(PetscFree6(s->depth, s->work, s->stamp[0], s->node_body, s->on_wall, s->size));
-  PetscCall(PetscFree5(s->cover, s->stamp[1], s->cell_body, s->cell_before, s->flags));
-  PetscCall(PetscFree3(s->area, s->lost, s->hollow));
-  PetscCall(PetscFree3(s->passes, s->stray, s->inside));
-  PetscCall(PetscFree4(s->follow, s->ncorner, s->ntaken, s->at_corner));
+  PetscCall(PetscFree5(s->cover, s->stamp[1], s->cell_body, s->cell_before, s->at_corner));
+  PetscCall(PetscFree(s->number));
   PetscCall(SnapPathTearDown(s));
+  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(PER_BODY); i++) PetscCall(BodiesDetach(s->bodies, per_body(s, i)));
   PetscCall(ClearanceDestroy(&s->clearance));
   PetscCall(PetscFree(s->x));
   PetscCall(PetscFree(*snap));
@@ -243,8 +305,10 @@ PetscErrorCode SnapFit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const Petsc
 {
   List      old_marked = {0, 0, NULL};
   PetscBool again      = PETSC_TRUE;
+  PetscReal count[3]   = {0, 0, 0};
 
   PetscFunctionBeginUser;
+  PetscCall(meet_bodies(s));
   PetscCall(PetscArraycpy(fitted, wanted, s->nbodies));
   for (PetscInt k = 0; k < s->nbodies; k++) s->follow[k] = PETSC_TRUE;
   swap_lists(&s->marked, &old_marked);
@@ -267,17 +331,22 @@ PetscErrorCode SnapFit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const Petsc
       again     = (PetscBool)(again || (!good && s->area[k] != 0));
       fitted[k] = good;
     }
+    PetscCall(BodiesAny(s->bodies, &again));
     if (!again) break;
     clear_entries(s);
     s->dead.n = s->marked.n = s->placed.n = 0;
   }
-  result->nnarrow = result->ncut = result->npass = 0;
   for (PetscInt k = 0; k < s->nbodies; k++) {
-    result->nnarrow += fitted[k] && s->flags[2 * s->nbodies + k];
-    result->npass += fitted[k] && s->passes[k];
-    result->ncut += fitted[k] ? s->ncorner[k] - s->ntaken[k] : 0;
     s->hollow[k] = (PetscBool)(fitted[k] && !s->is_path[k]);
+    if (!fitted[k] || !s->state->own[k]) continue;
+    count[0] += s->flags[2 * s->nbodies + k] != 0;
+    count[1] += s->passes[k] != 0;
+    count[2] += s->ncorner[k] - s->ntaken[k];
   }
+  PetscCall(BodiesSum(s->bodies, 3, count));
+  result->nnarrow = (PetscInt)count[0];
+  result->npass   = (PetscInt)count[1];
+  result->ncut    = (PetscInt)count[2];
   PetscCall(collect_nodes(s));
   PetscCall(collect_cells(s));
   PetscCall(SnapPathFindSides(s, X, q));

@@ -42,6 +42,8 @@
 
 typedef struct _p_Snap *Snap;
 
+#define SNAP_RINGS 3 /* of vertices around a wall follow it; a rank is to know the bodies that are one cell farther from its own */
+
 /* What the last SnapFit found; arrays are borrowed, valid until the next one. */
 typedef struct {
   PetscInt         nmarked;
@@ -66,12 +68,16 @@ typedef struct {
   PetscReal        quality; /* smallest over largest Jacobian of a cell, smallest over all cells that were touched */
 } SnapResult;
 
-/* Error: in space, a body thinner than a cell. Collective. */
+/* Error: in space, a body thinner than a cell; in the plane one that not every rank knows. Collective. */
 PetscErrorCode SnapCreate(Mesh, Bodies, Snap *);
+/* In the plane: a group with bodies that may be thinner than a cell, which every rank is to know, NULL: there is none.
+   Collective. */
+PetscErrorCode SnapFindThin(Mesh, Bodies, const BodyGroup **);
 PetscErrorCode SnapDestroy(Snap *);
 
 /* Fit the mesh to the bodies k with wanted[k], drawn at X [nbodies][3], q [nbodies][4]; fitted [nbodies] tells which
-   were. before [nbodies]: were they in the last step (NULL: all)? Compares with the present places of the nodes and
+   were. before [nbodies]: were they in the last step (NULL: all)? nbodies: those that this rank knows, perhaps others than
+   in the last call. Compares with the present places of the nodes and
    with the dead cells of the last call. Collective. */
 PetscErrorCode SnapFit(Snap, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool wanted[], const PetscBool before[], PetscBool fitted[],
                        SnapResult *);

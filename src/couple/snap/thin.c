@@ -32,15 +32,15 @@ PetscErrorCode SnapRefusePlates(Snap s)
   PetscFunctionBeginUser;
   for (PetscInt g = 0; g < s->state->ngroups; g++) {
     const BodyGroup *group = &s->state->group[g];
-    PetscInt         k     = group->first;
+    PetscInt         k     = -1; /* the smallest one that is known */
     PetscReal        depth = 0;
 
-    if (group->hole || !group->count) continue;
-    for (PetscInt j = k; j < group->first + group->count; j++)
-      if (s->state->scale[j] < s->state->scale[k]) k = j;
+    for (PetscInt j = 0; j < s->nbodies && !group->hole; j++)
+      if (BodiesGetGroup(s->state, j) == group && (k < 0 || s->state->scale[j] < s->state->scale[k])) k = j;
+    if (k < 0) continue;
     if (2 * BodiesGetRadius(s->state, k) < WIDE * h) continue;
     PetscCall(find_deepest(s, k, s->state->x[k], BodiesGetRadius(s->state, k), 0.5 * h, &depth));
-    PetscCheck(depth >= 0.5 * h, PETSC_COMM_WORLD, PETSC_ERR_SUP,
+    PetscCheck(depth >= 0.5 * h, s->nbodies < s->state->nall ? PETSC_COMM_SELF : PETSC_COMM_WORLD, PETSC_ERR_SUP,
                "Group '%s' has bodies that are %.2g thick, thinner than a cell (%.2g), and wider than %d cells: -couple_boundary snap follows such "
                "plates in the plane only. Use smaller cells (-mesh_cells, at most %.2g), a thicker body, or -couple_boundary penalty",
                group->name, (double)(2 * depth), (double)h, WIDE, (double)(2 * depth));
