@@ -3,13 +3,14 @@
 #include "compat.h"
 #include "mesh/remap.h"
 #include "base/algebra.h"
+#include "base/parcels.h"
+#include "base/room.h"
 #include "mesh/element.h"
 
 #define MAX_PATCH 128
 #define REACH     1.8  /* of (b), reference coordinates */
 #define TAYLOR    1.5  /* of (c), cell sizes */
 #define POINT     0.77 /* of (c) */
-#define PLACE     5    /* numbers that describe a place to other ranks: itself, cell size, side */
 
 /* How good an answer is: kind 0 (a) .. 3 (d), then a measure, the smaller the better */
 typedef struct {
@@ -21,6 +22,12 @@ typedef struct {
 struct _p_Remap {
   Mesh             mesh;
   const MeshLocal *loc;
+  MPI_Comm         comm;
+  PetscMPIInt      tag;
+  /* around the own cells of all ranks when it was made, by ranks; nodes move by less than pad */
+  PetscInt     nbox;
+  PetscMPIInt *box_rank;
+  PetscReal (*box)[2][3], pad;
 };
 
 /* ---- one cell ---- */
@@ -236,61 +243,119 @@ PetscReal RemapCellSize(Remap r, PetscInt i)
   return size;
 }
 
-/* ---- all ranks ---- */
+/* ---- other ranks ---- */
 
+/* A place that no cell of the rank which asks contains; which: its number there */
 typedef struct {
-  PetscReal key;
-  int       rank;
-} KeyRank;
+  PetscReal x[3], size, side, which;
+} Question;
 
-/* Places that no local cell contains, on every rank: open [nopen] indices into x; the answers of all ranks compete.
-   counts of (b), (c), (d) are added. */
-static PetscErrorCode ask_all(Remap r, PetscInt nopen, const PetscInt open[], const PetscReal x[], const PetscReal cell_size[], const PetscInt side[],
-                              RemapCells cells, PetscInt nfield, const PetscReal *const field[], PetscReal out[], RemapCount *count)
+#define REPLY 2 /* numbers before the values of a reply: key, which */
+
+/* May own cells of the rank with box b be in the patch around x? */
+static PetscBool is_near_box(Remap r, PetscInt b, const PetscReal x[], PetscReal size)
 {
-  const PetscInt dim = r->loc->dim, bs = dim * nfield;
-  PetscMPIInt    size, rank, mine = (PetscMPIInt)(PLACE * nopen), *n, *start, total = 0;
-  PetscReal     *send, *place, *value;
-  Answer        *answer;
-  KeyRank       *key;
+  for (PetscInt a = 0; a < r->loc->dim; a++) {
+    const PetscReal lower = r->box[b][0][a], upper = r->box[b][1][a];
+
+    if (PetscAbsReal(MeshNearest(r->loc, a, x[a] - 0.5 * (lower + upper))) > 0.5 * (upper - lower) + 3 * size + r->pad) return PETSC_FALSE;
+  }
+  return PETSC_TRUE;
+}
+
+/* Questions [*n], by the ranks to [*n] that they go to */
+static PetscErrorCode list_questions(Remap r, PetscInt nopen, const PetscInt open[], const PetscReal x[], const PetscReal size[],
+                                     const PetscInt side[], PetscInt *n, PetscMPIInt **to, Question **question)
+{
+  const PetscInt dim  = r->loc->dim;
+  PetscInt       room = 0;
+  PetscMPIInt   *last; /* rank that was asked last */
 
   PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
-  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
-  PetscCall(PetscMalloc3(size, &n, size, &start, PLACE * nopen, &send));
-  for (PetscInt e = 0; e < nopen; e++) {
-    for (PetscInt a = 0; a < 3; a++) send[PLACE * e + a] = a < dim ? x[dim * open[e] + a] : 0;
-    send[PLACE * e + 3] = cell_size[open[e]];
-    send[PLACE * e + 4] = (PetscReal)side[open[e]];
-  }
-  PetscCallMPI(MPI_Allgather(&mine, 1, MPI_INT, n, 1, MPI_INT, PETSC_COMM_WORLD));
-  for (PetscMPIInt i = 0; i < size; i++) {
-    start[i] = total;
-    total += n[i];
-  }
-  PetscCall(PetscMalloc4(total, &place, total / PLACE, &answer, total / PLACE, &key, total / PLACE * bs, &value));
-  PetscCallMPI(MPI_Allgatherv(send, mine, MPIU_REAL, place, n, start, MPIU_REAL, PETSC_COMM_WORLD));
-  total /= PLACE;
-  for (PetscInt i = 0; i < total; i++) {
-    PetscCall(find_answer(r, place + PLACE * i, place[PLACE * i + 3], (PetscInt)place[PLACE * i + 4], cells, PETSC_TRUE, &answer[i]));
-    key[i] = (KeyRank){answer[i].key, rank};
-  }
-  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, key, total, MPI_DOUBLE_INT, MPI_MINLOC, PETSC_COMM_WORLD));
-  PetscCall(PetscArrayzero(value, total * bs));
-  for (PetscInt i = 0; i < total; i++)
-    if (key[i].rank == rank && key[i].key < 3000) PetscCall(evaluate(r, &answer[i], nfield, field, value + i * bs));
-  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, value, total * (int)bs, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
-  for (PetscInt i = 0; i < total; i++) {
-    const PetscInt e = i - start[rank] / PLACE;
+  PetscCall(PetscMalloc1(nopen, &last));
+  for (PetscInt e = 0; e < nopen; e++) last[e] = -1;
+  *n        = 0;
+  *to       = NULL;
+  *question = NULL;
+  for (PetscInt b = 0; b < r->nbox; b++)
+    for (PetscInt e = 0; e < nopen; e++) {
+      const PetscReal *at = x + dim * open[e];
 
-    if (key[i].key >= 3000) count->kept++;
-    else if (key[i].key >= 2000) count->taylor++;
-    else if (key[i].key > 0) count->extended++;
-    else count->inside++;
-    if (e >= 0 && e < nopen && key[i].key < 3000) PetscCall(PetscArraycpy(out + open[e] * bs, value + i * bs, bs));
+      if (last[e] == r->box_rank[b] || !is_near_box(r, b, at, size[open[e]])) continue;
+      last[e] = r->box_rank[b];
+      PetscCall(RoomFor(*n + 1, &room, to, sizeof(**to), question, sizeof(**question), NULL));
+      (*to)[*n]           = r->box_rank[b];
+      (*question)[(*n)++] = (Question){{at[0], at[1], dim == 3 ? at[2] : 0}, size[open[e]], (PetscReal)side[open[e]], (PetscReal)e};
+    }
+  PetscCall(PetscFree(last));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Answers of own cells: reply [n][REPLY + nfield dim] */
+static PetscErrorCode answer_questions(Remap r, PetscInt n, const Question question[], RemapCells cells, PetscInt nfield,
+                                       const PetscReal *const field[], PetscReal reply[])
+{
+  const PetscInt width = REPLY + nfield * r->loc->dim;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < n; i++) {
+    PetscReal *to = reply + width * i;
+    Answer     answer;
+
+    PetscCall(find_answer(r, question[i].x, question[i].size, (PetscInt)question[i].side, cells, PETSC_TRUE, &answer));
+    PetscCall(PetscArrayzero(to, width));
+    to[0] = answer.key;
+    to[1] = question[i].which;
+    if (answer.key < 3000) PetscCall(evaluate(r, &answer, nfield, field, to + REPLY));
   }
-  PetscCall(PetscFree4(place, answer, key, value));
-  PetscCall(PetscFree3(n, start, send));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static void count_answer(PetscReal key, RemapCount *count)
+{
+  if (key >= 3000) count->kept++;
+  else if (key >= 2000) count->taylor++;
+  else if (key > 0) count->extended++;
+  else count->inside++;
+}
+
+/* Places that no local cell contains: open [nopen] indices into x. The answers of all ranks near by compete, of equal
+   ones that of the lowest rank. */
+static PetscErrorCode ask_near(Remap r, PetscInt nopen, const PetscInt open[], const PetscReal x[], const PetscReal size[], const PetscInt side[],
+                               RemapCells cells, PetscInt nfield, const PetscReal *const field[], PetscReal out[], RemapCount *count)
+{
+  const PetscInt bs = r->loc->dim * nfield, width = REPLY + bs;
+  PetscInt       n, nask, nreply;
+  PetscMPIInt   *to, *from, *who, *best;
+  PetscReal     *key, *reply, *in;
+  Question      *question, *asked;
+
+  PetscFunctionBeginUser;
+  PetscCall(list_questions(r, nopen, open, x, size, side, &n, &to, &question));
+  PetscCall(ParcelsExchange(r->comm, r->tag, n, to, sizeof(*question), question, &nask, &asked, &from));
+  PetscCall(PetscMalloc1(nask * width, &reply));
+  PetscCall(answer_questions(r, nask, asked, cells, nfield, field, reply));
+  PetscCall(ParcelsExchange(r->comm, r->tag, nask, from, width * sizeof(*reply), reply, &nreply, &in, &who));
+  PetscCall(PetscMalloc2(nopen, &key, nopen, &best));
+  for (PetscInt e = 0; e < nopen; e++) key[e] = 3000;
+  for (PetscInt i = 0; i < nreply; i++) {
+    const PetscReal *got = in + width * i;
+    const PetscInt   e   = (PetscInt)got[1];
+
+    if (got[0] > key[e] || got[0] >= 3000 || (got[0] == key[e] && who[i] >= best[e])) continue;
+    key[e]  = got[0];
+    best[e] = who[i];
+    PetscCall(PetscArraycpy(out + open[e] * bs, got + REPLY, bs));
+  }
+  for (PetscInt e = 0; e < nopen; e++) count_answer(key[e], count);
+  PetscCall(PetscFree2(key, best));
+  PetscCall(PetscFree(reply));
+  PetscCall(PetscFree(in));
+  PetscCall(PetscFree(who));
+  PetscCall(PetscFree(asked));
+  PetscCall(PetscFree(from));
+  PetscCall(PetscFree(question));
+  PetscCall(PetscFree(to));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -299,7 +364,7 @@ static PetscErrorCode evaluate_all(Remap r, PetscInt n, const PetscInt nodes[], 
                                    RemapCells cells, PetscInt nfield, const PetscReal *const field[], PetscReal out[], RemapCount *count)
 {
   const PetscInt dim = r->loc->dim;
-  PetscInt      *open, nopen = 0, inside;
+  PetscInt      *open, nopen = 0;
 
   PetscFunctionBeginUser;
   *count = (RemapCount){0, 0, 0, 0};
@@ -312,15 +377,39 @@ static PetscErrorCode evaluate_all(Remap r, PetscInt n, const PetscInt nodes[], 
     if (best.key == 0) PetscCall(evaluate(r, &best, nfield, field, out + dim * e * nfield));
     else open[nopen++] = e;
   }
-  inside = n - nopen;
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &inside, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
-  PetscCall(ask_all(r, nopen, open, x, size, side, cells, nfield, field, out, count));
-  count->inside += inside;
+  count->inside = n - nopen;
+  PetscCall(ask_near(r, nopen, open, x, size, side, cells, nfield, field, out, count));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, count, 4, MPIU_INT, MPI_SUM, r->comm));
   PetscCall(PetscFree(open));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- public ---- */
+
+static PetscErrorCode gather_boxes(Remap r)
+{
+  PetscInt    n = 0;
+  PetscMPIInt size, mine, *count, *start;
+  PetscReal(*own)[2][3];
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshCover(r->mesh, 1, &n, &own, &r->pad));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &r->pad, 1, MPIU_REAL, MPIU_MAX, r->comm));
+  PetscCallMPI(MPI_Comm_size(r->comm, &size));
+  PetscCall(PetscMalloc2(size, &count, size + 1, &start));
+  mine = (PetscMPIInt)(6 * n);
+  PetscCallMPI(MPI_Allgather(&mine, 1, MPI_INT, count, 1, MPI_INT, r->comm));
+  start[0] = 0;
+  for (PetscMPIInt i = 0; i < size; i++) start[i + 1] = start[i] + count[i];
+  r->nbox = start[size] / 6;
+  PetscCall(PetscMalloc2(r->nbox, &r->box, r->nbox, &r->box_rank));
+  PetscCallMPI(MPI_Allgatherv(own, mine, MPIU_REAL, r->box, count, start, MPIU_REAL, r->comm));
+  for (PetscMPIInt i = 0; i < size; i++)
+    for (PetscInt b = start[i] / 6; b < start[i + 1] / 6; b++) r->box_rank[b] = i;
+  PetscCall(PetscFree2(count, start));
+  PetscCall(PetscFree(own));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
 
 PetscErrorCode RemapCreate(Mesh mesh, Remap *remap)
 {
@@ -330,6 +419,8 @@ PetscErrorCode RemapCreate(Mesh mesh, Remap *remap)
   PetscCall(PetscNew(&r));
   r->mesh = mesh;
   PetscCall(MeshGetLocal(mesh, &r->loc));
+  PetscCall(PetscCommDuplicate(PETSC_COMM_WORLD, &r->comm, &r->tag));
+  PetscCall(gather_boxes(r));
   *remap = r;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -337,6 +428,9 @@ PetscErrorCode RemapCreate(Mesh mesh, Remap *remap)
 PetscErrorCode RemapDestroy(Remap *remap)
 {
   PetscFunctionBeginUser;
+  if (!*remap) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree2((*remap)->box, (*remap)->box_rank));
+  PetscCall(PetscCommDestroy(&(*remap)->comm));
   PetscCall(PetscFree(*remap));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

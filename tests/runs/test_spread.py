@@ -50,6 +50,9 @@ CROWDS = {
     "held": (CROWD, ["-couple_backflow", "force"]),
     "travelling": (CROWD, ["-sim_frame", "body", "-sim_frame_body", "7", "-sim_frame_axes", "x"]),
     "shear thinning": (CROWD, ["-flow_rheology", "carreau", "-flow_rheology_index", "0.5"]),
+    "eddies": (CROWD, ["-flow_rheology", "smagorinsky"]),
+    "snap": (CROWD, ["-couple_boundary", "snap", "-mesh_cells", "40,40"]),
+    "snap, corners": (CROWD.replace("ellipse, a: 0.06, b: 0.04", "box, size: [0.11, 0.1]"), ["-couple_boundary", "snap", "-mesh_cells", "48,48"]),
 }
 TIGHT = ["-flow_ksp_rtol", "1e-10", "-flow_error_start", "0", "-flow_rtol_start", "0"]
 
@@ -79,9 +82,13 @@ def test_a_crowd_in_a_flow_on_some_ranks(run, scene, tmp_path, kind):
             assert all(abs(float(a[name]) - float(b[name])) < 1e-6 for name in ("x", "y", "u", "v")), ranks
 
 
+THIN = CROWD.replace("ellipse, a: 0.06, b: 0.04", "box, size: [0.1, 0.02]")
+NEEDS = [(CROWD, ["-couple_type", "explicit"], "-couple_type"), (CROWD, ["-contact_coupling", "explicit"], "-contact_coupling"), (THIN, ["-couple_boundary", "snap"], "group 'rod'")]
+
+
 def test_what_needs_all_bodies_says_so(run, scene):
-    for more, why in (["-couple_type", "explicit"], "-couple_type"), (["-couple_boundary", "snap"], "snap"), (["-contact_coupling", "explicit"], "-contact_coupling"):
-        result = run([scene(CROWD), "-scene_dry_run", *more], 2)
+    for text, more, why in NEEDS:
+        result = run([scene(text), "-scene_dry_run", *more], 2)
         assert result.status == 0 and any(ALL in line and why in line for line in result.out.splitlines()), str(result)
 
 

@@ -42,7 +42,8 @@
 
 typedef struct _p_Snap *Snap;
 
-#define SNAP_RINGS 3 /* of vertices around a wall follow it; a rank is to know the bodies that are one cell farther from its own */
+/* So many rings of vertices around a wall follow it; a rank is to know the bodies one cell farther from its own cells */
+#define SNAP_RINGS 3
 
 /* What the last SnapFit found; arrays are borrowed, valid until the next one. */
 typedef struct {
@@ -76,8 +77,8 @@ PetscErrorCode SnapFindThin(Mesh, Bodies, const BodyGroup **);
 PetscErrorCode SnapDestroy(Snap *);
 
 /* Fit the mesh to the bodies k with wanted[k], drawn at X [nbodies][3], q [nbodies][4]; fitted [nbodies] tells which
-   were. before [nbodies]: were they in the last step (NULL: all)? nbodies: those that this rank knows, perhaps others than
-   in the last call. Compares with the present places of the nodes and
+   were. before [nbodies]: were they in the last step (NULL: all)? nbodies: those that this rank knows, perhaps others
+   than in the last call. Compares with the present places of the nodes and
    with the dead cells of the last call. Collective. */
 PetscErrorCode SnapFit(Snap, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool wanted[], const PetscBool before[], PetscBool fitted[],
                        SnapResult *);

@@ -1,0 +1,9 @@
+/* Parcels: numbers for a few other ranks, which do not know that they come. */
+#pragma once
+#include <petscsys.h>
+
+/* Parcels out [n] of so many bytes go to the ranks to [n] of comm, those of one rank one after the other; *in [*comes]
+   come from the ranks *from [*comes], likewise, both the caller's to free; in: a pointer to a pointer. tag: of comm
+   (PetscCommGetNewTag), free again afterwards. Collective. */
+PetscErrorCode ParcelsExchange(MPI_Comm comm, PetscMPIInt tag, PetscInt n, const PetscMPIInt to[], size_t bytes,
+                               const void *out, PetscInt *comes, void *in, PetscMPIInt **from);
