@@ -1,5 +1,5 @@
 /* Contact, bodies without a flow: symplectic Euler under contact, gravity and buoyancy, in place in the state. All
-   pairs act at once (atonce.c), so that any number of ranks gives the same bits; in a flow one by one (step.c). */
+   pairs act at once (atonce.c), so that any number of ranks gives the same bits. */
 #include "compat.h"
 #include "impl.h"
 #include "base/log.h"
@@ -98,10 +98,9 @@ static PetscErrorCode turn_body(Contact c, PetscInt k, PetscReal h)
 
 static PetscErrorCode advance_alone(Contact c, PetscReal h, PetscReal share)
 {
-  PetscBool turns = (PetscBool)(c->lubricate || c->friction > 0);
+  const PetscBool turns = ContactTurns(c);
 
   PetscFunctionBeginUser;
-  for (PetscInt g = 0; g < c->s->ngroups; g++) turns = (PetscBool)(turns || c->s->group[g].disc <= 0);
   PetscCall(ContactFindPairs(c));
   drop_bodies(c, h);
   PetscCall(ContactForcesAtOnce(c, h, turns));

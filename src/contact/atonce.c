@@ -1,4 +1,4 @@
-/* Contact, the forces of all pairs at once, for steps without a flow (alone.c): all from the same places and
+/* Contact, the forces of all pairs at once (alone.c, step.c): all from the same places and
    velocities, and those on a body summed in the order of the pairs' numbers. So a rank needs to know no more than the
    neighbours of its own bodies, and the same bits come out on any number of ranks.
 
@@ -39,8 +39,16 @@ static PetscErrorCode make_room(Contact c, PetscBool turns)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static void add_impulse(AtOnce *a, const Pair *p, const Impulse *s, PetscBool turns)
+static void add_impulse(Contact c, PetscInt pair, const Impulse *s, PetscBool turns)
 {
+  AtOnce     *a = &c->at_once;
+  const Pair *p = &c->pair[pair];
+
+  for (PetscInt b = 0; b < 3 && a->of_pair; b++) {
+    a->of_pair[pair].f[b] += s->f[b];
+    a->of_pair[pair].ti[b] += s->ti[b];
+    a->of_pair[pair].tj[b] += s->tj[b];
+  }
   for (PetscInt b = 0; b < 3; b++) {
     a->force[p->i][b] += s->f[b];
     if (turns) a->torque[p->i][b] += s->ti[b];
@@ -84,13 +92,13 @@ static PetscErrorCode sum_elastic(Contact c, PetscReal h, PetscBool turns)
     PetscReal gap;
 
     PetscCall(ContactPairDashpots(c, p, h, &n, &sum, &gap));
-    ContactNoteGap(&c->pair[p], gap, c->s->gap);
+    if (c->alone) ContactNoteGap(&c->pair[p], gap, c->s->gap);
     if (gap >= c->horizon) continue;
     for (PetscInt k = 0; k < n; k++) {
       ContactAddForce(&c->dashpot[k], c->dashpot[k].value, &sum);
       if (c->dashpot[k].rate > 0) PetscCall(hold(c, p, &c->dashpot[k]));
     }
-    add_impulse(&c->at_once, &c->pair[p], &sum, turns);
+    add_impulse(c, p, &sum, turns);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -146,7 +154,7 @@ static void add_damping(Contact c, PetscReal h, PetscBool turns)
       cross(lever->i, sum.f, sum.ti);
       cross(sum.f, lever->j, sum.tj);
     }
-    add_impulse(a, p, &sum, turns);
+    add_impulse(c, d->pair, &sum, turns);
   }
 }
 

@@ -102,6 +102,7 @@ typedef struct {
   PetscReal (*after)[4], (*spin)[3];   /* [n] u and w after forces without damping; [3]: sum of rate x inverse mass */
   struct _p_Held *held;                /* [nheld] dashpots */
   Lever          *lever;
+  Impulse        *of_pair; /* [npairs] sums, NULL: not wanted */
 } AtOnce;
 
 struct _p_Contact {
@@ -225,10 +226,8 @@ PetscErrorCode ContactCreatePoints(Contact, PetscInt most);
 void           ContactSharePoints(Contact);
 /* Options of all laws; the unused laws' ones count as unknown. */
 PetscErrorCode ContactReadLaws(Contact);
-/* Force and torques of pair number p where its bodies are now, as if it were alone; the tangential spring moves on by
-   h. h = 0: without damping and friction. */
-PetscErrorCode ContactPairForce(Contact, PetscInt p, PetscReal h, Impulse *, PetscReal *gap);
-/* What that consists of: n dashpots in c->dashpot, and friction, added to *friction. */
+/* What acts in pair number p where its bodies are now: n dashpots in c->dashpot, and friction, added to *friction; the
+   tangential spring moves on by h. h = 0: without damping and friction. */
 PetscErrorCode ContactPairDashpots(Contact, PetscInt p, PetscReal h, PetscInt *n, Impulse *friction, PetscReal *gap);
 /* The speed of a pair that scales its stiffness: the larger present one; where contact is solved with the flow that at
    which the centres approach each other, since a spring that stiffens as its bodies part would make energy */
@@ -244,7 +243,7 @@ PetscReal ContactApproach(Contact, const Pair *, const Dashpot *);
 PetscReal ContactDashpotForce(Contact, const Dashpot *, PetscReal approach, PetscReal h);
 void      ContactAddForce(const Dashpot *, PetscReal value, Impulse *sum);
 /* Forces, and where pairs are round (not discs alone) torques, of all pairs over a sub-step h from where the bodies are
-   now, in c->at_once; the gaps are noted. Collective. */
+   now, in c->at_once, of each pair too if of_pair is there; without a flow gaps are noted. Collective. */
 PetscErrorCode ContactForcesAtOnce(Contact, PetscReal h, PetscBool turns);
 PetscErrorCode ContactForgetAtOnce(Contact);
 /* Slips of the list go into slots, in place of those there; back to the list, which may be another one, where the slots
@@ -260,13 +259,13 @@ PetscErrorCode ContactPairEnergy(Contact, PetscInt p, PetscReal *energy);
    speeds of the bodies for a step dt (collective), a: frozen accelerations or NULL; effective inertia of body k,
    inverted (3D). */
 PetscReal      ContactMass(Contact, PetscInt k);
+PetscBool      ContactTurns(Contact);                   /* may a force turn a body? The same on all ranks */
 PetscErrorCode ContactFastest(Contact, PetscReal *top); /* collective */
 PetscErrorCode ContactSetScales(Contact, PetscReal dt, PetscReal (*a)[3]);
 void           ContactScaleKinds(Contact);
 PetscErrorCode ContactSetInertia(Contact, PetscInt k);
-/* Adds an impulse times `scale` to forces and torques of a pair; changes its velocities by that of the time h. */
+/* Adds an impulse times `scale` to forces and torques of a pair. */
 void ContactScatter(const Pair *, const Impulse *, PetscReal scale, PetscReal (*force)[3], PetscReal (*torque)[3]);
-void ContactKick(Contact, const Pair *, PetscReal h, const Impulse *);
 /* Acceleration of body k under a force, with what is held taken away: inverse mass times force */
 void ContactMobility(Contact, PetscInt k, const PetscReal force[3], PetscReal out[3]);
 /* Sub-steps of a step dt when forces change within `time`. Error: -contact_substeps too few. */

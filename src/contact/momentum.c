@@ -44,6 +44,14 @@ static PetscErrorCode effective_inertia(Contact c, PetscInt k, PetscReal inertia
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscBool ContactTurns(Contact c)
+{
+  PetscBool turns = (PetscBool)(c->lubricate || c->friction > 0);
+
+  for (PetscInt g = 0; g < c->s->ngroups; g++) turns = (PetscBool)(turns || c->s->group[g].disc <= 0);
+  return turns;
+}
+
 PetscErrorCode ContactGetMass(Contact c, PetscInt k, PetscReal *mass, PetscReal inertia[6])
 {
   PetscFunctionBeginUser;
@@ -130,29 +138,10 @@ void ContactScatter(const Pair *p, const Impulse *s, PetscReal scale, PetscReal 
   }
 }
 
-static void kick(Contact c, PetscInt k, PetscReal h, const PetscReal f[3], const PetscReal torque[3])
-{
-  const Kind *kind = ContactKind(c, k);
-  PetscReal   dw[3];
-
-  ContactSpin(c, k, torque, dw);
-  for (PetscInt a = 0; a < 3; a++) {
-    c->u[k][a] += h * f[a] * kind->inverse_mass[a];
-    c->w[k][a] += h * dw[a];
-  }
-  BodiesKeepAxes(c->state, k, c->u[k], c->w[k]);
-}
-
 void ContactMobility(Contact c, PetscInt k, const PetscReal force[3], PetscReal out[3])
 {
   for (PetscInt a = 0; a < 3; a++) out[a] = force[a] * ContactKind(c, k)->inverse_mass[a];
   BodiesKeepAxes(c->state, k, out, NULL);
-}
-
-void ContactKick(Contact c, const Pair *p, PetscReal h, const Impulse *s)
-{
-  kick(c, p->i, h, s->f, s->ti);
-  if (p->j >= 0) kick(c, p->j, -h, s->f, (const PetscReal[3]){-s->tj[0], -s->tj[1], -s->tj[2]});
 }
 
 /* e e^T / (e . I e) */

@@ -301,22 +301,6 @@ PetscErrorCode ContactPairDashpots(Contact c, PetscInt number, PetscReal h, Pets
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ContactPairForce(Contact c, PetscInt number, PetscReal h, Impulse *sum, PetscReal *gap)
-{
-  const Pair *p = &c->pair[number];
-  PetscInt    n;
-
-  PetscFunctionBeginUser;
-  *sum = (Impulse){{0}, {0}, {0}};
-  PetscCall(ContactPairDashpots(c, number, h, &n, sum, gap));
-  for (PetscInt k = 0; k < n; k++) {
-    const Dashpot *d = &c->dashpot[k];
-
-    ContactAddForce(d, ContactDashpotForce(c, d, ContactApproach(c, p, d), h), sum);
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode ContactPairEnergy(Contact c, PetscInt number, PetscReal *energy)
 {
   const Pair *p = &c->pair[number];

@@ -1,5 +1,5 @@
-/* Contact, a step of bodies in a flow: integrates the bodies that can come within range by symplectic Euler, pair after
-   pair (so that damping is implicit). Replicated on all ranks. Two additions make a body come to rest although the flow
+/* Contact, a step of bodies in a flow: integrates the bodies that can come within range by symplectic Euler, all pairs
+   at once (atonce.c), on owners with their ghosts. Two additions make a body come to rest although the flow
    answers only once a step (runs/studies/contact):
    - drag: the frozen acceleration belongs to the old velocity. While contact changes the velocity by du, the
      acceleration changes by -lambda du with lambda from (buoyant acceleration - a) = lambda u, where that is a
@@ -13,6 +13,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "base/log.h"
+#include "bodies/local.h"
 
 #define REST_SPEED 0.01 /* in r/dt: slower bodies feel no drag */
 
@@ -29,9 +30,10 @@ typedef struct {
 
 /* The bodies and pairs that take part in the sub-steps. */
 typedef struct {
-  PetscInt nnear, nactive, *active;
-  Near    *near;
-  Drift   *drift; /* [n] */
+  PetscInt  nnear, nactive, *active;
+  PetscBool turns; /* may a force turn a body? */
+  Near     *near;
+  Drift    *drift; /* [n] */
 } Crowd;
 
 /* Smallest time in which a contact force changes, over the listed pairs. m: the smaller mass of the pair. */
@@ -112,7 +114,6 @@ static PetscErrorCode gather_crowd(Contact c, Crowd *w)
       if (k < 0 || listed[k]) continue;
       listed[k]               = PETSC_TRUE;
       w->active[w->nactive++] = k;
-      if (c->dim == 3) PetscCall(ContactSetInertia(c, k));
     }
   }
   PetscCall(PetscFree(listed));
@@ -133,35 +134,47 @@ static void drift_velocity(Contact c, PetscInt k, const Drift *d, PetscReal h)
   BodiesKeepAxes(c->state, k, c->u[k], c->w[k]);
 }
 
-/* Two discs out of reach of each other: most of a crowd in most sub-steps */
-static PetscBool discs_apart(Contact c, const Pair *p)
+/* The velocities of own bodies change by the forces of all pairs at once, those of ghosts by their owners' */
+static PetscErrorCode kick_crowd(Contact c, PetscReal h, const Crowd *w)
 {
-  const PetscReal ri = ContactKind(c, p->i)->disc, rj = p->j >= 0 ? ContactKind(c, p->j)->disc : 0;
+  const AtOnce *all = &c->at_once;
 
-  return (PetscBool)(ri > 0 && rj > 0 && !ContactWithin(c, p->i, p->j, c->horizon + (ri + rj)));
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e < w->nactive; e++) {
+    const PetscInt k     = w->active[e];
+    PetscReal      dw[3] = {0, 0, 0};
+
+    if (!c->s->own[k]) continue;
+    if (w->turns) ContactSpin(c, k, all->torque[k], dw);
+    for (PetscInt a = 0; a < 3; a++) {
+      c->u[k][a] += h * ContactKind(c, k)->inverse_mass[a] * all->force[k][a];
+      c->w[k][a] += h * dw[a];
+    }
+    BodiesKeepAxes(c->state, k, c->u[k], c->w[k]);
+  }
+  PetscCall(BodiesUpdateGhosts(c->bodies, 3, c->u));
+  if (w->turns) PetscCall(BodiesUpdateGhosts(c->bodies, 3, c->w));
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode advance_crowd(Contact c, PetscReal h, Crowd *w, PetscBool in_step)
 {
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < w->nactive; k++) drift_velocity(c, w->active[k], &w->drift[w->active[k]], h);
+  PetscCall(PetscArrayzero(c->at_once.of_pair, c->npairs));
+  PetscCall(ContactForcesAtOnce(c, h, w->turns));
   for (PetscInt k = 0; k < w->nnear; k++) {
-    Near       *near = &w->near[k];
-    const Pair *p    = &c->pair[near->pair];
-    Impulse     now;
-    PetscReal   gap;
+    Near          *near = &w->near[k];
+    const Impulse *now  = &c->at_once.of_pair[near->pair];
 
-    if (!c->slip && discs_apart(c, p)) continue; /* a tangential spring ends where the bodies part */
-    PetscCall(ContactPairForce(c, near->pair, h, &now, &gap));
-    if (gap >= c->horizon) continue;
     for (PetscInt a = 0; a < 3; a++)
       for (PetscInt s = in_step ? 0 : 1; s < 2; s++) {
-        near->sum[s].f[a] += h * now.f[a];
-        near->sum[s].ti[a] += h * now.ti[a];
-        near->sum[s].tj[a] += h * now.tj[a];
+        near->sum[s].f[a] += h * now->f[a];
+        near->sum[s].ti[a] += h * now->ti[a];
+        near->sum[s].tj[a] += h * now->tj[a];
       }
-    ContactKick(c, p, h, &now);
   }
+  PetscCall(kick_crowd(c, h, w));
   for (PetscInt k = 0; k < w->nactive; k++) move_body(c, w->active[k], h);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -180,11 +193,29 @@ static void store_means(Contact c, PetscReal dt, const Crowd *w)
   }
 }
 
+static PetscErrorCode integrate(Contact c, PetscReal dt, Crowd *w)
+{
+  PetscReal time = contact_time(c, w->nnear, w->near);
+  PetscInt  n;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesMin(c->bodies, 1, &time));
+  PetscCall(ContactChooseSubsteps(c, dt, time, &n));
+  PetscCall(PetscMalloc1(c->npairs, &c->at_once.of_pair));
+  for (PetscInt i = 0; i < c->law->lookahead * n; i++) PetscCall(advance_crowd(c, dt / n, w, i < n ? PETSC_TRUE : PETSC_FALSE));
+  PetscCall(PetscFree(c->at_once.of_pair));
+  c->steps_done = n;
+  store_means(c, dt, w);
+  PetscCall(BodiesUpdateGhosts(c->bodies, 3, c->s->contact_force));
+  PetscCall(BodiesUpdateGhosts(c->bodies, 3, c->s->contact_torque));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ContactStep(Contact c, PetscReal dt, PetscReal (*a)[3], PetscReal (*alpha)[3])
 {
   BodyArrays *s = c->s;
-  Crowd       w = {0};
-  PetscInt    n;
+  Crowd       w = {.turns = ContactTurns(c)};
+  PetscBool   any;
 
   PetscFunctionBeginUser;
   PetscCheck(dt > 0, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Time step %g of the contact must be positive", (double)dt);
@@ -197,13 +228,11 @@ PetscErrorCode ContactStep(Contact c, PetscReal dt, PetscReal (*a)[3], PetscReal
   PetscCall(PetscMalloc1(s->n, &w.drift));
   PetscCall(start_drift(c, dt, a, alpha, w.drift));
   PetscCall(ContactFindPairs(c));
+  for (PetscInt k = 0; k < s->n && c->dim == 3; k++) PetscCall(ContactSetInertia(c, k));
   PetscCall(gather_crowd(c, &w));
-  if (w.nnear) {
-    PetscCall(ContactChooseSubsteps(c, dt, contact_time(c, w.nnear, w.near), &n));
-    for (PetscInt i = 0; i < c->law->lookahead * n; i++) PetscCall(advance_crowd(c, dt / n, &w, i < n ? PETSC_TRUE : PETSC_FALSE));
-    c->steps_done = n;
-    store_means(c, dt, &w);
-  }
+  any = (PetscBool)(w.nnear > 0);
+  PetscCall(BodiesAny(c->bodies, &any));
+  if (any) PetscCall(integrate(c, dt, &w));
   PetscCall(PetscFree(w.near));
   PetscCall(PetscFree(w.active));
   PetscCall(PetscFree(w.drift));

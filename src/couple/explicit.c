@@ -20,12 +20,12 @@ static PetscErrorCode detect_blow_up(Couple c)
       size = PetscIsInfOrNanReal(du[a]) ? PETSC_INFINITY : size;
     }
     c->growth[k] = dot < 0 && size > 1.1 * old_size ? c->growth[k] + 1 : 0;
-    PetscCheck(size < PETSC_INFINITY && c->growth[k] < 4 && PetscSqrtReal(size) * c->step->dt < 2 * BodiesGetRadius(c->s, k), PETSC_COMM_WORLD,
-               PETSC_ERR_USER_INPUT,
+    PetscCheck(size < PETSC_INFINITY && c->growth[k] < 4 && PetscSqrtReal(size) * c->step->dt < 2 * BodiesGetRadius(c->s, k),
+               c->s->n < c->s->nall ? PETSC_COMM_SELF : PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
                "Body %" PetscInt_FMT
                " (group '%s', density ratio %g) oscillates with growing velocity, |dU| = %g in one step: explicit coupling is unstable for light bodies because the added mass acts one step late, "
                "and a smaller -sim_dt makes it worse. Use -couple_type implicit",
-               k, group->name, (double)(c->s->density[k] / c->par->density), (double)PetscSqrtReal(size));
+               c->s->number[k], group->name, (double)(c->s->density[k] / c->par->density), (double)PetscSqrtReal(size));
     for (PetscInt a = 0; a < 3; a++) c->du_old[3 * k + a] = du[a];
   }
   PetscFunctionReturn(PETSC_SUCCESS);

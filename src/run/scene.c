@@ -99,10 +99,7 @@ static PetscErrorCode remark_backflow(const MeshLocal *l, const FlowParameters *
 /* With other words than these an option needs all bodies on every rank in a flow */
 static const struct {
   const char *option, *allowed;
-} NEED_ALL[] = {{"-contact_coupling", " implicit "},
-                {"-contact_law", " repulsive none "},
-                {"-couple_type", " implicit "},
-                {"-mesh_deform", " false no 0 "}};
+} NEED_ALL[] = {{"-mesh_deform", " false no 0 "}};
 
 /* Does something in the scene need all bodies together? why: the option, empty: nothing */
 static PetscErrorCode find_need(PetscBool active, char why[], size_t size)

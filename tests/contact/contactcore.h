@@ -69,10 +69,13 @@ static inline void evaluate(Fixture *f)
   for (PetscInt k = 0; k < f->s->n && c->dim == 3; k++) OK(ContactSetInertia(c, k));
   c->nnear = c->npairs;
   for (PetscInt p = 0; p < c->npairs; p++) {
-    Impulse   now;
+    Impulse   now = {{0}, {0}, {0}};
+    PetscInt  n;
     PetscReal gap;
 
-    OK(ContactPairForce(c, p, 0, &now, &gap));
+    OK(ContactPairDashpots(c, p, 0, &n, &now, &gap));
+    for (PetscInt d = 0; d < n; d++)
+      ContactAddForce(&c->dashpot[d], ContactDashpotForce(c, &c->dashpot[d], ContactApproach(c, &c->pair[p], &c->dashpot[d]), 0), &now);
     ContactNoteGap(&c->pair[p], gap, f->gap);
     ContactScatter(&c->pair[p], &now, 1, f->force, f->torque);
   }

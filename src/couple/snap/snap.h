@@ -42,7 +42,7 @@
 
 typedef struct _p_Snap *Snap;
 
-/* So many rings of vertices around a wall follow it; a rank is to know the bodies one cell farther from its own cells */
+/* So many rings of vertices around a wall follow it; ranks are to know bodies one cell farther from their own cells */
 #define SNAP_RINGS 3
 
 /* What the last SnapFit found; arrays are borrowed, valid until the next one. */
