@@ -3,11 +3,13 @@
 #include "compat.h"
 #include "fitted.h"
 #include "base/algebra.h"
+#include "bodies/local.h"
 
 typedef struct {
-  PetscInt        body, nnode, ncell; /* nodes: own and ghost; cells: own cells with a node on the boundary */
+  PetscInt        body, nnode, ncell; /* permanent number; nodes: own and ghost; cells: own cells with a node on the boundary */
   const PetscInt *node;               /* of the mesh */
   PetscInt       *cell;
+  PetscReal       x[3], volume; /* of the body; 0 where it is not known */
 } Surface;
 
 struct _p_Fitted {
@@ -18,28 +20,29 @@ struct _p_Fitted {
   const MeshLocal *loc;
   PetscInt         n;
   Surface         *surface;
-  PetscInt        *on; /* [nnode_all] body on whose surface the node lies, or -1 */
+  PetscInt        *on; /* [nnode_all] number of the body on whose surface the node lies, or -1 */
 };
 
 /* ---- set-up ---- */
 
 static PetscErrorCode check_surface(Fitted h, const BodyGroup *g, const Surface *s)
 {
-  const PetscInt dim   = h->loc->dim;
-  PetscReal      worst = 0;
+  const PetscInt dim = h->loc->dim, k = BodiesFind(h->s, s->body);
+  PetscReal      worst = 0, radius = g->largest * g->radius;
 
   PetscFunctionBeginUser;
+  PetscCheck(k >= 0 || !s->nnode, PETSC_COMM_SELF, PETSC_ERR_PLIB, "A rank at the surface of body %" PetscInt_FMT " does not know it", s->body);
   for (PetscInt i = 0; i < s->nnode; i++) {
     PetscReal d;
 
-    PetscCall(BodiesDistance(h->bodies, s->body, h->s->x[s->body], NULL, 1, h->loc->x + s->node[i] * dim, &d));
+    PetscCall(BodiesDistance(h->bodies, k, h->s->x[k], NULL, 1, h->loc->x + s->node[i] * dim, &d));
     worst = PetscMax(worst, PetscAbsReal(d));
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &worst, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
-  PetscCheck(worst <= 0.1 * BodiesGetRadius(h->s, s->body), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(worst <= 0.1 * radius, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "Boundary '%s' of the mesh is no surface of group '%s': it has points %g away from the surface, the limit is a tenth of the radius %g. "
              "Correct -particle_%s_position, _angle and the size of the shape, or rename the group",
-             g->name, g->name, (double)worst, (double)BodiesGetRadius(h->s, s->body), g->name);
+             g->name, g->name, (double)worst, (double)radius, g->name);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -63,6 +66,7 @@ static PetscErrorCode list_cells(Fitted h, Surface *s)
 static PetscErrorCode add_surface(Fitted h, const BodyGroup *g, PetscInt boundary)
 {
   Surface *s = h->surface + h->n;
+  PetscInt k;
 
   PetscFunctionBeginUser;
   PetscCheck(g->count == 1 && !g->free, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
@@ -70,7 +74,13 @@ static PetscErrorCode add_surface(Fitted h, const BodyGroup *g, PetscInt boundar
              " bodies%s: a hole is one body that does not move, set -particle_%s_free none and one position, or rename the group",
              g->name, g->name, g->count, g->free ? ", free to move" : "", g->name);
   PetscCall(BodiesSetHole(h->bodies, (PetscInt)(g - h->s->group)));
+  PetscCall(BodiesMigrate(h->bodies, 0, 1)); /* known where its surface is */
   s->body = g->first;
+  k       = BodiesFind(h->s, s->body);
+  if (k >= 0) {
+    PetscCall(PetscArraycpy(s->x, h->s->x[k], 3));
+    PetscCall(BodiesGetVolume(h->bodies, k, &s->volume));
+  }
   PetscCall(MeshGetBoundaryNodes(h->mesh, boundary, &s->nnode, &s->node));
   PetscCall(check_surface(h, g, s));
   PetscCall(list_cells(h, s));
@@ -178,10 +188,12 @@ PetscErrorCode FittedSetMotion(Fitted h)
   PetscFunctionBeginUser;
   PetscCall(ConditionsGetValues(FlowConditions(h->flow), &fixed, &value));
   for (PetscInt i = 0; i < h->n; i++) {
-    PetscReal w[3];
+    Surface       *s = h->surface + i;
+    const PetscInt k = BodiesFind(h->s, s->body);
+    PetscReal      w[3];
 
-    PetscCall(fit_rotation(h, h->surface + i, value, w));
-    PetscCall(BodiesSetVelocity(h->bodies, h->surface[i].body, NULL, w));
+    PetscCall(fit_rotation(h, s, value, w));
+    if (k >= 0) PetscCall(BodiesSetVelocity(h->bodies, k, NULL, w));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -193,7 +205,7 @@ static PetscErrorCode add_cell(Fitted h, const Surface *s, PetscInt cell, const 
 {
   const MeshLocal *l    = h->loc;
   const PetscInt  *node = l->cell_node + cell * l->nb, dim = l->dim;
-  const PetscReal *X = h->s->x[s->body];
+  const PetscReal *X = s->x;
   PetscReal        r[MESH_MAX_NB * 3], alpha[MESH_MAX_NB];
 
   PetscFunctionBeginUser;
@@ -223,17 +235,17 @@ PetscErrorCode FittedForce(Fitted h, const PetscReal u[], const PetscReal p[], P
   PetscCall(FlowGetParameters(h->flow, &par));
   for (PetscInt i = 0; i < h->n; i++) {
     const Surface *s       = h->surface + i;
-    PetscReal      f[4][3] = {{0}}, volume;
+    const PetscInt k       = BodiesFind(h->s, s->body);
+    PetscReal      f[4][3] = {{0}};
 
     for (PetscInt c = 0; c < s->ncell; c++) PetscCall(add_cell(h, s, s->cell[c], u, p, f));
     PetscCall(MPIU_Allreduce(MPI_IN_PLACE, f, 12, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
-    PetscCall(BodiesGetVolume(h->bodies, s->body, &volume));
-    for (PetscInt d = 0; d < 3; d++) {
-      if (!par->varying) f[1][d] -= 2 * par->solvent * volume * h->s->w[s->body][d]; /* gradient form */
-      if (force) force[s->body][d] = f[0][d];
-      if (torque) torque[s->body][d] = f[1][d];
-      if (volume_force) volume_force[s->body][d] = f[2][d];
-      if (volume_torque) volume_torque[s->body][d] = f[3][d];
+    for (PetscInt d = 0; d < 3 && k >= 0; d++) {
+      if (!par->varying) f[1][d] -= 2 * par->solvent * s->volume * h->s->w[k][d]; /* gradient form */
+      if (force) force[k][d] = f[0][d];
+      if (torque) torque[k][d] = f[1][d];
+      if (volume_force) volume_force[k][d] = f[2][d];
+      if (volume_torque) volume_torque[k][d] = f[3][d];
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -20,12 +20,12 @@ typedef struct _p_Fitted *Fitted;
    than a tenth of its radius). */
 PetscErrorCode FittedCreate(Flow, Bodies, Fitted *);
 PetscErrorCode FittedDestroy(Fitted *);
-/* [nnode_all] the body on whose surface a node lies, or -1. Borrowed. */
+/* [nnode_all] permanent number of the body on whose surface a node lies, or -1. Borrowed. */
 PetscErrorCode FittedGetNodeBody(Fitted, const PetscInt *node_body[]);
 /* Angular velocities of the holes' bodies from the step's boundary values (best fit of a rigid motion). Collective. */
 PetscErrorCode FittedSetMotion(Fitted);
 /* Force and torque about the centre of mass in residual and in volume form of all bodies that are holes, from the
-   solution u [nnode_all][dim], p [own cells][dim + 1] of the step: arrays [number of bodies][3], entries of other
-   bodies untouched, either pair may be NULL. Collective. */
+   solution u [nnode_all][dim], p [own cells][dim + 1] of the step: arrays [n][3] of the known bodies, entries of
+   others untouched, either pair may be NULL. Collective. */
 PetscErrorCode FittedForce(Fitted, const PetscReal u[], const PetscReal p[], PetscReal (*force)[3], PetscReal (*torque)[3],
                            PetscReal (*volume_force)[3], PetscReal (*volume_torque)[3]);

@@ -119,8 +119,8 @@ static PetscErrorCode find_need(PetscBool active, char why[], size_t size)
 }
 
 /* Does a group? One that is packed and whose motion is not all free, since it is known where each of its bodies starts
-   from; in a flow one whose body is a hole of the mesh. */
-static PetscErrorCode find_group(const SimParts *part, const MeshLocal *l, PetscBool active, char why[], size_t size)
+   from. */
+static PetscErrorCode find_group(const SimParts *part, const MeshLocal *l, char why[], size_t size)
 {
   const PetscInt all = BODY_FREE_X | BODY_FREE_Y | (l->dim == 3 ? BODY_FREE_Z : 0) | BODY_FREE_ROTATION;
   BodyState     *s;
@@ -128,12 +128,9 @@ static PetscErrorCode find_group(const SimParts *part, const MeshLocal *l, Petsc
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(part->bodies, &s));
   for (PetscInt i = 0; i < s->ngroups; i++) {
-    const BodyGroup *g        = s->group + i;
-    PetscInt         boundary = -1;
+    const BodyGroup *g = s->group + i;
 
     if ((g->free & all) != all && g->pack.wanted) PetscCall(PetscSNPrintf(why, size, "group '%s', which is packed, and not all free", g->name));
-    if (active) PetscCall(MeshFindBoundary(part->mesh, g->name, &boundary));
-    if (boundary >= 0) PetscCall(PetscSNPrintf(why, size, "group '%s', which is a hole of the mesh", g->name));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -177,7 +174,7 @@ static PetscErrorCode settle_bodies(SimParts *part, const MeshLocal *l, PetscBoo
   PetscFunctionBeginUser;
   if (BodiesComm(part->bodies) == PETSC_COMM_SELF) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(find_need(active, why, sizeof(why)));
-  PetscCall(find_group(part, l, active, why, sizeof(why)));
+  PetscCall(find_group(part, l, why, sizeof(why)));
   PetscCall(BodiesGetState(part->bodies, &s));
   if (active) PetscCall(FlowFindReach(&reach[0]));
   if (active && s->nall) PetscCall(CoupleFindReach(part->mesh, part->bodies, &reach[1], &group));
