@@ -28,8 +28,8 @@
 
 typedef struct _p_Couple *Couple;
 
-/* Of the rung that -couple_boundary names: *reach, so many cells beyond its own a rank is to know bodies; *group, one of
-   which every rank is to know all, NULL: none. Before CoupleCreate. Collective. */
+/* Of the rung that -couple_boundary names: *reach, so many cells beyond its own a rank is to know bodies; *group, one
+   of which every rank is to know all, NULL: none. Before CoupleCreate. Collective. */
 PetscErrorCode CoupleFindReach(Mesh, Bodies, PetscInt *reach, const BodyGroup **group);
 /* Creates the constraint and the solver. Collective. */
 PetscErrorCode CoupleCreate(Flow, Bodies, Couple *);

@@ -132,8 +132,8 @@ static inline void MeshCellMatrix(const MeshLocal *l, PetscInt c, PetscInt bs, P
 PetscErrorCode MeshNodesInBox(Mesh, const PetscReal x[], PetscReal half, PetscInt *n, const PetscInt *list[]);
 
 /* Boxes, lowest and highest corner, that cover this rank's own cells, at most 8, to be freed by the caller; all its
-   ghost cells, or their images, lie no farther than *beyond from one, which is larger by `reach` diagonals of this rank's
-   largest cell. Not collective (the mesh as it is). */
+   ghost cells, or their images, lie no farther than *beyond from one, which is larger by `reach` diagonals of this
+   rank's largest cell. Not collective (the mesh as it is). */
 PetscErrorCode MeshCover(Mesh, PetscInt reach, PetscInt *n, PetscReal (**box)[2][3], PetscReal *beyond);
 
 /* Give the n local nodes (own and ghost) new places x [n][dim]; topology, numbering and MeshNodesInBox stay as they

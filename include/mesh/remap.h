@@ -9,7 +9,8 @@
    The rigid velocity at uncovered places instead would give the torque of a translating disc a bias of 1.8 % that no
    time step removes. Where a thin body has swept over a place, the cell that contains it was on the
    other side: cells that must not answer for a place are told by their sides. A place that is not in a cell of this
-   rank is offered to the ranks near by, and the best answer is taken, so that the result does not depend on the partition. */
+   rank is offered to the ranks near by, and the best answer is taken, so that the result does not depend on the
+   partition. */
 #pragma once
 #include "mesh/mesh.h"
 

@@ -6,7 +6,7 @@
 #include "bodies/local.h"
 
 typedef struct {
-  PetscInt        body, nnode, ncell; /* permanent number; nodes: own and ghost; cells: own cells with a node on the boundary */
+  PetscInt        body, nnode, ncell; /* permanent number; own and ghost nodes; own cells with a node on the boundary */
   const PetscInt *node;               /* of the mesh */
   PetscInt       *cell;
   PetscReal       x[3], volume; /* of the body; 0 where it is not known */

@@ -50,6 +50,9 @@ CROWDS = {
     "held": (CROWD, ["-couple_backflow", "force"]),
     "travelling": (CROWD, ["-sim_frame", "body", "-sim_frame_body", "7", "-sim_frame_axes", "x"]),
     "shear thinning": (CROWD, ["-flow_rheology", "carreau", "-flow_rheology_index", "0.5"]),
+    "explicit contact": (CROWD, ["-contact_coupling", "explicit"]),
+    "spring, friction": (CROWD, ["-contact_law", "spring", "-contact_friction", "0.3"]),
+    "explicit": (CROWD, ["-couple_type", "explicit", "-particle_disc_density", "4", "-particle_rod_density", "4"]),
     "eddies": (CROWD, ["-flow_rheology", "smagorinsky"]),
     "snap": (CROWD, ["-couple_boundary", "snap", "-mesh_cells", "40,40"]),
     "snap, corners": (CROWD.replace("ellipse, a: 0.06, b: 0.04", "box, size: [0.11, 0.1]"), ["-couple_boundary", "snap", "-mesh_cells", "48,48"]),
@@ -83,7 +86,7 @@ def test_a_crowd_in_a_flow_on_some_ranks(run, scene, tmp_path, kind):
 
 
 THIN = CROWD.replace("ellipse, a: 0.06, b: 0.04", "box, size: [0.1, 0.02]")
-NEEDS = [(CROWD, ["-couple_type", "explicit"], "-couple_type"), (CROWD, ["-contact_coupling", "explicit"], "-contact_coupling"), (THIN, ["-couple_boundary", "snap"], "group 'rod'")]
+NEEDS = [(CROWD, ["-mesh_deform", "true"], "-mesh_deform"), (THIN, ["-couple_boundary", "snap"], "group 'rod'")]
 
 
 def test_what_needs_all_bodies_says_so(run, scene):

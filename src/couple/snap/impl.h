@@ -143,7 +143,7 @@ static inline PetscBool SnapIsOnWall(Snap s, PetscInt i)
   return (PetscBool)(s->code[i] % 2);
 }
 
-/* The ghosts get v of local nodes, in which the owner says v - 1 = per k + rest of a body k and 0 of none: k is what each
+/* The ghosts get v of local nodes, in which the owner says v - 1 = per k + rest of a body k, 0 of none: k is what each
    rank calls the body. Collective. */
 PetscErrorCode SnapSyncBodies(Snap, PetscInt per, PetscInt v[]);
 
