@@ -242,6 +242,7 @@ static PetscErrorCode migrate(Contact c, PetscReal range)
   PetscCall(BodiesMigrate(c->bodies, range, 1 + CONTACT_SKIN));
   PetscCall(ContactMeetBodies(c));
   PetscCall(PetscFree(c->listed));
+  PetscCall(PetscFree(c->reach));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -130,5 +130,6 @@ PetscErrorCode CoupleMeetBodies(Couple c)
   PetscCall(PetscInfo(NULL, "couple: %" PetscInt_FMT " bodies known\n", c->s->n));
   PetscCall(describe_bodies(c));
   PetscCall(IndicatorForget(c->mark));
+  c->hollow = NULL; /* until they are drawn */
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -325,7 +325,7 @@ static PetscErrorCode ask_near(Remap r, PetscInt nopen, const PetscInt open[], c
                                RemapCells cells, PetscInt nfield, const PetscReal *const field[], PetscReal out[], RemapCount *count)
 {
   const PetscInt bs = r->loc->dim * nfield, width = REPLY + bs;
-  PetscInt       n, nask, nreply;
+  PetscInt       n = 0, nask, nreply;
   PetscMPIInt   *to, *from, *who, *best;
   PetscReal     *key, *reply, *in;
   Question      *question, *asked;

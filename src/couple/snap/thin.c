@@ -2,6 +2,7 @@
    that takes the place of the plane's path of edges. */
 #include "compat.h"
 #include "impl.h"
+#include "bodies/local.h"
 
 #define WIDE 3    /* from how many cells on a body thinner than one is a plate */
 #define FINE 0.05 /* how exactly thickness is measured, cell sizes */
@@ -32,11 +33,15 @@ PetscErrorCode SnapRefusePlates(Snap s)
   PetscFunctionBeginUser;
   for (PetscInt g = 0; g < s->state->ngroups; g++) {
     const BodyGroup *group = &s->state->group[g];
-    PetscInt         k     = -1; /* the smallest one that is known */
-    PetscReal        depth = 0;
+    PetscInt         k     = -1;
+    PetscReal        least = PETSC_MAX_REAL, depth = 0; /* size of the smallest body; its depth */
 
-    for (PetscInt j = 0; j < s->nbodies && !group->hole; j++)
-      if (BodiesGetGroup(s->state, j) == group && (k < 0 || s->state->scale[j] < s->state->scale[k])) k = j;
+    if (group->hole || !group->count) continue;
+    for (PetscInt j = 0; j < s->nbodies; j++)
+      if (BodiesGetGroup(s->state, j) == group) least = PetscMin(least, s->state->scale[j]);
+    PetscCall(BodiesMin(s->bodies, 1, &least));
+    for (PetscInt j = 0; j < s->nbodies && k < 0; j++)
+      if (BodiesGetGroup(s->state, j) == group && s->state->scale[j] == least) k = j;
     if (k < 0) continue;
     if (2 * BodiesGetRadius(s->state, k) < WIDE * h) continue;
     PetscCall(find_deepest(s, k, s->state->x[k], BodiesGetRadius(s->state, k), 0.5 * h, &depth));
