@@ -58,7 +58,7 @@ PetscErrorCode ContactMigrate(Contact, PetscReal dt, PetscReal (*a)[3]);
    last step / ContactGetMass, alpha alike), with the effective mass and inertia of ContactGetMass, and stores force and
    torque in contact_force, contact_torque of the state. Repulsive law: the force of a pair is its mean over the step,
    or over a look-ahead of two steps where that is larger (step.c says why). The state itself does not move. Bodies out
-   of range of everything cost nothing but the search. Collective, same result on all ranks. Safe while a body moves
+   of range of everything cost nothing but the search. Collective, ghosts as their owners. Safe while a body moves
    at most h in a step. Error when -contact_substeps is given and too small for the stiffness: names option, value and
    the needed number. */
 PetscErrorCode ContactStep(Contact, PetscReal dt, PetscReal (*a)[3], PetscReal (*alpha)[3]);

@@ -96,25 +96,15 @@ static PetscErrorCode remark_backflow(const MeshLocal *l, const FlowParameters *
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* With other words than these an option needs all bodies on every rank in a flow */
-static const struct {
-  const char *option, *allowed;
-} NEED_ALL[] = {{"-mesh_deform", " false no 0 "}};
-
-/* Does something in the scene need all bodies together? why: the option, empty: nothing */
+/* Does an option need all bodies together? why: it, empty: none */
 static PetscErrorCode find_need(PetscBool active, char why[], size_t size)
 {
-  char      text[64], word[66];
-  PetscBool given;
+  PetscBool deform = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   why[0] = 0;
-  for (size_t i = 0; active && i < sizeof(NEED_ALL) / sizeof(NEED_ALL[0]); i++) {
-    PetscCall(OptPeek(NEED_ALL[i].option, text, sizeof(text)));
-    PetscCall(PetscOptionsHasName(NULL, NULL, NEED_ALL[i].option, &given)); /* perhaps without a word, as flags are */
-    (void)snprintf(word, sizeof(word), " %s ", text);
-    if (given && !strstr(NEED_ALL[i].allowed, word)) PetscCall(PetscSNPrintf(why, size, "%s %s", NEED_ALL[i].option, text));
-  }
+  if (active) PetscCall(OptBool("-mesh_deform", &deform));
+  if (deform) PetscCall(PetscSNPrintf(why, size, "-mesh_deform"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
