@@ -439,18 +439,15 @@ static void out_of_frame(const BodyGroup *g, PetscReal scale, PetscInt dim, cons
   }
 }
 
-PetscErrorCode BodiesDistance(Bodies b, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt n, const PetscReal x[], PetscReal d[])
+PetscErrorCode BodiesDistanceOf(Bodies b, PetscInt group, PetscReal scale, const PetscReal X[], const PetscReal q[], PetscInt n, const PetscReal x[],
+                                PetscReal d[])
 {
   const PetscInt   dim = b->state.dim;
-  const BodyGroup *g;
-  PetscReal        R[9], y[CHUNK * 3], scale;
+  const BodyGroup *g   = &b->state.group[group];
+  PetscReal        R[9], y[CHUNK * 3];
 
   PetscFunctionBeginUser;
-  PetscCall(check_body(b, k));
-  g     = BodiesGetGroup(&b->view, k);
-  scale = b->state.scale[k];
-  if (!X) X = b->state.x[k];
-  RotationMatrix(q ? q : b->state.q[k], R);
+  RotationMatrix(q, R);
   for (PetscInt start = 0; start < n; start += CHUNK) {
     const PetscInt m = PetscMin(CHUNK, n - start);
 
@@ -458,6 +455,16 @@ PetscErrorCode BodiesDistance(Bodies b, PetscInt k, const PetscReal X[], const P
     PetscCall(ShapeDistance(g->shape, m, y, d + start));
     for (PetscInt i = start; i < start + m && scale != 1; i++) d[i] *= scale;
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodiesDistance(Bodies b, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt n, const PetscReal x[], PetscReal d[])
+{
+  const BodyArrays *s = &b->state;
+
+  PetscFunctionBeginUser;
+  PetscCall(check_body(b, k));
+  PetscCall(BodiesDistanceOf(b, s->body_group[k], s->scale[k], X ? X : s->x[k], q ? q : s->q[k], n, x, d));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -3,6 +3,7 @@
 #include "impl.h"
 #include "parts.h"
 #include "base/domain.h"
+#include "bodies/local.h"
 
 #define BINS    1024 /* along an axis, in which bodies are counted for the cuts */
 #define UNEVEN  1.1  /* own bodies of the fullest rank by the mean, beyond which the cuts move */
@@ -46,6 +47,17 @@ static PetscErrorCode gather_boxes(BodyParts *p, const BodyBoxes *mine)
   for (PetscMPIInt r = 0; r < p->size; r++)
     for (PetscInt i = start[r] / unit; i < start[r + 1] / unit; i++) p->box_rank[i] = r;
   PetscCall(PetscFree2(count, start));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodiesSetBoxes(Bodies b, const BodyBoxes *boxes)
+{
+  BodyParts *p = b->parts;
+
+  PetscFunctionBeginUser;
+  if (!p) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree2(p->box, p->box_rank));
+  PetscCall(gather_boxes(p, boxes));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

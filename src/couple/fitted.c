@@ -73,8 +73,8 @@ static PetscErrorCode add_surface(Fitted h, const BodyGroup *g, PetscInt boundar
              "Boundary '%s' of the mesh is the surface of group '%s', which has %" PetscInt_FMT
              " bodies%s: a hole is one body that does not move, set -particle_%s_free none and one position, or rename the group",
              g->name, g->name, g->count, g->free ? ", free to move" : "", g->name);
+  if (!g->hole) PetscCall(BodiesMigrate(h->bodies, 0, 1)); /* known where its surface is */
   PetscCall(BodiesSetHole(h->bodies, (PetscInt)(g - h->s->group)));
-  PetscCall(BodiesMigrate(h->bodies, 0, 1)); /* known where its surface is */
   s->body = g->first;
   k       = BodiesFind(h->s, s->body);
   if (k >= 0) {

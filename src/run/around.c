@@ -2,9 +2,90 @@
 #include "compat.h"
 #include "around.h"
 #include "base/room.h"
+#include "bodies/local.h"
 #include <math.h>
 
-#define FEW 8 /* so many bodies need no grid */
+#define FEW    8  /* so many bodies need no grid */
+#define RECORD 12 /* numbers of a body: place, orientation, velocity, size, has it left? */
+
+/* ---- where they are ---- */
+
+/* all [nall][RECORD] by numbers, from known [n][RECORD] */
+static PetscErrorCode gather(const Around *s, const PetscReal known[], PetscReal all[])
+{
+  PetscMPIInt size, mine, *count, *start;
+  BodyRows    rows;
+  PetscReal  *row;
+
+  PetscFunctionBeginUser;
+  if (BodiesComm(s->bodies) == PETSC_COMM_SELF) {
+    PetscCall(PetscArraycpy(all, known, RECORD * s->s->n));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
+  PetscCall(BodiesBeginRows(s->bodies, &rows));
+  PetscCall(PetscMalloc3(RECORD * rows.n, &row, size, &count, size, &start));
+  PetscCall(BodiesGatherRows(s->bodies, &rows, RECORD * sizeof(*row), known, row));
+  PetscCall(PetscMPIIntCast(RECORD * rows.n, &mine));
+  PetscCallMPI(MPI_Allgather(&mine, 1, MPI_INT, count, 1, MPI_INT, PETSC_COMM_WORLD));
+  start[0] = 0;
+  for (PetscMPIInt i = 1; i < size; i++) start[i] = start[i - 1] + count[i - 1];
+  PetscCallMPI(MPI_Allgatherv(row, mine, MPIU_REAL, all, count, start, MPIU_REAL, PETSC_COMM_WORLD));
+  PetscCall(PetscFree3(row, count, start));
+  PetscCall(BodiesEndRows(&rows));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode AroundDrop(Around *s)
+{
+  PetscFunctionBeginUser;
+  PetscCall(AroundForget(s));
+  PetscCall(PetscFree6(s->X, s->q, s->u, s->scale, s->gone, s->group));
+  s->n = 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode AroundCollect(Around *s, const PetscReal (*X)[3], const PetscReal (*q)[4], const PetscReal (*u)[3])
+{
+  const PetscInt n = s->s->nall;
+  PetscReal     *known, *all;
+
+  PetscFunctionBeginUser;
+  PetscCall(AroundDrop(s));
+  PetscCall(PetscMalloc2(RECORD * s->s->n, &known, RECORD * n, &all));
+  for (PetscInt k = 0; k < s->s->n; k++) {
+    PetscReal *r = known + RECORD * k;
+
+    PetscCall(PetscArraycpy(r, X[k], 3));
+    PetscCall(PetscArraycpy(r + 3, q[k], 4));
+    PetscCall(PetscArraycpy(r + 7, u[k], 3));
+    r[10] = s->s->scale[k];
+    r[11] = s->s->gone[k];
+  }
+  PetscCall(gather(s, known, all));
+  PetscCall(PetscMalloc6(n, &s->X, n, &s->q, n, &s->u, n, &s->scale, n, &s->gone, n, &s->group));
+  for (PetscInt k = 0, g = 0; k < n; k++) {
+    const PetscReal *r = all + RECORD * k;
+
+    while (s->s->group[g].first + s->s->group[g].count <= k) g++;
+    PetscCall(PetscArraycpy(s->X[k], r, 3));
+    PetscCall(PetscArraycpy(s->q[k], r + 3, 4));
+    PetscCall(PetscArraycpy(s->u[k], r + 7, 3));
+    s->scale[k] = r[10];
+    s->gone[k]  = (PetscBool)(r[11] != 0);
+    s->group[k] = g;
+  }
+  PetscCall(PetscFree2(known, all));
+  s->n = n;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscReal radius_of(const Around *s, PetscInt k)
+{
+  return s->scale[k] * s->s->group[s->group[k]].radius;
+}
+
+/* ---- how far from them ---- */
 
 PetscErrorCode AroundForget(Around *s)
 {
@@ -25,12 +106,12 @@ static PetscErrorCode fill_grid(const Around *s, PetscReal reach, Grid *grid, Pe
 
   PetscFunctionBeginUser;
   *body = NULL;
-  for (PetscInt k = 0; k < s->s->n; k++) mean += BodiesGetRadius(s->s, k) / (PetscReal)s->s->n;
-  PetscCall(GridCreate(s->dim, s->lower, s->upper, 2 * (mean + s->margin + reach), 8 * s->s->n, grid));
-  for (PetscInt k = 0; k < s->s->n; k++) {
-    const PetscReal half = BodiesGetRadius(s->s, k) + s->margin + reach;
+  for (PetscInt k = 0; k < s->n; k++) mean += radius_of(s, k) / (PetscReal)s->n;
+  PetscCall(GridCreate(s->dim, s->lower, s->upper, 2 * (mean + s->margin + reach), 8 * s->n, grid));
+  for (PetscInt k = 0; k < s->n; k++) {
+    const PetscReal half = radius_of(s, k) + s->margin + reach;
 
-    if (s->s->gone[k]) continue;
+    if (s->gone[k]) continue;
     for (DomainImages i = {0}; DomainNextImage(s->period, s->lower, s->upper, s->X[k], half, &i);) {
       PetscCall(RoomFor(n + 1, &room, body, sizeof(**body), NULL));
       (*body)[n] = k;
@@ -65,9 +146,9 @@ static PetscErrorCode try_body(const Around *s, PetscInt k, const PetscReal x[3]
     y[a] = DomainNearest(s->period[a], x[a], s->X[k][a]);
     r += PetscSqr(y[a] - s->X[k][a]);
   }
-  r = PetscSqrtReal(r) - BodiesGetRadius(s->s, k) - s->margin;
-  if (s->s->gone[k] || r > reach || r > *d) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(BodiesDistance(s->bodies, k, s->X[k], s->q[k], 1, y, &at));
+  r = PetscSqrtReal(r) - radius_of(s, k) - s->margin;
+  if (s->gone[k] || r > reach || r > *d) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(BodiesDistanceOf(s->bodies, s->group[k], s->scale[k], s->X[k], s->q[k], 1, y, &at));
   *d = PetscMin(*d, s->inside ? PetscMax(at - s->margin, 0) : PetscAbsReal(at));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -79,8 +160,8 @@ PetscErrorCode AroundDistance(void *around, const PetscReal x[3], PetscReal reac
 
   PetscFunctionBeginUser;
   *d = PETSC_MAX_REAL;
-  if (s->s->n <= FEW) {
-    for (PetscInt k = 0; k < s->s->n; k++) PetscCall(try_body(s, k, x, reach, d));
+  if (s->n <= FEW) {
+    for (PetscInt k = 0; k < s->n; k++) PetscCall(try_body(s, k, x, reach, d));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(find_grid(s, reach, &number));
@@ -102,7 +183,7 @@ PetscErrorCode AroundCarriers(void *around, const char group[], PetscBool motion
     if (!same) continue;
     PetscCheck(!motion || of->free || of->motion.given, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
                "A box of -mesh_refine lies against the motion of group '%s', which stands still: put -mesh_box_<box>_along axes", group);
-    *c = (MeshCarriers){.n = of->count, .x = s->X + of->first, .u = s->u + of->first, .gone = s->s->gone + of->first};
+    *c = (MeshCarriers){.n = of->count, .x = s->X + of->first, .u = s->u + of->first, .gone = s->gone + of->first};
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -6,6 +6,7 @@
 #include "base/algebra.h"
 #include "base/log.h"
 #include "base/opt.h"
+#include "bodies/local.h"
 #include "mesh/carry.h"
 
 #define AHEAD  10   /* steps that a new mesh looks ahead */
@@ -18,7 +19,8 @@ struct _p_Refine {
   Around    surface;
   PetscBool follows;
   PetscInt  coarser; /* levels less than -mesh_levels around bodies on the first mesh */
-  /* of a mesh that follows. way: -mesh_follow_way */
+  PetscInt  reach;   /* cells beyond its own within which a rank is to know bodies */
+  /* of a mesh that follows: [n] of the known bodies. way: -mesh_follow_way */
   PetscReal (*X)[3], (*q)[4], (*u)[3], way;
   PetscInt changes;
   /* what stands on the mesh */
@@ -40,7 +42,7 @@ static PetscErrorCode remark_cut_jumps(Around *s, Mesh mesh)
   plain.margin = 0;
   plain.ngrid  = 0;
   PetscCall(MeshGetLocal(mesh, &l));
-  for (PetscInt c = 0; c < l->ncell && s->s->n; c++) {
+  for (PetscInt c = 0; c < l->ncell && s->n; c++) {
     PetscReal xc[MESH_MAX_NB * 3], centre[3] = {0, 0, 0}, r = 0, d;
 
     if (!MeshCellHang(l, c)) continue;
@@ -106,7 +108,31 @@ static PetscErrorCode find_way(Refine r, PetscInt k, PetscReal dt, PetscReal *wa
 static MeshSurface mesh_surface(Refine r)
 {
   return (
-    MeshSurface){.distance = r->surface.s->n ? AroundDistance : NULL, .carriers = AroundCarriers, .context = &r->surface, .coarser = r->coarser};
+    MeshSurface){.distance = r->surface.s->nall ? AroundDistance : NULL, .carriers = AroundCarriers, .context = &r->surface, .coarser = r->coarser};
+}
+
+/* Where the bodies are: as they were when the mesh was made last, or at the start */
+static PetscErrorCode collect_bodies(Refine r)
+{
+  BodyState *s = r->surface.s;
+
+  PetscFunctionBeginUser;
+  if (r->X) PetscCall(AroundCollect(&r->surface, r->X, r->q, r->u));
+  else PetscCall(AroundCollect(&r->surface, s->x, s->q, s->u));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The parts of bodies that are spread are those of the mesh */
+static PetscErrorCode set_boxes(Refine r)
+{
+  BodyBoxes boxes = {0};
+
+  PetscFunctionBeginUser;
+  if (BodiesComm(r->surface.bodies) == PETSC_COMM_SELF) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(MeshCover(r->mesh, r->reach, &boxes.n, &boxes.box, &boxes.beyond));
+  PetscCall(BodiesSetBoxes(r->surface.bodies, &boxes));
+  PetscCall(PetscFree(boxes.box));
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode start_following(Refine r)
@@ -116,11 +142,6 @@ static PetscErrorCode start_following(Refine r)
   PetscFunctionBeginUser;
   r->way = 2;
   PetscCall(OptReal("-mesh_follow_way", &r->way));
-  PetscCall(PetscCalloc3(s->s->n, &r->X, s->s->n, &r->q, s->s->n, &r->u));
-  PetscCall(place_bodies(r, 0));
-  s->X = r->X;
-  s->q = r->q;
-  s->u = r->u;
   /* the size of the finest cells is known when there are some */
   PetscCall(MeshReadFinest(r->comm, &s->margin));
   s->margin *= 0.5 * r->way;
@@ -138,6 +159,7 @@ static PetscErrorCode start_coarse(Refine r)
   PetscCall(MeshReadLevels(&levels, &around));
   PetscCall(MeshReadFinest(r->comm, &h));
   for (PetscInt k = 0; k < r->surface.s->n; k++) smallest = PetscMin(smallest, 2 * BodiesGetRadius(r->surface.s, k));
+  PetscCall(BodiesMin(r->surface.bodies, 1, &smallest));
   for (; r->coarser < levels && 2 * h * START <= smallest; r->coarser++) h *= 2;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -145,6 +167,7 @@ static PetscErrorCode start_coarse(Refine r)
 PetscErrorCode RefineGetSurface(Refine r, MeshSurface *surface)
 {
   PetscFunctionBeginUser;
+  PetscCall(collect_bodies(r));
   *surface = mesh_surface(r);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -154,6 +177,7 @@ PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool around, Bodies *bodies,
   Refine      r;
   Around     *s;
   MeshSurface surface;
+  PetscMPIInt size;
   PetscBool   still, adapt = PETSC_FALSE;
 
   PetscFunctionBeginUser;
@@ -161,14 +185,13 @@ PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool around, Bodies *bodies,
   r->comm = comm;
   s       = &r->surface;
   PetscCall(MeshReadBox(comm, &s->dim, s->lower, s->upper, s->period));
-  PetscCall(BodiesCreate(s->dim, s->lower, s->upper, bodies));
+  PetscCallMPI(MPI_Comm_size(comm, &size));
+  if (size > 1) PetscCall(BodiesCreateLocal(comm, s->dim, s->lower, s->upper, s->period, NULL, bodies));
+  else PetscCall(BodiesCreate(s->dim, s->lower, s->upper, bodies));
   s->bodies = *bodies;
   PetscCall(BodiesGetState(*bodies, &s->s));
   PetscCall(BodiesAreStill(*bodies, &still));
   s->inside = (PetscBool)!still;
-  s->X      = s->s->x;
-  s->q      = s->s->q;
-  s->u      = s->s->u;
   if (!still && around) PetscCall(OptBool("-mesh_follow", &r->follows));
   PetscCheck(still || !around || r->follows, comm, PETSC_ERR_USER_INPUT,
              "-mesh_refine bodies, or a box with a group, refines where bodies are at the start, and these move: give -mesh_follow, or name a box around their way "
@@ -176,10 +199,12 @@ PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool around, Bodies *bodies,
   if (r->follows) PetscCall(start_following(r));
   if (still) PetscCall(MeshAdaptIsWanted(&adapt));
   if (adapt) PetscCall(start_coarse(r));
+  PetscCall(collect_bodies(r));
   surface = mesh_surface(r);
-  PetscCall(MeshCreateAround(comm, s->s->n || adapt ? &surface : NULL, mesh));
+  PetscCall(MeshCreateAround(comm, s->n || adapt ? &surface : NULL, mesh));
   PetscCall(AroundForget(s));
   PetscCall(remark_cut_jumps(s, *mesh));
+  PetscCall(AroundDrop(s));
   r->mesh = *mesh;
   *refine = r;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -189,9 +214,28 @@ PetscErrorCode RefineDestroy(Refine *refine)
 {
   PetscFunctionBeginUser;
   if (!*refine) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(AroundForget(&(*refine)->surface));
-  PetscCall(PetscFree3((*refine)->X, (*refine)->q, (*refine)->u));
+  PetscCall(AroundDrop(&(*refine)->surface));
+  if ((*refine)->X) {
+    PetscCall(BodiesDetach((*refine)->surface.bodies, (void **)&(*refine)->X));
+    PetscCall(BodiesDetach((*refine)->surface.bodies, (void **)&(*refine)->q));
+    PetscCall(BodiesDetach((*refine)->surface.bodies, (void **)&(*refine)->u));
+  }
   PetscCall(PetscFree(*refine));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode RefineSetBodies(Refine r, Bodies bodies, PetscInt reach)
+{
+  PetscFunctionBeginUser;
+  if (!r) PetscFunctionReturn(PETSC_SUCCESS);
+  r->surface.bodies = bodies;
+  r->reach          = reach;
+  PetscCall(BodiesGetState(bodies, &r->surface.s));
+  if (!r->follows) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(BodiesAttach(bodies, sizeof(*r->X), (void **)&r->X));
+  PetscCall(BodiesAttach(bodies, sizeof(*r->q), (void **)&r->q));
+  PetscCall(BodiesAttach(bodies, sizeof(*r->u), (void **)&r->u));
+  PetscCall(place_bodies(r, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -208,6 +252,7 @@ PetscErrorCode RefineCheck(Refine r, PetscBool steady)
 static PetscErrorCode renew_above(Refine r, Mesh old)
 {
   PetscFunctionBeginUser;
+  PetscCall(set_boxes(r));
   if (r->flow) PetscCall(FlowRemesh(r->flow, old));
   if (r->adapt) PetscCall(AdaptRemesh(r->adapt, old));
   if (r->couple) PetscCall(CoupleRemesh(r->couple, &old));
@@ -222,8 +267,9 @@ static PetscErrorCode remesh(Refine r)
 
   PetscFunctionBeginUser;
   if (r->couple) PetscCall(CoupleLeave(r->couple));
-  PetscCall(MeshRemesh(r->mesh, r->surface.s->n ? &surface : NULL, &old));
-  PetscCall(AroundForget(&r->surface));
+  PetscCall(collect_bodies(r));
+  PetscCall(MeshRemesh(r->mesh, r->surface.n ? &surface : NULL, &old));
+  PetscCall(AroundDrop(&r->surface));
   PetscCall(renew_above(r, old));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -251,6 +297,7 @@ PetscErrorCode RefineFollow(Refine r, PetscReal dt)
     PetscCall(find_way(r, k, dt, &way));
     due = (PetscBool)(way > r->surface.margin);
   }
+  PetscCall(BodiesAny(r->surface.bodies, &due));
   if (!due) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscTime(&begin));
   PetscCall(place_bodies(r, dt));
@@ -286,18 +333,22 @@ static PetscErrorCode restore(void *refine, State look)
 static PetscErrorCode visit_state(void *refine, State state)
 {
   Refine         r     = refine;
-  const PetscInt n     = r->surface.s->n;
+  const Bodies   b     = r->surface.bodies;
+  const PetscInt n     = r->surface.s->nall;
   PetscInt       known = 3 * n;
+  BodyRows       rows;
 
   PetscFunctionBeginUser;
   if (!r->follows) PetscFunctionReturn(PETSC_SUCCESS);
   if (StateIsLoading(state)) PetscCall(StateGetSize(state, "place", &known));
   if (known == 3 * n) {
-    PetscCall(StateReals(state, "place", 3 * n, (PetscReal *)r->X));
-    PetscCall(StateReals(state, "orientation", 4 * n, (PetscReal *)r->q));
+    PetscCall(BodiesBeginRows(b, &rows));
+    PetscCall(BodiesVisitReals(b, &rows, state, "place", 3, (PetscReal *)r->X));
+    PetscCall(BodiesVisitReals(b, &rows, state, "orientation", 4, (PetscReal *)r->q));
     PetscCall(StateInts(state, "changes", 1, &r->changes));
     if (StateIsLoading(state)) PetscCall(StateGetSize(state, "velocity", &known));
-    if (known == 3 * n) PetscCall(StateReals(state, "velocity", 3 * n, (PetscReal *)r->u));
+    if (known == 3 * n) PetscCall(BodiesVisitReals(b, &rows, state, "velocity", 3, (PetscReal *)r->u));
+    PetscCall(BodiesEndRows(&rows));
   } else PetscCall(place_bodies(r, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -323,9 +374,10 @@ PetscErrorCode RefineMatch(Refine r)
 
   PetscFunctionBeginUser;
   if (!r) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(collect_bodies(r));
   surface = mesh_surface(r);
-  PetscCall(MeshIsAround(r->mesh, r->surface.s->n ? &surface : NULL, &same));
-  PetscCall(AroundForget(&r->surface));
+  PetscCall(MeshIsAround(r->mesh, r->surface.n ? &surface : NULL, &same));
+  PetscCall(AroundDrop(&r->surface));
   if (!same) PetscCall(remesh(r));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

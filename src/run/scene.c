@@ -7,6 +7,7 @@
 #include "bodies/local.h"
 #include "defaults.h"
 #include "meet.h"
+#include "meshadapt.h"
 #include "refine.h"
 #include "sim.h"
 #include "start.h"
@@ -99,12 +100,13 @@ static PetscErrorCode remark_backflow(const MeshLocal *l, const FlowParameters *
 /* Does an option need all bodies together? why: it, empty: none */
 static PetscErrorCode find_need(PetscBool active, char why[], size_t size)
 {
-  PetscBool deform = PETSC_FALSE;
+  PetscBool deform = PETSC_FALSE, adapt = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   why[0] = 0;
   if (active) PetscCall(OptBool("-mesh_deform", &deform));
-  if (deform) PetscCall(PetscSNPrintf(why, size, "-mesh_deform"));
+  if (active) PetscCall(MeshAdaptIsWanted(&adapt));
+  if (deform || adapt) PetscCall(PetscSNPrintf(why, size, deform ? "-mesh_deform" : "-mesh_adapt"));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -137,51 +139,53 @@ static PetscErrorCode report_known(Bodies bodies, const char why[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Bodies are spread over the ranks, which know those within so many cells of their own... */
-static PetscErrorCode create_bodies(SimParts *part, const MeshLocal *l, PetscBool active, PetscInt reach)
+/* Bodies are spread over the ranks... */
+static PetscErrorCode create_bodies(SimParts *part, const MeshLocal *l)
 {
-  BodyBoxes   boxes = {0};
   PetscMPIInt size;
 
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
-  if (active && size > 1) PetscCall(MeshCover(part->mesh, reach, &boxes.n, &boxes.box, &boxes.beyond));
-  if (size > 1) PetscCall(BodiesCreateLocal(PETSC_COMM_WORLD, l->dim, l->lower, l->upper, l->period, active ? &boxes : NULL, &part->bodies));
+  if (size > 1) PetscCall(BodiesCreateLocal(PETSC_COMM_WORLD, l->dim, l->lower, l->upper, l->period, NULL, &part->bodies));
   else PetscCall(BodiesCreate(l->dim, l->lower, l->upper, &part->bodies));
-  PetscCall(PetscFree(boxes.box));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ...where nothing in the scene, with all its defaults, needs all of them together; else every rank knows them all, and
-   the results are the same. */
+   the results are the same. In a flow their parts are those of the mesh and some cells beyond. */
 static PetscErrorCode settle_bodies(SimParts *part, const MeshLocal *l, PetscBool active)
 {
   char             why[256];
   const BodyGroup *group    = NULL;
   PetscInt         reach[2] = {0, 0};
+  BodyBoxes        boxes    = {0};
   BodyState       *s;
 
   PetscFunctionBeginUser;
-  if (BodiesComm(part->bodies) == PETSC_COMM_SELF) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(find_need(active, why, sizeof(why)));
-  PetscCall(find_group(part, l, why, sizeof(why)));
   PetscCall(BodiesGetState(part->bodies, &s));
-  if (active) PetscCall(FlowFindReach(&reach[0]));
-  if (active && s->nall) PetscCall(CoupleFindReach(part->mesh, part->bodies, &reach[1], &group));
-  if (group) PetscCall(PetscSNPrintf(why, sizeof(why), "group '%s', whose bodies may be thinner than a cell", group->name));
-  if (!why[0] && !reach[0] && !reach[1]) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(BodiesDestroy(&part->bodies));
-  if (!why[0]) {
-    PetscCall(create_bodies(part, l, active, PetscMax(reach[0], reach[1])));
-    PetscFunctionReturn(PETSC_SUCCESS);
+  if (BodiesComm(part->bodies) != PETSC_COMM_SELF) {
+    PetscCall(find_need(active, why, sizeof(why)));
+    PetscCall(find_group(part, l, why, sizeof(why)));
+    if (active) PetscCall(FlowFindReach(&reach[0]));
+    if (active && s->nall) PetscCall(CoupleFindReach(part->mesh, part->bodies, &reach[1], &group));
+    if (group) PetscCall(PetscSNPrintf(why, sizeof(why), "group '%s', whose bodies may be thinner than a cell", group->name));
+    reach[0] = PetscMax(reach[0], reach[1]);
+    if (why[0]) {
+      PetscCall(BodiesDestroy(&part->bodies));
+      PetscCall(BodiesCreate(l->dim, l->lower, l->upper, &part->bodies));
+      PetscCall(report_known(part->bodies, why));
+    } else if (active) {
+      PetscCall(MeshCover(part->mesh, reach[0], &boxes.n, &boxes.box, &boxes.beyond));
+      PetscCall(BodiesSetBoxes(part->bodies, &boxes));
+      PetscCall(PetscFree(boxes.box));
+    }
   }
-  PetscCall(BodiesCreate(l->dim, l->lower, l->upper, &part->bodies));
-  PetscCall(report_known(part->bodies, why));
+  PetscCall(RefineSetBodies(part->refine, part->bodies, reach[0]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* A refined mesh is made around the bodies, others before them */
-static PetscErrorCode create_mesh_and_bodies(SimParts *part, PetscBool active, const MeshLocal **l)
+static PetscErrorCode create_mesh_and_bodies(SimParts *part, const MeshLocal **l)
 {
   PetscInt  levels;
   PetscBool around;
@@ -191,8 +195,7 @@ static PetscErrorCode create_mesh_and_bodies(SimParts *part, PetscBool active, c
   if (levels) PetscCall(RefineCreateMesh(PETSC_COMM_WORLD, around, &part->bodies, &part->mesh, &part->refine));
   else PetscCall(MeshCreate(PETSC_COMM_WORLD, &part->mesh));
   PetscCall(MeshGetLocal(part->mesh, l));
-  if (!levels) PetscCall(create_bodies(part, *l, active, 0));
-  else PetscCall(report_known(part->bodies, "-mesh_levels"));
+  if (!levels) PetscCall(create_bodies(part, *l));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -224,7 +227,7 @@ static PetscErrorCode build(SimParts *part)
   PetscFunctionBeginUser;
   PetscCall(OptBool("-flow_active", &active));
   if (active) PetscCall(OptBool("-sim_steady", &steady));
-  PetscCall(create_mesh_and_bodies(part, active, &l));
+  PetscCall(create_mesh_and_bodies(part, &l));
   if (active) PetscCall(DefaultsApply(l, part->bodies, steady));
   PetscCall(settle_bodies(part, l, active));
   PetscCall(ContactPack(part->bodies, l->lower, l->upper, l->period, &packing));
@@ -287,12 +290,12 @@ static PetscErrorCode destroy(SimParts *part)
   PetscCall(ContactDestroy(&part->contact));
   PetscCall(CoupleDestroy(&part->couple));
   PetscCall(FrameDestroy(&part->frame));
-  PetscCall(BodiesDestroy(&part->bodies));
   PetscCall(FlowDestroy(&part->flow));
   PetscCall(DeformDestroy(&part->deform));
   PetscCall(ExprDestroy(&part->gravity));
   PetscCall(MeshAdaptDestroy(&part->meshadapt));
   PetscCall(RefineDestroy(&part->refine));
+  PetscCall(BodiesDestroy(&part->bodies));
   PetscCall(MeshDestroy(&part->mesh));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

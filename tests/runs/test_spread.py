@@ -54,6 +54,7 @@ CROWDS = {
     "spring, friction": (CROWD, ["-contact_law", "spring", "-contact_friction", "0.3"]),
     "explicit": (CROWD, ["-couple_type", "explicit", "-particle_disc_density", "4", "-particle_rod_density", "4"]),
     "eddies": (CROWD, ["-flow_rheology", "smagorinsky"]),
+    "following": (CROWD, ["-mesh_cells", "12,12", "-mesh_levels", "2", "-mesh_refine", "bodies", "-mesh_follow", "true"]),
     "snap": (CROWD, ["-couple_boundary", "snap", "-mesh_cells", "40,40"]),
     "snap, corners": (CROWD.replace("ellipse, a: 0.06, b: 0.04", "box, size: [0.11, 0.1]"), ["-couple_boundary", "snap", "-mesh_cells", "48,48"]),
 }
