@@ -196,8 +196,8 @@ PetscErrorCode BodiesGetEnergy(Bodies, PetscReal *energy);
 PetscErrorCode BodiesDistance(Bodies, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt n,
                               const PetscReal x[], PetscReal d[]);
 /* The same to a body of this group and size, whether this rank knows it or not. */
-PetscErrorCode BodiesDistanceOf(Bodies, PetscInt group, PetscReal scale, const PetscReal X[], const PetscReal q[], PetscInt n,
-                                const PetscReal x[], PetscReal d[]);
+PetscErrorCode BodiesDistanceOf(Bodies, PetscInt group, PetscReal scale, const PetscReal X[], const PetscReal q[],
+                                PetscInt n, const PetscReal x[], PetscReal d[]);
 /* Closest points y [n][dim] on the surface, likewise (ShapeProject in space). */
 PetscErrorCode BodiesProject(Bodies, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt n,
                              const PetscReal x[], PetscReal y[]);

@@ -29,8 +29,8 @@ typedef struct {
    BodiesCreate. */
 PetscErrorCode BodiesCreateLocal(MPI_Comm comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
                                  const PetscReal period[3], const BodyBoxes *boxes, Bodies *);
-/* The parts are others from now on, as those of another mesh; bodies go there with the next BodiesMigrate. Nothing happens
-   where all know all. Collective. */
+/* The parts are others from now on, as those of another mesh; bodies go there with the next BodiesMigrate. Nothing
+   happens where all know all. Collective. */
 PetscErrorCode BodiesSetBoxes(Bodies, const BodyBoxes *);
 /* The ranks among which bodies are spread; PETSC_COMM_SELF where all know all. */
 MPI_Comm BodiesComm(Bodies);

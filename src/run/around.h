@@ -26,8 +26,8 @@ typedef struct {
   PetscInt  *body[AROUND_GRIDS]; /* of an item: one or an image of one */
 } Around;
 
-/* Where the known bodies are: X, q, u [n of the state]; all ranks then know these of all bodies (some 110 bytes each), and
-   nothing else, until AroundDrop. Collective. */
+/* Where the known bodies are: X, q, u [n of the state]; all ranks then know these of all bodies (some 110 bytes each),
+   and nothing else, until AroundDrop. Collective. */
 PetscErrorCode AroundCollect(Around *, const PetscReal (*X)[3], const PetscReal (*q)[4], const PetscReal (*u)[3]);
 PetscErrorCode AroundDrop(Around *);
 /* MeshSurface.distance with an Around as context: smallest distance of x to any body that is not gone, from inside 0 or

@@ -15,8 +15,9 @@
 
 typedef struct _p_Refine *Refine;
 
-/* Bodies first, spread over the ranks but not yet by the mesh, then this, around them or in boxes alone (MeshReadLevels). Bodies that stand still are fine at
-   their surface, others also inside. Collective. Errors: those of both; a body that moves away from its fine cells. */
+/* Bodies first, spread over the ranks but not yet by the mesh, then the mesh, around them or in boxes alone
+   (MeshReadLevels). Bodies that stand still are fine at their surface, others also inside. Collective. Errors: those of
+   both; a body that moves away from its fine cells. */
 PetscErrorCode RefineCreateMesh(MPI_Comm, PetscBool around, Bodies *, Mesh *, Refine *);
 PetscErrorCode RefineDestroy(Refine *); /* before its bodies */
 /* In all that follows NULL, and a mesh that does not follow where that is asked for, does nothing. */
