@@ -32,6 +32,7 @@ typedef struct {
 
 typedef struct _p_Deform *Deform;
 
+PetscErrorCode DeformIsWanted(PetscBool *); /* -mesh_deform */
 /* For the mesh as it is, whose sizes count as those at the start; NULL if -mesh_deform does not ask for it. Collective.
    Errors: no bodies, curved cells or boundaries that are no planes along axes. */
 PetscErrorCode DeformCreate(Mesh, Bodies, Deform *);

@@ -389,15 +389,23 @@ static PetscErrorCode read_options(Deform d)
 
 /* ---- public ---- */
 
+PetscErrorCode DeformIsWanted(PetscBool *wanted)
+{
+  PetscFunctionBeginUser;
+  *wanted = PETSC_FALSE;
+  PetscCall(OptBool("-mesh_deform", wanted));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode DeformCreate(Mesh mesh, Bodies bodies, Deform *deform)
 {
   Deform    d;
   PetscInt  n, m;
-  PetscBool wanted = PETSC_FALSE;
+  PetscBool wanted;
 
   PetscFunctionBeginUser;
   *deform = NULL;
-  PetscCall(OptBool("-mesh_deform", &wanted));
+  PetscCall(DeformIsWanted(&wanted));
   if (!wanted) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscNew(&d));
   *deform   = d;

@@ -122,13 +122,13 @@ static PetscErrorCode collect_bodies(Refine r)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The parts of bodies that are spread are those of the mesh */
+/* The parts of bodies that are spread in a flow are those of the mesh */
 static PetscErrorCode set_boxes(Refine r)
 {
   BodyBoxes boxes = {0};
 
   PetscFunctionBeginUser;
-  if (BodiesComm(r->surface.bodies) == PETSC_COMM_SELF) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!r->flow || BodiesComm(r->surface.bodies) == PETSC_COMM_SELF) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MeshCover(r->mesh, r->reach, &boxes.n, &boxes.box, &boxes.beyond));
   PetscCall(BodiesSetBoxes(r->surface.bodies, &boxes));
   PetscCall(PetscFree(boxes.box));

@@ -104,7 +104,7 @@ static PetscErrorCode find_need(PetscBool active, char why[], size_t size)
 
   PetscFunctionBeginUser;
   why[0] = 0;
-  if (active) PetscCall(OptBool("-mesh_deform", &deform));
+  if (active) PetscCall(DeformIsWanted(&deform));
   if (active) PetscCall(MeshAdaptIsWanted(&adapt));
   if (deform || adapt) PetscCall(PetscSNPrintf(why, size, deform ? "-mesh_deform" : "-mesh_adapt"));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -344,6 +344,15 @@ static PetscErrorCode describe(const SimParts *part, Sim sim)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Of a mesh that has been made anew, for a steady solver; steps begin by it */
+static PetscErrorCode meet_bodies(const SimParts *part)
+{
+  PetscFunctionBeginUser;
+  PetscCall(ContactMigrate(part->contact, 0, NULL));
+  PetscCall(CoupleMeetBodies(part->couple));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode SceneRun(const char name[])
 {
   SimParts       part = {0};
@@ -361,6 +370,7 @@ PetscErrorCode SceneRun(const char name[])
   PetscCall(SimCreate(&part, &sim));
   PetscCall(CheckpointLoad(part.checkpoint, &restarted));
   if (restarted) PetscCall(RefineMatch(part.refine));
+  if (restarted && part.refine && part.steady) PetscCall(meet_bodies(&part));
   if (part.flow && !part.steady && !restarted && !dry) PetscCall(StartSolve(&part));
   PetscCall(SimSetUp(sim));
   PetscCall(OptCheckUnused()); /* every module has read its options, and nothing is written yet */
