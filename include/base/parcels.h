@@ -7,3 +7,8 @@
    (PetscCommGetNewTag), free again afterwards. Collective. */
 PetscErrorCode ParcelsExchange(MPI_Comm comm, PetscMPIInt tag, PetscInt n, const PetscMPIInt to[], size_t bytes,
                                const void *out, PetscInt *comes, void *in, PetscMPIInt **from);
+
+/* Own parcels own [n] of so many bytes become those of all ranks, in their order: *all [*total], the caller's to free;
+   a pointer to a pointer. *rank [*total], if wanted: whose they are, likewise. Collective. */
+PetscErrorCode ParcelsGather(MPI_Comm comm, PetscInt n, size_t bytes, const void *own, PetscInt *total, void *all,
+                             PetscMPIInt **rank);

@@ -43,3 +43,30 @@ PetscErrorCode ParcelsExchange(MPI_Comm comm, PetscMPIInt tag, PetscInt n, const
   *(char **)in = into;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
+
+PetscErrorCode ParcelsGather(MPI_Comm comm, PetscInt n, size_t bytes, const void *own, PetscInt *total, void *all, PetscMPIInt **rank)
+{
+  PetscMPIInt  size, mine, *count, *start;
+  MPI_Datatype type;
+  char        *in;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_size(comm, &size));
+  PetscCall(PetscMPIIntCast(n, &mine));
+  PetscCall(PetscMalloc2(size, &count, size + 1, &start));
+  PetscCallMPI(MPI_Allgather(&mine, 1, MPI_INT, count, 1, MPI_INT, comm));
+  start[0] = 0;
+  for (PetscMPIInt r = 0; r < size; r++) start[r + 1] = start[r] + count[r];
+  *total = start[size];
+  PetscCall(PetscMalloc1((size_t)*total * bytes, &in));
+  PetscCallMPI(MPI_Type_contiguous((int)bytes, MPI_BYTE, &type));
+  PetscCallMPI(MPI_Type_commit(&type));
+  PetscCallMPI(MPI_Allgatherv(own, mine, type, in, count, start, type, comm));
+  PetscCallMPI(MPI_Type_free(&type));
+  if (rank) PetscCall(PetscMalloc1(*total, rank));
+  for (PetscMPIInt r = 0; r < size && rank; r++)
+    for (PetscMPIInt i = start[r]; i < start[r + 1]; i++) (*rank)[i] = r;
+  PetscCall(PetscFree2(count, start));
+  *(char **)all = in;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -4,6 +4,7 @@
 #include "parts.h"
 #include "base/domain.h"
 #include "base/log.h"
+#include "base/parcels.h"
 #include "base/room.h"
 #include "base/rowtype.h"
 
@@ -46,8 +47,7 @@ static PetscErrorCode list_large(Bodies b, PetscReal range, PetscReal skin, Pets
 {
   const BodyParts *p    = b->parts;
   BodyState       *s    = &b->view;
-  PetscMPIInt      mine = 0, *count, *start;
-  PetscInt         any;
+  PetscInt         mine = 0, any;
   Large           *own;
 
   PetscFunctionBeginUser;
@@ -57,19 +57,14 @@ static PetscErrorCode list_large(Bodies b, PetscReal range, PetscReal skin, Pets
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &any, 1, MPIU_INT, MPI_SUM, p->comm));
   *n = any;
   if (!any) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscMalloc3(mine, &own, p->size, &count, p->size + 1, &start));
-  PetscCall(PetscMalloc1(any, list));
+  PetscCall(PetscMalloc1(mine, &own));
   for (PetscInt k = 0, i = 0; k < s->n; k++) {
     const PetscReal r = BodiesGetRadius(s, k);
 
     if (r > large) own[i++] = (Large){{s->x[k][0], s->x[k][1], s->x[k][2]}, range + skin * r, p->rank};
   }
-  mine *= sizeof(Large) / sizeof(PetscReal);
-  PetscCallMPI(MPI_Allgather(&mine, 1, MPI_INT, count, 1, MPI_INT, p->comm));
-  start[0] = 0;
-  for (PetscMPIInt r = 0; r < p->size; r++) start[r + 1] = start[r] + count[r];
-  PetscCallMPI(MPI_Allgatherv(own, mine, MPIU_REAL, *list, count, start, MPIU_REAL, p->comm));
-  PetscCall(PetscFree3(own, count, start));
+  PetscCall(ParcelsGather(p->comm, mine, sizeof(*own), own, n, list, NULL));
+  PetscCall(PetscFree(own));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -3,6 +3,7 @@
 #include "impl.h"
 #include "parts.h"
 #include "base/domain.h"
+#include "base/parcels.h"
 #include "bodies/local.h"
 
 #define BINS    1024 /* along an axis, in which bodies are counted for the cuts */
@@ -30,23 +31,10 @@ static void choose_parts(BodyParts *p)
 /* The boxes of all ranks. Collective. */
 static PetscErrorCode gather_boxes(BodyParts *p, const BodyBoxes *mine)
 {
-  const PetscMPIInt unit = 6;
-  PetscMPIInt      *count, *start, n;
-
   PetscFunctionBeginUser;
   p->beyond = mine->beyond;
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &p->beyond, 1, MPIU_REAL, MPIU_MAX, p->comm));
-  PetscCall(PetscMPIIntCast(unit * mine->n, &n));
-  PetscCall(PetscMalloc2(p->size, &count, p->size + 1, &start));
-  PetscCallMPI(MPI_Allgather(&n, 1, MPI_INT, count, 1, MPI_INT, p->comm));
-  start[0] = 0;
-  for (PetscMPIInt r = 0; r < p->size; r++) start[r + 1] = start[r] + count[r];
-  p->nbox = start[p->size] / unit;
-  PetscCall(PetscMalloc2(p->nbox, &p->box, p->nbox, &p->box_rank));
-  PetscCallMPI(MPI_Allgatherv(mine->box, n, MPIU_REAL, p->box, count, start, MPIU_REAL, p->comm));
-  for (PetscMPIInt r = 0; r < p->size; r++)
-    for (PetscInt i = start[r] / unit; i < start[r + 1] / unit; i++) p->box_rank[i] = r;
-  PetscCall(PetscFree2(count, start));
+  PetscCall(ParcelsGather(p->comm, mine->n, sizeof(*mine->box), mine->box, &p->nbox, &p->box, &p->box_rank));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -56,7 +44,8 @@ PetscErrorCode BodiesSetBoxes(Bodies b, const BodyBoxes *boxes)
 
   PetscFunctionBeginUser;
   if (!p) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscFree2(p->box, p->box_rank));
+  PetscCall(PetscFree(p->box));
+  PetscCall(PetscFree(p->box_rank));
   PetscCall(gather_boxes(p, boxes));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -99,7 +88,8 @@ PetscErrorCode BodyPartsDestroy(BodyParts **parts)
   PetscFunctionBeginUser;
   if (!*parts) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt a = 0; a < 3; a++) PetscCall(PetscFree((*parts)->cut[a]));
-  PetscCall(PetscFree2((*parts)->box, (*parts)->box_rank));
+  PetscCall(PetscFree((*parts)->box));
+  PetscCall(PetscFree((*parts)->box_rank));
   PetscCall(PetscSFDestroy(&(*parts)->ghosts));
   for (int i = 0; i < 2; i++) PetscCallMPI(MPI_Type_free(&(*parts)->unit[i]));
   PetscCall(PetscCommDestroy(&(*parts)->comm));

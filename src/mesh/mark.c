@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "marks.h"
 #include "impl.h"
+#include "base/parcels.h"
 #include "base/room.h"
 
 #define PLACE 4 /* numbers of a cell on its way to other ranks: its place, its level */
@@ -91,26 +92,6 @@ static PetscErrorCode list_own(const Leaves *t, const PetscBool mark[], PetscInt
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Lists of all ranks: all [*n][PLACE], to be freed */
-static PetscErrorCode share(MPI_Comm comm, PetscInt nown, const PetscInt own[], PetscInt *n, PetscInt **all)
-{
-  PetscMPIInt size, mine = (PetscMPIInt)(PLACE * nown), *count, *start, total = 0;
-
-  PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Comm_size(comm, &size));
-  PetscCall(PetscMalloc2(size, &count, size, &start));
-  PetscCallMPI(MPI_Allgather(&mine, 1, MPI_INT, count, 1, MPI_INT, comm));
-  for (PetscMPIInt r = 0; r < size; r++) {
-    start[r] = total;
-    total += count[r];
-  }
-  PetscCall(PetscMalloc1(total, all));
-  PetscCallMPI(MPI_Allgatherv(own, mine, MPIU_INT, *all, count, start, MPIU_INT, comm));
-  PetscCall(PetscFree2(count, start));
-  *n = total / PLACE;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode MeshMarksGrow(Mesh mesh, const PetscBool mark[], MeshMarks *marks)
 {
   const Leaves *t = mesh->leaves;
@@ -120,7 +101,7 @@ PetscErrorCode MeshMarksGrow(Mesh mesh, const PetscBool mark[], MeshMarks *marks
   PetscFunctionBeginUser;
   PetscCall(MeshMarksCreate(&m));
   PetscCall(list_own(t, mark, &nown, &own));
-  PetscCall(share(mesh->comm, nown, own, &n, &all));
+  PetscCall(ParcelsGather(mesh->comm, nown, PLACE * sizeof(*own), own, &n, &all, NULL));
   for (PetscInt i = 0; i < n; i++) PetscCall(add_cell(m, t, all[PLACE * i + 3], all + PLACE * i));
   for (PetscInt level = t->levels; level > 0; level--)
     for (PetscInt i = 0; i < m->cell[level].n; i++) {

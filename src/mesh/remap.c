@@ -388,25 +388,13 @@ static PetscErrorCode evaluate_all(Remap r, PetscInt n, const PetscInt nodes[], 
 
 static PetscErrorCode gather_boxes(Remap r)
 {
-  PetscInt    n = 0;
-  PetscMPIInt size, mine, *count, *start;
+  PetscInt n = 0;
   PetscReal(*own)[2][3];
 
   PetscFunctionBeginUser;
   PetscCall(MeshCover(r->mesh, 1, &n, &own, &r->pad));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &r->pad, 1, MPIU_REAL, MPIU_MAX, r->comm));
-  PetscCallMPI(MPI_Comm_size(r->comm, &size));
-  PetscCall(PetscMalloc2(size, &count, size + 1, &start));
-  mine = (PetscMPIInt)(6 * n);
-  PetscCallMPI(MPI_Allgather(&mine, 1, MPI_INT, count, 1, MPI_INT, r->comm));
-  start[0] = 0;
-  for (PetscMPIInt i = 0; i < size; i++) start[i + 1] = start[i] + count[i];
-  r->nbox = start[size] / 6;
-  PetscCall(PetscMalloc2(r->nbox, &r->box, r->nbox, &r->box_rank));
-  PetscCallMPI(MPI_Allgatherv(own, mine, MPIU_REAL, r->box, count, start, MPIU_REAL, r->comm));
-  for (PetscMPIInt i = 0; i < size; i++)
-    for (PetscInt b = start[i] / 6; b < start[i + 1] / 6; b++) r->box_rank[b] = i;
-  PetscCall(PetscFree2(count, start));
+  PetscCall(ParcelsGather(r->comm, n, sizeof(*own), own, &r->nbox, &r->box, &r->box_rank));
   PetscCall(PetscFree(own));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -429,7 +417,8 @@ PetscErrorCode RemapDestroy(Remap *remap)
 {
   PetscFunctionBeginUser;
   if (!*remap) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscFree2((*remap)->box, (*remap)->box_rank));
+  PetscCall(PetscFree((*remap)->box));
+  PetscCall(PetscFree((*remap)->box_rank));
   PetscCall(PetscCommDestroy(&(*remap)->comm));
   PetscCall(PetscFree(*remap));
   PetscFunctionReturn(PETSC_SUCCESS);

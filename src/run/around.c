@@ -1,6 +1,7 @@
 /* Around: see around.h. */
 #include "compat.h"
 #include "around.h"
+#include "base/parcels.h"
 #include "base/room.h"
 #include "bodies/local.h"
 #include <math.h>
@@ -10,28 +11,25 @@
 
 /* ---- where they are ---- */
 
-/* all [nall][RECORD] by numbers, from known [n][RECORD] */
-static PetscErrorCode gather(const Around *s, const PetscReal known[], PetscReal all[])
+/* *all [nall][RECORD] by numbers, from known [n][RECORD] */
+static PetscErrorCode gather(const Around *s, const PetscReal known[], PetscReal **all)
 {
-  PetscMPIInt size, mine, *count, *start;
-  BodyRows    rows;
-  PetscReal  *row;
+  const size_t bytes = RECORD * sizeof(PetscReal);
+  BodyRows     rows;
+  PetscReal   *row;
+  PetscInt     n = s->s->n;
 
   PetscFunctionBeginUser;
   if (BodiesComm(s->bodies) == PETSC_COMM_SELF) {
-    PetscCall(PetscArraycpy(all, known, RECORD * s->s->n));
+    PetscCall(PetscMalloc1(RECORD * n, all));
+    PetscCall(PetscArraycpy(*all, known, RECORD * n));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
   PetscCall(BodiesBeginRows(s->bodies, &rows));
-  PetscCall(PetscMalloc3(RECORD * rows.n, &row, size, &count, size, &start));
-  PetscCall(BodiesGatherRows(s->bodies, &rows, RECORD * sizeof(*row), known, row));
-  PetscCall(PetscMPIIntCast(RECORD * rows.n, &mine));
-  PetscCallMPI(MPI_Allgather(&mine, 1, MPI_INT, count, 1, MPI_INT, PETSC_COMM_WORLD));
-  start[0] = 0;
-  for (PetscMPIInt i = 1; i < size; i++) start[i] = start[i - 1] + count[i - 1];
-  PetscCallMPI(MPI_Allgatherv(row, mine, MPIU_REAL, all, count, start, MPIU_REAL, PETSC_COMM_WORLD));
-  PetscCall(PetscFree3(row, count, start));
+  PetscCall(PetscMalloc1(RECORD * rows.n, &row));
+  PetscCall(BodiesGatherRows(s->bodies, &rows, bytes, known, row));
+  PetscCall(ParcelsGather(PETSC_COMM_WORLD, rows.n, bytes, row, &n, all, NULL));
+  PetscCall(PetscFree(row));
   PetscCall(BodiesEndRows(&rows));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -52,7 +50,7 @@ PetscErrorCode AroundCollect(Around *s, const PetscReal (*X)[3], const PetscReal
 
   PetscFunctionBeginUser;
   PetscCall(AroundDrop(s));
-  PetscCall(PetscMalloc2(RECORD * s->s->n, &known, RECORD * n, &all));
+  PetscCall(PetscMalloc1(RECORD * s->s->n, &known));
   for (PetscInt k = 0; k < s->s->n; k++) {
     PetscReal *r = known + RECORD * k;
 
@@ -62,7 +60,7 @@ PetscErrorCode AroundCollect(Around *s, const PetscReal (*X)[3], const PetscReal
     r[10] = s->s->scale[k];
     r[11] = s->s->gone[k];
   }
-  PetscCall(gather(s, known, all));
+  PetscCall(gather(s, known, &all));
   PetscCall(PetscMalloc6(n, &s->X, n, &s->q, n, &s->u, n, &s->scale, n, &s->gone, n, &s->group));
   for (PetscInt k = 0, g = 0; k < n; k++) {
     const PetscReal *r = all + RECORD * k;
@@ -75,7 +73,8 @@ PetscErrorCode AroundCollect(Around *s, const PetscReal (*X)[3], const PetscReal
     s->gone[k]  = (PetscBool)(r[11] != 0);
     s->group[k] = g;
   }
-  PetscCall(PetscFree2(known, all));
+  PetscCall(PetscFree(known));
+  PetscCall(PetscFree(all));
   s->n = n;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -9,6 +9,7 @@
 #include "graph.h"
 #include "impl.h"
 #include "base/algebra.h"
+#include "base/parcels.h"
 #include "bodies/local.h"
 
 #define THIN    1.0 /* thickness below which a body is a path, smallest cell size along it */
@@ -180,24 +181,11 @@ static PetscErrorCode collect_records(Snap s, PetscReal (*X)[3], PetscReal (*q)[
 /* Replace the records of this rank by those of all ranks */
 static PetscErrorCode share_records(PetscInt *count, PetscReal **record)
 {
-  PetscMPIInt size, mine, *n, *start, total = 0;
-  PetscReal  *all;
+  PetscReal *own = *record;
 
   PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
-  PetscCall(PetscMPIIntCast(SNAP_RECORD * *count, &mine));
-  PetscCall(PetscMalloc2(size, &n, size, &start));
-  PetscCallMPI(MPI_Allgather(&mine, 1, MPI_INT, n, 1, MPI_INT, PETSC_COMM_WORLD));
-  for (PetscMPIInt i = 0; i < size; i++) {
-    start[i] = total;
-    total += n[i];
-  }
-  PetscCall(PetscMalloc1(total, &all));
-  PetscCallMPI(MPI_Allgatherv(*record, mine, MPIU_REAL, all, n, start, MPIU_REAL, PETSC_COMM_WORLD));
-  PetscCall(PetscFree2(n, start));
-  PetscCall(PetscFree(*record));
-  *record = all;
-  *count  = total / SNAP_RECORD;
+  PetscCall(ParcelsGather(PETSC_COMM_WORLD, *count, SNAP_RECORD * sizeof(*own), own, count, record, NULL));
+  PetscCall(PetscFree(own));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
