@@ -29,6 +29,9 @@ typedef struct {
    BodiesCreate. */
 PetscErrorCode BodiesCreateLocal(MPI_Comm comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
                                  const PetscReal period[3], const BodyBoxes *boxes, Bodies *);
+/* After BodiesPlace: all ranks hear where the bodies of groups start that are not all free, which every rank keeps (so
+   many bytes as one has numbers to place it). Collective. */
+PetscErrorCode BodiesShareStarts(Bodies);
 /* The parts are others from now on, as those of another mesh; bodies go there with the next BodiesMigrate. Nothing
    happens where all know all. Collective. */
 PetscErrorCode BodiesSetBoxes(Bodies, const BodyBoxes *);

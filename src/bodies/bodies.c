@@ -313,14 +313,7 @@ PetscErrorCode BodiesPlace(Bodies b, PetscInt k, const PetscReal x[3], const Pet
   for (PetscInt a = 0; a < 3; a++) s->x[k][a] = x[a];
   for (PetscInt a = 0; a < 4; a++) s->q[k][a] = s->q_old[k][a] = q[a];
   s->angle[k] = angle;
-  if (b->start[g]) { /* what is not free stays there */
-    Placement *p = &b->start[g][s->number[k] - s->group[g].first];
-
-    p->angle  = angle;
-    p->turned = (PetscBool)(s->dim == 3);
-    PetscCall(PetscArraycpy(p->x, s->x[k], 3));
-    PetscCall(PetscArraycpy(p->q, s->q[k], 4));
-  }
+  if (b->start[g]) BodySetStart(b, g, s->number[k] - s->group[g].first, s->x[k], s->q[k], angle);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

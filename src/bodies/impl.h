@@ -66,6 +66,8 @@ PetscErrorCode BodyExchange(Bodies, PetscInt n, PetscMPIInt to[], PetscInt body[
    outside the domain. */
 PetscErrorCode BodyGroupsRead(BodyArrays *s, const BodyParts *, const PetscReal lower[3], const PetscReal upper[3], Placed **placed);
 
+/* What is not free of body number i of a group stays there from now on; the group has starts. */
+void BodySetStart(Bodies, PetscInt group, PetscInt i, const PetscReal x[3], const PetscReal q[4], PetscReal angle);
 /* Is all of the motion of a group free, and needs no start? */
 static inline PetscBool BodyIsAllFree(const BodyGroup *g, PetscInt dim)
 {

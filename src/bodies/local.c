@@ -295,6 +295,46 @@ PetscErrorCode BodiesGetOwners(Bodies b, PetscMPIInt rank[], PetscInt which[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Where a body of a group starts that is not all free */
+typedef struct {
+  PetscInt  group, place; /* number within it */
+  PetscReal x[3], q[4], angle;
+} Start;
+
+void BodySetStart(Bodies b, PetscInt group, PetscInt i, const PetscReal x[3], const PetscReal q[4], PetscReal angle)
+{
+  Placement *p = &b->start[group][i];
+
+  p->angle  = angle;
+  p->turned = (PetscBool)(b->state.dim == 3);
+  (void)PetscArraycpy(p->x, x, 3);
+  (void)PetscArraycpy(p->q, q, 4);
+}
+
+PetscErrorCode BodiesShareStarts(Bodies b)
+{
+  const BodyArrays *s = &b->state;
+  Start            *own, *all;
+  PetscInt          n = 0, total;
+
+  PetscFunctionBeginUser;
+  if (!b->parts) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscMalloc1(s->n, &own));
+  for (PetscInt k = 0; k < s->n; k++) {
+    const PetscInt g = s->body_group[k];
+
+    if (!s->own[k] || !b->start[g]) continue;
+    own[n] = (Start){.group = g, .place = s->number[k] - s->group[g].first, .angle = s->angle[k]};
+    PetscCall(PetscArraycpy(own[n].x, s->x[k], 3));
+    PetscCall(PetscArraycpy(own[n++].q, s->q[k], 4));
+  }
+  PetscCall(ParcelsGather(BodiesComm(b), n, sizeof(*own), own, &total, &all, NULL));
+  for (PetscInt i = 0; i < total; i++) BodySetStart(b, all[i].group, all[i].place, all[i].x, all[i].q, all[i].angle);
+  PetscCall(PetscFree(own));
+  PetscCall(PetscFree(all));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* As BodiesGetPlaces, of the bodies of others */
 static PetscErrorCode hear_places(Bodies b, PetscReal reach, PetscInt *m, PetscReal (**in)[3])
 {

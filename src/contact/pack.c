@@ -458,6 +458,7 @@ static PetscErrorCode store_places(Pack *p)
     for (PetscInt a = 0; a < 3; a++) x[a] = DomainWrap(c->period[a], c->x[k][a], c->lower[a]);
     PetscCall(BodiesPlace(c->bodies, k, x, c->q[k], c->s->angle[k]));
   }
+  PetscCall(BodiesShareStarts(c->bodies));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

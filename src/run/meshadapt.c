@@ -19,6 +19,7 @@ struct _p_MeshAdapt {
   Refine           refine;
   Flow             flow;
   Couple           couple;
+  Contact          contact;
   Monitor          monitor;
   Mesh             mesh;
   const MeshLocal *loc;
@@ -38,7 +39,8 @@ PetscErrorCode MeshAdaptIsWanted(PetscBool *wanted)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MeshAdaptCreate(Refine refine, PetscBool steady, Flow flow, Couple couple, Bodies bodies, Monitor monitor, MeshAdapt *adapt)
+PetscErrorCode MeshAdaptCreate(Refine refine, PetscBool steady, Flow flow, Couple couple, Bodies bodies, Contact contact, Monitor monitor,
+                               MeshAdapt *adapt)
 {
   const char *const     column[3] = {"cells", "unknowns", "error_indicator"};
   MeshAdapt             a;
@@ -65,6 +67,7 @@ PetscErrorCode MeshAdaptCreate(Refine refine, PetscBool steady, Flow flow, Coupl
   a->refine  = refine;
   a->flow    = flow;
   a->couple  = couple;
+  a->contact = contact;
   a->monitor = monitor;
   a->levels  = levels;
   a->share   = 0.5;
@@ -297,6 +300,8 @@ PetscErrorCode MeshAdaptRefine(MeshAdapt a, Steady steady, PetscBool *more)
   PetscCall(make_mesh(a, &now));
   if (!now) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(RefineReplace(a->refine, now));
+  PetscCall(ContactMigrate(a->contact, 0, NULL));
+  PetscCall(CoupleMeetBodies(a->couple));
   PetscCall(SteadyRemesh(steady));
   *more = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -15,7 +15,7 @@ typedef struct _p_MeshAdapt *MeshAdapt;
 PetscErrorCode MeshAdaptIsWanted(PetscBool *wanted);
 /* Reads the other options; *adapt is NULL without -mesh_adapt. Adds columns to series.csv. Collective. Errors: no
    -sim_steady, no -mesh_levels, no target. */
-PetscErrorCode MeshAdaptCreate(Refine, PetscBool steady, Flow, Couple, Bodies, Monitor, MeshAdapt *adapt);
+PetscErrorCode MeshAdaptCreate(Refine, PetscBool steady, Flow, Couple, Bodies, Contact, Monitor, MeshAdapt *adapt);
 PetscErrorCode MeshAdaptDestroy(MeshAdapt *);
 PetscErrorCode MeshAdaptView(MeshAdapt, PetscViewer);
 /* Of the accepted solution: eta [own cells], borrowed until the next mesh; prints the round. NULL: nothing, eta NULL.

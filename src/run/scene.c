@@ -97,36 +97,6 @@ static PetscErrorCode remark_backflow(const MeshLocal *l, const FlowParameters *
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Does an option need all bodies together? why: it, empty: none */
-static PetscErrorCode find_need(PetscBool active, char why[], size_t size)
-{
-  PetscBool deform = PETSC_FALSE, adapt = PETSC_FALSE;
-
-  PetscFunctionBeginUser;
-  why[0] = 0;
-  if (active) PetscCall(DeformIsWanted(&deform));
-  if (active) PetscCall(MeshAdaptIsWanted(&adapt));
-  if (deform || adapt) PetscCall(PetscSNPrintf(why, size, deform ? "-mesh_deform" : "-mesh_adapt"));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Does a group? One that is packed and whose motion is not all free, since it is known where each of its bodies starts
-   from. */
-static PetscErrorCode find_group(const SimParts *part, const MeshLocal *l, char why[], size_t size)
-{
-  const PetscInt all = BODY_FREE_X | BODY_FREE_Y | (l->dim == 3 ? BODY_FREE_Z : 0) | BODY_FREE_ROTATION;
-  BodyState     *s;
-
-  PetscFunctionBeginUser;
-  PetscCall(BodiesGetState(part->bodies, &s));
-  for (PetscInt i = 0; i < s->ngroups; i++) {
-    const BodyGroup *g = s->group + i;
-
-    if ((g->free & all) != all && g->pack.wanted) PetscCall(PetscSNPrintf(why, size, "group '%s', which is packed, and not all free", g->name));
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode report_known(Bodies bodies, const char why[])
 {
   BodyState  *s;
@@ -156,7 +126,8 @@ static PetscErrorCode create_bodies(SimParts *part, const MeshLocal *l)
 static PetscErrorCode settle_bodies(SimParts *part, const MeshLocal *l, PetscBool active)
 {
   char             why[256];
-  const BodyGroup *group    = NULL;
+  const BodyGroup *thin     = NULL;
+  PetscBool        deform   = PETSC_FALSE;
   PetscInt         reach[2] = {0, 0};
   BodyBoxes        boxes    = {0};
   BodyState       *s;
@@ -164,11 +135,12 @@ static PetscErrorCode settle_bodies(SimParts *part, const MeshLocal *l, PetscBoo
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(part->bodies, &s));
   if (BodiesComm(part->bodies) != PETSC_COMM_SELF) {
-    PetscCall(find_need(active, why, sizeof(why)));
-    PetscCall(find_group(part, l, why, sizeof(why)));
+    if (active) PetscCall(DeformIsWanted(&deform));
     if (active) PetscCall(FlowFindReach(&reach[0]));
-    if (active && s->nall) PetscCall(CoupleFindReach(part->mesh, part->bodies, &reach[1], &group));
-    if (group) PetscCall(PetscSNPrintf(why, sizeof(why), "group '%s', whose bodies may be thinner than a cell", group->name));
+    if (active && s->nall) PetscCall(CoupleFindReach(part->mesh, part->bodies, &reach[1], &thin));
+    why[0] = 0;
+    if (thin) PetscCall(PetscSNPrintf(why, sizeof(why), "group '%s', whose bodies may be thinner than a cell", thin->name));
+    if (deform) PetscCall(PetscSNPrintf(why, sizeof(why), "-mesh_deform"));
     reach[0] = PetscMax(reach[0], reach[1]);
     if (why[0]) {
       PetscCall(BodiesDestroy(&part->bodies));
@@ -210,6 +182,26 @@ static PetscErrorCode create_steady(SimParts *part, PetscBool steady)
   PetscCall(CoupleMeetBodies(part->couple));
   if (steady) PetscCall(SteadyCreate(part->flow, part->couple, "1e-10", &part->steady));
   if (initial == FLOW_START_STEADY) PetscCall(SteadyCreate(part->flow, part->couple, "1e-5", &part->steady_start));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* What leaves the domain, is written and is reported */
+static PetscErrorCode create_reports(SimParts *part, const MeshLocal *l, PetscBool steady, const DeformResult *deformation,
+                                     const ContactPacking *packing)
+{
+  PetscFunctionBeginUser;
+  PetscCall(LeaveCreate(part->bodies, l->lower, l->upper, l->period, &part->border));
+  PetscCall(OutputCreate(part->mesh, part->scene, &part->output));
+  PetscCall(OutlinesCreate(part->bodies, l->lower, l->upper, l->period, &part->bodyfile));
+  PetscCall(MonitorCreate(part->bodies, &part->monitor));
+  if (deformation) PetscCall(report_deformation(part->monitor, deformation));
+  if (packing->bodies) PetscCall(report_packing(part->monitor, packing));
+  PetscCall(CheckpointCreate(part->mesh, part->output, &part->checkpoint));
+  if (part->flow) PetscCall(DiagnosticsCreate(part->flow, part->bodies, part->couple, part->monitor, &part->probe));
+  if (part->flow)
+    PetscCall(MeshAdaptCreate(part->refine, steady, part->flow, part->couple, part->bodies, part->contact, part->monitor, &part->meshadapt));
+  if (part->flow && !steady) PetscCall(StatisticsCreate(part->flow, part->monitor, &part->statistics));
+  PetscCall(SuspensionCreate(part->bodies, part->contact, part->monitor, l->lower, l->upper, l->period, &part->suspension));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -260,17 +252,7 @@ static PetscErrorCode build(SimParts *part)
   PetscCall(ContactSetPeriod(part->contact, l->period));
   PetscCall(ContactCheckStart(part->contact));
   if (active) PetscCall(create_steady(part, steady));
-  PetscCall(LeaveCreate(part->bodies, l->lower, l->upper, l->period, &part->border));
-  PetscCall(OutputCreate(part->mesh, part->scene, &part->output));
-  PetscCall(OutlinesCreate(part->bodies, l->lower, l->upper, l->period, &part->bodyfile));
-  PetscCall(MonitorCreate(part->bodies, &part->monitor));
-  if (deformed) PetscCall(report_deformation(part->monitor, &deformation));
-  if (packing.bodies) PetscCall(report_packing(part->monitor, &packing));
-  PetscCall(CheckpointCreate(part->mesh, part->output, &part->checkpoint));
-  if (active) PetscCall(DiagnosticsCreate(part->flow, part->bodies, part->couple, part->monitor, &part->probe));
-  if (active) PetscCall(MeshAdaptCreate(part->refine, steady, part->flow, part->couple, part->bodies, part->monitor, &part->meshadapt));
-  if (active && !steady) PetscCall(StatisticsCreate(part->flow, part->monitor, &part->statistics));
-  PetscCall(SuspensionCreate(part->bodies, part->contact, part->monitor, l->lower, l->upper, l->period, &part->suspension));
+  PetscCall(create_reports(part, l, steady, deformed ? &deformation : NULL, &packing));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
