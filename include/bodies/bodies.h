@@ -65,9 +65,10 @@ typedef struct {
   PetscReal radius; /* of the shape: bounding radius about the centroid */
   PetscReal disc;   /* of the shape: radius if it is a disc/sphere, else 0 */
   Packing   pack;
-  PetscReal largest;  /* size of the largest body, 1 without bodies */
-  PetscBool hole;     /* the body is a hole of the mesh (fitted.h): nothing is drawn */
-  PetscBool obstacle; /* part of the geometry: held, may overlap walls and other obstacles, stick out of the domain */
+  PetscReal largest;    /* size of the largest body, 1 without bodies */
+  PetscBool hole;       /* the body is a hole of the mesh (fitted.h): nothing is drawn */
+  PetscBool everywhere; /* all ranks know its bodies (BodiesSetEverywhere, local.h) */
+  PetscBool obstacle;   /* part of the geometry: held, may overlap walls and other obstacles, stick out of the domain */
 } BodyGroup;
 
 /* The state: a view that only reads, of arrays that Bodies owns. n = number of bodies that this rank knows, mostly all

@@ -32,6 +32,8 @@ PetscErrorCode BodiesCreateLocal(MPI_Comm comm, PetscInt dim, const PetscReal lo
 /* After BodiesPlace: all ranks hear where the bodies of groups start that are not all free, which every rank keeps (so
    many bytes as one has numbers to place it). Collective. */
 PetscErrorCode BodiesShareStarts(Bodies);
+/* All ranks know the bodies of a group from the next BodiesMigrate on. */
+PetscErrorCode BodiesSetEverywhere(Bodies, PetscInt group);
 /* The parts are others from now on, as those of another mesh; bodies go there with the next BodiesMigrate. Nothing
    happens where all know all. Collective. */
 PetscErrorCode BodiesSetBoxes(Bodies, const BodyBoxes *);

@@ -28,9 +28,9 @@
 
 typedef struct _p_Couple *Couple;
 
-/* Of the rung that -couple_boundary names: *reach, so many cells beyond its own a rank is to know bodies; *group, one
-   of which every rank is to know all, NULL: none. Before CoupleCreate. Collective. */
-PetscErrorCode CoupleFindReach(Mesh, Bodies, PetscInt *reach, const BodyGroup **group);
+/* Of the rung that -couple_boundary names: *reach, so many cells beyond its own a rank is to know bodies; groups whose
+   bodies all ranks are to know are marked. Before CoupleCreate. Collective. */
+PetscErrorCode CoupleFindReach(Mesh, Bodies, PetscInt *reach);
 /* Creates the constraint and the solver. Collective. */
 PetscErrorCode CoupleCreate(Flow, Bodies, Couple *);
 PetscErrorCode CoupleDestroy(Couple *);

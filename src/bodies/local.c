@@ -139,7 +139,7 @@ static PetscErrorCode choose_ghosts(Bodies b, PetscReal range, PetscReal skin, G
     const PetscReal r = BodiesGetRadius(s, k);
 
     if (s->gone[k] && !p->nbox) continue; /* a flow may still see where they were last */
-    for (PetscMPIInt rank = 0; rank < p->size && r > large; rank++) PetscCall(go(g, k, rank, p->rank));
+    for (PetscMPIInt rank = 0; rank < p->size && (r > large || BodiesGetGroup(s, k)->everywhere); rank++) PetscCall(go(g, k, rank, p->rank));
     if (r > large) continue;
     PetscCall(go_near(p, k, s->x[k], range + skin * (r + ordinary), g));
     for (PetscInt i = 0; i < nlarge; i++) {
@@ -309,6 +309,13 @@ void BodySetStart(Bodies b, PetscInt group, PetscInt i, const PetscReal x[3], co
   p->turned = (PetscBool)(b->state.dim == 3);
   (void)PetscArraycpy(p->x, x, 3);
   (void)PetscArraycpy(p->q, q, 4);
+}
+
+PetscErrorCode BodiesSetEverywhere(Bodies b, PetscInt group)
+{
+  PetscFunctionBeginUser;
+  b->state.group[group].everywhere = PETSC_TRUE;
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode BodiesShareStarts(Bodies b)

@@ -7,15 +7,14 @@
 
 #define ROOM 64 /* bodies, for which arrays of the solver have room at least */
 
-PetscErrorCode CoupleFindReach(Mesh mesh, Bodies bodies, PetscInt *reach, const BodyGroup **group)
+PetscErrorCode CoupleFindReach(Mesh mesh, Bodies bodies, PetscInt *reach)
 {
   const Rung *rung;
 
   PetscFunctionBeginUser;
-  *group = NULL;
   PetscCall(RungChoose(&rung));
   *reach = rung->reach;
-  if (rung->all) PetscCall((*rung->all)(mesh, bodies, group));
+  if (rung->spread) PetscCall((*rung->spread)(mesh, bodies));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

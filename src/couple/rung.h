@@ -12,8 +12,8 @@ typedef struct {
   PetscBool   moves;  /* moves nodes of the mesh itself, so that -mesh_deform cannot */
   PetscInt    reach;  /* cells beyond those of a rank within which it is to know bodies */
   PetscReal   recess; /* by which a film in space counts as wider, in cells; see CoupleGetRecess */
-  /* *group: one of which every rank is to know all bodies, NULL: none */
-  PetscErrorCode (*all)(Mesh, Bodies, const BodyGroup **group);
+  /* marks groups whose bodies all ranks are to know (BodiesSetEverywhere) */
+  PetscErrorCode (*spread)(Mesh, Bodies);
   /* names what it will count in c->count, at most RUNG_COUNTS numbers */
   PetscErrorCode (*create)(Couple, void **rung);
   /* Bodies are at c->X, c->q, c->P: claim the nodes that move rigidly in c->mark, prepare the rung's own terms, set

@@ -125,27 +125,22 @@ static PetscErrorCode create_bodies(SimParts *part, const MeshLocal *l)
    the results are the same. In a flow their parts are those of the mesh and some cells beyond. */
 static PetscErrorCode settle_bodies(SimParts *part, const MeshLocal *l, PetscBool active)
 {
-  char             why[256];
-  const BodyGroup *thin     = NULL;
-  PetscBool        deform   = PETSC_FALSE;
-  PetscInt         reach[2] = {0, 0};
-  BodyBoxes        boxes    = {0};
-  BodyState       *s;
+  PetscBool  deform   = PETSC_FALSE;
+  PetscInt   reach[2] = {0, 0};
+  BodyBoxes  boxes    = {0};
+  BodyState *s;
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(part->bodies, &s));
   if (BodiesComm(part->bodies) != PETSC_COMM_SELF) {
     if (active) PetscCall(DeformIsWanted(&deform));
     if (active) PetscCall(FlowFindReach(&reach[0]));
-    if (active && s->nall) PetscCall(CoupleFindReach(part->mesh, part->bodies, &reach[1], &thin));
-    why[0] = 0;
-    if (thin) PetscCall(PetscSNPrintf(why, sizeof(why), "group '%s', whose bodies may be thinner than a cell", thin->name));
-    if (deform) PetscCall(PetscSNPrintf(why, sizeof(why), "-mesh_deform"));
+    if (active && s->nall) PetscCall(CoupleFindReach(part->mesh, part->bodies, &reach[1]));
     reach[0] = PetscMax(reach[0], reach[1]);
-    if (why[0]) {
+    if (deform) {
       PetscCall(BodiesDestroy(&part->bodies));
       PetscCall(BodiesCreate(l->dim, l->lower, l->upper, &part->bodies));
-      PetscCall(report_known(part->bodies, why));
+      PetscCall(report_known(part->bodies, "-mesh_deform"));
     } else if (active) {
       PetscCall(MeshCover(part->mesh, reach[0], &boxes.n, &boxes.box, &boxes.beyond));
       PetscCall(BodiesSetBoxes(part->bodies, &boxes));

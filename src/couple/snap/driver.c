@@ -80,8 +80,8 @@ static PetscErrorCode add_target(SnapDriver f, PetscInt i, const PetscReal x[])
   if (i >= f->loc->nnode || is_buried(f->loc, i, f->result.cell_body)) PetscFunctionReturn(PETSC_SUCCESS);
   if (k < 0 || f->result.hollow[k]) PetscCall(append_target(f, i, x, f->result.node_side[i]));
   else {
-    PetscCall(append_target(f, i, x, k + 1));
-    PetscCall(append_target(f, i, x, -(k + 1)));
+    PetscCall(append_target(f, i, x, f->state->number[k] + 1));
+    PetscCall(append_target(f, i, x, -(f->state->number[k] + 1)));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

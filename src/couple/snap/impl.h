@@ -11,6 +11,7 @@
 
 #define CHUNK       256
 #define CLEAR       0.25     /* smallest width of a gap in the mesh, cell sizes */
+#define THIN        1.0      /* thickness below which a body is a path, smallest cell size along it */
 #define SIDE_CURVED (1 << 6) /* a boundary that is no plane across an axis */
 #define NPOINT      27       /* at most: 4 x 4 and 3 x 3 Gauss points, in space 3 x 3 x 3 */
 
@@ -83,6 +84,8 @@ struct _p_Snap {
   PetscInt   x_room;
   PetscBool *hollow; /* [nbodies] */
   /* bodies thinner than a cell */
+  Midline   *group_line;               /* [ngroups] of the shape, NULL: it has none */
+  PetscReal *thickness;                /* [ngroups] of that */
   Midline   *line;                     /* [nbodies] NULL: bodies that are never that thin */
   PetscReal  coarsest;                 /* largest cell of the mesh */
   PetscBool *is_path;                  /* [nbodies] */
@@ -237,6 +240,10 @@ PetscReal SnapWidening(PetscReal gap, PetscReal width);
    cell. Collective. */
 PetscErrorCode SnapPathSetUp(Snap);
 PetscErrorCode SnapPathTearDown(Snap);
+/* Around a fit where bodies are spread, and k stands for others in each: mid-lines of those that are known; away with
+   these and the paths. */
+PetscErrorCode SnapPathMeetBodies(Snap);
+PetscErrorCode SnapPathPartBodies(Snap);
 /* Error: in space, a group of bodies that are wide and thinner than a cell. Collective. */
 PetscErrorCode SnapRefusePlates(Snap);
 /* Which of the wanted bodies are paths rather than cells: s->is_path. Collective. */

@@ -12,7 +12,6 @@
 #include "base/parcels.h"
 #include "bodies/local.h"
 
-#define THIN    1.0 /* thickness below which a body is a path, smallest cell size along it */
 #define LONG    3   /* smallest length, cell sizes */
 #define BAND    1.3 /* cells with their centre that close to the body are searched, cell sizes */
 #define AT_SIDE 0.4 /* that close to a side of the domain it ends there, cell sizes */
@@ -114,9 +113,12 @@ PetscErrorCode SnapPathChoose(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], cons
     PetscCall(smallest_cell(s, k, X, q, &s->smallest[k]));
   }
   if (!any) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, s->smallest, (PetscMPIInt)s->nbodies, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
+  for (PetscInt k = 0; k < s->nbodies; k++) s->smallest[k] = -s->smallest[k];
+  PetscCall(BodiesMaxKnown(s->bodies, 1, s->smallest));
   for (PetscInt k = 0; k < s->nbodies; k++) {
     PetscReal length, thickness;
+
+    s->smallest[k] = -s->smallest[k];
 
     if (!wanted[k] || !line_of(s, k) || s->smallest[k] == PETSC_MAX_REAL) continue;
     PetscCall(MidlineGetSize(line_of(s, k), &length, &thickness));
@@ -136,7 +138,7 @@ static PetscErrorCode add_record(Snap s, PetscInt k, PetscReal (*X)[3], PetscRea
   PetscFunctionBeginUser;
   PetscCall(RoomFor(*n + 1, room, record, SNAP_RECORD * sizeof(**record), NULL));
   r    = *record + SNAP_RECORD * (*n)++;
-  r[0] = (PetscReal)k;
+  r[0] = (PetscReal)s->state->number[k];
   r[1] = s->size[node[4]];
   for (PetscInt v = 0; v < 4; v++) {
     const PetscInt i = node[CORNER[v]];
@@ -242,9 +244,9 @@ static PetscErrorCode choose_path(Snap s, PetscInt k, PetscReal (*X)[3], PetscRe
   end[0] = 0;
   end[1] = length;
   PetscCall(MidlinePoint(line_of(s, k), 2, end, tip));
-  PetscCall(SnapGraphListCorners(line_of(s, k), k, count, record, g));
+  PetscCall(SnapGraphListCorners(line_of(s, k), s->state->number[k], count, record, g));
   PetscCall(block_paths(s, k, X, g));
-  PetscCall(SnapGraphListEdges(k, count, record, g));
+  PetscCall(SnapGraphListEdges(s->state->number[k], count, record, g));
   PetscCall(PetscMalloc3(g->ncorner, &from, g->ncorner, &cost, g->ncorner, &done));
   for (PetscInt e = 0; e < 2; e++) PetscCall(choose_end(s, k, X, q, tip + 2 * e, g->size, &kind[e]));
   PetscCall(SnapGraphFindPath(g, tip, kind, from, cost, done, &last));
@@ -445,7 +447,7 @@ static PetscErrorCode find_sides(Snap s, PetscInt k, PetscReal (*X)[3], PetscRea
       for (PetscInt a = 0; a < 2; a++) y[a] += R[a] * s->d[2 * i] + R[3 + a] * s->d[2 * i + 1];
       PetscCall(MidlineProject(line_of(s, k), 1, y, &t, &d));
       if (t <= 0 || t >= length) continue;
-      s->node_side[i] = d > 0 ? k + 1 : -(k + 1);
+      s->node_side[i] = (d > 0 ? 1 : -1) * (s->state->number[k] + 1);
       PetscCall(SnapListAdd(&s->side_node, i));
       if (l->centre_cell[i] < 0) continue;
       s->cell_side[0][l->centre_cell[i]] = s->node_side[i];
@@ -481,74 +483,42 @@ PetscErrorCode SnapPathFindSides(Snap s, PetscReal (*X)[3], PetscReal (*q)[4])
 
 /* ---- life cycle ---- */
 
-/* Mid-lines of the bodies of a group, at their sizes; none for bodies thick everywhere */
-static PetscErrorCode create_lines(Snap s, const BodyGroup *g)
+/* Mid-line of the shape of a group */
+static PetscErrorCode create_line(Snap s, PetscInt group)
 {
-  Midline   line = NULL;
-  PetscReal thickness;
+  const BodyGroup *g = &s->state->group[group];
+  PetscReal        thickness;
 
   PetscFunctionBeginUser;
-  if (!g->hole && g->count) PetscCall(MidlineCreate(g->shape, &line));
-  if (!line) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MidlineGetSize(line, NULL, &thickness));
-  for (PetscInt k = 0; k < s->nbodies; k++)
-    if (BodiesGetGroup(s->state, k) == g && s->state->scale[k] * thickness < THIN * s->coarsest)
-      PetscCall(MidlineScale(line, s->state->scale[k], &s->line[k]));
-  PetscCall(MidlineDestroy(&line));
+  if (!g->hole && g->count) PetscCall(MidlineCreate(g->shape, &s->group_line[group]));
+  if (!s->group_line[group]) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(MidlineGetSize(s->group_line[group], NULL, &thickness));
+  s->thickness[group] = thickness;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Root of the area of the largest cell, or more */
-static PetscErrorCode find_largest_cell(Mesh mesh, PetscReal *size)
+PetscErrorCode SnapPathMeetBodies(Snap s)
 {
-  const MeshLocal *l;
-
   PetscFunctionBeginUser;
-  PetscCall(MeshGetLocal(mesh, &l));
-  *size = 0;
-  for (PetscInt c = 0; c < l->ncell; c++) {
-    PetscReal x[MESH_MAX_NB * 3], area = 1;
+  PetscCall(PetscArrayzero(s->line, s->nbodies));
+  PetscCall(PetscArrayzero(s->is_path, s->nbodies));
+  PetscCall(PetscArrayzero(s->path, s->nbodies));
+  for (PetscInt k = 0; k < s->nbodies; k++) {
+    const PetscInt g = s->state->body_group[k];
 
-    PetscCall(MeshCellCoordinates(mesh, c, x));
-    for (PetscInt a = 0; a < 2; a++) {
-      PetscReal lower = x[a], upper = x[a];
-
-      for (PetscInt j = 1; j < l->nb; j++) {
-        lower = PetscMin(lower, x[2 * j + a]);
-        upper = PetscMax(upper, x[2 * j + a]);
-      }
-      area *= upper - lower;
-    }
-    *size = PetscMax(*size, PetscSqrtReal(area));
+    if (!s->group_line[g] || s->state->scale[k] * s->thickness[g] >= THIN * s->coarsest) continue;
+    PetscCheck(BodiesComm(s->bodies) == PETSC_COMM_SELF || s->state->group[g].everywhere, PETSC_COMM_SELF, PETSC_ERR_PLIB,
+               "Body %" PetscInt_FMT " is thinner than a cell, and not all ranks know it", s->state->number[k]);
+    PetscCall(MidlineScale(s->group_line[g], s->state->scale[k], &s->line[k]));
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, size, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapFindThin(Mesh mesh, Bodies bodies, const BodyGroup **thin)
+PetscErrorCode SnapPathPartBodies(Snap s)
 {
-  BodyState *s;
-  PetscReal  cell;
-
   PetscFunctionBeginUser;
-  *thin = NULL;
-  PetscCall(BodiesGetState(bodies, &s));
-  if (s->dim == 3) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(find_largest_cell(mesh, &cell));
-  for (PetscInt i = 0; i < s->ngroups; i++) {
-    const BodyGroup *g         = &s->group[i];
-    Midline          line      = NULL;
-    PetscReal        thickness = PETSC_MAX_REAL, least = PETSC_MAX_REAL;
-
-    if (!g->hole && g->count) PetscCall(MidlineCreate(g->shape, &line));
-    if (!line) continue;
-    PetscCall(MidlineGetSize(line, NULL, &thickness));
-    PetscCall(MidlineDestroy(&line));
-    for (PetscInt k = 0; k < s->n; k++)
-      if (BodiesGetGroup(s, k) == g) least = PetscMin(least, s->scale[k]);
-    PetscCall(BodiesMin(bodies, 1, &least));
-    if (least * thickness < THIN * cell) *thin = g;
-  }
+  PetscCall(clear_paths(s));
+  for (PetscInt k = 0; k < s->nbodies; k++) PetscCall(MidlineDestroy(&s->line[k]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -561,18 +531,18 @@ PetscErrorCode SnapPathSetUp(Snap s)
   PetscCall(PetscCalloc1(s->loc->nnode_all, &s->node_side));
   for (PetscInt j = 0; j < 2; j++) PetscCall(PetscCalloc1(s->loc->ncell_all, &s->cell_side[j]));
   if (s->loc->dim == 3) PetscCall(SnapRefusePlates(s));
-  for (PetscInt g = 0; g < s->state->ngroups && s->loc->dim == 2 && BodiesComm(s->bodies) == PETSC_COMM_SELF; g++)
-    PetscCall(create_lines(s, &s->state->group[g]));
+  PetscCall(PetscCalloc2(s->state->ngroups, &s->group_line, s->state->ngroups, &s->thickness));
+  for (PetscInt g = 0; g < s->state->ngroups && s->loc->dim == 2; g++) PetscCall(create_line(s, g));
+  if (BodiesComm(s->bodies) == PETSC_COMM_SELF) PetscCall(SnapPathMeetBodies(s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode SnapPathTearDown(Snap s)
 {
   PetscFunctionBeginUser;
-  if (BodiesComm(s->bodies) == PETSC_COMM_SELF) {
-    PetscCall(clear_paths(s));
-    for (PetscInt k = 0; k < s->nbodies; k++) PetscCall(MidlineDestroy(&s->line[k]));
-  }
+  if (BodiesComm(s->bodies) == PETSC_COMM_SELF) PetscCall(SnapPathPartBodies(s));
+  for (PetscInt g = 0; g < s->state->ngroups; g++) PetscCall(MidlineDestroy(&s->group_line[g]));
+  PetscCall(PetscFree2(s->group_line, s->thickness));
   PetscCall(PetscFree(s->node_side));
   for (PetscInt j = 0; j < 2; j++) PetscCall(PetscFree(s->cell_side[j]));
   PetscFunctionReturn(PETSC_SUCCESS);

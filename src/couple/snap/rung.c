@@ -229,7 +229,7 @@ static PetscErrorCode destroy_snap(void *rung)
 const Rung rung_snap = {.name    = "snap",
                         .moves   = PETSC_TRUE,
                         .reach   = SNAP_RINGS + 2,
-                        .all     = SnapFindThin,
+                        .spread  = SnapSpreadThin,
                         .create  = create_snap,
                         .draw    = draw_snap,
                         .stiffen = stiffen_snap,

@@ -55,10 +55,8 @@ static PetscErrorCode meet_bodies(Snap s)
   }
   PetscCall(RoomFor(n, &s->number_room, &s->number, sizeof(*s->number), NULL));
   PetscCall(PetscArraycpy(s->number, s->state->number, n));
-  PetscCall(PetscArrayzero(s->line, n)); /* no body is thinner than a cell, see SnapFindThin */
-  PetscCall(PetscArrayzero(s->is_path, n));
-  PetscCall(PetscArrayzero(s->path, n));
   s->nbodies = n;
+  PetscCall(SnapPathMeetBodies(s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -357,5 +355,6 @@ PetscErrorCode SnapFit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const Petsc
   swap_lists(&s->dead, &s->old_dead);
   swap_lists(&s->placed, &s->old_placed);
   s->dead.n = s->placed.n = 0;
+  if (BodiesComm(s->bodies) != PETSC_COMM_SELF) PetscCall(SnapPathPartBodies(s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

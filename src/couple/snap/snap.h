@@ -53,7 +53,7 @@ typedef struct {
   const PetscBool *on_wall;     /* [nnode_all] node on the staircase */
   const PetscInt  *cell_body;   /* [ncell_all] owner of a dead cell, -1: fluid */
   const PetscInt  *cell_before; /* [ncell_all] the same of the fit before */
-  const PetscInt  *node_side;   /* [nnode_all] body + 1 or minus that: left or right of its path; 0: neither */
+  const PetscInt  *node_side;   /* [nnode_all] number + 1 of a body: left of its path, minus that: right; 0: neither */
   const PetscInt  *cell_side;   /* [ncell_all] the same of the cells */
   const PetscInt  *side_before; /* [ncell_all] and in the fit before */
   const PetscBool *hollow;      /* [nbodies] fitted, and its inside is no part of the fluid: not so a body that is a
@@ -69,11 +69,11 @@ typedef struct {
   PetscReal        quality; /* smallest over largest Jacobian of a cell, smallest over all cells that were touched */
 } SnapResult;
 
-/* Error: in space, a body thinner than a cell; in the plane one that not every rank knows. Collective. */
+/* Error: in space, a body thinner than a cell. Collective. */
 PetscErrorCode SnapCreate(Mesh, Bodies, Snap *);
-/* In the plane: a group with bodies that may be thinner than a cell, which every rank is to know, NULL: there is none.
+/* In the plane: groups with bodies that may be thinner than a cell, which all ranks are to know, are marked.
    Collective. */
-PetscErrorCode SnapFindThin(Mesh, Bodies, const BodyGroup **);
+PetscErrorCode SnapSpreadThin(Mesh, Bodies);
 PetscErrorCode SnapDestroy(Snap *);
 
 /* Fit the mesh to the bodies k with wanted[k], drawn at X [nbodies][3], q [nbodies][4]; fitted [nbodies] tells which

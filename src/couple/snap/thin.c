@@ -1,5 +1,5 @@
-/* Snap, thin bodies in space: no cell has its middle in a plate thinner than a cell, and there is no surface of faces
-   that takes the place of the plane's path of edges. */
+/* Snap, thin bodies. In space no cell has its middle in a plate thinner than a cell, and there is no surface of faces
+   that takes the place of the plane's path of edges, for which all ranks are to know the body (path.c). */
 #include "compat.h"
 #include "impl.h"
 #include "bodies/local.h"
@@ -49,6 +49,61 @@ PetscErrorCode SnapRefusePlates(Snap s)
                "Group '%s' has bodies that are %.2g thick, thinner than a cell (%.2g), and wider than %d cells: -couple_boundary snap follows such "
                "plates in the plane only. Use smaller cells (-mesh_cells, at most %.2g), a thicker body, or -couple_boundary penalty",
                group->name, (double)(2 * depth), (double)h, WIDE, (double)(2 * depth));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- in the plane ---- */
+
+/* Root of the area of the largest cell, or more */
+static PetscErrorCode find_largest_cell(Mesh mesh, PetscReal *size)
+{
+  const MeshLocal *l;
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshGetLocal(mesh, &l));
+  *size = 0;
+  for (PetscInt c = 0; c < l->ncell; c++) {
+    PetscReal x[MESH_MAX_NB * 3], area = 1;
+
+    PetscCall(MeshCellCoordinates(mesh, c, x));
+    for (PetscInt a = 0; a < 2; a++) {
+      PetscReal lower = x[a], upper = x[a];
+
+      for (PetscInt j = 1; j < l->nb; j++) {
+        lower = PetscMin(lower, x[2 * j + a]);
+        upper = PetscMax(upper, x[2 * j + a]);
+      }
+      area *= upper - lower;
+    }
+    *size = PetscMax(*size, PetscSqrtReal(area));
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, size, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SnapSpreadThin(Mesh mesh, Bodies bodies)
+{
+  BodyState *s;
+  PetscReal  cell;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetState(bodies, &s));
+  if (s->dim == 3) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(find_largest_cell(mesh, &cell));
+  for (PetscInt i = 0; i < s->ngroups; i++) {
+    const BodyGroup *g         = &s->group[i];
+    Midline          line      = NULL;
+    PetscReal        thickness = PETSC_MAX_REAL, least = PETSC_MAX_REAL;
+
+    if (!g->hole && g->count) PetscCall(MidlineCreate(g->shape, &line));
+    if (!line) continue;
+    PetscCall(MidlineGetSize(line, NULL, &thickness));
+    PetscCall(MidlineDestroy(&line));
+    for (PetscInt k = 0; k < s->n; k++)
+      if (BodiesGetGroup(s, k) == g) least = PetscMin(least, s->scale[k]);
+    PetscCall(BodiesMin(bodies, 1, &least));
+    if (least * thickness < THIN * cell) PetscCall(BodiesSetEverywhere(bodies, i));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
