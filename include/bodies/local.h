@@ -23,12 +23,12 @@ typedef struct {
   PetscReal (*box)[2][3], beyond;
 } BodyBoxes;
 
-/* BodiesCreate for bodies that are spread over the ranks of comm: each knows those of its part; period [3] of the
-   domain's axes, 0: none. boxes: the parts, NULL: cut by the counts of bodies. No rank holds a list of all, but of
-   groups that are not all free, that come from tables or that are placed at random. Collective. Errors: those of
-   BodiesCreate. */
+/* BodiesCreate for bodies that are spread over the ranks of comm, if there are several: each knows those of its part,
+   cut by the counts of bodies (until BodiesSetBoxes); period [3] of the domain's axes, 0: none. No rank holds a list of
+   all, but of groups that are not all free, that come from tables or that are placed at random. Collective. Errors:
+   those of BodiesCreate. */
 PetscErrorCode BodiesCreateLocal(MPI_Comm comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
-                                 const PetscReal period[3], const BodyBoxes *boxes, Bodies *);
+                                 const PetscReal period[3], Bodies *);
 /* After BodiesPlace: all ranks hear where the bodies of groups start that are not all free, which every rank keeps (so
    many bytes as one has numbers to place it). Collective. */
 PetscErrorCode BodiesShareStarts(Bodies);

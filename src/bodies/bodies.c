@@ -164,12 +164,14 @@ PetscErrorCode BodiesCreate(PetscInt dim, const PetscReal lower[3], const PetscR
 }
 
 PetscErrorCode BodiesCreateLocal(MPI_Comm comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3],
-                                 const BodyBoxes *boxes, Bodies *bodies)
+                                 Bodies *bodies)
 {
-  BodyParts *parts;
+  BodyParts  *parts = NULL;
+  PetscMPIInt size;
 
   PetscFunctionBeginUser;
-  PetscCall(BodyPartsCreate(comm, dim, lower, upper, period, boxes, &parts));
+  PetscCallMPI(MPI_Comm_size(comm, &size));
+  if (size > 1) PetscCall(BodyPartsCreate(comm, dim, lower, upper, period, &parts));
   PetscCall(create_bodies(dim, lower, upper, parts, bodies));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -17,8 +17,7 @@ typedef struct {
 /* Which part of the domain is whose: see local.h. NULL: all know all. */
 typedef struct _p_BodyParts BodyParts;
 
-PetscErrorCode BodyPartsCreate(MPI_Comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3],
-                               const BodyBoxes *, BodyParts **);
+PetscErrorCode BodyPartsCreate(MPI_Comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3], BodyParts **);
 PetscErrorCode BodyPartsDestroy(BodyParts **);
 /* Does a body with this centre belong to this rank? */
 PetscBool BodyPartsHold(const BodyParts *, const PetscReal x[3]);

@@ -4,6 +4,7 @@
 #include "parts.h"
 #include "base/domain.h"
 #include "base/parcels.h"
+#include "base/rowtype.h"
 #include "bodies/local.h"
 
 #define BINS    1024 /* along an axis, in which bodies are counted for the cuts */
@@ -28,16 +29,6 @@ static void choose_parts(BodyParts *p)
     }
 }
 
-/* The boxes of all ranks. Collective. */
-static PetscErrorCode gather_boxes(BodyParts *p, const BodyBoxes *mine)
-{
-  PetscFunctionBeginUser;
-  p->beyond = mine->beyond;
-  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &p->beyond, 1, MPIU_REAL, MPIU_MAX, p->comm));
-  PetscCall(ParcelsGather(p->comm, mine->n, sizeof(*mine->box), mine->box, &p->nbox, &p->box, &p->box_rank));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode BodiesSetBoxes(Bodies b, const BodyBoxes *boxes)
 {
   BodyParts *p = b->parts;
@@ -46,12 +37,14 @@ PetscErrorCode BodiesSetBoxes(Bodies b, const BodyBoxes *boxes)
   if (!p) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscFree(p->box));
   PetscCall(PetscFree(p->box_rank));
-  PetscCall(gather_boxes(p, boxes));
+  p->beyond = boxes->beyond;
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &p->beyond, 1, MPIU_REAL, MPIU_MAX, p->comm));
+  PetscCall(ParcelsGather(p->comm, boxes->n, sizeof(*boxes->box), boxes->box, &p->nbox, &p->box, &p->box_rank));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode BodyPartsCreate(MPI_Comm comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3],
-                               const BodyBoxes *boxes, BodyParts **parts)
+                               BodyParts **parts)
 {
   BodyParts *p;
 
@@ -66,11 +59,7 @@ PetscErrorCode BodyPartsCreate(MPI_Comm comm, PetscInt dim, const PetscReal lowe
     p->upper[a]  = upper[a];
     p->period[a] = period[a];
   }
-  for (int i = 0; i < 2; i++) {
-    PetscCallMPI(MPI_Type_contiguous(3 + i, MPIU_REAL, &p->unit[i]));
-    PetscCallMPI(MPI_Type_commit(&p->unit[i]));
-  }
-  if (boxes) PetscCall(gather_boxes(p, boxes));
+  for (int i = 0; i < 2; i++) PetscCall(RowTypeCreate(3 + i, &p->unit[i]));
   choose_parts(p);
   p->at[0] = p->rank % p->n[0];
   p->at[1] = p->rank / p->n[0] % p->n[1];
@@ -91,7 +80,7 @@ PetscErrorCode BodyPartsDestroy(BodyParts **parts)
   PetscCall(PetscFree((*parts)->box));
   PetscCall(PetscFree((*parts)->box_rank));
   PetscCall(PetscSFDestroy(&(*parts)->ghosts));
-  for (int i = 0; i < 2; i++) PetscCallMPI(MPI_Type_free(&(*parts)->unit[i]));
+  for (int i = 0; i < 2; i++) PetscCall(RowTypeDestroy(&(*parts)->unit[i]));
   PetscCall(PetscCommDestroy(&(*parts)->comm));
   PetscCall(PetscFree(*parts));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -18,6 +18,18 @@ PetscErrorCode CoupleFindReach(Mesh mesh, Bodies bodies, PetscInt *reach)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode CoupleSetParts(Mesh mesh, Bodies bodies, PetscInt reach)
+{
+  BodyBoxes boxes = {0};
+
+  PetscFunctionBeginUser;
+  if (BodiesComm(bodies) == PETSC_COMM_SELF) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(MeshCover(mesh, reach, &boxes.n, &boxes.box, &boxes.beyond));
+  PetscCall(BodiesSetBoxes(bodies, &boxes));
+  PetscCall(PetscFree(boxes.box));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* ---- arrays ---- */
 
 PetscErrorCode CoupleAttachArrays(Couple c)

@@ -1,6 +1,7 @@
 /* Walls: see walls.h. */
 #include "compat.h"
 #include "impl.h"
+#include "base/parcels.h"
 
 #define BLOCK  32 /* faces that a cell rejects at once */
 #define ROUNDS 30 /* of the descent, at most; planes with edges along the axes need two */
@@ -87,21 +88,11 @@ static PetscErrorCode find_own(Walls w, const PetscBool wall[], PetscReal *xf[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* all [n][m][dim] <- own [nown][m][dim] of all ranks, in their order */
-static PetscErrorCode gather_faces(Walls w, const PetscReal own[], PetscReal all[])
+/* *all [n][m][dim], to be freed, of own [nown][m][dim] of all ranks, in their order */
+static PetscErrorCode gather_faces(Walls w, const PetscReal own[], PetscReal **all)
 {
-  const PetscInt each = w->m * w->dim;
-  PetscMPIInt    size, mine, *count, *start;
-
   PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
-  PetscCall(PetscMalloc2(size, &count, size, &start));
-  PetscCall(PetscMPIIntCast(w->nown * each, &mine));
-  PetscCallMPI(MPI_Allgather(&mine, 1, MPI_INT, count, 1, MPI_INT, PETSC_COMM_WORLD));
-  start[0] = 0;
-  for (PetscMPIInt r = 1; r < size; r++) start[r] = start[r - 1] + count[r - 1];
-  PetscCallMPI(MPI_Allgatherv(own, mine, MPIU_REAL, all, count, start, MPIU_REAL, PETSC_COMM_WORLD));
-  PetscCall(PetscFree2(count, start));
+  PetscCall(ParcelsGather(PETSC_COMM_WORLD, w->nown, (size_t)(w->m * w->dim) * sizeof(*own), own, &w->n, all, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -150,10 +141,8 @@ PetscErrorCode WallsCreate(Flow f, Walls *walls)
   PetscCall(mark_walls(f, wall, &moves));
   PetscCall(find_own(w, wall, &xf));
   PetscCall(PetscFree(wall));
-  PetscCall(MPIU_Allreduce(&w->nown, &w->n, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+  PetscCall(gather_faces(w, xf, &w->x));
   w->nblock = (w->n + BLOCK - 1) / BLOCK;
-  PetscCall(PetscMalloc1(w->n * w->m * w->dim, &w->x));
-  PetscCall(gather_faces(w, xf, w->x));
   PetscCall(PetscFree(xf));
   PetscCall(PetscMalloc2(w->n, &w->ball, w->nblock, &w->block));
   set_balls(w);
@@ -333,7 +322,8 @@ static PetscErrorCode gather_velocities(Walls w)
   PetscCall(ConditionsGetValues(w->flow->boundary, &fixed, &value));
   PetscCall(PetscMalloc1(w->nown * w->m * w->dim, &own));
   for (PetscInt i = 0; i < w->nown * w->m * w->dim; i++) own[i] = value[w->node[i / w->dim] * w->dim + i % w->dim];
-  PetscCall(gather_faces(w, own, w->v));
+  PetscCall(PetscFree(w->v));
+  PetscCall(gather_faces(w, own, &w->v));
   PetscCall(PetscFree(own));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

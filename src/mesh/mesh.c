@@ -7,6 +7,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "base/opt.h"
+#include "base/rowtype.h"
 #include "partition.h"
 #include "refined.h"
 
@@ -277,7 +278,7 @@ PetscErrorCode MeshDestroy(Mesh *mesh)
 
   PetscFunctionBeginUser;
   if (!m) PetscFunctionReturn(PETSC_SUCCESS);
-  for (int bs = 0; bs < MESH_MAX_BLOCK; bs++) PetscCallMPI(MPI_Type_free(&m->block[bs]));
+  for (int bs = 0; bs < MESH_MAX_BLOCK; bs++) PetscCall(RowTypeDestroy(&m->block[bs]));
   for (PetscInt b = 0; b < m->nboundary; b++) PetscCall(PetscFree(m->boundary_node[b]));
   PetscCall(PetscFree2(m->boundary_node, m->boundary_count));
   PetscCall(MeshDestroyBins(m));

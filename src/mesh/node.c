@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "numbers.h"
+#include "base/rowtype.h"
 
 PetscErrorCode MeshNumberNodes(Mesh m, const PetscBool ghost[], PetscInt pEnd, PetscInt number[])
 {
@@ -74,10 +75,7 @@ static PetscErrorCode create_node_sf(Mesh m)
   PetscCall(PetscSFSetGraphLayout(m->node_sf, layout, nghost, ilocal, PETSC_OWN_POINTER, m->node_global + l->nnode));
   PetscCall(PetscSFSetUp(m->node_sf));
   PetscCall(PetscLayoutDestroy(&layout));
-  for (int bs = 0; bs < MESH_MAX_BLOCK; bs++) {
-    PetscCallMPI(MPI_Type_contiguous(bs + 1, MPIU_REAL, &m->block[bs]));
-    PetscCallMPI(MPI_Type_commit(&m->block[bs]));
-  }
+  for (int bs = 0; bs < MESH_MAX_BLOCK; bs++) PetscCall(RowTypeCreate(bs + 1, &m->block[bs]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -118,25 +116,19 @@ PetscErrorCode MeshNumberGlobally(Mesh m, PetscInt pEnd, const PetscInt order[],
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* PETSc 3.18 cannot reduce a contiguous type of one number */
-static MPI_Datatype block_type(Mesh m, PetscInt bs)
-{
-  return bs == 1 ? MPIU_REAL : m->block[bs - 1];
-}
-
 PetscErrorCode MeshSyncNodes(Mesh m, PetscInt bs, PetscReal v[])
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscSFBcastBegin(m->node_sf, block_type(m, bs), v, v, MPI_REPLACE));
-  PetscCall(PetscSFBcastEnd(m->node_sf, block_type(m, bs), v, v, MPI_REPLACE));
+  PetscCall(PetscSFBcastBegin(m->node_sf, m->block[bs - 1], v, v, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(m->node_sf, m->block[bs - 1], v, v, MPI_REPLACE));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode MeshSumNodes(Mesh m, PetscInt bs, PetscReal v[])
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscSFReduceBegin(m->node_sf, block_type(m, bs), v, v, MPIU_SUM));
-  PetscCall(PetscSFReduceEnd(m->node_sf, block_type(m, bs), v, v, MPIU_SUM));
+  PetscCall(PetscSFReduceBegin(m->node_sf, m->block[bs - 1], v, v, MPIU_SUM));
+  PetscCall(PetscSFReduceEnd(m->node_sf, m->block[bs - 1], v, v, MPIU_SUM));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -3,6 +3,7 @@
    on all ranks: rank 0 writes, and nothing is gathered. */
 #include "compat.h"
 #include "base/hdf5.h"
+#include "base/rowtype.h"
 #include "impl.h"
 #include "bodies/local.h"
 #include "files.h"
@@ -288,10 +289,9 @@ static PetscErrorCode print_spread(Monitor m, const MonitorStep *s)
   PetscCallMPI(MPI_Gather(&n, 1, MPI_INT, count, 1, MPI_INT, 0, PETSC_COMM_WORLD));
   for (PetscMPIInt r = 0; r < m->size && m->rank == 0; total += count[r++]) start[r] = (PetscMPIInt)total;
   PetscCall(PetscMalloc3(total, &line, total, &number, total, &order));
-  PetscCallMPI(MPI_Type_contiguous(NBODIES, MPIU_REAL, &type));
-  PetscCallMPI(MPI_Type_commit(&type));
+  PetscCall(RowTypeCreate(NBODIES, &type));
   PetscCallMPI(MPI_Gatherv(mine, n, type, line, count, start, type, 0, PETSC_COMM_WORLD));
-  PetscCallMPI(MPI_Type_free(&type));
+  PetscCall(RowTypeDestroy(&type));
   for (PetscInt i = 0; i < total; i++) {
     number[i] = (PetscInt)line[i][NUMBER];
     order[i]  = i;

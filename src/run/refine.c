@@ -122,19 +122,6 @@ static PetscErrorCode collect_bodies(Refine r)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The parts of bodies that are spread in a flow are those of the mesh */
-static PetscErrorCode set_boxes(Refine r)
-{
-  BodyBoxes boxes = {0};
-
-  PetscFunctionBeginUser;
-  if (!r->flow || BodiesComm(r->surface.bodies) == PETSC_COMM_SELF) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MeshCover(r->mesh, r->reach, &boxes.n, &boxes.box, &boxes.beyond));
-  PetscCall(BodiesSetBoxes(r->surface.bodies, &boxes));
-  PetscCall(PetscFree(boxes.box));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode start_following(Refine r)
 {
   Around *s = &r->surface;
@@ -177,7 +164,6 @@ PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool around, Bodies *bodies,
   Refine      r;
   Around     *s;
   MeshSurface surface;
-  PetscMPIInt size;
   PetscBool   still, adapt = PETSC_FALSE;
 
   PetscFunctionBeginUser;
@@ -185,9 +171,7 @@ PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool around, Bodies *bodies,
   r->comm = comm;
   s       = &r->surface;
   PetscCall(MeshReadBox(comm, &s->dim, s->lower, s->upper, s->period));
-  PetscCallMPI(MPI_Comm_size(comm, &size));
-  if (size > 1) PetscCall(BodiesCreateLocal(comm, s->dim, s->lower, s->upper, s->period, NULL, bodies));
-  else PetscCall(BodiesCreate(s->dim, s->lower, s->upper, bodies));
+  PetscCall(BodiesCreateLocal(comm, s->dim, s->lower, s->upper, s->period, bodies));
   s->bodies = *bodies;
   PetscCall(BodiesGetState(*bodies, &s->s));
   PetscCall(BodiesAreStill(*bodies, &still));
@@ -252,7 +236,7 @@ PetscErrorCode RefineCheck(Refine r, PetscBool steady)
 static PetscErrorCode renew_above(Refine r, Mesh old)
 {
   PetscFunctionBeginUser;
-  PetscCall(set_boxes(r));
+  if (r->flow) PetscCall(CoupleSetParts(r->mesh, r->surface.bodies, r->reach));
   if (r->flow) PetscCall(FlowRemesh(r->flow, old));
   if (r->adapt) PetscCall(AdaptRemesh(r->adapt, old));
   if (r->couple) PetscCall(CoupleRemesh(r->couple, &old));

@@ -97,37 +97,13 @@ static PetscErrorCode remark_backflow(const MeshLocal *l, const FlowParameters *
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode report_known(Bodies bodies, const char why[])
-{
-  BodyState  *s;
-  PetscMPIInt size;
-
-  PetscFunctionBeginUser;
-  PetscCall(BodiesGetState(bodies, &s));
-  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
-  if (size > 1 && s->nall) PetscCall(PetscPrintf(PETSC_COMM_WORLD, "every rank knows all bodies, because of %s\n", why));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Bodies are spread over the ranks... */
-static PetscErrorCode create_bodies(SimParts *part, const MeshLocal *l)
-{
-  PetscMPIInt size;
-
-  PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
-  if (size > 1) PetscCall(BodiesCreateLocal(PETSC_COMM_WORLD, l->dim, l->lower, l->upper, l->period, NULL, &part->bodies));
-  else PetscCall(BodiesCreate(l->dim, l->lower, l->upper, &part->bodies));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* ...where nothing in the scene, with all its defaults, needs all of them together; else every rank knows them all, and
-   the results are the same. In a flow their parts are those of the mesh and some cells beyond. */
+/* Bodies are spread over the ranks where nothing in the scene, with all its defaults, needs all of them together; else
+   every rank knows them all, and the results are the same. In a flow their parts are those of the mesh and some cells
+   beyond. */
 static PetscErrorCode settle_bodies(SimParts *part, const MeshLocal *l, PetscBool active)
 {
   PetscBool  deform   = PETSC_FALSE;
   PetscInt   reach[2] = {0, 0};
-  BodyBoxes  boxes    = {0};
   BodyState *s;
 
   PetscFunctionBeginUser;
@@ -138,14 +114,10 @@ static PetscErrorCode settle_bodies(SimParts *part, const MeshLocal *l, PetscBoo
     if (active && s->nall) PetscCall(CoupleFindReach(part->mesh, part->bodies, &reach[1]));
     reach[0] = PetscMax(reach[0], reach[1]);
     if (deform) {
+      if (s->nall) PetscCall(PetscPrintf(PETSC_COMM_WORLD, "every rank knows all bodies, because of -mesh_deform\n"));
       PetscCall(BodiesDestroy(&part->bodies));
       PetscCall(BodiesCreate(l->dim, l->lower, l->upper, &part->bodies));
-      PetscCall(report_known(part->bodies, "-mesh_deform"));
-    } else if (active) {
-      PetscCall(MeshCover(part->mesh, reach[0], &boxes.n, &boxes.box, &boxes.beyond));
-      PetscCall(BodiesSetBoxes(part->bodies, &boxes));
-      PetscCall(PetscFree(boxes.box));
-    }
+    } else if (active) PetscCall(CoupleSetParts(part->mesh, part->bodies, reach[0]));
   }
   PetscCall(RefineSetBodies(part->refine, part->bodies, reach[0]));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -162,7 +134,7 @@ static PetscErrorCode create_mesh_and_bodies(SimParts *part, const MeshLocal **l
   if (levels) PetscCall(RefineCreateMesh(PETSC_COMM_WORLD, around, &part->bodies, &part->mesh, &part->refine));
   else PetscCall(MeshCreate(PETSC_COMM_WORLD, &part->mesh));
   PetscCall(MeshGetLocal(part->mesh, l));
-  if (!levels) PetscCall(create_bodies(part, *l));
+  if (!levels) PetscCall(BodiesCreateLocal(PETSC_COMM_WORLD, (*l)->dim, (*l)->lower, (*l)->upper, (*l)->period, &part->bodies));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -76,8 +76,8 @@ struct _p_Snap {
   PetscReal *at_corner;        /* [nnode_all] 0, there: where on an edge its middle node goes, 1/2 or less */
   List       corner;           /* local nodes with an entry there */
   List       left;             /* own vertices that stay off the edges in this fit */
-  /* the last result, in which k speaks of the bodies that were known then: number [nnumber] */
-  PetscInt  *node_body, *cell_body, *cell_before, *number, nnumber, number_room;
+  /* the last result, in which k speaks of the bodies that were known then: number */
+  PetscInt  *node_body, *cell_body, *cell_before, *number, number_room;
   PetscBool *on_wall;
   List       old_dead, older_dead, old_placed, node, cell;
   PetscReal *x;

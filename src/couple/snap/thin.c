@@ -26,6 +26,17 @@ static PetscErrorCode find_deepest(Snap s, PetscInt k, const PetscReal x[3], Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Size of the smallest body of a group, on any rank */
+static PetscErrorCode find_least(Bodies bodies, const BodyState *s, PetscInt group, PetscReal *least)
+{
+  PetscFunctionBeginUser;
+  *least = PETSC_MAX_REAL;
+  for (PetscInt k = 0; k < s->n; k++)
+    if (s->body_group[k] == group) *least = PetscMin(*least, s->scale[k]);
+  PetscCall(BodiesMin(bodies, 1, least));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode SnapRefusePlates(Snap s)
 {
   const PetscReal h = s->loc->h;
@@ -34,12 +45,10 @@ PetscErrorCode SnapRefusePlates(Snap s)
   for (PetscInt g = 0; g < s->state->ngroups; g++) {
     const BodyGroup *group = &s->state->group[g];
     PetscInt         k     = -1;
-    PetscReal        least = PETSC_MAX_REAL, depth = 0; /* size of the smallest body; its depth */
+    PetscReal        least, depth = 0; /* size of the smallest body; its depth */
 
     if (group->hole || !group->count) continue;
-    for (PetscInt j = 0; j < s->nbodies; j++)
-      if (BodiesGetGroup(s->state, j) == group) least = PetscMin(least, s->state->scale[j]);
-    PetscCall(BodiesMin(s->bodies, 1, &least));
+    PetscCall(find_least(s->bodies, s->state, g, &least));
     for (PetscInt j = 0; j < s->nbodies && k < 0; j++)
       if (BodiesGetGroup(s->state, j) == group && s->state->scale[j] == least) k = j;
     if (k < 0) continue;
@@ -94,15 +103,13 @@ PetscErrorCode SnapSpreadThin(Mesh mesh, Bodies bodies)
   for (PetscInt i = 0; i < s->ngroups; i++) {
     const BodyGroup *g         = &s->group[i];
     Midline          line      = NULL;
-    PetscReal        thickness = PETSC_MAX_REAL, least = PETSC_MAX_REAL;
+    PetscReal        thickness = PETSC_MAX_REAL, least;
 
     if (!g->hole && g->count) PetscCall(MidlineCreate(g->shape, &line));
     if (!line) continue;
     PetscCall(MidlineGetSize(line, NULL, &thickness));
     PetscCall(MidlineDestroy(&line));
-    for (PetscInt k = 0; k < s->n; k++)
-      if (BodiesGetGroup(s, k) == g) least = PetscMin(least, s->scale[k]);
-    PetscCall(BodiesMin(bodies, 1, &least));
+    PetscCall(find_least(bodies, s, i, &least));
     if (least * thickness < THIN * cell) PetscCall(BodiesSetEverywhere(bodies, i));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
