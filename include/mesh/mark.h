@@ -2,8 +2,8 @@
 
    A set of cells that are refined, besides those that the formula of -mesh_levels refines (around bodies, in boxes). It
    is closed: where a cell is refined, all cells of its size that touch it exist, so that levels never jump by more than
-   one (2:1 balance across corners). Every rank holds the whole set, 32 bytes a refined cell: a few MB for 10^6 cells in
-   space. */
+   one (2:1 balance across corners). Every rank holds what is refined in its own cells, and while a mesh is made what it
+   asks about (MeshSurface.look). */
 #pragma once
 #include "mesh/mesh.h"
 

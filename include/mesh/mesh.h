@@ -12,6 +12,7 @@
    them by an interpolation of the element (mesh/hang.h). */
 #pragma once
 #include "base/domain.h"
+#include "base/regions.h"
 #include "mesh/hang.h"
 #include <petscdmplex.h>
 #include <petscsf.h>
@@ -48,24 +49,28 @@ typedef struct _p_Mesh *Mesh;
    quadrilaterals/hexahedra, inverted cells (named by their centre), fewer than 3 cells along a periodic axis. */
 PetscErrorCode MeshCreate(MPI_Comm, Mesh *);
 
-/* Bodies that boxes of -mesh_refine go with: place, velocity (0: at rest), and has it left? [n] each, borrowed */
+/* Bodies that boxes of -mesh_refine go with: place, velocity (0: at rest), has it left? is it this rank's? [n] each,
+   borrowed */
 typedef struct {
   PetscInt n;
   const PetscReal (*x)[3], (*u)[3];
-  const PetscBool *gone;
+  const PetscBool *gone, *own;
 } MeshCarriers;
 
 /* What -mesh_levels refines around: d [1] the distance of x to it (0 where all is to be fine), which changes by at
-   most the way; beyond `reach` any larger number does. The same on every rank; not collective. With marks (mesh/mark.h)
-   cells are also refined one by one, and the surface may be left out (NULL). */
+   most the way; beyond `reach` any larger number does. The same on every rank that is asked; not collective. With marks
+   (mesh/mark.h) cells are also refined one by one, and the surface may be left out (NULL). */
 typedef struct {
   PetscErrorCode (*distance)(void *context, const PetscReal x[3], PetscReal reach, PetscReal *d);
   void *context;
-  /* Bodies of a group, for boxes against their motion or along the axes; the same on every rank. x stays NULL: there is
-     no such group. The function NULL: there are none at all. */
+  /* Bodies of a group, for boxes against their motion or along the axes, n < 0: there is no such group. The function
+     NULL: there are none at all. */
   PetscErrorCode (*carriers)(void *context, const char group[], PetscBool motion, MeshCarriers *);
-  PetscInt                   coarser; /* so many levels less than -mesh_levels around it */
-  const struct _p_MeshMarks *marks;   /* borrowed during construction; NULL: none */
+  /* From now on a rank asks about nothing that is farther than reach from its regions. Collective. NULL: it may ask about
+     everything. */
+  PetscErrorCode (*look)(void *context, Regions, PetscReal reach);
+  PetscInt             coarser; /* so many levels less than -mesh_levels around it */
+  struct _p_MeshMarks *marks;   /* borrowed during construction; NULL: none */
 } MeshSurface;
 
 /* MeshCreate with -mesh_levels around `surface` (NULL: there is none). Collective. More errors: what -mesh_levels does

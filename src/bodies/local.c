@@ -92,9 +92,15 @@ static PetscErrorCode go_near(const BodyParts *p, PetscInt k, const PetscReal x[
 
   PetscFunctionBeginUser;
   BodyPartsInside(p, x, y);
-  for (PetscInt i = 0; i < p->nbox; i++)
-    if (BodyPartsNearBox(p, i, y, reach + p->beyond)) PetscCall(go(g, k, p->box_rank[i], p->rank));
-  if (p->nbox || BodyPartsDeep(p, y, reach)) PetscFunctionReturn(PETSC_SUCCESS);
+  if (p->regions) {
+    const PetscMPIInt *rank;
+    PetscInt           n;
+
+    PetscCall(RegionsNear(p->regions, y, reach + p->beyond, &n, &rank));
+    for (PetscInt i = 0; i < n; i++) PetscCall(go(g, k, rank[i], p->rank));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  if (BodyPartsDeep(p, y, reach)) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt l = 0; l < p->n[2]; l++) {
     if (p->dim == 3 && !BodyPartsNear(p, 2, l, y[2], reach)) continue;
     for (PetscInt j = 0; j < p->n[1]; j++) {
@@ -113,9 +119,9 @@ static PetscReal find_large(const BodyParts *p)
 
   for (PetscInt a = 0; a < p->dim; a++) {
     mean *= p->upper[a] - p->lower[a];
-    for (PetscInt i = 0; i < p->n[a] && p->n[a] > 1 && !p->nbox; i++) least = PetscMin(least, p->cut[a][i + 1] - p->cut[a][i]);
+    for (PetscInt i = 0; i < p->n[a] && p->n[a] > 1 && !p->regions; i++) least = PetscMin(least, p->cut[a][i + 1] - p->cut[a][i]);
   }
-  return LARGE * (p->nbox ? PetscPowReal(mean, 1. / p->dim) : least);
+  return LARGE * (p->regions ? PetscPowReal(mean, 1. / p->dim) : least);
 }
 
 static PetscErrorCode choose_ghosts(Bodies b, PetscReal range, PetscReal skin, Going *g)
@@ -138,7 +144,7 @@ static PetscErrorCode choose_ghosts(Bodies b, PetscReal range, PetscReal skin, G
   for (PetscInt k = 0; k < s->n; k++) {
     const PetscReal r = BodiesGetRadius(s, k);
 
-    if (s->gone[k] && !p->nbox) continue; /* a flow may still see where they were last */
+    if (s->gone[k] && !p->regions) continue; /* a flow may still see where they were last */
     for (PetscMPIInt rank = 0; rank < p->size && (r > large || BodiesGetGroup(s, k)->everywhere); rank++) PetscCall(go(g, k, rank, p->rank));
     if (r > large) continue;
     PetscCall(go_near(p, k, s->x[k], range + skin * (r + ordinary), g));

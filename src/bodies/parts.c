@@ -3,7 +3,6 @@
 #include "impl.h"
 #include "parts.h"
 #include "base/domain.h"
-#include "base/parcels.h"
 #include "base/rowtype.h"
 #include "bodies/local.h"
 
@@ -35,11 +34,10 @@ PetscErrorCode BodiesSetBoxes(Bodies b, const BodyBoxes *boxes)
 
   PetscFunctionBeginUser;
   if (!p) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscFree(p->box));
-  PetscCall(PetscFree(p->box_rank));
+  PetscCall(RegionsDestroy(&p->regions));
   p->beyond = boxes->beyond;
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &p->beyond, 1, MPIU_REAL, MPIU_MAX, p->comm));
-  PetscCall(ParcelsGather(p->comm, boxes->n, sizeof(*boxes->box), boxes->box, &p->nbox, &p->box, &p->box_rank));
+  PetscCall(RegionsCreate(p->comm, p->dim, p->lower, p->upper, p->period, boxes->n, boxes->box, &p->regions));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -77,8 +75,7 @@ PetscErrorCode BodyPartsDestroy(BodyParts **parts)
   PetscFunctionBeginUser;
   if (!*parts) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt a = 0; a < 3; a++) PetscCall(PetscFree((*parts)->cut[a]));
-  PetscCall(PetscFree((*parts)->box));
-  PetscCall(PetscFree((*parts)->box_rank));
+  PetscCall(RegionsDestroy(&(*parts)->regions));
   PetscCall(PetscSFDestroy(&(*parts)->ghosts));
   for (int i = 0; i < 2; i++) PetscCall(RowTypeDestroy(&(*parts)->unit[i]));
   PetscCall(PetscCommDestroy(&(*parts)->comm));
@@ -91,51 +88,13 @@ void BodyPartsInside(const BodyParts *p, const PetscReal x[3], PetscReal y[3])
   for (PetscInt a = 0; a < p->dim; a++) y[a] = PetscMin(PetscMax(DomainWrap(p->period[a], x[a], p->lower[a]), p->lower[a]), p->upper[a]);
 }
 
-/* Square of the distance of y to a box or its nearest image */
-static PetscReal distance_to_box(const BodyParts *p, PetscInt box, const PetscReal y[3])
-{
-  PetscReal sum = 0;
-
-  for (PetscInt a = 0; a < p->dim; a++) {
-    PetscReal d = PETSC_MAX_REAL;
-
-    for (PetscInt image = p->period[a] > 0 ? -1 : 0; image <= (p->period[a] > 0 ? 1 : 0); image++) {
-      const PetscReal x = y[a] + image * p->period[a];
-
-      d = PetscMin(d, PetscMax(0, PetscMax(p->box[box][0][a] - x, x - p->box[box][1][a])));
-    }
-    sum += d * d;
-  }
-  return sum;
-}
-
-/* The first box that holds y, or else the nearest one */
-static PetscMPIInt rank_of_box(const BodyParts *p, const PetscReal y[3])
-{
-  PetscReal least = PETSC_MAX_REAL;
-  PetscInt  best  = 0;
-
-  for (PetscInt i = 0; i < p->nbox && least > 0; i++) {
-    const PetscReal d = distance_to_box(p, i, y);
-
-    if (d < least) best = i;
-    least = PetscMin(least, d);
-  }
-  return p->box_rank[best];
-}
-
-PetscBool BodyPartsNearBox(const BodyParts *p, PetscInt box, const PetscReal y[3], PetscReal reach)
-{
-  return (PetscBool)(distance_to_box(p, box, y) < reach * reach);
-}
-
 PetscMPIInt BodyPartsRank(const BodyParts *p, const PetscReal x[3])
 {
   PetscInt  at[3] = {0, 0, 0};
   PetscReal y[3];
 
   BodyPartsInside(p, x, y);
-  if (p->nbox) return rank_of_box(p, y);
+  if (p->regions) return RegionsOwner(p->regions, y);
   for (PetscInt a = 0; a < p->dim; a++)
     for (PetscInt low = 0, high = p->n[a]; high - low > 1; at[a] = low) {
       const PetscInt middle = (low + high) / 2;
@@ -175,7 +134,7 @@ PetscErrorCode BodyPartsBalance(Bodies b)
   PetscInt64        bin[3][BINS] = {{0}}, most[2] = {0, 0}, sum = 0;
 
   PetscFunctionBeginUser;
-  if (p->nbox) PetscFunctionReturn(PETSC_SUCCESS);
+  if (p->regions) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt k = 0; k < s->n; k++) {
     PetscReal y[3];
 

@@ -2,16 +2,15 @@
    between any other two; or each is what the boxes of a rank cover (BodyBoxes). For files of the room only. */
 #pragma once
 #include "impl.h"
+#include "base/regions.h"
 
 struct _p_BodyParts {
-  MPI_Comm    comm;
-  PetscMPIInt rank, size;
-  PetscInt    dim, n[3], at[3]; /* parts along the axes, place of this rank's one */
-  PetscReal  *cut[3];           /* [n + 1] */
-  PetscInt    nbox;             /* boxes of all ranks, in their order; 0: parts are cut */
-  PetscReal (*box)[2][3], beyond;
-  PetscMPIInt *box_rank;
-  PetscReal    lower[3], upper[3], period[3];
+  MPI_Comm     comm;
+  PetscMPIInt  rank, size;
+  PetscInt     dim, n[3], at[3]; /* parts along the axes, place of this rank's one */
+  PetscReal   *cut[3];           /* [n + 1] */
+  Regions      regions;          /* boxes of all ranks; NULL: parts are cut */
+  PetscReal    beyond, lower[3], upper[3], period[3];
   PetscSF      ghosts; /* from known to known bodies; NULL before the first BodiesMigrate */
   PetscMPIInt  tag;
   MPI_Datatype unit[2]; /* 3 and 4 reals */
@@ -24,7 +23,5 @@ PetscMPIInt BodyPartsRank(const BodyParts *, const PetscReal x[3]);
 PetscBool BodyPartsNear(const BodyParts *, PetscInt axis, PetscInt i, PetscReal y, PetscReal reach);
 /* Is y in the own part, farther than reach from all others? */
 PetscBool BodyPartsDeep(const BodyParts *, const PetscReal y[3], PetscReal reach);
-/* Is this box, or one of its periodic images, nearer to y than reach? */
-PetscBool BodyPartsNearBox(const BodyParts *, PetscInt box, const PetscReal y[3], PetscReal reach);
 /* Cuts between which there are as many bodies, from counts in bins. Collective. */
 PetscErrorCode BodyPartsBalance(Bodies);

@@ -6,6 +6,8 @@
 #include "base/opt.h"
 #include "base/room.h"
 
+#define SLOPE 3 /* by which levels fall off beside a box */
+
 static const char *const ALONG[] = {"axes", "motion", NULL};
 
 PetscErrorCode BoxesReadNames(BoxesNames *s)
@@ -70,18 +72,19 @@ static PetscErrorCode add_images(Boxes *s, MeshKind kind, const MeshBox *box)
 }
 
 /* One box for every body of the group that is there and, where it shall point against their motion, moves */
-static PetscErrorCode add_carried(Boxes *s, MeshKind kind, const MeshSurface *surface, const char name[], const char group[], PetscBool motion,
-                                  const MeshBox *box)
+static PetscErrorCode add_carried(Boxes *s, MeshKind kind, const MeshSurface *surface, PetscInt which)
 {
-  const PetscInt dim = kind->dim;
-  MeshCarriers   c   = {0};
+  const char *const group  = s->names.group[which];
+  const PetscBool   motion = s->motion[which];
+  const PetscInt    dim    = kind->dim;
+  MeshCarriers      c      = {.n = -1};
 
   PetscFunctionBeginUser;
   if (surface && surface->carriers) PetscCall((*surface->carriers)(surface->context, group, motion, &c));
-  PetscCheck(c.x, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "-mesh_box_%s_group: the scene has no group '%s': name one of -particle_groups", name,
-             group);
+  PetscCheck(c.n >= 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "-mesh_box_%s_group: the scene has no group '%s': name one of -particle_groups",
+             s->names.box[which], group);
   for (PetscInt i = 0; i < c.n; i++) {
-    MeshBox   mine  = *box;
+    MeshBox   mine  = s->given[which];
     PetscReal speed = 0;
 
     for (PetscInt d = 0; d < dim; d++) speed += PetscSqr(c.u[i][d]);
@@ -89,7 +92,7 @@ static PetscErrorCode add_carried(Boxes *s, MeshKind kind, const MeshSurface *su
     if (motion) point_against(dim, c.u[i], PetscSqrtReal(speed), mine.axis);
     PetscCall(PetscArraycpy(mine.origin, c.x[i], dim));
     PetscCall(add_images(s, kind, &mine));
-    s->carried++;
+    s->carried += c.own[i];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -117,24 +120,48 @@ static PetscErrorCode read_corners(MPI_Comm comm, PetscInt dim, PetscInt levels,
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BoxesRead(MPI_Comm comm, MeshKind kind, PetscInt levels, const MeshSurface *surface, const BoxesNames *names, Boxes *s)
+PetscErrorCode BoxesRead(MPI_Comm comm, PetscInt dim, PetscInt levels, Boxes *s)
 {
   PetscFunctionBeginUser;
   *s = (Boxes){0};
-  for (PetscInt i = 0; i < names->nbox; i++) {
-    const char *name = names->box[i], *group = names->group[i];
+  PetscCall(BoxesReadNames(&s->names));
+  for (PetscInt i = 0; i < s->names.nbox; i++) {
+    const char *name = s->names.box[i], *group = s->names.group[i];
     char        along[OPT_NAME];
     PetscInt    which = 0;
     PetscBool   given;
-    MeshBox     box;
 
-    PetscCall(read_corners(comm, kind->dim, levels, name, &box));
+    PetscCall(read_corners(comm, dim, levels, name, s->given + i));
     PetscCall(OptHas(OptJoin("-mesh_box_", name, "_along", along), &given));
     PetscCall(OptChoice(along, ALONG, &which));
     PetscCheck(group[0] || !given, comm, PETSC_ERR_USER_INPUT,
                "%s is for boxes that go with bodies: name their group by -mesh_box_%s_group, or remove it", along, name);
-    if (group[0]) PetscCall(add_carried(s, kind, surface, name, group, (PetscBool)(which == 1), &box));
-    else PetscCall(add_images(s, kind, &box));
+    s->motion[i] = (PetscBool)(which == 1);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscReal BoxesReach(const Boxes *s, PetscReal h)
+{
+  PetscReal reach = 0;
+
+  for (PetscInt i = 0; i < s->names.nbox; i++) {
+    const MeshBox *b      = s->given + i;
+    PetscReal      corner = 0;
+
+    for (PetscInt a = 0; a < 3; a++) corner += PetscSqr(PetscMax(PetscAbsReal(b->lower[a]), PetscAbsReal(b->upper[a])));
+    if (s->names.group[i][0]) reach = PetscMax(reach, PetscSqrtReal(corner) + SLOPE * h);
+  }
+  return reach;
+}
+
+PetscErrorCode BoxesPlace(Boxes *s, MeshKind kind, const MeshSurface *surface)
+{
+  PetscFunctionBeginUser;
+  s->n = s->carried = 0;
+  for (PetscInt i = 0; i < s->names.nbox; i++) {
+    if (s->names.group[i][0]) PetscCall(add_carried(s, kind, surface, i));
+    else PetscCall(add_images(s, kind, s->given + i));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -162,7 +189,7 @@ PetscBool BoxesRefine(const Boxes *s, PetscInt dim, PetscInt level, const PetscR
       for (PetscInt e = 0; e < dim; e++) at += b->axis[a][e] * (x[e] - b->origin[e]);
       d += PetscSqr(PetscMax(0, PetscMax(b->lower[a] - at, at - b->upper[a])));
     }
-    if (PetscSqrtReal(d) < 3 * (h - last) + 0.5 * last) return PETSC_TRUE;
+    if (PetscSqrtReal(d) < SLOPE * (h - last) + 0.5 * last) return PETSC_TRUE;
   }
   return PETSC_FALSE;
 }

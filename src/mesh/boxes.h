@@ -18,11 +18,6 @@ typedef struct {
   PetscInt  levels;
 } MeshBox;
 
-typedef struct {
-  PetscInt n, room, carried; /* carried: those that go with bodies */
-  MeshBox *box;              /* [n] with periodic images */
-} Boxes;
-
 /* What -mesh_refine names */
 typedef struct {
   PetscBool bodies, expression, carried; /* around bodies; by -mesh_distance; does a box go with bodies? */
@@ -30,11 +25,23 @@ typedef struct {
   char      box[BOXES_MAX][BOXES_NAME], group[BOXES_MAX][BOXES_NAME]; /* group: of the bodies a box goes with, or "" */
 } BoxesNames;
 
+typedef struct {
+  BoxesNames names;
+  MeshBox    given[BOXES_MAX];  /* [names.nbox]; those of a group are measured from its bodies */
+  PetscBool  motion[BOXES_MAX]; /* and stand against their motion? */
+  PetscInt   n, room, carried;  /* carried: those that go with bodies that this rank owns */
+  MeshBox   *box;               /* [n] with periodic images */
+} Boxes;
+
 /* Collective. Error: too many. */
 PetscErrorCode BoxesReadNames(BoxesNames *);
-/* Read the boxes of these names, where the surface (may be NULL) has their bodies now. Collective. Errors: a box that
-   is empty, that nobody gave, finer than -mesh_levels, or with a group that the scene does not have. */
-PetscErrorCode BoxesRead(MPI_Comm, MeshKind, PetscInt levels, const MeshSurface *, const BoxesNames *, Boxes *);
+/* Read the boxes that -mesh_refine names. Collective. Errors: a box that is empty, that nobody gave or that is finer
+   than -mesh_levels. */
+PetscErrorCode BoxesRead(MPI_Comm, PetscInt dim, PetscInt levels, Boxes *);
+/* How far from a body a box that goes with it refines cells of sides h; 0: none does. */
+PetscReal BoxesReach(const Boxes *, PetscReal h);
+/* Put them where the surface (may be NULL) has their bodies now. Error: a group that the scene does not have. */
+PetscErrorCode BoxesPlace(Boxes *, MeshKind, const MeshSurface *);
 PetscErrorCode BoxesDestroy(Boxes *);
 /* Does a box ask for a cell of this level, centre x [dim] and longest side h to be halved? Not collective. */
 PetscBool BoxesRefine(const Boxes *, PetscInt dim, PetscInt level, const PetscReal x[], PetscReal h);

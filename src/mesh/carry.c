@@ -360,19 +360,23 @@ PetscErrorCode MeshVisitTree(void *mesh, State s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* All leaves of the file, on every rank: leaf [n], to be freed */
-static PetscErrorCode load_leaves(const Leaves *t, State look, PetscInt n, Leaf **leaf)
+/* This rank's share of the leaves of the file: leaf, to be freed */
+static PetscErrorCode load_leaves(const Leaves *t, State look, PetscInt total, Leaf **leaf)
 {
-  PetscReal *v;
+  PetscMPIInt size, rank;
+  PetscInt    n, start;
+  PetscReal  *v;
 
   PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_size(t->comm, &size));
+  PetscCallMPI(MPI_Comm_rank(t->comm, &rank));
+  LeavesShare(total, size, rank, &n, &start);
   PetscCall(PetscMalloc1(n, &v));
   PetscCall(PetscCalloc1(n, leaf));
   for (PetscInt d = 0; d <= t->dim; d++) {
-    PetscCall(StateReals(look, d < t->dim ? PLACE[d] : "level", n, v));
+    PetscCall(StateRows(look, d < t->dim ? PLACE[d] : "level", PETSC_FALSE, n, v));
     for (PetscInt i = 0; i < n; i++) *(d < t->dim ? &(*leaf)[i].x[d] : &(*leaf)[i].level) = (PetscInt)v[i];
   }
-  for (PetscInt i = 0; i < n; i++) (*leaf)[i].key = LeavesKey(t, (*leaf)[i].x);
   PetscCall(PetscFree(v));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -9,6 +9,11 @@
 #define MAX_LATTICE (1 << 20)
 #define BAND_PLANE  2.2 /* from here on levels are balanced by themselves */
 #define BAND_SPACE  2.6
+#define BOXES       8 /* around the base cells of a rank */
+/* base cells from the own ones within which the formula is asked: LEAVES_AROUND, half of the one that holds the place,
+   one more for a narrow band */
+#define FAR     (LEAVES_AROUND + 2)
+#define CLOSURE 3 /* and within which a marked cell may have others refined */
 
 /* ---- the curve ---- */
 
@@ -113,13 +118,18 @@ static PetscErrorCode find_distance(Leaves *t, PetscInt level, const PetscReal x
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* With a narrow band, how far from a surface a cell of size h may be refined because of finer ones beside it */
+static PetscReal narrow_reach(const Leaves *t, PetscReal h)
+{
+  return t->band < (t->dim == 2 ? BAND_PLANE : BAND_SPACE) ? (1.5 * PetscSqrtReal((PetscReal)t->dim) + 0.5 * t->band) * h : 0;
+}
+
 /* Around surfaces, remembered: a narrow band asks again and again */
 static PetscErrorCode surface_refines(Leaves *t, PetscInt level, const PetscInt x[], PetscBool *refine)
 {
-  const PetscBool narrow = (PetscBool)(t->band < (t->dim == 2 ? BAND_PLANE : BAND_SPACE));
-  const uint64_t  key    = curve_key(t->dim, x);
-  PetscReal       centre[3], h, d = PETSC_MAX_REAL, far = 0;
-  PetscInt        known;
+  const uint64_t key = curve_key(t->dim, x);
+  PetscReal      centre[3], h, d = PETSC_MAX_REAL, far;
+  PetscInt       known;
 
   PetscFunctionBeginUser;
   *refine = PETSC_FALSE;
@@ -130,7 +140,7 @@ static PetscErrorCode surface_refines(Leaves *t, PetscInt level, const PetscInt 
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(measure(t, level, x, centre, &h));
-  if (narrow) far = (1.5 * PetscSqrtReal((PetscReal)t->dim) + 0.5 * t->band) * h; /* beyond, nothing finer forces it */
+  far = narrow_reach(t, h);
   PetscCall(find_distance(t, level, centre, PetscMax(far, t->band * h), &d));
   *refine = (PetscBool)(d < t->band * h);
   if (!*refine && d < far && level + 1 < t->levels) PetscCall(neighbours_refine(t, level, x, refine));
@@ -200,6 +210,15 @@ PetscInt LeavesOwnIndex(const Leaves *t, uint64_t key)
   return i >= 0 && t->leaf[i].key == key ? i : -1;
 }
 
+static PetscBool is_inside(const Leaves *t, const Leaf *leaf, const PetscInt x[])
+{
+  const PetscInt w = LeavesWidth(t, leaf->level);
+
+  for (PetscInt d = 0; d < t->dim; d++)
+    if (x[d] < leaf->x[d] || x[d] >= leaf->x[d] + w) return PETSC_FALSE;
+  return PETSC_TRUE;
+}
+
 PetscErrorCode LeavesFind(Leaves *t, const PetscInt x[], Leaf *out)
 {
   const uint64_t key = curve_key(t->dim, x);
@@ -212,8 +231,12 @@ PetscErrorCode LeavesFind(Leaves *t, const PetscInt x[], Leaf *out)
     *out = t->leaf[LeavesOwnBefore(t, key)];
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  if (t->list) {
-    *out = t->list[find_before(t->nlist, t->list, key)];
+  if (t->listed) {
+    const PetscInt i = find_before(t->nlist, t->list, key);
+
+    PetscCheck(i >= 0 && is_inside(t, t->list + i, x), PETSC_COMM_SELF, PETSC_ERR_PLIB,
+               "A cell of another rank is asked for that this one does not know");
+    *out = t->list[i];
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   for (out->level = 0;; out->level++) {
@@ -255,16 +278,15 @@ static PetscErrorCode check_balance(const Leaves *t, const Leaf *a, const Leaf *
           a->level, b->level, (double)x[0], (double)x[1], (double)t->band);
 }
 
-PetscErrorCode LeavesNeighbours(Leaves *t, const Leaf *leaf, PetscInt *n, Leaf out[LEAVES_MAX_NEIGHBOURS])
+/* Just outside, and in both halves along a side */
+void LeavesTouching(const Leaves *t, const Leaf *leaf, PetscInt *n, PetscInt out[LEAVES_MAX_NEIGHBOURS][3])
 {
-  const PetscInt w = LeavesWidth(t, leaf->level), half = w / 2, each = 4, count = t->dim == 2 ? each * each : each * each * each;
+  const PetscInt w = LeavesWidth(t, leaf->level), half = w / 2, count = t->dim == 2 ? 16 : 64;
 
-  PetscFunctionBeginUser;
   *n = 0;
-  for (PetscInt i = 0; i < count; i++) { /* places just outside, and in both halves along a side */
-    PetscInt  x[3] = {0, 0, 0}, inner = 0, k = 0;
+  for (PetscInt i = 0; i < count; i++) {
+    PetscInt  x[3] = {0, 0, 0}, inner = 0;
     PetscBool twice = PETSC_FALSE;
-    Leaf      other;
 
     for (PetscInt d = 0; d < t->dim; d++) {
       const PetscInt where = (i >> (2 * d)) & 3;
@@ -274,7 +296,22 @@ PetscErrorCode LeavesNeighbours(Leaves *t, const Leaf *leaf, PetscInt *n, Leaf o
       twice = (PetscBool)(twice || (where == 2 && !half));
     }
     if (twice || inner == t->dim || !LeavesWrap(t, x)) continue;
-    PetscCall(LeavesFind(t, x, &other));
+    (void)PetscArraycpy(out[(*n)++], x, 3);
+  }
+}
+
+PetscErrorCode LeavesNeighbours(Leaves *t, const Leaf *leaf, PetscInt *n, Leaf out[LEAVES_MAX_NEIGHBOURS])
+{
+  PetscInt count, x[LEAVES_MAX_NEIGHBOURS][3];
+
+  PetscFunctionBeginUser;
+  *n = 0;
+  LeavesTouching(t, leaf, &count, x);
+  for (PetscInt i = 0; i < count; i++) {
+    PetscInt k = 0;
+    Leaf     other;
+
+    PetscCall(LeavesFind(t, x[i], &other));
     while (k < *n && out[k].key != other.key) k++;
     if (k < *n) continue;
     PetscCall(check_balance(t, leaf, &other));
@@ -333,6 +370,64 @@ static PetscErrorCode list_roots(const Leaves *t, PetscInt nroot, Leaf root[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Boxes around base cells [n] along the curve: box [*nbox] */
+static PetscErrorCode bound_roots(const Leaves *t, PetscInt n, const Leaf root[], PetscInt *nbox, PetscReal box[BOXES][2][3])
+{
+  PetscFunctionBeginUser;
+  *nbox = 0;
+  for (PetscInt i = 0; i < BOXES; i++) {
+    const PetscInt from = n * i / BOXES, to = n * (i + 1) / BOXES;
+
+    if (from == to) continue;
+    for (PetscInt d = 0; d < 3; d++) {
+      box[*nbox][0][d] = d < t->dim ? PETSC_MAX_REAL : 0;
+      box[*nbox][1][d] = d < t->dim ? -PETSC_MAX_REAL : 0;
+    }
+    for (PetscInt c = from; c < to; c++)
+      for (PetscInt end = 0; end < 2; end++) {
+        PetscInt  half[3] = {0, 0, 0};
+        PetscReal x[3];
+
+        for (PetscInt d = 0; d < t->dim; d++) half[d] = 2 * (root[c].x[d] + end * LeavesWidth(t, 0));
+        PetscCall(LeavesPlace(t, half, x));
+        for (PetscInt d = 0; d < t->dim; d++) {
+          box[*nbox][0][d] = PetscMin(box[*nbox][0][d], x[d]);
+          box[*nbox][1][d] = PetscMax(box[*nbox][1][d], x[d]);
+        }
+      }
+    (*nbox)++;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Before the formula is asked about cells within FAR base cells of the given ones [n] */
+static PetscErrorCode look(Leaves *t, PetscInt n, const Leaf root[])
+{
+  const MeshKind k      = t->kind;
+  PetscReal      widest = 0, box[BOXES][2][3], reach;
+  PetscInt       nbox;
+  Regions        regions;
+
+  PetscFunctionBeginUser;
+  for (PetscInt c = 0; c < n; c++) {
+    PetscReal centre[3], h;
+
+    PetscCall(measure(t, 0, root[c].x, centre, &h));
+    widest = PetscMax(widest, h);
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &widest, 1, MPIU_REAL, MPIU_MAX, t->comm));
+  reach = PetscSqrtReal((PetscReal)t->dim) * FAR * widest;
+  PetscCall(bound_roots(t, n, root, &nbox, box));
+  PetscCall(RegionsCreate(t->comm, t->dim, k->lower, k->upper, k->period, nbox, box, &regions));
+  if (t->surface && t->surface->marks)
+    PetscCall(MarksLook(t->surface->marks, t, regions, reach + PetscSqrtReal((PetscReal)t->dim) * CLOSURE * widest));
+  reach += PetscMax(narrow_reach(t, widest), t->band * widest) + BoxesReach(&t->boxes, widest);
+  if (t->surface && t->surface->look) PetscCall((*t->surface->look)(t->surface->context, regions, reach));
+  PetscCall(BoxesPlace(&t->boxes, k, t->surface));
+  PetscCall(RegionsDestroy(&regions));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Leaves of every base cell, on all ranks; each counts its share: count [nroot] */
 static PetscErrorCode count_leaves(Leaves *t, PetscInt nroot, const Leaf root[], PetscInt count[])
 {
@@ -346,6 +441,7 @@ static PetscErrorCode count_leaves(Leaves *t, PetscInt nroot, const Leaf root[],
     begin[r] = (PetscMPIInt)((PetscInt64)nroot * r / size);
     n[r]     = (PetscMPIInt)((PetscInt64)nroot * (r + 1) / size) - begin[r];
   }
+  PetscCall(look(t, n[rank], root + begin[rank]));
   for (PetscInt i = begin[rank]; i < begin[rank] + n[rank]; i++) {
     PetscInt64 m = 0;
 
@@ -355,6 +451,12 @@ static PetscErrorCode count_leaves(Leaves *t, PetscInt nroot, const Leaf root[],
   PetscCallMPI(MPI_Allgatherv(MPI_IN_PLACE, 0, MPI_DATATYPE_NULL, count, n, begin, MPIU_INT, t->comm));
   PetscCall(PetscFree2(n, begin));
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+void LeavesShare(PetscInt64 total, PetscMPIInt size, PetscMPIInt rank, PetscInt *n, PetscInt *start)
+{
+  *start = (PetscInt)(total * rank / size);
+  *n     = (PetscInt)(total * (rank + 1) / size) - *start;
 }
 
 /* The range of this rank out of t->total leaves */
@@ -368,8 +470,7 @@ static PetscErrorCode take_range(Leaves *t)
   PetscCheck(t->total >= size, t->comm, PETSC_ERR_USER_INPUT, "%d cells are too few for %d ranks: raise -mesh_cells or use fewer ranks",
              (int)t->total, size);
   PetscCall(NumbersCheck(t->comm, t->dim, (PetscReal)t->total));
-  t->start = (PetscInt)(t->total * rank / size);
-  t->nleaf = (PetscInt)(t->total * (rank + 1) / size) - t->start;
+  LeavesShare(t->total, size, rank, &t->nleaf, &t->start);
   PetscCall(PetscMalloc1(t->nleaf, &t->leaf));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -387,8 +488,8 @@ static PetscErrorCode share_first_keys(Leaves *t)
 
 static PetscErrorCode find_own_leaves(Leaves *t)
 {
-  PetscInt   nroot = t->n[0] * t->n[1] * (t->dim == 3 ? t->n[2] : 1), *count;
-  PetscInt64 to, at = 0;
+  PetscInt   nroot = t->n[0] * t->n[1] * (t->dim == 3 ? t->n[2] : 1), *count, first = 0, last = 0;
+  PetscInt64 to, at = 0, from = 0;
   Leaf      *root;
 
   PetscFunctionBeginUser;
@@ -398,11 +499,14 @@ static PetscErrorCode find_own_leaves(Leaves *t)
   for (PetscInt i = 0; i < nroot; i++) t->total += count[i];
   PetscCall(take_range(t));
   to = t->start + t->nleaf;
-  for (PetscInt i = 0; i < nroot; at += count[i++]) {
-    PetscInt64 m = at;
-
-    if (at < to && at + count[i] > t->start) PetscCall(walk(t, 0, root[i].x, t->start, to, &m));
-  }
+  for (; last < nroot && at < to; at += count[last++]) /* base cells with own leaves: [first, last) */
+    if (at + count[last] <= t->start) {
+      first = last + 1;
+      from  = at + count[last];
+    }
+  PetscCall(look(t, last - first, root + first));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &t->boxes.carried, 1, MPIU_INT, MPI_SUM, t->comm));
+  for (PetscInt i = first; i < last; i++) PetscCall(walk(t, 0, root[i].x, t->start, to, &from));
   PetscCall(share_first_keys(t));
   PetscCall(PetscFree2(root, count));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -453,17 +557,15 @@ static void list_rows(Leaves *t)
 
 static PetscErrorCode read_regions(Leaves *t)
 {
-  BoxesNames names;
-  PetscBool  given = PETSC_TRUE;
+  PetscBool given = PETSC_TRUE;
 
   PetscFunctionBeginUser;
-  PetscCall(BoxesReadNames(&names));
-  t->around = names.bodies;
-  t->given  = names.expression;
+  PetscCall(BoxesRead(t->comm, t->dim, t->levels, &t->boxes));
+  t->around = t->boxes.names.bodies;
+  t->given  = t->boxes.names.expression;
   if (t->given) PetscCall(ExprRead("-mesh_distance", t->dim, 1, &t->constant, &t->distance, &given));
   PetscCheck(given, t->comm, PETSC_ERR_USER_INPUT,
              "-mesh_refine expression needs the distance to what is to be fine: give it by -mesh_distance, such as \"sqrt(x^2 + y^2) - 0.5\"");
-  PetscCall(BoxesRead(t->comm, t->kind, t->levels, t->surface, &names, &t->boxes));
   PetscCheck(!t->around || t->surface, t->comm, PETSC_ERR_USER_INPUT,
              "-mesh_levels %" PetscInt_FMT " refines around bodies, and the scene has none: name a box by -mesh_refine, or remove -mesh_levels",
              t->levels);
@@ -514,14 +616,16 @@ PetscErrorCode LeavesCreateEqual(MPI_Comm comm, MeshKind kind, Leaves *t)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode LeavesCreateFromList(MPI_Comm comm, MeshKind kind, PetscInt levels, PetscInt n, const Leaf list[], Leaves *t)
+PetscErrorCode LeavesCreateFromList(MPI_Comm comm, MeshKind kind, PetscInt levels, PetscInt64 total, const Leaf list[], Leaves *t)
 {
   PetscFunctionBeginUser;
-  *t = (Leaves){.comm = comm, .kind = kind, .dim = kind->dim, .levels = levels, .total = n, .nlist = n, .list = list};
+  *t = (Leaves){.comm = comm, .kind = kind, .dim = kind->dim, .levels = levels, .total = total, .listed = PETSC_TRUE};
   PetscCall(set_lattice(t));
   PetscCall(take_range(t));
-  PetscCall(PetscArraycpy(t->leaf, list + t->start, t->nleaf));
+  PetscCall(PetscArraycpy(t->leaf, list, t->nleaf));
+  for (PetscInt i = 0; i < t->nleaf; i++) t->leaf[i].key = curve_key(t->dim, t->leaf[i].x);
   PetscCall(share_first_keys(t));
+  PetscCall(LeavesLearn(t));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -541,8 +645,9 @@ PetscErrorCode LeavesClose(Leaves *t)
   for (PetscInt l = 0; l <= LEAVES_MAX_LEVELS; l++) PetscCall(KeysDestroy(&t->memo[l]));
   PetscCall(ExprDestroy(&t->distance));
   PetscCall(BoxesDestroy(&t->boxes));
+  PetscCall(PetscFree(t->list));
   t->surface = NULL;
-  t->list    = NULL;
+  t->nlist   = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -6,8 +6,9 @@
    cells that touch, corners included, differ by more than one level; for narrower bands a cell is also refined if one
    of its children's neighbours would otherwise be two levels finer than a cell beside it (Sundar, Sampath & Biros,
    SIAM J. Sci. Comput. 30, 2008, balance such trees from a list; here it is part of the formula). Whether a cell
-   exists can thus be told anywhere without communication. What -mesh_distance gives counts as the distance to one more
-   surface, filled where it is negative.
+   exists can thus be told without communication, by every rank near its own cells: there it knows where bodies are
+   (MeshSurface.look) and which cells are marked. What -mesh_distance gives counts as the distance to one more surface,
+   filled where it is negative.
 
    Cells are ordered along the Z curve (Morton 1966) of the lattice of finest cells; a rank has a contiguous range,
    found from the counts of base cells, the only thing all ranks know of. Places on the lattice: [0, n 2^levels) an
@@ -26,6 +27,7 @@ typedef struct {
 
 #define LEAVES_MAX_NEIGHBOURS 64
 #define LEAVES_MAX_LEVELS     12
+#define LEAVES_AROUND         4 /* layers of touching cells around the own ones: three (refined.c) and what lies beside */
 
 typedef struct _n_Leaves {
   MPI_Comm           comm;
@@ -36,8 +38,9 @@ typedef struct _n_Leaves {
   PetscReal          constant;
   PetscReal          band;
   const MeshSurface *surface; /* borrowed during construction */
+  PetscBool          listed;  /* leaves are given, in place of the formula, */
   PetscInt           nlist;
-  const Leaf        *list; /* [nlist] all leaves, in place of the formula; borrowed during construction */
+  Leaf              *list; /* [nlist] and these are those of other ranks around the own ones */
   Boxes              boxes;
   Keys               memo[LEAVES_MAX_LEVELS + 1]; /* is a cell refined? */
   PetscInt           nleaf, start;
@@ -52,17 +55,24 @@ PetscErrorCode LeavesCreate(MPI_Comm, MeshKind, PetscInt levels, const MeshSurfa
 /* The base cells themselves, unrefined; no rank lists more than its own. On one rank row by row, where only
    LeavesPlace may be asked. Collective. Error: fewer cells than ranks. */
 PetscErrorCode LeavesCreateEqual(MPI_Comm, MeshKind, Leaves *);
-/* The same with leaves that are given: all of them, along the curve, on every rank (borrowed until LeavesClose).
-   Collective. Error: fewer cells than ranks. */
-PetscErrorCode LeavesCreateFromList(MPI_Comm, MeshKind, PetscInt levels, PetscInt n, const Leaf[], Leaves *);
+/* The same with leaves that are given: this rank's share [LeavesShare] of the `total` along the curve, without their
+   keys. Collective. Error: fewer cells than ranks. */
+PetscErrorCode LeavesCreateFromList(MPI_Comm, MeshKind, PetscInt levels, PetscInt64 total, const Leaf[], Leaves *);
+/* Of leaves that are given: those around the own ones, by asking their owners. Collective. */
+PetscErrorCode LeavesLearn(Leaves *);
+/* Of so many leaves: how many a rank has, and which is its first. Not collective. */
+void           LeavesShare(PetscInt64 total, PetscMPIInt size, PetscMPIInt rank, PetscInt *n, PetscInt *start);
 PetscErrorCode LeavesDestroy(Leaves *);
 /* Have both the same base cells, levels, and leaves of this rank? Collective, the same on all ranks. */
 PetscErrorCode LeavesAreSame(const Leaves *, const Leaves *, PetscBool *same);
 /* Forget the surface, and with it the leaves of other ranks. */
 PetscErrorCode LeavesClose(Leaves *);
 
-/* The cell that holds the finest cell x [dim] inside the lattice; not collective. */
+/* The cell that holds the finest cell x [dim] inside the lattice, no farther than LEAVES_AROUND cells from an own one;
+   not collective. */
 PetscErrorCode LeavesFind(Leaves *, const PetscInt x[], Leaf *);
+/* Finest cells just outside of a cell that lie in all cells that touch it: x [*n][3] */
+void LeavesTouching(const Leaves *, const Leaf *, PetscInt *n, PetscInt x[LEAVES_MAX_NEIGHBOURS][3]);
 /* Cells that touch a cell, each once. Error: levels jump by more than one (a distance that is none). */
 PetscErrorCode LeavesNeighbours(Leaves *, const Leaf *, PetscInt *n, Leaf out[LEAVES_MAX_NEIGHBOURS]);
 /* Level of the cell that lies beside the cell in direction step [dim] of -1, 0, 1: its own if it is as large or in

@@ -12,8 +12,9 @@ typedef struct {
 } Cells;
 
 struct _p_MeshMarks {
-  Keys  known[LEAVES_MAX_LEVELS + 1];
-  Cells cell[LEAVES_MAX_LEVELS + 1]; /* in the order of coming */
+  PetscInt n, (*own)[PLACE]; /* refined cells of this rank */
+  Keys     known[LEAVES_MAX_LEVELS + 1];
+  Cells    cell[LEAVES_MAX_LEVELS + 1]; /* in the order of coming */
 };
 
 PetscBool MarksHave(const struct _p_MeshMarks *m, PetscInt level, uint64_t key)
@@ -28,14 +29,23 @@ PetscErrorCode MeshMarksCreate(MeshMarks *marks)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode forget(MeshMarks m)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt l = 0; l <= LEAVES_MAX_LEVELS; l++) {
+    PetscCall(KeysDestroy(&m->known[l]));
+    PetscCall(PetscFree(m->cell[l].x));
+    m->cell[l] = (Cells){0};
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode MeshMarksDestroy(MeshMarks *marks)
 {
   PetscFunctionBeginUser;
   if (!*marks) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt l = 0; l <= LEAVES_MAX_LEVELS; l++) {
-    PetscCall(KeysDestroy(&(*marks)->known[l]));
-    PetscCall(PetscFree((*marks)->cell[l].x));
-  }
+  PetscCall(forget(*marks));
+  PetscCall(PetscFree((*marks)->own));
   PetscCall(PetscFree(*marks));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -72,46 +82,77 @@ static PetscErrorCode add_parents_around(MeshMarks m, const Leaves *t, PetscInt 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Parents of own leaves and marked ones: list [*n][PLACE] */
-static PetscErrorCode list_own(const Leaves *t, const PetscBool mark[], PetscInt *n, PetscInt **list)
+PetscErrorCode MeshMarksGrow(Mesh mesh, const PetscBool mark[], MeshMarks *marks)
 {
-  PetscInt room = 0;
+  const Leaves *t    = mesh->leaves;
+  PetscInt      room = 0;
+  MeshMarks     m;
 
   PetscFunctionBeginUser;
-  *n    = 0;
-  *list = NULL;
+  PetscCall(MeshMarksCreate(&m));
   for (PetscInt c = 0; c < t->nleaf; c++) {
     const Leaf    *leaf  = t->leaf + c;
     const PetscInt level = mark[c] && leaf->level < t->levels ? leaf->level : leaf->level - 1;
 
     if (level < 0) continue; /* parents of parents follow from the closure */
-    PetscCall(RoomFor(*n + 1, &room, list, PLACE * sizeof(PetscInt), NULL));
-    PetscCall(PetscArraycpy(*list + PLACE * *n, leaf->x, 3));
-    (*list)[PLACE * (*n)++ + 3] = level;
+    PetscCall(RoomFor(m->n + 1, &room, &m->own, sizeof(*m->own), NULL));
+    PetscCall(PetscArraycpy(m->own[m->n], leaf->x, 3));
+    m->own[m->n++][3] = level;
   }
+  *marks = m;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MeshMarksGrow(Mesh mesh, const PetscBool mark[], MeshMarks *marks)
+/* Refined cells of other ranks and of this one that are near to its regions: cell [*n] */
+static PetscErrorCode exchange(MeshMarks m, const Leaves *t, Regions regions, PetscReal reach, PetscInt *n, PetscInt (**cell)[PLACE])
 {
-  const Leaves *t = mesh->leaves;
-  PetscInt      nown, n, *own, *all;
-  MeshMarks     m;
+  PetscMPIInt *to   = NULL, *from, tag;
+  PetscInt     nout = 0, room = 0, *which = NULL, (*out)[PLACE];
+  MPI_Comm     comm;
 
   PetscFunctionBeginUser;
-  PetscCall(MeshMarksCreate(&m));
-  PetscCall(list_own(t, mark, &nown, &own));
-  PetscCall(ParcelsGather(mesh->comm, nown, PLACE * sizeof(*own), own, &n, &all, NULL));
-  for (PetscInt i = 0; i < n; i++) PetscCall(add_cell(m, t, all[PLACE * i + 3], all + PLACE * i));
+  for (PetscInt i = 0; i < m->n; i++) {
+    const PetscMPIInt *rank;
+    PetscInt           half[3], count;
+    PetscReal          x[3] = {0, 0, 0};
+
+    for (PetscInt d = 0; d < 3; d++) half[d] = 2 * m->own[i][d] + 1;
+    PetscCall(LeavesPlace(t, half, x));
+    PetscCall(RegionsNear(regions, x, reach, &count, &rank));
+    PetscCall(RoomFor(nout + count, &room, &to, sizeof(*to), &which, sizeof(*which), NULL));
+    for (PetscInt k = 0; k < count; k++) {
+      to[nout]      = rank[k];
+      which[nout++] = i;
+    }
+  }
+  PetscCall(PetscSortMPIIntWithIntArray((PetscMPIInt)nout, to, which));
+  PetscCall(PetscMalloc1(nout, &out));
+  for (PetscInt i = 0; i < nout; i++) PetscCall(PetscArraycpy(out[i], m->own[which[i]], PLACE));
+  PetscCall(PetscCommDuplicate(t->comm, &comm, &tag));
+  PetscCall(ParcelsExchange(comm, tag, nout, to, sizeof(*out), out, n, cell, &from));
+  PetscCall(PetscCommDestroy(&comm));
+  PetscCall(PetscFree(to));
+  PetscCall(PetscFree(from));
+  PetscCall(PetscFree(which));
+  PetscCall(PetscFree(out));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MarksLook(MeshMarks m, const Leaves *t, Regions regions, PetscReal reach)
+{
+  PetscInt n, (*cell)[PLACE];
+
+  PetscFunctionBeginUser;
+  PetscCall(forget(m));
+  PetscCall(exchange(m, t, regions, reach, &n, &cell));
+  for (PetscInt i = 0; i < n; i++) PetscCall(add_cell(m, t, cell[i][3], cell[i]));
   for (PetscInt level = t->levels; level > 0; level--)
     for (PetscInt i = 0; i < m->cell[level].n; i++) {
       const PetscInt x[3] = {m->cell[level].x[i][0], m->cell[level].x[i][1], m->cell[level].x[i][2]};
 
       PetscCall(add_parents_around(m, t, level, x));
     }
-  PetscCall(PetscFree(own));
-  PetscCall(PetscFree(all));
-  *marks = m;
+  PetscCall(PetscFree(cell));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

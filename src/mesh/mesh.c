@@ -248,7 +248,7 @@ PetscErrorCode MeshCreateAround(MPI_Comm comm, const MeshSurface *surface, Mesh 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MeshCreateOf(MPI_Comm comm, const PetscInt cells[3], PetscInt levels, PetscInt n, const Leaf leaf[], Mesh *mesh)
+PetscErrorCode MeshCreateOf(MPI_Comm comm, const PetscInt cells[3], PetscInt levels, PetscInt64 total, const Leaf leaf[], Mesh *mesh)
 {
   Mesh   m;
   Leaves leaves;
@@ -258,7 +258,7 @@ PetscErrorCode MeshCreateOf(MPI_Comm comm, const PetscInt cells[3], PetscInt lev
   m->comm = comm;
   PetscCall(MeshKindReadBox(comm, &m->kind));
   PetscCall(MeshKindSetCells(m->kind, cells));
-  PetscCall(LeavesCreateFromList(comm, m->kind, levels, n, leaf, &leaves));
+  PetscCall(LeavesCreateFromList(comm, m->kind, levels, total, leaf, &leaves));
   PetscCall(RefinedBuild(m, &leaves));
   PetscCall(complete(m));
   *mesh = m;

@@ -8,6 +8,6 @@
    over, closed. Collective. Errors: more memory than there is; levels that jump. */
 PetscErrorCode RefinedBuild(Mesh, Leaves *);
 PetscErrorCode RefinedDestroy(Mesh);
-/* The whole mesh of leaves that are known: those of LeavesCreateFromList, in the box of the options with these base
+/* The whole mesh of leaves that are given: those of LeavesCreateFromList, in the box of the options with these base
    cells. Collective. */
-PetscErrorCode MeshCreateOf(MPI_Comm, const PetscInt cells[3], PetscInt levels, PetscInt n, const Leaf[], Mesh *);
+PetscErrorCode MeshCreateOf(MPI_Comm, const PetscInt cells[3], PetscInt levels, PetscInt64 total, const Leaf[], Mesh *);

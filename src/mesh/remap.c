@@ -4,6 +4,7 @@
 #include "mesh/remap.h"
 #include "base/algebra.h"
 #include "base/parcels.h"
+#include "base/regions.h"
 #include "base/room.h"
 #include "mesh/element.h"
 
@@ -24,10 +25,8 @@ struct _p_Remap {
   const MeshLocal *loc;
   MPI_Comm         comm;
   PetscMPIInt      tag;
-  /* around the own cells of all ranks when it was made, by ranks; nodes move by less than pad */
-  PetscInt     nbox;
-  PetscMPIInt *box_rank;
-  PetscReal (*box)[2][3], pad;
+  Regions          regions; /* where the ranks' own cells were when it was made; nodes move by less than pad */
+  PetscReal        pad;
 };
 
 /* ---- one cell ---- */
@@ -252,42 +251,38 @@ typedef struct {
 
 #define REPLY 2 /* numbers before the values of a reply: key, which */
 
-/* May own cells of the rank with box b be in the patch around x? */
-static PetscBool is_near_box(Remap r, PetscInt b, const PetscReal x[], PetscReal size)
-{
-  for (PetscInt a = 0; a < r->loc->dim; a++) {
-    const PetscReal lower = r->box[b][0][a], upper = r->box[b][1][a];
-
-    if (PetscAbsReal(MeshNearest(r->loc, a, x[a] - 0.5 * (lower + upper))) > 0.5 * (upper - lower) + 3 * size + r->pad) return PETSC_FALSE;
-  }
-  return PETSC_TRUE;
-}
-
-/* Questions [*n], by the ranks to [*n] that they go to */
+/* Questions [*n], by the ranks to [*n] that they go to: those that may have cells in the patch around a place */
 static PetscErrorCode list_questions(Remap r, PetscInt nopen, const PetscInt open[], const PetscReal x[], const PetscReal size[],
                                      const PetscInt side[], PetscInt *n, PetscMPIInt **to, Question **question)
 {
   const PetscInt dim  = r->loc->dim;
-  PetscInt       room = 0;
-  PetscMPIInt   *last; /* rank that was asked last */
+  PetscInt       room = 0, *which;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscMalloc1(nopen, &last));
-  for (PetscInt e = 0; e < nopen; e++) last[e] = -1;
-  *n        = 0;
-  *to       = NULL;
-  *question = NULL;
-  for (PetscInt b = 0; b < r->nbox; b++)
-    for (PetscInt e = 0; e < nopen; e++) {
-      const PetscReal *at = x + dim * open[e];
+  *n    = 0;
+  *to   = NULL;
+  which = NULL;
+  for (PetscInt e = 0; e < nopen; e++) {
+    const PetscReal   *at = x + dim * open[e], y[3] = {at[0], at[1], dim == 3 ? at[2] : 0};
+    const PetscMPIInt *rank = NULL;
+    PetscInt           m;
 
-      if (last[e] == r->box_rank[b] || !is_near_box(r, b, at, size[open[e]])) continue;
-      last[e] = r->box_rank[b];
-      PetscCall(RoomFor(*n + 1, &room, to, sizeof(**to), question, sizeof(**question), NULL));
-      (*to)[*n]           = r->box_rank[b];
-      (*question)[(*n)++] = (Question){{at[0], at[1], dim == 3 ? at[2] : 0}, size[open[e]], (PetscReal)side[open[e]], (PetscReal)e};
+    PetscCall(RegionsNear(r->regions, y, PetscSqrtReal((PetscReal)dim) * (3 * size[open[e]] + r->pad), &m, &rank));
+    PetscCall(RoomFor(*n + m, &room, to, sizeof(**to), &which, sizeof(*which), NULL));
+    for (PetscInt i = 0; i < m; i++) {
+      (*to)[*n]     = rank[i];
+      which[(*n)++] = e;
     }
-  PetscCall(PetscFree(last));
+  }
+  PetscCall(PetscSortMPIIntWithIntArray((PetscMPIInt)*n, *to, which));
+  PetscCall(PetscMalloc1(*n, question));
+  for (PetscInt i = 0; i < *n; i++) {
+    const PetscInt   e  = which[i];
+    const PetscReal *at = x + dim * open[e];
+
+    (*question)[i] = (Question){{at[0], at[1], dim == 3 ? at[2] : 0}, size[open[e]], (PetscReal)side[open[e]], (PetscReal)e};
+  }
+  PetscCall(PetscFree(which));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -386,15 +381,16 @@ static PetscErrorCode evaluate_all(Remap r, PetscInt n, const PetscInt nodes[], 
 
 /* ---- public ---- */
 
-static PetscErrorCode gather_boxes(Remap r)
+static PetscErrorCode find_regions(Remap r)
 {
-  PetscInt n = 0;
+  const MeshLocal *l = r->loc;
+  PetscInt         n = 0;
   PetscReal(*own)[2][3];
 
   PetscFunctionBeginUser;
   PetscCall(MeshCover(r->mesh, 1, &n, &own, &r->pad));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &r->pad, 1, MPIU_REAL, MPIU_MAX, r->comm));
-  PetscCall(ParcelsGather(r->comm, n, sizeof(*own), own, &r->nbox, &r->box, &r->box_rank));
+  PetscCall(RegionsCreate(r->comm, l->dim, l->lower, l->upper, l->period, n, own, &r->regions));
   PetscCall(PetscFree(own));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -408,7 +404,7 @@ PetscErrorCode RemapCreate(Mesh mesh, Remap *remap)
   r->mesh = mesh;
   PetscCall(MeshGetLocal(mesh, &r->loc));
   PetscCall(PetscCommDuplicate(PETSC_COMM_WORLD, &r->comm, &r->tag));
-  PetscCall(gather_boxes(r));
+  PetscCall(find_regions(r));
   *remap = r;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -417,8 +413,7 @@ PetscErrorCode RemapDestroy(Remap *remap)
 {
   PetscFunctionBeginUser;
   if (!*remap) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscFree((*remap)->box));
-  PetscCall(PetscFree((*remap)->box_rank));
+  PetscCall(RegionsDestroy(&(*remap)->regions));
   PetscCall(PetscCommDestroy(&(*remap)->comm));
   PetscCall(PetscFree(*remap));
   PetscFunctionReturn(PETSC_SUCCESS);

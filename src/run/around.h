@@ -1,8 +1,8 @@
 /* Around: how far places are from the bodies of a scene, for meshes that are refined around them (MeshSurface).
 
    Asked for a distance within some reach, it looks at those bodies alone whose box, so much larger, holds the place: a
-   search grid (base/grid.h) for every power of two of the reach, made when it is first asked for. Which cells there are
-   can be asked on any rank, so that all hear where the bodies are while a mesh is made. */
+   search grid (base/grid.h) for every power of two of the reach, made when it is first asked for. While a mesh is made
+   a rank knows the bodies near the cells that it asks about: their owners send where they are. */
 #pragma once
 #include "base/grid.h"
 #include "bodies/bodies.h"
@@ -17,22 +17,24 @@ typedef struct {
   PetscReal  lower[3], upper[3], period[3];
   PetscBool  inside; /* insides count as surface */
   PetscReal  margin; /* distances are less by this */
-  /* all bodies by their numbers, while a mesh is made (AroundCollect): [n] */
+  /* where the mesh is to have the known bodies, and their velocities, against which wakes lie: [n of the state]; NULL:
+     those of the state */
+  PetscReal (*X)[3], (*q)[4], (*u)[3];
+  /* bodies that may be asked about (AroundLook), by their numbers: [n] */
   PetscInt n, *group;
-  PetscReal (*X)[3], (*q)[4], (*u)[3], *scale; /* u: wakes lie against these velocities */
-  PetscBool *gone;
+  PetscReal (*near_X)[3], (*near_q)[4], (*near_u)[3], *scale;
+  PetscBool *gone, *own;
   PetscInt   ngrid, power[AROUND_GRIDS]; /* of two, of the reach */
   Grid       grid[AROUND_GRIDS];
   PetscInt  *body[AROUND_GRIDS]; /* of an item: one or an image of one */
 } Around;
 
-/* Where the known bodies are: X, q, u [n of the state]; all ranks then know these of all bodies (some 110 bytes each),
-   and nothing else, until AroundDrop. Collective. */
-PetscErrorCode AroundCollect(Around *, const PetscReal (*X)[3], const PetscReal (*q)[4], const PetscReal (*u)[3]);
+/* MeshSurface.look with an Around as context: a rank knows the bodies that are nearer than reach to its regions (some
+   120 bytes each), until the next look or AroundDrop. Collective. */
+PetscErrorCode AroundLook(void *around, Regions, PetscReal reach);
 PetscErrorCode AroundDrop(Around *);
 /* MeshSurface.distance with an Around as context: smallest distance of x to any body that is not gone, from inside 0 or
-   positive; grids stay until AroundForget, which is due when bodies have moved. Not collective. */
+   positive. Not collective. */
 PetscErrorCode AroundDistance(void *around, const PetscReal x[3], PetscReal reach, PetscReal *d);
-PetscErrorCode AroundForget(Around *);
 /* MeshSurface.carriers with an Around as context. Error: a wake of bodies that stand still. */
 PetscErrorCode AroundCarriers(void *around, const char group[], PetscBool motion, MeshCarriers *);

@@ -28,7 +28,6 @@ struct _p_MeshAdapt {
   PetscReal        tolerance, share, finest, relative;
   PetscReal       *eta; /* [ncell] */
   PetscInt         column;
-  MeshMarks        marks;
 };
 
 PetscErrorCode MeshAdaptIsWanted(PetscBool *wanted)
@@ -94,7 +93,6 @@ PetscErrorCode MeshAdaptDestroy(MeshAdapt *adapt)
 {
   PetscFunctionBeginUser;
   if (!*adapt) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MeshMarksDestroy(&(*adapt)->marks));
   PetscCall(PetscFree((*adapt)->eta));
   PetscCall(PetscFree(*adapt));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -137,11 +135,17 @@ PetscErrorCode MeshAdaptEstimate(MeshAdapt a, PetscInt unknowns, const PetscReal
 
 /* ---- which cells ---- */
 
+/* Closer to a surface a cell is not halved alone */
+static PetscReal near_surface(MeshAdapt a)
+{
+  return NEAR * a->finest * (PetscReal)((PetscInt)1 << a->surface.coarser);
+}
+
 /* Is own cell c one of those at a surface, all of which are of one size? */
 static PetscErrorCode is_at_surface(MeshAdapt a, PetscInt c, PetscInt level, PetscBool *at)
 {
   const MeshLocal *l    = a->loc;
-  const PetscReal  near = NEAR * a->finest * (PetscReal)((PetscInt)1 << a->surface.coarser);
+  const PetscReal  near = near_surface(a);
   PetscReal        d = PETSC_MAX_REAL, x[3] = {0, 0, 0};
 
   PetscFunctionBeginUser;
@@ -153,10 +157,28 @@ static PetscErrorCode is_at_surface(MeshAdapt a, PetscInt c, PetscInt level, Pet
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Before own cells ask how far they are from the surface */
+static PetscErrorCode look_here(MeshAdapt a)
+{
+  const MeshLocal *l = a->loc;
+  Regions          regions;
+  PetscInt         n;
+  PetscReal        beyond, (*box)[2][3];
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshCover(a->mesh, 0, &n, &box, &beyond));
+  PetscCall(RegionsCreate(PETSC_COMM_WORLD, l->dim, l->lower, l->upper, l->period, n, box, &regions));
+  PetscCall((*a->surface.look)(a->surface.context, regions, near_surface(a)));
+  PetscCall(RegionsDestroy(&regions));
+  PetscCall(PetscFree(box));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* How own cells can be halved: [ncell] */
 static PetscErrorCode sort_cells(MeshAdapt a, Way way[])
 {
   PetscFunctionBeginUser;
+  if (a->surface.look) PetscCall(look_here(a));
   for (PetscInt c = 0; c < a->loc->ncell; c++) {
     PetscInt  level;
     PetscBool at;
@@ -233,24 +255,26 @@ static PetscInt count_unknowns(const MeshLocal *l)
   return l->dim * l->nnode_global + (l->dim + 1) * l->ncell_global;
 }
 
-/* *now: the mesh with the cells that make this share of the error halved, NULL if none can be */
-static PetscErrorCode try_share(MeshAdapt a, const Way way[], PetscReal share, MeshSurface *surface, MeshMarks *marks, Mesh *now)
+/* *now: the mesh with the cells that make this share of the error halved, NULL if none can be; *coarser as of mark_cells */
+static PetscErrorCode try_share(MeshAdapt a, const Way way[], PetscReal share, PetscInt *coarser, Mesh *now)
 {
-  PetscReal  bound = 0;
-  PetscBool *mark, any = PETSC_FALSE;
+  PetscReal   bound   = 0;
+  MeshSurface surface = a->surface;
+  MeshMarks   marks;
+  PetscBool  *mark, any = PETSC_FALSE;
 
   PetscFunctionBeginUser;
-  *now   = NULL;
-  *marks = NULL;
+  *now = NULL;
   PetscCall(PetscMalloc1(a->loc->ncell, &mark));
   PetscCall(find_bound(a, way, share, &bound));
-  *surface = a->surface;
-  PetscCall(mark_cells(a, way, bound, mark, &surface->coarser, &any));
+  PetscCall(mark_cells(a, way, bound, mark, &surface.coarser, &any));
   if (any) {
-    PetscCall(MeshMarksGrow(a->mesh, mark, marks));
-    surface->marks = *marks;
-    PetscCall(MeshCreateAround(PETSC_COMM_WORLD, surface, now));
+    PetscCall(MeshMarksGrow(a->mesh, mark, &marks));
+    surface.marks = marks;
+    PetscCall(MeshCreateAround(PETSC_COMM_WORLD, &surface, now));
+    PetscCall(MeshMarksDestroy(&marks));
   }
+  *coarser = surface.coarser;
   PetscCall(PetscFree(mark));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -259,11 +283,10 @@ static PetscErrorCode try_share(MeshAdapt a, const Way way[], PetscReal share, M
    -mesh_levels allows */
 static PetscErrorCode make_mesh(MeshAdapt a, Mesh *now)
 {
-  PetscReal   share = a->share;
-  PetscBool   full  = PETSC_FALSE;
-  MeshSurface surface;
-  MeshMarks   marks;
-  Way        *way;
+  PetscReal share   = a->share;
+  PetscBool full    = PETSC_FALSE;
+  PetscInt  coarser = a->surface.coarser;
+  Way      *way;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(a->loc->ncell, &way));
@@ -271,22 +294,19 @@ static PetscErrorCode make_mesh(MeshAdapt a, Mesh *now)
   for (PetscInt i = 0; i < NTRY; i++, share *= 0.5) {
     const MeshLocal *l;
 
-    PetscCall(try_share(a, way, share, &surface, &marks, now));
+    PetscCall(try_share(a, way, share, &coarser, now));
     if (!*now) break;
     PetscCall(MeshGetLocal(*now, &l));
     full = (PetscBool)(full || (a->most > 0 && count_unknowns(l) > a->most));
     if (!full || (count_unknowns(l) <= a->most && count_unknowns(l) > MORE * count_unknowns(a->loc))) break;
     PetscCall(MeshDestroy(now));
-    PetscCall(MeshMarksDestroy(&marks));
   }
   PetscCall(PetscFree(way));
   if (!*now && !full)
     PetscCall(
       LogRemark("-mesh_adapt ends before its target: all cells with errors have been halved %" PetscInt_FMT " times. Raise -mesh_levels", a->levels));
   if (!*now) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MeshMarksDestroy(&a->marks));
-  a->marks   = marks;
-  a->surface = surface;
+  a->surface.coarser = coarser;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -20,9 +20,8 @@ struct _p_Refine {
   PetscBool follows;
   PetscInt  coarser; /* levels less than -mesh_levels around bodies on the first mesh */
   PetscInt  reach;   /* cells beyond its own within which a rank is to know bodies */
-  /* of a mesh that follows: [n] of the known bodies. way: -mesh_follow_way */
-  PetscReal (*X)[3], (*q)[4], (*u)[3], way;
-  PetscInt changes;
+  PetscReal way;     /* -mesh_follow_way */
+  PetscInt  changes;
   /* what stands on the mesh */
   Flow    flow;
   Couple  couple;
@@ -33,14 +32,14 @@ struct _p_Refine {
 /* Cells that a surface cuts and that have nodes of a larger cell cost iterations: 11 become 19, 30 become 45 */
 static PetscErrorCode remark_cut_jumps(Around *s, Mesh mesh)
 {
+  const PetscBool  inside = s->inside;
+  const PetscReal  margin = s->margin;
   const MeshLocal *l;
-  PetscInt         cut   = 0;
-  Around           plain = *s;
+  PetscInt         cut = 0;
 
   PetscFunctionBeginUser;
-  plain.inside = PETSC_FALSE;
-  plain.margin = 0;
-  plain.ngrid  = 0;
+  s->inside = PETSC_FALSE;
+  s->margin = 0;
   PetscCall(MeshGetLocal(mesh, &l));
   for (PetscInt c = 0; c < l->ncell && s->n; c++) {
     PetscReal xc[MESH_MAX_NB * 3], centre[3] = {0, 0, 0}, r = 0, d;
@@ -52,10 +51,11 @@ static PetscErrorCode remark_cut_jumps(Around *s, Mesh mesh)
       r += PetscSqr(centre[a] - xc[a]);
     }
     r = PetscSqrtReal(r);
-    PetscCall(AroundDistance(&plain, centre, r, &d));
+    PetscCall(AroundDistance(s, centre, r, &d));
     cut += d < r;
   }
-  PetscCall(AroundForget(&plain));
+  s->inside = inside;
+  s->margin = margin;
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &cut, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
   if (cut)
     PetscCall(LogRemark("levels of the mesh jump at %" PetscInt_FMT
@@ -78,10 +78,10 @@ static PetscErrorCode place_bodies(Refine r, PetscReal dt)
     for (PetscInt a = 0; a < s->dim; a++) speed += PetscSqr(s->u[k][a] - s->frame_u[a]);
     speed = PetscSqrtReal(speed);
     if (speed * ahead > r->surface.margin) ahead = r->surface.margin / speed;
-    for (PetscInt a = 0; a < 3; a++) r->X[k][a] = s->x[k][a] + ahead * (s->u[k][a] - s->frame_u[a]);
-    PetscCall(PetscArraycpy(r->q[k], s->q[k], 4));
+    for (PetscInt a = 0; a < 3; a++) r->surface.X[k][a] = s->x[k][a] + ahead * (s->u[k][a] - s->frame_u[a]);
+    PetscCall(PetscArraycpy(r->surface.q[k], s->q[k], 4));
     speed = PetscSqrtReal(dot3(s->u[k], s->u[k]));
-    for (PetscInt a = 0; a < 3; a++) r->u[k][a] = dt == 0 || speed * AHEAD * dt > CREEPS * r->surface.margin ? s->u[k][a] : 0;
+    for (PetscInt a = 0; a < 3; a++) r->surface.u[k][a] = dt == 0 || speed * AHEAD * dt > CREEPS * r->surface.margin ? s->u[k][a] : 0;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -97,8 +97,8 @@ static PetscErrorCode find_way(Refine r, PetscInt k, PetscReal dt, PetscReal *wa
   /* the step of the box is not known yet: as fast as in the last one */
   for (PetscInt a = 0; a < s->dim; a++) X[a] += s->frame_next[a] - s->frame[a] - dt * s->frame_u[a];
   *way = 0;
-  for (PetscInt a = 0; a < s->dim; a++) *way += PetscSqr(DomainNearest(r->surface.period[a], X[a] - r->X[k][a], 0));
-  for (PetscInt a = 0; a < 4; a++) dot += q[a] * r->q[k][a];
+  for (PetscInt a = 0; a < s->dim; a++) *way += PetscSqr(DomainNearest(r->surface.period[a], X[a] - r->surface.X[k][a], 0));
+  for (PetscInt a = 0; a < 4; a++) dot += q[a] * r->surface.q[k][a];
   *way = PetscSqrtReal(*way);
   if (BodiesGetDisc(s, k) == 0) *way += 2 * BodiesGetRadius(s, k) * PetscSqrtReal(PetscMax(0, 1 - PetscSqr(PetscMin(1, PetscAbsReal(dot)))));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -107,19 +107,11 @@ static PetscErrorCode find_way(Refine r, PetscInt k, PetscReal dt, PetscReal *wa
 /* What a mesh is made around */
 static MeshSurface mesh_surface(Refine r)
 {
-  return (
-    MeshSurface){.distance = r->surface.s->nall ? AroundDistance : NULL, .carriers = AroundCarriers, .context = &r->surface, .coarser = r->coarser};
-}
-
-/* Where the bodies are: as they were when the mesh was made last, or at the start */
-static PetscErrorCode collect_bodies(Refine r)
-{
-  BodyState *s = r->surface.s;
-
-  PetscFunctionBeginUser;
-  if (r->X) PetscCall(AroundCollect(&r->surface, r->X, r->q, r->u));
-  else PetscCall(AroundCollect(&r->surface, s->x, s->q, s->u));
-  PetscFunctionReturn(PETSC_SUCCESS);
+  return (MeshSurface){.distance = r->surface.s->nall ? AroundDistance : NULL,
+                       .carriers = AroundCarriers,
+                       .look     = AroundLook,
+                       .context  = &r->surface,
+                       .coarser  = r->coarser};
 }
 
 static PetscErrorCode start_following(Refine r)
@@ -154,7 +146,6 @@ static PetscErrorCode start_coarse(Refine r)
 PetscErrorCode RefineGetSurface(Refine r, MeshSurface *surface)
 {
   PetscFunctionBeginUser;
-  PetscCall(collect_bodies(r));
   *surface = mesh_surface(r);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -183,10 +174,8 @@ PetscErrorCode RefineCreateMesh(MPI_Comm comm, PetscBool around, Bodies *bodies,
   if (r->follows) PetscCall(start_following(r));
   if (still) PetscCall(MeshAdaptIsWanted(&adapt));
   if (adapt) PetscCall(start_coarse(r));
-  PetscCall(collect_bodies(r));
   surface = mesh_surface(r);
-  PetscCall(MeshCreateAround(comm, s->n || adapt ? &surface : NULL, mesh));
-  PetscCall(AroundForget(s));
+  PetscCall(MeshCreateAround(comm, s->s->nall || adapt ? &surface : NULL, mesh));
   PetscCall(remark_cut_jumps(s, *mesh));
   PetscCall(AroundDrop(s));
   r->mesh = *mesh;
@@ -199,10 +188,10 @@ PetscErrorCode RefineDestroy(Refine *refine)
   PetscFunctionBeginUser;
   if (!*refine) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(AroundDrop(&(*refine)->surface));
-  if ((*refine)->X) {
-    PetscCall(BodiesDetach((*refine)->surface.bodies, (void **)&(*refine)->X));
-    PetscCall(BodiesDetach((*refine)->surface.bodies, (void **)&(*refine)->q));
-    PetscCall(BodiesDetach((*refine)->surface.bodies, (void **)&(*refine)->u));
+  if ((*refine)->surface.X) {
+    PetscCall(BodiesDetach((*refine)->surface.bodies, (void **)&(*refine)->surface.X));
+    PetscCall(BodiesDetach((*refine)->surface.bodies, (void **)&(*refine)->surface.q));
+    PetscCall(BodiesDetach((*refine)->surface.bodies, (void **)&(*refine)->surface.u));
   }
   PetscCall(PetscFree(*refine));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -216,9 +205,9 @@ PetscErrorCode RefineSetBodies(Refine r, Bodies bodies, PetscInt reach)
   r->reach          = reach;
   PetscCall(BodiesGetState(bodies, &r->surface.s));
   if (!r->follows) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(BodiesAttach(bodies, sizeof(*r->X), (void **)&r->X));
-  PetscCall(BodiesAttach(bodies, sizeof(*r->q), (void **)&r->q));
-  PetscCall(BodiesAttach(bodies, sizeof(*r->u), (void **)&r->u));
+  PetscCall(BodiesAttach(bodies, sizeof(*r->surface.X), (void **)&r->surface.X));
+  PetscCall(BodiesAttach(bodies, sizeof(*r->surface.q), (void **)&r->surface.q));
+  PetscCall(BodiesAttach(bodies, sizeof(*r->surface.u), (void **)&r->surface.u));
   PetscCall(place_bodies(r, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -251,8 +240,7 @@ static PetscErrorCode remesh(Refine r)
 
   PetscFunctionBeginUser;
   if (r->couple) PetscCall(CoupleLeave(r->couple));
-  PetscCall(collect_bodies(r));
-  PetscCall(MeshRemesh(r->mesh, r->surface.n ? &surface : NULL, &old));
+  PetscCall(MeshRemesh(r->mesh, r->surface.s->nall ? &surface : NULL, &old));
   PetscCall(AroundDrop(&r->surface));
   PetscCall(renew_above(r, old));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -327,11 +315,11 @@ static PetscErrorCode visit_state(void *refine, State state)
   if (StateIsLoading(state)) PetscCall(StateGetSize(state, "place", &known));
   if (known == 3 * n) {
     PetscCall(BodiesBeginRows(b, &rows));
-    PetscCall(BodiesVisitReals(b, &rows, state, "place", 3, (PetscReal *)r->X));
-    PetscCall(BodiesVisitReals(b, &rows, state, "orientation", 4, (PetscReal *)r->q));
+    PetscCall(BodiesVisitReals(b, &rows, state, "place", 3, (PetscReal *)r->surface.X));
+    PetscCall(BodiesVisitReals(b, &rows, state, "orientation", 4, (PetscReal *)r->surface.q));
     PetscCall(StateInts(state, "changes", 1, &r->changes));
     if (StateIsLoading(state)) PetscCall(StateGetSize(state, "velocity", &known));
-    if (known == 3 * n) PetscCall(BodiesVisitReals(b, &rows, state, "velocity", 3, (PetscReal *)r->u));
+    if (known == 3 * n) PetscCall(BodiesVisitReals(b, &rows, state, "velocity", 3, (PetscReal *)r->surface.u));
     PetscCall(BodiesEndRows(&rows));
   } else PetscCall(place_bodies(r, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -358,9 +346,8 @@ PetscErrorCode RefineMatch(Refine r)
 
   PetscFunctionBeginUser;
   if (!r) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(collect_bodies(r));
   surface = mesh_surface(r);
-  PetscCall(MeshIsAround(r->mesh, r->surface.n ? &surface : NULL, &same));
+  PetscCall(MeshIsAround(r->mesh, r->surface.s->nall ? &surface : NULL, &same));
   PetscCall(AroundDrop(&r->surface));
   if (!same) PetscCall(remesh(r));
   PetscFunctionReturn(PETSC_SUCCESS);

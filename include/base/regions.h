@@ -1,0 +1,20 @@
+/* Regions: where the ranks of a communicator are: boxes of every one of them, and which ranks are near a place.
+
+   All ranks hear the boxes of all, some 50 bytes each. A place is looked up in a search grid (base/grid.h), one for
+   every power of two of the reach, made when it is first asked for: a question costs what its answer is long, however
+   many ranks there are. */
+#pragma once
+#include <petscsys.h>
+
+typedef struct _p_Regions *Regions;
+
+/* Own boxes [n], lowest and highest corner, in a domain lower .. upper that is periodic along axes with a period > 0.
+   Collective. */
+PetscErrorCode RegionsCreate(MPI_Comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3],
+                             const PetscReal period[3], PetscInt n, PetscReal (*box)[2][3], Regions *);
+PetscErrorCode RegionsDestroy(Regions *);
+/* Ranks with a box, or a periodic image of one, nearer to x than reach, ascending, each once: rank [*n], borrowed until
+   the next question. Not collective. */
+PetscErrorCode RegionsNear(Regions, const PetscReal x[3], PetscReal reach, PetscInt *n, const PetscMPIInt *rank[]);
+/* The first rank with a box that holds x, or else with the nearest one. Not collective. */
+PetscMPIInt RegionsOwner(Regions, const PetscReal x[3]);
