@@ -20,7 +20,8 @@ PetscErrorCode MeshIsAround(Mesh, const MeshSurface *, PetscBool *same);
 /* The cells of a refined mesh in a checkpoint. Saving: StateVisit of a Mesh; nothing for others, and for loading. */
 PetscErrorCode MeshVisitTree(void *mesh, State);
 /* Give a refined mesh the cells that MeshVisitTree has saved; *old has what they were, as from MeshRemesh, NULL: it has
-   them, or the file has none. `look`: at that module (StateBeginLook). The box is that of the options. Collective. Errors: other base cells in a graded box; those of loading. */
+   them, or the file has none. `look`: at that module (StateBeginLook). The box is that of the options. Collective.
+   Errors: other base cells in a graded box; those of loading. */
 PetscErrorCode MeshRestore(Mesh, State look, Mesh *old);
 
 /* v [nnode_all of old][bs] -> w [nnode_all of now][bs], ghosts up to date. Collective. */

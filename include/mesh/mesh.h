@@ -66,8 +66,8 @@ typedef struct {
   /* Bodies of a group, for boxes against their motion or along the axes, n < 0: there is no such group. The function
      NULL: there are none at all. */
   PetscErrorCode (*carriers)(void *context, const char group[], PetscBool motion, MeshCarriers *);
-  /* From now on a rank asks about nothing that is farther than reach from its regions. Collective. NULL: it may ask about
-     everything. */
+  /* From now on a rank asks about nothing that is farther than reach from its regions. Collective. NULL: it may ask
+     about everything. */
   PetscErrorCode (*look)(void *context, Regions, PetscReal reach);
   PetscInt             coarser; /* so many levels less than -mesh_levels around it */
   struct _p_MeshMarks *marks;   /* borrowed during construction; NULL: none */

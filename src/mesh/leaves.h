@@ -27,7 +27,7 @@ typedef struct {
 
 #define LEAVES_MAX_NEIGHBOURS 64
 #define LEAVES_MAX_LEVELS     12
-#define LEAVES_AROUND         4 /* layers of touching cells around the own ones: three (refined.c) and what lies beside */
+#define LEAVES_AROUND         4 /* layers of cells around the own ones: three (refined.c) and what lies beside */
 
 typedef struct _n_Leaves {
   MPI_Comm           comm;
@@ -68,6 +68,12 @@ PetscErrorCode LeavesAreSame(const Leaves *, const Leaves *, PetscBool *same);
 /* Forget the surface, and with it the leaves of other ranks. */
 PetscErrorCode LeavesClose(Leaves *);
 
+/* The formula: is a cell refined, as far as LEAVES_AROUND lets it be asked? Not collective. */
+PetscErrorCode LeavesRefine(Leaves *, PetscInt level, const PetscInt x[], PetscBool *refine);
+/* How far from a surface it refines cells of size h */
+PetscReal LeavesReach(const Leaves *, PetscReal h);
+/* Centre and longest side of a cell. Not collective. */
+PetscErrorCode LeavesMeasure(const Leaves *, PetscInt level, const PetscInt x[], PetscReal centre[3], PetscReal *h);
 /* The cell that holds the finest cell x [dim] inside the lattice, no farther than LEAVES_AROUND cells from an own one;
    not collective. */
 PetscErrorCode LeavesFind(Leaves *, const PetscInt x[], Leaf *);

@@ -255,7 +255,7 @@ static PetscInt count_unknowns(const MeshLocal *l)
   return l->dim * l->nnode_global + (l->dim + 1) * l->ncell_global;
 }
 
-/* *now: the mesh with the cells that make this share of the error halved, NULL if none can be; *coarser as of mark_cells */
+/* *now: the mesh with the cells that make this share of the error halved, NULL if none can be; *coarser as there */
 static PetscErrorCode try_share(MeshAdapt a, const Way way[], PetscReal share, PetscInt *coarser, Mesh *now)
 {
   PetscReal   bound   = 0;
