@@ -199,16 +199,55 @@ static PetscErrorCode connect_ghosts(Builder *b, PetscSF *sf)
 
 /* ---- nodes ---- */
 
+/* Numbers of nodes by their places: in a table of all places where one rank has equal cells, else by keys */
+typedef struct {
+  Keys      keys;
+  PetscInt *table, n[3]; /* [n[2]][n[1]][n[0]], -1: none yet; NULL: keys */
+} Nodes;
+
+static PetscErrorCode create_nodes(const Builder *b, Nodes *nodes)
+{
+  size_t size = 1;
+
+  PetscFunctionBeginUser;
+  *nodes = (Nodes){0};
+  if (b->leaves.levels || b->nown < b->leaves.total) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt a = 0; a < 3; a++) {
+    nodes->n[a] = a < b->dim ? 2 * b->leaves.cells[a] + 1 : 1;
+    size *= (size_t)nodes->n[a];
+  }
+  PetscCall(PetscMalloc1(size, &nodes->table));
+  for (size_t i = 0; i < size; i++) nodes->table[i] = -1;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Number of the node at a place: `next` if it is new */
+static PetscErrorCode number_node(Nodes *nodes, const PetscInt half[3], PetscInt next, PetscInt *number)
+{
+  PetscInt *at;
+
+  PetscFunctionBeginUser;
+  if (!nodes->table) {
+    PetscCall(KeysAdd(&nodes->keys, node_key(half), next, number));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  at = nodes->table + ((size_t)half[2] * (size_t)nodes->n[1] + (size_t)half[1]) * (size_t)nodes->n[0] + (size_t)half[0];
+  if (*at < 0) *at = next;
+  *number = *at;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* cell_node in the order of being met; mine [nnode]: whether this rank owns a node of an own cell, -1: nobody here
    knows */
 static PetscErrorCode meet_nodes(Builder *b, PetscInt *mine[])
 {
   const uint64_t begin = b->leaves.leaf[0].key;
-  Keys           nodes = {0};
   PetscInt       room  = 0;
+  Nodes          nodes;
 
   PetscFunctionBeginUser;
   *mine = NULL;
+  PetscCall(create_nodes(b, &nodes));
   for (PetscInt c = 0; c < b->nall; c++) {
     const Leaf *leaf = get_leaf(b, c);
 
@@ -216,7 +255,7 @@ static PetscErrorCode meet_nodes(Builder *b, PetscInt *mine[])
       PetscInt half[3], *at = b->mesh->cell_node + c * b->nb + j;
 
       place_slot(b, leaf, b->code[c], j, half);
-      PetscCall(KeysAdd(&nodes, node_key(half), b->nnode, at));
+      PetscCall(number_node(&nodes, half, b->nnode, at));
       if (*at == b->nnode) {
         PetscCall(RoomFor(b->nnode + 1, &room, &b->half, 3 * sizeof(PetscInt), mine, sizeof(PetscInt), NULL));
         PetscCall(PetscArraycpy(b->half + 3 * b->nnode, half, 3));
@@ -225,7 +264,8 @@ static PetscErrorCode meet_nodes(Builder *b, PetscInt *mine[])
       if (c >= b->nown && leaf->key < begin && (*mine)[*at] > 0) (*mine)[*at] = 0;
     }
   }
-  PetscCall(KeysDestroy(&nodes));
+  PetscCall(KeysDestroy(&nodes.keys));
+  PetscCall(PetscFree(nodes.table));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
