@@ -106,26 +106,22 @@ PetscErrorCode MeshMarksGrow(Mesh mesh, const PetscBool mark[], MeshMarks *marks
 /* Refined cells of other ranks and of this one that are near to its regions: cell [*n] */
 static PetscErrorCode exchange(MeshMarks m, const Leaves *t, Regions regions, PetscReal reach, PetscInt *n, PetscInt (**cell)[PLACE])
 {
-  PetscMPIInt *to   = NULL, *from, tag;
-  PetscInt     nout = 0, room = 0, *which = NULL, (*out)[PLACE];
-  MPI_Comm     comm;
+  PetscMPIInt *to, *from, tag;
+  PetscInt     nout, *which, (*out)[PLACE];
+  PetscReal(*x)[3], *far;
+  MPI_Comm comm;
 
   PetscFunctionBeginUser;
+  PetscCall(PetscCalloc2(m->n, &x, m->n, &far));
   for (PetscInt i = 0; i < m->n; i++) {
-    const PetscMPIInt *rank;
-    PetscInt           half[3], count;
-    PetscReal          x[3] = {0, 0, 0};
+    PetscInt half[3];
 
     for (PetscInt d = 0; d < 3; d++) half[d] = 2 * m->own[i][d] + 1;
-    PetscCall(LeavesPlace(t, half, x));
-    PetscCall(RegionsNear(regions, x, reach, &count, &rank));
-    PetscCall(RoomFor(nout + count, &room, &to, sizeof(*to), &which, sizeof(*which), NULL));
-    for (PetscInt k = 0; k < count; k++) {
-      to[nout]      = rank[k];
-      which[nout++] = i;
-    }
+    PetscCall(LeavesPlace(t, half, x[i]));
+    far[i] = reach;
   }
-  PetscCall(PetscSortMPIIntWithIntArray((PetscMPIInt)nout, to, which));
+  PetscCall(RegionsDeal(regions, m->n, (const PetscReal(*)[3])x, far, &nout, &to, &which));
+  PetscCall(PetscFree2(x, far));
   PetscCall(PetscMalloc1(nout, &out));
   for (PetscInt i = 0; i < nout; i++) PetscCall(PetscArraycpy(out[i], m->own[which[i]], PLACE));
   PetscCall(PetscCommDuplicate(t->comm, &comm, &tag));

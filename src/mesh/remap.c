@@ -255,33 +255,24 @@ typedef struct {
 static PetscErrorCode list_questions(Remap r, PetscInt nopen, const PetscInt open[], const PetscReal x[], const PetscReal size[],
                                      const PetscInt side[], PetscInt *n, PetscMPIInt **to, Question **question)
 {
-  const PetscInt dim  = r->loc->dim;
-  PetscInt       room = 0, *which;
+  const PetscInt dim = r->loc->dim;
+  PetscInt      *which;
+  PetscReal(*y)[3], *reach;
 
   PetscFunctionBeginUser;
-  *n    = 0;
-  *to   = NULL;
-  which = NULL;
+  PetscCall(PetscCalloc2(nopen, &y, nopen, &reach));
   for (PetscInt e = 0; e < nopen; e++) {
-    const PetscReal   *at = x + dim * open[e], y[3] = {at[0], at[1], dim == 3 ? at[2] : 0};
-    const PetscMPIInt *rank = NULL;
-    PetscInt           m;
-
-    PetscCall(RegionsNear(r->regions, y, PetscSqrtReal((PetscReal)dim) * (3 * size[open[e]] + r->pad), &m, &rank));
-    PetscCall(RoomFor(*n + m, &room, to, sizeof(**to), &which, sizeof(*which), NULL));
-    for (PetscInt i = 0; i < m; i++) {
-      (*to)[*n]     = rank[i];
-      which[(*n)++] = e;
-    }
+    PetscCall(PetscArraycpy(y[e], x + dim * open[e], dim));
+    reach[e] = PetscSqrtReal((PetscReal)dim) * (3 * size[open[e]] + r->pad);
   }
-  PetscCall(PetscSortMPIIntWithIntArray((PetscMPIInt)*n, *to, which));
+  PetscCall(RegionsDeal(r->regions, nopen, (const PetscReal(*)[3])y, reach, n, to, &which));
   PetscCall(PetscMalloc1(*n, question));
   for (PetscInt i = 0; i < *n; i++) {
-    const PetscInt   e  = which[i];
-    const PetscReal *at = x + dim * open[e];
+    const PetscInt e = which[i];
 
-    (*question)[i] = (Question){{at[0], at[1], dim == 3 ? at[2] : 0}, size[open[e]], (PetscReal)side[open[e]], (PetscReal)e};
+    (*question)[i] = (Question){{y[e][0], y[e][1], y[e][2]}, size[open[e]], (PetscReal)side[open[e]], (PetscReal)e};
   }
+  PetscCall(PetscFree2(y, reach));
   PetscCall(PetscFree(which));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

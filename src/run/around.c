@@ -3,7 +3,6 @@
 #include "around.h"
 #include "base/room.h"
 #include "bodies/local.h"
-#include <math.h>
 
 #define FEW 8 /* so many bodies need no grid */
 /* ---- where they are ---- */
@@ -26,22 +25,10 @@ static Record record_of(const Around *s, PetscInt k)
   return r;
 }
 
-/* Grids of bodies that are no longer there */
-static PetscErrorCode forget(Around *s)
-{
-  PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < s->ngrid; i++) {
-    PetscCall(GridDestroy(&s->grid[i]));
-    PetscCall(PetscFree(s->body[i]));
-  }
-  s->ngrid = 0;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode AroundDrop(Around *s)
 {
   PetscFunctionBeginUser;
-  PetscCall(forget(s));
+  PetscCall(NearGridDestroy(&s->grid));
   PetscCall(PetscFree7(s->near_X, s->near_q, s->near_u, s->scale, s->gone, s->own, s->group));
   s->n = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -50,31 +37,28 @@ PetscErrorCode AroundDrop(Around *s)
 /* Own bodies whose surface is nearer than reach to a region of a rank go to it: near [*n], the caller's to free */
 static PetscErrorCode exchange(const Around *s, Regions regions, PetscReal reach, PetscInt *n, Record **near)
 {
-  PetscMPIInt *to   = NULL, *from, rank;
-  PetscInt     nout = 0, room = 0, *which = NULL;
-  Record      *out;
+  PetscMPIInt *to, *from, rank;
+  PetscInt     nown = 0, nout, *which, *body;
+  PetscReal(*x)[3], *far;
+  Record *out;
 
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
+  PetscCall(PetscMalloc3(s->s->n, &x, s->s->n, &far, s->s->n, &body));
   for (PetscInt k = 0; k < s->s->n; k++) {
-    const PetscMPIInt *answer;
-    PetscInt           m;
-
     if (!s->s->own[k]) continue;
-    PetscCall(RegionsNear(regions, s->X ? s->X[k] : s->s->x[k], reach + s->margin + BodiesGetRadius(s->s, k), &m, &answer));
-    PetscCall(RoomFor(nout + m, &room, &to, sizeof(*to), &which, sizeof(*which), NULL));
-    for (PetscInt i = 0; i < m; i++) {
-      to[nout]      = answer[i];
-      which[nout++] = k;
-    }
+    PetscCall(PetscArraycpy(x[nown], s->X ? s->X[k] : s->s->x[k], 3));
+    far[nown]    = reach + s->margin + BodiesGetRadius(s->s, k);
+    body[nown++] = k;
   }
-  PetscCall(PetscSortMPIIntWithIntArray((PetscMPIInt)nout, to, which));
+  PetscCall(RegionsDeal(regions, nown, (const PetscReal(*)[3])x, far, &nout, &to, &which));
   PetscCall(PetscMalloc1(nout, &out));
   for (PetscInt i = 0; i < nout; i++) {
-    out[i]       = record_of(s, which[i]);
+    out[i]       = record_of(s, body[which[i]]);
     out[i].owner = rank;
   }
   PetscCall(BodiesExchange(s->bodies, nout, to, sizeof(*out), out, n, near, &from));
+  PetscCall(PetscFree3(x, far, body));
   PetscCall(PetscFree(to));
   PetscCall(PetscFree(from));
   PetscCall(PetscFree(which));
@@ -127,41 +111,15 @@ static PetscReal radius_of(const Around *s, PetscInt k)
 
 /* ---- how far from them ---- */
 
-/* Bodies and their images whose boxes, larger by `reach`, meet the domain */
-static PetscErrorCode fill_grid(const Around *s, PetscReal reach, Grid *grid, PetscInt **body)
+static PetscErrorCode create_grid(Around *s)
 {
-  PetscInt  n = 0, room = 0;
-  PetscReal mean = 0;
+  PetscReal *half;
 
   PetscFunctionBeginUser;
-  *body = NULL;
-  for (PetscInt k = 0; k < s->n; k++) mean += radius_of(s, k) / (PetscReal)s->n;
-  PetscCall(GridCreate(s->dim, s->lower, s->upper, 2 * (mean + s->margin + reach), 8 * s->n, grid));
-  for (PetscInt k = 0; k < s->n; k++) {
-    const PetscReal half = radius_of(s, k) + s->margin + reach;
-
-    if (s->gone[k]) continue;
-    for (DomainImages i = {0}; DomainNextImage(s->period, s->lower, s->upper, s->near_X[k], half, &i);) {
-      PetscCall(RoomFor(n + 1, &room, body, sizeof(**body), NULL));
-      (*body)[n] = k;
-      PetscCall(GridInsert(*grid, n++, i.at, half));
-    }
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* The grid for a reach, by its number */
-static PetscErrorCode find_grid(Around *s, PetscReal reach, PetscInt *number)
-{
-  int power;
-
-  PetscFunctionBeginUser;
-  (void)frexp(reach, &power); /* reach <= 2^power */
-  for (*number = 0; *number < s->ngrid && s->power[*number] != power; (*number)++) {}
-  if (*number < s->ngrid) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCheck(s->ngrid < AROUND_GRIDS, PETSC_COMM_SELF, PETSC_ERR_PLIB, "Distances to bodies are asked for with too many reaches");
-  PetscCall(fill_grid(s, ldexp(1, power), &s->grid[s->ngrid], &s->body[s->ngrid]));
-  s->power[s->ngrid++] = power;
+  PetscCall(PetscMalloc1(s->n, &half));
+  for (PetscInt k = 0; k < s->n; k++) half[k] = s->gone[k] ? -1 : radius_of(s, k) + s->margin;
+  PetscCall(NearGridCreate(s->dim, s->lower, s->upper, s->period, s->n, (const PetscReal(*)[3])s->near_X, half, &s->grid));
+  PetscCall(PetscFree(half));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -184,8 +142,9 @@ static PetscErrorCode try_body(const Around *s, PetscInt k, const PetscReal x[3]
 
 PetscErrorCode AroundDistance(void *around, const PetscReal x[3], PetscReal reach, PetscReal *d)
 {
-  Around  *s = around;
-  PetscInt number;
+  Around         *s = around;
+  const PetscInt *body;
+  Grid            grid;
 
   PetscFunctionBeginUser;
   *d = PETSC_MAX_REAL;
@@ -193,9 +152,9 @@ PetscErrorCode AroundDistance(void *around, const PetscReal x[3], PetscReal reac
     for (PetscInt k = 0; k < s->n; k++) PetscCall(try_body(s, k, x, reach, d));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  PetscCall(find_grid(s, reach, &number));
-  for (PetscInt e = GridFirst(s->grid[number], x); e >= 0 && *d > 0; e = GridNext(s->grid[number], e))
-    PetscCall(try_body(s, s->body[number][GridItem(s->grid[number], e)], x, reach, d));
+  if (!s->grid) PetscCall(create_grid(s));
+  PetscCall(NearGridGet(s->grid, reach, &grid, &body));
+  for (PetscInt e = GridFirst(grid, x); e >= 0 && *d > 0; e = GridNext(grid, e)) PetscCall(try_body(s, body[GridItem(grid, e)], x, reach, d));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

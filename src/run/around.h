@@ -1,14 +1,12 @@
 /* Around: how far places are from the bodies of a scene, for meshes that are refined around them (MeshSurface).
 
-   Asked for a distance within some reach, it looks at those bodies alone whose box, so much larger, holds the place: a
-   search grid (base/grid.h) for every power of two of the reach, made when it is first asked for. While a mesh is made
-   a rank knows the bodies near the cells that it asks about: their owners send where they are. */
+   Asked for a distance within some reach, it looks at those bodies alone that a search grid finds so near
+   (base/neargrid.h). While a mesh is made a rank knows the bodies near the cells that it asks about: their owners send
+   where they are. */
 #pragma once
-#include "base/grid.h"
+#include "base/neargrid.h"
 #include "bodies/bodies.h"
 #include "mesh/mesh.h"
-
-#define AROUND_GRIDS 64
 
 typedef struct {
   Bodies     bodies;
@@ -24,9 +22,7 @@ typedef struct {
   PetscInt n, *group;
   PetscReal (*near_X)[3], (*near_q)[4], (*near_u)[3], *scale;
   PetscBool *gone, *own;
-  PetscInt   ngrid, power[AROUND_GRIDS]; /* of two, of the reach */
-  Grid       grid[AROUND_GRIDS];
-  PetscInt  *body[AROUND_GRIDS]; /* of an item: one or an image of one */
+  NearGrid   grid;
 } Around;
 
 /* MeshSurface.look with an Around as context: a rank knows the bodies that are nearer than reach to its regions (some
