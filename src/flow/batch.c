@@ -14,7 +14,7 @@
 
 void BatchSetTables(PetscInt dim, BatchTables *t)
 {
-  const PetscReal point[3] = {-AT, 0, AT}, weight[3] = {5.0 / 9, 8.0 / 9, 5.0 / 9};
+  const PetscReal point[3] = {-AT, 0, AT}, weight[3] = {5.0 / 9, 8.0 / 9, 5.0 / 9}, norm[3] = {1.0 / 18, 1.0 / 6, 2.0 / 45};
 
   t->dim = dim;
   t->n   = NPOINT(dim);
@@ -32,7 +32,11 @@ void BatchSetTables(PetscInt dim, BatchTables *t)
     const PetscInt qd[3] = {q % 3, q / 3 % 3, q / 9};
 
     t->weight[q] = 1;
-    for (PetscInt d = 0; d < dim; d++) t->weight[q] *= weight[qd[d]];
+    t->norm[q]   = 1;
+    for (PetscInt d = 0; d < dim; d++) {
+      t->weight[q] *= weight[qd[d]];
+      t->norm[q] *= norm[qd[d]];
+    }
   }
 }
 
@@ -44,12 +48,13 @@ PetscInt BatchCoefficients(const BatchTables *t, const BatchForm *f)
 }
 
 /* Matrices of three values on a line: from nodes to points, from values at the points to derivatives there, both
-   transposed */
+   transposed; from nodes to 6, 2 and 3 times the coefficients of the Legendre polynomials */
 typedef enum {
   VALUE,
   VALUE_T,
   SLOPE,
-  SLOPE_T
+  SLOPE_T,
+  EXPAND
 } Line;
 
 /* The matrix times (a, b, c), by even and odd parts */
@@ -76,6 +81,11 @@ INLINE void turn(const Line which, Lanes *a, Lanes *b, Lanes *c)
     *a = 1 / AT * odd - 0.5 / AT * (sum + middle);
     *b = -2 / AT * odd;
     *c = 1 / AT * odd + 0.5 / AT * (sum + middle);
+    break;
+  case EXPAND:
+    *a = sum + 4 * middle;
+    *b = odd;
+    *c = sum - 2 * middle;
     break;
   }
 }
@@ -409,26 +419,24 @@ void BatchDiagonal(const BatchTables *t, const BatchForm *f, const Lanes c[], La
 
 /* ---- integrals ---- */
 
-INLINE void integrate(const int dim, const PetscBool box, const BatchTables *t, const BatchGeometry *g, PetscReal skew, const Lanes *u,
-                      const Lanes *v, const Lanes *w, BatchIntegrals *out)
+/* At the points of cells that are no boxes */
+INLINE void integrate_cells(const int dim, const BatchTables *t, const BatchGeometry *g, PetscReal skew, const Lanes *u, const Lanes *v,
+                            const Lanes *w, BatchIntegrals *out)
 {
   const BatchForm form = {.skew = skew};
   AtPoints        place, at_u, at_v, at_w;
   const AtPoints *pv = v ? &at_v : &at_u;
 
-  *out = (BatchIntegrals){0};
   evaluate_all(dim, PETSC_TRUE, u, &at_u);
   if (v) evaluate_all(dim, PETSC_TRUE, v, &at_v);
   if (w) evaluate_all(dim, (PetscBool)(skew != 0), w, &at_w);
-  if (!box) evaluate_all(dim, PETSC_TRUE, g->xc, &place);
+  evaluate_all(dim, PETSC_TRUE, g->xc, &place);
   for (int q = 0; q < NPOINT(dim); q++) {
-    Lanes inverse[3][3] = {{{0}}}, J[3][3], value[3], slope[3][3] = {{{0}}}, flow[4], scale;
+    Lanes inverse[3][3], J[3][3], value[3], slope[3][3] = {{{0}}}, flow[4], scale;
 
-    for (int a = 0; a < dim; a++) {
-      if (box) inverse[a][a] = g->inverse[a];
-      for (int e = 0; e < dim && !box; e++) J[a][e] = place.slope[e][a][q];
-    }
-    scale = t->weight[q] * (box ? g->det : invert(dim, J, inverse));
+    for (int a = 0; a < dim; a++)
+      for (int e = 0; e < dim; e++) J[a][e] = place.slope[e][a][q];
+    scale = t->weight[q] * invert(dim, J, inverse);
     for (int a = 0; a < dim; a++) {
       out->square += scale * at_u.value[a][q] * at_u.value[a][q];
       for (int e = 0; e < dim; e++) out->divergence += scale * inverse[e][a] * at_u.slope[e][a][q];
@@ -443,11 +451,59 @@ INLINE void integrate(const int dim, const PetscBool box, const BatchTables *t, 
   }
 }
 
+/* test [n] += what (m d/dx, .) + skew (dm/dx, .) along an axis has of each polynomial, but for its norm: the derivative
+   of the first polynomial is the constant, that of the second three times the first */
+INLINE void add_slopes(const int dim, const int axis, const PetscReal skew, const Lanes inverse, const Lanes *m, Lanes *test)
+{
+  const int   s     = axis == 0 ? 1 : axis == 1 ? 3 : 9;
+  const Lanes steep = 7.5 * inverse, first = 3 * skew * inverse, second = 2 * skew * inverse;
+
+  for (int line = 0; line < NPOINT(dim) / 3; line++) {
+    const int at = line / s * 3 * s + line % s;
+
+    test[at + s] += inverse * m[at];
+    test[at + 2 * s] += steep * m[at + s];
+    if (skew == 0) continue;
+    test[at] += first * m[at + s];
+    test[at + s] += second * m[at + 2 * s];
+  }
+}
+
+/* Of boxes, exactly, where Legendre polynomials are orthogonal */
+INLINE void integrate_boxes(const int dim, const BatchTables *t, const BatchGeometry *g, PetscReal skew, const Lanes *u, const Lanes *v,
+                            const Lanes *w, BatchIntegrals *out)
+{
+  Lanes m[3][MESH_MAX_NB], mw[MESH_MAX_NB], test[MESH_MAX_NB] = {{0}};
+
+  for (int a = 0; a < dim; a++) contract_all(dim, EXPAND, dim, u + a, 1, m[a]);
+  for (int q = 0; q < NPOINT(dim); q++) {
+    Lanes square = m[0][q] * m[0][q];
+
+    for (int a = 1; a < dim; a++) square += m[a][q] * m[a][q];
+    out->square += t->norm[q] * square;
+  }
+  out->square *= g->det;
+  for (int a = 0; a < dim; a++) out->divergence += g->inverse[a] * m[a][a == 0 ? 1 : a == 1 ? 3 : 9];
+  out->divergence *= (dim == 2 ? 1. / 3 : 1. / 9) * g->det;
+  if (!w) return;
+  for (int a = 0; a < dim && v; a++) contract_all(dim, EXPAND, dim, v + a, 1, m[a]);
+  for (int e = 0; e < dim; e++) {
+    contract_all(dim, EXPAND, dim, w + e, 1, mw);
+    add_slopes(dim, e, skew, g->inverse[e], mw, test);
+  }
+  for (int q = 0; q < NPOINT(dim); q++) {
+    test[q] *= t->norm[q];
+    for (int a = 0; a < dim; a++) out->flux[a] += test[q] * m[a][q];
+  }
+  for (int a = 0; a < dim; a++) out->flux[a] *= g->det;
+}
+
 void BatchIntegrate(const BatchTables *t, PetscBool box, const BatchGeometry *g, PetscReal skew, const Lanes u[], const Lanes v[], const Lanes w[],
                     BatchIntegrals *out)
 {
-  if (t->dim == 2 && box) integrate(2, PETSC_TRUE, t, g, skew, u, v, w, out);
-  else if (t->dim == 2) integrate(2, PETSC_FALSE, t, g, skew, u, v, w, out);
-  else if (box) integrate(3, PETSC_TRUE, t, g, skew, u, v, w, out);
-  else integrate(3, PETSC_FALSE, t, g, skew, u, v, w, out);
+  *out = (BatchIntegrals){0};
+  if (t->dim == 2 && box) integrate_boxes(2, t, g, skew, u, v, w, out);
+  else if (t->dim == 2) integrate_cells(2, t, g, skew, u, v, w, out);
+  else if (box) integrate_boxes(3, t, g, skew, u, v, w, out);
+  else integrate_cells(3, t, g, skew, u, v, w, out);
 }

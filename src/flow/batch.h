@@ -14,6 +14,7 @@ typedef PetscReal Lanes __attribute__((vector_size(BATCH_LANES * sizeof(PetscRea
 typedef struct {
   PetscInt  dim, n;              /* nodes of a cell, quadrature points */
   PetscReal weight[MESH_MAX_NB]; /* of the points */
+  PetscReal norm[MESH_MAX_NB];   /* of products of Legendre polynomials, as integrals over boxes have them */
   PetscReal pair[3][3][3];       /* on a line value^2, value times derivative, derivative^2: [which][node][point] */
 } BatchTables;
 
