@@ -8,13 +8,16 @@ struct _p_Boundaries {
   Flow             flow;
   Mesh             mesh;
   const MeshLocal *loc;
-  PetscInt         n, *owner; /* [nnode_all][dim] */
+  PetscInt         n;
   CoupleBoundary  *boundary;
   PetscInt        *begin, *node; /* own nodes of boundary b: [begin[b] .. begin[b + 1]) */
   PetscReal       *weight;       /* [begin[n]][dim] */
   PetscReal       *normal;       /* [n][3] mean outward normal, unit length; 0 where a boundary has none (all around) */
   PetscInt        *uses;         /* [nnode_all] boundaries that the node is on: bits */
   PetscReal       *sum;          /* [n][4]: force, rate */
+  /* of BoundariesGetPlaces */
+  PetscInt       ncell, *cell, nplace;
+  BoundaryPlace *place;
 };
 
 /* Walls that are surfaces of bodies have their force in bodies.csv */
@@ -138,6 +141,48 @@ PetscErrorCode BoundariesUpdate(Boundaries d)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* The nodes with prescribed components in own cells; these do not change */
+static PetscErrorCode list_places(Boundaries d, Fitted hole)
+{
+  const MeshLocal *l = d->loc;
+  const PetscInt  *wall, *body;
+  PetscInt        *owner;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(l->nnode_all * l->dim, &owner));
+  PetscCall(ConditionsGetOwners(FlowConditions(d->flow), owner));
+  PetscCall(ConditionsGetWalls(FlowConditions(d->flow), &wall));
+  PetscCall(FittedGetNodeBody(hole, &body));
+  for (PetscInt pass = 0; pass < 2; pass++) {
+    d->ncell = d->nplace = 0;
+    for (PetscInt c = 0; c < l->ncell; c++) {
+      PetscBool any = PETSC_FALSE;
+
+      for (PetscInt j = 0; j < l->nb; j++) {
+        const PetscInt node = l->cell_node[c * l->nb + j];
+        PetscBool      held = PETSC_FALSE;
+        BoundaryPlace  at =
+          {.cell = d->ncell, .slot = j, .node = node, .wall = wall[node], .hole = (PetscBool)(body[node] >= 0), .shared = is_shared(d, node)};
+
+        for (PetscInt a = 0; a < l->dim; a++) {
+          at.owner[a] = owner[node * l->dim + a];
+          held        = (PetscBool)(held || at.owner[a] >= 0);
+        }
+        if (!held) continue;
+        if (pass) d->place[d->nplace] = at;
+        d->nplace++;
+        any = PETSC_TRUE;
+      }
+      if (!any) continue;
+      if (pass) d->cell[d->ncell] = c;
+      d->ncell++;
+    }
+    if (!pass) PetscCall(PetscMalloc2(d->ncell, &d->cell, d->nplace, &d->place));
+  }
+  PetscCall(PetscFree(owner));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode BoundariesCreate(Flow flow, Fitted hole, Boundaries *boundaries)
 {
   Boundaries d;
@@ -148,15 +193,14 @@ PetscErrorCode BoundariesCreate(Flow flow, Fitted hole, Boundaries *boundaries)
   PetscCall(FlowGetMesh(flow, &d->mesh));
   PetscCall(MeshGetLocal(d->mesh, &d->loc));
   PetscCall(MeshGetBoundaryCount(d->mesh, &d->n));
-  PetscCall(PetscCalloc6(d->n, &d->boundary, d->n + 1, &d->begin, 4 * d->n, &d->sum, d->loc->nnode_all * d->loc->dim, &d->owner, 3 * d->n, &d->normal,
-                         d->loc->nnode_all, &d->uses));
-  PetscCall(ConditionsGetOwners(FlowConditions(flow), d->owner));
+  PetscCall(PetscCalloc5(d->n, &d->boundary, d->n + 1, &d->begin, 4 * d->n, &d->sum, 3 * d->n, &d->normal, d->loc->nnode_all, &d->uses));
   for (PetscInt b = 0; b < d->n; b++) {
     PetscCall(MeshGetBoundaryName(d->mesh, b, &d->boundary[b].name));
     PetscCall(ConditionsGetKind(FlowConditions(flow), b, &d->boundary[b].wall, &d->boundary[b].open));
   }
   PetscCall(drop_holes(d, hole));
   PetscCall(list_nodes(d));
+  PetscCall(list_places(d, hole));
   PetscCall(BoundariesUpdate(d));
   *boundaries = d;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -168,8 +212,9 @@ PetscErrorCode BoundariesDestroy(Boundaries *boundaries)
 
   PetscFunctionBeginUser;
   if (!d) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscFree6(d->boundary, d->begin, d->sum, d->owner, d->normal, d->uses));
+  PetscCall(PetscFree5(d->boundary, d->begin, d->sum, d->normal, d->uses));
   PetscCall(PetscFree2(d->node, d->weight));
+  PetscCall(PetscFree2(d->cell, d->place));
   PetscCall(PetscFree(*boundaries));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -181,32 +226,24 @@ PetscErrorCode BoundariesBegin(Boundaries d)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-void BoundariesAdd(Boundaries d, PetscInt node, PetscInt a, PetscReal residual)
+/* Divide the pressure among the boundaries that meet at a place */
+static PetscErrorCode share_pressure(Boundaries d, const BoundaryPlace *at, const PetscReal p[])
 {
-  const PetscInt b = d->owner[node * d->loc->dim + a];
-
-  if (b >= 0) d->sum[4 * b + a] += residual;
-}
-
-PetscErrorCode BoundariesShare(Boundaries d, PetscInt c, PetscInt j, const PetscReal p[])
-{
-  const MeshLocal *l    = d->loc;
-  const PetscInt   node = l->cell_node[c * l->nb + j], dim = l->dim;
+  const PetscInt   c = d->cell[at->cell], dim = d->loc->dim;
   const PetscReal *w, *const *B;
   PetscReal xc[MESH_MAX_NB * 3], pressure;
 
   PetscFunctionBeginUser;
-  if (!is_shared(d, node)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowGetCellDivergence(d->flow, &B));
   PetscCall(MeshSlotCoordinates(d->mesh, c, xc));
-  PetscCall(FlowCellPressure(d->flow, c, p, xc + j * dim, &pressure));
-  w = B[c] + j * dim;
+  PetscCall(FlowCellPressure(d->flow, c, p, xc + at->slot * dim, &pressure));
+  w = B[c] + at->slot * dim;
   for (PetscInt b = 0; b < PetscMin(d->n, MAX_BITS); b++) {
     const PetscReal along = part_along(d, b, w);
 
-    if (!((d->uses[node] >> b) & 1)) continue;
+    if (!((d->uses[at->node] >> b) & 1)) continue;
     for (PetscInt a = 0; a < dim; a++) {
-      const PetscInt  from = d->owner[node * dim + a];
+      const PetscInt  from = at->owner[a];
       const PetscReal load = -pressure * along * d->normal[3 * b + a];
 
       if (from < 0 || from == b) continue;
@@ -214,6 +251,25 @@ PetscErrorCode BoundariesShare(Boundaries d, PetscInt c, PetscInt j, const Petsc
       d->sum[4 * b + a] += load;
     }
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BoundariesAdd(Boundaries d, const BoundaryPlace *at, const PetscReal residual[], const PetscReal p[])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt a = 0; a < d->loc->dim; a++)
+    if (at->owner[a] >= 0) d->sum[4 * at->owner[a] + a] += residual[a];
+  if (at->shared) PetscCall(share_pressure(d, at, p));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BoundariesGetPlaces(Boundaries d, PetscInt *ncell, const PetscInt *cell[], PetscInt *n, const BoundaryPlace *place[])
+{
+  PetscFunctionBeginUser;
+  *ncell = d->ncell;
+  *cell  = d->cell;
+  *n     = d->nplace;
+  *place = d->place;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -12,15 +12,23 @@
 
 typedef struct _p_Boundaries *Boundaries;
 
+/* A node with prescribed components, as one cell has it */
+typedef struct {
+  PetscInt  cell, slot, node; /* place in the list of cells, slot in it */
+  PetscInt  owner[3];         /* boundary that prescribes a component, -1: none */
+  PetscInt  wall;             /* components of walls, not of an inflow: bit mask */
+  PetscBool hole, shared;     /* on a body that is a hole; on several boundaries */
+} BoundaryPlace;
+
 PetscErrorCode BoundariesCreate(Flow, Fitted, Boundaries *);
 PetscErrorCode BoundariesDestroy(Boundaries *);
 /* Weights anew, for a mesh that has moved. Collective. */
 PetscErrorCode BoundariesUpdate(Boundaries);
-/* Begin a sum; what the node of a wall supplies to component a; the flow of u [nnode_all][dim], and the sum over ranks.
-   Only Finish is collective. */
+/* Own cells with prescribed nodes, and the places of these in them, cell after cell. Borrowed, local. */
+PetscErrorCode BoundariesGetPlaces(Boundaries, PetscInt *ncell, const PetscInt *cell[], PetscInt *n, const BoundaryPlace *place[]);
+/* Begin a sum; what a place supplies: its momentum residual [dim], and the pressure, which is divided among the
+   boundaries that meet there; the flow of u [nnode_all][dim], and the sum over ranks. Only Finish is collective. */
 PetscErrorCode BoundariesBegin(Boundaries);
-/* Divide the pressure on node j of cell c among the boundaries that meet there. */
-PetscErrorCode BoundariesShare(Boundaries, PetscInt c, PetscInt j, const PetscReal p[]);
-void           BoundariesAdd(Boundaries, PetscInt node, PetscInt a, PetscReal residual);
+PetscErrorCode BoundariesAdd(Boundaries, const BoundaryPlace *, const PetscReal residual[], const PetscReal p[]);
 PetscErrorCode BoundariesFinish(Boundaries, const PetscReal u[]);
 PetscErrorCode BoundariesGet(Boundaries, PetscInt *n, const CoupleBoundary *boundary[]);

@@ -292,57 +292,42 @@ PetscErrorCode CoupleForceForms(Couple c, PetscInt number, PetscReal force[3], P
 
 /* ---- momentum ---- */
 
-PetscErrorCode CoupleListPrescribedCells(Couple c)
-{
-  const MeshLocal *l = c->loc;
-  const PetscInt  *fixed;
-
-  PetscFunctionBeginUser;
-  PetscCall(ConditionsGetValues(FlowConditions(c->flow), &fixed, NULL));
-  PetscCall(PetscMalloc1(l->ncell, &c->prescribed));
-  for (PetscInt cell = 0; cell < l->ncell; cell++) {
-    PetscInt any = 0;
-
-    for (PetscInt j = 0; j < l->nb; j++) any |= fixed[l->cell_node[cell * l->nb + j]];
-    if (any) c->prescribed[c->nprescribed++] = cell;
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* What prescribed components supply: sums of the momentum residual over walls and over openings (holes are bodies
    and left out, as are nodes that belong to a body), and *size, the sum of the sizes, by which errors are measured (in
    a closed box the forces of the walls cancel); kept for CoupleGetPower the power of all of them, holes too */
 static PetscErrorCode sum_prescribed(Couple c, PetscReal walls[3], PetscReal openings[3], PetscReal *size)
 {
-  const MeshLocal *l = c->loc;
-  const PetscInt  *fixed, *wall, *hole, *body;
-  PetscReal        sum[8] = {0}, several[FLOW_CELLS * MESH_MAX_NB * 3];
+  const PetscInt       dim = c->loc->dim, nr = c->loc->nb * dim, *fixed, *cell, *body;
+  const BoundaryPlace *place;
+  PetscInt             ncell, n, done = 0;
+  PetscReal            sum[8] = {0}, several[FLOW_CELLS * MESH_MAX_NB * 3];
 
   PetscFunctionBeginUser;
-  PetscCall(ConditionsGetValues(FlowConditions(c->flow), &fixed, NULL));
-  PetscCall(ConditionsGetWalls(FlowConditions(c->flow), &wall));
-  PetscCall(FittedGetNodeBody(c->hole, &hole));
   PetscCall(ConstraintGetNodeBody(c->constraint, &body));
   if (c->follow || c->sides_move) PetscCall(BoundariesUpdate(c->boundaries));
   PetscCall(BoundariesBegin(c->boundaries));
-  for (PetscInt i = 0; i < c->nprescribed; i++) {
-    const PetscInt  *node = l->cell_node + c->prescribed[i] * l->nb;
-    const PetscReal *r    = several + i % FLOW_CELLS * l->nb * l->dim;
+  PetscCall(BoundariesGetPlaces(c->boundaries, &ncell, &cell, &n, &place));
+  for (const BoundaryPlace *at = place; at < place + n; at++) {
+    const PetscReal *u = c->u + at->node * dim, *r = several + at->cell % FLOW_CELLS * nr + at->slot * dim;
 
-    if (i % FLOW_CELLS == 0) PetscCall(FlowCellResiduals(c->flow, PetscMin(FLOW_CELLS, c->nprescribed - i), c->prescribed + i, c->u, c->p, several));
-    for (PetscInt j = 0; j < l->nb; j++) {
-      if (hole[node[j]] < 0 && body[node[j]] < 0) PetscCall(BoundariesShare(c->boundaries, c->prescribed[i], j, c->p));
-      for (PetscInt a = 0; a < l->dim; a++) {
-        if (!((fixed[node[j]] >> a) & 1) || body[node[j]] >= 0) continue;
-        sum[7] += r[j * l->dim + a] * c->u[node[j] * l->dim + a];
-        if (hole[node[j]] >= 0) continue;
-        sum[((wall[node[j]] >> a) & 1 ? 0 : 3) + a] += r[j * l->dim + a];
-        BoundariesAdd(c->boundaries, node[j], a, r[j * l->dim + a]);
-        sum[6] += PetscAbsReal(r[j * l->dim + a]);
-      }
+    if (at->cell == done) {
+      PetscCall(FlowCellResiduals(c->flow, PetscMin(FLOW_CELLS, ncell - done), cell + done, c->u, c->p, several));
+      done += FLOW_CELLS;
+    }
+    if (body[at->node] >= 0) continue;
+    if (!at->hole) PetscCall(BoundariesAdd(c->boundaries, at, r, c->p));
+    for (PetscInt a = 0; a < dim; a++) {
+      if (at->owner[a] < 0) continue;
+      sum[7] += r[a] * u[a];
+      if (at->hole) continue;
+      sum[((at->wall >> a) & 1 ? 0 : 3) + a] += r[a];
+      sum[6] += PetscAbsReal(r[a]);
     }
   }
-  if (c->rung->force) PetscCall((*c->rung->force)(c, c->rung_data, fixed, sum));
+  if (c->rung->force) {
+    PetscCall(ConditionsGetValues(FlowConditions(c->flow), &fixed, NULL));
+    PetscCall((*c->rung->force)(c, c->rung_data, fixed, sum));
+  }
   PetscCall(BoundariesFinish(c->boundaries, c->u));
   c->supplied = sum[7];
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 7, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));

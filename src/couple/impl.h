@@ -25,10 +25,8 @@ struct _p_Couple {
   PetscInt           slots;   /* bodies that a rank has slots for, where not all are known */
   PetscBool          renewed; /* the solver has been made anew, and slots may become fewer */
   FlowSolver         solver;
-  Fitted             hole;                     /* bodies that are holes of the mesh: nothing is marked, forces are read
-                                                  at the boundary */
-  PetscInt           nprescribed, *prescribed; /* own cells with nodes of prescribed velocity */
-  PetscReal          supplied;                 /* power of these nodes on this rank (CoupleMomentum) */
+  Fitted             hole;     /* bodies that are holes of the mesh: nothing is marked, forces are read there */
+  PetscReal          supplied; /* power of prescribed nodes on this rank (CoupleMomentum) */
   Boundaries         boundaries;
   PetscInt           implicit, use_volume, nr;
   const Rung        *rung;
@@ -58,7 +56,8 @@ struct _p_Couple {
   PetscReal     *u, *p, *dp, *rhs;
   PetscReal     *du_old; /* [n] explicit coupling: size of the last velocity change, for the detection of blow-up */
   PetscInt      *growth;
-  PetscReal     *outward;   /* [nnode_all][dim], CoupleFindNormals */
+  PetscInt       nrim, *rim; /* own nodes of the boundary, and their normals [nrim][dim], CoupleFindNormals */
+  PetscReal     *outward;
   PetscReal     *force_old; /* [n][3][2] force and torque of the last step */
 };
 
@@ -115,10 +114,8 @@ PetscErrorCode CoupleBodyPush(Couple, PetscInt k, PetscReal inertia[3], PetscRea
 PetscErrorCode CoupleTellPartners(Couple);
 PetscErrorCode CoupleAddTies(Couple);
 PetscErrorCode CoupleTakeTies(Couple);
-/* Fill `outward`, of the domain without bodies. Collective. */
+/* Fill `rim` and `outward`, of the domain without bodies. Collective. */
 PetscErrorCode CoupleFindNormals(Couple);
-/* Own cells with prescribed nodes; these do not change */
-PetscErrorCode CoupleListPrescribedCells(Couple);
 /* Arrays per known body, zeros; detached before the bodies end */
 PetscErrorCode CoupleAttachArrays(Couple);
 PetscErrorCode CoupleDetachArrays(Couple);

@@ -29,7 +29,6 @@ PetscErrorCode CoupleCreateParts(Couple c)
 
   PetscFunctionBeginUser;
   PetscCall(FittedCreate(c->flow, c->bodies, &c->hole));
-  PetscCall(CoupleListPrescribedCells(c));
   PetscCall(BoundariesCreate(c->flow, c->hole, &c->boundaries));
   PetscCall(CoupleFindNormals(c));
   PetscCall(CoupleCreateConstraint(c));
@@ -51,9 +50,7 @@ PetscErrorCode CoupleDestroyParts(Couple c)
   PetscCall(FlowSolverDestroy(&c->solver));
   PetscCall(FittedDestroy(&c->hole));
   PetscCall(BoundariesDestroy(&c->boundaries));
-  PetscCall(PetscFree(c->prescribed));
-  c->nprescribed = 0;
-  PetscCall(PetscFree(c->outward));
+  PetscCall(PetscFree2(c->rim, c->outward));
   PetscCall(ConstraintDestroy(&c->constraint));
   PetscCall(IndicatorDestroy(&c->mark));
   if (c->rung->destroy && c->rung_data) PetscCall((*c->rung->destroy)(c->rung_data));

@@ -5,19 +5,30 @@
 #include "bodies/local.h"
 #include "bodies/mass.h"
 
-/* Nodal normals, area included and pointing out: int phi_i n over the boundary of the domain, as B^T 1; zero inside */
+/* Nodal normals, area included and pointing out: int phi_i n over the boundary of the domain, as B^T 1, at the own
+   nodes where it is more than round-off */
 PetscErrorCode CoupleFindNormals(Couple c)
 {
   const MeshLocal *l  = c->loc;
   const PetscInt   nk = l->dim + 1;
-  PetscReal       *one;
+  PetscReal       *one, *normal, largest = 0;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscCalloc1(l->ncell * nk, &one));
-  PetscCall(PetscCalloc1(l->nnode_all * l->dim, &c->outward));
+  PetscCall(PetscCalloc2(l->ncell * nk, &one, l->nnode_all * l->dim, &normal));
   for (PetscInt e = 0; e < l->ncell; e++) one[e * nk] = 1;
-  PetscCall(FlowGradient(c->flow, 1, one, c->outward));
-  PetscCall(PetscFree(one));
+  PetscCall(FlowGradient(c->flow, 1, one, normal));
+  for (PetscInt i = 0; i < l->nnode * l->dim; i++) largest = PetscMax(largest, PetscAbsReal(normal[i]));
+  PetscCall(PetscMalloc2(l->nnode, &c->rim, l->nnode * l->dim, &c->outward));
+  c->nrim = 0;
+  for (PetscInt i = 0; i < l->nnode; i++) {
+    PetscReal size = 0;
+
+    for (PetscInt a = 0; a < l->dim; a++) size = PetscMax(size, PetscAbsReal(normal[i * l->dim + a]));
+    if (size <= 1e-12 * largest) continue;
+    PetscCall(PetscArraycpy(c->outward + c->nrim * l->dim, normal + i * l->dim, l->dim));
+    c->rim[c->nrim++] = i;
+  }
+  PetscCall(PetscFree2(one, normal));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -33,17 +44,17 @@ static PetscErrorCode add_fluid(Couple c, const FlowParameters *par, PetscReal *
   PetscCall(FlowGetLumpedMass(c->flow, &m));
   PetscCall(FlowGetSource(c->flow, &source));
   for (PetscInt a = 0; a < dim; a++) driven = (PetscBool)(driven || source || par->force[a] != 0);
-  for (PetscInt i = 0; i < l->nnode; i++) {
-    const PetscReal *u   = c->u + i * dim;
+  for (PetscInt i = 0; i < l->nnode && driven; i++)
+    for (PetscInt a = 0; a < dim; a++) *power += (par->force[a] + (source ? source[i * dim + a] : 0)) * m[i] * c->u[i * dim + a];
+  for (PetscInt i = 0; i < c->nrim; i++) {
+    const PetscReal *u   = c->u + c->rim[i] * dim;
     PetscReal        out = 0, square = 0;
 
     for (PetscInt a = 0; a < dim; a++) {
       out += c->outward[i * dim + a] * (u[a] - c->step->frame[a]);
-      if (driven) *power += (par->force[a] + (source ? source[i * dim + a] : 0)) * m[i] * u[a];
+      square += u[a] * u[a];
     }
-    if (out >= 0) continue;
-    for (PetscInt a = 0; a < dim; a++) square += u[a] * u[a];
-    *power -= 0.5 * par->density * square * out;
+    if (out < 0) *power -= 0.5 * par->density * square * out;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -10,10 +10,11 @@
 
 #define NPOINT(dim)  ((dim) == 2 ? 9 : 27)
 #define NTENSOR(dim) ((dim) * ((dim) + 1) / 2)
+#define AT           0.77459666924148337704 /* the outer points on a line, sqrt(3/5) */
 
 void BatchSetTables(PetscInt dim, BatchTables *t)
 {
-  const PetscReal at = PetscSqrtReal(0.6), point[3] = {-at, 0, at}, weight[3] = {5.0 / 9, 8.0 / 9, 5.0 / 9};
+  const PetscReal point[3] = {-AT, 0, AT}, weight[3] = {5.0 / 9, 8.0 / 9, 5.0 / 9}, norm[3] = {1.0 / 18, 1.0 / 6, 2.0 / 45};
 
   t->dim = dim;
   t->n   = NPOINT(dim);
@@ -22,19 +23,20 @@ void BatchSetTables(PetscInt dim, BatchTables *t)
 
     ElementLine(point[q], v, dv);
     for (PetscInt j = 0; j < 3; j++) {
-      t->value[q][j] = t->value_t[j][q] = v[j];
-      t->pair[0][j][q]                  = v[j] * v[j];
-      t->pair[1][j][q]                  = v[j] * dv[j];
-      t->pair[2][j][q]                  = dv[j] * dv[j];
+      t->pair[0][j][q] = v[j] * v[j];
+      t->pair[1][j][q] = v[j] * dv[j];
+      t->pair[2][j][q] = dv[j] * dv[j];
     }
-    ElementLine(point[q] / at, v, dv); /* the basis of the points is that of the nodes, stretched */
-    for (PetscInt j = 0; j < 3; j++) t->slope[q][j] = t->slope_t[j][q] = dv[j] / at;
   }
   for (PetscInt q = 0; q < t->n; q++) {
     const PetscInt qd[3] = {q % 3, q / 3 % 3, q / 9};
 
     t->weight[q] = 1;
-    for (PetscInt d = 0; d < dim; d++) t->weight[q] *= weight[qd[d]];
+    t->norm[q]   = 1;
+    for (PetscInt d = 0; d < dim; d++) {
+      t->weight[q] *= weight[qd[d]];
+      t->norm[q] *= norm[qd[d]];
+    }
   }
 }
 
@@ -45,28 +47,85 @@ PetscInt BatchCoefficients(const BatchTables *t, const BatchForm *f)
   return f->box ? 1 + t->dim + t->n * (flow + (f->vary ? 1 : 0)) : t->n * (1 + NTENSOR(t->dim) + flow);
 }
 
-/* out = (add: +=) M along an axis of in; the same array may be both */
-INLINE void contract(const int dim, const int axis, const PetscBool add, const PetscReal M[3][3], const Lanes *in, Lanes *out)
+/* Matrices of three values on a line: from nodes to points, from values at the points to derivatives there, both
+   transposed; from nodes to 6, 2 and 3 times the coefficients of the Legendre polynomials */
+typedef enum {
+  VALUE,
+  VALUE_T,
+  SLOPE,
+  SLOPE_T,
+  EXPAND
+} Line;
+
+/* The matrix times (a, b, c), by even and odd parts */
+INLINE void turn(const Line which, Lanes *a, Lanes *b, Lanes *c)
+{
+  const Lanes sum = *a + *c, odd = *c - *a, middle = *b;
+
+  switch (which) {
+  case VALUE:
+    *a = (0.3 * sum + 0.4 * middle) - 0.5 * AT * odd;
+    *c = (0.3 * sum + 0.4 * middle) + 0.5 * AT * odd;
+    break;
+  case VALUE_T:
+    *a = 0.3 * sum - 0.5 * AT * odd;
+    *b = middle + 0.4 * sum;
+    *c = 0.3 * sum + 0.5 * AT * odd;
+    break;
+  case SLOPE:
+    *a = 0.5 / AT * odd - 1 / AT * (sum - 2 * middle);
+    *b = 0.5 / AT * odd;
+    *c = 0.5 / AT * odd + 1 / AT * (sum - 2 * middle);
+    break;
+  case SLOPE_T:
+    *a = 1 / AT * odd - 0.5 / AT * (sum + middle);
+    *b = -2 / AT * odd;
+    *c = 1 / AT * odd + 0.5 / AT * (sum + middle);
+    break;
+  case EXPAND:
+    *a = sum + 4 * middle;
+    *b = odd;
+    *c = sum - 2 * middle;
+    break;
+  }
+}
+
+/* out = (add: +=) the matrix along an axis of in */
+INLINE void contract(const int dim, const int axis, const PetscBool add, const Line which, const Lanes *in, Lanes *out)
 {
   const int s = axis == 0 ? 1 : axis == 1 ? 3 : 9;
 
   for (int line = 0; line < NPOINT(dim) / 3; line++) {
-    const int   at = line / s * 3 * s + line % s;
-    const Lanes a = in[at], b = in[at + s], c = in[at + 2 * s];
+    const int at = line / s * 3 * s + line % s;
+    Lanes     a = in[at], b = in[at + s], c = in[at + 2 * s];
 
-    for (int q = 0; q < 3; q++) {
-      const Lanes v = M[q][0] * a + M[q][1] * b + M[q][2] * c;
-
-      out[at + q * s] = add ? out[at + q * s] + v : v;
-    }
+    turn(which, &a, &b, &c);
+    out[at]         = add ? out[at] + a : a;
+    out[at + s]     = add ? out[at + s] + b : b;
+    out[at + 2 * s] = add ? out[at + 2 * s] + c : c;
   }
 }
 
-/* v [n] <- values at the points of component a of x [n][dim] */
-INLINE void evaluate(const int dim, const BatchTables *t, const Lanes *x, const int a, Lanes *v)
+/* out [n] <- the matrix along every axis of in [n], every `to` and every `from` entries; what goes along the first two
+   axes stays in registers */
+INLINE void contract_all(const int dim, const Line which, const int from, const Lanes *in, const int to, Lanes *out)
 {
-  for (int j = 0; j < NPOINT(dim); j++) v[j] = x[j * dim + a];
-  for (int e = 0; e < dim; e++) contract(dim, e, PETSC_FALSE, t->value, v, v);
+  Lanes v[MESH_MAX_NB];
+
+  for (int j = 0; j < 9 && dim == 3; j++) {
+    v[j]      = in[j * from];
+    v[9 + j]  = in[(9 + j) * from];
+    v[18 + j] = in[(18 + j) * from];
+    turn(which, v + j, v + 9 + j, v + 18 + j);
+  }
+  for (int first = 0; first < NPOINT(dim); first += 9) {
+    Lanes p[9];
+
+    for (int j = 0; j < 9; j++) p[j] = dim == 3 ? v[first + j] : in[(first + j) * from];
+    for (int j = 0; j < 3; j++) turn(which, p + j, p + 3 + j, p + 6 + j);
+    for (int j = 0; j < 3; j++) turn(which, p + 3 * j, p + 3 * j + 1, p + 3 * j + 2);
+    for (int j = 0; j < 9; j++) out[(first + j) * to] = p[j];
+  }
 }
 
 /* ---- coefficients ---- */
@@ -117,11 +176,11 @@ typedef struct {
   Lanes value[3][MESH_MAX_NB], slope[3][3][MESH_MAX_NB]; /* [a], [e][a] */
 } AtPoints;
 
-INLINE void evaluate_all(const int dim, const BatchTables *t, const PetscBool slopes, const Lanes *x, AtPoints *p)
+INLINE void evaluate_all(const int dim, const PetscBool slopes, const Lanes *x, AtPoints *p)
 {
   for (int a = 0; a < dim; a++) {
-    evaluate(dim, t, x, a, p->value[a]);
-    for (int e = 0; e < dim && slopes; e++) contract(dim, e, PETSC_FALSE, t->slope, p->value[a], p->slope[e][a]);
+    contract_all(dim, VALUE, dim, x + a, 1, p->value[a]);
+    for (int e = 0; e < dim && slopes; e++) contract(dim, e, PETSC_FALSE, SLOPE, p->value[a], p->slope[e][a]);
   }
 }
 
@@ -147,7 +206,7 @@ INLINE void set_boxes(const int dim, const BatchTables *t, const BatchForm *f, L
   c += 1 + dim;
   for (int q = 0; q < NPOINT(dim) && f->vary; q++) c[q * (nflow + 1) + nflow] = f->b + nu[q];
   if (!f->convection) return;
-  evaluate_all(dim, t, (PetscBool)(f->skew != 0), w, &p);
+  evaluate_all(dim, (PetscBool)(f->skew != 0), w, &p);
   for (int q = 0; q < NPOINT(dim); q++, c += nflow + (f->vary ? 1 : 0)) {
     Lanes value[3], slope[3][3] = {{{0}}};
 
@@ -160,8 +219,8 @@ INLINE void set_cells(const int dim, const BatchTables *t, const BatchForm *f, c
 {
   AtPoints place, p;
 
-  evaluate_all(dim, t, PETSC_TRUE, xc, &place);
-  if (f->convection) evaluate_all(dim, t, (PetscBool)(f->skew != 0), w, &p);
+  evaluate_all(dim, PETSC_TRUE, xc, &place);
+  if (f->convection) evaluate_all(dim, (PetscBool)(f->skew != 0), w, &p);
   for (int q = 0; q < NPOINT(dim); q++) {
     Lanes J[3][3], inverse[3][3], scale;
 
@@ -250,13 +309,12 @@ INLINE void multiply(const int dim, const PetscBool box, const PetscBool convect
   for (int a = 0; a < dim; a++) {
     Lanes v[MESH_MAX_NB], g[3][MESH_MAX_NB];
 
-    evaluate(dim, t, x, a, v);
-    for (int e = 0; e < dim; e++) contract(dim, e, PETSC_FALSE, t->slope, v, g[e]);
+    contract_all(dim, VALUE, dim, x + a, 1, v);
+    for (int e = 0; e < dim; e++) contract(dim, e, PETSC_FALSE, SLOPE, v, g[e]);
     if (box) apply_boxes(dim, convection, vary, t, f, c, v, g);
     else apply_cells(dim, convection, f, c, v, g);
-    for (int e = 0; e < dim; e++) contract(dim, e, PETSC_TRUE, t->slope_t, g[e], v);
-    for (int e = 0; e < dim; e++) contract(dim, e, PETSC_FALSE, t->value_t, v, v);
-    for (int j = 0; j < NPOINT(dim); j++) x[j * dim + a] = v[j];
+    for (int e = 0; e < dim; e++) contract(dim, e, PETSC_TRUE, SLOPE_T, g[e], v);
+    contract_all(dim, VALUE_T, 1, v, dim, x + a);
   }
 }
 
@@ -266,10 +324,9 @@ INLINE void weigh(const int dim, const BatchTables *t, const BatchForm *f, const
   for (int a = 0; a < dim; a++) {
     Lanes v[MESH_MAX_NB];
 
-    evaluate(dim, t, x, a, v);
+    contract_all(dim, VALUE, dim, x + a, 1, v);
     for (int q = 0; q < NPOINT(dim); q++) v[q] *= f->box ? t->weight[q] * c[0] : c[q * (1 + NTENSOR(dim))];
-    for (int e = 0; e < dim; e++) contract(dim, e, PETSC_FALSE, t->value_t, v, v);
-    for (int j = 0; j < NPOINT(dim); j++) x[j * dim + a] = v[j];
+    contract_all(dim, VALUE_T, 1, v, dim, x + a);
   }
 }
 
@@ -311,10 +368,23 @@ INLINE Lanes read_point(const int dim, const BatchTables *t, const BatchForm *f,
   return mass;
 }
 
+/* x <- M along an axis */
+INLINE void contract_pair(const int dim, const int axis, const PetscReal M[3][3], Lanes *x)
+{
+  const int s = axis == 0 ? 1 : axis == 1 ? 3 : 9;
+
+  for (int line = 0; line < NPOINT(dim) / 3; line++) {
+    Lanes      *at = x + line / s * 3 * s + line % s;
+    const Lanes a = at[0], b = at[s], c = at[2 * s];
+
+    for (int q = 0; q < 3; q++) at[q * s] = M[q][0] * a + M[q][1] * b + M[q][2] * c;
+  }
+}
+
 /* d += sum over the points of x times the product over the axes of t->pair[order]; x is lost */
 INLINE void add_pairs(const int dim, const BatchTables *t, const int order[3], Lanes *x, Lanes *d)
 {
-  for (int e = 0; e < dim; e++) contract(dim, e, PETSC_FALSE, t->pair[order[e]], x, x);
+  for (int e = 0; e < dim; e++) contract_pair(dim, e, t->pair[order[e]], x);
   for (int j = 0; j < NPOINT(dim); j++) d[j] += x[j];
 }
 
@@ -349,26 +419,24 @@ void BatchDiagonal(const BatchTables *t, const BatchForm *f, const Lanes c[], La
 
 /* ---- integrals ---- */
 
-INLINE void integrate(const int dim, const PetscBool box, const BatchTables *t, const BatchGeometry *g, PetscReal skew, const Lanes *u,
-                      const Lanes *v, const Lanes *w, BatchIntegrals *out)
+/* At the points of cells that are no boxes */
+INLINE void integrate_cells(const int dim, const BatchTables *t, const BatchGeometry *g, PetscReal skew, const Lanes *u, const Lanes *v,
+                            const Lanes *w, BatchIntegrals *out)
 {
   const BatchForm form = {.skew = skew};
   AtPoints        place, at_u, at_v, at_w;
   const AtPoints *pv = v ? &at_v : &at_u;
 
-  *out = (BatchIntegrals){0};
-  evaluate_all(dim, t, PETSC_TRUE, u, &at_u);
-  if (v) evaluate_all(dim, t, PETSC_TRUE, v, &at_v);
-  if (w) evaluate_all(dim, t, (PetscBool)(skew != 0), w, &at_w);
-  if (!box) evaluate_all(dim, t, PETSC_TRUE, g->xc, &place);
+  evaluate_all(dim, PETSC_TRUE, u, &at_u);
+  if (v) evaluate_all(dim, PETSC_TRUE, v, &at_v);
+  if (w) evaluate_all(dim, (PetscBool)(skew != 0), w, &at_w);
+  evaluate_all(dim, PETSC_TRUE, g->xc, &place);
   for (int q = 0; q < NPOINT(dim); q++) {
-    Lanes inverse[3][3] = {{{0}}}, J[3][3], value[3], slope[3][3] = {{{0}}}, flow[4], scale;
+    Lanes inverse[3][3], J[3][3], value[3], slope[3][3] = {{{0}}}, flow[4], scale;
 
-    for (int a = 0; a < dim; a++) {
-      if (box) inverse[a][a] = g->inverse[a];
-      for (int e = 0; e < dim && !box; e++) J[a][e] = place.slope[e][a][q];
-    }
-    scale = t->weight[q] * (box ? g->det : invert(dim, J, inverse));
+    for (int a = 0; a < dim; a++)
+      for (int e = 0; e < dim; e++) J[a][e] = place.slope[e][a][q];
+    scale = t->weight[q] * invert(dim, J, inverse);
     for (int a = 0; a < dim; a++) {
       out->square += scale * at_u.value[a][q] * at_u.value[a][q];
       for (int e = 0; e < dim; e++) out->divergence += scale * inverse[e][a] * at_u.slope[e][a][q];
@@ -383,11 +451,59 @@ INLINE void integrate(const int dim, const PetscBool box, const BatchTables *t, 
   }
 }
 
+/* test [n] += what (m d/dx, .) + skew (dm/dx, .) along an axis has of each polynomial, but for its norm: the derivative
+   of the first polynomial is the constant, that of the second three times the first */
+INLINE void add_slopes(const int dim, const int axis, const PetscReal skew, const Lanes inverse, const Lanes *m, Lanes *test)
+{
+  const int   s     = axis == 0 ? 1 : axis == 1 ? 3 : 9;
+  const Lanes steep = 7.5 * inverse, first = 3 * skew * inverse, second = 2 * skew * inverse;
+
+  for (int line = 0; line < NPOINT(dim) / 3; line++) {
+    const int at = line / s * 3 * s + line % s;
+
+    test[at + s] += inverse * m[at];
+    test[at + 2 * s] += steep * m[at + s];
+    if (skew == 0) continue;
+    test[at] += first * m[at + s];
+    test[at + s] += second * m[at + 2 * s];
+  }
+}
+
+/* Of boxes, exactly, where Legendre polynomials are orthogonal */
+INLINE void integrate_boxes(const int dim, const BatchTables *t, const BatchGeometry *g, PetscReal skew, const Lanes *u, const Lanes *v,
+                            const Lanes *w, BatchIntegrals *out)
+{
+  Lanes m[3][MESH_MAX_NB], mw[MESH_MAX_NB], test[MESH_MAX_NB] = {{0}};
+
+  for (int a = 0; a < dim; a++) contract_all(dim, EXPAND, dim, u + a, 1, m[a]);
+  for (int q = 0; q < NPOINT(dim); q++) {
+    Lanes square = m[0][q] * m[0][q];
+
+    for (int a = 1; a < dim; a++) square += m[a][q] * m[a][q];
+    out->square += t->norm[q] * square;
+  }
+  out->square *= g->det;
+  for (int a = 0; a < dim; a++) out->divergence += g->inverse[a] * m[a][a == 0 ? 1 : a == 1 ? 3 : 9];
+  out->divergence *= (dim == 2 ? 1. / 3 : 1. / 9) * g->det;
+  if (!w) return;
+  for (int a = 0; a < dim && v; a++) contract_all(dim, EXPAND, dim, v + a, 1, m[a]);
+  for (int e = 0; e < dim; e++) {
+    contract_all(dim, EXPAND, dim, w + e, 1, mw);
+    add_slopes(dim, e, skew, g->inverse[e], mw, test);
+  }
+  for (int q = 0; q < NPOINT(dim); q++) {
+    test[q] *= t->norm[q];
+    for (int a = 0; a < dim; a++) out->flux[a] += test[q] * m[a][q];
+  }
+  for (int a = 0; a < dim; a++) out->flux[a] *= g->det;
+}
+
 void BatchIntegrate(const BatchTables *t, PetscBool box, const BatchGeometry *g, PetscReal skew, const Lanes u[], const Lanes v[], const Lanes w[],
                     BatchIntegrals *out)
 {
-  if (t->dim == 2 && box) integrate(2, PETSC_TRUE, t, g, skew, u, v, w, out);
-  else if (t->dim == 2) integrate(2, PETSC_FALSE, t, g, skew, u, v, w, out);
-  else if (box) integrate(3, PETSC_TRUE, t, g, skew, u, v, w, out);
-  else integrate(3, PETSC_FALSE, t, g, skew, u, v, w, out);
+  *out = (BatchIntegrals){0};
+  if (t->dim == 2 && box) integrate_boxes(2, t, g, skew, u, v, w, out);
+  else if (t->dim == 2) integrate_cells(2, t, g, skew, u, v, w, out);
+  else if (box) integrate_boxes(3, t, g, skew, u, v, w, out);
+  else integrate_cells(3, t, g, skew, u, v, w, out);
 }

@@ -11,13 +11,11 @@
 #define BATCH_LANES 8
 typedef PetscReal Lanes __attribute__((vector_size(BATCH_LANES * sizeof(PetscReal))));
 
-/* On a line: values of the basis at the points [point][node], derivatives at the points from values there
-   [point][point], both also transposed */
 typedef struct {
-  PetscInt  dim, n; /* nodes of a cell, quadrature points */
-  PetscReal value[3][3], value_t[3][3], slope[3][3], slope_t[3][3];
-  PetscReal weight[MESH_MAX_NB];
-  PetscReal pair[3][3][3]; /* value^2, value times derivative, derivative^2 of a basis function: [which][node][point] */
+  PetscInt  dim, n;              /* nodes of a cell, quadrature points */
+  PetscReal weight[MESH_MAX_NB]; /* of the points */
+  PetscReal norm[MESH_MAX_NB];   /* of products of Legendre polynomials, as integrals over boxes have them */
+  PetscReal pair[3][3][3];       /* on a line value^2, value times derivative, derivative^2: [which][node][point] */
 } BatchTables;
 
 /* The operator a (u, v) + ((b + nu) grad u, grad v) + (w . grad u + skew div w u, v) */

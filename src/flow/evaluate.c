@@ -6,6 +6,7 @@
 #include "compat.h"
 #include "impl.h"
 #include "lanes.h"
+#include "base/inline.h"
 
 _Static_assert(FLOW_CELLS <= BATCH_LANES, "cells that are cheap together stand side by side");
 
@@ -45,10 +46,21 @@ PetscErrorCode FlowCellResidual(Flow f, PetscInt c, const PetscReal u[], const P
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* r [size] -= B^T p of a cell, dimensions as constants */
+INLINE void subtract_pressure(const int dim, const int size, const PetscReal *restrict b, const PetscReal p[], PetscReal *restrict r)
+{
+  for (int i = 0; i < size; i++) {
+    PetscReal sum = 0;
+
+    for (int k = 0; k <= dim; k++) sum += p[k] * b[k * size + i];
+    r[i] -= sum;
+  }
+}
+
 PetscErrorCode FlowCellResiduals(Flow f, PetscInt n, const PetscInt cells[], const PetscReal u[], const PetscReal p[], PetscReal r[])
 {
-  const MeshLocal *l  = f->loc;
-  const PetscInt   nk = l->dim + 1, size = l->nb * l->dim;
+  const MeshLocal *l    = f->loc;
+  const PetscInt   size = l->nb * l->dim;
   LaneCells        take;
   Lanes            x[MESH_MAX_NB * 3];
 
@@ -58,13 +70,14 @@ PetscErrorCode FlowCellResiduals(Flow f, PetscInt n, const PetscInt cells[], con
   LanesTake(f, n, cells, &take);
   PetscCall(LanesMomentum(f, &take, u, x));
   for (PetscInt k = 0; k < n; k++) {
-    const PetscInt c  = cells[k];
-    PetscReal     *rl = r + k * size;
+    const PetscInt   c  = cells[k];
+    const PetscReal *pc = p + c * (l->dim + 1);
+    PetscReal       *rl = r + k * size;
 
     for (PetscInt i = 0; i < size; i++) rl[i] = FlowIsDead(f, c) ? 0 : Lane(x, k)[i * BATCH_LANES];
     MeshCellScatter(l, c, l->dim, rl);
-    for (PetscInt e = 0; e < nk; e++)
-      for (PetscInt i = 0; i < size; i++) rl[i] -= p[c * nk + e] * f->b[c][e * size + i];
+    if (l->dim == 2) subtract_pressure(2, 18, f->b[c], pc, rl);
+    else subtract_pressure(3, 81, f->b[c], pc, rl);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -177,36 +190,44 @@ static PetscErrorCode measure_elasticity(Flow f)
 typedef struct {
   PetscReal square, divergence, flux[3]; /* int |u|^2, sum of squared means of div u, int w.grad u */
   PetscReal change[3], driven[3], velocity[3], volume;
-  PetscReal cfl, speed, speed_size;
+  PetscReal cfl, speed, speed_size; /* speed: its square */
 } Amounts;
 #define AMOUNTS_SUMMED 15
+
+typedef long long Chosen __attribute__((vector_size(sizeof(Lanes))));
+
+static inline Lanes larger(Lanes a, Lanes b)
+{
+  const Chosen second = a < b;
+
+  return (Lanes)((second & (Chosen)b) | (~second & (Chosen)a));
+}
 
 /* With nodal values x of u */
 static void add_speeds(const struct _p_Flow *f, const LaneCells *b, Lanes x[], Amounts *sum)
 {
-  const PetscInt dim = f->loc->dim, nb = f->loc->nb;
+  const PetscInt dim     = f->loc->dim;
+  Lanes          fastest = {0}, through = {0}; /* squares; the latter as the cells see it */
 
-  for (PetscInt k = 0; k < b->n; k++) {
-    const PetscInt   c       = b->cell[k];
-    const PetscReal *ul      = Lane(x, k);
-    PetscReal        fastest = 0, through = 0; /* squares; the latter as the cells see it */
+  for (PetscInt j = 0; j < f->loc->nb; j++) {
+    Lanes speed = {0}, seen = {0};
 
-    for (PetscInt j = 0; j < nb; j++) {
-      PetscReal speed = 0, seen = 0;
+    for (PetscInt a = 0; a < dim; a++) {
+      const Lanes v = x[j * dim + a], relative = v - f->step.frame[a];
 
-      for (PetscInt a = 0; a < dim; a++) {
-        const PetscReal v = ul[(j * dim + a) * BATCH_LANES];
-
-        speed += v * v;
-        seen += PetscSqr(v - f->step.frame[a]);
-      }
-      fastest = PetscMax(fastest, speed);
-      through = PetscMax(through, seen);
+      speed += v * v;
+      seen += relative * relative;
     }
-    through         = PetscSqrtReal(through);
-    sum->speed      = PetscMax(sum->speed, PetscSqrtReal(fastest));
-    sum->cfl        = PetscMax(sum->cfl, through * f->step.dt / f->size[c]);
-    sum->speed_size = PetscMax(sum->speed_size, through * f->size[c] * (f->rheology ? f->par.viscosity / f->mu_cell[c] : 1));
+    fastest = larger(fastest, speed);
+    through = larger(through, seen);
+  }
+  for (PetscInt k = 0; k < b->n; k++) {
+    const PetscInt  c    = b->cell[k];
+    const PetscReal seen = PetscSqrtReal(*Lane(&through, k));
+
+    sum->speed      = PetscMax(sum->speed, *Lane(&fastest, k));
+    sum->cfl        = PetscMax(sum->cfl, seen * f->step.dt / f->size[c]);
+    sum->speed_size = PetscMax(sum->speed_size, seen * f->size[c] * (f->rheology ? f->par.viscosity / f->mu_cell[c] : 1));
   }
 }
 
@@ -233,23 +254,28 @@ static PetscErrorCode add_amounts(Flow f, const LaneCells *b, const PetscReal u[
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Row sums of the mass matrix integrate nodal fields exactly */
-static void add_nodes(const struct _p_Flow *f, const PetscReal u[], Amounts *sum)
+/* Row sums of the mass matrix integrate nodal fields exactly; a constant dimension keeps the sums in registers */
+INLINE void add_nodes(const int dim, const struct _p_Flow *f, const PetscReal u[], Amounts *sum)
 {
-  const FlowStep *s   = &f->step;
-  const PetscInt  dim = f->loc->dim;
+  const FlowStep *s         = &f->step;
+  PetscReal       change[3] = {0}, driven[3] = {0}, velocity[3] = {0}, volume = 0;
 
   for (PetscInt i = 0; i < f->loc->nnode; i++) {
     const PetscReal m = f->lumped[i];
 
     for (PetscInt a = 0, k = i * dim; a < dim; a++, k++) {
-      sum->change[a] += m * (s->ct * u[k] - s->d0 * f->u[k] - s->d1 * f->u_old[k]);
-      sum->velocity[a] += m * u[k];
-      if (f->source) sum->driven[a] += m * f->source[k];
+      change[a] += m * (s->ct * u[k] - s->d0 * f->u[k] - s->d1 * f->u_old[k]);
+      velocity[a] += m * u[k];
+      if (f->source) driven[a] += m * f->source[k];
     }
-    sum->volume += m;
+    volume += m;
   }
-  for (PetscInt a = 0; a < dim; a++) sum->driven[a] += f->par.force[a] * sum->volume;
+  for (PetscInt a = 0; a < dim; a++) {
+    sum->change[a]   = change[a];
+    sum->velocity[a] = velocity[a];
+    sum->driven[a]   = driven[a] + f->par.force[a] * volume;
+  }
+  sum->volume = volume;
 }
 
 PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], FlowDiagnostics *out)
@@ -262,7 +288,8 @@ PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], FlowDiagnostics *out)
   PetscFunctionBeginUser;
   while (LanesNext(f, &walk, &next)) PetscCall(add_amounts(f, &next, u, &of));
   for (PetscInt d = 0; d < 3; d++) of.flux[d] *= rho;
-  add_nodes(f, u, &of);
+  if (f->loc->dim == 2) add_nodes(2, f, u, &of);
+  else add_nodes(3, f, u, &of);
   if (f->conformation) PetscCall(add_outflow(f, of.flux));
   if (f->conformation) PetscCall(measure_elasticity(f));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &of, AMOUNTS_SUMMED, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
@@ -277,7 +304,7 @@ PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], FlowDiagnostics *out)
   out->kinetic_energy = 0.5 * rho * of.square;
   out->divergence     = PetscSqrtReal(of.divergence);
   out->cfl            = of.cfl;
-  out->speed_max      = of.speed;
+  out->speed_max      = PetscSqrtReal(of.speed);
   out->cell_reynolds  = rho * of.speed_size / f->par.viscosity;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -72,18 +72,24 @@ PetscErrorCode LanesGeometry(const struct _p_Flow *f, const LaneCells *b, BatchG
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Nodal values of one cell, every `stride` numbers; dimensions as constants */
-INLINE void gather_cell(const int dim, const int nb, const int stride, const PetscInt *restrict node, const PetscInt n, const PetscReal *const v[],
-                        const PetscReal factor[], PetscReal *restrict to)
-{
-  for (int j = 0; j < nb; j++)
-    for (int a = 0; a < dim; a++) {
-      const PetscInt i   = node[j] * dim + a;
-      PetscReal      sum = factor[0] * v[0][i];
+_Static_assert(BATCH_LANES == 8, "what load() lists");
 
-      for (PetscInt m = 1; m < n; m++) sum += factor[m] * v[m][i];
-      to[(j * dim + a) * stride] = sum;
-    }
+/* The numbers at[k] of v side by side: eight loads and one store, not eight of both */
+INLINE Lanes load(const PetscReal *v, const PetscInt at[])
+{
+  return (Lanes){v[at[0]], v[at[1]], v[at[2]], v[at[3]], v[at[4]], v[at[5]], v[at[6]], v[at[7]]};
+}
+
+/* x = (add: +=) factor times nodal values of cells without anything that hangs; dimensions as constants */
+INLINE void gather_cells(const int dim, const int nb, const PetscBool add, const PetscInt *const node[], const PetscReal factor, const PetscReal v[],
+                         Lanes x[])
+{
+  for (int j = 0; j < nb; j++) {
+    PetscInt at[BATCH_LANES];
+
+    for (int k = 0; k < BATCH_LANES; k++) at[k] = node[k][j] * dim;
+    for (int a = 0; a < dim; a++) x[j * dim + a] = add ? x[j * dim + a] + factor * load(v + a, at) : factor * load(v + a, at);
+  }
 }
 
 static void gather_hanging(const MeshLocal *l, PetscInt c, PetscInt n, const PetscReal *const v[], const PetscReal factor[], PetscReal to[])
@@ -91,22 +97,28 @@ static void gather_hanging(const MeshLocal *l, PetscInt c, PetscInt n, const Pet
   const PetscInt size = l->nb * l->dim, *node = l->cell_node + c * l->nb;
   PetscReal      xl[MESH_MAX_NB * 3];
 
-  if (l->dim == 2) gather_cell(2, 9, 1, node, n, v, factor, xl);
-  else gather_cell(3, 27, 1, node, n, v, factor, xl);
+  for (PetscInt i = 0; i < size; i++) {
+    xl[i] = 0;
+    for (PetscInt m = 0; m < n; m++) xl[i] += factor[m] * v[m][node[i / l->dim] * l->dim + i % l->dim];
+  }
   MeshCellGather(l, c, l->dim, xl);
   for (PetscInt i = 0; i < size; i++) to[i * BATCH_LANES] = xl[i];
 }
 
 void LanesGather(const MeshLocal *l, const LaneCells *b, PetscInt n, const PetscReal *const v[], const PetscReal factor[], Lanes x[])
 {
-  for (PetscInt k = 0; k < BATCH_LANES; k++) {
-    const PetscInt c = b->cell[k < b->n ? k : 0], *node = l->cell_node + c * l->nb;
-    PetscReal     *to = Lane(x, k);
+  const PetscInt *node[BATCH_LANES];
 
-    if (MeshCellHang(l, c)) gather_hanging(l, c, n, v, factor, to);
-    else if (l->dim == 2) gather_cell(2, 9, BATCH_LANES, node, n, v, factor, to);
-    else if (n == 1) gather_cell(3, 27, BATCH_LANES, node, 1, v, factor, to);
-    else gather_cell(3, 27, BATCH_LANES, node, n, v, factor, to);
+  for (PetscInt k = 0; k < BATCH_LANES; k++) node[k] = l->cell_node + b->cell[k < b->n ? k : 0] * l->nb;
+  for (PetscInt m = 0; m < n; m++) {
+    if (l->dim == 2) gather_cells(2, 9, (PetscBool)(m > 0), node, factor[m], v[m], x);
+    else if (m == 0) gather_cells(3, 27, PETSC_FALSE, node, factor[m], v[m], x);
+    else gather_cells(3, 27, PETSC_TRUE, node, factor[m], v[m], x);
+  }
+  for (PetscInt k = 0; k < BATCH_LANES; k++) {
+    const PetscInt c = b->cell[k < b->n ? k : 0];
+
+    if (MeshCellHang(l, c)) gather_hanging(l, c, n, v, factor, Lane(x, k));
   }
 }
 
