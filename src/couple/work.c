@@ -18,6 +18,7 @@ PetscErrorCode CoupleFindNormals(Couple c)
   for (PetscInt e = 0; e < l->ncell; e++) one[e * nk] = 1;
   PetscCall(FlowGradient(c->flow, 1, one, normal));
   for (PetscInt i = 0; i < l->nnode * l->dim; i++) largest = PetscMax(largest, PetscAbsReal(normal[i]));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &largest, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
   PetscCall(PetscMalloc2(l->nnode, &c->rim, l->nnode * l->dim, &c->outward));
   c->nrim = 0;
   for (PetscInt i = 0; i < l->nnode; i++) {
