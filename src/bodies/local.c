@@ -93,7 +93,7 @@ static PetscErrorCode go_near(const BodyParts *p, PetscInt k, const PetscReal x[
   PetscFunctionBeginUser;
   BodyPartsInside(p, x, y);
   for (PetscInt i = 0; i < p->nbox; i++)
-    if (BodyPartsNearBox(p, i, y, reach + p->beyond)) PetscCall(go(g, k, p->box_rank[i], p->rank));
+    if (BodyPartsNearBox(p, i, y, reach + p->beyond + p->farther)) PetscCall(go(g, k, p->box_rank[i], p->rank));
   if (p->nbox || BodyPartsDeep(p, y, reach)) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt l = 0; l < p->n[2]; l++) {
     if (p->dim == 3 && !BodyPartsNear(p, 2, l, y[2], reach)) continue;

@@ -9,7 +9,7 @@ struct _p_BodyParts {
   PetscInt    dim, n[3], at[3]; /* parts along the axes, place of this rank's one */
   PetscReal  *cut[3];           /* [n + 1] */
   PetscInt    nbox;             /* boxes of all ranks, in their order; 0: parts are cut */
-  PetscReal (*box)[2][3], beyond;
+  PetscReal (*box)[2][3], beyond, farther;
   PetscMPIInt *box_rank;
   PetscReal    lower[3], upper[3], period[3];
   PetscSF      ghosts; /* from known to known bodies; NULL before the first BodiesMigrate */
