@@ -37,6 +37,9 @@ PetscErrorCode BodiesSetEverywhere(Bodies, PetscInt group);
 /* The parts are others from now on, as those of another mesh; bodies go there with the next BodiesMigrate. Nothing
    happens where all know all. Collective. */
 PetscErrorCode BodiesSetBoxes(Bodies, const BodyBoxes *);
+/* From the next BodiesMigrate on ranks look farther than `beyond` of their boxes, by the largest reach of any. Nothing
+   happens where all know all. Collective. */
+PetscErrorCode BodiesLookFarther(Bodies, PetscReal reach);
 /* The ranks among which bodies are spread; PETSC_COMM_SELF where all know all. */
 MPI_Comm BodiesComm(Bodies);
 

@@ -32,19 +32,21 @@ typedef struct {
 
 typedef struct _p_Deform *Deform;
 
-PetscErrorCode DeformIsWanted(PetscBool *); /* -mesh_deform */
 /* For the mesh as it is, whose sizes count as those at the start; NULL if -mesh_deform does not ask for it. Collective.
    Errors: no bodies, curved cells or boundaries that are no planes along axes. */
 PetscErrorCode DeformCreate(Mesh, Bodies, Deform *);
 PetscErrorCode DeformDestroy(Deform *);
 
-/* Deform the mesh for the bodies where they are. Before anything else looks at places of nodes. Collective. Error: a
-   mesh that would tangle. */
+/* Deform the mesh for the bodies where they are, which go to the ranks whose nodes come near them. Before anything else
+   looks at places of nodes. Collective. Error: a mesh that would tangle. */
 PetscErrorCode DeformMesh(Deform, DeformResult *);
-/* From the mesh as it is now to one for bodies that have moved by about a small cell, drawn at X [nbodies][3], q
-   [nbodies][4] (borrowed until the next call): as many of the last steps as bring sizes within 5 % of the wanted
-   ones, one to four. The first relaxes the mesh too: it adds, in proportion to the way of the bodies, what smoothing
-   would change in the displacements from the mesh at the start, and w is taken for the sizes after that. Of the
-   meshes with these sizes one of little shear is approached so, and bodies that travel leave no trail. The caller
-   sees to MeshRebase. Collective. Error: a mesh that would tangle. */
+/* The nodes are where a step begins: ranks know the bodies that these may come near in the step from the next
+   BodiesMigrate on, which is given the ways of the bodies (bodies/local.h). After DeformMesh it is so. Collective. */
+PetscErrorCode DeformLook(Deform);
+/* From the mesh as it is now to one for known bodies that have moved by about a small cell, drawn at X [n][3], q [n][4]
+   (borrowed until the next call): as many of the last steps as bring sizes within 5 % of the wanted ones, one to four.
+   The first relaxes the mesh too: it adds, in proportion to the way of the bodies, what smoothing would change in the
+   displacements from the mesh at the start, and w is taken for the sizes after that. Of the meshes with these sizes one
+   of little shear is approached so, and bodies that travel leave no trail. The caller sees to MeshRebase. Collective.
+   Error: a mesh that would tangle. */
 PetscErrorCode DeformFollow(Deform, PetscReal (*X)[3], PetscReal (*q)[4], DeformResult *);

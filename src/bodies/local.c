@@ -96,7 +96,7 @@ static PetscErrorCode go_near(const BodyParts *p, PetscInt k, const PetscReal x[
     const PetscMPIInt *rank;
     PetscInt           n;
 
-    PetscCall(RegionsNear(p->regions, y, reach + p->beyond, &n, &rank));
+    PetscCall(RegionsNear(p->regions, y, reach + p->beyond + p->farther, &n, &rank));
     for (PetscInt i = 0; i < n; i++) PetscCall(go(g, k, rank[i], p->rank));
     PetscFunctionReturn(PETSC_SUCCESS);
   }

@@ -41,6 +41,14 @@ PetscErrorCode BodiesSetBoxes(Bodies b, const BodyBoxes *boxes)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode BodiesLookFarther(Bodies b, PetscReal reach)
+{
+  PetscFunctionBeginUser;
+  PetscCall(BodiesMax(b, 1, &reach));
+  if (b->parts) b->parts->farther = reach;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode BodyPartsCreate(MPI_Comm comm, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3],
                                BodyParts **parts)
 {

@@ -10,7 +10,7 @@ struct _p_BodyParts {
   PetscInt     dim, n[3], at[3]; /* parts along the axes, place of this rank's one */
   PetscReal   *cut[3];           /* [n + 1] */
   Regions      regions;          /* boxes of all ranks; NULL: parts are cut */
-  PetscReal    beyond, lower[3], upper[3], period[3];
+  PetscReal    beyond, farther, lower[3], upper[3], period[3];
   PetscSF      ghosts; /* from known to known bodies; NULL before the first BodiesMigrate */
   PetscMPIInt  tag;
   MPI_Datatype unit[2]; /* 3 and 4 reals */

@@ -1,6 +1,7 @@
 /* Ale: see ale.h. */
 #include "compat.h"
 #include "ale.h"
+#include "bodies/local.h"
 
 #define MOST 100 /* parts of a way at most */
 
@@ -10,8 +11,9 @@ struct _p_Ale {
   Mesh             mesh;
   const MeshLocal *loc;
   Deform           deform;
+  Bodies           bodies;
   BodyState       *s;
-  PetscReal (*X)[3], (*q)[4];           /* [nbodies] where the bodies were drawn for the mesh at the time n, */
+  PetscReal (*X)[3], (*q)[4];           /* [known bodies] where the bodies were drawn for the mesh at the time n, */
   PetscReal (*X_next)[3], (*q_next)[4]; /* for the present mesh, */
   PetscReal (*X_part)[3], (*q_part)[4]; /* and on the way */
   PetscReal   *now, *old, *drift;       /* [nnode_all][dim] places at the last two times; velocity of the nodes */
@@ -27,10 +29,11 @@ static void find_way(const struct _p_Ale *f, PetscInt k, PetscReal (*X)[3], Pets
 }
 
 /* Parts of the way of all bodies, by the point that goes farthest, each about as long as the smallest cell */
-static PetscInt count_parts(const struct _p_Ale *f, PetscReal (*X)[3], PetscReal (*q)[4])
+static PetscErrorCode count_parts(const struct _p_Ale *f, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt *nparts)
 {
   PetscReal longest = 0;
 
+  PetscFunctionBeginUser;
   for (PetscInt k = 0; k < f->s->n; k++) {
     const BodyGroup *g = BodiesGetGroup(f->s, k);
     PetscReal        way[3], dot = 0, turn;
@@ -41,7 +44,9 @@ static PetscInt count_parts(const struct _p_Ale *f, PetscReal (*X)[3], PetscReal
     turn    = g->disc > 0 ? 0 : 2 * PetscAcosReal(PetscMin(1, PetscAbsReal(dot)));
     longest = PetscMax(longest, PetscSqrtReal(way[0] * way[0] + way[1] * way[1] + way[2] * way[2]) + BodiesGetRadius(f->s, k) * turn);
   }
-  return PetscMax(1, PetscMin(MOST, (PetscInt)PetscCeilReal(longest / f->h)));
+  PetscCall(BodiesMax(f->bodies, 1, &longest));
+  *nparts = PetscMax(1, PetscMin(MOST, (PetscInt)PetscCeilReal(longest / f->h)));
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Bodies at the given share of their way */
@@ -81,6 +86,7 @@ PetscErrorCode AleCreate(Moved moved, Flow flow, Bodies bodies, Deform deform, A
   f->flow   = flow;
   f->moved  = moved;
   f->deform = deform;
+  f->bodies = bodies;
   PetscCall(FlowGetMesh(flow, &f->mesh));
   PetscCall(MeshGetLocal(f->mesh, &f->loc));
   n    = f->loc->nnode_all;
@@ -89,7 +95,12 @@ PetscErrorCode AleCreate(Moved moved, Flow flow, Bodies bodies, Deform deform, A
   PetscCall(PetscArraycpy(f->now, f->loc->x, size));
   PetscCall(PetscArraycpy(f->old, f->loc->x, size));
   PetscCall(BodiesGetState(bodies, &f->s));
-  PetscCall(PetscMalloc6(f->s->n, &f->X, f->s->n, &f->q, f->s->n, &f->X_next, f->s->n, &f->q_next, f->s->n, &f->X_part, f->s->n, &f->q_part));
+  PetscCall(BodiesAttach(bodies, sizeof(*f->X), (void **)&f->X));
+  PetscCall(BodiesAttach(bodies, sizeof(*f->q), (void **)&f->q));
+  PetscCall(BodiesAttach(bodies, sizeof(*f->X_next), (void **)&f->X_next));
+  PetscCall(BodiesAttach(bodies, sizeof(*f->q_next), (void **)&f->q_next));
+  PetscCall(BodiesAttachWork(bodies, sizeof(*f->X_part), (void **)&f->X_part));
+  PetscCall(BodiesAttachWork(bodies, sizeof(*f->q_part), (void **)&f->q_part));
   PetscCall(copy_bodies(f, f->s->x, f->s->q, f->X, f->q));
   PetscCall(copy_bodies(f, f->s->x, f->s->q, f->X_next, f->q_next));
   for (PetscInt i = 0; i < n; i++) f->all[i] = i;
@@ -101,10 +112,17 @@ PetscErrorCode AleCreate(Moved moved, Flow flow, Bodies bodies, Deform deform, A
 
 PetscErrorCode AleDestroy(Ale *follow)
 {
+  Ale f = *follow;
+
   PetscFunctionBeginUser;
-  if (!*follow) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscFree4((*follow)->now, (*follow)->old, (*follow)->drift, (*follow)->all));
-  PetscCall(PetscFree6((*follow)->X, (*follow)->q, (*follow)->X_next, (*follow)->q_next, (*follow)->X_part, (*follow)->q_part));
+  if (!f) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree4(f->now, f->old, f->drift, f->all));
+  PetscCall(BodiesDetach(f->bodies, (void **)&f->X));
+  PetscCall(BodiesDetach(f->bodies, (void **)&f->q));
+  PetscCall(BodiesDetach(f->bodies, (void **)&f->X_next));
+  PetscCall(BodiesDetach(f->bodies, (void **)&f->q_next));
+  PetscCall(BodiesDetach(f->bodies, (void **)&f->X_part));
+  PetscCall(BodiesDetach(f->bodies, (void **)&f->q_part));
   PetscCall(PetscFree(*follow));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -113,13 +131,13 @@ PetscErrorCode AleUpdate(Ale f, PetscReal (*X)[3], PetscReal (*q)[4])
 {
   const MeshLocal *l = f->loc;
   const FlowStep  *s;
-  PetscInt         nparts;
+  PetscInt         nparts = 1;
 
   PetscFunctionBeginUser;
   if (X) {
     PetscCall(MovedBegin(f->moved, l->ncell_all, f->all, NULL)); /* a mesh has more nodes than cells */
     PetscCall(MeshMoveNodes(f->mesh, l->nnode_all, f->all, f->now));
-    nparts = count_parts(f, X, q);
+    PetscCall(count_parts(f, X, q, &nparts));
     for (PetscInt i = 1; i <= nparts; i++) {
       place_bodies(f, (PetscReal)i / nparts, X, q);
       PetscCall(DeformFollow(f->deform, f->X_part, f->q_part, &f->result));
@@ -142,6 +160,7 @@ PetscErrorCode AleAccept(Ale f)
   PetscCall(PetscArraycpy(f->now, f->loc->x, size));
   PetscCall(copy_bodies(f, f->X_next, f->q_next, f->X, f->q));
   f->h = f->loc->h;
+  PetscCall(DeformLook(f->deform));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -160,16 +179,21 @@ static PetscErrorCode restore_mesh(Ale f)
   PetscFunctionBeginUser;
   PetscCall(MovedRestore(f->moved, l->ncell_all, f->all, &(MovedMesh){.nnode = l->nnode_all, .node = f->all, .x = f->now, .whole = PETSC_TRUE}));
   f->h = l->h;
+  PetscCall(DeformLook(f->deform));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode AleVisitState(Ale f, State state)
 {
+  BodyRows rows;
+
   PetscFunctionBeginUser;
   PetscCall(StateNodes(state, "place", f->loc->dim, f->now));
   PetscCall(StateNodes(state, "place_old", f->loc->dim, f->old));
-  PetscCall(StateReals(state, "follow_X", 3 * f->s->n, (PetscReal *)f->X));
-  PetscCall(StateReals(state, "follow_q", 4 * f->s->n, (PetscReal *)f->q));
+  PetscCall(BodiesBeginRows(f->bodies, &rows));
+  PetscCall(BodiesVisitReals(f->bodies, &rows, state, "follow_X", 3, (PetscReal *)f->X));
+  PetscCall(BodiesVisitReals(f->bodies, &rows, state, "follow_q", 4, (PetscReal *)f->q));
+  PetscCall(BodiesEndRows(&rows));
   if (!StateIsLoading(state)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(copy_bodies(f, f->X, f->q, f->X_next, f->q_next));
   PetscCall(restore_mesh(f));

@@ -26,7 +26,7 @@ PetscErrorCode AleDestroy(Ale *);
 /* Between FlowBeginStep and FlowAssemble: bodies are drawn at X, q; X NULL: where they were drawn last. Collective.
    Errors: those of DeformFollow and FlowSetDrift. */
 PetscErrorCode AleUpdate(Ale, PetscReal (*X)[3], PetscReal (*q)[4]);
-/* The step is accepted. */
+/* The step is accepted. Collective. */
 PetscErrorCode AleAccept(Ale);
 /* Borrowed. */
 PetscErrorCode AleGetResult(Ale, const DeformResult **);

@@ -164,6 +164,8 @@ static PetscErrorCode draw_bodies(Couple c, PetscBool *drawn)
   *drawn = PETSC_TRUE;
   PetscCall(place_bodies(c, drawn));
   if (c->follow) PetscCall(AleUpdate(c->follow, *drawn ? NULL : c->X, c->q));
+  *drawn = (PetscBool)(*drawn && !c->met);
+  c->met = PETSC_FALSE;
   if (*drawn) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogEventBegin(TB_MARK, 0, 0, 0, 0));
   PetscCall(IndicatorClear(c->mark));

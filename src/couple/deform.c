@@ -3,6 +3,7 @@
 #include "deform_impl.h"
 #include "base/opt.h"
 #include "base/room.h"
+#include "bodies/local.h"
 
 #define SAFE    0.1  /* smallest Jacobian over the mean of its cell */
 #define CORRECT 12   /* further steps at most, until */
@@ -113,6 +114,32 @@ static PetscErrorCode list_bodies(Deform d, const PetscReal (*X)[3], const Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* A body counts within its width of a node; behind bodies that turn nodes go less than a radius in a step */
+PetscErrorCode DeformLook(Deform d)
+{
+  PetscReal farthest = 0; /* square of the way of a node from the start, when the parts of bodies were made */
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < d->l->nnode_all; i++) {
+    PetscReal sum = 0;
+
+    for (PetscInt a = 0; a < d->dim; a++) sum += PetscSqr(MeshNearest(d->l, a, d->l->x[i * d->dim + a] - d->start[i * d->dim + a]));
+    farthest = PetscMax(farthest, sum);
+  }
+  PetscCall(BodiesLookFarther(d->bodies, PetscSqrtReal(farthest) + d->width + d->radius));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The bodies where they are; nodes may have come near others than before */
+static PetscErrorCode meet_bodies(Deform d)
+{
+  PetscFunctionBeginUser;
+  PetscCall(DeformLook(d));
+  PetscCall(BodiesMigrate(d->bodies, 0, 1));
+  PetscCall(list_bodies(d, d->s->x, d->s->q));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* ---- one step ---- */
 
 /* Smallest Jacobian of a cell at Gauss points and corners over its mean; a cell turned inside out gives -1 */
@@ -140,6 +167,7 @@ static PetscErrorCode measure(Deform d)
   PetscReal        sum[2] = {0, 0};
 
   PetscFunctionBeginUser;
+  if (d->meets) PetscCall(meet_bodies(d));
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     PetscReal xv[MAX_NV][3];
 
@@ -372,40 +400,31 @@ static PetscErrorCode create_solver(Deform d)
 
 static PetscErrorCode read_options(Deform d)
 {
-  PetscReal radius = 0;
-
   PetscFunctionBeginUser;
-  for (PetscInt k = 0; k < d->s->n; k++) radius = PetscMax(radius, BodiesGetRadius(d->s, k));
+  for (PetscInt k = 0; k < d->s->n; k++) d->radius = PetscMax(d->radius, BodiesGetRadius(d->s, k));
+  PetscCall(BodiesMax(d->bodies, 1, &d->radius));
   d->size  = 0.4;
-  d->width = radius;
+  d->width = d->radius;
   d->steps = 30;
   PetscCall(OptReal("-mesh_deform_size", &d->size));
   PetscCall(OptReal("-mesh_deform_width", &d->width));
   PetscCall(OptInt("-mesh_deform_steps", &d->steps));
-  PetscCheck(d->s->n, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscCheck(d->s->nall, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "-mesh_deform has no bodies to concentrate cells at: add a group, or remove the option");
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- public ---- */
 
-PetscErrorCode DeformIsWanted(PetscBool *wanted)
-{
-  PetscFunctionBeginUser;
-  *wanted = PETSC_FALSE;
-  PetscCall(OptBool("-mesh_deform", wanted));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode DeformCreate(Mesh mesh, Bodies bodies, Deform *deform)
 {
   Deform    d;
   PetscInt  n, m;
-  PetscBool wanted;
+  PetscBool wanted = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   *deform = NULL;
-  PetscCall(DeformIsWanted(&wanted));
+  PetscCall(OptBool("-mesh_deform", &wanted));
   if (!wanted) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscNew(&d));
   *deform   = d;
@@ -454,7 +473,7 @@ PetscErrorCode DeformMesh(Deform d, DeformResult *r)
   PetscReal taken, error = PETSC_MAX_REAL;
 
   PetscFunctionBeginUser;
-  PetscCall(list_bodies(d, d->s->x, d->s->q));
+  d->meets = PETSC_TRUE;
   r->steps = 0;
   PetscCall(measure(d));
   for (PetscInt k = 0; k < d->steps; k++) PetscCall(take_step(d, SMOOTHED, 1. / (d->steps - k), &taken, r));
@@ -465,6 +484,7 @@ PetscErrorCode DeformMesh(Deform d, DeformResult *r)
     if (error < GOOD || error > 0.95 * last) break;
     PetscCall(take_step(d, EXACT, 1, &taken, r));
   }
+  d->meets = PETSC_FALSE;
   PetscCall(MeshRebase(d->mesh));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

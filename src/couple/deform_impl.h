@@ -16,11 +16,12 @@ struct _p_Deform {
   Grid             near;        /* entries of the list, with their widths around them */
   PetscInt         nnear, room; /* the list: bodies and their periodic images, where they are drawn */
   PetscInt        *body;
-  PetscReal (*X)[3];       /* [nnear] */
-  const PetscReal (*q)[4]; /* [bodies] */
-  PetscReal  size, width;
-  PetscInt   steps, dim, nv, nq; /* vertices of a cell, Gauss points */
-  PetscInt   corner[MAX_NV];     /* lattice place of vertex j of a cell */
+  PetscReal (*X)[3];              /* [nnear] */
+  const PetscReal (*q)[4];        /* [bodies] */
+  PetscBool  meets;               /* bodies anew wherever nodes come: before the first time step */
+  PetscReal  size, width, radius; /* radius: of the largest body */
+  PetscInt   steps, dim, nv, nq;  /* vertices of a cell, Gauss points */
+  PetscInt   corner[MAX_NV];      /* lattice place of vertex j of a cell */
   PetscReal  phi[MAX_NQ][MAX_NV], dphi[MAX_NQ][MAX_NV][3], weight[MAX_NQ];
   PetscBool *vertex;       /* [nnode_all] */
   PetscInt  *held;         /* [nnode_all] bit mask of components that do not move */

@@ -41,6 +41,7 @@ struct _p_Couple {
   Ale                follow;           /* -mesh_deform with bodies that move */
   const PetscBool   *hollow;           /* [n] the inside of the body is no part of the fluid; NULL: none */
   PetscBool          sides_move;       /* nodes move on sides of the domain that bodies pass through */
+  PetscBool          met;              /* k stands for other bodies than when they were drawn */
   Indicator          mark;             /* nodes that move rigidly */
   PetscReal (*X)[3], (*q)[4], (*P)[3]; /* where the bodies are drawn: centre, orientation, reference point (of the rigid
                                           velocities) */

@@ -29,7 +29,7 @@ PetscErrorCode IndicatorCreate(Mesh mesh, Bodies bodies, Indicator *mark)
   PetscCall(PetscMalloc4(m->loc->nnode_all, &m->node_body, m->loc->nnode_all, &m->node, m->loc->ncell, &m->cell, m->loc->ncell, &m->stamp));
   for (PetscInt i = 0; i < m->loc->nnode_all; i++) m->node_body[i] = -1;
   PetscCall(PetscArrayzero(m->stamp, m->loc->ncell));
-  PetscCall(BodiesAttachWork(bodies, 8 * sizeof(PetscReal), (void **)&m->seen));
+  PetscCall(BodiesAttach(bodies, 8 * sizeof(PetscReal), (void **)&m->seen));
   PetscCall(IndicatorForget(m));
   *mark = m;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -54,16 +54,19 @@ PetscErrorCode IndicatorForget(Indicator m)
 
 PetscErrorCode IndicatorIsCurrent(Indicator m, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal key, PetscBool *current)
 {
+  PetscBool other = PETSC_FALSE;
+
   PetscFunctionBeginUser;
-  *current = (PetscBool)(m->key == key || !m->s->nall);
   for (PetscInt i = 0; i < 8 * m->s->n; i++) {
     const PetscInt  k = i / 8, a = i % 8;
     const PetscReal now = a < 3 ? X[k][a] : a < 7 ? q[k][a - 3] : m->s->gone[k];
 
-    if (m->seen[i] != now) *current = PETSC_FALSE;
+    if (m->seen[i] != now) other = PETSC_TRUE;
     m->seen[i] = now;
   }
-  m->key = key;
+  PetscCall(BodiesAny(m->bodies, &other));
+  *current = (PetscBool)(!other && (m->key == key || !m->s->nall));
+  m->key   = key;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -13,9 +13,8 @@ typedef struct _p_Indicator *Indicator;
 PetscErrorCode IndicatorCreate(Mesh, Bodies, Indicator *);
 PetscErrorCode IndicatorDestroy(Indicator *);
 
-/* Do the marks stand for bodies at X [n][3] with orientation q [n][4], none gone since, and for this key (anything
-   else that they depend on)? From then on they are taken to: a caller who gets `false` draws. Without bodies: true.
-   Not collective, but the same on every rank. */
+/* Were the bodies last asked about at X [n][3] with orientation q [n][4], none gone since, and with this key (anything
+   else that marks depend on)? Without bodies: true. Collective. */
 PetscErrorCode IndicatorIsCurrent(Indicator, PetscReal (*X)[3], PetscReal (*q)[4], PetscReal key, PetscBool *current);
 /* The next IndicatorIsCurrent() says no. */
 PetscErrorCode IndicatorForget(Indicator);

@@ -140,7 +140,7 @@ PetscErrorCode CoupleMeetBodies(Couple c)
   PetscCall(PetscFree2(rank, which));
   PetscCall(PetscInfo(NULL, "couple: %" PetscInt_FMT " bodies known\n", c->s->n));
   PetscCall(describe_bodies(c));
-  PetscCall(IndicatorForget(c->mark));
+  c->met    = PETSC_TRUE;
   c->hollow = NULL; /* until they are drawn */
   PetscFunctionReturn(PETSC_SUCCESS);
 }

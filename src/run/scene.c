@@ -97,27 +97,19 @@ static PetscErrorCode remark_backflow(const MeshLocal *l, const FlowParameters *
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Bodies are spread over the ranks where nothing in the scene, with all its defaults, needs all of them together; else
-   every rank knows them all, and the results are the same. In a flow their parts are those of the mesh and some cells
-   beyond. */
-static PetscErrorCode settle_bodies(SimParts *part, const MeshLocal *l, PetscBool active)
+/* Parts of bodies that are spread over the ranks are, in a flow, those of the mesh and some cells beyond. */
+static PetscErrorCode settle_bodies(SimParts *part, PetscBool active)
 {
-  PetscBool  deform   = PETSC_FALSE;
   PetscInt   reach[2] = {0, 0};
   BodyState *s;
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(part->bodies, &s));
-  if (BodiesComm(part->bodies) != PETSC_COMM_SELF) {
-    if (active) PetscCall(DeformIsWanted(&deform));
-    if (active) PetscCall(FlowFindReach(&reach[0]));
-    if (active && s->nall) PetscCall(CoupleFindReach(part->mesh, part->bodies, &reach[1]));
+  if (active && BodiesComm(part->bodies) != PETSC_COMM_SELF) {
+    PetscCall(FlowFindReach(&reach[0]));
+    if (s->nall) PetscCall(CoupleFindReach(part->mesh, part->bodies, &reach[1]));
     reach[0] = PetscMax(reach[0], reach[1]);
-    if (deform) {
-      if (s->nall) PetscCall(PetscPrintf(PETSC_COMM_WORLD, "every rank knows all bodies, because of -mesh_deform\n"));
-      PetscCall(BodiesDestroy(&part->bodies));
-      PetscCall(BodiesCreate(l->dim, l->lower, l->upper, &part->bodies));
-    } else if (active) PetscCall(CoupleSetParts(part->mesh, part->bodies, reach[0]));
+    PetscCall(CoupleSetParts(part->mesh, part->bodies, reach[0]));
   }
   PetscCall(RefineSetBodies(part->refine, part->bodies, reach[0]));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -188,7 +180,7 @@ static PetscErrorCode build(SimParts *part)
   if (active) PetscCall(OptBool("-sim_steady", &steady));
   PetscCall(create_mesh_and_bodies(part, &l));
   if (active) PetscCall(DefaultsApply(l, part->bodies, steady));
-  PetscCall(settle_bodies(part, l, active));
+  PetscCall(settle_bodies(part, active));
   PetscCall(ContactPack(part->bodies, l->lower, l->upper, l->period, &packing));
   PetscCall(RefineCheck(part->refine, steady));
   if (active) {

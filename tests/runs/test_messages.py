@@ -77,6 +77,7 @@ SCENES = {
     "meet": FLOW.replace("{range: 0.01, stiffness: 1e-4}", "{range: 0.095}"),
     "no contact": FLOW.replace("{range: 0.01, stiffness: 1e-4}", "{law: none}"),
     "nodal, adaptive": FLOW.replace("[20, 20]", "[30, 30]").replace("{dt: 0.005}", "{dt: 0.005, adapt: true, adapt_max: 0.005, adapt_tolerance: 1}\ncouple: {boundary: nodal}"),
+    "deformed": FLOW.replace("periodic: [x]", "periodic: [x], deform: true, deform_size: 0.7"),
     "snap": FLOW.replace("[20, 20]", "[80, 80]").replace("0.01, stiff", "0.005, stiff").replace("{dt: 0.005}", "{dt: 0.002}\ncouple: {boundary: snap}"),
 }
 
