@@ -11,25 +11,33 @@
 static PetscErrorCode find_pattern(Flow f, PetscInt **row_start, PetscInt **column)
 {
   const MeshLocal *l    = f->loc;
-  PetscInt         room = 18 * l->nnode + 125, n = 0, *start, *col;
+  PetscInt         room = 18 * l->nnode + 125, n = 0, *start, *col, *last_row;
 
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc1(l->nnode + 1, &start));
   PetscCall(PetscMalloc1(room, &col));
+  PetscCall(PetscMalloc1(l->nnode_all, &last_row)); /* that a node is in */
+  for (PetscInt i = 0; i < l->nnode_all; i++) last_row[i] = -1;
   start[0] = 0;
   for (PetscInt i = 0; i < l->nnode; i++) {
     const PetscInt first = l->node_cell_ptr[i], last = l->node_cell_ptr[i + 1];
-    PetscInt       m = (last - first) * l->nb;
 
-    if (n + m > room) {
-      room = 2 * room + m;
+    if (n + (last - first) * l->nb > room) {
+      room = 2 * room + (last - first) * l->nb;
       PetscCall(PetscRealloc(room * sizeof(PetscInt), &col));
     }
-    for (PetscInt q = 0; q < m; q++) col[n + q] = l->node_global[l->cell_node[l->node_cell[first + q / l->nb] * l->nb + q % l->nb]];
-    PetscCall(PetscSortRemoveDupsInt(&m, col + n));
-    n += m;
+    for (PetscInt q = first; q < last; q++)
+      for (PetscInt j = 0; j < l->nb; j++) {
+        const PetscInt node = l->cell_node[l->node_cell[q] * l->nb + j];
+
+        if (last_row[node] == i) continue;
+        last_row[node] = i;
+        col[n++]       = l->node_global[node];
+      }
+    PetscCall(PetscSortInt(n - start[i], col + start[i]));
     start[i + 1] = n;
   }
+  PetscCall(PetscFree(last_row));
   *row_start = start;
   *column    = col;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -66,7 +74,7 @@ static PetscErrorCode find_entries(Flow f)
     if (i >= l->nnode && nother) PetscCall(PetscFindInt(l->node_global[i], nother, global, &column[i]));
     if (i >= l->nnode) column[i] = column[i] < 0 ? -1 : l->nnode + column[i];
   }
-  for (PetscInt e = 0; e < l->ncell_all * nb * nb; e++) f->entry[e] = -1;
+  for (PetscInt e = 0; e < l->ncell_all * nb * nb && l->nnode < l->nnode_all; e++) f->entry[e] = -1; /* rows of others */
   for (PetscInt i = 0; i < l->nnode; i++) {
     for (PetscInt s = 0; s < 2 && part[s]; s++)
       for (PetscInt q = start[s][i]; q < start[s][i + 1]; q++) at[col[s][q] + s * l->nnode] = s ? -2 - q : q;
