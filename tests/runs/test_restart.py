@@ -189,6 +189,17 @@ def test_elsewhere(good, scene, tmp_path):
     assert rows(tmp_path / "second", "series.csv") == rows(tmp_path / "first", "series.csv")[8:]
 
 
+def test_nothing_left_to_do(good, scene, tmp_path):
+    """A restart beyond the end leaves tables without a line, which the corrected one begins anew."""
+    name = scene(DISC)
+    good([name, "-output_dir", "first", "-checkpoint_every", "10"])
+    args = [name, "-output_dir", "second", "-sim_restart", "first/checkpoint_10.h5"]
+    assert "Raise -sim_time or -sim_steps" in good([*args, "-sim_time", "0.02"], 2).out
+    good([*args, "-sim_steps", "12"], 2)
+    assert [int(row["step"]) for row in rows(tmp_path / "second", "series.csv")] == [11, 12]
+    assert len(rows(tmp_path / "second", "bodies.csv")) == 2
+
+
 def test_changed_extrapolation(good, scene, tmp_path):
     """A state of two velocities serves a run that wants three, and the other way round."""
     name = scene(BOX)
