@@ -114,13 +114,15 @@ PetscErrorCode FlowSolverGetLimited(FlowSolver, PetscInt limited[2]);
    rigid slots of own bodies), then the pressure of own cells. SetVelocity: velocity matrix of all components (own nodes
    x dim) to use in place of S from the next SetUp on, NULL: that of the flow again (FlowGetComponents, or S); S stays
    the preconditioner of the matrix-free solvers. Borrowed. Pack, Unpack: between x and nodal arrays as in
-   FlowSolverSolve. Residual: f = K x - b with the system's K and right-hand side b. Correct: solve K y = f from y = 0,
-   to the tolerance of the solver or until the residual is `enough`. Collective. */
+   FlowSolverSolve. Residual: f = K x - b with the system's K and right-hand side b. GetRest: the 2-norm of that b, the
+   residual of x = 0. Correct: solve K y = f from y = 0, to the tolerance of the solver or until the residual is
+   `enough`. Collective. */
 PetscErrorCode FlowSolverCreateVec(FlowSolver, Vec *x);
 PetscErrorCode FlowSolverSetVelocity(FlowSolver, Mat A);
 PetscErrorCode FlowSolverPack(FlowSolver, const PetscReal u[], const PetscReal p[], const PetscReal U[], Vec x);
 PetscErrorCode FlowSolverUnpack(FlowSolver, Vec x, PetscReal u[], PetscReal p[], PetscReal U[]);
 PetscErrorCode FlowSolverResidual(FlowSolver, const PetscReal r[], const PetscReal g[], Vec x, Vec f);
+PetscErrorCode FlowSolverGetRest(FlowSolver, PetscReal *norm);
 PetscErrorCode FlowSolverCorrect(FlowSolver, Vec f, PetscReal enough, Vec y, PetscInt *its, KSPConvergedReason *reason);
 /* The block operator K for products. Borrowed. */
 PetscErrorCode FlowSolverGetOperator(FlowSolver, Mat *K);

@@ -11,6 +11,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#define TYPO 2 /* edits; what is farther may be meant for another shape */
+
 /* Common endings of PETSc's solver options, and general options that PETSc reads on its own. */
 static const char petsc_names[] = "ksp_type, ksp_rtol, ksp_atol, ksp_divtol, ksp_max_it, ksp_norm_type, ksp_pc_side, ksp_monitor, "
                                   "ksp_monitor_true_residual, ksp_converged_reason, ksp_view, ksp_initial_guess_nonzero, "
@@ -202,10 +204,30 @@ static void explain_known(const char name[], char text[], size_t len)
   else snprintf(text, len, "a valid name, but nothing in this run reads it");
 }
 
+/* What the shape of the group takes that a name belongs to: OptDeclareOne made its rows, read with
+   "-particle_disc_shape ellipse". " -particle_disc_shape ellipse takes -particle_disc_a, -particle_disc_b", "" for
+   other names. */
+static void list_parameters(const char name[], char text[], size_t len)
+{
+  PetscInt        n;
+  const OptKnown *known = OptGetKnown(&n);
+
+  text[0] = 0;
+  for (PetscInt i = 0; i < n; i++) {
+    const char *when = known[i].own ? known[i].own->when : NULL, *end = when ? strstr(when, "shape ") : NULL;
+    size_t      used = strlen(text);
+
+    if (!end || strncmp(name, when, (size_t)(end - when)) || strchr(known[i].name, '<')) continue;
+    if (!used) used = (size_t)snprintf(text, len, " %s takes", when);
+    else if (used < len) used += (size_t)snprintf(text + used, len - used, ",");
+    if (used < len) snprintf(text + used, len - used, " %s", known[i].name);
+  }
+}
+
 /* "-flow_viscosty = 0.1 (command line): did you mean -flow_viscosity?" */
 static PetscErrorCode explain_mistake(const char name[], const char value[], char text[], size_t len)
 {
-  char            full[OPT_LINE], nearest[OPT_LINE] = "", shown[64] = "", advice[2 * OPT_LINE];
+  char            full[OPT_LINE], nearest[OPT_LINE] = "", shown[64] = "", advice[2 * OPT_LINE], more[OPT_LINE] = "";
   const char     *source;
   const OptSpec  *spec;
   const OptKnown *known;
@@ -223,10 +245,10 @@ static PetscErrorCode explain_mistake(const char name[], const char value[], cha
     if (!distance) snprintf(advice, sizeof(advice), "a valid name, but nothing in this run reads %s", nearest);
     else if (distance <= (PetscInt)strlen(full) / 2) snprintf(advice, sizeof(advice), "did you mean %s?", nearest);
     else snprintf(advice, sizeof(advice), "the nearest known name is %s", nearest);
-    if (distance && spec && spec->when && !(known && known->is_read)) {
-      PetscCall(PetscStrlcat(advice, " It is read only with ", sizeof(advice)));
-      PetscCall(PetscStrlcat(advice, spec->when, sizeof(advice)));
-    }
+    if (distance > TYPO) list_parameters(full, more, sizeof(more));
+    else if (distance && spec && spec->when && !(known && known->is_read) && !OptFindKnown(spec->when))
+      PetscCall(PetscSNPrintf(more, sizeof(more), " It is read only with %s", spec->when));
+    PetscCall(PetscStrlcat(advice, more, sizeof(advice)));
   }
   PetscCall(PetscSNPrintf(text, len, "%s%s (%s): %s", full, shown, source, advice));
   PetscFunctionReturn(PETSC_SUCCESS);

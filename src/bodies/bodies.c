@@ -106,10 +106,11 @@ static PetscErrorCode check_domain(Bodies b)
   for (PetscInt k = 0; k < s->n; k++)
     for (PetscInt a = 0; a < s->dim && !BodiesGetGroup(&b->view, k)->obstacle; a++)
       PetscCheck(s->x[k][a] >= b->lower[a] && s->x[k][a] <= b->upper[a], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-                 "Body %" PetscInt_FMT " of group '%s' starts outside the domain: coordinate %" PetscInt_FMT
-                 " is %g, the domain is %g .. %g. Move the body (-particle_%s_*), widen the mesh, or make it an obstacle (-particle_%s_obstacle)",
-                 BodiesPlaceInGroup(&b->view, k), BodiesGetGroup(&b->view, k)->name, a, (double)s->x[k][a], (double)b->lower[a], (double)b->upper[a],
-                 BodiesGetGroup(&b->view, k)->name, BodiesGetGroup(&b->view, k)->name);
+                 "Body %" PetscInt_FMT
+                 " of group '%s' starts outside the domain: its %c is %g, the domain goes from %g to %g: move the body (-particle_%s_*), widen the mesh, or "
+                 "make it an obstacle (-particle_%s_obstacle)",
+                 BodiesPlaceInGroup(&b->view, k), BodiesGetGroup(&b->view, k)->name, 'x' + (int)a, (double)s->x[k][a], (double)b->lower[a],
+                 (double)b->upper[a], BodiesGetGroup(&b->view, k)->name, BodiesGetGroup(&b->view, k)->name);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

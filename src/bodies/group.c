@@ -221,24 +221,24 @@ static PetscErrorCode check_place(const BodyGroup *g, const Start *s)
   const char *place = place_names[s->place], *group = g->name;
 
   PetscFunctionBeginUser;
-  PetscCheck(s->place != PLACE_SINGLE || s->has_position, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "Group '%s' has no position: give -particle_%s_position, or another -particle_%s_place", group, group, group);
+  PetscCheck(s->place == PLACE_TABLE || !s->table[0], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_%s_table needs -particle_%s_place table",
+             group, group);
+  PetscCheck(s->place == PLACE_PACK || !s->has_fraction, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_%s_fraction needs -particle_%s_place pack",
+             group, group);
   PetscCheck(s->place != PLACE_SINGLE || !s->has_count || s->count == 1, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-particle_%s_count %" PetscInt_FMT " needs -particle_%s_place lattice, random, pack or table", group, s->count, group);
+  PetscCheck(s->place != PLACE_SINGLE || s->has_position, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "Group '%s' has no position: give -particle_%s_position, or another -particle_%s_place", group, group, group);
   PetscCheck(s->place == PLACE_SINGLE || !s->has_position, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-particle_%s_position has no meaning with -particle_%s_place %s: remove one of them", group, group, place);
   PetscCheck((s->place != PLACE_LATTICE && s->place != PLACE_RANDOM) || s->has_count, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-particle_%s_place %s needs -particle_%s_count", group, place, group);
   PetscCheck(s->place != PLACE_PACK || s->has_count != s->has_fraction, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-particle_%s_place pack needs either -particle_%s_count or -particle_%s_fraction, the share of the box to fill", group, group, group);
-  PetscCheck(s->place == PLACE_PACK || !s->has_fraction, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_%s_fraction needs -particle_%s_place pack",
-             group, group);
   PetscCheck(s->place == PLACE_SINGLE || s->place == PLACE_TABLE || !g->motion.has_pivot, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-particle_%s_pivot needs -particle_%s_place single or table, which place the pivot", group, group);
   PetscCheck(s->place != PLACE_TABLE || s->table[0], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-particle_%s_place table needs -particle_%s_table file.csv", group, group);
-  PetscCheck(s->place == PLACE_TABLE || !s->table[0], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_%s_table needs -particle_%s_place table",
-             group, group);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

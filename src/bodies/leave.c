@@ -67,9 +67,10 @@ static PetscErrorCode leave(Leave b, PetscInt k, PetscInt f)
   PetscFunctionBeginUser;
   if (!b->s->own[k] && !(b->remove >> f & 1)) PetscFunctionReturn(PETSC_SUCCESS); /* its owner says so */
   PetscCheck(b->remove >> f & 1, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "Body %" PetscInt_FMT " of group '%s' has left the domain through boundary '%s': its coordinate %" PetscInt_FMT
-             " is %g, the domain is %g .. %g. Lower -sim_dt if contact should have kept it in, or let it go with -particle_remove %s",
-             BodiesPlaceInGroup(&b->bodies->view, k), g->name, DOMAIN_SIDE[f], f / 2, (double)b->s->x[k][f / 2], (double)b->lower[f / 2],
+             "Body %" PetscInt_FMT
+             " of group '%s' has left the domain through boundary '%s': its %c is %g, the domain goes from %g to %g: lower -sim_dt if contact should have kept "
+             "it in, or let it go with -particle_remove %s",
+             BodiesPlaceInGroup(&b->bodies->view, k), g->name, DOMAIN_SIDE[f], 'x' + (int)f / 2, (double)b->s->x[k][f / 2], (double)b->lower[f / 2],
              (double)b->upper[f / 2], DOMAIN_SIDE[f]);
   b->s->gone[k] = PETSC_TRUE;
   b->s->gap[k]  = PETSC_MAX_REAL;

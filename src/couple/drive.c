@@ -126,11 +126,11 @@ static PetscBool is_carried(Couple c, PetscInt k, PetscInt a)
   return (PetscBool)(!c->s->gone[k] && !BodiesGetGroup(c->s, k)->hole && BodiesIsFree(c->bodies, k, a));
 }
 
-/* What acts on the bodies that move freely along each axis: weight less buoyancy, external loads; size: sum of sizes */
-static PetscErrorCode sum_loads(Couple c, PetscReal load[3], PetscReal size[3])
+/* What acts on the bodies that move freely along each axis: weight less buoyancy, external loads; then sums of sizes */
+static PetscErrorCode sum_loads(Couple c, PetscReal load[2][3])
 {
   PetscFunctionBeginUser;
-  for (PetscInt a = 0; a < 3; a++) load[a] = size[a] = 0;
+  PetscCall(PetscArrayzero(load[0], 6));
   for (PetscInt k = 0; k < c->s->n; k++) {
     PetscReal force[3], torque[3];
 
@@ -138,18 +138,17 @@ static PetscErrorCode sum_loads(Couple c, PetscReal load[3], PetscReal size[3])
     PetscCall(BodiesGetLoad(c->bodies, k, c->par->density, c->par->gravity, force, torque));
     for (PetscInt a = 0; a < c->loc->dim; a++) {
       if (!is_carried(c, k, a)) continue;
-      load[a] += force[a];
-      size[a] += PetscAbsReal(force[a]);
+      load[0][a] += force[a];
+      load[1][a] += PetscAbsReal(force[a]);
     }
   }
-  PetscCall(BodiesSum(c->bodies, 3, load));
-  PetscCall(BodiesSum(c->bodies, 3, size));
+  PetscCall(BodiesSum(c->bodies, 6, load[0]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode DriveDraw(Drive d)
 {
-  PetscReal load[3], size[3];
+  PetscReal load[2][3];
 
   PetscFunctionBeginUser;
   PetscCall(weigh(d));
@@ -158,9 +157,9 @@ PetscErrorCode DriveDraw(Drive d)
     d->held.force[i]  = 0;
   }
   if (d->backflow != FORCE) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(sum_loads(d->c, load, size));
+  PetscCall(sum_loads(d->c, load));
   for (PetscInt a = 0; a < d->c->loc->dim; a++)
-    if ((d->out.backflow >> a) & 1) d->force[a] = -load[a] / d->volume;
+    if ((d->out.backflow >> a) & 1) d->force[a] = -load[0][a] / d->volume;
   PetscCall(FlowSetDrive(d->c->flow, d->force));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -221,20 +220,20 @@ static PetscErrorCode measure_force(Drive d, const CoupleBalance *b, PetscReal n
 
 PetscErrorCode DriveMeasure(Drive d, const CoupleBalance *b)
 {
-  PetscReal load[3], size[3], net[3], speed = 0;
+  PetscReal load[2][3], net[3], speed = 0;
 
   PetscFunctionBeginUser;
   PetscCall(PetscArraycpy(d->out.force, d->c->par->force, 3));
   d->out.error = 0;
   if (d->backflow == FLUX) PetscCall(find_speed(d, &speed));
-  if (d->backflow == FORCE) PetscCall(sum_loads(d->c, load, size));
+  if (d->backflow == FORCE) PetscCall(sum_loads(d->c, load));
   if (d->backflow == FORCE) PetscCall(measure_force(d, b, net));
   for (PetscInt a = 0; a < d->c->loc->dim; a++) {
     PetscReal error = 0;
 
     if (!((d->out.backflow >> a) & 1)) continue;
     if (d->backflow == FLUX && speed > 0) error = PetscAbsReal(b->mean[a]) / speed;
-    if (d->backflow == FORCE && size[a] > 0) error = PetscAbsReal(net[a]) / size[a];
+    if (d->backflow == FORCE && load[1][a] > 0) error = PetscAbsReal(net[a]) / load[1][a];
     d->out.error = PetscMax(d->out.error, error);
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -139,8 +139,8 @@ PetscErrorCode SeriesOpenFile(Monitor m, const char name[], const char heading[]
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Rank 0: open a file of the run, cut it at `length` bytes and go on there. 0, errno (ENOENT: no such file), or -1
-   with the reason why it is not a file of this run. */
+/* Rank 0: open a file of the run, cut it at `length` bytes and go on there. 0, errno (ENOENT: no such file, or one of a
+   restart that had nothing left to do, which is no line), or -1 with the reason why it is not a file of this run. */
 static int cut_file(const char path[], const char heading[], PetscReal length, FILE **file, const char **reason)
 {
   char first[HEADING] = "";
@@ -148,7 +148,9 @@ static int cut_file(const char path[], const char heading[], PetscReal length, F
   *file = fopen(path, "r+");
   if (!*file) return errno;
   if (!fgets(first, sizeof(first), *file) || strcmp(first, heading)) *reason = "its columns are others";
-  else if (fseek(*file, 0, SEEK_END) || (PetscReal)ftell(*file) < length) *reason = "it is shorter than when the checkpoint was written";
+  else if (fseek(*file, 0, SEEK_END)) return errno;
+  else if (ftell(*file) == (long)strlen(heading)) return FileClose(file) ? errno : ENOENT;
+  else if ((PetscReal)ftell(*file) < length) *reason = "it is shorter than when the checkpoint was written";
   else if (ftruncate(fileno(*file), (off_t)length) || fseek(*file, 0, SEEK_END)) return errno;
   return *reason ? -1 : 0;
 }

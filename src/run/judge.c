@@ -3,8 +3,10 @@
 #include "judge.h"
 #include "base/algebra.h"
 #include "base/domain.h"
+#include "base/grid.h"
 #include "base/log.h"
 #include "base/opt.h"
+#include "base/room.h"
 #include "bodies/local.h"
 #include <string.h>
 
@@ -45,6 +47,8 @@ struct _p_Judge {
   PetscInt           steps, doubts, judged, walls; /* walls: ConditionsGetSolidFaces */
   const MeshLocal   *loc;
   const CoupleDrive *drive; /* NULL: no back-flow to judge */
+  Grid               ways;  /* of the step that is judged; NULL: not asked for yet */
+  PetscInt           room, *body;
 };
 
 /* Are the faces of a box all boundaries that there are? */
@@ -111,6 +115,7 @@ PetscErrorCode JudgeCreate(Flow flow, Bodies bodies, Couple couple, Judge *judge
 PetscErrorCode JudgeDestroy(Judge *judge)
 {
   PetscFunctionBeginUser;
+  if (*judge) PetscCall(PetscFree((*judge)->body));
   PetscCall(PetscFree(*judge));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -226,20 +231,70 @@ static void find_start(Judge j, PetscInt k, const PetscReal v[3], PetscReal back
   }
 }
 
-/* Is something in the way of body k, if all go at v [n][3] for dt, or have gone so (done)? By bounding spheres. */
-static PetscBool is_barred(Judge j, PetscInt k, const PetscReal (*v)[3], PetscReal dt, PetscBool done)
+/* Where it is in the middle of its way, in the box; half: half-width of a box around all of the way */
+static void find_middle(Judge j, PetscInt k, const PetscReal v[3], PetscReal dt, PetscReal back, PetscReal x[3], PetscReal *half)
+{
+  PetscReal w[3], most = 0;
+
+  find_start(j, k, v, back - 0.5 * dt, x, w);
+  for (PetscInt a = 0; a < 3; a++) {
+    x[a] = DomainWrap(j->loc->period[a], x[a], j->loc->lower[a]);
+    most = PetscMax(most, PetscAbsReal(w[a]));
+  }
+  *half = BodiesGetRadius(j->s, k) + 0.5 * dt * most;
+}
+
+/* Enter the ways of all bodies by boxes as much larger as the largest of them: what the way of a body may cross is
+   found at its middle. All of them, if they are so long beside a period that another image than the nearest may be
+   met. */
+static PetscErrorCode enter_ways(Judge j, const PetscReal (*v)[3], PetscReal dt, PetscReal back)
+{
+  const MeshLocal *l = j->loc;
+  PetscReal        x[3], half, widest = 0, sum = 0;
+  PetscBool        all = PETSC_FALSE;
+  PetscInt         n   = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < j->s->n; k++) {
+    find_middle(j, k, v[k], dt, back, x, &half);
+    widest = PetscMax(widest, half);
+    sum += half;
+  }
+  for (PetscInt a = 0; a < l->dim; a++) all = (PetscBool)(all || (l->period[a] > 0 && 8 * widest > l->period[a]));
+  PetscCall(GridCreate(l->dim, l->lower, l->upper, all ? PETSC_MAX_REAL : 2 * (widest + sum / (PetscReal)j->s->n), 8 * j->s->n, &j->ways));
+  for (PetscInt k = 0; k < j->s->n; k++) {
+    if (j->s->gone[k]) continue;
+    find_middle(j, k, v[k], dt, back, x, &half);
+    half = all ? 0 : half + widest;
+    for (DomainImages i = {0}; DomainNextImage(l->period, l->lower, l->upper, x, half, &i);) {
+      PetscCall(RoomFor(n + 1, &j->room, &j->body, sizeof(*j->body), NULL));
+      j->body[n] = k;
+      PetscCall(GridInsert(j->ways, n++, i.at, half));
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Is something in the way of body k, if all go at v [n][3] for dt, or have gone so (done)? By bounding spheres. Until
+   the ways are forgotten, of the same ones. */
+static PetscErrorCode is_barred(Judge j, PetscInt k, const PetscReal (*v)[3], PetscReal dt, PetscBool done, PetscBool *barred)
 {
   const PetscReal back = done ? dt : 0;
-  PetscReal       x[3], y[3], u[3], w[3];
+  PetscReal       x[3], y[3], u[3], w[3], middle[3], half;
 
+  PetscFunctionBeginUser;
   find_start(j, k, v[k], back, x, u);
-  if (!j->box || meets_wall(j, k, x, u, dt)) return PETSC_TRUE;
-  for (PetscInt i = 0; i < j->s->n; i++) {
-    if (i == k || j->s->gone[i]) continue;
+  *barred = (PetscBool)(!j->box || meets_wall(j, k, x, u, dt));
+  if (*barred) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!j->ways) PetscCall(enter_ways(j, v, dt, back));
+  find_middle(j, k, v[k], dt, back, middle, &half);
+  for (PetscInt e = GridFirst(j->ways, middle); e >= 0 && !*barred; e = GridNext(j->ways, e)) {
+    const PetscInt i = j->body[GridItem(j->ways, e)];
+
     find_start(j, i, v[i], back, y, w);
-    if (meets_body(j, k, x, u, i, y, w, dt)) return PETSC_TRUE;
+    *barred = (PetscBool)(i != k && meets_body(j, k, x, u, i, y, w, dt));
   }
-  return PETSC_FALSE;
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* way in radii of body k that the message is about */
@@ -264,6 +319,7 @@ PetscErrorCode JudgePlan(Judge j, PetscReal (*a)[3], PetscBool start, PetscReal 
     for (PetscInt d = 0; d < 3; d++) v[k][d] = j->s->u[k][d] + (d < j->s->dim && BodiesIsFree(j->bodies, k, d) ? dt * a[k][d] : 0);
   for (PetscInt k = 0; k < j->s->n && j->way_max > 0; k++) {
     PetscReal way = 0, held = start ? 1 : 0;
+    PetscBool barred;
 
     for (PetscInt d = 0; d < j->s->dim; d++) {
       way += PetscSqr(dt * (v[k][d] - j->s->u[k][d]));
@@ -271,8 +327,11 @@ PetscErrorCode JudgePlan(Judge j, PetscReal (*a)[3], PetscBool start, PetscReal 
     }
     if (j->s->gone[k] || held == 0) continue;
     way = PetscSqrtReal(way) / BodiesGetRadius(j->s, k);
-    if (way > j->way_max && is_barred(j, k, v, dt, PETSC_FALSE)) PetscCall(refuse_way(j, k, way, time, dt, adapted));
+    if (way <= j->way_max) continue;
+    PetscCall(is_barred(j, k, v, dt, PETSC_FALSE, &barred));
+    if (barred) PetscCall(refuse_way(j, k, way, time, dt, adapted));
   }
+  PetscCall(GridDestroy(&j->ways));
   PetscCall(PetscFree(v));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -284,11 +343,14 @@ PetscErrorCode JudgeWay(Judge j, PetscReal time, PetscReal dt, PetscBool adapted
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < j->s->n && j->way_max > 0; k++) {
     const PetscReal way = BodiesFastestPoint(j->s, k, 0) * dt / BodiesGetRadius(j->s, k);
+    PetscBool       barred;
 
     if (way <= j->way_max || j->s->gone[k]) continue;
-    if (is_barred(j, k, j->s->u, dt, PETSC_TRUE)) PetscCall(refuse_way(j, k, way, time, dt, adapted));
+    PetscCall(is_barred(j, k, j->s->u, dt, PETSC_TRUE, &barred));
+    if (barred) PetscCall(refuse_way(j, k, way, time, dt, adapted));
     far = PETSC_TRUE;
   }
+  PetscCall(GridDestroy(&j->ways));
   if (!j->far) PetscCall(BodiesAny(j->bodies, &far));
   if (far && !j->far)
     PetscCall(

@@ -22,8 +22,8 @@ struct _p_Steady {
   PetscInt         linearization, picard_steps, pseudo_steps;
   PetscInt         its, linear, last_linear; /* iterations so far: nonlinear, linear; linear of the last solve */
   PetscBool        fresh;                    /* the solver is set up for the first Picard iteration */
-  PetscReal        first, last_norm;         /* size of the residual at the start, and at the last linear solve */
-  PetscReal        share, target;            /* share of the first residual to reach; residual to reach now */
+  PetscReal        scale, last_norm;         /* what residuals are measured by; residual at the last linear solve */
+  PetscReal        share, target;            /* share of the scale to reach; residual to reach now */
   PetscReal        unsettled;                /* change of the stress that kept it from converging, or 0 */
   PetscInt         shown;                    /* iterations at the last printed residual */
   PetscReal       *at_rest;                  /* [nnode_all][dim] zeros, of which the viscosity is to be; or NULL */
@@ -159,7 +159,7 @@ static PetscErrorCode solve_linear(Steady s, Vec f, Vec y, KSPConvergedReason *r
 
   PetscFunctionBeginUser;
   PetscCall(VecNorm(f, NORM_2, &norm));
-  enough = PetscMax(LEFT * PetscMax(s->target, s->share * s->first), choose_share(s, norm) * norm);
+  enough = PetscMax(LEFT * PetscMax(s->target, s->share * s->scale), choose_share(s, norm) * norm);
   PetscCall(FlowSolverCorrect(s->solver, f, enough, y, &s->last_linear, reason));
   s->last_norm = norm;
   s->linear += s->last_linear;
@@ -184,9 +184,8 @@ static PetscErrorCode apply_inverse(PC pc, Vec f, Vec y)
 static PetscErrorCode print_residual(Steady s, const char method[], PetscReal norm)
 {
   PetscFunctionBeginUser;
-  if (s->first == 0) s->first = norm;
   PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  steady %3" PetscInt_FMT "  residual %10.3e  relative %9.2e", s->its, (double)norm,
-                        (double)(s->first > 0 ? norm / s->first : 0)));
+                        (double)(s->scale > 0 ? norm / s->scale : 0)));
   if (s->its) PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  %-11s %3" PetscInt_FMT " linear iterations", method, s->last_linear));
   PetscCall(PetscPrintf(PETSC_COMM_WORLD, "\n"));
   s->shown = s->its;
@@ -316,15 +315,14 @@ static PetscErrorCode solve_nonlinear(Steady s, PetscReal target, PetscReal hold
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* What the stages of solve_in_stages are to leave of the residual */
-static PetscErrorCode measure_stage(Steady s, PetscReal *target)
+/* Size of the residual at x */
+static PetscErrorCode measure_residual(Steady s, PetscReal *norm)
 {
   PetscFunctionBeginUser;
   PetscCall(FlowBeginSteady(s->flow, 0));
   PetscCall(FlowHoldCovered(s->flow, COVERED_FREE, NULL));
   PetscCall(evaluate_residual(s->snes, s->x, s->f, s));
-  PetscCall(VecNorm(s->f, NORM_2, target));
-  *target *= STAGE;
+  PetscCall(VecNorm(s->f, NORM_2, norm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -332,14 +330,14 @@ static PetscErrorCode measure_stage(Steady s, PetscReal *target)
    what is near (runs/studies/rheology). After a stage that fails, the next ones are closer. */
 static PetscErrorCode solve_in_stages(Steady s, PetscBool *ok)
 {
-  PetscReal rigid = RIGID_FIRST, rise = RIGID_RISE, solved = 0, target = 0;
+  PetscReal rigid = RIGID_FIRST, rise = RIGID_RISE, solved = 0, start = 0;
   PetscBool more;
 
   PetscFunctionBeginUser;
   for (PetscBool first = PETSC_TRUE;; first = PETSC_FALSE) {
     PetscCall(FlowSoften(s->flow, rigid, &more));
-    if (first) PetscCall(measure_stage(s, &target));
-    PetscCall(solve_nonlinear(s, more ? target : s->share * s->first, more ? STAGE : HOLD, ok));
+    if (first) PetscCall(measure_residual(s, &start)); /* of which stages are to leave a share */
+    PetscCall(solve_nonlinear(s, more ? STAGE * start : s->share * s->scale, more ? STAGE : HOLD, ok));
     if (*ok && !more) PetscFunctionReturn(PETSC_SUCCESS);
     if (*ok) solved = rigid;
     else rise = PetscSqrtReal(rise);
@@ -357,7 +355,7 @@ static PetscErrorCode solve_from(Steady s, PetscBool *ok)
   PetscBool       can;
 
   PetscFunctionBeginUser;
-  if (!staged) PetscCall(solve_nonlinear(s, s->share * s->first, HOLD, ok));
+  if (!staged) PetscCall(solve_nonlinear(s, s->share * s->scale, HOLD, ok));
   if (!staged && *ok) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowSoften(s->flow, RIGID_FIRST, &can));
   if (can || staged) PetscCall(solve_in_stages(s, ok));
@@ -384,10 +382,26 @@ static PetscErrorCode march(Steady s, PetscBool *ok)
     if (k == 1) next_try = 1e-2 * norm;
     last = norm;
     if (k <= 1 || norm > next_try) continue;
-    PetscCall(solve_nonlinear(s, s->share * s->first, HOLD, ok));
+    PetscCall(solve_nonlinear(s, s->share * s->scale, HOLD, ok));
     if (*ok) PetscFunctionReturn(PETSC_SUCCESS);
     next_try = 1e-2 * norm;
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Residuals count beside that at the start, or at rest where that is larger: a start value that solves the problem
+   (*ok), such as one of a restart, leaves nothing to take a share of */
+static PetscErrorCode measure_start(Steady s, PetscBool *ok)
+{
+  PetscReal norm, rest;
+
+  PetscFunctionBeginUser;
+  PetscCall(SNESGetTolerances(s->snes, NULL, &s->share, NULL, NULL, NULL));
+  PetscCall(measure_residual(s, &norm));
+  PetscCall(FlowSolverGetRest(s->solver, &rest));
+  s->scale = PetscMax(norm, rest);
+  *ok      = (PetscBool)(norm <= s->share * s->scale);
+  PetscCall(print_residual(s, "", norm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -401,10 +415,6 @@ static PetscErrorCode start_newtonian(Steady s)
   PetscFunctionBeginUser;
   PetscCall(VecNorm(s->x, NORM_2, &norm));
   if (norm > 0 || !FlowIsStifferAtRest(s->flow)) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(FlowBeginSteady(s->flow, 0));
-  PetscCall(evaluate_residual(s->snes, s->x, s->f, s)); /* the law's own, of which the solution is to leave a share */
-  PetscCall(VecNorm(s->f, NORM_2, &norm));
-  PetscCall(print_residual(s, "", norm));
   PetscCall(PetscCalloc1(s->loc->nnode_all * s->loc->dim, &s->at_rest));
   PetscCall(evaluate_residual(s->snes, s->x, s->f, s));
   PetscCall(set_up_solver(s, s->x, PETSC_FALSE));
@@ -421,15 +431,13 @@ PetscErrorCode SteadySolve(Steady s, PetscInt *its, PetscInt *linear)
 
   PetscFunctionBeginUser;
   s->its = s->linear = 0;
-  s->shown           = -1;
-  s->first = s->last_norm = 0;
+  s->target = s->last_norm = 0;
   PetscCall(CoupleGetSystem(s->couple, &u, &p, &U, NULL, NULL));
   PetscCall(FlowGetFields(s->flow, &u_field, NULL, &p_field));
   PetscCall(FlowSolverPack(s->solver, u_field, p_field, U, s->x));
-  PetscCall(SNESGetTolerances(s->snes, NULL, &s->share, NULL, NULL, NULL));
-  s->target = 0;
-  PetscCall(start_newtonian(s));
-  PetscCall(solve_from(s, &ok));
+  PetscCall(measure_start(s, &ok));
+  if (!ok) PetscCall(start_newtonian(s));
+  if (!ok) PetscCall(solve_from(s, &ok));
   if (!ok) PetscCall(march(s, &ok));
   if (!ok) PetscCall(stop_unconverged(s));
   PetscCall(linearize_at(s, s->x)); /* fields, matrix and right-hand side of the solution, for forces and reports */
@@ -532,11 +540,9 @@ PetscErrorCode SteadyCreate(Flow flow, Couple couple, const char rtol[], Steady 
 
 PetscErrorCode SteadyDestroy(Steady *steady)
 {
-  Steady s = *steady;
-
   PetscFunctionBeginUser;
-  if (!s) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(destroy_parts(s));
+  if (!*steady) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(destroy_parts(*steady));
   PetscCall(PetscFree(*steady));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -22,7 +22,8 @@
 
 typedef struct _p_Steady *Steady;
 
-/* Reads the options; rtol: default of -flow_snes_rtol. Collective. */
+/* Reads the options; rtol: default of -flow_snes_rtol, a share of the larger one of two residuals, at the start and at
+   rest. Collective. */
 PetscErrorCode SteadyCreate(Flow, Couple, const char rtol[], Steady *);
 PetscErrorCode SteadyDestroy(Steady *);
 /* The mesh has been made anew, and flow and couple know: SteadySetUp is done again, from the fields there.

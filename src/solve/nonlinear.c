@@ -26,6 +26,13 @@ PetscErrorCode FlowSolverSetVelocity(FlowSolver fs, Mat A)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode FlowSolverGetRest(FlowSolver fs, PetscReal *norm)
+{
+  PetscFunctionBeginUser;
+  PetscCall(VecNorm(fs->b, NORM_2, norm));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Newton's method needs no more of a linear solve: near its end round-off may leave that more than its tolerance */
 #define ENOUGH 1e-3
 

@@ -15,6 +15,7 @@ struct _p_Ties {
   PetscInt   ntied, *tied, first; /* own tied bodies, of which are in which own slots; number of the first */
   PetscInt   nblock;              /* largest number of blocks in a row */
   PetscReal *factor;              /* [ntied][nr][nr] L of the own ones */
+  PetscReal *sum;                 /* [count][1 + nr^2] of own bodies: number of ties, what they add to the block */
   PetscReal *slots;               /* [count][nr] work */
   Mat        mat;                 /* of the masses */
   KSP        ksp;
@@ -49,8 +50,8 @@ PetscErrorCode TiesCreate(Constraint constraint, Ties *ties)
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&t));
   t->constraint = constraint;
-  PetscCall(PetscMalloc4(constraint->room, &t->number, constraint->count, &t->tied, constraint->count * constraint->nr * constraint->nr, &t->factor,
-                         constraint->count * constraint->nr, &t->slots));
+  PetscCall(PetscMalloc5(constraint->room, &t->number, constraint->count, &t->tied, constraint->count * constraint->nr * constraint->nr, &t->factor,
+                         constraint->count * (1 + constraint->nr * constraint->nr), &t->sum, constraint->count * constraint->nr, &t->slots));
   PetscCall(create_solver(&t->ksp));
   *ties = t;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -73,7 +74,7 @@ PetscErrorCode TiesDestroy(Ties *ties)
   PetscCall(forget_system(*ties));
   PetscCall(KSPDestroy(&(*ties)->ksp));
   PetscCall(PetscFree((*ties)->tie));
-  PetscCall(PetscFree4((*ties)->number, (*ties)->tied, (*ties)->factor, (*ties)->slots));
+  PetscCall(PetscFree5((*ties)->number, (*ties)->tied, (*ties)->factor, (*ties)->sum, (*ties)->slots));
   PetscCall(PetscFree(*ties));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -103,21 +104,29 @@ static void mask_rows(Constraint c, BodyTie *tie)
       if (tie->body[s] < 0 || !((c->unknown[tie->body[s]] >> i) & 1)) tie->row[s][i] = 0;
 }
 
-/* Numbers of the tied bodies, by ranks */
+/* What the ties of a body come to, summed over ranks, and numbers of the tied bodies, by ranks */
 static PetscErrorCode number_bodies(Ties t)
 {
-  Constraint c = t->constraint;
-  PetscReal *value, *own, most = 0;
+  Constraint     c  = t->constraint;
+  const PetscInt nr = c->nr, width = 1 + nr * nr;
+  PetscReal     *value, *own, most = 0;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscCalloc2(c->nbodies, &value, c->count, &own));
-  for (PetscInt i = 0; i < 2 * t->n; i++)
-    if (t->tie[i / 2].body[i % 2] >= 0) value[t->tie[i / 2].body[i % 2]]++;
-  PetscCall(ConstraintSumRows(c, 1, value, own));
+  PetscCall(PetscCalloc2(c->nbodies * width, &value, c->count, &own));
+  for (PetscInt i = 0; i < 2 * t->n; i++) {
+    const BodyTie   *tie = &t->tie[i / 2];
+    const PetscReal *row = tie->row[i % 2];
+    const PetscInt   at  = tie->body[i % 2] * width;
+
+    if (at < 0) continue;
+    value[at]++;
+    for (PetscInt e = 0; e < nr * nr; e++) value[at + 1 + e] += tie->stiffness * row[e / nr] * row[e % nr];
+  }
+  PetscCall(ConstraintSumRows(c, width, value, t->sum));
   t->ntied = 0;
   for (PetscInt i = 0; i < c->nown; i++) {
-    most = PetscMax(most, own[i]);
-    if (own[i] > 0 && c->unknown[c->own[i]]) t->tied[t->ntied++] = i;
+    most = PetscMax(most, t->sum[i * width]);
+    if (t->sum[i * width] > 0 && c->unknown[c->own[i]]) t->tied[t->ntied++] = i;
     own[i] = -1;
   }
   t->nblock = (PetscInt)most + 1;
@@ -257,32 +266,20 @@ static void get_block(Constraint c, PetscInt k, const PetscReal inverse[], const
   for (PetscInt e = 0; e < c->nr * c->nr; e++) block[e] += added[e];
 }
 
-static PetscErrorCode stiffen_blocks(Ties t, PetscReal inverse[])
+static void stiffen_blocks(Ties t, PetscReal inverse[])
 {
   Constraint     c  = t->constraint;
   const PetscInt nr = c->nr, nn = nr * nr;
-  PetscReal     *sum, *own;
 
-  PetscFunctionBeginUser;
-  PetscCall(PetscCalloc2(c->nbodies * nn, &sum, c->count * nn, &own));
-  for (PetscInt i = 0; i < 2 * t->n; i++) {
-    const BodyTie   *tie = &t->tie[i / 2];
-    const PetscReal *row = tie->row[i % 2];
-
-    for (PetscInt e = 0; e < nn && tie->body[i % 2] >= 0; e++) sum[tie->body[i % 2] * nn + e] += tie->stiffness * row[e / nr] * row[e % nr];
-  }
-  PetscCall(ConstraintSumRows(c, nn, sum, own));
   for (PetscInt i = 0; i < t->ntied; i++) {
-    const PetscInt at = t->tied[i] * nn, k = c->own[t->tied[i]];
+    const PetscInt at = t->tied[i], k = c->own[at];
     PetscReal      block[36], with[36];
 
-    get_block(c, k, inverse + at, own + at, block);
+    get_block(c, k, inverse + at * nn, t->sum + at * (1 + nn) + 1, block);
     DenseInvert(nr, block, with);
     for (PetscInt e = 0; e < nn; e++)
-      if ((c->unknown[k] >> e / nr) & 1 && (c->unknown[k] >> e % nr) & 1) inverse[at + e] = with[e];
+      if ((c->unknown[k] >> e / nr) & 1 && (c->unknown[k] >> e % nr) & 1) inverse[at * nn + e] = with[e];
   }
-  PetscCall(PetscFree2(sum, own));
-  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- the system of masses ---- */
@@ -336,7 +333,7 @@ PetscErrorCode TiesUpdate(Ties t, PetscReal inverse[], const PetscReal mass_inve
   PetscFunctionBeginUser;
   if (!t->any) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(forget_system(t));
-  PetscCall(stiffen_blocks(t, inverse));
+  stiffen_blocks(t, inverse);
   PetscCall(update_masses(t, mass_inverse, scale));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -7,6 +7,7 @@
 #include <stddef.h>
 #include <setjmp.h>
 #include <stdint.h>
+#include <glob.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -324,6 +325,18 @@ static void refuses_bad_includes(void **state)
   if (!strstr(message, "other.yaml:") || !strstr(message, "syntax error")) fail_msg("%s", message);
 }
 
+static void reads_all_of_runs(void **state)
+{
+  const char *const where[] = {"runs/*.yaml", "runs/*/*.yaml", "runs/studies/*/*.yaml"};
+  glob_t            scenes  = {0};
+
+  (void)state;
+  for (int i = 0; i < 3; i++) assert_int_equal(glob(where[i], i ? GLOB_APPEND : 0, NULL, &scenes), 0);
+  for (size_t i = 0; i < scenes.gl_pathc; i++)
+    if (SceneFileCheck(scenes.gl_pathv[i], message, sizeof(message))) fail_msg("%s", message);
+  globfree(&scenes);
+}
+
 static int clean_up(void **state)
 {
   const char *const names[] = {"x.yaml", "x.txt", "other.yaml", "base.yaml"};
@@ -354,6 +367,7 @@ int main(int argc, char **argv)
     cmocka_unit_test(petsc_reads_the_same),
     cmocka_unit_test(includes),
     cmocka_unit_test(refuses_bad_includes),
+    cmocka_unit_test(reads_all_of_runs),
   };
   int failed;
 

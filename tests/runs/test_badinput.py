@@ -108,6 +108,20 @@ def test_misspelt_option_that_must_be_there(run, scene, ranks):
     refused(run([scene(edited("position", "positon"))], ranks), "Group 'disc' has no position", "give -particle_disc_position")
 
 
+@TWO
+def test_parameter_of_another_shape(run, scene, ranks):
+    """The nearest name is none of the shape: what it takes is said."""
+    text = edited("shape: circle", "shape: ellipse")
+    refused(run([scene(text)], ranks), "-particle_disc_shape ellipse takes -particle_disc_a, -particle_disc_b", "option -particle_disc_radius = 0.125")
+
+
+@TWO
+def test_table_without_its_place(run, scene, ranks):
+    """That no position is given is not what is wrong."""
+    text = edited("position: [1, 4]", "table: places.csv")
+    refused(run([scene(text)], ranks), "-particle_disc_table needs -particle_disc_place table")
+
+
 @RANKS
 def test_all_misspelt_options_are_listed(run, scene, ranks):
     result = run([scene(edited("viscosity", "viscosty")), "-sim_stesp", "1"], ranks)

@@ -95,6 +95,28 @@ def test_way(run):
     assert result.steps() == 0
 
 
+ALL_FAR = """\
+mesh: {cells: [12, 12], periodic: [x, y]}
+flow: {density: 1, viscosity: 0.01}
+particle:
+  groups: [all, one]
+  all: {shape: circle, radius: 0.01, density: 1000, place: lattice, count: 25, lower: [0.2, 0], upper: [1, 1], velocity: [2, 0]}
+  one: {shape: circle, radius: 0.01, density: 1000, position: [0.04, 0.5], velocity: [2, 0]}
+contact: {law: none}
+sim: {dt: 0.05, steps: 1}
+output: {every: 0}
+"""
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_many_go_far(run, scene, ranks):
+    """Each goes ten radii, one beside another; one that goes against them comes upon the image of one."""
+    args = [scene(ALL_FAR), "-output_dir", "out", "-output_overwrite"]
+    result = run(args, ranks)
+    assert result.status == 0 and "Nothing is in its way" in remarks(result)[0], str(result)
+    stopped(run([*args, "-particle_one_velocity", "-2,0"], ranks), "-sim_move_max (1", "would pass through what is in its way")
+
+
 def test_way_in_creeping_flow(run):
     """A step that is long beside the time in which a body gathers its speed: free fall would carry the disc over 40 radii, drag lets it go a hundredth of one."""
     args = ["-mesh_cells", "16,48", "-flow_viscosity", 1e4, "-sim_dt", 0.2, "-sim_steps", 2, "-output_every", 0, "-output_dir", "out"]

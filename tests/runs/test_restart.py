@@ -189,6 +189,17 @@ def test_elsewhere(good, scene, tmp_path):
     assert rows(tmp_path / "second", "series.csv") == rows(tmp_path / "first", "series.csv")[8:]
 
 
+def test_nothing_left_to_do(good, scene, tmp_path):
+    """A restart beyond the end leaves tables without a line, which the corrected one begins anew."""
+    name = scene(DISC)
+    good([name, "-output_dir", "first", "-checkpoint_every", "10"])
+    args = [name, "-output_dir", "second", "-sim_restart", "first/checkpoint_10.h5"]
+    assert "Raise -sim_time or -sim_steps" in good([*args, "-sim_time", "0.02"], 2).out
+    good([*args, "-sim_steps", "12"], 2)
+    assert [int(row["step"]) for row in rows(tmp_path / "second", "series.csv")] == [11, 12]
+    assert len(rows(tmp_path / "second", "bodies.csv")) == 2
+
+
 def test_changed_extrapolation(good, scene, tmp_path):
     """A state of two velocities serves a run that wants three, and the other way round."""
     name = scene(BOX)
@@ -210,6 +221,35 @@ def test_branch(good, scene, tmp_path):
     result = good([*args, "-sim_restart", "latest"])
     assert "Restarted from run/checkpoint_9.h5" in result.out, str(result)
     assert "-flow_viscosity 0.1 (was 0.2)" in result.out, str(result)
+
+
+STEADY = """\
+mesh: {cells: [8, 8], lower: [-2.5, -2.5], upper: [2.5, 2.5]}
+flow: {density: 1, viscosity: 1, bc: {top: {type: moving_wall, velocity: [1, 0]}}}
+particle: {groups: inner, inner: {shape: circle, radius: 1, position: [0, 0], motion: rotate, angular_velocity: 1}}
+sim: {steady: true}
+"""
+
+
+@pytest.mark.parametrize(
+    "args, ranks, most",
+    [
+        ([], 1, 0),
+        (["-flow_recipe", "balanced"], 2, 0),
+        # the viscosity of cut cells settles again, and as long as it does the residual cannot fall much further
+        (["-flow_convection", "false", "-flow_rheology", "power_law", "-flow_rheology_index", "0.5", "-mesh_cells", "20,20", "-flow_recipe", "direct"], 1, 8),
+    ],
+)
+def test_steady_again(good, scene, tmp_path, args, ranks, most):
+    """A steady solution solves its problem: nothing is left to reduce."""
+    args = [scene(STEADY), "-checkpoint_every", "1", "-output_dir", "run", *args]
+    good(args, ranks)
+    for _ in range(2):
+        good([*args, "-sim_restart", "latest"], ranks)
+    first, *others = rows(tmp_path / "run", "bodies.csv")
+    assert [int(row["outer_iterations"]) <= most for row in rows(tmp_path / "run", "series.csv")] == [False, True, True]
+    for other in others:
+        assert float(other["torque_z"]) == pytest.approx(float(first["torque_z"]), rel=1e-4)
 
 
 # ---- refusals ----
