@@ -1,5 +1,6 @@
 /* Cover: boxes around the cells of a rank (MeshCover of mesh.h). Cells are halved at the median of their centres along
-   the longer axis, three times: the parts of a curve through the mesh are no boxes, but few pieces of them are. */
+   the longer axis, or where these leave half of it empty, as on both sides of a periodic seam; three times: the parts
+   of a curve through the mesh are no boxes, but few pieces of them are. */
 #include "compat.h"
 #include "mesh/mesh.h"
 
@@ -27,7 +28,7 @@ static void bound(const Cover *v, PetscInt n, const PetscInt cell[], PetscReal b
 static PetscErrorCode halve(const Cover *v, PetscInt n, PetscInt cell[], PetscInt left, PetscInt *nbox, PetscReal (*box)[2][3])
 {
   PetscReal whole[2][3];
-  PetscInt  axis = 0;
+  PetscInt  axis = 0, half = n / 2;
 
   PetscFunctionBeginUser;
   if (!n) PetscFunctionReturn(PETSC_SUCCESS);
@@ -40,8 +41,10 @@ static PetscErrorCode halve(const Cover *v, PetscInt n, PetscInt cell[], PetscIn
     if (whole[1][a] - whole[0][a] > whole[1][axis] - whole[0][axis]) axis = a;
   for (PetscInt i = 0; i < n; i++) v->middle[i] = v->lower[cell[i]][axis] + v->upper[cell[i]][axis];
   PetscCall(PetscSortRealWithArrayInt(n, v->middle, cell));
-  PetscCall(halve(v, n / 2, cell, left - 1, nbox, box));
-  PetscCall(halve(v, n - n / 2, cell + n / 2, left - 1, nbox, box));
+  for (PetscInt i = 1; i < n; i++)
+    if (v->middle[i] - v->middle[i - 1] > whole[1][axis] - whole[0][axis]) half = i; /* sums of two, twice the distance */
+  PetscCall(halve(v, half, cell, left - 1, nbox, box));
+  PetscCall(halve(v, n - half, cell + half, left - 1, nbox, box));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
