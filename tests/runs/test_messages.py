@@ -102,6 +102,15 @@ def test_collectives_do_not_grow_with_the_bodies_of_a_flow(steps, kind):
                 assert other[kind][1] <= 1.3 * few[kind][1] + 64, (kind, few[kind], other[kind])
 
 
+def test_collectives_do_not_grow_where_the_mesh_follows_the_bodies(steps):
+    """Made anew in every step: what all ranks hear is where the ranks are and how many cells the base cells have"""
+    scene = FLOW.replace("periodic: [x]", "periodic: [x], levels: 1, follow: true, follow_way: 0.1").replace("place: lattice", "place: lattice, velocity: [2, 0]")
+    few, many = steps(scene, 3, 60, 2), steps(scene, 3, 120, 2)
+    assert few["allgather"][1] > 2 * 20 * 20 * 4, few
+    for kind in COLLECTIVES:
+        assert many[kind][4] <= few[kind][4] + 64 and many[kind][1] <= 1.3 * few[kind][1] + 64, (kind, few[kind], many[kind])
+
+
 def test_collectives_of_bodies_alone_have_a_fixed_length(steps):
     for ranks in 2, 5:
         sent = steps(ALONE, ranks, 7000, 10)
