@@ -178,7 +178,6 @@ static PetscErrorCode build(SimParts *part)
   PetscFunctionBeginUser;
   PetscCall(OptBool("-flow_active", &active));
   if (active) PetscCall(OptBool("-sim_steady", &steady));
-  if (steady) PetscCall(SteadyRefuseTime());
   PetscCall(create_mesh_and_bodies(part, &l));
   if (active) PetscCall(DefaultsApply(l, part->bodies, steady));
   PetscCall(settle_bodies(part, active));

@@ -78,6 +78,7 @@ PetscErrorCode SimCreate(const SimParts *part, Sim *sim)
   s->dt        = 0.01;
   s->time_end  = PETSC_MAX_REAL;
   s->steps_max = PETSC_MAX_INT;
+  if (part->steady) PetscCall(SteadyRefuseTime());
   PetscCall(OptReal("-sim_dt", &s->dt));
   PetscCall(OptReal("-sim_time", &s->time_end));
   PetscCall(OptInt("-sim_steps", &s->steps_max));

@@ -63,7 +63,7 @@ HELD = {
 @pytest.mark.parametrize("case", HELD)
 def test_rate_is_held(run, scene, case):
     text, options, rate, ranks = HELD[case]
-    rows = table(run([scene(text), "-output_dir", "out", *options], ranks))
+    rows = table(run([text if isinstance(text, Path) else scene(text), "-output_dir", "out", *options], ranks))
     for axis, wanted in zip("xyz", rate):
         off = [abs(row["mean_velocity_" + axis] - wanted) for row in rows if wanted is not None]
         assert max(off, default=0) < 1e-10, f"along {axis}: {off}"
@@ -109,7 +109,7 @@ BAD = {
     "axis": (FALL, ["-flow_rate", "1,0", "-flow_rate_axes", "z"], "'z' is no axis of this scene"),
     "left out": (FALL, ["-flow_rate", "1,1", "-flow_rate_axes", "x"], "which -flow_rate_axes does not name"),
     "force": (FALL, ["-flow_rate", "1,0", "-flow_force", "1,0"], "both act along x"),
-    "steady": (CHANNEL.replace("dt: 0.02, steps: 3", "steady: true"), [], "run in time without -sim_steady"),
+    "steady": (RUNS / "cylinder-array.yaml", ["-sim_steady", "-sim_dt"], "run in time without -sim_steady"),
     "both": (FALL, ["-flow_rate", "0,0", "-couple_backflow", "force"], "remove one of the two"),
     "no axis": (FALL, ["-mesh_periodic", "x", "-couple_backflow", "flux"], "gravity acts along no periodic axis"),
     "a step late": (FALL, ["-couple_backflow", "force", "-couple_type", "explicit"], "use -couple_type implicit, or -couple_backflow flux"),
@@ -119,5 +119,5 @@ BAD = {
 @pytest.mark.parametrize("fault", BAD)
 def test_refused(run, scene, fault):
     text, options, message = BAD[fault]
-    result = run([scene(text), "-output_dir", "out", *options])
+    result = run([text if isinstance(text, Path) else scene(text), "-output_dir", "out", *options])
     assert result.status == 1 and result.text.count("tumble: error:") == 1 and message in result.text, str(result)
