@@ -294,8 +294,8 @@ static PetscErrorCode move_nodes(Deform d, const PetscReal from[], PetscReal t)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* A part of the way to the wanted sizes; *taken: what it was, shorter if cells would become too slender. */
-static PetscErrorCode take_step(Deform d, Kind kind, PetscReal part, PetscReal *taken, DeformResult *r)
+/* A part of the way to the wanted sizes, a shorter one if cells would become too slender. */
+static PetscErrorCode take_step(Deform d, Kind kind, PetscReal part, DeformResult *r)
 {
   const PetscInt size = d->l->nnode_all * d->dim;
   PetscReal     *from, where[3] = {0, 0, 0};
@@ -308,12 +308,12 @@ static PetscErrorCode take_step(Deform d, Kind kind, PetscReal part, PetscReal *
   for (PetscInt i = 0; i < PASSES && kind == SMOOTHED; i++) PetscCall(smooth_displacement(d, d->v));
   PetscCall(PetscMalloc1(size, &from));
   PetscCall(PetscArraycpy(from, d->l->x, size));
-  for (*taken = part;; *taken *= 0.5) {
-    PetscCall(move_nodes(d, from, *taken));
+  for (PetscReal taken = part;; taken *= 0.5) {
+    PetscCall(move_nodes(d, from, taken));
     PetscCall(measure(d));
     PetscCall(judge(d, r, where));
     if (r->jacobian > SAFE) break;
-    PetscCheck(*taken > 1e-3 * part, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+    PetscCheck(taken > 1e-3 * part, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
                "-mesh_deform would tangle the mesh: near (%g, %g) a cell is left with a Jacobian of %g of its mean. Raise -mesh_deform_size (now %g), -mesh_deform_width "
                "(now %g) or the number of cells between the bodies",
                (double)where[0], (double)where[1], (double)r->jacobian, (double)d->size, (double)d->width);
@@ -470,19 +470,19 @@ PetscErrorCode DeformDestroy(Deform *deform)
 
 PetscErrorCode DeformMesh(Deform d, DeformResult *r)
 {
-  PetscReal taken, error = PETSC_MAX_REAL;
+  PetscReal error = PETSC_MAX_REAL;
 
   PetscFunctionBeginUser;
   d->meets = PETSC_TRUE;
   r->steps = 0;
   PetscCall(measure(d));
-  for (PetscInt k = 0; k < d->steps; k++) PetscCall(take_step(d, SMOOTHED, 1. / (d->steps - k), &taken, r));
+  for (PetscInt k = 0; k < d->steps; k++) PetscCall(take_step(d, SMOOTHED, 1. / (d->steps - k), r));
   for (PetscInt k = 0; k < CORRECT; k++) {
     const PetscReal last = error;
 
     error = PetscMax(1 - r->area[0], r->area[1] - 1);
     if (error < GOOD || error > 0.95 * last) break;
-    PetscCall(take_step(d, EXACT, 1, &taken, r));
+    PetscCall(take_step(d, EXACT, 1, r));
   }
   d->meets = PETSC_FALSE;
   PetscCall(MeshRebase(d->mesh));
@@ -491,7 +491,7 @@ PetscErrorCode DeformMesh(Deform d, DeformResult *r)
 
 PetscErrorCode DeformFollow(Deform d, PetscReal (*X)[3], PetscReal (*q)[4], DeformResult *r)
 {
-  PetscReal taken, where[3] = {0, 0, 0};
+  PetscReal where[3] = {0, 0, 0};
 
   PetscFunctionBeginUser;
   PetscCall(list_bodies(d, X, q));
@@ -499,7 +499,7 @@ PetscErrorCode DeformFollow(Deform d, PetscReal (*X)[3], PetscReal (*q)[4], Defo
   PetscCall(measure(d));
   PetscCall(judge(d, r, where));
   d->share = PetscMin(1, RELAX * PetscMax(1 - r->area[0], r->area[1] - 1));
-  do PetscCall(take_step(d, r->steps ? EXACT : RELAXED, 1, &taken, r));
+  do PetscCall(take_step(d, r->steps ? EXACT : RELAXED, 1, r));
   while (r->steps < FOLLOW && (r->area[0] < 1 - CLOSE || r->area[1] > 1 + CLOSE));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

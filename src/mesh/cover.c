@@ -41,8 +41,8 @@ static PetscErrorCode halve(const Cover *v, PetscInt n, PetscInt cell[], PetscIn
     if (whole[1][a] - whole[0][a] > whole[1][axis] - whole[0][axis]) axis = a;
   for (PetscInt i = 0; i < n; i++) v->middle[i] = v->lower[cell[i]][axis] + v->upper[cell[i]][axis];
   PetscCall(PetscSortRealWithArrayInt(n, v->middle, cell));
-  for (PetscInt i = 1; i < n; i++)
-    if (v->middle[i] - v->middle[i - 1] > whole[1][axis] - whole[0][axis]) half = i; /* sums of two, twice the distance */
+  for (PetscInt i = 1; i < n; i++) /* middles are sums of two places: twice the distance */
+    if (v->middle[i] - v->middle[i - 1] > whole[1][axis] - whole[0][axis]) half = i;
   PetscCall(halve(v, half, cell, left - 1, nbox, box));
   PetscCall(halve(v, n - half, cell + half, left - 1, nbox, box));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -34,9 +34,9 @@ static PetscBool is_equal(const RowPool *p, PetscInt n, const PetscReal value[],
 static PetscInt find_slot(const RowPool *p, PetscInt64 key, PetscInt length, const PetscReal value[])
 {
   for (PetscInt s = (PetscInt)(key & p->mask);; s = (s + 1) & p->mask) {
-    const RowKind *kind = p->kind + p->slot[s];
+    const RowKind *kind = p->slot[s] < 0 ? NULL : p->kind + p->slot[s];
 
-    if (p->slot[s] < 0 || (kind->key == key && kind->length == length && is_equal(p, length * p->unit, value, kind->at))) return s;
+    if (!kind || (kind->key == key && kind->length == length && is_equal(p, length * p->unit, value, kind->at))) return s;
   }
 }
 
