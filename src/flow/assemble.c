@@ -74,7 +74,8 @@ static PetscErrorCode find_entries(Flow f)
     if (i >= l->nnode && nother) PetscCall(PetscFindInt(l->node_global[i], nother, global, &column[i]));
     if (i >= l->nnode) column[i] = column[i] < 0 ? -1 : l->nnode + column[i];
   }
-  for (PetscInt e = 0; e < l->ncell_all * nb * nb && l->nnode < l->nnode_all; e++) f->entry[e] = -1; /* rows of others */
+  /* -1: rows of others */
+  for (PetscInt e = 0; e < l->ncell_all * nb * nb && l->nnode < l->nnode_all; e++) f->entry[e] = -1;
   for (PetscInt i = 0; i < l->nnode; i++) {
     for (PetscInt s = 0; s < 2 && part[s]; s++)
       for (PetscInt q = start[s][i]; q < start[s][i + 1]; q++) at[col[s][q] + s * l->nnode] = s ? -2 - q : q;
