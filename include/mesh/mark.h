@@ -9,8 +9,6 @@
 
 typedef struct _p_MeshMarks *MeshMarks;
 
-/* An empty set. */
-PetscErrorCode MeshMarksCreate(MeshMarks *);
 PetscErrorCode MeshMarksDestroy(MeshMarks *);
 /* What is refined in the mesh, and its marked cells (mark [ncell]) that have a level to go: a set of its own.
    Collective. */

@@ -140,6 +140,8 @@ PetscErrorCode MeshNodesInBox(Mesh, const PetscReal x[], PetscReal half, PetscIn
    ghost cells, or their images, lie no farther than *beyond from one, which is larger by `reach` diagonals of this
    rank's largest cell. Not collective (the mesh as it is). */
 PetscErrorCode MeshCover(Mesh, PetscInt reach, PetscInt *n, PetscReal (**box)[2][3], PetscReal *beyond);
+/* The same of all ranks; *beyond: the largest of them. Collective. */
+PetscErrorCode MeshCreateRegions(Mesh, PetscInt reach, Regions *, PetscReal *beyond);
 
 /* Give the n local nodes (own and ghost) new places x [n][dim]; topology, numbering and MeshNodesInBox stay as they
    are. Every rank must give a node it shares the same place; the caller answers for valid cells. Collective in the

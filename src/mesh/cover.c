@@ -100,3 +100,18 @@ PetscErrorCode MeshCover(Mesh mesh, PetscInt reach, PetscInt *n, PetscReal (**bo
   PetscCall(PetscFree4(v.lower, v.upper, v.middle, cell));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
+
+PetscErrorCode MeshCreateRegions(Mesh mesh, PetscInt reach, Regions *regions, PetscReal *beyond)
+{
+  const MeshLocal *l;
+  PetscInt         n;
+  PetscReal(*box)[2][3];
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshGetLocal(mesh, &l));
+  PetscCall(MeshCover(mesh, reach, &n, &box, beyond));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, beyond, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCall(RegionsCreate(PETSC_COMM_WORLD, l->dim, l->lower, l->upper, l->period, n, box, regions));
+  PetscCall(PetscFree(box));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

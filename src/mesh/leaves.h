@@ -60,7 +60,7 @@ PetscErrorCode LeavesCreateEqual(MPI_Comm, MeshKind, Leaves *);
 PetscErrorCode LeavesCreateFromList(MPI_Comm, MeshKind, PetscInt levels, PetscInt64 total, const Leaf[], Leaves *);
 /* Of leaves that are given: those around the own ones, by asking their owners. Collective. */
 PetscErrorCode LeavesLearn(Leaves *);
-/* Of so many leaves: how many a rank has, and which is its first. Not collective. */
+/* Of so many leaves, or base cells: how many a rank has, and which is its first. Not collective. */
 void           LeavesShare(PetscInt64 total, PetscMPIInt size, PetscMPIInt rank, PetscInt *n, PetscInt *start);
 PetscErrorCode LeavesDestroy(Leaves *);
 /* Have both the same base cells, levels, and leaves of this rank? Collective, the same on all ranks. */

@@ -22,13 +22,6 @@ PetscBool MarksHave(const struct _p_MeshMarks *m, PetscInt level, uint64_t key)
   return (PetscBool)(KeysFind(&m->known[level], key) >= 0);
 }
 
-PetscErrorCode MeshMarksCreate(MeshMarks *marks)
-{
-  PetscFunctionBeginUser;
-  PetscCall(PetscNew(marks));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode forget(MeshMarks m)
 {
   PetscFunctionBeginUser;
@@ -89,7 +82,7 @@ PetscErrorCode MeshMarksGrow(Mesh mesh, const PetscBool mark[], MeshMarks *marks
   MeshMarks     m;
 
   PetscFunctionBeginUser;
-  PetscCall(MeshMarksCreate(&m));
+  PetscCall(PetscNew(&m));
   for (PetscInt c = 0; c < t->nleaf; c++) {
     const Leaf    *leaf  = t->leaf + c;
     const PetscInt level = mark[c] && leaf->level < t->levels ? leaf->level : leaf->level - 1;

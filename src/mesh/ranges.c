@@ -123,8 +123,11 @@ static PetscErrorCode count_leaves(Leaves *t, PetscInt nroot, const Leaf root[],
   PetscCallMPI(MPI_Comm_rank(t->comm, &rank));
   PetscCall(PetscMalloc2(size, &n, size, &begin));
   for (PetscMPIInt r = 0; r < size; r++) {
-    begin[r] = (PetscMPIInt)((PetscInt64)nroot * r / size);
-    n[r]     = (PetscMPIInt)((PetscInt64)nroot * (r + 1) / size) - begin[r];
+    PetscInt share, first;
+
+    LeavesShare(nroot, size, r, &share, &first);
+    n[r]     = (PetscMPIInt)share;
+    begin[r] = (PetscMPIInt)first;
   }
   PetscCall(look(t, n[rank], root + begin[rank]));
   for (PetscInt i = begin[rank]; i < begin[rank] + n[rank]; i++) {

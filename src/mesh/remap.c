@@ -372,20 +372,6 @@ static PetscErrorCode evaluate_all(Remap r, PetscInt n, const PetscInt nodes[], 
 
 /* ---- public ---- */
 
-static PetscErrorCode find_regions(Remap r)
-{
-  const MeshLocal *l = r->loc;
-  PetscInt         n = 0;
-  PetscReal(*own)[2][3];
-
-  PetscFunctionBeginUser;
-  PetscCall(MeshCover(r->mesh, 1, &n, &own, &r->pad));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &r->pad, 1, MPIU_REAL, MPIU_MAX, r->comm));
-  PetscCall(RegionsCreate(r->comm, l->dim, l->lower, l->upper, l->period, n, own, &r->regions));
-  PetscCall(PetscFree(own));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode RemapCreate(Mesh mesh, Remap *remap)
 {
   Remap r;
@@ -395,7 +381,7 @@ PetscErrorCode RemapCreate(Mesh mesh, Remap *remap)
   r->mesh = mesh;
   PetscCall(MeshGetLocal(mesh, &r->loc));
   PetscCall(PetscCommDuplicate(PETSC_COMM_WORLD, &r->comm, &r->tag));
-  PetscCall(find_regions(r));
+  PetscCall(MeshCreateRegions(mesh, 1, &r->regions, &r->pad));
   *remap = r;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -3,10 +3,9 @@
 #include "judge.h"
 #include "base/algebra.h"
 #include "base/domain.h"
-#include "base/grid.h"
+#include "base/neargrid.h"
 #include "base/log.h"
 #include "base/opt.h"
-#include "base/room.h"
 #include "bodies/local.h"
 #include <string.h>
 
@@ -47,8 +46,8 @@ struct _p_Judge {
   PetscInt           steps, doubts, judged, walls; /* walls: ConditionsGetSolidFaces */
   const MeshLocal   *loc;
   const CoupleDrive *drive; /* NULL: no back-flow to judge */
-  Grid               ways;  /* of the step that is judged; NULL: not asked for yet */
-  PetscInt           room, *body;
+  NearGrid           ways;  /* of the step that is judged; NULL: not asked for yet */
+  PetscReal          reach; /* half-width of the longest of them, or of all that there is */
 };
 
 /* Are the faces of a box all boundaries that there are? */
@@ -115,7 +114,6 @@ PetscErrorCode JudgeCreate(Flow flow, Bodies bodies, Couple couple, Judge *judge
 PetscErrorCode JudgeDestroy(Judge *judge)
 {
   PetscFunctionBeginUser;
-  if (*judge) PetscCall(PetscFree((*judge)->body));
   PetscCall(PetscFree(*judge));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -244,34 +242,29 @@ static void find_middle(Judge j, PetscInt k, const PetscReal v[3], PetscReal dt,
   *half = BodiesGetRadius(j->s, k) + 0.5 * dt * most;
 }
 
-/* Enter the ways of all bodies by boxes as much larger as the largest of them: what the way of a body may cross is
-   found at its middle. All of them, if they are so long beside a period that another image than the nearest may be
-   met. */
+/* Boxes around the ways of all bodies, to be looked for at the middle of a way within the half-width of the longest.
+   Everywhere, if they are so long beside a period that another image than the nearest may be met. */
 static PetscErrorCode enter_ways(Judge j, const PetscReal (*v)[3], PetscReal dt, PetscReal back)
 {
   const MeshLocal *l = j->loc;
-  PetscReal        x[3], half, widest = 0, sum = 0;
-  PetscBool        all = PETSC_FALSE;
-  PetscInt         n   = 0;
+  PetscReal(*x)[3], *half, whole = 0;
+  PetscBool all = PETSC_FALSE;
 
   PetscFunctionBeginUser;
+  PetscCall(PetscMalloc2(j->s->n, &x, j->s->n, &half));
+  j->reach = 0;
   for (PetscInt k = 0; k < j->s->n; k++) {
-    find_middle(j, k, v[k], dt, back, x, &half);
-    widest = PetscMax(widest, half);
-    sum += half;
+    find_middle(j, k, v[k], dt, back, x[k], &half[k]);
+    j->reach = PetscMax(j->reach, half[k]);
+    if (j->s->gone[k]) half[k] = -1;
   }
-  for (PetscInt a = 0; a < l->dim; a++) all = (PetscBool)(all || (l->period[a] > 0 && 8 * widest > l->period[a]));
-  PetscCall(GridCreate(l->dim, l->lower, l->upper, all ? PETSC_MAX_REAL : 2 * (widest + sum / (PetscReal)j->s->n), 8 * j->s->n, &j->ways));
-  for (PetscInt k = 0; k < j->s->n; k++) {
-    if (j->s->gone[k]) continue;
-    find_middle(j, k, v[k], dt, back, x, &half);
-    half = all ? 0 : half + widest;
-    for (DomainImages i = {0}; DomainNextImage(l->period, l->lower, l->upper, x, half, &i);) {
-      PetscCall(RoomFor(n + 1, &j->room, &j->body, sizeof(*j->body), NULL));
-      j->body[n] = k;
-      PetscCall(GridInsert(j->ways, n++, i.at, half));
-    }
+  for (PetscInt a = 0; a < l->dim; a++) {
+    all = (PetscBool)(all || (l->period[a] > 0 && 8 * j->reach > l->period[a]));
+    whole += l->upper[a] - l->lower[a];
   }
+  if (all) j->reach = PetscMax(j->reach, whole);
+  PetscCall(NearGridCreate(l->dim, l->lower, l->upper, l->period, j->s->n, (const PetscReal(*)[3])x, half, &j->ways));
+  PetscCall(PetscFree2(x, half));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -280,7 +273,9 @@ static PetscErrorCode enter_ways(Judge j, const PetscReal (*v)[3], PetscReal dt,
 static PetscErrorCode is_barred(Judge j, PetscInt k, const PetscReal (*v)[3], PetscReal dt, PetscBool done, PetscBool *barred)
 {
   const PetscReal back = done ? dt : 0;
+  const PetscInt *body;
   PetscReal       x[3], y[3], u[3], w[3], middle[3], half;
+  Grid            grid;
 
   PetscFunctionBeginUser;
   find_start(j, k, v[k], back, x, u);
@@ -288,8 +283,9 @@ static PetscErrorCode is_barred(Judge j, PetscInt k, const PetscReal (*v)[3], Pe
   if (*barred) PetscFunctionReturn(PETSC_SUCCESS);
   if (!j->ways) PetscCall(enter_ways(j, v, dt, back));
   find_middle(j, k, v[k], dt, back, middle, &half);
-  for (PetscInt e = GridFirst(j->ways, middle); e >= 0 && !*barred; e = GridNext(j->ways, e)) {
-    const PetscInt i = j->body[GridItem(j->ways, e)];
+  PetscCall(NearGridGet(j->ways, j->reach, &grid, &body));
+  for (PetscInt e = GridFirst(grid, middle); e >= 0 && !*barred; e = GridNext(grid, e)) {
+    const PetscInt i = body[GridItem(grid, e)];
 
     find_start(j, i, v[i], back, y, w);
     *barred = (PetscBool)(i != k && meets_body(j, k, x, u, i, y, w, dt));
@@ -331,7 +327,7 @@ PetscErrorCode JudgePlan(Judge j, PetscReal (*a)[3], PetscBool start, PetscReal 
     PetscCall(is_barred(j, k, v, dt, PETSC_FALSE, &barred));
     if (barred) PetscCall(refuse_way(j, k, way, time, dt, adapted));
   }
-  PetscCall(GridDestroy(&j->ways));
+  PetscCall(NearGridDestroy(&j->ways));
   PetscCall(PetscFree(v));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -350,7 +346,7 @@ PetscErrorCode JudgeWay(Judge j, PetscReal time, PetscReal dt, PetscBool adapted
     if (barred) PetscCall(refuse_way(j, k, way, time, dt, adapted));
     far = PETSC_TRUE;
   }
-  PetscCall(GridDestroy(&j->ways));
+  PetscCall(NearGridDestroy(&j->ways));
   if (!j->far) PetscCall(BodiesAny(j->bodies, &far));
   if (far && !j->far)
     PetscCall(

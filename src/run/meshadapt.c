@@ -160,17 +160,13 @@ static PetscErrorCode is_at_surface(MeshAdapt a, PetscInt c, PetscInt level, Pet
 /* Before own cells ask how far they are from the surface */
 static PetscErrorCode look_here(MeshAdapt a)
 {
-  const MeshLocal *l = a->loc;
-  Regions          regions;
-  PetscInt         n;
-  PetscReal        beyond, (*box)[2][3];
+  Regions   regions;
+  PetscReal beyond;
 
   PetscFunctionBeginUser;
-  PetscCall(MeshCover(a->mesh, 0, &n, &box, &beyond));
-  PetscCall(RegionsCreate(PETSC_COMM_WORLD, l->dim, l->lower, l->upper, l->period, n, box, &regions));
+  PetscCall(MeshCreateRegions(a->mesh, 0, &regions, &beyond));
   PetscCall((*a->surface.look)(a->surface.context, regions, near_surface(a)));
   PetscCall(RegionsDestroy(&regions));
-  PetscCall(PetscFree(box));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
