@@ -26,7 +26,7 @@
    small steps (errors add up) and too tight for large ones (runs/studies/flow-solver). Recipe balanced: 1e-8, 1e-2,
    1e-5 (with bodies that move 2e-5); if -flow_ksp_rtol is given, that alone holds. Recipe accurate: 1e-9, 0.
    Around bodies that move recipe balanced also stops where the estimated error of the velocities is at most the share
-   -flow_error_start of the start value's (stop.c): what users read, whatever a body's mass. Not where -flow_rtol_most
+   -flow_error_most of the start value's (stop.c): what users read, whatever a body's mass. Not where -flow_rtol_most
    is given, nor on periodic meshes or with a held mean velocity, where the residual is what the balance of momentum
    lacks. With ties the estimated error is to be at most 1e-3 of the largest speed, also on such meshes and where the
    residual would do, up to 60 iterations.
@@ -36,7 +36,7 @@
    assembled only when a chosen preconditioner needs them (hypre, gamg, lu, ... of the velocity; any -flow_pc_type other
    than the default).
    Options: -flow_recipe fast|balanced|accurate|direct, -flow_schur auto|projection|commutator|two_stage,
-   -flow_velocity_sweep auto|sor|ilu (relax.h), -flow_rtol_start, -flow_rtol_most, -flow_error_start,
+   -flow_velocity_sweep auto|sor|ilu (relax.h), -flow_rtol_start, -flow_rtol_most, -flow_error_most,
    -flow_iterations_least, -flow_pressure_softness eps.
 
    Recipe fast: without bodies a single sweep of the projection, unscaled and without norms. Around bodies that is a
@@ -104,6 +104,12 @@ PetscErrorCode FlowSolverSetUp(FlowSolver);
    Collective. */
 PetscErrorCode FlowSolverSolve(FlowSolver, const PetscReal r[], const PetscReal g[], PetscReal u[], PetscReal p[],
                                const PetscReal dp[], PetscReal U[], PetscInt *its, KSPConvergedReason *reason);
+
+/* What the last FlowSolverSolve left of the momentum equations, as momentum that the flow would have if it had solved
+   for it, about: load [own nodes][dim], rigid [nbodies][nr] of the bodies' own inertia. An error of the velocities of
+   this size adds up from step to step unless c_t times it goes into the right-hand sides r, g of the next step
+   (conserve.c). Zero where a mean velocity is held and for steady flows. Collective. */
+PetscErrorCode FlowSolverGetOwed(FlowSolver, PetscReal load[], PetscReal rigid[]);
 
 /* How many inner solves for the velocity and for the pressure ended in the last FlowSolverSolve without meeting their
    tolerance (-flow_fieldsplit_velocity_ksp_max_it, -flow_fieldsplit_pressure_ksp_max_it). The outer iteration makes up

@@ -240,9 +240,11 @@ PetscErrorCode CoupleSolve(Couple c, PetscInt *its, KSPConvergedReason *reason)
 {
   PetscFunctionBeginUser;
   PetscCall(CoupleAssemble(c));
+  CoupleAddOwed(c);
   PetscCall(FlowSolverSetUp(c->solver));
   PetscCall(FlowExtrapolate(c->flow, c->u, c->p, c->dp));
   PetscCall(FlowSolverSolve(c->solver, c->rhs, c->g, c->u, c->p, c->dp, c->U, its, reason));
+  PetscCall(CoupleFindOwed(c));
   PetscCall(CoupleTakeTies(c));
   if (c->drive) PetscCall(DriveTake(c->drive));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -284,6 +286,7 @@ PetscErrorCode CoupleAdvance(Couple c)
   if (c->rung->accept) PetscCall((*c->rung->accept)(c, c->rung_data));
   PetscCall(PetscArraycpy(c->U_older, c->U_old, c->s->n * c->nr));
   PetscCall(PetscArraycpy(c->U_old, c->U, c->s->n * c->nr));
+  PetscCall(CoupleAcceptOwed(c));
   PetscCall(FlowAcceptStep(c->flow, c->u, c->p));
   if (c->follow) PetscCall(AleAccept(c->follow));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -580,10 +583,12 @@ PetscErrorCode CoupleVisitState(void *couple, State state)
   PetscCall(BodiesBeginRows(c->bodies, &rows));
   PetscCall(BodiesVisitReals(c->bodies, &rows, state, "U_old", c->nr, c->U_old));
   PetscCall(BodiesVisitReals(c->bodies, &rows, state, "U_older", c->nr, c->U_older));
+  PetscCall(BodiesVisitReals(c->bodies, &rows, state, "owed", c->nr, c->owed_U));
   PetscCall(BodiesVisitReals(c->bodies, &rows, state, "du_old", 3, c->du_old));
   PetscCall(BodiesVisitIntegers(c->bodies, &rows, state, "growth", c->growth));
   PetscCall(BodiesVisitReals(c->bodies, &rows, state, "force_old", 6, c->force_old));
   PetscCall(BodiesEndRows(&rows));
+  if (c->owed) PetscCall(StateNodes(state, "momentum_owed", c->loc->dim, c->owed));
   if (c->drive) PetscCall(DriveVisitState(c->drive, state));
   if (c->rung->state) PetscCall((*c->rung->state)(c->rung_data, state));
   if (c->follow) PetscCall(AleVisitState(c->follow, state));

@@ -55,7 +55,10 @@ struct _p_Couple {
   PetscReal     *pushed;   /* [nspring] the forces on the right of the rigid rows: by known velocities, then all */
   PetscReal     *residual; /* [n][nr]: -sum of the momentum residual over the body's nodes */
   PetscReal     *u, *p, *dp, *rhs;
-  PetscReal     *du_old; /* [n] explicit coupling: size of the last velocity change, for the detection of blow-up */
+  PetscReal     *owed, *owed_next;     /* [nnode_all][dim] momentum that the last step left over, of this one [nnode][dim];
+                                          NULL: bodies are not solved for (owed.c) */
+  PetscReal     *owed_U, *owed_U_next; /* [n][nr] the same of the bodies' own inertia */
+  PetscReal     *du_old;               /* [n] explicit coupling: size of the last velocity change, for the detection of blow-up */
   PetscInt      *growth;
   PetscInt       nrim, *rim; /* own nodes of the boundary, and their normals [nrim][dim], CoupleFindNormals */
   PetscReal     *outward;
@@ -115,6 +118,14 @@ PetscErrorCode CoupleBodyPush(Couple, PetscInt k, PetscReal inertia[3], PetscRea
 PetscErrorCode CoupleTellPartners(Couple);
 PetscErrorCode CoupleAddTies(Couple);
 PetscErrorCode CoupleTakeTies(Couple);
+/* owed.c. Arrays on the mesh, zeros; into the right-hand sides of the step; out of the step solved; the step is taken;
+   none is owed any more. Collective. */
+PetscErrorCode CoupleCreateOwed(Couple);
+PetscErrorCode CoupleDestroyOwed(Couple);
+void           CoupleAddOwed(Couple);
+PetscErrorCode CoupleFindOwed(Couple);
+PetscErrorCode CoupleAcceptOwed(Couple);
+PetscErrorCode CoupleForgetOwed(Couple);
 /* Fill `rim` and `outward`, of the domain without bodies. Collective. */
 PetscErrorCode CoupleFindNormals(Couple);
 /* Arrays per known body, zeros; detached before the bodies end */

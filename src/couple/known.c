@@ -39,6 +39,7 @@ PetscErrorCode CoupleAttachArrays(Couple c)
   PetscFunctionBeginUser;
   PetscCall(BodiesAttach(c->bodies, slots, (void **)&c->U_old));
   PetscCall(BodiesAttach(c->bodies, slots, (void **)&c->U_older));
+  PetscCall(BodiesAttach(c->bodies, slots, (void **)&c->owed_U));
   PetscCall(BodiesAttach(c->bodies, 3 * real, (void **)&c->du_old));
   PetscCall(BodiesAttach(c->bodies, sizeof(PetscInt), (void **)&c->growth));
   PetscCall(BodiesAttach(c->bodies, 6 * real, (void **)&c->force_old));
@@ -49,15 +50,16 @@ PetscErrorCode CoupleAttachArrays(Couple c)
   PetscCall(BodiesAttachWork(c->bodies, slots, (void **)&c->U));
   PetscCall(BodiesAttachWork(c->bodies, (size_t)c->nr * slots, (void **)&c->D));
   PetscCall(BodiesAttachWork(c->bodies, slots, (void **)&c->g));
+  PetscCall(BodiesAttachWork(c->bodies, slots, (void **)&c->owed_U_next));
   PetscCall(BodiesAttachWork(c->bodies, slots, (void **)&c->residual));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode CoupleDetachArrays(Couple c)
 {
-  void **const array[] = {(void **)&c->U_old, (void **)&c->U_older, (void **)&c->du_old,  (void **)&c->growth,  (void **)&c->force_old,
-                          (void **)&c->X,     (void **)&c->q,       (void **)&c->P,       (void **)&c->unknown, (void **)&c->U,
-                          (void **)&c->D,     (void **)&c->g,       (void **)&c->residual};
+  void **const array[] = {(void **)&c->U_old, (void **)&c->U_older, (void **)&c->du_old,   (void **)&c->growth,  (void **)&c->force_old,
+                          (void **)&c->X,     (void **)&c->q,       (void **)&c->P,        (void **)&c->unknown, (void **)&c->U,
+                          (void **)&c->D,     (void **)&c->g,       (void **)&c->residual, (void **)&c->owed_U,  (void **)&c->owed_U_next};
 
   PetscFunctionBeginUser;
   for (size_t i = 0; i < sizeof(array) / sizeof(array[0]); i++) PetscCall(BodiesDetach(c->bodies, array[i]));

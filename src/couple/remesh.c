@@ -41,6 +41,7 @@ PetscErrorCode CoupleCreateParts(Couple c)
   if (c->rung->create) PetscCall((*c->rung->create)(c, &c->rung_data));
   PetscCall(
     PetscCalloc4(l->nnode_all * l->dim, &c->u, l->ncell * (l->dim + 1), &c->p, l->ncell * (l->dim + 1), &c->dp, l->nnode_all * l->dim, &c->rhs));
+  PetscCall(CoupleCreateOwed(c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -60,6 +61,7 @@ PetscErrorCode CoupleDestroyParts(Couple c)
   PetscCall(AleDestroy(&c->follow));
   PetscCall(MovedDestroy(&c->moved));
   PetscCall(PetscFree4(c->u, c->p, c->dp, c->rhs));
+  PetscCall(CoupleDestroyOwed(c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -75,6 +77,7 @@ PetscErrorCode CoupleRemesh(Couple c, Mesh *old)
   PetscFunctionBeginUser;
   PetscCall(CoupleDestroyParts(c));
   PetscCall(CoupleCreateParts(c));
+  PetscCall(CoupleForgetOwed(c));
   if (c->left) PetscCall((*c->rung->arrive)(c->rung_data, &c->left, old));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

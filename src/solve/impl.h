@@ -21,6 +21,7 @@ typedef enum {
    side */
 #define FLOW_BALANCED_RESIDUAL 1e-2
 #define FLOW_BALANCED_MOST     2e-5
+#define FLOW_BALANCED_ERROR    1e-3 /* of velocities, of the largest (runs/studies/flow-solver) */
 
 struct _p_FlowSolver {
   Flow             flow;
@@ -75,10 +76,12 @@ struct _p_FlowSolver {
   PetscReal          share_of_pressure;               /* see WHOLE_PRESSURE */
   PetscReal          rtol, rtol_start, rtol_most;     /* see the header */
   TwoStage           two;                             /* or NULL: not wanted */
-  PetscReal          error_start;                     /* see the header */
+  PetscReal          error_most;                      /* see the header */
   PetscReal          rhs, last_norm, last_change[2];  /* of the outer iteration, see stop.c */
   PetscReal          steepest[2];                     /* largest change by the residual before it, likewise */
-  PetscBool          judge_tied;                      /* velocities count with ties, without error_start, too */
+  PetscBool          judge_tied;                      /* velocities count with ties, without error_most, too */
+  PetscBool          moving;                          /* there are bodies that do not stand still */
+  PetscBool          first;                           /* the next velocity solve is the first of such a step */
   PetscBool          of_step;                         /* it solves for a step, not for what a force does or an update */
   Vec                iterate[2];                      /* the last two, or NULL */
   PetscReal          target;                          /* residual that the last solve was to leave, or left */

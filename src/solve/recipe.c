@@ -66,10 +66,6 @@ static const struct {
    (runs/studies/fast) */
 #define FAST_ITERATIONS "2"
 #define FAST_RESIDUAL   "0.1"
-/* Recipe balanced around bodies that move: error of the velocities as share of the start value's
-   (runs/studies/flow-solver) */
-#define BALANCED_ERROR 3e-2
-
 static const char *const RECIPES[] = {"fast", "balanced", "accurate", "direct", NULL};
 static const char *const SCHURS[]  = {"auto", "projection", "commutator", "two_stage", NULL};
 static const char *const SWEEPS[]  = {"jacobi", "sor", "ilu", "auto", NULL}; /* in the order of RelaxKind */
@@ -132,7 +128,7 @@ static PetscErrorCode set_outer(FlowSolver fs, PetscInt recipe, PetscBool moving
   for (PetscInt a = 0; a < fs->loc->dim; a++) closed = (PetscBool)(closed && fs->loc->period[a] == 0);
   PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_ksp_rtol", &given));
   PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_rtol_most", &bound));
-  PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_error_start", &error));
+  PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_error_most", &error));
   if (recipe == 0 && !fs->single) {
     if (!given) PetscCall(OptDefault("-flow_rtol_start", FAST_RESIDUAL));
     PetscCall(OptDefault("-flow_rtol_most", "1"));
@@ -141,11 +137,12 @@ static PetscErrorCode set_outer(FlowSolver fs, PetscInt recipe, PetscBool moving
     PetscCall(OptDefault("-flow_rtol_most", recipe == 1 ? PetscStringize(FLOW_BALANCED_MOST) : "1e-6"));
   }
   if (recipe == 1 && !given) PetscCall(OptDefault("-flow_rtol_start", PetscStringize(FLOW_BALANCED_RESIDUAL)));
+  fs->moving    = moving;
   fs->rtol_most = 1e-5;
   PetscCall(OptReal("-flow_rtol_start", &fs->rtol_start));
   PetscCall(OptReal("-flow_rtol_most", &fs->rtol_most));
-  if (moving && recipe == 1 && !given && !bound && closed) PetscCall(OptDefault("-flow_error_start", PetscStringize(BALANCED_ERROR)));
-  PetscCall(OptReal("-flow_error_start", &fs->error_start));
+  if (moving && recipe == 1 && !given && !bound && closed) PetscCall(OptDefault("-flow_error_most", PetscStringize(FLOW_BALANCED_ERROR)));
+  PetscCall(OptReal("-flow_error_most", &fs->error_most));
   /* by what it is content with, since a restart finds all options given */
   fs->judge_tied = (PetscBool)(moving && recipe == 1 && !error && fs->rtol_start > 0 && fs->rtol_most == FLOW_BALANCED_MOST);
   PetscCall(OptInt("-flow_iterations_least", &fs->least));

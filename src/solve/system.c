@@ -573,8 +573,9 @@ PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscRe
   PetscCall(PetscArrayzero(fs->limited, 2));
   if (!enough) {
     fs->of_step = PETSC_TRUE;
+    fs->first   = (PetscBool)(fs->moving && fs->two_stage);
     PetscCall(FlowSolverIterate(fs, fs->r, fs->y));
-    fs->of_step = PETSC_FALSE;
+    fs->of_step = fs->first = PETSC_FALSE;
     PetscCall(KSPGetIterationNumber(fs->ksp, its));
     PetscCall(KSPGetConvergedReason(fs->ksp, reason));
     PetscCall(VecAXPY(fs->x, 1, fs->y));
