@@ -26,10 +26,10 @@
    small steps (errors add up) and too tight for large ones (runs/studies/flow-solver). Recipe balanced: 1e-8, 1e-2,
    1e-5 (with bodies that move 2e-5); if -flow_ksp_rtol is given, that alone holds. Recipe accurate: 1e-9, 0.
    Around bodies that move recipe balanced also stops where the estimated error of the velocities is at most the share
-   -flow_error_most of the start value's (stop.c): what users read, whatever a body's mass. Not where -flow_rtol_most
-   is given, nor on periodic meshes or with a held mean velocity, where the residual is what the balance of momentum
-   lacks. With ties the estimated error is to be at most 1e-3 of the largest speed, also on such meshes and where the
-   residual would do, up to 60 iterations.
+   -flow_error_most of the largest (stop.c): what users read, whatever a body's mass. Not where -flow_rtol_most is
+   given, nor on periodic meshes or with a held mean velocity, where the residual is what the balance of momentum lacks.
+   With ties it is to be that small in any case, also on such meshes and where the residual would do, up to 60
+   iterations. What a solve leaves over is told by FlowSolverGetOwed.
 
    Everything is reachable with PETSc options under prefix -flow_ (outer), -flow_fieldsplit_velocity_,
    -flow_fieldsplit_pressure_, names of that split. Products with the projected operators are matrix-free; matrices are
@@ -108,7 +108,7 @@ PetscErrorCode FlowSolverSolve(FlowSolver, const PetscReal r[], const PetscReal 
 /* What the last FlowSolverSolve left of the momentum equations, as momentum that the flow would have if it had solved
    for it, about: load [own nodes][dim], rigid [nbodies][nr] of the bodies' own inertia. An error of the velocities of
    this size adds up from step to step unless c_t times it goes into the right-hand sides r, g of the next step
-   (conserve.c). Zero where a mean velocity is held and for steady flows. Collective. */
+   (conserve.c). Zero where the solve failed or a mean velocity is held, and for steady flows. Collective. */
 PetscErrorCode FlowSolverGetOwed(FlowSolver, PetscReal load[], PetscReal rigid[]);
 
 /* How many inner solves for the velocity and for the pressure ended in the last FlowSolverSolve without meeting their

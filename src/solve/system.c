@@ -580,6 +580,7 @@ PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscRe
     PetscCall(KSPGetConvergedReason(fs->ksp, reason));
     PetscCall(VecAXPY(fs->x, 1, fs->y));
   }
+  fs->solved = PETSC_FALSE;
   if (fs->nbodies && !fs->held && *reason >= 0) PetscCall(FlowSolverConserve(fs, fs->x));
   PetscCall(FlowSolverUnpack(fs, fs->x, u, p, U));
   if (fs->held && *reason >= 0) PetscCall(FlowSolverHold(fs, u, p, U, its, reason));
