@@ -55,14 +55,14 @@ struct _p_Couple {
   PetscReal     *pushed;   /* [nspring] the forces on the right of the rigid rows: by known velocities, then all */
   PetscReal     *residual; /* [n][nr]: -sum of the momentum residual over the body's nodes */
   PetscReal     *u, *p, *dp, *rhs;
-  PetscReal     *owed, *owed_next;     /* [nnode_all][dim] momentum that the last step left over, of this one [nnode][dim];
-                                          NULL: bodies are not solved for (owed.c) */
-  PetscReal     *owed_U, *owed_U_next; /* [n][nr] the same of the bodies' own inertia */
-  PetscReal     *du_old;               /* [n] explicit coupling: size of the last velocity change, for the detection of blow-up */
+  PetscReal     *du_old; /* [n] explicit coupling: size of the last velocity change, for the detection of blow-up */
   PetscInt      *growth;
   PetscInt       nrim, *rim; /* own nodes of the boundary, and their normals [nrim][dim], CoupleFindNormals */
   PetscReal     *outward;
   PetscReal     *force_old; /* [n][3][2] force and torque of the last step */
+  /* owed.c: momentum that the last step left over, [nnode_all][dim] and of the bodies' own inertia [n][nr], and that of
+     this one, [nnode][dim] and [n][nr]. owed NULL: no velocities of bodies are solved for. */
+  PetscReal *owed, *owed_U, *owed_next, *owed_U_next;
 };
 
 /* Component s (0 .. nr - 1) of a rigid velocity as element of 3-vectors: translation s < dim, otherwise rotation */
@@ -118,8 +118,9 @@ PetscErrorCode CoupleBodyPush(Couple, PetscInt k, PetscReal inertia[3], PetscRea
 PetscErrorCode CoupleTellPartners(Couple);
 PetscErrorCode CoupleAddTies(Couple);
 PetscErrorCode CoupleTakeTies(Couple);
-/* owed.c. Arrays on the mesh, zeros; into the right-hand sides of the step; out of the step solved; the step is taken;
-   none is owed any more. Collective. */
+/* owed.c. Does a step owe the next one something? Arrays on the mesh, zeros; into the right-hand sides of the step; out
+   of the step solved; the step is taken; none is owed any more. Collective. */
+PetscBool      CoupleOwes(Couple);
 PetscErrorCode CoupleCreateOwed(Couple);
 PetscErrorCode CoupleDestroyOwed(Couple);
 void           CoupleAddOwed(Couple);

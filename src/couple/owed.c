@@ -1,16 +1,21 @@
-/* Couple: the momentum that the solve of a step leaves over goes into the next step (FlowSolverGetOwed), so that
-   errors of single steps do not add up (runs/studies/flow-solver, "What a solve leaves over"). */
+/* Couple: the momentum that the solve of a step leaves over goes into the next step (FlowSolverGetOwed), so that errors
+   of single steps do not add up (runs/studies/flow-solver, "What a solve leaves over"). With a penalty only: where
+   nodes are rigid, residuals sit beside surfaces that move on, and a body would receive what a node there is owed. */
 #include "compat.h"
 #include "impl.h"
 
-/* Where velocities of bodies are solved for */
-PetscErrorCode CoupleCreateOwed(Couple c)
+PetscBool CoupleOwes(Couple c)
 {
   PetscBool free = PETSC_FALSE;
 
+  for (PetscInt g = 0; g < c->s->ngroups; g++) free = (PetscBool)(free || c->s->group[g].free);
+  return (PetscBool)(free && c->implicit && c->rung->soft);
+}
+
+PetscErrorCode CoupleCreateOwed(Couple c)
+{
   PetscFunctionBeginUser;
-  for (PetscInt g = 0; g < c->s->ngroups && c->implicit; g++) free = (PetscBool)(free || c->s->group[g].free);
-  if (free) PetscCall(PetscCalloc2(c->loc->nnode_all * c->loc->dim, &c->owed, c->loc->nnode * c->loc->dim, &c->owed_next));
+  if (CoupleOwes(c)) PetscCall(PetscCalloc2(c->loc->nnode_all * c->loc->dim, &c->owed, c->loc->nnode * c->loc->dim, &c->owed_next));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -9,6 +9,7 @@ PetscErrorCode CoupleCreateSolver(Couple c)
   PetscFunctionBeginUser;
   PetscCall(BodiesAreStill(c->bodies, &still));
   PetscCall(FlowSolverCreate(c->flow, c->constraint, (PetscBool)!still, &c->solver));
+  PetscCall(FlowSolverSetOwing(c->solver, CoupleOwes(c)));
   if (c->drive) PetscCall(DriveSetSolver(c->drive, c->solver));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

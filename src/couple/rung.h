@@ -10,6 +10,7 @@
 typedef struct {
   const char *name;
   PetscBool   moves;  /* moves nodes of the mesh itself, so that -mesh_deform cannot */
+  PetscBool   soft;   /* nodes of bodies have velocities of their own: what a solve leaves may be owed (owed.c) */
   PetscInt    reach;  /* cells beyond those of a rank within which it is to know bodies */
   PetscReal   recess; /* by which a film in space counts as wider, in cells; see CoupleGetRecess */
   /* marks groups whose bodies all ranks are to know (BodiesSetEverywhere) */

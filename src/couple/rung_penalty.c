@@ -68,6 +68,7 @@ static PetscErrorCode destroy_penalty(void *rung)
 }
 
 const Rung rung_penalty = {.name    = "penalty",
+                           .soft    = PETSC_TRUE,
                            .recess  = 0.035, /* runs/studies/contact, "Films" */
                            .create  = create_penalty,
                            .draw    = draw_penalty,

@@ -11,8 +11,9 @@
 #include "compat.h"
 #include "impl.h"
 
-#define LEAST_SHARE 0.5  /* of the rows' sizes that their sum must be */
-#define SOLVED      5e-2 /* residual, relative: what leaves more has failed (steps leave up to .02, failed ones .9), and run/judge.h is to see it */
+#define LEAST_SHARE 0.5 /* of the rows' sizes that their sum must be */
+/* Residual, relative: what leaves more has failed, and run/judge.h is to see it (steps leave up to .02, others .9) */
+#define SOLVED 5e-2
 
 /* e = the motion with velocity 1 along every axis in u_r: what r is multiplied by for its sums */
 static PetscErrorCode take_translation(FlowSolver fs, Vec e)
@@ -132,6 +133,13 @@ PetscErrorCode FlowSolverConserve(FlowSolver fs, Vec xv)
     if (PetscAbsReal(volume[d]) > LEAST_SHARE * volume[3 + d]) factor[d] = left[d] / volume[d];
   PetscCall(take_linear(fs, factor));
   PetscCall(take_over(fs, xv));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverSetOwing(FlowSolver fs, PetscBool owing)
+{
+  PetscFunctionBeginUser;
+  fs->owing = owing;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -84,6 +84,7 @@ struct _p_FlowSolver {
   PetscBool          first;                           /* the next velocity solve is the first of such a step */
   PetscBool          of_step;                         /* it solves for a step, not for what a force does or an update */
   Vec                iterate[2];                      /* the last two, or NULL */
+  PetscBool          owing;                           /* what a step leaves over goes into the next */
   PetscBool          solved;                          /* the residual r of the last step is small, see conserve.c */
   PetscReal          target;                          /* residual that the last solve was to leave, or left */
   FlowHeld          *held;                            /* or NULL */

@@ -77,19 +77,20 @@ PetscErrorCode FlowSolverSetTolerance(FlowSolver fs, PetscBool *enough)
 #define LEAST_ITERATIONS 2    /* one change says nothing about the next */
 #define MOST_RATE        0.9  /* of convergence that an estimate takes for true */
 #define MOST_RESIDUAL    2e-4 /* of the right-hand side: rigid nodes come and go, which changes show late */
-#define MOST_SOFT        1e-2 /* with a penalty, where most of the residual is slip in cut cells */
+#define MOST_OWED        1e-2 /* where it is owed to the next step: with a penalty most of it is slip in cut cells */
+#define MOST_START       3e-2
 /* Where contact ties bodies (runs/studies/contact, "How far a pile is solved"). The change of a step may be all of the
    speed there, of which a share is too much. And chains of bodies follow late, by large changes at a small residual:
    what is left of it may count by as much as the largest change so far did by the residual before, and some. */
 #define TIED_PRUDENCE 3
 #define TIED_PATIENCE 60 /* iterations, with which gmres starts anew: what was not found then takes hundreds */
 
-/* Lengths of the last change of the solution and of the velocity that it leads to: largest velocity of a body, 2-norm of
-   the nodal velocities. Collective. */
-static PetscErrorCode measure(FlowSolver fs, PetscReal change[2], PetscReal speed[2])
+/* Lengths of the last change of the solution, of the solution itself, which is the correction so far, and of the
+   velocity that it leads to: largest velocity of a body, 2-norm of the nodal velocities. Collective. */
+static PetscErrorCode measure(FlowSolver fs, PetscReal change[2], PetscReal whole[2], PetscReal speed[2])
 {
   const PetscReal *y, *before, *x;
-  PetscReal        most[2] = {0, 0}, sum[2] = {0, 0};
+  PetscReal        most[3] = {0, 0, 0}, sum[3] = {0, 0, 0};
   Vec              t = fs->iterate[0];
 
   PetscFunctionBeginUser;
@@ -99,23 +100,27 @@ static PetscErrorCode measure(FlowSolver fs, PetscReal change[2], PetscReal spee
   PetscCall(VecGetArrayRead(fs->x, &x));
   for (PetscInt i = 0; i < fs->nodal; i++) {
     sum[0] += PetscSqr(y[i] - before[i]);
-    sum[1] += PetscSqr(x[i] + y[i]);
+    sum[1] += PetscSqr(y[i]);
+    sum[2] += PetscSqr(x[i] + y[i]);
   }
   for (PetscInt i = fs->nodal; i < fs->nur; i++) {
     most[0] = PetscMax(most[0], PetscAbsReal(y[i] - before[i]));
-    most[1] = PetscMax(most[1], PetscAbsReal(x[i] + y[i]));
+    most[1] = PetscMax(most[1], PetscAbsReal(y[i]));
+    most[2] = PetscMax(most[2], PetscAbsReal(x[i] + y[i]));
   }
   PetscCall(VecRestoreArrayRead(fs->x, &x));
   PetscCall(VecRestoreArrayRead(fs->iterate[0], &before));
   PetscCall(VecRestoreArrayRead(fs->iterate[1], &y));
   fs->iterate[0] = fs->iterate[1];
   fs->iterate[1] = t;
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 2, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 3, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   change[0] = most[0];
+  whole[0]  = most[1];
+  speed[0]  = most[2];
   change[1] = PetscSqrtReal(sum[0]);
-  speed[0]  = most[1];
-  speed[1]  = PetscSqrtReal(sum[1]);
+  whole[1]  = PetscSqrtReal(sum[1]);
+  speed[1]  = PetscSqrtReal(sum[2]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -125,27 +130,29 @@ static PetscBool is_tied(FlowSolver fs)
   return (PetscBool)((fs->error_most > 0 || fs->judge_tied) && TiesAny(fs->ties));
 }
 
-/* Is the error of both velocities at most the share error_most of the largest? What an iterate lacks is the sum of the
-   changes to come, which shrink as the residual or the last changes do, whichever is slower; the first change makes up
-   for the cells that bodies cut, and says nothing. With ties by the prudent estimate. */
+/* Is the error of both velocities at most the share error_most of the largest? And, if what a step leaves is not owed
+   to the next and adds up, at most the share MOST_START of the start value's? What an iterate lacks is the sum of the
+   changes to come, which shrink as the residual or the last changes do, whichever is slower (the first change makes up
+   for the cells that a penalty cuts, and says nothing); what the start value lacked is the correction so far. With ties
+   by the prudent estimate. */
 static PetscErrorCode velocities_suffice(FlowSolver fs, PetscInt it, PetscReal norm, PetscBool *enough)
 {
   const PetscBool tied  = is_tied(fs);
   const PetscReal share = fs->error_most > 0 ? fs->error_most : FLOW_BALANCED_ERROR;
-  PetscReal       change[2], speed[2];
+  PetscReal       change[2], whole[2], speed[2];
 
   PetscFunctionBeginUser;
-  PetscCall(measure(fs, change, speed));
-  *enough = (PetscBool)(it >= LEAST_ITERATIONS && norm <= (FlowSolverIsSoft(fs) ? MOST_SOFT : MOST_RESIDUAL) * fs->rhs);
+  PetscCall(measure(fs, change, whole, speed));
+  *enough = (PetscBool)(it >= LEAST_ITERATIONS && norm <= (fs->owing ? MOST_OWED : MOST_RESIDUAL) * fs->rhs);
   for (PetscInt i = 0; i < 2; i++) {
     const PetscReal last = fs->last_change[i], slowed = change[i] < MOST_RATE * last ? change[i] / last : MOST_RATE;
-    const PetscReal shrunk = it > LEAST_ITERATIONS || tied ? slowed : 0;
+    const PetscReal shrunk = it > LEAST_ITERATIONS || tied || !fs->owing ? slowed : 0;
     const PetscReal rate   = PetscMin(PetscMax(norm / fs->last_norm, shrunk), MOST_RATE);
     PetscReal       error  = change[i] * rate / (1 - rate);
 
     fs->steepest[i] = PetscMax(fs->steepest[i], change[i] / fs->last_norm);
     if (tied) error = PetscMax(error, TIED_PRUDENCE * fs->steepest[i] * norm);
-    *enough            = (PetscBool)(*enough && error <= share * speed[i]);
+    *enough            = (PetscBool)(*enough && error <= share * speed[i] && (fs->owing || error <= MOST_START * whole[i]));
     fs->last_change[i] = change[i];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
