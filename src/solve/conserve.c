@@ -118,6 +118,7 @@ PetscErrorCode FlowSolverConserve(FlowSolver fs, Vec xv)
   PetscCall(VecNorm(fs->r, NORM_2, &size[0]));
   PetscCall(VecNorm(fs->b, NORM_2, &size[1]));
   fs->solved = (PetscBool)(size[0] <= SOLVED * size[1]);
+  PetscCall(PetscArrayzero(fs->closes, 3));
   if (!fs->solved) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(take_translation(fs, fs->t_u));
   PetscCall(take_linear(fs, one));
@@ -129,10 +130,37 @@ PetscErrorCode FlowSolverConserve(FlowSolver fs, Vec xv)
   PetscCall(sum_rows(fs, v, e, volume));
   PetscCall(VecRestoreArrayRead(fs->t_u2, &v));
   PetscCall(VecRestoreArrayRead(fs->t_u, &e));
-  for (PetscInt d = 0; d < fs->loc->dim; d++)
-    if (PetscAbsReal(volume[d]) > LEAST_SHARE * volume[3 + d]) factor[d] = left[d] / volume[d];
+  for (PetscInt d = 0; d < fs->loc->dim; d++) {
+    fs->closes[d] = (PetscBool)(PetscAbsReal(volume[d]) > LEAST_SHARE * volume[3 + d]);
+    if (fs->closes[d]) factor[d] = left[d] / volume[d];
+  }
   PetscCall(take_linear(fs, factor));
   PetscCall(take_over(fs, xv));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Where nothing is left of the sum of r, nothing may be owed as a whole: what M_r^{-1} gives walls and known bodies,
+   through cells that a penalty cuts, is taken from all nodes that are free, which pressure bears. Collective. */
+static PetscErrorCode close_sums(FlowSolver fs, const PetscReal m[], PetscReal load[], const PetscReal rigid[])
+{
+  const struct _p_Constraint *c      = fs->constraint;
+  const PetscInt              dim    = fs->loc->dim, *fixed;
+  PetscReal                   sum[6] = {0, 0, 0, 0, 0, 0};
+
+  PetscFunctionBeginUser;
+  PetscCall(ConditionsGetValues(FlowConditions(fs->flow), &fixed, NULL));
+  for (PetscInt i = 0; i < fs->nodal; i++) {
+    sum[i % dim] += load[i];
+    if (!((fixed[i / dim] >> i % dim) & 1)) sum[3 + i % dim] += m[i / dim];
+  }
+  for (PetscInt e = 0; e < c->nown * dim; e++) {
+    const PetscInt k = c->own[e / dim];
+
+    if ((c->unknown[k] >> e % dim) & 1) sum[e % dim] += rigid[k * fs->nr + e % dim];
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 6, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  for (PetscInt i = 0; i < fs->nodal; i++)
+    if (fs->closes[i % dim] && !((fixed[i / dim] >> i % dim) & 1)) load[i] -= sum[i % dim] / sum[3 + i % dim] * m[i / dim];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -175,5 +203,6 @@ PetscErrorCode FlowSolverGetOwed(FlowSolver fs, PetscReal load[], PetscReal rigi
       if ((c->unknown[k] >> j) & 1) rigid[e] += fs->D[e * nr + j] / step->ct * E[k * nr + j];
   }
   PetscCall(PetscFree(E));
+  PetscCall(close_sums(fs, m, load, rigid));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
