@@ -19,7 +19,7 @@ const MonitorColumn MONITOR_SERIES[] = {
   {"cfl", "", 6, "largest CFL number of a cell"},
   {"outer_iterations", "", 12, "of the linear solves of the step"},
   {"divergence", "length^(dim/2)/time", 6, "L2 norm over the domain of its means over cells"},
-  {"kinetic_energy", "energy", 12, "of the fluid"},
+  {"kinetic_energy", "energy", 12, "of the fluid, and of what fills bodies but with snap"},
   {"momentum_error", "", 6, "what the balance of momentum lacks, relative to the sizes of its forces"},
   {"seconds", "s", 6, "wall clock of the step"},
   {"seconds_nse", "s", 6, "of it, on rank 0, the flow equations"},
