@@ -170,7 +170,8 @@ static void run_small(const char rung[], PetscReal out[3], PetscBool *fallback)
   PetscInt           n;
 
   snprintf(options, sizeof(options),
-           "-particle_disc_radius 0.07 -particle_disc_position 0,0 -particle_disc_density 2 -flow_gravity 0,-10 -couple_boundary %s", rung);
+           "-particle_disc_radius 0.07 -particle_disc_position 0,0 -particle_disc_density 2 -flow_gravity 0,-10 -flow_ksp_rtol 1e-10 -couple_boundary %s",
+           rung);
   open_case(&c, 24, options);
   for (PetscInt step = 0; step < 3; step++) take_step(&c, 0.02, PETSC_TRUE);
   OK(CoupleGetCounts(c.couple, &n, &count));
