@@ -109,8 +109,9 @@ PetscErrorCode FlowSolverSolve(FlowSolver, const PetscReal r[], const PetscReal 
    for it, about: load [own nodes][dim], rigid [nbodies][nr] of the bodies' own inertia. An error of the velocities of
    this size adds up from step to step unless c_t times it goes into the right-hand sides r, g of the next step
    (conserve.c). Zero where the solve failed or a mean velocity is held, and for steady flows. Collective. */
-PetscErrorCode FlowSolverSetOwing(FlowSolver, PetscBool); /* this is done: steps may end accordingly (stop.c) */
 PetscErrorCode FlowSolverGetOwed(FlowSolver, PetscReal load[], PetscReal rigid[]);
+/* This is done in every step, so that errors do not add up, and steps may end accordingly (stop.c). Local. */
+PetscErrorCode FlowSolverSetOwing(FlowSolver, PetscBool);
 
 /* How many inner solves for the velocity and for the pressure ended in the last FlowSolverSolve without meeting their
    tolerance (-flow_fieldsplit_velocity_ksp_max_it, -flow_fieldsplit_pressure_ksp_max_it). The outer iteration makes up

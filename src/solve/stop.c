@@ -137,7 +137,7 @@ static PetscBool is_tied(FlowSolver fs)
    by the prudent estimate. */
 static PetscErrorCode velocities_suffice(FlowSolver fs, PetscInt it, PetscReal norm, PetscBool *enough)
 {
-  const PetscBool tied  = is_tied(fs);
+  const PetscBool tied = is_tied(fs), adds_up = (PetscBool)(!fs->owing && fs->error_most > 0);
   const PetscReal share = fs->error_most > 0 ? fs->error_most : FLOW_BALANCED_ERROR;
   PetscReal       change[2], whole[2], speed[2];
 
@@ -152,7 +152,7 @@ static PetscErrorCode velocities_suffice(FlowSolver fs, PetscInt it, PetscReal n
 
     fs->steepest[i] = PetscMax(fs->steepest[i], change[i] / fs->last_norm);
     if (tied) error = PetscMax(error, TIED_PRUDENCE * fs->steepest[i] * norm);
-    *enough            = (PetscBool)(*enough && error <= share * speed[i] && (fs->owing || error <= MOST_START * whole[i]));
+    *enough            = (PetscBool)(*enough && error <= share * speed[i] && (!adds_up || error <= MOST_START * whole[i]));
     fs->last_change[i] = change[i];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
