@@ -119,14 +119,13 @@ PetscErrorCode CoupleTellPartners(Couple);
 PetscErrorCode CoupleAddTies(Couple);
 PetscErrorCode CoupleTakeTies(Couple);
 /* owed.c. Does a step owe the next one something? Arrays on the mesh, zeros; into the right-hand sides of the step; out
-   of the step solved; the step is taken; none is owed any more. Collective. */
+   of the step solved; the step is taken. Collective. */
 PetscBool      CoupleOwes(Couple);
 PetscErrorCode CoupleCreateOwed(Couple);
 PetscErrorCode CoupleDestroyOwed(Couple);
 void           CoupleAddOwed(Couple);
 PetscErrorCode CoupleFindOwed(Couple);
 PetscErrorCode CoupleAcceptOwed(Couple);
-PetscErrorCode CoupleForgetOwed(Couple);
 /* Fill `rim` and `outward`, of the domain without bodies. Collective. */
 PetscErrorCode CoupleFindNormals(Couple);
 /* Arrays per known body, zeros; detached before the bodies end */

@@ -57,12 +57,3 @@ PetscErrorCode CoupleAcceptOwed(Couple c)
   PetscCall(PetscArraycpy(c->owed_U, c->owed_U_next, c->s->n * c->nr));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
-
-PetscErrorCode CoupleForgetOwed(Couple c)
-{
-  PetscFunctionBeginUser;
-  if (!c->owed) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscArrayzero(c->owed, c->loc->nnode_all * c->loc->dim));
-  PetscCall(PetscArrayzero(c->owed_U, c->s->n * c->nr));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}

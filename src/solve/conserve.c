@@ -87,30 +87,10 @@ static PetscErrorCode take_linear(FlowSolver fs, const PetscReal factor[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The pressure in t_p goes into x, its rows in t_u2 into the residual */
-static PetscErrorCode take_over(FlowSolver fs, Vec xv)
-{
-  const PetscReal *q, *g;
-  PetscReal       *x, *r;
-
-  PetscFunctionBeginUser;
-  PetscCall(VecGetArrayRead(fs->t_p, &q));
-  PetscCall(VecGetArrayRead(fs->t_u2, &g));
-  PetscCall(VecGetArray(xv, &x));
-  PetscCall(VecGetArray(fs->r, &r));
-  for (PetscInt i = 0; i < fs->np; i++) x[fs->nur + i] += q[i];
-  for (PetscInt i = 0; i < fs->nur; i++) r[i] -= g[i];
-  PetscCall(VecRestoreArray(fs->r, &r));
-  PetscCall(VecRestoreArray(xv, &x));
-  PetscCall(VecRestoreArrayRead(fs->t_u2, &g));
-  PetscCall(VecRestoreArrayRead(fs->t_p, &q));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode FlowSolverConserve(FlowSolver fs, Vec xv)
 {
   const PetscReal one[3] = {1, 1, 1}, *v, *e;
-  PetscReal       left[6], volume[6], factor[3] = {0, 0, 0}, size[2];
+  PetscReal       left[6], volume[6], size[2], *x;
 
   PetscFunctionBeginUser;
   PetscCall(MatMult(fs->K, xv, fs->r));
@@ -119,6 +99,7 @@ PetscErrorCode FlowSolverConserve(FlowSolver fs, Vec xv)
   PetscCall(VecNorm(fs->b, NORM_2, &size[1]));
   fs->solved = (PetscBool)(size[0] <= SOLVED * size[1]);
   PetscCall(PetscArrayzero(fs->closes, 3));
+  PetscCall(PetscArrayzero(fs->factor, 3));
   if (!fs->solved) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(take_translation(fs, fs->t_u));
   PetscCall(take_linear(fs, one));
@@ -132,10 +113,11 @@ PetscErrorCode FlowSolverConserve(FlowSolver fs, Vec xv)
   PetscCall(VecRestoreArrayRead(fs->t_u, &e));
   for (PetscInt d = 0; d < fs->loc->dim; d++) {
     fs->closes[d] = (PetscBool)(PetscAbsReal(volume[d]) > LEAST_SHARE * volume[3 + d]);
-    if (fs->closes[d]) factor[d] = left[d] / volume[d];
+    if (fs->closes[d]) fs->factor[d] = left[d] / volume[d];
   }
-  PetscCall(take_linear(fs, factor));
-  PetscCall(take_over(fs, xv));
+  PetscCall(VecGetArray(xv, &x));
+  PetscCall(add_linear(fs, fs->factor, x + fs->nur));
+  PetscCall(VecRestoreArray(xv, &x));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -187,15 +169,17 @@ PetscErrorCode FlowSolverGetOwed(FlowSolver fs, PetscReal load[], PetscReal rigi
   PetscCall(FlowGetParameters(fs->flow, &par));
   PetscCall(FlowGetStep(fs->flow, &step));
   PetscCall(FlowGetLumpedMass(fs->flow, &m));
+  PetscCall(take_linear(fs, fs->factor));
   PetscCall(VecGetArrayRead(fs->r, &r));
   PetscCall(VecPlaceArray(fs->t_u, r));
-  PetscCall(FlowSolverApplyMassInverse(fs, fs->t_u, fs->t_u2));
+  PetscCall(VecAYPX(fs->t_u2, -1, fs->t_u)); /* without the rows of the pressure that was added */
   PetscCall(VecResetArray(fs->t_u));
   PetscCall(VecRestoreArrayRead(fs->r, &r));
-  PetscCall(ConstraintExpand(fs->constraint, fs->t_u2, fs->local));
+  PetscCall(FlowSolverApplyMassInverse(fs, fs->t_u2, fs->t_u));
+  PetscCall(ConstraintExpand(fs->constraint, fs->t_u, fs->local));
   for (PetscInt i = 0; i < fs->nodal; i++) load[i] = par->density * m[i / dim] * (fs->local[i] - c->known[i]);
   PetscCall(PetscMalloc1(c->nbodies * nr, &E));
-  PetscCall(ConstraintGatherRigid(fs->constraint, fs->t_u2, E));
+  PetscCall(ConstraintGatherRigid(fs->constraint, fs->t_u, E));
   for (PetscInt e = 0; e < c->nbodies * nr; e++) {
     const PetscInt k = e / nr;
 

@@ -86,6 +86,7 @@ struct _p_FlowSolver {
   Vec                iterate[2];                      /* the last two, or NULL */
   PetscBool          owing;                           /* what a step leaves over goes into the next */
   PetscBool          closes[3];                       /* nothing is left of the sum of r along the axis */
+  PetscReal          factor[3];                       /* of the linear pressure that took that sum */
   PetscBool          solved;                          /* the residual r of the last step is small, see conserve.c */
   PetscReal          target;                          /* residual that the last solve was to leave, or left */
   FlowHeld          *held;                            /* or NULL */
