@@ -4,6 +4,7 @@
    nonlinear.c: for solvers of nonlinear problems. */
 #pragma once
 #include "bodyblocks.h"
+#include "bodycoupling.h"
 #include "solve/system.h"
 #include "pressure.h"
 #include "relax.h"
@@ -63,6 +64,7 @@ struct _p_FlowSolver {
   Relax              sweep;
   RelaxKind          relax; /* in this step */
   BodyBlocks         blocks;
+  BodyCoupling       coupling;
   Ties               ties;
   Pressure           pressure; /* the projected pressure operator */
   MatNullSpace       constant_pressure;

@@ -34,7 +34,7 @@ static PetscErrorCode mult_more_rows(FlowSolver fs, const PetscReal x[], PetscRe
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(fs->rigid_work, c->nlocal * fs->nr));
   if (FlowSolverIsSoft(fs)) PetscCall(PenaltyTermMultAdd(fs->soft, fs->constraint, PETSC_TRUE, c->local_rigid, x, y, fs->rigid_work));
-  TiesMultAdd(fs->ties, c->local_rigid, fs->rigid_work);
+  TiesMultAdd(fs->ties, PETSC_FALSE, 1, c->local_rigid, fs->rigid_work);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -128,8 +128,30 @@ static PetscErrorCode diagonal_velocity(Mat mat, Vec d)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Sweeps or the factorisation for all components at once; inert slots stay as they are; the bodies' blocks are solved
-   against their right-hand side alone (block Jacobi). */
+/* x -= M_b^{-1} F x at the bodies' slots, what the velocities of the nodes mean for them */
+static PetscErrorCode answer_nodes(FlowSolver fs, PetscReal x[])
+{
+  const struct _p_Constraint *c     = fs->constraint;
+  const PetscInt              nr    = fs->nr;
+  PetscReal                  *force = fs->rigid_work + fs->room * nr, U[6];
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(fs->rigid_work, c->nlocal * nr));
+  PetscCall(BodyCouplingAnswer(fs->coupling, x, c->local_rigid, fs->rigid_work));
+  TiesMultAdd(fs->ties, PETSC_TRUE, -1, c->local_rigid, fs->rigid_work);
+  PetscCall(PetscArrayzero(force, c->count * nr));
+  PetscCall(ConstraintDeliverRigid(fs->constraint, fs->rigid_work, force));
+  for (PetscInt k = 0; k < c->nown; k++) {
+    for (PetscInt s = 0; s < nr; s++)
+      if (!((c->unknown[c->own[k]] >> s) & 1)) force[k * nr + s] = 0;
+    multiply_small(nr, fs->body_inverse + k * nr * nr, force + k * nr, U);
+    for (PetscInt s = 0; s < nr; s++) x[fs->nodal + k * nr + s] += U[s];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Bodies, then nodes by sweeps or the factorisation for all components at once, then bodies again: symmetric block
+   Gauss-Seidel (bodycoupling.h). Inert slots stay as they are. b is changed for the moment of the sweep and put back. */
 static PetscErrorCode sor_velocity(Mat mat, Vec bv, PetscReal omega, MatSORType flag, PetscReal shift, PetscInt its, PetscInt lits, Vec xv)
 {
   const struct _p_Constraint *c;
@@ -146,11 +168,19 @@ static PetscErrorCode sor_velocity(Mat mat, Vec bv, PetscReal omega, MatSORType 
   c = fs->constraint;
   PetscCall(VecGetArrayRead(bv, &b));
   PetscCall(VecGetArray(xv, &x));
-  PetscCall(RelaxApply(fs->sweep, flag, its * lits, b, x));
-  for (PetscInt j = 0; j < c->ninert; j++) x[c->slot[j]] = b[c->slot[j]];
   for (PetscInt i = fs->nodal + c->nown * fs->nr; i < fs->nur; i++) x[i] = b[i];
   for (PetscInt k = 0; k < c->nown; k++)
     multiply_small(fs->nr, fs->body_inverse + k * fs->nr * fs->nr, b + fs->nodal + k * fs->nr, x + fs->nodal + k * fs->nr);
+  if (fs->nbodies) {
+    PetscCall(ConstraintFetchRigid(fs->constraint, x + fs->nodal));
+    PetscCall(BodyCouplingSubtract(fs->coupling, c->local_rigid, (PetscReal *)b));
+  }
+  PetscCall(RelaxApply(fs->sweep, flag, its * lits, b, x));
+  if (fs->nbodies) {
+    PetscCall(BodyCouplingPutBack(fs->coupling, (PetscReal *)b));
+    PetscCall(answer_nodes(fs, x));
+  }
+  for (PetscInt j = 0; j < c->ninert; j++) x[c->slot[j]] = b[c->slot[j]];
   PetscCall(VecRestoreArray(xv, &x));
   PetscCall(VecRestoreArrayRead(bv, &b));
   PetscCall(PetscLogEventEnd(TB_VEL_SWEEP, 0, 0, 0, 0));

@@ -95,6 +95,7 @@ static PetscErrorCode update_blocks(FlowSolver fs)
 
   PetscFunctionBeginUser;
   PetscCall(BodyBlocksUpdate(fs->blocks, fs->share, FlowSolverIsSoft(fs) ? fs->soft : NULL, fs->D, fs->scale, fs->body_inverse, fs->mass_inverse));
+  PetscCall(BodyCouplingUpdate(fs->coupling, FlowSolverIsSoft(fs) ? fs->soft : NULL));
   PetscCall(TiesUpdate(fs->ties, fs->body_inverse, fs->mass_inverse, fs->scale));
   for (PetscInt e = 0; e < c->nown * nn; e++) {
     const PetscInt k = c->own[e / nn], i = e % nn / nr, j = e % nr;
@@ -191,6 +192,7 @@ PetscErrorCode FlowSolverCreate(Flow flow, Constraint constraint, PetscBool movi
   PetscCall(FlowSolverSetRecipe(fs, moving));
   PetscCall(RelaxCreate(fs->loc->nnode, fs->loc->dim, &fs->sweep));
   PetscCall(BodyBlocksCreate(flow, constraint, &fs->blocks));
+  if (fs->nbodies) PetscCall(BodyCouplingCreate(flow, constraint, &fs->coupling));
   PetscCall(TiesCreate(constraint, &fs->ties));
   PetscCall(PetscCalloc3(fs->room * fs->nr * fs->nr, &fs->D, constraint->count * fs->nr * fs->nr, &fs->body_inverse, fs->room * fs->nr * fs->nr,
                          &fs->mass_inverse));
@@ -248,6 +250,7 @@ PetscErrorCode FlowSolverDestroy(FlowSolver *solver)
   PetscCall(PetscFree(fs->saved));
   PetscCall(RelaxDestroy(&fs->sweep));
   PetscCall(BodyBlocksDestroy(&fs->blocks));
+  PetscCall(BodyCouplingDestroy(&fs->coupling));
   PetscCall(TiesDestroy(&fs->ties));
   PetscCall(PetscFree(*solver));
   PetscFunctionReturn(PETSC_SUCCESS);

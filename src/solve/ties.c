@@ -163,25 +163,24 @@ PetscErrorCode TiesSet(Ties t, PetscInt n, const BodyTie tie[])
 
 /* ---- products ---- */
 
-void TiesMultAdd(Ties t, const PetscReal U[], PetscReal out[])
+void TiesMultAdd(Ties t, PetscBool others, PetscReal scale, const PetscReal U[], PetscReal out[])
 {
   const Constraint c  = t->constraint;
   const PetscInt   nr = c->nr;
 
   for (PetscInt i = 0; i < t->n; i++) {
     const BodyTie *tie      = &t->tie[i];
-    PetscReal      speed    = 0;
-    PetscInt       local[2] = {0, 0};
+    PetscReal      speed[2] = {0, 0};
+    PetscInt       local[2] = {-1, -1};
 
     for (PetscInt s = 0; s < 2; s++) {
       if (tie->body[s] < 0 || !c->unknown[tie->body[s]]) continue;
       local[s] = c->local_index[tie->body[s]] * nr;
-      for (PetscInt a = 0; a < nr; a++) speed += tie->row[s][a] * U[local[s] + a];
+      for (PetscInt a = 0; a < nr; a++) speed[s] += tie->row[s][a] * U[local[s] + a];
     }
-    for (PetscInt s = 0; s < 2; s++) {
-      if (tie->body[s] < 0 || !c->unknown[tie->body[s]]) continue;
-      for (PetscInt a = 0; a < nr; a++) out[local[s] + a] += tie->stiffness * speed * tie->row[s][a];
-    }
+    for (PetscInt s = 0; s < 2; s++)
+      for (PetscInt a = 0; a < nr && local[s] >= 0; a++)
+        out[local[s] + a] += scale * tie->stiffness * (speed[!s] + (others ? 0 : speed[s])) * tie->row[s][a];
   }
 }
 

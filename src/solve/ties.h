@@ -16,9 +16,10 @@ PetscErrorCode TiesDestroy(Ties *);
 PetscErrorCode TiesSet(Ties, PetscInt n, const BodyTie tie[]);
 /* Are there any, on any rank? Not collective, same on all ranks. */
 PetscBool TiesAny(Ties);
-/* out += N R N^T U, with the rigid velocities U of the bodies known here and what to deliver to them in the local
-   numbers of the constraint [nlocal][nr], in the units of the scene. Local. */
-void TiesMultAdd(Ties, const PetscReal U[], PetscReal out[]);
+/* out += scale N R N^T U, with the rigid velocities U of the bodies known here and what to deliver to them in the local
+   numbers of the constraint [nlocal][nr], in the units of the scene; others: without the blocks of single bodies.
+   Local. */
+void TiesMultAdd(Ties, PetscBool others, PetscReal scale, const PetscReal U[], PetscReal out[]);
 /* Adds the ties to the blocks of own bodies in the velocity operator, of which inverse [nown][nr][nr] is what the name
    says, and makes the system of masses: mass_inverse [nbodies][nr][nr] of M_r/scale; with factors L of that, L L^T, the
    system is Q^{-1} = 1 + L^T N R N^T L/scale, and (M_r + N R N^T)^{-1} = L Q L^T/scale. Blocks in the units of the

@@ -1,0 +1,394 @@
+/* BodyCoupling: see bodycoupling.h. */
+#include "compat.h"
+#include "bodycoupling.h"
+#include "base/inline.h"
+
+/* Two bodies that share entries */
+typedef struct {
+  PetscInt body, other, next; /* next of the same body, or -1 */
+} Two;
+
+/* The rank's own part of the matrix as compressed rows */
+typedef struct {
+  const PetscInt  *start, *column;
+  const PetscReal *value;
+} Rows;
+
+struct _p_BodyCoupling {
+  Flow             flow;
+  Constraint       constraint;
+  const MeshLocal *loc;
+  /* nodes that rigid velocities move, c->body_node */
+  PetscInt  *place;             /* [nnode_all] where a node stands there, or -1 */
+  PetscInt  *mover, moved_room; /* [c->nbody_nodes] the body */
+  PetscReal *arm;               /* [c->nbody_nodes][dim] from its centre */
+  /* E: nodes with entries, the pairs of each, and of a pair the local number of the body and its dim + 1 numbers */
+  PetscInt   nnode, node_room, *node, *start, n, room, *body;
+  PetscReal *e, *saved; /* saved [nnode][dim] */
+  PetscInt  *at;        /* [own nodes] where a node stands in `node`, or -1 */
+  /* O: [nbodies] first of a body, or -1; [ntwo][nr][nr] */
+  PetscInt   ntwo, two_room, first_room, *first;
+  Two       *two;
+  PetscReal *block;
+};
+
+/* The body whose rigid velocities move node i, or -1; at a wall none */
+static inline PetscInt get_body(const struct _p_Constraint *c, PetscInt i)
+{
+  const PetscInt  k    = c->node_body[i] >= 0 ? c->node_body[i] : c->follow[i];
+  const PetscBool wall = (PetscBool)(c->node_body[i] < 0 && c->fixed[i] == (1 << c->loc->dim) - 1);
+
+  return k >= 0 && c->unknown[k] && !wall ? k : -1;
+}
+
+static PetscErrorCode place_nodes(BodyCoupling b)
+{
+  const struct _p_Constraint *c   = b->constraint;
+  const MeshLocal            *l   = b->loc;
+  const PetscInt              dim = l->dim;
+
+  PetscFunctionBeginUser;
+  if (b->moved_room < c->nbody_nodes) {
+    b->moved_room = c->nbody_nodes + c->nbody_nodes / 4;
+    PetscCall(PetscRealloc(b->moved_room * sizeof(PetscInt), &b->mover));
+    PetscCall(PetscRealloc(b->moved_room * dim * sizeof(PetscReal), &b->arm));
+  }
+  for (PetscInt i = 0; i < l->nnode_all; i++) b->place[i] = -1;
+  for (PetscInt e = 0; e < c->nbody_nodes; e++) {
+    const PetscInt i = c->body_node[e], k = get_body(c, i);
+
+    if (k < 0) continue;
+    b->place[i] = e;
+    b->mover[e] = k;
+    for (PetscInt d = 0; d < dim; d++) b->arm[e * dim + d] = MeshNearest(l, d, l->x[i * dim + d] - c->X[k][d]);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode add_node(BodyCoupling b, PetscInt i)
+{
+  PetscFunctionBeginUser;
+  if (b->at[i] >= 0 || b->constraint->node_body[i] >= 0) PetscFunctionReturn(PETSC_SUCCESS);
+  if (b->nnode == b->node_room) {
+    b->node_room = 2 * b->node_room + 256;
+    PetscCall(PetscRealloc(b->node_room * sizeof(PetscInt), &b->node));
+    PetscCall(PetscRealloc((b->node_room + 1) * sizeof(PetscInt), &b->start));
+    PetscCall(PetscRealloc(b->node_room * b->loc->dim * sizeof(PetscReal), &b->saved));
+  }
+  b->at[i]            = b->nnode;
+  b->node[b->nnode++] = i;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- between bodies ---- */
+
+/* The block in the rows of body k and the columns of another, zero if it is new */
+static PetscErrorCode get_block(BodyCoupling b, PetscInt k, PetscInt other, PetscReal **block)
+{
+  const PetscInt nn = b->constraint->nr * b->constraint->nr;
+  PetscInt       at = b->first[k];
+
+  PetscFunctionBeginUser;
+  while (at >= 0 && b->two[at].other != other) at = b->two[at].next;
+  if (at < 0) {
+    if (b->ntwo == b->two_room) {
+      b->two_room = 2 * b->two_room + 64;
+      PetscCall(PetscRealloc(b->two_room * sizeof(Two), &b->two));
+      PetscCall(PetscRealloc(b->two_room * nn * sizeof(PetscReal), &b->block));
+    }
+    at          = b->ntwo++;
+    b->two[at]  = (Two){k, other, b->first[k]};
+    b->first[k] = at;
+    PetscCall(PetscArrayzero(b->block + at * nn, nn));
+  }
+  *block = b->block + at * nn;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* block [nr][nr] += a R^T T, R and T [dim][nr] */
+static void add_product(PetscInt dim, PetscInt nr, PetscReal a, const PetscReal R[], const PetscReal T[], PetscReal block[])
+{
+  for (PetscInt e = 0; e < nr * nr; e++)
+    for (PetscInt d = 0; d < dim; d++) block[e] += a * R[d * nr + e / nr] * T[d * nr + e % nr];
+}
+
+/* Entry a in the row of node i of body k and the column of node j of another */
+static PetscErrorCode add_two(BodyCoupling b, PetscInt i, PetscInt k, PetscInt j, PetscInt other, PetscReal a)
+{
+  PetscReal R[18], T[18], *block;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintRigidMap(b->constraint, i, k, R));
+  PetscCall(ConstraintRigidMap(b->constraint, j, other, T));
+  PetscCall(get_block(b, k, other, &block));
+  add_product(b->loc->dim, b->constraint->nr, a, R, T, block);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Rows of the nodes that bodies move: which nodes have a part of E, and O */
+static PetscErrorCode find_neighbours(BodyCoupling b, const Rows *rows)
+{
+  const struct _p_Constraint *c = b->constraint;
+
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e < c->nbody_nodes; e++) {
+    const PetscInt i = c->body_node[e], k = b->place[i] >= 0 && i < b->loc->nnode ? b->mover[e] : -1;
+
+    for (PetscInt q = rows->start[i]; k >= 0 && q < rows->start[i + 1]; q++) {
+      const PetscInt j = rows->column[q], other = b->place[j] >= 0 ? b->mover[b->place[j]] : k;
+
+      if (other != k) PetscCall(add_two(b, i, k, j, other, rows->value[q]));
+      PetscCall(add_node(b, j));
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Entry e of the penalty, of a node that follows another body */
+static PetscErrorCode subtract_two(BodyCoupling b, const PenaltyTerm *soft, PetscInt e)
+{
+  const PetscInt i = soft->node[e], k = soft->body[e], follows = get_body(b->constraint, i);
+  PetscReal      G[18], R[18], *block;
+
+  PetscFunctionBeginUser;
+  if (follows < 0 || follows == k) PetscFunctionReturn(PETSC_SUCCESS);
+  PenaltyTermGetBlock(soft, e, G);
+  PetscCall(ConstraintRigidMap(b->constraint, i, follows, R));
+  PetscCall(get_block(b, k, follows, &block));
+  add_product(soft->dim, soft->nr, -1, G, R, block);
+  PetscCall(get_block(b, follows, k, &block));
+  add_product(soft->dim, soft->nr, -1, R, G, block);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- between nodes and bodies ---- */
+
+/* The numbers of body k among the pairs of the last node, which begin at `begin` */
+static PetscErrorCode get_pair(BodyCoupling b, PetscInt begin, PetscInt k, PetscReal **e)
+{
+  const PetscInt nm = b->loc->dim + 1;
+  PetscInt       at = begin;
+
+  PetscFunctionBeginUser;
+  while (at < b->n && b->body[at] != k) at++;
+  if (at == b->n) {
+    if (b->n == b->room) {
+      b->room = 2 * b->room + 256;
+      PetscCall(PetscRealloc(b->room * sizeof(PetscInt), &b->body));
+      PetscCall(PetscRealloc(b->room * nm * sizeof(PetscReal), &b->e));
+    }
+    b->body[b->n++] = k;
+    PetscCall(PetscArrayzero(b->e + at * nm, nm));
+  }
+  *e = b->e + at * nm;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* E of node i; soft_first, soft_next: entries of the penalty by nodes */
+static PetscErrorCode add_pairs(BodyCoupling b, const Rows *rows, PetscInt i, const PenaltyTerm *soft, PetscInt soft_first,
+                                const PetscInt soft_next[])
+{
+  const PetscInt dim = b->loc->dim, begin = b->n;
+  PetscInt       last = -1;
+  PetscReal     *e    = NULL;
+
+  PetscFunctionBeginUser;
+  for (PetscInt q = rows->start[i]; q < rows->start[i + 1]; q++) {
+    const PetscInt at = b->place[rows->column[q]], k = at >= 0 ? b->mover[at] : -1;
+
+    if (k < 0) continue;
+    if (k != last) PetscCall(get_pair(b, begin, k, &e));
+    last = k;
+    e[0] += rows->value[q];
+    for (PetscInt d = 0; d < dim; d++) e[1 + d] += rows->value[q] * b->arm[at * dim + d];
+  }
+  for (PetscInt s = soft_first; s >= 0; s = soft_next[s]) {
+    PetscCall(get_pair(b, begin, soft->body[s], &e));
+    for (PetscInt m = 0; m <= dim; m++) e[m] -= soft->g[s * (dim + 1) + m];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* With what the penalty adds to E and O */
+static PetscErrorCode find_pairs(BodyCoupling b, const Rows *rows, const PenaltyTerm *soft)
+{
+  const PetscInt n = soft ? soft->n : 0;
+  PetscInt      *first, *next;
+
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e < n; e++)
+    if (b->constraint->unknown[soft->body[e]]) PetscCall(add_node(b, soft->node[e]));
+  PetscCall(PetscMalloc2(b->nnode, &first, n, &next));
+  for (PetscInt i = 0; i < b->nnode; i++) first[i] = -1;
+  for (PetscInt e = 0; e < n; e++) {
+    const PetscInt at = b->at[soft->node[e]];
+
+    if (at < 0 || !b->constraint->unknown[soft->body[e]]) continue;
+    next[e]   = first[at];
+    first[at] = e;
+    PetscCall(subtract_two(b, soft, e));
+  }
+  for (PetscInt i = 0; i < b->nnode; i++) {
+    b->start[i] = b->n;
+    PetscCall(add_pairs(b, rows, b->node[i], soft, first[i], next));
+    b->start[i + 1] = b->n;
+  }
+  PetscCall(PetscFree2(first, next));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode clear(BodyCoupling b)
+{
+  const PetscInt nbodies = b->constraint->nbodies;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < b->nnode; i++) b->at[b->node[i]] = -1;
+  b->n = b->nnode = b->ntwo = 0;
+  if (b->first_room < nbodies) {
+    b->first_room = nbodies + nbodies / 4;
+    PetscCall(PetscRealloc(b->first_room * sizeof(PetscInt), &b->first));
+  }
+  for (PetscInt k = 0; k < nbodies; k++) b->first[k] = -1;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodyCouplingUpdate(BodyCoupling b, const PenaltyTerm *soft)
+{
+  const PetscInt *map, *local = b->constraint->local_index;
+  PetscInt        n;
+  Mat             S, part[2];
+  PetscBool       done;
+  Rows            rows;
+
+  PetscFunctionBeginUser;
+  PetscCall(clear(b));
+  PetscCall(place_nodes(b));
+  PetscCall(FlowGetMatrix(b->flow, &S));
+  PetscCall(FlowGetMatrixParts(b->flow, part, &map));
+  PetscCall(MatGetRowIJ(part[0], 0, PETSC_FALSE, PETSC_FALSE, &n, &rows.start, &rows.column, &done));
+  PetscCall(MatSeqAIJGetArrayRead(part[0], &rows.value));
+  PetscCall(find_neighbours(b, &rows));
+  PetscCall(find_pairs(b, &rows, soft));
+  PetscCall(MatSeqAIJRestoreArrayRead(part[0], &rows.value));
+  PetscCall(MatRestoreRowIJ(part[0], 0, PETSC_FALSE, PETSC_FALSE, &n, &rows.start, &rows.column, &done));
+  for (PetscInt e = 0; e < b->n; e++) b->body[e] = local[b->body[e]];
+  for (PetscInt e = 0; e < b->ntwo; e++) {
+    b->two[e].body  = local[b->two[e].body];
+    b->two[e].other = local[b->two[e].other];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- products ---- */
+
+INLINE void subtract(const int dim, const struct _p_BodyCoupling *b, const PetscReal *restrict U, PetscReal *restrict rhs)
+{
+  const int nr = dim == 2 ? 3 : 6;
+
+  for (PetscInt i = 0; i < b->nnode; i++) {
+    PetscReal *r = rhs + b->node[i] * dim;
+
+    for (int a = 0; a < dim; a++) b->saved[i * dim + a] = r[a];
+    for (PetscInt q = b->start[i]; q < b->start[i + 1]; q++) {
+      const PetscReal *e = b->e + q * (dim + 1), *arm = e + 1, *V = U + b->body[q] * nr;
+
+      for (int a = 0; a < dim; a++) r[a] -= e[0] * V[a];
+      if (dim == 2) {
+        r[0] += arm[1] * V[2];
+        r[1] -= arm[0] * V[2];
+      } else
+        for (int a = 0; a < 3; a++) r[a] -= V[3 + (a + 1) % 3] * arm[(a + 2) % 3] - V[3 + (a + 2) % 3] * arm[(a + 1) % 3];
+    }
+  }
+}
+
+INLINE void subtract_transposed(const int dim, const struct _p_BodyCoupling *b, const PetscReal *restrict x, PetscReal *restrict rigid)
+{
+  const int nr = dim == 2 ? 3 : 6;
+
+  for (PetscInt i = 0; i < b->nnode; i++) {
+    const PetscReal *v = x + b->node[i] * dim;
+
+    for (PetscInt q = b->start[i]; q < b->start[i + 1]; q++) {
+      const PetscReal *e = b->e + q * (dim + 1), *arm = e + 1;
+      PetscReal       *V = rigid + b->body[q] * nr;
+
+      for (int a = 0; a < dim; a++) V[a] -= e[0] * v[a];
+      if (dim == 2) V[2] -= arm[0] * v[1] - arm[1] * v[0];
+      else
+        for (int a = 0; a < 3; a++) V[3 + a] -= arm[(a + 1) % 3] * v[(a + 2) % 3] - arm[(a + 2) % 3] * v[(a + 1) % 3];
+    }
+  }
+}
+
+PetscErrorCode BodyCouplingSubtract(BodyCoupling b, const PetscReal U[], PetscReal rhs[])
+{
+  PetscFunctionBeginUser;
+  if (b->loc->dim == 2) subtract(2, b, U, rhs);
+  else subtract(3, b, U, rhs);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodyCouplingPutBack(BodyCoupling b, PetscReal rhs[])
+{
+  const PetscInt dim = b->loc->dim;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < b->nnode; i++)
+    for (PetscInt a = 0; a < dim; a++) rhs[b->node[i] * dim + a] = b->saved[i * dim + a];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodyCouplingAnswer(BodyCoupling b, const PetscReal x[], const PetscReal U[], PetscReal rigid[])
+{
+  const PetscInt nr = b->constraint->nr, nn = nr * nr;
+
+  PetscFunctionBeginUser;
+  if (b->loc->dim == 2) subtract_transposed(2, b, x, rigid);
+  else subtract_transposed(3, b, x, rigid);
+  for (PetscInt e = 0; e < b->ntwo; e++) {
+    const PetscReal *V = U + b->two[e].other * nr;
+    PetscReal       *r = rigid + b->two[e].body * nr;
+
+    for (PetscInt m = 0; m < nn; m++) r[m / nr] -= b->block[e * nn + m] * V[m % nr];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodyCouplingCreate(Flow flow, Constraint constraint, BodyCoupling *coupling)
+{
+  BodyCoupling b;
+  Mesh         mesh;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&b));
+  b->flow       = flow;
+  b->constraint = constraint;
+  PetscCall(FlowGetMesh(flow, &mesh));
+  PetscCall(MeshGetLocal(mesh, &b->loc));
+  PetscCall(PetscMalloc2(b->loc->nnode_all, &b->place, b->loc->nnode, &b->at));
+  for (PetscInt i = 0; i < b->loc->nnode; i++) b->at[i] = -1;
+  *coupling = b;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodyCouplingDestroy(BodyCoupling *coupling)
+{
+  BodyCoupling b = *coupling;
+
+  PetscFunctionBeginUser;
+  if (!b) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree2(b->place, b->at));
+  PetscCall(PetscFree(b->mover));
+  PetscCall(PetscFree(b->arm));
+  PetscCall(PetscFree(b->node));
+  PetscCall(PetscFree(b->start));
+  PetscCall(PetscFree(b->body));
+  PetscCall(PetscFree(b->e));
+  PetscCall(PetscFree(b->saved));
+  PetscCall(PetscFree(b->first));
+  PetscCall(PetscFree(b->two));
+  PetscCall(PetscFree(b->block));
+  PetscCall(PetscFree(*coupling));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

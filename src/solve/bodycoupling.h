@@ -1,0 +1,35 @@
+/* BodyCoupling: what the velocity operator has between the nodes and the rigid velocities of bodies, for its
+   preconditioner.
+
+   In the unknowns of P (nodes, relative to the body at those that follow one; rigid velocities) the operator P^T A P
+   has beside the matrix of the nodes and the blocks of the bodies (bodyblocks.h)
+
+     E_jk = sum_m A_jm R_k(x_m) - G_jk               in the row of node j,   m: nodes that lie in body k or follow it
+     O_kl = sum_im R_k(x_i)^T A_im R_l(x_m) - ...    in the rows of body k,  i: likewise, of body k
+
+   and E^T in the rows of bodies, but for the convection, which a preconditioner need not turn round. G, and the dots,
+   are the penalty's (penaltyterm.h). R is linear in the place, so E takes dim + 1 numbers a pair of node and body: sum a
+   and sum a (x - X). With E and O the preconditioner of the velocity is one symmetric block Gauss-Seidel sweep over
+   bodies, nodes, bodies (Saad 2003, ch. 4.1); without them a body and the fluid that it moves know of each other through
+   the Krylov method alone, which takes half as many iterations again, or twice as many (runs/studies/flow-solver,
+   "Bodies and the fluid around them").
+
+   On the rank's own nodes and their entries with each other, as the factors of the nodes' matrix (relax.h). */
+#pragma once
+#include "projection.h"
+#include "flow/flow.h"
+#include "solve/penaltyterm.h"
+
+typedef struct _p_BodyCoupling *BodyCoupling;
+
+PetscErrorCode BodyCouplingCreate(Flow, Constraint, BodyCoupling *);
+PetscErrorCode BodyCouplingDestroy(BodyCoupling *);
+
+/* Of the present matrix, bodies and penalty; soft may be NULL. Collective. */
+PetscErrorCode BodyCouplingUpdate(BodyCoupling, const PenaltyTerm *soft);
+/* b -= E U at own nodes, b [own nodes][dim]; U [nlocal][nr] rigid velocities by the local numbers of the constraint,
+   zero where they are not unknown. PutBack: b as it was before. Local. */
+PetscErrorCode BodyCouplingSubtract(BodyCoupling, const PetscReal U[], PetscReal b[]);
+PetscErrorCode BodyCouplingPutBack(BodyCoupling, PetscReal b[]);
+/* rigid -= E^T x + O U, [nlocal][nr], of own nodes; U as above. Local. */
+PetscErrorCode BodyCouplingAnswer(BodyCoupling, const PetscReal x[], const PetscReal U[], PetscReal rigid[]);

@@ -1,0 +1,198 @@
+/* BodyCoupling: on one rank E and O are what the velocity operator has beside its blocks, under all three rungs, with
+   bodies that share nodes, in the plane and in space; the preconditioner made of them is symmetric and positive where
+   the operator is. */
+/* ranks: 1 3 */
+#include "core.h"
+#include "couple/couple.h"
+#include "flowcase.h"
+#include "impl.h"
+
+#define FLOW "-flow_density 1.3 -flow_viscosity 0.5 -flow_convection 0 "
+#define DISCS \
+  "-mesh_cells 20,20 -flow_gravity 0.5,-9 -particle_groups a,b -particle_a_shape circle -particle_a_density 1.5 -particle_a_radius 0.14 -particle_a_position 0.33,0.42 " \
+  "-particle_b_shape circle -particle_b_radius 0.17 -particle_b_position 0.645,0.46 -particle_b_density 2 "
+#define BALLS \
+  "-mesh_dimension 3 -mesh_cells 7,7,7 -flow_gravity 0.5,-9,1 -particle_groups a,b -particle_a_shape circle -particle_a_density 1.5 -particle_b_density 2 -particle_a_radius 0.17 " \
+  "-particle_a_position 0.31,0.42,0.5 -particle_b_shape circle -particle_b_radius 0.18 -particle_b_position 0.67,0.46,0.53 "
+
+static const char *const SCENES[] = {DISCS "-couple_boundary penalty", DISCS "-couple_boundary nodal", DISCS "-couple_boundary snap",
+                                     DISCS "-couple_boundary penalty -particle_a_free x", BALLS "-couple_boundary penalty"};
+#define NSCENES (PetscInt) PETSC_STATIC_ARRAY_LENGTH(SCENES)
+
+typedef struct {
+  Case       c;
+  Couple     couple;
+  FlowSolver fs;
+  Vec        x, y;
+} Setup;
+
+/* After one step, whose operators stay */
+static void open_setup(Setup *s, const char scene[])
+{
+  PetscInt           its;
+  KSPConvergedReason reason;
+  char               options[2048];
+
+  OK(PetscSNPrintf(options, sizeof(options), FLOW "%s", scene));
+  open_case(&s->c, options);
+  OK(CoupleCreate(s->c.flow, s->c.bodies, &s->couple));
+  OK(FlowBeginStep(s->c.flow, 0.01, 0.01));
+  OK(CoupleDraw(s->couple));
+  OK(CoupleSolve(s->couple, &its, &reason));
+  assert_true(reason > 0);
+  OK(CoupleGetSolver(s->couple, &s->fs));
+  OK(VecDuplicate(s->fs->t_u, &s->x));
+  OK(VecDuplicate(s->fs->t_u, &s->y));
+}
+
+static void close_setup(Setup *s)
+{
+  OK(VecDestroy(&s->x));
+  OK(VecDestroy(&s->y));
+  OK(CoupleDestroy(&s->couple));
+  close_case(&s->c);
+}
+
+/* Is this slot of u_r unknown? */
+static PetscBool *find_free(const Setup *s)
+{
+  const struct _p_Constraint *c = s->fs->constraint;
+  PetscBool                  *free_slot;
+
+  OK(PetscCalloc1(s->fs->nur, &free_slot));
+  for (PetscInt i = 0; i < s->fs->nodal; i++) free_slot[i] = PETSC_TRUE;
+  for (PetscInt j = 0; j < c->ninert; j++) free_slot[c->slot[j]] = PETSC_FALSE;
+  for (PetscInt e = 0; e < c->nown * c->nr; e++) free_slot[s->fs->nodal + e] = (PetscBool)((c->unknown[c->own[e / c->nr]] >> e % c->nr) & 1);
+  return free_slot;
+}
+
+/* Noise in the free slots [first, last) of x, zero in the others */
+static void fill(const Setup *s, const PetscBool free_slot[], PetscInt first, PetscInt last, PetscInt seed, Vec x)
+{
+  PetscReal *a;
+
+  OK(VecGetArrayWrite(x, &a));
+  for (PetscInt i = 0; i < s->fs->nur; i++) a[i] = i >= first && i < last && free_slot[i] ? noise(seed + i) : 0;
+  OK(VecRestoreArrayWrite(x, &a));
+}
+
+/* rigid rows from forces on bodies in local numbers */
+static void deliver(FlowSolver fs, const PetscReal local[], PetscReal rigid[])
+{
+  OK(PetscArrayzero(rigid, fs->constraint->count * fs->nr));
+  OK(ConstraintDeliverRigid(fs->constraint, local, rigid));
+}
+
+static void check_parts(Setup *s)
+{
+  FlowSolver                  fs = s->fs;
+  const struct _p_Constraint *c  = fs->constraint;
+  const PetscInt              nr = fs->nr, nodal = fs->nodal;
+  PetscBool                  *free_slot = find_free(s);
+  const PetscReal            *x, *y;
+  PetscReal                  *b, *local, *rigid, size = 0, between = 0;
+
+  OK(PetscCalloc3(fs->nur, &b, c->nlocal * nr, &local, c->count * nr, &rigid));
+  for (PetscInt k = 0; k < c->nown; k++) { /* one body moves */
+    fill(s, free_slot, nodal + k * nr, nodal + (k + 1) * nr, 3, s->x);
+    OK(MatMult(fs->Ar, s->x, s->y));
+    OK(VecGetArrayRead(s->x, &x));
+    OK(VecGetArrayRead(s->y, &y));
+    OK(ConstraintFetchRigid(fs->constraint, x + nodal));
+    for (PetscInt i = 0; i < nodal; i++) b[i] = y[i];
+    size = PetscMax(size, max_abs(nodal, b));
+    OK(BodyCouplingSubtract(fs->coupling, c->local_rigid, b));
+    for (PetscInt i = 0; i < nodal; i++)
+      if (free_slot[i]) BELOW(b[i], 1e-12 * size);
+    OK(BodyCouplingPutBack(fs->coupling, b));
+    for (PetscInt i = 0; i < nodal; i++) NEAR(b[i], y[i], 0);
+    OK(PetscArrayzero(local, c->nlocal * nr));
+    OK(PetscArrayzero(b, nodal));
+    OK(BodyCouplingAnswer(fs->coupling, b, c->local_rigid, local));
+    deliver(fs, local, rigid);
+    for (PetscInt e = 0; e < c->nown * nr; e++) {
+      if (e / nr == k || !free_slot[nodal + e]) continue;
+      NEAR(-rigid[e], y[nodal + e], 1e-12 * size);
+      between = PetscMax(between, PetscAbsReal(rigid[e]));
+    }
+    OK(VecRestoreArrayRead(s->x, &x));
+    OK(VecRestoreArrayRead(s->y, &y));
+  }
+  assert_true(between > 1e-6 * size);
+  fill(s, free_slot, 0, nodal, 5, s->x);
+  OK(MatMult(fs->Ar, s->x, s->y));
+  OK(VecGetArrayRead(s->x, &x));
+  OK(VecGetArrayRead(s->y, &y));
+  OK(PetscArrayzero(local, c->nlocal * nr));
+  OK(PetscArrayzero(c->local_rigid, c->nlocal * nr));
+  OK(BodyCouplingAnswer(fs->coupling, x, c->local_rigid, local));
+  deliver(fs, local, rigid);
+  for (PetscInt e = 0; e < c->nown * nr; e++)
+    if (free_slot[nodal + e]) NEAR(-rigid[e], y[nodal + e], 1e-11 * max_abs(c->nown * nr, y + nodal));
+  OK(VecRestoreArrayRead(s->x, &x));
+  OK(VecRestoreArrayRead(s->y, &y));
+  OK(PetscFree3(b, local, rigid));
+  OK(PetscFree(free_slot));
+}
+
+static void test_parts(void **state)
+{
+  (void)state;
+  PetscMPIInt size;
+
+  MPI_Comm_size(PETSC_COMM_WORLD, &size);
+  for (PetscInt i = 0; i < NSCENES && size == 1; i++) {
+    Setup s;
+
+    open_setup(&s, SCENES[i]);
+    check_parts(&s);
+    close_setup(&s);
+  }
+}
+
+/* (M^{-1} x, y) = (x, M^{-1} y), (M^{-1} x, x) > 0 */
+static void test_symmetric(void **state)
+{
+  static const char *const sweep[] = {" -flow_velocity_sweep sor", " -flow_velocity_sweep ilu", " -flow_velocity_sweep jacobi"};
+
+  (void)state;
+  for (PetscInt i = 0; i < NSCENES; i++) {
+    Setup       s;
+    Vec         to[2];
+    PetscBool  *free_slot;
+    PetscScalar cross[2], own[2];
+    char        scene[1024];
+
+    OK(PetscSNPrintf(scene, sizeof(scene), "%s%s", SCENES[i], sweep[i % 3]));
+    open_setup(&s, scene);
+    free_slot = find_free(&s);
+    fill(&s, free_slot, 0, s.fs->nur, 7, s.x);
+    fill(&s, free_slot, 0, s.fs->nur, 1007, s.y);
+    for (PetscInt k = 0; k < 2; k++) {
+      OK(VecDuplicate(s.x, &to[k]));
+      OK(MatSOR(s.fs->Ar, k ? s.y : s.x, 1, (MatSORType)(SOR_LOCAL_SYMMETRIC_SWEEP | SOR_ZERO_INITIAL_GUESS), 0, 1, 1, to[k]));
+    }
+    OK(VecDot(to[0], s.y, &cross[0]));
+    OK(VecDot(to[1], s.x, &cross[1]));
+    OK(VecDot(to[0], s.x, &own[0]));
+    OK(VecDot(to[1], s.y, &own[1]));
+    assert_true(own[0] > 0 && own[1] > 0);
+    NEAR(cross[0], cross[1], 1e-6 * PetscSqrtReal(own[0] * own[1])); /* factors in single precision */
+    OK(VecDestroy(&to[0]));
+    OK(VecDestroy(&to[1]));
+    OK(PetscFree(free_slot));
+    close_setup(&s);
+  }
+}
+
+int main(int argc, char **argv)
+{
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_parts), cmocka_unit_test(test_symmetric)};
+  int                     failed;
+
+  PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));
+  failed = cmocka_run_group_tests_name("bodycoupling", tests, NULL, NULL);
+  PetscCall(OptFinalize());
+  PetscCall(PetscFinalize());
+  return failed;
+}
