@@ -205,6 +205,11 @@ PetscErrorCode BodyBlocksUpdate(BodyBlocks b, const PetscReal share[], const Pen
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+const PetscInt *BodyBlocksGetGhosts(BodyBlocks b)
+{
+  return b->ghost_of_column;
+}
+
 PetscErrorCode BodyBlocksCreate(Flow flow, Constraint constraint, BodyBlocks *blocks)
 {
   BodyBlocks b;

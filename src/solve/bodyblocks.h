@@ -21,3 +21,5 @@ PetscErrorCode BodyBlocksDestroy(BodyBlocks *);
    bodies this rank knows (see projection.h). Error: a light body covers no node. */
 PetscErrorCode BodyBlocksUpdate(BodyBlocks, const PetscReal share[], const PenaltyTerm *soft, const PetscReal D[], PetscReal scale,
                                 PetscReal stiff_inverse[], PetscReal mass_inverse[]);
+/* Local nodes of the columns of part[1] of FlowGetMatrixParts, after an update; NULL on one rank. Borrowed. */
+const PetscInt *BodyBlocksGetGhosts(BodyBlocks);

@@ -8,10 +8,11 @@ typedef struct {
   PetscInt body, other, next; /* next of the same body, or -1 */
 } Two;
 
-/* The rank's own part of the matrix as compressed rows */
+/* Own rows of the matrix, compressed: columns of own nodes, then of ghosts */
 typedef struct {
-  const PetscInt  *start, *column;
-  const PetscReal *value;
+  Mat              part[2];                      /* the second NULL on one rank */
+  const PetscInt  *start[2], *column[2], *ghost; /* ghost: nodes of the second part's columns */
+  const PetscReal *value[2];
 } Rows;
 
 struct _p_BodyCoupling {
@@ -63,6 +64,43 @@ static PetscErrorCode place_nodes(BodyCoupling b)
     for (PetscInt d = 0; d < dim; d++) b->arm[e * dim + d] = MeshNearest(l, d, l->x[i * dim + d] - c->X[k][d]);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode open_rows(BodyCoupling b, const PetscInt ghost[], Rows *rows)
+{
+  const PetscInt *map;
+  PetscInt        n;
+  Mat             S;
+  PetscBool       done;
+
+  PetscFunctionBeginUser;
+  *rows = (Rows){.ghost = ghost};
+  PetscCall(FlowGetMatrix(b->flow, &S));
+  PetscCall(FlowGetMatrixParts(b->flow, rows->part, &map));
+  for (PetscInt s = 0; s < 2 && rows->part[s]; s++) {
+    PetscCall(MatGetRowIJ(rows->part[s], 0, PETSC_FALSE, PETSC_FALSE, &n, &rows->start[s], &rows->column[s], &done));
+    PetscCall(MatSeqAIJGetArrayRead(rows->part[s], &rows->value[s]));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode close_rows(Rows *rows)
+{
+  PetscInt  n;
+  PetscBool done;
+
+  PetscFunctionBeginUser;
+  for (PetscInt s = 0; s < 2 && rows->part[s]; s++) {
+    PetscCall(MatSeqAIJRestoreArrayRead(rows->part[s], &rows->value[s]));
+    PetscCall(MatRestoreRowIJ(rows->part[s], 0, PETSC_FALSE, PETSC_FALSE, &n, &rows->start[s], &rows->column[s], &done));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Node of entry q of a part */
+static inline PetscInt get_node(const Rows *rows, PetscInt part, PetscInt q)
+{
+  return part ? rows->ghost[rows->column[1][q]] : rows->column[0][q];
 }
 
 static PetscErrorCode add_node(BodyCoupling b, PetscInt i)
@@ -125,7 +163,7 @@ static PetscErrorCode add_two(BodyCoupling b, PetscInt i, PetscInt k, PetscInt j
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Rows of the nodes that bodies move: which nodes have a part of E, and O */
+/* Rows of the nodes that bodies move: which own nodes have a part of E, and O */
 static PetscErrorCode find_neighbours(BodyCoupling b, const Rows *rows)
 {
   const struct _p_Constraint *c = b->constraint;
@@ -134,13 +172,18 @@ static PetscErrorCode find_neighbours(BodyCoupling b, const Rows *rows)
   for (PetscInt e = 0; e < c->nbody_nodes; e++) {
     const PetscInt i = c->body_node[e], k = b->place[i] >= 0 && i < b->loc->nnode ? b->mover[e] : -1;
 
-    for (PetscInt q = rows->start[i]; k >= 0 && q < rows->start[i + 1]; q++) {
-      const PetscInt j = rows->column[q], other = b->place[j] >= 0 ? b->mover[b->place[j]] : k;
+    for (PetscInt s = 0; s < 2 && k >= 0 && rows->part[s]; s++) {
+      for (PetscInt q = rows->start[s][i]; q < rows->start[s][i + 1]; q++) {
+        const PetscInt j = get_node(rows, s, q), other = b->place[j] >= 0 ? b->mover[b->place[j]] : k;
 
-      if (other != k) PetscCall(add_two(b, i, k, j, other, rows->value[q]));
-      PetscCall(add_node(b, j));
+        if (other != k) PetscCall(add_two(b, i, k, j, other, rows->value[s][q]));
+        if (s == 0) PetscCall(add_node(b, j));
+      }
     }
   }
+  for (PetscInt i = 0; i < b->loc->nnode && rows->part[1]; i++)
+    for (PetscInt q = rows->start[1][i]; q < rows->start[1][i + 1]; q++)
+      if (b->place[get_node(rows, 1, q)] >= 0) PetscCall(add_node(b, i));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -193,14 +236,17 @@ static PetscErrorCode add_pairs(BodyCoupling b, const Rows *rows, PetscInt i, co
   PetscReal     *e    = NULL;
 
   PetscFunctionBeginUser;
-  for (PetscInt q = rows->start[i]; q < rows->start[i + 1]; q++) {
-    const PetscInt at = b->place[rows->column[q]], k = at >= 0 ? b->mover[at] : -1;
+  for (PetscInt part = 0; part < 2 && rows->part[part]; part++) {
+    for (PetscInt q = rows->start[part][i]; q < rows->start[part][i + 1]; q++) {
+      const PetscInt  at = b->place[get_node(rows, part, q)], k = at >= 0 ? b->mover[at] : -1;
+      const PetscReal a = rows->value[part][q];
 
-    if (k < 0) continue;
-    if (k != last) PetscCall(get_pair(b, begin, k, &e));
-    last = k;
-    e[0] += rows->value[q];
-    for (PetscInt d = 0; d < dim; d++) e[1 + d] += rows->value[q] * b->arm[at * dim + d];
+      if (k < 0) continue;
+      if (k != last) PetscCall(get_pair(b, begin, k, &e));
+      last = k;
+      e[0] += a;
+      for (PetscInt d = 0; d < dim; d++) e[1 + d] += a * b->arm[at * dim + d];
+    }
   }
   for (PetscInt s = soft_first; s >= 0; s = soft_next[s]) {
     PetscCall(get_pair(b, begin, soft->body[s], &e));
@@ -252,25 +298,18 @@ static PetscErrorCode clear(BodyCoupling b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodyCouplingUpdate(BodyCoupling b, const PenaltyTerm *soft)
+PetscErrorCode BodyCouplingUpdate(BodyCoupling b, const PenaltyTerm *soft, const PetscInt ghost[])
 {
-  const PetscInt *map, *local = b->constraint->local_index;
-  PetscInt        n;
-  Mat             S, part[2];
-  PetscBool       done;
+  const PetscInt *local = b->constraint->local_index;
   Rows            rows;
 
   PetscFunctionBeginUser;
   PetscCall(clear(b));
   PetscCall(place_nodes(b));
-  PetscCall(FlowGetMatrix(b->flow, &S));
-  PetscCall(FlowGetMatrixParts(b->flow, part, &map));
-  PetscCall(MatGetRowIJ(part[0], 0, PETSC_FALSE, PETSC_FALSE, &n, &rows.start, &rows.column, &done));
-  PetscCall(MatSeqAIJGetArrayRead(part[0], &rows.value));
+  PetscCall(open_rows(b, ghost, &rows));
   PetscCall(find_neighbours(b, &rows));
   PetscCall(find_pairs(b, &rows, soft));
-  PetscCall(MatSeqAIJRestoreArrayRead(part[0], &rows.value));
-  PetscCall(MatRestoreRowIJ(part[0], 0, PETSC_FALSE, PETSC_FALSE, &n, &rows.start, &rows.column, &done));
+  PetscCall(close_rows(&rows));
   for (PetscInt e = 0; e < b->n; e++) b->body[e] = local[b->body[e]];
   for (PetscInt e = 0; e < b->ntwo; e++) {
     b->two[e].body  = local[b->two[e].body];

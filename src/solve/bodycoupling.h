@@ -13,8 +13,7 @@
    bodies, nodes, bodies (Saad 2003, ch. 4.1); without them a body and the fluid that it moves know of each other through
    the Krylov method alone, which takes half as many iterations again, or twice as many (runs/studies/flow-solver,
    "Bodies and the fluid around them").
-
-   On the rank's own nodes and their entries with each other, as the factors of the nodes' matrix (relax.h). */
+   E is kept by the rows of own nodes; sums over bodies are for ConstraintDeliverRigid. */
 #pragma once
 #include "projection.h"
 #include "flow/flow.h"
@@ -25,8 +24,8 @@ typedef struct _p_BodyCoupling *BodyCoupling;
 PetscErrorCode BodyCouplingCreate(Flow, Constraint, BodyCoupling *);
 PetscErrorCode BodyCouplingDestroy(BodyCoupling *);
 
-/* Of the present matrix, bodies and penalty; soft may be NULL. Collective. */
-PetscErrorCode BodyCouplingUpdate(BodyCoupling, const PenaltyTerm *soft);
+/* Of the present matrix, bodies and penalty. soft may be NULL; ghost: BodyBlocksGetGhosts. Collective. */
+PetscErrorCode BodyCouplingUpdate(BodyCoupling, const PenaltyTerm *soft, const PetscInt ghost[]);
 /* b -= E U at own nodes, b [own nodes][dim]; U [nlocal][nr] rigid velocities by the local numbers of the constraint,
    zero where they are not unknown. PutBack: b as it was before. Local. */
 PetscErrorCode BodyCouplingSubtract(BodyCoupling, const PetscReal U[], PetscReal b[]);

@@ -95,7 +95,7 @@ static PetscErrorCode update_blocks(FlowSolver fs)
 
   PetscFunctionBeginUser;
   PetscCall(BodyBlocksUpdate(fs->blocks, fs->share, FlowSolverIsSoft(fs) ? fs->soft : NULL, fs->D, fs->scale, fs->body_inverse, fs->mass_inverse));
-  PetscCall(BodyCouplingUpdate(fs->coupling, FlowSolverIsSoft(fs) ? fs->soft : NULL));
+  PetscCall(BodyCouplingUpdate(fs->coupling, FlowSolverIsSoft(fs) ? fs->soft : NULL, BodyBlocksGetGhosts(fs->blocks)));
   PetscCall(TiesUpdate(fs->ties, fs->body_inverse, fs->mass_inverse, fs->scale));
   for (PetscInt e = 0; e < c->nown * nn; e++) {
     const PetscInt k = c->own[e / nn], i = e % nn / nr, j = e % nr;
