@@ -8,12 +8,11 @@
      O_kl = sum_im R_k(x_i)^T A_im R_l(x_m) - ...    in the rows of body k,  i: likewise, of body k
 
    and E^T in the rows of bodies, but for the convection, which a preconditioner need not turn round. G, and the dots,
-   are the penalty's (penaltyterm.h). R is linear in the place, so E takes dim + 1 numbers a pair of node and body: sum a
-   and sum a (x - X). With E and O the preconditioner of the velocity is one symmetric block Gauss-Seidel sweep over
-   bodies, nodes, bodies (Saad 2003, ch. 4.1); without them a body and the fluid that it moves know of each other through
-   the Krylov method alone, which takes half as many iterations again, or twice as many (runs/studies/flow-solver,
-   "Bodies and the fluid around them").
-   E is kept by the rows of own nodes; sums over bodies are for ConstraintDeliverRigid. */
+   are the penalty's (penaltyterm.h). R is linear in the place, so E takes dim + 1 numbers a pair of node and body: sum
+   a and sum a (x - X). With E and O the preconditioner of the velocity is one symmetric block Gauss-Seidel sweep over
+   bodies, nodes, bodies (Saad 2003, ch. 4.1); without them a body and the fluid that it moves know of each other
+   through the Krylov method alone, which takes up to twice as many iterations (runs/studies/flow-solver, "Bodies and
+   the fluid around them"). E is kept by the rows of own nodes; sums over bodies are for ConstraintDeliverRigid. */
 #pragma once
 #include "projection.h"
 #include "flow/flow.h"

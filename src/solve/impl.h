@@ -22,7 +22,7 @@ typedef enum {
    side */
 #define FLOW_BALANCED_RESIDUAL 1e-2
 #define FLOW_BALANCED_MOST     2e-5
-#define FLOW_BALANCED_ERROR    1e-3 /* of velocities, of the largest (runs/studies/flow-solver) */
+#define FLOW_BALANCED_ERROR    2e-3 /* of velocities, of the largest (runs/studies/flow-solver) */
 
 struct _p_FlowSolver {
   Flow             flow;

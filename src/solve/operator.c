@@ -151,7 +151,8 @@ static PetscErrorCode answer_nodes(FlowSolver fs, PetscReal x[])
 }
 
 /* Bodies, then nodes by sweeps or the factorisation for all components at once, then bodies again: symmetric block
-   Gauss-Seidel (bodycoupling.h). Inert slots stay as they are. b is changed for the moment of the sweep and put back. */
+   Gauss-Seidel (bodycoupling.h). Inert slots stay as they are. b is changed for the moment of the sweep and put back.
+   */
 static PetscErrorCode sor_velocity(Mat mat, Vec bv, PetscReal omega, MatSORType flag, PetscReal shift, PetscInt its, PetscInt lits, Vec xv)
 {
   const struct _p_Constraint *c;

@@ -79,18 +79,32 @@ PetscErrorCode FlowSolverSetTolerance(FlowSolver fs, PetscBool *enough)
 #define MOST_RESIDUAL    2e-4 /* of the right-hand side: rigid nodes come and go, which changes show late */
 #define MOST_OWED        1e-2 /* where it is owed to the next step: with a penalty most of it is slip in cut cells */
 #define MOST_START       3e-2
+/* By what an estimate counts: bodies lighter than the fluid follow later than the residual says, so do tied ones */
+#define PRUDENCE_LIGHT 3
+#define PRUDENCE_TIED  2
 /* Where contact ties bodies (runs/studies/contact, "How far a pile is solved"). The change of a step may be all of the
    speed there, of which a share is too much. And chains of bodies follow late, by large changes at a small residual:
    what is left of it may count by as much as the largest change so far did by the residual before, and some. */
 #define TIED_PRUDENCE 3
 #define TIED_PATIENCE 60 /* iterations, with which gmres starts anew: what was not found then takes hundreds */
 
+/* Is an own body lighter than the fluid in its place? */
+static PetscBool has_light_body(FlowSolver fs)
+{
+  const struct _p_Constraint *c = fs->constraint;
+  PetscInt                    i = 0;
+
+  while (i < c->nown && !(c->unknown[c->own[i]] && fs->D[c->own[i] * fs->nr * fs->nr] < 0)) i++;
+  return (PetscBool)(i < c->nown);
+}
+
 /* Lengths of the last change of the solution, of the solution itself, which is the correction so far, and of the
-   velocity that it leads to: largest velocity of a body, 2-norm of the nodal velocities. Collective. */
-static PetscErrorCode measure(FlowSolver fs, PetscReal change[2], PetscReal whole[2], PetscReal speed[2])
+   velocity that it leads to: largest velocity of a body, 2-norm of the nodal velocities; is there a light body?
+   Collective. */
+static PetscErrorCode measure(FlowSolver fs, PetscReal change[2], PetscReal whole[2], PetscReal speed[2], PetscBool *light)
 {
   const PetscReal *y, *before, *x;
-  PetscReal        most[3] = {0, 0, 0}, sum[3] = {0, 0, 0};
+  PetscReal        most[4] = {0, 0, 0, has_light_body(fs)}, sum[3] = {0, 0, 0};
   Vec              t = fs->iterate[0];
 
   PetscFunctionBeginUser;
@@ -113,11 +127,12 @@ static PetscErrorCode measure(FlowSolver fs, PetscReal change[2], PetscReal whol
   PetscCall(VecRestoreArrayRead(fs->iterate[1], &y));
   fs->iterate[0] = fs->iterate[1];
   fs->iterate[1] = t;
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 3, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 4, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   change[0] = most[0];
   whole[0]  = most[1];
   speed[0]  = most[2];
+  *light    = (PetscBool)(most[3] > 0);
   change[1] = PetscSqrtReal(sum[0]);
   whole[1]  = PetscSqrtReal(sum[1]);
   speed[1]  = PetscSqrtReal(sum[2]);
@@ -139,11 +154,13 @@ static PetscErrorCode velocities_suffice(FlowSolver fs, PetscInt it, PetscReal n
 {
   const PetscBool tied = is_tied(fs), adds_up = (PetscBool)(!fs->owing && fs->error_most > 0);
   const PetscReal share = fs->error_most > 0 ? fs->error_most : FLOW_BALANCED_ERROR;
-  PetscReal       change[2], whole[2], speed[2];
+  PetscReal       change[2], whole[2], speed[2], prudence;
+  PetscBool       light;
 
   PetscFunctionBeginUser;
-  PetscCall(measure(fs, change, whole, speed));
-  *enough = (PetscBool)(it >= LEAST_ITERATIONS && norm <= (fs->owing ? MOST_OWED : MOST_RESIDUAL) * fs->rhs);
+  PetscCall(measure(fs, change, whole, speed, &light));
+  prudence = light ? PRUDENCE_LIGHT : tied ? PRUDENCE_TIED : 1;
+  *enough  = (PetscBool)(it >= LEAST_ITERATIONS && norm <= (fs->owing ? MOST_OWED : MOST_RESIDUAL) * fs->rhs);
   for (PetscInt i = 0; i < 2; i++) {
     const PetscReal last = fs->last_change[i], slowed = change[i] < MOST_RATE * last ? change[i] / last : MOST_RATE;
     const PetscReal shrunk = it > LEAST_ITERATIONS || tied || !fs->owing ? slowed : 0;
@@ -152,7 +169,7 @@ static PetscErrorCode velocities_suffice(FlowSolver fs, PetscInt it, PetscReal n
 
     fs->steepest[i] = PetscMax(fs->steepest[i], change[i] / fs->last_norm);
     if (tied) error = PetscMax(error, TIED_PRUDENCE * fs->steepest[i] * norm);
-    *enough            = (PetscBool)(*enough && error <= share * speed[i] && (!adds_up || error <= MOST_START * whole[i]));
+    *enough            = (PetscBool)(*enough && prudence * error <= share * speed[i] && (!adds_up || error <= MOST_START * whole[i]));
     fs->last_change[i] = change[i];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
