@@ -10,16 +10,9 @@
 #include "flow/flow.h"
 #include "solve/penaltyterm.h"
 
-typedef struct _p_BodyBlocks *BodyBlocks;
-
-/* Collective. */
-PetscErrorCode BodyBlocksCreate(Flow, Constraint, BodyBlocks *);
-PetscErrorCode BodyBlocksDestroy(BodyBlocks *);
-
-/* share [nnode_all]; soft (may be NULL): the penalty in the flow's matrix; D [nbodies][nr][nr] inertia; masses are
-   divided by scale. Collective. stiff_inverse [own bodies][nr][nr], mass_inverse [nbodies][nr][nr] of these and of the
-   bodies this rank knows (see projection.h). Error: a light body covers no node. */
-PetscErrorCode BodyBlocksUpdate(BodyBlocks, const PetscReal share[], const PenaltyTerm *soft, const PetscReal D[], PetscReal scale,
-                                PetscReal stiff_inverse[], PetscReal mass_inverse[]);
-/* Local nodes of the columns of part[1] of FlowGetMatrixParts, after an update; NULL on one rank. Borrowed. */
-const PetscInt *BodyBlocksGetGhosts(BodyBlocks);
+/* share [nnode_all]; stiff [nbodies][nr][nr]: R^T A R of the rows of own nodes (bodycoupling.h); soft (may be NULL): the
+   penalty in the flow's matrix, of which it lacks H; D [nbodies][nr][nr] inertia; masses are divided by scale.
+   Collective. stiff_inverse [own bodies][nr][nr], mass_inverse [nbodies][nr][nr] of these and of the bodies this rank
+   knows (see projection.h). Error: a light body covers no node. */
+PetscErrorCode BodyBlocksInvert(Flow, Constraint, const PetscReal share[], const PetscReal stiff[], const PenaltyTerm *soft, const PetscReal D[],
+                                PetscReal scale, PetscReal stiff_inverse[], PetscReal mass_inverse[]);

@@ -11,7 +11,7 @@ typedef struct {
 /* Own rows of the matrix, compressed: columns of own nodes, then of ghosts */
 typedef struct {
   Mat              part[2];                      /* the second NULL on one rank */
-  const PetscInt  *start[2], *column[2], *ghost; /* ghost: nodes of the second part's columns */
+  const PetscInt  *start[2], *column[2], *ghost; /* ghost: nodes of the second part's columns, or NULL */
   const PetscReal *value[2];
 } Rows;
 
@@ -19,6 +19,7 @@ struct _p_BodyCoupling {
   Flow             flow;
   Constraint       constraint;
   const MeshLocal *loc;
+  PetscInt        *ghost; /* nodes of the matrix' columns of other ranks */
   /* nodes that rigid velocities move, c->body_node */
   PetscInt  *place;             /* [nnode_all] where a node stands there, or -1 */
   PetscInt  *mover, moved_room; /* [c->nbody_nodes] the body */
@@ -30,7 +31,7 @@ struct _p_BodyCoupling {
   /* O: [nbodies] first of a body, or -1; [ntwo][nr][nr] */
   PetscInt   ntwo, two_room, first_room, *first;
   Two       *two;
-  PetscReal *block;
+  PetscReal *block, *own; /* own [nbodies][nr][nr]: of single bodies */
 };
 
 /* The body whose rigid velocities move node i, or -1; at a wall none */
@@ -66,7 +67,37 @@ static PetscErrorCode place_nodes(BodyCoupling b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode open_rows(BodyCoupling b, const PetscInt ghost[], Rows *rows)
+static PetscErrorCode map_ghosts(BodyCoupling b)
+{
+  const MeshLocal *l = b->loc;
+  const PetscInt  *garray;
+  PetscInt         n, nghost = l->nnode_all - l->nnode, *sorted, *where;
+  Mat              part[2];
+
+  PetscFunctionBeginUser;
+  if (b->ghost) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(FlowGetMatrixParts(b->flow, part, &garray));
+  if (!part[1]) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(MatGetLocalSize(part[1], NULL, &n));
+  PetscCall(PetscMalloc1(n, &b->ghost));
+  PetscCall(PetscMalloc2(nghost, &sorted, nghost, &where));
+  for (PetscInt i = 0; i < nghost; i++) {
+    sorted[i] = l->node_global[l->nnode + i];
+    where[i]  = l->nnode + i;
+  }
+  PetscCall(PetscSortIntWithArray(nghost, sorted, where));
+  for (PetscInt j = 0; j < n; j++) {
+    PetscInt at;
+
+    PetscCall(PetscFindInt(garray[j], nghost, sorted, &at));
+    PetscCheck(at >= 0, PETSC_COMM_SELF, PETSC_ERR_PLIB, "Node %" PetscInt_FMT " is coupled to own nodes but is no ghost node", garray[j]);
+    b->ghost[j] = where[at];
+  }
+  PetscCall(PetscFree2(sorted, where));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode open_rows(BodyCoupling b, Rows *rows)
 {
   const PetscInt *map;
   PetscInt        n;
@@ -74,8 +105,9 @@ static PetscErrorCode open_rows(BodyCoupling b, const PetscInt ghost[], Rows *ro
   PetscBool       done;
 
   PetscFunctionBeginUser;
-  *rows = (Rows){.ghost = ghost};
   PetscCall(FlowGetMatrix(b->flow, &S));
+  PetscCall(map_ghosts(b));
+  *rows = (Rows){.ghost = b->ghost};
   PetscCall(FlowGetMatrixParts(b->flow, rows->part, &map));
   for (PetscInt s = 0; s < 2 && rows->part[s]; s++) {
     PetscCall(MatGetRowIJ(rows->part[s], 0, PETSC_FALSE, PETSC_FALSE, &n, &rows->start[s], &rows->column[s], &done));
@@ -106,7 +138,7 @@ static inline PetscInt get_node(const Rows *rows, PetscInt part, PetscInt q)
 static PetscErrorCode add_node(BodyCoupling b, PetscInt i)
 {
   PetscFunctionBeginUser;
-  if (b->at[i] >= 0 || b->constraint->node_body[i] >= 0) PetscFunctionReturn(PETSC_SUCCESS);
+  if (b->at[i] >= 0) PetscFunctionReturn(PETSC_SUCCESS);
   if (b->nnode == b->node_room) {
     b->node_room = 2 * b->node_room + 256;
     PetscCall(PetscRealloc(b->node_room * sizeof(PetscInt), &b->node));
@@ -118,93 +150,34 @@ static PetscErrorCode add_node(BodyCoupling b, PetscInt i)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* ---- between bodies ---- */
+/* ---- between nodes and bodies ---- */
 
-/* The block in the rows of body k and the columns of another, zero if it is new */
-static PetscErrorCode get_block(BodyCoupling b, PetscInt k, PetscInt other, PetscReal **block)
-{
-  const PetscInt nn = b->constraint->nr * b->constraint->nr;
-  PetscInt       at = b->first[k];
-
-  PetscFunctionBeginUser;
-  while (at >= 0 && b->two[at].other != other) at = b->two[at].next;
-  if (at < 0) {
-    if (b->ntwo == b->two_room) {
-      b->two_room = 2 * b->two_room + 64;
-      PetscCall(PetscRealloc(b->two_room * sizeof(Two), &b->two));
-      PetscCall(PetscRealloc(b->two_room * nn * sizeof(PetscReal), &b->block));
-    }
-    at          = b->ntwo++;
-    b->two[at]  = (Two){k, other, b->first[k]};
-    b->first[k] = at;
-    PetscCall(PetscArrayzero(b->block + at * nn, nn));
-  }
-  *block = b->block + at * nn;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* block [nr][nr] += a R^T T, R and T [dim][nr] */
-static void add_product(PetscInt dim, PetscInt nr, PetscReal a, const PetscReal R[], const PetscReal T[], PetscReal block[])
-{
-  for (PetscInt e = 0; e < nr * nr; e++)
-    for (PetscInt d = 0; d < dim; d++) block[e] += a * R[d * nr + e / nr] * T[d * nr + e % nr];
-}
-
-/* Entry a in the row of node i of body k and the column of node j of another */
-static PetscErrorCode add_two(BodyCoupling b, PetscInt i, PetscInt k, PetscInt j, PetscInt other, PetscReal a)
-{
-  PetscReal R[18], T[18], *block;
-
-  PetscFunctionBeginUser;
-  PetscCall(ConstraintRigidMap(b->constraint, i, k, R));
-  PetscCall(ConstraintRigidMap(b->constraint, j, other, T));
-  PetscCall(get_block(b, k, other, &block));
-  add_product(b->loc->dim, b->constraint->nr, a, R, T, block);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Rows of the nodes that bodies move: which own nodes have a part of E, and O */
-static PetscErrorCode find_neighbours(BodyCoupling b, const Rows *rows)
+/* Which own nodes have a part of E; first those that no body holds, *nfree */
+static PetscErrorCode find_nodes(BodyCoupling b, const Rows *rows, const PenaltyTerm *soft, PetscInt *nfree)
 {
   const struct _p_Constraint *c = b->constraint;
+  const PetscInt              n = b->loc->nnode;
 
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < c->nbody_nodes; e++) {
-    const PetscInt i = c->body_node[e], k = b->place[i] >= 0 && i < b->loc->nnode ? b->mover[e] : -1;
+    const PetscInt i = c->body_node[e];
 
-    for (PetscInt s = 0; s < 2 && k >= 0 && rows->part[s]; s++) {
-      for (PetscInt q = rows->start[s][i]; q < rows->start[s][i + 1]; q++) {
-        const PetscInt j = get_node(rows, s, q), other = b->place[j] >= 0 ? b->mover[b->place[j]] : k;
-
-        if (other != k) PetscCall(add_two(b, i, k, j, other, rows->value[s][q]));
-        if (s == 0) PetscCall(add_node(b, j));
-      }
-    }
+    for (PetscInt q = i < n ? rows->start[0][i] : 0; b->place[i] >= 0 && i < n && q < rows->start[0][i + 1]; q++)
+      if (c->node_body[rows->column[0][q]] < 0) PetscCall(add_node(b, rows->column[0][q]));
   }
-  for (PetscInt i = 0; i < b->loc->nnode && rows->part[1]; i++)
-    for (PetscInt q = rows->start[1][i]; q < rows->start[1][i + 1]; q++)
+  for (PetscInt i = 0; i < n && rows->part[1]; i++)
+    for (PetscInt q = rows->start[1][i]; q < rows->start[1][i + 1] && c->node_body[i] < 0; q++)
       if (b->place[get_node(rows, 1, q)] >= 0) PetscCall(add_node(b, i));
+  for (PetscInt e = 0; soft && e < soft->n; e++)
+    if (c->unknown[soft->body[e]] && c->node_body[soft->node[e]] < 0) PetscCall(add_node(b, soft->node[e]));
+  *nfree = b->nnode;
+  for (PetscInt e = 0; e < c->nbody_nodes; e++) {
+    const PetscInt i = c->body_node[e];
+
+    if (b->place[i] >= 0 && i < n && c->node_body[i] >= 0) PetscCall(add_node(b, i));
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
-
-/* Entry e of the penalty, of a node that follows another body */
-static PetscErrorCode subtract_two(BodyCoupling b, const PenaltyTerm *soft, PetscInt e)
-{
-  const PetscInt i = soft->node[e], k = soft->body[e], follows = get_body(b->constraint, i);
-  PetscReal      G[18], R[18], *block;
-
-  PetscFunctionBeginUser;
-  if (follows < 0 || follows == k) PetscFunctionReturn(PETSC_SUCCESS);
-  PenaltyTermGetBlock(soft, e, G);
-  PetscCall(ConstraintRigidMap(b->constraint, i, follows, R));
-  PetscCall(get_block(b, k, follows, &block));
-  add_product(soft->dim, soft->nr, -1, G, R, block);
-  PetscCall(get_block(b, follows, k, &block));
-  add_product(soft->dim, soft->nr, -1, R, G, block);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* ---- between nodes and bodies ---- */
 
 /* The numbers of body k among the pairs of the last node, which begin at `begin` */
 static PetscErrorCode get_pair(BodyCoupling b, PetscInt begin, PetscInt k, PetscReal **e)
@@ -255,15 +228,13 @@ static PetscErrorCode add_pairs(BodyCoupling b, const Rows *rows, PetscInt i, co
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* With what the penalty adds to E and O */
+/* E of these nodes, with what the penalty adds */
 static PetscErrorCode find_pairs(BodyCoupling b, const Rows *rows, const PenaltyTerm *soft)
 {
   const PetscInt n = soft ? soft->n : 0;
   PetscInt      *first, *next;
 
   PetscFunctionBeginUser;
-  for (PetscInt e = 0; e < n; e++)
-    if (b->constraint->unknown[soft->body[e]]) PetscCall(add_node(b, soft->node[e]));
   PetscCall(PetscMalloc2(b->nnode, &first, n, &next));
   for (PetscInt i = 0; i < b->nnode; i++) first[i] = -1;
   for (PetscInt e = 0; e < n; e++) {
@@ -272,7 +243,6 @@ static PetscErrorCode find_pairs(BodyCoupling b, const Rows *rows, const Penalty
     if (at < 0 || !b->constraint->unknown[soft->body[e]]) continue;
     next[e]   = first[at];
     first[at] = e;
-    PetscCall(subtract_two(b, soft, e));
   }
   for (PetscInt i = 0; i < b->nnode; i++) {
     b->start[i] = b->n;
@@ -283,9 +253,100 @@ static PetscErrorCode find_pairs(BodyCoupling b, const Rows *rows, const Penalty
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* ---- between bodies ---- */
+
+/* Where the block in the rows of body k and the columns of another stands; zero if it is new */
+static PetscErrorCode get_block(BodyCoupling b, PetscInt k, PetscInt other, PetscReal **block)
+{
+  const PetscInt nn = b->constraint->nr * b->constraint->nr;
+  PetscInt       at = b->first[k];
+
+  PetscFunctionBeginUser;
+  if (other == k) {
+    *block = b->own + k * nn;
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  while (at >= 0 && b->two[at].other != other) at = b->two[at].next;
+  if (at < 0) {
+    if (b->ntwo == b->two_room) {
+      b->two_room = 2 * b->two_room + 64;
+      PetscCall(PetscRealloc(b->two_room * sizeof(Two), &b->two));
+      PetscCall(PetscRealloc(b->two_room * nn * sizeof(PetscReal), &b->block));
+    }
+    at          = b->ntwo++;
+    b->two[at]  = (Two){k, other, b->first[k]};
+    b->first[k] = at;
+    PetscCall(PetscArrayzero(b->block + at * nn, nn));
+  }
+  *block = b->block + at * nn;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* M [dim][nr]: M U = m_0 V + w x (m_1, ...) for rigid velocities (V, w) */
+INLINE void get_map(const int dim, const PetscReal m0, const PetscReal *restrict r, PetscReal *restrict M)
+{
+  const int nr = dim == 2 ? 3 : 6;
+
+  for (int e = 0; e < dim * nr; e++) M[e] = e % nr == e / nr ? m0 : 0;
+  if (dim == 2) {
+    M[2] = -r[1];
+    M[5] = r[0];
+  } else
+    for (int a = 0; a < 3; a++) {
+      M[a * 6 + 3 + (a + 1) % 3] = r[(a + 2) % 3];
+      M[a * 6 + 3 + (a + 2) % 3] = -r[(a + 1) % 3];
+    }
+}
+
+/* block [nr][nr] += sign S^T T, S and T [dim][nr] */
+INLINE void add_product(const int dim, PetscReal sign, const PetscReal *restrict S, const PetscReal *restrict T, PetscReal *restrict block)
+{
+  const int nr = dim == 2 ? 3 : 6;
+
+  for (int i = 0; i < nr; i++)
+    for (int j = 0; j < nr; j++)
+      for (int d = 0; d < dim; d++) block[i * nr + j] += sign * S[d * nr + i] * T[d * nr + j];
+}
+
+/* Blocks of the bodies: R^T E of the nodes that they move */
+INLINE PetscErrorCode add_blocks(const int dim, BodyCoupling b)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < b->nnode; i++) {
+    const PetscInt at = b->place[b->node[i]];
+    PetscReal      R[18], E[18], *block;
+
+    if (at < 0) continue;
+    get_map(dim, 1, b->arm + at * dim, R);
+    for (PetscInt q = b->start[i]; q < b->start[i + 1]; q++) {
+      PetscCall(get_block(b, b->mover[at], b->body[q], &block));
+      get_map(dim, b->e[q * (dim + 1)], b->e + q * (dim + 1) + 1, E);
+      add_product(dim, 1, R, E, block);
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* And -G^T R in the rows of the bodies that hold a node by a penalty */
+INLINE PetscErrorCode subtract_soft(const int dim, BodyCoupling b, const PenaltyTerm *soft)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e < soft->n; e++) {
+    const PetscInt at = b->place[soft->node[e]];
+    PetscReal      R[18], G[18], *block;
+
+    if (at < 0 || !b->constraint->unknown[soft->body[e]]) continue;
+    get_map(dim, 1, b->arm + at * dim, R);
+    get_map(dim, soft->g[e * (dim + 1)], soft->g + e * (dim + 1) + 1, G);
+    PetscCall(get_block(b, soft->body[e], b->mover[at], &block));
+    add_product(dim, -1, G, R, block);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode clear(BodyCoupling b)
 {
-  const PetscInt nbodies = b->constraint->nbodies;
+  const PetscInt nbodies = b->constraint->nbodies, nn = b->constraint->nr * b->constraint->nr;
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < b->nnode; i++) b->at[b->node[i]] = -1;
@@ -293,28 +354,36 @@ static PetscErrorCode clear(BodyCoupling b)
   if (b->first_room < nbodies) {
     b->first_room = nbodies + nbodies / 4;
     PetscCall(PetscRealloc(b->first_room * sizeof(PetscInt), &b->first));
+    PetscCall(PetscRealloc(b->first_room * nn * sizeof(PetscReal), &b->own));
   }
+  PetscCall(PetscArrayzero(b->own, nbodies * nn));
   for (PetscInt k = 0; k < nbodies; k++) b->first[k] = -1;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodyCouplingUpdate(BodyCoupling b, const PenaltyTerm *soft, const PetscInt ghost[])
+PetscErrorCode BodyCouplingUpdate(BodyCoupling b, const PenaltyTerm *soft, const PetscReal *own[])
 {
-  const PetscInt *local = b->constraint->local_index;
+  const PetscInt *local = b->constraint->local_index, plane = b->loc->dim == 2;
+  PetscInt        nfree = 0;
   Rows            rows;
 
   PetscFunctionBeginUser;
   PetscCall(clear(b));
   PetscCall(place_nodes(b));
-  PetscCall(open_rows(b, ghost, &rows));
-  PetscCall(find_neighbours(b, &rows));
+  PetscCall(open_rows(b, &rows));
+  PetscCall(find_nodes(b, &rows, soft, &nfree));
   PetscCall(find_pairs(b, &rows, soft));
   PetscCall(close_rows(&rows));
+  PetscCall(plane ? add_blocks(2, b) : add_blocks(3, b));
+  if (soft) PetscCall(plane ? subtract_soft(2, b, soft) : subtract_soft(3, b, soft));
+  for (PetscInt i = nfree; i < b->nnode; i++) b->at[b->node[i]] = -1;
+  b->nnode = nfree;
   for (PetscInt e = 0; e < b->n; e++) b->body[e] = local[b->body[e]];
   for (PetscInt e = 0; e < b->ntwo; e++) {
     b->two[e].body  = local[b->two[e].body];
     b->two[e].other = local[b->two[e].other];
   }
+  *own = b->own;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -428,6 +497,8 @@ PetscErrorCode BodyCouplingDestroy(BodyCoupling *coupling)
   PetscCall(PetscFree(b->first));
   PetscCall(PetscFree(b->two));
   PetscCall(PetscFree(b->block));
+  PetscCall(PetscFree(b->own));
+  PetscCall(PetscFree(b->ghost));
   PetscCall(PetscFree(*coupling));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

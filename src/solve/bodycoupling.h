@@ -2,7 +2,7 @@
    preconditioner.
 
    In the unknowns of P (nodes, relative to the body at those that follow one; rigid velocities) the operator P^T A P
-   has beside the matrix of the nodes and the blocks of the bodies (bodyblocks.h)
+   has beside the matrix of the nodes
 
      E_jk = sum_m A_jm R_k(x_m) - G_jk               in the row of node j,   m: nodes that lie in body k or follow it
      O_kl = sum_im R_k(x_i)^T A_im R_l(x_m) - ...    in the rows of body k,  i: likewise, of body k
@@ -12,7 +12,8 @@
    a and sum a (x - X). With E and O the preconditioner of the velocity is one symmetric block Gauss-Seidel sweep over
    bodies, nodes, bodies (Saad 2003, ch. 4.1); without them a body and the fluid that it moves know of each other
    through the Krylov method alone, which takes up to twice as many iterations (runs/studies/flow-solver, "Bodies and
-   the fluid around them"). E is kept by the rows of own nodes; sums over bodies are for ConstraintDeliverRigid. */
+   the fluid around them"). E is kept by the rows of own nodes; sums over bodies are for ConstraintDeliverRigid. From E
+   come the blocks of single bodies, too. */
 #pragma once
 #include "projection.h"
 #include "flow/flow.h"
@@ -23,8 +24,9 @@ typedef struct _p_BodyCoupling *BodyCoupling;
 PetscErrorCode BodyCouplingCreate(Flow, Constraint, BodyCoupling *);
 PetscErrorCode BodyCouplingDestroy(BodyCoupling *);
 
-/* Of the present matrix, bodies and penalty. soft may be NULL; ghost: BodyBlocksGetGhosts. Collective. */
-PetscErrorCode BodyCouplingUpdate(BodyCoupling, const PenaltyTerm *soft, const PetscInt ghost[]);
+/* Of the present matrix, bodies and penalty; soft may be NULL. own [nbodies][nr][nr]: what O is for k = l, of the rows of
+   own nodes (to be summed over ranks), without the penalty's H; borrowed, valid until the next update. Collective. */
+PetscErrorCode BodyCouplingUpdate(BodyCoupling, const PenaltyTerm *soft, const PetscReal *own[]);
 /* b -= E U at own nodes, b [own nodes][dim]; U [nlocal][nr] rigid velocities by the local numbers of the constraint,
    zero where they are not unknown. PutBack: b as it was before. Local. */
 PetscErrorCode BodyCouplingSubtract(BodyCoupling, const PetscReal U[], PetscReal b[]);

@@ -63,7 +63,6 @@ struct _p_FlowSolver {
   PetscInt           nsaved;
   Relax              sweep;
   RelaxKind          relax; /* in this step */
-  BodyBlocks         blocks;
   BodyCoupling       coupling;
   Ties               ties;
   Pressure           pressure; /* the projected pressure operator */

@@ -92,10 +92,12 @@ static PetscErrorCode update_blocks(FlowSolver fs)
 {
   const struct _p_Constraint *c  = fs->constraint;
   const PetscInt              nr = fs->nr, nn = nr * nr;
+  const PenaltyTerm          *soft = FlowSolverIsSoft(fs) ? fs->soft : NULL;
+  const PetscReal            *stiff;
 
   PetscFunctionBeginUser;
-  PetscCall(BodyBlocksUpdate(fs->blocks, fs->share, FlowSolverIsSoft(fs) ? fs->soft : NULL, fs->D, fs->scale, fs->body_inverse, fs->mass_inverse));
-  PetscCall(BodyCouplingUpdate(fs->coupling, FlowSolverIsSoft(fs) ? fs->soft : NULL, BodyBlocksGetGhosts(fs->blocks)));
+  PetscCall(BodyCouplingUpdate(fs->coupling, soft, &stiff));
+  PetscCall(BodyBlocksInvert(fs->flow, fs->constraint, fs->share, stiff, soft, fs->D, fs->scale, fs->body_inverse, fs->mass_inverse));
   PetscCall(TiesUpdate(fs->ties, fs->body_inverse, fs->mass_inverse, fs->scale));
   for (PetscInt e = 0; e < c->nown * nn; e++) {
     const PetscInt k = c->own[e / nn], i = e % nn / nr, j = e % nr;
@@ -191,7 +193,6 @@ PetscErrorCode FlowSolverCreate(Flow flow, Constraint constraint, PetscBool movi
   fs->balance = BALANCE * mean_size(fs->loc);
   PetscCall(FlowSolverSetRecipe(fs, moving));
   PetscCall(RelaxCreate(fs->loc->nnode, fs->loc->dim, &fs->sweep));
-  PetscCall(BodyBlocksCreate(flow, constraint, &fs->blocks));
   if (fs->nbodies) PetscCall(BodyCouplingCreate(flow, constraint, &fs->coupling));
   PetscCall(TiesCreate(constraint, &fs->ties));
   PetscCall(PetscCalloc3(fs->room * fs->nr * fs->nr, &fs->D, constraint->count * fs->nr * fs->nr, &fs->body_inverse, fs->room * fs->nr * fs->nr,
@@ -249,7 +250,6 @@ PetscErrorCode FlowSolverDestroy(FlowSolver *solver)
   PetscCall(PetscFree2(fs->share, fs->rigid_work));
   PetscCall(PetscFree(fs->saved));
   PetscCall(RelaxDestroy(&fs->sweep));
-  PetscCall(BodyBlocksDestroy(&fs->blocks));
   PetscCall(BodyCouplingDestroy(&fs->coupling));
   PetscCall(TiesDestroy(&fs->ties));
   PetscCall(PetscFree(*solver));

@@ -1,4 +1,4 @@
-/* BodyCoupling: E and O are what the velocity operator has beside its blocks, under all three rungs, with
+/* BodyCoupling: E, O and the blocks of bodies are what the velocity operator has, under all three rungs, with
    bodies that share nodes, in the plane and in space; the preconditioner made of them is symmetric and positive where
    the operator is. */
 /* ranks: 1 3 */
@@ -117,6 +117,14 @@ static void check_parts(Setup *s)
     OK(PetscArrayzero(b, nodal));
     OK(BodyCouplingAnswer(fs->coupling, b, c->local_rigid, local));
     deliver(fs, local, rigid);
+    for (PetscInt i = 0; i < c->nown; i++) {
+      for (PetscInt m = 0; m < nr && s->c.s->number[c->own[i]] == k; m++) {
+        PetscReal sum = 0;
+
+        for (PetscInt q = 0; q < nr; q++) sum += fs->body_inverse[(i * nr + m) * nr + q] * y[nodal + i * nr + q];
+        NEAR(sum, x[nodal + i * nr + m], 1e-10);
+      }
+    }
     for (PetscInt e = 0; e < c->nown * nr; e++) {
       if (s->c.s->number[c->own[e / nr]] == k || !free_slot[nodal + e]) continue;
       NEAR(-rigid[e], y[nodal + e], 1e-12 * size);
