@@ -10,8 +10,8 @@
 #include "flow/flow.h"
 #include "solve/penaltyterm.h"
 
-/* share [nnode_all]; stiff [nbodies][nr][nr]: R^T A R of the rows of own nodes (bodycoupling.h); soft (may be NULL): the
-   penalty in the flow's matrix, of which it lacks H; D [nbodies][nr][nr] inertia; masses are divided by scale.
+/* share [nnode_all]; stiff [nbodies][nr][nr]: R^T A R of the rows of own nodes (bodycoupling.h); soft (may be NULL):
+   the penalty in the flow's matrix, of which it lacks H; D [nbodies][nr][nr] inertia; masses are divided by scale.
    Collective. stiff_inverse [own bodies][nr][nr], mass_inverse [nbodies][nr][nr] of these and of the bodies this rank
    knows (see projection.h). Error: a light body covers no node. */
 PetscErrorCode BodyBlocksInvert(Flow, Constraint, const PetscReal share[], const PetscReal stiff[], const PenaltyTerm *soft, const PetscReal D[],

@@ -24,8 +24,9 @@ typedef struct _p_BodyCoupling *BodyCoupling;
 PetscErrorCode BodyCouplingCreate(Flow, Constraint, BodyCoupling *);
 PetscErrorCode BodyCouplingDestroy(BodyCoupling *);
 
-/* Of the present matrix, bodies and penalty; soft may be NULL. own [nbodies][nr][nr]: what O is for k = l, of the rows of
-   own nodes (to be summed over ranks), without the penalty's H; borrowed, valid until the next update. Collective. */
+/* Of the present matrix, bodies and penalty; soft may be NULL. own [nbodies][nr][nr]: what O is for k = l, of the rows
+   of own nodes (to be summed over ranks), without the penalty's H; borrowed, valid until the next update. Collective.
+   */
 PetscErrorCode BodyCouplingUpdate(BodyCoupling, const PenaltyTerm *soft, const PetscReal *own[]);
 /* b -= E U at own nodes, b [own nodes][dim]; U [nlocal][nr] rigid velocities by the local numbers of the constraint,
    zero where they are not unknown. PutBack: b as it was before. Local. */
