@@ -162,7 +162,8 @@ static PetscErrorCode find_nodes(BodyCoupling b, const Rows *rows, const Penalty
   for (PetscInt e = 0; e < c->nbody_nodes; e++) {
     const PetscInt i = c->body_node[e];
 
-    for (PetscInt q = i < n ? rows->start[0][i] : 0; b->place[i] >= 0 && i < n && q < rows->start[0][i + 1]; q++)
+    if (b->place[i] < 0 || i >= n) continue;
+    for (PetscInt q = rows->start[0][i]; q < rows->start[0][i + 1]; q++)
       if (c->node_body[rows->column[0][q]] < 0) PetscCall(add_node(b, rows->column[0][q]));
   }
   for (PetscInt i = 0; i < n && rows->part[1]; i++)
