@@ -82,6 +82,7 @@ struct _p_FlowSolver {
   PetscReal          steepest[2];                     /* largest change by the residual before it, likewise */
   PetscBool          judge_tied;                      /* velocities count with ties, without error_most, too */
   PetscBool          moving;                          /* there are bodies that do not stand still */
+  PetscBool          swift;                           /* the flow goes far in this step, see recipe.c */
   PetscBool          first;                           /* the next velocity solve is the first of such a step */
   PetscBool          of_step;                         /* it solves for a step, not for what a force does or an update */
   Vec                iterate[2];                      /* the last two, or NULL */
