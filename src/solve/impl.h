@@ -76,7 +76,7 @@ struct _p_FlowSolver {
   void              *test;                            /* of KSPConvergedDefault */
   PetscReal          share_of_pressure;               /* see WHOLE_PRESSURE */
   PetscReal          rtol, rtol_start, rtol_most;     /* see the header */
-  TwoStage           two;                             /* or NULL: not wanted */
+  TwoStage           two;                             /* or NULL: not wanted so far */
   PetscReal          error_most;                      /* see the header */
   PetscReal          rhs, last_norm, last_change[2];  /* of the outer iteration, see stop.c */
   PetscReal          steepest[2];                     /* largest change by the residual before it, likewise */

@@ -14,8 +14,8 @@ typedef enum {
 typedef enum {
   COMMUTATOR_FREE,
   COMMUTATOR_KNOWN,
-  COMMUTATOR_UNRESOLVED,
-  COMMUTATOR_CONVECTION,
+  STAGES_UNRESOLVED,
+  STAGES_CONVECTION,
   MASS_ALONE,
   RELAX_SOFT,
   RELAX_RIGID,
@@ -38,21 +38,21 @@ static const struct {
   PetscReal   from;
   const char *what, *study;
 } THRESHOLDS[NTHRESHOLDS] = {
-  [COMMUTATOR_FREE]       = {VISCOUS, 0.1, "commutator around bodies that move freely, rigid nodes in a staircase", STUDY},
-  [COMMUTATOR_KNOWN]      = {VISCOUS, 100, "commutator around bodies whose motion is known, rigid nodes in a staircase", STUDY},
-  [COMMUTATOR_UNRESOLVED] = {CONVECTIVE, 0.5, "commutator in under-resolved flow (cell Reynolds number above 50), without two stages", STUDY},
-  [COMMUTATOR_CONVECTION] = {CONVECTIVE, 2, "commutator in any flow, without two stages", STUDY},
-  [MASS_ALONE]            = {VISCOUS, 20, "pressure mass alone, without bodies, diffusion ahead of convection", STUDY},
-  [RELAX_SOFT]            = {VISCOUS, 0.06, "relaxation of cut cells under a penalty, with two_stage", STUDY},
-  [RELAX_RIGID]           = {VISCOUS, 0.3, "relaxation of cells with rigid nodes in a staircase, with two_stage", STUDY},
-  [WHOLE_PRESSURE]        = {VISCOUS_OF_LARGEST, 0.015, "the whole pressure correction in recipe fast, below it a share", STUDY},
-  [FACTORISE_VISCOUS]     = {VISCOUS, 1, "incomplete factorisation of the velocity", STUDY},
-  [FACTORISE_CONVECTION]  = {CONVECTIVE, 1, "incomplete factorisation of the velocity", STUDY},
-  [FACTORISE_UNRESOLVED]  = {CONVECTIVE, 0.3, "incomplete factorisation in under-resolved flow", STUDY},
-  [ASSEMBLE_VISCOUS]      = {VISCOUS, 2, "the same where it is matrix-free and would have to be assembled for that", STUDY},
-  [ASSEMBLE_CONVECTION]   = {CONVECTIVE, 2, "the same where it is matrix-free", STUDY},
-  [MANY_DIRECTIONS]       = {VISCOUS, 0.3, "thirty directions before gmres starts anew, without bodies below it six", STUDY},
-  [SWIFT]                 = {CONVECTIVE, 2, "twice the care where the velocities' error ends a solve", STUDY},
+  [COMMUTATOR_FREE]      = {VISCOUS, 0.1, "commutator around bodies that move freely, rigid nodes in a staircase", STUDY},
+  [COMMUTATOR_KNOWN]     = {VISCOUS, 100, "commutator around bodies whose motion is known, rigid nodes in a staircase", STUDY},
+  [STAGES_UNRESOLVED]    = {CONVECTIVE, 0.5, "two stages without bodies in under-resolved flow (cell Reynolds number above 50)", STUDY},
+  [STAGES_CONVECTION]    = {CONVECTIVE, 2, "two stages without bodies in any flow", STUDY},
+  [MASS_ALONE]           = {VISCOUS, 20, "pressure mass alone, without bodies, diffusion ahead of convection", STUDY},
+  [RELAX_SOFT]           = {VISCOUS, 0.06, "relaxation of cut cells under a penalty, with two_stage", STUDY},
+  [RELAX_RIGID]          = {VISCOUS, 0.3, "relaxation of cells with rigid nodes in a staircase, with two_stage", STUDY},
+  [WHOLE_PRESSURE]       = {VISCOUS_OF_LARGEST, 0.015, "the whole pressure correction in recipe fast, below it a share", STUDY},
+  [FACTORISE_VISCOUS]    = {VISCOUS, 1, "incomplete factorisation of the velocity", STUDY},
+  [FACTORISE_CONVECTION] = {CONVECTIVE, 1, "incomplete factorisation of the velocity", STUDY},
+  [FACTORISE_UNRESOLVED] = {CONVECTIVE, 0.3, "incomplete factorisation in under-resolved flow", STUDY},
+  [ASSEMBLE_VISCOUS]     = {VISCOUS, 2, "the same where it is matrix-free and would have to be assembled for that", STUDY},
+  [ASSEMBLE_CONVECTION]  = {CONVECTIVE, 2, "the same where it is matrix-free", STUDY},
+  [MANY_DIRECTIONS]      = {VISCOUS, 0.3, "thirty directions before gmres starts anew, without bodies below it six", STUDY},
+  [SWIFT]                = {CONVECTIVE, 2, "twice the care where the velocities' error ends a solve", STUDY},
 };
 
 #define VELOCITY       "-flow_fieldsplit_velocity_"
@@ -290,10 +290,10 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
   fs->two_stage     = (PetscBool)(fs->schur == SCHUR_TWO_STAGE && !fs->commute);
   fs->relax_cells   = above[FlowSolverIsSoft(fs) ? RELAX_SOFT : RELAX_RIGID];
   if (fs->schur != SCHUR_AUTO || fs->commute) PetscFunctionReturn(PETSC_SUCCESS);
-  fs->two_stage    = fs->stages; /* around bodies at any number */
-  convection       = (PetscBool)(above[COMMUTATOR_CONVECTION] || (above[COMMUTATOR_UNRESOLVED] && convective > 50 * viscous));
+  convection       = (PetscBool)(above[STAGES_CONVECTION] || (above[STAGES_UNRESOLVED] && convective > 50 * viscous));
+  fs->two_stage    = (PetscBool)(fs->stages || (convection && !fs->need_whole)); /* around bodies at any number */
   fs->viscous_only = (PetscBool)(fs->nbodies == 0 && above[MASS_ALONE] && convective * convective < 10 * viscous);
   staircase        = (PetscBool)(fs->nbodies > 0 && !fs->fitted && !FlowSolverIsSoft(fs));
-  fs->commute      = (PetscBool)(!fs->two_stage && (convection || (staircase && above[moves ? COMMUTATOR_FREE : COMMUTATOR_KNOWN])));
+  fs->commute      = (PetscBool)(!fs->two_stage && staircase && above[moves ? COMMUTATOR_FREE : COMMUTATOR_KNOWN]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -204,7 +204,6 @@ PetscErrorCode FlowSolverCreate(Flow flow, Constraint constraint, PetscBool movi
   PetscCall(PressureSetTies(fs->pressure, fs->ties));
   PetscCall(create_operators(fs));
   PetscCall(create_solvers(fs));
-  if (fs->stages) PetscCall(TwoStageCreate(fs, &fs->two));
   *solver = fs;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -332,6 +331,7 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
   PetscCall(update_relaxation(fs));
   if (fs->nbodies) PetscCall(update_blocks(fs));
   PetscCall(PressureUpdate(fs->pressure, fs->weight, FlowSolverIsSoft(fs) ? fs->share : NULL, fs->mass_inverse));
+  if (fs->two_stage && !fs->two) PetscCall(TwoStageCreate(fs, &fs->two));
   if (fs->two_stage) PetscCall(TwoStageSetUp(fs->two, fs));
   PetscCall(PressureIsSingular(fs->pressure, &singular));
   PetscCall(MatSetNullSpace(fs->K, singular ? fs->constant_pressure : NULL));
