@@ -5,11 +5,12 @@
                                                                 C = 0 but in cells between two surfaces
 
    FGMRES around a preconditioner in three steps: the fields as PCFIELDSPLIT splits them (Schur, lower: velocity solve,
-   then pressure solve with the projected operator), then the projection u_r += M_r^{-1} P^T B^T p, or, when viscosity
-   or convection dominates, the least-squares commutator in place of the projection. M_r is the projected lumped mass.
-   Without bodies, and where viscosity dominates convection too, p += mu theta Mp^{-1} takes its place (Cahouet &
-   Chabard 1988). The pressure operator is S_p = B_r M_r^{-1} B_r^T + eps B_c M_c^{-1} B_c^T (Turek 1999, ch. 2; Elman,
-   Silvester, Wathen 2014, ch. 9; the softness eps keeps cut cells well conditioned and is in the preconditioner only).
+   then pressure solve with the projected operator), then the projection u_r += M_r^{-1} P^T B^T p, with bodies or large
+   convective numbers followed by the least-squares commutator as a correction (twostage.h). M_r is the projected lumped
+   mass. Steady flows take the commutator in place of the projection. Without bodies, and where viscosity dominates
+   convection too, p += mu theta Mp^{-1} takes its place (Cahouet & Chabard 1988). The pressure operator is
+   S_p = B_r M_r^{-1} B_r^T + eps B_c M_c^{-1} B_c^T (Turek 1999, ch. 2; Elman, Silvester, Wathen 2014, ch. 9; the
+   softness eps keeps cut cells well conditioned and is in the preconditioner only).
    Where the viscosity varies, M_r is weighted by its root, and a steady flow takes a mean of the commutator and of the
    mass of the pressure over the viscosity (runs/studies/rheology).
 
