@@ -3,6 +3,7 @@
    straight to their places, found from those of S: rows of own nodes from own and ghost cells, no communication. */
 #include "compat.h"
 #include "impl.h"
+#include "base/rows.h"
 
 static PetscErrorCode create_matrix(Flow f)
 {
@@ -39,53 +40,46 @@ static PetscErrorCode create_matrix(Flow f)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* One part, of own or of other columns, of S and A: where rows of S start, and values */
+/* One part, of own or of other columns, of S and A: rows of S, values of A */
 typedef struct {
-  Mat              S, A;
-  const PetscInt  *start, *column;
-  PetscInt         n;
-  const PetscReal *s;
-  PetscReal       *a;
+  Rows       S;
+  Mat        A;
+  PetscReal *a;
 } Part;
 
-static PetscErrorCode open_part(Part *p)
+static PetscErrorCode open_part(Mat S, Mat A, Part *p)
 {
-  PetscBool done;
-
   PetscFunctionBeginUser;
-  PetscCall(MatGetRowIJ(p->S, 0, PETSC_FALSE, PETSC_FALSE, &p->n, &p->start, &p->column, &done));
-  PetscCall(MatSeqAIJGetArrayRead(p->S, &p->s));
-  PetscCall(MatSeqAIJGetArray(p->A, &p->a));
+  p->A = A;
+  PetscCall(RowsOpen(S, &p->S));
+  PetscCall(MatSeqAIJGetArray(A, &p->a));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode close_part(Part *p)
 {
-  PetscBool done;
-
   PetscFunctionBeginUser;
   PetscCall(MatSeqAIJRestoreArray(p->A, &p->a));
-  PetscCall(MatSeqAIJRestoreArrayRead(p->S, &p->s));
-  PetscCall(MatRestoreRowIJ(p->S, 0, PETSC_FALSE, PETSC_FALSE, &p->n, &p->start, &p->column, &done));
+  PetscCall(RowsClose(&p->S));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* The values in A that belong to entry `at` in row i of S: component b of row a is [a * stride + b] */
 static inline PetscReal *block(const Part *p, PetscInt dim, PetscInt i, PetscInt at, PetscInt *stride)
 {
-  *stride = dim * (p->start[i + 1] - p->start[i]);
-  return p->a + dim * dim * p->start[i] + dim * (at - p->start[i]);
+  *stride = dim * (p->S.start[i + 1] - p->S.start[i]);
+  return p->a + dim * dim * p->S.start[i] + dim * (at - p->S.start[i]);
 }
 
 static void copy_components(const Part *p, PetscInt dim)
 {
-  for (PetscInt i = 0; i < p->n; i++)
-    for (PetscInt at = p->start[i]; at < p->start[i + 1]; at++) {
+  for (PetscInt i = 0; i < p->S.n; i++)
+    for (PetscInt at = p->S.start[i]; at < p->S.start[i + 1]; at++) {
       PetscInt   stride;
       PetscReal *v = block(p, dim, i, at, &stride);
 
       for (PetscInt a = 0; a < dim; a++)
-        for (PetscInt b = 0; b < dim; b++) v[a * stride + b] = a == b ? p->s[at] : 0;
+        for (PetscInt b = 0; b < dim; b++) v[a * stride + b] = a == b ? p->S.value[at] : 0;
     }
 }
 
@@ -146,7 +140,7 @@ PetscErrorCode FlowCellNewton(Flow f, PetscInt c, const PetscReal u[], PetscReal
 
 PetscErrorCode FlowAssembleComponents(Flow f, const PetscReal u[], Mat *A)
 {
-  Part            part[2] = {{0}, {0}};
+  Part            part[2] = {{.A = NULL}, {.A = NULL}};
   Mat             S, s[2], a[2];
   const PetscInt *unused;
   PetscReal      *n;
@@ -160,9 +154,7 @@ PetscErrorCode FlowAssembleComponents(Flow f, const PetscReal u[], Mat *A)
   a[1] = NULL;
   if (s[1]) PetscCall(MatMPIAIJGetSeqAIJ(f->A, &a[0], &a[1], NULL));
   for (PetscInt k = 0; k < 2 && s[k]; k++) {
-    part[k].S = s[k];
-    part[k].A = a[k];
-    PetscCall(open_part(&part[k]));
+    PetscCall(open_part(s[k], a[k], &part[k]));
     copy_components(&part[k], f->loc->dim);
   }
   PetscCall(PetscMalloc1(PetscSqr(f->loc->nb * f->loc->dim), &n));

@@ -2,24 +2,21 @@
 #include "compat.h"
 #include "bodycoupling.h"
 #include "base/inline.h"
+#include "base/room.h"
+#include "base/rows.h"
 
 /* Two bodies that share entries */
 typedef struct {
   PetscInt body, other, next; /* next of the same body, or -1 */
 } Two;
 
-/* Own rows of the matrix, compressed: columns of own nodes, then of ghosts */
-typedef struct {
-  Mat              part[2];                      /* the second NULL on one rank */
-  const PetscInt  *start[2], *column[2], *ghost; /* ghost: nodes of the second part's columns, or NULL */
-  const PetscReal *value[2];
-} Rows;
-
 struct _p_BodyCoupling {
   Flow             flow;
   Constraint       constraint;
   const MeshLocal *loc;
-  PetscInt        *ghost; /* nodes of the matrix' columns of other ranks */
+  Rows             rows[2]; /* own rows of the matrix in an update: columns of own nodes, of ghosts */
+  PetscInt         npart;   /* 1 on one rank, 2 on more */
+  PetscInt        *ghost;   /* nodes of the columns of the second, or NULL */
   /* nodes that rigid velocities move, c->body_node */
   PetscInt  *place;             /* [nnode_all] where a node stands there, or -1 */
   PetscInt  *mover, moved_room; /* [c->nbody_nodes] the body */
@@ -50,11 +47,7 @@ static PetscErrorCode place_nodes(BodyCoupling b)
   const PetscInt              dim = l->dim;
 
   PetscFunctionBeginUser;
-  if (b->moved_room < c->nbody_nodes) {
-    b->moved_room = c->nbody_nodes + c->nbody_nodes / 4;
-    PetscCall(PetscRealloc(b->moved_room * sizeof(PetscInt), &b->mover));
-    PetscCall(PetscRealloc(b->moved_room * dim * sizeof(PetscReal), &b->arm));
-  }
+  PetscCall(RoomFor(c->nbody_nodes, &b->moved_room, &b->mover, sizeof(*b->mover), &b->arm, (size_t)dim * sizeof(*b->arm), NULL));
   for (PetscInt i = 0; i < l->nnode_all; i++) b->place[i] = -1;
   for (PetscInt e = 0; e < c->nbody_nodes; e++) {
     const PetscInt i = c->body_node[e], k = get_body(c, i);
@@ -67,18 +60,13 @@ static PetscErrorCode place_nodes(BodyCoupling b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode map_ghosts(BodyCoupling b)
+/* Nodes of the n columns of other ranks, with these global numbers */
+static PetscErrorCode map_ghosts(BodyCoupling b, PetscInt n, const PetscInt number[])
 {
-  const MeshLocal *l = b->loc;
-  const PetscInt  *garray;
-  PetscInt         n, nghost = l->nnode_all - l->nnode, *sorted, *where;
-  Mat              part[2];
+  const MeshLocal *l      = b->loc;
+  PetscInt         nghost = l->nnode_all - l->nnode, *sorted, *where;
 
   PetscFunctionBeginUser;
-  if (b->ghost) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(FlowGetMatrixParts(b->flow, part, &garray));
-  if (!part[1]) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MatGetLocalSize(part[1], NULL, &n));
   PetscCall(PetscMalloc1(n, &b->ghost));
   PetscCall(PetscMalloc2(nghost, &sorted, nghost, &where));
   for (PetscInt i = 0; i < nghost; i++) {
@@ -89,62 +77,44 @@ static PetscErrorCode map_ghosts(BodyCoupling b)
   for (PetscInt j = 0; j < n; j++) {
     PetscInt at;
 
-    PetscCall(PetscFindInt(garray[j], nghost, sorted, &at));
-    PetscCheck(at >= 0, PETSC_COMM_SELF, PETSC_ERR_PLIB, "Node %" PetscInt_FMT " is coupled to own nodes but is no ghost node", garray[j]);
+    PetscCall(PetscFindInt(number[j], nghost, sorted, &at));
+    PetscCheck(at >= 0, PETSC_COMM_SELF, PETSC_ERR_PLIB, "Node %" PetscInt_FMT " is coupled to own nodes but is no ghost node", number[j]);
     b->ghost[j] = where[at];
   }
   PetscCall(PetscFree2(sorted, where));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode open_rows(BodyCoupling b, Rows *rows)
+static PetscErrorCode open_rows(BodyCoupling b)
 {
-  const PetscInt *map;
+  const PetscInt *number = NULL;
   PetscInt        n;
-  Mat             S;
-  PetscBool       done;
+  Mat             S, part[2];
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetMatrix(b->flow, &S));
-  PetscCall(map_ghosts(b));
-  *rows = (Rows){.ghost = b->ghost};
-  PetscCall(FlowGetMatrixParts(b->flow, rows->part, &map));
-  for (PetscInt s = 0; s < 2 && rows->part[s]; s++) {
-    PetscCall(MatGetRowIJ(rows->part[s], 0, PETSC_FALSE, PETSC_FALSE, &n, &rows->start[s], &rows->column[s], &done));
-    PetscCall(MatSeqAIJGetArrayRead(rows->part[s], &rows->value[s]));
+  PetscCall(FlowGetMatrixParts(b->flow, part, &number));
+  b->npart = part[1] ? 2 : 1;
+  if (part[1] && !b->ghost) {
+    PetscCall(MatGetLocalSize(part[1], NULL, &n));
+    PetscCall(map_ghosts(b, n, number));
   }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode close_rows(Rows *rows)
-{
-  PetscInt  n;
-  PetscBool done;
-
-  PetscFunctionBeginUser;
-  for (PetscInt s = 0; s < 2 && rows->part[s]; s++) {
-    PetscCall(MatSeqAIJRestoreArrayRead(rows->part[s], &rows->value[s]));
-    PetscCall(MatRestoreRowIJ(rows->part[s], 0, PETSC_FALSE, PETSC_FALSE, &n, &rows->start[s], &rows->column[s], &done));
-  }
+  for (PetscInt s = 0; s < b->npart; s++) PetscCall(RowsOpen(part[s], &b->rows[s]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Node of entry q of a part */
-static inline PetscInt get_node(const Rows *rows, PetscInt part, PetscInt q)
+static inline PetscInt get_node(BodyCoupling b, PetscInt part, PetscInt q)
 {
-  return part ? rows->ghost[rows->column[1][q]] : rows->column[0][q];
+  return part ? b->ghost[b->rows[1].column[q]] : b->rows[0].column[q];
 }
 
 static PetscErrorCode add_node(BodyCoupling b, PetscInt i)
 {
   PetscFunctionBeginUser;
   if (b->at[i] >= 0) PetscFunctionReturn(PETSC_SUCCESS);
-  if (b->nnode == b->node_room) {
-    b->node_room = 2 * b->node_room + 256;
-    PetscCall(PetscRealloc(b->node_room * sizeof(PetscInt), &b->node));
-    PetscCall(PetscRealloc((b->node_room + 1) * sizeof(PetscInt), &b->start));
-    PetscCall(PetscRealloc(b->node_room * b->loc->dim * sizeof(PetscReal), &b->saved));
-  }
+  PetscCall(RoomFor(b->nnode + 2, &b->node_room, &b->node, sizeof(*b->node), &b->start, sizeof(*b->start), &b->saved,
+                    (size_t)b->loc->dim * sizeof(*b->saved), NULL)); /* one more in start */
   b->at[i]            = b->nnode;
   b->node[b->nnode++] = i;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -153,22 +123,23 @@ static PetscErrorCode add_node(BodyCoupling b, PetscInt i)
 /* ---- between nodes and bodies ---- */
 
 /* Which own nodes have a part of E; first those that no body holds, *nfree */
-static PetscErrorCode find_nodes(BodyCoupling b, const Rows *rows, const PenaltyTerm *soft, PetscInt *nfree)
+static PetscErrorCode find_nodes(BodyCoupling b, const PenaltyTerm *soft, PetscInt *nfree)
 {
-  const struct _p_Constraint *c = b->constraint;
-  const PetscInt              n = b->loc->nnode;
+  const struct _p_Constraint *c   = b->constraint;
+  const PetscInt              n   = b->loc->nnode;
+  const Rows                 *own = &b->rows[0], *other = &b->rows[1];
 
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < c->nbody_nodes; e++) {
     const PetscInt i = c->body_node[e];
 
     if (b->place[i] < 0 || i >= n) continue;
-    for (PetscInt q = rows->start[0][i]; q < rows->start[0][i + 1]; q++)
-      if (c->node_body[rows->column[0][q]] < 0) PetscCall(add_node(b, rows->column[0][q]));
+    for (PetscInt q = own->start[i]; q < own->start[i + 1]; q++)
+      if (c->node_body[own->column[q]] < 0) PetscCall(add_node(b, own->column[q]));
   }
-  for (PetscInt i = 0; i < n && rows->part[1]; i++)
-    for (PetscInt q = rows->start[1][i]; q < rows->start[1][i + 1] && c->node_body[i] < 0; q++)
-      if (b->place[get_node(rows, 1, q)] >= 0) PetscCall(add_node(b, i));
+  for (PetscInt i = 0; i < n && b->npart == 2; i++)
+    for (PetscInt q = other->start[i]; q < other->start[i + 1] && c->node_body[i] < 0; q++)
+      if (b->place[get_node(b, 1, q)] >= 0) PetscCall(add_node(b, i));
   for (PetscInt e = 0; soft && e < soft->n; e++)
     if (c->unknown[soft->body[e]] && c->node_body[soft->node[e]] < 0) PetscCall(add_node(b, soft->node[e]));
   *nfree = b->nnode;
@@ -189,11 +160,7 @@ static PetscErrorCode get_pair(BodyCoupling b, PetscInt begin, PetscInt k, Petsc
   PetscFunctionBeginUser;
   while (at < b->n && b->body[at] != k) at++;
   if (at == b->n) {
-    if (b->n == b->room) {
-      b->room = 2 * b->room + 256;
-      PetscCall(PetscRealloc(b->room * sizeof(PetscInt), &b->body));
-      PetscCall(PetscRealloc(b->room * nm * sizeof(PetscReal), &b->e));
-    }
+    PetscCall(RoomFor(b->n + 1, &b->room, &b->body, sizeof(*b->body), &b->e, (size_t)nm * sizeof(*b->e), NULL));
     b->body[b->n++] = k;
     PetscCall(PetscArrayzero(b->e + at * nm, nm));
   }
@@ -202,18 +169,19 @@ static PetscErrorCode get_pair(BodyCoupling b, PetscInt begin, PetscInt k, Petsc
 }
 
 /* E of node i; soft_first, soft_next: entries of the penalty by nodes */
-static PetscErrorCode add_pairs(BodyCoupling b, const Rows *rows, PetscInt i, const PenaltyTerm *soft, PetscInt soft_first,
-                                const PetscInt soft_next[])
+static PetscErrorCode add_pairs(BodyCoupling b, PetscInt i, const PenaltyTerm *soft, PetscInt soft_first, const PetscInt soft_next[])
 {
   const PetscInt dim = b->loc->dim, begin = b->n;
   PetscInt       last = -1;
   PetscReal     *e    = NULL;
 
   PetscFunctionBeginUser;
-  for (PetscInt part = 0; part < 2 && rows->part[part]; part++) {
-    for (PetscInt q = rows->start[part][i]; q < rows->start[part][i + 1]; q++) {
-      const PetscInt  at = b->place[get_node(rows, part, q)], k = at >= 0 ? b->mover[at] : -1;
-      const PetscReal a = rows->value[part][q];
+  for (PetscInt part = 0; part < b->npart; part++) {
+    const Rows *rows = &b->rows[part];
+
+    for (PetscInt q = rows->start[i]; q < rows->start[i + 1]; q++) {
+      const PetscInt  at = b->place[get_node(b, part, q)], k = at >= 0 ? b->mover[at] : -1;
+      const PetscReal a = rows->value[q];
 
       if (k < 0) continue;
       if (k != last) PetscCall(get_pair(b, begin, k, &e));
@@ -230,7 +198,7 @@ static PetscErrorCode add_pairs(BodyCoupling b, const Rows *rows, PetscInt i, co
 }
 
 /* E of these nodes, with what the penalty adds */
-static PetscErrorCode find_pairs(BodyCoupling b, const Rows *rows, const PenaltyTerm *soft)
+static PetscErrorCode find_pairs(BodyCoupling b, const PenaltyTerm *soft)
 {
   const PetscInt n = soft ? soft->n : 0;
   PetscInt      *first, *next;
@@ -247,7 +215,7 @@ static PetscErrorCode find_pairs(BodyCoupling b, const Rows *rows, const Penalty
   }
   for (PetscInt i = 0; i < b->nnode; i++) {
     b->start[i] = b->n;
-    PetscCall(add_pairs(b, rows, b->node[i], soft, first[i], next));
+    PetscCall(add_pairs(b, b->node[i], soft, first[i], next));
     b->start[i + 1] = b->n;
   }
   PetscCall(PetscFree2(first, next));
@@ -269,11 +237,7 @@ static PetscErrorCode get_block(BodyCoupling b, PetscInt k, PetscInt other, Pets
   }
   while (at >= 0 && b->two[at].other != other) at = b->two[at].next;
   if (at < 0) {
-    if (b->ntwo == b->two_room) {
-      b->two_room = 2 * b->two_room + 64;
-      PetscCall(PetscRealloc(b->two_room * sizeof(Two), &b->two));
-      PetscCall(PetscRealloc(b->two_room * nn * sizeof(PetscReal), &b->block));
-    }
+    PetscCall(RoomFor(b->ntwo + 1, &b->two_room, &b->two, sizeof(*b->two), &b->block, (size_t)nn * sizeof(*b->block), NULL));
     at          = b->ntwo++;
     b->two[at]  = (Two){k, other, b->first[k]};
     b->first[k] = at;
@@ -352,11 +316,7 @@ static PetscErrorCode clear(BodyCoupling b)
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i < b->nnode; i++) b->at[b->node[i]] = -1;
   b->n = b->nnode = b->ntwo = 0;
-  if (b->first_room < nbodies) {
-    b->first_room = nbodies + nbodies / 4;
-    PetscCall(PetscRealloc(b->first_room * sizeof(PetscInt), &b->first));
-    PetscCall(PetscRealloc(b->first_room * nn * sizeof(PetscReal), &b->own));
-  }
+  PetscCall(RoomFor(nbodies, &b->first_room, &b->first, sizeof(*b->first), &b->own, (size_t)nn * sizeof(*b->own), NULL));
   PetscCall(PetscArrayzero(b->own, nbodies * nn));
   for (PetscInt k = 0; k < nbodies; k++) b->first[k] = -1;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -366,15 +326,14 @@ PetscErrorCode BodyCouplingUpdate(BodyCoupling b, const PenaltyTerm *soft, const
 {
   const PetscInt *local = b->constraint->local_index, plane = b->loc->dim == 2;
   PetscInt        nfree = 0;
-  Rows            rows;
 
   PetscFunctionBeginUser;
   PetscCall(clear(b));
   PetscCall(place_nodes(b));
-  PetscCall(open_rows(b, &rows));
-  PetscCall(find_nodes(b, &rows, soft, &nfree));
-  PetscCall(find_pairs(b, &rows, soft));
-  PetscCall(close_rows(&rows));
+  PetscCall(open_rows(b));
+  PetscCall(find_nodes(b, soft, &nfree));
+  PetscCall(find_pairs(b, soft));
+  for (PetscInt s = 0; s < b->npart; s++) PetscCall(RowsClose(&b->rows[s]));
   PetscCall(plane ? add_blocks(2, b) : add_blocks(3, b));
   if (soft) PetscCall(plane ? subtract_soft(2, b, soft) : subtract_soft(3, b, soft));
   for (PetscInt i = nfree; i < b->nnode; i++) b->at[b->node[i]] = -1;

@@ -2,14 +2,7 @@
 #include "compat.h"
 #include "relax.h"
 #include "base/inline.h"
-
-/* The rank's own part of the matrix as compressed rows */
-typedef struct {
-  Mat              own;
-  PetscInt         n;
-  const PetscInt  *start, *column;
-  const PetscReal *value;
-} Rows;
+#include "base/rows.h"
 
 struct _p_Relax {
   Mat              S;
@@ -23,24 +16,14 @@ struct _p_Relax {
   PetscInt *diagonal, *where; /* [n] entry of the diagonal; scratch, -1 */
 };
 
-static PetscErrorCode get_rows(Relax s, Rows *r)
+/* The rank's own part of the matrix */
+static PetscErrorCode open_own(Relax s, Rows *r)
 {
-  PetscBool done;
+  Mat own;
 
   PetscFunctionBeginUser;
-  PetscCall(MatGetDiagonalBlock(s->S, &r->own));
-  PetscCall(MatGetRowIJ(r->own, 0, PETSC_FALSE, PETSC_FALSE, &r->n, &r->start, &r->column, &done));
-  PetscCall(MatSeqAIJGetArrayRead(r->own, &r->value));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode restore_rows(Rows *r)
-{
-  PetscBool done;
-
-  PetscFunctionBeginUser;
-  PetscCall(MatSeqAIJRestoreArrayRead(r->own, &r->value));
-  PetscCall(MatRestoreRowIJ(r->own, 0, PETSC_FALSE, PETSC_FALSE, &r->n, &r->start, &r->column, &done));
+  PetscCall(MatGetDiagonalBlock(s->S, &own));
+  PetscCall(RowsOpen(own, r));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -174,7 +157,7 @@ PetscErrorCode RelaxUpdate(Relax s, RelaxKind kind, Mat S, const PetscReal diago
   s->kind             = kind;
   s->diagonal_inverse = diagonal_inverse;
   if (kind != RELAX_ILU) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(get_rows(s, &r));
+  PetscCall(open_own(s, &r));
   if (!s->lu) {
     PetscCall(PetscMalloc4(r.start[r.n], &s->lu, r.n * s->dim, &s->pivot_inverse, r.n, &s->diagonal, r.n, &s->where));
     for (PetscInt i = 0; i < r.n; i++) {
@@ -184,7 +167,7 @@ PetscErrorCode RelaxUpdate(Relax s, RelaxKind kind, Mat S, const PetscReal diago
     }
   }
   PetscCall(factorise(s, &r));
-  PetscCall(restore_rows(&r));
+  PetscCall(RowsClose(&r));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -202,7 +185,7 @@ PetscErrorCode RelaxApply(Relax s, MatSORType flag, PetscInt its, const PetscRea
     for (PetscInt i = 0; i < s->n * s->dim; i++) x[i] = s->diagonal_inverse[i] * b[i];
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  PetscCall(get_rows(s, &r));
+  PetscCall(open_own(s, &r));
   if (s->kind == RELAX_ILU) {
     if (s->dim == 2) solve_kernel(2, r.n, r.start, r.column, s->diagonal, s->lu, s->pivot_inverse, b, x);
     else solve_kernel(3, r.n, r.start, r.column, s->diagonal, s->lu, s->pivot_inverse, b, x);
@@ -213,7 +196,7 @@ PetscErrorCode RelaxApply(Relax s, MatSORType flag, PetscInt its, const PetscRea
       if (flag & (SOR_BACKWARD_SWEEP | SOR_LOCAL_BACKWARD_SWEEP)) sor(s, PETSC_FALSE, PETSC_FALSE, &r, b, x);
     }
   }
-  PetscCall(restore_rows(&r));
+  PetscCall(RowsClose(&r));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
