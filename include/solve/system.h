@@ -27,11 +27,11 @@
    small steps (errors add up) and too tight for large ones (runs/studies/flow-solver). Recipe balanced: 1e-8, 1e-2,
    1e-5 (with bodies that move 2e-5); if -flow_ksp_rtol is given, that alone holds. Recipe accurate: 1e-9, 0.
    Around bodies that move recipe balanced also stops where the estimated error of the velocities is at most the share
-   -flow_error_most of the largest (stop.c; light bodies and ties count more): what users read, whatever a body's mass.
-   Not where -flow_rtol_most is given, nor on periodic meshes or with a held mean velocity, where the residual is what
-   the balance of momentum lacks.
-   With ties it is to be that small in any case, also on such meshes and where the residual would do, up to 60
-   iterations. What a solve leaves over is told by FlowSolverGetOwed.
+   -flow_error_most of the largest (stop.c; light bodies, ties and large convective numbers count more): what users
+   read, whatever a body's mass. Not where -flow_rtol_most is given, nor on periodic meshes or with a held mean
+   velocity, where the residual is what the balance of momentum lacks. With ties it is to be that small in any case,
+   also on such meshes and where the residual would do, up to 60 iterations. What a solve leaves over is told by
+   FlowSolverGetOwed.
 
    Everything is reachable with PETSc options under prefix -flow_ (outer), -flow_fieldsplit_velocity_,
    -flow_fieldsplit_pressure_, names of that split. Products with the projected operators are matrix-free; matrices are

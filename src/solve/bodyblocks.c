@@ -74,7 +74,7 @@ PetscErrorCode BodyBlocksInvert(Flow flow, Constraint constraint, const PetscRea
   PetscCall(PetscCalloc3(2 * c->nbodies * nn, &block, 2 * c->nown * nn, &own, c->nown * nn, &own_inverse));
   for (PetscInt e = 0; e < c->nbodies * nn; e++) block[2 * nn * (e / nn) + e % nn] = stiff[e];
   for (PetscInt j = 0; j < c->nbody_nodes; j++) {
-    const PetscInt i = c->body_node[j], k = c->node_body[i] >= 0 ? c->node_body[i] : c->follow[i];
+    const PetscInt i = c->body_node[j], k = ConstraintGetMover(c, i);
     PetscReal      R[18], *mass;
 
     if (i >= c->loc->nnode || k < 0 || !c->unknown[k]) continue;

@@ -1,7 +1,7 @@
 /* BodyCoupling: see bodycoupling.h. */
 #include "compat.h"
 #include "bodycoupling.h"
-#include "base/inline.h"
+#include "rigidmap.h"
 #include "base/room.h"
 #include "base/rows.h"
 
@@ -34,7 +34,7 @@ struct _p_BodyCoupling {
 /* The body whose rigid velocities move node i, or -1; at a wall none */
 static inline PetscInt get_body(const struct _p_Constraint *c, PetscInt i)
 {
-  const PetscInt  k    = c->node_body[i] >= 0 ? c->node_body[i] : c->follow[i];
+  const PetscInt  k    = ConstraintGetMover(c, i);
   const PetscBool wall = (PetscBool)(c->node_body[i] < 0 && c->fixed[i] == (1 << c->loc->dim) - 1);
 
   return k >= 0 && c->unknown[k] && !wall ? k : -1;
@@ -247,22 +247,6 @@ static PetscErrorCode get_block(BodyCoupling b, PetscInt k, PetscInt other, Pets
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* M [dim][nr]: M U = m_0 V + w x (m_1, ...) for rigid velocities (V, w) */
-INLINE void get_map(const int dim, const PetscReal m0, const PetscReal *restrict r, PetscReal *restrict M)
-{
-  const int nr = dim == 2 ? 3 : 6;
-
-  for (int e = 0; e < dim * nr; e++) M[e] = e % nr == e / nr ? m0 : 0;
-  if (dim == 2) {
-    M[2] = -r[1];
-    M[5] = r[0];
-  } else
-    for (int a = 0; a < 3; a++) {
-      M[a * 6 + 3 + (a + 1) % 3] = r[(a + 2) % 3];
-      M[a * 6 + 3 + (a + 2) % 3] = -r[(a + 1) % 3];
-    }
-}
-
 /* block [nr][nr] += sign S^T T, S and T [dim][nr] */
 INLINE void add_product(const int dim, PetscReal sign, const PetscReal *restrict S, const PetscReal *restrict T, PetscReal *restrict block)
 {
@@ -282,10 +266,10 @@ INLINE PetscErrorCode add_blocks(const int dim, BodyCoupling b)
     PetscReal      R[18], E[18], *block;
 
     if (at < 0) continue;
-    get_map(dim, 1, b->arm + at * dim, R);
+    RigidMapFill(dim, 1, b->arm + at * dim, R);
     for (PetscInt q = b->start[i]; q < b->start[i + 1]; q++) {
       PetscCall(get_block(b, b->mover[at], b->body[q], &block));
-      get_map(dim, b->e[q * (dim + 1)], b->e + q * (dim + 1) + 1, E);
+      RigidMapFill(dim, b->e[q * (dim + 1)], b->e + q * (dim + 1) + 1, E);
       add_product(dim, 1, R, E, block);
     }
   }
@@ -301,8 +285,8 @@ INLINE PetscErrorCode subtract_soft(const int dim, BodyCoupling b, const Penalty
     PetscReal      R[18], G[18], *block;
 
     if (at < 0 || !b->constraint->unknown[soft->body[e]]) continue;
-    get_map(dim, 1, b->arm + at * dim, R);
-    get_map(dim, soft->g[e * (dim + 1)], soft->g + e * (dim + 1) + 1, G);
+    RigidMapFill(dim, 1, b->arm + at * dim, R);
+    RigidMapFill(dim, soft->g[e * (dim + 1)], soft->g + e * (dim + 1) + 1, G);
     PetscCall(get_block(b, soft->body[e], b->mover[at], &block));
     add_product(dim, -1, G, R, block);
   }

@@ -159,7 +159,7 @@ static PetscErrorCode know_bodies(Constraint c)
   for (PetscInt l = 0; l < c->nlocal; l++) c->local_index[c->local_list[l]] = -1;
   c->nlocal = 0;
   for (PetscInt i = 0; i < c->loc->nnode_all; i++) {
-    const PetscInt k = c->node_body[i] >= 0 ? c->node_body[i] : c->follow[i];
+    const PetscInt k = ConstraintGetMover(c, i);
 
     if (k >= 0 && c->unknown[k]) know_body(c, k);
   }
@@ -179,7 +179,7 @@ static PetscErrorCode count_nodes(Constraint c, PetscMPIInt rank, PetscInt (*bid
     bid[l][1] = rank;
   }
   for (PetscInt i = 0; i < c->loc->nnode; i++) {
-    const PetscInt k = c->node_body[i] >= 0 ? c->node_body[i] : c->follow[i];
+    const PetscInt k = ConstraintGetMover(c, i);
 
     if (k >= 0 && c->local_index[k] >= 0) bid[c->local_index[k]][0]++;
   }

@@ -128,7 +128,7 @@ static PetscErrorCode diagonal_velocity(Mat mat, Vec d)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* x -= M_b^{-1} F x at the bodies' slots, what the velocities of the nodes mean for them */
+/* x -= S_b^{-1} (E^T x + O U) at the bodies' slots, U what stood there: what nodes and other bodies mean for them */
 static PetscErrorCode answer_nodes(FlowSolver fs, PetscReal x[])
 {
   const struct _p_Constraint *c     = fs->constraint;

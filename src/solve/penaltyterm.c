@@ -1,29 +1,12 @@
 /* PenaltyTerm: see penaltyterm.h. */
 #include "compat.h"
 #include "impl.h"
-#include "base/inline.h"
-
-INLINE void get_block(const PetscInt dim, const PetscInt nr, const PetscReal *restrict g, PetscReal *restrict G)
-{
-  const PetscReal *r = g + 1;
-
-  for (PetscInt a = 0; a < dim; a++) {
-    PetscReal *row = G + a * nr;
-
-    for (PetscInt d = 0; d < dim; d++) row[d] = d == a ? g[0] : 0;
-    if (dim == 2) row[2] = a == 0 ? -r[1] : r[0];
-    else {
-      row[3 + a]           = 0; /* (w x r)_a = w_{a+1} r_{a+2} - w_{a+2} r_{a+1} */
-      row[3 + (a + 1) % 3] = r[(a + 2) % 3];
-      row[3 + (a + 2) % 3] = -r[(a + 1) % 3];
-    }
-  }
-}
+#include "rigidmap.h"
 
 void PenaltyTermGetBlock(const PenaltyTerm *s, PetscInt e, PetscReal G[])
 {
-  if (s->dim == 2) get_block(2, 3, s->g + e * 3, G);
-  else get_block(3, 6, s->g + e * 4, G);
+  if (s->dim == 2) RigidMapFill(2, s->g[e * 3], s->g + e * 3 + 1, G);
+  else RigidMapFill(3, s->g[e * 4], s->g + e * 4 + 1, G);
 }
 
 /* One entry with block G [dim][nr] of a body whose velocities `bits` are unknown */
@@ -50,7 +33,7 @@ INLINE void mult_entries(const PetscInt dim, const PetscInt nr, const PenaltyTer
     PetscReal      G[18];
 
     if (!bits && of_unknown) continue;
-    get_block(dim, nr, s->g + e * (dim + 1), G);
+    RigidMapFill(dim, s->g[e * (dim + 1)], s->g + e * (dim + 1) + 1, G);
     if (bits == all && of_unknown) mult_entry(dim, nr, all, PETSC_TRUE, G, U + slot, u + at, r + at, rigid + slot);
     else mult_entry(dim, nr, bits, of_unknown, G, U + slot, u + at, r + at, rigid + slot);
   }

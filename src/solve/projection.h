@@ -48,6 +48,12 @@ struct _p_Constraint {
   MPI_Datatype rigid_type; /* the nr slots of one body */
 };
 
+/* The body that local node i lies in or follows, or -1 */
+static inline PetscInt ConstraintGetMover(const struct _p_Constraint *c, PetscInt i)
+{
+  return c->node_body[i] >= 0 ? c->node_body[i] : c->follow[i];
+}
+
 /* Rigid velocity s of body k, in the units of the scene, for 1 in its slot; the row of the slot is that times the force
    or torque. */
 static inline PetscReal ConstraintSlotUnit(const struct _p_Constraint *c, PetscInt k, PetscInt s)

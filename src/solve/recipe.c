@@ -42,7 +42,7 @@ static const struct {
   [COMMUTATOR_KNOWN]     = {VISCOUS, 100, "commutator around bodies whose motion is known, rigid nodes in a staircase", STUDY},
   [STAGES_UNRESOLVED]    = {CONVECTIVE, 0.5, "two stages without bodies in under-resolved flow (cell Reynolds number above 50)", STUDY},
   [STAGES_CONVECTION]    = {CONVECTIVE, 2, "two stages without bodies in any flow", STUDY},
-  [MASS_ALONE]           = {VISCOUS, 20, "pressure mass alone, without bodies, diffusion ahead of convection", STUDY},
+  [MASS_ALONE]           = {VISCOUS, 20, "pressure mass alone, without bodies and two stages, diffusion ahead of convection", STUDY},
   [RELAX_SOFT]           = {VISCOUS, 0.06, "relaxation of cut cells under a penalty, with two_stage", STUDY},
   [RELAX_RIGID]          = {VISCOUS, 0.3, "relaxation of cells with rigid nodes in a staircase, with two_stage", STUDY},
   [WHOLE_PRESSURE]       = {VISCOUS_OF_LARGEST, 0.015, "the whole pressure correction in recipe fast, below it a share", STUDY},
@@ -292,7 +292,7 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
   if (fs->schur != SCHUR_AUTO || fs->commute) PetscFunctionReturn(PETSC_SUCCESS);
   convection       = (PetscBool)(above[STAGES_CONVECTION] || (above[STAGES_UNRESOLVED] && convective > 50 * viscous));
   fs->two_stage    = (PetscBool)(fs->stages || (convection && !fs->need_whole)); /* around bodies at any number */
-  fs->viscous_only = (PetscBool)(fs->nbodies == 0 && above[MASS_ALONE] && convective * convective < 10 * viscous);
+  fs->viscous_only = (PetscBool)(!fs->two_stage && fs->nbodies == 0 && above[MASS_ALONE] && convective * convective < 10 * viscous);
   staircase        = (PetscBool)(fs->nbodies > 0 && !fs->fitted && !FlowSolverIsSoft(fs));
   fs->commute      = (PetscBool)(!fs->two_stage && staircase && above[moves ? COMMUTATOR_FREE : COMMUTATOR_KNOWN]);
   PetscFunctionReturn(PETSC_SUCCESS);
