@@ -1,6 +1,9 @@
 /* Meet: see meet.h. */
 #include "compat.h"
 #include "meet.h"
+#include "base/algebra.h"
+
+#define FLOW_PRESSES 20 /* seen: up to 6 (runs/studies/contact, "Loads of bodies that touch") */
 
 PetscErrorCode MeetIsSolved(const SimParts *part, PetscBool *solved)
 {
@@ -25,22 +28,62 @@ PetscErrorCode MeetCheckOptions(const SimParts *part)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* The acceleration with which a flow like this one can press a body: by what it brings along in a step dt and past a
+   cell, and by its viscosity. Collective. */
+static PetscErrorCode most_of_flow(const SimParts *part, PetscReal dt, PetscReal *most)
+{
+  const FlowParameters *par;
+  const MeshLocal      *l;
+  PetscReal            *u, speed = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetParameters(part->flow, &par));
+  PetscCall(FlowGetFields(part->flow, &u, NULL, NULL));
+  PetscCall(MeshGetLocal(part->mesh, &l));
+  for (PetscInt i = 0; i < l->nnode * l->dim; i++) speed = PetscMax(speed, PetscAbsReal(u[i]));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &speed, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  *most = FLOW_PRESSES * speed * (1 / dt + (speed + par->viscosity / (par->density * l->h)) / l->h);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The share of the contact force on body k that answers a load. Where rigid cells alone lie between two bodies, the flow
+   holds them and answers any force of contact: were all of that a load, contact would stiffen by its own force,
+   fourfold in every step. */
+static PetscErrorCode share_of_load(const SimParts *part, const BodyState *s, PetscInt k, PetscReal most, PetscReal *share)
+{
+  const FlowParameters *par;
+  const PetscReal       force = PetscSqrtReal(dot3(s->contact_force[k], s->contact_force[k]));
+  PetscReal             load[3], torque[3];
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetParameters(part->flow, &par));
+  PetscCall(BodiesGetLoad(part->bodies, k, par->density, par->gravity, load, torque));
+  most += PetscSqrtReal(dot3(load, load));
+  *share = force > most ? most / force : 1;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode MeetEstimate(const SimParts *part, PetscReal dt, PetscReal dt_old, PetscReal (*a)[3], PetscReal (*alpha)[3])
 {
   BodyState *s;
+  PetscReal  most = 0;
+  PetscBool  solved;
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(part->bodies, &s));
+  PetscCall(MeetIsSolved(part, &solved));
+  if (solved && dt_old > 0) PetscCall(most_of_flow(part, dt_old, &most));
   for (PetscInt k = 0; k < s->n; k++) {
-    PetscReal mass, inertia[6], start[3];
+    PetscReal mass, inertia[6], start[3], share = 1;
 
     PetscCall(ContactGetMass(part->contact, k, &mass, inertia));
     PetscCall(ContactGetStart(part->contact, k, dt, start));
+    if (solved && dt_old > 0) PetscCall(share_of_load(part, s, k, most * mass, &share));
     for (PetscInt d = 0; d < 3; d++) {
       const PetscReal moment = inertia[d];
 
-      a[k][d]     = dt_old > 0 ? (s->u[k][d] - s->u_old[k][d]) / dt_old - s->contact_force[k][d] / mass : start[d];
-      alpha[k][d] = dt_old > 0 ? (s->w[k][d] - s->w_old[k][d]) / dt_old - (moment > 0 ? s->contact_torque[k][d] / moment : 0) : 0;
+      a[k][d]     = dt_old > 0 ? (s->u[k][d] - s->u_old[k][d]) / dt_old - share * s->contact_force[k][d] / mass : start[d];
+      alpha[k][d] = dt_old > 0 ? (s->w[k][d] - s->w_old[k][d]) / dt_old - (moment > 0 ? share * s->contact_torque[k][d] / moment : 0) : 0;
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -185,6 +185,16 @@ def test_stops_at_the_wall(go, ratio, side):
     assert abs(last["x"] - 0.5) < 1e-3, f"left the axis: x = {last['x']:g}"
 
 
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_contact_at_rest(run, ranks):
+    """Two discs stop at a gap of nothing, with rigid cells alone between them, whose pressure answers any force of contact: that may not grow by its own answer."""
+    place = ["-particle_west_position", "0.875,0.5", "-particle_east_position", "1.125,0.5", "-couple_boundary", "nodal"]
+    result = run([ROOT / "runs" / "extremes" / "pair.yaml", *place, "-output_every", 0, "-output_dir", "out"], ranks)
+    assert result.status == 0, str(result)
+    rows = read(result.folder / "out" / "bodies.csv")
+    assert max(abs(float(row["force_x"])) for row in rows[-8:]) < 1, rows[-1]  # 10 in the first step
+
+
 def test_neutral_stays_at_rest(go):
     for row in go(DISC, "-particle_disc_density", "1", ranks=2).bodies:
         assert (row["x"], row["y"], row["angle_rad"]) == (0.45, 1.4, 0), row
