@@ -46,8 +46,8 @@ static PetscErrorCode most_of_flow(const SimParts *part, PetscReal dt, PetscReal
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The share of the contact force on body k that answers a load. Where rigid cells alone lie between two bodies, the flow
-   holds them and answers any force of contact: were all of that a load, contact would stiffen by its own force,
+/* The share of the contact force on body k that answers a load. Where rigid cells alone lie between two bodies, the
+   flow holds them and answers any force of contact: were all of that a load, contact would stiffen by its own force,
    fourfold in every step. */
 static PetscErrorCode share_of_load(const SimParts *part, const BodyState *s, PetscInt k, PetscReal most, PetscReal *share)
 {
