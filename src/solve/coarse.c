@@ -5,9 +5,17 @@
 #include "base/opt.h"
 #include "lagged.h"
 #include "laplacian.h"
+#include "thinrows.h"
 
 #define MAX_VERTICES 125 /* vertices of the cells around a node: 9 (27) on regular meshes */
 #define MOST_ASPECT  1.5 /* see choose_operator */
+
+/* Of the bodies' part W W^T, by dimension: vertices that are small beside the largest of their body, and bodies that
+   fill much and change little, drop out. W W^T beside the diagonal of the operator, times the number of vertices (in
+   space its root), is 1 to 4 of a body of the fluid's density alone, in crowds up to hundreds of times that
+   (runs/studies/flow-solver, "What the coarse level needs of a body"). */
+static const ThinRule RULE[] = {[2] = {.nr = 3, .few = 24, .most = 128, .small = 0.25, .weak = 5, .power = 1},
+                                [3] = {.nr = 6, .few = 64, .most = 128, .small = 0.25, .weak = 2.5, .power = 0.5}};
 
 struct _p_Coarse {
   Mesh             mesh;
@@ -184,65 +192,79 @@ static PetscErrorCode bury(Coarse s, PetscInt i, const PetscInt cell_body[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Entries of W^T I, rows by slots (row, col and value have room for ncut nr 2^dim), without bodies that more than
-   `most` cells meet: those would fill the operator, and the fluid between them is resolved. */
-static PetscErrorCode list_entries(Coarse s, PetscInt *n, PetscInt row[], PetscInt col[], PetscReal value[])
+/* The matrix W^T I, rows by slots, with room for what this rank's cells have for its own rows */
+static PetscErrorCode create_rows(Coarse s, Mat *moments)
 {
-  const PetscInt nv = 1 << s->loc->dim, most = s->loc->dim == 2 ? 24 : 120;
-  PetscReal     *count;
+  const struct _p_Constraint *P     = s->bodies;
+  const PetscInt              nrows = P->count * s->nr, nv = 1 << s->loc->dim;
+  PetscInt                    n, begin, *room;
+  PetscMPIInt                 rank;
 
   PetscFunctionBeginUser;
-  *n = 0;
-  PetscCall(PetscCalloc1(s->bodies->nlocal, &count));
-  for (PetscInt i = 0; i < s->ncut; i++) count[s->bodies->local_index[s->body[i]]]++;
-  PetscCall(SharingSum(s->bodies->sharing, 1, count));
+  PetscCall(MatGetLocalSize(s->matrix, &n, NULL));
+  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
+  begin = rank * P->count;
+  PetscCall(PetscCalloc1(nrows, &room));
   for (PetscInt i = 0; i < s->ncut; i++) {
-    PetscInt  node[8];
-    PetscReal fit[4 * 8];
+    const PetscInt slot = P->local_slot[P->local_index[s->body[i]]] - begin;
 
-    if (count[s->bodies->local_index[s->body[i]]] > most) continue;
-    PetscCall(fit_vertices(s, s->cell[i], node, fit));
-    for (PetscInt e = 0; e < s->nr * nv; e++) {
-      PetscReal sum = 0;
-
-      for (PetscInt k = 0; k < s->nk; k++) sum += s->w[(i * s->nk + k) * s->nr + e / nv] * fit[k * nv + e % nv];
-      row[*n]   = s->bodies->local_slot[s->bodies->local_index[s->body[i]]] * s->nr + e / nv;
-      col[*n]   = s->vertex[node[e % nv]];
-      value[*n] = sum;
-      *n += 1;
-    }
+    for (PetscInt r = 0; r < s->nr && slot >= 0 && slot < P->count; r++) room[slot * s->nr + r] = PetscMin(n, room[slot * s->nr + r] + nv);
   }
-  PetscCall(PetscFree(count));
+  PetscCall(MatCreate(PETSC_COMM_WORLD, moments));
+  PetscCall(MatSetSizes(*moments, nrows, n, PETSC_DETERMINE, PETSC_DETERMINE));
+  PetscCall(MatSetType(*moments, MATAIJ));
+  PetscCall(MatSeqAIJSetPreallocation(*moments, 0, room));
+  PetscCall(MatMPIAIJSetPreallocation(*moments, 0, room, nv, NULL));
+  PetscCall(MatSetOption(*moments, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE)); /* bodies of many ranks */
+  PetscCall(PetscFree(room));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* whole = matrix + (W^T I)^T (W^T I), or NULL where no body is in it (runs/studies/flow-solver, "Many bodies") */
+/* The pressure's force on every body that moves */
+static PetscErrorCode create_moments(Coarse s, Mat *moments)
+{
+  const PetscInt nv = 1 << s->loc->dim;
+
+  PetscFunctionBeginUser;
+  PetscCall(create_rows(s, moments));
+  for (PetscInt i = 0; i < s->ncut; i++) {
+    const PetscInt slot = s->bodies->local_slot[s->bodies->local_index[s->body[i]]];
+    PetscInt       row[6], col[8];
+    PetscReal      fit[4 * 8], value[6 * 8] = {0};
+
+    PetscCall(fit_vertices(s, s->cell[i], col, fit));
+    for (PetscInt r = 0; r < s->nr; r++) row[r] = slot * s->nr + r;
+    for (PetscInt e = 0; e < s->nr * nv; e++)
+      for (PetscInt k = 0; k < s->nk; k++) value[e] += s->w[(i * s->nk + k) * s->nr + e / nv] * fit[k * nv + e % nv];
+    for (PetscInt v = 0; v < nv; v++) col[v] = s->vertex[col[v]];
+    PetscCall(MatSetValues(*moments, s->nr, row, nv, col, value, ADD_VALUES));
+  }
+  PetscCall(MatAssemblyBegin(*moments, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(*moments, MAT_FINAL_ASSEMBLY));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* whole = matrix + (W^T I)^T (W^T I), of W^T I what matters, or NULL where nothing does */
 static PetscErrorCode add_bodies(Coarse s)
 {
-  const PetscInt room = s->ncut * s->nr << s->loc->dim;
-  PetscInt       n, total, nown, *row, *col;
-  PetscReal     *value;
-  Mat            WtI;
+  Mat moments, thin;
+  Vec inverse;
 
   PetscFunctionBeginUser;
   PetscCall(MatDestroy(&s->whole));
   if (!s->bodies) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscMalloc3(room, &row, room, &col, room, &value));
-  PetscCall(list_entries(s, &n, row, col, value));
-  PetscCall(MPIU_Allreduce(&n, &total, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
-  if (total) {
-    PetscCall(MatGetLocalSize(s->matrix, &nown, NULL));
-    PetscCall(MatCreate(PETSC_COMM_WORLD, &WtI));
-    PetscCall(MatSetSizes(WtI, s->bodies->count * s->nr, nown, PETSC_DETERMINE, PETSC_DETERMINE));
-    PetscCall(MatSetType(WtI, MATAIJ));
-    PetscCall(MatSetPreallocationCOO(WtI, n, row, col));
-    PetscCall(MatSetValuesCOO(WtI, value, INSERT_VALUES));
-    PetscCall(MatTransposeMatMult(WtI, WtI, MAT_INITIAL_MATRIX, PETSC_DEFAULT, &s->whole));
-    PetscCall(MatDestroy(&WtI));
-    PetscCall(MatAXPY(s->whole, 1, s->matrix, DIFFERENT_NONZERO_PATTERN));
-    PetscCall(MatSetOption(s->whole, MAT_SYMMETRIC, PETSC_TRUE));
-  }
-  PetscCall(PetscFree3(row, col, value));
+  PetscCall(create_moments(s, &moments));
+  PetscCall(MatCreateVecs(s->matrix, &inverse, NULL));
+  PetscCall(MatGetDiagonal(s->matrix, inverse));
+  PetscCall(VecReciprocal(inverse));
+  PetscCall(ThinRows(moments, &RULE[s->loc->dim], inverse, &thin));
+  PetscCall(MatDestroy(&moments));
+  PetscCall(VecDestroy(&inverse));
+  if (!thin) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(MatTransposeMatMult(thin, thin, MAT_INITIAL_MATRIX, PETSC_DEFAULT, &s->whole));
+  PetscCall(MatDestroy(&thin));
+  PetscCall(MatAXPY(s->whole, 1, s->matrix, DIFFERENT_NONZERO_PATTERN));
+  PetscCall(MatSetOption(s->whole, MAT_SYMMETRIC, PETSC_TRUE));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
