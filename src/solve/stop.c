@@ -81,7 +81,7 @@ PetscErrorCode FlowSolverSetTolerance(FlowSolver fs, PetscBool *enough)
 #define MOST_START       3e-2
 /* By what an estimate counts: bodies lighter than the fluid follow later than the residual says; so do tied ones, and
    what goes several cells in a step */
-#define PRUDENCE_LIGHT 3
+#define PRUDENCE_LIGHT 10
 #define PRUDENCE_OTHER 2
 /* Where contact ties bodies (runs/studies/contact, "How far a pile is solved"). The change of a step may be all of the
    speed there, of which a share is too much. And chains of bodies follow late, by large changes at a small residual:
