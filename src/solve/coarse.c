@@ -247,12 +247,14 @@ static PetscErrorCode create_moments(Coarse s, Mat *moments)
 /* whole = matrix + (W^T I)^T (W^T I), of W^T I what matters, or NULL where nothing does */
 static PetscErrorCode add_bodies(Coarse s)
 {
-  Mat moments, thin;
-  Vec inverse;
+  PetscInt any = s->bodies && s->ncut > 0;
+  Mat      moments, thin;
+  Vec      inverse;
 
   PetscFunctionBeginUser;
   PetscCall(MatDestroy(&s->whole));
-  if (!s->bodies) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &any, 1, MPIU_INT, MPI_MAX, PETSC_COMM_WORLD));
+  if (!any) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(create_moments(s, &moments));
   PetscCall(MatCreateVecs(s->matrix, &inverse, NULL));
   PetscCall(MatGetDiagonal(s->matrix, inverse));

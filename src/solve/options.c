@@ -18,7 +18,7 @@ static const OptSpec SPECS[] = {
    .help = "bound for -flow_rtol_start, as share of the right-hand side", .when = FLOW, .expert = PETSC_TRUE},
   {"-flow_error_most", OPT_REAL, "", 0, 1, "0, with recipe balanced and bodies that move 2e-3, but not on periodic meshes nor with outflows",
    .help =
-     "estimated error of velocities that a solve may leave, as share of the largest; with bodies lighter than the fluid it counts ten times, with ties or convective numbers above 2 twice (0: only residuals count, as where -flow_rtol_most is given, and where a mean velocity is held)",
+     "estimated error of velocities that a solve may leave, as share of the largest; with bodies lighter than the fluid it counts ten times, at convective numbers above 2 four times, with ties twice (0: only residuals count, as where -flow_rtol_most is given, and where a mean velocity is held)",
    .when = FLOW},
   {"-flow_iterations_least", OPT_INT, "", 0, 100, "0, with recipe fast around bodies 2",
    .help = "outer iterations of a step, unless fewer do for recipe balanced", .when = FLOW, .expert = PETSC_TRUE},

@@ -79,10 +79,11 @@ PetscErrorCode FlowSolverSetTolerance(FlowSolver fs, PetscBool *enough)
 #define MOST_RESIDUAL    2e-4 /* of the right-hand side: rigid nodes come and go, which changes show late */
 #define MOST_OWED        1e-2 /* where it is owed to the next step: with a penalty most of it is slip in cut cells */
 #define MOST_START       3e-2
-/* By what an estimate counts: bodies lighter than the fluid follow later than the residual says; so do tied ones, and
-   what goes several cells in a step */
+/* By what an estimate counts: bodies lighter than the fluid follow later than the residual says; so does what goes
+   several cells in a step, and so do tied ones */
 #define PRUDENCE_LIGHT 10
-#define PRUDENCE_OTHER 2
+#define PRUDENCE_SWIFT 4
+#define PRUDENCE_TIED  2
 /* Where contact ties bodies (runs/studies/contact, "How far a pile is solved"). The change of a step may be all of the
    speed there, of which a share is too much. And chains of bodies follow late, by large changes at a small residual:
    what is left of it may count by as much as the largest change so far did by the residual before, and some. */
@@ -160,7 +161,7 @@ static PetscErrorCode velocities_suffice(FlowSolver fs, PetscInt it, PetscReal n
 
   PetscFunctionBeginUser;
   PetscCall(measure(fs, change, whole, speed, &light));
-  prudence = light ? PRUDENCE_LIGHT : tied || fs->swift ? PRUDENCE_OTHER : 1;
+  prudence = light ? PRUDENCE_LIGHT : fs->swift ? PRUDENCE_SWIFT : tied ? PRUDENCE_TIED : 1;
   *enough  = (PetscBool)(it >= LEAST_ITERATIONS && norm <= (fs->owing ? MOST_OWED : MOST_RESIDUAL) * fs->rhs);
   for (PetscInt i = 0; i < 2; i++) {
     const PetscReal last = fs->last_change[i], slowed = change[i] < MOST_RATE * last ? change[i] / last : MOST_RATE;

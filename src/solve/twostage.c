@@ -5,9 +5,9 @@
 
 /* om = most vn/(vn + BLEND_HALF) for the viscous number vn of the smallest cell; most of it with a penalty, which in
    dense packings leaves little to commute (runs/studies/flow-solver) */
-#define BLEND_PENALTY 0.9
+#define BLEND_PENALTY 0.95
 #define BLEND_RIGID   0.5
-#define BLEND_HALF    0.4
+#define BLEND_HALF    1
 /* The second solve need not be better, but one that ends short of this spoils the correction in dense packings */
 #define SECOND_RTOL 0.1
 #define SECOND_MOST 10
