@@ -67,18 +67,19 @@ PetscErrorCode MeetEstimate(const SimParts *part, PetscReal dt, PetscReal dt_old
 {
   BodyState *s;
   PetscReal  most = 0;
-  PetscBool  solved;
+  PetscBool  limit; /* contact forces to what answers a load */
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(part->bodies, &s));
-  PetscCall(MeetIsSolved(part, &solved));
-  if (solved && dt_old > 0) PetscCall(most_of_flow(part, dt_old, &most));
+  PetscCall(MeetIsSolved(part, &limit));
+  limit = (PetscBool)(limit && dt_old > 0);
+  if (limit) PetscCall(most_of_flow(part, dt_old, &most));
   for (PetscInt k = 0; k < s->n; k++) {
     PetscReal mass, inertia[6], start[3], share = 1;
 
     PetscCall(ContactGetMass(part->contact, k, &mass, inertia));
     PetscCall(ContactGetStart(part->contact, k, dt, start));
-    if (solved && dt_old > 0) PetscCall(share_of_load(part, s, k, most * mass, &share));
+    if (limit) PetscCall(share_of_load(part, s, k, most * mass, &share));
     for (PetscInt d = 0; d < 3; d++) {
       const PetscReal moment = inertia[d];
 

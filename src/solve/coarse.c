@@ -220,13 +220,11 @@ static PetscErrorCode create_rows(Coarse s, Mat *moments)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The pressure's force on every body that moves */
-static PetscErrorCode create_moments(Coarse s, Mat *moments)
+static PetscErrorCode fill_rows(Coarse s, Mat moments)
 {
   const PetscInt nv = 1 << s->loc->dim;
 
   PetscFunctionBeginUser;
-  PetscCall(create_rows(s, moments));
   for (PetscInt i = 0; i < s->ncut; i++) {
     const PetscInt slot = s->bodies->local_slot[s->bodies->local_index[s->body[i]]];
     PetscInt       row[6], col[8];
@@ -237,31 +235,42 @@ static PetscErrorCode create_moments(Coarse s, Mat *moments)
     for (PetscInt e = 0; e < s->nr * nv; e++)
       for (PetscInt k = 0; k < s->nk; k++) value[e] += s->w[(i * s->nk + k) * s->nr + e / nv] * fit[k * nv + e % nv];
     for (PetscInt v = 0; v < nv; v++) col[v] = s->vertex[col[v]];
-    PetscCall(MatSetValues(*moments, s->nr, row, nv, col, value, ADD_VALUES));
+    PetscCall(MatSetValues(moments, s->nr, row, nv, col, value, ADD_VALUES));
   }
-  PetscCall(MatAssemblyBegin(*moments, MAT_FINAL_ASSEMBLY));
-  PetscCall(MatAssemblyEnd(*moments, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyBegin(moments, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(moments, MAT_FINAL_ASSEMBLY));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* whole = matrix + (W^T I)^T (W^T I), of W^T I what matters, or NULL where nothing does */
-static PetscErrorCode add_bodies(Coarse s)
+PetscErrorCode CoarseCreateMoments(Coarse s, Mat *all, Mat *thin)
 {
-  PetscInt any = s->bodies && s->ncut > 0;
-  Mat      moments, thin;
+  PetscInt any = s->ncut > 0;
   Vec      inverse;
 
   PetscFunctionBeginUser;
-  PetscCall(MatDestroy(&s->whole));
+  *all = *thin = NULL;
+  if (!s->bodies) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &any, 1, MPIU_INT, MPI_MAX, PETSC_COMM_WORLD));
   if (!any) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(create_moments(s, &moments));
+  PetscCall(create_rows(s, all));
+  PetscCall(fill_rows(s, *all));
   PetscCall(MatCreateVecs(s->matrix, &inverse, NULL));
   PetscCall(MatGetDiagonal(s->matrix, inverse));
   PetscCall(VecReciprocal(inverse));
-  PetscCall(ThinRows(moments, &RULE[s->loc->dim], inverse, &thin));
-  PetscCall(MatDestroy(&moments));
+  PetscCall(ThinRows(*all, &RULE[s->loc->dim], inverse, thin));
   PetscCall(VecDestroy(&inverse));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* whole = matrix + the bodies' part, or NULL where there is none */
+static PetscErrorCode add_bodies(Coarse s)
+{
+  Mat all, thin;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatDestroy(&s->whole));
+  PetscCall(CoarseCreateMoments(s, &all, &thin));
+  PetscCall(MatDestroy(&all));
   if (!thin) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MatTransposeMatMult(thin, thin, MAT_INITIAL_MATRIX, PETSC_DEFAULT, &s->whole));
   PetscCall(MatDestroy(&thin));

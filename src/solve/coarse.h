@@ -34,6 +34,11 @@ PetscErrorCode CoarseAssemble(Coarse);
    that this rank knows. Borrowed until the next call. Not collective. */
 PetscErrorCode CoarseSetBodies(Coarse, Constraint, PetscInt n, const PetscInt cell[], const PetscInt body[], const PetscReal w[]);
 
+/* W^T I of the bodies set, rows by slots, all of it, and the part that matters (thinrows.h), of which the operator has
+   the product thin^T thin. Where no cell is cut, or nothing matters, NULL; the caller destroys both. After
+   CoarseAssemble. Collective. */
+PetscErrorCode CoarseCreateMoments(Coarse, Mat *all, Mat *thin);
+
 /* Give interpolation and operator to a PCMG of two levels, always the same one. Its solver on this level is set up
    where too much has changed. Collective. */
 PetscErrorCode CoarseSetUpPC(Coarse, PC);
