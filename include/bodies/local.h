@@ -13,14 +13,16 @@
 
    Design and measurements: runs/studies/scaling/README.md. */
 #pragma once
+#include "base/curve.h"
 #include "base/exact.h"
 #include "bodies/write.h"
 
 /* Boxes, lowest and highest corner, that cover this rank's part of a mesh; everything that the rank looks at is no
-   farther than `beyond` from one. A place in boxes of several ranks is the first one's. */
+   farther than `beyond` from one. curve tells whose a place is; NULL: of those with a box that holds it the first. */
 typedef struct {
   PetscInt n;
   PetscReal (*box)[2][3], beyond;
+  Curve curve;
 } BodyBoxes;
 
 /* BodiesCreate for bodies that are spread over the ranks of comm, if there are several: each knows those of its part,
@@ -34,8 +36,8 @@ PetscErrorCode BodiesCreateLocal(MPI_Comm comm, PetscInt dim, const PetscReal lo
 PetscErrorCode BodiesShareStarts(Bodies);
 /* All ranks know the bodies of a group from the next BodiesMigrate on. */
 PetscErrorCode BodiesSetEverywhere(Bodies, PetscInt group);
-/* The parts are others from now on, as those of another mesh; bodies go there with the next BodiesMigrate. Nothing
-   happens where all know all. Collective. */
+/* The parts are others from now on, as those of another mesh; bodies go there with the next BodiesMigrate. The boxes
+   are copied, the curve is the bodies' from then on. Not where all know all. Collective. */
 PetscErrorCode BodiesSetBoxes(Bodies, const BodyBoxes *);
 /* From the next BodiesMigrate on ranks look farther than `beyond` of their boxes, by the largest reach of any. Nothing
    happens where all know all. Collective. */

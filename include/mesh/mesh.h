@@ -11,6 +11,7 @@
    cell beside a larger one then has nodes of the larger one in its slots, and values at its lattice places come from
    them by an interpolation of the element (mesh/hang.h). */
 #pragma once
+#include "base/curve.h"
 #include "base/domain.h"
 #include "base/regions.h"
 #include "mesh/hang.h"
@@ -140,6 +141,9 @@ PetscErrorCode MeshNodesInBox(Mesh, const PetscReal x[], PetscReal half, PetscIn
    ghost cells, or their images, lie no farther than *beyond from one, which is larger by `reach` diagonals of this
    rank's largest cell. Not collective (the mesh as it is). */
 PetscErrorCode MeshCover(Mesh, PetscInt reach, PetscInt *n, PetscReal (**box)[2][3], PetscReal *beyond);
+/* Whose a place in the domain is, by the cell there, for meshes that are dealt along a curve; NULL for others. The
+   caller's, also after the mesh is gone. Not collective. */
+PetscErrorCode MeshCreateCurve(Mesh, Curve *);
 /* The same of all ranks; *beyond: the largest of them. Collective. */
 PetscErrorCode MeshCreateRegions(Mesh, PetscInt reach, Regions *, PetscReal *beyond);
 

@@ -33,8 +33,9 @@ PetscErrorCode BodiesSetBoxes(Bodies b, const BodyBoxes *boxes)
   BodyParts *p = b->parts;
 
   PetscFunctionBeginUser;
-  if (!p) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(RegionsDestroy(&p->regions));
+  PetscCall(CurveDestroy(&p->curve));
+  p->curve  = boxes->curve;
   p->beyond = boxes->beyond;
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &p->beyond, 1, MPIU_REAL, MPIU_MAX, p->comm));
   PetscCall(RegionsCreate(p->comm, p->dim, p->lower, p->upper, p->period, boxes->n, boxes->box, &p->regions));
@@ -84,6 +85,7 @@ PetscErrorCode BodyPartsDestroy(BodyParts **parts)
   if (!*parts) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt a = 0; a < 3; a++) PetscCall(PetscFree((*parts)->cut[a]));
   PetscCall(RegionsDestroy(&(*parts)->regions));
+  PetscCall(CurveDestroy(&(*parts)->curve));
   PetscCall(PetscSFDestroy(&(*parts)->ghosts));
   for (int i = 0; i < 2; i++) PetscCall(RowTypeDestroy(&(*parts)->unit[i]));
   PetscCall(PetscCommDestroy(&(*parts)->comm));
@@ -102,6 +104,7 @@ PetscMPIInt BodyPartsRank(const BodyParts *p, const PetscReal x[3])
   PetscReal y[3];
 
   BodyPartsInside(p, x, y);
+  if (p->curve) return CurveOwner(p->curve, y);
   if (p->regions) return RegionsOwner(p->regions, y);
   for (PetscInt a = 0; a < p->dim; a++)
     for (PetscInt low = 0, high = p->n[a]; high - low > 1; at[a] = low) {

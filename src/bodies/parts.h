@@ -10,6 +10,7 @@ struct _p_BodyParts {
   PetscInt     dim, n[3], at[3]; /* parts along the axes, place of this rank's one */
   PetscReal   *cut[3];           /* [n + 1] */
   Regions      regions;          /* boxes of all ranks; NULL: parts are cut */
+  Curve        curve;            /* or NULL: where boxes overlap, the first one counts */
   PetscReal    beyond, farther, lower[3], upper[3], period[3];
   PetscSF      ghosts; /* from known to known bodies; NULL before the first BodiesMigrate */
   PetscMPIInt  tag;

@@ -25,6 +25,7 @@ PetscErrorCode CoupleSetParts(Mesh mesh, Bodies bodies, PetscInt reach)
   PetscFunctionBeginUser;
   if (BodiesComm(bodies) == PETSC_COMM_SELF) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MeshCover(mesh, reach, &boxes.n, &boxes.box, &boxes.beyond));
+  PetscCall(MeshCreateCurve(mesh, &boxes.curve));
   PetscCall(BodiesSetBoxes(bodies, &boxes));
   PetscCall(PetscFree(boxes.box));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -2,7 +2,8 @@
    the longer axis, or where these leave half of it empty, as on both sides of a periodic seam; three times: the parts
    of a curve through the mesh are no boxes, but few pieces of them are. */
 #include "compat.h"
-#include "mesh/mesh.h"
+#include "impl.h"
+#include "leaves.h"
 
 #define HALVINGS 3
 
@@ -98,6 +99,14 @@ PetscErrorCode MeshCover(Mesh mesh, PetscInt reach, PetscInt *n, PetscReal (**bo
   for (PetscInt c = v.l->ncell; c < v.l->ncell_all; c++) *beyond = PetscMax(*beyond, distance_to(&v, c, *n, *box));
   *beyond += (PetscReal)reach * PetscSqrtReal(widest);
   PetscCall(PetscFree4(v.lower, v.upper, v.middle, cell));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MeshCreateCurve(Mesh mesh, Curve *curve)
+{
+  PetscFunctionBeginUser;
+  *curve = NULL;
+  if (mesh->leaves && mesh->leaves->first) PetscCall(LeavesCreateCurve(mesh->leaves, curve));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -7,33 +7,6 @@
 #define BAND_PLANE 2.2 /* from here on levels are balanced by themselves */
 #define BAND_SPACE 2.6
 
-/* ---- the curve ---- */
-
-/* Bits of x spread to every second (third) place */
-static uint64_t spread(PetscInt dim, uint64_t x)
-{
-  if (dim == 2) {
-    x = (x | x << 16) & 0x0000FFFF0000FFFFu;
-    x = (x | x << 8) & 0x00FF00FF00FF00FFu;
-    x = (x | x << 4) & 0x0F0F0F0F0F0F0F0Fu;
-    x = (x | x << 2) & 0x3333333333333333u;
-    return (x | x << 1) & 0x5555555555555555u;
-  }
-  x = (x | x << 32) & 0x001F00000000FFFFu;
-  x = (x | x << 16) & 0x001F0000FF0000FFu;
-  x = (x | x << 8) & 0x100F00F00F00F00Fu;
-  x = (x | x << 4) & 0x10C30C30C30C30C3u;
-  return (x | x << 2) & 0x1249249249249249u;
-}
-
-static uint64_t curve_key(PetscInt dim, const PetscInt x[])
-{
-  uint64_t key = 0;
-
-  for (PetscInt d = 0; d < dim; d++) key |= spread(dim, (uint64_t)x[d]) << d;
-  return key;
-}
-
 PetscErrorCode LeavesPlace(const Leaves *t, const PetscInt half[], PetscReal x[])
 {
   const MeshKind k = t->kind;
@@ -123,7 +96,7 @@ PetscReal LeavesReach(const Leaves *t, PetscReal h)
 /* Around surfaces, remembered: a narrow band asks again and again */
 static PetscErrorCode surface_refines(Leaves *t, PetscInt level, const PetscInt x[], PetscBool *refine)
 {
-  const uint64_t key = curve_key(t->dim, x);
+  const uint64_t key = CurveKey(t->dim, x);
   PetscReal      centre[3], h, d = PETSC_MAX_REAL, far;
   PetscInt       known;
 
@@ -152,7 +125,7 @@ PetscErrorCode LeavesRefine(Leaves *t, PetscInt level, const PetscInt x[], Petsc
   *refine = PETSC_FALSE;
   if (level >= t->levels) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(surface_refines(t, level, x, refine));
-  if (!*refine && t->surface && t->surface->marks) *refine = MarksHave(t->surface->marks, level, curve_key(t->dim, x));
+  if (!*refine && t->surface && t->surface->marks) *refine = MarksHave(t->surface->marks, level, CurveKey(t->dim, x));
   if (*refine || !t->boxes.n) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(LeavesMeasure(t, level, x, centre, &h));
   *refine = BoxesRefine(&t->boxes, t->dim, level, centre, h);
@@ -163,22 +136,15 @@ PetscErrorCode LeavesRefine(Leaves *t, PetscInt level, const PetscInt x[], Petsc
 
 PetscMPIInt LeavesOwner(const Leaves *t, uint64_t key)
 {
-  PetscMPIInt size, lo = 0, hi;
+  PetscMPIInt size;
 
   (void)MPI_Comm_size(t->comm, &size);
-  hi = size;
-  while (hi - lo > 1) {
-    const PetscMPIInt mid = (lo + hi) / 2;
-
-    if (t->first[mid] <= key) lo = mid;
-    else hi = mid;
-  }
-  return lo;
+  return CurveRank(size, t->first, key);
 }
 
 uint64_t LeavesKey(const Leaves *t, const PetscInt x[])
 {
-  return curve_key(t->dim, x);
+  return CurveKey(t->dim, x);
 }
 
 static PetscInt find_before(PetscInt n, const Leaf leaf[], uint64_t key)
@@ -206,6 +172,29 @@ PetscInt LeavesOwnIndex(const Leaves *t, uint64_t key)
   return i >= 0 && t->leaf[i].key == key ? i : -1;
 }
 
+PetscErrorCode LeavesCreateCurve(const Leaves *t, Curve *curve)
+{
+  PetscReal  *line[3] = {NULL, NULL, NULL};
+  PetscMPIInt size;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_size(t->comm, &size));
+  for (PetscInt d = 0; d < t->dim; d++) {
+    PetscCall(PetscMalloc1(t->cells[d] + 1, &line[d]));
+    for (PetscInt i = 0; i <= t->cells[d]; i++) {
+      PetscInt  half[3] = {0, 0, 0};
+      PetscReal x[3];
+
+      half[d] = 2 * i;
+      PetscCall(LeavesPlace(t, half, x));
+      line[d][i] = x[d];
+    }
+  }
+  PetscCall(CurveCreate(t->dim, t->cells, (const PetscReal *const *)line, size, t->first, curve));
+  for (PetscInt d = 0; d < t->dim; d++) PetscCall(PetscFree(line[d]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscBool is_inside(const Leaves *t, const Leaf *leaf, const PetscInt x[])
 {
   const PetscInt w = LeavesWidth(t, leaf->level);
@@ -217,7 +206,7 @@ static PetscBool is_inside(const Leaves *t, const Leaf *leaf, const PetscInt x[]
 
 PetscErrorCode LeavesFind(Leaves *t, const PetscInt x[], Leaf *out)
 {
-  const uint64_t key = curve_key(t->dim, x);
+  const uint64_t key = CurveKey(t->dim, x);
   PetscMPIInt    rank;
   PetscBool      refine = PETSC_TRUE;
 
@@ -242,7 +231,7 @@ PetscErrorCode LeavesFind(Leaves *t, const PetscInt x[], Leaf *out)
     PetscCall(LeavesRefine(t, out->level, out->x, &refine));
     if (!refine) break;
   }
-  out->key = curve_key(t->dim, out->x);
+  out->key = CurveKey(t->dim, out->x);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

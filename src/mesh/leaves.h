@@ -17,6 +17,7 @@
 #include "boxes.h"
 #include "keys.h"
 #include "kind.h"
+#include "base/curve.h"
 #include "base/expr.h"
 #include "mesh/mesh.h"
 
@@ -87,6 +88,8 @@ PetscErrorCode LeavesLevelBeside(Leaves *, const Leaf *, const PetscInt step[], 
 /* Rank of a leaf, and its place in the list of this rank if it is an own one, else -1. */
 PetscMPIInt LeavesOwner(const Leaves *, uint64_t key);
 PetscInt    LeavesOwnIndex(const Leaves *, uint64_t key);
+/* Whose a place in the box is, after the leaves have gone. Error: none. Not collective. */
+PetscErrorCode LeavesCreateCurve(const Leaves *, Curve *);
 /* Order of leaves along the curve, for qsort */
 int LeavesCompare(const void *, const void *);
 /* The last own leaf that starts at a key or before; key of a finest cell. What remains after LeavesClose. */

@@ -192,31 +192,40 @@ static PetscErrorCode bury(Coarse s, PetscInt i, const PetscInt cell_body[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The matrix W^T I, rows by slots, with room for what this rank's cells have for its own rows */
+/* The matrix W^T I, rows by slots, with room for what the cells of all ranks have for it: entries (a vertex as often
+   as a cut cell has it) in the columns of the slot's rank and in others, which the ranks that know a body tell it */
 static PetscErrorCode create_rows(Coarse s, Mat *moments)
 {
   const struct _p_Constraint *P     = s->bodies;
   const PetscInt              nrows = P->count * s->nr, nv = 1 << s->loc->dim;
-  PetscInt                    n, begin, *room;
-  PetscMPIInt                 rank;
+  const PetscInt             *range;
+  PetscInt                    n, *need[2], *all[2], *room[2];
 
   PetscFunctionBeginUser;
   PetscCall(MatGetLocalSize(s->matrix, &n, NULL));
-  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
-  begin = rank * P->count;
-  PetscCall(PetscCalloc1(nrows, &room));
+  PetscCall(MatGetOwnershipRanges(s->matrix, &range));
+  PetscCall(PetscCalloc4(P->nlocal, &need[0], P->nlocal, &need[1], P->count, &all[0], P->count, &all[1]));
+  PetscCall(PetscMalloc2(nrows, &room[0], nrows, &room[1]));
   for (PetscInt i = 0; i < s->ncut; i++) {
-    const PetscInt slot = P->local_slot[P->local_index[s->body[i]]] - begin;
+    const PetscInt l = P->local_index[s->body[i]], owner = P->local_slot[l] / P->count;
+    PetscInt       col[8];
+    PetscReal      J[9];
 
-    for (PetscInt r = 0; r < s->nr && slot >= 0 && slot < P->count; r++) room[slot * s->nr + r] = PetscMin(n, room[slot * s->nr + r] + nv);
+    PetscCall(map_cell(s, s->cell[i], col, J));
+    for (PetscInt v = 0; v < nv; v++) need[s->vertex[col[v]] < range[owner] || s->vertex[col[v]] >= range[owner + 1]][l]++;
+  }
+  for (PetscInt o = 0; o < 2; o++) {
+    PetscCall(PetscSFReduceBegin(P->rigid_sf, MPIU_INT, need[o], all[o], MPI_SUM));
+    PetscCall(PetscSFReduceEnd(P->rigid_sf, MPIU_INT, need[o], all[o], MPI_SUM));
+    for (PetscInt k = 0; k < nrows; k++) room[o][k] = o ? all[o][k / s->nr] : PetscMin(n, all[o][k / s->nr]);
   }
   PetscCall(MatCreate(PETSC_COMM_WORLD, moments));
   PetscCall(MatSetSizes(*moments, nrows, n, PETSC_DETERMINE, PETSC_DETERMINE));
   PetscCall(MatSetType(*moments, MATAIJ));
-  PetscCall(MatSeqAIJSetPreallocation(*moments, 0, room));
-  PetscCall(MatMPIAIJSetPreallocation(*moments, 0, room, nv, NULL));
-  PetscCall(MatSetOption(*moments, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE)); /* bodies of many ranks */
-  PetscCall(PetscFree(room));
+  PetscCall(MatSeqAIJSetPreallocation(*moments, 0, room[0]));
+  PetscCall(MatMPIAIJSetPreallocation(*moments, 0, room[0], 0, room[1]));
+  PetscCall(PetscFree2(room[0], room[1]));
+  PetscCall(PetscFree4(need[0], need[1], all[0], all[1]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

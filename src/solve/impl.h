@@ -79,6 +79,7 @@ struct _p_FlowSolver {
   TwoStage           two;                             /* or NULL: not wanted so far */
   PetscReal          error_most;                      /* see the header */
   PetscReal          rhs, last_norm, last_change[2];  /* of the outer iteration, see stop.c */
+  PetscInt           judged;                          /* iteration: gmres asks twice where it starts anew */
   PetscReal          steepest[2];                     /* largest change by the residual before it, likewise */
   PetscBool          judge_tied;                      /* velocities count with ties, without error_most, too */
   PetscBool          moving;                          /* there are bodies that do not stand still */

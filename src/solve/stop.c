@@ -195,12 +195,13 @@ static PetscErrorCode test_convergence(KSP ksp, PetscInt it, PetscReal norm, KSP
     PetscCall(VecZeroEntries(fs->iterate[0]));
     fs->last_change[0] = fs->last_change[1] = PETSC_MAX_REAL;
     fs->steepest[0] = fs->steepest[1] = 0;
-  } else if (*reason == KSP_CONVERGED_ITERATING || (*reason == KSP_CONVERGED_RTOL && open)) {
+  } else if (it > fs->judged && (*reason == KSP_CONVERGED_ITERATING || (*reason == KSP_CONVERGED_RTOL && open))) {
     PetscCall(velocities_suffice(fs, it, norm, &enough));
     if (fs->error_most == 0) enough = (PetscBool)(enough && *reason == KSP_CONVERGED_RTOL);
     *reason = enough ? KSP_CONVERGED_RTOL : KSP_CONVERGED_ITERATING;
   }
   fs->last_norm = norm;
+  fs->judged    = it;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

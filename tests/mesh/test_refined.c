@@ -347,10 +347,47 @@ static void test_carry_conserves(void **state)
   }
 }
 
+/* Whose a place is: of the centre of every cell, and of what lies beside its corners, on a graded box too */
+static void check_curve(const char options[], PetscInt dim)
+{
+  Balls            b = one_ball(dim);
+  Mesh             m;
+  Curve            curve;
+  const MeshLocal *l;
+  PetscMPIInt      rank;
+
+  create(options, &b, &m);
+  OK(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
+  OK(MeshGetLocal(m, &l));
+  OK(MeshCreateCurve(m, &curve));
+  assert_non_null(curve);
+  for (PetscInt c = 0; c < l->ncell; c++) {
+    PetscReal x[MESH_MAX_NB * 3], at[3] = {0, 0, 0};
+
+    OK(MeshCellCoordinates(m, c, x));
+    for (PetscInt j = 0; j < l->nb; j++) {
+      for (PetscInt a = 0; a < dim; a++) at[a] = x[l->nb / 2 * dim + a] + 0.999 * (x[j * dim + a] - x[l->nb / 2 * dim + a]);
+      assert_int_equal(CurveOwner(curve, at), rank);
+    }
+  }
+  OK(MeshDestroy(&m)); /* the curve outlives it */
+  assert_in_range(CurveOwner(curve, (const PetscReal[3]){-5, 7, 1}), 0, 6);
+  OK(CurveDestroy(&curve));
+}
+
+static void test_curve(void **state)
+{
+  (void)state;
+  check_curve("-mesh_cells 12,20 -mesh_levels 2", 2);
+  check_curve("-mesh_cells 10,6 -mesh_levels 1 -mesh_stretch 2,1", 2);
+  check_curve("-mesh_dimension 3 -mesh_cells 3,5,4 -mesh_levels 2 -mesh_band 1", 3);
+}
+
 int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {cmocka_unit_test(test_counts), cmocka_unit_test(test_places), cmocka_unit_test(test_ghosts),
-                                     cmocka_unit_test(test_patch),  cmocka_unit_test(test_carry),  cmocka_unit_test(test_carry_conserves)};
+                                     cmocka_unit_test(test_patch),  cmocka_unit_test(test_carry),  cmocka_unit_test(test_carry_conserves),
+                                     cmocka_unit_test(test_curve)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

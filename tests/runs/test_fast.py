@@ -56,6 +56,13 @@ def test_errors_do_not_add_up(run, recipe, bound, most):
     assert sum(int(row["outer_iterations"]) for row in rows) <= most * len(rows)
 
 
+def test_short_restarts_stop_no_sooner(run):
+    """Where gmres starts anew it asks twice whether an iteration is good enough; asked again, nothing has changed, which is no convergence."""
+    step = ["-mesh_cells", "24,72", "-sim_dt", 0.03, "-sim_steps", 4]
+    (_, usual), (_, short) = (speeds(run, "balanced", [*step, "-flow_ksp_gmres_restart", restart]) for restart in (60, 2))
+    assert min(usual) > 2 and all(a <= b for a, b in zip(usual, short, strict=True)), f"{usual} iterations, restarting every two {short}"
+
+
 def test_ranks_agree(run):
     one, two = (speeds(run, "fast", CASES["CFL 1.8"][0], ranks)[0] for ranks in (1, 2))
     assert max(abs(a - b) for a, b in zip(one, two, strict=True)) < 5e-3 * max(map(abs, one)), f"{one}\n{two}"
