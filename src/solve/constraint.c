@@ -5,8 +5,8 @@
 #include "base/room.h"
 #include "base/rowtype.h"
 
-/* Bodies that a rank has slots for, by those of an even share: its own share by number, and twice the mean by place */
-#define SLOTS 3
+/* Bodies that a rank has slots for, by those of an even share: its own share by number, and as many more by place */
+#define SLOTS 2
 
 PetscInt ConstraintSlots(PetscInt nbodies)
 {

@@ -55,14 +55,10 @@ static const struct {
   [SWIFT]                = {CONVECTIVE, 2, "twice the care where the velocities' error ends a solve", STUDY},
 };
 
-#define VELOCITY       "-flow_fieldsplit_velocity_"
-#define LOOSE_VELOCITY 1e-2
-#define FEW            6 /* directions of gmres, see MANY_DIRECTIONS */
-#define MANY           30
-#define SHARE_BELOW    0.5  /* of the pressure correction, below WHOLE_PRESSURE */
-#define MASS_STEADY    0.9  /* of the pressure's mass beside the commutator where the viscosity varies */
-#define MASS_OTHER     0.6  /* with convection or a penalty, which that does not know (runs/studies/rheology) */
-#define LOOSE          1e-3 /* tolerance from which a single projection is enough around bodies */
+#define SHARE_BELOW 0.5  /* of the pressure correction, below WHOLE_PRESSURE */
+#define MASS_STEADY 0.9  /* of the pressure's mass beside the commutator where the viscosity varies */
+#define MASS_OTHER  0.6  /* with convection or a penalty, which that does not know (runs/studies/rheology) */
+#define LOOSE       1e-3 /* tolerance from which a single projection is enough around bodies */
 
 /* Recipe fast around bodies: iterations at least, and residual that they leave as share of the start value's
    (runs/studies/fast) */
@@ -155,7 +151,7 @@ static PetscErrorCode set_outer(FlowSolver fs, PetscInt recipe, PetscBool moving
   if (fs->single) {
     PetscCall(OptDefault("-flow_ksp_convergence_test", "skip"));
     PetscCall(OptDefault("-flow_ksp_norm_type", "none")); /* or the sweep would run a second time for it */
-  } else PetscCall(OptDefault("-flow_ksp_gmres_restart", "60"));
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -240,20 +236,6 @@ static PetscErrorCode compare_numbers(FlowSolver fs, const PetscReal number[], P
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* gmres takes memory for all its directions as soon as it needs more than two. A tight tolerance needs many. */
-static PetscErrorCode choose_directions(FlowSolver fs, PetscBool many)
-{
-  PetscBool given;
-  PetscReal rtol;
-
-  PetscFunctionBeginUser;
-  PetscCall(PetscOptionsHasName(NULL, NULL, VELOCITY "ksp_gmres_restart", &given));
-  if (given || fs->need_whole) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(KSPGetTolerances(fs->sub[0], &rtol, NULL, NULL, NULL));
-  PetscCall(KSPGMRESSetRestart(fs->sub[0], many || rtol < LOOSE_VELOCITY ? MANY : FEW));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
 {
   const FlowParameters *par;
@@ -279,7 +261,7 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
   else factorise = (PetscBool)(above[FACTORISE_CONVECTION] || above[FACTORISE_VISCOUS] || (above[FACTORISE_UNRESOLVED] && convective > 5 * viscous));
   fs->relax = factorise ? RELAX_ILU : FlowIsMatrixFree(fs->flow) ? RELAX_JACOBI : RELAX_SOR;
   if (fs->sweep_type != SWEEP_AUTO) fs->relax = (RelaxKind)fs->sweep_type;
-  PetscCall(choose_directions(fs, (PetscBool)(above[MANY_DIRECTIONS] || fs->nbodies)));
+  PetscCall(FlowSolverChooseDirections(fs, step->dt, (PetscBool)(above[MANY_DIRECTIONS] || fs->nbodies)));
   fs->swift             = above[SWIFT];
   fs->share_of_pressure = fs->single && !above[WHOLE_PRESSURE] ? SHARE_BELOW : 1;
   /* the projection is for time steps only */
