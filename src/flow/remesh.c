@@ -94,8 +94,7 @@ PetscErrorCode FlowRemesh(Flow f, Mesh old)
   to[0]   = f->u;
   to[1]   = f->u_old;
   to[2]   = f->u_older;
-  for (PetscInt i = 0; i < 3; i++)
-    if (from[i]) PetscCall(MeshCarryVelocity(old, f->mesh, from[i], to[i]));
+  PetscCall(MeshCarryVelocities(old, f->mesh, 3, from, to));
   if (f->conformation)
     PetscCall(MeshCarryNodes(old, f->mesh, 2 * f->loc->dim, ConformationField(was.conformation), ConformationField(f->conformation)));
   for (PetscInt i = 0; i < 2; i++) {

@@ -6,14 +6,19 @@
 #include "impl.h"
 #include "leaves.h"
 #include "refined.h"
+#include "base/parcels.h"
 #include "mesh/element.h"
 
-/* n places, wanted by this rank, on their way to the owners of the old cells there */
+#define CARRY_MOST 6 /* numbers a node, a symmetric tensor; fields at once */
+
+/* n places, wanted by this rank: those in its own old cells, and those on their way to the owners of the old cells */
 typedef struct {
   const Leaves *leaves;
-  PetscMPIInt   size, *ask, *asked, *ask_at, *asked_at;
-  PetscInt      n, nasked, *slot; /* slot [n]: where place i stands among those sent */
-  PetscReal    *place;            /* [nasked][3] what others want */
+  MPI_Comm      comm;
+  PetscMPIInt   tag, *to, *from; /* [nfar] ascending, [nasked - nown] */
+  PetscInt      nown, nfar, *own, *far;
+  PetscInt      nasked;
+  PetscReal (*place)[3]; /* [nasked] first the own ones, then what others want */
 } Travel;
 
 /* Owner of the old finest cell at a place; the upper end of the box belongs to the last one */
@@ -26,58 +31,74 @@ static PetscMPIInt owner_of(const Leaves *t, const PetscReal place[3], uint64_t 
   return LeavesOwner(t, *key);
 }
 
-static PetscErrorCode begin_travel(const Leaves *t, PetscInt n, const PetscReal place[], Travel *w)
+static PetscErrorCode begin_travel(const Leaves *t, PetscInt n, PetscReal (*place)[3], Travel *w)
 {
-  PetscReal   *send;
-  PetscMPIInt *next, *owner;
-  uint64_t     key;
+  PetscReal(*send)[3], (*came)[3];
+  PetscMPIInt rank;
+  PetscInt    ncame;
+  uint64_t    key;
 
   PetscFunctionBeginUser;
-  *w = (Travel){.leaves = t, .n = n};
-  PetscCallMPI(MPI_Comm_size(t->comm, &w->size));
-  PetscCall(PetscCalloc4(w->size, &w->ask, w->size, &w->asked, w->size + 1, &w->ask_at, w->size + 1, &w->asked_at));
-  PetscCall(PetscMalloc1(n, &w->slot));
-  PetscCall(PetscMalloc3(3 * n, &send, w->size, &next, n, &owner));
+  *w = (Travel){.leaves = t};
+  PetscCallMPI(MPI_Comm_rank(t->comm, &rank));
+  PetscCall(PetscCommDuplicate(t->comm, &w->comm, &w->tag));
+  PetscCall(PetscMalloc3(n, &w->own, n, &w->far, n, &w->to));
   for (PetscInt i = 0; i < n; i++) {
-    owner[i] = owner_of(t, place + 3 * i, &key);
-    w->ask[owner[i]] += 3;
+    const PetscMPIInt owner = owner_of(t, place[i], &key);
+
+    if (owner == rank) w->own[w->nown++] = i;
+    else {
+      w->far[w->nfar]  = i;
+      w->to[w->nfar++] = owner;
+    }
   }
-  PetscCallMPI(MPI_Alltoall(w->ask, 1, MPI_INT, w->asked, 1, MPI_INT, t->comm));
-  for (PetscMPIInt r = 0; r < w->size; r++) {
-    w->ask_at[r + 1]   = w->ask_at[r] + w->ask[r];
-    w->asked_at[r + 1] = w->asked_at[r] + w->asked[r];
-    next[r]            = w->ask_at[r] / 3;
-  }
-  for (PetscInt i = 0; i < n; i++) {
-    w->slot[i] = next[owner[i]]++;
-    PetscCall(PetscArraycpy(send + 3 * w->slot[i], place + 3 * i, 3));
-  }
-  w->nasked = w->asked_at[w->size] / 3;
-  PetscCall(PetscMalloc1(3 * w->nasked, &w->place));
-  PetscCallMPI(MPI_Alltoallv(send, w->ask, w->ask_at, MPIU_REAL, w->place, w->asked, w->asked_at, MPIU_REAL, t->comm));
-  PetscCall(PetscFree3(send, next, owner));
+  PetscCall(PetscSortMPIIntWithIntArray((PetscMPIInt)w->nfar, w->to, w->far));
+  PetscCall(PetscMalloc1(w->nfar, &send));
+  for (PetscInt i = 0; i < w->nfar; i++) PetscCall(PetscArraycpy(send[i], place[w->far[i]], 3));
+  PetscCall(ParcelsExchange(w->comm, w->tag, w->nfar, w->to, sizeof(*send), send, &ncame, &came, &w->from));
+  w->nasked = w->nown + ncame;
+  PetscCall(PetscMalloc1(w->nasked, &w->place));
+  for (PetscInt i = 0; i < w->nown; i++) PetscCall(PetscArraycpy(w->place[i], place[w->own[i]], 3));
+  PetscCall(PetscArraycpy(w->place + w->nown, came, ncame));
+  PetscCall(PetscFree(send));
+  PetscCall(PetscFree(came));
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The first of the far places that go to a rank */
+static PetscInt first_of(const Travel *w, PetscMPIInt rank)
+{
+  PetscInt low = 0, high = w->nfar;
+
+  while (low < high) {
+    const PetscInt middle = (low + high) / 2;
+
+    if (w->to[middle] < rank) low = middle + 1;
+    else high = middle;
+  }
+  return low;
 }
 
 /* answer [nasked][bs] back to those who asked: out [n][bs] in their order */
 static PetscErrorCode end_travel(Travel *w, PetscInt bs, const PetscReal answer[], PetscReal out[])
 {
-  PetscReal *got;
+  PetscMPIInt *who;
+  PetscReal   *got;
+  PetscInt     n, at = 0;
 
   PetscFunctionBeginUser;
-  for (PetscMPIInt r = 0; r <= w->size; r++) {
-    if (r < w->size) w->ask[r] = w->ask[r] / 3 * (PetscMPIInt)bs;
-    if (r < w->size) w->asked[r] = w->asked[r] / 3 * (PetscMPIInt)bs;
-    w->ask_at[r]   = w->ask_at[r] / 3 * (PetscMPIInt)bs;
-    w->asked_at[r] = w->asked_at[r] / 3 * (PetscMPIInt)bs;
+  PetscCall(ParcelsExchange(w->comm, w->tag, w->nasked - w->nown, w->from, bs * sizeof(*out), answer + bs * w->nown, &n, &got, &who));
+  for (PetscInt i = 0; i < w->nown; i++) PetscCall(PetscArraycpy(out + bs * w->own[i], answer + bs * i, bs));
+  for (PetscInt i = 0; i < n; i++) { /* of a rank in the order in which it was asked */
+    at = !i || who[i] != who[i - 1] ? first_of(w, who[i]) : at + 1;
+    PetscCall(PetscArraycpy(out + bs * w->far[at], got + bs * i, bs));
   }
-  PetscCall(PetscMalloc1(w->n * bs, &got));
-  PetscCallMPI(MPI_Alltoallv(answer, w->asked, w->asked_at, MPIU_REAL, got, w->ask, w->ask_at, MPIU_REAL, w->leaves->comm));
-  for (PetscInt i = 0; i < w->n; i++) PetscCall(PetscArraycpy(out + i * bs, got + w->slot[i] * bs, bs));
   PetscCall(PetscFree(got));
+  PetscCall(PetscFree(who));
+  PetscCall(PetscFree(w->from));
   PetscCall(PetscFree(w->place));
-  PetscCall(PetscFree(w->slot));
-  PetscCall(PetscFree4(w->ask, w->asked, w->ask_at, w->asked_at));
+  PetscCall(PetscFree3(w->own, w->far, w->to));
+  PetscCall(PetscCommDestroy(&w->comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -94,11 +115,11 @@ static void find_place(const Leaves *t, const PetscReal place[3], PetscInt *cell
 }
 
 /* Places of the new lattice, n counts of 1/parts of its finest cells, in those of the old one */
-static void convert_places(const Leaves *now, const Leaves *old, PetscInt parts, PetscInt n, const PetscInt count[], PetscReal place[])
+static void convert_places(const Leaves *now, const Leaves *old, PetscInt parts, PetscInt n, const PetscInt count[], PetscReal (*place)[3])
 {
   for (PetscInt i = 0; i < n; i++) {
     for (PetscInt d = 0; d < 3; d++)
-      place[3 * i + d] = d < now->dim ? (PetscReal)count[3 * i + d] * (PetscReal)old->cells[d] / (PetscReal)(parts * now->cells[d]) : 0;
+      place[i][d] = d < now->dim ? (PetscReal)count[3 * i + d] * (PetscReal)old->cells[d] / (PetscReal)(parts * now->cells[d]) : 0;
   }
 }
 
@@ -108,28 +129,90 @@ typedef struct {
   PetscReal *weight;            /* [n] */
 } Samples;
 
-/* Side, in finest cells, of the largest cell around a node: twice its middle is an odd multiple of it */
-static PetscInt largest_width(const MeshLocal *l, const PetscInt half[], PetscInt node)
+/* What new nodes and cells keep of an old mesh with the same lattice. A node keeps its value where one of the largest
+   cells around it was there before with the same places that hang: along its edges and faces the old field is the
+   quadratic of that cell, which interpolation and Simpson's rule on its halves both give back. One sample is enough
+   where one of the largest cells lay in an old cell. */
+typedef struct {
+  PetscInt  *cell;    /* [ncell] old own cell that holds this one, or -1: there is none on this rank, or smaller ones */
+  PetscInt  *node;    /* [nnode] old node whose value this one keeps, or -1 */
+  PetscInt  *largest; /* [nnode_all] side of the largest cell around a node, in finest cells */
+  PetscBool *inside;  /* [nnode] one of the largest cells lay in an old one */
+} Kept;
+
+/* Sides of cells from twice their middle, an odd multiple of it */
+static void measure_around(Mesh now, PetscInt largest[])
 {
-  PetscInt width = 1;
+  const MeshLocal *l = &now->loc;
 
-  for (PetscInt e = l->node_cell_ptr[node]; e < l->node_cell_ptr[node + 1]; e++) {
-    const PetscInt middle = half[3 * l->cell_node[l->node_cell[e] * l->nb + l->nb / 2]];
+  for (PetscInt c = 0; c < l->ncell_all; c++) {
+    const PetscInt *node = l->cell_node + c * l->nb, middle = now->half[3 * node[l->nb / 2]];
 
-    width = PetscMax(width, middle & -middle);
+    for (PetscInt j = 0; j < l->nb; j++) largest[node[j]] = PetscMax(largest[node[j]], middle & -middle);
   }
-  return width;
+}
+
+/* Own cells of both meshes ascend along the curve: one merge, no search */
+static void match_cells(const Leaves *now, const Leaves *old, PetscInt cell[])
+{
+  PetscBool same = PETSC_TRUE;
+  PetscInt  k    = 0;
+
+  for (PetscInt d = 0; d < now->dim; d++) same = (PetscBool)(same && now->cells[d] == old->cells[d]);
+  for (PetscInt c = 0; c < now->nleaf; c++) {
+    const Leaf *leaf = now->leaf + c;
+
+    cell[c] = -1;
+    if (!same) continue;
+    while (k + 1 < old->nleaf && old->leaf[k + 1].key <= leaf->key) k++;
+    if (old->leaf[k].level <= leaf->level && LeavesHold(old, old->leaf + k, leaf->x)) cell[c] = k;
+  }
+}
+
+static PetscErrorCode find_kept(Mesh old, Mesh now, Kept *kept)
+{
+  const MeshLocal *l = &now->loc, *m = &old->loc;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc3(l->ncell, &kept->cell, l->nnode, &kept->node, l->nnode, &kept->inside));
+  PetscCall(PetscCalloc1(l->nnode_all, &kept->largest));
+  measure_around(now, kept->largest);
+  match_cells(now->leaves, old->leaves, kept->cell);
+  for (PetscInt i = 0; i < l->nnode; i++) {
+    kept->node[i]   = -1;
+    kept->inside[i] = PETSC_FALSE;
+  }
+  for (PetscInt c = 0; c < l->ncell; c++) {
+    const PetscInt  k = kept->cell[c], *node = l->cell_node + c * l->nb, width = LeavesWidth(now->leaves, now->leaves->leaf[c].level);
+    const MeshHang *h = MeshCellHang(l, c), *g = k >= 0 ? MeshCellHang(m, k) : NULL;
+    const PetscBool alike = (PetscBool)(k >= 0 && old->leaves->leaf[k].level == now->leaves->leaf[c].level && !h == !g &&
+                                        (!h || !memcmp(h, g, sizeof(*h))));
+
+    for (PetscInt j = 0; j < l->nb && k >= 0; j++) {
+      if (node[j] >= l->nnode || kept->largest[node[j]] != width) continue;
+      kept->inside[node[j]] = PETSC_TRUE;
+      if (alike) kept->node[node[j]] = m->cell_node[k * l->nb + j];
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode destroy_kept(Kept *kept)
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscFree3(kept->cell, kept->node, kept->inside));
+  PetscCall(PetscFree(kept->largest));
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Axes along which a node is the middle of its largest cells, if those may have been smaller ones before: bits */
-static PetscInt middle_axes(Mesh old, Mesh now, PetscInt node, PetscInt *width)
+static PetscInt middle_axes(Mesh old, Mesh now, PetscInt node, PetscInt width)
 {
   const MeshLocal *l    = &now->loc;
   PetscInt         axes = 0;
 
-  *width = largest_width(l, now->half, node);
-  if (*width * old->leaves->cells[0] <= now->leaves->cells[0]) return 0;
-  for (PetscInt d = 0; d < l->dim; d++) axes |= (now->half[3 * node + d] & *width ? 1 : 0) << d;
+  if (width * old->leaves->cells[0] <= now->leaves->cells[0]) return 0;
+  for (PetscInt d = 0; d < l->dim; d++) axes |= (now->half[3 * node + d] & width ? 1 : 0) << d;
   return axes;
 }
 
@@ -158,7 +241,7 @@ static void add_samples(PetscInt dim, PetscInt axes, PetscInt width, const Petsc
   }
 }
 
-static PetscErrorCode list_samples(Mesh old, Mesh now, PetscBool conserve, Samples *s)
+static PetscErrorCode list_samples(Mesh old, Mesh now, PetscBool conserve, const Kept *kept, Samples *s)
 {
   const MeshLocal *l = &now->loc;
 
@@ -169,11 +252,10 @@ static PetscErrorCode list_samples(Mesh old, Mesh now, PetscBool conserve, Sampl
     PetscInt n = 0;
 
     for (PetscInt i = 0; i < l->nnode; i++) {
-      PetscInt       width = 0;
-      const PetscInt axes  = conserve ? middle_axes(old, now, i, &width) : 0;
+      const PetscInt width = kept->largest[i], axes = conserve && !kept->inside[i] ? middle_axes(old, now, i, width) : 0;
 
       s->start[i] = n;
-      add_samples(l->dim, axes, width, now->half + 3 * i, &n, s);
+      if (kept->node[i] < 0) add_samples(l->dim, axes, width, now->half + 3 * i, &n, s);
     }
     s->start[l->nnode] = s->n = n;
     if (!pass) PetscCall(PetscMalloc2(3 * n, &s->count, n, &s->weight));
@@ -189,109 +271,134 @@ static PetscErrorCode destroy_samples(Samples *s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Old values [nasked][bs] at the places that this rank is asked about */
-static void evaluate_places(Mesh old, const Travel *t, PetscInt bs, const PetscReal v[], PetscReal answer[])
+/* Of `count` old fields v [nnode_all][bs]: values [nasked][count][bs] at the places that this rank is
+   asked about */
+static void evaluate_places(Mesh old, const Travel *t, PetscInt count, PetscInt bs, const PetscReal *const v[], PetscReal answer[])
 {
   const MeshLocal *l = &old->loc;
 
   for (PetscInt i = 0; i < t->nasked; i++) {
-    PetscReal xi[3] = {0, 0, 0}, phi[MESH_MAX_NB], dphi[3 * MESH_MAX_NB], value[MESH_MAX_NB];
+    PetscReal xi[3] = {0, 0, 0}, phi[MESH_MAX_NB], dphi[3 * MESH_MAX_NB], value[MESH_MAX_NB * CARRY_MOST];
     PetscInt  c;
 
-    find_place(old->leaves, t->place + 3 * i, &c, xi);
+    find_place(old->leaves, t->place[i], &c, xi);
     ElementBasis(l->dim, xi, phi, dphi);
-    for (PetscInt b = 0; b < bs; b++) {
-      for (PetscInt j = 0; j < l->nb; j++) value[j] = v[l->cell_node[c * l->nb + j] * bs + b];
-      MeshCellGather(l, c, 1, value);
-      answer[i * bs + b] = 0;
-      for (PetscInt j = 0; j < l->nb; j++) answer[i * bs + b] += phi[j] * value[j];
+    for (PetscInt f = 0; f < count; f++) {
+      PetscReal *out = answer + (i * count + f) * bs;
+
+      for (PetscInt e = 0; e < l->nb * bs; e++) value[e] = v[f][l->cell_node[c * l->nb + e / bs] * bs + e % bs];
+      MeshCellGather(l, c, bs, value);
+      for (PetscInt b = 0; b < bs; b++) out[b] = 0;
+      for (PetscInt j = 0; j < l->nb; j++)
+        for (PetscInt b = 0; b < bs; b++) out[b] += phi[j] * value[j * bs + b];
     }
   }
 }
 
-static PetscErrorCode carry(Mesh old, Mesh now, PetscBool conserve, PetscInt bs, const PetscReal v[], PetscReal w[])
+static PetscErrorCode carry(Mesh old, Mesh now, PetscBool conserve, PetscInt count, PetscInt bs, const PetscReal *const v[], PetscReal *const w[])
 {
   const MeshLocal *m = &now->loc;
-  PetscReal       *answer, *place, *sample;
+  PetscReal       *answer, *sample, (*place)[3];
+  const PetscInt   width = count * bs;
   Samples          s;
   Travel           t;
+  Kept             kept;
 
   PetscFunctionBeginUser;
-  PetscCall(list_samples(old, now, conserve, &s));
-  PetscCall(PetscMalloc2(3 * s.n, &place, bs * s.n, &sample));
+  PetscCheck(bs <= CARRY_MOST, PETSC_COMM_SELF, PETSC_ERR_PLIB, "%" PetscInt_FMT " numbers a node are carried, at most %d are", bs, CARRY_MOST);
+  PetscCall(find_kept(old, now, &kept));
+  PetscCall(list_samples(old, now, conserve, &kept, &s));
+  PetscCall(PetscMalloc2(s.n, &place, width * s.n, &sample));
   convert_places(now->leaves, old->leaves, 4, s.n, s.count, place);
   PetscCall(begin_travel(old->leaves, s.n, place, &t));
-  PetscCall(PetscMalloc1(t.nasked * bs, &answer));
-  evaluate_places(old, &t, bs, v, answer);
-  PetscCall(end_travel(&t, bs, answer, sample));
-  for (PetscInt i = 0; i < m->nnode; i++) {
-    for (PetscInt b = 0; b < bs; b++) {
-      w[i * bs + b] = 0;
-      for (PetscInt e = s.start[i]; e < s.start[i + 1]; e++) w[i * bs + b] += s.weight[e] * sample[e * bs + b];
-    }
+  PetscCall(PetscMalloc1(t.nasked * width, &answer));
+  evaluate_places(old, &t, count, bs, v, answer);
+  PetscCall(end_travel(&t, width, answer, sample));
+  for (PetscInt f = 0; f < count; f++) {
+    for (PetscInt i = 0; i < m->nnode; i++)
+      for (PetscInt b = 0; b < bs; b++) {
+        w[f][i * bs + b] = kept.node[i] >= 0 ? v[f][kept.node[i] * bs + b] : 0;
+        for (PetscInt e = s.start[i]; e < s.start[i + 1]; e++) w[f][i * bs + b] += s.weight[e] * sample[e * width + f * bs + b];
+      }
+    PetscCall(MeshSyncNodes(now, bs, w[f]));
   }
-  PetscCall(MeshSyncNodes(now, bs, w));
   PetscCall(PetscFree(answer));
   PetscCall(PetscFree2(place, sample));
   PetscCall(destroy_samples(&s));
+  PetscCall(destroy_kept(&kept));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode MeshCarryNodes(Mesh old, Mesh now, PetscInt bs, const PetscReal v[], PetscReal w[])
 {
   PetscFunctionBeginUser;
-  PetscCall(carry(old, now, PETSC_FALSE, bs, v, w));
+  PetscCall(carry(old, now, PETSC_FALSE, 1, bs, &v, &w));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode MeshCarryVelocity(Mesh old, Mesh now, const PetscReal v[], PetscReal w[])
+PetscErrorCode MeshCarryVelocities(Mesh old, Mesh now, PetscInt count, const PetscReal *const v[], PetscReal *const w[])
 {
+  const PetscReal *from[CARRY_MOST];
+  PetscReal       *to[CARRY_MOST];
+  PetscInt         n = 0;
+
   PetscFunctionBeginUser;
-  PetscCall(carry(old, now, PETSC_TRUE, now->loc.dim, v, w));
+  for (PetscInt f = 0; f < count; f++) {
+    if (!v[f]) continue;
+    from[n] = v[f];
+    to[n++] = w[f];
+  }
+  PetscCall(carry(old, now, PETSC_TRUE, n, now->loc.dim, from, to));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Samples of a cell are at xi = +-1/2 */
+/* Samples, at xi = +-1/2 of a cell, are asked for where it was not there before */
 PetscErrorCode MeshCarryCells(Mesh old, Mesh now, const PetscReal p[], PetscReal q[])
 {
   const MeshLocal *m   = &now->loc;
   const PetscInt   dim = m->dim, nk = dim + 1, ns = 1 << dim;
-  PetscInt        *quarter;
-  PetscReal       *answer, *sample, *place;
+  PetscInt        *quarter, *cell, n              = 0;
+  PetscReal       *answer, *sample, (*place)[3];
   Travel           t;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscCalloc1(3 * ns * m->ncell, &quarter));
-  PetscCall(PetscMalloc2(ns * m->ncell, &sample, 3 * ns * m->ncell, &place));
+  PetscCall(PetscMalloc1(m->ncell, &cell));
+  match_cells(now->leaves, old->leaves, cell);
   for (PetscInt c = 0; c < m->ncell; c++) {
+    if (cell[c] >= 0 && old->leaves->leaf[cell[c]].level != now->leaves->leaf[c].level) cell[c] = -1;
+    n += cell[c] < 0;
+  }
+  PetscCall(PetscCalloc1(3 * ns * n, &quarter));
+  PetscCall(PetscMalloc2(ns * n, &sample, ns * n, &place));
+  for (PetscInt c = 0, at = 0; c < m->ncell; c++) {
     const Leaf *leaf = now->leaves->leaf + c;
 
-    for (PetscInt s = 0; s < ns; s++)
-      for (PetscInt d = 0; d < dim; d++)
-        quarter[3 * (c * ns + s) + d] = 4 * leaf->x[d] + ((s >> d) & 1 ? 3 : 1) * LeavesWidth(now->leaves, leaf->level);
+    for (PetscInt s = 0; s < ns && cell[c] < 0; s++, at++)
+      for (PetscInt d = 0; d < dim; d++) quarter[3 * at + d] = 4 * leaf->x[d] + ((s >> d) & 1 ? 3 : 1) * LeavesWidth(now->leaves, leaf->level);
   }
-  convert_places(now->leaves, old->leaves, 4, ns * m->ncell, quarter, place);
-  PetscCall(begin_travel(old->leaves, ns * m->ncell, place, &t));
+  convert_places(now->leaves, old->leaves, 4, ns * n, quarter, place);
+  PetscCall(begin_travel(old->leaves, ns * n, place, &t));
   PetscCall(PetscMalloc1(t.nasked, &answer));
   for (PetscInt i = 0; i < t.nasked; i++) {
     PetscReal xi[3];
     PetscInt  c;
 
-    find_place(old->leaves, t.place + 3 * i, &c, xi);
+    find_place(old->leaves, t.place[i], &c, xi);
     answer[i] = p[c * nk];
     for (PetscInt d = 0; d < dim; d++) answer[i] += p[c * nk + 1 + d] * xi[d];
   }
   PetscCall(end_travel(&t, 1, answer, sample));
-  for (PetscInt c = 0; c < m->ncell; c++) {
-    for (PetscInt k = 0; k < nk; k++) q[c * nk + k] = 0;
-    for (PetscInt s = 0; s < ns; s++) {
-      q[c * nk] += sample[c * ns + s] / ns;
-      for (PetscInt d = 0; d < dim; d++) q[c * nk + 1 + d] += ((s >> d) & 1 ? 2 : -2) * sample[c * ns + s] / ns;
+  for (PetscInt c = 0, at = 0; c < m->ncell; c++) {
+    for (PetscInt k = 0; k < nk; k++) q[c * nk + k] = cell[c] >= 0 ? p[cell[c] * nk + k] : 0;
+    for (PetscInt s = 0; s < ns && cell[c] < 0; s++, at++) {
+      q[c * nk] += sample[at] / ns;
+      for (PetscInt d = 0; d < dim; d++) q[c * nk + 1 + d] += ((s >> d) & 1 ? 2 : -2) * sample[at] / ns;
     }
   }
   PetscCall(PetscFree(answer));
   PetscCall(PetscFree2(sample, place));
   PetscCall(PetscFree(quarter));
+  PetscCall(PetscFree(cell));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -195,7 +195,7 @@ PetscErrorCode LeavesCreateCurve(const Leaves *t, Curve *curve)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscBool is_inside(const Leaves *t, const Leaf *leaf, const PetscInt x[])
+PetscBool LeavesHold(const Leaves *t, const Leaf *leaf, const PetscInt x[])
 {
   const PetscInt w = LeavesWidth(t, leaf->level);
 
@@ -219,7 +219,7 @@ PetscErrorCode LeavesFind(Leaves *t, const PetscInt x[], Leaf *out)
   if (t->listed) {
     const PetscInt i = find_before(t->nlist, t->list, key);
 
-    PetscCheck(i >= 0 && is_inside(t, t->list + i, x), PETSC_COMM_SELF, PETSC_ERR_PLIB,
+    PetscCheck(i >= 0 && LeavesHold(t, t->list + i, x), PETSC_COMM_SELF, PETSC_ERR_PLIB,
                "A cell of another rank is asked for that this one does not know");
     *out = t->list[i];
     PetscFunctionReturn(PETSC_SUCCESS);

@@ -78,6 +78,8 @@ PetscErrorCode LeavesMeasure(const Leaves *, PetscInt level, const PetscInt x[],
 /* The cell that holds the finest cell x [dim] inside the lattice, no farther than LEAVES_AROUND cells from an own one;
    not collective. */
 PetscErrorCode LeavesFind(Leaves *, const PetscInt x[], Leaf *);
+/* Is the finest cell x inside of a leaf? */
+PetscBool LeavesHold(const Leaves *, const Leaf *, const PetscInt x[]);
 /* Finest cells just outside of a cell that lie in all cells that touch it: x [*n][3] */
 void LeavesTouching(const Leaves *, const Leaf *, PetscInt *n, PetscInt x[LEAVES_MAX_NEIGHBOURS][3]);
 /* Cells that touch a cell, each once. Error: levels jump by more than one (a distance that is none). */

@@ -455,7 +455,7 @@ PetscErrorCode AdaptRemesh(Adapt a, Mesh old)
   PetscFunctionBeginUser;
   PetscCall(FlowGetMesh(a->flow, &now));
   PetscCall(PetscMalloc2(l->nnode_all * l->dim, &u, l->nnode_all, &age));
-  PetscCall(MeshCarryVelocity(old, now, a->u_older, u));
+  PetscCall(MeshCarryVelocities(old, now, 1, (const PetscReal *const *)&a->u_older, &u));
   PetscCall(MeshCarryNodes(old, now, 1, a->age, age));
   PetscCall(PetscFree2(a->u_older, a->age));
   a->u_older = u;

@@ -256,7 +256,7 @@ static void test_carry(void **state)
     OK(PetscMalloc4(lo->nnode_all * l->dim, &u, lo->ncell * (l->dim + 1), &p, l->nnode_all * l->dim, &v, l->ncell * (l->dim + 1), &q));
     for (PetscInt i = 0; i < lo->nnode_all; i++) parabolic(lo->x + i * l->dim, u + i * l->dim, l->dim);
     for (PetscInt pass = 0; pass < 2; pass++) {
-      if (pass) OK(MeshCarryVelocity(old, m, u, v));
+      if (pass) OK(MeshCarryVelocities(old, m, 1, (const PetscReal *const *)&u, &v));
       else OK(MeshCarryNodes(old, m, l->dim, u, v));
       for (PetscInt i = 0; i < l->nnode_all; i++) {
         PetscReal want[3];
@@ -334,7 +334,7 @@ static void test_carry_conserves(void **state)
     integrate(old, u, before);
     OK(MeshCarryNodes(old, m, dim, u, v));
     integrate(m, v, plain);
-    OK(MeshCarryVelocity(old, m, u, v));
+    OK(MeshCarryVelocities(old, m, 1, (const PetscReal *const *)&u, &v));
     integrate(m, v, after);
     for (PetscInt a = 0; a < dim; a++) {
       NEAR(after[a], before[a], 1e-14);
