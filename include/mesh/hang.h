@@ -15,8 +15,10 @@
 #include <petscsys.h>
 
 #define MESH_HANG_SLOTS 27
+#define MESH_HANG_CODES 512 /* ways in which something hangs */
 
 typedef struct _n_MeshHang {
+  PetscInt  code;                       /* of the way, below MESH_HANG_CODES */
   PetscInt  nb, n;                      /* slots; rows of H_e that are not those of the identity */
   PetscInt  slot[MESH_HANG_SLOTS];      /* the place of such a row */
   PetscInt  start[MESH_HANG_SLOTS + 1]; /* its entries */

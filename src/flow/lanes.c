@@ -17,34 +17,96 @@ static PetscBool is_box(const struct _p_Flow *f, PetscInt c)
   return PETSC_TRUE;
 }
 
+/* Fewer cells of a way than this, when all have been seen, go with those of other ways */
+#define FEW (BATCH_LANES / 2)
+
+enum {
+  OTHERS,
+  BOXES,
+  MIXED,
+  NOPEN
+};
+
+PetscInt LanesMost(const MeshLocal *l)
+{
+  return l->ncell / BATCH_LANES + NOPEN + (l->hang ? PetscMin(MESH_HANG_CODES, l->ncell / FEW) : 0);
+}
+
+/* Cell c to those of its kind; are they complete? */
+static PetscBool add_cell(LaneCells *b, PetscInt c)
+{
+  if (b->n == BATCH_LANES) b->n = 0;
+  b->cell[b->n++] = c;
+  return (PetscBool)(b->n == BATCH_LANES);
+}
+
+/* Where a cell waits for others of its kind */
+static LaneCells *find_open(const MeshLocal *l, PetscInt c, PetscBool box, LaneWalk *walk)
+{
+  const MeshHang *h = MeshCellHang(l, c);
+  LaneCells      *b = &walk->open[box ? BOXES : OTHERS];
+
+  if (h && box) b = &walk->hanging[h->code];
+  b->box   = box;
+  b->mixed = (PetscBool)!box;
+  b->hang  = box ? h : NULL;
+  return b;
+}
+
+/* The next of those that are not complete */
+static PetscBool take_rest(LaneWalk *walk, LaneCells *next)
+{
+  LaneCells *mixed = &walk->open[MIXED];
+
+  mixed->box = mixed->mixed = PETSC_TRUE;
+  for (; walk->way < MESH_HANG_CODES; walk->way++) {
+    LaneCells *b = &walk->hanging[walk->way];
+
+    if (b->n == BATCH_LANES) continue;
+    if (b->n >= FEW) {
+      *next = *b;
+      walk->way++;
+      return PETSC_TRUE;
+    }
+    while (b->n > 0)
+      if (add_cell(mixed, b->cell[--b->n])) {
+        *next = *mixed;
+        return PETSC_TRUE;
+      }
+  }
+  for (PetscInt k = 0; k < NOPEN; k++) {
+    LaneCells *b = &walk->open[k];
+
+    if (b->n > 0 && b->n < BATCH_LANES) {
+      *next = *b;
+      b->n  = 0;
+      return PETSC_TRUE;
+    }
+  }
+  return PETSC_FALSE;
+}
+
 PetscBool LanesNext(const struct _p_Flow *f, LaneWalk *walk, LaneCells *next)
 {
   next->n = 0;
-  for (; walk->at < f->loc->ncell; walk->at++) {
-    const PetscInt  c   = walk->at;
-    const PetscBool box = is_box(f, c);
-    LaneCells      *b   = &walk->open[box];
+  while (walk->at < f->loc->ncell) {
+    const PetscInt c = walk->at++;
+    LaneCells     *b;
 
     if (FlowIsDead(f, c)) continue;
-    if (b->n == BATCH_LANES) b->n = 0;
-    b->box          = box;
-    b->cell[b->n++] = c;
-    if (b->n < BATCH_LANES) continue;
+    b = find_open(f->loc, c, is_box(f, c), walk);
+    if (!add_cell(b, c)) continue;
     *next = *b;
-    walk->at++;
     return PETSC_TRUE;
   }
-  for (PetscInt k = 0; k < 2 && !next->n; k++) {
-    if (walk->open[k].n < BATCH_LANES) *next = walk->open[k];
-    walk->open[k].n = 0;
-  }
-  return (PetscBool)(next->n > 0);
+  return take_rest(walk, next);
 }
 
 void LanesTake(const struct _p_Flow *f, PetscInt n, const PetscInt cells[], LaneCells *b)
 {
   b->n   = n;
-  b->box = PETSC_TRUE;
+  b->box = b->mixed = PETSC_TRUE;
+  b->hang           = NULL;
   for (PetscInt k = 0; k < n; k++) {
     b->cell[k] = cells[k];
     b->box     = (PetscBool)(b->box && is_box(f, cells[k]));
@@ -105,6 +167,36 @@ static void gather_hanging(const MeshLocal *l, PetscInt c, PetscInt n, const Pet
   for (PetscInt i = 0; i < size; i++) to[i * BATCH_LANES] = xl[i];
 }
 
+/* MeshHangGather and MeshHangScatter of cells side by side in which the same hangs */
+INLINE void hang_gather(const int dim, const MeshHang *h, Lanes v[])
+{
+  Lanes out[MESH_HANG_SLOTS * 3];
+
+  for (int r = 0; r < h->n; r++) {
+    Lanes s[3] = {{0}, {0}, {0}};
+
+    for (int e = h->start[r]; e < h->start[r + 1]; e++)
+      for (int a = 0; a < dim; a++) s[a] += h->weight[e] * v[h->from[e] * dim + a];
+    for (int a = 0; a < dim; a++) out[r * dim + a] = s[a];
+  }
+  for (int r = 0; r < h->n; r++)
+    for (int a = 0; a < dim; a++) v[h->slot[r] * dim + a] = out[r * dim + a];
+}
+
+INLINE void hang_scatter(const int dim, const MeshHang *h, Lanes r[])
+{
+  Lanes in[MESH_HANG_SLOTS * 3];
+
+  for (int s = 0; s < h->n; s++)
+    for (int a = 0; a < dim; a++) {
+      in[s * dim + a]         = r[h->slot[s] * dim + a];
+      r[h->slot[s] * dim + a] = (Lanes){0};
+    }
+  for (int s = 0; s < h->n; s++)
+    for (int e = h->start[s]; e < h->start[s + 1]; e++)
+      for (int a = 0; a < dim; a++) r[h->from[e] * dim + a] += h->weight[e] * in[s * dim + a];
+}
+
 void LanesGather(const MeshLocal *l, const LaneCells *b, PetscInt n, const PetscReal *const v[], const PetscReal factor[], Lanes x[])
 {
   const PetscInt *node[BATCH_LANES];
@@ -114,6 +206,11 @@ void LanesGather(const MeshLocal *l, const LaneCells *b, PetscInt n, const Petsc
     if (l->dim == 2) gather_cells(2, 9, (PetscBool)(m > 0), node, factor[m], v[m], x);
     else if (m == 0) gather_cells(3, 27, PETSC_FALSE, node, factor[m], v[m], x);
     else gather_cells(3, 27, PETSC_TRUE, node, factor[m], v[m], x);
+  }
+  if (!b->mixed) {
+    if (b->hang && l->dim == 2) hang_gather(2, b->hang, x);
+    else if (b->hang) hang_gather(3, b->hang, x);
+    return;
   }
   for (PetscInt k = 0; k < BATCH_LANES; k++) {
     const PetscInt c = b->cell[k < b->n ? k : 0];
@@ -132,12 +229,16 @@ void LanesScatter(const MeshLocal *l, const LaneCells *b, PetscInt bs, Lanes x[]
 {
   const PetscInt nb = l->nb;
 
+  if (!b->mixed && b->hang) {
+    if (bs == 3) hang_scatter(3, b->hang, x);
+    else hang_scatter((int)bs, b->hang, x);
+  }
   for (PetscInt k = 0; k < b->n; k++) {
     const PetscInt   c = b->cell[k], *node = l->cell_node + c * nb;
     const PetscReal *from = Lane(x, k);
     PetscReal        xl[MESH_MAX_NB * 3];
 
-    if (MeshCellHang(l, c)) {
+    if (b->mixed && MeshCellHang(l, c)) {
       for (PetscInt i = 0; i < nb * bs; i++) xl[i] = from[i * BATCH_LANES];
       MeshCellScatter(l, c, bs, xl);
       for (PetscInt i = 0; i < nb * bs; i++) v[node[i / bs] * bs + i % bs] += xl[i];

@@ -5,18 +5,22 @@
 
 /* Cells of one kind in the first lanes; the others repeat the first */
 typedef struct {
-  PetscInt  n, cell[BATCH_LANES];
-  PetscBool box;
+  PetscInt        n, cell[BATCH_LANES];
+  PetscBool       box, mixed; /* mixed: things hang in different ways */
+  const MeshHang *hang;       /* else in this one, or NULL: nothing does */
 } LaneCells;
 
 /* Walks over the own cells of the fluid; start with zeros */
 typedef struct {
-  PetscInt  at;
-  LaneCells open[2]; /* others, boxes */
+  PetscInt  at, way;
+  LaneCells open[3]; /* others; boxes in which nothing hangs; boxes of ways that are left with few */
+  LaneCells hanging[MESH_HANG_CODES];
 } LaneWalk;
 
-/* The next cells, boxes and others in ascending order each; false: there are no more */
+/* The next cells, of one kind in ascending order; false: there are no more */
 PetscBool LanesNext(const struct _p_Flow *, LaneWalk *, LaneCells *next);
+/* Most of LanesNext in a walk */
+PetscInt LanesMost(const MeshLocal *);
 /* n <= BATCH_LANES cells, as boxes if all are */
 void           LanesTake(const struct _p_Flow *, PetscInt n, const PetscInt cells[], LaneCells *);
 PetscErrorCode LanesGeometry(const struct _p_Flow *, const LaneCells *, BatchGeometry *);

@@ -22,7 +22,7 @@ struct _p_Product {
 /* Batches of the fluid's own cells, and where their coefficients lie */
 static PetscErrorCode group_cells(Flow f, struct _p_Product *p)
 {
-  PetscInt  most = f->loc->ncell / BATCH_LANES + 2;
+  PetscInt  most = LanesMost(f->loc);
   LaneWalk  walk = {0};
   LaneCells next;
 
@@ -97,6 +97,24 @@ PetscErrorCode FlowUpdateProduct(Flow f)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* The same for one term in space: four columns at a time */
+static void add_term_space(const PetscInt node[], const PetscReal term[], const PetscReal x[], PetscReal y[])
+{
+  typedef PetscReal Four __attribute__((vector_size(4 * sizeof(PetscReal)), aligned(sizeof(PetscReal))));
+  PetscReal         xl[3][28] = {{0}}, row[28] = {0};
+
+  for (int j = 0; j < 27; j++)
+    for (int a = 0; a < 3; a++) xl[a][j] = x[node[j] * 3 + a];
+  for (int i = 0; i < 27; i++) {
+    Four sum[3] = {{0}, {0}, {0}};
+
+    for (int j = 0; j < 27; j++) row[j] = term[i * 27 + j];
+    for (int j = 0; j < 28; j += 4)
+      for (int a = 0; a < 3; a++) sum[a] += *(const Four *)(row + j) * *(const Four *)(xl[a] + j);
+    for (int a = 0; a < 3; a++) y[node[i] * 3 + a] += sum[a][0] + sum[a][1] + sum[a][2] + sum[a][3];
+  }
+}
+
 /* y += the further terms of own cells times x */
 static void add_terms(const struct _p_Flow *f, const PetscReal x[], PetscReal y[])
 {
@@ -108,6 +126,10 @@ static void add_terms(const struct _p_Flow *f, const PetscReal x[], PetscReal y[
     const PetscReal *term = f->term + t * nb * nb;
 
     if (f->term_cell[t] >= l->ncell) continue;
+    if (dim == 3) {
+      add_term_space(node, term, x, y);
+      continue;
+    }
     for (PetscInt i = 0; i < nb; i++) {
       PetscReal s[3] = {0, 0, 0};
 

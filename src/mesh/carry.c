@@ -185,8 +185,7 @@ static PetscErrorCode find_kept(Mesh old, Mesh now, Kept *kept)
   for (PetscInt c = 0; c < l->ncell; c++) {
     const PetscInt  k = kept->cell[c], *node = l->cell_node + c * l->nb, width = LeavesWidth(now->leaves, now->leaves->leaf[c].level);
     const MeshHang *h = MeshCellHang(l, c), *g = k >= 0 ? MeshCellHang(m, k) : NULL;
-    const PetscBool alike = (PetscBool)(k >= 0 && old->leaves->leaf[k].level == now->leaves->leaf[c].level && !h == !g &&
-                                        (!h || !memcmp(h, g, sizeof(*h))));
+    const PetscBool alike = (PetscBool)(k >= 0 && old->leaves->leaf[k].level == now->leaves->leaf[c].level && !h == !g && (!h || h->code == g->code));
 
     for (PetscInt j = 0; j < l->nb && k >= 0; j++) {
       if (node[j] >= l->nnode || kept->largest[node[j]] != width) continue;

@@ -49,6 +49,7 @@ void HangCreate(PetscInt dim, PetscInt code, MeshHang *h)
   static const PetscReal weight[3][3] = {{1, 0, 0}, {0.375, 0.75, -0.125}, {0, 1, 0}};
   const PetscInt         child = code & 7, power[3] = {1, 3, 9};
 
+  h->code     = code;
   h->nb       = dim == 2 ? 9 : 27;
   h->n        = 0;
   h->start[0] = 0;

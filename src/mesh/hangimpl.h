@@ -5,7 +5,6 @@
 #pragma once
 #include "mesh/hang.h"
 
-#define HANG_CODES                   512
 #define HANG_CODE(child, face, edge) ((child) | (face) << 3 | (edge) << 6)
 
 /* Is slot j of a cell with this code a node of the parent along axis a? Its coordinate then counts in steps of the

@@ -422,7 +422,7 @@ static PetscErrorCode attach_hanging(Builder *b)
   Mesh m = b->mesh;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscCalloc1(HANG_CODES, &m->hang_table));
+  PetscCall(PetscCalloc1(MESH_HANG_CODES, &m->hang_table));
   PetscCall(PetscCalloc1(b->nall, &m->hang));
   for (PetscInt c = 0; c < b->nall; c++) {
     const PetscInt code = b->code[c];
@@ -519,7 +519,7 @@ PetscErrorCode RefinedBuild(Mesh m, Leaves *leaves)
 PetscErrorCode RefinedDestroy(Mesh m)
 {
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < HANG_CODES && m->hang_table; i++) PetscCall(PetscFree(m->hang_table[i]));
+  for (PetscInt i = 0; i < MESH_HANG_CODES && m->hang_table; i++) PetscCall(PetscFree(m->hang_table[i]));
   PetscCall(PetscFree(m->hang_table));
   PetscCall(PetscFree(m->hang));
   PetscCall(PetscFree(m->level_count));

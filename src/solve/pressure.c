@@ -223,6 +223,7 @@ PetscErrorCode PressureDestroy(Pressure *pressure)
   PetscCall(MatNullSpaceDestroy(&p->constant));
   PetscCall(CoarseDestroy(&p->coarse));
   PetscCall(PetscFree(p->neighbour_ptr));
+  PetscCall(PetscFree2(p->where, p->slot));
   PetscCall(PetscFree(p->neighbour));
   PetscCall(PetscFree(p->row));
   PetscCall(PetscFree2(p->weight, p->work));

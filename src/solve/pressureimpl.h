@@ -18,6 +18,8 @@ struct _p_Pressure {
   PetscBool        smoothers_set;
   Coarse           coarse; /* of the default preconditioner, PCMG with levels P1 discontinuous -> Q1; or NULL */
   Mat              matrix, shell;
+  PetscInt        *where;                     /* [ncell_all] scratch: where a neighbour stands in the row at hand */
+  unsigned char   *slot;                      /* [entries of node_cell] which slot of the cell the node has */
   PetscInt        *neighbour_ptr, *neighbour; /* [ncell + 1]; local cells that share a node with a cell */
   PetscReal       *row;                       /* scratch, the longest row */
   PetscReal       *weight;                    /* as of the last update; zero before the first */

@@ -3,6 +3,7 @@
 #include "compat.h"
 #include "pressureimpl.h"
 #include "blockgs.h"
+#include "base/inline.h"
 #include "base/room.h"
 
 #define MAX_CELLS 32 /* other ranks at a node */
@@ -96,6 +97,18 @@ static PetscErrorCode create_blocks(Pressure p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Where each node stands in the cells around it, which rows ask for again and again */
+static PetscErrorCode find_slots(Pressure p)
+{
+  const MeshLocal *l = p->loc;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc2(l->ncell_all, &p->where, l->node_cell_ptr[l->nnode_all], &p->slot));
+  for (PetscInt i = 0; i < l->nnode_all; i++)
+    for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++) p->slot[q] = (unsigned char)find_node(l, l->node_cell[q], i);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode PressureCreateMatrix(Pressure p)
 {
   char      type[64];
@@ -106,35 +119,43 @@ PetscErrorCode PressureCreateMatrix(Pressure p)
   p->sweeps = (PetscBool)(p->coarse != NULL);
   if (set && p->coarse) PetscCall(PetscStrcmp(type, "sor", &p->sweeps));
   PetscCall(find_neighbours(p));
+  PetscCall(find_slots(p));
   if (p->sweeps) PetscCall(create_blocks(p));
   else PetscCall(create_aij(p));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* row [blocks of the row][nk][nk], each block column by column: sum over shared nodes of B_c weight B_c2^T */
-static void compute_row(Pressure p, const PetscReal *const b[], const PetscReal weight[], PetscInt c, PetscReal row[])
+INLINE void compute_row_in(const int dim, Pressure p, const PetscReal *const b[], const PetscReal weight[], PetscInt c, PetscReal *restrict row)
 {
-  const MeshLocal *l   = p->loc;
-  const PetscInt   dim = l->dim, nb = l->nb, n = nb * dim, nk = p->nk;
+  const MeshLocal *l  = p->loc;
+  const int        nb = dim == 2 ? 9 : 27, n = nb * dim, nk = dim + 1;
   const PetscInt   nn = p->neighbour_ptr[c + 1] - p->neighbour_ptr[c], *neighbour = p->neighbour + p->neighbour_ptr[c];
 
   for (PetscInt e = 0; e < nn * nk * nk; e++) row[e] = 0;
-  for (PetscInt j = 0; j < nb; j++) {
-    const PetscInt i = l->cell_node[c * nb + j];
-    PetscReal      wb[4][3];
+  for (PetscInt q = 0; q < nn; q++) p->where[neighbour[q]] = q;
+  for (int j = 0; j < nb; j++) {
+    const PetscInt   i = l->cell_node[c * nb + j];
+    const PetscReal *w = weight + i * dim;
+    PetscReal        wb[3][4];
 
-    for (PetscInt k = 0; k < nk; k++)
-      for (PetscInt a = 0; a < dim; a++) wb[k][a] = weight[i * dim + a] * b[c][k * n + j * dim + a];
+    for (int a = 0; a < dim; a++)
+      for (int k = 0; k < nk; k++) wb[a][k] = w[a] * b[c][k * n + j * dim + a];
     for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++) {
-      const PetscInt c2 = l->node_cell[q], j2 = find_node(l, c2, i);
-      PetscInt       at = 0;
+      const PetscReal *b2 = b[l->node_cell[q]] + p->slot[q] * dim;
+      PetscReal       *to = row + p->where[l->node_cell[q]] * nk * nk;
 
-      while (neighbour[at] != c2) at++;
-      for (PetscInt m = 0; m < nk; m++)
-        for (PetscInt k = 0; k < nk; k++)
-          for (PetscInt a = 0; a < dim; a++) row[(at * nk + m) * nk + k] += wb[k][a] * b[c2][m * n + j2 * dim + a];
+      for (int m = 0; m < nk; m++)
+        for (int a = 0; a < dim; a++)
+          for (int k = 0; k < nk; k++) to[m * nk + k] += wb[a][k] * b2[m * n + a];
     }
   }
+}
+
+static void compute_row(Pressure p, const PetscReal *const b[], const PetscReal weight[], PetscInt c, PetscReal row[])
+{
+  if (p->loc->dim == 2) compute_row_in(2, p, b, weight, c, row);
+  else compute_row_in(3, p, b, weight, c, row);
 }
 
 /* Entries become multiples of 1e-11 of the largest: sums of the same numbers in another order are equal then, and with
