@@ -92,8 +92,8 @@ PetscErrorCode FlowDestroyCells(Flow f)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Is the cell with nodes xc [nb][dim] a box in which nothing hangs? Its edges. */
-static PetscBool is_box(const MeshLocal *l, PetscInt c, const PetscReal xc[], PetscReal edge[3])
+/* Is the cell with nodes xc [nb][dim] a box? Its edges. */
+static PetscBool is_box(const MeshLocal *l, const PetscReal xc[], PetscReal edge[3])
 {
   const PetscInt dim = l->dim;
 
@@ -104,19 +104,25 @@ static PetscBool is_box(const MeshLocal *l, PetscInt c, const PetscReal xc[], Pe
     for (PetscInt d = 0; d < dim; d++)
       if (!(PetscAbsReal(xc[d] + 0.5 * at[d] * edge[d] - xc[j * dim + d]) <= ALIKE * edge[d])) return PETSC_FALSE;
   }
-  return (PetscBool)!MeshCellHang(l, c);
+  return PETSC_TRUE;
+}
+
+/* What hangs in a cell, -1: nothing */
+static PetscInt get_way(const MeshLocal *l, PetscInt c)
+{
+  return MeshCellHang(l, c) ? MeshCellHang(l, c)->code : -1;
 }
 
 /* A box like one of a kind takes over all that is kept of it; false: there is none */
 static PetscBool copy_box(Flow f, PetscInt c, const PetscReal edge[3])
 {
-  const PetscInt dim = f->loc->dim, nk = dim + 1;
+  const PetscInt dim = f->loc->dim, nk = dim + 1, way = get_way(f->loc, c);
 
   for (PetscInt k = 1; k < f->nkind; k++) {
     const CellKind *kind = &f->kind[k];
-    PetscBool       same = PETSC_TRUE;
+    PetscBool       same = (PetscBool)(kind->way == way);
 
-    for (PetscInt d = 0; d < dim; d++) same = (PetscBool)(same && PetscAbsReal(edge[d] - kind->edge[d]) <= ALIKE * edge[d]);
+    for (PetscInt d = 0; d < dim && same; d++) same = (PetscBool)(same && PetscAbsReal(edge[d] - kind->edge[d]) <= ALIKE * edge[d]);
     if (!same) continue;
     f->affine[c] = PETSC_TRUE;
     f->det[c]    = kind->det;
@@ -174,7 +180,7 @@ static PetscErrorCode compute_cell(Flow f, PetscInt c, PetscBool first_time)
   PetscFunctionBeginUser;
   PetscCall(MeshCellCoordinates(f->mesh, c, xc));
   PetscCall(PetscArraycpy(f->centre + c * dim, centre, dim));
-  box = is_box(l, c, xc, edge);
+  box = is_box(l, xc, edge);
   if (box && copy_box(f, c, edge)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(measure_cell(f, c, xc, &m));
   for (PetscInt q = 0; q < f->element.nq; q++) {
@@ -198,6 +204,7 @@ static PetscErrorCode compute_cell(Flow f, PetscInt c, PetscBool first_time)
   if (c < l->ncell) PetscCall(PetscArraycpy(f->pmass + c * nk * nk, pmass, nk * nk));
   if (box && f->nkind > before) {
     f->kind[before].det = f->det[c];
+    f->kind[before].way = get_way(l, c);
     PetscCall(PetscArraycpy(f->kind[before].edge, edge, dim));
     PetscCall(PetscArraycpy(f->kind[before].pmass, pmass, nk * nk));
   }

@@ -21,10 +21,11 @@ enum {
 
 typedef struct _p_Extension *Extension;
 
-/* What cells of one form share: matrix of B, size; of boxes in which nothing hangs also the edges (else 0), det J and
-   the inverse pressure mass */
+/* What cells of one form share: matrix of B, size; of boxes also the edges (else 0), what hangs in them (MeshHang's
+   code, -1: nothing), det J and the inverse pressure mass */
 typedef struct {
   PetscReal *b, size, edge[3], det, pmass[16];
+  PetscInt   way;
 } CellKind;
 
 struct _p_Flow {
