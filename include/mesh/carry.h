@@ -26,11 +26,12 @@ PetscErrorCode MeshRestore(Mesh, State look, Mesh *old);
 
 /* v [nnode_all of old][bs] -> w [nnode_all of now][bs], ghosts up to date. Collective. */
 PetscErrorCode MeshCarryNodes(Mesh old, Mesh now, PetscInt bs, const PetscReal v[], PetscReal w[]);
-/* The same for up to six fields v [nnode_all][dim], NULL: none, but that where cells are joined the values in the middle
-   of edges, faces and cells keep the integrals along and over them: momentum and flow through faces stay what they
-   were, exactly where levels change by one. The places are not those of a mesh whose nodes move. Nodes of cells that
-   stay as they are are copied, places of old cells of other ranks asked for at these. Collective. */
-PetscErrorCode MeshCarryVelocities(Mesh old, Mesh now, PetscInt count, const PetscReal *const v[], PetscReal *const w[]);
+/* The same for up to six fields v [nnode_all][dim], NULL: none, but that where cells are joined the values in the
+   middle of edges, faces and cells keep the integrals along and over them: momentum and flow through faces stay what
+   they were, exactly where levels change by one. The places are not those of a mesh whose nodes move. Nodes of cells
+   that stay as they are are copied; places in old cells of other ranks are asked of these alone. Collective. */
+PetscErrorCode MeshCarryVelocities(Mesh old, Mesh now, PetscInt count, const PetscReal *const v[],
+                                   PetscReal *const w[]);
 /* Functions p [ncell of old][dim + 1] of own cells, at the centre and by reference coordinate (xi, -1 to 1 over the
    cell) -> q [ncell of now][dim + 1]. Collective. */
 PetscErrorCode MeshCarryCells(Mesh old, Mesh now, const PetscReal p[], PetscReal q[]);
