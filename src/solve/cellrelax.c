@@ -69,9 +69,11 @@ static PetscErrorCode choose_cells(CellRelax c, Pressure pressure, const Penalty
 static PetscErrorCode count_cells(CellRelax c)
 {
   const MeshLocal *l = c->loc;
+  const PetscInt   n = l->nnode_all;
   const PetscInt  *body, *fixed;
 
   PetscFunctionBeginUser;
+  if (!c->free) PetscCall(PetscCalloc5(n, &c->free, n, &c->part, n * l->dim, &c->e, n * l->dim, &c->v, n, &c->moved)); /* most runs need none */
   PetscCall(ConstraintGetNodeBody(c->constraint, &body));
   PetscCall(ConditionsGetValues(FlowConditions(c->flow), &fixed, NULL));
   PetscCall(PetscArrayzero(c->part, l->nnode_all));
@@ -361,7 +363,6 @@ PetscErrorCode CellRelaxApply(CellRelax c, const PetscReal e[], const PetscReal 
 PetscErrorCode CellRelaxCreate(Flow flow, Constraint constraint, CellRelax *relax)
 {
   CellRelax c;
-  PetscInt  n;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&c));
@@ -369,9 +370,7 @@ PetscErrorCode CellRelaxCreate(Flow flow, Constraint constraint, CellRelax *rela
   c->constraint = constraint;
   PetscCall(FlowGetMesh(flow, &c->mesh));
   PetscCall(MeshGetLocal(c->mesh, &c->loc));
-  c->nk = c->loc->dim + 1;
-  n     = c->loc->nnode_all;
-  PetscCall(PetscCalloc5(n, &c->free, n, &c->part, n * c->loc->dim, &c->e, n * c->loc->dim, &c->v, n, &c->moved));
+  c->nk  = c->loc->dim + 1;
   *relax = c;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
