@@ -375,29 +375,13 @@ static PetscErrorCode read_round(MeshKind k, DM dm)
     if (!given) continue;
     PetscCheck(circle[2] > 0, k->comm, PETSC_ERR_USER_INPUT, "%s: radius %g must be positive", name, (double)circle[2]);
     PetscCheck(k->dim == 2, k->comm, PETSC_ERR_SUP, "%s: round boundaries are for 2D meshes; '%s' is 3D: remove the option", name, k->file);
+    PetscCheck(!k->curved, k->comm, PETSC_ERR_USER_INPUT, "%s: the cells of '%s' are bent already, of second order: remove the option", name, k->file);
     PetscCall(MeshKindMakeRound(k, dm, k->boundary[b], circle));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- creation ---- */
-
-static PetscErrorCode create_from_file(MeshKind k, DM *dm)
-{
-  PetscBool periodic;
-
-  PetscFunctionBeginUser;
-  PetscCall(OptDefault("-dm_plex_gmsh_use_regions", "1"));
-  PetscCall(DMPlexCreateGmshFromFile(k->comm, k->file, PETSC_TRUE, dm));
-  PetscCall(DMGetDimension(*dm, &k->dim));
-  PetscCall(DMGetCoordinatesLocalized(*dm, &periodic));
-  PetscCheck(!periodic, k->comm, PETSC_ERR_USER_INPUT,
-             "Mesh file '%s' is periodic, which works for boxes only (-mesh_periodic): remove the periodic pairs from the file", k->file);
-  k->map.dim = k->dim;
-  PetscCall(MeshKindFindFileBoundaries(k, *dm));
-  PetscCall(read_round(k, *dm));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
 
 static PetscErrorCode create_box(MeshKind k, DM *dm)
 {
@@ -431,7 +415,8 @@ PetscErrorCode MeshKindBuild(MeshKind k, DM *dm)
 {
   PetscFunctionBeginUser;
   if (k->kind == KIND_FILE) {
-    PetscCall(create_from_file(k, dm));
+    PetscCall(MeshKindCreateFromFile(k, dm));
+    PetscCall(read_round(k, *dm));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   if (is_box(k)) PetscCall(create_box(k, dm));
@@ -468,6 +453,7 @@ PetscErrorCode MeshKindDestroy(MeshKind *kind)
   PetscFunctionBeginUser;
   if (!*kind) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MeshMapClear(&(*kind)->map));
+  PetscCall(CurvedDestroy(&(*kind)->curved));
   PetscCall(PetscFree(*kind));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -513,6 +499,13 @@ PetscErrorCode MeshKindGetPeriod(MeshKind k, const PetscReal *period[], const Pe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode MeshKindGetCurved(MeshKind k, Curved *curved)
+{
+  PetscFunctionBeginUser;
+  *curved = k->curved;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode MeshKindEvaluate(MeshKind k, const PetscReal q[], PetscReal x[])
 {
   PetscFunctionBeginUser;
@@ -539,7 +532,7 @@ PetscErrorCode MeshKindPlaceVertices(MeshKind k, DM dm)
   PetscBool localized;
 
   PetscFunctionBeginUser;
-  if (k->map.type == MESHMAP_IDENTITY) PetscFunctionReturn(PETSC_SUCCESS);
+  if (k->map.type == MESHMAP_IDENTITY) PetscFunctionReturn(PETSC_SUCCESS); /* also where cells of a file bend: corners stay */
   PetscCall(DMGetCoordinatesLocal(dm, &x));
   PetscCall(map_points(&k->map, x));
   PetscCall(DMSetCoordinatesLocal(dm, x)); /* drops the global vector */

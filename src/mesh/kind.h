@@ -17,8 +17,9 @@
               -mesh_periodic z, -mesh_ring_ratio
      ball     -mesh_centre x,y,z, -mesh_radius, -mesh_resolution cells a quarter of a great circle, -mesh_ring_ratio
      shell    -mesh_centre x,y,z, -mesh_radii inner,outer, -mesh_resolution, -mesh_ring_ratio
-     file     -mesh_file name.msh of quadrilaterals or hexahedra; its physical names are the boundaries;
-              -mesh_round_<boundary> cx,cy,r bends a boundary that is a polygon in the file to the circle, on every
+     file     -mesh_file name.msh of quadrilaterals or hexahedra of order 1 or 2; its physical names (without names:
+              numbers) are the boundaries; -mesh_scale, -mesh_offset x,y[,z]: places are offset + scale times those of
+              the file; -mesh_plates: names of edges or faces inside that are thin walls; -mesh_round_<boundary> cx,cy,r bends a boundary that is a polygon in the file to the circle, on every
               level of refinement (2D)
    -mesh_shift_seed n (box with focus, channel) moves the fine part by a random fraction of h, -1/2 to 1/2 along each
    axis; 0 does not.
@@ -27,7 +28,7 @@
    are reference coordinates, to be kept until the mesh is refined and distributed; MeshKindEvaluate then gives true
    ones (map.h). All functions but MeshKindEvaluate are collective. */
 #pragma once
-#include <petscdmplex.h>
+#include "curved.h"
 
 typedef struct _p_MeshKind *MeshKind;
 
@@ -35,8 +36,8 @@ typedef struct _p_MeshKind *MeshKind;
 PetscErrorCode MeshKindRead(MPI_Comm, MeshKind *);
 /* Cells of a box or channel; 0: another kind */
 PetscErrorCode MeshKindGetBoxCells(MeshKind, PetscReal *n);
-/* Build the mesh on rank 0. The caller destroys dm. Errors: no named boundaries in a file, a rounded boundary that is
-   not near its circle, periodic files. */
+/* Build the mesh on rank 0. The caller destroys dm. Errors: what a mesh file must not have (MeshKindCreateFromFile), a
+   rounded boundary that is not near its circle. */
 PetscErrorCode MeshKindBuild(MeshKind, DM *dm);
 /* Read the options of a box or channel, of which a refined mesh is made. Errors: another kind. */
 PetscErrorCode MeshKindReadBox(MPI_Comm, MeshKind *);
@@ -51,6 +52,8 @@ PetscErrorCode MeshKindGetBox(MeshKind, PetscInt *dim, PetscReal lower[3], Petsc
 /* Length of the period along each axis [3] (0: not periodic) and upper end of the period [3]. */
 PetscErrorCode MeshKindGetPeriod(MeshKind, const PetscReal *period[], const PetscReal *upper[]);
 
+/* Of a mesh file whose cells bend, else NULL: where their nodes are. Borrowed. */
+PetscErrorCode MeshKindGetCurved(MeshKind, Curved *);
 /* True coordinates x [dim] of a point with reference coordinates q. Not collective. */
 PetscErrorCode MeshKindEvaluate(MeshKind, const PetscReal q[], PetscReal x[]);
 /* Replace the reference coordinates of the vertices of a mesh (refined, distributed) by true ones. */

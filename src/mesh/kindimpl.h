@@ -28,13 +28,17 @@ struct _p_MeshKind {
   PetscInt    nring;
   char        file[PETSC_MAX_PATH_LEN];
   MeshMap     map;
+  Curved      curved; /* cells of a file that bend, NULL: there are none */
   PetscInt    nboundary;
   char        boundary[MAX_BOUNDARIES][64];
 };
 
-/* The physical names of a Gmsh file that hold faces become the boundaries; the mesh is on rank 0. Collective.
-   Errors: no name, too many, two names for a face. */
-PetscErrorCode MeshKindFindFileBoundaries(MeshKind, DM);
+/* The mesh of a Gmsh file on rank 0. Boundaries are the physical groups of its outer edges or faces: by name (what is
+   no letter, digit or dash becomes '_'), or by number; without any there is one, `boundary`. Cells that go round the
+   wrong way are turned, with a remark. Collective; the caller destroys dm. Errors: an unreadable file, cells that are no
+   quadrilaterals or hexahedra of order 1 or 2, or are inverted, or not joined; a plane that is not x, y; outer edges or
+   faces without a name beside others with one; too many names, two for a face. */
+PetscErrorCode MeshKindCreateFromFile(MeshKind, DM *dm);
 /* This boundary of a 2D file is the circle {x, y, radius}: its vertices move there, its cells are bent. Collective.
    Error: a vertex that is not near the circle. */
 PetscErrorCode MeshKindMakeRound(MeshKind, DM, const char boundary[], const PetscReal circle[3]);

@@ -115,6 +115,7 @@ typedef struct {
   PetscSection       section;
   const PetscScalar *x;
   Vec                v;
+  Curved             curved; /* cells of a file that bend, or NULL */
 } Corners;
 
 static PetscErrorCode open_corners(DM dm, PetscInt dim, Corners *k)
@@ -130,6 +131,23 @@ static PetscErrorCode open_corners(DM dm, PetscInt dim, Corners *k)
   PetscCall(PetscSectionGetStorageSize(k->section, &size));
   if (by_cell || size != (vEnd - vStart) * dim) k->section = NULL;
   PetscCall(VecGetArrayRead(k->v, &k->x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The same of a bent cell of a file, or of a part of one, with corners qv [2^dim][dim] as if it had straight edges */
+static PetscErrorCode place_bent_nodes(Mesh m, Curved curved, PetscInt point, const PetscReal qv[], PetscReal xc[])
+{
+  const PetscInt dim = m->loc.dim;
+  PetscReal      corner[24];
+
+  PetscFunctionBeginUser;
+  for (PetscInt v = 0; v < 1 << dim; v++) PetscCall(CurvedFind(curved, point, qv + v * dim, corner + v * dim));
+  for (PetscInt j = 0; j < m->loc.nb; j++) {
+    PetscReal xi[3];
+
+    interpolate_corners(dim, corner, j, xi);
+    CurvedEvaluate(curved, point, xi, xc + j * dim);
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -154,7 +172,8 @@ static PetscErrorCode place_cell_nodes(Mesh m, const Corners *k, PetscInt point,
     PetscCheck(n == dim << dim, PETSC_COMM_SELF, PETSC_ERR_SUP,
                "A mesh cell has %" PetscInt_FMT " coordinates instead of %" PetscInt_FMT ": save the mesh with first-order elements", n, dim << dim);
   }
-  for (PetscInt j = 0; j < m->loc.nb; j++) {
+  if (k->curved) PetscCall(place_bent_nodes(m, k->curved, point, qv ? qv : near, xc));
+  for (PetscInt j = 0; j < m->loc.nb && !k->curved; j++) {
     PetscReal q[3];
 
     interpolate_corners(dim, qv ? qv : near, j, q);
@@ -178,6 +197,8 @@ PetscErrorCode MeshSetCoordinates(Mesh m, const PetscInt order[], const PetscInt
   PetscCall(MeshKindGetPeriod(m->kind, &period, &end));
   PetscCall(PetscArraycpy(l->period, period, 3));
   PetscCall(open_corners(m->dm, dim, &corners));
+  PetscCall(MeshKindGetCurved(m->kind, &corners.curved));
+  if (corners.curved) PetscCall(CurvedFetch(corners.curved, m->dm));
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     PetscReal xc[MESH_MAX_NB * 3], smallest, volume;
 
@@ -199,6 +220,7 @@ PetscErrorCode MeshSetCoordinates(Mesh m, const PetscInt order[], const PetscInt
     }
   }
   PetscCall(VecRestoreArrayRead(corners.v, &corners.x));
+  if (corners.curved) PetscCall(MeshSyncNodes(m, dim, m->x)); /* the last digit may depend on the cell */
   PetscCallMPI(MPI_Allreduce(&hmin, &l->h, 1, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
   PetscCallMPI(MPI_Allreduce(lower, l->lower, 3, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
   PetscCallMPI(MPI_Allreduce(upper, l->upper, 3, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
