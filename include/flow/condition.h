@@ -3,7 +3,8 @@
    The velocity of an inflow or a wall is the largest one of its profile, parabolic over the extent of the boundary, or
    an expression of x, y, z and t (of the end of the step), which profile, factor and ramp multiply as well; a
    rotating wall has omega x (x - centre). outflow is the do-nothing condition mu du/dn - p n = 0 of the gradient form;
-   slip fixes the normal component on planes along an axis. */
+   slip fixes the normal component on planes along an axis. pressure is outflow with a pressure P outside, a number or
+   an expression of x, y, z and t that factor and ramp multiply: mu du/dn - p n = -P n; it drives the flow in or out. */
 #pragma once
 #include "mesh/mesh.h"
 
@@ -21,9 +22,9 @@ PetscErrorCode ConditionsRenew(Conditions);
 PetscErrorCode ConditionsGetValues(Conditions, const PetscInt *fixed[], const PetscReal *value[]);
 /* Prescribed components of walls (no_slip, moving_wall, slip), not of an inflow: [nnode_all] bit mask. Borrowed. */
 PetscErrorCode ConditionsGetWalls(Conditions, const PetscInt *wall[]);
-/* Is the pressure determined up to a constant only (no outflow)? */
+/* Is the pressure determined up to a constant only (neither outflow nor pressure)? */
 PetscErrorCode ConditionsPressureIsFloating(Conditions, PetscBool *floating);
-/* Along which axes can a uniform force change the mean velocity? Along periodic ones, and between outflows across the
+/* Along which axes can a uniform force change the mean velocity? Along periodic ones, and between outflows or pressures across the
    axis at different places; elsewhere what is prescribed says what flows. Bit mask of axes. Collective. */
 PetscErrorCode ConditionsGetOpenAxes(Conditions, PetscInt *axes);
 /* Along which axes can the mesh travel as a whole, without taking a wall with it that is not parallel to the way? Bit
@@ -32,8 +33,10 @@ PetscErrorCode ConditionsGetSlidingAxes(Conditions, PetscInt *axes);
 /* Bit mask of solid faces of the box (no_slip or moving_wall): bit 2 axis for lower, 2 axis + 1 for upper. Boundaries
    of other names do not count. */
 PetscErrorCode ConditionsGetSolidFaces(Conditions, PetscInt *faces);
-/* Is boundary b a wall (no_slip, moving_wall, rotating_wall, slip), or open (inflow, outflow)? */
+/* Is boundary b a wall (no_slip, moving_wall, rotating_wall, slip), or open (inflow, outflow, pressure)? */
 PetscErrorCode ConditionsGetKind(Conditions, PetscInt b, PetscBool *wall, PetscBool *open);
+/* Is boundary b of type pressure? */
+PetscBool ConditionsHasPressure(Conditions, PetscInt b);
 /* The boundary whose condition prescribes a component, or -1: owner [nnode_all][dim]. Where boundaries meet it is the
    one whose value holds. */
 PetscErrorCode ConditionsGetOwners(Conditions, PetscInt owner[]);

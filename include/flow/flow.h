@@ -156,6 +156,10 @@ PetscErrorCode FlowSetSource(Flow, VectorField, void *ctx);
 /* Body force per volume of this step in addition to the parameters' force: of FlowSetSource, and of a -flow_force that
    depends on the place: [nnode_all][dim], NULL: none. Borrowed. */
 PetscErrorCode FlowGetSource(Flow, const PetscReal *source[]);
+/* What acts on openings of type pressure in this step, integrated: adds -int P n phi_i to r [nnode_all][dim], the part
+   of own cells. After FlowRhs. Local. */
+PetscErrorCode FlowAddTraction(Flow, PetscReal r[]);
+PetscBool      FlowHasTraction(Flow);
 /* -flow_force of this step at a point x [dim]: force [3]. */
 PetscErrorCode FlowForceAt(Flow, const PetscReal x[], PetscReal force[3]);
 
@@ -279,7 +283,8 @@ typedef struct {
   PetscReal divergence;                    /* L2 norm of the cell means of div u */
   PetscReal kinetic_energy;                /* 1/2 rho int |u|^2 */
   PetscReal change[3], flux[3], driven[3]; /* rho int (c_t u - d), rho int w.grad u_theta and int f over the fluid:
-                                              walls and bodies must supply change + flux - driven */
+                                              walls and bodies must supply change + flux - driven - traction */
+  PetscReal traction[3];                   /* -int P n over openings of type pressure */
   PetscReal velocity[3], volume;           /* int u, int 1 over it */
   PetscReal speed_max;
   PetscReal cell_reynolds; /* largest of |u| h/nu, infinite without viscosity */

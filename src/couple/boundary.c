@@ -226,7 +226,7 @@ PetscErrorCode BoundariesBegin(Boundaries d)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Divide the pressure among the boundaries that meet at a place */
+/* Divide the pressure among the boundaries that meet at a place; that outside of an opening is not in the residual */
 static PetscErrorCode share_pressure(Boundaries d, const BoundaryPlace *at, const PetscReal p[])
 {
   const PetscInt   c = d->cell[at->cell], dim = d->loc->dim;
@@ -241,7 +241,7 @@ static PetscErrorCode share_pressure(Boundaries d, const BoundaryPlace *at, cons
   for (PetscInt b = 0; b < PetscMin(d->n, MAX_BITS); b++) {
     const PetscReal along = part_along(d, b, w);
 
-    if (!((d->uses[at->node] >> b) & 1)) continue;
+    if (!((d->uses[at->node] >> b) & 1) || ConditionsHasPressure(FlowConditions(d->flow), b)) continue;
     for (PetscInt a = 0; a < dim; a++) {
       const PetscInt  from = at->owner[a];
       const PetscReal load = -pressure * along * d->normal[3 * b + a];

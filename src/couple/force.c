@@ -407,13 +407,13 @@ PetscErrorCode CoupleMomentum(Couple c, const FlowDiagnostics *d, CoupleBalance 
   PetscCall(sum_bodies(c, b->bodies, &size));
   PetscCall(take_mean(c, d, b->mean));
   for (PetscInt a = 0; a < 3; a++) {
-    const PetscReal rate = d->change[a] + d->flux[a] - d->driven[a];
+    const PetscReal rate = d->change[a] + d->flux[a] - d->driven[a] - d->traction[a];
 
     size += PetscAbsReal(rate);
     diff         = PetscMax(diff, PetscAbsReal(rate - b->walls[a] - b->openings[a] - b->bodies[a]));
     b->fluid[a]  = d->change[a];
     b->volume[a] = d->driven[a];
-    b->openings[a] -= d->flux[a];
+    b->openings[a] += d->traction[a] - d->flux[a];
   }
   b->size  = size;
   b->error = size > 0 ? diff / size : 0;

@@ -33,6 +33,21 @@ PetscErrorCode CoupleFindNormals(Couple c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Power of the pressure at openings */
+static PetscErrorCode add_traction(Couple c, PetscReal *power)
+{
+  const MeshLocal *l = c->loc;
+  PetscReal       *force;
+
+  PetscFunctionBeginUser;
+  if (!FlowHasTraction(c->flow)) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscCalloc1(l->nnode_all * l->dim, &force));
+  PetscCall(FlowAddTraction(c->flow, force));
+  for (PetscInt i = 0; i < l->nnode_all * l->dim; i++) *power += force[i] * c->u[i];
+  PetscCall(PetscFree(force));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Kinetic energy that flows in through the boundary, and the power of -flow_force */
 static PetscErrorCode add_fluid(Couple c, const FlowParameters *par, PetscReal *power)
 {
@@ -107,6 +122,7 @@ PetscErrorCode CoupleGetPower(Couple c, CouplePower *w)
   PetscFunctionBeginUser;
   PetscCall(FlowGetParameters(c->flow, &par));
   PetscCall(add_fluid(c, par, &power));
+  PetscCall(add_traction(c, &power));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &power, 1, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   *w = (CouplePower){.power = CoupleCountsFirst(c) ? power : 0};
   for (PetscInt k = 0; k < c->s->n; k++)

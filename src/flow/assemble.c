@@ -264,6 +264,8 @@ PetscErrorCode FlowRhs(Flow f, PetscReal r[])
     for (PetscInt i = 0; i < n; i++) x[i] = -x[i];
     LanesScatter(l, &next, l->dim, x, r);
   }
+  if (f->traction) PetscCall(TractionEvaluate(f->traction));
+  if (f->traction) TractionAdd(f->traction, r);
   PetscCall(MeshSumNodes(f->mesh, l->dim, r));
   PetscCall(PetscLogEventEnd(TB_FLOW_RHS, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);

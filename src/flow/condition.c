@@ -10,14 +10,16 @@ typedef enum {
   BC_ROTATING_WALL,
   BC_INFLOW,
   BC_OUTFLOW,
-  BC_SLIP
+  BC_SLIP,
+  BC_PRESSURE
 } ConditionsType;
 
 typedef struct {
   ConditionsType type;
   PetscBool      parabolic;
   PetscReal      velocity[3], factor[3], ramp;
-  Expr           formula;             /* of the velocity, in place of the numbers; NULL: none */
+  Expr           formula;             /* of the velocity or pressure, in place of the numbers; NULL: none */
+  PetscReal      pressure;            /* of an opening */
   PetscReal     *x;                   /* with it: places of the boundary's nodes */
   PetscReal      omega[3], centre[3]; /* of a rotating wall */
   PetscReal      lower[3], upper[3];  /* extent, for the profile and for slip */
@@ -39,7 +41,7 @@ struct _p_Conditions {
 /* Later ones win where boundaries meet */
 static const ConditionsType ORDER[] = {BC_SLIP, BC_INFLOW, BC_ROTATING_WALL, BC_MOVING_WALL, BC_NO_SLIP};
 
-static const char *const BC_TYPES[] = {"no_slip", "moving_wall", "rotating_wall", "inflow", "outflow", "slip", NULL};
+static const char *const BC_TYPES[] = {"no_slip", "moving_wall", "rotating_wall", "inflow", "outflow", "slip", "pressure", NULL};
 static const char *const PROFILES[] = {"uniform", "parabolic", NULL};
 
 static PetscErrorCode find_extent(Conditions f, PetscInt b, Condition *bc)
@@ -78,6 +80,23 @@ static PetscErrorCode read_rotation(const char name[], PetscInt dim, Condition *
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode read_pressure(const char name[], PetscInt dim, Condition *bc)
+{
+  char      option[OPT_NAME];
+  PetscBool given;
+
+  PetscFunctionBeginUser;
+  PetscCall(ExprRead(OptJoin("-flow_bc_", name, "_pressure", option), dim, 1, &bc->pressure, &bc->formula, &given));
+  PetscCheck(given, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Boundary '%s' is of type pressure: give the pressure outside with %s", name, option);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Is nothing prescribed there but the traction? */
+static PetscBool is_free(const Condition *bc)
+{
+  return (PetscBool)(bc->type == BC_OUTFLOW || bc->type == BC_PRESSURE);
+}
+
 static PetscErrorCode read_boundary(Conditions f, PetscInt b)
 {
   const PetscInt dim = f->loc->dim;
@@ -100,7 +119,8 @@ static PetscErrorCode read_boundary(Conditions f, PetscInt b)
     PetscCall(OptChoice(OptJoin("-flow_bc_", name, "_profile", option), PROFILES, &profile));
   }
   if (type == BC_ROTATING_WALL) PetscCall(read_rotation(name, dim, bc));
-  if (type == BC_INFLOW || type == BC_MOVING_WALL || type == BC_ROTATING_WALL) {
+  if (type == BC_PRESSURE) PetscCall(read_pressure(name, dim, bc));
+  if (type == BC_INFLOW || type == BC_MOVING_WALL || type == BC_ROTATING_WALL || type == BC_PRESSURE) {
     PetscCall(OptRealArray(OptJoin("-flow_bc_", name, "_factor", option), 3, bc->factor, NULL));
     PetscCheck(bc->factor[1] == 0 || bc->factor[2] > 0, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s: the period %g must be positive", option,
                (double)bc->factor[2]);
@@ -126,10 +146,10 @@ static PetscErrorCode mark_fixed(Conditions f)
 
   PetscFunctionBeginUser;
   for (PetscInt b = 0; b < f->n; b++) {
-    const PetscInt *node, bits = f->condition[b].type == BC_OUTFLOW ? 0 : f->condition[b].type == BC_SLIP ? 1 << f->condition[b].axis : all;
+    const PetscInt *node, bits = is_free(f->condition + b) ? 0 : f->condition[b].type == BC_SLIP ? 1 << f->condition[b].axis : all;
     PetscInt        n;
 
-    outflow += f->condition[b].type == BC_OUTFLOW;
+    outflow += is_free(f->condition + b);
     PetscCall(MeshGetBoundaryNodes(f->mesh, b, &n, &node));
     for (PetscInt i = 0; i < n; i++) {
       f->fixed[node[i]] |= bits;
@@ -190,8 +210,8 @@ static PetscErrorCode check_steady(Conditions f, PetscInt b, PetscReal time)
              "Boundary '%s' changes in time (-flow_bc_%s_factor %g,%g,%g) and has no steady state: set the second number to 0, or run in time without -sim_steady",
              name, name, (double)factor[0], (double)factor[1], (double)factor[2]);
   PetscCheck(time < PETSC_MAX_REAL || !formula || !ExprUsesTime(formula), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-             "Boundary '%s' changes in time (-flow_bc_%s_velocity %s) and has no steady state: remove t, or run in time without -sim_steady", name,
-             name, ExprText(formula));
+             "Boundary '%s' changes in time (-flow_bc_%s_%s %s) and has no steady state: remove t, or run in time without -sim_steady", name, name,
+             f->condition[b].type == BC_PRESSURE ? "pressure" : "velocity", ExprText(formula));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -232,6 +252,8 @@ PetscErrorCode ConditionsSetTime(Conditions f, PetscReal time)
   PetscFunctionBeginUser;
   f->time  = time;
   f->timed = PETSC_TRUE;
+  for (PetscInt b = 0; b < f->n; b++)
+    if (f->condition[b].type == BC_PRESSURE) PetscCall(check_steady(f, b, time));
   if (f->field) PetscCall(evaluate_field(f, time < PETSC_MAX_REAL ? time : 0));
   for (PetscInt pass = 0; pass < 5 && !f->field; pass++) {
     for (PetscInt b = 0; b < f->n; b++) {
@@ -346,7 +368,7 @@ PetscErrorCode ConditionsGetOpenAxes(Conditions f, PetscInt *axes)
     for (PetscInt b = 0; b < f->n; b++) {
       const PetscReal *start = f->condition[b].lower, *end = f->condition[b].upper;
 
-      if (f->condition[b].type != BC_OUTFLOW || end[d] - start[d] > 1e-10 * (f->loc->upper[d] - f->loc->lower[d])) continue;
+      if (!is_free(f->condition + b) || end[d] - start[d] > 1e-10 * (f->loc->upper[d] - f->loc->lower[d])) continue;
       lower = PetscMin(lower, start[d]);
       upper = PetscMax(upper, end[d]);
     }
@@ -363,7 +385,7 @@ PetscErrorCode ConditionsGetSlidingAxes(Conditions f, PetscInt *axes)
     const Condition *bc   = f->condition + b;
     PetscInt         flat = -1;
 
-    if (bc->type == BC_INFLOW || bc->type == BC_OUTFLOW) continue;
+    if (bc->type == BC_INFLOW || is_free(bc)) continue;
     for (PetscInt d = 0; d < f->loc->dim; d++)
       if (bc->upper[d] - bc->lower[d] < 1e-10 * (f->loc->upper[d] - f->loc->lower[d])) flat = d;
     *axes &= flat < 0 || bc->type == BC_ROTATING_WALL ? 0 : ~(1 << flat);
@@ -413,10 +435,8 @@ PetscErrorCode ConditionsGetSide(Conditions f, PetscInt side, PetscReal v[3], Pe
 
 PetscErrorCode ConditionsGetKind(Conditions f, PetscInt b, PetscBool *wall, PetscBool *open)
 {
-  const ConditionsType type = f->condition[b].type;
-
   PetscFunctionBeginUser;
-  *open = (PetscBool)(type == BC_INFLOW || type == BC_OUTFLOW);
+  *open = (PetscBool)(f->condition[b].type == BC_INFLOW || is_free(f->condition + b));
   *wall = (PetscBool) !*open;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -434,7 +454,7 @@ PetscErrorCode ConditionsSticks(Conditions f, PetscInt b, PetscBool *sticks, Pet
 PetscErrorCode ConditionsIsOutflow(Conditions f, PetscInt b, PetscBool *outflow)
 {
   PetscFunctionBeginUser;
-  *outflow = (PetscBool)(f->condition[b].type == BC_OUTFLOW);
+  *outflow = is_free(f->condition + b);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -457,5 +477,38 @@ PetscErrorCode ConditionsGetOwners(Conditions f, PetscInt owner[])
           if (bc->type != BC_SLIP || a == bc->axis) owner[node[i] * dim + a] = b;
     }
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscBool ConditionsHasPressure(Conditions f, PetscInt b)
+{
+  return (PetscBool)(f->condition[b].type == BC_PRESSURE);
+}
+
+PetscErrorCode ConditionsGetPressure(Conditions f, PetscInt b, PetscReal theta, PetscReal dt, PetscInt m, const PetscReal x[], PetscReal value[])
+{
+  const Condition *bc      = f->condition + b;
+  const PetscBool  steady  = (PetscBool)(f->time >= PETSC_MAX_REAL);
+  const PetscReal  part[2] = {theta, 1 - theta};
+  PetscReal       *given;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(m, &given));
+  PetscCall(PetscArrayzero(value, m));
+  for (PetscInt k = 0; k < 2; k++) {
+    const PetscReal time = f->time - k * dt, factor = part[k] * boundary_factor(bc, steady ? f->time : time);
+
+    if (part[k] == 0) continue;
+    if (bc->formula && ExprUsesPlace(bc->formula)) PetscCall(ExprEvaluate(bc->formula, steady ? 0 : time, m, x, given));
+    for (PetscInt i = 0; i < m && !bc->formula; i++) given[i] = bc->pressure;
+    if (bc->formula && !ExprUsesPlace(bc->formula)) {
+      PetscReal one;
+
+      PetscCall(ExprEvaluate(bc->formula, steady ? 0 : time, 1, NULL, &one));
+      for (PetscInt i = 0; i < m; i++) given[i] = one;
+    }
+    for (PetscInt i = 0; i < m; i++) value[i] += factor * given[i];
+  }
+  PetscCall(PetscFree(given));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -41,6 +41,7 @@ PetscErrorCode FlowCellResidual(Flow f, PetscInt c, const PetscReal u[], const P
   PetscCall(FlowCellMetric(f, c, &m));
   FlowCellMomentum(f, c, &m, al, vl, wl, r);
   MeshCellScatter(f->loc, c, f->loc->dim, r);
+  if (f->traction) TractionAddCell(f->traction, c, -1, r);
   for (PetscInt k = 0; k < nk; k++)
     for (PetscInt i = 0; i < n; i++) r[i] -= p[c * nk + k] * f->b[c][k * n + i];
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -76,6 +77,7 @@ PetscErrorCode FlowCellResiduals(Flow f, PetscInt n, const PetscInt cells[], con
 
     for (PetscInt i = 0; i < size; i++) rl[i] = FlowIsDead(f, c) ? 0 : Lane(x, k)[i * BATCH_LANES];
     MeshCellScatter(l, c, l->dim, rl);
+    if (f->traction) TractionAddCell(f->traction, c, -1, rl);
     if (l->dim == 2) subtract_pressure(2, 18, f->b[c], pc, rl);
     else subtract_pressure(3, 81, f->b[c], pc, rl);
   }
@@ -189,10 +191,10 @@ static PetscErrorCode measure_elasticity(Flow f)
 /* What a step amounts to, of own cells and nodes: sums, then largest */
 typedef struct {
   PetscReal square, divergence, flux[3]; /* int |u|^2, sum of squared means of div u, int w.grad u */
-  PetscReal change[3], driven[3], velocity[3], volume;
+  PetscReal change[3], driven[3], velocity[3], volume, traction[3];
   PetscReal cfl, speed, speed_size; /* speed: its square */
 } Amounts;
-#define AMOUNTS_SUMMED 15
+#define AMOUNTS_SUMMED 18
 
 typedef long long Chosen __attribute__((vector_size(sizeof(Lanes))));
 
@@ -291,6 +293,7 @@ PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], FlowDiagnostics *out)
   if (f->loc->dim == 2) add_nodes(2, f, u, &of);
   else add_nodes(3, f, u, &of);
   if (f->conformation) PetscCall(add_outflow(f, of.flux));
+  if (f->traction) TractionSum(f->traction, of.traction);
   if (f->conformation) PetscCall(measure_elasticity(f));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &of, AMOUNTS_SUMMED, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &of.cfl, 3, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
@@ -298,6 +301,7 @@ PetscErrorCode FlowDiagnose(Flow f, const PetscReal u[], FlowDiagnostics *out)
     out->change[d]   = rho * of.change[d];
     out->flux[d]     = of.flux[d];
     out->driven[d]   = of.driven[d];
+    out->traction[d] = of.traction[d];
     out->velocity[d] = of.velocity[d];
   }
   out->volume         = of.volume;

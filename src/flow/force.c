@@ -144,3 +144,15 @@ PetscErrorCode FlowForceAt(Flow f, const PetscReal x[], PetscReal force[3])
   for (PetscInt a = 0; a < f->loc->dim; a++) force[a] += f->drive[a];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
+
+PetscErrorCode FlowAddTraction(Flow f, PetscReal r[])
+{
+  PetscFunctionBeginUser;
+  if (f->traction) TractionAdd(f->traction, r);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscBool FlowHasTraction(Flow f)
+{
+  return (PetscBool)(f->traction != NULL);
+}

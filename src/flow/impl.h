@@ -9,6 +9,7 @@
 #include "batch.h"
 #include "conformation.h"
 #include "rheology.h"
+#include "traction.h"
 #include "walls.h"
 
 /* In the order of the values of -flow_time */
@@ -87,6 +88,7 @@ struct _p_Flow {
   VectorField source_field;
   void       *source_ctx;
   PetscReal  *source;
+  Traction    traction; /* of openings of type pressure, NULL: there are none */
   FlowInitial initial; /* how the flow starts */
   Expr        formula; /* velocity at the start; NULL: numbers */
   PetscBool   mean;    /* velocity of the parameters is that of -flow_rate */
@@ -131,8 +133,12 @@ void FlowExtrapolateConvection(Flow);
 PetscErrorCode ConditionsCreate(Mesh, Conditions *);
 PetscErrorCode ConditionsDestroy(Conditions *);
 PetscErrorCode ConditionsView(Conditions, PetscViewer);
-/* Is boundary b of type outflow? */
+/* Is boundary b of type outflow or pressure? */
 PetscErrorCode ConditionsIsOutflow(Conditions, PetscInt b, PetscBool *outflow);
+/* The pressure outside boundary b, of type pressure, over a step of length dt that ends at the time of the last
+   ConditionsSetTime, theta at its end + (1 - theta) at its beginning, with factor and ramp: value [m] at points x
+   [m][dim]. Collective. */
+PetscErrorCode ConditionsGetPressure(Conditions, PetscInt b, PetscReal theta, PetscReal dt, PetscInt m, const PetscReal x[], PetscReal value[]);
 /* Does the fluid stick to boundary b (no_slip, moving_wall, rotating_wall), and may that move? */
 PetscErrorCode ConditionsSticks(Conditions, PetscInt b, PetscBool *sticks, PetscBool *moves);
 /* Evaluate the prescribed values at a time; PETSC_MAX_REAL: those of the steady state, after all ramps. Local.

@@ -10,7 +10,7 @@
 #define ELASTIC   "-flow_rheology oldroyd_b, giesekus or fene_p"
 #define YIELDS    "-flow_rheology bingham or herschel_bulkley"
 #define EDDIES    "-flow_rheology smagorinsky or wale"
-#define HAS_SPEED "-flow_bc_<boundary>_type inflow, moving_wall or rotating_wall"
+#define HAS_SPEED "-flow_bc_<boundary>_type inflow, moving_wall, rotating_wall or pressure"
 
 static const OptSpec SPECS[] = {
   {"-flow_density", OPT_REAL, "mass/length^dim", OPT_ABOVE_ZERO, "1 or, without a flow, 0",
@@ -81,16 +81,19 @@ static const OptSpec SPECS[] = {
   {"-flow_extrapolation", OPT_CHOICE, "", OPT_ANY, "linear", .help = "convecting velocity from two or (bodies that stay) three steps", .when = FLOW,
    .choices = "linear, quadratic"},
   {"-flow_bc_<boundary>_type", OPT_CHOICE, "", OPT_ANY, "no_slip", .help = "condition on this boundary", .when = FLOW,
-   .choices = "no_slip, moving_wall, rotating_wall, inflow, outflow, slip"},
+   .choices = "no_slip, moving_wall, rotating_wall, inflow, outflow, slip, pressure"},
+  {"-flow_bc_<boundary>_pressure", OPT_REALS, "mass/(length time^2)", OPT_ANY, "",
+   .help = "pressure outside an opening, through which it drives the flow: mu du/dn - p n = -pressure n (outflow: the same with 0)",
+   .when = "-flow_bc_<boundary>_type pressure", .variables = "x, y, z, t"},
   {"-flow_bc_<boundary>_velocity", OPT_REALS, "length/time", OPT_ANY, "", .help = "prescribed velocity (largest one of a profile)", .when = RUNS_IN,
    .variables = "x, y, z, t"},
   {"-flow_bc_<boundary>_profile", OPT_CHOICE, "", OPT_ANY, "uniform", .help = "shape of the velocity profile", .when = RUNS_IN,
    .choices = "uniform, parabolic"},
   {"-flow_bc_<boundary>_omega", OPT_REALS, "1/time", OPT_ANY, "", .help = "angular velocity of the wall", .when = ROTATES},
   {"-flow_bc_<boundary>_centre", OPT_REALS, "length", OPT_ANY, "0", .help = "point about which the wall turns (default: origin)", .when = ROTATES},
-  {"-flow_bc_<boundary>_factor", OPT_REALS, "-, -, time", OPT_ANY, "1,0,1", .help = "a, b, T: velocity is multiplied by a + b sin(2 pi t / T)",
+  {"-flow_bc_<boundary>_factor", OPT_REALS, "-, -, time", OPT_ANY, "1,0,1", .help = "a, b, T: velocity or pressure is multiplied by a + b sin(2 pi t / T)",
    .when = HAS_SPEED},
-  {"-flow_bc_<boundary>_ramp", OPT_REAL, "time", OPT_FROM(0), "0", .help = "time over which the velocity rises smoothly from zero",
+  {"-flow_bc_<boundary>_ramp", OPT_REAL, "time", OPT_FROM(0), "0", .help = "time over which the velocity or pressure rises smoothly from zero",
    .when = HAS_SPEED},
 };
 OPT_TABLE("flow: fluid, time scheme, boundary conditions", SPECS)

@@ -11,6 +11,7 @@ PetscErrorCode FlowCreateParts(Flow f)
   PetscFunctionBeginUser;
   PetscCall(FlowCreateCells(f));
   PetscCall(ConditionsCreate(f->mesh, &f->boundary));
+  PetscCall(TractionCreate(f, &f->traction));
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u)); /* each on its own: accepted steps swap them */
   PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u_old));
   if (f->par.quadratic) PetscCall(PetscCalloc1(l->nnode_all * dim, &f->u_older));
@@ -50,6 +51,7 @@ PetscErrorCode FlowDestroyParts(Flow f)
   PetscCall(ConformationDestroy(&f->conformation));
   PetscCall(PetscFree(f->entry));
   PetscCall(FlowDestroyCells(f));
+  PetscCall(TractionDestroy(&f->traction));
   PetscCall(ConditionsDestroy(&f->boundary));
   PetscCall(PetscFree(f->u));
   PetscCall(PetscFree(f->u_old));
