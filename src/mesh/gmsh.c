@@ -23,7 +23,7 @@ typedef struct {
   PetscInt  ngroup, nface, fStart;
   Group    *group;
   PetscInt *face_group; /* [nface] -1: none */
-  char      fault[MSH_FAULT], remark[2][MSH_FAULT];
+  char      fault[MSH_FAULT], remark[2][MSH_FAULT], unnamed[MSH_NAME];
 } Reading;
 
 /* ---- names ---- */
@@ -200,10 +200,11 @@ static void judge_faces(Reading *r, const Nameless *less)
                    "is not joined: %" PetscInt_FMT " %s without a name lie on others, the first at %s, all from %s to %s: write Coherence; before meshing "
                    "(or Coherence Mesh; after it) in Gmsh",
                    less->twice, what, first, lower, upper);
-  else if (less->n && less->n < less->outer)
+  else if (less->n && less->n < less->outer && !r->unnamed[0])
     (void)snprintf(r->fault, MSH_FAULT,
                    "names its boundaries, but %" PetscInt_FMT " %s of the outside have no name, the first at %s, all from %s to %s, and the fluid "
-                   "would pass there: give them one in Gmsh, Physical %s(\"wall\") = {...};, and save the file again",
+                   "would pass there: give them one in Gmsh, Physical %s(\"wall\") = {...};, and save the file again, or name them all with "
+                   "-mesh_unnamed wall",
                    less->n, what, first, lower, upper, kind);
 }
 
@@ -235,7 +236,8 @@ static PetscErrorCode name_boundaries(MeshKind k, Reading *r, const Nameless *le
   const char *const what = r->cells.dim == 2 ? "edges" : "faces";
 
   PetscFunctionBeginUser;
-  if (less->n == less->outer) {
+  if (less->n && r->unnamed[0]) PetscCall(add_boundary(k, r->unnamed));
+  if (less->n == less->outer && !r->unnamed[0]) {
     PetscCall(add_boundary(k, "boundary"));
     (void)snprintf(r->remark[0], MSH_FAULT,
                    "has no physical names on its outside: all %" PetscInt_FMT " %s of it are one boundary, 'boundary', a wall unless "
@@ -247,6 +249,10 @@ static PetscErrorCode name_boundaries(MeshKind k, Reading *r, const Nameless *le
     PetscBool    inside;
 
     PetscCall(is_plate(group->name, nplate, plate, &inside));
+    if (less->n && !strcasecmp(group->name, r->unnamed)) {
+      if (!strcmp(group->name, r->unnamed)) continue; /* these join it */
+      (void)snprintf(r->fault, MSH_FAULT, "has a boundary '%s' already: write -mesh_unnamed %s", group->name, group->name);
+    }
     if (group->outer || inside) PetscCall(add_boundary(k, group->name));
     if (group->inner && group->named && !inside && !r->remark[1][0])
       (void)snprintf(r->remark[1], MSH_FAULT,
@@ -262,7 +268,7 @@ static PetscErrorCode label_faces(const Reading *r, DM dm, PetscInt nplate, char
   PetscFunctionBeginUser;
   for (PetscInt f = 0; f < r->nface; f++) {
     const PetscInt g    = r->face_group[f];
-    const char    *name = g < 0 ? "boundary" : r->group[g].name;
+    const char    *name = g >= 0 ? r->group[g].name : r->unnamed[0] ? r->unnamed : "boundary";
     PetscInt       support;
     PetscBool      inside = PETSC_FALSE;
 
@@ -298,13 +304,15 @@ static PetscErrorCode find_boundaries(MeshKind k, Reading *r, DM dm)
 {
   const char *const taken[] = {"depth", "celltype", NULL};
   PetscInt          fEnd, nplate = MAX_BOUNDARIES;
-  char             *plate[MAX_BOUNDARIES];
+  char             *plate[MAX_BOUNDARIES], given[MSH_NAME] = "";
   Nameless          less;
   PetscMPIInt       rank;
 
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_rank(k->comm, &rank));
   PetscCall(OptStringArray("-mesh_plates", &nplate, plate));
+  PetscCall(OptString("-mesh_unnamed", given, sizeof(given)));
+  make_name(given, r->unnamed);
   PetscCall(DMPlexGetHeightStratum(dm, 1, &r->fStart, &fEnd));
   r->nface = fEnd - r->fStart;
   PetscCall(PetscMalloc1(r->nface, &r->face_group));
@@ -409,7 +417,7 @@ PetscErrorCode MeshKindCreateFromFile(MeshKind k, DM *dm)
   PetscCallMPI(MPI_Comm_rank(k->comm, &rank));
   if (rank == 0) PetscCall(MshRead(k->file, &r.msh, r.fault));
   if (rank == 0 && !*r.fault) PetscCall(FileCellsFind(&r.msh, &r.cells, r.fault));
-  if (rank == 0 && r.msh.periodic)
+  if (rank == 0 && r.msh.periodic && !*r.fault)
     (void)snprintf(r.fault, MSH_FAULT, "is periodic, which works for boxes only (-mesh_periodic): remove the periodic pairs from the file");
   PetscCall(stop_together(k, &r));
   k->dim = r.cells.dim;

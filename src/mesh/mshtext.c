@@ -87,14 +87,16 @@ void MshBody(MshText *t)
 
 void MshFormat(MshText *t)
 {
-  PetscInt size;
+  PetscBool binary;
 
   t->version = MshReal(t);
-  t->binary  = (PetscBool)(MshNumber(t) == 1);
-  size       = MshNumber(t);
+  binary     = (PetscBool)(MshNumber(t) == 1);
+  t->size    = (size_t)MshNumber(t);
+  t->binary  = binary;
   if (t->version < 2 || (t->version >= 2.3 && t->version < 4) || t->version >= 4.2)
     MshFault(t, "is of format %g of Gmsh, which is not known here: save it in format 4.1 (gmsh -format msh41)", t->version);
-  if (size != 8) MshFault(t, "has numbers of %" PetscInt_FMT " bytes instead of 8: save it again (gmsh -format msh41)", size);
+  if (t->size != 8 && (t->size != 4 || t->version < 4))
+    MshFault(t, "has numbers of %d bytes instead of 8: save it again (gmsh -format msh41)", (int)t->size);
   if (!t->binary || *t->fault) return;
   MshBody(t);
   t->swap = (PetscBool)(MshInt(t) != 1);
@@ -117,6 +119,16 @@ static PetscBool take(MshText *t, size_t size, void *value)
   return PETSC_TRUE;
 }
 
+/* What is no number, up to the next blank */
+static void fault_number(MshText *t, const char wanted[])
+{
+  size_t n = 0;
+
+  while (isspace((unsigned char)*t->at)) t->at++;
+  while (n < 24 && t->at[n] && !isspace((unsigned char)t->at[n])) n++;
+  MshFault(t, "has '%.*s' where %s belongs", (int)n, t->at, wanted);
+}
+
 PetscInt MshNumber(MshText *t)
 {
   char           *end   = NULL;
@@ -124,7 +136,7 @@ PetscInt MshNumber(MshText *t)
 
   if (*t->fault) return 0;
   if (end == t->at || value > PETSC_MAX_INT || value < -(long long)PETSC_MAX_INT) {
-    MshFault(t, "has '%.12s' where a whole number belongs", t->at);
+    fault_number(t, "a whole number");
     return 0;
   }
   t->at = end;
@@ -144,6 +156,7 @@ PetscInt MshSize(MshText *t)
   int64_t value = 0;
 
   if (!t->binary) return MshNumber(t);
+  if (t->size == 4) return MshInt(t);
   if (*t->fault || !take(t, 8, &value)) return 0;
   if (value < 0 || value > PETSC_MAX_INT) MshFault(t, "counts or numbers something up to %lld, more than this build of PETSc can", (long long)value);
   return *t->fault ? 0 : (PetscInt)value;
@@ -157,7 +170,7 @@ PetscReal MshReal(MshText *t)
   if (*t->fault) return 0;
   if (t->binary) return take(t, 8, &value) ? (PetscReal)value : 0;
   value = strtod(t->at, &end);
-  if (end == t->at || !(value - value == 0)) MshFault(t, "has '%.12s' where a number belongs", t->at);
+  if (end == t->at || !(value - value == 0)) fault_number(t, "a number");
   else t->at = end;
   return *t->fault ? 0 : (PetscReal)value;
 }

@@ -8,6 +8,7 @@ typedef struct {
   const char *at, *end;
   double      version;
   PetscBool   binary, swap; /* other byte order */
+  size_t      size;         /* bytes of a count */
   char       *fault;        /* [MSH_FAULT] "" or what is wrong */
 } MshText;
 
@@ -28,7 +29,7 @@ void MshBody(MshText *);
 
 PetscInt  MshNumber(MshText *); /* written out in binary files too */
 PetscInt  MshInt(MshText *);    /* 4 bytes in binary files */
-PetscInt  MshSize(MshText *);   /* 8 bytes */
+PetscInt  MshSize(MshText *);   /* 8 bytes, or 4 where the file says so */
 PetscReal MshReal(MshText *);
 /* A name between quotes, name [MSH_NAME] */
 void MshQuoted(MshText *, char name[]);
