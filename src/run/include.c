@@ -125,13 +125,14 @@ static int read_included(SceneCheck *check, const Link *link, Entries *all)
   return fault;
 }
 
-/* Options of a scene over those of the scene that it includes; *included: is there one? */
+/* Options of a scene over those of the scene that it includes; *included: is there one, or a key that is named
+   otherwise in options? */
 static int read_scene(const Link *link, Entries *all, int *included, char message[], size_t len)
 {
   SceneCheck check = {.path = link->path, .message = message, .len = len};
   int        fault = SceneCheckFile(&check);
 
-  *included = check.include != NULL;
+  *included = check.include != NULL || check.renamed;
   if (!fault && check.include) fault = read_included(&check, link, all);
   for (size_t i = 0; i < check.n && !fault; i++) {
     const SceneOption *option = check.option + i;

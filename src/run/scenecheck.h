@@ -20,6 +20,7 @@ typedef struct {
   size_t           n, room;
   char            *include; /* as written, NULL: none */
   size_t           include_line;
+  int              renamed; /* keys are named otherwise in options: PETSc must not read the file itself */
 } SceneCheck;
 
 /* Puts "path:line: ..." (line 0: "path: ...") into the message and returns 1. */

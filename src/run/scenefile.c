@@ -157,7 +157,27 @@ static int report_syntax(SceneCheck *check, const yaml_parser_t *parser, const c
 
 /* ---- keys and options ---- */
 
-static int check_key(SceneCheck *check, const yaml_node_t *key, int nested)
+/* Does a key hold the name of a boundary, which may have blanks in a mesh file (bc_<boundary>, round_<boundary>)? */
+static int names_boundary(const char prefix[], const char key[])
+{
+  return (!strcasecmp(prefix, "flow_") && !strncasecmp(key, "bc_", 3)) || !strcasecmp(prefix, "flow_bc_") ||
+         (!strcasecmp(prefix, "mesh_") && !strncasecmp(key, "round_", 6));
+}
+
+/* What is no letter, digit or dash becomes '_', as in the names of the mesh's boundaries */
+static int rename_boundary(char name[])
+{
+  int changed = 0;
+
+  for (char *s = name; *s; s++) {
+    if (isalnum((unsigned char)*s) || *s == '_' || *s == '-') continue;
+    *s      = '_';
+    changed = 1;
+  }
+  return changed;
+}
+
+static int check_key(SceneCheck *check, const yaml_node_t *key, const char prefix[])
 {
   const char  *text;
   const size_t line = find_line(key);
@@ -169,9 +189,9 @@ static int check_key(SceneCheck *check, const yaml_node_t *key, int nested)
     return SceneCheckFault(check, line, "key '%s' starts with a dash: write '%s' (the dash belongs to the command line)", text,
                            text + strspn(text, "-"));
   if (strchr(text, ':')) return SceneCheckFault(check, line, "key '%s' holds a colon: put a blank after the colon ('key: value')", text);
-  if (!isalpha((unsigned char)text[0]) && !(nested && isdigit((unsigned char)text[0])))
+  if (!isalpha((unsigned char)text[0]) && !(prefix[0] && isdigit((unsigned char)text[0])))
     return SceneCheckFault(check, line, "key '%s' must start with a letter", text);
-  for (const char *s = text; *s; s++) {
+  for (const char *s = text; *s && !names_boundary(prefix, text); s++) {
     if (!isalnum((unsigned char)*s) && *s != '_' && *s != '-')
       return SceneCheckFault(check, line, "key '%s' cannot be an option name: use letters, digits and '_' only", text);
   }
@@ -294,9 +314,10 @@ static int check_pair(SceneCheck *check, const yaml_node_t *key, const yaml_node
       return SceneCheckFault(check, find_line(key), "!include is not allowed: write 'include: other.yaml' on the top level of the scene");
     return 0;
   }
-  if (check_key(check, key, prefix[0] != 0)) return 1;
+  if (check_key(check, key, prefix)) return 1;
   if (snprintf(name, sizeof(name), "%s%s", prefix, get_text(key)) >= (int)sizeof(name) - 2)
     return SceneCheckFault(check, find_line(key), "option name is longer than %d characters", SCENE_NAME_MAX - 2);
+  if (names_boundary(prefix, get_text(key)) && rename_boundary(name)) check->renamed = 1;
   if (!strcasecmp(name, "include")) return take_include(check, key, value);
   if (value->type == YAML_SCALAR_NODE) return add_option(check, name, find_line(key), value);
   if (value->type == YAML_SEQUENCE_NODE) return check_list(check, name, key, value);
