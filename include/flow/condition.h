@@ -24,8 +24,8 @@ PetscErrorCode ConditionsGetValues(Conditions, const PetscInt *fixed[], const Pe
 PetscErrorCode ConditionsGetWalls(Conditions, const PetscInt *wall[]);
 /* Is the pressure determined up to a constant only (neither outflow nor pressure)? */
 PetscErrorCode ConditionsPressureIsFloating(Conditions, PetscBool *floating);
-/* Along which axes can a uniform force change the mean velocity? Along periodic ones, and between outflows or pressures across the
-   axis at different places; elsewhere what is prescribed says what flows. Bit mask of axes. Collective. */
+/* Along which axes can a uniform force change the mean velocity? Along periodic ones, and between outflows or pressures
+   across the axis at different places; elsewhere what is prescribed says what flows. Bit mask of axes. Collective. */
 PetscErrorCode ConditionsGetOpenAxes(Conditions, PetscInt *axes);
 /* Along which axes can the mesh travel as a whole, without taking a wall with it that is not parallel to the way? Bit
    mask of axes. Collective. */

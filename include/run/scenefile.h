@@ -32,8 +32,9 @@ int SceneFileIsList(const char path[]);
 int SceneFileCheck(const char path[], char message[], size_t len);
 
 /* The same check, and what PETSc cannot read by itself: a scene with 'include: other.yaml' (path relative to the scene)
-   says what the other one says, but for what it says itself; '~' as value takes away an option, or all of a mapping. And
-   keys with the name of a boundary: what is no letter, digit or dash in it becomes '_' (bc_left wall: bc_left_wall).
+   says what the other one says, but for what it says itself; '~' as value takes away an option, or all of a mapping.
+   And keys with the name of a boundary: what is no letter, digit or dash in it becomes '_' (bc_left wall:
+   bc_left_wall).
    *options: "name\0value\0file\0..." of *size characters, names flattened and without dash, file where the option
    stands; to be freed. NULL: the scene has neither, and PETSc reads it. */
 int SceneFileRead(const char path[], char **options, size_t *size, char message[], size_t len);

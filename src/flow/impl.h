@@ -89,9 +89,9 @@ struct _p_Flow {
   void       *source_ctx;
   PetscReal  *source;
   Traction    traction; /* of openings of type pressure, NULL: there are none */
-  FlowInitial initial; /* how the flow starts */
-  Expr        formula; /* velocity at the start; NULL: numbers */
-  PetscBool   mean;    /* velocity of the parameters is that of -flow_rate */
+  FlowInitial initial;  /* how the flow starts */
+  Expr        formula;  /* velocity at the start; NULL: numbers */
+  PetscBool   mean;     /* velocity of the parameters is that of -flow_rate */
   char        initial_run[PETSC_MAX_PATH_LEN];
   PetscReal   given[3], drive[3]; /* uniform part of -flow_force, and of FlowSetDrive: their sum is in par */
   Expr        gravity, force;     /* NULL: numbers, in par; those without a place are put into par in every step */

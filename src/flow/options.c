@@ -91,8 +91,8 @@ static const OptSpec SPECS[] = {
    .choices = "uniform, parabolic"},
   {"-flow_bc_<boundary>_omega", OPT_REALS, "1/time", OPT_ANY, "", .help = "angular velocity of the wall", .when = ROTATES},
   {"-flow_bc_<boundary>_centre", OPT_REALS, "length", OPT_ANY, "0", .help = "point about which the wall turns (default: origin)", .when = ROTATES},
-  {"-flow_bc_<boundary>_factor", OPT_REALS, "-, -, time", OPT_ANY, "1,0,1", .help = "a, b, T: velocity or pressure is multiplied by a + b sin(2 pi t / T)",
-   .when = HAS_SPEED},
+  {"-flow_bc_<boundary>_factor", OPT_REALS, "-, -, time", OPT_ANY, "1,0,1",
+   .help = "a, b, T: velocity or pressure is multiplied by a + b sin(2 pi t / T)", .when = HAS_SPEED},
   {"-flow_bc_<boundary>_ramp", OPT_REAL, "time", OPT_FROM(0), "0", .help = "time over which the velocity or pressure rises smoothly from zero",
    .when = HAS_SPEED},
 };

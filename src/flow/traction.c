@@ -10,7 +10,7 @@ struct _p_Traction {
   Flow             f;
   const MeshLocal *loc;
   PetscInt         nface, nq;
-  PetscInt        *cell, *side, *boundary, *next; /* [nface] face 2 axis + 1 at the upper end; next one of its cell, -1 */
+  PetscInt        *cell, *side, *boundary, *next; /* [nface] side 2 axis + 1: upper end; the cell's next face, -1 */
   PetscInt        *first;                         /* [ncell] first face of a cell, -1: it has none */
   PetscReal       *x, *area;                      /* [nface][nq][dim]: places, weight times normal */
   PetscReal       *pressure;                      /* [nface][nq] */
@@ -140,7 +140,7 @@ static PetscErrorCode measure_face(Traction t, PetscInt i)
 static void integrate_face(Traction t, PetscInt i)
 {
   const PetscInt dim = t->loc->dim, nb = t->loc->nb;
-  PetscReal     *r   = t->r + i * nb * dim;
+  PetscReal     *r = t->r + i * nb * dim;
 
   for (PetscInt k = 0; k < nb * dim; k++) r[k] = 0;
   for (PetscInt q = 0; q < t->nq; q++) {

@@ -63,8 +63,7 @@ static void check_shapes(const Msh *m, PetscInt *dim, char fault[])
                                "or write Mesh.SubdivisionAlgorithm = 2;");
   else if (high > 2)
     (void)snprintf(fault, MSH_FAULT, "has cells of order %" PetscInt_FMT ": write Mesh.ElementOrder = 2; (or 1) in Gmsh and save it again", high);
-  else if (order[1] && order[2])
-    (void)snprintf(fault, MSH_FAULT, "has cells of order 1 beside such of order 2: save all with one Mesh.ElementOrder");
+  else if (order[1] && order[2]) (void)snprintf(fault, MSH_FAULT, "has cells of order 1 beside such of order 2: save all with one Mesh.ElementOrder");
 }
 
 static PetscErrorCode collect(const Msh *m, FileCells *f)
@@ -108,10 +107,11 @@ static void check_plane(const Msh *m, const FileCells *f, char fault[])
     if (upper[d] - lower[d] <= 1e-9 * size) flat = d;
   if (flat == 2) return;
   if (flat >= 0)
-    (void)snprintf(fault, MSH_FAULT,
-                   "has its cells in the plane %c = %g, but z must be 0, since a plane mesh is read as x, y: turn it (Rotate, or exchange the coordinates) "
-                   "and save it again",
-                   (char)('x' + flat), (double)lower[flat]);
+    (void)
+      snprintf(fault, MSH_FAULT,
+               "has its cells in the plane %c = %g, but z must be 0, since a plane mesh is read as x, y: turn it (Rotate, or exchange the coordinates) "
+               "and save it again",
+               (char)('x' + flat), (double)lower[flat]);
   else
     (void)snprintf(fault, MSH_FAULT,
                    "has quadrilaterals in space (z from %g to %g) and no hexahedra: in the plane z must be 0; for a mesh in space give the volume a "
@@ -211,8 +211,8 @@ static void orient(const Msh *m, FileCells *f, char fault[])
     if (!f->curved && is_curved(f, xc)) f->curved = PETSC_TRUE;
     if (!(smallest > 0))
       (void)snprintf(fault, MSH_FAULT,
-                     "has an inverted or flat cell, element %" PetscInt_FMT " near (%g, %g%s%.6g) (Jacobian %g at a corner): repair the mesh", f->number[c],
-                     (double)xc[0], (double)xc[1], f->dim == 3 ? ", " : "", (double)(f->dim == 3 ? xc[2] : 0), (double)smallest);
+                     "has an inverted or flat cell, element %" PetscInt_FMT " near (%g, %g%s%.6g) (Jacobian %g at a corner): repair the mesh",
+                     f->number[c], (double)xc[0], (double)xc[1], f->dim == 3 ? ", " : "", (double)(f->dim == 3 ? xc[2] : 0), (double)smallest);
   }
 }
 

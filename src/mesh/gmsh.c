@@ -1,4 +1,4 @@
-/* Mesh files: the mesh of a Gmsh file on rank 0, its named boundaries, and those that are circles (see kindimpl.h).
+/* Mesh files: the mesh of a Gmsh file on rank 0 and its named boundaries (see kindimpl.h).
 
    What is wrong with a file is found on rank 0 and said by all. */
 #include "compat.h"
@@ -72,10 +72,11 @@ static void check_names(Reading *r)
       make_name(m->group[i].name, a);
       make_name(m->group[j].name, b);
       if (!strcasecmp(a, b) && !*r->fault)
-        (void)snprintf(r->fault, MSH_FAULT,
-                       "has the physical names '%.60s' and '%.60s', which are one in options (-flow_bc_%s_type; what is no letter or digit counts as '_', "
-                       "upper case as lower): rename one of them",
-                       m->group[j].name, m->group[i].name, a);
+        (void)
+          snprintf(r->fault, MSH_FAULT,
+                   "has the physical names '%.60s' and '%.60s', which are one in options (-flow_bc_%s_type; what is no letter or digit counts as '_', "
+                   "upper case as lower): rename one of them",
+                   m->group[j].name, m->group[i].name, a);
     }
   }
 }
@@ -137,7 +138,9 @@ static PetscErrorCode give_groups(Reading *r, DM dm)
 
 /* Faces on the outside without a group */
 typedef struct {
-  PetscInt  n, outer, twice, crowded; /* all faces on the outside; nameless ones that lie on each other; with more than two cells */
+  PetscInt  n, outer; /* all faces on the outside */
+  PetscInt  twice;    /* that lie on others */
+  PetscInt  crowded;  /* all faces with more than two cells */
   PetscReal first[3], lower[3], upper[3];
 } Nameless;
 
@@ -185,9 +188,9 @@ static void put_place(PetscInt dim, const PetscReal x[], char text[64])
 /* Faces without a name are open without anybody having said so */
 static void judge_faces(Reading *r, const Nameless *less)
 {
-  const PetscInt    dim = r->cells.dim;
+  const PetscInt    dim  = r->cells.dim;
   const char *const what = dim == 2 ? "edges" : "faces", *const kind = dim == 2 ? "Curve" : "Surface";
-  char              first[64], lower[64], upper[64];
+  char first[64], lower[64], upper[64];
 
   put_place(dim, less->first, first);
   put_place(dim, less->lower, lower);
@@ -197,7 +200,8 @@ static void judge_faces(Reading *r, const Nameless *less)
                    less->crowded, what);
   else if (less->twice)
     (void)snprintf(r->fault, MSH_FAULT,
-                   "is not joined: %" PetscInt_FMT " %s without a name lie on others, the first at %s, all from %s to %s: write Coherence; before meshing "
+                   "is not joined: %" PetscInt_FMT
+                   " %s without a name lie on others, the first at %s, all from %s to %s: write Coherence; before meshing "
                    "(or Coherence Mesh; after it) in Gmsh",
                    less->twice, what, first, lower, upper);
   else if (less->n && less->n < less->outer && !r->unnamed[0])
@@ -256,7 +260,8 @@ static PetscErrorCode name_boundaries(MeshKind k, Reading *r, const Nameless *le
     if (group->outer || inside) PetscCall(add_boundary(k, group->name));
     if (group->inner && group->named && !inside && !r->remark[1][0])
       (void)snprintf(r->remark[1], MSH_FAULT,
-                     "has %" PetscInt_FMT " %s named '%s' between cells: they are no boundary, and the fluid passes (-mesh_plates %s makes thin walls of "
+                     "has %" PetscInt_FMT
+                     " %s named '%s' between cells: they are no boundary, and the fluid passes (-mesh_plates %s makes thin walls of "
                      "them)",
                      group->inner, what, group->name, group->name);
   }
@@ -303,7 +308,7 @@ static PetscErrorCode stop_together(MeshKind k, Reading *r)
 static PetscErrorCode find_boundaries(MeshKind k, Reading *r, DM dm)
 {
   const char *const taken[] = {"depth", "celltype", NULL};
-  PetscInt          fEnd, nplate = MAX_BOUNDARIES;
+  PetscInt          fEnd, nplate                           = MAX_BOUNDARIES;
   char             *plate[MAX_BOUNDARIES], given[MSH_NAME] = "";
   Nameless          less;
   PetscMPIInt       rank;
@@ -329,12 +334,12 @@ static PetscErrorCode find_boundaries(MeshKind k, Reading *r, DM dm)
   PetscCallMPI(MPI_Bcast(k->boundary, sizeof(k->boundary), MPI_CHAR, 0, k->comm));
   PetscCallMPI(MPI_Bcast(r->remark, sizeof(r->remark), MPI_CHAR, 0, k->comm));
   PetscCheck(k->nboundary <= MAX_BOUNDARIES, k->comm, PETSC_ERR_SUP,
-             "Mesh file '%s' has %" PetscInt_FMT " boundaries, at most %d are possible: give several of them one physical name", k->file, k->nboundary,
-             MAX_BOUNDARIES);
+             "Mesh file '%s' has %" PetscInt_FMT " boundaries, at most %d are possible: give several of them one physical name", k->file,
+             k->nboundary, MAX_BOUNDARIES);
   for (PetscInt b = 0; b < k->nboundary; b++) {
     for (PetscInt i = 0; taken[i]; i++)
-      PetscCheck(strcmp(k->boundary[b], taken[i]), k->comm, PETSC_ERR_USER_INPUT, "Mesh file '%s' has a boundary named '%s', a word of PETSc's: rename it",
-                 k->file, taken[i]);
+      PetscCheck(strcmp(k->boundary[b], taken[i]), k->comm, PETSC_ERR_USER_INPUT,
+                 "Mesh file '%s' has a boundary named '%s', a word of PETSc's: rename it", k->file, taken[i]);
     PetscCall(DMCreateLabel(dm, k->boundary[b]));
   }
   PetscCall(check_plates(k, nplate, plate));
@@ -434,97 +439,5 @@ PetscErrorCode MeshKindCreateFromFile(MeshKind k, DM *dm)
   PetscCall(FileCellsClear(&r.cells));
   PetscCall(PetscFree(r.group));
   PetscCall(PetscFree(r.face_group));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* ---- circles ---- */
-
-/* Move the vertices of the faces of a label onto the circle; worst: largest distance from it before, over its radius;
-   n: number of faces */
-static PetscErrorCode move_to_circle(DM dm, DMLabel label, const PetscReal circle[3], PetscReal *worst, PetscInt *n)
-{
-  PetscInt     fStart, fEnd;
-  PetscSection section;
-  Vec          coordinates;
-  PetscScalar *x;
-
-  PetscFunctionBeginUser;
-  PetscCall(DMPlexGetHeightStratum(dm, 1, &fStart, &fEnd));
-  PetscCall(DMGetCoordinateSection(dm, &section));
-  PetscCall(DMGetCoordinatesLocal(dm, &coordinates));
-  PetscCall(VecGetArray(coordinates, &x));
-  for (PetscInt f = fStart; f < fEnd; f++) {
-    const PetscInt *vertex;
-    PetscInt        value, offset;
-
-    PetscCall(DMLabelGetValue(label, f, &value));
-    if (value < 0) continue;
-    (*n)++;
-    PetscCall(DMPlexGetCone(dm, f, &vertex));
-    for (PetscInt i = 0; i < 2; i++) {
-      PetscReal r;
-
-      PetscCall(PetscSectionGetOffset(section, vertex[i], &offset));
-      r      = PetscSqrtReal(PetscSqr(x[offset] - circle[0]) + PetscSqr(x[offset + 1] - circle[1]));
-      *worst = PetscMax(*worst, PetscAbsReal(r / circle[2] - 1));
-      for (PetscInt d = 0; d < 2 && r > 0; d++) x[offset + d] = circle[d] + (x[offset + d] - circle[d]) * circle[2] / r;
-    }
-  }
-  PetscCall(VecRestoreArray(coordinates, &x));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* The cells at the faces of a label, each turned so that its first edge is the face: appended to bent */
-static PetscErrorCode bend_cells(DM dm, DMLabel label, const PetscReal circle[3], MeshMapBent bent[])
-{
-  PetscInt fStart, fEnd, n = 0;
-
-  PetscFunctionBeginUser;
-  PetscCall(DMPlexGetHeightStratum(dm, 1, &fStart, &fEnd));
-  for (PetscInt f = fStart; f < fEnd; f++) {
-    const PetscInt    *cell, *edge;
-    PetscInt           value, ncoordinate, first = 0;
-    PetscBool          dg;
-    const PetscScalar *array;
-    PetscScalar       *x = NULL;
-
-    PetscCall(DMLabelGetValue(label, f, &value));
-    if (value < 0) continue;
-    PetscCall(DMPlexGetSupport(dm, f, &cell));
-    PetscCall(DMPlexGetCone(dm, cell[0], &edge));
-    while (first < 3 && edge[first] != f) first++;
-    PetscCall(DMPlexGetCellCoordinates(dm, cell[0], &dg, &ncoordinate, &array, &x));
-    PetscCheck(ncoordinate == 8, PETSC_COMM_SELF, PETSC_ERR_SUP,
-               "A mesh cell has %" PetscInt_FMT " coordinates instead of 8: save the mesh as quadrilaterals of first order", ncoordinate);
-    for (PetscInt i = 0; i < 4; i++)
-      for (PetscInt d = 0; d < 2; d++) bent[n].corner[i][d] = x[2 * ((first + i) % 4) + d];
-    PetscCall(DMPlexRestoreCellCoordinates(dm, cell[0], &dg, &ncoordinate, &array, &x));
-    MeshMapBend(&bent[n++], circle, circle[2]);
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode MeshKindMakeRound(MeshKind k, DM dm, const char name[], const PetscReal circle[3])
-{
-  PetscReal   worst = 0;
-  PetscInt    n     = 0;
-  DMLabel     label;
-  PetscMPIInt rank, bytes;
-
-  PetscFunctionBeginUser;
-  PetscCallMPI(MPI_Comm_rank(k->comm, &rank));
-  PetscCall(DMGetLabel(dm, name, &label));
-  if (rank == 0) PetscCall(move_to_circle(dm, label, circle, &worst, &n));
-  PetscCallMPI(MPI_Bcast(&worst, 1, MPIU_REAL, 0, k->comm));
-  PetscCallMPI(MPI_Bcast(&n, 1, MPIU_INT, 0, k->comm));
-  PetscCheck(worst < 0.05, k->comm, PETSC_ERR_USER_INPUT,
-             "A vertex of boundary '%s' of '%s' is %g radii off the circle with centre (%g, %g) and radius %g: correct -mesh_round_%s", name, k->file,
-             (double)worst, (double)circle[0], (double)circle[1], (double)circle[2], name);
-  PetscCall(PetscRealloc(sizeof(MeshMapBent) * (k->map.nbent + n), &k->map.bent));
-  if (rank == 0) PetscCall(bend_cells(dm, label, circle, k->map.bent + k->map.nbent));
-  PetscCall(PetscMPIIntCast(sizeof(MeshMapBent) * n, &bytes));
-  PetscCallMPI(MPI_Bcast(k->map.bent + k->map.nbent, bytes, MPI_BYTE, 0, k->comm));
-  k->map.nbent += n;
-  k->map.type = MESHMAP_ROUND;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -375,7 +375,8 @@ static PetscErrorCode read_round(MeshKind k, DM dm)
     if (!given) continue;
     PetscCheck(circle[2] > 0, k->comm, PETSC_ERR_USER_INPUT, "%s: radius %g must be positive", name, (double)circle[2]);
     PetscCheck(k->dim == 2, k->comm, PETSC_ERR_SUP, "%s: round boundaries are for 2D meshes; '%s' is 3D: remove the option", name, k->file);
-    PetscCheck(!k->curved, k->comm, PETSC_ERR_USER_INPUT, "%s: the cells of '%s' are bent already, of second order: remove the option", name, k->file);
+    PetscCheck(!k->curved, k->comm, PETSC_ERR_USER_INPUT, "%s: the cells of '%s' are bent already, of second order: remove the option", name,
+               k->file);
     PetscCall(MeshKindMakeRound(k, dm, k->boundary[b], circle));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -532,7 +533,7 @@ PetscErrorCode MeshKindPlaceVertices(MeshKind k, DM dm)
   PetscBool localized;
 
   PetscFunctionBeginUser;
-  if (k->map.type == MESHMAP_IDENTITY) PetscFunctionReturn(PETSC_SUCCESS); /* also where cells of a file bend: corners stay */
+  if (k->map.type == MESHMAP_IDENTITY) PetscFunctionReturn(PETSC_SUCCESS); /* bent cells of a file too */
   PetscCall(DMGetCoordinatesLocal(dm, &x));
   PetscCall(map_points(&k->map, x));
   PetscCall(DMSetCoordinatesLocal(dm, x)); /* drops the global vector */

@@ -19,8 +19,9 @@
      shell    -mesh_centre x,y,z, -mesh_radii inner,outer, -mesh_resolution, -mesh_ring_ratio
      file     -mesh_file name.msh of quadrilaterals or hexahedra of order 1 or 2; its physical names (without names:
               numbers) are the boundaries; -mesh_scale, -mesh_offset x,y[,z]: places are offset + scale times those of
-              the file; -mesh_plates: names of edges or faces inside that are thin walls; -mesh_round_<boundary> cx,cy,r bends a boundary that is a polygon in the file to the circle, on every
-              level of refinement (2D)
+              the file; -mesh_unnamed: the boundary of outer edges or faces without a name; -mesh_plates: names of edges
+              or faces inside that are thin walls; -mesh_round_<boundary> cx,cy,r bends a boundary that is a polygon in
+              the file to the circle, on every level of refinement (2D)
    -mesh_shift_seed n (box with focus, channel) moves the fine part by a random fraction of h, -1/2 to 1/2 along each
    axis; 0 does not.
 

@@ -1,5 +1,5 @@
-/* The inside of a MeshKind, for kind.c (options, boxes), round.c (circles, spheres) and gmsh.c (what mesh files need).
- */
+/* The inside of a MeshKind, for kind.c (options, boxes), round.c (circles, spheres), gmsh.c and filecircle.c (mesh
+   files). */
 #pragma once
 #include "kind.h"
 #include "map.h"
@@ -35,9 +35,9 @@ struct _p_MeshKind {
 
 /* The mesh of a Gmsh file on rank 0. Boundaries are the physical groups of its outer edges or faces: by name (what is
    no letter, digit or dash becomes '_'), or by number; without any there is one, `boundary`. Cells that go round the
-   wrong way are turned, with a remark. Collective; the caller destroys dm. Errors: an unreadable file, cells that are no
-   quadrilaterals or hexahedra of order 1 or 2, or are inverted, or not joined; a plane that is not x, y; outer edges or
-   faces without a name beside others with one; too many names, two for a face. */
+   wrong way are turned, with a remark. Collective; the caller destroys dm. Errors: an unreadable file, cells that are
+   no quadrilaterals or hexahedra of order 1 or 2, or are inverted, or not joined; a plane that is not x, y; outer edges
+   or faces without a name beside others with one; too many names, two for a face. */
 PetscErrorCode MeshKindCreateFromFile(MeshKind, DM *dm);
 /* This boundary of a 2D file is the circle {x, y, radius}: its vertices move there, its cells are bent. Collective.
    Error: a vertex that is not near the circle. */

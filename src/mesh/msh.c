@@ -7,32 +7,53 @@
 #include <string.h>
 
 /* By Gmsh's number of the type */
-static const MshType TYPES[] = {[1] = {"lines", 1, 2, 1},           [2] = {"triangles", 2, 3, 1},
-                                [3] = {"quadrilaterals", 2, 4, 1},  [4] = {"tetrahedra", 3, 4, 1},
-                                [5] = {"hexahedra", 3, 8, 1},       [6] = {"prisms", 3, 6, 1},
-                                [7] = {"pyramids", 3, 5, 1},        [8] = {"lines", 1, 3, 2},
-                                [9] = {"triangles", 2, 6, 2},       [10] = {"quadrilaterals", 2, 9, 2},
-                                [11] = {"tetrahedra", 3, 10, 2},    [12] = {"hexahedra", 3, 27, 2},
-                                [13] = {"prisms", 3, 18, 2},        [14] = {"pyramids", 3, 14, 2},
-                                [15] = {"points", 0, 1, 1},         [16] = {"quadrilaterals", 2, 8, 2},
-                                [17] = {"hexahedra", 3, 20, 2},     [18] = {"prisms", 3, 15, 2},
-                                [19] = {"pyramids", 3, 13, 2},      [20] = {"triangles", 2, 9, 3},
-                                [21] = {"triangles", 2, 10, 3},     [22] = {"triangles", 2, 12, 4},
-                                [23] = {"triangles", 2, 15, 4},     [24] = {"triangles", 2, 15, 5},
-                                [25] = {"triangles", 2, 21, 5},     [26] = {"lines", 1, 4, 3},
-                                [27] = {"lines", 1, 5, 4},          [28] = {"lines", 1, 6, 5},
-                                [29] = {"tetrahedra", 3, 20, 3},    [30] = {"tetrahedra", 3, 35, 4},
-                                [31] = {"tetrahedra", 3, 56, 5},    [36] = {"quadrilaterals", 2, 16, 3},
-                                [37] = {"quadrilaterals", 2, 25, 4}, [38] = {"quadrilaterals", 2, 36, 5},
-                                [39] = {"quadrilaterals", 2, 12, 3}, [40] = {"quadrilaterals", 2, 16, 4},
-                                [92] = {"hexahedra", 3, 64, 3},     [93] = {"hexahedra", 3, 125, 4}};
+static const MshType TYPES[] = {[1]  = {"lines", 1, 2, 1},
+                                [2]  = {"triangles", 2, 3, 1},
+                                [3]  = {"quadrilaterals", 2, 4, 1},
+                                [4]  = {"tetrahedra", 3, 4, 1},
+                                [5]  = {"hexahedra", 3, 8, 1},
+                                [6]  = {"prisms", 3, 6, 1},
+                                [7]  = {"pyramids", 3, 5, 1},
+                                [8]  = {"lines", 1, 3, 2},
+                                [9]  = {"triangles", 2, 6, 2},
+                                [10] = {"quadrilaterals", 2, 9, 2},
+                                [11] = {"tetrahedra", 3, 10, 2},
+                                [12] = {"hexahedra", 3, 27, 2},
+                                [13] = {"prisms", 3, 18, 2},
+                                [14] = {"pyramids", 3, 14, 2},
+                                [15] = {"points", 0, 1, 1},
+                                [16] = {"quadrilaterals", 2, 8, 2},
+                                [17] = {"hexahedra", 3, 20, 2},
+                                [18] = {"prisms", 3, 15, 2},
+                                [19] = {"pyramids", 3, 13, 2},
+                                [20] = {"triangles", 2, 9, 3},
+                                [21] = {"triangles", 2, 10, 3},
+                                [22] = {"triangles", 2, 12, 4},
+                                [23] = {"triangles", 2, 15, 4},
+                                [24] = {"triangles", 2, 15, 5},
+                                [25] = {"triangles", 2, 21, 5},
+                                [26] = {"lines", 1, 4, 3},
+                                [27] = {"lines", 1, 5, 4},
+                                [28] = {"lines", 1, 6, 5},
+                                [29] = {"tetrahedra", 3, 20, 3},
+                                [30] = {"tetrahedra", 3, 35, 4},
+                                [31] = {"tetrahedra", 3, 56, 5},
+                                [36] = {"quadrilaterals", 2, 16, 3},
+                                [37] = {"quadrilaterals", 2, 25, 4},
+                                [38] = {"quadrilaterals", 2, 36, 5},
+                                [39] = {"quadrilaterals", 2, 12, 3},
+                                [40] = {"quadrilaterals", 2, 16, 4},
+                                [92] = {"hexahedra", 3, 64, 3},
+                                [93] = {"hexahedra", 3, 125, 4}};
 
 static const MshType *find_type(MshText *t, PetscInt number)
 {
   const PetscInt n = (PetscInt)(sizeof(TYPES) / sizeof(TYPES[0]));
 
   if (number >= 0 && number < n && TYPES[number].shape) return TYPES + number;
-  MshFault(t, "has elements of type %" PetscInt_FMT " of Gmsh, which is not known here: save it with lines, quadrilaterals and hexahedra of order 1 or 2",
+  MshFault(t,
+           "has elements of type %" PetscInt_FMT
+           " of Gmsh, which is not known here: save it with lines, quadrilaterals and hexahedra of order 1 or 2",
            number);
   return NULL;
 }
@@ -164,7 +185,7 @@ static PetscErrorCode read_block_nodes(MshText *t, Msh *m)
 {
   const PetscBool newest = (PetscBool)(t->version > 4.05);
   const PetscInt  nblock = MshCount(t, MshSize(t), 4), n = MshCount(t, MshSize(t), 4);
-  PetscInt        done   = 0;
+  PetscInt        done = 0;
 
   PetscFunctionBeginUser;
   if (newest)
@@ -293,8 +314,7 @@ static PetscErrorCode read_section(MshText *t, Msh *m, const char name[])
   else if (!strcmp(name, "Entities")) PetscCall(read_entities(t, m, PETSC_FALSE));
   else if (!strcmp(name, "PartitionedEntities")) PetscCall(read_entities(t, m, PETSC_TRUE));
   else if (!strcmp(name, "Nodes") || !strcmp(name, "NOD")) PetscCall(read_nodes(t, m));
-  else if (!strcmp(name, "Elements") || !strcmp(name, "ELM"))
-    PetscCall(t->version < 4 ? read_plain_elements(t, m) : read_block_elements(t, m));
+  else if (!strcmp(name, "Elements") || !strcmp(name, "ELM")) PetscCall(t->version < 4 ? read_plain_elements(t, m) : read_block_elements(t, m));
   else if (!strcmp(name, "Periodic")) m->periodic = (PetscBool)(t->binary && t->version >= 4 ? MshInt(t) != 0 : MshNumber(t) != 0);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
