@@ -23,7 +23,7 @@ typedef struct {
   PetscInt  ngroup, nface, fStart;
   Group    *group;
   PetscInt *face_group; /* [nface] -1: none */
-  char      fault[MSH_FAULT], remark[2][MSH_FAULT], unnamed[MSH_NAME];
+  char      fault[MSH_FAULT], remark[3][MSH_FAULT], unnamed[MSH_NAME];
 } Reading;
 
 /* ---- names ---- */
@@ -212,6 +212,25 @@ static void judge_faces(Reading *r, const Nameless *less)
                    less->n, what, first, lower, upper, kind);
 }
 
+/* Parts that a file tells apart, as a solid in the fluid, are one here */
+static void remark_parts(Reading *r)
+{
+  const Msh *m     = &r->msh;
+  PetscInt   part  = 0;
+  PetscInt   first = -1;
+
+  for (PetscInt i = 0; i < m->nelement && !part; i++) {
+    const MshElement *e = m->element + i;
+
+    if (e->type->dim != r->cells.dim) continue;
+    if (first < 0) first = e->group[0];
+    if (e->group[0] != first) part = e->group[0] ? e->group[0] : first;
+  }
+  if (part)
+    (void)snprintf(r->remark[2], MSH_FAULT, "has several parts, such as the group of cells '%s': all of them are fluid",
+                   MshGroupName(m, r->cells.dim, part) ? MshGroupName(m, r->cells.dim, part) : "without a name");
+}
+
 /* ---- boundaries ---- */
 
 static PetscErrorCode add_boundary(MeshKind k, const char name[])
@@ -324,6 +343,7 @@ static PetscErrorCode find_boundaries(MeshKind k, Reading *r, DM dm)
   for (PetscInt f = 0; f < r->nface; f++) r->face_group[f] = -1;
   if (rank == 0) {
     check_names(r);
+    remark_parts(r);
     PetscCall(give_groups(r, dm));
     PetscCall(count_faces(r, dm, &less));
     if (!*r->fault) judge_faces(r, &less);
@@ -345,7 +365,7 @@ static PetscErrorCode find_boundaries(MeshKind k, Reading *r, DM dm)
   PetscCall(check_plates(k, nplate, plate));
   PetscCall(label_faces(r, dm, nplate, plate));
   for (PetscInt i = 0; i < nplate; i++) PetscCall(PetscFree(plate[i]));
-  for (PetscInt i = 0; i < 2; i++)
+  for (PetscInt i = 0; i < 3; i++)
     if (r->remark[i][0]) PetscCall(LogRemark("mesh file '%s' %s", k->file, r->remark[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -379,6 +379,11 @@ static void test_inside(void **state)
   expect_boundary(m, "1", PETSC_TRUE);
   expect_boundary(m, "2", PETSC_FALSE);
   OK(MeshDestroy(&m));
+  OK(LogFinalize());
+  write_text("$PhysicalNames\n1\n2 8 \"rock\"\n$EndPhysicalNames\n", NODES, "8\n1 3 2 9 1 1 2 3 4\n2 3 2 8 1 2 5 6 3\n" ROUND);
+  OK(create_mesh("-mesh_kind file -mesh_file " FILE_NAME, &m));
+  assert_true(remarked("has several parts, such as the group of cells 'rock'"));
+  OK(MeshDestroy(&m));
   write_text("$PhysicalNames\n3\n1 1 \"outer wall\"\n1 2 \"in side\"\n2 9 \"f\"\n$EndPhysicalNames\n", NODES,
              "10\n" CELLS ROUND "9 1 2 2 3 2 3\n10 1 2 5 4 2 3\n");
   OK(LogFinalize());

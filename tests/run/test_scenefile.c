@@ -304,6 +304,27 @@ static void includes(void **state)
   assert_null(options);
 }
 
+/* Names of boundaries may have blanks, as in mesh files; other keys may not */
+static void boundaries_with_blanks(void **state)
+{
+  const char *file = "";
+  char       *options;
+  size_t      size;
+
+  (void)state;
+  accept("mesh: {round_post (1): [0, 0, 1]}\nflow:\n  viscosity: 0.1\n  bc_left wall: {type: slip}\n  \"bc_out.let\": {type: outflow}\n");
+  assert_int_equal(SceneFileRead(path, &options, &size, message, sizeof(message)), 0);
+  assert_non_null(options);
+  assert_string_equal(find_value(options, size, "flow_bc_left_wall_type", &file), "slip");
+  assert_string_equal(find_value(options, size, "flow_bc_out_let_type", &file), "outflow");
+  assert_string_equal(find_value(options, size, "mesh_round_post__1_", &file), "0,0,1");
+  assert_string_equal(find_value(options, size, "flow_viscosity", &file), "0.1");
+  free(options);
+  refuse(3, "flow:\n  bc_a b: {type: slip}\n  bc_a_b: {type: slip}\n", "-flow_bc_a_b_type is given twice", "line 2", NULL);
+  refuse(2, "flow:\n  left wall: 1\n", "cannot be an option name", NULL);
+  refuse(1, "bc_left wall: 1\n", "cannot be an option name", NULL);
+}
+
 static void refuses_bad_includes(void **state)
 {
   (void)state;
@@ -366,6 +387,7 @@ int main(int argc, char **argv)
     cmocka_unit_test(refuses_merges),
     cmocka_unit_test(petsc_reads_the_same),
     cmocka_unit_test(includes),
+    cmocka_unit_test(boundaries_with_blanks),
     cmocka_unit_test(refuses_bad_includes),
     cmocka_unit_test(reads_all_of_runs),
   };
