@@ -58,7 +58,7 @@ static const OptSpec SPECS[] = {
    .help = "boundary that outer edges or faces without a physical name belong to (otherwise they are refused where others have a name)",
    .when = "-mesh_kind file"},
   {"-mesh_plates", OPT_STRINGS, "", OPT_ANY, "", .help = "physical names of edges or faces inside the fluid that are thin walls",
-   .when = "-mesh_kind file", .expert = PETSC_TRUE},
+   .when = "-mesh_kind file"},
   {"-mesh_round_<boundary>", OPT_REALS, "length", OPT_ANY, "", .help = "the boundary is this circle: centre x, y and radius",
    .when = "-mesh_kind file"},
   {"-mesh_levels", OPT_INT, "", 0, 12, "0", .help = "how often cells are halved where -mesh_refine asks for it", .when = LEVELED},
