@@ -66,7 +66,7 @@ static void check_shapes(const Msh *m, PetscInt *dim, char fault[])
   else if (order[1] && order[2]) (void)snprintf(fault, MSH_FAULT, "has cells of order 1 beside such of order 2: save all with one Mesh.ElementOrder");
 }
 
-static PetscErrorCode collect(const Msh *m, FileCells *f)
+static PetscErrorCode collect(const Msh *m, FileCells *f, char fault[])
 {
   const PetscInt *place = f->dim == 2 ? QUAD : HEX;
   PetscInt        n     = 0;
@@ -74,6 +74,10 @@ static PetscErrorCode collect(const Msh *m, FileCells *f)
   PetscFunctionBeginUser;
   f->nb = f->dim == 2 ? 9 : 27;
   for (PetscInt i = 0; i < m->nelement; i++) f->ncell += m->element[i].type->dim == f->dim;
+  if ((PetscReal)f->ncell * f->nb * f->dim > (PetscReal)PETSC_MAX_INT) {
+    (void)snprintf(fault, MSH_FAULT, "has %" PetscInt_FMT " cells, more than a PETSc with 32-bit integers can hold of one file", f->ncell);
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCall(PetscMalloc3(f->ncell * f->nb, &f->lattice, f->ncell, &f->number, m->nnode, &f->vertex));
   for (PetscInt i = 0; i < f->ncell * f->nb; i++) f->lattice[i] = -1;
   for (PetscInt i = 0; i < m->nnode; i++) f->vertex[i] = -1;
@@ -222,8 +226,8 @@ PetscErrorCode FileCellsFind(const Msh *m, FileCells *f, char fault[MSH_FAULT])
   PetscCall(PetscMemzero(f, sizeof(*f)));
   check_shapes(m, &f->dim, fault);
   if (*fault) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(collect(m, f));
-  if (f->dim == 2) check_plane(m, f, fault);
+  PetscCall(collect(m, f, fault));
+  if (!*fault && f->dim == 2) check_plane(m, f, fault);
   if (!*fault) orient(m, f, fault);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -212,13 +212,17 @@ static void judge_faces(Reading *r, const Nameless *less)
                    less->n, what, first, lower, upper, kind);
 }
 
-/* Parts that a file tells apart, as a solid in the fluid, are one here */
+/* Parts that a file tells apart, as a solid in the fluid, are one here; a volume whose cells the file lacks */
 static void remark_parts(Reading *r)
 {
   const Msh *m     = &r->msh;
   PetscInt   part  = 0;
   PetscInt   first = -1;
 
+  for (PetscInt i = 0; i < m->nentity; i++)
+    if (m->entity[i].dim > r->cells.dim)
+      (void)snprintf(r->remark[2], MSH_FAULT,
+                     "has a volume without cells, and is taken for a mesh of the plane: for one in space give the volume a physical name too");
   for (PetscInt i = 0; i < m->nelement && !part; i++) {
     const MshElement *e = m->element + i;
 

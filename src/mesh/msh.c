@@ -315,6 +315,8 @@ static PetscErrorCode read_section(MshText *t, Msh *m, const char name[])
   else if (!strcmp(name, "PartitionedEntities")) PetscCall(read_entities(t, m, PETSC_TRUE));
   else if (!strcmp(name, "Nodes") || !strcmp(name, "NOD")) PetscCall(read_nodes(t, m));
   else if (!strcmp(name, "Elements") || !strcmp(name, "ELM")) PetscCall(t->version < 4 ? read_plain_elements(t, m) : read_block_elements(t, m));
+  else if (!strcmp(name, "ParametricNodes"))
+    MshFault(t, "has parametric nodes of format 2: save it in format 4.1 (gmsh -format msh41), or without Mesh.SaveParametric");
   else if (!strcmp(name, "Periodic")) m->periodic = (PetscBool)(t->binary && t->version >= 4 ? MshInt(t) != 0 : MshNumber(t) != 0);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
