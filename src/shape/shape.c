@@ -21,7 +21,9 @@
 
 #define MAX_PLUGINS    64
 #define MAX_PATHS      4096
-#define BEFORE_CORNERS 1 /* the interface whose records end before that operation */
+/* interfaces whose records end before these operations */
+#define BEFORE_CORNERS   1
+#define BEFORE_TRIANGLES 2
 
 static Loaded   table[MAX_PLUGINS];
 static PetscInt ntable = 0;
@@ -158,7 +160,7 @@ static PetscErrorCode CheckPlugin(const ShapePlugin *p, const char type[], const
     PetscCall(Complain(message, len,
                        "%s does not register a shape (no symbol 'tumble_shape'): add TUMBLE_SHAPE_REGISTER = {...} at its end, see shapes/template.c",
                        file));
-  } else if (p->interface != SHAPE_INTERFACE && p->interface != BEFORE_CORNERS) {
+  } else if (p->interface != SHAPE_INTERFACE && p->interface != BEFORE_CORNERS && p->interface != BEFORE_TRIANGLES) {
     PetscCall(Complain(message, len, "%s was built for shape interface %d, this program has %d: rebuild it with this program's shape.h", file,
                        p->interface, SHAPE_INTERFACE));
   } else if (!p->type || strcmp(p->type, type)) {
@@ -350,9 +352,12 @@ PetscErrorCode ShapeOptionPath(Shape s, const char name[], const char help[], ch
 /* Those that the record has; the others stay NULL */
 static void take_operations(Shape s)
 {
-  const ShapePlugin *p = s->loaded->plugin;
+  const ShapePlugin *p    = s->loaded->plugin;
+  size_t             size = sizeof(s->ops);
 
-  memcpy(&s->ops, &p->ops, p->interface == BEFORE_CORNERS ? offsetof(ShapeOps, corners) : sizeof(s->ops));
+  if (p->interface == BEFORE_CORNERS) size = offsetof(ShapeOps, corners);
+  else if (p->interface == BEFORE_TRIANGLES) size = offsetof(ShapeOps, triangles);
+  memcpy(&s->ops, &p->ops, size);
 }
 
 static PetscErrorCode SetUpShape(Shape s)

@@ -6,6 +6,7 @@
    the meeting of the tangents on both sides of it, exact where these are straight.
    Surface: marching tetrahedra (Doi & Koide 1991) over the cells of the tree, corners projected onto the surface. */
 #include "compat.h"
+#include "guard.h"
 #include "tree.h"
 #include <stdlib.h>
 
@@ -373,6 +374,9 @@ PetscErrorCode ShapeTriangulate(Shape s, PetscInt most, PetscInt *npoint, PetscR
   Cuts            c = {0, 0, NULL};
 
   PetscFunctionBeginUser;
+  *ntriangle = 0;
+  if (s->ops.triangles) GUARDED(s, triangles, (s, most, npoint, x, ntriangle, triangle));
+  if (*ntriangle) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ShapeGetMass(s, &mass));
   PetscCall(TreeCreate(s, s->radius, 3, &t));
   do {
