@@ -53,7 +53,8 @@ typedef struct {
   /* optional, 3D: the surface as it is to be drawn, points [*npoint][3] and triangles [*ntriangle][3], outwards, which
      the caller frees with PetscFree; at most about `most` triangles. *ntriangle = 0: the default, which is drawn from
      the distance (triangulate.c) */
-  PetscErrorCode (*triangles)(Shape, PetscInt most, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle, PetscInt *triangle[]);
+  PetscErrorCode (*triangles)(Shape, PetscInt most, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle,
+                              PetscInt *triangle[]);
 } ShapeOps;
 
 /* The record a plugin exports under the symbol `tumble_shape`. */
@@ -142,9 +143,9 @@ typedef struct _p_Triangles *Triangles;
 
 typedef struct {
   const char *file;
-  const char *prefix;       /* of the shape's options, for messages */
-  PetscReal   scale;        /* factor on the coordinates of the file */
-  PetscReal   origin[3];    /* of the body, in coordinates of the file; PETSC_MAX_REAL: the middle of the box */
+  const char *prefix;    /* of the shape's options, for messages */
+  PetscReal   scale;     /* factor on the coordinates of the file */
+  PetscReal   origin[3]; /* of the body, in coordinates of the file; PETSC_MAX_REAL: the middle of the box */
   PetscBool   robust;
 } TrianglesInput;
 
@@ -155,7 +156,7 @@ PetscErrorCode TrianglesDestroy(Triangles *);
 PetscErrorCode TrianglesDistance(Triangles, PetscInt n, const PetscReal x[], PetscReal d[]);
 PetscErrorCode TrianglesNormal(Triangles, PetscInt n, const PetscReal x[], PetscReal normal[]);
 PetscErrorCode TrianglesRadius(Triangles, PetscReal *r);
-PetscErrorCode TrianglesMass(Triangles, Shape, ShapeMass *m);
+PetscErrorCode TrianglesMass(Triangles, ShapeMass *m);
 PetscErrorCode TrianglesSurface(Triangles, PetscInt n, PetscReal x[], PetscReal w[]);
 PetscErrorCode TrianglesDraw(Triangles, PetscInt most, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle,
                              PetscInt *triangle[]);

@@ -35,9 +35,10 @@ static PetscErrorCode ShapeOptions_Stl(Shape s)
   PetscCall(ShapeOptionReal(s, "scale", "Factor on the coordinates of the file", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &f->in.scale));
   PetscCall(ShapeOptionRealArray(s, "origin", "Body origin in coordinates of the file; default: the middle of its box", "", PETSC_MIN_REAL,
                                  PETSC_MAX_REAL, 3, f->in.origin));
-  PetscCall(ShapeOptionString(s, "surface",
-                              "closed: must be closed, face outwards, not cross itself; robust: holes, crossings, turned and doubled triangles are taken",
-                              f->surface, sizeof(f->surface)));
+  PetscCall(
+    ShapeOptionString(s, "surface",
+                      "closed: must be closed, face outwards, not cross itself; robust: holes, crossings, turned and doubled triangles are taken",
+                      f->surface, sizeof(f->surface)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -53,8 +54,8 @@ static PetscErrorCode ShapeSetUp_Stl(Shape s)
   PetscCall(PetscStrcmp(f->surface, "robust", &f->in.robust));
   PetscCheck(closed || f->in.robust, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option -%ssurface '%s' is none of closed, robust", f->in.prefix,
              f->surface);
-  PetscCheck(f->file[0], PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-             "Shape 'stl' has no surface: set its option -%sfile to an STL, OBJ, PLY or OFF file", f->in.prefix);
+  PetscCheck(f->file[0], PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Shape 'stl' has no surface: set its option -%sfile to an STL, OBJ, PLY or OFF file",
+             f->in.prefix);
   f->in.file = f->file;
   PetscCall(TrianglesRead(&f->in, &f->triangles));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -96,7 +97,7 @@ static PetscErrorCode ShapeMass_Stl(Shape s, ShapeMass *m)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &f));
-  PetscCall(TrianglesMass(f->triangles, s, m));
+  PetscCall(TrianglesMass(f->triangles, m));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -19,8 +19,8 @@
 #include <stdlib.h>
 #include <unistd.h>
 
-#define MAX_PLUGINS    64
-#define MAX_PATHS      4096
+#define MAX_PLUGINS 64
+#define MAX_PATHS   4096
 /* interfaces whose records end before these operations */
 #define BEFORE_CORNERS   1
 #define BEFORE_TRIANGLES 2

@@ -10,9 +10,9 @@
 
 PetscErrorCode TrianglesJoinEdges(Triangles t, char error[])
 {
-  Surface  *f        = &t->f;
-  PetscInt  wrong[3] = {0, 0, 0}, at = -1; /* open, crowded, turned; first place */
-  TriEdge  *e;
+  Surface *f        = &t->f;
+  PetscInt wrong[3] = {0, 0, 0}, at = -1; /* open, crowded, turned; first place */
+  TriEdge *e;
 
   PetscFunctionBeginUser;
   if (!f->next) PetscCall(PetscMalloc1(f->n, &f->next));
@@ -35,11 +35,12 @@ PetscErrorCode TrianglesJoinEdges(Triangles t, char error[])
   }
   if (at >= 0)
     TRI_SAY("The surface in '%s' does not bound a body: of its edges, %" PetscInt_FMT " have a triangle on one side only (holes), %" PetscInt_FMT
-            " have more than two, at %" PetscInt_FMT " the triangles face to opposite sides (turned normals); the first at (%g, %g, %g) of the file%s. "
+            " have more than two, at %" PetscInt_FMT
+            " the triangles face to opposite sides (turned normals); the first at (%g, %g, %g) of the file%s. "
             "Its box is %g x %g x %g. " REMEDY,
-            t->file, wrong[0], wrong[1], wrong[2], (double)(f->x[at][0] / t->scale), (double)(f->x[at][1] / t->scale), (double)(f->x[at][2] / t->scale),
-            t->fault.unfinished ? ", which has no 'endsolid' and may be cut off" : "", (double)(t->upper[0] - t->lower[0]),
-            (double)(t->upper[1] - t->lower[1]), (double)(t->upper[2] - t->lower[2]), t->prefix);
+            t->file, wrong[0], wrong[1], wrong[2], (double)(f->x[at][0] / t->scale), (double)(f->x[at][1] / t->scale),
+            (double)(f->x[at][2] / t->scale), t->fault.unfinished ? ", which has no 'endsolid' and may be cut off" : "",
+            (double)(t->upper[0] - t->lower[0]), (double)(t->upper[1] - t->lower[1]), (double)(t->upper[2] - t->lower[2]), t->prefix);
   PetscCall(PetscFree(e));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -71,7 +72,7 @@ static PetscBool passes_through(const Surface *f, PetscInt t, const Vec3 p, cons
 static PetscInt find_crossed(const Surface *f, PetscInt t, int e)
 {
   const PetscInt   v = f->triangle[t][e], w = f->triangle[t][(e + 1) % 3];
-  const PetscReal *p = f->x[v], *q   = f->x[w];
+  const PetscReal *p = f->x[v], *q       = f->x[w];
   PetscInt         stack[TRI_DEPTH], top = 0;
 
   stack[top++] = 0;

@@ -9,7 +9,7 @@
 #include "base/room.h"
 #include <stdlib.h>
 
-#define LONG 2000 /* corners of a loop from which on its triangles are a fan around its middle: clipping takes their square */
+#define LONG 2000 /* corners of a loop from which on it gets a fan around its middle: clipping takes their square */
 
 /* ---- polygons ---- */
 
@@ -58,7 +58,7 @@ static PetscBool is_filled(const Vec3 x[], const PetscInt next[], const PetscInt
 
 PetscErrorCode PolygonSplit(const Vec3 x[], PetscInt n, const PetscInt corner[], Int3 triangle[])
 {
-  PetscInt *next, *before, made = 0, left = n;
+  PetscInt  *next, *before, made = 0, left = n;
   PetscReal *worth, far = 0;
   Vec3       normal;
 

@@ -5,10 +5,10 @@
 #include "triangles.h"
 #include "base/room.h"
 
-#define TOUCH 1e-7 /* of the diameter: what lies closer touches and does not cross */
-#define THIN  1e-9 /* of the diameter: height of pieces that are dropped */
-#define SIDE  1e-2 /* of the height: how far beside a piece its sides are looked at */
-#define MANY  4    /* times the triangles: more pieces than that are refused (at least PIECES) */
+#define TOUCH  1e-7 /* of the diameter: what lies closer touches and does not cross */
+#define THIN   1e-9 /* of the diameter: height of pieces that are dropped */
+#define SIDE   1e-6 /* of the diameter: how far beside a piece its sides are looked at; a third of its height at most */
+#define MANY   4    /* times the triangles: more pieces than that are refused (at least PIECES) */
 #define PIECES 200000
 
 typedef struct {
@@ -199,7 +199,8 @@ static PetscErrorCode cut_by(Cutter *c, PetscInt first, const Plane *pa, PetscIn
     PetscBool again = PETSC_FALSE;
 
     if (flat) {
-      if (is_beyond_none((const Vec3 *)s->p[i].x, pa, (const Vec3 *)y, c->touch) && is_beyond_none((const Vec3 *)y, &pb, (const Vec3 *)s->p[i].x, c->touch)) {
+      if (is_beyond_none((const Vec3 *)s->p[i].x, pa, (const Vec3 *)y, c->touch) &&
+          is_beyond_none((const Vec3 *)y, &pb, (const Vec3 *)s->p[i].x, c->touch)) {
         for (int e = 0; e < 3 && !again; e++)
           if (make_side((const Vec3 *)y, &pb, e, &side)) PetscCall(split_piece(s, i, &side, c->touch, &again));
         if (!again && b < s->p[i].parent && dot3(pa->n, pb.n) > 0) s->p[i].doubled = 1;
@@ -217,9 +218,9 @@ static PetscErrorCode cut_by(Cutter *c, PetscInt first, const Plane *pa, PetscIn
 /* Cuts triangle a by all that meet it. */
 static PetscErrorCode cut_triangle(Cutter *c, PetscInt a)
 {
-  const Surface *f       = c->f;
-  const PetscInt first   = c->all.n;
-  Piece          p       = {.parent = a};
+  const Surface *f     = c->f;
+  const PetscInt first = c->all.n;
+  Piece          p     = {.parent = a};
   PetscInt       stack[TRI_DEPTH], top = 0;
   PetscBool      crossed = PETSC_FALSE;
   Plane          pa;
@@ -270,7 +271,7 @@ static char judge_piece(Triangles t, const Cutter *c, const Piece *p)
   }
   height = longest > 0 ? twice / longest : 0;
   if (p->doubled || height < THIN * c->diameter) return 0;
-  step = PetscMin(SIDE * height, 1e-4 * c->diameter);
+  step = PetscMin(0.3 * height, SIDE * c->diameter);
   for (int k = 0; k < 2; k++) {
     for (int a = 0; a < 3; a++) x[a] = middle[a] + (k ? 1 : -1) * step * n[a] / twice;
     inside[k] = (PetscBool)(SurfaceWindingFast(c->f, t->moment, x) > 0.5);

@@ -246,8 +246,8 @@ static PetscErrorCode read_format(Reader *r)
     if (r->text[i] == '\r' && r->text[i + 1] != '\n') r->text[i] = '\n';
   while (ReadWord(r, PETSC_FALSE) && r->word[0] == '#') ReadSkipLine(r);
   const PetscBool solid = (PetscBool)(!strncasecmp(r->word, "solid", 5) || (!strcasecmp(r->word, "facet") && mentions(r, "vertex")));
-  const PetscBool off = (PetscBool)(is_off_word(r->word) || has_extension(r->file, "off"));
-  const PetscBool obj = (PetscBool)(is_obj_word(r->word) || has_extension(r->file, "obj"));
+  const PetscBool off   = (PetscBool)(is_off_word(r->word) || has_extension(r->file, "off"));
+  const PetscBool obj   = (PetscBool)(is_obj_word(r->word) || has_extension(r->file, "obj"));
 
   r->at   = start;
   r->line = 1;

@@ -36,7 +36,7 @@ static const struct {
   const char *name, *other;
   PetscInt    bytes;
   char        kind; /* i, u: integer with and without sign, f: floating point */
-} TYPE[] = {{"char", "int8", 1, 'i'},  {"uchar", "uint8", 1, 'u'}, {"short", "int16", 2, 'i'},   {"ushort", "uint16", 2, 'u'},
+} TYPE[] = {{"char", "int8", 1, 'i'}, {"uchar", "uint8", 1, 'u'}, {"short", "int16", 2, 'i'},   {"ushort", "uint16", 2, 'u'},
             {"int", "int32", 4, 'i'}, {"uint", "uint32", 4, 'u'}, {"float", "float32", 4, 'f'}, {"double", "float64", 8, 'f'}};
 
 static PetscErrorCode take_type(Reader *r, PetscInt *type)
@@ -62,8 +62,8 @@ static PetscErrorCode take_property(Reader *r, Heading *h)
     READ_SAY(r, "a property without an element, or more than %d of one", PROPERTIES);
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  p             = &e->property[e->nproperty++];
-  p->count_type = -1;
+  p                   = &e->property[e->nproperty++];
+  p->count_type       = -1;
   const size_t before = r->at;
 
   if (ReadWord(r, PETSC_TRUE) && !strcmp(r->word, "list")) PetscCall(take_type(r, &p->count_type));
@@ -203,7 +203,8 @@ PetscErrorCode ReadPly(Reader *r)
   for (PetscInt e = 0; e < h->nelement && !r->error[0]; e++)
     for (PetscInt i = 0; h->element[e].nproperty && i < h->element[e].count && !r->error[0]; i++) PetscCall(take_one(r, h, &h->element[e], i));
   if (!r->error[0] && !r->nface)
-    PetscCall(PetscSNPrintf(r->error, TRI_WHY, "PLY file '%s' has no polygons (element face with a list vertex_indices): points alone, or strips, bound no body",
+    PetscCall(PetscSNPrintf(r->error, TRI_WHY,
+                            "PLY file '%s' has no polygons (element face with a list vertex_indices): points alone, or strips, bound no body",
                             r->file));
   PetscCall(PetscFree(h));
   PetscFunctionReturn(PETSC_SUCCESS);

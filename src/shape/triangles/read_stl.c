@@ -34,8 +34,8 @@ PetscErrorCode ReadStlBinary(Reader *r)
 
   PetscFunctionBeginUser;
   if (n > TRI_MOST)
-    PetscCall(PetscSNPrintf(r->error, TRI_WHY, "STL file '%s' has %u triangles, and %d are the most: simplify the surface with a mesh program", r->file,
-                            n, TRI_MOST));
+    PetscCall(PetscSNPrintf(r->error, TRI_WHY, "STL file '%s' has %u triangles, and %d are the most: simplify the surface with a mesh program",
+                            r->file, n, TRI_MOST));
   for (unsigned t = 0; t < n && !r->error[0]; t++) {
     for (unsigned i = 0; i < 3; i++) {
       const char *at = r->text + HEAD + STRIDE * (size_t)t + 12 + 12 * (size_t)i;
@@ -68,7 +68,7 @@ PetscErrorCode ReadStlText(Reader *r)
   PetscFunctionBeginUser;
   r->unfinished = PETSC_TRUE;
   while (!r->error[0] && ReadWord(r, PETSC_FALSE)) {
-    const char     *word = r->word;
+    const char     *word    = r->word;
     const PetscBool was_end = end;
 
     end = PETSC_FALSE;

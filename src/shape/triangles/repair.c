@@ -4,16 +4,16 @@
 #include "triangles.h"
 #include <stdlib.h>
 
-#define SAMPLES  400  /* places where the closed surface is compared with the winding number of the open one */
-#define AGREE    0.02 /* of the places inside, where they may differ */
-#define DIFFER   0.2  /* where they differ by more the surface is refused */
-#define COMPACT  0.02 /* volume of a part, relative to a ball of its area, below which it has no inside of its own */
-#define SHEET    0.15 /* winding number of the others, from 0 or 1, where a part is no border of the inside */
-#define PARTS    256  /* of them are looked at: each costs a sum over all triangles */
+#define SAMPLES 400  /* places where the closed surface is compared with the winding number of the open one */
+#define AGREE   0.02 /* of the places inside, where they may differ */
+#define DIFFER  0.2  /* where they differ by more the surface is refused */
+#define COMPACT 0.02 /* volume of a part, relative to a ball of its area, below which it has no inside of its own */
+#define SHEET   0.15 /* winding number of the others, from 0 or 1, where a part is no border of the inside */
+#define PARTS   256  /* of them are looked at: each costs a sum over all triangles */
 
 /* Triangles that are connected by edges of two triangles */
 typedef struct {
-  PetscInt   n, *of;  /* parts; [triangles] */
+  PetscInt   n, *of; /* parts; [triangles] */
   PetscReal *volume, *area;
   PetscInt  *border, *crowded, *count; /* [n] edges run along unevenly; edges with other parts; triangles */
 } Parts;
@@ -404,7 +404,7 @@ static PetscErrorCode copy_surface(const Surface *f, Surface *g)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Where the closed surface and the one with holes say different things, of all places inside. Makes tree and moments. */
+/* Where the closed surface and the one with holes say different things, of all places inside. Makes the tree. */
 static PetscErrorCode compare_closed(Triangles t, PetscInt nopen, PetscReal *differ)
 {
   Surface *f = &t->all, patch = {.n = f->n - nopen, .x = f->x};

@@ -26,7 +26,7 @@ typedef struct {
   Int3     *triangle;          /* [n] vertices, counter-clockwise seen from outside */
   Int3     *next;              /* [n] the triangle beyond the edge from corner e to e + 1, or NULL */
   Vec3     *x;                 /* [nvertex] */
-  Vec3     *face, *corner;     /* [n] unit normals, zero where there is no area; [nvertex] weighted by angles, or NULL */
+  Vec3     *face, *corner;     /* [n] unit normals, zero without area; [nvertex] weighted by angles, or NULL */
   TriNode  *node;
   PetscReal radius, area;
 } Surface;
@@ -35,15 +35,15 @@ typedef struct {
    of (n d) and of (n d d), d from the centre, of which only what the formula takes is kept */
 typedef struct {
   Vec3      centre;
-  PetscReal radius;              /* of the node about its centre */
-  PetscReal n[3], trace, nd[6];  /* nd: symmetric part, xx yy zz xy xz yz */
-  PetscReal ndd[10], contract[3]; /* ndd: symmetric, xxx yyy zzz xxy xxz xyy yyz xzz yzz xyz, each as often as it occurs */
+  PetscReal radius;               /* of the node about its centre */
+  PetscReal n[3], trace, nd[6];   /* nd: symmetric part, xx yy zz xy xz yz */
+  PetscReal ndd[10], contract[3]; /* ndd: xxx yyy zzz xxy xxz xyy yyz xzz yzz xyz, as often as it occurs */
 } Moment;
 
 /* What is wrong with a surface that is taken as it is */
 typedef struct {
-  PetscInt open, holes, crowded, turned, duplicate, sheets, crossings, welded;
-  PetscBool  unfinished; /* a text file without its last line */
+  PetscInt  open, holes, crowded, turned, duplicate, sheets, crossings, welded;
+  PetscBool unfinished; /* a text file without its last line */
 } Faults;
 
 struct _p_Triangles {
@@ -51,15 +51,15 @@ struct _p_Triangles {
   PetscReal scale;
   Vec3      origin, lower, upper; /* of the body and the box, in coordinates of the file */
   PetscBool robust;
-  Surface   f;       /* what bounds the body */
-  Surface   all;     /* robust: all triangles and those that close holes; their winding number is the sign */
-  Moment   *moment;  /* robust: [all.nnode] */
+  Surface   f;      /* what bounds the body */
+  Surface   all;    /* robust: all triangles and those that close holes; their winding number is the sign */
+  Moment   *moment; /* robust: [all.nnode] */
   Faults    fault;
 };
 
 /* ---- read.c ---- */
 
-/* Corners xyz [n][3][3] of a file; *unfinished: see Faults. What is wrong with it is left in `error`. Not collective. */
+/* Corners xyz [n][3][3] of a file; *unfinished: see Faults. What is wrong is left in `error`. Not collective. */
 PetscErrorCode TrianglesReadFile(const char file[], PetscInt *n, PetscReal **xyz, PetscBool *unfinished, char error[]);
 
 /* ---- join.c ---- */
