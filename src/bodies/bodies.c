@@ -224,6 +224,7 @@ PetscErrorCode BodiesView(Bodies b, PetscViewer viewer)
   for (PetscInt g = 0; g < s->ngroups; g++) {
     const BodyGroup *group = &s->group[g];
     const char      *type;
+    PetscBool        file;
 
     PetscCall(ShapeGetType(group->shape, &type));
     PetscCall(PetscViewerASCIIPrintf(viewer, "group %s: %" PetscInt_FMT " x %s, density %g, %s %g, bounding radius %g, free:%s%s%s%s%s\n",
@@ -231,6 +232,11 @@ PetscErrorCode BodiesView(Bodies b, PetscViewer viewer)
                                      (double)group->mass.volume, (double)group->radius, group->free & BODY_FREE_X ? " x" : "",
                                      group->free & BODY_FREE_Y ? " y" : "", group->free & BODY_FREE_Z ? " z" : "",
                                      group->free & BODY_FREE_ROTATION ? " rotation" : "", group->free ? "" : " none"));
+    PetscCall(ShapeIsFromFile(group->shape, &file));
+    if (file) {
+      PetscCall(PetscViewerASCIIPrintf(viewer, "  "));
+      PetscCall(ShapeDescribe(group->shape, viewer));
+    }
     PetscCall(view_spread(b, group, viewer));
     if (group->motion.has_pivot)
       PetscCall(PetscViewerASCIIPrintf(viewer, "  turns about a pivot at distance %g from its centre of mass\n",

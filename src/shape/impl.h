@@ -26,8 +26,9 @@ struct _p_Shape {
   PetscInt      dim;
   char          prefix[128];
   void         *data;
-  PetscReal     radius; /* about the body origin */
-  PetscBool     bound;  /* ShapeSetBound */
+  PetscReal     radius;    /* about the body origin */
+  PetscBool     bound;     /* ShapeSetBound */
+  PetscBool     from_file; /* ShapeOptionPath read a path */
   PetscBool     have_mass, have_centroid_radius, have_disc;
   ShapeMass     mass;
   PetscReal     centroid_radius, disc;

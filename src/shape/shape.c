@@ -344,7 +344,10 @@ PetscErrorCode ShapeOptionString(Shape s, const char name[], const char help[], 
 
 PetscErrorCode ShapeOptionPath(Shape s, const char name[], const char help[], char value[], size_t len)
 {
-  return ReadString(s, name, help, OPT_PATH, value, len);
+  PetscFunctionBeginUser;
+  PetscCall(ReadString(s, name, help, OPT_PATH, value, len));
+  s->from_file = (PetscBool)(value[0] != 0);
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- create, destroy ---- */
@@ -456,6 +459,20 @@ PetscErrorCode ShapeView(Shape s, PetscViewer viewer)
     GUARDED(s, view, (s, viewer));
     PetscCall(PetscViewerASCIIPopTab(viewer));
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeDescribe(Shape s, PetscViewer viewer)
+{
+  PetscFunctionBeginUser;
+  if (s->ops.view) GUARDED(s, view, (s, viewer));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeIsFromFile(Shape s, PetscBool *yes)
+{
+  PetscFunctionBeginUser;
+  *yes = s->from_file;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

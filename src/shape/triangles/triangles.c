@@ -325,11 +325,11 @@ PetscErrorCode TrianglesView(Triangles t, PetscViewer viewer)
   const TriNode *b = f->node;
 
   PetscFunctionBeginUser;
-  PetscCall(
-    PetscViewerASCIIPrintf(viewer,
-                           "%s: %" PetscInt_FMT " triangles, %" PetscInt_FMT " vertices, area %g, box %g x %g x %g (of the file times scale %g), "
-                           "origin at (%g, %g, %g) of the file\n",
-                           t->file, f->n, f->nvertex, (double)f->area, (double)(b->upper[0] - b->lower[0]), (double)(b->upper[1] - b->lower[1]),
-                           (double)(b->upper[2] - b->lower[2]), (double)t->scale, (double)t->origin[0], (double)t->origin[1], (double)t->origin[2]));
+  PetscCall(PetscViewerASCIIPrintf(viewer,
+                                   "%s: %" PetscInt_FMT " triangles, %" PetscInt_FMT " vertices, area %g, box %g x %g x %g (scale %g), "
+                                   "origin at (%g, %g, %g) of the file\n",
+                                   t->file, f->n, f->nvertex, (double)f->area, (double)(b->upper[0] - b->lower[0]),
+                                   (double)(b->upper[1] - b->lower[1]), (double)(b->upper[2] - b->lower[2]), (double)t->scale, (double)t->origin[0],
+                                   (double)t->origin[1], (double)t->origin[2]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
