@@ -12,7 +12,7 @@
 #include "compat.h"
 
 /* Changes when ShapeOps or ShapePlugin change. A plugin built for 1, before there was `corners`, or for 2, before
-   `triangles`, is loaded as one without it; one built for another number is refused. */
+   `triangles` and `reach`, is loaded as one without them; one built for another number is refused. */
 #define SHAPE_INTERFACE 3
 
 #define SHAPE_POSITIVE 2.2250738585072014e-308 /* as lower bound of an option: must be > 0 */
@@ -55,6 +55,9 @@ typedef struct {
      the distance (triangulate.c) */
   PetscErrorCode (*triangles)(Shape, PetscInt most, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle,
                               PetscInt *triangle[]);
+  /* optional: the largest |x - c| of the surface, c in the body frame; *r = 0: the default, an upper bound within 1e-4 of
+     it, found from the distance */
+  PetscErrorCode (*reach)(Shape, const PetscReal c[], PetscReal *r);
 } ShapeOps;
 
 /* The record a plugin exports under the symbol `tumble_shape`. */
@@ -156,6 +159,7 @@ PetscErrorCode TrianglesDestroy(Triangles *);
 PetscErrorCode TrianglesDistance(Triangles, PetscInt n, const PetscReal x[], PetscReal d[]);
 PetscErrorCode TrianglesNormal(Triangles, PetscInt n, const PetscReal x[], PetscReal normal[]);
 PetscErrorCode TrianglesRadius(Triangles, PetscReal *r);
+PetscErrorCode TrianglesReach(Triangles, const PetscReal c[], PetscReal *r); /* robust only; closed: 0 */
 PetscErrorCode TrianglesMass(Triangles, ShapeMass *m);
 PetscErrorCode TrianglesSurface(Triangles, PetscInt n, PetscReal x[], PetscReal w[]);
 PetscErrorCode TrianglesDraw(Triangles, PetscInt most, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle,

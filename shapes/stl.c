@@ -91,6 +91,16 @@ static PetscErrorCode ShapeRadius_Stl(Shape s, PetscReal *r)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode ShapeReach_Stl(Shape s, const PetscReal c[], PetscReal *r)
+{
+  Stl *f;
+
+  PetscFunctionBeginUser;
+  PetscCall(ShapeGetData(s, &f));
+  PetscCall(TrianglesReach(f->triangles, c, r));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode ShapeMass_Stl(Shape s, ShapeMass *m)
 {
   Stl *f;
@@ -159,5 +169,6 @@ TUMBLE_SHAPE_REGISTER = {
                   .surface   = ShapeSurface_Stl,
                   .view      = ShapeView_Stl,
                   .destroy   = ShapeDestroy_Stl,
-                  .triangles = ShapeTriangles_Stl},
+                  .triangles = ShapeTriangles_Stl,
+                  .reach     = ShapeReach_Stl},
 };

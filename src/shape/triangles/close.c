@@ -1,14 +1,14 @@
 /* Holes of a surface, closed; polygons, cut into triangles.
 
    Where an edge is run along more often one way than the other, the surface has a border there. Borders are walked
-   along into loops, and each loop becomes triangles by cutting off its corners, those with the shortest chord first
-   (Meisters 1975: a polygon has ears). What is then the whole is a cycle: it winds around every point a whole number of
-   times. */
+   along into loops, and each loop is closed by the triangles of least area between its corners. The whole is then a
+   cycle: it winds around every point a whole number of times. */
 #include "compat.h"
 #include "triangles.h"
 #include "base/room.h"
 #include <stdlib.h>
 
+#define FILM 100  /* corners of a polygon from which on corners are cut off first (least area takes their cube) */
 #define LONG 2000 /* corners of a loop from which on it gets a fan around its middle: clipping takes their square */
 
 /* ---- polygons ---- */
@@ -56,19 +56,70 @@ static PetscBool is_filled(const Vec3 x[], const PetscInt next[], const PetscInt
   return PETSC_FALSE;
 }
 
+/* Cost of a triangle in a film: its area; of films of the same area the one with short edges */
+static PetscReal weigh_triangle(const Vec3 p, const Vec3 q, const Vec3 r)
+{
+  Vec3 n, d, e;
+
+  triangle_normal(p, q, r, n);
+  subtract3(q, p, d);
+  subtract3(r, q, e);
+  return PetscSqrtReal(dot3(n, n)) + 1e-4 * (dot3(d, d) + dot3(e, e));
+}
+
+/* The triangles of least area between the corners, by those between all runs of corners (Barequet & Sharir 1995) */
+static PetscErrorCode span_film(const Vec3 x[], PetscInt n, const PetscInt corner[], Int3 triangle[])
+{
+  PetscReal *cost;
+  PetscInt  *middle, (*stack)[2], top = 0, made = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc3(n * n, &cost, n * n, &middle, n, &stack));
+  for (PetscInt length = 2; length < n; length++)
+    for (PetscInt i = 0; i + length < n; i++) {
+      const PetscInt k = i + length;
+
+      cost[n * i + k] = PETSC_MAX_REAL;
+      for (PetscInt j = i + 1; j < k; j++) {
+        const PetscReal c = cost[n * i + j] + cost[n * j + k] + weigh_triangle(x[corner[i]], x[corner[j]], x[corner[k]]);
+
+        if (c >= cost[n * i + k]) continue;
+        cost[n * i + k]   = c;
+        middle[n * i + k] = j;
+      }
+    }
+  stack[top][0]   = 0;
+  stack[top++][1] = n - 1;
+  while (top) {
+    const PetscInt i = stack[--top][0], k = stack[top][1], j = middle[n * i + k];
+
+    if (k - i < 2) continue;
+    triangle[made][0]   = corner[i];
+    triangle[made][1]   = corner[j];
+    triangle[made++][2] = corner[k];
+    stack[top][0]       = i;
+    stack[top++][1]     = j;
+    stack[top][0]       = j;
+    stack[top++][1]     = k;
+  }
+  PetscCall(PetscFree3(cost, middle, stack));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* A film; of a long polygon corners are cut off first until it is short enough for one. */
 PetscErrorCode PolygonSplit(const Vec3 x[], PetscInt n, const PetscInt corner[], Int3 triangle[])
 {
-  PetscInt  *next, *before, made = 0, left = n;
+  PetscInt  *next, *before, *rest, made = 0, left = n, start = 0;
   PetscReal *worth, far = 0;
   Vec3       normal;
 
   PetscFunctionBeginUser;
-  if (n == 3) {
-    PetscCall(PetscArraycpy(triangle[0], corner, 3));
+  if (n <= FILM) {
+    PetscCall(span_film(x, n, corner, triangle));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   polygon_normal(x, n, corner, normal);
-  PetscCall(PetscMalloc3(n, &next, n, &before, n, &worth));
+  PetscCall(PetscMalloc4(n, &next, n, &before, n, &worth, FILM, &rest));
   for (PetscInt i = 0; i < n; i++) {
     Vec3 d;
 
@@ -78,7 +129,7 @@ PetscErrorCode PolygonSplit(const Vec3 x[], PetscInt n, const PetscInt corner[],
     far = PetscMax(far, 16 * dot3(d, d));
   }
   for (PetscInt i = 0; i < n; i++) worth[i] = judge_ear(x, corner[before[i]], corner[i], corner[next[i]], normal, far);
-  for (PetscInt start = 0; left > 3;) {
+  for (; left > FILM; left--) {
     PetscInt best = -1, any = start;
 
     for (PetscInt i = start, k = 0; k < left; k++, i = next[i]) {
@@ -93,16 +144,12 @@ PetscErrorCode PolygonSplit(const Vec3 x[], PetscInt n, const PetscInt corner[],
     next[a]   = c;
     before[c] = a;
     start     = a;
-    left--;
-    worth[a] = judge_ear(x, corner[before[a]], corner[a], corner[c], normal, far);
-    worth[c] = judge_ear(x, corner[a], corner[c], corner[next[c]], normal, far);
-    if (left == 3) {
-      const PetscInt last[3] = {corner[before[a]], corner[a], corner[c]};
-
-      PetscCall(PetscArraycpy(triangle[made++], last, 3));
-    }
+    worth[a]  = judge_ear(x, corner[before[a]], corner[a], corner[c], normal, far);
+    worth[c]  = judge_ear(x, corner[a], corner[c], corner[next[c]], normal, far);
   }
-  PetscCall(PetscFree3(next, before, worth));
+  for (PetscInt k = 0, i = start; k < FILM; k++, i = next[i]) rest[k] = corner[i];
+  PetscCall(span_film(x, FILM, rest, triangle + made));
+  PetscCall(PetscFree4(next, before, worth, rest));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

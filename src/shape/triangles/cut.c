@@ -8,7 +8,7 @@
 #define TOUCH  1e-7 /* of the diameter: what lies closer touches and does not cross */
 #define THIN   1e-9 /* of the diameter: height of pieces that are dropped */
 #define SIDE   1e-6 /* of the diameter: how far beside a piece its sides are looked at; a third of its height at most */
-#define MANY   4    /* times the triangles: more pieces than that are refused (at least PIECES) */
+#define MANY   6    /* times the triangles: more pieces than that are refused (at least PIECES) */
 #define PIECES 200000
 
 typedef struct {

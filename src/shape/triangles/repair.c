@@ -6,7 +6,7 @@
 
 #define SAMPLES 400  /* places where the closed surface is compared with the winding number of the open one */
 #define AGREE   0.02 /* of the places inside, where they may differ */
-#define DIFFER  0.2  /* where they differ by more the surface is refused */
+#define DIFFER  0.5  /* where they differ by more the surface is refused */
 #define COMPACT 0.02 /* volume of a part, relative to a ball of its area, below which it has no inside of its own */
 #define SHEET   0.15 /* winding number of the others, from 0 or 1, where a part is no border of the inside */
 #define PARTS   256  /* of them are looked at: each costs a sum over all triangles */
@@ -361,7 +361,7 @@ static void drop_part(Surface *f, Parts *p, PetscInt part)
 }
 
 /* A part with a border on edges of three and more triangles is a sheet if it has the inside on both sides, or the
-   outside. One after the other, those inside first and small ones first: what was a border on it is then none. */
+   outside and next to no volume of its own. One after the other, those inside first and small ones first: what was a border on it is then none. */
 static PetscErrorCode drop_sheets(Surface *f, Parts *p, PetscInt *sheets)
 {
   PetscFunctionBeginUser;
@@ -375,7 +375,7 @@ static PetscErrorCode drop_sheets(Surface *f, Parts *p, PetscInt *sheets)
       const PetscBool out    = (PetscBool)(around < 0.5);
 
       looks++;
-      if (around > SHEET && around < 1 - SHEET) continue;
+      if ((around > SHEET && around < 1 - SHEET) || (out && is_compact(p, k))) continue;
       if (worst >= 0 && (out > outside || (out == outside && p->area[k] >= p->area[worst]))) continue;
       worst   = k;
       outside = out;
@@ -492,9 +492,13 @@ PetscErrorCode TrianglesRepair(Triangles t, char error[])
     if (least <= AGREE) break;
   }
   if (i == n && best < n - 1) PetscCall(repair_with(t, 2 * t->f.radius * tolerance[best], &differ));
+  t->fault.differ = least > AGREE ? least : 0;
   if (!t->all.n || least > DIFFER)
-    TRI_SAY("The surface in '%s' falls apart: of the places that its winding number says are inside, %.0f %% are outside when its %" PetscInt_FMT
-            " holes are closed. Join its parts with a mesh program",
+    TRI_SAY(least > 0.99
+              ? "The surface in '%s' encloses nothing: at %.0f %% of the places that its winding number says are inside, this is not so "
+                "when its %" PetscInt_FMT " holes are closed. A body needs an inside"
+              : "The surface in '%s' falls apart: of the places that its winding number says are inside, %.0f %% are outside when its %" PetscInt_FMT
+                " holes are closed. Join its parts with a mesh program",
             t->file, (double)(100 * PetscMin(1, least)), t->fault.holes);
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -84,6 +84,12 @@ static PetscErrorCode tell_faults(Triangles t)
 
       PetscCall(PetscSNPrintf(text + n, sizeof(text) - n, "%s%" PetscInt_FMT " %s", n ? ", " : "", line[i].n, line[i].what));
     }
+  if (k->differ > 0) {
+    const size_t n = strlen(text);
+
+    PetscCall(
+      PetscSNPrintf(text + n, sizeof(text) - n, ", and about %.0f %% of its inside depends on how they are closed", (double)(100 * k->differ)));
+  }
   if (k->unfinished) PetscCall(PetscStrlcat(text, text[0] ? ", no 'endsolid': it may be cut off" : "no 'endsolid': it may be cut off", sizeof(text)));
   if (text[0]) PetscCall(LogRemark("the surface in '%s' is taken as it is (-%ssurface robust): %s", t->file, t->prefix, text));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -205,6 +211,19 @@ PetscErrorCode TrianglesRadius(Triangles t, PetscReal *r)
 {
   PetscFunctionBeginUser;
   *r = t->f.radius;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode TrianglesReach(Triangles t, const PetscReal c[], PetscReal *r)
+{
+  PetscFunctionBeginUser;
+  *r = 0;
+  for (PetscInt i = 0; i < 3 * t->f.n && t->robust; i++) {
+    Vec3 d;
+
+    subtract3(t->f.x[t->f.triangle[i / 3][i % 3]], c, d);
+    *r = PetscMax(*r, PetscSqrtReal(dot3(d, d)) * (1 + 1e-12));
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -43,6 +43,7 @@ typedef struct {
 /* What is wrong with a surface that is taken as it is */
 typedef struct {
   PetscInt  open, holes, crowded, turned, duplicate, sheets, crossings, welded;
+  PetscReal differ;     /* share of the inside that depends on how holes are closed, unless small */
   PetscBool unfinished; /* a text file without its last line */
 } Faults;
 
