@@ -55,8 +55,8 @@ typedef struct {
      the distance (triangulate.c) */
   PetscErrorCode (*triangles)(Shape, PetscInt most, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle,
                               PetscInt *triangle[]);
-  /* optional: the largest |x - c| of the surface, c in the body frame; *r = 0: the default, an upper bound within 1e-4 of
-     it, found from the distance */
+  /* optional: the largest |x - c| of the surface, c in the body frame; *r = 0: the default, an upper bound within 1e-4
+     of it, found from the distance */
   PetscErrorCode (*reach)(Shape, const PetscReal c[], PetscReal *r);
 } ShapeOps;
 

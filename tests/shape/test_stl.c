@@ -1,5 +1,5 @@
 /* Surfaces of triangles: a sphere against its closed forms, files of all formats, what is refused; surfaces that are
-   taken as they are: holes, crossings, turned, doubled and inner triangles, all with the volume that they should have. */
+   taken as they are: holes, crossings, turned, doubled and inner triangles, with the volume that they should have. */
 /* ranks: 1 2 */
 #include "core.h"
 #include "raised.h"
@@ -523,6 +523,36 @@ static void test_crossing(void **state)
   }
   expect_robust(8, 2e-3, PETSC_FALSE, "24 open edges, 16 corners welded");
   end_robust();
+}
+
+/* Far nodes by their expansions against all triangles, on a surface with holes that no symmetry helps */
+static void test_winding(void **state)
+{
+  Surface   f = {.n = 0};
+  Moment   *m;
+  PetscReal worst = 0, *xyz;
+
+  (void)state;
+  make_sphere(3);
+  for (PetscInt t = soup.n - 1; t >= 0; t -= 7) take_away(t);
+  OK(PetscMalloc1(9 * soup.n, &xyz));
+  for (PetscInt i = 0; i < 9 * soup.n; i++) xyz[i] = soup.x[i / 9][i / 3 % 3][i % 3] * (i % 3 + 1);
+  OK(SurfaceJoinCorners(&f, soup.n, xyz, 1));
+  OK(SurfaceBuildTree(&f));
+  OK(SurfaceMakeNormals(&f, PETSC_FALSE));
+  OK(SurfaceMakeMoments(&f, &m));
+  for (PetscInt i = 0; i < 500; i++) {
+    PetscReal x[3];
+
+    for (int a = 0; a < 3; a++) x[a] = 2 * noise(3 * i + a) * (a + 1);
+    worst = PetscMax(worst, PetscAbsReal(SurfaceWindingFast(&f, m, x) - SurfaceWinding(&f, x)));
+  }
+  print_message("winding number of expansions: within %.2g\n", (double)worst);
+  BELOW(worst, 2e-3);
+  assert_true(worst > 1e-9); /* some nodes were far */
+  OK(PetscFree(m));
+  OK(PetscFree(xyz));
+  OK(SurfaceDestroy(&f));
 }
 
 /* ---- what is refused ---- */

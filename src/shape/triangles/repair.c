@@ -361,7 +361,8 @@ static void drop_part(Surface *f, Parts *p, PetscInt part)
 }
 
 /* A part with a border on edges of three and more triangles is a sheet if it has the inside on both sides, or the
-   outside and next to no volume of its own. One after the other, those inside first and small ones first: what was a border on it is then none. */
+   outside and next to no volume of its own. One after the other, those inside first and small ones first: what was a
+   border on it is then none. */
 static PetscErrorCode drop_sheets(Surface *f, Parts *p, PetscInt *sheets)
 {
   PetscFunctionBeginUser;
