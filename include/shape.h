@@ -137,7 +137,7 @@ PetscErrorCode ShapeDeclareOptions(void);
    are welded, neighbours turned alike, inner sheets dropped, and each hole is closed by triangles between its own
    edges. Where the hole is plane these lie exactly where the winding number of the file's triangles is 1/2; elsewhere
    they are as good a choice. The winding number is then a whole number everywhere; it is found by a tree with
-   second-order expansions (Barill, Dickson, Schmidt, Levin, Jacobson 2018), within 2e-3. Triangles are cut where they
+   second-order expansions (Barill, Dickson, Schmidt, Levin, Jacobson 2018), within 5e-3. Triangles are cut where they
    cross each other; the body's surface is the pieces with the inside on one side only, and the distance is the exact
    one to these: 1-Lipschitz, Euclidean, its sign changes on them alone. Volume and inertia by the divergence theorem
    over the pieces; where these disagree by more than 1 % with a sample of the sign, by quadrature. A remark tells what

@@ -5,6 +5,7 @@
 #include "raised.h"
 #include "base/log.h"
 #include "shape/host.h"
+#include "triangles/triangles.h"
 #include <string.h>
 
 #define DEEPEST 5
@@ -548,7 +549,7 @@ static void test_winding(void **state)
     worst = PetscMax(worst, PetscAbsReal(SurfaceWindingFast(&f, m, x) - SurfaceWinding(&f, x)));
   }
   print_message("winding number of expansions: within %.2g\n", (double)worst);
-  BELOW(worst, 2e-3);
+  BELOW(worst, 5e-3);
   assert_true(worst > 1e-9); /* some nodes were far */
   OK(PetscFree(m));
   OK(PetscFree(xyz));
@@ -619,8 +620,9 @@ static void test_nothing(void **state)
 int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {
-    cmocka_unit_test(test_sphere_converges), cmocka_unit_test(test_boxes),    cmocka_unit_test(test_formats), cmocka_unit_test(test_holes),
-    cmocka_unit_test(test_turned),           cmocka_unit_test(test_crossing), cmocka_unit_test(test_refused), cmocka_unit_test(test_nothing),
+    cmocka_unit_test(test_sphere_converges), cmocka_unit_test(test_boxes),  cmocka_unit_test(test_formats),  cmocka_unit_test(test_holes),
+    cmocka_unit_test(test_winding),          cmocka_unit_test(test_turned), cmocka_unit_test(test_crossing), cmocka_unit_test(test_refused),
+    cmocka_unit_test(test_nothing),
   };
   PetscMPIInt size, rank;
   int         failed;

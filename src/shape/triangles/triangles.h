@@ -104,7 +104,7 @@ PetscReal SurfaceMeasure(const Surface *, const Vec3 x, PetscInt *guess, PetscRe
 PetscReal      SurfaceWinding(const Surface *, const Vec3 x);
 PetscReal      TriangleWinding(const Vec3 p, const Vec3 q, const Vec3 r, const Vec3 x);
 PetscErrorCode SurfaceMakeMoments(const Surface *, Moment **);
-/* The same by the expansions of far nodes: within 2e-3 */
+/* The same by the expansions of far nodes: within 5e-3 */
 PetscReal SurfaceWindingFast(const Surface *, const Moment[], const Vec3 x);
 
 /* ---- check.c ---- */
