@@ -24,10 +24,10 @@ def volume_of(x, cells):
     return np.einsum("ij,ij->", a, np.cross(b, c)) / 6
 
 
-def test_thin_plate_is_drawn_as_it_is(run, scene):
+def test_thin_plate_is_drawn_as_it_is(run, scene, tmp_path):
     for faces, robust in [(BOX, False), (BOX[1:], True)]:
         path = scene(SCENE)
-        write_off(path.parent / "fin.off", (2, 1, 0.02), faces)
+        write_off(tmp_path / "fin.off", (2, 1, 0.02), faces)
         result = run([path, "-output_overwrite", *(["-particle_fin_surface", "robust"] if robust else [])])
         assert result.status == 0, str(result)
         assert ("4 open edges, 1 holes, closed" in result.out) == robust
@@ -39,13 +39,13 @@ def test_thin_plate_is_drawn_as_it_is(run, scene):
         assert abs(volume_of(points, cells) - 0.32) < 1e-6
 
 
-def test_units_of_the_file(run, scene):
+def test_units_of_the_file(run, scene, tmp_path):
     path = scene(SCENE)
-    write_off(path.parent / "fin.off", (2, 1, 0.02), BOX)
+    write_off(tmp_path / "fin.off", (2, 1, 0.02), BOX)
     result = run([path, "-particle_fin_scale", "1000"])
     assert result.status != 0 and "set -particle_fin_scale" in result.err + result.out
     result = run([path, "-scene_dry_run"])
     assert "box 4. x 2. x 0.04" in result.out
-    write_off(path.parent / "fin.off", (2, 1, 0.02), BOX[1:])
+    write_off(tmp_path / "fin.off", (2, 1, 0.02), BOX[1:])
     result = run([path, "-scene_dry_run"])
     assert "-particle_fin_surface robust" in result.err + result.out

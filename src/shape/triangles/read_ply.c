@@ -190,6 +190,7 @@ static PetscErrorCode take_one(Reader *r, const Heading *h, const Element *e, Pe
     if (PetscIsInfOrNanReal(x[a]) && !r->error[0])
       PetscCall(PetscSNPrintf(r->error, TRI_WHY, "PLY file '%s': vertex %" PetscInt_FMT " is not finite", r->file, number));
   if (vertex) PetscCall(ReadAddPoint(r, x));
+  if (h->coding == PLY_TEXT) ReadSkipLine(r); /* some programs write more than their heading says */
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
