@@ -78,6 +78,13 @@ PetscErrorCode ContactFindSprings(Contact, PetscReal dt, PetscBool start, PetscR
 PetscErrorCode ContactTakeForces(Contact, const PetscReal force[]);
 /* Are forces of this law to be solved with the flow (-contact_coupling)? */
 PetscErrorCode ContactIsImplicit(Contact, PetscBool *);
+/* Law spring in a flow. The scheme of the flow, du/dt = c_t u^{n+1} - d, takes the force of a step for that of its end:
+   of the impulse of a short contact bdf2 gives 2/3 in its step and the rest after. So contact_force is what makes the
+   scheme give each step the impulse of its contact: share f^n + (1 - share) f^{n-1} with the mean forces f, share = c_t
+   dt. Before ContactStep; 1 (default): contact_force is f. Not collective. */
+PetscErrorCode ContactSetShare(Contact, PetscReal share);
+/* Mean force and torque of contact on body k over the last step: contact_force and contact_torque but for that. */
+PetscErrorCode ContactGetMean(Contact, PetscInt k, PetscReal force[3], PetscReal torque[3]);
 /* After the bodies have moved in the flow: fills gap of the state (PETSC_MAX_REAL: far) and, with -contact_separate,
    moves bodies that overlap apart (separate.c says why and how) until 1e-3 radii are left; velocities stay.
    Collective, same bits on any number of ranks. */

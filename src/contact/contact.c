@@ -58,9 +58,13 @@ PetscErrorCode ContactCountWork(Contact c, PetscReal dt)
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_rank(BodiesComm(c->bodies), &rank));
   if (rank) c->work = 0; /* the first rank begins with what all have */
-  for (PetscInt k = 0; k < s->n; k++)
+  for (PetscInt k = 0; k < s->n; k++) {
+    PetscReal force[3], torque[3];
+
+    PetscCall(ContactGetMean(c, k, force, torque));
     for (PetscInt a = 0; a < 3 && s->own[k]; a++)
-      c->work += 0.5 * dt * (s->contact_force[k][a] * (s->u[k][a] + s->u_old[k][a]) + s->contact_torque[k][a] * (s->w[k][a] + s->w_old[k][a]));
+      c->work += 0.5 * dt * (force[a] * (s->u[k][a] + s->u_old[k][a]) + torque[a] * (s->w[k][a] + s->w_old[k][a]));
+  }
   PetscCall(BodiesSum(c->bodies, 1, &c->work));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -390,6 +394,8 @@ PetscErrorCode ContactDestroy(Contact *contact)
   PetscCall(ContactForgetSlips(c, &c->going));
   PetscCall(ContactForgetSlips(c, &c->kept_slips));
   PetscCall(BodiesDetach(c->bodies, (void **)&c->kept));
+  PetscCall(BodiesDetach(c->bodies, (void **)&c->mean));
+  PetscCall(BodiesDetach(c->bodies, (void **)&c->mean_next));
   PetscCall(PetscFree(c->listed));
   PetscCall(PetscFree(c->reach));
   PetscCall(PetscFree(*contact));

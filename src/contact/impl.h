@@ -150,6 +150,9 @@ struct _p_Contact {
   /* what ContactKeep keeps */
   PetscReal (*kept)[7]; /* [n] force, torque, gap */
   Slips kept_slips;
+  /* law spring in a flow, NULL else: see impulse.c */
+  PetscReal (*mean)[6], (*mean_next)[6]; /* [n] force and torque over the last step, and over this one */
+  PetscReal share;                       /* of a step's mean that the scheme wants in it, 0: all of it */
   /* what ContactFindSprings has found */
   PetscInt       nspring, spring_room;
   ContactSpring *springs;
@@ -274,5 +277,8 @@ PetscErrorCode ContactChooseSubsteps(Contact, PetscReal dt, PetscReal time, Pets
 PetscErrorCode ContactUseCopies(Contact, PetscReal (*x)[3], PetscReal (*q)[4], PetscReal (*u)[3], PetscReal (*w)[3]);
 /* Other bodies are known than before: their kinds, scales, inertia. */
 PetscErrorCode ContactMeetBodies(Contact);
+/* impulse.c. Forces of the step become those that the scheme of the flow makes their impulse of; the step is over. */
+PetscErrorCode ContactWeighForces(Contact);
+PetscErrorCode ContactAcceptForces(Contact);
 /* No contact forces, no gaps. */
 void ContactClear(BodyArrays *);

@@ -142,6 +142,7 @@ PetscErrorCode ContactFinishStep(Contact c)
 
   PetscFunctionBeginUser;
   if (!c->have_list) PetscFunctionReturn(PETSC_SUCCESS); /* no law, no bodies */
+  PetscCall(ContactAcceptForces(c));
   PetscCall(PetscLogEventBegin(TB_CONTACT, 0, 0, 0, 0));
   c->x = c->s->x;
   c->q = c->s->q;

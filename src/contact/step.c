@@ -233,6 +233,7 @@ PetscErrorCode ContactStep(Contact c, PetscReal dt, PetscReal (*a)[3], PetscReal
   any = (PetscBool)(w.nnear > 0);
   PetscCall(BodiesAny(c->bodies, &any));
   if (any) PetscCall(integrate(c, dt, &w));
+  PetscCall(ContactWeighForces(c));
   PetscCall(PetscFree(w.near));
   PetscCall(PetscFree(w.active));
   PetscCall(PetscFree(w.drift));

@@ -75,16 +75,17 @@ PetscErrorCode MeetEstimate(const SimParts *part, PetscReal dt, PetscReal dt_old
   limit = (PetscBool)(limit && dt_old > 0);
   if (limit) PetscCall(most_of_flow(part, dt_old, &most));
   for (PetscInt k = 0; k < s->n; k++) {
-    PetscReal mass, inertia[6], start[3], share = 1;
+    PetscReal mass, inertia[6], start[3], force[3], torque[3], share = 1;
 
     PetscCall(ContactGetMass(part->contact, k, &mass, inertia));
     PetscCall(ContactGetStart(part->contact, k, dt, start));
+    PetscCall(ContactGetMean(part->contact, k, force, torque));
     if (limit) PetscCall(share_of_load(part, s, k, most * mass, &share));
     for (PetscInt d = 0; d < 3; d++) {
       const PetscReal moment = inertia[d];
 
-      a[k][d]     = dt_old > 0 ? (s->u[k][d] - s->u_old[k][d]) / dt_old - share * s->contact_force[k][d] / mass : start[d];
-      alpha[k][d] = dt_old > 0 ? (s->w[k][d] - s->w_old[k][d]) / dt_old - (moment > 0 ? share * s->contact_torque[k][d] / moment : 0) : 0;
+      a[k][d]     = dt_old > 0 ? (s->u[k][d] - s->u_old[k][d]) / dt_old - share * force[d] / mass : start[d];
+      alpha[k][d] = dt_old > 0 ? (s->w[k][d] - s->w_old[k][d]) / dt_old - (moment > 0 ? share * torque[d] / moment : 0) : 0;
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -94,10 +95,14 @@ PetscErrorCode MeetFind(const SimParts *part, PetscReal dt, PetscBool start, Pet
 {
   const ContactSpring *spring = NULL;
   PetscInt             n      = 0;
-  PetscBool            solved;
+  PetscBool            solved, implicit;
+  const FlowStep      *step;
 
   PetscFunctionBeginUser;
   PetscCall(MeetIsSolved(part, &solved));
+  PetscCall(FlowGetStep(part->flow, &step));
+  PetscCall(CoupleIsImplicit(part->couple, &implicit));
+  PetscCall(ContactSetShare(part->contact, implicit ? step->ct * dt : 1));
   if (solved) PetscCall(ContactFindSprings(part->contact, dt, start, a, &n, &spring));
   else PetscCall(ContactStep(part->contact, dt, a, alpha));
   PetscCall(CoupleSetContact(part->couple, n, spring));
