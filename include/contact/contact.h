@@ -78,11 +78,19 @@ PetscErrorCode ContactFindSprings(Contact, PetscReal dt, PetscBool start, PetscR
 PetscErrorCode ContactTakeForces(Contact, const PetscReal force[]);
 /* Are forces of this law to be solved with the flow (-contact_coupling)? */
 PetscErrorCode ContactIsImplicit(Contact, PetscBool *);
-/* Law spring in a flow. The scheme of the flow, du/dt = c_t u^{n+1} - d, takes the force of a step for that of its end:
-   of the impulse of a short contact bdf2 gives 2/3 in its step and the rest after. So contact_force is what makes the
-   scheme give each step the impulse of its contact: share f^n + (1 - share) f^{n-1} with the mean forces f, share = c_t
-   dt. Before ContactStep; 1 (default): contact_force is f. Not collective. */
-PetscErrorCode ContactSetShare(Contact, PetscReal share);
+/* What the scheme of a flow makes of a force of contact and of velocities (law spring: impulse.c).
+   share: c_t dt, with du/dt = c_t u^{n+1} - d. theta: a body moves by theta u^{n+1} + (1 - theta) u^n.
+   held: bodies and flow are solved together, and springs count (ContactGetHolds); else a body has its own mass alone
+   when contact pushes it, and its added mass acts later. */
+typedef struct {
+  PetscReal share, theta;
+  PetscBool held;
+} ContactScheme;
+/* For the next step, before ContactGetMass and ContactStep. Nothing happens with other laws. Not collective. */
+PetscErrorCode ContactSetScheme(Contact, const ContactScheme *);
+/* After ContactStep: springs for the system of flow and bodies, in addition to contact_force, as ContactFindSprings has
+   them. Owned by the contact. Not collective. */
+PetscErrorCode ContactGetHolds(Contact, PetscInt *n, const ContactSpring *spring[]);
 /* Mean force and torque of contact on body k over the last step: contact_force and contact_torque but for that. */
 PetscErrorCode ContactGetMean(Contact, PetscInt k, PetscReal force[3], PetscReal torque[3]);
 /* After the bodies have moved in the flow: fills gap of the state (PETSC_MAX_REAL: far) and, with -contact_separate,

@@ -329,6 +329,7 @@ PetscErrorCode ContactCreate(Bodies bodies, PetscReal h, PetscReal rho_f, const 
   PetscCall(ContactSetGravity(c, gravity));
   PetscCall(ContactReadLaws(c));
   PetscCall(OptInt("-contact_substeps", &c->substeps));
+  c->scheme   = (ContactScheme){.share = 1, .theta = 1, .held = PETSC_TRUE};
   c->separate = PETSC_TRUE;
   if (c->s->nall) PetscCall(OptBool("-contact_separate", &c->separate));
   PetscCall(create_kinds(c));
@@ -396,6 +397,7 @@ PetscErrorCode ContactDestroy(Contact *contact)
   PetscCall(BodiesDetach(c->bodies, (void **)&c->kept));
   PetscCall(BodiesDetach(c->bodies, (void **)&c->mean));
   PetscCall(BodiesDetach(c->bodies, (void **)&c->mean_next));
+  PetscCall(BodiesDetach(c->bodies, (void **)&c->shift));
   PetscCall(PetscFree(c->listed));
   PetscCall(PetscFree(c->reach));
   PetscCall(PetscFree(*contact));

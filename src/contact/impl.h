@@ -152,7 +152,8 @@ struct _p_Contact {
   Slips kept_slips;
   /* law spring in a flow, NULL else: see impulse.c */
   PetscReal (*mean)[6], (*mean_next)[6]; /* [n] force and torque over the last step, and over this one */
-  PetscReal share;                       /* of a step's mean that the scheme wants in it, 0: all of it */
+  PetscReal (*shift)[3];                 /* [n] by which bodies end the step elsewhere than the scheme brings them */
+  ContactScheme scheme;
   /* what ContactFindSprings has found */
   PetscInt       nspring, spring_room;
   ContactSpring *springs;
@@ -280,5 +281,11 @@ PetscErrorCode ContactMeetBodies(Contact);
 /* impulse.c. Forces of the step become those that the scheme of the flow makes their impulse of; the step is over. */
 PetscErrorCode ContactWeighForces(Contact);
 PetscErrorCode ContactAcceptForces(Contact);
+/* A pair to which contact gave `impulse` in sub-steps over dt, of which c->u and c->w are the end: a spring holds its
+   bodies to the speed at which they part. Bodies that end them elsewhere than the scheme brings them. */
+PetscErrorCode ContactAddHold(Contact, const Pair *, const Impulse *impulse, PetscReal dt);
+PetscErrorCode ContactFindShifts(Contact, PetscReal dt, PetscInt n, const PetscInt active[]);
+/* Inverse of the mass that body k opposes to a force along n at lever r */
+PetscReal ContactInverseMass(Contact, PetscInt k, const PetscReal r[3], const PetscReal n[3]);
 /* No contact forces, no gaps. */
 void ContactClear(BodyArrays *);

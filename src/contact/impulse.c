@@ -1,19 +1,33 @@
-/* Contact, the impulse of a step in a flow (law spring): what the scheme of the flow makes of it, see ContactSetShare.
+/* Contact, the impulse of a step in a flow (law spring), which sub-steps have found for bodies of a guessed added mass
+   under the loads of the step before. Three things make of it what the flow gives the bodies:
 
-   The scheme is linear in the history of velocities, so that forces D(I) = c_t I^{n+1} - d(I), with I the impulse up to
-   a time, give velocities as if I had acted in an instant each. With I^{n+1} = I^n + dt f and 1 = c_t dt + what counts
-   of the step before, D(I) = share f^n + (1 - share) f^{n-1}. The added mass of the fluid takes part, as its history is
-   that of the same scheme. */
+   - The scheme is linear in the history of velocities, so that forces D(I) = c_t I^{n+1} - d(I), with I the impulse up
+     to a time, give velocities as if I had acted in an instant each (bdf2 takes a force for that of the end of its step:
+     of the impulse of a short contact it gives 2/3 in its step and the rest after). With I^{n+1} = I^n + dt f and 1 =
+     c_t dt + what counts of the step before, D(I) = share f^n + (1 - share) f^{n-1}. The fluid's added mass takes part.
+   - A spring along the impulse of a pair holds its bodies to the speed at which they part after the sub-steps, whatever
+     their added mass and the loads are.
+   - The bodies end the step where the sub-steps end: a straight way, or the mean of two speeds of which one is before
+     and the other after a collision, is another one, on which the law would store energy that nobody has given. */
 #include "compat.h"
 #include "impl.h"
+#include "base/room.h"
 
-PetscErrorCode ContactSetShare(Contact c, PetscReal share)
+#define HOLD 20 /* stiffness of a spring, in masses of the pair over dt */
+
+PetscErrorCode ContactSetScheme(Contact c, const ContactScheme *scheme)
 {
+  const PetscBool other = (PetscBool)(c->law->pulls && scheme->held != c->scheme.held);
+
   PetscFunctionBeginUser;
-  c->share = share;
-  if (c->mean || !c->law->pulls) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(BodiesAttach(c->bodies, sizeof(*c->mean), (void **)&c->mean));
-  PetscCall(BodiesAttach(c->bodies, sizeof(*c->mean_next), (void **)&c->mean_next));
+  if (!c->law->pulls) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!c->mean) {
+    PetscCall(BodiesAttach(c->bodies, sizeof(*c->mean), (void **)&c->mean));
+    PetscCall(BodiesAttachWork(c->bodies, sizeof(*c->mean_next), (void **)&c->mean_next));
+    PetscCall(BodiesAttachWork(c->bodies, sizeof(*c->shift), (void **)&c->shift));
+  }
+  c->scheme = *scheme;
+  if (other) PetscCall(ContactMeetBodies(c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -27,6 +41,75 @@ PetscErrorCode ContactGetMean(Contact c, PetscInt k, PetscReal force[3], PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode ContactGetHolds(Contact c, PetscInt *n, const ContactSpring *spring[])
+{
+  PetscFunctionBeginUser;
+  *n      = c->nspring;
+  *spring = c->springs;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- found in sub-steps ---- */
+
+/* Part of v across the unit vector n */
+static void lever_of(const PetscReal torque[3], const PetscReal n[3], PetscReal size, PetscReal r[3])
+{
+  cross(n, torque, r);
+  for (PetscInt a = 0; a < 3; a++) r[a] /= size;
+}
+
+static PetscReal point_speed(Contact c, PetscInt k, const PetscReal r[3], const PetscReal n[3])
+{
+  PetscReal wr[3];
+
+  cross(c->w[k], r, wr);
+  return dot3(c->u[k], n) + dot3(wr, n);
+}
+
+PetscErrorCode ContactAddHold(Contact c, const Pair *p, const Impulse *impulse, PetscReal dt)
+{
+  const PetscReal size = PetscSqrtReal(dot3(impulse->f, impulse->f));
+  PetscReal       inverse, speed, back[3];
+  ContactSpring  *s;
+
+  PetscFunctionBeginUser;
+  if (!c->mean || !c->scheme.held || size <= 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(RoomFor(c->nspring + 1, &c->spring_room, &c->springs, sizeof(*c->springs), NULL));
+  s  = &c->springs[c->nspring];
+  *s = (ContactSpring){.i = p->i, .j = p->j};
+  for (PetscInt a = 0; a < 3; a++) {
+    s->normal[a] = impulse->f[a] / size;
+    back[a]      = -s->normal[a];
+  }
+  lever_of(impulse->ti, s->normal, size, s->ri);
+  if (p->j >= 0) lever_of(impulse->tj, back, size, s->rj);
+  inverse = ContactInverseMass(c, p->i, s->ri, s->normal) + (p->j >= 0 ? ContactInverseMass(c, p->j, s->rj, s->normal) : 0);
+  if (inverse <= 0) PetscFunctionReturn(PETSC_SUCCESS);
+  speed    = point_speed(c, p->i, s->ri, s->normal) - (p->j >= 0 ? point_speed(c, p->j, s->rj, s->normal) : 0);
+  s->rate  = c->scheme.share * HOLD / (inverse * dt);
+  s->value = s->rate * speed;
+  c->nspring++;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ContactFindShifts(Contact c, PetscReal dt, PetscInt n, const PetscInt active[])
+{
+  const BodyArrays *s = c->s;
+
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; c->mean && e < n; e++) {
+    const PetscInt k = active[e];
+
+    if (dot3(s->contact_force[k], s->contact_force[k]) <= 0) continue;
+    for (PetscInt a = 0; a < c->dim; a++) {
+      const PetscReal scheme = dt * (c->scheme.theta * c->u[k][a] + (1 - c->scheme.theta) * s->u[k][a]);
+
+      if (ContactKind(c, k)->inverse_mass[a] > 0) c->shift[k][a] = c->x[k][a] - s->x[k][a] - scheme;
+    }
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ContactWeighForces(Contact c)
 {
   PetscFunctionBeginUser;
@@ -35,14 +118,28 @@ PetscErrorCode ContactWeighForces(Contact c)
     PetscReal *const f = a < 3 ? &c->s->contact_force[k][a] : &c->s->contact_torque[k][a - 3];
 
     c->mean_next[k][a] = *f;
-    *f                 = c->share * *f + (1 - c->share) * c->mean[k][a];
+    *f                 = c->scheme.share * *f + (1 - c->scheme.share) * c->mean[k][a];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* ---- the step is over ---- */
+
 PetscErrorCode ContactAcceptForces(Contact c)
 {
+  BodyArrays *s = c->s;
+
   PetscFunctionBeginUser;
-  if (c->mean) PetscCall(PetscArraycpy((PetscReal *)c->mean, (PetscReal *)c->mean_next, 6 * c->s->n));
+  if (!c->mean) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt k = 0; k < s->n; k++) {
+    for (PetscInt a = 0; a < 3; a++) {
+      const PetscReal force = (1 - c->scheme.share) * c->mean[k][a], torque = (1 - c->scheme.share) * c->mean[k][3 + a];
+
+      c->mean_next[k][a]     = (s->contact_force[k][a] - force) / c->scheme.share;
+      c->mean_next[k][3 + a] = (s->contact_torque[k][a] - torque) / c->scheme.share;
+      s->x[k][a] += c->shift[k][a];
+    }
+  }
+  PetscCall(PetscArraycpy((PetscReal *)c->mean, (PetscReal *)c->mean_next, 6 * s->n));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -32,7 +32,9 @@ static void invert_tensor(const PetscReal t[6], PetscReal inv[6])
 
 PetscReal ContactMass(Contact c, PetscInt k)
 {
-  return (c->s->density[k] + (c->dim == 2 ? 1 : 0.5) * c->rho_f) * BodiesVolume(c->state, k);
+  const PetscReal added = !c->scheme.held ? 0 : c->dim == 2 ? 1 : 0.5;
+
+  return (c->s->density[k] + added * c->rho_f) * BodiesVolume(c->state, k);
 }
 
 /* A tenth of the fluid's inertia turns with the body: keeps very light bodies from spinning up within a sub-step. */

@@ -23,8 +23,7 @@ static void add_force(Impulse *s, const PetscReal f[3], const PetscReal ri[3], c
   }
 }
 
-/* Inverse of the mass that body k opposes to a force along n at lever r. */
-static PetscReal inverse_mass_along(Contact c, PetscInt k, const PetscReal r[3], const PetscReal n[3])
+PetscReal ContactInverseMass(Contact c, PetscInt k, const PetscReal r[3], const PetscReal n[3])
 {
   const Kind *kind = ContactKind(c, k);
   PetscReal   rn[3], irn[3], sum = 0;
@@ -49,7 +48,7 @@ static void relative_velocity(Contact c, PetscInt i, PetscInt j, const PetscReal
 
 static PetscReal pair_inverse_mass(Contact c, PetscInt i, PetscInt j, const Touch *t, const PetscReal n[3])
 {
-  return inverse_mass_along(c, i, t->ri, n) + (j >= 0 ? inverse_mass_along(c, j, t->rj, n) : 0);
+  return ContactInverseMass(c, i, t->ri, n) + (j >= 0 ? ContactInverseMass(c, j, t->rj, n) : 0);
 }
 
 /* At a touch, without force and damping */
@@ -57,8 +56,8 @@ static void place_dashpot(Contact c, const Pair *p, const Touch *t, Dashpot *d)
 {
   d->value        = 0;
   d->has_levers   = PETSC_TRUE;
-  d->of_i         = inverse_mass_along(c, p->i, t->ri, t->normal);
-  d->inverse_mass = d->of_i + (p->j >= 0 ? inverse_mass_along(c, p->j, t->rj, t->normal) : 0);
+  d->of_i         = ContactInverseMass(c, p->i, t->ri, t->normal);
+  d->inverse_mass = d->of_i + (p->j >= 0 ? ContactInverseMass(c, p->j, t->rj, t->normal) : 0);
   for (PetscInt a = 0; a < 3; a++) {
     d->normal[a] = t->normal[a];
     d->ri[a]     = t->ri[a];

@@ -206,8 +206,10 @@ static PetscErrorCode integrate(Contact c, PetscReal dt, Crowd *w)
   PetscCall(PetscFree(c->at_once.of_pair));
   c->steps_done = n;
   store_means(c, dt, w);
+  for (PetscInt k = 0; k < w->nnear; k++) PetscCall(ContactAddHold(c, &c->pair[w->near[k].pair], &w->near[k].sum[0], dt));
   PetscCall(BodiesUpdateGhosts(c->bodies, 3, c->s->contact_force));
   PetscCall(BodiesUpdateGhosts(c->bodies, 3, c->s->contact_torque));
+  PetscCall(ContactFindShifts(c, dt, w->nactive, w->active));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -220,7 +222,8 @@ PetscErrorCode ContactStep(Contact c, PetscReal dt, PetscReal (*a)[3], PetscReal
   PetscFunctionBeginUser;
   PetscCheck(dt > 0, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Time step %g of the contact must be positive", (double)dt);
   ContactClear(s);
-  c->steps_done = c->nnear = 0;
+  c->steps_done = c->nnear = c->nspring = 0;
+  if (c->mean) PetscCall(PetscArrayzero((PetscReal *)c->shift, 3 * s->n));
   if (!c->law->lookahead) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogEventBegin(TB_CONTACT, 0, 0, 0, 0));
   PetscCall(ContactSetScales(c, dt, a));

@@ -63,6 +63,21 @@ static PetscErrorCode share_of_load(const SimParts *part, const BodyState *s, Pe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* What the flow makes of forces of contact in the step that has begun */
+static PetscErrorCode tell_scheme(const SimParts *part, PetscReal dt)
+{
+  const FlowStep *step;
+  ContactScheme   scheme;
+
+  PetscFunctionBeginUser;
+  PetscCall(FlowGetStep(part->flow, &step));
+  PetscCall(CoupleIsImplicit(part->couple, &scheme.held));
+  scheme.share = scheme.held ? step->ct * dt : 1;
+  scheme.theta = scheme.held && step->order == 2 ? 0.5 : 1;
+  PetscCall(ContactSetScheme(part->contact, &scheme));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode MeetEstimate(const SimParts *part, PetscReal dt, PetscReal dt_old, PetscReal (*a)[3], PetscReal (*alpha)[3])
 {
   BodyState *s;
@@ -70,6 +85,7 @@ PetscErrorCode MeetEstimate(const SimParts *part, PetscReal dt, PetscReal dt_old
   PetscBool  limit; /* contact forces to what answers a load */
 
   PetscFunctionBeginUser;
+  PetscCall(tell_scheme(part, dt));
   PetscCall(BodiesGetState(part->bodies, &s));
   PetscCall(MeetIsSolved(part, &limit));
   limit = (PetscBool)(limit && dt_old > 0);
@@ -95,16 +111,15 @@ PetscErrorCode MeetFind(const SimParts *part, PetscReal dt, PetscBool start, Pet
 {
   const ContactSpring *spring = NULL;
   PetscInt             n      = 0;
-  PetscBool            solved, implicit;
-  const FlowStep      *step;
+  PetscBool            solved;
 
   PetscFunctionBeginUser;
   PetscCall(MeetIsSolved(part, &solved));
-  PetscCall(FlowGetStep(part->flow, &step));
-  PetscCall(CoupleIsImplicit(part->couple, &implicit));
-  PetscCall(ContactSetShare(part->contact, implicit ? step->ct * dt : 1));
   if (solved) PetscCall(ContactFindSprings(part->contact, dt, start, a, &n, &spring));
-  else PetscCall(ContactStep(part->contact, dt, a, alpha));
+  else {
+    PetscCall(ContactStep(part->contact, dt, a, alpha));
+    PetscCall(ContactGetHolds(part->contact, &n, &spring));
+  }
   PetscCall(CoupleSetContact(part->couple, n, spring));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
