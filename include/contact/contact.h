@@ -88,6 +88,8 @@ typedef struct {
 } ContactScheme;
 /* For the next step, before ContactGetMass and ContactStep. Nothing happens with other laws. Not collective. */
 PetscErrorCode ContactSetScheme(Contact, const ContactScheme *);
+/* Are forces of this law impulses that the scheme is to give (law spring)? Not collective. */
+PetscErrorCode ContactHasImpulses(Contact, PetscBool *);
 /* After ContactStep: springs for the system of flow and bodies, in addition to contact_force, as ContactFindSprings has
    them. Owned by the contact. Not collective. */
 PetscErrorCode ContactGetHolds(Contact, PetscInt *n, const ContactSpring *spring[]);

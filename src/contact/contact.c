@@ -28,8 +28,26 @@ static PetscErrorCode complain(Contact c, const Pair *p, PetscReal overlap)
           BodiesPlaceInGroup(c->state, p->i), i->name, partner, (double)overlap, i->name);
 }
 
+/* Pairs within the range remember that they began there */
+static PetscErrorCode remember_start(Contact c)
+{
+  PetscFunctionBeginUser;
+  c->remembers = PETSC_TRUE;
+  if (!c->slip) PetscCall(PetscCalloc1(c->npairs + 1, &c->slip));
+  for (PetscInt k = 0; k < c->npairs; k++) {
+    PetscInt  n;
+    PetscReal gap;
+
+    PetscCall(ContactFindTouch(c, c->pair[k].i, c->pair[k].j, &n, &gap));
+    c->slip[k][3] = PetscMax(0, c->range - gap);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ContactCheckStart(Contact c)
 {
+  PetscBool found = PETSC_FALSE;
+
   PetscFunctionBeginUser;
   PetscCall(ContactMigrate(c, 0, NULL));
   c->x = c->s->x;
@@ -41,10 +59,13 @@ PetscErrorCode ContactCheckStart(Contact c)
     PetscInt    n;
     PetscReal   gap;
 
-    if (!c->s->own[p->i] || (!can_travel(c, p->i) && !can_travel(c, p->j))) continue;
+    if (!can_travel(c, p->i) && !can_travel(c, p->j)) continue;
     PetscCall(ContactFindTouch(c, p->i, p->j, &n, &gap));
     if (gap < -1e-6 * ContactKind(c, p->i)->radius) PetscCall(complain(c, p, -gap));
+    found = (PetscBool)(found || gap < c->range);
   }
+  PetscCall(BodiesAny(c->bodies, &found));
+  if (found && c->law->pulls) PetscCall(remember_start(c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

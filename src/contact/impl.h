@@ -50,6 +50,7 @@ typedef struct {
   PetscReal gap, weight;
   PetscReal inverse_mass; /* of the pair along the normal */
   PetscReal stiffness, speed;
+  PetscReal heavier; /* mass with the added mass of bodies that touch, in the mass that counts */
 } Meeting;
 
 /* A damped force along the normal at a touch */
@@ -89,10 +90,12 @@ typedef struct {
   PetscBool film;
 } Lever;
 
-/* Tangential springs away from the list of pairs: see slip.c */
+#define SLIP 5
+
+/* What pairs remember away from their list: see slip.c */
 typedef struct {
   PetscInt   most;
-  PetscReal *slot; /* [n][most][4] partner (0: free), elongation */
+  PetscReal *slot; /* [n][most][SLIP] partner (0: free), what the pair remembers */
 } Slips;
 
 /* The forces of all pairs at once: see atonce.c */
@@ -137,7 +140,8 @@ struct _p_Contact {
   AtOnce at_once;
   /* the list of pairs, ascending in i, then j */
   Pair *pair;
-  PetscReal (*slip)[3]; /* [npairs] elongation of the tangential spring; NULL without friction */
+  PetscReal (*slip)[4]; /* [npairs] elongation of the tangential spring; by how much nearer the pair feels the law than at
+                           the range, because it began there (pairforce.c). NULL: nothing to remember */
   PetscInt   npairs, pair_room;
   Listed    *listed; /* [n] place and reach when the list was made */
   PetscReal *reach;  /* [n] way a body may go before the next search; NULL: none */
@@ -146,6 +150,7 @@ struct _p_Contact {
   PetscBool  separate;
   PetscReal  separation; /* largest overlap that separation has found, in diameters */
   PetscReal  work;       /* done by contact on the bodies since the beginning */
+  PetscBool  remembers;  /* there is friction, or pairs began within the range */
   Slips      going;      /* slips while the list is made anew */
   /* what ContactKeep keeps */
   PetscReal (*kept)[7]; /* [n] force, torque, gap */

@@ -6,14 +6,15 @@
      of the impulse of a short contact it gives 2/3 in its step and the rest after). With I^{n+1} = I^n + dt f and 1 =
      c_t dt + what counts of the step before, D(I) = share f^n + (1 - share) f^{n-1}. The fluid's added mass takes part.
    - A spring along the impulse of a pair holds its bodies to the speed at which they part after the sub-steps, whatever
-     their added mass and the loads are.
+     their added mass and the loads are: the more, the shorter the contact is beside the step. In steps that resolve it
+     the flow acts during contact as it does without.
    - The bodies end the step where the sub-steps end: a straight way, or the mean of two speeds of which one is before
      and the other after a collision, is another one, on which the law would store energy that nobody has given. */
 #include "compat.h"
 #include "impl.h"
 #include "base/room.h"
 
-#define HOLD 20 /* stiffness of a spring, in masses of the pair over dt */
+#define HOLD 20 /* largest rate of a spring, in masses of the pair over dt */
 
 PetscErrorCode ContactSetScheme(Contact c, const ContactScheme *scheme)
 {
@@ -28,6 +29,13 @@ PetscErrorCode ContactSetScheme(Contact c, const ContactScheme *scheme)
   }
   c->scheme = *scheme;
   if (other) PetscCall(ContactMeetBodies(c));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ContactHasImpulses(Contact c, PetscBool *has)
+{
+  PetscFunctionBeginUser;
+  *has = c->law->pulls;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -70,6 +78,7 @@ PetscErrorCode ContactAddHold(Contact c, const Pair *p, const Impulse *impulse, 
 {
   const PetscReal size = PetscSqrtReal(dot3(impulse->f, impulse->f));
   PetscReal       inverse, speed, back[3];
+  Meeting         m;
   ContactSpring  *s;
 
   PetscFunctionBeginUser;
@@ -86,7 +95,8 @@ PetscErrorCode ContactAddHold(Contact c, const Pair *p, const Impulse *impulse, 
   inverse = ContactInverseMass(c, p->i, s->ri, s->normal) + (p->j >= 0 ? ContactInverseMass(c, p->j, s->rj, s->normal) : 0);
   if (inverse <= 0) PetscFunctionReturn(PETSC_SUCCESS);
   speed    = point_speed(c, p->i, s->ri, s->normal) - (p->j >= 0 ? point_speed(c, p->j, s->rj, s->normal) : 0);
-  s->rate  = c->scheme.share * HOLD / (inverse * dt);
+  ContactFillMeeting(c, p, &m);
+  s->rate  = c->scheme.share * PetscMin(HOLD, m.stiffness * inverse * dt * dt) / (inverse * dt);
   s->value = s->rate * speed;
   c->nspring++;
   PetscFunctionReturn(PETSC_SUCCESS);

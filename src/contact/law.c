@@ -7,7 +7,8 @@
    attractive. It takes the energy out and vanishes with the speed, so that the resting gap is that of the law.
 
    Spring (Cundall & Strack 1979): k (r - gap) + c v with the damping c = 2 zeta sqrt(k m), zeta = -ln e/sqrt(pi^2 +
-   ln^2 e), which gives the restitution coefficient e exactly, m the mass of the pair along the normal. k from a stop
+   ln^2 e), which gives the restitution coefficient e exactly, m the mass of the pair along the normal (in a fluid with
+   the larger added mass that discs and spheres have where they touch, so that e is not exceeded). k from a stop
    within half the range: k = 4 m u_ref^2/r^2. Friction: a tangential spring of stiffness 2/7 k that moves with the pair
    and slides at mu times the normal force.
 
@@ -102,7 +103,8 @@ static PetscErrorCode read_spring(Contact c)
   PetscCall(OptReal("-contact_restitution", &c->restitution));
   PetscCall(OptReal("-contact_friction", &c->friction));
   PetscCall(OptReal("-contact_tangential", &c->tangential));
-  c->damping_ratio = -PetscLogReal(c->restitution) / PetscSqrtReal(PetscSqr(PETSC_PI) + PetscSqr(PetscLogReal(c->restitution)));
+  c->damping_ratio = 1; /* e = 0: the limit */
+  if (c->restitution > 0) c->damping_ratio = -PetscLogReal(c->restitution) / PetscSqrtReal(PetscSqr(PETSC_PI) + PetscSqr(PetscLogReal(c->restitution)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -122,7 +124,7 @@ static PetscReal spring_combine(Contact c, const Kind *i, const Kind *j, PetscRe
 
 static PetscReal spring_force(Contact c, const Meeting *m, PetscReal *rate)
 {
-  *rate = m->inverse_mass > 0 ? m->weight * 2 * c->damping_ratio * PetscSqrtReal(m->stiffness / m->inverse_mass) : 0;
+  *rate = m->inverse_mass > 0 ? m->weight * 2 * c->damping_ratio * PetscSqrtReal(m->heavier * m->stiffness / m->inverse_mass) : 0;
   return m->stiffness * m->weight * (c->range - m->gap);
 }
 
@@ -165,6 +167,7 @@ PetscErrorCode ContactReadLaws(Contact c)
   c->law = contact_laws[which];
   PetscCall(OptReal("-contact_range", &c->range));
   if (c->law->options) PetscCall(c->law->options(c));
+  c->remembers = (PetscBool)(c->friction > 0);
   c->horizon = c->range;
   PetscCall(OptBool("-contact_lubrication", &c->lubricate));
   if (!c->lubricate) PetscFunctionReturn(PETSC_SUCCESS);

@@ -28,7 +28,7 @@ static const OptSpec SPECS[] = {
    .expert = PETSC_TRUE},
   {"-contact_spring_stiffness", OPT_REAL, "force/length", OPT_ABOVE_ZERO, "stops a body at terminal speed within half the range",
    .help = "stiffness of the normal spring", .when = SPRING},
-  {"-contact_restitution", OPT_REAL, "", 0.01, 1, "0.5", .help = "speed after a dry collision in that before", .when = SPRING},
+  {"-contact_restitution", OPT_REAL, "", 0, 1, "0.5", .help = "speed after a dry collision in that before", .when = SPRING},
   {"-contact_friction", OPT_REAL, "", OPT_FROM(0), "0", .help = "coefficient of Coulomb friction", .when = SPRING},
   {"-contact_tangential", OPT_REAL, "", OPT_POSITIVE, 1, "2/7", .help = "stiffness of the tangential spring in that of the normal one",
    .when = SPRING, .expert = PETSC_TRUE},

@@ -178,13 +178,33 @@ PetscReal ContactPairSpeed(Contact c, const Pair *p)
   return PetscMax(0, -dot3(v, d)) / PetscMax(PetscSqrtReal(dot3(d, d)), PETSC_SMALL);
 }
 
+/* Added mass of a disc, a sphere at a wall, moving along its normal: 2 zeta(2) - 1 of the displaced mass (Yang 2010, by
+   images); .803 (Lamb, section 138). Two equal ones that approach each other are at the wall between them. */
+static PetscReal mass_where_touching(Contact c, const Kind *k)
+{
+  const PetscReal open = c->dim == 2 ? 1 : 0.5, touching = c->dim == 2 ? PETSC_PI * PETSC_PI / 3 - 1 : 0.803;
+
+  if (!k->moves || !c->scheme.held) return 1;
+  return (k->density + touching * c->rho_f) / (k->density + open * c->rho_f);
+}
+
 void ContactFillMeeting(Contact c, const Pair *p, Meeting *m)
 {
   const Kind     *ki = ContactKind(c, p->i), *kj = p->j >= 0 ? ContactKind(c, p->j) : NULL;
   const PetscReal speed = ContactPairSpeed(c, p);
 
   m->stiffness = c->law->combine(c, ki, kj, speed);
+  m->heavier   = PetscMax(mass_where_touching(c, ki), kj ? mass_where_touching(c, kj) : 1);
   m->speed     = PetscMax(speed, kj && kj->stiffness > ki->stiffness ? kj->speed : ki->speed);
+}
+
+/* A pair that was laid within the range (law spring) has no energy there: it feels the law from the widest gap on that it
+   has had. As it parts the range grows with it, without a force. */
+static PetscReal begun_within(Contact c, PetscInt number, PetscReal gap)
+{
+  if (!c->slip || c->slip[number][3] <= 0) return 0;
+  c->slip[number][3] = PetscMax(0, PetscMin(c->slip[number][3], c->range - gap));
+  return c->slip[number][3];
 }
 
 /* By the law, at a gap within the range */
@@ -206,10 +226,12 @@ static PetscBool discs_dashpot(Contact c, const Pair *p, PetscReal h, PetscInt *
 {
   const Kind *ki = ContactKind(c, p->i), *kj = p->j >= 0 ? ContactKind(c, p->j) : NULL;
   Meeting     m;
+  PetscReal   within;
 
-  if (ki->disc <= 0 || (kj && kj->disc <= 0) || c->slip || c->lubricate) return PETSC_FALSE;
+  if (ki->disc <= 0 || (kj && kj->disc <= 0) || (c->slip && c->friction > 0) || c->lubricate) return PETSC_FALSE;
   ContactDiscGap(c, p->i, ki->disc, p->j, kj ? kj->disc : 0, d->normal, gap);
-  *n = *gap < c->range;
+  within = begun_within(c, p - c->pair, *gap);
+  *n     = *gap + within < c->range;
   if (!*n) return PETSC_TRUE;
   d->inverse_mass = d->of_i = 0;
   d->has_levers             = PETSC_FALSE;
@@ -218,7 +240,7 @@ static PetscBool discs_dashpot(Contact c, const Pair *p, PetscReal h, PetscInt *
     d->of_i += ki->inverse_mass[a] * d->normal[a] * d->normal[a];
   }
   ContactFillMeeting(c, p, &m);
-  ask_law(c, &m, *gap, 1, h, d);
+  ask_law(c, &m, *gap + within, 1, h, d);
   return PETSC_TRUE;
 }
 
@@ -257,7 +279,7 @@ static PetscErrorCode add_others(Contact c, PetscInt number, PetscInt n, PetscRe
   Touch       mean;
 
   PetscFunctionBeginUser;
-  if (c->slip && pressing > 0 && h > 0) {
+  if (c->slip && c->friction > 0 && pressing > 0 && h > 0) {
     average_touch(n, c->touch, share, &mean);
     add_friction(c, p, &mean, pressing, stiffness, h, c->slip[number], friction);
   }
@@ -273,7 +295,7 @@ static PetscErrorCode add_others(Contact c, PetscInt number, PetscInt n, PetscRe
 PetscErrorCode ContactPairDashpots(Contact c, PetscInt number, PetscReal h, PetscInt *n, Impulse *friction, PetscReal *gap)
 {
   const Pair *p = &c->pair[number];
-  PetscReal   share[2 * CONTACT_MAX_POINTS], pressing = 0;
+  PetscReal   share[2 * CONTACT_MAX_POINTS], pressing = 0, within;
   PetscInt    touches;
   Meeting     m;
 
@@ -281,7 +303,8 @@ PetscErrorCode ContactPairDashpots(Contact c, PetscInt number, PetscReal h, Pets
   *n = 0;
   if (discs_dashpot(c, p, h, n, c->dashpot, gap)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ContactFindTouch(c, p->i, p->j, &touches, gap));
-  if (*gap >= c->range && c->slip) c->slip[number][0] = c->slip[number][1] = c->slip[number][2] = 0;
+  if (*gap >= c->range && c->slip) c->slip[number][0] = c->slip[number][1] = c->slip[number][2] = c->slip[number][3] = 0;
+  within = begun_within(c, number, *gap);
   if (*gap >= c->horizon) PetscFunctionReturn(PETSC_SUCCESS);
   ContactFillMeeting(c, p, &m);
   for (PetscInt k = 0; k < touches; k++) {
@@ -289,9 +312,9 @@ PetscErrorCode ContactPairDashpots(Contact c, PetscInt number, PetscReal h, Pets
     Dashpot     *d = &c->dashpot[*n];
 
     share[k] = 0;
-    if (t->weight <= 0 || t->gap >= c->range) continue;
+    if (t->weight <= 0 || t->gap + within >= c->range) continue;
     place_dashpot(c, p, t, d);
-    ask_law(c, &m, t->gap, t->weight, h, d);
+    ask_law(c, &m, t->gap + within, t->weight, h, d);
     share[k] = PetscMax(0, ContactDashpotForce(c, d, ContactApproach(c, p, d), h));
     pressing += share[k];
     (*n)++;
@@ -304,16 +327,17 @@ PetscErrorCode ContactPairEnergy(Contact c, PetscInt number, PetscReal *energy)
 {
   const Pair *p = &c->pair[number];
   PetscInt    n;
-  PetscReal   gap;
+  PetscReal   gap, within;
   Meeting     m;
 
   PetscFunctionBeginUser;
   *energy = 0;
   PetscCall(ContactFindTouch(c, p->i, p->j, &n, &gap));
-  if (gap >= c->range) PetscFunctionReturn(PETSC_SUCCESS);
+  within = begun_within(c, number, gap);
+  if (gap + within >= c->range) PetscFunctionReturn(PETSC_SUCCESS);
   ContactFillMeeting(c, p, &m);
   for (PetscInt k = 0; k < n; k++) {
-    m.gap    = c->touch[k].gap;
+    m.gap    = c->touch[k].gap + within;
     m.weight = c->touch[k].weight;
     if (m.weight > 0) *energy += c->law->energy(c, &m);
   }

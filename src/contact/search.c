@@ -260,7 +260,7 @@ PetscErrorCode ContactMigrate(Contact c, PetscReal dt, PetscReal (*a)[3])
     way = PetscMax(way, time * (speed + (a ? 0.5 * time * PetscSqrtReal(dot3(a[k], a[k])) : 0)));
   }
   PetscCall(BodiesMax(c->bodies, 1, &way));
-  if (c->friction > 0 && c->have_list) PetscCall(ContactStoreSlips(c, &c->going));
+  if (c->remembers && c->have_list) PetscCall(ContactStoreSlips(c, &c->going));
   PetscCall(migrate(c, c->horizon + c->range + 2 * way));
   c->have_list = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -275,7 +275,7 @@ PetscErrorCode ContactFindPairs(Contact c)
   c->tests = 0;
   PetscCall(list_is_old(c, &anew));
   if (!anew) PetscFunctionReturn(PETSC_SUCCESS);
-  if (c->friction > 0 && c->have_list) PetscCall(ContactStoreSlips(c, &c->going));
+  if (c->remembers && c->have_list) PetscCall(ContactStoreSlips(c, &c->going));
   if (BodiesComm(c->bodies) != PETSC_COMM_SELF && c->alone) PetscCall(migrate(c, c->horizon + c->halo));
   if (!c->listed) PetscCall(PetscMalloc1(PetscMax(1, c->s->n), &c->listed));
   for (PetscInt k = 0; k < c->s->n; k++) {
@@ -286,7 +286,7 @@ PetscErrorCode ContactFindPairs(Contact c)
   PetscCall(search_bodies(c));
   for (PetscInt k = 0; k < c->s->n; k++) PetscCall(find_walls(c, k));
   PetscCall(sort_pairs(c));
-  if (c->friction > 0) PetscCall(ContactLoadSlips(c, &c->going));
+  if (c->remembers) PetscCall(ContactLoadSlips(c, &c->going));
   PetscCall(ContactForgetSlips(c, &c->going));
   c->have_list = PETSC_TRUE;
   c->nlists++;
@@ -358,7 +358,7 @@ PetscErrorCode ContactVisitState(void *contact, State state)
   c->have_list = (PetscBool)(have && keeps); /* else made anew, also where the file is of one rank, which knew all */
   if (!c->have_list) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(visit_list(c, state));
-  if (c->friction > 0 && StateIsLoading(state)) PetscCall(ContactLoadSlips(c, &c->going));
+  if (c->remembers && StateIsLoading(state)) PetscCall(ContactLoadSlips(c, &c->going));
   PetscCall(ContactForgetSlips(c, &c->going));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -1,4 +1,4 @@
-/* Contact, slip: tangential springs while the list of pairs is made anew, on other ranks perhaps, and in files. That of
+/* Contact, slip: what pairs remember, tangential springs and where they began, while the list of pairs is made anew, on other ranks perhaps, and in files. That of
    a pair goes with the smaller of its bodies, so that none has many; the partner is known by its permanent number. All
    ranks that know a pair compute the same spring, and the owner of the body that carries it knows the pair. */
 #include "compat.h"
@@ -13,11 +13,16 @@ static PetscInt carrier(Contact c, const Pair *p, PetscReal *other)
   return j ? p->j : p->i;
 }
 
+static PetscBool remembers(const PetscReal slip[])
+{
+  return (PetscBool)(dot3(slip, slip) > 0 || slip[3] > 0);
+}
+
 /* In the slots of body k, of that partner (0: the first that is free); NULL: none */
 static PetscReal *find_slot(const Slips *s, PetscInt k, PetscReal partner)
 {
   for (PetscInt m = 0; m < s->most; m++)
-    if (s->slot[(k * s->most + m) * 4] == partner) return s->slot + (k * s->most + m) * 4;
+    if (s->slot[(k * s->most + m) * SLIP] == partner) return s->slot + (k * s->most + m) * SLIP;
   return NULL;
 }
 
@@ -34,7 +39,7 @@ static PetscErrorCode make_slots(Contact c, PetscInt most, Slips *s)
   PetscFunctionBeginUser;
   PetscCall(ContactForgetSlips(c, s));
   s->most = most;
-  if (most) PetscCall(BodiesAttach(c->bodies, most * 4 * sizeof(PetscReal), (void **)&s->slot));
+  if (most) PetscCall(BodiesAttach(c->bodies, most * SLIP * sizeof(PetscReal), (void **)&s->slot));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -48,7 +53,7 @@ PetscErrorCode ContactStoreSlips(Contact c, Slips *s)
   for (PetscInt p = 0; p < c->npairs; p++) {
     const PetscInt k = carrier(c, &c->pair[p], &other);
 
-    if (dot3(c->slip[p], c->slip[p]) > 0) most = PetscMax(most, ++count[k]);
+    if (remembers(c->slip[p])) most = PetscMax(most, ++count[k]);
   }
   PetscCall(PetscFree(count));
   PetscCall(BodiesMax(c->bodies, 1, &most));
@@ -56,11 +61,11 @@ PetscErrorCode ContactStoreSlips(Contact c, Slips *s)
   for (PetscInt p = 0; p < c->npairs; p++) {
     const PetscInt k = carrier(c, &c->pair[p], &other);
 
-    if (dot3(c->slip[p], c->slip[p]) > 0) {
+    if (remembers(c->slip[p])) {
       PetscReal *slot = find_slot(s, k, 0);
 
       slot[0] = other;
-      for (PetscInt a = 0; a < 3; a++) slot[1 + a] = c->slip[p][a];
+      for (PetscInt a = 0; a < SLIP - 1; a++) slot[1 + a] = c->slip[p][a];
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -76,7 +81,7 @@ PetscErrorCode ContactLoadSlips(Contact c, const Slips *s)
     const PetscInt   k    = carrier(c, &c->pair[p], &other);
     const PetscReal *slot = find_slot(s, k, other);
 
-    for (PetscInt a = 0; a < 3 && slot; a++) c->slip[p][a] = slot[1 + a];
+    for (PetscInt a = 0; a < SLIP - 1 && slot; a++) c->slip[p][a] = slot[1 + a];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -89,11 +94,12 @@ PetscErrorCode ContactVisitSlips(Contact c, State state, Slips *s)
   PetscFunctionBeginUser;
   if (StateIsLoading(state)) {
     PetscCall(StateGetSize(state, "slips", &size));
-    PetscCall(make_slots(c, c->friction > 0 && size > 0 ? size / (4 * c->s->nall) : 0, s));
+    c->remembers = (PetscBool)(c->friction > 0 || (c->law->pulls && size > 0));
+    PetscCall(make_slots(c, c->law->pulls && size > 0 ? size / (SLIP * c->s->nall) : 0, s));
   }
   if (!s->most) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(BodiesBeginRows(c->bodies, &rows));
-  PetscCall(BodiesVisitReals(c->bodies, &rows, state, "slips", 4 * s->most, s->slot));
+  PetscCall(BodiesVisitReals(c->bodies, &rows, state, "slips", SLIP * s->most, s->slot));
   PetscCall(BodiesEndRows(&rows));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

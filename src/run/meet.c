@@ -82,10 +82,13 @@ PetscErrorCode MeetEstimate(const SimParts *part, PetscReal dt, PetscReal dt_old
 {
   BodyState *s;
   PetscReal  most = 0;
-  PetscBool  limit; /* contact forces to what answers a load */
+  const FlowParameters *par;
+  PetscBool  limit, known; /* contact forces to what answers a load; accelerations of bodies in contact by their loads */
 
   PetscFunctionBeginUser;
   PetscCall(tell_scheme(part, dt));
+  PetscCall(ContactHasImpulses(part->contact, &known));
+  PetscCall(FlowGetParameters(part->flow, &par));
   PetscCall(BodiesGetState(part->bodies, &s));
   PetscCall(MeetIsSolved(part, &limit));
   limit = (PetscBool)(limit && dt_old > 0);
@@ -97,6 +100,14 @@ PetscErrorCode MeetEstimate(const SimParts *part, PetscReal dt, PetscReal dt_old
     PetscCall(ContactGetStart(part->contact, k, dt, start));
     PetscCall(ContactGetMean(part->contact, k, force, torque));
     if (limit) PetscCall(share_of_load(part, s, k, most * mass, &share));
+    if (known && dt_old > 0 && dot3(force, force) > 0) {
+      PetscCall(BodiesGetLoad(part->bodies, k, par->density, par->gravity, force, torque));
+      for (PetscInt d = 0; d < 3; d++) {
+        a[k][d]     = force[d] / mass;
+        alpha[k][d] = inertia[d] > 0 ? torque[d] / inertia[d] : 0;
+      }
+      continue;
+    }
     for (PetscInt d = 0; d < 3; d++) {
       const PetscReal moment = inertia[d];
 
