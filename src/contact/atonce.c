@@ -148,7 +148,7 @@ static void add_damping(Contact c, PetscReal h, PetscBool turns)
 
     if (implicit < 1) speed = implicit * speed + (1 - implicit) * parting(p, lever, d->normal, (PetscReal *)c->u, 3, c->w);
     damping = -d->rate * speed / (1 + h * all);
-    if (!film && !c->law->pulls) damping = PetscMax(-d->value, damping);
+    if (!film && !c->pulls) damping = PetscMax(-d->value, damping);
     for (PetscInt b = 0; b < 3; b++) sum.f[b] = damping * d->normal[b];
     if (lever) {
       cross(lever->i, sum.f, sum.ti);

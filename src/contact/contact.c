@@ -65,7 +65,7 @@ PetscErrorCode ContactCheckStart(Contact c)
     found = (PetscBool)(found || gap < c->range);
   }
   PetscCall(BodiesAny(c->bodies, &found));
-  if (found && c->law->pulls) PetscCall(remember_start(c));
+  if (found && c->law->impulses) PetscCall(remember_start(c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -69,7 +69,7 @@ typedef struct {
   const char *name;
   PetscInt    lookahead; /* steps that ContactStep integrates, see contact.c; 0: the law has no forces */
   PetscReal   implicit;  /* its damping goes by 1: the speed after the sub-step, 0.5: the mean of before and after */
-  PetscBool   pulls;     /* the force may be negative */
+  PetscBool   impulses;  /* see impulse.c; without a flow the force may be negative */
   PetscErrorCode (*options)(Contact);
   PetscReal (*stiffness)(Contact, const Kind *); /* of a body, from its speed u_ref */
   /* stiffness of a pair that moves with speed; j NULL: a wall */
@@ -159,6 +159,7 @@ struct _p_Contact {
   PetscReal (*mean)[6], (*mean_next)[6]; /* [n] force and torque over the last step, and over this one */
   PetscReal (*shift)[3];                 /* [n] by which bodies end the step elsewhere than the scheme brings them */
   ContactScheme scheme;
+  PetscBool     pulls; /* a force of the law may be negative: law spring without a flow */
   /* what ContactFindSprings has found */
   PetscInt       nspring, spring_room;
   ContactSpring *springs;
@@ -233,6 +234,8 @@ PetscErrorCode ContactFindNarrowest(Contact, PetscInt i, PetscInt j, Touch *, Cu
 /* Surface points of all groups, at most `most` each; once more: others. Share: every kind has those of its group. */
 PetscErrorCode ContactCreatePoints(Contact, PetscInt most);
 void           ContactSharePoints(Contact);
+/* In a flow: law.c says why. */
+void ContactStopPulling(Contact);
 /* Options of all laws; the unused laws' ones count as unknown. */
 PetscErrorCode ContactReadLaws(Contact);
 /* What acts in pair number p where its bodies are now: n dashpots in c->dashpot, and friction, added to *friction; the
@@ -261,6 +264,8 @@ PetscErrorCode ContactStoreSlips(Contact, Slips *);
 PetscErrorCode ContactLoadSlips(Contact, const Slips *);
 PetscErrorCode ContactForgetSlips(Contact, Slips *);
 PetscErrorCode ContactVisitSlips(Contact, State, Slips *);
+/* Is pair p out of contact? */
+PetscErrorCode ContactIsFree(Contact, PetscInt p, PetscBool *);
 /* Energy stored in pair p. */
 PetscErrorCode ContactPairEnergy(Contact, PetscInt p, PetscReal *energy);
 
@@ -287,8 +292,9 @@ PetscErrorCode ContactMeetBodies(Contact);
 PetscErrorCode ContactWeighForces(Contact);
 PetscErrorCode ContactAcceptForces(Contact);
 /* A pair to which contact gave `impulse` in sub-steps over dt, of which c->u and c->w are the end: a spring holds its
-   bodies to the speed at which they part. Bodies that end them elsewhere than the scheme brings them. */
-PetscErrorCode ContactAddHold(Contact, const Pair *, const Impulse *impulse, PetscReal dt);
+   bodies to the speed at which they part. began_free: it was out of contact at the beginning; the impulse is cut where
+   it parts with more than e times the speed that it had then. Bodies that end them elsewhere than the scheme brings them. */
+PetscErrorCode ContactAddHold(Contact, const Pair *, PetscBool began_free, Impulse *impulse, PetscReal dt);
 PetscErrorCode ContactFindShifts(Contact, PetscReal dt, PetscInt n, const PetscInt active[]);
 /* Inverse of the mass that body k opposes to a force along n at lever r */
 PetscReal ContactInverseMass(Contact, PetscInt k, const PetscReal r[3], const PetscReal n[3]);

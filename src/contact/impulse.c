@@ -18,11 +18,12 @@
 
 PetscErrorCode ContactSetScheme(Contact c, const ContactScheme *scheme)
 {
-  const PetscBool other = (PetscBool)(c->law->pulls && scheme->held != c->scheme.held);
+  const PetscBool other = (PetscBool)(c->law->impulses && scheme->held != c->scheme.held);
 
   PetscFunctionBeginUser;
-  if (!c->law->pulls) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!c->law->impulses) PetscFunctionReturn(PETSC_SUCCESS);
   if (!c->mean) {
+    ContactStopPulling(c);
     PetscCall(BodiesAttach(c->bodies, sizeof(*c->mean), (void **)&c->mean));
     PetscCall(BodiesAttachWork(c->bodies, sizeof(*c->mean_next), (void **)&c->mean_next));
     PetscCall(BodiesAttachWork(c->bodies, sizeof(*c->shift), (void **)&c->shift));
@@ -35,7 +36,7 @@ PetscErrorCode ContactSetScheme(Contact c, const ContactScheme *scheme)
 PetscErrorCode ContactHasImpulses(Contact c, PetscBool *has)
 {
   PetscFunctionBeginUser;
-  *has = c->law->pulls;
+  *has = c->law->impulses;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -66,25 +67,25 @@ static void lever_of(const PetscReal torque[3], const PetscReal n[3], PetscReal 
   for (PetscInt a = 0; a < 3; a++) r[a] /= size;
 }
 
-static PetscReal point_speed(Contact c, PetscInt k, const PetscReal r[3], const PetscReal n[3])
+static PetscReal point_speed(const PetscReal u[3], const PetscReal w[3], const PetscReal r[3], const PetscReal n[3])
 {
   PetscReal wr[3];
 
-  cross(c->w[k], r, wr);
-  return dot3(c->u[k], n) + dot3(wr, n);
+  cross(w, r, wr);
+  return dot3(u, n) + dot3(wr, n);
 }
 
-PetscErrorCode ContactAddHold(Contact c, const Pair *p, const Impulse *impulse, PetscReal dt)
+/* At which the bodies part along a spring, by u and w [n] */
+static PetscReal parting(const ContactSpring *s, PetscReal (*u)[3], PetscReal (*w)[3])
 {
-  const PetscReal size = PetscSqrtReal(dot3(impulse->f, impulse->f));
-  PetscReal       inverse, speed, back[3];
-  Meeting         m;
-  ContactSpring  *s;
+  return point_speed(u[s->i], w[s->i], s->ri, s->normal) - (s->j >= 0 ? point_speed(u[s->j], w[s->j], s->rj, s->normal) : 0);
+}
 
-  PetscFunctionBeginUser;
-  if (!c->mean || !c->scheme.held || size <= 0) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(RoomFor(c->nspring + 1, &c->spring_room, &c->springs, sizeof(*c->springs), NULL));
-  s  = &c->springs[c->nspring];
+/* Along an impulse */
+static void direct(const Pair *p, const Impulse *impulse, PetscReal size, ContactSpring *s)
+{
+  PetscReal back[3];
+
   *s = (ContactSpring){.i = p->i, .j = p->j};
   for (PetscInt a = 0; a < 3; a++) {
     s->normal[a] = impulse->f[a] / size;
@@ -92,13 +93,37 @@ PetscErrorCode ContactAddHold(Contact c, const Pair *p, const Impulse *impulse, 
   }
   lever_of(impulse->ti, s->normal, size, s->ri);
   if (p->j >= 0) lever_of(impulse->tj, back, size, s->rj);
-  inverse = ContactInverseMass(c, p->i, s->ri, s->normal) + (p->j >= 0 ? ContactInverseMass(c, p->j, s->rj, s->normal) : 0);
+}
+
+PetscErrorCode ContactAddHold(Contact c, const Pair *p, PetscBool began_free, Impulse *impulse, PetscReal dt)
+{
+  const PetscReal size = PetscSqrtReal(dot3(impulse->f, impulse->f));
+  PetscReal       inverse, speed, most, keep;
+  ContactSpring   s;
+  Meeting         m;
+
+  PetscFunctionBeginUser;
+  if (!c->mean || size <= 0) PetscFunctionReturn(PETSC_SUCCESS);
+  direct(p, impulse, size, &s);
+  inverse = ContactInverseMass(c, p->i, s.ri, s.normal) + (p->j >= 0 ? ContactInverseMass(c, p->j, s.rj, s.normal) : 0);
   if (inverse <= 0) PetscFunctionReturn(PETSC_SUCCESS);
-  speed    = point_speed(c, p->i, s->ri, s->normal) - (p->j >= 0 ? point_speed(c, p->j, s->rj, s->normal) : 0);
+  speed = parting(&s, c->u, c->w);
+  most  = PetscMax(0, -c->restitution * parting(&s, c->s->u, c->s->w));
+  if (began_free && speed > most) {
+    keep = PetscMax(0, 1 - (speed - most) / (size * inverse));
+    for (PetscInt a = 0; a < 3; a++) {
+      impulse->f[a] *= keep;
+      impulse->ti[a] *= keep;
+      impulse->tj[a] *= keep;
+    }
+    speed = most;
+  }
+  if (!c->scheme.held) PetscFunctionReturn(PETSC_SUCCESS);
   ContactFillMeeting(c, p, &m);
-  s->rate  = c->scheme.share * PetscMin(HOLD, m.stiffness * inverse * dt * dt) / (inverse * dt);
-  s->value = s->rate * speed;
-  c->nspring++;
+  s.rate  = c->scheme.share * PetscMin(HOLD, m.stiffness * inverse * dt * dt) / (inverse * dt);
+  s.value = s.rate * speed;
+  PetscCall(RoomFor(c->nspring + 1, &c->spring_room, &c->springs, sizeof(*c->springs), NULL));
+  c->springs[c->nspring++] = s;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -8,7 +8,10 @@
 
    Spring (Cundall & Strack 1979): k (r - gap) + c v with the damping c = 2 zeta sqrt(k m), zeta = -ln e/sqrt(pi^2 +
    ln^2 e), which gives the restitution coefficient e exactly, m the mass of the pair along the normal (in a fluid with
-   the larger added mass that discs and spheres have where they touch, so that e is not exceeded). k from a stop
+   the larger added mass that discs and spheres have where they touch, so that e is not exceeded). Without a flow it may
+   pull before the gap has opened to the range; in a flow it does not, since bodies would part faster than with e until
+   they are pulled back. The zeta that then gives e: -ln e = tan(phi) (pi - 2 phi) with zeta = sin phi, and beyond e^-2
+   2 psi/tanh(psi) with zeta = cosh psi (Schwager & Poeschel 2007). k from a stop
    within half the range: k = 4 m u_ref^2/r^2. Friction: a tangential spring of stiffness 2/7 k that moves with the pair
    and slides at mu times the normal force.
 
@@ -24,6 +27,9 @@
 #include "compat.h"
 #include "impl.h"
 #include "base/opt.h"
+
+#define LEAST_RESTITUTION 2e-3 /* in a flow: less is as much */
+#define BISECTIONS        60   /* of the damping ratio */
 
 /* ---- repulsive ---- */
 
@@ -96,6 +102,31 @@ static PetscReal repulsive_time(Contact c, PetscReal stiffness, PetscReal mass)
 
 /* ---- spring ---- */
 
+/* -log e of a spring that never pulls, zeta = sin phi up to 1 and cosh psi from there on */
+static PetscReal log_loss(PetscReal zeta)
+{
+  const PetscReal phi = PetscAsinReal(PetscMin(1, zeta)), psi = zeta > 1 ? PetscLogReal(zeta + PetscSqrtReal(zeta * zeta - 1)) : 0;
+
+  if (zeta < 1) return PetscTanReal(phi) * (PETSC_PI - 2 * phi);
+  return psi > 0 ? 2 * psi / PetscTanhReal(psi) : 2;
+}
+
+void ContactStopPulling(Contact c)
+{
+  const PetscReal loss = -PetscLogReal(PetscMax(c->restitution, LEAST_RESTITUTION));
+  PetscReal       low = 0, high = 1 / PetscSqrtReal(LEAST_RESTITUTION);
+
+  if (!c->pulls) return;
+  for (PetscInt i = 0; i < BISECTIONS; i++) {
+    const PetscReal zeta = 0.5 * (low + high);
+
+    if (log_loss(zeta) < loss) low = zeta;
+    else high = zeta;
+  }
+  c->damping_ratio = c->restitution < 1 ? 0.5 * (low + high) : 0;
+  c->pulls         = PETSC_FALSE;
+}
+
 static PetscErrorCode read_spring(Contact c)
 {
   PetscFunctionBeginUser;
@@ -105,6 +136,7 @@ static PetscErrorCode read_spring(Contact c)
   PetscCall(OptReal("-contact_tangential", &c->tangential));
   c->damping_ratio = 1; /* e = 0: the limit */
   if (c->restitution > 0) c->damping_ratio = -PetscLogReal(c->restitution) / PetscSqrtReal(PetscSqr(PETSC_PI) + PetscSqr(PetscLogReal(c->restitution)));
+  c->pulls = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -258,7 +258,7 @@ PetscReal ContactDashpotForce(Contact c, const Dashpot *d, PetscReal approach, P
 {
   const PetscReal f = (d->value + d->rate * approach) / (1 + ContactImplicit(c, d->film) * h * d->rate * d->inverse_mass);
 
-  return d->film || c->law->pulls ? f : PetscMax(0, f);
+  return d->film || c->pulls ? f : PetscMax(0, f);
 }
 
 void ContactAddForce(const Dashpot *d, PetscReal value, Impulse *sum)
@@ -320,6 +320,17 @@ PetscErrorCode ContactPairDashpots(Contact c, PetscInt number, PetscReal h, Pets
     (*n)++;
   }
   PetscCall(add_others(c, number, touches, share, pressing, m.stiffness, h, n, friction));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ContactIsFree(Contact c, PetscInt number, PetscBool *is_free)
+{
+  PetscInt  n;
+  PetscReal gap;
+
+  PetscFunctionBeginUser;
+  PetscCall(ContactFindTouch(c, c->pair[number].i, c->pair[number].j, &n, &gap));
+  *is_free = (PetscBool)(gap >= c->range || gap + begun_within(c, number, gap) >= c->range);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

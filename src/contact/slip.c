@@ -94,8 +94,8 @@ PetscErrorCode ContactVisitSlips(Contact c, State state, Slips *s)
   PetscFunctionBeginUser;
   if (StateIsLoading(state)) {
     PetscCall(StateGetSize(state, "slips", &size));
-    c->remembers = (PetscBool)(c->friction > 0 || (c->law->pulls && size > 0));
-    PetscCall(make_slots(c, c->law->pulls && size > 0 ? size / (SLIP * c->s->nall) : 0, s));
+    c->remembers = (PetscBool)(c->friction > 0 || (c->law->impulses && size > 0));
+    PetscCall(make_slots(c, c->law->impulses && size > 0 ? size / (SLIP * c->s->nall) : 0, s));
   }
   if (!s->most) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(BodiesBeginRows(c->bodies, &rows));

@@ -24,8 +24,9 @@ typedef struct {
 
 /* A pair that can touch during the step: the impulses over one step and over the look-ahead. */
 typedef struct {
-  PetscInt pair;
-  Impulse  sum[2];
+  PetscInt  pair;
+  PetscBool began_free; /* law spring: without a force at the beginning */
+  Impulse   sum[2];
 } Near;
 
 /* The bodies and pairs that take part in the sub-steps. */
@@ -108,6 +109,7 @@ static PetscErrorCode gather_crowd(Contact c, Crowd *w)
   for (PetscInt p = 0; p < c->npairs; p++) {
     if (!ContactCanMeet(c, &c->pair[p])) continue;
     w->near[w->nnear++] = (Near){.pair = p};
+    if (c->law->impulses) PetscCall(ContactIsFree(c, p, &w->near[w->nnear - 1].began_free));
     for (PetscInt side = 0; side < 2; side++) {
       const PetscInt k = side ? c->pair[p].j : c->pair[p].i;
 
@@ -205,8 +207,9 @@ static PetscErrorCode integrate(Contact c, PetscReal dt, Crowd *w)
   for (PetscInt i = 0; i < c->law->lookahead * n; i++) PetscCall(advance_crowd(c, dt / n, w, i < n ? PETSC_TRUE : PETSC_FALSE));
   PetscCall(PetscFree(c->at_once.of_pair));
   c->steps_done = n;
+  for (PetscInt k = 0; k < w->nnear; k++)
+    PetscCall(ContactAddHold(c, &c->pair[w->near[k].pair], w->near[k].began_free, &w->near[k].sum[0], dt));
   store_means(c, dt, w);
-  for (PetscInt k = 0; k < w->nnear; k++) PetscCall(ContactAddHold(c, &c->pair[w->near[k].pair], &w->near[k].sum[0], dt));
   PetscCall(BodiesUpdateGhosts(c->bodies, 3, c->s->contact_force));
   PetscCall(BodiesUpdateGhosts(c->bodies, 3, c->s->contact_torque));
   PetscCall(ContactFindShifts(c, dt, w->nactive, w->active));
