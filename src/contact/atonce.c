@@ -39,6 +39,15 @@ static PetscErrorCode make_room(Contact c, PetscBool turns)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static void add_part(Impulse *sum, const Impulse *s, const Impulse *less)
+{
+  for (PetscInt b = 0; b < 3; b++) {
+    sum->f[b] += s->f[b] - less->f[b];
+    sum->ti[b] += s->ti[b] - less->ti[b];
+    sum->tj[b] += s->tj[b] - less->tj[b];
+  }
+}
+
 static void add_impulse(Contact c, PetscInt pair, const Impulse *s, PetscBool turns)
 {
   AtOnce     *a = &c->at_once;
@@ -87,17 +96,19 @@ static PetscErrorCode sum_elastic(Contact c, PetscReal h, PetscBool turns)
 {
   PetscFunctionBeginUser;
   for (PetscInt p = 0; p < c->npairs; p++) {
-    Impulse   sum = {{0}, {0}, {0}};
+    Impulse   sum = {{0}, {0}, {0}}, friction;
     PetscInt  n;
     PetscReal gap;
 
     PetscCall(ContactPairDashpots(c, p, h, &n, &sum, &gap));
     if (c->alone) ContactNoteGap(&c->pair[p], gap, c->s->gap);
     if (gap >= c->horizon) continue;
+    friction = sum;
     for (PetscInt k = 0; k < n; k++) {
       ContactAddForce(&c->dashpot[k], c->dashpot[k].value, &sum);
       if (c->dashpot[k].rate > 0) PetscCall(hold(c, p, &c->dashpot[k]));
     }
+    if (c->at_once.by_law) add_part(&c->at_once.by_law[p], &sum, &friction);
     add_impulse(c, p, &sum, turns);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -135,7 +146,8 @@ static PetscReal parting(const Pair *p, const Lever *lever, const PetscReal n[3]
 /* The second pass */
 static void add_damping(Contact c, PetscReal h, PetscBool turns)
 {
-  AtOnce *a = &c->at_once;
+  const Impulse none = {{0}, {0}, {0}};
+  AtOnce       *a    = &c->at_once;
 
   for (PetscInt k = 0; k < a->nheld; k++) {
     const struct _p_Held *d        = &a->held[k];
@@ -154,6 +166,7 @@ static void add_damping(Contact c, PetscReal h, PetscBool turns)
       cross(lever->i, sum.f, sum.ti);
       cross(sum.f, lever->j, sum.tj);
     }
+    if (a->by_law && !film) add_part(&a->by_law[d->pair], &sum, &none);
     add_impulse(c, d->pair, &sum, turns);
   }
 }

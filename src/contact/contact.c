@@ -61,7 +61,7 @@ PetscErrorCode ContactCheckStart(Contact c)
 
     if (!can_travel(c, p->i) && !can_travel(c, p->j)) continue;
     PetscCall(ContactFindTouch(c, p->i, p->j, &n, &gap));
-    if (gap < -1e-6 * ContactKind(c, p->i)->radius) PetscCall(complain(c, p, -gap));
+    if (c->s->own[p->i] && gap < -1e-6 * ContactKind(c, p->i)->radius) PetscCall(complain(c, p, -gap));
     found = (PetscBool)(found || gap < c->range);
   }
   PetscCall(BodiesAny(c->bodies, &found));
@@ -82,7 +82,7 @@ PetscErrorCode ContactCountWork(Contact c, PetscReal dt)
   for (PetscInt k = 0; k < s->n; k++) {
     PetscReal force[3], torque[3];
 
-    PetscCall(ContactGetMean(c, k, force, torque));
+    PetscCall(ContactGetMean(c, k, force, torque, NULL));
     for (PetscInt a = 0; a < 3 && s->own[k]; a++)
       c->work += 0.5 * dt * (force[a] * (s->u[k][a] + s->u_old[k][a]) + torque[a] * (s->w[k][a] + s->w_old[k][a]));
   }

@@ -105,7 +105,7 @@ typedef struct {
   PetscReal (*after)[4], (*spin)[3];   /* [n] u and w after forces without damping; [3]: sum of rate x inverse mass */
   struct _p_Held *held;                /* [nheld] dashpots */
   Lever          *lever;
-  Impulse        *of_pair; /* [npairs] sums, NULL: not wanted */
+  Impulse        *of_pair, *by_law; /* [npairs] sums of all forces, of those of the law; NULL: not wanted */
 } AtOnce;
 
 struct _p_Contact {
@@ -156,7 +156,8 @@ struct _p_Contact {
   PetscReal (*kept)[7]; /* [n] force, torque, gap */
   Slips kept_slips;
   /* law spring in a flow, NULL else: see impulse.c */
-  PetscReal (*mean)[6], (*mean_next)[6]; /* [n] force and torque over the last step, and over this one */
+  PetscReal (*mean)[7], (*mean_next)[7]; /* [n] force and torque over the last step, and over this one; [6] > 0: the law
+                                            took part, not films alone */
   PetscReal (*shift)[3];                 /* [n] by which bodies end the step elsewhere than the scheme brings them */
   ContactScheme scheme;
   PetscBool     pulls; /* a force of the law may be negative: law spring without a flow */
@@ -289,12 +290,14 @@ PetscErrorCode ContactUseCopies(Contact, PetscReal (*x)[3], PetscReal (*q)[4], P
 /* Other bodies are known than before: their kinds, scales, inertia. */
 PetscErrorCode ContactMeetBodies(Contact);
 /* impulse.c. Forces of the step become those that the scheme of the flow makes their impulse of; the step is over. */
+PetscErrorCode ContactVisitMeans(Contact, State);
 PetscErrorCode ContactWeighForces(Contact);
 PetscErrorCode ContactAcceptForces(Contact);
-/* A pair to which contact gave `impulse` in sub-steps over dt, of which c->u and c->w are the end: a spring holds its
+/* A pair to which contact gave `impulse` in sub-steps over dt, by_law of it by its law (the rest are films and friction,
+   which are not held: a partner that cannot yield would be spun by it), and of which c->u and c->w are the end: a spring holds its
    bodies to the speed at which they part. began_free: it was out of contact at the beginning; the impulse is cut where
    it parts with more than e times the speed that it had then. Bodies that end them elsewhere than the scheme brings them. */
-PetscErrorCode ContactAddHold(Contact, const Pair *, PetscBool began_free, Impulse *impulse, PetscReal dt);
+PetscErrorCode ContactAddHold(Contact, const Pair *, PetscBool began_free, const Impulse *by_law, Impulse *impulse, PetscReal dt);
 PetscErrorCode ContactFindShifts(Contact, PetscReal dt, PetscInt n, const PetscInt active[]);
 /* Inverse of the mass that body k opposes to a force along n at lever r */
 PetscReal ContactInverseMass(Contact, PetscInt k, const PetscReal r[3], const PetscReal n[3]);

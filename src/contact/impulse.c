@@ -16,37 +16,55 @@
 
 #define HOLD 20 /* largest rate of a spring, in masses of the pair over dt */
 
+static PetscErrorCode begin_impulses(Contact c)
+{
+  PetscFunctionBeginUser;
+  if (c->mean) PetscFunctionReturn(PETSC_SUCCESS);
+  ContactStopPulling(c);
+  PetscCall(BodiesAttach(c->bodies, sizeof(*c->mean), (void **)&c->mean));
+  PetscCall(BodiesAttachWork(c->bodies, sizeof(*c->mean_next), (void **)&c->mean_next));
+  PetscCall(BodiesAttachWork(c->bodies, sizeof(*c->shift), (void **)&c->shift));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ContactVisitMeans(Contact c, State state)
+{
+  PetscInt size = 0;
+  BodyRows rows;
+
+  PetscFunctionBeginUser;
+  if (StateIsLoading(state)) {
+    PetscCall(StateGetSize(state, "means", &size));
+    if (size <= 0 || !c->law->impulses) PetscFunctionReturn(PETSC_SUCCESS);
+    PetscCall(begin_impulses(c));
+  }
+  if (!c->mean) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(BodiesBeginRows(c->bodies, &rows));
+  PetscCall(BodiesVisitReals(c->bodies, &rows, state, "means", 7, &c->mean[0][0]));
+  PetscCall(BodiesEndRows(&rows));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ContactSetScheme(Contact c, const ContactScheme *scheme)
 {
   const PetscBool other = (PetscBool)(c->law->impulses && scheme->held != c->scheme.held);
 
   PetscFunctionBeginUser;
   if (!c->law->impulses) PetscFunctionReturn(PETSC_SUCCESS);
-  if (!c->mean) {
-    ContactStopPulling(c);
-    PetscCall(BodiesAttach(c->bodies, sizeof(*c->mean), (void **)&c->mean));
-    PetscCall(BodiesAttachWork(c->bodies, sizeof(*c->mean_next), (void **)&c->mean_next));
-    PetscCall(BodiesAttachWork(c->bodies, sizeof(*c->shift), (void **)&c->shift));
-  }
+  PetscCall(begin_impulses(c));
   c->scheme = *scheme;
   if (other) PetscCall(ContactMeetBodies(c));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ContactHasImpulses(Contact c, PetscBool *has)
-{
-  PetscFunctionBeginUser;
-  *has = c->law->impulses;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-PetscErrorCode ContactGetMean(Contact c, PetscInt k, PetscReal force[3], PetscReal torque[3])
+PetscErrorCode ContactGetMean(Contact c, PetscInt k, PetscReal force[3], PetscReal torque[3], PetscBool *touched)
 {
   PetscFunctionBeginUser;
   for (PetscInt a = 0; a < 3; a++) {
     force[a]  = c->mean ? c->mean[k][a] : c->s->contact_force[k][a];
     torque[a] = c->mean ? c->mean[k][3 + a] : c->s->contact_torque[k][a];
   }
+  if (touched) *touched = (PetscBool)(c->mean && c->mean[k][6] > 0);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -95,26 +113,28 @@ static void direct(const Pair *p, const Impulse *impulse, PetscReal size, Contac
   if (p->j >= 0) lever_of(impulse->tj, back, size, s->rj);
 }
 
-PetscErrorCode ContactAddHold(Contact c, const Pair *p, PetscBool began_free, Impulse *impulse, PetscReal dt)
+PetscErrorCode ContactAddHold(Contact c, const Pair *p, PetscBool began_free, const Impulse *by_law, Impulse *impulse, PetscReal dt)
 {
-  const PetscReal size = PetscSqrtReal(dot3(impulse->f, impulse->f));
-  PetscReal       inverse, speed, most, keep;
+  const PetscReal size = PetscSqrtReal(dot3(by_law->f, by_law->f));
+  PetscReal       inverse, speed, most, cut;
   ContactSpring   s;
   Meeting         m;
 
   PetscFunctionBeginUser;
   if (!c->mean || size <= 0) PetscFunctionReturn(PETSC_SUCCESS);
-  direct(p, impulse, size, &s);
+  c->mean_next[p->i][6] = 1;
+  if (p->j >= 0) c->mean_next[p->j][6] = 1;
+  direct(p, by_law, size, &s);
   inverse = ContactInverseMass(c, p->i, s.ri, s.normal) + (p->j >= 0 ? ContactInverseMass(c, p->j, s.rj, s.normal) : 0);
   if (inverse <= 0) PetscFunctionReturn(PETSC_SUCCESS);
   speed = parting(&s, c->u, c->w);
   most  = PetscMax(0, -c->restitution * parting(&s, c->s->u, c->s->w));
   if (began_free && speed > most) {
-    keep = PetscMax(0, 1 - (speed - most) / (size * inverse));
+    cut = PetscMin(1, (speed - most) / (size * inverse));
     for (PetscInt a = 0; a < 3; a++) {
-      impulse->f[a] *= keep;
-      impulse->ti[a] *= keep;
-      impulse->tj[a] *= keep;
+      impulse->f[a] -= cut * by_law->f[a];
+      impulse->ti[a] -= cut * by_law->ti[a];
+      impulse->tj[a] -= cut * by_law->tj[a];
     }
     speed = most;
   }
@@ -135,7 +155,7 @@ PetscErrorCode ContactFindShifts(Contact c, PetscReal dt, PetscInt n, const Pets
   for (PetscInt e = 0; c->mean && e < n; e++) {
     const PetscInt k = active[e];
 
-    if (dot3(s->contact_force[k], s->contact_force[k]) <= 0) continue;
+    if (c->mean_next[k][6] <= 0) continue;
     for (PetscInt a = 0; a < c->dim; a++) {
       const PetscReal scheme = dt * (c->scheme.theta * c->u[k][a] + (1 - c->scheme.theta) * s->u[k][a]);
 
@@ -175,6 +195,6 @@ PetscErrorCode ContactAcceptForces(Contact c)
       s->x[k][a] += c->shift[k][a];
     }
   }
-  PetscCall(PetscArraycpy((PetscReal *)c->mean, (PetscReal *)c->mean_next, 6 * s->n));
+  PetscCall(PetscArraycpy((PetscReal *)c->mean, (PetscReal *)c->mean_next, 7 * s->n));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -352,6 +352,7 @@ PetscErrorCode ContactVisitState(void *contact, State state)
   PetscFunctionBeginUser;
   PetscCall(StateReals(state, "work", 1, &c->work));
   PetscCall(StateReals(state, "separation", 1, &c->separation));
+  PetscCall(ContactVisitMeans(c, state));
   if (c->slip && !StateIsLoading(state) && c->have_list) PetscCall(ContactStoreSlips(c, &c->going));
   PetscCall(ContactVisitSlips(c, state, &c->going));
   PetscCall(StateInts(state, "have_list", 1, &have));

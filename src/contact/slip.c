@@ -95,6 +95,7 @@ PetscErrorCode ContactVisitSlips(Contact c, State state, Slips *s)
   if (StateIsLoading(state)) {
     PetscCall(StateGetSize(state, "slips", &size));
     c->remembers = (PetscBool)(c->friction > 0 || (c->law->impulses && size > 0));
+    if (!c->remembers) PetscCall(PetscFree(c->slip)); /* of the start */
     PetscCall(make_slots(c, c->law->impulses && size > 0 ? size / (SLIP * c->s->nall) : 0, s));
   }
   if (!s->most) PetscFunctionReturn(PETSC_SUCCESS);

@@ -26,7 +26,7 @@ typedef struct {
 typedef struct {
   PetscInt  pair;
   PetscBool began_free; /* law spring: without a force at the beginning */
-  Impulse   sum[2];
+  Impulse   sum[2], by_law;
 } Near;
 
 /* The bodies and pairs that take part in the sub-steps. */
@@ -164,11 +164,17 @@ static PetscErrorCode advance_crowd(Contact c, PetscReal h, Crowd *w, PetscBool 
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < w->nactive; k++) drift_velocity(c, w->active[k], &w->drift[w->active[k]], h);
   PetscCall(PetscArrayzero(c->at_once.of_pair, c->npairs));
+  if (c->at_once.by_law) PetscCall(PetscArrayzero(c->at_once.by_law, c->npairs));
   PetscCall(ContactForcesAtOnce(c, h, w->turns));
   for (PetscInt k = 0; k < w->nnear; k++) {
     Near          *near = &w->near[k];
     const Impulse *now  = &c->at_once.of_pair[near->pair];
 
+    for (PetscInt a = 0; a < 3 && c->at_once.by_law; a++) {
+      near->by_law.f[a] += h * c->at_once.by_law[near->pair].f[a];
+      near->by_law.ti[a] += h * c->at_once.by_law[near->pair].ti[a];
+      near->by_law.tj[a] += h * c->at_once.by_law[near->pair].tj[a];
+    }
     for (PetscInt a = 0; a < 3; a++)
       for (PetscInt s = in_step ? 0 : 1; s < 2; s++) {
         near->sum[s].f[a] += h * now->f[a];
@@ -204,11 +210,13 @@ static PetscErrorCode integrate(Contact c, PetscReal dt, Crowd *w)
   PetscCall(BodiesMin(c->bodies, 1, &time));
   PetscCall(ContactChooseSubsteps(c, dt, time, &n));
   PetscCall(PetscMalloc1(c->npairs, &c->at_once.of_pair));
+  if (c->law->impulses) PetscCall(PetscMalloc1(c->npairs, &c->at_once.by_law));
   for (PetscInt i = 0; i < c->law->lookahead * n; i++) PetscCall(advance_crowd(c, dt / n, w, i < n ? PETSC_TRUE : PETSC_FALSE));
   PetscCall(PetscFree(c->at_once.of_pair));
+  PetscCall(PetscFree(c->at_once.by_law));
   c->steps_done = n;
   for (PetscInt k = 0; k < w->nnear; k++)
-    PetscCall(ContactAddHold(c, &c->pair[w->near[k].pair], w->near[k].began_free, &w->near[k].sum[0], dt));
+    PetscCall(ContactAddHold(c, &c->pair[w->near[k].pair], w->near[k].began_free, &w->near[k].by_law, &w->near[k].sum[0], dt));
   store_means(c, dt, w);
   PetscCall(BodiesUpdateGhosts(c->bodies, 3, c->s->contact_force));
   PetscCall(BodiesUpdateGhosts(c->bodies, 3, c->s->contact_torque));
@@ -227,6 +235,7 @@ PetscErrorCode ContactStep(Contact c, PetscReal dt, PetscReal (*a)[3], PetscReal
   ContactClear(s);
   c->steps_done = c->nnear = c->nspring = 0;
   if (c->mean) PetscCall(PetscArrayzero((PetscReal *)c->shift, 3 * s->n));
+  for (PetscInt k = 0; k < s->n && c->mean; k++) c->mean_next[k][6] = 0;
   if (!c->law->lookahead) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscLogEventBegin(TB_CONTACT, 0, 0, 0, 0));
   PetscCall(ContactSetScales(c, dt, a));

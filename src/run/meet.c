@@ -83,11 +83,10 @@ PetscErrorCode MeetEstimate(const SimParts *part, PetscReal dt, PetscReal dt_old
   BodyState *s;
   PetscReal  most = 0;
   const FlowParameters *par;
-  PetscBool  limit, known; /* contact forces to what answers a load; accelerations of bodies in contact by their loads */
+  PetscBool  limit, touched; /* contact forces to what answers a load; law spring pushed it */
 
   PetscFunctionBeginUser;
   PetscCall(tell_scheme(part, dt));
-  PetscCall(ContactHasImpulses(part->contact, &known));
   PetscCall(FlowGetParameters(part->flow, &par));
   PetscCall(BodiesGetState(part->bodies, &s));
   PetscCall(MeetIsSolved(part, &limit));
@@ -98,9 +97,9 @@ PetscErrorCode MeetEstimate(const SimParts *part, PetscReal dt, PetscReal dt_old
 
     PetscCall(ContactGetMass(part->contact, k, &mass, inertia));
     PetscCall(ContactGetStart(part->contact, k, dt, start));
-    PetscCall(ContactGetMean(part->contact, k, force, torque));
+    PetscCall(ContactGetMean(part->contact, k, force, torque, &touched));
     if (limit) PetscCall(share_of_load(part, s, k, most * mass, &share));
-    if (known && dt_old > 0 && dot3(force, force) > 0) {
+    if (touched && dt_old > 0) {
       PetscCall(BodiesGetLoad(part->bodies, k, par->density, par->gravity, force, torque));
       for (PetscInt d = 0; d < 3; d++) {
         a[k][d]     = force[d] / mass;
