@@ -140,7 +140,10 @@ PetscErrorCode ContactAddHold(Contact c, const Pair *p, PetscBool began_free, co
   }
   if (!c->scheme.held) PetscFunctionReturn(PETSC_SUCCESS);
   ContactFillMeeting(c, p, &m);
-  s.rate  = c->scheme.share * PetscMin(HOLD, m.stiffness * inverse * dt * dt) / (inverse * dt);
+  s.rate = PetscMin(HOLD, m.stiffness * inverse * dt * dt) / (inverse * dt);
+  /* the flow may have stopped bodies that still come: no pull then */
+  if (speed < 0) s.rate = PetscMin(s.rate, -size / (dt * speed));
+  s.rate *= c->scheme.share;
   s.value = s.rate * speed;
   PetscCall(RoomFor(c->nspring + 1, &c->spring_room, &c->springs, sizeof(*c->springs), NULL));
   c->springs[c->nspring++] = s;
