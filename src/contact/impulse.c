@@ -8,8 +8,8 @@
    - A spring along the impulse of a pair holds its bodies to the speed at which they part after the sub-steps, whatever
      their added mass and the loads are: the more, the shorter the contact is beside the step. In steps that resolve it
      the flow acts during contact as it does without.
-   - The bodies end the step where the sub-steps end: a straight way, or the mean of two speeds of which one is before
-     and the other after a collision, is another one, on which the law would store energy that nobody has given. */
+   - The bodies end the step where the sub-steps do: a straight way, or the mean of two speeds of which one is before and
+     the other after a collision, is another one, on which the law would store energy that nobody has given. */
 #include "compat.h"
 #include "impl.h"
 #include "base/room.h"

@@ -15,6 +15,7 @@
 #define OVERLAP  1e-3 /* that may be left, in radii of the smaller body */
 #define MARGIN   0.05 /* gaps watched during the sweeps, in radii of the smaller body */
 #define SWEEPS   200
+#define BORNE    0.25 /* of the range that a pair of law spring began within */
 #define RENEWALS 5
 #define FIXED    1e-3 /* mobility of a pair along its normal, by that of its lighter body, below which it stays */
 
@@ -43,11 +44,18 @@ typedef struct {
   PetscReal gap, normal[3], of_i, of_j, way[2][3];
 } Overlap;
 
+/* Overlap that is the law's to bear: a pair that began at a gap of nothing carries loads below it */
+static PetscReal allowance(Contact c, const Pair *p)
+{
+  return c->slip ? BORNE * c->slip[p - c->pair][3] : 0;
+}
+
 static PetscErrorCode find_overlap(Contact c, const Pair *p, Overlap *o)
 {
   PetscFunctionBeginUser;
   *o = (Overlap){0};
   PetscCall(find_gap(c, p, o->normal, &o->gap));
+  o->gap += allowance(c, p);
   if (o->gap >= 0) PetscFunctionReturn(PETSC_SUCCESS);
   ContactMobility(c, p->i, o->normal, o->way[0]);
   if (p->j >= 0) ContactMobility(c, p->j, o->normal, o->way[1]);
@@ -75,7 +83,7 @@ static PetscErrorCode look_at_pairs(Contact c, PetscInt close[], PetscInt *nclos
     PetscCall(find_gap(c, pair, normal, &gap));
     ContactNoteGap(pair, gap, c->s->gap);
     if (gap < MARGIN * r) close[(*nclose)++] = p;
-    *worst = PetscMax(*worst, -gap / r);
+    *worst = PetscMax(*worst, -(gap + allowance(c, pair)) / r);
   }
   PetscCall(BodiesMax(c->bodies, 1, worst));
   PetscFunctionReturn(PETSC_SUCCESS);
