@@ -135,7 +135,8 @@ static PetscErrorCode read_spring(Contact c)
   PetscCall(OptReal("-contact_friction", &c->friction));
   PetscCall(OptReal("-contact_tangential", &c->tangential));
   c->damping_ratio = 1; /* e = 0: the limit */
-  if (c->restitution > 0) c->damping_ratio = -PetscLogReal(c->restitution) / PetscSqrtReal(PetscSqr(PETSC_PI) + PetscSqr(PetscLogReal(c->restitution)));
+  if (c->restitution > 0)
+    c->damping_ratio = -PetscLogReal(c->restitution) / PetscSqrtReal(PetscSqr(PETSC_PI) + PetscSqr(PetscLogReal(c->restitution)));
   c->pulls = PETSC_TRUE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -200,7 +201,7 @@ PetscErrorCode ContactReadLaws(Contact c)
   PetscCall(OptReal("-contact_range", &c->range));
   if (c->law->options) PetscCall(c->law->options(c));
   c->remembers = (PetscBool)(c->friction > 0);
-  c->horizon = c->range;
+  c->horizon   = c->range;
   PetscCall(OptBool("-contact_lubrication", &c->lubricate));
   if (!c->lubricate) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCheck(c->law->lookahead, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,

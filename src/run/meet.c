@@ -80,10 +80,10 @@ static PetscErrorCode tell_scheme(const SimParts *part, PetscReal dt)
 
 PetscErrorCode MeetEstimate(const SimParts *part, PetscReal dt, PetscReal dt_old, PetscReal (*a)[3], PetscReal (*alpha)[3])
 {
-  BodyState *s;
-  PetscReal  most = 0;
+  BodyState            *s;
+  PetscReal             most = 0;
   const FlowParameters *par;
-  PetscBool  limit, touched; /* contact forces to what answers a load; law spring pushed it */
+  PetscBool             limit, touched; /* contact forces to what answers a load; law spring pushed it */
 
   PetscFunctionBeginUser;
   PetscCall(tell_scheme(part, dt));
