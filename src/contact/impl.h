@@ -160,6 +160,7 @@ struct _p_Contact {
                                             took part, not films alone */
   PetscReal (*shift)[3];                 /* [n] by which bodies end the step elsewhere than the scheme brings them */
   ContactScheme scheme;
+  PetscBool     remarked;
   PetscBool     pulls; /* a force of the law may be negative: law spring without a flow */
   /* what ContactFindSprings has found */
   PetscInt       nspring, spring_room;
@@ -291,6 +292,8 @@ PetscErrorCode ContactUseCopies(Contact, PetscReal (*x)[3], PetscReal (*q)[4], P
 PetscErrorCode ContactMeetBodies(Contact);
 /* impulse.c. Forces of the step become those that the scheme of the flow makes their impulse of; the step is over. */
 PetscErrorCode ContactVisitMeans(Contact, State);
+/* Once, when bodies meet: what steps dt do not resolve of contacts whose force changes within `time`. Collective. */
+PetscErrorCode ContactRemarkUnresolved(Contact, PetscReal time, PetscReal dt);
 PetscErrorCode ContactWeighForces(Contact);
 PetscErrorCode ContactAcceptForces(Contact);
 /* A pair to which contact gave `impulse` in sub-steps over dt, by_law of it by its law (the rest are films and friction,

@@ -12,8 +12,10 @@
      the other after a collision, is another one, on which the law would store energy that nobody has given. */
 #include "compat.h"
 #include "impl.h"
+#include "base/log.h"
 #include "base/room.h"
 
+#define RESOLVED 2 /* steps that a contact takes at least to be resolved */
 #define HOLD 20 /* largest rate of a spring, in masses of the pair over dt */
 
 static PetscErrorCode begin_impulses(Contact c)
@@ -73,6 +75,24 @@ PetscErrorCode ContactGetHolds(Contact c, PetscInt *n, const ContactSpring *spri
   PetscFunctionBeginUser;
   *n      = c->nspring;
   *spring = c->springs;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ContactRemarkUnresolved(Contact c, PetscReal time, PetscReal dt)
+{
+  const PetscReal steps = PETSC_PI * PetscSqrtReal(2) * time / dt; /* half a period of a pair that meets a wall */
+
+  PetscFunctionBeginUser;
+  if (!c->mean || c->remarked) PetscFunctionReturn(PETSC_SUCCESS);
+  c->remarked = PETSC_TRUE;
+  if (steps < RESOLVED)
+    PetscCall(LogRemark("a contact of -contact_law spring takes %.2g steps: bodies part by -contact_restitution, and what the flow does to them "
+                        "meanwhile is not resolved (lower -sim_dt or -contact_spring_stiffness)",
+                        (double)steps));
+  if (!c->lubricate)
+    PetscCall(LogRemark("films thinner than -contact_range %g are not resolved, in which bodies with a Stokes number below some 100 lose speed: "
+                        "-contact_lubrication true and a range as small as their roughness count them",
+                        (double)c->range));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

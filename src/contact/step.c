@@ -208,6 +208,7 @@ static PetscErrorCode integrate(Contact c, PetscReal dt, Crowd *w)
 
   PetscFunctionBeginUser;
   PetscCall(BodiesMin(c->bodies, 1, &time));
+  PetscCall(ContactRemarkUnresolved(c, time, dt));
   PetscCall(ContactChooseSubsteps(c, dt, time, &n));
   PetscCall(PetscMalloc1(c->npairs, &c->at_once.of_pair));
   if (c->law->impulses) PetscCall(PetscMalloc1(c->npairs, &c->at_once.by_law));

@@ -472,6 +472,50 @@ static void test_energy(void **state)
   }
 }
 
+/* ---- in a flow ---- */
+
+/* A heavy disc meets the floor within one step: the impulse is (1 + e) times its momentum, of which the scheme wants
+   `share` now and takes the rest from the next step; bodies end where they part. Without pull: e 0 too. */
+static void test_impulse_of_a_step(void **state)
+{
+  const PetscReal     e[] = {0, 0.1, 0.5, 0.9, 1}, dt = 0.1, speed = 2;
+  const ContactScheme scheme = {.share = 1.5, .theta = 0.5, .held = PETSC_TRUE};
+
+  (void)state;
+  for (size_t i = 0; i < sizeof(e) / sizeof(e[0]); i++) {
+    char                 options[512];
+    Fixture              f;
+    PetscReal            mass, now, after;
+    PetscInt             n;
+    const ContactSpring *spring;
+
+    snprintf(options, sizeof(options), DISCS(1) "-contact_law spring -contact_range 0.001 -contact_restitution %g -contact_spring_stiffness 1e11", (double)e[i]);
+    create(&f, 2, 0.1, zero, zero, one, 4, options);
+    f.s->density[0] = 1e5;
+    f.s->x[0][0]    = 0.5;
+    f.s->x[0][1]    = BodiesGetRadius(f.c->state, 0) + 0.06;
+    f.s->u[0][1]    = -speed;
+    OK(ContactMeetBodies(f.c));
+    OK(ContactSetScheme(f.c, &scheme));
+    OK(ContactGetMass(f.c, 0, &mass, NULL));
+    OK(ContactStep(f.c, dt, f.a, f.alpha));
+    now = f.s->contact_force[0][1] * dt / (mass * speed);
+    near(now, 1.5 * (1 + e[i]), 0.02);
+    OK(ContactGetHolds(f.c, &n, &spring));
+    assert_int_equal(n, 1);
+    near(spring->value / spring->rate, e[i] * speed, 0.02 * speed);
+    f.s->u_old[0][1] = f.s->u[0][1];
+    f.s->u[0][1]     = e[i] * speed;
+    f.s->x[0][1] += 0.5 * dt * speed * (e[i] - 1);
+    OK(ContactFinishStep(f.c));
+    near(f.s->gap[0], 0.001 + e[i] * speed * (dt - 0.059 / speed), 0.004);
+    OK(ContactStep(f.c, dt, f.a, f.alpha));
+    after = f.s->contact_force[0][1] * dt / (mass * speed);
+    near(after, -0.5 * (1 + e[i]), 0.03);
+    destroy(&f);
+  }
+}
+
 /* ---- mistakes ---- */
 
 static void refused(const char options[], const char what[])
@@ -526,7 +570,7 @@ int main(int argc, char **argv)
                                      cmocka_unit_test(test_film_recess), cmocka_unit_test(test_film_recess_in_steps),
                                      cmocka_unit_test(test_film_stops),  cmocka_unit_test(test_zoo),
                                      cmocka_unit_test(test_search),      cmocka_unit_test(test_energy),
-                                     cmocka_unit_test(test_mistakes),    cmocka_unit_test(test_eps)};
+                                     cmocka_unit_test(test_impulse_of_a_step), cmocka_unit_test(test_mistakes),    cmocka_unit_test(test_eps)};
   int                     failed;
 
   if (PetscInitialize(&argc, &argv, NULL, NULL)) return 1;
