@@ -15,8 +15,8 @@
 #include "base/log.h"
 #include "base/room.h"
 
-#define RESOLVED 2 /* steps that a contact takes at least to be resolved */
-#define HOLD 20 /* largest rate of a spring, in masses of the pair over dt */
+#define RESOLVED 2  /* steps that a contact takes at least to be resolved */
+#define HOLD     20 /* largest rate of a spring, in masses of the pair over dt */
 
 static PetscErrorCode begin_impulses(Contact c)
 {

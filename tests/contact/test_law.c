@@ -489,7 +489,8 @@ static void test_impulse_of_a_step(void **state)
     PetscInt             n;
     const ContactSpring *spring;
 
-    snprintf(options, sizeof(options), DISCS(1) "-contact_law spring -contact_range 0.001 -contact_restitution %g -contact_spring_stiffness 1e11", (double)e[i]);
+    snprintf(options, sizeof(options), DISCS(1) "-contact_law spring -contact_range 0.001 -contact_restitution %g -contact_spring_stiffness 1e11",
+             (double)e[i]);
     create(&f, 2, 0.1, zero, zero, one, 4, options);
     f.s->density[0] = 1e5;
     f.s->x[0][0]    = 0.5;
@@ -564,13 +565,21 @@ static void test_eps(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_restitution), cmocka_unit_test(test_repulsive_restitution),
-                                     cmocka_unit_test(test_sliding),     cmocka_unit_test(test_slope),
-                                     cmocka_unit_test(test_film),        cmocka_unit_test(test_film_at_wall),
-                                     cmocka_unit_test(test_film_recess), cmocka_unit_test(test_film_recess_in_steps),
-                                     cmocka_unit_test(test_film_stops),  cmocka_unit_test(test_zoo),
-                                     cmocka_unit_test(test_search),      cmocka_unit_test(test_energy),
-                                     cmocka_unit_test(test_impulse_of_a_step), cmocka_unit_test(test_mistakes),    cmocka_unit_test(test_eps)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_restitution),
+                                     cmocka_unit_test(test_repulsive_restitution),
+                                     cmocka_unit_test(test_sliding),
+                                     cmocka_unit_test(test_slope),
+                                     cmocka_unit_test(test_film),
+                                     cmocka_unit_test(test_film_at_wall),
+                                     cmocka_unit_test(test_film_recess),
+                                     cmocka_unit_test(test_film_recess_in_steps),
+                                     cmocka_unit_test(test_film_stops),
+                                     cmocka_unit_test(test_zoo),
+                                     cmocka_unit_test(test_search),
+                                     cmocka_unit_test(test_energy),
+                                     cmocka_unit_test(test_impulse_of_a_step),
+                                     cmocka_unit_test(test_mistakes),
+                                     cmocka_unit_test(test_eps)};
   int                     failed;
 
   if (PetscInitialize(&argc, &argv, NULL, NULL)) return 1;
