@@ -243,7 +243,8 @@ PetscErrorCode LeavesLevelBeside(Leaves *t, const Leaf *leaf, const PetscInt ste
 
   PetscFunctionBeginUser;
   *level = -1;
-  for (PetscInt d = 0; d < t->dim; d++) x[d] = leaf->x[d] + step[d] * w;
+  /* the finest cell that touches: farther down another leaf may lie between, which is more than ranks know */
+  for (PetscInt d = 0; d < t->dim; d++) x[d] = leaf->x[d] + (step[d] > 0 ? w : step[d]);
   if (!LeavesWrap(t, x)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(LeavesFind(t, x, &other));
   *level = PetscMin(other.level, leaf->level);
