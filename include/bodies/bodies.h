@@ -257,5 +257,10 @@ PetscErrorCode BodiesStartFrame(Bodies, const PetscReal period[3]);
 PetscErrorCode BodiesSetFrame(Bodies, const PetscReal next[3], const PetscReal velocity[3]);
 PetscErrorCode BodiesAcceptFrame(Bodies);
 
+/* After a checkpoint is loaded, frame included: bodies are where it has them, whatever the options say now. Where these
+   prescribe another motion, or one of what was free, it begins anew for the group: from where its bodies are, with its
+   time 0 (of formulas, ramp, oscillation, file) now; a remark says so. Nothing happens where the options put bodies
+   where they are. Collective. Error: stops that do not hold the angle of a body. */
+PetscErrorCode BodiesResume(Bodies);
 /* StateVisit of Bodies: motion and forces of all bodies. Error of loading: other groups (names, numbers, volumes). */
 PetscErrorCode BodiesVisitState(void *bodies, State);

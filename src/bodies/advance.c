@@ -38,9 +38,26 @@ PetscErrorCode BodiesHold(Bodies b, PetscBool held)
 
 static const Placement *start_of(Bodies b, PetscInt k)
 {
-  const PetscInt g = b->state.body_group[k];
+  return BodyGetStart(b, k);
+}
 
-  return &b->start[g][b->state.number[k] - b->state.group[g].first];
+/* MotionEvaluate of body k, every axis by its own clock */
+PetscErrorCode BodyEvaluateMotion(Bodies b, PetscInt k, PetscReal time, PetscReal x[3], PetscReal u[3], PetscReal turn[3], PetscReal w[3])
+{
+  const Motion    *m     = &BodiesGetGroup(&b->view, k)->motion;
+  const PetscReal *clock = b->clock[b->state.body_group[k]];
+  PetscReal        xa[3], ua[3], ta[3], wa[3];
+
+  PetscFunctionBeginUser;
+  if (time == PETSC_MAX_REAL) clock = (const PetscReal[4]){0, 0, 0, 0}; /* steady: no time */
+  PetscCall(MotionEvaluate(m, start_of(b, k), time - clock[3], x, u, turn, w));
+  for (PetscInt a = 0; a < b->state.dim; a++) {
+    if (clock[a] == clock[3]) continue;
+    PetscCall(MotionEvaluate(m, start_of(b, k), time - clock[a], xa, ua, ta, wa));
+    x[a] = xa[a];
+    u[a] = ua[a];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Orientation that is `turn` away from the start */
@@ -91,7 +108,7 @@ PetscErrorCode BodiesGetKnownVelocity(Bodies b, PetscInt k, PetscReal time, Pets
   PetscCall(PetscArraycpy(u, s->u[k], 3));
   PetscCall(PetscArraycpy(w, s->w[k], 3));
   if (nothing_known(b, k)) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MotionEvaluate(&g->motion, start_of(b, k), time, x, uk, turn, wk));
+  PetscCall(BodyEvaluateMotion(b, k, time, x, uk, turn, wk));
   for (PetscInt a = 0; a < 3; a++) {
     if (!BodiesIsFree(b, k, a)) u[a] = uk[a];
     if (!(g->free & BODY_FREE_ROTATION)) w[a] = wk[a];
@@ -110,7 +127,7 @@ static PetscErrorCode place_known(Bodies b, PetscInt k, PetscReal time, PetscRea
 
   PetscFunctionBeginUser;
   if (nothing_known(b, k)) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MotionEvaluate(&g->motion, start_of(b, k), time, x, uk, turn, wk));
+  PetscCall(BodyEvaluateMotion(b, k, time, x, uk, turn, wk));
   if (!(g->free & BODY_FREE_ROTATION)) {
     turn_from_start(b, k, turn, q, angle);
     if (w) PetscCall(PetscArraycpy(w, wk, 3));

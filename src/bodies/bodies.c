@@ -145,6 +145,7 @@ static PetscErrorCode create_bodies(PetscInt dim, const PetscReal lower[3], cons
   b->room = count_placed(b, placed);
   PetscCall(create_columns(b));
   PetscCall(PetscCalloc1(s->ngroups, &b->start));
+  PetscCall(PetscCalloc1(s->ngroups, &b->clock));
   for (PetscInt g = 0; g < s->ngroups; g++) {
     b->start[g] = placed[g].body;
     PetscCall(store_start(b, g, &placed[g]));
@@ -193,6 +194,7 @@ PetscErrorCode BodiesDestroy(Bodies *bodies)
   PetscCall(BodyPartsDestroy(&(*bodies)->parts));
   for (PetscInt g = 0; g < s->ngroups; g++) PetscCall(PetscFree((*bodies)->start[g]));
   PetscCall(PetscFree((*bodies)->start));
+  PetscCall(PetscFree((*bodies)->clock));
   PetscCall(PetscFree(*bodies));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -580,6 +582,7 @@ PetscErrorCode BodiesVisitState(void *bodies, State state)
   PetscCall(StateReals(state, "dt_old", 1, &s->dt_old));
   for (PetscInt f = 0; f < NFIELDS; f++) PetscCall(BodiesVisitReals(b, &rows, state, FIELDS[f].name, FIELDS[f].width, *field(s, f)));
   PetscCall(StateReals(state, "time", 1, &s->time));
+  PetscCall(BodyVisitStarts(b, &rows, state));
   PetscCall(BodiesVisitIntegers(b, &rows, state, "stopped", s->stopped));
   PetscCall(PetscMalloc1(s->n, &gone));
   for (PetscInt k = 0; k < s->n; k++) gone[k] = s->gone[k];

@@ -1,5 +1,5 @@
 /* Inside of Bodies; for its files only. bodies.c: the state. columns.c: its arrays. advance.c: its motion. group.c:
-   options of the groups, where their bodies start. parts.c, local.c: who knows which. */
+   options of the groups, where their bodies start. parts.c, local.c: who knows which. resume.c: runs that go on. */
 #pragma once
 #include "bodies/local.h"
 #include "motion.h"
@@ -39,6 +39,8 @@ struct _p_Bodies {
   PetscBool    held;               /* BodiesHold */
   Placement  **start;              /* [ngroups][count] what prescribed motion starts from; NULL for groups that have
                                      none */
+  PetscReal (*clock)[4];           /* [ngroups] when that motion began: along x, y, z, of the turn. 0, or when a run that
+                                      goes on gave the group another one (resume.c) */
   BodyParts   *parts;
   PetscInt     ncolumns, room; /* room: entries that all columns have */
   BodyColumn   column[BODIES_MAX_COLUMNS];
@@ -75,6 +77,14 @@ static inline PetscBool BodyIsAllFree(const BodyGroup *g, PetscInt dim)
   return (PetscBool)((g->free & all) == all && !g->motion.has_stops && !g->motion.has_pivot && !g->motion.has_hinge);
 }
 
+/* What the prescribed motion of body k starts from; of groups that have starts */
+static inline Placement *BodyGetStart(Bodies b, PetscInt k)
+{
+  const PetscInt g = b->state.body_group[k];
+
+  return &b->start[g][b->state.number[k] - b->state.group[g].first];
+}
+
 static inline PetscErrorCode check_body(Bodies b, PetscInt k)
 {
   PetscFunctionBeginUser;
@@ -83,5 +93,9 @@ static inline PetscErrorCode check_body(Bodies b, PetscInt k)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Prescribed state of body k as of MotionEvaluate; not of groups without starts. */
+PetscErrorCode BodyEvaluateMotion(Bodies, PetscInt k, PetscReal time, PetscReal x[3], PetscReal u[3], PetscReal turn[3], PetscReal w[3]);
+/* Of BodiesVisitState: starts and clocks that are no longer those of the options. Collective. */
+PetscErrorCode BodyVisitStarts(Bodies, const BodyRows *, State);
 /* Put what is not free to its prescribed value at `time`: place, orientation and velocities of body k. */
 PetscErrorCode BodiesApplyKnown(Bodies, PetscInt k, PetscReal time);

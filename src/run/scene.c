@@ -310,6 +310,7 @@ PetscErrorCode SceneRun(const char name[])
   PetscCall(build(&part));
   PetscCall(SimCreate(&part, &sim));
   PetscCall(CheckpointLoad(part.checkpoint, &restarted));
+  if (restarted) PetscCall(BodiesResume(part.bodies));
   if (restarted) PetscCall(RefineMatch(part.refine));
   if (restarted && part.refine && part.steady) PetscCall(meet_bodies(&part));
   if (part.flow && !part.steady && !restarted && !dry) PetscCall(StartSolve(&part));
