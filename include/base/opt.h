@@ -104,6 +104,9 @@ PetscErrorCode OptHas(const char name[], PetscBool *found);
    depend on other options. */
 PetscErrorCode OptPeek(const char name[], char text[], size_t len);
 
+/* The default of an option as -help shows it, "" if it has none or is not one of ours. Not collective. */
+const char *OptGetDefault(const char name[]);
+
 /* How many values the list of an option has, 0 when it is absent. Does not count as reading it. */
 PetscErrorCode OptCountItems(const char name[], PetscInt *n);
 

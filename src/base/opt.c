@@ -94,6 +94,13 @@ const OptKnown *OptFindKnown(const char name[])
   return find_known(name);
 }
 
+const char *OptGetDefault(const char name[])
+{
+  const OptSpec *spec = OptFindSpec(name);
+
+  return spec && spec->value ? spec->value : "";
+}
+
 const OptSpec *OptFindSpec(const char name[])
 {
   const OptKnown *known = find_known(name);

@@ -381,6 +381,16 @@ PetscErrorCode StateGetSize(State s, const char name[], PetscInt *rows)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode StateHas(State s, const char name[], PetscBool *has)
+{
+  PetscInt rows = 0;
+
+  PetscFunctionBeginUser;
+  if (s->loading) PetscCall(StateGetSize(s, name, &rows));
+  *has = (PetscBool)(rows >= 0);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode StateReals(State s, const char name[], PetscInt n, PetscReal v[])
 {
   PetscFunctionBeginUser;

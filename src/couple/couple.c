@@ -576,8 +576,9 @@ PetscErrorCode CoupleRenewSolver(Couple c)
 
 PetscErrorCode CoupleVisitState(void *couple, State state)
 {
-  Couple   c = couple;
-  BodyRows rows;
+  Couple    c = couple;
+  PetscBool has;
+  BodyRows  rows;
 
   PetscFunctionBeginUser;
   PetscCall(BodiesBeginRows(c->bodies, &rows));
@@ -588,7 +589,8 @@ PetscErrorCode CoupleVisitState(void *couple, State state)
   PetscCall(BodiesVisitIntegers(c->bodies, &rows, state, "growth", c->growth));
   PetscCall(BodiesVisitReals(c->bodies, &rows, state, "force_old", 6, c->force_old));
   PetscCall(BodiesEndRows(&rows));
-  if (c->owed) PetscCall(StateNodes(state, "momentum_owed", c->loc->dim, c->owed));
+  PetscCall(StateHas(state, "momentum_owed", &has));
+  if (c->owed && has) PetscCall(StateNodes(state, "momentum_owed", c->loc->dim, c->owed));
   if (c->drive) PetscCall(DriveVisitState(c->drive, state));
   if (c->rung->state) PetscCall((*c->rung->state)(c->rung_data, state));
   if (c->follow) PetscCall(AleVisitState(c->follow, state));

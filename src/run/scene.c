@@ -323,6 +323,7 @@ PetscErrorCode SceneRun(const char name[])
     PetscCall(CheckpointOpen(part.checkpoint));
     PetscCall(OutputGetDirectory(part.output, &dir));
     PetscCall(MonitorOpen(part.monitor, dir));
+    if (restarted) PetscCall(SimRewind(sim));
     PetscCall(PetscTime(&now));
     PetscCall(MonitorPhaseSeconds(part.monitor, MONITOR_SETUP, now - begin));
   }

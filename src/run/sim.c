@@ -505,6 +505,17 @@ static PetscErrorCode take_step_alone(Sim s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode SimRewind(Sim s)
+{
+  const char *dir;
+
+  PetscFunctionBeginUser;
+  PetscCall(OutputGetDirectory(s->part.output, &dir));
+  PetscCall(OutputRewind(s->part.output, s->step));
+  PetscCall(OutlinesRewind(s->part.bodyfile, dir));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode SimSetUp(Sim s)
 {
   FlowSolver       solver;

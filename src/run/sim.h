@@ -57,6 +57,8 @@ PetscErrorCode SimDestroy(Sim *);
 PetscErrorCode SimView(Sim, PetscViewer);
 /* Set up every solver on the initial state, so that all options are read before the first step. Collective. */
 PetscErrorCode SimSetUp(Sim);
+/* The output directory is open and the run goes on: what it has of later steps goes. Collective. */
+PetscErrorCode SimRewind(Sim);
 /* Run to the end, or until SIGTERM. A failed solve stops with an error after the last good state has been written.
    Collective. */
 PetscErrorCode SimRun(Sim);

@@ -465,9 +465,12 @@ PetscErrorCode SnapDriverVisitState(SnapDriver f, State state)
 {
   const PetscInt n = f->state->n;
   PetscInt      *fitted;
+  PetscBool      has;
   BodyRows       rows;
 
   PetscFunctionBeginUser;
+  PetscCall(StateHas(state, "fit_done", &has));
+  if (!has) PetscFunctionReturn(PETSC_SUCCESS); /* of a run with another method: the mesh is as at the start */
   PetscCall(StateInts(state, "fit_done", 1, &f->done));
   PetscCall(BodiesBeginRows(f->bodies, &rows));
   PetscCall(BodiesVisitReals(f->bodies, &rows, state, "fit_X", 3, (PetscReal *)f->X));
