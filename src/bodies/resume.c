@@ -17,6 +17,12 @@ typedef struct {
   PetscReal x[3], q[4], angle;
 } Start;
 
+static void start_orientation(const Placement *p, PetscReal q[4])
+{
+  if (p->turned) (void)PetscArraycpy(q, p->q, 4);
+  else RotationFromAngle(p->angle, q);
+}
+
 static PetscErrorCode share_starts(Bodies b)
 {
   const BodyArrays *s = &b->state;
@@ -32,7 +38,7 @@ static PetscErrorCode share_starts(Bodies b)
     if (!s->own[k] || !b->start[g]) continue;
     own[n] = (Start){.group = g, .place = s->number[k] - s->group[g].first, .angle = BodyGetStart(b, k)->angle};
     PetscCall(PetscArraycpy(own[n].x, BodyGetStart(b, k)->x, 3));
-    PetscCall(PetscArraycpy(own[n++].q, BodyGetStart(b, k)->q, 4));
+    start_orientation(BodyGetStart(b, k), own[n++].q);
   }
   PetscCall(ParcelsGather(BodiesComm(b), n, sizeof(*own), own, &total, &all, NULL));
   for (PetscInt i = 0; i < total; i++) BodySetStart(b, all[i].group, all[i].place, all[i].x, all[i].q, all[i].angle);
@@ -65,7 +71,7 @@ PetscErrorCode BodyVisitStarts(Bodies b, const BodyRows *rows, State state)
   for (PetscInt k = 0; k < s->n; k++) {
     if (!b->start[s->body_group[k]]) continue;
     PetscCall(PetscArraycpy(x[k], BodyGetStart(b, k)->x, 3));
-    PetscCall(PetscArraycpy(q[k], BodyGetStart(b, k)->q, 4));
+    start_orientation(BodyGetStart(b, k), q[k]);
     angle[k] = BodyGetStart(b, k)->angle;
   }
   PetscCall(BodiesVisitReals(b, rows, state, "motion_x", 3, (PetscReal *)x));
@@ -188,7 +194,8 @@ static PetscErrorCode tell(Bodies b, PetscInt g, const PetscReal jumps[4])
 
 PetscErrorCode BodiesResume(Bodies b)
 {
-  const BodyArrays *s = &b->state;
+  const BodyArrays *s      = &b->state;
+  PetscInt          jumped = 0;
   PetscReal(*jumps)[4];
 
   PetscFunctionBeginUser;
@@ -199,9 +206,10 @@ PetscErrorCode BodiesResume(Bodies b)
     PetscCall(find_jumps(b, k, jumps[s->body_group[k]]));
   }
   PetscCall(BodiesMax(b, 4 * s->ngroups, (PetscReal *)jumps));
-  for (PetscInt k = 0; k < s->n; k++)
+  for (PetscInt i = 0; i < 4 * s->ngroups; i++) jumped += jumps[i / 4][i % 4] > 0;
+  for (PetscInt k = 0; k < s->n && jumped; k++)
     if (has_start(b, k)) PetscCall(begin_anew(b, k, jumps[s->body_group[k]]));
-  PetscCall(share_starts(b));
+  if (jumped) PetscCall(share_starts(b));
   for (PetscInt g = 0; g < s->ngroups; g++) {
     PetscBool any = PETSC_FALSE;
 
