@@ -8,7 +8,7 @@
 /* All ranks get the text of the file, or all raise the same error. */
 static PetscErrorCode read_text(const char file[], char **text)
 {
-  PetscMPIInt rank;
+  PetscMPIInt rank, count;
   PetscInt    length = -1;
 
   PetscFunctionBeginUser;
@@ -32,7 +32,8 @@ static PetscErrorCode read_text(const char file[], char **text)
   PetscCheck(length >= 0, PETSC_COMM_SELF, PETSC_ERR_FILE_OPEN,
              "Table '%s' cannot be read: check the path and its permissions (in a scene it is relative to the scene file)", file);
   if (rank) PetscCall(PetscMalloc1(length + 1, text));
-  PetscCallMPI(MPI_Bcast(*text, (PetscMPIInt)length, MPI_CHAR, 0, PETSC_COMM_WORLD));
+  PetscCall(PetscMPIIntCast(length, &count));
+  PetscCallMPI(MPI_Bcast(*text, count, MPI_CHAR, 0, PETSC_COMM_WORLD));
   (*text)[length] = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -67,7 +67,7 @@ static PetscErrorCode pack(const Context *c, PetscInt n, const PetscReal x[], Pe
   for (PetscInt pass = 0; pass < 2; pass++) {
     if (pass) {
       for (PetscMPIInt r = 0; r < c->size; r++) {
-        count[r] = (PetscMPIInt)at[r];
+        PetscCall(PetscMPIIntCast(at[r], &count[r]));
         at[r]    = total;
         total += count[r];
       }

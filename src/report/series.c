@@ -289,7 +289,7 @@ static PetscErrorCode print_spread(Monitor m, const MonitorStep *s)
     if (b->own[k] && b->number[k] >= m->first_body && b->number[k] <= m->last_body) fill_line(s, b, k, mine[n++]);
   if (m->rank == 0) PetscCall(PetscMalloc2(m->size, &count, m->size, &start));
   PetscCallMPI(MPI_Gather(&n, 1, MPI_INT, count, 1, MPI_INT, 0, PETSC_COMM_WORLD));
-  for (PetscMPIInt r = 0; r < m->size && m->rank == 0; total += count[r++]) start[r] = (PetscMPIInt)total;
+  for (PetscMPIInt r = 0; r < m->size && m->rank == 0; total += count[r++]) PetscCall(PetscMPIIntCast(total, start + r));
   PetscCall(PetscMalloc3(total, &line, total, &number, total, &order));
   PetscCall(RowTypeCreate(NBODIES, &type));
   PetscCallMPI(MPI_Gatherv(mine, n, type, line, count, start, type, 0, PETSC_COMM_WORLD));

@@ -353,7 +353,7 @@ static void print_links(FILE *f, PetscInt n, const ContactLink link[])
 static PetscErrorCode print_shares(Suspension b, PetscInt n, ContactLink link[], FILE *f)
 {
   const MPI_Comm comm = BodiesComm(b->bodies);
-  PetscMPIInt    size, tag, m;
+  PetscMPIInt    size, tag, m, mine;
   MPI_Datatype   type;
   MPI_Status     status;
   ContactLink   *other;
@@ -363,7 +363,8 @@ static PetscErrorCode print_shares(Suspension b, PetscInt n, ContactLink link[],
   PetscCall(PetscCommGetNewTag(comm, &tag));
   PetscCallMPI(MPI_Type_contiguous((int)sizeof(*link), MPI_BYTE, &type));
   PetscCallMPI(MPI_Type_commit(&type));
-  if (b->rank) PetscCallMPI(MPI_Send(link, (PetscMPIInt)n, type, 0, tag, comm));
+  PetscCall(PetscMPIIntCast(n, &mine));
+  if (b->rank) PetscCallMPI(MPI_Send(link, mine, type, 0, tag, comm));
   else print_links(f, n, link);
   for (PetscMPIInt r = 1; r < size && !b->rank; r++) {
     PetscCallMPI(MPI_Probe(r, tag, comm, &status));
