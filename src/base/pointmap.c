@@ -68,7 +68,7 @@ static PetscErrorCode pack(const Context *c, PetscInt n, const PetscReal x[], Pe
     if (pass) {
       for (PetscMPIInt r = 0; r < c->size; r++) {
         PetscCall(PetscMPIIntCast(at[r], &count[r]));
-        at[r]    = total;
+        at[r] = total;
         total += count[r];
       }
       PetscCall(PetscMalloc1(total * RECORD, record));

@@ -34,12 +34,12 @@ struct _p_Bodies {
     BodyArrays          state;
     struct _n_BodyState view;
   };
-  PetscReal    lower[3], upper[3]; /* domain */
-  PetscReal    period[3];          /* of a box that travels */
-  PetscBool    held;               /* BodiesHold */
-  Placement  **start;              /* [ngroups][count] what prescribed motion starts from; NULL for groups that have
+  PetscReal   lower[3], upper[3]; /* domain */
+  PetscReal   period[3];          /* of a box that travels */
+  PetscBool   held;               /* BodiesHold */
+  Placement **start;              /* [ngroups][count] what prescribed motion starts from; NULL for groups that have
                                      none */
-  PetscReal (*clock)[4];           /* [ngroups] when that motion began: along x, y, z, of the turn. 0, or when a run that
+  PetscReal (*clock)[4];          /* [ngroups] when that motion began: along x, y, z, of the turn. 0, or when a run that
                                       goes on gave the group another one (resume.c) */
   BodyParts   *parts;
   PetscInt     ncolumns, room; /* room: entries that all columns have */

@@ -162,22 +162,23 @@ static PetscErrorCode begin_anew(Bodies b, PetscInt k, const PetscReal jumps[4])
 /* Stops may be others than before */
 static PetscErrorCode check_stops(Bodies b, PetscInt k)
 {
-  BodyArrays     *s = &b->state;
-  const Motion   *m = &BodiesGetGroup(&b->view, k)->motion;
+  BodyArrays     *s     = &b->state;
+  const Motion   *m     = &BodiesGetGroup(&b->view, k)->motion;
   const char     *name  = BodiesGetGroup(&b->view, k)->name;
   const PetscReal angle = s->angle[k];
 
   PetscFunctionBeginUser;
   if (s->stopped[k] && (!m->has_stops || PetscAbsReal(angle - m->stops[s->stopped[k] > 0]) > SMALL)) s->stopped[k] = 0;
   PetscCheck(!m->has_stops || (angle >= m->stops[0] - SMALL && angle <= m->stops[1] + SMALL), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "Body %" PetscInt_FMT " of group '%s' is at the angle %g in the checkpoint, beyond -particle_%s_stops %g,%g: give stops around it, or none",
+             "Body %" PetscInt_FMT
+             " of group '%s' is at the angle %g in the checkpoint, beyond -particle_%s_stops %g,%g: give stops around it, or none",
              BodiesPlaceInGroup(&b->view, k), name, (double)angle, name, (double)m->stops[0], (double)m->stops[1]);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode tell(Bodies b, PetscInt g, const PetscReal jumps[4])
 {
-  static const char *const WORD[] = {"x", "y", "z", "rotation"};
+  static const char *const WORD[]   = {"x", "y", "z", "rotation"};
   char                     list[64] = "";
 
   PetscFunctionBeginUser;
@@ -186,9 +187,10 @@ static PetscErrorCode tell(Bodies b, PetscInt g, const PetscReal jumps[4])
     PetscCall(PetscStrlcat(list, list[0] ? ", " : "", sizeof(list)));
     PetscCall(PetscStrlcat(list, WORD[a], sizeof(list)));
   }
-  PetscCall(LogRemark("what is prescribed of the bodies of group '%s' (%s) is not what it was when the checkpoint was written: it begins now, at t = %g, where "
-                      "they are, and the time of its formulas, ramp and files counts from now",
-                      b->state.group[g].name, list, (double)b->state.time));
+  PetscCall(
+    LogRemark("what is prescribed of the bodies of group '%s' (%s) is not what it was when the checkpoint was written: it begins now, at t = %g, where "
+              "they are, and the time of its formulas, ramp and files counts from now",
+              b->state.group[g].name, list, (double)b->state.time));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -251,8 +251,8 @@ PetscErrorCode FlowGetConformation(Flow f, PetscReal c[])
 
 PetscErrorCode FlowVisitState(void *flow, State state)
 {
-  Flow           f     = flow;
-  const PetscInt dim   = f->loc->dim;
+  Flow           f   = flow;
+  const PetscInt dim = f->loc->dim;
   PetscBool      has;
   PetscInt       older = f->u_older ? 1 : -1; /* as loaded: -1 if the run had linear extrapolation; then the first step
                                                  is linear too */

@@ -202,7 +202,8 @@ static int same_line(const char a[], const char b[])
 /* Does an option bear on bodies, flow or mesh, rather than on how equations are solved? A remark keeps it in the summary. */
 static PetscBool is_physics(const char name[])
 {
-  static const char *const BEGIN[]  = {"-flow_", "-particle_", "-mesh_", "-couple_", "-contact_", "-sim_frame", "-sim_dt", "-sim_adapt", "-preset", NULL};
+  static const char *const BEGIN[]  = {"-flow_",     "-particle_", "-mesh_",     "-couple_", "-contact_",
+                                       "-sim_frame", "-sim_dt",    "-sim_adapt", "-preset",  NULL};
   static const char *const WITHIN[] = {"_ksp_", "_pc_", "_fieldsplit_", "_mg_", "_mat_", "_recipe", "_rtol", "_error_most", "_iterations", NULL};
 
   for (int i = 0; WITHIN[i]; i++)

@@ -76,7 +76,8 @@ static PetscErrorCode borrow_entries(Vec v, PetscReal **a)
 
   PetscFunctionBeginUser;
   PetscCall(PetscObjectTypeCompareAny((PetscObject)v, &host, VECSEQ, VECMPI, ""));
-  PetscCheck(host, PetscObjectComm((PetscObject)v), PETSC_ERR_SUP, "The flow solver works in the memory of the processor: remove the options that put vectors "
+  PetscCheck(host, PetscObjectComm((PetscObject)v), PETSC_ERR_SUP,
+             "The flow solver works in the memory of the processor: remove the options that put vectors "
              "or matrices elsewhere (-vec_type, -mat_type)");
   PetscCall(VecGetArrayRead(v, &read));
   *a = (PetscReal *)read;

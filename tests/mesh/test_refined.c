@@ -428,8 +428,7 @@ int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {cmocka_unit_test(test_counts), cmocka_unit_test(test_places), cmocka_unit_test(test_ghosts),
                                      cmocka_unit_test(test_patch),  cmocka_unit_test(test_carry),  cmocka_unit_test(test_carry_conserves),
-                                     cmocka_unit_test(test_curve),
-                                     cmocka_unit_test(test_restore)};
+                                     cmocka_unit_test(test_curve),  cmocka_unit_test(test_restore)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));
