@@ -199,7 +199,7 @@ static int same_line(const char a[], const char b[])
   return n == strcspn(b, "\n") && !strncmp(a, b, n);
 }
 
-/* Does an option bear on bodies, flow or mesh, rather than on how equations are solved? A remark keeps it in the summary. */
+/* Does an option bear on bodies, flow or mesh, rather than on how equations are solved? */
 static PetscBool is_physics(const char name[])
 {
   static const char *const BEGIN[]  = {"-flow_",     "-particle_", "-mesh_",     "-couple_", "-contact_",

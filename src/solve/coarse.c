@@ -28,7 +28,7 @@ struct _p_Coarse {
   Laplacian        laplacian; /* NULL: the operator is I^T S_p I */
   PetscInt        *vertex;    /* [nnode_all] global number of the vertex at a node, or -1 */
   PetscBool       *buried;    /* [nnode_all] vertex without fluid around */
-  PetscInt        *col;       /* [most] vertices of the cells around a node, as many as any has: 9 (27) on regular meshes, */
+  PetscInt        *col;       /* [most] vertices of the cells around a node, 9 (27) on regular meshes, */
   PetscReal       *g, *block; /* [most][dim], [most][most] and what they see of it: CoarseAddNode's */
   /* the bodies' part, see CoarseSetBodies */
   Mat              whole; /* matrix and bodies, NULL without any */

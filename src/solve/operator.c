@@ -68,7 +68,7 @@ static PetscErrorCode mult_free(Mat mat, Vec x, Vec y)
 }
 
 /* The entries of a vector that is only read, to be changed for a moment and put back: a copy would cost a tenth of a
-   product. Its state stays, and so do the norms that PETSc has of it; in return it must have no second copy on a device. */
+   product. Its state stays, and so do the norms that PETSc has of it. It must have no second copy on a device. */
 static PetscErrorCode borrow_entries(Vec v, PetscReal **a)
 {
   PetscBool        host;
