@@ -71,6 +71,16 @@ static PetscErrorCode ReadPart(Shape s, PetscInt dim, Part *p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* "hub, b1" names b1, not " b1" */
+static void TakeBlanks(char text[])
+{
+  char *o = text;
+
+  for (const char *c = text; *c; c++)
+    if (*c != ' ' && *c != '\t') *o++ = *c;
+  *o = 0;
+}
+
 static PetscErrorCode ShapeOptions_Composite(Shape s)
 {
   Composite *c;
@@ -80,6 +90,7 @@ static PetscErrorCode ShapeOptions_Composite(Shape s)
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &c));
   PetscCall(ShapeOptionString(s, "parts", "Names of the parts, separated by commas", c->names, sizeof(c->names)));
+  TakeBlanks(c->names);
   PetscCall(ShapeOptionReal(s, "blend", "Width over which the seams between parts are rounded", "length", 0.0, PETSC_MAX_REAL, &c->blend));
   /* none given: for the list of options */
   PetscCall(PetscStrToArray(c->names[0] ? c->names : "<part>", ',', &n, &name));

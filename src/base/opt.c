@@ -130,7 +130,7 @@ static char *copy_text(const char text[])
 
 static void free_spec(OptSpec *spec)
 {
-  const char *const text[] = {spec->unit, spec->value, spec->help, spec->when, spec->choices};
+  const char *const text[] = {spec->unit, spec->value, spec->help, spec->when, spec->choices, spec->also};
 
   for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(text); i++) free((void *)(size_t)text[i]);
   free(spec);
@@ -154,6 +154,7 @@ PetscErrorCode OptDeclareOne(const OptSpec *spec)
   known->own->help    = copy_text(spec->help);
   known->own->when    = copy_text(spec->when);
   known->own->choices = copy_text(spec->choices);
+  known->own->also    = copy_text(spec->also);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -195,20 +196,6 @@ static PetscErrorCode check_word(const OptSpec *spec, const char word[])
 }
 
 /* ---- text ---- */
-
-PetscBool OptNextItem(const char **cursor, char item[], size_t len)
-{
-  static const char blanks[] = " \t\n\r";
-  const char       *start    = *cursor, *end;
-
-  if (!start) return PETSC_FALSE;
-  start += strspn(start, blanks);
-  end = start + strcspn(start, ", \t\n\r");
-  snprintf(item, len, "%.*s", (int)(end - start), start);
-  end += strspn(end, blanks);
-  *cursor = *end ? end + (*end == ',') : NULL;
-  return PETSC_TRUE;
-}
 
 const char *OptJoin(const char before[], const char word[], const char after[], char name[OPT_NAME])
 {
@@ -311,16 +298,22 @@ static PetscErrorCode check_range(const OptSpec *spec, const char label[], const
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode parse_real(const OptSpec *spec, const char label[], const char text[], PetscReal *value)
+/* *tidy: was it something else than a plain number, that the database should not keep? */
+static PetscErrorCode parse_real(const OptSpec *spec, const char label[], const char text[], PetscReal *value, PetscBool *tidy)
 {
-  char      meaning[OPT_LINE], *end;
+  char      meaning[OPT_LINE];
+  double    number;
   PetscReal v;
+  PetscBool plain;
 
   PetscFunctionBeginUser;
   OptFormatMeaning(spec, meaning, sizeof(meaning));
-  (void)strtod(text, &end); /* only a look, so that PETSc's conversion below cannot fail */
-  PetscCheck(end != text && !*end, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s is not a number; wanted: %s", label, text, meaning);
-  PetscCall(PetscOptionsStringToReal(text, &v));
+  /* a look first, so that PETSc's conversion below cannot fail */
+  PetscCheck(OptReadNumber(text, spec->unit, &number, &plain), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s is not a number; wanted: %s",
+             label, text, meaning);
+  v = (PetscReal)number;
+  if (plain) PetscCall(PetscOptionsStringToReal(text, &v));
+  else *tidy = PETSC_TRUE;
   PetscCheck(!PetscIsInfOrNanReal(v), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s is not a finite number; wanted: %s", label, text,
              meaning);
   PetscCall(check_range(spec, label, text, (PetscBool)((spec->lower == OPT_POSITIVE ? v > 0 : v >= spec->lower) && v <= spec->upper)));
@@ -364,12 +357,14 @@ PetscErrorCode OptReal(const char name[], PetscReal *value)
 {
   const OptSpec *spec = NULL;
   const char    *text;
+  PetscBool      tidy = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   PetscCall(OptBeginReading(name, OPT_REAL, PETSC_FALSE, &spec));
   PetscCall(check_number(spec, (double)*value));
   PetscCall(OptFindText(name, spec, &text));
-  if (text) PetscCall(parse_real(spec, name, text, value));
+  if (text) PetscCall(parse_real(spec, name, text, value, &tidy));
+  if (tidy) PetscCall(OptKeepNumbers(name, 1, value));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -409,7 +404,7 @@ PetscErrorCode OptBool(const char name[], PetscBool *value)
 
 PetscErrorCode OptChoice(const char name[], const char *const words[], PetscInt *index)
 {
-  char           known[OPT_LINE] = "";
+  char           known[OPT_LINE] = "", advice[128];
   const OptSpec *spec            = NULL;
   const char    *text;
   PetscInt       n;
@@ -431,7 +426,8 @@ PetscErrorCode OptChoice(const char name[], const char *const words[], PetscInt 
       PetscFunctionReturn(PETSC_SUCCESS);
     }
   }
-  SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s is not known (known: %s): %s", name, text, known, spec->help);
+  OptAdviseWord(text, known, spec->words, advice, sizeof(advice));
+  SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s is not known (known: %s): %s%s", name, text, known, spec->help, advice);
 }
 
 PetscErrorCode OptString(const char name[], char value[], size_t len)
@@ -453,9 +449,10 @@ PetscErrorCode OptString(const char name[], char value[], size_t len)
 /* One of the two arrays is NULL. */
 static PetscErrorCode read_array(const char name[], PetscInt n, PetscReal real[], PetscInt integer[], PetscBool *found)
 {
-  char           item[OPT_LINE], label[OPT_LINE];
+  char           item[OPT_LINE], label[OPT_LINE], *joined;
   const OptSpec *spec = NULL;
   const char    *cursor;
+  PetscBool      tidy = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   PetscCall(OptBeginReading(name, real ? OPT_REALS : OPT_INTS, PETSC_FALSE, &spec));
@@ -463,13 +460,17 @@ static PetscErrorCode read_array(const char name[], PetscInt n, PetscReal real[]
   PetscCall(OptFindText(name, spec, &cursor));
   if (found) *found = cursor ? PETSC_TRUE : PETSC_FALSE;
   if (!cursor) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(OptJoinDegrees(spec, cursor, &joined));
+  cursor = joined;
   PetscCall(check_count(spec, name, cursor, n));
   for (PetscInt i = 0; OptNextItem(&cursor, item, sizeof(item)); i++) {
     snprintf(label, sizeof(label), "%s (value %lld of %lld)", name, (long long)i + 1, (long long)n);
-    if (real) PetscCall(parse_real(spec, label, item, &real[i]));
+    if (real) PetscCall(parse_real(spec, label, item, &real[i], &tidy));
     else PetscCall(parse_int(spec, label, item, &integer[i]));
   }
+  PetscCall(PetscFree(joined));
   PetscCall(OptJoinItems(name));
+  if (tidy) PetscCall(OptKeepNumbers(name, n, real));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

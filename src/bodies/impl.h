@@ -63,6 +63,8 @@ PetscErrorCode BodyExchange(Bodies, PetscInt n, PetscMPIInt to[], PetscInt body[
    touched. placed [ngroups]: first state of bodies, of the centre of mass or the pivot; with parts, of groups that need
    no list, only the own ones; the caller frees the arrays. Collective. Errors: those of BodiesCreate but for bodies
    outside the domain. */
+/* The groups and their names; refuses one that is described and not named. */
+PetscErrorCode BodyGroupsName(BodyArrays *s);
 PetscErrorCode BodyGroupsRead(BodyArrays *s, const BodyParts *, const PetscReal lower[3], const PetscReal upper[3], Placed **placed);
 
 /* What is not free of body number i of a group stays there from now on; the group has starts. */

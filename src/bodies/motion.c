@@ -23,6 +23,7 @@ static PetscErrorCode read_parts(const char group[], Motion *m, PetscBool *oscil
     PetscCall(PetscFree(list[i]));
   }
   m->given    = (PetscBool)(n > 0);
+  m->named    = m->given;
   m->constant = (PetscBool)(n == 0 || has[0]);
   m->rotate   = (PetscBool)(n == 0 || has[2]);
   *oscillate  = has[1];
