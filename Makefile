@@ -28,7 +28,7 @@ export ASAN_OPTIONS ?= detect_leaks=0:verify_asan_link_order=0
 # Questions to other programs are asked when first needed and once (so that 'make deps' works without pkg-config and MPI).
 once        = $(eval $1 := $(shell $2))$($1)
 PKG         = PKG_CONFIG_PATH=$(if $(PETSC_DIR),$(PETSC_DIR)/$(PETSC_ARCH)/lib/pkgconfig:$(PETSC_DIR)/lib/pkgconfig:)$$PKG_CONFIG_PATH pkg-config
-HAVE_PETSC  = $(or $(call once,PETSC_VERSION,$(PKG) --modversion petsc),$(error pkg-config finds no PETSc: run 'make deps', or give PETSC_DIR and PETSC_ARCH))
+HAVE_PETSC  = $(if $(and $(PETSC_DIR),$(if $(wildcard $(PETSC_DIR)/$(PETSC_ARCH)/lib/pkgconfig/petsc.pc $(PETSC_DIR)/lib/pkgconfig/petsc.pc),,no)),$(error there is no PETSc in PETSC_DIR=$(PETSC_DIR)$(if $(PETSC_ARCH), PETSC_ARCH=$(PETSC_ARCH)): no lib/pkgconfig/petsc.pc; correct it, or leave it out for the PETSc that pkg-config knows))$(or $(call once,PETSC_VERSION,$(PKG) --modversion petsc),$(error pkg-config finds no PETSc: run 'make deps', or give PETSC_DIR and PETSC_ARCH))
 PETSC_FLAGS = $(if $(HAVE_PETSC),$(call once,PETSC_FLAGS,$(PKG) --cflags petsc; $(PKG) --cflags hdf5-openmpi 2> /dev/null))
 PETSC_LIBS  = $(call once,PETSC_LIBS,$(PKG) --libs petsc; $(PKG) --libs hdf5-openmpi 2> /dev/null)
 PETSC_RPATH = $(if $(PETSC_DIR),$(call once,PETSC_RPATH,echo -Wl$(,)-rpath$(,)$$($(PKG) --variable=libdir petsc)))

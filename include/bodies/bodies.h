@@ -24,7 +24,7 @@ typedef struct {
   PetscInt         dim;
   PetscBool        constant, rotate; /* do velocity and angular velocity of the start act? */
   PetscBool        given;            /* -particle_<g>_motion, or velocities that change in time */
-  PetscBool        named;            /* -particle_<g>_motion */
+  PetscBool        named, has_u, has_w; /* -particle_<g>_motion, _velocity and _angular_velocity: are they given? */
   Expr             velocity, omega;  /* those of the start as expressions of t; NULL: numbers, which each body has */
   struct _p_Track *track;            /* motion from a file; NULL: none */
   PetscReal        amplitude[3], period[3], phase[3];

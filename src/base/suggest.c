@@ -290,6 +290,7 @@ static void explain_prefix(const char name[], char text[], size_t len)
     if (!m || strstr(text, offer) || used + strlen(offer) + 32 > len || (strstr(name, "snes") && strstr(offer, "fieldsplit"))) continue;
     snprintf(text + used, len - used, "%s", offer);
   }
+  if (text[strlen(text) - 1] == ':') snprintf(text + strlen(text), len - strlen(text), " such as -flow_%s", name + 1);
 }
 
 /* "-flow_viscosty = 0.1 (command line): did you mean -flow_viscosity?" */
@@ -309,7 +310,7 @@ static PetscErrorCode explain_mistake(const char name[], const char value[], cha
   if (!advice[0]) explain_prefix(full, advice, sizeof(advice));
   if (!advice[0]) {
     find_nearest(full, nearest, sizeof(nearest), &distance);
-    if (distance > 1) OptAdviseName(full, advice, sizeof(advice));
+    if (distance > 1 || strlen(full) < 6) OptAdviseName(full, advice, sizeof(advice));
   }
   if (!advice[0]) {
     spec  = OptFindSpec(nearest);

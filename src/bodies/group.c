@@ -256,18 +256,14 @@ static PetscErrorCode check_place(const BodyGroup *g, const Start *s)
 static PetscErrorCode check_velocities(const BodyGroup *g, const Start *s)
 {
   const Motion *m = &g->motion;
-  char          name[OPT_NAME];
-  PetscBool     velocity, omega;
 
   PetscFunctionBeginUser;
   if (!m->named || s->place == PLACE_TABLE || m->track) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(OptHas(OptJoin("-particle_", g->name, "_velocity", name), &velocity));
-  PetscCall(OptHas(OptJoin("-particle_", g->name, "_angular_velocity", name), &omega));
-  PetscCheck(!m->rotate || omega, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+  PetscCheck(!m->rotate || m->has_w, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-particle_%s_motion rotate turns the body with -particle_%s_angular_velocity, which is not given: give it in radians a time (2*pi/T is "
              "a turn in the time T), or remove rotate",
              g->name, g->name);
-  PetscCheck(!m->constant || velocity || omega, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+  PetscCheck(!m->constant || m->has_u || m->has_w, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "-particle_%s_motion constant moves the body with -particle_%s_velocity, which is not given: give it, or for a body that stands still "
              "-particle_%s_free none",
              g->name, g->name, g->name);

@@ -102,9 +102,9 @@ static PetscErrorCode read_velocities(const char group[], PetscInt dim, Motion *
   PetscInt       turns = 0;
 
   PetscFunctionBeginUser;
-  PetscCall(ExprRead(OptJoin("-particle_", group, "_velocity", name), dim, dim, u, &m->velocity, NULL));
+  PetscCall(ExprRead(OptJoin("-particle_", group, "_velocity", name), dim, dim, u, &m->velocity, &m->has_u));
   if (m->velocity) PetscCall(ExprEvaluate(m->velocity, 0, 1, NULL, u));
-  PetscCall(ExprRead(OptJoin("-particle_", group, "_angular_velocity", name), dim, n, w + 3 - n, &m->omega, NULL));
+  PetscCall(ExprRead(OptJoin("-particle_", group, "_angular_velocity", name), dim, n, w + 3 - n, &m->omega, &m->has_w));
   if (m->velocity || m->omega) m->given = PETSC_TRUE;
   if (!m->omega) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ExprEvaluate(m->omega, 0, 1, NULL, w + 3 - n));

@@ -34,7 +34,9 @@
   }
 
 static const OptSpec SPECS[] = {
-  {"-particle_groups", OPT_STRINGS, "", OPT_ANY, "", .help = "names of the groups of bodies", .also = "group, names, bodies"},
+  {"-particle_groups", OPT_STRINGS, "", OPT_ANY, "",
+   .help = "names of the groups of bodies; one with the name of a boundary of the mesh is the body behind it, whose surface that boundary is",
+   .also = "group, names, bodies"},
   {"-particle_remove", OPT_STRINGS, "", OPT_ANY, "", .help = "boundaries at which bodies that leave the domain are removed; elsewhere the run stops",
    .when = "-particle_groups"},
   {"-particle_<group>_shape", OPT_STRING, "", OPT_ANY, "", .help = "type of the shape: the name of a plugin in -shape_path", .when = GROUP,

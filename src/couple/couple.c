@@ -422,6 +422,7 @@ PetscErrorCode CoupleView(Couple c, PetscViewer viewer)
     PetscCall(
       PetscViewerASCIIPrintf(viewer, "coupling: %s, boundary %s, force in %s form\n", TYPES[!c->implicit], c->rung->name, FORCES[c->use_volume]));
   else PetscCall(PetscViewerASCIIPrintf(viewer, "coupling: none (no bodies)\n"));
+  PetscCall(FittedView(c->hole, viewer));
   if (c->rung->view) PetscCall((*c->rung->view)(c->rung_data, viewer));
   if (c->drive) PetscCall(DriveView(c->drive, viewer));
   if (c->follow) PetscCall(PetscViewerASCIIPrintf(viewer, "  the mesh follows the bodies (-mesh_deform), its velocity is part of the convection\n"));

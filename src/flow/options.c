@@ -87,8 +87,9 @@ static const OptSpec SPECS[] = {
   {"-flow_extrapolation", OPT_CHOICE, "", OPT_ANY, "linear", .help = "convecting velocity from two or (bodies that stay) three steps", .when = FLOW,
    .choices = "linear, quadratic"},
   {"-flow_bc_<boundary>_type", OPT_CHOICE, "", OPT_ANY, "no_slip",
-   .help = "condition on this boundary (a physical name 'left wall' of a mesh file: left_wall)", .when = FLOW,
-   .choices = "no_slip, moving_wall, rotating_wall, inflow, outflow, slip, pressure", .also = "kind, condition",
+   .help =
+     "condition on this boundary of the mesh (not of a body, to whose surface the fluid keeps by itself; a physical name 'left wall' of a mesh file: left_wall)",
+   .when = FLOW, .choices = "no_slip, moving_wall, rotating_wall, inflow, outflow, slip, pressure", .also = "kind, condition",
    .words =
      "symmetry slip, symmetric slip, free_slip slip, freeslip slip, slip_wall slip, wall no_slip, noslip no_slip, no-slip no_slip, fixed no_slip, stick no_slip, solid no_slip, lid moving_wall, moving moving_wall, moving_lid moving_wall, belt moving_wall, rotating rotating_wall, dirichlet inflow, velocity inflow, inlet inflow, velocity_inlet inflow, in inflow, outlet outflow, pressure_outlet pressure, pressure_outflow pressure, do_nothing outflow, donothing outflow, neumann outflow, zero_gradient outflow, open outflow, opening outflow, out outflow, free outflow"},
   {"-flow_bc_<boundary>_pressure", OPT_REALS, "mass/(length time^2)", OPT_ANY, "",
