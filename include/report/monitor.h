@@ -61,6 +61,9 @@ void MonitorPrintTables(FILE *);
    PETSC_COMM_WORLD.
    Errors: -output_bodies outside of the bodies there are. */
 PetscErrorCode MonitorCreate(Bodies, Monitor *);
+/* Units of length, time and mass that the scene names ("" where it does not), and what they are in metres, seconds and
+   kilograms (0). Borrowed. */
+PetscErrorCode MonitorGetUnits(Monitor, const char *unit[3], PetscReal si[3]);
 /* A further column of series.csv, after those above; columns are numbered from 0. Before MonitorOpen, same calls on
    all ranks. Its value is 0 until it is set; the value of the last MonitorSetColumn is printed. Not collective.
    Error: no row of MONITOR_FURTHER explains it. */

@@ -358,6 +358,33 @@ PetscErrorCode ConditionsPressureIsFloating(Conditions f, PetscBool *floating)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode ConditionsGetSpeed(Conditions f, PetscReal *speed)
+{
+  PetscFunctionBeginUser;
+  *speed = 0;
+  for (PetscInt b = 0; b < f->n; b++) {
+    Condition      *bc     = f->condition + b;
+    const PetscReal factor = PetscAbsReal(bc->factor[0]) + PetscAbsReal(bc->factor[1]), *given;
+    const PetscInt *node;
+    PetscInt        n;
+    const Condition even = {.type     = bc->type,
+                            .velocity = {bc->velocity[0], bc->velocity[1], bc->velocity[2]},
+                            .omega    = {bc->omega[0], bc->omega[1], bc->omega[2]},
+                            .centre   = {bc->centre[0], bc->centre[1], bc->centre[2]}}; /* a profile has its largest between nodes */
+
+    PetscCall(MeshGetBoundaryNodes(f->mesh, b, &n, &node));
+    PetscCall(evaluate_formula(f, bc, f->timed ? f->time : 0, n, node, &given));
+    for (PetscInt i = 0; i < n; i++) {
+      PetscReal v[3] = {0, 0, 0};
+
+      wall_velocity(&even, f->loc->dim, f->loc->x + node[i] * f->loc->dim, given ? given + i * f->loc->dim : NULL, v);
+      *speed = PetscMax(*speed, factor * PetscSqrtReal(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]));
+    }
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, speed, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ConditionsGetOpenAxes(Conditions f, PetscInt *axes)
 {
   PetscFunctionBeginUser;

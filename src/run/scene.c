@@ -6,6 +6,7 @@
 #include "base/opt.h"
 #include "bodies/local.h"
 #include "defaults.h"
+#include "estimate.h"
 #include "meet.h"
 #include "meshadapt.h"
 #include "refine.h"
@@ -266,6 +267,7 @@ static PetscErrorCode describe(const SimParts *part, Sim sim)
   PetscCall(ContactView(part->contact, out));
   PetscCall(FrameView(part->frame, out));
   PetscCall(SimView(sim, out));
+  PetscCall(EstimateView(part, sim, out));
   PetscCall(CheckpointView(part->checkpoint, out));
   if (part->flow) {
     PetscCall(FlowGetParameters(part->flow, &par));
@@ -315,6 +317,7 @@ PetscErrorCode SceneRun(const char name[])
   if (part.flow && !part.steady && !restarted && !dry) PetscCall(StartSolve(&part));
   PetscCall(SimSetUp(sim));
   PetscCall(OptCheckUnused()); /* every module has read its options, and nothing is written yet */
+  if (!restarted) PetscCall(EstimateRemark(&part, sim));
   if (dry) {
     PetscCall(describe(&part, sim));
   } else {

@@ -110,6 +110,15 @@ PetscErrorCode SimDestroy(Sim *sim)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode SimGetStep(Sim s, PetscReal *dt, PetscReal *end, PetscBool *adapted)
+{
+  PetscFunctionBeginUser;
+  *dt      = s->dt;
+  *end     = s->time_end < PETSC_MAX_REAL ? s->time_end : s->steps_max * s->dt;
+  *adapted = (PetscBool)(s->adapt != NULL);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode SimView(Sim s, PetscViewer viewer)
 {
   PetscFunctionBeginUser;

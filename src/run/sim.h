@@ -55,6 +55,9 @@ typedef struct _p_Sim *Sim;
 PetscErrorCode SimCreate(const SimParts *, Sim *);
 PetscErrorCode SimDestroy(Sim *);
 PetscErrorCode SimView(Sim, PetscViewer);
+/* Length of the first step; when the run ends, by its time or its steps of that length; *adapted: the run chooses those
+   after it. */
+PetscErrorCode SimGetStep(Sim, PetscReal *dt, PetscReal *end, PetscBool *adapted);
 /* Set up every solver on the initial state, so that all options are read before the first step. Collective. */
 PetscErrorCode SimSetUp(Sim);
 /* Run to the end, or until SIGTERM. A failed solve stops with an error after the last good state has been written.
