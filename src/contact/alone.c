@@ -147,6 +147,7 @@ PetscErrorCode ContactAdvanceAlone(Contact c, PetscReal dt)
   c->nnear      = c->npairs;
   PetscCall(mechanical_energy(c, &after));
   c->work += after - before;
+  PetscCall(ContactCheckImages(c, PETSC_FALSE));
   PetscCall(PetscLogEventEnd(TB_CONTACT, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

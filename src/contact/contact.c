@@ -35,6 +35,7 @@ PetscErrorCode ContactCheckStart(Contact c)
   c->x = c->s->x;
   c->q = c->s->q;
   PetscCall(PetscFree(c->reach));
+  PetscCall(ContactCheckImages(c, PETSC_TRUE));
   PetscCall(ContactFindPairs(c));
   for (PetscInt k = 0; k < c->npairs; k++) {
     const Pair *p = &c->pair[k];

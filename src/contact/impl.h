@@ -276,3 +276,7 @@ PetscErrorCode ContactUseCopies(Contact, PetscReal (*x)[3], PetscReal (*q)[4], P
 PetscErrorCode ContactMeetBodies(Contact);
 /* No contact forces, no gaps. */
 void ContactClear(BodyArrays *);
+
+/* Refuse bodies that overlap their own periodic image, and those that turn and reach beyond half a period; start: the
+   message says at the start, else the time. Not collective, of own bodies. */
+PetscErrorCode ContactCheckImages(Contact, PetscBool start);
