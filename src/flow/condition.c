@@ -367,10 +367,11 @@ PetscErrorCode ConditionsGetSpeed(Conditions f, PetscReal *speed)
     const PetscReal factor = PetscAbsReal(bc->factor[0]) + PetscAbsReal(bc->factor[1]), *given;
     const PetscInt *node;
     PetscInt        n;
+    /* a profile has its largest between nodes */
     const Condition even = {.type     = bc->type,
                             .velocity = {bc->velocity[0], bc->velocity[1], bc->velocity[2]},
                             .omega    = {bc->omega[0], bc->omega[1], bc->omega[2]},
-                            .centre   = {bc->centre[0], bc->centre[1], bc->centre[2]}}; /* a profile has its largest between nodes */
+                            .centre   = {bc->centre[0], bc->centre[1], bc->centre[2]}};
 
     PetscCall(MeshGetBoundaryNodes(f->mesh, b, &n, &node));
     PetscCall(evaluate_formula(f, bc, f->timed ? f->time : 0, n, node, &given));

@@ -5,11 +5,11 @@
 #include "base/log.h"
 #include "bodies/local.h"
 
-#define BODY_CELLS  3   /* a step, beyond which it is remarked: estimates are rough, and 1.3 cells cost little (runs/README.md) */
+#define BODY_CELLS  3   /* a step, beyond which it is remarked: estimates are rough, 1.3 cells cost little */
 #define FLUID_CELLS 10  /* likewise, of the fluid where it is fastest */
 #define TIMES       100 /* at which a prescribed motion is looked at */
 #define FEW         16  /* bodies of a group, likewise */
-#define LAMINAR     10  /* at most this multiple of the speed sqrt(force length/density): beyond it a channel is turbulent */
+#define LAMINAR     10  /* at most so many times sqrt(force length/density): beyond it a channel is turbulent */
 
 /* A group: its largest body, how fast its surface is, how fast it goes (a disc that turns goes nowhere), and by what */
 typedef struct {

@@ -156,7 +156,8 @@ static int read_scene(const char path[], char **options, size_t *size)
   return 0;
 }
 
-/* The options of a scene that PETSc cannot read by itself (one that includes another), before PetscInitialize, so that the command line goes over them */
+/* The options of a scene that PETSc cannot read by itself (one that includes another), before PetscInitialize, so that
+   the command line goes over them */
 static PetscErrorCode insert_options(const char options[], size_t size)
 {
   for (const char *name = options, *value; name && name < options + size; name = value + strlen(value) + 1) {
