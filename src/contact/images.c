@@ -24,27 +24,31 @@ static PetscBool turns(Contact c, PetscInt k, PetscInt a)
   return (PetscBool)(m->swing[0] != 0 && a != 2);
 }
 
-/* Points of a body's surface from its centre, space axes: those that contact has, and the corners; free r */
+/* Points of a body's surface from its centre, space axes, its corners among them; free r */
 static PetscErrorCode list_points(Contact c, PetscInt k, PetscInt *n, PetscReal (**r)[3])
 {
-  const Kind      *kind = ContactKind(c, k);
-  const BodyGroup *g    = BodiesGetGroup(c->state, k);
+  const Kind      *kind  = ContactKind(c, k);
+  const BodyGroup *g     = BodiesGetGroup(c->state, k);
+  const PetscInt   nface = c->dim == 2 ? 500 : 1000;
   const PetscReal *corner;
-  PetscReal        R[9];
+  PetscReal        R[9], *x, *w;
   PetscInt         ncorners;
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetCorners(g->shape, &ncorners, &corner));
+  PetscCall(PetscMalloc2(nface * c->dim, &x, nface, &w));
+  PetscCall(ShapeSurface(g->shape, nface, x, w));
   RotationMatrix(c->s->q[k], R);
-  *n = kind->npoints + ncorners;
+  *n = nface + ncorners;
   PetscCall(PetscMalloc1(*n, r));
   for (PetscInt p = 0; p < *n; p++) {
-    PetscReal y[3] = {0, 0, 0};
+    const PetscReal *at   = p < nface ? x + p * c->dim : corner + (p - nface) * c->dim;
+    PetscReal        y[3] = {0, 0, 0};
 
-    for (PetscInt b = 0; b < c->dim; b++)
-      y[b] = p < kind->npoints ? kind->point[p * c->dim + b] : corner[(p - kind->npoints) * c->dim + b] - g->mass.centroid[b];
+    for (PetscInt b = 0; b < c->dim; b++) y[b] = at[b] - g->mass.centroid[b];
     for (PetscInt a = 0; a < 3; a++) (*r)[p][a] = kind->scale * (R[3 * a] * y[0] + R[3 * a + 1] * y[1] + R[3 * a + 2] * y[2]);
   }
+  PetscCall(PetscFree2(x, w));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -115,7 +119,7 @@ static PetscErrorCode check_body(Contact c, PetscInt k, PetscBool start)
   const PetscReal radius = BodiesGetRadius(c->state, k);
   const PetscBool moves  = (PetscBool)(BodiesGetGroup(c->state, k)->free != 0);
   PetscReal(*r)[3], depth;
-  PetscInt n;
+  PetscInt n = 0;
 
   PetscFunctionBeginUser;
   PetscCall(list_points(c, k, &n, &r));

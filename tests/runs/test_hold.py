@@ -13,7 +13,7 @@ output: {every: 0, progress: 100}
 
 
 def held(run, scene, velocity, steps):
-    result = run([scene(FOIL), "-particle_foil_velocity", velocity, "-sim_steps", steps, "-output_dir", "out", "-output_overwrite"])
+    result = run([scene(FOIL), "-particle_foil_motion", "constant", "-particle_foil_velocity", velocity, "-sim_steps", steps, "-output_dir", "out", "-output_overwrite"])
     assert result.status == 0, result
     assert result.text.count("-couple_boundary snap cannot follow body 0") == 1, result
     summary = json.loads((result.folder / "out" / "summary.json").read_text())
