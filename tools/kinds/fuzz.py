@@ -281,10 +281,10 @@ def draw_scene(seed):
 def in_a_word(scene):
     """What a reader of the table wants to know of a scene."""
     mesh, bodies = scene["mesh"], scene.get("particle", {"groups": []})
-    words = ["3D" if mesh.get("dimension") == 3 else "2D", mesh.get("kind", "box") + (f" {''.join(mesh['periodic'])}-periodic" if "periodic" in mesh else "") + (" deformed" if "deform" in mesh else "")]
+    words = ["3D" if mesh.get("dimension") == 3 or mesh.get("kind") in ("tube", "ball", "shell") else "2D", mesh.get("kind", "box") + (f" {''.join(mesh['periodic'])}-periodic" if "periodic" in mesh else "") + (" deformed" if "deform" in mesh else "")]
     words += [f"{bodies[name]['shape']} {bodies[name]['density'] / scene['flow'].get('density', 1):.2g}" for name in bodies["groups"]] or ["no bodies"]
     mesh_words = [f"{mesh['levels']} levels" if "levels" in mesh else "", "following" if "follow" in mesh else ""]
-    words += [*mesh_words, *(name for name in ("initial", "rate") if name in scene["flow"]), scene["sim"].get("frame", ""), "packed" if "output" in scene else ""]
+    words += [*mesh_words, *(name for name in ("initial", "rate") if name in scene["flow"]), scene["sim"].get("frame", ""), "packed" if "suspension" in scene.get("output", {}) else ""]
     words += [scene.get("preset", ""), scene["flow"].get("recipe", ""), *scene.get("couple", {}).values(), "adaptive" if "adapt" in scene["sim"] else ""]
     return ", ".join(word for word in words if word)
 
