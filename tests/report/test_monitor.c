@@ -421,6 +421,8 @@ static PetscErrorCode try_create(const char dir[], Bodies bodies)
 static void set_bed(const char count[])
 {
   set_option("-particle_groups", "bed");
+  set_option("-particle_disc_shape", NULL); /* no group any more */
+  set_option("-particle_post_shape", NULL);
   set_option("-particle_bed_shape", "circle");
   set_option("-particle_bed_radius", "0.01");
   set_option("-particle_bed_density", "2");
