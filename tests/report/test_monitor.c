@@ -52,6 +52,7 @@ static Bodies create_bodies(void)
 
 static void set_discs(void)
 {
+  set_option("-particle_bed_shape", NULL);
   set_option("-particle_groups", "disc,post");
   set_option("-particle_disc_shape", "circle");
   set_option("-particle_disc_radius", "0.125");
