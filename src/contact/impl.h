@@ -1,8 +1,8 @@
 /* Inside of the contact room; for its files only. contact.c: the object. step.c, alone.c: steps with and without a
    flow. momentum.c: what they share. search.c: who is near whom. touch.c: where two bodies touch. law.c,
    pairforce.c: the forces; atonce.c: of all pairs at once. slip.c: tangential springs on their way. separate.c: gaps
-   and overlaps after a step. images.c: bodies and their own images. pack.c, packgap.c: packing, with pack.h. Vectors have 3 components, 2D ones a zero; a
-   tensor is xx yy zz xy xz yz. */
+   and overlaps after a step. images.c: bodies and their own images. pack.c, packgap.c: packing, with pack.h. Vectors
+   have 3 components, 2D ones a zero; a tensor is xx yy zz xy xz yz. */
 #pragma once
 #include "base/algebra.h"
 #include "base/domain.h"
