@@ -22,11 +22,11 @@
 /* What a scene says about the motion of a group beyond "free"; see motion.h in src/bodies. */
 typedef struct {
   PetscInt         dim;
-  PetscBool        constant, rotate; /* do velocity and angular velocity of the start act? */
-  PetscBool        given;            /* -particle_<g>_motion, or velocities that change in time */
+  PetscBool        constant, rotate;    /* do velocity and angular velocity of the start act? */
+  PetscBool        given;               /* -particle_<g>_motion, or velocities that change in time */
   PetscBool        named, has_u, has_w; /* -particle_<g>_motion, _velocity and _angular_velocity: are they given? */
-  Expr             velocity, omega;  /* those of the start as expressions of t; NULL: numbers, which each body has */
-  struct _p_Track *track;            /* motion from a file; NULL: none */
+  Expr             velocity, omega;     /* those of the start as expressions of t; NULL: numbers, which each body has */
+  struct _p_Track *track;               /* motion from a file; NULL: none */
   PetscReal        amplitude[3], period[3], phase[3];
   PetscReal        swing[3]; /* amplitude, period, phase of the angle about z */
   PetscReal        ramp;
