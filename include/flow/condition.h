@@ -22,11 +22,10 @@ PetscErrorCode ConditionsRenew(Conditions);
 PetscErrorCode ConditionsGetValues(Conditions, const PetscInt *fixed[], const PetscReal *value[]);
 /* Prescribed components of walls (no_slip, moving_wall, slip), not of an inflow: [nnode_all] bit mask. Borrowed. */
 PetscErrorCode ConditionsGetWalls(Conditions, const PetscInt *wall[]);
-/* Is the pressure determined up to a constant only (neither outflow nor pressure)? */
 /* The largest speed that a boundary prescribes, at the largest of its factor and after its ramp; of an expression, at
    the present time. Collective. */
 PetscErrorCode ConditionsGetSpeed(Conditions, PetscReal *speed);
-/* Is the pressure determined up to a constant only (no outflow)? */
+/* Is the pressure determined up to a constant only (neither outflow nor pressure)? */
 PetscErrorCode ConditionsPressureIsFloating(Conditions, PetscBool *floating);
 /* Along which axes can a uniform force change the mean velocity? Along periodic ones, and between outflows or pressures
    across the axis at different places; elsewhere what is prescribed says what flows. Bit mask of axes. Collective. */
