@@ -373,6 +373,7 @@ PetscErrorCode ConditionsGetSpeed(Conditions f, PetscReal *speed)
                             .omega    = {bc->omega[0], bc->omega[1], bc->omega[2]},
                             .centre   = {bc->centre[0], bc->centre[1], bc->centre[2]}};
 
+    if (bc->type == BC_OUTFLOW || bc->type == BC_PRESSURE) continue; /* it prescribes none */
     PetscCall(MeshGetBoundaryNodes(f->mesh, b, &n, &node));
     PetscCall(evaluate_formula(f, bc, f->timed ? f->time : 0, n, node, &given));
     for (PetscInt i = 0; i < n; i++) {
