@@ -56,6 +56,7 @@ QUICK = [
     ("restart", 1, {"alloc:fail": 2, "hdf5:fail": 2, "rename:kill": 1}),
     ("mesh", 1, {"alloc:fail": 2, "open:fail": 2}),
 ]
+CLOCKS = ("options", "seconds", "wall", "file_length")  # of a checkpoint: what time and place have written
 ERROR = re.compile(r"^tumble: error: (.*)", re.M)
 TIMES = re.compile(r"^seconds|^memory|^yardstick|^commit|^wall")
 
@@ -129,7 +130,7 @@ def read_arrays(path):
 
     arrays = {}
     with h5py.File(path, "r") as file:
-        file.visititems(lambda name, item: arrays.update({name: item[()].tobytes()}) if isinstance(item, h5py.Dataset) and name.split("/")[-1] not in ("options", "seconds") else None)
+        file.visititems(lambda name, item: arrays.update({name: item[()].tobytes()}) if isinstance(item, h5py.Dataset) and name.split("/")[-1] not in CLOCKS else None)
     return arrays
 
 
