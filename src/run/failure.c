@@ -120,6 +120,54 @@ static void tell_errors(void)
   if (rank == 0) tell_checkpoint();
 }
 
+/* ---- crashes ---- */
+
+static void say(const char text[])
+{
+  if (write(STDERR_FILENO, text, strlen(text)) < 0) return; /* nothing left to tell it to */
+}
+
+/* Calls nothing but write and _exit; the launcher ends the other ranks */
+static void on_crash(int number)
+{
+  say("tumble: error: The program crashed: ");
+  say(number == SIGFPE    ? "arithmetic error"
+      : number == SIGABRT ? "a library gave up"
+      : number == SIGILL  ? "no such instruction"
+                          : "memory it does not own");
+  say(". It may be out of memory (use more nodes, fewer ranks a node, or a coarser mesh); else it is a mistake of the program: please report the "
+      "scene, and what -on_error_attach_debugger shows\n");
+  if (CheckpointGetLast()[0]) {
+    say("The last checkpoint is ");
+    say(CheckpointGetLast());
+    say(": continue from it with -sim_restart\n");
+  }
+  _exit(1);
+}
+
+PetscErrorCode FailureCatchCrashes(void)
+{
+  static const char *const NAME[]   = {"-on_error_attach_debugger", "-start_in_debugger", "-no_signal_handler", "-fp_trap"};
+  static const int         SIGNAL[] = {SIGSEGV, SIGBUS, SIGILL, SIGABRT, SIGFPE};
+  PetscBool                given = PETSC_FALSE, any = PETSC_FALSE;
+  struct sigaction         action;
+
+  PetscFunctionBeginUser;
+  for (int i = 0; i < (int)PETSC_STATIC_ARRAY_LENGTH(NAME); i++) {
+    PetscCall(PetscOptionsHasName(NULL, NULL, NAME[i], &given));
+    any = (PetscBool)(any || given);
+  }
+  if (any) PetscFunctionReturn(PETSC_SUCCESS);
+  memset(&action, 0, sizeof(action));
+  sigemptyset(&action.sa_mask);
+  action.sa_handler = on_crash;
+  action.sa_flags   = SA_ONSTACK;
+  for (int i = 0; i < (int)PETSC_STATIC_ARRAY_LENGTH(SIGNAL); i++) (void)sigaction(SIGNAL[i], &action, NULL);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- the end ---- */
+
 /* Libraries that hold what the error left open (files of a full disk) may fall over it while they leave */
 static void leave_quietly(int number)
 {

@@ -12,5 +12,9 @@ PetscErrorCode FailureNote(MPI_Comm comm, int line, const char *function, const 
    does not come waits elsewhere for this one and is ended. Returns the exit status. Asks for no memory. */
 int FailureLeave(void);
 
-/* The same for what is no error of PETSc's, by any rank alone. Does not return. */
+/* From now on (after PetscInitialize) a crash outside of shape plugins ends with one message, too, unless PETSc is asked for a
+   debugger or for no signal handler. */
+PetscErrorCode FailureCatchCrashes(void);
+
+/* As FailureLeave, for what is no error of PETSc's, by any rank alone. Does not return. */
 void FailureAbort(const char message[]);

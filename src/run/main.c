@@ -176,6 +176,7 @@ int main(int argc, char **argv)
   if (!ierr && wish == HELP_PETSC) ierr = PetscOptionsSetValue(NULL, "-scene_dry_run", "1");
   if (!ierr) ierr = LogInitialize();
   if (!ierr && SceneFileIsList(path)) ierr = forget_place(argc, argv);
+  if (!ierr) ierr = FailureCatchCrashes();
   if (!ierr) ierr = ShapeGuardInstall();
   if (!ierr) ierr = SceneRun(name);
   if (ierr) return FailureLeave();

@@ -267,6 +267,7 @@ def try_fault(args, reference, fault, keep=None):
 
 def general(message):
     """A message without the figures of the one case: for the table of messages."""
+    message = re.sub(r"given no more \(\w+\)", "given no more (NAME)", re.sub(r"fails at (the file|[\w/]+)", "fails at NAME", message)).replace(str(ROOT), ".")
     message = re.sub(r"\(folder\)/\S+?(['\s:)])", r"FILE\1", message)
     return re.sub(r"(?<![\w])-?\d[\d.e+-]*", "N", message)
 
