@@ -43,13 +43,13 @@ ENTER   = $(Q)$(if $(Q),printf '  %-5s %s\n' $1 $@; )mkdir -p $(@D) &&
 
 OBJECTS := $(patsubst src/%.c,$(BUILD)/obj/%.o,$(filter-out src/run/main.c,$(wildcard src/*/*.c src/*/*/*.c)))
 SHAPES  := $(patsubst shapes/%.c,$(BUILD)/shapes/%.so,$(wildcard shapes/*.c))
-TESTS   := $(patsubst tests/%.c,$(BUILD)/tests/%,$(wildcard tests/*/*.c)) $(patsubst tests/%.c,$(BUILD)/tests/%.so,$(wildcard tests/shape/badshapes/*.c))
-SOURCES := $(wildcard src/*/*.[ch] src/*/*/*.[ch] include/*.h include/*/*.h shapes/*.c tests/*.h tests/*/*.[ch] tests/shape/badshapes/*.c tools/*.c)
+TESTS   := $(patsubst tests/%.c,$(BUILD)/tests/%,$(wildcard tests/*/*.c)) $(patsubst tests/%.c,$(BUILD)/tests/%.so,$(wildcard tests/shape/badshapes/*.c tests/runs/faults/*.c))
+SOURCES := $(wildcard src/*/*.[ch] src/*/*/*.[ch] include/*.h include/*/*.h shapes/*.c tests/*.h tests/*/*.[ch] tests/shape/badshapes/*.c tests/runs/faults/*.c tools/*.c)
 SCRIPTS  = $(shell grep -slE '^\#!.*python3' tools/*) $(wildcard tools/*.py tools/*/*.py tests/*.py tests/*/*.py)
 
 .DEFAULT_GOAL := all
 .DELETE_ON_ERROR:
-.PHONY: all tests shapes demo bench scaling extremes fuzz validate check check-64 check-unit check-e2e demo-now check-now check-unit-now check-e2e-now style format test-shape options install deps clean help FORCE
+.PHONY: all tests shapes demo bench scaling extremes fuzz faults validate check check-64 check-unit check-e2e demo-now check-now check-unit-now check-e2e-now style format test-shape options install deps clean help FORCE
 
 all: $(BUILD)/tumble shapes ## build the program and the shapes (default)
 shapes: $(SHAPES)           ## build the shape plugins only
@@ -75,6 +75,8 @@ $(BUILD)/shapes/%.so: shapes/%.c $(BUILD)/flags | $(BUILD)/libtumble.so
 	$(PLUGIN)
 $(BUILD)/tests/shape/badshapes/%.so: tests/shape/badshapes/%.c $(BUILD)/flags | $(BUILD)/libtumble.so
 	$(PLUGIN)
+$(BUILD)/tests/runs/faults/%.so: tests/runs/faults/%.c $(BUILD)/flags # preloaded: links to nothing of ours
+	$(call ENTER,TEST) $(COMPILE) -MF $(@:.so=.d) -shared -o $@ $< -ldl
 $(BUILD)/tests/%: tests/%.c $(BUILD)/flags | $(BUILD)/libtumble.so $(BUILD)/version.h
 	$(call ENTER,TEST) $(COMPILE) -Itests -Isrc/$(*D) -MF $@.d -o $@ $< $(TUMBLE) $(CMOCKA) $(LIBS)
 -include $(wildcard $(BUILD)/*/*.d $(BUILD)/*/*/*.d $(BUILD)/*/*/*/*.d)
@@ -119,6 +121,8 @@ extremes: all ## the stability map: runs/extremes/map.csv, map.png (ARGS=--quick
 	$(PYTHON) tools/extremes $(ARGS)
 fuzz: all ## random scenes, each of which ends well or with one message: runs/fuzz (ARGS="--seeds 1-20"; 'tools/fuzz --help')
 	$(PYTHON) tools/fuzz $(ARGS)
+faults: all $(BUILD)/tests/runs/faults/inject.so ## injected faults, each of which ends with one message and loses no checkpoint: runs/faults (ARGS=--quick; 'tools/faults --help')
+	$(PYTHON) tools/faults $(ARGS)
 style: ## rooms, text, formatting, scripts that compile
 	tools/check-layers
 	tools/check-text --wide
