@@ -9,6 +9,7 @@
 #include "base/opt.h"
 #include "run/scene.h"
 #include "run/scenefile.h"
+#include "cores.h"
 #include "failure.h"
 #include "shape.h"
 #include "shape/host.h"
@@ -153,7 +154,9 @@ int main(int argc, char **argv)
   OptFormat      format;
   Wish           wish;
 
+  CoresPrepare();
   MPI_Init(&argc, &argv);
+  CoresShare();
   wish = find_wish(argc, argv, &format);
   if (wish == HELP || wish == HELP_OUTPUT || wish == VERSION) return tell(wish, format);
   if (SceneFileTake(&argc, argv, path, sizeof(path)) && wish == RUN) {

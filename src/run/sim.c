@@ -4,6 +4,7 @@
 #include "compat.h"
 #include "sim.h"
 #include "adapt.h"
+#include "cores.h"
 #include "finish.h"
 #include "judge.h"
 #include "meet.h"
@@ -27,6 +28,7 @@ struct _p_Sim {
   PetscReal (*a)[3], (*alpha)[3]; /* acceleration of the bodies without contact, for the sub-steps of contact */
   PetscBool        known;         /* bodies that are spread have gone to the ranks that need them */
   PetscBool        has_acceleration, renew;
+  Cores            cores;
   const PetscReal *eta;   /* [own cells] error of the steady solution, NULL: not known */
   MonitorPhase     phase; /* begun at the clock `since` */
   PetscLogDouble   since;
@@ -567,11 +569,13 @@ PetscErrorCode SimRun(Sim s)
     PetscCall(LogRemark("nothing is left to do: the checkpoint is at step %" PetscInt_FMT
                         ", t = %g, the end of the run. Raise -sim_time or -sim_steps",
                         s->step, (double)s->time));
+  PetscCall(CoresBegin(&s->cores));
   while (!stop && !is_at_end(s)) {
     if (s->renew) PetscCall(renew_solvers(s));
     if (s->part.flow) PetscCall(take_step(s));
     else PetscCall(take_step_alone(s));
     PetscCall(save_state(s, &stop));
+    PetscCall(CoresStep(&s->cores));
   }
   PetscCall(LeaveGetRemoved(s->part.border, &removed));
   if (removed) PetscCall(MonitorQuantity(s->part.monitor, "bodies_removed", removed));
@@ -581,6 +585,7 @@ PetscErrorCode SimRun(Sim s)
   if (s->adapt) PetscCall(AdaptFinish(s->adapt));
   if (s->part.flow) PetscCall(FinishFlow(&s->part, &cells, &unknowns));
   else PetscCall(MonitorQuantity(s->part.monitor, "contact_substeps", s->substeps));
+  PetscCall(CoresFinish(&s->cores, s->part.monitor));
   PetscCall(MonitorFinish(s->part.monitor, s->part.scene, cells, unknowns, s->step, s->time));
   PetscCall(CheckpointFinish(s->part.checkpoint, s->step, s->time));
   PetscFunctionReturn(PETSC_SUCCESS);
