@@ -82,21 +82,23 @@ $(BUILD)/tests/%: tests/%.c $(BUILD)/flags | $(BUILD)/libtumble.so $(BUILD)/vers
 -include $(wildcard $(BUILD)/*/*.d $(BUILD)/*/*/*.d $(BUILD)/*/*/*/*.d)
 
 # Installing comes before a fresh make, which then finds what was installed.
-demo:       ## run a settling disc and draw pictures (installs what is missing; ARGS= for the program)
+demo:       ## run a settling disc on the cores that are free (RANKS=) and draw pictures (installs what is missing; ARGS= for the program)
 check:      ## build and run all tests (installs what is missing; ARGS= for pytest, such as ARGS="-k mesh")
 check-unit: ## unit tests only
 check-e2e:  ## end-to-end tests only
 demo check check-unit check-e2e:
 	@$(SETUP)
 	@$(MAKE) $@-now
+# Ranks that wait spin: where others use the cores, one rank is faster than two.
+RANKS = $(or $(shell $(PYTHON) tools/free-cores 2 2> /dev/null),1)
 demo-now: all
-	$(MPIEXEC) -n 2 $(BUILD)/tumble runs/sedimentation.yaml -output_overwrite $(ARGS)
+	$(MPIEXEC) -n $(RANKS) $(BUILD)/tumble runs/sedimentation.yaml -output_overwrite $(ARGS)
 	$(PYTHON) tools/plot out/sedimentation
 	@echo "Pictures:" && ls -1 out/sedimentation/*.png
 check-now check-unit-now check-e2e-now: tests
 	@TUMBLE_BUILD=$(BUILD) MPIEXEC="$(MPIEXEC)" $(PYTHON) -m pytest $(WORKERS) $(CHECK_$(@:check-%-now=%)) $(ARGS)
-# As many tests at a time as there are cores, if pytest-xdist is there.
-WORKERS = $(shell $(PYTHON) -c 'import os, xdist; print("-n", min(len(os.sched_getaffinity(0)), 8), "--dist loadgroup")' 2> /dev/null)
+# As many tests at a time as cores are free, if pytest-xdist is there.
+WORKERS = $(shell $(PYTHON) -c 'import xdist' 2> /dev/null && printf '%s ' -n $$($(PYTHON) tools/free-cores 8) --dist loadgroup)
 CHECK_unit = $(wildcard tests/*/test_*.c)
 CHECK_e2e  = $(wildcard tests/*/test_*.py)
 # A PETSc with 64-bit numbers: Debian's libpetsc64-real-dev, or PETSC64=PETSC_DIR/PETSC_ARCH. What CHECK_64 selects of the unit tests, a short fall.

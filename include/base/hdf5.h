@@ -1,10 +1,10 @@
-/* Hdf5: arrays that are spread over the ranks as datasets of one HDF5 file, which all ranks write or read together, each its
-   own rows, without MPI-IO: a disk that is full for one rank holds up no other. All ranks must see the file (a shared file
-   system with POSIX calls).
+/* Hdf5: arrays that are spread over the ranks as datasets of one HDF5 file, which all ranks write or read together,
+   each its own rows, without MPI-IO: a disk that is full for one rank holds up no other. All ranks must see the file
+   (a shared file system with POSIX calls).
 
-   While writing, HDF5's errors are remembered and told by Hdf5Close; while reading, each function says whether it
-   went well, the same on all ranks. Between opening and closing HDF5 itself prints nothing.
-   Used directly, because PETSc's viewer neither tells why a file is refused nor keeps checksums with an array. */
+   While writing, HDF5's errors are remembered and told by Hdf5Close; while reading, each function says whether it went
+   well, the same on all ranks. Between opening and closing HDF5 itself prints nothing. Used directly, because PETSc's
+   viewer neither tells why a file is refused nor keeps checksums with an array. */
 #pragma once
 #include <petscsys.h>
 
@@ -30,8 +30,8 @@ PetscErrorCode Hdf5SpreadRows(MPI_Comm, PetscInt n, Hdf5Rows *);
 /* Create (or replace) the file, or open it to read: *good, is it open? If not, it can only be closed. Collective. */
 PetscErrorCode Hdf5Create(MPI_Comm, const char path[], Hdf5 *);
 PetscErrorCode Hdf5Open(MPI_Comm, const char path[], Hdf5 *, PetscBool *good);
-/* Close, on disk if written. reason (NULL if read): "" if everything has been written, or what was not, as in "HDF5 fails at
-   /velocity (No space left on device)". Collective, the same on all ranks. */
+/* Close, on disk if written. reason (NULL if read): "" if everything has been written, or what was not, as in "HDF5
+   fails at /velocity (No space left on device)". Collective, the same on all ranks. */
 PetscErrorCode Hdf5Close(Hdf5 *, char reason[], size_t len);
 
 /* v [rows.n][bs] <-> dataset [rows.total][bs]; bs 0: v [rows.n] <-> dataset [rows.total]. Names may lead through

@@ -1,7 +1,7 @@
-/* Hdf5: see hdf5.h. HDF5 itself runs on rank 0 alone: it makes groups, datasets and attributes and finds where in the file
-   the values of a dataset stand, one block after its creation; there every rank reads and writes its own rows by itself. So
-   whatever fails on one rank (a full disk) fails in a call of that rank alone, and no other waits for it inside a library, as
-   ranks do in MPI-IO when one of them has given up. */
+/* Hdf5: see hdf5.h. HDF5 itself runs on rank 0 alone: it makes groups, datasets and attributes and finds where in the
+   file the values of a dataset stand, one block after its creation; there every rank reads and writes its own rows by
+   itself. So whatever fails on one rank (a full disk) fails in a call of that rank alone, and no other waits for it
+   inside a library, as ranks do in MPI-IO when one of them has given up. */
 #include "compat.h"
 #include "base/hdf5.h"
 #include <errno.h>
@@ -227,8 +227,8 @@ static size_t row_size(Hdf5Type t, PetscInt bs)
   return H5Tget_size(memory_type(t)) * (size_t)PetscMax(bs, 1);
 }
 
-/* All n bytes of v to or from the place, in calls that none refuses for its length; errno is 0 at the end of a file that is
-   too short */
+/* All n bytes of v to or from the place, in calls that none refuses for its length; errno is 0 at the end of a file
+   that is too short */
 static PetscBool move_rows(Hdf5 h, size_t n, int64_t place, void *v)
 {
   char *at = v;
@@ -318,7 +318,8 @@ static PetscBool read_here(hid_t set, Hdf5Type t, hsize_t n, hsize_t start, Pets
   return good;
 }
 
-/* Values that are not one block, or of another type: rank 0 reads them for one rank after the other. *good on rank 0. */
+/* Values that are not one block, or of another type: rank 0 reads them for one rank after the other. *good is
+   rank 0's. */
 static PetscErrorCode read_for_all(Hdf5 h, hid_t set, Hdf5Type t, Hdf5Rows rows, PetscInt bs, void *v, PetscBool *good)
 {
   const size_t size = row_size(t, bs);

@@ -169,7 +169,8 @@ void CoresShare(void)
   }
   free(all);
   (void)MPI_Comm_free(&node);
-  *(void **)&set_yield = dlsym(RTLD_DEFAULT, "opal_progress_set_yield_when_idle"); /* Open MPI reads the option when it starts */
+  /* Open MPI reads its option when it starts */
+  *(void **)&set_yield = dlsym(RTLD_DEFAULT, "opal_progress_set_yield_when_idle");
   if (set_yield && !given) set_yield(shared || (quota > 0 && quota < on_node));
 }
 

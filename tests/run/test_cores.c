@@ -97,7 +97,7 @@ static void test_shared(void **state)
   assert_int_equal(CoresAreShared(2, 1, (unsigned long[]){3, 3}), 0);        /* two of two */
   assert_int_equal(CoresAreShared(3, 1, (unsigned long[]){3, 3, 3}), 1);     /* three of two */
   assert_int_equal(CoresAreShared(3, 1, (unsigned long[]){3, 3, 12}), 0);    /* sockets */
-  assert_int_equal(CoresAreShared(4, 1, (unsigned long[]){3, 1, 2, 12}), 1); /* two bound ones in the two cores of a third */
+  assert_int_equal(CoresAreShared(4, 1, (unsigned long[]){3, 1, 2, 12}), 1); /* two bound within a third's */
   assert_int_equal(CoresAreShared(2, 2, (unsigned long[]){0, 1, 0, 1}), 1);  /* cores beyond the first word */
   assert_int_equal(CoresAreShared(2, 1, (unsigned long[]){0, 0}), 0);        /* not known */
 }

@@ -32,7 +32,7 @@ import time
 from collections import Counter
 from pathlib import Path
 
-from toolbox import ROOT, end_group, environment, launcher, make_parser, print_table, read_rows, write_rows
+from toolbox import ROOT, default_jobs, end_group, environment, launcher, make_parser, print_table, read_rows, write_rows
 
 FOLDER = ROOT / "runs" / "faults"
 COLUMNS = "scene,ranks,fault,step,checkpoints,verdict,restart,seconds,call,message".split(",")
@@ -67,7 +67,7 @@ def parse_arguments():
     parser.add_argument("--only", default="", metavar="LIST", help="scenes, numbers of ranks, kinds of calls")
     parser.add_argument("--point", metavar="FAULT", help="KIND:K:ACTION:RANK: this one, with what the program prints")
     parser.add_argument("--most", type=int, metavar="N", help="as many of each kind, in place of the plan")
-    parser.add_argument("--jobs", type=int, default=2, metavar="N", help="runs at the same time (default: %(default)s)")
+    parser.add_argument("--jobs", type=int, default=default_jobs(), metavar="N", help="runs at the same time (default: cores that are free)")
     parser.add_argument("--output", default=str(FOLDER), metavar="FOLDER", help="where faults.csv and README.md go (default: runs/faults)")
     return parser, parser.parse_args()
 

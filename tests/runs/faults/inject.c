@@ -1,15 +1,19 @@
-/* Faults on demand, a library for LD_PRELOAD (tools/faults): between MPI_Init and MPI_Finalize it counts what a run asks of the system, and
-   lets the k-th of a kind fail on one rank.
+/* Faults on demand, a library for LD_PRELOAD (tools/faults): between MPI_Init and MPI_Finalize it counts what a run
+   asks of the system, and lets the k-th of a kind fail on one rank.
 
-     TUMBLE_FAULT=KIND:K:ACTION:RANK   ACTION fail (this one), lasting (this one and all that follow) or kill (the process ends there; a write
-                                       has written half of its bytes). K = 0 only counts.
+     TUMBLE_FAULT=KIND:K:ACTION:RANK   K = 0 only counts. ACTION: fail (this one), lasting (this one and all that
+                                       follow) or kill (the process ends there; a write has written half of its bytes)
      TUMBLE_FAULT_FOLDER               files in it count, and those with a relative path
-     TUMBLE_FAULT_REPORT               file.<rank>: what failed, how many checkpoints had their names by then, and at the end the counts
+     TUMBLE_FAULT_REPORT               file.<rank>: what failed, how many checkpoints had their names by then, and at
+                                       the end the counts
 
    KIND alloc    malloc and its family, called by the program, its plugins or PETSc: other libraries are theirs to mend
-        open     open, creat, fopen, mkdir                    write   write and its family, ftruncate; a stream when it hands its buffer over
-        sync     fsync, fdatasync                             rename  rename
-        hdf5     any HDF5 call of the program                 plugin  dlopen
+        open     open, creat, fopen, mkdir
+        write    write and its family, ftruncate; a stream when it hands its buffer over
+        sync     fsync, fdatasync
+        rename   rename
+        hdf5     any HDF5 call of the program
+        plugin   dlopen
         step     the end of a step (kill only)
 
    A call that fails does nothing. Errors are those of a full disk, or EIO. */
@@ -479,9 +483,18 @@ HDF5_CALL(herr_t, H5Aclose, (hid_t a), (a), "")
 HDF5_CALL(htri_t, H5Lexists, (hid_t f, const char *name, hid_t a), (f, name, a), name)
 HDF5_CALL(hid_t, H5Pcreate, (hid_t c), (c), "")
 HDF5_CALL(herr_t, H5Pclose, (hid_t p), (p), "")
-HDF5_CALL(herr_t, H5Pset_fapl_mpio, (hid_t p, MPI_Comm comm, MPI_Info info), (p, comm, info), "")
-HDF5_CALL(herr_t, H5Pset_dxpl_mpio, (hid_t p, H5FD_mpio_xfer_t mode), (p, mode), "")
 HDF5_CALL(herr_t, H5Pset_create_intermediate_group, (hid_t p, unsigned yes), (p, yes), "")
+HDF5_CALL(herr_t, H5Pset_alloc_time, (hid_t p, H5D_alloc_time_t t), (p, t), "")
+HDF5_CALL(herr_t, H5Pset_fill_time, (hid_t p, H5D_fill_time_t t), (p, t), "")
+HDF5_CALL(H5D_layout_t, H5Pget_layout, (hid_t p), (p), "")
+HDF5_CALL(int, H5Pget_external_count, (hid_t p), (p), "")
+HDF5_CALL(haddr_t, H5Dget_offset, (hid_t d), (d), "")
+HDF5_CALL(hid_t, H5Dget_type, (hid_t d), (d), "")
+HDF5_CALL(hid_t, H5Dget_create_plist, (hid_t d), (d), "")
+HDF5_CALL(htri_t, H5Tequal, (hid_t a, hid_t b), (a, b), "")
+#if H5_VERSION_GE(1, 10, 7)
+HDF5_CALL(herr_t, H5Pset_file_locking, (hid_t p, hbool_t use, hbool_t ignore), (p, use, ignore), "")
+#endif
 HDF5_CALL(hid_t, H5Screate, (H5S_class_t c), (c), "")
 HDF5_CALL(hid_t, H5Screate_simple, (int n, const hsize_t a[], const hsize_t b[]), (n, a, b), "")
 HDF5_CALL(herr_t, H5Sselect_hyperslab, (hid_t s, H5S_seloper_t op, const hsize_t a[], const hsize_t b[], const hsize_t c[], const hsize_t d[]),
