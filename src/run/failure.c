@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "failure.h"
 #include "report/checkpoint.h"
+#include <petscblaslapack.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -11,6 +12,8 @@
 
 #define MANY 8 /* different errors that are told */
 #define TAG  911
+
+#define LIBRARIES (160 << 20) /* bytes: the buffer has 128 MB */
 
 /* What one rank has to say */
 typedef struct {
@@ -163,6 +166,20 @@ PetscErrorCode FailureCatchCrashes(void)
   action.sa_handler = on_crash;
   action.sa_flags   = SA_ONSTACK;
   for (int i = 0; i < (int)PETSC_STATIC_ARRAY_LENGTH(SIGNAL); i++) (void)sigaction(SIGNAL[i], &action, NULL);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FailureReserve(void)
+{
+  PetscScalar  a     = 1;
+  PetscBLASInt n     = 1, pivot, info;
+  void        *probe = malloc(LIBRARIES); /* of addresses: not touched */
+
+  PetscFunctionBeginUser;
+  PetscCheck(probe, PETSC_COMM_SELF, PETSC_ERR_MEM, "Out of memory: a rank is given less than %d MB at its start. Raise the limit (ulimit -v)",
+             LIBRARIES >> 20);
+  free(probe);
+  LAPACKgetrf_(&n, &n, &a, &n, &pivot, &info);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -16,5 +16,9 @@ int FailureLeave(void);
    asked for a debugger or for no signal handler. */
 PetscErrorCode FailureCatchCrashes(void);
 
+/* Is there memory for what libraries take at once? OpenBLAS turns in circles for ever when it finds none for its
+   buffer: it gets it here. Raises an error on this rank alone. Not collective. */
+PetscErrorCode FailureReserve(void);
+
 /* As FailureLeave, for what is no error of PETSc's, by any rank alone. Does not return. */
 void FailureAbort(const char message[]);

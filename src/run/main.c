@@ -180,6 +180,7 @@ int main(int argc, char **argv)
   if (!ierr) ierr = LogInitialize();
   if (!ierr && SceneFileIsList(path)) ierr = forget_place(argc, argv);
   if (!ierr) ierr = FailureCatchCrashes();
+  if (!ierr) ierr = FailureReserve();
   if (!ierr) ierr = ShapeGuardInstall();
   if (!ierr) ierr = SceneRun(name);
   if (ierr) return FailureLeave();

@@ -1,10 +1,11 @@
 """tools/faults: the quick form finds no bug; the table of the tree has none; runs that end badly are told; a silent loss is seen."""
 import csv
+import re
 import stat
 import subprocess
 from collections import Counter
 
-from conftest import ROOT
+from conftest import ROOT, environment
 from test_extremes import PYTHON
 
 # What a program that ends badly does once it is told to fail: what the table says of it. Without a fault it leaves a table and a checkpoint.
@@ -58,3 +59,17 @@ def test_bad_ends(tmp_path):
         done, rows = faults(tmp_path, tmp_path, "--only", "plane,1,rename", "--limit", "1.5")
         bad = [row for row in rows if row["fault"] == "rename:1:fail:0"]
         assert done.returncode == 1 and len(bad) == 1 and bad[0]["verdict"] == "BUG" and message in bad[0]["message"], f"{name}: {done.stdout}{done.stderr}"
+
+
+def test_limit_of_memory(program, tmp_path):
+    """A real one, of addresses: down to where MPI itself does not start, each run ends well or with one message. OpenBLAS alone would wait for ever."""
+    ended = []
+    for limit in range(720, 180, -60):
+        words = ["sh", "-c", f"ulimit -v {limit}000 && exec \"$@\"", "limited", str(program), str(ROOT / "runs/faults/plane.yaml"), "-output_overwrite"]
+        done = subprocess.run(words, cwd=tmp_path, env=environment(), capture_output=True, text=True, timeout=60, check=False)
+        found = re.findall(r"^tumble: error: (.*)", done.stderr, re.M)
+        if not found and done.returncode and limit < 450:
+            break  # the launcher's word
+        assert done.returncode == 0 and not found or done.returncode == 1 and len(found) == 1 and found[0].startswith("Out of memory: "), f"{limit} MB: {done.stdout[-500:]}{done.stderr}"
+        ended.append(done.returncode)
+    assert ended[0] == 0 and 1 in ended
