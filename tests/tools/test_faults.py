@@ -1,13 +1,17 @@
 """tools/faults: the quick form finds no bug; the table of the tree has none; runs that end badly are told; a silent loss is seen."""
 import csv
+import os
 import re
 import stat
 import subprocess
 from collections import Counter
 
+import pytest
+
 from conftest import ROOT, environment
 from test_extremes import PYTHON
 
+SANE = pytest.mark.skipif("asan" in os.environ["TUMBLE_BUILD"], reason="sanitizers have allocators of their own")
 # What a program that ends badly does once it is told to fail: what the table says of it. Without a fault it leaves a table and a checkpoint.
 BAD = {
     "hang": ("sleep 60", "hung"),
@@ -35,6 +39,7 @@ def faults(build, folder, *args):
         return done, list(csv.DictReader(file))
 
 
+@SANE
 def test_some_faults(program, tmp_path):
     done, rows = faults(program.parent, tmp_path, "--quick")
     counts = Counter(row["verdict"] for row in rows)
@@ -61,6 +66,7 @@ def test_bad_ends(tmp_path):
         assert done.returncode == 1 and len(bad) == 1 and bad[0]["verdict"] == "BUG" and message in bad[0]["message"], f"{name}: {done.stdout}{done.stderr}"
 
 
+@SANE
 def test_limit_of_memory(program, tmp_path):
     """A real one, of addresses: down to where MPI itself does not start, each run ends well or with one message. OpenBLAS alone would wait for ever."""
     ended = []

@@ -190,12 +190,13 @@ int MPI_Finalize(void)
   return PMPI_Finalize();
 }
 
-/* The end of a step: a function of the program's own, which its step calls through the linker */
-int CheckpointPoll(void *c, int step, void *due, void *stop)
+/* The end of a step: a function of the program's own, which its step calls through the linker. A long passes on a
+   PetscInt of either size. */
+int CheckpointPoll(void *c, long step, void *due, void *stop)
 {
-  static int (*real)(void *, int, void *, void *);
+  static int (*real)(void *, long, void *, void *);
 
-  if (!real) real = (int (*)(void *, int, void *, void *))next("CheckpointPoll");
+  if (!real) real = (int (*)(void *, long, void *, void *))next("CheckpointPoll");
   fault.steps++;
   (void)fails(STEP, "step", "", 1);
   return real(c, step, due, stop);
