@@ -23,7 +23,13 @@ typedef struct {
   PetscBool traced;        /* PETSc's trace was wanted, and this rank is the one to print it */
 } Failure;
 
-static Failure failure, other; /* static: there may be no memory left */
+static Failure  failure, other; /* static: there may be no memory left */
+static MPI_Comm all = MPI_COMM_WORLD;
+
+void FailurePrepare(void)
+{
+  (void)MPI_Comm_dup(MPI_COMM_WORLD, &all);
+}
 
 /* Is the message enough? */
 static PetscBool is_plain(PetscErrorCode code)
@@ -114,10 +120,10 @@ static void tell_errors(void)
 
   MPI_Comm_size(MPI_COMM_WORLD, &size);
   MPI_Comm_rank(MPI_COMM_WORLD, &rank);
-  if (rank) (void)MPI_Send(&failure, sizeof(failure), MPI_BYTE, 0, TAG, MPI_COMM_WORLD);
+  if (rank) (void)MPI_Send(&failure, sizeof(failure), MPI_BYTE, 0, TAG, all);
   for (int i = 0; rank == 0 && i < size; i++) {
     other = failure;
-    if (i) (void)MPI_Recv(&other, sizeof(other), MPI_BYTE, i, TAG, MPI_COMM_WORLD, MPI_STATUS_IGNORE);
+    if (i) (void)MPI_Recv(&other, sizeof(other), MPI_BYTE, i, TAG, all, MPI_STATUS_IGNORE);
     tell_other();
   }
   if (rank == 0) tell_checkpoint();
@@ -200,7 +206,7 @@ int FailureLeave(void)
   MPI_Request request;
   int         done = 0;
 
-  MPI_Ibarrier(MPI_COMM_WORLD, &request);
+  MPI_Ibarrier(all, &request);
   MPI_Test(&request, &done, MPI_STATUS_IGNORE);
   for (int wait = 0; wait < patience && !done; wait++) {
     (void)usleep(10000);

@@ -2,6 +2,9 @@
 #pragma once
 #include <petscsys.h>
 
+/* At the start, after MPI_Init: how ranks meet that leave, apart from what others may wait in. Collective. */
+void FailurePrepare(void);
+
 /* PETSc's error handler (PetscPushErrorHandler; it may be there before PetscInitialize): keeps the message of the
    error this rank stops with. Mistakes of the user and a machine that is too small get that message alone, everything
    else PETSc's trace too. */

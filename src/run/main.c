@@ -157,6 +157,7 @@ int main(int argc, char **argv)
   CoresPrepare();
   MPI_Init(&argc, &argv);
   CoresShare();
+  FailurePrepare();
   wish = find_wish(argc, argv, &format);
   if (wish == HELP || wish == HELP_OUTPUT || wish == VERSION) return tell(wish, format);
   if (SceneFileTake(&argc, argv, path, sizeof(path)) && wish == RUN) {
