@@ -36,17 +36,9 @@ PetscErrorCode BodiesHold(Bodies b, PetscBool held)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static const Placement *start_of(Bodies b, PetscInt k)
+void BodyTurnFromStart(Bodies b, PetscInt k, const PetscReal turn[3], PetscReal q[4], PetscReal *angle)
 {
-  const PetscInt g = b->state.body_group[k];
-
-  return &b->start[g][b->state.number[k] - b->state.group[g].first];
-}
-
-/* Orientation that is `turn` away from the start */
-static void turn_from_start(Bodies b, PetscInt k, const PetscReal turn[3], PetscReal q[4], PetscReal *angle)
-{
-  const Placement *p = start_of(b, k);
+  const Placement *p = BodyStart(b, k);
 
   *angle = p->angle + dot3(turn, BodiesGetGroup(&b->view, k)->motion.axis);
   if (p->turned) (void)PetscArraycpy(q, p->q, 4);
@@ -69,15 +61,14 @@ void BodiesKeepAxes(BodyState *s, PetscInt k, PetscReal u[3], PetscReal w[3])
   if (w && m->has_hinge) keep_along(m->hinge, w);
 }
 
-/* Orientation of body k at an angle; in space it turns about its hinge, or by the vector `turn` */
-static void turn_body(Bodies b, PetscInt k, PetscReal angle, const PetscReal turn[3], PetscReal q[4])
+void BodyOrient(Bodies b, PetscInt k, PetscReal angle, const PetscReal turn[3], PetscReal q[4])
 {
   const Motion *m = &BodiesGetGroup(&b->view, k)->motion;
 
   if (b->state.dim == 2) RotationFromAngle(angle, q);
   else if (m->has_hinge) {
-    (void)PetscArraycpy(q, start_of(b, k)->q, 4);
-    RotationAdvance(angle - start_of(b, k)->angle, m->hinge, q);
+    (void)PetscArraycpy(q, BodyStart(b, k)->q, 4);
+    RotationAdvance(angle - BodyStart(b, k)->angle, m->hinge, q);
   } else RotationAdvance(1, turn, q);
 }
 
@@ -91,7 +82,7 @@ PetscErrorCode BodiesGetKnownVelocity(Bodies b, PetscInt k, PetscReal time, Pets
   PetscCall(PetscArraycpy(u, s->u[k], 3));
   PetscCall(PetscArraycpy(w, s->w[k], 3));
   if (nothing_known(b, k)) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MotionEvaluate(&g->motion, start_of(b, k), time, x, uk, turn, wk));
+  PetscCall(MotionEvaluate(&g->motion, BodyStart(b, k), time, x, uk, turn, wk));
   for (PetscInt a = 0; a < 3; a++) {
     if (!BodiesIsFree(b, k, a)) u[a] = uk[a];
     if (!(g->free & BODY_FREE_ROTATION)) w[a] = wk[a];
@@ -110,9 +101,9 @@ static PetscErrorCode place_known(Bodies b, PetscInt k, PetscReal time, PetscRea
 
   PetscFunctionBeginUser;
   if (nothing_known(b, k)) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MotionEvaluate(&g->motion, start_of(b, k), time, x, uk, turn, wk));
+  PetscCall(MotionEvaluate(&g->motion, BodyStart(b, k), time, x, uk, turn, wk));
   if (!(g->free & BODY_FREE_ROTATION)) {
-    turn_from_start(b, k, turn, q, angle);
+    BodyTurnFromStart(b, k, turn, q, angle);
     if (w) PetscCall(PetscArraycpy(w, wk, 3));
   }
   PetscCall(BodiesGetArm(b, k, q, arm));
@@ -136,20 +127,6 @@ PetscErrorCode BodiesApplyKnown(Bodies b, PetscInt k, PetscReal time)
 }
 
 /* ---- motion ---- */
-
-PetscErrorCode BodiesGetLoad(Bodies b, PetscInt k, PetscReal rho_f, const PetscReal gravity[3], PetscReal force[3], PetscReal torque[3])
-{
-  const BodyGroup *g;
-
-  PetscFunctionBeginUser;
-  PetscCall(check_body(b, k));
-  g = BodiesGetGroup(&b->view, k);
-  for (PetscInt a = 0; a < 3; a++) {
-    force[a]  = g->motion.force[a] + (b->state.density[k] - rho_f) * BodiesVolume(&b->view, k) * (a < b->state.dim ? gravity[a] : 0);
-    torque[a] = g->motion.torque[a];
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
 
 /* Torque about the reference point of all that acts on body k in the present state: fluid, contact, load */
 static PetscErrorCode get_torque(Bodies b, PetscInt k, PetscReal rho_f, const PetscReal gravity[3], PetscReal torque[3])
@@ -294,7 +271,7 @@ PetscErrorCode BodiesAdvancePosition(Bodies b, PetscReal dt, PetscReal theta)
     keep_stops(b, k, dt);
     PetscCall(PetscArraycpy(s->q_old[k], s->q[k], 4));
     if (s->dim == 3) BodyTurn(dt, s->w_old[k], s->w[k], turn);
-    turn_body(b, k, s->angle[k], turn, s->q[k]);
+    BodyOrient(b, k, s->angle[k], turn, s->q[k]);
     PetscCall(BodiesApplyKnown(b, k, s->time + dt));
     for (PetscInt a = 0; a < s->dim; a++)
       PetscCheck(!PetscIsInfOrNanReal(s->x[k][a]) && !PetscIsInfOrNanReal(s->angle[k]), PETSC_COMM_SELF, PETSC_ERR_FP,
@@ -383,7 +360,7 @@ PetscErrorCode BodiesPredict(Bodies b, PetscInt k, PetscReal dt, PetscInt order,
   *angle = s->angle[k] + dot3(turn, m->hinge);
   if (m->has_stops) *angle = PetscMin(PetscMax(*angle, m->stops[0]), m->stops[1]);
   PetscCall(PetscArraycpy(q, s->q[k], 4));
-  turn_body(b, k, *angle, turn, q);
+  BodyOrient(b, k, *angle, turn, q);
   PetscCall(place_known(b, k, s->time + dt, X, q, angle, NULL, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

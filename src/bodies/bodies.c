@@ -174,6 +174,7 @@ PetscErrorCode BodiesCreateLocal(MPI_Comm comm, PetscInt dim, const PetscReal lo
   PetscCallMPI(MPI_Comm_size(comm, &size));
   if (size > 1) PetscCall(BodyPartsCreate(comm, dim, lower, upper, period, &parts));
   PetscCall(create_bodies(dim, lower, upper, parts, bodies));
+  for (PetscInt a = 0; a < dim; a++) (*bodies)->box[a] = period[a];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

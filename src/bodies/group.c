@@ -5,6 +5,7 @@
    know the state of the bodies, which is made from this in bodies.c. */
 #include "compat.h"
 #include "impl.h"
+#include "joint.h"
 #include "spread.h"
 #include "base/algebra.h"
 #include "base/log.h"
@@ -121,6 +122,14 @@ static PetscErrorCode read_start(BodyGroup *g)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* See bodies.h. Others fall, turn and slide as they are, contact and weight apart. */
+static PetscBool is_guided(const BodyGroup *g)
+{
+  const Motion *m = &g->motion;
+
+  return (PetscBool)(m->given || (g->free && (m->has_pivot || m->has_stops || JointActs(m))));
+}
+
 static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim, Start *s)
 {
   char      name[OPT_NAME], type[64] = "", prefix[128];
@@ -139,6 +148,9 @@ static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim, Start *s)
   PetscCall(OptBool(OptJoin("-particle_", g->name, "_obstacle", name), &g->obstacle));
   PetscCall(read_free(g->name, dim, &g->motion, g->obstacle, &g->free));
   PetscCall(check_motion(g));
+  PetscCall(JointCheck(g->name, &g->motion, g->free));
+  JointSetCentre(&g->motion, g->mass.centroid);
+  g->guided = is_guided(g);
   for (PetscInt a = 0; a < dim && g->motion.has_pivot; a++) g->arm[a] = g->mass.centroid[a] - g->motion.pivot[a];
   PetscCall(read_start(g));
   PetscCall(OptHas(OptJoin("-particle_", g->name, "_density", name), &has_density));

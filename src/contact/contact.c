@@ -384,6 +384,7 @@ PetscErrorCode ContactDestroy(Contact *contact)
   PetscCall(BodiesDetach(c->bodies, (void **)&c->copy_u));
   PetscCall(BodiesDetach(c->bodies, (void **)&c->copy_w));
   PetscCall(BodiesDetach(c->bodies, (void **)&c->inverse_inertia));
+  PetscCall(BodiesDetach(c->bodies, (void **)&c->guided));
   PetscCall(PetscFree(c->pair));
   PetscCall(PetscFree(c->slip));
   PetscCall(PetscFree(c->springs));

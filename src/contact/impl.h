@@ -129,7 +129,8 @@ struct _p_Contact {
   PetscReal   floor, top; /* u_ref of bodies without buoyancy; speed of the fastest when the scales were set */
   PetscReal  *present;    /* [n] speed of a body's fastest point when the scales were set */
   PetscBool   alone;      /* it has moved the bodies */
-  PetscBool   with_flow;  /* it finds springs */
+  PetscReal (*guided)[6]; /* [n] velocities u, w of bodies that are guided before a sub-step; NULL: there are none */
+  PetscBool with_flow;    /* it finds springs */
   /* where the bodies are: the state's own arrays or copies */
   PetscReal (*x)[3], (*q)[4], (*u)[3], (*w)[3];
   PetscReal (*copy_x)[3], (*copy_q)[4], (*copy_u)[3], (*copy_w)[3]; /* [n], allocated when first needed */
@@ -192,16 +193,32 @@ static inline void ContactNoteGap(const Pair *p, PetscReal gap, PetscReal all[])
   if (p->j >= 0) all[p->j] = PetscMin(all[p->j], gap);
 }
 
-/* Change of angular velocity under an angular impulse. */
+/* Does body k turn about a pivot here? In a flow its rows know the pivot (couple/touch.c). */
+static inline PetscBool ContactPivots(Contact c, PetscInt k)
+{
+  return (PetscBool)(c->alone && BodiesGetGroup(c->state, k)->motion.has_pivot);
+}
+
+static inline PetscReal ContactSquareOfArm(Contact c, PetscInt k)
+{
+  const PetscReal *arm = BodiesGetGroup(c->state, k)->arm;
+
+  return PetscSqr(c->s->scale[k]) * dot3(arm, arm);
+}
+
+/* Change of angular velocity under an angular impulse, about the pivot of a body that turns about one here. */
 static inline void ContactSpin(Contact c, PetscInt k, const PetscReal torque[3], PetscReal dw[3])
 {
   if (c->dim == 3) apply_tensor(c->inverse_inertia[k], torque, dw);
   else {
     dw[0] = dw[1] = 0;
     dw[2]         = ContactKind(c, k)->inverse_spin * torque[2];
+    if (ContactPivots(c, k)) dw[2] /= 1 + ContactKind(c, k)->inverse_spin * ContactKind(c, k)->mass * ContactSquareOfArm(c, k);
   }
 }
 
+/* What a force at the centre of a body that turns about a pivot adds to its w. */
+void ContactSwing(Contact, PetscInt k, const PetscReal force[3], PetscReal dw[3]);
 /* A contact that knows bodies and domain, but no options, no walls and no scales; for the search and for touches.
    Give it range, horizon and points. */
 PetscErrorCode ContactCreateBare(Bodies, const PetscReal lower[3], const PetscReal upper[3], Contact *);

@@ -27,9 +27,11 @@ static void add_force(Impulse *s, const PetscReal f[3], const PetscReal ri[3], c
 static PetscReal inverse_mass_along(Contact c, PetscInt k, const PetscReal r[3], const PetscReal n[3])
 {
   const Kind *kind = ContactKind(c, k);
-  PetscReal   rn[3], irn[3], sum = 0;
+  PetscReal   rn[3], irn[3], arm[3] = {0, 0, 0}, sum = 0;
 
-  cross(r, n, rn);
+  if (ContactPivots(c, k)) (void)BodiesGetArm(c->bodies, k, c->q[k], arm);
+  for (PetscInt a = 0; a < 3; a++) arm[a] += r[a];
+  cross(arm, n, rn);
   ContactSpin(c, k, rn, irn);
   for (PetscInt a = 0; a < 3; a++) sum += kind->inverse_mass[a] * n[a] * n[a];
   return sum + dot3(rn, irn);
@@ -209,6 +211,7 @@ static PetscBool discs_dashpot(Contact c, const Pair *p, PetscReal h, PetscInt *
   Meeting     m;
 
   if (ki->disc <= 0 || (kj && kj->disc <= 0) || c->slip || c->lubricate) return PETSC_FALSE;
+  if (ContactPivots(c, p->i) || (kj && ContactPivots(c, p->j))) return PETSC_FALSE;
   ContactDiscGap(c, p->i, ki->disc, p->j, kj ? kj->disc : 0, d->normal, gap);
   *n = *gap < c->range;
   if (!*n) return PETSC_TRUE;
