@@ -82,7 +82,7 @@ static PetscErrorCode read_moorings(const char group[], PetscInt dim, Motion *m)
   PetscCall(PetscCalloc1(m->nmooring, &m->mooring));
   PetscCall(read_points(name, dim, m, m->mooring->point, &found));
   PetscCall(read_points(OptJoin("-particle_", group, "_mooring_at", name), dim, m, m->mooring->at, &has_at));
-  for (PetscInt i = 0; i < m->nmooring && !has_at; i++) m->mooring[i].at[0] = PETSC_INFINITY; /* the centre: JointSetCentre */
+  for (PetscInt i = 0; i < m->nmooring && !has_at; i++) m->mooring[i].at[0] = PETSC_MAX_REAL; /* the centre: JointSetCentre */
   PetscCall(read_each(stiffness, m, &m->mooring->stiffness));
   PetscCall(read_each(OptJoin("-particle_", group, "_mooring_damping", name), m, &m->mooring->damping));
   PetscCall(read_each(OptJoin("-particle_", group, "_mooring_length", name), m, &m->mooring->length));
@@ -118,7 +118,7 @@ PetscErrorCode JointDestroy(Motion *m)
 void JointSetCentre(Motion *m, const PetscReal centroid[3])
 {
   for (PetscInt i = 0; i < m->nmooring; i++) {
-    const PetscBool central = (PetscBool)PetscIsInfReal(m->mooring[i].at[0]);
+    const PetscBool central = (PetscBool)(m->mooring[i].at[0] == PETSC_MAX_REAL);
 
     for (PetscInt a = 0; a < 3; a++) m->mooring[i].at[a] = central ? 0 : m->mooring[i].at[a] - (a < m->dim ? centroid[a] : 0);
   }
