@@ -10,6 +10,8 @@
 #include "base/domain.h"
 #include "bodies/spin.h"
 
+#define SHORT_BOUNCE 8 /* steps: a body that is back at a stop so soon stays there */
+
 /* ---- what is not free ---- */
 
 PetscBool BodiesIsFree(Bodies b, PetscInt k, PetscInt d)
@@ -151,7 +153,9 @@ PetscErrorCode BodiesRelease(Bodies b, PetscInt k, PetscReal rho_f, const PetscR
   PetscCall(check_body(b, k));
   if (!b->state.stopped[k]) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(get_torque(b, k, rho_f, gravity, T));
-  if (dot3(T, BodiesGetGroup(&b->view, k)->motion.hinge) * b->state.stopped[k] < 0) b->state.stopped[k] = 0;
+  if (dot3(T, BodiesGetGroup(&b->view, k)->motion.hinge) * b->state.stopped[k] >= 0) PetscFunctionReturn(PETSC_SUCCESS);
+  b->state.stopped[k] = 0;
+  b->left[k]          = b->state.time;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -227,30 +231,49 @@ PetscErrorCode BodiesAdvanceVelocity(Bodies b, PetscReal dt, PetscReal rho_f, co
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The rebound of a body that has passed a stop (see bodies.h) */
+/* A body that has come to a stop in the step, in angles that grow towards it: speed at the impact, and for how long it
+   has been over at the end. The acceleration is that of the step. */
+static void find_impact(PetscReal beyond, PetscReal speed, PetscReal acceleration, PetscReal dt, PetscReal *impact, PetscReal *since)
+{
+  *impact = acceleration > 0 ? PetscSqrtReal(PetscMax(0, speed * speed - 2 * acceleration * beyond)) : speed;
+  *since  = PetscMin(dt, 2 * beyond / (speed + *impact));
+}
+
+static void rest_on_stop(BodyArrays *s, PetscInt k, PetscInt side, PetscReal stop)
+{
+  s->angle[k]   = stop;
+  s->stopped[k] = side;
+  for (PetscInt a = 0; a < 3; a++) s->w[k][a] = s->w_old[k][a] = 0;
+}
+
+/* The rebound of a body that has passed a stop (see bodies.h). Both velocities make the same jump, so that their
+   difference stays the acceleration. The fluid around the body keeps its velocity, and may press it to the stop again
+   within a step or two: that, too, is the end of its bounces. */
 static void keep_stops(Bodies b, PetscInt k, PetscReal dt)
 {
   BodyArrays     *s = &b->state;
   const Motion   *m = &BodiesGetGroup(&b->view, k)->motion;
-  const PetscReal w = dot3(s->w[k], m->hinge), w_old = dot3(s->w_old[k], m->hinge);
+  const PetscReal w = dot3(s->w[k], m->hinge), w_old = dot3(s->w_old[k], m->hinge), end = s->time + dt;
   const PetscInt  side = s->angle[k] >= m->stops[1] ? 1 : s->angle[k] <= m->stops[0] ? -1 : 0;
   const PetscReal stop = m->stops[side > 0], speed = side * w, gain = side * (w - w_old);
+  PetscReal       impact, since, jump;
 
   if (!m->has_stops || !side) return;
   if (speed <= 0) { /* has turned round by itself within the step */
     s->angle[k] = stop;
-  } else if (m->restitution * speed <= 2 * PetscAbsReal(gain) || m->restitution == 0) {
-    s->angle[k]   = stop;
-    s->stopped[k] = side;
-    for (PetscInt a = 0; a < 3; a++) s->w[k][a] = s->w_old[k][a] = 0;
-  } else {
-    const PetscReal jump = (1 + m->restitution) * w;
-
-    s->angle[k] = stop - PetscMin(m->restitution * PetscAbsReal(s->angle[k] - stop), dt * speed) * side;
-    for (PetscInt a = 0; a < 3; a++) {
-      s->w[k][a] -= jump * m->hinge[a];
-      s->w_old[k][a] -= jump * m->hinge[a];
-    }
+    return;
+  }
+  find_impact(side * (s->angle[k] - stop), speed, gain / dt, dt, &impact, &since);
+  if (m->restitution == 0 || m->restitution * impact <= 2 * PetscAbsReal(gain) || end - b->left[k] <= SHORT_BOUNCE * dt) {
+    rest_on_stop(s, k, side, stop);
+    return;
+  }
+  jump        = -m->restitution * impact + (speed - impact) - speed;
+  s->angle[k] = PetscClipInterval(stop - side * (m->restitution * impact - 0.5 * (speed - impact)) * since, m->stops[0], m->stops[1]);
+  b->left[k]  = end - since;
+  for (PetscInt a = 0; a < 3; a++) {
+    s->w[k][a] += side * jump * m->hinge[a];
+    s->w_old[k][a] += side * jump * m->hinge[a];
   }
 }
 

@@ -53,6 +53,7 @@ static PetscErrorCode create_columns(Bodies b)
   PetscCall(BodyAddColumn(b, sizeof(PetscInt), PETSC_FALSE, (void **)&s->stopped));
   PetscCall(BodyAddColumn(b, sizeof(PetscBool), PETSC_FALSE, (void **)&s->gone));
   PetscCall(BodyAddColumn(b, sizeof(PetscBool), PETSC_FALSE, (void **)&s->own));
+  PetscCall(BodyAddColumn(b, sizeof(PetscReal), PETSC_FALSE, (void **)&b->left));
   if (!b->parts) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(BodyAddColumn(b, sizeof(PetscMPIInt), PETSC_FALSE, (void **)&b->owner));
   PetscCall(BodyAddColumn(b, sizeof(PetscInt), PETSC_FALSE, (void **)&b->home));
@@ -75,6 +76,7 @@ static PetscErrorCode store_start(Bodies b, PetscInt group, const Placed *placed
     s->number[k]     = g->first + (placed->number ? placed->number[i] : i);
     s->own[k]        = PETSC_TRUE;
     s->gap[k]        = PETSC_MAX_REAL;
+    b->left[k]       = -PETSC_MAX_REAL;
     s->body_group[k] = group;
     s->scale[k]      = p->scale;
     s->density[k]    = p->density;
@@ -573,6 +575,19 @@ static PetscErrorCode visit_sizes(Bodies b, const BodyRows *rows, State state)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Of scenes with stops; files of before have none */
+static PetscErrorCode visit_stops(Bodies b, const BodyRows *rows, State state)
+{
+  PetscBool any = PETSC_FALSE;
+  PetscInt  n   = b->state.nall;
+
+  PetscFunctionBeginUser;
+  for (PetscInt g = 0; g < b->state.ngroups; g++) any = (PetscBool)(any || b->state.group[g].motion.has_stops);
+  if (StateIsLoading(state)) PetscCall(StateGetSize(state, "left_stop", &n));
+  if (any && n == b->state.nall) PetscCall(BodiesVisitReals(b, rows, state, "left_stop", 1, b->left));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode BodiesVisitState(void *bodies, State state)
 {
   Bodies      b = bodies;
@@ -588,6 +603,7 @@ PetscErrorCode BodiesVisitState(void *bodies, State state)
   for (PetscInt f = 0; f < NFIELDS; f++) PetscCall(BodiesVisitReals(b, &rows, state, FIELDS[f].name, FIELDS[f].width, *field(s, f)));
   PetscCall(StateReals(state, "time", 1, &s->time));
   PetscCall(BodiesVisitIntegers(b, &rows, state, "stopped", s->stopped));
+  PetscCall(visit_stops(b, &rows, state));
   PetscCall(PetscMalloc1(s->n, &gone));
   for (PetscInt k = 0; k < s->n; k++) gone[k] = s->gone[k];
   PetscCall(BodiesVisitIntegers(b, &rows, state, "gone", gone));

@@ -39,6 +39,7 @@ struct _p_Bodies {
   PetscReal    period[3];          /* of a box that travels */
   PetscReal    box[3];             /* length of the domain's periodic axes, 0 in the others */
   PetscBool    held;               /* BodiesHold */
+  PetscReal   *left;               /* [n] when the body last left a stop */
   Placement  **start;              /* [ngroups][count] what prescribed motion starts from; NULL for groups that have
                                      none */
   BodyParts   *parts;
