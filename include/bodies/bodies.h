@@ -129,6 +129,14 @@ static inline const BodyGroup *BodiesGetGroup(BodyState *s, PetscInt k)
   return &s->group[s->body_group[k]];
 }
 
+/* Do springs, dampers or expressions act on the bodies of a group? */
+static inline PetscBool BodiesGroupResists(const BodyGroup *g)
+{
+  const Motion *m = &g->motion;
+
+  return (PetscBool)(m->force_of || m->torque_of || m->nmooring || m->spring > 0 || m->spring_damping > 0);
+}
+
 /* The known body with that permanent number, -1: this rank does not know it */
 static inline PetscInt BodiesFind(BodyState *s, PetscInt number)
 {

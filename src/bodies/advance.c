@@ -203,6 +203,32 @@ static PetscErrorCode advance_rotation(Bodies b, PetscInt k, PetscReal dt, Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* What the body has gained in the step since u_old, w_old, with springs and dampers at its end */
+static PetscErrorCode resist_gain(Bodies b, PetscInt k, PetscReal dt)
+{
+  BodyArrays    *s   = &b->state;
+  const PetscInt dim = s->dim, nr = dim == 2 ? 3 : 6;
+  PetscReal      U[6], gain[6], arm[3], spin[3];
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetArm(b, k, NULL, arm));
+  cross(s->w_old[k], arm, spin);
+  for (PetscInt i = 0; i < nr; i++) {
+    const PetscInt a = i < dim ? i : dim == 2 ? 2 : i - dim;
+
+    U[i]    = i < dim ? s->u_old[k][a] - spin[a] : s->w_old[k][a];
+    gain[i] = i < dim ? (BodiesIsFree(b, k, a) ? s->u[k][a] - s->u_old[k][a] : 0) : s->w[k][a] - s->w_old[k][a];
+  }
+  PetscCall(BodyDampGain(b, k, dt, U, gain));
+  for (PetscInt i = 0; i < nr; i++) {
+    const PetscInt a = i < dim ? i : dim == 2 ? 2 : i - dim;
+
+    if (i >= dim) s->w[k][a] = s->w_old[k][a] + gain[i];
+    else if (BodiesIsFree(b, k, a)) s->u[k][a] = s->u_old[k][a] + gain[i];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode BodiesAdvanceVelocity(Bodies b, PetscReal dt, PetscReal rho_f, const PetscReal gravity[3])
 {
   BodyArrays *s = &b->state;
@@ -220,6 +246,7 @@ PetscErrorCode BodiesAdvanceVelocity(Bodies b, PetscReal dt, PetscReal rho_f, co
     BodiesKeepAxes(&b->view, k, s->u[k], NULL);
     PetscCall(BodiesRelease(b, k, rho_f, gravity));
     if (BodiesIsFree(b, k, 3)) PetscCall(advance_rotation(b, k, dt, rho_f, gravity));
+    if (BodiesGroupResists(BodiesGetGroup(&b->view, k))) PetscCall(resist_gain(b, k, dt));
     PetscCall(BodiesGetKnownVelocity(b, k, s->time + dt, u, w));
     PetscCall(BodiesGetArm(b, k, NULL, arm));
     cross(w, arm, spin);

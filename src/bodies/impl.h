@@ -93,6 +93,9 @@ typedef struct {
 
 /* External load on body k there: force, and torque about its centre; weight apart. */
 PetscErrorCode BodyGetExternal(Bodies, PetscInt k, const BodyPose *, PetscReal force[3], PetscReal torque[3]);
+/* Explicit coupling: gain [nr] of the rigid slots in a step under the load of its beginning, at the velocities U [nr],
+   becomes that with springs, dampers and what falls with the motion taken at its end. */
+PetscErrorCode BodyDampGain(Bodies, PetscInt k, PetscReal dt, const PetscReal U[], PetscReal gain[]);
 /* Orientation of body k at an angle; in space it turns from q about its hinge, or by the vector `turn` */
 void BodyOrient(Bodies, PetscInt k, PetscReal angle, const PetscReal turn[3], PetscReal q[4]);
 /* Orientation of body k, and its angle, that are `turn` away from its start */

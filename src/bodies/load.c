@@ -3,6 +3,7 @@
 #include "impl.h"
 #include "base/algebra.h"
 #include "base/domain.h"
+#include "bodies/mass.h"
 
 #define DIFFERENCE 1e-4 /* of a radius, of a radius a step, of a rad: for slopes of expressions */
 
@@ -233,7 +234,7 @@ PetscErrorCode BodiesGetResistance(Bodies b, PetscInt k, PetscReal time, PetscRe
 
   PetscFunctionBeginUser;
   PetscCall(check_body(b, k));
-  *any = (PetscBool)(m->force_of || m->torque_of || m->nmooring || m->spring > 0 || m->spring_damping > 0);
+  *any = BodiesGroupResists(BodiesGetGroup(&b->view, k));
   if (!*any) PetscFunctionReturn(PETSC_SUCCESS);
   take_pose(b, k, time, &p);
   PetscCall(BodiesGetArm(b, k, NULL, arm));
@@ -243,6 +244,58 @@ PetscErrorCode BodiesGetResistance(Bodies b, PetscInt k, PetscReal time, PetscRe
   add_about(dim, m->hinge, m->spring, K);
   add_about(dim, m->hinge, m->spring_damping, C);
   if (dt > 0 && (m->force_of || m->torque_of)) PetscCall(resist_expressions(b, k, &p, dt, arm, K, C));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Directions in which body k moves freely, on its rigid slots: basis [n][nr] */
+static PetscInt free_directions(Bodies b, PetscInt k, PetscReal basis[6][6])
+{
+  const Motion  *m   = &BodiesGetGroup(&b->view, k)->motion;
+  const PetscInt dim = b->state.dim, nr = dim == 2 ? 3 : 6;
+  PetscInt       n = 0;
+
+  (void)PetscArrayzero(basis[0], 36);
+  for (PetscInt a = 0; a < dim && m->has_slide; a++) basis[0][a] = m->slide[a];
+  if (m->has_slide) n = 1;
+  for (PetscInt a = 0; a < dim && !m->has_slide; a++)
+    if (BodiesIsFree(b, k, a)) basis[n++][a] = 1;
+  if (!BodiesIsFree(b, k, 3)) return n;
+  for (PetscInt i = dim; i < nr && !m->has_hinge; i++) basis[n++][i] = 1;
+  for (PetscInt i = dim; i < nr && m->has_hinge; i++) basis[n][i] = m->hinge[i - dim];
+  return n + m->has_hinge;
+}
+
+/* (M + dt C + dt^2 K) dU = M gain - dt^2 K U in the free directions: backward Euler where gain [nr] is explicit */
+PetscErrorCode BodyDampGain(Bodies b, PetscInt k, PetscReal dt, const PetscReal U[], PetscReal gain[])
+{
+  const PetscInt nr = b->state.dim == 2 ? 3 : 6;
+  PetscReal      M[36], K[36], C[36], basis[6][6], A[36], inverse[36], right[6];
+  PetscInt       n;
+  PetscBool      any;
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetResistance(b, k, b->state.time, dt, K, C, &any));
+  if (!any) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(RigidGetMass(b, k, b->state.q[k], M));
+  n = free_directions(b, k, basis);
+  for (PetscInt p = 0; p < n; p++) {
+    right[p] = 0;
+    for (PetscInt q = 0; q < n; q++) A[p * n + q] = 0;
+    for (PetscInt i = 0; i < nr; i++)
+      for (PetscInt j = 0; j < nr; j++) {
+        const PetscInt  e    = i * nr + j;
+        const PetscReal mass = b->state.density[k] * M[e];
+
+        right[p] += basis[p][i] * (mass * gain[j] - dt * dt * K[e] * U[j]);
+        for (PetscInt q = 0; q < n; q++) A[p * n + q] += basis[p][i] * (mass + dt * C[e] + dt * dt * K[e]) * basis[q][j];
+      }
+  }
+  DenseInvert(n, A, inverse);
+  for (PetscInt i = 0; i < nr; i++) {
+    gain[i] = 0;
+    for (PetscInt p = 0; p < n; p++)
+      for (PetscInt q = 0; q < n; q++) gain[i] += basis[p][i] * inverse[p * n + q] * right[q];
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

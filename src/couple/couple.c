@@ -31,6 +31,14 @@ static void get_history(Couple c, PetscInt k, PetscInt i, PetscReal *now, PetscR
   *old = kept ? c->U_older[k * c->nr + i] : CoupleRigidValue(c, c->s->u_old, c->s->w_old, k, i);
 }
 
+PetscReal CoupleSlotBefore(Couple c, PetscInt k, PetscInt i)
+{
+  PetscReal now, old;
+
+  get_history(c, k, i, &now, &old);
+  return now;
+}
+
 /* ---- drawing ---- */
 
 /* With explicit coupling, what is free is drawn where it is, and the prescribed part where it will be: prescribed
@@ -130,7 +138,7 @@ static PetscErrorCode fill_rigid_rows(Couple c)
     PetscReal       M[36], K[36], *g = c->g + k * nr, spin, force[3], torque[3], dead[6], now[6], old[6], momentum[6];
 
     PetscCall(RigidGetMass(c->bodies, k, c->q[k], M));
-    PetscCall(BodiesGetLoad(c->bodies, k, c->par->density, c->par->gravity, force, torque));
+    PetscCall(BodiesGetLoadAt(c->bodies, k, CoupleLoadTime(c), c->par->density, c->par->gravity, force, torque));
     for (PetscInt a = 0; a < 3; a++) {
       force[a] += c->s->contact_force[k][a];
       torque[a] += c->s->contact_torque[k][a];
@@ -148,6 +156,7 @@ static PetscErrorCode fill_rigid_rows(Couple c)
     }
     if (CoupleHoldAxes(c, k, M, K))
       for (PetscInt i = 0; i < nr * nr; i++) c->D[k * nr * nr + i] += K[i];
+    PetscCall(CoupleAddJoint(c, k, M));
     PetscCall(CoupleSpinStress(c, k, c->par, &spin));
     for (PetscInt i = dim; i < nr && spin > 0; i++) {
       c->D[(k * nr + i) * nr + i] += c->step->theta * spin;
