@@ -304,6 +304,19 @@ static void keep_stops(Bodies b, PetscInt k, PetscReal dt)
   }
 }
 
+/* Of scenes with stops; files of before have none */
+PetscErrorCode BodyVisitStops(Bodies b, const BodyRows *rows, State state)
+{
+  PetscBool any = PETSC_FALSE;
+  PetscInt  n   = b->state.nall;
+
+  PetscFunctionBeginUser;
+  for (PetscInt g = 0; g < b->state.ngroups; g++) any = (PetscBool)(any || b->state.group[g].motion.has_stops);
+  if (StateIsLoading(state)) PetscCall(StateGetSize(state, "left_stop", &n));
+  if (any && n == b->state.nall) PetscCall(BodiesVisitReals(b, rows, state, "left_stop", 1, b->left));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode BodiesAdvancePosition(Bodies b, PetscReal dt, PetscReal theta)
 {
   BodyArrays *s = &b->state;

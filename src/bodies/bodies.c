@@ -575,19 +575,6 @@ static PetscErrorCode visit_sizes(Bodies b, const BodyRows *rows, State state)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Of scenes with stops; files of before have none */
-static PetscErrorCode visit_stops(Bodies b, const BodyRows *rows, State state)
-{
-  PetscBool any = PETSC_FALSE;
-  PetscInt  n   = b->state.nall;
-
-  PetscFunctionBeginUser;
-  for (PetscInt g = 0; g < b->state.ngroups; g++) any = (PetscBool)(any || b->state.group[g].motion.has_stops);
-  if (StateIsLoading(state)) PetscCall(StateGetSize(state, "left_stop", &n));
-  if (any && n == b->state.nall) PetscCall(BodiesVisitReals(b, rows, state, "left_stop", 1, b->left));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode BodiesVisitState(void *bodies, State state)
 {
   Bodies      b = bodies;
@@ -603,7 +590,7 @@ PetscErrorCode BodiesVisitState(void *bodies, State state)
   for (PetscInt f = 0; f < NFIELDS; f++) PetscCall(BodiesVisitReals(b, &rows, state, FIELDS[f].name, FIELDS[f].width, *field(s, f)));
   PetscCall(StateReals(state, "time", 1, &s->time));
   PetscCall(BodiesVisitIntegers(b, &rows, state, "stopped", s->stopped));
-  PetscCall(visit_stops(b, &rows, state));
+  PetscCall(BodyVisitStops(b, &rows, state));
   PetscCall(PetscMalloc1(s->n, &gone));
   for (PetscInt k = 0; k < s->n; k++) gone[k] = s->gone[k];
   PetscCall(BodiesVisitIntegers(b, &rows, state, "gone", gone));

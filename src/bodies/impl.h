@@ -98,6 +98,8 @@ PetscErrorCode BodyGetExternal(Bodies, PetscInt k, const BodyPose *, PetscReal f
 PetscErrorCode BodyDampGain(Bodies, PetscInt k, PetscReal dt, const PetscReal U[], PetscReal gain[]);
 /* Orientation of body k at an angle; in space it turns from q about its hinge, or by the vector `turn` */
 void BodyOrient(Bodies, PetscInt k, PetscReal angle, const PetscReal turn[3], PetscReal q[4]);
+/* What keeps a body on its stop after a rebound, saved or loaded. Collective. */
+PetscErrorCode BodyVisitStops(Bodies, const BodyRows *, State);
 /* Orientation of body k, and its angle, that are `turn` away from its start */
 void BodyTurnFromStart(Bodies, PetscInt k, const PetscReal turn[3], PetscReal q[4], PetscReal *angle);
 /* Where body k starts; its group has starts */

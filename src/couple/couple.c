@@ -21,22 +21,12 @@ static PetscBool is_free(Couple c, PetscInt k, PetscInt s)
   return BodiesIsFree(c->bodies, k, s < c->loc->dim ? s : 3);
 }
 
-/* Rigid velocity of slot i of body k at the last two times. A pivot's translation is prescribed, and is kept here,
-   not in the state of the body. */
-static void get_history(Couple c, PetscInt k, PetscInt i, PetscReal *now, PetscReal *old)
+void CoupleGetHistory(Couple c, PetscInt k, PetscInt i, PetscReal *now, PetscReal *old)
 {
   const PetscBool kept = (PetscBool)(i < c->loc->dim && BodiesGetGroup(c->s, k)->motion.has_pivot);
 
   *now = kept ? c->U_old[k * c->nr + i] : CoupleRigidValue(c, c->s->u, c->s->w, k, i);
   *old = kept ? c->U_older[k * c->nr + i] : CoupleRigidValue(c, c->s->u_old, c->s->w_old, k, i);
-}
-
-PetscReal CoupleSlotBefore(Couple c, PetscInt k, PetscInt i)
-{
-  PetscReal now, old;
-
-  get_history(c, k, i, &now, &old);
-  return now;
 }
 
 /* ---- drawing ---- */
@@ -73,7 +63,7 @@ static PetscErrorCode set_rigid_velocities(Couple c)
     for (PetscInt i = 0; i < c->nr; i++) {
       PetscReal now, old;
 
-      get_history(c, k, i, &now, &old);
+      CoupleGetHistory(c, k, i, &now, &old);
       if (c->implicit && is_free(c, k, i)) c->unknown[k] |= 1 << i;
       c->U[k * c->nr + i] = (c->unknown[k] >> i) & 1 ? (c->step->order == 2 ? now + ratio * (now - old) : now) : *CoupleRigidComponent(c, u, w, 0, i);
     }
@@ -145,7 +135,7 @@ static PetscErrorCode fill_rigid_rows(Couple c)
     }
     PetscCall(RigidReduceForce(c->bodies, k, c->q[k], force, torque, g));
     PetscCall(CoupleDeadForce(c, k, c->par, dead));
-    for (PetscInt i = 0; i < nr; i++) get_history(c, k, i, &now[i], &old[i]);
+    for (PetscInt i = 0; i < nr; i++) CoupleGetHistory(c, k, i, &now[i], &old[i]);
     PetscCall(CoupleHistory(c, k, M, now, old, momentum));
     for (PetscInt i = 0; i < nr; i++) {
       g[i] += dead[i] + excess * momentum[i];

@@ -105,8 +105,9 @@ PetscErrorCode CoupleAdvanceExplicitly(Couple);
    what they came to beyond those of the state before, on its rigid slots [nr]. */
 PetscErrorCode CoupleAddJoint(Couple, PetscInt k, const PetscReal M[]);
 PetscErrorCode CoupleGetJointForce(Couple, PetscInt k, PetscReal out[]);
-/* Rigid velocity of slot i of body k before the step */
-PetscReal CoupleSlotBefore(Couple, PetscInt k, PetscInt i);
+/* Rigid velocity of slot i of body k at the last two times. A pivot's translation is prescribed, and is kept in the
+   coupling, not in the state of the body. */
+void CoupleGetHistory(Couple, PetscInt k, PetscInt i, PetscReal *now, PetscReal *old);
 /* The time at which the rows of bodies hold */
 static inline PetscReal CoupleLoadTime(Couple c)
 {

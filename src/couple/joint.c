@@ -46,9 +46,10 @@ PetscErrorCode CoupleAddJoint(Couple c, PetscInt k, const PetscReal M[])
   damped = (1 - stiff) * theta + stiff;
   for (PetscInt i = 0; i < nr; i++)
     for (PetscInt j = 0; j < nr; j++) {
-      const PetscInt  e   = i * nr + j;
-      const PetscReal old = CoupleSlotBefore(c, k, j);
+      const PetscInt e = i * nr + j;
+      PetscReal      old, older;
 
+      CoupleGetHistory(c, k, j, &old, &older);
       A[e] = next * K[e] + damped * C[e];
       b[i] += (damped * C[e] - before * K[e]) * old;
       if (!((c->unknown[k] >> j) & 1)) c->g[k * nr + i] -= A[e] * c->U[k * nr + j];

@@ -22,6 +22,7 @@ struct _p_Sim {
   PetscInt        fields_good;                /* step of the last fields before any doubt, -1: none */
   PetscReal       interval, until;            /* -output_interval; the time that steps must not pass */
   PetscBool       hits, snapshot;             /* the step ends there; fields are written there */
+  PetscInt        spring_column;              /* of series.csv; -1: no springs */
   PetscInt        its;                        /* outer iterations of the time step so far */
   FlowDiagnostics diag;
   CoupleBalance   balance;
@@ -72,7 +73,9 @@ static PetscErrorCode add_states(Sim s)
 
 PetscErrorCode SimCreate(const SimParts *part, Sim *sim)
 {
-  Sim s;
+  Sim       s;
+  PetscReal energy;
+  PetscBool springs;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&s));
@@ -94,6 +97,9 @@ PetscErrorCode SimCreate(const SimParts *part, Sim *sim)
   if (part->flow && !part->steady) PetscCall(AdaptCreate(part->flow, part->bodies, part->couple, part->contact, part->monitor, s->dt, &s->adapt));
   if (part->flow && !part->steady) PetscCall(JudgeCreate(part->flow, part->bodies, part->couple, &s->judge));
   s->fields_good = -1;
+  PetscCall(BodiesGetSpringEnergy(part->bodies, &energy, &springs));
+  s->spring_column = -1;
+  if (springs) PetscCall(MonitorAddColumn(part->monitor, "spring_energy", &s->spring_column));
   PetscCall(add_states(s));
   if (part->flow) PetscCall(BodiesAttach(part->bodies, sizeof(*s->a), (void **)&s->a));
   if (part->flow) PetscCall(BodiesAttach(part->bodies, sizeof(*s->alpha), (void **)&s->alpha));
@@ -251,6 +257,7 @@ static PetscErrorCode write_snapshot(Sim s)
 static PetscErrorCode report(Sim s, PetscReal dt, PetscReal seconds)
 {
   PetscInt    every;
+  PetscReal   stored;
   MonitorStep m = {.step             = s->step,
                    .time             = s->time,
                    .dt               = dt,
@@ -264,6 +271,10 @@ static PetscErrorCode report(Sim s, PetscReal dt, PetscReal seconds)
   PetscFunctionBeginUser;
   PetscCall(BodiesGetEnergy(s->part.bodies, &m.bodies_energy));
   PetscCall(ContactGetEnergy(s->part.contact, &m.contact_energy, &m.contact_work));
+  if (s->spring_column >= 0) {
+    PetscCall(BodiesGetSpringEnergy(s->part.bodies, &stored, NULL));
+    PetscCall(MonitorSetColumn(s->part.monitor, s->spring_column, stored));
+  }
   PetscCall(SuspensionStep(s->part.suspension));
   PetscCall(StatisticsStep(s->part.statistics, s->time, dt));
   PetscCall(MonitorWrite(s->part.monitor, &m, s->time_end < PETSC_MAX_REAL ? s->time_end : s->steps_max * s->dt));
