@@ -9,6 +9,7 @@
 #define CONVERGED 1e-13 /* changes of their rates, in units of scale_rates: small enough if they grow no more */
 #define DIVERGED  1e10
 #define FINEST    131072 /* parts of a step at most */
+#define FINE      1024   /* parts of a step in which a line becomes taut or slack */
 #define REST      0.01   /* rebounds that last less of a step end at the stop */
 #define REBOUNDS  10000  /* in a step at most */
 #define LOCATIONS 60     /* of the moment of an impact or release */
@@ -369,17 +370,35 @@ static PetscErrorCode rest_on_stop(Flight *f, PetscReal time, PetscReal *h, cons
 
 /* ---- steps ---- */
 
+/* Lines that pull */
+static PetscErrorCode count_taut(const Flight *f, PetscReal time, const PetscReal y[SIZE], PetscInt *n)
+{
+  PetscReal arm[3];
+  BodyPose  p;
+
+  PetscFunctionBeginUser;
+  *n = 0;
+  if (!f->g->motion.slack) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(take_pose(f, time, y, &p, arm));
+  *n = BodyCountTaut(f->b, f->k, &p);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* One piece of at most *h: as long as it could be taken */
 static PetscErrorCode take_piece(Flight *f, PetscReal time, PetscReal step, PetscReal *h, PetscReal y[SIZE], PetscBool *taken)
 {
   PetscReal out[SIZE];
-  PetscInt  side;
+  PetscInt  side, taut[2];
 
   PetscFunctionBeginUser;
   *taken = PETSC_TRUE;
   if (f->b->state.stopped[f->k]) PetscCall(rest_on_stop(f, time, h, y));
   if (*h == 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(step_once(f, time, *h, y, out, taken));
+  if (!*taken) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(count_taut(f, time, y, &taut[0]));
+  PetscCall(count_taut(f, time + *h, out, &taut[1]));
+  *taken = (PetscBool)(taut[0] == taut[1] || *h * FINE <= step);
   if (!*taken) PetscFunctionReturn(PETSC_SUCCESS);
   side = f->turning != TURNS_AXIS || !f->g->motion.has_stops ? 0 : beyond(f, 1, out) > 0 ? 1 : beyond(f, -1, out) > 0 ? -1 : 0;
   if (side) {

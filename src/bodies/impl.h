@@ -93,6 +93,8 @@ typedef struct {
 
 /* External load on body k there: force, and torque about its centre; weight apart. */
 PetscErrorCode BodyGetExternal(Bodies, PetscInt k, const BodyPose *, PetscReal force[3], PetscReal torque[3]);
+/* Lines of body k that are longer than their length there */
+PetscInt BodyCountTaut(Bodies, PetscInt k, const BodyPose *);
 /* Explicit coupling: gain [nr] of the rigid slots in a step under the load of its beginning, at the velocities U [nr],
    becomes that with springs, dampers and what falls with the motion taken at its end. */
 PetscErrorCode BodyDampGain(Bodies, PetscInt k, PetscReal dt, const PetscReal U[], PetscReal gain[]);

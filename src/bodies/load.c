@@ -69,6 +69,20 @@ static void add_mooring(Bodies b, PetscInt k, PetscInt i, const BodyPose *p, Pet
   }
 }
 
+PetscInt BodyCountTaut(Bodies b, PetscInt k, const BodyPose *p)
+{
+  const Motion *m = &BodiesGetGroup(&b->view, k)->motion;
+  PetscInt      n = 0;
+
+  for (PetscInt i = 0; i < m->nmooring; i++) {
+    PetscReal arm[3], way[3], speed[3];
+
+    follow_line(b, k, i, p, arm, way, speed);
+    n += dot3(way, way) > PetscSqr(m->mooring[i].length);
+  }
+  return n;
+}
+
 static void list_variables(Bodies b, const Motion *m, const BodyPose *p, PetscReal v[EXPR_VARIABLES])
 {
   for (PetscInt a = 0; a < 3; a++) {
