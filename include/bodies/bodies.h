@@ -266,7 +266,8 @@ PetscErrorCode BodiesAdvanceVelocity(Bodies, PetscReal dt, PetscReal rho_f, cons
    without hinge, orientation by BodyTurn. What is not free goes to its prescribed place at time + dt. A body that
    passes a stop in the step is put back by the rebound from the moment of the impact: angle and angular velocities (w
    and w_old by the same jump, so that their difference stays the acceleration); one that arrives no faster than two
-   steps of its acceleration, or that has left a stop less than eight steps ago, rests there. Advances the time of the state. Wraps nothing. Error: not finite. */
+   steps of its acceleration, or that has left a stop less than eight steps ago, rests there.
+   Advances the time of the state. Wraps nothing. Error: not finite. */
 PetscErrorCode BodiesAdvancePosition(Bodies, PetscReal dt, PetscReal theta);
 /* Release body k from a stop if the torque on it now points away. */
 PetscErrorCode BodiesRelease(Bodies, PetscInt k, PetscReal rho_f, const PetscReal gravity[3]);

@@ -6,8 +6,8 @@
    of a spring does not drift: a plane body and one with a hinge by angle and angular velocity, others by their
    quaternion and the angular momentum about the reference point, in space axes. A step in which the stages do not
    converge at once is taken in parts, as fine as stiff springs need. A body that comes to a stop rebounds at the moment
-   when it does, with the speed of the impact times the restitution, and rests there when a rebound would last less than a
-   hundredth of a step.
+   when it does, with the speed of the impact times the restitution, and rests there when a rebound would last less than
+   a hundredth of a step.
 
    In a sub-step with contact velocities come first, then places (symplectic Euler), as for all other bodies
    (contact/alone.c); stops are then kept at the end of the sub-step. */

@@ -6,6 +6,7 @@
    Does not know the flow (forces are written into the state by others), walls or contact. */
 #include "compat.h"
 #include "impl.h"
+#include "joint.h"
 #include "base/algebra.h"
 #include "bodies/local.h"
 
@@ -250,6 +251,7 @@ PetscErrorCode BodiesView(Bodies b, PetscViewer viewer)
     if (group->motion.has_slide)
       PetscCall(PetscViewerASCIIPrintf(viewer, "  slides along (%g, %g, %g) only\n", (double)group->motion.slide[0], (double)group->motion.slide[1],
                                        (double)group->motion.slide[2]));
+    PetscCall(JointView(&group->motion, viewer));
     if (group->obstacle) PetscCall(PetscViewerASCIIPrintf(viewer, "  an obstacle: may overlap walls and other obstacles\n"));
     if (group->motion.has_stops)
       PetscCall(PetscViewerASCIIPrintf(viewer, "  stops at the angles %g and %g, restitution %g\n", (double)group->motion.stops[0],

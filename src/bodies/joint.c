@@ -82,7 +82,7 @@ static PetscErrorCode read_moorings(const char group[], PetscInt dim, Motion *m)
   PetscCall(PetscCalloc1(m->nmooring, &m->mooring));
   PetscCall(read_points(name, dim, m, m->mooring->point, &found));
   PetscCall(read_points(OptJoin("-particle_", group, "_mooring_at", name), dim, m, m->mooring->at, &has_at));
-  for (PetscInt i = 0; i < m->nmooring && !has_at; i++) m->mooring[i].at[0] = PETSC_MAX_REAL; /* the centre: JointSetCentre */
+  for (PetscInt i = 0; i < m->nmooring && !has_at; i++) m->mooring[i].at[0] = PETSC_MAX_REAL; /* the centre */
   PetscCall(read_each(stiffness, m, &m->mooring->stiffness));
   PetscCall(read_each(OptJoin("-particle_", group, "_mooring_damping", name), m, &m->mooring->damping));
   PetscCall(read_each(OptJoin("-particle_", group, "_mooring_length", name), m, &m->mooring->length));
@@ -138,4 +138,23 @@ PetscBool JointActs(const Motion *m)
 {
   return (PetscBool)(m->force_of || m->torque_of || m->spring > 0 || m->spring_damping > 0 || m->nmooring || dot3(m->force, m->force) > 0 ||
                      dot3(m->torque, m->torque) > 0);
+}
+
+PetscErrorCode JointView(const Motion *m, PetscViewer viewer)
+{
+  PetscFunctionBeginUser;
+  if (m->force_of) PetscCall(PetscViewerASCIIPrintf(viewer, "  force %s\n", ExprText(m->force_of)));
+  if (m->torque_of) PetscCall(PetscViewerASCIIPrintf(viewer, "  torque %s\n", ExprText(m->torque_of)));
+  if (m->spring > 0 || m->spring_damping > 0)
+    PetscCall(PetscViewerASCIIPrintf(viewer, "  spring of stiffness %g, damping %g, at rest at the angle %g\n", (double)m->spring,
+                                     (double)m->spring_damping, (double)m->spring_angle));
+  for (PetscInt i = 0; i < m->nmooring; i++) {
+    const Mooring *l = &m->mooring[i];
+
+    if (m->from_start) PetscCall(PetscViewerASCIIPrintf(viewer, "  moored to where it starts"));
+    else PetscCall(PetscViewerASCIIPrintf(viewer, "  moored to (%g, %g, %g)", (double)l->point[0], (double)l->point[1], (double)l->point[2]));
+    PetscCall(PetscViewerASCIIPrintf(viewer, ", stiffness %g, damping %g, length %g%s\n", (double)l->stiffness, (double)l->damping, (double)l->length,
+                                     m->slack ? ", may be slack" : ""));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -1,5 +1,5 @@
-/* Joint: what a scene ties a body with, and what it pulls at it: springs and dampers at hinges, moorings, external force
-   and torque, also as expressions of t and of the body's motion.
+/* Joint: what a scene ties a body with, and what it pulls at it: springs and dampers at hinges, moorings, external
+   force and torque, also as expressions of t and of the body's motion.
 
    A spring turns a body to its rest angle, T = -spring (angle - spring_angle) - spring_damping omega, about z or, in
    space, the hinge. A mooring is a line from a point of the body to one in space, at the distance r along the unit
@@ -20,3 +20,5 @@ void JointSetCentre(Motion *, const PetscReal centroid[3]);
 PetscErrorCode JointCheck(const char group[], const Motion *, PetscInt free);
 /* Does anything but weight act on the bodies? */
 PetscBool JointActs(const Motion *);
+/* A line for each of them. Collective on the viewer. */
+PetscErrorCode JointView(const Motion *, PetscViewer);

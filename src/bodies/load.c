@@ -9,8 +9,8 @@
 
 /* ---- forces ---- */
 
-/* Line i of body k: from its end on the body to the centre (arm), from its point in space to that end (way), the speed of
-   that end */
+/* Line i of body k: from its end on the body to the centre (arm), from its point in space to that end (way), the speed
+   of that end */
 static void follow_line(Bodies b, PetscInt k, PetscInt i, const BodyPose *p, PetscReal arm[3], PetscReal way[3], PetscReal speed[3])
 {
   const BodyGroup *g = BodiesGetGroup(&b->view, k);

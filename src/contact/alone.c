@@ -1,6 +1,7 @@
 /* Contact, bodies without a flow: symplectic Euler under contact, gravity and buoyancy, in place in the state. All
    pairs act at once (atonce.c), so that any number of ranks gives the same bits. Bodies that a joint, loads or the
-   scene guide (bodies/flight.h) go so in the sub-steps in which contact acts on them, and by themselves in all others. */
+   scene guide (bodies/flight.h) go so in the sub-steps in which contact acts on them, and by themselves in all
+   others. */
 #include "compat.h"
 #include "impl.h"
 #include "base/log.h"

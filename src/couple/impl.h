@@ -53,7 +53,7 @@ struct _p_Couple {
   ContactSpring *spring;   /* of CoupleSetContact */
   BodyTie       *tie;      /* [nspring] */
   PetscReal     *pushed;   /* [nspring] the forces on the right of the rigid rows: by known velocities, then all */
-  PetscReal     *joint;    /* [n][nr + 1][nr]: A and b of loads b - A U in the rows (joint.c); NULL: no group has such */
+  PetscReal     *joint;    /* [n][nr + 1][nr]: A and b of loads b - A U in the rows (joint.c); NULL: there are none */
   PetscReal     *residual; /* [n][nr]: -sum of the momentum residual over the body's nodes */
   PetscReal     *u, *p, *dp, *rhs;
   PetscReal     *du_old; /* [n] explicit coupling: size of the last velocity change, for the detection of blow-up */
