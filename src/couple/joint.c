@@ -1,6 +1,6 @@
 /* Couple, joints: loads on a body that change with its motion (bodies/joint.h: springs, dampers, moorings,
-   expressions), in the rows of the system. Linear about the state before the step: at the time at which the rows hold, theta of the
-   step later, the load is
+   expressions), in the rows of the system. Linear about the state before the step: at the time at which the rows hold,
+   theta of the step later, the load is
      F0 - K dt (a U + b U_old) - C c (U - U_old),   a = theta s, b = theta (1 - s), c = theta,
    F0 that of the old place and velocity, so that K and C act as rows of the body do and no step is too long. The way of
    the body is that of BodiesAdvancePosition, s = 1/2 in steps of second order. A spring whose period the step does not
