@@ -6,19 +6,17 @@
 
 static PetscErrorCode read_spring(const char group[], PetscInt dim, Motion *m)
 {
-  const char *const part[]  = {"_spring", "_spring_damping", "_spring_angle"};
-  PetscReal *const  value[] = {&m->spring, &m->spring_damping, &m->spring_angle};
-  char              name[OPT_NAME];
-  PetscBool         has[3];
+  char      spring[OPT_NAME], damping[OPT_NAME], angle[OPT_NAME];
+  PetscBool turned, damped;
 
   PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < 2; i++) {
-    PetscCall(OptHas(OptJoin("-particle_", group, part[i], name), &has[i]));
-    PetscCall(OptReal(name, value[i]));
-    PetscCheck(!has[i] || dim == 2 || m->has_hinge, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-               "%s: in space a spring needs the axis of the angle: give -particle_%s_hinge", name, group);
-  }
-  if (has[0]) PetscCall(OptReal(OptJoin("-particle_", group, part[2], name), value[2]));
+  PetscCall(OptHas(OptJoin("-particle_", group, "_spring", spring), &turned));
+  PetscCall(OptReal(spring, &m->spring));
+  PetscCall(OptHas(OptJoin("-particle_", group, "_spring_damping", damping), &damped));
+  PetscCall(OptReal(damping, &m->spring_damping));
+  if (turned) PetscCall(OptReal(OptJoin("-particle_", group, "_spring_angle", angle), &m->spring_angle));
+  PetscCheck((!turned && !damped) || dim == 2 || m->has_hinge, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "%s: in space a spring needs the axis of the angle: give -particle_%s_hinge", turned ? spring : damping, group);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -64,16 +62,15 @@ static PetscErrorCode read_points(const char name[], PetscInt dim, Motion *m, Pe
 
 static PetscErrorCode read_moorings(const char group[], PetscInt dim, Motion *m)
 {
-  char      name[OPT_NAME], stiffness[OPT_NAME];
+  char      name[OPT_NAME], stiffness[OPT_NAME], damping[OPT_NAME];
   PetscInt  given;
   PetscBool wanted, damped, has_at, found;
 
   PetscFunctionBeginUser;
-  PetscCall(OptHas(OptJoin("-particle_", group, "_mooring_damping", name), &damped));
+  PetscCall(OptHas(OptJoin("-particle_", group, "_mooring_damping", damping), &damped));
   PetscCall(OptHas(OptJoin("-particle_", group, "_mooring_stiffness", stiffness), &wanted));
   PetscCall(OptCountItems(OptJoin("-particle_", group, "_mooring", name), &given));
-  PetscCheck(wanted || damped || !given, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s needs %s, or -particle_%s_mooring_damping", name, stiffness,
-             group);
+  PetscCheck(wanted || damped || !given, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "%s needs %s or %s", name, stiffness, damping);
   if (!wanted && !damped) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCheck(given % dim == 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "%s has %" PetscInt_FMT " values: give %" PetscInt_FMT " for each point, one point after the other", name, given, dim);
@@ -84,7 +81,7 @@ static PetscErrorCode read_moorings(const char group[], PetscInt dim, Motion *m)
   PetscCall(read_points(OptJoin("-particle_", group, "_mooring_at", name), dim, m, m->mooring->at, &has_at));
   for (PetscInt i = 0; i < m->nmooring && !has_at; i++) m->mooring[i].at[0] = PETSC_MAX_REAL; /* the centre */
   PetscCall(read_each(stiffness, m, &m->mooring->stiffness));
-  PetscCall(read_each(OptJoin("-particle_", group, "_mooring_damping", name), m, &m->mooring->damping));
+  PetscCall(read_each(damping, m, &m->mooring->damping));
   PetscCall(read_each(OptJoin("-particle_", group, "_mooring_length", name), m, &m->mooring->length));
   PetscCall(OptBool(OptJoin("-particle_", group, "_mooring_slack", name), &m->slack));
   for (PetscInt i = 0; i < m->nmooring; i++)
