@@ -43,8 +43,8 @@ const char *ExprText(Expr);                           /* as read, without blanks
 /* value [m][n] at points x [m][dim] (NULL: expressions of t alone) and a time. Collective where any value depends
    on the place; else all ranks ask for the same. Error: not finite. */
 PetscErrorCode ExprEvaluate(Expr, PetscReal time, PetscInt m, const PetscReal x[], PetscReal value[]);
-/* At one place of this rank alone, at time 0. Not collective. Error: not finite, raised by this rank. */
-PetscErrorCode ExprEvaluateAlone(Expr, const PetscReal x[], PetscReal value[]);
+/* At one place of this rank alone. Not collective. Error: not finite, raised by this rank. */
+PetscErrorCode ExprEvaluateAlone(Expr, PetscReal time, const PetscReal x[], PetscReal value[]);
 /* Of all variables, in the order of ExprVariable, on this rank alone. Not collective. Error: not finite, raised by this
    rank. */
 PetscErrorCode ExprEvaluateAt(Expr, const PetscReal variable[], PetscReal value[]);

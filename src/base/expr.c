@@ -351,12 +351,12 @@ PetscErrorCode ExprEvaluate(Expr e, PetscReal time, PetscInt m, const PetscReal 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ExprEvaluateAlone(Expr e, const PetscReal x[], PetscReal value[])
+PetscErrorCode ExprEvaluateAlone(Expr e, PetscReal time, const PetscReal x[], PetscReal value[])
 {
   Fault fault = {.i = -1};
 
   PetscFunctionBeginUser;
-  evaluate_all(e, 0, 1, x, value, &fault);
+  evaluate_all(e, time, 1, x, value, &fault);
   if (fault.i >= 0) PetscCall(refuse_value(PETSC_COMM_SELF, e, &fault));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

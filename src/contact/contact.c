@@ -18,20 +18,26 @@ static PetscErrorCode complain(Contact c, const Pair *p, PetscReal overlap)
 {
   const BodyGroup *i = BodiesGetGroup(c->state, p->i), *j = p->j >= 0 ? BodiesGetGroup(c->state, p->j) : NULL;
   char             partner[128];
+  const char      *name;
 
   PetscFunctionBeginUser;
   if (j) (void)snprintf(partner, sizeof(partner), "body %" PetscInt_FMT " of group '%s'", BodiesPlaceInGroup(c->state, p->j), j->name);
-  else (void)snprintf(partner, sizeof(partner), "wall '%s'", DOMAIN_SIDE[-1 - p->j]);
+  else {
+    PetscCall(ContactGetWallName(c, -1 - p->j, &name));
+    (void)snprintf(partner, sizeof(partner), "wall '%s'", name);
+  }
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
           "Body %" PetscInt_FMT
-          " of group '%s' overlaps %s by %g at the start: move one of them (-particle_%s_position, _lower, _upper, _margin, _table)",
-          BodiesPlaceInGroup(c->state, p->i), i->name, partner, (double)overlap, i->name);
+          " of group '%s' overlaps %s by %g at the start, where its centre is %g,%g,%g: move one of them (-particle_%s_position, _lower, _upper, _margin, _table)",
+          BodiesPlaceInGroup(c->state, p->i), i->name, partner, (double)overlap, (double)c->x[p->i][0], (double)c->x[p->i][1], (double)c->x[p->i][2],
+          i->name);
 }
 
 PetscErrorCode ContactCheckStart(Contact c)
 {
   PetscFunctionBeginUser;
   PetscCall(ContactMigrate(c, 0, NULL));
+  PetscCall(ContactCheckInside(c));
   c->x = c->s->x;
   c->q = c->s->q;
   PetscCall(PetscFree(c->reach));

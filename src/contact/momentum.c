@@ -192,16 +192,14 @@ PetscErrorCode ContactSetInertia(Contact c, PetscInt k)
 
 /* ---- which can meet ---- */
 
-PetscBool ContactCanMeet(Contact c, const Pair *p)
+PetscErrorCode ContactCanMeet(Contact c, const Pair *p, PetscBool *can)
 {
-  PetscReal reach = c->horizon + ContactKind(c, p->i)->radius + c->reach[p->i];
+  const PetscReal reach = c->horizon + ContactKind(c, p->i)->radius + c->reach[p->i];
 
-  if (p->j < 0) {
-    const PetscInt face = -1 - p->j, a = face / 2;
-
-    return (PetscBool)((face % 2 ? c->upper[a] - c->x[p->i][a] : c->x[p->i][a] - c->lower[a]) < reach);
-  }
-  return ContactWithin(c, p->i, p->j, reach + ContactKind(c, p->j)->radius + c->reach[p->j]);
+  PetscFunctionBeginUser;
+  if (p->j < 0) PetscCall(ContactIsNearWall(c, p->i, p->j, reach, can));
+  else *can = ContactWithin(c, p->i, p->j, reach + ContactKind(c, p->j)->radius + c->reach[p->j]);
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- sub-steps ---- */

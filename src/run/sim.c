@@ -307,7 +307,7 @@ static PetscErrorCode finish_part(Sim s, PetscReal dt, PetscInt its)
   if (s->judge) PetscCall(JudgeWay(s->judge, s->time + dt, dt, (PetscBool)(s->adapt != NULL)));
   PetscCall(ContactFinishStep(s->part.contact));
   PetscCall(ContactCountWork(s->part.contact, dt));
-  PetscCall(LeaveApply(s->part.border));
+  PetscCall(LeaveApply(s->part.leave));
   PetscCall(end_phase(s));
   s->time   = s->hits ? s->until : s->time + dt;
   s->dt_old = dt;
@@ -508,7 +508,7 @@ static PetscErrorCode take_step_alone(Sim s)
   if (s->part.gravity) PetscCall(ExprEvaluate(s->part.gravity, s->time + 0.5 * dt, 1, NULL, gravity));
   if (s->part.gravity) PetscCall(ContactSetGravity(s->part.contact, gravity));
   PetscCall(ContactAdvanceAlone(s->part.contact, dt));
-  PetscCall(LeaveApply(s->part.border));
+  PetscCall(LeaveApply(s->part.leave));
   PetscCall(end_phase(s));
   PetscCall(ContactGetWork(s->part.contact, NULL, NULL, &substeps));
   s->time = s->hits ? s->until : s->time + dt;
@@ -588,7 +588,7 @@ PetscErrorCode SimRun(Sim s)
     PetscCall(save_state(s, &stop));
     PetscCall(CoresStep(&s->cores));
   }
-  PetscCall(LeaveGetRemoved(s->part.border, &removed));
+  PetscCall(LeaveGetRemoved(s->part.leave, &removed));
   if (removed) PetscCall(MonitorQuantity(s->part.monitor, "bodies_removed", removed));
   PetscCall(OutputGetDirectory(s->part.output, &dir));
   PetscCall(SuspensionWrite(s->part.suspension, dir, s->step));
