@@ -50,6 +50,7 @@ PetscErrorCode BorderSetFaces(Border, PetscInt n, const BorderFace[]);
 
 PetscErrorCode BorderGetBoundaries(Border, PetscInt *n);
 PetscErrorCode BorderGetName(Border, PetscInt boundary, const char **name);
+PetscErrorCode BorderIsSolid(Border, PetscInt boundary, PetscBool *);
 PetscErrorCode BorderFind(Border, const char name[], PetscInt *boundary); /* -1: none */
 /* Is it made of the faces of a mesh, all around? */
 PetscErrorCode BorderHasFaces(Border, PetscBool *);

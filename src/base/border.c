@@ -330,6 +330,13 @@ PetscErrorCode BorderGetName(Border b, PetscInt boundary, const char **name)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode BorderIsSolid(Border b, PetscInt boundary, PetscBool *solid)
+{
+  PetscFunctionBeginUser;
+  *solid = b->solid[boundary];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode BorderFind(Border b, const char name[], PetscInt *boundary)
 {
   PetscFunctionBeginUser;

@@ -160,9 +160,8 @@ PetscErrorCode ContactIsImplicit(Contact c, PetscBool *implicit)
 PetscErrorCode ContactView(Contact c, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscViewerASCIIPrintf(viewer, "contact: law %s, range %g, walls%s%s%s%s%s%s%s\n", c->law->name, (double)c->range,
-                                   c->walls & 1 ? " x-" : "", c->walls & 2 ? " x+" : "", c->walls & 4 ? " y-" : "", c->walls & 8 ? " y+" : "",
-                                   c->walls & 16 ? " z-" : "", c->walls & 32 ? " z+" : "", c->walls ? "" : " none"));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "contact: law %s, range %g, walls", c->law->name, (double)c->range));
+  PetscCall(ContactViewWalls(c, viewer));
   if (c->lubricate)
     PetscCall(PetscViewerASCIIPrintf(viewer, "  lubrication below gap %g, roughness %g, viscosity %g\n", (double)c->film_begin, (double)c->roughness,
                                      (double)c->viscosity));

@@ -267,6 +267,8 @@ PetscErrorCode ContactTouchWall(Contact, PetscInt i, PetscInt j, PetscInt *n, To
 PetscErrorCode ContactPlaceOnWall(Contact, PetscInt i, PetscInt j, const PetscReal r[3], PetscReal *gap, PetscReal normal[3], PetscReal K[9]);
 /* Of wall j at x, along it */
 PetscErrorCode ContactGetWallVelocity(Contact, PetscInt j, const PetscReal x[3], const PetscReal normal[3], PetscReal v[3]);
+/* Their names, and the end of a line */
+PetscErrorCode ContactViewWalls(Contact, PetscViewer);
 /* Error: a body whose centre is outside the border */
 PetscErrorCode ContactCheckInside(Contact);
 /* Options of all laws; the unused laws' ones count as unknown. */

@@ -35,6 +35,30 @@ PetscErrorCode ContactGetWallName(Contact c, PetscInt wall, const char **name)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode ContactViewWalls(Contact c, PetscViewer viewer)
+{
+  PetscInt    n = 0, boundary, last = -1;
+  PetscBool   any = PETSC_FALSE;
+  const char *name;
+
+  PetscFunctionBeginUser;
+  if (c->wall.border) PetscCall(BorderGetPieces(c->wall.border, &n));
+  for (PetscInt w = 0; w < CONTACT_SIDES + n; w++) {
+    PetscBool solid = PETSC_TRUE;
+
+    if (w < CONTACT_SIDES && !(c->walls >> w & 1)) continue;
+    PetscCall(find_boundary(c, w, &boundary));
+    if (w >= CONTACT_SIDES) PetscCall(BorderIsSolid(c->wall.border, boundary, &solid));
+    if (!solid || (w >= CONTACT_SIDES && boundary == last)) continue;
+    last = boundary;
+    any  = PETSC_TRUE;
+    PetscCall(ContactGetWallName(c, w, &name));
+    PetscCall(PetscViewerASCIIPrintf(viewer, " %s", name));
+  }
+  PetscCall(PetscViewerASCIIPrintf(viewer, "%s\n", any ? "" : " none"));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ContactFindWalls(Contact c, PetscInt k, PetscReal reach)
 {
   const PetscInt *piece;
