@@ -42,8 +42,8 @@ PetscErrorCode ContactCreate(Bodies, PetscReal h, PetscReal rho_f, const PetscRe
    them. Before the first step. Not collective. */
 #define CONTACT_SIDES 6
 typedef struct {
-  Border         border;
-  PetscInt       side[CONTACT_SIDES];
+  Border   border;
+  PetscInt side[CONTACT_SIDES];
   PetscErrorCode (*velocity)(void *context, PetscInt boundary, const PetscReal x[3], PetscReal v[3]);
   void *context;
 } ContactWalls;

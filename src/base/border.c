@@ -277,7 +277,7 @@ static PetscErrorCode grow_piece(Border b, PetscInt seed, PetscInt queue[])
 
 static PetscErrorCode make_grid(Border b)
 {
-  const PetscReal none[3] = {0, 0, 0};
+  const PetscReal none[3]  = {0, 0, 0};
   PetscReal       lower[3] = {0, 0, 0}, upper[3] = {0, 0, 0}, (*x)[3], *half;
 
   PetscFunctionBeginUser;

@@ -6,11 +6,11 @@
 
 typedef struct {
   BorderFace f;
-  PetscReal  centre[3], r;           /* ball around it */
-  PetscReal  turn;                   /* 1, or -1: its normal by tangents points out of the domain */
+  PetscReal  centre[3], r;            /* ball around it */
+  PetscReal  turn;                    /* 1, or -1: its normal by tangents points out of the domain */
   PetscReal  normal[BORDER_NODES][3]; /* at the nodes: sum of those of all faces there */
-  PetscBool  open[BORDER_NODES];     /* is a node on a boundary that is not solid, too? */
-  PetscInt   piece;                  /* -1: not solid */
+  PetscBool  open[BORDER_NODES];      /* is a node on a boundary that is not solid, too? */
+  PetscInt   piece;                   /* -1: not solid */
 } Face;
 
 typedef struct {

@@ -59,10 +59,10 @@ static PetscReal distance_to(const PetscReal x[3], const PetscReal p[3])
    at an end that would go further stay */
 static void find_step(PetscInt dim, const FacePlace *f, const PetscReal p[3], PetscReal step[2])
 {
-  const PetscInt n    = dim - 1;
+  const PetscInt  n    = dim - 1;
   const PetscReal r[3] = {f->x[0] - p[0], f->x[1] - p[1], f->x[2] - p[2]};
-  PetscReal      g[2] = {0, 0}, T[3] = {0, 0, 0}, H[3];
-  PetscBool      held[2] = {PETSC_FALSE, PETSC_TRUE};
+  PetscReal       g[2] = {0, 0}, T[3] = {0, 0, 0}, H[3];
+  PetscBool       held[2] = {PETSC_FALSE, PETSC_TRUE};
 
   step[0] = step[1] = 0;
   for (PetscInt k = 0; k < n; k++) {

@@ -51,8 +51,7 @@ static PetscErrorCode read_boundaries(Leave b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode LeaveCreate(Bodies bodies, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3], Border border,
-                           Leave *leave)
+PetscErrorCode LeaveCreate(Bodies bodies, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3], Border border, Leave *leave)
 {
   Leave    b;
   PetscInt n;

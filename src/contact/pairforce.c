@@ -301,7 +301,8 @@ static PetscErrorCode add_others(Contact c, PetscInt number, PetscInt n, PetscRe
 
 PetscErrorCode ContactPairDashpots(Contact c, PetscInt number, PetscReal h, PetscInt *n, Impulse *friction, PetscReal *gap)
 {
-  const Pair *p = &c->pair[number];
+  const Pair *p  = &c->pair[number];
+  const Kind *ki = ContactKind(c, p->i), *kj          = p->j >= 0 ? ContactKind(c, p->j) : NULL;
   PetscReal   share[2 * CONTACT_MAX_POINTS], pressing = 0;
   PetscInt    touches;
   PetscBool   discs;
@@ -322,6 +323,7 @@ PetscErrorCode ContactPairDashpots(Contact c, PetscInt number, PetscReal h, Pets
     share[k] = 0;
     if (t->weight <= 0 || t->gap >= c->range) continue;
     place_dashpot(c, p, t, d);
+    d->has_levers = (PetscBool) !(ki->disc > 0 && (!kj || kj->disc > 0) && !c->slip && !c->lubricate); /* nothing turns discs */
     ask_law(c, &m, t->gap, t->weight, h, d);
     share[k] = PetscMax(0, ContactDashpotForce(c, d, ContactApproach(c, p, d), h));
     pressing += share[k];

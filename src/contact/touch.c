@@ -270,7 +270,7 @@ PetscErrorCode ContactFindNarrowest(Contact c, PetscInt i, PetscInt j, Touch *t,
   root = c->dim == 2 ? 0 : PetscSqrtReal(PetscMax(0, 0.25 * sum * sum - product));
   sum  = c->dim == 2 ? 2 * sum : sum;
   if (c->dim == 3) least *= LEAST_CURVATURE;
-  least = PetscMax(least - hollow, LEAST_IN_HOLLOW * least);
+  least                   = PetscMax(least - hollow, LEAST_IN_HOLLOW * least);
   curvature->principal[0] = PetscMax(0.5 * sum - root, least);
   curvature->principal[1] = PetscMax(0.5 * sum + root, least);
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -88,7 +88,10 @@ PetscErrorCode MeshDescribeBoundary(Mesh m, PetscInt b, char text[], size_t size
   PetscFunctionBeginUser;
   PetscCall(MeshGetBoundaryRound(m, b, &round, &r));
   if (round) {
-    used = (size_t)snprintf(text, size, "%s of radius %g about %g,%g", r.axis >= 0 ? "cylinder" : l->dim == 2 ? "circle" : "sphere",
+    used = (size_t)snprintf(text, size, "%s of radius %g about %g,%g",
+                            r.axis >= 0   ? "cylinder"
+                            : l->dim == 2 ? "circle"
+                                          : "sphere",
                             (double)r.radius, (double)r.centre[0], (double)r.centre[1]);
     if (l->dim == 3 && r.axis < 0 && used < size) (void)snprintf(text + used, size - used, ",%g", (double)r.centre[2]);
     PetscFunctionReturn(PETSC_SUCCESS);

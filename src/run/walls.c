@@ -37,9 +37,10 @@ static PetscErrorCode is_solid(Mesh mesh, Flow flow, Bodies bodies, PetscInt b, 
 /* Area of a face if it lies in side `side` of the box, else 0 */
 static PetscReal area_in_side(const MeshLocal *l, const BorderFace *f, PetscInt side)
 {
-  const PetscInt  a  = side / 2, p = (a + 1) % l->dim, q = (a + 2) % 3, *corner = l->dim == 2 ? (const PetscInt[]){0, 2, 2, 0} : (const PetscInt[]){0, 2, 8, 6};
-  const PetscReal at = side % 2 ? l->upper[a] : l->lower[a];
-  PetscReal       area = 0;
+  const PetscInt a = side / 2, p = (a + 1) % l->dim, q = (a + 2) % 3,
+                 *corner = l->dim == 2 ? (const PetscInt[]){0, 2, 2, 0} : (const PetscInt[]){0, 2, 8, 6};
+  const PetscReal at     = side % 2 ? l->upper[a] : l->lower[a];
+  PetscReal       area   = 0;
 
   for (PetscInt i = 0; i < (l->dim == 2 ? 3 : 9); i++)
     if (PetscAbsReal(f->x[i][a] - at) > WHOLE * (l->upper[a] - l->lower[a])) return 0;

@@ -30,7 +30,7 @@ static void add_side(Outline *o, PetscInt boundary, PetscInt parts, const PetscR
   for (PetscInt p = 0; p < parts; p++) {
     BorderFace *f = &o->face[o->n++];
 
-    *f = (BorderFace){.boundary = boundary, .node = {p ? o->last : first, 1000 + 2 * o->n, p == parts - 1 ? end : 1001 + 2 * o->n}};
+    *f      = (BorderFace){.boundary = boundary, .node = {p ? o->last : first, 1000 + 2 * o->n, p == parts - 1 ? end : 1001 + 2 * o->n}};
     o->last = f->node[2];
     for (PetscInt i = 0; i < 3; i++)
       for (PetscInt d = 0; d < 2; d++) f->x[i][d] = a[d] + (p + 0.5 * i) / parts * (b[d] - a[d]);
@@ -146,10 +146,10 @@ static void test_nose(void **state)
 /* A floor with a hole: its edge keeps bodies off on all sides, what is below the hole has left by it */
 static void test_free_end(void **state)
 {
-  const PetscReal x[6][2]  = {{0, 0}, {0.5, 0}, {1.5, 0}, {2, 0}, {2, 1}, {0, 1}};
-  const PetscInt  sides[6] = {0, 1, 0, 0, 0, 0};
+  const PetscReal x[6][2]     = {{0, 0}, {0.5, 0}, {1.5, 0}, {2, 0}, {2, 1}, {0, 1}};
+  const PetscInt  sides[6]    = {0, 1, 0, 0, 0, 0};
   const PetscReal point[2][3] = {{0.6, -0.1, 0}, {0.4, -0.1, 0}}, centre[3] = {0.5, 0.2, 0};
-  Outline         o           = {0};
+  Outline         o = {0};
   BorderPlace     p[64];
   const PetscInt *piece;
   PetscInt        n, boundary, floor = 0;
@@ -356,9 +356,9 @@ static void test_cube(void **state)
 int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {
-    cmocka_unit_test(test_square), cmocka_unit_test(test_nose),     cmocka_unit_test(test_free_end), cmocka_unit_test(test_thin_wall),
-    cmocka_unit_test(test_round_polygon), cmocka_unit_test(test_parabola), cmocka_unit_test(test_patch),    cmocka_unit_test(test_rounds),
-    cmocka_unit_test(test_cube),
+    cmocka_unit_test(test_square),    cmocka_unit_test(test_nose),          cmocka_unit_test(test_free_end),
+    cmocka_unit_test(test_thin_wall), cmocka_unit_test(test_round_polygon), cmocka_unit_test(test_parabola),
+    cmocka_unit_test(test_patch),     cmocka_unit_test(test_rounds),        cmocka_unit_test(test_cube),
   };
   int failed;
 
