@@ -1,11 +1,12 @@
 /* Border: the boundary of a domain by its geometry, in pieces: circles, cylinders and spheres in closed form, and the
-   curved faces of a mesh (second order), found by a search grid. Sides of a box are no pieces: who knows the box knows
-   them. Knows neither mesh nor bodies. Lengths in the unit of the scene; vectors have 3 components, 2D ones a zero.
+   curved faces of a mesh (second order), found by a search grid. Sides of a box are no pieces: who knows the box
+   knows them. Knows neither mesh nor bodies. Lengths in the unit of the scene; vectors have 3 components, 2D ones a
+   zero.
 
-   A piece is smooth: faces join where their normals differ by less than 35 degrees, as long as the normal stays within
-   40 degrees of that of the piece's first face. So two places of a piece where something touches it press in about the
-   same direction, and what touches a corner, or both sides of a bend, touches two pieces. Pieces and faces have the same
-   numbers on any number of ranks.
+   A piece is smooth: faces join where their normals differ by less than 35 degrees, as long as the normal stays
+   within 40 degrees of that of the piece's first face. So two places of a piece where something touches it press in
+   about the same direction, and what touches a corner, or both sides of a bend, touches two pieces. Pieces and faces
+   have the same numbers on any number of ranks.
 
    A touch of something round is a place that is nearer to its centre than all places of the boundary around it: one
    along a smooth wall, two in a corner, one at an edge. */
@@ -17,8 +18,8 @@
 
 typedef struct _p_Border *Border;
 
-/* A face of second order, its places by lattice position (i, i + 3 j); nodes have the numbers of the mesh, by which faces
-   know their neighbours */
+/* A face of second order, its places by lattice position (i, i + 3 j); nodes have the numbers of the mesh, by which
+   faces know their neighbours */
 typedef struct {
   PetscInt  boundary;
   PetscInt  node[BORDER_NODES];
@@ -63,8 +64,8 @@ PetscErrorCode BorderFindNear(Border, const PetscReal x[3], PetscReal reach, Pet
 /* Where a ball about x touches a piece, nearer than reach: place [BORDER_TOUCHES], in the order of the faces */
 PetscErrorCode BorderTouch(Border, PetscInt piece, const PetscReal x[3], PetscReal reach, PetscInt *n,
                            BorderPlace place[]);
-/* Of n points x [n][3] within `radius` of c, those which the piece is nearest to of all pieces that meet there, nearer than
-   reach: place [n], with gap PETSC_MAX_REAL for all others */
+/* Of n points x [n][3] within `radius` of c, those which the piece is nearest to of all pieces that meet there,
+   nearer than reach: place [n], with gap PETSC_MAX_REAL for all others */
 PetscErrorCode BorderTouchPoints(Border, PetscInt piece, const PetscReal c[3], PetscReal radius, PetscReal reach,
                                  PetscInt n, const PetscReal x[][3], BorderPlace place[]);
 /* The place of a piece that is nearest to x, if it is nearer than reach (else gap PETSC_MAX_REAL) */

@@ -8,9 +8,9 @@
 
 typedef struct _p_Leave *Leave;
 
-/* Domain lower .. upper; period: its length in periodic directions, 0 in the others; border (borrowed): its boundaries by
-   their names, and what of them is not a side of that box. Reads -particle_remove. Collective. Errors: unknown or periodic
-   boundary. */
+/* Domain lower .. upper; period: its length in periodic directions, 0 in the others; border (borrowed): its
+   boundaries by their names, and what of them is not a side of that box. Reads -particle_remove. Collective. Errors:
+   unknown or periodic boundary. */
 PetscErrorCode LeaveCreate(Bodies, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3],
                            Border, Leave *);
 PetscErrorCode LeaveDestroy(Leave *);

@@ -36,10 +36,10 @@ PetscErrorCode ContactPack(Bodies, const PetscReal lower[3], const PetscReal upp
    Collective. Errors: no scale for the stiffness of a spring. */
 PetscErrorCode ContactCreate(Bodies, PetscReal h, PetscReal rho_f, const PetscReal gravity[3], const PetscReal lower[3],
                              const PetscReal upper[3], PetscInt walls, Contact *);
-/* Walls that are no sides of a box, and how walls move. border: its solid pieces are walls, numbered from CONTACT_SIDES on
-   after the sides of the box; NULL: there are none. side: the boundaries of the border that are sides of the box, -1: not
-   one of them. velocity: that of a boundary (one of the border) at a place of it; NULL: all stand still. Borrowed, all of
-   them. Before the first step. Not collective. */
+/* Walls that are no sides of a box, and how walls move. border: its solid pieces are walls, numbered from
+   CONTACT_SIDES on after the sides of the box; NULL: there are none. side: the boundaries of the border that are
+   sides of the box, -1: not one of them. velocity: that of a boundary (one of the border) at a place of it; NULL: all
+   stand still. Borrowed, all of them. Before the first step. Not collective. */
 #define CONTACT_SIDES 6
 typedef struct {
   Border   border;
@@ -114,8 +114,8 @@ PetscErrorCode ContactAdvanceAlone(Contact, PetscReal dt);
 PetscErrorCode ContactCountWork(Contact, PetscReal dt);
 PetscErrorCode ContactGetEnergy(Contact, PetscReal *stored, PetscReal *work);
 
-/* Refuse bodies whose centre is outside the domain, and those that overlap a wall or another body in their present place, of
-   which one at least can move away: names body, place, the other and the overlap. Not collective. */
+/* Refuse bodies whose centre is outside the domain, and those that overlap a wall or another body in their present
+   place, of which one at least can move away: names body, place, the other and the overlap. Not collective. */
 PetscErrorCode ContactCheckStart(Contact);
 
 /* Effective mass of body k: (rho_s + rho_f) Vol in 2D, (rho_s + rho_f/2) Vol in 3D (added mass of a disc, a sphere),
@@ -133,10 +133,10 @@ PetscErrorCode ContactGetStart(Contact, PetscInt k, PetscReal dt, PetscReal a[3]
 PetscErrorCode ContactGetWork(Contact, PetscInt *tests, PetscInt *pairs, PetscInt *substeps);
 /* Largest overlap, in diameters of the smaller body, that ContactFinishStep has found since the beginning. */
 PetscErrorCode ContactGetSeparation(Contact, PetscReal *overlap);
-/* Contacts of the present places: pairs of permanent numbers i < j (j < 0: wall number -1 - j, see ContactGetWallName), i of
-   an own body, whose gap is below the range, where they are nearest and the direction from j to i; ascending in i,
-   then j. *link [*n] is the caller's to free. None with law none. Bodies that are spread may go to their owners.
-   Collective. */
+/* Contacts of the present places: pairs of permanent numbers i < j (j < 0: wall number -1 - j, see
+   ContactGetWallName), i of an own body, whose gap is below the range, where they are nearest and the direction from
+   j to i; ascending in i, then j. *link [*n] is the caller's to free. None with law none. Bodies that are spread may
+   go to their owners. Collective. */
 typedef struct {
   PetscInt  i, j;
   PetscReal gap, x[3], normal[3];

@@ -32,7 +32,8 @@ PetscErrorCode ConditionsGetOpenAxes(Conditions, PetscInt *axes);
 PetscErrorCode ConditionsGetSlidingAxes(Conditions, PetscInt *axes);
 /* Does the fluid stick to boundary b (no_slip, moving_wall, rotating_wall), and may that move? */
 PetscErrorCode ConditionsSticks(Conditions, PetscInt b, PetscBool *sticks, PetscBool *moves);
-/* Velocity v [3] that boundary b has at its place x at the time of the step, 0 where nothing is prescribed. Not collective. */
+/* Velocity v [3] that boundary b has at its place x at the time of the step, 0 where nothing is prescribed. Not
+   collective. */
 PetscErrorCode ConditionsGetVelocity(Conditions, PetscInt b, const PetscReal x[3], PetscReal v[3]);
 /* Bit mask of solid sides of the box (no_slip or moving_wall): bit 2 axis for lower, 2 axis + 1 for upper. Boundaries
    of other names do not count, nor those that lie elsewhere. */

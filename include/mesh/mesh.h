@@ -96,8 +96,8 @@ PetscErrorCode MeshGetBoundaryName(Mesh, PetscInt b, const char **name);
 PetscErrorCode MeshFindBoundary(Mesh, const char name[], PetscInt *b);
 /* Local nodes (own and ghost) on boundary b. */
 PetscErrorCode MeshGetBoundaryNodes(Mesh, PetscInt b, PetscInt *n, const PetscInt *nodes[]);
-/* Boundary b of a round kind (disc, annulus, tube, ball, shell, the cylinder of fitted): circle, cylinder or sphere, *round:
-   is it one? Not collective. */
+/* Boundary b of a round kind (disc, annulus, tube, ball, shell, the cylinder of fitted): circle, cylinder or sphere,
+   *round: is it one? Not collective. */
 PetscErrorCode MeshGetBoundaryRound(Mesh, PetscInt b, PetscBool *round, BorderRound *);
 /* Are boundaries called left, right, ... the whole sides of the mesh's box? Not so in a file. Not collective. */
 PetscErrorCode MeshHasSides(Mesh, PetscBool *);

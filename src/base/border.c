@@ -186,7 +186,8 @@ static PetscInt end_of_node(PetscInt n, const Corner all[], PetscInt first)
   return end;
 }
 
-/* The solid faces with a node in common with face f, to `out`, ascending; where [nface][m]: place of its nodes in all */
+/* The solid faces with a node in common with face f, to `out`, ascending; where [nface][m]: place of its nodes in all
+   */
 static PetscInt list_neighbours(Border b, PetscInt n, const Corner all[], const PetscInt where[], PetscInt f, PetscInt out[])
 {
   PetscInt found = 0;

@@ -55,8 +55,8 @@ static PetscReal distance_to(const PetscReal x[3], const PetscReal p[3])
   return PetscSqrtReal(PetscSqr(x[0] - p[0]) + PetscSqr(x[1] - p[1]) + PetscSqr(x[2] - p[2]));
 }
 
-/* Step of Newton's method for half the squared distance, by tangents alone where its matrix is not definite; coordinates
-   at an end that would go further stay */
+/* Step of Newton's method for half the squared distance, by tangents alone where its matrix is not definite;
+   coordinates at an end that would go further stay */
 static void find_step(PetscInt dim, const FacePlace *f, const PetscReal p[3], PetscReal step[2])
 {
   const PetscInt  n    = dim - 1;

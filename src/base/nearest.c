@@ -1,5 +1,5 @@
-/* Border: what is near a point; see border.h. Faces are compared with their neighbours alone, and with all that are near
-   where a point is behind one: it may be in the domain, beyond a thin wall. */
+/* Border: what is near a point; see border.h. Faces are compared with their neighbours alone, and with all that are
+   near where a point is behind one: it may be in the domain, beyond a thin wall. */
 #include "compat.h"
 #include "borderimpl.h"
 #include "base/algebra.h"

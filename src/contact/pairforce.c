@@ -226,8 +226,8 @@ static void ask_law(Contact c, Meeting *m, PetscReal gap, PetscReal weight, Pets
   if (h <= 0) d->rate = 0;
 }
 
-/* Discs (spheres) and sides of a box without friction or film: along the line of centres, no torques. *are: is it such a
-   pair? The common case of many bodies, in closed form. */
+/* Discs (spheres) and sides of a box without friction or film: along the line of centres, no torques. *are: is it
+   such a pair? The common case of many bodies, in closed form. */
 static PetscErrorCode discs_dashpot(Contact c, const Pair *p, PetscReal h, PetscInt *n, Dashpot *d, PetscReal *gap, PetscBool *are)
 {
   const Kind *ki = ContactKind(c, p->i), *kj = p->j >= 0 ? ContactKind(c, p->j) : NULL;
@@ -323,7 +323,8 @@ PetscErrorCode ContactPairDashpots(Contact c, PetscInt number, PetscReal h, Pets
     share[k] = 0;
     if (t->weight <= 0 || t->gap >= c->range) continue;
     place_dashpot(c, p, t, d);
-    d->has_levers = (PetscBool) !(ki->disc > 0 && (!kj || kj->disc > 0) && !c->slip && !c->lubricate); /* nothing turns discs */
+    /* nothing turns discs */
+    d->has_levers = (PetscBool)(ki->disc <= 0 || (kj && kj->disc <= 0) || c->slip || c->lubricate);
     ask_law(c, &m, t->gap, t->weight, h, d);
     share[k] = PetscMax(0, ContactDashpotForce(c, d, ContactApproach(c, p, d), h));
     pressing += share[k];

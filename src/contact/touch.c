@@ -1,10 +1,10 @@
 /* Contact, geometry: where two bodies, or a body and a wall, touch.
 
-   Disc-disc and disc-side of a box in closed form. Any other pair: surface points of each body against the signed distance
-   of the other, both ways; wall: see wall.c. The force acts through all points within reach, with
-   weights that fall off as exp(-(gap - smallest gap)/(r/4)) and add up to one. The single deepest point would jump
-   along a flat side and chatter in torque; a plain sum over points would make the force depend on how many there are.
-   This way the force is that of two discs, wherever it acts. Distances across a periodic face count as those to the
+   Disc-disc and disc-side of a box in closed form. Any other pair: surface points of each body against the signed
+   distance of the other, both ways; wall: see wall.c. The force acts through all points within reach, with weights
+   that fall off as exp(-(gap - smallest gap)/(r/4)) and add up to one. The single deepest point would jump along a
+   flat side and chatter in torque; a plain sum over points would make the force depend on how many there are. This
+   way the force is that of two discs, wherever it acts. Distances across a periodic face count as those to the
    nearest image. */
 #include "compat.h"
 #include "impl.h"
@@ -251,7 +251,8 @@ static void go_to_minimum(PetscInt dim, const PetscReal K[9], const PetscReal ni
 
 PetscErrorCode ContactFindNarrowest(Contact c, PetscInt i, PetscInt j, Touch *t, Curvature *curvature)
 {
-  PetscReal least = 1 / ContactKind(c, i)->radius, hollow = 0, K[9], sum, product, root; /* hollow: curvature of a wall around the body */
+  PetscReal least  = 1 / ContactKind(c, i)->radius, K[9], sum, product, root;
+  PetscReal hollow = 0; /* curvature of a wall around the body */
   Place     pi, pj;
 
   PetscFunctionBeginUser;

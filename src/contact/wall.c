@@ -1,6 +1,7 @@
-/* Contact, walls: the sides of a box in closed form, walls 0 to 5, and the pieces of a border (base/border.h) from 6 on.
-   Discs touch a piece where it is nearest, or in two places where it bends towards them; of other shapes each surface
-   point does where the piece is nearest to it. Walls stay where they are: what a wall has of velocity is along it. */
+/* Contact, walls: the sides of a box in closed form, walls 0 to 5, and the pieces of a border (base/border.h) from 6
+   on. Discs touch a piece where it is nearest, or in two places where it bends towards them; of other shapes each
+   surface point does where the piece is nearest to it. Walls stay where they are: what a wall has of velocity is
+   along it. */
 #include "compat.h"
 #include "impl.h"
 

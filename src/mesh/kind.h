@@ -49,8 +49,8 @@ PetscErrorCode MeshKindDestroy(MeshKind *);
 PetscErrorCode MeshKindSetCells(MeshKind, const PetscInt cells[3]);
 
 PetscErrorCode MeshKindGetBoundaries(MeshKind, PetscInt *n, const char (**names)[64]);
-/* Are the sides of the box boundaries of their names, as in all kinds but files? The circle, cylinder or sphere that boundary
-   b is; *round: is it one? */
+/* Are the sides of the box boundaries of their names, as in all kinds but files? The circle, cylinder or sphere that
+   boundary b is; *round: is it one? */
 PetscErrorCode MeshKindHasSides(MeshKind, PetscBool *);
 PetscErrorCode MeshKindGetRound(MeshKind, PetscInt b, PetscBool *round, BorderRound *);
 /* Longest side of the smallest cell of a box or channel */

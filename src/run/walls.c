@@ -1,5 +1,5 @@
-/* Walls: see walls.h. Kinds that we make ourselves are sides of boxes, circles, cylinders and spheres; of a mesh file all
-   ranks hear all faces, some kilobyte each. */
+/* Walls: see walls.h. Kinds that we make ourselves are sides of boxes, circles, cylinders and spheres; of a mesh file
+   all ranks hear all faces, some kilobyte each. */
 #include "compat.h"
 #include "walls.h"
 #include "base/parcels.h"

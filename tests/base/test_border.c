@@ -1,4 +1,5 @@
-/* Border: nearest places of curved faces, touches along walls, in corners, at edges and free ends, inside and outside. */
+/* Border: nearest places of curved faces, touches along walls, in corners, at edges and free ends, inside and
+   outside. */
 /* ranks: 1 */
 #include "compat.h"
 #include "base/border.h"
@@ -225,7 +226,8 @@ static void test_round_polygon(void **state)
 
 /* ---- curved faces ---- */
 
-/* A parabola y = x^2/2, from -1 to 1: nearest places by brute force, curvature 1 at its lowest point, seen from above -1 */
+/* A parabola y = x^2/2, from -1 to 1: nearest places by brute force, curvature 1 at its lowest point, seen from above
+   -1 */
 static void test_parabola(void **state)
 {
   const PetscReal x[3][3] = {{-1, 0.5, 0}, {0, 0, 0}, {1, 0.5, 0}};
@@ -254,7 +256,8 @@ static void test_parabola(void **state)
   near(K[4], 0, 1e-14);
 }
 
-/* In space: z = (x^2 + 2 y^2)/4 on a skewed patch has curvatures 1/2 and 1 at its lowest point; nearest by brute force */
+/* In space: z = (x^2 + 2 y^2)/4 on a skewed patch has curvatures 1/2 and 1 at its lowest point; nearest by brute
+   force */
 static void test_patch(void **state)
 {
   PetscReal x[9][3], n[3], K[9];
