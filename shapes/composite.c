@@ -9,6 +9,7 @@
    edge that an intersection or difference has cut, and, with blend, along the seam. It says so (ShapeSetBound). Normal:
    that of the part that decides. Mass by quadrature, surface points by projection (the defaults). */
 #include "shape.h"
+#include <string.h>
 
 #define MOST  32 /* parts */
 #define CHUNK 64 /* points handled at a time on the stack */
@@ -97,7 +98,10 @@ static PetscErrorCode ShapeOptions_Composite(Shape s)
   PetscCheck(n <= MOST, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Shape 'composite' has %d parts, %d are the most: make composites of composites", n,
              MOST);
   for (int i = 0; i < n; i++) {
-    PetscCall(PetscStrncpy(c->part[i].name, name[i], sizeof(c->part[i].name)));
+    const char *first = name[i] + strspn(name[i], " \t"); /* "hub, b1" */
+
+    PetscCall(PetscStrncpy(c->part[i].name, first, sizeof(c->part[i].name)));
+    c->part[i].name[strcspn(c->part[i].name, " \t")] = 0;
     PetscCall(ReadPart(s, c->dim, &c->part[i]));
   }
   PetscCall(PetscStrToArrayDestroy(n, name));

@@ -33,8 +33,13 @@ PetscErrorCode ConditionsGetOpenAxes(Conditions, PetscInt *axes);
 /* Along which axes can the mesh travel as a whole, without taking a wall with it that is not parallel to the way? Bit
    mask of axes. Collective. */
 PetscErrorCode ConditionsGetSlidingAxes(Conditions, PetscInt *axes);
-/* Bit mask of solid faces of the box (no_slip or moving_wall): bit 2 axis for lower, 2 axis + 1 for upper. Boundaries
-   of other names do not count. */
+/* Does the fluid stick to boundary b (no_slip, moving_wall, rotating_wall), and may that move? */
+PetscErrorCode ConditionsSticks(Conditions, PetscInt b, PetscBool *sticks, PetscBool *moves);
+/* Velocity v [3] that boundary b has at its place x at the time of the step, 0 where nothing is prescribed. Not
+   collective. */
+PetscErrorCode ConditionsGetVelocity(Conditions, PetscInt b, const PetscReal x[3], PetscReal v[3]);
+/* Bit mask of solid sides of the box (no_slip or moving_wall): bit 2 axis for lower, 2 axis + 1 for upper. Boundaries
+   of other names do not count, nor those that lie elsewhere. */
 PetscErrorCode ConditionsGetSolidFaces(Conditions, PetscInt *faces);
 /* Is boundary b a wall (no_slip, moving_wall, rotating_wall, slip), or open (inflow, outflow, pressure)? */
 PetscErrorCode ConditionsGetKind(Conditions, PetscInt b, PetscBool *wall, PetscBool *open);

@@ -101,16 +101,30 @@ const OptSpec *OptFindSpec(const char name[])
   return known && known->spec ? known->spec : find_row(name);
 }
 
-static PetscErrorCode add_known(const char name[], OptKnown **known)
+static PetscErrorCode copy_text(const char text[], const char **copy)
 {
   PetscFunctionBeginUser;
+  *copy = text ? strdup(text) : NULL;
+  PetscCheck(*copy || !text, PETSC_COMM_SELF, PETSC_ERR_MEM, "Out of memory for the names of options");
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode add_known(const char name[], OptKnown **known)
+{
+  const char *copy;
+
+  PetscFunctionBeginUser;
   if (list.n == list.room) {
-    list.room  = PetscMax(64, 2 * list.room);
-    list.known = realloc(list.known, (size_t)list.room * sizeof(*list.known));
-    PetscCheck(list.known, PETSC_COMM_SELF, PETSC_ERR_MEM, "No memory for the names of options");
+    const PetscInt room = PetscMax(64, 2 * list.room);
+    void          *more = realloc(list.known, (size_t)room * sizeof(*list.known));
+
+    PetscCheck(more, PETSC_COMM_SELF, PETSC_ERR_MEM, "Out of memory for the names of options");
+    list.room  = room;
+    list.known = more;
   }
+  PetscCall(copy_text(name, &copy));
   *known  = &list.known[list.n++];
-  **known = (OptKnown){.name = strdup(name), .spec = find_row(name)};
+  **known = (OptKnown){.name = (char *)(size_t)copy, .spec = find_row(name)};
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -121,11 +135,6 @@ static PetscErrorCode get_known(const char name[], OptKnown **known)
   *known = find_known(name);
   if (!*known) PetscCall(add_known(name, known));
   PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static char *copy_text(const char text[])
-{
-  return text ? strdup(text) : NULL;
 }
 
 static void free_spec(OptSpec *spec)
@@ -146,15 +155,15 @@ PetscErrorCode OptDeclareOne(const OptSpec *spec)
   if (known->own && strchr(spec->name, '<') && strcmp(known->own->when, spec->when)) PetscCall(add_known(spec->name, &known));
   if (known->own) free_spec(known->own);
   known->spec = known->own = malloc(sizeof(*spec));
-  PetscCheck(known->own, PETSC_COMM_SELF, PETSC_ERR_MEM, "No memory for option %s", spec->name);
-  *known->own         = *spec;
-  known->own->name    = known->name;
-  known->own->unit    = copy_text(spec->unit);
-  known->own->value   = copy_text(spec->value);
-  known->own->help    = copy_text(spec->help);
-  known->own->when    = copy_text(spec->when);
-  known->own->choices = copy_text(spec->choices);
-  known->own->also    = copy_text(spec->also);
+  PetscCheck(known->own, PETSC_COMM_SELF, PETSC_ERR_MEM, "Out of memory for option %s", spec->name);
+  *known->own      = *spec;
+  known->own->name = known->name;
+  PetscCall(copy_text(spec->unit, &known->own->unit));
+  PetscCall(copy_text(spec->value, &known->own->value));
+  PetscCall(copy_text(spec->help, &known->own->help));
+  PetscCall(copy_text(spec->when, &known->own->when));
+  PetscCall(copy_text(spec->choices, &known->own->choices));
+  PetscCall(copy_text(spec->also, &known->own->also));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -230,7 +239,7 @@ static PetscErrorCode list_database(char **text)
   PetscFunctionBeginUser;
   *text = NULL;
   file  = open_memstream(text, &len);
-  PetscCheck(file, PETSC_COMM_WORLD, PETSC_ERR_MEM, "No memory for the list of options");
+  PetscCheck(file, PETSC_COMM_WORLD, PETSC_ERR_MEM, "Out of memory for the list of options");
   PetscCall(PetscViewerASCIIOpenWithFILE(PETSC_COMM_SELF, file, &viewer));
   PetscCall(PetscOptionsView(NULL, viewer));
   PetscCall(PetscViewerDestroy(&viewer));

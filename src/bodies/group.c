@@ -5,6 +5,7 @@
    know the state of the bodies, which is made from this in bodies.c. */
 #include "compat.h"
 #include "impl.h"
+#include "joint.h"
 #include "spread.h"
 #include "base/algebra.h"
 #include "base/log.h"
@@ -121,6 +122,14 @@ static PetscErrorCode read_start(BodyGroup *g)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* See bodies.h. Others fall, turn and slide as they are, contact and weight apart. */
+static PetscBool is_guided(const BodyGroup *g)
+{
+  const Motion *m = &g->motion;
+
+  return (PetscBool)(m->given || (g->free && (m->has_pivot || m->has_stops || JointActs(m))));
+}
+
 static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim, Start *s)
 {
   char name[OPT_NAME], type[64] = "", prefix[128];
@@ -141,6 +150,9 @@ static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim, Start *s)
   PetscCall(OptBool(OptJoin("-particle_", g->name, "_obstacle", name), &g->obstacle));
   PetscCall(read_free(g->name, dim, &g->motion, g->obstacle, &g->free));
   PetscCall(check_motion(g));
+  PetscCall(JointCheck(g->name, &g->motion, g->free));
+  JointSetCentre(&g->motion, g->mass.centroid);
+  g->guided = is_guided(g);
   for (PetscInt a = 0; a < dim && g->motion.has_pivot; a++) g->arm[a] = g->mass.centroid[a] - g->motion.pivot[a];
   PetscCall(read_start(g));
   PetscCall(OptHas(OptJoin("-particle_", g->name, "_density", name), &s->has_density));
@@ -393,6 +405,31 @@ static PetscErrorCode start_group(BodyGroup *g, PetscInt dim, const BodyParts *p
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* A file in other units than the scene: a body that no room is left for, or that is lost in it */
+static PetscErrorCode check_size(const BodyGroup *g, PetscInt dim, const PetscReal lower[3], const PetscReal upper[3])
+{
+  PetscReal diagonal = 0, shortest = PETSC_MAX_REAL;
+  PetscBool file;
+
+  PetscFunctionBeginUser;
+  PetscCall(ShapeIsFromFile(g->shape, &file));
+  if (!file || g->obstacle) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt a = 0; a < dim; a++) {
+    diagonal += PetscSqr(upper[a] - lower[a]);
+    shortest = PetscMin(shortest, upper[a] - lower[a]);
+  }
+  diagonal = PetscSqrtReal(diagonal);
+  PetscCheck(g->radius < diagonal, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "Group '%s' is far larger than the domain: its bounding radius is %g, the domain's diagonal %g. If its file is in other units, set "
+             "-particle_%s_scale, a factor on its coordinates (such as 1e-3 from mm to m)",
+             g->name, (double)g->radius, (double)diagonal, g->name);
+  if (g->radius < 1e-3 * shortest)
+    PetscCall(LogRemark("group '%s' is very small in the domain: its bounding radius is %g, the domain's shortest side %g. If its file is in other "
+                        "units, set -particle_%s_scale, a factor on its coordinates",
+                        g->name, (double)g->radius, (double)shortest, g->name));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* All about one group but its place among the others. */
 static PetscErrorCode read_group(BodyGroup *g, PetscInt dim, const BodyParts *parts, const PetscReal lower[3], const PetscReal upper[3], Start *s)
 {
@@ -407,6 +444,7 @@ static PetscErrorCode read_group(BodyGroup *g, PetscInt dim, const BodyParts *pa
   PetscCall(SpreadRead(g->name, g->density, s->seed, &s->spread));
   s->streams = (PetscBool)(s->streams && BodyIsAllFree(g, dim));
   PetscCall(start_group(g, dim, parts, s));
+  PetscCall(check_size(g, dim, lower, upper));
   PetscCall(orient_bodies(g, dim, s->n, s->body));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -1,4 +1,5 @@
-/* Inside of Bodies; for its files only. bodies.c: the state. columns.c: its arrays. advance.c: its motion. group.c:
+/* Inside of Bodies; for its files only. bodies.c: the state. columns.c: its arrays. advance.c: its motion. load.c: what
+   acts on it. flight.c: motion without a flow. group.c:
    options of the groups, where their bodies start. parts.c, local.c: who knows which. */
 #pragma once
 #include "bodies/local.h"
@@ -36,7 +37,9 @@ struct _p_Bodies {
   };
   PetscReal    lower[3], upper[3]; /* domain */
   PetscReal    period[3];          /* of a box that travels */
+  PetscReal    box[3];             /* length of the domain's periodic axes, 0 in the others */
   PetscBool    held;               /* BodiesHold */
+  PetscReal   *left;               /* [n] when the body last left a stop */
   Placement  **start;              /* [ngroups][count] what prescribed motion starts from; NULL for groups that have
                                      none */
   BodyParts   *parts;
@@ -74,7 +77,7 @@ static inline PetscBool BodyIsAllFree(const BodyGroup *g, PetscInt dim)
 {
   const PetscInt all = BODY_FREE_X | BODY_FREE_Y | (dim == 3 ? BODY_FREE_Z : 0) | BODY_FREE_ROTATION;
 
-  return (PetscBool)((g->free & all) == all && !g->motion.has_stops && !g->motion.has_pivot && !g->motion.has_hinge);
+  return (PetscBool)((g->free & all) == all && !g->motion.has_stops && !g->motion.has_pivot && !g->motion.has_hinge && !g->motion.from_start);
 }
 
 static inline PetscErrorCode check_body(Bodies b, PetscInt k)
@@ -83,6 +86,32 @@ static inline PetscErrorCode check_body(Bodies b, PetscInt k)
   PetscCheck(k >= 0 && k < b->state.n, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Body %" PetscInt_FMT " does not exist: there are %" PetscInt_FMT,
              k, b->state.n);
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Where a body is and how it moves, for what acts on it */
+typedef struct {
+  PetscReal time, x[3], q[4], angle, u[3], w[3];
+} BodyPose;
+
+/* External load on body k there: force, and torque about its centre; weight apart. */
+PetscErrorCode BodyGetExternal(Bodies, PetscInt k, const BodyPose *, PetscReal force[3], PetscReal torque[3]);
+/* Lines of body k that are longer than their length there */
+PetscInt BodyCountTaut(Bodies, PetscInt k, const BodyPose *);
+/* Explicit coupling: gain [nr] of the rigid slots in a step under the load of its beginning, at the velocities U [nr],
+   becomes that with springs, dampers and what falls with the motion taken at its end. */
+PetscErrorCode BodyDampGain(Bodies, PetscInt k, PetscReal dt, const PetscReal U[], PetscReal gain[]);
+/* Orientation of body k at an angle; in space it turns from q about its hinge, or by the vector `turn` */
+void BodyOrient(Bodies, PetscInt k, PetscReal angle, const PetscReal turn[3], PetscReal q[4]);
+/* What keeps a body on its stop after a rebound, saved or loaded. Collective. */
+PetscErrorCode BodyVisitStops(Bodies, const BodyRows *, State);
+/* Orientation of body k, and its angle, that are `turn` away from its start */
+void BodyTurnFromStart(Bodies, PetscInt k, const PetscReal turn[3], PetscReal q[4], PetscReal *angle);
+/* Where body k starts; its group has starts */
+static inline const Placement *BodyStart(Bodies b, PetscInt k)
+{
+  const PetscInt g = b->state.body_group[k];
+
+  return &b->start[g][b->state.number[k] - b->state.group[g].first];
 }
 
 /* Put what is not free to its prescribed value at `time`: place, orientation and velocities of body k. */

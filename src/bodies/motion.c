@@ -2,6 +2,7 @@
    prescribed body is where it should be at any time and step size. */
 #include "compat.h"
 #include "motion.h"
+#include "joint.h"
 #include "base/algebra.h"
 #include "base/opt.h"
 
@@ -134,8 +135,7 @@ PetscErrorCode MotionRead(const char group[], PetscInt dim, Motion *m, PetscReal
   PetscCall(read_axes(group, dim, m));
   PetscCall(PetscArraycpy(m->axis, m->hinge, 3));
   PetscCall(read_stops(group, dim, m));
-  PetscCall(OptRealArray(OptJoin("-particle_", group, "_force", name), dim, m->force, NULL));
-  PetscCall(OptRealArray(OptJoin("-particle_", group, "_torque", name), dim == 2 ? 1 : 3, dim == 2 ? m->torque + 2 : m->torque, NULL));
+  PetscCall(JointRead(group, dim, m));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -145,6 +145,7 @@ PetscErrorCode MotionDestroy(Motion *m)
   PetscCall(ExprDestroy(&m->velocity));
   PetscCall(ExprDestroy(&m->omega));
   PetscCall(TrackDestroy(&m->track));
+  PetscCall(JointDestroy(m));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -3,6 +3,8 @@
 
 #define GROUP     "-particle_groups"
 #define MOTION    "-particle_<group>_motion"
+#define MOORING   "-particle_<group>_mooring_stiffness or -particle_<group>_mooring_damping"
+#define LOAD      "x, y, z, t, u, v, w, angle, omega"
 #define OSCILLATE "-particle_<group>_motion oscillate"
 
 /* How the numbers of a distribution are spread */
@@ -49,7 +51,8 @@ static const OptSpec SPECS[] = {
   {"-particle_<group>_place", OPT_CHOICE, "", OPT_ANY, "single", .help = "where the bodies start", .when = GROUP,
    .choices = "single, lattice, random, table, pack", .also = "placement, distribution, arrangement",
    .words = "grid lattice, list table, csv table, file table, packed pack, packing pack, pos single, position single, one single"},
-  {"-particle_<group>_position", OPT_REALS, "length", OPT_ANY, "", .help = "centre of mass at the start, for place single", .when = GROUP,
+  {"-particle_<group>_position", OPT_REALS, "length", OPT_ANY, "",
+   .help = "centre of mass at the start, or with -particle_<group>_pivot that point, for place single", .when = GROUP,
    .also = "pos, x, x0, xy, center, centre, location, origin_position, initial_position, coordinates"},
   {"-particle_<group>_count", OPT_INT, "", OPT_FROM(0), "1", .help = "number of bodies, for place lattice, random and pack", .when = GROUP,
    .also = "n, number, num, amount"},
@@ -89,8 +92,31 @@ static const OptSpec SPECS[] = {
   {"-particle_<group>_start", OPT_CHOICE, "", OPT_ANY, "given",
    .help = "velocities of what is free at the start: those given, or momentum and angular momentum of the fluid in the body's place", .when = GROUP,
    .choices = "given, fluid", .words = "rest given, zero given, flow fluid"},
-  {"-particle_<group>_force", OPT_REALS, "force", OPT_ANY, "0", .help = "external force on each body, at its centre of mass", .when = GROUP},
-  {"-particle_<group>_torque", OPT_REALS, "force length", OPT_ANY, "0", .help = "external torque on each body", .when = GROUP},
+  {"-particle_<group>_force", OPT_REALS, "force", OPT_ANY, "0",
+   .help = "external force on each body, at its centre of mass; of that are x, y, z, and u, v, w its velocity; angle and omega as in "
+           "-particle_<group>_torque",
+   .when = GROUP, .variables = LOAD},
+  {"-particle_<group>_torque", OPT_REALS, "force length", OPT_ANY, "0",
+   .help = "external torque on each body; angle and omega: about z or the hinge. In a flow what falls with the body's own place or velocity, such as "
+           "-c*omega, is solved with it, all else is that of the beginning of the step",
+   .when = GROUP, .variables = LOAD},
+  {"-particle_<group>_spring", OPT_REAL, "force length", OPT_FROM(0), "0",
+   .help = "stiffness of a spring that turns the body to its rest angle: torque a rad, about z or the hinge", .when = GROUP},
+  {"-particle_<group>_spring_damping", OPT_REAL, "force length time", OPT_FROM(0), "0", .help = "torque against the angular velocity, a rad a time",
+   .when = GROUP},
+  {"-particle_<group>_spring_angle", OPT_REAL, "rad", OPT_ANY, "0", .help = "rest angle of the spring", .when = "-particle_<group>_spring"},
+  {"-particle_<group>_mooring", OPT_REALS, "length", OPT_ANY, "where it starts",
+   .help = "point in space that a spring ties the body to; with several springs one after the other", .when = MOORING},
+  {"-particle_<group>_mooring_stiffness", OPT_REALS, "force/length", OPT_FROM(0), "0",
+   .help = "stiffness of each mooring, or of all of them; of length 0 it acts along every axis by itself", .when = GROUP},
+  {"-particle_<group>_mooring_damping", OPT_REALS, "force time/length", OPT_FROM(0), "0",
+   .help = "damping of each mooring, or of all: along the line, of length 0 along every axis", .when = GROUP},
+  {"-particle_<group>_mooring_length", OPT_REALS, "length", OPT_FROM(0), "0", .help = "length of each mooring without force, or of all",
+   .when = MOORING},
+  {"-particle_<group>_mooring_at", OPT_REALS, "length", OPT_ANY, "the centre",
+   .help = "end of each mooring on the body, or of all, in the frame of the shape", .when = MOORING},
+  {"-particle_<group>_mooring_slack", OPT_BOOL, "", OPT_ANY, "false",
+   .help = "lines that pull and never push: without force when shorter than their length", .when = MOORING},
   {"-particle_<group>_motion", OPT_STRINGS, "", OPT_ANY, "", .help = "prescribed motion, parts that are added up: any of constant, oscillate, rotate",
    .when = GROUP},
   {"-particle_<group>_motion_amplitude", OPT_REALS, "length", OPT_ANY, "", .help = "amplitude of the oscillation along each axis", .when = OSCILLATE,

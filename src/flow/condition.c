@@ -321,9 +321,11 @@ PetscErrorCode ConditionsView(Conditions f, PetscViewer viewer)
   PetscFunctionBeginUser;
   for (PetscInt b = 0; b < f->n; b++) {
     const char *name;
+    char        where[256];
 
     PetscCall(MeshGetBoundaryName(f->mesh, b, &name));
-    PetscCall(PetscViewerASCIIPrintf(viewer, "  boundary %s: %s\n", name, BC_TYPES[f->condition[b].type]));
+    PetscCall(MeshDescribeBoundary(f->mesh, b, where, sizeof(where)));
+    PetscCall(PetscViewerASCIIPrintf(viewer, "  boundary %s (%s): %s\n", name, where, BC_TYPES[f->condition[b].type]));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -422,6 +424,15 @@ PetscErrorCode ConditionsGetSlidingAxes(Conditions f, PetscInt *axes)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Does a boundary lie in side `side` of the box? */
+static PetscBool is_side(Conditions f, const Condition *bc, PetscInt side)
+{
+  const PetscInt  a   = side / 2;
+  const PetscReal tol = 1e-6 * (f->loc->upper[a] - f->loc->lower[a]);
+
+  return (PetscBool)(side % 2 ? bc->lower[a] > f->loc->upper[a] - tol : bc->upper[a] < f->loc->lower[a] + tol);
+}
+
 PetscErrorCode ConditionsGetSolidFaces(Conditions f, PetscInt *faces)
 {
   PetscFunctionBeginUser;
@@ -435,7 +446,7 @@ PetscErrorCode ConditionsGetSolidFaces(Conditions f, PetscInt *faces)
       PetscBool match;
 
       PetscCall(PetscStrcmp(name, DOMAIN_SIDE[i], &match));
-      if (match) *faces |= 1 << i;
+      if (match && is_side(f, &f->condition[b], i)) *faces |= 1 << i;
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -477,6 +488,21 @@ PetscErrorCode ConditionsSticks(Conditions f, PetscInt b, PetscBool *sticks, Pet
   PetscFunctionBeginUser;
   *sticks = (PetscBool)(type == BC_NO_SLIP || type == BC_MOVING_WALL || type == BC_ROTATING_WALL);
   *moves  = (PetscBool)(type == BC_MOVING_WALL || type == BC_ROTATING_WALL);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConditionsGetVelocity(Conditions f, PetscInt b, const PetscReal x[3], PetscReal v[3])
+{
+  const Condition *bc     = f->condition + b;
+  const PetscReal  time   = f->timed && f->time < PETSC_MAX_REAL ? f->time : 0;
+  const PetscReal  factor = boundary_factor(bc, f->timed ? f->time : 0);
+  PetscReal        given[3];
+
+  PetscFunctionBeginUser;
+  v[0] = v[1] = v[2] = 0;
+  if (bc->formula) PetscCall(ExprEvaluateAlone(bc->formula, time, x, given));
+  wall_velocity(bc, f->loc->dim, x, bc->formula ? given : NULL, v);
+  for (PetscInt a = 0; a < f->loc->dim; a++) v[a] *= factor;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

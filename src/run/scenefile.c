@@ -92,7 +92,8 @@ static int read_file(SceneCheck *check, char **text, size_t *size)
   *text = (char *)malloc((size_t)info.st_size + 1);
   *size = *text ? fread(*text, 1, (size_t)info.st_size, file) : 0;
   fclose(file);
-  if (!*text || *size != (size_t)info.st_size) return SceneCheckFault(check, 0, "cannot read the scene file to its end");
+  if (!*text) return SceneCheckFault(check, 0, "no memory");
+  if (*size != (size_t)info.st_size) return SceneCheckFault(check, 0, "cannot read the scene file to its end");
   (*text)[*size] = 0;
   if (strlen(*text) != *size) return SceneCheckFault(check, 0, "holds zero bytes: not a text file (save it as UTF-8)");
   return 0;

@@ -35,7 +35,8 @@ typedef struct {
   Bodies      bodies;
   Couple      couple;
   Contact     contact;
-  Leave       border;
+  Border      border; /* of the domain */
+  Leave       leave;
   Output      output;
   Outlines    bodyfile;
   Monitor     monitor;

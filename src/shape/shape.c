@@ -19,9 +19,11 @@
 #include <stdlib.h>
 #include <unistd.h>
 
-#define MAX_PLUGINS    64
-#define MAX_PATHS      4096
-#define BEFORE_CORNERS 1 /* the interface whose records end before that operation */
+#define MAX_PLUGINS 64
+#define MAX_PATHS   4096
+/* interfaces whose records end before these operations */
+#define BEFORE_CORNERS   1
+#define BEFORE_TRIANGLES 2
 
 static Loaded   table[MAX_PLUGINS];
 static PetscInt ntable = 0;
@@ -168,7 +170,7 @@ static PetscErrorCode CheckPlugin(const ShapePlugin *p, const char type[], const
     PetscCall(Complain(message, len,
                        "%s does not register a shape (no symbol 'tumble_shape'): add TUMBLE_SHAPE_REGISTER = {...} at its end, see shapes/template.c",
                        file));
-  } else if (p->interface != SHAPE_INTERFACE && p->interface != BEFORE_CORNERS) {
+  } else if (p->interface != SHAPE_INTERFACE && p->interface != BEFORE_CORNERS && p->interface != BEFORE_TRIANGLES) {
     PetscCall(Complain(message, len, "%s was built for shape interface %d, this program has %d: rebuild it with this program's shape.h", file,
                        p->interface, SHAPE_INTERFACE));
   } else if (!p->type || strcmp(p->type, type)) {
@@ -353,7 +355,10 @@ PetscErrorCode ShapeOptionString(Shape s, const char name[], const char help[], 
 
 PetscErrorCode ShapeOptionPath(Shape s, const char name[], const char help[], char value[], size_t len)
 {
-  return ReadString(s, name, help, OPT_PATH, value, len);
+  PetscFunctionBeginUser;
+  PetscCall(ReadString(s, name, help, OPT_PATH, value, len));
+  s->from_file = (PetscBool)(value[0] != 0);
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- create, destroy ---- */
@@ -361,9 +366,12 @@ PetscErrorCode ShapeOptionPath(Shape s, const char name[], const char help[], ch
 /* Those that the record has; the others stay NULL */
 static void take_operations(Shape s)
 {
-  const ShapePlugin *p = s->loaded->plugin;
+  const ShapePlugin *p    = s->loaded->plugin;
+  size_t             size = sizeof(s->ops);
 
-  memcpy(&s->ops, &p->ops, p->interface == BEFORE_CORNERS ? offsetof(ShapeOps, corners) : sizeof(s->ops));
+  if (p->interface == BEFORE_CORNERS) size = offsetof(ShapeOps, corners);
+  else if (p->interface == BEFORE_TRIANGLES) size = offsetof(ShapeOps, triangles);
+  memcpy(&s->ops, &p->ops, size);
 }
 
 static PetscErrorCode SetUpShape(Shape s)
@@ -462,6 +470,20 @@ PetscErrorCode ShapeView(Shape s, PetscViewer viewer)
     GUARDED(s, view, (s, viewer));
     PetscCall(PetscViewerASCIIPopTab(viewer));
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeDescribe(Shape s, PetscViewer viewer)
+{
+  PetscFunctionBeginUser;
+  if (s->ops.view) GUARDED(s, view, (s, viewer));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeIsFromFile(Shape s, PetscBool *yes)
+{
+  PetscFunctionBeginUser;
+  *yes = s->from_file;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

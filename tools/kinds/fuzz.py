@@ -26,7 +26,7 @@ from pathlib import Path
 
 from kinds.extremes import judge_run
 from kinds.fuzzkinds import FIRST, compare_runs, draw_kind
-from toolbox import ROOT, count_cores, make_parser, read_rows, run_scene, write_rows
+from toolbox import ROOT, default_jobs, make_parser, read_rows, run_scene, write_rows
 
 FOLDER = ROOT / "runs" / "fuzz"
 COLUMNS = "seed,ranks,verdict,divergence,momentum,speed,seconds,scene,message".split(",")
@@ -44,7 +44,7 @@ def parse_arguments():
     parser = make_parser(__doc__, limit=120)
     parser.add_argument("--seeds", default=f"1-{LAST}", metavar="LIST", help="such as 3,17,40-49 (default: %(default)s)")
     parser.add_argument("--point", action="store_true", help="show the scene and what the program prints")
-    parser.add_argument("--jobs", type=int, default=count_cores(), metavar="N", help="runs at the same time (default: cores)")
+    parser.add_argument("--jobs", type=int, default=default_jobs(), metavar="N", help="runs at the same time (default: cores that are free)")
     parser.add_argument("--output", default=str(FOLDER), metavar="FOLDER", help="where outcomes.csv and README.md go (default: runs/fuzz)")
     return parser, parser.parse_args()
 
