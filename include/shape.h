@@ -11,9 +11,9 @@
 #pragma once
 #include "compat.h"
 
-/* Changes when ShapeOps or ShapePlugin change. A plugin built for 1, before there was `corners`, is loaded as one
-   without it; one built for another number is refused. */
-#define SHAPE_INTERFACE 2
+/* Changes when ShapeOps or ShapePlugin change. A plugin built for 1, before there was `corners`, or for 2, before
+   `triangles` and `reach`, is loaded as one without them; one built for another number is refused. */
+#define SHAPE_INTERFACE 3
 
 #define SHAPE_POSITIVE 2.2250738585072014e-308 /* as lower bound of an option: must be > 0 */
 
@@ -50,6 +50,14 @@ typedef struct {
      `most` go to x [most][dim]; outline corners that turn by less than 26 degrees are none. Default 2D: found on the
      outline; 3D: none are known */
   PetscErrorCode (*corners)(Shape, PetscInt most, PetscInt *n, PetscReal x[]);
+  /* optional, 3D: the surface as it is to be drawn, points [*npoint][3] and triangles [*ntriangle][3], outwards, which
+     the caller frees with PetscFree; at most about `most` triangles. *ntriangle = 0: the default, which is drawn from
+     the distance (triangulate.c) */
+  PetscErrorCode (*triangles)(Shape, PetscInt most, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle,
+                              PetscInt *triangle[]);
+  /* optional: the largest |x - c| of the surface, c in the body frame; *r = 0: the default, an upper bound within 1e-4
+     of it, found from the distance */
+  PetscErrorCode (*reach)(Shape, const PetscReal c[], PetscReal *r);
 } ShapeOps;
 
 /* The record a plugin exports under the symbol `tumble_shape`. */
@@ -110,3 +118,50 @@ PetscErrorCode ShapeGetMass(Shape, ShapeMass *m);  /* cached */
 PetscErrorCode ShapeFinalize(void);
 /* Declare what all plugins of the search path read, under the prefix particle_<group>_, for -help. Collective. */
 PetscErrorCode ShapeDeclareOptions(void);
+
+/* ---- for shapes bounded by triangles ---- */
+
+/* A surface of triangles from a file: STL (text of any case and binary), OBJ, PLY (text and binary) or OFF; what the
+   file holds decides, then its extension. Polygons are cut into triangles, equal corners are one vertex, triangles
+   without area between equal corners are dropped. The body frame has the axes of the file, times scale.
+
+   closed: the surface must be closed, face outwards and cross itself nowhere; several closed parts are one body, a part
+   inside of another that faces inwards is a hollow. Distance: closest point over all triangles by a tree of boxes,
+   exact; sign by the normal of the closest feature, which at edges and vertices is the sum of its triangles' normals,
+   weighted by their angles (Baerentzen & Aanaes 2005). Volume, centroid and inertia are those of the polyhedron,
+   exactly (divergence theorem).
+
+   robust: holes, edges of three triangles, crossings, turned and doubled triangles are taken. A point is inside where
+   the winding number exceeds 1/2 (Jacobson, Kavan, Sorkine-Hornung 2013). To know where that is without doubt the
+   surface is made a cycle first: corners within 1e-6 of its size (more where it falls apart otherwise, at most 4e-3)
+   are welded, neighbours turned alike, inner sheets dropped, and each hole is closed by triangles between its own
+   edges. Where the hole is plane these lie exactly where the winding number of the file's triangles is 1/2; elsewhere
+   they are as good a choice. The winding number is then a whole number everywhere; it is found by a tree with
+   second-order expansions (Barill, Dickson, Schmidt, Levin, Jacobson 2018), within 5e-3. Triangles are cut where they
+   cross each other; the body's surface is the pieces with the inside on one side only, and the distance is the exact
+   one to these: 1-Lipschitz, Euclidean, its sign changes on them alone. Volume and inertia by the divergence theorem
+   over the pieces; where these disagree by more than 1 % with a sample of the sign, by quadrature. A remark tells what
+   was wrong. */
+typedef struct _p_Triangles *Triangles;
+
+typedef struct {
+  const char *file;
+  const char *prefix;    /* of the shape's options, for messages */
+  PetscReal   scale;     /* factor on the coordinates of the file */
+  PetscReal   origin[3]; /* of the body, in coordinates of the file; PETSC_MAX_REAL: the middle of the box */
+  PetscBool   robust;
+} TrianglesInput;
+
+/* Collective on PETSC_COMM_WORLD; rank 0 reads. Errors: not readable, broken (with line or byte), not closed. */
+PetscErrorCode TrianglesRead(const TrianglesInput *, Triangles *);
+PetscErrorCode TrianglesDestroy(Triangles *);
+/* The operations of a shape; not collective. Surface points: equal areas in the order of the triangles. */
+PetscErrorCode TrianglesDistance(Triangles, PetscInt n, const PetscReal x[], PetscReal d[]);
+PetscErrorCode TrianglesNormal(Triangles, PetscInt n, const PetscReal x[], PetscReal normal[]);
+PetscErrorCode TrianglesRadius(Triangles, PetscReal *r);
+PetscErrorCode TrianglesReach(Triangles, const PetscReal c[], PetscReal *r); /* robust only; closed: 0 */
+PetscErrorCode TrianglesMass(Triangles, ShapeMass *m);
+PetscErrorCode TrianglesSurface(Triangles, PetscInt n, PetscReal x[], PetscReal w[]);
+PetscErrorCode TrianglesDraw(Triangles, PetscInt most, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle,
+                             PetscInt *triangle[]);
+PetscErrorCode TrianglesView(Triangles, PetscViewer);

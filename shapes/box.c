@@ -154,6 +154,26 @@ static PetscErrorCode ShapeCorners_Box(Shape s, PetscInt most, PetscInt *n, Pets
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Twelve triangles; rounded edges are left to the default. */
+static PetscErrorCode ShapeTriangles_Box(Shape s, PetscInt most, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle, PetscInt *triangle[])
+{
+  const int face[6][4] = {{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}};
+  Box      *b;
+
+  PetscFunctionBeginUser;
+  (void)most;
+  PetscCall(ShapeGetData(s, &b));
+  *ntriangle = 0;
+  if (b->rounding > 0) PetscFunctionReturn(PETSC_SUCCESS);
+  *npoint    = 8;
+  *ntriangle = 12;
+  PetscCall(PetscMalloc1(24, x));
+  PetscCall(PetscMalloc1(36, triangle));
+  for (int i = 0; i < 24; i++) (*x)[i] = (i / 3 >> i % 3 & 1 ? 1 : -1) * b->core[i % 3];
+  for (int i = 0; i < 36; i++) (*triangle)[i] = face[i / 6][i % 3 ? i % 3 + i / 3 % 2 : 0];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode ShapeView_Box(Shape s, PetscViewer viewer)
 {
   Box *b;
@@ -183,14 +203,15 @@ TUMBLE_SHAPE_REGISTER = {
   .author      = "tumble",
   .version     = "1.0",
   .dims        = 3,
-  .ops         = {.create   = ShapeCreate_Box,
-                  .options  = ShapeOptions_Box,
-                  .setup    = ShapeSetUp_Box,
-                  .distance = ShapeDistance_Box,
-                  .radius   = ShapeRadius_Box,
-                  .normal   = ShapeNormal_Box,
-                  .mass     = ShapeMass_Box,
-                  .view     = ShapeView_Box,
-                  .destroy  = ShapeDestroy_Box,
-                  .corners  = ShapeCorners_Box},
+  .ops         = {.create    = ShapeCreate_Box,
+                  .options   = ShapeOptions_Box,
+                  .setup     = ShapeSetUp_Box,
+                  .distance  = ShapeDistance_Box,
+                  .radius    = ShapeRadius_Box,
+                  .normal    = ShapeNormal_Box,
+                  .mass      = ShapeMass_Box,
+                  .view      = ShapeView_Box,
+                  .destroy   = ShapeDestroy_Box,
+                  .corners   = ShapeCorners_Box,
+                  .triangles = ShapeTriangles_Box},
 };

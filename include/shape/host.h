@@ -1,9 +1,13 @@
 /* Shapes as the program uses them: what a plugin has no need to see. Points are stored [n][dim], in the body frame.
-   Only ShapeView is collective. */
+   Only ShapeView and ShapeDescribe are collective. */
 #pragma once
 #include "shape.h"
 
 PetscErrorCode ShapeView(Shape, PetscViewer);
+/* The line of parameters of the plugin alone (ShapeOps.view), if it has one. */
+PetscErrorCode ShapeDescribe(Shape, PetscViewer);
+/* Is its geometry read from a file (ShapeOptionPath)? */
+PetscErrorCode ShapeIsFromFile(Shape, PetscBool *yes);
 PetscErrorCode ShapeGetType(Shape, const char *type[]);
 /* Closest surface points y [n][dim]: x - d grad d, iterated until |d(y)| <= 1e-12 r. */
 PetscErrorCode ShapeProject(Shape, PetscInt n, const PetscReal x[], PetscReal y[]);

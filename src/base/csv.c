@@ -112,7 +112,7 @@ PetscErrorCode CsvRead(const char file[], const char first[], Csv *t)
   PetscCall(read_text(file, &text));
   for (const char *s = text; *s; s++) room += *s == '\n';
   PetscCall(PetscMalloc1(room, &t->line));
-  for (char *next = text; next;) {
+  for (char *next = strncmp(text, "\xef\xbb\xbf", 3) ? text : text + 3; next;) { /* after a byte-order mark */
     char *line = next, *end = strchr(line, '\n');
 
     next = end ? end + 1 : NULL;

@@ -36,9 +36,9 @@ static PetscErrorCode share_starts(Bodies b)
     const PetscInt g = s->body_group[k];
 
     if (!s->own[k] || !b->start[g]) continue;
-    own[n] = (Start){.group = g, .place = s->number[k] - s->group[g].first, .angle = BodyGetStart(b, k)->angle};
-    PetscCall(PetscArraycpy(own[n].x, BodyGetStart(b, k)->x, 3));
-    start_orientation(BodyGetStart(b, k), own[n++].q);
+    own[n] = (Start){.group = g, .place = s->number[k] - s->group[g].first, .angle = BodyStart(b, k)->angle};
+    PetscCall(PetscArraycpy(own[n].x, BodyStart(b, k)->x, 3));
+    start_orientation(BodyStart(b, k), own[n++].q);
   }
   PetscCall(ParcelsGather(BodiesComm(b), n, sizeof(*own), own, &total, &all, NULL));
   for (PetscInt i = 0; i < total; i++) BodySetStart(b, all[i].group, all[i].place, all[i].x, all[i].q, all[i].angle);
@@ -70,9 +70,9 @@ PetscErrorCode BodyVisitStarts(Bodies b, const BodyRows *rows, State state)
   PetscCall(PetscCalloc3(s->n, &x, s->n, &q, s->n, &angle));
   for (PetscInt k = 0; k < s->n; k++) {
     if (!b->start[s->body_group[k]]) continue;
-    PetscCall(PetscArraycpy(x[k], BodyGetStart(b, k)->x, 3));
-    start_orientation(BodyGetStart(b, k), q[k]);
-    angle[k] = BodyGetStart(b, k)->angle;
+    PetscCall(PetscArraycpy(x[k], BodyStart(b, k)->x, 3));
+    start_orientation(BodyStart(b, k), q[k]);
+    angle[k] = BodyStart(b, k)->angle;
   }
   PetscCall(BodiesVisitReals(b, rows, state, "motion_x", 3, (PetscReal *)x));
   PetscCall(BodiesVisitReals(b, rows, state, "motion_q", 4, (PetscReal *)q));
@@ -142,7 +142,7 @@ static PetscErrorCode begin_anew(Bodies b, PetscInt k, const PetscReal jumps[4])
 {
   const BodyArrays *s = &b->state;
   const BodyGroup  *g = BodiesGetGroup(&b->view, k);
-  Placement        *p = BodyGetStart(b, k);
+  Placement        *p = BodyStart(b, k);
   PetscReal         x[3], u[3], turn[3], w[3], at[3];
 
   PetscFunctionBeginUser;

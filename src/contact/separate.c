@@ -141,6 +141,7 @@ PetscErrorCode ContactFinishStep(Contact c)
   PetscReal worst;
 
   PetscFunctionBeginUser;
+  PetscCall(ContactCheckImages(c, PETSC_FALSE));
   if (!c->have_list) PetscFunctionReturn(PETSC_SUCCESS); /* no law, no bodies */
   PetscCall(PetscLogEventBegin(TB_CONTACT, 0, 0, 0, 0));
   c->x = c->s->x;

@@ -77,7 +77,7 @@ static PetscErrorCode find_distance(Leaves *t, PetscInt level, const PetscReal x
   if (t->around && t->surface->distance && level < t->levels - t->surface->coarser)
     PetscCall((*t->surface->distance)(t->surface->context, x, reach, d));
   if (!t->given) PetscFunctionReturn(PETSC_SUCCESS);
-  if (t->distance) PetscCall(ExprEvaluateAlone(t->distance, x, &more));
+  if (t->distance) PetscCall(ExprEvaluateAlone(t->distance, 0, x, &more));
   *d = PetscMin(*d, PetscMax(more, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -37,7 +37,7 @@ struct _p_Checkpoint {
   PetscReal        minutes;
   PetscLogDouble   written; /* wall clock of the last checkpoint */
   char             from[PETSC_MAX_PATH_LEN];
-  PetscBool        restarted, stopped;
+  PetscBool        restarted, stopped, polled; /* polled: a step was taken */
   Module           module[MAX_MODULES], restore;
   struct sigaction usual[3];
   int              signal; /* that stopped the run */
@@ -443,6 +443,7 @@ PetscErrorCode CheckpointPoll(Checkpoint c, PetscInt step, PetscBool *due, Petsc
   PetscLogDouble now;
 
   PetscFunctionBeginUser;
+  c->polled = PETSC_TRUE;
   PetscCall(PetscTime(&now));
   if (c->minutes > 0 && now - c->written > 60 * c->minutes) wants[0] = 1;
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, wants, 2, MPI_INT, MPI_MAX, PETSC_COMM_WORLD));
@@ -479,7 +480,7 @@ PetscErrorCode CheckpointWrite(Checkpoint c, PetscInt step, PetscReal time)
 PetscErrorCode CheckpointFinish(Checkpoint c, PetscInt step, PetscReal time)
 {
   PetscFunctionBeginUser;
-  if (c->every || c->minutes > 0) PetscCall(CheckpointWrite(c, step, time));
+  if ((c->every || c->minutes > 0) && (c->polled || !c->restarted)) PetscCall(CheckpointWrite(c, step, time));
   if (c->stopped)
     PetscCall(PetscPrintf(PETSC_COMM_WORLD,
                           "Stopped by %s after step %" PetscInt_FMT ", t = %g. The state is in %s: continue with -sim_restart latest\n",

@@ -157,7 +157,9 @@ PetscErrorCode ShapeGetRadius(Shape s, PetscReal *r)
 
     PetscCall(ShapeGetMass(s, &m));
     for (PetscInt a = 0; a < s->dim; a++) offset2 += PetscSqr(m.centroid[a]);
-    PetscCall(ShapeDefaultRadius(s, s->radius, s->dim, m.centroid, &s->centroid_radius));
+    s->centroid_radius = 0;
+    if (s->ops.reach) GUARDED(s, reach, (s, m.centroid, &s->centroid_radius));
+    if (s->centroid_radius <= 0) PetscCall(ShapeDefaultRadius(s, s->radius, s->dim, m.centroid, &s->centroid_radius));
     s->centroid_radius      = PetscMin(s->centroid_radius, s->radius + PetscSqrtReal(offset2));
     s->have_centroid_radius = PETSC_TRUE;
   }

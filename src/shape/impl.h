@@ -1,7 +1,7 @@
 /* The inside of a shape, for the files of this room. shape.c: plugins, options. check.c: what is asked of
    a new one. geometry.c: what users ask of a shape.
-   default.c, surface.c, triangulate.c (corners): what a plugin leaves out, from the distance
-   alone, by the tree of tree.h. */
+   default.c, surface.c, triangulate.c (corners), sharpen.c: what a plugin leaves out, from the distance
+   alone, by the tree of tree.h. triangles/: surfaces of triangles from files. */
 #pragma once
 #include "shape/host.h"
 
@@ -26,8 +26,9 @@ struct _p_Shape {
   PetscInt      dim;
   char          prefix[128];
   void         *data;
-  PetscReal     radius; /* about the body origin */
-  PetscBool     bound;  /* ShapeSetBound */
+  PetscReal     radius;    /* about the body origin */
+  PetscBool     bound;     /* ShapeSetBound */
+  PetscBool     from_file; /* ShapeOptionPath read a path */
   PetscBool     have_mass, have_centroid_radius, have_disc;
   ShapeMass     mass;
   PetscReal     centroid_radius, disc;
@@ -63,3 +64,7 @@ PetscErrorCode ShapeDefaultCorners(Shape, PetscInt *n, PetscReal *x[]);
 
 /* An upper bound of the largest |x - c| over the body, at most 1e-4 r too large (3D, many far points: 2e-2 r). */
 PetscErrorCode ShapeDefaultRadius(Shape, PetscReal r, PetscInt dim, const PetscReal c[3], PetscReal *radius);
+
+/* Give a triangulation, whose points lie on the surface, the edges and corners of the surface (see host.h for the
+   arguments). */
+PetscErrorCode ShapeSharpen(Shape, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle, PetscInt *triangle[]);

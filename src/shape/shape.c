@@ -19,9 +19,11 @@
 #include <stdlib.h>
 #include <unistd.h>
 
-#define MAX_PLUGINS    64
-#define MAX_PATHS      4096
-#define BEFORE_CORNERS 1 /* the interface whose records end before that operation */
+#define MAX_PLUGINS 64
+#define MAX_PATHS   4096
+/* interfaces whose records end before these operations */
+#define BEFORE_CORNERS   1
+#define BEFORE_TRIANGLES 2
 
 static Loaded   table[MAX_PLUGINS];
 static PetscInt ntable = 0;
@@ -131,6 +133,16 @@ static PetscErrorCode ListKnown(const char path[], char list[], size_t len)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* What others call the shapes, each with ours */
+static const char OTHER_NAMES[] =
+  "sphere circle (in space it is a sphere), ball circle (in space it is a sphere), disc circle, disk circle, circular circle, round circle, rectangle "
+  "box, rect box, square box, cube box, cuboid box, block box, brick box, plate box (or leaflet with round ends), ellipsoid ellipse (in space with "
+  "-particle_<group>_c), spheroid ellipse (in space with -particle_<group>_c), oval ellipse, capsule leaflet, rod leaflet, stick leaflet, fibre leaflet, "
+  "fiber leaflet, bar box (or leaflet with round ends), spherocylinder leaflet, flap leaflet, naca airfoil, aerofoil airfoil, foil airfoil, wing "
+  "airfoil, triangle polygon, outline polygon, points polygon, hexagon polygon, mesh stl, surface stl, triangulation stl, obj stl, donut torus, "
+  "doughnut torus, annulus ring, tube ring, union composite, compound composite, multi composite, clump composite, superquadric superellipsoid, "
+  "superellipse superellipsoid, pipe cylinder";
+
 /* ---- loading ---- */
 
 /* The first readable folder/type.so of the path; file is "" if there is none. */
@@ -158,7 +170,7 @@ static PetscErrorCode CheckPlugin(const ShapePlugin *p, const char type[], const
     PetscCall(Complain(message, len,
                        "%s does not register a shape (no symbol 'tumble_shape'): add TUMBLE_SHAPE_REGISTER = {...} at its end, see shapes/template.c",
                        file));
-  } else if (p->interface != SHAPE_INTERFACE && p->interface != BEFORE_CORNERS) {
+  } else if (p->interface != SHAPE_INTERFACE && p->interface != BEFORE_CORNERS && p->interface != BEFORE_TRIANGLES) {
     PetscCall(Complain(message, len, "%s was built for shape interface %d, this program has %d: rebuild it with this program's shape.h", file,
                        p->interface, SHAPE_INTERFACE));
   } else if (!p->type || strcmp(p->type, type)) {
@@ -176,14 +188,15 @@ static PetscErrorCode CheckPlugin(const ShapePlugin *p, const char type[], const
 /* Not collective: what goes wrong is left in message for the ranks to agree on. */
 static PetscErrorCode OpenPlugin(const char path[], const char type[], Loaded *slot, char message[], size_t len)
 {
-  char known[2048];
+  char known[2048], advice[128];
 
   PetscFunctionBeginUser;
   PetscCall(FindFile(path, type, slot->file, sizeof(slot->file)));
   if (!slot->file[0]) {
     PetscCall(ListKnown(path, known, sizeof(known)));
-    PetscCall(
-      Complain(message, len, "Shape '%s' is not known (known: %s). Correct the name, or put %s.so into a folder of -shape_path", type, known, type));
+    OptAdviseWord(type, known, OTHER_NAMES, advice, sizeof(advice));
+    PetscCall(Complain(message, len, "Shape '%s' is not known (known: %s)%s Correct the name, or put %s.so into a folder of -shape_path", type, known,
+                       advice[0] ? advice : ".", type));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   /* stays mapped: PETSc keeps pointers to names of functions in it */
@@ -342,7 +355,10 @@ PetscErrorCode ShapeOptionString(Shape s, const char name[], const char help[], 
 
 PetscErrorCode ShapeOptionPath(Shape s, const char name[], const char help[], char value[], size_t len)
 {
-  return ReadString(s, name, help, OPT_PATH, value, len);
+  PetscFunctionBeginUser;
+  PetscCall(ReadString(s, name, help, OPT_PATH, value, len));
+  s->from_file = (PetscBool)(value[0] != 0);
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- create, destroy ---- */
@@ -350,9 +366,12 @@ PetscErrorCode ShapeOptionPath(Shape s, const char name[], const char help[], ch
 /* Those that the record has; the others stay NULL */
 static void take_operations(Shape s)
 {
-  const ShapePlugin *p = s->loaded->plugin;
+  const ShapePlugin *p    = s->loaded->plugin;
+  size_t             size = sizeof(s->ops);
 
-  memcpy(&s->ops, &p->ops, p->interface == BEFORE_CORNERS ? offsetof(ShapeOps, corners) : sizeof(s->ops));
+  if (p->interface == BEFORE_CORNERS) size = offsetof(ShapeOps, corners);
+  else if (p->interface == BEFORE_TRIANGLES) size = offsetof(ShapeOps, triangles);
+  memcpy(&s->ops, &p->ops, size);
 }
 
 static PetscErrorCode SetUpShape(Shape s)
@@ -451,6 +470,20 @@ PetscErrorCode ShapeView(Shape s, PetscViewer viewer)
     GUARDED(s, view, (s, viewer));
     PetscCall(PetscViewerASCIIPopTab(viewer));
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeDescribe(Shape s, PetscViewer viewer)
+{
+  PetscFunctionBeginUser;
+  if (s->ops.view) GUARDED(s, view, (s, viewer));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ShapeIsFromFile(Shape s, PetscBool *yes)
+{
+  PetscFunctionBeginUser;
+  *yes = s->from_file;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

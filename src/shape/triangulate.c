@@ -6,6 +6,7 @@
    the meeting of the tangents on both sides of it, exact where these are straight.
    Surface: marching tetrahedra (Doi & Koide 1991) over the cells of the tree, corners projected onto the surface. */
 #include "compat.h"
+#include "guard.h"
 #include "tree.h"
 #include <stdlib.h>
 
@@ -351,39 +352,58 @@ static PetscErrorCode join_cuts(Shape s, Cuts *c, PetscInt *npoint, PetscReal *x
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Volume inside of the triangles */
-static PetscReal get_volume(const Cuts *c)
+/* Volume inside of triangles */
+static PetscReal get_volume(const PetscReal x[], PetscInt ntriangle, const PetscInt triangle[])
 {
   PetscReal v = 0;
 
-  for (PetscInt i = 0; i < c->n; i += 3) {
-    const PetscReal *a = c->cut[i].x, *b = c->cut[i + 1].x, *d = c->cut[i + 2].x;
+  for (PetscInt i = 0; i < ntriangle; i++) {
+    const PetscReal *a = x + 3 * triangle[3 * i], *b = x + 3 * triangle[3 * i + 1], *d = x + 3 * triangle[3 * i + 2];
 
     v += a[0] * (b[1] * d[2] - b[2] * d[1]) + a[1] * (b[2] * d[0] - b[0] * d[2]) + a[2] * (b[0] * d[1] - b[1] * d[0]);
   }
   return v / 6;
 }
 
+/* The cells of one level */
+static PetscErrorCode draw_cells(Shape s, Tree *t, Cuts *c, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle, PetscInt *triangle[])
+{
+  PetscFunctionBeginUser;
+  PetscCheck(c->n, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "Shape '%s' has no surface to draw: its distance does not change sign on a grid of width %g within its bounding radius %g",
+             s->loaded->type, (double)TreeCellWidth(t), (double)s->radius);
+  PetscCall(join_cuts(s, c, npoint, x, ntriangle, triangle));
+  PetscCall(ShapeSharpen(s, npoint, x, ntriangle, triangle));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode ShapeTriangulate(Shape s, PetscInt most, PetscInt *npoint, PetscReal *x[], PetscInt *ntriangle, PetscInt *triangle[])
 {
   const PetscInt  last = 7;
-  const PetscReal good = 0.7; /* of the volume: parts that the grid misses are not drawn */
+  const PetscReal good = 0.98; /* of the volume: parts that the grid misses are not drawn */
   ShapeMass       mass;
   Tree            t;
   Cuts            c = {0, 0, NULL};
 
   PetscFunctionBeginUser;
+  *ntriangle = 0;
+  if (s->ops.triangles) GUARDED(s, triangles, (s, most, npoint, x, ntriangle, triangle));
+  if (*ntriangle) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ShapeGetMass(s, &mass));
   PetscCall(TreeCreate(s, s->radius, 3, &t));
   do {
     PetscCall(TreeRefine(&t));
     PetscCall(cut_cells(&t, &c));
     /* the next level has four times as many */
-  } while (t.level < last && (4 * c.n <= 3 * most || get_volume(&c) < good * mass.volume));
-  PetscCheck(c.n, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "Shape '%s' has no surface to draw: its distance does not change sign on a grid of width %g within its bounding radius %g",
-             s->loaded->type, (double)TreeCellWidth(&t), (double)s->radius);
-  PetscCall(join_cuts(s, &c, npoint, x, ntriangle, triangle));
+  } while (t.level < last && (4 * c.n <= 3 * most || !c.n));
+  PetscCall(draw_cells(s, &t, &c, npoint, x, ntriangle, triangle));
+  while (t.level < last && get_volume(*x, *ntriangle, *triangle) < good * mass.volume) {
+    PetscCall(PetscFree(*x));
+    PetscCall(PetscFree(*triangle));
+    PetscCall(TreeRefine(&t));
+    PetscCall(cut_cells(&t, &c));
+    PetscCall(draw_cells(s, &t, &c, npoint, x, ntriangle, triangle));
+  }
   PetscCall(PetscFree(c.cut));
   PetscCall(TreeDestroy(&t));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -557,7 +557,7 @@ static PetscErrorCode CheckCorners(Suite *t, char why[])
       if (Separation(dim, c + dim * i, c + dim * j) < 1e-8 * t->radius)
         PetscCall(Blame(t, why, c + dim * i, "corners %d and %d are the same", (int)j, (int)i));
   }
-  if (!why[0] && plugin->interface == SHAPE_INTERFACE && plugin->ops.corners) {
+  if (!why[0] && plugin->interface > 1 && plugin->ops.corners) {
     PetscReal none[3] = {0};
     PetscInt  again;
 
@@ -936,8 +936,9 @@ int main(int argc, char **argv)
     return 1;
   }
   PetscCall(PetscPrintf(PETSC_COMM_SELF, "%" PetscInt_FMT " passed, %" PetscInt_FMT " failed\n", passed, failed));
+  if (failed) return 1; /* a check that broke off left objects behind, over which the end would stumble */
   PetscCall(ShapeFinalize());
   PetscCall(OptFinalize());
   PetscCall(PetscFinalize());
-  return failed ? 1 : 0;
+  return 0;
 }
