@@ -28,7 +28,7 @@ export ASAN_OPTIONS ?= detect_leaks=0:verify_asan_link_order=0
 # Questions to other programs are asked when first needed and once (so that 'make deps' works without pkg-config and MPI).
 once        = $(eval $1 := $(shell $2))$($1)
 PKG         = PKG_CONFIG_PATH=$(if $(PETSC_DIR),$(PETSC_DIR)/$(PETSC_ARCH)/lib/pkgconfig:$(PETSC_DIR)/lib/pkgconfig:)$$PKG_CONFIG_PATH pkg-config
-HAVE_PETSC  = $(or $(call once,PETSC_VERSION,$(PKG) --modversion petsc),$(error pkg-config finds no PETSc: run 'make deps', or give PETSC_DIR and PETSC_ARCH))
+HAVE_PETSC  = $(if $(and $(PETSC_DIR),$(if $(wildcard $(PETSC_DIR)/$(PETSC_ARCH)/lib/pkgconfig/petsc.pc $(PETSC_DIR)/lib/pkgconfig/petsc.pc),,no)),$(error there is no PETSc in PETSC_DIR=$(PETSC_DIR)$(if $(PETSC_ARCH), PETSC_ARCH=$(PETSC_ARCH)): no lib/pkgconfig/petsc.pc; correct it, or leave it out for the PETSc that pkg-config knows))$(or $(call once,PETSC_VERSION,$(PKG) --modversion petsc),$(error pkg-config finds no PETSc: run 'make deps', or give PETSC_DIR and PETSC_ARCH))
 PETSC_FLAGS = $(if $(HAVE_PETSC),$(call once,PETSC_FLAGS,$(PKG) --cflags petsc; $(PKG) --cflags hdf5-openmpi 2> /dev/null))
 PETSC_LIBS  = $(call once,PETSC_LIBS,$(PKG) --libs petsc; $(PKG) --libs hdf5-openmpi 2> /dev/null)
 PETSC_RPATH = $(if $(PETSC_DIR),$(call once,PETSC_RPATH,echo -Wl$(,)-rpath$(,)$$($(PKG) --variable=libdir petsc)))
@@ -43,13 +43,13 @@ ENTER   = $(Q)$(if $(Q),printf '  %-5s %s\n' $1 $@; )mkdir -p $(@D) &&
 
 OBJECTS := $(patsubst src/%.c,$(BUILD)/obj/%.o,$(filter-out src/run/main.c,$(wildcard src/*/*.c src/*/*/*.c)))
 SHAPES  := $(patsubst shapes/%.c,$(BUILD)/shapes/%.so,$(wildcard shapes/*.c))
-TESTS   := $(patsubst tests/%.c,$(BUILD)/tests/%,$(wildcard tests/*/*.c)) $(patsubst tests/%.c,$(BUILD)/tests/%.so,$(wildcard tests/shape/badshapes/*.c))
-SOURCES := $(wildcard src/*/*.[ch] src/*/*/*.[ch] include/*.h include/*/*.h shapes/*.c tests/*.h tests/*/*.[ch] tests/shape/badshapes/*.c tools/*.c)
+TESTS   := $(patsubst tests/%.c,$(BUILD)/tests/%,$(wildcard tests/*/*.c)) $(patsubst tests/%.c,$(BUILD)/tests/%.so,$(wildcard tests/shape/badshapes/*.c tests/runs/faults/*.c))
+SOURCES := $(wildcard src/*/*.[ch] src/*/*/*.[ch] include/*.h include/*/*.h shapes/*.c tests/*.h tests/*/*.[ch] tests/shape/badshapes/*.c tests/runs/faults/*.c tools/*.c)
 SCRIPTS  = $(shell grep -slE '^\#!.*python3' tools/*) $(wildcard tools/*.py tools/*/*.py tests/*.py tests/*/*.py)
 
 .DEFAULT_GOAL := all
 .DELETE_ON_ERROR:
-.PHONY: all tests shapes demo bench scaling extremes fuzz validate check check-64 check-unit check-e2e demo-now check-now check-unit-now check-e2e-now style format test-shape options install deps clean help FORCE
+.PHONY: all tests shapes demo bench scaling extremes fuzz faults validate check check-64 check-unit check-e2e demo-now check-now check-unit-now check-e2e-now style format test-shape options install deps clean help FORCE
 
 all: $(BUILD)/tumble shapes ## build the program and the shapes (default)
 shapes: $(SHAPES)           ## build the shape plugins only
@@ -75,26 +75,30 @@ $(BUILD)/shapes/%.so: shapes/%.c $(BUILD)/flags | $(BUILD)/libtumble.so
 	$(PLUGIN)
 $(BUILD)/tests/shape/badshapes/%.so: tests/shape/badshapes/%.c $(BUILD)/flags | $(BUILD)/libtumble.so
 	$(PLUGIN)
+$(BUILD)/tests/runs/faults/%.so: tests/runs/faults/%.c $(BUILD)/flags # preloaded: links to nothing of ours
+	$(call ENTER,TEST) $(COMPILE) -MF $(@:.so=.d) -shared -o $@ $< -ldl
 $(BUILD)/tests/%: tests/%.c $(BUILD)/flags | $(BUILD)/libtumble.so $(BUILD)/version.h
 	$(call ENTER,TEST) $(COMPILE) -Itests -Isrc/$(*D) -MF $@.d -o $@ $< $(TUMBLE) $(CMOCKA) $(LIBS)
 -include $(wildcard $(BUILD)/*/*.d $(BUILD)/*/*/*.d $(BUILD)/*/*/*/*.d)
 
 # Installing comes before a fresh make, which then finds what was installed.
-demo:       ## run a settling disc and draw pictures (installs what is missing; ARGS= for the program)
+demo:       ## run a settling disc on the cores that are free (RANKS=) and draw pictures (installs what is missing; ARGS= for the program)
 check:      ## build and run all tests (installs what is missing; ARGS= for pytest, such as ARGS="-k mesh")
 check-unit: ## unit tests only
 check-e2e:  ## end-to-end tests only
 demo check check-unit check-e2e:
 	@$(SETUP)
 	@$(MAKE) $@-now
+# Ranks that wait spin: where others use the cores, one rank is faster than two.
+RANKS = $(or $(shell $(PYTHON) tools/free-cores 2 2> /dev/null),1)
 demo-now: all
-	$(MPIEXEC) -n 2 $(BUILD)/tumble runs/sedimentation.yaml -output_overwrite $(ARGS)
+	$(MPIEXEC) -n $(RANKS) $(BUILD)/tumble runs/sedimentation.yaml -output_overwrite $(ARGS)
 	$(PYTHON) tools/plot out/sedimentation
 	@echo "Pictures:" && ls -1 out/sedimentation/*.png
 check-now check-unit-now check-e2e-now: tests
 	@TUMBLE_BUILD=$(BUILD) MPIEXEC="$(MPIEXEC)" $(PYTHON) -m pytest $(WORKERS) $(CHECK_$(@:check-%-now=%)) $(ARGS)
-# As many tests at a time as there are cores, if pytest-xdist is there.
-WORKERS = $(shell $(PYTHON) -c 'import os, xdist; print("-n", min(len(os.sched_getaffinity(0)), 8), "--dist loadgroup")' 2> /dev/null)
+# As many tests at a time as cores are free, if pytest-xdist is there.
+WORKERS = $(shell $(PYTHON) -c 'import xdist' 2> /dev/null && printf '%s ' -n $$($(PYTHON) tools/free-cores 8) --dist loadgroup)
 CHECK_unit = $(wildcard tests/*/test_*.c)
 CHECK_e2e  = $(wildcard tests/*/test_*.py)
 # A PETSc with 64-bit numbers: Debian's libpetsc64-real-dev, or PETSC64=PETSC_DIR/PETSC_ARCH. What CHECK_64 selects of the unit tests, a short fall.
@@ -119,6 +123,8 @@ extremes: all ## the stability map: runs/extremes/map.csv, map.png (ARGS=--quick
 	$(PYTHON) tools/extremes $(ARGS)
 fuzz: all ## random scenes, each of which ends well or with one message: runs/fuzz (ARGS="--seeds 1-20"; 'tools/fuzz --help')
 	$(PYTHON) tools/fuzz $(ARGS)
+faults: all $(BUILD)/tests/runs/faults/inject.so ## injected faults, each of which ends with one message and loses no checkpoint: runs/faults (ARGS=--quick; 'tools/faults --help')
+	$(PYTHON) tools/faults $(ARGS)
 style: ## rooms, text, formatting, scripts that compile
 	tools/check-layers
 	tools/check-text --wide

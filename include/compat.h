@@ -5,6 +5,14 @@
 #if PETSC_VERSION_LT(3, 18, 0)
   #error "tumble needs PETSc 3.18 or newer"
 #endif
+#if defined(PETSC_USE_COMPLEX)
+  #error \
+    "tumble needs a PETSc of real numbers, this one has complex ones: name another (make PETSC_DIR=... PETSC_ARCH=...)"
+#endif
+#if !defined(PETSC_USE_REAL_DOUBLE)
+  #error \
+    "tumble needs a PETSc of double precision, this one has another: name another (make PETSC_DIR=... PETSC_ARCH=...)"
+#endif
 #if PETSC_VERSION_LT(3, 19, 0) && !defined(PETSC_SUCCESS)
   #define PETSC_SUCCESS ((PetscErrorCode)0)
 #endif

@@ -9,6 +9,7 @@
    edge that an intersection or difference has cut, and, with blend, along the seam. It says so (ShapeSetBound). Normal:
    that of the part that decides. Mass by quadrature, surface points by projection (the defaults). */
 #include "shape.h"
+#include <string.h>
 
 #define MOST  32 /* parts */
 #define CHUNK 64 /* points handled at a time on the stack */
@@ -71,6 +72,16 @@ static PetscErrorCode ReadPart(Shape s, PetscInt dim, Part *p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* "hub, b1" names b1, not " b1" */
+static void TakeBlanks(char text[])
+{
+  char *o = text;
+
+  for (const char *c = text; *c; c++)
+    if (*c != ' ' && *c != '\t') *o++ = *c;
+  *o = 0;
+}
+
 static PetscErrorCode ShapeOptions_Composite(Shape s)
 {
   Composite *c;
@@ -80,13 +91,17 @@ static PetscErrorCode ShapeOptions_Composite(Shape s)
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &c));
   PetscCall(ShapeOptionString(s, "parts", "Names of the parts, separated by commas", c->names, sizeof(c->names)));
+  TakeBlanks(c->names);
   PetscCall(ShapeOptionReal(s, "blend", "Width over which the seams between parts are rounded", "length", 0.0, PETSC_MAX_REAL, &c->blend));
   /* none given: for the list of options */
   PetscCall(PetscStrToArray(c->names[0] ? c->names : "<part>", ',', &n, &name));
   PetscCheck(n <= MOST, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Shape 'composite' has %d parts, %d are the most: make composites of composites", n,
              MOST);
   for (int i = 0; i < n; i++) {
-    PetscCall(PetscStrncpy(c->part[i].name, name[i], sizeof(c->part[i].name)));
+    const char *first = name[i] + strspn(name[i], " \t"); /* "hub, b1" */
+
+    PetscCall(PetscStrncpy(c->part[i].name, first, sizeof(c->part[i].name)));
+    c->part[i].name[strcspn(c->part[i].name, " \t")] = 0;
     PetscCall(ReadPart(s, c->dim, &c->part[i]));
   }
   PetscCall(PetscStrToArrayDestroy(n, name));

@@ -1,4 +1,5 @@
-/* Polygon: any closed outline without crossings, read from a text file with one corner "x y" a line.
+/* Polygon: any closed outline without crossings, from a list of points, or from a text file with one corner "x y" a
+   line.
 
    '#' starts a comment; empty lines are skipped, so is a heading "x,y" of a CSV file; the last corner is joined to
    the first, which may be repeated at the end. Convex or not, in either sense of rotation. A file with crossing or
@@ -15,7 +16,7 @@
 #define COS_TURN    0.9 /* of an edge against the one before, below which they make a corner */
 
 typedef struct {
-  char       file[PETSC_MAX_PATH_LEN];
+  char       file[PETSC_MAX_PATH_LEN], points[32768];
   PetscReal  scale;
   PetscInt   n;              /* corners, counter-clockwise */
   PetscReal *x, *y;          /* [n + 1], the first repeated at the end, m */
@@ -41,7 +42,9 @@ static PetscErrorCode ShapeOptions_Polygon(Shape s)
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &p));
   PetscCall(ShapeOptionPath(s, "file", "Text file with the corners, one 'x y' a line", p->file, sizeof(p->file)));
-  PetscCall(ShapeOptionReal(s, "scale", "Factor on the coordinates of the file", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &p->scale));
+  PetscCall(ShapeOptionString(s, "points", "Corners in place of a file: x, y of one after the other, or [[x, y], [x, y], ...]", p->points,
+                              sizeof(p->points)));
+  PetscCall(ShapeOptionReal(s, "scale", "Factor on the coordinates of the corners", "length", SHAPE_POSITIVE, PETSC_MAX_REAL, &p->scale));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -73,8 +76,10 @@ static PetscErrorCode ReadCorners(const char file[], PetscInt *n, PetscReal xy[]
   PetscFunctionBeginUser;
   *n = 0;
   if (!f) {
-    PetscCall(PetscSNPrintf(error, len,
-                            "Outline file '%s' of shape 'polygon' cannot be read: set its option file to a text file with one 'x y' a line", file));
+    PetscCall(
+      PetscSNPrintf(error, len,
+                    "Outline file '%s' of shape 'polygon' cannot be read: set its option file to a text file with one 'x y' a line, or its option points to a list of corners",
+                    file));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   for (int number = 1; fgets(line, sizeof(line), f) && !error[0]; number++) {
@@ -98,6 +103,34 @@ static PetscErrorCode ReadCorners(const char file[], PetscInt *n, PetscReal xy[]
   fclose(f);
   if (*n > 1 && xy[0] == xy[2 * *n - 2] && xy[1] == xy[2 * *n - 1]) (*n)--;
   if (!error[0] && *n < 3) PetscCall(PetscSNPrintf(error, len, "%s: an outline needs at least 3 different corners, found %d", file, (int)*n));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The same from "x, y, x, y, ..."; line_of: numbers of the corners */
+static PetscErrorCode ReadPoints(const char text[], PetscInt *n, PetscReal xy[], int line_of[], char error[], size_t len)
+{
+  const char *at = text;
+  char       *end;
+  PetscInt    m = 0;
+
+  PetscFunctionBeginUser;
+  while (!error[0] && *(at += strspn(at, " ,\t\n"))) {
+    const PetscReal v = (PetscReal)strtod(at, &end);
+
+    if (end == at || !(PetscAbsReal(v) <= PETSC_MAX_REAL))
+      PetscCall(PetscSNPrintf(error, len, "Option points of shape 'polygon': '%.20s' is not a finite number", at));
+    else if (m == 2 * MAX_CORNERS) PetscCall(PetscSNPrintf(error, len, "Option points of shape 'polygon': more than %d corners", MAX_CORNERS));
+    else xy[m++] = v;
+    at = end;
+  }
+  *n = m / 2;
+  for (PetscInt i = 0; i < *n; i++) line_of[i] = (int)i + 1;
+  if (*n > 1 && xy[0] == xy[2 * *n - 2] && xy[1] == xy[2 * *n - 1]) (*n)--;
+  if (!error[0] && m % 2)
+    PetscCall(
+      PetscSNPrintf(error, len, "Option points of shape 'polygon' has %d numbers: give x and y of each corner, [[x, y], [x, y], ...]", (int)m));
+  if (!error[0] && *n < 3)
+    PetscCall(PetscSNPrintf(error, len, "Option points of shape 'polygon': an outline needs at least 3 different corners, found %d", (int)*n));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -142,7 +175,8 @@ static int CompareExtents(const void *a, const void *b)
 }
 
 /* Sweep in x: only edges whose x-ranges overlap are compared. */
-static PetscErrorCode CheckCrossings(const char file[], PetscInt n, const PetscReal xy[], const int line_of[], char error[], size_t len)
+static PetscErrorCode CheckCrossings(const char file[], const char line[], PetscInt n, const PetscReal xy[], const int line_of[], char error[],
+                                     size_t len)
 {
   Extent *e;
 
@@ -166,10 +200,9 @@ static PetscErrorCode CheckCrossings(const char file[], PetscInt n, const PetscR
       else if (i == 0 && j == n - 1) bad = TurnsBack(c, d, b);
       else bad = Meet(a, b, c, d);
       if (bad)
-        PetscCall(
-          PetscSNPrintf(error, len,
-                        "%s: the edge from line %d to line %d meets the edge from line %d to line %d: an outline must not cross or touch itself",
-                        file, line_of[i], line_of[(i + 1) % n], line_of[j], line_of[(j + 1) % n]));
+        PetscCall(PetscSNPrintf(error, len,
+                                "%s: the edge from %s %d to %s %d meets the edge from %s %d to %s %d: an outline must not cross or touch itself",
+                                file, line, line_of[i], line, line_of[(i + 1) % n], line, line_of[j], line, line_of[(j + 1) % n]));
     }
   PetscCall(PetscFree(e));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -218,8 +251,15 @@ static PetscErrorCode ShapeSetUp_Polygon(Shape s)
   PetscCall(PetscMemzero(error, sizeof(error)));
   PetscCall(PetscMalloc2(2 * (MAX_CORNERS + 1), &xy, MAX_CORNERS + 1, &line_of));
   if (rank == 0) {
-    PetscCall(ReadCorners(p->file, &n, xy, line_of, error, sizeof(error)));
-    if (!error[0]) PetscCall(CheckCrossings(p->file, n, xy, line_of, error, sizeof(error)));
+    const PetscBool listed = (PetscBool)(p->points[0] != 0);
+
+    if (listed && p->file[0])
+      PetscCall(PetscSNPrintf(error, sizeof(error), "Shape 'polygon' has both its options file and points: remove one of them"));
+    else if (listed) PetscCall(ReadPoints(p->points, &n, xy, line_of, error, sizeof(error)));
+    else PetscCall(ReadCorners(p->file, &n, xy, line_of, error, sizeof(error)));
+    if (!error[0])
+      PetscCall(
+        CheckCrossings(listed ? "Option points of shape 'polygon'" : p->file, listed ? "corner" : "line", n, xy, line_of, error, sizeof(error)));
   }
   PetscCallMPI(MPI_Bcast(error, (int)sizeof(error), MPI_CHAR, 0, PETSC_COMM_WORLD));
   if (!error[0]) {

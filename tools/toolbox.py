@@ -16,14 +16,10 @@ import time
 import tomllib
 from pathlib import Path
 
+from cores import count_cores, free_cores
 from tumble import read_table
 
 ROOT = Path(__file__).resolve().parent.parent
-
-
-def count_cores():
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @functools.cache
@@ -38,6 +34,11 @@ def has_open_mpi():
 def can_pin(ranks):
     """Can launcher() give every rank a core of its own?"""
     return not os.environ.get("MPIEXEC") and has_open_mpi() and ranks <= count_cores() == os.cpu_count()
+
+
+def default_jobs():
+    """Runs at the same time, where the user has not said."""
+    return free_cores()
 
 
 def launcher(ranks, pinned=False):

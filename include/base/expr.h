@@ -1,4 +1,4 @@
-/* Expressions: values of an option as formulas of x, y, z and t.
+/* Expressions: values of an option as formulas of x, y, z and t, those on bodies also of the body's motion.
 
    "0, -981*(1 + 0.1*sin(t))": one expression a value, separated by commas, in the unit of the option; muParser reads
    them (https://beltoforion.de/en/muparser): + - * / ^, comparisons, && || and ?:, sin cos tan asin acos atan sinh cosh
@@ -14,6 +14,20 @@
 
 typedef struct _p_Expr *Expr;
 
+/* All variables that a row may name: a place, the time, and of a body its velocity, angle and angular velocity */
+typedef enum {
+  EXPR_X,
+  EXPR_Y,
+  EXPR_Z,
+  EXPR_TIME,
+  EXPR_U,
+  EXPR_V,
+  EXPR_W,
+  EXPR_ANGLE,
+  EXPR_OMEGA,
+  EXPR_VARIABLES
+} ExprVariable;
+
 /* Read n values of an option whose row has `variables`: numbers go to value [n] and *expr is NULL; expressions to *expr
    (the caller destroys it) while value stays. *found (may be NULL): was the option given? Not collective, the same on
    all ranks. Errors: other than n values; what muParser does not understand, with the text and the place in it. */
@@ -23,13 +37,17 @@ PetscErrorCode ExprDestroy(Expr *);
 PetscBool   ExprUsesTime(Expr);
 PetscBool   ExprValueUsesTime(Expr, PetscInt i);
 PetscBool   ExprUsesPlace(Expr);
-const char *ExprText(Expr); /* as read, without blanks. Borrowed. */
+PetscBool   ExprUses(Expr, PetscInt i, ExprVariable); /* does value i depend on it? */
+const char *ExprText(Expr);                           /* as read, without blanks. Borrowed. */
 
 /* value [m][n] at points x [m][dim] (NULL: expressions of t alone) and a time. Collective where any value depends
    on the place; else all ranks ask for the same. Error: not finite. */
 PetscErrorCode ExprEvaluate(Expr, PetscReal time, PetscInt m, const PetscReal x[], PetscReal value[]);
-/* At one place of this rank alone, at time 0. Not collective. Error: not finite, raised by this rank. */
-PetscErrorCode ExprEvaluateAlone(Expr, const PetscReal x[], PetscReal value[]);
+/* At one place of this rank alone. Not collective. Error: not finite, raised by this rank. */
+PetscErrorCode ExprEvaluateAlone(Expr, PetscReal time, const PetscReal x[], PetscReal value[]);
+/* Of all variables, in the order of ExprVariable, on this rank alone. Not collective. Error: not finite, raised by this
+   rank. */
+PetscErrorCode ExprEvaluateAt(Expr, const PetscReal variable[], PetscReal value[]);
 /* The same as ExprEvaluate, kept: evaluated anew only if points or (with t) time differ from the last call. Borrowed
    until the next. Collective. */
 PetscErrorCode ExprKeep(Expr, PetscReal time, PetscInt m, const PetscReal x[], const PetscReal *value[]);

@@ -1,8 +1,10 @@
-/* Hdf5: arrays that are spread over the ranks as datasets of one HDF5 file, which all ranks write or read together.
+/* Hdf5: arrays that are spread over the ranks as datasets of one HDF5 file, which all ranks write or read together,
+   each its own rows, without MPI-IO: a disk that is full for one rank holds up no other. All ranks must see the file
+   (a shared file system with POSIX calls).
 
-   While writing, HDF5's errors are remembered and told by Hdf5Close; while reading, each function says whether it
-   went well, the same on all ranks. Between opening and closing HDF5 itself prints nothing.
-   Used directly, because PETSc's viewer neither tells why a file is refused nor keeps checksums with an array. */
+   While writing, HDF5's errors are remembered and told by Hdf5Close; while reading, each function says whether it went
+   well, the same on all ranks. Between opening and closing HDF5 itself prints nothing. Used directly, because PETSc's
+   viewer neither tells why a file is refused nor keeps checksums with an array. */
 #pragma once
 #include <petscsys.h>
 
@@ -28,12 +30,12 @@ PetscErrorCode Hdf5SpreadRows(MPI_Comm, PetscInt n, Hdf5Rows *);
 /* Create (or replace) the file, or open it to read: *good, is it open? If not, it can only be closed. Collective. */
 PetscErrorCode Hdf5Create(MPI_Comm, const char path[], Hdf5 *);
 PetscErrorCode Hdf5Open(MPI_Comm, const char path[], Hdf5 *, PetscBool *good);
-/* Close. reason (NULL if read): "" if everything has been written, or what was not, as in "HDF5 fails at /velocity".
-   Collective, the same on all ranks but for the name. */
+/* Close, on disk if written. reason (NULL if read): "" if everything has been written, or what was not, as in "HDF5
+   fails at /velocity (No space left on device)". Collective, the same on all ranks. */
 PetscErrorCode Hdf5Close(Hdf5 *, char reason[], size_t len);
 
 /* v [rows.n][bs] <-> dataset [rows.total][bs]; bs 0: v [rows.n] <-> dataset [rows.total]. Names may lead through
-   groups, which are made. Collective. */
+   groups, which are made. Rows that several ranks read may overlap. Collective. */
 PetscErrorCode Hdf5Write(Hdf5, const char name[], Hdf5Type, Hdf5Rows rows, PetscInt bs, const void *v);
 PetscErrorCode Hdf5Read(Hdf5, const char name[], Hdf5Type, Hdf5Rows rows, PetscInt bs, void *v, PetscBool *good);
 /* The same for v [n][bs] of every rank, one after the other. Reals with bs 1 make a dataset of one dimension.

@@ -47,6 +47,8 @@ typedef struct {
   OptPaths    path;         /* of OPT_STRING: a file or folder to read, see OptSetScene */
   const char *variables; /* of OPT_REALS: NULL, or what each value may be an expression of, "x, y, z, t": base/expr.h */
   const char *old;       /* former name, refused with the new one; NULL for none */
+  const char *also;  /* what others call it, for advice alone: its last words, "nu, mu"; with `choices` see `words` */
+  const char *words; /* of OPT_CHOICE: what others call its choices, for advice alone: "symmetry slip, wall no_slip" */
 } OptSpec;
 
 /* OPT_TABLE("flow: fluid and boundary conditions", SPECS) at the end of a room's options.c. A constructor of the
@@ -103,6 +105,16 @@ PetscErrorCode OptHas(const char name[], PetscBool *found);
 /* Text of an option, "" when it is absent or has no value. Does not count as reading it: for defaults that
    depend on other options. */
 PetscErrorCode OptPeek(const char name[], char text[], size_t len);
+
+/* The default of an option as -help shows it, "" if it has none or is not one of ours. Not collective. */
+const char *OptGetDefault(const char name[]);
+/* The number of a single value, as OptReal would read it; *found is false if it is absent or none. Does not count as
+   reading it. */
+PetscErrorCode OptPeekReal(const char name[], PetscReal *value, PetscBool *found);
+
+/* Advice for a word that is none of `choices` ("a, b"): "; did you mean b?", by `words` ("c b, d b") or as the nearest
+   spelling, else "". Not collective. */
+void OptAdviseWord(const char word[], const char choices[], const char words[], char advice[], size_t len);
 
 /* How many values the list of an option has, 0 when it is absent. Does not count as reading it. */
 PetscErrorCode OptCountItems(const char name[], PetscInt *n);

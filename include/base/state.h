@@ -64,6 +64,9 @@ PetscBool StateIsSamePartition(State);
 /* Loading: rows of an array of the present module in the file, -1 if it has none of this name. Collective. */
 PetscErrorCode StateGetSize(State, const char name[], PetscInt *rows);
 
+/* Is there an array of this name? Saving: yes. For what a run with other options begins with. Collective. */
+PetscErrorCode StateHas(State, const char name[], PetscBool *has);
+
 /* v is saved or loaded. Collective, same calls on all ranks. Errors of loading: not in the file, other length, wrong
    checksum.
    Reals, Ints, Text: the same on all ranks, n values, in the file those of rank 0. Text: zero-terminated; loading

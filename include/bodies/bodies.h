@@ -19,13 +19,21 @@
 #include "base/expr.h"
 #include "base/state.h"
 
-/* What a scene says about the motion of a group beyond "free"; see motion.h in src/bodies. */
+/* A line from a point of a body to one in space. */
+typedef struct {
+  PetscReal point[3];                   /* in space; not used if the group is moored where it starts */
+  PetscReal at[3];                      /* the end on the body, from its centre: axes and size of the shape */
+  PetscReal stiffness, damping, length; /* length: without force; 0: a spring along every axis */
+} Mooring;
+
+/* What a scene says about the motion of a group beyond "free"; see motion.h and joint.h in src/bodies. */
 typedef struct {
   PetscInt         dim;
-  PetscBool        constant, rotate; /* do velocity and angular velocity of the start act? */
-  PetscBool        given;            /* -particle_<g>_motion, or velocities that change in time */
-  Expr             velocity, omega;  /* those of the start as expressions of t; NULL: numbers, which each body has */
-  struct _p_Track *track;            /* motion from a file; NULL: none */
+  PetscBool        constant, rotate;    /* do velocity and angular velocity of the start act? */
+  PetscBool        given;               /* -particle_<g>_motion, or velocities that change in time */
+  PetscBool        named, has_u, has_w; /* -particle_<g>_motion, _velocity and _angular_velocity: are they given? */
+  Expr             velocity, omega;     /* those of the start as expressions of t; NULL: numbers, which each body has */
+  struct _p_Track *track;               /* motion from a file; NULL: none */
   PetscReal        amplitude[3], period[3], phase[3];
   PetscReal        swing[3]; /* amplitude, period, phase of the angle about z */
   PetscReal        ramp;
@@ -35,7 +43,13 @@ typedef struct {
   PetscReal axis[3];             /* unit vector: of the angle at the start and of the turn of a file */
   PetscReal stops[2];            /* rad */
   PetscReal restitution;         /* of the stops */
-  PetscReal force[3], torque[3]; /* external, on each body */
+  PetscReal force[3], torque[3]; /* external, on each body, without what the expressions give */
+  Expr      force_of, torque_of; /* of the body's motion and t; NULL: none */
+  PetscReal spring, spring_damping, spring_angle; /* torque about the hinge or z; rad */
+  PetscInt  nmooring;
+  Mooring  *mooring;    /* [nmooring] */
+  PetscBool from_start; /* their points are where their ends on the body start */
+  PetscBool slack;      /* lines pull and never push */
 } Motion;
 
 /* A group whose places ContactPack finds: in lower .. upper, at least `margin` apart from all others and from the faces
@@ -68,6 +82,7 @@ typedef struct {
   PetscReal largest;    /* size of the largest body, 1 without bodies */
   PetscBool hole;       /* the body is a hole of the mesh (fitted.h): nothing is drawn */
   PetscBool everywhere; /* all ranks know its bodies (BodiesSetEverywhere, local.h) */
+  PetscBool guided;     /* without a flow it moves by flight.h: joint, load, springs, prescribed motion */
   PetscBool obstacle;   /* part of the geometry: held, may overlap walls and other obstacles, stick out of the domain */
 } BodyGroup;
 
@@ -113,6 +128,14 @@ typedef const struct _n_BodyState BodyState;
 static inline const BodyGroup *BodiesGetGroup(BodyState *s, PetscInt k)
 {
   return &s->group[s->body_group[k]];
+}
+
+/* Do springs, dampers or expressions act on the bodies of a group? */
+static inline PetscBool BodiesGroupResists(const BodyGroup *g)
+{
+  const Motion *m = &g->motion;
+
+  return (PetscBool)(m->force_of || m->torque_of || m->nmooring || m->spring > 0 || m->spring_damping > 0);
 }
 
 /* The known body with that permanent number, -1: this rank does not know it */
@@ -218,9 +241,21 @@ void BodiesKeepAxes(BodyState *, PetscInt k, PetscReal u[3], PetscReal w[3]);
 /* Velocity u of the reference point and angular velocity w of body k at `time` as far as they are prescribed; entries
    of free degrees of freedom are the current ones. */
 PetscErrorCode BodiesGetKnownVelocity(Bodies, PetscInt k, PetscReal time, PetscReal u[3], PetscReal w[3]);
-/* External load plus weight minus buoyancy, (M - M_f) g: force, and torque about the centre (the weight has none). */
+/* External load in the present state, springs included, plus weight minus buoyancy, (M - M_f) g: force, and torque
+   about the centre (the weight has none). Error: an expression that is not finite. */
 PetscErrorCode BodiesGetLoad(Bodies, PetscInt k, PetscReal rho_f, const PetscReal gravity[3], PetscReal force[3],
                              PetscReal torque[3]);
+/* The same at another time, for expressions of t. */
+PetscErrorCode BodiesGetLoadAt(Bodies, PetscInt k, PetscReal time, PetscReal rho_f, const PetscReal gravity[3],
+                               PetscReal force[3], PetscReal torque[3]);
+/* How that load resists motion of body k from its present state, on its rigid slots (mass.h; [nr][nr]): stiffness K and
+   damping C, symmetric and without negative eigenvalues, of springs, dampers and of expressions, as far as these fall
+   with a body's own place or velocity. dt: step, for the size of differences. *any: are there such? Else K and C are
+   not set. */
+PetscErrorCode BodiesGetResistance(Bodies, PetscInt k, PetscReal time, PetscReal dt, PetscReal K[], PetscReal C[],
+                                   PetscBool *any);
+/* Energy stored in the springs and moorings of all bodies; *any (may be NULL): does any group have them? Collective. */
+PetscErrorCode BodiesGetSpringEnergy(Bodies, PetscReal *energy, PetscBool *any);
 
 /* Explicit coupling: u_old, w_old <- u, w, then advance u, w by dt under force + contact + load + (M - M_f) g with
    fluid density rho_f. Euler step (semi-implicit together with BodiesAdvancePosition, theta = 1); in 3D the
@@ -230,9 +265,10 @@ PetscErrorCode BodiesGetLoad(Bodies, PetscInt k, PetscReal rho_f, const PetscRea
 PetscErrorCode BodiesAdvanceVelocity(Bodies, PetscReal dt, PetscReal rho_f, const PetscReal gravity[3]);
 /* Move: x += dt U, orientation alike, with U = `theta` u + (1 - theta) u_old (be: theta = 1; bdf2, cn: 1/2); in 3D,
    without hinge, orientation by BodyTurn. What is not free goes to its prescribed place at time + dt. A body that
-   passes a stop in the step is put back by the rebound: angle and angular velocities (w and w_old by the same jump, so
-   that their difference stays the acceleration); one that arrives no faster than two steps of its acceleration rests
-   there. Advances the time of the state. Wraps nothing. Error: not finite. */
+   passes a stop in the step is put back by the rebound from the moment of the impact: angle and angular velocities (w
+   and w_old by the same jump, so that their difference stays the acceleration); one that arrives no faster than two
+   steps of its acceleration, or that has left a stop less than eight steps ago, rests there.
+   Advances the time of the state. Wraps nothing. Error: not finite. */
 PetscErrorCode BodiesAdvancePosition(Bodies, PetscReal dt, PetscReal theta);
 /* Release body k from a stop if the torque on it now points away. */
 PetscErrorCode BodiesRelease(Bodies, PetscInt k, PetscReal rho_f, const PetscReal gravity[3]);
@@ -257,5 +293,10 @@ PetscErrorCode BodiesStartFrame(Bodies, const PetscReal period[3]);
 PetscErrorCode BodiesSetFrame(Bodies, const PetscReal next[3], const PetscReal velocity[3]);
 PetscErrorCode BodiesAcceptFrame(Bodies);
 
+/* After a checkpoint is loaded, frame included: bodies are where it has them, whatever the options say now. Where these
+   prescribe another motion, or one of what was free, it begins anew for the group: from where its bodies are, with its
+   time 0 (of formulas, ramp, oscillation, file) now; a remark says so. Nothing happens where the options put bodies
+   where they are. Collective. Error: stops that do not hold the angle of a body. */
+PetscErrorCode BodiesResume(Bodies);
 /* StateVisit of Bodies: motion and forces of all bodies. Error of loading: other groups (names, numbers, volumes). */
 PetscErrorCode BodiesVisitState(void *bodies, State);

@@ -1,17 +1,18 @@
 /* Leave: what happens to bodies that leave the domain.
 
    In periodic directions a body whose centre passes a face comes in again at the other one. At any other face the run
-   stops with a message, or the body is taken out of everything and counted, if -particle_remove names that boundary of
-   the box (left, right, bottom, top, back, front). */
+   stops with a message, or the body is taken out of everything and counted, if -particle_remove names that boundary. */
 #pragma once
+#include "base/border.h"
 #include "bodies/bodies.h"
 
 typedef struct _p_Leave *Leave;
 
-/* Domain lower .. upper; period: its length in periodic directions, 0 in the others. Reads -particle_remove.
-   Collective. Errors: unknown or periodic boundary. */
+/* Domain lower .. upper; period: its length in periodic directions, 0 in the others; border (borrowed): its
+   boundaries by their names, and what of them is not a side of that box. Reads -particle_remove. Collective. Errors:
+   unknown or periodic boundary. */
 PetscErrorCode LeaveCreate(Bodies, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3],
-                           Leave *);
+                           Border, Leave *);
 PetscErrorCode LeaveDestroy(Leave *);
 /* To be called when the bodies have moved: moves, removes or complains. The centre of a body decides; bodies that
    cannot move are left alone. Not collective, same result wherever a body is known. */

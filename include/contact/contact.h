@@ -13,6 +13,7 @@
    Bodies that cannot move exert forces and receive them, two such bodies ignore each other. */
 #pragma once
 #include "bodies/bodies.h"
+#include "base/border.h"
 #include "base/state.h"
 
 typedef struct _p_Contact *Contact;
@@ -31,10 +32,24 @@ PetscErrorCode ContactPack(Bodies, const PetscReal lower[3], const PetscReal upp
                            ContactPacking *);
 
 /* h: cell size near the bodies (default range h/2). rho_f: density of the fluid, whose added mass counts; 0 without.
-   walls: bit mask of solid domain faces, bit 2*axis for lower, 2*axis + 1 for upper. Collective. Errors: no scale for
-   the stiffness of a spring. */
+   walls: bit mask of solid sides of the box, bit 2*axis for lower, 2*axis + 1 for upper; others by ContactSetWalls.
+   Collective. Errors: no scale for the stiffness of a spring. */
 PetscErrorCode ContactCreate(Bodies, PetscReal h, PetscReal rho_f, const PetscReal gravity[3], const PetscReal lower[3],
                              const PetscReal upper[3], PetscInt walls, Contact *);
+/* Walls that are no sides of a box, and how walls move. border: its solid pieces are walls, numbered from
+   CONTACT_SIDES on after the sides of the box; NULL: there are none. side: the boundaries of the border that are
+   sides of the box, -1: not one of them. velocity: that of a boundary (one of the border) at a place of it; NULL: all
+   stand still. Borrowed, all of them. Before the first step. Not collective. */
+#define CONTACT_SIDES 6
+typedef struct {
+  Border   border;
+  PetscInt side[CONTACT_SIDES];
+  PetscErrorCode (*velocity)(void *context, PetscInt boundary, const PetscReal x[3], PetscReal v[3]);
+  void *context;
+} ContactWalls;
+PetscErrorCode ContactSetWalls(Contact, const ContactWalls *);
+/* The name of the boundary that a wall is part of. Borrowed. */
+PetscErrorCode ContactGetWallName(Contact, PetscInt wall, const char **name);
 /* Length of the domain in its periodic directions, 0 in the others (default): bodies meet across such faces. Not
    collective. */
 PetscErrorCode ContactSetPeriod(Contact, const PetscReal period[3]);
@@ -116,8 +131,8 @@ PetscErrorCode ContactAdvanceAlone(Contact, PetscReal dt);
 PetscErrorCode ContactCountWork(Contact, PetscReal dt);
 PetscErrorCode ContactGetEnergy(Contact, PetscReal *stored, PetscReal *work);
 
-/* Refuse bodies that overlap a wall or another body in their present place, of which one at least can move away: names
-   both and the overlap. Not collective. */
+/* Refuse bodies whose centre is outside the domain, and those that overlap a wall or another body in their present
+   place, of which one at least can move away: names body, place, the other and the overlap. Not collective. */
 PetscErrorCode ContactCheckStart(Contact);
 
 /* Effective mass of body k: (rho_s + rho_f) Vol in 2D, (rho_s + rho_f/2) Vol in 3D (added mass of a disc, a sphere),
@@ -135,10 +150,10 @@ PetscErrorCode ContactGetStart(Contact, PetscInt k, PetscReal dt, PetscReal a[3]
 PetscErrorCode ContactGetWork(Contact, PetscInt *tests, PetscInt *pairs, PetscInt *substeps);
 /* Largest overlap, in diameters of the smaller body, that ContactFinishStep has found since the beginning. */
 PetscErrorCode ContactGetSeparation(Contact, PetscReal *overlap);
-/* Contacts of the present places: pairs of permanent numbers i < j (j < 0: wall number -1 - j, as in DOMAIN_SIDE), i of
-   an own body, whose gap is below the range, where they are nearest and the direction from j to i; ascending in i,
-   then j. *link [*n] is the caller's to free. None with law none. Bodies that are spread may go to their owners.
-   Collective. */
+/* Contacts of the present places: pairs of permanent numbers i < j (j < 0: wall number -1 - j, see
+   ContactGetWallName), i of an own body, whose gap is below the range, where they are nearest and the direction from
+   j to i; ascending in i, then j. *link [*n] is the caller's to free. None with law none. Bodies that are spread may
+   go to their owners. Collective. */
 typedef struct {
   PetscInt  i, j;
   PetscReal gap, x[3], normal[3];

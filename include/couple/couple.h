@@ -48,6 +48,7 @@ PetscErrorCode CoupleGetDeform(Couple, const DeformResult **);
 typedef struct {
   const char *name;
   PetscInt    value;
+  PetscBool   summed; /* its sum over all steps belongs into the summary */
 } CoupleCount;
 PetscErrorCode CoupleGetCounts(Couple, PetscInt *n, const CoupleCount *count[]);
 

@@ -22,6 +22,9 @@ PetscErrorCode ConditionsRenew(Conditions);
 PetscErrorCode ConditionsGetValues(Conditions, const PetscInt *fixed[], const PetscReal *value[]);
 /* Prescribed components of walls (no_slip, moving_wall, slip), not of an inflow: [nnode_all] bit mask. Borrowed. */
 PetscErrorCode ConditionsGetWalls(Conditions, const PetscInt *wall[]);
+/* The largest speed that a boundary prescribes, at the largest of its factor and after its ramp; of an expression, at
+   the present time. Collective. */
+PetscErrorCode ConditionsGetSpeed(Conditions, PetscReal *speed);
 /* Is the pressure determined up to a constant only (neither outflow nor pressure)? */
 PetscErrorCode ConditionsPressureIsFloating(Conditions, PetscBool *floating);
 /* Along which axes can a uniform force change the mean velocity? Along periodic ones, and between outflows or pressures
@@ -30,8 +33,13 @@ PetscErrorCode ConditionsGetOpenAxes(Conditions, PetscInt *axes);
 /* Along which axes can the mesh travel as a whole, without taking a wall with it that is not parallel to the way? Bit
    mask of axes. Collective. */
 PetscErrorCode ConditionsGetSlidingAxes(Conditions, PetscInt *axes);
-/* Bit mask of solid faces of the box (no_slip or moving_wall): bit 2 axis for lower, 2 axis + 1 for upper. Boundaries
-   of other names do not count. */
+/* Does the fluid stick to boundary b (no_slip, moving_wall, rotating_wall), and may that move? */
+PetscErrorCode ConditionsSticks(Conditions, PetscInt b, PetscBool *sticks, PetscBool *moves);
+/* Velocity v [3] that boundary b has at its place x at the time of the step, 0 where nothing is prescribed. Not
+   collective. */
+PetscErrorCode ConditionsGetVelocity(Conditions, PetscInt b, const PetscReal x[3], PetscReal v[3]);
+/* Bit mask of solid sides of the box (no_slip or moving_wall): bit 2 axis for lower, 2 axis + 1 for upper. Boundaries
+   of other names do not count, nor those that lie elsewhere. */
 PetscErrorCode ConditionsGetSolidFaces(Conditions, PetscInt *faces);
 /* Is boundary b a wall (no_slip, moving_wall, rotating_wall, slip), or open (inflow, outflow, pressure)? */
 PetscErrorCode ConditionsGetKind(Conditions, PetscInt b, PetscBool *wall, PetscBool *open);

@@ -11,6 +11,7 @@
    cell beside a larger one then has nodes of the larger one in its slots, and values at its lattice places come from
    them by an interpolation of the element (mesh/hang.h). */
 #pragma once
+#include "base/border.h"
 #include "base/curve.h"
 #include "base/domain.h"
 #include "base/regions.h"
@@ -95,6 +96,15 @@ PetscErrorCode MeshGetBoundaryName(Mesh, PetscInt b, const char **name);
 PetscErrorCode MeshFindBoundary(Mesh, const char name[], PetscInt *b);
 /* Local nodes (own and ghost) on boundary b. */
 PetscErrorCode MeshGetBoundaryNodes(Mesh, PetscInt b, PetscInt *n, const PetscInt *nodes[]);
+/* Boundary b of a round kind (disc, annulus, tube, ball, shell, the cylinder of fitted): circle, cylinder or sphere,
+   *round: is it one? Not collective. */
+PetscErrorCode MeshGetBoundaryRound(Mesh, PetscInt b, PetscBool *round, BorderRound *);
+/* Are boundaries called left, right, ... the whole sides of the mesh's box? Not so in a file. Not collective. */
+PetscErrorCode MeshHasSides(Mesh, PetscBool *);
+/* Faces of own cells on boundaries, face [*n] (base/border.h), the caller's to free. Not collective. */
+PetscErrorCode MeshGetBoundaryFaces(Mesh, PetscInt *n, BorderFace *face[]);
+/* Where boundary b lies, in words: "y = 0", "circle of radius 1 about 0,0", or its box. Collective. */
+PetscErrorCode MeshDescribeBoundary(Mesh, PetscInt b, char text[], size_t size);
 
 /* A difference of coordinates along axis a, to the nearest image where that axis is periodic */
 static inline PetscReal MeshNearest(const MeshLocal *l, PetscInt a, PetscReal r)

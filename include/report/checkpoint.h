@@ -13,9 +13,12 @@
 
    Options: -checkpoint_every steps (0: none), -checkpoint_minutes wall clock (0: none), -sim_restart FILE or latest
    (the newest whole checkpoint in -output_dir). With either of the first two the last state of the run is written as
-   well, so that it can be prolonged. What may change at a restart: everything but mesh and bodies; changed options
-   are listed. A refined mesh (-mesh_levels) has its tree in the file and may change within its box: base cells, levels,
-   what it is refined around. */
+   well, so that it can be prolonged. What may change at a restart: everything but the mesh, the number of bodies and
+   their shapes. Bodies stay where they are (BodiesResume); a changed option of flow, bodies, mesh or contact is a
+   remark with its old and new value, others are listed. From an earlier checkpoint in the same directory: tables,
+   lists and snapshots of later steps go (OutputRewind), checkpoints stay until newer ones displace them.
+   A refined mesh (-mesh_levels) has its tree in the file and may change within its box: base cells, levels, what it is
+   refined around. */
 #pragma once
 #include "report/fields.h"
 

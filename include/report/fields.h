@@ -16,6 +16,10 @@ PetscErrorCode OutputCreate(Mesh, const char scene[], Output *);
    snapshot; mesh_<step>.h5 with the first after a restart on another distribution of the mesh, where nodes have other
    numbers. Collective. */
 PetscErrorCode OutputOpen(Output);
+/* The run goes on after this step, perhaps from an earlier one than the directory has: fields.xmf is written again
+   without what came later, and files of later steps, of whatever kind but checkpoints, are removed. After OutputOpen.
+   Collective. Error: the disk. */
+PetscErrorCode OutputRewind(Output, PetscInt step);
 PetscErrorCode OutputDestroy(Output *);
 PetscErrorCode OutputGetDirectory(Output, const char **dir);
 PetscErrorCode OutputGetEvery(Output, PetscInt *every);

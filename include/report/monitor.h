@@ -61,6 +61,9 @@ void MonitorPrintTables(FILE *);
    PETSC_COMM_WORLD.
    Errors: -output_bodies outside of the bodies there are. */
 PetscErrorCode MonitorCreate(Bodies, Monitor *);
+/* Units of length, time and mass that the scene names ("" where it does not), and what they are in metres, seconds and
+   kilograms (0). Borrowed. */
+PetscErrorCode MonitorGetUnits(Monitor, const char *unit[3], PetscReal si[3]);
 /* A further column of series.csv, after those above; columns are numbered from 0. Before MonitorOpen, same calls on
    all ranks. Its value is 0 until it is set; the value of the last MonitorSetColumn is printed. Not collective.
    Error: no row of MONITOR_FURTHER explains it. */
@@ -92,7 +95,12 @@ PetscErrorCode MonitorPhaseSeconds(Monitor, MonitorPhase, PetscReal seconds);
 PetscErrorCode MonitorQuantity(Monitor, const char name[], PetscReal value);
 
 /* What this rank has to do (cells, bodies, ...): summary.json holds smallest, mean and largest over the ranks under
-   balance.<name>. Again: the new value holds. Collective. */
+   balance.<name>. Again: the new value holds. core_share and core_wait are processor time over wall time of a rank,
+   and the share of time that it was ready to run and another ran: the summary has a line where a rank got little.
+   Collective. */
+#define CORE_SHARE 0.7 /* of a core: less is told, */
+#define CORE_WAIT  0.1 /* where so much was lost to others (and was not sleep), */
+#define CORE_WALL  2.0 /* s: in a run that is long enough to tell */
 PetscErrorCode MonitorBalance(Monitor, const char name[], PetscReal mine);
 
 /* After the last step, with -output_yardstick (*wanted): memory and wall clock of the run are taken, before Yardstick

@@ -22,5 +22,8 @@ PetscErrorCode OutlinesDestroy(Outlines *);
 /* Write one snapshot into dir, an existing directory; does nothing without bodies. A step written twice takes the
    place of its first version. Error: the disk. */
 PetscErrorCode OutlinesWrite(Outlines, const char dir[], PetscInt step, PetscReal time);
+/* After a restart, in the directory where the run goes on: bodies.xmf and centres.xmf are written again, with the
+   snapshots of the checkpoint alone; none if the directory has no such list. Error: the disk. */
+PetscErrorCode OutlinesRewind(Outlines, const char dir[]);
 /* StateVisit of an Outlines: the snapshots so far. */
 PetscErrorCode OutlinesVisitState(void *outlines, State);

@@ -35,6 +35,7 @@ int SceneFileCheck(const char path[], char message[], size_t len);
    says what the other one says, but for what it says itself; '~' as value takes away an option, or all of a mapping.
    And keys with the name of a boundary: what is no letter, digit or dash in it becomes '_' (bc_left wall:
    bc_left_wall).
+   A list of points ([[0, 0], [1, 0]]) is a flat list of numbers.
    *options: "name\0value\0file\0..." of *size characters, names flattened and without dash, file where the option
    stands; to be freed. NULL: the scene has neither, and PETSc reads it. */
 int SceneFileRead(const char path[], char **options, size_t *size, char message[], size_t len);

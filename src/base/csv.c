@@ -8,7 +8,7 @@
 /* All ranks get the text of the file, or all raise the same error. */
 static PetscErrorCode read_text(const char file[], char **text)
 {
-  PetscMPIInt rank;
+  PetscMPIInt rank, count;
   PetscInt    length = -1;
 
   PetscFunctionBeginUser;
@@ -32,7 +32,8 @@ static PetscErrorCode read_text(const char file[], char **text)
   PetscCheck(length >= 0, PETSC_COMM_SELF, PETSC_ERR_FILE_OPEN,
              "Table '%s' cannot be read: check the path and its permissions (in a scene it is relative to the scene file)", file);
   if (rank) PetscCall(PetscMalloc1(length + 1, text));
-  PetscCallMPI(MPI_Bcast(*text, (PetscMPIInt)length, MPI_CHAR, 0, PETSC_COMM_WORLD));
+  PetscCall(PetscMPIIntCast(length, &count));
+  PetscCallMPI(MPI_Bcast(*text, count, MPI_CHAR, 0, PETSC_COMM_WORLD));
   (*text)[length] = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -111,7 +112,7 @@ PetscErrorCode CsvRead(const char file[], const char first[], Csv *t)
   PetscCall(read_text(file, &text));
   for (const char *s = text; *s; s++) room += *s == '\n';
   PetscCall(PetscMalloc1(room, &t->line));
-  for (char *next = text; next;) {
+  for (char *next = strncmp(text, "\xef\xbb\xbf", 3) ? text : text + 3; next;) { /* after a byte-order mark */
     char *line = next, *end = strchr(line, '\n');
 
     next = end ? end + 1 : NULL;

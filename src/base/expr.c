@@ -9,20 +9,31 @@
 
 #define MAX_VALUES 8
 #define TIME       3 /* place of t among the variables */
+#define VARIABLES  EXPR_VARIABLES
 
 struct _p_Expr {
   char             *name, *text;
   PetscInt          n, dim;
-  muParserHandle_t *parser;              /* [n] */
-  double            variable[4];         /* x, y, z, t */
-  PetscBool         uses[MAX_VALUES][4]; /* does value i depend on it? */
-  PetscInt          m;                   /* what ExprKeep has: number of points, -1: nothing */
-  PetscReal         time, *x, *value;    /* x [m][dim], value [m][n] */
-  PetscReal         last[2], *integral;  /* ExprIntegrate: the last two times, their integrals [2][n] */
+  muParserHandle_t *parser;                      /* [n] */
+  double            variable[VARIABLES];         /* in the order of NAMES */
+  PetscBool         uses[MAX_VALUES][VARIABLES]; /* does value i depend on it? */
+  PetscInt          m;                           /* what ExprKeep has: number of points, -1: nothing */
+  PetscReal         time, *x, *value;            /* x [m][dim], value [m][n] */
+  PetscReal         last[2], *integral;          /* ExprIntegrate: the last two times, their integrals [2][n] */
   PetscInt          next;
 };
 
-static const char *const NAMES[] = {"x", "y", "z", "t"};
+static const char *const NAMES[VARIABLES] = {"x", "y", "z", "t", "u", "v", "w", "angle", "omega"};
+
+/* Is the name one of a list such as "x, y, t"? */
+static PetscBool is_listed(const char name[], const char list[])
+{
+  const size_t n = strlen(name);
+
+  for (const char *at = list; (at = strstr(at, name)); at++)
+    if ((at == list || at[-1] == ' ') && (!at[n] || at[n] == ',')) return PETSC_TRUE;
+  return PETSC_FALSE;
+}
 
 /* ---- text ---- */
 
@@ -99,7 +110,11 @@ static PetscErrorCode refuse(const char name[], const OptSpec *spec, PetscInt di
 
   PetscFunctionBeginUser;
   (void)snprintf(known, sizeof(known), "%s", spec->variables);
-  if (dim == 2 && strstr(known, ", z")) memmove(strstr(known, ", z"), strstr(known, ", z") + 3, strlen(strstr(known, ", z") + 3) + 1);
+  for (const char *const *space = (const char *const[]){", z", ", w", NULL}; dim == 2 && *space; space++) {
+    char *at = strstr(known, *space);
+
+    if (at) memmove(at, at + 3, strlen(at + 3) + 1);
+  }
   SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
           "Option %s = %s is wrong at character %zu: %s (known: numbers, %s, pi, + - * / ^, functions such as sin and sqrt)", name, text, at + 1, why,
           known);
@@ -126,8 +141,8 @@ static PetscErrorCode create_parser(Expr e, const OptSpec *spec, PetscInt i, con
   PetscFunctionBeginUser;
   e->parser[i] = p;
   mupDefineConst(p, "pi", PETSC_PI);
-  for (PetscInt v = 0; v < 4; v++)
-    if (strstr(spec->variables, NAMES[v]) && !(v == 2 && e->dim == 2)) mupDefineVar(p, NAMES[v], &e->variable[v]);
+  for (PetscInt v = 0; v < VARIABLES; v++)
+    if (is_listed(NAMES[v], spec->variables) && !((v == 2 || v == 6) && e->dim == 2)) mupDefineVar(p, NAMES[v], &e->variable[v]);
   if (sets) PetscCall(refuse(e->name, spec, e->dim, all, at + (size_t)(sets - text), "'=' sets something, equality is '=='"));
   if (!text[strspn(text, " \t")]) PetscCall(refuse(e->name, spec, e->dim, all, at, "an expression is missing"));
   mupSetExpr(p, text);
@@ -213,7 +228,8 @@ PetscErrorCode ExprRead(const char name[], PetscInt dim, PetscInt n, PetscReal v
   PetscCall(PetscStrallocpy(text, &copy)); /* the database changes below */
   PetscCall(create(name, spec, dim, n, copy, expr));
   PetscCall(PetscFree(copy));
-  if (ExprUsesTime(*expr) || ExprUsesPlace(*expr)) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt i = 0; i < n * VARIABLES; i++)
+    if ((*expr)->uses[i / VARIABLES][i % VARIABLES]) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ExprEvaluate(*expr, 0, 1, NULL, value));
   PetscCall(ExprDestroy(expr));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -256,6 +272,11 @@ PetscBool ExprUsesPlace(Expr e)
   return PETSC_FALSE;
 }
 
+PetscBool ExprUses(Expr e, PetscInt i, ExprVariable v)
+{
+  return e->uses[i][v];
+}
+
 const char *ExprText(Expr e)
 {
   return e->text;
@@ -265,7 +286,7 @@ const char *ExprText(Expr e)
 
 /* One that is not finite, with its variables */
 typedef struct {
-  double i, value, variable[4]; /* i < 0: none */
+  double i, value, variable[VARIABLES]; /* i < 0: none */
 } Fault;
 
 static PetscErrorCode refuse_value(MPI_Comm comm, Expr e, const Fault *f)
@@ -330,12 +351,23 @@ PetscErrorCode ExprEvaluate(Expr e, PetscReal time, PetscInt m, const PetscReal 
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ExprEvaluateAlone(Expr e, const PetscReal x[], PetscReal value[])
+PetscErrorCode ExprEvaluateAlone(Expr e, PetscReal time, const PetscReal x[], PetscReal value[])
 {
   Fault fault = {.i = -1};
 
   PetscFunctionBeginUser;
-  evaluate_all(e, 0, 1, x, value, &fault);
+  evaluate_all(e, time, 1, x, value, &fault);
+  if (fault.i >= 0) PetscCall(refuse_value(PETSC_COMM_SELF, e, &fault));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ExprEvaluateAt(Expr e, const PetscReal variable[], PetscReal value[])
+{
+  Fault fault = {.i = -1};
+
+  PetscFunctionBeginUser;
+  for (PetscInt v = 0; v < VARIABLES; v++) e->variable[v] = variable[v];
+  for (PetscInt i = 0; i < e->n; i++) evaluate_one(e, i, &value[i], &fault);
   if (fault.i >= 0) PetscCall(refuse_value(PETSC_COMM_SELF, e, &fault));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

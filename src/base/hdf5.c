@@ -1,23 +1,35 @@
-/* Hdf5: see hdf5.h. */
+/* Hdf5: see hdf5.h. HDF5 itself runs on rank 0 alone: it makes groups, datasets and attributes and finds where in the
+   file the values of a dataset stand, one block after its creation; there every rank reads and writes its own rows by
+   itself. So whatever fails on one rank (a full disk) fails in a call of that rank alone, and no other waits for it
+   inside a library, as ranks do in MPI-IO when one of them has given up. */
 #include "compat.h"
 #include "base/hdf5.h"
 #include <errno.h>
+#include <fcntl.h>
 #include <hdf5.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
-#if !defined(H5_HAVE_PARALLEL)
-  #error "tumble needs an HDF5 that is built for MPI"
+#if __BYTE_ORDER__ != __ORDER_LITTLE_ENDIAN__
+  #error "tumble writes values as they are in memory, and its files are little-endian"
 #endif
+
+#define TAG      417
+#define CHUNK    (1 << 30) /* bytes that one call moves */
+#define NOWHERE  (-1)      /* where a dataset's values stand: there is none */
+#define ANYWHERE (-2)      /* they are not one block of the same type (a file that other tools have written anew) */
 
 struct _p_Hdf5 {
   MPI_Comm    comm;
-  hid_t       file, together; /* transfer property: all ranks take part */
+  PetscMPIInt rank, size;
+  hid_t       file; /* rank 0 */
+  int         fd;   /* of the same file, for the rows; -1: not opened yet */
   PetscBool   writing;
-  char        failed[256]; /* writing: what failed first on this rank */
-  H5E_auto2_t printer;     /* of HDF5's own stack of errors, off while the file is open */
+  char        path[PETSC_MAX_PATH_LEN], failed[256]; /* writing: what failed first on this rank */
+  H5E_auto2_t printer;                               /* of HDF5's own stack of errors, off while the file is open */
   void       *printer_data;
 };
 
@@ -43,9 +55,10 @@ static hid_t file_type(Hdf5Type t)
   }
 }
 
+/* What failed while writing, and errno as the call left it (0 before it) */
 static void note_failure(Hdf5 h, const char what[])
 {
-  if (!h->failed[0]) (void)snprintf(h->failed, sizeof(h->failed), "%s", what);
+  if (!h->failed[0]) (void)snprintf(h->failed, sizeof(h->failed), errno ? "%s (%s)" : "%s", what, strerror(errno));
 }
 
 /* Does it hold on every rank? */
@@ -58,23 +71,38 @@ static PetscErrorCode agree(Hdf5 h, PetscBool *good)
 
 /* ---- files ---- */
 
-static PetscErrorCode open_file(MPI_Comm comm, const char path[], PetscBool writing, Hdf5 *file)
+/* Rank 0. Other ranks write to the file as well: no lock. */
+static hid_t open_here(const char path[], PetscBool writing)
 {
   const hid_t access = H5Pcreate(H5P_FILE_ACCESS);
-  Hdf5        h;
+  hid_t       file   = -1;
+
+#if H5_VERSION_GE(1, 10, 7)
+  if (access >= 0) (void)H5Pset_file_locking(access, 0, 1);
+#endif
+  if (access >= 0) file = writing ? H5Fcreate(path, H5F_ACC_TRUNC, H5P_DEFAULT, access) : H5Fopen(path, H5F_ACC_RDONLY, access);
+  if (access >= 0) (void)H5Pclose(access);
+  return file;
+}
+
+static PetscErrorCode open_file(MPI_Comm comm, const char path[], PetscBool writing, Hdf5 *file)
+{
+  Hdf5 h;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&h));
   h->comm    = comm;
   h->writing = writing;
+  h->file    = -1;
+  h->fd      = -1;
+  PetscCallMPI(MPI_Comm_rank(comm, &h->rank));
+  PetscCallMPI(MPI_Comm_size(comm, &h->size));
+  PetscCall(PetscStrncpy(h->path, path, sizeof(h->path)));
   H5Eget_auto2(H5E_DEFAULT, &h->printer, &h->printer_data);
   H5Eset_auto2(H5E_DEFAULT, NULL, NULL);
-  H5Pset_fapl_mpio(access, comm, MPI_INFO_NULL);
-  h->file = writing ? H5Fcreate(path, H5F_ACC_TRUNC, H5P_DEFAULT, access) : H5Fopen(path, H5F_ACC_RDONLY, access);
-  H5Pclose(access);
-  h->together = H5Pcreate(H5P_DATASET_XFER);
-  H5Pset_dxpl_mpio(h->together, H5FD_MPIO_COLLECTIVE);
-  if (h->file < 0) note_failure(h, "the file");
+  errno = 0;
+  if (h->rank == 0) h->file = open_here(path, writing);
+  if (h->rank == 0 && h->file < 0) note_failure(h, "the file");
   *file = h;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -90,24 +118,50 @@ PetscErrorCode Hdf5Open(MPI_Comm comm, const char path[], Hdf5 *file, PetscBool 
 {
   PetscFunctionBeginUser;
   PetscCall(open_file(comm, path, PETSC_FALSE, file));
-  *good = (PetscBool)((*file)->file >= 0);
+  *good = (PetscBool)((*file)->rank || (*file)->file >= 0);
   PetscCall(agree(*file, good));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* This rank's own way to the rows; made with the file by rank 0, so that O_CREAT finds it at once on any file system */
+static PetscBool open_rows(Hdf5 h)
+{
+  if (h->fd < 0) h->fd = open(h->path, (h->writing ? O_WRONLY | O_CREAT : O_RDONLY) | O_CLOEXEC, 0666);
+  return (PetscBool)(h->fd >= 0);
+}
+
+/* On disk, all of it: rank 0 after HDF5 has closed the file */
+static void close_rows(Hdf5 h)
+{
+  if (h->writing && h->rank == 0 && !h->failed[0] && !open_rows(h)) note_failure(h, "the file");
+  if (h->fd < 0) return;
+  if (h->writing && fsync(h->fd) && errno != EINVAL) note_failure(h, "the file");
+  if (close(h->fd) && h->writing) note_failure(h, "the file");
+}
+
+/* What the first rank says that has something to say */
+static PetscErrorCode agree_on_failure(Hdf5 h, char reason[], size_t len)
+{
+  int first = h->failed[0] ? h->rank : h->size;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &first, 1, MPI_INT, MPI_MIN, h->comm));
+  if (first < h->size) PetscCallMPI(MPI_Bcast(h->failed, sizeof(h->failed), MPI_CHAR, first, h->comm));
+  if (reason) (void)snprintf(reason, len, "%s%s", h->failed[0] ? "HDF5 fails at " : "", h->failed);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode Hdf5Close(Hdf5 *file, char reason[], size_t len)
 {
-  Hdf5      h = *file;
-  PetscBool good;
+  Hdf5 h = *file;
 
   PetscFunctionBeginUser;
+  errno = 0;
   if (h->file >= 0 && h->writing && H5Fflush(h->file, H5F_SCOPE_GLOBAL) < 0) note_failure(h, "the file");
   if (h->file >= 0 && H5Fclose(h->file) < 0) note_failure(h, "the file");
-  H5Pclose(h->together);
+  close_rows(h);
   H5Eset_auto2(H5E_DEFAULT, h->printer, h->printer_data);
-  good = (PetscBool)!h->failed[0];
-  PetscCall(agree(h, &good));
-  if (reason) (void)snprintf(reason, len, "%s%s%s", good ? "" : "HDF5 fails ", good ? "" : h->failed[0] ? "at " : "on another rank", h->failed);
+  PetscCall(agree_on_failure(h, reason, len));
   PetscCall(PetscFree(*file));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -168,49 +222,146 @@ PetscErrorCode Hdf5SpreadRows(MPI_Comm comm, PetscInt n, Hdf5Rows *rows)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Select this rank's rows of an array in the file, and the same number in memory */
-static void select_rows(Hdf5Rows rows, PetscInt bs, hid_t *in_file, hid_t *in_memory)
+static size_t row_size(Hdf5Type t, PetscInt bs)
 {
-  const hsize_t total[2] = {(hsize_t)rows.total, (hsize_t)bs}, n[2] = {(hsize_t)rows.n, (hsize_t)bs}, start[2] = {(hsize_t)rows.start, 0};
-  const int     ndim = bs ? 2 : 1;
+  return H5Tget_size(memory_type(t)) * (size_t)PetscMax(bs, 1);
+}
 
-  *in_file   = H5Screate_simple(ndim, total, NULL);
-  *in_memory = H5Screate_simple(ndim, n, NULL);
-  if (rows.n > 0) H5Sselect_hyperslab(*in_file, H5S_SELECT_SET, start, NULL, n, NULL);
-  else {
-    H5Sselect_none(*in_file);
-    H5Sselect_none(*in_memory);
+/* All n bytes of v to or from the place, in calls that none refuses for its length; errno is 0 at the end of a file
+   that is too short */
+static PetscBool move_rows(Hdf5 h, size_t n, int64_t place, void *v)
+{
+  char *at = v;
+
+  if (n && !open_rows(h)) return PETSC_FALSE;
+  while (n) {
+    const size_t  ask   = n < CHUNK ? n : CHUNK;
+    const ssize_t moved = h->writing ? pwrite(h->fd, at, ask, (off_t)place) : pread(h->fd, at, ask, (off_t)place);
+
+    if (moved < 0 && errno == EINTR) continue;
+    if (moved <= 0) return PETSC_FALSE;
+    n -= (size_t)moved;
+    at += moved;
+    place += moved;
   }
+  return PETSC_TRUE;
+}
+
+/* Rank 0: a dataset, whose values get their place now and are written by nobody but us; where it is, or NOWHERE */
+static int64_t create_set(Hdf5 h, const char name[], Hdf5Type t, Hdf5Rows rows, PetscInt bs)
+{
+  const hsize_t total[2] = {(hsize_t)rows.total, (hsize_t)bs};
+  const hid_t   space = H5Screate_simple(bs ? 2 : 1, total, NULL), groups = H5Pcreate(H5P_LINK_CREATE), how = H5Pcreate(H5P_DATASET_CREATE);
+  hid_t         set   = -1;
+  haddr_t       place = HADDR_UNDEF;
+
+  if (space >= 0 && groups >= 0 && how >= 0 && H5Pset_create_intermediate_group(groups, 1) >= 0 &&
+      H5Pset_alloc_time(how, H5D_ALLOC_TIME_EARLY) >= 0 && H5Pset_fill_time(how, H5D_FILL_TIME_NEVER) >= 0)
+    set = H5Dcreate2(h->file, name, file_type(t), space, groups, how, H5P_DEFAULT);
+  if (set >= 0) place = rows.total > 0 ? H5Dget_offset(set) : 0;
+  if (set >= 0 && H5Dclose(set) < 0) place = HADDR_UNDEF;
+  if (how >= 0) (void)H5Pclose(how);
+  if (groups >= 0) (void)H5Pclose(groups);
+  if (space >= 0) (void)H5Sclose(space);
+  return place == HADDR_UNDEF ? NOWHERE : (int64_t)place;
 }
 
 PetscErrorCode Hdf5Write(Hdf5 h, const char name[], Hdf5Type t, Hdf5Rows rows, PetscInt bs, const void *v)
 {
-  const hid_t make_groups = H5Pcreate(H5P_LINK_CREATE);
-  hid_t       in_file, in_memory, set;
+  const size_t size  = row_size(t, bs);
+  int64_t      place = NOWHERE;
 
   PetscFunctionBeginUser;
-  select_rows(rows, bs, &in_file, &in_memory);
-  H5Pset_create_intermediate_group(make_groups, 1);
-  set = H5Dcreate2(h->file, name, file_type(t), in_file, make_groups, H5P_DEFAULT, H5P_DEFAULT);
-  if (set < 0 || (rows.total > 0 && H5Dwrite(set, memory_type(t), in_memory, in_file, h->together, v) < 0)) note_failure(h, name);
-  if (set >= 0) H5Dclose(set);
-  H5Pclose(make_groups);
-  H5Sclose(in_file);
-  H5Sclose(in_memory);
+  errno = 0;
+  if (h->rank == 0 && h->file >= 0) place = create_set(h, name, t, rows, bs);
+  if (h->rank == 0 && place < 0) note_failure(h, name);
+  PetscCallMPI(MPI_Bcast(&place, 1, MPI_INT64_T, 0, h->comm));
+  errno = 0;
+  if (place >= 0 && !move_rows(h, (size_t)rows.n * size, place + (int64_t)((size_t)rows.start * size), (void *)(size_t)v)) note_failure(h, name);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Rank 0: does the dataset have this shape? Then where its values stand, or ANYWHERE */
+static int64_t find_set(hid_t set, Hdf5Type t, Hdf5Rows rows, PetscInt bs)
+{
+  const int   ndim      = bs ? 2 : 1;
+  hsize_t     extent[2] = {0, 0};
+  const hid_t space = H5Dget_space(set), type = H5Dget_type(set), how = H5Dget_create_plist(set);
+  int64_t     place = NOWHERE;
+
+  if (space >= 0 && type >= 0 && how >= 0 && H5Sget_simple_extent_ndims(space) == ndim && H5Sget_simple_extent_dims(space, extent, NULL) == ndim &&
+      extent[0] == (hsize_t)rows.total && (!bs || extent[1] == (hsize_t)bs)) {
+    const haddr_t at = H5Dget_offset(set);
+
+    place = rows.total == 0 ? 0 : ANYWHERE;
+    if (rows.total && at != HADDR_UNDEF && H5Pget_layout(how) == H5D_CONTIGUOUS && H5Pget_external_count(how) == 0 &&
+        H5Tequal(type, file_type(t)) > 0)
+      place = (int64_t)at;
+  }
+  if (how >= 0) (void)H5Pclose(how);
+  if (type >= 0) (void)H5Tclose(type);
+  if (space >= 0) (void)H5Sclose(space);
+  return place;
+}
+
+/* Rank 0: n rows from start, by HDF5 */
+static PetscBool read_here(hid_t set, Hdf5Type t, hsize_t n, hsize_t start, PetscInt bs, void *v)
+{
+  const hsize_t from[2] = {start, 0}, count[2] = {n, (hsize_t)bs};
+  const hid_t   in_file = H5Dget_space(set), in_memory = H5Screate_simple(bs ? 2 : 1, count, NULL);
+  PetscBool     good = (PetscBool)(in_file >= 0 && in_memory >= 0);
+
+  if (good && n) good = (PetscBool)(H5Sselect_hyperslab(in_file, H5S_SELECT_SET, from, NULL, count, NULL) >= 0);
+  if (good && n) good = (PetscBool)(H5Dread(set, memory_type(t), in_memory, in_file, H5P_DEFAULT, v) >= 0);
+  if (in_memory >= 0) (void)H5Sclose(in_memory);
+  if (in_file >= 0) (void)H5Sclose(in_file);
+  return good;
+}
+
+/* Values that are not one block, or of another type: rank 0 reads them for one rank after the other. *good is
+   rank 0's. */
+static PetscErrorCode read_for_all(Hdf5 h, hid_t set, Hdf5Type t, Hdf5Rows rows, PetscInt bs, void *v, PetscBool *good)
+{
+  const size_t size = row_size(t, bs);
+  MPI_Datatype row;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Type_contiguous((PetscMPIInt)size, MPI_BYTE, &row));
+  PetscCallMPI(MPI_Type_commit(&row));
+  if (h->rank) {
+    const int64_t mine[2] = {rows.n, rows.start};
+
+    PetscCallMPI(MPI_Send(mine, 2, MPI_INT64_T, 0, TAG, h->comm));
+    PetscCallMPI(MPI_Recv(v, (PetscMPIInt)rows.n, row, 0, TAG, h->comm, MPI_STATUS_IGNORE));
+  } else *good = read_here(set, t, (hsize_t)rows.n, (hsize_t)rows.start, bs, v);
+  for (PetscMPIInt r = 1; h->rank == 0 && r < h->size; r++) {
+    int64_t theirs[2];
+    char   *w;
+
+    PetscCallMPI(MPI_Recv(theirs, 2, MPI_INT64_T, r, TAG, h->comm, MPI_STATUS_IGNORE));
+    PetscCall(PetscCalloc1((size_t)theirs[0] * size, &w));
+    *good = (PetscBool)(read_here(set, t, (hsize_t)theirs[0], (hsize_t)theirs[1], bs, w) && *good);
+    PetscCallMPI(MPI_Send(w, (PetscMPIInt)theirs[0], row, r, TAG, h->comm));
+    PetscCall(PetscFree(w));
+  }
+  PetscCallMPI(MPI_Type_free(&row));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode Hdf5Read(Hdf5 h, const char name[], Hdf5Type t, Hdf5Rows rows, PetscInt bs, void *v, PetscBool *good)
 {
-  const hid_t set = H5Dopen2(h->file, name, H5P_DEFAULT);
-  hid_t       in_file, in_memory;
+  const size_t size  = row_size(t, bs);
+  const hid_t  set   = h->rank == 0 && h->file >= 0 ? H5Dopen2(h->file, name, H5P_DEFAULT) : -1;
+  int64_t      place = NOWHERE;
 
   PetscFunctionBeginUser;
-  select_rows(rows, bs, &in_file, &in_memory);
-  *good = (PetscBool)(set >= 0 && (rows.total == 0 || H5Dread(set, memory_type(t), in_memory, in_file, h->together, v) >= 0));
-  if (set >= 0) H5Dclose(set);
-  H5Sclose(in_file);
-  H5Sclose(in_memory);
+  *good = PETSC_TRUE;
+  if (set >= 0) place = find_set(set, t, rows, bs);
+  PetscCallMPI(MPI_Bcast(&place, 1, MPI_INT64_T, 0, h->comm));
+  if (place == NOWHERE) *good = PETSC_FALSE;
+  else if (place == ANYWHERE) PetscCall(read_for_all(h, set, t, rows, bs, v, good));
+  else *good = move_rows(h, (size_t)rows.n * size, place + (int64_t)((size_t)rows.start * size), v);
+  if (set >= 0) (void)H5Dclose(set);
   PetscCall(agree(h, good));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -235,80 +386,89 @@ PetscErrorCode Hdf5WriteInts(Hdf5 h, const char name[], PetscInt n, PetscInt bs,
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Is the name there, and are the groups that lead to it? */
-static PetscErrorCode find_name(Hdf5 h, const char name[], PetscBool *found)
+/* Rank 0: is the name there, and are the groups that lead to it? */
+static PetscBool has_name(Hdf5 h, const char name[])
 {
   char part[256];
 
-  PetscFunctionBeginUser;
-  *found = PETSC_TRUE;
-  PetscCall(PetscStrncpy(part, name, sizeof(part)));
-  for (char *c = part + 1; *found && *c; c++) {
+  (void)snprintf(part, sizeof(part), "%s", name);
+  for (char *c = part + 1; *c; c++) {
     if (*c != '/') continue;
-    *c     = 0;
-    *found = (PetscBool)(H5Lexists(h->file, part, H5P_DEFAULT) > 0);
-    *c     = '/';
+    *c = 0;
+    if (H5Lexists(h->file, part, H5P_DEFAULT) <= 0) return PETSC_FALSE;
+    *c = '/';
   }
-  if (*found) *found = (PetscBool)(H5Lexists(h->file, part, H5P_DEFAULT) > 0);
-  PetscFunctionReturn(PETSC_SUCCESS);
+  return (PetscBool)(H5Lexists(h->file, part, H5P_DEFAULT) > 0);
 }
 
 PetscErrorCode Hdf5GetSize(Hdf5 h, const char name[], PetscInt *rows, PetscInt *bs)
 {
-  hsize_t   extent[2] = {0, 0};
-  hid_t     set, space;
-  PetscBool found;
+  hsize_t extent[2] = {0, 0};
+  int64_t found[2]  = {-1, -1};
+  hid_t   set = -1, space = -1;
 
   PetscFunctionBeginUser;
-  *rows = *bs = -1;
-  PetscCall(find_name(h, name, &found));
-  set = found ? H5Dopen2(h->file, name, H5P_DEFAULT) : -1;
-  if (set < 0) PetscFunctionReturn(PETSC_SUCCESS);
-  space = H5Dget_space(set);
-  if (H5Sget_simple_extent_ndims(space) == 2) {
-    H5Sget_simple_extent_dims(space, extent, NULL);
-    *rows = (PetscInt)extent[0];
-    *bs   = (PetscInt)extent[1];
+  if (h->rank == 0 && h->file >= 0 && has_name(h, name)) set = H5Dopen2(h->file, name, H5P_DEFAULT);
+  if (set >= 0) space = H5Dget_space(set);
+  if (space >= 0 && H5Sget_simple_extent_ndims(space) == 2 && H5Sget_simple_extent_dims(space, extent, NULL) == 2) {
+    found[0] = (int64_t)extent[0];
+    found[1] = (int64_t)extent[1];
   }
-  H5Sclose(space);
-  H5Dclose(set);
+  if (space >= 0) (void)H5Sclose(space);
+  if (set >= 0) (void)H5Dclose(set);
+  PetscCallMPI(MPI_Bcast(found, 2, MPI_INT64_T, 0, h->comm));
+  *rows = (PetscInt)found[0];
+  *bs   = (PetscInt)found[1];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- attributes ---- */
 
-/* Of one value; n bytes are one text */
+/* Of one value; n bytes are one text. < 0 when it cannot be made */
 static hid_t attribute_type(Hdf5Type t, PetscInt n)
 {
   const hid_t type = H5Tcopy(t == HDF5_BYTE ? H5T_C_S1 : memory_type(t));
 
-  if (t == HDF5_BYTE) H5Tset_size(type, (size_t)n);
+  if (type >= 0 && t == HDF5_BYTE && H5Tset_size(type, (size_t)n) < 0) {
+    (void)H5Tclose(type);
+    return -1;
+  }
   return type;
 }
 
 PetscErrorCode Hdf5WriteAttribute(Hdf5 h, const char object[], const char name[], Hdf5Type t, PetscInt n, const void *v)
 {
-  const hid_t type = attribute_type(t, n), space = H5Screate(H5S_SCALAR);
-  const hid_t attribute = H5Acreate_by_name(h->file, object, name, type, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
+  hid_t type = -1, space = -1, attribute = -1;
 
   PetscFunctionBeginUser;
+  if (h->rank || h->file < 0) PetscFunctionReturn(PETSC_SUCCESS); /* a file that is not there was noted */
+  errno = 0;
+  type  = attribute_type(t, n);
+  space = H5Screate(H5S_SCALAR);
+  if (type >= 0 && space >= 0) attribute = H5Acreate_by_name(h->file, object, name, type, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
   if (attribute < 0 || H5Awrite(attribute, type, v) < 0) note_failure(h, strcmp(object, "/") ? object : "the file");
-  if (attribute >= 0) H5Aclose(attribute);
-  H5Sclose(space);
-  H5Tclose(type);
+  if (attribute >= 0 && H5Aclose(attribute) < 0) note_failure(h, strcmp(object, "/") ? object : "the file");
+  if (space >= 0) (void)H5Sclose(space);
+  if (type >= 0) (void)H5Tclose(type);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode Hdf5ReadAttribute(Hdf5 h, const char object[], const char name[], Hdf5Type t, PetscInt n, void *v, PetscBool *good)
 {
-  const hid_t type      = attribute_type(t, n);
-  const hid_t attribute = H5Aexists_by_name(h->file, object, name, H5P_DEFAULT) > 0 ? H5Aopen_by_name(h->file, object, name, H5P_DEFAULT, H5P_DEFAULT)
-                                                                                    : -1;
+  const size_t size = t == HDF5_BYTE ? (size_t)n : H5Tget_size(memory_type(t));
+  hid_t        type = -1, attribute = -1;
 
   PetscFunctionBeginUser;
-  *good = (PetscBool)(attribute >= 0 && H5Aread(attribute, type, v) >= 0);
-  if (attribute >= 0) H5Aclose(attribute);
-  H5Tclose(type);
-  PetscCall(agree(h, good));
+  *good = PETSC_FALSE;
+  if (h->rank == 0 && h->file >= 0) {
+    type = attribute_type(t, n);
+    if (type >= 0 && H5Aexists_by_name(h->file, object, name, H5P_DEFAULT) > 0)
+      attribute = H5Aopen_by_name(h->file, object, name, H5P_DEFAULT, H5P_DEFAULT);
+    *good = (PetscBool)(attribute >= 0 && H5Aread(attribute, type, v) >= 0);
+  }
+  if (attribute >= 0) (void)H5Aclose(attribute);
+  if (type >= 0) (void)H5Tclose(type);
+  PetscCallMPI(MPI_Bcast(good, 1, COMPAT_MPI_BOOL, 0, h->comm));
+  if (*good) PetscCallMPI(MPI_Bcast(v, (PetscMPIInt)size, MPI_BYTE, 0, h->comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -1,7 +1,22 @@
 /* Lists in the database: see optimpl.h. */
 #include "compat.h"
 #include "optimpl.h"
+#include <stdio.h>
 #include <string.h>
+
+PetscBool OptNextItem(const char **cursor, char item[], size_t len)
+{
+  static const char blanks[] = " \t\n\r";
+  const char       *start    = *cursor, *end;
+
+  if (!start) return PETSC_FALSE;
+  start += strspn(start, blanks);
+  end = start + strcspn(start, ", \t\n\r");
+  snprintf(item, len, "%.*s", (int)(end - start), start);
+  end += strspn(end, blanks);
+  *cursor = *end ? end + (*end == ',') : NULL;
+  return PETSC_TRUE;
+}
 
 PetscInt OptCountWords(const char text[])
 {

@@ -94,6 +94,13 @@ const OptKnown *OptFindKnown(const char name[])
   return find_known(name);
 }
 
+const char *OptGetDefault(const char name[])
+{
+  const OptSpec *spec = OptFindSpec(name);
+
+  return spec && spec->value ? spec->value : "";
+}
+
 const OptSpec *OptFindSpec(const char name[])
 {
   const OptKnown *known = find_known(name);
@@ -101,16 +108,30 @@ const OptSpec *OptFindSpec(const char name[])
   return known && known->spec ? known->spec : find_row(name);
 }
 
-static PetscErrorCode add_known(const char name[], OptKnown **known)
+static PetscErrorCode copy_text(const char text[], const char **copy)
 {
   PetscFunctionBeginUser;
+  *copy = text ? strdup(text) : NULL;
+  PetscCheck(*copy || !text, PETSC_COMM_SELF, PETSC_ERR_MEM, "Out of memory for the names of options");
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode add_known(const char name[], OptKnown **known)
+{
+  const char *copy;
+
+  PetscFunctionBeginUser;
   if (list.n == list.room) {
-    list.room  = PetscMax(64, 2 * list.room);
-    list.known = realloc(list.known, (size_t)list.room * sizeof(*list.known));
-    PetscCheck(list.known, PETSC_COMM_SELF, PETSC_ERR_MEM, "No memory for the names of options");
+    const PetscInt room = PetscMax(64, 2 * list.room);
+    void          *more = realloc(list.known, (size_t)room * sizeof(*list.known));
+
+    PetscCheck(more, PETSC_COMM_SELF, PETSC_ERR_MEM, "Out of memory for the names of options");
+    list.room  = room;
+    list.known = more;
   }
+  PetscCall(copy_text(name, &copy));
   *known  = &list.known[list.n++];
-  **known = (OptKnown){.name = strdup(name), .spec = find_row(name)};
+  **known = (OptKnown){.name = (char *)(size_t)copy, .spec = find_row(name)};
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -123,14 +144,9 @@ static PetscErrorCode get_known(const char name[], OptKnown **known)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static char *copy_text(const char text[])
-{
-  return text ? strdup(text) : NULL;
-}
-
 static void free_spec(OptSpec *spec)
 {
-  const char *const text[] = {spec->unit, spec->value, spec->help, spec->when, spec->choices};
+  const char *const text[] = {spec->unit, spec->value, spec->help, spec->when, spec->choices, spec->also};
 
   for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(text); i++) free((void *)(size_t)text[i]);
   free(spec);
@@ -146,14 +162,15 @@ PetscErrorCode OptDeclareOne(const OptSpec *spec)
   if (known->own && strchr(spec->name, '<') && strcmp(known->own->when, spec->when)) PetscCall(add_known(spec->name, &known));
   if (known->own) free_spec(known->own);
   known->spec = known->own = malloc(sizeof(*spec));
-  PetscCheck(known->own, PETSC_COMM_SELF, PETSC_ERR_MEM, "No memory for option %s", spec->name);
-  *known->own         = *spec;
-  known->own->name    = known->name;
-  known->own->unit    = copy_text(spec->unit);
-  known->own->value   = copy_text(spec->value);
-  known->own->help    = copy_text(spec->help);
-  known->own->when    = copy_text(spec->when);
-  known->own->choices = copy_text(spec->choices);
+  PetscCheck(known->own, PETSC_COMM_SELF, PETSC_ERR_MEM, "Out of memory for option %s", spec->name);
+  *known->own      = *spec;
+  known->own->name = known->name;
+  PetscCall(copy_text(spec->unit, &known->own->unit));
+  PetscCall(copy_text(spec->value, &known->own->value));
+  PetscCall(copy_text(spec->help, &known->own->help));
+  PetscCall(copy_text(spec->when, &known->own->when));
+  PetscCall(copy_text(spec->choices, &known->own->choices));
+  PetscCall(copy_text(spec->also, &known->own->also));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -196,20 +213,6 @@ static PetscErrorCode check_word(const OptSpec *spec, const char word[])
 
 /* ---- text ---- */
 
-PetscBool OptNextItem(const char **cursor, char item[], size_t len)
-{
-  static const char blanks[] = " \t\n\r";
-  const char       *start    = *cursor, *end;
-
-  if (!start) return PETSC_FALSE;
-  start += strspn(start, blanks);
-  end = start + strcspn(start, ", \t\n\r");
-  snprintf(item, len, "%.*s", (int)(end - start), start);
-  end += strspn(end, blanks);
-  *cursor = *end ? end + (*end == ',') : NULL;
-  return PETSC_TRUE;
-}
-
 const char *OptJoin(const char before[], const char word[], const char after[], char name[OPT_NAME])
 {
   (void)snprintf(name, OPT_NAME, "%s%s%s", before, word, after);
@@ -243,7 +246,7 @@ static PetscErrorCode list_database(char **text)
   PetscFunctionBeginUser;
   *text = NULL;
   file  = open_memstream(text, &len);
-  PetscCheck(file, PETSC_COMM_WORLD, PETSC_ERR_MEM, "No memory for the list of options");
+  PetscCheck(file, PETSC_COMM_WORLD, PETSC_ERR_MEM, "Out of memory for the list of options");
   PetscCall(PetscViewerASCIIOpenWithFILE(PETSC_COMM_SELF, file, &viewer));
   PetscCall(PetscOptionsView(NULL, viewer));
   PetscCall(PetscViewerDestroy(&viewer));
@@ -311,16 +314,22 @@ static PetscErrorCode check_range(const OptSpec *spec, const char label[], const
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode parse_real(const OptSpec *spec, const char label[], const char text[], PetscReal *value)
+/* *tidy: was it something else than a plain number, that the database should not keep? */
+static PetscErrorCode parse_real(const OptSpec *spec, const char label[], const char text[], PetscReal *value, PetscBool *tidy)
 {
-  char      meaning[OPT_LINE], *end;
+  char      meaning[OPT_LINE];
+  double    number;
   PetscReal v;
+  PetscBool plain;
 
   PetscFunctionBeginUser;
   OptFormatMeaning(spec, meaning, sizeof(meaning));
-  (void)strtod(text, &end); /* only a look, so that PETSc's conversion below cannot fail */
-  PetscCheck(end != text && !*end, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s is not a number; wanted: %s", label, text, meaning);
-  PetscCall(PetscOptionsStringToReal(text, &v));
+  /* a look first, so that PETSc's conversion below cannot fail */
+  PetscCheck(OptReadNumber(text, spec->unit, &number, &plain), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s is not a number; wanted: %s",
+             label, text, meaning);
+  v = (PetscReal)number;
+  if (plain) PetscCall(PetscOptionsStringToReal(text, &v));
+  else *tidy = PETSC_TRUE;
   PetscCheck(!PetscIsInfOrNanReal(v), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s is not a finite number; wanted: %s", label, text,
              meaning);
   PetscCall(check_range(spec, label, text, (PetscBool)((spec->lower == OPT_POSITIVE ? v > 0 : v >= spec->lower) && v <= spec->upper)));
@@ -364,12 +373,14 @@ PetscErrorCode OptReal(const char name[], PetscReal *value)
 {
   const OptSpec *spec = NULL;
   const char    *text;
+  PetscBool      tidy = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   PetscCall(OptBeginReading(name, OPT_REAL, PETSC_FALSE, &spec));
   PetscCall(check_number(spec, (double)*value));
   PetscCall(OptFindText(name, spec, &text));
-  if (text) PetscCall(parse_real(spec, name, text, value));
+  if (text) PetscCall(parse_real(spec, name, text, value, &tidy));
+  if (tidy) PetscCall(OptKeepNumbers(name, 1, value));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -409,7 +420,7 @@ PetscErrorCode OptBool(const char name[], PetscBool *value)
 
 PetscErrorCode OptChoice(const char name[], const char *const words[], PetscInt *index)
 {
-  char           known[OPT_LINE] = "";
+  char           known[OPT_LINE] = "", advice[128];
   const OptSpec *spec            = NULL;
   const char    *text;
   PetscInt       n;
@@ -431,7 +442,8 @@ PetscErrorCode OptChoice(const char name[], const char *const words[], PetscInt 
       PetscFunctionReturn(PETSC_SUCCESS);
     }
   }
-  SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s is not known (known: %s): %s", name, text, known, spec->help);
+  OptAdviseWord(text, known, spec->words, advice, sizeof(advice));
+  SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "Option %s = %s is not known (known: %s): %s%s", name, text, known, spec->help, advice);
 }
 
 PetscErrorCode OptString(const char name[], char value[], size_t len)
@@ -453,9 +465,10 @@ PetscErrorCode OptString(const char name[], char value[], size_t len)
 /* One of the two arrays is NULL. */
 static PetscErrorCode read_array(const char name[], PetscInt n, PetscReal real[], PetscInt integer[], PetscBool *found)
 {
-  char           item[OPT_LINE], label[OPT_LINE];
+  char           item[OPT_LINE], label[OPT_LINE], *joined;
   const OptSpec *spec = NULL;
   const char    *cursor;
+  PetscBool      tidy = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   PetscCall(OptBeginReading(name, real ? OPT_REALS : OPT_INTS, PETSC_FALSE, &spec));
@@ -463,13 +476,17 @@ static PetscErrorCode read_array(const char name[], PetscInt n, PetscReal real[]
   PetscCall(OptFindText(name, spec, &cursor));
   if (found) *found = cursor ? PETSC_TRUE : PETSC_FALSE;
   if (!cursor) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(OptJoinDegrees(spec, cursor, &joined));
+  cursor = joined;
   PetscCall(check_count(spec, name, cursor, n));
   for (PetscInt i = 0; OptNextItem(&cursor, item, sizeof(item)); i++) {
     snprintf(label, sizeof(label), "%s (value %lld of %lld)", name, (long long)i + 1, (long long)n);
-    if (real) PetscCall(parse_real(spec, label, item, &real[i]));
+    if (real) PetscCall(parse_real(spec, label, item, &real[i], &tidy));
     else PetscCall(parse_int(spec, label, item, &integer[i]));
   }
+  PetscCall(PetscFree(joined));
   PetscCall(OptJoinItems(name));
+  if (tidy) PetscCall(OptKeepNumbers(name, n, real));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

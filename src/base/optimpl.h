@@ -36,6 +36,18 @@ PetscErrorCode OptFindText(const char name[], const OptSpec *spec, const char **
 /* Is the text a list of plain numbers? */
 PetscBool OptIsNumbers(const char text[]);
 
+/* A number as it is written: plain, an expression of numbers and pi ("pi/2"), or where the unit knows rad, in degrees
+   ("40 deg"). *plain: as strtod reads it. False: none of these. */
+PetscBool OptReadNumber(const char text[], const char unit[], double *value, PetscBool *plain);
+/* Numbers in place of expressions in the database, so that a file of options holds no blanks. */
+PetscErrorCode OptKeepNumbers(const char name[], PetscInt n, const PetscReal value[]);
+/* "40 deg, 2" has two values: blanks before degrees go away; free *joined with PetscFree. */
+PetscErrorCode OptJoinDegrees(const OptSpec *spec, const char text[], char **joined);
+/* Edits between two names: see suggest.c */
+PetscInt OptEditDistance(const char a[], const char b[]);
+/* By words of the field (OptSpec.also) or with a section that fits: "did you mean -flow_viscosity?", else "" */
+void OptAdviseName(const char name[], char advice[], size_t len);
+
 /* Does a name fit a row's name ("-flow_bc_<boundary>_type")? What stands for the placeholder goes to word[len], which
    may be NULL; "" when there is none. */
 PetscBool OptFits(const char pattern[], const char name[], char word[], size_t len);

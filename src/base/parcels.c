@@ -29,11 +29,18 @@ PetscErrorCode ParcelsExchange(MPI_Comm comm, PetscMPIInt tag, PetscInt n, const
   PetscCallMPI(MPI_Type_contiguous((int)bytes, MPI_BYTE, &type));
   PetscCallMPI(MPI_Type_commit(&type));
   for (PetscInt i = 0, at = 0; i < nfrom; at += arrives[i++]) {
-    PetscCallMPI(MPI_Irecv(into + (size_t)at * bytes, (PetscMPIInt)arrives[i], type, source[i], tag, comm, request + i));
+    PetscMPIInt m;
+
+    PetscCall(PetscMPIIntCast(arrives[i], &m));
+    PetscCallMPI(MPI_Irecv(into + (size_t)at * bytes, m, type, source[i], tag, comm, request + i));
     for (PetscInt j = 0; j < arrives[i]; j++) (*from)[at + j] = source[i];
   }
-  for (PetscInt i = 0, at = 0; i < nto; at += count[i++])
-    PetscCallMPI(MPI_Isend((const char *)out + (size_t)at * bytes, (PetscMPIInt)count[i], type, rank[i], tag, comm, request + nfrom + i));
+  for (PetscInt i = 0, at = 0; i < nto; at += count[i++]) {
+    PetscMPIInt m;
+
+    PetscCall(PetscMPIIntCast(count[i], &m));
+    PetscCallMPI(MPI_Isend((const char *)out + (size_t)at * bytes, m, type, rank[i], tag, comm, request + nfrom + i));
+  }
   PetscCallMPI(MPI_Waitall(nto + nfrom, request, MPI_STATUSES_IGNORE));
   PetscCallMPI(MPI_Type_free(&type));
   PetscCall(PetscFree(request));

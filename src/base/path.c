@@ -32,14 +32,20 @@ void OptSetScene(const char file[])
 
 PetscErrorCode OptSetFile(const char name[], const char file[])
 {
-  void *more = realloc(elsewhere.option, (elsewhere.n + 1) * sizeof(*elsewhere.option));
+  void *more   = realloc(elsewhere.option, (elsewhere.n + 1) * sizeof(*elsewhere.option));
+  char *copy   = strdup(name);
+  char *folder = strndup(file, (size_t)folder_length(file));
 
-  if (!more) return PETSC_ERR_MEM;
-  elsewhere.option                     = more;
-  elsewhere.option[elsewhere.n].name   = strdup(name);
-  elsewhere.option[elsewhere.n].folder = strndup(file, (size_t)folder_length(file));
-  elsewhere.n++;
-  return PETSC_SUCCESS;
+  if (more) elsewhere.option = more;
+  if (more && copy && folder) {
+    elsewhere.option[elsewhere.n].name   = copy;
+    elsewhere.option[elsewhere.n].folder = folder;
+    elsewhere.n++;
+    return PETSC_SUCCESS;
+  }
+  free(copy);
+  free(folder);
+  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_MEM, "Out of memory for the options of %s", file);
 }
 
 void OptForgetFiles(void)

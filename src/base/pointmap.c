@@ -67,8 +67,8 @@ static PetscErrorCode pack(const Context *c, PetscInt n, const PetscReal x[], Pe
   for (PetscInt pass = 0; pass < 2; pass++) {
     if (pass) {
       for (PetscMPIInt r = 0; r < c->size; r++) {
-        count[r] = (PetscMPIInt)at[r];
-        at[r]    = total;
+        PetscCall(PetscMPIIntCast(at[r], &count[r]));
+        at[r] = total;
         total += count[r];
       }
       PetscCall(PetscMalloc1(total * RECORD, record));

@@ -3,13 +3,28 @@
 #include "base/room.h"
 #include <stdarg.h>
 
+#define WIDTH (int)(8 * sizeof(PetscInt))
+#define TOO_MANY \
+  "A rank has %s of %.4g entries, more than this PETSc with %d-bit numbers counts (%.4g): use more ranks, fewer cells (-mesh_cells, -mesh_levels), or " \
+  "build with a PETSc of 64-bit numbers (make check-64 shows how)"
+
+PetscErrorCode RoomCheck(MPI_Comm comm, const char what[], PetscReal n)
+{
+  PetscFunctionBeginUser;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &n, 1, MPIU_REAL, MPIU_MAX, comm));
+  PetscCheck(n <= (PetscReal)PETSC_MAX_INT, comm, PETSC_ERR_USER_INPUT, TOO_MANY, what, (double)n, WIDTH, (double)PETSC_MAX_INT);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode RoomFor(PetscInt n, PetscInt *room, ...)
 {
   va_list arrays;
 
   PetscFunctionBeginUser;
-  if (n <= *room) PetscFunctionReturn(PETSC_SUCCESS);
-  *room = 2 * n + 64;
+  if (n >= 0 && n <= *room) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCheck(n >= 0 && n < PETSC_MAX_INT, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, TOO_MANY, "a list", 1 + (double)PETSC_MAX_INT, WIDTH,
+             (double)PETSC_MAX_INT);
+  *room = n < PETSC_MAX_INT / 2 - 32 ? 2 * n + 64 : PETSC_MAX_INT;
   va_start(arrays, room);
   for (void *array; (array = va_arg(arrays, void *));) {
     const size_t size = va_arg(arrays, size_t);

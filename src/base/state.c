@@ -116,10 +116,12 @@ static PetscErrorCode transfer(State s, const char name[], Hdf5Type t, Hdf5Rows 
 static PetscErrorCode transfer_replicated(State s, const char name[], Hdf5Type t, PetscInt n, void *v)
 {
   const Hdf5Rows rows = s->rank == 0 ? (Hdf5Rows){n, 0, n} : (Hdf5Rows){0, n, n};
+  PetscMPIInt    count;
 
   PetscFunctionBeginUser;
+  PetscCall(PetscMPIIntCast(n, &count));
   PetscCall(transfer(s, name, t, rows, 1, v));
-  if (s->loading) PetscCallMPI(MPI_Bcast(v, (PetscMPIInt)(t == HDF5_BYTE ? n : 8 * n), MPI_BYTE, 0, s->comm));
+  if (s->loading) PetscCallMPI(MPI_Bcast(v, count, t == HDF5_BYTE ? MPI_BYTE : MPI_INT64_T, 0, s->comm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -378,6 +380,16 @@ PetscErrorCode StateGetSize(State s, const char name[], PetscInt *rows)
   PetscFunctionBeginUser;
   PetscCall(full_name(s, name, full, sizeof(full)));
   PetscCall(Hdf5GetSize(s->file, full, rows, &bs));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode StateHas(State s, const char name[], PetscBool *has)
+{
+  PetscInt rows = 0;
+
+  PetscFunctionBeginUser;
+  if (s->loading) PetscCall(StateGetSize(s, name, &rows));
+  *has = (PetscBool)(rows >= 0);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

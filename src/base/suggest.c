@@ -40,7 +40,7 @@ static const char late_names[] = "log, log_*, options_left, options_view, option
                                  "no_signal_handler, omp_view, blas_view";
 
 /* Least number of insertions, deletions, replacements and swaps of neighbours from a to b, whatever the case. */
-static PetscInt edit_distance(const char a[], const char b[])
+PetscInt OptEditDistance(const char a[], const char b[])
 {
   static PetscInt row[3][OPT_LINE + 1]; /* the rows i-2, i-1, i of the table, in turn */
   const PetscInt  na = (PetscInt)PetscMin(strlen(a), OPT_LINE), nb = (PetscInt)PetscMin(strlen(b), OPT_LINE);
@@ -78,11 +78,11 @@ static size_t measure_prefix(const char name[])
 
 static void keep_nearer(const char name[], const char candidate[], char nearest[], size_t len, PetscInt *distance)
 {
-  const PetscInt d = edit_distance(name, candidate);
+  const PetscInt d = OptEditDistance(name, candidate);
 
   if (d < *distance) {
     *distance = d;
-    snprintf(nearest, len, "%s", candidate);
+    snprintf(nearest, len, "%.1000s", candidate);
   }
 }
 
@@ -152,7 +152,7 @@ static PetscBool is_read_late(const char name[])
   const char *cursor = late_names;
   char        late[64];
 
-  if (strstr(name, "ksp_view") || strstr(name, "ksp_converged_") || strstr(name, "snes_view") || strstr(name, "snes_converged_"))
+  if (strstr(name, "_ksp_view") || strstr(name, "_ksp_converged_") || strstr(name, "_snes_view") || strstr(name, "_snes_converged_"))
     return PETSC_TRUE; /* read after a solve */
   while (OptNextItem(&cursor, late, sizeof(late))) {
     const size_t n = strlen(late);
@@ -171,6 +171,51 @@ static PetscBool is_mistake(const char name[])
   snprintf(full, sizeof(full), "-%s", name);
   known = OptFindKnown(full);
   return (PetscBool)(!is_read_late(name) && !(known && known->is_default));
+}
+
+/* All words that were read in the place of a pattern's placeholder, each once: "left, right" */
+static void list_words(const char pattern[], char text[], size_t len)
+{
+  char     word[OPT_LINE], quoted[OPT_LINE + 4], padded[OPT_LINE + 4];
+  PetscInt i = 0;
+
+  text[0] = 0;
+  while (next_word(pattern, &i, word, sizeof(word))) {
+    const size_t used = strlen(text);
+
+    snprintf(quoted, sizeof(quoted), ", %s,", word);
+    snprintf(padded, sizeof(padded), ", %.1000s,", text);
+    if (strstr(padded, quoted) || used + 2 > len) continue;
+    snprintf(text + used, len - used, "%s%.200s", used ? ", " : "", word);
+  }
+}
+
+/* A word of no group or boundary of this scene, unless it is one misspelt */
+static void explain_word(const char pattern[], const char word[], char text[], size_t len)
+{
+  const char *open           = strchr(pattern, '<');
+  const int   n              = (int)strcspn(open + 1, ">");
+  char        list[OPT_LINE] = "", seen[OPT_LINE];
+  PetscInt    i = 0, groups = 0;
+
+  while (next_word(pattern, &i, seen, sizeof(seen))) {
+    const size_t m = strlen(seen);
+
+    /* of a part of a shape, the nearest name is asked for */
+    if (OptEditDistance(seen, word) <= TYPO || (!strncasecmp(seen, word, m) && word[m] == '_')) return;
+  }
+  for (size_t t = 0; t < opt_ntable; t++) /* a word of another kind? */
+    for (size_t k = 0; k < opt_table[t].n; k++) {
+      const char *other = opt_table[t].spec[k].name, *at = strchr(other, '<');
+
+      if (!at || strncmp(at, "<group>", 7)) continue;
+      for (i = 0; !groups && strncmp(open, "<group>", 7) && next_word(other, &i, seen, sizeof(seen));) groups = OptSameName(seen, word);
+    }
+  list_words(pattern, list, sizeof(list));
+  if (groups)
+    snprintf(text, len, "'%s' is a group of bodies, and no %.*s of the mesh (%s): fluid keeps to the surface of a body by itself, without an option",
+             word, n, open + 1, list);
+  else snprintf(text, len, "there is no %.*s '%s' in this scene (%s)", n, open + 1, word, list);
 }
 
 /* A name that some table has, now or formerly: what to do. "" for others. */
@@ -198,6 +243,7 @@ static void explain_known(const char name[], char text[], size_t len)
     /* without any the row's condition is all there is to say */
     there = (PetscBool)!next_word(spec->name, &i, seen, sizeof(seen));
     for (i = 0; !there && next_word(spec->name, &i, seen, sizeof(seen));) there = OptSameName(seen, word);
+    if (!there) explain_word(spec->name, word, text, len);
     if (!there) return;
   }
   if (spec->when && !(known && known->is_read)) snprintf(text, len, "is read only with %s", spec->when);
@@ -224,6 +270,29 @@ static void list_parameters(const char name[], char text[], size_t len)
   }
 }
 
+/* An option of PETSc's solvers without the prefix of one: those that this run has */
+static void explain_prefix(const char name[], char text[], size_t len)
+{
+  const char *const objects[] = {"-ksp_", "-pc_", "-snes_", "-fieldsplit_", "-mg_", "-sub_"};
+  PetscInt          n;
+  const OptKnown   *known = OptGetKnown(&n);
+  size_t            i     = 0;
+
+  while (i < PETSC_STATIC_ARRAY_LENGTH(objects) && strncasecmp(name, objects[i], strlen(objects[i]))) i++;
+  if (i == PETSC_STATIC_ARRAY_LENGTH(objects)) return;
+  snprintf(text, len, "options of PETSc's solvers need the prefix of a solver:");
+  for (PetscInt k = 0; k < n; k++) {
+    const int    m    = (int)measure_prefix(known[k].name);
+    const size_t used = strlen(text);
+    char         offer[OPT_LINE];
+
+    snprintf(offer, sizeof(offer), " %.*s%.200s", PetscMin(m, 200), known[k].name, name + 1);
+    if (!m || strstr(text, offer) || used + strlen(offer) + 32 > len || (strstr(name, "snes") && strstr(offer, "fieldsplit"))) continue;
+    snprintf(text + used, len - used, "%s", offer);
+  }
+  if (text[strlen(text) - 1] == ':') snprintf(text + strlen(text), len - strlen(text), " such as -flow_%s", name + 1);
+}
+
 /* "-flow_viscosty = 0.1 (command line): did you mean -flow_viscosity?" */
 static PetscErrorCode explain_mistake(const char name[], const char value[], char text[], size_t len)
 {
@@ -238,14 +307,19 @@ static PetscErrorCode explain_mistake(const char name[], const char value[], cha
   if (value) PetscCall(PetscSNPrintf(shown, sizeof(shown), " = %.50s%s", value, strlen(value) > 50 ? "..." : ""));
   source = OptIsArgument(full) ? "command line" : "scene or options file";
   explain_known(full, advice, sizeof(advice));
+  if (!advice[0]) explain_prefix(full, advice, sizeof(advice));
   if (!advice[0]) {
     find_nearest(full, nearest, sizeof(nearest), &distance);
+    if (distance > 1 || strlen(full) < 6) OptAdviseName(full, advice, sizeof(advice));
+  }
+  if (!advice[0]) {
     spec  = OptFindSpec(nearest);
     known = OptFindKnown(nearest);
     if (!distance) snprintf(advice, sizeof(advice), "a valid name, but nothing in this run reads %s", nearest);
     else if (distance <= (PetscInt)strlen(full) / 2) snprintf(advice, sizeof(advice), "did you mean %s?", nearest);
     else snprintf(advice, sizeof(advice), "the nearest known name is %s", nearest);
     if (distance > TYPO) list_parameters(full, more, sizeof(more));
+    if (more[0]) snprintf(advice, sizeof(advice), "no such option (the nearest name is %s);", nearest);
     else if (distance && spec && spec->when && !(known && known->is_read) && !OptFindKnown(spec->when))
       PetscCall(PetscSNPrintf(more, sizeof(more), " It is read only with %s", spec->when));
     PetscCall(PetscStrlcat(advice, more, sizeof(advice)));

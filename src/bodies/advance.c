@@ -10,6 +10,8 @@
 #include "base/domain.h"
 #include "bodies/spin.h"
 
+#define SHORT_BOUNCE 8 /* steps: a body that is back at a stop so soon stays there */
+
 /* ---- what is not free ---- */
 
 PetscBool BodiesIsFree(Bodies b, PetscInt k, PetscInt d)
@@ -36,17 +38,28 @@ PetscErrorCode BodiesHold(Bodies b, PetscBool held)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static const Placement *start_of(Bodies b, PetscInt k)
+/* MotionEvaluate of body k, every axis by its own clock */
+PetscErrorCode BodyEvaluateMotion(Bodies b, PetscInt k, PetscReal time, PetscReal x[3], PetscReal u[3], PetscReal turn[3], PetscReal w[3])
 {
-  const PetscInt g = b->state.body_group[k];
+  const Motion    *m     = &BodiesGetGroup(&b->view, k)->motion;
+  const PetscReal *clock = b->clock[b->state.body_group[k]];
+  PetscReal        xa[3], ua[3], ta[3], wa[3];
 
-  return &b->start[g][b->state.number[k] - b->state.group[g].first];
+  PetscFunctionBeginUser;
+  if (time == PETSC_MAX_REAL) clock = (const PetscReal[4]){0, 0, 0, 0}; /* steady: no time */
+  PetscCall(MotionEvaluate(m, BodyStart(b, k), time - clock[3], x, u, turn, w));
+  for (PetscInt a = 0; a < b->state.dim; a++) {
+    if (clock[a] == clock[3]) continue;
+    PetscCall(MotionEvaluate(m, BodyStart(b, k), time - clock[a], xa, ua, ta, wa));
+    x[a] = xa[a];
+    u[a] = ua[a];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Orientation that is `turn` away from the start */
-static void turn_from_start(Bodies b, PetscInt k, const PetscReal turn[3], PetscReal q[4], PetscReal *angle)
+void BodyTurnFromStart(Bodies b, PetscInt k, const PetscReal turn[3], PetscReal q[4], PetscReal *angle)
 {
-  const Placement *p = start_of(b, k);
+  const Placement *p = BodyStart(b, k);
 
   *angle = p->angle + dot3(turn, BodiesGetGroup(&b->view, k)->motion.axis);
   if (p->turned) (void)PetscArraycpy(q, p->q, 4);
@@ -69,15 +82,14 @@ void BodiesKeepAxes(BodyState *s, PetscInt k, PetscReal u[3], PetscReal w[3])
   if (w && m->has_hinge) keep_along(m->hinge, w);
 }
 
-/* Orientation of body k at an angle; in space it turns about its hinge, or by the vector `turn` */
-static void turn_body(Bodies b, PetscInt k, PetscReal angle, const PetscReal turn[3], PetscReal q[4])
+void BodyOrient(Bodies b, PetscInt k, PetscReal angle, const PetscReal turn[3], PetscReal q[4])
 {
   const Motion *m = &BodiesGetGroup(&b->view, k)->motion;
 
   if (b->state.dim == 2) RotationFromAngle(angle, q);
   else if (m->has_hinge) {
-    (void)PetscArraycpy(q, start_of(b, k)->q, 4);
-    RotationAdvance(angle - start_of(b, k)->angle, m->hinge, q);
+    (void)PetscArraycpy(q, BodyStart(b, k)->q, 4);
+    RotationAdvance(angle - BodyStart(b, k)->angle, m->hinge, q);
   } else RotationAdvance(1, turn, q);
 }
 
@@ -91,7 +103,7 @@ PetscErrorCode BodiesGetKnownVelocity(Bodies b, PetscInt k, PetscReal time, Pets
   PetscCall(PetscArraycpy(u, s->u[k], 3));
   PetscCall(PetscArraycpy(w, s->w[k], 3));
   if (nothing_known(b, k)) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MotionEvaluate(&g->motion, start_of(b, k), time, x, uk, turn, wk));
+  PetscCall(BodyEvaluateMotion(b, k, time, x, uk, turn, wk));
   for (PetscInt a = 0; a < 3; a++) {
     if (!BodiesIsFree(b, k, a)) u[a] = uk[a];
     if (!(g->free & BODY_FREE_ROTATION)) w[a] = wk[a];
@@ -110,9 +122,9 @@ static PetscErrorCode place_known(Bodies b, PetscInt k, PetscReal time, PetscRea
 
   PetscFunctionBeginUser;
   if (nothing_known(b, k)) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MotionEvaluate(&g->motion, start_of(b, k), time, x, uk, turn, wk));
+  PetscCall(BodyEvaluateMotion(b, k, time, x, uk, turn, wk));
   if (!(g->free & BODY_FREE_ROTATION)) {
-    turn_from_start(b, k, turn, q, angle);
+    BodyTurnFromStart(b, k, turn, q, angle);
     if (w) PetscCall(PetscArraycpy(w, wk, 3));
   }
   PetscCall(BodiesGetArm(b, k, q, arm));
@@ -137,20 +149,6 @@ PetscErrorCode BodiesApplyKnown(Bodies b, PetscInt k, PetscReal time)
 
 /* ---- motion ---- */
 
-PetscErrorCode BodiesGetLoad(Bodies b, PetscInt k, PetscReal rho_f, const PetscReal gravity[3], PetscReal force[3], PetscReal torque[3])
-{
-  const BodyGroup *g;
-
-  PetscFunctionBeginUser;
-  PetscCall(check_body(b, k));
-  g = BodiesGetGroup(&b->view, k);
-  for (PetscInt a = 0; a < 3; a++) {
-    force[a]  = g->motion.force[a] + (b->state.density[k] - rho_f) * BodiesVolume(&b->view, k) * (a < b->state.dim ? gravity[a] : 0);
-    torque[a] = g->motion.torque[a];
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* Torque about the reference point of all that acts on body k in the present state: fluid, contact, load */
 static PetscErrorCode get_torque(Bodies b, PetscInt k, PetscReal rho_f, const PetscReal gravity[3], PetscReal torque[3])
 {
@@ -174,7 +172,9 @@ PetscErrorCode BodiesRelease(Bodies b, PetscInt k, PetscReal rho_f, const PetscR
   PetscCall(check_body(b, k));
   if (!b->state.stopped[k]) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(get_torque(b, k, rho_f, gravity, T));
-  if (dot3(T, BodiesGetGroup(&b->view, k)->motion.hinge) * b->state.stopped[k] < 0) b->state.stopped[k] = 0;
+  if (dot3(T, BodiesGetGroup(&b->view, k)->motion.hinge) * b->state.stopped[k] >= 0) PetscFunctionReturn(PETSC_SUCCESS);
+  b->state.stopped[k] = 0;
+  b->left[k]          = b->state.time;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -222,6 +222,32 @@ static PetscErrorCode advance_rotation(Bodies b, PetscInt k, PetscReal dt, Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* What the body has gained in the step since u_old, w_old, with springs and dampers at its end */
+static PetscErrorCode resist_gain(Bodies b, PetscInt k, PetscReal dt)
+{
+  BodyArrays    *s   = &b->state;
+  const PetscInt dim = s->dim, nr = dim == 2 ? 3 : 6;
+  PetscReal      U[6], gain[6], arm[3], spin[3];
+
+  PetscFunctionBeginUser;
+  PetscCall(BodiesGetArm(b, k, NULL, arm));
+  cross(s->w_old[k], arm, spin);
+  for (PetscInt i = 0; i < nr; i++) {
+    const PetscInt a = i < dim ? i : dim == 2 ? 2 : i - dim;
+
+    U[i]    = i < dim ? s->u_old[k][a] - spin[a] : s->w_old[k][a];
+    gain[i] = i < dim ? (BodiesIsFree(b, k, a) ? s->u[k][a] - s->u_old[k][a] : 0) : s->w[k][a] - s->w_old[k][a];
+  }
+  PetscCall(BodyDampGain(b, k, dt, U, gain));
+  for (PetscInt i = 0; i < nr; i++) {
+    const PetscInt a = i < dim ? i : dim == 2 ? 2 : i - dim;
+
+    if (i >= dim) s->w[k][a] = s->w_old[k][a] + gain[i];
+    else if (BodiesIsFree(b, k, a)) s->u[k][a] = s->u_old[k][a] + gain[i];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode BodiesAdvanceVelocity(Bodies b, PetscReal dt, PetscReal rho_f, const PetscReal gravity[3])
 {
   BodyArrays *s = &b->state;
@@ -239,6 +265,7 @@ PetscErrorCode BodiesAdvanceVelocity(Bodies b, PetscReal dt, PetscReal rho_f, co
     BodiesKeepAxes(&b->view, k, s->u[k], NULL);
     PetscCall(BodiesRelease(b, k, rho_f, gravity));
     if (BodiesIsFree(b, k, 3)) PetscCall(advance_rotation(b, k, dt, rho_f, gravity));
+    if (BodiesGroupResists(BodiesGetGroup(&b->view, k))) PetscCall(resist_gain(b, k, dt));
     PetscCall(BodiesGetKnownVelocity(b, k, s->time + dt, u, w));
     PetscCall(BodiesGetArm(b, k, NULL, arm));
     cross(w, arm, spin);
@@ -250,31 +277,63 @@ PetscErrorCode BodiesAdvanceVelocity(Bodies b, PetscReal dt, PetscReal rho_f, co
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The rebound of a body that has passed a stop (see bodies.h) */
+/* A body that has come to a stop in the step, in angles that grow towards it: speed at the impact, and for how long it
+   has been over at the end. The acceleration is that of the step. */
+static void find_impact(PetscReal beyond, PetscReal speed, PetscReal acceleration, PetscReal dt, PetscReal *impact, PetscReal *since)
+{
+  *impact = acceleration > 0 ? PetscSqrtReal(PetscMax(0, speed * speed - 2 * acceleration * beyond)) : speed;
+  *since  = PetscMin(dt, 2 * beyond / (speed + *impact));
+}
+
+static void rest_on_stop(BodyArrays *s, PetscInt k, PetscInt side, PetscReal stop)
+{
+  s->angle[k]   = stop;
+  s->stopped[k] = side;
+  for (PetscInt a = 0; a < 3; a++) s->w[k][a] = s->w_old[k][a] = 0;
+}
+
+/* The rebound of a body that has passed a stop (see bodies.h). Both velocities make the same jump, so that their
+   difference stays the acceleration. The fluid around the body keeps its velocity, and may press it to the stop again
+   within a step or two: that, too, is the end of its bounces. */
 static void keep_stops(Bodies b, PetscInt k, PetscReal dt)
 {
   BodyArrays     *s = &b->state;
   const Motion   *m = &BodiesGetGroup(&b->view, k)->motion;
-  const PetscReal w = dot3(s->w[k], m->hinge), w_old = dot3(s->w_old[k], m->hinge);
+  const PetscReal w = dot3(s->w[k], m->hinge), w_old = dot3(s->w_old[k], m->hinge), end = s->time + dt;
   const PetscInt  side = s->angle[k] >= m->stops[1] ? 1 : s->angle[k] <= m->stops[0] ? -1 : 0;
   const PetscReal stop = m->stops[side > 0], speed = side * w, gain = side * (w - w_old);
+  PetscReal       impact, since, jump;
 
   if (!m->has_stops || !side) return;
   if (speed <= 0) { /* has turned round by itself within the step */
     s->angle[k] = stop;
-  } else if (m->restitution * speed <= 2 * PetscAbsReal(gain) || m->restitution == 0) {
-    s->angle[k]   = stop;
-    s->stopped[k] = side;
-    for (PetscInt a = 0; a < 3; a++) s->w[k][a] = s->w_old[k][a] = 0;
-  } else {
-    const PetscReal jump = (1 + m->restitution) * w;
-
-    s->angle[k] = stop - PetscMin(m->restitution * PetscAbsReal(s->angle[k] - stop), dt * speed) * side;
-    for (PetscInt a = 0; a < 3; a++) {
-      s->w[k][a] -= jump * m->hinge[a];
-      s->w_old[k][a] -= jump * m->hinge[a];
-    }
+    return;
   }
+  find_impact(side * (s->angle[k] - stop), speed, gain / dt, dt, &impact, &since);
+  if (m->restitution == 0 || m->restitution * impact <= 2 * PetscAbsReal(gain) || end - b->left[k] <= SHORT_BOUNCE * dt) {
+    rest_on_stop(s, k, side, stop);
+    return;
+  }
+  jump        = -m->restitution * impact + (speed - impact) - speed;
+  s->angle[k] = PetscClipInterval(stop - side * (m->restitution * impact - 0.5 * (speed - impact)) * since, m->stops[0], m->stops[1]);
+  b->left[k]  = end - since;
+  for (PetscInt a = 0; a < 3; a++) {
+    s->w[k][a] += side * jump * m->hinge[a];
+    s->w_old[k][a] += side * jump * m->hinge[a];
+  }
+}
+
+/* Of scenes with stops; files of before have none */
+PetscErrorCode BodyVisitStops(Bodies b, const BodyRows *rows, State state)
+{
+  PetscBool any = PETSC_FALSE;
+  PetscInt  n   = b->state.nall;
+
+  PetscFunctionBeginUser;
+  for (PetscInt g = 0; g < b->state.ngroups; g++) any = (PetscBool)(any || b->state.group[g].motion.has_stops);
+  if (StateIsLoading(state)) PetscCall(StateGetSize(state, "left_stop", &n));
+  if (any && n == b->state.nall) PetscCall(BodiesVisitReals(b, rows, state, "left_stop", 1, b->left));
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode BodiesAdvancePosition(Bodies b, PetscReal dt, PetscReal theta)
@@ -294,7 +353,7 @@ PetscErrorCode BodiesAdvancePosition(Bodies b, PetscReal dt, PetscReal theta)
     keep_stops(b, k, dt);
     PetscCall(PetscArraycpy(s->q_old[k], s->q[k], 4));
     if (s->dim == 3) BodyTurn(dt, s->w_old[k], s->w[k], turn);
-    turn_body(b, k, s->angle[k], turn, s->q[k]);
+    BodyOrient(b, k, s->angle[k], turn, s->q[k]);
     PetscCall(BodiesApplyKnown(b, k, s->time + dt));
     for (PetscInt a = 0; a < s->dim; a++)
       PetscCheck(!PetscIsInfOrNanReal(s->x[k][a]) && !PetscIsInfOrNanReal(s->angle[k]), PETSC_COMM_SELF, PETSC_ERR_FP,
@@ -383,7 +442,7 @@ PetscErrorCode BodiesPredict(Bodies b, PetscInt k, PetscReal dt, PetscInt order,
   *angle = s->angle[k] + dot3(turn, m->hinge);
   if (m->has_stops) *angle = PetscMin(PetscMax(*angle, m->stops[0]), m->stops[1]);
   PetscCall(PetscArraycpy(q, s->q[k], 4));
-  turn_body(b, k, *angle, turn, q);
+  BodyOrient(b, k, *angle, turn, q);
   PetscCall(place_known(b, k, s->time + dt, X, q, angle, NULL, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

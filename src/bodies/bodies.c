@@ -6,6 +6,7 @@
    Does not know the flow (forces are written into the state by others), walls or contact. */
 #include "compat.h"
 #include "impl.h"
+#include "joint.h"
 #include "base/algebra.h"
 #include "bodies/local.h"
 
@@ -53,6 +54,7 @@ static PetscErrorCode create_columns(Bodies b)
   PetscCall(BodyAddColumn(b, sizeof(PetscInt), PETSC_FALSE, (void **)&s->stopped));
   PetscCall(BodyAddColumn(b, sizeof(PetscBool), PETSC_FALSE, (void **)&s->gone));
   PetscCall(BodyAddColumn(b, sizeof(PetscBool), PETSC_FALSE, (void **)&s->own));
+  PetscCall(BodyAddColumn(b, sizeof(PetscReal), PETSC_FALSE, (void **)&b->left));
   if (!b->parts) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(BodyAddColumn(b, sizeof(PetscMPIInt), PETSC_FALSE, (void **)&b->owner));
   PetscCall(BodyAddColumn(b, sizeof(PetscInt), PETSC_FALSE, (void **)&b->home));
@@ -75,6 +77,7 @@ static PetscErrorCode store_start(Bodies b, PetscInt group, const Placed *placed
     s->number[k]     = g->first + (placed->number ? placed->number[i] : i);
     s->own[k]        = PETSC_TRUE;
     s->gap[k]        = PETSC_MAX_REAL;
+    b->left[k]       = -PETSC_MAX_REAL;
     s->body_group[k] = group;
     s->scale[k]      = p->scale;
     s->density[k]    = p->density;
@@ -145,6 +148,7 @@ static PetscErrorCode create_bodies(PetscInt dim, const PetscReal lower[3], cons
   b->room = count_placed(b, placed);
   PetscCall(create_columns(b));
   PetscCall(PetscCalloc1(s->ngroups, &b->start));
+  PetscCall(PetscCalloc1(s->ngroups, &b->clock));
   for (PetscInt g = 0; g < s->ngroups; g++) {
     b->start[g] = placed[g].body;
     PetscCall(store_start(b, g, &placed[g]));
@@ -174,6 +178,7 @@ PetscErrorCode BodiesCreateLocal(MPI_Comm comm, PetscInt dim, const PetscReal lo
   PetscCallMPI(MPI_Comm_size(comm, &size));
   if (size > 1) PetscCall(BodyPartsCreate(comm, dim, lower, upper, period, &parts));
   PetscCall(create_bodies(dim, lower, upper, parts, bodies));
+  for (PetscInt a = 0; a < dim; a++) (*bodies)->box[a] = period[a];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -193,6 +198,7 @@ PetscErrorCode BodiesDestroy(Bodies *bodies)
   PetscCall(BodyPartsDestroy(&(*bodies)->parts));
   for (PetscInt g = 0; g < s->ngroups; g++) PetscCall(PetscFree((*bodies)->start[g]));
   PetscCall(PetscFree((*bodies)->start));
+  PetscCall(PetscFree((*bodies)->clock));
   PetscCall(PetscFree(*bodies));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -247,6 +253,7 @@ PetscErrorCode BodiesView(Bodies b, PetscViewer viewer)
     if (group->motion.has_slide)
       PetscCall(PetscViewerASCIIPrintf(viewer, "  slides along (%g, %g, %g) only\n", (double)group->motion.slide[0], (double)group->motion.slide[1],
                                        (double)group->motion.slide[2]));
+    PetscCall(JointView(&group->motion, viewer));
     if (group->obstacle) PetscCall(PetscViewerASCIIPrintf(viewer, "  an obstacle: may overlap walls and other obstacles\n"));
     if (group->motion.has_stops)
       PetscCall(PetscViewerASCIIPrintf(viewer, "  stops at the angles %g and %g, restitution %g\n", (double)group->motion.stops[0],
@@ -586,7 +593,9 @@ PetscErrorCode BodiesVisitState(void *bodies, State state)
   PetscCall(StateReals(state, "dt_old", 1, &s->dt_old));
   for (PetscInt f = 0; f < NFIELDS; f++) PetscCall(BodiesVisitReals(b, &rows, state, FIELDS[f].name, FIELDS[f].width, *field(s, f)));
   PetscCall(StateReals(state, "time", 1, &s->time));
+  PetscCall(BodyVisitStarts(b, &rows, state));
   PetscCall(BodiesVisitIntegers(b, &rows, state, "stopped", s->stopped));
+  PetscCall(BodyVisitStops(b, &rows, state));
   PetscCall(PetscMalloc1(s->n, &gone));
   for (PetscInt k = 0; k < s->n; k++) gone[k] = s->gone[k];
   PetscCall(BodiesVisitIntegers(b, &rows, state, "gone", gone));

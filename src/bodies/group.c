@@ -5,6 +5,7 @@
    know the state of the bodies, which is made from this in bodies.c. */
 #include "compat.h"
 #include "impl.h"
+#include "joint.h"
 #include "spread.h"
 #include "base/algebra.h"
 #include "base/log.h"
@@ -19,7 +20,7 @@ typedef struct {
   PetscReal  lower[3], upper[3], margin, fraction;
   Spread     spread;
   Placement  base; /* position, angle and velocities given for all bodies */
-  PetscBool  has_position, has_count, has_fraction;
+  PetscBool  has_position, has_count, has_fraction, has_density;
   char       table[PETSC_MAX_PATH_LEN];
   PetscBool  streams; /* no list of all its bodies is wanted */
   Placement *body;    /* [count of the group], or as in Placed */
@@ -121,10 +122,17 @@ static PetscErrorCode read_start(BodyGroup *g)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* See bodies.h. Others fall, turn and slide as they are, contact and weight apart. */
+static PetscBool is_guided(const BodyGroup *g)
+{
+  const Motion *m = &g->motion;
+
+  return (PetscBool)(m->given || (g->free && (m->has_pivot || m->has_stops || JointActs(m))));
+}
+
 static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim, Start *s)
 {
-  char      name[OPT_NAME], type[64] = "", prefix[128];
-  PetscBool has_density;
+  char name[OPT_NAME], type[64] = "", prefix[128];
 
   PetscFunctionBeginUser;
   PetscCall(OptString(OptJoin("-particle_", g->name, "_shape", name), type, sizeof(type)));
@@ -135,18 +143,22 @@ static PetscErrorCode read_shape(BodyGroup *g, PetscInt dim, Start *s)
   PetscCall(ShapeGetRadius(g->shape, &g->radius));
   PetscCall(ShapeGetDisc(g->shape, &g->disc));
   PetscCall(OptReal(OptJoin("-particle_", g->name, "_angle", name), &s->base.angle));
+  if (PetscAbsReal(s->base.angle) > 2 * PETSC_PI)
+    PetscCall(LogRemark("%s is %g rad, which is %.4g turns: degrees are written with their unit, as in %g deg", name, (double)s->base.angle,
+                        (double)(s->base.angle / (2 * PETSC_PI)), (double)s->base.angle));
   PetscCall(MotionRead(g->name, dim, &g->motion, s->base.u, s->base.omega));
   PetscCall(OptBool(OptJoin("-particle_", g->name, "_obstacle", name), &g->obstacle));
   PetscCall(read_free(g->name, dim, &g->motion, g->obstacle, &g->free));
   PetscCall(check_motion(g));
+  PetscCall(JointCheck(g->name, &g->motion, g->free));
+  JointSetCentre(&g->motion, g->mass.centroid);
+  g->guided = is_guided(g);
   for (PetscInt a = 0; a < dim && g->motion.has_pivot; a++) g->arm[a] = g->mass.centroid[a] - g->motion.pivot[a];
   PetscCall(read_start(g));
-  PetscCall(OptHas(OptJoin("-particle_", g->name, "_density", name), &has_density));
+  PetscCall(OptHas(OptJoin("-particle_", g->name, "_density", name), &s->has_density));
   g->density = 1;
   PetscCall(OptReal(name, &g->density));
   g->largest = 1;
-  PetscCheck(has_density || !g->free, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "Group '%s' moves but has no density: give %s, or -particle_%s_free none", g->name, name, g->name);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -216,11 +228,21 @@ static PetscErrorCode read_place(const char group[], PetscInt dim, Start *s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Of bodies that move; a table may have a column of densities */
+static PetscErrorCode check_density(const BodyGroup *g, const Start *s)
+{
+  PetscFunctionBeginUser;
+  PetscCheck(s->has_density || !g->free, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "Group '%s' moves but has no density: give -particle_%s_density, or -particle_%s_free none", g->name, g->name, g->name);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode check_place(const BodyGroup *g, const Start *s)
 {
   const char *place = place_names[s->place], *group = g->name;
 
   PetscFunctionBeginUser;
+  if (s->place != PLACE_TABLE) PetscCall(check_density(g, s));
   PetscCheck(s->place == PLACE_TABLE || !s->table[0], PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_%s_table needs -particle_%s_place table",
              group, group);
   PetscCheck(s->place == PLACE_PACK || !s->has_fraction, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_%s_fraction needs -particle_%s_place pack",
@@ -242,6 +264,24 @@ static PetscErrorCode check_place(const BodyGroup *g, const Start *s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* -particle_<g>_motion names parts whose velocities have to come from somewhere; a table may give them */
+static PetscErrorCode check_velocities(const BodyGroup *g, const Start *s)
+{
+  const Motion *m = &g->motion;
+
+  PetscFunctionBeginUser;
+  if (!m->named || s->place == PLACE_TABLE || m->track) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCheck(!m->rotate || m->has_w, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_%s_motion rotate turns the body with -particle_%s_angular_velocity, which is not given: give it in radians a time (2*pi/T is "
+             "a turn in the time T), or remove rotate",
+             g->name, g->name);
+  PetscCheck(!m->constant || m->has_u || m->has_w, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+             "-particle_%s_motion constant moves the body with -particle_%s_velocity, which is not given: give it, or for a body that stands still "
+             "-particle_%s_free none",
+             g->name, g->name, g->name);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode start_table(BodyGroup *g, PetscInt dim, Start *s)
 {
   PetscBool sizes, densities, angles;
@@ -258,6 +298,7 @@ static PetscErrorCode start_table(BodyGroup *g, PetscInt dim, Start *s)
   PetscCheck(!angles || !s->spread.turned, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "The table %s gives the orientations of the bodies, and -particle_%s_orientation random draws them: remove one of the two", s->table,
              g->name);
+  if (!densities) PetscCall(check_density(g, s));
   for (PetscInt i = 0; i < g->count; i++) {
     if (s->body[i].radius > 0) s->body[i].scale = s->body[i].radius / g->radius;
     PetscCall(SpreadNext(g->name, dim, &s->spread, &s->body[i]));
@@ -399,6 +440,7 @@ static PetscErrorCode read_group(BodyGroup *g, PetscInt dim, const BodyParts *pa
   PetscCall(PetscArraycpy(s->upper, upper, 3));
   PetscCall(read_place(g->name, dim, s));
   PetscCall(check_place(g, s));
+  PetscCall(check_velocities(g, s));
   PetscCall(SpreadRead(g->name, g->density, s->seed, &s->spread));
   s->streams = (PetscBool)(s->streams && BodyIsAllFree(g, dim));
   PetscCall(start_group(g, dim, parts, s));
@@ -408,38 +450,6 @@ static PetscErrorCode read_group(BodyGroup *g, PetscInt dim, const BodyParts *pa
 }
 
 /* ---- all groups ---- */
-
-/* list [n]: names of the groups, one more than there may be at most; the caller frees each */
-static PetscErrorCode read_names(PetscInt *n, char *list[])
-{
-  PetscFunctionBeginUser;
-  *n = BODIES_MAX_GROUPS + 1;
-  PetscCall(OptStringArray("-particle_groups", n, list));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-static PetscErrorCode name_groups(BodyArrays *s)
-{
-  char    *list[BODIES_MAX_GROUPS + 1];
-  PetscInt n;
-
-  PetscFunctionBeginUser;
-  PetscCall(read_names(&n, list));
-  PetscCheck(n <= BODIES_MAX_GROUPS, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-             "-particle_groups has more than %d names: join bodies of one shape in one group with -particle_<group>_place table", BODIES_MAX_GROUPS);
-  s->ngroups = n;
-  PetscCall(PetscCalloc1(n, &s->group));
-  for (PetscInt g = 0; g < n; g++) {
-    PetscCheck(list[g][0] && strlen(list[g]) < sizeof(s->group[g].name), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-               "-particle_groups: '%s' must have 1 to %d characters", list[g], (int)sizeof(s->group[g].name) - 1);
-    PetscCall(PetscStrncpy(s->group[g].name, list[g], sizeof(s->group[g].name)));
-    for (PetscInt f = 0; f < g; f++)
-      PetscCheck(strcmp(s->group[f].name, s->group[g].name), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_groups names '%s' twice: remove one",
-                 list[g]);
-    PetscCall(PetscFree(list[g]));
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
 
 /* Random groups come last, one after the other, and keep clear of everything placed before. */
 static PetscErrorCode start_random(BodyArrays *s, Start start[])
@@ -491,7 +501,7 @@ PetscErrorCode BodyGroupsRead(BodyArrays *s, const BodyParts *parts, const Petsc
   PetscBool random;
 
   PetscFunctionBeginUser;
-  PetscCall(name_groups(s));
+  PetscCall(BodyGroupsName(s));
   PetscCall(look_for_random(s, &random));
   PetscCall(PetscCalloc1(s->ngroups, &start));
   for (PetscInt g = 0; g < s->ngroups; g++) {

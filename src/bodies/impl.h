@@ -1,5 +1,6 @@
-/* Inside of Bodies; for its files only. bodies.c: the state. columns.c: its arrays. advance.c: its motion. group.c:
-   options of the groups, where their bodies start. parts.c, local.c: who knows which. */
+/* Inside of Bodies; for its files only. bodies.c: the state. columns.c: its arrays. advance.c: its motion. load.c: what
+   acts on it. flight.c: motion without a flow. group.c: options of the groups, where their bodies start. parts.c,
+   local.c: who knows which. resume.c: runs that go on. */
 #pragma once
 #include "bodies/local.h"
 #include "motion.h"
@@ -34,11 +35,15 @@ struct _p_Bodies {
     BodyArrays          state;
     struct _n_BodyState view;
   };
-  PetscReal    lower[3], upper[3]; /* domain */
-  PetscReal    period[3];          /* of a box that travels */
-  PetscBool    held;               /* BodiesHold */
-  Placement  **start;              /* [ngroups][count] what prescribed motion starts from; NULL for groups that have
+  PetscReal   lower[3], upper[3]; /* domain */
+  PetscReal   period[3];          /* of a box that travels */
+  PetscReal   box[3];             /* length of the domain's periodic axes, 0 in the others */
+  PetscBool   held;               /* BodiesHold */
+  PetscReal  *left;               /* [n] when the body last left a stop */
+  Placement **start;              /* [ngroups][count] what prescribed motion starts from; NULL for groups that have
                                      none */
+  PetscReal (*clock)[4];          /* [ngroups] when that motion began: along x, y, z, of the turn. 0, or when a run that
+                                      goes on gave the group another one (resume.c) */
   BodyParts   *parts;
   PetscInt     ncolumns, room; /* room: entries that all columns have */
   BodyColumn   column[BODIES_MAX_COLUMNS];
@@ -63,6 +68,8 @@ PetscErrorCode BodyExchange(Bodies, PetscInt n, PetscMPIInt to[], PetscInt body[
    touched. placed [ngroups]: first state of bodies, of the centre of mass or the pivot; with parts, of groups that need
    no list, only the own ones; the caller frees the arrays. Collective. Errors: those of BodiesCreate but for bodies
    outside the domain. */
+/* The groups and their names; refuses one that is described and not named. */
+PetscErrorCode BodyGroupsName(BodyArrays *s);
 PetscErrorCode BodyGroupsRead(BodyArrays *s, const BodyParts *, const PetscReal lower[3], const PetscReal upper[3], Placed **placed);
 
 /* What is not free of body number i of a group stays there from now on; the group has starts. */
@@ -72,7 +79,15 @@ static inline PetscBool BodyIsAllFree(const BodyGroup *g, PetscInt dim)
 {
   const PetscInt all = BODY_FREE_X | BODY_FREE_Y | (dim == 3 ? BODY_FREE_Z : 0) | BODY_FREE_ROTATION;
 
-  return (PetscBool)((g->free & all) == all && !g->motion.has_stops && !g->motion.has_pivot && !g->motion.has_hinge);
+  return (PetscBool)((g->free & all) == all && !g->motion.has_stops && !g->motion.has_pivot && !g->motion.has_hinge && !g->motion.from_start);
+}
+
+/* What the prescribed motion of body k starts from; of groups that have starts */
+static inline Placement *BodyStart(Bodies b, PetscInt k)
+{
+  const PetscInt g = b->state.body_group[k];
+
+  return &b->start[g][b->state.number[k] - b->state.group[g].first];
 }
 
 static inline PetscErrorCode check_body(Bodies b, PetscInt k)
@@ -83,5 +98,27 @@ static inline PetscErrorCode check_body(Bodies b, PetscInt k)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Prescribed state of body k as of MotionEvaluate; not of groups without starts. */
+PetscErrorCode BodyEvaluateMotion(Bodies, PetscInt k, PetscReal time, PetscReal x[3], PetscReal u[3], PetscReal turn[3], PetscReal w[3]);
+/* Of BodiesVisitState: starts and clocks that are no longer those of the options. Collective. */
+PetscErrorCode BodyVisitStarts(Bodies, const BodyRows *, State);
+/* Where a body is and how it moves, for what acts on it */
+typedef struct {
+  PetscReal time, x[3], q[4], angle, u[3], w[3];
+} BodyPose;
+
+/* External load on body k there: force, and torque about its centre; weight apart. */
+PetscErrorCode BodyGetExternal(Bodies, PetscInt k, const BodyPose *, PetscReal force[3], PetscReal torque[3]);
+/* Lines of body k that are longer than their length there */
+PetscInt BodyCountTaut(Bodies, PetscInt k, const BodyPose *);
+/* Explicit coupling: gain [nr] of the rigid slots in a step under the load of its beginning, at the velocities U [nr],
+   becomes that with springs, dampers and what falls with the motion taken at its end. */
+PetscErrorCode BodyDampGain(Bodies, PetscInt k, PetscReal dt, const PetscReal U[], PetscReal gain[]);
+/* Orientation of body k at an angle; in space it turns from q about its hinge, or by the vector `turn` */
+void BodyOrient(Bodies, PetscInt k, PetscReal angle, const PetscReal turn[3], PetscReal q[4]);
+/* What keeps a body on its stop after a rebound, saved or loaded. Collective. */
+PetscErrorCode BodyVisitStops(Bodies, const BodyRows *, State);
+/* Orientation of body k, and its angle, that are `turn` away from its start */
+void BodyTurnFromStart(Bodies, PetscInt k, const PetscReal turn[3], PetscReal q[4], PetscReal *angle);
 /* Put what is not free to its prescribed value at `time`: place, orientation and velocities of body k. */
 PetscErrorCode BodiesApplyKnown(Bodies, PetscInt k, PetscReal time);

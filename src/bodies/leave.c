@@ -9,75 +9,128 @@
 struct _p_Leave {
   Bodies      bodies;
   BodyArrays *s;
+  Border      border;
   PetscReal   lower[3], upper[3], period[3];
-  PetscInt    remove; /* bit 2 axis for the lower face, 2 axis + 1 for the upper */
+  PetscInt    side[6]; /* boundary of each side of the box, -1: none */
+  PetscBool  *remove;  /* [boundaries] */
 };
 
-static PetscErrorCode read_faces(Leave b)
+/* name is no boundary */
+static PetscErrorCode refuse_name(Leave b, const char name[])
 {
-  char    *list[7];
-  PetscInt n = 7;
+  char        known[1024] = "";
+  PetscInt    n;
+  size_t      used = 0;
+  const char *other;
+
+  PetscFunctionBeginUser;
+  for (PetscInt f = 0; f < 2 * b->s->dim; f++)
+    PetscCheck(b->period[f / 2] == 0 || strcmp(name, DOMAIN_SIDE[f]), PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+               "-particle_remove %s has no meaning: the domain is periodic there and bodies come in again. Remove it", name);
+  PetscCall(BorderGetBoundaries(b->border, &n));
+  for (PetscInt i = 0; i < n && used < sizeof(known); i++) {
+    PetscCall(BorderGetName(b->border, i, &other));
+    used += (size_t)snprintf(known + used, sizeof(known) - used, "%s%s", i ? ", " : "", other);
+  }
+  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_USER_INPUT, "-particle_remove: boundary '%s' is not known (known: %s)", name, known);
+}
+
+static PetscErrorCode read_boundaries(Leave b)
+{
+  char    *list[32];
+  PetscInt n = 32, boundary;
 
   PetscFunctionBeginUser;
   PetscCall(OptStringArray("-particle_remove", &n, list));
   for (PetscInt i = 0; i < n; i++) {
-    PetscInt f = 0;
-
-    while (f < 2 * b->s->dim && strcmp(list[i], DOMAIN_SIDE[f])) f++;
-    PetscCheck(f < 2 * b->s->dim, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-               "-particle_remove: boundary '%s' is not known (known: left, right, bottom, top%s)", list[i], b->s->dim == 3 ? ", back, front" : "");
-    PetscCheck(b->period[f / 2] == 0, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
-               "-particle_remove %s has no meaning: the domain is periodic there and bodies come in again. Remove it", list[i]);
-    b->remove |= 1 << f;
+    PetscCall(BorderFind(b->border, list[i], &boundary));
+    if (boundary < 0) PetscCall(refuse_name(b, list[i]));
+    b->remove[boundary] = PETSC_TRUE;
     PetscCall(PetscFree(list[i]));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode LeaveCreate(Bodies bodies, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3], Leave *border)
+PetscErrorCode LeaveCreate(Bodies bodies, const PetscReal lower[3], const PetscReal upper[3], const PetscReal period[3], Border border, Leave *leave)
 {
-  Leave b;
+  Leave    b;
+  PetscInt n;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&b));
   b->bodies = bodies;
   b->s      = &bodies->state;
+  b->border = border;
   for (PetscInt a = 0; a < b->s->dim; a++) {
     b->lower[a]  = lower[a];
     b->upper[a]  = upper[a];
     b->period[a] = period[a];
   }
-  if (b->s->nall) PetscCall(read_faces(b));
-  *border = b;
+  PetscCall(BorderGetBoundaries(border, &n));
+  PetscCall(PetscCalloc1(n + 1, &b->remove));
+  for (PetscInt f = 0; f < 6; f++) PetscCall(BorderFind(border, DOMAIN_SIDE[f], &b->side[f]));
+  if (b->s->nall) PetscCall(read_boundaries(b));
+  *leave = b;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode LeaveDestroy(Leave *border)
+PetscErrorCode LeaveDestroy(Leave *leave)
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscFree(*border));
+  if (*leave) PetscCall(PetscFree((*leave)->remove));
+  PetscCall(PetscFree(*leave));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Body k has passed face f, which is not periodic */
-static PetscErrorCode leave(Leave b, PetscInt k, PetscInt f)
+/* Body k has passed that boundary (-1: one without a name) */
+static PetscErrorCode leave_by(Leave b, PetscInt k, PetscInt boundary)
 {
-  const BodyGroup *g = BodiesGetGroup(&b->bodies->view, k);
+  const BodyGroup *g    = BodiesGetGroup(&b->bodies->view, k);
+  const PetscReal *x    = b->s->x[k];
+  const PetscBool  goes = (PetscBool)(boundary >= 0 && b->remove[boundary]);
+  const char      *name = "";
 
   PetscFunctionBeginUser;
-  if (!b->s->own[k] && !(b->remove >> f & 1)) PetscFunctionReturn(PETSC_SUCCESS); /* its owner says so */
-  PetscCheck(b->remove >> f & 1, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
+  if (!b->s->own[k] && !goes) PetscFunctionReturn(PETSC_SUCCESS); /* its owner says so */
+  if (boundary >= 0) PetscCall(BorderGetName(b->border, boundary, &name));
+  PetscCheck(goes, PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
              "Body %" PetscInt_FMT
-             " of group '%s' has left the domain through boundary '%s': its %c is %g, the domain goes from %g to %g: lower -sim_dt if contact should have kept "
-             "it in, or let it go with -particle_remove %s",
-             BodiesPlaceInGroup(&b->bodies->view, k), g->name, DOMAIN_SIDE[f], 'x' + (int)f / 2, (double)b->s->x[k][f / 2], (double)b->lower[f / 2],
-             (double)b->upper[f / 2], DOMAIN_SIDE[f]);
+             " of group '%s' has left the domain through boundary '%s': its centre is %g,%g,%g, the domain goes from %g,%g,%g to %g,%g,%g: lower -sim_dt if "
+             "contact should have kept it in, or let it go with -particle_remove %s",
+             BodiesPlaceInGroup(&b->bodies->view, k), g->name, name, (double)x[0], (double)x[1], (double)x[2], (double)b->lower[0],
+             (double)b->lower[1], (double)b->lower[2], (double)b->upper[0], (double)b->upper[1], (double)b->upper[2], name);
   b->s->gone[k] = PETSC_TRUE;
   b->s->gap[k]  = PETSC_MAX_REAL;
   for (PetscInt a = 0; a < 3; a++) {
     b->s->u[k][a] = b->s->w[k][a] = b->s->u_old[k][a] = b->s->w_old[k][a] = 0;
     b->s->contact_force[k][a] = b->s->contact_torque[k][a] = 0;
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Where the border is no box: is body k beyond its nearest boundary? A step takes no body farther than its radius. */
+static PetscErrorCode leave_border(Leave b, PetscInt k)
+{
+  PetscInt  boundary;
+  PetscReal gap;
+
+  PetscFunctionBeginUser;
+  PetscCall(BorderLocate(b->border, b->s->x[k], 2 * BodiesGetRadius(&b->bodies->view, k), &boundary, &gap));
+  if (boundary >= 0 && gap < 0) PetscCall(leave_by(b, k, boundary));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Body k has passed side f of the box, which is not periodic */
+static PetscErrorCode leave_box(Leave b, PetscInt k, PetscInt f)
+{
+  PetscInt  boundary = b->side[f];
+  PetscBool faces;
+  PetscReal gap;
+
+  PetscFunctionBeginUser;
+  PetscCall(BorderHasFaces(b->border, &faces));
+  if (faces || boundary < 0) PetscCall(BorderLocate(b->border, b->s->x[k], PETSC_MAX_REAL, &boundary, &gap));
+  PetscCall(leave_by(b, k, boundary));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -95,8 +148,9 @@ PetscErrorCode LeaveApply(Leave b)
 
       if (x >= b->lower[a] && x <= b->upper[a]) continue;
       if (b->period[a] > 0) s->x[k][a] = DomainWrap(b->period[a], x, b->lower[a]);
-      else PetscCall(leave(b, k, 2 * a + (x > b->upper[a])));
+      else PetscCall(leave_box(b, k, 2 * a + (x > b->upper[a])));
     }
+    if (!s->gone[k]) PetscCall(leave_border(b, k));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -258,9 +258,11 @@ static PetscErrorCode reduce_known(Bodies b, MPI_Op op, PetscInt width, PetscRea
 {
   BodyParts   *p = b->parts;
   MPI_Datatype unit;
+  PetscMPIInt  n;
 
   PetscFunctionBeginUser;
-  if (!p) PetscCall(MPIU_Allreduce(MPI_IN_PLACE, v, (PetscMPIInt)(width * b->state.n), MPIU_REAL, op, PETSC_COMM_WORLD));
+  PetscCall(PetscMPIIntCast(width * b->state.n, &n));
+  if (!p) PetscCall(MPIU_Allreduce(MPI_IN_PLACE, v, n, MPIU_REAL, op, PETSC_COMM_WORLD));
   if (!p || !p->ghosts) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(RowTypeCreate(width, &unit));
   PetscCall(PetscSFReduceBegin(p->ghosts, unit, v, v, op));

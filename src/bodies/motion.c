@@ -2,6 +2,7 @@
    prescribed body is where it should be at any time and step size. */
 #include "compat.h"
 #include "motion.h"
+#include "joint.h"
 #include "base/algebra.h"
 #include "base/opt.h"
 
@@ -23,6 +24,7 @@ static PetscErrorCode read_parts(const char group[], Motion *m, PetscBool *oscil
     PetscCall(PetscFree(list[i]));
   }
   m->given    = (PetscBool)(n > 0);
+  m->named    = m->given;
   m->constant = (PetscBool)(n == 0 || has[0]);
   m->rotate   = (PetscBool)(n == 0 || has[2]);
   *oscillate  = has[1];
@@ -101,9 +103,9 @@ static PetscErrorCode read_velocities(const char group[], PetscInt dim, Motion *
   PetscInt       turns = 0;
 
   PetscFunctionBeginUser;
-  PetscCall(ExprRead(OptJoin("-particle_", group, "_velocity", name), dim, dim, u, &m->velocity, NULL));
+  PetscCall(ExprRead(OptJoin("-particle_", group, "_velocity", name), dim, dim, u, &m->velocity, &m->has_u));
   if (m->velocity) PetscCall(ExprEvaluate(m->velocity, 0, 1, NULL, u));
-  PetscCall(ExprRead(OptJoin("-particle_", group, "_angular_velocity", name), dim, n, w + 3 - n, &m->omega, NULL));
+  PetscCall(ExprRead(OptJoin("-particle_", group, "_angular_velocity", name), dim, n, w + 3 - n, &m->omega, &m->has_w));
   if (m->velocity || m->omega) m->given = PETSC_TRUE;
   if (!m->omega) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ExprEvaluate(m->omega, 0, 1, NULL, w + 3 - n));
@@ -133,8 +135,7 @@ PetscErrorCode MotionRead(const char group[], PetscInt dim, Motion *m, PetscReal
   PetscCall(read_axes(group, dim, m));
   PetscCall(PetscArraycpy(m->axis, m->hinge, 3));
   PetscCall(read_stops(group, dim, m));
-  PetscCall(OptRealArray(OptJoin("-particle_", group, "_force", name), dim, m->force, NULL));
-  PetscCall(OptRealArray(OptJoin("-particle_", group, "_torque", name), dim == 2 ? 1 : 3, dim == 2 ? m->torque + 2 : m->torque, NULL));
+  PetscCall(JointRead(group, dim, m));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -144,6 +145,7 @@ PetscErrorCode MotionDestroy(Motion *m)
   PetscCall(ExprDestroy(&m->velocity));
   PetscCall(ExprDestroy(&m->omega));
   PetscCall(TrackDestroy(&m->track));
+  PetscCall(JointDestroy(m));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

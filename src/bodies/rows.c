@@ -8,22 +8,31 @@
 
 PetscErrorCode BodiesMax(Bodies b, PetscInt n, PetscReal v[])
 {
+  PetscMPIInt count;
+
   PetscFunctionBeginUser;
-  if (b->parts) PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, v, (PetscMPIInt)n, MPIU_REAL, MPIU_MAX, BodiesComm(b)));
+  PetscCall(PetscMPIIntCast(n, &count));
+  if (b->parts) PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, v, count, MPIU_REAL, MPIU_MAX, BodiesComm(b)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode BodiesMin(Bodies b, PetscInt n, PetscReal v[])
 {
+  PetscMPIInt count;
+
   PetscFunctionBeginUser;
-  if (b->parts) PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, v, (PetscMPIInt)n, MPIU_REAL, MPIU_MIN, BodiesComm(b)));
+  PetscCall(PetscMPIIntCast(n, &count));
+  if (b->parts) PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, v, count, MPIU_REAL, MPIU_MIN, BodiesComm(b)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode BodiesSum(Bodies b, PetscInt n, PetscReal v[])
 {
+  PetscMPIInt count;
+
   PetscFunctionBeginUser;
-  if (b->parts) PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, v, (PetscMPIInt)n, MPIU_REAL, MPIU_SUM, BodiesComm(b)));
+  PetscCall(PetscMPIIntCast(n, &count));
+  if (b->parts) PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, v, count, MPIU_REAL, MPIU_SUM, BodiesComm(b)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

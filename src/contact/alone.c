@@ -1,11 +1,15 @@
 /* Contact, bodies without a flow: symplectic Euler under contact, gravity and buoyancy, in place in the state. All
-   pairs act at once (atonce.c), so that any number of ranks gives the same bits. */
+   pairs act at once (atonce.c), so that any number of ranks gives the same bits. Bodies that a joint, loads or the
+   scene guide (bodies/flight.h) go so in the sub-steps in which contact acts on them, and by themselves in all
+   others. */
 #include "compat.h"
 #include "impl.h"
 #include "base/log.h"
+#include "bodies/flight.h"
 #include "bodies/spin.h"
 
-/* Kinetic energy with the effective inertia, less the work of gravity: what contact alone changes */
+/* Kinetic energy with the effective inertia, less the work of gravity: what contact alone changes. Of bodies that
+   nothing guides; on the others its work is counted as it is done. */
 static PetscErrorCode mechanical_energy(Contact c, PetscReal *energy)
 {
   const BodyArrays *s   = c->s;
@@ -16,7 +20,7 @@ static PetscErrorCode mechanical_energy(Contact c, PetscReal *energy)
     const BodyGroup *g    = BodiesGetGroup(c->state, k);
     const PetscReal  spin = c->dim == 2 && ContactKind(c, k)->inverse_spin > 0 ? 1 / ContactKind(c, k)->inverse_spin : 0;
 
-    if (!g->free || s->gone[k] || !s->own[k]) continue;
+    if (!g->free || g->guided || s->gone[k] || !s->own[k]) continue;
     ExactAdd(&sum, 0.5 * ContactMass(c, k) * dot3(s->u[k], s->u[k]) + 0.5 * spin * PetscSqr(s->w[k][2]) -
                      (s->density[k] - c->rho_f) * BodiesVolume(c->state, k) * dot3(c->g, s->x[k]));
   }
@@ -24,17 +28,31 @@ static PetscErrorCode mechanical_energy(Contact c, PetscReal *energy)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Ghosts too: forces see the velocities after it */
-static void drop_bodies(Contact c, PetscReal h)
+static void take_surroundings(Contact c, Surroundings *around)
 {
-  for (PetscInt k = 0; k < c->s->n; k++) {
-    const Kind     *kind = ContactKind(c, k);
-    const PetscReal mass = (c->s->density[k] - c->rho_f) * BodiesVolume(c->state, k);
+  *around = (Surroundings){.fluid_density = c->rho_f, .added = (c->dim == 2 ? 1 : 0.5) * c->rho_f, .added_spin = 0.1 * c->rho_f};
+  for (PetscInt a = 0; a < c->dim; a++) around->gravity[a] = c->g[a];
+}
 
-    if (c->s->gone[k]) continue;
-    for (PetscInt a = 0; a < c->dim; a++) c->u[k][a] += h * mass * kind->inverse_mass[a] * c->g[a];
-    BodiesKeepAxes(c->state, k, c->u[k], NULL);
+/* Those that are guided, after their velocities have been kept; ghosts get them from their owners */
+static PetscErrorCode accelerate_guided(Contact c, PetscReal time, PetscReal h)
+{
+  Surroundings around;
+
+  PetscFunctionBeginUser;
+  if (!c->guided) PetscFunctionReturn(PETSC_SUCCESS);
+  take_surroundings(c, &around);
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    if (c->s->gone[k] || !c->s->own[k] || !BodiesGetGroup(c->state, k)->guided) continue;
+    for (PetscInt a = 0; a < 3; a++) {
+      c->guided[k][a]     = c->u[k][a];
+      c->guided[k][3 + a] = c->w[k][a];
+    }
+    PetscCall(FlightAccelerate(c->bodies, k, &around, time, h));
   }
+  PetscCall(BodiesUpdateGhosts(c->bodies, 3, c->u));
+  PetscCall(BodiesUpdateGhosts(c->bodies, 3, c->w));
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Velocity of body k after a sub-step under the forces of all pairs */
@@ -52,6 +70,51 @@ static void push_body(Contact c, PetscInt k, PetscReal h, PetscReal share, Petsc
     c->s->contact_torque[k][a] += share * c->at_once.torque[k][a];
   }
   BodiesKeepAxes(c->state, k, c->u[k], turns ? c->w[k] : NULL);
+}
+
+/* A body that is guided, from its velocities after contact: work gains what contact has done on it */
+static PetscErrorCode move_guided(Contact c, PetscInt k, PetscReal time, PetscReal h, PetscReal share, Exact *work)
+{
+  const AtOnce *all     = &c->at_once;
+  PetscReal     none[3] = {0, 0, 0}, swing[3], gain = 0;
+  PetscReal    *torque = all->torque ? all->torque[k] : none;
+  Surroundings  around;
+
+  PetscFunctionBeginUser;
+  take_surroundings(c, &around);
+  if (dot3(all->force[k], all->force[k]) == 0 && dot3(torque, torque) == 0) {
+    for (PetscInt a = 0; a < 3; a++) {
+      c->u[k][a] = c->guided[k][a];
+      c->w[k][a] = c->guided[k][3 + a];
+    }
+    PetscCall(FlightMove(c->bodies, k, &around, time, h));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  for (PetscInt a = 0; a < 3; a++) gain += all->force[k][a] * c->u[k][a] + torque[a] * c->w[k][a];
+  push_body(c, k, h, share, (PetscBool)(all->torque != NULL));
+  if (ContactPivots(c, k)) {
+    ContactSwing(c, k, all->force[k], swing);
+    for (PetscInt a = 0; a < 3; a++) c->w[k][a] += h * swing[a];
+  }
+  PetscCall(FlightFollowPivot(c->bodies, k, time + h));
+  for (PetscInt a = 0; a < 3; a++) gain += all->force[k][a] * c->u[k][a] + torque[a] * c->w[k][a];
+  if (BodiesGetGroup(c->state, k)->free) ExactAdd(work, 0.5 * h * gain);
+  PetscCall(FlightPlace(c->bodies, k, &around, time, h));
+  if (c->dim == 3) PetscCall(ContactSetInertia(c, k));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Ghosts too: forces see the velocities after it */
+static void drop_bodies(Contact c, PetscReal h)
+{
+  for (PetscInt k = 0; k < c->s->n; k++) {
+    const Kind     *kind = ContactKind(c, k);
+    const PetscReal mass = (c->s->density[k] - c->rho_f) * BodiesVolume(c->state, k);
+
+    if (c->s->gone[k] || BodiesGetGroup(c->state, k)->guided) continue;
+    for (PetscInt a = 0; a < c->dim; a++) c->u[k][a] += h * mass * kind->inverse_mass[a] * c->g[a];
+    BodiesKeepAxes(c->state, k, c->u[k], NULL);
+  }
 }
 
 /* Smallest time in which a contact force changes between any two kinds: without a look at the pairs, which change
@@ -96,36 +159,55 @@ static PetscErrorCode turn_body(Contact c, PetscInt k, PetscReal h)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode advance_alone(Contact c, PetscReal h, PetscReal share)
+static PetscErrorCode advance_alone(Contact c, PetscReal time, PetscReal h, PetscReal share, Exact *work)
 {
   const PetscBool turns = ContactTurns(c);
 
   PetscFunctionBeginUser;
   PetscCall(ContactFindPairs(c));
   drop_bodies(c, h);
+  PetscCall(accelerate_guided(c, time, h));
   PetscCall(ContactForcesAtOnce(c, h, turns));
   for (PetscInt k = 0; k < c->s->n; k++) {
     if (c->s->gone[k] || !c->s->own[k]) continue;
+    if (BodiesGetGroup(c->state, k)->guided) {
+      PetscCall(move_guided(c, k, time, h, share, work));
+      continue;
+    }
     push_body(c, k, h, share, turns);
     for (PetscInt a = 0; a < c->dim; a++) c->x[k][a] += h * c->u[k][a];
     c->s->angle[k] += h * dot3(c->w[k], BodiesGetGroup(c->state, k)->motion.hinge);
     if (c->dim == 2) RotationFromAngle(c->s->angle[k], c->q[k]);
     else PetscCall(turn_body(c, k, h));
   }
-  PetscCall(BodiesSync(c->bodies, turns));
+  PetscCall(BodiesSync(c->bodies, (PetscBool)(turns || c->guided)));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Before the first step: are there bodies that are guided? */
+static PetscErrorCode begin_alone(Contact c)
+{
+  PetscBool any = PETSC_FALSE;
+
+  PetscFunctionBeginUser;
+  c->alone = PETSC_TRUE;
+  for (PetscInt g = 0; g < c->s->ngroups; g++) any = (PetscBool)(any || (c->s->group[g].guided && c->s->group[g].count));
+  if (any) PetscCall(BodiesAttachWork(c->bodies, sizeof(*c->guided), (void **)&c->guided));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode ContactAdvanceAlone(Contact c, PetscReal dt)
 {
-  BodyArrays *s = c->s;
-  PetscReal   before, after, time = PETSC_MAX_REAL;
-  PetscInt    n = 1;
+  BodyArrays     *s     = c->s;
+  const PetscReal start = s->time;
+  PetscReal       before, after, guided, time = PETSC_MAX_REAL;
+  PetscInt        n    = 1;
+  Exact           work = {{0}, 0, 0};
 
   PetscFunctionBeginUser;
   PetscCheck(dt > 0, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Time step %g of the bodies must be positive", (double)dt);
   PetscCall(PetscLogEventBegin(TB_CONTACT, 0, 0, 0, 0));
-  c->alone = PETSC_TRUE;
+  if (!c->alone) PetscCall(begin_alone(c));
   ContactClear(s);
   PetscCall(ContactSetScales(c, dt, NULL));
   c->x = s->x;
@@ -142,11 +224,14 @@ PetscErrorCode ContactAdvanceAlone(Contact c, PetscReal dt)
     PetscCall(alone_time(c, &time));
     PetscCall(ContactChooseSubsteps(c, dt, time, &n));
   }
-  for (PetscInt i = 0; i < n; i++) PetscCall(advance_alone(c, dt / n, 1. / n));
+  for (PetscInt i = 0; i < n; i++) PetscCall(advance_alone(c, start + i * (dt / n), dt / n, 1. / n, &work));
   c->steps_done = n;
   c->nnear      = c->npairs;
   PetscCall(mechanical_energy(c, &after));
   c->work += after - before;
+  if (c->guided) PetscCall(ExactGetSum(BodiesComm(c->bodies), &work, &guided));
+  if (c->guided) c->work += guided;
+  PetscCall(ContactCheckImages(c, PETSC_FALSE));
   PetscCall(PetscLogEventEnd(TB_CONTACT, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

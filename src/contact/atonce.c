@@ -118,10 +118,17 @@ static PetscErrorCode sum_elastic(Contact c, PetscReal h, PetscBool turns)
 static void kick_body(Contact c, PetscInt k, PetscReal h, PetscBool turns)
 {
   AtOnce   *a     = &c->at_once;
-  PetscReal dw[3] = {0, 0, 0};
+  PetscReal dw[3] = {0, 0, 0}, swing[3], arm[3], du[3];
 
   for (PetscInt b = 0; b < 3; b++) a->after[k][b] = c->u[k][b] + h * ContactKind(c, k)->inverse_mass[b] * a->force[k][b];
   if (turns) ContactSpin(c, k, a->torque[k], dw);
+  if (ContactPivots(c, k)) { /* turns */
+    ContactSwing(c, k, a->force[k], swing);
+    for (PetscInt b = 0; b < 3; b++) dw[b] += swing[b];
+    (void)BodiesGetArm(c->bodies, k, c->q[k], arm);
+    cross(dw, arm, du);
+    for (PetscInt b = 0; b < 3; b++) a->after[k][b] = c->u[k][b] + h * du[b];
+  }
   for (PetscInt b = 0; b < 3 && turns; b++) a->spin[k][b] = c->w[k][b] + h * dw[b];
   BodiesKeepAxes(c->state, k, a->after[k], turns ? a->spin[k] : NULL);
 }

@@ -18,14 +18,19 @@ static PetscErrorCode complain(Contact c, const Pair *p, PetscReal overlap)
 {
   const BodyGroup *i = BodiesGetGroup(c->state, p->i), *j = p->j >= 0 ? BodiesGetGroup(c->state, p->j) : NULL;
   char             partner[128];
+  const char      *name;
 
   PetscFunctionBeginUser;
   if (j) (void)snprintf(partner, sizeof(partner), "body %" PetscInt_FMT " of group '%s'", BodiesPlaceInGroup(c->state, p->j), j->name);
-  else (void)snprintf(partner, sizeof(partner), "wall '%s'", DOMAIN_SIDE[-1 - p->j]);
+  else {
+    PetscCall(ContactGetWallName(c, -1 - p->j, &name));
+    (void)snprintf(partner, sizeof(partner), "wall '%s'", name);
+  }
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_USER_INPUT,
           "Body %" PetscInt_FMT
-          " of group '%s' overlaps %s by %g at the start: move one of them (-particle_%s_position, _lower, _upper, _margin, _table)",
-          BodiesPlaceInGroup(c->state, p->i), i->name, partner, (double)overlap, i->name);
+          " of group '%s' overlaps %s by %g at the start, where its centre is %g,%g,%g: move one of them (-particle_%s_position, _lower, _upper, _margin, _table)",
+          BodiesPlaceInGroup(c->state, p->i), i->name, partner, (double)overlap, (double)c->x[p->i][0], (double)c->x[p->i][1], (double)c->x[p->i][2],
+          i->name);
 }
 
 /* Pairs within the range remember that they began there */
@@ -50,9 +55,11 @@ PetscErrorCode ContactCheckStart(Contact c)
 
   PetscFunctionBeginUser;
   PetscCall(ContactMigrate(c, 0, NULL));
+  PetscCall(ContactCheckInside(c));
   c->x = c->s->x;
   c->q = c->s->q;
   PetscCall(PetscFree(c->reach));
+  PetscCall(ContactCheckImages(c, PETSC_TRUE));
   PetscCall(ContactFindPairs(c));
   for (PetscInt k = 0; k < c->npairs; k++) {
     const Pair *p = &c->pair[k];
@@ -179,9 +186,8 @@ PetscErrorCode ContactIsImplicit(Contact c, PetscBool *implicit)
 PetscErrorCode ContactView(Contact c, PetscViewer viewer)
 {
   PetscFunctionBeginUser;
-  PetscCall(PetscViewerASCIIPrintf(viewer, "contact: law %s, range %g, walls%s%s%s%s%s%s%s\n", c->law->name, (double)c->range,
-                                   c->walls & 1 ? " x-" : "", c->walls & 2 ? " x+" : "", c->walls & 4 ? " y-" : "", c->walls & 8 ? " y+" : "",
-                                   c->walls & 16 ? " z-" : "", c->walls & 32 ? " z+" : "", c->walls ? "" : " none"));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "contact: law %s, range %g, walls", c->law->name, (double)c->range));
+  PetscCall(ContactViewWalls(c, viewer));
   if (c->lubricate)
     PetscCall(PetscViewerASCIIPrintf(viewer, "  lubrication below gap %g, roughness %g, viscosity %g\n", (double)c->film_begin, (double)c->roughness,
                                      (double)c->viscosity));
@@ -410,6 +416,7 @@ PetscErrorCode ContactDestroy(Contact *contact)
   PetscCall(BodiesDetach(c->bodies, (void **)&c->copy_u));
   PetscCall(BodiesDetach(c->bodies, (void **)&c->copy_w));
   PetscCall(BodiesDetach(c->bodies, (void **)&c->inverse_inertia));
+  PetscCall(BodiesDetach(c->bodies, (void **)&c->guided));
   PetscCall(PetscFree(c->pair));
   PetscCall(PetscFree(c->slip));
   PetscCall(PetscFree(c->springs));

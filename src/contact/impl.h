@@ -1,7 +1,8 @@
 /* Inside of the contact room; for its files only. contact.c: the object. step.c, alone.c: steps with and without a
-   flow. momentum.c: what they share. search.c: who is near whom. touch.c: where two bodies touch. law.c,
+   flow. momentum.c: what they share. search.c: who is near whom. touch.c: where two bodies touch. wall.c: walls. law.c,
    pairforce.c: the forces; atonce.c: of all pairs at once. impulse.c: law spring in a flow. slip.c: what pairs
-   remember, on its way. separate.c: gaps and overlaps after a step. pack.c, packgap.c: packing, with pack.h. Vectors
+   remember, on its way. separate.c: gaps and overlaps after a step. images.c: bodies and their own images. pack.c,
+   packgap.c: packing, with pack.h. Vectors
    have 3 components, 2D ones a zero; a tensor is xx yy zz xy xz yz. */
 #pragma once
 #include "base/algebra.h"
@@ -11,11 +12,12 @@
 #include "contact/contact.h"
 
 #define CONTACT_MAX_POINTS 1024 /* surface points of a shape */
+#define CONTACT_BATCH      64   /* of them are placed at once */
 #define CONTACT_SKIN       0.1  /* of a list of pairs, in radii */
 #define FILM_OPEN          2    /* gap in ranges from which on a mesh with a recess resolves films (pairforce.c) */
 
 typedef struct {
-  PetscInt i, j; /* j = -1 - face for a wall */
+  PetscInt i, j; /* j = -1 - number for a wall */
 } Pair;
 
 /* A point where two bodies (or a body and a wall) meet. */
@@ -116,6 +118,7 @@ struct _p_Contact {
   PetscInt          substeps, walls, dim;
   PetscReal         h, range, horizon; /* horizon >= range: no force of any kind beyond */
   PetscReal         rho_f, viscosity, g[3], lower[3], upper[3], period[3];
+  ContactWalls      wall; /* beyond the sides of the box */
   /* parameters of the laws */
   PetscReal   multiple, eps, eps_overlap, wall_factor, damping_speed;                 /* repulsive */
   PetscBool   implicit;                                                               /* likewise: with the flow */
@@ -132,7 +135,8 @@ struct _p_Contact {
   PetscReal   floor, top; /* u_ref of bodies without buoyancy; speed of the fastest when the scales were set */
   PetscReal  *present;    /* [n] speed of a body's fastest point when the scales were set */
   PetscBool   alone;      /* it has moved the bodies */
-  PetscBool   with_flow;  /* it finds springs */
+  PetscReal (*guided)[6]; /* [n] velocities u, w of bodies that are guided before a sub-step; NULL: there are none */
+  PetscBool with_flow;    /* it finds springs */
   /* where the bodies are: the state's own arrays or copies */
   PetscReal (*x)[3], (*q)[4], (*u)[3], (*w)[3];
   PetscReal (*copy_x)[3], (*copy_q)[4], (*copy_u)[3], (*copy_w)[3]; /* [n], allocated when first needed */
@@ -204,23 +208,40 @@ static inline void ContactNoteGap(const Pair *p, PetscReal gap, PetscReal all[])
   if (p->j >= 0) all[p->j] = PetscMin(all[p->j], gap);
 }
 
-/* Change of angular velocity under an angular impulse. */
+/* Does body k turn about a pivot here? In a flow its rows know the pivot (couple/touch.c). */
+static inline PetscBool ContactPivots(Contact c, PetscInt k)
+{
+  return (PetscBool)(c->alone && BodiesGetGroup(c->state, k)->motion.has_pivot);
+}
+
+static inline PetscReal ContactSquareOfArm(Contact c, PetscInt k)
+{
+  const PetscReal *arm = BodiesGetGroup(c->state, k)->arm;
+
+  return PetscSqr(c->s->scale[k]) * dot3(arm, arm);
+}
+
+/* Change of angular velocity under an angular impulse, about the pivot of a body that turns about one here. */
 static inline void ContactSpin(Contact c, PetscInt k, const PetscReal torque[3], PetscReal dw[3])
 {
   if (c->dim == 3) apply_tensor(c->inverse_inertia[k], torque, dw);
   else {
     dw[0] = dw[1] = 0;
     dw[2]         = ContactKind(c, k)->inverse_spin * torque[2];
+    if (ContactPivots(c, k)) dw[2] /= 1 + ContactKind(c, k)->inverse_spin * ContactKind(c, k)->mass * ContactSquareOfArm(c, k);
   }
 }
 
+/* What a force at the centre of a body that turns about a pivot adds to its w. */
+void ContactSwing(Contact, PetscInt k, const PetscReal force[3], PetscReal dw[3]);
 /* A contact that knows bodies and domain, but no options, no walls and no scales; for the search and for touches.
    Give it range, horizon and points. */
 PetscErrorCode ContactCreateBare(Bodies, const PetscReal lower[3], const PetscReal upper[3], Contact *);
 /* Make the list of all pairs that can come within the horizon, from x and reach; kept while it is still good. Bodies
    that are spread over the ranks go to their owners before (BodiesMigrate). Collective. */
 PetscErrorCode ContactFindPairs(Contact);
-/* Gap between two discs (spheres), j >= 0, or of a disc to a wall; the unit normal points at i. */
+PetscErrorCode ContactAddPair(Contact, PetscInt i, PetscInt j);
+/* Gap between two discs (spheres), j >= 0, or of a disc to a side of the box; the unit normal points at i. */
 void ContactDiscGap(Contact, PetscInt i, PetscReal radius_i, PetscInt j, PetscReal radius_j, PetscReal normal[3], PetscReal *gap);
 /* All touching points of a pair in c->touch, sum of weights one, and its smallest gap (PETSC_MAX_REAL: none). */
 PetscErrorCode ContactFindTouch(Contact, PetscInt i, PetscInt j, PetscInt *n, PetscReal *gap);
@@ -238,6 +259,33 @@ PetscErrorCode ContactCreatePoints(Contact, PetscInt most);
 void           ContactSharePoints(Contact);
 /* In a flow: law.c says why. */
 void ContactStopPulling(Contact);
+/* Surface points [first, first + n) of body k, n <= CONTACT_BATCH, from its centre in space axes: r [n] */
+void ContactPlacePoints(Contact, PetscInt k, PetscInt first, PetscInt n, PetscReal r[][3]);
+
+/* wall.c. A wall j < 0 is a side of the box, or a piece of the border */
+static inline PetscBool ContactIsPiece(PetscInt j)
+{
+  return (PetscBool)(j < -CONTACT_SIDES);
+}
+static inline PetscInt ContactPiece(PetscInt j)
+{
+  return -1 - j - CONTACT_SIDES;
+}
+/* Pairs of body k with all walls nearer to its centre than reach; is wall j? */
+PetscErrorCode ContactFindWalls(Contact, PetscInt k, PetscReal reach);
+PetscErrorCode ContactIsNearWall(Contact, PetscInt i, PetscInt j, PetscReal reach, PetscBool *);
+/* Towards body i, where the wall is nearest to its centre */
+PetscErrorCode ContactGetWallNormal(Contact, PetscInt i, PetscInt j, PetscReal normal[3]);
+/* Where body i touches wall j, without weights: t [n] */
+PetscErrorCode ContactTouchWall(Contact, PetscInt i, PetscInt j, PetscInt *n, Touch t[]);
+/* Gap of the place r from the centre of body i, the normal there and its gradient, the curvature of the wall */
+PetscErrorCode ContactPlaceOnWall(Contact, PetscInt i, PetscInt j, const PetscReal r[3], PetscReal *gap, PetscReal normal[3], PetscReal K[9]);
+/* Of wall j at x, along it */
+PetscErrorCode ContactGetWallVelocity(Contact, PetscInt j, const PetscReal x[3], const PetscReal normal[3], PetscReal v[3]);
+/* Their names, and the end of a line */
+PetscErrorCode ContactViewWalls(Contact, PetscViewer);
+/* Error: a body whose centre is outside the border */
+PetscErrorCode ContactCheckInside(Contact);
 /* Options of all laws; the unused laws' ones count as unknown. */
 PetscErrorCode ContactReadLaws(Contact);
 /* What acts in pair number p where its bodies are now: n dashpots in c->dashpot, and friction, added to *friction; the
@@ -245,12 +293,12 @@ PetscErrorCode ContactReadLaws(Contact);
 PetscErrorCode ContactPairDashpots(Contact, PetscInt p, PetscReal h, PetscInt *n, Impulse *friction, PetscReal *gap);
 /* The speed of a pair that scales its stiffness: the larger present one; where contact is solved with the flow that at
    which the centres approach each other, since a spring that stiffens as its bodies part would make energy */
-PetscReal ContactPairSpeed(Contact, const Pair *);
+PetscErrorCode ContactPairSpeed(Contact, const Pair *, PetscReal *);
 /* Stiffness and scale of speed of a pair */
-void ContactFillMeeting(Contact, const Pair *, Meeting *);
+PetscErrorCode ContactFillMeeting(Contact, const Pair *, Meeting *);
 /* Can the pair come within the horizon, with the ways in c->reach? The list holds also those that its skin brought
    in. */
-PetscBool ContactCanMeet(Contact, const Pair *);
+PetscErrorCode ContactCanMeet(Contact, const Pair *, PetscBool *);
 /* Closing speed of a pair at a dashpot, by c->u and c->w. */
 PetscReal ContactApproach(Contact, const Pair *, const Dashpot *);
 /* Force of a dashpot that acts alone for the time h */
@@ -306,3 +354,7 @@ PetscErrorCode ContactFindShifts(Contact, PetscReal dt, PetscInt n, const PetscI
 PetscReal ContactInverseMass(Contact, PetscInt k, const PetscReal r[3], const PetscReal n[3]);
 /* No contact forces, no gaps. */
 void ContactClear(BodyArrays *);
+
+/* Refuse bodies that overlap their own periodic image, and those that turn and reach beyond half a period; start: the
+   message says at the start, else the time. Not collective, of own bodies. */
+PetscErrorCode ContactCheckImages(Contact, PetscBool start);

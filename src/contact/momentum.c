@@ -51,6 +51,7 @@ PetscBool ContactTurns(Contact c)
   PetscBool turns = (PetscBool)(c->lubricate || c->friction > 0);
 
   for (PetscInt g = 0; g < c->s->ngroups; g++) turns = (PetscBool)(turns || c->s->group[g].disc <= 0);
+  for (PetscInt g = 0; g < c->s->ngroups && c->alone; g++) turns = (PetscBool)(turns || c->s->group[g].motion.has_pivot);
   return turns;
 }
 
@@ -140,6 +141,23 @@ void ContactScatter(const Pair *p, const Impulse *s, PetscReal scale, PetscReal 
   }
 }
 
+/* Inertia about the pivot */
+static void add_arm(const PetscReal arm[3], PetscReal mass, PetscReal inertia[6])
+{
+  const PetscInt row[6] = {0, 1, 2, 0, 0, 1}, col[6] = {0, 1, 2, 1, 2, 2};
+
+  for (PetscInt i = 0; i < 6; i++) inertia[i] += mass * ((row[i] == col[i] ? dot3(arm, arm) : 0) - arm[row[i]] * arm[col[i]]);
+}
+
+void ContactSwing(Contact c, PetscInt k, const PetscReal force[3], PetscReal dw[3])
+{
+  PetscReal arm[3], about[3];
+
+  (void)BodiesGetArm(c->bodies, k, c->q[k], arm);
+  cross(arm, force, about);
+  ContactSpin(c, k, about, dw);
+}
+
 void ContactMobility(Contact c, PetscInt k, const PetscReal force[3], PetscReal out[3])
 {
   for (PetscInt a = 0; a < 3; a++) out[a] = force[a] * ContactKind(c, k)->inverse_mass[a];
@@ -159,12 +177,16 @@ static void hinge_inertia(const PetscReal e[3], const PetscReal inertia[6], Pets
 /* 3D: the inertia turns with the body; within a step its orientation at the beginning counts. */
 PetscErrorCode ContactSetInertia(Contact c, PetscInt k)
 {
-  PetscReal inertia[6];
+  PetscReal inertia[6], arm[3];
 
   PetscFunctionBeginUser;
   PetscCall(PetscArrayzero(c->inverse_inertia[k], 6));
   if (!(BodiesGetGroup(c->state, k)->free & BODY_FREE_ROTATION)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(effective_inertia(c, k, inertia));
+  if (ContactPivots(c, k)) {
+    PetscCall(BodiesGetArm(c->bodies, k, NULL, arm));
+    add_arm(arm, ContactMass(c, k), inertia);
+  }
   if (BodiesGetGroup(c->state, k)->motion.has_hinge) hinge_inertia(BodiesGetGroup(c->state, k)->motion.hinge, inertia, c->inverse_inertia[k]);
   else invert_tensor(inertia, c->inverse_inertia[k]);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -172,16 +194,14 @@ PetscErrorCode ContactSetInertia(Contact c, PetscInt k)
 
 /* ---- which can meet ---- */
 
-PetscBool ContactCanMeet(Contact c, const Pair *p)
+PetscErrorCode ContactCanMeet(Contact c, const Pair *p, PetscBool *can)
 {
-  PetscReal reach = c->horizon + ContactKind(c, p->i)->radius + c->reach[p->i];
+  const PetscReal reach = c->horizon + ContactKind(c, p->i)->radius + c->reach[p->i];
 
-  if (p->j < 0) {
-    const PetscInt face = -1 - p->j, a = face / 2;
-
-    return (PetscBool)((face % 2 ? c->upper[a] - c->x[p->i][a] : c->x[p->i][a] - c->lower[a]) < reach);
-  }
-  return ContactWithin(c, p->i, p->j, reach + ContactKind(c, p->j)->radius + c->reach[p->j]);
+  PetscFunctionBeginUser;
+  if (p->j < 0) PetscCall(ContactIsNearWall(c, p->i, p->j, reach, can));
+  else *can = ContactWithin(c, p->i, p->j, reach + ContactKind(c, p->j)->radius + c->reach[p->j]);
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* ---- sub-steps ---- */

@@ -7,8 +7,12 @@
 #define BODIES      "-particle_groups"
 
 static const OptSpec SPECS[] = {
-  {"-contact_law", OPT_CHOICE, "", OPT_ANY, "repulsive", .help = "law of the contact force", .choices = "repulsive, spring, none"},
-  {"-contact_range", OPT_REAL, "length", OPT_ABOVE_ZERO, "half a cell", .help = "gap below which bodies repel each other"},
+  {"-contact_law", OPT_CHOICE, "", OPT_ANY, "repulsive", .help = "law of the contact force", .choices = "repulsive, spring, none",
+   .also = "model, type, force_model",
+   .words =
+     "dem spring, hertz spring, linear spring, spring_dashpot spring, hookean spring, off none, false none, soft repulsive, glowinski repulsive, repulsion repulsive"},
+  {"-contact_range", OPT_REAL, "length", OPT_ABOVE_ZERO, "half a cell", .help = "gap below which bodies repel each other",
+   .also = "cutoff, distance, gap"},
   {"-contact_substeps", OPT_INT, "", 0, PETSC_MAX_INT / 2, "0", .help = "sub-steps of the contact in a time step, 0: from the stiffness"},
   {"-contact_coupling", OPT_CHOICE, "", OPT_ANY, "implicit",
    .help    = "forces of contact: solved with the flow, or found in sub-steps before it (with -couple_type explicit always)",
@@ -18,7 +22,7 @@ static const OptSpec SPECS[] = {
   {"-contact_stiffness", OPT_REAL, "", OPT_ABOVE_ZERO, "1",
    .help = "multiple of the default stiffness, which stops a body that arrives at terminal speed", .when = REPULSIVE},
   {"-contact_damping", OPT_REAL, "", OPT_FROM(0), "0.1", .help = "speed of approach that doubles the force, in the speed scale; 0: no damping",
-   .when = REPULSIVE},
+   .when = REPULSIVE, .also = "dashpot, gamma"},
   {"-contact_eps", OPT_REAL, "length^3/force", OPT_ABOVE_ZERO, "",
    .help = "stiffness parameter within the range: force = centre distance (range - gap)^2/eps; replaces the default stiffness", .when = REPULSIVE,
    .expert = PETSC_TRUE},
@@ -27,9 +31,11 @@ static const OptSpec SPECS[] = {
   {"-contact_wall_factor", OPT_REAL, "", OPT_ABOVE_ZERO, "1", .help = "stiffness against walls in that between bodies", .when = REPULSIVE,
    .expert = PETSC_TRUE},
   {"-contact_spring_stiffness", OPT_REAL, "force/length", OPT_ABOVE_ZERO, "stops a body at terminal speed within half the range",
-   .help = "stiffness of the normal spring", .when = SPRING},
-  {"-contact_restitution", OPT_REAL, "", 0, 1, "0.5", .help = "speed after a dry collision in that before", .when = SPRING},
-  {"-contact_friction", OPT_REAL, "", OPT_FROM(0), "0", .help = "coefficient of Coulomb friction", .when = SPRING},
+   .help = "stiffness of the normal spring", .when = SPRING, .also = "k, kn, k_n, spring"},
+  {"-contact_restitution", OPT_REAL, "", 0, 1, "0.5", .help = "speed after a dry collision in that before", .when = SPRING,
+   .also = "e, cor, restitution_coefficient, coefficient_of_restitution"},
+  {"-contact_friction", OPT_REAL, "", OPT_FROM(0), "0", .help = "coefficient of Coulomb friction", .when = SPRING,
+   .also = "mu, friction_coefficient"},
   {"-contact_tangential", OPT_REAL, "", OPT_POSITIVE, 1, "2/7", .help = "stiffness of the tangential spring in that of the normal one",
    .when = SPRING, .expert = PETSC_TRUE},
   {"-contact_lubrication", OPT_BOOL, "", OPT_ANY, "false", .help = "add the resistance of films that are thinner than the mesh resolves",

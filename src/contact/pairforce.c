@@ -26,9 +26,11 @@ static void add_force(Impulse *s, const PetscReal f[3], const PetscReal ri[3], c
 PetscReal ContactInverseMass(Contact c, PetscInt k, const PetscReal r[3], const PetscReal n[3])
 {
   const Kind *kind = ContactKind(c, k);
-  PetscReal   rn[3], irn[3], sum = 0;
+  PetscReal   rn[3], irn[3], arm[3] = {0, 0, 0}, sum = 0;
 
-  cross(r, n, rn);
+  if (ContactPivots(c, k)) (void)BodiesGetArm(c->bodies, k, c->q[k], arm);
+  for (PetscInt a = 0; a < 3; a++) arm[a] += r[a];
+  cross(arm, n, rn);
   ContactSpin(c, k, rn, irn);
   for (PetscInt a = 0; a < 3; a++) sum += kind->inverse_mass[a] * n[a] * n[a];
   return sum + dot3(rn, irn);
@@ -88,15 +90,29 @@ static void average_touch(PetscInt n, const Touch t[], const PetscReal share[], 
   }
 }
 
+/* v less the velocity of the wall of a pair */
+static PetscErrorCode subtract_wall(Contact c, const Pair *p, const Touch *t, PetscReal v[3])
+{
+  const PetscReal x[3] = {c->x[p->i][0] + t->ri[0], c->x[p->i][1] + t->ri[1], c->x[p->i][2] + t->ri[2]};
+  PetscReal       wall[3];
+
+  PetscFunctionBeginUser;
+  PetscCall(ContactGetWallVelocity(c, p->j, x, t->normal, wall));
+  for (PetscInt a = 0; a < 3; a++) v[a] -= wall[a];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Tangential spring with sliding; normal is the force pressing the bodies together. Spring and damper act at the end of
    the sub-step (implicit), so that a body at rest on a slope does not creep. */
-static void add_friction(Contact c, const Pair *p, const Touch *t, PetscReal normal, PetscReal stiffness, PetscReal h, PetscReal slip[3],
-                         Impulse *sum)
+static PetscErrorCode add_friction(Contact c, const Pair *p, const Touch *t, PetscReal normal, PetscReal stiffness, PetscReal h, PetscReal slip[3],
+                                   Impulse *sum)
 {
   const PetscReal k = c->tangential * stiffness;
   PetscReal       v[3], f[3], unit[3], along, size, rate, inverse;
 
+  PetscFunctionBeginUser;
   relative_velocity(c, p->i, p->j, t->ri, t->rj, v);
+  if (p->j < 0) PetscCall(subtract_wall(c, p, t, v));
   along = dot3(v, t->normal);
   for (PetscInt a = 0; a < 3; a++) v[a] -= along * t->normal[a];
   along = dot3(slip, t->normal); /* the plane of contact has turned */
@@ -107,7 +123,7 @@ static void add_friction(Contact c, const Pair *p, const Touch *t, PetscReal nor
   size = PetscSqrtReal(dot3(f, f));
   for (PetscInt a = 0; a < 3; a++) unit[a] = size > 0 ? f[a] / size : 0;
   inverse = pair_inverse_mass(c, p->i, p->j, t, unit);
-  if (inverse <= 0) return;
+  if (inverse <= 0) PetscFunctionReturn(PETSC_SUCCESS);
   rate = 2 * c->damping_ratio * PetscSqrtReal(k / inverse);
   for (PetscInt a = 0; a < 3; a++) f[a] = -(k * slip[a] + (k * h + rate) * v[a]) / (1 + h * inverse * (k * h + rate));
   size = PetscSqrtReal(dot3(f, f));
@@ -119,6 +135,7 @@ static void add_friction(Contact c, const Pair *p, const Touch *t, PetscReal nor
   } else
     for (PetscInt a = 0; a < 3; a++) slip[a] += h * (v[a] + h * inverse * f[a]);
   add_force(sum, f, t->ri, t->rj);
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* The gap at which the mesh resists as it does at this one (runs/studies/contact, "Films") */
@@ -164,18 +181,23 @@ static PetscErrorCode film_dashpot(Contact c, const Pair *p, Touch *t, Dashpot *
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscReal ContactPairSpeed(Contact c, const Pair *p)
+PetscErrorCode ContactPairSpeed(Contact c, const Pair *p, PetscReal *speed)
 {
   PetscReal v[3] = {0}, d[3] = {0};
 
-  if (!c->with_flow) return p->j >= 0 ? PetscMax(c->present[p->i], c->present[p->j]) : c->present[p->i];
-  if (p->j < 0) d[(-1 - p->j) / 2] = (-1 - p->j) % 2 ? -1 : 1;
+  PetscFunctionBeginUser;
+  if (!c->with_flow) {
+    *speed = p->j >= 0 ? PetscMax(c->present[p->i], c->present[p->j]) : c->present[p->i];
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  if (p->j < 0) PetscCall(ContactGetWallNormal(c, p->i, p->j, d));
   for (PetscInt a = 0; a < c->dim; a++) {
     v[a] = c->u[p->i][a] - (p->j >= 0 ? c->u[p->j][a] : 0);
     if (p->j >= 0) d[a] = c->x[p->i][a] - c->x[p->j][a];
   }
   ContactWrap(c, d);
-  return PetscMax(0, -dot3(v, d)) / PetscMax(PetscSqrtReal(dot3(d, d)), PETSC_SMALL);
+  *speed = PetscMax(0, -dot3(v, d)) / PetscMax(PetscSqrtReal(dot3(d, d)), PETSC_SMALL);
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Added mass of a disc, a sphere at a wall, moving along its normal: 2 zeta(2) - 1 of the displaced mass (Yang 2010, by
@@ -188,14 +210,23 @@ static PetscReal mass_where_touching(Contact c, const Kind *k)
   return (k->density + touching * c->rho_f) / (k->density + open * c->rho_f);
 }
 
-void ContactFillMeeting(Contact c, const Pair *p, Meeting *m)
+PetscErrorCode ContactFillMeeting(Contact c, const Pair *p, Meeting *m)
 {
-  const Kind     *ki = ContactKind(c, p->i), *kj = p->j >= 0 ? ContactKind(c, p->j) : NULL;
-  const PetscReal speed = ContactPairSpeed(c, p);
+  const Kind *ki = ContactKind(c, p->i), *kj = p->j >= 0 ? ContactKind(c, p->j) : NULL;
+  PetscReal   speed;
 
+  PetscFunctionBeginUser;
+  PetscCall(ContactPairSpeed(c, p, &speed));
   m->stiffness = c->law->combine(c, ki, kj, speed);
   m->heavier   = PetscMax(mass_where_touching(c, ki), kj ? mass_where_touching(c, kj) : 1);
   m->speed     = PetscMax(speed, kj && kj->stiffness > ki->stiffness ? kj->speed : ki->speed);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Springs along the surfaces; c->slip holds what frictionless pairs remember, too */
+static PetscBool has_friction(const struct _p_Contact *c)
+{
+  return (PetscBool)(c->slip && c->friction > 0);
 }
 
 /* A pair that was laid within the range (law spring) has no energy there: it feels the law from the widest gap on that it
@@ -220,28 +251,31 @@ static void ask_law(Contact c, Meeting *m, PetscReal gap, PetscReal weight, Pets
   if (h <= 0) d->rate = 0;
 }
 
-/* Discs (spheres) and walls without friction or film: along the line of centres, no torques. PETSC_FALSE: not such a
-   pair. The common case of many bodies, in closed form. */
-static PetscBool discs_dashpot(Contact c, const Pair *p, PetscReal h, PetscInt *n, Dashpot *d, PetscReal *gap)
+/* Discs (spheres) and sides of a box without friction or film: along the line of centres, no torques. *are: is it
+   such a pair? The common case of many bodies, in closed form. */
+static PetscErrorCode discs_dashpot(Contact c, const Pair *p, PetscReal h, PetscInt *n, Dashpot *d, PetscReal *gap, PetscBool *are)
 {
   const Kind *ki = ContactKind(c, p->i), *kj = p->j >= 0 ? ContactKind(c, p->j) : NULL;
   Meeting     m;
   PetscReal   within;
 
-  if (ki->disc <= 0 || (kj && kj->disc <= 0) || (c->slip && c->friction > 0) || c->lubricate) return PETSC_FALSE;
+  PetscFunctionBeginUser;
+  *are = (PetscBool)(ki->disc > 0 && (!kj || kj->disc > 0) && !has_friction(c) && !c->lubricate && !ContactIsPiece(p->j));
+  if (ContactPivots(c, p->i) || (kj && ContactPivots(c, p->j))) *are = PETSC_FALSE;
+  if (!*are) PetscFunctionReturn(PETSC_SUCCESS);
   ContactDiscGap(c, p->i, ki->disc, p->j, kj ? kj->disc : 0, d->normal, gap);
   within = begun_within(c, p - c->pair, *gap);
   *n     = *gap + within < c->range;
-  if (!*n) return PETSC_TRUE;
+  if (!*n) PetscFunctionReturn(PETSC_SUCCESS);
   d->inverse_mass = d->of_i = 0;
   d->has_levers             = PETSC_FALSE;
   for (PetscInt a = 0; a < 3; a++) {
     d->inverse_mass += (ki->inverse_mass[a] + (kj ? kj->inverse_mass[a] : 0)) * d->normal[a] * d->normal[a];
     d->of_i += ki->inverse_mass[a] * d->normal[a] * d->normal[a];
   }
-  ContactFillMeeting(c, p, &m);
+  PetscCall(ContactFillMeeting(c, p, &m));
   ask_law(c, &m, *gap + within, 1, h, d);
-  return PETSC_TRUE;
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscReal ContactApproach(Contact c, const Pair *p, const Dashpot *d)
@@ -279,9 +313,9 @@ static PetscErrorCode add_others(Contact c, PetscInt number, PetscInt n, PetscRe
   Touch       mean;
 
   PetscFunctionBeginUser;
-  if (c->slip && c->friction > 0 && pressing > 0 && h > 0) {
+  if (has_friction(c) && pressing > 0 && h > 0) {
     average_touch(n, c->touch, share, &mean);
-    add_friction(c, p, &mean, pressing, stiffness, h, c->slip[number], friction);
+    PetscCall(add_friction(c, p, &mean, pressing, stiffness, h, c->slip[number], friction));
   }
   if (c->lubricate) {
     for (PetscInt k = 0; k < n; k++) share[k] = c->touch[k].weight;
@@ -294,19 +328,22 @@ static PetscErrorCode add_others(Contact c, PetscInt number, PetscInt n, PetscRe
 
 PetscErrorCode ContactPairDashpots(Contact c, PetscInt number, PetscReal h, PetscInt *n, Impulse *friction, PetscReal *gap)
 {
-  const Pair *p = &c->pair[number];
+  const Pair *p  = &c->pair[number];
+  const Kind *ki = ContactKind(c, p->i), *kj          = p->j >= 0 ? ContactKind(c, p->j) : NULL;
   PetscReal   share[2 * CONTACT_MAX_POINTS], pressing = 0, within;
   PetscInt    touches;
+  PetscBool   discs;
   Meeting     m;
 
   PetscFunctionBeginUser;
   *n = 0;
-  if (discs_dashpot(c, p, h, n, c->dashpot, gap)) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(discs_dashpot(c, p, h, n, c->dashpot, gap, &discs));
+  if (discs) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ContactFindTouch(c, p->i, p->j, &touches, gap));
   if (*gap >= c->range && c->slip) c->slip[number][0] = c->slip[number][1] = c->slip[number][2] = c->slip[number][3] = 0;
   within = begun_within(c, number, *gap);
   if (*gap >= c->horizon) PetscFunctionReturn(PETSC_SUCCESS);
-  ContactFillMeeting(c, p, &m);
+  PetscCall(ContactFillMeeting(c, p, &m));
   for (PetscInt k = 0; k < touches; k++) {
     const Touch *t = &c->touch[k];
     Dashpot     *d = &c->dashpot[*n];
@@ -314,6 +351,8 @@ PetscErrorCode ContactPairDashpots(Contact c, PetscInt number, PetscReal h, Pets
     share[k] = 0;
     if (t->weight <= 0 || t->gap + within >= c->range) continue;
     place_dashpot(c, p, t, d);
+    /* nothing turns discs */
+    d->has_levers = (PetscBool)(ki->disc <= 0 || (kj && kj->disc <= 0) || has_friction(c) || c->lubricate);
     ask_law(c, &m, t->gap + within, t->weight, h, d);
     share[k] = PetscMax(0, ContactDashpotForce(c, d, ContactApproach(c, p, d), h));
     pressing += share[k];
@@ -346,7 +385,7 @@ PetscErrorCode ContactPairEnergy(Contact c, PetscInt number, PetscReal *energy)
   PetscCall(ContactFindTouch(c, p->i, p->j, &n, &gap));
   within = begun_within(c, number, gap);
   if (gap + within >= c->range) PetscFunctionReturn(PETSC_SUCCESS);
-  ContactFillMeeting(c, p, &m);
+  PetscCall(ContactFillMeeting(c, p, &m));
   for (PetscInt k = 0; k < n; k++) {
     m.gap    = c->touch[k].gap + within;
     m.weight = c->touch[k].weight;

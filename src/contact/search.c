@@ -50,7 +50,7 @@ static PetscErrorCode list_is_old(Contact c, PetscBool *old)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode add_pair(Contact c, PetscInt i, PetscInt j)
+PetscErrorCode ContactAddPair(Contact c, PetscInt i, PetscInt j)
 {
   PetscFunctionBeginUser;
   PetscCall(RoomFor(c->npairs + 1, &c->pair_room, &c->pair, sizeof(*c->pair), NULL));
@@ -78,7 +78,7 @@ static PetscErrorCode test_pair(Contact c, PetscInt i, PetscInt j, const PetscRe
     if (c->period[a] > 0 && (d >= 0.5 * c->period[a] || d < -0.5 * c->period[a])) PetscFunctionReturn(PETSC_SUCCESS);
     d2 += d * d;
   }
-  if (d2 < reach * reach) PetscCall(add_pair(c, i, j));
+  if (d2 < reach * reach) PetscCall(ContactAddPair(c, i, j));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -97,17 +97,11 @@ static PetscErrorCode visit_items(void *ctx, PetscInt a, PetscInt b)
 
 static PetscErrorCode find_walls(Contact c, PetscInt k)
 {
-  const Kind     *kind  = ContactKind(c, k);
-  const PetscReal reach = kind->radius + c->horizon + c->listed[k].reach;
+  const Kind *kind = ContactKind(c, k);
 
   PetscFunctionBeginUser;
   if (!kind->moves || c->s->gone[k] || !c->s->own[k]) PetscFunctionReturn(PETSC_SUCCESS);
-  for (PetscInt face = 0; face < 2 * c->dim; face++) {
-    const PetscInt  a = face / 2;
-    const PetscReal d = face % 2 ? c->upper[a] - c->x[k][a] : c->x[k][a] - c->lower[a];
-
-    if ((c->walls >> face & 1) && d < reach) PetscCall(add_pair(c, k, -1 - face));
-  }
+  PetscCall(ContactFindWalls(c, k, kind->radius + c->horizon + c->listed[k].reach));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -149,6 +149,7 @@ PetscErrorCode ContactFinishStep(Contact c)
   PetscReal worst;
 
   PetscFunctionBeginUser;
+  PetscCall(ContactCheckImages(c, PETSC_FALSE));
   if (!c->have_list) PetscFunctionReturn(PETSC_SUCCESS); /* no law, no bodies */
   PetscCall(ContactAcceptForces(c));
   PetscCall(PetscLogEventBegin(TB_CONTACT, 0, 0, 0, 0));

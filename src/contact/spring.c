@@ -64,22 +64,25 @@ static PetscReal end_speed(Contact c, Approach *t, PetscReal w0, PetscReal free)
   return 0.5 * (low + high);
 }
 
-/* Spring of a dashpot that was found after `time`; PETSC_FALSE: no force in this step */
-static PetscBool make_spring(Contact c, const Pair *p, const Dashpot *d, PetscReal time, PetscReal dt, ContactSpring *s)
+/* Spring of a dashpot that was found after `time`; *acts: is there a force in this step? */
+static PetscErrorCode make_spring(Contact c, const Pair *p, const Dashpot *d, PetscReal time, PetscReal dt, ContactSpring *s, PetscBool *acts)
 {
   const PetscReal w0 = ContactApproach(c, p, d), gap = d->gap + time * w0, free = (gap - c->range) / (gap > c->range ? AHEAD * dt : dt);
   Approach        t = {.gap = gap, .dt = dt};
   PetscReal       w, step, from, force;
 
-  *s = (ContactSpring){.i = p->i, .j = p->j, .rate = d->rate};
+  PetscFunctionBeginUser;
+  *acts = PETSC_TRUE;
+  *s    = (ContactSpring){.i = p->i, .j = p->j, .rate = d->rate};
   for (PetscInt a = 0; a < 3; a++) {
     s->normal[a] = d->normal[a];
     s->ri[a]     = d->has_levers ? d->ri[a] : 0;
     s->rj[a]     = d->has_levers ? d->rj[a] : 0;
   }
-  if (d->film) return PETSC_TRUE;
-  if (w0 <= free || d->inverse_mass <= 0) return PETSC_FALSE;
-  ContactFillMeeting(c, p, &t.m);
+  if (d->film) PetscFunctionReturn(PETSC_SUCCESS);
+  *acts = (PetscBool)(w0 > free && d->inverse_mass > 0);
+  if (!*acts) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(ContactFillMeeting(c, p, &t.m));
   t.m.weight       = d->weight;
   t.m.inverse_mass = d->inverse_mass;
   w                = end_speed(c, &t, w0, free);
@@ -88,7 +91,8 @@ static PetscBool make_spring(Contact c, const Pair *p, const Dashpot *d, PetscRe
   from             = PetscAbsReal(w) > step ? 0 : w + (w > 0 ? -step : step);
   s->rate          = (force - force_at(c, &t, from)) / (w - from);
   s->value         = force - s->rate * w;
-  return (PetscBool)(s->rate > 0);
+  *acts            = (PetscBool)(s->rate > 0);
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode add_springs(Contact c, PetscInt number, PetscReal dt)
@@ -105,7 +109,12 @@ static PetscErrorCode add_springs(Contact c, PetscInt number, PetscReal dt)
     PetscCall(ContactPairDashpots(c, number, dt, &n, &none, &gap));
   }
   PetscCall(RoomFor(c->nspring + n, &c->spring_room, &c->springs, sizeof(*c->springs), NULL));
-  for (PetscInt k = 0; k < n; k++) c->nspring += make_spring(c, p, &c->dashpot[k], time, dt, &c->springs[c->nspring]);
+  for (PetscInt k = 0; k < n; k++) {
+    PetscBool acts;
+
+    PetscCall(make_spring(c, p, &c->dashpot[k], time, dt, &c->springs[c->nspring], &acts));
+    c->nspring += acts;
+  }
   place_pair(c, p, 0);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -133,7 +142,10 @@ PetscErrorCode ContactFindSprings(Contact c, PetscReal dt, PetscBool start, Pets
   PetscCall(ContactFindPairs(c));
   for (PetscInt k = 0; k < s->n && c->inverse_inertia; k++) PetscCall(ContactSetInertia(c, k));
   for (PetscInt p = 0; p < c->npairs; p++) {
-    if (!ContactCanMeet(c, &c->pair[p])) continue;
+    PetscBool can;
+
+    PetscCall(ContactCanMeet(c, &c->pair[p], &can));
+    if (!can) continue;
     c->nnear++;
     PetscCall(add_springs(c, p, dt));
   }

@@ -38,19 +38,21 @@ typedef struct {
 } Crowd;
 
 /* Smallest time in which a contact force changes, over the listed pairs. m: the smaller mass of the pair. */
-static PetscReal contact_time(Contact c, PetscInt n, const Near near[])
+static PetscErrorCode contact_time(Contact c, PetscInt n, const Near near[], PetscReal *least)
 {
-  PetscReal least = PETSC_MAX_REAL;
-
+  PetscFunctionBeginUser;
+  *least = PETSC_MAX_REAL;
   for (PetscInt p = 0; p < n; p++) {
     const Pair *pair = &c->pair[near[p].pair];
     const Kind *i = ContactKind(c, pair->i), *j = pair->j >= 0 ? ContactKind(c, pair->j) : NULL;
-    PetscReal   K = c->law->combine(c, i, j, ContactPairSpeed(c, pair)), m = i->moves ? i->mass : PETSC_MAX_REAL;
+    PetscReal   speed, K, m = i->moves ? i->mass : PETSC_MAX_REAL;
 
+    PetscCall(ContactPairSpeed(c, pair, &speed));
+    K = c->law->combine(c, i, j, speed);
     if (j && j->moves) m = PetscMin(m, j->mass);
-    if (K > 0) least = PetscMin(least, c->law->time(c, K, m));
+    if (K > 0) *least = PetscMin(*least, c->law->time(c, K, m));
   }
-  return least;
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static void move_body(Contact c, PetscInt k, PetscReal h)
@@ -107,7 +109,10 @@ static PetscErrorCode gather_crowd(Contact c, Crowd *w)
   PetscCall(PetscCalloc1(c->s->n, &listed));
   PetscCall(PetscMalloc1(c->s->n, &w->active));
   for (PetscInt p = 0; p < c->npairs; p++) {
-    if (!ContactCanMeet(c, &c->pair[p])) continue;
+    PetscBool can;
+
+    PetscCall(ContactCanMeet(c, &c->pair[p], &can));
+    if (!can) continue;
     w->near[w->nnear++] = (Near){.pair = p};
     if (c->law->impulses) PetscCall(ContactIsFree(c, p, &w->near[w->nnear - 1].began_free));
     for (PetscInt side = 0; side < 2; side++) {
@@ -203,10 +208,11 @@ static void store_means(Contact c, PetscReal dt, const Crowd *w)
 
 static PetscErrorCode integrate(Contact c, PetscReal dt, Crowd *w)
 {
-  PetscReal time = contact_time(c, w->nnear, w->near);
+  PetscReal time;
   PetscInt  n;
 
   PetscFunctionBeginUser;
+  PetscCall(contact_time(c, w->nnear, w->near, &time));
   PetscCall(BodiesMin(c->bodies, 1, &time));
   PetscCall(ContactRemarkUnresolved(c, time, dt));
   PetscCall(ContactChooseSubsteps(c, dt, time, &n));

@@ -1,15 +1,16 @@
 /* Contact, geometry: where two bodies, or a body and a wall, touch.
 
-   Disc-disc and disc-wall in closed form. Any other pair: surface points of each body against the signed distance of
-   the other, both ways; wall: surface points against the plane. The force acts through all points within reach, with
-   weights that fall off as exp(-(gap - smallest gap)/(r/4)) and add up to one. The single deepest point would jump
-   along a flat side and chatter in torque; a plain sum over points would make the force depend on how many there are.
-   This way the force is that of two discs, wherever it acts. Distances across a periodic face count as those to the
+   Disc-disc and disc-side of a box in closed form. Any other pair: surface points of each body against the signed
+   distance of the other, both ways; wall: see wall.c. The force acts through all points within reach, with weights
+   that fall off as exp(-(gap - smallest gap)/(r/4)) and add up to one. The single deepest point would jump along a
+   flat side and chatter in torque; a plain sum over points would make the force depend on how many there are. This
+   way the force is that of two discs, wherever it acts. Distances across a periodic face count as those to the
    nearest image. */
 #include "compat.h"
 #include "impl.h"
 
 #define POINT_DECAY     0.25 /* in r */
+#define LEAST_IN_HOLLOW 0.01 /* of a film in a round wall that is hardly wider than the body, in that of others */
 #define LEAST_CURVATURE 0.1  /* of a film in space, in that of the bounding ball: spheroids of 10 to 1 have it */
 
 void ContactDiscGap(Contact c, PetscInt i, PetscReal radius_i, PetscInt j, PetscReal radius_j, PetscReal normal[3], PetscReal *gap)
@@ -50,23 +51,13 @@ static void turn_point(PetscInt dim, const PetscReal R[9], PetscReal scale, cons
   for (PetscInt a = 0; a < 3; a++) r[a] = scale * (R[3 * a] * p[0] + R[3 * a + 1] * p[1] + (dim == 3 ? R[3 * a + 2] * p[2] : 0));
 }
 
-static PetscInt touch_wall(Contact c, PetscInt i, PetscInt face, Touch t[])
+void ContactPlacePoints(Contact c, PetscInt k, PetscInt first, PetscInt n, PetscReal r[][3])
 {
-  const Kind     *kind = ContactKind(c, i);
-  const PetscInt  a    = face / 2;
-  const PetscReal sign = face % 2 ? -1 : 1, wall = face % 2 ? c->upper[a] : c->lower[a];
-  PetscReal       R[9];
+  const Kind *kind = ContactKind(c, k);
+  PetscReal   R[9];
 
-  RotationMatrix(c->q[i], R);
-  for (PetscInt p = 0; p < kind->npoints; p++) {
-    turn_point(c->dim, R, kind->scale, kind->point + p * c->dim, t[p].ri);
-    t[p].gap = sign * (c->x[i][a] + t[p].ri[a] - wall);
-    for (PetscInt b = 0; b < 3; b++) {
-      t[p].normal[b] = b == a ? sign : 0;
-      t[p].rj[b]     = 0;
-    }
-  }
-  return kind->npoints;
+  RotationMatrix(c->q[k], R);
+  for (PetscInt p = 0; p < n; p++) turn_point(c->dim, R, kind->scale, kind->point + (first + p) * c->dim, r[p]);
 }
 
 /* y [dim] in the frame of the shape of a group, for r from the centre of a body of size `scale` in space axes */
@@ -142,14 +133,14 @@ PetscErrorCode ContactFindTouch(Contact c, PetscInt i, PetscInt j, PetscInt *n, 
 
   PetscFunctionBeginUser;
   *n = 0;
-  if (ki->disc > 0 && (!kj || kj->disc > 0)) {
+  if (ki->disc > 0 && (kj ? kj->disc > 0 : !ContactIsPiece(j))) {
     touch_discs(c, i, ki->disc, j, kj ? kj->disc : 0, c->touch);
     *n                 = 1;
     *gap               = c->touch[0].gap;
     c->touch[0].weight = 1;
     PetscFunctionReturn(PETSC_SUCCESS);
   }
-  if (!kj) *n = touch_wall(c, i, -1 - j, c->touch);
+  if (!kj) PetscCall(ContactTouchWall(c, i, j, n, c->touch));
   else if (ContactWithin(c, i, j, ki->radius + kj->radius + c->horizon)) {
     PetscCall(touch_points(c, i, j, PETSC_FALSE, c->touch, n));
     PetscCall(touch_points(c, j, i, PETSC_TRUE, c->touch + *n, &m));
@@ -219,11 +210,8 @@ static PetscErrorCode find_partner(Contact c, PetscInt i, PetscInt j, const Plac
   PetscFunctionBeginUser;
   for (PetscInt a = 0; a < 3; a++) t->ri[a] = pi->r[a];
   if (j < 0) {
-    const PetscInt face = -1 - j, a = face / 2;
-
-    *pj           = (Place){{0}, {0}, {0}};
-    pj->normal[a] = face % 2 ? -1 : 1;
-    t->gap        = pj->normal[a] * (c->x[i][a] + pi->r[a] - (face % 2 ? c->upper[a] : c->lower[a]));
+    *pj = (Place){{0}, {0}, {0}};
+    PetscCall(ContactPlaceOnWall(c, i, j, pi->r, &t->gap, pj->normal, pj->K));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   for (PetscInt a = 0; a < 3; a++) apart[a] = c->x[i][a] - c->x[j][a];
@@ -263,7 +251,8 @@ static void go_to_minimum(PetscInt dim, const PetscReal K[9], const PetscReal ni
 
 PetscErrorCode ContactFindNarrowest(Contact c, PetscInt i, PetscInt j, Touch *t, Curvature *curvature)
 {
-  PetscReal least = 1 / ContactKind(c, i)->radius, K[9], sum, product, root;
+  PetscReal least  = 1 / ContactKind(c, i)->radius, K[9], sum, product, root;
+  PetscReal hollow = 0; /* curvature of a wall around the body */
   Place     pi, pj;
 
   PetscFunctionBeginUser;
@@ -274,6 +263,7 @@ PetscErrorCode ContactFindNarrowest(Contact c, PetscInt i, PetscInt j, Touch *t,
   curvature->of[0] = sum / (c->dim - 1);
   invariants(pj.K, &sum, &product);
   curvature->of[1] = sum / (c->dim - 1);
+  if (j < 0) hollow = PetscMax(0, c->dim == 2 ? -sum : PetscSqrtReal(PetscMax(0, 0.25 * sum * sum - product)) - 0.5 * sum);
   for (PetscInt e = 0; e < 9; e++) K[e] = pi.K[e] + pj.K[e];
   go_to_minimum(c->dim, K, pi.normal, pj.normal, 0.25 / least, t);
   if (j < 0) t->rj[0] = t->rj[1] = t->rj[2] = 0;
@@ -281,6 +271,7 @@ PetscErrorCode ContactFindNarrowest(Contact c, PetscInt i, PetscInt j, Touch *t,
   root = c->dim == 2 ? 0 : PetscSqrtReal(PetscMax(0, 0.25 * sum * sum - product));
   sum  = c->dim == 2 ? 2 * sum : sum;
   if (c->dim == 3) least *= LEAST_CURVATURE;
+  least                   = PetscMax(least - hollow, LEAST_IN_HOLLOW * least);
   curvature->principal[0] = PetscMax(0.5 * sum - root, least);
   curvature->principal[1] = PetscMax(0.5 * sum + root, least);
   PetscFunctionReturn(PETSC_SUCCESS);

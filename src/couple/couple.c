@@ -21,9 +21,7 @@ static PetscBool is_free(Couple c, PetscInt k, PetscInt s)
   return BodiesIsFree(c->bodies, k, s < c->loc->dim ? s : 3);
 }
 
-/* Rigid velocity of slot i of body k at the last two times. A pivot's translation is prescribed, and is kept here,
-   not in the state of the body. */
-static void get_history(Couple c, PetscInt k, PetscInt i, PetscReal *now, PetscReal *old)
+void CoupleGetHistory(Couple c, PetscInt k, PetscInt i, PetscReal *now, PetscReal *old)
 {
   const PetscBool kept = (PetscBool)(i < c->loc->dim && BodiesGetGroup(c->s, k)->motion.has_pivot);
 
@@ -65,7 +63,7 @@ static PetscErrorCode set_rigid_velocities(Couple c)
     for (PetscInt i = 0; i < c->nr; i++) {
       PetscReal now, old;
 
-      get_history(c, k, i, &now, &old);
+      CoupleGetHistory(c, k, i, &now, &old);
       if (c->implicit && is_free(c, k, i)) c->unknown[k] |= 1 << i;
       c->U[k * c->nr + i] = (c->unknown[k] >> i) & 1 ? (c->step->order == 2 ? now + ratio * (now - old) : now) : *CoupleRigidComponent(c, u, w, 0, i);
     }
@@ -130,14 +128,14 @@ static PetscErrorCode fill_rigid_rows(Couple c)
     PetscReal       M[36], K[36], *g = c->g + k * nr, spin, force[3], torque[3], dead[6], now[6], old[6], momentum[6];
 
     PetscCall(RigidGetMass(c->bodies, k, c->q[k], M));
-    PetscCall(BodiesGetLoad(c->bodies, k, c->par->density, c->par->gravity, force, torque));
+    PetscCall(BodiesGetLoadAt(c->bodies, k, CoupleLoadTime(c), c->par->density, c->par->gravity, force, torque));
     for (PetscInt a = 0; a < 3; a++) {
       force[a] += c->s->contact_force[k][a];
       torque[a] += c->s->contact_torque[k][a];
     }
     PetscCall(RigidReduceForce(c->bodies, k, c->q[k], force, torque, g));
     PetscCall(CoupleDeadForce(c, k, c->par, dead));
-    for (PetscInt i = 0; i < nr; i++) get_history(c, k, i, &now[i], &old[i]);
+    for (PetscInt i = 0; i < nr; i++) CoupleGetHistory(c, k, i, &now[i], &old[i]);
     PetscCall(CoupleHistory(c, k, M, now, old, momentum));
     for (PetscInt i = 0; i < nr; i++) {
       g[i] += dead[i] + excess * momentum[i];
@@ -148,6 +146,7 @@ static PetscErrorCode fill_rigid_rows(Couple c)
     }
     if (CoupleHoldAxes(c, k, M, K))
       for (PetscInt i = 0; i < nr * nr; i++) c->D[k * nr * nr + i] += K[i];
+    PetscCall(CoupleAddJoint(c, k, M));
     PetscCall(CoupleSpinStress(c, k, c->par, &spin));
     for (PetscInt i = dim; i < nr && spin > 0; i++) {
       c->D[(k * nr + i) * nr + i] += c->step->theta * spin;
@@ -422,6 +421,7 @@ PetscErrorCode CoupleView(Couple c, PetscViewer viewer)
     PetscCall(
       PetscViewerASCIIPrintf(viewer, "coupling: %s, boundary %s, force in %s form\n", TYPES[!c->implicit], c->rung->name, FORCES[c->use_volume]));
   else PetscCall(PetscViewerASCIIPrintf(viewer, "coupling: none (no bodies)\n"));
+  PetscCall(FittedView(c->hole, viewer));
   if (c->rung->view) PetscCall((*c->rung->view)(c->rung_data, viewer));
   if (c->drive) PetscCall(DriveView(c->drive, viewer));
   if (c->follow) PetscCall(PetscViewerASCIIPrintf(viewer, "  the mesh follows the bodies (-mesh_deform), its velocity is part of the convection\n"));
@@ -576,8 +576,9 @@ PetscErrorCode CoupleRenewSolver(Couple c)
 
 PetscErrorCode CoupleVisitState(void *couple, State state)
 {
-  Couple   c = couple;
-  BodyRows rows;
+  Couple    c = couple;
+  PetscBool has;
+  BodyRows  rows;
 
   PetscFunctionBeginUser;
   PetscCall(BodiesBeginRows(c->bodies, &rows));
@@ -588,7 +589,8 @@ PetscErrorCode CoupleVisitState(void *couple, State state)
   PetscCall(BodiesVisitIntegers(c->bodies, &rows, state, "growth", c->growth));
   PetscCall(BodiesVisitReals(c->bodies, &rows, state, "force_old", 6, c->force_old));
   PetscCall(BodiesEndRows(&rows));
-  if (c->owed) PetscCall(StateNodes(state, "momentum_owed", c->loc->dim, c->owed));
+  PetscCall(StateHas(state, "momentum_owed", &has));
+  if (c->owed && has) PetscCall(StateNodes(state, "momentum_owed", c->loc->dim, c->owed));
   if (c->drive) PetscCall(DriveVisitState(c->drive, state));
   if (c->rung->state) PetscCall((*c->rung->state)(c->rung_data, state));
   if (c->follow) PetscCall(AleVisitState(c->follow, state));

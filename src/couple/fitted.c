@@ -71,7 +71,8 @@ static PetscErrorCode add_surface(Fitted h, const BodyGroup *g, PetscInt boundar
   PetscFunctionBeginUser;
   PetscCheck(g->count == 1 && !g->free, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
              "Boundary '%s' of the mesh is the surface of group '%s', which has %" PetscInt_FMT
-             " bodies%s: a hole is one body that does not move, set -particle_%s_free none and one position, or rename the group",
+             " bodies%s. A group with the name of a boundary is the body behind it: one body, which does not move: set -particle_%s_free none and one position, or "
+             "rename the group",
              g->name, g->name, g->count, g->free ? ", free to move" : "", g->name);
   if (!g->hole) PetscCall(BodiesMigrate(h->bodies, 0, 1)); /* known where its surface is */
   PetscCall(BodiesSetHole(h->bodies, (PetscInt)(g - h->s->group)));
@@ -248,5 +249,17 @@ PetscErrorCode FittedForce(Fitted h, const PetscReal u[], const PetscReal p[], P
       if (volume_torque) volume_torque[k][d] = f[3][d];
     }
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FittedView(Fitted h, PetscViewer viewer)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt g = 0; g < h->s->ngroups; g++)
+    if (h->s->group[g].hole)
+      PetscCall(PetscViewerASCIIPrintf(viewer,
+                                       "  group %s is the body behind boundary %s of the mesh: the flow ends there (-flow_bc_%s_type), nothing is "
+                                       "marked inside\n",
+                                       h->s->group[g].name, h->s->group[g].name, h->s->group[g].name));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

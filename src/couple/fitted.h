@@ -20,6 +20,8 @@ typedef struct _p_Fitted *Fitted;
    than a tenth of its radius). */
 PetscErrorCode FittedCreate(Flow, Bodies, Fitted *);
 PetscErrorCode FittedDestroy(Fitted *);
+/* A line for each such body. Collective. */
+PetscErrorCode FittedView(Fitted, PetscViewer);
 /* [nnode_all] permanent number of the body on whose surface a node lies, or -1. Borrowed. */
 PetscErrorCode FittedGetNodeBody(Fitted, const PetscInt *node_body[]);
 /* Angular velocities of the holes' bodies from the step's boundary values (best fit of a rigid motion). Collective. */

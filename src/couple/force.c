@@ -212,6 +212,7 @@ static PetscErrorCode residual_force(Couple c, PetscInt k, PetscReal out[])
     for (PetscInt j = 0; j < nr; j++) {
       inertia += rho_i * M[i * nr + j] * c->step->ct * c->U[k * nr + j];
       if ((c->unknown[k] >> j) & 1) excess += (c->step->ct * (rho_s - rho_i) * M[i * nr + j] + K[i * nr + j]) * c->U[k * nr + j];
+      if (c->joint && ((c->unknown[k] >> j) & 1)) excess += c->joint[k * nr * (nr + 1) + i * nr + j] * c->U[k * nr + j];
     }
     /* rows of the solved system: R^T residual = g - D U = g - excess */
     out[i] = inertia + ((c->unknown[k] >> i) & 1 ? excess - c->g[k * nr + i] : c->residual[k * nr + i]);

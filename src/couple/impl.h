@@ -53,6 +53,7 @@ struct _p_Couple {
   ContactSpring *spring;   /* of CoupleSetContact */
   BodyTie       *tie;      /* [nspring] */
   PetscReal     *pushed;   /* [nspring] the forces on the right of the rigid rows: by known velocities, then all */
+  PetscReal     *joint;    /* [n][nr + 1][nr]: A and b of loads b - A U in the rows (joint.c); NULL: there are none */
   PetscReal     *residual; /* [n][nr]: -sum of the momentum residual over the body's nodes */
   PetscReal     *u, *p, *dp, *rhs;
   PetscReal     *du_old; /* [n] explicit coupling: size of the last velocity change, for the detection of blow-up */
@@ -100,6 +101,19 @@ PetscBool CoupleHoldAxes(Couple, PetscInt k, const PetscReal M[], PetscReal K[])
 /* Velocities and positions of the bodies at the end of the step, from the forces. Collective. Error: they oscillate
    with growing velocity. */
 PetscErrorCode CoupleAdvanceExplicitly(Couple);
+/* joint.c. Loads that change with the motion of body k: into its rows, M its inertia per density; and, after the solve,
+   what they came to beyond those of the state before, on its rigid slots [nr]. */
+PetscErrorCode CoupleAddJoint(Couple, PetscInt k, const PetscReal M[]);
+PetscErrorCode CoupleGetJointForce(Couple, PetscInt k, PetscReal out[]);
+/* Rigid velocity of slot i of body k at the last two times. A pivot's translation is prescribed, and is kept in the
+   coupling, not in the state of the body. */
+void CoupleGetHistory(Couple, PetscInt k, PetscInt i, PetscReal *now, PetscReal *old);
+/* The time at which the rows of bodies hold */
+static inline PetscReal CoupleLoadTime(Couple c)
+{
+  return c->step->time - (1 - c->step->theta) * c->step->dt;
+}
+
 /* In gradient form a rotating wall seems to feel 2 mu w Vol more than the true torque, which the gradient form
    inside would take away again; where the inside is no part of the fluid, this coefficient of w does. In space as in
    the plane: the integral over the surface of x x (grad u)^T n is -curl u times the volume, and curl u is 2 w */

@@ -36,6 +36,7 @@ PetscErrorCode CoupleSetParts(Mesh mesh, Bodies bodies, PetscInt reach)
 PetscErrorCode CoupleAttachArrays(Couple c)
 {
   const size_t real = sizeof(PetscReal), slots = (size_t)c->nr * sizeof(PetscReal);
+  PetscBool    joints = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   PetscCall(BodiesAttach(c->bodies, slots, (void **)&c->U_old));
@@ -53,14 +54,17 @@ PetscErrorCode CoupleAttachArrays(Couple c)
   PetscCall(BodiesAttachWork(c->bodies, slots, (void **)&c->g));
   PetscCall(BodiesAttachWork(c->bodies, slots, (void **)&c->owed_U_next));
   PetscCall(BodiesAttachWork(c->bodies, slots, (void **)&c->residual));
+  for (PetscInt g = 0; g < c->s->ngroups; g++) joints = (PetscBool)(joints || (c->s->group[g].free && BodiesGroupResists(&c->s->group[g])));
+  if (joints) PetscCall(BodiesAttachWork(c->bodies, (size_t)(c->nr + 1) * slots, (void **)&c->joint));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode CoupleDetachArrays(Couple c)
 {
-  void **const array[] = {(void **)&c->U_old, (void **)&c->U_older, (void **)&c->du_old,   (void **)&c->growth,  (void **)&c->force_old,
-                          (void **)&c->X,     (void **)&c->q,       (void **)&c->P,        (void **)&c->unknown, (void **)&c->U,
-                          (void **)&c->D,     (void **)&c->g,       (void **)&c->residual, (void **)&c->owed_U,  (void **)&c->owed_U_next};
+  void **const array[] = {(void **)&c->U_old,     (void **)&c->U_older, (void **)&c->du_old,      (void **)&c->growth,
+                          (void **)&c->force_old, (void **)&c->X,       (void **)&c->q,           (void **)&c->P,
+                          (void **)&c->unknown,   (void **)&c->U,       (void **)&c->D,           (void **)&c->g,
+                          (void **)&c->residual,  (void **)&c->owed_U,  (void **)&c->owed_U_next, (void **)&c->joint};
 
   PetscFunctionBeginUser;
   for (size_t i = 0; i < sizeof(array) / sizeof(array[0]); i++) PetscCall(BodiesDetach(c->bodies, array[i]));

@@ -7,9 +7,11 @@
 
 static const OptSpec SPECS[] = {
   {"-couple_type", OPT_CHOICE, "", OPT_ANY, "implicit", .help = "bodies and flow in one system, or the bodies' velocity known from the last step",
-   .when = BODIES, .choices = "implicit, explicit"},
+   .when = BODIES, .choices = "implicit, explicit", .also = "coupling, scheme",
+   .words = "weak explicit, strong implicit, loose explicit, monolithic implicit"},
   {"-couple_boundary", OPT_CHOICE, "", OPT_ANY, "by -preset: penalty", .help = "how the flow sees the surface of a body", .when = BODIES,
-   .choices = "nodal, penalty, snap"},
+   .choices = "nodal, penalty, snap", .also = "method, boundary_method, ibm",
+   .words = "aligned snap, fitted snap, alignment snap, ibm penalty, fbm nodal, immersed penalty, fictitious nodal"},
   {"-couple_force", OPT_CHOICE, "", OPT_ANY, "residual", .help = "form of the hydrodynamic force", .when = BODIES, .choices = "residual, volume"},
   {"-couple_backflow", OPT_CHOICE, "", OPT_ANY, "none",
    .help = "what the bodies' weight meets along periodic axes: no force of ours, zero net flux of fluid and bodies, or zero mean force on them",

@@ -88,7 +88,7 @@ static PetscErrorCode add_body(Couple c, PetscInt k, const FlowParameters *par, 
   const PetscInt   nr = c->nr;
   const PetscReal *U = c->U + k * nr, density = c->s->density[k], inside = CoupleInnerDensity(c, k, par);
   const PetscBool  free = is_inside(c, k);
-  PetscReal        M[36], force[3], torque[3], g[6], square = 0;
+  PetscReal        M[36], force[3], torque[3], g[6], joint[6], square = 0;
 
   PetscFunctionBeginUser;
   PetscCall(RigidGetMass(c->bodies, k, c->q[k], M));
@@ -102,7 +102,8 @@ static PetscErrorCode add_body(Couple c, PetscInt k, const FlowParameters *par, 
     torque[a] = free ? torque[a] + c->s->contact_torque[k][a] : -c->s->torque[k][a];
   }
   PetscCall(RigidReduceForce(c->bodies, k, c->q[k], force, torque, g));
-  for (PetscInt i = 0; i < nr; i++) w->power += g[i] * U[i];
+  PetscCall(CoupleGetJointForce(c, k, joint));
+  for (PetscInt i = 0; i < nr; i++) w->power += (free ? g[i] + joint[i] : g[i]) * U[i];
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -3,14 +3,18 @@
    straight to their places, found from those of S: rows of own nodes from own and ghost cells, no communication. */
 #include "compat.h"
 #include "impl.h"
+#include "base/room.h"
 #include "base/rows.h"
 
 static PetscErrorCode create_matrix(Flow f)
 {
   const PetscInt dim = f->loc->dim, n = f->loc->nnode;
   PetscInt      *row, *column = NULL, begin, length = 0;
+  MatInfo        info;
 
   PetscFunctionBeginUser;
+  PetscCall(MatGetInfo(f->S, MAT_LOCAL, &info));
+  PetscCall(RoomCheck(PETSC_COMM_WORLD, "a matrix of all components", info.nz_used * (PetscReal)(dim * dim)));
   PetscCall(MatGetOwnershipRange(f->S, &begin, NULL));
   PetscCall(PetscMalloc1(n * dim + 1, &row));
   row[0] = 0;

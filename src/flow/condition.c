@@ -321,9 +321,11 @@ PetscErrorCode ConditionsView(Conditions f, PetscViewer viewer)
   PetscFunctionBeginUser;
   for (PetscInt b = 0; b < f->n; b++) {
     const char *name;
+    char        where[256];
 
     PetscCall(MeshGetBoundaryName(f->mesh, b, &name));
-    PetscCall(PetscViewerASCIIPrintf(viewer, "  boundary %s: %s\n", name, BC_TYPES[f->condition[b].type]));
+    PetscCall(MeshDescribeBoundary(f->mesh, b, where, sizeof(where)));
+    PetscCall(PetscViewerASCIIPrintf(viewer, "  boundary %s (%s): %s\n", name, where, BC_TYPES[f->condition[b].type]));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -355,6 +357,35 @@ PetscErrorCode ConditionsPressureIsFloating(Conditions f, PetscBool *floating)
 {
   PetscFunctionBeginUser;
   *floating = f->floating;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConditionsGetSpeed(Conditions f, PetscReal *speed)
+{
+  PetscFunctionBeginUser;
+  *speed = 0;
+  for (PetscInt b = 0; b < f->n; b++) {
+    Condition      *bc     = f->condition + b;
+    const PetscReal factor = PetscAbsReal(bc->factor[0]) + PetscAbsReal(bc->factor[1]), *given;
+    const PetscInt *node;
+    PetscInt        n;
+    /* a profile has its largest between nodes */
+    const Condition even = {.type     = bc->type,
+                            .velocity = {bc->velocity[0], bc->velocity[1], bc->velocity[2]},
+                            .omega    = {bc->omega[0], bc->omega[1], bc->omega[2]},
+                            .centre   = {bc->centre[0], bc->centre[1], bc->centre[2]}};
+
+    if (bc->type == BC_OUTFLOW || bc->type == BC_PRESSURE) continue; /* it prescribes none */
+    PetscCall(MeshGetBoundaryNodes(f->mesh, b, &n, &node));
+    PetscCall(evaluate_formula(f, bc, f->timed ? f->time : 0, n, node, &given));
+    for (PetscInt i = 0; i < n; i++) {
+      PetscReal v[3] = {0, 0, 0};
+
+      wall_velocity(&even, f->loc->dim, f->loc->x + node[i] * f->loc->dim, given ? given + i * f->loc->dim : NULL, v);
+      *speed = PetscMax(*speed, factor * PetscSqrtReal(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]));
+    }
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, speed, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -393,6 +424,15 @@ PetscErrorCode ConditionsGetSlidingAxes(Conditions f, PetscInt *axes)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Does a boundary lie in side `side` of the box? */
+static PetscBool is_side(Conditions f, const Condition *bc, PetscInt side)
+{
+  const PetscInt  a   = side / 2;
+  const PetscReal tol = 1e-6 * (f->loc->upper[a] - f->loc->lower[a]);
+
+  return (PetscBool)(side % 2 ? bc->lower[a] > f->loc->upper[a] - tol : bc->upper[a] < f->loc->lower[a] + tol);
+}
+
 PetscErrorCode ConditionsGetSolidFaces(Conditions f, PetscInt *faces)
 {
   PetscFunctionBeginUser;
@@ -406,7 +446,7 @@ PetscErrorCode ConditionsGetSolidFaces(Conditions f, PetscInt *faces)
       PetscBool match;
 
       PetscCall(PetscStrcmp(name, DOMAIN_SIDE[i], &match));
-      if (match) *faces |= 1 << i;
+      if (match && is_side(f, &f->condition[b], i)) *faces |= 1 << i;
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -448,6 +488,21 @@ PetscErrorCode ConditionsSticks(Conditions f, PetscInt b, PetscBool *sticks, Pet
   PetscFunctionBeginUser;
   *sticks = (PetscBool)(type == BC_NO_SLIP || type == BC_MOVING_WALL || type == BC_ROTATING_WALL);
   *moves  = (PetscBool)(type == BC_MOVING_WALL || type == BC_ROTATING_WALL);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode ConditionsGetVelocity(Conditions f, PetscInt b, const PetscReal x[3], PetscReal v[3])
+{
+  const Condition *bc     = f->condition + b;
+  const PetscReal  time   = f->timed && f->time < PETSC_MAX_REAL ? f->time : 0;
+  const PetscReal  factor = boundary_factor(bc, f->timed ? f->time : 0);
+  PetscReal        given[3];
+
+  PetscFunctionBeginUser;
+  v[0] = v[1] = v[2] = 0;
+  if (bc->formula) PetscCall(ExprEvaluateAlone(bc->formula, time, x, given));
+  wall_velocity(bc, f->loc->dim, x, bc->formula ? given : NULL, v);
+  for (PetscInt a = 0; a < f->loc->dim; a++) v[a] *= factor;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

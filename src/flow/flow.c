@@ -1,5 +1,6 @@
 /* Flow: parameters, fields and life cycle (see flow.h). Units: any consistent system. */
 #include "compat.h"
+#include "base/log.h"
 #include "impl.h"
 #include "base/opt.h"
 
@@ -250,8 +251,9 @@ PetscErrorCode FlowGetConformation(Flow f, PetscReal c[])
 
 PetscErrorCode FlowVisitState(void *flow, State state)
 {
-  Flow           f     = flow;
-  const PetscInt dim   = f->loc->dim;
+  Flow           f   = flow;
+  const PetscInt dim = f->loc->dim;
+  PetscBool      has;
   PetscInt       older = f->u_older ? 1 : -1; /* as loaded: -1 if the run had linear extrapolation; then the first step
                                                  is linear too */
 
@@ -260,7 +262,9 @@ PetscErrorCode FlowVisitState(void *flow, State state)
   PetscCall(StateNodes(state, "velocity_old", dim, f->u_old));
   PetscCall(StateCells(state, "pressure", dim + 1, f->p));
   PetscCall(StateCells(state, "pressure_old", dim + 1, f->p_old));
-  if (f->conformation) PetscCall(StateNodes(state, "log_conformation", 2 * dim, ConformationField(f->conformation)));
+  PetscCall(StateHas(state, "log_conformation", &has));
+  if (f->conformation && has) PetscCall(StateNodes(state, "log_conformation", 2 * dim, ConformationField(f->conformation)));
+  if (f->conformation && !has) PetscCall(LogRemark("the checkpoint has no stress of a polymer: it begins as at rest"));
   PetscCall(StateReals(state, "dt_old", 1, &f->dt_old));
   if (f->u_older && StateIsLoading(state)) PetscCall(StateGetSize(state, "velocity_older", &older));
   if (older >= 0) PetscCall(StateNodes(state, "velocity_older", dim, f->u_older));

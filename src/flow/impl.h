@@ -139,8 +139,6 @@ PetscErrorCode ConditionsIsOutflow(Conditions, PetscInt b, PetscBool *outflow);
    ConditionsSetTime, theta at its end + (1 - theta) at its beginning, with factor and ramp: value [m] at points x
    [m][dim]. Collective. */
 PetscErrorCode ConditionsGetPressure(Conditions, PetscInt b, PetscReal theta, PetscReal dt, PetscInt m, const PetscReal x[], PetscReal value[]);
-/* Does the fluid stick to boundary b (no_slip, moving_wall, rotating_wall), and may that move? */
-PetscErrorCode ConditionsSticks(Conditions, PetscInt b, PetscBool *sticks, PetscBool *moves);
 /* Evaluate the prescribed values at a time; PETSC_MAX_REAL: those of the steady state, after all ramps. Local.
    Error: a steady state is wanted and a boundary never stops changing (_factor). */
 PetscErrorCode ConditionsSetTime(Conditions, PetscReal time);

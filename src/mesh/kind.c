@@ -467,6 +467,13 @@ PetscErrorCode MeshKindGetBoundaries(MeshKind k, PetscInt *n, const char (**name
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode MeshKindHasSides(MeshKind k, PetscBool *has)
+{
+  PetscFunctionBeginUser;
+  *has = (PetscBool)(k->kind != KIND_FILE);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode MeshKindGetSmallest(MeshKind k, PetscReal *h)
 {
   PetscFunctionBeginUser;

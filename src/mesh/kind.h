@@ -30,6 +30,8 @@
    ones (map.h). All functions but MeshKindEvaluate are collective. */
 #pragma once
 #include "curved.h"
+#include "base/border.h"
+#include <petscdmplex.h>
 
 typedef struct _p_MeshKind *MeshKind;
 
@@ -47,6 +49,10 @@ PetscErrorCode MeshKindDestroy(MeshKind *);
 PetscErrorCode MeshKindSetCells(MeshKind, const PetscInt cells[3]);
 
 PetscErrorCode MeshKindGetBoundaries(MeshKind, PetscInt *n, const char (**names)[64]);
+/* Are the sides of the box boundaries of their names, as in all kinds but files? The circle, cylinder or sphere that
+   boundary b is; *round: is it one? */
+PetscErrorCode MeshKindHasSides(MeshKind, PetscBool *);
+PetscErrorCode MeshKindGetRound(MeshKind, PetscInt b, PetscBool *round, BorderRound *);
 /* Longest side of the smallest cell of a box or channel */
 PetscErrorCode MeshKindGetSmallest(MeshKind, PetscReal *h);
 PetscErrorCode MeshKindGetBox(MeshKind, PetscInt *dim, PetscReal lower[3], PetscReal upper[3], PetscReal period[3]);

@@ -77,7 +77,7 @@ static PetscErrorCode find_distance(Leaves *t, PetscInt level, const PetscReal x
   if (t->around && t->surface->distance && level < t->levels - t->surface->coarser)
     PetscCall((*t->surface->distance)(t->surface->context, x, reach, d));
   if (!t->given) PetscFunctionReturn(PETSC_SUCCESS);
-  if (t->distance) PetscCall(ExprEvaluateAlone(t->distance, x, &more));
+  if (t->distance) PetscCall(ExprEvaluateAlone(t->distance, 0, x, &more));
   *d = PetscMin(*d, PetscMax(more, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -243,7 +243,8 @@ PetscErrorCode LeavesLevelBeside(Leaves *t, const Leaf *leaf, const PetscInt ste
 
   PetscFunctionBeginUser;
   *level = -1;
-  for (PetscInt d = 0; d < t->dim; d++) x[d] = leaf->x[d] + step[d] * w;
+  /* the finest cell that touches: farther down another leaf may lie between, which is more than ranks know */
+  for (PetscInt d = 0; d < t->dim; d++) x[d] = leaf->x[d] + (step[d] > 0 ? w : step[d]);
   if (!LeavesWrap(t, x)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(LeavesFind(t, x, &other));
   *level = PetscMin(other.level, leaf->level);

@@ -149,7 +149,7 @@ static PetscErrorCode compute_partition(MPI_Comm comm, PetscInt nlocal, const Pe
   Gathered    degree, edges;
   PetscInt   *all, empty = 0, code = METIS_OK;
   PetscBool   too_large;
-  PetscMPIInt size, rank;
+  PetscMPIInt size, rank, count;
 
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_size(comm, &size));
@@ -162,7 +162,8 @@ static PetscErrorCode compute_partition(MPI_Comm comm, PetscInt nlocal, const Pe
   if (degree.n < size) empty = size - degree.n;
   else if (!rank && !too_large) PetscCall(cut_graph(&degree, &edges, size, all, &empty, &code));
   PetscCall(check_result(comm, degree.n, too_large, empty, code));
-  PetscCallMPI(MPI_Scatterv(all, degree.count, degree.offset, MPIU_INT, part, (PetscMPIInt)nlocal, MPIU_INT, 0, comm));
+  PetscCall(PetscMPIIntCast(nlocal, &count));
+  PetscCallMPI(MPI_Scatterv(all, degree.count, degree.offset, MPIU_INT, part, count, MPIU_INT, 0, comm));
   PetscCall(PetscFree(all));
   PetscCall(free_gathered(&degree));
   PetscCall(free_gathered(&edges));

@@ -126,8 +126,8 @@ static PetscErrorCode count_leaves(Leaves *t, PetscInt nroot, const Leaf root[],
     PetscInt share, first;
 
     LeavesShare(nroot, size, r, &share, &first);
-    n[r]     = (PetscMPIInt)share;
-    begin[r] = (PetscMPIInt)first;
+    PetscCall(PetscMPIIntCast(share, &n[r]));
+    PetscCall(PetscMPIIntCast(first, &begin[r]));
   }
   PetscCall(look(t, n[rank], root + begin[rank]));
   for (PetscInt i = begin[rank]; i < begin[rank] + n[rank]; i++) {

@@ -199,3 +199,22 @@ PetscErrorCode MeshKindCreateRound(MeshKind k, DM *dm)
   PetscCall(OGridCreate(k->comm, &g, &k->map, dm));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
+
+PetscErrorCode MeshKindGetRound(MeshKind k, PetscInt b, PetscBool *round, BorderRound *r)
+{
+  PetscBool inner, outer, cylinder;
+
+  PetscFunctionBeginUser;
+  *round = PETSC_FALSE;
+  *r     = (BorderRound){.axis = -1};
+  PetscCall(PetscStrcmp(k->boundary[b], "inner", &inner));
+  PetscCall(PetscStrcmp(k->boundary[b], "outer", &outer));
+  PetscCall(PetscStrcmp(k->boundary[b], "cylinder", &cylinder));
+  if (k->kind == KIND_FILE || k->kind == KIND_BOX || k->kind == KIND_CHANNEL || !(inner || outer || cylinder)) PetscFunctionReturn(PETSC_SUCCESS);
+  *round    = PETSC_TRUE;
+  r->inside = outer;
+  r->radius = k->map.radius[outer && (k->kind == KIND_ANNULUS || k->kind == KIND_SHELL)];
+  if (k->kind == KIND_TUBE || (k->kind == KIND_FITTED && k->dim == 3)) r->axis = 2;
+  for (PetscInt a = 0; a < k->dim && a != r->axis; a++) r->centre[a] = k->map.centre[a];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

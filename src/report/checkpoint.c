@@ -37,7 +37,7 @@ struct _p_Checkpoint {
   PetscReal        minutes;
   PetscLogDouble   written; /* wall clock of the last checkpoint */
   char             from[PETSC_MAX_PATH_LEN];
-  PetscBool        restarted, stopped;
+  PetscBool        restarted, stopped, polled; /* polled: a step was taken */
   Module           module[MAX_MODULES], restore;
   struct sigaction usual[3];
   int              signal; /* that stopped the run */
@@ -199,42 +199,70 @@ static int same_line(const char a[], const char b[])
   return n == strcspn(b, "\n") && !strncmp(a, b, n);
 }
 
-/* Is it an option of the physics, which a run that goes on should rarely change? A remark keeps it in the summary. */
-static PetscErrorCode remark_physics(const char line[], const char was[])
+/* Does an option bear on bodies, flow or mesh, rather than on how equations are solved? */
+static PetscBool is_physics(const char name[])
 {
-  static const char *const PHYSICS[] = {"-flow_density", "-flow_viscosity", "-flow_rheology",    "-flow_gravity",
-                                        "-flow_force",   "-flow_bc_",       "-flow_convection ", NULL};
+  static const char *const BEGIN[]  = {"-flow_",     "-particle_", "-mesh_",     "-couple_", "-contact_",
+                                       "-sim_frame", "-sim_dt",    "-sim_adapt", "-preset",  NULL};
+  static const char *const WITHIN[] = {"_ksp_", "_pc_", "_fieldsplit_", "_mg_", "_mat_", "_recipe", "_rtol", "_error_most", "_iterations", NULL};
+
+  for (int i = 0; WITHIN[i]; i++)
+    if (strstr(name, WITHIN[i])) return PETSC_FALSE;
+  for (int i = 0; BEGIN[i]; i++)
+    if (!strncmp(name, BEGIN[i], strlen(BEGIN[i]))) return PETSC_TRUE;
+  return PETSC_FALSE;
+}
+
+/* The value in a line `-name value`, without its end; `none` where there is no line */
+static void copy_value(const char line[], const char none[], char value[], size_t len)
+{
+  const size_t n = line ? strcspn(line, " \n") : 0;
+
+  if (!line) (void)snprintf(value, len, "%s", none);
+  else (void)snprintf(value, len, "%.*s", (int)strcspn(line + n + (line[n] == ' '), "\n"), line + n + (line[n] == ' '));
+  if (!value[0]) (void)snprintf(value, len, "true"); /* a switch */
+}
+
+/* One line about an option that differs: name, value now, value then */
+static PetscErrorCode tell_change(const char was[], const char is[], PetscInt *n)
+{
+  const char *line = is ? is : was;
+  char        name[OPT_NAME], none[128], then[512], now[512];
+  const char *usual;
 
   PetscFunctionBeginUser;
-  for (int i = 0; PHYSICS[i]; i++)
-    if (!strncmp(line, PHYSICS[i], strlen(PHYSICS[i])))
-      PetscCall(LogRemark("the run goes on with other physics than its checkpoint: %.*s (%s%.*s)", (int)strcspn(line, "\n"), line,
-                          was[0] ? "was" : "was not given", (int)strcspn(was, "\n"), was));
+  (void)snprintf(name, sizeof(name), "%.*s", (int)strcspn(line, " \n"), line);
+  usual = OptGetDefault(name);
+  if (strchr(usual, ' ')) usual = ""; /* one in words */
+  (void)snprintf(none, sizeof(none), "not given%s%s", usual[0] ? ": " : "", usual);
+  copy_value(was, none, then, sizeof(then));
+  copy_value(is, none, now, sizeof(now));
+  if (is_physics(name)) {
+    PetscCall(LogRemark("the run goes on with other physics than its checkpoint: %s %s (was %s)", name, now, then));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  if (!(*n)++) PetscCall(PetscPrintf(PETSC_COMM_WORLD, "Other options that differ from those of the checkpoint:\n"));
+  PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  %s %s (was %s)\n", name, now, then));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Say which options differ between then and now, one `-name value` a line */
+/* Say which options differ between then and now, one `-name value` a line: those of the physics first */
 static PetscErrorCode tell_changes(const char then[], const char now[])
 {
   PetscInt n = 0;
 
   PetscFunctionBeginUser;
-  for (int pass = 0; pass < 2; pass++) { /* what is new or other, then what is gone */
-    const char *text = pass ? then : now, *other = pass ? now : then;
+  for (int pass = 0; pass < 4; pass++) { /* what is new or other, then what is gone */
+    const PetscBool gone = (PetscBool)(pass % 2), physics = (PetscBool)(pass < 2);
+    const char     *text = gone ? then : now, *other = gone ? now : then;
 
     for (const char *at = text; *at; at += strcspn(at, "\n"), at += *at == '\n') {
-      const char *match = find_line(other, at), *value;
+      const char *match = find_line(other, at);
+      char        name[OPT_NAME];
 
-      if (is_free(at) || (match && (pass || same_line(at, match)))) continue;
-      if (!n++)
-        PetscCall(PetscPrintf(PETSC_COMM_WORLD, "Options that differ from those of the checkpoint (options of the initial state have no effect):\n"));
-      value = match ? match + strcspn(match, " \n") : "";
-      PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  %.*s (%s%.*s)\n", (int)strcspn(at, "\n"), at,
-                            pass    ? "no longer given"
-                            : match ? "was"
-                                    : "was not given",
-                            (int)strcspn(value, "\n"), value));
-      if (!pass) PetscCall(remark_physics(at, value));
+      if (is_free(at) || (match && (gone || same_line(at, match)))) continue;
+      (void)snprintf(name, sizeof(name), "%.*s", (int)strcspn(at, " \n"), at);
+      if (is_physics(name) == physics) PetscCall(tell_change(gone ? at : match, gone ? NULL : at, &n));
     }
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -415,6 +443,7 @@ PetscErrorCode CheckpointPoll(Checkpoint c, PetscInt step, PetscBool *due, Petsc
   PetscLogDouble now;
 
   PetscFunctionBeginUser;
+  c->polled = PETSC_TRUE;
   PetscCall(PetscTime(&now));
   if (c->minutes > 0 && now - c->written > 60 * c->minutes) wants[0] = 1;
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, wants, 2, MPI_INT, MPI_MAX, PETSC_COMM_WORLD));
@@ -451,7 +480,7 @@ PetscErrorCode CheckpointWrite(Checkpoint c, PetscInt step, PetscReal time)
 PetscErrorCode CheckpointFinish(Checkpoint c, PetscInt step, PetscReal time)
 {
   PetscFunctionBeginUser;
-  if (c->every || c->minutes > 0) PetscCall(CheckpointWrite(c, step, time));
+  if ((c->every || c->minutes > 0) && (c->polled || !c->restarted)) PetscCall(CheckpointWrite(c, step, time));
   if (c->stopped)
     PetscCall(PetscPrintf(PETSC_COMM_WORLD,
                           "Stopped by %s after step %" PetscInt_FMT ", t = %g. The state is in %s: continue with -sim_restart latest\n",

@@ -47,6 +47,7 @@ struct _p_Diagnostics {
   PetscReal             from;
   PetscInt              dp_column, momentum_column, count_column, deform_column, ncolumn, ncount;
   const CoupleCount    *count;        /* [ncount] of the boundary rung */
+  PetscReal             counted[8];   /* [ncount] their sums over the steps of this run */
   const DeformResult   *deform;       /* NULL: the mesh does not follow bodies */
   const CoupleDrive    *drive;        /* or NULL */
   PetscInt              drive_column; /* force, then, with a back-flow condition, its error */
@@ -218,6 +219,8 @@ static PetscErrorCode add_mesh_columns(Diagnostics b)
 {
   PetscFunctionBeginUser;
   PetscCall(CoupleGetCounts(b->couple, &b->ncount, &b->count));
+  PetscCheck(b->ncount <= (PetscInt)PETSC_STATIC_ARRAY_LENGTH(b->counted), PETSC_COMM_SELF, PETSC_ERR_PLIB,
+             "More counts of a rung than there is room for");
   for (PetscInt i = 0; i < b->ncount; i++) PetscCall(add_column(b, b->count[i].name, i ? NULL : &b->count_column));
   PetscCall(CoupleGetDeform(b->couple, &b->deform));
   for (PetscInt i = 0; i < 3 && b->deform; i++) PetscCall(add_column(b, DEFORM[i], i ? NULL : &b->deform_column));
@@ -393,7 +396,10 @@ PetscErrorCode DiagnosticsStep(Diagnostics b, const CoupleBalance *balance)
 
     for (PetscInt i = 0; i < 5 * b->loc->dim; i++) b->value[b->momentum_column + i] = part[i / b->loc->dim][i % b->loc->dim];
   }
-  for (PetscInt i = 0; i < b->ncount; i++) b->value[b->count_column + i] = (PetscReal)b->count[i].value;
+  for (PetscInt i = 0; i < b->ncount; i++) {
+    b->value[b->count_column + i] = (PetscReal)b->count[i].value;
+    b->counted[i] += (PetscReal)b->count[i].value;
+  }
   for (PetscInt i = 0; b->deform && i < 3; i++) b->value[b->deform_column + i] = i < 2 ? b->deform->area[i] : b->deform->jacobian;
   if (balance) measure_flow(b, balance);
   for (PetscInt a = 0; b->s->travels && a < b->loc->dim; a++) {
@@ -462,9 +468,19 @@ static PetscErrorCode tell_coefficient(Diagnostics b, const Coefficient *c)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* What the boundary method could not do as it should, over all steps of this run: bodies that were held, and so on */
+static PetscErrorCode tell_counts(Diagnostics b)
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < b->ncount; i++)
+    if (b->counted[i] > 0 && b->count[i].summed) PetscCall(tell(b, b->count[i].name, "_steps", b->counted[i]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode DiagnosticsFinish(Diagnostics b)
 {
   PetscFunctionBeginUser;
+  PetscCall(tell_counts(b));
   for (PetscInt i = 0; i < b->ncoefficient; i++) PetscCall(tell_coefficient(b, b->coefficient + i));
   if (b->dp) PetscCall(tell(b, "dp", "", b->value[b->dp_column]));
   for (PetscInt a = 0; b->drive && a < b->loc->dim; a++) {

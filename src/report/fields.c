@@ -331,6 +331,27 @@ PetscErrorCode OutputOpen(Output o)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode OutputRewind(Output o, PetscInt step)
+{
+  char     path[PETSC_MAX_PATH_LEN];
+  int      err     = 0;
+  PetscInt removed = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(join_path(o, "fields.xmf", path, sizeof(path)));
+  while (o->nsnap && o->snap[o->nsnap - 1].step > step) o->nsnap--;
+  if (o->rank == 0) {
+    removed = FilesRemoveAfter(o->dir, step);
+    if (o->nsnap) err = write_index(o, path);
+    else (void)remove(path);
+  }
+  PetscCall(FileCheck(err, path));
+  if (removed)
+    PetscCall(PetscPrintf(PETSC_COMM_WORLD, "Files of steps after %" PetscInt_FMT ", where the run goes on, are removed: %" PetscInt_FMT "\n", step,
+                          removed));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode OutputGetDirectory(Output o, const char **dir)
 {
   PetscFunctionBeginUser;

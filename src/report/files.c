@@ -1,7 +1,9 @@
 /* Files: see files.h. */
 #include "compat.h"
 #include "files.h"
+#include <dirent.h>
 #include <errno.h>
+#include <stdio.h>
 #include <string.h>
 
 int FileBegin(const char path[], FILE **f)
@@ -31,6 +33,28 @@ int FileEnd(const char path[], FILE **f)
   (void)snprintf(part, sizeof(part), "%s.part", path);
   if (err) return err;
   return rename(part, path) ? errno : 0;
+}
+
+PetscInt FilesRemoveAfter(const char dir[], PetscInt step)
+{
+  static const char *const KIND[] = {"fields_", "mesh_", "bodies_", "table_", "pairs_", "profile_", "contacts_", NULL};
+  DIR                     *d      = opendir(dir);
+  PetscInt                 n      = 0;
+  struct dirent           *entry;
+
+  while (d && (entry = readdir(d))) {
+    const char *name = entry->d_name;
+    char        path[PETSC_MAX_PATH_LEN];
+    long        number;
+    int         k = 0, end = 0;
+
+    while (KIND[k] && strncmp(name, KIND[k], strlen(KIND[k]))) k++;
+    if (!KIND[k] || sscanf(name + strlen(KIND[k]), "%ld%n", &number, &end) != 1 || number <= (long)step) continue;
+    if (strcmp(name + strlen(KIND[k]) + end, ".h5") && strcmp(name + strlen(KIND[k]) + end, ".csv")) continue;
+    if (snprintf(path, sizeof(path), "%s/%s", dir, name) < (int)sizeof(path)) n += !remove(path);
+  }
+  if (d) (void)closedir(d);
+  return n;
 }
 
 PetscErrorCode FileCheck(int err, const char path[])

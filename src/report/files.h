@@ -3,6 +3,10 @@
 #include <petscsys.h>
 #include <stdio.h>
 
+/* Rank 0: remove what a run has left in dir of steps after this one, tables and snapshots of their own files,
+   <kind>_<step>.h5 or .csv (not checkpoints). Returns how many. */
+PetscInt FilesRemoveAfter(const char dir[], PetscInt step);
+
 /* Rank 0: a file that appears under its name when it is complete, so that a reader never meets half of it: written as
    path.part, renamed at its end. 0 or errno; *f is NULL after FileEnd. */
 int FileBegin(const char path[], FILE **f);

@@ -32,6 +32,7 @@ struct _p_Monitor {
   PetscMPIInt    rank, size;
   char           dir[PETSC_MAX_PATH_LEN];
   const char    *unit[NUNITS];
+  PetscReal      si[NUNITS];         /* in metres, seconds, kilograms; 0: not said */
   FILE          *series, *body_file; /* rank 0 */
   PetscBool      restarted;          /* a state has been loaded; then the next two count */
   PetscReal      length[2];          /* of series.csv and bodies.csv then, bytes */

@@ -1,6 +1,7 @@
 /* Monitor: see monitor.h. What a step and a run have to tell is kept here; series.c, progress.c and summary.c write
    it. */
 #include "compat.h"
+#include "base/log.h"
 #include "base/opt.h"
 #include "files.h"
 #include "impl.h"
@@ -92,7 +93,12 @@ static PetscErrorCode read_options(Monitor m)
              "Option -output_bodies %" PetscInt_FMT ",%" PetscInt_FMT " does not name bodies of this scene, which has %" PetscInt_FMT
              ": give first,last with 0 <= first <= last < %" PetscInt_FMT,
              range[0], range[1], m->bodies->nall, m->bodies->nall);
-  if (!found && m->bodies->nall > MAX_BODIES) range[1] = -1;
+  if (!found && m->bodies->nall > MAX_BODIES) {
+    range[1] = -1;
+    PetscCall(LogRemark("bodies.csv stays without lines: more than %d bodies (%" PetscInt_FMT
+                        ") are written only where -output_bodies first,last asks for them, such as 0,%" PetscInt_FMT " for all",
+                        MAX_BODIES, m->bodies->nall, m->bodies->nall - 1));
+  }
   PetscCall(OptChoice("-output_bodies_format", FORMATS, &format));
   m->tables     = (PetscBool)(format == 2 || (format == 0 && range[1] - range[0] >= MAX_CSV));
   m->first_body = range[0];
@@ -105,6 +111,9 @@ static PetscErrorCode read_units(Monitor m)
   static const char *const LENGTH[]     = {"km", "m", "cm", "mm", "um", "nm", NULL};
   static const char *const TIME[]       = {"h", "min", "s", "ms", "us", "ns", NULL};
   static const char *const MASS[]       = {"t", "kg", "g", "mg", "ug", "ng", "pg", NULL};
+  static const PetscReal   METRES[]     = {1e3, 1, 1e-2, 1e-3, 1e-6, 1e-9};
+  static const PetscReal   SECONDS[]    = {3600, 60, 1, 1e-3, 1e-6, 1e-9};
+  static const PetscReal   KILOGRAMS[]  = {1e3, 1, 1e-3, 1e-6, 1e-9, 1e-12, 1e-15};
   PetscInt                 word[NUNITS] = {-1, -1, -1}; /* not said */
 
   PetscFunctionBeginUser;
@@ -114,6 +123,19 @@ static PetscErrorCode read_units(Monitor m)
   m->unit[UNIT_LENGTH] = word[UNIT_LENGTH] < 0 ? "" : LENGTH[word[UNIT_LENGTH]];
   m->unit[UNIT_TIME]   = word[UNIT_TIME] < 0 ? "" : TIME[word[UNIT_TIME]];
   m->unit[UNIT_MASS]   = word[UNIT_MASS] < 0 ? "" : MASS[word[UNIT_MASS]];
+  m->si[UNIT_LENGTH]   = word[UNIT_LENGTH] < 0 ? 0 : METRES[word[UNIT_LENGTH]];
+  m->si[UNIT_TIME]     = word[UNIT_TIME] < 0 ? 0 : SECONDS[word[UNIT_TIME]];
+  m->si[UNIT_MASS]     = word[UNIT_MASS] < 0 ? 0 : KILOGRAMS[word[UNIT_MASS]];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode MonitorGetUnits(Monitor m, const char *unit[3], PetscReal si[3])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < NUNITS; i++) {
+    unit[i] = m->unit[i];
+    si[i]   = m->si[i];
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -8,6 +8,7 @@
 #include "bodies/local.h"
 #include "files.h"
 #include <stdio.h>
+#include <unistd.h>
 
 #define MANY 2000 /* bodies: with more, pictures are coarser */
 /* how far an outline may be off, in bounding radii */
@@ -439,11 +440,38 @@ static PetscErrorCode make_room(Outlines b, PetscInt n)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode OutlinesWrite(Outlines b, const char dir[], PetscInt step, PetscReal time)
+static PetscErrorCode write_indices(Outlines b, const char dir[])
 {
   static const char *const index[] = {"centres", "bodies"};
-  Snapshot                 snap    = {.step = step, .time = time};
   char                     path[PETSC_MAX_PATH_LEN];
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < 2; i++) {
+    PetscCall(PetscSNPrintf(path, sizeof(path), "%s/%s.xmf", dir, index[i]));
+    if (!b->nsnap && !b->rank) (void)remove(path);
+    PetscCall(FileCheck(b->rank || !b->nsnap ? 0 : write_index(b, path, (PetscBool)i), path));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode OutlinesRewind(Outlines b, const char dir[])
+{
+  char path[PETSC_MAX_PATH_LEN];
+  int  there = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscSNPrintf(path, sizeof(path), "%s/bodies.xmf", dir));
+  if (!b->rank) there = !access(path, F_OK);
+  PetscCallMPI(MPI_Bcast(&there, 1, MPI_INT, 0, PETSC_COMM_WORLD));
+  if (!there) b->nsnap = 0; /* earlier snapshots are elsewhere */
+  else PetscCall(write_indices(b, dir));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode OutlinesWrite(Outlines b, const char dir[], PetscInt step, PetscReal time)
+{
+  Snapshot snap = {.step = step, .time = time};
+  char     path[PETSC_MAX_PATH_LEN];
 
   PetscFunctionBeginUser;
   if (!b->s->nall) PetscFunctionReturn(PETSC_SUCCESS);
@@ -456,10 +484,7 @@ PetscErrorCode OutlinesWrite(Outlines b, const char dir[], PetscInt step, PetscR
   while (b->nsnap && b->snap[b->nsnap - 1].step >= step) b->nsnap--;
   PetscCall(make_room(b, b->nsnap + 1));
   b->snap[b->nsnap++] = snap;
-  for (PetscInt i = 0; i < 2; i++) {
-    PetscCall(PetscSNPrintf(path, sizeof(path), "%s/%s.xmf", dir, index[i]));
-    PetscCall(FileCheck(b->rank ? 0 : write_index(b, path, (PetscBool)i), path));
-  }
+  PetscCall(write_indices(b, dir));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

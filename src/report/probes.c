@@ -124,6 +124,7 @@ PetscErrorCode ProbesStep(Probes p)
   Mesh             mesh;
   const MeshLocal *l;
   PetscReal       *u;
+  PetscMPIInt      count;
 
   PetscFunctionBeginUser;
   if (!p) PetscFunctionReturn(PETSC_SUCCESS);
@@ -141,7 +142,8 @@ PetscErrorCode ProbesStep(Probes p)
     for (PetscInt j = 0; j < l->nb; j++)
       for (PetscInt a = 0; a < p->dim; a++) p->v[i * p->dim + a] += p->phi[i * l->nb + j] * ul[j * p->dim + a];
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, p->v, (PetscMPIInt)(p->n * p->dim), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(PetscMPIIntCast(p->n * p->dim, &count));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, p->v, count, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   for (PetscInt i = 0; i < p->n * p->dim; i++) PetscCall(MonitorSetColumn(p->monitor, p->column + i, p->v[i]));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -59,6 +59,12 @@ const MonitorColumn MONITOR_BODIES[] = {
   {"radius", "length", 12, "of a disc or sphere, else 0"},
   {"size", "", 12, "of the body, in that of its group's shape"},
   {"density", "density", 12, "of the body"},
+  {"contact_force_x", "force", 12, "of contact with bodies and walls, mean over the step"},
+  {"contact_force_y", "force", 12, ""},
+  {"contact_force_z", "force", 12, ""},
+  {"contact_torque_x", "force length", 12, "of contact, about the centre"},
+  {"contact_torque_y", "force length", 12, ""},
+  {"contact_torque_z", "force length", 12, ""},
   {"q0", "", 12, "in 3D: orientation, a unit quaternion that turns the body's axes into those of space, scalar first"},
   {"q1", "", 12, ""},
   {"q2", "", 12, ""},
@@ -85,7 +91,8 @@ const MonitorColumn MONITOR_FURTHER[] = {
   {"momentum_walls_<x|y|z>", "force", 12, "the same: force of the walls"},
   {"momentum_openings_<x|y|z>", "force", 12, "the same: traction at inflows, less the momentum that flows out"},
   {"momentum_volume_<x|y|z>", "force", 12, "the same: -flow_force over the domain"},
-  {"snap_fallback", "", 12, "with rung snap: bodies that the mesh could not follow and the penalty held"},
+  {"snap_fallback", "", 12,
+   "with rung snap: bodies that the mesh could not follow in this step or one of the ten before, which the penalty holds; summary.json has the sum over the steps, snap_fallback_steps"},
   {"snap_narrow", "", 12, "with rung snap: bodies whose walls were drawn back in narrow gaps"},
   {"snap_taylor", "", 12, "with rung snap: moved nodes whose old values came from Taylor's formula"},
   {"snap_kept", "", 12, "with rung snap: moved nodes for which there was no old value"},
@@ -107,6 +114,7 @@ const MonitorColumn MONITOR_FURTHER[] = {
   {"elastic_energy", "energy", 12, "viscoelastic fluids (-flow_rheology): free energy of the polymer, 0 at rest"},
   {"conformation_trace_max", "", 12, "the same: largest trace of the conformation, of three axes, 3 at rest"},
   {"conformation_eigenvalue_min", "", 12, "the same: its smallest eigenvalue, 1 at rest"},
+  {"spring_energy", "energy", 12, "with -particle_<group>_spring or _mooring_stiffness: stored in springs and moorings"},
   {"cells", "", 12, "with -mesh_adapt: of the mesh of this round"},
   {"unknowns", "", 12, "with -mesh_adapt: of the mesh of this round"},
   {"error_indicator", "", 12, "with -mesh_adapt: estimated error of the velocity gradients, as a share of them"},
@@ -245,6 +253,7 @@ static PetscReal body_angle(const BodyState *b, PetscInt k)
 static void fill_line(const MonitorStep *s, const BodyState *b, PetscInt k, PetscReal line[NBODIES])
 {
   const PetscReal *x = b->x[k], *u = b->u[k], *w = b->w[k], *F = b->force[k], *T = b->torque[k], *q = b->q[k];
+  const PetscReal *C = b->contact_force[k], *D = b->contact_torque[k];
   const PetscReal  at[3]          = {x[0] + b->frame[0], x[1] + b->frame[1], x[2] + b->frame[2]};
   const PetscReal  gap            = b->gap[k] < PETSC_MAX_REAL ? b->gap[k] : (PetscReal)INFINITY;
   const PetscReal  value[NBODIES] = {s->step,      s->time,
@@ -259,6 +268,9 @@ static void fill_line(const MonitorStep *s, const BodyState *b, PetscInt k, Pets
                                      T[1],         T[2],
                                      gap,          BodiesGetDisc(b, k),
                                      b->scale[k],  b->density[k],
+                                     C[0],         C[1],
+                                     C[2],         D[0],
+                                     D[1],         D[2],
                                      q[0],         q[1],
                                      q[2],         q[3]};
 
@@ -289,7 +301,7 @@ static PetscErrorCode print_spread(Monitor m, const MonitorStep *s)
     if (b->own[k] && b->number[k] >= m->first_body && b->number[k] <= m->last_body) fill_line(s, b, k, mine[n++]);
   if (m->rank == 0) PetscCall(PetscMalloc2(m->size, &count, m->size, &start));
   PetscCallMPI(MPI_Gather(&n, 1, MPI_INT, count, 1, MPI_INT, 0, PETSC_COMM_WORLD));
-  for (PetscMPIInt r = 0; r < m->size && m->rank == 0; total += count[r++]) start[r] = (PetscMPIInt)total;
+  for (PetscMPIInt r = 0; r < m->size && m->rank == 0; total += count[r++]) PetscCall(PetscMPIIntCast(total, start + r));
   PetscCall(PetscMalloc3(total, &line, total, &number, total, &order));
   PetscCall(RowTypeCreate(NBODIES, &type));
   PetscCallMPI(MPI_Gatherv(mine, n, type, line, count, start, type, 0, PETSC_COMM_WORLD));

@@ -182,6 +182,7 @@ PetscErrorCode StatisticsStep(Statistics s, PetscReal time, PetscReal dt)
   const PetscReal *m;
   PetscReal       *u;
   Mesh             mesh;
+  PetscMPIInt      count;
 
   PetscFunctionBeginUser;
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
@@ -206,7 +207,8 @@ PetscErrorCode StatisticsStep(Statistics s, PetscReal time, PetscReal dt)
     now[NU] += m[i] * s->nu[i];
     now[NSUMS] += m[i];
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, s->now, (PetscMPIInt)(s->n * (NSUMS + 1)), MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
+  PetscCall(PetscMPIIntCast(s->n * (NSUMS + 1), &count));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, s->now, count, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   for (PetscInt k = 0; k < s->n; k++) {
     const PetscReal *now = s->now + k * (NSUMS + 1);
 

@@ -199,6 +199,25 @@ static PetscErrorCode print_phase(const char name[], PetscReal seconds, const Su
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static const Balance *find_balance(Monitor m, const char name[])
+{
+  for (PetscInt i = 0; i < m->nbalance; i++)
+    if (!strcmp(m->balance[i].name, name)) return m->balance + i;
+  return NULL;
+}
+
+/* Where ranks got too little of their cores, for long enough to tell */
+static PetscErrorCode print_cores(Monitor m, const Summary *s)
+{
+  const Balance *share = find_balance(m, "core_share"), *wait = find_balance(m, "core_wait");
+
+  PetscFunctionBeginUser;
+  if (!share || !wait || share->min > CORE_SHARE || wait->max < CORE_WAIT || s->total < CORE_WALL) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  a core's time that ranks got: %.2f to %.2f%s\n", (double)share->min, (double)share->max,
+                        m->size > 1 ? "; with fewer ranks, or on free cores, the run is faster" : "; on a free core the run is faster"));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode print_summary(Monitor m, const Summary *s)
 {
   PetscFunctionBeginUser;
@@ -209,6 +228,7 @@ static PetscErrorCode print_summary(Monitor m, const Summary *s)
                         (double)s->memory_mb));
   PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  outer iterations a step: mean %.3g, largest %" PetscInt_FMT "\n", (double)s->iterations_mean,
                         m->iterations_max));
+  PetscCall(print_cores(m, s));
   PetscCall(PetscPrintf(PETSC_COMM_WORLD, "\n  %-16s %12s %8s %14s\n", "phase", "wall [s]", "[%]", "a step [s]"));
   for (PetscInt i = 0; i < MONITOR_NPHASES; i++)
     if (is_shown(s, i)) PetscCall(print_phase(PHASE[i], s->seconds[i], s, i == MONITOR_SETUP ? PETSC_FALSE : PETSC_TRUE));

@@ -335,25 +335,32 @@ static PetscErrorCode order_links(Suspension b, PetscInt *n, ContactLink **link)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static void print_links(FILE *f, PetscInt n, const ContactLink link[])
+static PetscErrorCode print_links(Contact contact, FILE *f, PetscInt n, const ContactLink link[])
 {
+  const char *wall;
+
+  PetscFunctionBeginUser;
   for (PetscInt i = 0; i < n && f; i++) {
     const ContactLink *l = &link[i];
 
     if (l->j >= 0) fprintf(f, "%" PetscInt_FMT ",%" PetscInt_FMT, l->i, l->j);
-    else fprintf(f, "%" PetscInt_FMT ",%s", l->i, DOMAIN_SIDE[-1 - l->j]);
+    else {
+      PetscCall(ContactGetWallName(contact, -1 - l->j, &wall));
+      fprintf(f, "%" PetscInt_FMT ",%s", l->i, wall);
+    }
     fprintf(f, ",%.8g", (double)l->gap);
     for (PetscInt a = 0; a < 3; a++) fprintf(f, ",%.8g", (double)l->x[a]);
     for (PetscInt a = 0; a < 3; a++) fprintf(f, ",%.8g", (double)l->normal[a]);
     fprintf(f, "\n");
   }
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Rank 0 prints what the ranks have, one after the other: never more than one share of it is there. Collective. */
 static PetscErrorCode print_shares(Suspension b, PetscInt n, ContactLink link[], FILE *f)
 {
   const MPI_Comm comm = BodiesComm(b->bodies);
-  PetscMPIInt    size, tag, m;
+  PetscMPIInt    size, tag, m, mine;
   MPI_Datatype   type;
   MPI_Status     status;
   ContactLink   *other;
@@ -363,14 +370,15 @@ static PetscErrorCode print_shares(Suspension b, PetscInt n, ContactLink link[],
   PetscCall(PetscCommGetNewTag(comm, &tag));
   PetscCallMPI(MPI_Type_contiguous((int)sizeof(*link), MPI_BYTE, &type));
   PetscCallMPI(MPI_Type_commit(&type));
-  if (b->rank) PetscCallMPI(MPI_Send(link, (PetscMPIInt)n, type, 0, tag, comm));
-  else print_links(f, n, link);
+  PetscCall(PetscMPIIntCast(n, &mine));
+  if (b->rank) PetscCallMPI(MPI_Send(link, mine, type, 0, tag, comm));
+  else PetscCall(print_links(b->contact, f, n, link));
   for (PetscMPIInt r = 1; r < size && !b->rank; r++) {
     PetscCallMPI(MPI_Probe(r, tag, comm, &status));
     PetscCallMPI(MPI_Get_count(&status, type, &m));
     PetscCall(PetscMalloc1(m, &other));
     PetscCallMPI(MPI_Recv(other, m, type, r, tag, comm, MPI_STATUS_IGNORE));
-    print_links(f, m, other);
+    PetscCall(print_links(b->contact, f, m, other));
     PetscCall(PetscFree(other));
   }
   PetscCallMPI(MPI_Type_free(&type));
@@ -384,7 +392,7 @@ static PetscErrorCode print_contacts(Suspension b, FILE *f)
 
   PetscFunctionBeginUser;
   PetscCall(ContactGetLinks(b->contact, &n, &link));
-  if (BodiesComm(b->bodies) == PETSC_COMM_SELF) print_links(f, n, link);
+  if (BodiesComm(b->bodies) == PETSC_COMM_SELF) PetscCall(print_links(b->contact, f, n, link));
   else {
     PetscCall(order_links(b, &n, &link));
     PetscCall(print_shares(b, n, link, f));

@@ -469,9 +469,12 @@ PetscErrorCode AdaptVisitState(void *adapt, State state)
   Adapt      a         = adapt;
   PetscInt   count[3]  = {a->accepted, a->rejected, a->smooth};
   PetscReal *number[7] = {&a->dt, &a->limit, &a->speed_max, &a->dt_older, &a->shortest, &a->longest, &a->last}, value[7];
+  PetscBool  has;
   BodyRows   rows;
 
   PetscFunctionBeginUser;
+  PetscCall(StateHas(state, "numbers", &has));
+  if (!has) PetscFunctionReturn(PETSC_SUCCESS); /* of a run with fixed steps: begins here as at the start */
   for (PetscInt i = 0; i < 7; i++) value[i] = *number[i];
   PetscCall(StateReals(state, "numbers", 7, value));
   PetscCall(StateInts(state, "steps", 3, count));

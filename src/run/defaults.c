@@ -1,6 +1,7 @@
 /* Defaults: see defaults.h. Those of PETSc's solver objects stand where these are made. */
 #include "compat.h"
 #include "defaults.h"
+#include "promise.h"
 #include "base/opt.h"
 #include "bodies/local.h"
 
@@ -131,8 +132,8 @@ static PetscErrorCode apply_rules(int situation)
 {
   char        text[64];
   const char *then;
-  PetscBool   yes, whole, half;
-  double      step;
+  PetscBool   yes, whole, half, number;
+  PetscReal   step;
 
   PetscFunctionBeginUser;
   for (size_t i = 0; i < NRULES; i++) {
@@ -143,8 +144,9 @@ static PetscErrorCode apply_rules(int situation)
     PetscCall(PetscStrcmp(then, HALF_STEP, &half));
     if (whole || half) {
       PetscCall(OptPeek(STEP, text, sizeof(text)));
+      PetscCall(OptPeekReal(STEP, &step, &number));
       if (!text[0]) continue;
-      if (half && sscanf(text, "%lf", &step) == 1) PetscCall(PetscSNPrintf(text, sizeof(text), "%.15g", step / 2));
+      if (half && number) PetscCall(PetscSNPrintf(text, sizeof(text), "%.15g", (double)(step / 2)));
       then = text;
     }
     PetscCall(OptDefault(RULES[i].name, then));
@@ -214,115 +216,6 @@ static PetscErrorCode find_situation(const MeshLocal *l, Bodies bodies, PetscBoo
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* What each preset promises, and for it: how many cells thick a body must be (balanced: a disc of 4 cells is 1.7 to
-   2.5 % off, of 5 cells 0.6 %, an ellipse of 2 cells 1.9 %; accurate: 0.14 % there; a flap of 1.6 cells 1.6, 1.5 and
-   1.2 %), also in other fluids (balanced: a disc of 7 cells 2.4 % off in a Carreau fluid, 2.1 % in Oldroyd-B, of 10
-   cells .1 and .8 %), and the boundary layer of a falling one (two discs with 0.43 cells, at 8 cells a diameter: fast
-   3 % off, accurate 3.6 %; an ellipse with 0.64 within 0.14 %), or of several that fall in each other's wakes (two
-   discs with 0.64 cells: fast 1.6, balanced 1.6, accurate 1.3 % off; with 1.3 cells 0.5, 0.5, 0.3 %; with 2.6
-   accurate 0.06 %) */
-static const char *const PRESETS[] = {"fast", "balanced", "accurate", NULL};
-static const struct {
-  const char *percent;
-  PetscReal   cells, other, layer, wakes;
-} PROMISE[] = {{"5", 1.5, 1.5, 0.25, 0.25}, {"1", 5, 10, 0.5, 1}, {"0.2", 2, 2, 0.5, 2}};
-
-/* Has the fluid a law that is not Newtonian, and not one of eddies? */
-static PetscErrorCode is_other_fluid(PetscBool *other)
-{
-  const char *const names[] = {"", "newton", "smagorinsky", "wale"};
-  char              law[64];
-
-  PetscFunctionBeginUser;
-  PetscCall(OptPeek("-flow_rheology", law, sizeof(law)));
-  *other = PETSC_TRUE;
-  for (int i = 0; i < 4; i++) *other = (PetscBool)(*other && strcmp(law, names[i]) != 0);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Thickness in cells about the centre of the smallest body of a group; 0: the centre is not inside */
-static PetscErrorCode measure_thickness(const MeshLocal *l, Bodies bodies, PetscInt group, PetscReal *cells)
-{
-  BodyState *s;
-  PetscReal  d = 0, scale = PETSC_MAX_REAL; /* of the smallest */
-  PetscInt   smallest = -1;
-
-  PetscFunctionBeginUser;
-  PetscCall(BodiesGetState(bodies, &s));
-  for (PetscInt k = 0; k < s->n; k++) {
-    if (s->body_group[k] != group || s->scale[k] >= scale) continue;
-    smallest = k;
-    scale    = s->scale[k];
-  }
-  PetscCall(BodiesMin(bodies, 1, &scale));
-  if (smallest >= 0 && s->scale[smallest] == scale) PetscCall(BodiesDistance(bodies, smallest, NULL, NULL, 1, s->x[smallest], &d));
-  *cells = d < 0 ? -2 * d / l->h : 0;
-  PetscCall(BodiesMax(bodies, 1, cells));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* Diameter/sqrt(Re) in cells of a free body that falls with a drag coefficient of 1; infinite for one that does not, or
-   where a number is an expression. Planes only: no measurements in space. */
-static PetscErrorCode measure_layer(const MeshLocal *l, Bodies bodies, PetscInt group, PetscReal *cells)
-{
-  const char *const names[3] = {"-flow_density", "-flow_viscosity", "-flow_gravity"};
-  BodyState        *s;
-  char              text[3][64];
-  double            density = 1, viscosity = 0.01, x = 0, y = 0;
-  PetscReal         first[2] = {0, 0}, d, speed; /* size and density of its first body */
-  PetscInt          k;
-
-  PetscFunctionBeginUser;
-  PetscCall(BodiesGetState(bodies, &s));
-  *cells = PETSC_MAX_REAL;
-  for (PetscInt i = 0; i < 3; i++) PetscCall(OptPeek(names[i], text[i], sizeof(text[i])));
-  if (text[0][0] && sscanf(text[0], "%lf", &density) != 1) PetscFunctionReturn(PETSC_SUCCESS);
-  if (text[1][0] && sscanf(text[1], "%lf", &viscosity) != 1) PetscFunctionReturn(PETSC_SUCCESS);
-  if (l->dim != 2 || !s->group[group].count || sscanf(text[2], "%lf%*[ ,]%lf", &x, &y) != 2) PetscFunctionReturn(PETSC_SUCCESS);
-  if (!(s->group[group].free & (BODY_FREE_X | BODY_FREE_Y)) || s->group[group].motion.has_pivot) PetscFunctionReturn(PETSC_SUCCESS);
-  k = BodiesFind(s, s->group[group].first);
-  if (k >= 0) first[0] = BodiesGetRadius(s, k);
-  if (k >= 0) first[1] = s->density[k];
-  PetscCall(BodiesMax(bodies, 2, first));
-  d     = 2 * first[0];
-  speed = PetscSqrtReal(0.5 * PETSC_PI * d * PetscAbsReal(first[1] / density - 1) * PetscSqrtReal(x * x + y * y));
-  if (speed > 0) *cells = d / PetscSqrtReal(density * speed * d / viscosity) / l->h;
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* A preset that was asked for stops where it is known not to keep its promise; the default one does not. */
-static PetscErrorCode refuse_promise(const MeshLocal *l, Bodies bodies, PetscInt preset, int situation)
-{
-  BodyState *s;
-  PetscReal  cells = 0, thick, least = PROMISE[preset].layer;
-  PetscInt   fall  = 0;
-  PetscBool  other = PETSC_FALSE;
-
-  PetscFunctionBeginUser;
-  PetscCall(is_other_fluid(&other));
-  thick = other ? PROMISE[preset].other : PROMISE[preset].cells;
-  PetscCall(BodiesGetState(bodies, &s));
-  for (PetscInt g = 0; g < s->ngroups; g++) {
-    PetscCall(measure_layer(l, bodies, g, &cells));
-    if (cells < PETSC_MAX_REAL) fall += s->group[g].count;
-  }
-  if (fall > 1) least = PROMISE[preset].wakes;
-  for (PetscInt g = 0; g < s->ngroups; g++) {
-    PetscCall(measure_thickness(l, bodies, g, &cells));
-    PetscCheck(cells == 0 || cells >= thick * (1 - 1e-6), PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-               "-preset %s cannot keep its %s %% here: group '%s' is %.1f cells thick and needs %.1f. Refine the mesh (-mesh_cells, -mesh_focus_h, "
-               "-dm_refine)%s, or remove -preset",
-               PRESETS[preset], PROMISE[preset].percent, s->group[g].name, (double)cells, (double)thick,
-               preset == 1 && cells >= PROMISE[2].cells && (situation & PLANE) ? ", use -preset accurate" : "");
-    PetscCall(measure_layer(l, bodies, g, &cells));
-    PetscCheck(cells >= least, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
-               "-preset %s cannot keep its %s %% here: the boundary layer of a falling body of group '%s' is %.2f cells thick and needs %.2g. Refine the "
-               "mesh (-mesh_cells, -mesh_focus_h, -mesh_levels), or remove -preset",
-               PRESETS[preset], PROMISE[preset].percent, s->group[g].name, (double)cells, (double)least);
-  }
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 PetscErrorCode DefaultsApply(const MeshLocal *l, Bodies bodies, PetscBool steady)
 {
   Replaced  replaced = {0};
@@ -332,15 +225,16 @@ PetscErrorCode DefaultsApply(const MeshLocal *l, Bodies bodies, PetscBool steady
 
   PetscFunctionBeginUser;
   PetscCall(OptHas("-preset", &given));
-  PetscCall(OptChoice("-preset", PRESETS, &preset));
-  PetscCall(OptDefault("-preset", PRESETS[preset]));
+  PetscCall(OptChoice("-preset", PROMISE_PRESETS, &preset));
+  PetscCall(OptDefault("-preset", PROMISE_PRESETS[preset]));
   commanded = OptIsArgument("-preset");
   PetscCall(find_situation(l, bodies, steady, &situation));
   if (commanded) PetscCall(take_from_scene(situation, &replaced));
-  if (given && bodies) PetscCall(refuse_promise(l, bodies, preset, situation));
+  if (given && bodies) PetscCall(PromiseRefuse(l, bodies, preset));
   PetscCall(apply_rules(situation));
+  if (!given && bodies) PetscCall(PromiseRemark(l, bodies));
   PetscCall(refuse_sweep(steady));
-  PetscCall(list_replaced(PRESETS[preset], &replaced));
+  PetscCall(list_replaced(PROMISE_PRESETS[preset], &replaced));
   /* options.txt, run again, promises no more than the run did */
   if (!given) PetscCall(PetscOptionsClearValue(NULL, "-preset"));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -87,7 +87,7 @@ static int put_entry(SceneCheck *check, const SceneOption *option, Entries *all)
   return 0;
 }
 
-static int read_scene(const Link *link, Entries *all, int *included, char message[], size_t len);
+static int read_scene(const Link *link, Entries *all, int *merged, char message[], size_t len);
 
 /* Is the file the scene itself, or one that includes it? */
 static const Link *find_file(const Link *link, const struct stat *file)
@@ -105,7 +105,7 @@ static int read_included(SceneCheck *check, const Link *link, Entries *all)
   const Link  *same;
   Link         next  = {NULL, link};
   char        *path  = (char *)malloc(n + strlen(check->include) + 1);
-  int          depth = 0, included, fault;
+  int          depth = 0, merged, fault;
   struct stat  info;
 
   if (!path) return SceneCheckFault(check, 0, "no memory");
@@ -120,19 +120,19 @@ static int read_included(SceneCheck *check, const Link *link, Entries *all)
     fault = SceneCheckFault(check, check->include_line, "'%s' includes itself%s%s: remove one of the includes", same->path,
                             same == link ? "" : " by way of ", same == link ? "" : check->path);
   else if (depth == DEPTH_MAX) fault = SceneCheckFault(check, check->include_line, "scenes include each other more than %d deep", DEPTH_MAX);
-  else fault = read_scene(&next, all, &included, check->message, check->len);
+  else fault = read_scene(&next, all, &merged, check->message, check->len);
   free(path);
   return fault;
 }
 
-/* Options of a scene over those of the scene that it includes; *included: is there one, or a key that is named
-   otherwise in options? */
-static int read_scene(const Link *link, Entries *all, int *included, char message[], size_t len)
+/* Options of a scene over those of the scene that it includes; *merged: is there one, or something else that PETSc
+   cannot read by itself? */
+static int read_scene(const Link *link, Entries *all, int *merged, char message[], size_t len)
 {
   SceneCheck check = {.path = link->path, .message = message, .len = len};
   int        fault = SceneCheckFile(&check);
 
-  *included = check.include != NULL || check.renamed;
+  *merged = check.include != NULL || check.nested || check.renamed;
   if (!fault && check.include) fault = read_included(&check, link, all);
   for (size_t i = 0; i < check.n && !fault; i++) {
     const SceneOption *option = check.option + i;
@@ -166,15 +166,15 @@ static char *pack_entries(const Entries *all, size_t *size)
 
 int SceneFileRead(const char path[], char **options, size_t *size, char message[], size_t len)
 {
-  const Link link     = {path, NULL};
-  Entries    all      = {NULL, 0};
-  int        included = 0, fault;
+  const Link link   = {path, NULL};
+  Entries    all    = {NULL, 0};
+  int        merged = 0, fault;
 
   if (len) message[0] = 0;
   *options = NULL;
   *size    = 0;
-  fault    = read_scene(&link, &all, &included, message, len);
-  if (!fault && included && !(*options = pack_entries(&all, size))) {
+  fault    = read_scene(&link, &all, &merged, message, len);
+  if (!fault && merged && !(*options = pack_entries(&all, size))) {
     SceneCheck check = {.path = path, .message = message, .len = len};
 
     fault = SceneCheckFault(&check, 0, "no memory");

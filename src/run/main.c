@@ -4,21 +4,20 @@
 
    Checks the scene file, hands it to PETSc (the command line wins over it), and runs it. */
 #include "compat.h"
-#include "report/checkpoint.h"
 #include "report/monitor.h"
 #include "base/log.h"
 #include "base/opt.h"
 #include "run/scene.h"
 #include "run/scenefile.h"
+#include "cores.h"
+#include "failure.h"
 #include "shape.h"
 #include "shape/host.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <version.h>
-#include <signal.h>
 #include <string.h>
 #include <strings.h>
-#include <unistd.h>
 
 static const char
   help[] = "tumble: particulate flow by the finite element fictitious boundary method.\n"
@@ -26,115 +25,6 @@ static const char
            "Option -scene_dry_run describes the scene without running it; -help lists all options (-help expert: more, -help petsc: those of\n"
            "PETSc's solvers in this scene, -help markdown, -help man), -help output the\n"
            "columns and datasets of the results, -version the versions; runs/README.md lists the scenes.\n\n";
-
-/* The error this rank stops with; told by rank 0 when all ranks have come to the end, so that it is told once. */
-static struct {
-  char      message[2048]; /* PETSc cuts messages there */
-  char      place[128];    /* in the code */
-  PetscBool alone;         /* raised by fewer than all ranks */
-  PetscBool traced;        /* PETSc's trace was wanted, and this rank is the one to print it */
-} failure;
-
-static PetscBool is_user_mistake(PetscErrorCode code)
-{
-  switch ((int)code) {
-  case PETSC_ERR_USER_INPUT:
-  case PETSC_ERR_FILE_OPEN:
-  case PETSC_ERR_FILE_READ:
-  case PETSC_ERR_FILE_WRITE:
-  case PETSC_ERR_FILE_UNEXPECTED:
-  case PETSC_ERR_ARG_OUTOFRANGE:
-  case PETSC_ERR_ARG_UNKNOWN_TYPE:
-  case PETSC_ERR_NOT_CONVERGED:
-  case PETSC_ERR_SUP: return PETSC_TRUE;
-  default: return PETSC_FALSE;
-  }
-}
-
-/* Mistakes of the user get their message alone, everything else PETSc's trace too (by one rank: on others PETSc's
-   printer sleeps and aborts). */
-static PetscErrorCode note_error(MPI_Comm comm, int line, const char *function, const char *file, PetscErrorCode code, PetscErrorType type,
-                                 const char *message, void *ctx)
-{
-  if (type == PETSC_ERROR_INITIAL) { /* the callers that pass it on report under their own rank only */
-    PetscMPIInt size = 1, world = 1, rank = 0;
-
-    MPI_Comm_size(comm, &size);
-    MPI_Comm_size(MPI_COMM_WORLD, &world);
-    MPI_Comm_rank(comm, &rank);
-    snprintf(failure.message, sizeof(failure.message), "%s", message && message[0] ? message : "PETSc gives no reason");
-    snprintf(failure.place, sizeof(failure.place), "%d %s", line, file);
-    failure.alone  = (PetscBool)(size < world);
-    failure.traced = (PetscBool)(!is_user_mistake(code) && rank == 0);
-  }
-  if (failure.traced) (void)PetscTraceBackErrorHandler(comm, line, function, file, code, type, message, ctx);
-  return code;
-}
-
-static void tell_error(const char message[])
-{
-  fflush(stdout);
-  fprintf(stderr, "tumble: error: %s\n", message);
-  fflush(stderr);
-}
-
-static void tell_checkpoint(void)
-{
-  if (CheckpointGetLast()[0]) fprintf(stderr, "The last checkpoint is %s: continue from it with -sim_restart\n", CheckpointGetLast());
-  fflush(stderr);
-}
-
-/* All ranks are here: rank 0 tells what happened, once where ranks came to the same line with bodies of their own. */
-static void tell_errors(void)
-{
-  typeof(failure) *all = NULL;
-  int              size, rank;
-
-  MPI_Comm_size(MPI_COMM_WORLD, &size);
-  MPI_Comm_rank(MPI_COMM_WORLD, &rank);
-  if (rank == 0) all = malloc(size * sizeof(*all));
-  (void)MPI_Gather(&failure, sizeof(*all), MPI_BYTE, all, sizeof(*all), MPI_BYTE, 0, MPI_COMM_WORLD);
-  for (int i = 0; rank == 0 && i < size; i++) {
-    int j = 0;
-
-    while (j < i && strcmp(all[j].place, all[i].place)) j++;
-    if (j == i) tell_error(all[i].message);
-  }
-  if (rank == 0) tell_checkpoint();
-  free(all);
-}
-
-/* Libraries that hold what the error left open (files of a full disk) may fall over it while they leave */
-static void leave_quietly(int number)
-{
-  (void)number;
-  _exit(1);
-}
-
-/* Leave together. A rank that is missing after some seconds (or soon, when the error was this rank's own) waits for us
-   elsewhere and is not coming. */
-static int leave_after_error(void)
-{
-  const int   patience = failure.alone ? 50 : 500; /* hundredths of a second */
-  MPI_Request request;
-  int         done = 0;
-
-  MPI_Ibarrier(MPI_COMM_WORLD, &request);
-  MPI_Test(&request, &done, MPI_STATUS_IGNORE);
-  for (int wait = 0; wait < patience && !done; wait++) {
-    PetscSleep(0.01);
-    MPI_Test(&request, &done, MPI_STATUS_IGNORE);
-  }
-  if (!done) {
-    tell_error(failure.message);
-    tell_checkpoint();
-    MPI_Abort(MPI_COMM_WORLD, 1);
-  }
-  tell_errors();
-  for (int i = 0; i < 4; i++) (void)signal((int[]){SIGSEGV, SIGBUS, SIGABRT, SIGFPE}[i], leave_quietly);
-  MPI_Finalize();
-  return 1;
-}
 
 /* Rank 0 reads the file, all learn the verdict and what PETSc cannot read by itself (SceneFileRead). */
 static int read_scene(const char path[], char **options, size_t *size)
@@ -150,13 +40,15 @@ static int read_scene(const char path[], char **options, size_t *size)
   (void)MPI_Bcast(told, 2, MPI_INT, 0, MPI_COMM_WORLD);
   if (told[0] && rank == 0) fprintf(stderr, "tumble: error: %s\n", message);
   if (told[0] || told[1] < 0) return told[0];
-  if (rank && !(*options = malloc(told[1]))) MPI_Abort(MPI_COMM_WORLD, 1);
   *size = (size_t)told[1];
+  if (rank) *options = (char *)malloc(*size);
+  if (!*options) FailureAbort("out of memory for the scene's options");
   (void)MPI_Bcast(*options, told[1], MPI_CHAR, 0, MPI_COMM_WORLD);
   return 0;
 }
 
-/* The options of a scene that includes another one, before PetscInitialize, so that the command line goes over them */
+/* The options of a scene that PETSc cannot read by itself (one that includes another), before PetscInitialize, so that
+   the command line goes over them */
 static PetscErrorCode insert_options(const char options[], size_t size)
 {
   for (const char *name = options, *value; name && name < options + size; name = value + strlen(value) + 1) {
@@ -263,7 +155,10 @@ int main(int argc, char **argv)
   OptFormat      format;
   Wish           wish;
 
+  CoresPrepare();
   MPI_Init(&argc, &argv);
+  CoresShare();
+  FailurePrepare();
   wish = find_wish(argc, argv, &format);
   if (wish == HELP || wish == HELP_OUTPUT || wish == VERSION) return tell(wish, format);
   if (SceneFileTake(&argc, argv, path, sizeof(path)) && wish == RUN) {
@@ -278,18 +173,19 @@ int main(int argc, char **argv)
     MPI_Finalize();
     return 1;
   }
-  ierr = insert_options(options, size);
+  ierr = PetscPushErrorHandler(FailureNote, NULL);
+  if (!ierr) ierr = insert_options(options, size);
   if (!ierr) ierr = PetscInitialize(&argc, &argv, path[0] && !options ? path : NULL, help);
-  if (ierr) return 1;
   free(options);
-  OptSetScene(path);
-  PetscCall(PetscPushErrorHandler(note_error, NULL));
-  if (wish == HELP_PETSC) PetscCall(PetscOptionsSetValue(NULL, "-scene_dry_run", "1"));
-  ierr = LogInitialize();
+  if (!ierr) OptSetScene(path);
+  if (!ierr && wish == HELP_PETSC) ierr = PetscOptionsSetValue(NULL, "-scene_dry_run", "1");
+  if (!ierr) ierr = LogInitialize();
   if (!ierr && SceneFileIsList(path)) ierr = forget_place(argc, argv);
+  if (!ierr) ierr = FailureCatchCrashes();
+  if (!ierr) ierr = FailureReserve();
   if (!ierr) ierr = ShapeGuardInstall();
   if (!ierr) ierr = SceneRun(name);
-  if (ierr) return leave_after_error();
+  if (ierr) return FailureLeave();
   PetscCall(ShapeFinalize());
   PetscCall(OptFinalize());
   PetscCall(LogFinalize());

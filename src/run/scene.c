@@ -6,18 +6,20 @@
 #include "base/opt.h"
 #include "bodies/local.h"
 #include "defaults.h"
+#include "estimate.h"
 #include "meet.h"
 #include "meshadapt.h"
 #include "refine.h"
 #include "sim.h"
 #include "start.h"
+#include "walls.h"
 
-/* What contact needs to know of a scene without a flow: all faces that are not periodic are walls, and the range goes
-   by the size of the bodies. */
-static PetscErrorCode create_contact_alone(SimParts *part, const MeshLocal *l)
+/* What contact needs to know of a scene without a flow: all boundaries are walls, and the range goes by the size of the
+   bodies. */
+static PetscErrorCode create_contact_alone(SimParts *part, const MeshLocal *l, ContactWalls *walls)
 {
   PetscReal  density = 0, gravity[3] = {0, 0, 0}, h = PETSC_MAX_REAL;
-  PetscInt   walls = 0;
+  PetscInt   sides;
   BodyState *s;
 
   PetscFunctionBeginUser;
@@ -30,8 +32,8 @@ static PetscErrorCode create_contact_alone(SimParts *part, const MeshLocal *l)
   for (PetscInt g = 0; g < s->ngroups; g++)
     PetscCheck(!s->group[g].with_fluid, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
                "-particle_%s_start fluid needs a flow: remove it, or -flow_active false", s->group[g].name);
-  for (PetscInt f = 0; f < 2 * l->dim; f++) walls |= (l->period[f / 2] == 0) << f;
-  PetscCall(ContactCreate(part->bodies, h, density, gravity, l->lower, l->upper, walls, &part->contact));
+  PetscCall(WallsFind(part->mesh, NULL, part->bodies, &part->border, &sides, walls));
+  PetscCall(ContactCreate(part->bodies, h, density, gravity, l->lower, l->upper, sides, &part->contact));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -149,7 +151,7 @@ static PetscErrorCode create_reports(SimParts *part, const MeshLocal *l, PetscBo
                                      const ContactPacking *packing)
 {
   PetscFunctionBeginUser;
-  PetscCall(LeaveCreate(part->bodies, l->lower, l->upper, l->period, &part->border));
+  PetscCall(LeaveCreate(part->bodies, l->lower, l->upper, l->period, part->border, &part->leave));
   PetscCall(OutputCreate(part->mesh, part->scene, &part->output));
   PetscCall(OutlinesCreate(part->bodies, l->lower, l->upper, l->period, &part->bodyfile));
   PetscCall(MonitorCreate(part->bodies, &part->monitor));
@@ -168,8 +170,9 @@ static PetscErrorCode build(SimParts *part)
 {
   const MeshLocal      *l;
   const FlowParameters *par;
-  PetscInt              walls;
+  PetscInt              sides;
   PetscReal             recess;
+  ContactWalls          walls;
   PetscBool             active = PETSC_TRUE, steady = PETSC_FALSE, deformed = PETSC_FALSE, restarted;
   FlowInitial           initial;
   DeformResult          deformation;
@@ -201,13 +204,14 @@ static PetscErrorCode build(SimParts *part)
     PetscCall(CoupleCreate(part->flow, part->bodies, &part->couple));
     PetscCall(remark_backflow(l, par, part->bodies, part->couple));
     if (part->deform) PetscCall(CoupleSetDeform(part->couple, part->deform));
-    PetscCall(ConditionsGetSolidFaces(FlowConditions(part->flow), &walls));
-    PetscCall(ContactCreate(part->bodies, l->h, par->density, par->gravity, l->lower, l->upper, walls, &part->contact));
+    PetscCall(WallsFind(part->mesh, part->flow, part->bodies, &part->border, &sides, &walls));
+    PetscCall(ContactCreate(part->bodies, l->h, par->density, par->gravity, l->lower, l->upper, sides, &part->contact));
     PetscCall(ContactSetViscosity(part->contact, par->viscosity));
     PetscCall(CoupleGetRecess(part->couple, &recess));
     PetscCall(ContactSetRecess(part->contact, recess));
     PetscCall(MeetCheckOptions(part));
-  } else PetscCall(create_contact_alone(part, l));
+  } else PetscCall(create_contact_alone(part, l, &walls));
+  PetscCall(ContactSetWalls(part->contact, &walls));
   PetscCall(ContactSetPeriod(part->contact, l->period));
   PetscCall(ContactCheckStart(part->contact));
   if (active) PetscCall(create_steady(part, steady));
@@ -227,8 +231,9 @@ static PetscErrorCode destroy(SimParts *part)
   PetscCall(OutputDestroy(&part->output));
   PetscCall(SteadyDestroy(&part->steady));
   PetscCall(SteadyDestroy(&part->steady_start));
-  PetscCall(LeaveDestroy(&part->border));
+  PetscCall(LeaveDestroy(&part->leave));
   PetscCall(ContactDestroy(&part->contact));
+  PetscCall(BorderDestroy(&part->border));
   PetscCall(CoupleDestroy(&part->couple));
   PetscCall(FrameDestroy(&part->frame));
   PetscCall(FlowDestroy(&part->flow));
@@ -266,6 +271,7 @@ static PetscErrorCode describe(const SimParts *part, Sim sim)
   PetscCall(ContactView(part->contact, out));
   PetscCall(FrameView(part->frame, out));
   PetscCall(SimView(sim, out));
+  PetscCall(EstimateView(part, sim, out));
   PetscCall(CheckpointView(part->checkpoint, out));
   if (part->flow) {
     PetscCall(FlowGetParameters(part->flow, &par));
@@ -310,11 +316,13 @@ PetscErrorCode SceneRun(const char name[])
   PetscCall(build(&part));
   PetscCall(SimCreate(&part, &sim));
   PetscCall(CheckpointLoad(part.checkpoint, &restarted));
+  if (restarted) PetscCall(BodiesResume(part.bodies));
   if (restarted) PetscCall(RefineMatch(part.refine));
   if (restarted && part.refine && part.steady) PetscCall(meet_bodies(&part));
   if (part.flow && !part.steady && !restarted && !dry) PetscCall(StartSolve(&part));
   PetscCall(SimSetUp(sim));
   PetscCall(OptCheckUnused()); /* every module has read its options, and nothing is written yet */
+  if (!restarted) PetscCall(EstimateRemark(&part, sim));
   if (dry) {
     PetscCall(describe(&part, sim));
   } else {
@@ -322,6 +330,7 @@ PetscErrorCode SceneRun(const char name[])
     PetscCall(CheckpointOpen(part.checkpoint));
     PetscCall(OutputGetDirectory(part.output, &dir));
     PetscCall(MonitorOpen(part.monitor, dir));
+    if (restarted) PetscCall(SimRewind(sim));
     PetscCall(PetscTime(&now));
     PetscCall(MonitorPhaseSeconds(part.monitor, MONITOR_SETUP, now - begin));
   }

@@ -21,6 +21,7 @@ typedef struct {
   char            *include; /* as written, NULL: none */
   size_t           include_line;
   int              renamed; /* keys are named otherwise in options: PETSc must not read the file itself */
+  int              nested;  /* holds a list of lists, which PETSc's own reader does not take */
 } SceneCheck;
 
 /* Puts "path:line: ..." (line 0: "path: ...") into the message and returns 1. */

@@ -92,7 +92,8 @@ static int read_file(SceneCheck *check, char **text, size_t *size)
   *text = (char *)malloc((size_t)info.st_size + 1);
   *size = *text ? fread(*text, 1, (size_t)info.st_size, file) : 0;
   fclose(file);
-  if (!*text || *size != (size_t)info.st_size) return SceneCheckFault(check, 0, "cannot read the scene file to its end");
+  if (!*text) return SceneCheckFault(check, 0, "no memory");
+  if (*size != (size_t)info.st_size) return SceneCheckFault(check, 0, "cannot read the scene file to its end");
   (*text)[*size] = 0;
   if (strlen(*text) != *size) return SceneCheckFault(check, 0, "holds zero bytes: not a text file (save it as UTF-8)");
   return 0;
@@ -214,22 +215,41 @@ static int check_duplicates(SceneCheck *check, const yaml_node_t *map)
   return 0;
 }
 
+/* Texts of a list after one another, and of the lists in it: "a,b,c" */
+static void join_values(const SceneCheck *check, const yaml_node_t *list, char *value)
+{
+  for (const yaml_node_item_t *item = list->data.sequence.items.start; item < list->data.sequence.items.top; item++) {
+    const yaml_node_t *node = yaml_document_get_node(check->doc, *item);
+
+    if (node->type == YAML_SEQUENCE_NODE) {
+      join_values(check, node, value);
+      continue;
+    }
+    if (value[0]) strcat(value, ",");
+    strcat(value, get_text(node));
+  }
+}
+
+static size_t measure_values(const SceneCheck *check, const yaml_node_t *list)
+{
+  size_t size = 1;
+
+  for (const yaml_node_item_t *item = list->data.sequence.items.start; item < list->data.sequence.items.top; item++) {
+    const yaml_node_t *node = yaml_document_get_node(check->doc, *item);
+
+    size += node->type == YAML_SEQUENCE_NODE ? measure_values(check, node) : strlen(get_text(node)) + 1;
+  }
+  return size;
+}
+
 /* What PETSc makes of a value: text, or "a,b,c"; NULL: no memory */
 static char *copy_value(const SceneCheck *check, const yaml_node_t *node)
 {
-  const yaml_node_item_t *begin = NULL, *end = NULL;
-  size_t                  size = 1;
-  char                   *value;
+  char *value;
 
   if (node->type == YAML_SCALAR_NODE) return strdup(get_text(node));
-  begin = node->data.sequence.items.start;
-  end   = node->data.sequence.items.top;
-  for (const yaml_node_item_t *item = begin; item < end; item++) size += strlen(get_text(yaml_document_get_node(check->doc, *item))) + 1;
-  value = (char *)calloc(size, 1);
-  for (const yaml_node_item_t *item = begin; value && item < end; item++) {
-    if (item > begin) strcat(value, ",");
-    strcat(value, get_text(yaml_document_get_node(check->doc, *item)));
-  }
+  value = (char *)calloc(measure_values(check, node), 1);
+  if (value) join_values(check, node, value);
   return value;
 }
 
@@ -272,21 +292,45 @@ static int add_option(SceneCheck *check, const char name[], size_t line, const y
   return append_option(check, name, line, value);
 }
 
+/* An entry of a list, or of a list of points ([[0, 0], [1, 0]]), which is handed on as one flat list */
+static int check_entry(SceneCheck *check, const yaml_node_t *key, const yaml_node_t *node, int nested)
+{
+  if (node->type == YAML_MAPPING_NODE)
+    return SceneCheckFault(check, find_line(node),
+                           "'%s' is a list of maps, which PETSc's options cannot hold: give each entry a name (groups: disc, ball) and its settings under that name (disc: {shape: circle})",
+                           get_text(key));
+  if (node->type == YAML_SEQUENCE_NODE) {
+    if (nested)
+      return SceneCheckFault(check, find_line(node), "'%s' is a list of lists of lists: write one flat list, or a list of points ([[0, 0], [1, 0]])",
+                             get_text(key));
+    for (const yaml_node_item_t *item = node->data.sequence.items.start; item < node->data.sequence.items.top; item++)
+      if (check_entry(check, key, yaml_document_get_node(check->doc, *item), 1)) return 1;
+    check->nested = 1;
+    return 0;
+  }
+  if (!get_text(node)[0])
+    return SceneCheckFault(check, find_line(node), "empty entry in the list '%s', which PETSc would skip: give it a value or remove it",
+                           get_text(key));
+  return 0;
+}
+
+static size_t count_items(const yaml_node_t *node)
+{
+  return node->type == YAML_SEQUENCE_NODE ? (size_t)(node->data.sequence.items.top - node->data.sequence.items.start) : 1;
+}
+
 static int check_list(SceneCheck *check, const char name[], const yaml_node_t *key, const yaml_node_t *list)
 {
+  const yaml_node_t *first = NULL;
+
   for (const yaml_node_item_t *item = list->data.sequence.items.start; item < list->data.sequence.items.top; item++) {
     const yaml_node_t *node = yaml_document_get_node(check->doc, *item);
 
-    if (node->type == YAML_MAPPING_NODE)
-      return SceneCheckFault(check, find_line(node),
-                             "'%s' is a list of maps, which PETSc's options cannot hold: give each entry a name (groups: disc, ball) and its settings under that name (disc: {shape: circle})",
-                             get_text(key));
-    if (node->type == YAML_SEQUENCE_NODE)
-      return SceneCheckFault(check, find_line(node),
-                             "'%s' is a list of lists, which PETSc's options cannot hold: write one flat list, or a table file", get_text(key));
-    if (!get_text(node)[0])
-      return SceneCheckFault(check, find_line(node), "empty entry in the list '%s', which PETSc would skip: give it a value or remove it",
-                             get_text(key));
+    if (check_entry(check, key, node, 0)) return 1;
+    if (!first) first = node;
+    if (node->type != first->type || count_items(node) != count_items(first))
+      return SceneCheckFault(check, find_line(node), "the entries of '%s' have %zu and %zu values: points have as many as others", get_text(key),
+                             count_items(first), count_items(node));
   }
   return add_option(check, name, find_line(key), list);
 }

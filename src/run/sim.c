@@ -4,6 +4,7 @@
 #include "compat.h"
 #include "sim.h"
 #include "adapt.h"
+#include "cores.h"
 #include "finish.h"
 #include "judge.h"
 #include "meet.h"
@@ -21,12 +22,14 @@ struct _p_Sim {
   PetscInt        fields_good;                /* step of the last fields before any doubt, -1: none */
   PetscReal       interval, until;            /* -output_interval; the time that steps must not pass */
   PetscBool       hits, snapshot;             /* the step ends there; fields are written there */
+  PetscInt        spring_column;              /* of series.csv; -1: no springs */
   PetscInt        its;                        /* outer iterations of the time step so far */
   FlowDiagnostics diag;
   CoupleBalance   balance;
   PetscReal (*a)[3], (*alpha)[3]; /* acceleration of the bodies without contact, for the sub-steps of contact */
   PetscBool        known;         /* bodies that are spread have gone to the ranks that need them */
   PetscBool        has_acceleration, renew;
+  Cores            cores;
   const PetscReal *eta;   /* [own cells] error of the steady solution, NULL: not known */
   MonitorPhase     phase; /* begun at the clock `since` */
   PetscLogDouble   since;
@@ -70,7 +73,9 @@ static PetscErrorCode add_states(Sim s)
 
 PetscErrorCode SimCreate(const SimParts *part, Sim *sim)
 {
-  Sim s;
+  Sim       s;
+  PetscReal energy;
+  PetscBool springs;
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&s));
@@ -92,6 +97,9 @@ PetscErrorCode SimCreate(const SimParts *part, Sim *sim)
   if (part->flow && !part->steady) PetscCall(AdaptCreate(part->flow, part->bodies, part->couple, part->contact, part->monitor, s->dt, &s->adapt));
   if (part->flow && !part->steady) PetscCall(JudgeCreate(part->flow, part->bodies, part->couple, &s->judge));
   s->fields_good = -1;
+  PetscCall(BodiesGetSpringEnergy(part->bodies, &energy, &springs));
+  s->spring_column = -1;
+  if (springs) PetscCall(MonitorAddColumn(part->monitor, "spring_energy", &s->spring_column));
   PetscCall(add_states(s));
   if (part->flow) PetscCall(BodiesAttach(part->bodies, sizeof(*s->a), (void **)&s->a));
   if (part->flow) PetscCall(BodiesAttach(part->bodies, sizeof(*s->alpha), (void **)&s->alpha));
@@ -107,6 +115,15 @@ PetscErrorCode SimDestroy(Sim *sim)
   PetscCall(BodiesDetach((*sim)->part.bodies, (void **)&(*sim)->a));
   PetscCall(BodiesDetach((*sim)->part.bodies, (void **)&(*sim)->alpha));
   PetscCall(PetscFree(*sim));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SimGetStep(Sim s, PetscReal *dt, PetscReal *end, PetscBool *adapted)
+{
+  PetscFunctionBeginUser;
+  *dt      = s->dt;
+  *end     = s->time_end < PETSC_MAX_REAL ? s->time_end : s->steps_max * s->dt;
+  *adapted = (PetscBool)(s->adapt != NULL);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -249,6 +266,7 @@ static PetscErrorCode write_snapshot(Sim s)
 static PetscErrorCode report(Sim s, PetscReal dt, PetscReal seconds)
 {
   PetscInt    every;
+  PetscReal   stored;
   MonitorStep m = {.step             = s->step,
                    .time             = s->time,
                    .dt               = dt,
@@ -262,6 +280,10 @@ static PetscErrorCode report(Sim s, PetscReal dt, PetscReal seconds)
   PetscFunctionBeginUser;
   PetscCall(BodiesGetEnergy(s->part.bodies, &m.bodies_energy));
   PetscCall(ContactGetEnergy(s->part.contact, &m.contact_energy, &m.contact_work));
+  if (s->spring_column >= 0) {
+    PetscCall(BodiesGetSpringEnergy(s->part.bodies, &stored, NULL));
+    PetscCall(MonitorSetColumn(s->part.monitor, s->spring_column, stored));
+  }
   PetscCall(SuspensionStep(s->part.suspension));
   PetscCall(StatisticsStep(s->part.statistics, s->time, dt));
   PetscCall(MonitorWrite(s->part.monitor, &m, s->time_end < PETSC_MAX_REAL ? s->time_end : s->steps_max * s->dt));
@@ -294,7 +316,7 @@ static PetscErrorCode finish_part(Sim s, PetscReal dt, PetscInt its)
   if (s->judge) PetscCall(JudgeWay(s->judge, s->time + dt, dt, (PetscBool)(s->adapt != NULL)));
   PetscCall(ContactFinishStep(s->part.contact));
   PetscCall(ContactCountWork(s->part.contact, dt));
-  PetscCall(LeaveApply(s->part.border));
+  PetscCall(LeaveApply(s->part.leave));
   PetscCall(end_phase(s));
   s->time   = s->hits ? s->until : s->time + dt;
   s->dt_old = dt;
@@ -495,13 +517,24 @@ static PetscErrorCode take_step_alone(Sim s)
   if (s->part.gravity) PetscCall(ExprEvaluate(s->part.gravity, s->time + 0.5 * dt, 1, NULL, gravity));
   if (s->part.gravity) PetscCall(ContactSetGravity(s->part.contact, gravity));
   PetscCall(ContactAdvanceAlone(s->part.contact, dt));
-  PetscCall(LeaveApply(s->part.border));
+  PetscCall(LeaveApply(s->part.leave));
   PetscCall(end_phase(s));
   PetscCall(ContactGetWork(s->part.contact, NULL, NULL, &substeps));
   s->time = s->hits ? s->until : s->time + dt;
   PetscCall(BodiesSetTime(s->part.bodies, s->time));
   s->substeps += substeps;
   PetscCall(finish_step(s, dt, start));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SimRewind(Sim s)
+{
+  const char *dir;
+
+  PetscFunctionBeginUser;
+  PetscCall(OutputGetDirectory(s->part.output, &dir));
+  PetscCall(OutputRewind(s->part.output, s->step));
+  PetscCall(OutlinesRewind(s->part.bodyfile, dir));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -567,13 +600,15 @@ PetscErrorCode SimRun(Sim s)
     PetscCall(LogRemark("nothing is left to do: the checkpoint is at step %" PetscInt_FMT
                         ", t = %g, the end of the run. Raise -sim_time or -sim_steps",
                         s->step, (double)s->time));
+  PetscCall(CoresBegin(&s->cores));
   while (!stop && !is_at_end(s)) {
     if (s->renew) PetscCall(renew_solvers(s));
     if (s->part.flow) PetscCall(take_step(s));
     else PetscCall(take_step_alone(s));
     PetscCall(save_state(s, &stop));
+    PetscCall(CoresStep(&s->cores));
   }
-  PetscCall(LeaveGetRemoved(s->part.border, &removed));
+  PetscCall(LeaveGetRemoved(s->part.leave, &removed));
   if (removed) PetscCall(MonitorQuantity(s->part.monitor, "bodies_removed", removed));
   PetscCall(OutputGetDirectory(s->part.output, &dir));
   PetscCall(SuspensionWrite(s->part.suspension, dir, s->step));
@@ -581,6 +616,7 @@ PetscErrorCode SimRun(Sim s)
   if (s->adapt) PetscCall(AdaptFinish(s->adapt));
   if (s->part.flow) PetscCall(FinishFlow(&s->part, &cells, &unknowns));
   else PetscCall(MonitorQuantity(s->part.monitor, "contact_substeps", s->substeps));
+  PetscCall(CoresFinish(&s->cores, s->part.monitor));
   PetscCall(MonitorFinish(s->part.monitor, s->part.scene, cells, unknowns, s->step, s->time));
   PetscCall(CheckpointFinish(s->part.checkpoint, s->step, s->time));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -35,7 +35,8 @@ typedef struct {
   Bodies      bodies;
   Couple      couple;
   Contact     contact;
-  Leave       border;
+  Border      border; /* of the domain */
+  Leave       leave;
   Output      output;
   Outlines    bodyfile;
   Monitor     monitor;
@@ -55,8 +56,13 @@ typedef struct _p_Sim *Sim;
 PetscErrorCode SimCreate(const SimParts *, Sim *);
 PetscErrorCode SimDestroy(Sim *);
 PetscErrorCode SimView(Sim, PetscViewer);
+/* Length of the first step; when the run ends, by its time or its steps of that length; *adapted: the run chooses those
+   after it. */
+PetscErrorCode SimGetStep(Sim, PetscReal *dt, PetscReal *end, PetscBool *adapted);
 /* Set up every solver on the initial state, so that all options are read before the first step. Collective. */
 PetscErrorCode SimSetUp(Sim);
+/* The output directory is open and the run goes on: what it has of later steps goes. Collective. */
+PetscErrorCode SimRewind(Sim);
 /* Run to the end, or until SIGTERM. A failed solve stops with an error after the last good state has been written.
    Collective. */
 PetscErrorCode SimRun(Sim);

@@ -133,6 +133,16 @@ static PetscErrorCode ListKnown(const char path[], char list[], size_t len)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* What others call the shapes, each with ours */
+static const char OTHER_NAMES[] =
+  "sphere circle (in space it is a sphere), ball circle (in space it is a sphere), disc circle, disk circle, circular circle, round circle, rectangle "
+  "box, rect box, square box, cube box, cuboid box, block box, brick box, plate box (or leaflet with round ends), ellipsoid ellipse (in space with "
+  "-particle_<group>_c), spheroid ellipse (in space with -particle_<group>_c), oval ellipse, capsule leaflet, rod leaflet, stick leaflet, fibre leaflet, "
+  "fiber leaflet, bar box (or leaflet with round ends), spherocylinder leaflet, flap leaflet, naca airfoil, aerofoil airfoil, foil airfoil, wing "
+  "airfoil, triangle polygon, outline polygon, points polygon, hexagon polygon, mesh stl, surface stl, triangulation stl, obj stl, donut torus, "
+  "doughnut torus, annulus ring, tube ring, union composite, compound composite, multi composite, clump composite, superquadric superellipsoid, "
+  "superellipse superellipsoid, pipe cylinder";
+
 /* ---- loading ---- */
 
 /* The first readable folder/type.so of the path; file is "" if there is none. */
@@ -178,14 +188,15 @@ static PetscErrorCode CheckPlugin(const ShapePlugin *p, const char type[], const
 /* Not collective: what goes wrong is left in message for the ranks to agree on. */
 static PetscErrorCode OpenPlugin(const char path[], const char type[], Loaded *slot, char message[], size_t len)
 {
-  char known[2048];
+  char known[2048], advice[128];
 
   PetscFunctionBeginUser;
   PetscCall(FindFile(path, type, slot->file, sizeof(slot->file)));
   if (!slot->file[0]) {
     PetscCall(ListKnown(path, known, sizeof(known)));
-    PetscCall(
-      Complain(message, len, "Shape '%s' is not known (known: %s). Correct the name, or put %s.so into a folder of -shape_path", type, known, type));
+    OptAdviseWord(type, known, OTHER_NAMES, advice, sizeof(advice));
+    PetscCall(Complain(message, len, "Shape '%s' is not known (known: %s)%s Correct the name, or put %s.so into a folder of -shape_path", type, known,
+                       advice[0] ? advice : ".", type));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   /* stays mapped: PETSc keeps pointers to names of functions in it */

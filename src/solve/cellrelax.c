@@ -73,7 +73,7 @@ static PetscErrorCode count_cells(CellRelax c)
   const PetscInt  *body, *fixed;
 
   PetscFunctionBeginUser;
-  if (!c->free) PetscCall(PetscCalloc5(n, &c->free, n, &c->part, n * l->dim, &c->e, n * l->dim, &c->v, n, &c->moved)); /* most runs need none */
+  if (!c->free) PetscCall(PetscCalloc5(n, &c->free, n, &c->part, n * l->dim, &c->e, n * l->dim, &c->v, n, &c->moved));
   PetscCall(ConstraintGetNodeBody(c->constraint, &body));
   PetscCall(ConditionsGetValues(FlowConditions(c->flow), &fixed, NULL));
   PetscCall(PetscArrayzero(c->part, l->nnode_all));

@@ -7,8 +7,7 @@
 #include "laplacian.h"
 #include "thinrows.h"
 
-#define MAX_VERTICES 125 /* vertices of the cells around a node: 9 (27) on regular meshes */
-#define MOST_ASPECT  1.5 /* see choose_operator */
+#define MOST_ASPECT 1.5 /* see choose_operator */
 
 /* Of the bodies' part W W^T, by dimension: vertices that are small beside the largest of their body, and bodies that
    fill much and change little, drop out. W W^T beside the diagonal of the operator, times the number of vertices (in
@@ -29,6 +28,8 @@ struct _p_Coarse {
   Laplacian        laplacian; /* NULL: the operator is I^T S_p I */
   PetscInt        *vertex;    /* [nnode_all] global number of the vertex at a node, or -1 */
   PetscBool       *buried;    /* [nnode_all] vertex without fluid around */
+  PetscInt        *col;       /* [most] vertices of the cells around a node, 9 (27) on regular meshes, */
+  PetscReal       *g, *block; /* [most][dim], [most][most] and what they see of it: CoarseAddNode's */
   /* the bodies' part, see CoarseSetBodies */
   Mat              whole; /* matrix and bodies, NULL without any */
   Constraint       bodies;
@@ -329,6 +330,19 @@ static PetscErrorCode choose_operator(Coarse s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Arrays of CoarseAddNode for the node with most cells: a mesh from a file may have any number of them */
+static PetscErrorCode reserve_node(Coarse s)
+{
+  const MeshLocal *l    = s->loc;
+  PetscInt         most = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < l->nnode_all; i++) most = PetscMax(most, l->node_cell_ptr[i + 1] - l->node_cell_ptr[i]);
+  most *= 1 << l->dim;
+  PetscCall(PetscMalloc3(most, &s->col, most * l->dim, &s->g, most * most, &s->block));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* ---- public ---- */
 
 PetscErrorCode CoarseCreate(Mesh mesh, PetscInt nk, PetscBool floating, PetscReal keep, Coarse *coarse)
@@ -347,6 +361,7 @@ PetscErrorCode CoarseCreate(Mesh mesh, PetscInt nk, PetscBool floating, PetscRea
   PetscCall(create_interpolation(s));
   PetscCall(MatGetLocalSize(s->interpolation, NULL, &n));
   PetscCall(choose_operator(s));
+  if (!s->laplacian) PetscCall(reserve_node(s));
   if (s->laplacian) room = s->loc->dim == 2 ? 9 : 27;
   else room = s->loc->dim == 2 ? 25 : 125; /* vertices within two cells */
   if (s->loc->hang) room *= 2;             /* small cells around a large one */
@@ -367,6 +382,7 @@ PetscErrorCode CoarseDestroy(Coarse *coarse)
   PetscCall(MatDestroy(&s->matrix));
   PetscCall(MatDestroy(&s->whole));
   PetscCall(LaplacianDestroy(&s->laplacian));
+  PetscCall(PetscFree3(s->col, s->g, s->block));
   PetscCall(PetscFree(s->vertex));
   PetscCall(PetscFree(s->buried));
   PetscCall(PetscFree(*coarse));
@@ -376,8 +392,8 @@ PetscErrorCode CoarseDestroy(Coarse *coarse)
 PetscErrorCode CoarseAddNode(Coarse s, const PetscReal *const b[], PetscInt i, const PetscReal change[])
 {
   const PetscInt dim = s->loc->dim;
-  PetscInt       n, col[MAX_VERTICES];
-  PetscReal      g[MAX_VERTICES * 3], block[MAX_VERTICES * MAX_VERTICES];
+  PetscInt       n, *col = s->col;
+  PetscReal     *g = s->g, *block = s->block;
 
   PetscFunctionBeginUser;
   if (s->laplacian) {

@@ -165,6 +165,8 @@ PetscErrorCode FlowSolverIterate(FlowSolver, Vec b, Vec x);
 PetscErrorCode FlowSolverIterateOnce(FlowSolver, Vec b, Vec x);
 /* Directions for a step dt, 0: a steady flow; many: of the velocity. Collective. */
 PetscErrorCode FlowSolverChooseDirections(FlowSolver, PetscReal dt, PetscBool many);
+/* Remark an outer iteration that takes the preconditioner for fixed. Collective. */
+PetscErrorCode FlowSolverRemarkMethod(FlowSolver);
 /* After the solve for fs->x, which u, p, U are: add the forces of fs->held and what they do. Adds to *its; *reason < 0:
    a solve for that failed. Collective. */
 PetscErrorCode FlowSolverHold(FlowSolver, PetscReal u[], PetscReal p[], PetscReal U[], PetscInt *its, KSPConvergedReason *reason);

@@ -6,7 +6,8 @@
 static const OptSpec SPECS[] = {
   {"-flow_recipe", OPT_CHOICE, "", OPT_ANY, "balanced",
    .help = "preset of the solver options; every one can be overridden (default of small steady scenes: direct)", .when = FLOW,
-   .choices = "fast, balanced, accurate, direct"},
+   .choices = "fast, balanced, accurate, direct", .also = "solver, linear_solver, preconditioner",
+   .words = "mumps direct, lu direct, iterative balanced"},
   {"-flow_schur", OPT_CHOICE, "", OPT_ANY, "auto, with recipe fast projection, around bodies two_stage",
    .help = "how the pressure is found (auto: two stages with bodies, else by the viscous number of the step)", .when = FLOW,
    .choices = "auto, projection, commutator, two_stage"},

@@ -3,6 +3,7 @@
    the whole system; PETSc's fieldsplit would copy them and keep lists of where they are. */
 #include "compat.h"
 #include "impl.h"
+#include "base/log.h"
 
 #define FIRST_SHARE 0.3 /* of the tolerance, in the first velocity solve of a step with bodies that move */
 
@@ -200,5 +201,24 @@ PetscErrorCode FlowSolverCreateProjection(FlowSolver fs, PC pc)
     PetscCall(KSPSetFromOptions(fs->sub[i]));
   }
   if (fs->nbodies) PetscCall(KSPSetPreSolve(fs->sub[1], make_consistent, fs->pressure));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Fields are solved for by iterations, and how many differs from one application to the next */
+PetscErrorCode FlowSolverRemarkMethod(FlowSolver fs)
+{
+  PetscBool   fit, direct[2];
+  const char *type;
+
+  PetscFunctionBeginUser;
+  if (fs->need_whole || fs->single) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt i = 0; i < 2; i++) PetscCall(PetscObjectTypeCompare((PetscObject)fs->sub[i], KSPPREONLY, &direct[i]));
+  PetscCall(PetscObjectTypeCompareAny((PetscObject)fs->ksp, &fit, KSPFGMRES, KSPGCR, KSPFCG, KSPPIPEFGMRES, KSPPIPEGCR, KSPFBCGS, KSPRICHARDSON,
+                                      KSPPREONLY, ""));
+  if (fit || (direct[0] && direct[1])) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(KSPGetType(fs->ksp, &type));
+  PetscCall(LogRemark("-flow_ksp_type %s takes the preconditioner for fixed, and it varies: it iterates itself (-flow_fieldsplit_velocity_ksp_type, "
+                      "_pressure_ksp_type). What it takes for converged may not be: use fgmres, gcr, or preonly for both fields",
+                      type));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -192,7 +192,7 @@ PetscErrorCode ConstraintGatherRigid(Constraint c, Vec ur, PetscReal U[])
   const PetscInt   n = c->loc->nnode * c->loc->dim, own = c->numbers->n * c->nr;
   const PetscReal *x;
   PetscReal       *all, *mine;
-  PetscMPIInt      size, *counts, *starts;
+  PetscMPIInt      size, rank, *counts, *starts;
   PetscSF          sf;
 
   PetscFunctionBeginUser;
@@ -201,6 +201,7 @@ PetscErrorCode ConstraintGatherRigid(Constraint c, Vec ur, PetscReal U[])
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
+  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
   PetscCall(PetscMalloc4(c->nbodies * c->nr, &all, own, &mine, size, &counts, size, &starts));
   for (PetscMPIInt r = 0; r < size; r++) {
     PetscCall(PetscMPIIntCast(c->numbers->range[r] * c->nr, &starts[r]));
@@ -213,7 +214,7 @@ PetscErrorCode ConstraintGatherRigid(Constraint c, Vec ur, PetscReal U[])
   PetscCall(PetscSFReduceEnd(sf, c->rigid_type, x + n, mine, MPI_REPLACE));
   PetscCall(VecRestoreArrayRead(ur, &x));
   PetscCall(PetscSFDestroy(&sf));
-  PetscCallMPI(MPI_Allgatherv(mine, (PetscMPIInt)own, MPIU_REAL, all, counts, starts, MPIU_REAL, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Allgatherv(mine, counts[rank], MPIU_REAL, all, counts, starts, MPIU_REAL, PETSC_COMM_WORLD));
   take_unknown(c, all, U);
   PetscCall(PetscFree4(all, mine, counts, starts));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -145,15 +145,19 @@ static PetscErrorCode start_exchange(Sharing s, PetscInt unit, const PetscReal v
 {
   PetscFunctionBeginUser;
   for (PetscMPIInt r = 0; r < s->nnear; r++) {
-    const PetscInt begin = s->start[r], n = (s->start[r + 1] - begin) * unit;
+    const PetscInt begin = s->start[r];
+    PetscMPIInt    n;
 
-    PetscCallMPI(MPI_Irecv(s->in + begin * unit, (PetscMPIInt)n, MPIU_REAL, s->near[r], s->tag, s->comm, s->request + r));
+    PetscCall(PetscMPIIntCast((s->start[r + 1] - begin) * unit, &n));
+    PetscCallMPI(MPI_Irecv(s->in + begin * unit, n, MPIU_REAL, s->near[r], s->tag, s->comm, s->request + r));
   }
   for (PetscMPIInt r = 0; r < s->nnear; r++) {
-    const PetscInt begin = s->start[r], n = (s->start[r + 1] - begin) * unit;
+    const PetscInt begin = s->start[r];
+    PetscMPIInt    n;
 
+    PetscCall(PetscMPIIntCast((s->start[r + 1] - begin) * unit, &n));
     for (PetscInt e = begin * unit; e < begin * unit + n; e++) s->out[e] = value[s->entry[e / unit] * unit + e % unit];
-    PetscCallMPI(MPI_Isend(s->out + begin * unit, (PetscMPIInt)n, MPIU_REAL, s->near[r], s->tag, s->comm, s->request + s->nnear + r));
+    PetscCallMPI(MPI_Isend(s->out + begin * unit, n, MPIU_REAL, s->near[r], s->tag, s->comm, s->request + s->nnear + r));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -166,11 +170,14 @@ static void add_parts(Sharing s, PetscInt unit, PetscMPIInt from, PetscMPIInt to
 
 static PetscErrorCode sum_wide(Sharing s, PetscInt unit, PetscReal value[])
 {
+  PetscMPIInt count;
+
   PetscFunctionBeginUser;
   if (!s->nwide) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscMPIIntCast(s->nwide * unit, &count));
   PetscCall(PetscArrayzero(s->sum, s->nwide * unit));
   for (PetscInt e = 0; e < s->nmine * unit; e++) s->sum[s->wide[e / unit] * unit + e % unit] = value[s->mine[e / unit] * unit + e % unit];
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, s->sum, (PetscMPIInt)(s->nwide * unit), MPIU_REAL, MPIU_SUM, s->comm));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, s->sum, count, MPIU_REAL, MPIU_SUM, s->comm));
   for (PetscInt e = 0; e < s->nmine * unit; e++) value[s->mine[e / unit] * unit + e % unit] = s->sum[s->wide[e / unit] * unit + e % unit];
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -157,6 +157,7 @@ static PetscErrorCode create_solvers(FlowSolver fs)
   PetscCall(KSPGetPC(fs->ksp, &pc));
   if (!fs->need_whole) PetscCall(FlowSolverCreateProjection(fs, pc));
   PetscCall(KSPSetFromOptions(fs->ksp));
+  PetscCall(FlowSolverRemarkMethod(fs));
   PetscCall(KSPGetTolerances(fs->ksp, &fs->rtol, NULL, NULL, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

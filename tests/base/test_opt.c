@@ -7,6 +7,7 @@
 #include <stddef.h>
 #include <setjmp.h>
 #include <stdint.h>
+#include <stdlib.h>
 #include <string.h>
 #include <cmocka.h>
 
@@ -19,7 +20,9 @@ static const OptSpec SPECS[] = {
   {"-kind", OPT_CHOICE, "", OPT_ANY, "", .help = "treatment of the surface", .choices = "nodal, penalty, snap"},
   {"-point", OPT_REALS, "m/s^2", OPT_ANY, "", .help = "gravity"},
   {"-size", OPT_INTS, "", OPT_FROM(1), "", .help = "cells"},
-  {"-of_<thing>_size", OPT_REAL, "m", OPT_ANY, "1", .help = "size of a thing", .when = "-things"},
+  {"-of_<thing>_size", OPT_REAL, "m", OPT_ANY, "1", .help = "size of a thing", .when = "-things", .also = "length, extent"},
+  {"-turn", OPT_REAL, "rad", OPT_ANY, "", .help = "angle"},
+  {"-turns", OPT_REALS, "rad, rad", OPT_ANY, "", .help = "angles"},
   {"-of_<thing>_mean_size", OPT_INT, "", OPT_ANY, "", .help = "of a thing", .when = "-b | true"},
 };
 OPT_TABLE("test: of options", SPECS)
@@ -224,11 +227,12 @@ static void names_solver_options(void **state)
   give("-ksp_gmres_restrat", "30");
   assert_int_equal(OptDefault("-flow_fieldsplit_pressure_ksp_type", "cg"), 0);
   begin_error();
-  expect_error(OptCheckUnused(), PETSC_ERR_USER_INPUT, "did you mean -flow_fieldsplit_pressure_ksp_rtol?", "did you mean -ksp_gmres_restart?", NULL);
+  expect_error(OptCheckUnused(), PETSC_ERR_USER_INPUT, "did you mean -flow_fieldsplit_pressure_ksp_rtol?",
+               "need the prefix of a solver: -flow_fieldsplit_pressure_ksp_gmres_restrat", NULL);
   start(NULL);
   give("-ksp_rtol", "1e-3"); /* spelt right, but no solver read it */
   begin_error();
-  expect_error(OptCheckUnused(), PETSC_ERR_USER_INPUT, "-ksp_rtol = 1e-3", "nothing in this run reads", NULL);
+  expect_error(OptCheckUnused(), PETSC_ERR_USER_INPUT, "-ksp_rtol = 1e-3", "need the prefix of a solver: -flow_fieldsplit_pressure_ksp_rtol", NULL);
 }
 
 static void exempts_late_options(void **state)
@@ -356,7 +360,94 @@ static void knows_other_modes_and_old_names(void **state)
   expect_error(OptCheckUnused(), PETSC_ERR_USER_INPUT, "is read only with -b | true", NULL);
   assert_int_equal(OptReal("-of_ball_size", &v), 0);
   begin_error();
-  expect_error(OptCheckUnused(), PETSC_ERR_USER_INPUT, "did you mean -of_ball_mean_size?", NULL);
+  expect_error(OptCheckUnused(), PETSC_ERR_USER_INPUT, "there is no thing 'box' in this scene (ball)", NULL);
+}
+
+static void advises_by_meaning(void **state)
+{
+  static const struct {
+    const char *given, *wanted;
+  } CASES[] = {
+    {"-flow_nu", "did you mean -flow_viscosity? dynamic viscosity"},
+    {"-nu", "did you mean -flow_viscosity? dynamic viscosity"},
+    {"-fluid_nu", "did you mean -flow_viscosity? dynamic viscosity"},
+    {"-rho", "did you mean -flow_density?"},
+    {"-dt", "did you mean -sim_dt?"},
+    {"-sim_tend", "did you mean -sim_time?"},
+    {"-mu", "did you mean -contact_friction or -flow_viscosity?"},
+    {"-gravity", "did you mean -flow_gravity?"},
+    {"-grid_cells", "did you mean -mesh_cells?"},
+    {"-of_ball_extent", "did you mean -of_ball_size?"},
+    {"-of_ball_siez", "did you mean -of_ball_size?"}, /* the spelling comes first */
+    {"-pc_type", "need the prefix of a solver: -flow_fieldsplit_pressure_pc_type"},
+    {"-ksp_view", "need the prefix of a solver: -flow_fieldsplit_pressure_ksp_view"},
+  };
+  PetscReal v = 1;
+
+  (void)state;
+  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(CASES); i++) {
+    start(NULL);
+    assert_int_equal(OptDefault("-flow_fieldsplit_pressure_ksp_type", "cg"), 0);
+    assert_int_equal(OptReal("-of_ball_size", &v), 0);
+    give(CASES[i].given, "1");
+    begin_error();
+    expect_error(OptCheckUnused(), PETSC_ERR_USER_INPUT, CASES[i].wanted, NULL);
+  }
+}
+
+static void advises_words(void **state)
+{
+  char advice[128];
+
+  (void)state;
+  OptAdviseWord("symmetry", "no_slip, slip", "symmetry slip, wall no_slip", advice, sizeof(advice));
+  assert_string_equal(advice, "; did you mean slip?");
+  OptAdviseWord("Wall", "no_slip, slip", "symmetry slip, wall no_slip", advice, sizeof(advice));
+  assert_string_equal(advice, "; did you mean no_slip?");
+  OptAdviseWord("no_silp", "no_slip, slip", NULL, advice, sizeof(advice));
+  assert_string_equal(advice, "; did you mean no_slip?");
+  OptAdviseWord("hot", "no_slip, slip", "symmetry slip", advice, sizeof(advice));
+  assert_string_equal(advice, "");
+}
+
+/* Degrees, pi, arithmetics: what is read, and what stands in the database afterwards */
+static void reads_numbers_as_written(void **state)
+{
+  static const struct {
+    const char *text;
+    PetscReal   value;
+  } CASES[] = {{"pi/2", 0.5 * PETSC_PI},         {"40 deg", 40 * PETSC_PI / 180},
+               {"40deg", 40 * PETSC_PI / 180},   {"40\xc2\xb0", 40 * PETSC_PI / 180},
+               {"-90 degrees", -0.5 * PETSC_PI}, {"2*(1 + 0.5)", 3},
+               {"(90+90) deg", PETSC_PI}};
+  PetscReal v, two[2];
+  PetscBool found;
+  char      text[64];
+
+  (void)state;
+  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(CASES); i++) {
+    v = 0;
+    give("-turn", CASES[i].text);
+    assert_int_equal(OptPeekReal("-turn", &v, &found), 0);
+    assert_true(found && PetscAbsReal(v - CASES[i].value) < 1e-15 * 10);
+    v = 0;
+    assert_int_equal(OptReal("-turn", &v), 0);
+    assert_true(PetscAbsReal(v - CASES[i].value) < 1e-15 * 10);
+    assert_int_equal(OptPeek("-turn", text, sizeof(text)), 0);
+    assert_true(strtod(text, NULL) == v && !strchr(text, ' '));
+  }
+  give("-turns", "-30 deg, pi/6");
+  assert_int_equal(OptRealArray("-turns", 2, two, NULL), 0);
+  assert_true(PetscAbsReal(two[0] + two[1]) < 1e-15 && PetscAbsReal(two[1] - PETSC_PI / 6) < 1e-15);
+  give("-flow_viscosity", "40 deg"); /* has no angle */
+  v = 0.01;
+  begin_error();
+  expect_error(read_viscosity(&v), PETSC_ERR_USER_INPUT, "is not a number", NULL);
+  for (size_t i = 0; i < 5; i++) {
+    give("-turn", ((const char *const[]){"pi/", "a = 3", "1,5", "deg", "1/0"})[i]);
+    begin_error();
+    expect_error(OptReal("-turn", &v), PETSC_ERR_USER_INPUT, "is not a", NULL);
+  }
 }
 
 static void fills_placeholders(void **state)
@@ -425,6 +516,9 @@ int main(int argc, char **argv)
     cmocka_unit_test_setup_teardown(prints_tables, start, stop),
     cmocka_unit_test_setup_teardown(tells_mistakes_of_the_program, start, stop),
     cmocka_unit_test_setup_teardown(knows_other_modes_and_old_names, start, stop),
+    cmocka_unit_test_setup_teardown(advises_by_meaning, start, stop),
+    cmocka_unit_test_setup_teardown(advises_words, start, stop),
+    cmocka_unit_test_setup_teardown(reads_numbers_as_written, start, stop),
     cmocka_unit_test_setup_teardown(fills_placeholders, start, stop),
   };
   int failed;

@@ -4,6 +4,7 @@
 #include "core.h"
 #include "flow/flow.h"
 #include "mesh/carry.h"
+#include "mesh/state.h"
 
 /* ---- surfaces ---- */
 
@@ -383,11 +384,51 @@ static void test_curve(void **state)
   check_curve("-mesh_dimension 3 -mesh_cells 3,5,4 -mesh_levels 2 -mesh_band 1", 3);
 }
 
+/* ---- trees in files ---- */
+
+/* A tree that is read gives the mesh that the formula gives, to the last node, however ragged the tree is and wherever
+   the ranks divide it */
+static void test_restore(void **state)
+{
+  char path[PETSC_MAX_PATH_LEN];
+
+  (void)state;
+  OK(PetscSNPrintf(path, sizeof(path), "/tmp/tumble-tree-%d.h5", (int)total(getpid())));
+  for (PetscInt i = 0; i < 4 * NTREES; i++) {
+    const PetscInt   tree = i % NTREES, dim = tree < 3 ? 2 : 3;
+    Balls            wanted = random_points(dim, 3 + i % 5, 100 + i), other = random_points(dim, 2, 200 + i);
+    Mesh             m[2], old;
+    const MeshLocal *l[2];
+    State            s;
+
+    for (PetscInt a = 0; a < 2; a++) wanted.period[a] = other.period[a] = tree == 1 || (tree == 4 && a == 1);
+    for (PetscInt k = 0; k < 2; k++) {
+      create(TREES[tree], k ? &other : &wanted, &m[k]);
+      OK(MeshCreateState(m[k], &s));
+      OK(k ? StateBeginLook(s, path) : StateBeginSave(s, path));
+      OK(StateModule(s, "tree"));
+      OK(k ? MeshRestore(m[1], s, &old) : MeshVisitTree(m[0], s));
+      OK(StateEnd(s));
+      OK(StateDestroy(&s));
+    }
+    assert_non_null(old);
+    for (PetscInt k = 0; k < 2; k++) OK(MeshGetLocal(m[k], &l[k]));
+    assert_int_equal(l[0]->ncell, l[1]->ncell);
+    assert_int_equal(l[0]->ncell_all, l[1]->ncell_all);
+    assert_int_equal(l[0]->nnode_all, l[1]->nnode_all);
+    for (PetscInt c = 0; c < l[0]->ncell_all * l[0]->nb; c++) assert_int_equal(l[0]->cell_node[c], l[1]->cell_node[c]);
+    NEAR(max_difference(l[0]->nnode_all * dim, l[0]->x, l[1]->x), 0, 0);
+    OK(MeshDestroy(&old));
+    for (PetscInt k = 0; k < 2; k++) OK(MeshDestroy(&m[k]));
+  }
+  (void)unlink(path);
+}
+
 int main(int argc, char **argv)
 {
   const struct CMUnitTest tests[] = {cmocka_unit_test(test_counts), cmocka_unit_test(test_places), cmocka_unit_test(test_ghosts),
                                      cmocka_unit_test(test_patch),  cmocka_unit_test(test_carry),  cmocka_unit_test(test_carry_conserves),
-                                     cmocka_unit_test(test_curve)};
+                                     cmocka_unit_test(test_curve),  cmocka_unit_test(test_restore)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

@@ -52,6 +52,7 @@ static Bodies create_bodies(void)
 
 static void set_discs(void)
 {
+  set_option("-particle_bed_shape", NULL);
   set_option("-particle_groups", "disc,post");
   set_option("-particle_disc_shape", "circle");
   set_option("-particle_disc_radius", "0.125");
@@ -421,6 +422,8 @@ static PetscErrorCode try_create(const char dir[], Bodies bodies)
 static void set_bed(const char count[])
 {
   set_option("-particle_groups", "bed");
+  set_option("-particle_disc_shape", NULL); /* no group any more */
+  set_option("-particle_post_shape", NULL);
   set_option("-particle_bed_shape", "circle");
   set_option("-particle_bed_radius", "0.01");
   set_option("-particle_bed_density", "2");

@@ -172,7 +172,9 @@ static void refuses_lists_of_maps(void **state)
   (void)state;
   refuse(3, "particle:\n  groups:\n    - {shape: circle, radius: 1}\n", "'groups' is a list of maps", "give each entry a name", NULL);
   refuse(3, "particle:\n  groups:\n    - shape: circle\n      radius: 1\n", "list of maps", NULL);
-  refuse(3, "particle:\n  position:\n    - [1, 2]\n", "'position' is a list of lists", NULL);
+  refuse(3, "particle:\n  position:\n    - [[1, 2]]\n", "'position' is a list of lists of lists", NULL);
+  refuse(4, "particle:\n  points:\n    - [1, 2]\n    - [1]\n", "the entries of 'points' have 2 and 1 values", NULL);
+  refuse(1, "a: [[1, 2], 3]\n", "the entries of 'a' have 2 and 1 values", NULL);
   refuse(1, "a: [1, , 2]\n", "syntax error", NULL);
   refuse(1, "a: [1, '', 2]\n", "empty entry in the list 'a'", NULL);
 }

@@ -22,7 +22,7 @@ import tempfile
 from pathlib import Path
 
 from quantities import compute
-from toolbox import ROOT, choose, count_cores, launcher, make_parser, option_words, printable, pyplot, read_numbers, read_rows, read_toml, run_scene, save_figure, split_words, write_rows
+from toolbox import ROOT, choose, default_jobs, launcher, make_parser, option_words, printable, pyplot, read_numbers, read_rows, read_toml, run_scene, save_figure, split_words, write_rows
 
 FOLDER = ROOT / "runs" / "extremes"
 COLUMNS = "axis,value,coupling,boundary,ranks,verdict,error,tolerance,message,command".split(",")
@@ -37,7 +37,7 @@ def parse_arguments():
     parser.add_argument("--only", metavar="AXIS[,AXIS]", help="these axes")
     parser.add_argument("--boundary", metavar="RUNG[,RUNG]", help="these rungs (default: all that the program knows)")
     parser.add_argument("--point", metavar="AXIS/VALUE/COUPLING/RUNG", help="one point; '-' where an axis has no bodies")
-    parser.add_argument("--jobs", type=int, default=count_cores(), metavar="N", help="runs at the same time (default: cores)")
+    parser.add_argument("--jobs", type=int, default=default_jobs(), metavar="N", help="runs at the same time (default: cores that are free)")
     parser.add_argument("--points", default=str(FOLDER / "points.toml"), metavar="FILE", help="list of points (default: runs/extremes/points.toml)")
     parser.add_argument("--output", default=str(FOLDER), metavar="FOLDER", help="where map.csv and map.png go (default: runs/extremes)")
     return parser, parser.parse_args()

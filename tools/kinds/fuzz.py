@@ -5,6 +5,9 @@
   tools/fuzz --seeds 17 --point                one of them, with its scene and everything the program prints
   tools/fuzz --seeds 300-999 --output out/fuzz others than those of the tree; beyond 200 also with local refinement, packed suspensions, hinges and
                                                surfaces from files in space, initial flows, held mean velocities, boxes that travel
+  tools/fuzz --seeds 1001-1030 --output out/fuzz from 1001 on five kinds in turn, each with a check of its own (kinds/fuzzkinds.py): round meshes with bodies,
+                                               the law spring, bodies without a flow on pivots and slides, restarts of refined meshes on other ranks,
+                                               mesh files with one name for all walls
 
 A seed is a scene: sizes, densities, steps, viscosities, units, shapes, groups, conditions at the walls, rungs, presets, ranks are drawn from it.
 A run ends as
@@ -22,7 +25,8 @@ import tempfile
 from pathlib import Path
 
 from kinds.extremes import judge_run
-from toolbox import ROOT, count_cores, make_parser, read_rows, run_scene, write_rows
+from kinds.fuzzkinds import FIRST, compare_runs, draw_kind
+from toolbox import ROOT, default_jobs, make_parser, read_rows, run_scene, write_rows
 
 FOLDER = ROOT / "runs" / "fuzz"
 COLUMNS = "seed,ranks,verdict,divergence,momentum,speed,seconds,scene,message".split(",")
@@ -40,7 +44,7 @@ def parse_arguments():
     parser = make_parser(__doc__, limit=120)
     parser.add_argument("--seeds", default=f"1-{LAST}", metavar="LIST", help="such as 3,17,40-49 (default: %(default)s)")
     parser.add_argument("--point", action="store_true", help="show the scene and what the program prints")
-    parser.add_argument("--jobs", type=int, default=count_cores(), metavar="N", help="runs at the same time (default: cores)")
+    parser.add_argument("--jobs", type=int, default=default_jobs(), metavar="N", help="runs at the same time (default: cores that are free)")
     parser.add_argument("--output", default=str(FOLDER), metavar="FOLDER", help="where outcomes.csv and README.md go (default: runs/fuzz)")
     return parser, parser.parse_args()
 
@@ -277,10 +281,10 @@ def draw_scene(seed):
 def in_a_word(scene):
     """What a reader of the table wants to know of a scene."""
     mesh, bodies = scene["mesh"], scene.get("particle", {"groups": []})
-    words = ["3D" if mesh.get("dimension") == 3 else "2D", mesh.get("kind", "box") + (f" {''.join(mesh['periodic'])}-periodic" if "periodic" in mesh else "") + (" deformed" if "deform" in mesh else "")]
-    words += [f"{bodies[name]['shape']} {bodies[name]['density'] / scene['flow']['density']:.2g}" for name in bodies["groups"]] or ["no bodies"]
+    words = ["3D" if mesh.get("dimension") == 3 or mesh.get("kind") in ("tube", "ball", "shell") else "2D", mesh.get("kind", "box") + (f" {''.join(mesh['periodic'])}-periodic" if "periodic" in mesh else "") + (" deformed" if "deform" in mesh else "")]
+    words += [f"{bodies[name]['shape']} {bodies[name]['density'] / scene['flow'].get('density', 1):.2g}" for name in bodies["groups"]] or ["no bodies"]
     mesh_words = [f"{mesh['levels']} levels" if "levels" in mesh else "", "following" if "follow" in mesh else ""]
-    words += [*mesh_words, *(name for name in ("initial", "rate") if name in scene["flow"]), scene["sim"].get("frame", ""), "packed" if "output" in scene else ""]
+    words += [*mesh_words, *(name for name in ("initial", "rate") if name in scene["flow"]), scene["sim"].get("frame", ""), "packed" if "suspension" in scene.get("output", {}) else ""]
     words += [scene.get("preset", ""), scene["flow"].get("recipe", ""), *scene.get("couple", {}).values(), "adaptive" if "adapt" in scene["sim"] else ""]
     return ", ".join(word for word in words if word)
 
@@ -344,8 +348,48 @@ def measure_run(run, scene, s, row):
     return f"{len(remarks)} remarks" if remarks else ""
 
 
+def continue_run(run, scene, s, at, ranks, args, folder):
+    """A run that stops in the middle and goes on, on other ranks: its run, and what is wrong with where it ends"""
+    path = folder / "scene.yaml"
+    first = run_scene(path, {"sim_steps": at, "checkpoint_every": at}, run.summary["ranks"], folder / "parts", args.build, args.limit, cwd=ROOT)
+    if judge_run(first):
+        return first, ""
+    second = run_scene(path, {"sim_restart": "latest"}, ranks, folder / "parts", args.build, args.limit, cwd=ROOT)
+    return second, "" if judge_run(second) else compare_runs(run, second, s)
+
+
+def execute_kind(seed, args, folder):
+    """The same of a seed that has a check of its own"""
+    kind, scene, ranks, s, files, check = draw_kind(seed)
+    for name, text in files.items():
+        (folder / name).write_text(text)
+    restart = scene.pop("restart", None)
+    (folder / "scene.yaml").write_text(json.dumps(scene, indent=1))
+    run = run_scene(folder / "scene.yaml", {}, ranks, folder / "run", args.build, args.limit, cwd=ROOT)
+    row = {"seed": seed, "ranks": ranks, "verdict": "ok", "divergence": "", "momentum": "", "speed": "", "message": "", "scene": f"{kind}: {in_a_word(scene)}"}
+    verdict = judge_run(run)
+    if not verdict and restart:
+        run, message = continue_run(run, scene, s, restart["at"], restart["ranks"], args, folder)
+        row["scene"] += f", restarted on {restart['ranks']}"
+        verdict = judge_run(run)
+        if verdict and verdict[0] == "stopped":
+            verdict = "BUG", "a restart: " + verdict[1]
+        elif message:
+            verdict = "BUG", message
+    if verdict:
+        row["verdict"], row["message"] = verdict[0], verdict[1].replace(str(folder), "(folder)")
+        if verdict[0] == "stopped" and (run.err + run.out).count("tumble: error:") != 1:
+            row.update(verdict="BUG", message="not one error: " + row["message"])
+    elif check and (wrong := check(run, scene, s)):
+        row.update(verdict="BUG", message="silent: " + wrong)
+    row["seconds"] = f"{run.seconds:.1f}"
+    return row, scene, run
+
+
 def execute(seed, args, folder):
     """The row of a seed, its scene and its run."""
+    if seed >= FIRST:
+        return execute_kind(seed, args, folder)
     scene, ranks, s = draw_scene(seed)
     (folder / "outline.txt").write_text(OUTLINE)
     write_surface(folder / "surface.stl")

@@ -8,6 +8,7 @@
 #include "mesh/carry.h"
 
 #define MAX_FIELDS 4
+#define PATIENCE   10 /* steps in a row in which the mesh could have followed a body that it once could not */
 
 /* Of a mesh that is no more */
 struct _n_SnapLeft {
@@ -15,6 +16,7 @@ struct _n_SnapLeft {
   Remap      remap;
   PetscInt   n, done;
   PetscBool *fitted;            /* [n] */
+  PetscInt  *waits;             /* [n] */
   PetscReal *field[MAX_FIELDS]; /* [nnode_all][dim] of that mesh */
   PetscInt  *dead, *side;       /* [ncell_all] of that mesh */
   PetscReal *near;              /* [nnode_all] of the new mesh: not 0 where the old one was lined up */
@@ -31,6 +33,7 @@ struct _p_SnapDriver {
   Remap            remap;
   Bodies           bodies;
   PetscBool       *wanted, *fitted, *before; /* [n] of the state */
+  PetscInt        *waits;                    /* [n] steps until the mesh may follow it again, 0: it may */
   PetscReal (*X)[3], (*q)[4];                /* [n] where they were in the last fit */
   PetscReal (*way)[3], (*turn)[9];           /* [n] from there to where they are now, and from axes now to axes then */
   PetscInt   done;                           /* has there been one? */
@@ -290,6 +293,7 @@ PetscErrorCode SnapDriverCreate(Flow flow, Bodies bodies, Moved moved, SnapDrive
   f->nfield = psi ? 4 : 2;
   PetscCall(PetscCalloc1(f->loc->nnode_all, &f->stamp));
   PetscCall(BodiesAttach(bodies, sizeof(*f->fitted), (void **)&f->fitted));
+  PetscCall(BodiesAttach(bodies, sizeof(*f->waits), (void **)&f->waits));
   PetscCall(BodiesAttach(bodies, sizeof(*f->X), (void **)&f->X));
   PetscCall(BodiesAttach(bodies, sizeof(*f->q), (void **)&f->q));
   PetscCall(BodiesAttachWork(bodies, sizeof(*f->wanted), (void **)&f->wanted));
@@ -303,8 +307,8 @@ PetscErrorCode SnapDriverCreate(Flow flow, Bodies bodies, Moved moved, SnapDrive
 PetscErrorCode SnapDriverDestroy(SnapDriver *fit)
 {
   SnapDriver   f       = *fit;
-  void **const array[] = {(void **)&f->fitted, (void **)&f->X,   (void **)&f->q,   (void **)&f->wanted,
-                          (void **)&f->before, (void **)&f->way, (void **)&f->turn};
+  void **const array[] = {(void **)&f->fitted, (void **)&f->waits,  (void **)&f->X,   (void **)&f->q,
+                          (void **)&f->wanted, (void **)&f->before, (void **)&f->way, (void **)&f->turn};
 
   PetscFunctionBeginUser;
   if (!f) PetscFunctionReturn(PETSC_SUCCESS);
@@ -322,6 +326,18 @@ PetscErrorCode SnapDriverDestroy(SnapDriver *fit)
   PetscCall(PetscFree(f->value));
   PetscCall(PetscFree(*fit));
   PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* One boundary method a body for as long as the mesh cannot follow it: what it changes makes the forces jump. One that
+   stands still waits for nothing, since nothing will change. */
+static void count_down(SnapDriver f)
+{
+  for (PetscInt k = 0; k < f->state->n; k++) {
+    const PetscBool still = (PetscBool)(dot3(f->state->u[k], f->state->u[k]) == 0 && dot3(f->state->w[k], f->state->w[k]) == 0);
+
+    if (f->result.could[k]) f->waits[k] = still ? 0 : f->waits[k] - 1;
+    else f->waits[k] = f->fitted[k] || !f->wanted[k] ? 0 : PATIENCE;
+  }
 }
 
 /* Bodies are at X, q now: the motion since the last fit */
@@ -349,7 +365,10 @@ PetscErrorCode SnapDriverUpdate(SnapDriver f, PetscReal (*X)[3], PetscReal (*q)[
   PetscFunctionBeginUser;
   for (PetscInt k = 0; k < n; k++) f->wanted[k] = (PetscBool)(!f->state->gone[k] && !BodiesGetGroup(f->state, k)->hole);
   PetscCall(PetscArraycpy(f->before, f->fitted, n));
+  PetscCall(SnapSetPatience(f->snap, f->waits));
   PetscCall(SnapFit(f->snap, X, q, f->wanted, f->done ? f->before : NULL, f->fitted, &f->result));
+  PetscCall(SnapSetPatience(f->snap, NULL));
+  count_down(f);
   find_motion(f, X, q);
   PetscCall(PetscArraycpy((PetscReal *)f->X, (PetscReal *)X, 3 * n));
   PetscCall(PetscArraycpy((PetscReal *)f->q, (PetscReal *)q, 4 * n));
@@ -377,7 +396,7 @@ PetscErrorCode SnapDriverLeave(SnapDriver f, SnapLeft **left)
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&s));
   PetscCall(copy_fields(f, s->field));
-  PetscCall(PetscMalloc5(n, &s->fitted, l->ncell_all, &s->dead, l->ncell_all, &s->side, n, &s->X, n, &s->q));
+  PetscCall(PetscMalloc6(n, &s->fitted, n, &s->waits, l->ncell_all, &s->dead, l->ncell_all, &s->side, n, &s->X, n, &s->q));
   PetscCall(PetscArraycpy((PetscReal *)s->X, (PetscReal *)f->X, 3 * n));
   PetscCall(PetscArraycpy((PetscReal *)s->q, (PetscReal *)f->q, 4 * n));
   for (PetscInt c = 0; c < l->ncell_all; c++) {
@@ -385,6 +404,7 @@ PetscErrorCode SnapDriverLeave(SnapDriver f, SnapLeft **left)
     s->side[c] = f->done ? f->result.cell_side[c] : 0;
   }
   PetscCall(PetscArraycpy(s->fitted, f->fitted, n));
+  PetscCall(PetscArraycpy(s->waits, f->waits, n));
   s->done = f->done;
   *left   = s;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -399,7 +419,7 @@ PetscErrorCode SnapLeftDestroy(SnapLeft **left)
   PetscCall(RemapDestroy(&s->remap));
   PetscCall(MeshDestroy(&s->mesh));
   PetscCall(free_fields(MAX_FIELDS, s->field));
-  PetscCall(PetscFree5(s->fitted, s->dead, s->side, s->X, s->q));
+  PetscCall(PetscFree6(s->fitted, s->waits, s->dead, s->side, s->X, s->q));
   PetscCall(PetscFree(s->near));
   PetscCall(PetscFree(*left));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -440,6 +460,7 @@ PetscErrorCode SnapDriverArrive(SnapDriver f, SnapLeft **left, Mesh *old)
   *old          = NULL;
   f->done       = f->left->done;
   PetscCall(PetscArraycpy(f->fitted, f->left->fitted, n));
+  PetscCall(PetscArraycpy(f->waits, f->left->waits, n));
   PetscCall(PetscArraycpy((PetscReal *)f->X, (PetscReal *)f->left->X, 3 * n));
   PetscCall(PetscArraycpy((PetscReal *)f->q, (PetscReal *)f->left->q, 4 * n));
   PetscCall(RemapCreate(f->left->mesh, &f->left->remap));
@@ -465,17 +486,23 @@ PetscErrorCode SnapDriverVisitState(SnapDriver f, State state)
 {
   const PetscInt n = f->state->n;
   PetscInt      *fitted;
+  PetscBool      has;
   BodyRows       rows;
 
   PetscFunctionBeginUser;
+  PetscCall(StateHas(state, "fit_done", &has));
+  if (!has) PetscFunctionReturn(PETSC_SUCCESS); /* of a run with another method: the mesh is as at the start */
   PetscCall(StateInts(state, "fit_done", 1, &f->done));
   PetscCall(BodiesBeginRows(f->bodies, &rows));
   PetscCall(BodiesVisitReals(f->bodies, &rows, state, "fit_X", 3, (PetscReal *)f->X));
   PetscCall(BodiesVisitReals(f->bodies, &rows, state, "fit_q", 4, (PetscReal *)f->q));
   PetscCall(PetscMalloc1(n, &fitted));
-  for (PetscInt k = 0; k < n; k++) fitted[k] = f->fitted[k];
+  for (PetscInt k = 0; k < n; k++) fitted[k] = f->fitted[k] ? 1 : -f->waits[k];
   PetscCall(BodiesVisitIntegers(f->bodies, &rows, state, "fitted", fitted));
-  for (PetscInt k = 0; k < n; k++) f->fitted[k] = (PetscBool)fitted[k];
+  for (PetscInt k = 0; k < n; k++) {
+    f->fitted[k] = (PetscBool)(fitted[k] > 0);
+    f->waits[k]  = PetscMax(0, -fitted[k]);
+  }
   PetscCall(PetscFree(fitted));
   PetscCall(BodiesEndRows(&rows));
   if (StateIsLoading(state) && f->done) PetscCall(restore_mesh(f));

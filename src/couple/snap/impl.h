@@ -71,11 +71,13 @@ struct _p_Snap {
   PetscInt  *stray;  /* [nbodies] nodes on sides for which there was no place on the surface */
   PetscReal *inside; /* [nbodies] volume within the domain */
   /* corners of bodies; in space, wall vertices at their edges */
-  PetscBool *follow;           /* [nbodies] do wall vertices go there? */
-  PetscInt  *ncorner, *ntaken; /* [nbodies] how many there are, how many have a vertex */
-  PetscReal *at_corner;        /* [nnode_all] 0, there: where on an edge its middle node goes, 1/2 or less */
-  List       corner;           /* local nodes with an entry there */
-  List       left;             /* own vertices that stay off the edges in this fit */
+  const PetscInt *waits;            /* [nbodies] see SnapSetPatience; borrowed, NULL: all are followed */
+  PetscBool      *could;            /* [nbodies] fitted, but for its patience */
+  PetscBool      *follow;           /* [nbodies] do wall vertices go there? */
+  PetscInt       *ncorner, *ntaken; /* [nbodies] how many there are, how many have a vertex */
+  PetscReal      *at_corner;        /* [nnode_all] 0, there: where on an edge its middle node goes, 1/2 or less */
+  List            corner;           /* local nodes with an entry there */
+  List            left;             /* own vertices that stay off the edges in this fit */
   /* the last result, in which k speaks of the bodies that were known then: number */
   PetscInt  *node_body, *cell_body, *cell_before, *number, number_room;
   PetscBool *on_wall;

@@ -43,13 +43,13 @@ static PetscErrorCode create_snap(Couple c, void **rung)
   PetscCall(PetscNew(&r));
   PetscCall(PenaltyCreate(c->flow, c->bodies, &r->penalty));
   PetscCall(SnapDriverCreate(c->flow, c->bodies, c->moved, &r->driver));
-  c->count[FALLBACK].name = "snap_fallback";
-  c->count[NARROW].name   = "snap_narrow";
-  c->count[TAYLOR].name   = "snap_taylor";
-  c->count[KEPT].name     = "snap_kept";
-  c->count[CORNERS].name  = "snap_corners";
-  c->ncount               = NCOUNT;
-  *rung                   = r;
+  c->count[FALLBACK]     = (CoupleCount){.name = "snap_fallback", .summed = PETSC_TRUE};
+  c->count[NARROW].name  = "snap_narrow";
+  c->count[TAYLOR].name  = "snap_taylor";
+  c->count[KEPT].name    = "snap_kept";
+  c->count[CORNERS].name = "snap_corners";
+  c->ncount              = NCOUNT;
+  *rung                  = r;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -70,7 +70,8 @@ static PetscErrorCode remark_held(Couple c, SnapRung *r, PetscReal number)
   r->held = PETSC_TRUE;
   PetscCall(
     LogRemark("-couple_boundary snap cannot follow body %" PetscInt_FMT
-              " (group '%s') at t = %g, and the penalty holds it (column snap_fallback of series.csv): less accurate. The cells are too large for it, or it "
+              " (group '%s') at t = %g, and the penalty holds it until it could be followed for some steps (column snap_fallback of series.csv, steps in the "
+              "summary): less accurate. The cells are too large for it, or it "
               "ends at a side of the domain: refine the mesh, or let the body end a cell before or more than a cell beyond the side",
               (PetscInt)number, group_of(c->s, number), (double)c->step->time));
   PetscFunctionReturn(PETSC_SUCCESS);

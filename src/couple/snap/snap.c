@@ -189,6 +189,7 @@ static PetscErrorCode publish(Snap s, const PetscInt old_marked[], PetscInt nold
   r->cell_body   = s->cell_body;
   r->cell_before = s->cell_before;
   r->hollow      = s->hollow;
+  r->could       = s->could;
   r->node_side   = s->node_side;
   r->cell_side   = s->cell_side[0];
   r->side_before = s->cell_side[1];
@@ -232,9 +233,10 @@ static const struct {
                 {offsetof(struct _p_Snap, lost), sizeof(PetscReal)},     {offsetof(struct _p_Snap, hollow), sizeof(PetscBool)},
                 {offsetof(struct _p_Snap, passes), sizeof(PetscInt)},    {offsetof(struct _p_Snap, stray), sizeof(PetscInt)},
                 {offsetof(struct _p_Snap, inside), sizeof(PetscReal)},   {offsetof(struct _p_Snap, follow), sizeof(PetscBool)},
-                {offsetof(struct _p_Snap, ncorner), sizeof(PetscInt)},   {offsetof(struct _p_Snap, ntaken), sizeof(PetscInt)},
-                {offsetof(struct _p_Snap, line), sizeof(Midline)},       {offsetof(struct _p_Snap, is_path), sizeof(PetscBool)},
-                {offsetof(struct _p_Snap, path), sizeof(SnapPath)},      {offsetof(struct _p_Snap, smallest), sizeof(PetscReal)}};
+                {offsetof(struct _p_Snap, could), sizeof(PetscBool)},    {offsetof(struct _p_Snap, ncorner), sizeof(PetscInt)},
+                {offsetof(struct _p_Snap, ntaken), sizeof(PetscInt)},    {offsetof(struct _p_Snap, line), sizeof(Midline)},
+                {offsetof(struct _p_Snap, is_path), sizeof(PetscBool)},  {offsetof(struct _p_Snap, path), sizeof(SnapPath)},
+                {offsetof(struct _p_Snap, smallest), sizeof(PetscReal)}};
 
 static void **per_body(Snap s, size_t i)
 {
@@ -298,42 +300,55 @@ PetscErrorCode SnapDestroy(Snap *snap)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode SnapFit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool wanted[], const PetscBool before[], PetscBool fitted[],
-                       SnapResult *result)
+PetscErrorCode SnapSetPatience(Snap s, const PetscInt waits[])
 {
-  List      old_marked = {0, 0, NULL};
-  PetscBool again      = PETSC_TRUE;
-  PetscReal count[3]   = {0, 0, 0};
+  PetscFunctionBeginUser;
+  s->waits = waits;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Of the fitted bodies: does the mesh follow them? *again: not all, and it is to be fitted without those */
+static PetscErrorCode judge_bodies(Snap s, const PetscBool before[], PetscBool fitted[], PetscBool *again)
+{
+  PetscFunctionBeginUser;
+  *again = PETSC_FALSE;
+  for (PetscInt k = 0; k < s->nbodies; k++) {
+    PetscBool good = PETSC_FALSE;
+
+    if (!fitted[k]) continue;
+    PetscCall(SnapJudgeBody(s, k, (PetscBool)(before && !before[k]), &good));
+    if (!good && s->follow[k] && s->ntaken[k]) { /* once more without its corners */
+      s->follow[k] = PETSC_FALSE;
+      *again       = PETSC_TRUE;
+      continue;
+    }
+    *again    = (PetscBool)(*again || (!good && s->area[k] != 0));
+    fitted[k] = good;
+  }
+  PetscCall(BodiesAny(s->bodies, again));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Bodies that the mesh could follow, and is not to do so yet */
+static PetscErrorCode hold_back(Snap s, PetscBool fitted[], PetscBool *again)
+{
+  PetscFunctionBeginUser;
+  *again = PETSC_FALSE;
+  for (PetscInt k = 0; k < s->nbodies && s->waits; k++) {
+    if (!fitted[k] || s->waits[k] <= 0) continue;
+    s->could[k] = PETSC_TRUE;
+    fitted[k]   = PETSC_FALSE;
+    *again      = PETSC_TRUE;
+  }
+  PetscCall(BodiesAny(s->bodies, again));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode count_bodies(Snap s, const PetscBool fitted[], SnapResult *result)
+{
+  PetscReal count[3] = {0, 0, 0};
 
   PetscFunctionBeginUser;
-  PetscCall(meet_bodies(s));
-  PetscCall(PetscArraycpy(fitted, wanted, s->nbodies));
-  for (PetscInt k = 0; k < s->nbodies; k++) s->follow[k] = PETSC_TRUE;
-  swap_lists(&s->marked, &old_marked);
-  PetscCall(SnapPathChoose(s, X, q, wanted));
-  PetscCall(SnapFindPassages(s, X, q, wanted));
-  PetscCall(ClearanceUpdate(s->clearance, X, s->passes));
-  while (again) {
-    PetscCall(try_fit(s, X, q, fitted, &result->quality));
-    again = PETSC_FALSE;
-    for (PetscInt k = 0; k < s->nbodies; k++) {
-      PetscBool good = PETSC_FALSE;
-
-      if (!fitted[k]) continue;
-      PetscCall(SnapJudgeBody(s, k, (PetscBool)(before && !before[k]), &good));
-      if (!good && s->follow[k] && s->ntaken[k]) { /* once more without its corners */
-        s->follow[k] = PETSC_FALSE;
-        again        = PETSC_TRUE;
-        continue;
-      }
-      again     = (PetscBool)(again || (!good && s->area[k] != 0));
-      fitted[k] = good;
-    }
-    PetscCall(BodiesAny(s->bodies, &again));
-    if (!again) break;
-    clear_entries(s);
-    s->dead.n = s->marked.n = s->placed.n = 0;
-  }
   for (PetscInt k = 0; k < s->nbodies; k++) {
     s->hollow[k] = (PetscBool)(fitted[k] && !s->is_path[k]);
     if (!fitted[k] || !s->state->own[k]) continue;
@@ -345,6 +360,33 @@ PetscErrorCode SnapFit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const Petsc
   result->nnarrow = (PetscInt)count[0];
   result->npass   = (PetscInt)count[1];
   result->ncut    = (PetscInt)count[2];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SnapFit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool wanted[], const PetscBool before[], PetscBool fitted[],
+                       SnapResult *result)
+{
+  List      old_marked = {0, 0, NULL};
+  PetscBool again      = PETSC_TRUE;
+
+  PetscFunctionBeginUser;
+  PetscCall(meet_bodies(s));
+  PetscCall(PetscArraycpy(fitted, wanted, s->nbodies));
+  for (PetscInt k = 0; k < s->nbodies; k++) s->follow[k] = PETSC_TRUE;
+  PetscCall(PetscArrayzero(s->could, s->nbodies));
+  swap_lists(&s->marked, &old_marked);
+  PetscCall(SnapPathChoose(s, X, q, wanted));
+  PetscCall(SnapFindPassages(s, X, q, wanted));
+  PetscCall(ClearanceUpdate(s->clearance, X, s->passes));
+  while (again) {
+    PetscCall(try_fit(s, X, q, fitted, &result->quality));
+    PetscCall(judge_bodies(s, before, fitted, &again));
+    if (!again && s->waits) PetscCall(hold_back(s, fitted, &again));
+    if (!again) break;
+    clear_entries(s);
+    s->dead.n = s->marked.n = s->placed.n = 0;
+  }
+  PetscCall(count_bodies(s, fitted, result));
   PetscCall(collect_nodes(s));
   PetscCall(collect_cells(s));
   PetscCall(SnapPathFindSides(s, X, q));

@@ -31,7 +31,7 @@
    A body is left alone when no cell is its own, when a cell around it would get a Jacobian that is not positive (4 x
    4 and 3 x 3 Gauss points; in space the 27 of the flow alone, runs/studies/snap-space), or when its cells would not
    have its size (parts thinner than a cell). For a body that was left alone before the limits are stricter, so that
-   it does not change sides in every step.
+   it does not change sides in every step; the driver has it wait as well (SnapSetPatience).
 
    Pure geometry: nothing here knows the flow, and nothing is moved; the caller moves the nodes (MeshMoveNodes) after
    he has read what he needs at the old places. The result does not depend on the number of ranks. Method and tests:
@@ -58,6 +58,7 @@ typedef struct {
   const PetscInt  *side_before; /* [ncell_all] and in the fit before */
   const PetscBool *hollow;      /* [nbodies] fitted, and its inside is no part of the fluid: not so a body that is a
                                    path of edges */
+  const PetscBool *could;       /* [nbodies] not followed for its patience alone */
   PetscInt         nnode;
   const PetscInt  *node; /* [nnode] local nodes (own and ghost) that are elsewhere than now */
   const PetscReal *x;    /* [nnode][dim] their new places */
@@ -76,6 +77,9 @@ PetscErrorCode SnapCreate(Mesh, Bodies, Snap *);
 PetscErrorCode SnapSpreadThin(Mesh, Bodies);
 PetscErrorCode SnapDestroy(Snap *);
 
+/* Until the next call the mesh does not follow bodies k with waits[k] > 0, even where it could, which the result tells;
+   borrowed, NULL (default): none. */
+PetscErrorCode SnapSetPatience(Snap, const PetscInt waits[]);
 /* Fit the mesh to the bodies k with wanted[k], drawn at X [nbodies][3], q [nbodies][4]; fitted [nbodies] tells which
    were. before [nbodies]: were they in the last step (NULL: all)? nbodies: those that this rank knows, perhaps others
    than in the last call. Compares with the present places of the nodes and

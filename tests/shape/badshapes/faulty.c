@@ -19,8 +19,11 @@ enum {
   FAULT_LEAK,      /* data never freed */
   FAULT_RANGE,     /* an option whose allowed values do not all work */
   FAULT_EMPTY,     /* an empty batch is an error */
+  FAULT_ALONE,     /* 32 normals are an error while another object is alive */
   FAULT_COUNT
 };
+
+static PetscInt alive; /* objects */
 
 typedef struct {
   PetscInt  dim, fault, calls;
@@ -36,6 +39,7 @@ static PetscErrorCode ShapeCreate_Faulty(Shape s)
   PetscCall(ShapeSetData(s, f));
   PetscCall(ShapeGetDimension(s, &f->dim));
   f->radius = 0.5;
+  alive++;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -100,6 +104,7 @@ static PetscErrorCode ShapeNormal_Faulty(Shape s, PetscInt n, const PetscReal x[
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &f));
+  PetscCheck(alive == 1 || n != 32 || f->fault != FAULT_ALONE, PETSC_COMM_SELF, PETSC_ERR_SUP, "Another one is alive");
   for (PetscInt i = 0; i < n; i++) {
     const PetscReal r = Norm(f, x + i * f->dim), factor = f->fault == FAULT_NORMAL ? -1.0 : f->fault == FAULT_LENGTH ? 1.001 : 1.0;
 
@@ -147,6 +152,7 @@ static PetscErrorCode ShapeDestroy_Faulty(Shape s)
 
   PetscFunctionBeginUser;
   PetscCall(ShapeGetData(s, &f));
+  alive--;
   if (f->fault != FAULT_LEAK) PetscCall(PetscFree(f));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -1,0 +1,21 @@
+/* Face: a second-order face in space (9 nodes by lattice position) or edge in the plane (3 nodes), and where it is
+   nearest to a point. Coordinates s are in [-1, 1]. Local. */
+#pragma once
+#include <petscsys.h>
+
+/* A place of a face: coordinates, place, first derivatives, second ones (00, 11, 01); its distance from the point asked
+   for. side: which coordinates are at an end, -1, 1, or 0 */
+typedef struct {
+  PetscReal s[2], x[3], t[2][3], tt[3][3], distance;
+  PetscInt  side[2];
+} FacePlace;
+
+void FaceEvaluate(PetscInt dim, const PetscReal x[][3], const PetscReal s[2], FacePlace *);
+/* The nearest place to p: Newton's method from the nearest node, coordinates kept within their ends and steps shortened
+   until the distance falls */
+void FaceNearest(PetscInt dim, const PetscReal x[][3], const PetscReal p[3], FacePlace *);
+/* Unit normal of a place, to the side that tangents and lattice say (right-handed in space; in the plane t turned to
+   the left) */
+void FaceNormal(PetscInt dim, const FacePlace *, PetscReal n[3]);
+/* K [3][3]: gradient of that normal along the face */
+void FaceCurvature(PetscInt dim, const FacePlace *, const PetscReal n[3], PetscReal K[9]);

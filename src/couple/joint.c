@@ -1,0 +1,76 @@
+/* Couple, joints: loads on a body that change with its motion (bodies/joint.h: springs, dampers, moorings,
+   expressions), in the rows of the system. Linear about the state before the step: at the time at which the rows hold,
+   theta of the step later, the load is
+     F0 - K dt (a U + b U_old) - C c (U - U_old),   a = theta s, b = theta (1 - s), c = theta,
+   F0 that of the old place and velocity, so that K and C act as rows of the body do and no step is too long. The way of
+   the body is that of BodiesAdvancePosition, s = 1/2 in steps of second order. A spring whose period the step does not
+   see would ring with the step, undamped, and so would a damper under cn: as the frequency (the rate) times the step
+   goes from RESOLVED to STIFF, a and c go to 1 and b to 0. */
+#include "compat.h"
+#include "impl.h"
+#include "bodies/mass.h"
+
+#define RESOLVED 0.5
+#define STIFF    2.
+
+/* 0 .. 1: how little a step sees of the fastest change, from the largest K/M or C/M along a slot */
+static PetscReal stiffness(Couple c, PetscInt k, const PetscReal M[], const PetscReal K[], PetscReal power)
+{
+  const PetscReal density = c->s->density[k] + c->par->density;
+  PetscReal       most    = 0;
+
+  for (PetscInt i = 0; i < c->nr * c->nr; i += c->nr + 1)
+    if (M[i] > 0) most = PetscMax(most, K[i] / (density * M[i]));
+  return PetscClipInterval((c->step->dt * PetscPowReal(most, power) - RESOLVED) / (STIFF - RESOLVED), 0, 1);
+}
+
+PetscErrorCode CoupleAddJoint(Couple c, PetscInt k, const PetscReal M[])
+{
+  const PetscInt  nr    = c->nr;
+  const PetscReal theta = c->step->theta, dt = c->step->dt;
+  const PetscReal middle = c->step->order == 2 ? 0.5 : 1;
+  PetscReal       K[36], C[36], *A, *b, stiff, next, before, damped;
+  PetscBool       any;
+
+  PetscFunctionBeginUser;
+  if (!c->joint) PetscFunctionReturn(PETSC_SUCCESS);
+  A = c->joint + k * nr * (nr + 1);
+  b = A + nr * nr;
+  PetscCall(PetscArrayzero(A, nr * (nr + 1)));
+  PetscCall(BodiesGetResistance(c->bodies, k, CoupleLoadTime(c), dt, K, C, &any));
+  if (!any) PetscFunctionReturn(PETSC_SUCCESS);
+  stiff  = stiffness(c, k, M, K, 0.5);
+  next   = dt * ((1 - stiff) * theta * middle + stiff);
+  before = dt * (1 - stiff) * theta * (1 - middle);
+  stiff  = stiffness(c, k, M, C, 1);
+  damped = (1 - stiff) * theta + stiff;
+  for (PetscInt i = 0; i < nr; i++)
+    for (PetscInt j = 0; j < nr; j++) {
+      const PetscInt e = i * nr + j;
+      PetscReal      old, older;
+
+      CoupleGetHistory(c, k, j, &old, &older);
+      A[e] = next * K[e] + damped * C[e];
+      b[i] += (damped * C[e] - before * K[e]) * old;
+      if (!((c->unknown[k] >> j) & 1)) c->g[k * nr + i] -= A[e] * c->U[k * nr + j];
+      c->D[k * nr * nr + e] += A[e];
+    }
+  for (PetscInt i = 0; i < nr; i++) c->g[k * nr + i] += b[i];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CoupleGetJointForce(Couple c, PetscInt k, PetscReal out[])
+{
+  const PetscInt nr = c->nr;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscArrayzero(out, nr));
+  if (!c->joint) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt i = 0; i < nr; i++) {
+    const PetscReal *A = c->joint + k * nr * (nr + 1);
+
+    out[i] = A[nr * nr + i];
+    for (PetscInt j = 0; j < nr; j++) out[i] -= A[i * nr + j] * c->U[k * nr + j];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
