@@ -106,9 +106,9 @@ PetscErrorCode ContactSetScheme(Contact, const ContactScheme *);
 /* After ContactStep: springs for the system of flow and bodies, in addition to contact_force, as ContactFindSprings has
    them. Owned by the contact. Not collective. */
 PetscErrorCode ContactGetHolds(Contact, PetscInt *n, const ContactSpring *spring[]);
-/* Mean force and torque of contact on body k over the last step: contact_force and contact_torque but for the scheme's
-   share. *touched: law spring pushed it (not films alone), and what the flow did to it in that step answers this impulse;
-   NULL: not wanted. */
+/* Mean force and torque of contact on body k over the last step: contact_force and contact_torque but for the
+   scheme's share. *touched: law spring pushed it (not films alone), and what the flow did to it in that step answers
+   this impulse; NULL: not wanted. */
 PetscErrorCode ContactGetMean(Contact, PetscInt k, PetscReal force[3], PetscReal torque[3], PetscBool *touched);
 /* After the bodies have moved in the flow: fills gap of the state (PETSC_MAX_REAL: far) and, with -contact_separate,
    moves bodies that overlap apart (separate.c says why and how) until 1e-3 radii are left; velocities stay.

@@ -33,26 +33,6 @@ void OptDeclare(const char title[], const OptSpec specs[], size_t n)
   opt_table[opt_ntable++] = (OptTable){title, specs, n};
 }
 
-PetscBool OptSameName(const char a[], const char b[])
-{
-  PetscBool same = PETSC_FALSE;
-
-  (void)PetscStrcasecmp(a, b, &same);
-  return same;
-}
-
-PetscBool OptFits(const char pattern[], const char name[], char word[], size_t len)
-{
-  const char  *open = strchr(pattern, '<'), *close = strchr(pattern, '>');
-  const size_t n = strlen(name), before = open ? (size_t)(open - pattern) : 0, after = open ? strlen(close + 1) : 0;
-
-  if (word) word[0] = 0;
-  if (!open) return OptSameName(pattern, name);
-  if (n <= before + after || strncasecmp(pattern, name, before) || strcasecmp(close + 1, name + n - after)) return PETSC_FALSE;
-  if (word) snprintf(word, len, "%.*s", (int)(n - before - after), name + before);
-  return PETSC_TRUE;
-}
-
 static const OptSpec *find_row(const char name[])
 {
   const OptSpec *best = NULL;
@@ -209,14 +189,6 @@ static PetscErrorCode check_word(const OptSpec *spec, const char word[])
   PetscCheck(!spec->value || !spec->value[0] || strchr(spec->value, ' ') || !strcmp(spec->value, word), PETSC_COMM_WORLD, PETSC_ERR_PLIB,
              "The row of option %s in options.c has the default '%s', its reader '%s'", spec->name, spec->value, word);
   PetscFunctionReturn(PETSC_SUCCESS);
-}
-
-/* ---- text ---- */
-
-const char *OptJoin(const char before[], const char word[], const char after[], char name[OPT_NAME])
-{
-  (void)snprintf(name, OPT_NAME, "%s%s%s", before, word, after);
-  return name;
 }
 
 /* ---- the PETSc database ---- */

@@ -144,8 +144,8 @@ struct _p_Contact {
   AtOnce at_once;
   /* the list of pairs, ascending in i, then j */
   Pair *pair;
-  PetscReal (*slip)[4]; /* [npairs] elongation of the tangential spring; by how much nearer the pair feels the law than at
-                           the range, because it began there (pairforce.c). NULL: nothing to remember */
+  PetscReal (*slip)[4]; /* [npairs] elongation of the tangential spring; by how much nearer the pair feels the law than
+                           at the range, because it began there (pairforce.c). NULL: nothing to remember */
   PetscInt   npairs, pair_room;
   Listed    *listed; /* [n] place and reach when the list was made */
   PetscReal *reach;  /* [n] way a body may go before the next search; NULL: none */
@@ -344,10 +344,11 @@ PetscErrorCode ContactVisitMeans(Contact, State);
 PetscErrorCode ContactRemarkUnresolved(Contact, PetscReal time, PetscReal dt);
 PetscErrorCode ContactWeighForces(Contact);
 PetscErrorCode ContactAcceptForces(Contact);
-/* A pair to which contact gave `impulse` in sub-steps over dt, by_law of it by its law (the rest are films and friction,
-   which are not held: a partner that cannot yield would be spun by it), and of which c->u and c->w are the end: a spring holds its
-   bodies to the speed at which they part. began_free: it was out of contact at the beginning; the impulse is cut where
-   it parts with more than e times the speed that it had then. Bodies that end them elsewhere than the scheme brings them. */
+/* A pair to which contact gave `impulse` in sub-steps over dt, by_law of it by its law (the rest are films and
+   friction, which are not held: a partner that cannot yield would be spun by it), and of which c->u and c->w are the
+   end: a spring holds its bodies to the speed at which they part. began_free: it was out of contact at the beginning;
+   the impulse is cut where it parts with more than e times the speed that it had then. Bodies that end them elsewhere
+   than the scheme brings them. */
 PetscErrorCode ContactAddHold(Contact, const Pair *, PetscBool began_free, const Impulse *by_law, Impulse *impulse, PetscReal dt);
 PetscErrorCode ContactFindShifts(Contact, PetscReal dt, PetscInt n, const PetscInt active[]);
 /* Inverse of the mass that body k opposes to a force along n at lever r */

@@ -1,15 +1,16 @@
 /* Contact, the impulse of a step in a flow (law spring), which sub-steps have found for bodies of a guessed added mass
    under the loads of the step before. Three things make of it what the flow gives the bodies:
 
-   - The scheme is linear in the history of velocities, so that forces D(I) = c_t I^{n+1} - d(I), with I the impulse up
-     to a time, give velocities as if I had acted in an instant each (bdf2 takes a force for that of the end of its step:
-     of the impulse of a short contact it gives 2/3 in its step and the rest after). With I^{n+1} = I^n + dt f and 1 =
-     c_t dt + what counts of the step before, D(I) = share f^n + (1 - share) f^{n-1}. The fluid's added mass takes part.
+   - The scheme is linear in the history of velocities, so that forces D(I) = c_t I^{n+1} - d(I), with I the impulse
+     up to a time, give velocities as if I had acted in an instant each (bdf2 takes a force for that of the end of its
+     step: of the impulse of a short contact it gives 2/3 in its step and the rest after). With I^{n+1} = I^n + dt f
+     and 1 = c_t dt + what counts of the step before, D(I) = share f^n + (1 - share) f^{n-1}. The fluid's added mass
+     takes part.
    - A spring along the impulse of a pair holds its bodies to the speed at which they part after the sub-steps, whatever
      their added mass and the loads are: the more, the shorter the contact is beside the step. In steps that resolve it
      the flow acts during contact as it does without.
-   - The bodies end the step where the sub-steps do: a straight way, or the mean of two speeds of which one is before and
-     the other after a collision, is another one, on which the law would store energy that nobody has given. */
+   - The bodies end the step where the sub-steps do: a straight way, or the mean of two speeds of which one is before
+     and the other after a collision, is another one, on which the law would store energy that nobody has given. */
 #include "compat.h"
 #include "impl.h"
 #include "base/log.h"

@@ -229,8 +229,8 @@ static PetscBool has_friction(const struct _p_Contact *c)
   return (PetscBool)(c->slip && c->friction > 0);
 }
 
-/* A pair that was laid within the range (law spring) has no energy there: it feels the law from the widest gap on that it
-   has had. As it parts the range grows with it, without a force. */
+/* A pair that was laid within the range (law spring) has no energy there: it feels the law from the widest gap on
+   that it has had. As it parts the range grows with it, without a force. */
 static PetscReal begun_within(Contact c, PetscInt number, PetscReal gap)
 {
   if (!c->slip || c->slip[number][3] <= 0) return 0;

@@ -1,6 +1,7 @@
-/* Contact, slip: what pairs remember, tangential springs and where they began, while the list of pairs is made anew, on other ranks perhaps, and in files. That of
-   a pair goes with the smaller of its bodies, so that none has many; the partner is known by its permanent number. All
-   ranks that know a pair compute the same spring, and the owner of the body that carries it knows the pair. */
+/* Contact, slip: what pairs remember, tangential springs and where they began, while the list of pairs is made anew,
+   on other ranks perhaps, and in files. That of a pair goes with the smaller of its bodies, so that none has many;
+   the partner is known by its permanent number. All ranks that know a pair compute the same spring, and the owner of
+   the body that carries it knows the pair. */
 #include "compat.h"
 #include "impl.h"
 

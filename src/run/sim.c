@@ -2,38 +2,12 @@
    forces read, bodies moved, reports (src/README.md follows a step through all rooms). Seconds are counted by phase
    (NSE, Force, Particle, Output) as in the method's own cost table. */
 #include "compat.h"
-#include "sim.h"
-#include "adapt.h"
-#include "cores.h"
+#include "simimpl.h"
 #include "finish.h"
-#include "judge.h"
 #include "meet.h"
 #include "base/log.h"
 #include "base/opt.h"
 #include "bodies/local.h"
-
-struct _p_Sim {
-  SimParts        part;
-  BodyState      *s;
-  PetscReal       dt, dt_old, time_end, time; /* dt_old: the step before, with sub-steps the part before */
-  PetscInt        steps_max, step, substeps;  /* substeps: of bodies alone, altogether */
-  Adapt           adapt;                      /* NULL: fixed steps */
-  Judge           judge;                      /* NULL: no time steps of a flow */
-  PetscInt        fields_good;                /* step of the last fields before any doubt, -1: none */
-  PetscReal       interval, until;            /* -output_interval; the time that steps must not pass */
-  PetscBool       hits, snapshot;             /* the step ends there; fields are written there */
-  PetscInt        spring_column;              /* of series.csv; -1: no springs */
-  PetscInt        its;                        /* outer iterations of the time step so far */
-  FlowDiagnostics diag;
-  CoupleBalance   balance;
-  PetscReal (*a)[3], (*alpha)[3]; /* acceleration of the bodies without contact, for the sub-steps of contact */
-  PetscBool        known;         /* bodies that are spread have gone to the ranks that need them */
-  PetscBool        has_acceleration, renew;
-  Cores            cores;
-  const PetscReal *eta;   /* [own cells] error of the steady solution, NULL: not known */
-  MonitorPhase     phase; /* begun at the clock `since` */
-  PetscLogDouble   since;
-};
 
 static PetscErrorCode visit_state(void *sim, State state)
 {
@@ -202,50 +176,12 @@ static PetscErrorCode end_phase(Sim s)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* From where on a failed solve may be an instability: runs/studies/boundary (flaps), runs/studies/cylinder
-   (quadratic) */
-/* cell Reynolds number: the convective form may feed on convection that the mesh does not see */
-#define UNRESOLVED      20
-#define QUADRATIC_UP_TO 2 /* CFL number: quadratic extrapolation of the convecting velocity may blow up */
-
-/* May the skew form help? A model of turbulence needs the momentum that it does not keep. */
-static PetscBool may_skew(const FlowParameters *par)
-{
-  return (PetscBool)(par->skew == 0 && !par->varying);
-}
-
-/* What the last step tells of why the solve of the next one fails, as further sentences of the message */
-static PetscErrorCode explain_failure(Sim s, char why[], size_t size)
-{
-  const FlowParameters *par;
-
-  PetscFunctionBeginUser;
-  why[0] = 0;
-  PetscCall(FlowGetParameters(s->part.flow, &par));
-  if (!par->convection) PetscFunctionReturn(PETSC_SUCCESS);
-  if (par->quadratic && s->diag.cfl > QUADRATIC_UP_TO)
-    PetscCall(PetscSNPrintf(why, size, ". Quadratic extrapolation may be unstable at the CFL number %.2g: use -flow_extrapolation linear",
-                            (double)s->diag.cfl));
-  else if (par->skew == 0 && s->diag.cell_reynolds > UNRESOLVED)
-    PetscCall(PetscSNPrintf(why, size, ". Convection may be unresolved (cell Reynolds number %.0f): refine the mesh%s", (double)s->diag.cell_reynolds,
-                            may_skew(par) ? ", or use -flow_convection_form skew" : ""));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 static PetscErrorCode stop_unsolved(Sim s, KSPConvergedReason reason, PetscInt its, PetscReal dt)
 {
-  const char *dir;
-  char        why[256];
-
   PetscFunctionBeginUser;
-  PetscCall(explain_failure(s, why, sizeof(why)));
   PetscCall(write_fields(s));
-  PetscCall(OutputGetDirectory(s->part.output, &dir));
-  SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED,
-          "The flow solve of step %" PetscInt_FMT " failed (%s after %" PetscInt_FMT
-          " iterations). The state before it, t = %g, is in %s/fields_%" PetscInt_FMT
-          ".h5. Lower %s (the step was %g), raise -flow_ksp_max_it, or use -flow_recipe direct; -flow_ksp_monitor shows the iterations%s",
-          s->step + 1, KSPConvergedReasons[reason], its, (double)s->time, dir, s->step, s->adapt ? "-sim_adapt_min" : "-sim_dt", (double)dt, why);
+  PetscCall(SimStopUnsolved(s, reason, its, dt));
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 static PetscErrorCode write_snapshot(Sim s)
@@ -330,30 +266,6 @@ static PetscBool is_at_end(Sim s)
   return (PetscBool)(s->step >= s->steps_max || s->time >= s->time_end * (1 - 1e-12) - 1e-9 * s->dt);
 }
 
-/* Stop when the judge has seen enough; last: the run is at its end */
-static PetscErrorCode stop_doubted(Sim s, PetscReal dt, PetscBool last)
-{
-  const char           *dir;
-  char                  why[256], more[256], good[PETSC_MAX_PATH_LEN] = "No fields were written before it (-output_every)", recipe[64];
-  PetscBool             fast;
-  const FlowParameters *par;
-
-  PetscFunctionBeginUser;
-  PetscCall(JudgeVerdict(s->judge, last, why, sizeof(why)));
-  if (!why[0]) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(explain_failure(s, more, sizeof(more)));
-  PetscCall(FlowGetParameters(s->part.flow, &par));
-  PetscCall(OptPeek("-flow_recipe", recipe, sizeof(recipe)));
-  PetscCall(PetscStrcasecmp(recipe, "fast", &fast));
-  PetscCall(OutputGetDirectory(s->part.output, &dir));
-  if (s->fields_good >= 0)
-    PetscCall(PetscSNPrintf(good, sizeof(good), "The last good fields are in %s/fields_%" PetscInt_FMT ".h5", dir, s->fields_good));
-  SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_NOT_CONVERGED, "The flow is no longer to be believed: at t = %g, %s. %s. Lower %s (the step was %g)%s%s%s",
-          (double)s->time, why, good, s->adapt ? "-sim_adapt_tolerance" : "-sim_dt", (double)dt,
-          fast ? ", or leave recipe fast: -preset balanced, or -flow_recipe balanced" : "",
-          may_skew(par) && !strstr(more, "skew") ? ", or try -flow_convection_form skew" : "", more);
-}
-
 /* Count and report the time step dt that began at the clock `start` */
 static PetscErrorCode finish_step(Sim s, PetscReal dt, PetscLogDouble start)
 {
@@ -363,7 +275,7 @@ static PetscErrorCode finish_step(Sim s, PetscReal dt, PetscLogDouble start)
   PetscCall(report(s, dt, s->since - start));
   PetscCall(end_phase(s));
   s->its = 0;
-  if (s->judge) PetscCall(stop_doubted(s, dt, is_at_end(s)));
+  if (s->judge) PetscCall(SimStopDoubted(s, dt, is_at_end(s)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

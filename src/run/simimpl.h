@@ -1,0 +1,35 @@
+/* The inside of Sim, for sim.c and giveup.c. */
+#pragma once
+#include "sim.h"
+#include "adapt.h"
+#include "cores.h"
+#include "judge.h"
+
+struct _p_Sim {
+  SimParts        part;
+  BodyState      *s;
+  PetscReal       dt, dt_old, time_end, time; /* dt_old: the step before, with sub-steps the part before */
+  PetscInt        steps_max, step, substeps;  /* substeps: of bodies alone, altogether */
+  Adapt           adapt;                      /* NULL: fixed steps */
+  Judge           judge;                      /* NULL: no time steps of a flow */
+  PetscInt        fields_good;                /* step of the last fields before any doubt, -1: none */
+  PetscReal       interval, until;            /* -output_interval; the time that steps must not pass */
+  PetscBool       hits, snapshot;             /* the step ends there; fields are written there */
+  PetscInt        spring_column;              /* of series.csv; -1: no springs */
+  PetscInt        its;                        /* outer iterations of the time step so far */
+  FlowDiagnostics diag;
+  CoupleBalance   balance;
+  PetscReal (*a)[3], (*alpha)[3]; /* acceleration of the bodies without contact, for the sub-steps of contact */
+  PetscBool        known;         /* bodies that are spread have gone to the ranks that need them */
+  PetscBool        has_acceleration, renew;
+  Cores            cores;
+  const PetscReal *eta;   /* [own cells] error of the steady solution, NULL: not known */
+  MonitorPhase     phase; /* begun at the clock `since` */
+  PetscLogDouble   since;
+};
+
+/* The solve of a step dt failed: stops, with what to do. Fields of the state before it have been written. Collective.
+   */
+PetscErrorCode SimStopUnsolved(Sim, KSPConvergedReason, PetscInt its, PetscReal dt);
+/* Stops when the judge has seen enough; last: the run is at its end. Collective. */
+PetscErrorCode SimStopDoubted(Sim, PetscReal dt, PetscBool last);
