@@ -1,6 +1,6 @@
 /* Inside of Flow; for its files only. flow.c: parameters, fields, life cycle. cells.c: what depends on the shape of
    cells. assemble.c: matrix, right-hand side, products with B. product.c with batch.c and lanes.c: products
-   without a matrix. components.c: matrix of all components. rheology.c,
+   without a matrix. rows.c: rows of S near marked nodes. components.c: matrix of all components. rheology.c,
    stress.c: viscosity that varies. time.c: schemes. evaluate.c: what a solution amounts to, cell by cell; it changes
    nothing. remesh.c: what goes by the mesh. */
 #pragma once
@@ -62,8 +62,9 @@ struct _p_Flow {
   const PetscInt  *term_cell;
   const PetscReal *term;
   /* matrix-free: S is made when FlowGetMatrix wants it, and belongs to the step if it is current */
-  struct _p_Product *product; /* or NULL: S is assembled in every step */
-  PetscBool          matrix_free, matrix_current;
+  struct _p_Product  *product; /* or NULL: S is assembled in every step */
+  PetscBool           matrix_free, matrix_current;
+  struct _p_NearRows *near_rows; /* of FlowGatherRows, NULL: never called */
   /* viscosity that varies; all NULL for a Newtonian fluid. Large-eddy simulation: `mu` is that of the eddies alone */
   Rheology       rheology;
   PetscReal     *strain;            /* [nnode_all][dim] velocity whose rate of strain sets it */
@@ -123,6 +124,8 @@ PetscErrorCode FlowCreateMatrix(Flow);
 PetscErrorCode FlowCreateProduct(Flow);
 PetscErrorCode FlowDestroyProduct(Flow);
 PetscErrorCode FlowUpdateProduct(Flow);
+/* What FlowGatherRows keeps (rows.c). Local. */
+PetscErrorCode FlowDestroyRows(Flow);
 /* Matrix of local cell c in S, ce [nb][nbp], between its nodes; without the terms of FlowSetCellTerms. Local. */
 PetscErrorCode FlowCellMatrix(Flow, PetscInt c, PetscReal ce[]);
 /* w of the step, and the velocity that sets the viscosity, from the fields in use. Local. */

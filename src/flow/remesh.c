@@ -31,6 +31,7 @@ PetscErrorCode FlowCreateParts(Flow f)
   f->S              = NULL;
   f->entry          = NULL;
   f->product        = NULL;
+  f->near_rows      = NULL;
   f->matrix_current = PETSC_FALSE;
   if (f->matrix_free) PetscCall(FlowCreateProduct(f));
   else PetscCall(FlowCreateMatrix(f));
@@ -44,6 +45,7 @@ PetscErrorCode FlowDestroyParts(Flow f)
   PetscFunctionBeginUser;
   PetscCall(MatDestroy(&f->S));
   PetscCall(FlowDestroyProduct(f));
+  PetscCall(FlowDestroyRows(f));
   PetscCall(MatDestroy(&f->A));
   PetscCall(FlowDestroyExtension(f));
   PetscCall(PetscFree4(f->strain, f->mu, f->mu_cell, f->mu_node));

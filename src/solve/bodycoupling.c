@@ -15,7 +15,7 @@ struct _p_BodyCoupling {
   Constraint       constraint;
   const MeshLocal *loc;
   Rows             rows[2]; /* own rows of the matrix in an update: columns of own nodes, of ghosts */
-  PetscInt         npart;   /* 1 on one rank, 2 on more */
+  PetscInt         npart;   /* 1 on one rank, 2 on more; gathered rows: 1, with columns of all */
   PetscInt        *ghost;   /* nodes of the columns of the second, or NULL */
   /* nodes that rigid velocities move, c->body_node */
   PetscInt  *place;             /* [nnode_all] where a node stands there, or -1 */
@@ -85,13 +85,18 @@ static PetscErrorCode map_ghosts(BodyCoupling b, PetscInt n, const PetscInt numb
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode open_rows(BodyCoupling b)
+static PetscErrorCode open_rows(BodyCoupling b, const Rows *gathered)
 {
   const PetscInt *number = NULL;
   PetscInt        n;
   Mat             S, part[2];
 
   PetscFunctionBeginUser;
+  if (gathered) {
+    b->npart   = 1;
+    b->rows[0] = *gathered;
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
   PetscCall(FlowGetMatrix(b->flow, &S));
   PetscCall(FlowGetMatrixParts(b->flow, part, &number));
   b->npart = part[1] ? 2 : 1;
@@ -125,9 +130,9 @@ static PetscErrorCode add_node(BodyCoupling b, PetscInt i)
 /* Which own nodes have a part of E; first those that no body holds, *nfree */
 static PetscErrorCode find_nodes(BodyCoupling b, const PenaltyTerm *soft, PetscInt *nfree)
 {
-  const struct _p_Constraint *c   = b->constraint;
-  const PetscInt              n   = b->loc->nnode;
-  const Rows                 *own = &b->rows[0], *other = &b->rows[1];
+  const struct _p_Constraint *c = b->constraint;
+  const PetscInt              n = b->loc->nnode, last = b->npart - 1;
+  const Rows                 *own = &b->rows[0], *other = &b->rows[last]; /* with columns of own nodes, of ghosts */
 
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < c->nbody_nodes; e++) {
@@ -135,11 +140,11 @@ static PetscErrorCode find_nodes(BodyCoupling b, const PenaltyTerm *soft, PetscI
 
     if (b->place[i] < 0 || i >= n) continue;
     for (PetscInt q = own->start[i]; q < own->start[i + 1]; q++)
-      if (c->node_body[own->column[q]] < 0) PetscCall(add_node(b, own->column[q]));
+      if (own->column[q] < n && c->node_body[own->column[q]] < 0) PetscCall(add_node(b, own->column[q]));
   }
-  for (PetscInt i = 0; i < n && b->npart == 2; i++)
+  for (PetscInt i = 0; i < n && n < b->loc->nnode_all; i++)
     for (PetscInt q = other->start[i]; q < other->start[i + 1] && c->node_body[i] < 0; q++)
-      if (b->place[get_node(b, 1, q)] >= 0) PetscCall(add_node(b, i));
+      if (get_node(b, last, q) >= n && b->place[get_node(b, last, q)] >= 0) PetscCall(add_node(b, i));
   for (PetscInt e = 0; soft && e < soft->n; e++)
     if (c->unknown[soft->body[e]] && c->node_body[soft->node[e]] < 0) PetscCall(add_node(b, soft->node[e]));
   *nfree = b->nnode;
@@ -306,7 +311,17 @@ static PetscErrorCode clear(BodyCoupling b)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode BodyCouplingUpdate(BodyCoupling b, const PenaltyTerm *soft, const PetscReal *own[])
+PetscErrorCode BodyCouplingMarkNodes(Constraint constraint, PetscBool marked[])
+{
+  const struct _p_Constraint *c = constraint;
+
+  PetscFunctionBeginUser;
+  for (PetscInt e = 0; e < c->nbody_nodes; e++)
+    if (get_body(c, c->body_node[e]) >= 0) marked[c->body_node[e]] = PETSC_TRUE;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode BodyCouplingUpdate(BodyCoupling b, const Rows *rows, const PenaltyTerm *soft, const PetscReal *own[])
 {
   const PetscInt *local = b->constraint->local_index, plane = b->loc->dim == 2;
   PetscInt        nfree = 0;
@@ -314,10 +329,10 @@ PetscErrorCode BodyCouplingUpdate(BodyCoupling b, const PenaltyTerm *soft, const
   PetscFunctionBeginUser;
   PetscCall(clear(b));
   PetscCall(place_nodes(b));
-  PetscCall(open_rows(b));
+  PetscCall(open_rows(b, rows));
   PetscCall(find_nodes(b, soft, &nfree));
   PetscCall(find_pairs(b, soft));
-  for (PetscInt s = 0; s < b->npart; s++) PetscCall(RowsClose(&b->rows[s]));
+  for (PetscInt s = 0; s < b->npart && !rows; s++) PetscCall(RowsClose(&b->rows[s]));
   PetscCall(plane ? add_blocks(2, b) : add_blocks(3, b));
   if (soft) PetscCall(plane ? subtract_soft(2, b, soft) : subtract_soft(3, b, soft));
   for (PetscInt i = nfree; i < b->nnode; i++) b->at[b->node[i]] = -1;

@@ -1,5 +1,5 @@
 /* CellRelax: see cellrelax.h. Every rank relaxes its own cells. A row of the matrix that belongs to a node of another
-   rank is fetched from there, residuals are copied to ghost nodes, and corrections of ghost nodes go back to their
+   rank is fetched from there unless it was gathered here, residuals are copied to ghost nodes, and corrections of ghost nodes go back to their
    owners: the result does not depend on the number of ranks. */
 #include "compat.h"
 #include "cellrelax.h"
@@ -19,6 +19,7 @@ struct _p_CellRelax {
   Constraint       constraint;
   Mesh             mesh;
   const MeshLocal *loc;
+  const Rows      *rows; /* around the cells, during an update, or NULL: the matrix */
   Mat              S;
   PetscInt         nk, n, room, *cell; /* relaxed own cells, ascending */
   PetscReal        scale;
@@ -33,11 +34,10 @@ struct _p_CellRelax {
 
 /* ---- which cells ---- */
 
-static PetscBool is_cut(CellRelax c, Pressure pressure, const PenaltyTerm *soft, const PetscInt body[], PetscInt cell)
+static PetscBool is_cut(const MeshLocal *l, Pressure pressure, const PenaltyTerm *soft, const PetscInt body[], PetscInt cell)
 {
-  const MeshLocal *l    = c->loc;
-  const PetscInt  *node = l->cell_node + cell * l->nb, centre = node[l->nb / 2];
-  PetscBool        inside = PETSC_FALSE, outside = PETSC_FALSE;
+  const PetscInt *node = l->cell_node + cell * l->nb, centre = node[l->nb / 2];
+  PetscBool       inside = PETSC_FALSE, outside = PETSC_FALSE;
 
   if (soft && body[centre] < 0 && soft->weight[centre] > 0) return PETSC_TRUE; /* a centre node belongs to one cell */
   for (PetscInt j = 0; j < l->nb; j++) {
@@ -56,7 +56,7 @@ static PetscErrorCode choose_cells(CellRelax c, Pressure pressure, const Penalty
   PetscCall(ConstraintGetNodeBody(c->constraint, &body));
   c->n = 0;
   for (PetscInt cell = 0; cell < l->ncell; cell++) {
-    if (!is_cut(c, pressure, soft, body, cell)) continue;
+    if (!is_cut(l, pressure, soft, body, cell)) continue;
     PetscCall(RoomFor(c->n + 1, &c->room, &c->cell, sizeof(PetscInt), &c->L, l->nb * l->nb * sizeof(PetscReal), &c->T,
                       c->nk * c->nk * sizeof(PetscReal), NULL));
     c->cell[c->n++] = cell;
@@ -140,7 +140,16 @@ static void take_entries(PetscInt m, const PetscInt col[], const PetscReal value
   }
 }
 
-/* One row of the block: entries of S in the row of local node i at the n global columns */
+/* One row of the block from gathered rows: all columns are there, as the nodes share a cell; c->v is scratch */
+static void take_gathered(CellRelax c, PetscInt i, PetscInt n, const PetscInt node[], PetscReal out[])
+{
+  const Rows *r = c->rows;
+
+  for (PetscInt q = r->start[i]; q < r->start[i + 1]; q++) c->v[r->column[q]] = r->value[q];
+  for (PetscInt j = 0; j < n; j++) out[j] = c->v[node[j]];
+}
+
+/* The same from the matrix: entries of S in the row of local node i at the n global columns */
 static PetscErrorCode take_row(CellRelax c, const Fetched *f, PetscInt i, PetscInt n, const PetscInt column[], PetscReal out[])
 {
   const MeshLocal *l     = c->loc;
@@ -179,7 +188,7 @@ static PetscErrorCode invert_velocity(CellRelax c, const Fetched *f, PetscInt i)
   const MeshLocal *l    = c->loc;
   const PetscInt  *node = l->cell_node + c->cell[i] * l->nb;
   PetscReal        a[MAX_NB * MAX_NB], *L = c->L + i * l->nb * l->nb;
-  PetscInt         n = 0, local[MAX_NB], column[MAX_NB];
+  PetscInt         n = 0, local[MAX_NB], column[MAX_NB], there[MAX_NB];
 
   PetscFunctionBeginUser;
   for (PetscInt j = 0; j < l->nb; j++) {
@@ -188,7 +197,11 @@ static PetscErrorCode invert_velocity(CellRelax c, const Fetched *f, PetscInt i)
     column[n++] = l->node_global[node[j]];
   }
   PetscCall(PetscSortIntWithArray(n, column, local));
-  for (PetscInt k = 0; k < n; k++) PetscCall(take_row(c, f, node[local[k]], n, column, a + k * n));
+  for (PetscInt k = 0; k < n; k++) there[k] = node[local[k]];
+  for (PetscInt k = 0; k < n; k++) {
+    if (c->rows) take_gathered(c, there[k], n, there, a + k * n);
+    else PetscCall(take_row(c, f, there[k], n, column, a + k * n));
+  }
   PetscCall(invert(n, a)); /* the inverse of the transpose is the transpose of the inverse */
   PetscCall(PetscArrayzero(L, l->nb * l->nb));
   for (PetscInt k = 0; k < n * n; k++) L[local[k / n] * l->nb + local[k % n]] = a[k];
@@ -259,18 +272,37 @@ static PetscErrorCode add_shared(CellRelax c, Pressure pressure)
 
 /* ---- public ---- */
 
-PetscErrorCode CellRelaxUpdate(CellRelax c, Pressure pressure, const PenaltyTerm *soft, PetscReal scale)
+PetscErrorCode CellRelaxMarkNodes(const MeshLocal *l, Constraint constraint, Pressure pressure, const PenaltyTerm *soft, PetscBool marked[])
 {
-  const PetscInt nn = c->nk * c->nk;
-  Fetched        fetched;
+  const PetscInt *body;
+
+  PetscFunctionBeginUser;
+  PetscCall(ConstraintGetNodeBody(constraint, &body));
+  for (PetscInt cell = 0; cell < l->ncell; cell++) {
+    const PetscInt *node = l->cell_node + cell * l->nb;
+
+    if (!is_cut(l, pressure, soft, body, cell)) continue;
+    for (PetscInt j = 0; j < l->nb; j++)
+      if (body[node[j]] < 0) marked[node[j]] = PETSC_TRUE;
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode CellRelaxUpdate(CellRelax c, const Rows *rows, Pressure pressure, const PenaltyTerm *soft, PetscReal scale)
+{
+  const PetscInt nn      = c->nk * c->nk;
+  Fetched        fetched = {0};
 
   PetscFunctionBeginUser;
   c->scale = scale;
+  c->rows  = rows;
   PetscCall(choose_cells(c, pressure, soft));
   if (c->total == 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(count_cells(c));
-  PetscCall(FlowGetMatrix(c->flow, &c->S));
-  PetscCall(fetch_rows(c, &fetched));
+  if (!rows) {
+    PetscCall(FlowGetMatrix(c->flow, &c->S));
+    PetscCall(fetch_rows(c, &fetched));
+  }
   for (PetscInt i = 0; i < c->n; i++) PetscCall(invert_velocity(c, &fetched, i));
   for (PetscInt i = 0; i < c->n; i++) PetscCall(project_cell(c, i));
   PetscCall(add_shared(c, pressure));

@@ -1,6 +1,6 @@
 /* Inside of FlowSolver; for its files only. system.c: life cycle, set-up, solve. recipe.c: choice of methods. stop.c:
    how far the outer iteration goes. precondition.c: the projection preconditioner. operator.c: products with the
-   operators of the system. held.c: mean velocities held by uniform forces. conserve.c: the balance of momentum.
+   operators of the system. near.c: rows of the velocity matrix around bodies. held.c: mean velocities held by uniform forces. conserve.c: the balance of momentum.
    nonlinear.c: for solvers of nonlinear problems. */
 #pragma once
 #include "bodyblocks.h"
@@ -64,6 +64,7 @@ struct _p_FlowSolver {
   Relax              sweep;
   RelaxKind          relax; /* in this step */
   BodyCoupling       coupling;
+  Rows               near_rows, *near; /* rows of the velocity matrix around bodies in this step; NULL: of the whole */
   Ties               ties;
   Pressure           pressure; /* the projected pressure operator */
   MatNullSpace       constant_pressure;
@@ -150,6 +151,9 @@ PetscErrorCode FlowSolverApplyMassInverse(FlowSolver, Vec x, Vec y);
 /* Read the recipe, set the defaults of all solvers, and find out which matrices the chosen preconditioners need; moving
    as for FlowSolverCreate. Collective. */
 PetscErrorCode FlowSolverSetRecipe(FlowSolver, PetscBool moving);
+/* Where nothing else of a step needs the velocity matrix: fs->near, the rows that bodies need of it, else NULL. Local.
+   */
+PetscErrorCode FlowSolverGatherRows(FlowSolver);
 /* What follows the pressure solve, and the preconditioner of the velocity, by the viscous and the convective number of
    the step. Collective. */
 PetscErrorCode FlowSolverChooseMethods(FlowSolver);

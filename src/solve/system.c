@@ -96,7 +96,8 @@ static PetscErrorCode update_blocks(FlowSolver fs)
   const PetscReal            *stiff;
 
   PetscFunctionBeginUser;
-  PetscCall(BodyCouplingUpdate(fs->coupling, soft, &stiff));
+  PetscCall(FlowSolverGatherRows(fs));
+  PetscCall(BodyCouplingUpdate(fs->coupling, fs->near, soft, &stiff));
   PetscCall(BodyBlocksInvert(fs->flow, fs->constraint, fs->share, stiff, soft, fs->D, fs->scale, fs->body_inverse, fs->mass_inverse));
   PetscCall(TiesUpdate(fs->ties, fs->body_inverse, fs->mass_inverse, fs->scale));
   for (PetscInt e = 0; e < c->nown * nn; e++) {

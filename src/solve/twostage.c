@@ -175,7 +175,7 @@ PetscErrorCode TwoStageSetUp(TwoStage t, FlowSolver fs)
   t->blend = get_blend(fs, 1);
   t->ncell = 0;
   if (t->cells && fs->relax_cells) {
-    PetscCall(CellRelaxUpdate(t->cells, fs->pressure, FlowSolverIsSoft(fs) ? fs->soft : NULL, fs->scale));
+    PetscCall(CellRelaxUpdate(t->cells, fs->near, fs->pressure, FlowSolverIsSoft(fs) ? fs->soft : NULL, fs->scale));
     PetscCall(CellRelaxGetCount(t->cells, &t->ncell));
   }
   PetscFunctionReturn(PETSC_SUCCESS);

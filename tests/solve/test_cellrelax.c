@@ -54,7 +54,7 @@ static void open_case(Case *c, const char options[], PetscBool (*inside)(const P
   OK(FlowGetParameters(c->flow, &par));
   c->scale = par->density * step->ct;
   OK(CellRelaxCreate(c->flow, c->constraint, &c->relax));
-  OK(CellRelaxUpdate(c->relax, c->pressure, NULL, c->scale));
+  OK(CellRelaxUpdate(c->relax, NULL, c->pressure, NULL, c->scale));
   c->nu = c->l->nnode_all * dim;
   c->np = c->l->ncell * (dim + 1);
   OK(PetscCalloc4(c->nu, &c->e, c->np, &c->r, c->nu, &c->u, c->np, &c->p));

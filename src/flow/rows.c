@@ -1,0 +1,157 @@
+/* Flow: rows of S around marked nodes, from the matrices of cells, without a matrix (FlowGatherRows of flow.h).
+
+   A preconditioner wants the rows of S near bodies alone, and where products go without a matrix the rest would be made
+   for nothing: pattern, sort and assembly of the whole are far dearer than these rows. A row gathers the matrices of the
+   cells around its node; a scratch array knows where a column stands in the row at hand. A cell's matrix is computed
+   when the first row asks for it and dropped after the last: as nodes are numbered along the cells, few live at once.
+   All cells around a node of an own cell are there, as ghosts at least, so rows of ghost nodes need no exchange. */
+#include "compat.h"
+#include "impl.h"
+#include "base/log.h"
+#include "base/room.h"
+
+struct _p_NearRows {
+  PetscBool *held;  /* [nnode_all] own nodes, and ghost nodes of own cells */
+  PetscInt  *start; /* [nnode_all + 1] */
+  PetscInt   n, room, *column;
+  PetscReal *value;
+  PetscInt  *at; /* [nnode_all] where a column stands in the row at hand, if not before its beginning */
+  /* matrices of cells: place of each, -1: not computed, and the number of rows that still want it [ncell_all] */
+  PetscInt  *place, *wanting, nplace, place_room, nspare, *spare;
+  PetscReal *matrix;             /* [place_room][nb][nbp] */
+  PetscInt  *term, *next, nterm; /* further terms of a cell: first [ncell_all], next [nterm], -1: none */
+};
+
+static PetscErrorCode create(Flow f)
+{
+  const MeshLocal    *l = f->loc;
+  struct _p_NearRows *r;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&r));
+  PetscCall(PetscCalloc3(l->nnode_all, &r->held, l->nnode_all + 1, &r->start, l->nnode_all, &r->at));
+  PetscCall(PetscMalloc3(l->ncell_all, &r->place, l->ncell_all, &r->wanting, l->ncell_all, &r->term));
+  for (PetscInt i = 0; i < l->nnode; i++) r->held[i] = PETSC_TRUE;
+  for (PetscInt e = 0; e < l->ncell * l->nb; e++) r->held[l->cell_node[e]] = PETSC_TRUE;
+  f->near_rows = r;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowDestroyRows(Flow f)
+{
+  struct _p_NearRows *r = f->near_rows;
+
+  PetscFunctionBeginUser;
+  if (!r) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscFree3(r->held, r->start, r->at));
+  PetscCall(PetscFree3(r->place, r->wanting, r->term));
+  PetscCall(PetscFree(r->column));
+  PetscCall(PetscFree(r->value));
+  PetscCall(PetscFree(r->spare));
+  PetscCall(PetscFree(r->matrix));
+  PetscCall(PetscFree(r->next));
+  PetscCall(PetscFree(f->near_rows));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* How many rows want each cell, and its further terms */
+static PetscErrorCode choose_cells(Flow f, struct _p_NearRows *r, const PetscBool marked[])
+{
+  const MeshLocal *l = f->loc;
+
+  PetscFunctionBeginUser;
+  PetscCall(RoomFor(f->nterm, &r->nterm, &r->next, sizeof(*r->next), NULL));
+  for (PetscInt c = 0; c < l->ncell_all; c++) {
+    const PetscInt *node = l->cell_node + c * l->nb;
+    PetscInt        j    = 0;
+
+    r->place[c] = r->term[c] = -1;
+    r->wanting[c]            = 0;
+    while (j < l->nb && !marked[node[j]]) j++;
+    if (j == l->nb) continue;
+    for (j = 0; j < l->nb; j++) r->wanting[c] += r->held[node[j]];
+  }
+  for (PetscInt t = f->nterm - 1; t >= 0; t--) { /* in their order, as the matrix adds them */
+    r->next[t]               = r->term[f->term_cell[t]];
+    r->term[f->term_cell[t]] = t;
+  }
+  r->nplace = r->nspare = 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The matrix of a cell for one more row, computed if it is the first */
+static PetscErrorCode take_cell(Flow f, struct _p_NearRows *r, PetscInt c, const PetscReal **k)
+{
+  const PetscInt nb = f->loc->nb, stride = f->element.nbp;
+  PetscReal     *ce;
+
+  PetscFunctionBeginUser;
+  if (r->place[c] < 0) {
+    if (!r->nspare)
+      PetscCall(RoomFor(r->nplace + 1, &r->place_room, &r->matrix, (size_t)(nb * stride) * sizeof(*r->matrix), &r->spare, sizeof(*r->spare), NULL));
+    r->place[c] = r->nspare ? r->spare[--r->nspare] : r->nplace++;
+    ce          = r->matrix + r->place[c] * nb * stride;
+    PetscCall(FlowCellMatrix(f, c, ce));
+    for (PetscInt t = r->term[c]; t >= 0; t = r->next[t])
+      for (PetscInt i = 0; i < nb; i++)
+        for (PetscInt j = 0; j < nb; j++) ce[i * stride + j] += f->term[(t * nb + i) * nb + j];
+    PetscCall(PetscLogFlops(2.0 * f->element.nq * nb * (nb + 3 * f->loc->dim)));
+  }
+  *k = r->matrix + r->place[c] * nb * stride;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The row of node i; of an unmarked one columns of marked nodes alone */
+static PetscErrorCode gather_row(Flow f, struct _p_NearRows *r, const PetscBool marked[], PetscInt i)
+{
+  const MeshLocal *l  = f->loc;
+  const PetscInt   nb = l->nb, begin = r->n;
+  const PetscBool  whole = marked[i];
+
+  PetscFunctionBeginUser;
+  for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++) {
+    const PetscInt   c = l->node_cell[q], *node = l->cell_node + c * nb;
+    const PetscReal *k = NULL;
+    PetscInt         j = 0;
+
+    if (r->wanting[c] == 0) continue;
+    PetscCall(take_cell(f, r, c, &k));
+    PetscCall(RoomFor(r->n + nb, &r->room, &r->column, sizeof(*r->column), &r->value, sizeof(*r->value), NULL));
+    while (node[j] != i) j++;
+    k += j * f->element.nbp;
+    for (PetscInt m = 0; m < nb; m++) {
+      const PetscInt to = r->at[node[m]];
+
+      if (!whole && !marked[node[m]]) continue;
+      if (to >= begin) r->value[to] += k[m];
+      else {
+        r->at[node[m]]   = r->n;
+        r->column[r->n]  = node[m];
+        r->value[r->n++] = k[m];
+      }
+    }
+    if (--r->wanting[c] == 0) r->spare[r->nspare++] = r->place[c];
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowGatherRows(Flow f, const PetscBool marked[], Rows *rows)
+{
+  const MeshLocal    *l = f->loc;
+  struct _p_NearRows *r;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscLogEventBegin(TB_FLOW_ASSEMBLE, 0, 0, 0, 0));
+  if (!f->near_rows) PetscCall(create(f));
+  r = f->near_rows;
+  PetscCall(choose_cells(f, r, marked));
+  for (PetscInt i = 0; i < l->nnode_all; i++) r->at[i] = -1;
+  r->n = 0;
+  for (PetscInt i = 0; i < l->nnode_all; i++) {
+    if (r->held[i]) PetscCall(gather_row(f, r, marked, i));
+    r->start[i + 1] = r->n;
+  }
+  *rows = (Rows){NULL, l->nnode_all, r->start, r->column, r->value};
+  PetscCall(PetscLogEventEnd(TB_FLOW_ASSEMBLE, 0, 0, 0, 0));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
