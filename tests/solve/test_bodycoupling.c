@@ -1,10 +1,12 @@
 /* BodyCoupling: E, O and the blocks of bodies are what the velocity operator has, under all three rungs, with
    bodies that share nodes, in the plane and in space; the preconditioner made of them is symmetric and positive where
-   the operator is. */
-/* ranks: 1 3 */
+   the operator is; rows of the matrix that are gathered around bodies are the matrix's. */
+/* ranks: 1 2 3 */
 #include "core.h"
 #include "couple/couple.h"
 #include "flowcase.h"
+#include "gathered.h"
+#include "cellrelax.h"
 #include "impl.h"
 
 #define FLOW "-flow_density 1.3 -flow_viscosity 0.5 -flow_convection 0 "
@@ -163,6 +165,35 @@ static void test_parts(void **state)
   }
 }
 
+/* Also of ghost nodes, with the terms of a penalty; in space a step makes do with them */
+static void test_rows(void **state)
+{
+  static const char *const scenes[] =
+    {DISCS "-couple_boundary penalty", BALLS "-couple_boundary penalty", BALLS "-couple_boundary nodal",
+     BALLS "-couple_boundary penalty -mesh_cells 4,4,4 -mesh_levels 1 -mesh_refine a -mesh_box_a_corners 0,0,0,0.4,0.7,1"};
+
+  (void)state;
+  for (PetscInt i = 0; i < (PetscInt)PETSC_STATIC_ARRAY_LENGTH(scenes); i++) {
+    Setup       s;
+    PetscBool  *marked;
+    PetscInt    nghost, nmarked = 0;
+    PetscMPIInt size;
+
+    open_setup(&s, scenes[i]);
+    assert_int_equal(s.fs->near != NULL, i > 0);
+    OK(PetscCalloc1(s.c.l->nnode_all, &marked));
+    OK(BodyCouplingMarkNodes(s.fs->constraint, marked));
+    OK(CellRelaxMarkNodes(s.c.l, s.fs->constraint, s.fs->pressure, FlowSolverIsSoft(s.fs) ? s.fs->soft : NULL, marked));
+    for (PetscInt n = 0; n < s.c.l->nnode_all; n++) nmarked += marked[n];
+    assert_true(total((PetscReal)nmarked) > 0);
+    nghost = compare_rows(s.c.flow, s.c.l, marked);
+    OK(MPI_Comm_size(PETSC_COMM_WORLD, &size));
+    assert_int_equal(total((PetscReal)nghost) > 0, size > 1);
+    OK(PetscFree(marked));
+    close_setup(&s);
+  }
+}
+
 /* (M^{-1} x, y) = (x, M^{-1} y), (M^{-1} x, x) > 0 */
 static void test_symmetric(void **state)
 {
@@ -200,7 +231,7 @@ static void test_symmetric(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_parts), cmocka_unit_test(test_symmetric)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_parts), cmocka_unit_test(test_rows), cmocka_unit_test(test_symmetric)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));

@@ -1,5 +1,5 @@
 /* CellRelax: a single relaxed cell meets its own equations whatever the ranks around it hold; where cells overlap, each
-   node takes the mean of their corrections; inert slots and other cells stay as they are; which cells are chosen. */
+   node takes the mean of their corrections; inert slots and other cells stay as they are; which cells are chosen; gathered rows serve as the matrix does. */
 /* ranks: 1 2 3 */
 #include "core.h"
 #include "cellrelax.h"
@@ -208,6 +208,40 @@ static void test_balls(void **state)
   check_ball(3, "-mesh_dimension 3 -mesh_cells 5,5,5 -flow_viscosity 0.02");
 }
 
+/* With rows that are gathered around the cells, corrections are those with the matrix */
+static void check_gathered(PetscInt dim, const char options[])
+{
+  Case       c;
+  PetscReal *u, *p, size[2];
+  PetscBool *marked;
+  PetscInt   n;
+  Rows       rows;
+
+  open_case(&c, options, in_ball, &dim);
+  OK(CellRelaxGetCount(c.relax, &n));
+  assert_true(n > 0);
+  OK(CellRelaxApply(c.relax, c.e, c.r, c.u, c.p));
+  OK(PetscCalloc3(c.l->nnode_all, &marked, c.nu, &u, c.np, &p));
+  OK(CellRelaxMarkNodes(c.l, c.constraint, c.pressure, NULL, marked));
+  OK(FlowGatherRows(c.flow, marked, &rows));
+  OK(CellRelaxUpdate(c.relax, &rows, c.pressure, NULL, c.scale));
+  OK(CellRelaxApply(c.relax, c.e, c.r, u, p));
+  size[0] = max_abs(c.l->nnode * dim, c.u);
+  size[1] = max_abs(c.np, c.p);
+  for (PetscInt i = 0; i < c.l->nnode * dim; i++) NEAR(u[i], c.u[i], 1e-8 * size[0]);
+  for (PetscInt i = 0; i < c.np; i++) NEAR(p[i], c.p[i], 1e-8 * size[1]);
+  OK(PetscFree3(marked, u, p));
+  close_case(&c);
+}
+
+static void test_gathered(void **state)
+{
+  (void)state;
+  check_gathered(2, "-mesh_cells 8,8 -flow_viscosity 0.02");
+  check_gathered(3, "-mesh_dimension 3 -mesh_cells 5,5,5 -flow_viscosity 0.02");
+  check_gathered(3, "-mesh_dimension 3 -mesh_cells 3,3,3 -flow_viscosity 0.02 -mesh_levels 1 -mesh_refine a -mesh_box_a_corners 0,0,0,0.5,0.5,0.5");
+}
+
 /* Twice the residual gives twice the correction; none without cells */
 static void test_linear(void **state)
 {
@@ -239,7 +273,8 @@ static void test_linear(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_one_cell), cmocka_unit_test(test_balls), cmocka_unit_test(test_linear)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_one_cell), cmocka_unit_test(test_balls), cmocka_unit_test(test_gathered),
+                                     cmocka_unit_test(test_linear)};
   int                     failed;
 
   PetscCall(PetscInitialize(&argc, &argv, NULL, NULL));
