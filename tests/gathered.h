@@ -25,8 +25,9 @@ static inline void fetch_matrix(Flow flow, const MeshLocal *l, PetscInt place[],
   OK(PetscFree2(number, node));
 }
 
-/* Rows around marked nodes [nnode_all] are those of the matrix, at own nodes and ghost nodes of own cells: complete where
-   marked, else in columns of marked nodes, and no more than that. Returns how many rows of ghost nodes hold something. */
+/* Rows around marked nodes [nnode_all] are those of the matrix, at own nodes and ghost nodes of own cells: complete
+   where marked, else in columns of marked nodes, and no more than that. Returns how many rows of ghost nodes hold
+   something. */
 static inline PetscInt compare_rows(Flow flow, const MeshLocal *l, const PetscBool marked[])
 {
   PetscInt  *place, nghost = 0;

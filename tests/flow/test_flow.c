@@ -3,7 +3,6 @@
 /* ranks: 1 2 3 */
 #include "core.h"
 #include "flow/flow.h"
-#include "gathered.h"
 #include "raised.h"
 
 typedef struct {
@@ -213,87 +212,6 @@ static void test_product_without_matrix(void **state)
     close_case(&c);
   }
 #undef FREE
-}
-
-/* ---- rows without a matrix ---- */
-
-/* Further terms in all local cells, ghosts too, and two in some */
-static PetscInt make_terms(const MeshLocal *l, PetscInt **cells, PetscReal **terms)
-{
-  const PetscInt nn = l->nb * l->nb;
-  PetscInt       n  = 0;
-
-  OK(PetscMalloc2(2 * l->ncell_all, cells, 2 * l->ncell_all * nn, terms));
-  for (PetscInt pass = 0; pass < 2; pass++) {
-    for (PetscInt c = 0; c < l->ncell_all; c++) {
-      if (l->cell_global[c] % 2 < pass) continue;
-      (*cells)[n] = c;
-      for (PetscInt e = 0; e < nn; e++) (*terms)[n * nn + e] = 0.1 * noise((2 * l->cell_global[c] + pass) * nn + e);
-      n++;
-    }
-  }
-  return n;
-}
-
-/* Rows around nodes in a ball, around ones of which each rank has its own, around all and around none are those of the
-   matrix, in this order and the other way round */
-static void check_rows(Case *c)
-{
-  PetscReal  *u = new_field(c), *p = new_pressure(c), *terms;
-  PetscBool  *marked;
-  PetscInt   *cells, n;
-  PetscMPIInt rank;
-
-  OK(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
-  fill_noise(c->l, 5, u);
-  OK(MeshSyncNodes(c->mesh, c->dim, u));
-  OK(FlowBeginStep(c->flow, 0.1, 0.1));
-  OK(FlowAcceptStep(c->flow, u, p));
-  n = make_terms(c->l, &cells, &terms);
-  OK(FlowSetCellTerms(c->flow, n, cells, terms));
-  OK(FlowBeginStep(c->flow, 0.25, 0.15));
-  OK(FlowAssemble(c->flow));
-  OK(PetscMalloc1(c->l->nnode_all, &marked));
-  for (PetscInt kind = 0; kind < 7; kind++) {
-    PetscInt nghost, nmarked = 0;
-
-    for (PetscInt i = 0; i < c->l->nnode_all; i++) {
-      const PetscReal *x  = c->l->x + i * c->dim;
-      PetscReal        r2 = 0;
-
-      for (PetscInt d = 0; d < c->dim; d++) r2 += PetscSqr(x[d] - 0.55);
-      marked[i] = (PetscBool)(kind == 3 || (kind % 6 == 0 && r2 < 0.06) || (kind % 4 == 1 && noise(97 * c->l->node_global[i] + rank) > 0.97));
-      nmarked += marked[i];
-    }
-    if (kind == 4) OK(FlowSetCellTerms(c->flow, 0, NULL, NULL));
-    if (kind == 4) OK(FlowAssemble(c->flow));
-    nghost = compare_rows(c->flow, c->l, marked);
-    if (kind == 2) assert_int_equal(nmarked + nghost, 0);
-    if (kind == 3) assert_int_equal(total((PetscReal)nghost) > 0, c->l->ncell_global > c->l->ncell);
-  }
-  OK(FlowSetCellTerms(c->flow, 0, NULL, NULL));
-  OK(PetscFree2(cells, terms));
-  OK(PetscFree(marked));
-  OK(PetscFree(u));
-  OK(PetscFree(p));
-}
-
-static void test_rows_without_matrix(void **state)
-{
-#define SPACE "-flow_density 3 -flow_viscosity 0.7 "
-  Case c;
-
-  (void)state;
-  for_all(check_rows, SPACE);
-  for (PetscInt dim = 2; dim <= 3; dim++) {
-    open_case(&c, dim, PETSC_FALSE,
-              dim == 2 ? SPACE "-mesh_levels 1 -mesh_refine a -mesh_box_a_corners 0,0,0.4,0.4"
-                       : SPACE "-mesh_levels 1 -mesh_refine a -mesh_box_a_corners 0,0,0,0.4,0.4,0.4");
-    assert_non_null(c.l->hang);
-    check_rows(&c);
-    close_case(&c);
-  }
-#undef SPACE
 }
 
 /* ---- B ---- */
@@ -1004,7 +922,6 @@ int main(int argc, char **argv)
                                      cmocka_unit_test(test_matrix_follows_the_step),
                                      cmocka_unit_test(test_convection),
                                      cmocka_unit_test(test_product_without_matrix),
-                                     cmocka_unit_test(test_rows_without_matrix),
                                      cmocka_unit_test(test_residual_is_the_system),
                                      cmocka_unit_test(test_stress_integral),
                                      cmocka_unit_test(test_diagnose),

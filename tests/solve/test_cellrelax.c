@@ -1,5 +1,6 @@
 /* CellRelax: a single relaxed cell meets its own equations whatever the ranks around it hold; where cells overlap, each
-   node takes the mean of their corrections; inert slots and other cells stay as they are; which cells are chosen; gathered rows serve as the matrix does. */
+   node takes the mean of their corrections; inert slots and other cells stay as they are; which cells are chosen;
+   gathered rows serve as the matrix does. */
 /* ranks: 1 2 3 */
 #include "core.h"
 #include "cellrelax.h"
