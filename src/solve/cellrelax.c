@@ -1,6 +1,6 @@
 /* CellRelax: see cellrelax.h. Every rank relaxes its own cells. A row of the matrix that belongs to a node of another
-   rank is fetched from there unless it was gathered here, residuals are copied to ghost nodes, and corrections of ghost nodes go back to their
-   owners: the result does not depend on the number of ranks. */
+   rank is fetched from there unless it was gathered here, residuals are copied to ghost nodes, and corrections of ghost
+   nodes go back to their owners: the result does not depend on the number of ranks. */
 #include "compat.h"
 #include "cellrelax.h"
 #include "base/algebra.h"

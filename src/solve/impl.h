@@ -1,7 +1,7 @@
 /* Inside of FlowSolver; for its files only. system.c: life cycle, set-up, solve. recipe.c: choice of methods. stop.c:
    how far the outer iteration goes. precondition.c: the projection preconditioner. operator.c: products with the
-   operators of the system. near.c: rows of the velocity matrix around bodies. held.c: mean velocities held by uniform forces. conserve.c: the balance of momentum.
-   nonlinear.c: for solvers of nonlinear problems. */
+   operators of the system. near.c: rows of the velocity matrix around bodies. held.c: mean velocities held by uniform
+   forces. conserve.c: the balance of momentum. nonlinear.c: for solvers of nonlinear problems. */
 #pragma once
 #include "bodyblocks.h"
 #include "bodycoupling.h"
