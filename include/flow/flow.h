@@ -203,9 +203,9 @@ PetscErrorCode FlowGetMatrix(Flow, Mat *S);
 PetscErrorCode FlowGetMatrixParts(Flow, Mat part[2], const PetscInt *columns[]);
 /* Rows of S of the step around marked nodes, marked [nnode_all], without that matrix, whatever the operator is: rows of
    own nodes, and of ghost nodes of own cells. The row of a marked node is complete; that of another one has its entries
-   in the columns of marked nodes, and is empty where no cell has both. Columns are local nodes, ghosts too, in no order.
-   Ranks may mark what they like: nothing is exchanged. Costs the matrices of the cells with a marked node, and keeps 12
-   bytes an entry (6 KB a cell of a box where all nodes are marked: two thirds of what FlowGetMatrix takes). rows: n =
+   in the columns of marked nodes, and is empty where no cell has both. Columns are local nodes, ghosts too, unsorted.
+   Ranks may mark what they like: nothing is exchanged. Costs the matrices of the cells with a marked node, and keeps
+   12 bytes an entry (6 KB a cell where all nodes are marked: two thirds of what FlowGetMatrix takes). rows: n =
    nnode_all, no mat; borrowed, valid until the next call or FlowRemesh. After FlowAssemble. Local. */
 PetscErrorCode FlowGatherRows(Flow, const PetscBool marked[], Rows *rows);
 /* Matrix-free: y = S x for every component; x, y [own nodes][dim]; few: cells where x is zero are passed over, at the

@@ -338,8 +338,7 @@ PetscErrorCode FlowSolverSetUp(FlowSolver fs)
   PetscCall(PressureIsSingular(fs->pressure, &singular));
   PetscCall(MatSetNullSpace(fs->K, singular ? fs->constant_pressure : NULL));
   PetscCall(assemble_on_demand(fs));
-  PetscCall(MatAssemblyBegin(fs->Ar, MAT_FINAL_ASSEMBLY)); /* tell PETSc that the values behind the shells have
-                                                              changed */
+  PetscCall(MatAssemblyBegin(fs->Ar, MAT_FINAL_ASSEMBLY)); /* values behind the shells have changed */
   PetscCall(MatAssemblyEnd(fs->Ar, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyBegin(fs->K, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(fs->K, MAT_FINAL_ASSEMBLY));
