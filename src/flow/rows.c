@@ -1,10 +1,11 @@
 /* Flow: rows of S around marked nodes, from the matrices of cells, without a matrix (FlowGatherRows of flow.h).
 
-   A preconditioner wants the rows of S near bodies alone, and where products go without a matrix the rest would be made
-   for nothing: pattern, sort and assembly of the whole are far dearer than these rows. A row gathers the matrices of
-   the cells around its node; a scratch array knows where a column stands in the row at hand. A cell's matrix is
-   computed when the first row asks for it and dropped after the last: as nodes are numbered along the cells, few live at once.
-   All cells around a node of an own cell are there, as ghosts at least, so rows of ghost nodes need no exchange. */
+   A preconditioner wants the rows of S near bodies alone, and where products go without a matrix the rest would be
+   made for nothing: pattern, sort and assembly of the whole are far dearer than these rows. A row gathers the
+   matrices of the cells around its node; a scratch array knows where a column stands in the row at hand. A cell's
+   matrix is computed when the first row asks for it and dropped after the last: as nodes are numbered along the
+   cells, few live at once. All cells around a node of an own cell are there, as ghosts at least, so rows of ghost
+   nodes need no exchange. */
 #include "compat.h"
 #include "impl.h"
 #include "base/log.h"
