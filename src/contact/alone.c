@@ -232,6 +232,7 @@ PetscErrorCode ContactAdvanceAlone(Contact c, PetscReal dt)
   if (c->guided) PetscCall(ExactGetSum(BodiesComm(c->bodies), &work, &guided));
   if (c->guided) c->work += guided;
   PetscCall(ContactCheckImages(c, PETSC_FALSE));
+  PetscCall(ContactCheckDriven(c, PETSC_FALSE));
   PetscCall(PetscLogEventEnd(TB_CONTACT, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -60,6 +60,8 @@ PetscErrorCode ContactCheckStart(Contact c)
   c->q = c->s->q;
   PetscCall(PetscFree(c->reach));
   PetscCall(ContactCheckImages(c, PETSC_TRUE));
+  PetscCall(BodiesAttach(c->bodies, sizeof(*c->began_deep), (void **)&c->began_deep));
+  PetscCall(ContactCheckDriven(c, PETSC_TRUE));
   PetscCall(ContactFindPairs(c));
   for (PetscInt k = 0; k < c->npairs; k++) {
     const Pair *p = &c->pair[k];
@@ -410,6 +412,7 @@ PetscErrorCode ContactDestroy(Contact *contact)
   PetscCall(PetscFree(c->body_kind));
   PetscCall(PetscFree(c->npoints));
   PetscCall(BodiesDetach(c->bodies, (void **)&c->present));
+  PetscCall(BodiesDetach(c->bodies, (void **)&c->began_deep));
   PetscCall(ContactForgetAtOnce(c));
   PetscCall(BodiesDetach(c->bodies, (void **)&c->copy_x));
   PetscCall(BodiesDetach(c->bodies, (void **)&c->copy_q));

@@ -1,7 +1,8 @@
 /* Inside of the contact room; for its files only. contact.c: the object. step.c, alone.c: steps with and without a
    flow. momentum.c: what they share. search.c: who is near whom. touch.c: where two bodies touch. wall.c: walls. law.c,
    pairforce.c: the forces; atonce.c: of all pairs at once. impulse.c: law spring in a flow. slip.c: what pairs
-   remember, on its way. separate.c: gaps and overlaps after a step. images.c: bodies and their own images. pack.c,
+   remember, on its way. separate.c: gaps and overlaps after a step. images.c: bodies and their own images. driven.c:
+   bodies on a prescribed way. pack.c,
    packgap.c: packing, with pack.h. Vectors
    have 3 components, 2D ones a zero; a tensor is xx yy zz xy xz yz. */
 #pragma once
@@ -143,7 +144,8 @@ struct _p_Contact {
   PetscReal (*inverse_inertia)[6];                                  /* [n] 3D only, space axes */
   AtOnce at_once;
   /* the list of pairs, ascending in i, then j */
-  Pair *pair;
+  PetscBool *began_deep; /* [n] driven bodies that lay in a wall or another at the start; see driven.c */
+  Pair      *pair;
   PetscReal (*slip)[4]; /* [npairs] elongation of the tangential spring; by how much nearer the pair feels the law than
                            at the range, because it began there (pairforce.c). NULL: nothing to remember */
   PetscInt   npairs, pair_room;
@@ -356,6 +358,9 @@ PetscReal ContactInverseMass(Contact, PetscInt k, const PetscReal r[3], const Pe
 /* No contact forces, no gaps. */
 void ContactClear(BodyArrays *);
 
+/* Stop where a body on a prescribed way lies in a wall or in another one that cannot give way; start: what does so now
+   may go on. Not collective, of own bodies. */
+PetscErrorCode ContactCheckDriven(Contact, PetscBool start);
 /* Refuse bodies that overlap their own periodic image, and those that turn and reach beyond half a period; start: the
    message says at the start, else the time. Not collective, of own bodies. */
 PetscErrorCode ContactCheckImages(Contact, PetscBool start);

@@ -150,6 +150,7 @@ PetscErrorCode ContactFinishStep(Contact c)
 
   PetscFunctionBeginUser;
   PetscCall(ContactCheckImages(c, PETSC_FALSE));
+  PetscCall(ContactCheckDriven(c, PETSC_FALSE));
   if (!c->have_list) PetscFunctionReturn(PETSC_SUCCESS); /* no law, no bodies */
   PetscCall(ContactAcceptForces(c));
   PetscCall(PetscLogEventBegin(TB_CONTACT, 0, 0, 0, 0));

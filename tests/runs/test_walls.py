@@ -104,3 +104,25 @@ def test_dry_run_says_where_boundaries_lie(run, scene):
                        "cells: [4, 4], lower: [0, 0], upper: [2, 2]": "boundary bottom (y = 0): no_slip"}.items():
         listed = run([scene(ALONE.replace("active: false, ", "density: 1, viscosity: 0.1, ") % (mesh, "0, -10", 0.2, "0.5, 0.5")), "-scene_dry_run"])
         assert want in listed.text, str(listed)
+
+
+DRIVEN = """\
+mesh: {cells: [12, 12], lower: [-1, -1], upper: [1, 1]}
+flow: {density: 1, viscosity: 0.05}
+particle:
+  groups: b
+  b: {shape: circle, radius: 0.2, position: [0, 0], motion: constant, velocity: [1, 0]}
+sim: {dt: 0.05, steps: 30}
+"""
+OTHER = "  groups: b, o\n  o: {shape: box, size: [0.2, 0.4], position: [0.6, 0.1], free: none}\n"
+ROD = "  groups: b, o\n  o: {shape: box, size: [0.6, 0.1], position: [-0.9, -0.6], motion: constant, velocity: [0.1, 0]}\n"
+
+
+@pytest.mark.parametrize("flow", [True, False])
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_prescribed_ways_end_at_walls_and_bodies(run, scene, flow, ranks):
+    """Nothing can stop such a body: the run says which goes into what, and when. A rod that stuck in a wall from the start may."""
+    text = DRIVEN if flow else DRIVEN.replace("viscosity: 0.05", "active: false")
+    for more, phrase in (("", "moves into wall 'right': at t = 0.8"), (OTHER, "moves into body 0 of group 'o', which cannot give way: at t = 0.3"), (ROD, "'b' moves into wall 'right': at t = 0.8")):
+        result = run([scene(text.replace("  groups: b\n", more or "  groups: b\n")), "-output_overwrite"], ranks)
+        assert result.status != 0 and result.text.count(phrase) == 1, str(result)
