@@ -1,6 +1,6 @@
-/* Contact, driven: bodies whose way is prescribed, which nothing can stop. Such a body that comes to lie in a wall or in
-   another one leaves the fluid no room that any pressure could make: the run stops and says which. What lay there at the
-   start, such as a rod through a wall, may. */
+/* Contact, driven: bodies whose way is prescribed, which nothing can stop. Such a body that comes to lie in a wall or
+   in another one leaves the fluid no room that any pressure could make: the run stops and says which. What lay there at
+   the start, such as a rod through a wall, may. */
 #include "compat.h"
 #include "impl.h"
 
