@@ -6,13 +6,19 @@
 
 #define DEEP 1e-2 /* in radii */
 
+/* Nothing moves it but the scene */
+static PetscBool is_prescribed(Contact c, PetscInt k)
+{
+  const BodyGroup *g   = BodiesGetGroup(c->state, k);
+  const PetscInt   any = BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z | BODY_FREE_ROTATION;
+
+  return (PetscBool)(!(g->free & any) && !g->obstacle && !g->hole && !c->s->gone[k]);
+}
+
 /* Does it go somewhere, and cannot be stopped? */
 static PetscBool is_driven(Contact c, PetscInt k)
 {
-  const BodyGroup *g   = BodiesGetGroup(c->state, k);
-  const PetscInt   all = BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z;
-
-  return (PetscBool)(!(g->free & all) && !g->obstacle && !g->hole && !c->s->gone[k] && dot3(c->s->u[k], c->s->u[k]) > 0);
+  return (PetscBool)(is_prescribed(c, k) && dot3(c->s->u[k], c->s->u[k]) > 0);
 }
 
 static PetscErrorCode measure(Contact c, PetscInt i, PetscInt j, PetscReal *depth)
@@ -46,10 +52,9 @@ static PetscErrorCode find_deepest(Contact c, PetscInt i, PetscInt *partner, Pet
     *depth = PetscMax(*depth, deep);
   }
   for (PetscInt j = 0; j < c->s->n; j++) {
-    const BodyGroup *g = BodiesGetGroup(c->state, j);
-    PetscReal        d[3];
+    PetscReal d[3];
 
-    if (j == i || (g->free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z)) || g->obstacle || g->hole || c->s->gone[j]) continue;
+    if (j == i || !is_prescribed(c, j)) continue;
     for (PetscInt a = 0; a < 3; a++) d[a] = c->x[i][a] - c->x[j][a];
     ContactWrap(c, d);
     if (dot3(d, d) >= PetscSqr(radius + ContactKind(c, j)->radius)) continue;

@@ -189,8 +189,7 @@ int main(int argc, char **argv)
   PetscCall(ShapeFinalize());
   PetscCall(OptFinalize());
   PetscCall(LogFinalize());
-  PetscCall(PetscPopErrorHandler());
-  ierr = PetscFinalize();
+  ierr = PetscFinalize(); /* the handler was pushed before -malloc_debug could know of it: it is not popped */
   MPI_Finalize();
   return (int)ierr;
 }

@@ -502,12 +502,13 @@ static PetscErrorCode renew_solvers(Sim s)
 
 PetscErrorCode SimRun(Sim s)
 {
-  PetscBool   stop = PETSC_FALSE, more = (PetscBool)(s->part.steady != NULL);
+  PetscBool   stop = PETSC_FALSE, due, more = (PetscBool)(s->part.steady != NULL);
   PetscInt    cells = 0, unknowns = 0, removed;
   const char *dir;
 
   PetscFunctionBeginUser;
   while (more) PetscCall(solve_steady(s, &more));
+  if (s->part.steady) PetscCall(CheckpointPoll(s->part.checkpoint, s->step, &due, &stop)); /* which it counts as a step */
   if (!s->part.steady && s->step > 0 && is_at_end(s))
     PetscCall(LogRemark("nothing is left to do: the checkpoint is at step %" PetscInt_FMT
                         ", t = %g, the end of the run. Raise -sim_time or -sim_steps",

@@ -5,7 +5,7 @@
 
 #define FEW       6 /* directions of the velocity, see MANY_DIRECTIONS */
 #define MANY      30
-#define FEW_OUTER 5 /* until a step takes more */
+#define FEW_OUTER 6 /* until a step takes more */
 #define MOST      60
 #define TIGHT     1e-9 /* tolerance below which the outer iteration begins with most */
 
@@ -22,14 +22,14 @@ static PetscErrorCode keep_outer(FlowSolver fs, PetscInt n)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* A tight tolerance needs many; of the outer iteration a steady flow does, too */
+/* A tight tolerance needs many; of the outer iteration a steady flow and chains of bodies that touch do, too */
 PetscErrorCode FlowSolverChooseDirections(FlowSolver fs, PetscReal dt, PetscBool many)
 {
   PetscBool given;
   PetscReal rtol;
 
   PetscFunctionBeginUser;
-  PetscCall(keep_outer(fs, dt == 0 || fs->rtol < TIGHT ? MOST : PetscMax(fs->directions, FEW_OUTER)));
+  PetscCall(keep_outer(fs, dt == 0 || fs->rtol < TIGHT || TiesAny(fs->ties) ? MOST : PetscMax(fs->directions, FEW_OUTER)));
   PetscCall(PetscOptionsHasName(NULL, NULL, VELOCITY "ksp_gmres_restart", &given));
   if (given || fs->need_whole) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(KSPGetTolerances(fs->sub[0], &rtol, NULL, NULL, NULL));

@@ -58,6 +58,8 @@ static PetscErrorCode taylor_green(void *ctx, PetscReal t, const PetscReal x[], 
   return PETSC_SUCCESS;
 }
 
+static const char *const GROUP[5] = {"-particle_groups", "-particle_a_shape", "-particle_a_radius", "-particle_a_position", "-particle_a_free"};
+
 static PetscErrorCode open_case(Case *c, const char options[], Exact exact, void *ctx)
 {
   FlowSolver solver;
@@ -74,7 +76,7 @@ static PetscErrorCode open_case(Case *c, const char options[], Exact exact, void
   PetscCall(BodiesCreate(2, c->l->lower, c->l->upper, &c->phantom));
   PetscCall(DeformCreate(c->mesh, c->phantom, &c->deform));
   PetscCall(DeformMesh(c->deform, &c->start));
-  PetscCall(PetscOptionsClearValue(NULL, "-particle_groups"));
+  for (PetscInt i = 0; i < 5; i++) PetscCall(PetscOptionsClearValue(NULL, GROUP[i]));
   PetscCall(BodiesCreate(2, c->l->lower, c->l->upper, &c->none));
   PetscCall(FlowCreate(c->mesh, &c->flow));
   if (ctx) PetscCall(FlowSetSource(c->flow, linear_force, ctx));

@@ -248,11 +248,12 @@ static void files_hold_every_step(void **state)
   assert_int_equal(count_lines(text), 1 + STEPS);
   text = read_text(dir, "bodies.csv");
   assert_starts(text,
-                "step,time_s,body,group,x,y,z,angle_rad,u,v,w,omega_x,omega_y,omega_z,force_x,force_y,force_z,torque_x,torque_y,torque_z,gap,radius,size,density\n");
+                "step,time_s,body,group,x,y,z,angle_rad,u,v,w,omega_x,omega_y,omega_z,force_x,force_y,force_z,torque_x,torque_y,torque_z,gap,radius,size,density,"
+                "contact_force_x,contact_force_y,contact_force_z,contact_torque_x,contact_torque_y,contact_torque_z\n");
   assert_int_equal(count_lines(text), 1 + 2 * STEPS);
   assert_starts(line_number(text, 1),
-                "1,0.125,0,disc,1,2.75,0,0.5,0,0.5,0,0,0,0,0,2.5,0,0,0,-1.5,inf,0.125,1,1.25\n1,0.125,1,post,3,1,0,0,0,-100,0,0,0,0,0,0,0,0,0,0,0.01,0.25,1,1\n");
-  assert_starts(line_number(text, 1 + 2 * 4), "5,0.625,0,disc,1,1.75,0,2.5,0,0.5,0,0,0,0,0,2.5,0,0,0,-1.5,-0.025,0.125,1,1.25\n");
+                "1,0.125,0,disc,1,2.75,0,0.5,0,0.5,0,0,0,0,0,2.5,0,0,0,-1.5,inf,0.125,1,1.25,0,0,0,0,0,0\n1,0.125,1,post,3,1,0,0,0,-100,0,0,0,0,0,0,0,0,0,0,0.01,0.25,1,1,0,0,0,0,0,0\n");
+  assert_starts(line_number(text, 1 + 2 * 4), "5,0.625,0,disc,1,1.75,0,2.5,0,0.5,0,0,0,0,0,2.5,0,0,0,-1.5,-0.025,0.125,1,1.25,0,0,0,0,0,0\n");
 }
 
 /* Lines every third step and at the end; the peaks lie between them and are not lost */

@@ -113,7 +113,7 @@ static void test_type_is_not_a_path(void **state)
 static void test_broken_plugins_say_what_to_do(void **state)
 {
   const char *expected[][3] = {{"nosymbol", "does not register a shape", "TUMBLE_SHAPE_REGISTER"},
-                               {"badinterface", "was built for shape interface 1002", "rebuild"},
+                               {"badinterface", "was built for shape interface 1003", "rebuild"},
                                {"nodistance", "lacks the required operation 'distance'", ".ops.distance"},
                                {"othername", "registers the type 'cube'", "rename the file"},
                                {"undefined", "cannot be loaded", "compile it anew"}};
