@@ -508,7 +508,7 @@ PetscErrorCode SimRun(Sim s)
 
   PetscFunctionBeginUser;
   while (more) PetscCall(solve_steady(s, &more));
-  if (s->part.steady) PetscCall(CheckpointPoll(s->part.checkpoint, s->step, &due, &stop)); /* which it counts as a step */
+  if (s->part.steady) PetscCall(CheckpointPoll(s->part.checkpoint, s->step, &due, &stop)); /* it counts as a step */
   if (!s->part.steady && s->step > 0 && is_at_end(s))
     PetscCall(LogRemark("nothing is left to do: the checkpoint is at step %" PetscInt_FMT
                         ", t = %g, the end of the run. Raise -sim_time or -sim_steps",
