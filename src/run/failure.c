@@ -87,10 +87,12 @@ PetscErrorCode FailureNote(MPI_Comm comm, int line, const char *function, const 
   return code;
 }
 
+/* Code that fails before PETSc can say why, or without its macros, leaves no message */
 static void tell_error(const char message[])
 {
   fflush(stdout);
-  fprintf(stderr, "tumble: error: %s\n", message);
+  fprintf(stderr, "tumble: error: %s\n",
+          message[0] ? message : "A library failed and gave no reason; most often it is out of memory: use more nodes, or fewer ranks a node");
   fflush(stderr);
 }
 

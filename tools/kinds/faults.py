@@ -229,7 +229,7 @@ def judge(run, reference, action):
         return ("killed", "") if told and not run.messages else ("BUG", f"killed, and {len(run.messages)} messages: {text or run.err[-200:]}")
     if not run.messages:
         return "BUG", f"crashed without a message, status {run.status}: " + " / ".join(line.strip() for line in run.err.splitlines() if line.strip())[:300]
-    if len(run.messages) > 1 or noise:
+    if len(run.messages) > 1 or noise or not text.strip():
         return "BUG", f"{len(run.messages)} messages{', and a trace' if noise else ''}: {' // '.join(run.messages)}"
     return "stopped", text
 

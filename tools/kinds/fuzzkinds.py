@@ -189,7 +189,7 @@ def check_rebound(axis, e):
         for before, after in zip(v, v[1:]):
             impact = max(impact, -before)
             if after > REBOUND * e * impact + 1e-3 * limit:
-                return f"a rebound of {after / impact:.3g} times the impact, restitution {e:.3g}"
+                return f"a rebound of {after / impact:.3g} times the impact, restitution {e:.3g}" if impact else f"a rebound of {after:.3g} without an impact"
         return ""
 
     return check
