@@ -2,8 +2,8 @@
    velocities, and those on a body summed in the order of the pairs' numbers. So a rank needs to know no more than the
    neighbours of its own bodies, and the same bits come out on any number of ranks.
 
-   Two passes: first the forces without damping and the velocities that they give; then every dashpot damps what is left
-   of the speed at its touch. As the damping of all of them acts at once, each acts against the inverse masses of its
+   Passes: first the forces without damping and the velocities that they give; then every dashpot damps what is left
+   of the speed at its touch; last friction, by the normal force that came of both. As the damping of all of them acts at once, each acts against the inverse masses of its
    two bodies times the rates of all dashpots that hold on to them (sums of rows, as in mass splitting: Tonge,
    Benevolenski, Voroshilov 2012; here by rates in place of numbers), so that the second pass takes energy out whatever
    the rates and the packing: sum rate (a - b)^2/(S_i + S_j) <= sum rate (a^2/S_i + b^2/S_j), with S the sums of rate
@@ -15,7 +15,7 @@
 
 /* A dashpot until the second pass */
 struct _p_Held {
-  PetscInt  pair, lever; /* lever: -1: acts at the centres */
+  PetscInt  pair, lever, rub; /* lever: -1: acts at the centres; rub: -1: without friction */
   PetscReal value, rate, normal[3];
 };
 
@@ -35,7 +35,7 @@ static PetscErrorCode make_room(Contact c, PetscBool turns)
   PetscCall(PetscArrayzero(a->force, n));
   for (PetscInt k = 0; k < n; k++) a->after[k][3] = 0;
   if (turns) PetscCall(PetscArrayzero(a->torque, n));
-  a->nheld = a->nlevers = 0;
+  a->nheld = a->nlevers = a->nrubs = 0;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -67,7 +67,7 @@ static void add_impulse(Contact c, PetscInt pair, const Impulse *s, PetscBool tu
   }
 }
 
-static PetscErrorCode hold(Contact c, PetscInt pair, const Dashpot *d)
+static PetscErrorCode hold(Contact c, PetscInt pair, PetscInt rub, const Dashpot *d)
 {
   const Pair     *p    = &c->pair[pair];
   AtOnce         *a    = &c->at_once;
@@ -79,7 +79,7 @@ static PetscErrorCode hold(Contact c, PetscInt pair, const Dashpot *d)
   if (p->j >= 0) a->after[p->j][3] += rate * (d->inverse_mass - d->of_i);
   PetscCall(RoomFor(a->nheld + 1, &a->held_room, &a->held, sizeof(*a->held), NULL));
   held  = &a->held[a->nheld++];
-  *held = (struct _p_Held){.pair = pair, .lever = d->has_levers ? a->nlevers : -1, .value = d->value, .rate = d->rate};
+  *held = (struct _p_Held){.pair = pair, .lever = d->has_levers ? a->nlevers : -1, .rub = rub, .value = d->value, .rate = d->rate};
   for (PetscInt b = 0; b < 3; b++) held->normal[b] = d->normal[b];
   if (!d->has_levers) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(RoomFor(a->nlevers + 1, &a->lever_room, &a->lever, sizeof(*a->lever), NULL));
@@ -91,24 +91,43 @@ static PetscErrorCode hold(Contact c, PetscInt pair, const Dashpot *d)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The first pass: forces without damping, and friction, which is implicit by itself */
-static PetscErrorCode sum_elastic(Contact c, PetscReal h, PetscBool turns)
+/* *number of the pair's rub, -1: none */
+static PetscErrorCode list_rub(AtOnce *a, const Rub *rub, PetscInt *number)
 {
   PetscFunctionBeginUser;
-  for (PetscInt p = 0; p < c->npairs; p++) {
-    Impulse   sum = {{0}, {0}, {0}}, friction;
-    PetscInt  n;
-    PetscReal gap;
+  *number = -1;
+  if (rub->pair < 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(RoomFor(a->nrubs + 1, &a->rub_room, &a->rub, sizeof(*a->rub), NULL));
+  *number            = a->nrubs;
+  a->rub[a->nrubs++] = *rub;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
 
-    PetscCall(ContactPairDashpots(c, p, h, &n, &sum, &gap));
+/* The first pass: forces without damping */
+static PetscErrorCode sum_elastic(Contact c, PetscReal h, PetscBool turns)
+{
+  AtOnce *a = &c->at_once;
+
+  PetscFunctionBeginUser;
+  for (PetscInt p = 0; p < c->npairs; p++) {
+    const Impulse none = {{0}, {0}, {0}};
+    Impulse       sum  = none;
+    PetscInt      n, rubs;
+    PetscReal     gap;
+    Rub           rub;
+
+    PetscCall(ContactPairDashpots(c, p, h, &n, &rub, &gap));
     if (c->alone) ContactNoteGap(&c->pair[p], gap, c->s->gap);
     if (gap >= c->horizon) continue;
-    friction = sum;
+    PetscCall(list_rub(a, &rub, &rubs));
     for (PetscInt k = 0; k < n; k++) {
-      ContactAddForce(&c->dashpot[k], c->dashpot[k].value, &sum);
-      if (c->dashpot[k].rate > 0) PetscCall(hold(c, p, &c->dashpot[k]));
+      const Dashpot *d = &c->dashpot[k];
+
+      ContactAddForce(d, d->value, &sum);
+      if (rubs >= 0 && !d->film) a->rub[rubs].normal += d->value;
+      if (d->rate > 0) PetscCall(hold(c, p, d->film ? -1 : rubs, d));
     }
-    if (c->at_once.by_law) add_part(&c->at_once.by_law[p], &sum, &friction);
+    if (a->by_law) add_part(&a->by_law[p], &sum, &none);
     add_impulse(c, p, &sum, turns);
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -168,6 +187,7 @@ static void add_damping(Contact c, PetscReal h, PetscBool turns)
     if (implicit < 1) speed = implicit * speed + (1 - implicit) * parting(p, lever, d->normal, (PetscReal *)c->u, 3, c->w);
     damping = -d->rate * speed / (1 + h * all);
     if (!film && !c->pulls) damping = PetscMax(-d->value, damping);
+    if (d->rub >= 0) a->rub[d->rub].normal += damping;
     for (PetscInt b = 0; b < 3; b++) sum.f[b] = damping * d->normal[b];
     if (lever) {
       cross(lever->i, sum.f, sum.ti);
@@ -176,6 +196,21 @@ static void add_damping(Contact c, PetscReal h, PetscBool turns)
     if (a->by_law && !film) add_part(&a->by_law[d->pair], &sum, &none);
     add_impulse(c, d->pair, &sum, turns);
   }
+}
+
+/* The third */
+static PetscErrorCode add_frictions(Contact c, PetscReal h, PetscBool turns)
+{
+  AtOnce *a = &c->at_once;
+
+  PetscFunctionBeginUser;
+  for (PetscInt k = 0; k < a->nrubs; k++) {
+    Impulse sum = {{0}, {0}, {0}};
+
+    PetscCall(ContactAddFriction(c, &a->rub[k], h, &sum));
+    add_impulse(c, a->rub[k].pair, &sum, turns);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode ContactForcesAtOnce(Contact c, PetscReal h, PetscBool turns)
@@ -188,6 +223,7 @@ PetscErrorCode ContactForcesAtOnce(Contact c, PetscReal h, PetscBool turns)
   PetscCall(BodiesUpdateGhosts(c->bodies, 4, c->at_once.after));
   if (turns) PetscCall(BodiesUpdateGhosts(c->bodies, 3, c->at_once.spin));
   add_damping(c, h, turns);
+  PetscCall(add_frictions(c, h, turns));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -200,5 +236,6 @@ PetscErrorCode ContactForgetAtOnce(Contact c)
   PetscCall(PetscFree2(a->torque, a->spin));
   PetscCall(PetscFree(a->held));
   PetscCall(PetscFree(a->lever));
+  PetscCall(PetscFree(a->rub));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -67,6 +67,13 @@ typedef struct {
   PetscBool film;         /* not of the law; has levers */
 } Dashpot;
 
+/* Where a pair rubs: the mean of its touches */
+typedef struct {
+  PetscInt  pair; /* -1: it does not */
+  Touch     touch;
+  PetscReal normal, stiffness; /* what presses the bodies together; of the pair */
+} Rub;
+
 /* A law of contact. Forces act along the normal, positive apart. */
 typedef struct {
   const char *name;
@@ -103,11 +110,12 @@ typedef struct {
 
 /* The forces of all pairs at once: see atonce.c */
 typedef struct {
-  PetscInt room, nheld, held_room, nlevers, lever_room;
+  PetscInt room, nheld, held_room, nlevers, lever_room, nrubs, rub_room;
   PetscReal (*force)[3], (*torque)[3]; /* [n] sums; torque, spin: NULL where no pair turns its bodies */
   PetscReal (*after)[4], (*spin)[3];   /* [n] u and w after forces without damping; [3]: sum of rate x inverse mass */
   struct _p_Held *held;                /* [nheld] dashpots */
   Lever          *lever;
+  Rub            *rub;              /* [nrubs] */
   Impulse        *of_pair, *by_law; /* [npairs] sums of all forces, of those of the law; NULL: not wanted */
 } AtOnce;
 
@@ -290,9 +298,11 @@ PetscErrorCode ContactViewWalls(Contact, PetscViewer);
 PetscErrorCode ContactCheckInside(Contact);
 /* Options of all laws; the unused laws' ones count as unknown. */
 PetscErrorCode ContactReadLaws(Contact);
-/* What acts in pair number p where its bodies are now: n dashpots in c->dashpot, and friction, added to *friction; the
-   tangential spring moves on by h. h = 0: without damping and friction. */
-PetscErrorCode ContactPairDashpots(Contact, PetscInt p, PetscReal h, PetscInt *n, Impulse *friction, PetscReal *gap);
+/* What acts in pair number p where its bodies are now: n dashpots in c->dashpot, and where it rubs, without the normal
+   force. h = 0: without damping and friction. */
+PetscErrorCode ContactPairDashpots(Contact, PetscInt p, PetscReal h, PetscInt *n, Rub *, PetscReal *gap);
+/* Tangential spring with sliding, which moves on by h; added to *sum */
+PetscErrorCode ContactAddFriction(Contact, const Rub *, PetscReal h, Impulse *sum);
 /* The speed of a pair that scales its stiffness: the larger present one; where contact is solved with the flow that at
    which the centres approach each other, since a spring that stiffens as its bodies part would make energy */
 PetscErrorCode ContactPairSpeed(Contact, const Pair *, PetscReal *);

@@ -102,42 +102,6 @@ static PetscErrorCode subtract_wall(Contact c, const Pair *p, const Touch *t, Pe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Tangential spring with sliding; normal is the force pressing the bodies together. Spring and damper act at the end of
-   the sub-step (implicit), so that a body at rest on a slope does not creep. */
-static PetscErrorCode add_friction(Contact c, const Pair *p, const Touch *t, PetscReal normal, PetscReal stiffness, PetscReal h, PetscReal slip[3],
-                                   Impulse *sum)
-{
-  const PetscReal k = c->tangential * stiffness;
-  PetscReal       v[3], f[3], unit[3], along, size, rate, inverse;
-
-  PetscFunctionBeginUser;
-  relative_velocity(c, p->i, p->j, t->ri, t->rj, v);
-  if (p->j < 0) PetscCall(subtract_wall(c, p, t, v));
-  along = dot3(v, t->normal);
-  for (PetscInt a = 0; a < 3; a++) v[a] -= along * t->normal[a];
-  along = dot3(slip, t->normal); /* the plane of contact has turned */
-  for (PetscInt a = 0; a < 3; a++) {
-    slip[a] -= along * t->normal[a];
-    f[a] = slip[a] + h * v[a];
-  }
-  size = PetscSqrtReal(dot3(f, f));
-  for (PetscInt a = 0; a < 3; a++) unit[a] = size > 0 ? f[a] / size : 0;
-  inverse = pair_inverse_mass(c, p->i, p->j, t, unit);
-  if (inverse <= 0) PetscFunctionReturn(PETSC_SUCCESS);
-  rate = 2 * c->damping_ratio * PetscSqrtReal(k / inverse);
-  for (PetscInt a = 0; a < 3; a++) f[a] = -(k * slip[a] + (k * h + rate) * v[a]) / (1 + h * inverse * (k * h + rate));
-  size = PetscSqrtReal(dot3(f, f));
-  if (size > c->friction * normal) {
-    for (PetscInt a = 0; a < 3; a++) {
-      f[a] *= c->friction * normal / size;
-      slip[a] = -f[a] / k; /* it slides: the spring keeps what it can hold */
-    }
-  } else
-    for (PetscInt a = 0; a < 3; a++) slip[a] += h * (v[a] + h * inverse * f[a]);
-  add_force(sum, f, t->ri, t->rj);
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* The gap at which the mesh resists as it does at this one (runs/studies/contact, "Films") */
 static PetscReal resolved_gap(Contact c, const Pair *p, PetscReal gap)
 {
@@ -304,9 +268,46 @@ void ContactAddForce(const Dashpot *d, PetscReal value, Impulse *sum)
     for (PetscInt a = 0; a < 3; a++) sum->f[a] += f[a];
 }
 
+/* Spring and damper act at the end of the sub-step (implicit), so that a body at rest on a slope does not creep. */
+PetscErrorCode ContactAddFriction(Contact c, const Rub *rub, PetscReal h, Impulse *sum)
+{
+  const Pair *const  p      = &c->pair[rub->pair];
+  const Touch *const t      = &rub->touch;
+  PetscReal *const   slip   = c->slip[rub->pair];
+  const PetscReal    normal = PetscMax(0, rub->normal), k = c->tangential * rub->stiffness;
+  PetscReal          v[3], f[3], unit[3], along, size, rate, inverse;
+
+  PetscFunctionBeginUser;
+  relative_velocity(c, p->i, p->j, t->ri, t->rj, v);
+  if (p->j < 0) PetscCall(subtract_wall(c, p, t, v));
+  along = dot3(v, t->normal);
+  for (PetscInt a = 0; a < 3; a++) v[a] -= along * t->normal[a];
+  along = dot3(slip, t->normal); /* the plane of contact has turned */
+  for (PetscInt a = 0; a < 3; a++) {
+    slip[a] -= along * t->normal[a];
+    f[a] = slip[a] + h * v[a];
+  }
+  size = PetscSqrtReal(dot3(f, f));
+  for (PetscInt a = 0; a < 3; a++) unit[a] = size > 0 ? f[a] / size : 0;
+  inverse = pair_inverse_mass(c, p->i, p->j, t, unit);
+  if (inverse <= 0) PetscFunctionReturn(PETSC_SUCCESS);
+  rate = 2 * c->damping_ratio * PetscSqrtReal(k / inverse);
+  for (PetscInt a = 0; a < 3; a++) f[a] = -(k * slip[a] + (k * h + rate) * v[a]) / (1 + h * inverse * (k * h + rate));
+  size = PetscSqrtReal(dot3(f, f));
+  if (size > c->friction * normal) {
+    for (PetscInt a = 0; a < 3; a++) {
+      f[a] *= c->friction * normal / size;
+      slip[a] = -f[a] / k; /* it slides: the spring keeps what it can hold */
+    }
+  } else
+    for (PetscInt a = 0; a < 3; a++) slip[a] += h * (v[a] + h * inverse * f[a]);
+  add_force(sum, f, t->ri, t->rj);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Friction and film of a pair whose n touches share the force as in share [n] */
 static PetscErrorCode add_others(Contact c, PetscInt number, PetscInt n, PetscReal share[], PetscReal pressing, PetscReal stiffness, PetscReal h,
-                                 PetscInt *dashpots, Impulse *friction)
+                                 PetscInt *dashpots, Rub *rub)
 {
   const Pair *p = &c->pair[number];
   PetscBool   thin;
@@ -314,8 +315,8 @@ static PetscErrorCode add_others(Contact c, PetscInt number, PetscInt n, PetscRe
 
   PetscFunctionBeginUser;
   if (has_friction(c) && pressing > 0 && h > 0) {
-    average_touch(n, c->touch, share, &mean);
-    PetscCall(add_friction(c, p, &mean, pressing, stiffness, h, c->slip[number], friction));
+    *rub = (Rub){.pair = number, .stiffness = stiffness};
+    average_touch(n, c->touch, share, &rub->touch);
   }
   if (c->lubricate) {
     for (PetscInt k = 0; k < n; k++) share[k] = c->touch[k].weight;
@@ -326,7 +327,7 @@ static PetscErrorCode add_others(Contact c, PetscInt number, PetscInt n, PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ContactPairDashpots(Contact c, PetscInt number, PetscReal h, PetscInt *n, Impulse *friction, PetscReal *gap)
+PetscErrorCode ContactPairDashpots(Contact c, PetscInt number, PetscReal h, PetscInt *n, Rub *rub, PetscReal *gap)
 {
   const Pair *p  = &c->pair[number];
   const Kind *ki = ContactKind(c, p->i), *kj          = p->j >= 0 ? ContactKind(c, p->j) : NULL;
@@ -336,7 +337,8 @@ PetscErrorCode ContactPairDashpots(Contact c, PetscInt number, PetscReal h, Pets
   Meeting     m;
 
   PetscFunctionBeginUser;
-  *n = 0;
+  *n        = 0;
+  rub->pair = -1;
   PetscCall(discs_dashpot(c, p, h, n, c->dashpot, gap, &discs));
   if (discs) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(ContactFindTouch(c, p->i, p->j, &touches, gap));
@@ -358,7 +360,7 @@ PetscErrorCode ContactPairDashpots(Contact c, PetscInt number, PetscReal h, Pets
     pressing += share[k];
     (*n)++;
   }
-  PetscCall(add_others(c, number, touches, share, pressing, m.stiffness, h, n, friction));
+  PetscCall(add_others(c, number, touches, share, pressing, m.stiffness, h, n, rub));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

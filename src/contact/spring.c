@@ -97,16 +97,16 @@ static PetscErrorCode make_spring(Contact c, const Pair *p, const Dashpot *d, Pe
 
 static PetscErrorCode add_springs(Contact c, PetscInt number, PetscReal dt)
 {
-  const Pair *p    = &c->pair[number];
-  Impulse     none = {{0}, {0}, {0}};
-  PetscInt    n    = 0;
+  const Pair *p = &c->pair[number];
+  Rub         rub;
+  PetscInt    n = 0;
   PetscReal   gap, time = 0;
 
   PetscFunctionBeginUser;
   for (PetscInt i = 0; i <= PLACES && !n; i++) {
     time = i * AHEAD * dt / PLACES;
     place_pair(c, p, time);
-    PetscCall(ContactPairDashpots(c, number, dt, &n, &none, &gap));
+    PetscCall(ContactPairDashpots(c, number, dt, &n, &rub, &gap));
   }
   PetscCall(RoomFor(c->nspring + n, &c->spring_room, &c->springs, sizeof(*c->springs), NULL));
   for (PetscInt k = 0; k < n; k++) {

@@ -72,8 +72,9 @@ static inline void evaluate(Fixture *f)
     Impulse   now = {{0}, {0}, {0}};
     PetscInt  n;
     PetscReal gap;
+    Rub       rub;
 
-    OK(ContactPairDashpots(c, p, 0, &n, &now, &gap));
+    OK(ContactPairDashpots(c, p, 0, &n, &rub, &gap));
     for (PetscInt d = 0; d < n; d++)
       ContactAddForce(&c->dashpot[d], ContactDashpotForce(c, &c->dashpot[d], ContactApproach(c, &c->pair[p], &c->dashpot[d]), 0), &now);
     ContactNoteGap(&c->pair[p], gap, f->gap);
