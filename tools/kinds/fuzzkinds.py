@@ -181,8 +181,9 @@ def draw_file(draw):
 
 def check_rebound(axis, e):
     def check(run, scene, s):
-        v = [row["uvw"[axis]] for row in run.bodies()]
-        limit = abs(scene["particle"]["one"]["velocity"][axis])
+        start = scene["particle"]["one"]["velocity"][axis]
+        limit = abs(start)
+        v = [start, *(row["uvw"[axis]] for row in run.bodies())]
         if max(map(abs, v)) > (1 + 1e-3) * limit:
             return f"a body gains speed by itself: {max(map(abs, v)):.4g} from {limit:.4g}"
         impact = 0
