@@ -100,6 +100,8 @@ static inline PetscErrorCode check_body(Bodies b, PetscInt k)
 
 /* Prescribed state of body k as of MotionEvaluate; not of groups without starts. */
 PetscErrorCode BodyEvaluateMotion(Bodies, PetscInt k, PetscReal time, PetscReal x[3], PetscReal u[3], PetscReal turn[3], PetscReal w[3]);
+/* All ranks learn the starts that the owners of bodies hold. Collective */
+PetscErrorCode BodyShareStarts(Bodies);
 /* Of BodiesVisitState: starts and clocks that are no longer those of the options. Collective. */
 PetscErrorCode BodyVisitStarts(Bodies, const BodyRows *, State);
 /* Where a body is and how it moves, for what acts on it */

@@ -303,12 +303,6 @@ PetscErrorCode BodiesGetOwners(Bodies b, PetscMPIInt rank[], PetscInt which[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Where a body of a group starts that is not all free */
-typedef struct {
-  PetscInt  group, place; /* number within it */
-  PetscReal x[3], q[4], angle;
-} Start;
-
 void BodySetStart(Bodies b, PetscInt group, PetscInt i, const PetscReal x[3], const PetscReal q[4], PetscReal angle)
 {
   Placement *p = &b->start[group][i];
@@ -329,24 +323,14 @@ PetscErrorCode BodiesSetEverywhere(Bodies b, PetscInt group)
 PetscErrorCode BodiesShareStarts(Bodies b)
 {
   const BodyArrays *s = &b->state;
-  Start            *own, *all;
-  PetscInt          n = 0, total;
 
   PetscFunctionBeginUser;
-  if (!b->parts) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(PetscMalloc1(s->n, &own));
-  for (PetscInt k = 0; k < s->n; k++) {
+  for (PetscInt k = 0; k < s->n && b->parts; k++) {
     const PetscInt g = s->body_group[k];
 
-    if (!s->own[k] || !b->start[g]) continue;
-    own[n] = (Start){.group = g, .place = s->number[k] - s->group[g].first, .angle = s->angle[k]};
-    PetscCall(PetscArraycpy(own[n].x, s->x[k], 3));
-    PetscCall(PetscArraycpy(own[n++].q, s->q[k], 4));
+    if (s->own[k] && b->start[g]) BodySetStart(b, g, s->number[k] - s->group[g].first, s->x[k], s->q[k], s->angle[k]);
   }
-  PetscCall(ParcelsGather(BodiesComm(b), n, sizeof(*own), own, &total, &all, NULL));
-  for (PetscInt i = 0; i < total; i++) BodySetStart(b, all[i].group, all[i].place, all[i].x, all[i].q, all[i].angle);
-  PetscCall(PetscFree(own));
-  PetscCall(PetscFree(all));
+  PetscCall(BodyShareStarts(b));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

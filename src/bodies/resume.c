@@ -23,7 +23,7 @@ static void start_orientation(const Placement *p, PetscReal q[4])
   else RotationFromAngle(p->angle, q);
 }
 
-static PetscErrorCode share_starts(Bodies b)
+PetscErrorCode BodyShareStarts(Bodies b)
 {
   const BodyArrays *s = &b->state;
   Start            *own, *all;
@@ -82,7 +82,7 @@ PetscErrorCode BodyVisitStarts(Bodies b, const BodyRows *rows, State state)
 
     if (b->start[g]) BodySetStart(b, g, s->number[k] - s->group[g].first, x[k], q[k], angle[k]);
   }
-  if (StateIsLoading(state)) PetscCall(share_starts(b));
+  if (StateIsLoading(state)) PetscCall(BodyShareStarts(b));
   PetscCall(PetscFree3(x, q, angle));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -211,7 +211,7 @@ PetscErrorCode BodiesResume(Bodies b)
   for (PetscInt i = 0; i < 4 * s->ngroups; i++) jumped += jumps[i / 4][i % 4] > 0;
   for (PetscInt k = 0; k < s->n && jumped; k++)
     if (has_start(b, k)) PetscCall(begin_anew(b, k, jumps[s->body_group[k]]));
-  if (jumped) PetscCall(share_starts(b));
+  if (jumped) PetscCall(BodyShareStarts(b));
   for (PetscInt g = 0; g < s->ngroups; g++) {
     PetscBool any = PETSC_FALSE;
 
