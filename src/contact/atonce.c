@@ -3,9 +3,10 @@
    neighbours of its own bodies, and the same bits come out on any number of ranks.
 
    Passes: first the forces without damping and the velocities that they give; then every dashpot damps what is left
-   of the speed at its touch; last friction, by the normal force that came of both. As the damping of all of them acts at once, each acts against the inverse masses of its
-   two bodies times the rates of all dashpots that hold on to them (sums of rows, as in mass splitting: Tonge,
-   Benevolenski, Voroshilov 2012; here by rates in place of numbers), so that the second pass takes energy out whatever
+   of the speed at its touch; last friction, by the normal force that came of both. As the damping of all of them acts
+   at once, each acts against the inverse masses of its two bodies times the rates of all dashpots that hold on to them
+   (sums of rows, as in mass splitting: Tonge, Benevolenski, Voroshilov 2012; here by rates in place of numbers), so
+   that the second pass takes energy out whatever
    the rates and the packing: sum rate (a - b)^2/(S_i + S_j) <= sum rate (a^2/S_i + b^2/S_j), with S the sums of rate
    times inverse mass. A pair that meets alone is damped as in a flow, to the last bit but rounding, and a force that a
    body passes on is carried as it is, because the speed that is damped is that after all elastic forces. */

@@ -205,7 +205,7 @@ static PetscErrorCode find_situation(const MeshLocal *l, Bodies bodies, PetscBoo
       if (s->group[g].free) still = PETSC_FALSE;
   }
   *situation = (steady ? STEADY : UNSTEADY) | (l->dim == 2 ? PLANE : SPATIAL) | (l->hang ? 0 : EVEN);
-  /* in space MUMPS costs 12 times as much as iterations at 14,000 unknowns (runs/README.md, sphere-array) */
+  /* in space MUMPS costs 12 times as much as iterations at 14,000 unknowns (runs/validate/scenes.md) */
   if (unknowns < (l->dim == 2 ? 1.5e6 : 1e4)) *situation |= SMALL;
   if (!still) *situation |= MOVING;
   for (PetscInt g = 0; bodies && g < s->ngroups; g++)

@@ -176,7 +176,7 @@ static void test_belt(void **state)
     for (PetscInt i = 1; i <= 60; i++) {
       OK(ContactAdvanceAlone(f.c, 0.005));
       if (i == 8) start = f.s->u[0][0];
-      if (i == 20) near(f.s->u[0][0] - start, 0.5 * 10 * 12 * 0.005, 1e-3); /* it has come to rest on the belt by then */
+      if (i == 20) near(f.s->u[0][0] - start, 0.5 * 10 * 12 * 0.005, 1e-3); /* it rests on the belt by then */
     }
     near(f.s->u[0][0], 1, 0.01);
     near(f.s->u[0][1], 0, 0.02);

@@ -210,7 +210,7 @@ sim: {{dt: {1e-3 * time:.10g}, steps: 1}}
 
 
 def test_table_of_the_tutorial():
-    text = (ROOT / "runs" / "TUTORIAL.md").read_text()
+    text = (ROOT / "runs" / "guide" / "tutorial.md").read_text()
     for units, (density, viscosity, gravity) in WATER.items():
         row = rf"^\| {units[0]}, {units[1]}, {units[2]} +\|[^|]*\b{density:g}\b[^|]*\|[^|]*\b{viscosity:g}\b[^|]*\| *{gravity:g} *\|"
         assert re.search(row, text, re.MULTILINE), row

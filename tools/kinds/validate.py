@@ -9,7 +9,7 @@
                                        rows of earlier runs stay in the table: --table runs/validate/presets.csv is the one of the tree
 
 Prints one table (quantity, ours, reference, tolerance, source, verdict) and writes it to table.csv in the folder of the results.
-The exit status is 1 if a quantity is not within its tolerance. How a case is declared stands in runs/README.md.
+The exit status is 1 if a quantity is not within its tolerance. How a case is declared stands in runs/validate/scenes.md.
 """
 
 import concurrent.futures

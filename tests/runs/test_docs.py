@@ -1,0 +1,71 @@
+"""What people read: links lead somewhere, README is short, and its commands and scene run."""
+import re
+import shlex
+import subprocess
+
+import pytest
+
+from conftest import ROOT, environment
+
+PAGES = sorted(path for path in ROOT.rglob("*.md") if "out" not in path.relative_to(ROOT).parts and not path.relative_to(ROOT).parts[0].startswith(("build", ".")))
+README = (ROOT / "README.md").read_text()
+
+
+def anchors(path):
+    """As GitHub makes them of headings, and those that are given"""
+    headings = re.findall(r"^#+ +(.*)$", re.sub(r"```.*?```", "", path.read_text(), flags=re.DOTALL), re.MULTILINE)
+    given = set(re.findall(r'<a id="([^"]+)">', path.read_text()))
+    return given | {re.sub(r"[^\w\- ]", "", heading.lower().replace("`", "")).replace(" ", "-") for heading in headings}
+
+
+def links(path):
+    text = re.sub(r"`[^`\n]*`", "", re.sub(r"```.*?```", "", path.read_text(), flags=re.DOTALL))
+    return re.findall(r"\]\(([^)\s]+)\)", text) + re.findall(r'<img src="([^"]+)"', text)
+
+
+def test_links_lead_somewhere():
+    wrong = []
+    for page in PAGES:
+        for link in links(page):
+            if re.match(r"\w+:", link):
+                continue
+            name, _, anchor = link.partition("#")
+            target = (page.parent / name).resolve() if name else page
+            if not target.exists():
+                wrong.append(f"{page.relative_to(ROOT)}: {link} does not exist")
+            elif anchor and anchor not in anchors(target):
+                wrong.append(f"{page.relative_to(ROOT)}: {link} has no such heading")
+    assert not wrong, "\n".join(wrong)
+
+
+def test_readme_is_short():
+    assert README.count("\n") <= 130 and len(README.split()) <= 1100, (README.count("\n"), len(README.split()))
+
+
+def test_gallery_has_every_scene():
+    text = (ROOT / "runs" / "README.md").read_text()
+    assert text.count("\n") <= 150
+    missing = [path.stem for path in (ROOT / "runs").glob("*.yaml") if not re.search(rf"`({re.escape(path.stem)}|-{re.escape(path.stem.rsplit('-', 1)[-1])})`", text)]
+    assert not missing, missing
+
+
+def commands():
+    lines = "\n".join(re.findall(r"```sh\n(.*?)```", README, re.DOTALL)).splitlines()
+    return [line.split("#")[0].strip() for line in lines]
+
+
+@pytest.mark.parametrize("command", [line for line in commands() if "build/tumble" in line])
+def test_commands_of_readme(program, tmp_path, command):
+    """Two steps of each; 'make demo' is run by the continuous integration."""
+    (tmp_path / "two.yaml").write_text(re.search(r"```yaml\n(.*?)```", README, re.DOTALL)[1])
+    for name in ("runs", "tools"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    for part in command.split("&&"):
+        words = shlex.split(part)
+        if "build/tumble" in words:
+            words[words.index("build/tumble")] = str(program)
+            words += [] if "-scene_dry_run" in words else ["-sim_steps", "2", "-output_every", "1"]
+        done = subprocess.run(words, cwd=tmp_path, env=environment(), capture_output=True, text=True, timeout=120, check=False)
+        assert done.returncode == 0 and "error" not in done.stderr, (part, done.stdout[-2000:], done.stderr[-2000:])
+        assert "-scene_dry_run" not in part or "in SI units: fluid density 1000 kg/m^3, viscosity 0.01 Pa s" in done.stdout, done.stdout
+        assert "preset balanced, the default, cannot" not in done.stdout + done.stderr, "the scene of README is too coarse"
