@@ -56,7 +56,7 @@ static PetscErrorCode give_space(KSP ksp, PetscInt space)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode FlowSolverIterateOnce(FlowSolver fs, Vec b, Vec x)
+PetscErrorCode FlowSolverIterate(FlowSolver fs, Vec b, Vec x)
 {
   KSPConvergedReason reason;
   PetscInt           error, space, more;

@@ -71,7 +71,6 @@ struct _p_FlowSolver {
   KSP                ksp;
   KSP                sub[2];                          /* of velocity and pressure */
   PetscInt           limited[2];                      /* solves for velocity, pressure that stopped at their limit */
-  PetscInt           directions;                      /* that the outer iteration keeps, 0: the user says */
   PetscBool          single;                          /* recipe fast without bodies: one sweep, without norms */
   PetscInt           least;                           /* iterations of a solve, unless fewer leave less than `small` */
   PetscReal          small;                           /* residual that recipe balanced leaves around moving bodies */
@@ -163,12 +162,8 @@ PetscErrorCode FlowSolverSetTolerance(FlowSolver, PetscBool *enough);
 PetscErrorCode FlowSolverSetTest(FlowSolver);
 /* Make pc the projection preconditioner. Collective. */
 PetscErrorCode FlowSolverCreateProjection(FlowSolver, PC pc);
-/* KSPSolve of the whole system; gmres gets more directions when it needs them (directions.c), MUMPS more work space
-   (Once, direct.c). Collective. */
+/* KSPSolve of the whole system; MUMPS gets more work space when it needs it (direct.c). Collective. */
 PetscErrorCode FlowSolverIterate(FlowSolver, Vec b, Vec x);
-PetscErrorCode FlowSolverIterateOnce(FlowSolver, Vec b, Vec x);
-/* Directions for a step dt, 0: a steady flow; many: of the velocity. Collective. */
-PetscErrorCode FlowSolverChooseDirections(FlowSolver, PetscReal dt, PetscBool many);
 /* Remark an outer iteration that takes the preconditioner for fixed. Collective. */
 PetscErrorCode FlowSolverRemarkMethod(FlowSolver);
 /* After the solve for fs->x, which u, p, U are: add the forces of fs->held and what they do. Adds to *its; *reason < 0:

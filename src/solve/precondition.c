@@ -3,6 +3,7 @@
    the whole system; PETSc's fieldsplit would copy them and keep lists of where they are. */
 #include "compat.h"
 #include "impl.h"
+#include "lean.h"
 #include "base/log.h"
 
 #define FIRST_SHARE 0.3 /* of the tolerance, in the first velocity solve of a step with bodies that move */
@@ -213,7 +214,7 @@ PetscErrorCode FlowSolverRemarkMethod(FlowSolver fs)
   PetscFunctionBeginUser;
   if (fs->need_whole || fs->single) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt i = 0; i < 2; i++) PetscCall(PetscObjectTypeCompare((PetscObject)fs->sub[i], KSPPREONLY, &direct[i]));
-  PetscCall(PetscObjectTypeCompareAny((PetscObject)fs->ksp, &fit, KSPFGMRES, KSPGCR, KSPFCG, KSPPIPEFGMRES, KSPPIPEGCR, KSPFBCGS, KSPRICHARDSON,
+  PetscCall(PetscObjectTypeCompareAny((PetscObject)fs->ksp, &fit, LEAN_FGMRES, KSPFGMRES, KSPGCR, KSPFCG, KSPPIPEFGMRES, KSPPIPEGCR, KSPFBCGS, KSPRICHARDSON,
                                       KSPPREONLY, ""));
   if (fit || (direct[0] && direct[1])) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(KSPGetType(fs->ksp, &type));

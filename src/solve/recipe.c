@@ -2,6 +2,7 @@
    */
 #include "compat.h"
 #include "impl.h"
+#include "lean.h"
 #include "base/opt.h"
 
 /* Numbers of a step: nu theta/(c_t h^2) with the smallest and with the largest cell, |u| theta/(c_t h) */
@@ -25,7 +26,6 @@ typedef enum {
   FACTORISE_UNRESOLVED,
   ASSEMBLE_VISCOUS,
   ASSEMBLE_CONVECTION,
-  MANY_DIRECTIONS,
   SWIFT,
   NTHRESHOLDS
 } Threshold;
@@ -51,7 +51,6 @@ static const struct {
   [FACTORISE_UNRESOLVED] = {CONVECTIVE, 0.3, "incomplete factorisation in under-resolved flow", STUDY},
   [ASSEMBLE_VISCOUS]     = {VISCOUS, 2, "the same where it is matrix-free and would have to be assembled for that", STUDY},
   [ASSEMBLE_CONVECTION]  = {CONVECTIVE, 2, "the same where it is matrix-free", STUDY},
-  [MANY_DIRECTIONS]      = {VISCOUS, 0.3, "thirty directions before gmres starts anew, without bodies below it six", STUDY},
   [SWIFT]                = {CONVECTIVE, 2, "twice the care where the velocities' error ends a solve", STUDY},
 };
 
@@ -145,7 +144,7 @@ static PetscErrorCode set_outer(FlowSolver fs, PetscInt recipe, PetscBool moving
   fs->judge_tied = (PetscBool)(moving && recipe == 1 && !error && fs->rtol_start > 0 && fs->rtol_most == FLOW_BALANCED_MOST);
   PetscCall(OptInt("-flow_iterations_least", &fs->least));
   PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_ksp_max_it", &sweeps));
-  PetscCall(OptDefault("-flow_ksp_type", !fs->single ? "fgmres" : sweeps ? "richardson" : "preonly"));
+  PetscCall(OptDefault("-flow_ksp_type", !fs->single ? LEAN_FGMRES : sweeps ? "richardson" : "preonly"));
   PetscCall(OptDefault("-flow_ksp_max_it", fs->single ? "1" : recipe == 3 ? "20" : "200"));
   PetscCall(OptDefault("-flow_ksp_rtol", rtol[recipe]));
   if (fs->single) {
@@ -160,13 +159,15 @@ static PetscErrorCode set_inner(FlowSolver fs, PetscInt recipe)
   const FlowParameters *par;
   char                  type[64] = "";
   PetscBool             gmres, cg;
+  PetscMPIInt           size;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetParameters(fs->flow, &par));
-  /* gcr: half the sweeps of bcgs; gmres: half the vectors of gcr, for one application of the diagonal more. Where
-     viscosities differ every restart loses what is needed (runs/studies/rheology). */
+  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
+  /* gcr: half the sweeps of bcgs; gmres: half the vectors of gcr, for one sweep more. Where viscosities differ every
+     restart loses what is needed (runs/studies/rheology). */
   if (par->varying && !par->convection) PetscCall(OptDefault(VELOCITY "ksp_type", "cg"));
-  else PetscCall(OptDefault(VELOCITY "ksp_type", par->varying || FlowIsMatrixFree(fs->flow) ? "gmres" : "gcr"));
+  else PetscCall(OptDefault(VELOCITY "ksp_type", LEAN_GMRES));
   PetscCall(PetscOptionsGetString(NULL, NULL, VELOCITY "ksp_type", type, sizeof(type), NULL));
   PetscCall(PetscStrcmp(type, "gmres", &gmres));
   PetscCall(PetscStrcmp(type, "cg", &cg));
@@ -178,7 +179,7 @@ static PetscErrorCode set_inner(FlowSolver fs, PetscInt recipe)
   PetscCall(OptDefault(VELOCITY "ksp_rtol", PetscStringize(LOOSE_VELOCITY)));
   PetscCall(OptDefault(VELOCITY "ksp_max_it", par->varying ? "1000" : "200"));
   PetscCall(OptDefault(VELOCITY "pc_type", "sor"));
-  PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_type", "cg"));
+  PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_type", size > 1 ? LEAN_CG : "cg")); /* on one rank sums are free */
   /* what the first solve leaves, the outer iteration takes up the more slowly the more viscosities differ */
   PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_rtol", par->varying && recipe ? "1e-2" : fs->stages ? "3e-2" : recipe == 0 ? "1e-1" : "1e-2"));
   /* what two stages leave of the divergence is the residual itself, which falls faster than that of the preconditioned
@@ -261,7 +262,6 @@ PetscErrorCode FlowSolverChooseMethods(FlowSolver fs)
   else factorise = (PetscBool)(above[FACTORISE_CONVECTION] || above[FACTORISE_VISCOUS] || (above[FACTORISE_UNRESOLVED] && convective > 5 * viscous));
   fs->relax = factorise ? RELAX_ILU : FlowIsMatrixFree(fs->flow) ? RELAX_JACOBI : RELAX_SOR;
   if (fs->sweep_type != SWEEP_AUTO) fs->relax = (RelaxKind)fs->sweep_type;
-  PetscCall(FlowSolverChooseDirections(fs, step->dt, (PetscBool)(above[MANY_DIRECTIONS] || fs->nbodies)));
   fs->swift             = above[SWIFT];
   fs->share_of_pressure = fs->single && !above[WHOLE_PRESSURE] ? SHARE_BELOW : 1;
   /* the projection is for time steps only */

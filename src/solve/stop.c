@@ -1,6 +1,7 @@
 /* FlowSolver: how far the outer iteration goes (see system.h). */
 #include "compat.h"
 #include "impl.h"
+#include "lean.h"
 
 /* Density ratio, roughly, up to which rows of bodies count as they are. The right-hand side of a body much heavier is
    its own momentum, of which the fluid beside it is less than any tolerance: such rows count as those of a body of this
@@ -100,35 +101,88 @@ static PetscBool has_light_body(FlowSolver fs)
   return (PetscBool)(i < c->nown);
 }
 
-/* Lengths of the last change of the solution, of the solution itself, which is the correction so far, and of the
-   velocity that it leads to: largest velocity of a body, 2-norm of the nodal velocities; is there a light body?
-   Collective. */
-static PetscErrorCode measure(FlowSolver fs, PetscReal change[2], PetscReal whole[2], PetscReal speed[2], PetscBool *light)
+typedef struct {
+  Vec              base;
+  PetscInt         n;
+  const Vec       *z;
+  const PetscReal *now, *before;
+} Iterates;
+
+/* y = part [begin, end) of base + sum_j c[j] z[j] */
+static PetscErrorCode build_part(const Iterates *s, const PetscReal c[], PetscInt begin, PetscInt end, PetscReal y[])
 {
-  const PetscReal *y, *before, *x;
-  PetscReal        most[4] = {0, 0, 0, has_light_body(fs)}, sum[3] = {0, 0, 0};
+  const PetscReal *a;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecGetArrayRead(s->base, &a));
+  PetscCall(PetscArraycpy(y, a + begin, end - begin));
+  PetscCall(VecRestoreArrayRead(s->base, &a));
+  for (PetscInt j = 0; j < s->n; j++) {
+    PetscCall(VecGetArrayRead(s->z[j], &a));
+    for (PetscInt i = begin; i < end; i++) y[i - begin] += c[j] * a[i];
+    PetscCall(VecRestoreArrayRead(s->z[j], &a));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Of entries [begin, end), y of the iterate and of the one before it: sums of squares over nodes, largest of bodies */
+static void measure_part(FlowSolver fs, PetscInt begin, PetscInt end, const PetscReal x[], const PetscReal y[], const PetscReal before[],
+                         PetscReal sum[3], PetscReal most[3])
+{
+  for (PetscInt i = begin; i < PetscMin(end, fs->nodal); i++) {
+    sum[0] += PetscSqr(y[i - begin] - before[i - begin]);
+    sum[1] += PetscSqr(y[i - begin]);
+    sum[2] += PetscSqr(x[i] + y[i - begin]);
+  }
+  for (PetscInt i = PetscMax(begin, fs->nodal); i < end; i++) {
+    most[0] = PetscMax(most[0], PetscAbsReal(y[i - begin] - before[i - begin]));
+    most[1] = PetscMax(most[1], PetscAbsReal(y[i - begin]));
+    most[2] = PetscMax(most[2], PetscAbsReal(x[i] + y[i - begin]));
+  }
+}
+
+/* The two iterates of a solver that does not tell how it makes them */
+static PetscErrorCode measure_vectors(FlowSolver fs, const PetscReal x[], PetscReal sum[3], PetscReal most[3])
+{
+  const PetscReal *y, *before;
   Vec              t = fs->iterate[0];
 
   PetscFunctionBeginUser;
   PetscCall(KSPBuildSolution(fs->ksp, fs->iterate[1], NULL));
   PetscCall(VecGetArrayRead(fs->iterate[1], &y));
   PetscCall(VecGetArrayRead(fs->iterate[0], &before));
-  PetscCall(VecGetArrayRead(fs->x, &x));
-  for (PetscInt i = 0; i < fs->nodal; i++) {
-    sum[0] += PetscSqr(y[i] - before[i]);
-    sum[1] += PetscSqr(y[i]);
-    sum[2] += PetscSqr(x[i] + y[i]);
-  }
-  for (PetscInt i = fs->nodal; i < fs->nur; i++) {
-    most[0] = PetscMax(most[0], PetscAbsReal(y[i] - before[i]));
-    most[1] = PetscMax(most[1], PetscAbsReal(y[i]));
-    most[2] = PetscMax(most[2], PetscAbsReal(x[i] + y[i]));
-  }
-  PetscCall(VecRestoreArrayRead(fs->x, &x));
+  measure_part(fs, 0, fs->nur, x, y, before, sum, most);
   PetscCall(VecRestoreArrayRead(fs->iterate[0], &before));
   PetscCall(VecRestoreArrayRead(fs->iterate[1], &y));
   fs->iterate[0] = fs->iterate[1];
   fs->iterate[1] = t;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+#define PART 512 /* entries that stay in the cache */
+
+/* Lengths of the last change of the solution, of the solution itself, which is the correction so far, and of the
+   velocity that it leads to: largest velocity of a body, 2-norm of the nodal velocities; is there a light body?
+   Collective. */
+static PetscErrorCode measure(FlowSolver fs, PetscReal change[2], PetscReal whole[2], PetscReal speed[2], PetscBool *light)
+{
+  const PetscReal *x;
+  PetscReal        y[PART], before[PART], most[4] = {0, 0, 0, has_light_body(fs)}, sum[3] = {0, 0, 0};
+  PetscBool        lean;
+  Iterates         s;
+
+  PetscFunctionBeginUser;
+  PetscCall(LeanGetIterates(fs->ksp, &lean, &s.base, &s.n, &s.z, &s.now, &s.before));
+  PetscCall(VecGetArrayRead(fs->x, &x));
+  if (!lean) PetscCall(measure_vectors(fs, x, sum, most));
+  for (PetscInt begin = 0; begin < fs->nur && lean; begin += PART) {
+    const PetscInt end = PetscMin(begin + PART, fs->nur);
+
+    PetscCall(build_part(&s, s.now, begin, end, y));
+    PetscCall(build_part(&s, s.before, begin, end, before));
+    measure_part(fs, begin, end, x, y, before, sum, most);
+  }
+  PetscCall(VecRestoreArrayRead(fs->x, &x));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 4, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
   change[0] = most[0];
@@ -177,6 +231,19 @@ static PetscErrorCode velocities_suffice(FlowSolver fs, PetscInt it, PetscReal n
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* A zero iterate before the first, where measure needs vectors */
+static PetscErrorCode start_iterates(FlowSolver fs)
+{
+  PetscBool lean;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscObjectTypeCompare((PetscObject)fs->ksp, LEAN_FGMRES, &lean));
+  if (lean) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt i = 0; i < 2 && !fs->iterate[i]; i++) PetscCall(VecDuplicate(fs->y, &fs->iterate[i]));
+  PetscCall(VecZeroEntries(fs->iterate[0]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* PETSc's own test, but not before the least number of iterations, or what recipe balanced is content with; or enough
    for those who read velocities. Where contact ties bodies these are to suffice in any case: the right-hand side is
    mostly the forces of contact then, of which any share is too much. */
@@ -192,7 +259,7 @@ static PetscErrorCode test_convergence(KSP ksp, PetscInt it, PetscReal norm, KSP
   if (*reason == KSP_CONVERGED_RTOL && it < fs->least && norm > fs->small) *reason = KSP_CONVERGED_ITERATING;
   if ((fs->error_most == 0 && !tied) || !fs->of_step || fs->held) PetscFunctionReturn(PETSC_SUCCESS);
   if (it == 0) {
-    PetscCall(VecZeroEntries(fs->iterate[0]));
+    PetscCall(start_iterates(fs));
     fs->last_change[0] = fs->last_change[1] = PETSC_MAX_REAL;
     fs->steepest[0] = fs->steepest[1] = 0;
   } else if (it > fs->judged && (*reason == KSP_CONVERGED_ITERATING || (*reason == KSP_CONVERGED_RTOL && open))) {
@@ -216,10 +283,6 @@ PetscErrorCode FlowSolverSetTest(FlowSolver fs)
 {
   PetscFunctionBeginUser;
   PetscCall(KSPConvergedDefaultCreate(&fs->test));
-  if (fs->error_most > 0 || fs->judge_tied) {
-    PetscCall(VecDuplicate(fs->y, &fs->iterate[0]));
-    PetscCall(VecDuplicate(fs->y, &fs->iterate[1]));
-  }
   PetscCall(KSPSetConvergenceTest(fs->ksp, test_convergence, fs, destroy_test));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -6,12 +6,14 @@
 #include "impl.h"
 #include "base/log.h"
 #include "assembled.h"
+#include "lean.h"
 
 /* Diagonal entries of A in the sweeps, at least, in lumped masses: convection that the mesh does not resolve takes from
    the entry, and would leave nothing or less (runs/studies/flow-solver) */
 #define LEAST_DIAGONAL 0.1
 /* Weight of the continuity rows, see system.h, in mean cell sizes (runs/studies/flow-solver, "Rows of one unit") */
 #define BALANCE 12
+#define RESTART 60 /* directions of the outer iteration before it starts anew */
 
 /* ---- numeric set-up ---- */
 
@@ -149,15 +151,19 @@ static PetscErrorCode create_operators(FlowSolver fs)
 
 static PetscErrorCode create_solvers(FlowSolver fs)
 {
-  PC pc;
+  PetscBool given;
+  PC        pc;
 
   PetscFunctionBeginUser;
+  PetscCall(LeanRegister());
   PetscCall(KSPCreate(PETSC_COMM_WORLD, &fs->ksp));
   PetscCall(KSPSetOptionsPrefix(fs->ksp, "flow_"));
   PetscCall(FlowSolverSetTest(fs));
   PetscCall(KSPGetPC(fs->ksp, &pc));
   if (!fs->need_whole) PetscCall(FlowSolverCreateProjection(fs, pc));
   PetscCall(KSPSetFromOptions(fs->ksp));
+  PetscCall(PetscOptionsHasName(NULL, NULL, "-flow_ksp_gmres_restart", &given));
+  if (!given) PetscCall(KSPGMRESSetRestart(fs->ksp, RESTART));
   PetscCall(FlowSolverRemarkMethod(fs));
   PetscCall(KSPGetTolerances(fs->ksp, &fs->rtol, NULL, NULL, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);

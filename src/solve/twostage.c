@@ -2,6 +2,7 @@
 #include "compat.h"
 #include "cellrelax.h"
 #include "impl.h"
+#include "lean.h"
 
 /* om = most vn/(vn + BLEND_HALF) for the viscous number vn of the smallest cell; most of it with a penalty, which in
    dense packings leaves little to commute (runs/studies/flow-solver) */
@@ -27,7 +28,8 @@ static PetscErrorCode project(TwoStage t, FlowSolver fs, Vec p1)
   PetscCall(MatMult(fs->G, p1, t->w)); /* -X v */
   PetscCall(FlowSolverApplyMassInverse(fs, t->w, t->v));
   PetscCall(VecScale(t->v, -1));
-  PetscCall(MatMultAdd(fs->Ar, t->v, t->w, t->w));
+  PetscCall(MatMult(fs->Ar, t->v, fs->t_u)); /* a shell's MatMultAdd keeps a vector for itself */
+  PetscCall(VecAXPY(t->w, 1, fs->t_u));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -133,16 +135,16 @@ static PetscErrorCode relax(TwoStage t, FlowSolver fs, Vec u, Vec p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* e = x_u - A_r u of the velocity solve. PETSc's gcr has it; its gmres, asked after the solve, would add the correction
-   a second time. */
+/* e = x_u - A_r u of the velocity solve. PETSc's gcr and lean_gmres have it; PETSc's gmres, asked after the solve, would
+   add the correction a second time. */
 static PetscErrorCode get_residual(TwoStage t, FlowSolver fs)
 {
-  PetscBool gcr;
+  PetscBool known;
   Vec       rhs, u, e;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscObjectTypeCompare((PetscObject)fs->sub[0], KSPGCR, &gcr));
-  if (gcr) {
+  PetscCall(PetscObjectTypeCompareAny((PetscObject)fs->sub[0], &known, KSPGCR, LEAN_GMRES, ""));
+  if (known) {
     PetscCall(KSPBuildResidual(fs->sub[0], fs->t_u, t->e, &e));
     PetscFunctionReturn(PETSC_SUCCESS);
   }

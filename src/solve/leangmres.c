@@ -1,0 +1,347 @@
+/* Lean GMRES: see lean.h. */
+#include "compat.h"
+#include "leanimpl.h"
+#include "base/room.h"
+
+#define RESTART 60
+
+typedef struct {
+  PetscBool  flexible;
+  PetscInt   restart, n;                        /* columns of this cycle */
+  PetscInt   nv, nz, v_room, z_room, room;      /* vectors there are; room for columns */
+  Vec       *v, *z, t;                          /* Krylov vectors, flexible: preconditioned ones, else one to work with */
+  PetscReal *h, *c, *s, *g;                     /* R column by column, of column j j + 1 entries; rotations; Q^T r0 */
+  PetscReal *now, *before, *work;               /* coefficients of the last two iterates; a column */
+} Lean;
+
+static PetscReal *column_of(Lean *m, PetscInt j)
+{
+  return m->h + j * (j + 1) / 2;
+}
+
+/* Vector i of a list that grows */
+static PetscErrorCode get_vector(KSP ksp, PetscInt i, PetscInt *n, PetscInt *room, Vec **list)
+{
+  PetscFunctionBeginUser;
+  if (i < *n) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(RoomFor(i + 1, room, list, sizeof(Vec), NULL));
+  for (; *n <= i; ++*n) PetscCall(VecDuplicate(ksp->vec_rhs, *list + *n));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode reserve_column(Lean *m, PetscInt j)
+{
+  PetscInt room;
+
+  PetscFunctionBeginUser;
+  if (j < m->room) PetscFunctionReturn(PETSC_SUCCESS);
+  room = m->room = PetscMin(m->restart, 2 * j + 8);
+  PetscCall(PetscRealloc((size_t)(room * (room + 1) / 2) * sizeof(PetscReal), &m->h));
+  PetscCall(PetscRealloc((size_t)room * sizeof(PetscReal), &m->c));
+  PetscCall(PetscRealloc((size_t)room * sizeof(PetscReal), &m->s));
+  PetscCall(PetscRealloc((size_t)(room + 1) * sizeof(PetscReal), &m->g));
+  PetscCall(PetscRealloc((size_t)room * sizeof(PetscReal), &m->now));
+  PetscCall(PetscRealloc((size_t)room * sizeof(PetscReal), &m->before));
+  PetscCall(PetscRealloc((size_t)(room + 1) * sizeof(PetscReal), &m->work));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* y: coefficients of the iterate after n columns */
+static void solve_triangle(Lean *m, PetscInt n, PetscReal y[])
+{
+  for (PetscInt k = n; k-- > 0;) {
+    PetscReal sum = m->g[k];
+
+    for (PetscInt j = k + 1; j < n; j++) sum -= column_of(m, j)[k] * y[j];
+    y[k] = sum / column_of(m, k)[k];
+  }
+}
+
+/* The next Krylov vector and column j of R; residual: norm that it leaves */
+static PetscErrorCode add_column(KSP ksp, Lean *m, PetscInt j, PetscReal *residual)
+{
+  PetscReal *h = m->work, *r, norm;
+  Vec        z;
+
+  PetscFunctionBeginUser;
+  PetscCall(reserve_column(m, j));
+  r = column_of(m, j);
+  PetscCall(get_vector(ksp, j + 1, &m->nv, &m->v_room, &m->v));
+  if (m->flexible) PetscCall(get_vector(ksp, j, &m->nz, &m->z_room, &m->z));
+  else if (!m->t) PetscCall(VecDuplicate(ksp->vec_rhs, &m->t));
+  z = m->flexible ? m->z[j] : m->t;
+  PetscCall(KSP_PCApply(ksp, m->v[j], z));
+  PetscCall(KSP_MatMult(ksp, LeanOperator(ksp), z, m->v[j + 1]));
+  PetscCall(VecMDot(m->v[j + 1], j + 1, m->v, h));
+  for (PetscInt i = 0; i <= j; i++) h[i] = -h[i];
+  PetscCall(VecMAXPY(m->v[j + 1], j + 1, h, m->v));
+  PetscCall(VecNorm(m->v[j + 1], NORM_2, &norm));
+  for (PetscInt i = 0; i <= j; i++) r[i] = -h[i];
+  if (norm > 0) PetscCall(VecScale(m->v[j + 1], 1 / norm));
+  for (PetscInt i = 0; i < j; i++) {
+    const PetscReal above = r[i];
+
+    r[i]     = m->c[i] * above + m->s[i] * r[i + 1];
+    r[i + 1] = m->c[i] * r[i + 1] - m->s[i] * above;
+  }
+  h[0]        = PetscSqrtReal(PetscSqr(r[j]) + PetscSqr(norm));
+  m->c[j]     = h[0] > 0 ? r[j] / h[0] : 1;
+  m->s[j]     = h[0] > 0 ? norm / h[0] : 0;
+  m->g[j + 1] = -m->s[j] * m->g[j];
+  m->g[j]     = m->c[j] * m->g[j];
+  r[j]        = m->c[j] * r[j] + m->s[j] * norm;
+  *residual   = PetscAbsReal(m->g[j + 1]);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* x += what the columns are worth; zero: x is zero */
+static PetscErrorCode add_correction(KSP ksp, Lean *m, PetscBool zero, Vec x)
+{
+  PetscFunctionBeginUser;
+  if (m->n == 0) PetscFunctionReturn(PETSC_SUCCESS);
+  if (m->flexible) {
+    PetscCall(VecMAXPY(x, m->n, m->now, m->z));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCall(VecZeroEntries(m->t));
+  PetscCall(VecMAXPY(m->t, m->n, m->now, m->v));
+  if (zero) {
+    PetscCall(KSP_PCApply(ksp, m->t, x));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCall(get_vector(ksp, 0, &m->nz, &m->z_room, &m->z));
+  PetscCall(KSP_PCApply(ksp, m->t, m->z[0]));
+  PetscCall(VecAXPY(x, 1, m->z[0]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* One cycle of at most `restart` columns from the residual in v[0] */
+static PetscErrorCode cycle(KSP ksp, Lean *m, PetscReal norm)
+{
+  PetscFunctionBeginUser;
+  m->n = 0;
+  PetscCall(reserve_column(m, 0));
+  m->g[0] = norm;
+  PetscCall(VecScale(m->v[0], 1 / norm));
+  while (!ksp->reason && m->n < m->restart && ksp->its < ksp->max_it) {
+    PetscReal residual = 0, *y;
+
+    PetscCall(add_column(ksp, m, m->n, &residual));
+    KSPCheckNorm(ksp, residual);
+    y         = m->before;
+    m->before = m->now;
+    m->now    = y;
+    m->before[m->n] = 0;
+    m->n++;
+    solve_triangle(m, m->n, m->now);
+    ksp->its++;
+    ksp->rnorm = residual;
+    PetscCall(KSPLogResidualHistory(ksp, residual));
+    PetscCall(KSPMonitor(ksp, ksp->its, residual));
+    PetscCall((*ksp->converged)(ksp, ksp->its, residual, &ksp->reason, ksp->cnvP));
+    if (!ksp->reason && residual == 0) ksp->reason = KSP_CONVERGED_ATOL; /* solved, and no further column */
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode take_residual(KSP ksp, Vec r, PetscBool zero, PetscReal *norm)
+{
+  PetscFunctionBeginUser;
+  if (zero) PetscCall(VecCopy(ksp->vec_rhs, r));
+  else {
+    PetscCall(KSP_MatMult(ksp, LeanOperator(ksp), ksp->vec_sol, r));
+    PetscCall(VecAYPX(r, -1, ksp->vec_rhs));
+  }
+  PetscCall(VecNorm(r, NORM_2, norm));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode solve(KSP ksp)
+{
+  Lean     *m = (Lean *)ksp->data;
+  PetscReal norm;
+
+  PetscFunctionBeginUser;
+  ksp->its = 0;
+  m->n     = 0;
+  PetscCall(get_vector(ksp, 0, &m->nv, &m->v_room, &m->v));
+  PetscCall(take_residual(ksp, m->v[0], ksp->guess_zero, &norm));
+  KSPCheckNorm(ksp, norm);
+  ksp->rnorm = norm;
+  PetscCall(KSPLogResidualHistory(ksp, norm));
+  PetscCall(KSPMonitor(ksp, 0, norm));
+  PetscCall((*ksp->converged)(ksp, 0, norm, &ksp->reason, ksp->cnvP));
+  while (!ksp->reason && norm > 0) {
+    PetscCall(cycle(ksp, m, norm));
+    if (ksp->reason == KSP_DIVERGED_NANORINF || ksp->reason == KSP_DIVERGED_PC_FAILED) break;
+    PetscCall(add_correction(ksp, m, (PetscBool)(ksp->guess_zero && ksp->its == m->n), ksp->vec_sol));
+    if (ksp->reason) break;
+    if (ksp->its >= ksp->max_it) {
+      ksp->reason = KSP_DIVERGED_ITS;
+      break;
+    }
+    m->n = 0;
+    PetscCall(take_residual(ksp, m->v[0], PETSC_FALSE, &norm));
+    KSPCheckNorm(ksp, norm);
+  }
+  if (!ksp->reason) ksp->reason = KSP_CONVERGED_ATOL;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- what others ask ---- */
+
+/* During a solve the iterate, after it the solution */
+static PetscErrorCode build_solution(KSP ksp, Vec to, Vec *solution)
+{
+  Lean *m = (Lean *)ksp->data;
+
+  PetscFunctionBeginUser;
+  PetscCheck(to, PetscObjectComm((PetscObject)ksp), PETSC_ERR_SUP, "Give a vector for the iterate");
+  PetscCall(VecCopy(ksp->vec_sol, to));
+  if (!ksp->reason) PetscCall(add_correction(ksp, m, PETSC_FALSE, to));
+  if (solution) *solution = to;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The residual of the last cycle lies along the columns of Q turned back: no product */
+static PetscErrorCode build_residual(KSP ksp, Vec t, Vec r, Vec *residual)
+{
+  Lean      *m = (Lean *)ksp->data;
+  PetscReal *q;
+
+  PetscFunctionBeginUser;
+  (void)t;
+  PetscCall(PetscMalloc1(m->n + 1, &q));
+  q[m->n] = m->n ? m->g[m->n] : ksp->rnorm;
+  for (PetscInt i = m->n; i-- > 0;) {
+    q[i]     = -m->s[i] * q[i + 1];
+    q[i + 1] = m->c[i] * q[i + 1];
+  }
+  PetscCall(VecZeroEntries(r));
+  if (m->n) PetscCall(VecMAXPY(r, m->n + 1, q, m->v));
+  else PetscCall(VecCopy(m->v[0], r));
+  PetscCall(PetscFree(q));
+  *residual = r;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode LeanGetIterates(KSP ksp, PetscBool *lean, Vec *base, PetscInt *n, const Vec *z[], const PetscReal *now[], const PetscReal *before[])
+{
+  Lean *m;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscObjectTypeCompare((PetscObject)ksp, LEAN_FGMRES, lean));
+  if (!*lean) PetscFunctionReturn(PETSC_SUCCESS);
+  m       = (Lean *)ksp->data;
+  *base   = ksp->vec_sol;
+  *n      = m->n;
+  *z      = m->z;
+  *now    = m->now;
+  *before = m->before;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode set_restart(KSP ksp, PetscInt restart)
+{
+  PetscFunctionBeginUser;
+  PetscCheck(restart >= 1, PetscObjectComm((PetscObject)ksp), PETSC_ERR_USER_INPUT, "-%sksp_gmres_restart %" PetscInt_FMT ": give 1 or more",
+             ((PetscObject)ksp)->prefix ? ((PetscObject)ksp)->prefix : "", restart);
+  ((Lean *)ksp->data)->restart = restart;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode view(KSP ksp, PetscViewer viewer)
+{
+  Lean *m = (Lean *)ksp->data;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscViewerASCIIPrintf(viewer, "  restart=%" PetscInt_FMT ", vectors %" PetscInt_FMT "\n", m->restart, m->nv + m->nz + (m->t ? 1 : 0)));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode set_up(KSP ksp)
+{
+  PetscInt  restart;
+  PetscBool set;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscOptionsGetInt(((PetscObject)ksp)->options, ((PetscObject)ksp)->prefix, "-ksp_gmres_restart", &restart, &set));
+  if (set) PetscCall(set_restart(ksp, restart));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode reset(KSP ksp)
+{
+  Lean *m = (Lean *)ksp->data;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < m->nv; i++) PetscCall(VecDestroy(&m->v[i]));
+  for (PetscInt i = 0; i < m->nz; i++) PetscCall(VecDestroy(&m->z[i]));
+  PetscCall(VecDestroy(&m->t));
+  m->nv = m->nz = m->n = 0;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode destroy(KSP ksp)
+{
+  Lean *m = (Lean *)ksp->data;
+
+  PetscFunctionBeginUser;
+  PetscCall(reset(ksp));
+  PetscCall(PetscFree(m->v));
+  PetscCall(PetscFree(m->z));
+  PetscCall(PetscFree(m->h));
+  PetscCall(PetscFree(m->c));
+  PetscCall(PetscFree(m->s));
+  PetscCall(PetscFree(m->g));
+  PetscCall(PetscFree(m->now));
+  PetscCall(PetscFree(m->before));
+  PetscCall(PetscFree(m->work));
+  PetscCall(PetscObjectComposeFunction((PetscObject)ksp, "KSPGMRESSetRestart_C", NULL));
+  PetscCall(KSPDestroyDefault(ksp));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode create(KSP ksp, PetscBool flexible)
+{
+  Lean *m;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscNew(&m));
+  m->flexible              = flexible;
+  m->restart               = RESTART;
+  ksp->data                = m;
+  ksp->ops->setup          = set_up;
+  ksp->ops->solve          = solve;
+  ksp->ops->reset          = reset;
+  ksp->ops->destroy        = destroy;
+  ksp->ops->view           = view;
+  ksp->ops->buildsolution  = build_solution;
+  ksp->ops->buildresidual  = build_residual;
+  PetscCall(KSPSetSupportedNorm(ksp, KSP_NORM_UNPRECONDITIONED, PC_RIGHT, 3));
+  PetscCall(PetscObjectComposeFunction((PetscObject)ksp, "KSPGMRESSetRestart_C", set_restart));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode create_flexible(KSP ksp)
+{
+  PetscFunctionBeginUser;
+  PetscCall(create(ksp, PETSC_TRUE));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode create_fixed(KSP ksp)
+{
+  PetscFunctionBeginUser;
+  PetscCall(create(ksp, PETSC_FALSE));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode LeanRegister(void)
+{
+  PetscFunctionBeginUser;
+  PetscCall(KSPRegister(LEAN_FGMRES, create_flexible));
+  PetscCall(KSPRegister(LEAN_GMRES, create_fixed));
+  PetscCall(KSPRegister(LEAN_CG, LeanCreateCG));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
