@@ -60,11 +60,12 @@ static void solve_triangle(Lean *m, PetscInt n, PetscReal y[])
 /* The next Krylov vector and column j of R; residual: norm that it leaves */
 static PetscErrorCode add_column(KSP ksp, Lean *m, PetscInt j, PetscReal *residual)
 {
-  PetscReal *h = m->work, *r, norm;
+  PetscReal *h, *r, norm;
   Vec        z;
 
   PetscFunctionBeginUser;
   PetscCall(reserve_column(m, j));
+  h = m->work;
   r = column_of(m, j);
   PetscCall(get_vector(ksp, j + 1, &m->nv, &m->v_room, &m->v));
   if (m->flexible) PetscCall(get_vector(ksp, j, &m->nz, &m->z_room, &m->z));
