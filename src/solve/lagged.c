@@ -1,6 +1,7 @@
 /* Lagged: see lagged.h. */
 #include "compat.h"
 #include "lagged.h"
+#include "smalllevels.h"
 
 #define CHANGED 1.1  /* a diagonal entry by this factor, up or down */
 #define ALIKE   1e-3 /* and relative change of one whose row is swept */
@@ -155,21 +156,23 @@ static PetscErrorCode take_rows(Lagged *s)
 }
 
 /* M on a matrix of its own: some types, such as GAMG, read theirs in every application, and new values would not fit
-   what they estimated of the old ones */
+   what they estimated of the old ones. hypre has a copy already. */
 static PetscErrorCode build(Lagged *s)
 {
-  Mat A;
+  PetscBool copies;
+  Mat       A = s->A;
 
   PetscFunctionBeginUser;
+  PetscCall(PetscObjectTypeCompare((PetscObject)s->M, PCHYPRE, &copies));
   if (!s->before) {
     PetscCall(MatCreateVecs(s->A, &s->before, &s->scale));
     PetscCall(MatCreateVecs(s->A, &s->r, &s->z));
   }
   PetscCall(MatGetDiagonal(s->A, s->before));
   PetscCall(PCSetReusePreconditioner(s->M, PETSC_FALSE));
-  PetscCall(MatDuplicate(s->A, MAT_COPY_VALUES, &A));
+  if (!copies) PetscCall(MatDuplicate(s->A, MAT_COPY_VALUES, &A));
   PetscCall(PCSetOperators(s->M, A, A));
-  PetscCall(MatDestroy(&A));
+  if (!copies) PetscCall(MatDestroy(&A));
   PetscCall(PCSetUp(s->M));
   PetscCall(PCSetReusePreconditioner(s->M, PETSC_TRUE));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -188,6 +191,7 @@ PetscErrorCode LaggedCreate(PC pc, PetscReal keep)
   PetscCall(PCGetOptionsPrefix(pc, &prefix));
   PetscCall(PCSetOptionsPrefix(s->M, prefix));
   PetscCall(PCSetFromOptions(s->M));
+  PetscCall(SmallLevelsGather(s->M));
   PetscCall(PetscSNPrintf(own, sizeof(own), "%slagged_", prefix ? prefix : ""));
   PetscCall(PCSetOptionsPrefix(pc, own)); /* the type in the options is that of M */
   PetscCall(PCSetType(pc, PCSHELL));
@@ -217,7 +221,13 @@ PetscErrorCode LaggedUpdate(PC pc, Mat A)
     anew = (PetscBool)(share > s->keep);
   }
   if (anew) PetscCall(build(s));
-  else PetscCall(take_rows(s));
+  else {
+    PetscBool copies;
+
+    PetscCall(take_rows(s));
+    PetscCall(PetscObjectTypeCompare((PetscObject)s->M, PCHYPRE, &copies));
+    if (copies) PetscCall(PCSetOperators(s->M, A, A)); /* lets go of the one before */
+  }
   s->corrected = (PetscBool)!anew;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
