@@ -31,7 +31,7 @@ struct _p_Coarse {
   PetscInt        *col;       /* [most] vertices of the cells around a node, 9 (27) on regular meshes, */
   PetscReal       *g, *block; /* [most][dim], [most][most] and what they see of it: CoarseAddNode's */
   /* the bodies' part, see CoarseSetBodies */
-  Mat              whole; /* matrix and bodies, NULL without any */
+  PetscBool        crowded; /* the operator has had a part of bodies */
   Constraint       bodies;
   PetscInt         nr, ncut;
   const PetscInt  *cell, *body;
@@ -273,19 +273,19 @@ PetscErrorCode CoarseCreateMoments(Coarse s, Mat *all, Mat *thin)
 }
 
 /* whole = matrix + the bodies' part, or NULL where there is none */
-static PetscErrorCode add_bodies(Coarse s)
+static PetscErrorCode add_bodies(Coarse s, Mat *whole)
 {
   Mat all, thin;
 
   PetscFunctionBeginUser;
-  PetscCall(MatDestroy(&s->whole));
+  *whole = NULL;
   PetscCall(CoarseCreateMoments(s, &all, &thin));
   PetscCall(MatDestroy(&all));
   if (!thin) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(MatTransposeMatMult(thin, thin, MAT_INITIAL_MATRIX, PETSC_DEFAULT, &s->whole));
+  PetscCall(MatTransposeMatMult(thin, thin, MAT_INITIAL_MATRIX, PETSC_DEFAULT, whole));
   PetscCall(MatDestroy(&thin));
-  PetscCall(MatAXPY(s->whole, 1, s->matrix, DIFFERENT_NONZERO_PATTERN));
-  PetscCall(MatSetOption(s->whole, MAT_SYMMETRIC, PETSC_TRUE));
+  PetscCall(MatAXPY(*whole, 1, s->matrix, DIFFERENT_NONZERO_PATTERN));
+  PetscCall(MatSetOption(*whole, MAT_SYMMETRIC, PETSC_TRUE));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -380,7 +380,6 @@ PetscErrorCode CoarseDestroy(Coarse *coarse)
   if (!s) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(MatDestroy(&s->interpolation));
   PetscCall(MatDestroy(&s->matrix));
-  PetscCall(MatDestroy(&s->whole));
   PetscCall(LaplacianDestroy(&s->laplacian));
   PetscCall(PetscFree3(s->col, s->g, s->block));
   PetscCall(PetscFree(s->vertex));
@@ -473,23 +472,28 @@ PetscErrorCode CoarseSetBodies(Coarse s, Constraint bodies, PetscInt n, const Pe
 
 PetscErrorCode CoarseSetUpPC(Coarse s, PC pc)
 {
-  KSP coarse;
-  Mat A;
+  KSP         coarse;
+  Mat         whole, A;
+  PetscBool   iterates;
+  const char *prefix;
 
   PetscFunctionBeginUser;
   PetscCall(PCMGSetGalerkin(pc, PC_MG_GALERKIN_NONE));
   PetscCall(PCMGSetInterpolation(pc, 1, s->interpolation));
   PetscCall(PCMGGetCoarseSolve(pc, &coarse));
-  s->changed = (PetscBool)(s->changed || s->whole);
-  PetscCall(add_bodies(s));
-  s->changed = (PetscBool)(s->changed || s->whole); /* the bodies' part is another one every time */
-  A          = s->whole ? s->whole : s->matrix;
-  PetscCall(KSPSetOperators(coarse, A, A));
+  PetscCall(add_bodies(s, &whole));
+  s->changed = (PetscBool)(s->changed || s->crowded || whole); /* the bodies' part is another one every time */
+  s->crowded = (PetscBool)(whole != NULL);
+  A          = whole ? whole : s->matrix;
+  PetscCall(KSPGetOptionsPrefix(coarse, &prefix));
+  PetscCall(PetscOptionsHasName(NULL, prefix, "-ksp_type", &iterates)); /* one application reads nothing of the operator */
+  PetscCall(KSPSetOperators(coarse, iterates ? A : s->matrix, iterates ? A : s->matrix));
   if (!s->solver) {
     PetscCall(KSPGetPC(coarse, &s->solver));
     PetscCall(LaggedCreate(s->solver, s->keep));
   }
-  if (s->changed) PetscCall(LaggedUpdate(s->solver, A));
+  if (s->changed) PetscCall(LaggedUpdate(s->solver, A, s->matrix));
+  PetscCall(MatDestroy(&whole));
   s->changed = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
 }

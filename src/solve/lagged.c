@@ -7,10 +7,11 @@
 #define ALIKE   1e-3 /* and relative change of one whose row is swept */
 
 typedef struct {
-  Mat       A;
+  Mat       A; /* during an update */
   PC        M;
   PetscReal keep;
   PetscBool corrected;     /* A is no longer the matrix of M */
+  PetscBool copies;        /* M needs no matrix but in its set-up */
   Vec       before, scale; /* diagonal of the matrix of M; D */
   PetscInt  n, *row;       /* own rows that differ from the matrix of M, ascending */
   Mat       rows, square;  /* of A: these rows, and of them these columns */
@@ -100,7 +101,6 @@ static PetscErrorCode destroy(PC pc)
   PetscFunctionBeginUser;
   PetscCall(PCShellGetContext(pc, &s));
   PetscCall(forget_rows(s));
-  PetscCall(MatDestroy(&s->A));
   PetscCall(PCDestroy(&s->M));
   PetscCall(VecDestroy(&s->before));
   PetscCall(VecDestroy(&s->scale));
@@ -159,20 +159,18 @@ static PetscErrorCode take_rows(Lagged *s)
    what they estimated of the old ones. hypre has a copy already. */
 static PetscErrorCode build(Lagged *s)
 {
-  PetscBool copies;
-  Mat       A = s->A;
+  Mat A = s->A;
 
   PetscFunctionBeginUser;
-  PetscCall(PetscObjectTypeCompare((PetscObject)s->M, PCHYPRE, &copies));
   if (!s->before) {
     PetscCall(MatCreateVecs(s->A, &s->before, &s->scale));
     PetscCall(MatCreateVecs(s->A, &s->r, &s->z));
   }
   PetscCall(MatGetDiagonal(s->A, s->before));
   PetscCall(PCSetReusePreconditioner(s->M, PETSC_FALSE));
-  if (!copies) PetscCall(MatDuplicate(s->A, MAT_COPY_VALUES, &A));
+  if (!s->copies) PetscCall(MatDuplicate(s->A, MAT_COPY_VALUES, &A));
   PetscCall(PCSetOperators(s->M, A, A));
-  if (!copies) PetscCall(MatDestroy(&A));
+  if (!s->copies) PetscCall(MatDestroy(&A));
   PetscCall(PCSetUp(s->M));
   PetscCall(PCSetReusePreconditioner(s->M, PETSC_TRUE));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -192,6 +190,7 @@ PetscErrorCode LaggedCreate(PC pc, PetscReal keep)
   PetscCall(PCSetOptionsPrefix(s->M, prefix));
   PetscCall(PCSetFromOptions(s->M));
   PetscCall(SmallLevelsGather(s->M));
+  PetscCall(PetscObjectTypeCompare((PetscObject)s->M, PCHYPRE, &s->copies));
   PetscCall(PetscSNPrintf(own, sizeof(own), "%slagged_", prefix ? prefix : ""));
   PetscCall(PCSetOptionsPrefix(pc, own)); /* the type in the options is that of M */
   PetscCall(PCSetType(pc, PCSHELL));
@@ -203,7 +202,7 @@ PetscErrorCode LaggedCreate(PC pc, PetscReal keep)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode LaggedUpdate(PC pc, Mat A)
+PetscErrorCode LaggedUpdate(PC pc, Mat A, Mat instead)
 {
   Lagged   *s;
   PetscReal share = 1;
@@ -211,8 +210,6 @@ PetscErrorCode LaggedUpdate(PC pc, Mat A)
 
   PetscFunctionBeginUser;
   PetscCall(PCShellGetContext(pc, &s));
-  PetscCall(PetscObjectReference((PetscObject)A));
-  PetscCall(MatDestroy(&s->A));
   s->A = A;
   anew = (PetscBool)(!s->before || s->keep <= 0);
   PetscCall(forget_rows(s));
@@ -221,13 +218,9 @@ PetscErrorCode LaggedUpdate(PC pc, Mat A)
     anew = (PetscBool)(share > s->keep);
   }
   if (anew) PetscCall(build(s));
-  else {
-    PetscBool copies;
-
-    PetscCall(take_rows(s));
-    PetscCall(PetscObjectTypeCompare((PetscObject)s->M, PCHYPRE, &copies));
-    if (copies) PetscCall(PCSetOperators(s->M, A, A)); /* lets go of the one before */
-  }
+  else PetscCall(take_rows(s));
+  if (s->copies) PetscCall(PCSetOperators(s->M, instead ? instead : A, instead ? instead : A));
+  s->A         = NULL;
   s->corrected = (PetscBool)!anew;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
