@@ -123,8 +123,8 @@ INLINE void add_ghosts(const int nk, const PetscBool exact, const BlockGS *restr
   }
 }
 
-/* t = W^T x over all ranks. Collective. */
-static PetscErrorCode gather_low_rank(BlockGS *g, const PetscReal x[])
+/* t = W^T x over all ranks, the sum on its way: with the exchange of ghosts one point at which ranks wait. Collective. */
+static PetscErrorCode begin_low_rank(BlockGS *g, const PetscReal x[])
 {
   PetscFunctionBeginUser;
   if (!g->any) PetscFunctionReturn(PETSC_SUCCESS);
@@ -133,7 +133,14 @@ static PetscErrorCode gather_low_rank(BlockGS *g, const PetscReal x[])
     if (g->nk == 3) add_to_low_rank(3, g, e, 1, x + g->w_row[e] * 3);
     else add_to_low_rank(4, g, e, 1, x + g->w_row[e] * 4);
   }
-  PetscCall(SharingSum(g->sharing, RANK(g->nk), g->t));
+  PetscCall(SharingSumBegin(g->sharing, RANK(g->nk), g->t));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode end_low_rank(BlockGS *g)
+{
+  PetscFunctionBeginUser;
+  if (g->any) PetscCall(SharingSumEnd(g->sharing, RANK(g->nk), g->t));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -179,17 +186,18 @@ static PetscErrorCode mult_blocks(Mat shell, Vec x, Vec y)
 
   PetscFunctionBeginUser;
   PetscCall(MatShellGetContext(shell, &g));
+  PetscCall(VecGetArrayRead(x, &xa));
+  PetscCall(begin_low_rank(g, xa));
+  PetscCall(VecRestoreArrayRead(x, &xa));
   PetscCall(multiply_sparse(g, PETSC_FALSE, x, y));
   if (!g->any) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(VecGetArrayRead(x, &xa));
+  PetscCall(end_low_rank(g));
   PetscCall(VecGetArray(y, &ya));
-  PetscCall(gather_low_rank(g, xa));
   for (PetscInt i = 0; i < g->nt; i++) g->t[i] = -g->t[i];
   for (PetscInt e = 0; e < g->nw; e++) {
     if (g->nk == 3) subtract_low_rank(3, g, e, ya + g->w_row[e] * 3);
     else subtract_low_rank(4, g, e, ya + g->w_row[e] * 4);
   }
-  PetscCall(VecRestoreArrayRead(x, &xa));
   PetscCall(VecRestoreArray(y, &ya));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -230,8 +238,9 @@ static PetscErrorCode sweep_blocks(Mat shell, Vec bv, PetscReal omega, MatSORTyp
     PetscCall(PetscArrayzero(x, g->n * g->nk));
     PetscCall(PetscArrayzero(g->t, g->nt));
   } else {
+    PetscCall(begin_low_rank(g, x));
     if (g->sf) PetscCall(subtract_ghosts(g, x, &rhs));
-    PetscCall(gather_low_rank(g, x));
+    PetscCall(end_low_rank(g));
   }
   for (PetscInt it = 0; it < its * lits; it++) {
     for (int back = 0; back < 2; back++) {

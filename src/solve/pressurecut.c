@@ -238,19 +238,22 @@ PetscErrorCode PressureMult(Mat mat, Vec x, Vec y)
 
   PetscFunctionBeginUser;
   PetscCall(MatShellGetContext(mat, &p));
+  if (p->nbodies) {
+    PetscCall(VecGetArrayRead(x, &xa));
+    PetscCall(PetscArrayzero(p->work, p->constraint->nlocal * p->nr));
+    if (p->nk == 3) gather_bodies(3, 3, p, xa, p->work);
+    else gather_bodies(4, 6, p, xa, p->work);
+    PetscCall(VecRestoreArrayRead(x, &xa));
+    PetscCall(SharingSumBegin(p->constraint->sharing, p->nr, p->work));
+  }
   if (p->sweeps) PetscCall(BlockGSMultiplySparse(p->matrix, x, y));
   else PetscCall(MatMult(p->matrix, x, y));
   if (!p->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(VecGetArrayRead(x, &xa));
+  PetscCall(SharingSumEnd(p->constraint->sharing, p->nr, p->work));
   PetscCall(VecGetArray(y, &ya));
-  PetscCall(PetscArrayzero(p->work, p->constraint->nlocal * p->nr));
-  if (p->nk == 3) gather_bodies(3, 3, p, xa, p->work);
-  else gather_bodies(4, 6, p, xa, p->work);
-  PetscCall(SharingSum(p->constraint->sharing, p->nr, p->work));
   if (p->ties) PetscCall(TiesFilter(p->ties, p->work));
   if (p->nk == 3) spread_bodies(3, 3, p, p->work, ya);
   else spread_bodies(4, 6, p, p->work, ya);
-  PetscCall(VecRestoreArrayRead(x, &xa));
   PetscCall(VecRestoreArray(y, &ya));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -185,8 +185,22 @@ static PetscErrorCode sum_wide(Sharing s, PetscInt unit, PetscReal value[])
 PetscErrorCode SharingSum(Sharing s, PetscInt unit, PetscReal value[])
 {
   PetscFunctionBeginUser;
+  PetscCall(SharingSumBegin(s, unit, value));
+  PetscCall(SharingSumEnd(s, unit, value));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SharingSumBegin(Sharing s, PetscInt unit, const PetscReal value[])
+{
+  PetscFunctionBeginUser;
+  if (s && s->nnear) PetscCall(start_exchange(s, unit, value));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode SharingSumEnd(Sharing s, PetscInt unit, PetscReal value[])
+{
+  PetscFunctionBeginUser;
   if (!s || (!s->nnear && !s->nwide)) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(start_exchange(s, unit, value));
   PetscCall(sum_wide(s, unit, value));
   for (PetscInt e = 0; e < s->nshared * unit; e++) {
     PetscReal *v = value + s->shared[e / unit] * unit + e % unit;

@@ -19,5 +19,9 @@ PetscErrorCode SharingDestroy(Sharing *);
 /* value [n][unit], unit <= most: becomes the sum over all entries of the same root; nothing is done on one rank, and
    without a Sharing. Collective. */
 PetscErrorCode SharingSum(Sharing, PetscInt unit, PetscReal value[]);
+/* The same in two parts, between which other exchanges may go on, but no other of this Sharing; value stays as it is
+   until the end. Collective. */
+PetscErrorCode SharingSumBegin(Sharing, PetscInt unit, const PetscReal value[]);
+PetscErrorCode SharingSumEnd(Sharing, PetscInt unit, PetscReal value[]);
 /* Entries that other ranks have too, and numbers that one number an entry sends to them. Either may be NULL. Local. */
 PetscErrorCode SharingGetSizes(Sharing, PetscInt *shared, PetscInt *sent);
