@@ -1,0 +1,55 @@
+/* Inside of Ties; for its files only. ties.c: which ones, products, blocks of bodies. tiesmass.c: the system of masses.
+
+   Which rank solves for a body: ties hold bodies together in clusters. A cluster is closed when all its bodies are in
+   slots of one rank and no other rank knows them: it is solved for there. Open ones, on all ranks together, are solved
+   for by every rank, which gathers their right-hand sides: one point at which ranks wait. Where they are too many for
+   that they are iterated, with the closed ones. */
+#pragma once
+#include "ties.h"
+#include <petscksp.h>
+
+/* A system of tied bodies that this rank solves alone */
+typedef struct {
+  PetscInt n; /* bodies */
+  Mat      mat;
+  KSP      ksp;
+  Vec      b, x;
+} TieSystem;
+
+struct _p_Ties {
+  Constraint constraint;
+  PetscInt   n, room;
+  PetscBool  any;
+  BodyTie   *tie;                 /* [n] of this rank; rows without known degrees of freedom */
+  PetscInt   ntied, *tied;        /* own tied bodies, of which are in which own slots */
+  PetscInt   nblock;              /* largest number of blocks in a row */
+  PetscReal *factor;              /* [ntied][nr][nr] L of the own ones */
+  PetscReal *sum;                 /* [count][2 + nr^2] of own bodies: number of ties, what they add to the block; how
+                                     many other ranks know the body */
+  PetscReal *slots;               /* [count][nr] work */
+  PetscBool  iterated;            /* the system of all tied bodies, across ranks; else the two others */
+  PetscBool  asked;               /* for, by options */
+  PetscInt  *number;              /* [nbodies] of a tied body: iterated: among those of all ranks; else >= 0 among the
+                                     closed ones here, <= -2: open, -2 - number; -1: not tied or unknown here */
+  PetscInt   first;               /* iterated: number of the first own one */
+  Mat        mat;
+  KSP        ksp;
+  Vec        b, x;
+  TieSystem  closed, open;
+  PetscMPIInt *length, *begin;    /* [ranks] of the right-hand side of the open ones */
+  PetscInt   *place;              /* [ntied] of own tied bodies, numbers as above */
+};
+
+/* What the ties of a body come to and numbers of the tied bodies, into t. Collective. */
+PetscErrorCode TiesNumber(Ties);
+/* The systems, as TiesUpdate; their factors. Collective. */
+PetscErrorCode TiesCreateSystems(Ties);
+PetscErrorCode TiesForgetSystems(Ties);
+PetscErrorCode TiesDestroySystems(Ties);
+PetscErrorCode TiesUpdateSystems(Ties, const PetscReal mass_inverse[], PetscReal scale);
+/* Q of tied own bodies, in place in their slots [count][nr]. Collective. */
+PetscErrorCode TiesSolveSystems(Ties, PetscReal slots[]);
+/* Row of body k in the units of its slots, or, with mass_inverse [nbodies][nr][nr], in those of its factor. Local. */
+void TiesTransformRow(Constraint, const PetscReal mass_inverse[], PetscInt k, const PetscReal row[], PetscReal out[]);
+/* mat += ties/scale at columns column [nbodies] (-1: not in it), rows as above. Local. */
+PetscErrorCode TiesAdd(Ties, const PetscInt column[], const PetscReal mass_inverse[], PetscReal scale, Mat mat);

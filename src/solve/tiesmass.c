@@ -1,0 +1,415 @@
+/* Ties: the system of masses (see tiesimpl.h). */
+#include "compat.h"
+#include "tiesimpl.h"
+#include "base/algebra.h"
+
+#define AS_EXACT  1e-3 /* tolerance of iterated solves, which stand for factors in preconditioners */
+#define MOST_OPEN 2000 /* bodies that every rank solves for; more are iterated */
+
+/* ---- which rank solves for a body ---- */
+
+static PetscInt find_root(PetscInt parent[], PetscInt k)
+{
+  while (parent[k] != k) k = parent[k] = parent[parent[k]];
+  return k;
+}
+
+/* open [nbodies] of own tied bodies: in a cluster of this rank with a body that another rank knows, or has */
+static PetscErrorCode find_open(Ties t, const PetscBool own[], const PetscBool shared[], PetscBool open[])
+{
+  const Constraint c = t->constraint;
+  PetscInt        *parent;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscMalloc1(c->nbodies, &parent));
+  for (PetscInt k = 0; k < c->nbodies; k++) parent[k] = k;
+  for (PetscInt i = 0; i < t->n; i++) {
+    const PetscInt a = t->tie[i].body[0], b = t->tie[i].body[1];
+
+    if (a >= 0 && b >= 0 && c->unknown[a] && c->unknown[b]) parent[find_root(parent, a)] = find_root(parent, b);
+  }
+  for (PetscInt k = 0; k < c->nbodies; k++)
+    if (!own[k] || shared[k]) open[find_root(parent, k)] = PETSC_TRUE;
+  for (PetscInt k = 0; k < c->nbodies; k++) {
+    const PetscInt root = find_root(parent, k);
+
+    if (root != k) open[k] = open[root];
+  }
+  PetscCall(PetscFree(parent));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Rows of the open bodies on each rank; *first: number of the first one here */
+static PetscErrorCode count_open(Ties t, PetscInt nopen, PetscInt *first)
+{
+  const PetscInt nr = t->constraint->nr;
+  PetscMPIInt    n, size, rank;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
+  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
+  PetscCall(PetscMPIIntCast(nopen * nr, &n));
+  if (size > 1) PetscCallMPI(MPI_Allgather(&n, 1, MPI_INT, t->length, 1, MPI_INT, PETSC_COMM_WORLD));
+  else t->length[0] = n;
+  t->open.n = 0;
+  for (PetscMPIInt r = 0; r < size; r++) {
+    t->begin[r] = (PetscMPIInt)(t->open.n * nr);
+    t->open.n += t->length[r] / nr;
+  }
+  *first = t->begin[rank] / nr;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Numbers of own tied bodies, then of those of other ranks that are known here */
+static PetscErrorCode number_tied(Ties t, const PetscBool open[])
+{
+  const Constraint c     = t->constraint;
+  PetscInt         nopen = 0, first;
+  PetscReal       *own, *value;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < t->ntied; i++) nopen += open[c->own[t->tied[i]]];
+  PetscCall(count_open(t, nopen, &first));
+  t->iterated = (PetscBool)(t->asked || t->open.n > MOST_OPEN);
+  t->first    = 0;
+  if (t->iterated) PetscCallMPI(MPI_Exscan(&t->ntied, &t->first, 1, MPIU_INT, MPI_SUM, PETSC_COMM_WORLD));
+  PetscCall(PetscMalloc2(c->count, &own, c->nbodies, &value));
+  for (PetscInt i = 0; i < c->nown; i++) own[i] = -1;
+  t->closed.n = 0;
+  for (PetscInt i = 0; i < t->ntied; i++) {
+    if (t->iterated) t->place[i] = t->first + i;
+    else t->place[i] = open[c->own[t->tied[i]]] ? -2 - first++ : t->closed.n++;
+    own[t->tied[i]] = (PetscReal)t->place[i];
+  }
+  for (PetscInt k = 0; k < c->nbodies; k++) value[k] = -1;
+  if (t->iterated || t->open.n > 0) PetscCall(ConstraintCopyRows(c, 1, own, value));
+  for (PetscInt k = 0; k < c->nbodies; k++) t->number[k] = (PetscInt)value[k];
+  for (PetscInt i = 0; i < t->ntied; i++) t->number[c->own[t->tied[i]]] = t->place[i];
+  PetscCall(PetscFree2(own, value));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode TiesNumber(Ties t)
+{
+  Constraint     c  = t->constraint;
+  const PetscInt nr = c->nr, width = 2 + nr * nr;
+  PetscReal     *value, most = 0;
+  PetscBool     *own, *shared, *open;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscCalloc4(c->nbodies * width, &value, c->nbodies, &own, c->nbodies, &shared, c->nbodies, &open));
+  for (PetscInt i = 0; i < 2 * t->n; i++) {
+    const BodyTie   *tie = &t->tie[i / 2];
+    const PetscReal *row = tie->row[i % 2];
+    const PetscInt   at  = tie->body[i % 2] * width;
+
+    if (at < 0) continue;
+    value[at]++;
+    for (PetscInt e = 0; e < nr * nr; e++) value[at + 1 + e] += tie->stiffness * row[e / nr] * row[e % nr];
+  }
+  for (PetscInt i = 0; i < c->nown; i++) own[c->own[i]] = PETSC_TRUE;
+  for (PetscInt l = 0; l < c->nlocal; l++)
+    if (!own[c->local_list[l]]) value[c->local_list[l] * width + width - 1] = 1;
+  PetscCall(ConstraintSumRows(c, width, value, t->sum));
+  t->ntied = 0;
+  for (PetscInt i = 0; i < c->nown; i++) {
+    most              = PetscMax(most, t->sum[i * width]);
+    shared[c->own[i]] = (PetscBool)(t->sum[i * width + width - 1] > 0);
+    if (t->sum[i * width] > 0 && c->unknown[c->own[i]]) t->tied[t->ntied++] = i;
+  }
+  t->nblock = (PetscInt)most + 1;
+  PetscCall(find_open(t, own, shared, open));
+  PetscCall(number_tied(t, open));
+  PetscCall(PetscFree4(value, own, shared, open));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- a system of this rank alone ---- */
+
+static PetscErrorCode forget_system(TieSystem *s)
+{
+  PetscFunctionBeginUser;
+  if (s->ksp) PetscCall(KSPReset(s->ksp));
+  PetscCall(MatDestroy(&s->mat));
+  PetscCall(VecDestroy(&s->b));
+  PetscCall(VecDestroy(&s->x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The identity, to which ties are added, with room for most entries a row */
+static PetscErrorCode begin_system(TieSystem *s, PetscInt rows, PetscInt most)
+{
+  PetscFunctionBeginUser;
+  PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, rows, rows, most, NULL, &s->mat));
+  PetscCall(MatSetOption(s->mat, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
+  PetscCall(MatCreateVecs(s->mat, &s->x, &s->b));
+  for (PetscInt i = 0; i < rows; i++) PetscCall(MatSetValue(s->mat, i, i, 1, ADD_VALUES));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Factorise it */
+static PetscErrorCode end_system(TieSystem *s)
+{
+  PC pc;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatAssemblyBegin(s->mat, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(s->mat, MAT_FINAL_ASSEMBLY));
+  if (!s->ksp) {
+    PetscCall(KSPCreate(PETSC_COMM_SELF, &s->ksp));
+    PetscCall(KSPSetType(s->ksp, KSPPREONLY));
+    PetscCall(KSPGetPC(s->ksp, &pc));
+    PetscCall(PCSetType(pc, PCLU));
+  }
+  PetscCall(KSPSetOperators(s->ksp, s->mat, s->mat));
+  PetscCall(KSPSetUp(s->ksp));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- the open ones ---- */
+
+#define PARCEL(nr) (3 + 2 * (nr)) /* numbers of two bodies, stiffness/scale, their rows */
+
+/* Open ties of this rank as numbers; NULL: how many numbers */
+static PetscInt pack_ties(Ties t, const PetscReal mass_inverse[], PetscReal scale, PetscReal out[])
+{
+  const Constraint c = t->constraint;
+  PetscInt         n = 0;
+
+  for (PetscInt i = 0; i < t->n; i++) {
+    const BodyTie *tie = &t->tie[i];
+    PetscReal      dummy[PARCEL(6)], *v = out ? out + n : dummy;
+    PetscBool      open = PETSC_FALSE;
+
+    for (PetscInt s = 0; s < 2; s++) {
+      const PetscInt k = tie->body[s];
+
+      v[s] = -1;
+      if (k < 0 || !c->unknown[k] || t->number[k] > -2) continue;
+      open = PETSC_TRUE;
+      v[s] = (PetscReal)(-2 - t->number[k]);
+      if (out) TiesTransformRow(c, mass_inverse, k, tie->row[s], v + 3 + s * c->nr);
+    }
+    v[2] = tie->stiffness / scale;
+    if (open) n += PARCEL(c->nr);
+  }
+  return n;
+}
+
+/* As TiesAdd does it, of a tie as numbers */
+static PetscErrorCode add_parcel(PetscInt nr, const PetscReal v[], Mat mat)
+{
+  PetscReal row[12], block[144];
+  PetscInt  at[12], n = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt s = 0; s < 2; s++)
+    for (PetscInt a = 0; a < nr && v[s] >= 0; a++) {
+      row[n]  = v[3 + s * nr + a];
+      at[n++] = (PetscInt)v[s] * nr + a;
+    }
+  for (PetscInt e = 0; e < n * n; e++) block[e] = v[2] * row[e / n] * row[e % n];
+  PetscCall(MatSetValues(mat, n, at, n, at, block, ADD_VALUES));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The system of all open bodies on every rank */
+static PetscErrorCode update_open(Ties t, const PetscReal mass_inverse[], PetscReal scale)
+{
+  const PetscInt nr = t->constraint->nr;
+  PetscMPIInt    size, n, *length, *begin;
+  PetscInt       total = 0;
+  PetscReal     *own, *all;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
+  PetscCall(PetscMPIIntCast(pack_ties(t, mass_inverse, scale, NULL), &n));
+  PetscCall(PetscMalloc3(size, &length, size, &begin, n + PARCEL(nr), &own));
+  (void)pack_ties(t, mass_inverse, scale, own);
+  PetscCallMPI(MPI_Allgather(&n, 1, MPI_INT, length, 1, MPI_INT, PETSC_COMM_WORLD));
+  for (PetscMPIInt r = 0; r < size; total += length[r++]) PetscCall(PetscMPIIntCast(total, &begin[r]));
+  PetscCall(PetscMalloc1(total, &all));
+  PetscCallMPI(MPI_Allgatherv(own, n, MPIU_REAL, all, length, begin, MPIU_REAL, PETSC_COMM_WORLD));
+  PetscCall(begin_system(&t->open, t->open.n * nr, t->nblock * nr));
+  for (PetscInt e = 0; e < total; e += PARCEL(nr)) PetscCall(add_parcel(nr, all + e, t->open.mat));
+  PetscCall(end_system(&t->open));
+  PetscCall(PetscFree(all));
+  PetscCall(PetscFree3(length, begin, own));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The system of the closed bodies of this rank */
+static PetscErrorCode update_closed(Ties t, const PetscReal mass_inverse[], PetscReal scale)
+{
+  const PetscInt nr = t->constraint->nr;
+  PetscInt      *column;
+
+  PetscFunctionBeginUser;
+  if (t->closed.n == 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(begin_system(&t->closed, t->closed.n * nr, t->nblock * nr));
+  PetscCall(PetscMalloc1(t->constraint->nbodies, &column));
+  for (PetscInt k = 0; k < t->constraint->nbodies; k++) column[k] = t->number[k] >= 0 ? t->number[k] * nr : -1;
+  PetscCall(TiesAdd(t, column, mass_inverse, scale, t->closed.mat));
+  PetscCall(PetscFree(column));
+  PetscCall(end_system(&t->closed));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- across ranks, iterated ---- */
+
+/* By CG with one reduction an iteration over the factors of each rank's own part */
+static PetscErrorCode create_iteration(KSP *ksp, PetscBool *asked)
+{
+  PC          pc;
+  PetscMPIInt size;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
+  PetscCall(KSPCreate(PETSC_COMM_WORLD, ksp));
+  PetscCall(KSPSetOptionsPrefix(*ksp, "flow_ties_"));
+  PetscCall(KSPGetPC(*ksp, &pc));
+  PetscCall(PCSetType(pc, size == 1 ? PCLU : PCBJACOBI));
+  PetscCall(KSPSetType(*ksp, size == 1 ? KSPPREONLY : KSPCG));
+  if (size > 1) PetscCall(KSPSetNormType(*ksp, KSP_NORM_NATURAL));
+  if (size > 1) PetscCall(KSPCGUseSingleReduction(*ksp, PETSC_TRUE));
+  PetscCall(KSPSetTolerances(*ksp, AS_EXACT, 0, PETSC_DEFAULT, PETSC_DEFAULT));
+  PetscCall(PetscOptionsHasName(NULL, "flow_ties_", "-ksp_type", asked));
+  if (*asked) PetscCall(KSPSetFromOptions(*ksp));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The ties of a rank's own bodies are solved for at once */
+static PetscErrorCode factor_blocks(KSP ksp)
+{
+  PetscInt  n;
+  PetscBool blocks;
+  KSP      *sub;
+  PC        pc;
+
+  PetscFunctionBeginUser;
+  PetscCall(KSPGetPC(ksp, &pc));
+  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCBJACOBI, &blocks));
+  if (!blocks) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PCBJacobiGetSubKSP(pc, &n, NULL, &sub));
+  for (PetscInt i = 0; i < n; i++) {
+    PetscCall(KSPGetPC(sub[i], &pc));
+    PetscCall(PCSetType(pc, PCLU));
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode update_iteration(Ties t, const PetscReal mass_inverse[], PetscReal scale)
+{
+  Constraint     c  = t->constraint;
+  const PetscInt nr = c->nr, n = t->ntied * nr, most = t->nblock * nr;
+  PetscInt      *column;
+
+  PetscFunctionBeginUser;
+  PetscCall(MatCreateAIJ(PETSC_COMM_WORLD, n, n, PETSC_DETERMINE, PETSC_DETERMINE, most, NULL, most, NULL, &t->mat));
+  PetscCall(MatSetOption(t->mat, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_FALSE));
+  PetscCall(MatCreateVecs(t->mat, &t->x, &t->b));
+  for (PetscInt row = t->first * nr; row < t->first * nr + n; row++) PetscCall(MatSetValue(t->mat, row, row, 1, ADD_VALUES));
+  PetscCall(PetscMalloc1(c->nbodies, &column));
+  for (PetscInt k = 0; k < c->nbodies; k++) column[k] = t->number[k] * nr;
+  PetscCall(TiesAdd(t, column, mass_inverse, scale, t->mat));
+  PetscCall(PetscFree(column));
+  PetscCall(MatAssemblyBegin(t->mat, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(t->mat, MAT_FINAL_ASSEMBLY));
+  PetscCall(KSPSetOperators(t->ksp, t->mat, t->mat));
+  PetscCall(KSPSetUp(t->ksp));
+  PetscCall(factor_blocks(t->ksp));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* ---- all ---- */
+
+PetscErrorCode TiesCreateSystems(Ties t)
+{
+  PetscMPIInt size;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_size(PETSC_COMM_WORLD, &size));
+  PetscCall(create_iteration(&t->ksp, &t->asked));
+  PetscCall(PetscMalloc3(size, &t->length, size, &t->begin, t->constraint->count, &t->place));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode TiesForgetSystems(Ties t)
+{
+  PetscFunctionBeginUser;
+  PetscCall(KSPReset(t->ksp));
+  PetscCall(MatDestroy(&t->mat));
+  PetscCall(VecDestroy(&t->b));
+  PetscCall(VecDestroy(&t->x));
+  PetscCall(forget_system(&t->closed));
+  PetscCall(forget_system(&t->open));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode TiesDestroySystems(Ties t)
+{
+  PetscFunctionBeginUser;
+  PetscCall(TiesForgetSystems(t));
+  PetscCall(KSPDestroy(&t->ksp));
+  PetscCall(KSPDestroy(&t->closed.ksp));
+  PetscCall(KSPDestroy(&t->open.ksp));
+  PetscCall(PetscFree3(t->length, t->begin, t->place));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode TiesUpdateSystems(Ties t, const PetscReal mass_inverse[], PetscReal scale)
+{
+  const PetscInt nr = t->constraint->nr;
+
+  PetscFunctionBeginUser;
+  if (t->iterated) PetscCall(update_iteration(t, mass_inverse, scale));
+  else {
+    PetscCall(update_closed(t, mass_inverse, scale));
+    if (t->open.n > 0) PetscCall(update_open(t, mass_inverse, scale));
+  }
+  for (PetscInt i = 0; i < t->ntied; i++) DenseFactor(nr, mass_inverse + t->constraint->own[t->tied[i]] * nr * nr, t->factor + i * nr * nr);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* b: where own body i of the tied ones stands in the right-hand side of its system; slots to it, or the solution back */
+static PetscErrorCode solve_system(Ties t, TieSystem *s, PetscBool open, PetscReal slots[])
+{
+  const PetscInt   nr = t->constraint->nr;
+  PetscReal       *b;
+  const PetscReal *x;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecGetArrayWrite(s->b, &b));
+  for (PetscInt i = 0; i < t->ntied; i++)
+    if ((t->place[i] < 0) == open) PetscCall(PetscArraycpy(b + (open ? -2 - t->place[i] : t->place[i]) * nr, slots + t->tied[i] * nr, nr));
+  if (open) PetscCallMPI(MPI_Allgatherv(MPI_IN_PLACE, 0, MPI_DATATYPE_NULL, b, t->length, t->begin, MPIU_REAL, PETSC_COMM_WORLD));
+  PetscCall(VecRestoreArrayWrite(s->b, &b));
+  PetscCall(KSPSolve(s->ksp, s->b, s->x));
+  PetscCall(VecGetArrayRead(s->x, &x));
+  for (PetscInt i = 0; i < t->ntied; i++)
+    if ((t->place[i] < 0) == open) PetscCall(PetscArraycpy(slots + t->tied[i] * nr, x + (open ? -2 - t->place[i] : t->place[i]) * nr, nr));
+  PetscCall(VecRestoreArrayRead(s->x, &x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode TiesSolveSystems(Ties t, PetscReal slots[])
+{
+  const PetscInt   nr = t->constraint->nr;
+  PetscReal       *b;
+  const PetscReal *x;
+
+  PetscFunctionBeginUser;
+  if (!t->iterated) {
+    if (t->closed.n > 0) PetscCall(solve_system(t, &t->closed, PETSC_FALSE, slots));
+    if (t->open.n > 0) PetscCall(solve_system(t, &t->open, PETSC_TRUE, slots));
+    PetscFunctionReturn(PETSC_SUCCESS);
+  }
+  PetscCall(VecGetArrayWrite(t->b, &b));
+  for (PetscInt i = 0; i < t->ntied; i++) PetscCall(PetscArraycpy(b + i * nr, slots + t->tied[i] * nr, nr));
+  PetscCall(VecRestoreArrayWrite(t->b, &b));
+  PetscCall(KSPSolve(t->ksp, t->b, t->x));
+  PetscCall(VecGetArrayRead(t->x, &x));
+  for (PetscInt i = 0; i < t->ntied; i++) PetscCall(PetscArraycpy(slots + t->tied[i] * nr, x + i * nr, nr));
+  PetscCall(VecRestoreArrayRead(t->x, &x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
