@@ -376,7 +376,10 @@ static PetscErrorCode mult_whole(Mat mat, Vec x, Vec y)
   PetscCall(MatMult(fs->G, fs->from[1], fs->t_u));
   PetscCall(VecAXPY(fs->to[0], 1, fs->t_u));
   PetscCall(MatMult(fs->B, fs->from[0], fs->to[1]));
-  if (fs->C) PetscCall(MatMultAdd(fs->C, fs->from[1], fs->to[1], fs->to[1]));
+  if (fs->C) { /* a shell's MatMultAdd keeps a vector for itself */
+    PetscCall(MatMult(fs->C, fs->from[1], fs->t_p2));
+    PetscCall(VecAXPY(fs->to[1], 1, fs->t_p2));
+  }
   PetscCall(FlowSolverResetFields(fs));
   FlowSolverBalance(fs, fs->balance, ya);
   PetscCall(VecRestoreArrayWrite(y, &ya));

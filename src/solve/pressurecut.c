@@ -244,6 +244,7 @@ PetscErrorCode PressureMult(Mat mat, Vec x, Vec y)
     if (p->nk == 3) gather_bodies(3, 3, p, xa, p->work);
     else gather_bodies(4, 6, p, xa, p->work);
     PetscCall(VecRestoreArrayRead(x, &xa));
+    if (p->ties) PetscCall(TiesFilterBegin(p->ties, p->work));
     PetscCall(SharingSumBegin(p->constraint->sharing, p->nr, p->work));
   }
   if (p->sweeps) PetscCall(BlockGSMultiplySparse(p->matrix, x, y));
@@ -251,7 +252,7 @@ PetscErrorCode PressureMult(Mat mat, Vec x, Vec y)
   if (!p->nbodies) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(SharingSumEnd(p->constraint->sharing, p->nr, p->work));
   PetscCall(VecGetArray(y, &ya));
-  if (p->ties) PetscCall(TiesFilter(p->ties, p->work));
+  if (p->ties) PetscCall(TiesFilterEnd(p->ties, p->work));
   if (p->nk == 3) spread_bodies(3, 3, p, p->work, ya);
   else spread_bodies(4, 6, p, p->work, ya);
   PetscCall(VecRestoreArray(y, &ya));

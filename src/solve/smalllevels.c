@@ -31,8 +31,8 @@ PetscErrorCode SmallLevelsGather(PC pc)
   }
   if (!boomer || size == 1 || !get_solver(pc)) PetscFunctionReturn(PETSC_SUCCESS);
   if (!HYPRE_BoomerAMGSetRedundant || !HYPRE_BoomerAMGSetSeqThreshold) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCheck(!HYPRE_BoomerAMGSetRedundant(get_solver(pc), 1) && !HYPRE_BoomerAMGSetSeqThreshold(get_solver(pc), FEW_ROWS), PETSC_COMM_SELF,
-             PETSC_ERR_LIB, "hypre does not take its small levels to all ranks");
+  PetscCheck(!HYPRE_BoomerAMGSetRedundant(get_solver(pc), 0) && !HYPRE_BoomerAMGSetSeqThreshold(get_solver(pc), FEW_ROWS), PETSC_COMM_SELF,
+             PETSC_ERR_LIB, "hypre does not take its small levels to one rank");
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 #else

@@ -1,5 +1,5 @@
-/* Small levels of an algebraic hierarchy on every rank: below some thousand rows a level is nothing but waiting for
-   other ranks, five exchanges a cycle and level; with all of its rows on every rank all levels below cost one gathering. */
+/* Small levels of an algebraic hierarchy on one rank: below some thousand rows a level is nothing but waiting for other
+   ranks, five exchanges a cycle and level; with all rows there, all levels below cost a gathering and a scattering. */
 #pragma once
 #include <petscpc.h>
 

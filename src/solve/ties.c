@@ -249,7 +249,14 @@ static PetscErrorCode spread(Ties t, PetscReal z[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode TiesFilter(Ties t, PetscReal z[])
+PetscErrorCode TiesFilterBegin(Ties t, const PetscReal part[])
+{
+  PetscFunctionBeginUser;
+  if (t->any && !t->iterated) PetscCall(TiesSumBegin(t, part));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode TiesFilterEnd(Ties t, PetscReal z[])
 {
   Constraint     c  = t->constraint;
   const PetscInt nr = c->nr;
@@ -257,11 +264,12 @@ PetscErrorCode TiesFilter(Ties t, PetscReal z[])
   PetscFunctionBeginUser;
   if (!t->any) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt i = 0; i < t->ntied; i++) PetscCall(PetscArraycpy(t->slots + t->tied[i] * nr, z + c->local_index[c->own[t->tied[i]]] * nr, nr));
-  PetscCall(TiesSolveSystems(t, t->slots));
   if (!t->iterated) {
+    PetscCall(TiesSumEnd(t, t->slots));
     PetscCall(spread(t, z));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
+  PetscCall(TiesSolveSystems(t, t->slots));
   PetscCall(PetscSFBcastBegin(c->rigid_sf, c->rigid_type, t->slots, c->packed, MPI_REPLACE));
   PetscCall(PetscSFBcastEnd(c->rigid_sf, c->rigid_type, t->slots, c->packed, MPI_REPLACE));
   for (PetscInt l = 0; l < c->nlocal; l++)

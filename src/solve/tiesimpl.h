@@ -36,6 +36,7 @@ struct _p_Ties {
   KSP        ksp;
   Vec        b, x;
   TieSystem  closed, open;
+  MPI_Request sum_request;
   PetscMPIInt *length, *begin;    /* [ranks] of the right-hand side of the open ones */
   PetscInt   *place;              /* [ntied] of own tied bodies, numbers as above */
 };
@@ -49,6 +50,10 @@ PetscErrorCode TiesDestroySystems(Ties);
 PetscErrorCode TiesUpdateSystems(Ties, const PetscReal mass_inverse[], PetscReal scale);
 /* Q of tied own bodies, in place in their slots [count][nr]. Collective. */
 PetscErrorCode TiesSolveSystems(Ties, PetscReal slots[]);
+/* The same, where not iterated, with right-hand sides of the open ones that are sums over ranks of part [nlocal][nr],
+   begun before. Collective. */
+PetscErrorCode TiesSumBegin(Ties, const PetscReal part[]);
+PetscErrorCode TiesSumEnd(Ties, PetscReal slots[]);
 /* Row of body k in the units of its slots, or, with mass_inverse [nbodies][nr][nr], in those of its factor. Local. */
 void TiesTransformRow(Constraint, const PetscReal mass_inverse[], PetscInt k, const PetscReal row[], PetscReal out[]);
 /* mat += ties/scale at columns column [nbodies] (-1: not in it), rows as above. Local. */

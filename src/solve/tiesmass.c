@@ -64,7 +64,7 @@ static PetscErrorCode count_open(Ties t, PetscInt nopen, PetscInt *first)
 static PetscErrorCode number_tied(Ties t, const PetscBool open[])
 {
   const Constraint c     = t->constraint;
-  PetscInt         nopen = 0, first;
+  PetscInt         nopen = 0, first = 0;
   PetscReal       *own, *value;
 
   PetscFunctionBeginUser;
@@ -371,24 +371,69 @@ PetscErrorCode TiesUpdateSystems(Ties t, const PetscReal mass_inverse[], PetscRe
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* b: where own body i of the tied ones stands in the right-hand side of its system; slots to it, or the solution back */
-static PetscErrorCode solve_system(Ties t, TieSystem *s, PetscBool open, PetscReal slots[])
+/* Own bodies of a system: slots to its right-hand side, or (back) its solution to slots */
+static PetscErrorCode move_slots(Ties t, TieSystem *s, PetscBool back, PetscReal slots[])
 {
-  const PetscInt   nr = t->constraint->nr;
-  PetscReal       *b;
-  const PetscReal *x;
+  const PetscInt  nr   = t->constraint->nr;
+  const PetscBool open = (PetscBool)(s == &t->open);
+  PetscReal      *v;
 
   PetscFunctionBeginUser;
-  PetscCall(VecGetArrayWrite(s->b, &b));
-  for (PetscInt i = 0; i < t->ntied; i++)
-    if ((t->place[i] < 0) == open) PetscCall(PetscArraycpy(b + (open ? -2 - t->place[i] : t->place[i]) * nr, slots + t->tied[i] * nr, nr));
-  if (open) PetscCallMPI(MPI_Allgatherv(MPI_IN_PLACE, 0, MPI_DATATYPE_NULL, b, t->length, t->begin, MPIU_REAL, PETSC_COMM_WORLD));
-  PetscCall(VecRestoreArrayWrite(s->b, &b));
+  PetscCall(VecGetArray(back ? s->x : s->b, &v));
+  for (PetscInt i = 0; i < t->ntied; i++) {
+    PetscReal *slot = slots + t->tied[i] * nr, *at = v + (open ? -2 - t->place[i] : t->place[i]) * nr;
+
+    if ((t->place[i] < 0) == open) PetscCall(PetscArraycpy(back ? slot : at, back ? at : slot, nr));
+  }
+  PetscCall(VecRestoreArray(back ? s->x : s->b, &v));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode solve_system(Ties t, TieSystem *s, PetscReal slots[])
+{
+  PetscFunctionBeginUser;
   PetscCall(KSPSolve(s->ksp, s->b, s->x));
-  PetscCall(VecGetArrayRead(s->x, &x));
-  for (PetscInt i = 0; i < t->ntied; i++)
-    if ((t->place[i] < 0) == open) PetscCall(PetscArraycpy(slots + t->tied[i] * nr, x + (open ? -2 - t->place[i] : t->place[i]) * nr, nr));
-  PetscCall(VecRestoreArrayRead(s->x, &x));
+  PetscCall(move_slots(t, s, PETSC_TRUE, slots));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode solve_closed(Ties t, PetscReal slots[])
+{
+  PetscFunctionBeginUser;
+  if (t->closed.n == 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(move_slots(t, &t->closed, PETSC_FALSE, slots));
+  PetscCall(solve_system(t, &t->closed, slots));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode TiesSumBegin(Ties t, const PetscReal part[])
+{
+  const Constraint c = t->constraint;
+  PetscReal       *b;
+  PetscMPIInt      n;
+
+  PetscFunctionBeginUser;
+  t->sum_request = MPI_REQUEST_NULL;
+  if (t->open.n == 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscMPIIntCast(t->open.n * c->nr, &n));
+  PetscCall(VecGetArrayWrite(t->open.b, &b));
+  PetscCall(PetscArrayzero(b, n));
+  for (PetscInt l = 0; l < c->nlocal; l++) {
+    const PetscInt number = t->number[c->local_list[l]];
+
+    if (number <= -2) PetscCall(PetscArraycpy(b + (-2 - number) * c->nr, part + l * c->nr, c->nr));
+  }
+  PetscCallMPI(MPI_Iallreduce(MPI_IN_PLACE, b, n, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD, &t->sum_request));
+  PetscCall(VecRestoreArrayWrite(t->open.b, &b));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode TiesSumEnd(Ties t, PetscReal slots[])
+{
+  PetscFunctionBeginUser;
+  PetscCall(solve_closed(t, slots));
+  PetscCallMPI(MPI_Wait(&t->sum_request, MPI_STATUS_IGNORE));
+  if (t->open.n > 0) PetscCall(solve_system(t, &t->open, slots));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -400,8 +445,13 @@ PetscErrorCode TiesSolveSystems(Ties t, PetscReal slots[])
 
   PetscFunctionBeginUser;
   if (!t->iterated) {
-    if (t->closed.n > 0) PetscCall(solve_system(t, &t->closed, PETSC_FALSE, slots));
-    if (t->open.n > 0) PetscCall(solve_system(t, &t->open, PETSC_TRUE, slots));
+    PetscCall(solve_closed(t, slots));
+    if (t->open.n == 0) PetscFunctionReturn(PETSC_SUCCESS);
+    PetscCall(move_slots(t, &t->open, PETSC_FALSE, slots));
+    PetscCall(VecGetArray(t->open.b, &b));
+    PetscCallMPI(MPI_Allgatherv(MPI_IN_PLACE, 0, MPI_DATATYPE_NULL, b, t->length, t->begin, MPIU_REAL, PETSC_COMM_WORLD));
+    PetscCall(VecRestoreArray(t->open.b, &b));
+    PetscCall(solve_system(t, &t->open, slots));
     PetscFunctionReturn(PETSC_SUCCESS);
   }
   PetscCall(VecGetArrayWrite(t->b, &b));
