@@ -6,7 +6,7 @@
    Where they start anew the convergence test is not asked twice.
 
    lean_cg: conjugate gradients with one reduction an iteration (Chronopoulos & Gear 1989), which knows the norm of the
-   next residual as well; a null space of one vector is taken from the solution alone, once. Three vectors for
+   next residual as well; a null space of one vector is taken from the correction alone, once. Three vectors for
    residual, preconditioned residual and direction, two for their products.
 
    All: norm types unpreconditioned (lean_cg: preconditioned and natural, too), preconditioner on their side only. */

@@ -23,6 +23,7 @@ enum {
 typedef struct {
   Vec       r, u, w, p, s, constant;    /* constant: of the null space, or NULL */
   PetscReal gamma, alpha, rr, ss, exact; /* of the iteration before; square of the residual's norm, when it was taken */
+  PetscReal cp, cx;                      /* products of p and x with the constant */
 } LeanCG;
 
 /* All inner products of an iteration, in lanes */
@@ -84,6 +85,8 @@ static PetscErrorCode go_on(KSP ksp, LeanCG *m, PetscBool first, const PetscReal
     PetscCall(VecAYPX(m->p, beta, m->u));
     PetscCall(VecAYPX(m->s, beta, m->w));
   }
+  m->cp = dot[CU] + beta * (first ? 0 : m->cp);
+  m->cx += alpha * m->cp;
   PetscCall(VecAXPY(ksp->vec_sol, alpha, m->p));
   PetscCall(VecAXPY(m->r, -alpha, m->s));
   m->ss = dot[WW] + (first ? 0 : beta * (2 * dot[WS] + beta * m->ss));
@@ -189,13 +192,9 @@ static PetscErrorCode solve(KSP ksp)
     PetscCall(judge(ksp, norm));
     if (!ksp->reason && norm == 0) ksp->reason = KSP_CONVERGED_ATOL;
   }
+  m->cx = 0;
   PetscCall(iterate(ksp, m));
-  if (m->constant) {
-    MatNullSpace space;
-
-    PetscCall(MatGetNullSpace(LeanOperator(ksp), &space));
-    PetscCall(MatNullSpaceRemove(space, ksp->vec_sol));
-  }
+  if (m->constant && m->cx != 0) PetscCall(VecAXPY(ksp->vec_sol, -m->cx, m->constant));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

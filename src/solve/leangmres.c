@@ -6,7 +6,7 @@
 #define RESTART 60
 
 typedef struct {
-  PetscBool  flexible;
+  PetscBool  flexible, alone; /* on one rank */
   PetscInt   restart, n;                        /* columns of this cycle */
   PetscInt   nv, nz, v_room, z_room, room;      /* vectors there are; room for columns */
   Vec       *v, *z, t;                          /* Krylov vectors, flexible: preconditioned ones, else one to work with */
@@ -42,7 +42,7 @@ static PetscErrorCode reserve_column(Lean *m, PetscInt j)
   PetscCall(PetscRealloc((size_t)(room + 1) * sizeof(PetscReal), &m->g));
   PetscCall(PetscRealloc((size_t)room * sizeof(PetscReal), &m->now));
   PetscCall(PetscRealloc((size_t)room * sizeof(PetscReal), &m->before));
-  PetscCall(PetscRealloc((size_t)(room + 1) * sizeof(PetscReal), &m->work));
+  PetscCall(PetscRealloc((size_t)(room + 2) * sizeof(PetscReal), &m->work));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -55,6 +55,28 @@ static void solve_triangle(Lean *m, PetscInt n, PetscReal y[])
     for (PetscInt j = k + 1; j < n; j++) sum -= column_of(m, j)[k] * y[j];
     y[k] = sum / column_of(m, k)[k];
   }
+}
+
+#define LEAST_LEFT 1e-4 /* of a square, from which it may be a difference of squares */
+
+/* w orthogonal to the first n Krylov vectors, its products with these, less, and its norm. On several ranks in one
+   reduction, unless little of w is left. */
+static PetscErrorCode orthogonalise(Lean *m, PetscInt n, PetscReal h[], PetscReal *norm)
+{
+  Vec       w = m->v[n];
+  PetscReal square, left;
+
+  PetscFunctionBeginUser;
+  PetscCall(VecMDot(w, n + !m->alone, m->v, h));
+  square = left = m->alone ? 0 : h[n];
+  for (PetscInt i = 0; i < n; i++) {
+    left -= PetscSqr(h[i]);
+    h[i] = -h[i];
+  }
+  PetscCall(VecMAXPY(w, n, h, m->v));
+  if (left > LEAST_LEFT * square) *norm = PetscSqrtReal(left);
+  else PetscCall(VecNorm(w, NORM_2, norm));
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* The next Krylov vector and column j of R; residual: norm that it leaves */
@@ -73,10 +95,7 @@ static PetscErrorCode add_column(KSP ksp, Lean *m, PetscInt j, PetscReal *residu
   z = m->flexible ? m->z[j] : m->t;
   PetscCall(KSP_PCApply(ksp, m->v[j], z));
   PetscCall(KSP_MatMult(ksp, LeanOperator(ksp), z, m->v[j + 1]));
-  PetscCall(VecMDot(m->v[j + 1], j + 1, m->v, h));
-  for (PetscInt i = 0; i <= j; i++) h[i] = -h[i];
-  PetscCall(VecMAXPY(m->v[j + 1], j + 1, h, m->v));
-  PetscCall(VecNorm(m->v[j + 1], NORM_2, &norm));
+  PetscCall(orthogonalise(m, j + 1, h, &norm));
   for (PetscInt i = 0; i <= j; i++) r[i] = -h[i];
   if (norm > 0) PetscCall(VecScale(m->v[j + 1], 1 / norm));
   for (PetscInt i = 0; i < j; i++) {
@@ -305,10 +324,13 @@ static PetscErrorCode destroy(KSP ksp)
 
 static PetscErrorCode create(KSP ksp, PetscBool flexible)
 {
-  Lean *m;
+  Lean       *m;
+  PetscMPIInt size;
 
   PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_size(PetscObjectComm((PetscObject)ksp), &size));
   PetscCall(PetscNew(&m));
+  m->alone                 = (PetscBool)(size == 1);
   m->flexible              = flexible;
   m->restart               = RESTART;
   ksp->data                = m;

@@ -17,14 +17,14 @@ static PetscErrorCode take_divergence(FlowSolver fs, Vec u)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* p += share mu theta Mp^{-1} (x_p - B u) */
-static PetscErrorCode add_viscous(FlowSolver fs, PetscReal share, Vec u, Vec p)
+/* p += share mu theta Mp^{-1} (x_p - B u); known: t_p is x_p - B u still */
+static PetscErrorCode add_viscous(FlowSolver fs, PetscReal share, PetscBool known, Vec u, Vec p)
 {
   const PetscReal *r;
   PetscReal       *pa;
 
   PetscFunctionBeginUser;
-  PetscCall(take_divergence(fs, u));
+  if (!known) PetscCall(take_divergence(fs, u));
   PetscCall(VecGetArray(p, &pa));
   PetscCall(VecGetArrayRead(fs->t_p, &r));
   PetscCall(FlowPressureMassSolve(fs->flow, share * fs->viscous, r, pa));
@@ -41,7 +41,7 @@ static PetscErrorCode project(FlowSolver fs, Vec u, Vec p)
   PetscCall(MatMult(fs->G, p, fs->t_u));
   PetscCall(FlowSolverApplyMassInverse(fs, fs->t_u, fs->t_u2));
   if (fs->share_of_pressure < 1) PetscCall(VecScale(p, fs->share_of_pressure));
-  PetscCall(add_viscous(fs, 1, u, p));
+  PetscCall(add_viscous(fs, 1, (PetscBool)(fs->nbodies == 0), u, p)); /* make_consistent changes it */
   PetscCall(VecAXPY(u, -1, fs->t_u2));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -64,7 +64,7 @@ static PetscErrorCode commute(FlowSolver fs, Vec u, Vec p)
   PetscCall(KSPSolve(fs->sub[1], fs->t_p, p));
   if (fs->share_of_mass > 0) {
     PetscCall(VecScale(p, 1 - fs->share_of_mass));
-    PetscCall(add_viscous(fs, fs->share_of_mass, u, p));
+    PetscCall(add_viscous(fs, fs->share_of_mass, PETSC_FALSE, u, p));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -112,7 +112,7 @@ static PetscErrorCode solve_fields(FlowSolver fs, Vec x_u, Vec u, Vec p)
   PetscCall(KSPSolve(fs->sub[1], fs->t_p, p));
   PetscCall(count_limited(fs));
   if (fs->two_stage) PetscCall(TwoStageApply(fs->two, fs, u, p));
-  else if (fs->viscous_only) PetscCall(add_viscous(fs, 1, u, p));
+  else if (fs->viscous_only) PetscCall(add_viscous(fs, 1, PETSC_TRUE, u, p)); /* without bodies */
   else if (fs->commute) PetscCall(commute(fs, u, p));
   else PetscCall(project(fs, u, p));
   PetscFunctionReturn(PETSC_SUCCESS);
