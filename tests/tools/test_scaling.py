@@ -60,3 +60,24 @@ def test_counts_and_the_model_made_of_them(program, tmp_path):
     assert float(two["gathered_bytes"]) >= 3 * 8 * 18 and 0 < float(two["collective_bytes"]) < 64 * float(two["collectives"])
     report = (tmp_path / "result" / "crowd-counts.md").read_text()
     assert "PREDICTED from these counts, not measured" in report and "\n| 131072 |" in report
+
+
+def test_prediction_from_counts(program, tmp_path):
+    """Points where ranks wait, bytes and processor seconds of a step; what is extrapolated says so, and follows from the counted rows."""
+    scene = ["runs/studies/scaling/crowd.yaml", "-mesh_cells", "{12 * n},12", "-mesh_upper", "{n},1", "-particle_grain_count", "{9 * n}"]
+    done = scaling(tmp_path, program, "--model", *scene, "--ranks", "1,2", "--steps", "1")
+    assert done.returncode == 0, done.stdout + done.stderr
+    one, two = rows(tmp_path, "crowd-model.csv")
+    assert float(one["points"]) == 0 and 100 < float(two["points"]) < 1500 and float(two["collectives"]) < float(two["points"]) and float(one["processor_s"]) > 0
+    again = scaling(tmp_path, program, "--model", "--read", *scene, "--wait", "0", "--rate", "1e30")
+    assert again.returncode == 0 and "| 2 | counted |" in again.stdout, again.stdout + again.stderr
+    efficiency = float(again.stdout.split("| 2 | counted |")[1].splitlines()[0].split("|")[-2])
+    assert abs(efficiency - 1 / float(two["balance_cells"])) < 0.01
+    model = tmp_path / "result" / "crowd-model.csv"  # a part of 50,000 unknowns a rank, which it extrapolates
+    model.write_text("ranks,cells,unknowns,bodies,outer_mean,balance_cells,points,collectives,kbytes_most,processor_s\n"
+                     "1,4000,50000,0,3,1,0,0,0,0.1\n4,16000,200000,0,3,1,800,200,1000,\n16,64000,800000,0,3,1.1,1000,200,1000,\n")  # fmt: skip
+    third = scaling(tmp_path, program, "--model", "--read", *scene, "--wait", "1e-5", "--rate", "1e9")
+    line = next(line for line in third.stdout.splitlines() if line.startswith("| 256 | extrapolated"))
+    work, waiting, sent, step = (float(word) for word in line.split("|")[4:8])
+    # 100 points more a doubling of the unknowns, four of them; reductions of 256 ranks take twice those of 16
+    assert abs(work - 0.11) < 1e-6 and abs(waiting - (1200 * 1e-5 + 200 * 2e-5)) < 1e-6 and abs(sent - 1e-3) < 1e-6 and abs(step - 0.127) < 1e-6, line

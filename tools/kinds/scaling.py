@@ -5,6 +5,7 @@
   tools/scaling runs/sedimentation.yaml --ranks 1,2 -mesh_cells 256,768                          one strong series
   tools/scaling runs/bench/cavity.yaml --ranks 1,2 -mesh_cells '332,{332 * n}' -mesh_upper '1,{n}'  one weak series
   tools/scaling --counts --ranks 1,2,4,8,16 SCENE ...      what is sent, counted on more ranks than cores, and a model to 131,072 ranks: tools/kinds/counts.py
+  tools/scaling --model --ranks 1,2,4 SCENE ...            step on 10^3 to 10^5 ranks from counted waiting, bytes and processor seconds: tools/kinds/predict.py
   tools/scaling --read                                     tables, model and plots from the rows that are there
 
 Options with one dash go to the program; {...} in their values is computed with n, the number of ranks. Writes <series>.csv, <series>.md
@@ -20,7 +21,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from kinds import counts
+from kinds import counts, predict as prediction
 from quantities import compute
 from toolbox import (
     ROOT, check_columns, choose, launcher, make_parser, option_text, print_table, printable, pyplot, read_options, read_rows, read_toml, run_scene, save_figure, split_words, write_rows,
@@ -45,6 +46,9 @@ def parse_arguments():
     parser.add_argument("--only", metavar="SERIES[,SERIES]", help="these series of the list")
     parser.add_argument("--steps", type=int, default=STEPS, metavar="N", help=f"steps a run; the first {SKIP} are not counted (default: %(default)s)")
     parser.add_argument("--counts", action="store_true", help="count messages and bytes in place of time; of one SCENE")
+    parser.add_argument("--model", action="store_true", help="predict a step from what is counted; of one SCENE")
+    parser.add_argument("--wait", type=float, default=prediction.WAIT, metavar="S", help="seconds that ranks lose at a point where they wait for each other, for --model (default: %(default)g)")
+    parser.add_argument("--rate", type=float, default=prediction.RATE, metavar="B/S", help="bytes that a rank packs, sends and unpacks in a second, for --model (default: %(default)g)")
     parser.add_argument("--work", type=float, default=2e-6, metavar="S", help="seconds a step and unknown, for the model of --counts (default: %(default)g)")
     parser.add_argument("--body", type=float, default=2e-7, metavar="S", help="seconds a step and body, for the model of --counts (default: %(default)g)")
     parser.add_argument("--read", action="store_true", help="run nothing")
@@ -218,11 +222,11 @@ def draw(path, name, entry, rows, predicted):
 
 def main():
     parser, args, rest = parse_arguments()
-    if args.counts:
+    if args.counts or args.model:
         if not args.scene:
-            parser.error("--counts needs a SCENE")
+            parser.error(f"--{'model' if args.model else 'counts'} needs a SCENE")
         options = read_options(rest, parser.error)
-        return counts.main(args, args.scene, lambda n: options if n == "n" else {name: fill(value, n) for name, value in options.items()})
+        return (prediction if args.model else counts).main(args, args.scene, lambda n: options if n == "n" else {name: fill(value, n) for name, value in options.items()})
     output = Path(args.output)
     output.mkdir(parents=True, exist_ok=True)
     for name, entry in read_series(parser, args, rest).items():
