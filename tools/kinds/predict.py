@@ -28,8 +28,8 @@ COLUMNS = ["ranks", "cells", "unknowns", "bodies", "outer_mean", "balance_cells"
 RANKS = [1, 2, 4, 8, 16, 64, 256, 1000, 4000, 10000, 30000, 100000]
 
 
-def processor_seconds(args, scene, options):
-    """User and system time of a step on one rank: 2 n steps less n steps"""
+def run_alone(args, scene, options):
+    """The row of one rank, with user and system time of a step: 2 n steps less n steps"""
     spent = []
     for steps in (args.steps, 2 * args.steps):
         with tempfile.TemporaryDirectory(prefix="tumble-model-") as folder:
@@ -39,7 +39,11 @@ def processor_seconds(args, scene, options):
                 sys.exit(f"scaling: 1 rank {run.ended}: {run.message}")
             after = resource.getrusage(resource.RUSAGE_CHILDREN)
         spent.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
-    return (spent[1] - spent[0]) / args.steps
+    summary = run.summary
+    return {
+        "ranks": 1, "cells": summary["cells"], "unknowns": summary["unknowns"], "bodies": summary["bodies"], "outer_mean": f"{summary['outer_iterations']['mean']:.2f}",
+        "balance_cells": 1, "points": 0, "collectives": 0, "kbytes_most": 0, "processor_s": f"{(spent[1] - spent[0]) / args.steps:.5g}",
+    }  # fmt: skip
 
 
 class Model:
@@ -79,8 +83,9 @@ class Model:
 
 
 def count_row(args, scene, options, n):
-    row = counts.count_one(args, scene, options, n)
-    row["processor_s"] = f"{processor_seconds(args, scene, options):.5g}" if n == 1 else ""
+    if n == 1:
+        return run_alone(args, scene, options)
+    row = {**counts.count_one(args, scene, options, n), "processor_s": ""}
     row["collectives"] = min(float(row["collectives"]), float(row["points"]))  # those of one rank with itself are no points
     return {name: row[name] for name in COLUMNS}
 
