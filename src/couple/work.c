@@ -5,6 +5,22 @@
 #include "bodies/local.h"
 #include "bodies/mass.h"
 
+/* How many own nodes have a normal longer than `least`, and which (rim, or NULL) */
+static PetscInt list_rim(const MeshLocal *l, const PetscReal normal[], PetscReal least, PetscInt rim[])
+{
+  PetscInt n = 0;
+
+  for (PetscInt i = 0; i < l->nnode; i++) {
+    PetscReal size = 0;
+
+    for (PetscInt a = 0; a < l->dim; a++) size = PetscMax(size, PetscAbsReal(normal[i * l->dim + a]));
+    if (size <= least) continue;
+    if (rim) rim[n] = i;
+    n++;
+  }
+  return n;
+}
+
 /* Nodal normals, area included and pointing out: int phi_i n over the boundary of the domain, as B^T 1, at the own
    nodes where it is more than round-off */
 PetscErrorCode CoupleFindNormals(Couple c)
@@ -12,6 +28,7 @@ PetscErrorCode CoupleFindNormals(Couple c)
   const MeshLocal *l  = c->loc;
   const PetscInt   nk = l->dim + 1;
   PetscReal       *one, *normal, largest = 0;
+  PetscInt         nrim;
 
   PetscFunctionBeginUser;
   PetscCall(PetscCalloc2(l->ncell * nk, &one, l->nnode_all * l->dim, &normal));
@@ -19,16 +36,10 @@ PetscErrorCode CoupleFindNormals(Couple c)
   PetscCall(FlowGradient(c->flow, 1, one, normal));
   for (PetscInt i = 0; i < l->nnode * l->dim; i++) largest = PetscMax(largest, PetscAbsReal(normal[i]));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &largest, 1, MPIU_REAL, MPIU_MAX, PETSC_COMM_WORLD));
-  PetscCall(PetscMalloc2(l->nnode, &c->rim, l->nnode * l->dim, &c->outward));
-  c->nrim = 0;
-  for (PetscInt i = 0; i < l->nnode; i++) {
-    PetscReal size = 0;
-
-    for (PetscInt a = 0; a < l->dim; a++) size = PetscMax(size, PetscAbsReal(normal[i * l->dim + a]));
-    if (size <= 1e-12 * largest) continue;
-    PetscCall(PetscArraycpy(c->outward + c->nrim * l->dim, normal + i * l->dim, l->dim));
-    c->rim[c->nrim++] = i;
-  }
+  nrim = list_rim(l, normal, 1e-12 * largest, NULL);
+  PetscCall(PetscMalloc2(nrim, &c->rim, nrim * l->dim, &c->outward));
+  c->nrim = list_rim(l, normal, 1e-12 * largest, c->rim);
+  for (PetscInt i = 0; i < nrim; i++) PetscCall(PetscArraycpy(c->outward + i * l->dim, normal + c->rim[i] * l->dim, l->dim));
   PetscCall(PetscFree2(one, normal));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

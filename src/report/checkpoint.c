@@ -312,7 +312,6 @@ PetscErrorCode CheckpointCreate(Mesh mesh, Output output, Checkpoint *checkpoint
   PetscCall(OptString("-sim_restart", c->from, sizeof(c->from)));
   c->mesh = mesh;
   PetscCall(MeshGetLocal(mesh, &c->loc));
-  PetscCall(MeshCreateState(mesh, &c->state));
   PetscCall(PetscTime(&c->written));
   last_path[0] = 0;
   take_signals(c);
@@ -364,11 +363,11 @@ PetscErrorCode CheckpointSetRestore(Checkpoint c, const char name[], void *modul
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* A state of the cells and nodes that there are now */
+/* A state of the cells and nodes that there are now; its keys, places of all of them, are there while it is used */
 static PetscErrorCode renew_state(Checkpoint c)
 {
   PetscFunctionBeginUser;
-  if (c->loc->meshes == c->meshes) PetscFunctionReturn(PETSC_SUCCESS);
+  if (c->state && c->loc->meshes == c->meshes) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(StateDestroy(&c->state));
   PetscCall(MeshCreateState(c->mesh, &c->state));
   c->meshes = c->loc->meshes;
@@ -378,6 +377,7 @@ static PetscErrorCode renew_state(Checkpoint c)
 static PetscErrorCode restore_mesh(Checkpoint c)
 {
   PetscFunctionBeginUser;
+  PetscCall(renew_state(c));
   if (!c->restore.visit) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(StateBeginLook(c->state, c->from));
   PetscCall(StateModule(c->state, c->restore.name));
@@ -406,6 +406,7 @@ PetscErrorCode CheckpointLoad(Checkpoint c, PetscBool *restarted)
   PetscCall(StateBeginLoad(c->state, c->from));
   PetscCall(visit_modules(c));
   PetscCall(StateEnd(c->state));
+  PetscCall(StateDestroy(&c->state));
   PetscCall(PetscStrncpy(last_path, c->from, sizeof(last_path)));
   *restarted = c->restarted = PETSC_TRUE;
   PetscCall(PetscLogEventEnd(TB_CHECKPOINT, 0, 0, 0, 0));
@@ -468,6 +469,7 @@ PetscErrorCode CheckpointWrite(Checkpoint c, PetscInt step, PetscReal time)
   PetscCall(StateBeginSave(c->state, path));
   PetscCall(visit_modules(c));
   PetscCall(StateEnd(c->state));
+  PetscCall(StateDestroy(&c->state));
   if (c->rank == 0) PetscCall(remove_files(dir, ".h5", KEEP));
   PetscCall(PetscStrncpy(last_path, path, sizeof(last_path)));
   PetscCall(PetscTime(&c->written));

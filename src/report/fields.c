@@ -37,9 +37,9 @@ struct _p_Output {
   PetscBool        overwrite, restarted, mesh_written;
   /* snapshots refer to mesh.h5 (0) or mesh_<mesh_step>.h5 */
   PetscInt  mesh_step;
-  PetscInt  moves, meshes;           /* those of MeshLocal when it was written */
+  PetscInt  moves;                   /* those of MeshLocal when it was written */
   PetscReal place[3], place_mesh[3]; /* of the box in the laboratory: now, when it was written */
-  Points    points;
+  Points    points; /* while a snapshot is written */
   PetscInt  nsnap, room;
   Snapshot *snap;
 };
@@ -301,7 +301,6 @@ PetscErrorCode OutputCreate(Mesh mesh, const char scene[], Output *output)
   PetscCall(OptBool("-output_overwrite", &o->overwrite));
   PetscCheck(o->dir[0], o->comm, PETSC_ERR_USER_INPUT, "Option -output_dir is empty: give the name of a directory ('.' for the present one)");
 
-  PetscCall(PointsCreate(mesh, &o->points));
   o->moves = o->loc->moves;
   *output  = o;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -405,6 +404,10 @@ PetscErrorCode OutputVisitState(void *output, State state)
   PetscCall(StateInts(state, "mesh_step", 1, &o->mesh_step));
   if (StateIsLoading(state)) {
     o->restarted = PETSC_TRUE;
+    if (sized < 0) {
+      PetscCall(PointsCreate(o->mesh, &o->points));
+      PetscCall(PointsDestroy(&o->points)); /* which keeps their number */
+    }
     o->nsnap = o->room = n;
     PetscCall(PetscRealloc(n * sizeof(Snapshot), &o->snap));
     for (PetscInt i = 0; i < n; i++)
@@ -444,11 +447,7 @@ PetscErrorCode OutputFields(Output o, PetscInt step, PetscReal time, const Petsc
     o->mesh_written = PETSC_FALSE;
     o->mesh_step    = step;
   }
-  if (o->loc->meshes != o->meshes) {
-    PetscCall(PointsDestroy(&o->points));
-    PetscCall(PointsCreate(o->mesh, &o->points));
-    o->meshes = o->loc->meshes;
-  }
+  PetscCall(PointsCreate(o->mesh, &o->points)); /* for this snapshot */
   if (!o->mesh_written) PetscCall(write_mesh(o));
   PetscCall(PetscSNPrintf(name, sizeof(name), "fields_%" PetscInt_FMT ".h5", step));
   PetscCall(open_hdf5(o, name, &file));
@@ -460,6 +459,7 @@ PetscErrorCode OutputFields(Output o, PetscInt step, PetscReal time, const Petsc
   if (conformation) PetscCall(write_nodal(o, file, "conformation", 6, conformation));
   PetscCall(close_hdf5(o, name, &file));
   PetscCall(add_snapshot(o, step, time, (PetscBool)(body != NULL), (PetscBool)(error != NULL), (PetscBool)(conformation != NULL)));
+  PetscCall(PointsDestroy(&o->points));
   PetscCall(PetscLogEventEnd(TB_OUTPUT, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
