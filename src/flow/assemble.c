@@ -5,7 +5,9 @@
 #include "compat.h"
 #include "impl.h"
 #include "lanes.h"
+#include "base/inline.h"
 #include "base/log.h"
+#include "base/rows.h"
 
 /* Rows of own nodes as compressed rows with global columns in ascending order; the caller frees both. */
 static PetscErrorCode find_pattern(Flow f, PetscInt **row_start, PetscInt **column)
@@ -55,17 +57,49 @@ PetscErrorCode FlowGetMatrixParts(Flow f, Mat part[2], const PetscInt *columns[]
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static void set_entry(Flow f, PetscInt k, PetscInt place, PetscBool other)
+{
+  const PetscInt half = f->entry_wide ? 0x8000 : 0x80, e = place < 0 ? 2 * half - 1 : place + (other ? half : 0);
+
+  if (f->entry_wide) ((unsigned short *)f->entry)[k] = (unsigned short)e;
+  else ((unsigned char *)f->entry)[k] = (unsigned char)e;
+}
+
+/* Room for places in rows, all of other ranks' rows so far */
+static PetscErrorCode create_entries(Flow f, const Mat part[2])
+{
+  const MeshLocal *l       = f->loc;
+  const size_t     n       = (size_t)l->ncell_all * (size_t)l->nb * (size_t)l->nb;
+  PetscInt         longest = 0;
+
+  PetscFunctionBeginUser;
+  for (PetscInt s = 0; s < 2 && part[s]; s++) {
+    Rows r;
+
+    PetscCall(RowsOpen(part[s], &r));
+    for (PetscInt i = 0; i < r.n; i++) longest = PetscMax(longest, r.start[i + 1] - r.start[i]);
+    PetscCall(RowsClose(&r));
+  }
+  PetscCheck(longest < 0x7fff, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "A row of the velocity matrix has %" PetscInt_FMT " entries, at most 32766 are known",
+             longest);
+  f->entry_wide = (PetscBool)(longest >= 0x7f);
+  PetscCall(PetscMalloc(n * (f->entry_wide ? 2 : 1), &f->entry));
+  memset(f->entry, 0xff, n * (f->entry_wide ? 2 : 1));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode find_entries(Flow f)
 {
   const MeshLocal *l  = f->loc;
-  const PetscInt   nb = l->nb, *start[2] = {NULL, NULL}, *col[2] = {NULL, NULL}, *global = NULL;
-  PetscInt         n[2] = {0, 0}, nother = 0, *column, *at;
+  const PetscInt   nb = l->nb, *global = NULL;
+  PetscInt         nother = 0, *column, *at;
   Mat              part[2];
-  PetscBool        done;
+  Rows             r[2];
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetMatrixParts(f, part, &global));
-  for (PetscInt s = 0; s < 2 && part[s]; s++) PetscCall(MatGetRowIJ(part[s], 0, PETSC_FALSE, PETSC_FALSE, &n[s], &start[s], &col[s], &done));
+  PetscCall(create_entries(f, part));
+  for (PetscInt s = 0; s < 2 && part[s]; s++) PetscCall(RowsOpen(part[s], &r[s]));
   if (part[1]) PetscCall(MatGetSize(part[1], NULL, &nother));
   /* column of a node, those of other ranks after own ones; where the row at hand has it */
   PetscCall(PetscMalloc2(l->nnode_all, &column, l->nnode + nother, &at));
@@ -74,20 +108,19 @@ static PetscErrorCode find_entries(Flow f)
     if (i >= l->nnode && nother) PetscCall(PetscFindInt(l->node_global[i], nother, global, &column[i]));
     if (i >= l->nnode) column[i] = column[i] < 0 ? -1 : l->nnode + column[i];
   }
-  /* -1: rows of others */
-  for (PetscInt e = 0; e < l->ncell_all * nb * nb && l->nnode < l->nnode_all; e++) f->entry[e] = -1;
   for (PetscInt i = 0; i < l->nnode; i++) {
     for (PetscInt s = 0; s < 2 && part[s]; s++)
-      for (PetscInt q = start[s][i]; q < start[s][i + 1]; q++) at[col[s][q] + s * l->nnode] = s ? -2 - q : q;
+      for (PetscInt q = r[s].start[i]; q < r[s].start[i + 1]; q++) at[r[s].column[q] + s * l->nnode] = q - r[s].start[i];
     for (PetscInt q = l->node_cell_ptr[i]; q < l->node_cell_ptr[i + 1]; q++) {
       const PetscInt *node = l->cell_node + l->node_cell[q] * nb;
       PetscInt        j    = 0;
 
       while (node[j] != i) j++;
-      for (PetscInt k = 0; k < nb; k++) f->entry[(l->node_cell[q] * nb + j) * nb + k] = at[column[node[k]]];
+      for (PetscInt k = 0; k < nb; k++)
+        set_entry(f, (l->node_cell[q] * nb + j) * nb + k, at[column[node[k]]], (PetscBool)(column[node[k]] >= l->nnode));
     }
   }
-  for (PetscInt s = 0; s < 2 && part[s]; s++) PetscCall(MatRestoreRowIJ(part[s], 0, PETSC_FALSE, PETSC_FALSE, &n[s], &start[s], &col[s], &done));
+  for (PetscInt s = 0; s < 2 && part[s]; s++) PetscCall(RowsClose(&r[s]));
   PetscCall(PetscFree2(column, at));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -106,25 +139,40 @@ PetscErrorCode FlowCreateMatrix(Flow f)
   PetscCall(MatMPIAIJSetPreallocationCSR(f->S, row_start, column, NULL));
   PetscCall(PetscFree(row_start));
   PetscCall(PetscFree(column));
-  PetscCall(PetscMalloc1(l->ncell_all * l->nb * l->nb, &f->entry));
   PetscCall(find_entries(f));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* own, other += the matrix ce [nb][stride] of cell c */
-static void add_cell(const struct _p_Flow *f, PetscInt c, PetscInt stride, const PetscReal *restrict ce, PetscReal *restrict own,
-                     PetscReal *restrict other)
+/* Values of own and of other columns, and where their rows begin */
+typedef struct {
+  const PetscInt *start[2];
+  PetscReal      *value[2];
+} Parts;
+
+/* p += the matrix ce [nb][stride] of cell c */
+INLINE void add_cell_as(const PetscBool wide, const struct _p_Flow *f, PetscInt c, PetscInt stride, const PetscReal *restrict ce, const Parts *p)
 {
-  const PetscInt nb = f->loc->nb, *entry = f->entry + c * nb * nb;
+  const PetscInt nb = f->loc->nb, *node = f->loc->cell_node + c * nb;
 
   for (PetscInt i = 0; i < nb; i++) {
-    for (PetscInt j = 0; j < nb; j++) {
-      const PetscInt at = entry[i * nb + j];
+    PetscReal *own, *other;
 
-      if (at >= 0) own[at] += ce[i * stride + j];
-      else if (at < -1) other[-2 - at] += ce[i * stride + j];
+    if (node[i] >= f->loc->nnode) continue;
+    own   = p->value[0] + p->start[0][node[i]];
+    other = p->value[1] ? p->value[1] + p->start[1][node[i]] : NULL;
+    for (PetscInt j = 0; j < nb; j++) {
+      PetscBool      far;
+      const PetscInt at = FlowEntry(f, wide, c, i, j, &far);
+
+      if (at >= 0) (far ? other : own)[at] += ce[i * stride + j];
     }
   }
+}
+
+static void add_cell(const struct _p_Flow *f, PetscInt c, PetscInt stride, const PetscReal ce[], const Parts *p)
+{
+  if (f->entry_wide) add_cell_as(PETSC_TRUE, f, c, stride, ce, p);
+  else add_cell_as(PETSC_FALSE, f, c, stride, ce, p);
 }
 
 PetscErrorCode FlowCellMatrix(Flow f, PetscInt c, PetscReal ce[])
@@ -151,23 +199,31 @@ PetscErrorCode FlowCellMatrix(Flow f, PetscInt c, PetscReal ce[])
 
 static PetscErrorCode assemble_matrix(Flow f)
 {
-  const MeshLocal *l        = f->loc;
-  PetscReal       *value[2] = {NULL, NULL};
+  const MeshLocal *l      = f->loc;
+  Parts            p      = {{NULL, NULL}, {NULL, NULL}};
+  PetscInt         n;
+  PetscBool        done;
   Mat              part[2];
   const PetscInt  *columns;
 
   PetscFunctionBeginUser;
   PetscCall(FlowGetMatrixParts(f, part, &columns));
   PetscCall(MatZeroEntries(f->S));
-  for (PetscInt k = 0; k < 2 && part[k]; k++) PetscCall(MatSeqAIJGetArray(part[k], &value[k]));
+  for (PetscInt k = 0; k < 2 && part[k]; k++) {
+    PetscCall(MatGetRowIJ(part[k], 0, PETSC_FALSE, PETSC_FALSE, &n, &p.start[k], NULL, &done));
+    PetscCall(MatSeqAIJGetArray(part[k], &p.value[k]));
+  }
   for (PetscInt c = 0; c < l->ncell_all; c++) {
     PetscReal ce[MESH_MAX_NB * ELEMENT_MAX_NBP];
 
     PetscCall(FlowCellMatrix(f, c, ce));
-    add_cell(f, c, f->element.nbp, ce, value[0], value[1]);
+    add_cell(f, c, f->element.nbp, ce, &p);
   }
-  for (PetscInt t = 0; t < f->nterm; t++) add_cell(f, f->term_cell[t], l->nb, f->term + t * l->nb * l->nb, value[0], value[1]);
-  for (PetscInt k = 0; k < 2 && part[k]; k++) PetscCall(MatSeqAIJRestoreArray(part[k], &value[k]));
+  for (PetscInt t = 0; t < f->nterm; t++) add_cell(f, f->term_cell[t], l->nb, f->term + t * l->nb * l->nb, &p);
+  for (PetscInt k = 0; k < 2 && part[k]; k++) {
+    PetscCall(MatSeqAIJRestoreArray(part[k], &p.value[k]));
+    PetscCall(MatRestoreRowIJ(part[k], 0, PETSC_FALSE, PETSC_FALSE, &n, &p.start[k], NULL, &done));
+  }
   PetscCall(MatAssemblyBegin(f->S, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(f->S, MAT_FINAL_ASSEMBLY));
   f->matrix_current = PETSC_TRUE;

@@ -94,12 +94,13 @@ static void add_cell(const struct _p_Flow *f, PetscInt c, const PetscReal n[], c
 
   for (PetscInt i = 0; i < nb; i++)
     for (PetscInt j = 0; j < nb; j++) {
-      const PetscInt at = f->entry[(c * nb + i) * nb + j];
+      PetscBool      other;
+      const PetscInt at = FlowEntry(f, f->entry_wide, c, i, j, &other);
       PetscInt       stride;
       PetscReal     *v;
 
-      if (at == -1) continue;
-      v = block(&part[at < 0], dim, node[i], at < 0 ? -2 - at : at, &stride);
+      if (at < 0) continue;
+      v = block(&part[other], dim, node[i], part[other].S.start[node[i]] + at, &stride);
       for (PetscInt a = 0; a < dim; a++)
         for (PetscInt b = 0; b < dim; b++) v[a * stride + b] += n[(i * dim + a) * nb * dim + j * dim + b];
     }

@@ -55,9 +55,9 @@ struct _p_Flow {
   /* velocity matrix of the step */
   Mat       S;
   PetscReal s_ct, s_theta; /* of the assembled one; 0: none yet */
-  /* [ncell_all][nb][nb] place of an entry of a cell: >= 0 in the values of own columns, <= -2: -2 - place in those of
-     other columns, -1: not our row */
-  PetscInt        *entry;
+  /* [ncell_all][nb][nb] place of an entry of a cell in its row, see FlowEntry; bytes, or where a row is long two each */
+  void            *entry;
+  PetscBool        entry_wide;
   PetscInt         nterm; /* further terms of S */
   const PetscInt  *term_cell;
   const PetscReal *term;
@@ -243,4 +243,15 @@ static inline void FlowCellGather(const MeshLocal *l, PetscInt c, const PetscRea
   for (PetscInt j = 0; j < l->nb; j++)
     for (PetscInt a = 0; a < l->dim; a++) vl[j * l->dim + a] = v[l->cell_node[c * l->nb + j] * l->dim + a];
   MeshCellGather(l, c, l->dim, vl);
+}
+
+/* Where entry (i, j) of cell c stands in its row: from 0 on among own columns, or (*other) among those of other ranks; -1:
+   the row is another rank's */
+static inline PetscInt FlowEntry(const struct _p_Flow *f, PetscBool wide, PetscInt c, PetscInt i, PetscInt j, PetscBool *other)
+{
+  const size_t   k    = ((size_t)c * (size_t)f->loc->nb + (size_t)i) * (size_t)f->loc->nb + (size_t)j;
+  const PetscInt half = wide ? 0x8000 : 0x80, e = wide ? ((const unsigned short *)f->entry)[k] : ((const unsigned char *)f->entry)[k];
+
+  *other = (PetscBool)(e >= half);
+  return e < half ? e : e == 2 * half - 1 ? -1 : e - half;
 }
