@@ -304,8 +304,8 @@ static PetscErrorCode create(Mesh mesh, PetscInt nbodies, PetscInt room, PetscIn
   c->nr = c->loc->dim == 2 ? 3 : 6;
   if (!all) PetscCall(PetscMalloc1(room, &c->slot_of));
   PetscCall(PetscLayoutCreateFromSizes(PETSC_COMM_WORLD, PETSC_DECIDE, nbodies, 1, &c->numbers));
-  PetscCall(PetscCalloc5(c->loc->nnode_all, &c->fixed, c->loc->nnode_all, &c->node_body, c->loc->nnode_all, &c->follow,
-                         c->loc->nnode_all * c->loc->dim, &c->value, c->loc->nnode_all * c->loc->dim, &c->known));
+  PetscCall(PetscCalloc4(c->loc->nnode_all, &c->fixed, c->loc->nnode_all, &c->node_body, c->loc->nnode_all, &c->follow,
+                         c->loc->nnode_all * c->loc->dim, &c->known));
   PetscCall(
     PetscCalloc6(room, &c->unknown, room, &c->X, room * c->nr, &c->U, room, &c->local_index, room, &c->local_list, room * c->nr, &c->local_rigid));
   PetscCall(PetscMalloc4(room, &c->length, room * c->nr, &c->packed, c->count, &c->own, room, &c->local_slot));
@@ -374,7 +374,7 @@ PetscErrorCode ConstraintDestroy(Constraint *constraint)
   PetscFunctionBeginUser;
   if (!c) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscFree4(c->slot, c->body, c->local_body, c->coef));
-  PetscCall(PetscFree5(c->fixed, c->node_body, c->follow, c->value, c->known));
+  PetscCall(PetscFree4(c->fixed, c->node_body, c->follow, c->known));
   PetscCall(PetscFree(c->follow_slot));
   PetscCall(PetscFree(c->follow_body));
   PetscCall(PetscFree(c->follow_coef));
@@ -409,7 +409,7 @@ PetscErrorCode ConstraintSetBoundary(Constraint c, const PetscInt fixed[], const
   PetscFunctionBeginUser;
   PetscCall(PetscArraycmp(c->fixed, fixed, l->nnode_all, &same));
   PetscCall(PetscArraycpy(c->fixed, fixed, l->nnode_all));
-  PetscCall(PetscArraycpy(c->value, value, l->nnode_all * l->dim));
+  c->value = value;
   if (!same) {
     PetscCall(collect_rows(c));
     c->followers_changed = PETSC_TRUE;

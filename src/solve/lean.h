@@ -24,3 +24,10 @@ PetscErrorCode LeanRegister(void);
    before[j] z[j], j < n; both arrays [n]. lean: false, and nothing else set, where the solver is not lean_fgmres. Arrays
    and vectors are borrowed until the next iteration. Not collective. */
 PetscErrorCode LeanGetIterates(KSP, PetscBool *lean, Vec *base, PetscInt *n, const Vec *z[], const PetscReal *now[], const PetscReal *before[]);
+/* Vectors of lean_gmres to work with between solves, laid out as its right-hand side; what KSPBuildResidual needs is in
+   them until then. lean: false, and nothing else set, where the solver is another. Borrowed until the next solve.
+   Collective. */
+PetscErrorCode LeanBorrow(KSP, PetscInt n, PetscBool *lean, Vec v[]);
+/* A vector that lean_gmres may use while it solves, in place of one of its own; the operator and the preconditioner must
+   not use it. Not collective. */
+PetscErrorCode LeanSetWork(KSP, Vec);

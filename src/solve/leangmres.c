@@ -9,6 +9,7 @@ typedef struct {
   PetscBool  flexible, alone; /* on one rank */
   PetscInt   restart, n;                        /* columns of this cycle */
   PetscInt   nv, nz, v_room, z_room, room;      /* vectors there are; room for columns */
+  PetscInt   most, borrowed;                    /* columns of the solve before; vectors that others work with */
   Vec       *v, *z, t;                          /* Krylov vectors, flexible: preconditioned ones, else one to work with */
   PetscReal *h, *c, *s, *g;                     /* R column by column, of column j j + 1 entries; rotations; Q^T r0 */
   PetscReal *now, *before, *work;               /* coefficients of the last two iterates; a column */
@@ -91,7 +92,6 @@ static PetscErrorCode add_column(KSP ksp, Lean *m, PetscInt j, PetscReal *residu
   r = column_of(m, j);
   PetscCall(get_vector(ksp, j + 1, &m->nv, &m->v_room, &m->v));
   if (m->flexible) PetscCall(get_vector(ksp, j, &m->nz, &m->z_room, &m->z));
-  else if (!m->t) PetscCall(VecDuplicate(ksp->vec_rhs, &m->t));
   z = m->flexible ? m->z[j] : m->t;
   PetscCall(KSP_PCApply(ksp, m->v[j], z));
   PetscCall(KSP_MatMult(ksp, LeanOperator(ksp), z, m->v[j + 1]));
@@ -176,6 +176,18 @@ static PetscErrorCode take_residual(KSP ksp, Vec r, PetscBool zero, PetscReal *n
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Vectors that this solve of n columns and the one before did not need: a first step takes more than those behind it */
+static PetscErrorCode drop_vectors(Lean *m, PetscInt n)
+{
+  const PetscInt keep = PetscMax(n, m->most);
+
+  PetscFunctionBeginUser;
+  m->most = n;
+  while (m->nv > PetscMax(keep + 1, m->borrowed)) PetscCall(VecDestroy(&m->v[--m->nv]));
+  while (m->nz > PetscMax(keep, 1)) PetscCall(VecDestroy(&m->z[--m->nz]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 static PetscErrorCode solve(KSP ksp)
 {
   Lean     *m = (Lean *)ksp->data;
@@ -185,6 +197,7 @@ static PetscErrorCode solve(KSP ksp)
   ksp->its = 0;
   m->n     = 0;
   PetscCall(get_vector(ksp, 0, &m->nv, &m->v_room, &m->v));
+  if (!m->flexible && !m->t) PetscCall(VecDuplicate(ksp->vec_rhs, &m->t));
   PetscCall(take_residual(ksp, m->v[0], ksp->guess_zero, &norm));
   KSPCheckNorm(ksp, norm);
   ksp->rnorm = norm;
@@ -205,6 +218,7 @@ static PetscErrorCode solve(KSP ksp)
     KSPCheckNorm(ksp, norm);
   }
   if (!ksp->reason) ksp->reason = KSP_CONVERGED_ATOL;
+  PetscCall(drop_vectors(m, PetscMin(ksp->its, m->restart)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -258,6 +272,35 @@ PetscErrorCode LeanGetIterates(KSP ksp, PetscBool *lean, Vec *base, PetscInt *n,
   *z      = m->z;
   *now    = m->now;
   *before = m->before;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode LeanBorrow(KSP ksp, PetscInt n, PetscBool *lean, Vec v[])
+{
+  Lean *m;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscObjectTypeCompare((PetscObject)ksp, LEAN_GMRES, lean));
+  if (!*lean) PetscFunctionReturn(PETSC_SUCCESS);
+  m = (Lean *)ksp->data;
+  PetscCall(get_vector(ksp, n - 1, &m->nv, &m->v_room, &m->v));
+  for (PetscInt i = 0; i < n; i++) v[i] = m->v[i];
+  m->borrowed = PetscMax(m->borrowed, n);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode LeanSetWork(KSP ksp, Vec work)
+{
+  PetscBool lean;
+  Lean     *m;
+
+  PetscFunctionBeginUser;
+  PetscCall(PetscObjectTypeCompare((PetscObject)ksp, LEAN_GMRES, &lean));
+  if (!lean) PetscFunctionReturn(PETSC_SUCCESS);
+  m = (Lean *)ksp->data;
+  PetscCall(PetscObjectReference((PetscObject)work));
+  PetscCall(VecDestroy(&m->t));
+  m->t = work;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

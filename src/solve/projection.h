@@ -19,7 +19,8 @@ struct _p_Constraint {
                                                   -1 */
   PetscBool       *united;                     /* [nbodies] */
   PetscInt        *unknown;                    /* [nbodies] bit mask of rigid velocities */
-  PetscReal       *value, *known;              /* [nnode_all][dim] at walls; the known part c */
+  const PetscReal *value;                      /* [nnode_all][dim] at walls, borrowed */
+  PetscReal       *known;                      /* [nnode_all][dim] the known part c */
   PetscReal (*X)[3], *U;                       /* [nbodies] centres; rigid velocities as given, [nbodies][nr] */
   PetscReal *length;                           /* [nbodies] see ConstraintSetLengths */
   PetscBool  have_bodies;

@@ -15,7 +15,8 @@
 
 struct _p_TwoStage {
   CellRelax cells;
-  Vec       v, w, e; /* of the velocity */
+  Vec       v, w;      /* of the velocity, borrowed */
+  Vec       own[2], e; /* v and w where nobody lends them; only with cells to relax; or NULL */
   Vec       g, q;    /* of the pressure */
   PetscReal blend;   /* om */
   PetscInt  ncell;   /* relaxed cells on all ranks, 0 where they would not pay */
@@ -143,6 +144,7 @@ static PetscErrorCode get_residual(TwoStage t, FlowSolver fs)
   Vec       rhs, u, e;
 
   PetscFunctionBeginUser;
+  if (!t->e) PetscCall(VecDuplicate(fs->t_u, &t->e));
   PetscCall(PetscObjectTypeCompareAny((PetscObject)fs->sub[0], &known, KSPGCR, LEAN_GMRES, ""));
   if (known) {
     PetscCall(KSPBuildResidual(fs->sub[0], fs->t_u, t->e, &e));
@@ -155,6 +157,23 @@ static PetscErrorCode get_residual(TwoStage t, FlowSolver fs)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* v, w: where the velocity's solver has just been at work */
+static PetscErrorCode find_work(TwoStage t, FlowSolver fs)
+{
+  Vec       work[2];
+  PetscBool lean;
+
+  PetscFunctionBeginUser;
+  PetscCall(LeanBorrow(fs->sub[0], 2, &lean, work));
+  for (PetscInt i = 0; i < 2; i++) {
+    if (!lean && !t->own[i]) PetscCall(VecDuplicate(fs->t_u, &t->own[i]));
+    if (!lean) work[i] = t->own[i];
+  }
+  t->v = work[0];
+  t->w = work[1];
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode TwoStageApply(TwoStage t, FlowSolver fs, Vec u, Vec p)
 {
   Vec g;
@@ -163,6 +182,7 @@ PetscErrorCode TwoStageApply(TwoStage t, FlowSolver fs, Vec u, Vec p)
   PetscCall(KSPGetRhs(fs->sub[1], &g));
   PetscCall(VecCopy(g, t->g));
   if (t->ncell) PetscCall(get_residual(t, fs));
+  PetscCall(find_work(t, fs));
   PetscCall(project(t, fs, p));
   PetscCall(correct(t, fs, p));
   PetscCall(VecAXPY(u, 1, t->v));
@@ -189,9 +209,6 @@ PetscErrorCode TwoStageCreate(FlowSolver fs, TwoStage *two)
 
   PetscFunctionBeginUser;
   PetscCall(PetscNew(&t));
-  PetscCall(VecDuplicate(fs->t_u, &t->v));
-  PetscCall(VecDuplicate(fs->t_u, &t->w));
-  PetscCall(VecDuplicate(fs->t_u, &t->e));
   PetscCall(VecDuplicate(fs->t_p, &t->g));
   PetscCall(VecDuplicate(fs->t_p, &t->q));
   if (fs->nbodies) PetscCall(CellRelaxCreate(fs->flow, fs->constraint, &t->cells));
@@ -203,8 +220,8 @@ PetscErrorCode TwoStageDestroy(TwoStage *two)
 {
   PetscFunctionBeginUser;
   if (!*two) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(VecDestroy(&(*two)->v));
-  PetscCall(VecDestroy(&(*two)->w));
+  PetscCall(VecDestroy(&(*two)->own[0]));
+  PetscCall(VecDestroy(&(*two)->own[1]));
   PetscCall(VecDestroy(&(*two)->e));
   PetscCall(VecDestroy(&(*two)->g));
   PetscCall(VecDestroy(&(*two)->q));
