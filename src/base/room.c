@@ -34,3 +34,20 @@ PetscErrorCode RoomFor(PetscInt n, PetscInt *room, ...)
   va_end(arrays);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
+
+PetscErrorCode RoomTrim(PetscInt n, PetscInt *room, ...)
+{
+  va_list arrays;
+
+  PetscFunctionBeginUser;
+  if (n < 64 || *room - n < *room / 4) PetscFunctionReturn(PETSC_SUCCESS);
+  *room = n;
+  va_start(arrays, room);
+  for (void *array; (array = va_arg(arrays, void *));) {
+    const size_t size = va_arg(arrays, size_t);
+
+    PetscCall(PetscRealloc((size_t)n * size, array));
+  }
+  va_end(arrays);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

@@ -359,10 +359,10 @@ PetscErrorCode FlowPressureMassSolve(Flow f, PetscReal scale, const PetscReal r[
 
   PetscFunctionBeginUser;
   for (PetscInt c = 0; c < f->loc->ncell; c++) {
-    const PetscReal factor = f->rheology ? scale * f->mu_cell[c] / f->par.viscosity : scale;
+    const PetscReal factor = f->rheology ? scale * f->mu_cell[c] / f->par.viscosity : scale, *mass = FlowPressureMass(f, c);
 
     for (PetscInt k = 0; k < nk; k++)
-      for (PetscInt n = 0; n < nk; n++) y[c * nk + k] += factor * f->pmass[(c * nk + k) * nk + n] * r[c * nk + n];
+      for (PetscInt n = 0; n < nk; n++) y[c * nk + k] += factor * mass[k * nk + n] * r[c * nk + n];
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

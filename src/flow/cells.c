@@ -7,13 +7,10 @@
 /* A cell that is no part of the fluid has zero weights: every kernel then gives zero. Its size stays as it was. */
 static PetscErrorCode empty_cell(Flow f, PetscInt c)
 {
-  const PetscInt nk = f->loc->dim + 1;
-
   PetscFunctionBeginUser;
   f->affine[c] = PETSC_TRUE;
   f->det[c]    = 0;
   f->b[c]      = f->kind[0].b;
-  if (c < f->loc->ncell) PetscCall(PetscArrayzero(f->pmass + c * nk * nk, nk * nk));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -36,11 +33,11 @@ static PetscBool is_alike(PetscInt n, const PetscReal a[], const PetscReal b[], 
   return PETSC_TRUE;
 }
 
-/* Matrix b of cell c: that of a kind where it is alike, else its own, or when all are computed for the first time a new
-   kind (what comes later would depend on the past) */
-static PetscErrorCode keep_divergence(Flow f, PetscInt c, const PetscReal b[], PetscBool first_time)
+/* Matrix b of cell c and its inverse mass of the pressure: those of a kind where b is alike, else its own, or when all
+   are computed for the first time a new kind (what comes later would depend on the past) */
+static PetscErrorCode keep_divergence(Flow f, PetscInt c, const PetscReal b[], const PetscReal mass[], PetscBool first_time)
 {
-  const PetscInt  n          = (f->loc->dim + 1) * f->loc->nb * f->loc->dim;
+  const PetscInt  n          = FlowDivergenceSize(f), nn = PetscSqr(f->loc->dim + 1);
   const PetscReal difference = ALIKE * find_largest(n, b);
 
   PetscFunctionBeginUser;
@@ -51,13 +48,14 @@ static PetscErrorCode keep_divergence(Flow f, PetscInt c, const PetscReal b[], P
   }
   if (first_time && f->nkind < MOST_KINDS) {
     f->kind[f->nkind].size = f->size[c];
-    PetscCall(PetscMalloc1(n, &f->kind[f->nkind].b));
+    PetscCall(PetscMalloc1(n + nn, &f->kind[f->nkind].b));
     f->b[c] = f->kind[f->nkind++].b;
   } else {
-    if (!f->b_own[c]) PetscCall(PetscMalloc1(n, &f->b_own[c]));
+    if (!f->b_own[c]) PetscCall(PetscMalloc1(n + nn, &f->b_own[c]));
     f->b[c] = f->b_own[c];
   }
   PetscCall(PetscArraycpy(f->b[c], b, n));
+  PetscCall(PetscArraycpy(f->b[c] + n, mass, nn));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -69,10 +67,9 @@ PetscErrorCode FlowCreateCells(Flow f)
   PetscFunctionBeginUser;
   PetscCall(PetscMalloc5(l->ncell_all, &f->affine, l->ncell_all * dim * dim, &f->inverse, l->ncell_all, &f->det, l->ncell_all, &f->size, l->nnode_all,
                          &f->lumped));
-  PetscCall(PetscMalloc1(l->ncell * (dim + 1) * (dim + 1), &f->pmass));
   PetscCall(PetscCalloc4(l->nnode_all, &f->open, l->ncell_all, &f->visited, l->ncell_all, &f->around, l->ncell_all * dim, &f->centre));
   PetscCall(PetscCalloc3(l->ncell_all, &f->b, l->ncell_all, &f->b_own, MOST_KINDS, &f->kind));
-  PetscCall(PetscCalloc1((dim + 1) * l->nb * dim, &f->kind[0].b));
+  PetscCall(PetscCalloc1(FlowDivergenceSize(f) + PetscSqr(dim + 1), &f->kind[0].b));
   f->nkind = 1;
   f->ncell = l->ncell_all;
   f->now   = 0;
@@ -86,7 +83,6 @@ PetscErrorCode FlowDestroyCells(Flow f)
   for (PetscInt c = 0; c < f->ncell; c++) PetscCall(PetscFree(f->b_own[c])); /* the mesh may have changed */
   for (PetscInt k = 0; k < f->nkind; k++) PetscCall(PetscFree(f->kind[k].b));
   PetscCall(PetscFree3(f->b, f->b_own, f->kind));
-  PetscCall(PetscFree(f->pmass));
   PetscCall(PetscFree4(f->open, f->visited, f->around, f->centre));
   PetscCall(PetscFree5(f->affine, f->inverse, f->det, f->size, f->lumped));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -116,7 +112,7 @@ static PetscInt get_way(const MeshLocal *l, PetscInt c)
 /* A box like one of a kind takes over all that is kept of it; false: there is none */
 static PetscBool copy_box(Flow f, PetscInt c, const PetscReal edge[3])
 {
-  const PetscInt dim = f->loc->dim, nk = dim + 1, way = get_way(f->loc, c);
+  const PetscInt dim = f->loc->dim, way = get_way(f->loc, c);
 
   for (PetscInt k = 1; k < f->nkind; k++) {
     const CellKind *kind = &f->kind[k];
@@ -129,7 +125,6 @@ static PetscBool copy_box(Flow f, PetscInt c, const PetscReal edge[3])
     f->size[c]   = kind->size;
     f->b[c]      = kind->b;
     for (PetscInt i = 0; i < dim * dim; i++) f->inverse[c * dim * dim + i] = i % (dim + 1) == 0 ? 2 / kind->edge[i / dim] : 0;
-    for (PetscInt i = 0; i < nk * nk && c < f->loc->ncell; i++) f->pmass[c * nk * nk + i] = kind->pmass[i];
     return PETSC_TRUE;
   }
   return PETSC_FALSE;
@@ -199,14 +194,12 @@ static PetscErrorCode compute_cell(Flow f, PetscInt c, PetscBool first_time)
     }
   }
   for (PetscInt k = 0; k < nk; k++) MeshCellScatter(l, c, dim, b + k * nb * dim);
-  PetscCall(keep_divergence(f, c, b, first_time));
   DenseInvert(nk, mass, pmass);
-  if (c < l->ncell) PetscCall(PetscArraycpy(f->pmass + c * nk * nk, pmass, nk * nk));
+  PetscCall(keep_divergence(f, c, b, pmass, first_time));
   if (box && f->nkind > before) {
     f->kind[before].det = f->det[c];
     f->kind[before].way = get_way(l, c);
     PetscCall(PetscArraycpy(f->kind[before].edge, edge, dim));
-    PetscCall(PetscArraycpy(f->kind[before].pmass, pmass, nk * nk));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -25,7 +25,7 @@ typedef struct _p_Extension *Extension;
 /* What cells of one form share: matrix of B, size; of boxes also the edges (else 0), what hangs in them (MeshHang's
    code, -1: nothing), det J and the inverse pressure mass */
 typedef struct {
-  PetscReal *b, size, edge[3], det, pmass[16];
+  PetscReal *b, size, edge[3], det; /* behind b the inverse mass of the pressure */
   PetscInt   way;
 } CellKind;
 
@@ -45,7 +45,6 @@ struct _p_Flow {
   PetscBool  *affine;
   PetscReal  *inverse, *det;                /* [ncell_all][dim*dim], [ncell_all] */
   PetscReal  *centre, *size;                /* [ncell_all][dim] where its pressures are centred; [ncell_all] */
-  PetscReal  *pmass;                        /* [ncell][dim+1][dim+1] pressure mass^-1 */
   PetscReal **b, **b_own;                   /* [ncell_all] cell matrices of B: own ones (or NULL), or of a kind */
   CellKind   *kind;                         /* forms that cells share, the first with zeros */
   PetscInt    nkind, ncell;                 /* ncell: local cells */
@@ -254,4 +253,15 @@ static inline PetscInt FlowEntry(const struct _p_Flow *f, PetscBool wide, PetscI
 
   *other = (PetscBool)(e >= half);
   return e < half ? e : e == 2 * half - 1 ? -1 : e - half;
+}
+
+/* Numbers in the matrix b of a cell, behind which its inverse mass of the pressure [dim+1][dim+1] stands */
+static inline PetscInt FlowDivergenceSize(const struct _p_Flow *f)
+{
+  return (f->loc->dim + 1) * f->loc->nb * f->loc->dim;
+}
+
+static inline const PetscReal *FlowPressureMass(const struct _p_Flow *f, PetscInt c)
+{
+  return f->b[c] + FlowDivergenceSize(f);
 }

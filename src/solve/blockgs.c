@@ -31,7 +31,8 @@ typedef struct {
   PetscInt   nt, nw, *w_row, *w_column;
   Sharing    sharing; /* of the block columns, borrowed */
   PetscBool  any;     /* a part of low rank has been set */
-  PetscReal *w, *t;   /* [nw][nk][nr]; [nt] W^T x, nr numbers for every block column */
+  const PetscReal *w; /* [nw][nk][nr], borrowed */
+  PetscReal       *t; /* [nt] W^T x, nr numbers for every block column */
   PetscReal *factor;  /* [ncolumn] what a sweep multiplies the column's part by: ranks that sweep it at the same time */
 } BlockGS;
 
@@ -340,7 +341,7 @@ static PetscErrorCode drop_low_rank(BlockGS *g)
 {
   PetscFunctionBeginUser;
   for (PetscInt e = 0; e < g->nw; e++) invert_diagonal(g, g->w_row[e], exact_row(g, g->w_row[e]), 0, 0);
-  PetscCall(PetscFree5(g->w_row, g->w_column, g->w, g->t, g->factor));
+  PetscCall(PetscFree4(g->w_row, g->w_column, g->t, g->factor));
   g->nw = g->nt = 0;
   g->any        = PETSC_FALSE;
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -360,11 +361,11 @@ PetscErrorCode BlockGSSetLowRank(Mat shell, Sharing sharing, PetscInt ncolumn, P
   g->nt      = ncolumn * nr;
   g->nw      = n;
   g->any     = (PetscBool)(sharing != NULL);
+  g->w       = w;
   g->sharing = sharing;
-  PetscCall(PetscMalloc5(n, &g->w_row, n, &g->w_column, n * g->nk * nr, &g->w, g->nt, &g->t, ncolumn, &g->factor));
+  PetscCall(PetscMalloc4(n, &g->w_row, n, &g->w_column, g->nt, &g->t, ncolumn, &g->factor));
   PetscCall(PetscArraycpy(g->w_row, row, n));
   PetscCall(PetscArraycpy(g->w_column, column, n));
-  PetscCall(PetscArraycpy(g->w, w, n * g->nk * nr));
   PetscCall(PetscArrayzero(g->factor, ncolumn));
   for (PetscInt e = 0; e < n; e++) g->factor[column[e]] = 1;
   PetscCall(SharingSum(sharing, 1, g->factor));
@@ -384,7 +385,7 @@ static PetscErrorCode destroy_blocks(Mat shell)
   PetscCall(RowPoolDestroy(&g->pool));
   PetscCall(PetscFree3(g->own, g->inverse, g->border));
   PetscCall(PetscFree2(g->ghost, g->rest));
-  PetscCall(PetscFree5(g->w_row, g->w_column, g->w, g->t, g->factor));
+  PetscCall(PetscFree4(g->w_row, g->w_column, g->t, g->factor));
   PetscCall(PetscSFDestroy(&g->sf));
   PetscCall(RowTypeDestroy(&g->unit));
   PetscCall(PetscFree(g));

@@ -321,6 +321,19 @@ PetscErrorCode BodyCouplingMarkNodes(Constraint constraint, PetscBool marked[])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+static PetscErrorCode trim(BodyCoupling b)
+{
+  const PetscInt dim = b->loc->dim, nn = PetscSqr(b->constraint->nr);
+
+  PetscFunctionBeginUser;
+  PetscCall(RoomTrim(b->constraint->nbody_nodes, &b->moved_room, &b->mover, sizeof(*b->mover), &b->arm, (size_t)dim * sizeof(*b->arm), NULL));
+  PetscCall(RoomTrim(b->nnode + 2, &b->node_room, &b->node, sizeof(*b->node), &b->start, sizeof(*b->start), &b->saved,
+                     (size_t)dim * sizeof(*b->saved), NULL));
+  PetscCall(RoomTrim(b->n, &b->room, &b->body, sizeof(*b->body), &b->e, (size_t)(dim + 1) * sizeof(*b->e), NULL));
+  PetscCall(RoomTrim(b->ntwo, &b->two_room, &b->two, sizeof(*b->two), &b->block, (size_t)nn * sizeof(*b->block), NULL));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode BodyCouplingUpdate(BodyCoupling b, const Rows *rows, const PenaltyTerm *soft, const PetscReal *own[])
 {
   const PetscInt *local = b->constraint->local_index, plane = b->loc->dim == 2;
@@ -343,6 +356,7 @@ PetscErrorCode BodyCouplingUpdate(BodyCoupling b, const Rows *rows, const Penalt
     b->two[e].other = local[b->two[e].other];
   }
   *own = b->own;
+  PetscCall(trim(b));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

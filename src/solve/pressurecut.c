@@ -5,6 +5,7 @@
 #include "blockgs.h"
 #include "base/algebra.h"
 #include "base/inline.h"
+#include "base/room.h"
 
 /* Block C = eps_shared B_c M_c^{-1} B_c^T of one cell over its constrained nodes */
 static PetscErrorCode shared_block(Pressure p, const PetscInt fixed[], PetscInt c, PetscReal block[])
@@ -169,6 +170,7 @@ PetscErrorCode PressureFindCut(Pressure p, const PetscReal share[], const PetscR
 {
   const struct _p_Constraint *P = p->constraint;
   const MeshLocal            *l = p->loc;
+  const size_t                size = (size_t)(p->nk * p->nr) * sizeof(PetscReal);
   const PetscReal *const     *b;
 
   PetscFunctionBeginUser;
@@ -189,13 +191,8 @@ PetscErrorCode PressureFindCut(Pressure p, const PetscReal share[], const PetscR
         if (P->node_body[node[m]] != k) whole = PETSC_FALSE;
       }
       if (!first || whole) continue;
-      if (p->ncut == p->room) {
-        p->room = 2 * p->room + 64;
-        PetscCall(PetscRealloc(p->room * sizeof(PetscInt), &p->cut_cell));
-        PetscCall(PetscRealloc(p->room * sizeof(PetscInt), &p->cut_body));
-        PetscCall(PetscRealloc(p->room * sizeof(PetscInt), &p->cut_local));
-        PetscCall(PetscRealloc(p->room * p->nk * p->nr * sizeof(PetscReal), &p->cut_w));
-      }
+      PetscCall(RoomFor(p->ncut + 1, &p->room, &p->cut_cell, sizeof(*p->cut_cell), &p->cut_body, sizeof(*p->cut_body), &p->cut_local,
+                        sizeof(*p->cut_local), &p->cut_w, size, NULL));
       p->cut_cell[p->ncut]  = c;
       p->cut_body[p->ncut]  = k;
       p->cut_local[p->ncut] = P->local_index[k];
@@ -204,6 +201,8 @@ PetscErrorCode PressureFindCut(Pressure p, const PetscReal share[], const PetscR
       p->ncut++;
     }
   }
+  PetscCall(RoomTrim(p->ncut, &p->room, &p->cut_cell, sizeof(*p->cut_cell), &p->cut_body, sizeof(*p->cut_body), &p->cut_local, sizeof(*p->cut_local),
+                     &p->cut_w, size, NULL));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
