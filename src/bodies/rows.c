@@ -12,7 +12,7 @@ PetscErrorCode BodiesMax(Bodies b, PetscInt n, PetscReal v[])
 
   PetscFunctionBeginUser;
   PetscCall(PetscMPIIntCast(n, &count));
-  if (b->parts && b->state.nall) PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, v, count, MPIU_REAL, MPIU_MAX, BodiesComm(b)));
+  if (b->parts) PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, v, count, MPIU_REAL, MPIU_MAX, BodiesComm(b)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -22,7 +22,7 @@ PetscErrorCode BodiesMin(Bodies b, PetscInt n, PetscReal v[])
 
   PetscFunctionBeginUser;
   PetscCall(PetscMPIIntCast(n, &count));
-  if (b->parts && b->state.nall) PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, v, count, MPIU_REAL, MPIU_MIN, BodiesComm(b)));
+  if (b->parts) PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, v, count, MPIU_REAL, MPIU_MIN, BodiesComm(b)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -32,14 +32,14 @@ PetscErrorCode BodiesSum(Bodies b, PetscInt n, PetscReal v[])
 
   PetscFunctionBeginUser;
   PetscCall(PetscMPIIntCast(n, &count));
-  if (b->parts && b->state.nall) PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, v, count, MPIU_REAL, MPIU_SUM, BodiesComm(b)));
+  if (b->parts) PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, v, count, MPIU_REAL, MPIU_SUM, BodiesComm(b)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode BodiesAny(Bodies b, PetscBool *any)
 {
   PetscFunctionBeginUser;
-  if (b->parts && b->state.nall) PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, any, 1, COMPAT_MPI_BOOL, MPI_LOR, BodiesComm(b)));
+  if (b->parts) PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, any, 1, COMPAT_MPI_BOOL, MPI_LOR, BodiesComm(b)));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
