@@ -6,7 +6,7 @@
 #define RESTART 60
 
 typedef struct {
-  PetscBool  flexible, alone; /* on one rank */
+  PetscBool  flexible, apart; /* norms by reductions of their own */
   PetscInt   restart, n;                        /* columns of this cycle */
   PetscInt   nv, nz, v_room, z_room, room;      /* vectors there are; room for columns */
   PetscInt   most, borrowed;                    /* columns of the solve before; vectors that others work with */
@@ -58,18 +58,18 @@ static void solve_triangle(Lean *m, PetscInt n, PetscReal y[])
   }
 }
 
-#define LEAST_LEFT 1e-4 /* of a square, from which it may be a difference of squares */
+#define LEAST_LEFT 1e-2 /* of a square, from which it may be a difference of squares: 14 digits stay */
 
 /* w orthogonal to the first n Krylov vectors, its products with these, less, and its norm. On several ranks in one
-   reduction, unless little of w is left. */
+   reduction, unless little of w is left, as it is behind a good preconditioner. */
 static PetscErrorCode orthogonalise(Lean *m, PetscInt n, PetscReal h[], PetscReal *norm)
 {
   Vec       w = m->v[n];
   PetscReal square, left;
 
   PetscFunctionBeginUser;
-  PetscCall(VecMDot(w, n + !m->alone, m->v, h));
-  square = left = m->alone ? 0 : h[n];
+  PetscCall(VecMDot(w, n + !m->apart, m->v, h));
+  square = left = m->apart ? 0 : h[n];
   for (PetscInt i = 0; i < n; i++) {
     left -= PetscSqr(h[i]);
     h[i] = -h[i];
@@ -373,7 +373,7 @@ static PetscErrorCode create(KSP ksp, PetscBool flexible)
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_size(PetscObjectComm((PetscObject)ksp), &size));
   PetscCall(PetscNew(&m));
-  m->alone                 = (PetscBool)(size == 1);
+  m->apart                 = (PetscBool)(size == 1 || flexible); /* tight tolerances are the outer iteration's */
   m->flexible              = flexible;
   m->restart               = RESTART;
   ksp->data                = m;
