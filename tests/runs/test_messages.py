@@ -69,7 +69,9 @@ def steps(counter, program, tmp_path):
     return subtract
 
 
-COLLECTIVES = "allreduce", "reduce", "bcast", "scan", "allgather", "alltoall", "gather"
+COLLECTIVES = "allreduce", "reduce", "bcast", "scan", "allgather", "alltoall"
+SMALL_LEVELS = 8 * 3000  # bytes that the small levels of the pressure gather on one rank, in as many calls as there are cycles
+OPEN_TIES = 8 * 3 * 2000  # right-hand sides of the touching bodies that all ranks solve for; where there are more, they are iterated
 
 
 SCENES = {
@@ -85,20 +87,23 @@ SCENES = {
 @pytest.mark.parametrize("kind", SCENES)
 def test_collectives_do_not_grow_with_the_bodies_of_a_flow(steps, kind):
     """With contact before the flow and with the flow, with some that meet and without contact, and under all rungs"""
-    scene = SCENES[kind]
+    scene, touch = SCENES[kind], kind == "meet"
     few, many, spread = steps(scene, 3, 60, 2), steps(scene, 3, 120, 2), steps(scene, 6, 120, 2)
     for n, ranks, sent in (60, 3, few), (120, 3, many), (120, 6, spread):
-        assert sent["allgather"][2] == 0, (n, ranks, dict(sent))
+        assert sent["allgather"][2] == 0 or touch, (n, ranks, dict(sent))
+        assert sent["gather"][4] <= SMALL_LEVELS, sent["gather"]
         for kind in COLLECTIVES:
-            calls, total, long_calls, long_bytes, _ = sent[kind]
-            if kind != "allgather":
+            calls, total, long_calls, long_bytes, longest = sent[kind]
+            if touch and kind in ("allreduce", "allgather"):
+                assert longest <= OPEN_TIES, (kind, n, ranks, sent[kind])
+            elif kind != "allgather":
                 assert long_bytes == EXACT * long_calls, (kind, n, ranks, sent[kind])
             else:
                 assert total <= 8 * ranks * calls, (kind, n, ranks, sent[kind])
     for other in many, spread:
         for kind in COLLECTIVES:
             assert other[kind][0] <= 1.3 * few[kind][0] + 2, (kind, few[kind], other[kind])
-            if kind != "allgather":
+            if kind != "allgather" and not (touch and kind == "allreduce"):
                 assert other[kind][1] <= 1.3 * few[kind][1] + 64, (kind, few[kind], other[kind])
 
 

@@ -25,24 +25,27 @@ from toolbox import ROOT, launcher, option_text, print_table, run_scene
 WAIT = 54e-6  # s; 1,896 and 476 points, 4.0 and 27.3 MB of the busiest rank, against the 110 and 81 ms that two scenes lose on 2 to 16 ranks (runs/bench/README.md)
 RATE = 0.49e9  # bytes/s
 COLUMNS = ["ranks", "cells", "unknowns", "bodies", "outer_mean", "balance_cells", "points", "collectives", "kbytes_most", "processor_s"]
+SMALL = 100000  # unknowns
 RANKS = [1, 2, 4, 8, 16, 64, 256, 1000, 4000, 10000, 30000, 100000]
 
 
 def run_alone(args, scene, options):
-    """The row of one rank, with user and system time of a step: 6 n steps less n steps"""
-    spent = []
-    for steps in (args.steps, 6 * args.steps):
+    """The row of one rank, with user and system time of a step: 2 n steps less n steps, as the others are counted; 6 n where steps are short"""
+    spent, times = [], 2
+    for steps in (args.steps, None):
+        steps = steps or times * args.steps
         with tempfile.TemporaryDirectory(prefix="tumble-model-") as folder:
             before = resource.getrusage(resource.RUSAGE_CHILDREN)
             run = run_scene(scene, {**options, "sim_steps": str(steps), "output_every": "0"}, 1, Path(folder), args.build, args.limit, launcher(1))
             if not run.summary:
                 sys.exit(f"scaling: 1 rank {run.ended}: {run.message}")
             after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        times = 2 if run.summary["unknowns"] > SMALL else 6
         spent.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
     summary = run.summary
     return {
         "ranks": 1, "cells": summary["cells"], "unknowns": summary["unknowns"], "bodies": summary["bodies"], "outer_mean": f"{summary['outer_iterations']['mean']:.2f}",
-        "balance_cells": 1, "points": 0, "collectives": 0, "kbytes_most": 0, "processor_s": f"{(spent[1] - spent[0]) / (5 * args.steps):.5g}",
+        "balance_cells": 1, "points": 0, "collectives": 0, "kbytes_most": 0, "processor_s": f"{(spent[1] - spent[0]) / ((times - 1) * args.steps):.5g}",
     }  # fmt: skip
 
 
@@ -100,7 +103,7 @@ def write_report(path, scene, options, rows, model, file):
     table = []
     for p in RANKS:
         unknowns = model.unknowns * (p if model.weak else 1)
-        if unknowns / p >= 5000 or p <= model.last["ranks"]:
+        if model.counted(p) or (p > model.last["ranks"] and unknowns / p >= 5000):
             table.append([p, "counted" if model.counted(p) else "extrapolated", f"{unknowns:.3g}", *(f"{part:.3g}" for part in model.parts(p)), f"{model.seconds(p):.3g}", f"{model.efficiency(p):.2f}"])
     print_table(["ranks", "points", "unknowns", "work [s]", "waiting [s]", "bytes [s]", "step [s]", "efficiency"], table, file)
 
