@@ -6,7 +6,7 @@
 #define RESTART 60
 
 typedef struct {
-  PetscBool  flexible, apart; /* norms by reductions of their own */
+  PetscBool  flexible, alone, apart; /* on one rank; norms by reductions of their own */
   PetscInt   restart, n;                        /* columns of this cycle */
   PetscInt   nv, nz, v_room, z_room, room;      /* vectors there are; room for columns */
   PetscInt   most, borrowed;                    /* columns of the solve before; vectors that others work with */
@@ -59,6 +59,7 @@ static void solve_triangle(Lean *m, PetscInt n, PetscReal y[])
 }
 
 #define LEAST_LEFT 1e-2 /* of a square, from which it may be a difference of squares: 14 digits stay */
+#define LEAST_RTOL 1e-6 /* a tighter tolerance wants them all */
 
 /* w orthogonal to the first n Krylov vectors, its products with these, less, and its norm. On several ranks in one
    reduction, unless little of w is left, as it is behind a good preconditioner. */
@@ -196,6 +197,7 @@ static PetscErrorCode solve(KSP ksp)
   PetscFunctionBeginUser;
   ksp->its = 0;
   m->n     = 0;
+  m->apart = (PetscBool)(m->alone || ksp->rtol < LEAST_RTOL);
   PetscCall(get_vector(ksp, 0, &m->nv, &m->v_room, &m->v));
   if (!m->flexible && !m->t) PetscCall(VecDuplicate(ksp->vec_rhs, &m->t));
   PetscCall(take_residual(ksp, m->v[0], ksp->guess_zero, &norm));
@@ -373,7 +375,7 @@ static PetscErrorCode create(KSP ksp, PetscBool flexible)
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_size(PetscObjectComm((PetscObject)ksp), &size));
   PetscCall(PetscNew(&m));
-  m->apart                 = (PetscBool)(size == 1 || flexible); /* tight tolerances are the outer iteration's */
+  m->alone                 = (PetscBool)(size == 1);
   m->flexible              = flexible;
   m->restart               = RESTART;
   ksp->data                = m;
