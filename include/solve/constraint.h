@@ -37,8 +37,8 @@ PetscErrorCode ConstraintDestroy(Constraint *);
    units of a scene. Copied. Local. */
 PetscErrorCode ConstraintSetLengths(Constraint, const PetscReal length[]);
 
-/* Prescribed components: fixed [nnode_all] bit mask of components, copied, value [nnode_all][dim], borrowed until the next
-   call. Collective. */
+/* Prescribed components: fixed [nnode_all] bit mask of components, copied, value [nnode_all][dim], borrowed until
+   the next call. Collective. */
 PetscErrorCode ConstraintSetBoundary(Constraint, const PetscInt fixed[], const PetscReal value[]);
 
 /* Nodes that follow a body in this step: follow [nnode_all] body or -1 (NULL: none), same on all ranks that hold the

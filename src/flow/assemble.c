@@ -80,8 +80,8 @@ static PetscErrorCode create_entries(Flow f, const Mat part[2])
     for (PetscInt i = 0; i < r.n; i++) longest = PetscMax(longest, r.start[i + 1] - r.start[i]);
     PetscCall(RowsClose(&r));
   }
-  PetscCheck(longest < 0x7fff, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "A row of the velocity matrix has %" PetscInt_FMT " entries, at most 32766 are known",
-             longest);
+  PetscCheck(longest < 0x7fff, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE,
+             "A row of the velocity matrix has %" PetscInt_FMT " entries, at most 32766 are known", longest);
   f->entry_wide = (PetscBool)(longest >= 0x7f);
   PetscCall(PetscMalloc(n * (f->entry_wide ? 2 : 1), &f->entry));
   memset(f->entry, 0xff, n * (f->entry_wide ? 2 : 1));
@@ -199,8 +199,8 @@ PetscErrorCode FlowCellMatrix(Flow f, PetscInt c, PetscReal ce[])
 
 static PetscErrorCode assemble_matrix(Flow f)
 {
-  const MeshLocal *l      = f->loc;
-  Parts            p      = {{NULL, NULL}, {NULL, NULL}};
+  const MeshLocal *l = f->loc;
+  Parts            p = {{NULL, NULL}, {NULL, NULL}};
   PetscInt         n;
   PetscBool        done;
   Mat              part[2];

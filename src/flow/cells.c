@@ -37,7 +37,7 @@ static PetscBool is_alike(PetscInt n, const PetscReal a[], const PetscReal b[], 
    are computed for the first time a new kind (what comes later would depend on the past) */
 static PetscErrorCode keep_divergence(Flow f, PetscInt c, const PetscReal b[], const PetscReal mass[], PetscBool first_time)
 {
-  const PetscInt  n          = FlowDivergenceSize(f), nn = PetscSqr(f->loc->dim + 1);
+  const PetscInt  n = FlowDivergenceSize(f), nn = PetscSqr(f->loc->dim + 1);
   const PetscReal difference = ALIKE * find_largest(n, b);
 
   PetscFunctionBeginUser;

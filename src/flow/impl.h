@@ -54,7 +54,8 @@ struct _p_Flow {
   /* velocity matrix of the step */
   Mat       S;
   PetscReal s_ct, s_theta; /* of the assembled one; 0: none yet */
-  /* [ncell_all][nb][nb] place of an entry of a cell in its row, see FlowEntry; bytes, or where a row is long two each */
+  /* [ncell_all][nb][nb] place of an entry of a cell in its row, see FlowEntry; bytes, or where a row is long two
+     each */
   void            *entry;
   PetscBool        entry_wide;
   PetscInt         nterm; /* further terms of S */
@@ -244,8 +245,8 @@ static inline void FlowCellGather(const MeshLocal *l, PetscInt c, const PetscRea
   MeshCellGather(l, c, l->dim, vl);
 }
 
-/* Where entry (i, j) of cell c stands in its row: from 0 on among own columns, or (*other) among those of other ranks; -1:
-   the row is another rank's */
+/* Where entry (i, j) of cell c stands in its row: from 0 on among own columns, or (*other) among those of other
+   ranks; -1: the row is another rank's */
 static inline PetscInt FlowEntry(const struct _p_Flow *f, PetscBool wide, PetscInt c, PetscInt i, PetscInt j, PetscBool *other)
 {
   const size_t   k    = ((size_t)c * (size_t)f->loc->nb + (size_t)i) * (size_t)f->loc->nb + (size_t)j;

@@ -39,7 +39,7 @@ struct _p_Output {
   PetscInt  mesh_step;
   PetscInt  moves;                   /* those of MeshLocal when it was written */
   PetscReal place[3], place_mesh[3]; /* of the box in the laboratory: now, when it was written */
-  Points    points; /* while a snapshot is written */
+  Points    points;                  /* while a snapshot is written */
   PetscInt  nsnap, room;
   Snapshot *snap;
 };

@@ -28,12 +28,13 @@ typedef struct {
   MPI_Datatype     unit;             /* nk reals */
   const PetscReal *extra;            /* [n][nk][nk] or NULL, see BlockGSSetExtra */
   /* W, see BlockGSSetLowRank */
-  PetscInt   nt, nw, *w_row, *w_column;
-  Sharing    sharing; /* of the block columns, borrowed */
-  PetscBool  any;     /* a part of low rank has been set */
-  const PetscReal *w; /* [nw][nk][nr], borrowed */
-  PetscReal       *t; /* [nt] W^T x, nr numbers for every block column */
-  PetscReal *factor;  /* [ncolumn] what a sweep multiplies the column's part by: ranks that sweep it at the same time */
+  PetscInt         nt, nw, *w_row, *w_column;
+  Sharing          sharing; /* of the block columns, borrowed */
+  PetscBool        any;     /* a part of low rank has been set */
+  const PetscReal *w;       /* [nw][nk][nr], borrowed */
+  PetscReal       *t;       /* [nt] W^T x, nr numbers for every block column */
+  /* [ncolumn] what a sweep multiplies the column's part by: ranks that sweep it at the same time */
+  PetscReal *factor;
 } BlockGS;
 
 INLINE wide load_column(const float *v)
@@ -124,7 +125,8 @@ INLINE void add_ghosts(const int nk, const PetscBool exact, const BlockGS *restr
   }
 }
 
-/* t = W^T x over all ranks, the sum on its way: with the exchange of ghosts one point at which ranks wait. Collective. */
+/* t = W^T x over all ranks, the sum on its way: with the exchange of ghosts one point at which ranks wait.
+   Collective. */
 static PetscErrorCode begin_low_rank(BlockGS *g, const PetscReal x[])
 {
   PetscFunctionBeginUser;

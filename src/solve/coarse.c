@@ -485,8 +485,8 @@ PetscErrorCode CoarseSetUpPC(Coarse s, PC pc)
   s->changed = (PetscBool)(s->changed || s->crowded || whole); /* the bodies' part is another one every time */
   s->crowded = (PetscBool)(whole != NULL);
   A          = whole ? whole : s->matrix;
-  PetscCall(KSPGetOptionsPrefix(coarse, &prefix));
-  PetscCall(PetscOptionsHasName(NULL, prefix, "-ksp_type", &iterates)); /* one application reads nothing of the operator */
+  PetscCall(KSPGetOptionsPrefix(coarse, &prefix)); /* a single application reads nothing of the operator */
+  PetscCall(PetscOptionsHasName(NULL, prefix, "-ksp_type", &iterates));
   PetscCall(KSPSetOperators(coarse, iterates ? A : s->matrix, iterates ? A : s->matrix));
   if (!s->solver) {
     PetscCall(KSPGetPC(coarse, &s->solver));

@@ -19,6 +19,7 @@
    options. */
 PetscErrorCode LaggedCreate(PC pc, PetscReal keep);
 
-/* The matrix is A now, another one or the one of before with new values (no call where there are none). Not kept where M
-   has all it needs of it (hypre): `instead`, laid out alike (NULL: A), is named as the matrix of M then. Collective. */
+/* The matrix is A now, another one or the one of before with new values (no call where there are none). Not kept
+   where M has all it needs of it (hypre): `instead`, laid out alike (NULL: A), is named as the matrix of M then.
+   Collective. */
 PetscErrorCode LaggedUpdate(PC pc, Mat A, Mat instead);

@@ -21,7 +21,7 @@ enum {
 };
 
 typedef struct {
-  Vec       r, u, w, p, s, constant;    /* constant: of the null space, or NULL */
+  Vec       r, u, w, p, s, constant;     /* constant: of the null space, or NULL */
   PetscReal gamma, alpha, rr, ss, exact; /* of the iteration before; square of the residual's norm, when it was taken */
   PetscReal cp, cx;                      /* products of p and x with the constant */
 } LeanCG;
@@ -170,7 +170,7 @@ static PetscErrorCode find_constant(KSP ksp, LeanCG *m)
 
 static PetscErrorCode solve(KSP ksp)
 {
-  LeanCG   *m = (LeanCG *)ksp->data;
+  LeanCG   *m    = (LeanCG *)ksp->data;
   PetscReal norm = 0;
 
   PetscFunctionBeginUser;

@@ -6,13 +6,13 @@
 #define RESTART 60
 
 typedef struct {
-  PetscBool  flexible, alone, apart; /* on one rank; norms by reductions of their own */
-  PetscInt   restart, n;                        /* columns of this cycle */
-  PetscInt   nv, nz, v_room, z_room, room;      /* vectors there are; room for columns */
-  PetscInt   most, borrowed;                    /* columns of the solve before; vectors that others work with */
-  Vec       *v, *z, t;                          /* Krylov vectors, flexible: preconditioned ones, else one to work with */
-  PetscReal *h, *c, *s, *g;                     /* R column by column, of column j j + 1 entries; rotations; Q^T r0 */
-  PetscReal *now, *before, *work;               /* coefficients of the last two iterates; a column */
+  PetscBool  flexible, alone, apart;       /* on one rank; norms by reductions of their own */
+  PetscInt   restart, n;                   /* columns of this cycle */
+  PetscInt   nv, nz, v_room, z_room, room; /* vectors there are; room for columns */
+  PetscInt   most, borrowed;               /* columns of the solve before; vectors that others work with */
+  Vec       *v, *z, t;                     /* Krylov vectors, flexible: preconditioned ones, else one to work with */
+  PetscReal *h, *c, *s, *g;                /* R column by column, of column j j + 1 entries; rotations; Q^T r0 */
+  PetscReal *now, *before, *work;          /* coefficients of the last two iterates; a column */
 } Lean;
 
 static PetscReal *column_of(Lean *m, PetscInt j)
@@ -149,9 +149,9 @@ static PetscErrorCode cycle(KSP ksp, Lean *m, PetscReal norm)
 
     PetscCall(add_column(ksp, m, m->n, &residual));
     KSPCheckNorm(ksp, residual);
-    y         = m->before;
-    m->before = m->now;
-    m->now    = y;
+    y               = m->before;
+    m->before       = m->now;
+    m->now          = y;
     m->before[m->n] = 0;
     m->n++;
     solve_triangle(m, m->n, m->now);
@@ -375,17 +375,17 @@ static PetscErrorCode create(KSP ksp, PetscBool flexible)
   PetscFunctionBeginUser;
   PetscCallMPI(MPI_Comm_size(PetscObjectComm((PetscObject)ksp), &size));
   PetscCall(PetscNew(&m));
-  m->alone                 = (PetscBool)(size == 1);
-  m->flexible              = flexible;
-  m->restart               = RESTART;
-  ksp->data                = m;
-  ksp->ops->setup          = set_up;
-  ksp->ops->solve          = solve;
-  ksp->ops->reset          = reset;
-  ksp->ops->destroy        = destroy;
-  ksp->ops->view           = view;
-  ksp->ops->buildsolution  = build_solution;
-  ksp->ops->buildresidual  = build_residual;
+  m->alone                = (PetscBool)(size == 1);
+  m->flexible             = flexible;
+  m->restart              = RESTART;
+  ksp->data               = m;
+  ksp->ops->setup         = set_up;
+  ksp->ops->solve         = solve;
+  ksp->ops->reset         = reset;
+  ksp->ops->destroy       = destroy;
+  ksp->ops->view          = view;
+  ksp->ops->buildsolution = build_solution;
+  ksp->ops->buildresidual = build_residual;
   PetscCall(KSPSetSupportedNorm(ksp, KSP_NORM_UNPRECONDITIONED, PC_RIGHT, 3));
   PetscCall(PetscObjectComposeFunction((PetscObject)ksp, "KSPGMRESSetRestart_C", set_restart));
   PetscFunctionReturn(PETSC_SUCCESS);

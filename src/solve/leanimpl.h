@@ -3,7 +3,6 @@
 #include "lean.h"
 #include <petsc/private/kspimpl.h>
 
-
 /* What is solved for */
 static inline Mat LeanOperator(KSP ksp)
 {

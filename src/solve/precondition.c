@@ -215,12 +215,19 @@ PetscErrorCode FlowSolverRemarkMethod(FlowSolver fs)
   PetscFunctionBeginUser;
   if (fs->need_whole || fs->single) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt i = 0; i < 2; i++) PetscCall(PetscObjectTypeCompare((PetscObject)fs->sub[i], KSPPREONLY, &direct[i]));
-  PetscCall(PetscObjectTypeCompareAny((PetscObject)fs->ksp, &fit, LEAN_FGMRES, KSPFGMRES, KSPGCR, KSPFCG, KSPPIPEFGMRES, KSPPIPEGCR, KSPFBCGS, KSPRICHARDSON,
-                                      KSPPREONLY, ""));
+  PetscCall(PetscObjectTypeCompareAny((PetscObject)fs->ksp, &fit, LEAN_FGMRES, KSPFGMRES, KSPGCR, KSPFCG, KSPPIPEFGMRES, KSPPIPEGCR, KSPFBCGS,
+                                      KSPRICHARDSON, KSPPREONLY, ""));
   if (fit || (direct[0] && direct[1])) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(KSPGetType(fs->ksp, &type));
   PetscCall(LogRemark("-flow_ksp_type %s takes the preconditioner for fixed, and it varies: it iterates itself (-flow_fieldsplit_velocity_ksp_type, "
                       "_pressure_ksp_type). What it takes for converged may not be: use fgmres, gcr, or preonly for both fields",
                       type));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode FlowSolverGetLimited(FlowSolver fs, PetscInt limited[2])
+{
+  PetscFunctionBeginUser;
+  PetscCall(PetscArraycpy(limited, fs->limited, 2));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -168,8 +168,8 @@ static PetscErrorCode cut_rows(Pressure p, const PetscReal share[], const PetscR
 
 PetscErrorCode PressureFindCut(Pressure p, const PetscReal share[], const PetscReal mass_inverse[])
 {
-  const struct _p_Constraint *P = p->constraint;
-  const MeshLocal            *l = p->loc;
+  const struct _p_Constraint *P    = p->constraint;
+  const MeshLocal            *l    = p->loc;
   const size_t                size = (size_t)(p->nk * p->nr) * sizeof(PetscReal);
   const PetscReal *const     *b;
 

@@ -179,7 +179,7 @@ static PetscErrorCode set_inner(FlowSolver fs, PetscInt recipe)
   PetscCall(OptDefault(VELOCITY "ksp_rtol", PetscStringize(LOOSE_VELOCITY)));
   PetscCall(OptDefault(VELOCITY "ksp_max_it", par->varying ? "1000" : "200"));
   PetscCall(OptDefault(VELOCITY "pc_type", "sor"));
-  PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_type", size > 1 ? LEAN_CG : "cg")); /* on one rank sums are free */
+  PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_type", size > 1 ? LEAN_CG : "cg"));
   /* what the first solve leaves, the outer iteration takes up the more slowly the more viscosities differ */
   PetscCall(OptDefault("-flow_fieldsplit_pressure_ksp_rtol", par->varying && recipe ? "1e-2" : fs->stages ? "3e-2" : recipe == 0 ? "1e-1" : "1e-2"));
   /* what two stages leave of the divergence is the residual itself, which falls faster than that of the preconditioned

@@ -597,10 +597,3 @@ PetscErrorCode FlowSolverSolve(FlowSolver fs, const PetscReal r[], const PetscRe
   PetscCall(PetscLogEventEnd(TB_FLOW_SOLVE, 0, 0, 0, 0));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
-
-PetscErrorCode FlowSolverGetLimited(FlowSolver fs, PetscInt limited[2])
-{
-  PetscFunctionBeginUser;
-  PetscCall(PetscArraycpy(limited, fs->limited, 2));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}

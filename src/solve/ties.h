@@ -28,8 +28,8 @@ void TiesMultAdd(Ties, PetscBool others, PetscReal scale, const PetscReal U[], P
 PetscErrorCode TiesUpdate(Ties, PetscReal inverse[], const PetscReal mass_inverse[], PetscReal scale);
 /* Of tied own bodies, from and to the slots: y = L Q L^T x. The others' y stay. Collective. */
 PetscErrorCode TiesSolveMass(Ties, const PetscReal x[], PetscReal y[]);
-/* z = Q z, z [nlocal][nr] by the local numbers of the constraint, the same on all ranks that know a body: the sum of the
-   parts that these had at the beginning, which others sum up in between. Both collective. */
+/* z = Q z, z [nlocal][nr] by the local numbers of the constraint, the same on all ranks that know a body: the sum of
+   the parts that these had at the beginning, which others sum up in between. Both collective. */
 PetscErrorCode TiesFilterBegin(Ties, const PetscReal part[]);
 PetscErrorCode TiesFilterEnd(Ties, PetscReal z[]);
 /* As a matrix over u_r. Collective; caller destroys. */

@@ -17,28 +17,28 @@ typedef struct {
 } TieSystem;
 
 struct _p_Ties {
-  Constraint constraint;
-  PetscInt   n, room;
-  PetscBool  any;
-  BodyTie   *tie;                 /* [n] of this rank; rows without known degrees of freedom */
-  PetscInt   ntied, *tied;        /* own tied bodies, of which are in which own slots */
-  PetscInt   nblock;              /* largest number of blocks in a row */
-  PetscReal *factor;              /* [ntied][nr][nr] L of the own ones */
-  PetscReal *sum;                 /* [count][2 + nr^2] of own bodies: number of ties, what they add to the block; how
+  Constraint   constraint;
+  PetscInt     n, room;
+  PetscBool    any;
+  BodyTie     *tie;          /* [n] of this rank; rows without known degrees of freedom */
+  PetscInt     ntied, *tied; /* own tied bodies, of which are in which own slots */
+  PetscInt     nblock;       /* largest number of blocks in a row */
+  PetscReal   *factor;       /* [ntied][nr][nr] L of the own ones */
+  PetscReal   *sum;          /* [count][2 + nr^2] of own bodies: number of ties, what they add to the block; how
                                      many other ranks know the body */
-  PetscReal *slots;               /* [count][nr] work */
-  PetscBool  iterated;            /* the system of all tied bodies, across ranks; else the two others */
-  PetscBool  asked;               /* for, by options */
-  PetscInt  *number;              /* [nbodies] of a tied body: iterated: among those of all ranks; else >= 0 among the
+  PetscReal   *slots;        /* [count][nr] work */
+  PetscBool    iterated;     /* the system of all tied bodies, across ranks; else the two others */
+  PetscBool    asked;        /* for, by options */
+  PetscInt    *number;       /* [nbodies] of a tied body: iterated: among those of all ranks; else >= 0 among the
                                      closed ones here, <= -2: open, -2 - number; -1: not tied or unknown here */
-  PetscInt   first;               /* iterated: number of the first own one */
-  Mat        mat;
-  KSP        ksp;
-  Vec        b, x;
-  TieSystem  closed, open;
-  MPI_Request sum_request;
-  PetscMPIInt *length, *begin;    /* [ranks] of the right-hand side of the open ones */
-  PetscInt   *place;              /* [ntied] of own tied bodies, numbers as above */
+  PetscInt     first;        /* iterated: number of the first own one */
+  Mat          mat;
+  KSP          ksp;
+  Vec          b, x;
+  TieSystem    closed, open;
+  MPI_Request  sum_request;
+  PetscMPIInt *length, *begin; /* [ranks] of the right-hand side of the open ones */
+  PetscInt    *place;          /* [ntied] of own tied bodies, numbers as above */
 };
 
 /* What the ties of a body come to and numbers of the tied bodies, into t. Collective. */

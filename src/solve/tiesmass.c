@@ -93,7 +93,7 @@ PetscErrorCode TiesNumber(Ties t)
 {
   Constraint     c  = t->constraint;
   const PetscInt nr = c->nr, width = 2 + nr * nr;
-  PetscReal     *value, most = 0;
+  PetscReal     *value, most       = 0;
   PetscBool     *own, *shared, *open;
 
   PetscFunctionBeginUser;

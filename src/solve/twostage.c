@@ -17,9 +17,9 @@ struct _p_TwoStage {
   CellRelax cells;
   Vec       v, w;      /* of the velocity, borrowed */
   Vec       own[2], e; /* v and w where nobody lends them; only with cells to relax; or NULL */
-  Vec       g, q;    /* of the pressure */
-  PetscReal blend;   /* om */
-  PetscInt  ncell;   /* relaxed cells on all ranks, 0 where they would not pay */
+  Vec       g, q;      /* of the pressure */
+  PetscReal blend;     /* om */
+  PetscInt  ncell;     /* relaxed cells on all ranks, 0 where they would not pay */
 };
 
 /* w = (A_r - X) v, v = X^{-1} P^T B^T p1 */
@@ -136,8 +136,8 @@ static PetscErrorCode relax(TwoStage t, FlowSolver fs, Vec u, Vec p)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* e = x_u - A_r u of the velocity solve. PETSc's gcr and lean_gmres have it; PETSc's gmres, asked after the solve, would
-   add the correction a second time. */
+/* e = x_u - A_r u of the velocity solve. PETSc's gcr and lean_gmres have it; PETSc's gmres, asked after the solve,
+   would add the correction a second time. */
 static PetscErrorCode get_residual(TwoStage t, FlowSolver fs)
 {
   PetscBool known;

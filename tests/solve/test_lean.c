@@ -1,4 +1,5 @@
-/* Lean Krylov methods against PETSc's: the same iterates and iterations, fewer vectors, and what they tell of themselves */
+/* Lean Krylov methods against PETSc's: the same iterates and iterations, fewer vectors, and what they tell of
+   themselves */
 #include "core.h"
 #include "lean.h"
 
@@ -76,7 +77,8 @@ static KSP solve(const char type[], PCSide side, KSPNormType norm, PetscInt rest
 }
 
 /* The same number of iterations and answer as PETSc's; restart 7 starts anew more than once */
-static void compare(const char lean[], const char petsc[], PCSide side, KSPNormType norm, PetscReal flow, PetscBool singular, PetscInt restart, PetscReal rtol)
+static void compare(const char lean[], const char petsc[], PCSide side, KSPNormType norm, PetscReal flow, PetscBool singular, PetscInt restart,
+                    PetscReal rtol)
 {
   Mat                A = create_matrix(flow, singular);
   Vec                b = create_rhs(A, singular), x, y;
