@@ -259,8 +259,9 @@ PetscErrorCode SnapCreate(Mesh mesh, Bodies bodies, Snap *snap)
   n          = s->loc->nnode_all;
   PetscCall(PetscCalloc5(n, &s->kind, n, &s->side, n, &s->code, n, &s->level, s->loc->dim * n, &s->d));
   PetscCall(PetscCalloc6(n, &s->depth, n, &s->work, n, &s->stamp[0], n, &s->node_body, n, &s->on_wall, n, &s->size));
-  PetscCall(PetscCalloc5(s->loc->ncell_all, &s->cover, s->loc->ncell_all, &s->stamp[1], s->loc->ncell_all, &s->cell_body, s->loc->ncell_all,
-                         &s->cell_before, n, &s->at_corner));
+  PetscCall(PetscCalloc6(s->loc->ncell_all, &s->cover, s->loc->ncell_all, &s->image, s->loc->ncell_all, &s->stamp[1], s->loc->ncell_all, &s->cell_body,
+                         s->loc->ncell_all, &s->cell_before, n, &s->at_corner));
+  for (PetscInt a = 0; a < s->loc->dim; a++) s->periodic = (PetscBool)(s->periodic || s->loc->period[a] > 0);
   for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(PER_BODY); i++) PetscCall(BodiesAttachWork(bodies, PER_BODY[i].bytes, per_body(s, i)));
   for (PetscInt i = 0; i < n; i++) s->node_body[i] = -1;
   for (PetscInt c = 0; c < s->loc->ncell_all; c++) s->cell_body[c] = s->cell_before[c] = -1;
@@ -290,7 +291,7 @@ PetscErrorCode SnapDestroy(Snap *snap)
   PetscCall(free_lists(s));
   PetscCall(PetscFree5(s->kind, s->side, s->code, s->level, s->d));
   PetscCall(PetscFree6(s->depth, s->work, s->stamp[0], s->node_body, s->on_wall, s->size));
-  PetscCall(PetscFree5(s->cover, s->stamp[1], s->cell_body, s->cell_before, s->at_corner));
+  PetscCall(PetscFree6(s->cover, s->image, s->stamp[1], s->cell_body, s->cell_before, s->at_corner));
   PetscCall(PetscFree(s->number));
   PetscCall(SnapPathTearDown(s));
   for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(PER_BODY); i++) PetscCall(BodiesDetach(s->bodies, per_body(s, i)));
