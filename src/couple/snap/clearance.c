@@ -12,7 +12,7 @@ struct _p_Clearance {
   PetscInt        *ptr, *near, room; /* [nbodies + 1]; near bodies of each */
   PetscInt        *order;            /* [nbodies] by their left ends */
   PetscReal       *left;             /* [nbodies] */
-  const PetscInt  *passes;           /* [nbodies] */
+  const PetscInt  *passes, *joined;  /* [nbodies] */
 };
 
 static PetscReal near_radius(Clearance c, PetscInt k)
@@ -91,7 +91,7 @@ PetscErrorCode ClearanceDestroy(Clearance *clearance)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ClearanceUpdate(Clearance c, PetscReal (*X)[3], const PetscInt passes[])
+PetscErrorCode ClearanceUpdate(Clearance c, PetscReal (*X)[3], const PetscInt passes[], const PetscInt joined[])
 {
   const PetscInt n = c->state->n;
 
@@ -102,6 +102,7 @@ PetscErrorCode ClearanceUpdate(Clearance c, PetscReal (*X)[3], const PetscInt pa
     c->n = n;
   }
   c->passes = passes;
+  c->joined = joined;
   for (PetscInt k = 0; k < n; k++) {
     c->order[k] = k;
     c->left[k]  = DomainWrap(c->loc->period[0], X[k][0] - near_radius(c, k), c->loc->lower[0]);
@@ -134,7 +135,7 @@ static PetscErrorCode measure_images(Clearance c, PetscReal (*X)[3], PetscReal (
       at[a] = X[j][a];
       if (period > 0) at[a] += period * (PetscFloorReal((y[a] - at[a]) / period + 0.5) + step[a]);
       if (a < l->dim) d2 += PetscSqr(y[a] - at[a]);
-      self    = (PetscBool)(self && PetscAbsReal(at[a] - X[j][a]) <= 0.5 * period);
+      self    = (PetscBool)(self && (PetscAbsReal(at[a] - X[j][a]) <= 0.5 * period || c->joined[k] >> a & 1));
       nearest = (PetscBool)(nearest && !step[a]);
     }
     if (!is || self || (!nearest && d2 > reach * reach)) continue;

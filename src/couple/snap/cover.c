@@ -2,52 +2,7 @@
 #include "compat.h"
 #include "impl.h"
 
-/* ---- images ---- */
-
-PetscInt SnapSolid(Snap s, PetscInt i, PetscInt c)
-{
-  const MeshLocal *l     = s->loc;
-  PetscInt         solid = s->cover[c] - 1, m = s->image[c], step[3] = {0, 0, 0};
-
-  if (!s->cover[c]) return 0;
-  for (PetscInt a = 0; a < l->dim; a++, m /= 3) {
-    if (l->period[a] <= 0) continue;
-    step[a] = m % 3 - 1 - (PetscInt)PetscFloorReal((l->x_start[l->dim * SnapCentre(s, c) + a] - l->x_start[l->dim * i + a]) / l->period[a] + 0.5);
-  }
-  for (PetscInt a = 2; a >= 0; a--) solid = 5 * solid + step[a] + 2;
-  return solid + 1;
-}
-
-void SnapPlaceInSolid(Snap s, PetscInt i, PetscInt solid, PetscInt j, const PetscReal X[], PetscReal x[])
-{
-  const MeshLocal *l   = s->loc;
-  const PetscInt   dim = l->dim;
-
-  for (PetscInt a = 0; a < dim; a++) {
-    PetscReal r = l->x_start[dim * j + a] - X[a];
-
-    if (l->period[a] > 0)
-      r -= l->period[a] *
-           ((PetscReal)SnapSolidStep(solid, a) + PetscFloorReal((l->x_start[dim * j + a] - l->x_start[dim * i + a]) / l->period[a] + 0.5));
-    x[a] = X[a] + r;
-  }
-}
-
-void SnapWayTo(Snap s, PetscInt k, const PetscReal y[], PetscInt i, PetscBool displaced, PetscReal r[])
-{
-  const MeshLocal *l     = s->loc;
-  PetscInt         solid = 0;
-
-  for (PetscInt e = l->node_cell_ptr[i]; s->periodic && !solid && e < l->node_cell_ptr[i + 1]; e++)
-    if (s->cover[l->node_cell[e]] == k + 1) solid = SnapSolid(s, i, l->node_cell[e]);
-  for (PetscInt a = 0; a < l->dim; a++) {
-    const PetscReal x = displaced ? l->x_start[l->dim * i + a] + s->d[l->dim * i + a] : l->x_start[l->dim * i + a];
-
-    r[a] = solid && l->period[a] > 0 ? x - y[a] - l->period[a] * (PetscReal)SnapSolidStep(solid, a) : MeshNearest(l, a, x - y[a]);
-  }
-}
-
-/* ---- cells ---- */
+#define TIE 1e-9 /* of a cell: centres on the surface of a body are all outside, whatever round-off says */
 
 /* Own cells with their centre in body k drawn at X (this periodic image); where bodies overlap, the deeper one wins */
 static PetscErrorCode cover_image(Snap s, PetscInt k, PetscInt image, const PetscReal X[3], const PetscReal q[4], PetscReal radius)
@@ -69,7 +24,7 @@ static PetscErrorCode cover_image(Snap s, PetscInt k, PetscInt image, const Pets
     for (PetscInt i = 0; i < m; i++) {
       const PetscInt c = l->centre_cell[node[i]];
 
-      if (dist[i] >= 0 || (s->cover[c] && dist[i] >= s->depth[node[i]])) continue;
+      if (dist[i] >= -TIE * s->size[node[i]] || (s->cover[c] && dist[i] >= s->depth[node[i]])) continue;
       if (!s->cover[c]) PetscCall(SnapListAdd(&s->dead, c));
       s->cover[c]       = k + 1;
       s->image[c]       = image;
@@ -196,6 +151,7 @@ PetscErrorCode SnapClassifyNodes(Snap s)
     }
   }
   PetscCall(SnapSyncBodies(s, 2, s->code));
+  PetscCall(SnapShareSolids(s));
   for (PetscInt i = l->nnode; i < l->nnode_all; i++)
     if (s->code[i]) PetscCall(SnapListAdd(&s->marked, i));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -1,7 +1,7 @@
 /* Inside of the snap module; for its files only. snap.c: the fit and its result. cover.c: the cells of thick bodies.
    repair.c: a staircase of hexahedra that is a surface. place.c: walls, gaps, rings. sides.c: bodies
    through sides of the domain. corners.c: vertices on corners; edges.c: in space on edges. check.c:
-   is it a mesh? mend.c: hexahedra that would be too flat. path.c, graph.c: bodies thinner than a cell. */
+   is it a mesh? mend.c: hexahedra that would be too flat. images.c: which image of a body. path.c, graph.c: bodies thinner than a cell. */
 #pragma once
 #include "base/room.h"
 #include "clearance.h"
@@ -44,7 +44,9 @@ struct _p_Snap {
   const MeshLocal *loc;
   Bodies           bodies;
   BodyState       *state;
-  PetscBool        periodic;
+  PetscBool        periodic, wide; /* are there periods? bodies at least as wide as one? */
+  PetscInt        *solid;          /* [nnode_all] with wide: of wall nodes, 1 + their periods as in SnapSolid */
+  PetscInt        *joined;         /* [nbodies] bits of the axes along which it is one with its images */
   PetscInt         nbodies; /* known to this rank in the fit in work; k speaks of these */
   NodeKind        *kind;    /* [nnode_all] */
   PetscInt        *side;    /* [nnode_all] sides of the domain it is on: bits 2 axis + (upper one), SIDE_CURVED */
@@ -139,9 +141,16 @@ static inline void SnapPlaceNear(Snap s, PetscInt i, const PetscReal y[], PetscR
   for (PetscInt a = 0; a < dim; a++) x[a] = y[a] + MeshNearest(s->loc, a, s->loc->x_start[dim * i + a] - y[a]);
 }
 
+/* images.c. Are there images to tell apart, and bodies as wide as a period? */
+void SnapMayMeetImages(Snap);
+/* Axes along which bodies touch or overlap their own images: s->joined. Not collective. */
+PetscErrorCode SnapFindImages(Snap, PetscReal (*X)[3], PetscReal (*q)[4]);
+/* After the nodes of dead cells are marked: s->solid. Collective. */
+PetscErrorCode SnapShareSolids(Snap);
 /* Which solid dead cell c beside node i belongs to: two of them around i are of the same body, and of the same image of
-   it, if these agree; 0: c is live. Two images of one body are as far from being one as two bodies are. */
+   it, if these agree; 0: c is live. */
 PetscInt SnapSolid(Snap, PetscInt i, PetscInt c);
+/* The body that solid is of */
 static inline PetscInt SnapSolidBody(PetscInt solid)
 {
   return (solid - 1) / 125;
