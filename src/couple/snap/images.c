@@ -7,9 +7,7 @@
    one. */
 #include "compat.h"
 #include "impl.h"
-#include "base/algebra.h"
 #include "bodies/local.h"
-#include "shape/host.h"
 
 #define SURFACE 1000 /* points of a surface that tell */
 #define TOUCH   1e-6 /* radii */
@@ -86,33 +84,6 @@ PetscErrorCode SnapShareSolids(Snap s)
 
 /* ---- bodies that are one with their images ---- */
 
-/* Points of the surface of body k at X with its corners, in space; free x */
-static PetscErrorCode list_points(Snap s, PetscInt k, const PetscReal X[3], const PetscReal q[4], PetscInt *n, PetscReal **x)
-{
-  const BodyGroup *g   = BodiesGetGroup(s->state, k);
-  const PetscInt   dim = s->loc->dim;
-  const PetscReal *corner;
-  PetscReal        R[9], *at, *w;
-  PetscInt         ncorner;
-
-  PetscFunctionBeginUser;
-  PetscCall(ShapeGetCorners(g->shape, &ncorner, &corner));
-  PetscCall(PetscMalloc2(SURFACE * dim, &at, SURFACE, &w));
-  PetscCall(ShapeSurface(g->shape, SURFACE, at, w));
-  RotationMatrix(q, R);
-  *n = SURFACE + ncorner;
-  PetscCall(PetscMalloc1(*n * dim, x));
-  for (PetscInt p = 0; p < *n; p++) {
-    const PetscReal *from = p < SURFACE ? at + p * dim : corner + (p - SURFACE) * dim;
-    PetscReal        y[3] = {0, 0, 0};
-
-    for (PetscInt a = 0; a < dim; a++) y[a] = s->state->scale[k] * (from[a] - g->mass.centroid[a]);
-    for (PetscInt a = 0; a < dim; a++) (*x)[p * dim + a] = X[a] + R[3 * a] * y[0] + R[3 * a + 1] * y[1] + R[3 * a + 2] * y[2];
-  }
-  PetscCall(PetscFree2(at, w));
-  PetscFunctionReturn(PETSC_SUCCESS);
-}
-
 /* Does body k meet its image that is this far? Round ones that only touch do not. */
 static PetscErrorCode meets_image(Snap s, PetscInt k, const PetscReal X[3], const PetscReal q[4], const PetscReal shift[3], PetscInt n,
                                   const PetscReal x[], PetscBool *meets)
@@ -149,7 +120,7 @@ PetscErrorCode SnapFindImages(Snap s, PetscReal (*X)[3], PetscReal (*q)[4])
 
       for (PetscInt a = 0; a < 3; a++) is = (PetscBool)(is && (!step[a] || period[a] > 0));
       if (!is || PetscSqr(shift[0]) + PetscSqr(shift[1]) + PetscSqr(shift[2]) > PetscSqr(2 * radius * (1 + TOUCH))) continue;
-      if (!x) PetscCall(list_points(s, k, X[k], q[k], &n, &x));
+      if (!x) PetscCall(BodiesSurfacePoints(s->bodies, k, X[k], q[k], SURFACE, &n, &x));
       PetscCall(meets_image(s, k, X[k], q[k], shift, n, x, &meets));
       for (PetscInt a = 0; a < 3 && meets; a++) s->joined[k] |= step[a] ? 1 << a : 0;
     }

@@ -1,7 +1,7 @@
 /* Inside of the snap module; for its files only. snap.c: the fit and its result. cover.c: the cells of thick bodies.
    repair.c: a staircase of hexahedra that is a surface. place.c: walls, gaps, rings. sides.c: bodies
    through sides of the domain. corners.c: vertices on corners; edges.c: in space on edges. check.c:
-   is it a mesh? mend.c: hexahedra that would be too flat. images.c: which image of a body. path.c, graph.c: bodies thinner than a cell. */
+   is it a mesh? levels.c: has one of several sizes room? mend.c: hexahedra that would be too flat. images.c: which image of a body. path.c, graph.c: bodies thinner than a cell. */
 #pragma once
 #include "base/room.h"
 #include "clearance.h"
