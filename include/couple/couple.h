@@ -129,7 +129,8 @@ typedef struct {
   PetscReal mean[3]; /* velocity, mean over the domain with the bodies in it (less those that are holes of the mesh) */
   PetscReal error;   /* largest component of fluid - the rest, over the sum of the sizes of all forces */
   PetscReal size;    /* that sum */
-  PetscReal driving; /* of the uniform force on the whole domain, what bodies, walls and what accelerates do not take, over
+  PetscReal
+    driving; /* of the uniform force on the whole domain, what bodies, walls and what accelerates do not take, over
                         that force (or half of size): the mesh has lost (won: negative) room; 0 where none drives, or
                         bodies pass through sides */
 } CoupleBalance;

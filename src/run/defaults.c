@@ -13,12 +13,12 @@ enum {
   STEADY   = 2,
   PLANE    = 4,
   SPATIAL  = 8,
-  SMALL    = 16,  /* for a direct solver */
-  MOVING   = 32,  /* bodies that do not all stand still */
-  LED      = 64,  /* bodies that are led to and fro */
-  EMPTY    = 128, /* no bodies */
-  STILL    = 256, /* bodies, and all of them stand still */
-  EVEN     = 512, /* no cell has neighbours of half its size */
+  SMALL    = 16,   /* for a direct solver */
+  MOVING   = 32,   /* bodies that do not all stand still */
+  LED      = 64,   /* bodies that are led to and fro */
+  EMPTY    = 128,  /* no bodies */
+  STILL    = 256,  /* bodies, and all of them stand still */
+  EVEN     = 512,  /* no cell has neighbours of half its size */
   ASKED    = 1024, /* for a preset, in the scene or on the command line: all others are as they always were */
   ROOM     = 2048, /* the mesh can be lined up: cells of one size around bodies, wherever these go */
   SPINS    = 4096, /* a body that is free to turn and stays where it is */
@@ -245,7 +245,7 @@ static PetscErrorCode find_stay(Bodies bodies, PetscBool steady, PetscBool *stay
   *stay  = PETSC_TRUE;
   *spins = PETSC_FALSE;
   for (PetscInt g = 0; g < s->ngroups; g++) {
-    const BodyGroup *b      = &s->group[g];
+    const BodyGroup *b       = &s->group[g];
     const PetscBool  jointed = (PetscBool)(b->motion.has_pivot || b->motion.has_hinge || b->motion.has_slide);
 
     if (b->free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z) || (b->free && jointed)) *stay = PETSC_FALSE;
@@ -294,11 +294,11 @@ static PetscErrorCode find_scene(Mesh mesh, Bodies bodies, PetscBool steady, Pet
 PetscErrorCode DefaultsApply(Mesh mesh, Bodies bodies, PetscBool steady)
 {
   const MeshLocal *l;
-  PromiseScene     scene = {.gap = {.cells = PETSC_MAX_REAL, .group = -1}};
-  Replaced  replaced = {0};
-  PetscInt  preset   = 1;
-  PetscBool given, commanded;
-  int       situation = 0;
+  PromiseScene     scene    = {.gap = {.cells = PETSC_MAX_REAL, .group = -1}};
+  Replaced         replaced = {0};
+  PetscInt         preset   = 1;
+  PetscBool        given, commanded;
+  int              situation = 0;
 
   PetscFunctionBeginUser;
   PetscCall(OptHas("-preset", &given));

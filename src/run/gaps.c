@@ -183,9 +183,10 @@ static PetscErrorCode search_body(Search *f, PetscInt k, PetscBool steady)
 /* Is there a condition of an opening at this boundary? */
 static PetscErrorCode is_opening(const char name[], PetscBool *open)
 {
-  static const char *const WORDS[] = {"inflow",       "outflow", "pressure",   "dirichlet", "velocity", "inlet",   "velocity_inlet", "in",     "outlet", "pressure_outlet",
-                                      "pressure_outflow", "do_nothing", "donothing", "neumann",  "zero_gradient", "open", "opening", "out", "free_outflow"};
-  char                     option[128], text[64];
+  static const char *const WORDS[] =
+    {"inflow",           "outflow",    "pressure",  "dirichlet", "velocity",      "inlet", "velocity_inlet", "in",  "outlet",      "pressure_outlet",
+     "pressure_outflow", "do_nothing", "donothing", "neumann",   "zero_gradient", "open",  "opening",        "out", "free_outflow"};
+  char option[128], text[64];
 
   PetscFunctionBeginUser;
   *open = PETSC_FALSE;

@@ -103,7 +103,8 @@ static PetscErrorCode measure_layer(const MeshLocal *l, Bodies bodies, PetscInt 
   if (k >= 0) first[1] = s->density[k];
   PetscCall(BodiesMax(bodies, 2, first));
   d     = 2 * first[0];
-  speed = estimate_fall(l->dim, d, PetscAbsReal(first[1] / density - 1) * PetscSqrtReal(x * x + y * y + (l->dim == 3 ? z * z : 0)), viscosity / density);
+  speed = estimate_fall(l->dim, d, PetscAbsReal(first[1] / density - 1) * PetscSqrtReal(x * x + y * y + (l->dim == 3 ? z * z : 0)),
+                        viscosity / density);
   if (speed > 0) *cells = d / PetscSqrtReal(density * speed * d / viscosity) / l->h;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -186,7 +187,8 @@ static PetscErrorCode find_other(const MeshLocal *l, Bodies bodies, PetscInt pre
 
 /* "group 'disc' is 1.0 cells thick and needs 5.0. Refine the mesh (...), use -preset accurate"; preset -1: the default
    one, for which it may be asked */
-static PetscErrorCode describe(const MeshLocal *l, Bodies bodies, PetscInt preset, const Breach *b, const PromiseScene *scene, char text[], size_t len)
+static PetscErrorCode describe(const MeshLocal *l, Bodies bodies, PetscInt preset, const Breach *b, const PromiseScene *scene, char text[],
+                               size_t len)
 {
   const char *const refine = "Refine the mesh (-mesh_cells, -mesh_focus_h, -mesh_levels)";
   BodyState        *s;

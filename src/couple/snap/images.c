@@ -116,7 +116,7 @@ PetscErrorCode SnapFindImages(Snap s, PetscReal (*X)[3], PetscReal (*q)[4])
     for (PetscInt m = 14; s->wide && m < 27; m++) { /* half of all images */
       const PetscInt  step[3]  = {m % 3 - 1, m / 3 % 3 - 1, m / 9 - 1};
       const PetscReal shift[3] = {step[0] * period[0], step[1] * period[1], step[2] * period[2]}, radius = BodiesGetRadius(s->state, k);
-      PetscBool       meets, is = PETSC_TRUE;
+      PetscBool       meets, is                                                                          = PETSC_TRUE;
 
       for (PetscInt a = 0; a < 3; a++) is = (PetscBool)(is && (!step[a] || period[a] > 0));
       if (!is || PetscSqr(shift[0]) + PetscSqr(shift[1]) + PetscSqr(shift[2]) > PetscSqr(2 * radius * (1 + TOUCH))) continue;

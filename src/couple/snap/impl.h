@@ -47,9 +47,9 @@ struct _p_Snap {
   PetscBool        periodic, wide; /* are there periods? bodies at least as wide as one? */
   PetscInt        *solid;          /* [nnode_all] with wide: of wall nodes, 1 + their periods as in SnapSolid */
   PetscInt        *joined;         /* [nbodies] bits of the axes along which it is one with its images */
-  PetscInt         nbodies; /* known to this rank in the fit in work; k speaks of these */
-  NodeKind        *kind;    /* [nnode_all] */
-  PetscInt        *side;    /* [nnode_all] sides of the domain it is on: bits 2 axis + (upper one), SIDE_CURVED */
+  PetscInt         nbodies;        /* known to this rank in the fit in work; k speaks of these */
+  NodeKind        *kind;           /* [nnode_all] */
+  PetscInt        *side;           /* [nnode_all] sides of the domain it is on: bits 2 axis + (upper one), SIDE_CURVED */
   SnapCell         cell_kind;
   PetscInt         npoint; /* of the check */
   PetscReal        dphi[NPOINT][3 * MESH_MAX_NB], weight[NPOINT];

@@ -233,10 +233,10 @@ static const struct {
                 {offsetof(struct _p_Snap, lost), sizeof(PetscReal)},     {offsetof(struct _p_Snap, hollow), sizeof(PetscBool)},
                 {offsetof(struct _p_Snap, passes), sizeof(PetscInt)},    {offsetof(struct _p_Snap, stray), sizeof(PetscInt)},
                 {offsetof(struct _p_Snap, inside), sizeof(PetscReal)},   {offsetof(struct _p_Snap, follow), sizeof(PetscBool)},
-                {offsetof(struct _p_Snap, joined), sizeof(PetscInt)},    {offsetof(struct _p_Snap, could), sizeof(PetscBool)},    {offsetof(struct _p_Snap, ncorner), sizeof(PetscInt)},
-                {offsetof(struct _p_Snap, ntaken), sizeof(PetscInt)},    {offsetof(struct _p_Snap, line), sizeof(Midline)},
-                {offsetof(struct _p_Snap, is_path), sizeof(PetscBool)},  {offsetof(struct _p_Snap, path), sizeof(SnapPath)},
-                {offsetof(struct _p_Snap, smallest), sizeof(PetscReal)}};
+                {offsetof(struct _p_Snap, joined), sizeof(PetscInt)},    {offsetof(struct _p_Snap, could), sizeof(PetscBool)},
+                {offsetof(struct _p_Snap, ncorner), sizeof(PetscInt)},   {offsetof(struct _p_Snap, ntaken), sizeof(PetscInt)},
+                {offsetof(struct _p_Snap, line), sizeof(Midline)},       {offsetof(struct _p_Snap, is_path), sizeof(PetscBool)},
+                {offsetof(struct _p_Snap, path), sizeof(SnapPath)},      {offsetof(struct _p_Snap, smallest), sizeof(PetscReal)}};
 
 static void **per_body(Snap s, size_t i)
 {
@@ -259,8 +259,8 @@ PetscErrorCode SnapCreate(Mesh mesh, Bodies bodies, Snap *snap)
   n          = s->loc->nnode_all;
   PetscCall(PetscCalloc5(n, &s->kind, n, &s->side, n, &s->code, n, &s->level, s->loc->dim * n, &s->d));
   PetscCall(PetscCalloc6(n, &s->depth, n, &s->work, n, &s->stamp[0], n, &s->node_body, n, &s->on_wall, n, &s->size));
-  PetscCall(PetscCalloc6(s->loc->ncell_all, &s->cover, s->loc->ncell_all, &s->image, s->loc->ncell_all, &s->stamp[1], s->loc->ncell_all, &s->cell_body,
-                         s->loc->ncell_all, &s->cell_before, n, &s->at_corner));
+  PetscCall(PetscCalloc6(s->loc->ncell_all, &s->cover, s->loc->ncell_all, &s->image, s->loc->ncell_all, &s->stamp[1], s->loc->ncell_all,
+                         &s->cell_body, s->loc->ncell_all, &s->cell_before, n, &s->at_corner));
   SnapMayMeetImages(s);
   if (s->wide) PetscCall(PetscCalloc1(n, &s->solid));
   for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(PER_BODY); i++) PetscCall(BodiesAttachWork(bodies, PER_BODY[i].bytes, per_body(s, i)));
