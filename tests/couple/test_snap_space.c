@@ -288,8 +288,8 @@ static void test_passages(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_shapes), cmocka_unit_test(test_gaps), cmocka_unit_test(test_images), cmocka_unit_test(test_side),
-                                     cmocka_unit_test(test_passages)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_shapes), cmocka_unit_test(test_gaps), cmocka_unit_test(test_images),
+                                     cmocka_unit_test(test_side), cmocka_unit_test(test_passages)};
   int                     failed;
 
   if (PetscInitialize(&argc, &argv, NULL, NULL)) return 1;
