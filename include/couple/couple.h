@@ -129,6 +129,10 @@ typedef struct {
   PetscReal mean[3]; /* velocity, mean over the domain with the bodies in it (less those that are holes of the mesh) */
   PetscReal error;   /* largest component of fluid - the rest, over the sum of the sizes of all forces */
   PetscReal size;    /* that sum */
+  PetscReal
+    driving; /* of the uniform force on the whole domain, what bodies, walls and what accelerates do not take, over
+                        that force (or half of size): the mesh has lost (won: negative) room; 0 where none drives, or
+                        bodies pass through sides */
 } CoupleBalance;
 
 /* The uniform force of -flow_rate and -couple_backflow, measured by CoupleMomentum. */
@@ -138,6 +142,11 @@ typedef struct {
   PetscReal error; /* of the back-flow condition. flux: mean velocity over its root mean square; force: what accelerates
                       fluid and bodies beyond walls, openings and held bodies, over the sum of the loads */
 } CoupleDrive;
+/* -couple_boundary snap needs cells of one size around a surface: has the mesh as it is that, around the bodies where
+   they are? Collective. */
+PetscErrorCode CoupleHasLevelRoom(Mesh, Bodies, PetscBool *room);
+/* Does a uniform force drive the flow (-flow_force, -flow_rate, -couple_backflow)? */
+PetscBool CoupleIsDriven(Couple);
 /* NULL: neither is asked for. Borrowed. */
 PetscErrorCode CoupleGetDrive(Couple, const CoupleDrive **);
 

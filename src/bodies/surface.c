@@ -96,3 +96,27 @@ PetscErrorCode BodiesGetCorners(Bodies b, PetscInt k, const PetscReal X[], const
   out_of_frame(g, b->state.scale[k], b->state.dim, X ? X : b->state.x[k], R, PetscMin(*n, most), corner, x);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
+
+PetscErrorCode BodiesSurfacePoints(Bodies b, PetscInt k, const PetscReal X[], const PetscReal q[], PetscInt nface, PetscInt *n, PetscReal **x)
+{
+  const BodyArrays *s   = &b->state;
+  const BodyGroup  *g   = &s->group[s->body_group[k]];
+  const PetscInt    dim = s->dim;
+  const PetscReal  *corner;
+  PetscReal         R[9], *at, *w;
+  PetscInt          ncorner = 0;
+
+  PetscFunctionBeginUser;
+  PetscCall(check_body(b, k));
+  if (nface) PetscCall(ShapeGetCorners(g->shape, &ncorner, &corner));
+  *n = nface ? nface + ncorner : 1;
+  PetscCall(PetscMalloc2(*n * dim, &at, *n, &w));
+  PetscCall(PetscMalloc1(*n * dim, x));
+  if (nface) PetscCall(ShapeSurface(g->shape, nface, at, w));
+  else PetscCall(PetscArraycpy(at, g->mass.centroid, dim));
+  if (ncorner) PetscCall(PetscArraycpy(at + nface * dim, corner, ncorner * dim));
+  RotationMatrix(q ? q : s->q[k], R);
+  out_of_frame(g, s->scale[k], dim, X ? X : s->x[k], R, *n, at, *x);
+  PetscCall(PetscFree2(at, w));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}

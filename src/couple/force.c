@@ -401,7 +401,7 @@ static PetscErrorCode take_mean(Couple c, const FlowDiagnostics *d, PetscReal me
 
 PetscErrorCode CoupleMomentum(Couple c, const FlowDiagnostics *d, CoupleBalance *b)
 {
-  PetscReal size = 0, diff = 0;
+  PetscReal size = 0, diff = 0, rest[3];
 
   PetscFunctionBeginUser;
   PetscCall(sum_prescribed(c, b->walls, b->openings, &size));
@@ -411,13 +411,15 @@ PetscErrorCode CoupleMomentum(Couple c, const FlowDiagnostics *d, CoupleBalance 
     const PetscReal rate = d->change[a] + d->flux[a] - d->driven[a] - d->traction[a];
 
     size += PetscAbsReal(rate);
-    diff         = PetscMax(diff, PetscAbsReal(rate - b->walls[a] - b->openings[a] - b->bodies[a]));
+    rest[a]      = rate - b->walls[a] - b->openings[a] - b->bodies[a];
+    diff         = PetscMax(diff, PetscAbsReal(rest[a]));
     b->fluid[a]  = d->change[a];
     b->volume[a] = d->driven[a];
     b->openings[a] += d->traction[a] - d->flux[a];
   }
   b->size  = size;
   b->error = size > 0 ? diff / size : 0;
+  PetscCall(CoupleMeasureDriving(c, d, rest, b));
   if (c->drive) PetscCall(DriveMeasure(c->drive, b));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

@@ -37,6 +37,8 @@ struct _p_Couple {
   const PenaltyTerm *terms; /* its terms in this step; NULL: none */
   Moved              moved;
   Drive              drive;            /* uniform force that the scene asks for; NULL: none */
+  PetscReal          domain;           /* its volume; 0: not measured yet */
+  PetscBool          driving_told;     /* that bodies and walls do not take the driving force */
   Surfaces           surfaces;         /* what the flow knows of the bodies' distance; NULL: nothing */
   Ale                follow;           /* -mesh_deform with bodies that move */
   const PetscBool   *hollow;           /* [n] the inside of the body is no part of the fluid; NULL: none */
@@ -83,6 +85,9 @@ static inline PetscReal CoupleRigidValue(Couple c, const PetscReal (*u)[3], cons
 
 /* Where sums of own bodies are added over the ranks: is this the one that begins with what all ranks have? */
 PetscBool CoupleCountsFirst(Couple);
+
+/* b->driving, with the rest of the balance of momentum and its size; a remark (once) where it is large. Collective. */
+PetscErrorCode CoupleMeasureDriving(Couple, const FlowDiagnostics *, const PetscReal rest[3], CoupleBalance *b);
 
 /* The density of the fluid inside body k */
 static inline PetscReal CoupleInnerDensity(Couple c, PetscInt k, const FlowParameters *par)

@@ -78,6 +78,7 @@ PetscErrorCode CoupleRemesh(Couple c, Mesh *old)
   PetscFunctionBeginUser;
   PetscCall(CoupleDestroyParts(c));
   PetscCall(CoupleCreateParts(c));
+  c->domain = 0;
   PetscCall(PetscArrayzero(c->owed_U, c->s->n * c->nr)); /* as the new arrays on the mesh: none is owed */
   if (c->left) PetscCall((*c->rung->arrive)(c->rung_data, &c->left, old));
   PetscFunctionReturn(PETSC_SUCCESS);

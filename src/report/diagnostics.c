@@ -45,7 +45,7 @@ struct _p_Diagnostics {
   PetscBool             dp, momentum;
   Point                 point[2];
   PetscReal             from;
-  PetscInt              dp_column, momentum_column, count_column, deform_column, ncolumn, ncount;
+  PetscInt              dp_column, momentum_column, driving_column, count_column, deform_column, ncolumn, ncount;
   const CoupleCount    *count;        /* [ncount] of the boundary rung */
   PetscReal             counted[8];   /* [ncount] their sums over the steps of this run */
   const DeformResult   *deform;       /* NULL: the mesh does not follow bodies */
@@ -257,6 +257,8 @@ static PetscErrorCode add_drive_columns(Diagnostics b)
   char name[128];
 
   PetscFunctionBeginUser;
+  b->driving_column = -1;
+  if (CoupleIsDriven(b->couple)) PetscCall(add_column(b, "driving_error", &b->driving_column));
   PetscCall(CoupleGetDrive(b->couple, &b->drive));
   if (!b->drive) PetscFunctionReturn(PETSC_SUCCESS);
   for (PetscInt a = 0; a < b->loc->dim; a++) {
@@ -402,6 +404,7 @@ PetscErrorCode DiagnosticsStep(Diagnostics b, const CoupleBalance *balance)
   }
   for (PetscInt i = 0; b->deform && i < 3; i++) b->value[b->deform_column + i] = i < 2 ? b->deform->area[i] : b->deform->jacobian;
   if (balance) measure_flow(b, balance);
+  if (balance && b->driving_column >= 0) b->value[b->driving_column] = balance->driving;
   for (PetscInt a = 0; b->s->travels && a < b->loc->dim; a++) {
     b->value[b->frame_column + a]               = b->s->frame_next[a];
     b->value[b->frame_column + b->loc->dim + a] = b->s->frame_u[a];

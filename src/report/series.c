@@ -105,6 +105,8 @@ const MonitorColumn MONITOR_FURTHER[] = {
   {"frame_<x|y|z>", "length", 12, "with -sim_frame: displacement of the box since the start"},
   {"frame_velocity_<x|y|z>", "length/time", 12, "the same: velocity of the box in the step"},
   {"flow_force_<x|y|z>", "force/volume", 12, "with -flow_rate or -couple_backflow: the uniform force on fluid and bodies, -flow_force included"},
+  {"driving_error", "", 12,
+   "with -flow_force, -flow_rate or -couple_backflow: what bodies, walls and what accelerates lack of the uniform force on the whole domain, relative; negative: they take more"},
   {"backflow_error", "", 12,
    "with -couple_backflow flux: mean velocity along gravity over its root mean square; force: what accelerates all, over the weights"},
   {"bodies_velocity_<x|y|z>", "length/time", 12, "with -output_suspension: mean of the bodies free to travel, by volume"},

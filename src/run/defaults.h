@@ -8,4 +8,4 @@
    preset of the command line replaces what the scene gives for its options, and lists it in one line.
    Collective. Errors: recipe fast, a sweep or two of a time step, in a steady scene; a preset that is asked for
    and known not to keep its promise in this scene. */
-PetscErrorCode DefaultsApply(const MeshLocal *, Bodies bodies, PetscBool steady);
+PetscErrorCode DefaultsApply(Mesh, Bodies bodies, PetscBool steady);

@@ -13,12 +13,22 @@
    cells .1 and .8 %), and the boundary layer of a falling one (two discs with 0.43 cells, at 8 cells a diameter: fast
    3 % off, accurate 3.6 %; an ellipse with 0.64 within 0.14 %), or of several that fall in each other's wakes (two
    discs with 0.64 cells: fast 1.6, balanced 1.6, accurate 1.3 % off; with 1.3 cells 0.5, 0.5, 0.3 %; with 2.6
-   accurate 0.06 %) */
+   accurate 0.06 %). In space the same layers */
 const char *const PROMISE_PRESETS[] = {"fast", "balanced", "accurate", NULL};
 static const struct {
   const char *percent;
   PetscReal   cells, other, layer, wakes;
 } PROMISE[] = {{"5", 1.5, 1.5, 0.25, 0.25}, {"1", 5, 10, 0.5, 1}, {"0.2", 2, 2, 0.5, 2}};
+
+/* Cells that a gap which lasts needs, by preset: with the penalty and with the mesh lined up, in the plane and in space.
+   Plane arrays of discs: penalty 8.5, 4.8, 4.4, 1.4 % off at gaps of 1.8, 1.5, 2, 3 cells, 1 % at 7, .5 % at 9; lined up
+   1.5, .8, .3, .05 % at .7, 1.1, 1.3, 1.8 cells. Cubic arrays of spheres: penalty .5, .3, .25 % at 1.6, 2.1, 3.1; lined
+   up .04 % at .6 and 1.6. A sphere that comes to a wall: lined up .14 % at .8 cells (runs/studies/boundary) */
+static const PetscReal GAP[2][2][3] = {{{3, 8, 20}, {0.5, 1.2, 1.5}}, {{1.2, 3, 8}, {0.25, 0.4, 0.8}}};
+
+/* In space, with the penalty: what accurate needs; and the default, whose penalty is that of the plane */
+#define SPACE_ACCURATE 8
+#define SPACE_DEFAULT  10
 
 /* Has the fluid a law that is not Newtonian, and not one of eddies? */
 static PetscErrorCode is_other_fluid(PetscBool *other)
@@ -54,13 +64,27 @@ static PetscErrorCode measure_thickness(const MeshLocal *l, Bodies bodies, Petsc
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Diameter/sqrt(Re) in cells of a free body that falls with a drag coefficient of 1; infinite for one that does not, or
-   where a number is an expression. Planes only: no measurements in space. */
+/* Terminal speed of a body of this size, by its drag coefficient: in the plane 1, in space that of Schiller and Naumann
+   (1935) for spheres */
+static PetscReal estimate_fall(PetscInt dim, PetscReal d, PetscReal pull, PetscReal nu)
+{
+  PetscReal speed = PetscSqrtReal((dim == 2 ? PETSC_PI / 2 : 4. / 3) * d * pull);
+
+  for (PetscInt i = 0; dim == 3 && i < 50; i++) {
+    const PetscReal re = PetscMax(speed * d / nu, 1e-12), drag = PetscMax(24 / re * (1 + 0.15 * PetscPowReal(re, 0.687)), 0.44);
+
+    speed = PetscSqrtReal(speed * PetscSqrtReal(4. / 3 * d * pull / drag));
+  }
+  return speed;
+}
+
+/* Diameter/sqrt(Re) in cells of a free body that falls; infinite for one that does not, or where a number is an
+   expression */
 static PetscErrorCode measure_layer(const MeshLocal *l, Bodies bodies, PetscInt group, PetscReal *cells)
 {
   BodyState *s;
   char       text[64];
-  double     x = 0, y = 0;
+  double     x = 0, y = 0, z = 0;
   PetscReal  density = 1, viscosity = 0.01;
   PetscBool  known;
   PetscReal  first[2] = {0, 0}, d, speed; /* size and density of its first body */
@@ -72,14 +96,15 @@ static PetscErrorCode measure_layer(const MeshLocal *l, Bodies bodies, PetscInt 
   PetscCall(OptPeekReal("-flow_density", &density, &known));
   PetscCall(OptPeekReal("-flow_viscosity", &viscosity, &known));
   PetscCall(OptPeek("-flow_gravity", text, sizeof(text)));
-  if (l->dim != 2 || !s->group[group].count || sscanf(text, "%lf%*[ ,]%lf", &x, &y) != 2) PetscFunctionReturn(PETSC_SUCCESS);
-  if (!(s->group[group].free & (BODY_FREE_X | BODY_FREE_Y)) || s->group[group].motion.has_pivot) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!s->group[group].count || sscanf(text, "%lf%*[ ,]%lf%*[ ,]%lf", &x, &y, &z) < l->dim) PetscFunctionReturn(PETSC_SUCCESS);
+  if (!(s->group[group].free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z)) || s->group[group].motion.has_pivot) PetscFunctionReturn(PETSC_SUCCESS);
   k = BodiesFind(s, s->group[group].first);
   if (k >= 0) first[0] = BodiesGetRadius(s, k);
   if (k >= 0) first[1] = s->density[k];
   PetscCall(BodiesMax(bodies, 2, first));
   d     = 2 * first[0];
-  speed = PetscSqrtReal(0.5 * PETSC_PI * d * PetscAbsReal(first[1] / density - 1) * PetscSqrtReal(x * x + y * y));
+  speed = estimate_fall(l->dim, d, PetscAbsReal(first[1] / density - 1) * PetscSqrtReal(x * x + y * y + (l->dim == 3 ? z * z : 0)),
+                        viscosity / density);
   if (speed > 0) *cells = d / PetscSqrtReal(density * speed * d / viscosity) / l->h;
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -88,15 +113,26 @@ static PetscErrorCode measure_layer(const MeshLocal *l, Bodies bodies, PetscInt 
 typedef struct {
   PetscInt  group;
   PetscReal cells, needed;
-  PetscBool layer; /* of the boundary layer, not of the body */
+  enum {
+    THICKNESS,
+    LAYER,
+    GAP_WIDTH
+  } what;
 } Breach;
 
-/* thick: least number of cells across a body */
-static PetscErrorCode find_breach(const MeshLocal *l, Bodies bodies, PetscInt preset, PetscReal thick, Breach *b)
+PetscBool PromiseIsNarrow(const MeshLocal *l, PetscInt preset, const LastingGap *gap)
 {
-  BodyState *s;
-  PetscReal  cells = 0, least = PROMISE[preset].layer;
-  PetscInt   fall = 0;
+  return (PetscBool)(gap->cells < GAP[l->dim - 2][0][preset]);
+}
+
+/* thick: least number of cells across a body; aligned: the mesh is lined up with them */
+static PetscErrorCode find_breach(const MeshLocal *l, Bodies bodies, PetscInt preset, PetscReal thick, PetscBool aligned, const LastingGap *gap,
+                                  Breach *b)
+{
+  BodyState      *s;
+  PetscReal       cells = 0, least = PROMISE[preset].layer;
+  const PetscReal wide = GAP[l->dim - 2][aligned ? 1 : 0][preset];
+  PetscInt        fall = 0;
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(bodies, &s));
@@ -108,27 +144,29 @@ static PetscErrorCode find_breach(const MeshLocal *l, Bodies bodies, PetscInt pr
   if (fall > 1) least = PROMISE[preset].wakes;
   for (PetscInt g = 0; g < s->ngroups && b->group < 0; g++) {
     PetscCall(measure_thickness(l, bodies, g, &cells));
-    if (cells != 0 && cells < thick * (1 - 1e-6)) *b = (Breach){g, cells, thick, PETSC_FALSE};
+    if (cells != 0 && cells < thick * (1 - 1e-6)) *b = (Breach){g, cells, thick, THICKNESS};
     if (b->group >= 0) break;
     PetscCall(measure_layer(l, bodies, g, &cells));
-    if (cells < least) *b = (Breach){g, cells, least, PETSC_TRUE};
+    if (cells < least) *b = (Breach){g, cells, least, LAYER};
   }
+  if (b->group < 0 && gap->cells < wide) *b = (Breach){gap->group, gap->cells, wide, GAP_WIDTH};
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-static PetscErrorCode cells_needed(PetscInt preset, PetscReal *thick)
+static PetscErrorCode cells_needed(const MeshLocal *l, PetscInt preset, PetscBool aligned, PetscReal *thick)
 {
   PetscBool other = PETSC_FALSE;
 
   PetscFunctionBeginUser;
   PetscCall(is_other_fluid(&other));
   *thick = other ? PROMISE[preset].other : PROMISE[preset].cells;
+  if (l->dim == 3 && preset == 2 && !aligned) *thick = PetscMax(*thick, SPACE_ACCURATE);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Another preset that keeps its own promise here, as the middle of a sentence: one that promises more, else less; "" if
-   there is none. In space accurate draws bodies as balanced does. */
-static PetscErrorCode find_other(const MeshLocal *l, Bodies bodies, PetscInt preset, char text[], size_t len)
+   there is none. */
+static PetscErrorCode find_other(const MeshLocal *l, Bodies bodies, PetscInt preset, const PromiseScene *scene, char text[], size_t len)
 {
   const PetscInt order[3] = {2, 1, 0};
 
@@ -139,63 +177,79 @@ static PetscErrorCode find_other(const MeshLocal *l, Bodies bodies, PetscInt pre
     PetscReal      thick;
     Breach         b;
 
-    if (p == preset || (p == 2 && l->dim == 3)) continue;
-    PetscCall(cells_needed(p, &thick));
-    PetscCall(find_breach(l, bodies, p, thick, &b));
+    if (p == preset) continue;
+    PetscCall(cells_needed(l, p, scene->aligned[p], &thick));
+    PetscCall(find_breach(l, bodies, p, thick, scene->aligned[p], &scene->gap, &b));
     if (b.group < 0) PetscCall(PetscSNPrintf(text, len, ", use -preset %s (%s %%)", PROMISE_PRESETS[p], PROMISE[p].percent));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* "group 'disc' is 1.0 cells thick and needs 5.0. Refine the mesh (...), use -preset accurate" */
-static PetscErrorCode describe(const MeshLocal *l, Bodies bodies, PetscInt preset, const Breach *b, char text[], size_t len)
+/* "group 'disc' is 1.0 cells thick and needs 5.0. Refine the mesh (...), use -preset accurate"; preset -1: the default
+   one, for which it may be asked */
+static PetscErrorCode describe(const MeshLocal *l, Bodies bodies, PetscInt preset, const Breach *b, const PromiseScene *scene, char text[],
+                               size_t len)
 {
-  BodyState *s;
-  char       other[64];
+  const char *const refine = "Refine the mesh (-mesh_cells, -mesh_focus_h, -mesh_levels)";
+  BodyState        *s;
+  char              other[64];
 
   PetscFunctionBeginUser;
   PetscCall(BodiesGetState(bodies, &s));
-  PetscCall(find_other(l, bodies, preset, other, sizeof(other)));
-  if (b->layer)
-    PetscCall(PetscSNPrintf(text, len,
-                            "the boundary layer of a falling body of group '%s' is %.2f cells thick and needs %.2g. Refine the mesh (-mesh_cells, "
-                            "-mesh_focus_h, -mesh_levels)%s",
-                            s->group[b->group].name, (double)b->cells, (double)b->needed, other));
+  PetscCall(find_other(l, bodies, preset, scene, other, sizeof(other)));
+  if (b->what == LAYER)
+    PetscCall(PetscSNPrintf(text, len, "the boundary layer of a falling body of group '%s' is %.2f cells thick and needs %.2g. %s%s",
+                            s->group[b->group].name, (double)b->cells, (double)b->needed, refine, other));
+  else if (b->what == GAP_WIDTH)
+    PetscCall(PetscSNPrintf(text, len, "the gap between %s is %.2g cells wide and needs %.2g. %s%s", scene->gap.between, (double)b->cells,
+                            (double)b->needed, refine, other));
   else
-    PetscCall(PetscSNPrintf(text, len, "group '%s' is %.1f cells thick and needs %.1f. Refine the mesh (-mesh_cells, -mesh_focus_h, -mesh_levels)%s",
-                            s->group[b->group].name, (double)b->cells, (double)b->needed, other));
+    PetscCall(PetscSNPrintf(text, len, "group '%s' is %.1f cells thick and needs %.1f. %s%s", s->group[b->group].name, (double)b->cells,
+                            (double)b->needed, refine, other));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PromiseRefuse(const MeshLocal *l, Bodies bodies, PetscInt preset)
+static PetscErrorCode is_aligned(PetscBool *aligned)
 {
-  char      text[512];
+  char boundary[32];
+
+  PetscFunctionBeginUser;
+  PetscCall(OptPeek("-couple_boundary", boundary, sizeof(boundary)));
+  PetscCall(PetscStrcasecmp(boundary, "snap", aligned));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode PromiseRefuse(const MeshLocal *l, Bodies bodies, PetscInt preset, const PromiseScene *scene)
+{
+  char      text[640];
   PetscReal thick;
+  PetscBool aligned;
   Breach    b;
 
   PetscFunctionBeginUser;
-  PetscCall(cells_needed(preset, &thick));
-  PetscCall(find_breach(l, bodies, preset, thick, &b));
+  PetscCall(is_aligned(&aligned));
+  PetscCall(cells_needed(l, preset, aligned, &thick));
+  PetscCall(find_breach(l, bodies, preset, thick, aligned, &scene->gap, &b));
   if (b.group < 0) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(describe(l, bodies, preset, &b, text, sizeof(text)));
+  PetscCall(describe(l, bodies, preset, &b, scene, text, sizeof(text)));
   SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "-preset %s cannot keep its %s %% here: %s, or remove -preset", PROMISE_PRESETS[preset],
           PROMISE[preset].percent, text);
 }
 
-PetscErrorCode PromiseRemark(const MeshLocal *l, Bodies bodies)
+PetscErrorCode PromiseRemark(const MeshLocal *l, Bodies bodies, const PromiseScene *scene)
 {
-  char      text[512], boundary[32];
+  char      text[640];
   PetscReal thick;
-  PetscBool snap;
+  PetscBool aligned;
   Breach    b;
 
   PetscFunctionBeginUser;
-  PetscCall(OptPeek("-couple_boundary", boundary, sizeof(boundary)));
-  PetscCall(PetscStrcasecmp(boundary, "snap", &snap));
-  PetscCall(cells_needed(snap ? 2 : 1, &thick));
-  PetscCall(find_breach(l, bodies, 1, thick, &b));
+  PetscCall(is_aligned(&aligned));
+  PetscCall(cells_needed(l, aligned ? 2 : 1, aligned, &thick));
+  if (l->dim == 3 && !aligned) thick = PetscMax(thick, SPACE_DEFAULT);
+  PetscCall(find_breach(l, bodies, 1, thick, aligned, &scene->gap, &b));
   if (b.group < 0) PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(describe(l, bodies, 1, &b, text, sizeof(text)));
+  PetscCall(describe(l, bodies, -1, &b, scene, text, sizeof(text)));
   PetscCall(LogRemark("preset %s, the default, cannot keep its %s %% here: %s", PROMISE_PRESETS[1], PROMISE[1].percent, text));
   PetscFunctionReturn(PETSC_SUCCESS);
 }

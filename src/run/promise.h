@@ -1,16 +1,28 @@
 /* Promise: how close the presets come to the converged value, and on which meshes they do.
 
-   Known are how many cells a body is thick about its centre, and in the plane how many the boundary layer of a falling
-   one (runs/validate/presets.md, runs/studies/tradeoff). */
+   Known are how many cells a body is thick about its centre, how many the narrowest gap that lasts, and how many the
+   boundary layer of a falling body (runs/validate/presets.md, runs/studies/tradeoff, runs/studies/boundary). */
 #pragma once
 #include "bodies/bodies.h"
+#include "gaps.h"
 #include "mesh/mesh.h"
+
+#define PROMISE_REACH 20 /* cells; wider gaps keep no preset from its promise */
 
 extern const char *const PROMISE_PRESETS[]; /* "fast", "balanced", "accurate", NULL */
 
-/* A preset that was asked for. Error: known not to keep its promise here; what is offered in its place keeps its own.
-   Collective. */
-PetscErrorCode PromiseRefuse(const MeshLocal *, Bodies, PetscInt preset);
+/* What is known of a scene: its narrowest lasting gap, and which presets line the mesh up with the bodies
+   (-couple_boundary snap) if they are asked for */
+typedef struct {
+  LastingGap gap;
+  PetscBool  aligned[3];
+} PromiseScene;
+
+/* Is the gap too narrow for a preset with the penalty? */
+PetscBool PromiseIsNarrow(const MeshLocal *, PetscInt preset, const LastingGap *);
+/* A preset that was asked for, with -couple_boundary as it is now. Error: known not to keep its promise here; what is
+   offered in its place keeps its own. Collective. */
+PetscErrorCode PromiseRefuse(const MeshLocal *, Bodies, PetscInt preset, const PromiseScene *);
 /* None was asked for: a remark where the default one, balanced, is known not to keep its promise, with
    -couple_boundary as it is. Collective. */
-PetscErrorCode PromiseRemark(const MeshLocal *, Bodies);
+PetscErrorCode PromiseRemark(const MeshLocal *, Bodies, const PromiseScene *);

@@ -182,7 +182,7 @@ static PetscErrorCode build(SimParts *part)
   PetscCall(OptBool("-flow_active", &active));
   if (active) PetscCall(OptBool("-sim_steady", &steady));
   PetscCall(create_mesh_and_bodies(part, &l));
-  if (active) PetscCall(DefaultsApply(l, part->bodies, steady));
+  if (active) PetscCall(DefaultsApply(part->mesh, part->bodies, steady));
   PetscCall(settle_bodies(part, active));
   PetscCall(ContactPack(part->bodies, l->lower, l->upper, l->period, &packing));
   PetscCall(RefineCheck(part->refine, steady));

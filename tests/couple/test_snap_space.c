@@ -165,6 +165,62 @@ static void test_gaps(void **state)
   close_case(&c);
 }
 
+/* Dead cells of one body that meet at a vertex are of one image of it */
+static void check_layer(Case *c)
+{
+  for (PetscInt i = 0; i < c->l->nnode; i++) {
+    PetscReal low[3] = {PETSC_MAX_REAL, PETSC_MAX_REAL, PETSC_MAX_REAL}, high[3] = {-PETSC_MAX_REAL, -PETSC_MAX_REAL, -PETSC_MAX_REAL};
+
+    for (PetscInt e = c->l->node_cell_ptr[i]; e < c->l->node_cell_ptr[i + 1]; e++) {
+      const PetscInt cell = c->l->node_cell[e], *node = c->l->cell_node + cell * c->l->nb;
+
+      if (c->r.cell_body[cell] < 0) continue;
+      for (PetscInt a = 0; a < 3; a++) { /* from the node, on to the nearest centre of a small body */
+        const PetscReal to = DomainNearest(1, c->l->x_start[3 * node[13] + a] - c->l->x_start[3 * i + a], 0);
+        const PetscReal at = to + DomainNearest(1, c->state->x[0][a] - c->l->x_start[3 * node[13] + a], 0);
+
+        low[a]  = PetscMin(low[a], at);
+        high[a] = PetscMax(high[a], at);
+      }
+    }
+    for (PetscInt a = 0; a < 3 && low[a] < PETSC_MAX_REAL; a++) BELOW(high[a] - low[a], 1e-9);
+  }
+}
+
+/* A body and its own images: a layer of cells is kept between them, none of it filled, surfaces are met, across the
+   boundary as well; drawn back below half a cell; what is longer than half a period along a diagonal */
+static void test_images(void **state)
+{
+  static const struct {
+    const char *shape;
+    PetscReal   volume, angle;
+    PetscInt    narrow;
+  } kinds[] = {{"circle -particle_a_radius 0.434245", 0.343, 0, 0},
+               {"circle -particle_a_radius 0.49237", 0.5, 0, 1},
+               {"ellipse -particle_a_a 0.47 -particle_a_b 0.3 -particle_a_c 0.3", 0.177185812805, 0, 0},
+               {"ellipse -particle_a_a 0.66 -particle_a_b 0.2 -particle_a_c 0.2", 0.110584061406, 0.6, 0}};
+  Case c;
+
+  (void)state;
+  for (PetscInt kind = 0; kind < 4; kind++) {
+    char options[256];
+
+    snprintf(options, sizeof(options), BALL "%s -mesh_periodic x,y,z", kinds[kind].shape);
+    open_case(&c, kind == 3 ? 14 : 12, options);
+    c.state->q[0][0] = PetscCosReal(kinds[kind].angle / 2);
+    c.state->q[0][2] = PetscSinReal(kinds[kind].angle / 2);
+    for (PetscInt t = 0; t < 2; t++) {
+      for (PetscInt a = 0; a < 3; a++) c.state->x[0][a] = t ? 0.99 - 0.43 * (PetscReal)a : 5.5 / 12;
+      fit(&c, 1);
+      assert_int_equal(c.failed, 0);
+      assert_int_equal(c.r.nnarrow, kinds[kind].narrow);
+      if (!kinds[kind].narrow) NEAR(1 - fluid_volume(&c), kinds[kind].volume, 2e-4 * kinds[kind].volume);
+      if (kind < 3) check_layer(&c);
+    }
+    close_case(&c);
+  }
+}
+
 /* A sphere that comes to a side of the domain, and touches it at last; that is unwanted then, and the mesh goes back */
 static void test_side(void **state)
 {
@@ -232,8 +288,8 @@ static void test_passages(void **state)
 
 int main(int argc, char **argv)
 {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(test_shapes), cmocka_unit_test(test_gaps), cmocka_unit_test(test_side),
-                                     cmocka_unit_test(test_passages)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(test_shapes), cmocka_unit_test(test_gaps), cmocka_unit_test(test_images),
+                                     cmocka_unit_test(test_side), cmocka_unit_test(test_passages)};
   int                     failed;
 
   if (PetscInitialize(&argc, &argv, NULL, NULL)) return 1;

@@ -12,7 +12,7 @@ struct _p_Clearance {
   PetscInt        *ptr, *near, room; /* [nbodies + 1]; near bodies of each */
   PetscInt        *order;            /* [nbodies] by their left ends */
   PetscReal       *left;             /* [nbodies] */
-  const PetscInt  *passes;           /* [nbodies] */
+  const PetscInt  *passes, *joined;  /* [nbodies] */
 };
 
 static PetscReal near_radius(Clearance c, PetscInt k)
@@ -20,11 +20,15 @@ static PetscReal near_radius(Clearance c, PetscInt k)
   return BodiesGetRadius(c->state, k) + 0.5 * c->reach;
 }
 
-/* Are bodies k and j, or images of them, so close that their walls may come within reach of each other? */
+/* Are bodies k and j, or images of them (j = k: other images), so close that their walls may come within reach of each
+   other? */
 static PetscBool is_near(Clearance c, PetscReal (*X)[3], PetscInt k, PetscInt j)
 {
   PetscReal d2 = 0;
 
+  for (PetscInt a = 0; k == j && a < c->loc->dim; a++)
+    if (c->loc->period[a] > 0 && c->loc->period[a] < 2 * near_radius(c, k)) return PETSC_TRUE;
+  if (k == j) return PETSC_FALSE;
   for (PetscInt a = 0; a < c->loc->dim; a++) {
     const PetscReal r = MeshNearest(c->loc, a, X[j][a] - X[k][a]);
 
@@ -33,7 +37,7 @@ static PetscBool is_near(Clearance c, PetscReal (*X)[3], PetscInt k, PetscInt j)
   return (PetscBool)(d2 < PetscSqr(near_radius(c, k) + near_radius(c, j)));
 }
 
-/* Pairs of near bodies, by a sweep over the left ends of the bodies, round the period if there is one: counted, or
+/* Pairs of near bodies, and bodies near images of their own, by a sweep over the left ends of the bodies, round the period if there is one: counted, or
    listed from behind */
 static void sweep_pairs(Clearance c, PetscReal (*X)[3], PetscBool list)
 {
@@ -43,6 +47,10 @@ static void sweep_pairs(Clearance c, PetscReal (*X)[3], PetscBool list)
   for (PetscInt e = 0; e < n; e++) {
     const PetscInt k = c->order[e];
 
+    if (is_near(c, X, k, k)) {
+      if (list) c->near[--c->ptr[k]] = k;
+      else c->ptr[k]++;
+    }
     for (PetscInt f = e + 1; f < (period > 0 ? e + n : n); f++) {
       const PetscInt j = c->order[f % n];
 
@@ -83,7 +91,7 @@ PetscErrorCode ClearanceDestroy(Clearance *clearance)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode ClearanceUpdate(Clearance c, PetscReal (*X)[3], const PetscInt passes[])
+PetscErrorCode ClearanceUpdate(Clearance c, PetscReal (*X)[3], const PetscInt passes[], const PetscInt joined[])
 {
   const PetscInt n = c->state->n;
 
@@ -94,6 +102,7 @@ PetscErrorCode ClearanceUpdate(Clearance c, PetscReal (*X)[3], const PetscInt pa
     c->n = n;
   }
   c->passes = passes;
+  c->joined = joined;
   for (PetscInt k = 0; k < n; k++) {
     c->order[k] = k;
     c->left[k]  = DomainWrap(c->loc->period[0], X[k][0] - near_radius(c, k), c->loc->lower[0]);
@@ -104,6 +113,35 @@ PetscErrorCode ClearanceUpdate(Clearance c, PetscReal (*X)[3], const PetscInt pa
   for (PetscInt k = 0; k < n; k++) c->ptr[k + 1] += c->ptr[k];
   PetscCall(RoomFor(c->ptr[n], &c->room, &c->near, sizeof(*c->near), NULL));
   sweep_pairs(c, X, PETSC_TRUE);
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Distance of y, a point of body k as it is at X[k], from all images of body j, but for itself, that may be in reach */
+static PetscErrorCode measure_images(Clearance c, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt k, PetscInt j, const PetscReal y[], PetscReal *gap)
+{
+  const MeshLocal *l     = c->loc;
+  const PetscReal  reach = BodiesGetRadius(c->state, j) + c->reach;
+
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < 27; i++) {
+    const PetscInt step[3] = {i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1};
+    PetscReal      at[3], d, d2 = 0;
+    PetscBool      is = PETSC_TRUE, self = (PetscBool)(k == j), nearest = PETSC_TRUE;
+
+    for (PetscInt a = 0; a < 3; a++) {
+      const PetscReal period = a < l->dim ? l->period[a] : 0;
+
+      is    = (PetscBool)(is && (!step[a] || period > 0));
+      at[a] = X[j][a];
+      if (period > 0) at[a] += period * (PetscFloorReal((y[a] - at[a]) / period + 0.5) + step[a]);
+      if (a < l->dim) d2 += PetscSqr(y[a] - at[a]);
+      self    = (PetscBool)(self && (PetscAbsReal(at[a] - X[j][a]) <= 0.5 * period || c->joined[k] >> a & 1));
+      nearest = (PetscBool)(nearest && !step[a]);
+    }
+    if (!is || self || (!nearest && d2 > reach * reach)) continue;
+    PetscCall(BodiesDistance(c->bodies, j, at, q[j], 1, y, &d));
+    *gap = PetscMin(*gap, d);
+  }
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -120,16 +158,7 @@ PetscErrorCode ClearanceMeasure(Clearance c, PetscReal (*X)[3], PetscReal (*q)[4
     if (l->period[a] == 0 && !(c->passes[k] >> b & 1)) gap[1] = PetscMin(gap[1], b % 2 ? l->upper[a] - y[a] : y[a] - l->lower[a]);
   }
   for (PetscInt e = c->ptr[k]; e < c->ptr[k + 1]; e++) {
-    const PetscInt j = c->near[e];
-    PetscReal      at[3], d;
-
-    if (!counts[j]) continue;
-    for (PetscInt a = 0; a < 3; a++) {
-      at[a] = X[j][a];
-      if (a < l->dim && l->period[a] > 0) at[a] += l->period[a] * PetscFloorReal((y[a] - at[a]) / l->period[a] + 0.5);
-    }
-    PetscCall(BodiesDistance(c->bodies, j, at, q[j], 1, y, &d));
-    gap[0] = PetscMin(gap[0], d);
+    if (counts[c->near[e]]) PetscCall(measure_images(c, X, q, k, c->near[e], y, &gap[0]));
   }
   PetscFunctionReturn(PETSC_SUCCESS);
 }

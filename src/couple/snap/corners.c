@@ -103,12 +103,13 @@ static PetscBool next_on_wall(Snap s, PetscInt i, PetscInt next[2])
   return (PetscBool)(n == 2);
 }
 
-/* Distance of vertex i, displaced or not, from point x */
+/* Distance of wall vertex i, displaced or not, from point x of its body */
 static PetscReal separation(Snap s, PetscInt i, PetscBool displaced, const PetscReal x[])
 {
   PetscReal r[2];
 
-  for (PetscInt a = 0; a < 2; a++) r[a] = MeshNearest(s->loc, a, s->loc->x_start[2 * i + a] - x[a]) + (displaced ? s->d[2 * i + a] : 0);
+  SnapWayTo(s, (s->code[i] - 1) / 2, x, i, PETSC_FALSE, r);
+  for (PetscInt a = 0; a < 2; a++) r[a] += displaced ? s->d[2 * i + a] : 0;
   return PetscSqrtReal(r[0] * r[0] + r[1] * r[1]);
 }
 
@@ -225,7 +226,8 @@ static PetscErrorCode choose_vertices(Snap s, PetscReal (*X)[3], PetscReal (*q)[
     if (c->outcome[i] != TAKNEXT || c->vertex[i] < 0) continue;
     PetscCall(place_middles(s, X, q, c->body[i], c->x + 2 * i, s->size[c->vertex[i]], &s->at_corner[c->vertex[i]]));
     PetscCall(SnapListAdd(&s->corner, c->vertex[i]));
-    for (PetscInt a = 0; a < 2; a++) s->d[2 * c->vertex[i] + a] = MeshNearest(s->loc, a, c->x[2 * i + a] - s->loc->x_start[2 * c->vertex[i] + a]);
+    SnapWayTo(s, c->body[i], c->x + 2 * i, c->vertex[i], PETSC_FALSE, s->d + 2 * c->vertex[i]);
+    for (PetscInt a = 0; a < 2; a++) s->d[2 * c->vertex[i] + a] *= -1;
   }
   PetscCall(PetscFree(v));
   PetscCall(BodiesAny(s->bodies, any));

@@ -2,8 +2,10 @@
 #include "compat.h"
 #include "impl.h"
 
-/* Own cells with their centre in body k drawn at X (one periodic image); where bodies overlap, the deeper one wins */
-static PetscErrorCode cover_image(Snap s, PetscInt k, const PetscReal X[3], const PetscReal q[4], PetscReal radius)
+#define TIE 1e-9 /* of a cell: centres on the surface of a body are all outside, whatever round-off says */
+
+/* Own cells with their centre in body k drawn at X (this periodic image); where bodies overlap, the deeper one wins */
+static PetscErrorCode cover_image(Snap s, PetscInt k, PetscInt image, const PetscReal X[3], const PetscReal q[4], PetscReal radius)
 {
   const MeshLocal *l = s->loc;
   const PetscInt  *list;
@@ -22,9 +24,10 @@ static PetscErrorCode cover_image(Snap s, PetscInt k, const PetscReal X[3], cons
     for (PetscInt i = 0; i < m; i++) {
       const PetscInt c = l->centre_cell[node[i]];
 
-      if (dist[i] >= 0 || (s->cover[c] && dist[i] >= s->depth[node[i]])) continue;
+      if (dist[i] >= -TIE * s->size[node[i]] || (s->cover[c] && dist[i] >= s->depth[node[i]])) continue;
       if (!s->cover[c]) PetscCall(SnapListAdd(&s->dead, c));
       s->cover[c]       = k + 1;
+      s->image[c]       = image;
       s->depth[node[i]] = dist[i];
     }
     m = 0;
@@ -32,20 +35,21 @@ static PetscErrorCode cover_image(Snap s, PetscInt k, const PetscReal X[3], cons
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The code of the centre nodes carries the message */
+/* The code of the centre nodes carries the message: body and image */
 PetscErrorCode SnapShareCover(Snap s)
 {
   const MeshLocal *l = s->loc;
 
   PetscFunctionBeginUser;
-  for (PetscInt e = 0; e < s->dead.n; e++) s->code[SnapCentre(s, s->dead.i[e])] = s->cover[s->dead.i[e]];
-  PetscCall(SnapSyncBodies(s, 1, s->code));
+  for (PetscInt e = 0; e < s->dead.n; e++) s->code[SnapCentre(s, s->dead.i[e])] = 1 + 27 * (s->cover[s->dead.i[e]] - 1) + s->image[s->dead.i[e]];
+  PetscCall(SnapSyncBodies(s, 27, s->code));
   PetscCall(MeshSyncNodes(s->mesh, 1, s->depth));
   for (PetscInt e = 0; e < s->dead.n; e++) s->code[SnapCentre(s, s->dead.i[e])] = 0;
   for (PetscInt i = l->nnode; i < l->nnode_all; i++) {
     if (s->code[i]) {
       if (!s->cover[l->centre_cell[i]]) PetscCall(SnapListAdd(&s->dead, l->centre_cell[i]));
-      s->cover[l->centre_cell[i]] = s->code[i];
+      s->cover[l->centre_cell[i]] = (s->code[i] - 1) / 27 + 1;
+      s->image[l->centre_cell[i]] = (s->code[i] - 1) % 27;
     }
     s->code[i] = 0;
   }
@@ -59,14 +63,14 @@ PetscErrorCode SnapCoverCells(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], cons
     const PetscReal radius = BodiesGetRadius(s->state, k) * (1 + 1e-12);
 
     if (!fitted[k] || s->is_path[k]) continue;
-    for (DomainImages i = {0}; MeshNextImage(s->loc, X[k], radius, &i);) PetscCall(cover_image(s, k, i.at, q[k], radius));
+    for (DomainImages i = {0}; MeshNextImage(s->loc, X[k], radius, &i);) PetscCall(cover_image(s, k, i.next - 1, i.at, q[k], radius));
   }
   PetscCall(SnapShareCover(s));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 /* Mark in work[] (at centre nodes) the cells that own vertex i must give back: those of bodies that do not pass
-   through the side it is on, the least covered one when two bodies meet there */
+   through the side it is on, the least covered one when two bodies, or two images of one, meet there */
 static void choose_open(Snap s, PetscInt i)
 {
   const MeshLocal *l     = s->loc;
@@ -78,8 +82,8 @@ static void choose_open(Snap s, PetscInt i)
 
     if (!s->cover[c]) continue;
     if (SnapIsBarred(s, i, s->cover[c] - 1)) s->work[centre] = 1;
-    if (first && s->cover[c] != first) two = PETSC_TRUE;
-    first = s->cover[c];
+    if (first && SnapSolid(s, i, c) != first) two = PETSC_TRUE;
+    first = SnapSolid(s, i, c);
     if (last >= 0) {
       const PetscReal gain = s->depth[centre] - s->depth[SnapCentre(s, last)];
 
@@ -147,6 +151,7 @@ PetscErrorCode SnapClassifyNodes(Snap s)
     }
   }
   PetscCall(SnapSyncBodies(s, 2, s->code));
+  PetscCall(SnapShareSolids(s));
   for (PetscInt i = l->nnode; i < l->nnode_all; i++)
     if (s->code[i]) PetscCall(SnapListAdd(&s->marked, i));
   PetscFunctionReturn(PETSC_SUCCESS);

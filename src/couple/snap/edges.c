@@ -109,20 +109,28 @@ static PetscErrorCode find_crease(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], 
 
 /* ---- faces of the staircase ---- */
 
+/* Place of node i on the wall of body k, before it moves, in the frame of the body */
+static void place_wall(Snap s, PetscReal (*X)[3], PetscInt k, PetscInt i, PetscReal x[3])
+{
+  SnapWayTo(s, k, X[k], i, PETSC_FALSE, x);
+  for (PetscInt a = 0; a < 3; a++) x[a] += X[k][a];
+}
+
 static PetscErrorCode add_face(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt middle, Faces *faces)
 {
   const MeshLocal *l    = s->loc;
   const PetscInt  *pair = l->node_cell + l->node_cell_ptr[middle], k = (s->code[middle] - 1) / 2, dead = s->cover[pair[0]] ? 0 : 1;
+  const PetscInt   solid = SnapSolid(s, middle, pair[dead]);
   PetscReal       *plane = faces->plane + 6 * middle, at[2][3], x[3], d[2];
 
   PetscFunctionBeginUser;
   PetscCall(SnapListAdd(&faces->list, middle));
   faces->dead[middle] = pair[dead] + 1;
   for (PetscInt e = 0; e < 2; e++) {
-    SnapPlaceNear(s, SnapCentre(s, pair[e ? 1 - dead : dead]), X[k], at[e]);
+    SnapPlaceInSolid(s, middle, solid, SnapCentre(s, pair[e ? 1 - dead : dead]), X[k], at[e]);
     PetscCall(BodiesDistance(s->bodies, k, X[k], q[k], 1, at[e], &d[e]));
   }
-  SnapPlaceNear(s, middle, X[k], x);
+  SnapPlaceInSolid(s, middle, solid, middle, X[k], x);
   for (PetscInt i = 0; i < NBISECT && d[0] < 0 && d[1] >= 0; i++) {
     PetscReal between;
 
@@ -189,7 +197,7 @@ static PetscErrorCode are_apart(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], Pe
     PetscCall(PetscArraycpy(normal[e], plane[e], 3));
     PetscCall(PetscArraycpy(y[e], plane[e] + 3, 3));
   }
-  SnapPlaceNear(s, i, X[k], x);
+  place_wall(s, X, k, i, x);
   if (meet_planes(2, normal, y, x)) PetscCall(find_crease(s, X, q, k, s->size[i], 2, normal, x, &how));
   *apart = (PetscBool)(how != SMOOTH);
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -296,7 +304,7 @@ static PetscErrorCode place_vertex(Snap s, PetscReal (*X)[3], PetscReal (*q)[4],
     PetscCall(PetscArraycpy(c->normal[e], pick[e], 3));
     PetscCall(PetscArraycpy(y[e], pick[e] + 3, 3));
   }
-  SnapPlaceNear(s, i, X[k], start);
+  place_wall(s, X, k, i, start);
   PetscCall(PetscArraycpy(x, start, 3));
   if (!meet_planes(want, c->normal, y, x)) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(find_crease(s, X, q, k, h, want, c->normal, x, &how));
@@ -417,7 +425,7 @@ static PetscErrorCode slide(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], Crease
       PetscReal      x[3], start[3];
       Meeting        how;
 
-      SnapPlaceNear(s, i, X[k], start);
+      place_wall(s, X, k, i, start);
       for (PetscInt a = 0; a < 3; a++) x[a] = start[a] + mean[e][a];
       PetscCall(find_crease(s, X, q, k, s->size[i], c->n, c->normal, x, &how));
       if (how == SHARP)

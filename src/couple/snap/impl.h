@@ -1,7 +1,7 @@
 /* Inside of the snap module; for its files only. snap.c: the fit and its result. cover.c: the cells of thick bodies.
    repair.c: a staircase of hexahedra that is a surface. place.c: walls, gaps, rings. sides.c: bodies
    through sides of the domain. corners.c: vertices on corners; edges.c: in space on edges. check.c:
-   is it a mesh? mend.c: hexahedra that would be too flat. path.c, graph.c: bodies thinner than a cell. */
+   is it a mesh? levels.c: has one of several sizes room? mend.c: hexahedra that would be too flat. images.c: which image of a body. path.c, graph.c: bodies thinner than a cell. */
 #pragma once
 #include "base/room.h"
 #include "clearance.h"
@@ -44,14 +44,18 @@ struct _p_Snap {
   const MeshLocal *loc;
   Bodies           bodies;
   BodyState       *state;
-  PetscInt         nbodies; /* known to this rank in the fit in work; k speaks of these */
-  NodeKind        *kind;    /* [nnode_all] */
-  PetscInt        *side;    /* [nnode_all] sides of the domain it is on: bits 2 axis + (upper one), SIDE_CURVED */
+  PetscBool        periodic, wide; /* are there periods? bodies at least as wide as one? */
+  PetscInt        *solid;          /* [nnode_all] with wide: of wall nodes, 1 + their periods as in SnapSolid */
+  PetscInt        *joined;         /* [nbodies] bits of the axes along which it is one with its images */
+  PetscInt         nbodies;        /* known to this rank in the fit in work; k speaks of these */
+  NodeKind        *kind;           /* [nnode_all] */
+  PetscInt        *side;           /* [nnode_all] sides of the domain it is on: bits 2 axis + (upper one), SIDE_CURVED */
   SnapCell         cell_kind;
   PetscInt         npoint; /* of the check */
   PetscReal        dphi[NPOINT][3 * MESH_MAX_NB], weight[NPOINT];
   /* the fit in work; entries that are not listed are zero */
   PetscInt        *cover;    /* [ncell_all] body + 1 */
+  PetscInt        *image;    /* [ncell_all] of dead cells: which image of the body it is in, as DomainImages counts */
   PetscInt        *code;     /* [nnode_all] 2 body + 1: on its wall, 2 body + 2: inside */
   PetscInt        *level;    /* [nnode_all] vertices: 8 body + ring + 1, ring 0 = wall */
   PetscReal       *d;        /* [nnode_all][dim] displacement */
@@ -137,6 +141,32 @@ static inline void SnapPlaceNear(Snap s, PetscInt i, const PetscReal y[], PetscR
   for (PetscInt a = 0; a < dim; a++) x[a] = y[a] + MeshNearest(s->loc, a, s->loc->x_start[dim * i + a] - y[a]);
 }
 
+/* images.c. Are there images to tell apart, and bodies as wide as a period? */
+void SnapMayMeetImages(Snap);
+/* Axes along which bodies touch or overlap their own images: s->joined. Not collective. */
+PetscErrorCode SnapFindImages(Snap, PetscReal (*X)[3], PetscReal (*q)[4]);
+/* After the nodes of dead cells are marked: s->solid. Collective. */
+PetscErrorCode SnapShareSolids(Snap);
+/* Which solid dead cell c beside node i belongs to: two of them around i are of the same body, and of the same image of
+   it, if these agree; 0: c is live. */
+PetscInt SnapSolid(Snap, PetscInt i, PetscInt c);
+/* The body that solid is of */
+static inline PetscInt SnapSolidBody(PetscInt solid)
+{
+  return (solid - 1) / 125;
+}
+/* The image that solid is as seen from i: that many periods from the body */
+static inline PetscInt SnapSolidStep(PetscInt solid, PetscInt axis)
+{
+  for (; axis > 0; axis--) solid = (solid - 1) / 5 + 1;
+  return (solid - 1) % 5 - 2;
+}
+/* Place of local node j beside node i, before it moves, in the frame of the body at X that this solid is of */
+void SnapPlaceInSolid(Snap, PetscInt i, PetscInt solid, PetscInt j, const PetscReal X[], PetscReal x[]);
+/* From point y in the frame of body k to local node i on its wall, before it moves (or where it is now), at the image
+   whose wall it is on */
+void SnapWayTo(Snap, PetscInt k, const PetscReal y[], PetscInt i, PetscBool displaced, PetscReal r[]);
+
 /* Is local node i on a side that body k does not pass through? */
 static inline PetscBool SnapIsBarred(Snap s, PetscInt i, PetscInt k)
 {
@@ -159,7 +189,7 @@ void SnapDescribeCell(PetscInt dim, SnapCell *);
 PetscErrorCode SnapCoverCells(Snap, PetscReal (*X)[3], PetscReal (*q)[4], const PetscBool fitted[]);
 /* Give back the cells that are marked in s->work on some rank; *any: are there any? Collective. */
 PetscErrorCode SnapOpenMarkedCells(Snap, PetscBool *any);
-/* Give dead cells back until no vertex touches two bodies, or a body and a side that it does not pass through.
+/* Give dead cells back until no vertex touches two bodies, two images of one, or a body and a side that it does not pass through.
    Collective. */
 PetscErrorCode SnapOpenGaps(Snap);
 /* Tell the ghosts which cells are dead: s->cover, s->dead, s->depth. Collective. */

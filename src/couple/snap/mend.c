@@ -50,8 +50,8 @@ static PetscErrorCode find_axes(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], Pe
   PetscReal      x[3], size;
 
   PetscFunctionBeginUser;
-  SnapPlaceNear(s, i, X[k], x);
-  for (PetscInt a = 0; a < 3; a++) x[a] += s->d[3 * i + a];
+  SnapWayTo(s, k, X[k], i, PETSC_FALSE, x);
+  for (PetscInt a = 0; a < 3; a++) x[a] = X[k][a] + x[a] + s->d[3 * i + a];
   PetscCall(SnapWallNormal(s, X, q, k, x, 1e-3 * s->size[i], n));
   for (PetscInt a = 0; a < 3; a++) t[1][a] = (a == 0) == (PetscAbsReal(n[0]) < 0.6) && a < 2; /* an axis far from n */
   cross(n, t[1], t[0]);

@@ -138,8 +138,8 @@ PetscErrorCode SnapProjectNodes(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], Pe
       const PetscInt i = list[begin + m];
 
       if ((s->code[i] - 1) / 2 != k) break;
-      for (PetscInt a = 0; a < dim; a++)
-        x[dim * m + a] = X[k][a] + MeshNearest(s->loc, a, s->loc->x_start[dim * i + a] + s->d[dim * i + a] - X[k][a]);
+      SnapWayTo(s, k, X[k], i, PETSC_TRUE, x + dim * m);
+      for (PetscInt a = 0; a < dim; a++) x[dim * m + a] += X[k][a];
     }
     PetscCall(BodiesProject(s->bodies, k, X[k], q[k], m, x, y));
     for (PetscInt e = 0; e < m; e++)

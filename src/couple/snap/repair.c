@@ -12,17 +12,17 @@
 
 #define AROUND 64 /* cells around a vertex, at most */
 
-/* Body of the dead cell on the other side of the face with middle node i of cell c, + 1; 0: none */
+/* Solid, seen from cell c, of the dead cell on the other side of its face with middle node i; 0: none */
 static PetscInt beyond_face(Snap s, PetscInt c, PetscInt i)
 {
   const MeshLocal *l = s->loc;
 
   for (PetscInt e = l->node_cell_ptr[i]; e < l->node_cell_ptr[i + 1]; e++)
-    if (l->node_cell[e] != c) return s->cover[l->node_cell[e]];
+    if (l->node_cell[e] != c) return SnapSolid(s, SnapCentre(s, c), l->node_cell[e]);
   return 0;
 }
 
-/* Has live cell c dead cells of the same body beyond two opposite faces? */
+/* Has live cell c dead cells of the same body, and image, beyond two opposite faces? */
 static PetscBool is_between(Snap s, PetscInt c)
 {
   const PetscInt *node = SnapCellNodes(s, c), mid = s->cell_kind.centre;
@@ -59,19 +59,20 @@ static PetscBool hang_together(Snap s, PetscInt n, const PetscInt cell[])
   return (PetscBool)(n == 0 || reached == n);
 }
 
-/* Distance of the middle of cell c from body k */
-static PetscErrorCode cell_distance(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt k, PetscInt c, PetscReal *d)
+/* Distance of the middle of cell c from a solid as seen from node i */
+static PetscErrorCode cell_distance(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt i, PetscInt solid, PetscInt c, PetscReal *d)
 {
-  PetscReal x[3];
+  const PetscInt k = SnapSolidBody(solid);
+  PetscReal      x[3];
 
   PetscFunctionBeginUser;
-  SnapPlaceNear(s, SnapCentre(s, c), X[k], x);
+  SnapPlaceInSolid(s, i, solid, SnapCentre(s, c), X[k], x);
   PetscCall(BodiesDistance(s->bodies, k, X[k], q[k], 1, x, d));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* Of live cells, the one least outside of body k, ties by place */
-static PetscErrorCode mark_least_outside(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt k, PetscInt n, const PetscInt cell[])
+/* Of live cells, the one least outside of a solid as seen from node at, ties by place */
+static PetscErrorCode mark_least_outside(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscInt at, PetscInt solid, PetscInt n, const PetscInt cell[])
 {
   const PetscReal tie  = 1e-9;
   PetscReal       low  = PETSC_MAX_REAL;
@@ -84,7 +85,7 @@ static PetscErrorCode mark_least_outside(Snap s, PetscReal (*X)[3], PetscReal (*
     PetscReal        d;
     PetscBool        first = PETSC_TRUE;
 
-    PetscCall(cell_distance(s, X, q, k, cell[e], &d));
+    PetscCall(cell_distance(s, X, q, at, solid, cell[e], &d));
     if (best >= 0 && PetscAbsReal(d - low) <= margin) {
       const PetscReal *y = s->loc->x_start + 3 * best;
 
@@ -112,7 +113,7 @@ static PetscErrorCode repair_around(Snap s, PetscReal (*X)[3], PetscReal (*q)[4]
   }
   if (!ndead || !nlive || SnapIsBarred(s, i, s->cover[dead[0]] - 1) || (hang_together(s, ndead, dead) && hang_together(s, nlive, live)))
     PetscFunctionReturn(PETSC_SUCCESS);
-  PetscCall(mark_least_outside(s, X, q, s->cover[dead[0]] - 1, nlive, live));
+  PetscCall(mark_least_outside(s, X, q, i, SnapSolid(s, i, dead[0]), nlive, live));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -136,9 +137,9 @@ static PetscErrorCode find_defects(Snap s, PetscReal (*X)[3], PetscReal (*q)[4])
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* The one body whose dead cells own live cell c touches, + 1; 0: none, several, or also a side that it does not
-   pass through */
-static PetscInt only_body(Snap s, PetscInt c)
+/* The one solid, seen from there, whose dead cells own live cell c touches; 0: none, several, or also a side that its
+   body does not pass through */
+static PetscInt only_solid(Snap s, PetscInt c)
 {
   const MeshLocal *l = s->loc;
   PetscInt         k = 0, side = 0;
@@ -148,20 +149,20 @@ static PetscInt only_body(Snap s, PetscInt c)
 
     side |= s->side[i];
     for (PetscInt e = l->node_cell_ptr[i]; e < l->node_cell_ptr[i + 1]; e++) {
-      const PetscInt j = s->cover[l->node_cell[e]];
+      const PetscInt j = SnapSolid(s, SnapCentre(s, c), l->node_cell[e]);
 
       if (j && k && j != k) return 0;
       if (j) k = j;
     }
   }
-  return k && (side & ~s->passes[k - 1]) ? 0 : k;
+  return k && (side & ~s->passes[SnapSolidBody(k)]) ? 0 : k;
 }
 
 /* Own live cells that were marked on some rank become dead, all at once; *any: was there one? */
 static PetscErrorCode fill_marked(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], PetscBool *any)
 {
   const MeshLocal *l    = s->loc;
-  List             fill = {0, 0, NULL}, body = {0, 0, NULL};
+  List             fill = {0, 0, NULL}, solid = {0, 0, NULL};
 
   PetscFunctionBeginUser;
   PetscCall(MeshSumNodes(s->mesh, 1, s->work));
@@ -172,23 +173,25 @@ static PetscErrorCode fill_marked(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], 
       for (PetscInt m = l->node_cell_ptr[i]; m < l->node_cell_ptr[i + 1]; m++) {
         const PetscInt c = l->node_cell[m], centre = SnapCentre(s, c);
 
-        if (c < l->ncell && s->work[centre] > 0 && !s->cover[c] && only_body(s, c)) {
+        if (c < l->ncell && s->work[centre] > 0 && !s->cover[c] && only_solid(s, c)) {
           PetscCall(SnapListAdd(&fill, c));
-          PetscCall(SnapListAdd(&body, only_body(s, c)));
+          PetscCall(SnapListAdd(&solid, only_solid(s, c)));
         }
         s->work[centre] = 0;
       }
     }
   for (PetscInt e = 0; e < fill.n; e++) {
-    const PetscInt c = fill.i[e], k = body.i[e] - 1;
+    const PetscInt c = fill.i[e], k = SnapSolidBody(solid.i[e]);
 
     s->cover[c] = k + 1;
-    PetscCall(cell_distance(s, X, q, k, c, &s->depth[SnapCentre(s, c)]));
+    s->image[c] = 0;
+    for (PetscInt a = 2; a >= 0; a--) s->image[c] = 3 * s->image[c] + PetscMax(-1, PetscMin(1, SnapSolidStep(solid.i[e], a))) + 1;
+    PetscCall(cell_distance(s, X, q, SnapCentre(s, c), solid.i[e], c, &s->depth[SnapCentre(s, c)]));
     PetscCall(SnapListAdd(&s->dead, c));
   }
   *any = (PetscBool)(fill.n > 0);
   PetscCall(PetscFree(fill.i));
-  PetscCall(PetscFree(body.i));
+  PetscCall(PetscFree(solid.i));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, any, 1, COMPAT_MPI_BOOL, MPI_LOR, PETSC_COMM_WORLD));
   if (*any) PetscCall(SnapShareCover(s));
   PetscFunctionReturn(PETSC_SUCCESS);

@@ -100,17 +100,35 @@ static PetscErrorCode measure_depth(Snap s, PetscInt k, const PetscReal X[3], co
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+/* Distances of the nodes of cell c from body k at X, or from the next of its images if it is as wide as a period */
+static PetscErrorCode cell_distances(Snap s, PetscInt k, const PetscReal X[3], const PetscReal q[4], PetscInt c, PetscReal d[])
+{
+  const MeshLocal *l = s->loc;
+  PetscReal        x[3 * MESH_MAX_NB], other[MESH_MAX_NB];
+
+  PetscFunctionBeginUser;
+  for (PetscInt j = 0; j < l->nb; j++) SnapPlaceNear(s, SnapCellNodes(s, c)[j], X, x + l->dim * j);
+  PetscCall(BodiesDistance(s->bodies, k, X, q, l->nb, x, d));
+  if (!s->wide) PetscFunctionReturn(PETSC_SUCCESS);
+  for (PetscInt j = 0; j < l->nb; j++)
+    for (PetscInt a = 0; a < l->dim; a++) x[l->dim * j + a] = l->x_start[l->dim * SnapCellNodes(s, c)[j] + a];
+  for (DomainImages image = {0}; MeshNextImage(l, X, BodiesGetRadius(s->state, k), &image);) {
+    PetscCall(BodiesDistance(s->bodies, k, image.at, q, l->nb, x, other));
+    for (PetscInt j = 0; j < l->nb; j++) d[j] = PetscMin(d[j], other[j]);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 /* Volume of body k in cell c: Simpson's rule for its indicator, smoothed over the distance of two nodes */
 static PetscErrorCode volume_in_cell(Snap s, PetscInt k, const PetscReal X[3], const PetscReal q[4], PetscInt c, PetscReal *volume)
 {
   const MeshLocal *l    = s->loc;
   const PetscInt   dim  = l->dim;
   const PetscReal  size = s->size[SnapCentre(s, c)];
-  PetscReal        x[3 * MESH_MAX_NB], d[MESH_MAX_NB], all = dim == 2 ? size * size : size * size * size;
+  PetscReal        d[MESH_MAX_NB], all = dim == 2 ? size * size : size * size * size;
 
   PetscFunctionBeginUser;
-  for (PetscInt j = 0; j < l->nb; j++) SnapPlaceNear(s, SnapCellNodes(s, c)[j], X, x + dim * j);
-  PetscCall(BodiesDistance(s->bodies, k, X, q, l->nb, x, d));
+  PetscCall(cell_distances(s, k, X, q, c, d));
   for (PetscInt j = 0; j < l->nb; j++) {
     PetscReal weight = PetscMax(0, PetscMin(1, 0.5 - 2 * d[j] / size));
 
@@ -166,7 +184,7 @@ PetscErrorCode SnapFindPassages(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], co
   if (any) PetscCall(BodiesSumKnown(s->bodies, 1, volume));
   for (PetscInt k = 0; k < s->nbodies; k++) {
     for (PetscInt b = 0; b < 6 && measured[k]; b++) s->passes[k] |= depth[k][b] >= DEEP ? 1 << b : 0;
-    if (measured[k] && (s->passes[k] || round[k])) s->inside[k] = volume[k];
+    if (measured[k] && (s->passes[k] || (round[k] && s->joined[k]))) s->inside[k] = volume[k];
   }
   PetscCall(PetscFree4(depth, volume, measured, round));
   PetscFunctionReturn(PETSC_SUCCESS);

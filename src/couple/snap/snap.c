@@ -233,10 +233,10 @@ static const struct {
                 {offsetof(struct _p_Snap, lost), sizeof(PetscReal)},     {offsetof(struct _p_Snap, hollow), sizeof(PetscBool)},
                 {offsetof(struct _p_Snap, passes), sizeof(PetscInt)},    {offsetof(struct _p_Snap, stray), sizeof(PetscInt)},
                 {offsetof(struct _p_Snap, inside), sizeof(PetscReal)},   {offsetof(struct _p_Snap, follow), sizeof(PetscBool)},
-                {offsetof(struct _p_Snap, could), sizeof(PetscBool)},    {offsetof(struct _p_Snap, ncorner), sizeof(PetscInt)},
-                {offsetof(struct _p_Snap, ntaken), sizeof(PetscInt)},    {offsetof(struct _p_Snap, line), sizeof(Midline)},
-                {offsetof(struct _p_Snap, is_path), sizeof(PetscBool)},  {offsetof(struct _p_Snap, path), sizeof(SnapPath)},
-                {offsetof(struct _p_Snap, smallest), sizeof(PetscReal)}};
+                {offsetof(struct _p_Snap, joined), sizeof(PetscInt)},    {offsetof(struct _p_Snap, could), sizeof(PetscBool)},
+                {offsetof(struct _p_Snap, ncorner), sizeof(PetscInt)},   {offsetof(struct _p_Snap, ntaken), sizeof(PetscInt)},
+                {offsetof(struct _p_Snap, line), sizeof(Midline)},       {offsetof(struct _p_Snap, is_path), sizeof(PetscBool)},
+                {offsetof(struct _p_Snap, path), sizeof(SnapPath)},      {offsetof(struct _p_Snap, smallest), sizeof(PetscReal)}};
 
 static void **per_body(Snap s, size_t i)
 {
@@ -259,8 +259,10 @@ PetscErrorCode SnapCreate(Mesh mesh, Bodies bodies, Snap *snap)
   n          = s->loc->nnode_all;
   PetscCall(PetscCalloc5(n, &s->kind, n, &s->side, n, &s->code, n, &s->level, s->loc->dim * n, &s->d));
   PetscCall(PetscCalloc6(n, &s->depth, n, &s->work, n, &s->stamp[0], n, &s->node_body, n, &s->on_wall, n, &s->size));
-  PetscCall(PetscCalloc5(s->loc->ncell_all, &s->cover, s->loc->ncell_all, &s->stamp[1], s->loc->ncell_all, &s->cell_body, s->loc->ncell_all,
-                         &s->cell_before, n, &s->at_corner));
+  PetscCall(PetscCalloc6(s->loc->ncell_all, &s->cover, s->loc->ncell_all, &s->image, s->loc->ncell_all, &s->stamp[1], s->loc->ncell_all,
+                         &s->cell_body, s->loc->ncell_all, &s->cell_before, n, &s->at_corner));
+  SnapMayMeetImages(s);
+  if (s->wide) PetscCall(PetscCalloc1(n, &s->solid));
   for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(PER_BODY); i++) PetscCall(BodiesAttachWork(bodies, PER_BODY[i].bytes, per_body(s, i)));
   for (PetscInt i = 0; i < n; i++) s->node_body[i] = -1;
   for (PetscInt c = 0; c < s->loc->ncell_all; c++) s->cell_body[c] = s->cell_before[c] = -1;
@@ -290,8 +292,9 @@ PetscErrorCode SnapDestroy(Snap *snap)
   PetscCall(free_lists(s));
   PetscCall(PetscFree5(s->kind, s->side, s->code, s->level, s->d));
   PetscCall(PetscFree6(s->depth, s->work, s->stamp[0], s->node_body, s->on_wall, s->size));
-  PetscCall(PetscFree5(s->cover, s->stamp[1], s->cell_body, s->cell_before, s->at_corner));
+  PetscCall(PetscFree6(s->cover, s->image, s->stamp[1], s->cell_body, s->cell_before, s->at_corner));
   PetscCall(PetscFree(s->number));
+  PetscCall(PetscFree(s->solid));
   PetscCall(SnapPathTearDown(s));
   for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(PER_BODY); i++) PetscCall(BodiesDetach(s->bodies, per_body(s, i)));
   PetscCall(ClearanceDestroy(&s->clearance));
@@ -376,8 +379,9 @@ PetscErrorCode SnapFit(Snap s, PetscReal (*X)[3], PetscReal (*q)[4], const Petsc
   PetscCall(PetscArrayzero(s->could, s->nbodies));
   swap_lists(&s->marked, &old_marked);
   PetscCall(SnapPathChoose(s, X, q, wanted));
+  PetscCall(SnapFindImages(s, X, q));
   PetscCall(SnapFindPassages(s, X, q, wanted));
-  PetscCall(ClearanceUpdate(s->clearance, X, s->passes));
+  PetscCall(ClearanceUpdate(s->clearance, X, s->passes, s->joined));
   while (again) {
     PetscCall(try_fit(s, X, q, fitted, &result->quality));
     PetscCall(judge_bodies(s, before, fitted, &again));

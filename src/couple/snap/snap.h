@@ -26,8 +26,8 @@
    In space the same holds for hexahedra, whose mid-face nodes on the staircase go onto the surface, too. Before, live
    cells are filled in until the staircase is a surface (repair.c); after it, vertices of cells that are too flat are
    shifted a little (mend.c), instead of giving back dead ones. There is no path: bodies thinner than a cell are
-   refused. Between a body and its own periodic image no layer of cells is kept and no wall drawn back: there must be
-   one.
+   refused. Periodic images of one body are to each other what two bodies are (images.c), unless they touch or overlap:
+   a fibre through the box is one.
    A body is left alone when no cell is its own, when a cell around it would get a Jacobian that is not positive (4 x
    4 and 3 x 3 Gauss points; in space the 27 of the flow alone, runs/studies/snap-space), or when its cells would not
    have its size (parts thinner than a cell). For a body that was left alone before the limits are stricter, so that

@@ -1,0 +1,250 @@
+/* Gaps: see gaps.h. Of round bodies in closed form, of others by points of their surface. */
+#include "compat.h"
+#include "gaps.h"
+#include "walls.h"
+#include "base/domain.h"
+#include "base/opt.h"
+#include "bodies/local.h"
+#include <string.h>
+
+#define SURFACE 500 /* points */
+
+typedef struct {
+  Mesh             mesh;
+  Bodies           bodies;
+  BodyState       *s;
+  const MeshLocal *l;
+  Border           border;
+  PetscInt         sides, nboundary; /* sides of a box that are walls */
+  PetscBool       *open;             /* [nboundary] openings */
+  PetscReal        reach;            /* a length */
+  LastingGap       least;
+} Search;
+
+static PetscBool stays(const Search *f, PetscInt k, PetscBool steady)
+{
+  const BodyGroup *g = BodiesGetGroup(f->s, k);
+  const PetscReal *u = f->s->u[k];
+
+  if (g->free & (BODY_FREE_X | BODY_FREE_Y | BODY_FREE_Z) || g->motion.has_pivot || g->motion.has_hinge || g->motion.has_slide || g->pack.wanted)
+    return PETSC_FALSE;
+  return (PetscBool)(steady || (!g->motion.given && u[0] == 0 && u[1] == 0 && u[2] == 0));
+}
+
+static PetscBool is_drawn(const Search *f, PetscInt k)
+{
+  return (PetscBool)(!f->s->gone[k] && !BodiesGetGroup(f->s, k)->hole);
+}
+
+/* A gap of body k; *what: formatted by the caller, if this is the narrowest */
+static PetscBool is_narrower(Search *f, PetscInt k, PetscReal gap)
+{
+  if (gap <= 1e-6 * BodiesGetRadius(f->s, k) || gap >= f->reach || gap / f->l->h >= f->least.cells) return PETSC_FALSE;
+  f->least.cells = gap / f->l->h;
+  f->least.group = f->s->body_group[k];
+  (void)snprintf(f->least.between, sizeof(f->least.between), "body %d of group '%s'", (int)f->s->number[k], BodiesGetGroup(f->s, k)->name);
+  return PETSC_TRUE;
+}
+
+static void append(Search *f, const char text[], const char name[])
+{
+  const size_t at = strlen(f->least.between);
+
+  (void)snprintf(f->least.between + at, sizeof(f->least.between) - at, text, name);
+}
+
+/* From the surface of body k to body j at X; x [n][dim]: points of that surface, of round ones its centre */
+static PetscErrorCode measure_pair(Search *f, PetscInt k, PetscInt n, const PetscReal x[], PetscInt j, const PetscReal X[3], PetscReal *gap)
+{
+  const PetscReal inside = BodiesGetDisc(f->s, k);
+  PetscReal      *d;
+
+  PetscFunctionBeginUser;
+  *gap = PETSC_MAX_REAL;
+  PetscCall(PetscMalloc1(n, &d));
+  PetscCall(BodiesDistance(f->bodies, j, X, NULL, n, x, d));
+  for (PetscInt p = 0; p < n; p++) *gap = PetscMin(*gap, d[p] - inside);
+  PetscCall(PetscFree(d));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode search_images(Search *f, PetscInt k, PetscInt n, const PetscReal x[])
+{
+  const PetscReal *period = f->l->period, wide = 2 * BodiesGetRadius(f->s, k) + f->reach;
+
+  PetscFunctionBeginUser;
+  for (PetscInt m = 14; m < 27; m++) { /* half of all images */
+    const PetscInt step[3] = {m % 3 - 1, m / 3 % 3 - 1, m / 9 - 1};
+    PetscReal      X[3], far = 0, gap;
+    PetscBool      is = PETSC_TRUE;
+
+    for (PetscInt a = 0; a < 3; a++) {
+      const PetscReal way = a < f->l->dim ? step[a] * period[a] : 0;
+
+      is   = (PetscBool)(is && (!step[a] || way != 0));
+      X[a] = f->s->x[k][a] + way;
+      far += way * way;
+    }
+    if (!is || far >= wide * wide) continue;
+    PetscCall(measure_pair(f, k, n, x, k, X, &gap));
+    if (is_narrower(f, k, gap)) append(f, " and its own image%s", "");
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Bodies after k that stay as well */
+static PetscErrorCode search_bodies(Search *f, PetscInt k, PetscBool steady, PetscInt n, const PetscReal x[])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt j = k + 1; j < f->s->n; j++) {
+    const PetscReal wide = BodiesGetRadius(f->s, k) + BodiesGetRadius(f->s, j) + f->reach;
+    PetscReal       X[3], far = 0, gap;
+    char            name[96];
+
+    if (!stays(f, j, steady) || !is_drawn(f, j)) continue;
+    for (PetscInt a = 0; a < 3; a++) {
+      X[a] = a < f->l->dim ? DomainNearest(f->l->period[a], f->s->x[j][a], f->s->x[k][a]) : f->s->x[j][a];
+      far += PetscSqr(X[a] - f->s->x[k][a]);
+    }
+    if (far >= wide * wide) continue;
+    PetscCall(measure_pair(f, k, n, x, j, X, &gap));
+    (void)snprintf(name, sizeof(name), "body %d of group '%s'", (int)f->s->number[j], BodiesGetGroup(f->s, j)->name);
+    if (is_narrower(f, k, gap)) append(f, " and %s", name);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode search_sides(Search *f, PetscInt k, PetscInt n, const PetscReal x[])
+{
+  PetscFunctionBeginUser;
+  for (PetscInt side = 0; side < 2 * f->l->dim; side++) {
+    const PetscInt a   = side / 2;
+    PetscReal      gap = PETSC_MAX_REAL;
+
+    if (!(f->sides >> side & 1)) continue;
+    for (PetscInt p = 0; p < n; p++) {
+      const PetscReal y = x[p * f->l->dim + a];
+
+      gap = PetscMin(gap, (side % 2 ? f->l->upper[a] - y : y - f->l->lower[a]) - BodiesGetDisc(f->s, k));
+    }
+    if (is_narrower(f, k, gap)) append(f, " and the wall '%s'", DOMAIN_SIDE[side]);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode search_border(Search *f, PetscInt k, PetscInt n, const PetscReal x[])
+{
+  PetscReal *gap;
+  PetscInt   boundary;
+  PetscReal  d;
+
+  PetscFunctionBeginUser;
+  PetscCall(BorderLocate(f->border, f->s->x[k], BodiesGetRadius(f->s, k) + f->reach, &boundary, &d));
+  if (boundary < 0) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(PetscMalloc1(f->nboundary, &gap));
+  for (PetscInt b = 0; b < f->nboundary; b++) gap[b] = PETSC_MAX_REAL;
+  for (PetscInt p = 0; p < n; p++) {
+    const PetscReal at[3] = {x[p * f->l->dim], x[p * f->l->dim + 1], f->l->dim == 3 ? x[p * f->l->dim + 2] : 0};
+
+    PetscCall(BorderLocate(f->border, at, BodiesGetDisc(f->s, k) + f->reach, &boundary, &d));
+    if (boundary >= 0) gap[boundary] = PetscMin(gap[boundary], d - BodiesGetDisc(f->s, k));
+  }
+  for (PetscInt b = 0; b < f->nboundary; b++) {
+    const char *name;
+
+    PetscCall(BorderGetName(f->border, b, &name));
+    if (!f->open[b] && is_narrower(f, k, gap[b])) append(f, " and the wall '%s'", name);
+  }
+  PetscCall(PetscFree(gap));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode search_body(Search *f, PetscInt k, PetscBool steady)
+{
+  PetscReal *x;
+  PetscInt   n;
+  PetscBool  any = stays(f, k, steady);
+
+  PetscFunctionBeginUser;
+  for (PetscInt a = 0; a < f->l->dim; a++)
+    any = (PetscBool)(any || (f->l->period[a] > 0 && f->l->period[a] < 2 * BodiesGetRadius(f->s, k) + f->reach));
+  if (!any) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(BodiesSurfacePoints(f->bodies, k, NULL, NULL, BodiesGetDisc(f->s, k) > 0 ? 0 : SURFACE, &n, &x));
+  PetscCall(search_images(f, k, n, x));
+  if (stays(f, k, steady)) {
+    PetscCall(search_bodies(f, k, steady, n, x));
+    PetscCall(search_sides(f, k, n, x));
+    PetscCall(search_border(f, k, n, x));
+  }
+  PetscCall(PetscFree(x));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* Is there a condition of an opening at this boundary? */
+static PetscErrorCode is_opening(const char name[], PetscBool *open)
+{
+  static const char *const WORDS[] =
+    {"inflow",           "outflow",    "pressure",  "dirichlet", "velocity",      "inlet", "velocity_inlet", "in",  "outlet",      "pressure_outlet",
+     "pressure_outflow", "do_nothing", "donothing", "neumann",   "zero_gradient", "open",  "opening",        "out", "free_outflow"};
+  char option[128], text[64];
+
+  PetscFunctionBeginUser;
+  *open = PETSC_FALSE;
+  PetscCall(PetscSNPrintf(option, sizeof(option), "-flow_bc_%s_type", name));
+  PetscCall(OptPeek(option, text, sizeof(text)));
+  for (size_t i = 0; i < PETSC_STATIC_ARRAY_LENGTH(WORDS); i++) *open = (PetscBool)(*open || !strcmp(text, WORDS[i]));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode find_walls(Search *f)
+{
+  ContactWalls walls;
+
+  PetscFunctionBeginUser;
+  PetscCall(WallsFind(f->mesh, NULL, f->bodies, &f->border, &f->sides, &walls));
+  PetscCall(MeshGetBoundaryCount(f->mesh, &f->nboundary));
+  PetscCall(PetscMalloc1(f->nboundary, &f->open));
+  for (PetscInt b = 0; b < f->nboundary; b++) {
+    const char *name;
+
+    PetscCall(MeshGetBoundaryName(f->mesh, b, &name));
+    PetscCall(is_opening(name, &f->open[b]));
+    for (PetscInt side = 0; side < 2 * f->l->dim; side++)
+      if (walls.side[side] == b && f->open[b]) f->sides &= ~(1 << side);
+  }
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* The narrowest of all ranks, of equal ones that of the lowest rank */
+static PetscErrorCode agree(LastingGap *least)
+{
+  const PetscReal mine = least->cells;
+  PetscReal       all;
+  PetscMPIInt     rank, from;
+
+  PetscFunctionBeginUser;
+  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
+  PetscCall(MPIU_Allreduce(&mine, &all, 1, MPIU_REAL, MPIU_MIN, PETSC_COMM_WORLD));
+  from = mine == all ? rank : PETSC_MPI_INT_MAX;
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &from, 1, MPI_INT, MPI_MIN, PETSC_COMM_WORLD));
+  PetscCallMPI(MPI_Bcast(least, (PetscMPIInt)sizeof(*least), MPI_BYTE, from, PETSC_COMM_WORLD));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+PetscErrorCode GapsFindNarrowest(Mesh mesh, Bodies bodies, PetscBool steady, PetscReal reach, LastingGap *least)
+{
+  Search f = {.mesh = mesh, .bodies = bodies, .least = {.cells = PETSC_MAX_REAL, .group = -1}};
+
+  PetscFunctionBeginUser;
+  PetscCall(MeshGetLocal(mesh, &f.l));
+  PetscCall(BodiesGetState(bodies, &f.s));
+  f.reach = reach * f.l->h;
+  PetscCall(find_walls(&f));
+  for (PetscInt k = 0; k < f.s->n; k++)
+    if (is_drawn(&f, k)) PetscCall(search_body(&f, k, steady));
+  PetscCall(BorderDestroy(&f.border));
+  PetscCall(PetscFree(f.open));
+  PetscCall(agree(&f.least));
+  *least = f.least;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
