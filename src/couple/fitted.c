@@ -81,7 +81,7 @@ static PetscErrorCode check_surface(Fitted h, const BodyGroup *g, PetscInt bound
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-/* May the boundary, going by its box [6], be that of the one body of group g? Whoever owns the body tells. Collective. */
+/* May the boundary, by its box, be that of the one body of group g? Whoever owns the body tells. Collective. */
 static PetscErrorCode may_be_surface(Fitted h, const BodyGroup *g, PetscInt boundary, PetscBool *may)
 {
   const MeshLocal *l      = h->loc;

@@ -16,7 +16,8 @@ enum {
   LED      = 64,  /* bodies that are led to and fro */
   EMPTY    = 128, /* no bodies */
   STILL    = 256, /* bodies, and all of them stand still */
-  EVEN     = 512  /* no cell has neighbours of half its size */
+  EVEN     = 512, /* no cell has neighbours of half its size */
+  BODIES   = 1024
 };
 
 /* In all of these situations, and with this option at this value (NULL: any scene), the default of `name` is `then`
@@ -32,7 +33,7 @@ static const struct {
 } RULES[] = {
   {"-preset", "fast", UNSTEADY, "-flow_recipe", "fast"},
   {"-preset", "fast", UNSTEADY, "-flow_ksp_rtol", NULL},
-  {"-preset", "fast", 0, "-couple_boundary", "penalty"},
+  {"-preset", "fast", BODIES, "-couple_boundary", "penalty"},
   {"-preset", "fast", UNSTEADY, "-flow_time", "bdf2"},
   /* two iterations a step: 0.3 % off at one and at two cells' way, 3 % at three (runs/studies/fast) */
   {"-preset", "fast", UNSTEADY | MOVING, "-sim_adapt", "true"},
@@ -46,14 +47,14 @@ static const struct {
   {"-preset", "fast", STEADY, "-flow_snes_rtol", "1e-5"}, /* at 1e-4 cL of 2D-1 is 35 % off */
   {"-preset", "balanced", UNSTEADY, "-flow_recipe", "balanced"},
   {"-preset", "balanced", UNSTEADY, "-flow_ksp_rtol", NULL},
-  {"-preset", "balanced", 0, "-couple_boundary", "penalty"},
+  {"-preset", "balanced", BODIES, "-couple_boundary", "penalty"},
   {"-preset", "balanced", UNSTEADY, "-flow_time", "bdf2"},
   /* a tighter solver changes nothing in six digits; the surface and the step do */
   {"-preset", "accurate", UNSTEADY, "-flow_recipe", "balanced"},
   {"-preset", "accurate", UNSTEADY, "-flow_ksp_rtol", NULL},
   {"-preset", "accurate", UNSTEADY | MOVING, "-flow_rtol_most", "1e-6"},
-  {"-preset", "accurate", PLANE, "-couple_boundary", "snap"},
-  {"-preset", "accurate", SPATIAL, "-couple_boundary", "penalty"},
+  {"-preset", "accurate", PLANE | BODIES, "-couple_boundary", "snap"},
+  {"-preset", "accurate", SPATIAL | BODIES, "-couple_boundary", "penalty"},
   /* penalty is 1.4 % off at 8 cells a diameter, snap 0.02 % (sphere-array) */
   {"-preset", "balanced", SPATIAL | STILL | EVEN, "-couple_boundary", "snap"},
   {"-preset", "accurate", SPATIAL | STILL | EVEN, "-couple_boundary", "snap"},
@@ -212,11 +213,11 @@ static PetscErrorCode find_situation(const MeshLocal *l, Bodies bodies, PetscBoo
     for (PetscInt d = 0; d < l->dim; d++)
       if (s->group[g].motion.given && s->group[g].motion.amplitude[d] != 0) *situation |= LED;
   if (!s || s->nall == 0) *situation |= EMPTY;
-  else if (still) *situation |= STILL;
+  else *situation |= BODIES | (still ? STILL : 0);
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode DefaultsApply(const MeshLocal *l, Bodies bodies, PetscBool steady)
+PetscErrorCode DefaultsApply(const MeshLocal *l, Bodies bodies, PetscBool steady, char refusal[], size_t len)
 {
   Replaced  replaced = {0};
   PetscInt  preset   = 1;
@@ -230,7 +231,8 @@ PetscErrorCode DefaultsApply(const MeshLocal *l, Bodies bodies, PetscBool steady
   commanded = OptIsArgument("-preset");
   PetscCall(find_situation(l, bodies, steady, &situation));
   if (commanded) PetscCall(take_from_scene(situation, &replaced));
-  if (given && bodies) PetscCall(PromiseRefuse(l, bodies, preset));
+  refusal[0] = 0;
+  if (given && bodies) PetscCall(PromiseRefuse(l, bodies, preset, refusal, len));
   PetscCall(apply_rules(situation));
   if (!given && bodies) PetscCall(PromiseRemark(l, bodies));
   PetscCall(refuse_sweep(steady));

@@ -167,19 +167,21 @@ static PetscErrorCode describe(const MeshLocal *l, Bodies bodies, PetscInt prese
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
-PetscErrorCode PromiseRefuse(const MeshLocal *l, Bodies bodies, PetscInt preset)
+PetscErrorCode PromiseRefuse(const MeshLocal *l, Bodies bodies, PetscInt preset, char refusal[], size_t len)
 {
   char      text[512];
   PetscReal thick;
   Breach    b;
 
   PetscFunctionBeginUser;
+  refusal[0] = 0;
   PetscCall(cells_needed(preset, &thick));
   PetscCall(find_breach(l, bodies, preset, thick, &b));
   if (b.group < 0) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(describe(l, bodies, preset, &b, text, sizeof(text)));
-  SETERRQ(PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT, "-preset %s cannot keep its %s %% here: %s, or remove -preset", PROMISE_PRESETS[preset],
-          PROMISE[preset].percent, text);
+  PetscCall(PetscSNPrintf(refusal, len, "-preset %s cannot keep its %s %% here: %s, or remove -preset", PROMISE_PRESETS[preset],
+                          PROMISE[preset].percent, text));
+  PetscFunctionReturn(PETSC_SUCCESS);
 }
 
 PetscErrorCode PromiseRemark(const MeshLocal *l, Bodies bodies)

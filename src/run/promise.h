@@ -8,9 +8,9 @@
 
 extern const char *const PROMISE_PRESETS[]; /* "fast", "balanced", "accurate", NULL */
 
-/* A preset that was asked for. Error: known not to keep its promise here; what is offered in its place keeps its own.
-   Collective. */
-PetscErrorCode PromiseRefuse(const MeshLocal *, Bodies, PetscInt preset);
+/* A preset that was asked for: refusal [len] says why it is known not to keep its promise here, and what is offered in
+   its place keeps its own; "" if nothing is known. Collective. */
+PetscErrorCode PromiseRefuse(const MeshLocal *, Bodies, PetscInt preset, char refusal[], size_t len);
 /* None was asked for: a remark where the default one, balanced, is known not to keep its promise, with
    -couple_boundary as it is. Collective. */
 PetscErrorCode PromiseRemark(const MeshLocal *, Bodies);
