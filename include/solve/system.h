@@ -134,6 +134,7 @@ PetscErrorCode FlowSolverSetVelocity(FlowSolver, Mat A);
 PetscErrorCode FlowSolverPack(FlowSolver, const PetscReal u[], const PetscReal p[], const PetscReal U[], Vec x);
 PetscErrorCode FlowSolverUnpack(FlowSolver, Vec x, PetscReal u[], PetscReal p[], PetscReal U[]);
 PetscErrorCode FlowSolverResidual(FlowSolver, const PetscReal r[], const PetscReal g[], Vec x, Vec f);
+PetscErrorCode FlowSolverIsDirect(FlowSolver, PetscBool *); /* does it factorise the whole system? */
 PetscErrorCode FlowSolverForgive(FlowSolver, Vec x, PetscBool *any);
 PetscErrorCode FlowSolverGetRest(FlowSolver, PetscReal *norm);
 PetscErrorCode FlowSolverCorrect(FlowSolver, Vec f, PetscReal enough, Vec y, PetscInt *its, KSPConvergedReason *reason);

@@ -2,6 +2,7 @@
    the callback for the Jacobian. */
 #include "compat.h"
 #include "steadyimpl.h"
+#include "base/interrupt.h"
 #include "base/log.h"
 #include "base/opt.h"
 
@@ -22,7 +23,7 @@ PetscErrorCode SteadyLinearize(Steady s, Vec x)
   PetscFunctionBeginUser;
   PetscCall(CoupleGetSystem(s->couple, &u, &p, &U, NULL, NULL));
   PetscCall(FlowSolverUnpack(s->solver, x, u, p, U));
-  PetscCall(FlowSetConvection(s->flow, u));
+  PetscCall(FlowSetConvection(s->flow, s->at_rest && s->slow ? s->at_rest : u));
   PetscCall(FlowSetStrain(s->flow, s->at_rest ? s->at_rest : u));
   PetscCall(CoupleAssemble(s->couple));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -211,15 +212,23 @@ static PetscErrorCode measure_start(Steady s, PetscBool *ok)
 }
 
 /* From rest the first correction of a fluid that is stiffer at rest is that of a fluid of one viscosity: its own would
-   be that of a thin layer beside what moves, and of nothing else (runs/studies/rheology) */
-static PetscErrorCode start_newtonian(Steady s)
+   be that of a thin layer beside what moves, and of nothing else (runs/studies/rheology). For solvers that iterate it
+   is that of a flow without convection: prescribed velocities beside rest convect with a divergence of their size over
+   that of a cell, against which the viscosity of large cells is nothing, and no sweep of the velocity converges. */
+static PetscErrorCode start_at_rest(Steady s)
 {
-  PetscReal          norm;
-  KSPConvergedReason reason;
+  const FlowParameters *par;
+  PetscReal             norm;
+  KSPConvergedReason    reason;
+  PetscBool             direct;
 
   PetscFunctionBeginUser;
   PetscCall(VecNorm(s->x, NORM_2, &norm));
-  if (norm > 0 || !FlowIsStifferAtRest(s->flow)) PetscFunctionReturn(PETSC_SUCCESS);
+  PetscCall(FlowGetParameters(s->flow, &par));
+  PetscCall(FlowSolverIsDirect(s->solver, &direct));
+  if (norm > 0 || !(FlowIsStifferAtRest(s->flow) || (par->convection && !direct))) PetscFunctionReturn(PETSC_SUCCESS);
+  s->fresh = PETSC_FALSE;
+  s->slow  = (PetscBool)!direct;
   PetscCall(PetscCalloc1(s->loc->nnode_all * s->loc->dim, &s->at_rest));
   PetscCall(SteadyEvaluate(s->snes, s->x, s->f, s));
   PetscCall(SteadySetUpSolver(s, s->x, PETSC_FALSE));
@@ -235,6 +244,7 @@ PetscErrorCode SteadySolve(Steady s, PetscInt *its, PetscInt *linear)
   PetscBool  ok;
 
   PetscFunctionBeginUser;
+  InterruptArm(PETSC_TRUE);
   s->its = s->linear = 0;
   s->target = s->last_norm = 0;
   PetscCall(FlowSolverForgive(s->solver, NULL, NULL));
@@ -242,11 +252,11 @@ PetscErrorCode SteadySolve(Steady s, PetscInt *its, PetscInt *linear)
   PetscCall(FlowGetFields(s->flow, &u_field, NULL, &p_field));
   PetscCall(FlowSolverPack(s->solver, u_field, p_field, U, s->x));
   PetscCall(measure_start(s, &ok));
-  if (!ok) PetscCall(start_newtonian(s));
+  if (!ok) PetscCall(start_at_rest(s));
   if (!ok) PetscCall(SteadySolveFrom(s, &ok));
   if (!ok) PetscCall(SteadyMarch(s, &ok));
-  if (!ok) PetscCall(stop_unconverged(s));
-  PetscCall(SteadyCloseGaps(s));
+  if (!ok && !InterruptHeard()) PetscCall(stop_unconverged(s));
+  if (ok) PetscCall(SteadyCloseGaps(s));
   PetscCall(SteadyLinearize(s, s->x)); /* fields, matrix and right-hand side of the solution, for forces and reports */
   *its    = s->its;
   *linear = s->linear;

@@ -19,6 +19,7 @@ struct _p_Steady {
   PetscReal        unsettled;                /* change of the stress that kept it from converging, or 0 */
   PetscInt         shown;                    /* iterations at the last printed residual */
   PetscReal       *at_rest;                  /* [nnode_all][dim] zeros, of which the viscosity is to be; or NULL */
+  PetscBool        slow;                     /* then the convecting velocity, too */
   char             rtol[16];
 };
 

@@ -1,6 +1,7 @@
 /* Steady: the route to the solution (see steadyimpl.h). */
 #include "compat.h"
 #include "steadyimpl.h"
+#include "base/interrupt.h"
 #include "base/log.h"
 
 /* The viscosity of cells that bodies cut, and the penalty that goes with it, depend on what is beside them, which
@@ -100,7 +101,7 @@ static PetscErrorCode solve_nonlinear(Steady s, PetscReal target, PetscReal hold
   }
   s->unsettled = *ok ? change : 0;
   *ok          = (PetscBool)(*ok && change <= hold);
-  if (!*ok) PetscCall(VecCopy(before, s->x));
+  if (!*ok && !InterruptHeard()) PetscCall(VecCopy(before, s->x));
   PetscCall(VecDestroy(&before));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -130,7 +131,7 @@ static PetscErrorCode solve_in_stages(Steady s, PetscBool *ok)
     if (*ok && !more) PetscFunctionReturn(PETSC_SUCCESS);
     if (*ok) solved = rigid;
     else rise = PetscSqrtReal(rise);
-    if (!*ok && (solved == 0 || rise < RISE_LEAST)) break;
+    if (!*ok && (solved == 0 || rise < RISE_LEAST || InterruptHeard())) break;
     rigid = solved * rise;
   }
   PetscCall(FlowSoften(s->flow, PETSC_MAX_REAL, &more));
@@ -144,7 +145,7 @@ PetscErrorCode SteadySolveFrom(Steady s, PetscBool *ok)
 
   PetscFunctionBeginUser;
   if (!staged) PetscCall(solve_nonlinear(s, s->share * s->scale, HOLD, ok));
-  if (!staged && *ok) PetscFunctionReturn(PETSC_SUCCESS);
+  if ((!staged && *ok) || InterruptHeard()) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(FlowSoften(s->flow, RIGID_FIRST, &can));
   if (can || staged) PetscCall(solve_in_stages(s, ok));
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -156,6 +157,7 @@ PetscErrorCode SteadyMarch(Steady s, PetscBool *ok)
 
   PetscFunctionBeginUser;
   *ok = PETSC_FALSE;
+  if (InterruptHeard()) PetscFunctionReturn(PETSC_SUCCESS);
   if (s->pseudo_steps) PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  steady: no convergence; pseudo-time steps from the start\n"));
   PetscCall(choose_rate(s, &rate));
   for (PetscInt k = 0; k < s->pseudo_steps; k++) {
@@ -170,7 +172,7 @@ PetscErrorCode SteadyMarch(Steady s, PetscBool *ok)
     last = norm;
     if (k <= 1 || norm > next_try) continue;
     PetscCall(solve_nonlinear(s, s->share * s->scale, HOLD, ok));
-    if (*ok) PetscFunctionReturn(PETSC_SUCCESS);
+    if (*ok || InterruptHeard()) PetscFunctionReturn(PETSC_SUCCESS);
     next_try = 1e-2 * norm;
   }
   PetscFunctionReturn(PETSC_SUCCESS);
@@ -200,8 +202,8 @@ PetscErrorCode SteadyCloseGaps(Steady s)
     PetscCall(VecCopy(s->x, before));
     PetscCall(solve_nonlinear(s, s->share * s->scale, HOLD, &ok));
   }
-  if (!ok) { /* prescribed motion presses fluid into a cell from which none can go */
-    PetscCall(VecCopy(before, s->x));
+  if (InterruptHeard()) PetscCall(VecCopy(before, s->x)); /* which solves it but for this */
+  else if (!ok) { /* prescribed motion presses fluid into a cell from which none can go */ PetscCall(VecCopy(before, s->x));
     PetscCall(FlowSolverForgive(s->solver, NULL, &any));
     PetscCall(
       LogRemark("the flow is not free of divergence in cells between two surfaces, which -flow_pressure_shared makes compressible: residual %g. "

@@ -18,6 +18,13 @@ PetscErrorCode FlowSolverGetOperator(FlowSolver fs, Mat *K)
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
+PetscErrorCode FlowSolverIsDirect(FlowSolver fs, PetscBool *direct)
+{
+  PetscFunctionBeginUser;
+  *direct = fs->need_whole;
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
 PetscErrorCode FlowSolverSetVelocity(FlowSolver fs, Mat A)
 {
   PetscFunctionBeginUser;
