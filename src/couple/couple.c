@@ -295,13 +295,18 @@ PetscErrorCode CoupleAdvance(Couple c)
 
 static PetscErrorCode check_extrapolation(Couple c)
 {
-  PetscFunctionBeginUser;
-  for (PetscInt i = 0; i < c->s->ngroups && c->par->quadratic; i++) {
-    const BodyGroup *g = c->s->group + i;
+  PetscBool still = PETSC_TRUE;
 
-    PetscCheck(!g->free && !g->motion.given, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
+  PetscFunctionBeginUser;
+  for (PetscInt i = 0; i < c->s->ngroups; i++) {
+    const BodyGroup *g     = c->s->group + i;
+    const PetscBool  moves = (PetscBool)(g->free || g->motion.given);
+
+    still = (PetscBool)(still && !(moves && g->count));
+    PetscCheck(!moves || c->par->extrapolation != FLOW_QUADRATIC, PETSC_COMM_WORLD, PETSC_ERR_USER_INPUT,
                "Option -flow_extrapolation quadratic: group '%s' moves, and a parabola in time does not hold where bodies pass: use linear", g->name);
   }
+  PetscCall(FlowAllowParabola(c->flow, still));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 

@@ -5,6 +5,7 @@
 #include "base/opt.h"
 #include "bodies/local.h"
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 /* What each preset promises, and for it: how many cells thick a body must be (balanced: a disc of 4 cells is 1.7 to
@@ -19,6 +20,11 @@ static const struct {
   const char *percent;
   PetscReal   cells, other, layer, wakes;
 } PROMISE[] = {{"5", 1.5, 1.5, 0.25, 0.25}, {"1", 5, 10, 0.5, 1}, {"0.2", 2, 2, 0.5, 2}};
+
+PetscReal PromisePercent(PetscInt preset)
+{
+  return strtod(PROMISE[preset].percent, NULL);
+}
 
 /* Has the fluid a law that is not Newtonian, and not one of eddies? */
 static PetscErrorCode is_other_fluid(PetscBool *other)

@@ -8,6 +8,7 @@
 
 extern const char *const PROMISE_PRESETS[]; /* "fast", "balanced", "accurate", NULL */
 
+PetscReal PromisePercent(PetscInt preset);
 /* A preset that was asked for: refusal [len] says why it is known not to keep its promise here, and what is offered in
    its place keeps its own; "" if nothing is known. Collective. */
 PetscErrorCode PromiseRefuse(const MeshLocal *, Bodies, PetscInt preset, char refusal[], size_t len);

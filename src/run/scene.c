@@ -1,6 +1,7 @@
 /* Scene: see scene.h. */
 #include "compat.h"
 #include "run/scene.h"
+#include "accuracy.h"
 #include "couple/deform.h"
 #include "base/log.h"
 #include "base/opt.h"
@@ -174,7 +175,7 @@ static PetscErrorCode build(SimParts *part, char refusal[], size_t len)
   PetscInt              sides;
   PetscReal             recess;
   ContactWalls          walls;
-  PetscBool             active = PETSC_TRUE, steady = PETSC_FALSE, deformed = PETSC_FALSE, restarted;
+  PetscBool             active = PETSC_TRUE, steady = PETSC_FALSE, deformed = PETSC_FALSE, restarted, estimated;
   FlowInitial           initial;
   DeformResult          deformation;
   ContactPacking        packing;
@@ -215,6 +216,7 @@ static PetscErrorCode build(SimParts *part, char refusal[], size_t len)
   PetscCall(ContactSetPeriod(part->contact, l->period));
   PetscCall(ContactCheckStart(part->contact));
   if (active) PetscCall(create_steady(part, steady));
+  if (steady) PetscCall(AccuracyIsWanted(&estimated)); /* at the end */
   PetscCall(create_reports(part, l, steady, deformed ? &deformation : NULL, &packing));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
@@ -243,6 +245,31 @@ static PetscErrorCode destroy(SimParts *part)
   PetscCall(RefineDestroy(&part->refine));
   PetscCall(BodiesDestroy(&part->bodies));
   PetscCall(MeshDestroy(&part->mesh));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+static PetscErrorCode destroy_other(void *part)
+{
+  PetscFunctionBeginUser;
+  PetscCall(destroy((SimParts *)part));
+  PetscFunctionReturn(PETSC_SUCCESS);
+}
+
+/* See SimParts.make */
+static PetscErrorCode make_other(void *parts)
+{
+  SimParts        *part = (SimParts *)parts;
+  const MeshLocal *l;
+  ContactPacking   packing;
+
+  PetscFunctionBeginUser;
+  PetscCall(create_mesh_and_bodies(part, PETSC_TRUE, &l));
+  PetscCall(settle_bodies(part, PETSC_TRUE));
+  PetscCall(ContactPack(part->bodies, l->lower, l->upper, l->period, &packing));
+  PetscCall(FlowCreate(part->mesh, &part->flow));
+  PetscCall(CoupleCreate(part->flow, part->bodies, &part->couple));
+  PetscCall(CoupleMeetBodies(part->couple));
+  PetscCall(SteadyCreate(part->flow, part->couple, "1e-10", &part->steady));
   PetscFunctionReturn(PETSC_SUCCESS);
 }
 
@@ -315,6 +342,8 @@ PetscErrorCode SceneRun(const char name[])
   part.scene = name;
   PetscCall(OptBool("-scene_dry_run", &dry));
   PetscCall(build(&part, refusal, sizeof(refusal)));
+  part.make    = make_other;
+  part.destroy = destroy_other;
   PetscCall(SimCreate(&part, &sim));
   PetscCall(CheckpointLoad(part.checkpoint, &restarted));
   if (restarted) PetscCall(BodiesResume(part.bodies));

@@ -150,6 +150,7 @@ static PetscErrorCode apply_inverse(PC pc, Vec f, Vec y)
 PetscErrorCode SteadyPrint(Steady s, const char method[], PetscReal norm)
 {
   PetscFunctionBeginUser;
+  if (LogIsMute()) PetscFunctionReturn(PETSC_SUCCESS);
   PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  steady %3" PetscInt_FMT "  residual %10.3e  relative %9.2e", s->its, (double)norm,
                         (double)(s->scale > 0 ? norm / s->scale : 0)));
   if (s->its) PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  %-11s %3" PetscInt_FMT " linear iterations", method, s->last_linear));

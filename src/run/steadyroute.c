@@ -158,7 +158,7 @@ PetscErrorCode SteadyMarch(Steady s, PetscBool *ok)
   PetscFunctionBeginUser;
   *ok = PETSC_FALSE;
   if (InterruptHeard()) PetscFunctionReturn(PETSC_SUCCESS);
-  if (s->pseudo_steps) PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  steady: no convergence; pseudo-time steps from the start\n"));
+  if (s->pseudo_steps && !LogIsMute()) PetscCall(PetscPrintf(PETSC_COMM_WORLD, "  steady: no convergence; pseudo-time steps from the start\n"));
   PetscCall(choose_rate(s, &rate));
   for (PetscInt k = 0; k < s->pseudo_steps; k++) {
     PetscBool solved;
