@@ -202,8 +202,10 @@ PetscErrorCode SteadyCloseGaps(Steady s)
     PetscCall(VecCopy(s->x, before));
     PetscCall(solve_nonlinear(s, s->share * s->scale, HOLD, &ok));
   }
-  if (InterruptHeard()) PetscCall(VecCopy(before, s->x)); /* which solves it but for this */
-  else if (!ok) { /* prescribed motion presses fluid into a cell from which none can go */ PetscCall(VecCopy(before, s->x));
+  /* which solves it but for this */
+  if (!ok || InterruptHeard()) PetscCall(VecCopy(before, s->x));
+  /* prescribed motion presses fluid into a cell from which none can go */
+  if (!ok && !InterruptHeard()) {
     PetscCall(FlowSolverForgive(s->solver, NULL, &any));
     PetscCall(
       LogRemark("the flow is not free of divergence in cells between two surfaces, which -flow_pressure_shared makes compressible: residual %g. "
