@@ -12,6 +12,7 @@
 #define MOST_BODIES 64
 #define LEAST_CELLS 4    /* along an axis, which a mesh half as fine is made of */
 #define DRAWN       1.25 /* order of errors: what bodies that are drawn add; aligned meshes, at least and at most */
+#define MOST_DRAWN  2.5
 #define LEAST_ORDER 2.5
 #define MOST_ORDER  4
 #define LEAST       2e-5 /* estimate: the difference may vanish where errors do not */
@@ -222,12 +223,13 @@ static PetscReal get_growth(const PetscReal ratio[], PetscReal order)
    small by chance, but not beside that of the others. What bodies that are drawn add goes by no order. */
 static PetscReal judge(const Subject *s, const Measured m[], const PetscReal ratio[], PetscInt n, PetscReal order)
 {
-  PetscReal first = differ(s, &m[0], &m[1]), before, low = order, high = MOST_ORDER;
+  const PetscBool drawn = (PetscBool)(order < LEAST_ORDER);
+  PetscReal       first = differ(s, &m[0], &m[1]), before, low = order, high = MOST_ORDER;
 
-  if (n == 3 && order == LEAST_ORDER) {
+  if (n == 3) {
     before = differ(s, &m[1], &m[2]);
-    first  = PetscMax(first, before / get_growth(ratio, MOST_ORDER));
-    for (PetscInt i = 0; i < 30; i++) {
+    first  = PetscMax(first, before / get_growth(ratio, drawn ? MOST_DRAWN : MOST_ORDER));
+    for (PetscInt i = 0; i < 30 && !drawn; i++) {
       order = 0.5 * (low + high);
       if (get_growth(ratio, order) * first < before) low = order;
       else high = order;
